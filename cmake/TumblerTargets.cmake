@@ -1,0 +1,57 @@
+# How every target of the project is compiled, and the functions that declare them.
+
+# Warnings are errors for our own code only; they are never exported.
+add_library(tumbler_warnings INTERFACE)
+target_compile_options(tumbler_warnings INTERFACE -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Werror)
+
+# -ffp-contract=off: a fused multiply-add rounds once instead of twice, so its use would make results
+# depend on the processor and the compiler; setpoints and primitives are to be bit-identical everywhere.
+add_library(tumbler_options INTERFACE)
+target_compile_features(tumbler_options INTERFACE cxx_std_20)
+target_compile_options(tumbler_options INTERFACE -ffp-contract=off)
+if(TUMBLER_SANITIZE)
+  target_compile_options(tumbler_options INTERFACE -fsanitize=${TUMBLER_SANITIZE}
+                         -fno-omit-frame-pointer -fno-sanitize-recover=all)
+  target_link_options(tumbler_options INTERFACE -fsanitize=${TUMBLER_SANITIZE})
+endif()
+
+if(TUMBLER_CLANG_TIDY)
+  find_program(TUMBLER_CLANG_TIDY_EXECUTABLE NAMES clang-tidy-14 clang-tidy REQUIRED)
+  set(CMAKE_CXX_CLANG_TIDY ${TUMBLER_CLANG_TIDY_EXECUTABLE} --quiet)
+endif()
+
+# tumbler_library(common SOURCES a.cc ... LINK Eigen3::Eigen ...) declares tumbler_common, alias tumbler::common.
+function(tumbler_library name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;LINK;LINK_PRIVATE" ${ARGN})
+  add_library(tumbler_${name} STATIC ${ARG_SOURCES})
+  add_library(tumbler::${name} ALIAS tumbler_${name})
+  set_target_properties(tumbler_${name} PROPERTIES EXPORT_NAME ${name} POSITION_INDEPENDENT_CODE ON)
+  target_include_directories(tumbler_${name} PUBLIC
+    $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}> $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}/tumbler>)
+  target_link_libraries(tumbler_${name} PUBLIC tumbler_options ${ARG_LINK}
+                        PRIVATE $<BUILD_INTERFACE:tumbler_warnings> ${ARG_LINK_PRIVATE})
+  set_property(GLOBAL APPEND PROPERTY TUMBLER_LIBRARIES tumbler_${name})
+endfunction()
+
+# tumbler_executable(tumbler-run SOURCES ... LINK ...) declares a program in bin/.
+function(tumbler_executable name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;LINK" ${ARGN})
+  add_executable(${name} ${ARG_SOURCES})
+  target_link_libraries(${name} PRIVATE ${ARG_LINK} tumbler_warnings)
+  install(TARGETS ${name} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
+endfunction()
+
+# tumbler_test(bspline_test LINK tumbler::common ...) builds NAME.cc of the current folder with GoogleTest
+# and registers each of its cases with CTest.
+function(tumbler_test name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;LINK;LABELS" ${ARGN})
+  if(NOT ARG_SOURCES)
+    set(ARG_SOURCES ${name}.cc)
+  endif()
+  add_executable(${name} ${ARG_SOURCES})
+  set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/tests)
+  target_compile_definitions(${name} PRIVATE
+    TUMBLER_SOURCE_DIR="${PROJECT_SOURCE_DIR}" TUMBLER_BINARY_DIR="${CMAKE_BINARY_DIR}")
+  target_link_libraries(${name} PRIVATE ${ARG_LINK} GTest::gtest GTest::gmock GTest::gtest_main tumbler_warnings)
+  gtest_discover_tests(${name} PROPERTIES TIMEOUT 300 LABELS "${ARG_LABELS}" DISCOVERY_TIMEOUT 60)
+endfunction()

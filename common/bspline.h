@@ -1,0 +1,267 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+#include <span>
+
+#include "common/status.h"
+
+namespace tumbler {
+
+/// Smallest and largest value that a quantity is proven to take.
+template <typename Scalar>
+struct Interval {
+  Scalar min = 0;
+  Scalar max = 0;
+};
+
+/// A scalar clamped B-spline of degree p <= 7 in time, with fixed capacity,
+///
+///   q(t) = sum_i c_i N_{i,p}(t),   t in [start, end]                      (1)  [AB04, Eq. 6], [dB01, ch. IX]
+///
+/// and its derivatives, which are B-splines of lower degree over the same knots u with control points
+///
+///   c'_i = p (c_{i+1} - c_i) / (u_{i+p+1} - u_{i+1}).                     (2)  [PT97, Eq. 3.4]
+///
+/// Clamped means that the first and the last p + 1 knots coincide, so that q starts at c_0 and ends at c_{n-1}. Since
+/// basis functions are non-negative and sum to one, min c and max c of (2) bound every derivative for all t.
+///
+/// Units: q in the caller's unit (rad, N m); derivative d in that unit per s^d.
+/// Real time: no heap, no exceptions, bounded loops; const methods are reentrant. Freestanding.
+/// The value of a spline at a time is part of the primitive file format: it is bit-identical on every machine that
+/// rounds each operation once (no fused multiply-add), and golden tests keep it that way.
+///
+/// [AB04] J. Albro, J. Bobrow, Motion Generation for a Tumbling Robot Using a General Contact Model, 2004.
+/// [dB01] C. de Boor, A Practical Guide to Splines, revised edition, 2001.
+/// [PT97] L. Piegl, W. Tiller, The NURBS Book, 2nd edition, 1997.
+template <typename Scalar, int kMaxControlPoints>
+class BSpline {
+ public:
+  static constexpr int kMaxDegree = 7;
+  static constexpr int kMaxDerivative = 2;  ///< Order of the derivatives that `Evaluate` returns with the value.
+  static constexpr int kMaxKnots = kMaxControlPoints + kMaxDegree + 1;
+  static_assert(kMaxControlPoints > kMaxDegree);
+
+  /// Value and first two derivatives at one time.
+  struct Sample {
+    Scalar value = 0;
+    Scalar first = 0;   ///< per s
+    Scalar second = 0;  ///< per s^2
+  };
+
+  /// Row d holds w with q^(d)(t) = sum_k w[d][k] c_{first + k}, k = 0 ... p: what an optimiser over the control
+  /// points needs. Entries beyond p are zero.
+  struct Weights {
+    int first = 0;
+    std::array<std::array<Scalar, kMaxDegree + 1>, kMaxDerivative + 1> w{};
+  };
+
+  /// q = 0 on [0, 1 s]; there is no empty state.
+  constexpr BSpline() noexcept { knots_[1] = Scalar(1); }
+
+  /// Replaces the curve; unless kOk is returned, *this is unchanged.
+  /// @param knots           n + degree + 1 non-decreasing values [s], the first and last degree + 1 of them equal,
+  ///                        none repeated more than degree times in between.
+  /// @param control_points  n values, n >= degree + 1.
+  /// @retval kInvalidArgument   one of these conditions fails, or a value is not finite.
+  /// @retval kCapacityExceeded  n > kMaxControlPoints or degree > kMaxDegree.
+  Status Assign(int degree, std::span<const Scalar> knots,
+                std::span<const Scalar> control_points) noexcept {
+    const int n = static_cast<int>(control_points.size());
+    if (degree < 0) return Status::kInvalidArgument;
+    if (degree > kMaxDegree || control_points.size() > kMaxControlPoints) {
+      return Status::kCapacityExceeded;
+    }
+    if (n < degree + 1 || static_cast<int>(knots.size()) != n + degree + 1) {
+      return Status::kInvalidArgument;
+    }
+    const auto finite = [](Scalar x) {  // Also false for NaN; std::isfinite is not in freestanding <cmath>.
+      return x >= std::numeric_limits<Scalar>::lowest() && x <= std::numeric_limits<Scalar>::max();
+    };
+    if (!std::all_of(knots.begin(), knots.end(), finite)) return Status::kInvalidArgument;
+    if (!std::all_of(control_points.begin(), control_points.end(), finite)) {
+      return Status::kInvalidArgument;
+    }
+    for (std::size_t i = 1; i < knots.size(); ++i) {
+      if (knots[i] < knots[i - 1]) return Status::kInvalidArgument;
+    }
+    const auto u = [&knots](int i) { return knots[static_cast<std::size_t>(i)]; };
+    if (!(u(0) == u(degree) && u(n) == u(n + degree) && u(0) < u(n))) {
+      return Status::kInvalidArgument;
+    }
+    for (int i = 1; i < n; ++i) {  // An interior knot of multiplicity degree + 1 would be a jump.
+      if (!(u(i) < u(i + degree)) && degree > 0) return Status::kInvalidArgument;
+      if (degree == 0 && !(u(i) < u(i + 1))) return Status::kInvalidArgument;
+    }
+    degree_ = degree;
+    count_ = n;
+    std::copy(knots.begin(), knots.end(), knots_.begin());
+    std::copy(control_points.begin(), control_points.end(), points_[0].begin());
+    for (int d = 1; d <= kMaxDerivative; ++d) Differentiate(d);
+    return Status::kOk;
+  }
+
+  /// Writes the n + degree + 1 knots of the clamped uniform spline on [0, duration] to the front of `knots`.
+  /// @retval kInvalidArgument  degree < 0, n < degree + 1, duration not positive and finite, or `knots` too short.
+  static Status ClampedUniformKnots(int degree, int n, Scalar duration_s,
+                                    std::span<Scalar> knots) noexcept {
+    if (degree < 0 || n < degree + 1 || static_cast<int>(knots.size()) < n + degree + 1 ||
+        !(duration_s > 0) || duration_s > std::numeric_limits<Scalar>::max()) {
+      return Status::kInvalidArgument;
+    }
+    const int spans = n - degree;
+    for (int i = 0; i < n + degree + 1; ++i) {
+      const int k = std::clamp(i - degree, 0, spans);
+      knots[static_cast<std::size_t>(i)] =
+          k == spans ? duration_s : duration_s * Scalar(k) / Scalar(spans);
+    }
+    return Status::kOk;
+  }
+
+  /// Value and derivatives at t. Outside [start, end] the time is clamped, at NaN it is start: a spline is never
+  /// extrapolated.
+  [[nodiscard]] Sample Evaluate(Scalar t_s) const noexcept {
+    Basis basis;
+    const int span = EvaluateBasis(t_s, basis);
+    Sample sample;
+    sample.value = Combine(basis, span, 0);
+    sample.first = Combine(basis, span, 1);
+    sample.second = Combine(basis, span, 2);
+    return sample;
+  }
+
+  /// The linear map from control points to `Evaluate(t)`.
+  [[nodiscard]] Weights EvaluateWeights(Scalar t_s) const noexcept {
+    Basis basis;
+    const int span = EvaluateBasis(t_s, basis);
+    Weights weights;
+    weights.first = span - degree_;
+    for (int d = 0; d <= std::min<int>(kMaxDerivative, degree_); ++d) {
+      auto& w = weights.w[static_cast<std::size_t>(d)];
+      const int p = degree_ - d;
+      for (int k = 0; k <= p; ++k) w[Index(k)] = basis[Index(p)][Index(k)];
+      // The transpose of (2), from the innermost derivative outwards.
+      for (int level = d; level >= 1; --level) {
+        const int q = degree_ - level + 1;  // degree of the spline whose points are differenced
+        Scalar carry = 0;
+        for (int k = 0; k < q; ++k) {
+          const int i = span - degree_ + k;  // index into the points of that spline
+          const Scalar gain = Scalar(q) / (Knot(i + q + level) - Knot(i + level));
+          const Scalar term = gain * w[Index(k)];
+          w[Index(k)] = carry - term;
+          carry = term;
+        }
+        w[Index(q)] = carry;
+      }
+    }
+    return weights;
+  }
+
+  /// The derivative as a spline of its own, of degree p - 1 (the zero spline for p = 0).
+  [[nodiscard]] BSpline Derivative() const noexcept {
+    BSpline result;
+    if (degree_ == 0) {
+      result.knots_[0] = start_s();
+      result.knots_[1] = end_s();
+      return result;
+    }
+    result.degree_ = degree_ - 1;
+    result.count_ = count_ - 1;
+    std::copy_n(knots_.begin() + 1, count_ + degree_ - 1, result.knots_.begin());
+    result.points_[0] = points_[1];
+    for (int d = 1; d <= kMaxDerivative; ++d) result.Differentiate(d);
+    return result;
+  }
+
+  /// Bounds of derivative d, 0 <= d <= kMaxDerivative, that hold for all t (convex hull of its control points).
+  [[nodiscard]] Interval<Scalar> Bounds(int d) const noexcept {
+    const std::span<const Scalar> points = control_points(d);
+    Interval<Scalar> bounds{points[0], points[0]};
+    for (const Scalar c : points) {
+      bounds.min = std::min(bounds.min, c);
+      bounds.max = std::max(bounds.max, c);
+    }
+    return bounds;
+  }
+
+  [[nodiscard]] int degree() const noexcept { return degree_; }
+  [[nodiscard]] Scalar start_s() const noexcept { return knots_[0]; }
+  [[nodiscard]] Scalar end_s() const noexcept { return Knot(count_); }
+  [[nodiscard]] std::span<const Scalar> knots() const noexcept {
+    return {knots_.data(), Index(count_ + degree_ + 1)};
+  }
+  /// Control points of derivative d, 0 <= d <= kMaxDerivative; a single zero once d exceeds the degree.
+  [[nodiscard]] std::span<const Scalar> control_points(int d = 0) const noexcept {
+    return {points_[Index(d)].data(), Index(std::max(d <= degree_ ? count_ - d : 1, 1))};
+  }
+
+ private:
+  /// Row r holds the r + 1 basis functions of degree r that are not zero on the current span.
+  using Basis = std::array<std::array<Scalar, kMaxDegree + 1>, kMaxDegree + 1>;
+
+  static constexpr std::size_t Index(int i) noexcept { return static_cast<std::size_t>(i); }
+  [[nodiscard]] Scalar Knot(int i) const noexcept { return knots_[Index(i)]; }
+
+  /// Equation (2) applied to the points of derivative d - 1.
+  void Differentiate(int d) noexcept {
+    points_[Index(d)].fill(Scalar(0));
+    const int p = degree_ - d + 1;
+    if (p < 1) return;
+    for (int i = 0; i < count_ - d; ++i) {
+      const Scalar rise = points_[Index(d - 1)][Index(i + 1)] - points_[Index(d - 1)][Index(i)];
+      points_[Index(d)][Index(i)] = Scalar(p) * rise / (Knot(i + p + d) - Knot(i + d));
+    }
+  }
+
+  /// The span i with u_i <= t < u_{i+1} (the last one at the end), and all basis functions on it [PT97, A2.2].
+  int EvaluateBasis(Scalar t_s, Basis& basis) const noexcept {
+    const Scalar start = start_s();
+    const Scalar end = end_s();
+    const Scalar t = t_s > start ? (t_s < end ? t_s : end) : start;
+    int low = degree_;
+    int high = count_;
+    while (high - low > 1) {
+      const int middle = (low + high) / 2;
+      if (t >= Knot(middle)) {
+        low = middle;
+      } else {
+        high = middle;
+      }
+    }
+    while (!(Knot(low) < Knot(low + 1))) --low;  // The end of a curve with a repeated last interior knot.
+    const int span = low;
+    basis[0][0] = Scalar(1);
+    for (int r = 1; r <= degree_; ++r) {
+      Scalar carry = 0;
+      for (int k = 0; k < r; ++k) {
+        const Scalar left = Knot(span - r + 1 + k);
+        const Scalar right = Knot(span + 1 + k);
+        const Scalar share = basis[Index(r - 1)][Index(k)] / (right - left);
+        basis[Index(r)][Index(k)] = carry + (right - t) * share;
+        carry = (t - left) * share;
+      }
+      basis[Index(r)][Index(r)] = carry;
+    }
+    return span;
+  }
+
+  [[nodiscard]] Scalar Combine(const Basis& basis, int span, int d) const noexcept {
+    const int p = degree_ - d;
+    if (p < 0) return Scalar(0);
+    Scalar sum = 0;
+    for (int k = 0; k <= p; ++k) {
+      sum += basis[Index(p)][Index(k)] * points_[Index(d)][Index(span - degree_ + k)];
+    }
+    return sum;
+  }
+
+  int degree_ = 0;
+  int count_ = 1;
+  std::array<Scalar, kMaxKnots> knots_{};
+  std::array<std::array<Scalar, kMaxControlPoints>, kMaxDerivative + 1> points_{};
+};
+
+}  // namespace tumbler

@@ -1,0 +1,289 @@
+#include "common/toml_reader.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <charconv>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <set>
+#include <sstream>
+#include <utility>
+
+namespace tumbler {
+
+FileError::FileError(const std::string& file, std::uint32_t line, const std::string& key,
+                     const std::string& problem)
+    : std::runtime_error(fmt::format("{}{}: {}{}{}", file, line > 0 ? fmt::format(":{}", line) : "", key,
+                                     key.empty() ? "" : ": ", problem)) {}
+
+std::string ExactDecimal(double value) {
+  char buffer[40];
+  const auto end = std::to_chars(buffer, buffer + sizeof buffer, value).ptr;
+  std::string text(buffer, end);
+  if (text.find_first_of(".enif") == std::string::npos) text += ".0";
+  return text;
+}
+
+std::string MessageNumber(double value) { return fmt::format("{:.6g}", value); }
+
+struct TomlTable::Document {
+  std::string file;
+  toml::table root;
+  std::set<const toml::node*> taken;
+};
+
+namespace {
+
+std::string Describe(const Range& range) {
+  constexpr double kLargest = std::numeric_limits<double>::max();
+  const bool lower = range.min > -kLargest;
+  const bool upper = range.max < kLargest;
+  const char* relation = range.min_excluded ? ">" : ">=";
+  if (lower && upper) {
+    return fmt::format("allowed: {} {} ... {}", range.min_excluded ? "above" : "from", MessageNumber(range.min),
+                       MessageNumber(range.max));
+  }
+  if (lower) return fmt::format("allowed: {} {}", relation, MessageNumber(range.min));
+  if (upper) return fmt::format("allowed: <= {}", MessageNumber(range.max));
+  return "allowed: any finite number";
+}
+
+const char* TypeName(const toml::node& node) {
+  switch (node.type()) {
+    case toml::node_type::table:
+      return "a table";
+    case toml::node_type::array:
+      return "an array";
+    case toml::node_type::string:
+      return "a string";
+    case toml::node_type::integer:
+      return "an integer";
+    case toml::node_type::floating_point:
+      return "a number";
+    case toml::node_type::boolean:
+      return "a boolean";
+    default:
+      return "a date or time";
+  }
+}
+
+}  // namespace
+
+TomlTable::TomlTable(std::shared_ptr<Document> document, const toml::table* table, std::string path)
+    : document_(std::move(document)), table_(table), path_(std::move(path)) {}
+
+TomlTable TomlTable::ParseFile(const std::string& path) {
+  std::error_code error;
+  if (std::filesystem::is_directory(path, error)) throw FileError(path, 0, "", "is a directory, not a file");
+  std::ifstream stream(path, std::ios::binary);
+  if (!stream) throw FileError(path, 0, "", fmt::format("cannot be opened: {}", std::strerror(errno)));
+  std::ostringstream text;
+  text << stream.rdbuf();
+  return Parse(text.str(), path);
+}
+
+TomlTable TomlTable::Parse(std::string_view text, const std::string& name) {
+  auto document = std::make_shared<Document>();
+  document->file = name;
+  try {
+    document->root = toml::parse(text, name);
+  } catch (const toml::parse_error& error) {
+    throw FileError(name, error.source().begin.line, "", fmt::format("not valid TOML: {}", error.description()));
+  }
+  const toml::table* root = &document->root;
+  return {std::move(document), root, ""};
+}
+
+const std::string& TomlTable::file() const { return document_->file; }
+
+bool TomlTable::Has(std::string_view key) const { return table_->contains(key); }
+
+std::string TomlTable::FullKey(std::string_view key) const {
+  if (key.empty()) return path_;
+  return path_.empty() ? std::string(key) : fmt::format("{}.{}", path_, key);
+}
+
+std::uint32_t TomlTable::LineOf(std::string_view key) const {
+  const toml::node* node = table_->get(key);
+  if (node != nullptr && node->source().begin.line > 0) return node->source().begin.line;
+  return table_->source().begin.line;
+}
+
+void TomlTable::Fail(std::string_view key, const std::string& problem) const {
+  throw FileError(file(), LineOf(key), FullKey(key), problem);
+}
+
+void TomlTable::FailType(std::string_view key, const toml::node& node, const char* expected) const {
+  throw FileError(file(), node.source().begin.line, FullKey(key),
+                  fmt::format("is {}; expected {}", TypeName(node), expected));
+}
+
+const toml::node& TomlTable::Take(std::string_view key) {
+  const toml::node* node = table_->get(key);
+  if (node == nullptr) {
+    throw FileError(file(), table_->source().begin.line, FullKey(key), "is missing and has no default");
+  }
+  document_->taken.insert(node);
+  return *node;
+}
+
+double TomlTable::ToNumber(const toml::node& node, std::string_view key, Range range) const {
+  double value = 0;
+  if (const auto* real = node.as_floating_point()) {
+    value = real->get();
+  } else if (const auto* integer = node.as_integer()) {
+    value = static_cast<double>(integer->get());
+  } else {
+    FailType(key, node, "a number");
+  }
+  const bool above = range.min_excluded ? value > range.min : value >= range.min;
+  if (!std::isfinite(value) || !above || value > range.max) {
+    throw FileError(file(), node.source().begin.line, FullKey(key),
+                    fmt::format("is {}; {}", MessageNumber(value), Describe(range)));
+  }
+  return value;
+}
+
+double TomlTable::Number(std::string_view key, Range range) { return ToNumber(Take(key), key, range); }
+
+double TomlTable::Number(std::string_view key, Range range, double absent) {
+  return Has(key) ? Number(key, range) : absent;
+}
+
+std::int64_t TomlTable::Integer(std::string_view key, std::int64_t min, std::int64_t max) {
+  const toml::node& node = Take(key);
+  const auto* integer = node.as_integer();
+  if (integer == nullptr) FailType(key, node, "an integer");
+  if (integer->get() < min || integer->get() > max) {
+    Fail(key, fmt::format("is {}; allowed: from {} ... {}", integer->get(), min, max));
+  }
+  return integer->get();
+}
+
+std::int64_t TomlTable::Integer(std::string_view key, std::int64_t min, std::int64_t max, std::int64_t absent) {
+  return Has(key) ? Integer(key, min, max) : absent;
+}
+
+bool TomlTable::Boolean(std::string_view key) {
+  const toml::node& node = Take(key);
+  const auto* boolean = node.as_boolean();
+  if (boolean == nullptr) FailType(key, node, "true or false");
+  return boolean->get();
+}
+
+bool TomlTable::Boolean(std::string_view key, bool absent) { return Has(key) ? Boolean(key) : absent; }
+
+std::string TomlTable::String(std::string_view key) {
+  const toml::node& node = Take(key);
+  const auto* text = node.as_string();
+  if (text == nullptr) FailType(key, node, "a string");
+  return text->get();
+}
+
+std::string TomlTable::String(std::string_view key, const std::string& absent) {
+  return Has(key) ? String(key) : absent;
+}
+
+std::string TomlTable::Choice(std::string_view key, std::span<const std::string_view> allowed,
+                              const std::string& absent) {
+  const std::string value = String(key, absent);
+  if (std::find(allowed.begin(), allowed.end(), value) == allowed.end()) {
+    Fail(key, fmt::format("is '{}'; allowed: {}", value, fmt::join(allowed, ", ")));
+  }
+  return value;
+}
+
+std::vector<double> TomlTable::Numbers(std::string_view key, Range range) {
+  const toml::node& node = Take(key);
+  const auto* array = node.as_array();
+  if (array == nullptr) FailType(key, node, "an array of numbers");
+  std::vector<double> values;
+  values.reserve(array->size());
+  for (std::size_t i = 0; i < array->size(); ++i) {
+    values.push_back(ToNumber(*array->get(i), fmt::format("{}[{}]", key, i), range));
+  }
+  return values;
+}
+
+std::vector<double> TomlTable::Numbers(std::string_view key, Range range, std::size_t count) {
+  std::vector<double> values = Numbers(key, range);
+  if (values.size() != count) Fail(key, fmt::format("holds {} numbers; expected {}", values.size(), count));
+  return values;
+}
+
+std::vector<std::string> TomlTable::Strings(std::string_view key) {
+  const toml::node& node = Take(key);
+  const auto* array = node.as_array();
+  if (array == nullptr) FailType(key, node, "an array of strings");
+  std::vector<std::string> values;
+  for (const toml::node& element : *array) {
+    const auto* text = element.as_string();
+    if (text == nullptr) FailType(key, element, "a string");
+    values.push_back(text->get());
+  }
+  return values;
+}
+
+TomlTable TomlTable::Table(std::string_view key) {
+  const toml::node& node = Take(key);
+  const auto* table = node.as_table();
+  if (table == nullptr) FailType(key, node, "a table");
+  return {document_, table, FullKey(key)};
+}
+
+std::vector<TomlTable> TomlTable::Tables(std::string_view key) {
+  const toml::node& node = Take(key);
+  const auto* array = node.as_array();
+  if (array == nullptr) FailType(key, node, "an array of tables");
+  std::vector<TomlTable> tables;
+  for (std::size_t i = 0; i < array->size(); ++i) {
+    const auto* table = array->get(i)->as_table();
+    if (table == nullptr) FailType(key, *array->get(i), "a table");
+    document_->taken.insert(table);
+    tables.push_back(TomlTable(document_, table, fmt::format("{}[{}]", FullKey(key), i)));
+  }
+  return tables;
+}
+
+std::optional<TomlTable> TomlTable::OptionalTable(std::string_view key) {
+  if (!Has(key)) return std::nullopt;
+  return Table(key);
+}
+
+std::vector<TomlTable> TomlTable::OptionalTables(std::string_view key) {
+  if (!Has(key)) return {};
+  return Tables(key);
+}
+
+std::vector<std::string> TomlTable::Keys() const {
+  std::vector<std::pair<std::uint32_t, std::string>> keys;
+  for (const auto& [key, node] : *table_) keys.emplace_back(node.source().begin.line, std::string(key.str()));
+  std::stable_sort(keys.begin(), keys.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+  std::vector<std::string> names;
+  names.reserve(keys.size());
+  for (auto& entry : keys) names.push_back(std::move(entry.second));
+  return names;
+}
+
+void TomlTable::RejectUnknownKeys() const {
+  for (const auto& [key, node] : *table_) {
+    if (document_->taken.count(&node) == 0) {
+      throw FileError(file(), node.source().begin.line, FullKey(key.str()), "is not a key that this file can hold");
+    }
+    if (const auto* table = node.as_table()) {
+      TomlTable(document_, table, FullKey(key.str())).RejectUnknownKeys();
+    } else if (const auto* array = node.as_array()) {
+      for (std::size_t i = 0; i < array->size(); ++i) {
+        if (const auto* element = array->get(i)->as_table()) {
+          TomlTable(document_, element, fmt::format("{}[{}]", FullKey(key.str()), i)).RejectUnknownKeys();
+        }
+      }
+    }
+  }
+}
+
+}  // namespace tumbler

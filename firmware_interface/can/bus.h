@@ -1,0 +1,31 @@
+#pragma once
+
+#include "common/status.h"
+#include "firmware_interface/can/frame.h"
+
+namespace tumbler {
+
+/// Carries frames; the only seam between the runtime and hardware.
+///
+/// One thread owns a bus. Once it is open no call allocates, locks, throws or blocks. Silence is not an error: it is
+/// kWouldBlock. A lost bus is one, and every call repeats it until the link is back.
+class CanBus {
+ public:
+  CanBus() = default;
+  CanBus(const CanBus&) = delete;  // A bus owns its link.
+  CanBus& operator=(const CanBus&) = delete;
+  virtual ~CanBus() = default;
+
+  /// Queues one frame. kOk says that it was queued, not that another node acknowledged it.
+  /// @retval kWouldBlock       the transmit queue is full; the frame was not taken.
+  /// @retval kInvalidArgument  identifier or size out of range.
+  /// @retval kBusOff, kLinkDown, kIoError  the link is lost: enter the safe state.
+  virtual Status Send(const CanFrame& frame) noexcept = 0;
+
+  /// Takes the oldest frame received; `received` is written only on kOk.
+  /// @retval kWouldBlock  nothing has arrived.
+  /// @retval kBusOff, kLinkDown, kIoError  as for Send.
+  virtual Status Receive(ReceivedFrame& received) noexcept = 0;
+};
+
+}  // namespace tumbler
