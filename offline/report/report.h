@@ -1,0 +1,74 @@
+#pragma once
+
+#include <array>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace tumbler {
+
+/// A collision or drawing shape in the plane of the robot, in the frame of its link (x along the link's x, z up).
+struct ReportShape {
+  /// A stroked segment from (x1, z1) to (x2, z2) with a radius: a circle when both ends coincide.
+  double x1_m = 0, z1_m = 0, x2_m = 0, z2_m = 0, radius_m = 0;
+  bool collides = false;  ///< Collision shapes are drawn dark, the others light.
+};
+
+struct ReportLink {
+  std::string name;
+  std::vector<ReportShape> shapes;
+};
+
+/// One instant of the motion.
+struct ReportSample {
+  double time_s = 0;
+  std::vector<std::array<double, 3>> link_poses;  ///< x [m], z [m], pitch [rad] of each link, in the order of `links`.
+  std::vector<double> joint_positions_rad;
+  std::vector<double> joint_velocities_rad_s;
+  std::vector<double> joint_torques_nm;
+  double root_pitch_rad = 0;
+  struct Force {
+    double x_m = 0, z_m = 0;    ///< where it acts
+    double fx_n = 0, fz_n = 0;  ///< on the robot
+  };
+  std::vector<Force> forces;  ///< Contacts that carry force now.
+};
+
+/// A curve of the solver's progress: cost and largest violation after each evaluation.
+struct ReportEvaluation {
+  int evaluation = 0;
+  double cost = 0;
+  double violation = 0;
+  bool global = false;  ///< of the global search, else of the local solver
+};
+
+/// A labelled line or area of the ground and the obstacles.
+struct ReportObstacle {
+  std::string name;
+  enum class Kind { kHalfSpace, kCircle } kind = Kind::kHalfSpace;
+  double x_m = 0, z_m = 0;             ///< A point of the half-space's surface, or the circle's centre.
+  double normal_x = 0, normal_z = 1;   ///< Out of the half-space.
+  double radius_m = 0;
+};
+
+/// Everything the page shows.
+struct ReportData {
+  std::string title;                  ///< e.g. `handstand`
+  std::string subtitle;               ///< e.g. tool version, seed, date-free
+  double duration_s = 0;              ///< The motion's; samples may go on after it (settling).
+  std::vector<std::string> joint_names;
+  std::vector<double> torque_limits_nm;
+  std::vector<std::array<double, 2>> position_limits_rad;
+  std::vector<ReportLink> links;
+  std::vector<ReportObstacle> obstacles;
+  std::vector<ReportSample> samples;        ///< Evenly spaced, about 200 a second.
+  std::vector<ReportEvaluation> evaluations;
+  std::vector<std::pair<std::string, std::string>> certificate;  ///< Name and value with unit, in order.
+};
+
+/// Writes `DIR/index.html`, one page that needs no network, and creates DIR where it is missing.
+/// The page plays the motion; `#t=0.75` in its address shows that time, standing still.
+/// @returns the page's path. @throws std::runtime_error with the path when it cannot be written.
+std::string WriteReport(const ReportData& data, const std::string& directory);
+
+}  // namespace tumbler
