@@ -20,28 +20,33 @@ struct Interval {
 
 /// A scalar clamped B-spline of degree p <= 7 in time, with fixed capacity,
 ///
-///   q(t) = sum_i c_i N_{i,p}(t),   t in [start, end]                      (1)  [AB04, Eq. 6], [dB01, ch. IX]
+///   q(t) = sum_i c_i N_{i,p}(t),   t in [start, end]                      (1)  [AB04, Eq. 6],
+///   [dB01, ch. IX]
 ///
-/// and its derivatives, which are B-splines of lower degree over the same knots u with control points
+/// and its derivatives, which are B-splines of lower degree over the same knots u with control
+/// points
 ///
 ///   c'_i = p (c_{i+1} - c_i) / (u_{i+p+1} - u_{i+1}).                     (2)  [PT97, Eq. 3.4]
 ///
-/// Clamped means that the first and the last p + 1 knots coincide, so that q starts at c_0 and ends at c_{n-1}. Since
-/// basis functions are non-negative and sum to one, min c and max c of (2) bound every derivative for all t.
+/// Clamped means that the first and the last p + 1 knots coincide, so that q starts at c_0 and ends
+/// at c_{n-1}. Since basis functions are non-negative and sum to one, min c and max c of (2) bound
+/// every derivative for all t.
 ///
 /// Units: q in the caller's unit (rad, N m); derivative d in that unit per s^d.
 /// Real time: no heap, no exceptions, bounded loops; const methods are reentrant. Freestanding.
-/// The value of a spline at a time is part of the primitive file format: it is bit-identical on every machine that
-/// rounds each operation once (no fused multiply-add), and golden tests keep it that way.
+/// The value of a spline at a time is part of the primitive file format: it is bit-identical on
+/// every machine that rounds each operation once (no fused multiply-add), and golden tests keep it
+/// that way.
 ///
-/// [AB04] J. Albro, J. Bobrow, Motion Generation for a Tumbling Robot Using a General Contact Model, 2004.
-/// [dB01] C. de Boor, A Practical Guide to Splines, revised edition, 2001.
-/// [PT97] L. Piegl, W. Tiller, The NURBS Book, 2nd edition, 1997.
+/// [AB04] J. Albro, J. Bobrow, Motion Generation for a Tumbling Robot Using a General Contact
+/// Model, 2004. [dB01] C. de Boor, A Practical Guide to Splines, revised edition, 2001. [PT97] L.
+/// Piegl, W. Tiller, The NURBS Book, 2nd edition, 1997.
 template <typename Scalar, int kMaxControlPoints>
 class BSpline {
  public:
   static constexpr int kMaxDegree = 7;
-  static constexpr int kMaxDerivative = 2;  ///< Order of the derivatives that `Evaluate` returns with the value.
+  static constexpr int kMaxDerivative =
+      2;  ///< Order of the derivatives that `Evaluate` returns with the value.
   static constexpr int kMaxKnots = kMaxControlPoints + kMaxDegree + 1;
   static_assert(kMaxControlPoints > kMaxDegree);
 
@@ -52,8 +57,8 @@ class BSpline {
     Scalar second = 0;  ///< per s^2
   };
 
-  /// Row d holds w with q^(d)(t) = sum_k w[d][k] c_{first + k}, k = 0 ... p: what an optimiser over the control
-  /// points needs. Entries beyond p are zero.
+  /// Row d holds w with q^(d)(t) = sum_k w[d][k] c_{first + k}, k = 0 ... p: what an optimiser over
+  /// the control points needs. Entries beyond p are zero.
   struct Weights {
     int first = 0;
     std::array<std::array<Scalar, kMaxDegree + 1>, kMaxDerivative + 1> w{};
@@ -63,7 +68,8 @@ class BSpline {
   constexpr BSpline() noexcept { knots_[1] = Scalar(1); }
 
   /// Replaces the curve; unless kOk is returned, *this is unchanged.
-  /// @param knots           n + degree + 1 non-decreasing values [s], the first and last degree + 1 of them equal,
+  /// @param knots           n + degree + 1 non-decreasing values [s], the first and last degree + 1
+  /// of them equal,
   ///                        none repeated more than degree times in between.
   /// @param control_points  n values, n >= degree + 1.
   /// @retval kInvalidArgument   one of these conditions fails, or a value is not finite.
@@ -78,9 +84,11 @@ class BSpline {
     if (n < degree + 1 || static_cast<int>(knots.size()) != n + degree + 1) {
       return Status::kInvalidArgument;
     }
-    const auto finite = [](Scalar x) {  // Also false for NaN; std::isfinite is not in freestanding <cmath>.
-      return x >= std::numeric_limits<Scalar>::lowest() && x <= std::numeric_limits<Scalar>::max();
-    };
+    const auto finite =
+        [](Scalar x) {  // Also false for NaN; std::isfinite is not in freestanding <cmath>.
+          return x >= std::numeric_limits<Scalar>::lowest() &&
+                 x <= std::numeric_limits<Scalar>::max();
+        };
     if (!std::all_of(knots.begin(), knots.end(), finite)) return Status::kInvalidArgument;
     if (!std::all_of(control_points.begin(), control_points.end(), finite)) {
       return Status::kInvalidArgument;
@@ -104,8 +112,10 @@ class BSpline {
     return Status::kOk;
   }
 
-  /// Writes the n + degree + 1 knots of the clamped uniform spline on [0, duration] to the front of `knots`.
-  /// @retval kInvalidArgument  degree < 0, n < degree + 1, duration not positive and finite, or `knots` too short.
+  /// Writes the n + degree + 1 knots of the clamped uniform spline on [0, duration] to the front of
+  /// `knots`.
+  /// @retval kInvalidArgument  degree < 0, n < degree + 1, duration not positive and finite, or
+  /// `knots` too short.
   static Status ClampedUniformKnots(int degree, int n, Scalar duration_s,
                                     std::span<Scalar> knots) noexcept {
     if (degree < 0 || n < degree + 1 || static_cast<int>(knots.size()) < n + degree + 1 ||
@@ -121,8 +131,8 @@ class BSpline {
     return Status::kOk;
   }
 
-  /// Value and derivatives at t. Outside [start, end] the time is clamped, at NaN it is start: a spline is never
-  /// extrapolated.
+  /// Value and derivatives at t. Outside [start, end] the time is clamped, at NaN it is start: a
+  /// spline is never extrapolated.
   [[nodiscard]] Sample Evaluate(Scalar t_s) const noexcept {
     Basis basis;
     const int span = EvaluateBasis(t_s, basis);
@@ -176,7 +186,8 @@ class BSpline {
     return result;
   }
 
-  /// Bounds of derivative d, 0 <= d <= kMaxDerivative, that hold for all t (convex hull of its control points).
+  /// Bounds of derivative d, 0 <= d <= kMaxDerivative, that hold for all t (convex hull of its
+  /// control points).
   [[nodiscard]] Interval<Scalar> Bounds(int d) const noexcept {
     const std::span<const Scalar> points = control_points(d);
     Interval<Scalar> bounds{points[0], points[0]};
@@ -193,7 +204,8 @@ class BSpline {
   [[nodiscard]] std::span<const Scalar> knots() const noexcept {
     return {knots_.data(), Index(count_ + degree_ + 1)};
   }
-  /// Control points of derivative d, 0 <= d <= kMaxDerivative; a single zero once d exceeds the degree.
+  /// Control points of derivative d, 0 <= d <= kMaxDerivative; a single zero once d exceeds the
+  /// degree.
   [[nodiscard]] std::span<const Scalar> control_points(int d = 0) const noexcept {
     return {points_[Index(d)].data(), Index(std::max(d <= degree_ ? count_ - d : 1, 1))};
   }
@@ -216,7 +228,8 @@ class BSpline {
     }
   }
 
-  /// The span i with u_i <= t < u_{i+1} (the last one at the end), and all basis functions on it [PT97, A2.2].
+  /// The span i with u_i <= t < u_{i+1} (the last one at the end), and all basis functions on it
+  /// [PT97, A2.2].
   int EvaluateBasis(Scalar t_s, Basis& basis) const noexcept {
     const Scalar start = start_s();
     const Scalar end = end_s();
@@ -231,7 +244,8 @@ class BSpline {
         high = middle;
       }
     }
-    while (!(Knot(low) < Knot(low + 1))) --low;  // The end of a curve with a repeated last interior knot.
+    while (!(Knot(low) < Knot(low + 1)))
+      --low;  // The end of a curve with a repeated last interior knot.
     const int span = low;
     basis[0][0] = Scalar(1);
     for (int r = 1; r <= degree_; ++r) {

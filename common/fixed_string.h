@@ -6,13 +6,15 @@
 
 namespace tumbler {
 
-/// A string of at most `kCapacity` bytes stored in place, for names in structures that must not allocate.
+/// A string of at most `kCapacity` bytes stored in place, for names in structures that must not
+/// allocate.
 template <std::size_t kCapacity>
 class FixedString {
  public:
   constexpr FixedString() = default;
 
-  /// Keeps the first `kCapacity` bytes of `text`; `fits(text)` tells beforehand whether all of them are kept.
+  /// Keeps the first `kCapacity` bytes of `text`; `fits(text)` tells beforehand whether all of them
+  /// are kept.
   constexpr explicit FixedString(std::string_view text) noexcept
       : size_(text.size() < kCapacity ? text.size() : kCapacity) {
     for (std::size_t i = 0; i < size_; ++i) bytes_[i] = text[i];

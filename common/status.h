@@ -4,15 +4,18 @@
 
 namespace tumbler {
 
-/// Outcome of an operation of `common`, `firmware_interface` and the real-time core, none of which throw.
-enum class [[nodiscard]] Status : std::uint8_t {
-  kOk,
-  kInvalidArgument,   ///< An argument is outside what the function documents; nothing was changed.
-  kCapacityExceeded,  ///< The fixed capacity of the receiver does not hold the argument; nothing was changed.
-  kWouldBlock,        ///< Nothing there now (receive), or no room now (send); try again later.
-  kBusOff,            ///< The controller has left the bus (ISO 11898-1); no frame is sent until it recovers.
-  kLinkDown,          ///< The interface is down or gone.
-  kIoError,           ///< The operating system reports another error.
+/// Outcome of an operation of `common`, `firmware_interface` and the real-time core, none of which
+/// throw.
+enum class [[nodiscard]] Status : std::uint8_t{
+    kOk,
+    kInvalidArgument,  ///< An argument is outside what the function documents; nothing was changed.
+    kCapacityExceeded,  ///< The fixed capacity of the receiver does not hold the argument; nothing
+                        ///< was changed.
+    kWouldBlock,        ///< Nothing there now (receive), or no room now (send); try again later.
+    kBusOff,    ///< The controller has left the bus (ISO 11898-1); no frame is sent until it
+                ///< recovers.
+    kLinkDown,  ///< The interface is down or gone.
+    kIoError,   ///< The operating system reports another error.
 };
 
 /// Text of a status for messages; a string literal.

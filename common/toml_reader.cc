@@ -17,8 +17,8 @@ namespace tumbler {
 
 FileError::FileError(const std::string& file, std::uint32_t line, const std::string& key,
                      const std::string& problem)
-    : std::runtime_error(fmt::format("{}{}: {}{}{}", file, line > 0 ? fmt::format(":{}", line) : "", key,
-                                     key.empty() ? "" : ": ", problem)) {}
+    : std::runtime_error(fmt::format("{}{}: {}{}{}", file, line > 0 ? fmt::format(":{}", line) : "",
+                                     key, key.empty() ? "" : ": ", problem)) {}
 
 std::string ExactDecimal(double value) {
   char buffer[40];
@@ -44,8 +44,8 @@ std::string Describe(const Range& range) {
   const bool upper = range.max < kLargest;
   const char* relation = range.min_excluded ? ">" : ">=";
   if (lower && upper) {
-    return fmt::format("allowed: {} {} ... {}", range.min_excluded ? "above" : "from", MessageNumber(range.min),
-                       MessageNumber(range.max));
+    return fmt::format("allowed: {} {} ... {}", range.min_excluded ? "above" : "from",
+                       MessageNumber(range.min), MessageNumber(range.max));
   }
   if (lower) return fmt::format("allowed: {} {}", relation, MessageNumber(range.min));
   if (upper) return fmt::format("allowed: <= {}", MessageNumber(range.max));
@@ -78,9 +78,11 @@ TomlTable::TomlTable(std::shared_ptr<Document> document, const toml::table* tabl
 
 TomlTable TomlTable::ParseFile(const std::string& path) {
   std::error_code error;
-  if (std::filesystem::is_directory(path, error)) throw FileError(path, 0, "", "is a directory, not a file");
+  if (std::filesystem::is_directory(path, error))
+    throw FileError(path, 0, "", "is a directory, not a file");
   std::ifstream stream(path, std::ios::binary);
-  if (!stream) throw FileError(path, 0, "", fmt::format("cannot be opened: {}", std::strerror(errno)));
+  if (!stream)
+    throw FileError(path, 0, "", fmt::format("cannot be opened: {}", std::strerror(errno)));
   std::ostringstream text;
   text << stream.rdbuf();
   return Parse(text.str(), path);
@@ -92,7 +94,8 @@ TomlTable TomlTable::Parse(std::string_view text, const std::string& name) {
   try {
     document->root = toml::parse(text, name);
   } catch (const toml::parse_error& error) {
-    throw FileError(name, error.source().begin.line, "", fmt::format("not valid TOML: {}", error.description()));
+    throw FileError(name, error.source().begin.line, "",
+                    fmt::format("not valid TOML: {}", error.description()));
   }
   const toml::table* root = &document->root;
   return {std::move(document), root, ""};
@@ -125,7 +128,8 @@ void TomlTable::FailType(std::string_view key, const toml::node& node, const cha
 const toml::node& TomlTable::Take(std::string_view key) {
   const toml::node* node = table_->get(key);
   if (node == nullptr) {
-    throw FileError(file(), table_->source().begin.line, FullKey(key), "is missing and has no default");
+    throw FileError(file(), table_->source().begin.line, FullKey(key),
+                    "is missing and has no default");
   }
   document_->taken.insert(node);
   return *node;
@@ -148,7 +152,9 @@ double TomlTable::ToNumber(const toml::node& node, std::string_view key, Range r
   return value;
 }
 
-double TomlTable::Number(std::string_view key, Range range) { return ToNumber(Take(key), key, range); }
+double TomlTable::Number(std::string_view key, Range range) {
+  return ToNumber(Take(key), key, range);
+}
 
 double TomlTable::Number(std::string_view key, Range range, double absent) {
   return Has(key) ? Number(key, range) : absent;
@@ -164,7 +170,8 @@ std::int64_t TomlTable::Integer(std::string_view key, std::int64_t min, std::int
   return integer->get();
 }
 
-std::int64_t TomlTable::Integer(std::string_view key, std::int64_t min, std::int64_t max, std::int64_t absent) {
+std::int64_t TomlTable::Integer(std::string_view key, std::int64_t min, std::int64_t max,
+                                std::int64_t absent) {
   return Has(key) ? Integer(key, min, max) : absent;
 }
 
@@ -175,7 +182,9 @@ bool TomlTable::Boolean(std::string_view key) {
   return boolean->get();
 }
 
-bool TomlTable::Boolean(std::string_view key, bool absent) { return Has(key) ? Boolean(key) : absent; }
+bool TomlTable::Boolean(std::string_view key, bool absent) {
+  return Has(key) ? Boolean(key) : absent;
+}
 
 std::string TomlTable::String(std::string_view key) {
   const toml::node& node = Take(key);
@@ -211,7 +220,8 @@ std::vector<double> TomlTable::Numbers(std::string_view key, Range range) {
 
 std::vector<double> TomlTable::Numbers(std::string_view key, Range range, std::size_t count) {
   std::vector<double> values = Numbers(key, range);
-  if (values.size() != count) Fail(key, fmt::format("holds {} numbers; expected {}", values.size(), count));
+  if (values.size() != count)
+    Fail(key, fmt::format("holds {} numbers; expected {}", values.size(), count));
   return values;
 }
 
@@ -261,8 +271,10 @@ std::vector<TomlTable> TomlTable::OptionalTables(std::string_view key) {
 
 std::vector<std::string> TomlTable::Keys() const {
   std::vector<std::pair<std::uint32_t, std::string>> keys;
-  for (const auto& [key, node] : *table_) keys.emplace_back(node.source().begin.line, std::string(key.str()));
-  std::stable_sort(keys.begin(), keys.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+  for (const auto& [key, node] : *table_)
+    keys.emplace_back(node.source().begin.line, std::string(key.str()));
+  std::stable_sort(keys.begin(), keys.end(),
+                   [](const auto& a, const auto& b) { return a.first < b.first; });
   std::vector<std::string> names;
   names.reserve(keys.size());
   for (auto& entry : keys) names.push_back(std::move(entry.second));
@@ -272,14 +284,16 @@ std::vector<std::string> TomlTable::Keys() const {
 void TomlTable::RejectUnknownKeys() const {
   for (const auto& [key, node] : *table_) {
     if (document_->taken.count(&node) == 0) {
-      throw FileError(file(), node.source().begin.line, FullKey(key.str()), "is not a key that this file can hold");
+      throw FileError(file(), node.source().begin.line, FullKey(key.str()),
+                      "is not a key that this file can hold");
     }
     if (const auto* table = node.as_table()) {
       TomlTable(document_, table, FullKey(key.str())).RejectUnknownKeys();
     } else if (const auto* array = node.as_array()) {
       for (std::size_t i = 0; i < array->size(); ++i) {
         if (const auto* element = array->get(i)->as_table()) {
-          TomlTable(document_, element, fmt::format("{}[{}]", FullKey(key.str()), i)).RejectUnknownKeys();
+          TomlTable(document_, element, fmt::format("{}[{}]", FullKey(key.str()), i))
+              .RejectUnknownKeys();
         }
       }
     }

@@ -17,7 +17,8 @@ namespace tumbler {
 /// A file that cannot be used. The message reads `FILE:LINE: KEY: what is wrong, what is allowed`.
 class FileError : public std::runtime_error {
  public:
-  FileError(const std::string& file, std::uint32_t line, const std::string& key, const std::string& problem);
+  FileError(const std::string& file, std::uint32_t line, const std::string& key,
+            const std::string& problem);
 };
 
 /// Values that a number in a file may take. NaN and infinities never are.
@@ -31,11 +32,12 @@ struct Range {
   static constexpr Range NonNegative() { return {0, std::numeric_limits<double>::max(), false}; }
 };
 
-/// A TOML table that is read strictly: every value is checked for type and range as it is taken, and a key that
-/// nobody took is an error. All members throw FileError.
+/// A TOML table that is read strictly: every value is checked for type and range as it is taken,
+/// and a key that nobody took is an error. All members throw FileError.
 class TomlTable {
  public:
-  /// Parses a file; the error of a missing, unreadable or malformed one names the file and the line.
+  /// Parses a file; the error of a missing, unreadable or malformed one names the file and the
+  /// line.
   static TomlTable ParseFile(const std::string& path);
   /// Parses text; `name` stands for the file in messages.
   static TomlTable Parse(std::string_view text, const std::string& name);
@@ -55,15 +57,18 @@ class TomlTable {
 
   /// Values with a default.
   double Number(std::string_view key, Range range, double absent);
-  std::int64_t Integer(std::string_view key, std::int64_t min, std::int64_t max, std::int64_t absent);
+  std::int64_t Integer(std::string_view key, std::int64_t min, std::int64_t max,
+                       std::int64_t absent);
   bool Boolean(std::string_view key, bool absent);
   std::string String(std::string_view key, const std::string& absent);
   /// One of `allowed`; the error lists them.
-  std::string Choice(std::string_view key, std::span<const std::string_view> allowed, const std::string& absent);
+  std::string Choice(std::string_view key, std::span<const std::string_view> allowed,
+                     const std::string& absent);
   std::optional<TomlTable> OptionalTable(std::string_view key);
   std::vector<TomlTable> OptionalTables(std::string_view key);
 
-  /// Throws if a key of this table, or of a table taken from it, was never asked for. Call when all is read.
+  /// Throws if a key of this table, or of a table taken from it, was never asked for. Call when all
+  /// is read.
   void RejectUnknownKeys() const;
 
   /// Throws about `key` of this table (or about the table itself when the key is not in it).
@@ -74,14 +79,17 @@ class TomlTable {
   [[nodiscard]] std::vector<std::string> Keys() const;
 
   [[nodiscard]] const std::string& file() const;
-  [[nodiscard]] const std::string& path() const { return path_; }  ///< e.g. `contact.ground`; empty at the top.
+  [[nodiscard]] const std::string& path() const {
+    return path_;
+  }  ///< e.g. `contact.ground`; empty at the top.
 
  private:
   struct Document;
   TomlTable(std::shared_ptr<Document> document, const toml::table* table, std::string path);
   const toml::node& Take(std::string_view key);
   double ToNumber(const toml::node& node, std::string_view key, Range range) const;
-  [[noreturn]] void FailType(std::string_view key, const toml::node& node, const char* expected) const;
+  [[noreturn]] void FailType(std::string_view key, const toml::node& node,
+                             const char* expected) const;
   [[nodiscard]] std::string FullKey(std::string_view key) const;
 
   std::shared_ptr<Document> document_;
@@ -89,7 +97,8 @@ class TomlTable {
   std::string path_;
 };
 
-/// The shortest decimal text that reads back as exactly `value`, always recognisable as a TOML float.
+/// The shortest decimal text that reads back as exactly `value`, always recognisable as a TOML
+/// float.
 std::string ExactDecimal(double value);
 
 /// A number as it belongs in a message: up to 6 significant digits.

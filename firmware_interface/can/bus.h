@@ -7,8 +7,9 @@ namespace tumbler {
 
 /// Carries frames; the only seam between the runtime and hardware.
 ///
-/// One thread owns a bus. Once it is open no call allocates, locks, throws or blocks. Silence is not an error: it is
-/// kWouldBlock. A lost bus is one, and every call repeats it until the link is back.
+/// One thread owns a bus. Once it is open no call allocates, locks, throws or blocks. Silence is
+/// not an error: it is kWouldBlock. A lost bus is one, and every call repeats it until the link is
+/// back.
 class CanBus {
  public:
   CanBus() = default;

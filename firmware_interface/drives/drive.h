@@ -10,7 +10,8 @@
 namespace tumbler {
 
 /// What the executor asks of one drive in one tick, at the joint (after gear, direction and zero).
-/// The drive's law is torque = kp (position - q) + kd (velocity - qdot) + torque, as far as its protocol carries it.
+/// The drive's law is torque = kp (position - q) + kd (velocity - qdot) + torque, as far as its
+/// protocol carries it.
 struct DriveSetpoint {
   float position_rad = 0;
   float velocity_rad_s = 0;
@@ -24,24 +25,25 @@ struct DriveFeedback {
   float position_rad = 0;
   float velocity_rad_s = 0;
   float torque_nm = 0;
-  float temperature_c = 0;        ///< Zero where `has_temperature` is false.
+  float temperature_c = 0;  ///< Zero where `has_temperature` is false.
   bool has_temperature = false;
-  std::uint8_t error = 0;         ///< The drive's own code; zero is none.
+  std::uint8_t error = 0;  ///< The drive's own code; zero is none.
 };
 
 /// Whether the motor is to be driven.
 enum class DriveRequest : std::uint8_t {
   kDisable,  ///< Torque off, whatever the drive was doing.
-  kEnable,   ///< Follow the setpoint; the drive's start-up sequence runs by itself over as many ticks as it needs.
+  kEnable,   ///< Follow the setpoint; the drive's start-up sequence runs by itself over as many
+             ///< ticks as it needs.
 };
 
 /// What the drive is known to be doing, from its replies.
 enum class DriveState : std::uint8_t {
-  kUnknown,   ///< No reply yet.
+  kUnknown,  ///< No reply yet.
   kDisabled,
   kEnabling,  ///< The start-up sequence is under way.
   kEnabled,
-  kFault,     ///< The drive reports an error.
+  kFault,  ///< The drive reports an error.
 };
 
 /// The frames of one tick for one drive.
@@ -64,10 +66,11 @@ class FrameBatch {
   int count_ = 0;
 };
 
-/// Host side of one motor drive: a state machine between setpoints and frames, with no clock and no bus of its own.
+/// Host side of one motor drive: a state machine between setpoints and frames, with no clock and no
+/// bus of its own.
 ///
-/// Every tick calls Encode exactly once, and Decode once for every frame received since the tick before.
-/// Real time: no heap, no locks, no exceptions. Freestanding.
+/// Every tick calls Encode exactly once, and Decode once for every frame received since the tick
+/// before. Real time: no heap, no locks, no exceptions. Freestanding.
 class Drive {
  public:
   Drive() = default;
@@ -75,15 +78,17 @@ class Drive {
   Drive& operator=(const Drive&) = delete;
   virtual ~Drive() = default;
 
-  /// Adds this tick's frames to `batch`. The setpoint is clamped to the drive's ranges; with a value in it that is
-  /// not finite the motor is disabled instead, and kInvalidArgument returned.
-  virtual Status Encode(DriveRequest request, const DriveSetpoint& setpoint, FrameBatch& batch) noexcept = 0;
+  /// Adds this tick's frames to `batch`. The setpoint is clamped to the drive's ranges; with a
+  /// value in it that is not finite the motor is disabled instead, and kInvalidArgument returned.
+  virtual Status Encode(DriveRequest request, const DriveSetpoint& setpoint,
+                        FrameBatch& batch) noexcept = 0;
 
-  /// Takes a frame if it is this drive's: returns true and updates `feedback()` and `state()`. A frame that is
-  /// another drive's, malformed or out of the protocol is left alone.
+  /// Takes a frame if it is this drive's: returns true and updates `feedback()` and `state()`. A
+  /// frame that is another drive's, malformed or out of the protocol is left alone.
   virtual bool Decode(const CanFrame& frame) noexcept = 0;
 
-  /// What Encode put on the wire last, decoded again: setpoint as the drive will see it, after rounding.
+  /// What Encode put on the wire last, decoded again: setpoint as the drive will see it, after
+  /// rounding.
   [[nodiscard]] virtual DriveSetpoint encoded_setpoint() const noexcept = 0;
   [[nodiscard]] virtual DriveFeedback feedback() const noexcept = 0;
   [[nodiscard]] virtual DriveState state() const noexcept = 0;

@@ -7,7 +7,8 @@
 
 namespace tumbler {
 
-/// A collision or drawing shape in the plane of the robot, in the frame of its link (x along the link's x, z up).
+/// A collision or drawing shape in the plane of the robot, in the frame of its link (x along the
+/// link's x, z up).
 struct ReportShape {
   /// A stroked segment from (x1, z1) to (x2, z2) with a radius: a circle when both ends coincide.
   double x1_m = 0, z1_m = 0, x2_m = 0, z2_m = 0, radius_m = 0;
@@ -22,7 +23,8 @@ struct ReportLink {
 /// One instant of the motion.
 struct ReportSample {
   double time_s = 0;
-  std::vector<std::array<double, 3>> link_poses;  ///< x [m], z [m], pitch [rad] of each link, in the order of `links`.
+  std::vector<std::array<double, 3>>
+      link_poses;  ///< x [m], z [m], pitch [rad] of each link, in the order of `links`.
   std::vector<double> joint_positions_rad;
   std::vector<double> joint_velocities_rad_s;
   std::vector<double> joint_torques_nm;
@@ -46,24 +48,25 @@ struct ReportEvaluation {
 struct ReportObstacle {
   std::string name;
   enum class Kind { kHalfSpace, kCircle } kind = Kind::kHalfSpace;
-  double x_m = 0, z_m = 0;             ///< A point of the half-space's surface, or the circle's centre.
-  double normal_x = 0, normal_z = 1;   ///< Out of the half-space.
+  double x_m = 0, z_m = 0;  ///< A point of the half-space's surface, or the circle's centre.
+  double normal_x = 0, normal_z = 1;  ///< Out of the half-space.
   double radius_m = 0;
 };
 
 /// Everything the page shows.
 struct ReportData {
-  std::string title;                  ///< e.g. `handstand`
-  std::string subtitle;               ///< e.g. tool version, seed, date-free
-  double duration_s = 0;              ///< The motion's; samples may go on after it (settling).
+  std::string title;      ///< e.g. `handstand`
+  std::string subtitle;   ///< e.g. tool version, seed, date-free
+  double duration_s = 0;  ///< The motion's; samples may go on after it (settling).
   std::vector<std::string> joint_names;
   std::vector<double> torque_limits_nm;
   std::vector<std::array<double, 2>> position_limits_rad;
   std::vector<ReportLink> links;
   std::vector<ReportObstacle> obstacles;
-  std::vector<ReportSample> samples;        ///< Evenly spaced, about 200 a second.
+  std::vector<ReportSample> samples;  ///< Evenly spaced, about 200 a second.
   std::vector<ReportEvaluation> evaluations;
-  std::vector<std::pair<std::string, std::string>> certificate;  ///< Name and value with unit, in order.
+  std::vector<std::pair<std::string, std::string>>
+      certificate;  ///< Name and value with unit, in order.
 };
 
 /// Writes `DIR/index.html`, one page that needs no network, and creates DIR where it is missing.

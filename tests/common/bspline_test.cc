@@ -18,8 +18,8 @@ Spline RandomSpline(std::mt19937_64& random, int degree) {
   const int n = degree + 1 + static_cast<int>(random() % 12);
   std::vector<double> knots(static_cast<std::size_t>(degree) + 1, 0.0);
   for (int i = degree + 1; i < n; ++i) {
-    const bool repeat = degree > 2 && i > degree + 1 && random() % 5 == 0 &&
-                        knots[knots.size() - 2] < knots.back();
+    const bool repeat =
+        degree > 2 && i > degree + 1 && random() % 5 == 0 && knots[knots.size() - 2] < knots.back();
     knots.push_back(repeat ? knots.back() : knots.back() + unit(random));
   }
   knots.insert(knots.end(), static_cast<std::size_t>(degree) + 1, knots.back() + unit(random));
@@ -53,7 +53,8 @@ TEST_P(EveryDegree, AgreesWithTheTextbookRecursion) {
       const double t = s * spline.end_s();
       double expected = 0;
       for (std::size_t i = 0; i < spline.control_points().size(); ++i) {
-        expected += spline.control_points()[i] * CoxDeBoor(spline.knots(), static_cast<int>(i), GetParam(), t);
+        expected += spline.control_points()[i] *
+                    CoxDeBoor(spline.knots(), static_cast<int>(i), GetParam(), t);
       }
       EXPECT_NEAR(spline.Evaluate(t).value, expected, 1e-12);
     }
@@ -75,7 +76,8 @@ TEST_P(EveryDegree, DerivativesAgreeWithTheSplineOfDerivativesAndWithDifferences
       const bool knot_near = std::any_of(spline.knots().begin(), spline.knots().end(),
                                          [&](double u) { return std::abs(u - t) < 2 * h; });
       if (!knot_near) {
-        const double difference = (spline.Evaluate(t + h).value - spline.Evaluate(t - h).value) / (2 * h);
+        const double difference =
+            (spline.Evaluate(t + h).value - spline.Evaluate(t - h).value) / (2 * h);
         EXPECT_NEAR(sample.first, difference, 1e-5 * (1 + std::abs(difference)));
       }
     }
@@ -133,7 +135,8 @@ TEST(BSpline, NeverExtrapolates) {
   const Spline spline = RandomSpline(random, 5);
   EXPECT_EQ(spline.Evaluate(-3).value, spline.Evaluate(spline.start_s()).value);
   EXPECT_EQ(spline.Evaluate(spline.end_s() + 5).first, spline.Evaluate(spline.end_s()).first);
-  EXPECT_EQ(spline.Evaluate(std::numeric_limits<double>::quiet_NaN()).value, spline.control_points().front());
+  EXPECT_EQ(spline.Evaluate(std::numeric_limits<double>::quiet_NaN()).value,
+            spline.control_points().front());
 }
 
 TEST(BSpline, ReproducesAPolynomialOfItsDegreeExactly) {
@@ -169,7 +172,8 @@ TEST(BSpline, RefusesWhatItsDocumentationForbidsAndStaysUnchanged) {
   EXPECT_EQ(spline.Assign(2, V{0, 0, 0, 1, 1, 2}, points), Status::kInvalidArgument);
   EXPECT_EQ(spline.Assign(2, V{1, 1, 1, 0, 0, 0}, points), Status::kInvalidArgument);
   EXPECT_EQ(spline.Assign(2, V{0, 0, 0, 0, 0, 0}, points), Status::kInvalidArgument);
-  EXPECT_EQ(spline.Assign(2, V{0, 0, 0, .5, .5, .5, 1, 1, 1}, V{1, 2, 3, 4, 5, 6}), Status::kInvalidArgument);
+  EXPECT_EQ(spline.Assign(2, V{0, 0, 0, .5, .5, .5, 1, 1, 1}, V{1, 2, 3, 4, 5, 6}),
+            Status::kInvalidArgument);
   EXPECT_EQ(spline.Assign(2, V{0, 0, 0, 1, 1, inf}, points), Status::kInvalidArgument);
   EXPECT_EQ(spline.Assign(2, knots, V{1, nan, 3}), Status::kInvalidArgument);
   EXPECT_EQ(spline.Assign(2, knots, V{1, 2}), Status::kInvalidArgument);

@@ -1,0 +1,107 @@
+#pragma once
+
+#include <cmath>
+
+namespace tumbler {
+
+/// How the force fades in over the outer part of the compliant layer.
+enum class ContactSmoothing {
+  kCubic,    ///< [AB04, Eqs. 14-17]: C1.
+  kQuintic,  ///< Same span, zero second derivative at both ends too: C2, which BFGS likes.
+};
+
+/// How the damper enters the normal force.
+enum class ContactDamping {
+  kNoPull,   ///< A C1 clamp keeps the force from pulling: the default.
+  kSigned,   ///< k x - c v with the signed normal velocity: pulls when it separates fast.
+  kPrinted,  ///< [AB04, Eq. 13] as printed, k x - c |v|: it adds energy on approach. For comparison
+             ///< only.
+};
+
+/// The contact law of [AB04, section III]. SI units; every body and obstacle pair of a task shares
+/// one.
+struct ContactLaw {
+  double stiffness_n_per_m =
+      1e4;  ///< k > 0. Static penetration of a 1.8 kg robot on two feet: about 1 mm.
+  double damping_n_s_per_m = 60;  ///< c >= 0.
+  double layer_m = 4e-3;  ///< d_on > 0: distance at which force begins, the thickness of the layer.
+  double full_force_m =
+      3e-3;               ///< d_off, 0 <= d_off < d_on: distance below which the smoothing is 1.
+  double friction = 0.3;  ///< mu >= 0 [AB04, after Eq. 18].
+  double slip_speed_m_per_s = 0.05;  ///< v_max > 0: creep below it stands for sticking.
+  ContactSmoothing smoothing = ContactSmoothing::kCubic;
+  ContactDamping damping = ContactDamping::kNoPull;
+};
+
+/// The normal force N [N] at distance d and its derivatives; v is the normal velocity, positive
+/// when separating.
+struct NormalForce {
+  double N = 0;
+  double N_d = 0;  ///< [N/m]
+  double N_v = 0;  ///< [N s/m]
+};
+
+/// N = beta(d) P(k (d_on - d) - c v), with beta of [AB04, Eqs. 14-17].
+///
+/// P is the C1 positive part: P(y) = 0 for y <= 0, y^2 (2 e - y) / e^2 below e, y above it, with e
+/// = k (d_on - d_off). P is monotone, so with U(d) = integral of beta P(k x) dx the rest of the
+/// force opposes the velocity: a passive contact never gains energy, and never pulls. Beyond e the
+/// law is exactly the linear spring and damper.
+inline NormalForce EvaluateNormalForce(const ContactLaw& law, double d, double v) {
+  NormalForce out;
+  const double x = law.layer_m - d;
+  if (!(x > 0)) return out;
+  const double width = law.layer_m - law.full_force_m;
+  double beta = 1;
+  double beta_d = 0;
+  if (x < width) {
+    const double s = x / width;
+    if (law.smoothing == ContactSmoothing::kCubic) {
+      beta = s * s * (3 - 2 * s);
+      beta_d = -6 * s * (1 - s) / width;
+    } else {
+      beta = s * s * s * (10 + s * (6 * s - 15));
+      beta_d = -30 * s * s * (1 - s) * (1 - s) / width;
+    }
+  }
+  const double k = law.stiffness_n_per_m;
+  const double c = law.damping_n_s_per_m;
+  double y = k * x - c * v;
+  double y_v = -c;
+  double P = y;
+  double P_y = 1;
+  if (law.damping == ContactDamping::kPrinted) {
+    y = k * x - c * std::abs(v);
+    y_v = v < 0 ? c : -c;
+    P = y;
+  } else if (law.damping == ContactDamping::kNoPull) {
+    const double e = k * width;
+    if (y <= 0) return out;
+    if (y < e) {
+      const double r = y / e;
+      P = y * r * (2 - r);
+      P_y = r * (4 - 3 * r);
+    }
+  }
+  out.N = beta * P;
+  out.N_d = beta_d * P - beta * P_y * k;
+  out.N_v = beta * P_y * y_v;
+  return out;
+}
+
+/// Friction per unit of normal force is -mu gain(s2) v_t, with s2 = |v_t|^2: [AB04, Eqs. 18-20]
+/// written without a unit vector, so that nothing divides by zero at rest.
+struct FrictionGain {
+  double gain = 0;     ///< gamma(|v_t|) / |v_t| [s/m]
+  double gain_s2 = 0;  ///< its derivative in |v_t|^2
+};
+
+inline FrictionGain EvaluateFrictionGain(const ContactLaw& law, double s2) {
+  const double v_max = law.slip_speed_m_per_s;
+  const double r2 = s2 / (v_max * v_max);
+  if (r2 < 1) return {(1.5 - 0.5 * r2) / v_max, -0.5 / (v_max * v_max * v_max)};
+  const double inverse = 1 / std::sqrt(s2);
+  return {inverse, -0.5 * inverse * inverse * inverse};
+}
+
+}  // namespace tumbler

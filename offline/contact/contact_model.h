@@ -1,0 +1,177 @@
+#pragma once
+
+#include <array>
+#include <cmath>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "offline/contact/contact_law.h"
+#include "offline/dynamics/hybrid_dynamics.h"
+
+namespace tumbler {
+
+/// A sphere fixed to a body of the robot (a disc in the plane).
+template <class Space>
+struct ContactSphere {
+  std::string name;                                       ///< `LINK/INDEX`
+  int body = 0;                                           ///< Degree of freedom that moves it.
+  typename Space::Vector centre = Space::Vector::Zero();  ///< In the body's frame [m].
+  double radius_m = 0;
+};
+
+/// Something at rest in the world that the robot can touch.
+template <class Space>
+struct Obstacle {
+  enum class Kind { kHalfSpace, kSphere };  ///< A sphere is a cylinder along y in the plane.
+  std::string name;
+  Kind kind = Kind::kHalfSpace;
+  typename Space::Vector point =
+      Space::Vector::Zero();  ///< On the surface of the half-space, or the centre [m].
+  typename Space::Vector normal = Space::Vector::Zero();  ///< Unit, out of the half-space.
+  double radius_m = 0;
+};
+
+/// The near points of a sphere and an obstacle, [AB04, Eq. 10], with a signed distance: the normal
+/// is defined however deep the penetration, save at the centre of a spherical obstacle.
+template <class Space>
+struct NearPoint {
+  double d = 0;                ///< Distance between the surfaces, negative inside [m].
+  typename Space::Vector u_d;  ///< Unit normal, from the obstacle to the robot.
+  double curvature_per_m =
+      0;  ///< du_d = curvature (I - u_d u_d^T) dc for a motion dc of the sphere's centre.
+};
+
+template <class Space>
+NearPoint<Space> FindNearPoint(const Obstacle<Space>& obstacle,
+                               const typename Space::Vector& centre, double radius_m) {
+  if (obstacle.kind == Obstacle<Space>::Kind::kHalfSpace) {
+    return {obstacle.normal.dot(centre - obstacle.point) - radius_m, obstacle.normal, 0};
+  }
+  const typename Space::Vector r = centre - obstacle.point;
+  const double length = r.norm();
+  return {length - obstacle.radius_m - radius_m, r / length, 1 / length};
+}
+
+/// One contact that carries force.
+template <class Space>
+struct ActiveContact {
+  int sphere = 0;
+  int obstacle = 0;
+  double depth_m = 0;  ///< Into the layer, d_on - d.
+  double normal_force_n = 0;
+  typename Space::Vector point;  ///< p_rob relative to the origin of the dynamics.
+  typename Space::Vector force;  ///< On the robot.
+};
+
+/// All contacts of a robot with the obstacles of a task, [AB04, section III], with exact
+/// derivatives that include the motion of contact points and normals.
+template <class Space>
+class ContactModel {
+ public:
+  static constexpr int kMaxActive = 32;
+
+  ContactModel(const ContactLaw& law, std::vector<ContactSphere<Space>> spheres,
+               std::vector<Obstacle<Space>> obstacles)
+      : law_(law), spheres_(std::move(spheres)), obstacles_(std::move(obstacles)) {}
+
+  /// Adds the wrench of every active contact to `dynamics`, after its SetState. At most kMaxActive
+  /// contacts are kept for Differentiate; a robot of this size never has that many.
+  void Apply(HybridDynamics<Space>& dynamics) {
+    active_count_ = 0;
+    for (int s = 0; s < static_cast<int>(spheres_.size()); ++s) {
+      const ContactSphere<Space>& sphere = spheres_[static_cast<std::size_t>(s)];
+      const typename Space::Vector c =
+          dynamics.position(sphere.body) + dynamics.rotation(sphere.body) * sphere.centre;
+      const typename Space::Vector world = dynamics.origin() + c;
+      for (int o = 0; o < static_cast<int>(obstacles_.size()); ++o) {
+        const NearPoint<Space> near =
+            FindNearPoint(obstacles_[static_cast<std::size_t>(o)], world, sphere.radius_m);
+        if (near.d >= law_.layer_m || active_count_ == kMaxActive) continue;
+        Evaluation& e = evaluations_[static_cast<std::size_t>(active_count_)];
+        e.near = near;
+        e.body = sphere.body;
+        e.radius = sphere.radius_m;
+        e.c = c;
+        e.p = c - sphere.radius_m * near.u_d;
+        e.v = dynamics.velocity(sphere.body).At(e.p);
+        const double v_d = e.v.dot(near.u_d);
+        e.normal = EvaluateNormalForce(law_, near.d, v_d);
+        e.v_t = e.v - v_d * near.u_d;
+        e.friction = EvaluateFrictionGain(law_, e.v_t.squaredNorm());
+        e.F = e.normal.N * near.u_d -
+              (law_.friction * std::abs(e.normal.N) * e.friction.gain) * e.v_t;
+        dynamics.AddWrench(sphere.body, Space::ForceAt(e.p, e.F));
+        active_[static_cast<std::size_t>(active_count_++)] = {
+            s, o, law_.layer_m - near.d, e.normal.N, e.p, e.F};
+      }
+    }
+  }
+
+  /// Adds the derivatives of the wrenches of the last Apply to `dynamics`, after its Solve.
+  void Differentiate(HybridDynamics<Space>& dynamics) const {
+    using Vector = typename Space::Vector;
+    for (int a = 0; a < active_count_; ++a) {
+      const Evaluation& e = evaluations_[static_cast<std::size_t>(a)];
+      const Vector& u = e.near.u_d;
+      const auto& body_v = dynamics.velocity(e.body);
+      const auto W = Space::ForceAt(e.p, e.F);
+      const double N_sign = e.normal.N < 0 ? -1 : 1;
+      // The change of F for changes of distance, normal and velocity.
+      const auto force_change = [&](double dd, const Vector& du, const Vector& dv) -> Vector {
+        const double v_d = e.v.dot(u);
+        const double dv_d = dv.dot(u) + e.v.dot(du);
+        const Vector dv_t = dv - dv_d * u - v_d * du;
+        const double dN = e.normal.N_d * dd + e.normal.N_v * dv_d;
+        const double gain = e.friction.gain;
+        const double dgain = e.friction.gain_s2 * 2 * e.v_t.dot(dv_t);
+        const double mu = law_.friction * N_sign;
+        return dN * u + e.normal.N * du -
+               mu * ((dN * gain + e.normal.N * dgain) * e.v_t + (e.normal.N * gain) * dv_t);
+      };
+      for (int k = e.body; k >= 0; k = dynamics.parent(k)) {
+        const auto& S = dynamics.axis(k);
+        const Vector dc = S.At(e.c);
+        const double dd = u.dot(dc);
+        const Vector du = e.near.curvature_per_m * (dc - dd * u);
+        const Vector dp = dc - e.radius * du;
+        // d(v_body)/dq_k = S_k x (v_body - v_parent(k))
+        const auto dv_body = Space::Cross(S, body_v) + dynamics.axis_rate(k);
+        const Vector dv = Space::At(dv_body, e.p) + Space::Cross(body_v.w, dp);
+        const Vector dF = force_change(dd, du, dv);
+        auto dW = Space::ForceAt(e.p, dF);
+        dW.n += Space::Moment(dp, e.F);
+        const Vector dF_qd = force_change(0, Vector::Zero(), S.At(e.p));
+        dynamics.AddWrenchDerivative(e.body, k, dW - Space::Cross(S, W),
+                                     Space::ForceAt(e.p, dF_qd));
+      }
+    }
+  }
+
+  [[nodiscard]] std::span<const ActiveContact<Space>> active() const {
+    return {active_.data(), static_cast<std::size_t>(active_count_)};
+  }
+  [[nodiscard]] const ContactLaw& law() const { return law_; }
+  [[nodiscard]] const std::vector<ContactSphere<Space>>& spheres() const { return spheres_; }
+  [[nodiscard]] const std::vector<Obstacle<Space>>& obstacles() const { return obstacles_; }
+
+ private:
+  struct Evaluation {
+    NearPoint<Space> near;
+    int body;
+    double radius;
+    typename Space::Vector c, p, v, v_t, F;
+    NormalForce normal;
+    FrictionGain friction;
+  };
+
+  ContactLaw law_;
+  std::vector<ContactSphere<Space>> spheres_;
+  std::vector<Obstacle<Space>> obstacles_;
+  std::array<Evaluation, kMaxActive> evaluations_;
+  std::array<ActiveContact<Space>, kMaxActive> active_;
+  int active_count_ = 0;
+};
+
+}  // namespace tumbler

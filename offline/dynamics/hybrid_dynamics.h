@@ -1,0 +1,418 @@
+#pragma once
+
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include <Eigen/Core>
+
+#include "offline/dynamics/tree.h"
+
+namespace tumbler {
+
+/// Partial derivatives of the outputs of hybrid dynamics. Row i is the acceleration of degree of
+/// freedom i where that is free, its torque where it is prescribed. Columns: positions, velocities,
+/// and given inputs (the acceleration of a prescribed degree of freedom, the force or torque of a
+/// free one).
+struct DynamicsDerivatives {
+  using Block = std::array<std::array<double, kMaxDofs>, kMaxDofs>;
+  Block q;
+  Block qd;
+  Block input;
+};
+
+/// Hybrid dynamics g of a tree, [AB04, Eq. 7], and its derivative dg, [AB04, Eq. 9]:
+///
+///   (tau_a, qdd_p) = g(q, qd, qdd_a, tau_p),   M(q) qdd + b(q, qd) = tau + sum_c J_c^T f_c
+///
+/// where prescribed degrees of freedom (a) have their acceleration given and free ones (p) their
+/// torque, with contact wrenches from outside. Method: inverse dynamics gives tau at qdd_p = 0; the
+/// free rows of the joint-space inertia M give qdd_p (Cholesky); dg is the derivative of inverse
+/// dynamics in closed form [SRW22, Eqs. 34-37], partitioned the same way. Everything is expressed
+/// with world axes about the first body's origin, which keeps numbers small however far the robot
+/// travels, and makes the root's translations constant.
+///
+/// Order of calls: SetState; AddWrench for every contact; Solve; then for derivatives
+/// AddWrenchDerivative for every contact, and Differentiate. Cost: O(n d) for tree depth d, plus
+/// O(n_p^3). No heap after construction.
+///
+/// [AB04] J. Albro, J. Bobrow, 2004. [SRW22] S. Singh, R. Russell, P. Wensing, Efficient Analytical
+/// Derivatives of Rigid-Body Dynamics Using Spatial Vector Algebra, IEEE RA-L 7(2), 2022.
+template <class Space>
+class HybridDynamics {
+ public:
+  using Vector = typename Space::Vector;
+  using Motion = typename Space::Motion;
+  using Rate = typename Space::Rate;
+  using Wrench = typename Space::Wrench;
+  using Rotation = typename Space::Rotation;
+
+  /// @pre 1 <= dofs <= kMaxDofs, parents before children, and every free subset of the tree has
+  /// inertia.
+  explicit HybridDynamics(const Tree<Space>& tree);
+
+  [[nodiscard]] int size() const { return n_; }
+  [[nodiscard]] bool prescribed(int j) const { return joints_[Index(j)].prescribed; }
+
+  /// Positions and velocities of all bodies; forgets all wrenches.
+  void SetState(std::span<const double> q, std::span<const double> qd);
+
+  /// After SetState. Positions are relative to `origin()`, which is in world coordinates.
+  [[nodiscard]] const Vector& origin() const { return origin_; }
+  [[nodiscard]] const Rotation& rotation(int j) const { return bodies_[Index(j)].R; }
+  [[nodiscard]] const Vector& position(int j) const { return bodies_[Index(j)].p; }
+  [[nodiscard]] const Motion& velocity(int j) const { return bodies_[Index(j)].v; }
+  [[nodiscard]] const Motion& axis(int j) const { return bodies_[Index(j)].S; }
+  /// Velocity of the axis of j because its parent moves, v_parent x S_j.
+  [[nodiscard]] const Rate& axis_rate(int j) const { return bodies_[Index(j)].S_rate; }
+  [[nodiscard]] int parent(int j) const { return joints_[Index(j)].parent; }
+
+  /// Adds an external wrench about `origin()` on body j.
+  void AddWrench(int j, const Wrench& wrench) {
+    bodies_[Index(j)].external = bodies_[Index(j)].external + wrench;
+  }
+
+  /// Solves for what is not given: reads qdd where prescribed and tau where free, writes the
+  /// others.
+  void Solve(std::span<double> qdd, std::span<double> tau);
+
+  /// Derivative of the wrench on body j with respect to the position and velocity of k, an ancestor
+  /// of j or j itself, less the wrench's own motion with k: d_q = dW/dq_k - S_k x* W. After Solve,
+  /// before Differentiate.
+  void AddWrenchDerivative(int j, int k, const Wrench& d_q, const Wrench& d_qd) {
+    WrenchDerivative& sum = wrench_derivatives_[Index(j)][Index(k)];
+    if ((touched_ >> j & 1U) == 0) {
+      touched_ |= 1U << j;
+      for (int a = j; a >= 0; a = joints_[Index(a)].parent)
+        wrench_derivatives_[Index(j)][Index(a)] = {};
+    }
+    sum.q = sum.q + d_q;
+    sum.qd = sum.qd + d_qd;
+  }
+
+  /// All derivatives of Solve's outputs at its solution.
+  void Differentiate(DynamicsDerivatives& out);
+
+  /// Kinetic energy, and potential energy with its zero at the world's origin [J]. After SetState.
+  [[nodiscard]] double KineticEnergy() const;
+  [[nodiscard]] double PotentialEnergy() const;
+  /// Momentum of the whole tree about the world's origin. After SetState.
+  [[nodiscard]] Wrench Momentum() const;
+
+ private:
+  struct Joint {
+    int parent;
+    JointKind kind;
+    bool prescribed;
+    bool massless;
+    typename Space::Axis axis;
+    Vector direction, offset, mass_centre;
+    double mass, inertia, rotor_inertia, damping;
+  };
+  struct Body {
+    Rotation R;
+    Vector p;     // relative to origin_
+    Motion S;     // axis
+    Rate S_rate;  // v_parent x S
+    Motion v;
+    double qd, qdd;
+    typename Space::Inertia own;  // of the body
+    Wrench momentum;              // own * v
+    Wrench external;
+    Motion a;                           // acceleration, gravity included as -g at the world
+    Rate S_rate2;                       // a_parent x S + v_parent x S_rate
+    typename Space::Inertia composite;  // of the subtree
+    typename Space::Bias bias;          // of the subtree
+    Wrench force;                       // of the subtree
+    Wrench composite_S;                 // composite * S
+  };
+  struct WrenchDerivative {
+    Wrench q, qd;
+  };
+  static constexpr std::size_t Index(int i) { return static_cast<std::size_t>(i); }
+  void FactorFreeInertia();
+  void SolveFree(double* x) const;
+
+  int n_ = 0;
+  int first_body_ = 0;
+  int free_count_ = 0;
+  std::array<int, kMaxDofs> free_{};        // degree of freedom of each row of the free inertia
+  std::array<int, kMaxDofs> free_index_{};  // and back; -1 where prescribed
+  Vector gravity_;
+  Vector origin_ = Vector::Zero();
+  std::array<Joint, kMaxDofs> joints_;
+  std::array<Body, kMaxDofs> bodies_;
+  DynamicsDerivatives::Block M_;  // joint-space inertia; zero off the tree's branches
+  std::array<std::array<double, kMaxDofs>, kMaxDofs> L_;  // Cholesky factor; diagonal inverted
+  std::array<std::array<WrenchDerivative, kMaxDofs>, kMaxDofs> wrench_derivatives_;
+  std::uint32_t touched_ = 0;
+};
+
+template <class Space>
+HybridDynamics<Space>::HybridDynamics(const Tree<Space>& tree)
+    : n_(static_cast<int>(tree.dofs.size())), first_body_(n_ - 1), gravity_(tree.gravity) {
+  free_index_.fill(-1);
+  for (auto& row : M_) row.fill(0);
+  for (int j = 0; j < n_; ++j) {
+    const Dof<Space>& dof = tree.dofs[Index(j)];
+    joints_[Index(j)] = {dof.parent,
+                         dof.kind,
+                         dof.prescribed,
+                         dof.massless,
+                         dof.axis,
+                         dof.direction,
+                         dof.offset,
+                         dof.mass_centre,
+                         dof.mass_kg,
+                         dof.inertia_kg_m2,
+                         dof.rotor_inertia_kg_m2,
+                         dof.damping_nm_s_per_rad};
+    if (!dof.massless && j < first_body_) first_body_ = j;
+    if (!dof.prescribed) {
+      free_index_[Index(j)] = free_count_;
+      free_[Index(free_count_++)] = j;
+    }
+  }
+}
+
+template <class Space>
+void HybridDynamics<Space>::SetState(std::span<const double> q, std::span<const double> qd) {
+  touched_ = 0;
+  // Positions in the world first; from then on the origin is that of the first body's frame.
+  for (int j = 0; j < n_; ++j) {
+    const Joint& joint = joints_[Index(j)];
+    Body& body = bodies_[Index(j)];
+    Rotation R;
+    Vector p = Vector::Zero();
+    if (joint.parent >= 0) {
+      R = bodies_[Index(joint.parent)].R;
+      p = bodies_[Index(joint.parent)].p;
+    }
+    if (joint.kind == JointKind::kRevolute) {
+      body.R = R * Space::RotationBy(joint.axis, q[Index(j)]);
+      body.p = p + R * joint.offset;
+    } else {
+      body.R = R;
+      body.p = p + R * (joint.offset + joint.direction * q[Index(j)]);
+    }
+  }
+  origin_ = bodies_[Index(first_body_)].p;
+  for (int j = 0; j < n_; ++j) {
+    const Joint& joint = joints_[Index(j)];
+    Body& body = bodies_[Index(j)];
+    body.p -= origin_;
+    const Motion parent_v = joint.parent >= 0 ? bodies_[Index(joint.parent)].v : Motion{};
+    if (joint.kind == JointKind::kRevolute) {
+      body.S = Space::RevoluteMotion(body.R, joint.axis, body.p);
+    } else {
+      body.S = {};
+      body.S.v = body.R * joint.direction;
+    }
+    body.S_rate = Space::Cross(parent_v, body.S);
+    body.qd = qd[Index(j)];
+    body.v = parent_v + body.S * body.qd;
+    body.external = {};
+    if (!joint.massless) {
+      body.own =
+          Space::Inertia::OfBody(joint.mass, body.p + body.R * joint.mass_centre, joint.inertia);
+      body.momentum = body.own * body.v;
+    }
+  }
+}
+
+template <class Space>
+void HybridDynamics<Space>::Solve(std::span<double> qdd, std::span<double> tau) {
+  // Inverse dynamics with the unknown accelerations at zero.
+  const Motion base{{}, -gravity_};
+  for (int j = 0; j < n_; ++j) {
+    const Joint& joint = joints_[Index(j)];
+    Body& body = bodies_[Index(j)];
+    const Motion& parent_a = joint.parent >= 0 ? bodies_[Index(joint.parent)].a : base;
+    body.a = parent_a + body.S_rate * body.qd;
+    if (joint.prescribed) body.a = body.a + body.S * qdd[Index(j)];
+    if (joint.massless) {
+      body.composite = {};
+      body.force = body.external * -1.0;
+    } else {
+      body.composite = body.own;
+      body.force = body.own * body.a + Space::Cross(body.v, body.momentum) - body.external;
+    }
+  }
+  std::array<double, kMaxDofs> rest{};  // tau at free qdd = 0
+  for (int j = n_ - 1; j >= 0; --j) {
+    Body& body = bodies_[Index(j)];
+    const Joint& joint = joints_[Index(j)];
+    rest[Index(j)] = Space::Dot(body.S, body.force) + joint.damping * body.qd;
+    if (joint.prescribed) rest[Index(j)] += joint.rotor_inertia * qdd[Index(j)];
+    body.composite_S = body.composite * body.S;
+    for (int i = j; i >= 0; i = joints_[Index(i)].parent) {
+      const double m = Space::Dot(bodies_[Index(i)].S, body.composite_S);
+      M_[Index(i)][Index(j)] = m;
+      M_[Index(j)][Index(i)] = m;
+    }
+    M_[Index(j)][Index(j)] += joint.rotor_inertia;
+    if (const int i = joint.parent; i >= 0) {
+      Body& parent = bodies_[Index(i)];
+      parent.composite = parent.composite + body.composite;
+      parent.force = parent.force + body.force;
+    }
+  }
+  FactorFreeInertia();
+  std::array<double, kMaxDofs> x{};
+  for (int i = 0; i < free_count_; ++i)
+    x[Index(i)] = tau[Index(free_[Index(i)])] - rest[Index(free_[Index(i)])];
+  SolveFree(x.data());
+  for (int i = 0; i < free_count_; ++i) qdd[Index(free_[Index(i)])] = x[Index(i)];
+  for (int j = 0; j < n_; ++j) {
+    bodies_[Index(j)].qdd = qdd[Index(j)];
+    if (!joints_[Index(j)].prescribed) continue;
+    double sum = rest[Index(j)];
+    for (int i = 0; i < free_count_; ++i) sum += M_[Index(j)][Index(free_[Index(i)])] * x[Index(i)];
+    tau[Index(j)] = sum;
+  }
+}
+
+template <class Space>
+void HybridDynamics<Space>::FactorFreeInertia() {
+  for (int i = 0; i < free_count_; ++i) {
+    const auto& row = M_[Index(free_[Index(i)])];
+    for (int k = 0; k <= i; ++k) {
+      double sum = row[Index(free_[Index(k)])];
+      for (int m = 0; m < k; ++m) sum -= L_[Index(i)][Index(m)] * L_[Index(k)][Index(m)];
+      L_[Index(i)][Index(k)] = i == k ? 1 / std::sqrt(sum) : sum * L_[Index(k)][Index(k)];
+    }
+  }
+}
+
+template <class Space>
+void HybridDynamics<Space>::SolveFree(double* x) const {
+  for (int i = 0; i < free_count_; ++i) {
+    for (int k = 0; k < i; ++k) x[i] -= L_[Index(i)][Index(k)] * x[k];
+    x[i] *= L_[Index(i)][Index(i)];
+  }
+  for (int i = free_count_ - 1; i >= 0; --i) {
+    for (int k = i + 1; k < free_count_; ++k) x[i] -= L_[Index(k)][Index(i)] * x[k];
+    x[i] *= L_[Index(i)][Index(i)];
+  }
+}
+
+template <class Space>
+void HybridDynamics<Space>::Differentiate(DynamicsDerivatives& out) {
+  // Accelerations and forces at the solution; Psi-dot and Psi-double-dot of [SRW22] are S_rate and
+  // S_rate2.
+  const Motion base{{}, -gravity_};
+  for (int j = 0; j < n_; ++j) {
+    const Joint& joint = joints_[Index(j)];
+    Body& body = bodies_[Index(j)];
+    const bool root = joint.parent < 0;
+    const Motion& parent_a = root ? base : bodies_[Index(joint.parent)].a;
+    body.S_rate2 = Space::Cross(parent_a, body.S);
+    if (!root)
+      body.S_rate2 = body.S_rate2 + Space::Cross(bodies_[Index(joint.parent)].v, body.S_rate);
+    body.a = parent_a + body.S_rate * body.qd + body.S * body.qdd;
+    if (joint.massless) {
+      body.bias = {};
+      body.force = body.external * -1.0;
+    } else {
+      body.bias = Space::Bias::OfBody(body.own, body.v, body.momentum);
+      body.force = body.own * body.a + Space::Cross(body.v, body.momentum) - body.external;
+    }
+  }
+  // Derivatives of inverse dynamics, [SRW22, Eqs. 34-37]. Entries off the tree's branches are zero.
+  for (int i = 0; i < n_; ++i) {
+    for (int j = 0; j < n_; ++j) out.q[Index(i)][Index(j)] = out.qd[Index(i)][Index(j)] = 0;
+  }
+  for (int j = n_ - 1; j >= 0; --j) {
+    const Body& body = bodies_[Index(j)];
+    const int up = joints_[Index(j)].parent;
+    const Wrench d_q = body.composite * body.S_rate2 + Space::BiasOfRate(body.bias, body.S_rate) +
+                       Space::Cross(body.S, body.force);
+    const Wrench d_qd = body.bias * body.S + body.composite * (body.S_rate * 2.0);
+    for (int i = j; i >= 0; i = joints_[Index(i)].parent) {
+      out.q[Index(i)][Index(j)] = Space::Dot(bodies_[Index(i)].S, d_q);
+      out.qd[Index(i)][Index(j)] = Space::Dot(bodies_[Index(i)].S, d_qd);
+    }
+    out.qd[Index(j)][Index(j)] += joints_[Index(j)].damping;
+    const auto z = body.bias.TransposeTimes(body.S);
+    for (int i = up; i >= 0; i = joints_[Index(i)].parent) {
+      const Body& above = bodies_[Index(i)];
+      out.q[Index(j)][Index(i)] =
+          Space::Dot(above.S_rate2, body.composite_S) + Space::Apply(z, above.S_rate);
+      out.qd[Index(j)][Index(i)] =
+          Space::Apply(z, above.S) + 2 * Space::Dot(above.S_rate, body.composite_S);
+    }
+    if (up >= 0) {
+      Body& parent = bodies_[Index(up)];
+      parent.bias = parent.bias + body.bias;
+      parent.force = parent.force + body.force;
+    }
+  }
+  for (int j = 0; j < n_; ++j) {
+    if ((touched_ >> j & 1U) == 0) continue;
+    for (int k = j; k >= 0; k = joints_[Index(k)].parent) {
+      const WrenchDerivative& d = wrench_derivatives_[Index(j)][Index(k)];
+      for (int i = j; i >= 0; i = joints_[Index(i)].parent) {
+        out.q[Index(i)][Index(k)] -= Space::Dot(bodies_[Index(i)].S, d.q);
+        out.qd[Index(i)][Index(k)] -= Space::Dot(bodies_[Index(i)].S, d.qd);
+      }
+    }
+  }
+  // Partition. Free rows: M_pp d(qdd_p) = -d(tau_p) at fixed qdd; prescribed rows follow d(qdd_p).
+  std::array<double, kMaxDofs> x;
+  const auto partition = [&](DynamicsDerivatives::Block& block, int column) {
+    for (int i = 0; i < free_count_; ++i)
+      x[Index(i)] = -block[Index(free_[Index(i)])][Index(column)];
+    SolveFree(x.data());
+    for (int i = 0; i < free_count_; ++i)
+      block[Index(free_[Index(i)])][Index(column)] = x[Index(i)];
+    for (int j = 0; j < n_; ++j) {
+      if (!joints_[Index(j)].prescribed) continue;
+      double& entry = block[Index(j)][Index(column)];
+      for (int i = 0; i < free_count_; ++i)
+        entry += M_[Index(j)][Index(free_[Index(i)])] * x[Index(i)];
+    }
+  };
+  for (int k = 0; k < n_; ++k) {
+    partition(out.q, k);
+    partition(out.qd, k);
+    for (int i = 0; i < n_; ++i) {
+      const bool given_torque = !joints_[Index(k)].prescribed;
+      out.input[Index(i)][Index(k)] = given_torque ? (i == k ? -1.0 : 0.0) : M_[Index(i)][Index(k)];
+    }
+    partition(out.input, k);
+  }
+}
+
+template <class Space>
+double HybridDynamics<Space>::KineticEnergy() const {
+  double sum = 0;
+  for (int j = 0; j < n_; ++j) {
+    const Body& body = bodies_[Index(j)];
+    if (!joints_[Index(j)].massless) sum += 0.5 * Space::Dot(body.v, body.momentum);
+  }
+  return sum;
+}
+
+template <class Space>
+double HybridDynamics<Space>::PotentialEnergy() const {
+  double sum = 0;
+  for (int j = 0; j < n_; ++j) {
+    const Body& body = bodies_[Index(j)];
+    if (!joints_[Index(j)].massless) sum -= gravity_.dot(body.own.h + body.own.m * origin_);
+  }
+  return sum;
+}
+
+template <class Space>
+typename Space::Wrench HybridDynamics<Space>::Momentum() const {
+  Wrench sum;
+  for (int j = 0; j < n_; ++j) {
+    if (!joints_[Index(j)].massless) sum = sum + bodies_[Index(j)].momentum;
+  }
+  sum.n += Space::Moment(origin_, sum.f);
+  return sum;
+}
+
+}  // namespace tumbler

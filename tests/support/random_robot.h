@@ -1,0 +1,70 @@
+#pragma once
+
+#include <array>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "common/toml_reader.h"
+#include "offline/contact/contact_model.h"
+#include "offline/dynamics/hybrid_dynamics.h"
+#include "offline/dynamics/plane.h"
+#include "offline/model/robot.h"
+
+namespace tumbler {
+
+/// The shipped robot, its legs prescribed.
+inline PlanarRobot LoadTumbler() {
+  const std::string path = std::string(TUMBLER_SOURCE_DIR) + "/primitives/robots/tumbler.urdf";
+  PlanarRobot robot = ParsePlanarRobot(ReadTextFile(path), path, RootKind::kPlanarXz);
+  robot.tree.dofs[3].prescribed = robot.tree.dofs[4].prescribed = true;
+  return robot;
+}
+
+inline double Uniform(std::mt19937_64& random, double low, double high) {
+  return std::uniform_real_distribution<double>(low, high)(random);
+}
+
+/// A random tree of 1 to 8 joints with random branching, joint types, prescribed set, rotor inertia
+/// and damping.
+inline Tree<Plane> RandomTree(std::mt19937_64& random) {
+  Tree<Plane> tree;
+  tree.gravity = {Uniform(random, -3, 3), -9.81};
+  const int n = 1 + static_cast<int>(random() % 8);
+  for (int j = 0; j < n; ++j) {
+    Dof<Plane> dof;
+    dof.parent = j == 0 ? -1 : static_cast<int>(random() % static_cast<unsigned>(j + 1)) - 1;
+    dof.kind = random() % 3 == 0 ? JointKind::kPrismatic : JointKind::kRevolute;
+    dof.prescribed = random() % 2 == 0;
+    dof.axis = random() % 2 == 0 ? 1 : -1;
+    const double heading = Uniform(random, -3, 3);
+    dof.direction = {std::cos(heading), std::sin(heading)};
+    dof.offset = {Uniform(random, -0.5, 0.5), Uniform(random, -0.5, 0.5)};
+    dof.mass_kg = Uniform(random, 0.2, 2);
+    dof.mass_centre = {Uniform(random, -0.3, 0.3), Uniform(random, -0.3, 0.3)};
+    dof.inertia_kg_m2 = Uniform(random, 0.001, 0.1);
+    dof.rotor_inertia_kg_m2 = random() % 2 == 0 ? Uniform(random, 0, 0.01) : 0;
+    dof.damping_nm_s_per_rad = random() % 2 == 0 ? Uniform(random, 0, 0.5) : 0;
+    tree.dofs.push_back(dof);
+  }
+  return tree;
+}
+
+/// Positions, velocities and given inputs of one evaluation.
+struct DynamicsState {
+  std::vector<double> q, qd, qdd, tau;
+};
+
+inline DynamicsState RandomState(std::mt19937_64& random, std::size_t n, double scale = 1) {
+  DynamicsState s{std::vector<double>(n), std::vector<double>(n), std::vector<double>(n),
+                  std::vector<double>(n)};
+  for (std::size_t i = 0; i < n; ++i) {
+    s.q[i] = Uniform(random, -3, 3);
+    s.qd[i] = Uniform(random, -4, 4) * scale;
+    s.qdd[i] = Uniform(random, -20, 20);
+    s.tau[i] = Uniform(random, -5, 5);
+  }
+  return s;
+}
+
+}  // namespace tumbler
