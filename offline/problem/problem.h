@@ -1,0 +1,81 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "common/primitive.h"
+#include "offline/contact/contact_model.h"
+#include "offline/model/robot.h"
+
+namespace tumbler {
+
+/// A term of the cost on the state at one instant: weight (value - target)^power.
+struct TerminalTerm {
+  enum class When {
+    kEnd,      ///< t_f, where the motion ends.
+    kSettled,  ///< After the settle phase, legs held.
+  };
+  When when = When::kEnd;
+  int dof = 0;
+  bool of_velocity = false;  ///< Else of the position.
+  double target = 0;
+  double weight = 1;
+  int power = 2;  ///< 2, or 1 for a linear term such as those of [AB04, Eq. 34].
+};
+
+/// Limits and end conditions of one actuated joint.
+struct ActuatedJoint {
+  int dof = 0;
+  JointLimits<double> limits;
+  double start_rad = 0;
+  double end_rad = 0;
+};
+
+/// How global search is done: random splines, ranked by cost alone.
+struct SearchSettings {
+  std::uint64_t seed = 1;
+  int samples = 1200;  ///< Random starts.
+  int refine = 4;      ///< How many of the best go to the local solver.
+  double spread_rad =
+      1.6;  ///< Control points lie this far either side of the straight line from start to end.
+  double torque_penalty = 1;  ///< Weight of (|tau| / limit - 1)^2 in the ranking.
+  double step_s = 1e-3;  ///< Integration step: ranking needs less accuracy than solving.
+};
+
+/// How the local solver (SLSQP) is run.
+struct SolverSettings {
+  double step_s = 1e-3;              ///< Integration step of cost and gradient.
+  int max_evaluations = 120;         ///< Of cost and gradient, for each start.
+  double relative_tolerance = 1e-7;  ///< Of the cost.
+  double torque_sharpness =
+      60;  ///< Of the smooth maximum (Kreisselmeier-Steinhauser) that stands for the torque limit.
+};
+
+/// An optimal control problem of [AB04, Eqs. 1-6] in numbers.
+struct Problem {
+  std::string name;
+  PlanarRobot robot;                  ///< With its actuated joints prescribed.
+  std::vector<ActuatedJoint> joints;  ///< In the order of the robot's degrees of freedom.
+  ContactLaw contact;
+  std::vector<Obstacle<Plane>> obstacles;
+
+  std::vector<double> start_q;  ///< All degrees of freedom; at rest.
+  double duration_s = 1;
+  double settle_s = 0;
+  int degree = 5;
+  int control_points = 12;  ///< Per joint; the first and last three are fixed by the ends.
+  std::vector<TerminalTerm> terminal;
+  double effort_weight = 0;     ///< Of the integral of |tau|^2 over motion and settle phase.
+  double target_pitch_rad = 0;  ///< What the settled pitch is compared with.
+
+  SearchSettings search;
+  SolverSettings solver;
+
+  [[nodiscard]] int free_points_per_joint() const { return control_points - 6; }
+  [[nodiscard]] int parameter_count() const {
+    return free_points_per_joint() * static_cast<int>(joints.size());
+  }
+};
+
+}  // namespace tumbler

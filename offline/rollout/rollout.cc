@@ -1,0 +1,442 @@
+#include "offline/rollout/rollout.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+
+namespace tumbler {
+namespace {
+
+using Spline = JointMotion<double>::Spline;
+using Dynamics = HybridDynamics<Plane>;
+
+/// A state beyond this (m, rad, and their rates) is a failed rollout: no tumbler gets near it.
+constexpr double kImplausible = 1e4;
+
+// The classical Runge-Kutta scheme.
+constexpr int kStages = 4;
+constexpr std::array<double, kStages> kA = {0, 0.5, 0.5, 1};  // y_s = y + h a_s k_{s-1}
+constexpr std::array<double, kStages> kB = {1. / 6, 1. / 3, 1. / 3, 1. / 6};
+constexpr std::array<int, kStages> kHalfSteps = {0, 1, 1, 2};  // c_s in halves of a step
+
+constexpr std::size_t Index(int i) { return static_cast<std::size_t>(i); }
+
+std::vector<double> Knots(const Problem& problem) {
+  std::vector<double> knots(Index(problem.control_points + problem.degree + 1));
+  if (Spline::ClampedUniformKnots(problem.degree, problem.control_points, problem.duration_s,
+                                  knots) != Status::kOk) {
+    throw std::invalid_argument("spline degree, size and duration do not fit together");
+  }
+  return knots;
+}
+
+/// The three weights rows that the splines of all joints share at one time.
+struct ControlWeights {
+  int first = 0;
+  std::array<std::array<double, Spline::kMaxDegree + 1>, 3> w{};
+};
+
+/// Path of one actuated joint at one time, or the cotangent of it.
+struct Control {
+  double q = 0, qd = 0, qdd = 0;
+};
+
+}  // namespace
+
+std::vector<double> ControlPoints(const Problem& problem, std::span<const double> x,
+                                  std::size_t joint) {
+  const std::size_t free = Index(problem.free_points_per_joint());
+  const ActuatedJoint& actuated = problem.joints[joint];
+  std::vector<double> points(
+      3, actuated.start_rad);  // Rest: three equal points fix q, and qd = qdd = 0.
+  points.insert(points.end(), x.begin() + static_cast<std::ptrdiff_t>(joint * free),
+                x.begin() + static_cast<std::ptrdiff_t>((joint + 1) * free));
+  points.insert(points.end(), 3, actuated.end_rad);
+  return points;
+}
+
+Spline PositionSpline(const Problem& problem, std::span<const double> x, std::size_t joint) {
+  Spline spline;
+  if (spline.Assign(problem.degree, Knots(problem), ControlPoints(problem, x, joint)) !=
+      Status::kOk) {
+    throw std::invalid_argument("control points do not make a spline");
+  }
+  return spline;
+}
+
+struct Rollout::Implementation {
+  Implementation(const Problem& p, double step_s)
+      : problem(p),
+        dynamics(p.robot.tree),
+        contact(p.contact, p.robot.spheres, p.obstacles),
+        n(dynamics.size()),
+        na(static_cast<int>(p.joints.size())),
+        parameters(p.parameter_count()) {
+    for (int j = 0; j < n; ++j) {
+      if (!dynamics.prescribed(j)) free.push_back(j);
+    }
+    nf = static_cast<int>(free.size());
+    motion_steps = std::max(1, static_cast<int>(std::ceil(p.duration_s / step_s - 1e-9)));
+    settle_steps = static_cast<int>(std::ceil(p.settle_s / step_s - 1e-9));
+    motion_h = p.duration_s / motion_steps;
+    settle_h = settle_steps > 0 ? p.settle_s / settle_steps : step_s;
+    Spline spline;
+    const std::vector<double> knots = Knots(p);
+    if (spline.Assign(p.degree, knots, std::vector<double>(Index(p.control_points))) !=
+        Status::kOk) {
+      throw std::invalid_argument("spline degree and size do not fit together");
+    }
+    weights.resize(Index(2 * motion_steps + 1));
+    for (int k = 0; k <= 2 * motion_steps; ++k) {
+      const Spline::Weights w = spline.EvaluateWeights(0.5 * k * motion_h);
+      weights[Index(k)].first = w.first;
+      weights[Index(k)].w = w.w;
+    }
+    controls.resize(weights.size() * Index(na));
+    const std::size_t steps = Index(motion_steps + settle_steps);
+    stage_columns = 2 * n + na;
+    stage_size = n * stage_columns;
+    stage_torque.resize(steps * kStages * Index(na));
+  }
+
+  void SetControls(std::span<const double> x) {
+    const int free_points = problem.free_points_per_joint();
+    for (int j = 0; j < na; ++j) {
+      const ActuatedJoint& joint = problem.joints[Index(j)];
+      std::array<double, kMaxControlPoints> c{};
+      for (int i = 0; i < problem.control_points; ++i) {
+        c[Index(i)] = i < 3                 ? joint.start_rad
+                      : i < 3 + free_points ? x[Index(j * free_points + i - 3)]
+                                            : joint.end_rad;
+      }
+      for (std::size_t k = 0; k < weights.size(); ++k) {
+        const ControlWeights& w = weights[k];
+        Control sum;
+        for (int i = 0; i <= problem.degree; ++i) {
+          const double point = c[Index(w.first + i)];
+          sum.q += w.w[0][Index(i)] * point;
+          sum.qd += w.w[1][Index(i)] * point;
+          sum.qdd += w.w[2][Index(i)] * point;
+        }
+        controls[k * Index(na) + Index(j)] = sum;
+      }
+    }
+  }
+
+  /// Full state from the free part y = (q_p, qd_p) and the controls at half step k.
+  void Expand(const double* y, int half_step) {
+    for (int i = 0; i < nf; ++i) {
+      q[Index(free[Index(i)])] = y[i];
+      qd[Index(free[Index(i)])] = y[nf + i];
+    }
+    const bool moving = half_step <= 2 * motion_steps;
+    const std::size_t k = moving ? Index(half_step) : weights.size() - 1;
+    for (int j = 0; j < na; ++j) {
+      const Control& c = controls[k * Index(na) + Index(j)];
+      const std::size_t dof = Index(problem.joints[Index(j)].dof);
+      q[dof] = c.q;
+      qd[dof] = moving ? c.qd : 0;
+      qdd[dof] = moving ? c.qdd : 0;
+    }
+  }
+
+  void Evaluate(const double* y, int half_step) {
+    Expand(y, half_step);
+    std::fill(tau.begin(), tau.end(), 0.0);
+    dynamics.SetState({q.data(), Index(n)}, {qd.data(), Index(n)});
+    contact.Apply(dynamics);
+    dynamics.Solve({qdd.data(), Index(n)}, {tau.data(), Index(n)});
+  }
+
+  void StoreStage(double* out) {
+    contact.Differentiate(dynamics);
+    dynamics.Differentiate(derivatives);
+    for (int i = 0; i < n; ++i) {
+      for (int k = 0; k < n; ++k) *out++ = derivatives.q[Index(i)][Index(k)];
+      for (int k = 0; k < n; ++k) *out++ = derivatives.qd[Index(i)][Index(k)];
+      for (int j = 0; j < na; ++j)
+        *out++ = derivatives.input[Index(i)][Index(problem.joints[Index(j)].dof)];
+    }
+  }
+
+  /// Value of a terminal term and its derivative in the state.
+  static double TermValue(const TerminalTerm& term, double value, double* slope) {
+    const double e = value - term.target;
+    if (term.power == 1) {
+      *slope = term.weight;
+      return term.weight * e;
+    }
+    *slope = 2 * term.weight * e;
+    return term.weight * e * e;
+  }
+
+  double TerminalCost(TerminalTerm::When when, const double* y) const {
+    double sum = 0;
+    double slope = 0;
+    for (const TerminalTerm& term : problem.terminal) {
+      if (term.when == when) sum += TermValue(term, y[StateIndex(term)], &slope);
+    }
+    return sum;
+  }
+  void AddTerminalSlope(TerminalTerm::When when, const double* y, double* adjoint) const {
+    for (const TerminalTerm& term : problem.terminal) {
+      if (term.when != when) continue;
+      double slope = 0;
+      TermValue(term, y[StateIndex(term)], &slope);
+      adjoint[StateIndex(term)] += slope;
+    }
+  }
+  [[nodiscard]] int StateIndex(const TerminalTerm& term) const {
+    const int i = static_cast<int>(std::find(free.begin(), free.end(), term.dof) - free.begin());
+    return term.of_velocity ? nf + i : i;
+  }
+
+  RolloutResult Forward(std::span<const double> x, bool record) {
+    SetControls(x);
+    const int steps = motion_steps + settle_steps;
+    if (record && stages.empty()) {
+      stages.resize(Index(steps) * kStages * Index(stage_size));
+    }
+    RolloutResult result;
+    result.peak_torque_nm.assign(Index(na), 0);
+    result.torque_excess.assign(Index(na), 0);
+    std::array<double, 2 * kMaxDofs> y{}, ys{}, k{}, sum{};
+    for (int i = 0; i < nf; ++i) y[Index(i)] = problem.start_q[Index(free[Index(i)])];
+    double effort = 0;
+    double cost = 0;
+    for (int step = 0; step < steps; ++step) {
+      if (step == motion_steps)
+        cost += TerminalCost(TerminalTerm::When::kEnd, y.data()), end_state = y;
+      const double h = step < motion_steps ? motion_h : settle_h;
+      sum.fill(0);
+      for (int s = 0; s < kStages; ++s) {
+        for (int i = 0; i < 2 * nf; ++i)
+          ys[Index(i)] = y[Index(i)] + h * kA[Index(s)] * k[Index(i)];
+        // The last stage of the motion's last step still belongs to the motion; beyond, legs are
+        // held.
+        Evaluate(ys.data(),
+                 step < motion_steps ? 2 * step + kHalfSteps[Index(s)] : 2 * motion_steps + 1);
+        for (int i = 0; i < nf; ++i) {
+          k[Index(i)] = ys[Index(nf + i)];
+          k[Index(nf + i)] = qdd[Index(free[Index(i)])];
+        }
+        for (int i = 0; i < 2 * nf; ++i) sum[Index(i)] += kB[Index(s)] * k[Index(i)];
+        const std::size_t stage = Index(step * kStages + s);
+        for (int j = 0; j < na; ++j) {
+          const double torque = tau[Index(problem.joints[Index(j)].dof)];
+          effort += h * kB[Index(s)] * torque * torque;
+          stage_torque[stage * Index(na) + Index(j)] = torque;
+          if (s == 0)
+            result.peak_torque_nm[Index(j)] =
+                std::max(result.peak_torque_nm[Index(j)], std::abs(torque));
+        }
+        if (s == 0) {
+          for (const ActiveContact<Plane>& a : contact.active()) {
+            result.any_contact = true;
+            result.peak_penetration_m = std::max(result.peak_penetration_m, a.depth_m);
+          }
+        }
+        if (record) StoreStage(&stages[stage * Index(stage_size)]);
+      }
+      double largest = 0;
+      for (int i = 0; i < 2 * nf; ++i) {
+        y[Index(i)] += h * sum[Index(i)];
+        largest = std::max(largest, std::abs(y[Index(i)]));
+      }
+      if (!(largest < kImplausible)) {  // Also when it is not a number.
+        result.finite = false;
+        result.cost = std::numeric_limits<double>::infinity();
+        return result;
+      }
+    }
+    if (settle_steps == 0) cost += TerminalCost(TerminalTerm::When::kEnd, y.data()), end_state = y;
+    cost += TerminalCost(TerminalTerm::When::kSettled, y.data());
+    settled_state = y;
+    result.cost = cost + problem.effort_weight * effort;
+    SetTorqueExcess(result);
+    return result;
+  }
+
+  /// Smooth maximum over the starts of all steps, [KS79]: never below the true one.
+  void SetTorqueExcess(RolloutResult& result) {
+    const int steps = motion_steps + settle_steps;
+    const double rho = problem.solver.torque_sharpness;
+    for (int j = 0; j < na; ++j) {
+      const double limit = problem.joints[Index(j)].limits.torque_max_nm;
+      if (!std::isfinite(limit)) {
+        result.torque_excess[Index(j)] = -1;
+        continue;
+      }
+      const double peak = result.peak_torque_nm[Index(j)] / limit;
+      double sum = 0;
+      for (int step = 0; step < steps; ++step) {
+        const double t = std::abs(stage_torque[Index(step * kStages * na + j)]) / limit;
+        sum += std::exp(rho * (t - peak));
+      }
+      result.torque_excess[Index(j)] = peak - 1 + std::log(sum) / rho;
+    }
+  }
+
+  /// The discrete adjoint of Forward for output `output`: 0 is the cost, 1 + j the torque excess of
+  /// joint j.
+  void Backward(const RolloutResult& result, int output, double* gradient) {
+    const int steps = motion_steps + settle_steps;
+    const bool of_cost = output == 0;
+    const int torque_joint = output - 1;
+    std::fill(gradient, gradient + parameters, 0.0);
+    double limit = 0, peak = 0, sum = 1;
+    const double rho = problem.solver.torque_sharpness;
+    if (!of_cost) {
+      limit = problem.joints[Index(torque_joint)].limits.torque_max_nm;
+      if (!std::isfinite(limit)) return;
+      peak = result.peak_torque_nm[Index(torque_joint)] / limit;
+      sum = std::exp(rho * (result.torque_excess[Index(torque_joint)] + 1 - peak));
+    }
+    std::array<double, 2 * kMaxDofs> adjoint{}, k_bar{}, y_bar{}, total{};
+    if (of_cost) {
+      AddTerminalSlope(TerminalTerm::When::kSettled, settled_state.data(), adjoint.data());
+      if (settle_steps == 0)
+        AddTerminalSlope(TerminalTerm::When::kEnd, end_state.data(), adjoint.data());
+    }
+    for (int step = steps - 1; step >= 0; --step) {
+      const double h = step < motion_steps ? motion_h : settle_h;
+      total = adjoint;
+      for (int s = kStages - 1; s >= 0; --s) {
+        // k_bar = h b_s lambda + h a_{s+1} y_bar_{s+1}
+        for (int i = 0; i < 2 * nf; ++i) {
+          k_bar[Index(i)] = h * kB[Index(s)] * adjoint[Index(i)];
+          if (s + 1 < kStages) k_bar[Index(i)] += h * kA[Index(s + 1)] * y_bar[Index(i)];
+        }
+        const std::size_t stage = Index(step * kStages + s);
+        std::array<double, kMaxDofs> r{};  // cotangent of the outputs of hybrid dynamics
+        for (int i = 0; i < nf; ++i) r[Index(free[Index(i)])] = k_bar[Index(nf + i)];
+        for (int j = 0; j < na; ++j) {
+          const double torque = stage_torque[stage * Index(na) + Index(j)];
+          double slope = 0;
+          if (of_cost) slope = problem.effort_weight * h * kB[Index(s)] * 2 * torque;
+          if (j == torque_joint && s == 0) {
+            slope = std::copysign(std::exp(rho * (std::abs(torque) / limit - peak)) / (sum * limit),
+                                  torque);
+          }
+          r[Index(problem.joints[Index(j)].dof)] = slope;
+        }
+        std::array<double, 3 * kMaxDofs> bar{};  // cotangent of q, qd and the given accelerations
+        const double* row = &stages[stage * Index(stage_size)];
+        for (int i = 0; i < n; ++i, row += stage_columns) {
+          const double factor = r[Index(i)];
+          for (int c = 0; c < stage_columns; ++c) bar[Index(c)] += factor * row[c];
+        }
+        for (int i = 0; i < nf; ++i) {
+          y_bar[Index(i)] = bar[Index(free[Index(i)])];
+          y_bar[Index(nf + i)] = k_bar[Index(i)] + bar[Index(n + free[Index(i)])];
+        }
+        for (int i = 0; i < 2 * nf; ++i) total[Index(i)] += y_bar[Index(i)];
+        if (step < motion_steps) {
+          for (int j = 0; j < na; ++j) {
+            const std::size_t dof = Index(problem.joints[Index(j)].dof);
+            AddToParameters(2 * step + kHalfSteps[Index(s)], j,
+                            {bar[dof], bar[Index(n) + dof], bar[Index(2 * n + j)]}, gradient);
+          }
+        }
+      }
+      adjoint = total;
+      if (of_cost && step == motion_steps)
+        AddTerminalSlope(TerminalTerm::When::kEnd, end_state.data(), adjoint.data());
+    }
+  }
+
+  void AddToParameters(int half_step, int joint, const Control& bar, double* gradient) const {
+    const ControlWeights& w = weights[Index(half_step)];
+    const int free_points = problem.free_points_per_joint();
+    for (int i = 0; i <= problem.degree; ++i) {
+      const int point = w.first + i - 3;
+      if (point < 0 || point >= free_points) continue;
+      gradient[joint * free_points + point] +=
+          w.w[0][Index(i)] * bar.q + w.w[1][Index(i)] * bar.qd + w.w[2][Index(i)] * bar.qdd;
+    }
+  }
+
+  Problem problem;
+  Dynamics dynamics;
+  ContactModel<Plane> contact;
+  int n, na, nf = 0;
+  int parameters;
+  std::vector<int> free;  // degrees of freedom of y's positions
+  int motion_steps, settle_steps;
+  double motion_h, settle_h;
+  std::vector<ControlWeights> weights;  // by half step
+  std::vector<Control> controls;        // by half step, then joint
+  std::vector<double> stage_torque;     // by stage, then joint
+  std::vector<double> stages;           // by stage: rows of dg, columns q, qd, given accelerations
+  int stage_columns = 0, stage_size = 0;
+  DynamicsDerivatives derivatives;
+  std::array<double, kMaxDofs> q{}, qd{}, qdd{}, tau{};
+  std::array<double, 2 * kMaxDofs> end_state{}, settled_state{};
+};
+
+Rollout::Rollout(const Problem& problem, double step_s)
+    : implementation_(std::make_unique<Implementation>(problem, step_s)) {}
+Rollout::~Rollout() = default;
+Rollout::Rollout(Rollout&&) noexcept = default;
+
+int Rollout::parameter_count() const { return implementation_->parameters; }
+int Rollout::output_count() const { return 1 + implementation_->na; }
+
+RolloutResult Rollout::Run(std::span<const double> x) { return implementation_->Forward(x, false); }
+
+RolloutResult Rollout::Run(
+    std::span<const double> x,
+    Eigen::Ref<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> gradient) {
+  RolloutResult result = implementation_->Forward(x, true);
+  if (!result.finite) {
+    gradient.setZero();
+    return result;
+  }
+  for (int output = 0; output < output_count(); ++output) {
+    implementation_->Backward(result, output, gradient.row(output).data());
+  }
+  return result;
+}
+
+void Rollout::Visit(std::span<const double> x, double extra_s,
+                    const std::function<void(const MotionSample&)>& visitor) {
+  Implementation& m = *implementation_;
+  m.SetControls(x);
+  const int extra_steps = static_cast<int>(std::ceil(extra_s / m.settle_h - 1e-9));
+  std::array<double, 2 * kMaxDofs> y{}, ys{}, k{}, sum{};
+  for (int i = 0; i < m.nf; ++i) y[Index(i)] = m.problem.start_q[Index(m.free[Index(i)])];
+  MotionSample sample;
+  sample.dynamics = &m.dynamics;
+  const int steps = m.motion_steps + m.settle_steps + extra_steps;
+  for (int step = 0; step <= steps; ++step) {
+    const bool moving = step < m.motion_steps;
+    const double h = moving ? m.motion_h : m.settle_h;
+    sum.fill(0);
+    for (int s = 0; s < kStages; ++s) {
+      for (int i = 0; i < 2 * m.nf; ++i)
+        ys[Index(i)] = y[Index(i)] + h * kA[Index(s)] * k[Index(i)];
+      m.Evaluate(ys.data(), moving ? 2 * step + kHalfSteps[Index(s)] : 2 * m.motion_steps + 1);
+      if (s == 0) {
+        sample.time_s = moving ? step * m.motion_h
+                               : m.problem.duration_s + (step - m.motion_steps) * m.settle_h;
+        sample.q.assign(m.q.begin(), m.q.begin() + m.n);
+        sample.qd.assign(m.qd.begin(), m.qd.begin() + m.n);
+        sample.torque.clear();
+        for (const ActuatedJoint& joint : m.problem.joints)
+          sample.torque.push_back(m.tau[Index(joint.dof)]);
+        sample.contacts = m.contact.active();
+        visitor(sample);
+      }
+      for (int i = 0; i < m.nf; ++i) {
+        k[Index(i)] = ys[Index(m.nf + i)];
+        k[Index(m.nf + i)] = m.qdd[Index(m.free[Index(i)])];
+      }
+      for (int i = 0; i < 2 * m.nf; ++i) sum[Index(i)] += kB[Index(s)] * k[Index(i)];
+    }
+    for (int i = 0; i < 2 * m.nf; ++i) y[Index(i)] += h * sum[Index(i)];
+  }
+}
+
+}  // namespace tumbler

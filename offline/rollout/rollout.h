@@ -1,0 +1,79 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <functional>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "offline/problem/problem.h"
+
+namespace tumbler {
+
+/// What a rollout says of one choice of parameters.
+struct RolloutResult {
+  double cost = 0;
+  bool finite = true;  ///< False when the state left every plausible range; cost is then infinite.
+  bool any_contact = false;
+  double peak_penetration_m = 0;  ///< Into the layer.
+  std::vector<double>
+      torque_excess;  ///< Of each joint: smooth maximum of |tau| / limit, less 1; an upper bound.
+  std::vector<double> peak_torque_nm;
+};
+
+/// One instant of a motion, for export and pictures.
+struct MotionSample {
+  double time_s = 0;
+  std::vector<double> q, qd;                        ///< All degrees of freedom.
+  std::vector<double> torque;                       ///< Of the actuated joints.
+  std::span<const ActiveContact<Plane>> contacts;   ///< Valid during the call only.
+  const HybridDynamics<Plane>* dynamics = nullptr;  ///< At this state; valid during the call only.
+};
+
+/// Integrates [AB04, Eq. 8] by single shooting and differentiates the result exactly.
+///
+/// The scheme is the classical Runge-Kutta method of order 4 with a fixed step, and the gradient is
+/// the derivative of that very computation, by the discrete adjoint: the price of a gradient hardly
+/// depends on the number of parameters, and it agrees with differences of the cost to rounding.
+/// Motion and settle phase are divided into whole steps no longer than the one asked for.
+///
+/// Not thread-safe: one object per thread. No heap after construction, save in the returned
+/// vectors.
+class Rollout {
+ public:
+  Rollout(const Problem& problem, double step_s);
+  ~Rollout();
+  Rollout(Rollout&&) noexcept;
+
+  [[nodiscard]] int parameter_count() const;
+  /// Number of outputs with a gradient: the cost, then the torque excess of each joint.
+  [[nodiscard]] int output_count() const;
+
+  /// Cost and torques for the parameters x: the free control points [rad] of the first joint, of
+  /// the second, ...
+  RolloutResult Run(std::span<const double> x);
+
+  /// The same with gradients, one row for each output, one column for each parameter.
+  RolloutResult Run(
+      std::span<const double> x,
+      Eigen::Ref<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> gradient);
+
+  /// Visits the motion step by step from 0 to duration + settle + `extra_s`, legs held at their
+  /// ends after duration.
+  void Visit(std::span<const double> x, double extra_s,
+             const std::function<void(const MotionSample&)>& visitor);
+
+ private:
+  struct Implementation;
+  std::unique_ptr<Implementation> implementation_;
+};
+
+/// All control points of joint j for the parameters x: fixed start, free points, fixed end.
+std::vector<double> ControlPoints(const Problem& problem, std::span<const double> x,
+                                  std::size_t joint);
+
+/// The joint's spline for the parameters x.
+JointMotion<double>::Spline PositionSpline(const Problem& problem, std::span<const double> x,
+                                           std::size_t joint);
+
+}  // namespace tumbler

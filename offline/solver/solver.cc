@@ -1,0 +1,455 @@
+#include "offline/solver/solver.h"
+
+#include <Eigen/QR>
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <limits>
+#include <mutex>
+#include <nlopt.hpp>
+#include <numeric>
+#include <thread>
+
+namespace tumbler {
+namespace {
+
+using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+/// A constraint counts as active within this distance of zero (scaled).
+constexpr double kActive = 1e-5;
+
+/// A small counter-based generator, SplitMix64 [Steele, Lea, Flood 2014]: sample i of a seed is the same whoever draws
+/// it. The standard library's distributions would differ between implementations.
+class SplitMix64 {
+ public:
+  SplitMix64(std::uint64_t seed, std::uint64_t stream) : state_(seed * 0x9E3779B97F4A7C15U) {
+    state_ = Next() ^ (stream * 0xD1B54A32D192ED03U);
+  }
+  std::uint64_t Next() {
+    std::uint64_t z = state_ += 0x9E3779B97F4A7C15U;
+    z = (z ^ (z >> 30U)) * 0xBF58476D1CE4E5B9U;
+    z = (z ^ (z >> 27U)) * 0x94D049BB133111EBU;
+    return z ^ (z >> 31U);
+  }
+  /// Uniform in [-1, 1).
+  double Symmetric() { return static_cast<double>(Next() >> 11U) * 0x1.0p-52 - 1.0; }
+
+ private:
+  std::uint64_t state_;
+};
+
+/// Runs work(index, thread) for indices 0 ... count - 1 on several threads; each index exactly once.
+void ParallelFor(int count, int threads, const std::function<void(int, int)>& work) {
+  std::atomic<int> next = 0;
+  std::exception_ptr failure;
+  std::mutex failure_mutex;
+  const auto run = [&](int thread) {
+    try {
+      for (int i = next++; i < count; i = next++) work(i, thread);
+    } catch (...) {
+      const std::lock_guard<std::mutex> lock(failure_mutex);
+      failure = std::current_exception();
+      next = count;
+    }
+  };
+  std::vector<std::thread> others;
+  for (int t = 1; t < std::min(threads, count); ++t) others.emplace_back(run, t);
+  run(0);
+  for (std::thread& other : others) other.join();
+  if (failure) std::rethrow_exception(failure);
+}
+
+/// Random control points around the straight line from start to end, inside the position limits.
+std::vector<double> RandomStart(const Problem& problem, std::uint64_t sample) {
+  SplitMix64 random(problem.search.seed, sample);
+  const int free = problem.free_points_per_joint();
+  std::vector<double> x;
+  x.reserve(static_cast<std::size_t>(problem.parameter_count()));
+  for (const ActuatedJoint& joint : problem.joints) {
+    for (int i = 0; i < free; ++i) {
+      const double s = (i + 1.0) / (free + 1.0);
+      const double line = joint.start_rad + s * (joint.end_rad - joint.start_rad);
+      x.push_back(std::clamp(line + problem.search.spread_rad * random.Symmetric(), joint.limits.position_min_rad,
+                             joint.limits.position_max_rad));
+    }
+  }
+  return x;
+}
+
+/// What the global search ranks by: the cost, and a penalty that keeps motions which the solver would have to bend far.
+double Rank(const Problem& problem, const RolloutResult& result) {
+  if (!result.finite) return std::numeric_limits<double>::infinity();
+  double rank = result.cost;
+  for (const double excess : result.torque_excess) {
+    const double above = std::max(0.0, excess);
+    rank += problem.search.torque_penalty * above * above;
+  }
+  return rank;
+}
+
+/// Largest violated constraint; `rows` are those of DerivativeLimitRows.
+double Violation(const Problem& problem, const std::vector<LinearRow>& rows, std::span<const double> x,
+                 const RolloutResult& result) {
+  double largest = 0;
+  for (const LinearRow& row : rows) {
+    largest = std::max(largest, row.b + std::inner_product(row.a.begin(), row.a.end(), x.begin(), 0.0));
+  }
+  for (const double excess : result.torque_excess) largest = std::max(largest, excess);
+  const std::size_t free = static_cast<std::size_t>(problem.free_points_per_joint());
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    const JointLimits<double>& limits = problem.joints[i / free].limits;
+    largest = std::max({largest, x[i] - limits.position_max_rad, limits.position_min_rad - x[i]});
+  }
+  return largest;
+}
+
+/// Largest component of g + A^T lambda, lambda >= 0, over the active constraints' gradients A: what is left of the
+/// Kuhn-Tucker condition. Multipliers that come out negative are dropped and the rest solved again.
+double ProjectedGradient(const Eigen::VectorXd& g, std::vector<Eigen::VectorXd> active) {
+  Eigen::VectorXd residual = g;
+  while (!active.empty()) {
+    Eigen::MatrixXd A(g.size(), static_cast<Eigen::Index>(active.size()));
+    for (std::size_t i = 0; i < active.size(); ++i) A.col(static_cast<Eigen::Index>(i)) = active[i];
+    const Eigen::VectorXd lambda = A.colPivHouseholderQr().solve(-g);
+    Eigen::Index lowest = 0;
+    if (lambda.minCoeff(&lowest) >= 0) {
+      residual = g + A * lambda;
+      break;
+    }
+    active.erase(active.begin() + lowest);
+  }
+  return residual.size() == 0 ? 0 : residual.lpNorm<Eigen::Infinity>();
+}
+
+/// What one SLSQP run needs in NLopt's callbacks: one rollout per point, shared by cost and constraints.
+class LocalSolve {
+ public:
+  LocalSolve(const Problem& problem, Rollout& rollout, const SolveOptions& options, std::vector<Evaluation>* history)
+      : problem_(problem),
+        rollout_(rollout),
+        options_(options),
+        history_(history),
+        rows_(DerivativeLimitRows(problem)),
+        outputs_(rollout.output_count(), rollout.parameter_count()) {}
+
+  Solution Run(std::span<const double> start) {
+    const std::size_t n = start.size();
+    std::vector<double> x(start.begin(), start.end());
+    Solution best;
+    best.x = x;
+    Evaluate(x);
+    best.start_cost = result_.cost;
+    if (!result_.finite) {
+      best.rollout = result_;
+      return best;
+    }
+    // |g| of order one half: a first step of SLSQP, which takes the Hessian for the identity, then stays local.
+    scale_ = 0.5 / std::max(outputs_.row(0).lpNorm<Eigen::Infinity>(), 1e-3);
+    best_violation_ = std::numeric_limits<double>::infinity();
+    Remember();
+    SolveEnd end = SolveEnd::kFailed;
+    double before = std::numeric_limits<double>::infinity();
+    // SLSQP 2.7.1 can stop early or far from feasible: it is started again from the best point, which also resets its
+    // Hessian, until that changes nothing.
+    while (evaluations_ < problem_.solver.max_evaluations) {
+      end = RunOnce(best_x_, n);
+      if (end == SolveEnd::kInterrupted || end == SolveEnd::kEvaluations) break;
+      const double merit = best_cost_ * scale_ + best_violation_;
+      if (!(merit < before - 1e-4 * std::max(1.0, std::abs(before)))) break;
+      before = merit;
+    }
+    best.x = best_x_;
+    Evaluate(best.x);
+    best.rollout = result_;
+    best.violation = Violation(problem_, rows_, best.x, result_);
+    if (end == SolveEnd::kConverged && best.violation > 1e-6) end = SolveEnd::kInfeasible;
+    best.end = end;
+    best.evaluations = evaluations_;
+    best.projected_gradient = ProjectGradient(best.x);
+    return best;
+  }
+
+ private:
+  SolveEnd RunOnce(std::vector<double> x, std::size_t n) {
+    nlopt::opt opt(nlopt::LD_SLSQP, static_cast<unsigned>(n));
+    std::vector<double> lower(n), upper(n);
+    const std::size_t free = static_cast<std::size_t>(problem_.free_points_per_joint());
+    for (std::size_t i = 0; i < n; ++i) {
+      lower[i] = problem_.joints[i / free].limits.position_min_rad;
+      upper[i] = problem_.joints[i / free].limits.position_max_rad;
+    }
+    opt.set_lower_bounds(lower);
+    opt.set_upper_bounds(upper);
+    opt.set_min_objective(&LocalSolve::Objective, this);
+    const std::size_t constraints = rows_.size() + problem_.joints.size();
+    opt.add_inequality_mconstraint(&LocalSolve::Constraints, this, std::vector<double>(constraints, 1e-8));
+    opt.set_ftol_rel(problem_.solver.relative_tolerance);
+    opt.set_xtol_rel(1e-9);
+    opt.set_maxeval(problem_.solver.max_evaluations - evaluations_);
+    opt_ = &opt;
+    SolveEnd end = SolveEnd::kFailed;
+    double value = 0;
+    try {
+      switch (opt.optimize(x, value)) {
+        case nlopt::MAXEVAL_REACHED:
+          end = SolveEnd::kEvaluations;
+          break;
+        default:
+          end = SolveEnd::kConverged;
+      }
+    } catch (const nlopt::forced_stop&) {
+      end = SolveEnd::kInterrupted;
+    } catch (const nlopt::roundoff_limited&) {
+      end = SolveEnd::kStalled;
+    } catch (const std::runtime_error&) {
+      // NLOPT_FAILURE: "more than iter SQP iterations" and its like mean inconsistent linearised constraints.
+      end = SolveEnd::kInfeasible;
+    }
+    opt_ = nullptr;
+    if (failure_) std::rethrow_exception(failure_);
+    return end;
+  }
+
+  void Evaluate(std::span<const double> x) {
+    if (x_.size() == x.size() && std::equal(x.begin(), x.end(), x_.begin())) return;
+    x_.assign(x.begin(), x.end());
+    result_ = rollout_.Run(x_, outputs_);
+    ++evaluations_;
+    const double violation = Violation(problem_, rows_, x_, result_);
+    const Evaluation evaluation{false, 0, evaluations_, result_.cost, violation};
+    if (history_ != nullptr) history_->push_back(evaluation);
+    if (options_.progress) options_.progress(evaluation);
+    if (scale_ > 0) Remember();
+    if (options_.interrupt != nullptr && *options_.interrupt && opt_ != nullptr) opt_->force_stop();
+  }
+
+  /// Keeps the best point seen: less violation first, and among feasible points the lower cost.
+  void Remember() {
+    if (!result_.finite) return;
+    const double violation = std::max(Violation(problem_, rows_, x_, result_), 1e-7);
+    const bool better = violation < best_violation_ || (violation == best_violation_ && result_.cost < best_cost_);
+    if (!better) return;
+    best_x_ = x_;
+    best_violation_ = violation;
+    best_cost_ = result_.cost;
+  }
+
+  static double Objective(const std::vector<double>& x, std::vector<double>& gradient, void* data) {
+    auto& self = *static_cast<LocalSolve*>(data);
+    try {
+      self.Evaluate(x);
+      if (!self.result_.finite) return std::numeric_limits<double>::infinity();
+      for (std::size_t i = 0; i < gradient.size(); ++i) {
+        gradient[i] = self.scale_ * self.outputs_(0, static_cast<Eigen::Index>(i));
+      }
+      return self.scale_ * self.result_.cost;
+    } catch (...) {  // NLopt would lose it: kept, and thrown again after the run.
+      self.failure_ = std::current_exception();
+      self.opt_->force_stop();
+      return std::numeric_limits<double>::infinity();
+    }
+  }
+
+  static void Constraints(unsigned m, double* value, unsigned n, const double* x, double* gradient, void* data) {
+    auto& self = *static_cast<LocalSolve*>(data);
+    try {
+      self.Evaluate({x, n});
+    } catch (...) {
+      self.failure_ = std::current_exception();
+      self.opt_->force_stop();
+    }
+    const std::size_t rows = self.rows_.size();
+    for (std::size_t i = 0; i < m; ++i) {
+      if (i < rows) {
+        const LinearRow& row = self.rows_[i];
+        value[i] = row.b + std::inner_product(row.a.begin(), row.a.end(), x, 0.0);
+        if (gradient != nullptr) std::copy(row.a.begin(), row.a.end(), gradient + i * n);
+      } else {
+        value[i] = self.result_.finite ? self.result_.torque_excess[i - rows] : 1.0;
+        for (std::size_t k = 0; gradient != nullptr && k < n; ++k) {
+          gradient[i * n + k] = self.outputs_(static_cast<Eigen::Index>(i - rows + 1), static_cast<Eigen::Index>(k));
+        }
+      }
+    }
+  }
+
+  double ProjectGradient(const std::vector<double>& x) {
+    const Eigen::Index n = static_cast<Eigen::Index>(x.size());
+    std::vector<Eigen::VectorXd> active;
+    const std::size_t free = static_cast<std::size_t>(problem_.free_points_per_joint());
+    for (std::size_t i = 0; i < x.size(); ++i) {
+      const JointLimits<double>& limits = problem_.joints[i / free].limits;
+      const auto k = static_cast<Eigen::Index>(i);
+      if (x[i] > limits.position_max_rad - kActive) active.emplace_back(Eigen::VectorXd::Unit(n, k));
+      if (x[i] < limits.position_min_rad + kActive) active.emplace_back(-Eigen::VectorXd::Unit(n, k));
+    }
+    for (const LinearRow& row : rows_) {
+      if (row.b + std::inner_product(row.a.begin(), row.a.end(), x.begin(), 0.0) > -kActive) {
+        active.emplace_back(Eigen::Map<const Eigen::VectorXd>(row.a.data(), n));
+      }
+    }
+    for (std::size_t j = 0; j < result_.torque_excess.size(); ++j) {
+      if (result_.torque_excess[j] > -kActive) {
+        active.emplace_back(outputs_.row(static_cast<Eigen::Index>(j + 1)).transpose());
+      }
+    }
+    return ProjectedGradient(scale_ * outputs_.row(0).transpose(), std::move(active));
+  }
+
+  const Problem& problem_;
+  Rollout& rollout_;
+  const SolveOptions& options_;
+  std::vector<Evaluation>* history_;
+  std::vector<LinearRow> rows_;
+  Matrix outputs_;
+  std::vector<double> x_;
+  RolloutResult result_;
+  double scale_ = 0;
+  int evaluations_ = 0;
+  std::vector<double> best_x_;
+  double best_cost_ = 0;
+  double best_violation_ = 0;
+  nlopt::opt* opt_ = nullptr;
+  std::exception_ptr failure_;
+};
+
+}  // namespace
+
+const char* ToString(SolveEnd end) {
+  switch (end) {
+    case SolveEnd::kConverged:
+      return "converged";
+    case SolveEnd::kStalled:
+      return "stalled within rounding";
+    case SolveEnd::kEvaluations:
+      return "evaluation budget used up";
+    case SolveEnd::kInfeasible:
+      return "constraints contradict each other";
+    case SolveEnd::kInterrupted:
+      return "interrupted";
+    case SolveEnd::kFailed:
+      return "the rollout fails at the start";
+  }
+  return "unknown";
+}
+
+std::vector<LinearRow> DerivativeLimitRows(const Problem& problem) {
+  std::vector<LinearRow> rows;
+  const std::size_t n = static_cast<std::size_t>(problem.parameter_count());
+  const std::size_t free = static_cast<std::size_t>(problem.free_points_per_joint());
+  const std::vector<double> zero(n, 0.0);
+  for (std::size_t j = 0; j < problem.joints.size(); ++j) {
+    const JointLimits<double>& limits = problem.joints[j].limits;
+    const double limit[3] = {0, limits.velocity_max_rad_s, limits.acceleration_max_rad_s2};
+    const auto constant = PositionSpline(problem, zero, j);
+    for (int d = 1; d <= 2; ++d) {
+      if (!std::isfinite(limit[d])) continue;
+      const std::size_t points = constant.control_points(d).size();
+      std::vector<LinearRow> upper(points);
+      for (std::size_t k = 0; k < points; ++k) {
+        upper[k].a.assign(n, 0.0);
+        upper[k].b = constant.control_points(d)[k] / limit[d];
+      }
+      for (std::size_t i = 0; i < free; ++i) {
+        std::vector<double> unit = zero;
+        unit[j * free + i] = 1;
+        const auto moved = PositionSpline(problem, unit, j);
+        for (std::size_t k = 0; k < points; ++k) {
+          upper[k].a[j * free + i] = (moved.control_points(d)[k] - constant.control_points(d)[k]) / limit[d];
+        }
+      }
+      for (const LinearRow& row : upper) {
+        if (std::all_of(row.a.begin(), row.a.end(), [](double a) { return a == 0; })) continue;  // Fixed by the ends.
+        LinearRow lower = row;
+        for (double& a : lower.a) a = -a;
+        lower.b = -row.b - 1;
+        rows.push_back(row);
+        rows.back().b -= 1;
+        rows.push_back(std::move(lower));
+      }
+    }
+  }
+  return rows;
+}
+
+Solution SolveFrom(const Problem& problem, std::span<const double> start, Rollout& rollout,
+                   const SolveOptions& options, std::vector<Evaluation>* history) {
+  return LocalSolve(problem, rollout, options, history).Run(start);
+}
+
+SolveOutcome Solve(const Problem& problem, const SolveOptions& options) {
+  SolveOutcome outcome;
+  std::mutex mutex;
+  const auto interrupted = [&] { return options.interrupt != nullptr && *options.interrupt; };
+
+  // Global search: every sample is a function of seed and index alone.
+  const int samples = problem.search.samples;
+  std::vector<double> rank(static_cast<std::size_t>(samples), std::numeric_limits<double>::infinity());
+  {
+    std::vector<Rollout> rollouts;
+    for (int t = 0; t < std::max(1, options.threads); ++t) rollouts.emplace_back(problem, problem.search.step_s);
+    std::int64_t done = 0;
+    double best = std::numeric_limits<double>::infinity();
+    ParallelFor(samples, options.threads, [&](int i, int thread) {
+      if (interrupted()) return;
+      const std::vector<double> x = RandomStart(problem, static_cast<std::uint64_t>(i));
+      rank[static_cast<std::size_t>(i)] = Rank(problem, rollouts[static_cast<std::size_t>(thread)].Run(x));
+      const std::lock_guard<std::mutex> lock(mutex);
+      best = std::min(best, rank[static_cast<std::size_t>(i)]);
+      ++done;
+      if (options.progress) options.progress({true, 0, done, best, 0});
+    });
+  }
+  double best = std::numeric_limits<double>::infinity();
+  for (int i = 0; i < samples; ++i) {
+    if (rank[static_cast<std::size_t>(i)] < best) {
+      best = rank[static_cast<std::size_t>(i)];
+      outcome.history.push_back({true, 0, i + 1, best, 0});
+    }
+  }
+  outcome.evaluations = samples;
+
+  std::vector<int> order(static_cast<std::size_t>(samples));
+  std::iota(order.begin(), order.end(), 0);
+  std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
+    return rank[static_cast<std::size_t>(a)] < rank[static_cast<std::size_t>(b)];
+  });
+  const int starts = std::min(problem.search.refine, samples);
+  outcome.solutions.resize(static_cast<std::size_t>(starts));
+  std::vector<std::vector<Evaluation>> histories(static_cast<std::size_t>(starts));
+  {
+    std::vector<Rollout> rollouts;
+    for (int t = 0; t < std::max(1, options.threads); ++t) rollouts.emplace_back(problem, problem.solver.step_s);
+    ParallelFor(starts, options.threads, [&](int s, int thread) {
+      const auto k = static_cast<std::size_t>(s);
+      SolveOptions local = options;
+      if (options.progress) {
+        local.progress = [&, s](const Evaluation& evaluation) {
+          Evaluation named = evaluation;
+          named.start = s;
+          const std::lock_guard<std::mutex> lock(mutex);
+          options.progress(named);
+        };
+      }
+      const std::vector<double> x = RandomStart(problem, static_cast<std::uint64_t>(order[k]));
+      outcome.solutions[k] =
+          SolveFrom(problem, x, rollouts[static_cast<std::size_t>(thread)], local, &histories[k]);
+      outcome.solutions[k].start = s;
+    });
+  }
+  for (std::size_t s = 0; s < histories.size(); ++s) {
+    for (Evaluation evaluation : histories[s]) {
+      evaluation.start = static_cast<int>(s);
+      outcome.history.push_back(evaluation);
+    }
+    outcome.evaluations += outcome.solutions[s].evaluations;
+  }
+  std::stable_sort(outcome.solutions.begin(), outcome.solutions.end(), [](const Solution& a, const Solution& b) {
+    if (a.feasible() != b.feasible()) return a.feasible();
+    return a.feasible() ? a.rollout.cost < b.rollout.cost : a.violation < b.violation;
+  });
+  outcome.interrupted = interrupted();
+  return outcome;
+}
+
+}  // namespace tumbler
