@@ -35,10 +35,10 @@ struct ActuatedJoint {
 /// How global search is done: random splines, ranked by cost alone.
 struct SearchSettings {
   std::uint64_t seed = 1;
-  int samples = 1200;  ///< Random starts.
-  int refine = 4;      ///< How many of the best go to the local solver.
-  double spread_rad =
-      1.6;  ///< Control points lie this far either side of the straight line from start to end.
+  int samples = 600;        ///< Random starts.
+  int refine = 4;           ///< How many of the best go to the local solver.
+  int modes = 3;            ///< Half-sine modes of a random departure from the straight line from start to end.
+  double spread_rad = 3.2;  ///< Largest amplitude of the first mode; mode m has it divided by m.
   double torque_penalty = 1;  ///< Weight of (|tau| / limit - 1)^2 in the ranking.
   double step_s = 1e-3;  ///< Integration step: ranking needs less accuracy than solving.
 };

@@ -59,18 +59,26 @@ void ParallelFor(int count, int threads, const std::function<void(int, int)>& wo
   if (failure) std::rethrow_exception(failure);
 }
 
-/// Random control points around the straight line from start to end, inside the position limits.
+/// A random smooth departure from the straight line between start and end: half-sine modes over the free control points,
+/// mode m with an amplitude uniform in +-spread / m, inside the position limits. Low modes move the robot; independent
+/// control points mostly shake it (measured: 14 times fewer samples near a handstand).
 std::vector<double> RandomStart(const Problem& problem, std::uint64_t sample) {
   SplitMix64 random(problem.search.seed, sample);
   const int free = problem.free_points_per_joint();
   std::vector<double> x;
   x.reserve(static_cast<std::size_t>(problem.parameter_count()));
+  std::vector<double> amplitude(static_cast<std::size_t>(problem.search.modes));
   for (const ActuatedJoint& joint : problem.joints) {
+    for (std::size_t m = 0; m < amplitude.size(); ++m) {
+      amplitude[m] = problem.search.spread_rad * random.Symmetric() / static_cast<double>(m + 1);
+    }
     for (int i = 0; i < free; ++i) {
       const double s = (i + 1.0) / (free + 1.0);
-      const double line = joint.start_rad + s * (joint.end_rad - joint.start_rad);
-      x.push_back(std::clamp(line + problem.search.spread_rad * random.Symmetric(), joint.limits.position_min_rad,
-                             joint.limits.position_max_rad));
+      double value = joint.start_rad + s * (joint.end_rad - joint.start_rad);
+      for (std::size_t m = 0; m < amplitude.size(); ++m) {
+        value += amplitude[m] * std::sin(M_PI * static_cast<double>(m + 1) * s);
+      }
+      x.push_back(std::clamp(value, joint.limits.position_min_rad, joint.limits.position_max_rad));
     }
   }
   return x;
