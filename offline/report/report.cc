@@ -30,7 +30,8 @@ void CheckFinite(double value, const std::string& field) {
 void CheckSize(std::size_t size, std::size_t expected, const std::string& field,
                std::string_view what) {
   if (size != expected) {
-    Refuse(field, fmt::format("has {} entries, must have {}: one for each {}", size, expected, what));
+    Refuse(field,
+           fmt::format("has {} entries, must have {}: one for each {}", size, expected, what));
   }
 }
 
@@ -241,7 +242,8 @@ Json ToJson(const ReportData& data) {
   return json;
 }
 
-/// JSON that may stand in a script element: an HTML parser looks for `</script` and `<!--` even inside strings.
+/// JSON that may stand in a script element: an HTML parser looks for `</script` and `<!--` even
+/// inside strings.
 std::string ScriptText(const Json& json) {
   const std::string text = json.dump(-1, ' ', false, Json::error_handler_t::replace);
   std::string safe;
@@ -260,10 +262,17 @@ std::string HtmlText(std::string_view text) {
   std::string safe;
   for (const char c : text) {
     switch (c) {
-      case '&': safe += "&amp;"; break;
-      case '<': safe += "&lt;"; break;
-      case '>': safe += "&gt;"; break;
-      default: safe += c;
+      case '&':
+        safe += "&amp;";
+        break;
+      case '<':
+        safe += "&lt;";
+        break;
+      case '>':
+        safe += "&gt;";
+        break;
+      default:
+        safe += c;
     }
   }
   return safe;

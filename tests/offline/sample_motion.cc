@@ -15,15 +15,15 @@ namespace {
 
 constexpr double kPi = std::numbers::pi;
 constexpr double kGravity = 9.81;
-constexpr double kMiddleHalf = 0.15;    // m
-constexpr double kLeg = 0.20;           // m
-constexpr double kFootSide = 0.04;      // m, of a foot's sphere from the leg's axis
-constexpr double kFootRadius = 0.010;   // m
-constexpr double kEndRadius = 0.030;    // m
-constexpr double kMiddleMass = 1.0;     // kg
-constexpr double kLegMass = 0.4;        // kg
-constexpr double kDuration = 1.2;       // s
-constexpr double kSettling = 0.3;       // s
+constexpr double kMiddleHalf = 0.15;   // m
+constexpr double kLeg = 0.20;          // m
+constexpr double kFootSide = 0.04;     // m, of a foot's sphere from the leg's axis
+constexpr double kFootRadius = 0.010;  // m
+constexpr double kEndRadius = 0.030;   // m
+constexpr double kMiddleMass = 1.0;    // kg
+constexpr double kLegMass = 0.4;       // kg
+constexpr double kDuration = 1.2;      // s
+constexpr double kSettling = 0.3;      // s
 
 struct Point {
   double x = 0, z = 0;
@@ -33,7 +33,8 @@ Point operator-(Point a, Point b) { return {a.x - b.x, a.z - b.z}; }
 Point operator*(double s, Point a) { return {s * a.x, s * a.z}; }
 double Cross(Point a, Point b) { return a.x * b.z - a.z * b.x; }
 Point Turn(double angle, Point a) {
-  return {std::cos(angle) * a.x - std::sin(angle) * a.z, std::sin(angle) * a.x + std::cos(angle) * a.z};
+  return {std::cos(angle) * a.x - std::sin(angle) * a.z,
+          std::sin(angle) * a.x + std::cos(angle) * a.z};
 }
 
 /// From 0 before `from` to 1 after `to`, with no jump in the first two derivatives.
@@ -82,7 +83,8 @@ Poses PosesAt(double t) {
   const Point hinge_2 = Turn(pitch, {-kMiddleHalf, 0});
   poses[1] = {hinge_1.x, hinge_1.z, pitch + q[0]};
   poses[2] = {hinge_2.x, hinge_2.z, pitch + q[1]};
-  // The lowest foot is pressed some 1 mm into the ground, softened so that a change of feet is no jump; leg 2 stays put.
+  // The lowest foot is pressed some 1 mm into the ground, softened so that a change of feet is no
+  // jump; leg 2 stays put.
   double sum = 0;
   for (std::size_t leg : {1U, 2U}) {
     for (const Point foot : Feet(leg)) sum += std::exp(-At(poses[leg], foot).z / 0.002);
@@ -120,7 +122,8 @@ ReportSample SampleAt(double t) {
     sample.joint_velocities_rad_s.push_back((Joints(t + h)[j] - Joints(t - h)[j]) / (2 * h));
   }
 
-  // Newton's law for the whole robot gives the sum of the contact forces; the lower feet carry more of it.
+  // Newton's law for the whole robot gives the sum of the contact forces; the lower feet carry more
+  // of it.
   const std::array<double, 3> masses = {kMiddleMass, kLegMass, kLegMass};
   std::array<Point, 3> inertial;
   Point total;
@@ -202,7 +205,8 @@ ReportData SampleMotion() {
   for (int solve = 0; solve < 4; ++solve) {
     for (int k = 0; k < 70; ++k, ++evaluation) {
       const double decay = std::exp(-0.13 * k);
-      data.evaluations.push_back({evaluation, 0.0021 * (solve + 1) + 0.3 * decay * (0.7 + 0.6 * unit(random)),
+      data.evaluations.push_back({evaluation,
+                                  0.0021 * (solve + 1) + 0.3 * decay * (0.7 + 0.6 * unit(random)),
                                   0.08 * std::exp(-0.33 * k) * unit(random), false});
     }
   }

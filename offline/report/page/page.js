@@ -150,7 +150,7 @@ function fillTimePlots() {
     add('Joint torque', 'N·m', niceTicks, 2, curvesOf('torque_nm'),
         limitsOf((j) => (j.torque_limit_nm === null ? [] : [j.torque_limit_nm, -j.torque_limit_nm]), (v) => fixed(v, 1)));
   }
-  add('Contact force, sum', 'N', niceTicks, 1, [
+  add('Contact force', 'N', niceTicks, 1, [
     {name: 'normal', hue: 'hue-normal', ys: motion.normal},
     {name: 'friction', hue: 'hue-friction', ys: motion.friction},
   ], []);
