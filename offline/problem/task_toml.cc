@@ -19,7 +19,9 @@ constexpr double kPi = 3.141592653589793;
 
 class TaskReader {
  public:
-  TaskReader(TomlTable root, PlanarRobot robot) : root_(std::move(root)) { problem_.robot = std::move(robot); }
+  TaskReader(TomlTable root, PlanarRobot robot) : root_(std::move(root)) {
+    problem_.robot = std::move(robot);
+  }
 
   Problem Read() {
     problem_.name = root_.String("name");
@@ -33,6 +35,12 @@ class TaskReader {
     ReadContact();
     ReadObstacles();
     ReadCosts();
+    if (std::optional<TomlTable> tolerances = root_.OptionalTable("tolerances")) {
+      double& entry = problem_.entry_tolerance_rad;
+      double& following = problem_.following_tolerance_rad;
+      entry = tolerances->Number("entry_rad", {0, 3, true}, entry);
+      following = tolerances->Number("following_rad", {0, 3, true}, following);
+    }
     ReadSearch();
     ReadSolver();
     TomlTable start = root_.Table("start");
@@ -49,26 +57,33 @@ class TaskReader {
     TomlTable end = root_.Table("end").Table("joints_rad");
     for (const std::string& name : start.Keys()) {
       const int dof = problem_.robot.FindDof(name);
-      if (dof < 0) start.Fail(name, fmt::format("is not a joint of the robot; its joints: {}", JointNames()));
+      if (dof < 0)
+        start.Fail(name, fmt::format("is not a joint of the robot; its joints: {}", JointNames()));
     }
     for (const std::string& name : end.Keys()) {
       if (!start.Has(name)) end.Fail(name, "has an end but no start in start.joints_rad");
     }
-    for (std::size_t j = static_cast<std::size_t>(problem_.robot.root_dofs); j < problem_.robot.tree.dofs.size(); ++j) {
+    for (std::size_t j = static_cast<std::size_t>(problem_.robot.root_dofs);
+         j < problem_.robot.tree.dofs.size(); ++j) {
       Dof<Plane>& dof = problem_.robot.tree.dofs[j];
       if (!start.Has(dof.name)) {
-        start.Fail("", fmt::format("lacks the joint '{}': every joint of the robot needs a start and an end", dof.name));
+        start.Fail(
+            "",
+            fmt::format("lacks the joint '{}': every joint of the robot needs a start and an end",
+                        dof.name));
       }
       if (problem_.joints.size() == static_cast<std::size_t>(kMaxJoints)) {
         start.Fail(dof.name, fmt::format("a primitive moves at most {} joints", kMaxJoints));
       }
-      if (!FixedString<32>::fits(dof.name)) start.Fail(dof.name, "a joint's name has at most 32 characters");
+      if (!FixedString<32>::fits(dof.name))
+        start.Fail(dof.name, "a joint's name has at most 32 characters");
       dof.prescribed = true;
       ActuatedJoint joint;
       joint.dof = static_cast<int>(j);
       const RobotJointLimits& urdf = problem_.robot.limits[j];
       JointLimits<double>& allowed = joint.limits;
-      // A joint without limits in the URDF still gets finite ones: a primitive is a promise about all of them.
+      // A joint without limits in the URDF still gets finite ones: a primitive is a promise about
+      // all of them.
       allowed.position_min_rad = std::max(urdf.lower_rad, -100.0);
       allowed.position_max_rad = std::min(urdf.upper_rad, 100.0);
       allowed.velocity_max_rad_s = std::min(urdf.velocity_rad_s, 100.0);
@@ -80,7 +95,9 @@ class TaskReader {
           if (table != nullptr) Tighten(*table, allowed);
         }
         dof.rotor_inertia_kg_m2 = limits->Number("rotor_inertia_kg_m2", Range{0, 10}, 0.0);
-        if (own) dof.rotor_inertia_kg_m2 = own->Number("rotor_inertia_kg_m2", Range{0, 10}, dof.rotor_inertia_kg_m2);
+        if (own)
+          dof.rotor_inertia_kg_m2 =
+              own->Number("rotor_inertia_kg_m2", Range{0, 10}, dof.rotor_inertia_kg_m2);
       }
       const Range range{allowed.position_min_rad, allowed.position_max_rad};
       joint.start_rad = start.Number(dof.name, range);
@@ -91,15 +108,17 @@ class TaskReader {
 
   /// Limits of the task can only be tighter than the robot's.
   static void Tighten(TomlTable& table, JointLimits<double>& allowed) {
-    allowed.velocity_max_rad_s =
-        table.Number("velocity_max_rad_s", {0, allowed.velocity_max_rad_s, true}, allowed.velocity_max_rad_s);
+    allowed.velocity_max_rad_s = table.Number(
+        "velocity_max_rad_s", {0, allowed.velocity_max_rad_s, true}, allowed.velocity_max_rad_s);
     allowed.acceleration_max_rad_s2 =
         table.Number("acceleration_max_rad_s2", {0, 1e5, true}, allowed.acceleration_max_rad_s2);
-    allowed.torque_max_nm = table.Number("torque_max_nm", {0, allowed.torque_max_nm, true}, allowed.torque_max_nm);
+    allowed.torque_max_nm =
+        table.Number("torque_max_nm", {0, allowed.torque_max_nm, true}, allowed.torque_max_nm);
     const double low = allowed.position_min_rad;
     const double high = allowed.position_max_rad;
     allowed.position_min_rad = table.Number("position_min_rad", {low, high}, low);
-    allowed.position_max_rad = table.Number("position_max_rad", {allowed.position_min_rad, high}, high);
+    allowed.position_max_rad =
+        table.Number("position_max_rad", {allowed.position_min_rad, high}, high);
   }
 
   [[nodiscard]] std::string JointNames() const {
@@ -115,10 +134,11 @@ class TaskReader {
     std::optional<TomlTable> spline = root_.OptionalTable("spline");
     if (!spline) return;
     problem_.degree = static_cast<int>(spline->Integer("degree", 3, 7, problem_.degree));
-    // Three fixed points at each end and one free one between them; and enough points for the degree.
+    // Three fixed points at each end and one free one between them; and enough points for the
+    // degree.
     const int least = std::max(7, problem_.degree + 1);
-    problem_.control_points =
-        static_cast<int>(spline->Integer("control_points", least, kMaxControlPoints, problem_.control_points));
+    problem_.control_points = static_cast<int>(
+        spline->Integer("control_points", least, kMaxControlPoints, problem_.control_points));
   }
 
   void ReadContact() {
@@ -126,20 +146,24 @@ class TaskReader {
     if (!contact) return;
     ContactLaw& law = problem_.contact;
     const Range positive = Range::Positive();
-    law.stiffness_n_per_m = contact->Number("stiffness_n_per_m", {0, 1e8, true}, law.stiffness_n_per_m);
+    law.stiffness_n_per_m =
+        contact->Number("stiffness_n_per_m", {0, 1e8, true}, law.stiffness_n_per_m);
     law.damping_n_s_per_m = contact->Number("damping_n_s_per_m", {0, 1e6}, law.damping_n_s_per_m);
     law.layer_m = contact->Number("d_on_m", {1e-6, 1}, law.layer_m);
     // Zero width would make the force jump in its derivative.
     const double widest = law.layer_m * (1 - 1e-6);
-    law.full_force_m = contact->Number("d_off_m", {0, widest}, std::min(law.full_force_m, 0.75 * law.layer_m));
+    law.full_force_m =
+        contact->Number("d_off_m", {0, widest}, std::min(law.full_force_m, 0.75 * law.layer_m));
     law.friction = contact->Number("mu", {0, 10}, law.friction);
-    law.slip_speed_m_per_s = contact->Number("v_max_m_per_s", {1e-6, positive.max, false}, law.slip_speed_m_per_s);
+    law.slip_speed_m_per_s =
+        contact->Number("v_max_m_per_s", {1e-6, positive.max, false}, law.slip_speed_m_per_s);
     constexpr std::array<std::string_view, 2> kSmoothing = {"cubic", "quintic"};
     constexpr std::array<std::string_view, 3> kDamping = {"no-pull", "signed", "printed"};
-    law.smoothing = contact->Choice("smoothing", kSmoothing, "cubic") == "cubic" ? ContactSmoothing::kCubic
-                                                                                : ContactSmoothing::kQuintic;
+    law.smoothing = contact->Choice("smoothing", kSmoothing, "cubic") == "cubic"
+                        ? ContactSmoothing::kCubic
+                        : ContactSmoothing::kQuintic;
     const std::string damping = contact->Choice("damping_law", kDamping, "no-pull");
-    law.damping = damping == "no-pull" ? ContactDamping::kNoPull
+    law.damping = damping == "no-pull"  ? ContactDamping::kNoPull
                   : damping == "signed" ? ContactDamping::kSigned
                                         : ContactDamping::kPrinted;
   }
@@ -164,7 +188,8 @@ class TaskReader {
         obstacle.radius_m = table.Number("radius_m", {0, 1e3, true});
       }
       for (const Obstacle<Plane>& other : problem_.obstacles) {
-        if (other.name == obstacle.name) table.Fail("name", fmt::format("'{}' is there twice", obstacle.name));
+        if (other.name == obstacle.name)
+          table.Fail("name", fmt::format("'{}' is there twice", obstacle.name));
       }
       problem_.obstacles.push_back(obstacle);
     }
@@ -180,13 +205,16 @@ class TaskReader {
       const std::string term = table.Choice("term", kTerms, "");
       const double weight = table.Number("weight", {-1e9, 1e9});
       if (term == "effort") {
-        if (weight < 0) table.Fail("weight", fmt::format("is {}; allowed for effort: >= 0", MessageNumber(weight)));
+        if (weight < 0)
+          table.Fail("weight",
+                     fmt::format("is {}; allowed for effort: >= 0", MessageNumber(weight)));
         problem_.effort_weight += weight;
         continue;
       }
       TerminalTerm terminal;
       terminal.weight = weight;
-      terminal.when = table.Choice("when", kWhen, "end") == "end" ? TerminalTerm::When::kEnd : TerminalTerm::When::kSettled;
+      terminal.when = table.Choice("when", kWhen, "end") == "end" ? TerminalTerm::When::kEnd
+                                                                  : TerminalTerm::When::kSettled;
       const std::string of = table.String("of");
       std::string position = of;
       if (of.ends_with("_rate")) {
@@ -196,12 +224,16 @@ class TaskReader {
       constexpr std::array<std::string_view, 3> kRoot = {"x", "z", "pitch"};
       const auto found = std::find(kRoot.begin(), kRoot.end(), position);
       if (problem_.robot.root_dofs == 0 || found == kRoot.end()) {
-        table.Fail("of", fmt::format("is '{}'; allowed: x, z, pitch, x_rate, z_rate, pitch_rate (of a robot with a planar "
-                                     "root)", of));
+        table.Fail("of", fmt::format("is '{}'; allowed: x, z, pitch, x_rate, z_rate, pitch_rate "
+                                     "(of a robot with a planar "
+                                     "root)",
+                                     of));
       }
       terminal.dof = static_cast<int>(found - kRoot.begin());
       if (term == "terminal") {
-        if (weight < 0) table.Fail("weight", fmt::format("is {}; allowed for a square: >= 0", MessageNumber(weight)));
+        if (weight < 0)
+          table.Fail("weight",
+                     fmt::format("is {}; allowed for a square: >= 0", MessageNumber(weight)));
         terminal.target = table.Number("target", {-1e3, 1e3}, 0.0);
         if (!terminal.of_velocity && terminal.dof == 2) problem_.target_pitch_rad = terminal.target;
       } else {
@@ -215,12 +247,14 @@ class TaskReader {
     std::optional<TomlTable> table = root_.OptionalTable("search");
     if (!table) return;
     SearchSettings& s = problem_.search;
-    s.seed = static_cast<std::uint64_t>(table->Integer("seed", 0, std::numeric_limits<std::int64_t>::max(), 1));
+    s.seed = static_cast<std::uint64_t>(
+        table->Integer("seed", 0, std::numeric_limits<std::int64_t>::max(), 1));
     s.samples = static_cast<int>(table->Integer("samples", 1, 1'000'000, s.samples));
     s.refine = static_cast<int>(table->Integer("refine", 1, 1000, s.refine));
     s.modes = static_cast<int>(table->Integer("modes", 1, 20, s.modes));
     s.spread_rad = table->Number("spread_rad", {0, 20}, s.spread_rad);
     s.torque_penalty = table->Number("torque_penalty", {0, 1e6}, s.torque_penalty);
+    s.core_penalty = table->Number("core_penalty", {0, 1e6}, s.core_penalty);
     s.step_s = table->Number("step_s", {1e-5, 1e-2}, s.step_s);
   }
 
@@ -229,7 +263,8 @@ class TaskReader {
     if (!table) return;
     SolverSettings& s = problem_.solver;
     s.step_s = table->Number("step_s", {1e-5, 1e-2}, s.step_s);
-    s.max_evaluations = static_cast<int>(table->Integer("max_evaluations", 1, 100'000, s.max_evaluations));
+    s.max_evaluations =
+        static_cast<int>(table->Integer("max_evaluations", 1, 100'000, s.max_evaluations));
     s.relative_tolerance = table->Number("relative_tolerance", {0, 1, true}, s.relative_tolerance);
     s.torque_sharpness = table->Number("torque_sharpness", {1, 1e4}, s.torque_sharpness);
   }
@@ -252,7 +287,8 @@ class TaskReader {
     try {
       problem_.start_q = RestPose(problem_, x, pitch);
     } catch (const std::runtime_error& error) {
-      start.Fail("", fmt::format("{}; change the joints or the pitch, or give z_m to start from a pose that is not at rest",
+      start.Fail("", fmt::format("{}; change the joints or the pitch, or give z_m to start from a "
+                                 "pose that is not at rest",
                                  error.what()));
     }
   }
@@ -271,7 +307,8 @@ void CheckHeader(TomlTable& root) {
   if (root.String("format") != "tumbler-task") root.Fail("format", "allowed: \"tumbler-task\"");
   const std::int64_t version = root.Integer("version", 1, std::numeric_limits<std::int64_t>::max());
   if (version > kTaskVersion) {
-    root.Fail("version", fmt::format("is {}; this program reads tasks up to version {}", version, kTaskVersion));
+    root.Fail("version", fmt::format("is {}; this program reads tasks up to version {}", version,
+                                     kTaskVersion));
   }
 }
 
@@ -285,18 +322,20 @@ Task LoadTask(const std::string& path) {
   const std::filesystem::path robot_path = std::filesystem::path(path).parent_path() / named;
   std::error_code error;
   if (!std::filesystem::exists(robot_path, error)) {
-    root.Fail("robot", fmt::format("'{}' does not exist (looked for {})", named, robot_path.string()));
+    root.Fail("robot",
+              fmt::format("'{}' does not exist (looked for {})", named, robot_path.string()));
   }
   return ParseTask(task_text, path, ReadTextFile(robot_path.string()), robot_path.string());
 }
 
-Task ParseTask(const std::string& task_text, const std::string& task_name, const std::string& robot_text,
-               const std::string& robot_name) {
+Task ParseTask(const std::string& task_text, const std::string& task_name,
+               const std::string& robot_text, const std::string& robot_name) {
   TomlTable root = TomlTable::Parse(task_text, task_name);
   CheckHeader(root);
   root.String("robot");
   PlanarRobot robot = RobotOf(root, robot_text, robot_name);
-  return {TaskReader(std::move(root), std::move(robot)).Read(), task_name, task_text, robot_name, robot_text};
+  return {TaskReader(std::move(root), std::move(robot)).Read(), task_name, task_text, robot_name,
+          robot_text};
 }
 
 std::vector<double> RestPose(const Problem& problem, double x_m, double pitch_rad) {
@@ -306,7 +345,8 @@ std::vector<double> RestPose(const Problem& problem, double x_m, double pitch_ra
   std::vector<double> q = problem.start_q, qd(n), qdd(n), tau(n);
   q[0] = x_m;
   q[2] = pitch_rad;
-  // The height at which the lowest sphere just reaches the layer, by bisection on the deepest contact.
+  // The height at which the lowest sphere just reaches the layer, by bisection on the deepest
+  // contact.
   const auto touches = [&](double z) {
     q[1] = z;
     std::fill(qd.begin(), qd.end(), 0.0);
@@ -338,8 +378,10 @@ std::vector<double> RestPose(const Problem& problem, double x_m, double pitch_ra
     }
     if (std::abs(q[2] - pitch_rad) > kPi / 2) break;
   }
-  throw std::runtime_error(fmt::format("the robot does not come to rest at its start: it ends at x {:.3f} m, z {:.3f} m, "
-                                       "pitch {:.3f} rad", q[0], q[1], q[2]));
+  throw std::runtime_error(fmt::format(
+      "the robot does not come to rest at its start: it ends at x {:.3f} m, z {:.3f} m, "
+      "pitch {:.3f} rad",
+      q[0], q[1], q[2]));
 }
 
 }  // namespace tumbler
