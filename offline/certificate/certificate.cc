@@ -104,13 +104,13 @@ double FinalPitch(const Problem& problem, const std::vector<double>& x, double s
 
 GradientCheck CheckGradient(const Problem& problem, const std::vector<double>& x) {
   std::vector<double> at = x;
-  for (std::size_t i = 0; i < at.size(); ++i) at[i] += i % 2 == 0 ? 0.01 : -0.01;
+  for (std::size_t i = 0; i < at.size(); ++i) at[i] += i % 2 == 0 ? 1e-3 : -1e-3;
   Rollout rollout(problem, problem.solver.step_s);
   Matrix gradient(rollout.output_count(), rollout.parameter_count());
   rollout.Run(at, gradient);
   const double scale = gradient.row(0).lpNorm<Eigen::Infinity>();
   GradientCheck check{std::numeric_limits<double>::infinity(), 0};
-  for (const double step : {1e-5, 1e-6, 1e-7}) {
+  for (const double step : {1e-5, 1e-6, 1e-7, 1e-8}) {
     double worst = 0;
     for (std::size_t i = 0; i < at.size(); ++i) {
       const double middle = at[i];

@@ -66,13 +66,14 @@ void ParallelFor(int count, int threads, const std::function<void(int, int)>& wo
 
 /// A random smooth departure from the straight line between start and end: half-sine modes over the
 /// free control points, mode m with an amplitude uniform in +-spread / m, inside the position
-/// limits. Low modes move the robot; independent control points mostly shake it (measured: 14 times
-/// fewer samples near a handstand).
-std::vector<double> RandomStart(const Problem& problem, std::uint64_t sample) {
+/// limits, and shrunk towards the line until the velocity and acceleration limits (`rows`) hold.
+/// Low modes move the robot; independent control points mostly shake it (measured: 14 times fewer
+/// samples near a handstand).
+std::vector<double> RandomStart(const Problem& problem, const std::vector<LinearRow>& rows,
+                                std::uint64_t sample) {
   SplitMix64 random(problem.search.seed, sample);
   const int free = problem.free_points_per_joint();
-  std::vector<double> x;
-  x.reserve(static_cast<std::size_t>(problem.parameter_count()));
+  std::vector<double> line, departure;
   std::vector<double> amplitude(static_cast<std::size_t>(problem.search.modes));
   for (const ActuatedJoint& joint : problem.joints) {
     for (std::size_t m = 0; m < amplitude.size(); ++m) {
@@ -80,14 +81,26 @@ std::vector<double> RandomStart(const Problem& problem, std::uint64_t sample) {
     }
     for (int i = 0; i < free; ++i) {
       const double s = (i + 1.0) / (free + 1.0);
-      double value = joint.start_rad + s * (joint.end_rad - joint.start_rad);
+      const double straight = joint.start_rad + s * (joint.end_rad - joint.start_rad);
+      double value = straight;
       for (std::size_t m = 0; m < amplitude.size(); ++m) {
         value += amplitude[m] * std::sin(M_PI * static_cast<double>(m + 1) * s);
       }
-      x.push_back(std::clamp(value, joint.limits.position_min_rad, joint.limits.position_max_rad));
+      line.push_back(straight);
+      departure.push_back(
+          std::clamp(value, joint.limits.position_min_rad, joint.limits.position_max_rad) -
+          straight);
     }
   }
-  return x;
+  double scale = 1;
+  for (const LinearRow& row : rows) {
+    const double at_line =
+        row.b + std::inner_product(row.a.begin(), row.a.end(), line.begin(), 0.0);
+    const double slope = std::inner_product(row.a.begin(), row.a.end(), departure.begin(), 0.0);
+    if (slope > 0 && at_line < 0) scale = std::min(scale, -at_line / slope);
+  }
+  for (std::size_t i = 0; i < line.size(); ++i) line[i] += scale * departure[i];
+  return line;
 }
 
 /// What the global search ranks by: the cost, and a penalty that keeps motions which the solver
@@ -440,6 +453,7 @@ SolveOutcome Solve(const Problem& problem, const SolveOptions& options) {
   const auto interrupted = [&] { return options.interrupt != nullptr && *options.interrupt; };
 
   // Global search: every sample is a function of seed and index alone.
+  const std::vector<LinearRow> rows = DerivativeLimitRows(problem);
   const int samples = problem.search.samples;
   std::vector<double> rank(static_cast<std::size_t>(samples),
                            std::numeric_limits<double>::infinity());
@@ -451,7 +465,7 @@ SolveOutcome Solve(const Problem& problem, const SolveOptions& options) {
     double best = std::numeric_limits<double>::infinity();
     ParallelFor(samples, options.threads, [&](int i, int thread) {
       if (interrupted()) return;
-      const std::vector<double> x = RandomStart(problem, static_cast<std::uint64_t>(i));
+      const std::vector<double> x = RandomStart(problem, rows, static_cast<std::uint64_t>(i));
       rank[static_cast<std::size_t>(i)] =
           Rank(problem, rollouts[static_cast<std::size_t>(thread)].Run(x));
       const std::lock_guard<std::mutex> lock(mutex);
@@ -492,7 +506,8 @@ SolveOutcome Solve(const Problem& problem, const SolveOptions& options) {
           options.progress(named);
         };
       }
-      const std::vector<double> x = RandomStart(problem, static_cast<std::uint64_t>(order[k]));
+      const std::vector<double> x =
+          RandomStart(problem, rows, static_cast<std::uint64_t>(order[k]));
       outcome.solutions[k] =
           SolveFrom(problem, x, rollouts[static_cast<std::size_t>(thread)], local, &histories[k]);
       outcome.solutions[k].start = s;
