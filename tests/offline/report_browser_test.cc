@@ -85,7 +85,7 @@ class ReportInBrowser : public testing::Test {
                                 std::to_string(width) + " 900";
     // NOLINTNEXTLINE(concurrency-mt-unsafe): a test of one thread.
     EXPECT_EQ(std::system(command.c_str()), 0) << command;
-    const std::string dom = ReadFile(out);
+    std::string dom = ReadFile(out);
     EXPECT_THAT(dom, HasSubstr("data-ready=\"true\"")) << "the page's scripts did not finish";
     return dom;
   }
@@ -143,7 +143,9 @@ TEST_F(ReportInBrowser, HasAllItsPartsWithUnits) {
   EXPECT_EQ(Count(dom, ">limit 8.0</text>"), 1U);
   EXPECT_EQ(Count(dom, ">limit \u22122.90</text>"), 1U);
   for (const auto& [name, value] : data.certificate) {
-    EXPECT_THAT(dom, HasSubstr("<th scope=\"row\">" + name + "</th><td>" + value + "</td>"));
+    EXPECT_THAT(
+        dom, HasSubstr(
+                 std::string("<th scope=\"row\">").append(name).append("</th><td>").append(value)));
   }
   double peak = 0;
   for (const ReportSample& sample : data.samples) {

@@ -48,7 +48,7 @@ function fillHeader() {
   fact('Peak normal force', fixed(motion.normal[i], 1), 'N', `at ${fixed(motion.times[i], 3)} s`);
   if (data.evaluations.length > 0) {
     const global = data.evaluations.filter((e) => e.global).length;
-    fact('Evaluations', String(data.evaluations.length), '', `${global} of the search, ${data.evaluations.length - global} of the solver`);
+    fact('Evaluations', String(data.evaluations.length), '', `${global} search, ${data.evaluations.length - global} local solver`);
   }
 }
 

@@ -96,10 +96,6 @@ class Stage {
     const data = motion.data;
     this.world = element('g', {}, svg);
     drawObstacles(this.world, data);
-    const path = data.links[0].x_m.map((x, i) => `${x} ${data.links[0].z_m[i]}`);
-    this.path = path;
-    element('path', {class: 'trace', d: `M${path.join('L')}`}, this.world);
-    this.traced = element('path', {class: 'trace done'}, this.world);
     // A trail of faint earlier poses, those of the strip.
     this.trail = true;
     this.ghosts = Array.from({length: ghosts}, (_, k) => {
@@ -109,6 +105,10 @@ class Stage {
       ghost.set(motion.poses(t));
       return [t, ghost.group];
     });
+    const path = data.links[0].x_m.map((x, i) => `${x} ${data.links[0].z_m[i]}`);
+    this.path = path;
+    element('path', {class: 'trace', d: `M${path.join('L')}`}, this.world);
+    this.traced = element('path', {class: 'trace done'}, this.world);
     this.robot = new RobotDrawing(this.world, data);
     this.ruler = element('g', {class: 'ruler'}, svg);
     this.arrows = element('g', {class: 'arrows'}, svg);
@@ -186,7 +186,7 @@ class Stage {
     for (const [time, group] of this.ghosts) {
       const age = (t - time) / (motion.last - motion.first);
       group.style.display = this.trail && age > 0.03 ? '' : 'none';
-      group.style.opacity = 0.3 - 0.22 * age;
+      group.style.setProperty('--strength', `${Math.round(32 - 22 * age)}%`);
     }
     const [i] = motion.locate(t);
     this.traced.setAttribute('d', `M${this.path.slice(0, i + 1).join('L')}L${poses[0][0]} ${poses[0][1]}`);
