@@ -59,6 +59,14 @@ class BSpline {
     std::array<std::array<Scalar, kMaxDegree + 1>, kMaxDerivative + 1> w{};
   };
 
+  /// All basis functions at one time: row r holds the r + 1 of degree r that are not zero there. Splines with the same
+  /// knots share them, so that several joints cost one evaluation of (1)'s N and a few products each.
+  struct Basis {
+    int span = 0;  ///< i with u_i <= t < u_{i+1} (the last one at the end).
+    std::array<std::array<Scalar, kMaxDegree + 1>, kMaxDegree + 1> rows;
+    Basis() noexcept {}  // NOLINT(modernize-use-equals-default): leaves the rows unset; they are written before use.
+  };
+
   /// q = 0 on [0, 1 s]; there is no empty state.
   constexpr BSpline() noexcept { knots_[1] = Scalar(1); }
 
@@ -125,24 +133,65 @@ class BSpline {
   /// extrapolated.
   [[nodiscard]] Sample Evaluate(Scalar t_s) const noexcept {
     Basis basis;
-    const int span = EvaluateBasis(t_s, basis);
-    Sample sample;
-    sample.value = Combine(basis, span, 0);
-    sample.first = Combine(basis, span, 1);
-    sample.second = Combine(basis, span, 2);
-    return sample;
+    EvaluateBasis(t_s, basis);
+    return Evaluate(basis);
+  }
+
+  /// Span and basis functions at t, clamped as in `Evaluate` [PT97, A2.2].
+  void EvaluateBasis(Scalar t_s, Basis& basis) const noexcept {
+    const Scalar start = start_s();
+    const Scalar end = end_s();
+    const Scalar t = t_s > start ? (t_s < end ? t_s : end) : start;
+    int low = degree_;
+    int high = count_;
+    while (high - low > 1) {
+      const int middle = (low + high) / 2;
+      if (t >= Knot(middle)) {
+        low = middle;
+      } else {
+        high = middle;
+      }
+    }
+    while (!(Knot(low) < Knot(low + 1))) --low;  // The end of a curve with a repeated last interior knot.
+    const int span = low;
+    basis.span = span;
+    basis.rows[0][0] = Scalar(1);
+    for (int r = 1; r <= degree_; ++r) {
+      Scalar carry = 0;
+      for (int k = 0; k < r; ++k) {
+        const Scalar left = Knot(span - r + 1 + k);
+        const Scalar right = Knot(span + 1 + k);
+        const Scalar share = basis.rows[Index(r - 1)][Index(k)] / (right - left);
+        basis.rows[Index(r)][Index(k)] = carry + (right - t) * share;
+        carry = (t - left) * share;
+      }
+      basis.rows[Index(r)][Index(r)] = carry;
+    }
+  }
+
+  /// `Evaluate(t)` and its value alone, bit for bit, from the basis at t.
+  /// @pre `basis` was evaluated by a spline with this one's degree and knots: `HasKnotsOf` tells.
+  [[nodiscard]] Sample Evaluate(const Basis& basis) const noexcept {
+    return {Combine(basis, 0), Combine(basis, 1), Combine(basis, 2)};
+  }
+  [[nodiscard]] Scalar Value(const Basis& basis) const noexcept { return Combine(basis, 0); }
+
+  /// Whether degree and knots are those of `other`.
+  [[nodiscard]] bool HasKnotsOf(const BSpline& other) const noexcept {
+    return degree_ == other.degree_ && std::ranges::equal(knots(), other.knots());
   }
 
   /// The linear map from control points to `Evaluate(t)`.
   [[nodiscard]] Weights EvaluateWeights(Scalar t_s) const noexcept {
     Basis basis;
-    const int span = EvaluateBasis(t_s, basis);
+    EvaluateBasis(t_s, basis);
+    const int span = basis.span;
     Weights weights;
     weights.first = span - degree_;
     for (int d = 0; d <= std::min<int>(kMaxDerivative, degree_); ++d) {
       auto& w = weights.w[static_cast<std::size_t>(d)];
       const int p = degree_ - d;
-      for (int k = 0; k <= p; ++k) w[Index(k)] = basis[Index(p)][Index(k)];
+      for (int k = 0; k <= p; ++k) w[Index(k)] = basis.rows[Index(p)][Index(k)];
       // The transpose of (2), from the innermost derivative outwards.
       for (int level = d; level >= 1; --level) {
         const int q = degree_ - level + 1;  // degree of the spline whose points are differenced
@@ -199,9 +248,6 @@ class BSpline {
   }
 
  private:
-  /// Row r holds the r + 1 basis functions of degree r that are not zero on the current span.
-  using Basis = std::array<std::array<Scalar, kMaxDegree + 1>, kMaxDegree + 1>;
-
   static constexpr std::size_t Index(int i) noexcept { return static_cast<std::size_t>(i); }
   [[nodiscard]] Scalar Knot(int i) const noexcept { return knots_[Index(i)]; }
 
@@ -216,44 +262,12 @@ class BSpline {
     }
   }
 
-  /// The span i with u_i <= t < u_{i+1} (the last one at the end), and all basis functions on it [PT97, A2.2].
-  int EvaluateBasis(Scalar t_s, Basis& basis) const noexcept {
-    const Scalar start = start_s();
-    const Scalar end = end_s();
-    const Scalar t = t_s > start ? (t_s < end ? t_s : end) : start;
-    int low = degree_;
-    int high = count_;
-    while (high - low > 1) {
-      const int middle = (low + high) / 2;
-      if (t >= Knot(middle)) {
-        low = middle;
-      } else {
-        high = middle;
-      }
-    }
-    while (!(Knot(low) < Knot(low + 1))) --low;  // The end of a curve with a repeated last interior knot.
-    const int span = low;
-    basis[0][0] = Scalar(1);
-    for (int r = 1; r <= degree_; ++r) {
-      Scalar carry = 0;
-      for (int k = 0; k < r; ++k) {
-        const Scalar left = Knot(span - r + 1 + k);
-        const Scalar right = Knot(span + 1 + k);
-        const Scalar share = basis[Index(r - 1)][Index(k)] / (right - left);
-        basis[Index(r)][Index(k)] = carry + (right - t) * share;
-        carry = (t - left) * share;
-      }
-      basis[Index(r)][Index(r)] = carry;
-    }
-    return span;
-  }
-
-  [[nodiscard]] Scalar Combine(const Basis& basis, int span, int d) const noexcept {
+  [[nodiscard]] Scalar Combine(const Basis& basis, int d) const noexcept {
     const int p = degree_ - d;
     if (p < 0) return Scalar(0);
     Scalar sum = 0;
     for (int k = 0; k <= p; ++k) {
-      sum += basis[Index(p)][Index(k)] * points_[Index(d)][Index(span - degree_ + k)];
+      sum += basis.rows[Index(p)][Index(k)] * points_[Index(d)][Index(basis.span - degree_ + k)];
     }
     return sum;
   }
