@@ -1,6 +1,5 @@
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <memory>
 #include <vector>
@@ -87,6 +86,8 @@ class SimulatedPort final : public CanBus {
   };
 
   SimulatedPort(const SimulatedBus& bus, const SimulatedPortConfig& config, SimulatedNode* node);
+  void Fail() noexcept;  // The attempt to send the oldest frame failed.
+  void Deliver(const ReceivedFrame& received) noexcept;
 
   const SimulatedBus& bus_;
   SimulatedPortConfig config_;
@@ -94,10 +95,12 @@ class SimulatedPort final : public CanBus {
   Queue transmit_;
   Queue receive_;
   bool link_down_ = false;
+  bool sending_ = false;       // takes part in the frame in flight as a sender
+  bool head_on_wire_ = false;  // the oldest frame to send is the one in flight
   SimulatedPortStatistics statistics_;
 };
 
-/// Counts of the bus since it was made.
+/// Counts of the bus since it was made. A frame's bits count from its start.
 struct SimulatedBusStatistics {
   std::int64_t frames = 0;  ///< acknowledged frames
   std::int64_t bits =
@@ -168,24 +171,23 @@ class SimulatedBus {
  private:
   enum class Phase : std::uint8_t {
     kIdle,
-    kFrame,
-    kRecovery
-  };  // kRecovery: intermission, or error frame and it
+    kFrame,     ///< up to the last bit of a frame
+    kRecovery,  ///< intermission, or an error frame with its intermission
+  };
 
-  void StartNext() noexcept;
-  void FinishFrame() noexcept;
-  [[nodiscard]] bool IsAcknowledged() const noexcept;
-  [[nodiscard]] bool IsSending(int port) const noexcept;
+  Port& Add(const PortConfig& config, SimulatedNode* node);
+  void Start() noexcept;
+  void Finish() noexcept;
+  void FailSenders() noexcept;
+  void Occupy(Phase phase, int bits, int bits_until_free) noexcept;
 
-  std::int64_t bit_time_ns_;
+  std::int64_t bit_time_ns_ = 0;
   std::int64_t now_ns_ = 0;
   Phase phase_ = Phase::kIdle;
   std::int64_t phase_end_ns_ = 0;
-  std::int64_t busy_since_ns_ = 0;
-  CanFrame wire_{};            // the frame in flight
-  std::uint32_t senders_ = 0;  // bit i: port i sends it
-  std::array<std::unique_ptr<SimulatedPort>, kMaxNodes> ports_;
-  int port_count_ = 0;
+  std::int64_t busy_until_ns_ = 0;
+  CanFrame wire_{};  // the frame in flight
+  std::vector<std::unique_ptr<SimulatedPort>> ports_;
   SimulatedBusStatistics statistics_;
 };
 

@@ -47,11 +47,13 @@ class SocketCanBus final : public CanBus {
   }  ///< Cause of the last kLinkDown or kIoError.
 
  private:
+  [[nodiscard]] OpenResult TryOpen(const std::string& interface);
+  Status LinkStatus() noexcept;
   Status Failed(int error_number) noexcept;
   [[nodiscard]] bool IsUp() const noexcept;
 
   int socket_ = -1;
-  int interface_index_ = 0;
+  std::string interface_;  // set by Open only
   int errno_ = 0;
   bool bus_off_ = false;
   bool link_down_ = false;

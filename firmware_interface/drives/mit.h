@@ -1,6 +1,5 @@
 #pragma once
 
-#include <array>
 #include <cstdint>
 
 #include "firmware_interface/drives/drive.h"
@@ -39,7 +38,11 @@ namespace tumbler {
 /// gains and feed-forward to zero, and resumes by itself with the next setpoint. Clones differ: try
 /// it on the bench.
 
-/// What a field can carry.
+/// Largest magnitude of a range's end; beyond it the arithmetic of codes could overflow.
+inline constexpr float kMitLargest = 1e6F;
+
+/// What a field can carry. Ranges of position, velocity and torque contain zero; gains start at
+/// exactly zero.
 struct MitRange {
   float min = 0;
   float max = 0;
@@ -75,9 +78,9 @@ struct MitConfig {
   MitTemperature temperature = MitTemperature::kSigned;
   JointMap joint;
 
-  /// @retval kInvalidArgument  an id is out of range, both ids are equal, a range is not min < max,
-  /// or the joint map
-  ///                           is not valid.
+  /// @retval kInvalidArgument  an id is out of range, both ids are equal, a range is not as
+  /// MitRange
+  ///                           says, or the joint map is not valid.
   [[nodiscard]] Status Validate() const noexcept;
 };
 
@@ -172,18 +175,23 @@ class MitDrive final : public Drive {
 
  private:
   enum class Stage : std::uint8_t { kStart, kExit, kClear, kEnter, kNeutral, kFollow };
+  static constexpr int kCertainTicks = 2;  // answered, before a magic frame counts as obeyed
 
+  void NextStage(bool enable) noexcept;
   void GoTo(Stage stage) noexcept;
+  [[nodiscard]] int answered_ticks() const noexcept;
+  [[nodiscard]] DriveState Inferred() const noexcept;
   [[nodiscard]] MitCommand ToCommand(const DriveSetpoint& setpoint) const noexcept;
-  void SetMeasured() noexcept;
+  [[nodiscard]] DriveSetpoint ToSetpoint(const CanFrame& frame) const noexcept;
 
   MitConfig config_;
   bool valid_;
   Stage stage_ = Stage::kStart;
-  int answered_ticks_ = 0;  // ticks with a reply since the stage's first frame
-  bool answered_ = false;   // a reply since the last Encode
-  bool heard_ = false;      // a reply ever
-  DriveState inferred_ = DriveState::kUnknown;
+  DriveState before_exit_ = DriveState::kUnknown;
+  int answered_ticks_ =
+      0;  // ticks with a reply since the stage's first frame, up to the last Encode
+  bool answered_ = false;  // a reply since the last Encode
+  bool heard_ = false;     // a reply ever
   DriveFeedback feedback_;
   DriveSetpoint encoded_;
 };

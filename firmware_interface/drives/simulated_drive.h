@@ -74,6 +74,7 @@ class SimulatedDrive final : public SimulatedNode {
  private:
   void CheckWatchdog(std::int64_t time_ns) noexcept;
   [[nodiscard]] double Limited(double torque_nm) const noexcept;
+  [[nodiscard]] double measured_rad() const noexcept;  // what the encoder reads
 
   SimulatedDriveConfig config_;
   MitCommand setpoint_;
