@@ -6,6 +6,8 @@
 #include <cstddef>
 #include <limits>
 #include <span>
+#include <type_traits>
+#include <utility>
 
 #include "common/status.h"
 
@@ -59,11 +61,11 @@ class BSpline {
     std::array<std::array<Scalar, kMaxDegree + 1>, kMaxDerivative + 1> w{};
   };
 
-  /// All basis functions at one time: row r holds the r + 1 of degree r that are not zero there. Splines with the same
-  /// knots share them, so that several joints cost one evaluation of (1)'s N and a few products each.
+  /// The basis functions at one time: row d holds the p - d + 1 of degree p - d that are not zero there. Splines with
+  /// the same knots share them, so that several joints cost one evaluation of (1)'s N and a few products each.
   struct Basis {
     int span = 0;  ///< i with u_i <= t < u_{i+1} (the last one at the end).
-    std::array<std::array<Scalar, kMaxDegree + 1>, kMaxDegree + 1> rows;
+    std::array<std::array<Scalar, kMaxDegree + 1>, kMaxDerivative + 1> rows;
     Basis() noexcept {}  // NOLINT(modernize-use-equals-default): leaves the rows unset; they are written before use.
   };
 
@@ -137,44 +139,34 @@ class BSpline {
     return Evaluate(basis);
   }
 
-  /// Span and basis functions at t, clamped as in `Evaluate` [PT97, A2.2].
+  /// Span and basis functions at t, clamped as in `Evaluate` [PT97, A2.2]. The span that `basis` comes with is tried
+  /// before others are searched, so that a series of growing times costs no search; results do not depend on it.
   void EvaluateBasis(Scalar t_s, Basis& basis) const noexcept {
     const Scalar start = start_s();
     const Scalar end = end_s();
     const Scalar t = t_s > start ? (t_s < end ? t_s : end) : start;
-    int low = degree_;
-    int high = count_;
-    while (high - low > 1) {
-      const int middle = (low + high) / 2;
-      if (t >= Knot(middle)) {
-        low = middle;
-      } else {
-        high = middle;
-      }
-    }
-    while (!(Knot(low) < Knot(low + 1))) --low;  // The end of a curve with a repeated last interior knot.
-    const int span = low;
-    basis.span = span;
-    basis.rows[0][0] = Scalar(1);
-    for (int r = 1; r <= degree_; ++r) {
-      Scalar carry = 0;
-      for (int k = 0; k < r; ++k) {
-        const Scalar left = Knot(span - r + 1 + k);
-        const Scalar right = Knot(span + 1 + k);
-        const Scalar share = basis.rows[Index(r - 1)][Index(k)] / (right - left);
-        basis.rows[Index(r)][Index(k)] = carry + (right - t) * share;
-        carry = (t - left) * share;
-      }
-      basis.rows[Index(r)][Index(r)] = carry;
+    const int guess = basis.span;
+    const bool known = guess >= degree_ && guess < count_ && t >= Knot(guess) && t < Knot(guess + 1);
+    basis.span = known ? guess : FindSpan(t);
+    switch (degree_) {  // The usual degrees as constants, for the compiler to unroll: the same operations.
+      case 3:
+        return EvaluateRowsOfDegree<3>(t, basis);
+      case 5:
+        return EvaluateRowsOfDegree<5>(t, basis);
+      default:
+        return EvaluateRows(t, basis);
     }
   }
 
   /// `Evaluate(t)` and its value alone, bit for bit, from the basis at t.
   /// @pre `basis` was evaluated by a spline with this one's degree and knots: `HasKnotsOf` tells.
   [[nodiscard]] Sample Evaluate(const Basis& basis) const noexcept {
-    return {Combine(basis, 0), Combine(basis, 1), Combine(basis, 2)};
+    if (degree_ == 5) return {Combine<5>(basis, 0), Combine<5>(basis, 1), Combine<5>(basis, 2)};
+    return {Combine<-1>(basis, 0), Combine<-1>(basis, 1), Combine<-1>(basis, 2)};
   }
-  [[nodiscard]] Scalar Value(const Basis& basis) const noexcept { return Combine(basis, 0); }
+  [[nodiscard]] Scalar Value(const Basis& basis) const noexcept {
+    return degree_ == 3 ? Combine<3>(basis, 0) : Combine<-1>(basis, 0);
+  }
 
   /// Whether degree and knots are those of `other`.
   [[nodiscard]] bool HasKnotsOf(const BSpline& other) const noexcept {
@@ -191,7 +183,7 @@ class BSpline {
     for (int d = 0; d <= std::min<int>(kMaxDerivative, degree_); ++d) {
       auto& w = weights.w[static_cast<std::size_t>(d)];
       const int p = degree_ - d;
-      for (int k = 0; k <= p; ++k) w[Index(k)] = basis.rows[Index(p)][Index(k)];
+      for (int k = 0; k <= p; ++k) w[Index(k)] = basis.rows[Index(d)][Index(k)];
       // The transpose of (2), from the innermost derivative outwards.
       for (int level = d; level >= 1; --level) {
         const int q = degree_ - level + 1;  // degree of the spline whose points are differenced
@@ -262,13 +254,68 @@ class BSpline {
     }
   }
 
-  [[nodiscard]] Scalar Combine(const Basis& basis, int d) const noexcept {
-    const int p = degree_ - d;
-    if (p < 0) return Scalar(0);
-    Scalar sum = 0;
-    for (int k = 0; k <= p; ++k) {
-      sum += basis.rows[Index(p)][Index(k)] * points_[Index(d)][Index(basis.span - degree_ + k)];
+  /// The span i with u_i <= t < u_{i+1}, the last one at the end. @pre start <= t <= end.
+  [[nodiscard]] int FindSpan(Scalar t) const noexcept {
+    int low = degree_;
+    int high = count_;
+    while (high - low > 1) {
+      const int middle = (low + high) / 2;
+      if (t >= Knot(middle)) {
+        low = middle;
+      } else {
+        high = middle;
+      }
     }
+    while (!(Knot(low) < Knot(low + 1))) --low;  // The end of a curve with a repeated last interior knot.
+    return low;
+  }
+
+  /// From the basis functions of degree r - 1 in `row` to those of degree r. The knots around t are u[-1] and u[0].
+  [[gnu::always_inline]] static void RaiseDegree(int r, Scalar t, const Scalar* u, Scalar* row) noexcept {
+    Scalar carry = 0;
+    for (int k = 0; k < r; ++k) {
+      const Scalar left = u[k - r];
+      const Scalar right = u[k];
+      const Scalar share = row[k] / (right - left);
+      row[k] = carry + (right - t) * share;
+      carry = (t - left) * share;
+    }
+    row[r] = carry;
+  }
+
+  /// The rows of `Basis` on its span, for any degree.
+  void EvaluateRows(Scalar t, Basis& basis) const noexcept {
+    std::array<Scalar, kMaxDegree + 1> row{Scalar(1)};
+    for (int r = 0; r <= degree_; ++r) {
+      if (r > 0) RaiseDegree(r, t, knots_.data() + basis.span + 1, row.data());
+      if (degree_ - r <= kMaxDerivative) basis.rows[Index(degree_ - r)] = row;
+    }
+  }
+
+  /// The same operations in the same order, unrolled by the compiler: the knots are copied since it would have to
+  /// suspect every store of changing them.
+  template <int kDegree>
+  void EvaluateRowsOfDegree(Scalar t, Basis& basis) const noexcept {
+    std::array<Scalar, 2 * kDegree> u;
+    std::copy_n(knots_.begin() + (basis.span - kDegree + 1), 2 * kDegree, u.begin());
+    std::array<Scalar, kDegree + 1> row{Scalar(1)};
+    const auto step = [&]<int r>(std::integral_constant<int, r>) {
+      if constexpr (r > 0) RaiseDegree(r, t, u.data() + kDegree, row.data());
+      if constexpr (kDegree - r <= kMaxDerivative) std::copy_n(row.begin(), r + 1, basis.rows[kDegree - r].begin());
+    };
+    [&]<int... r>(std::integer_sequence<int, r...>) {
+      (step(std::integral_constant<int, r>{}), ...);
+    }(std::make_integer_sequence<int, kDegree + 1>{});
+  }
+
+  template <int kDegree>
+  [[nodiscard]] Scalar Combine(const Basis& basis, int d) const noexcept {
+    const int degree = kDegree >= 0 ? kDegree : degree_;
+    const int p = degree - d;
+    if (p < 0) return Scalar(0);
+    const Scalar* const points = points_[Index(d)].data() + (basis.span - degree);
+    Scalar sum = 0;
+    for (int k = 0; k <= p; ++k) sum += basis.rows[Index(d)][Index(k)] * points[k];
     return sum;
   }
 

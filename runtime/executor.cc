@@ -32,8 +32,7 @@ bool IsLinkUp(Status status) noexcept {
 }
 
 bool AllFinite(const DriveFeedback& feedback) noexcept {
-  return IsFinite(feedback.position_rad) && IsFinite(feedback.velocity_rad_s) &&
-         IsFinite(feedback.torque_nm) && IsFinite(feedback.temperature_c);
+  return AreFinite(feedback.position_rad, feedback.velocity_rad_s, feedback.torque_nm, feedback.temperature_c);
 }
 
 bool IsValid(const ExecutorConfig& config, int joint_count) noexcept {
@@ -446,22 +445,17 @@ void Executor::PlanRun(TickRecord& record) noexcept {
   primitive_time_s_ = ticks_in_state_ >= run_ticks_
                           ? primitive_.duration_s
                           : static_cast<float>(ticks_in_state_) * time_per_tick_s_;
-  using Spline = JointMotion<float>::Spline;
-  Spline::Basis first_position;
-  Spline::Basis first_torque;
-  primitive_.joints[0].position.EvaluateBasis(primitive_time_s_, first_position);
-  primitive_.joints[0].torque.EvaluateBasis(primitive_time_s_, first_torque);
   const float speed = config_.speed;
   for (int i = 0; i < joint_count_; ++i) {
     const auto index = static_cast<std::size_t>(i);
-    const Joint& joint = joints_[index];
+    Joint& joint = joints_[index];
     const JointMotion<float>& motion = primitive_.joints[index];
-    const Spline::Sample sample = joint.shares_position_knots
-                                      ? motion.position.Evaluate(first_position)
-                                      : motion.position.Evaluate(primitive_time_s_);
-    const float torque = joint.shares_torque_knots
-                             ? motion.torque.Value(first_torque)
-                             : motion.torque.Evaluate(primitive_time_s_).value;
+    Basis& position_basis = joint.shares_position_knots ? joints_[0].position_basis : joint.position_basis;
+    Basis& torque_basis = joint.shares_torque_knots ? joints_[0].torque_basis : joint.torque_basis;
+    if (i == 0 || !joint.shares_position_knots) motion.position.EvaluateBasis(primitive_time_s_, position_basis);
+    if (i == 0 || !joint.shares_torque_knots) motion.torque.EvaluateBasis(primitive_time_s_, torque_basis);
+    const auto sample = motion.position.Evaluate(position_basis);
+    const float torque = motion.torque.Value(torque_basis);
     record.joints[index].planned = {sample.value, speed * sample.first, speed * speed * torque};
   }
 }

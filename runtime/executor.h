@@ -156,6 +156,8 @@ class Executor {
   [[nodiscard]] std::int64_t run_ticks() const noexcept { return run_ticks_; }
 
  private:
+  using Basis = JointMotion<float>::Spline::Basis;
+
   struct Joint {
     Drive* drive = nullptr;
     SafetyLimits limits;
@@ -166,6 +168,8 @@ class Executor {
     DriveFeedback measured;
     std::int32_t reply_age_ticks = -1;
     float move_from_rad = 0;
+    Basis position_basis;
+    Basis torque_basis;
   };
 
   [[nodiscard]] std::span<Joint> joints() noexcept {
