@@ -68,6 +68,15 @@ struct PrimitiveFile {
   Provenance provenance;
 };
 
+/// Smallest distances of control points to the limits, over all joints; negative when one is exceeded.
+struct LimitMargins {
+  double position_rad = 0;
+  double velocity_rad_s = 0;
+  double acceleration_rad_s2 = 0;
+  double torque_nm = 0;  ///< Of the feed-forward spline.
+};
+LimitMargins MarginsOf(const Primitive<double>& primitive);
+
 /// FNV-1a (64 bit) of a text as `fnv1a64:` and 16 hexadecimal digits. It finds accidents, not forgeries.
 std::string HashOfText(std::string_view text);
 
@@ -76,7 +85,8 @@ std::string HashOfText(std::string_view text);
 std::string HashOfCoefficients(const Primitive<double>& primitive);
 
 /// The file's text. Every double reads back bit for bit.
-/// @throws std::invalid_argument when a value is not finite or the parts do not fit together.
+/// @throws std::invalid_argument when a value is not finite or the parts do not fit together: whatever is returned,
+/// ParsePrimitive accepts.
 std::string ToToml(const PrimitiveFile& file);
 
 /// Reads and checks a whole primitive: version, structure, finite values, splines that share duration and fit their
@@ -85,8 +95,13 @@ std::string ToToml(const PrimitiveFile& file);
 PrimitiveFile ParsePrimitive(std::string_view text, const std::string& name);
 PrimitiveFile LoadPrimitive(const std::string& path);
 
-/// The primitive in the scalar that the executor uses. The limits are checked again on the rounded control points.
-/// @throws std::invalid_argument when rounding breaks a limit (it then names joint, quantity and amount).
+/// The primitive in the scalar that the executor uses: every number is the nearest float, and no control point is
+/// moved beyond that, so that ends, entry poses and seams stay consistent. Rounding keeps the order of numbers, hence
+/// positions and torques within their limits; differences of rounded points (velocity, acceleration) can exceed theirs
+/// by rounding errors. Those two limits are then widened to the rounded points, by 0.1 % at most, so that the result
+/// holds its own limits exactly.
+/// @throws std::invalid_argument when rounding breaks a limit by more (it then names joint, quantity and amount), merges
+/// knots, or a number does not fit.
 Primitive<float> ToRuntime(const Primitive<double>& primitive);
 
 }  // namespace tumbler
