@@ -217,20 +217,22 @@ void Executor::DetectFaults(const TickInput& input, std::int64_t elapsed) noexce
 }
 
 void Executor::DetectJointFaults() noexcept {
-  const bool driven = state_ != ExecutorState::kArming && reaction_ != Reaction::kDisable;
-  const bool follows = driven && reaction_ != Reaction::kDamp;
+  // One reaction per tick: what the first fault of this tick changes counts from the next one on.
+  const bool driven = reaction_ != Reaction::kDisable;
+  const bool follows = state_ != ExecutorState::kArming && driven && reaction_ != Reaction::kDamp;
   for (int i = 0; i < joint_count_; ++i) {
     const auto index = static_cast<std::size_t>(i);
-    const Joint& joint = joints_[index];
+    Joint& joint = joints_[index];
     if (joint.reply_age_ticks > config_.stale_ticks_max) {
       Latch(Fault::kStaleReply, i, static_cast<float>(joint.reply_age_ticks),
             static_cast<float>(config_.stale_ticks_max));
     }
     const DriveState drive_state = joint.drive->state();
     if (joint.measured.error != 0 || drive_state == DriveState::kFault ||
-        (driven && drive_state != DriveState::kEnabled)) {
+        (driven && joint.was_enabled && drive_state != DriveState::kEnabled)) {
       Latch(Fault::kDriveError, i, static_cast<float>(joint.measured.error), 0);
     }
+    joint.was_enabled = joint.was_enabled || drive_state == DriveState::kEnabled;
     if (joint.reply_age_ticks != 0) continue;
     if (!AllFinite(joint.measured)) {
       Latch(Fault::kNonFinite, i, joint.measured.position_rad, 0);
@@ -385,6 +387,9 @@ void Executor::Enter(ExecutorState state) noexcept {
   }
   if (state == ExecutorState::kRunning || state == ExecutorState::kArming) primitive_time_s_ = 0;
   if (state == ExecutorState::kDisarmed) reaction_ = Reaction::kIgnore;
+  if (state == ExecutorState::kArming) {
+    for (Joint& joint : joints()) joint.was_enabled = false;
+  }
   state_ = state;
   ticks_in_state_ = 0;
 }

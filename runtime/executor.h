@@ -167,6 +167,7 @@ class Executor {
     JointSetpoint commanded;  ///< Last limited setpoint.
     DriveFeedback measured;
     std::int32_t reply_age_ticks = -1;
+    bool was_enabled = false;  ///< Since arming.
     float move_from_rad = 0;
     Basis position_basis;
     Basis torque_basis;
