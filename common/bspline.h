@@ -22,28 +22,33 @@ struct Interval {
 
 /// A scalar clamped B-spline of degree p <= 7 in time, with fixed capacity,
 ///
-///   q(t) = sum_i c_i N_{i,p}(t),   t in [start, end]                      (1)  [AB04, Eq. 6], [dB01, ch. IX]
+///   q(t) = sum_i c_i N_{i,p}(t),   t in [start, end]                      (1)  [AB04, Eq. 6],
+///   [dB01, ch. IX]
 ///
-/// and its derivatives, which are B-splines of lower degree over the same knots u with control points
+/// and its derivatives, which are B-splines of lower degree over the same knots u with control
+/// points
 ///
 ///   c'_i = p (c_{i+1} - c_i) / (u_{i+p+1} - u_{i+1}).                     (2)  [PT97, Eq. 3.4]
 ///
-/// Clamped means that the first and the last p + 1 knots coincide, so that q starts at c_0 and ends at c_{n-1}. Since
-/// basis functions are non-negative and sum to one, min c and max c of (2) bound every derivative for all t.
+/// Clamped means that the first and the last p + 1 knots coincide, so that q starts at c_0 and ends
+/// at c_{n-1}. Since basis functions are non-negative and sum to one, min c and max c of (2) bound
+/// every derivative for all t.
 ///
 /// Units: q in the caller's unit (rad, N m); derivative d in that unit per s^d.
 /// Real time: no heap, no exceptions, bounded loops; const methods are reentrant. Freestanding.
-/// The value of a spline at a time is part of the primitive file format: it is bit-identical on every machine that
-/// rounds each operation once (no fused multiply-add), and golden tests keep it that way.
+/// The value of a spline at a time is part of the primitive file format: it is bit-identical on
+/// every machine that rounds each operation once (no fused multiply-add), and golden tests keep it
+/// that way.
 ///
-/// [AB04] J. Albro, J. Bobrow, Motion Generation for a Tumbling Robot Using a General Contact Model, 2004.
-/// [dB01] C. de Boor, A Practical Guide to Splines, revised edition, 2001.
-/// [PT97] L. Piegl, W. Tiller, The NURBS Book, 2nd edition, 1997.
+/// [AB04] J. Albro, J. Bobrow, Motion Generation for a Tumbling Robot Using a General Contact
+/// Model, 2004. [dB01] C. de Boor, A Practical Guide to Splines, revised edition, 2001. [PT97] L.
+/// Piegl, W. Tiller, The NURBS Book, 2nd edition, 1997.
 template <typename Scalar, int kMaxControlPoints>
 class BSpline {
  public:
   static constexpr int kMaxDegree = 7;
-  static constexpr int kMaxDerivative = 2;  ///< Order of the derivatives that `Evaluate` returns with the value.
+  static constexpr int kMaxDerivative =
+      2;  ///< Order of the derivatives that `Evaluate` returns with the value.
   static constexpr int kMaxKnots = kMaxControlPoints + kMaxDegree + 1;
   static_assert(kMaxControlPoints > kMaxDegree);
 
@@ -54,26 +59,29 @@ class BSpline {
     Scalar second = 0;  ///< per s^2
   };
 
-  /// Row d holds w with q^(d)(t) = sum_k w[d][k] c_{first + k}, k = 0 ... p: what an optimiser over the control
-  /// points needs. Entries beyond p are zero.
+  /// Row d holds w with q^(d)(t) = sum_k w[d][k] c_{first + k}, k = 0 ... p: what an optimiser over
+  /// the control points needs. Entries beyond p are zero.
   struct Weights {
     int first = 0;
     std::array<std::array<Scalar, kMaxDegree + 1>, kMaxDerivative + 1> w{};
   };
 
-  /// The basis functions at one time: row d holds the p - d + 1 of degree p - d that are not zero there. Splines with
-  /// the same knots share them, so that several joints cost one evaluation of (1)'s N and a few products each.
+  /// The basis functions at one time: row d holds the p - d + 1 of degree p - d that are not zero
+  /// there. Splines with the same knots share them, so that several joints cost one evaluation of
+  /// (1)'s N and a few products each.
   struct Basis {
     int span = 0;  ///< i with u_i <= t < u_{i+1} (the last one at the end).
     std::array<std::array<Scalar, kMaxDegree + 1>, kMaxDerivative + 1> rows;
-    Basis() noexcept {}  // NOLINT(modernize-use-equals-default): leaves the rows unset; they are written before use.
+    Basis() noexcept {
+    }  // NOLINT(modernize-use-equals-default): leaves the rows unset; they are written before use.
   };
 
   /// q = 0 on [0, 1 s]; there is no empty state.
   constexpr BSpline() noexcept { knots_[1] = Scalar(1); }
 
   /// Replaces the curve; unless kOk is returned, *this is unchanged.
-  /// @param knots           n + degree + 1 non-decreasing values [s], the first and last degree + 1 of them equal,
+  /// @param knots           n + degree + 1 non-decreasing values [s], the first and last degree + 1
+  /// of them equal,
   ///                        none repeated more than degree times in between.
   /// @param control_points  n values, n >= degree + 1.
   /// @retval kInvalidArgument   one of these conditions fails, or a value is not finite.
@@ -88,9 +96,11 @@ class BSpline {
     if (n < degree + 1 || static_cast<int>(knots.size()) != n + degree + 1) {
       return Status::kInvalidArgument;
     }
-    const auto finite = [](Scalar x) {  // Also false for NaN; std::isfinite is not in freestanding <cmath>.
-      return x >= std::numeric_limits<Scalar>::lowest() && x <= std::numeric_limits<Scalar>::max();
-    };
+    const auto finite =
+        [](Scalar x) {  // Also false for NaN; std::isfinite is not in freestanding <cmath>.
+          return x >= std::numeric_limits<Scalar>::lowest() &&
+                 x <= std::numeric_limits<Scalar>::max();
+        };
     if (!std::all_of(knots.begin(), knots.end(), finite)) return Status::kInvalidArgument;
     if (!std::all_of(control_points.begin(), control_points.end(), finite)) {
       return Status::kInvalidArgument;
@@ -114,8 +124,10 @@ class BSpline {
     return Status::kOk;
   }
 
-  /// Writes the n + degree + 1 knots of the clamped uniform spline on [0, duration] to the front of `knots`.
-  /// @retval kInvalidArgument  degree < 0, n < degree + 1, duration not positive and finite, or `knots` too short.
+  /// Writes the n + degree + 1 knots of the clamped uniform spline on [0, duration] to the front of
+  /// `knots`.
+  /// @retval kInvalidArgument  degree < 0, n < degree + 1, duration not positive and finite, or
+  /// `knots` too short.
   static Status ClampedUniformKnots(int degree, int n, Scalar duration_s,
                                     std::span<Scalar> knots) noexcept {
     if (degree < 0 || n < degree + 1 || static_cast<int>(knots.size()) < n + degree + 1 ||
@@ -131,24 +143,27 @@ class BSpline {
     return Status::kOk;
   }
 
-  /// Value and derivatives at t. Outside [start, end] the time is clamped, at NaN it is start: a spline is never
-  /// extrapolated.
+  /// Value and derivatives at t. Outside [start, end] the time is clamped, at NaN it is start: a
+  /// spline is never extrapolated.
   [[nodiscard]] Sample Evaluate(Scalar t_s) const noexcept {
     Basis basis;
     EvaluateBasis(t_s, basis);
     return Evaluate(basis);
   }
 
-  /// Span and basis functions at t, clamped as in `Evaluate` [PT97, A2.2]. The span that `basis` comes with is tried
-  /// before others are searched, so that a series of growing times costs no search; results do not depend on it.
+  /// Span and basis functions at t, clamped as in `Evaluate` [PT97, A2.2]. The span that `basis`
+  /// comes with is tried before others are searched, so that a series of growing times costs no
+  /// search; results do not depend on it.
   void EvaluateBasis(Scalar t_s, Basis& basis) const noexcept {
     const Scalar start = start_s();
     const Scalar end = end_s();
     const Scalar t = t_s > start ? (t_s < end ? t_s : end) : start;
     const int guess = basis.span;
-    const bool known = guess >= degree_ && guess < count_ && t >= Knot(guess) && t < Knot(guess + 1);
+    const bool known =
+        guess >= degree_ && guess < count_ && t >= Knot(guess) && t < Knot(guess + 1);
     basis.span = known ? guess : FindSpan(t);
-    switch (degree_) {  // The usual degrees as constants, for the compiler to unroll: the same operations.
+    switch (degree_) {  // The usual degrees as constants, for the compiler to unroll: the same
+                        // operations.
       case 3:
         return EvaluateRowsOfDegree<3>(t, basis);
       case 5:
@@ -217,7 +232,8 @@ class BSpline {
     return result;
   }
 
-  /// Bounds of derivative d, 0 <= d <= kMaxDerivative, that hold for all t (convex hull of its control points).
+  /// Bounds of derivative d, 0 <= d <= kMaxDerivative, that hold for all t (convex hull of its
+  /// control points).
   [[nodiscard]] Interval<Scalar> Bounds(int d) const noexcept {
     const std::span<const Scalar> points = control_points(d);
     Interval<Scalar> bounds{points[0], points[0]};
@@ -234,7 +250,8 @@ class BSpline {
   [[nodiscard]] std::span<const Scalar> knots() const noexcept {
     return {knots_.data(), Index(count_ + degree_ + 1)};
   }
-  /// Control points of derivative d, 0 <= d <= kMaxDerivative; a single zero once d exceeds the degree.
+  /// Control points of derivative d, 0 <= d <= kMaxDerivative; a single zero once d exceeds the
+  /// degree.
   [[nodiscard]] std::span<const Scalar> control_points(int d = 0) const noexcept {
     return {points_[Index(d)].data(), Index(std::max(d <= degree_ ? count_ - d : 1, 1))};
   }
@@ -266,21 +283,26 @@ class BSpline {
         high = middle;
       }
     }
-    while (!(Knot(low) < Knot(low + 1))) --low;  // The end of a curve with a repeated last interior knot.
+    while (!(Knot(low) < Knot(low + 1)))
+      --low;  // The end of a curve with a repeated last interior knot.
     return low;
   }
 
-  /// From the basis functions of degree r - 1 in `row` to those of degree r. The knots around t are u[-1] and u[0].
-  [[gnu::always_inline]] static void RaiseDegree(int r, Scalar t, const Scalar* u, Scalar* row) noexcept {
-    Scalar carry = 0;
+  /// From the basis functions of degree r - 1 in `row` to those of degree r. The knots around t are
+  /// u[-1] and u[0].
+  [[gnu::always_inline]] static void RaiseDegree(int r, Scalar t, const Scalar* u,
+                                                 Scalar* row) noexcept {
+    // In three passes, which the compiler can do several elements at a time.
+    std::array<Scalar, kMaxDegree> rising;
+    std::array<Scalar, kMaxDegree> falling;
     for (int k = 0; k < r; ++k) {
-      const Scalar left = u[k - r];
-      const Scalar right = u[k];
-      const Scalar share = row[k] / (right - left);
-      row[k] = carry + (right - t) * share;
-      carry = (t - left) * share;
+      const Scalar share = row[k] / (u[k] - u[k - r]);
+      falling[Index(k)] = (u[k] - t) * share;
+      rising[Index(k)] = (t - u[k - r]) * share;
     }
-    row[r] = carry;
+    row[0] = Scalar(0) + falling[0];
+    for (int k = 1; k < r; ++k) row[k] = rising[Index(k - 1)] + falling[Index(k)];
+    row[r] = rising[Index(r - 1)];
   }
 
   /// The rows of `Basis` on its span, for any degree.
@@ -292,8 +314,8 @@ class BSpline {
     }
   }
 
-  /// The same operations in the same order, unrolled by the compiler: the knots are copied since it would have to
-  /// suspect every store of changing them.
+  /// The same operations in the same order, unrolled by the compiler: the knots are copied since it
+  /// would have to suspect every store of changing them.
   template <int kDegree>
   void EvaluateRowsOfDegree(Scalar t, Basis& basis) const noexcept {
     std::array<Scalar, 2 * kDegree> u;
@@ -301,11 +323,13 @@ class BSpline {
     std::array<Scalar, kDegree + 1> row{Scalar(1)};
     const auto step = [&]<int r>(std::integral_constant<int, r>) {
       if constexpr (r > 0) RaiseDegree(r, t, u.data() + kDegree, row.data());
-      if constexpr (kDegree - r <= kMaxDerivative) std::copy_n(row.begin(), r + 1, basis.rows[kDegree - r].begin());
+      if constexpr (kDegree - r <= kMaxDerivative)
+        std::copy_n(row.begin(), r + 1, basis.rows[kDegree - r].begin());
     };
     [&]<int... r>(std::integer_sequence<int, r...>) {
       (step(std::integral_constant<int, r>{}), ...);
-    }(std::make_integer_sequence<int, kDegree + 1>{});
+    }
+    (std::make_integer_sequence<int, kDegree + 1>{});
   }
 
   template <int kDegree>

@@ -32,7 +32,8 @@ bool IsLinkUp(Status status) noexcept {
 }
 
 bool AllFinite(const DriveFeedback& feedback) noexcept {
-  return AreFinite(feedback.position_rad, feedback.velocity_rad_s, feedback.torque_nm, feedback.temperature_c);
+  return AreFinite(feedback.position_rad, feedback.velocity_rad_s, feedback.torque_nm,
+                   feedback.temperature_c);
 }
 
 bool IsValid(const ExecutorConfig& config, int joint_count) noexcept {
@@ -199,6 +200,7 @@ void Executor::TakeReplies(const TickInput& input) noexcept {
   }
   for (Joint& joint : joints()) {
     if (joint.reply_age_ticks == 0) joint.measured = joint.drive->feedback();
+    joint.drive_state = joint.drive->state();
   }
 }
 
@@ -227,12 +229,11 @@ void Executor::DetectJointFaults() noexcept {
       Latch(Fault::kStaleReply, i, static_cast<float>(joint.reply_age_ticks),
             static_cast<float>(config_.stale_ticks_max));
     }
-    const DriveState drive_state = joint.drive->state();
-    if (joint.measured.error != 0 || drive_state == DriveState::kFault ||
-        (driven && joint.was_enabled && drive_state != DriveState::kEnabled)) {
+    if (joint.measured.error != 0 || joint.drive_state == DriveState::kFault ||
+        (driven && joint.was_enabled && joint.drive_state != DriveState::kEnabled)) {
       Latch(Fault::kDriveError, i, static_cast<float>(joint.measured.error), 0);
     }
-    joint.was_enabled = joint.was_enabled || drive_state == DriveState::kEnabled;
+    joint.was_enabled = joint.was_enabled || joint.drive_state == DriveState::kEnabled;
     if (joint.reply_age_ticks != 0) continue;
     if (!AllFinite(joint.measured)) {
       Latch(Fault::kNonFinite, i, joint.measured.position_rad, 0);
@@ -320,7 +321,7 @@ RefusalReport Executor::CheckArm() const noexcept {
       return {static_cast<float>(joint.reply_age_ticks),
               static_cast<float>(config_.stale_ticks_max), Refusal::kNoReply, name};
     }
-    if (joint.measured.error != 0 || joint.drive->state() == DriveState::kFault) {
+    if (joint.measured.error != 0 || joint.drive_state == DriveState::kFault) {
       return {static_cast<float>(joint.measured.error), 0, Refusal::kDriveError, name};
     }
     const float temperature_max_c = config_.joints[index].temperature_max_c;
@@ -416,7 +417,7 @@ void Executor::PlanArming(TickRecord& record) noexcept {
     const auto index = static_cast<std::size_t>(i);
     Joint& joint = joints_[index];
     const bool follow =
-        state_ == ExecutorState::kDisarmed || joint.drive->state() != DriveState::kEnabled;
+        state_ == ExecutorState::kDisarmed || joint.drive_state != DriveState::kEnabled;
     if (follow && joint.reply_age_ticks >= 0 && AllFinite(joint.measured)) {
       // Not an order yet: the joint may still be moved by hand, and the limits' step must not hold
       // it back.
@@ -455,10 +456,13 @@ void Executor::PlanRun(TickRecord& record) noexcept {
     const auto index = static_cast<std::size_t>(i);
     Joint& joint = joints_[index];
     const JointMotion<float>& motion = primitive_.joints[index];
-    Basis& position_basis = joint.shares_position_knots ? joints_[0].position_basis : joint.position_basis;
+    Basis& position_basis =
+        joint.shares_position_knots ? joints_[0].position_basis : joint.position_basis;
     Basis& torque_basis = joint.shares_torque_knots ? joints_[0].torque_basis : joint.torque_basis;
-    if (i == 0 || !joint.shares_position_knots) motion.position.EvaluateBasis(primitive_time_s_, position_basis);
-    if (i == 0 || !joint.shares_torque_knots) motion.torque.EvaluateBasis(primitive_time_s_, torque_basis);
+    if (i == 0 || !joint.shares_position_knots)
+      motion.position.EvaluateBasis(primitive_time_s_, position_basis);
+    if (i == 0 || !joint.shares_torque_knots)
+      motion.torque.EvaluateBasis(primitive_time_s_, torque_basis);
     const auto sample = motion.position.Evaluate(position_basis);
     const float torque = motion.torque.Value(torque_basis);
     record.joints[index].planned = {sample.value, speed * sample.first, speed * speed * torque};
@@ -514,12 +518,10 @@ void Executor::Send(int elapsed, TickOutput& output) noexcept {
                        joint.measured.torque_nm};
     record.temperature_c = joint.measured.temperature_c;
     record.reply_age_ticks = joint.reply_age_ticks;
-    record.drive_state = joint.drive->state();
+    record.drive_state = joint.drive_state;
     record.drive_error = joint.measured.error;
     record.limit_active = limited.changed;
   }
-  for (std::size_t i = static_cast<std::size_t>(joint_count_); i < output.frames.size(); ++i)
-    output.frames[i].Clear();
 }
 
 void Executor::Advance(const TickRecord& record) noexcept {
@@ -539,8 +541,7 @@ void Executor::Advance(const TickRecord& record) noexcept {
     case ExecutorState::kArming: {
       int waiting = -1;
       for (int i = 0; i < joint_count_ && waiting < 0; ++i) {
-        if (joints_[static_cast<std::size_t>(i)].drive->state() != DriveState::kEnabled)
-          waiting = i;
+        if (joints_[static_cast<std::size_t>(i)].drive_state != DriveState::kEnabled) waiting = i;
       }
       if (waiting < 0) {
         Enter(ExecutorState::kHolding);

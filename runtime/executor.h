@@ -117,7 +117,8 @@ struct TickRecord {
   std::array<JointRecord, kMaxJoints> joints;
 };
 
-/// Frames to send, in the order of the joints, and the record of the tick.
+/// Frames to send and the record of the tick. What lies beyond `record.joint_count` is left as it
+/// was.
 struct TickOutput {
   std::array<FrameBatch, kMaxJoints> frames;
   TickRecord record;
@@ -166,6 +167,7 @@ class Executor {
     bool shares_torque_knots = false;
     JointSetpoint commanded;  ///< Last limited setpoint.
     DriveFeedback measured;
+    DriveState drive_state = DriveState::kUnknown;
     std::int32_t reply_age_ticks = -1;
     bool was_enabled = false;  ///< Since arming.
     float move_from_rad = 0;

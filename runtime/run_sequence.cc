@@ -18,7 +18,8 @@ OperatorCommand RunSequence::Next(const TickRecord& last) noexcept TUMBLER_NONBL
   if (phase_ == Phase::kDone) return OperatorCommand::kNone;
   if (phase_ == Phase::kDisarm) {
     if (ticks_ >= config_.disarmed_ticks) phase_ = Phase::kDone;
-    return last.state == ExecutorState::kDisarmed ? OperatorCommand::kNone : OperatorCommand::kDisarm;
+    return last.state == ExecutorState::kDisarmed ? OperatorCommand::kNone
+                                                  : OperatorCommand::kDisarm;
   }
   if (disarm_) return Finish(RunOutcome::kStopped);
   if (last.first_fault.fault != Fault::kNone && phase_ != Phase::kFault) {
@@ -34,9 +35,11 @@ OperatorCommand RunSequence::Next(const TickRecord& last) noexcept TUMBLER_NONBL
   const Refusal refused = last.refusal.refusal;
   switch (phase_) {
     case Phase::kArm:
-      if (last.state == ExecutorState::kHolding) return Go(Phase::kMove, OperatorCommand::kMoveToStart);
+      if (last.state == ExecutorState::kHolding)
+        return Go(Phase::kMove, OperatorCommand::kMoveToStart);
       if (last.state != ExecutorState::kDisarmed) return OperatorCommand::kNone;
-      if (refused != Refusal::kNone && (refused != Refusal::kNoReply || ticks_ > config_.reply_ticks_max)) {
+      if (refused != Refusal::kNone &&
+          (refused != Refusal::kNoReply || ticks_ > config_.reply_ticks_max)) {
         refusal_ = last.refusal;
         return Finish(RunOutcome::kRefused);
       }
@@ -47,7 +50,8 @@ OperatorCommand RunSequence::Next(const TickRecord& last) noexcept TUMBLER_NONBL
       return OperatorCommand::kNone;
     case Phase::kStart:
       if (last.state == ExecutorState::kRunning) return Go(Phase::kRun, OperatorCommand::kNone);
-      if (refused != Refusal::kNone && (refused != Refusal::kOutsideStartSet || ticks_ > config_.start_ticks_max)) {
+      if (refused != Refusal::kNone &&
+          (refused != Refusal::kOutsideStartSet || ticks_ > config_.start_ticks_max)) {
         refusal_ = last.refusal;
         return Finish(RunOutcome::kRefused);
       }
@@ -66,7 +70,8 @@ OperatorCommand RunSequence::Next(const TickRecord& last) noexcept TUMBLER_NONBL
         ticks_ = 0;
         return OperatorCommand::kNone;
       }
-      if (outcome_ == RunOutcome::kCompleted || ticks_ >= config_.stop_hold_ticks) return Finish(outcome_);
+      if (outcome_ == RunOutcome::kCompleted || ticks_ >= config_.stop_hold_ticks)
+        return Finish(outcome_);
       return OperatorCommand::kNone;
     case Phase::kFault:
       if (ticks_ >= config_.fault_ticks) return Finish(outcome_);

@@ -9,12 +9,13 @@ namespace tumbler {
 
 /// How long the parts of one run may take and last.
 struct RunSequenceConfig {
-  std::int64_t hold_ticks = 2000;        ///< Holding after the motion has settled.
-  std::int64_t reply_ticks_max = 500;    ///< For every drive to reply before arming.
-  std::int64_t start_ticks_max = 1000;   ///< For the joints to come to rest in the start set after the move.
-  std::int64_t stop_hold_ticks = 500;    ///< Holding after an operator stop, before torque off.
-  std::int64_t fault_ticks = 1000;       ///< Carrying out the reaction to a fault, before torque off.
-  std::int64_t disarmed_ticks = 10;      ///< Saying torque off at the end, in case a frame is lost.
+  std::int64_t hold_ticks = 2000;      ///< Holding after the motion has settled.
+  std::int64_t reply_ticks_max = 500;  ///< For every drive to reply before arming.
+  std::int64_t start_ticks_max =
+      1000;  ///< For the joints to come to rest in the start set after the move.
+  std::int64_t stop_hold_ticks = 500;  ///< Holding after an operator stop, before torque off.
+  std::int64_t fault_ticks = 1000;     ///< Carrying out the reaction to a fault, before torque off.
+  std::int64_t disarmed_ticks = 10;    ///< Saying torque off at the end, in case a frame is lost.
 };
 
 /// How a run ended.
@@ -26,7 +27,8 @@ enum class RunOutcome : std::uint8_t {
   kStopped,  ///< By the operator.
 };
 
-/// The operator of one run: arm, move to the start, run, settle, hold, stop, disarm. Pure, like the executor.
+/// The operator of one run: arm, move to the start, run, settle, hold, stop, disarm. Pure, like the
+/// executor.
 class RunSequence {
  public:
   explicit RunSequence(const RunSequenceConfig& config) noexcept : config_(config) {}
@@ -46,7 +48,17 @@ class RunSequence {
   [[nodiscard]] const RefusalReport& refusal() const noexcept { return refusal_; }
 
  private:
-  enum class Phase : std::uint8_t { kArm, kMove, kStart, kRun, kHold, kStop, kFault, kDisarm, kDone };
+  enum class Phase : std::uint8_t {
+    kArm,
+    kMove,
+    kStart,
+    kRun,
+    kHold,
+    kStop,
+    kFault,
+    kDisarm,
+    kDone
+  };
 
   OperatorCommand Go(Phase phase, OperatorCommand command) noexcept;
   OperatorCommand Finish(RunOutcome outcome) noexcept;

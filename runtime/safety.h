@@ -58,31 +58,32 @@ struct LimitedSetpoint {
 /// velocity and torque limits, and at most `elapsed_ticks` steps from `previous`. Position limits
 /// win over the step. Freestanding; never allocates.
 /// @pre `previous` is a result of this function, or was measured inside the position limits.
-[[nodiscard]] inline LimitedSetpoint LimitSetpoint(const SafetyLimits& limits, const JointSetpoint& planned,
-                              const JointSetpoint& previous,
-                              int elapsed_ticks) noexcept TUMBLER_NONBLOCKING {
+[[nodiscard]] inline LimitedSetpoint LimitSetpoint(const SafetyLimits& limits,
+                                                   const JointSetpoint& planned,
+                                                   const JointSetpoint& previous,
+                                                   int elapsed_ticks) noexcept TUMBLER_NONBLOCKING {
   const auto ticks = static_cast<float>(elapsed_ticks);
   const float position_step = limits.position_step_rad * ticks;
   const float torque_step = limits.torque_step_nm * ticks;
   LimitedSetpoint result;
   JointSetpoint& limited = result.setpoint;
   limited.position_rad = ClampOrLow(planned.position_rad, previous.position_rad - position_step,
-                               previous.position_rad + position_step);
+                                    previous.position_rad + position_step);
   limited.position_rad =
       ClampOrLow(limited.position_rad, limits.position_min_rad, limits.position_max_rad);
   limited.velocity_rad_s =
       ClampOrLow(planned.velocity_rad_s, -limits.velocity_max_rad_s, limits.velocity_max_rad_s);
-  limited.torque_nm =
-      ClampOrLow(planned.torque_nm, previous.torque_nm - torque_step, previous.torque_nm + torque_step);
+  limited.torque_nm = ClampOrLow(planned.torque_nm, previous.torque_nm - torque_step,
+                                 previous.torque_nm + torque_step);
   limited.torque_nm = ClampOrLow(limited.torque_nm, -limits.torque_max_nm, limits.torque_max_nm);
   result.changed = !(limited == planned);
   // Last, so that nothing above can let a value through: a clamp turns infinity into a
   // legal-looking number.
-  if (!(IsFinite(planned.position_rad) && IsFinite(planned.velocity_rad_s) &&
-        IsFinite(planned.torque_nm) && IsFinite(limited.position_rad) &&
-        IsFinite(limited.velocity_rad_s) && IsFinite(limited.torque_nm))) {
-    limited = {previous.position_rad, 0.0F,
-               ClampOrLow(0.0F, previous.torque_nm - torque_step, previous.torque_nm + torque_step)};
+  if (!AreFinite(planned.position_rad, planned.velocity_rad_s, planned.torque_nm,
+                 limited.position_rad, limited.velocity_rad_s, limited.torque_nm)) {
+    limited = {
+        previous.position_rad, 0.0F,
+        ClampOrLow(0.0F, previous.torque_nm - torque_step, previous.torque_nm + torque_step)};
     result.non_finite = true;
   }
   return result;

@@ -45,7 +45,8 @@ constexpr int kExitUsage = 1;
 constexpr int kExitRefused = 2;
 constexpr const char* kSimulation = "sim";
 
-constexpr const char* kFooter = R"(BUS is `sim`, a simulated robot on a simulated bus, or a SocketCAN interface such as can0.
+constexpr const char* kFooter =
+    R"(BUS is `sim`, a simulated robot on a simulated bus, or a SocketCAN interface such as can0.
 On an interface nothing is sent without --arm: the frames of an imagined run are printed instead, in the format of
 `candump -l`.
 
@@ -124,7 +125,8 @@ DrivesConfig DrivesFor(const Options& options, const Primitive<double>& primitiv
       if (entry.joint == joint) found = &entry;
     }
     if (found == nullptr) {
-      throw Refused(fmt::format("{}: has no drive for joint '{}' of {}", options.drives, joint, options.primitive));
+      throw Refused(fmt::format("{}: has no drive for joint '{}' of {}", options.drives, joint,
+                                options.primitive));
     }
     chosen.drives.push_back(*found);
   }
@@ -137,35 +139,42 @@ void CheckRanges(const Primitive<float>& primitive, const DrivesConfig& drives) 
     const DriveEntry& entry = drives.drives[i];
     const JointLimits<float>& limits = primitive.joints[i].limits;
     const JointMap& map = entry.mit.joint;
-    const auto check = [&entry](const char* what, const char* unit, float value, const MitRange& range) {
+    const auto check = [&entry](const char* what, const char* unit, float value,
+                                const MitRange& range) {
       if (value < range.min || value > range.max) {
-        throw Refused(fmt::format("joint {}: the motion's {} limit is {:.4g} {} at the drive, whose range is {:.4g} ... "
-                                  "{:.4g} {}; correct the drive's ranges or zero offset, or remake the primitive",
-                                  entry.joint, what, value, unit, range.min, range.max, unit));
+        throw Refused(fmt::format(
+            "joint {}: the motion's {} limit is {:.4g} {} at the drive, whose range is {:.4g} ... "
+            "{:.4g} {}; correct the drive's ranges or zero offset, or remake the primitive",
+            entry.joint, what, value, unit, range.min, range.max, unit));
       }
     };
     for (const MitRange& range : {entry.mit.command.position_rad, entry.mit.reply.position_rad}) {
       check("position", "rad", map.ToDrivePosition(limits.position_min_rad), range);
       check("position", "rad", map.ToDrivePosition(limits.position_max_rad), range);
     }
-    check("velocity", "rad/s", map.ToDriveVelocity(limits.velocity_max_rad_s), entry.mit.command.velocity_rad_s);
-    check("velocity", "rad/s", map.ToDriveVelocity(-limits.velocity_max_rad_s), entry.mit.command.velocity_rad_s);
+    check("velocity", "rad/s", map.ToDriveVelocity(limits.velocity_max_rad_s),
+          entry.mit.command.velocity_rad_s);
+    check("velocity", "rad/s", map.ToDriveVelocity(-limits.velocity_max_rad_s),
+          entry.mit.command.velocity_rad_s);
     check("torque", "N m", map.ToDriveTorque(limits.torque_max_nm), entry.mit.command.torque_nm);
     check("torque", "N m", map.ToDriveTorque(-limits.torque_max_nm), entry.mit.command.torque_nm);
   }
 }
 
-/// Says the bits that a tick needs in the worst case, and refuses a rate that does not leave room for them.
+/// Says the bits that a tick needs in the worst case, and refuses a rate that does not leave room
+/// for them.
 void CheckSchedule(const DrivesConfig& drives) {
   const int bits = drives.WorstCaseTickBits();
   const double ceiling_hz = static_cast<double>(drives.bit_rate) / bits;
   fmt::print(stderr,
-             "bus schedule: {} setpoints and {} replies of 8 bytes: {} bits a tick at worst; at {:.6g} Hz {:.1f} % of "
+             "bus schedule: {} setpoints and {} replies of 8 bytes: {} bits a tick at worst; at "
+             "{:.6g} Hz {:.1f} % of "
              "{} bit/s (ceiling {:.0f} Hz)\n",
-             drives.drives.size(), drives.drives.size(), bits, drives.rate_hz, 100 * drives.WorstCaseLoad(),
-             drives.bit_rate, ceiling_hz);
+             drives.drives.size(), drives.drives.size(), bits, drives.rate_hz,
+             100 * drives.WorstCaseLoad(), drives.bit_rate, ceiling_hz);
   if (drives.WorstCaseLoad() > 1) {
-    throw Refused(fmt::format("{} bits a tick do not fit: lower rate_hz to at most {:.0f}", bits, ceiling_hz));
+    throw Refused(fmt::format("{} bits a tick do not fit: lower rate_hz to at most {:.0f}", bits,
+                              ceiling_hz));
   }
 }
 
@@ -173,7 +182,9 @@ ExecutorConfig MakeExecutorConfig(const Options& options, const DrivesConfig& dr
   ExecutorConfig config;
   config.period_s = static_cast<float>(1 / drives.rate_hz);
   config.speed = static_cast<float>(options.speed);
-  const auto ticks = [&drives](double time_s) { return static_cast<int>(std::ceil(time_s * drives.rate_hz)); };
+  const auto ticks = [&drives](double time_s) {
+    return static_cast<int>(std::ceil(time_s * drives.rate_hz));
+  };
   config.arming_ticks_max = ticks(0.5);
   for (std::size_t i = 0; i < drives.drives.size(); ++i) {
     const DriveEntry& entry = drives.drives[i];
@@ -186,7 +197,9 @@ ExecutorConfig MakeExecutorConfig(const Options& options, const DrivesConfig& dr
 }
 
 RunSequenceConfig MakeSequenceConfig(const Options& options, double rate_hz) {
-  const auto ticks = [rate_hz](double time_s) { return static_cast<std::int64_t>(std::llround(time_s * rate_hz)); };
+  const auto ticks = [rate_hz](double time_s) {
+    return static_cast<std::int64_t>(std::llround(time_s * rate_hz));
+  };
   RunSequenceConfig config;
   config.hold_ticks = ticks(options.hold_s);
   config.reply_ticks_max = ticks(0.5);
@@ -231,7 +244,8 @@ class RealWorld final : public World {
 
 class DryRunWorld final : public World {
  public:
-  DryRunWorld(const std::string& interface, const DrivesConfig& drives, const Primitive<double>& primitive)
+  DryRunWorld(const std::string& interface, const DrivesConfig& drives,
+              const Primitive<double>& primitive)
       : clock_([](std::int64_t) {}) {
     SocketCanBus probe;  // A dry run on an interface that is not there would say nothing about it.
     const SocketCanBus::OpenResult opened = probe.Open(interface);
@@ -266,7 +280,8 @@ class SimulatedWorld final : public World {
       config.mit = entry.mit;
       config.watchdog_s = entry.watchdog_s;
       const double torque_max_nm = file.primitive.joints[i].limits.torque_max_nm;
-      config.torque_max_nm = std::abs(entry.mit.joint.ToDriveTorque(static_cast<float>(torque_max_nm)));
+      config.torque_max_nm =
+          std::abs(entry.mit.joint.ToDriveTorque(static_cast<float>(torque_max_nm)));
       drives_.push_back(std::make_unique<SimulatedDrive>(config));
       bus_.Attach(*drives_.back(), SimulatedDrive::PortConfig());
       pointers.push_back(drives_.back().get());
@@ -314,12 +329,14 @@ class SimulatedWorld final : public World {
 };
 #endif
 
-std::unique_ptr<World> MakeWorld(const Options& options, const PrimitiveFile& file, const DrivesConfig& drives) {
+std::unique_ptr<World> MakeWorld(const Options& options, const PrimitiveFile& file,
+                                 const DrivesConfig& drives) {
   if (options.simulated()) {
 #ifdef TUMBLER_HAS_SIMULATION
     return std::make_unique<SimulatedWorld>(file, drives, options.realtime);
 #else
-    throw std::runtime_error("this build has no simulation (TUMBLER_BUILD_OFFLINE is OFF); name a CAN interface");
+    throw std::runtime_error(
+        "this build has no simulation (TUMBLER_BUILD_OFFLINE is OFF); name a CAN interface");
 #endif
   }
   if (options.dry_run()) return std::make_unique<DryRunWorld>(options.bus, drives, file.primitive);
@@ -346,7 +363,8 @@ int Run(const Options& options) {
   const PrimitiveFile file = LoadPrimitive(options.primitive);
   const Primitive<float> primitive = ToRuntime(file.primitive);
   if (options.drives.empty() && !options.simulated()) {
-    throw std::runtime_error(fmt::format("{} is a real bus: say with --drives which drives are on it", options.bus));
+    throw std::runtime_error(
+        fmt::format("{} is a real bus: say with --drives which drives are on it", options.bus));
   }
   const DrivesConfig drives = DrivesFor(options, file.primitive);
   CheckRanges(primitive, drives);
@@ -362,9 +380,10 @@ int Run(const Options& options) {
   }
   Executor executor;
   if (executor.Configure(MakeExecutorConfig(options, drives), primitive, pointers) != Status::kOk) {
-    throw Refused(fmt::format("{}: the executor does not take this motion: it has to start at rest, last at most "
-                              "10000 s and run at 1 Hz ... 100 kHz",
-                              options.primitive));
+    throw Refused(fmt::format(
+        "{}: the executor does not take this motion: it has to start at rest, last at most "
+        "10000 s and run at 1 Hz ... 100 kHz",
+        options.primitive));
   }
 
   const std::unique_ptr<World> world = MakeWorld(options, file, drives);
@@ -377,7 +396,8 @@ int Run(const Options& options) {
   Telemetry telemetry(telemetry_config);
   std::optional<LcmCommands> commands;
   if (!options.lcm_url.empty()) commands.emplace(options.lcm_url, SignalMailbox());
-  if (world->real_time()) telemetry.Start();  // Before SCHED_FIFO, which its thread must not inherit.
+  if (world->real_time())
+    telemetry.Start();  // Before SCHED_FIFO, which its thread must not inherit.
 
   CatchInterrupts();
   if (options.realtime) {
@@ -389,14 +409,16 @@ int Run(const Options& options) {
       fmt::print(stderr, "warning: {}\n", report.realtime->problems);
     }
   } else if (!options.simulated() && !options.dry_run() && !options.without_realtime) {
-    throw Refused("driving motors takes --realtime (or --without-realtime, and patience with late ticks)");
+    throw Refused(
+        "driving motors takes --realtime (or --without-realtime, and patience with late ticks)");
   }
 
   const auto period_ns = static_cast<std::int64_t>(std::llround(1e9 / drives.rate_hz));
   RunSequence sequence(MakeSequenceConfig(options, drives.rate_hz));
   Clock& clock = world->clock();
   const std::int64_t start_ns = world->real_time() ? clock.now_ns() + period_ns : 0;
-  ControlLoop loop({executor, world->bus(), clock, sequence, SignalMailbox(), &telemetry}, period_ns, start_ns);
+  ControlLoop loop({executor, world->bus(), clock, sequence, SignalMailbox(), &telemetry},
+                   period_ns, start_ns);
   while (loop.Step()) {
     world->Observe(loop);
     if (!world->real_time()) telemetry.Drain();
@@ -410,7 +432,8 @@ int Run(const Options& options) {
   report.dry_run = options.dry_run();
   report.simulated = options.simulated();
   report.outcome = sequence.outcome();
-  if (report.outcome == RunOutcome::kRefused) report.reason = Describe(sequence.refusal(), report.joints);
+  if (report.outcome == RunOutcome::kRefused)
+    report.reason = Describe(sequence.refusal(), report.joints);
   if (loop.record().first_fault.fault != Fault::kNone) {
     report.reason = Describe(loop.record().first_fault, report.joints);
   } else if (report.outcome == RunOutcome::kStopped) {
@@ -435,17 +458,22 @@ int Run(const Options& options) {
 
 int Main(int argc, char** argv) {
   Options options;
-  CLI::App app("Plays a motion primitive on motor drives over CAN, or on a simulated robot.", "tumbler-run");
+  CLI::App app("Plays a motion primitive on motor drives over CAN, or on a simulated robot.",
+               "tumbler-run");
   app.footer(kFooter);
   app.add_option("BUS", options.bus, "`sim` or a SocketCAN interface")->required();
   app.add_option("PRIMITIVE", options.primitive, "primitive file (TOML)")->required();
-  app.add_option("--drives", options.drives,
-                 "drive configuration (TOML). Needed on a real interface; for sim the default is MIT drives with ids 1, "
-                 "2, ... in the order of the joints, replies on 17, 18, ..., kp 200, kd 4, 1000 Hz, 1 Mbit/s");
-  app.add_flag("--arm", options.arm, "drive the motors; without it a real interface only sees a dry run");
+  app.add_option(
+      "--drives", options.drives,
+      "drive configuration (TOML). Needed on a real interface; for sim the default is MIT drives "
+      "with ids 1, "
+      "2, ... in the order of the joints, replies on 17, 18, ..., kp 200, kd 4, 1000 Hz, 1 Mbit/s");
+  app.add_flag("--arm", options.arm,
+               "drive the motors; without it a real interface only sees a dry run");
   app.add_flag("--realtime", options.realtime,
                "SCHED_FIFO and locked memory; a simulation then runs at the pace of the clock");
-  app.add_flag("--without-realtime", options.without_realtime, "arm a real bus even though they are not in force");
+  app.add_flag("--without-realtime", options.without_realtime,
+               "arm a real bus even though they are not in force");
   app.add_option("--speed", options.speed, "playback speed; feed-forward is scaled by its square")
       ->check(CLI::Range(0.1, 1.0))
       ->capture_default_str();
@@ -455,7 +483,8 @@ int Main(int argc, char** argv) {
   app.add_option("--log", options.log, "write every tick to this LCM log");
   app.add_option("--lcm-url", options.lcm_url,
                  "publish live and take commands there, e.g. udpm://239.255.76.67:7667?ttl=0");
-  app.add_option("--json", options.json, "write the summary as JSON to this file, or - for standard output");
+  app.add_option("--json", options.json,
+                 "write the summary as JSON to this file, or - for standard output");
   app.add_option("--trace", options.trace, "write every tick to this CSV file");
   try {
     app.parse(argc, argv);

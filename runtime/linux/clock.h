@@ -25,7 +25,8 @@ class MonotonicClock final : public Clock {
   void SleepUntil(std::int64_t time_ns) noexcept override;
 };
 
-/// Virtual time, starting at 0: sleeping lets a simulated world run up to the deadline, and takes no time beyond it.
+/// Virtual time, starting at 0: sleeping lets a simulated world run up to the deadline, and takes
+/// no time beyond it.
 class VirtualClock final : public Clock {
  public:
   /// @param advance_to_ns  moves the world on to a time.
@@ -39,8 +40,8 @@ class VirtualClock final : public Clock {
   std::int64_t now_ns_ = 0;
 };
 
-/// A simulated world at the pace of CLOCK_MONOTONIC; time 0 is when the clock was made. A world that is slower than
-/// that makes the loop late, as a busy computer would.
+/// A simulated world at the pace of CLOCK_MONOTONIC; time 0 is when the clock was made. A world
+/// that is slower than that makes the loop late, as a busy computer would.
 class PacedClock final : public Clock {
  public:
   /// @param advance_to_ns  moves the world on to a time.

@@ -35,7 +35,8 @@ bool ControlLoop::Step() noexcept {
   OperatorCommand command = parts_.sequence.Next(output_.record);
   if (command == OperatorCommand::kNone && wish == OperatorCommand::kClearFaults) command = wish;
 
-  parts_.executor.Tick({tick, {received_.data(), count}, receive_status, send_status_, command}, output_);
+  parts_.executor.Tick({tick, {received_.data(), count}, receive_status, send_status_, command},
+                       output_);
 
   send_status_ = Status::kOk;
   for (const FrameBatch& batch : output_.frames) {

@@ -32,12 +32,13 @@ struct LoopStatistics {
   std::int64_t limited_ticks = 0;  ///< In which the last gate changed a setpoint of any joint.
 };
 
-/// The periodic part of the runtime: at each deadline takes the frames that have come, ticks the executor, sends its
-/// frames and hands the record to telemetry. Deadlines are absolute: start + tick * period.
+/// The periodic part of the runtime: at each deadline takes the frames that have come, ticks the
+/// executor, sends its frames and hands the record to telemetry. Deadlines are absolute: start +
+/// tick * period.
 ///
-/// Late ticks: waking a whole period or more after the deadline skips the missed tick numbers, and the executor decides
-/// what that means (`ExecutorConfig::late_ticks_max`).
-/// Step does not allocate, lock, or block except in the clock's sleep.
+/// Late ticks: waking a whole period or more after the deadline skips the missed tick numbers, and
+/// the executor decides what that means (`ExecutorConfig::late_ticks_max`). Step does not allocate,
+/// lock, or block except in the clock's sleep.
 class ControlLoop {
  public:
   struct Parts {
@@ -55,7 +56,9 @@ class ControlLoop {
   bool Step() noexcept;
 
   [[nodiscard]] const TickRecord& record() const noexcept { return output_.record; }
-  [[nodiscard]] std::int64_t time_ns() const noexcept { return time_ns_; }  ///< Deadline of the last tick.
+  [[nodiscard]] std::int64_t time_ns() const noexcept {
+    return time_ns_;
+  }  ///< Deadline of the last tick.
   [[nodiscard]] const LoopStatistics& statistics() const noexcept { return statistics_; }
 
  private:

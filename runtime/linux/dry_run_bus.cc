@@ -7,28 +7,32 @@
 namespace tumbler {
 
 std::string CandumpLine(std::int64_t time_ns, const std::string& interface, const CanFrame& frame) {
-  std::string line = fmt::format("({}.{:06}) {} ", time_ns / 1'000'000'000, time_ns / 1000 % 1'000'000, interface);
+  std::string line =
+      fmt::format("({}.{:06}) {} ", time_ns / 1'000'000'000, time_ns / 1000 % 1'000'000, interface);
   line += frame.extended ? fmt::format("{:08X}#", frame.id) : fmt::format("{:03X}#", frame.id);
   if (frame.remote) return line + 'R';
   for (std::size_t i = 0; i < frame.size; ++i) line += fmt::format("{:02X}", frame.data[i]);
   return line;
 }
 
-DryRunBus::DryRunBus(std::string interface, const std::vector<Node>& nodes, const Clock& clock, std::FILE* out)
+DryRunBus::DryRunBus(std::string interface, const std::vector<Node>& nodes, const Clock& clock,
+                     std::FILE* out)
     : interface_(std::move(interface)), clock_(clock), out_(out) {
   constexpr float kRoomTemperature_c = 25;
   for (const Node& node : nodes) {
     State state;
     state.mit = node.mit;
     state.reply.sender = static_cast<std::uint8_t>(node.mit.command_id);
-    state.reply.position_rad = node.mit.joint.ToDrivePosition(static_cast<float>(node.position_rad));
+    state.reply.position_rad =
+        node.mit.joint.ToDrivePosition(static_cast<float>(node.position_rad));
     state.reply.temperature_c = kRoomTemperature_c;
     nodes_.push_back(state);
   }
 }
 
 Status DryRunBus::Send(const CanFrame& frame) noexcept {
-  if (out_ != nullptr) std::fputs((CandumpLine(clock_.now_ns(), interface_, frame) + '\n').c_str(), out_);
+  if (out_ != nullptr)
+    std::fputs((CandumpLine(clock_.now_ns(), interface_, frame) + '\n').c_str(), out_);
   for (State& node : nodes_) {
     MitMagic magic{};
     MitCommand command;

@@ -11,8 +11,9 @@
 
 namespace tumbler {
 
-/// Stands for a real bus without touching it: every frame is printed in candump's log format, and each drive is
-/// imagined to follow perfectly, so that the whole sequence can be looked at before a motor turns.
+/// Stands for a real bus without touching it: every frame is printed in candump's log format, and
+/// each drive is imagined to follow perfectly, so that the whole sequence can be looked at before a
+/// motor turns.
 class DryRunBus final : public CanBus {
  public:
   /// One imagined drive.
@@ -24,7 +25,8 @@ class DryRunBus final : public CanBus {
   /// @param interface  name to print, e.g. `can0`.
   /// @param clock      gives the printed times; must outlive the bus.
   /// @param out        where to print; null prints nothing.
-  DryRunBus(std::string interface, const std::vector<Node>& nodes, const Clock& clock, std::FILE* out);
+  DryRunBus(std::string interface, const std::vector<Node>& nodes, const Clock& clock,
+            std::FILE* out);
 
   Status Send(const CanFrame& frame) noexcept override;
   Status Receive(ReceivedFrame& received) noexcept override;

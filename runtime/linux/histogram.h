@@ -7,7 +7,8 @@
 
 namespace tumbler {
 
-/// Counts of durations in bins of 1 us up to 1 ms, and beyond; the largest exactly. Fixed size, one writer.
+/// Counts of durations in bins of 1 us up to 1 ms, and beyond; the largest exactly. Fixed size, one
+/// writer.
 class DurationHistogram {
  public:
   static constexpr std::size_t kBins = 1000;  ///< Bin i counts [i, i + 1) us.
@@ -23,7 +24,8 @@ class DurationHistogram {
   [[nodiscard]] std::int64_t count() const noexcept { return count_; }
   [[nodiscard]] std::int64_t max_ns() const noexcept { return max_ns_; }
 
-  /// The duration that a share of all stayed below, rounded up to whole microseconds, at most the largest.
+  /// The duration that a share of all stayed below, rounded up to whole microseconds, at most the
+  /// largest.
   /// @param share  0 ... 1, e.g. 0.999. @returns 0 when nothing was counted.
   [[nodiscard]] std::int64_t PercentileNs(double share) const noexcept {
     const double wanted = share * static_cast<double>(count_);

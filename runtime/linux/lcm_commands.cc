@@ -14,7 +14,8 @@
 namespace tumbler {
 
 struct LcmCommands::Implementation {
-  Implementation(const std::string& url, OperatorMailbox& mailbox_in) : lcm(url), mailbox(mailbox_in) {
+  Implementation(const std::string& url, OperatorMailbox& mailbox_in)
+      : lcm(url), mailbox(mailbox_in) {
     if (!lcm.good()) throw std::runtime_error(fmt::format("{}: LCM cannot use this URL", url));
     lcm.subscribe(kCommandChannel, &Implementation::Handle, this);
     thread = std::thread([this] {
@@ -24,7 +25,8 @@ struct LcmCommands::Implementation {
     });
   }
 
-  void Handle(const lcm::ReceiveBuffer* /*buffer*/, const std::string& /*channel*/, const command_t* message) {
+  void Handle(const lcm::ReceiveBuffer* /*buffer*/, const std::string& /*channel*/,
+              const command_t* message) {
     switch (message->command) {
       case command_t::STOP:
         return mailbox.Put(OperatorCommand::kStop);

@@ -6,16 +6,17 @@
 
 namespace tumbler {
 
-/// The way of an operator's wish into the control loop: one word, written by any thread or signal handler, taken once.
-/// A later wish replaces an earlier one that was not taken yet, unless the earlier one is stronger: nothing replaces
-/// kDisarm, and only kDisarm replaces kStop.
+/// The way of an operator's wish into the control loop: one word, written by any thread or signal
+/// handler, taken once. A later wish replaces an earlier one that was not taken yet, unless the
+/// earlier one is stronger: nothing replaces kDisarm, and only kDisarm replaces kStop.
 class OperatorMailbox {
  public:
   void Put(OperatorCommand command) noexcept {
     OperatorCommand present = slot_.load(std::memory_order_relaxed);
     do {
       if (Rank(command) < Rank(present)) return;
-    } while (!slot_.compare_exchange_weak(present, command, std::memory_order_release, std::memory_order_relaxed));
+    } while (!slot_.compare_exchange_weak(present, command, std::memory_order_release,
+                                          std::memory_order_relaxed));
   }
 
   [[nodiscard]] OperatorCommand Take() noexcept {
@@ -28,7 +29,8 @@ class OperatorMailbox {
     if (command == OperatorCommand::kStop) return 2;
     return command == OperatorCommand::kNone ? 0 : 1;
   }
-  static_assert(std::atomic<OperatorCommand>::is_always_lock_free);  // Also what makes it safe in a signal handler.
+  static_assert(std::atomic<OperatorCommand>::is_always_lock_free);  // Also what makes it safe in a
+                                                                     // signal handler.
 
   std::atomic<OperatorCommand> slot_{OperatorCommand::kNone};
 };

@@ -13,7 +13,8 @@
 namespace tumbler {
 namespace {
 
-/// The loop's stack is touched once, so that its pages are there (and locked) before they are needed.
+/// The loop's stack is touched once, so that its pages are there (and locked) before they are
+/// needed.
 void TouchStack() {
   std::array<volatile unsigned char, 256 * 1024> pages;
   for (std::size_t i = 0; i < pages.size(); i += 1024) pages[i] = 0;

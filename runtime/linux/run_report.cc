@@ -35,44 +35,49 @@ std::optional<bool> StandingReport::standing() const {
 
 std::string ToText(const RunReport& report) {
   const LoopStatistics& s = report.statistics;
-  std::string text = fmt::format("{}: {} on {}{}, speed {:.3g}, {:.6g} Hz\n", OutcomeName(report.outcome),
-                                 report.primitive, report.bus, report.dry_run ? " (dry run)" : "", report.speed,
-                                 report.rate_hz);
+  std::string text = fmt::format("{}: {} on {}{}, speed {:.3g}, {:.6g} Hz\n",
+                                 OutcomeName(report.outcome), report.primitive, report.bus,
+                                 report.dry_run ? " (dry run)" : "", report.speed, report.rate_hz);
   if (!report.reason.empty()) text += fmt::format("  {}\n", report.reason);
   if (report.standing) {
     const StandingReport& standing = *report.standing;
     if (standing.pitch_at_end_rad) {
-      text += fmt::format("  root pitch: {:.4f} rad at the end (planned {:.4f})", *standing.pitch_at_end_rad,
-                          standing.expected_pitch_rad);
+      text += fmt::format("  root pitch: {:.4f} rad at the end (planned {:.4f})",
+                          *standing.pitch_at_end_rad, standing.expected_pitch_rad);
       if (standing.pitch_later_rad) {
-        text += fmt::format(", {:.4f} rad {:.0f} s later: {}", *standing.pitch_later_rad, StandingReport::kLater_s,
+        text += fmt::format(", {:.4f} rad {:.0f} s later: {}", *standing.pitch_later_rad,
+                            StandingReport::kLater_s,
                             *standing.standing() ? "still standing" : "not standing");
       }
       text += '\n';
     }
   }
   for (std::size_t i = 0; i < report.joints.size(); ++i) {
-    text += fmt::format("  {}: peak torque {:.3f} N m, following error at most {:.4f} rad\n", report.joints[i],
-                        s.peak_torque_nm[i], s.following_error_max_rad[i]);
+    text += fmt::format("  {}: peak torque {:.3f} N m, following error at most {:.4f} rad\n",
+                        report.joints[i], s.peak_torque_nm[i], s.following_error_max_rad[i]);
   }
-  text += fmt::format("  ticks: {} ({} running), {} missed, {} late, {} with a limit active\n", s.ticks, s.run_ticks,
-                      s.missed_ticks, s.late_ticks, s.limited_ticks);
+  text += fmt::format("  ticks: {} ({} running), {} missed, {} late, {} with a limit active\n",
+                      s.ticks, s.run_ticks, s.missed_ticks, s.late_ticks, s.limited_ticks);
   if (!report.simulated || report.realtime) {
-    text += fmt::format("  wake-up: p50 {:.0f} us, p99.9 {:.0f} us, max {:.0f} us; tick: p50 {:.0f} us, max {:.0f} us\n",
-                        Microseconds(s.wake_up.PercentileNs(0.5)), Microseconds(s.wake_up.PercentileNs(0.999)),
-                        Microseconds(s.wake_up.max_ns()), Microseconds(s.tick.PercentileNs(0.5)),
-                        Microseconds(s.tick.max_ns()));
+    text += fmt::format(
+        "  wake-up: p50 {:.0f} us, p99.9 {:.0f} us, max {:.0f} us; tick: p50 {:.0f} us, max {:.0f} "
+        "us\n",
+        Microseconds(s.wake_up.PercentileNs(0.5)), Microseconds(s.wake_up.PercentileNs(0.999)),
+        Microseconds(s.wake_up.max_ns()), Microseconds(s.tick.PercentileNs(0.5)),
+        Microseconds(s.tick.max_ns()));
   }
   if (report.realtime) {
-    text += fmt::format("  real time: {}\n", report.realtime->in_force() ? "SCHED_FIFO and mlockall in force"
-                                                                         : report.realtime->problems);
+    text += fmt::format("  real time: {}\n", report.realtime->in_force()
+                                                 ? "SCHED_FIFO and mlockall in force"
+                                                 : report.realtime->problems);
   }
-  text += fmt::format("  bus: {} frames sent, {} received, {} not sent; worst case {} bits a tick, {:.1f} %",
-                      s.frames_sent, s.frames_received, s.send_failures, report.worst_case_tick_bits,
-                      100 * report.worst_case_load);
+  text += fmt::format(
+      "  bus: {} frames sent, {} received, {} not sent; worst case {} bits a tick, {:.1f} %",
+      s.frames_sent, s.frames_received, s.send_failures, report.worst_case_tick_bits,
+      100 * report.worst_case_load);
   if (report.measured_load) text += fmt::format("; measured {:.1f} %", 100 * *report.measured_load);
-  text += fmt::format("\n  telemetry: {} records lost, {} messages not published\n", report.lost_records,
-                      report.unpublished_messages);
+  text += fmt::format("\n  telemetry: {} records lost, {} messages not published\n",
+                      report.lost_records, report.unpublished_messages);
   for (const std::string& file : report.files) text += fmt::format("  wrote {}\n", file);
   return text;
 }
@@ -89,7 +94,9 @@ std::string ToJson(const RunReport& report) {
   json["speed"] = report.speed;
   json["rate_hz"] = report.rate_hz;
   json["dry_run"] = report.dry_run;
-  const auto maybe = [](const std::optional<double>& value) { return value ? Json(*value) : Json(nullptr); };
+  const auto maybe = [](const std::optional<double>& value) {
+    return value ? Json(*value) : Json(nullptr);
+  };
   if (report.standing) {
     const StandingReport& standing = *report.standing;
     const std::optional<bool> stands = standing.standing();

@@ -10,13 +10,15 @@
 
 namespace tumbler {
 
-/// The simulated robot's root at the end of the motion and two seconds later, against what the primitive promises.
+/// The simulated robot's root at the end of the motion and two seconds later, against what the
+/// primitive promises.
 struct StandingReport {
   double expected_pitch_rad = 0;
   std::optional<double> pitch_at_end_rad;
   std::optional<double> pitch_later_rad;  ///< Absent when the run ended earlier.
   static constexpr double kLater_s = 2;
-  static constexpr double kTolerance_rad = 0.1;  ///< A fallen robot is off by half a radian at least.
+  static constexpr double kTolerance_rad =
+      0.1;  ///< A fallen robot is off by half a radian at least.
 
   /// Still there two seconds later. Absent when that was not seen.
   [[nodiscard]] std::optional<bool> standing() const;
@@ -35,7 +37,7 @@ struct RunReport {
   std::vector<std::string> joints;
   LoopStatistics statistics;
   int worst_case_tick_bits = 0;
-  double worst_case_load = 0;          ///< 0 ... 1
+  double worst_case_load = 0;           ///< 0 ... 1
   std::optional<double> measured_load;  ///< 0 ... 1; known of the simulated bus only.
   std::optional<StandingReport> standing;
   std::optional<RealtimeReport> realtime;

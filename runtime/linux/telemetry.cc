@@ -21,7 +21,8 @@ namespace {
 
 std::string JointName(int joint, const std::vector<std::string>& names) {
   const auto index = static_cast<std::size_t>(joint);
-  return index < names.size() ? fmt::format("joint {}", names[index]) : fmt::format("joint {}", joint);
+  return index < names.size() ? fmt::format("joint {}", names[index])
+                              : fmt::format("joint {}", joint);
 }
 
 const char* UnitOf(Fault fault) {
@@ -70,10 +71,12 @@ std::string Describe(const FaultReport& report, const std::vector<std::string>& 
       text += fmt::format(": {}", ToString(static_cast<Status>(report.value)));
       break;
     case Fault::kDriveError:
-      text += report.value == 0 ? ": it is not enabled any more" : fmt::format(": code {}", report.value);
+      text += report.value == 0 ? ": it is not enabled any more"
+                                : fmt::format(": code {}", report.value);
       break;
     default:
-      text += fmt::format(": {:.4g}{}, limit {:.4g}", report.value, UnitOf(report.fault), report.limit);
+      text +=
+          fmt::format(": {:.4g}{}, limit {:.4g}", report.value, UnitOf(report.fault), report.limit);
   }
   return text + fmt::format(" at tick {} ({}); reaction: {}", report.tick, ToString(report.state),
                             ToString(report.reaction));
@@ -85,7 +88,8 @@ std::string Describe(const RefusalReport& report, const std::vector<std::string>
   text += fmt::format(" ({}", JointName(report.joint, joint_names));
   if (report.refusal == Refusal::kNoReply && report.value < 0) return text + ": never)";
   if (report.refusal == Refusal::kDriveError) return text + fmt::format(": code {})", report.value);
-  return text + fmt::format(": {:.4g}{}, limit {:.4g})", report.value, UnitOf(report.refusal), report.limit);
+  return text + fmt::format(": {:.4g}{}, limit {:.4g})", report.value, UnitOf(report.refusal),
+                            report.limit);
 }
 
 struct Telemetry::Implementation {
@@ -96,22 +100,25 @@ struct Telemetry::Implementation {
     if (!config.log_file.empty()) {
       log.emplace(config.log_file, "w");
       if (!log->good()) {
-        throw std::runtime_error(fmt::format("{}: cannot be written: {}", config.log_file, std::strerror(errno)));
+        throw std::runtime_error(
+            fmt::format("{}: cannot be written: {}", config.log_file, std::strerror(errno)));
       }
     }
     if (!config.trace_file.empty()) {
       trace.reset(std::fopen(config.trace_file.c_str(), "w"));
       if (trace == nullptr) {
-        throw std::runtime_error(fmt::format("{}: cannot be written: {}", config.trace_file, std::strerror(errno)));
+        throw std::runtime_error(
+            fmt::format("{}: cannot be written: {}", config.trace_file, std::strerror(errno)));
       }
       WriteTraceHeader();
     }
     if (!config.lcm_url.empty()) {
       live = std::make_unique<lcm::LCM>(config.lcm_url);
       if (!live->good()) {
-        throw std::runtime_error(fmt::format(
-            "{}: LCM cannot use this URL (udpm needs a multicast route: `ip route add 224.0.0.0/4 dev IFACE`)",
-            config.lcm_url));
+        throw std::runtime_error(
+            fmt::format("{}: LCM cannot use this URL (udpm needs a multicast route: `ip route add "
+                        "224.0.0.0/4 dev IFACE`)",
+                        config.lcm_url));
       }
     }
     message.joints.reserve(kMaxJoints);
@@ -121,7 +128,8 @@ struct Telemetry::Implementation {
     std::string header = "tick,time_s,state,primitive_time_s,faults";
     for (const std::string& joint : config.joint_names) {
       for (const char* kind : {"planned", "limited", "encoded", "measured"}) {
-        header += fmt::format(",{0}_{1}_position_rad,{0}_{1}_velocity_rad_s,{0}_{1}_torque_nm", joint, kind);
+        header += fmt::format(",{0}_{1}_position_rad,{0}_{1}_velocity_rad_s,{0}_{1}_torque_nm",
+                              joint, kind);
       }
       header += fmt::format(",{0}_temperature_c,{0}_reply_age_ticks", joint);
     }
@@ -137,8 +145,9 @@ struct Telemetry::Implementation {
     const TickRecord& record = timed.record;
     row.clear();
     auto out = std::back_inserter(row);
-    fmt::format_to(out, "{},{:.6f},{},{},{}", record.tick, static_cast<double>(timed.time_ns) * 1e-9,
-                   ToString(record.state), record.primitive_time_s, record.faults);
+    fmt::format_to(out, "{},{:.6f},{},{},{}", record.tick,
+                   static_cast<double>(timed.time_ns) * 1e-9, ToString(record.state),
+                   record.primitive_time_s, record.faults);
     for (std::size_t i = 0; i < record.joint_count; ++i) {
       const JointRecord& joint = record.joints[i];
       for (const JointSetpoint& s : {joint.planned, joint.limited, joint.encoded, joint.measured}) {
@@ -206,18 +215,21 @@ struct Telemetry::Implementation {
       event.data = buffer.data();
       if (log->writeEvent(&event) != 0) log_failed = true;
     }
-    if (live && live->publish(channel, buffer.data(), static_cast<unsigned>(size)) != 0) ++unpublished;
+    if (live && live->publish(channel, buffer.data(), static_cast<unsigned>(size)) != 0)
+      ++unpublished;
   }
 
   void EmitEvents(const TimedRecord& timed) {
     const TickRecord& record = timed.record;
     std::string text;
-    if (record.faults != last_faults && record.first_fault.fault != Fault::kNone && last_faults == 0) {
+    if (record.faults != last_faults && record.first_fault.fault != Fault::kNone &&
+        last_faults == 0) {
       text = Describe(record.first_fault, config.joint_names);
     } else if (record.faults != last_faults) {
       text = record.faults == 0 ? "faults cleared" : "further fault";
     } else if (record.refusal.refusal != last_refusal && record.refusal.refusal != Refusal::kNone) {
-      text = fmt::format("{} refused: {}", ToString(record.command), Describe(record.refusal, config.joint_names));
+      text = fmt::format("{} refused: {}", ToString(record.command),
+                         Describe(record.refusal, config.joint_names));
     }
     if (record.state != last_state || !text.empty()) {
       event_t event;
@@ -272,7 +284,8 @@ struct Telemetry::Implementation {
   std::atomic<std::int64_t> written{0};
 };
 
-Telemetry::Telemetry(const TelemetryConfig& config) : implementation_(std::make_unique<Implementation>(config)) {}
+Telemetry::Telemetry(const TelemetryConfig& config)
+    : implementation_(std::make_unique<Implementation>(config)) {}
 
 Telemetry::~Telemetry() {
   implementation_->stop = true;
@@ -280,7 +293,8 @@ Telemetry::~Telemetry() {
 }
 
 void Telemetry::Push(const TimedRecord& record) noexcept {
-  if (!implementation_->ring.Push(record)) implementation_->lost.fetch_add(1, std::memory_order_relaxed);
+  if (!implementation_->ring.Push(record))
+    implementation_->lost.fetch_add(1, std::memory_order_relaxed);
 }
 
 void Telemetry::Drain() { implementation_->Drain(); }
@@ -299,15 +313,18 @@ void Telemetry::Stop() {
   implementation_->stop = true;
   if (implementation_->thread.joinable()) implementation_->thread.join();
   implementation_->Drain();
-  if (implementation_->log && std::fflush(implementation_->log->getFilePtr()) != 0) implementation_->log_failed = true;
+  if (implementation_->log && std::fflush(implementation_->log->getFilePtr()) != 0)
+    implementation_->log_failed = true;
   if (implementation_->trace != nullptr && std::fflush(implementation_->trace.get()) != 0) {
     implementation_->trace_failed = true;
   }
   if (implementation_->log_failed) {
-    throw std::runtime_error(fmt::format("{}: could not be written whole", implementation_->config.log_file));
+    throw std::runtime_error(
+        fmt::format("{}: could not be written whole", implementation_->config.log_file));
   }
   if (implementation_->trace_failed) {
-    throw std::runtime_error(fmt::format("{}: could not be written whole", implementation_->config.trace_file));
+    throw std::runtime_error(
+        fmt::format("{}: could not be written whole", implementation_->config.trace_file));
   }
 }
 

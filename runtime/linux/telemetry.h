@@ -27,16 +27,18 @@ struct TelemetryConfig {
   std::string lcm_url;     ///< Live LCM, e.g. `udpm://239.255.76.67:7667?ttl=0`.
   std::string trace_file;  ///< CSV, one row a tick.
   std::vector<std::string> joint_names;
-  std::int64_t utime_at_zero_us = 0;  ///< Log time of loop time 0: 0 for virtual time, else microseconds since 1970.
+  std::int64_t utime_at_zero_us =
+      0;  ///< Log time of loop time 0: 0 for virtual time, else microseconds since 1970.
 };
 
 /// A sentence about a fault or a refusal, with joint, value, limit and tick.
 std::string Describe(const FaultReport& report, const std::vector<std::string>& joint_names);
 std::string Describe(const RefusalReport& report, const std::vector<std::string>& joint_names);
 
-/// Takes records out of the control loop and writes them. LCM allocates and may block for milliseconds, so the loop only
-/// ever pushes into a ring; everything else happens in whoever drains it: a thread of its own (Start), or the caller
-/// between ticks (Drain), which in virtual time loses nothing and makes the log reproducible.
+/// Takes records out of the control loop and writes them. LCM allocates and may block for
+/// milliseconds, so the loop only ever pushes into a ring; everything else happens in whoever
+/// drains it: a thread of its own (Start), or the caller between ticks (Drain), which in virtual
+/// time loses nothing and makes the log reproducible.
 class Telemetry {
  public:
   /// @throws std::runtime_error naming the file or URL that cannot be opened.
@@ -52,7 +54,8 @@ class Telemetry {
   void Drain();
   /// Drains in a thread until Stop.
   void Start();
-  /// Ends the thread, writes the rest and flushes. @throws std::runtime_error if a file could not be written whole.
+  /// Ends the thread, writes the rest and flushes. @throws std::runtime_error if a file could not
+  /// be written whole.
   void Stop();
 
   [[nodiscard]] std::int64_t lost() const noexcept;  ///< Records that the ring had no room for.

@@ -1,5 +1,5 @@
-// Runs a two-joint primitive through its ticks with MIT drives that follow perfectly; the program that
-// scripts/count-instructions runs under callgrind. Prints the number of running ticks.
+// Runs a two-joint primitive through its ticks with MIT drives that follow perfectly; the program
+// that scripts/count-instructions runs under callgrind. Prints the number of running ticks.
 
 #include <array>
 #include <cstdio>
@@ -45,7 +45,8 @@ int Main(bool distinct_knots) {
     MitReply reply;
     reply.sender = static_cast<std::uint8_t>(i + 1);
     reply.position_rad = primitive.joints[static_cast<std::size_t>(i)].position.control_points()[0];
-    replies[static_cast<std::size_t>(i)].frame = EncodeMitReply(configs[static_cast<std::size_t>(i)], reply);
+    replies[static_cast<std::size_t>(i)].frame =
+        EncodeMitReply(configs[static_cast<std::size_t>(i)], reply);
   }
   for (int n = 0; n < 20000; ++n) {
     input.tick = n;
@@ -74,7 +75,8 @@ int Main(bool distinct_knots) {
     }
   }
   if (output.record.faults != 0 || running == 0) {
-    std::fprintf(stderr, "the motion did not finish: fault '%s'\n", ToString(output.record.first_fault.fault));
+    std::fprintf(stderr, "the motion did not finish: fault '%s'\n",
+                 ToString(output.record.first_fault.fault));
     return 1;
   }
   std::printf("%ld\n", running);

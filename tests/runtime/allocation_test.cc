@@ -69,11 +69,14 @@ TEST(ExecutorAllocation, NoTickOfARunStopFaultAndRearmAllocates) {
   {
     AllocationGuard guard;
     for (; tick < 20000 && !sequence.done(); ++tick) {
-      if (tick > 500 && output.record.state == ExecutorState::kHolding && tick == 2500) drives[0]->reply.error = 4;
-      executor.Tick({tick, replies, Status::kOk, Status::kOk, sequence.Next(output.record)}, output);
+      if (tick > 500 && output.record.state == ExecutorState::kHolding && tick == 2500)
+        drives[0]->reply.error = 4;
+      executor.Tick({tick, replies, Status::kOk, Status::kOk, sequence.Next(output.record)},
+                    output);
       faulted = faulted || output.record.state == ExecutorState::kFault;
       for (auto& drive : drives) {
-        if (drive->setpoint.kp_nm_per_rad > 0) drive->reply.position_rad = drive->setpoint.position_rad;
+        if (drive->setpoint.kp_nm_per_rad > 0)
+          drive->reply.position_rad = drive->setpoint.position_rad;
       }
     }
   }

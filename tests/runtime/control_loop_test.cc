@@ -37,11 +37,13 @@ std::string ReadAll(const std::string& path) {
   return {std::istreambuf_iterator<char>(stream), {}};
 }
 
-/// Two rotors behind simulated drives on a simulated bus, and everything of a run but the program round it.
+/// Two rotors behind simulated drives on a simulated bus, and everything of a run but the program
+/// round it.
 class Bench {
  public:
   explicit Bench(const TelemetryConfig& telemetry_config, unsigned seed = 60)
-      : telemetry(telemetry_config), clock([this](std::int64_t time_ns) { plant->AdvanceTo(time_ns); }) {
+      : telemetry(telemetry_config),
+        clock([this](std::int64_t time_ns) { plant->AdvanceTo(time_ns); }) {
     std::mt19937 random(seed);
     testing::MotionShape shape;
     shape.settle_s = 0.1;
@@ -63,7 +65,8 @@ class Bench {
       // What moves a free rotor along the path, instead of the random feed-forward.
       std::vector<float> torques(primitive.joints[i].torque.control_points().size(), 0.0F);
       const auto knots = primitive.joints[i].torque.knots();
-      EXPECT_EQ(primitive.joints[i].torque.Assign(3, std::vector<float>(knots.begin(), knots.end()), torques),
+      EXPECT_EQ(primitive.joints[i].torque.Assign(3, std::vector<float>(knots.begin(), knots.end()),
+                                                  torques),
                 Status::kOk);
     }
     plant = std::make_unique<testing::RotorPlant>(bus, rotors);
@@ -103,7 +106,8 @@ TEST(ControlLoop, PlaysAPrimitiveOnTwoRotorsInVirtualTime) {
   bool setpoints_reach_the_motor = true;
   bench.Run([&] {
     const TickRecord& record = bench.loop->record();
-    if (record.state == ExecutorState::kRunning && record.joints[0].drive_state != DriveState::kEnabled) {
+    if (record.state == ExecutorState::kRunning &&
+        record.joints[0].drive_state != DriveState::kEnabled) {
       setpoints_reach_the_motor = false;
     }
   });
@@ -123,8 +127,8 @@ TEST(ControlLoop, PlaysAPrimitiveOnTwoRotorsInVirtualTime) {
     EXPECT_LT(s.following_error_max_rad[i], 0.05F);
     EXPECT_GT(s.following_error_max_rad[i], 0.0F);
     EXPECT_GT(s.peak_torque_nm[i], 0.1F);
-    EXPECT_NEAR(bench.plant->rotors()[i].position_rad, bench.primitive.joints[i].position.control_points().back(),
-                0.01);
+    EXPECT_NEAR(bench.plant->rotors()[i].position_rad,
+                bench.primitive.joints[i].position.control_points().back(), 0.01);
     EXPECT_FALSE(bench.simulated[i]->enabled()) << "disarmed at the end";
     EXPECT_EQ(bench.simulated[i]->watchdog_expiries(), 0);
   }
@@ -175,8 +179,9 @@ TEST(ControlLoop, WritesALogThatLcmReadsBackAndTwoRunsWriteTheSameBytes) {
         }
       }
       EXPECT_EQ(states, ticks);
-      EXPECT_EQ(visited, (std::vector<std::string>{"arming", "holding", "moving to start", "holding", "running",
-                                                   "settling", "holding", "disarmed"}));
+      EXPECT_EQ(visited,
+                (std::vector<std::string>{"arming", "holding", "moving to start", "holding",
+                                          "running", "settling", "holding", "disarmed"}));
     }
     std::filesystem::remove(config.log_file);
     std::filesystem::remove(config.trace_file);
@@ -242,7 +247,8 @@ TEST(ControlLoop, CountsLateAndMissedTicksAndKeepsToTheSchedule) {
     Bench bench({});
     LateClock clock(bench.clock);
     clock.late_ns = late_ns;
-    ControlLoop loop({bench.executor, bench.host, clock, *bench.sequence, bench.mailbox, nullptr}, 1'000'000, 0);
+    ControlLoop loop({bench.executor, bench.host, clock, *bench.sequence, bench.mailbox, nullptr},
+                     1'000'000, 0);
     std::int64_t last_tick = -1;
     std::int64_t gaps = 0;
     while (loop.Step()) {
@@ -289,7 +295,8 @@ TEST(Telemetry, NamesAFileThatCannotBeWritten) {
       const Telemetry telemetry(config);
       FAIL();
     } catch (const std::runtime_error& error) {
-      EXPECT_NE(std::string(error.what()).find("/nowhere/at/all: cannot be written"), std::string::npos);
+      EXPECT_NE(std::string(error.what()).find("/nowhere/at/all: cannot be written"),
+                std::string::npos);
     }
   }
 }
@@ -326,7 +333,8 @@ TEST(CandumpLine, IsWhatCandumpWrites) {
   frame.id = 0x123;
   frame.size = 8;
   frame.data = {0x11, 0x22, 0x33, 0x44, 0x55, 0x66, 0x77, 0x88};
-  EXPECT_EQ(CandumpLine(1'345'212'884'318'850'000, "can0", frame), "(1345212884.318850) can0 123#1122334455667788");
+  EXPECT_EQ(CandumpLine(1'345'212'884'318'850'000, "can0", frame),
+            "(1345212884.318850) can0 123#1122334455667788");
   frame.size = 0;
   frame.extended = true;
   EXPECT_EQ(CandumpLine(5'000, "vcan0", frame), "(0.000005) vcan0 00000123#");
@@ -340,10 +348,12 @@ TEST(DryRunBus, CompletesARunWithoutAnyHardware) {
   VirtualClock clock([](std::int64_t) {});
   std::vector<DryRunBus::Node> nodes;
   for (std::size_t i = 0; i < 2; ++i) {
-    nodes.push_back({bench.drives[i]->config(), bench.primitive.joints[i].position.control_points()[0]});
+    nodes.push_back(
+        {bench.drives[i]->config(), bench.primitive.joints[i].position.control_points()[0]});
   }
   DryRunBus bus("can0", nodes, clock, nullptr);
-  ControlLoop loop({bench.executor, bus, clock, *bench.sequence, bench.mailbox, nullptr}, 1'000'000, 0);
+  ControlLoop loop({bench.executor, bus, clock, *bench.sequence, bench.mailbox, nullptr}, 1'000'000,
+                   0);
   while (loop.Step()) {
   }
   EXPECT_EQ(bench.sequence->outcome(), RunOutcome::kCompleted)

@@ -53,18 +53,24 @@ TEST(Executor, RefusesConfigurationsOutsideTheirRanges) {
   };
   constexpr float kNaN = std::numeric_limits<float>::quiet_NaN();
   for (const float bad : {kNaN, 0.0F, 0.09F, 1.01F}) {
-    EXPECT_EQ(configured(with([&](auto& c) { c.speed = bad; }), good), Status::kInvalidArgument) << bad;
+    EXPECT_EQ(configured(with([&](auto& c) { c.speed = bad; }), good), Status::kInvalidArgument)
+        << bad;
   }
   EXPECT_EQ(configured(with([&](auto& c) { c.period_s = kNaN; }), good), Status::kInvalidArgument);
-  EXPECT_EQ(configured(with([&](auto& c) { c.move_fraction = 0; }), good), Status::kInvalidArgument);
-  EXPECT_EQ(configured(with([&](auto& c) { c.stale_ticks_max = 0; }), good), Status::kInvalidArgument);
-  EXPECT_EQ(configured(with([&](auto& c) { c.joints[1].kp_nm_per_rad = kNaN; }), good), Status::kInvalidArgument);
+  EXPECT_EQ(configured(with([&](auto& c) { c.move_fraction = 0; }), good),
+            Status::kInvalidArgument);
+  EXPECT_EQ(configured(with([&](auto& c) { c.stale_ticks_max = 0; }), good),
+            Status::kInvalidArgument);
+  EXPECT_EQ(configured(with([&](auto& c) { c.joints[1].kp_nm_per_rad = kNaN; }), good),
+            Status::kInvalidArgument);
   Primitive<float> moving = good;  // It would have to jump into its first velocity.
   std::vector<float> points(good.joints[0].position.control_points().begin(),
                             good.joints[0].position.control_points().end());
   points[1] += 0.5F;
   const auto knots = good.joints[0].position.knots();
-  ASSERT_EQ(moving.joints[0].position.Assign(5, std::vector<float>(knots.begin(), knots.end()), points), Status::kOk);
+  ASSERT_EQ(
+      moving.joints[0].position.Assign(5, std::vector<float>(knots.begin(), knots.end()), points),
+      Status::kOk);
   EXPECT_EQ(configured({}, moving), Status::kInvalidArgument);
   Primitive<float> unlimited = good;
   unlimited.joints[1].limits.velocity_max_rad_s = kNaN;
@@ -72,7 +78,8 @@ TEST(Executor, RefusesConfigurationsOutsideTheirRanges) {
 
   Executor executor;
   EXPECT_EQ(executor.Configure({}, good, std::array<Drive*, 1>{nullptr}), Status::kInvalidArgument);
-  EXPECT_EQ(executor.Configure({}, good, std::array<Drive*, 2>{nullptr, nullptr}), Status::kInvalidArgument);
+  EXPECT_EQ(executor.Configure({}, good, std::array<Drive*, 2>{nullptr, nullptr}),
+            Status::kInvalidArgument);
 }
 
 TEST(Executor, GoesThroughEveryStateOfARun) {
@@ -85,7 +92,8 @@ TEST(Executor, GoesThroughEveryStateOfARun) {
     for (auto& drive : rig.drives) drive->reply.position_rad += 0.04F;
     std::vector<ExecutorState> states;
     const auto note = [&] {
-      if (states.empty() || states.back() != rig.output.record.state) states.push_back(rig.output.record.state);
+      if (states.empty() || states.back() != rig.output.record.state)
+        states.push_back(rig.output.record.state);
     };
     rig.Tick();
     note();
@@ -105,8 +113,8 @@ TEST(Executor, GoesThroughEveryStateOfARun) {
     rig.Tick(OperatorCommand::kDisarm);
     note();
     using S = ExecutorState;
-    EXPECT_EQ(states, (std::vector<S>{S::kDisarmed, S::kArming, S::kHolding, S::kMovingToStart, S::kHolding,
-                                      S::kRunning, S::kSettling, S::kDisarmed}));
+    EXPECT_EQ(states, (std::vector<S>{S::kDisarmed, S::kArming, S::kHolding, S::kMovingToStart,
+                                      S::kHolding, S::kRunning, S::kSettling, S::kDisarmed}));
     EXPECT_EQ(rig.output.record.faults, 0);
     for (const auto& drive : rig.drives) EXPECT_EQ(drive->request, DriveRequest::kDisable);
   }
@@ -123,8 +131,10 @@ TEST(Executor, PlaysTheSplinesTickByTick) {
     rig.Tick(OperatorCommand::kMoveToStart);
     ASSERT_TRUE(rig.TickUntil(ExecutorState::kHolding));
     rig.Tick(OperatorCommand::kRun);
-    const auto expected_ticks = static_cast<std::int64_t>(std::ceil(1.2 / (0.001 * static_cast<double>(speed)) - 1e-3));
-    EXPECT_NEAR(static_cast<double>(rig.executor.run_ticks()), static_cast<double>(expected_ticks), 1);
+    const auto expected_ticks =
+        static_cast<std::int64_t>(std::ceil(1.2 / (0.001 * static_cast<double>(speed)) - 1e-3));
+    EXPECT_NEAR(static_cast<double>(rig.executor.run_ticks()), static_cast<double>(expected_ticks),
+                1);
     std::int64_t n = 0;
     while (rig.executor.state() == ExecutorState::kRunning) {
       const double t = std::min(static_cast<double>(n) * 0.001 * static_cast<double>(speed), 1.2);
@@ -149,7 +159,8 @@ TEST(Executor, PlaysTheSplinesTickByTick) {
 }
 
 TEST(Executor, SharedKnotsChangeNoBitOfASetpoint) {
-  // The second joint gets knots of its own, then those of the first: its own setpoints must be the splines' either way.
+  // The second joint gets knots of its own, then those of the first: its own setpoints must be the
+  // splines' either way.
   std::mt19937 random(9);
   MotionShape shape;
   Primitive<float> shared = RandomPrimitive<float>(shape, random);
@@ -189,7 +200,8 @@ TEST(Executor, ArmsAtTheMeasuredPositionEvenWhileAJointIsMovedByHand) {
   ASSERT_TRUE(rig.TickUntil(ExecutorState::kHolding, 100));
   const float held = rig.drives[0]->setpoint.position_rad;
   EXPECT_EQ(held, rig.drives[0]->reply.position_rad);
-  rig.drives[0]->reply.position_rad += 0.1F;  // Now it is pushed: the hold must not give way to the measurement.
+  rig.drives[0]->reply.position_rad +=
+      0.1F;  // Now it is pushed: the hold must not give way to the measurement.
   for (int i = 0; i < 50; ++i) rig.Tick();
   EXPECT_EQ(rig.drives[0]->setpoint.position_rad, held);
 }
@@ -214,7 +226,8 @@ TEST(Executor, RefusesToArmWithItsReason) {
   EXPECT_EQ(outside.refusal, Refusal::kOutsideLimits);
   EXPECT_EQ(outside.value, 4);
   EXPECT_EQ(outside.limit, primitive.joints[1].limits.position_max_rad);
-  EXPECT_EQ(refusal_after([](auto& drive) { drive.reply.error = 3; }).refusal, Refusal::kDriveError);
+  EXPECT_EQ(refusal_after([](auto& drive) { drive.reply.error = 3; }).refusal,
+            Refusal::kDriveError);
   EXPECT_EQ(refusal_after([](auto& drive) {
               drive.reply.position_rad = std::numeric_limits<float>::quiet_NaN();
             }).refusal,
@@ -236,7 +249,8 @@ TEST(Executor, RefusesToRunAwayFromTheStart) {
   rig.Tick(OperatorCommand::kMoveToStart);
   ASSERT_TRUE(rig.TickUntil(ExecutorState::kHolding));
   rig.follow = false;
-  rig.drives[1]->reply.position_rad += 0.06F;  // The entry tolerance is 0.05 rad, the following tolerance 0.2 rad.
+  rig.drives[1]->reply.position_rad +=
+      0.06F;  // The entry tolerance is 0.05 rad, the following tolerance 0.2 rad.
   const RefusalReport refusal = rig.Tick(OperatorCommand::kRun).refusal;
   EXPECT_EQ(refusal.refusal, Refusal::kOutsideStartSet);
   EXPECT_EQ(refusal.joint, 1);
@@ -255,8 +269,9 @@ TEST(Executor, RefusesCommandsThatDoNotFitTheState) {
     EXPECT_EQ(rig.Tick(command).refusal.refusal, Refusal::kWrongState);
   }
   ASSERT_TRUE(rig.Reach(ExecutorState::kRunning));
-  for (const OperatorCommand command : {OperatorCommand::kMoveToStart, OperatorCommand::kRun, OperatorCommand::kArm,
-                                        OperatorCommand::kClearFaults, static_cast<OperatorCommand>(99)}) {
+  for (const OperatorCommand command :
+       {OperatorCommand::kMoveToStart, OperatorCommand::kRun, OperatorCommand::kArm,
+        OperatorCommand::kClearFaults, static_cast<OperatorCommand>(99)}) {
     EXPECT_EQ(rig.Tick(command).refusal.refusal, Refusal::kWrongState);
     EXPECT_EQ(rig.executor.state(), ExecutorState::kRunning);
   }
@@ -294,15 +309,16 @@ TEST(Executor, MovesToTheStartWithinItsShareOfTheLimits) {
 
 TEST(Executor, FinishesAMotionOnTheLimitedSetpointNotOnThePlannedOne) {
   Primitive<float> primitive = Motion(15);
-  for (auto& joint : primitive.joints) joint.limits.velocity_max_rad_s *= 0.3F;  // The gate has to hold it back.
+  for (auto& joint : primitive.joints)
+    joint.limits.velocity_max_rad_s *= 0.3F;  // The gate has to hold it back.
   primitive.following_tolerance_rad = 10;
   ExecutorRig rig({}, primitive);
   ASSERT_TRUE(rig.Reach(ExecutorState::kRunning));
   ASSERT_TRUE(rig.TickUntil(ExecutorState::kSettling, 100000));
-  EXPECT_NEAR(rig.output.record.joints[0].limited.position_rad, primitive.joints[0].position.control_points().back(),
-              1e-4);
-  EXPECT_NEAR(rig.output.record.joints[1].limited.position_rad, primitive.joints[1].position.control_points().back(),
-              1e-4);
+  EXPECT_NEAR(rig.output.record.joints[0].limited.position_rad,
+              primitive.joints[0].position.control_points().back(), 1e-4);
+  EXPECT_NEAR(rig.output.record.joints[1].limited.position_rad,
+              primitive.joints[1].position.control_points().back(), 1e-4);
 }
 
 TEST(Executor, HoldsTheLastFeedForwardAfterARunAndDropsItAfterAStop) {
@@ -331,8 +347,9 @@ TEST(Executor, MakesUpForAMissedTickInsteadOfPlayingSlower) {
             primitive.joints[0].position.Evaluate(record.primitive_time_s).value);
 }
 
-/// For every tick of a run with random events: no jump in position, velocity or torque beyond what limits and
-/// accelerations allow, and never outside the limits. This is what transitions must not break.
+/// For every tick of a run with random events: no jump in position, velocity or torque beyond what
+/// limits and accelerations allow, and never outside the limits. This is what transitions must not
+/// break.
 struct Watch {
   const Primitive<float>& primitive;
   const ExecutorConfig& config;
@@ -347,15 +364,22 @@ struct Watch {
       ASSERT_LE(now.position_rad, limits.position_max_rad);
       ASSERT_LE(std::abs(now.velocity_rad_s), limits.velocity_max_rad_s);
       ASSERT_LE(std::abs(now.torque_nm), limits.torque_max_nm);
-      const bool armed = record.state != ExecutorState::kDisarmed && record.state != ExecutorState::kArming;
+      const bool armed =
+          record.state != ExecutorState::kDisarmed && record.state != ExecutorState::kArming;
       if (armed && j < last.size()) {
         const float step = limits.velocity_max_rad_s * config.period_s * 1.01F + 1e-6F;
-        ASSERT_LE(std::abs(now.position_rad - last[j].position_rad), step) << "tick " << record.tick;
-        const float velocity_step = limits.acceleration_max_rad_s2 * config.period_s * 1.02F + 1e-4F;
-        ASSERT_LE(std::abs(now.velocity_rad_s - last[j].velocity_rad_s), velocity_step) << "tick " << record.tick;
-        const float torque_step = limits.torque_max_nm * config.period_s / config.torque_rise_s * 1.01F + 1e-4F;
-        ASSERT_LE(std::abs(now.torque_nm - last[j].torque_nm), torque_step) << "tick " << record.tick;
-        ASSERT_FALSE(record.joints[j].limit_active && now.position_rad != record.joints[j].planned.position_rad)
+        ASSERT_LE(std::abs(now.position_rad - last[j].position_rad), step)
+            << "tick " << record.tick;
+        const float velocity_step =
+            limits.acceleration_max_rad_s2 * config.period_s * 1.02F + 1e-4F;
+        ASSERT_LE(std::abs(now.velocity_rad_s - last[j].velocity_rad_s), velocity_step)
+            << "tick " << record.tick;
+        const float torque_step =
+            limits.torque_max_nm * config.period_s / config.torque_rise_s * 1.01F + 1e-4F;
+        ASSERT_LE(std::abs(now.torque_nm - last[j].torque_nm), torque_step)
+            << "tick " << record.tick;
+        ASSERT_FALSE(record.joints[j].limit_active &&
+                     now.position_rad != record.joints[j].planned.position_rad)
             << "the gate had to hold a position back at tick " << record.tick;
       }
     }
@@ -385,7 +409,8 @@ TEST(Executor, AStopAtAnyMomentOfAnyPhaseJumpsNowhereAndEndsAtRestWithinTheLimit
     ASSERT_TRUE(rig.Reach(ExecutorState::kHolding));
     ASSERT_TRUE(tick(OperatorCommand::kMoveToStart));
     const bool stop_in_move = trial % 4 == 0;
-    std::uniform_int_distribution<int> moment(0, stop_in_move ? 40 : static_cast<int>(rig.executor.run_ticks()) + 60);
+    std::uniform_int_distribution<int> moment(
+        0, stop_in_move ? 40 : static_cast<int>(rig.executor.run_ticks()) + 60);
     if (!stop_in_move) {
       while (rig.executor.state() == ExecutorState::kMovingToStart) ASSERT_TRUE(tick());
       ASSERT_TRUE(tick(OperatorCommand::kRun));
@@ -393,7 +418,8 @@ TEST(Executor, AStopAtAnyMomentOfAnyPhaseJumpsNowhereAndEndsAtRestWithinTheLimit
     const int stop_at = moment(random);
     for (int i = 0; i < stop_at; ++i) ASSERT_TRUE(tick());
     ASSERT_TRUE(tick(OperatorCommand::kStop));
-    for (int i = 0; i < 3000 && rig.executor.state() != ExecutorState::kHolding; ++i) ASSERT_TRUE(tick());
+    for (int i = 0; i < 3000 && rig.executor.state() != ExecutorState::kHolding; ++i)
+      ASSERT_TRUE(tick());
     ASSERT_EQ(rig.executor.state(), ExecutorState::kHolding);
     for (int i = 0; i < 50; ++i) ASSERT_TRUE(tick());
     const float rest = rig.output.record.joints[0].limited.position_rad;
@@ -406,7 +432,8 @@ TEST(Executor, AStopAtAnyMomentOfAnyPhaseJumpsNowhereAndEndsAtRestWithinTheLimit
   }
 }
 
-/// Two MIT drives, and a world that answers from a seed: plausible replies, garbage, silence, late ticks, commands.
+/// Two MIT drives, and a world that answers from a seed: plausible replies, garbage, silence, late
+/// ticks, commands.
 class MitWorld {
  public:
   explicit MitWorld(unsigned seed) : primitive(Motion(30)), random(seed) {
@@ -448,9 +475,11 @@ class MitWorld {
     } else if (executor.state() == ExecutorState::kFault) {
       recorded.input.command = OperatorCommand::kDisarm;
     } else if (executor.state() == ExecutorState::kDisarmed) {
-      recorded.input.command = chance(random) < 0.5 ? OperatorCommand::kClearFaults : OperatorCommand::kArm;
+      recorded.input.command =
+          chance(random) < 0.5 ? OperatorCommand::kClearFaults : OperatorCommand::kArm;
     } else if (executor.state() == ExecutorState::kHolding) {
-      recorded.input.command = chance(random) < 0.5 ? OperatorCommand::kMoveToStart : OperatorCommand::kRun;
+      recorded.input.command =
+          chance(random) < 0.5 ? OperatorCommand::kMoveToStart : OperatorCommand::kRun;
     }
     return recorded;
   }
@@ -461,7 +490,8 @@ class MitWorld {
     for (std::size_t i = 0; i < 2; ++i) {
       MitCommand command;
       for (const CanFrame& frame : output.frames[i].frames()) {
-        if (DecodeMitCommand(configs[i], frame, command) == Status::kOk && command.kp_nm_per_rad > 0) {
+        if (DecodeMitCommand(configs[i], frame, command) == Status::kOk &&
+            command.kp_nm_per_rad > 0) {
           position[i] = command.position_rad;
         }
       }
@@ -499,7 +529,8 @@ TEST(Executor, EveryFrameOnTheWireDecodesToASetpointWithinTheLimitsWhateverComes
         ASSERT_EQ(world.output.frames[j].frames().size(), 1U) << "every tick writes every drive";
         MitCommand command;
         const bool is_setpoint =
-            DecodeMitCommand(world.configs[j], world.output.frames[j].frames()[0], command) == Status::kOk &&
+            DecodeMitCommand(world.configs[j], world.output.frames[j].frames()[0], command) ==
+                Status::kOk &&
             command.kp_nm_per_rad > 0;
         if (is_setpoint) {
           ++setpoints;

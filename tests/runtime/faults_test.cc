@@ -18,13 +18,14 @@ using testing::ExecutorRig;
 using testing::MotionShape;
 using testing::RandomPrimitive;
 
-constexpr std::array kStates{ExecutorState::kDisarmed, ExecutorState::kArming,         ExecutorState::kHolding,
-                             ExecutorState::kRunning,  ExecutorState::kMovingToStart,  ExecutorState::kSettling,
-                             ExecutorState::kStopping, ExecutorState::kFault};
-constexpr std::array kFaults{Fault::kStaleReply,        Fault::kFollowingError, Fault::kDriveError,
-                             Fault::kOverTemperature,   Fault::kLinkLost,       Fault::kTransmitQueueFull,
-                             Fault::kLateTick,          Fault::kOperatorStop,   Fault::kNonFinite,
-                             Fault::kArmingTimeout};
+constexpr std::array kStates{ExecutorState::kDisarmed,      ExecutorState::kArming,
+                             ExecutorState::kHolding,       ExecutorState::kRunning,
+                             ExecutorState::kMovingToStart, ExecutorState::kSettling,
+                             ExecutorState::kStopping,      ExecutorState::kFault};
+constexpr std::array kFaults{
+    Fault::kStaleReply, Fault::kFollowingError,    Fault::kDriveError, Fault::kOverTemperature,
+    Fault::kLinkLost,   Fault::kTransmitQueueFull, Fault::kLateTick,   Fault::kOperatorStop,
+    Fault::kNonFinite,  Fault::kArmingTimeout};
 
 Primitive<float> Motion() {
   std::mt19937 random(3);
@@ -38,7 +39,8 @@ void Displace(ExecutorRig& rig) {
   for (auto& drive : rig.drives) drive->reply.position_rad -= 0.05F;
 }
 
-/// Makes `fault` happen; joint 1 where one is concerned. @returns ticks that it takes until it must be seen.
+/// Makes `fault` happen; joint 1 where one is concerned. @returns ticks that it takes until it must
+/// be seen.
 int Provoke(Fault fault, ExecutorRig& rig, const ExecutorConfig& config) {
   testing::ScriptedDrive& drive = *rig.drives[1];
   switch (fault) {
@@ -81,9 +83,12 @@ int Provoke(Fault fault, ExecutorRig& rig, const ExecutorConfig& config) {
 /// Faults that cannot happen in a state, whatever the world does.
 bool IsPossible(Fault fault, ExecutorState state) {
   if (fault == Fault::kArmingTimeout) return state == ExecutorState::kArming;
-  // Nothing follows yet in arming, and what is damped need not follow; it is kFault by a late tick while running.
-  if (fault == Fault::kFollowingError) return state != ExecutorState::kArming && state != ExecutorState::kFault;
-  if (fault == Fault::kLateTick) return state != ExecutorState::kFault;  // It is the one that led there.
+  // Nothing follows yet in arming, and what is damped need not follow; it is kFault by a late tick
+  // while running.
+  if (fault == Fault::kFollowingError)
+    return state != ExecutorState::kArming && state != ExecutorState::kFault;
+  if (fault == Fault::kLateTick)
+    return state != ExecutorState::kFault;  // It is the one that led there.
   // A stop that brakes is a state of its own, and in stopping there is nothing left to do.
   return true;
 }
@@ -96,12 +101,15 @@ TEST(FaultTable, AnswersEveryFaultInEveryStateAsStated) {
       {R::kIgnore, R::kDisable, R::kDamp, R::kDamp, R::kDamp, R::kDamp, R::kDamp, R::kDamp},
       {R::kIgnore, R::kDisable, R::kDamp, R::kDamp, R::kDamp, R::kDamp, R::kDamp, R::kDamp},
       {R::kIgnore, R::kDisable, R::kDamp, R::kDamp, R::kDamp, R::kDamp, R::kDamp, R::kDamp},
-      {R::kIgnore, R::kDisable, R::kDisable, R::kDisable, R::kDisable, R::kDisable, R::kDisable, R::kDisable},
-      {R::kIgnore, R::kDisable, R::kDisable, R::kDisable, R::kDisable, R::kDisable, R::kDisable, R::kDisable},
+      {R::kIgnore, R::kDisable, R::kDisable, R::kDisable, R::kDisable, R::kDisable, R::kDisable,
+       R::kDisable},
+      {R::kIgnore, R::kDisable, R::kDisable, R::kDisable, R::kDisable, R::kDisable, R::kDisable,
+       R::kDisable},
       {R::kIgnore, R::kDisable, R::kHold, R::kHold, R::kDamp, R::kHold, R::kHold, R::kHold},
       {R::kIgnore, R::kDisable, R::kHold, R::kHold, R::kHold, R::kHold, R::kHold, R::kHold},
       {R::kIgnore, R::kDisable, R::kDamp, R::kDamp, R::kDamp, R::kDamp, R::kDamp, R::kDamp},
-      {R::kIgnore, R::kDisable, R::kDisable, R::kDisable, R::kDisable, R::kDisable, R::kDisable, R::kDisable},
+      {R::kIgnore, R::kDisable, R::kDisable, R::kDisable, R::kDisable, R::kDisable, R::kDisable,
+       R::kDisable},
   }};
   const FaultTable table;
   for (std::size_t f = 0; f < kFaults.size(); ++f) {
@@ -124,14 +132,16 @@ TEST(FaultTable, NamesAreDistinct) {
   std::set<std::string> names;
   for (const ExecutorState state : kStates) EXPECT_TRUE(names.insert(ToString(state)).second);
   for (const Fault fault : kFaults) EXPECT_TRUE(names.insert(ToString(fault)).second);
-  for (const Reaction reaction : {Reaction::kIgnore, Reaction::kHold, Reaction::kDamp, Reaction::kDisable}) {
+  for (const Reaction reaction :
+       {Reaction::kIgnore, Reaction::kHold, Reaction::kDamp, Reaction::kDisable}) {
     EXPECT_TRUE(names.insert(ToString(reaction)).second);
   }
 }
 
 class FaultMatrix : public ::testing::TestWithParam<std::tuple<Fault, ExecutorState, Reaction>> {};
 
-/// The core of the matrix: for each configured reaction the executor does what the table says, and nothing else.
+/// The core of the matrix: for each configured reaction the executor does what the table says, and
+/// nothing else.
 TEST_P(FaultMatrix, TheExecutorDoesWhatTheTableSays) {
   const auto [fault, state, reaction] = GetParam();
   if (!IsPossible(fault, state)) GTEST_SKIP() << "cannot happen in this state";
@@ -226,8 +236,10 @@ TEST_P(FaultMatrix, TheExecutorDoesWhatTheTableSays) {
 }
 
 INSTANTIATE_TEST_SUITE_P(AllFaultsAllStatesAllReactions, FaultMatrix,
-                         ::testing::Combine(::testing::ValuesIn(kFaults), ::testing::ValuesIn(kStates),
-                                            ::testing::Values(Reaction::kIgnore, Reaction::kHold, Reaction::kDamp,
+                         ::testing::Combine(::testing::ValuesIn(kFaults),
+                                            ::testing::ValuesIn(kStates),
+                                            ::testing::Values(Reaction::kIgnore, Reaction::kHold,
+                                                              Reaction::kDamp,
                                                               Reaction::kDisable)));
 
 TEST(Faults, LatchUntilTheOperatorClearsThemWhileDisarmed) {

@@ -1,5 +1,6 @@
-// Runs the executor through every state under RealtimeSanitizer, which aborts when anything below a nonblocking function
-// allocates, locks or makes a blocking system call. With an argument it allocates in one on purpose.
+// Runs the executor through every state under RealtimeSanitizer, which aborts when anything below a
+// nonblocking function allocates, locks or makes a blocking system call. With an argument it
+// allocates in one on purpose.
 
 #include <array>
 #include <cstdio>
@@ -28,7 +29,8 @@ class Check {
     }
   }
 
-  /// One run; `stop_at` and `fault_at` are ticks of it, negative for never. Returns whether it ended as it should.
+  /// One run; `stop_at` and `fault_at` are ticks of it, negative for never. Returns whether it
+  /// ended as it should.
   bool Run(long stop_at, long fault_at, RunOutcome expected) {
     MitDrive first(configs_[0]);
     MitDrive second(configs_[1]);
@@ -93,7 +95,8 @@ int Main(bool allocate) {
   std::mt19937 random(80);
   Check check(testing::RandomPrimitive<float>({}, random));
   for (int i = 0; i < 4; ++i) {
-    if (!check.Run(-1, -1, RunOutcome::kCompleted) || !check.Run(1500 + 50 * i, -1, RunOutcome::kStopped) ||
+    if (!check.Run(-1, -1, RunOutcome::kCompleted) ||
+        !check.Run(1500 + 50 * i, -1, RunOutcome::kStopped) ||
         !check.Run(-1, 1500 + 50 * i, RunOutcome::kFault)) {
       std::fprintf(stderr, "a run did not end as it should\n");
       return 1;

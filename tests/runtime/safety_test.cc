@@ -55,7 +55,9 @@ TEST(LimitSetpoint, HoldsThePositionAndFadesTheTorqueWhenThePlanIsNotFinite) {
   for (const float bad : {kNaN, kInfinity, -kInfinity}) {
     for (int field = 0; field < 3; ++field) {
       JointSetpoint planned = previous;
-      (field == 0 ? planned.position_rad : field == 1 ? planned.velocity_rad_s : planned.torque_nm) = bad;
+      (field == 0   ? planned.position_rad
+       : field == 1 ? planned.velocity_rad_s
+                    : planned.torque_nm) = bad;
       const LimitedSetpoint result = LimitSetpoint(SomeLimits(), planned, previous, 1);
       EXPECT_TRUE(result.non_finite);
       EXPECT_EQ(result.setpoint.position_rad, 0.5F);
@@ -95,7 +97,8 @@ TEST(LimitSetpoint, WhateverIsPlannedStaysWithinLimitsAndSteps) {
     ASSERT_LE(now.position_rad, limits.position_max_rad);
     ASSERT_LE(std::abs(now.velocity_rad_s), limits.velocity_max_rad_s);
     ASSERT_LE(std::abs(now.torque_nm), limits.torque_max_nm);
-    ASSERT_LE(std::abs(now.position_rad - previous.position_rad), limits.position_step_rad * share + 1e-6F);
+    ASSERT_LE(std::abs(now.position_rad - previous.position_rad),
+              limits.position_step_rad * share + 1e-6F);
     ASSERT_LE(std::abs(now.torque_nm - previous.torque_nm), limits.torque_step_nm * share + 1e-5F);
     previous = now;
   }

@@ -38,12 +38,15 @@ class TumblerRun : public ::testing::Test {
   }
   ~TumblerRun() override { std::filesystem::remove_all(directory_); }
 
-  [[nodiscard]] std::string Path(const std::string& name) const { return (directory_ / name).string(); }
+  [[nodiscard]] std::string Path(const std::string& name) const {
+    return (directory_ / name).string();
+  }
   void Write(const std::string& name, const std::string& text) const {
     std::ofstream(Path(name), std::ios::binary) << text;
   }
   [[nodiscard]] static Outcome Run(const std::string& arguments) {
-    const std::string command = std::string(TUMBLER_BINARY_DIR "/bin/tumbler-run ") + arguments + " 2>&1";
+    const std::string command =
+        std::string(TUMBLER_BINARY_DIR "/bin/tumbler-run ") + arguments + " 2>&1";
     Outcome outcome;
     std::FILE* pipe = popen(command.c_str(), "r");
     if (pipe == nullptr) return outcome;
@@ -81,8 +84,8 @@ class TumblerRun : public ::testing::Test {
 TEST_F(TumblerRun, ExplainsItself) {
   const Outcome outcome = Run("--help");
   EXPECT_EQ(outcome.exit_code, 0);
-  for (const char* part : {"--drives", "--arm", "--realtime", "--speed", "--log", "--lcm-url", "--json", "--trace",
-                           "--hold-s", "Exit codes", "130", "kp 200, kd 4"}) {
+  for (const char* part : {"--drives", "--arm", "--realtime", "--speed", "--log", "--lcm-url",
+                           "--json", "--trace", "--hold-s", "Exit codes", "130", "kp 200, kd 4"}) {
     EXPECT_THAT(outcome.text, HasSubstr(part));
   }
 }
@@ -90,8 +93,9 @@ TEST_F(TumblerRun, ExplainsItself) {
 TEST_F(TumblerRun, RejectsWrongCommandLinesWithExitCode1) {
   const std::string motion = Path("motion.toml");
   for (const std::string& arguments :
-       {std::string(), std::string("sim"), "sim " + motion + " --speed 1.5", "sim " + motion + " --speed 0.05",
-        "sim " + motion + " --hold-s -1", "sim " + motion + " --nonsense", "sim " + motion + " extra"}) {
+       {std::string(), std::string("sim"), "sim " + motion + " --speed 1.5",
+        "sim " + motion + " --speed 0.05", "sim " + motion + " --hold-s -1",
+        "sim " + motion + " --nonsense", "sim " + motion + " extra"}) {
     const Outcome outcome = Run(arguments);
     EXPECT_EQ(outcome.exit_code, 1) << arguments;
     EXPECT_FALSE(outcome.text.empty()) << arguments;
@@ -120,7 +124,8 @@ TEST_F(TumblerRun, NamesAnInterfaceThatIsNotThere) {
     const Outcome outcome = RunOnMissingInterface(mode);
     EXPECT_EQ(outcome.exit_code, 1) << outcome.text;
     EXPECT_THAT(outcome.text, HasSubstr("can9"));
-    EXPECT_THAT(outcome.text, HasSubstr("bus schedule: 2 setpoints and 2 replies of 8 bytes: 540 bits a tick"));
+    EXPECT_THAT(outcome.text,
+                HasSubstr("bus schedule: 2 setpoints and 2 replies of 8 bytes: 540 bits a tick"));
     EXPECT_THAT(outcome.text, Not(HasSubstr("can9 001#"))) << "no frame is printed";
   }
 }

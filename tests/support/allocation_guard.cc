@@ -10,7 +10,8 @@
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 #define TUMBLER_SANITIZER_OWNS_MALLOC
 #elif defined(__has_feature)
-#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer) || __has_feature(memory_sanitizer)
+#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer) || \
+    __has_feature(memory_sanitizer)
 #define TUMBLER_SANITIZER_OWNS_MALLOC
 #endif
 #endif
@@ -45,11 +46,12 @@ static void Check(const char* function) {
 #ifndef TUMBLER_SANITIZER_OWNS_MALLOC
 // glibc keeps its allocator under these names for programs that replace the public ones.
 extern "C" {
-void* __libc_malloc(std::size_t size);                             // NOLINT(bugprone-reserved-identifier)
-void* __libc_calloc(std::size_t count, std::size_t size);          // NOLINT(bugprone-reserved-identifier)
-void* __libc_realloc(void* pointer, std::size_t size);             // NOLINT(bugprone-reserved-identifier)
-void* __libc_memalign(std::size_t alignment, std::size_t size);    // NOLINT(bugprone-reserved-identifier)
-void __libc_free(void* pointer);                                   // NOLINT(bugprone-reserved-identifier)
+void* __libc_malloc(std::size_t size);                     // NOLINT(bugprone-reserved-identifier)
+void* __libc_calloc(std::size_t count, std::size_t size);  // NOLINT(bugprone-reserved-identifier)
+void* __libc_realloc(void* pointer, std::size_t size);     // NOLINT(bugprone-reserved-identifier)
+void* __libc_memalign(std::size_t alignment,
+                      std::size_t size);  // NOLINT(bugprone-reserved-identifier)
+void __libc_free(void* pointer);          // NOLINT(bugprone-reserved-identifier)
 
 void* malloc(std::size_t size) {
   tumbler::testing::Check("malloc");

@@ -12,14 +12,17 @@
 
 namespace tumbler::testing {
 
-/// An executor with scripted drives whose joints go exactly where they are sent, with one tick of delay.
+/// An executor with scripted drives whose joints go exactly where they are sent, with one tick of
+/// delay.
 class ExecutorRig {
  public:
-  ExecutorRig(const ExecutorConfig& config, const Primitive<float>& primitive) : primitive_(primitive) {
+  ExecutorRig(const ExecutorConfig& config, const Primitive<float>& primitive)
+      : primitive_(primitive) {
     for (int i = 0; i < primitive.joint_count; ++i) {
       drives.push_back(std::make_unique<ScriptedDrive>(static_cast<std::uint32_t>(100 + i)));
       pointers_.push_back(drives.back().get());
-      drives.back()->reply.position_rad = primitive.joints[static_cast<std::size_t>(i)].position.control_points()[0];
+      drives.back()->reply.position_rad =
+          primitive.joints[static_cast<std::size_t>(i)].position.control_points()[0];
     }
     configured = executor.Configure(config, primitive, pointers_);
   }
@@ -29,7 +32,8 @@ class ExecutorRig {
     received_.clear();
     for (std::size_t i = 0; i < drives.size(); ++i) {
       ScriptedDrive& drive = *drives[i];
-      const bool obeys = follow && drive.request == DriveRequest::kEnable && drive.setpoint.kp_nm_per_rad > 0;
+      const bool obeys =
+          follow && drive.request == DriveRequest::kEnable && drive.setpoint.kp_nm_per_rad > 0;
       if (obeys) drive.reply.position_rad = drive.setpoint.position_rad;
       if (!silent[i]) received_.push_back({drive.Answer(), 0});
     }
@@ -41,7 +45,8 @@ class ExecutorRig {
   }
 
   /// Ticks until the executor is in `state`; false when it does not get there in `ticks_max`.
-  bool TickUntil(ExecutorState state, int ticks_max = 100000, const std::function<void()>& each = {}) {
+  bool TickUntil(ExecutorState state, int ticks_max = 100000,
+                 const std::function<void()>& each = {}) {
     for (int i = 0; i < ticks_max && executor.state() != state; ++i) {
       Tick();
       if (each) each();

@@ -23,8 +23,8 @@ struct MotionShape {
   double amplitude_rad = 1.0;  ///< Control points lie within +- this.
 };
 
-/// A primitive from rest to rest with random quintic paths and random cubic feed-forward. Its limits are the bounds of
-/// its control points with 10 % to spare, as an optimiser's would be.
+/// A primitive from rest to rest with random quintic paths and random cubic feed-forward. Its
+/// limits are the bounds of its control points with 10 % to spare, as an optimiser's would be.
 template <typename Scalar>
 Primitive<Scalar> RandomPrimitive(const MotionShape& shape, std::mt19937& random) {
   std::uniform_real_distribution<double> point(-shape.amplitude_rad, shape.amplitude_rad);
@@ -40,10 +40,11 @@ Primitive<Scalar> RandomPrimitive(const MotionShape& shape, std::mt19937& random
   const auto n = static_cast<std::size_t>(shape.control_points);
   const auto assign = [&](Spline& spline, int degree, const std::vector<Scalar>& points) {
     std::array<Scalar, Spline::kMaxKnots> knots{};
-    if (Spline::ClampedUniformKnots(degree, static_cast<int>(points.size()), primitive.duration_s, knots) !=
-            Status::kOk ||
-        spline.Assign(degree, std::span(knots.data(), points.size() + static_cast<std::size_t>(degree) + 1), points) !=
-            Status::kOk) {
+    if (Spline::ClampedUniformKnots(degree, static_cast<int>(points.size()), primitive.duration_s,
+                                    knots) != Status::kOk ||
+        spline.Assign(degree,
+                      std::span(knots.data(), points.size() + static_cast<std::size_t>(degree) + 1),
+                      points) != Status::kOk) {
       throw std::logic_error("the shape of the motion is not valid");
     }
   };
@@ -58,7 +59,9 @@ Primitive<Scalar> RandomPrimitive(const MotionShape& shape, std::mt19937& random
     std::vector<Scalar> torques(n);
     for (Scalar& c : torques) c = static_cast<Scalar>(torque(random));
     assign(motion.torque, 3, torques);
-    const auto largest = [](const Interval<Scalar>& bounds) { return std::max(-bounds.min, bounds.max); };
+    const auto largest = [](const Interval<Scalar>& bounds) {
+      return std::max(-bounds.min, bounds.max);
+    };
     const Interval<Scalar> position = motion.position.Bounds(0);
     motion.limits.position_min_rad = position.min - Scalar(0.1);
     motion.limits.position_max_rad = position.max + Scalar(0.1);

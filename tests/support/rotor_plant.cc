@@ -14,7 +14,8 @@ void RotorPlant::AdvanceTo(std::int64_t time_ns) noexcept {
     const double step_s = static_cast<double>(step_ns_) * 1e-9;
     for (Rotor& rotor : rotors_) {
       const double torque = rotor.drive->Step(now_ns_, rotor.position_rad, rotor.velocity_rad_s);
-      const double acceleration = (torque - rotor.damping_nm_s_per_rad * rotor.velocity_rad_s) / rotor.inertia_kg_m2;
+      const double acceleration =
+          (torque - rotor.damping_nm_s_per_rad * rotor.velocity_rad_s) / rotor.inertia_kg_m2;
       rotor.velocity_rad_s += step_s * acceleration;
       rotor.position_rad += step_s * rotor.velocity_rad_s;
     }

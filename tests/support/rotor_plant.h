@@ -8,8 +8,9 @@
 
 namespace tumbler::testing {
 
-/// A rotor with viscous friction behind each of several simulated drives: inertia * qddot = torque - damping * qdot.
-/// Nothing couples them and nothing touches the ground; semi-implicit Euler at the drives' step.
+/// A rotor with viscous friction behind each of several simulated drives: inertia * qddot = torque
+/// - damping * qdot. Nothing couples them and nothing touches the ground; semi-implicit Euler at
+/// the drives' step.
 class RotorPlant {
  public:
   struct Rotor {

@@ -7,13 +7,14 @@
 
 namespace tumbler::testing {
 
-/// A drive that does as the test says. Its frames carry no numbers: what was asked is in `setpoint` and `request`,
-/// exactly; what it answers is what `reply` holds when its answer is decoded.
+/// A drive that does as the test says. Its frames carry no numbers: what was asked is in `setpoint`
+/// and `request`, exactly; what it answers is what `reply` holds when its answer is decoded.
 class ScriptedDrive final : public Drive {
  public:
   explicit ScriptedDrive(std::uint32_t id) : id_(id) {}
 
-  Status Encode(DriveRequest request_in, const DriveSetpoint& setpoint_in, FrameBatch& batch) noexcept override {
+  Status Encode(DriveRequest request_in, const DriveSetpoint& setpoint_in,
+                FrameBatch& batch) noexcept override {
     request = request_in;
     setpoint = setpoint_in;
     enable_ticks_ = request == DriveRequest::kEnable ? enable_ticks_ + 1 : 0;
