@@ -318,7 +318,7 @@ class BSpline {
   /// would have to suspect every store of changing them.
   template <int kDegree>
   void EvaluateRowsOfDegree(Scalar t, Basis& basis) const noexcept {
-    std::array<Scalar, 2 * kDegree> u;
+    std::array<Scalar, Index(2 * kDegree)> u;
     std::copy_n(knots_.begin() + (basis.span - kDegree + 1), 2 * kDegree, u.begin());
     std::array<Scalar, kDegree + 1> row{Scalar(1)};
     const auto step = [&]<int r>(std::integral_constant<int, r>) {

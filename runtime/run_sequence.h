@@ -66,7 +66,6 @@ class RunSequence {
   RunSequenceConfig config_;
   Phase phase_ = Phase::kArm;
   std::int64_t ticks_ = 0;  // in the phase
-  OperatorCommand sent_ = OperatorCommand::kNone;
   bool stop_ = false;
   bool disarm_ = false;
   RunOutcome outcome_ = RunOutcome::kPending;

@@ -6,12 +6,12 @@
 namespace tumbler {
 
 /// False for NaN and infinities.
-[[nodiscard]] constexpr bool IsFinite(float x) noexcept { return x - x == 0; }
+[[nodiscard]] constexpr bool IsFinite(float x) noexcept { return 0.0F * x == 0; }
 
-/// Whether every one is finite, at the price of one comparison: x - x is zero, or else NaN.
+/// Whether every one is finite, at the price of one comparison: 0 x is zero, or else NaN.
 template <typename... Floats>
 [[nodiscard]] constexpr bool AreFinite(Floats... x) noexcept {
-  return ((x - x) + ... + 0.0F) == 0;
+  return ((0.0F * x) + ... + 0.0F) == 0;
 }
 
 /// Unlike std::clamp, gives `low` at NaN.

@@ -8,7 +8,7 @@
 #include <array>
 #include <cerrno>
 #include <cstddef>
-#include <cstring>
+#include <system_error>
 
 namespace tumbler {
 namespace {
@@ -16,7 +16,7 @@ namespace {
 /// The loop's stack is touched once, so that its pages are there (and locked) before they are
 /// needed.
 void TouchStack() {
-  std::array<volatile unsigned char, 256 * 1024> pages;
+  std::array<volatile unsigned char, std::size_t{256} * 1024> pages;
   for (std::size_t i = 0; i < pages.size(); i += 1024) pages[i] = 0;
 }
 
@@ -32,14 +32,14 @@ RealtimeReport EnterRealtime(int priority) {
     report.problems += fmt::format(
         "SCHED_FIFO priority {} is not in force: {} (run as root, or give the user `rtprio {}` in "
         "/etc/security/limits.conf)",
-        priority, std::strerror(scheduled), priority);
+        priority, std::generic_category().message(scheduled), priority);
   }
   report.memory_locked = mlockall(MCL_CURRENT | MCL_FUTURE) == 0;
   if (!report.memory_locked) {
     report.problems += fmt::format(
         "{}memory is not locked: {} (run as root, or give the user `memlock unlimited` in "
         "/etc/security/limits.conf)",
-        report.problems.empty() ? "" : "; ", std::strerror(errno));
+        report.problems.empty() ? "" : "; ", std::generic_category().message(errno));
   }
   TouchStack();
   return report;

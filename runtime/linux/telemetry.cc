@@ -5,9 +5,9 @@
 #include <cerrno>
 #include <chrono>
 #include <cstdio>
-#include <cstring>
 #include <optional>
 #include <stdexcept>
+#include <system_error>
 #include <thread>
 
 #include <lcm/lcm-cpp.hpp>
@@ -100,15 +100,15 @@ struct Telemetry::Implementation {
     if (!config.log_file.empty()) {
       log.emplace(config.log_file, "w");
       if (!log->good()) {
-        throw std::runtime_error(
-            fmt::format("{}: cannot be written: {}", config.log_file, std::strerror(errno)));
+        throw std::runtime_error(fmt::format("{}: cannot be written: {}", config.log_file,
+                                             std::generic_category().message(errno)));
       }
     }
     if (!config.trace_file.empty()) {
       trace.reset(std::fopen(config.trace_file.c_str(), "w"));
       if (trace == nullptr) {
-        throw std::runtime_error(
-            fmt::format("{}: cannot be written: {}", config.trace_file, std::strerror(errno)));
+        throw std::runtime_error(fmt::format("{}: cannot be written: {}", config.trace_file,
+                                             std::generic_category().message(errno)));
       }
       WriteTraceHeader();
     }
