@@ -56,7 +56,10 @@ struct Listener {
 TEST(Telemetry, PublishesEveryRecordLive) {
   lcm::LCM subscriber(kUrl);
   Listener listener;
-  subscriber.subscribe(kStateChannel, &Listener::Handle, &listener);
+  lcm::Subscription* subscription =
+      subscriber.subscribe(kStateChannel, &Listener::Handle, &listener);
+  subscription->setQueueCapacity(
+      0);  // Unlimited: LCM drops all but 30 unhandled messages otherwise.
   TelemetryConfig config;
   config.lcm_url = kUrl;
   Telemetry telemetry(config);
