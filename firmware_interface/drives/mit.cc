@@ -7,15 +7,13 @@ namespace tumbler {
 namespace {
 
 // True for neither NaN nor infinities; std::isfinite is not in freestanding <cmath>.
-bool IsFinite(float value) noexcept {
-  return value >= std::numeric_limits<float>::lowest() &&
-         value <= std::numeric_limits<float>::max();
-}
+bool IsFinite(float value) noexcept { return value - value == 0; }
 
 bool IsUsable(const DriveSetpoint& setpoint) noexcept {
-  return IsFinite(setpoint.position_rad) && IsFinite(setpoint.velocity_rad_s) &&
-         IsFinite(setpoint.torque_nm) && IsFinite(setpoint.kp_nm_per_rad) &&
-         IsFinite(setpoint.kd_nm_s_per_rad);
+  const auto zero = [](float x) { return x - x; };  // or NaN
+  return zero(setpoint.position_rad) + zero(setpoint.velocity_rad_s) + zero(setpoint.torque_nm) +
+             zero(setpoint.kp_nm_per_rad) + zero(setpoint.kd_nm_s_per_rad) ==
+         0;
 }
 
 bool IsMotionRange(const MitRange& range) noexcept {
@@ -90,26 +88,63 @@ float MitDequantise(std::uint16_t code, const MitRange& range, int bits) noexcep
          range.min;
 }
 
-CanFrame EncodeMitCommand(const MitConfig& config, const MitCommand& command) noexcept {
-  int p = MitQuantise(command.position_rad, config.command.position_rad, 16);
-  const int v = MitQuantise(command.velocity_rad_s, config.command.velocity_rad_s, 12);
-  const int kp = MitQuantise(command.kp_nm_per_rad, config.command.kp_nm_per_rad, 12);
-  const int kd = MitQuantise(command.kd_nm_s_per_rad, config.command.kd_nm_s_per_rad, 12);
-  const int t = MitQuantise(command.torque_nm, config.command.torque_nm, 12);
-  if (p == 0xffff && v == 0xfff && kp == 0xfff && kd == 0xfff && t >= 0xffc && t <= 0xffe) {
-    p = 0xfffe;
+namespace {
+
+// The fields of (1) as they are on the wire.
+struct Codes {
+  std::uint16_t p = 0, v = 0, kp = 0, kd = 0, t = 0;
+};
+
+// Steps aside for the one pattern that is a magic frame.
+void AvoidMagic(Codes& codes) noexcept {
+  if (codes.p == 0xffff && codes.v == 0xfff && codes.kp == 0xfff && codes.kd == 0xfff &&
+      codes.t >= 0xffc && codes.t <= 0xffe) {
+    codes.p = 0xfffe;
   }
+}
+
+Codes Quantise(const MitRanges& ranges, const MitCommand& command) noexcept {
+  Codes codes{MitQuantise(command.position_rad, ranges.position_rad, 16),
+              MitQuantise(command.velocity_rad_s, ranges.velocity_rad_s, 12),
+              MitQuantise(command.kp_nm_per_rad, ranges.kp_nm_per_rad, 12),
+              MitQuantise(command.kd_nm_s_per_rad, ranges.kd_nm_s_per_rad, 12),
+              MitQuantise(command.torque_nm, ranges.torque_nm, 12)};
+  AvoidMagic(codes);
+  return codes;
+}
+
+MitCommand Dequantise(const MitRanges& ranges, const Codes& codes) noexcept {
+  return {MitDequantise(codes.p, ranges.position_rad, 16),
+          MitDequantise(codes.v, ranges.velocity_rad_s, 12),
+          MitDequantise(codes.kp, ranges.kp_nm_per_rad, 12),
+          MitDequantise(codes.kd, ranges.kd_nm_s_per_rad, 12),
+          MitDequantise(codes.t, ranges.torque_nm, 12)};
+}
+
+// (1) is one number of 64 bits, most significant byte first.
+void Pack(const Codes& codes, std::array<std::uint8_t, 8>& data) noexcept {
+  const std::uint64_t word = std::uint64_t{codes.p} << 48 | std::uint64_t{codes.v} << 36 |
+                             std::uint64_t{codes.kp} << 24 | std::uint64_t{codes.kd} << 12 |
+                             std::uint64_t{codes.t};
+  for (std::size_t i = 0; i < 8; ++i) data[i] = static_cast<std::uint8_t>(word >> (56 - 8 * i));
+}
+
+Codes Unpack(const std::array<std::uint8_t, 8>& data) noexcept {
+  std::uint64_t word = 0;
+  for (const std::uint8_t byte : data) word = word << 8 | byte;
+  const auto field = [word](int shift) {
+    return static_cast<std::uint16_t>(word >> shift & 0xfff);
+  };
+  return {static_cast<std::uint16_t>(word >> 48), field(36), field(24), field(12), field(0)};
+}
+
+}  // namespace
+
+CanFrame EncodeMitCommand(const MitConfig& config, const MitCommand& command) noexcept {
   CanFrame frame;
   frame.id = config.command_id;
   frame.size = 8;
-  frame.data = {Low(p >> 8),
-                Low(p),
-                Low(v >> 4),
-                Low((v & 0xf) << 4 | kp >> 8),
-                Low(kp),
-                Low(kd >> 4),
-                Low((kd & 0xf) << 4 | t >> 8),
-                Low(t)};
+  Pack(Quantise(config.command, command), frame.data);
   return frame;
 }
 
@@ -120,14 +155,7 @@ Status DecodeMitCommand(const MitConfig& config, const CanFrame& frame,
       DecodeMitMagic(config, frame, magic)) {
     return Status::kInvalidArgument;
   }
-  const auto d = [&frame](std::size_t i) { return int{frame.data[i]}; };
-  const auto code = [](int value) { return static_cast<std::uint16_t>(value); };
-  const MitRanges& ranges = config.command;
-  command.position_rad = MitDequantise(code(d(0) << 8 | d(1)), ranges.position_rad, 16);
-  command.velocity_rad_s = MitDequantise(code(d(2) << 4 | d(3) >> 4), ranges.velocity_rad_s, 12);
-  command.kp_nm_per_rad = MitDequantise(code((d(3) & 0xf) << 8 | d(4)), ranges.kp_nm_per_rad, 12);
-  command.kd_nm_s_per_rad = MitDequantise(code(d(5) << 4 | d(6) >> 4), ranges.kd_nm_s_per_rad, 12);
-  command.torque_nm = MitDequantise(code((d(6) & 0xf) << 8 | d(7)), ranges.torque_nm, 12);
+  command = Dequantise(config.command, Unpack(frame.data));
   return Status::kOk;
 }
 
@@ -204,13 +232,39 @@ MitCommand MitDrive::ToCommand(const DriveSetpoint& setpoint) const noexcept {
           joint.ToDriveGain(setpoint.kd_nm_s_per_rad), joint.ToDriveTorque(setpoint.torque_nm)};
 }
 
-DriveSetpoint MitDrive::ToSetpoint(const CanFrame& frame) const noexcept {
-  MitCommand command;
-  if (DecodeMitCommand(config_, frame, command) != Status::kOk) return {};
+// Encodes a setpoint, and sets `encoded_` to what the drive will make of the frame.
+CanFrame MitDrive::EncodeSetpoint(const DriveSetpoint& setpoint) noexcept {
   const JointMap& joint = config_.joint;
-  return {joint.ToJointPosition(command.position_rad),
-          joint.ToJointVelocity(command.velocity_rad_s), joint.ToJointTorque(command.torque_nm),
-          joint.ToJointGain(command.kp_nm_per_rad), joint.ToJointGain(command.kd_nm_s_per_rad)};
+  const MitRanges& ranges = config_.command;
+  if (setpoint.kp_nm_per_rad != gains_.kp_nm_per_rad ||
+      setpoint.kd_nm_s_per_rad != gains_.kd_nm_s_per_rad) {
+    gains_.kp_nm_per_rad = setpoint.kp_nm_per_rad;
+    gains_.kd_nm_s_per_rad = setpoint.kd_nm_s_per_rad;
+    const float kp = joint.ToDriveGain(setpoint.kp_nm_per_rad);
+    const float kd = joint.ToDriveGain(setpoint.kd_nm_s_per_rad);
+    gains_.kp_code = MitQuantise(kp, ranges.kp_nm_per_rad, 12);
+    gains_.kd_code = MitQuantise(kd, ranges.kd_nm_s_per_rad, 12);
+    gains_.kp_encoded_nm_per_rad =
+        joint.ToJointGain(MitDequantise(gains_.kp_code, ranges.kp_nm_per_rad, 12));
+    gains_.kd_encoded_nm_s_per_rad =
+        joint.ToJointGain(MitDequantise(gains_.kd_code, ranges.kd_nm_s_per_rad, 12));
+  }
+  Codes codes;
+  codes.p = MitQuantise(joint.ToDrivePosition(setpoint.position_rad), ranges.position_rad, 16);
+  codes.v = MitQuantise(joint.ToDriveVelocity(setpoint.velocity_rad_s), ranges.velocity_rad_s, 12);
+  codes.kp = gains_.kp_code;
+  codes.kd = gains_.kd_code;
+  codes.t = MitQuantise(joint.ToDriveTorque(setpoint.torque_nm), ranges.torque_nm, 12);
+  AvoidMagic(codes);
+  encoded_ = {joint.ToJointPosition(MitDequantise(codes.p, ranges.position_rad, 16)),
+              joint.ToJointVelocity(MitDequantise(codes.v, ranges.velocity_rad_s, 12)),
+              joint.ToJointTorque(MitDequantise(codes.t, ranges.torque_nm, 12)),
+              gains_.kp_encoded_nm_per_rad, gains_.kd_encoded_nm_s_per_rad};
+  CanFrame frame;
+  frame.id = config_.command_id;
+  frame.size = 8;
+  Pack(codes, frame.data);
+  return frame;
 }
 
 int MitDrive::answered_ticks() const noexcept { return answered_ticks_ + (answered_ ? 1 : 0); }
@@ -263,17 +317,20 @@ Status MitDrive::Encode(DriveRequest request, const DriveSetpoint& setpoint,
   const bool usable = !enable || IsUsable(setpoint);
   NextStage(enable && usable);
 
-  encoded_ = {};
-  encoded_.position_rad = feedback_.position_rad;
   CanFrame frame;
-  if (stage_ == Stage::kExit) {
-    frame = MitMagicFrame(config_, MitMagic::kExit);
-  } else if (stage_ == Stage::kEnter) {
-    frame = MitMagicFrame(config_, MitMagic::kEnter);
+  if (stage_ == Stage::kFollow) {
+    frame = EncodeSetpoint(setpoint);
   } else {
-    frame = EncodeMitCommand(config_, ToCommand(stage_ == Stage::kFollow ? setpoint : encoded_));
+    encoded_ = {};
+    encoded_.position_rad = feedback_.position_rad;
+    if (stage_ == Stage::kExit) {
+      frame = MitMagicFrame(config_, MitMagic::kExit);
+    } else if (stage_ == Stage::kEnter) {
+      frame = MitMagicFrame(config_, MitMagic::kEnter);
+    } else {
+      frame = EncodeMitCommand(config_, ToCommand(encoded_));
+    }
   }
-  if (stage_ == Stage::kFollow) encoded_ = ToSetpoint(frame);
   const Status added = batch.Add(frame);
   return usable ? added : Status::kInvalidArgument;
 }

@@ -182,7 +182,7 @@ class MitDrive final : public Drive {
   [[nodiscard]] int answered_ticks() const noexcept;
   [[nodiscard]] DriveState Inferred() const noexcept;
   [[nodiscard]] MitCommand ToCommand(const DriveSetpoint& setpoint) const noexcept;
-  [[nodiscard]] DriveSetpoint ToSetpoint(const CanFrame& frame) const noexcept;
+  CanFrame EncodeSetpoint(const DriveSetpoint& setpoint) noexcept;
 
   MitConfig config_;
   bool valid_;
@@ -193,6 +193,14 @@ class MitDrive final : public Drive {
   bool answered_ = false;  // a reply since the last Encode
   bool heard_ = false;     // a reply ever
   DriveFeedback feedback_;
+  // Gains hardly ever change: those of the last setpoint, as asked, as codes and as the drive sees
+  // them.
+  struct Gains {
+    float kp_nm_per_rad = 0, kd_nm_s_per_rad = 0;
+    std::uint16_t kp_code = 0, kd_code = 0;
+    float kp_encoded_nm_per_rad = 0, kd_encoded_nm_s_per_rad = 0;
+  };
+  Gains gains_;
   DriveSetpoint encoded_;
 };
 

@@ -14,7 +14,7 @@ struct GradientCheck {
   double step_rad = 0;  ///< The step of the central differences that agreed best.
 };
 
-/// Checks the gradient of the cost against central differences of three steps (1e-5, 1e-6 and 1e-7
+/// Checks the gradient of the cost against central differences of four steps (1e-5, 1e-6 and 1e-7
 /// rad): roughness of the cost through contact spoils large steps, rounding small ones. The point
 /// is `x` moved by 0.001 rad in every parameter, alternating in sign: at the optimum itself the
 /// gradient is zero, and a relative error says nothing.
