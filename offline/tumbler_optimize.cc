@@ -104,9 +104,12 @@ class Progress {
     }
     if (!e.global) ++local_;
     const auto now = Clock::now();
-    const double total =
-        e.global ? problem_.search.samples
-                 : static_cast<double>(problem_.search.refine) * problem_.solver.max_evaluations;
+    const SolverSettings& solver = problem_.solver;
+    const int screened =
+        problem_.search.refine * std::min(solver.screen_evaluations, solver.max_evaluations);
+    const int finals =
+        solver.finalists * std::max(0, solver.max_evaluations - solver.screen_evaluations);
+    const double total = e.global ? problem_.search.samples : screened + finals;
     const double done = e.global ? static_cast<double>(e.count) : static_cast<double>(local_);
     const bool last = done >= total;
     if (!last && now - shown_ <

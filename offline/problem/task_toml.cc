@@ -263,6 +263,9 @@ class TaskReader {
     if (!table) return;
     SolverSettings& s = problem_.solver;
     s.step_s = table->Number("step_s", {1e-5, 1e-2}, s.step_s);
+    s.screen_evaluations =
+        static_cast<int>(table->Integer("screen_evaluations", 1, 100'000, s.screen_evaluations));
+    s.finalists = static_cast<int>(table->Integer("finalists", 1, 1000, s.finalists));
     s.max_evaluations =
         static_cast<int>(table->Integer("max_evaluations", 1, 100'000, s.max_evaluations));
     s.relative_tolerance = table->Number("relative_tolerance", {0, 1, true}, s.relative_tolerance);
