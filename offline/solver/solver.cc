@@ -477,12 +477,8 @@ SolveOutcome Solve(const Problem& problem, const SolveOptions& options) {
       if (options.progress) options.progress({true, 0, done, best, 0});
     });
   }
-  double best = std::numeric_limits<double>::infinity();
   for (int i = 0; i < samples; ++i) {
-    if (rank[static_cast<std::size_t>(i)] < best) {
-      best = rank[static_cast<std::size_t>(i)];
-      outcome.history.push_back({true, 0, i + 1, best, 0});
-    }
+    outcome.history.push_back({true, 0, i + 1, rank[static_cast<std::size_t>(i)], 0});
   }
   outcome.evaluations = samples;
 

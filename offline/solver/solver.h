@@ -17,7 +17,7 @@ struct Evaluation {
   bool global = false;     ///< Of the global search, else of a local solve.
   int start = 0;           ///< Which local solve.
   std::int64_t count = 0;  ///< Evaluations so far, of all threads in this stage.
-  double cost = 0;         ///< Global search: the best so far.
+  double cost = 0;         ///< Global search: the rank; in progress, the best so far.
   double violation = 0;    ///< Largest scaled constraint, 0 when all hold.
 };
 
