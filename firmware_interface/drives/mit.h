@@ -66,8 +66,8 @@ enum class MitTemperature : std::uint8_t {
 
 /// One drive.
 struct MitConfig {
-  std::uint16_t command_id =
-      1;  ///< 1 ... 255: the drive's CAN_ID. Replies name their sender in one byte.
+  /// 1 ... 255: the drive's CAN_ID. Replies name their sender in one byte.
+  std::uint16_t command_id = 1;
   /// 0 ... 0x7ff: the drive's CAN_MASTER. Firmware defaults to 0 for every drive; drives send
   /// without retransmission, so replies that share an identifier are lost when they meet. Give each
   /// drive its own.
@@ -79,8 +79,7 @@ struct MitConfig {
   JointMap joint;
 
   /// @retval kInvalidArgument  an id is out of range, both ids are equal, a range is not as
-  /// MitRange
-  ///                           says, or the joint map is not valid.
+  ///                           MitRange says, or the joint map is not valid.
   [[nodiscard]] Status Validate() const noexcept;
 };
 

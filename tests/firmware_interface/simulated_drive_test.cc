@@ -3,10 +3,28 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <cstdlib>
+#include <new>
 #include <stdexcept>
+#include <string>
 #include <vector>
 
 #include "firmware_interface/drives/mit.h"
+
+namespace {
+std::int64_t allocations = 0;
+}  // namespace
+
+// Counts what the whole program allocates.
+void* operator new(std::size_t size) {
+  ++allocations;
+  if (void* memory = std::malloc(size)) return memory;
+  throw std::bad_alloc();
+}
+void operator delete(void* memory) noexcept { std::free(memory); }
+void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
 
 namespace tumbler {
 namespace {
@@ -121,6 +139,7 @@ TEST(SimulatedDrives, BusLoadOfTwoDrivesAtOneKilohertzLiesInThePublishedBounds) 
   for (int i = 0; i < 1000; ++i) rig.Tick(DriveRequest::kDisable);
   EXPECT_EQ(rig.bus.statistics().frames, 4000);
   EXPECT_EQ(rig.bus.statistics().collisions, 0);
+  RecordProperty("load", std::to_string(rig.bus.load()));
   EXPECT_GE(rig.bus.load(), 0.444);
   EXPECT_LE(rig.bus.load(), 0.54);
   for (const SimulatedPort* port : rig.drive_ports) {
@@ -149,6 +168,15 @@ TEST(SimulatedDrives, WithOneReplyIdentifierOneShotRepliesAreLostWhenTheyMeet) {
   EXPECT_EQ(bus.statistics().collisions, 1);
   ReceivedFrame received;
   EXPECT_EQ(host.Receive(received), Status::kWouldBlock) << "both replies are gone";
+}
+
+TEST(SimulatedDrives, NothingIsAllocatedOnceBusAndDrivesAreMade) {
+  Rig rig;
+  const std::int64_t before = allocations;
+  EXPECT_GT(before, 0) << "the counter counts nothing";
+  for (int i = 0; i < 200; ++i) rig.Tick(i < 100 ? DriveRequest::kDisable : DriveRequest::kEnable);
+  EXPECT_EQ(allocations, before);
+  EXPECT_EQ(rig.hosts[0].state(), DriveState::kEnabled);
 }
 
 TEST(SimulatedDrives, SameRunTwiceGivesTheSameFrames) {
