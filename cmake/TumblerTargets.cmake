@@ -8,7 +8,9 @@ target_compile_options(tumbler_warnings INTERFACE -Wall -Wextra -Wpedantic -Wsha
 # depend on the processor and the compiler; setpoints and primitives are to be bit-identical everywhere.
 add_library(tumbler_options INTERFACE)
 target_compile_features(tumbler_options INTERFACE cxx_std_20)
-target_compile_options(tumbler_options INTERFACE -ffp-contract=off)
+# -fno-semantic-interposition: our libraries are position independent, and without it no exported function would be
+# inlined, not even into its neighbours, in case another library replaces it at run time.
+target_compile_options(tumbler_options INTERFACE -ffp-contract=off -fno-semantic-interposition)
 if(TUMBLER_SANITIZE)
   target_compile_options(tumbler_options INTERFACE -fsanitize=${TUMBLER_SANITIZE}
                          -fno-omit-frame-pointer -fno-sanitize-recover=all)

@@ -6,6 +6,8 @@
 #include <cstddef>
 #include <limits>
 #include <span>
+#include <type_traits>
+#include <utility>
 
 #include "common/status.h"
 
@@ -62,6 +64,16 @@ class BSpline {
   struct Weights {
     int first = 0;
     std::array<std::array<Scalar, kMaxDegree + 1>, kMaxDerivative + 1> w{};
+  };
+
+  /// The basis functions at one time: row d holds the p - d + 1 of degree p - d that are not zero
+  /// there. Splines with the same knots share them, so that several joints cost one evaluation of
+  /// (1)'s N and a few products each.
+  struct Basis {
+    int span = 0;  ///< i with u_i <= t < u_{i+1} (the last one at the end).
+    std::array<std::array<Scalar, kMaxDegree + 1>, kMaxDerivative + 1> rows;
+    Basis() noexcept {
+    }  // NOLINT(modernize-use-equals-default): leaves the rows unset; they are written before use.
   };
 
   /// q = 0 on [0, 1 s]; there is no empty state.
@@ -135,24 +147,58 @@ class BSpline {
   /// spline is never extrapolated.
   [[nodiscard]] Sample Evaluate(Scalar t_s) const noexcept {
     Basis basis;
-    const int span = EvaluateBasis(t_s, basis);
-    Sample sample;
-    sample.value = Combine(basis, span, 0);
-    sample.first = Combine(basis, span, 1);
-    sample.second = Combine(basis, span, 2);
-    return sample;
+    EvaluateBasis(t_s, basis);
+    return Evaluate(basis);
+  }
+
+  /// Span and basis functions at t, clamped as in `Evaluate` [PT97, A2.2]. The span that `basis`
+  /// comes with is tried before others are searched, so that a series of growing times costs no
+  /// search; results do not depend on it.
+  void EvaluateBasis(Scalar t_s, Basis& basis) const noexcept {
+    const Scalar start = start_s();
+    const Scalar end = end_s();
+    const Scalar t = t_s > start ? (t_s < end ? t_s : end) : start;
+    const int guess = basis.span;
+    const bool known =
+        guess >= degree_ && guess < count_ && t >= Knot(guess) && t < Knot(guess + 1);
+    basis.span = known ? guess : FindSpan(t);
+    switch (degree_) {  // The usual degrees as constants, for the compiler to unroll: the same
+                        // operations.
+      case 3:
+        return EvaluateRowsOfDegree<3>(t, basis);
+      case 5:
+        return EvaluateRowsOfDegree<5>(t, basis);
+      default:
+        return EvaluateRows(t, basis);
+    }
+  }
+
+  /// `Evaluate(t)` and its value alone, bit for bit, from the basis at t.
+  /// @pre `basis` was evaluated by a spline with this one's degree and knots: `HasKnotsOf` tells.
+  [[nodiscard]] Sample Evaluate(const Basis& basis) const noexcept {
+    if (degree_ == 5) return {Combine<5>(basis, 0), Combine<5>(basis, 1), Combine<5>(basis, 2)};
+    return {Combine<-1>(basis, 0), Combine<-1>(basis, 1), Combine<-1>(basis, 2)};
+  }
+  [[nodiscard]] Scalar Value(const Basis& basis) const noexcept {
+    return degree_ == 3 ? Combine<3>(basis, 0) : Combine<-1>(basis, 0);
+  }
+
+  /// Whether degree and knots are those of `other`.
+  [[nodiscard]] bool HasKnotsOf(const BSpline& other) const noexcept {
+    return degree_ == other.degree_ && std::ranges::equal(knots(), other.knots());
   }
 
   /// The linear map from control points to `Evaluate(t)`.
   [[nodiscard]] Weights EvaluateWeights(Scalar t_s) const noexcept {
     Basis basis;
-    const int span = EvaluateBasis(t_s, basis);
+    EvaluateBasis(t_s, basis);
+    const int span = basis.span;
     Weights weights;
     weights.first = span - degree_;
     for (int d = 0; d <= std::min<int>(kMaxDerivative, degree_); ++d) {
       auto& w = weights.w[static_cast<std::size_t>(d)];
       const int p = degree_ - d;
-      for (int k = 0; k <= p; ++k) w[Index(k)] = basis[Index(p)][Index(k)];
+      for (int k = 0; k <= p; ++k) w[Index(k)] = basis.rows[Index(d)][Index(k)];
       // The transpose of (2), from the innermost derivative outwards.
       for (int level = d; level >= 1; --level) {
         const int q = degree_ - level + 1;  // degree of the spline whose points are differenced
@@ -211,9 +257,6 @@ class BSpline {
   }
 
  private:
-  /// Row r holds the r + 1 basis functions of degree r that are not zero on the current span.
-  using Basis = std::array<std::array<Scalar, kMaxDegree + 1>, kMaxDegree + 1>;
-
   static constexpr std::size_t Index(int i) noexcept { return static_cast<std::size_t>(i); }
   [[nodiscard]] Scalar Knot(int i) const noexcept { return knots_[Index(i)]; }
 
@@ -228,12 +271,8 @@ class BSpline {
     }
   }
 
-  /// The span i with u_i <= t < u_{i+1} (the last one at the end), and all basis functions on it
-  /// [PT97, A2.2].
-  int EvaluateBasis(Scalar t_s, Basis& basis) const noexcept {
-    const Scalar start = start_s();
-    const Scalar end = end_s();
-    const Scalar t = t_s > start ? (t_s < end ? t_s : end) : start;
+  /// The span i with u_i <= t < u_{i+1}, the last one at the end. @pre start <= t <= end.
+  [[nodiscard]] int FindSpan(Scalar t) const noexcept {
     int low = degree_;
     int high = count_;
     while (high - low > 1) {
@@ -246,29 +285,61 @@ class BSpline {
     }
     while (!(Knot(low) < Knot(low + 1)))
       --low;  // The end of a curve with a repeated last interior knot.
-    const int span = low;
-    basis[0][0] = Scalar(1);
-    for (int r = 1; r <= degree_; ++r) {
-      Scalar carry = 0;
-      for (int k = 0; k < r; ++k) {
-        const Scalar left = Knot(span - r + 1 + k);
-        const Scalar right = Knot(span + 1 + k);
-        const Scalar share = basis[Index(r - 1)][Index(k)] / (right - left);
-        basis[Index(r)][Index(k)] = carry + (right - t) * share;
-        carry = (t - left) * share;
-      }
-      basis[Index(r)][Index(r)] = carry;
-    }
-    return span;
+    return low;
   }
 
-  [[nodiscard]] Scalar Combine(const Basis& basis, int span, int d) const noexcept {
-    const int p = degree_ - d;
-    if (p < 0) return Scalar(0);
-    Scalar sum = 0;
-    for (int k = 0; k <= p; ++k) {
-      sum += basis[Index(p)][Index(k)] * points_[Index(d)][Index(span - degree_ + k)];
+  /// From the basis functions of degree r - 1 in `row` to those of degree r. The knots around t are
+  /// u[-1] and u[0].
+  [[gnu::always_inline]] static void RaiseDegree(int r, Scalar t, const Scalar* u,
+                                                 Scalar* row) noexcept {
+    // In three passes, which the compiler can do several elements at a time.
+    std::array<Scalar, kMaxDegree> rising;
+    std::array<Scalar, kMaxDegree> falling;
+    for (int k = 0; k < r; ++k) {
+      const Scalar share = row[k] / (u[k] - u[k - r]);
+      falling[Index(k)] = (u[k] - t) * share;
+      rising[Index(k)] = (t - u[k - r]) * share;
     }
+    row[0] = Scalar(0) + falling[0];
+    for (int k = 1; k < r; ++k) row[k] = rising[Index(k - 1)] + falling[Index(k)];
+    row[r] = rising[Index(r - 1)];
+  }
+
+  /// The rows of `Basis` on its span, for any degree.
+  void EvaluateRows(Scalar t, Basis& basis) const noexcept {
+    std::array<Scalar, kMaxDegree + 1> row{Scalar(1)};
+    for (int r = 0; r <= degree_; ++r) {
+      if (r > 0) RaiseDegree(r, t, knots_.data() + basis.span + 1, row.data());
+      if (degree_ - r <= kMaxDerivative) basis.rows[Index(degree_ - r)] = row;
+    }
+  }
+
+  /// The same operations in the same order, unrolled by the compiler: the knots are copied since it
+  /// would have to suspect every store of changing them.
+  template <int kDegree>
+  void EvaluateRowsOfDegree(Scalar t, Basis& basis) const noexcept {
+    std::array<Scalar, Index(2 * kDegree)> u;
+    std::copy_n(knots_.begin() + (basis.span - kDegree + 1), 2 * kDegree, u.begin());
+    std::array<Scalar, kDegree + 1> row{Scalar(1)};
+    const auto step = [&]<int r>(std::integral_constant<int, r>) {
+      if constexpr (r > 0) RaiseDegree(r, t, u.data() + kDegree, row.data());
+      if constexpr (kDegree - r <= kMaxDerivative)
+        std::copy_n(row.begin(), r + 1, basis.rows[kDegree - r].begin());
+    };
+    [&]<int... r>(std::integer_sequence<int, r...>) {
+      (step(std::integral_constant<int, r>{}), ...);
+    }
+    (std::make_integer_sequence<int, kDegree + 1>{});
+  }
+
+  template <int kDegree>
+  [[nodiscard]] Scalar Combine(const Basis& basis, int d) const noexcept {
+    const int degree = kDegree >= 0 ? kDegree : degree_;
+    const int p = degree - d;
+    if (p < 0) return Scalar(0);
+    const Scalar* const points = points_[Index(d)].data() + (basis.span - degree);
+    Scalar sum = 0;
+    for (int k = 0; k <= p; ++k) sum += basis.rows[Index(d)][Index(k)] * points[k];
     return sum;
   }
 

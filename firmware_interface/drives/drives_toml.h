@@ -1,0 +1,41 @@
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "firmware_interface/drives/mit.h"
+
+namespace tumbler {
+
+/// One drive and the joint that it moves.
+struct DriveEntry {
+  std::string joint;  ///< The joint's name in the robot's URDF.
+  MitConfig mit;
+  float kp_nm_per_rad = 0;  ///< Gains of the running drive, at the joint.
+  float kd_nm_s_per_rad = 0;
+  float temperature_max_c = 80;  ///< The executor stops above it.
+  double watchdog_s = 0.025;     ///< What the drive's time-out is set to; 0 says that it has none.
+};
+
+/// The drives of a robot and their bus.
+struct DrivesConfig {
+  int bit_rate = 1'000'000;  ///< bit/s
+  double rate_hz = 1000;  ///< of the control loop: one frame to and one from each drive, every tick
+  std::vector<DriveEntry> drives;
+
+  /// Bits on the wire of one tick if every frame were as long as frames can be, intermissions
+  /// included.
+  [[nodiscard]] int WorstCaseTickBits() const;
+  /// Worst-case share of the bus that is in use, 0 ... 1.
+  [[nodiscard]] double WorstCaseLoad() const;
+};
+
+/// Reads a drive configuration (`primitives/robots/tumbler_drives.toml` is a commented example).
+/// Checked: every value and its range, unknown keys, joints and identifiers that occur twice, gains
+/// that the protocol cannot carry, and a rate whose frames do not fit on the bus in the worst case.
+/// @throws FileError with file, line, key and allowed range.
+DrivesConfig LoadDrives(const std::string& path);
+DrivesConfig ParseDrives(std::string_view text, const std::string& name);
+
+}  // namespace tumbler

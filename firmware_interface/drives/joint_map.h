@@ -1,0 +1,49 @@
+#pragma once
+
+#include "common/status.h"
+
+namespace tumbler {
+
+/// Between a joint and the shaft whose angle its drive measures:
+///
+///   drive angle = direction * gear_ratio * (joint angle - zero_offset) (1)
+///
+/// and, since power is the same on both sides, joint torque = direction * gear_ratio * drive
+/// torque.
+struct JointMap {
+  float direction = 1;   ///< +1, or -1 where the drive turns against the joint.
+  float gear_ratio = 1;  ///< > 0: turns of the drive's shaft per turn of the joint. 1 where the
+                         ///< drive accounts for its own gear, as T-Motor's AK drives do.
+  float zero_offset_rad = 0;  ///< The joint's angle when the drive reads zero.
+
+  [[nodiscard]] float ToDrivePosition(float joint_rad) const noexcept {
+    return direction * gear_ratio * (joint_rad - zero_offset_rad);
+  }
+  [[nodiscard]] float ToJointPosition(float drive_rad) const noexcept {
+    return direction * drive_rad / gear_ratio + zero_offset_rad;
+  }
+  [[nodiscard]] float ToDriveVelocity(float joint_rad_s) const noexcept {
+    return direction * gear_ratio * joint_rad_s;
+  }
+  [[nodiscard]] float ToJointVelocity(float drive_rad_s) const noexcept {
+    return direction * drive_rad_s / gear_ratio;
+  }
+  [[nodiscard]] float ToDriveTorque(float joint_nm) const noexcept {
+    return direction * joint_nm / gear_ratio;
+  }
+  [[nodiscard]] float ToJointTorque(float drive_nm) const noexcept {
+    return direction * gear_ratio * drive_nm;
+  }
+  /// Stiffness or damping: torque shrinks and angle grows by the ratio.
+  [[nodiscard]] float ToDriveGain(float joint_gain) const noexcept {
+    return joint_gain / (gear_ratio * gear_ratio);
+  }
+  [[nodiscard]] float ToJointGain(float drive_gain) const noexcept {
+    return drive_gain * (gear_ratio * gear_ratio);
+  }
+
+  /// @retval kInvalidArgument  a value is outside what its comment allows, or not finite.
+  [[nodiscard]] Status Validate() const noexcept;
+};
+
+}  // namespace tumbler

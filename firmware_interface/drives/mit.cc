@@ -1,0 +1,352 @@
+#include "firmware_interface/drives/mit.h"
+
+#include <limits>
+
+namespace tumbler {
+
+namespace {
+
+// True for neither NaN nor infinities; std::isfinite is not in freestanding <cmath>.
+bool IsFinite(float value) noexcept { return value - value == 0; }
+
+bool IsUsable(const DriveSetpoint& setpoint) noexcept {
+  const auto zero = [](float x) { return x - x; };  // or NaN
+  return zero(setpoint.position_rad) + zero(setpoint.velocity_rad_s) + zero(setpoint.torque_nm) +
+             zero(setpoint.kp_nm_per_rad) + zero(setpoint.kd_nm_s_per_rad) ==
+         0;
+}
+
+bool IsMotionRange(const MitRange& range) noexcept {
+  return range.min >= -kMitLargest && range.min < 0 && range.max > 0 && range.max <= kMitLargest;
+}
+
+bool IsGainRange(const MitRange& range) noexcept {
+  return range.min == 0 && range.max > 0 && range.max <= kMitLargest;
+}
+
+bool AreValidRanges(const MitRanges& ranges) noexcept {
+  return IsMotionRange(ranges.position_rad) && IsMotionRange(ranges.velocity_rad_s) &&
+         IsGainRange(ranges.kp_nm_per_rad) && IsGainRange(ranges.kd_nm_s_per_rad) &&
+         IsMotionRange(ranges.torque_nm);
+}
+
+constexpr std::uint8_t Low(int value) noexcept { return static_cast<std::uint8_t>(value & 0xff); }
+
+// The firmware's float to integer conversion: truncates, saturates only where the processor's
+// instruction does.
+std::int32_t FirmwareCode(float value, const MitRange& range, int bits) noexcept {
+  const float steps = static_cast<float>((1 << bits) - 1);
+  const float code = (value - range.min) * steps / (range.max - range.min);
+  if (!(code > -2147483648.0F)) return code != code ? 0 : std::numeric_limits<std::int32_t>::min();
+  if (code >= 2147483648.0F) return std::numeric_limits<std::int32_t>::max();
+  return static_cast<std::int32_t>(code);
+}
+
+bool IsFrameOf(const CanFrame& frame, std::uint16_t id) noexcept {
+  return frame.id == id && !frame.extended && !frame.remote && frame.size <= 8;
+}
+
+float DecodeTemperature(std::uint8_t byte, MitTemperature encoding) noexcept {
+  if (encoding == MitTemperature::kOffset40) return static_cast<float>(int{byte} - 40);
+  return static_cast<float>(static_cast<std::int8_t>(byte));
+}
+
+std::uint8_t EncodeTemperature(float celsius, MitTemperature encoding) noexcept {
+  const float low = encoding == MitTemperature::kOffset40 ? -40.0F : -128.0F;
+  const float shifted = celsius - low;
+  const int steps = shifted >= 255.0F ? 255 : (shifted > 0 ? static_cast<int>(shifted + 0.5F) : 0);
+  return Low(encoding == MitTemperature::kOffset40 ? steps : steps - 128);
+}
+
+}  // namespace
+
+Status JointMap::Validate() const noexcept {
+  if (direction != 1.0F && direction != -1.0F) return Status::kInvalidArgument;
+  if (!(gear_ratio > 0) || !IsFinite(gear_ratio)) return Status::kInvalidArgument;
+  return IsFinite(zero_offset_rad) ? Status::kOk : Status::kInvalidArgument;
+}
+
+Status MitConfig::Validate() const noexcept {
+  if (command_id < 1 || command_id > 0xff || reply_id > 0x7ff || command_id == reply_id) {
+    return Status::kInvalidArgument;
+  }
+  if (!AreValidRanges(command) || !AreValidRanges(reply)) return Status::kInvalidArgument;
+  return joint.Validate();
+}
+
+std::uint16_t MitQuantise(float value, const MitRange& range, int bits) noexcept {
+  const int top = (1 << bits) - 1;
+  if (!(value > range.min)) return 0;
+  if (value >= range.max) return static_cast<std::uint16_t>(top);
+  const float code = (value - range.min) * static_cast<float>(top) / (range.max - range.min) + 0.5F;
+  const int nearest = static_cast<int>(code);
+  return static_cast<std::uint16_t>(nearest < top ? nearest : top);
+}
+
+float MitDequantise(std::uint16_t code, const MitRange& range, int bits) noexcept {
+  return static_cast<float>(code) * (range.max - range.min) / static_cast<float>((1 << bits) - 1) +
+         range.min;
+}
+
+namespace {
+
+// The fields of (1) as they are on the wire.
+struct Codes {
+  std::uint16_t p = 0, v = 0, kp = 0, kd = 0, t = 0;
+};
+
+// Steps aside for the one pattern that is a magic frame.
+void AvoidMagic(Codes& codes) noexcept {
+  if (codes.p == 0xffff && codes.v == 0xfff && codes.kp == 0xfff && codes.kd == 0xfff &&
+      codes.t >= 0xffc && codes.t <= 0xffe) {
+    codes.p = 0xfffe;
+  }
+}
+
+Codes Quantise(const MitRanges& ranges, const MitCommand& command) noexcept {
+  Codes codes{MitQuantise(command.position_rad, ranges.position_rad, 16),
+              MitQuantise(command.velocity_rad_s, ranges.velocity_rad_s, 12),
+              MitQuantise(command.kp_nm_per_rad, ranges.kp_nm_per_rad, 12),
+              MitQuantise(command.kd_nm_s_per_rad, ranges.kd_nm_s_per_rad, 12),
+              MitQuantise(command.torque_nm, ranges.torque_nm, 12)};
+  AvoidMagic(codes);
+  return codes;
+}
+
+MitCommand Dequantise(const MitRanges& ranges, const Codes& codes) noexcept {
+  return {MitDequantise(codes.p, ranges.position_rad, 16),
+          MitDequantise(codes.v, ranges.velocity_rad_s, 12),
+          MitDequantise(codes.kp, ranges.kp_nm_per_rad, 12),
+          MitDequantise(codes.kd, ranges.kd_nm_s_per_rad, 12),
+          MitDequantise(codes.t, ranges.torque_nm, 12)};
+}
+
+// (1) is one number of 64 bits, most significant byte first.
+void Pack(const Codes& codes, std::array<std::uint8_t, 8>& data) noexcept {
+  const std::uint64_t word = std::uint64_t{codes.p} << 48 | std::uint64_t{codes.v} << 36 |
+                             std::uint64_t{codes.kp} << 24 | std::uint64_t{codes.kd} << 12 |
+                             std::uint64_t{codes.t};
+  for (std::size_t i = 0; i < 8; ++i) data[i] = static_cast<std::uint8_t>(word >> (56 - 8 * i));
+}
+
+Codes Unpack(const std::array<std::uint8_t, 8>& data) noexcept {
+  std::uint64_t word = 0;
+  for (const std::uint8_t byte : data) word = word << 8 | byte;
+  const auto field = [word](int shift) {
+    return static_cast<std::uint16_t>(word >> shift & 0xfff);
+  };
+  return {static_cast<std::uint16_t>(word >> 48), field(36), field(24), field(12), field(0)};
+}
+
+}  // namespace
+
+CanFrame EncodeMitCommand(const MitConfig& config, const MitCommand& command) noexcept {
+  CanFrame frame;
+  frame.id = config.command_id;
+  frame.size = 8;
+  Pack(Quantise(config.command, command), frame.data);
+  return frame;
+}
+
+Status DecodeMitCommand(const MitConfig& config, const CanFrame& frame,
+                        MitCommand& command) noexcept {
+  MitMagic magic{};
+  if (!IsFrameOf(frame, config.command_id) || frame.size != 8 ||
+      DecodeMitMagic(config, frame, magic)) {
+    return Status::kInvalidArgument;
+  }
+  command = Dequantise(config.command, Unpack(frame.data));
+  return Status::kOk;
+}
+
+CanFrame EncodeMitReply(const MitConfig& config, const MitReply& reply) noexcept {
+  const std::int32_t p = FirmwareCode(reply.position_rad, config.reply.position_rad, 16);
+  const std::int32_t v = FirmwareCode(reply.velocity_rad_s, config.reply.velocity_rad_s, 12);
+  const std::int32_t t = FirmwareCode(reply.torque_nm, config.reply.torque_nm, 12);
+  CanFrame frame;
+  frame.id = config.reply_id;
+  frame.size = reply.size < 6 ? std::uint8_t{6} : (reply.size > 8 ? std::uint8_t{8} : reply.size);
+  frame.data[0] = reply.sender;
+  frame.data[1] = Low(p >> 8);
+  frame.data[2] = Low(p);
+  frame.data[3] = Low(v >> 4);
+  // Firmware adds the nibbles, so that a torque beyond its range spills into the velocity.
+  frame.data[4] = Low(((v & 0xf) << 4) + (t >> 8));
+  frame.data[5] = Low(t);
+  if (frame.size == 8) {
+    frame.data[6] = EncodeTemperature(reply.temperature_c, config.temperature);
+    frame.data[7] = reply.error;
+  }
+  return frame;
+}
+
+Status DecodeMitReply(const MitConfig& config, const CanFrame& frame, MitReply& reply) noexcept {
+  if (!IsFrameOf(frame, config.reply_id) || frame.size < 6 ||
+      frame.data[0] != Low(config.command_id)) {
+    return Status::kInvalidArgument;
+  }
+  const auto d = [&frame](std::size_t i) { return int{frame.data[i]}; };
+  const auto code = [](int value) { return static_cast<std::uint16_t>(value); };
+  reply.sender = frame.data[0];
+  reply.position_rad = MitDequantise(code(d(1) << 8 | d(2)), config.reply.position_rad, 16);
+  reply.velocity_rad_s =
+      MitDequantise(code(d(3) << 4 | d(4) >> 4), config.reply.velocity_rad_s, 12);
+  reply.torque_nm = MitDequantise(code((d(4) & 0xf) << 8 | d(5)), config.reply.torque_nm, 12);
+  reply.size = frame.size;
+  reply.temperature_c = frame.size == 8 ? DecodeTemperature(frame.data[6], config.temperature) : 0;
+  reply.error = frame.size == 8 ? frame.data[7] : std::uint8_t{0};
+  return Status::kOk;
+}
+
+CanFrame MitMagicFrame(const MitConfig& config, MitMagic magic) noexcept {
+  CanFrame frame;
+  frame.id = config.command_id;
+  frame.size = 8;
+  frame.data.fill(0xff);
+  frame.data[7] = static_cast<std::uint8_t>(magic);
+  return frame;
+}
+
+bool DecodeMitMagic(const MitConfig& config, const CanFrame& frame, MitMagic& magic) noexcept {
+  if (!IsFrameOf(frame, config.command_id) || frame.size != 8) return false;
+  for (std::size_t i = 0; i < 7; ++i) {
+    if (frame.data[i] != 0xff) return false;
+  }
+  if (frame.data[7] < 0xfc || frame.data[7] > 0xfe) return false;
+  magic = static_cast<MitMagic>(frame.data[7]);
+  return true;
+}
+
+MitDrive::MitDrive(const MitConfig& config) noexcept
+    : config_(config), valid_(config.Validate() == Status::kOk) {}
+
+void MitDrive::GoTo(Stage stage) noexcept {
+  stage_ = stage;
+  answered_ticks_ = 0;
+}
+
+MitCommand MitDrive::ToCommand(const DriveSetpoint& setpoint) const noexcept {
+  const JointMap& joint = config_.joint;
+  return {joint.ToDrivePosition(setpoint.position_rad),
+          joint.ToDriveVelocity(setpoint.velocity_rad_s), joint.ToDriveGain(setpoint.kp_nm_per_rad),
+          joint.ToDriveGain(setpoint.kd_nm_s_per_rad), joint.ToDriveTorque(setpoint.torque_nm)};
+}
+
+// Encodes a setpoint, and sets `encoded_` to what the drive will make of the frame.
+CanFrame MitDrive::EncodeSetpoint(const DriveSetpoint& setpoint) noexcept {
+  const JointMap& joint = config_.joint;
+  const MitRanges& ranges = config_.command;
+  if (setpoint.kp_nm_per_rad != gains_.kp_nm_per_rad ||
+      setpoint.kd_nm_s_per_rad != gains_.kd_nm_s_per_rad) {
+    gains_.kp_nm_per_rad = setpoint.kp_nm_per_rad;
+    gains_.kd_nm_s_per_rad = setpoint.kd_nm_s_per_rad;
+    const float kp = joint.ToDriveGain(setpoint.kp_nm_per_rad);
+    const float kd = joint.ToDriveGain(setpoint.kd_nm_s_per_rad);
+    gains_.kp_code = MitQuantise(kp, ranges.kp_nm_per_rad, 12);
+    gains_.kd_code = MitQuantise(kd, ranges.kd_nm_s_per_rad, 12);
+    gains_.kp_encoded_nm_per_rad =
+        joint.ToJointGain(MitDequantise(gains_.kp_code, ranges.kp_nm_per_rad, 12));
+    gains_.kd_encoded_nm_s_per_rad =
+        joint.ToJointGain(MitDequantise(gains_.kd_code, ranges.kd_nm_s_per_rad, 12));
+  }
+  Codes codes;
+  codes.p = MitQuantise(joint.ToDrivePosition(setpoint.position_rad), ranges.position_rad, 16);
+  codes.v = MitQuantise(joint.ToDriveVelocity(setpoint.velocity_rad_s), ranges.velocity_rad_s, 12);
+  codes.kp = gains_.kp_code;
+  codes.kd = gains_.kd_code;
+  codes.t = MitQuantise(joint.ToDriveTorque(setpoint.torque_nm), ranges.torque_nm, 12);
+  AvoidMagic(codes);
+  encoded_ = {joint.ToJointPosition(MitDequantise(codes.p, ranges.position_rad, 16)),
+              joint.ToJointVelocity(MitDequantise(codes.v, ranges.velocity_rad_s, 12)),
+              joint.ToJointTorque(MitDequantise(codes.t, ranges.torque_nm, 12)),
+              gains_.kp_encoded_nm_per_rad, gains_.kd_encoded_nm_s_per_rad};
+  CanFrame frame;
+  frame.id = config_.command_id;
+  frame.size = 8;
+  Pack(codes, frame.data);
+  return frame;
+}
+
+int MitDrive::answered_ticks() const noexcept { return answered_ticks_ + (answered_ ? 1 : 0); }
+
+DriveState MitDrive::Inferred() const noexcept {
+  switch (stage_) {
+    case Stage::kStart:
+      return DriveState::kUnknown;
+    case Stage::kExit:
+      return answered_ticks() >= kCertainTicks ? DriveState::kDisabled : before_exit_;
+    case Stage::kClear:
+    case Stage::kEnter:
+      return DriveState::kEnabling;
+    case Stage::kNeutral:
+      return answered_ticks() >= 1 ? DriveState::kEnabled : DriveState::kEnabling;
+    case Stage::kFollow:
+      return DriveState::kEnabled;
+  }
+  return DriveState::kUnknown;
+}
+
+DriveState MitDrive::state() const noexcept {
+  if (!heard_) return DriveState::kUnknown;
+  return feedback_.error != 0 ? DriveState::kFault : Inferred();
+}
+
+void MitDrive::NextStage(bool enable) noexcept {
+  if (!enable) {
+    if (stage_ == Stage::kExit) return;
+    before_exit_ = Inferred();
+    GoTo(Stage::kExit);
+  } else if (stage_ == Stage::kStart || stage_ == Stage::kExit) {
+    GoTo(Stage::kClear);
+  } else if (stage_ == Stage::kClear) {
+    GoTo(Stage::kEnter);
+  } else if (stage_ == Stage::kEnter && answered_ticks_ >= kCertainTicks) {
+    GoTo(Stage::kNeutral);
+  } else if (stage_ == Stage::kNeutral && answered_ticks_ >= 1) {
+    GoTo(Stage::kFollow);
+  }
+}
+
+Status MitDrive::Encode(DriveRequest request, const DriveSetpoint& setpoint,
+                        FrameBatch& batch) noexcept {
+  if (!valid_) return Status::kInvalidArgument;
+  if (batch.frames().size() == FrameBatch::kCapacity) return Status::kCapacityExceeded;
+  answered_ticks_ = answered_ticks();
+  answered_ = false;
+  const bool enable = request == DriveRequest::kEnable;
+  const bool usable = !enable || IsUsable(setpoint);
+  NextStage(enable && usable);
+
+  CanFrame frame;
+  if (stage_ == Stage::kFollow) {
+    frame = EncodeSetpoint(setpoint);
+  } else {
+    encoded_ = {};
+    encoded_.position_rad = feedback_.position_rad;
+    if (stage_ == Stage::kExit) {
+      frame = MitMagicFrame(config_, MitMagic::kExit);
+    } else if (stage_ == Stage::kEnter) {
+      frame = MitMagicFrame(config_, MitMagic::kEnter);
+    } else {
+      frame = EncodeMitCommand(config_, ToCommand(encoded_));
+    }
+  }
+  const Status added = batch.Add(frame);
+  return usable ? added : Status::kInvalidArgument;
+}
+
+bool MitDrive::Decode(const CanFrame& frame) noexcept {
+  MitReply reply;
+  if (!valid_ || DecodeMitReply(config_, frame, reply) != Status::kOk) return false;
+  feedback_.position_rad = config_.joint.ToJointPosition(reply.position_rad);
+  feedback_.velocity_rad_s = config_.joint.ToJointVelocity(reply.velocity_rad_s);
+  feedback_.torque_nm = config_.joint.ToJointTorque(reply.torque_nm);
+  feedback_.temperature_c = reply.temperature_c;
+  feedback_.has_temperature = reply.size == 8;
+  feedback_.error = reply.error;
+  heard_ = true;
+  answered_ = true;
+  return true;
+}
+
+}  // namespace tumbler

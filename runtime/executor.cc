@@ -1,0 +1,573 @@
+#include "runtime/executor.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace tumbler {
+namespace {
+
+/// How far the commanded position may be from the primitive's first one when it starts to run: what
+/// a float and the limits can leave of a move that ends exactly there.
+constexpr float kAtStart_rad = 1e-4F;
+
+/// How far the limited setpoint may be from the planned one when a motion counts as finished.
+constexpr float kFinished_rad = 1e-4F;
+
+constexpr float Magnitude(float x) noexcept { return x < 0 ? -x : x; }
+
+constexpr bool InRange(float x, float min, float max) noexcept {
+  return x >= min && x <= max;
+}  // False for NaN.
+
+constexpr bool IsPositive(float x) noexcept { return x > 0 && IsFinite(x); }
+
+/// Smallest integer >= x, for 0 <= x < 2^31.
+constexpr std::int64_t CeilTicks(float x) noexcept {
+  const auto whole = static_cast<std::int64_t>(x);
+  return static_cast<float>(whole) < x ? whole + 1 : whole;
+}
+
+bool IsLinkUp(Status status) noexcept {
+  return status == Status::kOk || status == Status::kWouldBlock;
+}
+
+bool AllFinite(const DriveFeedback& feedback) noexcept {
+  return AreFinite(feedback.position_rad, feedback.velocity_rad_s, feedback.torque_nm,
+                   feedback.temperature_c);
+}
+
+bool IsValid(const ExecutorConfig& config, int joint_count) noexcept {
+  if (!(InRange(config.period_s, 1e-5F, 1.0F) && InRange(config.speed, 0.1F, 1.0F) &&
+        InRange(config.move_fraction, 0.001F, 1.0F) && InRange(config.torque_rise_s, 1e-6F, 1e3F) &&
+        config.stale_ticks_max >= 1 && config.late_ticks_max >= 0 &&
+        config.arming_ticks_max >= 1)) {
+    return false;
+  }
+  for (int i = 0; i < joint_count; ++i) {
+    const JointConfig& joint = config.joints[static_cast<std::size_t>(i)];
+    if (!(InRange(joint.kp_nm_per_rad, 0, 1e6F) && InRange(joint.kd_nm_s_per_rad, 0, 1e6F) &&
+          InRange(joint.damping_nm_s_per_rad, 0, 1e6F) && IsFinite(joint.temperature_max_c))) {
+      return false;
+    }
+  }
+  return true;
+}
+
+bool IsValid(const JointMotion<float>& motion, const ExecutorConfig& config) noexcept {
+  const JointLimits<float>& limits = motion.limits;
+  if (!(IsFinite(limits.position_min_rad) && IsFinite(limits.position_max_rad) &&
+        limits.position_min_rad < limits.position_max_rad &&
+        IsPositive(limits.velocity_max_rad_s) && IsPositive(limits.acceleration_max_rad_s2) &&
+        IsPositive(limits.torque_max_nm))) {
+    return false;
+  }
+  const auto start = motion.position.Evaluate(motion.position.start_s());
+  return Magnitude(start.first) * config.speed <=
+             limits.acceleration_max_rad_s2 * config.period_s &&
+         InRange(start.value, limits.position_min_rad, limits.position_max_rad);
+}
+
+}  // namespace
+
+const char* ToString(OperatorCommand command) noexcept {
+  switch (command) {
+    case OperatorCommand::kNone:
+      return "none";
+    case OperatorCommand::kArm:
+      return "arm";
+    case OperatorCommand::kMoveToStart:
+      return "move to start";
+    case OperatorCommand::kRun:
+      return "run";
+    case OperatorCommand::kStop:
+      return "stop";
+    case OperatorCommand::kDisarm:
+      return "disarm";
+    case OperatorCommand::kClearFaults:
+      return "clear faults";
+  }
+  return "unknown command";
+}
+
+const char* ToString(Refusal refusal) noexcept {
+  switch (refusal) {
+    case Refusal::kNone:
+      return "none";
+    case Refusal::kWrongState:
+      return "not possible in this state";
+    case Refusal::kNotConfigured:
+      return "no primitive is loaded";
+    case Refusal::kFaultLatched:
+      return "a fault is latched";
+    case Refusal::kNoReply:
+      return "a drive does not reply";
+    case Refusal::kDriveError:
+      return "a drive reports an error";
+    case Refusal::kTooHot:
+      return "a drive is too hot";
+    case Refusal::kOutsideLimits:
+      return "a joint is outside its position limits";
+    case Refusal::kNotAtStart:
+      return "the commanded pose is not the start of the primitive";
+    case Refusal::kOutsideStartSet:
+      return "a joint is outside the start set of the primitive";
+  }
+  return "unknown refusal";
+}
+
+Status Executor::Configure(const ExecutorConfig& config, const Primitive<float>& primitive,
+                           std::span<Drive* const> drives) noexcept {
+  if (state_ != ExecutorState::kDisarmed) return Status::kWouldBlock;
+  const int count = primitive.joint_count;
+  if (count < 1 || count > kMaxJoints || static_cast<int>(drives.size()) != count ||
+      !IsValid(config, count) || !IsPositive(primitive.duration_s) ||
+      !InRange(primitive.settle_s, 0, 1e6F) || !IsPositive(primitive.entry_tolerance_rad) ||
+      !IsPositive(primitive.following_tolerance_rad) || primitive.duration_s > 1e4F) {
+    return Status::kInvalidArgument;
+  }
+  for (int i = 0; i < count; ++i) {
+    const auto index = static_cast<std::size_t>(i);
+    if (drives[index] == nullptr || !IsValid(primitive.joints[index], config))
+      return Status::kInvalidArgument;
+  }
+
+  config_ = config;
+  primitive_ = primitive;
+  joint_count_ = count;
+  time_per_tick_s_ = config.period_s * config.speed;
+  run_ticks_ = CeilTicks(primitive.duration_s / time_per_tick_s_);
+  settle_ticks_ = CeilTicks(primitive.settle_s / config.period_s);
+  primitive_time_s_ = 0;
+  keep_torque_ = false;
+  const JointMotion<float>& first = primitive_.joints[0];
+  for (int i = 0; i < count; ++i) {
+    const auto index = static_cast<std::size_t>(i);
+    const JointMotion<float>& motion = primitive_.joints[index];
+    Joint& joint = joints_[index];
+    joint = Joint{};
+    joint.drive = drives[index];
+    joint.limits = MakeSafetyLimits(motion.limits, config.period_s, config.torque_rise_s);
+    joint.acceleration_max_rad_s2 = motion.limits.acceleration_max_rad_s2;
+    joint.shares_position_knots = motion.position.HasKnotsOf(first.position);
+    joint.shares_torque_knots = motion.torque.HasKnotsOf(first.torque);
+  }
+  return Status::kOk;
+}
+
+void Executor::Tick(const TickInput& input, TickOutput& output) noexcept TUMBLER_NONBLOCKING {
+  const std::int64_t elapsed = ticked_ ? input.tick - tick_ : 1;
+  tick_ = input.tick;
+  ticked_ = true;
+  refusal_ = {};
+
+  // However much time has passed, the plan goes on by no more than what is made up for.
+  const std::int64_t most = 1 + static_cast<std::int64_t>(config_.late_ticks_max);
+  const auto advance = static_cast<int>(std::clamp<std::int64_t>(elapsed, 1, most));
+  for (Joint& joint : joints()) {
+    if (joint.reply_age_ticks >= 0)
+      joint.reply_age_ticks = std::min(joint.reply_age_ticks + advance, 1 << 30);
+  }
+  ticks_in_state_ += advance;
+
+  TakeReplies(input);
+  if (state_ != ExecutorState::kDisarmed) DetectFaults(input, elapsed);
+  Obey(input.command);
+
+  TickRecord& record = output.record;
+  Plan(advance, record);
+  record.state = state_;
+  Send(advance, output);
+  Advance(record);
+
+  record.tick = tick_;
+  record.primitive_time_s = primitive_time_s_;
+  record.faults = faults_;
+  record.reaction = reaction_;
+  record.command = input.command;
+  record.joint_count = static_cast<std::uint8_t>(joint_count_);
+  record.first_fault = first_fault_;
+  record.refusal = refusal_;
+}
+
+void Executor::TakeReplies(const TickInput& input) noexcept {
+  for (const ReceivedFrame& received : input.received) {
+    for (Joint& joint : joints()) {
+      if (joint.drive->Decode(received.frame)) {
+        joint.reply_age_ticks = 0;
+        break;
+      }
+    }
+  }
+  for (Joint& joint : joints()) {
+    if (joint.reply_age_ticks == 0) joint.measured = joint.drive->feedback();
+    joint.drive_state = joint.drive->state();
+  }
+}
+
+void Executor::DetectFaults(const TickInput& input, std::int64_t elapsed) noexcept {
+  if (elapsed < 1 || elapsed > 1 + static_cast<std::int64_t>(config_.late_ticks_max)) {
+    Latch(Fault::kLateTick, -1, static_cast<float>(elapsed - 1),
+          static_cast<float>(config_.late_ticks_max));
+  }
+  for (const Status status : {input.receive_status, input.send_status}) {
+    if (!IsLinkUp(status)) Latch(Fault::kLinkLost, -1, static_cast<float>(status), 0);
+  }
+  if (input.send_status == Status::kWouldBlock) {
+    Latch(Fault::kTransmitQueueFull, -1, static_cast<float>(input.send_status), 0);
+  }
+  DetectJointFaults();
+}
+
+void Executor::DetectJointFaults() noexcept {
+  // One reaction per tick: what the first fault of this tick changes counts from the next one on.
+  const bool driven = reaction_ != Reaction::kDisable;
+  const bool follows = state_ != ExecutorState::kArming && driven && reaction_ != Reaction::kDamp;
+  for (int i = 0; i < joint_count_; ++i) {
+    const auto index = static_cast<std::size_t>(i);
+    Joint& joint = joints_[index];
+    if (joint.reply_age_ticks > config_.stale_ticks_max) {
+      Latch(Fault::kStaleReply, i, static_cast<float>(joint.reply_age_ticks),
+            static_cast<float>(config_.stale_ticks_max));
+    }
+    if (joint.measured.error != 0 || joint.drive_state == DriveState::kFault ||
+        (driven && joint.was_enabled && joint.drive_state != DriveState::kEnabled)) {
+      Latch(Fault::kDriveError, i, static_cast<float>(joint.measured.error), 0);
+    }
+    joint.was_enabled = joint.was_enabled || joint.drive_state == DriveState::kEnabled;
+    if (joint.reply_age_ticks != 0) continue;
+    if (!AllFinite(joint.measured)) {
+      Latch(Fault::kNonFinite, i, joint.measured.position_rad, 0);
+      continue;
+    }
+    const float temperature_max_c = config_.joints[index].temperature_max_c;
+    if (joint.measured.has_temperature && joint.measured.temperature_c > temperature_max_c) {
+      Latch(Fault::kOverTemperature, i, joint.measured.temperature_c, temperature_max_c);
+    }
+    // `commanded` still is the setpoint of the tick before: the one that this reply answers.
+    const float error = Magnitude(joint.measured.position_rad - joint.commanded.position_rad);
+    if (follows && error > primitive_.following_tolerance_rad) {
+      Latch(Fault::kFollowingError, i, error, primitive_.following_tolerance_rad);
+    }
+  }
+}
+
+void Executor::Latch(Fault fault, int joint, float value, float limit) noexcept {
+  const auto bit = static_cast<std::uint16_t>(1U << static_cast<unsigned>(fault));
+  if ((faults_ & bit) != 0)
+    return;  // Already answered; what it escalates to is another fault's matter.
+  const Reaction reaction = config_.reactions(fault, state_);
+  if (reaction == Reaction::kIgnore) return;
+  faults_ = static_cast<std::uint16_t>(faults_ | bit);
+  if (first_fault_.fault == Fault::kNone) {
+    first_fault_ = {tick_, value, limit, fault, static_cast<std::int8_t>(joint), state_, reaction};
+  }
+  reaction_ = std::max(reaction_, reaction);
+  if (state_ != ExecutorState::kFault) Enter(ExecutorState::kFault);
+}
+
+void Executor::Obey(OperatorCommand command) noexcept {
+  const auto refuse = [this](Refusal refusal) { refusal_.refusal = refusal; };
+  switch (command) {
+    case OperatorCommand::kNone:
+      return;
+    case OperatorCommand::kArm:
+      refusal_ = CheckArm();
+      if (refusal_.refusal == Refusal::kNone) Enter(ExecutorState::kArming);
+      return;
+    case OperatorCommand::kMoveToStart:
+      if (state_ != ExecutorState::kHolding) return refuse(Refusal::kWrongState);
+      StartMove();
+      return;
+    case OperatorCommand::kRun:
+      refusal_ = CheckRun();
+      if (refusal_.refusal == Refusal::kNone) Enter(ExecutorState::kRunning);
+      return;
+    case OperatorCommand::kStop: {
+      if (state_ == ExecutorState::kDisarmed || state_ == ExecutorState::kHolding ||
+          state_ == ExecutorState::kStopping) {
+        return;  // Nothing moves; a stop is never refused.
+      }
+      const Reaction reaction = config_.reactions(Fault::kOperatorStop, state_);
+      const bool plain = reaction == Reaction::kHold && state_ != ExecutorState::kFault;
+      if (plain) {
+        Enter(ExecutorState::kStopping);
+      } else {
+        Latch(Fault::kOperatorStop, -1, 0, 0);
+      }
+      return;
+    }
+    case OperatorCommand::kDisarm:
+      Enter(ExecutorState::kDisarmed);
+      return;
+    case OperatorCommand::kClearFaults:
+      if (state_ != ExecutorState::kDisarmed) return refuse(Refusal::kWrongState);
+      faults_ = 0;
+      first_fault_ = {};
+      return;
+  }
+  refuse(Refusal::kWrongState);  // Not one of the enumerators.
+}
+
+RefusalReport Executor::CheckArm() const noexcept {
+  if (joint_count_ == 0) return {0, 0, Refusal::kNotConfigured, -1};
+  if (state_ != ExecutorState::kDisarmed) return {0, 0, Refusal::kWrongState, -1};
+  if (faults_ != 0) return {0, 0, Refusal::kFaultLatched, -1};
+  for (int i = 0; i < joint_count_; ++i) {
+    const auto index = static_cast<std::size_t>(i);
+    const Joint& joint = joints_[index];
+    const auto name = static_cast<std::int8_t>(i);
+    const float position = joint.measured.position_rad;
+    if (joint.reply_age_ticks < 0 || joint.reply_age_ticks > config_.stale_ticks_max) {
+      return {static_cast<float>(joint.reply_age_ticks),
+              static_cast<float>(config_.stale_ticks_max), Refusal::kNoReply, name};
+    }
+    if (joint.measured.error != 0 || joint.drive_state == DriveState::kFault) {
+      return {static_cast<float>(joint.measured.error), 0, Refusal::kDriveError, name};
+    }
+    const float temperature_max_c = config_.joints[index].temperature_max_c;
+    if (joint.measured.has_temperature && !(joint.measured.temperature_c <= temperature_max_c)) {
+      return {joint.measured.temperature_c, temperature_max_c, Refusal::kTooHot, name};
+    }
+    if (!AllFinite(joint.measured) ||
+        !InRange(position, joint.limits.position_min_rad, joint.limits.position_max_rad)) {
+      const bool below = position < joint.limits.position_min_rad;
+      return {position, below ? joint.limits.position_min_rad : joint.limits.position_max_rad,
+              Refusal::kOutsideLimits, name};
+    }
+  }
+  return {};
+}
+
+RefusalReport Executor::CheckRun() const noexcept {
+  if (state_ != ExecutorState::kHolding) return {0, 0, Refusal::kWrongState, -1};
+  for (int i = 0; i < joint_count_; ++i) {
+    const auto index = static_cast<std::size_t>(i);
+    const Joint& joint = joints_[index];
+    const auto name = static_cast<std::int8_t>(i);
+    const float start = primitive_.joints[index].position.control_points()[0];
+    const float commanded_error = Magnitude(joint.commanded.position_rad - start);
+    if (!(commanded_error <= kAtStart_rad))
+      return {commanded_error, kAtStart_rad, Refusal::kNotAtStart, name};
+    const float measured_error = Magnitude(joint.measured.position_rad - start);
+    if (!(measured_error <= primitive_.entry_tolerance_rad)) {
+      return {measured_error, primitive_.entry_tolerance_rad, Refusal::kOutsideStartSet, name};
+    }
+  }
+  return {};
+}
+
+void Executor::StartMove() noexcept {
+  // The quintic s(x) = 10 x^3 - 15 x^4 + 6 x^5 has peak s' = 15/8 and peak s'' = 10 / sqrt(3).
+  constexpr float kPeakVelocity = 1.875F;
+  constexpr float kPeakAcceleration = 5.7735027F;
+  float duration_s = 0;
+  for (int i = 0; i < joint_count_; ++i) {
+    const auto index = static_cast<std::size_t>(i);
+    Joint& joint = joints_[index];
+    joint.move_from_rad = joint.commanded.position_rad;
+    const float way =
+        Magnitude(primitive_.joints[index].position.control_points()[0] - joint.move_from_rad);
+    const float velocity = config_.move_fraction * joint.limits.velocity_max_rad_s;
+    const float acceleration = config_.move_fraction * joint.acceleration_max_rad_s2;
+    duration_s = std::max({duration_s, kPeakVelocity * way / velocity,
+                           std::sqrt(kPeakAcceleration * way / acceleration)});
+  }
+  const float ticks = std::min(duration_s / time_per_tick_s_, 1e9F);
+  move_ticks_ = std::max<std::int64_t>(1, CeilTicks(ticks));
+  Enter(ExecutorState::kMovingToStart);
+}
+
+void Executor::Enter(ExecutorState state) noexcept {
+  // The feed-forward that a motion ends with carries the robot there; one from mid-motion carries
+  // it nowhere.
+  const bool moving = state_ == ExecutorState::kMovingToStart || state_ == ExecutorState::kRunning;
+  if (state == ExecutorState::kSettling) {
+    keep_torque_ = true;
+  } else if (moving || state == ExecutorState::kMovingToStart || state == ExecutorState::kArming) {
+    keep_torque_ = false;
+  }
+  if (state == ExecutorState::kRunning || state == ExecutorState::kArming) primitive_time_s_ = 0;
+  if (state == ExecutorState::kDisarmed) reaction_ = Reaction::kIgnore;
+  if (state == ExecutorState::kArming) {
+    for (Joint& joint : joints()) joint.was_enabled = false;
+  }
+  state_ = state;
+  ticks_in_state_ = 0;
+}
+
+void Executor::Plan(int elapsed, TickRecord& record) noexcept {
+  switch (state_) {
+    case ExecutorState::kDisarmed:
+    case ExecutorState::kArming:
+      return PlanArming(record);
+    case ExecutorState::kMovingToStart:
+      return PlanMove(record);
+    case ExecutorState::kRunning:
+      return PlanRun(record);
+    case ExecutorState::kHolding:
+    case ExecutorState::kSettling:
+    case ExecutorState::kStopping:
+    case ExecutorState::kFault:
+      return PlanBrake(elapsed, record);
+  }
+}
+
+void Executor::PlanArming(TickRecord& record) noexcept {
+  for (int i = 0; i < joint_count_; ++i) {
+    const auto index = static_cast<std::size_t>(i);
+    Joint& joint = joints_[index];
+    const bool follow =
+        state_ == ExecutorState::kDisarmed || joint.drive_state != DriveState::kEnabled;
+    if (follow && joint.reply_age_ticks >= 0 && AllFinite(joint.measured)) {
+      // Not an order yet: the joint may still be moved by hand, and the limits' step must not hold
+      // it back.
+      const float position = std::clamp(joint.measured.position_rad, joint.limits.position_min_rad,
+                                        joint.limits.position_max_rad);
+      joint.commanded = {position, 0, 0};
+    }
+    record.joints[index].planned = joint.commanded;
+  }
+}
+
+void Executor::PlanMove(TickRecord& record) noexcept {
+  const bool at_end = ticks_in_state_ >= move_ticks_;
+  const float duration_s = static_cast<float>(move_ticks_) * config_.period_s;
+  const float x = static_cast<float>(ticks_in_state_) / static_cast<float>(move_ticks_);
+  const float share = x * x * x * (10.0F + x * (6.0F * x - 15.0F));
+  const float rate = 30.0F * x * x * (1.0F + x * (x - 2.0F)) / duration_s;
+  for (int i = 0; i < joint_count_; ++i) {
+    const auto index = static_cast<std::size_t>(i);
+    const float from = joints_[index].move_from_rad;
+    const float to = primitive_.joints[index].position.control_points()[0];
+    JointSetpoint& planned = record.joints[index].planned;
+    planned = at_end ? JointSetpoint{to, 0, 0}
+                     : JointSetpoint{from + (to - from) * share, (to - from) * rate, 0};
+  }
+}
+
+void Executor::PlanRun(TickRecord& record) noexcept {
+  // Every time is one product of an integer, so that rounding does not add up; the last one is the
+  // end itself.
+  primitive_time_s_ = ticks_in_state_ >= run_ticks_
+                          ? primitive_.duration_s
+                          : static_cast<float>(ticks_in_state_) * time_per_tick_s_;
+  const float speed = config_.speed;
+  for (int i = 0; i < joint_count_; ++i) {
+    const auto index = static_cast<std::size_t>(i);
+    Joint& joint = joints_[index];
+    const JointMotion<float>& motion = primitive_.joints[index];
+    Basis& position_basis =
+        joint.shares_position_knots ? joints_[0].position_basis : joint.position_basis;
+    Basis& torque_basis = joint.shares_torque_knots ? joints_[0].torque_basis : joint.torque_basis;
+    if (i == 0 || !joint.shares_position_knots)
+      motion.position.EvaluateBasis(primitive_time_s_, position_basis);
+    if (i == 0 || !joint.shares_torque_knots)
+      motion.torque.EvaluateBasis(primitive_time_s_, torque_basis);
+    const auto sample = motion.position.Evaluate(position_basis);
+    const float torque = motion.torque.Value(torque_basis);
+    record.joints[index].planned = {sample.value, speed * sample.first, speed * speed * torque};
+  }
+}
+
+void Executor::PlanBrake(int elapsed, TickRecord& record) noexcept {
+  const float time_s = static_cast<float>(elapsed) * config_.period_s;
+  for (int i = 0; i < joint_count_; ++i) {
+    const auto index = static_cast<std::size_t>(i);
+    const Joint& joint = joints_[index];
+    const JointSetpoint& last = joint.commanded;
+    const float most = joint.acceleration_max_rad_s2 * time_s;
+    float velocity = 0;
+    if (last.velocity_rad_s > most) velocity = last.velocity_rad_s - most;
+    if (last.velocity_rad_s < -most) velocity = last.velocity_rad_s + most;
+    record.joints[index].planned = {
+        last.position_rad + 0.5F * (last.velocity_rad_s + velocity) * time_s, velocity,
+        keep_torque_ ? last.torque_nm : 0.0F};
+  }
+}
+
+void Executor::Send(int elapsed, TickOutput& output) noexcept {
+  const bool armed = state_ != ExecutorState::kDisarmed && reaction_ != Reaction::kDisable;
+  const bool damped = reaction_ == Reaction::kDamp;
+  const DriveRequest request = armed ? DriveRequest::kEnable : DriveRequest::kDisable;
+  for (int i = 0; i < joint_count_; ++i) {
+    const auto index = static_cast<std::size_t>(i);
+    Joint& joint = joints_[index];
+    const JointConfig& config = config_.joints[index];
+    JointRecord& record = output.record.joints[index];
+    const LimitedSetpoint limited =
+        LimitSetpoint(joint.limits, record.planned, joint.commanded, elapsed);
+    joint.commanded = limited.setpoint;
+    DriveSetpoint setpoint{joint.commanded.position_rad, joint.commanded.velocity_rad_s,
+                           joint.commanded.torque_nm, config.kp_nm_per_rad, config.kd_nm_s_per_rad};
+    if (damped || !armed) {
+      setpoint.velocity_rad_s = 0;
+      setpoint.torque_nm = 0;
+      setpoint.kp_nm_per_rad = 0;
+      setpoint.kd_nm_s_per_rad = damped ? config.damping_nm_s_per_rad : 0.0F;
+    }
+    FrameBatch& batch = output.frames[index];
+    batch.Clear();
+    const Status status = joint.drive->Encode(request, setpoint, batch);
+    if (limited.non_finite || status != Status::kOk)
+      Latch(Fault::kNonFinite, i, record.planned.position_rad, 0);
+
+    const DriveSetpoint encoded = joint.drive->encoded_setpoint();
+    record.limited = joint.commanded;
+    record.encoded = {encoded.position_rad, encoded.velocity_rad_s, encoded.torque_nm};
+    record.measured = {joint.measured.position_rad, joint.measured.velocity_rad_s,
+                       joint.measured.torque_nm};
+    record.temperature_c = joint.measured.temperature_c;
+    record.reply_age_ticks = joint.reply_age_ticks;
+    record.drive_state = joint.drive_state;
+    record.drive_error = joint.measured.error;
+    record.limit_active = limited.changed;
+  }
+}
+
+void Executor::Advance(const TickRecord& record) noexcept {
+  const auto reached = [&] {
+    for (int i = 0; i < joint_count_; ++i) {
+      const JointRecord& joint = record.joints[static_cast<std::size_t>(i)];
+      if (Magnitude(joint.limited.position_rad - joint.planned.position_rad) > kFinished_rad)
+        return false;
+    }
+    return true;
+  };
+  const auto at_rest = [&] {
+    return std::ranges::all_of(
+        joints(), [](const Joint& joint) { return joint.commanded.velocity_rad_s == 0; });
+  };
+  switch (state_) {
+    case ExecutorState::kArming: {
+      int waiting = -1;
+      for (int i = 0; i < joint_count_ && waiting < 0; ++i) {
+        if (joints_[static_cast<std::size_t>(i)].drive_state != DriveState::kEnabled) waiting = i;
+      }
+      if (waiting < 0) {
+        Enter(ExecutorState::kHolding);
+      } else if (ticks_in_state_ >= config_.arming_ticks_max) {
+        Latch(Fault::kArmingTimeout, waiting, static_cast<float>(ticks_in_state_),
+              static_cast<float>(config_.arming_ticks_max));
+      }
+      break;
+    }
+    case ExecutorState::kMovingToStart:
+      if (ticks_in_state_ >= move_ticks_ && reached()) Enter(ExecutorState::kHolding);
+      break;
+    case ExecutorState::kRunning:
+      if (ticks_in_state_ >= run_ticks_ && reached()) Enter(ExecutorState::kSettling);
+      break;
+    case ExecutorState::kSettling:
+      if (ticks_in_state_ >= settle_ticks_ && at_rest()) Enter(ExecutorState::kHolding);
+      break;
+    case ExecutorState::kStopping:
+      if (at_rest()) Enter(ExecutorState::kHolding);
+      break;
+    case ExecutorState::kDisarmed:
+    case ExecutorState::kHolding:
+    case ExecutorState::kFault:
+      break;
+  }
+}
+
+}  // namespace tumbler

@@ -1,0 +1,59 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+
+namespace tumbler {
+
+/// Where the control loop gets its time from; the only difference between a robot and a simulation.
+class Clock {
+ public:
+  Clock() = default;
+  Clock(const Clock&) = delete;
+  Clock& operator=(const Clock&) = delete;
+  virtual ~Clock() = default;
+
+  [[nodiscard]] virtual std::int64_t now_ns() const noexcept = 0;
+  /// Returns at or after this time, at once if it has passed.
+  virtual void SleepUntil(std::int64_t time_ns) noexcept = 0;
+};
+
+/// CLOCK_MONOTONIC, slept on with absolute deadlines so that errors do not add up.
+class MonotonicClock final : public Clock {
+ public:
+  [[nodiscard]] std::int64_t now_ns() const noexcept override;
+  void SleepUntil(std::int64_t time_ns) noexcept override;
+};
+
+/// Virtual time, starting at 0: sleeping lets a simulated world run up to the deadline, and takes
+/// no time beyond it.
+class VirtualClock final : public Clock {
+ public:
+  /// @param advance_to_ns  moves the world on to a time.
+  explicit VirtualClock(std::function<void(std::int64_t)> advance_to_ns);
+
+  [[nodiscard]] std::int64_t now_ns() const noexcept override { return now_ns_; }
+  void SleepUntil(std::int64_t time_ns) noexcept override;
+
+ private:
+  std::function<void(std::int64_t)> advance_to_ns_;
+  std::int64_t now_ns_ = 0;
+};
+
+/// A simulated world at the pace of CLOCK_MONOTONIC; time 0 is when the clock was made. A world
+/// that is slower than that makes the loop late, as a busy computer would.
+class PacedClock final : public Clock {
+ public:
+  /// @param advance_to_ns  moves the world on to a time.
+  explicit PacedClock(std::function<void(std::int64_t)> advance_to_ns);
+
+  [[nodiscard]] std::int64_t now_ns() const noexcept override;
+  void SleepUntil(std::int64_t time_ns) noexcept override;
+
+ private:
+  std::function<void(std::int64_t)> advance_to_ns_;
+  MonotonicClock monotonic_;
+  std::int64_t start_ns_;
+};
+
+}  // namespace tumbler

@@ -1,0 +1,79 @@
+#include "runtime/linux/control_loop.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace tumbler {
+
+ControlLoop::ControlLoop(const Parts& parts, std::int64_t period_ns, std::int64_t start_ns) noexcept
+    : parts_(parts), period_ns_(period_ns), start_ns_(start_ns) {}
+
+bool ControlLoop::Step() noexcept {
+  const std::int64_t deadline_ns = start_ns_ + next_tick_ * period_ns_;
+  parts_.clock.SleepUntil(deadline_ns);
+  const std::int64_t awake_ns = parts_.clock.now_ns();
+  const std::int64_t missed = std::max<std::int64_t>((awake_ns - deadline_ns) / period_ns_, 0);
+  const std::int64_t tick = next_tick_ + missed;
+  next_tick_ = tick + 1;
+  time_ns_ = start_ns_ + tick * period_ns_;
+  statistics_.missed_ticks += missed;
+  if (awake_ns - deadline_ns > period_ns_ / 2) ++statistics_.late_ticks;
+  statistics_.wake_up.Add(awake_ns - deadline_ns);
+
+  std::size_t count = 0;
+  Status receive_status = Status::kOk;
+  while (count < received_.size()) {
+    receive_status = parts_.bus.Receive(received_[count]);
+    if (receive_status != Status::kOk) break;
+    ++count;
+  }
+  statistics_.frames_received += static_cast<std::int64_t>(count);
+
+  const OperatorCommand wish = parts_.mailbox.Take();
+  if (wish == OperatorCommand::kStop) parts_.sequence.RequestStop();
+  if (wish == OperatorCommand::kDisarm) parts_.sequence.RequestDisarm();
+  OperatorCommand command = parts_.sequence.Next(output_.record);
+  if (command == OperatorCommand::kNone && wish == OperatorCommand::kClearFaults) command = wish;
+
+  parts_.executor.Tick({tick, {received_.data(), count}, receive_status, send_status_, command},
+                       output_);
+
+  send_status_ = Status::kOk;
+  for (const FrameBatch& batch : output_.frames) {
+    for (const CanFrame& frame : batch.frames()) {
+      const Status status = parts_.bus.Send(frame);
+      if (status == Status::kOk) {
+        ++statistics_.frames_sent;
+        continue;
+      }
+      ++statistics_.send_failures;
+      if (send_status_ == Status::kOk) send_status_ = status;
+    }
+  }
+  statistics_.tick.Add(parts_.clock.now_ns() - awake_ns);
+  Count();
+  if (parts_.telemetry != nullptr) parts_.telemetry->Push({time_ns_, output_.record});
+  return !parts_.sequence.done();
+}
+
+void ControlLoop::Count() noexcept {
+  const TickRecord& record = output_.record;
+  ++statistics_.ticks;
+  const bool running = record.state == ExecutorState::kRunning;
+  if (running) ++statistics_.run_ticks;
+  bool limited = false;
+  for (std::size_t i = 0; i < record.joint_count; ++i) {
+    const JointRecord& joint = record.joints[i];
+    limited = limited || joint.limit_active;
+    if ((running || record.state == ExecutorState::kSettling) && joint.reply_age_ticks == 0) {
+      float& torque = statistics_.peak_torque_nm[i];
+      torque = std::max(torque, std::abs(joint.measured.torque_nm));
+      float& error = statistics_.following_error_max_rad[i];
+      error = std::max(error, std::abs(joint.measured.position_rad - last_position_rad_[i]));
+    }
+    last_position_rad_[i] = joint.limited.position_rad;
+  }
+  if (limited) ++statistics_.limited_ticks;
+}
+
+}  // namespace tumbler

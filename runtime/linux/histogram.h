@@ -1,0 +1,51 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+
+namespace tumbler {
+
+/// Counts of durations in bins of 1 us up to 1 ms, and beyond; the largest exactly. Fixed size, one
+/// writer.
+class DurationHistogram {
+ public:
+  static constexpr std::size_t kBins = 1000;  ///< Bin i counts [i, i + 1) us.
+
+  void Add(std::int64_t duration_ns) noexcept {
+    const std::int64_t duration = std::max<std::int64_t>(duration_ns, 0);
+    const auto bin = static_cast<std::size_t>(duration / 1000);
+    ++bins_[std::min(bin, kBins)];
+    ++count_;
+    max_ns_ = std::max(max_ns_, duration);
+  }
+
+  [[nodiscard]] std::int64_t count() const noexcept { return count_; }
+  [[nodiscard]] std::int64_t max_ns() const noexcept { return max_ns_; }
+
+  /// The duration that a share of all stayed below, rounded up to whole microseconds, at most the
+  /// largest.
+  /// @param share  0 ... 1, e.g. 0.999. @returns 0 when nothing was counted.
+  [[nodiscard]] std::int64_t PercentileNs(double share) const noexcept {
+    const double wanted = share * static_cast<double>(count_);
+    std::int64_t below = 0;
+    for (std::size_t bin = 0; bin < kBins; ++bin) {
+      below += bins_[bin];
+      if (below > 0 && static_cast<double>(below) >= wanted) {
+        return std::min(static_cast<std::int64_t>(bin + 1) * 1000, max_ns_);
+      }
+    }
+    return max_ns_;
+  }
+
+  /// Durations of a millisecond or more.
+  [[nodiscard]] std::int64_t beyond() const noexcept { return bins_[kBins]; }
+
+ private:
+  std::array<std::int64_t, kBins + 1> bins_{};
+  std::int64_t count_ = 0;
+  std::int64_t max_ns_ = 0;
+};
+
+}  // namespace tumbler

@@ -1,0 +1,56 @@
+#include "runtime/linux/lcm_commands.h"
+
+#include <fmt/format.h>
+
+#include <atomic>
+#include <stdexcept>
+#include <thread>
+
+#include <lcm/lcm-cpp.hpp>
+#include <tumbler/command_t.hpp>
+
+#include "runtime/linux/telemetry.h"
+
+namespace tumbler {
+
+struct LcmCommands::Implementation {
+  Implementation(const std::string& url, OperatorMailbox& mailbox_in)
+      : lcm(url), mailbox(mailbox_in) {
+    if (!lcm.good()) throw std::runtime_error(fmt::format("{}: LCM cannot use this URL", url));
+    lcm.subscribe(kCommandChannel, &Implementation::Handle, this);
+    thread = std::thread([this] {
+      constexpr int kPatience_ms = 100;  // How long the destructor may have to wait.
+      while (!stop && lcm.handleTimeout(kPatience_ms) >= 0) {
+      }
+    });
+  }
+
+  void Handle(const lcm::ReceiveBuffer* /*buffer*/, const std::string& /*channel*/,
+              const command_t* message) {
+    switch (message->command) {
+      case command_t::STOP:
+        return mailbox.Put(OperatorCommand::kStop);
+      case command_t::DISARM:
+        return mailbox.Put(OperatorCommand::kDisarm);
+      case command_t::CLEAR_FAULTS:
+        return mailbox.Put(OperatorCommand::kClearFaults);
+      default:
+        return;  // Motion is never started from the network.
+    }
+  }
+
+  lcm::LCM lcm;
+  OperatorMailbox& mailbox;
+  std::atomic<bool> stop{false};
+  std::thread thread;
+};
+
+LcmCommands::LcmCommands(const std::string& url, OperatorMailbox& mailbox)
+    : implementation_(std::make_unique<Implementation>(url, mailbox)) {}
+
+LcmCommands::~LcmCommands() {
+  implementation_->stop = true;
+  implementation_->thread.join();
+}
+
+}  // namespace tumbler

@@ -1,0 +1,152 @@
+#include "runtime/linux/run_report.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+namespace tumbler {
+namespace {
+
+const char* OutcomeName(RunOutcome outcome) {
+  switch (outcome) {
+    case RunOutcome::kPending:
+      return "unfinished";
+    case RunOutcome::kCompleted:
+      return "completed";
+    case RunOutcome::kRefused:
+      return "refused";
+    case RunOutcome::kFault:
+      return "fault";
+    case RunOutcome::kStopped:
+      return "stopped";
+  }
+  return "unknown";
+}
+
+double Microseconds(std::int64_t ns) { return static_cast<double>(ns) * 1e-3; }
+
+}  // namespace
+
+std::optional<bool> StandingReport::standing() const {
+  if (!pitch_later_rad) return std::nullopt;
+  return std::abs(*pitch_later_rad - expected_pitch_rad) <= kTolerance_rad;
+}
+
+std::string ToText(const RunReport& report) {
+  const LoopStatistics& s = report.statistics;
+  std::string text = fmt::format("{}: {} on {}{}, speed {:.3g}, {:.6g} Hz\n",
+                                 OutcomeName(report.outcome), report.primitive, report.bus,
+                                 report.dry_run ? " (dry run)" : "", report.speed, report.rate_hz);
+  if (!report.reason.empty()) text += fmt::format("  {}\n", report.reason);
+  if (report.standing) {
+    const StandingReport& standing = *report.standing;
+    if (standing.pitch_at_end_rad) {
+      text += fmt::format("  root pitch: {:.4f} rad at the end (planned {:.4f})",
+                          *standing.pitch_at_end_rad, standing.expected_pitch_rad);
+      if (standing.pitch_later_rad) {
+        text += fmt::format(", {:.4f} rad {:.0f} s later: {}", *standing.pitch_later_rad,
+                            StandingReport::kLater_s,
+                            *standing.standing() ? "still standing" : "not standing");
+      }
+      text += '\n';
+    }
+  }
+  for (std::size_t i = 0; i < report.joints.size(); ++i) {
+    text += fmt::format("  {}: peak torque {:.3f} N m, following error at most {:.4f} rad\n",
+                        report.joints[i], s.peak_torque_nm[i], s.following_error_max_rad[i]);
+  }
+  text += fmt::format("  ticks: {} ({} running), {} missed, {} late, {} with a limit active\n",
+                      s.ticks, s.run_ticks, s.missed_ticks, s.late_ticks, s.limited_ticks);
+  if (!report.simulated || report.realtime) {
+    text += fmt::format(
+        "  wake-up: p50 {:.0f} us, p99.9 {:.0f} us, max {:.0f} us; tick: p50 {:.0f} us, max {:.0f} "
+        "us\n",
+        Microseconds(s.wake_up.PercentileNs(0.5)), Microseconds(s.wake_up.PercentileNs(0.999)),
+        Microseconds(s.wake_up.max_ns()), Microseconds(s.tick.PercentileNs(0.5)),
+        Microseconds(s.tick.max_ns()));
+  }
+  if (report.realtime) {
+    text += fmt::format("  real time: {}\n", report.realtime->in_force()
+                                                 ? "SCHED_FIFO and mlockall in force"
+                                                 : report.realtime->problems);
+  }
+  text += fmt::format(
+      "  bus: {} frames sent, {} received, {} not sent; worst case {} bits a tick, {:.1f} %",
+      s.frames_sent, s.frames_received, s.send_failures, report.worst_case_tick_bits,
+      100 * report.worst_case_load);
+  if (report.measured_load) text += fmt::format("; measured {:.1f} %", 100 * *report.measured_load);
+  text += fmt::format("\n  telemetry: {} records lost, {} messages not published\n",
+                      report.lost_records, report.unpublished_messages);
+  for (const std::string& file : report.files) text += fmt::format("  wrote {}\n", file);
+  return text;
+}
+
+std::string ToJson(const RunReport& report) {
+  using Json = nlohmann::ordered_json;
+  const LoopStatistics& s = report.statistics;
+  Json json;
+  json["outcome"] = OutcomeName(report.outcome);
+  json["exit_code"] = ExitCode(report.outcome);
+  json["reason"] = report.reason;
+  json["bus"] = report.bus;
+  json["primitive"] = report.primitive;
+  json["speed"] = report.speed;
+  json["rate_hz"] = report.rate_hz;
+  json["dry_run"] = report.dry_run;
+  const auto maybe = [](const std::optional<double>& value) {
+    return value ? Json(*value) : Json(nullptr);
+  };
+  if (report.standing) {
+    const StandingReport& standing = *report.standing;
+    const std::optional<bool> stands = standing.standing();
+    json["root_pitch_planned_rad"] = standing.expected_pitch_rad;
+    json["root_pitch_at_end_rad"] = maybe(standing.pitch_at_end_rad);
+    json["root_pitch_2_s_later_rad"] = maybe(standing.pitch_later_rad);
+    json["standing_2_s_later"] = stands ? Json(*stands) : Json(nullptr);
+  }
+  json["joints"] = Json::array();
+  for (std::size_t i = 0; i < report.joints.size(); ++i) {
+    json["joints"].push_back({{"name", report.joints[i]},
+                              {"peak_torque_nm", s.peak_torque_nm[i]},
+                              {"following_error_max_rad", s.following_error_max_rad[i]}});
+  }
+  json["ticks"] = s.ticks;
+  json["running_ticks"] = s.run_ticks;
+  json["missed_ticks"] = s.missed_ticks;
+  json["late_ticks"] = s.late_ticks;
+  json["limited_ticks"] = s.limited_ticks;
+  json["wake_up_p50_us"] = Microseconds(s.wake_up.PercentileNs(0.5));
+  json["wake_up_p99_9_us"] = Microseconds(s.wake_up.PercentileNs(0.999));
+  json["wake_up_max_us"] = Microseconds(s.wake_up.max_ns());
+  json["tick_p50_us"] = Microseconds(s.tick.PercentileNs(0.5));
+  json["tick_max_us"] = Microseconds(s.tick.max_ns());
+  json["realtime_in_force"] = report.realtime && report.realtime->in_force();
+  json["frames_sent"] = s.frames_sent;
+  json["frames_received"] = s.frames_received;
+  json["send_failures"] = s.send_failures;
+  json["worst_case_bits_per_tick"] = report.worst_case_tick_bits;
+  json["worst_case_bus_load"] = report.worst_case_load;
+  json["measured_bus_load"] = maybe(report.measured_load);
+  json["lost_records"] = report.lost_records;
+  json["unpublished_messages"] = report.unpublished_messages;
+  json["files"] = report.files;
+  return json.dump(2) + '\n';
+}
+
+int ExitCode(RunOutcome outcome) {
+  switch (outcome) {
+    case RunOutcome::kCompleted:
+      return 0;
+    case RunOutcome::kRefused:
+      return 2;
+    case RunOutcome::kPending:
+    case RunOutcome::kFault:
+      return 3;
+    case RunOutcome::kStopped:
+      return 130;
+  }
+  return 3;
+}
+
+}  // namespace tumbler

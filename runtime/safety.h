@@ -1,0 +1,92 @@
+#pragma once
+
+#include "common/primitive.h"
+#include "common/realtime.h"
+
+namespace tumbler {
+
+/// False for NaN and infinities.
+[[nodiscard]] constexpr bool IsFinite(float x) noexcept { return 0.0F * x == 0; }
+
+/// Whether every one is finite, at the price of one comparison: 0 x is zero, or else NaN.
+template <typename... Floats>
+[[nodiscard]] constexpr bool AreFinite(Floats... x) noexcept {
+  return ((0.0F * x) + ... + 0.0F) == 0;
+}
+
+/// Unlike std::clamp, gives `low` at NaN.
+[[nodiscard]] constexpr float ClampOrLow(float x, float low, float high) noexcept {
+  const float y = x < high ? x : high;
+  return y > low ? y : low;
+}
+
+/// Position, velocity and feed-forward torque of one joint at one tick.
+struct JointSetpoint {
+  float position_rad = 0;
+  float velocity_rad_s = 0;
+  float torque_nm = 0;
+
+  bool operator==(const JointSetpoint&) const = default;
+};
+
+/// What the last gate enforces for one joint.
+struct SafetyLimits {
+  float position_min_rad = 0;
+  float position_max_rad = 0;
+  float velocity_max_rad_s = 0;  ///< of |velocity|
+  float torque_max_nm = 0;       ///< of |feed-forward torque|
+  float position_step_rad = 0;   ///< Largest change of the position in one tick.
+  float torque_step_nm = 0;      ///< Largest change of the feed-forward torque in one tick.
+};
+
+/// The limits of a joint at a control rate. A position that obeys the velocity limit moves at most
+/// v_max * period in a tick; 0.1 % is added because the difference of two rounded times is not
+/// exactly one period.
+/// @param torque_rise_s  time in which the feed-forward may go from zero to its largest value.
+[[nodiscard]] SafetyLimits MakeSafetyLimits(const JointLimits<float>& joint, float period_s,
+                                            float torque_rise_s) noexcept;
+
+/// Outcome of the last gate.
+struct LimitedSetpoint {
+  JointSetpoint setpoint;
+  bool changed = false;  ///< The plan was outside a limit.
+  bool non_finite =
+      false;  ///< The plan was not finite: the previous position is held and the torque fades.
+};
+
+/// The last gate before a frame: whatever `planned` is, the result is finite, within position,
+/// velocity and torque limits, and at most `elapsed_ticks` steps from `previous`. Position limits
+/// win over the step. Freestanding; never allocates.
+/// @pre `previous` is a result of this function, or was measured inside the position limits.
+[[nodiscard]] inline LimitedSetpoint LimitSetpoint(const SafetyLimits& limits,
+                                                   const JointSetpoint& planned,
+                                                   const JointSetpoint& previous,
+                                                   int elapsed_ticks) noexcept TUMBLER_NONBLOCKING {
+  const auto ticks = static_cast<float>(elapsed_ticks);
+  const float position_step = limits.position_step_rad * ticks;
+  const float torque_step = limits.torque_step_nm * ticks;
+  LimitedSetpoint result;
+  JointSetpoint& limited = result.setpoint;
+  limited.position_rad = ClampOrLow(planned.position_rad, previous.position_rad - position_step,
+                                    previous.position_rad + position_step);
+  limited.position_rad =
+      ClampOrLow(limited.position_rad, limits.position_min_rad, limits.position_max_rad);
+  limited.velocity_rad_s =
+      ClampOrLow(planned.velocity_rad_s, -limits.velocity_max_rad_s, limits.velocity_max_rad_s);
+  limited.torque_nm = ClampOrLow(planned.torque_nm, previous.torque_nm - torque_step,
+                                 previous.torque_nm + torque_step);
+  limited.torque_nm = ClampOrLow(limited.torque_nm, -limits.torque_max_nm, limits.torque_max_nm);
+  result.changed = !(limited == planned);
+  // Last, so that nothing above can let a value through: a clamp turns infinity into a
+  // legal-looking number.
+  if (!AreFinite(planned.position_rad, planned.velocity_rad_s, planned.torque_nm,
+                 limited.position_rad, limited.velocity_rad_s, limited.torque_nm)) {
+    limited = {
+        previous.position_rad, 0.0F,
+        ClampOrLow(0.0F, previous.torque_nm - torque_step, previous.torque_nm + torque_step)};
+    result.non_finite = true;
+  }
+  return result;
+}
+
+}  // namespace tumbler

@@ -1,0 +1,511 @@
+// tumbler-run: plays a primitive on motors, or on a simulated robot.
+
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <cmath>
+#include <csignal>
+#include <cstdio>
+#include <cstdlib>
+#include <exception>
+#include <fstream>
+#include <iostream>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "common/primitive_toml.h"
+#include "common/toml_reader.h"
+#include "firmware_interface/can/simulated_bus.h"
+#include "firmware_interface/can/socketcan_bus.h"
+#include "firmware_interface/drives/drives_toml.h"
+#include "firmware_interface/drives/mit.h"
+#include "runtime/executor.h"
+#include "runtime/linux/clock.h"
+#include "runtime/linux/control_loop.h"
+#include "runtime/linux/dry_run_bus.h"
+#include "runtime/linux/lcm_commands.h"
+#include "runtime/linux/realtime_thread.h"
+#include "runtime/linux/run_report.h"
+#include "runtime/linux/telemetry.h"
+#include "runtime/run_sequence.h"
+#ifdef TUMBLER_HAS_SIMULATION
+#include "firmware_interface/drives/simulated_drive.h"
+#include "offline/twin/twin.h"
+#endif
+
+namespace tumbler {
+namespace {
+
+constexpr int kExitUsage = 1;
+constexpr int kExitRefused = 2;
+constexpr const char* kSimulation = "sim";
+
+constexpr const char* kFooter =
+    R"(BUS is `sim`, a simulated robot on a simulated bus, or a SocketCAN interface such as can0.
+On an interface nothing is sent without --arm: the frames of an imagined run are printed instead, in the format of
+`candump -l`.
+
+Sequence: load, check, arm, move to the start, run, settle, hold, stop, disarm.
+First Ctrl-C: brake within the limits, hold for a moment, disarm. Second Ctrl-C: torque off at once.
+
+Exit codes:
+  0    the motion was completed
+  1    wrong usage, or a file or interface that cannot be used
+  2    refused: a check before arming or running failed
+  3    a fault during the run
+  130  stopped by Ctrl-C or a message)";
+
+struct Options {
+  std::string bus;
+  std::string primitive;
+  std::string drives;
+  bool arm = false;
+  bool realtime = false;
+  bool without_realtime = false;
+  double speed = 1;
+  double hold_s = 2;
+  std::string log;
+  std::string lcm_url;
+  std::string json;
+  std::string trace;
+
+  [[nodiscard]] bool simulated() const { return bus == kSimulation; }
+  [[nodiscard]] bool dry_run() const { return !simulated() && !arm; }
+};
+
+/// A run that may not start; the message says why and what to do.
+class Refused : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+OperatorMailbox& SignalMailbox() {
+  static OperatorMailbox mailbox;  // A signal handler can only reach what is static.
+  return mailbox;
+}
+
+void OnInterrupt(int /*signal*/) {
+  static volatile std::sig_atomic_t count = 0;
+  count = count + 1;
+  SignalMailbox().Put(count == 1 ? OperatorCommand::kStop : OperatorCommand::kDisarm);
+}
+
+void CatchInterrupts() {
+  struct sigaction action {};
+  action.sa_handler = OnInterrupt;
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
+}
+
+/// The drives of the primitive's joints, in its order.
+DrivesConfig DrivesFor(const Options& options, const Primitive<double>& primitive) {
+  DrivesConfig given;
+  if (!options.drives.empty()) given = LoadDrives(options.drives);
+  DrivesConfig chosen = given;
+  chosen.drives.clear();
+  for (std::size_t i = 0; i < primitive.motions().size(); ++i) {
+    const std::string joint(primitive.joints[i].name.view());
+    if (options.drives.empty()) {  // Said in the help of --drives.
+      DriveEntry entry;
+      entry.joint = joint;
+      entry.mit.command_id = static_cast<std::uint16_t>(i + 1);
+      entry.mit.reply_id = static_cast<std::uint16_t>(i + 17);
+      entry.kp_nm_per_rad = 200;
+      entry.kd_nm_s_per_rad = 4;
+      chosen.drives.push_back(entry);
+      continue;
+    }
+    const DriveEntry* found = nullptr;
+    for (const DriveEntry& entry : given.drives) {
+      if (entry.joint == joint) found = &entry;
+    }
+    if (found == nullptr) {
+      throw Refused(fmt::format("{}: has no drive for joint '{}' of {}", options.drives, joint,
+                                options.primitive));
+    }
+    chosen.drives.push_back(*found);
+  }
+  return chosen;
+}
+
+/// Checks that the motion fits what the drives can be told, joint by joint.
+void CheckRanges(const Primitive<float>& primitive, const DrivesConfig& drives) {
+  for (std::size_t i = 0; i < drives.drives.size(); ++i) {
+    const DriveEntry& entry = drives.drives[i];
+    const JointLimits<float>& limits = primitive.joints[i].limits;
+    const JointMap& map = entry.mit.joint;
+    const auto check = [&entry](const char* what, const char* unit, float value,
+                                const MitRange& range) {
+      if (value < range.min || value > range.max) {
+        throw Refused(fmt::format(
+            "joint {}: the motion's {} limit is {:.4g} {} at the drive, whose range is {:.4g} ... "
+            "{:.4g} {}; correct the drive's ranges or zero offset, or remake the primitive",
+            entry.joint, what, value, unit, range.min, range.max, unit));
+      }
+    };
+    for (const MitRange& range : {entry.mit.command.position_rad, entry.mit.reply.position_rad}) {
+      check("position", "rad", map.ToDrivePosition(limits.position_min_rad), range);
+      check("position", "rad", map.ToDrivePosition(limits.position_max_rad), range);
+    }
+    check("velocity", "rad/s", map.ToDriveVelocity(limits.velocity_max_rad_s),
+          entry.mit.command.velocity_rad_s);
+    check("velocity", "rad/s", map.ToDriveVelocity(-limits.velocity_max_rad_s),
+          entry.mit.command.velocity_rad_s);
+    check("torque", "N m", map.ToDriveTorque(limits.torque_max_nm), entry.mit.command.torque_nm);
+    check("torque", "N m", map.ToDriveTorque(-limits.torque_max_nm), entry.mit.command.torque_nm);
+  }
+}
+
+/// Says the bits that a tick needs in the worst case, and refuses a rate that does not leave room
+/// for them.
+void CheckSchedule(const DrivesConfig& drives) {
+  const int bits = drives.WorstCaseTickBits();
+  const double ceiling_hz = static_cast<double>(drives.bit_rate) / bits;
+  fmt::print(stderr,
+             "bus schedule: {} setpoints and {} replies of 8 bytes: {} bits a tick at worst; at "
+             "{:.6g} Hz {:.1f} % of "
+             "{} bit/s (ceiling {:.0f} Hz)\n",
+             drives.drives.size(), drives.drives.size(), bits, drives.rate_hz,
+             100 * drives.WorstCaseLoad(), drives.bit_rate, ceiling_hz);
+  if (drives.WorstCaseLoad() > 1) {
+    throw Refused(fmt::format("{} bits a tick do not fit: lower rate_hz to at most {:.0f}", bits,
+                              ceiling_hz));
+  }
+}
+
+ExecutorConfig MakeExecutorConfig(const Options& options, const DrivesConfig& drives) {
+  ExecutorConfig config;
+  config.period_s = static_cast<float>(1 / drives.rate_hz);
+  config.speed = static_cast<float>(options.speed);
+  const auto ticks = [&drives](double time_s) {
+    return static_cast<int>(std::ceil(time_s * drives.rate_hz));
+  };
+  config.arming_ticks_max = ticks(0.5);
+  for (std::size_t i = 0; i < drives.drives.size(); ++i) {
+    const DriveEntry& entry = drives.drives[i];
+    config.joints[i].kp_nm_per_rad = entry.kp_nm_per_rad;
+    config.joints[i].kd_nm_s_per_rad = entry.kd_nm_s_per_rad;
+    config.joints[i].damping_nm_s_per_rad = entry.kd_nm_s_per_rad;
+    config.joints[i].temperature_max_c = entry.temperature_max_c;
+  }
+  return config;
+}
+
+RunSequenceConfig MakeSequenceConfig(const Options& options, double rate_hz) {
+  const auto ticks = [rate_hz](double time_s) {
+    return static_cast<std::int64_t>(std::llround(time_s * rate_hz));
+  };
+  RunSequenceConfig config;
+  config.hold_ticks = ticks(options.hold_s);
+  config.reply_ticks_max = ticks(0.5);
+  config.start_ticks_max = ticks(1);
+  config.stop_hold_ticks = ticks(0.5);
+  config.fault_ticks = ticks(1);
+  return config;
+}
+
+/// Where frames go and time comes from.
+class World {
+ public:
+  World() = default;
+  World(const World&) = delete;
+  World& operator=(const World&) = delete;
+  virtual ~World() = default;
+  virtual CanBus& bus() = 0;
+  virtual Clock& clock() = 0;
+  /// Whether time is real, so that telemetry needs a thread of its own.
+  [[nodiscard]] virtual bool real_time() const = 0;
+  /// Called after every tick.
+  virtual void Observe(const ControlLoop& loop) = 0;
+  virtual void Report(RunReport& report) = 0;
+};
+
+class RealWorld final : public World {
+ public:
+  explicit RealWorld(const std::string& interface) {
+    const SocketCanBus::OpenResult opened = bus_.Open(interface);
+    if (opened.status != Status::kOk) throw std::runtime_error(opened.message);
+  }
+  CanBus& bus() override { return bus_; }
+  Clock& clock() override { return clock_; }
+  [[nodiscard]] bool real_time() const override { return true; }
+  void Observe(const ControlLoop& /*loop*/) override {}
+  void Report(RunReport& /*report*/) override {}
+
+ private:
+  SocketCanBus bus_;
+  MonotonicClock clock_;
+};
+
+class DryRunWorld final : public World {
+ public:
+  DryRunWorld(const std::string& interface, const DrivesConfig& drives,
+              const Primitive<double>& primitive)
+      : clock_([](std::int64_t) {}) {
+    SocketCanBus probe;  // A dry run on an interface that is not there would say nothing about it.
+    const SocketCanBus::OpenResult opened = probe.Open(interface);
+    if (opened.status != Status::kOk) throw std::runtime_error(opened.message);
+    std::vector<DryRunBus::Node> nodes;
+    for (std::size_t i = 0; i < drives.drives.size(); ++i) {
+      nodes.push_back({drives.drives[i].mit, primitive.joints[i].position.control_points()[0]});
+    }
+    bus_ = std::make_unique<DryRunBus>(interface, nodes, clock_, stdout);
+  }
+  CanBus& bus() override { return *bus_; }
+  Clock& clock() override { return clock_; }
+  [[nodiscard]] bool real_time() const override { return false; }
+  void Observe(const ControlLoop& /*loop*/) override {}
+  void Report(RunReport& /*report*/) override {}
+
+ private:
+  VirtualClock clock_;
+  std::unique_ptr<DryRunBus> bus_;
+};
+
+#ifdef TUMBLER_HAS_SIMULATION
+class SimulatedWorld final : public World {
+ public:
+  SimulatedWorld(const PrimitiveFile& file, const DrivesConfig& drives, bool paced)
+      : bus_(drives.bit_rate), host_(bus_.Attach()), paced_(paced) {
+    standing_.expected_pitch_rad = file.exit.root_pitch_rad;
+    std::vector<SimulatedDrive*> pointers;
+    for (std::size_t i = 0; i < drives.drives.size(); ++i) {
+      const DriveEntry& entry = drives.drives[i];
+      SimulatedDriveConfig config;
+      config.mit = entry.mit;
+      config.watchdog_s = entry.watchdog_s;
+      const double torque_max_nm = file.primitive.joints[i].limits.torque_max_nm;
+      config.torque_max_nm =
+          std::abs(entry.mit.joint.ToDriveTorque(static_cast<float>(torque_max_nm)));
+      drives_.push_back(std::make_unique<SimulatedDrive>(config));
+      bus_.Attach(*drives_.back(), SimulatedDrive::PortConfig());
+      pointers.push_back(drives_.back().get());
+    }
+    twin_ = std::make_unique<Twin>(file, TwinConfig{}, bus_, pointers);
+    const auto advance = [this](std::int64_t time_ns) { twin_->AdvanceTo(time_ns); };
+    if (paced) {
+      clock_ = std::make_unique<PacedClock>(advance);
+    } else {
+      clock_ = std::make_unique<VirtualClock>(advance);
+    }
+  }
+  CanBus& bus() override { return host_; }
+  Clock& clock() override { return *clock_; }
+  [[nodiscard]] bool real_time() const override { return paced_; }
+
+  void Observe(const ControlLoop& loop) override {
+    const ExecutorState state = loop.record().state;
+    if (last_ == ExecutorState::kRunning && state == ExecutorState::kSettling) {
+      end_ns_ = loop.time_ns();
+      standing_.pitch_at_end_rad = twin_->state().root_pitch_rad;
+    }
+    last_ = state;
+    const auto later_ns = static_cast<std::int64_t>(StandingReport::kLater_s * 1e9);
+    if (end_ns_ && !standing_.pitch_later_rad && loop.time_ns() >= *end_ns_ + later_ns &&
+        state != ExecutorState::kDisarmed) {
+      standing_.pitch_later_rad = twin_->state().root_pitch_rad;
+    }
+  }
+  void Report(RunReport& report) override {
+    report.standing = standing_;
+    report.measured_load = bus_.load();
+  }
+
+ private:
+  SimulatedBus bus_;
+  SimulatedPort& host_;
+  bool paced_;
+  std::vector<std::unique_ptr<SimulatedDrive>> drives_;
+  std::unique_ptr<Twin> twin_;
+  std::unique_ptr<Clock> clock_;
+  ExecutorState last_ = ExecutorState::kDisarmed;
+  std::optional<std::int64_t> end_ns_;
+  StandingReport standing_;
+};
+#endif
+
+std::unique_ptr<World> MakeWorld(const Options& options, const PrimitiveFile& file,
+                                 const DrivesConfig& drives) {
+  if (options.simulated()) {
+#ifdef TUMBLER_HAS_SIMULATION
+    return std::make_unique<SimulatedWorld>(file, drives, options.realtime);
+#else
+    throw std::runtime_error(
+        "this build has no simulation (TUMBLER_BUILD_OFFLINE is OFF); name a CAN interface");
+#endif
+  }
+  if (options.dry_run()) return std::make_unique<DryRunWorld>(options.bus, drives, file.primitive);
+  return std::make_unique<RealWorld>(options.bus);
+}
+
+void WriteJson(const RunReport& report, const std::string& path) {
+  if (path == "-") {
+    std::cout << ToJson(report) << std::flush;
+    return;
+  }
+  std::ofstream stream(path);
+  stream << ToJson(report) << std::flush;
+  if (!stream) throw std::runtime_error(fmt::format("{}: cannot be written", path));
+}
+
+std::int64_t UtimeAtZero(const World& world) {
+  if (!world.real_time()) return 0;
+  const auto since_epoch = std::chrono::system_clock::now().time_since_epoch();
+  return std::chrono::duration_cast<std::chrono::microseconds>(since_epoch).count();
+}
+
+int Run(const Options& options) {
+  const PrimitiveFile file = LoadPrimitive(options.primitive);
+  const Primitive<float> primitive = ToRuntime(file.primitive);
+  if (options.drives.empty() && !options.simulated()) {
+    throw std::runtime_error(
+        fmt::format("{} is a real bus: say with --drives which drives are on it", options.bus));
+  }
+  const DrivesConfig drives = DrivesFor(options, file.primitive);
+  CheckRanges(primitive, drives);
+  CheckSchedule(drives);
+
+  std::vector<std::unique_ptr<MitDrive>> mit_drives;
+  std::vector<Drive*> pointers;
+  RunReport report;
+  for (const DriveEntry& entry : drives.drives) {
+    mit_drives.push_back(std::make_unique<MitDrive>(entry.mit));
+    pointers.push_back(mit_drives.back().get());
+    report.joints.push_back(entry.joint);
+  }
+  Executor executor;
+  if (executor.Configure(MakeExecutorConfig(options, drives), primitive, pointers) != Status::kOk) {
+    throw Refused(fmt::format(
+        "{}: the executor does not take this motion: it has to start at rest, last at most "
+        "10000 s and run at 1 Hz ... 100 kHz",
+        options.primitive));
+  }
+
+  const std::unique_ptr<World> world = MakeWorld(options, file, drives);
+  TelemetryConfig telemetry_config;
+  telemetry_config.log_file = options.log;
+  telemetry_config.lcm_url = options.lcm_url;
+  telemetry_config.trace_file = options.trace;
+  telemetry_config.joint_names = report.joints;
+  telemetry_config.utime_at_zero_us = UtimeAtZero(*world);
+  Telemetry telemetry(telemetry_config);
+  std::optional<LcmCommands> commands;
+  if (!options.lcm_url.empty()) commands.emplace(options.lcm_url, SignalMailbox());
+  if (world->real_time())
+    telemetry.Start();  // Before SCHED_FIFO, which its thread must not inherit.
+
+  CatchInterrupts();
+  if (options.realtime) {
+    report.realtime = EnterRealtime();
+    if (!report.realtime->in_force()) {
+      if (!options.simulated() && !options.dry_run() && !options.without_realtime) {
+        throw Refused(report.realtime->problems + "; or accept late ticks with --without-realtime");
+      }
+      fmt::print(stderr, "warning: {}\n", report.realtime->problems);
+    }
+  } else if (!options.simulated() && !options.dry_run() && !options.without_realtime) {
+    throw Refused(
+        "driving motors takes --realtime (or --without-realtime, and patience with late ticks)");
+  }
+
+  const auto period_ns = static_cast<std::int64_t>(std::llround(1e9 / drives.rate_hz));
+  RunSequence sequence(MakeSequenceConfig(options, drives.rate_hz));
+  Clock& clock = world->clock();
+  const std::int64_t start_ns = world->real_time() ? clock.now_ns() + period_ns : 0;
+  ControlLoop loop({executor, world->bus(), clock, sequence, SignalMailbox(), &telemetry},
+                   period_ns, start_ns);
+  while (loop.Step()) {
+    world->Observe(loop);
+    if (!world->real_time()) telemetry.Drain();
+  }
+  telemetry.Stop();
+
+  report.bus = options.bus;
+  report.primitive = std::string(file.primitive.name.view());
+  report.speed = options.speed;
+  report.rate_hz = drives.rate_hz;
+  report.dry_run = options.dry_run();
+  report.simulated = options.simulated();
+  report.outcome = sequence.outcome();
+  if (report.outcome == RunOutcome::kRefused)
+    report.reason = Describe(sequence.refusal(), report.joints);
+  if (loop.record().first_fault.fault != Fault::kNone) {
+    report.reason = Describe(loop.record().first_fault, report.joints);
+  } else if (report.outcome == RunOutcome::kStopped) {
+    report.reason = "stopped by the operator";
+  }
+  report.statistics = loop.statistics();
+  report.worst_case_tick_bits = drives.WorstCaseTickBits();
+  report.worst_case_load = drives.WorstCaseLoad();
+  report.lost_records = telemetry.lost();
+  report.unpublished_messages = telemetry.unpublished();
+  world->Report(report);
+  for (const std::string& path : {options.log, options.trace}) {
+    if (!path.empty()) report.files.push_back(path);
+  }
+  if (!options.json.empty() && options.json != "-") report.files.push_back(options.json);
+  if (!options.json.empty()) WriteJson(report, options.json);
+  // Standard output belongs to whoever asked for frames or JSON there.
+  std::FILE* out = options.json == "-" || options.dry_run() ? stderr : stdout;
+  fmt::print(out, "{}", ToText(report));
+  return ExitCode(report.outcome);
+}
+
+int Main(int argc, char** argv) {
+  Options options;
+  CLI::App app("Plays a motion primitive on motor drives over CAN, or on a simulated robot.",
+               "tumbler-run");
+  app.footer(kFooter);
+  app.add_option("BUS", options.bus, "`sim` or a SocketCAN interface")->required();
+  app.add_option("PRIMITIVE", options.primitive, "primitive file (TOML)")->required();
+  app.add_option(
+      "--drives", options.drives,
+      "drive configuration (TOML). Needed on a real interface; for sim the default is MIT drives "
+      "with ids 1, "
+      "2, ... in the order of the joints, replies on 17, 18, ..., kp 200, kd 4, 1000 Hz, 1 Mbit/s");
+  app.add_flag("--arm", options.arm,
+               "drive the motors; without it a real interface only sees a dry run");
+  app.add_flag("--realtime", options.realtime,
+               "SCHED_FIFO and locked memory; a simulation then runs at the pace of the clock");
+  app.add_flag("--without-realtime", options.without_realtime,
+               "arm a real bus even though they are not in force");
+  app.add_option("--speed", options.speed, "playback speed; feed-forward is scaled by its square")
+      ->check(CLI::Range(0.1, 1.0))
+      ->capture_default_str();
+  app.add_option("--hold-s", options.hold_s, "how long to hold after settling [s]")
+      ->check(CLI::Range(0.0, 3600.0))
+      ->capture_default_str();
+  app.add_option("--log", options.log, "write every tick to this LCM log");
+  app.add_option("--lcm-url", options.lcm_url,
+                 "publish live and take commands there, e.g. udpm://239.255.76.67:7667?ttl=0");
+  app.add_option("--json", options.json,
+                 "write the summary as JSON to this file, or - for standard output");
+  app.add_option("--trace", options.trace, "write every tick to this CSV file");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::CallForHelp& help) {
+    return app.exit(help);
+  } catch (const CLI::ParseError& error) {
+    app.exit(error);
+    return kExitUsage;
+  }
+  try {
+    return Run(options);
+  } catch (const Refused& refused) {
+    fmt::print(stderr, "tumbler-run: refused: {}\n", refused.what());
+    return kExitRefused;
+  } catch (const std::exception& error) {
+    fmt::print(stderr, "tumbler-run: {}\n", error.what());
+    return kExitUsage;
+  }
+}
+
+}  // namespace
+}  // namespace tumbler
+
+int main(int argc, char** argv) { return tumbler::Main(argc, argv); }

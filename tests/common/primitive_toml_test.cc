@@ -1,0 +1,812 @@
+#include "common/primitive_toml.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <bit>
+#include <cmath>
+#include <cstdio>
+#include <fstream>
+#include <functional>
+#include <limits>
+#include <random>
+#include <stdexcept>
+
+#include "common/toml_reader.h"
+
+namespace tumbler {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+using Spline = JointMotion<double>::Spline;
+
+Spline MakeSpline(int degree, const std::vector<double>& interior_knots, double duration,
+                  const std::vector<double>& points) {
+  std::vector<double> knots(static_cast<std::size_t>(degree) + 1, 0.0);
+  knots.insert(knots.end(), interior_knots.begin(), interior_knots.end());
+  knots.insert(knots.end(), static_cast<std::size_t>(degree) + 1, duration);
+  Spline spline;
+  EXPECT_EQ(spline.Assign(degree, knots, points), Status::kOk);
+  return spline;
+}
+
+/// Fills in everything that follows from the motions.
+void Complete(PrimitiveFile& file) {
+  file.entry.joint_positions_rad.clear();
+  file.exit.joint_positions_rad.clear();
+  for (const auto& motion : file.primitive.motions()) {
+    file.entry.joint_positions_rad.push_back(motion.position.control_points().front());
+    file.exit.joint_positions_rad.push_back(motion.position.control_points().back());
+  }
+  file.certificate.coefficients_hash = HashOfCoefficients(file.primitive);
+  const LimitMargins margins = MarginsOf(file.primitive);
+  file.certificate.position_margin_rad = margins.position_rad;
+  file.certificate.velocity_margin_rad_s = margins.velocity_rad_s;
+  file.certificate.acceleration_margin_rad_s2 = margins.acceleration_rad_s2;
+  file.provenance.robot_hash = HashOfText(file.provenance.robot_urdf);
+  file.provenance.task_hash = HashOfText(file.provenance.task_toml);
+}
+
+/// Two joints with numbers that are easy to find in the text.
+PrimitiveFile Example() {
+  PrimitiveFile file;
+  Primitive<double>& primitive = file.primitive;
+  primitive.name = FixedString<48>("wave");
+  primitive.duration_s = 1.25;
+  primitive.settle_s = 0.375;
+  primitive.entry_tolerance_rad = 0.0625;
+  primitive.following_tolerance_rad = 0.5;
+  primitive.joint_count = 2;
+  auto& left = primitive.joints[0];
+  left.name = FixedString<32>("left");
+  left.position =
+      MakeSpline(5, {0.5, 0.75}, 1.25, {0.125, 0.125, 0.125, 0.3125, 0.25, 0.25, 0.25, 0.25});
+  left.torque = MakeSpline(1, {0.625}, 1.25, {0.0, 1.5, -0.75});
+  left.limits = {-1.0, 1.0, 10.0, 100.0, 2.0};
+  auto& right = primitive.joints[1];
+  right.name = FixedString<32>("right");
+  right.position = MakeSpline(3, {0.625}, 1.25, {-0.5, -0.5, -0.4375, -0.5, -0.5});
+  right.torque = MakeSpline(0, {}, 1.25, {0.375});
+  right.limits = {-2.0, 2.0, 12.0, 120.0, 3.0};
+  file.entry.root_z_m = 0.15;
+  file.exit.root_pitch_rad = 1.5;
+  file.contacts = {{"leg2/0", "ground", 0.0, 1.25, 31.5}, {"leg1/1", "ground", 0.0, 0.4375, 12.0}};
+  file.certificate.peak_torque_nm = 1.5;
+  file.certificate.settled_pitch_error_rad = -0.001;
+  file.provenance.tool = "test 1.0";
+  file.provenance.seed = 42;
+  file.provenance.objective = 0.21;
+  file.provenance.evaluations = 1234;
+  file.provenance.robot_file = "robot.urdf";
+  file.provenance.task_file = "task.toml";
+  file.provenance.robot_urdf = "<robot name=\"r\">\n\t<link name='a'/>\n</robot>\n";
+  file.provenance.task_toml = "[contact]\nstiffness = 1e4\n";
+  Complete(file);
+  return file;
+}
+
+void ExpectSameBits(double a, double b) {
+  EXPECT_EQ(std::bit_cast<std::uint64_t>(a), std::bit_cast<std::uint64_t>(b)) << a << " and " << b;
+}
+
+void ExpectSameBits(std::span<const double> a, std::span<const double> b) {
+  ASSERT_EQ(a.size(), b.size());
+  for (std::size_t i = 0; i < a.size(); ++i) ExpectSameBits(a[i], b[i]);
+}
+
+void ExpectSame(const Spline& a, const Spline& b) {
+  EXPECT_EQ(a.degree(), b.degree());
+  ExpectSameBits(a.knots(), b.knots());
+  ExpectSameBits(a.control_points(), b.control_points());
+}
+
+void ExpectSame(const PrimitivePose& a, const PrimitivePose& b) {
+  ExpectSameBits(a.root_x_m, b.root_x_m);
+  ExpectSameBits(a.root_z_m, b.root_z_m);
+  ExpectSameBits(a.root_pitch_rad, b.root_pitch_rad);
+  ExpectSameBits(a.joint_positions_rad, b.joint_positions_rad);
+}
+
+void ExpectSame(const PrimitiveFile& a, const PrimitiveFile& b) {
+  EXPECT_EQ(a.primitive.name.view(), b.primitive.name.view());
+  ExpectSameBits(a.primitive.duration_s, b.primitive.duration_s);
+  ExpectSameBits(a.primitive.settle_s, b.primitive.settle_s);
+  ExpectSameBits(a.primitive.entry_tolerance_rad, b.primitive.entry_tolerance_rad);
+  ExpectSameBits(a.primitive.following_tolerance_rad, b.primitive.following_tolerance_rad);
+  ASSERT_EQ(a.primitive.joint_count, b.primitive.joint_count);
+  for (std::size_t i = 0; i < a.primitive.motions().size(); ++i) {
+    const auto& first = a.primitive.joints[i];
+    const auto& second = b.primitive.joints[i];
+    EXPECT_EQ(first.name.view(), second.name.view());
+    ExpectSame(first.position, second.position);
+    ExpectSame(first.torque, second.torque);
+    ExpectSameBits(first.limits.position_min_rad, second.limits.position_min_rad);
+    ExpectSameBits(first.limits.position_max_rad, second.limits.position_max_rad);
+    ExpectSameBits(first.limits.velocity_max_rad_s, second.limits.velocity_max_rad_s);
+    ExpectSameBits(first.limits.acceleration_max_rad_s2, second.limits.acceleration_max_rad_s2);
+    ExpectSameBits(first.limits.torque_max_nm, second.limits.torque_max_nm);
+  }
+  ExpectSame(a.entry, b.entry);
+  ExpectSame(a.exit, b.exit);
+  ASSERT_EQ(a.contacts.size(), b.contacts.size());
+  for (std::size_t i = 0; i < a.contacts.size(); ++i) {
+    EXPECT_EQ(a.contacts[i].shape, b.contacts[i].shape);
+    EXPECT_EQ(a.contacts[i].obstacle, b.contacts[i].obstacle);
+    ExpectSameBits(a.contacts[i].start_s, b.contacts[i].start_s);
+    ExpectSameBits(a.contacts[i].end_s, b.contacts[i].end_s);
+    ExpectSameBits(a.contacts[i].peak_normal_force_n, b.contacts[i].peak_normal_force_n);
+  }
+  const Certificate& c = a.certificate;
+  const Certificate& d = b.certificate;
+  EXPECT_EQ(c.coefficients_hash, d.coefficients_hash);
+  ExpectSameBits(c.gradient_error, d.gradient_error);
+  ExpectSameBits(c.projected_gradient, d.projected_gradient);
+  ExpectSameBits(c.constraint_violation, d.constraint_violation);
+  ExpectSameBits(c.step_halving_error_rad, d.step_halving_error_rad);
+  ExpectSameBits(c.settled_pitch_error_rad, d.settled_pitch_error_rad);
+  ExpectSameBits(c.peak_torque_nm, d.peak_torque_nm);
+  ExpectSameBits(c.peak_penetration_m, d.peak_penetration_m);
+  ExpectSameBits(c.position_margin_rad, d.position_margin_rad);
+  ExpectSameBits(c.velocity_margin_rad_s, d.velocity_margin_rad_s);
+  ExpectSameBits(c.acceleration_margin_rad_s2, d.acceleration_margin_rad_s2);
+  ExpectSameBits(c.torque_margin_nm, d.torque_margin_nm);
+  const Provenance& p = a.provenance;
+  const Provenance& q = b.provenance;
+  EXPECT_EQ(p.tool, q.tool);
+  EXPECT_EQ(p.seed, q.seed);
+  ExpectSameBits(p.objective, q.objective);
+  EXPECT_EQ(p.evaluations, q.evaluations);
+  EXPECT_EQ(p.robot_file, q.robot_file);
+  EXPECT_EQ(p.task_file, q.task_file);
+  EXPECT_EQ(p.robot_hash, q.robot_hash);
+  EXPECT_EQ(p.task_hash, q.task_hash);
+  EXPECT_EQ(p.robot_urdf, q.robot_urdf);
+  EXPECT_EQ(p.task_toml, q.task_toml);
+}
+
+/// Any finite double, all exponents alike: denormals and both zeros included.
+double AnyFinite(std::mt19937_64& random) {
+  if (random() % 16 == 0)
+    return random() % 2 == 0 ? -0.0 : std::bit_cast<double>(random() % 1000 + 1);
+  for (;;) {
+    const double value = std::bit_cast<double>(random());
+    if (std::isfinite(value)) return value;
+  }
+}
+
+double AnyNonNegative(std::mt19937_64& random) { return std::abs(AnyFinite(random)); }
+
+/// Any double within [-limit, limit], of any magnitude.
+double AnyWithin(std::mt19937_64& random, double limit) {
+  for (;;) {
+    const double value = AnyFinite(random);
+    if (std::abs(value) <= limit) return value;
+  }
+}
+
+std::string AnyText(std::mt19937_64& random) {
+  static const std::vector<std::string> kPieces = {"'",        "''",           "'''",
+                                                   "\"",       "\"\"\"",       "\\",
+                                                   "\\u0041",  "\r",           "\r\n",
+                                                   "\n",       "\t",           " ",
+                                                   "a",        "key = 1",      "# no comment",
+                                                   "[t]",      "\x01",         "\x7f",
+                                                   "\xc3\xa9", "\xe2\x82\xac", "\xf0\x9f\xa4\x96"};
+  std::string text;
+  const std::size_t count = random() % 12;
+  for (std::size_t i = 0; i < count; ++i) text += kPieces[random() % kPieces.size()];
+  return text;
+}
+
+Spline AnySpline(std::mt19937_64& random, int min_degree, int max_interior_multiplicity,
+                 double duration, double magnitude) {
+  std::uniform_real_distribution<double> unit(0.0, 1.0);
+  const int degree =
+      min_degree + static_cast<int>(random() % static_cast<unsigned>(8 - min_degree));
+  const int interior = static_cast<int>(random() % 10);
+  std::vector<double> knots;
+  for (int i = 0; i < interior; ++i) {
+    const double knot = duration * (i + 0.1 + 0.8 * unit(random)) / interior;
+    const int times =
+        1 + static_cast<int>(random() % static_cast<unsigned>(std::max(
+                                            std::min(degree - 2, max_interior_multiplicity), 1)));
+    knots.insert(knots.end(), static_cast<std::size_t>(times), knot);
+  }
+  std::vector<double> points(knots.size() + static_cast<std::size_t>(degree) + 1);
+  for (double& point : points) point = AnyWithin(random, magnitude);
+  return MakeSpline(degree, knots, duration, points);
+}
+
+PrimitiveFile AnyPrimitive(std::mt19937_64& random) {
+  std::uniform_real_distribution<double> unit(0.0, 1.0);
+  PrimitiveFile file;
+  Primitive<double>& primitive = file.primitive;
+  primitive.name = FixedString<48>("any \"name\" \\ \xe2\x82\xac");
+  primitive.duration_s = 0.5 + unit(random);
+  primitive.settle_s = AnyNonNegative(random);
+  primitive.entry_tolerance_rad = std::max(AnyNonNegative(random), 5e-324);
+  primitive.following_tolerance_rad = std::max(AnyNonNegative(random), 5e-324);
+  primitive.joint_count = 1 + static_cast<int>(random() % kMaxJoints);
+  for (int i = 0; i < primitive.joint_count; ++i) {
+    auto& motion = primitive.joints[static_cast<std::size_t>(i)];
+    motion.name = FixedString<32>("joint" + std::to_string(i));
+    motion.position = AnySpline(random, 3, 2, primitive.duration_s, 3.0);
+    motion.torque = AnySpline(random, 0, 1, primitive.duration_s, 18.0);
+    motion.limits = {-3.0 - unit(random), 3.0 + unit(random), 1e300, 1e301, 18.0 + unit(random)};
+  }
+  for (PrimitivePose* pose : {&file.entry, &file.exit}) {
+    pose->root_x_m = AnyFinite(random);
+    pose->root_z_m = AnyFinite(random);
+    pose->root_pitch_rad = AnyFinite(random);
+  }
+  for (std::size_t i = random() % 4; i > 0; --i) {
+    const double start = AnyNonNegative(random);
+    const double end = AnyNonNegative(random);
+    file.contacts.push_back({AnyText(random), AnyText(random), std::min(start, end),
+                             std::max(start, end), AnyNonNegative(random)});
+  }
+  Certificate& certificate = file.certificate;
+  certificate.gradient_error = AnyNonNegative(random);
+  certificate.projected_gradient = AnyNonNegative(random);
+  certificate.constraint_violation = AnyNonNegative(random);
+  certificate.step_halving_error_rad = AnyFinite(random);
+  certificate.settled_pitch_error_rad = AnyFinite(random);
+  certificate.peak_torque_nm = AnyNonNegative(random);
+  certificate.peak_penetration_m = AnyNonNegative(random);
+  certificate.torque_margin_nm = AnyFinite(random);
+  Provenance& provenance = file.provenance;
+  provenance.tool = AnyText(random);
+  provenance.seed = random() >> 1;
+  provenance.objective = AnyFinite(random);
+  provenance.evaluations = static_cast<std::int64_t>(random() >> 1);
+  provenance.robot_file = AnyText(random);
+  provenance.task_file = AnyText(random);
+  provenance.robot_urdf = AnyText(random);
+  provenance.task_toml = AnyText(random);
+  Complete(file);
+  return file;
+}
+
+TEST(PrimitiveToml, RoundTripsRandomPrimitivesBitForBit) {
+  std::mt19937_64 random(2004);
+  for (int trial = 0; trial < 300 && !testing::Test::HasFailure(); ++trial) {
+    const PrimitiveFile file = AnyPrimitive(random);
+    const std::string text = ToToml(file);
+    const PrimitiveFile read = ParsePrimitive(text, "random.toml");
+    ExpectSame(read, file);
+    EXPECT_EQ(ToToml(read), text);
+  }
+}
+
+TEST(PrimitiveToml, RoundTripsEverySingleByteThatTextsMayHold) {
+  for (int byte = 0; byte < 0x80; ++byte) {
+    PrimitiveFile file = Example();
+    const std::string c(1, static_cast<char>(byte));
+    file.provenance.robot_urdf = c;
+    file.provenance.task_toml = "a" + c + c + c + "b\n" + c + "\n";
+    file.provenance.tool = c;
+    Complete(file);
+    const PrimitiveFile read = ParsePrimitive(ToToml(file), "bytes.toml");
+    EXPECT_EQ(read.provenance.robot_urdf, file.provenance.robot_urdf) << byte;
+    EXPECT_EQ(read.provenance.task_toml, file.provenance.task_toml) << byte;
+    EXPECT_EQ(read.provenance.tool, file.provenance.tool) << byte;
+  }
+}
+
+TEST(PrimitiveToml, KeepsOrdinaryTextsReadableInPlace) {
+  const PrimitiveFile file = Example();
+  EXPECT_THAT(ToToml(file), HasSubstr("'''\n" + file.provenance.robot_urdf + "'''"));
+}
+
+TEST(PrimitiveToml, LoadsAFileAndNamesAMissingOne) {
+  const PrimitiveFile file = Example();
+  const std::string path = testing::TempDir() + "tumbler_primitive_toml_test.toml";
+  std::ofstream(path, std::ios::binary) << ToToml(file);
+  ExpectSame(LoadPrimitive(path), file);
+  std::remove(path.c_str());
+  try {
+    LoadPrimitive(path);
+    FAIL();
+  } catch (const FileError& error) {
+    EXPECT_THAT(error.what(), HasSubstr(path));
+  }
+}
+
+TEST(PrimitiveToml, HashOfTextIsFnv1a) {
+  // Vectors of the reference implementation (Fowler, Noll, Vo; test_fnv.c).
+  EXPECT_EQ(HashOfText(""), "fnv1a64:cbf29ce484222325");
+  EXPECT_EQ(HashOfText("a"), "fnv1a64:af63dc4c8601ec8c");
+  EXPECT_EQ(HashOfText("foobar"), "fnv1a64:85944171f73967e8");
+}
+
+TEST(PrimitiveToml, HashOfCoefficientsChangesWithEverythingThatIsPlayed) {
+  const Primitive<double> original = Example().primitive;
+  const std::vector<std::function<void(Primitive<double>&)>> changes = {
+      [](auto& p) { p.name = FixedString<48>("wavf"); },
+      [](auto& p) { p.duration_s = std::nextafter(p.duration_s, 2.0); },
+      [](auto& p) { p.settle_s = -p.settle_s; },
+      [](auto& p) { p.entry_tolerance_rad *= 2; },
+      [](auto& p) { p.following_tolerance_rad *= 2; },
+      [](auto& p) { p.joint_count = 1; },
+      [](auto& p) { p.joints[1].name = FixedString<32>("righ"); },
+      [](auto& p) { p.joints[1].limits.position_min_rad += 1; },
+      [](auto& p) { p.joints[1].limits.position_max_rad += 1; },
+      [](auto& p) { p.joints[1].limits.velocity_max_rad_s += 1; },
+      [](auto& p) { p.joints[1].limits.acceleration_max_rad_s2 += 1; },
+      [](auto& p) { p.joints[1].limits.torque_max_nm += 1; },
+      [](auto& p) {
+        p.joints[1].position = MakeSpline(3, {0.5}, 1.25, {-0.5, -0.5, -0.4375, -0.5, -0.5});
+      },
+      [](auto& p) {
+        p.joints[1].position = MakeSpline(3, {0.625}, 1.25, {-0.5, -0.5, -0.437, -0.5, -0.5});
+      },
+      [](auto& p) { p.joints[1].torque = MakeSpline(0, {}, 1.25, {-0.375}); },
+      [](auto& p) {
+        p.joints[1].torque = MakeSpline(1, {}, 1.25, {0.375, 0.375});
+      },
+      [](auto& p) { std::swap(p.joints[0], p.joints[1]); }};
+  std::vector<std::string> hashes = {HashOfCoefficients(original)};
+  for (std::size_t i = 0; i < changes.size(); ++i) {
+    Primitive<double> changed = original;
+    changes[i](changed);
+    hashes.push_back(HashOfCoefficients(changed));
+  }
+  for (std::size_t i = 0; i < hashes.size(); ++i) {
+    for (std::size_t j = 0; j < i; ++j) EXPECT_NE(hashes[i], hashes[j]) << i << " and " << j;
+  }
+}
+
+TEST(PrimitiveToml, MarginsAreDistancesOfTheControlPolygonToTheLimits) {
+  const LimitMargins margins = MarginsOf(Example().primitive);
+  EXPECT_DOUBLE_EQ(margins.position_rad, 1.0 - 0.3125);
+  EXPECT_DOUBLE_EQ(margins.torque_nm, 0.5);
+  // The fastest control point is the first joint's, (0.3125 - 0.125) * 5 / (1.25 - 0).
+  EXPECT_NEAR(margins.velocity_rad_s, 10.0 - 5 * 0.1875 / 1.25, 1e-12);
+}
+
+// ---- Refusals
+// ------------------------------------------------------------------------------------------------------
+
+struct Refusal {
+  const char* name;
+  std::string from;  // must occur in the text
+  std::string to;
+  std::vector<std::string> fragments;
+};
+
+std::string Mutate(const std::string& text, const std::string& from, const std::string& to) {
+  const std::size_t at = text.find(from);
+  EXPECT_NE(at, std::string::npos) << "the example holds no " << from;
+  if (at == std::string::npos) return text;
+  return text.substr(0, at) + to + text.substr(at + from.size());
+}
+
+class PrimitiveRefusal : public testing::TestWithParam<Refusal> {};
+
+TEST_P(PrimitiveRefusal, NamesFileLineKeyAndCause) {
+  const Refusal& refusal = GetParam();
+  const std::string text = Mutate(ToToml(Example()), refusal.from, refusal.to);
+  try {
+    ParsePrimitive(text, "p.toml");
+    FAIL() << "was accepted";
+  } catch (const FileError& error) {
+    const std::string message = error.what();
+    EXPECT_THAT(message, testing::MatchesRegex("p\\.toml:[0-9]+: .+"));
+    for (const std::string& fragment : refusal.fragments) EXPECT_THAT(message, HasSubstr(fragment));
+  }
+}
+
+const std::string kLeftPoints = "0.125, 0.125, 0.125, 0.3125,\n  0.25, 0.25, 0.25, 0.25\n]";
+const std::string kLeftKnots =
+    "0.0, 0.0, 0.0, 0.0,\n  0.0, 0.0, 0.5, 0.75,\n  1.25, 1.25, 1.25, 1.25,\n  1.25, 1.25\n]";
+
+INSTANTIATE_TEST_SUITE_P(
+    PrimitiveToml, PrimitiveRefusal,
+    testing::Values(
+        Refusal{"Format",
+                "tumbler-primitive",
+                "tumbler-gait",
+                {"format: is 'tumbler-gait'", "'tumbler-primitive'"}},
+        Refusal{"NewerVersion",
+                "version = 1",
+                "version = 2",
+                {"p.toml:4: version: is 2", "reads versions up to 1", "newer program"}},
+        Refusal{
+            "VersionZero", "version = 1", "version = 0", {"version: is 0", "first version is 1"}},
+        Refusal{"VersionText",
+                "version = 1",
+                "version = \"1\"",
+                {"version: is a string; expected an integer"}},
+        Refusal{"NoVersion", "version = 1", "", {"version: is missing"}},
+        Refusal{"EmptyName", "name = \"wave\"", "name = \"\"", {"name: is ''", "from 1 ... 48"}},
+        Refusal{"LongName",
+                "name = \"wave\"",
+                "name = \"" + std::string(49, 'x') + "\"",
+                {"name: is", "49 bytes"}},
+        Refusal{"ZeroDuration",
+                "duration_s = 1.25",
+                "duration_s = 0.0",
+                {"duration_s: is 0; allowed: > 0"}},
+        Refusal{"NanDuration",
+                "duration_s = 1.25",
+                "duration_s = nan",
+                {"duration_s: is nan; allowed: > 0"}},
+        Refusal{"OtherDuration",
+                "duration_s = 1.25",
+                "duration_s = 1.5",
+                {"joint[0].position.knots_s: ends at 1.25", "duration_s, which is 1.5"}},
+        Refusal{"NegativeSettle",
+                "settle_s = 0.375",
+                "settle_s = -1.0",
+                {"settle_s: is -1; allowed: >= 0"}},
+        Refusal{"ZeroEntryTolerance",
+                "entry_tolerance_rad = 0.0625",
+                "entry_tolerance_rad = 0.0",
+                {"entry_tolerance_rad: is 0; allowed: > 0"}},
+        Refusal{"ZeroFollowingTolerance",
+                "following_tolerance_rad = 0.5",
+                "following_tolerance_rad = 0.0",
+                {"following_tolerance_rad: is 0; allowed: > 0"}},
+        Refusal{"NoJoints", "[[joint]]", "[[joimt]]", {"joint"}},
+        Refusal{"SameJointTwice",
+                "name = \"right\"",
+                "name = \"left\"",
+                {"joint[1].name: is 'left'", "earlier joint"}},
+        Refusal{"LongJointName",
+                "name = \"left\"",
+                "name = \"" + std::string(33, 'x') + "\"",
+                {"joint[0].name: is", "33 bytes"}},
+        Refusal{"LimitsInverted",
+                "position_max_rad = 1.0",
+                "position_max_rad = -1.0",
+                {"joint[0].limits.position_max_rad: is -1", "above position_min_rad"}},
+        Refusal{"ZeroVelocityLimit",
+                "velocity_max_rad_s = 10.0",
+                "velocity_max_rad_s = 0.0",
+                {"joint[0].limits.velocity_max_rad_s: is 0; allowed: > 0"}},
+        Refusal{"InfiniteAccelerationLimit",
+                "acceleration_max_rad_s2 = 100.0",
+                "acceleration_max_rad_s2 = inf",
+                {"acceleration_max_rad_s2: is inf"}},
+        Refusal{"NegativeTorqueLimit",
+                "torque_max_nm = 2.0",
+                "torque_max_nm = -2.0",
+                {"joint[0].limits.torque_max_nm: is -2"}},
+        Refusal{"DegreeTooLow",
+                "degree = 5",
+                "degree = 2",
+                {"joint[0].position.degree: is 2; allowed: from 3 ... 7"}},
+        Refusal{"DegreeTooHigh",
+                "degree = 5",
+                "degree = 8",
+                {"joint[0].position.degree: is 8; allowed: from 3 ... 7"}},
+        Refusal{"DegreeDoesNotFitKnots",
+                "degree = 5",
+                "degree = 4",
+                {"joint[0].position.knots_s: holds 14 numbers", "need 13"}},
+        Refusal{"TooFewCoefficients",
+                kLeftPoints,
+                "0.125, 0.125]",
+                {"joint[0].position.coefficients_rad: holds 2 numbers", "from 6 (degree + 1)"}},
+        Refusal{"TooManyCoefficients",
+                kLeftPoints,
+                [] {
+                  std::string s;
+                  for (int i = 0; i < 65; ++i) s += "0.1,";
+                  return s + "]";
+                }(),
+                {"coefficients_rad: holds 65 numbers", "... 64"}},
+        Refusal{"OneCoefficientMissing",
+                kLeftPoints,
+                "0.125, 0.125, 0.125, 0.3125, 0.25, 0.25, 0.25]",
+                {"knots_s: holds 14 numbers; 7 coefficients of degree 5 need 13"}},
+        Refusal{
+            "NanCoefficient", "0.3125", "nan", {"joint[0].position.coefficients_rad[3]: is nan"}},
+        Refusal{"InfiniteKnot", "0.5, 0.75", "0.5, inf", {"joint[0].position.knots_s[7]: is inf"}},
+        Refusal{"TextCoefficient",
+                "0.3125",
+                "\"0.3125\"",
+                {"coefficients_rad[3]: is a string; expected a number"}},
+        Refusal{"KnotsDecrease",
+                "0.5, 0.75",
+                "0.75, 0.5",
+                {"joint[0].position.knots_s: knot 7 is 0.5, less than knot 6"}},
+        Refusal{"KnotsStartLate",
+                kLeftKnots,
+                "0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.5, 0.75, 1.25, 1.25, 1.25, 1.25, 1.25, 1.25]",
+                {"knots_s: starts at 0.1; a motion starts at 0"}},
+        Refusal{"KnotsNotClamped",
+                kLeftKnots,
+                "0.0, 0.0, 0.0, 0.0, 0.0, 0.1, 0.5, 0.75, 1.25, 1.25, 1.25, 1.25, 1.25, 1.25]",
+                {"knots_s: must begin and end with 6 equal knots"}},
+        Refusal{
+            "KnotAtTheEnd", "0.5, 0.75", "0.5, 1.25", {"knots_s: knot 7, 1.25, occurs too often"}},
+        Refusal{"KnotRepeatedTooOften",
+                "[joint.position]\ndegree = 3\nknots_s = [\n  0.0, 0.0, 0.0, 0.0,\n  0.625, 1.25, "
+                "1.25, 1.25,\n  1.25\n]\ncoefficients_rad = [\n  -0.5, -0.5,",
+                "[joint.position]\ndegree = 3\nknots_s = [0.0, 0.0, 0.0, 0.0, 0.625, 0.625, 1.25, "
+                "1.25, 1.25, 1.25]\ncoefficients_rad = [-0.5, -0.5, -0.5,",
+                {"joint[1].position.knots_s: knot 5, 0.625, occurs too often", "1 times"}},
+        Refusal{"PositionAboveLimit",
+                "position_max_rad = 1.0",
+                "position_max_rad = 0.3",
+                {"joint[0].position.coefficients_rad: joint 'left': control point 3 of position is "
+                 "0.3125 rad; allowed: <= 0.3 rad"}},
+        Refusal{"PositionBelowLimit",
+                "position_min_rad = -1.0",
+                "position_min_rad = 0.2",
+                {"joint 'left': control point 0 of position is 0.125 rad; allowed: >= 0.2 rad"}},
+        Refusal{"VelocityAboveLimit",
+                "velocity_max_rad_s = 10.0",
+                "velocity_max_rad_s = 0.5",
+                {"joint 'left': control point",
+                 "of velocity is 0.75 rad/s; allowed: <= 0.5 rad/s (limits.velocity_max_rad_s)"}},
+        Refusal{"AccelerationAboveLimit",
+                "acceleration_max_rad_s2 = 100.0",
+                "acceleration_max_rad_s2 = 1.0",
+                {"joint 'left': control point", "of acceleration is", "rad/s^2",
+                 "limits.acceleration_max_rad_s2"}},
+        Refusal{"TorqueAboveLimit",
+                "torque_max_nm = 2.0",
+                "torque_max_nm = 1.0",
+                {"joint[0].torque.coefficients_nm: joint 'left': control point 1 of feed-forward "
+                 "torque is 1.5 N m; allowed: <= 1 N m"}},
+        Refusal{"TorqueEndsEarly",
+                "0.0, 0.0, 0.625, 1.25,\n  1.25",
+                "0.0, 0.0, 0.625, 1.0,\n  1.0",
+                {"joint[0].torque.knots_s: ends at 1.0"}},
+        Refusal{"EntryElsewhere",
+                "joint_positions_rad = [0.125, -0.5]",
+                "joint_positions_rad = [0.126, -0.5]",
+                {"entry.joint_positions_rad: joint 'left' is at 0.126 rad; its spline starts at "
+                 "0.125 rad"}},
+        Refusal{"ExitElsewhere",
+                "joint_positions_rad = [0.25, -0.5]",
+                "joint_positions_rad = [0.25, -0.4]",
+                {"exit.joint_positions_rad: joint 'right' is at -0.4 rad; its spline ends at -0.5 "
+                 "rad"}},
+        Refusal{"EntryOfOneJoint",
+                "joint_positions_rad = [0.125, -0.5]",
+                "joint_positions_rad = [0.125]",
+                {"entry.joint_positions_rad: holds 1 numbers; expected 2"}},
+        Refusal{"NanPose", "root_z_m = 0.15", "root_z_m = nan", {"entry.root_z_m: is nan"}},
+        Refusal{"ContactEndsFirst",
+                "end_s = 0.4375",
+                "end_s = -0.0625",
+                {"contact[1].end_s: is -0.0625"}},
+        Refusal{"ContactReversed",
+                "start_s = 0.0\nend_s = 0.4375",
+                "start_s = 0.5\nend_s = 0.4375",
+                {"contact[1].end_s: is 0.4375; allowed: >= start_s, which is 0.5"}},
+        Refusal{"NegativeForce",
+                "peak_normal_force_n = 31.5",
+                "peak_normal_force_n = -31.5",
+                {"contact[0].peak_normal_force_n: is -31.5"}},
+        Refusal{"CoefficientChanged",
+                "-0.4375",
+                "-0.4376",
+                {"certificate.coefficients_hash: is 'fnv1a64:", "changed after it was written"}},
+        Refusal{"SettleChanged",
+                "settle_s = 0.375",
+                "settle_s = 0.376",
+                {"certificate.coefficients_hash"}},
+        Refusal{"PositionMarginClaimed",
+                "position_margin_rad = 0.6875",
+                "position_margin_rad = 0.7",
+                {"certificate.position_margin_rad: is 0.7, but the coefficients leave a margin of "
+                 "0.6875"}},
+        Refusal{"VelocityMarginClaimed",
+                "velocity_margin_rad_s = ",
+                "velocity_margin_rad_s = 1",
+                {"certificate.velocity_margin_rad_s: is 1"}},
+        Refusal{"AccelerationMarginClaimed",
+                "acceleration_margin_rad_s2 = ",
+                "acceleration_margin_rad_s2 = 1",
+                {"certificate.acceleration_margin_rad_s2: is 1"}},
+        Refusal{"NegativePeakTorque",
+                "peak_torque_nm = 1.5",
+                "peak_torque_nm = -1.5",
+                {"certificate.peak_torque_nm: is -1.5"}},
+        Refusal{"RobotChanged",
+                "<link name='a'/>",
+                "<link name='b'/>",
+                {"provenance.robot_hash", "the bytes of robot_urdf"}},
+        Refusal{"TaskChanged",
+                "stiffness = 1e4",
+                "stiffness = 1e5",
+                {"provenance.task_hash", "the bytes of task_toml"}},
+        Refusal{"NegativeSeed", "seed = 42", "seed = -42", {"provenance.seed: is -42"}},
+        Refusal{"UnknownKey",
+                "settle_s = 0.375",
+                "settle_s = 0.375\nsettle_ms = 375",
+                {"settle_ms: is not a key that this file can hold"}},
+        Refusal{"UnknownJointKey",
+                "name = \"right\"",
+                "name = \"right\"\ncolour = \"red\"",
+                {"joint[1].colour: is not a key"}},
+        Refusal{"UnknownSplineKey",
+                "degree = 5",
+                "degree = 5\nweights = [1.0]",
+                {"joint[0].position.weights: is not a key"}},
+        Refusal{"DuplicateKey",
+                "settle_s = 0.375",
+                "settle_s = 0.375\nsettle_s = 0.375",
+                {"not valid TOML"}}),
+    [](const auto& instance) { return instance.param.name; });
+
+TEST(PrimitiveToml, SaysMoreDigitsWhenALimitIsMissedByOneBit) {
+  PrimitiveFile file = Example();
+  file.primitive.joints[0].limits.position_max_rad = 0.3125;
+  Complete(file);
+  EXPECT_NO_THROW(ToToml(file));
+  const std::string text = Mutate(ToToml(file), "0.3125,", "0.31250000000000006,");
+  try {
+    ParsePrimitive(text, "p.toml");
+    FAIL();
+  } catch (const FileError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("is 0.31250000000000006 rad; allowed: <= 0.3125 rad"));
+  }
+}
+
+TEST(PrimitiveToml, NeverLoadsATruncatedFile) {
+  const std::string text = ToToml(Example());
+  int loaded = 0;
+  for (std::size_t size = 0; size + 1 < text.size(); size += 50) {
+    try {
+      ParsePrimitive(text.substr(0, size), "cut.toml");
+      ++loaded;
+      ADD_FAILURE() << "loaded " << size << " of " << text.size() << " bytes";
+    } catch (const FileError& error) {
+      EXPECT_THAT(error.what(), testing::StartsWith("cut.toml"));
+    }
+  }
+  EXPECT_EQ(loaded, 0);
+  // The last bytes one by one: only the line feed at the very end may go.
+  for (std::size_t size = text.size() - 20; size + 1 < text.size(); ++size) {
+    EXPECT_THROW(ParsePrimitive(text.substr(0, size), "cut.toml"), FileError) << size;
+  }
+}
+
+TEST(PrimitiveToml, SurvivesRandomDamage) {
+  std::mt19937_64 random(5);
+  const std::string original = ToToml(Example());
+  int accepted = 0;
+  for (int trial = 0; trial < 3000; ++trial) {
+    std::string text = original;
+    for (std::size_t k = 1 + random() % 3; k > 0; --k)
+      text[random() % text.size()] = static_cast<char>(random());
+    try {
+      // What is accepted must be consistent in itself: it can be written and read again.
+      ParsePrimitive(ToToml(ParsePrimitive(text, "damaged.toml")), "again.toml");
+      ++accepted;
+    } catch (const FileError&) {
+    }
+  }
+  // Comments, certificate figures that nothing can check, and names of files are about a third of
+  // the text.
+  EXPECT_LT(accepted, 1500);
+}
+
+TEST(PrimitiveToml, WriterRefusesWhatNoProgramWouldLoad) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const std::vector<std::function<void(PrimitiveFile&)>> damages = {
+      [nan](auto& f) { f.entry.root_x_m = nan; },
+      [](auto& f) { f.exit.root_z_m = std::numeric_limits<double>::infinity(); },
+      [nan](auto& f) { f.certificate.torque_margin_nm = nan; },
+      [](auto& f) { f.primitive.joint_count = 0; },
+      [](auto& f) { f.primitive.joint_count = kMaxJoints + 1; },
+      [](auto& f) { f.primitive.joint_count = 1; },
+      [](auto& f) { f.entry.joint_positions_rad.pop_back(); },
+      [](auto& f) { f.exit.joint_positions_rad[0] += 1; },
+      [](auto& f) { f.certificate.coefficients_hash.clear(); },
+      [](auto& f) { f.certificate.velocity_margin_rad_s += 1e-6; },
+      [](auto& f) { f.provenance.robot_urdf += " "; },
+      [](auto& f) { f.provenance.seed = 1ULL << 63; },
+      [](auto& f) { f.provenance.tool = "\xff"; },
+      [](auto& f) { f.provenance.task_toml = "\xc0\x80"; },
+      [](auto& f) { f.contacts[0].obstacle = "\xed\xa0\x80"; }};
+  for (std::size_t i = 0; i < damages.size(); ++i) {
+    PrimitiveFile file = Example();
+    damages[i](file);
+    EXPECT_THROW(ToToml(file), std::invalid_argument) << i;
+  }
+}
+
+// ---- Rounding
+// ------------------------------------------------------------------------------------------------------
+
+TEST(PrimitiveToRuntime, RoundsEveryNumberToTheNearestFloat) {
+  const Primitive<double> primitive = Example().primitive;
+  const Primitive<float> runtime = ToRuntime(primitive);
+  EXPECT_EQ(runtime.name.view(), "wave");
+  EXPECT_EQ(runtime.duration_s, 1.25F);
+  EXPECT_EQ(runtime.settle_s, 0.375F);
+  ASSERT_EQ(runtime.joint_count, 2);
+  for (std::size_t j = 0; j < 2; ++j) {
+    const auto points = primitive.joints[j].position.control_points();
+    ASSERT_EQ(runtime.joints[j].position.control_points().size(), points.size());
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      EXPECT_EQ(runtime.joints[j].position.control_points()[i], static_cast<float>(points[i]));
+    }
+    EXPECT_EQ(runtime.joints[j].position.end_s(), runtime.duration_s);
+    EXPECT_EQ(runtime.joints[j].torque.end_s(), runtime.duration_s);
+  }
+}
+
+TEST(PrimitiveToRuntime, ResultHoldsItsOwnLimitsAndWidensThemByRoundingOnly) {
+  std::mt19937_64 random(9);
+  std::uniform_real_distribution<double> angle(-3.0, 3.0);
+  int widened = 0;
+  for (int trial = 0; trial < 200; ++trial) {
+    Primitive<double> primitive;
+    primitive.duration_s = 1.2;
+    primitive.entry_tolerance_rad = primitive.following_tolerance_rad = 0.1;
+    primitive.joint_count = 1;
+    auto& motion = primitive.joints[0];
+    motion.name = FixedString<32>("a");
+    std::vector<double> points(14);
+    for (double& point : points) point = angle(random);
+    std::vector<double> interior;
+    for (int i = 1; i < 9; ++i) interior.push_back(1.2 * i / 9);
+    motion.position = MakeSpline(5, interior, 1.2, points);
+    motion.torque = MakeSpline(0, {}, 1.2, {0.1});
+    // Every limit is active, as an optimum has it.
+    const auto magnitude = [&motion](int d) {
+      const auto bounds = motion.position.Bounds(d);
+      return std::max(std::abs(bounds.min), std::abs(bounds.max));
+    };
+    const auto position = motion.position.Bounds(0);
+    motion.limits = {position.min, position.max, magnitude(1), magnitude(2), 0.1};
+    const Primitive<float> runtime = ToRuntime(primitive);
+    const auto& rounded = runtime.joints[0];
+    const auto& limits = rounded.limits;
+    EXPECT_EQ(limits.position_min_rad, static_cast<float>(position.min));
+    EXPECT_EQ(limits.position_max_rad, static_cast<float>(position.max));
+    EXPECT_GE(rounded.position.Bounds(0).min, limits.position_min_rad);
+    EXPECT_LE(rounded.position.Bounds(0).max, limits.position_max_rad);
+    EXPECT_LE(rounded.torque.Bounds(0).max, limits.torque_max_nm);
+    const std::array<float, 2> limit = {limits.velocity_max_rad_s, limits.acceleration_max_rad_s2};
+    for (int d = 1; d <= 2; ++d) {
+      const auto bounds = rounded.position.Bounds(d);
+      const float now = limit[static_cast<std::size_t>(d - 1)];
+      EXPECT_LE(std::max(-bounds.min, bounds.max), now);
+      EXPECT_LE(now, magnitude(d) * (1 + 1e-5));
+      EXPECT_GE(now, static_cast<float>(magnitude(d)));
+      if (now > static_cast<float>(magnitude(d))) ++widened;
+    }
+  }
+  EXPECT_GT(widened, 20);  // Otherwise nothing above was put to the test.
+}
+
+TEST(PrimitiveToRuntime, RefusesWhatRoundingWouldDistort) {
+  PrimitiveFile file = Example();
+  auto& motion = file.primitive.joints[0];
+  // Knots 1e-9 s apart are the same time to a float.
+  motion.position =
+      MakeSpline(5, {0.5, 0.5 + 1e-9}, 1.25, {0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1});
+  try {
+    ToRuntime(file.primitive);
+    FAIL();
+  } catch (const std::invalid_argument& error) {
+    EXPECT_THAT(error.what(), AllOf(HasSubstr("joint 'left'"), HasSubstr("same time")));
+  }
+  // Knots 1 us apart leave two or three digits of an acceleration.
+  motion.position =
+      MakeSpline(3, {0.7, 0.700001, 0.700002}, 1.25, {1.3, 1.3, 1.3, 1.3000003, 1.3, 1.3, 1.3});
+  const auto bounds = motion.position.Bounds(2);
+  motion.limits = {-2, 2, 100, std::max(-bounds.min, bounds.max), 2};
+  try {
+    ToRuntime(file.primitive);
+    FAIL();
+  } catch (const std::invalid_argument& error) {
+    EXPECT_THAT(error.what(), AllOf(HasSubstr("joint 'left'"), HasSubstr("acceleration"),
+                                    HasSubstr("rad/s^2 beyond")));
+  }
+  file = Example();
+  file.primitive.entry_tolerance_rad = 1e-300;
+  EXPECT_THROW(ToRuntime(file.primitive), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace tumbler

@@ -1,0 +1,376 @@
+#include "runtime/linux/control_loop.h"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <lcm/lcm-cpp.hpp>
+#include <memory>
+#include <random>
+#include <set>
+#include <string>
+#include <tumbler/event_t.hpp>
+#include <tumbler/state_t.hpp>
+#include <vector>
+
+#include "firmware_interface/can/simulated_bus.h"
+#include "firmware_interface/drives/mit.h"
+#include "firmware_interface/drives/simulated_drive.h"
+#include "runtime/linux/dry_run_bus.h"
+#include "runtime/linux/run_report.h"
+#include "tests/support/motions.h"
+#include "tests/support/rotor_plant.h"
+
+namespace tumbler {
+namespace {
+
+std::string Temporary(const std::string& name) {
+  const auto* info = ::testing::UnitTest::GetInstance()->current_test_info();
+  return (std::filesystem::temp_directory_path() /
+          (std::string("tumbler_") + info->name() + "_" + std::to_string(getpid()) + "_" + name))
+      .string();
+}
+
+std::string ReadAll(const std::string& path) {
+  std::ifstream stream(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(stream), {}};
+}
+
+/// Two rotors behind simulated drives on a simulated bus, and everything of a run but the program
+/// round it.
+class Bench {
+ public:
+  explicit Bench(const TelemetryConfig& telemetry_config, unsigned seed = 60)
+      : telemetry(telemetry_config),
+        clock([this](std::int64_t time_ns) { plant->AdvanceTo(time_ns); }) {
+    std::mt19937 random(seed);
+    testing::MotionShape shape;
+    shape.settle_s = 0.1;
+    primitive = testing::RandomPrimitive<float>(shape, random);
+    std::vector<testing::RotorPlant::Rotor> rotors;
+    std::vector<Drive*> pointers;
+    for (std::size_t i = 0; i < 2; ++i) {
+      SimulatedDriveConfig config;
+      config.mit.command_id = static_cast<std::uint16_t>(i + 1);
+      config.mit.reply_id = static_cast<std::uint16_t>(i + 17);
+      simulated.push_back(std::make_unique<SimulatedDrive>(config));
+      bus.Attach(*simulated.back(), SimulatedDrive::PortConfig());
+      drives.push_back(std::make_unique<MitDrive>(config.mit));
+      pointers.push_back(drives.back().get());
+      testing::RotorPlant::Rotor rotor;
+      rotor.drive = simulated.back().get();
+      rotor.position_rad = primitive.joints[i].position.control_points()[0] + 0.05F;
+      rotors.push_back(rotor);
+      // What moves a free rotor along the path, instead of the random feed-forward.
+      std::vector<float> torques(primitive.joints[i].torque.control_points().size(), 0.0F);
+      const auto knots = primitive.joints[i].torque.knots();
+      EXPECT_EQ(primitive.joints[i].torque.Assign(3, std::vector<float>(knots.begin(), knots.end()),
+                                                  torques),
+                Status::kOk);
+    }
+    plant = std::make_unique<testing::RotorPlant>(bus, rotors);
+    EXPECT_EQ(executor.Configure({}, primitive, pointers), Status::kOk);
+    RunSequenceConfig config;
+    config.hold_ticks = 300;
+    sequence = std::make_unique<RunSequence>(config);
+    loop = std::make_unique<ControlLoop>(
+        ControlLoop::Parts{executor, host, clock, *sequence, mailbox, &telemetry}, 1'000'000, 0);
+  }
+
+  template <typename Each>
+  void Run(Each each) {
+    for (int i = 0; i < 100000 && loop->Step(); ++i) {
+      telemetry.Drain();
+      each();
+    }
+    telemetry.Stop();
+  }
+
+  Telemetry telemetry;
+  VirtualClock clock;
+  SimulatedBus bus;
+  SimulatedPort& host = bus.Attach();
+  std::vector<std::unique_ptr<SimulatedDrive>> simulated;
+  std::vector<std::unique_ptr<MitDrive>> drives;
+  std::unique_ptr<testing::RotorPlant> plant;
+  Primitive<float> primitive;
+  Executor executor;
+  OperatorMailbox mailbox;
+  std::unique_ptr<RunSequence> sequence;
+  std::unique_ptr<ControlLoop> loop;
+};
+
+TEST(ControlLoop, PlaysAPrimitiveOnTwoRotorsInVirtualTime) {
+  Bench bench({});
+  bool setpoints_reach_the_motor = true;
+  bench.Run([&] {
+    const TickRecord& record = bench.loop->record();
+    if (record.state == ExecutorState::kRunning &&
+        record.joints[0].drive_state != DriveState::kEnabled) {
+      setpoints_reach_the_motor = false;
+    }
+  });
+  const LoopStatistics& s = bench.loop->statistics();
+  EXPECT_EQ(bench.sequence->outcome(), RunOutcome::kCompleted)
+      << Describe(bench.loop->record().first_fault, {"leg1", "leg2"});
+  EXPECT_TRUE(setpoints_reach_the_motor);
+  EXPECT_EQ(s.run_ticks, bench.executor.run_ticks() + 1);
+  EXPECT_EQ(s.missed_ticks, 0);
+  EXPECT_EQ(s.late_ticks, 0);
+  EXPECT_EQ(s.send_failures, 0);
+  EXPECT_EQ(s.frames_sent, 2 * s.ticks);
+  EXPECT_NEAR(static_cast<double>(s.frames_received), static_cast<double>(s.frames_sent), 4);
+  EXPECT_EQ(bench.telemetry.lost(), 0);
+  EXPECT_EQ(bench.telemetry.written(), s.ticks);
+  for (std::size_t i = 0; i < 2; ++i) {
+    EXPECT_LT(s.following_error_max_rad[i], 0.05F);
+    EXPECT_GT(s.following_error_max_rad[i], 0.0F);
+    EXPECT_GT(s.peak_torque_nm[i], 0.1F);
+    EXPECT_NEAR(bench.plant->rotors()[i].position_rad,
+                bench.primitive.joints[i].position.control_points().back(), 0.01);
+    EXPECT_FALSE(bench.simulated[i]->enabled()) << "disarmed at the end";
+    EXPECT_EQ(bench.simulated[i]->watchdog_expiries(), 0);
+  }
+  EXPECT_NEAR(bench.bus.load(), 0.5, 0.06);
+}
+
+TEST(ControlLoop, WritesALogThatLcmReadsBackAndTwoRunsWriteTheSameBytes) {
+  std::array<std::string, 2> logs;
+  std::array<std::string, 2> traces;
+  std::int64_t ticks = 0;
+  for (std::size_t run = 0; run < 2; ++run) {
+    TelemetryConfig config;
+    config.log_file = Temporary("log" + std::to_string(run));
+    config.trace_file = Temporary("trace" + std::to_string(run));
+    config.joint_names = {"leg1", "leg2"};
+    Bench bench(config);
+    bench.Run([] {});
+    ticks = bench.loop->statistics().ticks;
+    logs[run] = ReadAll(config.log_file);
+    traces[run] = ReadAll(config.trace_file);
+    if (run == 0) {
+      lcm::LogFile log(config.log_file, "r");
+      ASSERT_TRUE(log.good());
+      std::int64_t states = 0;
+      std::int64_t last_tick = -1;
+      std::vector<std::string> visited;
+      while (const lcm::LogEvent* event = log.readNextEvent()) {
+        if (event->channel == kStateChannel) {
+          state_t state;
+          ASSERT_EQ(state.decode(event->data, 0, event->datalen), event->datalen);
+          EXPECT_EQ(state.tick, last_tick + 1);
+          EXPECT_EQ(event->timestamp, state.time_ns / 1000);
+          EXPECT_EQ(state.time_ns, state.tick * 1'000'000);
+          ASSERT_EQ(state.joint_count, 2);
+          if (state.state == state_t::STATE_RUNNING) {
+            for (const joint_state_t& joint : state.joints) {
+              EXPECT_NEAR(joint.encoded_position_rad, joint.limited_position_rad, 25.0 / 65535);
+              EXPECT_NEAR(joint.measured_position_rad, joint.limited_position_rad, 0.06);
+            }
+          }
+          last_tick = state.tick;
+          ++states;
+        } else {
+          ASSERT_EQ(event->channel, kEventChannel);
+          event_t message;
+          ASSERT_EQ(message.decode(event->data, 0, event->datalen), event->datalen);
+          if (message.from_state != message.to_state) visited.push_back(message.to_state);
+        }
+      }
+      EXPECT_EQ(states, ticks);
+      EXPECT_EQ(visited,
+                (std::vector<std::string>{"arming", "holding", "moving to start", "holding",
+                                          "running", "settling", "holding", "disarmed"}));
+    }
+    std::filesystem::remove(config.log_file);
+    std::filesystem::remove(config.trace_file);
+  }
+  EXPECT_GT(logs[0].size(), 100000U);
+  EXPECT_TRUE(logs[0] == logs[1]);
+  EXPECT_TRUE(traces[0] == traces[1]);
+  EXPECT_EQ(std::count(traces[0].begin(), traces[0].end(), '\n'), ticks + 1);
+}
+
+TEST(ControlLoop, AStopFromTheMailboxBrakesAndEndsTheRun) {
+  Bench bench({});
+  bench.Run([&] {
+    if (bench.loop->statistics().run_ticks == 500) bench.mailbox.Put(OperatorCommand::kStop);
+  });
+  EXPECT_EQ(bench.sequence->outcome(), RunOutcome::kStopped);
+  EXPECT_LT(bench.loop->statistics().run_ticks, 503);
+  EXPECT_EQ(bench.loop->record().faults, 0);
+}
+
+TEST(ControlLoop, ASilentDriveEndsInAFaultThatNamesIt) {
+  Bench bench({});
+  bench.Run([&] {
+    if (bench.loop->statistics().run_ticks == 300) bench.simulated[1]->set_silent(true);
+  });
+  EXPECT_EQ(bench.sequence->outcome(), RunOutcome::kFault);
+  const FaultReport fault = bench.loop->record().first_fault;
+  EXPECT_EQ(fault.fault, Fault::kStaleReply);
+  EXPECT_EQ(fault.joint, 1);
+  EXPECT_EQ(fault.state, ExecutorState::kRunning);
+  const std::string text = Describe(fault, {"leg1", "leg2"});
+  EXPECT_NE(text.find("stale reply of joint leg2: 6 ticks, limit 5"), std::string::npos) << text;
+  EXPECT_NE(text.find("reaction: damp"), std::string::npos) << text;
+}
+
+TEST(ControlLoop, ALostLinkEndsInAFault) {
+  Bench bench({});
+  bench.Run([&] {
+    if (bench.loop->statistics().run_ticks == 300) bench.host.SetLinkDown(true);
+  });
+  EXPECT_EQ(bench.sequence->outcome(), RunOutcome::kFault);
+  EXPECT_EQ(bench.loop->record().first_fault.fault, Fault::kLinkLost);
+  EXPECT_GT(bench.loop->statistics().send_failures, 0);
+}
+
+/// A clock that sometimes wakes late, as a busy computer does.
+class LateClock final : public Clock {
+ public:
+  explicit LateClock(VirtualClock& clock) : clock_(clock) {}
+  [[nodiscard]] std::int64_t now_ns() const noexcept override { return clock_.now_ns(); }
+  void SleepUntil(std::int64_t time_ns) noexcept override {
+    clock_.SleepUntil(time_ns + (++sleeps_ % 100 == 0 ? late_ns : 0));
+  }
+  std::int64_t late_ns = 0;
+
+ private:
+  VirtualClock& clock_;
+  int sleeps_ = 0;
+};
+
+TEST(ControlLoop, CountsLateAndMissedTicksAndKeepsToTheSchedule) {
+  for (const std::int64_t late_ns : {600'000, 1'700'000, 4'200'000}) {
+    Bench bench({});
+    LateClock clock(bench.clock);
+    clock.late_ns = late_ns;
+    ControlLoop loop({bench.executor, bench.host, clock, *bench.sequence, bench.mailbox, nullptr},
+                     1'000'000, 0);
+    std::int64_t last_tick = -1;
+    std::int64_t gaps = 0;
+    while (loop.Step()) {
+      gaps += loop.record().tick - last_tick - 1;
+      last_tick = loop.record().tick;
+      EXPECT_EQ(loop.time_ns(), last_tick * 1'000'000) << "deadlines do not drift";
+    }
+    EXPECT_EQ(loop.statistics().missed_ticks, gaps);
+    EXPECT_GT(loop.statistics().late_ticks, 0);
+    EXPECT_EQ(loop.statistics().wake_up.max_ns(), late_ns);
+    if (late_ns < 4'000'000) {
+      EXPECT_EQ(bench.sequence->outcome(), RunOutcome::kCompleted);
+      EXPECT_EQ(gaps > 0, late_ns > 1'000'000);
+    } else {
+      EXPECT_EQ(bench.sequence->outcome(), RunOutcome::kFault);
+      EXPECT_EQ(loop.record().first_fault.fault, Fault::kLateTick);
+      EXPECT_EQ(loop.record().first_fault.value, 4);
+    }
+  }
+}
+
+TEST(Telemetry, CountsWhatDoesNotFit) {
+  Telemetry telemetry({});
+  for (int i = 0; i < 5000; ++i) telemetry.Push({});
+  EXPECT_EQ(telemetry.lost(), 5000 - 4096);
+  telemetry.Drain();
+  EXPECT_EQ(telemetry.written(), 4096);
+}
+
+TEST(Telemetry, DrainsInItsThread) {
+  Telemetry telemetry({});
+  telemetry.Start();
+  for (int i = 0; i < 1000; ++i) telemetry.Push({});
+  telemetry.Stop();
+  EXPECT_EQ(telemetry.written(), 1000);
+  EXPECT_EQ(telemetry.lost(), 0);
+}
+
+TEST(Telemetry, NamesAFileThatCannotBeWritten) {
+  for (const bool log : {true, false}) {
+    TelemetryConfig config;
+    (log ? config.log_file : config.trace_file) = "/nowhere/at/all";
+    try {
+      const Telemetry telemetry(config);
+      FAIL();
+    } catch (const std::runtime_error& error) {
+      EXPECT_NE(std::string(error.what()).find("/nowhere/at/all: cannot be written"),
+                std::string::npos);
+    }
+  }
+}
+
+TEST(OperatorMailbox, KeepsTheStrongestWish) {
+  OperatorMailbox mailbox;
+  EXPECT_EQ(mailbox.Take(), OperatorCommand::kNone);
+  mailbox.Put(OperatorCommand::kStop);
+  mailbox.Put(OperatorCommand::kClearFaults);
+  EXPECT_EQ(mailbox.Take(), OperatorCommand::kStop);
+  EXPECT_EQ(mailbox.Take(), OperatorCommand::kNone);
+  mailbox.Put(OperatorCommand::kStop);
+  mailbox.Put(OperatorCommand::kDisarm);
+  mailbox.Put(OperatorCommand::kStop);
+  EXPECT_EQ(mailbox.Take(), OperatorCommand::kDisarm);
+}
+
+TEST(DurationHistogram, GivesPercentilesAndTheLargest) {
+  DurationHistogram histogram;
+  EXPECT_EQ(histogram.PercentileNs(0.5), 0);
+  for (int i = 1; i <= 100; ++i) histogram.Add(i * 1000 - 500);  // 0.5 us ... 99.5 us
+  EXPECT_EQ(histogram.PercentileNs(0.5), 50'000);
+  EXPECT_EQ(histogram.PercentileNs(0.99), 99'000);
+  EXPECT_EQ(histogram.PercentileNs(1), 99'500);
+  histogram.Add(7'000'000);
+  EXPECT_EQ(histogram.max_ns(), 7'000'000);
+  EXPECT_EQ(histogram.beyond(), 1);
+  histogram.Add(-5);
+  EXPECT_EQ(histogram.count(), 102);
+}
+
+TEST(CandumpLine, IsWhatCandumpWrites) {
+  CanFrame frame;
+  frame.id = 0x123;
+  frame.size = 8;
+  frame.data = {0x11, 0x22, 0x33, 0x44, 0x55, 0x66, 0x77, 0x88};
+  EXPECT_EQ(CandumpLine(1'345'212'884'318'850'000, "can0", frame),
+            "(1345212884.318850) can0 123#1122334455667788");
+  frame.size = 0;
+  frame.extended = true;
+  EXPECT_EQ(CandumpLine(5'000, "vcan0", frame), "(0.000005) vcan0 00000123#");
+  frame.extended = false;
+  frame.remote = true;
+  EXPECT_EQ(CandumpLine(0, "can0", frame), "(0.000000) can0 123#R");
+}
+
+TEST(DryRunBus, CompletesARunWithoutAnyHardware) {
+  Bench bench({});  // For its primitive and parts; its bus stays unused.
+  VirtualClock clock([](std::int64_t) {});
+  std::vector<DryRunBus::Node> nodes;
+  for (std::size_t i = 0; i < 2; ++i) {
+    nodes.push_back(
+        {bench.drives[i]->config(), bench.primitive.joints[i].position.control_points()[0]});
+  }
+  DryRunBus bus("can0", nodes, clock, nullptr);
+  ControlLoop loop({bench.executor, bus, clock, *bench.sequence, bench.mailbox, nullptr}, 1'000'000,
+                   0);
+  while (loop.Step()) {
+  }
+  EXPECT_EQ(bench.sequence->outcome(), RunOutcome::kCompleted)
+      << Describe(loop.record().first_fault, {"leg1", "leg2"});
+  EXPECT_EQ(loop.statistics().run_ticks, bench.executor.run_ticks() + 1);
+}
+
+TEST(StandingReport, SaysOnlyWhatWasSeen) {
+  StandingReport report;
+  report.expected_pitch_rad = 1.57;
+  report.pitch_at_end_rad = 1.5;
+  EXPECT_FALSE(report.standing().has_value());
+  report.pitch_later_rad = 1.52;
+  EXPECT_TRUE(*report.standing());
+  report.pitch_later_rad = 0.1;
+  EXPECT_FALSE(*report.standing());
+}
+
+}  // namespace
+}  // namespace tumbler

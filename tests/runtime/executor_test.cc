@@ -1,0 +1,593 @@
+#include "runtime/executor.h"
+
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <random>
+#include <type_traits>
+#include <vector>
+
+#include "firmware_interface/drives/mit.h"
+#include "tests/support/executor_rig.h"
+#include "tests/support/motions.h"
+
+namespace tumbler {
+namespace {
+
+using testing::ExecutorRig;
+using testing::MotionShape;
+using testing::RandomPrimitive;
+
+static_assert(std::is_trivially_copyable_v<TickRecord>);
+
+Primitive<float> Motion(unsigned seed, const MotionShape& shape = {}) {
+  std::mt19937 random(seed);
+  return RandomPrimitive<float>(shape, random);
+}
+
+float Start(const Primitive<float>& primitive, std::size_t joint) {
+  return primitive.joints[joint].position.control_points()[0];
+}
+
+TEST(Executor, ServesNothingUntilConfigured) {
+  Executor executor;
+  TickOutput output;
+  executor.Tick({0, {}, Status::kOk, Status::kOk, OperatorCommand::kArm}, output);
+  EXPECT_EQ(output.record.refusal.refusal, Refusal::kNotConfigured);
+  for (const FrameBatch& batch : output.frames) EXPECT_TRUE(batch.frames().empty());
+}
+
+TEST(Executor, RefusesConfigurationsOutsideTheirRanges) {
+  const Primitive<float> good = Motion(1);
+  const auto configured = [](const ExecutorConfig& config, const Primitive<float>& primitive) {
+    return ExecutorRig(config, primitive).configured;
+  };
+  EXPECT_EQ(configured({}, good), Status::kOk);
+  const auto with = [](auto change) {
+    ExecutorConfig config;
+    change(config);
+    return config;
+  };
+  constexpr float kNaN = std::numeric_limits<float>::quiet_NaN();
+  for (const float bad : {kNaN, 0.0F, 0.09F, 1.01F}) {
+    EXPECT_EQ(configured(with([&](auto& c) { c.speed = bad; }), good), Status::kInvalidArgument)
+        << bad;
+  }
+  EXPECT_EQ(configured(with([&](auto& c) { c.period_s = kNaN; }), good), Status::kInvalidArgument);
+  EXPECT_EQ(configured(with([&](auto& c) { c.move_fraction = 0; }), good),
+            Status::kInvalidArgument);
+  EXPECT_EQ(configured(with([&](auto& c) { c.stale_ticks_max = 0; }), good),
+            Status::kInvalidArgument);
+  EXPECT_EQ(configured(with([&](auto& c) { c.joints[1].kp_nm_per_rad = kNaN; }), good),
+            Status::kInvalidArgument);
+  Primitive<float> moving = good;  // It would have to jump into its first velocity.
+  std::vector<float> points(good.joints[0].position.control_points().begin(),
+                            good.joints[0].position.control_points().end());
+  points[1] += 0.5F;
+  const auto knots = good.joints[0].position.knots();
+  ASSERT_EQ(
+      moving.joints[0].position.Assign(5, std::vector<float>(knots.begin(), knots.end()), points),
+      Status::kOk);
+  EXPECT_EQ(configured({}, moving), Status::kInvalidArgument);
+  Primitive<float> unlimited = good;
+  unlimited.joints[1].limits.velocity_max_rad_s = kNaN;
+  EXPECT_EQ(configured({}, unlimited), Status::kInvalidArgument);
+
+  Executor executor;
+  EXPECT_EQ(executor.Configure({}, good, std::array<Drive*, 1>{nullptr}), Status::kInvalidArgument);
+  EXPECT_EQ(executor.Configure({}, good, std::array<Drive*, 2>{nullptr, nullptr}),
+            Status::kInvalidArgument);
+}
+
+TEST(Executor, GoesThroughEveryStateOfARun) {
+  for (int joints = 1; joints <= kMaxJoints; ++joints) {
+    MotionShape shape;
+    shape.joint_count = joints;
+    const Primitive<float> primitive = Motion(7, shape);
+    ExecutorRig rig({}, primitive);
+    ASSERT_EQ(rig.configured, Status::kOk);
+    for (auto& drive : rig.drives) drive->reply.position_rad += 0.04F;
+    std::vector<ExecutorState> states;
+    const auto note = [&] {
+      if (states.empty() || states.back() != rig.output.record.state)
+        states.push_back(rig.output.record.state);
+    };
+    rig.Tick();
+    note();
+    rig.Tick(OperatorCommand::kArm);
+    note();
+    ASSERT_TRUE(rig.TickUntil(ExecutorState::kHolding, 1000, note));
+    rig.Tick();
+    note();
+    rig.Tick(OperatorCommand::kMoveToStart);
+    note();
+    ASSERT_TRUE(rig.TickUntil(ExecutorState::kHolding, 100000, note));
+    rig.Tick();
+    note();
+    rig.Tick(OperatorCommand::kRun);
+    note();
+    ASSERT_TRUE(rig.TickUntil(ExecutorState::kHolding, 10000, note));
+    rig.Tick(OperatorCommand::kDisarm);
+    note();
+    using S = ExecutorState;
+    EXPECT_EQ(states, (std::vector<S>{S::kDisarmed, S::kArming, S::kHolding, S::kMovingToStart,
+                                      S::kHolding, S::kRunning, S::kSettling, S::kDisarmed}));
+    EXPECT_EQ(rig.output.record.faults, 0);
+    for (const auto& drive : rig.drives) EXPECT_EQ(drive->request, DriveRequest::kDisable);
+  }
+}
+
+TEST(Executor, PlaysTheSplinesTickByTick) {
+  const Primitive<float> primitive = Motion(8);
+  for (const float speed : {1.0F, 0.5F, 0.1F}) {
+    ExecutorConfig config;
+    config.speed = speed;
+    config.torque_rise_s = 1e-6F;  // Otherwise the splice of the feed-forward is seen.
+    ExecutorRig rig(config, primitive);
+    ASSERT_TRUE(rig.Reach(ExecutorState::kHolding));
+    rig.Tick(OperatorCommand::kMoveToStart);
+    ASSERT_TRUE(rig.TickUntil(ExecutorState::kHolding));
+    rig.Tick(OperatorCommand::kRun);
+    const auto expected_ticks =
+        static_cast<std::int64_t>(std::ceil(1.2 / (0.001 * static_cast<double>(speed)) - 1e-3));
+    EXPECT_NEAR(static_cast<double>(rig.executor.run_ticks()), static_cast<double>(expected_ticks),
+                1);
+    std::int64_t n = 0;
+    while (rig.executor.state() == ExecutorState::kRunning) {
+      const double t = std::min(static_cast<double>(n) * 0.001 * static_cast<double>(speed), 1.2);
+      EXPECT_NEAR(rig.output.record.primitive_time_s, t, 1e-6);
+      for (std::size_t j = 0; j < 2; ++j) {
+        const auto sample = primitive.joints[j].position.Evaluate(static_cast<float>(t));
+        const JointRecord& record = rig.output.record.joints[j];
+        EXPECT_NEAR(record.limited.position_rad, sample.value, 2e-5);
+        EXPECT_NEAR(record.limited.velocity_rad_s, speed * sample.first, 2e-3);
+        const float torque = primitive.joints[j].torque.Evaluate(static_cast<float>(t)).value;
+        EXPECT_NEAR(record.limited.torque_nm, speed * speed * torque, 2e-4);
+        EXPECT_FALSE(record.limit_active);
+      }
+      rig.Tick();
+      ++n;
+    }
+    EXPECT_EQ(n, rig.executor.run_ticks());
+    EXPECT_EQ(rig.output.record.primitive_time_s, primitive.duration_s);
+    EXPECT_FLOAT_EQ(rig.output.record.joints[0].limited.position_rad,
+                    primitive.joints[0].position.control_points().back());
+  }
+}
+
+TEST(Executor, SharedKnotsChangeNoBitOfASetpoint) {
+  // The second joint gets knots of its own, then those of the first: its own setpoints must be the
+  // splines' either way.
+  std::mt19937 random(9);
+  MotionShape shape;
+  Primitive<float> shared = RandomPrimitive<float>(shape, random);
+  Primitive<float> distinct = shared;
+  shape.control_points = 17;
+  distinct.joints[0] = RandomPrimitive<float>(shape, random).joints[0];
+  for (const Primitive<float>& primitive : {shared, distinct}) {
+    ExecutorRig rig({}, primitive);
+    ASSERT_TRUE(rig.Reach(ExecutorState::kRunning));
+    while (rig.executor.state() == ExecutorState::kRunning) {
+      const TickRecord& record = rig.Tick();
+      if (record.state != ExecutorState::kRunning) break;
+      for (std::size_t j = 0; j < 2; ++j) {
+        const auto sample = primitive.joints[j].position.Evaluate(record.primitive_time_s);
+        ASSERT_EQ(record.joints[j].planned.position_rad, sample.value);
+        ASSERT_EQ(record.joints[j].planned.velocity_rad_s, sample.first);
+        ASSERT_EQ(record.joints[j].planned.torque_nm,
+                  primitive.joints[j].torque.Evaluate(record.primitive_time_s).value);
+      }
+    }
+  }
+}
+
+TEST(Executor, ArmsAtTheMeasuredPositionEvenWhileAJointIsMovedByHand) {
+  ExecutorRig rig({}, Motion(10));
+  rig.follow = false;
+  rig.Tick();
+  for (auto& drive : rig.drives) drive->start_up_ticks = 20;
+  rig.Tick(OperatorCommand::kArm);
+  for (int i = 0; i < 15; ++i) {
+    rig.drives[0]->reply.position_rad += 0.01F;
+    rig.Tick();
+    EXPECT_EQ(rig.drives[0]->setpoint.position_rad, rig.drives[0]->reply.position_rad);
+    EXPECT_EQ(rig.drives[0]->setpoint.velocity_rad_s, 0);
+    EXPECT_EQ(rig.drives[0]->setpoint.torque_nm, 0);
+  }
+  ASSERT_TRUE(rig.TickUntil(ExecutorState::kHolding, 100));
+  const float held = rig.drives[0]->setpoint.position_rad;
+  EXPECT_EQ(held, rig.drives[0]->reply.position_rad);
+  rig.drives[0]->reply.position_rad +=
+      0.1F;  // Now it is pushed: the hold must not give way to the measurement.
+  for (int i = 0; i < 50; ++i) rig.Tick();
+  EXPECT_EQ(rig.drives[0]->setpoint.position_rad, held);
+}
+
+TEST(Executor, RefusesToArmWithItsReason) {
+  const Primitive<float> primitive = Motion(11);
+  {
+    ExecutorRig rig({}, primitive);
+    rig.silent[1] = true;
+    const RefusalReport refusal = rig.Tick(OperatorCommand::kArm).refusal;
+    EXPECT_EQ(refusal.refusal, Refusal::kNoReply);
+    EXPECT_EQ(refusal.joint, 1);
+    EXPECT_EQ(rig.executor.state(), ExecutorState::kDisarmed);
+  }
+  const auto refusal_after = [&](auto change) {
+    ExecutorRig rig({}, primitive);
+    change(*rig.drives[1]);
+    rig.Tick();
+    return rig.Tick(OperatorCommand::kArm).refusal;
+  };
+  const RefusalReport outside = refusal_after([](auto& drive) { drive.reply.position_rad = 4; });
+  EXPECT_EQ(outside.refusal, Refusal::kOutsideLimits);
+  EXPECT_EQ(outside.value, 4);
+  EXPECT_EQ(outside.limit, primitive.joints[1].limits.position_max_rad);
+  EXPECT_EQ(refusal_after([](auto& drive) { drive.reply.error = 3; }).refusal,
+            Refusal::kDriveError);
+  EXPECT_EQ(refusal_after([](auto& drive) {
+              drive.reply.position_rad = std::numeric_limits<float>::quiet_NaN();
+            }).refusal,
+            Refusal::kOutsideLimits);
+  const RefusalReport hot = refusal_after([](auto& drive) {
+    drive.reply.has_temperature = true;
+    drive.reply.temperature_c = 90;
+  });
+  EXPECT_EQ(hot.refusal, Refusal::kTooHot);
+  EXPECT_EQ(hot.limit, 80);
+}
+
+TEST(Executor, RefusesToRunAwayFromTheStart) {
+  const Primitive<float> primitive = Motion(12);
+  ExecutorRig rig({}, primitive);
+  for (auto& drive : rig.drives) drive->reply.position_rad += 0.03F;
+  ASSERT_TRUE(rig.Reach(ExecutorState::kHolding));
+  EXPECT_EQ(rig.Tick(OperatorCommand::kRun).refusal.refusal, Refusal::kNotAtStart);
+  rig.Tick(OperatorCommand::kMoveToStart);
+  ASSERT_TRUE(rig.TickUntil(ExecutorState::kHolding));
+  rig.follow = false;
+  rig.drives[1]->reply.position_rad +=
+      0.06F;  // The entry tolerance is 0.05 rad, the following tolerance 0.2 rad.
+  const RefusalReport refusal = rig.Tick(OperatorCommand::kRun).refusal;
+  EXPECT_EQ(refusal.refusal, Refusal::kOutsideStartSet);
+  EXPECT_EQ(refusal.joint, 1);
+  EXPECT_NEAR(refusal.value, 0.06F, 1e-4);
+  EXPECT_EQ(refusal.limit, primitive.entry_tolerance_rad);
+  EXPECT_EQ(rig.executor.state(), ExecutorState::kHolding);
+  rig.drives[1]->reply.position_rad -= 0.04F;
+  EXPECT_EQ(rig.Tick(OperatorCommand::kRun).refusal.refusal, Refusal::kNone);
+  EXPECT_EQ(rig.executor.state(), ExecutorState::kRunning);
+}
+
+TEST(Executor, RefusesCommandsThatDoNotFitTheState) {
+  ExecutorRig rig({}, Motion(13));
+  rig.Tick();
+  for (const OperatorCommand command : {OperatorCommand::kMoveToStart, OperatorCommand::kRun}) {
+    EXPECT_EQ(rig.Tick(command).refusal.refusal, Refusal::kWrongState);
+  }
+  ASSERT_TRUE(rig.Reach(ExecutorState::kRunning));
+  for (const OperatorCommand command :
+       {OperatorCommand::kMoveToStart, OperatorCommand::kRun, OperatorCommand::kArm,
+        OperatorCommand::kClearFaults, static_cast<OperatorCommand>(99)}) {
+    EXPECT_EQ(rig.Tick(command).refusal.refusal, Refusal::kWrongState);
+    EXPECT_EQ(rig.executor.state(), ExecutorState::kRunning);
+  }
+}
+
+TEST(Executor, MovesToTheStartWithinItsShareOfTheLimits) {
+  const Primitive<float> primitive = Motion(14);
+  for (const float fraction : {0.2F, 0.05F}) {
+    ExecutorConfig config;
+    config.move_fraction = fraction;
+    ExecutorRig rig(config, primitive);
+    rig.drives[0]->reply.position_rad = primitive.joints[0].limits.position_max_rad - 0.01F;
+    rig.drives[1]->reply.position_rad = primitive.joints[1].limits.position_min_rad + 0.01F;
+    ASSERT_TRUE(rig.Reach(ExecutorState::kHolding));
+    rig.Tick(OperatorCommand::kMoveToStart);
+    std::array<float, 2> last_velocity{};
+    float share_max = 0;
+    ASSERT_TRUE(rig.TickUntil(ExecutorState::kHolding, 200000, [&] {
+      for (std::size_t j = 0; j < 2; ++j) {
+        const JointLimits<float>& limits = primitive.joints[j].limits;
+        const float velocity = rig.output.record.joints[j].limited.velocity_rad_s;
+        const float acceleration = (velocity - last_velocity[j]) / config.period_s;
+        last_velocity[j] = velocity;
+        share_max = std::max({share_max, std::abs(velocity) / limits.velocity_max_rad_s,
+                              std::abs(acceleration) / limits.acceleration_max_rad_s2});
+        EXPECT_FALSE(rig.output.record.joints[j].limit_active);
+      }
+    }));
+    EXPECT_LT(share_max, fraction * 1.01F);
+    EXPECT_GT(share_max, fraction * 0.95F) << "it may use its share";
+    EXPECT_EQ(rig.output.record.joints[0].limited.position_rad, Start(primitive, 0));
+    EXPECT_EQ(rig.output.record.joints[1].limited.position_rad, Start(primitive, 1));
+  }
+}
+
+TEST(Executor, FinishesAMotionOnTheLimitedSetpointNotOnThePlannedOne) {
+  Primitive<float> primitive = Motion(15);
+  for (auto& joint : primitive.joints)
+    joint.limits.velocity_max_rad_s *= 0.3F;  // The gate has to hold it back.
+  primitive.following_tolerance_rad = 10;
+  ExecutorRig rig({}, primitive);
+  ASSERT_TRUE(rig.Reach(ExecutorState::kRunning));
+  ASSERT_TRUE(rig.TickUntil(ExecutorState::kSettling, 100000));
+  EXPECT_NEAR(rig.output.record.joints[0].limited.position_rad,
+              primitive.joints[0].position.control_points().back(), 1e-4);
+  EXPECT_NEAR(rig.output.record.joints[1].limited.position_rad,
+              primitive.joints[1].position.control_points().back(), 1e-4);
+}
+
+TEST(Executor, HoldsTheLastFeedForwardAfterARunAndDropsItAfterAStop) {
+  const Primitive<float> primitive = Motion(16);
+  ExecutorRig rig({}, primitive);
+  ASSERT_TRUE(rig.Reach(ExecutorState::kSettling));
+  ASSERT_TRUE(rig.TickUntil(ExecutorState::kHolding));
+  for (int i = 0; i < 100; ++i) rig.Tick();
+  EXPECT_EQ(rig.drives[0]->setpoint.torque_nm, primitive.joints[0].torque.control_points().back());
+  ExecutorRig stopped({}, primitive);
+  ASSERT_TRUE(stopped.Reach(ExecutorState::kStopping));
+  for (int i = 0; i < 1000; ++i) stopped.Tick();
+  EXPECT_EQ(stopped.drives[0]->setpoint.torque_nm, 0);
+}
+
+TEST(Executor, MakesUpForAMissedTickInsteadOfPlayingSlower) {
+  const Primitive<float> primitive = Motion(17);
+  ExecutorRig rig({}, primitive);
+  ASSERT_TRUE(rig.Reach(ExecutorState::kRunning));
+  const float before = rig.Tick().primitive_time_s;
+  rig.input.tick += 2;
+  const TickRecord& record = rig.Tick();
+  EXPECT_EQ(record.faults, 0);
+  EXPECT_NEAR(record.primitive_time_s, before + 0.003F, 1e-6);
+  EXPECT_EQ(record.joints[0].limited.position_rad,
+            primitive.joints[0].position.Evaluate(record.primitive_time_s).value);
+}
+
+/// For every tick of a run with random events: no jump in position, velocity or torque beyond what
+/// limits and accelerations allow, and never outside the limits. This is what transitions must not
+/// break.
+struct Watch {
+  const Primitive<float>& primitive;
+  const ExecutorConfig& config;
+  std::vector<JointSetpoint> last;
+
+  void Check(const ExecutorRig& rig) {
+    const TickRecord& record = rig.output.record;
+    for (std::size_t j = 0; j < record.joint_count; ++j) {
+      const JointSetpoint now = record.joints[j].limited;
+      const JointLimits<float>& limits = primitive.joints[j].limits;
+      ASSERT_GE(now.position_rad, limits.position_min_rad);
+      ASSERT_LE(now.position_rad, limits.position_max_rad);
+      ASSERT_LE(std::abs(now.velocity_rad_s), limits.velocity_max_rad_s);
+      ASSERT_LE(std::abs(now.torque_nm), limits.torque_max_nm);
+      const bool armed =
+          record.state != ExecutorState::kDisarmed && record.state != ExecutorState::kArming;
+      if (armed && j < last.size()) {
+        const float step = limits.velocity_max_rad_s * config.period_s * 1.01F + 1e-6F;
+        ASSERT_LE(std::abs(now.position_rad - last[j].position_rad), step)
+            << "tick " << record.tick;
+        const float velocity_step =
+            limits.acceleration_max_rad_s2 * config.period_s * 1.02F + 1e-4F;
+        ASSERT_LE(std::abs(now.velocity_rad_s - last[j].velocity_rad_s), velocity_step)
+            << "tick " << record.tick;
+        const float torque_step =
+            limits.torque_max_nm * config.period_s / config.torque_rise_s * 1.01F + 1e-4F;
+        ASSERT_LE(std::abs(now.torque_nm - last[j].torque_nm), torque_step)
+            << "tick " << record.tick;
+        ASSERT_FALSE(record.joints[j].limit_active &&
+                     now.position_rad != record.joints[j].planned.position_rad)
+            << "the gate had to hold a position back at tick " << record.tick;
+      }
+    }
+    last.resize(record.joint_count);
+    for (std::size_t j = 0; j < record.joint_count; ++j) last[j] = record.joints[j].limited;
+  }
+};
+
+TEST(Executor, AStopAtAnyMomentOfAnyPhaseJumpsNowhereAndEndsAtRestWithinTheLimits) {
+  std::mt19937 random(18);
+  for (int trial = 0; trial < 300; ++trial) {
+    MotionShape shape;
+    shape.joint_count = 1 + trial % 3;
+    shape.duration_s = 0.3 + 0.01 * (trial % 50);
+    const Primitive<float> primitive = RandomPrimitive<float>(shape, random);
+    ExecutorConfig config;
+    config.speed = trial % 2 == 0 ? 1.0F : 0.4F;
+    config.move_fraction = 0.5F;
+    ExecutorRig rig(config, primitive);
+    Watch watch{primitive, config, {}};
+    for (auto& drive : rig.drives) drive->reply.position_rad += 0.04F;
+    const auto tick = [&](OperatorCommand command = OperatorCommand::kNone) {
+      rig.Tick(command);
+      watch.Check(rig);
+      return !::testing::Test::HasFatalFailure();
+    };
+    ASSERT_TRUE(rig.Reach(ExecutorState::kHolding));
+    ASSERT_TRUE(tick(OperatorCommand::kMoveToStart));
+    const bool stop_in_move = trial % 4 == 0;
+    std::uniform_int_distribution<int> moment(
+        0, stop_in_move ? 40 : static_cast<int>(rig.executor.run_ticks()) + 60);
+    if (!stop_in_move) {
+      while (rig.executor.state() == ExecutorState::kMovingToStart) ASSERT_TRUE(tick());
+      ASSERT_TRUE(tick(OperatorCommand::kRun));
+    }
+    const int stop_at = moment(random);
+    for (int i = 0; i < stop_at; ++i) ASSERT_TRUE(tick());
+    ASSERT_TRUE(tick(OperatorCommand::kStop));
+    for (int i = 0; i < 3000 && rig.executor.state() != ExecutorState::kHolding; ++i)
+      ASSERT_TRUE(tick());
+    ASSERT_EQ(rig.executor.state(), ExecutorState::kHolding);
+    for (int i = 0; i < 50; ++i) ASSERT_TRUE(tick());
+    const float rest = rig.output.record.joints[0].limited.position_rad;
+    ASSERT_TRUE(tick());
+    EXPECT_EQ(rig.output.record.joints[0].limited.position_rad, rest);
+    EXPECT_EQ(rig.output.record.joints[0].limited.velocity_rad_s, 0);
+    ASSERT_TRUE(tick(OperatorCommand::kMoveToStart)) << "and it can go on from there";
+    while (rig.executor.state() == ExecutorState::kMovingToStart) ASSERT_TRUE(tick());
+    EXPECT_EQ(rig.output.record.faults, 0);
+  }
+}
+
+/// Two MIT drives, and a world that answers from a seed: plausible replies, garbage, silence, late
+/// ticks, commands.
+class MitWorld {
+ public:
+  explicit MitWorld(unsigned seed) : primitive(Motion(30)), random(seed) {
+    configs[1].command_id = 2;
+    configs[1].reply_id = 18;
+    for (std::size_t i = 0; i < 2; ++i) drives.emplace_back(std::make_unique<MitDrive>(configs[i]));
+    const std::array<Drive*, 2> pointers{drives[0].get(), drives[1].get()};
+    EXPECT_EQ(executor.Configure({}, primitive, pointers), Status::kOk);
+    for (std::size_t i = 0; i < 2; ++i) position[i] = Start(primitive, i);
+  }
+
+  struct Recorded {
+    TickInput input;
+    std::vector<ReceivedFrame> frames;
+  };
+
+  /// The inputs of one tick; `hostile` is the share of ticks in which something odd happens.
+  Recorded MakeInput(double hostile) {
+    std::uniform_real_distribution<double> chance(0, 1);
+    Recorded recorded;
+    tick += 1;
+    if (chance(random) < 0.2 * hostile) tick += static_cast<std::int64_t>(random() % 5);
+    recorded.input.tick = tick;
+    for (std::size_t i = 0; i < 2; ++i) {
+      MitReply reply;
+      reply.sender = static_cast<std::uint8_t>(i + 1);
+      reply.position_rad = position[i];
+      reply.temperature_c = chance(random) < 0.1 * hostile ? 100.0F : 30.0F;
+      reply.error = chance(random) < 0.1 * hostile ? 2 : 0;
+      CanFrame frame = EncodeMitReply(configs[i], reply);
+      if (chance(random) < hostile) frame.data[random() % 8] ^= static_cast<std::uint8_t>(random());
+      if (chance(random) < hostile) frame.size = static_cast<std::uint8_t>(random() % 9);
+      if (chance(random) >= hostile) recorded.frames.push_back({frame, 0});
+    }
+    if (chance(random) < 0.05 * hostile) recorded.input.send_status = Status::kWouldBlock;
+    if (chance(random) < 0.05 * hostile) recorded.input.receive_status = Status::kBusOff;
+    if (chance(random) < (hostile > 0.1 ? 0.3 : 0.001)) {
+      recorded.input.command = static_cast<OperatorCommand>(random() % 7);
+    } else if (executor.state() == ExecutorState::kFault) {
+      recorded.input.command = OperatorCommand::kDisarm;
+    } else if (executor.state() == ExecutorState::kDisarmed) {
+      recorded.input.command =
+          chance(random) < 0.5 ? OperatorCommand::kClearFaults : OperatorCommand::kArm;
+    } else if (executor.state() == ExecutorState::kHolding) {
+      recorded.input.command =
+          chance(random) < 0.5 ? OperatorCommand::kMoveToStart : OperatorCommand::kRun;
+    }
+    return recorded;
+  }
+
+  void Tick(Recorded& recorded) {
+    recorded.input.received = recorded.frames;
+    executor.Tick(recorded.input, output);
+    for (std::size_t i = 0; i < 2; ++i) {
+      MitCommand command;
+      for (const CanFrame& frame : output.frames[i].frames()) {
+        if (DecodeMitCommand(configs[i], frame, command) == Status::kOk &&
+            command.kp_nm_per_rad > 0) {
+          position[i] = command.position_rad;
+        }
+      }
+    }
+  }
+
+  Primitive<float> primitive;
+  std::mt19937 random;
+  std::array<MitConfig, 2> configs;
+  std::vector<std::unique_ptr<MitDrive>> drives;
+  Executor executor;
+  TickOutput output;
+  std::array<float, 2> position{};
+  std::int64_t tick = 0;
+};
+
+TEST(Executor, EveryFrameOnTheWireDecodesToASetpointWithinTheLimitsWhateverComesIn) {
+  constexpr float kHalfStep_rad = 0.5F * 25.0F / 65535.0F + 1e-5F;
+  constexpr float kHalfStep_rad_s = 0.5F * 100.0F / 4095.0F + 1e-4F;
+  constexpr float kHalfStep_nm = 0.5F * 36.0F / 4095.0F + 1e-4F;
+  int setpoints = 0;
+  std::array<int, kExecutorStateCount> visits{};
+  for (unsigned seed = 0; seed < 60; ++seed) {
+    MitWorld world(seed);
+    std::array<float, 2> last{};
+    std::array<bool, 2> driven{};
+    std::int64_t last_tick = 0;
+    for (int i = 0; i < 4000; ++i) {
+      auto input = world.MakeInput(seed % 3 == 0 ? 0.2 : (seed % 3 == 1 ? 0.005 : 0.0001));
+      world.Tick(input);
+      ++visits[static_cast<std::size_t>(world.output.record.state)];
+      const auto elapsed = static_cast<float>(std::min<std::int64_t>(world.tick - last_tick, 3));
+      last_tick = world.tick;
+      for (std::size_t j = 0; j < 2; ++j) {
+        ASSERT_EQ(world.output.frames[j].frames().size(), 1U) << "every tick writes every drive";
+        MitCommand command;
+        const bool is_setpoint =
+            DecodeMitCommand(world.configs[j], world.output.frames[j].frames()[0], command) ==
+                Status::kOk &&
+            command.kp_nm_per_rad > 0;
+        if (is_setpoint) {
+          ++setpoints;
+          const JointLimits<float>& limits = world.primitive.joints[j].limits;
+          ASSERT_GE(command.position_rad, limits.position_min_rad - kHalfStep_rad);
+          ASSERT_LE(command.position_rad, limits.position_max_rad + kHalfStep_rad);
+          ASSERT_LE(std::abs(command.velocity_rad_s), limits.velocity_max_rad_s + kHalfStep_rad_s);
+          ASSERT_LE(std::abs(command.torque_nm), limits.torque_max_nm + kHalfStep_nm);
+          if (driven[j]) {
+            ASSERT_LE(std::abs(command.position_rad - last[j]),
+                      limits.velocity_max_rad_s * 0.00101F * elapsed + 2 * kHalfStep_rad);
+          }
+          last[j] = command.position_rad;
+        }
+        driven[j] = is_setpoint;
+      }
+    }
+  }
+  EXPECT_GT(setpoints, 10000);
+  for (std::size_t s = 0; s < visits.size(); ++s) {
+    EXPECT_GT(visits[s], 0) << "never in state " << ToString(static_cast<ExecutorState>(s));
+  }
+}
+
+TEST(Executor, RecordedInputsReplayToTheSameBytes) {
+  std::vector<MitWorld::Recorded> inputs;
+  std::vector<CanFrame> frames;
+  std::vector<TickRecord> records;
+  {
+    MitWorld world(5);
+    for (int i = 0; i < 5000; ++i) {
+      inputs.push_back(world.MakeInput(0.002));
+      world.Tick(inputs.back());
+      for (const FrameBatch& batch : world.output.frames) {
+        frames.insert(frames.end(), batch.frames().begin(), batch.frames().end());
+      }
+      records.push_back(world.output.record);
+    }
+  }
+  MitWorld replay(999);  // Its own random numbers are not used.
+  std::size_t next = 0;
+  for (std::size_t i = 0; i < inputs.size(); ++i) {
+    replay.Tick(inputs[i]);
+    for (const FrameBatch& batch : replay.output.frames) {
+      for (const CanFrame& frame : batch.frames()) ASSERT_EQ(frame, frames[next++]) << "tick " << i;
+    }
+    const TickRecord& record = replay.output.record;
+    ASSERT_EQ(record.state, records[i].state);
+    ASSERT_EQ(record.faults, records[i].faults);
+    for (std::size_t j = 0; j < 2; ++j) {
+      ASSERT_EQ(record.joints[j].planned, records[i].joints[j].planned);
+      ASSERT_EQ(record.joints[j].limited, records[i].joints[j].limited);
+    }
+  }
+  EXPECT_EQ(next, frames.size());
+  EXPECT_GT(next, 9000U);
+}
+
+}  // namespace
+}  // namespace tumbler

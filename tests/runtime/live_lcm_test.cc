@@ -1,0 +1,85 @@
+// Live LCM by UDP multicast. CTest starts this program inside a network namespace of its own, whose
+// only interface is the loopback: no packet leaves the machine.
+
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <lcm/lcm-cpp.hpp>
+#include <string>
+#include <thread>
+#include <tumbler/command_t.hpp>
+#include <tumbler/state_t.hpp>
+#include <vector>
+
+#include "runtime/linux/lcm_commands.h"
+#include "runtime/linux/operator_mailbox.h"
+#include "runtime/linux/telemetry.h"
+
+namespace tumbler {
+namespace {
+
+constexpr const char* kUrl = "udpm://239.255.76.67:7667?ttl=0";
+
+TEST(LcmCommands, PutsStopDisarmAndClearIntoTheMailboxAndNothingElse) {
+  OperatorMailbox mailbox;
+  const LcmCommands commands(kUrl, mailbox);
+  lcm::LCM remote(kUrl);
+  ASSERT_TRUE(remote.good());
+  const auto take_after = [&](std::int8_t code, int patience) {
+    command_t message;
+    message.command = code;
+    remote.publish(kCommandChannel, &message);
+    OperatorCommand taken = OperatorCommand::kNone;
+    for (int i = 0; i < patience && taken == OperatorCommand::kNone; ++i) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+      taken = mailbox.Take();
+    }
+    return taken;
+  };
+  EXPECT_EQ(take_after(command_t::STOP, 1000), OperatorCommand::kStop);
+  EXPECT_EQ(take_after(command_t::DISARM, 1000), OperatorCommand::kDisarm);
+  EXPECT_EQ(take_after(command_t::CLEAR_FAULTS, 1000), OperatorCommand::kClearFaults);
+  for (const int code : {0, 1, 2, 3, 7, -1}) {  // 1 to 3 would arm, move and run.
+    EXPECT_EQ(take_after(static_cast<std::int8_t>(code), 5), OperatorCommand::kNone) << code;
+  }
+  EXPECT_EQ(take_after(command_t::STOP, 1000), OperatorCommand::kStop) << "it still listens";
+}
+
+struct Listener {
+  void Handle(const lcm::ReceiveBuffer* /*buffer*/, const std::string& /*channel*/,
+              const state_t* state) {
+    ticks.push_back(state->tick);
+  }
+  std::vector<std::int64_t> ticks;
+};
+
+TEST(Telemetry, PublishesEveryRecordLive) {
+  lcm::LCM subscriber(kUrl);
+  Listener listener;
+  lcm::Subscription* subscription =
+      subscriber.subscribe(kStateChannel, &Listener::Handle, &listener);
+  subscription->setQueueCapacity(
+      0);  // Unlimited: LCM drops all but 30 unhandled messages otherwise.
+  TelemetryConfig config;
+  config.lcm_url = kUrl;
+  Telemetry telemetry(config);
+  telemetry.Start();
+  constexpr std::int64_t kRecords = 50;  // Few enough for any socket buffer.
+  for (std::int64_t i = 0; i < kRecords; ++i) {
+    TimedRecord timed;
+    timed.record.tick = i;
+    timed.record.joint_count = 2;
+    telemetry.Push(timed);
+  }
+  while (static_cast<std::int64_t>(listener.ticks.size()) < kRecords &&
+         subscriber.handleTimeout(5000) > 0) {
+  }
+  telemetry.Stop();
+  ASSERT_EQ(static_cast<std::int64_t>(listener.ticks.size()), kRecords);
+  for (std::int64_t i = 0; i < kRecords; ++i)
+    EXPECT_EQ(listener.ticks[static_cast<std::size_t>(i)], i);
+  EXPECT_EQ(telemetry.unpublished(), 0);
+}
+
+}  // namespace
+}  // namespace tumbler

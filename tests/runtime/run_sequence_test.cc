@@ -1,0 +1,122 @@
+#include "runtime/run_sequence.h"
+
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "tests/support/executor_rig.h"
+#include "tests/support/motions.h"
+
+namespace tumbler {
+namespace {
+
+using testing::ExecutorRig;
+
+RunSequenceConfig Short() {
+  RunSequenceConfig config;
+  config.hold_ticks = 50;
+  config.reply_ticks_max = 20;
+  config.start_ticks_max = 30;
+  config.stop_hold_ticks = 25;
+  config.fault_ticks = 40;
+  return config;
+}
+
+Primitive<float> Motion() {
+  std::mt19937 random(50);
+  return testing::RandomPrimitive<float>({}, random);
+}
+
+class RunSequenceTest : public ::testing::Test {
+ protected:
+  template <typename Each>
+  void Play(Each each) {
+    for (int i = 0; i < 50000 && !sequence.done(); ++i) {
+      each();
+      rig.Tick(sequence.Next(rig.output.record));
+      ++ticks[static_cast<std::size_t>(rig.output.record.state)];
+    }
+    ASSERT_TRUE(sequence.done());
+    EXPECT_EQ(rig.executor.state(), ExecutorState::kDisarmed);
+    for (const auto& drive : rig.drives) EXPECT_EQ(drive->request, DriveRequest::kDisable);
+  }
+  int& Ticks(ExecutorState state) { return ticks[static_cast<std::size_t>(state)]; }
+
+  ExecutorRig rig{{}, Motion()};
+  RunSequence sequence{Short()};
+  std::array<int, kExecutorStateCount> ticks{};
+};
+
+TEST_F(RunSequenceTest, CompletesARun) {
+  Play([] {});
+  EXPECT_EQ(sequence.outcome(), RunOutcome::kCompleted);
+  EXPECT_EQ(Ticks(ExecutorState::kRunning), rig.executor.run_ticks() + 1);
+  EXPECT_GE(Ticks(ExecutorState::kHolding), 50);
+  EXPECT_GE(Ticks(ExecutorState::kDisarmed), 10);
+}
+
+TEST_F(RunSequenceTest, WaitsForRepliesAndGivesUpInTheEnd) {
+  rig.silent[1] = true;
+  Play([] {});
+  EXPECT_EQ(sequence.outcome(), RunOutcome::kRefused);
+  EXPECT_EQ(sequence.refusal().refusal, Refusal::kNoReply);
+  EXPECT_EQ(sequence.refusal().joint, 1);
+  EXPECT_EQ(Ticks(ExecutorState::kArming), 0);
+}
+
+TEST_F(RunSequenceTest, RefusesWhenTheJointsDoNotComeToTheStart) {
+  Play([this] {
+    if (rig.output.record.state == ExecutorState::kMovingToStart) {
+      rig.follow = false;
+      rig.drives[0]->reply.position_rad = rig.drives[0]->setpoint.position_rad + 0.1F;
+    }
+  });
+  EXPECT_EQ(sequence.outcome(), RunOutcome::kRefused);
+  EXPECT_EQ(sequence.refusal().refusal, Refusal::kOutsideStartSet);
+  EXPECT_EQ(Ticks(ExecutorState::kRunning), 0);
+}
+
+TEST_F(RunSequenceTest, StopsInMidMotionThenHoldsThenDisarms) {
+  Play([this] {
+    if (Ticks(ExecutorState::kRunning) == 400) sequence.RequestStop();
+  });
+  EXPECT_EQ(sequence.outcome(), RunOutcome::kStopped);
+  EXPECT_EQ(Ticks(ExecutorState::kRunning), 400);
+  EXPECT_GT(Ticks(ExecutorState::kStopping), 0);
+  EXPECT_GE(Ticks(ExecutorState::kHolding), 25);
+}
+
+TEST_F(RunSequenceTest, DisarmsAtOnceWhenAskedTo) {
+  Play([this] {
+    if (Ticks(ExecutorState::kRunning) == 400) sequence.RequestDisarm();
+  });
+  EXPECT_EQ(sequence.outcome(), RunOutcome::kStopped);
+  EXPECT_EQ(Ticks(ExecutorState::kStopping), 0);
+}
+
+TEST_F(RunSequenceTest, StopsBeforeArmingToo) {
+  rig.silent[0] = true;
+  Play([this] { sequence.RequestStop(); });
+  EXPECT_EQ(sequence.outcome(), RunOutcome::kStopped);
+  EXPECT_EQ(Ticks(ExecutorState::kArming), 0);
+}
+
+TEST_F(RunSequenceTest, CarriesOutTheReactionToAFaultBeforeDisarming) {
+  Play([this] {
+    if (Ticks(ExecutorState::kRunning) == 200) rig.drives[1]->reply.error = 1;
+  });
+  EXPECT_EQ(sequence.outcome(), RunOutcome::kFault);
+  EXPECT_GE(Ticks(ExecutorState::kFault), 40);
+  EXPECT_EQ(rig.output.record.first_fault.fault, Fault::kDriveError);
+}
+
+TEST_F(RunSequenceTest, AStopAfterAFaultStillIsAFault) {
+  Play([this] {
+    if (Ticks(ExecutorState::kRunning) == 200) rig.drives[1]->reply.error = 1;
+    if (Ticks(ExecutorState::kFault) == 5) sequence.RequestStop();
+  });
+  EXPECT_EQ(sequence.outcome(), RunOutcome::kFault);
+}
+
+}  // namespace
+}  // namespace tumbler

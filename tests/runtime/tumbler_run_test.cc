@@ -1,0 +1,156 @@
+// The program as a user meets it: its arguments, messages, files and exit codes.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <array>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <string>
+
+#include "tests/support/primitive_file.h"
+
+namespace tumbler {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+struct Outcome {
+  int exit_code = -1;
+  std::string text;  ///< Standard output and error.
+};
+
+class TumblerRun : public ::testing::Test {
+ protected:
+  TumblerRun()
+      : directory_(std::filesystem::temp_directory_path() /
+                   ("tumbler_run_test_" + std::to_string(getpid()))) {
+    std::filesystem::create_directories(directory_);
+    testing::MotionShape shape;
+    shape.duration_s = 0.3;
+    shape.amplitude_rad = 0.5;
+    Write("motion.toml", ToToml(testing::RandomPrimitiveFile(shape, 70)));
+  }
+  ~TumblerRun() override { std::filesystem::remove_all(directory_); }
+
+  [[nodiscard]] std::string Path(const std::string& name) const {
+    return (directory_ / name).string();
+  }
+  void Write(const std::string& name, const std::string& text) const {
+    std::ofstream(Path(name), std::ios::binary) << text;
+  }
+  [[nodiscard]] static Outcome Run(const std::string& arguments) {
+    const std::string command =
+        std::string(TUMBLER_BINARY_DIR "/bin/tumbler-run ") + arguments + " 2>&1";
+    Outcome outcome;
+    std::FILE* pipe = popen(command.c_str(), "r");
+    if (pipe == nullptr) return outcome;
+    std::array<char, 4096> buffer;
+    std::size_t count = 0;
+    while ((count = std::fread(buffer.data(), 1, buffer.size(), pipe)) > 0) {
+      outcome.text.append(buffer.data(), count);
+    }
+    const int status = pclose(pipe);
+    outcome.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+    return outcome;
+  }
+  /// The example drive file with this program's joints, and `from` replaced by `to`.
+  void WriteDrives(const std::string& from = "", const std::string& to = "") const {
+    std::ifstream stream(TUMBLER_SOURCE_DIR "/primitives/robots/tumbler_drives.toml");
+    std::string text(std::istreambuf_iterator<char>(stream), {});
+    const auto replace = [&text](const std::string& what, const std::string& with) {
+      const std::size_t at = text.find(what);
+      ASSERT_NE(at, std::string::npos) << what;
+      text.replace(at, what.size(), with);
+    };
+    replace("\"leg1\"", "\"joint1\"");
+    replace("\"leg2\"", "\"joint2\"");
+    if (!from.empty()) replace(from, to);
+    Write("drives.toml", text);
+  }
+  /// On an interface that no machine has.
+  [[nodiscard]] Outcome RunOnMissingInterface(const std::string& more = "") const {
+    return Run("can9 " + Path("motion.toml") + " --drives " + Path("drives.toml") + more);
+  }
+
+  std::filesystem::path directory_;
+};
+
+TEST_F(TumblerRun, ExplainsItself) {
+  const Outcome outcome = Run("--help");
+  EXPECT_EQ(outcome.exit_code, 0);
+  for (const char* part : {"--drives", "--arm", "--realtime", "--speed", "--log", "--lcm-url",
+                           "--json", "--trace", "--hold-s", "Exit codes", "130", "kp 200, kd 4"}) {
+    EXPECT_THAT(outcome.text, HasSubstr(part));
+  }
+}
+
+TEST_F(TumblerRun, RejectsWrongCommandLinesWithExitCode1) {
+  const std::string motion = Path("motion.toml");
+  for (const std::string& arguments :
+       {std::string(), std::string("sim"), "sim " + motion + " --speed 1.5",
+        "sim " + motion + " --speed 0.05", "sim " + motion + " --hold-s -1",
+        "sim " + motion + " --nonsense", "sim " + motion + " extra"}) {
+    const Outcome outcome = Run(arguments);
+    EXPECT_EQ(outcome.exit_code, 1) << arguments;
+    EXPECT_FALSE(outcome.text.empty()) << arguments;
+  }
+}
+
+TEST_F(TumblerRun, NamesAPrimitiveThatIsMissingOrBroken) {
+  Outcome outcome = Run("can9 " + Path("absent.toml"));
+  EXPECT_EQ(outcome.exit_code, 1);
+  EXPECT_THAT(outcome.text, HasSubstr("absent.toml"));
+  Write("broken.toml", "format = 3\n");
+  outcome = Run("can9 " + Path("broken.toml"));
+  EXPECT_EQ(outcome.exit_code, 1);
+  EXPECT_THAT(outcome.text, HasSubstr("broken.toml:1"));
+}
+
+TEST_F(TumblerRun, NeedsADriveFileOnARealBus) {
+  const Outcome outcome = Run("can9 " + Path("motion.toml"));
+  EXPECT_EQ(outcome.exit_code, 1);
+  EXPECT_THAT(outcome.text, HasSubstr("--drives"));
+}
+
+TEST_F(TumblerRun, NamesAnInterfaceThatIsNotThere) {
+  WriteDrives();
+  for (const std::string mode : {"", " --arm --without-realtime"}) {
+    const Outcome outcome = RunOnMissingInterface(mode);
+    EXPECT_EQ(outcome.exit_code, 1) << outcome.text;
+    EXPECT_THAT(outcome.text, HasSubstr("can9"));
+    EXPECT_THAT(outcome.text,
+                HasSubstr("bus schedule: 2 setpoints and 2 replies of 8 bytes: 540 bits a tick"));
+    EXPECT_THAT(outcome.text, Not(HasSubstr("can9 001#"))) << "no frame is printed";
+  }
+}
+
+TEST_F(TumblerRun, RefusesADriveFileThatLacksAJoint) {
+  WriteDrives("\"joint2\"", "\"other2\"");
+  const Outcome outcome = RunOnMissingInterface();
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_THAT(outcome.text, HasSubstr("no drive for joint 'joint2'"));
+}
+
+TEST_F(TumblerRun, RejectsARateThatTheBusCannotCarry) {
+  WriteDrives("rate_hz = 1000.0", "rate_hz = 1900.0");
+  const Outcome outcome = RunOnMissingInterface();
+  EXPECT_EQ(outcome.exit_code, 1);
+  EXPECT_THAT(outcome.text, HasSubstr("drives.toml"));
+  EXPECT_THAT(outcome.text, HasSubstr("rate_hz"));
+}
+
+TEST_F(TumblerRun, RefusesAMotionBeyondTheRangesOfADrive) {
+  WriteDrives("position_rad = [-12.5, 12.5]", "position_rad = [-0.1, 0.1]");
+  const Outcome outcome = RunOnMissingInterface();
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_THAT(outcome.text, HasSubstr("joint joint1: the motion's position limit"));
+}
+
+}  // namespace
+}  // namespace tumbler

@@ -1,0 +1,99 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "runtime/executor.h"
+#include "tests/support/scripted_drive.h"
+
+namespace tumbler::testing {
+
+/// An executor with scripted drives whose joints go exactly where they are sent, with one tick of
+/// delay.
+class ExecutorRig {
+ public:
+  ExecutorRig(const ExecutorConfig& config, const Primitive<float>& primitive)
+      : primitive_(primitive) {
+    for (int i = 0; i < primitive.joint_count; ++i) {
+      drives.push_back(std::make_unique<ScriptedDrive>(static_cast<std::uint32_t>(100 + i)));
+      pointers_.push_back(drives.back().get());
+      drives.back()->reply.position_rad =
+          primitive.joints[static_cast<std::size_t>(i)].position.control_points()[0];
+    }
+    configured = executor.Configure(config, primitive, pointers_);
+  }
+
+  /// One tick in which every drive that is not silent answers.
+  const TickRecord& Tick(OperatorCommand command = OperatorCommand::kNone) {
+    received_.clear();
+    for (std::size_t i = 0; i < drives.size(); ++i) {
+      ScriptedDrive& drive = *drives[i];
+      const bool obeys =
+          follow && drive.request == DriveRequest::kEnable && drive.setpoint.kp_nm_per_rad > 0;
+      if (obeys) drive.reply.position_rad = drive.setpoint.position_rad;
+      if (!silent[i]) received_.push_back({drive.Answer(), 0});
+    }
+    input.received = received_;
+    input.command = command;
+    executor.Tick(input, output);
+    input.tick += 1;
+    return output.record;
+  }
+
+  /// Ticks until the executor is in `state`; false when it does not get there in `ticks_max`.
+  bool TickUntil(ExecutorState state, int ticks_max = 100000,
+                 const std::function<void()>& each = {}) {
+    for (int i = 0; i < ticks_max && executor.state() != state; ++i) {
+      Tick();
+      if (each) each();
+    }
+    return executor.state() == state;
+  }
+
+  /// From disarmed into `state`, each joint following. False if that failed.
+  bool Reach(ExecutorState state) {
+    Tick();
+    if (state == ExecutorState::kDisarmed) return true;
+    Tick(OperatorCommand::kArm);
+    if (state == ExecutorState::kArming) return executor.state() == state;
+    if (!TickUntil(ExecutorState::kHolding, 1000)) return false;
+    if (state == ExecutorState::kHolding) return true;
+    Tick(OperatorCommand::kMoveToStart);
+    for (int i = 0; i < 3 && state == ExecutorState::kMovingToStart; ++i) Tick();
+    if (state == ExecutorState::kMovingToStart) return executor.state() == state;
+    if (!TickUntil(ExecutorState::kHolding)) return false;
+    Tick(OperatorCommand::kRun);
+    for (std::int64_t i = 0; i < executor.run_ticks() / 3; ++i) Tick();
+    if (state == ExecutorState::kRunning) return executor.state() == state;
+    if (state == ExecutorState::kStopping) {
+      Tick(OperatorCommand::kStop);
+      return executor.state() == state;
+    }
+    if (state == ExecutorState::kSettling) return TickUntil(state);
+    if (state == ExecutorState::kFault) {
+      input.tick += 100;  // A late tick: damps while running.
+      Tick();
+      return executor.state() == state;
+    }
+    return false;
+  }
+
+  Executor executor;
+  Status configured = Status::kInvalidArgument;
+  std::vector<std::unique_ptr<ScriptedDrive>> drives;
+  std::array<bool, kMaxJoints> silent{};
+  bool follow = true;
+  TickInput input;
+  TickOutput output;
+
+ private:
+  Primitive<float> primitive_;
+  std::vector<Drive*> pointers_;
+  std::vector<ReceivedFrame> received_;
+};
+
+}  // namespace tumbler::testing

@@ -1,0 +1,35 @@
+#pragma once
+
+#include <random>
+
+#include "common/primitive_toml.h"
+#include "tests/support/motions.h"
+
+namespace tumbler::testing {
+
+/// A primitive file around a random motion, complete enough to be written and loaded. It holds no
+/// robot: it is for everything that does not simulate one.
+inline PrimitiveFile RandomPrimitiveFile(const MotionShape& shape, unsigned seed) {
+  std::mt19937 random(seed);
+  PrimitiveFile file;
+  file.primitive = RandomPrimitive<double>(shape, random);
+  for (const auto& motion : file.primitive.motions()) {
+    file.entry.joint_positions_rad.push_back(motion.position.control_points().front());
+    file.exit.joint_positions_rad.push_back(motion.position.control_points().back());
+  }
+  file.certificate.coefficients_hash = HashOfCoefficients(file.primitive);
+  const LimitMargins margins = MarginsOf(file.primitive);
+  file.certificate.position_margin_rad = margins.position_rad;
+  file.certificate.velocity_margin_rad_s = margins.velocity_rad_s;
+  file.certificate.acceleration_margin_rad_s2 = margins.acceleration_rad_s2;
+  file.provenance.tool = "test 1.0";
+  file.provenance.robot_file = "robot.urdf";
+  file.provenance.task_file = "task.toml";
+  file.provenance.robot_urdf = "<robot name='none'/>\n";
+  file.provenance.task_toml = "version = 1\n";
+  file.provenance.robot_hash = HashOfText(file.provenance.robot_urdf);
+  file.provenance.task_hash = HashOfText(file.provenance.task_toml);
+  return file;
+}
+
+}  // namespace tumbler::testing

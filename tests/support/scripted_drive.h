@@ -1,0 +1,65 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "firmware_interface/drives/drive.h"
+
+namespace tumbler::testing {
+
+/// A drive that does as the test says. Its frames carry no numbers: what was asked is in `setpoint`
+/// and `request`, exactly; what it answers is what `reply` holds when its answer is decoded.
+class ScriptedDrive final : public Drive {
+ public:
+  explicit ScriptedDrive(std::uint32_t id) : id_(id) {}
+
+  Status Encode(DriveRequest request_in, const DriveSetpoint& setpoint_in,
+                FrameBatch& batch) noexcept override {
+    request = request_in;
+    setpoint = setpoint_in;
+    enable_ticks_ = request == DriveRequest::kEnable ? enable_ticks_ + 1 : 0;
+    ++encodes;
+    CanFrame frame;
+    frame.id = id_;
+    if (batch.Add(frame) != Status::kOk) return Status::kCapacityExceeded;
+    return encode_status;
+  }
+  bool Decode(const CanFrame& frame) noexcept override {
+    if (frame.id != id_) return false;
+    feedback_ = reply;
+    heard_ = true;
+    return true;
+  }
+  [[nodiscard]] DriveSetpoint encoded_setpoint() const noexcept override { return setpoint; }
+  [[nodiscard]] DriveFeedback feedback() const noexcept override { return feedback_; }
+  [[nodiscard]] DriveState state() const noexcept override {
+    if (!heard_) return DriveState::kUnknown;
+    if (feedback_.error != 0) return DriveState::kFault;
+    if (stuck || enable_ticks_ == 0) return DriveState::kDisabled;
+    return enable_ticks_ < start_up_ticks ? DriveState::kEnabling : DriveState::kEnabled;
+  }
+
+  /// A frame that `Decode` takes.
+  [[nodiscard]] CanFrame Answer() const {
+    CanFrame frame;
+    frame.id = id_;
+    return frame;
+  }
+
+  DriveFeedback reply;
+  int start_up_ticks = 3;
+  bool stuck = false;  ///< Never, or no longer, enabled.
+  Status encode_status = Status::kOk;
+
+  DriveRequest request = DriveRequest::kDisable;
+  DriveSetpoint setpoint;
+  int encodes = 0;
+
+ private:
+  std::uint32_t id_;
+  DriveFeedback feedback_;
+  bool heard_ = false;
+  int enable_ticks_ = 0;
+};
+
+}  // namespace tumbler::testing
