@@ -35,12 +35,15 @@ struct ActuatedJoint {
 /// How global search is done: random splines, ranked by cost alone.
 struct SearchSettings {
   std::uint64_t seed = 1;
-  int samples = 1200;  ///< Random starts.
-  int refine = 4;      ///< How many of the best go to the local solver.
-  double spread_rad =
-      1.6;  ///< Control points lie this far either side of the straight line from start to end.
+  int samples = 600;  ///< Random starts.
+  int refine = 4;     ///< How many of the best go to the local solver.
+  int modes =
+      3;  ///< Half-sine modes of a random departure from the straight line from start to end.
+  double spread_rad = 3.2;    ///< Largest amplitude of the first mode; mode m has it divided by m.
   double torque_penalty = 1;  ///< Weight of (|tau| / limit - 1)^2 in the ranking.
-  double step_s = 1e-3;  ///< Integration step: ranking needs less accuracy than solving.
+  double core_penalty =
+      0.1;  ///< Weight of penetration beyond the compliant layer, in layers, in the ranking.
+  double step_s = 2e-3;  ///< Integration step: ranking needs less accuracy than solving.
 };
 
 /// How the local solver (SLSQP) is run.
@@ -68,6 +71,10 @@ struct Problem {
   std::vector<TerminalTerm> terminal;
   double effort_weight = 0;     ///< Of the integral of |tau|^2 over motion and settle phase.
   double target_pitch_rad = 0;  ///< What the settled pitch is compared with.
+
+  double entry_tolerance_rad = 0.1;  ///< The runtime starts only this near to the first positions.
+  double following_tolerance_rad =
+      0.35;  ///< ... and calls it a fault when a joint is further behind.
 
   SearchSettings search;
   SolverSettings solver;

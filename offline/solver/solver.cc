@@ -18,8 +18,12 @@ using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowM
 /// A constraint counts as active within this distance of zero (scaled).
 constexpr double kActive = 1e-5;
 
-/// A small counter-based generator, SplitMix64 [Steele, Lea, Flood 2014]: sample i of a seed is the same whoever draws
-/// it. The standard library's distributions would differ between implementations.
+/// Limits are kept a millionth inside, so that what the solver's rounding leaves still proves them.
+constexpr double kInside = 1 - 1e-6;
+
+/// A small counter-based generator, SplitMix64 [Steele, Lea, Flood 2014]: sample i of a seed is the
+/// same whoever draws it. The standard library's distributions would differ between
+/// implementations.
 class SplitMix64 {
  public:
   SplitMix64(std::uint64_t seed, std::uint64_t stream) : state_(seed * 0x9E3779B97F4A7C15U) {
@@ -38,7 +42,8 @@ class SplitMix64 {
   std::uint64_t state_;
 };
 
-/// Runs work(index, thread) for indices 0 ... count - 1 on several threads; each index exactly once.
+/// Runs work(index, thread) for indices 0 ... count - 1 on several threads; each index exactly
+/// once.
 void ParallelFor(int count, int threads, const std::function<void(int, int)>& work) {
   std::atomic<int> next = 0;
   std::exception_ptr failure;
@@ -59,24 +64,47 @@ void ParallelFor(int count, int threads, const std::function<void(int, int)>& wo
   if (failure) std::rethrow_exception(failure);
 }
 
-/// Random control points around the straight line from start to end, inside the position limits.
-std::vector<double> RandomStart(const Problem& problem, std::uint64_t sample) {
+/// A random smooth departure from the straight line between start and end: half-sine modes over the
+/// free control points, mode m with an amplitude uniform in +-spread / m, inside the position
+/// limits, and shrunk towards the line until the velocity and acceleration limits (`rows`) hold.
+/// Low modes move the robot; independent control points mostly shake it (measured: 14 times fewer
+/// samples near a handstand).
+std::vector<double> RandomStart(const Problem& problem, const std::vector<LinearRow>& rows,
+                                std::uint64_t sample) {
   SplitMix64 random(problem.search.seed, sample);
   const int free = problem.free_points_per_joint();
-  std::vector<double> x;
-  x.reserve(static_cast<std::size_t>(problem.parameter_count()));
+  std::vector<double> line, departure;
+  std::vector<double> amplitude(static_cast<std::size_t>(problem.search.modes));
   for (const ActuatedJoint& joint : problem.joints) {
+    for (std::size_t m = 0; m < amplitude.size(); ++m) {
+      amplitude[m] = problem.search.spread_rad * random.Symmetric() / static_cast<double>(m + 1);
+    }
     for (int i = 0; i < free; ++i) {
       const double s = (i + 1.0) / (free + 1.0);
-      const double line = joint.start_rad + s * (joint.end_rad - joint.start_rad);
-      x.push_back(std::clamp(line + problem.search.spread_rad * random.Symmetric(), joint.limits.position_min_rad,
-                             joint.limits.position_max_rad));
+      const double straight = joint.start_rad + s * (joint.end_rad - joint.start_rad);
+      double value = straight;
+      for (std::size_t m = 0; m < amplitude.size(); ++m) {
+        value += amplitude[m] * std::sin(M_PI * static_cast<double>(m + 1) * s);
+      }
+      line.push_back(straight);
+      departure.push_back(
+          std::clamp(value, joint.limits.position_min_rad, joint.limits.position_max_rad) -
+          straight);
     }
   }
-  return x;
+  double scale = 1;
+  for (const LinearRow& row : rows) {
+    const double at_line =
+        row.b + std::inner_product(row.a.begin(), row.a.end(), line.begin(), 0.0);
+    const double slope = std::inner_product(row.a.begin(), row.a.end(), departure.begin(), 0.0);
+    if (slope > 0 && at_line < 0) scale = std::min(scale, -at_line / slope);
+  }
+  for (std::size_t i = 0; i < line.size(); ++i) line[i] += scale * departure[i];
+  return line;
 }
 
-/// What the global search ranks by: the cost, and a penalty that keeps motions which the solver would have to bend far.
+/// What the global search ranks by: the cost, and a penalty that keeps motions which the solver
+/// would have to bend far.
 double Rank(const Problem& problem, const RolloutResult& result) {
   if (!result.finite) return std::numeric_limits<double>::infinity();
   double rank = result.cost;
@@ -84,27 +112,50 @@ double Rank(const Problem& problem, const RolloutResult& result) {
     const double above = std::max(0.0, excess);
     rank += problem.search.torque_penalty * above * above;
   }
+  rank += problem.search.core_penalty *
+          std::max(0.0, result.peak_penetration_m / problem.contact.layer_m - 1);
   return rank;
 }
 
-/// Largest violated constraint; `rows` are those of DerivativeLimitRows.
-double Violation(const Problem& problem, const std::vector<LinearRow>& rows, std::span<const double> x,
-                 const RolloutResult& result) {
-  double largest = 0;
+/// The largest constraint, and zero or more when it is violated. `rows` are those of
+/// DerivativeLimitRows.
+struct WorstConstraint {
+  double value = 0;
+  std::string name;
+};
+WorstConstraint FindWorst(const Problem& problem, const std::vector<LinearRow>& rows,
+                          std::span<const double> x, const RolloutResult& result) {
+  WorstConstraint worst;
+  const auto consider = [&worst](double value, const auto& name) {
+    if (value > worst.value) worst = {value, name()};
+  };
+  const auto joint_name = [&](std::size_t j) {
+    return problem.robot.tree.dofs[static_cast<std::size_t>(problem.joints[j].dof)].name;
+  };
   for (const LinearRow& row : rows) {
-    largest = std::max(largest, row.b + std::inner_product(row.a.begin(), row.a.end(), x.begin(), 0.0));
+    consider(row.b + std::inner_product(row.a.begin(), row.a.end(), x.begin(), 0.0),
+             [&] { return row.name; });
   }
-  for (const double excess : result.torque_excess) largest = std::max(largest, excess);
+  for (std::size_t j = 0; j < result.torque_excess.size(); ++j) {
+    consider(result.torque_excess[j], [&] { return "torque of " + joint_name(j); });
+  }
   const std::size_t free = static_cast<std::size_t>(problem.free_points_per_joint());
   for (std::size_t i = 0; i < x.size(); ++i) {
     const JointLimits<double>& limits = problem.joints[i / free].limits;
-    largest = std::max({largest, x[i] - limits.position_max_rad, limits.position_min_rad - x[i]});
+    consider(std::max(x[i] - limits.position_max_rad, limits.position_min_rad - x[i]),
+             [&] { return "position of " + joint_name(i / free); });
   }
-  return largest;
+  return worst;
 }
 
-/// Largest component of g + A^T lambda, lambda >= 0, over the active constraints' gradients A: what is left of the
-/// Kuhn-Tucker condition. Multipliers that come out negative are dropped and the rest solved again.
+double Violation(const Problem& problem, const std::vector<LinearRow>& rows,
+                 std::span<const double> x, const RolloutResult& result) {
+  return FindWorst(problem, rows, x, result).value;
+}
+
+/// Largest component of g + A^T lambda, lambda >= 0, over the active constraints' gradients A: what
+/// is left of the Kuhn-Tucker condition. Multipliers that come out negative are dropped and the
+/// rest solved again.
 double ProjectedGradient(const Eigen::VectorXd& g, std::vector<Eigen::VectorXd> active) {
   Eigen::VectorXd residual = g;
   while (!active.empty()) {
@@ -121,10 +172,12 @@ double ProjectedGradient(const Eigen::VectorXd& g, std::vector<Eigen::VectorXd> 
   return residual.size() == 0 ? 0 : residual.lpNorm<Eigen::Infinity>();
 }
 
-/// What one SLSQP run needs in NLopt's callbacks: one rollout per point, shared by cost and constraints.
+/// What one SLSQP run needs in NLopt's callbacks: one rollout per point, shared by cost and
+/// constraints.
 class LocalSolve {
  public:
-  LocalSolve(const Problem& problem, Rollout& rollout, const SolveOptions& options, std::vector<Evaluation>* history)
+  LocalSolve(const Problem& problem, Rollout& rollout, const SolveOptions& options,
+             std::vector<Evaluation>* history)
       : problem_(problem),
         rollout_(rollout),
         options_(options),
@@ -143,14 +196,15 @@ class LocalSolve {
       best.rollout = result_;
       return best;
     }
-    // |g| of order one half: a first step of SLSQP, which takes the Hessian for the identity, then stays local.
+    // |g| of order one half: a first step of SLSQP, which takes the Hessian for the identity, then
+    // stays local.
     scale_ = 0.5 / std::max(outputs_.row(0).lpNorm<Eigen::Infinity>(), 1e-3);
     best_violation_ = std::numeric_limits<double>::infinity();
     Remember();
     SolveEnd end = SolveEnd::kFailed;
     double before = std::numeric_limits<double>::infinity();
-    // SLSQP 2.7.1 can stop early or far from feasible: it is started again from the best point, which also resets its
-    // Hessian, until that changes nothing.
+    // SLSQP 2.7.1 can stop early or far from feasible: it is started again from the best point,
+    // which also resets its Hessian, until that changes nothing.
     while (evaluations_ < problem_.solver.max_evaluations) {
       end = RunOnce(best_x_, n);
       if (end == SolveEnd::kInterrupted || end == SolveEnd::kEvaluations) break;
@@ -161,7 +215,10 @@ class LocalSolve {
     best.x = best_x_;
     Evaluate(best.x);
     best.rollout = result_;
-    best.violation = Violation(problem_, rows_, best.x, result_);
+    const WorstConstraint worst = FindWorst(problem_, rows_, best.x, result_);
+    best.violation = worst.value;
+    best.worst_constraint = worst.name;
+    best.core_reached = result_.peak_penetration_m >= problem_.contact.layer_m;
     if (end == SolveEnd::kConverged && best.violation > 1e-6) end = SolveEnd::kInfeasible;
     best.end = end;
     best.evaluations = evaluations_;
@@ -182,7 +239,8 @@ class LocalSolve {
     opt.set_upper_bounds(upper);
     opt.set_min_objective(&LocalSolve::Objective, this);
     const std::size_t constraints = rows_.size() + problem_.joints.size();
-    opt.add_inequality_mconstraint(&LocalSolve::Constraints, this, std::vector<double>(constraints, 1e-8));
+    opt.add_inequality_mconstraint(&LocalSolve::Constraints, this,
+                                   std::vector<double>(constraints, 1e-8));
     opt.set_ftol_rel(problem_.solver.relative_tolerance);
     opt.set_xtol_rel(1e-9);
     opt.set_maxeval(problem_.solver.max_evaluations - evaluations_);
@@ -202,7 +260,8 @@ class LocalSolve {
     } catch (const nlopt::roundoff_limited&) {
       end = SolveEnd::kStalled;
     } catch (const std::runtime_error&) {
-      // NLOPT_FAILURE: "more than iter SQP iterations" and its like mean inconsistent linearised constraints.
+      // NLOPT_FAILURE: "more than iter SQP iterations" and its like mean inconsistent linearised
+      // constraints.
       end = SolveEnd::kInfeasible;
     }
     opt_ = nullptr;
@@ -227,7 +286,8 @@ class LocalSolve {
   void Remember() {
     if (!result_.finite) return;
     const double violation = std::max(Violation(problem_, rows_, x_, result_), 1e-7);
-    const bool better = violation < best_violation_ || (violation == best_violation_ && result_.cost < best_cost_);
+    const bool better =
+        violation < best_violation_ || (violation == best_violation_ && result_.cost < best_cost_);
     if (!better) return;
     best_x_ = x_;
     best_violation_ = violation;
@@ -250,7 +310,8 @@ class LocalSolve {
     }
   }
 
-  static void Constraints(unsigned m, double* value, unsigned n, const double* x, double* gradient, void* data) {
+  static void Constraints(unsigned m, double* value, unsigned n, const double* x, double* gradient,
+                          void* data) {
     auto& self = *static_cast<LocalSolve*>(data);
     try {
       self.Evaluate({x, n});
@@ -267,7 +328,8 @@ class LocalSolve {
       } else {
         value[i] = self.result_.finite ? self.result_.torque_excess[i - rows] : 1.0;
         for (std::size_t k = 0; gradient != nullptr && k < n; ++k) {
-          gradient[i * n + k] = self.outputs_(static_cast<Eigen::Index>(i - rows + 1), static_cast<Eigen::Index>(k));
+          gradient[i * n + k] =
+              self.outputs_(static_cast<Eigen::Index>(i - rows + 1), static_cast<Eigen::Index>(k));
         }
       }
     }
@@ -280,8 +342,10 @@ class LocalSolve {
     for (std::size_t i = 0; i < x.size(); ++i) {
       const JointLimits<double>& limits = problem_.joints[i / free].limits;
       const auto k = static_cast<Eigen::Index>(i);
-      if (x[i] > limits.position_max_rad - kActive) active.emplace_back(Eigen::VectorXd::Unit(n, k));
-      if (x[i] < limits.position_min_rad + kActive) active.emplace_back(-Eigen::VectorXd::Unit(n, k));
+      if (x[i] > limits.position_max_rad - kActive)
+        active.emplace_back(Eigen::VectorXd::Unit(n, k));
+      if (x[i] < limits.position_min_rad + kActive)
+        active.emplace_back(-Eigen::VectorXd::Unit(n, k));
     }
     for (const LinearRow& row : rows_) {
       if (row.b + std::inner_product(row.a.begin(), row.a.end(), x.begin(), 0.0) > -kActive) {
@@ -340,13 +404,17 @@ std::vector<LinearRow> DerivativeLimitRows(const Problem& problem) {
   const std::vector<double> zero(n, 0.0);
   for (std::size_t j = 0; j < problem.joints.size(); ++j) {
     const JointLimits<double>& limits = problem.joints[j].limits;
-    const double limit[3] = {0, limits.velocity_max_rad_s, limits.acceleration_max_rad_s2};
+    const double limit[3] = {0, kInside * limits.velocity_max_rad_s,
+                             kInside * limits.acceleration_max_rad_s2};
     const auto constant = PositionSpline(problem, zero, j);
     for (int d = 1; d <= 2; ++d) {
       if (!std::isfinite(limit[d])) continue;
       const std::size_t points = constant.control_points(d).size();
       std::vector<LinearRow> upper(points);
       for (std::size_t k = 0; k < points; ++k) {
+        upper[k].name =
+            std::string(d == 1 ? "velocity of " : "acceleration of ") +
+            problem.robot.tree.dofs[static_cast<std::size_t>(problem.joints[j].dof)].name;
         upper[k].a.assign(n, 0.0);
         upper[k].b = constant.control_points(d)[k] / limit[d];
       }
@@ -355,11 +423,13 @@ std::vector<LinearRow> DerivativeLimitRows(const Problem& problem) {
         unit[j * free + i] = 1;
         const auto moved = PositionSpline(problem, unit, j);
         for (std::size_t k = 0; k < points; ++k) {
-          upper[k].a[j * free + i] = (moved.control_points(d)[k] - constant.control_points(d)[k]) / limit[d];
+          upper[k].a[j * free + i] =
+              (moved.control_points(d)[k] - constant.control_points(d)[k]) / limit[d];
         }
       }
       for (const LinearRow& row : upper) {
-        if (std::all_of(row.a.begin(), row.a.end(), [](double a) { return a == 0; })) continue;  // Fixed by the ends.
+        if (std::all_of(row.a.begin(), row.a.end(), [](double a) { return a == 0; }))
+          continue;  // Fixed by the ends.
         LinearRow lower = row;
         for (double& a : lower.a) a = -a;
         lower.b = -row.b - 1;
@@ -383,17 +453,21 @@ SolveOutcome Solve(const Problem& problem, const SolveOptions& options) {
   const auto interrupted = [&] { return options.interrupt != nullptr && *options.interrupt; };
 
   // Global search: every sample is a function of seed and index alone.
+  const std::vector<LinearRow> rows = DerivativeLimitRows(problem);
   const int samples = problem.search.samples;
-  std::vector<double> rank(static_cast<std::size_t>(samples), std::numeric_limits<double>::infinity());
+  std::vector<double> rank(static_cast<std::size_t>(samples),
+                           std::numeric_limits<double>::infinity());
   {
     std::vector<Rollout> rollouts;
-    for (int t = 0; t < std::max(1, options.threads); ++t) rollouts.emplace_back(problem, problem.search.step_s);
+    for (int t = 0; t < std::max(1, options.threads); ++t)
+      rollouts.emplace_back(problem, problem.search.step_s);
     std::int64_t done = 0;
     double best = std::numeric_limits<double>::infinity();
     ParallelFor(samples, options.threads, [&](int i, int thread) {
       if (interrupted()) return;
-      const std::vector<double> x = RandomStart(problem, static_cast<std::uint64_t>(i));
-      rank[static_cast<std::size_t>(i)] = Rank(problem, rollouts[static_cast<std::size_t>(thread)].Run(x));
+      const std::vector<double> x = RandomStart(problem, rows, static_cast<std::uint64_t>(i));
+      rank[static_cast<std::size_t>(i)] =
+          Rank(problem, rollouts[static_cast<std::size_t>(thread)].Run(x));
       const std::lock_guard<std::mutex> lock(mutex);
       best = std::min(best, rank[static_cast<std::size_t>(i)]);
       ++done;
@@ -419,7 +493,8 @@ SolveOutcome Solve(const Problem& problem, const SolveOptions& options) {
   std::vector<std::vector<Evaluation>> histories(static_cast<std::size_t>(starts));
   {
     std::vector<Rollout> rollouts;
-    for (int t = 0; t < std::max(1, options.threads); ++t) rollouts.emplace_back(problem, problem.solver.step_s);
+    for (int t = 0; t < std::max(1, options.threads); ++t)
+      rollouts.emplace_back(problem, problem.solver.step_s);
     ParallelFor(starts, options.threads, [&](int s, int thread) {
       const auto k = static_cast<std::size_t>(s);
       SolveOptions local = options;
@@ -431,7 +506,8 @@ SolveOutcome Solve(const Problem& problem, const SolveOptions& options) {
           options.progress(named);
         };
       }
-      const std::vector<double> x = RandomStart(problem, static_cast<std::uint64_t>(order[k]));
+      const std::vector<double> x =
+          RandomStart(problem, rows, static_cast<std::uint64_t>(order[k]));
       outcome.solutions[k] =
           SolveFrom(problem, x, rollouts[static_cast<std::size_t>(thread)], local, &histories[k]);
       outcome.solutions[k].start = s;
@@ -444,10 +520,11 @@ SolveOutcome Solve(const Problem& problem, const SolveOptions& options) {
     }
     outcome.evaluations += outcome.solutions[s].evaluations;
   }
-  std::stable_sort(outcome.solutions.begin(), outcome.solutions.end(), [](const Solution& a, const Solution& b) {
-    if (a.feasible() != b.feasible()) return a.feasible();
-    return a.feasible() ? a.rollout.cost < b.rollout.cost : a.violation < b.violation;
-  });
+  std::stable_sort(
+      outcome.solutions.begin(), outcome.solutions.end(), [](const Solution& a, const Solution& b) {
+        if (a.feasible() != b.feasible()) return a.feasible();
+        return a.feasible() ? a.rollout.cost < b.rollout.cost : a.violation < b.violation;
+      });
   outcome.interrupted = interrupted();
   return outcome;
 }

@@ -23,12 +23,12 @@ struct Evaluation {
 
 /// Why a local solve ended.
 enum class SolveEnd {
-  kConverged,      ///< Cost and parameters stopped changing within their tolerance.
-  kStalled,        ///< No further progress is possible within rounding.
-  kEvaluations,    ///< The evaluation budget is used up.
-  kInfeasible,     ///< The linearised constraints contradict each other, or stay violated.
-  kInterrupted,    ///< The caller asked to stop.
-  kFailed,         ///< The rollout left every plausible range at the start.
+  kConverged,    ///< Cost and parameters stopped changing within their tolerance.
+  kStalled,      ///< No further progress is possible within rounding.
+  kEvaluations,  ///< The evaluation budget is used up.
+  kInfeasible,   ///< The linearised constraints contradict each other, or stay violated.
+  kInterrupted,  ///< The caller asked to stop.
+  kFailed,       ///< The rollout left every plausible range at the start.
 };
 const char* ToString(SolveEnd end);
 
@@ -37,13 +37,18 @@ struct Solution {
   std::vector<double> x;
   RolloutResult rollout;
   SolveEnd end = SolveEnd::kFailed;
-  int start = 0;                  ///< Which start it came from, in the order of the global search's ranking.
+  int start = 0;  ///< Which start it came from, in the order of the global search's ranking.
   double start_cost = 0;
   double violation = 0;           ///< Largest scaled constraint value above zero, recomputed.
-  double projected_gradient = 0;  ///< Largest component of the cost's gradient that no active constraint holds, scaled
-                                  ///< by the gradient at the start.
-  int evaluations = 0;            ///< Of cost and gradient.
-  [[nodiscard]] bool feasible() const { return rollout.finite && violation <= 1e-6; }
+  double projected_gradient = 0;  ///< Largest component of the cost's gradient that no active
+                                  ///< constraint holds, scaled by the gradient at the start.
+  int evaluations = 0;           ///< Of cost and gradient.
+  std::string worst_constraint;  ///< Name of the largest one, e.g. `velocity of leg1`.
+  bool core_reached =
+      false;  ///< A contact went through the whole compliant layer: the model does not hold there.
+  [[nodiscard]] bool feasible() const {
+    return rollout.finite && violation <= 1e-6 && !core_reached;
+  }
 };
 
 struct SolveOptions {
@@ -54,23 +59,28 @@ struct SolveOptions {
 };
 
 struct SolveOutcome {
-  std::vector<Solution> solutions;  ///< Of every start, best first: feasible before infeasible, then by cost.
-  std::vector<Evaluation> history;  ///< In the order of stage, start and count: the same for any number of threads.
-  std::int64_t evaluations = 0;     ///< Global and local.
+  std::vector<Solution>
+      solutions;  ///< Of every start, best first: feasible before infeasible, then by cost.
+  std::vector<Evaluation>
+      history;  ///< In the order of stage, start and count: the same for any number of threads.
+  std::int64_t evaluations = 0;  ///< Global and local.
   bool interrupted = false;
 };
 
-/// Finds a motion from nothing: global search over random splines, then SLSQP (NLopt) from the best few.
+/// Finds a motion from nothing: global search over random splines, then SLSQP (NLopt) from the best
+/// few.
 SolveOutcome Solve(const Problem& problem, const SolveOptions& options);
 
-/// SLSQP from one start. Variables are control points [rad], of order one already; the cost is divided by its gradient
-/// at the start and every constraint by its limit, because NLopt's SLSQP fails on large gradients.
+/// SLSQP from one start. Variables are control points [rad], of order one already; the cost is
+/// divided by its gradient at the start and every constraint by its limit, because NLopt's SLSQP
+/// fails on large gradients.
 Solution SolveFrom(const Problem& problem, std::span<const double> start, Rollout& rollout,
                    const SolveOptions& options, std::vector<Evaluation>* history);
 
-/// Bounds that hold for all t: velocity and acceleration limits as rows a . x + b <= 0 over the parameters, each divided
-/// by its limit. Positions are plain bounds of the parameters.
+/// Bounds that hold for all t: velocity and acceleration limits as rows a . x + b <= 0 over the
+/// parameters, each divided by its limit. Positions are plain bounds of the parameters.
 struct LinearRow {
+  std::string name;
   std::vector<double> a;
   double b = 0;
 };

@@ -16,7 +16,6 @@ namespace tumbler {
 struct TwinConfig {
   std::int64_t step_ns =
       50'000;  ///< Of physics and drive law; a drive's current loop runs at 20 to 40 kHz.
-  double rotor_inertia_kg_m2 = 1e-3;         ///< At the joint: 6e-5 kg m^2 through a 4:1 gear.
   double joint_damping_nm_s_per_rad = 0.02;  ///< Viscous friction of bearing and gear.
 };
 
@@ -33,8 +32,8 @@ struct TwinState {
 };
 
 /// The robot's physics (contact and all) behind simulated drives on a simulated bus: robot, ground
-/// and start pose are those of a primitive file. The one place that sees both the dynamics and the
-/// firmware interface.
+/// and start pose are those of a primitive file (its task gives the rotors' inertia). The one place
+/// that sees both the dynamics and the firmware interface.
 class Twin {
  public:
   /// @param drives  one for each joint of the primitive, in its order; they must outlive the twin.

@@ -17,7 +17,8 @@ struct LcmCommands::Implementation {
   Implementation(const std::string& url, OperatorMailbox& mailbox_in)
       : lcm(url), mailbox(mailbox_in) {
     if (!lcm.good()) throw std::runtime_error(fmt::format("{}: LCM cannot use this URL", url));
-    lcm.subscribe(kCommandChannel, &Implementation::Handle, this);
+    // Not the overload for member functions: UndefinedBehaviorSanitizer objects to it.
+    lcm.subscribeFunction(kCommandChannel, &Implementation::Handle, this);
     thread = std::thread([this] {
       constexpr int kPatience_ms = 100;  // How long the destructor may have to wait.
       while (!stop && lcm.handleTimeout(kPatience_ms) >= 0) {
@@ -25,15 +26,15 @@ struct LcmCommands::Implementation {
     });
   }
 
-  void Handle(const lcm::ReceiveBuffer* /*buffer*/, const std::string& /*channel*/,
-              const command_t* message) {
+  static void Handle(const lcm::ReceiveBuffer* /*buffer*/, const std::string& /*channel*/,
+                     const command_t* message, Implementation* self) {
     switch (message->command) {
       case command_t::STOP:
-        return mailbox.Put(OperatorCommand::kStop);
+        return self->mailbox.Put(OperatorCommand::kStop);
       case command_t::DISARM:
-        return mailbox.Put(OperatorCommand::kDisarm);
+        return self->mailbox.Put(OperatorCommand::kDisarm);
       case command_t::CLEAR_FAULTS:
-        return mailbox.Put(OperatorCommand::kClearFaults);
+        return self->mailbox.Put(OperatorCommand::kClearFaults);
       default:
         return;  // Motion is never started from the network.
     }

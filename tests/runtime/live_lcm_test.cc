@@ -45,19 +45,15 @@ TEST(LcmCommands, PutsStopDisarmAndClearIntoTheMailboxAndNothingElse) {
   EXPECT_EQ(take_after(command_t::STOP, 1000), OperatorCommand::kStop) << "it still listens";
 }
 
-struct Listener {
-  void Handle(const lcm::ReceiveBuffer* /*buffer*/, const std::string& /*channel*/,
-              const state_t* state) {
-    ticks.push_back(state->tick);
-  }
-  std::vector<std::int64_t> ticks;
-};
+void Collect(const lcm::ReceiveBuffer* /*buffer*/, const std::string& /*channel*/,
+             const state_t* state, std::vector<std::int64_t>* ticks) {
+  ticks->push_back(state->tick);
+}
 
 TEST(Telemetry, PublishesEveryRecordLive) {
   lcm::LCM subscriber(kUrl);
-  Listener listener;
-  lcm::Subscription* subscription =
-      subscriber.subscribe(kStateChannel, &Listener::Handle, &listener);
+  std::vector<std::int64_t> ticks;
+  lcm::Subscription* subscription = subscriber.subscribeFunction(kStateChannel, &Collect, &ticks);
   subscription->setQueueCapacity(
       0);  // Unlimited: LCM drops all but 30 unhandled messages otherwise.
   TelemetryConfig config;
@@ -71,13 +67,11 @@ TEST(Telemetry, PublishesEveryRecordLive) {
     timed.record.joint_count = 2;
     telemetry.Push(timed);
   }
-  while (static_cast<std::int64_t>(listener.ticks.size()) < kRecords &&
-         subscriber.handleTimeout(5000) > 0) {
+  while (static_cast<std::int64_t>(ticks.size()) < kRecords && subscriber.handleTimeout(5000) > 0) {
   }
   telemetry.Stop();
-  ASSERT_EQ(static_cast<std::int64_t>(listener.ticks.size()), kRecords);
-  for (std::int64_t i = 0; i < kRecords; ++i)
-    EXPECT_EQ(listener.ticks[static_cast<std::size_t>(i)], i);
+  ASSERT_EQ(static_cast<std::int64_t>(ticks.size()), kRecords);
+  for (std::int64_t i = 0; i < kRecords; ++i) EXPECT_EQ(ticks[static_cast<std::size_t>(i)], i);
   EXPECT_EQ(telemetry.unpublished(), 0);
 }
 

@@ -1,0 +1,360 @@
+#include "offline/certificate/certificate.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/QR>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <stdexcept>
+#include <utility>
+
+namespace tumbler {
+namespace {
+
+using Spline = JointMotion<double>::Spline;
+using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+constexpr double kSettledAfter = 2;        ///< [s] after the end, when a motion counts as settled
+constexpr double kSamplesPerSecond = 200;  ///< of a report
+/// Contact that is lost for less than this is one contact: a foot that chatters as it lands.
+constexpr double kContactGap = 0.01;
+/// Feed-forward: fine enough for the swing, too coarse for the spikes of an impact, which no drive
+/// should be asked for.
+constexpr int kTorqueDegree = 3;
+constexpr double kTorquePointsPerSecond = 40;
+
+double Extra(const Problem& problem) { return std::max(0.0, kSettledAfter - problem.settle_s); }
+
+struct TorqueSamples {
+  std::vector<double> time_s;
+  std::vector<std::vector<double>> torque_nm;  // by joint
+};
+
+TorqueSamples SampleTorques(const Problem& problem, const std::vector<double>& x) {
+  TorqueSamples samples;
+  samples.torque_nm.resize(problem.joints.size());
+  Rollout rollout(problem, problem.solver.step_s);
+  rollout.Visit(x, 0, [&](const MotionSample& sample) {
+    if (sample.time_s > problem.duration_s + 1e-12) return;
+    samples.time_s.push_back(std::min(sample.time_s, problem.duration_s));
+    for (std::size_t j = 0; j < problem.joints.size(); ++j)
+      samples.torque_nm[j].push_back(sample.torque[j]);
+  });
+  return samples;
+}
+
+/// Least-squares spline through the plan's torques, its control points within the limit.
+Spline FitTorque(const Problem& problem, const TorqueSamples& samples, std::size_t joint) {
+  const int n =
+      std::clamp(static_cast<int>(std::lround(kTorquePointsPerSecond * problem.duration_s)),
+                 kTorqueDegree + 1, kMaxControlPoints);
+  std::vector<double> knots(static_cast<std::size_t>(n + kTorqueDegree + 1));
+  Spline spline;
+  std::vector<double> points(static_cast<std::size_t>(n));
+  if (Spline::ClampedUniformKnots(kTorqueDegree, n, problem.duration_s, knots) != Status::kOk ||
+      spline.Assign(kTorqueDegree, knots, points) != Status::kOk) {
+    throw std::logic_error("a torque spline could not be set up");
+  }
+  const auto rows = static_cast<Eigen::Index>(samples.time_s.size());
+  Eigen::MatrixXd A = Eigen::MatrixXd::Zero(rows, n);
+  for (Eigen::Index i = 0; i < rows; ++i) {
+    const Spline::Weights weights =
+        spline.EvaluateWeights(samples.time_s[static_cast<std::size_t>(i)]);
+    for (int k = 0; k <= kTorqueDegree; ++k)
+      A(i, weights.first + k) = weights.w[0][static_cast<std::size_t>(k)];
+  }
+  const Eigen::Map<const Eigen::VectorXd> b(samples.torque_nm[joint].data(), rows);
+  const Eigen::VectorXd fit = A.colPivHouseholderQr().solve(b);
+  const double limit = problem.joints[joint].limits.torque_max_nm;
+  for (int i = 0; i < n; ++i)
+    points[static_cast<std::size_t>(i)] = std::clamp(fit[i], -limit, limit);
+  if (spline.Assign(kTorqueDegree, knots, points) != Status::kOk) {
+    throw std::runtime_error("the plan's torques cannot be fitted: a value is not finite");
+  }
+  return spline;
+}
+
+PrimitivePose PoseOf(const Problem& problem, const std::vector<double>& q) {
+  PrimitivePose pose;
+  if (problem.robot.root_dofs == 3) {
+    pose.root_x_m = q[0];
+    pose.root_z_m = q[1];
+    pose.root_pitch_rad = q[2];
+  }
+  for (const ActuatedJoint& joint : problem.joints) {
+    pose.joint_positions_rad.push_back(q[static_cast<std::size_t>(joint.dof)]);
+  }
+  return pose;
+}
+
+double PitchOf(const Problem& problem, const std::vector<double>& q) {
+  return problem.robot.root_dofs == 3 ? q[2] : 0.0;
+}
+
+double FinalPitch(const Problem& problem, const std::vector<double>& x, double step_s) {
+  double pitch = 0;
+  Rollout rollout(problem, step_s);
+  rollout.Visit(x, 0, [&](const MotionSample& sample) { pitch = PitchOf(problem, sample.q); });
+  return pitch;
+}
+
+}  // namespace
+
+GradientCheck CheckGradient(const Problem& problem, const std::vector<double>& x) {
+  std::vector<double> at = x;
+  for (std::size_t i = 0; i < at.size(); ++i) at[i] += i % 2 == 0 ? 1e-3 : -1e-3;
+  Rollout rollout(problem, problem.solver.step_s);
+  Matrix gradient(rollout.output_count(), rollout.parameter_count());
+  rollout.Run(at, gradient);
+  const double scale = gradient.row(0).lpNorm<Eigen::Infinity>();
+  GradientCheck check{std::numeric_limits<double>::infinity(), 0};
+  for (const double step : {1e-5, 1e-6, 1e-7, 1e-8}) {
+    double worst = 0;
+    for (std::size_t i = 0; i < at.size(); ++i) {
+      const double middle = at[i];
+      at[i] = middle + step;
+      const double above = rollout.Run(at).cost;
+      at[i] = middle - step;
+      const double below = rollout.Run(at).cost;
+      at[i] = middle;
+      worst = std::max(worst, std::abs((above - below) / (2 * step) -
+                                       gradient(0, static_cast<Eigen::Index>(i))));
+    }
+    if (worst / scale < check.relative_error) check = {worst / scale, step};
+  }
+  return check;
+}
+
+MotionSummary Summarize(const Problem& problem, const std::vector<double>& x) {
+  MotionSummary summary;
+  summary.torque_margin_nm = std::numeric_limits<double>::infinity();
+  std::map<std::pair<int, int>, std::vector<ContactInterval>> intervals;
+  Rollout rollout(problem, problem.solver.step_s);
+  bool first = true;
+  rollout.Visit(x, Extra(problem), [&](const MotionSample& sample) {
+    const double t = sample.time_s;
+    if (first) summary.entry = PoseOf(problem, sample.q);
+    first = false;
+    if (t <= problem.duration_s + 1e-12) {
+      summary.exit = PoseOf(problem, sample.q);
+      summary.final_pitch_rad = PitchOf(problem, sample.q);
+    }
+    summary.settled_pitch_rad = PitchOf(problem, sample.q);
+    summary.settled_speed = 0;
+    for (int i = 0; i < problem.robot.root_dofs; ++i) {
+      summary.settled_speed =
+          std::max(summary.settled_speed, std::abs(sample.qd[static_cast<std::size_t>(i)]));
+    }
+    for (std::size_t j = 0; j < problem.joints.size(); ++j) {
+      const double torque = std::abs(sample.torque[j]);
+      summary.peak_torque_nm = std::max(summary.peak_torque_nm, torque);
+      summary.torque_margin_nm =
+          std::min(summary.torque_margin_nm, problem.joints[j].limits.torque_max_nm - torque);
+    }
+    for (const ActiveContact<Plane>& contact : sample.contacts) {
+      summary.peak_penetration_m = std::max(summary.peak_penetration_m, contact.depth_m);
+      if (t > problem.duration_s + problem.settle_s) continue;
+      auto& list = intervals[{contact.sphere, contact.obstacle}];
+      if (list.empty() || t - list.back().end_s > kContactGap) {
+        list.push_back({problem.robot.spheres[static_cast<std::size_t>(contact.sphere)].name,
+                        problem.obstacles[static_cast<std::size_t>(contact.obstacle)].name, t, t,
+                        0});
+      }
+      list.back().end_s = t;
+      list.back().peak_normal_force_n =
+          std::max(list.back().peak_normal_force_n, contact.normal_force_n);
+    }
+  });
+  summary.core_reached = summary.peak_penetration_m >= problem.contact.layer_m;
+  for (auto& entry : intervals) {
+    summary.contacts.insert(summary.contacts.end(), entry.second.begin(), entry.second.end());
+  }
+  std::stable_sort(summary.contacts.begin(), summary.contacts.end(),
+                   [](const auto& a, const auto& b) { return a.start_s < b.start_s; });
+  return summary;
+}
+
+PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
+                                const Solution& solution) {
+  const Problem& problem = task.problem;
+  PrimitiveFile file;
+  Primitive<double>& primitive = file.primitive;
+  primitive.name = FixedString<48>(problem.name);
+  primitive.duration_s = problem.duration_s;
+  primitive.settle_s = problem.settle_s;
+  primitive.entry_tolerance_rad = problem.entry_tolerance_rad;
+  primitive.following_tolerance_rad = problem.following_tolerance_rad;
+  primitive.joint_count = static_cast<int>(problem.joints.size());
+  const TorqueSamples torques = SampleTorques(problem, solution.x);
+  for (std::size_t j = 0; j < problem.joints.size(); ++j) {
+    JointMotion<double>& motion = primitive.joints[j];
+    const ActuatedJoint& joint = problem.joints[j];
+    motion.name =
+        FixedString<32>(problem.robot.tree.dofs[static_cast<std::size_t>(joint.dof)].name);
+    motion.limits = joint.limits;
+    motion.position = PositionSpline(problem, solution.x, j);
+    motion.torque = FitTorque(problem, torques, j);
+  }
+  const MotionSummary summary = Summarize(problem, solution.x);
+  file.entry = summary.entry;
+  file.exit = summary.exit;
+  file.contacts = summary.contacts;
+
+  Certificate& certificate = file.certificate;
+  certificate.coefficients_hash = HashOfCoefficients(primitive);
+  certificate.gradient_error = CheckGradient(problem, solution.x).relative_error;
+  certificate.projected_gradient = solution.projected_gradient;
+  certificate.constraint_violation = solution.violation;
+  certificate.step_halving_error_rad =
+      std::abs(FinalPitch(problem, solution.x, problem.solver.step_s) -
+               FinalPitch(problem, solution.x, problem.solver.step_s / 2));
+  certificate.settled_pitch_error_rad = summary.settled_pitch_rad - problem.target_pitch_rad;
+  certificate.peak_torque_nm = summary.peak_torque_nm;
+  certificate.peak_penetration_m = summary.peak_penetration_m;
+  const LimitMargins margins = MarginsOf(primitive);
+  certificate.position_margin_rad = margins.position_rad;
+  certificate.velocity_margin_rad_s = margins.velocity_rad_s;
+  certificate.acceleration_margin_rad_s2 = margins.acceleration_rad_s2;
+  certificate.torque_margin_nm = summary.torque_margin_nm;
+
+  Provenance& provenance = file.provenance;
+  provenance.tool = fmt::format("tumbler-optimize {}", TUMBLER_VERSION);
+  provenance.seed = problem.search.seed;
+  provenance.objective = solution.rollout.cost;
+  provenance.evaluations = outcome.evaluations;
+  provenance.robot_file = task.robot_file;
+  provenance.task_file = task.task_file;
+  provenance.robot_urdf = task.robot_text;
+  provenance.task_toml = task.task_text;
+  provenance.robot_hash = HashOfText(task.robot_text);
+  provenance.task_hash = HashOfText(task.task_text);
+  return file;
+}
+
+ReportData MakeReportData(const Task& task, const SolveOutcome& outcome, const Solution& solution,
+                          const PrimitiveFile& file) {
+  const Problem& problem = task.problem;
+  ReportData data;
+  data.title = problem.name;
+  data.subtitle =
+      fmt::format("{}, seed {}, {} evaluations, objective {:.4g}", file.provenance.tool,
+                  file.provenance.seed, file.provenance.evaluations, file.provenance.objective);
+  data.duration_s = problem.duration_s;
+  // One drawn link for every body with something to show.
+  std::vector<int> link_of_body(problem.robot.tree.dofs.size(), -1);
+  std::vector<int> bodies;
+  for (std::size_t j = 0; j < link_of_body.size(); ++j) {
+    ReportLink link;
+    link.name = problem.robot.body_names[j];
+    for (const DrawnSegment& segment : problem.robot.drawing) {
+      if (segment.body != static_cast<int>(j)) continue;
+      link.shapes.push_back({segment.from.x(), segment.from.y(), segment.to.x(), segment.to.y(),
+                             segment.radius_m, false});
+    }
+    for (const ContactSphere<Plane>& sphere : problem.robot.spheres) {
+      if (sphere.body != static_cast<int>(j)) continue;
+      link.shapes.push_back({sphere.centre.x(), sphere.centre.y(), sphere.centre.x(),
+                             sphere.centre.y(), sphere.radius_m, true});
+    }
+    if (link.shapes.empty()) continue;
+    link_of_body[j] = static_cast<int>(bodies.size());
+    bodies.push_back(static_cast<int>(j));
+    data.links.push_back(std::move(link));
+  }
+  for (const ActuatedJoint& joint : problem.joints) {
+    data.joint_names.push_back(problem.robot.tree.dofs[static_cast<std::size_t>(joint.dof)].name);
+    data.joint_links.push_back(std::max(0, link_of_body[static_cast<std::size_t>(joint.dof)]));
+    data.torque_limits_nm.push_back(joint.limits.torque_max_nm);
+    data.position_limits_rad.push_back(
+        {joint.limits.position_min_rad, joint.limits.position_max_rad});
+  }
+  for (const Obstacle<Plane>& obstacle : problem.obstacles) {
+    ReportObstacle shown;
+    shown.name = obstacle.name;
+    const bool plane = obstacle.kind == Obstacle<Plane>::Kind::kHalfSpace;
+    shown.kind = plane ? ReportObstacle::Kind::kHalfSpace : ReportObstacle::Kind::kCircle;
+    shown.x_m = obstacle.point.x();
+    shown.z_m = obstacle.point.y();
+    if (plane) {
+      shown.normal_x = obstacle.normal.x();
+      shown.normal_z = obstacle.normal.y();
+    }
+    shown.radius_m = obstacle.radius_m;
+    data.obstacles.push_back(shown);
+  }
+  double next = 0;
+  Rollout rollout(problem, problem.solver.step_s);
+  rollout.Visit(solution.x, Extra(problem), [&](const MotionSample& sample) {
+    if (sample.time_s < next - 1e-9) return;
+    next += 1 / kSamplesPerSecond;
+    ReportSample shown;
+    shown.time_s = sample.time_s;
+    shown.root_pitch_rad = PitchOf(problem, sample.q);
+    const Plane::Vector origin = sample.dynamics->origin();
+    for (const int body : bodies) {
+      // Pitch unwrapped: the sum of the angles down the tree.
+      double pitch = 0;
+      for (int b = body; b >= 0; b = sample.dynamics->parent(b)) {
+        const Dof<Plane>& dof = problem.robot.tree.dofs[static_cast<std::size_t>(b)];
+        if (dof.kind == JointKind::kRevolute)
+          pitch += dof.axis * sample.q[static_cast<std::size_t>(b)];
+      }
+      const Plane::Vector p = origin + sample.dynamics->position(body);
+      shown.link_poses.push_back({p.x(), p.y(), pitch});
+    }
+    for (std::size_t j = 0; j < problem.joints.size(); ++j) {
+      const auto dof = static_cast<std::size_t>(problem.joints[j].dof);
+      shown.joint_positions_rad.push_back(sample.q[dof]);
+      shown.joint_velocities_rad_s.push_back(sample.qd[dof]);
+      shown.joint_torques_nm.push_back(sample.torque[j]);
+    }
+    for (const ActiveContact<Plane>& contact : sample.contacts) {
+      const Plane::Vector p = origin + contact.point;
+      const Plane::Vector normal =
+          problem.obstacles[static_cast<std::size_t>(contact.obstacle)].kind ==
+                  Obstacle<Plane>::Kind::kHalfSpace
+              ? problem.obstacles[static_cast<std::size_t>(contact.obstacle)].normal
+              : (p - problem.obstacles[static_cast<std::size_t>(contact.obstacle)].point)
+                    .normalized();
+      shown.forces.push_back(
+          {p.x(), p.y(), contact.force.x(), contact.force.y(), normal.x(), normal.y()});
+    }
+    data.samples.push_back(std::move(shown));
+  });
+  for (const Evaluation& evaluation : outcome.history) {
+    const bool shown_start = evaluation.global || evaluation.start == solution.start;
+    if (!shown_start || !std::isfinite(evaluation.cost)) continue;
+    data.evaluations.push_back({evaluation.global
+                                    ? static_cast<int>(evaluation.count)
+                                    : problem.search.samples + static_cast<int>(evaluation.count),
+                                evaluation.cost, evaluation.violation, evaluation.global});
+  }
+  const Certificate& c = file.certificate;
+  data.certificate = {
+      {"solver", ToString(solution.end)},
+      {"gradient error against central differences",
+       fmt::format("{:.2e} (relative)", c.gradient_error)},
+      {"projected gradient", fmt::format("{:.2e} (scaled)", c.projected_gradient)},
+      {"constraint violation", fmt::format("{:.2e} (scaled)", c.constraint_violation)},
+      {"final pitch when the step is halved",
+       fmt::format("changes by {:.2e} rad", c.step_halving_error_rad)},
+      {"pitch 2 s after the end",
+       fmt::format("off its target by {:.2e} rad", c.settled_pitch_error_rad)},
+      {"peak torque", fmt::format("{:.3f} N m", c.peak_torque_nm)},
+      {"margin to the torque limit", fmt::format("{:.3f} N m (dense samples)", c.torque_margin_nm)},
+      {"margin to the position limits", fmt::format("{:.3f} rad (all t)", c.position_margin_rad)},
+      {"margin to the velocity limit",
+       fmt::format("{:.3f} rad/s (all t)", c.velocity_margin_rad_s)},
+      {"margin to the acceleration limit",
+       fmt::format("{:.1f} rad/s² (all t)", c.acceleration_margin_rad_s2)},
+      {"peak penetration", fmt::format("{:.2f} mm of {:.2f} mm", 1e3 * c.peak_penetration_m,
+                                       1e3 * problem.contact.layer_m)},
+      {"coefficients", c.coefficients_hash},
+      {"robot", file.provenance.robot_hash},
+      {"task", file.provenance.task_hash}};
+  return data;
+}
+
+}  // namespace tumbler

@@ -1,0 +1,47 @@
+#pragma once
+
+#include "common/primitive_toml.h"
+#include "offline/problem/task_toml.h"
+#include "offline/report/report.h"
+#include "offline/solver/solver.h"
+
+namespace tumbler {
+
+/// How far an analytic gradient is from differences of the same computation.
+struct GradientCheck {
+  double relative_error =
+      0;  ///< Largest component of the difference over the largest component of the gradient.
+  double step_rad = 0;  ///< The step of the central differences that agreed best.
+};
+
+/// Checks the gradient of the cost against central differences of four steps (1e-5, 1e-6 and 1e-7
+/// rad): roughness of the cost through contact spoils large steps, rounding small ones. The point
+/// is `x` moved by 0.001 rad in every parameter, alternating in sign: at the optimum itself the
+/// gradient is zero, and a relative error says nothing.
+GradientCheck CheckGradient(const Problem& problem, const std::vector<double>& x);
+
+/// What a motion is found to do when it is played on past its end.
+struct MotionSummary {
+  PrimitivePose entry;
+  PrimitivePose exit;            ///< At the end of the motion, before it settles.
+  double final_pitch_rad = 0;    ///< At the end of the motion.
+  double settled_pitch_rad = 0;  ///< 2 s after the end, legs held.
+  double settled_speed = 0;      ///< Largest of root velocities then [m/s, rad/s].
+  double peak_torque_nm = 0;     ///< Of any joint, at every integration step.
+  double torque_margin_nm = 0;   ///< Smallest limit less |torque|, likewise.
+  double peak_penetration_m = 0;
+  std::vector<ContactInterval> contacts;
+  bool core_reached = false;  ///< A contact went through the whole compliant layer.
+};
+MotionSummary Summarize(const Problem& problem, const std::vector<double>& x);
+
+/// Makes the primitive: splines, a feed-forward torque fitted to the plan's within the limits,
+/// entry, exit, contact timeline, certificate, provenance.
+PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
+                                const Solution& solution);
+
+/// What the report page shows of a solution.
+ReportData MakeReportData(const Task& task, const SolveOutcome& outcome, const Solution& solution,
+                          const PrimitiveFile& file);
+
+}  // namespace tumbler

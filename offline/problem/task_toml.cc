@@ -1,0 +1,387 @@
+#include "offline/problem/task_toml.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <filesystem>
+#include <limits>
+#include <stdexcept>
+
+#include "common/toml_reader.h"
+
+namespace tumbler {
+namespace {
+
+constexpr int kTaskVersion = 1;
+constexpr double kPi = 3.141592653589793;
+
+class TaskReader {
+ public:
+  TaskReader(TomlTable root, PlanarRobot robot) : root_(std::move(root)) {
+    problem_.robot = std::move(robot);
+  }
+
+  Problem Read() {
+    problem_.name = root_.String("name");
+    if (problem_.name.empty() || !FixedString<48>::fits(problem_.name)) {
+      root_.Fail("name", "allowed: from 1 ... 48 characters");
+    }
+    problem_.duration_s = root_.Number("duration_s", {0.05, 20});
+    problem_.settle_s = root_.Number("settle_s", {0, 5}, 0.0);
+    ReadJoints();
+    ReadSpline();
+    ReadContact();
+    ReadObstacles();
+    ReadCosts();
+    if (std::optional<TomlTable> tolerances = root_.OptionalTable("tolerances")) {
+      double& entry = problem_.entry_tolerance_rad;
+      double& following = problem_.following_tolerance_rad;
+      entry = tolerances->Number("entry_rad", {0, 3, true}, entry);
+      following = tolerances->Number("following_rad", {0, 3, true}, following);
+    }
+    ReadSearch();
+    ReadSolver();
+    TomlTable start = root_.Table("start");
+    ReadStart(start);
+    root_.RejectUnknownKeys();
+    return std::move(problem_);
+  }
+
+ private:
+  void ReadJoints() {
+    const bool any_limits = root_.Has("limits");
+    std::optional<TomlTable> limits = root_.OptionalTable("limits");
+    TomlTable start = root_.Table("start").Table("joints_rad");
+    TomlTable end = root_.Table("end").Table("joints_rad");
+    for (const std::string& name : start.Keys()) {
+      const int dof = problem_.robot.FindDof(name);
+      if (dof < 0)
+        start.Fail(name, fmt::format("is not a joint of the robot; its joints: {}", JointNames()));
+    }
+    for (const std::string& name : end.Keys()) {
+      if (!start.Has(name)) end.Fail(name, "has an end but no start in start.joints_rad");
+    }
+    for (std::size_t j = static_cast<std::size_t>(problem_.robot.root_dofs);
+         j < problem_.robot.tree.dofs.size(); ++j) {
+      Dof<Plane>& dof = problem_.robot.tree.dofs[j];
+      if (!start.Has(dof.name)) {
+        start.Fail(
+            "",
+            fmt::format("lacks the joint '{}': every joint of the robot needs a start and an end",
+                        dof.name));
+      }
+      if (problem_.joints.size() == static_cast<std::size_t>(kMaxJoints)) {
+        start.Fail(dof.name, fmt::format("a primitive moves at most {} joints", kMaxJoints));
+      }
+      if (!FixedString<32>::fits(dof.name))
+        start.Fail(dof.name, "a joint's name has at most 32 characters");
+      dof.prescribed = true;
+      ActuatedJoint joint;
+      joint.dof = static_cast<int>(j);
+      const RobotJointLimits& urdf = problem_.robot.limits[j];
+      JointLimits<double>& allowed = joint.limits;
+      // A joint without limits in the URDF still gets finite ones: a primitive is a promise about
+      // all of them.
+      allowed.position_min_rad = std::max(urdf.lower_rad, -100.0);
+      allowed.position_max_rad = std::min(urdf.upper_rad, 100.0);
+      allowed.velocity_max_rad_s = std::min(urdf.velocity_rad_s, 100.0);
+      allowed.acceleration_max_rad_s2 = 1000;
+      allowed.torque_max_nm = std::min(urdf.effort_nm, 1000.0);
+      if (any_limits) {
+        std::optional<TomlTable> own = limits->OptionalTable(dof.name);
+        for (TomlTable* table : {&*limits, own ? &*own : nullptr}) {
+          if (table != nullptr) Tighten(*table, allowed);
+        }
+        dof.rotor_inertia_kg_m2 = limits->Number("rotor_inertia_kg_m2", Range{0, 10}, 0.0);
+        if (own)
+          dof.rotor_inertia_kg_m2 =
+              own->Number("rotor_inertia_kg_m2", Range{0, 10}, dof.rotor_inertia_kg_m2);
+      }
+      const Range range{allowed.position_min_rad, allowed.position_max_rad};
+      joint.start_rad = start.Number(dof.name, range);
+      joint.end_rad = end.Number(dof.name, range);
+      problem_.joints.push_back(joint);
+    }
+  }
+
+  /// Limits of the task can only be tighter than the robot's.
+  static void Tighten(TomlTable& table, JointLimits<double>& allowed) {
+    allowed.velocity_max_rad_s = table.Number(
+        "velocity_max_rad_s", {0, allowed.velocity_max_rad_s, true}, allowed.velocity_max_rad_s);
+    allowed.acceleration_max_rad_s2 =
+        table.Number("acceleration_max_rad_s2", {0, 1e5, true}, allowed.acceleration_max_rad_s2);
+    allowed.torque_max_nm =
+        table.Number("torque_max_nm", {0, allowed.torque_max_nm, true}, allowed.torque_max_nm);
+    const double low = allowed.position_min_rad;
+    const double high = allowed.position_max_rad;
+    allowed.position_min_rad = table.Number("position_min_rad", {low, high}, low);
+    allowed.position_max_rad =
+        table.Number("position_max_rad", {allowed.position_min_rad, high}, high);
+  }
+
+  [[nodiscard]] std::string JointNames() const {
+    std::string names;
+    const auto& dofs = problem_.robot.tree.dofs;
+    for (std::size_t j = static_cast<std::size_t>(problem_.robot.root_dofs); j < dofs.size(); ++j) {
+      names += (names.empty() ? "" : ", ") + dofs[j].name;
+    }
+    return names;
+  }
+
+  void ReadSpline() {
+    std::optional<TomlTable> spline = root_.OptionalTable("spline");
+    if (!spline) return;
+    problem_.degree = static_cast<int>(spline->Integer("degree", 3, 7, problem_.degree));
+    // Three fixed points at each end and one free one between them; and enough points for the
+    // degree.
+    const int least = std::max(7, problem_.degree + 1);
+    problem_.control_points = static_cast<int>(
+        spline->Integer("control_points", least, kMaxControlPoints, problem_.control_points));
+  }
+
+  void ReadContact() {
+    std::optional<TomlTable> contact = root_.OptionalTable("contact");
+    if (!contact) return;
+    ContactLaw& law = problem_.contact;
+    const Range positive = Range::Positive();
+    law.stiffness_n_per_m =
+        contact->Number("stiffness_n_per_m", {0, 1e8, true}, law.stiffness_n_per_m);
+    law.damping_n_s_per_m = contact->Number("damping_n_s_per_m", {0, 1e6}, law.damping_n_s_per_m);
+    law.layer_m = contact->Number("d_on_m", {1e-6, 1}, law.layer_m);
+    // Zero width would make the force jump in its derivative.
+    const double widest = law.layer_m * (1 - 1e-6);
+    law.full_force_m =
+        contact->Number("d_off_m", {0, widest}, std::min(law.full_force_m, 0.75 * law.layer_m));
+    law.friction = contact->Number("mu", {0, 10}, law.friction);
+    law.slip_speed_m_per_s =
+        contact->Number("v_max_m_per_s", {1e-6, positive.max, false}, law.slip_speed_m_per_s);
+    constexpr std::array<std::string_view, 2> kSmoothing = {"cubic", "quintic"};
+    constexpr std::array<std::string_view, 3> kDamping = {"no-pull", "signed", "printed"};
+    law.smoothing = contact->Choice("smoothing", kSmoothing, "cubic") == "cubic"
+                        ? ContactSmoothing::kCubic
+                        : ContactSmoothing::kQuintic;
+    const std::string damping = contact->Choice("damping_law", kDamping, "no-pull");
+    law.damping = damping == "no-pull"  ? ContactDamping::kNoPull
+                  : damping == "signed" ? ContactDamping::kSigned
+                                        : ContactDamping::kPrinted;
+  }
+
+  void ReadObstacles() {
+    std::vector<TomlTable> tables = root_.Tables("obstacle");
+    for (TomlTable& table : tables) {
+      Obstacle<Plane> obstacle;
+      obstacle.name = table.String("name");
+      constexpr std::array<std::string_view, 2> kKinds = {"half-space", "cylinder"};
+      if (table.Choice("kind", kKinds, "half-space") == "half-space") {
+        const auto point = table.Numbers("point_m", Range{-1e3, 1e3}, 2);
+        const auto normal = table.Numbers("normal", Range{-1e3, 1e3}, 2);
+        obstacle.point = {point[0], point[1]};
+        obstacle.normal = {normal[0], normal[1]};
+        if (obstacle.normal.norm() < 1e-6) table.Fail("normal", "has no direction");
+        obstacle.normal.normalize();
+      } else {
+        const auto centre = table.Numbers("centre_m", Range{-1e3, 1e3}, 2);
+        obstacle.kind = Obstacle<Plane>::Kind::kSphere;
+        obstacle.point = {centre[0], centre[1]};
+        obstacle.radius_m = table.Number("radius_m", {0, 1e3, true});
+      }
+      for (const Obstacle<Plane>& other : problem_.obstacles) {
+        if (other.name == obstacle.name)
+          table.Fail("name", fmt::format("'{}' is there twice", obstacle.name));
+      }
+      problem_.obstacles.push_back(obstacle);
+    }
+    if (problem_.robot.spheres.empty() && !problem_.obstacles.empty()) {
+      root_.Fail("obstacle", "the robot has no collision sphere that could touch it");
+    }
+  }
+
+  void ReadCosts() {
+    constexpr std::array<std::string_view, 3> kTerms = {"terminal", "terminal-linear", "effort"};
+    constexpr std::array<std::string_view, 2> kWhen = {"end", "settled"};
+    for (TomlTable& table : root_.Tables("cost")) {
+      const std::string term = table.Choice("term", kTerms, "");
+      const double weight = table.Number("weight", {-1e9, 1e9});
+      if (term == "effort") {
+        if (weight < 0)
+          table.Fail("weight",
+                     fmt::format("is {}; allowed for effort: >= 0", MessageNumber(weight)));
+        problem_.effort_weight += weight;
+        continue;
+      }
+      TerminalTerm terminal;
+      terminal.weight = weight;
+      terminal.when = table.Choice("when", kWhen, "end") == "end" ? TerminalTerm::When::kEnd
+                                                                  : TerminalTerm::When::kSettled;
+      const std::string of = table.String("of");
+      std::string position = of;
+      if (of.ends_with("_rate")) {
+        terminal.of_velocity = true;
+        position = of.substr(0, of.size() - 5);
+      }
+      constexpr std::array<std::string_view, 3> kRoot = {"x", "z", "pitch"};
+      const auto found = std::find(kRoot.begin(), kRoot.end(), position);
+      if (problem_.robot.root_dofs == 0 || found == kRoot.end()) {
+        table.Fail("of", fmt::format("is '{}'; allowed: x, z, pitch, x_rate, z_rate, pitch_rate "
+                                     "(of a robot with a planar "
+                                     "root)",
+                                     of));
+      }
+      terminal.dof = static_cast<int>(found - kRoot.begin());
+      if (term == "terminal") {
+        if (weight < 0)
+          table.Fail("weight",
+                     fmt::format("is {}; allowed for a square: >= 0", MessageNumber(weight)));
+        terminal.target = table.Number("target", {-1e3, 1e3}, 0.0);
+        if (!terminal.of_velocity && terminal.dof == 2) problem_.target_pitch_rad = terminal.target;
+      } else {
+        terminal.power = 1;
+      }
+      problem_.terminal.push_back(terminal);
+    }
+  }
+
+  void ReadSearch() {
+    std::optional<TomlTable> table = root_.OptionalTable("search");
+    if (!table) return;
+    SearchSettings& s = problem_.search;
+    s.seed = static_cast<std::uint64_t>(
+        table->Integer("seed", 0, std::numeric_limits<std::int64_t>::max(), 1));
+    s.samples = static_cast<int>(table->Integer("samples", 1, 1'000'000, s.samples));
+    s.refine = static_cast<int>(table->Integer("refine", 1, 1000, s.refine));
+    s.modes = static_cast<int>(table->Integer("modes", 1, 20, s.modes));
+    s.spread_rad = table->Number("spread_rad", {0, 20}, s.spread_rad);
+    s.torque_penalty = table->Number("torque_penalty", {0, 1e6}, s.torque_penalty);
+    s.core_penalty = table->Number("core_penalty", {0, 1e6}, s.core_penalty);
+    s.step_s = table->Number("step_s", {1e-5, 1e-2}, s.step_s);
+  }
+
+  void ReadSolver() {
+    std::optional<TomlTable> table = root_.OptionalTable("solver");
+    if (!table) return;
+    SolverSettings& s = problem_.solver;
+    s.step_s = table->Number("step_s", {1e-5, 1e-2}, s.step_s);
+    s.max_evaluations =
+        static_cast<int>(table->Integer("max_evaluations", 1, 100'000, s.max_evaluations));
+    s.relative_tolerance = table->Number("relative_tolerance", {0, 1, true}, s.relative_tolerance);
+    s.torque_sharpness = table->Number("torque_sharpness", {1, 1e4}, s.torque_sharpness);
+  }
+
+  void ReadStart(TomlTable& start) {
+    const std::size_t n = problem_.robot.tree.dofs.size();
+    problem_.start_q.assign(n, 0.0);
+    for (const ActuatedJoint& joint : problem_.joints) {
+      problem_.start_q[static_cast<std::size_t>(joint.dof)] = joint.start_rad;
+    }
+    if (problem_.robot.root_dofs == 0) return;
+    const double x = start.Number("x_m", {-1e3, 1e3}, 0.0);
+    const double pitch = start.Number("pitch_rad", {-1e3, 1e3}, 0.0);
+    if (start.Has("z_m")) {
+      problem_.start_q[0] = x;
+      problem_.start_q[1] = start.Number("z_m", {-1e3, 1e3});
+      problem_.start_q[2] = pitch;
+      return;
+    }
+    try {
+      problem_.start_q = RestPose(problem_, x, pitch);
+    } catch (const std::runtime_error& error) {
+      start.Fail("", fmt::format("{}; change the joints or the pitch, or give z_m to start from a "
+                                 "pose that is not at rest",
+                                 error.what()));
+    }
+  }
+
+  TomlTable root_;
+  Problem problem_;
+};
+
+PlanarRobot RobotOf(TomlTable& root, const std::string& text, const std::string& file) {
+  constexpr std::array<std::string_view, 2> kRoots = {"planar-xz", "fixed"};
+  const bool planar = root.Choice("root", kRoots, "planar-xz") == "planar-xz";
+  return ParsePlanarRobot(text, file, planar ? RootKind::kPlanarXz : RootKind::kFixed);
+}
+
+void CheckHeader(TomlTable& root) {
+  if (root.String("format") != "tumbler-task") root.Fail("format", "allowed: \"tumbler-task\"");
+  const std::int64_t version = root.Integer("version", 1, std::numeric_limits<std::int64_t>::max());
+  if (version > kTaskVersion) {
+    root.Fail("version", fmt::format("is {}; this program reads tasks up to version {}", version,
+                                     kTaskVersion));
+  }
+}
+
+}  // namespace
+
+Task LoadTask(const std::string& path) {
+  const std::string task_text = ReadTextFile(path);
+  TomlTable root = TomlTable::Parse(task_text, path);
+  CheckHeader(root);
+  const std::string named = root.String("robot");
+  const std::filesystem::path robot_path = std::filesystem::path(path).parent_path() / named;
+  std::error_code error;
+  if (!std::filesystem::exists(robot_path, error)) {
+    root.Fail("robot",
+              fmt::format("'{}' does not exist (looked for {})", named, robot_path.string()));
+  }
+  return ParseTask(task_text, path, ReadTextFile(robot_path.string()), robot_path.string());
+}
+
+Task ParseTask(const std::string& task_text, const std::string& task_name,
+               const std::string& robot_text, const std::string& robot_name) {
+  TomlTable root = TomlTable::Parse(task_text, task_name);
+  CheckHeader(root);
+  root.String("robot");
+  PlanarRobot robot = RobotOf(root, robot_text, robot_name);
+  return {TaskReader(std::move(root), std::move(robot)).Read(), task_name, task_text, robot_name,
+          robot_text};
+}
+
+std::vector<double> RestPose(const Problem& problem, double x_m, double pitch_rad) {
+  HybridDynamics<Plane> dynamics(problem.robot.tree);
+  ContactModel<Plane> contact(problem.contact, problem.robot.spheres, problem.obstacles);
+  const auto n = static_cast<std::size_t>(dynamics.size());
+  std::vector<double> q = problem.start_q, qd(n), qdd(n), tau(n);
+  q[0] = x_m;
+  q[2] = pitch_rad;
+  // The height at which the lowest sphere just reaches the layer, by bisection on the deepest
+  // contact.
+  const auto touches = [&](double z) {
+    q[1] = z;
+    std::fill(qd.begin(), qd.end(), 0.0);
+    dynamics.SetState(q, qd);
+    contact.Apply(dynamics);
+    return !contact.active().empty();
+  };
+  double low = -10, high = 10;
+  for (int i = 0; i < 60; ++i) (touches(0.5 * (low + high)) ? low : high) = 0.5 * (low + high);
+  q[1] = high;
+  constexpr double kStep = 1e-4;
+  constexpr double kTime = 5;
+  for (int step = 0; step < static_cast<int>(kTime / kStep); ++step) {
+    dynamics.SetState(q, qd);
+    contact.Apply(dynamics);
+    std::fill(qdd.begin(), qdd.end(), 0.0);
+    std::fill(tau.begin(), tau.end(), 0.0);
+    dynamics.Solve(qdd, tau);
+    double speed = 0, acceleration = 0;
+    for (std::size_t i = 0; i < 3; ++i) {
+      speed = std::max(speed, std::abs(qd[i]));
+      acceleration = std::max(acceleration, std::abs(qdd[i]));
+    }
+    if (step > 0 && speed < 1e-7 && acceleration < 1e-5) return q;
+    for (std::size_t i = 0; i < 3; ++i) {
+      qd[i] += kStep * qdd[i];
+      qd[i] *= 1 - 5 * kStep;  // Numerical air: it shortens the rocking, and is gone at rest.
+      q[i] += kStep * qd[i];
+    }
+    if (std::abs(q[2] - pitch_rad) > kPi / 2) break;
+  }
+  throw std::runtime_error(fmt::format(
+      "the robot does not come to rest at its start: it ends at x {:.3f} m, z {:.3f} m, "
+      "pitch {:.3f} rad",
+      q[0], q[1], q[2]));
+}
+
+}  // namespace tumbler

@@ -1,0 +1,385 @@
+#include "firmware_interface/can/simulated_bus.h"
+
+#include <gtest/gtest.h>
+
+#include <random>
+#include <stdexcept>
+#include <vector>
+
+namespace tumbler {
+namespace {
+
+constexpr std::int64_t kBit = 1000;  // ns at 1 Mbit/s
+
+CanFrame Frame(std::uint32_t id, std::uint8_t first_byte = 0) {
+  CanFrame frame;
+  frame.id = id;
+  frame.size = 8;
+  frame.data[0] = first_byte;
+  return frame;
+}
+
+std::vector<ReceivedFrame> Drain(CanBus& port) {
+  std::vector<ReceivedFrame> frames;
+  ReceivedFrame received;
+  while (port.Receive(received) == Status::kOk) frames.push_back(received);
+  return frames;
+}
+
+std::vector<std::uint32_t> Ids(const std::vector<ReceivedFrame>& frames) {
+  std::vector<std::uint32_t> ids;
+  for (const auto& received : frames) ids.push_back(received.frame.id);
+  return ids;
+}
+
+using List = std::vector<std::uint32_t>;
+
+TEST(SimulatedBus, DeliversAFrameAfterExactlyItsLength) {
+  SimulatedBus bus;
+  auto& a = bus.Attach();
+  auto& b = bus.Attach();
+  const CanFrame frame = Frame(0x123, 0x55);
+  ASSERT_EQ(a.Send(frame), Status::kOk);
+  const std::int64_t end = (FrameBits(frame) - kIntermissionBits) * kBit;
+  bus.AdvanceTo(end - 1);
+  EXPECT_TRUE(Drain(b).empty());
+  bus.AdvanceTo(end);
+  const auto received = Drain(b);
+  ASSERT_EQ(received.size(), 1U);
+  EXPECT_EQ(received[0].frame, frame);
+  EXPECT_EQ(received[0].time_ns, end);
+  EXPECT_TRUE(Drain(a).empty()) << "the sender got its own frame";
+  EXPECT_EQ(bus.now_ns(), end);
+}
+
+TEST(SimulatedBus, SendsBackToBackFramesWithAnIntermissionBetween) {
+  SimulatedBus bus(500'000);
+  auto& a = bus.Attach();
+  auto& b = bus.Attach();
+  ASSERT_EQ(a.Send(Frame(1)), Status::kOk);
+  ASSERT_EQ(a.Send(Frame(2)), Status::kOk);
+  bus.AdvanceTo(10'000'000);
+  const auto received = Drain(b);
+  ASSERT_EQ(received.size(), 2U);
+  EXPECT_EQ(received[1].time_ns - received[0].time_ns, FrameBits(Frame(2)) * 2000);
+  EXPECT_EQ(bus.statistics().bits, FrameBits(Frame(1)) + FrameBits(Frame(2)));
+}
+
+TEST(SimulatedBus, LowestIdentifierWinsAndTheOthersWaitTheirTurn) {
+  SimulatedBus bus;
+  auto& listener = bus.Attach();
+  std::vector<SimulatedBus::Port*> ports;
+  for (const std::uint32_t id : List{0x300, 0x100, 0x200}) {
+    ports.push_back(&bus.Attach());
+    ASSERT_EQ(ports.back()->Send(Frame(id)), Status::kOk);
+  }
+  bus.AdvanceTo(1'000'000);
+  EXPECT_EQ(Ids(Drain(listener)), (List{0x100, 0x200, 0x300}));
+}
+
+TEST(SimulatedBus, AFrameOnTheWireIsNotInterrupted) {
+  SimulatedBus bus;
+  auto& listener = bus.Attach();
+  auto& low = bus.Attach();
+  auto& high = bus.Attach();
+  ASSERT_EQ(low.Send(Frame(0x700)), Status::kOk);
+  bus.AdvanceTo(1);
+  ASSERT_EQ(high.Send(Frame(0x001)), Status::kOk);
+  bus.AdvanceTo(1'000'000);
+  EXPECT_EQ(Ids(Drain(listener)), (List{0x700, 0x001}));
+}
+
+TEST(SimulatedBus, AQueueIsFirstInFirstOutEvenIfALaterFrameIsMoreUrgent) {
+  SimulatedBus bus;
+  auto& listener = bus.Attach();
+  auto& a = bus.Attach();
+  auto& b = bus.Attach();
+  ASSERT_EQ(a.Send(Frame(0x700)), Status::kOk);
+  ASSERT_EQ(a.Send(Frame(0x001)), Status::kOk);
+  ASSERT_EQ(b.Send(Frame(0x300)), Status::kOk);
+  bus.AdvanceTo(1'000'000);
+  EXPECT_EQ(Ids(Drain(listener)), (List{0x300, 0x700, 0x001}));
+}
+
+TEST(SimulatedBus, StandardBeatsExtendedAndDataBeatsRemote) {
+  CanFrame standard = Frame(0x123);
+  CanFrame remote = Frame(0x123);
+  remote.remote = true;
+  CanFrame extended = Frame(0x123U << 18);
+  extended.extended = true;
+  CanFrame smaller = Frame(0x122U << 18 | 0x3ffff);
+  smaller.extended = true;
+  SimulatedBus bus;
+  auto& listener = bus.Attach();
+  for (const CanFrame& frame : {extended, remote, standard, smaller})
+    ASSERT_EQ(bus.Attach().Send(frame), Status::kOk);
+  bus.AdvanceTo(1'000'000);
+  const auto received = Drain(listener);
+  ASSERT_EQ(received.size(), 4U);
+  EXPECT_EQ(received[0].frame, smaller);
+  EXPECT_EQ(received[1].frame, standard);
+  EXPECT_EQ(received[2].frame, remote);
+  EXPECT_EQ(received[3].frame, extended);
+}
+
+TEST(SimulatedBus, OneShotFramesThatLoseArbitrationAreGone) {
+  SimulatedBus bus;
+  auto& listener = bus.Attach();
+  SimulatedBus::PortConfig one_shot;
+  one_shot.auto_retransmit = false;
+  auto& winner = bus.Attach(one_shot);
+  auto& loser = bus.Attach(one_shot);
+  ASSERT_EQ(winner.Send(Frame(1)), Status::kOk);
+  ASSERT_EQ(loser.Send(Frame(2)), Status::kOk);
+  bus.AdvanceTo(1'000'000);
+  EXPECT_EQ(Ids(Drain(listener)), (List{1}));
+  EXPECT_EQ(loser.statistics().dropped_transmit, 1);
+  EXPECT_EQ(loser.transmit_depth(), 0);
+  // Waiting for a busy bus is not losing arbitration.
+  ASSERT_EQ(winner.Send(Frame(1)), Status::kOk);
+  bus.AdvanceTo(bus.now_ns() + 1000);
+  ASSERT_EQ(loser.Send(Frame(2)), Status::kOk);
+  bus.AdvanceTo(bus.now_ns() + 1'000'000);
+  EXPECT_EQ(Ids(Drain(listener)), (List{1, 2}));
+}
+
+TEST(SimulatedBus, SameIdentifierWithDifferentDataCollides) {
+  for (const bool retransmit : {false, true}) {
+    SimulatedBus bus;
+    auto& listener = bus.Attach();
+    SimulatedBus::PortConfig config;
+    config.auto_retransmit = retransmit;
+    auto& a = bus.Attach(config);
+    auto& b = bus.Attach(config);
+    ASSERT_EQ(a.Send(Frame(5, 1)), Status::kOk);
+    ASSERT_EQ(b.Send(Frame(5, 2)), Status::kOk);
+    bus.AdvanceTo(100'000'000);
+    EXPECT_TRUE(Drain(listener).empty());
+    if (retransmit) {
+      EXPECT_GT(bus.statistics().collisions, 1000);
+      EXPECT_GT(bus.load(), 0.999);
+      EXPECT_EQ(a.transmit_depth() + b.transmit_depth(), 2);
+    } else {
+      EXPECT_EQ(bus.statistics().collisions, 1);
+      EXPECT_EQ(a.transmit_depth() + b.transmit_depth(), 0);
+      // They differ within the first data byte, 1 + 11 + 3 + 4 + 8 bits and a few stuff bits in;
+      // the error frame adds 12 + 8, the intermission 3.
+      EXPECT_GE(bus.statistics().bits, 19 + 23);
+      EXPECT_LE(bus.statistics().bits, 27 + 5 + 23);
+    }
+  }
+}
+
+TEST(SimulatedBus, IdenticalFramesFromTwoNodesAreOneFrameOnTheWire) {
+  SimulatedBus bus;
+  auto& listener = bus.Attach();
+  auto& a = bus.Attach();
+  auto& b = bus.Attach();
+  ASSERT_EQ(a.Send(Frame(5, 1)), Status::kOk);
+  ASSERT_EQ(b.Send(Frame(5, 1)), Status::kOk);
+  bus.AdvanceTo(1'000'000);
+  EXPECT_EQ(Ids(Drain(listener)), (List{5}));
+  EXPECT_TRUE(Drain(a).empty());
+  EXPECT_TRUE(Drain(b).empty());
+  EXPECT_EQ(a.statistics().sent, 1);
+  EXPECT_EQ(b.statistics().sent, 1);
+  EXPECT_EQ(bus.statistics().frames, 1);
+}
+
+TEST(SimulatedBus, WithNobodyToAcknowledgeTheBusStaysBusyAndTheQueueFills) {
+  SimulatedBus bus;
+  SimulatedBus::PortConfig config;
+  config.transmit_capacity = 3;
+  auto& lone = bus.Attach(config);
+  SimulatedBus::PortConfig logger;
+  logger.listen_only = true;
+  auto& listener = bus.Attach(logger);
+  for (int i = 0; i < 3; ++i) ASSERT_EQ(lone.Send(Frame(1)), Status::kOk);
+  bus.AdvanceTo(50'000'000);
+  EXPECT_EQ(lone.Send(Frame(1)), Status::kWouldBlock);
+  EXPECT_EQ(lone.statistics().rejected_transmit, 1);
+  EXPECT_EQ(lone.statistics().sent, 0);
+  EXPECT_GT(bus.load(), 0.999);
+  EXPECT_EQ(bus.statistics().frames, 0);
+  EXPECT_GT(bus.statistics().unacknowledged, 100);
+  EXPECT_TRUE(Drain(listener).empty());
+  // As soon as another node is there, the old frames go out: what stale setpoints do on a real bus.
+  auto& other = bus.Attach();
+  bus.AdvanceTo(60'000'000);
+  EXPECT_EQ(Ids(Drain(other)), (List{1, 1, 1}));
+}
+
+TEST(SimulatedBus, ListenOnlyPortHearsAllAndSendsNothing) {
+  SimulatedBus bus;
+  auto& a = bus.Attach();
+  bus.Attach();
+  SimulatedBus::PortConfig logger;
+  logger.listen_only = true;
+  auto& listener = bus.Attach(logger);
+  ASSERT_EQ(a.Send(Frame(1)), Status::kOk);
+  EXPECT_EQ(listener.Send(Frame(2)), Status::kInvalidArgument);
+  bus.AdvanceTo(1'000'000);
+  EXPECT_EQ(Ids(Drain(listener)), (List{1}));
+}
+
+TEST(SimulatedBus, FullReceiveQueueDropsTheNewestAndCounts) {
+  SimulatedBus bus;
+  auto& a = bus.Attach();
+  SimulatedBus::PortConfig config;
+  config.receive_capacity = 2;
+  auto& b = bus.Attach(config);
+  for (std::uint32_t id = 1; id <= 5; ++id) ASSERT_EQ(a.Send(Frame(id)), Status::kOk);
+  bus.AdvanceTo(1'000'000);
+  EXPECT_EQ(Ids(Drain(b)), (List{1, 2}));
+  EXPECT_EQ(b.statistics().received, 2);
+  EXPECT_EQ(b.statistics().dropped_received, 3);
+  EXPECT_EQ(b.statistics().max_receive_depth, 2);
+  EXPECT_EQ(a.statistics().max_transmit_depth, 5);
+}
+
+TEST(SimulatedBus, RejectsFramesThatAreNotCan) {
+  SimulatedBus bus;
+  auto& a = bus.Attach();
+  CanFrame frame = Frame(0x800);
+  EXPECT_EQ(a.Send(frame), Status::kInvalidArgument);
+  frame = Frame(1);
+  frame.size = 9;
+  EXPECT_EQ(a.Send(frame), Status::kInvalidArgument);
+  EXPECT_EQ(a.SendAfter(-1, Frame(1)), Status::kInvalidArgument);
+  EXPECT_EQ(a.transmit_depth(), 0);
+}
+
+TEST(SimulatedBus, LinkDownEmptiesTheQueuesAndIsRepeatedUntilItIsUp) {
+  SimulatedBus bus;
+  auto& a = bus.Attach();
+  auto& b = bus.Attach();
+  ASSERT_EQ(a.Send(Frame(1)), Status::kOk);
+  ASSERT_EQ(a.Send(Frame(2)), Status::kOk);
+  ASSERT_EQ(a.Send(Frame(3)), Status::kOk);
+  bus.AdvanceTo(10'000);  // The first one is on the wire.
+  a.SetLinkDown(true);
+  ReceivedFrame received;
+  EXPECT_EQ(a.Send(Frame(4)), Status::kLinkDown);
+  EXPECT_EQ(a.Receive(received), Status::kLinkDown);
+  a.SetLinkDown(false);
+  ASSERT_EQ(a.Send(Frame(5)), Status::kOk);
+  bus.AdvanceTo(1'000'000);
+  EXPECT_EQ(Ids(Drain(b)), (List{1, 5}));
+  EXPECT_EQ(a.statistics().dropped_transmit, 2);
+  EXPECT_EQ(a.statistics().sent, 2);
+  b.SetLinkDown(true);
+  ASSERT_EQ(a.Send(Frame(6)), Status::kOk);
+  bus.AdvanceTo(2'000'000);
+  EXPECT_EQ(a.transmit_depth(), 1) << "nobody acknowledges any more";
+}
+
+/// Answers every frame with its own identifier plus 0x100.
+class Echo final : public SimulatedNode {
+ public:
+  explicit Echo(std::int64_t delay_ns) : delay_ns_(delay_ns) {}
+  void OnFrame(const ReceivedFrame& received, SimulatedPort& port) noexcept override {
+    CanFrame answer = received.frame;
+    answer.id += 0x100;
+    if (received.frame.id < 0x100) static_cast<void>(port.SendAfter(delay_ns_, answer));
+  }
+
+ private:
+  std::int64_t delay_ns_;
+};
+
+TEST(SimulatedBus, AnswersOfANodeTakePartInTheNextArbitration) {
+  SimulatedBus bus;
+  Echo echo(0);
+  auto& host = bus.Attach();
+  auto& other = bus.Attach();
+  bus.Attach(echo);
+  ASSERT_EQ(host.Send(Frame(0x010)), Status::kOk);
+  ASSERT_EQ(host.Send(Frame(0x7f0)), Status::kOk);
+  bus.AdvanceTo(1'000'000);
+  EXPECT_EQ(Ids(Drain(other)), (List{0x010, 0x110, 0x7f0}));
+}
+
+TEST(SimulatedBus, TurnaroundDelaysTheAnswerToTheNanosecond) {
+  SimulatedBus bus;
+  Echo echo(123'456);
+  auto& host = bus.Attach();
+  bus.Attach(echo);
+  ASSERT_EQ(host.Send(Frame(0x010)), Status::kOk);
+  bus.AdvanceTo(1'000'000);
+  const auto received = Drain(host);
+  ASSERT_EQ(received.size(), 1U);
+  const std::int64_t heard = (FrameBits(Frame(0x010)) - kIntermissionBits) * kBit;
+  EXPECT_EQ(received[0].time_ns,
+            heard + 123'456 + (FrameBits(received[0].frame) - kIntermissionBits) * kBit);
+}
+
+TEST(SimulatedBus, LoadIsTheShareOfTimeThatFramesTake) {
+  SimulatedBus bus;
+  auto& a = bus.Attach();
+  bus.Attach();
+  ASSERT_EQ(a.Send(Frame(7)), Status::kOk);
+  const std::int64_t length = FrameBits(Frame(7)) * kBit;
+  bus.AdvanceTo(length / 2);
+  EXPECT_DOUBLE_EQ(bus.load(), 1.0);
+  bus.AdvanceTo(4 * length);
+  EXPECT_DOUBLE_EQ(bus.load(), 0.25);
+  EXPECT_EQ(bus.statistics().busy_ns, length);
+}
+
+/// A random but reproducible run with every feature in it; returns what a logger saw.
+std::vector<ReceivedFrame> RandomRun(std::uint64_t seed, std::int64_t step_ns) {
+  std::mt19937_64 random(seed);
+  SimulatedBus bus;
+  Echo echo(20'000);
+  SimulatedBus::PortConfig logger;
+  logger.listen_only = true;
+  logger.receive_capacity = 100'000;
+  auto& log = bus.Attach(logger);
+  SimulatedBus::PortConfig one_shot;
+  one_shot.auto_retransmit = false;
+  SimulatedBus::Port* ports[] = {&bus.Attach(), &bus.Attach(), &bus.Attach(one_shot)};
+  bus.Attach(echo);
+  for (std::int64_t t = 0; t < 200'000'000; t += 500'000) {
+    for (std::int64_t now = t; now < t + 500'000; now += step_ns) bus.AdvanceTo(now);
+    bus.AdvanceTo(t + 500'000);
+    // Identifiers of different ports differ, so that retransmitting ports never collide for ever.
+    for (std::size_t i = 0; i < 3; ++i) {
+      if (random() % 3 != 0) continue;
+      CanFrame frame = Frame(static_cast<std::uint32_t>(random() % 32 * 3 + i),
+                             static_cast<std::uint8_t>(random()));
+      frame.size = static_cast<std::uint8_t>(random() % 9);
+      static_cast<void>(ports[i]->Send(frame));
+    }
+  }
+  return Drain(log);
+}
+
+TEST(SimulatedBus, SameRunTwiceGivesTheSameFramesWhateverTheSteps) {
+  const auto once = RandomRun(1, 500'000);
+  const auto again = RandomRun(1, 500'000);
+  const auto in_small_steps = RandomRun(1, 777);
+  ASSERT_GT(once.size(), 500U);
+  ASSERT_EQ(once.size(), again.size());
+  ASSERT_EQ(once.size(), in_small_steps.size());
+  for (std::size_t i = 0; i < once.size(); ++i) {
+    EXPECT_EQ(once[i].frame, again[i].frame);
+    EXPECT_EQ(once[i].time_ns, again[i].time_ns);
+    EXPECT_EQ(once[i].frame, in_small_steps[i].frame);
+    EXPECT_EQ(once[i].time_ns, in_small_steps[i].time_ns);
+  }
+  EXPECT_NE(Ids(RandomRun(2, 500'000)), Ids(once));
+}
+
+TEST(SimulatedBus, ChecksItsConfiguration) {
+  EXPECT_THROW(SimulatedBus(0), std::invalid_argument);
+  EXPECT_THROW(SimulatedBus(2'000'000), std::invalid_argument);
+  SimulatedBus bus;
+  SimulatedBus::PortConfig config;
+  config.transmit_capacity = 0;
+  EXPECT_THROW(bus.Attach(config), std::invalid_argument);
+  for (int i = 0; i < SimulatedBus::kMaxNodes; ++i) bus.Attach();
+  EXPECT_THROW(bus.Attach(), std::length_error);
+}
+
+}  // namespace
+}  // namespace tumbler

@@ -1,0 +1,78 @@
+#include "firmware_interface/can/socketcan_bus.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <net/if.h>
+
+#include <cerrno>
+
+namespace tumbler {
+namespace {
+
+using testing::HasSubstr;
+
+TEST(SocketCanBus, OpeningAMissingInterfaceNamesItAndTheCause) {
+  SocketCanBus bus;
+  const auto result = bus.Open("nocan7");
+  EXPECT_EQ(result.status, Status::kLinkDown);
+  EXPECT_EQ(result.error_number, ENODEV);
+  EXPECT_THAT(result.message, HasSubstr("'nocan7' cannot be found"));
+  EXPECT_EQ(bus.last_errno(), ENODEV);
+}
+
+TEST(SocketCanBus, OpeningAnInterfaceOfAnotherKindIsRefused) {
+  if (if_nametoindex("lo") == 0) GTEST_SKIP() << "this machine has no loopback interface";
+  SocketCanBus bus;
+  const auto result = bus.Open("lo");
+  EXPECT_EQ(result.status, Status::kInvalidArgument);
+  EXPECT_THAT(result.message, HasSubstr("'lo' is not a CAN interface"));
+}
+
+TEST(SocketCanBus, RefusesNamesThatNoInterfaceCanHave) {
+  SocketCanBus bus;
+  EXPECT_EQ(bus.Open("").status, Status::kInvalidArgument);
+  EXPECT_EQ(bus.Open("a-name-of-16-chr").status, Status::kInvalidArgument);
+}
+
+TEST(SocketCanBus, IsALostLinkUntilItIsOpen) {
+  SocketCanBus bus;
+  ReceivedFrame received;
+  received.time_ns = 5;
+  EXPECT_EQ(bus.Send(CanFrame{}), Status::kLinkDown);
+  EXPECT_EQ(bus.Receive(received), Status::kLinkDown);
+  EXPECT_EQ(received.time_ns, 5);
+  EXPECT_NE(bus.Open("nocan7").status, Status::kOk);
+  EXPECT_EQ(bus.Send(CanFrame{}), Status::kLinkDown);
+}
+
+TEST(SocketCanBus, ChecksFramesBeforeTheLink) {
+  SocketCanBus bus;
+  CanFrame frame;
+  frame.id = 0x800;
+  EXPECT_EQ(bus.Send(frame), Status::kInvalidArgument);
+}
+
+// Where the machine has a virtual CAN bus, frames really travel.
+TEST(SocketCanBus, CarriesFramesBetweenTwoSocketsOfAVirtualBus) {
+  if (if_nametoindex("vcan0") == 0) GTEST_SKIP() << "this machine has no vcan0";
+  SocketCanBus a;
+  SocketCanBus b;
+  ASSERT_EQ(a.Open("vcan0").status, Status::kOk);
+  ASSERT_EQ(b.Open("vcan0").status, Status::kOk);
+  CanFrame frame;
+  frame.id = 0x1abcdef0;
+  frame.extended = true;
+  frame.size = 3;
+  frame.data = {1, 2, 3};
+  ASSERT_EQ(a.Send(frame), Status::kOk);
+  ReceivedFrame received;
+  Status status = Status::kWouldBlock;
+  for (int i = 0; i < 1'000'000 && status == Status::kWouldBlock; ++i) status = b.Receive(received);
+  ASSERT_EQ(status, Status::kOk);
+  EXPECT_EQ(received.frame, frame);
+  EXPECT_GT(received.time_ns, 0);
+  EXPECT_EQ(a.Receive(received), Status::kWouldBlock);
+}
+
+}  // namespace
+}  // namespace tumbler
