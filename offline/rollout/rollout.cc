@@ -240,12 +240,12 @@ struct Rollout::Implementation {
         }
         if (record) StoreStage(&stages[stage * Index(stage_size)]);
       }
-      double largest = 0;
+      bool plausible = true;
       for (int i = 0; i < 2 * nf; ++i) {
         y[Index(i)] += h * sum[Index(i)];
-        largest = std::max(largest, std::abs(y[Index(i)]));
+        plausible = plausible && std::abs(y[Index(i)]) < kImplausible;  // A NaN is not.
       }
-      if (!(largest < kImplausible)) {  // Also when it is not a number.
+      if (!plausible) {
         result.finite = false;
         result.cost = std::numeric_limits<double>::infinity();
         return result;
