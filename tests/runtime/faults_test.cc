@@ -3,15 +3,13 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <cctype>
-#include <string>
-#include <vector>
-
 #include <array>
+#include <cctype>
 #include <limits>
 #include <random>
 #include <set>
 #include <string>
+#include <vector>
 
 #include "tests/support/executor_rig.h"
 #include "tests/support/motions.h"
