@@ -323,12 +323,14 @@ ReportData MakeReportData(const Task& task, const SolveOutcome& outcome, const S
     }
     data.samples.push_back(std::move(shown));
   });
+  const auto searched =
+      static_cast<int>(std::count_if(outcome.history.begin(), outcome.history.end(),
+                                     [](const Evaluation& e) { return e.global; }));
   for (const Evaluation& evaluation : outcome.history) {
     const bool shown_start = evaluation.global || evaluation.start == solution.start;
     if (!shown_start || !std::isfinite(evaluation.cost)) continue;
-    data.evaluations.push_back({evaluation.global
-                                    ? static_cast<int>(evaluation.count)
-                                    : problem.search.samples + static_cast<int>(evaluation.count),
+    data.evaluations.push_back({evaluation.global ? static_cast<int>(evaluation.count)
+                                                  : searched + static_cast<int>(evaluation.count),
                                 evaluation.cost, evaluation.violation, evaluation.global});
   }
   const Certificate& c = file.certificate;

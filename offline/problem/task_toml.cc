@@ -249,7 +249,9 @@ class TaskReader {
     SearchSettings& s = problem_.search;
     s.seed = static_cast<std::uint64_t>(
         table->Integer("seed", 0, std::numeric_limits<std::int64_t>::max(), 1));
-    s.samples = static_cast<int>(table->Integer("samples", 1, 1'000'000, s.samples));
+    s.batch = static_cast<int>(table->Integer("batch", 1, 1'000'000, s.batch));
+    s.promising = static_cast<int>(table->Integer("promising", 1, 1000, s.promising));
+    s.max_samples = static_cast<int>(table->Integer("max_samples", 1, 1'000'000, s.max_samples));
     s.refine = static_cast<int>(table->Integer("refine", 1, 1000, s.refine));
     s.modes = static_cast<int>(table->Integer("modes", 1, 20, s.modes));
     s.spread_rad = table->Number("spread_rad", {0, 20}, s.spread_rad);

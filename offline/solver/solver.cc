@@ -117,6 +117,19 @@ double Rank(const Problem& problem, const RolloutResult& result) {
   return rank;
 }
 
+/// How many samples stand out: their rank is below the median by more than half of its size. Most
+/// samples end in one of the flat basins (the robot at rest on its feet, or fallen), which is where
+/// the median lies.
+int CountPromising(const std::vector<double>& rank) {
+  std::vector<double> sorted = rank;
+  const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
+  std::nth_element(sorted.begin(), middle, sorted.end());
+  if (!std::isfinite(*middle)) return 0;
+  const double below = *middle - 0.5 * std::abs(*middle);
+  return static_cast<int>(
+      std::count_if(rank.begin(), rank.end(), [below](double r) { return r < below; }));
+}
+
 /// The largest constraint, and zero or more when it is violated. `rows` are those of
 /// DerivativeLimitRows.
 struct WorstConstraint {
@@ -457,26 +470,33 @@ SolveOutcome Solve(const Problem& problem, const SolveOptions& options) {
 
   // Global search: every sample is a function of seed and index alone.
   const std::vector<LinearRow> rows = DerivativeLimitRows(problem);
-  const int samples = problem.search.samples;
-  std::vector<double> rank(static_cast<std::size_t>(samples),
-                           std::numeric_limits<double>::infinity());
+  std::vector<double> rank;
   {
     std::vector<Rollout> rollouts;
-    for (int t = 0; t < std::max(1, options.threads); ++t)
+    for (int t = 0; t < std::max(1, options.threads); ++t) {
       rollouts.emplace_back(problem, problem.search.step_s);
-    std::int64_t done = 0;
+    }
     double best = std::numeric_limits<double>::infinity();
-    ParallelFor(samples, options.threads, [&](int i, int thread) {
-      if (interrupted()) return;
-      const std::vector<double> x = RandomStart(problem, rows, static_cast<std::uint64_t>(i));
-      rank[static_cast<std::size_t>(i)] =
-          Rank(problem, rollouts[static_cast<std::size_t>(thread)].Run(x));
-      const std::lock_guard<std::mutex> lock(mutex);
-      best = std::min(best, rank[static_cast<std::size_t>(i)]);
-      ++done;
-      if (options.progress) options.progress({true, 0, done, best, 0});
-    });
+    std::int64_t done = 0;
+    while (static_cast<int>(rank.size()) < problem.search.max_samples && !interrupted() &&
+           (rank.empty() || CountPromising(rank) < problem.search.promising)) {
+      const int first = static_cast<int>(rank.size());
+      const int count = std::min(problem.search.batch, problem.search.max_samples - first);
+      rank.resize(rank.size() + static_cast<std::size_t>(count),
+                  std::numeric_limits<double>::infinity());
+      ParallelFor(count, options.threads, [&](int k, int thread) {
+        if (interrupted()) return;
+        const int i = first + k;
+        const std::vector<double> x = RandomStart(problem, rows, static_cast<std::uint64_t>(i));
+        const double value = Rank(problem, rollouts[static_cast<std::size_t>(thread)].Run(x));
+        rank[static_cast<std::size_t>(i)] = value;
+        const std::lock_guard<std::mutex> lock(mutex);
+        best = std::min(best, value);
+        if (options.progress) options.progress({true, 0, ++done, best, 0});
+      });
+    }
   }
+  const int samples = static_cast<int>(rank.size());
   for (int i = 0; i < samples; ++i) {
     outcome.history.push_back({true, 0, i + 1, rank[static_cast<std::size_t>(i)], 0});
   }
@@ -487,6 +507,7 @@ SolveOutcome Solve(const Problem& problem, const SolveOptions& options) {
   std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
     return rank[static_cast<std::size_t>(a)] < rank[static_cast<std::size_t>(b)];
   });
+
   // Local solves, in two stages: a short one from each of the best starts, and the rest of the
   // budget for the best of those. Most starts show early whether they lead anywhere.
   const int starts = std::min(problem.search.refine, samples);

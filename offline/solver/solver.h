@@ -42,12 +42,12 @@ struct Solution {
   double violation = 0;           ///< Largest scaled constraint value above zero, recomputed.
   double projected_gradient = 0;  ///< Largest component of the cost's gradient that no active
                                   ///< constraint holds [cost per rad].
-  int evaluations = 0;           ///< Of cost and gradient.
-  std::string worst_constraint;  ///< Name of the largest one, e.g. `velocity of leg1`.
+  int evaluations = 0;            ///< Of cost and gradient.
+  std::string worst_constraint;   ///< Name of the largest one, e.g. `velocity of leg1`.
   bool core_reached =
       false;  ///< A contact went through the whole compliant layer: the model does not hold there.
   [[nodiscard]] bool feasible() const {
-    return rollout.finite && violation <= 1e-6 && !core_reached;
+    return evaluations > 0 && rollout.finite && violation <= 1e-6 && !core_reached;
   }
 };
 
