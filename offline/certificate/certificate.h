@@ -10,14 +10,14 @@ namespace tumbler {
 /// How far an analytic gradient is from differences of the same computation.
 struct GradientCheck {
   double relative_error =
-      0;  ///< Largest component of the difference over the largest component of the gradient.
+      0;  ///< Largest component of the difference over the largest component of either gradient.
   double step_rad = 0;  ///< The step of the central differences that agreed best.
 };
 
-/// Checks the gradient of the cost against central differences of four steps (1e-5, 1e-6 and 1e-7
-/// rad): roughness of the cost through contact spoils large steps, rounding small ones. The point
-/// is `x` moved by 0.001 rad in every parameter, alternating in sign: at the optimum itself the
-/// gradient is zero, and a relative error says nothing.
+/// Checks the gradient of the cost against central differences of four steps (1e-5, 1e-6, 1e-7
+/// and 1e-8 rad): roughness of the cost through contact spoils large steps, rounding small ones.
+/// The point is `x` moved by 0.001 rad in every parameter, alternating in sign: at the optimum
+/// itself the gradient is zero, and a relative error says nothing.
 GradientCheck CheckGradient(const Problem& problem, const std::vector<double>& x);
 
 /// What a motion is found to do when it is played on past its end.

@@ -28,6 +28,13 @@ constexpr double kGravity = 9.81;
 /// digits, not geometry.
 constexpr double kPlaneTolerance = 1e-6;
 
+/// Farther out, rounding spoils what is computed of a robot [m].
+constexpr double kReach = 1e3;
+const char* const kOutOfReach =
+    "its <origin> is out of reach; allowed: up to 1000 m from the frame that carries it";
+
+bool InReach(const Eigen::Isometry3d& X) { return X.translation().norm() <= kReach; }
+
 /// Collects what urdfdom would print.
 class CollectingHandler : public console_bridge::OutputHandler {
  public:
@@ -146,8 +153,7 @@ class Builder {
 
   void AddJoint(const urdf::Joint& joint, int body, const Eigen::Isometry3d& X) {
     const Eigen::Isometry3d X_joint = X * ToIsometry(joint.parent_to_joint_origin_transform);
-    if (!X_joint.matrix().allFinite())
-      FailJoint(joint.name, "its <origin> is too far out to compute with", "origin");
+    if (!InReach(X_joint)) FailJoint(joint.name, kOutOfReach, "origin");
     const urdf::LinkConstSharedPtr child = model_->getLink(joint.child_link_name);
     if (joint.type == urdf::Joint::FIXED) {
       AddLink(*child, body, X_joint);
@@ -234,7 +240,7 @@ class Builder {
     I << given.ixx, given.ixy, given.ixz, given.ixy, given.iyy, given.iyz, given.ixz, given.iyz,
         given.izz;
     const Eigen::Isometry3d X_com = X * ToIsometry(given.origin);
-    if (!std::isfinite(given.mass) || given.mass <= 0) {
+    if (!(given.mass > 0)) {
       FailLink(
           link.name,
           fmt::format(
@@ -242,8 +248,7 @@ class Builder {
               given.mass),
           "mass");
     }
-    if (!I.allFinite() || !X_com.matrix().allFinite())
-      FailLink(link.name, "its <inertial> is too large to compute with", "inertial");
+    if (!InReach(X_com)) FailLink(link.name, kOutOfReach, "inertial");
     const Eigen::Vector3d moments = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(I).eigenvalues();
     if (moments(0) <= 0) {
       FailLink(
@@ -278,8 +283,7 @@ class Builder {
       const std::string name = fmt::format("{}/{}", link.name, number++);
       if (shape == nullptr || shape->geometry == nullptr) continue;
       const Eigen::Isometry3d X_shape = X * ToIsometry(shape->origin);
-      if (!X_shape.matrix().allFinite())
-        FailLink(link.name, "a <collision> is too far out to compute with", "collision");
+      if (!InReach(X_shape)) FailLink(link.name, kOutOfReach, "collision");
       if (shape->geometry->type != urdf::Geometry::SPHERE) {
         ignore(fmt::format("collision shape {} is not a sphere", name));
         continue;

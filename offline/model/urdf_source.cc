@@ -52,6 +52,8 @@ constexpr std::array kNumericAttributes = {
 constexpr std::array<std::string_view, 4> kJointTypes = {"revolute", "continuous", "prismatic",
                                                          "fixed"};
 
+constexpr std::array<std::string_view, 4> kGeometries = {"sphere", "cylinder", "box", "mesh"};
+
 std::uint32_t RowOf(const TiXmlBase& element) {
   return static_cast<std::uint32_t>(std::max(element.Row(), 0));
 }
@@ -136,6 +138,20 @@ class ElementChecker {
 
 void CheckLink(const TiXmlElement& link, const ElementChecker& check) {
   check.CheckNumbers(link);
+  for (const char* kind : {"collision", "visual"}) {
+    for (const TiXmlElement* shape = link.FirstChildElement(kind); shape != nullptr;
+         shape = shape->NextSiblingElement(kind)) {
+      for (const char* part : {"origin", "geometry"}) check.CheckOnlyOne(*shape, part);
+      const TiXmlElement& geometry = check.Required(*shape, "geometry");
+      const TiXmlElement* form = geometry.FirstChildElement();
+      if (form == nullptr || std::find(kGeometries.begin(), kGeometries.end(), form->ValueStr()) ==
+                                 kGeometries.end()) {
+        check.Fail(geometry, fmt::format("<geometry> holds {}; allowed: one of {}",
+                                         form == nullptr ? "nothing" : "<" + form->ValueStr() + ">",
+                                         fmt::join(kGeometries, ", ")));
+      }
+    }
+  }
   check.CheckOnlyOne(link, "inertial");
   if (const TiXmlElement* inertial = link.FirstChildElement("inertial")) {
     for (const char* part : {"origin", "mass", "inertia"}) check.CheckOnlyOne(*inertial, part);
@@ -182,6 +198,10 @@ UrdfSource::UrdfSource(const std::string& text, const std::string& file) {
     throw FileError(file, robot == nullptr ? 0U : RowOf(*robot), "",
                     "not a URDF: the outermost element must be <robot>");
   }
+
+  const char* robot_name = robot->Attribute("name");
+  if (robot_name == nullptr || *robot_name == '\0')
+    throw FileError(file, RowOf(*robot), "robot", "has no name");
 
   const auto collect = [](const TiXmlElement& whole) {
     Lines lines{{"", RowOf(whole)}};
