@@ -6,6 +6,7 @@
 #include <CLI/CLI.hpp>
 #include <atomic>
 #include <cerrno>
+#include <charconv>
 #include <chrono>
 #include <csignal>
 #include <cstdio>
@@ -380,8 +381,21 @@ int main(int argc, char** argv) {
       "interrupted."};
   app.add_option("TASK", arguments.task, "Task file (TOML)")->required();
   app.add_option("--out", arguments.out, "Write the primitive here");
-  app.add_option("--seed", arguments.seed, "Seed of the global search, instead of the task's")
-      ->check(CLI::Range(std::int64_t{0}, std::numeric_limits<std::int64_t>::max()));
+  // Read by hand: CLI11 takes a number that is too large for the largest that fits.
+  app.add_option_function<std::string>(
+         "--seed",
+         [&arguments](const std::string& text) {
+           std::int64_t seed = 0;
+           const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), seed);
+           if (error != std::errc() || end != text.data() + text.size() || seed < 0) {
+             throw CLI::ValidationError("--seed",
+                                        fmt::format("is '{}'; allowed: from 0 ... {}", text,
+                                                    std::numeric_limits<std::int64_t>::max()));
+           }
+           arguments.seed = seed;
+         },
+         "Seed of the global search, instead of the task's")
+      ->type_name("INT");
   app.add_option("--threads", arguments.threads, "Threads; the result does not depend on it")
       ->check(CLI::Range(1, 256))
       ->capture_default_str();
