@@ -6,6 +6,7 @@
 #include <CLI/CLI.hpp>
 #include <atomic>
 #include <cerrno>
+#include <charconv>
 #include <chrono>
 #include <csignal>
 #include <cstdio>
@@ -14,8 +15,12 @@
 #include <exception>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <nlohmann/json.hpp>
+#include <optional>
+#include <stdexcept>
 #include <string>
+#include <vector>
 
 #include "common/toml_reader.h"
 #include "offline/certificate/certificate.h"
@@ -32,55 +37,128 @@ enum ExitStatus { kFound = 0, kBadInput = 1, kNotFound = 2, kInterruptedBySignal
 std::atomic<bool> interrupt_requested = false;
 extern "C" void HandleInterrupt(int /*signal*/) { interrupt_requested = true; }
 
+/// The first SIGINT asks for an end; a second one ends the program at once.
+void CatchInterrupt() {
+  struct sigaction action {};
+  action.sa_handler = HandleInterrupt;
+  action.sa_flags = static_cast<int>(SA_RESETHAND);
+  sigaction(SIGINT, &action, nullptr);
+}
+
 struct Arguments {
   std::string task;
   std::string out;
   std::string report;
   std::string json;
-  std::optional<std::uint64_t> seed;
+  std::optional<std::int64_t> seed;
   int threads = 1;
   bool keep_best = false;
 };
 
-/// Writes a whole file or nothing: a reader never sees half of one.
-void WriteFile(const std::string& path, const std::string& text) {
-  const std::string temporary = fmt::format("{}.{}.tmp", path, getpid());
-  std::ofstream stream(temporary, std::ios::binary);
-  stream << text;
+[[noreturn]] void FailWrite(const std::string& path, const std::string& why) {
+  throw FileError(path, 0, "", fmt::format("cannot be written: {}", why));
+}
+
+/// A file that appears under its name only when it is whole, and only when Commit is called: a
+/// reader never sees half of one, and what fails before leaves nothing behind.
+class PendingFile {
+ public:
+  /// An existing file is replaced where it is, also behind a symbolic link.
+  PendingFile(const std::string& path, const std::string& text)
+      : path_(std::filesystem::weakly_canonical(path)),
+        temporary_(fmt::format("{}.{}.tmp", path_.string(), getpid())) {
+    errno = 0;
+    std::ofstream stream(temporary_, std::ios::binary);
+    stream << text;
+    stream.close();
+    if (stream) return;
+    const std::string why = std::strerror(errno);
+    Discard();
+    FailWrite(path, why);
+  }
+  ~PendingFile() { Discard(); }
+  PendingFile(const PendingFile&) = delete;
+  PendingFile& operator=(const PendingFile&) = delete;
+
+  void Commit() {
+    std::error_code error;
+    std::filesystem::rename(temporary_, path_, error);
+    if (error) FailWrite(path_.string(), error.message());
+  }
+
+ private:
+  void Discard() {
+    std::error_code error;
+    std::filesystem::remove(temporary_, error);
+  }
+
+  std::filesystem::path path_;
+  std::filesystem::path temporary_;
+};
+
+/// A file system mounted read-only, and the super-user's rights, show only when something is
+/// written.
+void ProbeFolder(const std::filesystem::path& folder, const std::string& path) {
+  const std::filesystem::path probe = folder / fmt::format(".tumbler-optimize.{}.tmp", getpid());
+  errno = 0;
+  std::ofstream stream(probe);
+  const int why = errno;
+  if (!stream) FailWrite(path, fmt::format("{}: {}", folder.string(), std::strerror(why)));
   stream.close();
   std::error_code error;
-  if (stream) std::filesystem::rename(temporary, path, error);
-  if (!stream || error) {
-    const std::string why = error ? error.message() : std::strerror(errno);
-    std::filesystem::remove(temporary, error);
-    throw FileError(path, 0, "", fmt::format("cannot be written: {}", why));
-  }
+  std::filesystem::remove(probe, error);
 }
 
 /// Finds out before the work whether its result can be written.
 void CheckWritable(const std::string& path) {
-  const std::filesystem::path parent = std::filesystem::absolute(path).parent_path();
   std::error_code error;
-  if (std::filesystem::is_directory(path, error))
+  const std::filesystem::path target = std::filesystem::weakly_canonical(path, error);
+  if (error) FailWrite(path, error.message());
+  if (std::filesystem::is_directory(target, error))
     throw FileError(path, 0, "", "is a directory, not a file");
-  if (!std::filesystem::is_directory(parent, error)) {
-    throw FileError(
-        path, 0, "",
-        fmt::format("cannot be written: the folder {} does not exist", parent.string()));
+  const bool exists = std::filesystem::exists(target, error);
+  if (exists && !std::filesystem::is_regular_file(target, error)) {
+    throw FileError(path, 0, "",
+                    "is not a regular file, and it would be replaced by one; leave the option out "
+                    "to write none");
   }
-  const bool exists = std::filesystem::exists(path, error);
-  if (access(parent.c_str(), W_OK) != 0 || (exists && access(path.c_str(), W_OK) != 0)) {
-    throw FileError(path, 0, "", fmt::format("cannot be written: {}", std::strerror(errno)));
+  const std::filesystem::path parent = std::filesystem::absolute(target).parent_path();
+  if (!std::filesystem::is_directory(parent, error))
+    FailWrite(path, fmt::format("the folder {} does not exist", parent.string()));
+  if (exists && access(target.c_str(), W_OK) != 0) FailWrite(path, std::strerror(errno));
+  ProbeFolder(parent, path);
+}
+
+/// The same for a folder, which is made when it is needed, not before.
+void CheckFolderWritable(const std::string& path) {
+  std::error_code error;
+  std::filesystem::path existing = std::filesystem::absolute(path);
+  while (!std::filesystem::exists(existing, error) && existing != existing.root_path())
+    existing = existing.parent_path();
+  if (!std::filesystem::is_directory(existing, error))
+    FailWrite(path, fmt::format("{} is not a folder", existing.string()));
+  ProbeFolder(existing, path);
+}
+
+/// No result may take the place of what it is made from, or of another result.
+void CheckDistinct(const std::vector<std::string>& inputs,
+                   const std::vector<std::string>& outputs) {
+  const auto same = [](const std::string& a, const std::string& b) {
+    std::error_code error;
+    return std::filesystem::weakly_canonical(a, error) ==
+               std::filesystem::weakly_canonical(b, error) ||
+           std::filesystem::equivalent(a, b, error);
+  };
+  for (std::size_t i = 0; i < outputs.size(); ++i) {
+    for (const std::string& input : inputs) {
+      if (same(outputs[i], input))
+        throw FileError(outputs[i], 0, "", "is an input; results need a file of their own");
+    }
+    for (std::size_t k = 0; k < i; ++k) {
+      if (same(outputs[i], outputs[k]))
+        throw FileError(outputs[i], 0, "", "is named for two results; each needs its own file");
+    }
   }
-  // A file system mounted read-only, and the super-user's rights, show only when something is
-  // written.
-  const std::string probe = fmt::format("{}.{}.tmp", path, getpid());
-  std::ofstream stream(probe);
-  const int why = errno;
-  if (!stream)
-    throw FileError(path, 0, "", fmt::format("cannot be written: {}", std::strerror(why)));
-  stream.close();
-  std::filesystem::remove(probe, error);
 }
 
 double CpuSeconds() {
@@ -150,13 +228,19 @@ class Progress {
   Clock::time_point start_, stage_start_ = Clock::now(), shown_{};
 };
 
+/// True when the robot never touches what the task puts in its way: the contact model, and with it
+/// the motion, was not tried at all.
+bool MissesEveryObstacle(const Problem& problem, const Solution& best) {
+  return !problem.obstacles.empty() && !best.rollout.any_contact;
+}
+
 /// Why nothing was found, and what to do about it.
 std::string Cause(const Problem& problem, const Solution& best) {
   if (!best.rollout.finite)
     return "the best motion leaves every plausible range; use a smaller solver.step_s";
-  if (!problem.obstacles.empty() && !best.rollout.any_contact) {
-    return "no contact was ever active: the robot falls past every obstacle; check start.z_m and "
-           "the obstacles";
+  if (MissesEveryObstacle(problem, best)) {
+    return "no contact was ever active: the robot touches no obstacle; check start.z_m and the "
+           "obstacles (a flight needs none: obstacle = [])";
   }
   if (best.violation > 1e-6) {
     return fmt::format(
@@ -179,16 +263,23 @@ int Optimize(const Arguments& arguments) {
   const auto wall_start = std::chrono::steady_clock::now();
   Task task = LoadTask(arguments.task);
   Problem& problem = task.problem;
-  if (arguments.seed) problem.search.seed = *arguments.seed;
+  if (arguments.seed) problem.search.seed = static_cast<std::uint64_t>(*arguments.seed);
+  std::vector<std::string> files;
   for (const std::string& path : {arguments.out, arguments.json}) {
-    if (!path.empty() && path != "-") CheckWritable(path);
+    if (!path.empty() && path != "-") files.push_back(path);
   }
+  for (const std::string& path : files) CheckWritable(path);
+  if (!arguments.report.empty()) {
+    CheckFolderWritable(arguments.report);
+    files.push_back((std::filesystem::path(arguments.report) / "index.html").string());
+  }
+  CheckDistinct({arguments.task, task.robot_file}, files);
   for (const IgnoredShape& shape : problem.robot.ignored_shapes) {
     fmt::print(stderr, "{}:{}: link '{}': note: {}; contacts use spheres only\n", task.robot_file,
                shape.line, shape.link, shape.reason);
   }
 
-  std::signal(SIGINT, HandleInterrupt);
+  CatchInterrupt();
   Progress progress(problem);
   SolveOptions options;
   options.threads = arguments.threads;
@@ -196,18 +287,18 @@ int Optimize(const Arguments& arguments) {
   options.progress = [&progress](const Evaluation& evaluation) { progress(evaluation); };
   const SolveOutcome outcome = Solve(problem, options);
   progress.Finish();
-  std::signal(SIGINT, SIG_DFL);
 
   const Solution& best = outcome.solutions.front();
+  const bool usable = best.feasible() && !MissesEveryObstacle(problem, best);
+  const auto drop = [&arguments] {
+    fmt::print(stderr, "interrupted: {}; no file was written\n",
+               !arguments.keep_best ? "the best motion so far is dropped (--keep-best keeps it)"
+                                    : "no motion within the limits was found so far");
+    return kInterruptedBySignal;
+  };
   if (outcome.interrupted) {
-    if (!arguments.keep_best || !best.feasible()) {
-      fmt::print(stderr, "interrupted: {}; no file was written\n",
-                 !arguments.keep_best ? "the best motion so far is dropped (--keep-best keeps it)"
-                                      : "no motion within the limits was found so far");
-      return kInterruptedBySignal;
-    }
-    fmt::print(stderr, "interrupted: the best motion so far is kept, as --keep-best asks\n");
-  } else if (!best.feasible()) {
+    if (!arguments.keep_best || !usable) return drop();
+  } else if (!usable) {
     fmt::print(stderr, "no motion was found: {}\nno file was written\n", Cause(problem, best));
     return kNotFound;
   }
@@ -217,10 +308,13 @@ int Optimize(const Arguments& arguments) {
   const Certificate& c = file.certificate;
   const std::string text = ToToml(file);
   ParsePrimitive(text, "the new primitive");  // What is written is what will be read.
-  std::string page;
-  if (!arguments.report.empty())
-    page = WriteReport(MakeReportData(task, outcome, best, file), arguments.report);
-  if (!arguments.out.empty()) WriteFile(arguments.out, text);
+  std::optional<ReportData> report;
+  if (!arguments.report.empty()) report = MakeReportData(task, outcome, best, file);
+  if (interrupt_requested && !arguments.keep_best) return drop();
+  std::signal(SIGINT, SIG_IGN);  // What is written from here on is written whole.
+  const bool interrupted = interrupt_requested;
+  if (interrupted)
+    fmt::print(stderr, "interrupted: the best motion so far is kept, as --keep-best asks\n");
 
   const double wall_s =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - wall_start).count();
@@ -245,9 +339,20 @@ int Optimize(const Arguments& arguments) {
                                        {"acceleration_margin_rad_s2", c.acceleration_margin_rad_s2},
                                        {"torque_margin_nm", c.torque_margin_nm},
                                        {"coefficients_hash", c.coefficients_hash}};
+  std::optional<PendingFile> primitive_file, json_file;
+  if (!arguments.out.empty()) primitive_file.emplace(arguments.out, text);
   if (!arguments.json.empty() && arguments.json != "-")
-    WriteFile(arguments.json, json.dump(2) + "\n");
+    json_file.emplace(arguments.json, json.dump(2) + "\n");
+  const auto flush = [](std::FILE* stream) {
+    if (std::fflush(stream) != 0)
+      throw std::runtime_error(fmt::format("standard output: {}", std::strerror(errno)));
+  };
   if (arguments.json == "-") fmt::print("{}\n", json.dump(2));
+  flush(stdout);
+  std::string page;
+  if (report) page = WriteReport(*report, arguments.report);
+  if (json_file) json_file->Commit();
+  if (primitive_file) primitive_file->Commit();
 
   std::FILE* const people = arguments.json == "-" ? stderr : stdout;
   fmt::print(
@@ -264,7 +369,8 @@ int Optimize(const Arguments& arguments) {
       1e3 * c.peak_penetration_m);
   if (!arguments.out.empty()) fmt::print(people, "  primitive {}\n", arguments.out);
   if (!page.empty()) fmt::print(people, "  report {}\n", page);
-  return outcome.interrupted ? kInterruptedBySignal : kFound;
+  flush(people);
+  return interrupted ? kInterruptedBySignal : kFound;
 }
 
 }  // namespace
@@ -278,7 +384,21 @@ int main(int argc, char** argv) {
       "interrupted."};
   app.add_option("TASK", arguments.task, "Task file (TOML)")->required();
   app.add_option("--out", arguments.out, "Write the primitive here");
-  app.add_option("--seed", arguments.seed, "Seed of the global search, instead of the task's");
+  // Read by hand: CLI11 takes a number that is too large for the largest that fits.
+  app.add_option_function<std::string>(
+         "--seed",
+         [&arguments](const std::string& text) {
+           std::int64_t seed = 0;
+           const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), seed);
+           if (error != std::errc() || end != text.data() + text.size() || seed < 0) {
+             throw CLI::ValidationError("--seed",
+                                        fmt::format("is '{}'; allowed: from 0 ... {}", text,
+                                                    std::numeric_limits<std::int64_t>::max()));
+           }
+           arguments.seed = seed;
+         },
+         "Seed of the global search, instead of the task's")
+      ->type_name("INT");
   app.add_option("--threads", arguments.threads, "Threads; the result does not depend on it")
       ->check(CLI::Range(1, 256))
       ->capture_default_str();
@@ -288,6 +408,12 @@ int main(int argc, char** argv) {
                  "Write figures as JSON to this file, or to standard output for -");
   app.add_flag("--keep-best", arguments.keep_best,
                "When interrupted, still write the best motion so far");
+  for (CLI::Option* option : app.get_options()) {
+    if (option->get_expected_max() > 0 && option->get_name() != "--help")
+      option->check([](const std::string& value) {
+        return value.empty() ? std::string("is empty") : std::string();
+      });
+  }
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

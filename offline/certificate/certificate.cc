@@ -102,29 +102,39 @@ double FinalPitch(const Problem& problem, const std::vector<double>& x, double s
 
 }  // namespace
 
+GradientCheck CompareGradient(const std::function<double(const std::vector<double>&)>& cost,
+                              std::vector<double> at, const std::vector<double>& gradient) {
+  double largest = 0;
+  for (const double component : gradient) largest = std::max(largest, std::abs(component));
+  GradientCheck check{std::numeric_limits<double>::infinity(), 0};
+  for (const double step : {1e-5, 1e-6, 1e-7, 1e-8}) {
+    double worst = 0, scale = largest;
+    for (std::size_t i = 0; i < at.size(); ++i) {
+      const double middle = at[i];
+      at[i] = middle + step;
+      const double above = cost(at);
+      at[i] = middle - step;
+      const double below = cost(at);
+      at[i] = middle;
+      const double difference = (above - below) / (2 * step);
+      scale = std::max(scale, std::abs(difference));
+      worst = std::max(worst, std::abs(difference - gradient[i]));
+    }
+    // A cost that does not depend on the motion has no gradient to be wrong.
+    const double error = scale > 0 ? worst / scale : 0;
+    if (error < check.relative_error) check = {error, step};
+  }
+  return check;
+}
+
 GradientCheck CheckGradient(const Problem& problem, const std::vector<double>& x) {
   std::vector<double> at = x;
   for (std::size_t i = 0; i < at.size(); ++i) at[i] += i % 2 == 0 ? 1e-3 : -1e-3;
   Rollout rollout(problem, problem.solver.step_s);
   Matrix gradient(rollout.output_count(), rollout.parameter_count());
   rollout.Run(at, gradient);
-  const double scale = gradient.row(0).lpNorm<Eigen::Infinity>();
-  GradientCheck check{std::numeric_limits<double>::infinity(), 0};
-  for (const double step : {1e-5, 1e-6, 1e-7, 1e-8}) {
-    double worst = 0;
-    for (std::size_t i = 0; i < at.size(); ++i) {
-      const double middle = at[i];
-      at[i] = middle + step;
-      const double above = rollout.Run(at).cost;
-      at[i] = middle - step;
-      const double below = rollout.Run(at).cost;
-      at[i] = middle;
-      worst = std::max(worst, std::abs((above - below) / (2 * step) -
-                                       gradient(0, static_cast<Eigen::Index>(i))));
-    }
-    if (worst / scale < check.relative_error) check = {worst / scale, step};
-  }
-  return check;
+  return CompareGradient([&rollout](const std::vector<double>& y) { return rollout.Run(y).cost; },
+                         at, {gradient.row(0).begin(), gradient.row(0).end()});
 }
 
 MotionSummary Summarize(const Problem& problem, const std::vector<double>& x) {
@@ -141,11 +151,13 @@ MotionSummary Summarize(const Problem& problem, const std::vector<double>& x) {
     if (t <= problem.duration_s + 1e-9) {
       summary.final_pitch_rad = PitchOf(problem, sample.q);
     }
-    summary.settled_pitch_rad = PitchOf(problem, sample.q);
-    summary.settled_speed = 0;
-    for (int i = 0; i < problem.robot.root_dofs; ++i) {
-      summary.settled_speed =
-          std::max(summary.settled_speed, std::abs(sample.qd[static_cast<std::size_t>(i)]));
+    if (t <= problem.duration_s + kSettledAfter + 1e-9) {
+      summary.settled_pitch_rad = PitchOf(problem, sample.q);
+      summary.settled_speed = 0;
+      for (int i = 0; i < problem.robot.root_dofs; ++i) {
+        summary.settled_speed =
+            std::max(summary.settled_speed, std::abs(sample.qd[static_cast<std::size_t>(i)]));
+      }
     }
     for (std::size_t j = 0; j < problem.joints.size(); ++j) {
       const double torque = std::abs(sample.torque[j]);

@@ -1,5 +1,8 @@
 #pragma once
 
+#include <functional>
+#include <vector>
+
 #include "common/primitive_toml.h"
 #include "offline/problem/task_toml.h"
 #include "offline/report/report.h"
@@ -10,14 +13,19 @@ namespace tumbler {
 /// How far an analytic gradient is from differences of the same computation.
 struct GradientCheck {
   double relative_error =
-      0;  ///< Largest component of the difference over the largest component of the gradient.
+      0;  ///< Largest component of the difference over the largest component of either gradient.
   double step_rad = 0;  ///< The step of the central differences that agreed best.
 };
 
-/// Checks the gradient of the cost against central differences of four steps (1e-5, 1e-6 and 1e-7
-/// rad): roughness of the cost through contact spoils large steps, rounding small ones. The point
-/// is `x` moved by 0.001 rad in every parameter, alternating in sign: at the optimum itself the
-/// gradient is zero, and a relative error says nothing.
+/// Compares a gradient with central differences of four steps (1e-5, 1e-6, 1e-7 and 1e-8), and
+/// keeps the best agreement: roughness of the cost through contact spoils large steps, rounding
+/// small ones. Infinite when the differences are finite at no step.
+GradientCheck CompareGradient(const std::function<double(const std::vector<double>&)>& cost,
+                              std::vector<double> at, const std::vector<double>& gradient);
+
+/// The same for the gradient of a problem's cost. The point is `x` moved by 0.001 rad in every
+/// parameter, alternating in sign: at the optimum itself the gradient is zero, and a relative error
+/// says nothing.
 GradientCheck CheckGradient(const Problem& problem, const std::vector<double>& x);
 
 /// What a motion is found to do when it is played on past its end.

@@ -2,7 +2,6 @@
 
 #include <console_bridge/console.h>
 #include <fmt/format.h>
-#include <tinyxml.h>
 #include <urdf_model/model.h>
 #include <urdf_parser/urdf_parser.h>
 
@@ -19,6 +18,7 @@
 #include <sstream>
 
 #include "common/toml_reader.h"
+#include "offline/model/urdf_source.h"
 
 namespace tumbler {
 namespace {
@@ -27,6 +27,13 @@ constexpr double kGravity = 9.81;
 /// A joint axis counts as in the plane when it leaves it by less than this angle [rad]: file
 /// digits, not geometry.
 constexpr double kPlaneTolerance = 1e-6;
+
+/// Farther out, rounding spoils what is computed of a robot [m].
+constexpr double kReach = 1e3;
+const char* const kOutOfReach =
+    "its <origin> is out of reach; allowed: up to 1000 m from the frame that carries it";
+
+bool InReach(const Eigen::Isometry3d& X) { return X.translation().norm() <= kReach; }
 
 /// Collects what urdfdom would print.
 class CollectingHandler : public console_bridge::OutputHandler {
@@ -38,41 +45,6 @@ class CollectingHandler : public console_bridge::OutputHandler {
   }
   std::string messages;
 };
-
-/// Lines of the file's elements, which urdfdom does not keep, and the order of its joints, which it
-/// sorts away.
-struct SourceIndex {
-  std::map<std::string, std::uint32_t> link_lines;
-  std::map<std::string, std::uint32_t> joint_lines;
-  std::vector<std::string> joint_order;
-};
-
-SourceIndex IndexSource(const std::string& text, const std::string& file) {
-  TiXmlDocument document;
-  document.Parse(text.c_str(), nullptr, TIXML_ENCODING_UTF8);
-  if (document.Error()) {
-    throw FileError(file, static_cast<std::uint32_t>(std::max(document.ErrorRow(), 0)), "",
-                    fmt::format("not valid XML: {}", document.ErrorDesc()));
-  }
-  const TiXmlElement* robot = document.RootElement();
-  if (robot == nullptr || robot->ValueStr() != "robot") {
-    throw FileError(file, robot == nullptr ? 0U : static_cast<std::uint32_t>(robot->Row()), "",
-                    "not a URDF: the outermost element must be <robot>");
-  }
-  SourceIndex index;
-  for (const TiXmlElement* e = robot->FirstChildElement(); e != nullptr;
-       e = e->NextSiblingElement()) {
-    const char* name = e->Attribute("name");
-    if (name == nullptr) continue;
-    if (e->ValueStr() == "link")
-      index.link_lines.emplace(name, static_cast<std::uint32_t>(e->Row()));
-    if (e->ValueStr() == "joint") {
-      index.joint_lines.emplace(name, static_cast<std::uint32_t>(e->Row()));
-      index.joint_order.emplace_back(name);
-    }
-  }
-  return index;
-}
 
 urdf::ModelInterfaceSharedPtr ParseUrdf(const std::string& text, const std::string& file) {
   static std::mutex mutex;  // The output handler of console_bridge is one for the whole process.
@@ -115,7 +87,7 @@ struct BodySum {
 class Builder {
  public:
   Builder(const std::string& text, std::string file, RootKind root)
-      : file_(std::move(file)), index_(IndexSource(text, file_)), model_(ParseUrdf(text, file_)) {
+      : file_(std::move(file)), source_(text, file_), model_(ParseUrdf(text, file_)) {
     robot_.name = model_->getName();
     robot_.tree.gravity = {0, -kGravity};
     AddRoot(root);
@@ -128,15 +100,16 @@ class Builder {
   PlanarRobot Take() { return std::move(robot_); }
 
  private:
-  [[noreturn]] void FailLink(const std::string& link, const std::string& problem) const {
-    const auto line = index_.link_lines.find(link);
-    throw FileError(file_, line == index_.link_lines.end() ? 0 : line->second,
-                    fmt::format("link '{}'", link), problem);
+  /// Fails about a link, or about the first element of that name in it.
+  [[noreturn]] void FailLink(const std::string& link, const std::string& problem,
+                             const char* element = "") const {
+    throw FileError(file_, source_.LineOfLink(link, element), fmt::format("link '{}'", link),
+                    problem);
   }
-  [[noreturn]] void FailJoint(const std::string& joint, const std::string& problem) const {
-    const auto line = index_.joint_lines.find(joint);
-    throw FileError(file_, line == index_.joint_lines.end() ? 0 : line->second,
-                    fmt::format("joint '{}'", joint), problem);
+  [[noreturn]] void FailJoint(const std::string& joint, const std::string& problem,
+                              const char* element = "") const {
+    throw FileError(file_, source_.LineOfJoint(joint, element), fmt::format("joint '{}'", joint),
+                    problem);
   }
 
   void AddDof(Dof<Plane> dof, const std::string& body_name, const RobotJointLimits& limits) {
@@ -171,7 +144,7 @@ class Builder {
     AddShapes(link, body, X);
     std::vector<urdf::JointSharedPtr> joints = link.child_joints;
     const auto place = [this](const urdf::JointSharedPtr& joint) {
-      return std::find(index_.joint_order.begin(), index_.joint_order.end(), joint->name);
+      return std::find(source_.joint_order().begin(), source_.joint_order().end(), joint->name);
     };
     std::sort(joints.begin(), joints.end(),
               [&](const auto& a, const auto& b) { return place(a) < place(b); });
@@ -180,7 +153,7 @@ class Builder {
 
   void AddJoint(const urdf::Joint& joint, int body, const Eigen::Isometry3d& X) {
     const Eigen::Isometry3d X_joint = X * ToIsometry(joint.parent_to_joint_origin_transform);
-    if (!X_joint.matrix().allFinite()) FailJoint(joint.name, "its <origin> is not finite");
+    if (!InReach(X_joint)) FailJoint(joint.name, kOutOfReach, "origin");
     const urdf::LinkConstSharedPtr child = model_->getLink(joint.child_link_name);
     if (joint.type == urdf::Joint::FIXED) {
       AddLink(*child, body, X_joint);
@@ -194,7 +167,7 @@ class Builder {
     }
     Eigen::Vector3d axis(joint.axis.x, joint.axis.y, joint.axis.z);
     if (!axis.allFinite() || axis.norm() < 1e-6)
-      FailJoint(joint.name, "its <axis> has no direction");
+      FailJoint(joint.name, "its <axis> has no direction", "axis");
     axis = X_joint.linear() * axis.normalized();
     Dof<Plane> dof;
     dof.name = joint.name;
@@ -206,14 +179,16 @@ class Builder {
             joint.name,
             fmt::format("its axis in the robot's frame is ({:.4g}, {:.4g}, {:.4g}); allowed for a "
                         "robot in the x-z plane: (0, 1, 0) or (0, -1, 0)",
-                        axis.x(), axis.y(), axis.z()));
+                        axis.x(), axis.y(), axis.z()),
+            "axis");
       }
       dof.axis = axis.y() < 0 ? 1 : -1;
     } else {
       if (std::abs(axis.y()) > kPlaneTolerance) {
         FailJoint(
             joint.name,
-            "its axis leaves the x-z plane; allowed for a prismatic joint: any direction in it");
+            "its axis leaves the x-z plane; allowed for a prismatic joint: any direction in it",
+            "axis");
       }
       dof.kind = JointKind::kPrismatic;
       dof.direction = InPlane(axis).normalized();
@@ -227,25 +202,29 @@ class Builder {
         if (!(given.lower <= given.upper)) {
           FailJoint(joint.name,
                     fmt::format("limit lower = {:g} upper = {:g}; allowed: finite, lower <= upper",
-                                given.lower, given.upper));
+                                given.lower, given.upper),
+                    "limit");
         }
       }
       if (!(given.velocity > 0))
-        FailJoint(joint.name, fmt::format("limit velocity = {:g}; allowed: > 0", given.velocity));
+        FailJoint(joint.name, fmt::format("limit velocity = {:g}; allowed: > 0", given.velocity),
+                  "limit");
       if (!(given.effort > 0))
-        FailJoint(joint.name, fmt::format("limit effort = {:g}; allowed: > 0", given.effort));
+        FailJoint(joint.name, fmt::format("limit effort = {:g}; allowed: > 0", given.effort),
+                  "limit");
       limits.velocity_rad_s = given.velocity;
       limits.effort_nm = given.effort;
     }
     if (joint.dynamics != nullptr) {
       dof.damping_nm_s_per_rad = joint.dynamics->damping;
-      if (!(joint.dynamics->damping >= 0) || !std::isfinite(joint.dynamics->damping)) {
+      if (!(joint.dynamics->damping >= 0)) {
         FailJoint(joint.name,
-                  fmt::format("dynamics damping = {:g}; allowed: >= 0", joint.dynamics->damping));
+                  fmt::format("dynamics damping = {:g}; allowed: >= 0", joint.dynamics->damping),
+                  "dynamics");
       }
     }
     if (joint.mimic != nullptr)
-      FailJoint(joint.name, "mimics another joint; mimic joints are not supported");
+      FailJoint(joint.name, "mimics another joint; mimic joints are not supported", "mimic");
     AddDof(dof, child->name, limits);
     // The new frame keeps the robot's axes at q = 0; only the rotation of the link's own frame is
     // carried on.
@@ -261,25 +240,29 @@ class Builder {
     I << given.ixx, given.ixy, given.ixz, given.ixy, given.iyy, given.iyz, given.ixz, given.iyz,
         given.izz;
     const Eigen::Isometry3d X_com = X * ToIsometry(given.origin);
-    if (!std::isfinite(given.mass) || given.mass <= 0) {
+    if (!(given.mass > 0)) {
       FailLink(
           link.name,
           fmt::format(
               "inertial mass is {:g} kg; allowed: > 0 (leave <inertial> out for a massless link)",
-              given.mass));
+              given.mass),
+          "mass");
     }
-    if (!I.allFinite() || !X_com.matrix().allFinite())
-      FailLink(link.name, "its <inertial> has a value that is not finite");
+    if (!InReach(X_com)) FailLink(link.name, kOutOfReach, "inertial");
     const Eigen::Vector3d moments = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(I).eigenvalues();
     if (moments(0) <= 0) {
-      FailLink(link.name, fmt::format("inertia has the principal moment {:g} kg m^2; allowed: > 0",
-                                      moments(0)));
+      FailLink(
+          link.name,
+          fmt::format("inertia has the principal moment {:g} kg m^2; allowed: > 0", moments(0)),
+          "inertia");
     }
     if (moments(0) + moments(1) < moments(2) * (1 - 1e-9)) {
-      FailLink(link.name, fmt::format("inertia is that of no body: principal moments {:g}, {:g}, "
-                                      "{:g} kg m^2; allowed: none larger "
-                                      "than the sum of the others",
-                                      moments(0), moments(1), moments(2)));
+      FailLink(link.name,
+               fmt::format("inertia is that of no body: principal moments {:g}, {:g}, "
+                           "{:g} kg m^2; allowed: none larger "
+                           "than the sum of the others",
+                           moments(0), moments(1), moments(2)),
+               "inertia");
     }
     if (body < 0) return;  // Fixed to the world: it never moves.
     const Eigen::Vector3d c = X_com.translation();
@@ -292,26 +275,20 @@ class Builder {
   }
 
   void AddShapes(const urdf::Link& link, int body, const Eigen::Isometry3d& X) {
-    const auto line = index_.link_lines.find(link.name);
     const auto ignore = [&](const std::string& reason) {
-      robot_.ignored_shapes.push_back(
-          {link.name, line == index_.link_lines.end() ? 0 : line->second, reason});
+      robot_.ignored_shapes.push_back({link.name, source_.LineOfLink(link.name, ""), reason});
     };
     int number = 0;
     for (const urdf::CollisionSharedPtr& shape : link.collision_array) {
       const std::string name = fmt::format("{}/{}", link.name, number++);
       if (shape == nullptr || shape->geometry == nullptr) continue;
       const Eigen::Isometry3d X_shape = X * ToIsometry(shape->origin);
-      if (!X_shape.matrix().allFinite()) FailLink(link.name, "a <collision> origin is not finite");
+      if (!InReach(X_shape)) FailLink(link.name, kOutOfReach, "collision");
       if (shape->geometry->type != urdf::Geometry::SPHERE) {
         ignore(fmt::format("collision shape {} is not a sphere", name));
         continue;
       }
       const double radius = static_cast<const urdf::Sphere&>(*shape->geometry).radius;
-      if (!std::isfinite(radius) || radius < 0) {
-        FailLink(link.name,
-                 fmt::format("collision sphere radius is {:g} m; allowed: >= 0", radius));
-      }
       if (body < 0) {
         ignore(fmt::format("collision shape {} is fixed to the world", name));
         continue;
@@ -391,7 +368,7 @@ class Builder {
   }
 
   std::string file_;
-  SourceIndex index_;
+  UrdfSource source_;
   urdf::ModelInterfaceSharedPtr model_;
   PlanarRobot robot_;
   std::vector<BodySum> bodies_;

@@ -55,13 +55,13 @@ class TaskReader {
     std::optional<TomlTable> limits = root_.OptionalTable("limits");
     TomlTable start = root_.Table("start").Table("joints_rad");
     TomlTable end = root_.Table("end").Table("joints_rad");
-    for (const std::string& name : start.Keys()) {
-      const int dof = problem_.robot.FindDof(name);
-      if (dof < 0)
-        start.Fail(name, fmt::format("is not a joint of the robot; its joints: {}", JointNames()));
-    }
-    for (const std::string& name : end.Keys()) {
-      if (!start.Has(name)) end.Fail(name, "has an end but no start in start.joints_rad");
+    for (const TomlTable* table : {&start, &end}) {
+      for (const std::string& name : table->Keys()) {
+        if (problem_.robot.FindDof(name) < 0) {
+          table->Fail(name,
+                      fmt::format("is not a joint of the robot; its joints: {}", JointNames()));
+        }
+      }
     }
     for (std::size_t j = static_cast<std::size_t>(problem_.robot.root_dofs);
          j < problem_.robot.tree.dofs.size(); ++j) {
@@ -150,10 +150,14 @@ class TaskReader {
         contact->Number("stiffness_n_per_m", {0, 1e8, true}, law.stiffness_n_per_m);
     law.damping_n_s_per_m = contact->Number("damping_n_s_per_m", {0, 1e6}, law.damping_n_s_per_m);
     law.layer_m = contact->Number("d_on_m", {1e-6, 1}, law.layer_m);
-    // Zero width would make the force jump in its derivative.
-    const double widest = law.layer_m * (1 - 1e-6);
     law.full_force_m =
-        contact->Number("d_off_m", {0, widest}, std::min(law.full_force_m, 0.75 * law.layer_m));
+        contact->Number("d_off_m", {0, 1}, std::min(law.full_force_m, 0.75 * law.layer_m));
+    // Zero width would make the force jump in its derivative.
+    if (law.full_force_m > law.layer_m * (1 - 1e-6)) {
+      contact->Fail("d_off_m",
+                    fmt::format("is {}; allowed: from 0 to below d_on_m, which is {}",
+                                MessageNumber(law.full_force_m), MessageNumber(law.layer_m)));
+    }
     law.friction = contact->Number("mu", {0, 10}, law.friction);
     law.slip_speed_m_per_s =
         contact->Number("v_max_m_per_s", {1e-6, positive.max, false}, law.slip_speed_m_per_s);
@@ -241,6 +245,10 @@ class TaskReader {
       }
       problem_.terminal.push_back(terminal);
     }
+    const bool any = problem_.effort_weight > 0 ||
+                     std::any_of(problem_.terminal.begin(), problem_.terminal.end(),
+                                 [](const TerminalTerm& term) { return term.weight != 0; });
+    if (!any) root_.Fail("cost", "asks for nothing: allowed: at least one term with weight > 0");
   }
 
   void ReadSearch() {

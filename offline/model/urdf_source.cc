@@ -1,0 +1,316 @@
+#include "offline/model/urdf_source.h"
+
+#include <fmt/format.h>
+#include <tinyxml.h>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <functional>
+#include <optional>
+#include <set>
+#include <utility>
+
+#include "common/toml_reader.h"
+
+namespace tumbler {
+namespace {
+
+/// An attribute that holds numbers.
+struct NumericAttribute {
+  std::string_view element;
+  const char* attribute;
+  int count;
+  bool required;
+  bool can_be_negative = true;
+};
+constexpr std::array kNumericAttributes = {
+    NumericAttribute{"mass", "value", 1, true},
+    NumericAttribute{"inertia", "ixx", 1, true},
+    NumericAttribute{"inertia", "ixy", 1, true},
+    NumericAttribute{"inertia", "ixz", 1, true},
+    NumericAttribute{"inertia", "iyy", 1, true},
+    NumericAttribute{"inertia", "iyz", 1, true},
+    NumericAttribute{"inertia", "izz", 1, true},
+    NumericAttribute{"origin", "xyz", 3, false},
+    NumericAttribute{"origin", "rpy", 3, false},
+    NumericAttribute{"axis", "xyz", 3, true},
+    NumericAttribute{"limit", "lower", 1, false},
+    NumericAttribute{"limit", "upper", 1, false},
+    NumericAttribute{"limit", "effort", 1, true},
+    NumericAttribute{"limit", "velocity", 1, true},
+    NumericAttribute{"dynamics", "damping", 1, false},
+    NumericAttribute{"dynamics", "friction", 1, false},
+    NumericAttribute{"sphere", "radius", 1, true, false},
+    NumericAttribute{"cylinder", "radius", 1, true, false},
+    NumericAttribute{"cylinder", "length", 1, true, false},
+    NumericAttribute{"box", "size", 3, true, false},
+    NumericAttribute{"mesh", "scale", 3, false},
+};
+
+constexpr std::array<std::string_view, 4> kJointTypes = {"revolute", "continuous", "prismatic",
+                                                         "fixed"};
+
+constexpr std::array<std::string_view, 4> kGeometries = {"sphere", "cylinder", "box", "mesh"};
+
+std::uint32_t RowOf(const TiXmlBase& element) {
+  return static_cast<std::uint32_t>(std::max(element.Row(), 0));
+}
+
+/// The numbers of a text that holds nothing but numbers and white space; nothing otherwise.
+std::optional<std::vector<double>> ToNumbers(std::string_view text) {
+  std::vector<double> numbers;
+  constexpr std::string_view kSpace = " \t\r\n";
+  for (;;) {
+    const std::size_t first = text.find_first_not_of(kSpace);
+    if (first == std::string_view::npos) return numbers;
+    text.remove_prefix(first);
+    const std::size_t length = std::min(text.find_first_of(kSpace), text.size());
+    std::string_view token = text.substr(0, length);
+    text.remove_prefix(length);
+    if (token.starts_with('+')) token.remove_prefix(1);
+    double number = 0;
+    const auto [end, error] = std::from_chars(token.data(), token.data() + token.size(), number);
+    if (error != std::errc() || end != token.data() + token.size()) return std::nullopt;
+    numbers.push_back(number);
+  }
+}
+
+/// Checks elements below one link or joint.
+class ElementChecker {
+ public:
+  ElementChecker(const std::string& file, std::string key) : file_(file), key_(std::move(key)) {}
+
+  [[noreturn]] void Fail(const TiXmlBase& where, const std::string& problem) const {
+    throw FileError(file_, RowOf(where), key_, problem);
+  }
+
+  void CheckNumbers(const TiXmlElement& element) const {
+    for (const NumericAttribute& expected : kNumericAttributes) {
+      if (element.ValueStr() != expected.element) continue;
+      const char* text = element.Attribute(expected.attribute);
+      if (text == nullptr) {
+        if (expected.required) {
+          Fail(element,
+               fmt::format("<{}> lacks the attribute {}", expected.element, expected.attribute));
+        }
+        continue;
+      }
+      const std::optional<std::vector<double>> numbers = ToNumbers(text);
+      const bool fits = numbers && numbers->size() == static_cast<std::size_t>(expected.count) &&
+                        std::all_of(numbers->begin(), numbers->end(), [&expected](double x) {
+                          return std::isfinite(x) && (x >= 0 || expected.can_be_negative);
+                        });
+      if (!fits) {
+        Fail(element, fmt::format("<{}> {} is '{}'; allowed: {}", expected.element,
+                                  expected.attribute, text, Allowed(expected)));
+      }
+    }
+    for (const TiXmlElement* e = element.FirstChildElement(); e != nullptr;
+         e = e->NextSiblingElement()) {
+      CheckNumbers(*e);
+    }
+  }
+
+  void CheckOnlyOne(const TiXmlElement& parent, const char* name) const {
+    const TiXmlElement* first = parent.FirstChildElement(name);
+    const TiXmlElement* second = first == nullptr ? nullptr : first->NextSiblingElement(name);
+    if (second != nullptr) Fail(*second, fmt::format("there is a second <{}>", name));
+  }
+
+  const TiXmlElement& Required(const TiXmlElement& parent, const char* name) const {
+    const TiXmlElement* element = parent.FirstChildElement(name);
+    if (element == nullptr) Fail(parent, fmt::format("lacks <{}>", name));
+    return *element;
+  }
+
+ private:
+  static std::string Allowed(const NumericAttribute& attribute) {
+    const char* sign = attribute.can_be_negative ? "" : ", 0 or more";
+    if (attribute.count == 1) return fmt::format("a finite number{}", sign);
+    return fmt::format("{} finite numbers{}, separated by blanks", attribute.count, sign);
+  }
+
+  const std::string& file_;
+  std::string key_;
+};
+
+void CheckLink(const TiXmlElement& link, const ElementChecker& check) {
+  check.CheckNumbers(link);
+  for (const char* kind : {"collision", "visual"}) {
+    for (const TiXmlElement* shape = link.FirstChildElement(kind); shape != nullptr;
+         shape = shape->NextSiblingElement(kind)) {
+      for (const char* part : {"origin", "geometry"}) check.CheckOnlyOne(*shape, part);
+      const TiXmlElement& geometry = check.Required(*shape, "geometry");
+      const TiXmlElement* form = geometry.FirstChildElement();
+      if (form == nullptr || std::find(kGeometries.begin(), kGeometries.end(), form->ValueStr()) ==
+                                 kGeometries.end()) {
+        check.Fail(geometry, fmt::format("<geometry> holds {}; allowed: one of {}",
+                                         form == nullptr ? "nothing" : "<" + form->ValueStr() + ">",
+                                         fmt::join(kGeometries, ", ")));
+      }
+    }
+  }
+  check.CheckOnlyOne(link, "inertial");
+  if (const TiXmlElement* inertial = link.FirstChildElement("inertial")) {
+    for (const char* part : {"origin", "mass", "inertia"}) check.CheckOnlyOne(*inertial, part);
+    check.Required(*inertial, "mass");
+    check.Required(*inertial, "inertia");
+  }
+}
+
+void CheckJoint(const TiXmlElement& joint, const ElementChecker& check) {
+  check.CheckNumbers(joint);
+  for (const char* part : {"parent", "child", "origin", "axis", "limit", "dynamics"}) {
+    check.CheckOnlyOne(joint, part);
+  }
+  const char* type = joint.Attribute("type");
+  if (std::find(kJointTypes.begin(), kJointTypes.end(), type == nullptr ? "" : type) ==
+      kJointTypes.end()) {
+    check.Fail(joint, fmt::format("its type is '{}'; allowed: {}", type == nullptr ? "" : type,
+                                  fmt::join(kJointTypes, ", ")));
+  }
+  const std::string_view given = type;
+  if (given == "revolute" || given == "prismatic") check.Required(joint, "limit");
+  if (const TiXmlElement* dynamics = joint.FirstChildElement("dynamics")) {
+    const char* friction = dynamics->Attribute("friction");
+    // The numbers are known to be numbers by now.
+    if (friction != nullptr && ToNumbers(friction)->front() != 0) {
+      check.Fail(*dynamics, fmt::format("dynamics friction = {}: dry friction of a joint is not "
+                                        "modelled; allowed: 0 (damping can be given)",
+                                        friction));
+    }
+  }
+}
+
+}  // namespace
+
+UrdfSource::UrdfSource(const std::string& text, const std::string& file) {
+  TiXmlDocument document;
+  document.Parse(text.c_str(), nullptr, TIXML_ENCODING_UTF8);
+  if (document.Error()) {
+    throw FileError(file, static_cast<std::uint32_t>(std::max(document.ErrorRow(), 0)), "",
+                    fmt::format("not valid XML: {}", document.ErrorDesc()));
+  }
+  const TiXmlElement* robot = document.RootElement();
+  if (robot == nullptr || robot->ValueStr() != "robot") {
+    throw FileError(file, robot == nullptr ? 0U : RowOf(*robot), "",
+                    "not a URDF: the outermost element must be <robot>");
+  }
+
+  const char* robot_name = robot->Attribute("name");
+  if (robot_name == nullptr || *robot_name == '\0')
+    throw FileError(file, RowOf(*robot), "robot", "has no name");
+
+  const auto collect = [](const TiXmlElement& whole) {
+    Lines lines{{"", RowOf(whole)}};
+    const std::function<void(const TiXmlElement&)> visit = [&](const TiXmlElement& parent) {
+      for (const TiXmlElement* e = parent.FirstChildElement(); e != nullptr;
+           e = e->NextSiblingElement()) {
+        lines.emplace(e->ValueStr(), RowOf(*e));  // Of several, the first.
+        visit(*e);
+      }
+    };
+    visit(whole);
+    return lines;
+  };
+
+  struct Edge {
+    std::string joint, parent, child;
+    const TiXmlElement* parent_element;
+    const TiXmlElement* child_element;
+  };
+  std::vector<Edge> edges;
+  std::vector<std::string> link_order;
+  for (const TiXmlElement* e = robot->FirstChildElement(); e != nullptr;
+       e = e->NextSiblingElement()) {
+    const std::string& kind = e->ValueStr();
+    if (kind != "link" && kind != "joint") continue;
+    const char* attribute = e->Attribute("name");
+    const std::string name = attribute == nullptr ? "" : attribute;
+    const ElementChecker check(file, fmt::format("{} '{}'", kind, name));
+    if (name.empty()) check.Fail(*e, "has no name");
+    Index& index = kind == "link" ? links_ : joints_;
+    if (const auto [other, is_new] = index.emplace(name, collect(*e)); !is_new) {
+      check.Fail(*e, fmt::format("the name is taken by line {}", other->second.at("")));
+    }
+    if (kind == "link") {
+      link_order.push_back(name);
+      CheckLink(*e, check);
+      continue;
+    }
+    joint_order_.push_back(name);
+    CheckJoint(*e, check);
+    Edge edge;
+    edge.joint = name;
+    const auto end = [&](const char* which, const TiXmlElement*& element) {
+      element = &check.Required(*e, which);
+      const char* link = element->Attribute("link");
+      return std::string(link == nullptr ? "" : link);
+    };
+    edge.parent = end("parent", edge.parent_element);
+    edge.child = end("child", edge.child_element);
+    edges.push_back(std::move(edge));
+  }
+
+  std::map<std::string, const Edge*> carried_by;
+  for (const Edge& edge : edges) {
+    const ElementChecker check(file, fmt::format("joint '{}'", edge.joint));
+    for (const auto& [name, element] :
+         {std::pair(edge.parent, edge.parent_element), std::pair(edge.child, edge.child_element)}) {
+      if (links_.count(name) == 0) {
+        check.Fail(*element, fmt::format("<{}> is the link '{}', which is not in the file",
+                                         element->ValueStr(), name));
+      }
+    }
+    if (const auto [other, is_new] = carried_by.emplace(edge.child, &edge); !is_new) {
+      check.Fail(*edge.child_element,
+                 fmt::format("its <child> '{}' is already that of joint '{}'; a link hangs on one "
+                             "joint only",
+                             edge.child, other->second->joint));
+    }
+  }
+  std::string root;
+  for (const std::string& link : link_order) {
+    if (carried_by.count(link) != 0) continue;
+    if (!root.empty()) {
+      throw FileError(file, LineOfLink(link, ""), fmt::format("link '{}'", link),
+                      fmt::format("no joint carries it, and none carries '{}'; a robot has one "
+                                  "such root link",
+                                  root));
+    }
+    root = link;
+  }
+  // Whoever goes up from a link must come to the root.
+  for (const std::string& link : link_order) {
+    std::string at = link;
+    std::set<std::string> seen;
+    while (carried_by.count(at) != 0) {
+      if (!seen.insert(at).second) {
+        throw FileError(file, LineOfLink(at, ""), fmt::format("link '{}'", at),
+                        "the joints above it lead back to itself; allowed: a tree");
+      }
+      at = carried_by.at(at)->parent;
+    }
+  }
+  if (root.empty()) throw FileError(file, RowOf(*robot), "robot", "has no link");
+}
+
+std::uint32_t UrdfSource::LineOf(const Index& index, const std::string& name,
+                                 std::string_view element) {
+  const auto lines = index.find(name);
+  if (lines == index.end()) return 0;
+  const auto line = lines->second.find(element);
+  return line == lines->second.end() ? lines->second.at("") : line->second;
+}
+
+std::uint32_t UrdfSource::LineOfLink(const std::string& link, std::string_view element) const {
+  return LineOf(links_, link, element);
+}
+
+std::uint32_t UrdfSource::LineOfJoint(const std::string& joint, std::string_view element) const {
+  return LineOf(joints_, joint, element);
+}
+
+}  // namespace tumbler

@@ -1,0 +1,186 @@
+// What a primitive file says of its motion, against computations of its own.
+
+#include "offline/certificate/certificate.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "tests/support/task_files.h"
+
+namespace tumbler {
+namespace {
+
+using testing::QuickTask;
+using testing::Replaced;
+using testing::ShippedRobot;
+
+/// The quick task, solved once for all tests.
+struct Solved {
+  Task task = ParseTask(QuickTask(), "task.toml", ShippedRobot(), "robot.urdf");
+  SolveOutcome outcome = Solve(task.problem, {});
+  const Solution& best = outcome.solutions.front();
+  PrimitiveFile file = MakePrimitiveFile(task, outcome, best);
+};
+const Solved& TheSolution() {
+  static const Solved solved;
+  return solved;
+}
+
+TEST(CheckGradient, FindsTheRolloutsGradientRight) {
+  const Solved& s = TheSolution();
+  EXPECT_LT(CheckGradient(s.task.problem, s.best.x).relative_error, 1e-5);
+}
+
+TEST(CheckGradient, SeesThatTheCostIsRough) {
+  // A step far beyond what integrates the contact makes the cost jump between neighbouring
+  // parameters, or blow up: differences then agree with no gradient, and the check must say so.
+  Problem problem = TheSolution().task.problem;
+  problem.contact.stiffness_n_per_m = 1e7;
+  problem.solver.step_s = 1e-2;
+  const GradientCheck check = CheckGradient(problem, TheSolution().best.x);
+  EXPECT_FALSE(check.relative_error < 1e-3) << check.relative_error;
+}
+
+TEST(CompareGradient, SeesAWrongGradient) {
+  // f(x, y) = sin(x) y^2, its gradient right and wrong in one component by 1 %, and in sign.
+  const std::vector<double> at = {0.3, 2.0};
+  const auto f = [](const std::vector<double>& x) { return std::sin(x[0]) * x[1] * x[1]; };
+  const std::vector<double> right = {std::cos(0.3) * 4, 2 * std::sin(0.3) * 2};
+  EXPECT_LT(CompareGradient(f, at, right).relative_error, 1e-8);
+  EXPECT_NEAR(CompareGradient(f, at, {1.01 * right[0], right[1]}).relative_error, 0.01, 2e-4);
+  EXPECT_NEAR(CompareGradient(f, at, {-right[0], right[1]}).relative_error, 2, 1e-6);
+  EXPECT_NEAR(CompareGradient(f, at, {0, 0}).relative_error, 1, 1e-6);
+}
+
+TEST(CompareGradient, OfAConstantIsZero) {
+  EXPECT_EQ(
+      CompareGradient([](const std::vector<double>&) { return 3.0; }, {1.0}, {0.0}).relative_error,
+      0);
+}
+
+TEST(MakePrimitiveFile, WritesWhatLoadsAgainBitForBit) {
+  const PrimitiveFile& file = TheSolution().file;
+  const std::string text = ToToml(file);
+  EXPECT_EQ(ToToml(ParsePrimitive(text, "motion.toml")), text);
+}
+
+TEST(MakePrimitiveFile, CarriesTheTextsThatItWasMadeFrom) {
+  const Solved& s = TheSolution();
+  EXPECT_EQ(s.file.provenance.task_toml, QuickTask());
+  EXPECT_EQ(s.file.provenance.robot_urdf, ShippedRobot());
+  EXPECT_EQ(s.file.provenance.task_hash, HashOfText(QuickTask()));
+  // And they make the same problem: the same parameters cost the same.
+  const Provenance& from = s.file.provenance;
+  const Problem again =
+      ParseTask(from.task_toml, from.task_file, from.robot_urdf, from.robot_file).problem;
+  EXPECT_EQ(Rollout(again, again.solver.step_s).Run(s.best.x).cost, s.file.provenance.objective);
+}
+
+TEST(MakePrimitiveFile, MarginsAreThoseOfTheCoefficients) {
+  const PrimitiveFile& file = TheSolution().file;
+  const LimitMargins margins = MarginsOf(file.primitive);
+  EXPECT_EQ(file.certificate.position_margin_rad, margins.position_rad);
+  EXPECT_EQ(file.certificate.velocity_margin_rad_s, margins.velocity_rad_s);
+  EXPECT_EQ(file.certificate.acceleration_margin_rad_s2, margins.acceleration_rad_s2);
+  EXPECT_GE(margins.position_rad, 0);
+  EXPECT_GE(margins.velocity_rad_s, 0);
+  EXPECT_GE(margins.acceleration_rad_s2, 0);
+  EXPECT_GE(margins.torque_nm, 0);
+}
+
+TEST(MakePrimitiveFile, IsAccurateEnoughForTheRuntimesFloats) {
+  EXPECT_NO_THROW(ToRuntime(TheSolution().file.primitive));
+}
+
+TEST(MakePrimitiveFile, FeedForwardFollowsThePlansTorqueWithinTheLimit) {
+  const Solved& s = TheSolution();
+  const Problem& problem = s.task.problem;
+  for (std::size_t j = 0; j < problem.joints.size(); ++j) {
+    const auto& spline = s.file.primitive.joints[j].torque;
+    double square = 0, peak = 0;
+    int count = 0;
+    Rollout rollout(problem, problem.solver.step_s);
+    rollout.Visit(s.best.x, 0, [&](const MotionSample& sample) {
+      if (sample.time_s > problem.duration_s) return;
+      const double torque = spline.Evaluate(sample.time_s).value;
+      EXPECT_LE(std::abs(torque), problem.joints[j].limits.torque_max_nm);
+      square += std::pow(torque - sample.torque[j], 2);
+      peak = std::max(peak, std::abs(sample.torque[j]));
+      ++count;
+    });
+    ASSERT_GT(count, 400);
+    EXPECT_GT(peak, 0.2) << "a plan without torque tests nothing";
+    EXPECT_LT(std::sqrt(square / count), 0.1 * peak);
+  }
+}
+
+TEST(MakePrimitiveFile, PlaysThePathOfTheParameters) {
+  const Solved& s = TheSolution();
+  const Problem& problem = s.task.problem;
+  Rollout rollout(problem, problem.solver.step_s);
+  bool first = true;
+  double worst = 0;
+  PrimitivePose entry, exit;
+  rollout.Visit(s.best.x, 0, [&](const MotionSample& sample) {
+    const PrimitivePose pose{sample.q[0], sample.q[1], sample.q[2], {sample.q[3], sample.q[4]}};
+    if (first) entry = pose;
+    first = false;
+    if (sample.time_s > problem.duration_s + 1e-9) return;
+    exit = pose;
+    for (std::size_t j = 0; j < 2; ++j) {
+      worst = std::max(
+          worst, std::abs(s.file.primitive.joints[j].position.Evaluate(sample.time_s).value -
+                          sample.q[3 + j]));
+    }
+  });
+  EXPECT_LT(worst, 1e-12);
+  for (const auto& [said, seen] : {std::pair(s.file.entry, entry), std::pair(s.file.exit, exit)}) {
+    EXPECT_EQ(said.root_x_m, seen.root_x_m);
+    EXPECT_EQ(said.root_z_m, seen.root_z_m);
+    EXPECT_EQ(said.root_pitch_rad, seen.root_pitch_rad);
+    EXPECT_EQ(said.joint_positions_rad, seen.joint_positions_rad);
+  }
+  EXPECT_NEAR(s.file.exit.joint_positions_rad[0], -1.2, 1e-12);
+  EXPECT_NEAR(s.file.exit.joint_positions_rad[1], 1.3, 1e-12);
+}
+
+TEST(MakePrimitiveFile, PeaksAndContactsAreThoseOfTheMotion) {
+  const Solved& s = TheSolution();
+  const Problem& problem = s.task.problem;
+  double torque = 0, depth = 0, force = 0;
+  Rollout rollout(problem, problem.solver.step_s);
+  rollout.Visit(s.best.x, 2 - problem.settle_s, [&](const MotionSample& sample) {
+    for (const double t : sample.torque) torque = std::max(torque, std::abs(t));
+    for (const auto& contact : sample.contacts) {
+      depth = std::max(depth, contact.depth_m);
+      if (sample.time_s <= problem.duration_s + problem.settle_s)
+        force = std::max(force, contact.normal_force_n);
+    }
+  });
+  EXPECT_EQ(s.file.certificate.peak_torque_nm, torque);
+  EXPECT_EQ(s.file.certificate.peak_penetration_m, depth);
+  double said = 0;
+  ASSERT_FALSE(s.file.contacts.empty());
+  for (const ContactInterval& contact : s.file.contacts) {
+    EXPECT_LE(contact.start_s, contact.end_s);
+    EXPECT_LE(contact.end_s, problem.duration_s + problem.settle_s + 1e-9);
+    EXPECT_EQ(contact.obstacle, "ground");
+    said = std::max(said, contact.peak_normal_force_n);
+  }
+  EXPECT_EQ(said, force);
+  EXPECT_EQ(s.file.contacts.front().start_s, 0) << "it stands at the start";
+}
+
+TEST(Summarize, LooksAtTwoSecondsAfterTheEndHoweverLongTheSettlePhase) {
+  const Solved& s = TheSolution();
+  Problem longer = s.task.problem;
+  longer.settle_s = 3;
+  const MotionSummary a = Summarize(s.task.problem, s.best.x);
+  const MotionSummary b = Summarize(longer, s.best.x);
+  EXPECT_NEAR(a.settled_pitch_rad, b.settled_pitch_rad, 1e-6);
+  EXPECT_EQ(a.final_pitch_rad, b.final_pitch_rad);
+}
+
+}  // namespace
+}  // namespace tumbler

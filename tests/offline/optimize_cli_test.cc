@@ -1,0 +1,287 @@
+// tumbler-optimize as a user meets it: what it writes, when it writes nothing, interrupts, and that
+// results depend on task and seed alone.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <csignal>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "common/primitive_toml.h"
+#include "tests/support/program.h"
+#include "tests/support/task_files.h"
+
+namespace tumbler {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::Not;
+using testing::Program;
+using testing::QuickTask;
+using testing::ReadFile;
+using testing::Replaced;
+using testing::TaskFolder;
+
+/// Runs the program on the folder's task.
+Program Optimize(const TaskFolder& folder, std::vector<std::string> more) {
+  more.insert(more.begin(), {TUMBLER_BINARY_DIR "/bin/tumbler-optimize", folder.task_file()});
+  return Program(more);
+}
+
+/// The quick task with so many starts, each hard to finish, that it runs until it is stopped.
+std::string EndlessLocalSolves() {
+  std::string text = Replaced(QuickTask(), "samples = 8", "samples = 30");
+  text = Replaced(text, "refine = 2", "refine = 30");
+  return Replaced(text, "max_evaluations = 25",
+                  "max_evaluations = 100000\nrelative_tolerance = 1e-300");
+}
+
+TEST(OptimizeCli, WritesAPrimitiveAReportAndFiguresThatAgree) {
+  const TaskFolder folder(QuickTask());
+  Program program = Optimize(folder, {"--out", folder / "motion.toml", "--report", folder / "a/b",
+                                      "--json", folder / "figures.json"});
+  ASSERT_EQ(program.Wait(), 0) << program.text();
+  const PrimitiveFile file = LoadPrimitive(folder / "motion.toml");
+  EXPECT_EQ(file.provenance.task_toml, QuickTask());
+  EXPECT_TRUE(std::filesystem::exists(folder / "a/b/index.html"));
+  const auto figures = nlohmann::json::parse(ReadFile(folder / "figures.json"));
+  EXPECT_EQ(figures.at("coefficients_hash"), file.certificate.coefficients_hash);
+  EXPECT_EQ(figures.at("seed"), 1);
+  EXPECT_EQ(figures.at("objective"), file.provenance.objective);
+  EXPECT_EQ(figures.at("peak_torque_nm"), file.certificate.peak_torque_nm);
+  EXPECT_EQ(folder.Listing(),
+            (std::set<std::string>{"a", "a/b", "a/b/index.html", "figures.json", "motion.toml",
+                                   "robots", "robots/tumbler.urdf", "tasks", "tasks/task.toml"}));
+}
+
+TEST(OptimizeCli, WithoutOutputOptionsItWritesNothing) {
+  const TaskFolder folder(QuickTask());
+  const auto before = folder.Listing();
+  Program program = Optimize(folder, {"--json", "-"});
+  EXPECT_EQ(program.Wait(), 0) << program.text();
+  EXPECT_THAT(program.text(), HasSubstr("\"coefficients_hash\""));
+  EXPECT_EQ(folder.Listing(), before);
+}
+
+TEST(OptimizeCli, TheResultDependsOnTaskAndSeedAlone) {
+  const TaskFolder folder(QuickTask());
+  const auto run = [&folder](const std::string& name, const std::string& seed,
+                             const std::string& threads) {
+    Program program = Optimize(folder, {"--out", folder / (name + ".toml"), "--report",
+                                        folder / name, "--seed", seed, "--threads", threads});
+    EXPECT_EQ(program.Wait(), 0) << program.text();
+    return std::pair(ReadFile(folder / (name + ".toml")),
+                     ReadFile(folder / (name + "/index.html")));
+  };
+  const auto first = run("first", "1", "1");
+  for (const auto& [name, threads] : {std::pair("again", "1"), std::pair("threads", "2"),
+                                      std::pair("threads_again", "2"), std::pair("many", "7")}) {
+    const auto other = run(name, "1", threads);
+    EXPECT_EQ(other.first, first.first) << name;
+    EXPECT_EQ(other.second, first.second) << name;
+  }
+  const auto seeded = run("seed2", "2", "1");
+  EXPECT_NE(seeded.first, first.first);
+  EXPECT_NE(ParsePrimitive(seeded.first, "").certificate.coefficients_hash,
+            ParsePrimitive(first.first, "").certificate.coefficients_hash);
+}
+
+TEST(OptimizeCli, SeedOnTheCommandLineReplacesTheTasks) {
+  const TaskFolder of_task(Replaced(QuickTask(), "seed = 1", "seed = 5"));
+  Program by_task = Optimize(of_task, {"--out", of_task / "motion.toml"});
+  ASSERT_EQ(by_task.Wait(), 0);
+  const TaskFolder of_option(QuickTask());
+  Program by_option = Optimize(of_option, {"--out", of_option / "motion.toml", "--seed", "5"});
+  ASSERT_EQ(by_option.Wait(), 0);
+  const PrimitiveFile a = LoadPrimitive(of_task / "motion.toml");
+  const PrimitiveFile b = LoadPrimitive(of_option / "motion.toml");
+  EXPECT_EQ(a.certificate.coefficients_hash, b.certificate.coefficients_hash);
+  EXPECT_EQ(b.provenance.seed, 5U);
+}
+
+TEST(OptimizeCli, WrongCommandLinesAreRefused) {
+  const TaskFolder folder(QuickTask());
+  const auto before = folder.Listing();
+  const std::string out = folder / "motion.toml";
+  const struct {
+    std::vector<std::string> arguments;
+    std::string says;
+  } kCases[] = {
+      {{"--threads", "0"}, "--threads: Value 0 not in range"},
+      {{"--threads", "-1"}, "--threads: Value -1 not in range"},
+      {{"--seed", "-1"}, "--seed: is '-1'; allowed: from 0 ..."},
+      {{"--seed", "1.5"}, "--seed: is '1.5'; allowed"},
+      {{"--seed", "9223372036854775808"}, "--seed: is '9223372036854775808'; allowed"},
+      {{"--out", ""}, "--out: is empty"},
+      {{"--nonsense"}, "--nonsense"},
+      {{"--out", out, "--json", out}, "is named for two results"},
+      {{"--out", folder / "x/index.html", "--report", folder / "x"}, "the folder"},
+      {{"--out", folder.task_file()}, "task.toml: is an input"},
+      {{"--json", folder.robot_file()}, "tumbler.urdf: is an input"},
+  };
+  for (const auto& c : kCases) {
+    Program program = Optimize(folder, c.arguments);
+    EXPECT_EQ(program.Wait(), 1) << c.says;
+    EXPECT_THAT(program.text(), HasSubstr(c.says));
+  }
+  Program nothing({TUMBLER_BINARY_DIR "/bin/tumbler-optimize"});
+  EXPECT_EQ(nothing.Wait(), 1);
+  EXPECT_EQ(folder.Listing(), before);
+}
+
+// Permission bits do not bind the super-user, so the places that cannot be written are of kinds
+// that bind everybody.
+TEST(OptimizeCli, OutputThatCannotBeWrittenIsFoundBeforeTheWork) {
+  const TaskFolder folder(Replaced(QuickTask(), "samples = 8", "samples = 1000000"));
+  testing::WriteFile(folder / "file", "keep me");
+  const auto before = folder.Listing();
+  const std::string below_a_file = folder / "file/motion.toml";
+  const std::string in_no_folder = folder / "absent/motion.toml";
+  const std::string in_proc = "/proc/tumbler_motion.toml";
+  for (const char* option : {"--out", "--json"}) {
+    for (const std::string& path : {below_a_file, in_no_folder, in_proc,
+                                    std::string(folder / "tasks"), std::string("/dev/full")}) {
+      Program program = Optimize(folder, {option, path});
+      EXPECT_EQ(program.Wait(), 1) << path;
+      EXPECT_THAT(program.text(), HasSubstr("error: " + path + ": "));
+      EXPECT_THAT(program.text(), Not(HasSubstr("search "))) << "the work had begun";
+    }
+  }
+  for (const std::string& path : {std::string(folder / "file"), std::string(folder / "file/report"),
+                                  std::string("/proc/report")}) {
+    Program program = Optimize(folder, {"--report", path});
+    EXPECT_EQ(program.Wait(), 1) << path;
+    EXPECT_THAT(program.text(), HasSubstr("error: " + path + ": "));
+    EXPECT_THAT(program.text(), Not(HasSubstr("search ")));
+  }
+  EXPECT_EQ(folder.Listing(), before);
+  EXPECT_EQ(ReadFile(folder / "file"), "keep me");
+  EXPECT_TRUE(std::filesystem::is_character_file("/dev/full"));
+}
+
+TEST(OptimizeCli, ReplacesTheFileBehindASymbolicLinkAndKeepsTheLink) {
+  const TaskFolder folder(QuickTask());
+  testing::WriteFile(folder / "real.toml", "old");
+  std::filesystem::create_symlink(folder / "real.toml", folder / "link.toml");
+  Program program = Optimize(folder, {"--out", folder / "link.toml"});
+  ASSERT_EQ(program.Wait(), 0) << program.text();
+  EXPECT_TRUE(std::filesystem::is_symlink(folder / "link.toml"));
+  EXPECT_EQ(LoadPrimitive(folder / "real.toml").primitive.name.view(), "handstand");
+}
+
+TEST(OptimizeCli, FailureOfOneOutputLeavesNoOther) {
+  const TaskFolder folder(QuickTask());
+  // The page's own name is taken by a folder, which shows only when the page is renamed.
+  std::filesystem::create_directories(folder / "report/index.html/x");
+  const auto before = folder.Listing();
+  Program program = Optimize(folder, {"--out", folder / "motion.toml", "--json",
+                                      folder / "figures.json", "--report", folder / "report"});
+  EXPECT_EQ(program.Wait(), 1) << program.text();
+  EXPECT_THAT(program.text(), HasSubstr("index.html"));
+  EXPECT_EQ(folder.Listing(), before);
+}
+
+TEST(OptimizeCli, AnEndThatNoSpeedLimitAllowsIsRefusedByTheLimitsName) {
+  // From home to the handstand in 0.06 s at 20 rad/s: 1.2 rad at most, and 1.57 are asked for.
+  const TaskFolder folder(
+      Replaced(testing::ShippedTask(), "duration_s = 1.2", "duration_s = 0.06"));
+  const auto before = folder.Listing();
+  Program program = Optimize(folder, {"--out", folder / "motion.toml"});
+  EXPECT_EQ(program.Wait(), 2) << program.text();
+  EXPECT_THAT(program.text(), HasSubstr("no motion was found: the best motion exceeds a limit: "));
+  EXPECT_THAT(program.text(), ::testing::ContainsRegex("(velocity|acceleration) of leg[12] by"));
+  EXPECT_THAT(program.text(), HasSubstr("duration_s"));
+  EXPECT_THAT(program.text(), HasSubstr("no file was written"));
+  EXPECT_EQ(folder.Listing(), before);
+}
+
+TEST(OptimizeCli, ARobotThatTouchesNothingIsReported) {
+  std::string task =
+      Replaced(QuickTask(), "pitch_rad = 0.0", "pitch_rad = 0.0\nz_m = 0.0", "[start]");
+  task = Replaced(task, "point_m = [0.0, 0.0]", "point_m = [0.0, -500.0]");
+  const TaskFolder folder(task);
+  const auto before = folder.Listing();
+  Program program = Optimize(folder, {"--out", folder / "motion.toml", "--keep-best"});
+  EXPECT_EQ(program.Wait(), 2) << program.text();
+  EXPECT_THAT(program.text(), HasSubstr("no contact was ever active"));
+  EXPECT_THAT(program.text(), HasSubstr("start.z_m"));
+  EXPECT_EQ(folder.Listing(), before);
+}
+
+TEST(OptimizeCli, AFlightWithoutObstaclesIsAMotionLikeAnyOther) {
+  std::string task =
+      Replaced(QuickTask(), "pitch_rad = 0.0", "pitch_rad = 0.0\nz_m = 5.0", "[start]");
+  const std::size_t from = task.find("[[obstacle]]");
+  task.erase(from, task.find("[search]") - from);
+  const TaskFolder folder("obstacle = []\n" + task);
+  Program program = Optimize(folder, {"--out", folder / "motion.toml"});
+  ASSERT_EQ(program.Wait(), 0) << program.text();
+  EXPECT_TRUE(LoadPrimitive(folder / "motion.toml").contacts.empty());
+}
+
+TEST(OptimizeCliInterrupt, DuringTheSearchNothingIsKept) {
+  const TaskFolder folder(Replaced(QuickTask(), "samples = 8", "samples = 1000000"));
+  const auto before = folder.Listing();
+  for (const char* threads : {"1", "2"}) {
+    Program program = Optimize(folder, {"--out", folder / "motion.toml", "--threads", threads});
+    ASSERT_TRUE(program.WaitFor("search ")) << program.text();
+    program.Signal(SIGINT);
+    EXPECT_EQ(program.Wait(), 130) << program.text();
+    EXPECT_THAT(program.text(), HasSubstr("interrupted: "));
+    EXPECT_THAT(program.text(), HasSubstr("no file was written"));
+    EXPECT_EQ(folder.Listing(), before);
+  }
+}
+
+TEST(OptimizeCliInterrupt, DuringTheLocalSolvesNothingIsKeptUnlessAskedFor) {
+  const TaskFolder folder(EndlessLocalSolves());
+  const auto before = folder.Listing();
+  Program program = Optimize(folder, {"--out", folder / "motion.toml", "--report",
+                                      folder / "report", "--json", folder / "figures.json"});
+  ASSERT_TRUE(program.WaitFor("solve ")) << program.text();
+  program.Signal(SIGINT);
+  EXPECT_EQ(program.Wait(), 130) << program.text();
+  EXPECT_THAT(program.text(),
+              HasSubstr("interrupted: the best motion so far is dropped (--keep-best keeps it); no "
+                        "file was written"));
+  EXPECT_EQ(folder.Listing(), before);
+}
+
+TEST(OptimizeCliInterrupt, KeepBestWritesAWholePrimitive) {
+  const TaskFolder folder(EndlessLocalSolves());
+  for (const char* threads : {"1", "2"}) {
+    const std::string out = folder / ("motion" + std::string(threads) + ".toml");
+    Program program = Optimize(folder, {"--out", out, "--keep-best", "--threads", threads});
+    ASSERT_TRUE(program.WaitFor("violation 0.0e+00")) << program.text();
+    program.Signal(SIGINT);
+    EXPECT_EQ(program.Wait(), 130) << program.text();
+    EXPECT_THAT(program.text(), HasSubstr("interrupted: the best motion so far is kept"));
+    EXPECT_THAT(program.text(), HasSubstr("primitive " + out));
+    const PrimitiveFile file = LoadPrimitive(out);
+    EXPECT_EQ(file.certificate.constraint_violation, 0);
+    EXPECT_GT(file.certificate.torque_margin_nm, 0);
+  }
+}
+
+TEST(OptimizeCliInterrupt, KeepBestDuringTheSearchEndsWithoutACrash) {
+  const TaskFolder folder(Replaced(testing::ShippedTask(), "samples = 600", "samples = 1000000"));
+  for (const char* threads : {"1", "2"}) {
+    const std::string out = folder / ("motion" + std::string(threads) + ".toml");
+    Program program = Optimize(folder, {"--out", out, "--keep-best", "--threads", threads});
+    ASSERT_TRUE(program.WaitFor("search ")) << program.text();
+    program.Signal(SIGINT);
+    EXPECT_EQ(program.Wait(), 130) << program.text();
+    if (std::filesystem::exists(out)) {
+      EXPECT_EQ(LoadPrimitive(out).certificate.constraint_violation, 0);
+      EXPECT_THAT(program.text(), HasSubstr("is kept"));
+    } else {
+      EXPECT_THAT(program.text(), HasSubstr("no motion within the limits was found so far"));
+    }
+  }
+}
+
+}  // namespace
+}  // namespace tumbler

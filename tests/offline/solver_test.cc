@@ -1,0 +1,285 @@
+// The local and global solver: bounds that hold for all t, solutions that are what they claim, and
+// failures that are named.
+
+#include "offline/solver/solver.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numeric>
+#include <random>
+
+#include "offline/problem/task_toml.h"
+#include "tests/support/task_files.h"
+
+namespace tumbler {
+namespace {
+
+using ::testing::AnyOf;
+using ::testing::HasSubstr;
+using testing::QuickTask;
+using testing::Replaced;
+using testing::ShippedRobot;
+using testing::ShippedTask;
+
+Problem ProblemOf(const std::string& task) {
+  return ParseTask(task, "task.toml", ShippedRobot(), "robot.urdf").problem;
+}
+
+std::vector<double> RandomParameters(const Problem& problem, std::mt19937& random) {
+  std::uniform_real_distribution<double> angle(-3, 3);
+  std::vector<double> x(static_cast<std::size_t>(problem.parameter_count()));
+  for (double& value : x) value = angle(random);
+  return x;
+}
+
+double Value(const LinearRow& row, const std::vector<double>& x) {
+  return row.b + std::inner_product(row.a.begin(), row.a.end(), x.begin(), 0.0);
+}
+
+/// The problem as it is, with another start and end for the joints, and limits that differ by
+/// joint.
+Problem Uneven(int degree, int points) {
+  std::string text = Replaced(ShippedTask(), "degree = 5", "degree = " + std::to_string(degree));
+  text = Replaced(text, "control_points = 12", "control_points = " + std::to_string(points));
+  text = Replaced(text, "[[cost]]",
+                  "[limits.leg1]\nvelocity_max_rad_s = 7.0\n[limits.leg2]\nacceleration_max_rad_s2 "
+                  "= 90.0\n[[cost]]");
+  return ProblemOf(text);
+}
+
+TEST(DerivativeLimitRows, AreTheControlPointsOfTheSplinesDerivativesOverTheLimits) {
+  std::mt19937 random(1);
+  for (const auto& [degree, points] : {std::pair(3, 9), std::pair(5, 12), std::pair(7, 20)}) {
+    const Problem problem = Uneven(degree, points);
+    const std::vector<LinearRow> rows = DerivativeLimitRows(problem);
+    for (int trial = 0; trial < 20; ++trial) {
+      const std::vector<double> x = RandomParameters(problem, random);
+      // All |control point| / limit - 1 that the splines have, and all that the rows say.
+      std::map<std::string, std::vector<double>> expected, said;
+      for (std::size_t j = 0; j < problem.joints.size(); ++j) {
+        const auto spline = PositionSpline(problem, x, j);
+        const JointLimits<double>& limits = problem.joints[j].limits;
+        const std::string joint = j == 0 ? "leg1" : "leg2";
+        for (int d = 1; d <= 2; ++d) {
+          const double limit = d == 1 ? limits.velocity_max_rad_s : limits.acceleration_max_rad_s2;
+          const auto values = spline.control_points(d);
+          // Those at the ends are fixed by rest: zero, whatever x.
+          const std::size_t fixed = d == 1 ? 2 : 1;
+          for (std::size_t k = 0; k < values.size(); ++k) {
+            if (k < fixed || k + fixed >= values.size()) {
+              EXPECT_NEAR(values[k], 0, 1e-9);
+              continue;
+            }
+            auto& list = expected[(d == 1 ? "velocity of " : "acceleration of ") + joint];
+            list.push_back(values[k] / limit - 1);
+            list.push_back(-values[k] / limit - 1);
+          }
+        }
+      }
+      for (const LinearRow& row : rows) said[row.name].push_back(Value(row, x));
+      ASSERT_EQ(said.size(), 4U);
+      for (auto& [name, list] : expected) {
+        auto& other = said[name];
+        ASSERT_EQ(list.size(), other.size()) << name << " degree " << degree;
+        std::sort(list.begin(), list.end());
+        std::sort(other.begin(), other.end());
+        // The solver keeps limits a millionth inside.
+        for (std::size_t i = 0; i < list.size(); ++i)
+          EXPECT_NEAR(list[i], other[i], 3e-6 * (1 + std::abs(list[i]))) << name;
+      }
+    }
+  }
+}
+
+TEST(DerivativeLimitRows, BoundVelocityAndAccelerationForAllTime) {
+  const Problem problem = Uneven(5, 12);
+  const std::vector<LinearRow> rows = DerivativeLimitRows(problem);
+  std::mt19937 random(2);
+  for (int trial = 0; trial < 50; ++trial) {
+    const std::vector<double> x = RandomParameters(problem, random);
+    std::map<std::string, double> worst;
+    for (const LinearRow& row : rows) {
+      const auto [entry, is_new] = worst.emplace(row.name, Value(row, x));
+      if (!is_new) entry->second = std::max(entry->second, Value(row, x));
+    }
+    for (std::size_t j = 0; j < 2; ++j) {
+      const auto spline = PositionSpline(problem, x, j);
+      const JointLimits<double>& limits = problem.joints[j].limits;
+      const std::string joint = j == 0 ? "leg1" : "leg2";
+      for (int i = 0; i <= 1000; ++i) {
+        const auto sample = spline.Evaluate(problem.duration_s * i / 1000.0);
+        EXPECT_LE(std::abs(sample.first) / limits.velocity_max_rad_s - 1,
+                  worst.at("velocity of " + joint) + 1e-9);
+        EXPECT_LE(std::abs(sample.second) / limits.acceleration_max_rad_s2 - 1,
+                  worst.at("acceleration of " + joint) + 1e-9);
+      }
+    }
+  }
+}
+
+/// Every limit, recomputed from the splines and a rollout of its own.
+void ExpectWithinLimits(const Problem& problem, const Solution& solution) {
+  for (std::size_t j = 0; j < problem.joints.size(); ++j) {
+    const JointLimits<double>& limits = problem.joints[j].limits;
+    const auto spline = PositionSpline(problem, solution.x, j);
+    for (const double q : spline.control_points(0)) {
+      EXPECT_GE(q, limits.position_min_rad);
+      EXPECT_LE(q, limits.position_max_rad);
+    }
+    for (const double qd : spline.control_points(1))
+      EXPECT_LE(std::abs(qd), limits.velocity_max_rad_s);
+    for (const double qdd : spline.control_points(2))
+      EXPECT_LE(std::abs(qdd), limits.acceleration_max_rad_s2);
+  }
+  Rollout rollout(problem, problem.solver.step_s);
+  double deepest = 0;
+  rollout.Visit(solution.x, 0, [&](const MotionSample& sample) {
+    for (std::size_t j = 0; j < problem.joints.size(); ++j)
+      EXPECT_LE(std::abs(sample.torque[j]), problem.joints[j].limits.torque_max_nm);
+    for (const auto& contact : sample.contacts) deepest = std::max(deepest, contact.depth_m);
+  });
+  EXPECT_LT(deepest, problem.contact.layer_m);
+}
+
+TEST(Solve, KeepsEveryLimitAlsoWhenLimitsAreTight) {
+  // Tight enough that the free optimum breaks them: the raised pitch wants fast legs.
+  std::string text = Replaced(QuickTask(), "target = 0.0", "target = 0.3");
+  text = Replaced(text, "acceleration_max_rad_s2 = 400.0",
+                  "acceleration_max_rad_s2 = 60.0\nvelocity_max_rad_s = 3.0\ntorque_max_nm = "
+                  "2.5\nposition_max_rad = 1.7");
+  const Problem problem = ProblemOf(text);
+  const SolveOutcome outcome = Solve(problem, {});
+  ASSERT_FALSE(outcome.solutions.empty());
+  const Solution& best = outcome.solutions.front();
+  ASSERT_TRUE(best.feasible()) << best.worst_constraint << " " << best.violation;
+  ExpectWithinLimits(problem, best);
+}
+
+TEST(Solve, NeverCallsAMotionFeasibleThatBreaksALimit) {
+  // A range of durations from hopeless to easy: whatever the solver's own verdict, `feasible` is
+  // the truth.
+  int feasible = 0, infeasible = 0;
+  for (const char* duration : {"0.06", "0.08", "0.12", "0.2", "0.5"}) {
+    SCOPED_TRACE(duration);
+    const Problem problem = ProblemOf(
+        Replaced(QuickTask(), "duration_s = 0.5", "duration_s = " + std::string(duration)));
+    for (const Solution& solution : Solve(problem, {}).solutions) {
+      if (solution.feasible()) {
+        ++feasible;
+        ExpectWithinLimits(problem, solution);
+      } else {
+        ++infeasible;
+        EXPECT_NE(solution.end, SolveEnd::kConverged);
+      }
+    }
+  }
+  EXPECT_GT(feasible, 0);
+  EXPECT_GT(infeasible, 0);
+}
+
+TEST(Solve, NamesTheLimitThatStandsAgainstTheEnd) {
+  // 1.57 rad in 0.06 s: at 20 rad/s, 1.2 rad are the most.
+  const Problem problem =
+      ProblemOf(Replaced(ShippedTask(), "duration_s = 1.2", "duration_s = 0.06"));
+  for (const Solution& solution : Solve(problem, {}).solutions) {
+    EXPECT_FALSE(solution.feasible());
+    EXPECT_GT(solution.violation, 0.01);
+    EXPECT_THAT(solution.worst_constraint,
+                AnyOf(HasSubstr("velocity of leg"), HasSubstr("acceleration of leg")));
+  }
+}
+
+/// A robot without gravity's play: its root fixed, one leg swinging. With effort as the only cost
+/// the problem is convex in the limit of small angles.
+Problem FixedRootSwing() {
+  std::string text = Replaced(QuickTask(), "planar-xz", "fixed");
+  const std::size_t cost = text.find("[[cost]]");
+  text.erase(cost, text.find("[contact]") - cost);
+  const std::size_t obstacle = text.find("[[obstacle]]");
+  text.erase(obstacle, text.find("[search]") - obstacle);
+  text = Replaced(text, "max_evaluations = 25", "max_evaluations = 400");
+  return ProblemOf("obstacle = []\ncost = [{ term = \"effort\", weight = 1.0 }]\n" + text);
+}
+
+TEST(SolveFrom, ConvergesToOneOptimumFromAnywhereWhenTheProblemIsAsGoodAsQuadratic) {
+  const Problem problem = FixedRootSwing();
+  Rollout rollout(problem, problem.solver.step_s);
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> small(-0.3, 0.3);
+  std::vector<double> costs;
+  for (int trial = 0; trial < 4; ++trial) {
+    std::vector<double> x;
+    for (const ActuatedJoint& joint : problem.joints) {
+      for (int i = 0; i < problem.free_points_per_joint(); ++i)
+        x.push_back(0.5 * (joint.start_rad + joint.end_rad) + small(random));
+    }
+    const Solution solution = SolveFrom(problem, x, rollout, {}, nullptr);
+    EXPECT_TRUE(solution.end == SolveEnd::kConverged || solution.end == SolveEnd::kStalled)
+        << ToString(solution.end);
+    EXPECT_TRUE(solution.feasible());
+    EXPECT_LT(solution.rollout.cost, solution.start_cost);
+    EXPECT_LT(solution.projected_gradient, 1e-3);
+    costs.push_back(solution.rollout.cost);
+    // Nothing near is better.
+    for (std::size_t i = 0; i < solution.x.size(); ++i) {
+      for (const double step : {-0.02, 0.02}) {
+        std::vector<double> near = solution.x;
+        near[i] += step;
+        EXPECT_GT(rollout.Run(near).cost, solution.rollout.cost);
+      }
+    }
+  }
+  for (const double cost : costs) EXPECT_NEAR(cost, costs[0], 1e-4 * costs[0]);
+}
+
+TEST(Solve, SaysWhetherAnythingWasTouched) {
+  const std::string aloft =
+      Replaced(QuickTask(), "pitch_rad = 0.0", "pitch_rad = 0.0\nz_m = 0.0", "[start]");
+  const Problem far = ProblemOf(Replaced(aloft, "point_m = [0.0, 0.0]", "point_m = [0.0, -500.0]"));
+  EXPECT_FALSE(Solve(far, {}).solutions.front().rollout.any_contact);
+  EXPECT_TRUE(Solve(ProblemOf(QuickTask()), {}).solutions.front().rollout.any_contact);
+}
+
+TEST(Solve, ThreadsChangeNothing) {
+  const Problem problem = ProblemOf(QuickTask());
+  const SolveOutcome one = Solve(problem, {});
+  for (const int threads : {2, 5}) {
+    SolveOptions options;
+    options.threads = threads;
+    const SolveOutcome other = Solve(problem, options);
+    EXPECT_EQ(other.evaluations, one.evaluations);
+    ASSERT_EQ(other.solutions.size(), one.solutions.size());
+    for (std::size_t i = 0; i < one.solutions.size(); ++i) {
+      EXPECT_EQ(other.solutions[i].x, one.solutions[i].x);
+      EXPECT_EQ(other.solutions[i].rollout.cost, one.solutions[i].rollout.cost);
+    }
+    ASSERT_EQ(other.history.size(), one.history.size());
+    for (std::size_t i = 0; i < one.history.size(); ++i) {
+      EXPECT_EQ(other.history[i].start, one.history[i].start);
+      EXPECT_EQ(other.history[i].count, one.history[i].count);
+      EXPECT_EQ(other.history[i].cost, one.history[i].cost);
+    }
+  }
+}
+
+TEST(Solve, AnInterruptThatIsAlreadyThereGivesSolutionsThatAreWhole) {
+  const Problem problem = ProblemOf(QuickTask());
+  std::atomic<bool> interrupt = true;
+  SolveOptions options;
+  options.interrupt = &interrupt;
+  const SolveOutcome outcome = Solve(problem, options);
+  EXPECT_TRUE(outcome.interrupted);
+  for (const Solution& solution : outcome.solutions) {
+    // Whatever passes for usable must have parameters.
+    if (!solution.feasible()) continue;
+    ASSERT_EQ(solution.x.size(), static_cast<std::size_t>(problem.parameter_count()));
+    ExpectWithinLimits(problem, solution);
+  }
+}
+
+}  // namespace
+}  // namespace tumbler
