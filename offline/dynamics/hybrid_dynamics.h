@@ -423,20 +423,21 @@ void HybridDynamics<Space>::DifferentiateByInput(DynamicsDerivatives::Block& inp
   }
   for (int a = 0; a < n_; ++a) {
     if (!joints_[Index(a)].prescribed) continue;
-    const auto& M_a = M_[Index(a)];
+    std::array<double, kMaxDofs> M_a;  // its entries for the free degrees of freedom
+    for (int k = 0; k < free_count_; ++k) M_a[Index(k)] = M_[Index(a)][Index(free_[Index(k)])];
     for (int i = 0; i < free_count_; ++i) {
       const int p = free_[Index(i)];
       double sum = 0;
       for (int k = 0; k < free_count_; ++k)
-        sum += input[Index(p)][Index(free_[Index(k)])] * M_a[Index(free_[Index(k)])];
+        sum += input[Index(p)][Index(free_[Index(k)])] * M_a[Index(k)];
       input[Index(p)][Index(a)] = -sum;
       input[Index(a)][Index(p)] = sum;
     }
     for (int b = 0; b <= a; ++b) {
       if (!joints_[Index(b)].prescribed) continue;
-      double sum = M_a[Index(b)];
+      double sum = M_[Index(a)][Index(b)];
       for (int k = 0; k < free_count_; ++k)
-        sum += M_a[Index(free_[Index(k)])] * input[Index(free_[Index(k)])][Index(b)];
+        sum += M_a[Index(k)] * input[Index(free_[Index(k)])][Index(b)];
       input[Index(a)][Index(b)] = input[Index(b)][Index(a)] = sum;
     }
   }

@@ -79,6 +79,7 @@ struct Rollout::Implementation {
     }
     nf = static_cast<int>(free.size());
     for (const ActuatedJoint& joint : p.joints) actuated.push_back(joint.dof);
+    nd = nf + na;
     motion_steps = std::max(1, static_cast<int>(std::ceil(p.duration_s / step_s - 1e-9)));
     settle_steps = static_cast<int>(std::ceil(p.settle_s / step_s - 1e-9));
     motion_h = p.duration_s / motion_steps;
@@ -97,7 +98,9 @@ struct Rollout::Implementation {
     }
     controls.resize(weights.size() * Index(na));
     const std::size_t steps = Index(motion_steps + settle_steps);
-    stage_size = n * 2 * n + nf * (nf + na) + na * na;
+    order = free;
+    order.insert(order.end(), actuated.begin(), actuated.end());
+    stage_size = 3 * nd * nd;
     lane_gradient.resize(Index(parameters));
     stage_torque.resize(steps * kStages * Index(na));
   }
@@ -151,20 +154,23 @@ struct Rollout::Implementation {
     dynamics.Solve({qdd.data(), Index(n)}, {tau.data(), Index(n)});
   }
 
-  /// dg in factored form: rows of D_q and D_qd, then what of input's blocks is not a transpose.
+  /// dg in factored form, as the rows that PullBackStage takes products with, in `order`: R^T for
+  /// the free degrees of freedom, input^T for the actuated ones, then D_q^T and D_qd^T.
   void StoreStage(double* out) {
     contact.Differentiate(dynamics);
     dynamics.DifferentiateFactored(derivatives);
-    for (int i = 0; i < n; ++i) {
-      out = std::copy_n(derivatives.q[Index(i)].begin(), n, out);
-      out = std::copy_n(derivatives.qd[Index(i)].begin(), n, out);
+    const auto& input = derivatives.input;
+    for (const int i : free) {  // R_pp^T = -input_pp, R_ap^T = -input_ap^T = input_pa.
+      for (const int k : free) *out++ = -input[Index(i)][Index(k)];
+      for (const int k : actuated) *out++ = input[Index(i)][Index(k)];
     }
-    for (const int i : free) {
-      for (const int k : free) *out++ = derivatives.input[Index(i)][Index(k)];
-      for (const int k : actuated) *out++ = derivatives.input[Index(i)][Index(k)];
+    for (const int j : actuated) {
+      for (const int k : order) *out++ = input[Index(k)][Index(j)];
     }
-    for (const int i : actuated) {
-      for (const int k : actuated) *out++ = derivatives.input[Index(i)][Index(k)];
+    for (const auto* block : {&derivatives.q, &derivatives.qd}) {
+      for (const int c : order) {
+        for (const int i : order) *out++ = (*block)[Index(i)][Index(c)];
+      }
     }
   }
 
@@ -385,36 +391,22 @@ struct Rollout::Implementation {
     const double a = s + 1 < kStages ? h * kA[Index(s + 1)] : 0;
     for (int i = 0; i < 2 * nf; ++i)
       k_bar[Index(i)] = b * pullback.adjoint[Index(i)] + a * pullback.y_bar[Index(i)];
-    // w = R^T r for the cotangents r of the outputs of hybrid dynamics, in the order of `free` and
-    // `actuated`; on the way the cotangents of the given accelerations.
-    const double* row = &stages[Index(step * kStages + s) * Index(stage_size)];
-    const double* input = row + 2 * n * n;
-    std::array<Lanes, kMaxDofs> w_free, w_actuated, qdd_bar;
-    for (int j = 0; j < na; ++j) w_actuated[Index(j)] = TorqueSlopes(step, s, j, h);
-    for (int i = 0; i < nf; ++i, input += nf + na) {
-      Lanes sum = Lanes::Zero();
-      for (int k = 0; k < nf; ++k) sum -= input[k] * k_bar[Index(nf + k)];
-      for (int j = 0; j < na; ++j) sum += input[nf + j] * w_actuated[Index(j)];
-      w_free[Index(i)] = sum;
-    }
-    for (int j = 0; j < na; ++j, input += na) {
-      Lanes sum = Lanes::Zero();
-      for (int i = 0; i < nf; ++i)
-        sum += row[2 * n * n + i * (nf + na) + nf + j] * k_bar[Index(nf + i)];
-      for (int k = 0; k < na; ++k) sum += input[k] * w_actuated[Index(k)];
-      qdd_bar[Index(j)] = sum;
-    }
-    // Cotangents of q and qd: D_q^T w and D_qd^T w.
-    const auto column = [&](int c) {
-      Lanes sum = Lanes::Zero();
-      for (int i = 0; i < nf; ++i) sum += row[free[Index(i)] * 2 * n + c] * w_free[Index(i)];
-      for (int j = 0; j < na; ++j)
-        sum += row[actuated[Index(j)] * 2 * n + c] * w_actuated[Index(j)];
+    // The stage's record is a matrix with rows of one length: see StoreStage.
+    const double* record = &stages[Index(step * kStages + s) * Index(stage_size)];
+    const auto row_times = [&](int row, const std::array<Lanes, kMaxDofs>& v) {
+      const double* entry = record + row * nd;
+      Lanes sum = entry[0] * v[0];
+      for (int i = 1; i < nd; ++i) sum += entry[i] * v[Index(i)];
       return sum;
     };
+    std::array<Lanes, kMaxDofs> r, w;  // cotangents of g's outputs, and R^T r
+    for (int i = 0; i < nf; ++i) r[Index(i)] = k_bar[Index(nf + i)];
+    for (int j = 0; j < na; ++j) r[Index(nf + j)] = TorqueSlopes(step, s, j, h);
+    for (int i = 0; i < nf; ++i) w[Index(i)] = row_times(i, r);
+    for (int j = 0; j < na; ++j) w[Index(nf + j)] = r[Index(nf + j)];
     for (int i = 0; i < nf; ++i) {
-      pullback.y_bar[Index(i)] = column(free[Index(i)]);
-      pullback.y_bar[Index(nf + i)] = k_bar[Index(i)] + column(n + free[Index(i)]);
+      pullback.y_bar[Index(i)] = row_times(nd + i, w);
+      pullback.y_bar[Index(nf + i)] = k_bar[Index(i)] + row_times(2 * nd + i, w);
     }
     if (step >= motion_steps) return;
     // Stages at the same time have the same weights.
@@ -424,9 +416,9 @@ struct Rollout::Implementation {
     }
     for (int j = 0; j < na; ++j) {
       auto& control = pullback.controls[Index(j)];
-      control[0] += column(actuated[Index(j)]);
-      control[1] += column(n + actuated[Index(j)]);
-      control[2] += qdd_bar[Index(j)];
+      control[0] += row_times(nd + nf + j, w);
+      control[1] += row_times(2 * nd + nf + j, w);
+      control[2] += row_times(nf + j, r);
     }
   }
 
@@ -449,10 +441,11 @@ struct Rollout::Implementation {
   Problem problem;
   Dynamics dynamics;
   ContactModel<Plane> contact;
-  int n, na, nf = 0;
+  int n, na, nf = 0, nd = 0;
   int parameters;
   std::vector<int> free;      // degrees of freedom of y's positions
   std::vector<int> actuated;  // degree of freedom of each joint
+  std::vector<int> order;     // `free`, then `actuated`
   int motion_steps, settle_steps;
   double motion_h, settle_h;
   std::vector<ControlWeights> weights;  // by half step
