@@ -182,9 +182,12 @@ class Progress {
     }
     if (!e.global) ++local_;
     const auto now = Clock::now();
-    const double total =
-        e.global ? problem_.search.samples
-                 : static_cast<double>(problem_.search.refine) * problem_.solver.max_evaluations;
+    const SolverSettings& solver = problem_.solver;
+    const int screened =
+        problem_.search.refine * std::min(solver.screen_evaluations, solver.max_evaluations);
+    const int finals =
+        solver.finalists * std::max(0, solver.max_evaluations - solver.screen_evaluations);
+    const double total = e.global ? problem_.search.max_samples : screened + finals;
     const double done = e.global ? static_cast<double>(e.count) : static_cast<double>(local_);
     const bool last = done >= total;
     if (!last && now - shown_ <
@@ -196,7 +199,7 @@ class Progress {
     const std::string text =
         e.global
             ? fmt::format("search  {:6d}/{} evaluations  best rank {:.5g}  at most {:.1f} s left",
-                          e.count, problem_.search.samples, e.cost, left)
+                          e.count, problem_.search.max_samples, e.cost, left)
             : fmt::format(
                   "solve   start {} of {}  evaluation {:4d}  cost {:.6g}  violation {:.1e}  at "
                   "most {:.1f} s left",
@@ -243,14 +246,14 @@ std::string Cause(const Problem& problem, const Solution& best) {
     return fmt::format(
         "the best motion exceeds a limit: {} by {:.1f} % ({}); give it more duration_s, looser "
         "limits or "
-        "more search.samples",
+        "more search.max_samples",
         best.worst_constraint, 100 * best.violation, ToString(best.end));
   }
   if (best.core_reached) {
     return fmt::format(
         "the best motion drives a contact {:.1f} mm deep, through the {:.1f} mm layer to the core; "
         "use a "
-        "larger contact.stiffness_n_per_m or contact.d_on_m, or more search.samples",
+        "larger contact.stiffness_n_per_m or contact.d_on_m, or more search.max_samples",
         1e3 * best.rollout.peak_penetration_m, 1e3 * problem.contact.layer_m);
   }
   return ToString(best.end);

@@ -102,13 +102,11 @@ class SimulatedPort final : public CanBus {
 
 /// Counts of the bus since it was made. A frame's bits count from its start.
 struct SimulatedBusStatistics {
-  std::int64_t frames = 0;  ///< acknowledged frames
-  std::int64_t bits =
-      0;  ///< bit times in which the bus was not idle: frames, error frames, intermissions
-  std::int64_t busy_ns = 0;  ///< the same in time
-  std::int64_t collisions =
-      0;  ///< error frames after two nodes sent different frames with one identifier
-  std::int64_t unacknowledged = 0;  ///< error frames because nobody else was there
+  std::int64_t frames = 0;          ///< acknowledged frames
+  std::int64_t bits = 0;            ///< bit times not idle: frames, error frames, intermissions
+  std::int64_t busy_ns = 0;         ///< the same in time
+  std::int64_t collisions = 0;      ///< error frames: two nodes, one identifier, different frames
+  std::int64_t unacknowledged = 0;  ///< error frames: nobody else was there
 };
 
 /// A classic CAN bus in virtual time: exact frame lengths with stuffing, arbitration,
@@ -120,22 +118,18 @@ struct SimulatedBusStatistics {
 ///
 /// Rules:
 /// - When the bus is idle and some port's oldest frame is ready, the frame with the smallest
-/// ArbitrationKey is sent;
-///   the others wait (or are lost, in one-shot mode). Later frames of a port wait behind its oldest
-///   one.
+///   ArbitrationKey is sent; the others wait (or are lost, in one-shot mode). Later frames of a
+///   port wait behind its oldest one.
 /// - Receivers get the frame at its last bit, 3 bit times before the bus is free again; the sender
-/// does not get it.
+///   does not get it.
 /// - Two ports that send identical frames at once both succeed, with one frame on the wire. Frames
-/// that share the
-///   arbitration field but differ later collide: error frame, and both are sent again or lost
-///   according to `auto_retransmit`. Two such ports that retransmit collide for ever; error
-///   counters, which end this in a real controller, are not part of this model.
+///   that share the arbitration field but differ later collide: error frame, and both are sent
+///   again or lost according to `auto_retransmit`. Two such ports that retransmit collide for ever;
+///   error counters, which end this in a real controller, are not part of this model.
 /// - A frame that no other node acknowledges ends in an error frame and is sent again (or lost): a
-/// lone node keeps its
-///   bus busy, and its transmit queue fills up.
+///   lone node keeps its bus busy, and its transmit queue fills up.
 /// - An error frame is counted as flag (6 bits when only the sender sees the error, 12 when flags
-/// superpose) and
-///   delimiter (8 bits), followed by intermission.
+///   superpose) and delimiter (8 bits), followed by intermission.
 ///
 /// All memory is allocated by the constructor and Attach. Single thread.
 class SimulatedBus {

@@ -14,6 +14,7 @@
 #include <cerrno>
 #include <cstring>
 #include <ctime>
+#include <system_error>
 
 namespace tumbler {
 
@@ -62,7 +63,7 @@ can_frame ToKernel(const CanFrame& frame) noexcept {
 
 SocketCanBus::OpenResult Refuse(Status status, int error_number, const std::string& what) {
   return {status, error_number,
-          what + (error_number != 0 ? ": " + std::string(std::strerror(error_number)) : "")};
+          what + (error_number != 0 ? ": " + std::generic_category().message(error_number) : "")};
 }
 
 ifreq RequestFor(const std::string& interface) noexcept {
@@ -85,7 +86,7 @@ void SocketCanBus::Close() noexcept {
 
 SocketCanBus::OpenResult SocketCanBus::Open(const std::string& interface) {
   Close();
-  const OpenResult result = TryOpen(interface);
+  OpenResult result = TryOpen(interface);
   if (result.status != Status::kOk) {
     Close();
     errno_ = result.error_number;

@@ -14,13 +14,11 @@ namespace tumbler {
 ///
 /// - A full transmit queue (ENOBUFS, EAGAIN) is kWouldBlock.
 /// - Bus-off is learned from the controller's error frames, in Receive, and holds until the kernel
-/// reports a restart.
+///   reports a restart.
 /// - An interface that is down or gone is kLinkDown. One that comes up again works again; one that
-/// was removed
-///   (an adapter unplugged) needs a new Open.
+///   was removed (an adapter unplugged) needs a new Open.
 /// - Frames carry the kernel's receive time, moved from its real-time clock to CLOCK_MONOTONIC.
-/// Frames of this socket
-///   are not received back; frames of other sockets on this machine are.
+///   Frames of this socket are not received back; frames of other sockets on this machine are.
 class SocketCanBus final : public CanBus {
  public:
   SocketCanBus() noexcept = default;

@@ -54,7 +54,9 @@ float DecodeTemperature(std::uint8_t byte, MitTemperature encoding) noexcept {
 std::uint8_t EncodeTemperature(float celsius, MitTemperature encoding) noexcept {
   const float low = encoding == MitTemperature::kOffset40 ? -40.0F : -128.0F;
   const float shifted = celsius - low;
-  const int steps = shifted >= 255.0F ? 255 : (shifted > 0 ? static_cast<int>(shifted + 0.5F) : 0);
+  // Twice the value plus one, halved in integers, rounds to nearest.
+  const int steps =
+      shifted >= 255.0F ? 255 : (shifted > 0 ? static_cast<int>(2 * shifted + 1) / 2 : 0);
   return Low(encoding == MitTemperature::kOffset40 ? steps : steps - 128);
 }
 

@@ -14,8 +14,8 @@ namespace tumbler {
 ///
 ///   position 16 | velocity 12 | kp 12 | kd 12 | torque 12 (1)
 ///
-/// and the drive applies torque = kp (position - q) + kd (velocity - qdot) + torque. Each frame is
-/// answered with
+/// and the drive applies torque = kp (position - q) + kd (velocity - qdot) + torque. It answers
+/// each frame with
 ///
 ///   sender's id 8 | position 16 | velocity 12 | torque 12 [| temperature 8 | error 8] (2)
 ///
@@ -24,11 +24,11 @@ namespace tumbler {
 /// steps.
 ///
 /// Rounding. The well-known host code truncates, which biases every field by half a step towards
-/// minus infinity: with the ranges below 1.9e-4 rad, 0.0122 rad/s (0.049 N m at kd = 4) and 0.0044
-/// N m. Here commands are rounded to nearest: no bias on average, at most half a step. A range that
-/// is symmetric has an even number of codes and none for zero: a zero goes out as half a step up
-/// (+1.9e-4 rad, +0.0122 rad/s, +0.0044 N m); kp = kd = 0 is exact. Drives truncate their replies,
-/// so decoded values are on average half a step low.
+/// minus infinity: with the ranges below 1.9e-4 rad, 0.0122 rad/s (0.049 N m at kd = 4) and
+/// 0.0044 N m. Here commands are rounded to nearest: no bias on average, at most half a step. A
+/// range that is symmetric has an even number of codes and none for zero: a zero goes out as half a
+/// step up (+1.9e-4 rad, +0.0122 rad/s, +0.0044 N m); kp = kd = 0 is exact. Drives truncate their
+/// replies, so decoded values are on average half a step low.
 ///
 /// Wrap. Drives do not clamp their replies: beyond the range, position reappears at the other end.
 /// A position that jumps by nearly the whole range between two replies has wrapped; keep the
@@ -66,8 +66,8 @@ enum class MitTemperature : std::uint8_t {
 
 /// One drive.
 struct MitConfig {
-  std::uint16_t command_id =
-      1;  ///< 1 ... 255: the drive's CAN_ID. Replies name their sender in one byte.
+  /// 1 ... 255: the drive's CAN_ID. Replies name their sender in one byte.
+  std::uint16_t command_id = 1;
   /// 0 ... 0x7ff: the drive's CAN_MASTER. Firmware defaults to 0 for every drive; drives send
   /// without retransmission, so replies that share an identifier are lost when they meet. Give each
   /// drive its own.
@@ -79,8 +79,7 @@ struct MitConfig {
   JointMap joint;
 
   /// @retval kInvalidArgument  an id is out of range, both ids are equal, a range is not as
-  /// MitRange
-  ///                           says, or the joint map is not valid.
+  ///                           MitRange says, or the joint map is not valid.
   [[nodiscard]] Status Validate() const noexcept;
 };
 
@@ -145,8 +144,7 @@ Status DecodeMitReply(const MitConfig& config, const CanFrame& frame, MitReply& 
 ///
 /// kDisable sends kExit each tick. kEnable runs the start-up sequence, one frame a tick:
 ///   1. one neutral setpoint (no gains, no feed-forward, measured position): firmware keeps the
-///   last setpoint it heard
-///      and would act on it as it enters motor mode;
+///      last setpoint it heard and would act on it as it enters motor mode;
 ///   2. kEnter, until replies were decoded in two ticks since the first of them;
 ///   3. a neutral setpoint, until a reply was decoded;
 ///   4. the setpoints.
@@ -155,8 +153,9 @@ Status DecodeMitReply(const MitConfig& config, const CanFrame& frame, MitReply& 
 /// 3, kDisabled from replies in two ticks since the first kExit. Two, because the first may be the
 /// late answer to the frame before. A drive that restarts by itself while enabled cannot be told
 /// from an enabled one; its following error can. kFault is reported while the latest reply carries
-/// an error code; frames go out as requested all the same, since only the executor knows whether to
-/// cut the torque now is the safe reaction.
+/// an error code; frames go out as requested all the same, since only the executor knows whether
+/// cutting the torque now is the safe reaction. A setpoint that is not finite disables; it is not
+/// looked at with kDisable.
 class MitDrive final : public Drive {
  public:
   /// @pre config.Validate() is kOk; otherwise every Encode returns kInvalidArgument and sends

@@ -28,13 +28,11 @@ struct SimulatedDriveConfig {
 /// The drive side of the MIT protocol, as bgkatz's firmware behaves.
 ///
 /// - Every frame to it, magic ones included, is answered, with the state before the frame is
-/// applied. It transmits in
-///   one-shot mode: attach it with `SimulatedDrive::PortConfig()`.
+///   applied. It transmits in one-shot mode: attach it with `SimulatedDrive::PortConfig()`.
 /// - Setpoints are taken also outside motor mode, and acted on as it enters motor mode.
 /// - In motor mode, torque = kp (p - q) + kd (v - qdot) + t, limited. After `watchdog_s` without a
-/// setpoint gains and
-///   feed-forward become zero (the joint is limp) until the next setpoint; time outside motor mode
-///   does not count.
+///   setpoint gains and feed-forward become zero (the joint is limp) until the next setpoint; time
+///   outside motor mode does not count.
 /// - kZero makes the present angle the encoder's zero, outside motor mode only.
 /// - An error code, once set, stops the torque until it is cleared.
 class SimulatedDrive final : public SimulatedNode {

@@ -37,7 +37,7 @@ TorqueSamples SampleTorques(const Problem& problem, const std::vector<double>& x
   samples.torque_nm.resize(problem.joints.size());
   Rollout rollout(problem, problem.solver.step_s);
   rollout.Visit(x, 0, [&](const MotionSample& sample) {
-    if (sample.time_s > problem.duration_s + 1e-12) return;
+    if (sample.time_s > problem.duration_s + 1e-9) return;
     samples.time_s.push_back(std::min(sample.time_s, problem.duration_s));
     for (std::size_t j = 0; j < problem.joints.size(); ++j)
       samples.torque_nm[j].push_back(sample.torque[j]);
@@ -150,8 +150,8 @@ MotionSummary Summarize(const Problem& problem, const std::vector<double>& x) {
     const double t = sample.time_s;
     if (first) summary.entry = PoseOf(problem, sample.q);
     first = false;
-    if (t <= problem.duration_s + 1e-12) {
-      summary.exit = PoseOf(problem, sample.q);
+    if (t <= problem.duration_s + problem.settle_s + 1e-9) summary.exit = PoseOf(problem, sample.q);
+    if (t <= problem.duration_s + 1e-9) {
       summary.final_pitch_rad = PitchOf(problem, sample.q);
     }
     if (t <= problem.duration_s + kSettledAfter + 1e-9) {
@@ -338,12 +338,14 @@ ReportData MakeReportData(const Task& task, const SolveOutcome& outcome, const S
     }
     data.samples.push_back(std::move(shown));
   });
+  const auto searched =
+      static_cast<int>(std::count_if(outcome.history.begin(), outcome.history.end(),
+                                     [](const Evaluation& e) { return e.global; }));
   for (const Evaluation& evaluation : outcome.history) {
     const bool shown_start = evaluation.global || evaluation.start == solution.start;
     if (!shown_start || !std::isfinite(evaluation.cost)) continue;
-    data.evaluations.push_back({evaluation.global
-                                    ? static_cast<int>(evaluation.count)
-                                    : problem.search.samples + static_cast<int>(evaluation.count),
+    data.evaluations.push_back({evaluation.global ? static_cast<int>(evaluation.count)
+                                                  : searched + static_cast<int>(evaluation.count),
                                 evaluation.cost, evaluation.violation, evaluation.global});
   }
   const Certificate& c = file.certificate;
@@ -351,7 +353,7 @@ ReportData MakeReportData(const Task& task, const SolveOutcome& outcome, const S
       {"solver", ToString(solution.end)},
       {"gradient error against central differences",
        fmt::format("{:.2e} (relative)", c.gradient_error)},
-      {"projected gradient", fmt::format("{:.2e} (scaled)", c.projected_gradient)},
+      {"projected gradient", fmt::format("{:.2e} (cost per rad)", c.projected_gradient)},
       {"constraint violation", fmt::format("{:.2e} (scaled)", c.constraint_violation)},
       {"final pitch when the step is halved",
        fmt::format("changes by {:.2e} rad", c.step_halving_error_rad)},

@@ -130,22 +130,21 @@ class ContactModel {
         return dN * u + e.normal.N * du -
                mu * ((dN * gain + e.normal.N * dgain) * e.v_t + (e.normal.N * gain) * dv_t);
       };
-      for (int k = e.body; k >= 0; k = dynamics.parent(k)) {
-        const auto& S = dynamics.axis(k);
+      typename Space::WrenchMap stiffness;
+      typename Space::WrenchMap damping;
+      for (std::size_t m = 0; m < stiffness.columns.size(); ++m) {
+        const auto S = Space::BasisMotion(m);
         const Vector dc = S.At(e.c);
         const double dd = u.dot(dc);
         const Vector du = e.near.curvature_per_m * (dc - dd * u);
         const Vector dp = dc - e.radius * du;
-        // d(v_body)/dq_k = S_k x (v_body - v_parent(k))
-        const auto dv_body = Space::Cross(S, body_v) + dynamics.axis_rate(k);
-        const Vector dv = Space::At(dv_body, e.p) + Space::Cross(body_v.w, dp);
-        const Vector dF = force_change(dd, du, dv);
-        auto dW = Space::ForceAt(e.p, dF);
+        const Vector dv = Space::At(Space::Cross(S, body_v), e.p) + Space::Cross(body_v.w, dp);
+        auto dW = Space::ForceAt(e.p, force_change(dd, du, dv));
         dW.n += Space::Moment(dp, e.F);
-        const Vector dF_qd = force_change(0, Vector::Zero(), S.At(e.p));
-        dynamics.AddWrenchDerivative(e.body, k, dW - Space::Cross(S, W),
-                                     Space::ForceAt(e.p, dF_qd));
+        stiffness.columns[m] = dW - Space::Cross(S, W);
+        damping.columns[m] = Space::ForceAt(e.p, force_change(0, Vector::Zero(), S.At(e.p)));
       }
+      dynamics.AddWrenchDerivative(e.body, stiffness, damping);
     }
   }
 

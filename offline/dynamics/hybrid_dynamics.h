@@ -5,6 +5,8 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <utility>
+#include <vector>
 
 #include <Eigen/Core>
 
@@ -35,8 +37,8 @@ struct DynamicsDerivatives {
 /// travels, and makes the root's translations constant.
 ///
 /// Order of calls: SetState; AddWrench for every contact; Solve; then for derivatives
-/// AddWrenchDerivative for every contact, and Differentiate. Cost: O(n d) for tree depth d, plus
-/// O(n_p^3). No heap after construction.
+/// AddWrenchDerivative for every contact, and Differentiate or DifferentiateFactored. Cost: O(n d)
+/// for tree depth d, plus O(n_p^3). No heap after construction.
 ///
 /// [AB04] J. Albro, J. Bobrow, 2004. [SRW22] S. Singh, R. Russell, P. Wensing, Efficient Analytical
 /// Derivatives of Rigid-Body Dynamics Using Spatial Vector Algebra, IEEE RA-L 7(2), 2022.
@@ -47,6 +49,7 @@ class HybridDynamics {
   using Motion = typename Space::Motion;
   using Rate = typename Space::Rate;
   using Wrench = typename Space::Wrench;
+  using WrenchMap = typename Space::WrenchMap;
   using Rotation = typename Space::Rotation;
 
   /// @pre 1 <= dofs <= kMaxDofs, parents before children, and every free subset of the tree has
@@ -64,9 +67,6 @@ class HybridDynamics {
   [[nodiscard]] const Rotation& rotation(int j) const { return bodies_[Index(j)].R; }
   [[nodiscard]] const Vector& position(int j) const { return bodies_[Index(j)].p; }
   [[nodiscard]] const Motion& velocity(int j) const { return bodies_[Index(j)].v; }
-  [[nodiscard]] const Motion& axis(int j) const { return bodies_[Index(j)].S; }
-  /// Velocity of the axis of j because its parent moves, v_parent x S_j.
-  [[nodiscard]] const Rate& axis_rate(int j) const { return bodies_[Index(j)].S_rate; }
   [[nodiscard]] int parent(int j) const { return joints_[Index(j)].parent; }
 
   /// Adds an external wrench about `origin()` on body j.
@@ -78,22 +78,31 @@ class HybridDynamics {
   /// others.
   void Solve(std::span<double> qdd, std::span<double> tau);
 
-  /// Derivative of the wrench on body j with respect to the position and velocity of k, an ancestor
-  /// of j or j itself, less the wrench's own motion with k: d_q = dW/dq_k - S_k x* W. After Solve,
-  /// before Differentiate.
-  void AddWrenchDerivative(int j, int k, const Wrench& d_q, const Wrench& d_qd) {
-    WrenchDerivative& sum = wrench_derivatives_[Index(j)][Index(k)];
+  /// Adds to the derivative of the wrench on body j: `stiffness` maps a displacement u of the body,
+  /// which carries its velocity along, to dW - u x* W; `damping` maps a change of its velocity to
+  /// dW. After Solve, before Differentiate.
+  void AddWrenchDerivative(int j, const WrenchMap& stiffness, const WrenchMap& damping) {
+    WrenchDerivative& sum = bodies_[Index(j)].wrench_derivative;
     if ((touched_ >> j & 1U) == 0) {
       touched_ |= 1U << j;
-      for (int a = j; a >= 0; a = joints_[Index(a)].parent)
-        wrench_derivatives_[Index(j)][Index(a)] = {};
+      sum = {};
     }
-    sum.q = sum.q + d_q;
-    sum.qd = sum.qd + d_qd;
+    sum.stiffness += stiffness;
+    sum.damping += damping;
   }
 
   /// All derivatives of Solve's outputs at its solution.
   void Differentiate(DynamicsDerivatives& out);
+
+  /// The same in factored form, which is cheaper: `out.input` is as above, but `out.q` and `out.qd`
+  /// hold the derivatives D of inverse dynamics, tau at fixed qdd. With p the free and a the
+  /// prescribed degrees of freedom,
+  ///
+  ///   dg_q = R D_q,   R_ap = -input_ap,   R_pp = -input_pp,   R_aa = 1,   R_pa = 0,
+  ///
+  /// so that a cotangent r of the outputs is pulled back to q as D_q^T (R^T r). input_pp is
+  /// symmetric and input_ap = -input_pa^T.
+  void DifferentiateFactored(DynamicsDerivatives& out);
 
   /// Kinetic energy, and potential energy with its zero at the world's origin [J]. After SetState.
   [[nodiscard]] double KineticEnergy() const;
@@ -111,6 +120,9 @@ class HybridDynamics {
     Vector direction, offset, mass_centre;
     double mass, inertia, rotor_inertia, damping;
   };
+  struct WrenchDerivative {
+    WrenchMap stiffness, damping;
+  };
   struct Body {
     Rotation R;
     Vector p;     // relative to origin_
@@ -121,19 +133,19 @@ class HybridDynamics {
     typename Space::Inertia own;  // of the body
     Wrench momentum;              // own * v
     Wrench external;
-    Motion a;                           // acceleration, gravity included as -g at the world
-    Rate S_rate2;                       // a_parent x S + v_parent x S_rate
-    typename Space::Inertia composite;  // of the subtree
-    typename Space::Bias bias;          // of the subtree
-    Wrench force;                       // of the subtree
-    Wrench composite_S;                 // composite * S
-  };
-  struct WrenchDerivative {
-    Wrench q, qd;
+    Motion a;                            // acceleration, gravity included as -g at the world
+    Rate S_rate2;                        // a_parent x S + v_parent x S_rate
+    typename Space::Inertia composite;   // of the subtree
+    typename Space::Bias bias;           // of the subtree
+    Wrench force;                        // of the subtree
+    Wrench composite_S;                  // composite * S
+    WrenchDerivative wrench_derivative;  // of the body; valid where touched
   };
   static constexpr std::size_t Index(int i) { return static_cast<std::size_t>(i); }
   void FactorFreeInertia();
   void SolveFree(double* x) const;
+  void DifferentiateInverse(DynamicsDerivatives::Block& d_q, DynamicsDerivatives::Block& d_qd);
+  void DifferentiateByInput(DynamicsDerivatives::Block& input) const;
 
   int n_ = 0;
   int first_body_ = 0;
@@ -146,8 +158,8 @@ class HybridDynamics {
   std::array<Body, kMaxDofs> bodies_;
   DynamicsDerivatives::Block M_;  // joint-space inertia; zero off the tree's branches
   std::array<std::array<double, kMaxDofs>, kMaxDofs> L_;  // Cholesky factor; diagonal inverted
-  std::array<std::array<WrenchDerivative, kMaxDofs>, kMaxDofs> wrench_derivatives_;
-  std::uint32_t touched_ = 0;
+  std::uint32_t touched_ = 0;                             // bodies with a wrench derivative
+  std::vector<std::pair<int, int>> unrelated_;            // neither carries the other
 };
 
 template <class Space>
@@ -173,6 +185,13 @@ HybridDynamics<Space>::HybridDynamics(const Tree<Space>& tree)
     if (!dof.prescribed) {
       free_index_[Index(j)] = free_count_;
       free_[Index(free_count_++)] = j;
+    }
+  }
+  for (int j = 0; j < n_; ++j) {
+    std::uint32_t carriers = 0;
+    for (int i = j; i >= 0; i = joints_[Index(i)].parent) carriers |= 1U << i;
+    for (int i = 0; i < j; ++i) {
+      if ((carriers >> i & 1U) == 0) unrelated_.emplace_back(i, j);
     }
   }
 }
@@ -299,19 +318,22 @@ void HybridDynamics<Space>::SolveFree(double* x) const {
 }
 
 template <class Space>
-void HybridDynamics<Space>::Differentiate(DynamicsDerivatives& out) {
+void HybridDynamics<Space>::DifferentiateInverse(DynamicsDerivatives::Block& d_q,
+                                                 DynamicsDerivatives::Block& d_qd) {
   // Accelerations and forces at the solution; Psi-dot and Psi-double-dot of [SRW22] are S_rate and
   // S_rate2.
   const Motion base{{}, -gravity_};
   for (int j = 0; j < n_; ++j) {
     const Joint& joint = joints_[Index(j)];
     Body& body = bodies_[Index(j)];
-    const bool root = joint.parent < 0;
-    const Motion& parent_a = root ? base : bodies_[Index(joint.parent)].a;
-    body.S_rate2 = Space::Cross(parent_a, body.S);
-    if (!root)
-      body.S_rate2 = body.S_rate2 + Space::Cross(bodies_[Index(joint.parent)].v, body.S_rate);
-    body.a = parent_a + body.S_rate * body.qd + body.S * body.qdd;
+    if (joint.parent < 0) {
+      body.S_rate2 = Space::Cross(base, body.S);
+      body.a = base + body.S * body.qdd;
+    } else {
+      const Body& parent = bodies_[Index(joint.parent)];
+      body.S_rate2 = Space::Cross(parent.a, body.S) + Space::Cross(parent.v, body.S_rate);
+      body.a = parent.a + body.S_rate * body.qd + body.S * body.qdd;
+    }
     if (joint.massless) {
       body.bias = {};
       body.force = body.external * -1.0;
@@ -320,68 +342,132 @@ void HybridDynamics<Space>::Differentiate(DynamicsDerivatives& out) {
       body.force = body.own * body.a + Space::Cross(body.v, body.momentum) - body.external;
     }
   }
-  // Derivatives of inverse dynamics, [SRW22, Eqs. 34-37]. Entries off the tree's branches are zero.
-  for (int i = 0; i < n_; ++i) {
-    for (int j = 0; j < n_; ++j) out.q[Index(i)][Index(j)] = out.qd[Index(i)][Index(j)] = 0;
+  for (const auto& [i, j] : unrelated_) {
+    d_q[Index(i)][Index(j)] = d_q[Index(j)][Index(i)] = 0;
+    d_qd[Index(i)][Index(j)] = d_qd[Index(j)][Index(i)] = 0;
+  }
+  // [SRW22, Eqs. 34-37], where the composite of the wrenches' derivatives joins that of the bias.
+  std::array<WrenchDerivative, kMaxDofs> contact;
+  std::uint32_t touched = touched_;
+  for (int j = 0; j < n_; ++j) {
+    if ((touched >> j & 1U) != 0) contact[Index(j)] = bodies_[Index(j)].wrench_derivative;
   }
   for (int j = n_ - 1; j >= 0; --j) {
     const Body& body = bodies_[Index(j)];
     const int up = joints_[Index(j)].parent;
-    const Wrench d_q = body.composite * body.S_rate2 + Space::BiasOfRate(body.bias, body.S_rate) +
-                       Space::Cross(body.S, body.force);
-    const Wrench d_qd = body.bias * body.S + body.composite * (body.S_rate * 2.0);
-    for (int i = j; i >= 0; i = joints_[Index(i)].parent) {
-      out.q[Index(i)][Index(j)] = Space::Dot(bodies_[Index(i)].S, d_q);
-      out.qd[Index(i)][Index(j)] = Space::Dot(bodies_[Index(i)].S, d_qd);
+    const bool in_contact = (touched >> j & 1U) != 0;
+    const WrenchDerivative& w = contact[Index(j)];
+    Wrench by_q = body.composite * body.S_rate2 + Space::BiasOfRate(body.bias, body.S_rate) +
+                  Space::Cross(body.S, body.force);
+    Wrench by_qd = body.bias * body.S + body.composite * (body.S_rate * 2.0);
+    if (in_contact) {
+      by_q = by_q - (w.stiffness * body.S + w.damping * body.S_rate);
+      by_qd = by_qd - w.damping * body.S;
     }
-    out.qd[Index(j)][Index(j)] += joints_[Index(j)].damping;
+    d_q[Index(j)][Index(j)] = Space::Dot(body.S, by_q);
+    d_qd[Index(j)][Index(j)] = Space::Dot(body.S, by_qd) + joints_[Index(j)].damping;
+    if (up < 0) continue;
     const auto z = body.bias.TransposeTimes(body.S);
     for (int i = up; i >= 0; i = joints_[Index(i)].parent) {
       const Body& above = bodies_[Index(i)];
-      out.q[Index(j)][Index(i)] =
+      d_q[Index(i)][Index(j)] = Space::Dot(above.S, by_q);
+      d_qd[Index(i)][Index(j)] = Space::Dot(above.S, by_qd);
+      d_q[Index(j)][Index(i)] =
           Space::Dot(above.S_rate2, body.composite_S) + Space::Apply(z, above.S_rate);
-      out.qd[Index(j)][Index(i)] =
+      d_qd[Index(j)][Index(i)] =
           Space::Apply(z, above.S) + 2 * Space::Dot(above.S_rate, body.composite_S);
     }
-    if (up >= 0) {
-      Body& parent = bodies_[Index(up)];
-      parent.bias = parent.bias + body.bias;
-      parent.force = parent.force + body.force;
+    Body& parent = bodies_[Index(up)];
+    parent.bias = parent.bias + body.bias;
+    parent.force = parent.force + body.force;
+    if (!in_contact) continue;
+    const Wrench k = w.stiffness.TransposeTimes(body.S);
+    const Wrench d = w.damping.TransposeTimes(body.S);
+    for (int i = up; i >= 0; i = joints_[Index(i)].parent) {
+      const Body& above = bodies_[Index(i)];
+      d_q[Index(j)][Index(i)] -= Space::Dot(above.S, k) + Space::Dot(above.S_rate, d);
+      d_qd[Index(j)][Index(i)] -= Space::Dot(above.S, d);
+    }
+    WrenchDerivative& sum = contact[Index(up)];
+    if ((touched >> up & 1U) == 0) {
+      sum = w;
+    } else {
+      sum.stiffness += w.stiffness;
+      sum.damping += w.damping;
+    }
+    touched |= 1U << up;
+  }
+}
+
+template <class Space>
+void HybridDynamics<Space>::DifferentiateByInput(DynamicsDerivatives::Block& input) const {
+  // Inverse of the Cholesky factor, then of the free inertia.
+  std::array<std::array<double, kMaxDofs>, kMaxDofs> inverse;
+  for (int i = 0; i < free_count_; ++i) {
+    for (int k = 0; k < i; ++k) {
+      double sum = 0;
+      for (int m = k; m < i; ++m) sum -= L_[Index(i)][Index(m)] * inverse[Index(m)][Index(k)];
+      inverse[Index(i)][Index(k)] = sum * L_[Index(i)][Index(i)];
+    }
+    inverse[Index(i)][Index(i)] = L_[Index(i)][Index(i)];
+  }
+  for (int i = 0; i < free_count_; ++i) {
+    auto& row = input[Index(free_[Index(i)])];
+    for (int k = 0; k <= i; ++k) {
+      double sum = 0;
+      for (int m = i; m < free_count_; ++m)
+        sum += inverse[Index(m)][Index(i)] * inverse[Index(m)][Index(k)];
+      row[Index(free_[Index(k)])] = sum;
+      input[Index(free_[Index(k)])][Index(free_[Index(i)])] = sum;
     }
   }
-  for (int j = 0; j < n_; ++j) {
-    if ((touched_ >> j & 1U) == 0) continue;
-    for (int k = j; k >= 0; k = joints_[Index(k)].parent) {
-      const WrenchDerivative& d = wrench_derivatives_[Index(j)][Index(k)];
-      for (int i = j; i >= 0; i = joints_[Index(i)].parent) {
-        out.q[Index(i)][Index(k)] -= Space::Dot(bodies_[Index(i)].S, d.q);
-        out.qd[Index(i)][Index(k)] -= Space::Dot(bodies_[Index(i)].S, d.qd);
+  for (int a = 0; a < n_; ++a) {
+    if (!joints_[Index(a)].prescribed) continue;
+    const auto& M_a = M_[Index(a)];
+    for (int i = 0; i < free_count_; ++i) {
+      const int p = free_[Index(i)];
+      double sum = 0;
+      for (int k = 0; k < free_count_; ++k)
+        sum += input[Index(p)][Index(free_[Index(k)])] * M_a[Index(free_[Index(k)])];
+      input[Index(p)][Index(a)] = -sum;
+      input[Index(a)][Index(p)] = sum;
+    }
+    for (int b = 0; b <= a; ++b) {
+      if (!joints_[Index(b)].prescribed) continue;
+      double sum = M_a[Index(b)];
+      for (int k = 0; k < free_count_; ++k)
+        sum += M_a[Index(free_[Index(k)])] * input[Index(free_[Index(k)])][Index(b)];
+      input[Index(a)][Index(b)] = input[Index(b)][Index(a)] = sum;
+    }
+  }
+}
+
+template <class Space>
+void HybridDynamics<Space>::DifferentiateFactored(DynamicsDerivatives& out) {
+  DifferentiateInverse(out.q, out.qd);
+  DifferentiateByInput(out.input);
+}
+
+template <class Space>
+void HybridDynamics<Space>::Differentiate(DynamicsDerivatives& out) {
+  DifferentiateFactored(out);
+  // out = R D, by rows; those of the free degrees of freedom are needed to the end.
+  std::array<std::array<double, kMaxDofs>, kMaxDofs> D;
+  for (DynamicsDerivatives::Block* block : {&out.q, &out.qd}) {
+    for (int p = 0; p < free_count_; ++p) {
+      auto& row = (*block)[Index(free_[Index(p)])];
+      for (int k = 0; k < n_; ++k) {
+        D[Index(p)][Index(k)] = row[Index(k)];
+        row[Index(k)] = 0;
       }
     }
-  }
-  // Partition. Free rows: M_pp d(qdd_p) = -d(tau_p) at fixed qdd; prescribed rows follow d(qdd_p).
-  std::array<double, kMaxDofs> x;
-  const auto partition = [&](DynamicsDerivatives::Block& block, int column) {
-    for (int i = 0; i < free_count_; ++i)
-      x[Index(i)] = -block[Index(free_[Index(i)])][Index(column)];
-    SolveFree(x.data());
-    for (int i = 0; i < free_count_; ++i)
-      block[Index(free_[Index(i)])][Index(column)] = x[Index(i)];
-    for (int j = 0; j < n_; ++j) {
-      if (!joints_[Index(j)].prescribed) continue;
-      double& entry = block[Index(j)][Index(column)];
-      for (int i = 0; i < free_count_; ++i)
-        entry += M_[Index(j)][Index(free_[Index(i)])] * x[Index(i)];
-    }
-  };
-  for (int k = 0; k < n_; ++k) {
-    partition(out.q, k);
-    partition(out.qd, k);
     for (int i = 0; i < n_; ++i) {
-      const bool given_torque = !joints_[Index(k)].prescribed;
-      out.input[Index(i)][Index(k)] = given_torque ? (i == k ? -1.0 : 0.0) : M_[Index(i)][Index(k)];
+      auto& row = (*block)[Index(i)];
+      for (int p = 0; p < free_count_; ++p) {
+        const double R = -out.input[Index(i)][Index(free_[Index(p)])];
+        for (int k = 0; k < n_; ++k) row[Index(k)] += R * D[Index(p)][Index(k)];
+      }
     }
-    partition(out.input, k);
   }
 }
 

@@ -1,7 +1,9 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cmath>
+#include <cstddef>
 
 namespace tumbler {
 
@@ -75,6 +77,28 @@ struct Plane {
     friend Wrench operator-(const Wrench& a, const Wrench& b) { return {a.n - b.n, a.f - b.f}; }
     friend Wrench operator*(const Wrench& a, double k) { return {a.n * k, a.f * k}; }
   };
+  /// A linear map from motions to wrenches, by its columns.
+  struct WrenchMap {
+    std::array<Wrench, 3> columns;  ///< Images of `BasisMotion(0)`, (1), (2).
+    WrenchMap& operator+=(const WrenchMap& a) {
+      for (std::size_t m = 0; m < columns.size(); ++m) columns[m] = columns[m] + a.columns[m];
+      return *this;
+    }
+    friend Wrench operator*(const WrenchMap& a, const Rate& u) {
+      return a.columns[1] * u.v.x() + a.columns[2] * u.v.y();
+    }
+    friend Wrench operator*(const WrenchMap& a, const Motion& u) {
+      return a.columns[0] * u.w + a.columns[1] * u.v.x() + a.columns[2] * u.v.y();
+    }
+    /// The covector z with z . u = s . (A u), for `Dot`.
+    [[nodiscard]] Wrench TransposeTimes(const Motion& s) const {
+      return {Dot(s, columns[0]), {Dot(s, columns[1]), Dot(s, columns[2])}};
+    }
+  };
+  /// Turning at unit rate about the origin; unit velocity along x; along z.
+  static Motion BasisMotion(std::size_t m) {
+    return {m == 0 ? 1.0 : 0.0, {m == 1 ? 1.0 : 0.0, m == 2 ? 1.0 : 0.0}};
+  }
   static Vector At(const Rate& rate, const Vector& /*r*/) { return rate.v; }
   static Wrench ForceAt(const Vector& r, const Vector& f) { return {Moment(r, f), f}; }
 

@@ -35,8 +35,10 @@ struct ActuatedJoint {
 /// How global search is done: random splines, ranked by cost alone.
 struct SearchSettings {
   std::uint64_t seed = 1;
-  int samples = 600;  ///< Random starts.
-  int refine = 4;     ///< How many of the best go to the local solver.
+  int batch = 150;         ///< Random starts at a time, until ...
+  int promising = 5;       ///< ... so many stand out from the rest (rank below half the median) ...
+  int max_samples = 3000;  ///< ... or so many have been tried.
+  int refine = 6;          ///< How many of the best go to the local solver.
   int modes =
       3;  ///< Half-sine modes of a random departure from the straight line from start to end.
   double spread_rad = 3.2;    ///< Largest amplitude of the first mode; mode m has it divided by m.
@@ -49,7 +51,9 @@ struct SearchSettings {
 /// How the local solver (SLSQP) is run.
 struct SolverSettings {
   double step_s = 1e-3;              ///< Integration step of cost and gradient.
-  int max_evaluations = 120;         ///< Of cost and gradient, for each start.
+  int screen_evaluations = 24;       ///< Of cost and gradient, for each start of the search.
+  int finalists = 2;                 ///< How many of those go on ...
+  int max_evaluations = 90;          ///< ... to this many evaluations in all.
   double relative_tolerance = 1e-7;  ///< Of the cost.
   double torque_sharpness =
       60;  ///< Of the smooth maximum (Kreisselmeier-Steinhauser) that stands for the torque limit.

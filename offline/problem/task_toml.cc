@@ -257,7 +257,9 @@ class TaskReader {
     SearchSettings& s = problem_.search;
     s.seed = static_cast<std::uint64_t>(
         table->Integer("seed", 0, std::numeric_limits<std::int64_t>::max(), 1));
-    s.samples = static_cast<int>(table->Integer("samples", 1, 1'000'000, s.samples));
+    s.batch = static_cast<int>(table->Integer("batch", 1, 1'000'000, s.batch));
+    s.promising = static_cast<int>(table->Integer("promising", 1, 1000, s.promising));
+    s.max_samples = static_cast<int>(table->Integer("max_samples", 1, 1'000'000, s.max_samples));
     s.refine = static_cast<int>(table->Integer("refine", 1, 1000, s.refine));
     s.modes = static_cast<int>(table->Integer("modes", 1, 20, s.modes));
     s.spread_rad = table->Number("spread_rad", {0, 20}, s.spread_rad);
@@ -271,6 +273,9 @@ class TaskReader {
     if (!table) return;
     SolverSettings& s = problem_.solver;
     s.step_s = table->Number("step_s", {1e-5, 1e-2}, s.step_s);
+    s.screen_evaluations =
+        static_cast<int>(table->Integer("screen_evaluations", 1, 100'000, s.screen_evaluations));
+    s.finalists = static_cast<int>(table->Integer("finalists", 1, 1000, s.finalists));
     s.max_evaluations =
         static_cast<int>(table->Integer("max_evaluations", 1, 100'000, s.max_evaluations));
     s.relative_tolerance = table->Number("relative_tolerance", {0, 1, true}, s.relative_tolerance);

@@ -78,6 +78,7 @@ struct Rollout::Implementation {
       if (!dynamics.prescribed(j)) free.push_back(j);
     }
     nf = static_cast<int>(free.size());
+    for (const ActuatedJoint& joint : p.joints) actuated.push_back(joint.dof);
     motion_steps = std::max(1, static_cast<int>(std::ceil(p.duration_s / step_s - 1e-9)));
     settle_steps = static_cast<int>(std::ceil(p.settle_s / step_s - 1e-9));
     motion_h = p.duration_s / motion_steps;
@@ -96,8 +97,8 @@ struct Rollout::Implementation {
     }
     controls.resize(weights.size() * Index(na));
     const std::size_t steps = Index(motion_steps + settle_steps);
-    stage_columns = 2 * n + na;
-    stage_size = n * stage_columns;
+    stage_size = n * 2 * n + nf * (nf + na) + na * na;
+    pullbacks.resize(Index(1 + na));
     stage_torque.resize(steps * kStages * Index(na));
   }
 
@@ -135,7 +136,7 @@ struct Rollout::Implementation {
     const std::size_t k = moving ? Index(half_step) : weights.size() - 1;
     for (int j = 0; j < na; ++j) {
       const Control& c = controls[k * Index(na) + Index(j)];
-      const std::size_t dof = Index(problem.joints[Index(j)].dof);
+      const std::size_t dof = Index(actuated[Index(j)]);
       q[dof] = c.q;
       qd[dof] = moving ? c.qd : 0;
       qdd[dof] = moving ? c.qdd : 0;
@@ -150,14 +151,20 @@ struct Rollout::Implementation {
     dynamics.Solve({qdd.data(), Index(n)}, {tau.data(), Index(n)});
   }
 
+  /// dg in factored form: rows of D_q and D_qd, then what of input's blocks is not a transpose.
   void StoreStage(double* out) {
     contact.Differentiate(dynamics);
-    dynamics.Differentiate(derivatives);
+    dynamics.DifferentiateFactored(derivatives);
     for (int i = 0; i < n; ++i) {
-      for (int k = 0; k < n; ++k) *out++ = derivatives.q[Index(i)][Index(k)];
-      for (int k = 0; k < n; ++k) *out++ = derivatives.qd[Index(i)][Index(k)];
-      for (int j = 0; j < na; ++j)
-        *out++ = derivatives.input[Index(i)][Index(problem.joints[Index(j)].dof)];
+      out = std::copy_n(derivatives.q[Index(i)].begin(), n, out);
+      out = std::copy_n(derivatives.qd[Index(i)].begin(), n, out);
+    }
+    for (const int i : free) {
+      for (const int k : free) *out++ = derivatives.input[Index(i)][Index(k)];
+      for (const int k : actuated) *out++ = derivatives.input[Index(i)][Index(k)];
+    }
+    for (const int i : actuated) {
+      for (const int k : actuated) *out++ = derivatives.input[Index(i)][Index(k)];
     }
   }
 
@@ -225,7 +232,7 @@ struct Rollout::Implementation {
         for (int i = 0; i < 2 * nf; ++i) sum[Index(i)] += kB[Index(s)] * k[Index(i)];
         const std::size_t stage = Index(step * kStages + s);
         for (int j = 0; j < na; ++j) {
-          const double torque = tau[Index(problem.joints[Index(j)].dof)];
+          const double torque = tau[Index(actuated[Index(j)])];
           effort += h * kB[Index(s)] * torque * torque;
           stage_torque[stage * Index(na) + Index(j)] = torque;
           if (s == 0)
@@ -240,12 +247,12 @@ struct Rollout::Implementation {
         }
         if (record) StoreStage(&stages[stage * Index(stage_size)]);
       }
-      double largest = 0;
+      bool plausible = true;
       for (int i = 0; i < 2 * nf; ++i) {
         y[Index(i)] += h * sum[Index(i)];
-        largest = std::max(largest, std::abs(y[Index(i)]));
+        plausible = plausible && std::abs(y[Index(i)]) < kImplausible;  // A NaN is not.
       }
-      if (!(largest < kImplausible)) {  // Also when it is not a number.
+      if (!plausible) {
         result.finite = false;
         result.cost = std::numeric_limits<double>::infinity();
         return result;
@@ -279,82 +286,135 @@ struct Rollout::Implementation {
     }
   }
 
-  /// The discrete adjoint of Forward for output `output`: 0 is the cost, 1 + j the torque excess of
-  /// joint j.
-  void Backward(const RolloutResult& result, int output, double* gradient) {
+  /// The discrete adjoint of Forward for all outputs at once: row 0 is the cost, row 1 + j the
+  /// torque excess of joint j.
+  template <class Matrix>
+  void Backward(const RolloutResult& result, Matrix& gradient) {
     const int steps = motion_steps + settle_steps;
-    const bool of_cost = output == 0;
-    const int torque_joint = output - 1;
-    std::fill(gradient, gradient + parameters, 0.0);
-    double limit = 0, peak = 0, sum = 1;
-    const double rho = problem.solver.torque_sharpness;
-    if (!of_cost) {
-      limit = problem.joints[Index(torque_joint)].limits.torque_max_nm;
-      if (!std::isfinite(limit)) return;
-      peak = result.peak_torque_nm[Index(torque_joint)] / limit;
-      sum = std::exp(rho * (result.torque_excess[Index(torque_joint)] + 1 - peak));
-    }
-    std::array<double, 2 * kMaxDofs> adjoint{}, k_bar{}, y_bar{}, total{};
-    if (of_cost) {
-      AddTerminalSlope(TerminalTerm::When::kSettled, settled_state.data(), adjoint.data());
-      if (settle_steps == 0)
-        AddTerminalSlope(TerminalTerm::When::kEnd, end_state.data(), adjoint.data());
-    }
-    for (int step = steps - 1; step >= 0; --step) {
-      const double h = step < motion_steps ? motion_h : settle_h;
-      total = adjoint;
-      for (int s = kStages - 1; s >= 0; --s) {
-        // k_bar = h b_s lambda + h a_{s+1} y_bar_{s+1}
-        for (int i = 0; i < 2 * nf; ++i) {
-          k_bar[Index(i)] = h * kB[Index(s)] * adjoint[Index(i)];
-          if (s + 1 < kStages) k_bar[Index(i)] += h * kA[Index(s + 1)] * y_bar[Index(i)];
-        }
-        const std::size_t stage = Index(step * kStages + s);
-        std::array<double, kMaxDofs> r{};  // cotangent of the outputs of hybrid dynamics
-        for (int i = 0; i < nf; ++i) r[Index(free[Index(i)])] = k_bar[Index(nf + i)];
-        for (int j = 0; j < na; ++j) {
-          const double torque = stage_torque[stage * Index(na) + Index(j)];
-          double slope = 0;
-          if (of_cost) slope = problem.effort_weight * h * kB[Index(s)] * 2 * torque;
-          if (j == torque_joint && s == 0) {
-            slope = std::copysign(std::exp(rho * (std::abs(torque) / limit - peak)) / (sum * limit),
-                                  torque);
-          }
-          r[Index(problem.joints[Index(j)].dof)] = slope;
-        }
-        std::array<double, 3 * kMaxDofs> bar{};  // cotangent of q, qd and the given accelerations
-        const double* row = &stages[stage * Index(stage_size)];
-        for (int i = 0; i < n; ++i, row += stage_columns) {
-          const double factor = r[Index(i)];
-          for (int c = 0; c < stage_columns; ++c) bar[Index(c)] += factor * row[c];
-        }
-        for (int i = 0; i < nf; ++i) {
-          y_bar[Index(i)] = bar[Index(free[Index(i)])];
-          y_bar[Index(nf + i)] = k_bar[Index(i)] + bar[Index(n + free[Index(i)])];
-        }
-        for (int i = 0; i < 2 * nf; ++i) total[Index(i)] += y_bar[Index(i)];
-        if (step < motion_steps) {
-          for (int j = 0; j < na; ++j) {
-            const std::size_t dof = Index(problem.joints[Index(j)].dof);
-            AddToParameters(2 * step + kHalfSteps[Index(s)], j,
-                            {bar[dof], bar[Index(n) + dof], bar[Index(2 * n + j)]}, gradient);
-          }
-        }
+    gradient.setZero();
+    int active = 0;
+    for (int output = 0; output <= na; ++output) {
+      Pullback p;
+      p.joint = output - 1;
+      p.gradient = gradient.row(output).data();
+      if (p.joint < 0) {
+        AddTerminalSlope(TerminalTerm::When::kSettled, settled_state.data(), p.adjoint.data());
+        if (settle_steps == 0)
+          AddTerminalSlope(TerminalTerm::When::kEnd, end_state.data(), p.adjoint.data());
+      } else {
+        p.limit = problem.joints[Index(p.joint)].limits.torque_max_nm;
+        if (!std::isfinite(p.limit)) continue;
+        p.peak = result.peak_torque_nm[Index(p.joint)] / p.limit;
+        p.sum = std::exp(problem.solver.torque_sharpness *
+                         (result.torque_excess[Index(p.joint)] + 1 - p.peak));
       }
-      adjoint = total;
-      if (of_cost && step == motion_steps)
-        AddTerminalSlope(TerminalTerm::When::kEnd, end_state.data(), adjoint.data());
+      pullbacks[Index(active++)] = p;
+    }
+    const std::span<Pullback> outputs(pullbacks.data(), Index(active));
+    for (int step = steps - 1; step >= 0; --step) {
+      for (Pullback& p : outputs) p.total = p.adjoint;
+      for (int s = kStages - 1; s >= 0; --s) {
+        for (Pullback& p : outputs) PullBackStage(step, s, p);
+      }
+      for (Pullback& p : outputs) {
+        p.adjoint = p.total;
+        if (p.joint < 0 && step == motion_steps)
+          AddTerminalSlope(TerminalTerm::When::kEnd, end_state.data(), p.adjoint.data());
+      }
+    }
+    for (Pullback& p : outputs) AddToParameters(p);
+  }
+
+  /// One output on its way back through the steps.
+  struct Pullback {
+    int joint = -1;  // whose torque excess it is; -1 for the cost
+    double limit = 0, peak = 0, sum = 1;
+    double* gradient = nullptr;
+    std::array<double, 2 * kMaxDofs> adjoint{}, y_bar{}, total{};
+    int half_step = 0;  // which `control` belongs to
+    std::array<Control, kMaxDofs> control{};
+  };
+
+  /// Derivative of an output in the torque of joint j at a stage.
+  double TorqueSlope(const Pullback& p, int step, int s, int j, double h) const {
+    if (p.joint >= 0 && (p.joint != j || s != 0)) return 0;
+    const double torque = stage_torque[Index((step * kStages + s) * na + j)];
+    if (p.joint < 0) return problem.effort_weight * h * kB[Index(s)] * 2 * torque;
+    const double weight =
+        std::exp(problem.solver.torque_sharpness * (std::abs(torque) / p.limit - p.peak));
+    return std::copysign(weight / (p.sum * p.limit), torque);
+  }
+
+  void PullBackStage(int step, int s, Pullback& p) {
+    const double h = step < motion_steps ? motion_h : settle_h;
+    // k_bar = h b_s lambda + h a_{s+1} y_bar_{s+1}
+    std::array<double, 2 * kMaxDofs> k_bar;
+    const double b = h * kB[Index(s)];
+    const double a = s + 1 < kStages ? h * kA[Index(s + 1)] : 0;
+    for (int i = 0; i < 2 * nf; ++i)
+      k_bar[Index(i)] = b * p.adjoint[Index(i)] + a * p.y_bar[Index(i)];
+    // w = R^T r for the cotangents r of the outputs of hybrid dynamics; the cotangents of the given
+    // accelerations on the way.
+    const double* row = &stages[Index(step * kStages + s) * Index(stage_size)];
+    const double* input = row + 2 * n * n;
+    std::array<double, kMaxDofs> w{}, w_free{}, r_actuated, qdd_bar{};
+    for (int j = 0; j < na; ++j) {
+      r_actuated[Index(j)] = TorqueSlope(p, step, s, j, h);
+      w[Index(actuated[Index(j)])] = r_actuated[Index(j)];
+    }
+    for (int i = 0; i < nf; ++i, input += nf + na) {
+      const double r = k_bar[Index(nf + i)];
+      double sum = 0;
+      for (int j = 0; j < na; ++j) {
+        qdd_bar[Index(j)] += input[nf + j] * r;
+        sum += input[nf + j] * r_actuated[Index(j)];
+      }
+      w_free[Index(i)] += sum;
+      for (int k = 0; k < nf; ++k) w_free[Index(k)] -= input[k] * r;
+    }
+    for (int i = 0; i < nf; ++i) w[Index(free[Index(i)])] = w_free[Index(i)];
+    for (int j = 0; j < na; ++j, input += na) {
+      for (int k = 0; k < na; ++k) qdd_bar[Index(k)] += input[k] * r_actuated[Index(j)];
+    }
+    std::array<double, 2 * kMaxDofs> bar{};  // cotangent of q and qd
+    for (int i = 0; i < n; ++i, row += 2 * n) {
+      const double factor = w[Index(i)];
+      for (int c = 0; c < 2 * n; ++c) bar[Index(c)] += factor * row[c];
+    }
+    for (int i = 0; i < nf; ++i) {
+      p.y_bar[Index(i)] = bar[Index(free[Index(i)])];
+      p.y_bar[Index(nf + i)] = k_bar[Index(i)] + bar[Index(n + free[Index(i)])];
+    }
+    for (int i = 0; i < 2 * nf; ++i) p.total[Index(i)] += p.y_bar[Index(i)];
+    if (step >= motion_steps) return;
+    // Stages at the same time have the same weights.
+    if (const int half_step = 2 * step + kHalfSteps[Index(s)]; half_step != p.half_step) {
+      AddToParameters(p);
+      p.half_step = half_step;
+    }
+    for (int j = 0; j < na; ++j) {
+      const std::size_t dof = Index(actuated[Index(j)]);
+      Control& control = p.control[Index(j)];
+      control.q += bar[dof];
+      control.qd += bar[Index(n) + dof];
+      control.qdd += qdd_bar[Index(j)];
     }
   }
 
-  void AddToParameters(int half_step, int joint, const Control& bar, double* gradient) const {
-    const ControlWeights& w = weights[Index(half_step)];
+  /// Takes the cotangents of the controls to those of the parameters.
+  void AddToParameters(Pullback& p) const {
+    const ControlWeights& w = weights[Index(p.half_step)];
     const int free_points = problem.free_points_per_joint();
-    for (int i = 0; i <= problem.degree; ++i) {
-      const int point = w.first + i - 3;
-      if (point < 0 || point >= free_points) continue;
-      gradient[joint * free_points + point] +=
-          w.w[0][Index(i)] * bar.q + w.w[1][Index(i)] * bar.qd + w.w[2][Index(i)] * bar.qdd;
+    const int begin = std::max(0, 3 - w.first);
+    const int end = std::min(problem.degree + 1, 3 + free_points - w.first);
+    for (int j = 0; j < na; ++j) {
+      Control& bar = p.control[Index(j)];
+      double* gradient = p.gradient + j * free_points + w.first - 3;
+      for (int i = begin; i < end; ++i) {
+        gradient[i] +=
+            w.w[0][Index(i)] * bar.q + w.w[1][Index(i)] * bar.qd + w.w[2][Index(i)] * bar.qdd;
+      }
+      bar = {};
     }
   }
 
@@ -363,14 +423,16 @@ struct Rollout::Implementation {
   ContactModel<Plane> contact;
   int n, na, nf = 0;
   int parameters;
-  std::vector<int> free;  // degrees of freedom of y's positions
+  std::vector<int> free;      // degrees of freedom of y's positions
+  std::vector<int> actuated;  // degree of freedom of each joint
   int motion_steps, settle_steps;
   double motion_h, settle_h;
   std::vector<ControlWeights> weights;  // by half step
   std::vector<Control> controls;        // by half step, then joint
   std::vector<double> stage_torque;     // by stage, then joint
-  std::vector<double> stages;           // by stage: rows of dg, columns q, qd, given accelerations
-  int stage_columns = 0, stage_size = 0;
+  std::vector<double> stages;           // by stage: see StoreStage
+  int stage_size = 0;
+  std::vector<Pullback> pullbacks;  // room for one of each output
   DynamicsDerivatives derivatives;
   std::array<double, kMaxDofs> q{}, qd{}, qdd{}, tau{};
   std::array<double, 2 * kMaxDofs> end_state{}, settled_state{};
@@ -394,9 +456,7 @@ RolloutResult Rollout::Run(
     gradient.setZero();
     return result;
   }
-  for (int output = 0; output < output_count(); ++output) {
-    implementation_->Backward(result, output, gradient.row(output).data());
-  }
+  implementation_->Backward(result, gradient);
   return result;
 }
 

@@ -37,7 +37,7 @@ struct MotionSample {
 /// depends on the number of parameters, and it agrees with differences of the cost to rounding.
 /// Motion and settle phase are divided into whole steps no longer than the one asked for.
 ///
-/// Not thread-safe: one object per thread. No heap after construction, save in the returned
+/// Not thread-safe: one object per thread. No heap after the first gradient, save in the returned
 /// vectors.
 class Rollout {
  public:

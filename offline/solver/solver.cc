@@ -117,6 +117,19 @@ double Rank(const Problem& problem, const RolloutResult& result) {
   return rank;
 }
 
+/// How many samples stand out: their rank is below the median by more than half of its size. Most
+/// samples end in one of the flat basins (the robot at rest on its feet, or fallen), which is where
+/// the median lies.
+int CountPromising(const std::vector<double>& rank) {
+  std::vector<double> sorted = rank;
+  const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
+  std::nth_element(sorted.begin(), middle, sorted.end());
+  if (!std::isfinite(*middle)) return 0;
+  const double below = *middle - 0.5 * std::abs(*middle);
+  return static_cast<int>(
+      std::count_if(rank.begin(), rank.end(), [below](double r) { return r < below; }));
+}
+
 /// The largest constraint, and zero or more when it is violated. `rows` are those of
 /// DerivativeLimitRows.
 struct WorstConstraint {
@@ -176,9 +189,10 @@ double ProjectedGradient(const Eigen::VectorXd& g, std::vector<Eigen::VectorXd> 
 /// constraints.
 class LocalSolve {
  public:
-  LocalSolve(const Problem& problem, Rollout& rollout, const SolveOptions& options,
-             std::vector<Evaluation>* history)
+  LocalSolve(const Problem& problem, int max_evaluations, Rollout& rollout,
+             const SolveOptions& options, std::vector<Evaluation>* history)
       : problem_(problem),
+        max_evaluations_(max_evaluations),
         rollout_(rollout),
         options_(options),
         history_(history),
@@ -205,7 +219,7 @@ class LocalSolve {
     double before = std::numeric_limits<double>::infinity();
     // SLSQP 2.7.1 can stop early or far from feasible: it is started again from the best point,
     // which also resets its Hessian, until that changes nothing.
-    while (evaluations_ < problem_.solver.max_evaluations) {
+    while (evaluations_ < max_evaluations_) {
       end = RunOnce(best_x_, n);
       if (end == SolveEnd::kInterrupted || end == SolveEnd::kEvaluations) break;
       const double merit = best_cost_ * scale_ + best_violation_;
@@ -243,7 +257,7 @@ class LocalSolve {
                                    std::vector<double>(constraints, 1e-8));
     opt.set_ftol_rel(problem_.solver.relative_tolerance);
     opt.set_xtol_rel(1e-9);
-    opt.set_maxeval(problem_.solver.max_evaluations - evaluations_);
+    opt.set_maxeval(max_evaluations_ - evaluations_);
     opt_ = &opt;
     SolveEnd end = SolveEnd::kFailed;
     double value = 0;
@@ -357,10 +371,11 @@ class LocalSolve {
         active.emplace_back(outputs_.row(static_cast<Eigen::Index>(j + 1)).transpose());
       }
     }
-    return ProjectedGradient(scale_ * outputs_.row(0).transpose(), std::move(active));
+    return ProjectedGradient(outputs_.row(0).transpose(), std::move(active));
   }
 
   const Problem& problem_;
+  int max_evaluations_;
   Rollout& rollout_;
   const SolveOptions& options_;
   std::vector<Evaluation>* history_;
@@ -442,9 +457,10 @@ std::vector<LinearRow> DerivativeLimitRows(const Problem& problem) {
   return rows;
 }
 
-Solution SolveFrom(const Problem& problem, std::span<const double> start, Rollout& rollout,
-                   const SolveOptions& options, std::vector<Evaluation>* history) {
-  return LocalSolve(problem, rollout, options, history).Run(start);
+Solution SolveFrom(const Problem& problem, std::span<const double> start, int max_evaluations,
+                   Rollout& rollout, const SolveOptions& options,
+                   std::vector<Evaluation>* history) {
+  return LocalSolve(problem, max_evaluations, rollout, options, history).Run(start);
 }
 
 SolveOutcome Solve(const Problem& problem, const SolveOptions& options) {
@@ -454,32 +470,35 @@ SolveOutcome Solve(const Problem& problem, const SolveOptions& options) {
 
   // Global search: every sample is a function of seed and index alone.
   const std::vector<LinearRow> rows = DerivativeLimitRows(problem);
-  const int samples = problem.search.samples;
-  std::vector<double> rank(static_cast<std::size_t>(samples),
-                           std::numeric_limits<double>::infinity());
+  std::vector<double> rank;
   {
     std::vector<Rollout> rollouts;
-    for (int t = 0; t < std::max(1, options.threads); ++t)
+    for (int t = 0; t < std::max(1, options.threads); ++t) {
       rollouts.emplace_back(problem, problem.search.step_s);
-    std::int64_t done = 0;
-    double best = std::numeric_limits<double>::infinity();
-    ParallelFor(samples, options.threads, [&](int i, int thread) {
-      if (interrupted()) return;
-      const std::vector<double> x = RandomStart(problem, rows, static_cast<std::uint64_t>(i));
-      rank[static_cast<std::size_t>(i)] =
-          Rank(problem, rollouts[static_cast<std::size_t>(thread)].Run(x));
-      const std::lock_guard<std::mutex> lock(mutex);
-      best = std::min(best, rank[static_cast<std::size_t>(i)]);
-      ++done;
-      if (options.progress) options.progress({true, 0, done, best, 0});
-    });
-  }
-  double best = std::numeric_limits<double>::infinity();
-  for (int i = 0; i < samples; ++i) {
-    if (rank[static_cast<std::size_t>(i)] < best) {
-      best = rank[static_cast<std::size_t>(i)];
-      outcome.history.push_back({true, 0, i + 1, best, 0});
     }
+    double best = std::numeric_limits<double>::infinity();
+    std::int64_t done = 0;
+    while (static_cast<int>(rank.size()) < problem.search.max_samples && !interrupted() &&
+           (rank.empty() || CountPromising(rank) < problem.search.promising)) {
+      const int first = static_cast<int>(rank.size());
+      const int count = std::min(problem.search.batch, problem.search.max_samples - first);
+      rank.resize(rank.size() + static_cast<std::size_t>(count),
+                  std::numeric_limits<double>::infinity());
+      ParallelFor(count, options.threads, [&](int k, int thread) {
+        if (interrupted()) return;
+        const int i = first + k;
+        const std::vector<double> x = RandomStart(problem, rows, static_cast<std::uint64_t>(i));
+        const double value = Rank(problem, rollouts[static_cast<std::size_t>(thread)].Run(x));
+        rank[static_cast<std::size_t>(i)] = value;
+        const std::lock_guard<std::mutex> lock(mutex);
+        best = std::min(best, value);
+        if (options.progress) options.progress({true, 0, ++done, best, 0});
+      });
+    }
+  }
+  const int samples = static_cast<int>(rank.size());
+  for (int i = 0; i < samples; ++i) {
+    outcome.history.push_back({true, 0, i + 1, rank[static_cast<std::size_t>(i)], 0});
   }
   outcome.evaluations = samples;
 
@@ -488,43 +507,67 @@ SolveOutcome Solve(const Problem& problem, const SolveOptions& options) {
   std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
     return rank[static_cast<std::size_t>(a)] < rank[static_cast<std::size_t>(b)];
   });
+
+  // Local solves, in two stages: a short one from each of the best starts, and the rest of the
+  // budget for the best of those. Most starts show early whether they lead anywhere.
   const int starts = std::min(problem.search.refine, samples);
   outcome.solutions.resize(static_cast<std::size_t>(starts));
   std::vector<std::vector<Evaluation>> histories(static_cast<std::size_t>(starts));
-  {
-    std::vector<Rollout> rollouts;
-    for (int t = 0; t < std::max(1, options.threads); ++t)
-      rollouts.emplace_back(problem, problem.solver.step_s);
-    ParallelFor(starts, options.threads, [&](int s, int thread) {
-      const auto k = static_cast<std::size_t>(s);
-      SolveOptions local = options;
-      if (options.progress) {
-        local.progress = [&, s](const Evaluation& evaluation) {
-          Evaluation named = evaluation;
-          named.start = s;
-          const std::lock_guard<std::mutex> lock(mutex);
-          options.progress(named);
-        };
-      }
-      const std::vector<double> x =
-          RandomStart(problem, rows, static_cast<std::uint64_t>(order[k]));
-      outcome.solutions[k] =
-          SolveFrom(problem, x, rollouts[static_cast<std::size_t>(thread)], local, &histories[k]);
-      outcome.solutions[k].start = s;
-    });
-  }
-  for (std::size_t s = 0; s < histories.size(); ++s) {
-    for (Evaluation evaluation : histories[s]) {
-      evaluation.start = static_cast<int>(s);
-      outcome.history.push_back(evaluation);
+  std::vector<Rollout> rollouts;
+  for (int t = 0; t < std::max(1, options.threads); ++t)
+    rollouts.emplace_back(problem, problem.solver.step_s);
+  const auto solve = [&](Solution& solution, int budget, int thread) {
+    const int start = solution.start;
+    SolveOptions local = options;
+    const int before = solution.evaluations;
+    if (options.progress) {
+      local.progress = [&, start, before](const Evaluation& evaluation) {
+        Evaluation named = evaluation;
+        named.start = start;
+        named.count += before;
+        const std::lock_guard<std::mutex> lock(mutex);
+        options.progress(named);
+      };
     }
-    outcome.evaluations += outcome.solutions[s].evaluations;
+    std::vector<Evaluation> history;
+    const double start_cost = solution.start_cost;
+    Solution found = SolveFrom(problem, solution.x, budget,
+                               rollouts[static_cast<std::size_t>(thread)], local, &history);
+    for (Evaluation evaluation : history) {
+      evaluation.start = start;
+      evaluation.count += before;
+      histories[static_cast<std::size_t>(start)].push_back(evaluation);
+    }
+    found.start = start;
+    found.evaluations += before;
+    if (before > 0) found.start_cost = start_cost;
+    solution = std::move(found);
+  };
+  const int screen = std::min(problem.solver.screen_evaluations, problem.solver.max_evaluations);
+  ParallelFor(starts, options.threads, [&](int s, int thread) {
+    Solution& solution = outcome.solutions[static_cast<std::size_t>(s)];
+    solution.start = s;
+    solution.x =
+        RandomStart(problem, rows, static_cast<std::uint64_t>(order[static_cast<std::size_t>(s)]));
+    solve(solution, screen, thread);
+  });
+  const auto better = [](const Solution& a, const Solution& b) {
+    if (a.feasible() != b.feasible()) return a.feasible();
+    return a.feasible() ? a.rollout.cost < b.rollout.cost : a.violation < b.violation;
+  };
+  std::stable_sort(outcome.solutions.begin(), outcome.solutions.end(), better);
+  const int finalists = std::min(problem.solver.finalists, starts);
+  ParallelFor(finalists, options.threads, [&](int s, int thread) {
+    Solution& solution = outcome.solutions[static_cast<std::size_t>(s)];
+    const bool unfinished = solution.end == SolveEnd::kEvaluations && !interrupted();
+    const int budget = problem.solver.max_evaluations - solution.evaluations;
+    if (unfinished && budget > 0) solve(solution, budget, thread);
+  });
+  std::stable_sort(outcome.solutions.begin(), outcome.solutions.end(), better);
+  for (const std::vector<Evaluation>& history : histories) {
+    outcome.history.insert(outcome.history.end(), history.begin(), history.end());
   }
-  std::stable_sort(
-      outcome.solutions.begin(), outcome.solutions.end(), [](const Solution& a, const Solution& b) {
-        if (a.feasible() != b.feasible()) return a.feasible();
-        return a.feasible() ? a.rollout.cost < b.rollout.cost : a.violation < b.violation;
-      });
+  for (const Solution& solution : outcome.solutions) outcome.evaluations += solution.evaluations;
   outcome.interrupted = interrupted();
   return outcome;
 }

@@ -17,7 +17,7 @@ struct Evaluation {
   bool global = false;     ///< Of the global search, else of a local solve.
   int start = 0;           ///< Which local solve.
   std::int64_t count = 0;  ///< Evaluations so far, of all threads in this stage.
-  double cost = 0;         ///< Global search: the best so far.
+  double cost = 0;         ///< Global search: the rank; in progress, the best so far.
   double violation = 0;    ///< Largest scaled constraint, 0 when all hold.
 };
 
@@ -41,13 +41,13 @@ struct Solution {
   double start_cost = 0;
   double violation = 0;           ///< Largest scaled constraint value above zero, recomputed.
   double projected_gradient = 0;  ///< Largest component of the cost's gradient that no active
-                                  ///< constraint holds, scaled by the gradient at the start.
-  int evaluations = 0;           ///< Of cost and gradient.
-  std::string worst_constraint;  ///< Name of the largest one, e.g. `velocity of leg1`.
+                                  ///< constraint holds [cost per rad].
+  int evaluations = 0;            ///< Of cost and gradient.
+  std::string worst_constraint;   ///< Name of the largest one, e.g. `velocity of leg1`.
   bool core_reached =
       false;  ///< A contact went through the whole compliant layer: the model does not hold there.
   [[nodiscard]] bool feasible() const {
-    return rollout.finite && violation <= 1e-6 && !core_reached;
+    return evaluations > 0 && rollout.finite && violation <= 1e-6 && !core_reached;
   }
 };
 
@@ -74,8 +74,8 @@ SolveOutcome Solve(const Problem& problem, const SolveOptions& options);
 /// SLSQP from one start. Variables are control points [rad], of order one already; the cost is
 /// divided by its gradient at the start and every constraint by its limit, because NLopt's SLSQP
 /// fails on large gradients.
-Solution SolveFrom(const Problem& problem, std::span<const double> start, Rollout& rollout,
-                   const SolveOptions& options, std::vector<Evaluation>* history);
+Solution SolveFrom(const Problem& problem, std::span<const double> start, int max_evaluations,
+                   Rollout& rollout, const SolveOptions& options, std::vector<Evaluation>* history);
 
 /// Bounds that hold for all t: velocity and acceleration limits as rows a . x + b <= 0 over the
 /// parameters, each divided by its limit. Positions are plain bounds of the parameters.

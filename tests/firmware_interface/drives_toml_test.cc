@@ -1,0 +1,243 @@
+#include "firmware_interface/drives/drives_toml.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <sstream>
+
+#include "common/toml_reader.h"
+
+namespace tumbler {
+namespace {
+
+using testing::HasSubstr;
+using testing::MatchesRegex;
+
+const std::string kShipped =
+    std::string(TUMBLER_SOURCE_DIR) + "/primitives/robots/tumbler_drives.toml";
+
+std::string ShippedText() {
+  std::ifstream stream(kShipped, std::ios::binary);
+  std::ostringstream text;
+  text << stream.rdbuf();
+  return text.str();
+}
+
+std::string Mutate(const std::string& text, const std::string& from, const std::string& to) {
+  const std::size_t at = text.find(from);
+  EXPECT_NE(at, std::string::npos) << "the file holds no " << from;
+  if (at == std::string::npos) return text;
+  return text.substr(0, at) + to + text.substr(at + from.size());
+}
+
+TEST(DrivesToml, ShippedFileDescribesTheTumbler) {
+  const DrivesConfig config = LoadDrives(kShipped);
+  EXPECT_EQ(config.bit_rate, 1'000'000);
+  EXPECT_EQ(config.rate_hz, 1000);
+  ASSERT_EQ(config.drives.size(), 2U);
+  EXPECT_EQ(config.drives[0].joint, "leg1");
+  EXPECT_EQ(config.drives[1].joint, "leg2");
+  for (std::size_t i = 0; i < 2; ++i) {
+    const DriveEntry& drive = config.drives[i];
+    EXPECT_EQ(drive.mit.command_id, i + 1);
+    EXPECT_EQ(drive.mit.reply_id, i + 17);
+    EXPECT_EQ(drive.kp_nm_per_rad, 200);
+    EXPECT_EQ(drive.kd_nm_s_per_rad, 4);
+    EXPECT_EQ(drive.mit.command.position_rad.max, 12.5F);
+    EXPECT_EQ(drive.mit.command.velocity_rad_s.min, -50);
+    EXPECT_EQ(drive.mit.command.torque_nm.max, 18);
+    EXPECT_EQ(drive.mit.reply.torque_nm.max, 18);
+    EXPECT_EQ(drive.watchdog_s, 0.025);
+    EXPECT_EQ(drive.mit.Validate(), Status::kOk);
+  }
+  EXPECT_EQ(config.WorstCaseTickBits(), 540);
+  EXPECT_DOUBLE_EQ(config.WorstCaseLoad(), 0.54);
+}
+
+TEST(DrivesToml, ReadsOptionalKeys) {
+  std::string text = Mutate(ShippedText(), "  [drive.range]",
+                            "  [drive.reply_range]\n  torque_nm = [-20.0, 20.0]\n  [drive.range]");
+  text = Mutate(text, "direction = 1 ", "direction = -1 ");
+  text = Mutate(text, "gear_ratio = 1.0 ", "gear_ratio = 1.5 ");
+  text = Mutate(text, "\"signed\"", "\"offset-40\"");
+  const DrivesConfig config = ParseDrives(text, "d.toml");
+  EXPECT_EQ(config.drives[0].mit.reply.torque_nm.max, 20);
+  EXPECT_EQ(config.drives[0].mit.command.torque_nm.max, 18);
+  EXPECT_EQ(config.drives[0].mit.reply.position_rad.max, 12.5F);
+  EXPECT_EQ(config.drives[0].mit.joint.direction, -1);
+  EXPECT_EQ(config.drives[0].mit.joint.gear_ratio, 1.5F);
+  EXPECT_EQ(config.drives[0].mit.temperature, MitTemperature::kOffset40);
+  EXPECT_EQ(config.drives[1].mit.temperature, MitTemperature::kSigned);
+}
+
+TEST(DrivesToml, RateAtTheCeilingOfTheBusIsAccepted) {
+  EXPECT_EQ(
+      ParseDrives(Mutate(ShippedText(), "rate_hz = 1000.0", "rate_hz = 1851"), "d.toml").rate_hz,
+      1851);
+}
+
+struct Refusal {
+  const char* name;
+  std::string from;
+  std::string to;
+  std::vector<std::string> fragments;
+};
+
+class DrivesRefusal : public testing::TestWithParam<Refusal> {};
+
+TEST_P(DrivesRefusal, NamesFileLineKeyAndCause) {
+  const Refusal& refusal = GetParam();
+  try {
+    ParseDrives(Mutate(ShippedText(), refusal.from, refusal.to), "d.toml");
+    FAIL() << "was accepted";
+  } catch (const FileError& error) {
+    EXPECT_THAT(error.what(), MatchesRegex("d\\.toml:[0-9]+: .+"));
+    for (const std::string& fragment : refusal.fragments)
+      EXPECT_THAT(error.what(), HasSubstr(fragment));
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    DrivesToml, DrivesRefusal,
+    testing::Values(
+        Refusal{"Format", "tumbler-drives", "tumbler-motors", {"format: is not 'tumbler-drives'"}},
+        Refusal{"Version", "version = 1", "version = 2", {"version: is 2; allowed: from 1 ... 1"}},
+        Refusal{"BitRate",
+                "bit_rate = 1_000_000",
+                "bit_rate = 2_000_000",
+                {"bus.bit_rate: is 2000000; allowed: from 10000 ... 1000000"}},
+        Refusal{"RateZero",
+                "rate_hz = 1000.0",
+                "rate_hz = 0.0",
+                {"bus.rate_hz: is 0; allowed: from 10 ... 10000"}},
+        Refusal{"RateBeyondTheBus",
+                "rate_hz = 1000.0",
+                "rate_hz = 1852.0",
+                {"bus.rate_hz: is 1852", "540 bits", "at most 1851 Hz"}},
+        Refusal{"SlowBus",
+                "bit_rate = 1_000_000",
+                "bit_rate = 500_000",
+                {"bus.rate_hz: is 1000", "500000 bit/s allow at most 925 Hz"}},
+        Refusal{"NoJoint", "joint = \"leg1\"", "", {"drive[0].joint: is missing"}},
+        Refusal{"EmptyJoint",
+                "joint = \"leg1\"",
+                "joint = \"\"",
+                {"drive[0].joint: is ''; allowed: 1 to 32 bytes"}},
+        Refusal{"Protocol",
+                "protocol = \"mit\"",
+                "protocol = \"odrive\"",
+                {"drive[0].protocol: is 'odrive'; allowed: mit"}},
+        Refusal{"NoProtocol", "protocol = \"mit\"", "", {"drive[0].protocol: is missing"}},
+        Refusal{"CommandIdZero",
+                "command_id = 1 ",
+                "command_id = 0 ",
+                {"drive[0].command_id: is 0; allowed: from 1 ... 255"}},
+        Refusal{"ReplyIdTooLarge",
+                "reply_id = 17",
+                "reply_id = 2048",
+                {"drive[0].reply_id: is 2048; allowed: from 0 ... 2047"}},
+        Refusal{"SameIdTwiceInADrive",
+                "reply_id = 17",
+                "reply_id = 1",
+                {"drive[0].reply_id: is 1, as command_id"}},
+        Refusal{"JointTwice",
+                "joint = \"leg2\"",
+                "joint = \"leg1\"",
+                {"drive[1].joint: is 'leg1', which another drive moves"}},
+        Refusal{"CommandIdTwice",
+                "command_id = 2",
+                "command_id = 1",
+                {"drive[1].command_id: is 1", "joint 'leg1'", "both drives would obey"}},
+        Refusal{"ReplyIdTwice",
+                "reply_id = 18",
+                "reply_id = 17",
+                {"drive[1].reply_id: is 17", "replies would collide"}},
+        Refusal{"ReplyIsACommand",
+                "reply_id = 18",
+                "reply_id = 1",
+                {"drive[1].reply_id: is 1", "its drive would obey replies"}},
+        Refusal{"CommandIsAReply",
+                "command_id = 2",
+                "command_id = 17",
+                {"drive[1].command_id: is 17", "the drive would obey replies"}},
+        Refusal{"DirectionZero",
+                "direction = 1 ",
+                "direction = 0 ",
+                {"drive[0].direction: is 0; allowed: 1 or -1"}},
+        Refusal{"DirectionTwo", "direction = 1 ", "direction = 2 ", {"drive[0].direction: is 2"}},
+        Refusal{"GearZero",
+                "gear_ratio = 1.0 ",
+                "gear_ratio = 0.0 ",
+                {"drive[0].gear_ratio: is 0; allowed: from 0.001 ... 1000"}},
+        Refusal{"OffsetNan",
+                "zero_offset_rad = 0.0 ",
+                "zero_offset_rad = nan ",
+                {"drive[0].zero_offset_rad: is nan"}},
+        Refusal{"KpNegative",
+                "kp_nm_per_rad = 200.0",
+                "kp_nm_per_rad = -1.0",
+                {"drive[0].kp_nm_per_rad: is -1; allowed: >= 0"}},
+        Refusal{"KpBeyondTheProtocol",
+                "kp_nm_per_rad = 200.0",
+                "kp_nm_per_rad = 501.0",
+                {"drive[0].kp_nm_per_rad: is 501; the drive carries at most 500 at the joint"}},
+        Refusal{"KdBeyondTheProtocol",
+                "kd_nm_s_per_rad = 4.0",
+                "kd_nm_s_per_rad = 5.5",
+                {"drive[0].kd_nm_s_per_rad: is 5.5; the drive carries at most 5"}},
+        Refusal{"TemperatureZero",
+                "temperature_max_c = 80.0",
+                "temperature_max_c = 0.0",
+                {"drive[0].temperature_max_c: is 0; allowed: above 0 ... 200"}},
+        Refusal{"TemperatureEncoding",
+                "\"signed\"",
+                "\"kelvin\"",
+                {"drive[0].temperature_encoding: is 'kelvin'; allowed: signed, offset-40"}},
+        Refusal{"WatchdogNegative",
+                "watchdog_s = 0.025",
+                "watchdog_s = -0.025",
+                {"drive[0].watchdog_s: is -0.025; allowed: from 0 ... 10"}},
+        Refusal{"WatchdogMissing", "watchdog_s = 0.025", "", {"drive[0].watchdog_s: is missing"}},
+        Refusal{"RangeReversed",
+                "position_rad = [-12.5, 12.5]",
+                "position_rad = [12.5, -12.5]",
+                {"drive[0].range.position_rad: is [12.5, -12.5]; the first number must be below"}},
+        Refusal{"RangeWithoutZero",
+                "torque_nm = [-18.0, 18.0]",
+                "torque_nm = [1.0, 18.0]",
+                {"drive[0].range.torque_nm: is [1, 18]; the range must contain 0"}},
+        Refusal{"GainRangeFromOne",
+                "kp_nm_per_rad = [0.0, 500.0]",
+                "kp_nm_per_rad = [1.0, 500.0]",
+                {"drive[0].range.kp_nm_per_rad: is [1, 500]; a gain's range must start at 0"}},
+        Refusal{"RangeOfThree",
+                "torque_nm = [-18.0, 18.0]",
+                "torque_nm = [-18.0, 0.0, 18.0]",
+                {"drive[0].range.torque_nm: holds 3 numbers; expected 2"}},
+        Refusal{"RangeInfinite",
+                "torque_nm = [-18.0, 18.0]",
+                "torque_nm = [-inf, 18.0]",
+                {"drive[0].range.torque_nm[0]: is -inf"}},
+        Refusal{"NoRange", "[drive.range]", "[drive.ranges]", {"drive[0].range: is missing"}},
+        Refusal{"UnknownKey",
+                "direction = 1 ",
+                "direktion = 1 ",
+                {"drive[0].direktion: is not a key that this file can hold"}},
+        Refusal{"UnknownBusKey",
+                "rate_hz = 1000.0",
+                "rate_hz = 1000.0\nrate_khz = 1",
+                {"bus.rate_khz: is not a key"}}),
+    [](const auto& instance) { return instance.param.name; });
+
+TEST(DrivesToml, AMissingFileIsNamed) {
+  try {
+    LoadDrives("/nonexistent/drives.toml");
+    FAIL();
+  } catch (const FileError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("/nonexistent/drives.toml"));
+  }
+}
+
+}  // namespace
+}  // namespace tumbler

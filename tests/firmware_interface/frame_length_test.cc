@@ -93,8 +93,6 @@ TEST(CanCrc15, IsTheRemainderOfPolynomialDivision) {
 }
 
 TEST(BitStream, OfAKnownFrameIsTheOneWorkedOutByHand) {
-  // Identifier 0x014, one byte 0x01, the example of the Wikipedia article on CAN, whose CRC is
-  // worked out there.
   const FrameBitStream stream = BuildBitStream(Frame(0x014, {0x01}));
   // SOF 0, id 00000010100, RTR 0, IDE 0, r0 0, DLC 0001, data 00000001, CRC. A stuff bit follows
   // every fifth equal bit.
@@ -221,8 +219,8 @@ TEST(WorstCaseFrameBits, AreNearlyReachedByFramesOfEightBytes) {
   const int longest = LongestFound(8, random);
   RecordProperty("longest", longest);
   EXPECT_LE(longest, WorstCaseFrameBits(CanIdKind::kStandard, 8));
-  // The bound assumes the worst bits in fields that are fixed (control field); measured: see the
-  // value below.
+  // The bound is not tight: it takes the control field and the CRC for bits that can be chosen. The
+  // search finds 132 of 135.
   EXPECT_GE(longest, WorstCaseFrameBits(CanIdKind::kStandard, 8) - 3);
 }
 

@@ -2,11 +2,14 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
+#include <cctype>
 #include <limits>
 #include <random>
 #include <set>
 #include <string>
+#include <vector>
 
 #include "tests/support/executor_rig.h"
 #include "tests/support/motions.h"
@@ -144,7 +147,6 @@ class FaultMatrix : public ::testing::TestWithParam<std::tuple<Fault, ExecutorSt
 /// nothing else.
 TEST_P(FaultMatrix, TheExecutorDoesWhatTheTableSays) {
   const auto [fault, state, reaction] = GetParam();
-  if (!IsPossible(fault, state)) GTEST_SKIP() << "cannot happen in this state";
   ExecutorConfig config;
   config.arming_ticks_max = 50;
   config.reactions.Set(fault, state, reaction);
@@ -235,12 +237,32 @@ TEST_P(FaultMatrix, TheExecutorDoesWhatTheTableSays) {
   }
 }
 
+std::vector<std::tuple<Fault, ExecutorState, Reaction>> PossibleCases() {
+  std::vector<std::tuple<Fault, ExecutorState, Reaction>> cases;
+  for (const Fault fault : kFaults) {
+    for (const ExecutorState state : kStates) {
+      if (!IsPossible(fault, state)) continue;
+      for (const Reaction reaction :
+           {Reaction::kIgnore, Reaction::kHold, Reaction::kDamp, Reaction::kDisable}) {
+        cases.emplace_back(fault, state, reaction);
+      }
+    }
+  }
+  return cases;
+}
+
+/// A readable name: fault, state and reaction without their blanks.
+std::string CaseName(
+    const ::testing::TestParamInfo<std::tuple<Fault, ExecutorState, Reaction>>& info) {
+  std::string name = std::string(ToString(std::get<0>(info.param))) + "_" +
+                     ToString(std::get<1>(info.param)) + "_" + ToString(std::get<2>(info.param));
+  std::replace_if(
+      name.begin(), name.end(), [](unsigned char c) { return std::isalnum(c) == 0; }, '_');
+  return name;
+}
+
 INSTANTIATE_TEST_SUITE_P(AllFaultsAllStatesAllReactions, FaultMatrix,
-                         ::testing::Combine(::testing::ValuesIn(kFaults),
-                                            ::testing::ValuesIn(kStates),
-                                            ::testing::Values(Reaction::kIgnore, Reaction::kHold,
-                                                              Reaction::kDamp,
-                                                              Reaction::kDisable)));
+                         ::testing::ValuesIn(PossibleCases()), CaseName);
 
 TEST(Faults, LatchUntilTheOperatorClearsThemWhileDisarmed) {
   ExecutorRig rig({}, Motion());

@@ -1,0 +1,51 @@
+// What scripts/count-instructions measures of dynamics and rollout: calls the counted function of
+// the given name and prints how many times (for a rollout, the number of its Runge-Kutta stages).
+// usage: dynamics_driver g|dg|ground_g|ground_dg|cost|gradient|long_gradient
+
+#include <cstdio>
+#include <string_view>
+
+#include "offline/rollout/rollout.h"
+#include "tests/benchmarks/dynamics_cases.h"
+#include "tests/support/handstand.h"
+
+namespace tumbler {
+namespace {
+
+[[gnu::noinline]] void CountedDynamics(DynamicsCase& c, bool differentiate) {
+  c.Solve();
+  if (differentiate) c.Differentiate();
+}
+
+using Gradient = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+[[gnu::noinline]] double CountedRollout(Rollout& rollout, const std::vector<double>& x,
+                                        Gradient* gradient) {
+  return gradient == nullptr ? rollout.Run(x).cost : rollout.Run(x, *gradient).cost;
+}
+
+int Main(std::string_view what) {
+  const bool ground = what.starts_with("ground_");
+  if (what == "g" || what == "dg" || ground) {
+    DynamicsCase c(ground);
+    constexpr int kCalls = 1024;
+    for (int i = 0; i < kCalls; ++i) CountedDynamics(c, what.ends_with("dg"));
+    if (ground && c.contacts() != 2) return 1;
+    std::printf("%d\n", kCalls);
+    return 0;
+  }
+  const Problem problem = HandstandProblem(what == "long_gradient" ? 36 : 12);
+  constexpr double kStep = 1e-3;
+  Rollout rollout(problem, kStep);
+  Gradient gradient(rollout.output_count(), rollout.parameter_count());
+  const std::vector<double> x = RandomMotion(problem, 1);
+  rollout.Run(x, gradient);  // The first gradient makes room for the record.
+  CountedRollout(rollout, x, what == "cost" ? nullptr : &gradient);
+  std::printf("%.0f\n", 4 * (problem.duration_s + problem.settle_s) / kStep);
+  return 0;
+}
+
+}  // namespace
+}  // namespace tumbler
+
+int main(int argc, char** argv) { return argc == 2 ? tumbler::Main(argv[1]) : 2; }

@@ -1,0 +1,37 @@
+#include <gtest/gtest.h>
+
+#include "tests/support/allocation_guard.h"
+#include "tests/support/random_robot.h"
+
+namespace tumbler {
+namespace {
+
+TEST(DynamicsAllocation, DynamicsContactsAndTheirDerivativesAllocateNothing) {
+  const PlanarRobot robot = LoadTumbler();
+  Obstacle<Plane> ground;
+  ground.normal = {0, 1};
+  Obstacle<Plane> bump;
+  bump.kind = Obstacle<Plane>::Kind::kSphere;
+  bump.radius_m = 0.15;
+  ContactModel<Plane> contact({}, robot.spheres, {ground, bump});
+  HybridDynamics<Plane> dynamics(robot.tree);
+  DynamicsDerivatives derivatives;
+  std::mt19937_64 random(32);
+  std::size_t contacts = 0;
+  for (int trial = 0; trial < 200; ++trial) {
+    DynamicsState s = RandomState(random, 5);
+    s.q[0] = Uniform(random, -0.5, 0.5);
+    s.q[1] = Uniform(random, 0.0, 0.35);
+    const testing::AllocationGuard guard;
+    dynamics.SetState(s.q, s.qd);
+    contact.Apply(dynamics);
+    dynamics.Solve(s.qdd, s.tau);
+    contact.Differentiate(dynamics);
+    dynamics.Differentiate(derivatives);
+    contacts += contact.active().size();
+  }
+  EXPECT_GT(contacts, 100U);
+}
+
+}  // namespace
+}  // namespace tumbler

@@ -1,0 +1,284 @@
+#include "offline/rollout/rollout.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstdint>
+
+#include "tests/support/handstand.h"
+
+namespace tumbler {
+namespace {
+
+using Gradient = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+constexpr std::array<double, 3> kDifferenceSteps = {1e-5, 1e-6, 1e-7};
+
+std::vector<double> Outputs(const RolloutResult& result) {
+  std::vector<double> out{result.cost};
+  out.insert(out.end(), result.torque_excess.begin(), result.torque_excess.end());
+  return out;
+}
+
+/// For each output, the largest difference between the gradient and central differences over the
+/// parameters, relative to the gradient's largest component; the best of several difference steps,
+/// since one that is right for every output does not exist.
+std::vector<double> GradientErrors(const Problem& problem, const std::vector<double>& x,
+                                   double step_s) {
+  Rollout rollout(problem, step_s);
+  Gradient gradient(rollout.output_count(), rollout.parameter_count());
+  const RolloutResult result = rollout.Run(x, gradient);
+  EXPECT_TRUE(result.finite);
+  EXPECT_TRUE(result.any_contact);
+  const auto outputs = static_cast<std::size_t>(rollout.output_count());
+  std::vector<double> best(outputs, 1e300);
+  for (const double h : kDifferenceSteps) {
+    std::vector<double> worst(outputs, 0);
+    for (std::size_t k = 0; k < x.size(); ++k) {
+      std::vector<double> shifted = x;
+      shifted[k] = x[k] + h;
+      const std::vector<double> plus = Outputs(rollout.Run(shifted));
+      shifted[k] = x[k] - h;
+      const std::vector<double> minus = Outputs(rollout.Run(shifted));
+      for (std::size_t i = 0; i < outputs; ++i) {
+        const double difference = (plus[i] - minus[i]) / (2 * h);
+        const auto row = static_cast<Eigen::Index>(i);
+        const double error = std::abs(gradient(row, static_cast<Eigen::Index>(k)) - difference);
+        worst[i] = std::max(worst[i], error / gradient.row(row).cwiseAbs().maxCoeff());
+      }
+    }
+    for (std::size_t i = 0; i < outputs; ++i) best[i] = std::min(best[i], worst[i]);
+  }
+  return best;
+}
+
+bool SameBits(double a, double b) {
+  return std::bit_cast<std::uint64_t>(a) == std::bit_cast<std::uint64_t>(b);
+}
+
+/// Lands from a small drop, so that the gradient goes through an impact of all four feet.
+Problem DroppedHandstand(int control_points = 12) {
+  Problem problem = HandstandProblem(control_points);
+  problem.start_q[1] += 0.05;
+  return problem;
+}
+
+class GradientAtStep : public testing::TestWithParam<double> {};
+INSTANTIATE_TEST_SUITE_P(Rollout, GradientAtStep, testing::Values(0.5e-3, 1e-3, 2e-3));
+
+TEST_P(GradientAtStep, AgreesWithCentralDifferencesThroughImpacts) {
+  for (const std::uint64_t seed : {1U, 2U, 3U}) {
+    const Problem problem = DroppedHandstand();
+    for (const double error : GradientErrors(problem, RandomMotion(problem, seed), GetParam()))
+      EXPECT_LT(error, 1e-5) << "seed " << seed;
+  }
+}
+
+TEST_P(GradientAtStep, AgreesForTheLinearTerminalCostOfTheRoll) {
+  Problem problem = HandstandProblem();  // [AB04, Eq. 34]: 50 q1(t_f) - q3(t_f).
+  problem.settle_s = 0;
+  problem.effort_weight = 0;
+  problem.terminal = {{TerminalTerm::When::kEnd, 0, false, 0, 50, 1},
+                      {TerminalTerm::When::kEnd, 2, false, 0, -1, 1}};
+  for (const double error : GradientErrors(problem, RandomMotion(problem, 4), GetParam()))
+    EXPECT_LT(error, 1e-5);
+}
+
+TEST_P(GradientAtStep, AgreesForSixtyParameters) {
+  const Problem problem = DroppedHandstand(36);
+  ASSERT_EQ(problem.parameter_count(), 60);
+  for (const double error : GradientErrors(problem, RandomMotion(problem, 5, 0.6), GetParam()))
+    EXPECT_LT(error, 1e-5);
+}
+
+TEST(Rollout, GradientHoldsForEveryKindOfTerminalTermAlone) {
+  for (const auto when : {TerminalTerm::When::kEnd, TerminalTerm::When::kSettled}) {
+    for (const bool of_velocity : {false, true}) {
+      for (const int power : {1, 2}) {
+        for (const int dof : {0, 1, 2}) {
+          Problem problem = HandstandProblem();
+          problem.settle_s = 0.03;  // A robot that has come to rest has no gradient to compare.
+          problem.effort_weight = 0;
+          problem.terminal = {{when, dof, of_velocity, 0.3, 2.0, power}};
+          EXPECT_LT(GradientErrors(problem, RandomMotion(problem, 6), 2e-3)[0], 1e-5)
+              << "dof " << dof << (of_velocity ? " velocity" : " position") << " power " << power;
+        }
+      }
+    }
+  }
+}
+
+TEST(Rollout, GradientOfEffortAloneIsThatOfTheIntegral) {
+  Problem problem = HandstandProblem();
+  problem.terminal.clear();
+  problem.effort_weight = 0.5;
+  EXPECT_LT(GradientErrors(problem, RandomMotion(problem, 7), 1e-3)[0], 1e-5);
+}
+
+TEST(Rollout, GradientHoldsWithRoundObstaclesDampingAndRotors) {
+  Problem problem = DroppedHandstand();
+  for (const std::size_t leg : {3U, 4U}) {
+    problem.robot.tree.dofs[leg].damping_nm_s_per_rad = 0.1;
+    problem.robot.tree.dofs[leg].rotor_inertia_kg_m2 = 2e-3;
+  }
+  Obstacle<Plane> bump;
+  bump.name = "bump";
+  bump.kind = Obstacle<Plane>::Kind::kSphere;
+  bump.point = {0.19, -0.08};
+  bump.radius_m = 0.1;
+  problem.obstacles.push_back(bump);
+  bool touched = false;
+  Rollout(problem, 1e-3).Visit(RandomMotion(problem, 8), 0, [&](const MotionSample& sample) {
+    for (const ActiveContact<Plane>& contact : sample.contacts) touched |= contact.obstacle == 1;
+  });
+  EXPECT_TRUE(touched);
+  for (const double error : GradientErrors(problem, RandomMotion(problem, 8), 1e-3))
+    EXPECT_LT(error, 1e-5);
+}
+
+TEST(Rollout, AnUnlimitedTorqueIsNeverExceededAndHasNoGradient) {
+  Problem problem = HandstandProblem();
+  const std::vector<double> x = RandomMotion(problem, 9);
+  Rollout limited(problem, 1e-3);
+  Gradient expected(3, 12), gradient(3, 12);
+  limited.Run(x, expected);
+  problem.joints[0].limits.torque_max_nm = std::numeric_limits<double>::infinity();
+  Rollout rollout(problem, 1e-3);
+  const RolloutResult result = rollout.Run(x, gradient);
+  EXPECT_EQ(result.torque_excess[0], -1);
+  EXPECT_TRUE((gradient.row(1).array() == 0).all());
+  EXPECT_TRUE((gradient.row(0).array() == expected.row(0).array()).all());
+  EXPECT_TRUE((gradient.row(2).array() == expected.row(2).array()).all());
+}
+
+TEST(Rollout, GivesTheSameBitsEveryTimeAndWithOrWithoutTheGradient) {
+  const Problem problem = DroppedHandstand();
+  Rollout first(problem, 1e-3), second(problem, 1e-3);
+  Gradient once(3, 12), again(3, 12);
+  for (const std::uint64_t seed : {10U, 11U, 12U}) {
+    const std::vector<double> x = RandomMotion(problem, seed);
+    const RolloutResult plain = first.Run(x);
+    const RolloutResult with_gradient = first.Run(x, once);
+    first.Run(RandomMotion(problem, 99), again);  // No memory of what came before.
+    const RolloutResult repeated = first.Run(x, again);
+    EXPECT_TRUE((once.array() == again.array()).all());
+    const RolloutResult other = second.Run(x, again);
+    EXPECT_TRUE((once.array() == again.array()).all());
+    for (const RolloutResult* result : {&with_gradient, &repeated, &other}) {
+      EXPECT_TRUE(SameBits(result->cost, plain.cost));
+      EXPECT_TRUE(SameBits(result->peak_penetration_m, plain.peak_penetration_m));
+      EXPECT_EQ(result->torque_excess, plain.torque_excess);
+      EXPECT_EQ(result->peak_torque_nm, plain.peak_torque_nm);
+    }
+  }
+}
+
+TEST(Rollout, VisitShowsTheMotionWhoseCostRunReturns) {
+  Problem problem = DroppedHandstand();
+  problem.effort_weight = 0;
+  const std::vector<double> x = RandomMotion(problem, 13);
+  for (const int dof : {0, 1, 2}) {
+    for (const bool of_velocity : {false, true}) {
+      for (const auto when : {TerminalTerm::When::kEnd, TerminalTerm::When::kSettled}) {
+        // A linear cost of weight one is the state itself.
+        problem.terminal = {{when, dof, of_velocity, 0, 1, 1}};
+        Rollout rollout(problem, 1e-3);
+        const RolloutResult result = rollout.Run(x);
+        const double instant = when == TerminalTerm::When::kEnd
+                                   ? problem.duration_s
+                                   : problem.duration_s + problem.settle_s;
+        double seen = 1e300;
+        double nearest = 1e300;
+        std::vector<double> peak(2, 0);
+        rollout.Visit(x, 0.1, [&](const MotionSample& sample) {
+          const double distance = std::abs(sample.time_s - instant);
+          if (distance < nearest) {
+            nearest = distance;
+            seen = (of_velocity ? sample.qd : sample.q)[static_cast<std::size_t>(dof)];
+          }
+          if (sample.time_s > problem.duration_s + problem.settle_s - 0.5e-3) return;
+          for (std::size_t j = 0; j < 2; ++j)
+            peak[j] = std::max(peak[j], std::abs(sample.torque[j]));
+        });
+        EXPECT_LT(nearest, 1e-9);
+        EXPECT_TRUE(SameBits(result.cost, seen)) << "dof " << dof;
+        EXPECT_EQ(peak, result.peak_torque_nm);
+      }
+    }
+  }
+}
+
+TEST(Rollout, VisitFollowsTheSplinesAndThenHolds) {
+  const Problem problem = HandstandProblem();
+  const std::vector<double> x = RandomMotion(problem, 14);
+  Rollout rollout(problem, 1e-3);
+  const auto spline = PositionSpline(problem, x, 1);
+  double last = -1;
+  int samples = 0;
+  rollout.Visit(x, 0.1, [&](const MotionSample& sample) {
+    EXPECT_GT(sample.time_s, last);
+    last = sample.time_s;
+    ++samples;
+    const auto expected = spline.Evaluate(sample.time_s);
+    EXPECT_NEAR(sample.q[4], expected.value, 1e-12);
+    EXPECT_NEAR(sample.qd[4], sample.time_s < problem.duration_s ? expected.first : 0, 1e-9);
+  });
+  EXPECT_EQ(samples, 1501);
+  EXPECT_NEAR(last, 1.5, 1e-12);
+}
+
+TEST(Rollout, TheSmoothTorqueMaximumIsNotBelowTheTrueOneAndCloseToIt) {
+  const Problem problem = DroppedHandstand();
+  Rollout rollout(problem, 1e-3);
+  for (const std::uint64_t seed : {15U, 16U, 17U}) {
+    const RolloutResult result = rollout.Run(RandomMotion(problem, seed));
+    for (std::size_t j = 0; j < 2; ++j) {
+      const double excess = result.peak_torque_nm[j] / 8 - 1;
+      EXPECT_GE(result.torque_excess[j], excess);
+      EXPECT_LE(result.torque_excess[j],
+                excess + std::log(1400.0) / problem.solver.torque_sharpness);
+    }
+  }
+}
+
+TEST(Rollout, HalvingTheStepConvergesWithTheFourthOrderInFlight) {
+  Problem problem = HandstandProblem();
+  problem.obstacles.clear();
+  problem.settle_s = 0;  // The legs' acceleration may jump where the motion ends.
+  problem.terminal = {{TerminalTerm::When::kEnd, 2, false, 0, 1, 1}};
+  problem.effort_weight = 0;
+  problem.control_points = 6;  // One polynomial, so that nothing is rough inside a step.
+  problem.joints[0].end_rad = 0.5;
+  const std::vector<double> x;
+  const auto cost = [&](double step_s) { return Rollout(problem, step_s).Run(x).cost; };
+  const double reference = cost(1e-3);
+  const double coarse = cost(40e-3) - reference;
+  const double fine = cost(20e-3) - reference;
+  EXPECT_GT(std::abs(coarse), 1e-9);
+  EXPECT_NEAR(std::log2(coarse / fine), 4, 0.3);
+}
+
+TEST(Rollout, ARunThatBlowsUpSaysSoAndHasNoGradient) {
+  Problem problem = HandstandProblem();
+  Rollout rollout(problem, 1e-3);
+  Gradient gradient(3, 12);
+  const std::vector<double> good = RandomMotion(problem, 18);
+  const double cost = rollout.Run(good).cost;
+  for (const double bad :
+       {1e6, std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
+    std::vector<double> x = good;
+    x[4] = bad;
+    const RolloutResult plain = rollout.Run(x);
+    EXPECT_FALSE(plain.finite);
+    EXPECT_EQ(plain.cost, std::numeric_limits<double>::infinity());
+    gradient.setOnes();
+    const RolloutResult result = rollout.Run(x, gradient);
+    EXPECT_FALSE(result.finite);
+    EXPECT_TRUE((gradient.array() == 0).all());
+    EXPECT_TRUE(SameBits(rollout.Run(good).cost, cost)) << "a failed run left something behind";
+  }
+}
+
+}  // namespace
+}  // namespace tumbler

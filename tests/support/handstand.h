@@ -1,0 +1,64 @@
+#pragma once
+
+#include <cmath>
+#include <numbers>
+#include <random>
+#include <vector>
+
+#include "offline/problem/problem.h"
+#include "tests/support/random_robot.h"
+
+namespace tumbler {
+
+/// The shipped robot standing at home on flat ground, its legs to end as in a handstand: 1.2 s of
+/// motion, 0.2 s of settling, the paper's terminal cost with an effort term.
+inline Problem HandstandProblem(int control_points = 12) {
+  constexpr double kPi = std::numbers::pi;
+  Problem problem;
+  problem.name = "handstand";
+  problem.robot = LoadTumbler();
+  JointLimits<double> limits;
+  limits.position_min_rad = -2.9;
+  limits.position_max_rad = 2.9;
+  limits.velocity_max_rad_s = 20;
+  limits.acceleration_max_rad_s2 = 400;
+  limits.torque_max_nm = 8;
+  problem.joints = {{3, limits, -kPi / 2, 0}, {4, limits, kPi / 2, 0}};
+  Obstacle<Plane> ground;
+  ground.name = "ground";
+  ground.normal = {0, 1};
+  problem.obstacles = {ground};
+  problem.start_q = {0, 0.2125, 0, -kPi / 2, kPi / 2};
+  problem.duration_s = 1.2;
+  problem.settle_s = 0.2;
+  problem.control_points = control_points;
+  problem.terminal = {{TerminalTerm::When::kSettled, 2, false, kPi / 2, 1, 2},
+                      {TerminalTerm::When::kEnd, 2, true, 0, 0.01, 2}};
+  problem.effort_weight = 1e-3;
+  return problem;
+}
+
+/// Parameters of a smooth random motion: the straight line from start to end, plus a few half
+/// sines.
+inline std::vector<double> RandomMotion(const Problem& problem, std::uint64_t seed,
+                                        double amplitude_rad = 1.2) {
+  std::mt19937_64 random(seed);
+  std::vector<double> x;
+  const int points = problem.free_points_per_joint();
+  for (const ActuatedJoint& joint : problem.joints) {
+    const std::vector<double> modes = {Uniform(random, -1, 1), Uniform(random, -1, 1) / 2,
+                                       Uniform(random, -1, 1) / 3};
+    for (int i = 0; i < points; ++i) {
+      const double s = (i + 1.0) / (points + 1.0);
+      double value = joint.start_rad + s * (joint.end_rad - joint.start_rad);
+      for (std::size_t m = 0; m < modes.size(); ++m) {
+        value +=
+            amplitude_rad * modes[m] * std::sin(std::numbers::pi * static_cast<double>(m + 1) * s);
+      }
+      x.push_back(value);
+    }
+  }
+  return x;
+}
+
+}  // namespace tumbler
