@@ -118,10 +118,13 @@ GradientCheck CompareGradient(const std::function<double(const std::vector<doubl
       at[i] = middle;
       const double difference = (above - below) / (2 * step);
       scale = std::max(scale, std::abs(difference));
-      worst = std::max(worst, std::abs(difference - gradient[i]));
+      const double wrong = std::abs(difference - gradient[i]);
+      // std::max would pass over one that is not a number.
+      worst =
+          std::isfinite(wrong) ? std::max(worst, wrong) : std::numeric_limits<double>::infinity();
     }
     // A cost that does not depend on the motion has no gradient to be wrong.
-    const double error = scale > 0 ? worst / scale : 0;
+    const double error = scale > 0 ? worst / scale : worst;
     if (error < check.relative_error) check = {error, step};
   }
   return check;

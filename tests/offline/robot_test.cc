@@ -1,0 +1,202 @@
+// Robots from URDF text: the numbers that come out, against sums by hand. Refusals of bad files are
+// in bad_input_test.cc.
+
+#include "offline/model/robot.h"
+
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "common/toml_reader.h"
+#include "offline/model/urdf_source.h"
+#include "tests/support/task_files.h"
+
+namespace tumbler {
+namespace {
+
+using ::testing::HasSubstr;
+using testing::LineOf;
+using testing::Replaced;
+using testing::ShippedRobot;
+
+PlanarRobot Parse(const std::string& text, RootKind root = RootKind::kPlanarXz) {
+  return ParsePlanarRobot(text, "robot.urdf", root);
+}
+
+/// What ParsePlanarRobot says against the text; empty when it takes it.
+std::string Refusal(const std::string& text) {
+  try {
+    Parse(text);
+  } catch (const FileError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+/// `<link>` with a mass at a place and a moment about -y.
+std::string Link(const std::string& name, const std::string& mass = "1",
+                 const std::string& x = "0") {
+  return fmt::format(
+      "<link name='{}'><inertial><origin xyz='{} 0 0'/><mass value='{}'/><inertia ixx='0.02' "
+      "ixy='0' ixz='0' iyy='0.02' iyz='0' izz='0.02'/></inertial></link>",
+      name, x, mass);
+}
+std::string Joint(const std::string& name, const std::string& type, const std::string& parent,
+                  const std::string& child, const std::string& more) {
+  return fmt::format("<joint name='{}' type='{}'><parent link='{}'/><child link='{}'/>{}</joint>",
+                     name, type, parent, child, more);
+}
+std::string Robot(const std::string& inside) {
+  return fmt::format("<robot name='r'>{}</robot>", inside);
+}
+const char* const kLimit = "<limit lower='-1' upper='1' effort='3' velocity='4'/>";
+
+TEST(PlanarRobot, OfTheShippedFileIsThatOfItsDescription) {
+  const PlanarRobot robot = Parse(ShippedRobot());
+  EXPECT_EQ(robot.name, "tumbler");
+  ASSERT_EQ(robot.tree.dofs.size(), 5U);
+  EXPECT_EQ(robot.root_dofs, 3);
+  EXPECT_EQ(robot.FindDof("leg1"), 3);
+  EXPECT_EQ(robot.FindDof("leg2"), 4);
+  EXPECT_EQ(robot.FindDof("pitch"), -1) << "the root's coordinates are no joints";
+  EXPECT_EQ(robot.FindDof("leg3"), -1);
+  double mass = 0;
+  for (const auto& dof : robot.tree.dofs) mass += dof.mass_kg;
+  EXPECT_DOUBLE_EQ(mass, 1.8);
+  EXPECT_NEAR(robot.tree.dofs[3].inertia_kg_m2, 0.4 * 0.2 * 0.2 / 12, 1e-12);
+  EXPECT_NEAR(robot.tree.dofs[3].offset.x(), 0.15, 1e-15);
+  EXPECT_NEAR(robot.tree.dofs[3].mass_centre.x(), 0.1, 1e-15);
+  EXPECT_EQ(robot.tree.dofs[3].axis, 1) << "grows with pitch";
+  EXPECT_EQ(robot.spheres.size(), 6U);
+  EXPECT_TRUE(robot.ignored_shapes.empty());
+  EXPECT_EQ(robot.limits[3].effort_nm, 8);
+  EXPECT_EQ(robot.limits[4].lower_rad, -2.9);
+}
+
+TEST(PlanarRobot, LinksOnFixedJointsAreMergedWithTheirInertia) {
+  const PlanarRobot robot = Parse(
+      Robot(Link("base") + Link("a", "2", "0.1") + Link("b", "3", "0.2") +
+            Joint("fix", "fixed", "a", "b", "<origin xyz='0.5 0 0.4'/>") +
+            Joint("turn", "revolute", "base", "a", std::string("<axis xyz='0 -1 0'/>") + kLimit)));
+  ASSERT_EQ(robot.tree.dofs.size(), 4U);
+  const auto& dof = robot.tree.dofs[3];
+  EXPECT_DOUBLE_EQ(dof.mass_kg, 5);
+  const double cx = (2 * 0.1 + 3 * 0.7) / 5, cz = 3 * 0.4 / 5;
+  EXPECT_NEAR(dof.mass_centre.x(), cx, 1e-12);
+  EXPECT_NEAR(dof.mass_centre.y(), cz, 1e-12);
+  EXPECT_NEAR(dof.inertia_kg_m2,
+              0.02 + 0.02 + 2 * (std::pow(0.1 - cx, 2) + cz * cz) +
+                  3 * (std::pow(0.7 - cx, 2) + std::pow(0.4 - cz, 2)),
+              1e-12);
+}
+
+TEST(PlanarRobot, AFixedRootHasNoCoordinatesAndItsOwnMassDoesNotCount) {
+  const PlanarRobot robot = Parse(
+      Robot(Link("base") + Link("a") +
+            Joint("turn", "revolute", "base", "a", std::string("<axis xyz='0 1 0'/>") + kLimit)),
+      RootKind::kFixed);
+  ASSERT_EQ(robot.tree.dofs.size(), 1U);
+  EXPECT_EQ(robot.root_dofs, 0);
+  EXPECT_EQ(robot.tree.dofs[0].parent, -1);
+  EXPECT_EQ(robot.tree.dofs[0].axis, -1) << "about +y is against pitch";
+  EXPECT_EQ(robot.FindDof("turn"), 0);
+}
+
+TEST(PlanarRobot, JointsKeepTheFilesOrderNotTheAlphabets) {
+  const std::string turn = std::string("<axis xyz='0 -1 0'/>") + kLimit;
+  const PlanarRobot robot = Parse(Robot(Link("base") + Link("l1") + Link("l2") + Link("l3") +
+                                        Joint("zulu", "revolute", "base", "l1", turn) +
+                                        Joint("mike", "revolute", "base", "l2", turn) +
+                                        Joint("alpha", "revolute", "base", "l3", turn)));
+  EXPECT_EQ(robot.tree.dofs[3].name, "zulu");
+  EXPECT_EQ(robot.tree.dofs[4].name, "mike");
+  EXPECT_EQ(robot.tree.dofs[5].name, "alpha");
+}
+
+TEST(PlanarRobot, ContinuousJointsHaveNoEndsAndPrismaticOnesADirection) {
+  const PlanarRobot robot = Parse(Robot(
+      Link("base") + Link("a") + Link("b") +
+      Joint("spin", "continuous", "base", "a", "<axis xyz='0 -1 0'/>") +
+      Joint("slide", "prismatic", "base", "b",
+            std::string("<origin rpy='0 -1.5707963267948966 0'/><axis xyz='1 0 0'/>") + kLimit)));
+  EXPECT_EQ(robot.limits[3].lower_rad, -std::numeric_limits<double>::infinity());
+  EXPECT_EQ(robot.limits[3].effort_nm, std::numeric_limits<double>::infinity());
+  EXPECT_NEAR(robot.tree.dofs[4].direction.x(), 0, 1e-12);
+  EXPECT_NEAR(robot.tree.dofs[4].direction.y(), 1, 1e-12) << "x turned by -pi/2 about y points up";
+}
+
+TEST(PlanarRobot, ShapesThatContactDoesNotUseAreListedWithTheirLine) {
+  const std::string text =
+      Replaced(ShippedRobot(), "<sphere radius=\"0.03\"/>", "<box size=\"0.1 0.1 0.1\"/>");
+  const PlanarRobot robot = Parse(text);
+  EXPECT_EQ(robot.spheres.size(), 5U);
+  ASSERT_EQ(robot.ignored_shapes.size(), 1U);
+  EXPECT_EQ(robot.ignored_shapes[0].link, "middle");
+  EXPECT_EQ(robot.ignored_shapes[0].line,
+            static_cast<std::uint32_t>(LineOf(text, "<link name=\"middle\"")));
+}
+
+TEST(PlanarRobot, AJointThatMovesNoMassIsRefusedButAMasslessLinkBetweenIsNot) {
+  const std::string turn = std::string("<axis xyz='0 -1 0'/>") + kLimit;
+  const std::string two_joints = Joint("j1", "revolute", "base", "between", turn) +
+                                 Joint("j2", "revolute", "between", "end", turn);
+  EXPECT_EQ(Refusal(Robot(Link("base") + "<link name='between'/>" + Link("end") + two_joints)), "");
+  EXPECT_THAT(Refusal(Robot(Link("base") + Link("between") + "<link name='end'/>" + two_joints)),
+              HasSubstr("link 'end': degree of freedom 'j2' moves no mass"));
+}
+
+TEST(PlanarRobot, AxisMayBeWrittenAtAnyLengthAndInATurnedFrame) {
+  const auto with = [](const std::string& origin, const std::string& axis) {
+    return Refusal(
+        Robot(Link("base") + Link("a") +
+              Joint("j", "revolute", "base", "a",
+                    fmt::format("<origin rpy='{}'/><axis xyz='{}'/>{}", origin, axis, kLimit))));
+  };
+  EXPECT_EQ(with("0 0 0", "0 -5 0"), "");
+  EXPECT_EQ(with("1.5707963267948966 0 0", "0 0 1"), "") << "z of the joint is -y of the robot";
+  EXPECT_THAT(with("1.5707963267948966 0 0", "0 1 0"), HasSubstr("joint 'j'"));
+}
+
+TEST(PlanarRobot, MoreDegreesOfFreedomThanFitAreRefused) {
+  std::string inside = Link("l0");
+  for (int i = 1; i <= 20; ++i) {
+    inside += Link(fmt::format("l{}", i));
+    inside += Joint(fmt::format("j{}", i), "revolute", fmt::format("l{}", i - 1),
+                    fmt::format("l{}", i), std::string("<axis xyz='0 -1 0'/>") + kLimit);
+  }
+  EXPECT_THAT(Refusal(Robot(inside)), HasSubstr("degrees of freedom"));
+}
+
+TEST(PlanarRobot, NumbersMayHavePlusSignsAndExtraBlanks) {
+  EXPECT_EQ(
+      Refusal(Replaced(ShippedRobot(), "origin xyz=\"0.15 0 0\"", "origin xyz=\" +0.15  0 0 \"")),
+      "");
+}
+
+TEST(UrdfSource, KnowsLinesOfElements) {
+  const std::string text = ShippedRobot();
+  const UrdfSource source(text, "robot.urdf");
+  EXPECT_EQ(source.LineOfLink("middle", "mass"),
+            static_cast<std::uint32_t>(LineOf(text, "<mass value=\"1.0\"")));
+  EXPECT_EQ(source.LineOfJoint("leg1", "limit"),
+            static_cast<std::uint32_t>(LineOf(text, "<limit")));
+  EXPECT_EQ(source.LineOfJoint("leg1", "dynamics"),
+            static_cast<std::uint32_t>(LineOf(text, "<joint name=\"leg1\"")))
+      << "what is not there is at the line of the whole";
+  EXPECT_EQ(source.LineOfLink("absent", ""), 0U);
+  EXPECT_EQ(source.joint_order(), (std::vector<std::string>{"leg1", "leg2"}));
+}
+
+TEST(UrdfSource, NoTruncationOfAFileCrashesOrPasses) {
+  const std::string text = ShippedRobot();
+  const std::size_t whole = text.find("</robot>");
+  for (std::size_t length = 0; length < whole + 8; length += 7) {
+    EXPECT_NE(Refusal(text.substr(0, length)), "") << length;
+  }
+}
+
+}  // namespace
+}  // namespace tumbler

@@ -1,0 +1,319 @@
+// The simulated robot against mechanics: energy, weight, and time.
+
+#include "offline/twin/twin.h"
+
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+#include <memory>
+#include <vector>
+
+#include "offline/contact/contact_law.h"
+#include "tests/support/task_files.h"
+
+namespace tumbler {
+namespace {
+
+using testing::Replaced;
+using testing::ShippedRobot;
+using testing::ShippedTask;
+
+constexpr std::int64_t kMs = 1'000'000;
+constexpr double kGravity = 9.81;
+constexpr double kMass = 1.8;
+
+std::string StandingTask() { return ShippedTask(); }
+std::string AloftTask() {
+  return Replaced(ShippedTask(), "pitch_rad = 0.0", "pitch_rad = 0.0\nz_m = 100.0", "[start]");
+}
+
+/// A twin with two drives and a host that speaks to them.
+struct Rig {
+  explicit Rig(const std::string& task, const TwinConfig& config = {}) : host(bus.Attach()) {
+    std::vector<SimulatedDrive*> pointers;
+    for (std::uint16_t i = 0; i < 2; ++i) {
+      SimulatedDriveConfig drive;
+      drive.mit.command_id = static_cast<std::uint16_t>(1 + i);
+      drive.mit.reply_id = static_cast<std::uint16_t>(17 + i);
+      drive.watchdog_s = 0;
+      drive.torque_max_nm = 8;
+      drive.encoder_step_rad = 0;
+      drives.push_back(std::make_unique<SimulatedDrive>(drive));
+      bus.Attach(*drives.back(), SimulatedDrive::PortConfig());
+      pointers.push_back(drives.back().get());
+    }
+    PrimitiveFile file;
+    file.provenance.task_toml = task;
+    file.provenance.task_file = "task.toml";
+    file.provenance.robot_urdf = ShippedRobot();
+    file.provenance.robot_file = "robot.urdf";
+    twin = std::make_unique<Twin>(file, config, bus, pointers);
+  }
+  void Command(std::size_t drive, const MitCommand& command) {
+    ASSERT_EQ(host.Send(EncodeMitCommand(drives[drive]->config().mit, command)), Status::kOk);
+  }
+  void Magic(MitMagic magic) {
+    for (const auto& drive : drives)
+      ASSERT_EQ(host.Send(MitMagicFrame(drive->config().mit, magic)), Status::kOk);
+  }
+  void HoldHome() {
+    Command(0, {.position_rad = -1.5707963F, .kp_nm_per_rad = 200, .kd_nm_s_per_rad = 4});
+    Command(1, {.position_rad = 1.5707963F, .kp_nm_per_rad = 200, .kd_nm_s_per_rad = 4});
+    Magic(MitMagic::kEnter);
+  }
+
+  SimulatedBus bus;
+  SimulatedBus::Port& host;
+  std::vector<std::unique_ptr<SimulatedDrive>> drives;
+  std::unique_ptr<Twin> twin;
+};
+
+/// The shipped robot by hand: point, angle and their rates of each rod, from the state.
+struct Rod {
+  double x, z, angle, vx, vz, rate;
+};
+
+/// A point at distance r along a direction of this angle from a moving point.
+Rod Along(const Rod& from, double angle, double rate, double r) {
+  return {from.x + r * std::cos(angle),         from.z + r * std::sin(angle),         angle,
+          from.vx - r * rate * std::sin(angle), from.vz + r * rate * std::cos(angle), rate};
+}
+
+struct Robot {
+  Rod middle, leg1, leg2;  ///< Mass centres.
+  std::array<Rod, 6> spheres;
+};
+
+Robot RobotOf(const TwinState& s) {
+  const Rod centre{s.root_x_m,    s.root_z_m,    s.root_pitch_rad,
+                   s.root_vx_m_s, s.root_vz_m_s, s.root_pitch_rate_rad_s};
+  Robot robot;
+  robot.middle = centre;
+  std::size_t sphere = 0;
+  for (int leg = 0; leg < 2; ++leg) {
+    const double side = leg == 0 ? 1 : -1;
+    const double angle = s.root_pitch_rad + s.joint_positions_rad[static_cast<std::size_t>(leg)];
+    const double rate =
+        s.root_pitch_rate_rad_s + s.joint_velocities_rad_s[static_cast<std::size_t>(leg)];
+    const Rod hinge = Along(centre, s.root_pitch_rad, s.root_pitch_rate_rad_s, side * 0.15);
+    (leg == 0 ? robot.leg1 : robot.leg2) = Along(hinge, angle, rate, side * 0.1);
+    robot.spheres[sphere++] = hinge;  // The middle link's ends.
+    const Rod end = Along(hinge, angle, rate, side * 0.2);
+    for (const double across : {0.04, -0.04})
+      robot.spheres[sphere++] = Along(end, angle + M_PI / 2, rate, across);
+  }
+  return robot;
+}
+
+double RodEnergy(const Rod& rod, double mass, double inertia) {
+  return mass * kGravity * rod.z + 0.5 * mass * (rod.vx * rod.vx + rod.vz * rod.vz) +
+         0.5 * inertia * rod.rate * rod.rate;
+}
+
+/// Kinetic and potential energy in the field of gravity, rotors included.
+double MechanicalEnergy(const TwinState& s) {
+  const Robot robot = RobotOf(s);
+  double energy = RodEnergy(robot.middle, 1.0, 7.5e-3) +
+                  RodEnergy(robot.leg1, 0.4, 1.3333333333333333e-3) +
+                  RodEnergy(robot.leg2, 0.4, 1.3333333333333333e-3);
+  for (const double rate : s.joint_velocities_rad_s) energy += 0.5 * 0.001 * rate * rate;
+  return energy;
+}
+
+/// What the contacts' springs hold: the integral of the force of slow compression.
+double SpringEnergy(const TwinState& s) {
+  const ContactLaw law;  // That of the shipped task.
+  const Robot robot = RobotOf(s);
+  double energy = 0;
+  for (std::size_t i = 0; i < robot.spheres.size(); ++i) {
+    const double radius = i % 3 == 0 ? 0.03 : 0.01;
+    const double d = robot.spheres[i].z - radius;
+    constexpr int kSteps = 400;
+    const double h = std::max(0.0, law.layer_m - d) / kSteps;
+    for (int k = 0; k < kSteps && h > 0; ++k)
+      energy += h * EvaluateNormalForce(law, law.layer_m - (k + 0.5) * h, 0).N;
+  }
+  return energy;
+}
+
+TEST(TwinMechanics, AFreeFallGainsSpeedAsGravitySays) {
+  Rig rig(AloftTask());
+  for (int ms = 100; ms <= 1000; ms += 100) {
+    rig.twin->AdvanceTo(ms * kMs);
+    const TwinState s = rig.twin->state();
+    const double t = 1e-3 * ms;
+    EXPECT_NEAR(s.root_vz_m_s, -kGravity * t, 1e-9);
+    EXPECT_NEAR(s.root_z_m, 100 - 0.5 * kGravity * t * t, 1e-9);
+    EXPECT_NEAR(s.root_x_m, 0, 1e-12);
+    EXPECT_NEAR(s.root_pitch_rad, 0, 1e-12);
+    EXPECT_EQ(s.normal_force_n, 0);
+    EXPECT_EQ(s.peak_penetration_m, 0);
+  }
+}
+
+TEST(TwinMechanics, AFlightWithLimpDrivesAndNoFrictionKeepsEnergyAndMomentum) {
+  TwinConfig config;
+  config.joint_damping_nm_s_per_rad = 0;
+  Rig rig(AloftTask(), config);
+  rig.Command(0, {.torque_nm = 1.0F});
+  rig.Command(1, {.torque_nm = -0.4F});
+  rig.Magic(MitMagic::kEnter);
+  rig.twin->AdvanceTo(100 * kMs);
+  rig.Magic(MitMagic::kExit);
+  rig.twin->AdvanceTo(110 * kMs);
+  const TwinState kicked = rig.twin->state();
+  ASSERT_GT(std::abs(kicked.joint_velocities_rad_s[0]), 5);
+  ASSERT_EQ(kicked.joint_torques_nm, (std::vector<double>{0, 0}));
+  const auto momentum = [](const TwinState& s) {
+    const Robot r = RobotOf(s);
+    return r.middle.vx + 0.4 * (r.leg1.vx + r.leg2.vx);
+  };
+  const double energy = MechanicalEnergy(kicked);
+  for (int ms = 120; ms <= 1000; ms += 10) {
+    rig.twin->AdvanceTo(ms * kMs);
+    EXPECT_NEAR(MechanicalEnergy(rig.twin->state()), energy, 1e-5 * energy) << ms;
+    EXPECT_NEAR(momentum(rig.twin->state()), 0, 1e-6) << ms;
+  }
+}
+
+TEST(TwinMechanics, BearingFrictionTakesEnergyAway) {
+  Rig rig(AloftTask());
+  rig.Command(0, {.torque_nm = 1.0F});
+  rig.Magic(MitMagic::kEnter);
+  rig.twin->AdvanceTo(100 * kMs);
+  rig.Magic(MitMagic::kExit);
+  rig.twin->AdvanceTo(110 * kMs);
+  double before = MechanicalEnergy(rig.twin->state());
+  const double first = before;
+  for (int ms = 120; ms <= 400; ms += 10) {
+    rig.twin->AdvanceTo(ms * kMs);
+    const double now = MechanicalEnergy(rig.twin->state());
+    EXPECT_LT(now, before + 1e-9) << ms;
+    before = now;
+  }
+  EXPECT_LT(before, first - 0.01);
+}
+
+TEST(TwinMechanics, ACollapseOntoTheGroundNeverGainsEnergy) {
+  // Limp from the start: the legs fold, the robot lands on its middle link.
+  std::string task = Replaced(StandingTask(), "leg1 = -1.5707963267948966", "leg1 = -1.3");
+  task = Replaced(task, "leg2 = 1.5707963267948966", "leg2 = 1.2");
+  Rig rig(task);
+  double before = MechanicalEnergy(rig.twin->state()) + SpringEnergy(rig.twin->state());
+  const double first = before;
+  for (int ms = 1; ms <= 1500; ++ms) {
+    rig.twin->AdvanceTo(ms * kMs);
+    const TwinState s = rig.twin->state();
+    const double now = MechanicalEnergy(s) + SpringEnergy(s);
+    ASSERT_LT(now, before + 1e-5) << ms << " ms";
+    before = now;
+  }
+  EXPECT_LT(before, first - 1) << "it should have fallen";
+  EXPECT_GT(rig.twin->state().root_z_m, 0.02) << "it lies on the ground, not in it";
+}
+
+TEST(TwinMechanics, HeldAtHomeItStandsAndTheGroundCarriesItsWeight) {
+  Rig rig(StandingTask());
+  const TwinState start = rig.twin->state();
+  rig.HoldHome();
+  for (int ms = 100; ms <= 3000; ms += 100) {
+    rig.twin->AdvanceTo(ms * kMs);
+    const TwinState s = rig.twin->state();
+    EXPECT_NEAR(s.root_pitch_rad, 0, 0.01);
+    EXPECT_NEAR(s.root_z_m, start.root_z_m, 0.002);
+    EXPECT_NEAR(s.root_x_m, 0, 0.005);
+    if (ms >= 500) {
+      EXPECT_NEAR(s.normal_force_n, kMass * kGravity, 0.01 * kMass * kGravity) << ms;
+    }
+  }
+  EXPECT_LT(rig.twin->state().peak_penetration_m, 0.004);
+}
+
+TEST(TwinMechanics, TheStartIsTheTasksRestPose) {
+  const TwinState s = Rig(StandingTask()).twin->state();
+  EXPECT_EQ(s.time_ns, 0);
+  EXPECT_NEAR(s.joint_positions_rad[0], -M_PI / 2, 1e-12);
+  EXPECT_NEAR(s.joint_positions_rad[1], M_PI / 2, 1e-12);
+  // Feet 0.2 m below the hinges, 10 mm spheres, in a layer 4 mm high.
+  EXPECT_GT(s.root_z_m, 0.21);
+  EXPECT_LT(s.root_z_m, 0.214);
+  EXPECT_NEAR(s.root_pitch_rad, 0, 1e-6);
+}
+
+void ExpectSame(const TwinState& a, const TwinState& b) {
+  EXPECT_EQ(a.time_ns, b.time_ns);
+  EXPECT_EQ(a.root_x_m, b.root_x_m);
+  EXPECT_EQ(a.root_z_m, b.root_z_m);
+  EXPECT_EQ(a.root_pitch_rad, b.root_pitch_rad);
+  EXPECT_EQ(a.root_vx_m_s, b.root_vx_m_s);
+  EXPECT_EQ(a.root_vz_m_s, b.root_vz_m_s);
+  EXPECT_EQ(a.root_pitch_rate_rad_s, b.root_pitch_rate_rad_s);
+  EXPECT_EQ(a.joint_positions_rad, b.joint_positions_rad);
+  EXPECT_EQ(a.joint_velocities_rad_s, b.joint_velocities_rad_s);
+  EXPECT_EQ(a.joint_torques_nm, b.joint_torques_nm);
+  EXPECT_EQ(a.peak_penetration_m, b.peak_penetration_m);
+}
+
+TEST(TwinTime, OneAdvanceAndManyOfWholeStepsGiveTheSameState) {
+  Rig one(StandingTask());
+  Rig many(StandingTask());
+  for (Rig* rig : {&one, &many}) {
+    rig->Command(0, {.position_rad = -1.2F, .kp_nm_per_rad = 100, .kd_nm_s_per_rad = 2});
+    rig->Command(1, {.position_rad = 1.9F, .kp_nm_per_rad = 100, .kd_nm_s_per_rad = 2});
+    rig->Magic(MitMagic::kEnter);
+  }
+  one.twin->AdvanceTo(300 * kMs);
+  std::int64_t time = 0;
+  for (int i = 0; time < 300 * kMs; ++i) {
+    time = std::min(time + 50'000 * (1 + i % 7), 300 * kMs);
+    many.twin->AdvanceTo(time);
+  }
+  EXPECT_GT(std::abs(one.twin->state().joint_positions_rad[0] + M_PI / 2), 0.1) << "it moved";
+  ExpectSame(one.twin->state(), many.twin->state());
+}
+
+TEST(TwinTime, TheSameCallsGiveTheSameStateAndThePastChangesNothing) {
+  Rig a(StandingTask());
+  Rig b(StandingTask());
+  for (Rig* rig : {&a, &b}) {
+    rig->HoldHome();
+    for (int ms = 1; ms <= 200; ++ms) rig->twin->AdvanceTo(ms * kMs + 12'345);
+  }
+  ExpectSame(a.twin->state(), b.twin->state());
+  b.twin->AdvanceTo(5 * kMs);
+  ExpectSame(a.twin->state(), b.twin->state());
+}
+
+TEST(TwinTime, HalvingTheStepHardlyChangesTheMotion) {
+  TwinConfig fine;
+  fine.step_ns = 12'500;
+  Rig coarse(StandingTask());
+  Rig other(StandingTask(), fine);
+  for (Rig* rig : {&coarse, &other}) {
+    rig->Command(0, {.position_rad = -1.2F, .kp_nm_per_rad = 100, .kd_nm_s_per_rad = 2});
+    rig->Command(1, {.position_rad = 1.9F, .kp_nm_per_rad = 100, .kd_nm_s_per_rad = 2});
+    rig->Magic(MitMagic::kEnter);
+    rig->twin->AdvanceTo(300 * kMs);
+  }
+  EXPECT_NEAR(coarse.twin->state().root_pitch_rad, other.twin->state().root_pitch_rad, 1e-3);
+  EXPECT_NEAR(coarse.twin->state().root_x_m, other.twin->state().root_x_m, 1e-3);
+}
+
+TEST(TwinSetUp, NeedsADriveForEveryJointAndAPositiveStep) {
+  SimulatedBus bus;
+  PrimitiveFile file;
+  file.provenance.task_toml = StandingTask();
+  file.provenance.robot_urdf = ShippedRobot();
+  EXPECT_THROW(Twin(file, {}, bus, {}), std::invalid_argument);
+  SimulatedDriveConfig config;
+  SimulatedDrive drive(config);
+  TwinConfig no_step;
+  no_step.step_ns = 0;
+  EXPECT_THROW(Twin(file, no_step, bus, {&drive, &drive}), std::invalid_argument);
+  file.provenance.robot_urdf = "<robot/>";
+  EXPECT_THROW(Twin(file, {}, bus, {&drive, &drive}), std::runtime_error);
+}
+
+}  // namespace
+}  // namespace tumbler
