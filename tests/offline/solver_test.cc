@@ -218,7 +218,7 @@ TEST(SolveFrom, ConvergesToOneOptimumFromAnywhereWhenTheProblemIsAsGoodAsQuadrat
       for (int i = 0; i < problem.free_points_per_joint(); ++i)
         x.push_back(0.5 * (joint.start_rad + joint.end_rad) + small(random));
     }
-    const Solution solution = SolveFrom(problem, x, rollout, {}, nullptr);
+    const Solution solution = SolveFrom(problem, x, problem.solver.max_evaluations, rollout, {}, nullptr);
     EXPECT_TRUE(solution.end == SolveEnd::kConverged || solution.end == SolveEnd::kStalled)
         << ToString(solution.end);
     EXPECT_TRUE(solution.feasible());
