@@ -117,18 +117,20 @@ class ContactModel {
       const Vector& u = e.near.u_d;
       const auto& body_v = dynamics.velocity(e.body);
       const auto W = Space::ForceAt(e.p, e.F);
-      const double N_sign = e.normal.N < 0 ? -1 : 1;
-      // The change of F for changes of distance, normal and velocity.
-      const auto force_change = [&](double dd, const Vector& du, const Vector& dv) -> Vector {
-        const double v_d = e.v.dot(u);
-        const double dv_d = dv.dot(u) + e.v.dot(du);
-        const Vector dv_t = dv - dv_d * u - v_d * du;
-        const double dN = e.normal.N_d * dd + e.normal.N_v * dv_d;
-        const double gain = e.friction.gain;
-        const double dgain = e.friction.gain_s2 * 2 * e.v_t.dot(dv_t);
-        const double mu = law_.friction * N_sign;
-        return dN * u + e.normal.N * du -
-               mu * ((dN * gain + e.normal.N * dgain) * e.v_t + (e.normal.N * gain) * dv_t);
+      // F = N u - mu |N| gain v_t; its change for changes of distance, normal and velocity, with
+      // v_d = v . u and v_t = v - v_d u.
+      const double v_d = e.v.dot(u);
+      const double mu_N = law_.friction * std::abs(e.normal.N);
+      const double g = mu_N * e.friction.gain;
+      const Vector b = (2 * mu_N * e.friction.gain_s2) * e.v_t;
+      const Vector per_N = u - (std::copysign(law_.friction, e.normal.N) * e.friction.gain) * e.v_t;
+      const Vector per_d = e.normal.N_d * per_N;
+      const Vector per_v_d = e.normal.N_v * per_N + g * u;
+      const auto velocity_change = [&](const Vector& dv) -> Vector {
+        return u.dot(dv) * per_v_d - e.v_t.dot(dv) * b - g * dv;
+      };
+      const auto normal_change = [&](const Vector& du) -> Vector {
+        return e.v.dot(du) * per_v_d + (v_d * e.v_t.dot(du)) * b + (e.normal.N + g * v_d) * du;
       };
       typename Space::WrenchMap stiffness;
       typename Space::WrenchMap damping;
@@ -136,13 +138,18 @@ class ContactModel {
         const auto S = Space::BasisMotion(m);
         const Vector dc = S.At(e.c);
         const double dd = u.dot(dc);
-        const Vector du = e.near.curvature_per_m * (dc - dd * u);
-        const Vector dp = dc - e.radius * du;
-        const Vector dv = Space::At(Space::Cross(S, body_v), e.p) + Space::Cross(body_v.w, dp);
-        auto dW = Space::ForceAt(e.p, force_change(dd, du, dv));
+        Vector dp = dc;
+        Vector dF = dd * per_d;
+        if (e.near.curvature_per_m != 0) {
+          const Vector du = e.near.curvature_per_m * (dc - dd * u);
+          dp -= e.radius * du;
+          dF += normal_change(du);
+        }
+        dF += velocity_change(Space::At(Space::Cross(S, body_v), e.p) + Space::Cross(body_v.w, dp));
+        auto dW = Space::ForceAt(e.p, dF);
         dW.n += Space::Moment(dp, e.F);
         stiffness.columns[m] = dW - Space::Cross(S, W);
-        damping.columns[m] = Space::ForceAt(e.p, force_change(0, Vector::Zero(), S.At(e.p)));
+        damping.columns[m] = Space::ForceAt(e.p, velocity_change(S.At(e.p)));
       }
       dynamics.AddWrenchDerivative(e.body, stiffness, damping);
     }

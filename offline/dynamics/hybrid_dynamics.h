@@ -140,6 +140,7 @@ class HybridDynamics {
     Wrench force;                        // of the subtree
     Wrench composite_S;                  // composite * S
     WrenchDerivative wrench_derivative;  // of the body; valid where touched
+    WrenchDerivative contact;            // of the subtree
   };
   static constexpr std::size_t Index(int i) { return static_cast<std::size_t>(i); }
   void FactorFreeInertia();
@@ -347,16 +348,15 @@ void HybridDynamics<Space>::DifferentiateInverse(DynamicsDerivatives::Block& d_q
     d_qd[Index(i)][Index(j)] = d_qd[Index(j)][Index(i)] = 0;
   }
   // [SRW22, Eqs. 34-37], where the composite of the wrenches' derivatives joins that of the bias.
-  std::array<WrenchDerivative, kMaxDofs> contact;
   std::uint32_t touched = touched_;
   for (int j = 0; j < n_; ++j) {
-    if ((touched >> j & 1U) != 0) contact[Index(j)] = bodies_[Index(j)].wrench_derivative;
+    if ((touched >> j & 1U) != 0) bodies_[Index(j)].contact = bodies_[Index(j)].wrench_derivative;
   }
   for (int j = n_ - 1; j >= 0; --j) {
     const Body& body = bodies_[Index(j)];
     const int up = joints_[Index(j)].parent;
     const bool in_contact = (touched >> j & 1U) != 0;
-    const WrenchDerivative& w = contact[Index(j)];
+    const WrenchDerivative& w = body.contact;
     Wrench by_q = body.composite * body.S_rate2 + Space::BiasOfRate(body.bias, body.S_rate) +
                   Space::Cross(body.S, body.force);
     Wrench by_qd = body.bias * body.S + body.composite * (body.S_rate * 2.0);
@@ -388,7 +388,7 @@ void HybridDynamics<Space>::DifferentiateInverse(DynamicsDerivatives::Block& d_q
       d_q[Index(j)][Index(i)] -= Space::Dot(above.S, k) + Space::Dot(above.S_rate, d);
       d_qd[Index(j)][Index(i)] -= Space::Dot(above.S, d);
     }
-    WrenchDerivative& sum = contact[Index(up)];
+    WrenchDerivative& sum = parent.contact;
     if ((touched >> up & 1U) == 0) {
       sum = w;
     } else {
@@ -423,20 +423,21 @@ void HybridDynamics<Space>::DifferentiateByInput(DynamicsDerivatives::Block& inp
   }
   for (int a = 0; a < n_; ++a) {
     if (!joints_[Index(a)].prescribed) continue;
-    const auto& M_a = M_[Index(a)];
+    std::array<double, kMaxDofs> M_a;  // its entries for the free degrees of freedom
+    for (int k = 0; k < free_count_; ++k) M_a[Index(k)] = M_[Index(a)][Index(free_[Index(k)])];
     for (int i = 0; i < free_count_; ++i) {
       const int p = free_[Index(i)];
       double sum = 0;
       for (int k = 0; k < free_count_; ++k)
-        sum += input[Index(p)][Index(free_[Index(k)])] * M_a[Index(free_[Index(k)])];
+        sum += input[Index(p)][Index(free_[Index(k)])] * M_a[Index(k)];
       input[Index(p)][Index(a)] = -sum;
       input[Index(a)][Index(p)] = sum;
     }
     for (int b = 0; b <= a; ++b) {
       if (!joints_[Index(b)].prescribed) continue;
-      double sum = M_a[Index(b)];
+      double sum = M_[Index(a)][Index(b)];
       for (int k = 0; k < free_count_; ++k)
-        sum += M_a[Index(free_[Index(k)])] * input[Index(free_[Index(k)])][Index(b)];
+        sum += M_a[Index(k)] * input[Index(free_[Index(k)])][Index(b)];
       input[Index(a)][Index(b)] = input[Index(b)][Index(a)] = sum;
     }
   }

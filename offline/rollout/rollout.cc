@@ -79,6 +79,7 @@ struct Rollout::Implementation {
     }
     nf = static_cast<int>(free.size());
     for (const ActuatedJoint& joint : p.joints) actuated.push_back(joint.dof);
+    nd = nf + na;
     motion_steps = std::max(1, static_cast<int>(std::ceil(p.duration_s / step_s - 1e-9)));
     settle_steps = static_cast<int>(std::ceil(p.settle_s / step_s - 1e-9));
     motion_h = p.duration_s / motion_steps;
@@ -97,8 +98,10 @@ struct Rollout::Implementation {
     }
     controls.resize(weights.size() * Index(na));
     const std::size_t steps = Index(motion_steps + settle_steps);
-    stage_size = n * 2 * n + nf * (nf + na) + na * na;
-    pullbacks.resize(Index(1 + na));
+    order = free;
+    order.insert(order.end(), actuated.begin(), actuated.end());
+    stage_size = 3 * nd * nd;
+    lane_gradient.resize(Index(parameters));
     stage_torque.resize(steps * kStages * Index(na));
   }
 
@@ -151,20 +154,23 @@ struct Rollout::Implementation {
     dynamics.Solve({qdd.data(), Index(n)}, {tau.data(), Index(n)});
   }
 
-  /// dg in factored form: rows of D_q and D_qd, then what of input's blocks is not a transpose.
+  /// dg in factored form, as the rows that PullBackStage takes products with, in `order`: R^T for
+  /// the free degrees of freedom, input^T for the actuated ones, then D_q^T and D_qd^T.
   void StoreStage(double* out) {
     contact.Differentiate(dynamics);
     dynamics.DifferentiateFactored(derivatives);
-    for (int i = 0; i < n; ++i) {
-      out = std::copy_n(derivatives.q[Index(i)].begin(), n, out);
-      out = std::copy_n(derivatives.qd[Index(i)].begin(), n, out);
+    const auto& input = derivatives.input;
+    for (const int i : free) {  // R_pp^T = -input_pp, R_ap^T = -input_ap^T = input_pa.
+      for (const int k : free) *out++ = -input[Index(i)][Index(k)];
+      for (const int k : actuated) *out++ = input[Index(i)][Index(k)];
     }
-    for (const int i : free) {
-      for (const int k : free) *out++ = derivatives.input[Index(i)][Index(k)];
-      for (const int k : actuated) *out++ = derivatives.input[Index(i)][Index(k)];
+    for (const int j : actuated) {
+      for (const int k : order) *out++ = input[Index(k)][Index(j)];
     }
-    for (const int i : actuated) {
-      for (const int k : actuated) *out++ = derivatives.input[Index(i)][Index(k)];
+    for (const auto* block : {&derivatives.q, &derivatives.qd}) {
+      for (const int c : order) {
+        for (const int i : order) *out++ = (*block)[Index(i)][Index(c)];
+      }
     }
   }
 
@@ -186,14 +192,6 @@ struct Rollout::Implementation {
       if (term.when == when) sum += TermValue(term, y[StateIndex(term)], &slope);
     }
     return sum;
-  }
-  void AddTerminalSlope(TerminalTerm::When when, const double* y, double* adjoint) const {
-    for (const TerminalTerm& term : problem.terminal) {
-      if (term.when != when) continue;
-      double slope = 0;
-      TermValue(term, y[StateIndex(term)], &slope);
-      adjoint[StateIndex(term)] += slope;
-    }
   }
   [[nodiscard]] int StateIndex(const TerminalTerm& term) const {
     const int i = static_cast<int>(std::find(free.begin(), free.end(), term.dof) - free.begin());
@@ -286,145 +284,168 @@ struct Rollout::Implementation {
     }
   }
 
-  /// The discrete adjoint of Forward for all outputs at once: row 0 is the cost, row 1 + j the
+  /// The discrete adjoint of Forward, kLanes outputs at a time: row 0 is the cost, row 1 + j the
   /// torque excess of joint j.
   template <class Matrix>
   void Backward(const RolloutResult& result, Matrix& gradient) {
-    const int steps = motion_steps + settle_steps;
     gradient.setZero();
-    int active = 0;
+    pullback = {};
+    int lanes = 0;
     for (int output = 0; output <= na; ++output) {
-      Pullback p;
-      p.joint = output - 1;
-      p.gradient = gradient.row(output).data();
-      if (p.joint < 0) {
-        AddTerminalSlope(TerminalTerm::When::kSettled, settled_state.data(), p.adjoint.data());
-        if (settle_steps == 0)
-          AddTerminalSlope(TerminalTerm::When::kEnd, end_state.data(), p.adjoint.data());
-      } else {
-        p.limit = problem.joints[Index(p.joint)].limits.torque_max_nm;
-        if (!std::isfinite(p.limit)) continue;
-        p.peak = result.peak_torque_nm[Index(p.joint)] / p.limit;
-        p.sum = std::exp(problem.solver.torque_sharpness *
-                         (result.torque_excess[Index(p.joint)] + 1 - p.peak));
-      }
-      pullbacks[Index(active++)] = p;
-    }
-    const std::span<Pullback> outputs(pullbacks.data(), Index(active));
-    for (int step = steps - 1; step >= 0; --step) {
-      for (Pullback& p : outputs) p.total = p.adjoint;
-      for (int s = kStages - 1; s >= 0; --s) {
-        for (Pullback& p : outputs) PullBackStage(step, s, p);
-      }
-      for (Pullback& p : outputs) {
-        p.adjoint = p.total;
-        if (p.joint < 0 && step == motion_steps)
-          AddTerminalSlope(TerminalTerm::When::kEnd, end_state.data(), p.adjoint.data());
+      if (output > 0 && !SetTorqueLane(result, output - 1, pullback.lanes[Index(lanes)])) continue;
+      pullback.lanes[Index(lanes++)].output = output;
+      if (lanes == kLanes) {
+        PullBack(gradient);
+        pullback = {};
+        lanes = 0;
       }
     }
-    for (Pullback& p : outputs) AddToParameters(p);
+    if (lanes > 0) PullBack(gradient);
   }
 
-  /// One output on its way back through the steps.
-  struct Pullback {
-    int joint = -1;  // whose torque excess it is; -1 for the cost
+  /// Several outputs on their way back through the steps: each number has a lane for each.
+  static constexpr int kLanes = 4;
+  using Lanes = Eigen::Array<double, kLanes, 1>;
+  struct Lane {
+    int output = -1;  // none
     double limit = 0, peak = 0, sum = 1;
-    double* gradient = nullptr;
-    std::array<double, 2 * kMaxDofs> adjoint{}, y_bar{}, total{};
-    int half_step = 0;  // which `control` belongs to
-    std::array<Control, kMaxDofs> control{};
+  };
+  struct Pullback {
+    Pullback() {
+      for (auto* block : {&adjoint, &y_bar}) block->fill(Lanes::Zero());
+      for (auto& control : controls) control.fill(Lanes::Zero());
+    }
+    std::array<Lane, kLanes> lanes;
+    std::array<Lanes, 2 * kMaxDofs> adjoint, y_bar;
+    int half_step = 0;  // which `controls` belong to
+    std::array<std::array<Lanes, 3>, kMaxDofs> controls;
   };
 
-  /// Derivative of an output in the torque of joint j at a stage.
-  double TorqueSlope(const Pullback& p, int step, int s, int j, double h) const {
-    if (p.joint >= 0 && (p.joint != j || s != 0)) return 0;
-    const double torque = stage_torque[Index((step * kStages + s) * na + j)];
-    if (p.joint < 0) return problem.effort_weight * h * kB[Index(s)] * 2 * torque;
-    const double weight =
-        std::exp(problem.solver.torque_sharpness * (std::abs(torque) / p.limit - p.peak));
-    return std::copysign(weight / (p.sum * p.limit), torque);
+  /// False for a joint without a limit.
+  bool SetTorqueLane(const RolloutResult& result, int joint, Lane& lane) const {
+    lane.limit = problem.joints[Index(joint)].limits.torque_max_nm;
+    if (!std::isfinite(lane.limit)) return false;
+    lane.peak = result.peak_torque_nm[Index(joint)] / lane.limit;
+    lane.sum = std::exp(problem.solver.torque_sharpness *
+                        (result.torque_excess[Index(joint)] + 1 - lane.peak));
+    return true;
   }
 
-  void PullBackStage(int step, int s, Pullback& p) {
+  template <class Matrix>
+  void PullBack(Matrix& gradient) {
+    lane_gradient.assign(Index(parameters), Lanes::Zero());
+    const int steps = motion_steps + settle_steps;
+    AddTerminalSlope(TerminalTerm::When::kSettled, settled_state.data());
+    if (settle_steps == 0) AddTerminalSlope(TerminalTerm::When::kEnd, end_state.data());
+    std::array<Lanes, 2 * kMaxDofs> total;
+    for (int step = steps - 1; step >= 0; --step) {
+      std::copy_n(pullback.adjoint.begin(), 2 * nf, total.begin());
+      for (int s = kStages - 1; s >= 0; --s) {
+        PullBackStage(step, s);
+        for (int i = 0; i < 2 * nf; ++i) total[Index(i)] += pullback.y_bar[Index(i)];
+      }
+      std::copy_n(total.begin(), 2 * nf, pullback.adjoint.begin());
+      if (step == motion_steps) AddTerminalSlope(TerminalTerm::When::kEnd, end_state.data());
+    }
+    AddToParameters();
+    for (int lane = 0; lane < kLanes; ++lane) {
+      const int output = pullback.lanes[Index(lane)].output;
+      if (output < 0) continue;
+      for (int k = 0; k < parameters; ++k) gradient(output, k) = lane_gradient[Index(k)][lane];
+    }
+  }
+
+  void AddTerminalSlope(TerminalTerm::When when, const double* y) {
+    if (pullback.lanes[0].output != 0) return;  // The cost is the first of all lanes.
+    for (const TerminalTerm& term : problem.terminal) {
+      if (term.when != when) continue;
+      double slope = 0;
+      TermValue(term, y[StateIndex(term)], &slope);
+      pullback.adjoint[Index(StateIndex(term))][0] += slope;
+    }
+  }
+
+  /// Derivatives of the outputs in the torque of joint j at a stage.
+  Lanes TorqueSlopes(int step, int s, int j, double h) const {
+    Lanes slopes = Lanes::Zero();
+    const double torque = stage_torque[Index((step * kStages + s) * na + j)];
+    for (int i = 0; i < kLanes; ++i) {
+      const Lane& lane = pullback.lanes[Index(i)];
+      if (lane.output == 0) {
+        slopes[i] = problem.effort_weight * h * kB[Index(s)] * 2 * torque;
+      } else if (lane.output == 1 + j && s == 0) {
+        const double weight =
+            std::exp(problem.solver.torque_sharpness * (std::abs(torque) / lane.limit - lane.peak));
+        slopes[i] = std::copysign(weight / (lane.sum * lane.limit), torque);
+      }
+    }
+    return slopes;
+  }
+
+  /// From the adjoint of a step and y_bar of the stage after this one to y_bar of this one.
+  void PullBackStage(int step, int s) {
     const double h = step < motion_steps ? motion_h : settle_h;
     // k_bar = h b_s lambda + h a_{s+1} y_bar_{s+1}
-    std::array<double, 2 * kMaxDofs> k_bar;
+    std::array<Lanes, 2 * kMaxDofs> k_bar;
     const double b = h * kB[Index(s)];
     const double a = s + 1 < kStages ? h * kA[Index(s + 1)] : 0;
     for (int i = 0; i < 2 * nf; ++i)
-      k_bar[Index(i)] = b * p.adjoint[Index(i)] + a * p.y_bar[Index(i)];
-    // w = R^T r for the cotangents r of the outputs of hybrid dynamics; the cotangents of the given
-    // accelerations on the way.
-    const double* row = &stages[Index(step * kStages + s) * Index(stage_size)];
-    const double* input = row + 2 * n * n;
-    std::array<double, kMaxDofs> w{}, w_free{}, r_actuated, qdd_bar{};
-    for (int j = 0; j < na; ++j) {
-      r_actuated[Index(j)] = TorqueSlope(p, step, s, j, h);
-      w[Index(actuated[Index(j)])] = r_actuated[Index(j)];
-    }
-    for (int i = 0; i < nf; ++i, input += nf + na) {
-      const double r = k_bar[Index(nf + i)];
-      double sum = 0;
-      for (int j = 0; j < na; ++j) {
-        qdd_bar[Index(j)] += input[nf + j] * r;
-        sum += input[nf + j] * r_actuated[Index(j)];
-      }
-      w_free[Index(i)] += sum;
-      for (int k = 0; k < nf; ++k) w_free[Index(k)] -= input[k] * r;
-    }
-    for (int i = 0; i < nf; ++i) w[Index(free[Index(i)])] = w_free[Index(i)];
-    for (int j = 0; j < na; ++j, input += na) {
-      for (int k = 0; k < na; ++k) qdd_bar[Index(k)] += input[k] * r_actuated[Index(j)];
-    }
-    std::array<double, 2 * kMaxDofs> bar{};  // cotangent of q and qd
-    for (int i = 0; i < n; ++i, row += 2 * n) {
-      const double factor = w[Index(i)];
-      for (int c = 0; c < 2 * n; ++c) bar[Index(c)] += factor * row[c];
-    }
+      k_bar[Index(i)] = b * pullback.adjoint[Index(i)] + a * pullback.y_bar[Index(i)];
+    // The stage's record is a matrix with rows of one length: see StoreStage.
+    const double* record = &stages[Index(step * kStages + s) * Index(stage_size)];
+    const auto row_times = [&](int row, const std::array<Lanes, kMaxDofs>& v) {
+      const double* entry = record + row * nd;
+      Lanes sum = entry[0] * v[0];
+      for (int i = 1; i < nd; ++i) sum += entry[i] * v[Index(i)];
+      return sum;
+    };
+    std::array<Lanes, kMaxDofs> r, w;  // cotangents of g's outputs, and R^T r
+    for (int i = 0; i < nf; ++i) r[Index(i)] = k_bar[Index(nf + i)];
+    for (int j = 0; j < na; ++j) r[Index(nf + j)] = TorqueSlopes(step, s, j, h);
+    for (int i = 0; i < nf; ++i) w[Index(i)] = row_times(i, r);
+    for (int j = 0; j < na; ++j) w[Index(nf + j)] = r[Index(nf + j)];
     for (int i = 0; i < nf; ++i) {
-      p.y_bar[Index(i)] = bar[Index(free[Index(i)])];
-      p.y_bar[Index(nf + i)] = k_bar[Index(i)] + bar[Index(n + free[Index(i)])];
+      pullback.y_bar[Index(i)] = row_times(nd + i, w);
+      pullback.y_bar[Index(nf + i)] = k_bar[Index(i)] + row_times(2 * nd + i, w);
     }
-    for (int i = 0; i < 2 * nf; ++i) p.total[Index(i)] += p.y_bar[Index(i)];
     if (step >= motion_steps) return;
     // Stages at the same time have the same weights.
-    if (const int half_step = 2 * step + kHalfSteps[Index(s)]; half_step != p.half_step) {
-      AddToParameters(p);
-      p.half_step = half_step;
+    if (const int half_step = 2 * step + kHalfSteps[Index(s)]; half_step != pullback.half_step) {
+      AddToParameters();
+      pullback.half_step = half_step;
     }
     for (int j = 0; j < na; ++j) {
-      const std::size_t dof = Index(actuated[Index(j)]);
-      Control& control = p.control[Index(j)];
-      control.q += bar[dof];
-      control.qd += bar[Index(n) + dof];
-      control.qdd += qdd_bar[Index(j)];
+      auto& control = pullback.controls[Index(j)];
+      control[0] += row_times(nd + nf + j, w);
+      control[1] += row_times(2 * nd + nf + j, w);
+      control[2] += row_times(nf + j, r);
     }
   }
 
   /// Takes the cotangents of the controls to those of the parameters.
-  void AddToParameters(Pullback& p) const {
-    const ControlWeights& w = weights[Index(p.half_step)];
+  void AddToParameters() {
+    const ControlWeights& w = weights[Index(pullback.half_step)];
     const int free_points = problem.free_points_per_joint();
     const int begin = std::max(0, 3 - w.first);
     const int end = std::min(problem.degree + 1, 3 + free_points - w.first);
     for (int j = 0; j < na; ++j) {
-      Control& bar = p.control[Index(j)];
-      double* gradient = p.gradient + j * free_points + w.first - 3;
+      auto& bar = pullback.controls[Index(j)];
       for (int i = begin; i < end; ++i) {
-        gradient[i] +=
-            w.w[0][Index(i)] * bar.q + w.w[1][Index(i)] * bar.qd + w.w[2][Index(i)] * bar.qdd;
+        lane_gradient[Index(j * free_points + w.first - 3 + i)] +=
+            w.w[0][Index(i)] * bar[0] + w.w[1][Index(i)] * bar[1] + w.w[2][Index(i)] * bar[2];
       }
-      bar = {};
+      bar.fill(Lanes::Zero());
     }
   }
 
   Problem problem;
   Dynamics dynamics;
   ContactModel<Plane> contact;
-  int n, na, nf = 0;
+  int n, na, nf = 0, nd = 0;
   int parameters;
   std::vector<int> free;      // degrees of freedom of y's positions
   std::vector<int> actuated;  // degree of freedom of each joint
+  std::vector<int> order;     // `free`, then `actuated`
   int motion_steps, settle_steps;
   double motion_h, settle_h;
   std::vector<ControlWeights> weights;  // by half step
@@ -432,7 +453,8 @@ struct Rollout::Implementation {
   std::vector<double> stage_torque;     // by stage, then joint
   std::vector<double> stages;           // by stage: see StoreStage
   int stage_size = 0;
-  std::vector<Pullback> pullbacks;  // room for one of each output
+  Pullback pullback;
+  std::vector<Lanes> lane_gradient;
   DynamicsDerivatives derivatives;
   std::array<double, kMaxDofs> q{}, qd{}, qdd{}, tau{};
   std::array<double, 2 * kMaxDofs> end_state{}, settled_state{};
