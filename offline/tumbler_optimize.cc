@@ -10,7 +10,6 @@
 #include <chrono>
 #include <csignal>
 #include <cstdio>
-#include <cstring>
 #include <ctime>
 #include <exception>
 #include <filesystem>
@@ -20,6 +19,7 @@
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <system_error>
 #include <vector>
 
 #include "common/toml_reader.h"
@@ -55,6 +55,8 @@ struct Arguments {
   bool keep_best = false;
 };
 
+std::string SystemMessage(int error) { return std::generic_category().message(error); }
+
 [[noreturn]] void FailWrite(const std::string& path, const std::string& why) {
   throw FileError(path, 0, "", fmt::format("cannot be written: {}", why));
 }
@@ -72,7 +74,7 @@ class PendingFile {
     stream << text;
     stream.close();
     if (stream) return;
-    const std::string why = std::strerror(errno);
+    const std::string why = SystemMessage(errno);
     Discard();
     FailWrite(path, why);
   }
@@ -103,7 +105,7 @@ void ProbeFolder(const std::filesystem::path& folder, const std::string& path) {
   errno = 0;
   std::ofstream stream(probe);
   const int why = errno;
-  if (!stream) FailWrite(path, fmt::format("{}: {}", folder.string(), std::strerror(why)));
+  if (!stream) FailWrite(path, fmt::format("{}: {}", folder.string(), SystemMessage(why)));
   stream.close();
   std::error_code error;
   std::filesystem::remove(probe, error);
@@ -125,7 +127,7 @@ void CheckWritable(const std::string& path) {
   const std::filesystem::path parent = std::filesystem::absolute(target).parent_path();
   if (!std::filesystem::is_directory(parent, error))
     FailWrite(path, fmt::format("the folder {} does not exist", parent.string()));
-  if (exists && access(target.c_str(), W_OK) != 0) FailWrite(path, std::strerror(errno));
+  if (exists && access(target.c_str(), W_OK) != 0) FailWrite(path, SystemMessage(errno));
   ProbeFolder(parent, path);
 }
 
@@ -288,8 +290,8 @@ int Optimize(const Arguments& arguments) {
   const SolveOutcome outcome = Solve(problem, options);
   progress.Finish();
 
-  const Solution& best = outcome.solutions.front();
-  const bool usable = best.feasible() && !MissesEveryObstacle(problem, best);
+  const Solution best = outcome.solutions.empty() ? Solution{} : outcome.solutions.front();
+  const bool usable = !best.x.empty() && best.feasible() && !MissesEveryObstacle(problem, best);
   const auto drop = [&arguments] {
     fmt::print(stderr, "interrupted: {}; no file was written\n",
                !arguments.keep_best ? "the best motion so far is dropped (--keep-best keeps it)"
@@ -345,7 +347,7 @@ int Optimize(const Arguments& arguments) {
     json_file.emplace(arguments.json, json.dump(2) + "\n");
   const auto flush = [](std::FILE* stream) {
     if (std::fflush(stream) != 0)
-      throw std::runtime_error(fmt::format("standard output: {}", std::strerror(errno)));
+      throw std::runtime_error(fmt::format("standard output: {}", SystemMessage(errno)));
   };
   if (arguments.json == "-") fmt::print("{}\n", json.dump(2));
   flush(stdout);
@@ -409,10 +411,10 @@ int main(int argc, char** argv) {
   app.add_flag("--keep-best", arguments.keep_best,
                "When interrupted, still write the best motion so far");
   for (CLI::Option* option : app.get_options()) {
-    if (option->get_expected_max() > 0 && option->get_name() != "--help")
-      option->check([](const std::string& value) {
-        return value.empty() ? std::string("is empty") : std::string();
-      });
+    if (option->get_expected_max() == 0) continue;
+    option->check([](const std::string& value) {
+      return value.empty() ? std::string("is empty") : std::string();
+    });
   }
   try {
     app.parse(argc, argv);

@@ -324,14 +324,16 @@ const std::vector<Mistake> kTaskMistakes = {
     {"NegativeSeed", File::kTask, "seed = 1", "seed = -1", {"search.seed: is -1; allowed: from 0"}},
     {"NoSamples",
      File::kTask,
-     "samples = 600",
-     "samples = 0",
-     {"search.samples: is 0; allowed: from 1"}},
+     "seed = 1",
+     "seed = 1\nmax_samples = 0",
+     {"search.max_samples: is 0; allowed: from 1"},
+     "max_samples = 0"},
     {"NothingToRefine",
      File::kTask,
-     "refine = 4",
-     "refine = 0",
-     {"search.refine: is 0; allowed: from 1"}},
+     "seed = 1",
+     "seed = 1\nrefine = 0",
+     {"search.refine: is 0; allowed: from 1"},
+     "refine = 0"},
     {"StepZero",
      File::kTask,
      "step_s = 1.0e-3",
@@ -339,9 +341,10 @@ const std::vector<Mistake> kTaskMistakes = {
      {"solver.step_s: is 0; allowed: from 1e-05 ... 0.01"}},
     {"NoEvaluations",
      File::kTask,
-     "max_evaluations = 80",
-     "max_evaluations = 0",
-     {"solver.max_evaluations: is 0"}},
+     "step_s = 1.0e-3",
+     "step_s = 1.0e-3\nmax_evaluations = 0",
+     {"solver.max_evaluations: is 0"},
+     "max_evaluations = 0"},
     {"EntryToleranceZero",
      File::kTask,
      "[search]",
@@ -594,11 +597,36 @@ int LineAt(const std::string& text, std::size_t offset) {
                                          text.begin() + static_cast<std::ptrdiff_t>(offset), '\n'));
 }
 
+/// The shipped task with every number that a task can hold.
+std::string TaskWithEveryNumber() {
+  std::string text = ShippedTask();
+  text = Replaced(text, "pitch_rad = 0.0", "pitch_rad = 0.0\nx_m = 0.0\nz_m = 0.2", "[start]");
+  text = Replaced(text, "[[cost]]",
+                  "velocity_max_rad_s = 19.0\ntorque_max_nm = 7.0\nposition_min_rad = "
+                  "-2.8\nposition_max_rad = 2.8\n[limits.leg2]\nvelocity_max_rad_s = "
+                  "18.0\nacceleration_max_rad_s2 = 300.0\ntorque_max_nm = 6.0\nposition_min_rad = "
+                  "-2.7\nposition_max_rad = 2.7\nrotor_inertia_kg_m2 = 0.002\n[[cost]]");
+  text = Replaced(text, "[search]",
+                  "[[obstacle]]\nname = \"bar\"\nkind = \"cylinder\"\ncentre_m = [3.0, "
+                  "0.1]\nradius_m = 0.05\n[tolerances]\nentry_rad = 0.1\nfollowing_rad = "
+                  "0.3\n[search]\nbatch = 8\npromising = 2\nmax_samples = 8\nrefine = 1\nmodes = "
+                  "3\nspread_rad = 0.3\ntorque_penalty = 1.0\ncore_penalty = 0.1\nstep_s = 2.0e-3");
+  return Replaced(text, "[solver]",
+                  "[solver]\nscreen_evaluations = 2\nfinalists = 1\nmax_evaluations = "
+                  "3\nrelative_tolerance = 1.0e-7\ntorque_sharpness = 60.0");
+}
+
+TEST(BadInputEverywhere, ATaskWithEveryNumberIsRead) {
+  const TaskFolder folder(TaskWithEveryNumber());
+  Program program({kProgram, folder.task_file()});
+  EXPECT_THAT(program.Wait(), AnyOf(0, 2)) << program.text();
+}
+
 TEST(BadInputEverywhere, NoNumberOfATaskMayBeNanOrInfinite) {
-  const std::string text = ShippedTask();
+  const std::string text = TaskWithEveryNumber();
   const std::vector<Place> places =
       FindAll(text, "(?:= |= \\[|, )([-+]?[0-9][-+0-9.e]*)(?=[,\\] }\\n])");
-  ASSERT_GE(places.size(), 30U);
+  ASSERT_GE(places.size(), 55U);
   for (const Place& place : places) {
     for (const std::string value : {"nan", "inf", "-inf"}) {
       std::string changed = text;

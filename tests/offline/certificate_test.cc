@@ -125,8 +125,8 @@ TEST(MakePrimitiveFile, PlaysThePathOfTheParameters) {
     const PrimitivePose pose{sample.q[0], sample.q[1], sample.q[2], {sample.q[3], sample.q[4]}};
     if (first) entry = pose;
     first = false;
+    exit = pose;  // Of the end of the settle phase.
     if (sample.time_s > problem.duration_s + 1e-9) return;
-    exit = pose;
     for (std::size_t j = 0; j < 2; ++j) {
       worst = std::max(worst,
                        std::abs(s.file.primitive.joints[j].position.Evaluate(sample.time_s).value -

@@ -17,6 +17,7 @@
 namespace tumbler {
 namespace {
 
+using testing::EndlessSearch;
 using ::testing::HasSubstr;
 using ::testing::Not;
 using testing::Program;
@@ -33,10 +34,11 @@ Program Optimize(const TaskFolder& folder, std::vector<std::string> more) {
 
 /// The quick task with so many starts, each hard to finish, that it runs until it is stopped.
 std::string EndlessLocalSolves() {
-  std::string text = Replaced(QuickTask(), "samples = 8", "samples = 30");
-  text = Replaced(text, "refine = 2", "refine = 30");
-  return Replaced(text, "max_evaluations = 25",
-                  "max_evaluations = 100000\nrelative_tolerance = 1e-300");
+  std::string text = Replaced(QuickTask(), "batch = 8\nmax_samples = 8\nrefine = 2",
+                              "batch = 30\nmax_samples = 30\nrefine = 30");
+  return Replaced(text, "screen_evaluations = 10\nfinalists = 2\nmax_evaluations = 25",
+                  "screen_evaluations = 100000\nmax_evaluations = 100000\nrelative_tolerance = "
+                  "1e-300");
 }
 
 TEST(OptimizeCli, WritesAPrimitiveAReportAndFiguresThatAgree) {
@@ -135,7 +137,7 @@ TEST(OptimizeCli, WrongCommandLinesAreRefused) {
 // Permission bits do not bind the super-user, so the places that cannot be written are of kinds
 // that bind everybody.
 TEST(OptimizeCli, OutputThatCannotBeWrittenIsFoundBeforeTheWork) {
-  const TaskFolder folder(Replaced(QuickTask(), "samples = 8", "samples = 1000000"));
+  const TaskFolder folder(EndlessSearch());
   testing::WriteFile(folder / "file", "keep me");
   const auto before = folder.Listing();
   const std::string below_a_file = folder / "file/motion.toml";
@@ -223,7 +225,7 @@ TEST(OptimizeCli, AFlightWithoutObstaclesIsAMotionLikeAnyOther) {
 }
 
 TEST(OptimizeCliInterrupt, DuringTheSearchNothingIsKept) {
-  const TaskFolder folder(Replaced(QuickTask(), "samples = 8", "samples = 1000000"));
+  const TaskFolder folder(EndlessSearch());
   const auto before = folder.Listing();
   for (const char* threads : {"1", "2"}) {
     Program program = Optimize(folder, {"--out", folder / "motion.toml", "--threads", threads});
@@ -267,7 +269,8 @@ TEST(OptimizeCliInterrupt, KeepBestWritesAWholePrimitive) {
 }
 
 TEST(OptimizeCliInterrupt, KeepBestDuringTheSearchEndsWithoutACrash) {
-  const TaskFolder folder(Replaced(testing::ShippedTask(), "samples = 600", "samples = 1000000"));
+  const TaskFolder folder(Replaced(testing::ShippedTask(), "seed = 1",
+                                   "seed = 1\nbatch = 1000000\nmax_samples = 1000000"));
   for (const char* threads : {"1", "2"}) {
     const std::string out = folder / ("motion" + std::string(threads) + ".toml");
     Program program = Optimize(folder, {"--out", out, "--keep-best", "--threads", threads});

@@ -202,7 +202,6 @@ Problem FixedRootSwing() {
   text.erase(cost, text.find("[contact]") - cost);
   const std::size_t obstacle = text.find("[[obstacle]]");
   text.erase(obstacle, text.find("[search]") - obstacle);
-  text = Replaced(text, "max_evaluations = 25", "max_evaluations = 400");
   return ProblemOf("obstacle = []\ncost = [{ term = \"effort\", weight = 1.0 }]\n" + text);
 }
 
@@ -218,7 +217,7 @@ TEST(SolveFrom, ConvergesToOneOptimumFromAnywhereWhenTheProblemIsAsGoodAsQuadrat
       for (int i = 0; i < problem.free_points_per_joint(); ++i)
         x.push_back(0.5 * (joint.start_rad + joint.end_rad) + small(random));
     }
-    const Solution solution = SolveFrom(problem, x, problem.solver.max_evaluations, rollout, {}, nullptr);
+    const Solution solution = SolveFrom(problem, x, 400, rollout, {}, nullptr);
     EXPECT_TRUE(solution.end == SolveEnd::kConverged || solution.end == SolveEnd::kStalled)
         << ToString(solution.end);
     EXPECT_TRUE(solution.feasible());

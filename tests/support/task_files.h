@@ -56,9 +56,16 @@ inline std::string QuickTask() {
   text = Replaced(text, "target = 1.5707963267948966", "target = 0.0");
   text = Replaced(text, "duration_s = 1.2", "duration_s = 0.5");
   text = Replaced(text, "settle_s = 0.3", "settle_s = 0.1");
-  text = Replaced(text, "samples = 600", "samples = 8");
-  text = Replaced(text, "refine = 4", "refine = 2\nspread_rad = 0.3");
-  return Replaced(text, "max_evaluations = 80", "max_evaluations = 25");
+  text = Replaced(text, "seed = 1",
+                  "seed = 1\nbatch = 8\nmax_samples = 8\nrefine = 2\nspread_rad = 0.3");
+  return Replaced(text, "[solver]",
+                  "[solver]\nscreen_evaluations = 10\nfinalists = 2\nmax_evaluations = 25");
+}
+
+/// The same with a global search that goes on until it is stopped.
+inline std::string EndlessSearch() {
+  return Replaced(QuickTask(), "batch = 8\nmax_samples = 8",
+                  "batch = 1000000\nmax_samples = 1000000");
 }
 
 /// A folder with a task and its robot, laid out as in `primitives/`; it is gone after the test.
