@@ -233,9 +233,10 @@ struct Rollout::Implementation {
           const double torque = tau[Index(actuated[Index(j)])];
           effort += h * kB[Index(s)] * torque * torque;
           stage_torque[stage * Index(na) + Index(j)] = torque;
-          if (s == 0)
+          if (s == 0) {
             result.peak_torque_nm[Index(j)] =
                 std::max(result.peak_torque_nm[Index(j)], std::abs(torque));
+          }
         }
         if (s == 0) {
           for (const ActiveContact<Plane>& a : contact.active()) {
