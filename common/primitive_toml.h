@@ -11,7 +11,8 @@ namespace tumbler {
 /// The version that this build writes, and the newest one that it reads.
 inline constexpr int kPrimitiveFileVersion = 1;
 
-/// Where a motion starts or ends: the robot at rest with its joints at the ends of their splines.
+/// Where a motion starts, and where it leaves the robot 2 s after its end: at rest, with its joints
+/// at the ends of their splines.
 struct PrimitivePose {
   double root_x_m = 0;  ///< Of the root link's frame, world axes.
   double root_z_m = 0;

@@ -58,6 +58,7 @@ Exit codes:
   1    wrong usage, or a file or interface that cannot be used
   2    refused: a check before arming or running failed
   3    a fault during the run
+  4    the motion was completed, but the simulated robot is not where the primitive says 2 s later
   130  stopped by Ctrl-C or a message)";
 
 struct Options {
@@ -308,7 +309,9 @@ class SimulatedWorld final : public World {
     const auto later_ns = static_cast<std::int64_t>(StandingReport::kLater_s * 1e9);
     if (end_ns_ && !standing_.pitch_later_rad && loop.time_ns() >= *end_ns_ + later_ns &&
         state != ExecutorState::kDisarmed) {
-      standing_.pitch_later_rad = twin_->state().root_pitch_rad;
+      const TwinState truth = twin_->state();
+      standing_.pitch_later_rad = truth.root_pitch_rad;
+      standing_.pitch_rate_later_rad_s = truth.root_pitch_rate_rad_s;
     }
   }
   void Report(RunReport& report) override {
@@ -453,7 +456,7 @@ int Run(const Options& options) {
   // Standard output belongs to whoever asked for frames or JSON there.
   std::FILE* out = options.json == "-" || options.dry_run() ? stderr : stdout;
   fmt::print(out, "{}", ToText(report));
-  return ExitCode(report.outcome);
+  return ExitCode(report);
 }
 
 int Main(int argc, char** argv) {

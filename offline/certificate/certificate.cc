@@ -150,7 +150,7 @@ MotionSummary Summarize(const Problem& problem, const std::vector<double>& x) {
     const double t = sample.time_s;
     if (first) summary.entry = PoseOf(problem, sample.q);
     first = false;
-    if (t <= problem.duration_s + problem.settle_s + 1e-9) summary.exit = PoseOf(problem, sample.q);
+    summary.exit = PoseOf(problem, sample.q);
     if (t <= problem.duration_s + 1e-9) {
       summary.final_pitch_rad = PitchOf(problem, sample.q);
     }

@@ -31,7 +31,7 @@ GradientCheck CheckGradient(const Problem& problem, const std::vector<double>& x
 /// What a motion is found to do when it is played on past its end.
 struct MotionSummary {
   PrimitivePose entry;
-  PrimitivePose exit;            ///< At the end of the settle phase.
+  PrimitivePose exit;            ///< 2 s after the end, legs held.
   double final_pitch_rad = 0;    ///< At the end of the motion.
   double settled_pitch_rad = 0;  ///< 2 s after the end, legs held.
   double settled_speed = 0;      ///< Largest of root velocities then [m/s, rad/s].

@@ -29,8 +29,9 @@ double Microseconds(std::int64_t ns) { return static_cast<double>(ns) * 1e-3; }
 }  // namespace
 
 std::optional<bool> StandingReport::standing() const {
-  if (!pitch_later_rad) return std::nullopt;
-  return std::abs(*pitch_later_rad - expected_pitch_rad) <= kTolerance_rad;
+  if (!pitch_later_rad || !pitch_rate_later_rad_s) return std::nullopt;
+  return std::abs(*pitch_later_rad - expected_pitch_rad) <= kTolerance_rad &&
+         std::abs(*pitch_rate_later_rad_s) <= kRateTolerance_rad_s;
 }
 
 std::string ToText(const RunReport& report) {
@@ -42,12 +43,12 @@ std::string ToText(const RunReport& report) {
   if (report.standing) {
     const StandingReport& standing = *report.standing;
     if (standing.pitch_at_end_rad) {
-      text += fmt::format("  root pitch: {:.4f} rad at the end (planned {:.4f})",
-                          *standing.pitch_at_end_rad, standing.expected_pitch_rad);
+      text += fmt::format("  root pitch: {:.4f} rad at the end", *standing.pitch_at_end_rad);
       if (standing.pitch_later_rad) {
-        text += fmt::format(", {:.4f} rad {:.0f} s later: {}", *standing.pitch_later_rad,
-                            StandingReport::kLater_s,
-                            *standing.standing() ? "still standing" : "not standing");
+        text += fmt::format(", {:.4f} rad {:.0f} s later (planned {:.4f}): {}",
+                            *standing.pitch_later_rad, StandingReport::kLater_s,
+                            standing.expected_pitch_rad,
+                            *standing.standing() ? "still standing" : "NOT where it should be");
       }
       text += '\n';
     }
@@ -87,7 +88,7 @@ std::string ToJson(const RunReport& report) {
   const LoopStatistics& s = report.statistics;
   Json json;
   json["outcome"] = OutcomeName(report.outcome);
-  json["exit_code"] = ExitCode(report.outcome);
+  json["exit_code"] = ExitCode(report);
   json["reason"] = report.reason;
   json["bus"] = report.bus;
   json["primitive"] = report.primitive;
@@ -134,10 +135,10 @@ std::string ToJson(const RunReport& report) {
   return json.dump(2) + '\n';
 }
 
-int ExitCode(RunOutcome outcome) {
-  switch (outcome) {
+int ExitCode(const RunReport& report) {
+  switch (report.outcome) {
     case RunOutcome::kCompleted:
-      return 0;
+      return report.standing && !report.standing->standing().value_or(true) ? 4 : 0;
     case RunOutcome::kRefused:
       return 2;
     case RunOutcome::kPending:

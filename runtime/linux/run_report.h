@@ -10,17 +10,18 @@
 
 namespace tumbler {
 
-/// The simulated robot's root at the end of the motion and two seconds later, against what the
-/// primitive promises.
+/// The simulated robot's root at the end of the motion and two seconds later, against where the
+/// primitive says that it leaves the robot.
 struct StandingReport {
-  double expected_pitch_rad = 0;
+  double expected_pitch_rad = 0;  ///< The primitive's exit: two seconds after the end.
   std::optional<double> pitch_at_end_rad;
   std::optional<double> pitch_later_rad;  ///< Absent when the run ended earlier.
+  std::optional<double> pitch_rate_later_rad_s;
   static constexpr double kLater_s = 2;
-  static constexpr double kTolerance_rad =
-      0.1;  ///< A fallen robot is off by half a radian at least.
+  static constexpr double kTolerance_rad = 0.05;
+  static constexpr double kRateTolerance_rad_s = 0.05;  ///< Slower than this is at rest.
 
-  /// Still there two seconds later. Absent when that was not seen.
+  /// Where it should be two seconds later, and at rest. Absent when that was not seen.
   [[nodiscard]] std::optional<bool> standing() const;
 };
 
@@ -50,7 +51,8 @@ struct RunReport {
 std::string ToText(const RunReport& report);
 /// The same as one JSON object, units in the keys, ending with a line feed.
 std::string ToJson(const RunReport& report);
-/// The exit code of tumbler-run: 0 completed, 2 refused, 3 fault, 130 stopped.
-int ExitCode(RunOutcome outcome);
+/// The exit code of tumbler-run: 0 completed, 2 refused, 3 fault, 4 completed but the simulated
+/// robot is not where the primitive says, 130 stopped.
+int ExitCode(const RunReport& report);
 
 }  // namespace tumbler

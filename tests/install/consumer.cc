@@ -20,10 +20,12 @@ int main(int argc, char** argv) {
     const tumbler::BSpline<float, 16> spline;
     tumbler::CanFrame frame;
     frame.size = 8;
-    std::printf("consumer: %s has %d parameters and cost %g at zero; a spline says %g, a frame takes %d bits, %s\n",
-                task.problem.name.c_str(), rollout.parameter_count(), cost,
-                static_cast<double>(spline.Evaluate(0.5F).value), tumbler::FrameBits(frame),
-                tumbler::ToString(tumbler::ExecutorState::kDisarmed));
+    std::printf(
+        "consumer: %s has %d parameters and cost %g at zero; a spline says %g, a frame takes %d "
+        "bits, %s\n",
+        task.problem.name.c_str(), rollout.parameter_count(), cost,
+        static_cast<double>(spline.Evaluate(0.5F).value), tumbler::FrameBits(frame),
+        tumbler::ToString(tumbler::ExecutorState::kDisarmed));
     return cost == cost && tumbler::FrameBits(frame) > 0 ? 0 : 1;
   } catch (const std::exception& error) {
     std::fprintf(stderr, "%s\n", error.what());

@@ -121,11 +121,11 @@ TEST(MakePrimitiveFile, PlaysThePathOfTheParameters) {
   bool first = true;
   double worst = 0;
   PrimitivePose entry, exit;
-  rollout.Visit(s.best.x, 0, [&](const MotionSample& sample) {
+  rollout.Visit(s.best.x, 2 - problem.settle_s, [&](const MotionSample& sample) {
     const PrimitivePose pose{sample.q[0], sample.q[1], sample.q[2], {sample.q[3], sample.q[4]}};
     if (first) entry = pose;
     first = false;
-    exit = pose;  // Of the end of the settle phase.
+    exit = pose;  // In the end of 2 s after the motion.
     if (sample.time_s > problem.duration_s + 1e-9) return;
     for (std::size_t j = 0; j < 2; ++j) {
       worst = std::max(worst,

@@ -366,10 +366,27 @@ TEST(StandingReport, SaysOnlyWhatWasSeen) {
   report.expected_pitch_rad = 1.57;
   report.pitch_at_end_rad = 1.5;
   EXPECT_FALSE(report.standing().has_value());
-  report.pitch_later_rad = 1.52;
+  report.pitch_later_rad = 1.53;
+  EXPECT_FALSE(report.standing().has_value());
+  report.pitch_rate_later_rad_s = 0.01;
   EXPECT_TRUE(*report.standing());
+  report.pitch_rate_later_rad_s = -0.3;
+  EXPECT_FALSE(*report.standing());
+  report.pitch_rate_later_rad_s = 0;
   report.pitch_later_rad = 0.1;
   EXPECT_FALSE(*report.standing());
+}
+
+TEST(ExitCode, SaysWhenTheMotionWasCompletedButTheRobotIsElsewhere) {
+  RunReport report;
+  report.outcome = RunOutcome::kCompleted;
+  EXPECT_EQ(ExitCode(report), 0);
+  report.standing = StandingReport{1.57, 1.5, 1.56, 0.0};
+  EXPECT_EQ(ExitCode(report), 0);
+  report.standing->pitch_later_rad = 3.1;
+  EXPECT_EQ(ExitCode(report), 4);
+  report.outcome = RunOutcome::kFault;
+  EXPECT_EQ(ExitCode(report), 3);
 }
 
 }  // namespace
