@@ -6,11 +6,11 @@
 #include <cerrno>
 #include <charconv>
 #include <cmath>
-#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <set>
 #include <sstream>
+#include <system_error>
 #include <utility>
 
 namespace tumbler {
@@ -82,7 +82,8 @@ TomlTable TomlTable::ParseFile(const std::string& path) {
     throw FileError(path, 0, "", "is a directory, not a file");
   std::ifstream stream(path, std::ios::binary);
   if (!stream)
-    throw FileError(path, 0, "", fmt::format("cannot be opened: {}", std::strerror(errno)));
+    throw FileError(path, 0, "",
+                    fmt::format("cannot be opened: {}", std::generic_category().message(errno)));
   std::ostringstream text;
   text << stream.rdbuf();
   return Parse(text.str(), path);

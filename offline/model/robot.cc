@@ -9,13 +9,13 @@
 #include <algorithm>
 #include <cerrno>
 #include <cmath>
-#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <functional>
 #include <map>
 #include <mutex>
 #include <sstream>
+#include <system_error>
 
 #include "common/toml_reader.h"
 #include "offline/model/urdf_source.h"
@@ -206,12 +206,14 @@ class Builder {
                     "limit");
         }
       }
-      if (!(given.velocity > 0))
+      if (!(given.velocity > 0)) {
         FailJoint(joint.name, fmt::format("limit velocity = {:g}; allowed: > 0", given.velocity),
                   "limit");
-      if (!(given.effort > 0))
+      }
+      if (!(given.effort > 0)) {
         FailJoint(joint.name, fmt::format("limit effort = {:g}; allowed: > 0", given.effort),
                   "limit");
+      }
       limits.velocity_rad_s = given.velocity;
       limits.effort_nm = given.effort;
     }
@@ -393,7 +395,8 @@ std::string ReadTextFile(const std::string& path) {
     throw FileError(path, 0, "", "is a directory, not a file");
   std::ifstream stream(path, std::ios::binary);
   if (!stream)
-    throw FileError(path, 0, "", fmt::format("cannot be opened: {}", std::strerror(errno)));
+    throw FileError(path, 0, "",
+                    fmt::format("cannot be opened: {}", std::generic_category().message(errno)));
   std::ostringstream text;
   text << stream.rdbuf();
   return text.str();

@@ -266,7 +266,7 @@ TEST(TwinTime, OneAdvanceAndManyOfWholeStepsGiveTheSameState) {
   one.twin->AdvanceTo(300 * kMs);
   std::int64_t time = 0;
   for (int i = 0; time < 300 * kMs; ++i) {
-    time = std::min(time + 50'000 * (1 + i % 7), 300 * kMs);
+    time = std::min<std::int64_t>(time + 50'000LL * (1 + i % 7), 300 * kMs);
     many.twin->AdvanceTo(time);
   }
   EXPECT_GT(std::abs(one.twin->state().joint_positions_rad[0] + M_PI / 2), 0.1) << "it moved";
