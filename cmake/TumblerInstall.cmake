@@ -9,7 +9,13 @@ configure_package_config_file(cmake/tumbler-config.cmake.in ${CMAKE_BINARY_DIR}/
 write_basic_package_version_file(${CMAKE_BINARY_DIR}/tumbler-config-version.cmake COMPATIBILITY SameMinorVersion)
 install(FILES ${CMAKE_BINARY_DIR}/tumbler-config.cmake ${CMAKE_BINARY_DIR}/tumbler-config-version.cmake
         DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/tumbler)
-foreach(folder common firmware_interface offline runtime)
+set(tumbler_header_folders common firmware_interface runtime)
+if(TUMBLER_BUILD_OFFLINE)
+  list(APPEND tumbler_header_folders offline)
+endif()
+foreach(folder ${tumbler_header_folders})
   install(DIRECTORY ${folder} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/tumbler FILES_MATCHING PATTERN "*.h")
 endforeach()
+# Robots and tasks, and the message types for whoever listens to the telemetry.
 install(DIRECTORY primitives DESTINATION ${CMAKE_INSTALL_DATADIR}/tumbler)
+install(DIRECTORY runtime/lcm DESTINATION ${CMAKE_INSTALL_DATADIR}/tumbler FILES_MATCHING PATTERN "*.lcm")

@@ -1,32 +1,102 @@
-// Uses one thing of every installed library: a task, its robot's dynamics, a spline, and a frame.
+// Uses one thing of every installed library: a task and its dynamics, a primitive from text and
+// back, its splines, a drive's frame on a simulated bus, the executor's configuration and the clock
+// of the Linux shell.
 
+#include <cmath>
 #include <cstdio>
 #include <exception>
 #include <vector>
 
-#include "common/bspline.h"
-#include "firmware_interface/can/frame_length.h"
+#include "common/primitive_toml.h"
+#include "firmware_interface/can/simulated_bus.h"
+#include "firmware_interface/drives/drives_toml.h"
+#include "firmware_interface/drives/mit.h"
+#include "firmware_interface/drives/simulated_drive.h"
+#include "offline/certificate/certificate.h"
 #include "offline/problem/task_toml.h"
 #include "offline/rollout/rollout.h"
-#include "runtime/faults.h"
+#include "offline/twin/twin.h"
+#include "runtime/executor.h"
+#include "runtime/linux/clock.h"
+
+namespace {
+
+using namespace tumbler;
+
+/// The straight path from start to end of every joint: not a good motion, but a legal one.
+Solution StraightLine(const Problem& problem, Rollout& rollout) {
+  Solution solution;
+  const int free_points = problem.free_points_per_joint();
+  for (const ActuatedJoint& joint : problem.joints) {
+    for (int i = 0; i < free_points; ++i) {
+      const double s = (i + 1.0) / (free_points + 1.0);
+      solution.x.push_back(joint.start_rad + s * (joint.end_rad - joint.start_rad));
+    }
+  }
+  solution.rollout = rollout.Run(solution.x);
+  return solution;
+}
+
+bool Use(const char* task_file, const char* drives_file) {
+  const Task task = LoadTask(task_file);
+  Rollout rollout(task.problem, task.problem.solver.step_s);
+  const Solution solution = StraightLine(task.problem, rollout);
+  const PrimitiveFile file =
+      ParsePrimitive(ToToml(MakePrimitiveFile(task, SolveOutcome{}, solution)), "straight line");
+  const Primitive<float> primitive = ToRuntime(file.primitive);
+  const auto sample = primitive.joints[0].position.Evaluate(0.5F * primitive.duration_s);
+
+  const DrivesConfig drives = LoadDrives(drives_file);
+  SimulatedBus bus(drives.bit_rate);
+  SimulatedPort& host = bus.Attach();
+  MitDrive host1(drives.drives[0].mit), host2(drives.drives[1].mit);
+  SimulatedDriveConfig config1, config2;
+  config1.mit = drives.drives[0].mit;
+  config2.mit = drives.drives[1].mit;
+  SimulatedDrive motor1(config1), motor2(config2);
+  bus.Attach(motor1, SimulatedDrive::PortConfig());
+  bus.Attach(motor2, SimulatedDrive::PortConfig());
+  Twin twin(file, TwinConfig{}, bus, {&motor1, &motor2});
+  Drive* const pointers[] = {&host1, &host2};
+  Executor executor;
+  if (executor.Configure(ExecutorConfig{}, primitive, pointers) != Status::kOk) return false;
+
+  VirtualClock clock([&twin](std::int64_t time_ns) { twin.AdvanceTo(time_ns); });
+  TickOutput output;
+  ReceivedFrame received;
+  for (std::int64_t tick = 0; tick < 3; ++tick) {
+    clock.SleepUntil(tick * 1'000'000);
+    std::vector<ReceivedFrame> frames;
+    while (host.Receive(received) == Status::kOk) frames.push_back(received);
+    TickInput input;
+    input.tick = tick;
+    input.received = frames;
+    executor.Tick(input, output);
+    for (const FrameBatch& batch : output.frames) {
+      for (const CanFrame& frame : batch.frames()) {
+        if (host.Send(frame) != Status::kOk) return false;
+      }
+    }
+  }
+  const double seen = static_cast<double>(output.record.joints[0].measured.position_rad);
+  const double truth = twin.state().joint_positions_rad[0];
+  std::printf(
+      "consumer: %s costs %.4g on the straight line; leg 1 passes %.4f rad half way; "
+      "over the bus it is at %.4f rad, in truth at %.4f rad\n",
+      task.problem.name.c_str(), solution.rollout.cost, static_cast<double>(sample.value), seen,
+      truth);
+  return std::isfinite(solution.rollout.cost) && std::abs(seen - truth) < 1e-3;
+}
+
+}  // namespace
 
 int main(int argc, char** argv) {
-  if (argc != 2) return 2;
+  if (argc != 3) {
+    std::fprintf(stderr, "usage: consumer TASK DRIVES\n");
+    return 2;
+  }
   try {
-    const tumbler::Task task = tumbler::LoadTask(argv[1]);
-    tumbler::Rollout rollout(task.problem, task.problem.solver.step_s);
-    const std::vector<double> x(static_cast<std::size_t>(rollout.parameter_count()), 0.0);
-    const double cost = rollout.Run(x).cost;
-    const tumbler::BSpline<float, 16> spline;
-    tumbler::CanFrame frame;
-    frame.size = 8;
-    std::printf(
-        "consumer: %s has %d parameters and cost %g at zero; a spline says %g, a frame takes %d "
-        "bits, %s\n",
-        task.problem.name.c_str(), rollout.parameter_count(), cost,
-        static_cast<double>(spline.Evaluate(0.5F).value), tumbler::FrameBits(frame),
-        tumbler::ToString(tumbler::ExecutorState::kDisarmed));
-    return cost == cost && tumbler::FrameBits(frame) > 0 ? 0 : 1;
+    return Use(argv[1], argv[2]) ? 0 : 1;
   } catch (const std::exception& error) {
     std::fprintf(stderr, "%s\n", error.what());
     return 1;
