@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <cstring>
 #include <limits>
 #include <span>
 #include <type_traits>
@@ -257,6 +258,11 @@ class BSpline {
   }
 
  private:
+  // Four numbers side by side, as g++ and clang know them; without it neither keeps to four at
+  // once.
+  typedef Scalar Lanes
+      __attribute__((vector_size(4 * sizeof(Scalar))));  // NOLINT(modernize-use-using)
+
   static constexpr std::size_t Index(int i) noexcept { return static_cast<std::size_t>(i); }
   [[nodiscard]] Scalar Knot(int i) const noexcept { return knots_[Index(i)]; }
 
@@ -305,8 +311,9 @@ class BSpline {
     row[r] = rising[Index(r - 1)];
   }
 
-  /// The rows of `Basis` on its span, for any degree.
-  void EvaluateRows(Scalar t, Basis& basis) const noexcept {
+  /// The rows of `Basis` on its span, for any degree. Apart, so that the usual degrees do not pay
+  /// for its registers.
+  [[gnu::noinline]] void EvaluateRows(Scalar t, Basis& basis) const noexcept {
     std::array<Scalar, kMaxDegree + 1> row{Scalar(1)};
     for (int r = 0; r <= degree_; ++r) {
       if (r > 0) RaiseDegree(r, t, knots_.data() + basis.span + 1, row.data());
@@ -314,22 +321,60 @@ class BSpline {
     }
   }
 
-  /// The same operations in the same order, unrolled by the compiler: the knots are copied since it
-  /// would have to suspect every store of changing them.
+  [[gnu::always_inline]] static void LoadInto(Lanes& lanes, const Scalar* from) noexcept {
+    std::memcpy(&lanes, from, sizeof(lanes));
+  }
+
+  /// `RaiseDegree` on four lanes at once, r <= 4, where those from r on are and remain +0: their
+  /// divisors are ones, and the sums take nothing but +0 from them. Gives row[4] where r is 4.
+  template <int r>
+  [[gnu::always_inline]] static Scalar RaiseDegreeInLanes(Scalar t, const Scalar* u,
+                                                          Lanes& row) noexcept {
+    Lanes upper;
+    LoadInto(upper, u);
+    Lanes lower;
+    LoadInto(lower, u - r);
+    Lanes width = upper - lower;
+    width = __builtin_shufflevector(width, Lanes{} + Scalar(1), 0, r > 1 ? 1 : 5, r > 2 ? 2 : 6,
+                                    r > 3 ? 3 : 7);
+    const Lanes share = row / width;
+    const Lanes rising = (t - lower) * share;
+    row = __builtin_shufflevector(Lanes{}, rising, 0, 4, 5, 6) + (upper - t) * share;
+    return rising[3];
+  }
+
+  /// The same operations in the same order on every number that counts, four at a time.
+  /// Reads the knots span - 3 ... span + 4, which exist from degree 3 on.
   template <int kDegree>
   void EvaluateRowsOfDegree(Scalar t, Basis& basis) const noexcept {
-    std::array<Scalar, Index(2 * kDegree)> u;
-    std::copy_n(knots_.begin() + (basis.span - kDegree + 1), 2 * kDegree, u.begin());
-    std::array<Scalar, kDegree + 1> row{Scalar(1)};
-    const auto step = [&]<int r>(std::integral_constant<int, r>) {
-      if constexpr (r > 0) RaiseDegree(r, t, u.data() + kDegree, row.data());
-      if constexpr (kDegree - r <= kMaxDerivative)
-        std::copy_n(row.begin(), r + 1, basis.rows[kDegree - r].begin());
+    static_assert(kDegree == 3 || kDegree == 5);
+    const Scalar* const u = knots_.data() + (basis.span + 1);
+    Lanes row{Scalar(1)};
+    const auto store = [&basis](int d, const Lanes& lanes) {
+      std::memcpy(basis.rows[Index(d)].data(), &lanes, sizeof(lanes));
     };
-    [&]<int... r>(std::integer_sequence<int, r...>) {
-      (step(std::integral_constant<int, r>{}), ...);
+    RaiseDegreeInLanes<1>(t, u, row);
+    if constexpr (kDegree == 3) store(2, row);
+    RaiseDegreeInLanes<2>(t, u, row);
+    if constexpr (kDegree == 3) store(1, row);
+    RaiseDegreeInLanes<3>(t, u, row);
+    store(kDegree - 3, row);
+    if constexpr (kDegree == 5) {
+      const Scalar last = RaiseDegreeInLanes<4>(t, u, row);
+      store(1, row);
+      basis.rows[1][4] = last;
+      Lanes upper;
+      LoadInto(upper, u);
+      Lanes lower;
+      LoadInto(lower, u - 5);
+      const Lanes shares = row / (upper - lower);
+      const Lanes rising = (t - lower) * shares;
+      row = __builtin_shufflevector(Lanes{}, rising, 0, 4, 5, 6) + (upper - t) * shares;
+      const Scalar share = last / (u[4] - u[-1]);
+      store(0, row);
+      basis.rows[0][4] = rising[3] + (u[4] - t) * share;
+      basis.rows[0][5] = (t - u[-1]) * share;
     }
-    (std::make_integer_sequence<int, kDegree + 1>{});
   }
 
   template <int kDegree>
