@@ -81,9 +81,10 @@ TomlTable TomlTable::ParseFile(const std::string& path) {
   if (std::filesystem::is_directory(path, error))
     throw FileError(path, 0, "", "is a directory, not a file");
   std::ifstream stream(path, std::ios::binary);
-  if (!stream)
+  if (!stream) {
     throw FileError(path, 0, "",
                     fmt::format("cannot be opened: {}", std::generic_category().message(errno)));
+  }
   std::ostringstream text;
   text << stream.rdbuf();
   return Parse(text.str(), path);
@@ -200,7 +201,7 @@ std::string TomlTable::String(std::string_view key, const std::string& absent) {
 
 std::string TomlTable::Choice(std::string_view key, std::span<const std::string_view> allowed,
                               const std::string& absent) {
-  const std::string value = String(key, absent);
+  std::string value = String(key, absent);
   if (std::find(allowed.begin(), allowed.end(), value) == allowed.end()) {
     Fail(key, fmt::format("is '{}'; allowed: {}", value, fmt::join(allowed, ", ")));
   }

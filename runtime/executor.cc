@@ -426,6 +426,7 @@ void Executor::PlanArming(TickRecord& record) noexcept {
       joint.commanded = {position, 0, 0};
     }
     record.joints[index].planned = joint.commanded;
+    record.joints[index].planned_acceleration_rad_s2 = 0;
   }
 }
 
@@ -440,6 +441,7 @@ void Executor::PlanMove(TickRecord& record) noexcept {
     const float from = joints_[index].move_from_rad;
     const float to = primitive_.joints[index].position.control_points()[0];
     JointSetpoint& planned = record.joints[index].planned;
+    record.joints[index].planned_acceleration_rad_s2 = 0;
     planned = at_end ? JointSetpoint{to, 0, 0}
                      : JointSetpoint{from + (to - from) * share, (to - from) * rate, 0};
   }
@@ -466,6 +468,7 @@ void Executor::PlanRun(TickRecord& record) noexcept {
     const auto sample = motion.position.Evaluate(position_basis);
     const float torque = motion.torque.Value(torque_basis);
     record.joints[index].planned = {sample.value, speed * sample.first, speed * speed * torque};
+    record.joints[index].planned_acceleration_rad_s2 = speed * speed * sample.second;
   }
 }
 
@@ -482,6 +485,7 @@ void Executor::PlanBrake(int elapsed, TickRecord& record) noexcept {
     record.joints[index].planned = {
         last.position_rad + 0.5F * (last.velocity_rad_s + velocity) * time_s, velocity,
         keep_torque_ ? last.torque_nm : 0.0F};
+    record.joints[index].planned_acceleration_rad_s2 = 0;
   }
 }
 

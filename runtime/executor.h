@@ -93,6 +93,7 @@ struct TickInput {
 /// One joint in one tick: planned, limited, as encoded on the wire, and measured.
 struct JointRecord {
   JointSetpoint planned;
+  float planned_acceleration_rad_s2 = 0;  ///< s^2 q''(s t) while running, else zero.
   JointSetpoint limited;
   JointSetpoint encoded;
   JointSetpoint measured;  ///< From the reply to the tick before's setpoint.

@@ -46,9 +46,10 @@ bool IsFrameOf(const CanFrame& frame, std::uint16_t id) noexcept {
   return frame.id == id && !frame.extended && !frame.remote && frame.size <= 8;
 }
 
-float DecodeTemperature(std::uint8_t byte, MitTemperature encoding) noexcept {
-  if (encoding == MitTemperature::kOffset40) return static_cast<float>(int{byte} - 40);
-  return static_cast<float>(static_cast<std::int8_t>(byte));
+// Degrees Celsius of a reply's byte.
+int DegreesOf(std::uint8_t byte, MitTemperature encoding) noexcept {
+  return encoding == MitTemperature::kOffset40 ? int{byte} - 40
+                                               : int{static_cast<std::int8_t>(byte)};
 }
 
 std::uint8_t EncodeTemperature(float celsius, MitTemperature encoding) noexcept {
@@ -182,20 +183,36 @@ CanFrame EncodeMitReply(const MitConfig& config, const MitReply& reply) noexcept
   return frame;
 }
 
-Status DecodeMitReply(const MitConfig& config, const CanFrame& frame, MitReply& reply) noexcept {
-  if (!IsFrameOf(frame, config.reply_id) || frame.size < 6 ||
-      frame.data[0] != Low(config.command_id)) {
-    return Status::kInvalidArgument;
-  }
+namespace {
+
+bool IsReplyOf(const MitConfig& config, const CanFrame& frame) noexcept {
+  return IsFrameOf(frame, config.reply_id) && frame.size >= 6 &&
+         frame.data[0] == Low(config.command_id);
+}
+
+// The fields of (2) that every reply has.
+struct ReplyCodes {
+  std::uint16_t p = 0, v = 0, t = 0;
+};
+
+ReplyCodes UnpackReply(const CanFrame& frame) noexcept {
   const auto d = [&frame](std::size_t i) { return int{frame.data[i]}; };
   const auto code = [](int value) { return static_cast<std::uint16_t>(value); };
+  return {code(d(1) << 8 | d(2)), code(d(3) << 4 | d(4) >> 4), code((d(4) & 0xf) << 8 | d(5))};
+}
+
+}  // namespace
+
+Status DecodeMitReply(const MitConfig& config, const CanFrame& frame, MitReply& reply) noexcept {
+  if (!IsReplyOf(config, frame)) return Status::kInvalidArgument;
+  const ReplyCodes codes = UnpackReply(frame);
   reply.sender = frame.data[0];
-  reply.position_rad = MitDequantise(code(d(1) << 8 | d(2)), config.reply.position_rad, 16);
-  reply.velocity_rad_s =
-      MitDequantise(code(d(3) << 4 | d(4) >> 4), config.reply.velocity_rad_s, 12);
-  reply.torque_nm = MitDequantise(code((d(4) & 0xf) << 8 | d(5)), config.reply.torque_nm, 12);
+  reply.position_rad = MitDequantise(codes.p, config.reply.position_rad, 16);
+  reply.velocity_rad_s = MitDequantise(codes.v, config.reply.velocity_rad_s, 12);
+  reply.torque_nm = MitDequantise(codes.t, config.reply.torque_nm, 12);
   reply.size = frame.size;
-  reply.temperature_c = frame.size == 8 ? DecodeTemperature(frame.data[6], config.temperature) : 0;
+  reply.temperature_c =
+      frame.size == 8 ? static_cast<float>(DegreesOf(frame.data[6], config.temperature)) : 0;
   reply.error = frame.size == 8 ? frame.data[7] : std::uint8_t{0};
   return Status::kOk;
 }
@@ -220,7 +237,41 @@ bool DecodeMitMagic(const MitConfig& config, const CanFrame& frame, MitMagic& ma
 }
 
 MitDrive::MitDrive(const MitConfig& config) noexcept
-    : config_(config), valid_(config.Validate() == Status::kOk) {}
+    : config_(config),
+      map_(MakeMap(config.joint)),
+      command_range_(MakeRange(config.command)),
+      reply_range_(MakeRange(config.reply)),
+      valid_(config.Validate() == Status::kOk) {}
+
+MitDrive::LaneMap MitDrive::MakeMap(const JointMap& joint) noexcept {
+  const float signed_ratio = joint.direction * joint.gear_ratio;
+  return {{joint.zero_offset_rad, -0.0F, -0.0F, -0.0F},
+          {signed_ratio, signed_ratio, joint.direction, 1},
+          {1, 1, joint.gear_ratio, 1},
+          {joint.direction, joint.direction, signed_ratio, 1},
+          {joint.gear_ratio, joint.gear_ratio, 1, 1}};
+}
+
+MitDrive::LaneRange MitDrive::MakeRange(const MitRanges& ranges) noexcept {
+  const MitRange& p = ranges.position_rad;
+  const MitRange& v = ranges.velocity_rad_s;
+  const MitRange& t = ranges.torque_nm;
+  return {{p.min, v.min, t.min, -0.0F},
+          {p.max, v.max, t.max, 1},
+          {p.max - p.min, v.max - v.min, t.max - t.min, 1},
+          {0xffff, 0xfff, 0xfff, 1}};
+}
+
+// MitDequantise and JointMap, lane by lane.
+[[gnu::always_inline]] inline MitDrive::Lanes MitDrive::ToJoint(
+    const LaneRange& range, const std::array<std::int32_t, 4>& codes) const noexcept {
+  Lanes joint;
+  for (std::size_t i = 0; i < 4; ++i) {
+    const float drive = static_cast<float>(codes[i]) * range.width[i] / range.top[i] + range.min[i];
+    joint[i] = map_.to_joint[i] * drive / map_.over_joint[i] + map_.zero[i];
+  }
+  return joint;
+}
 
 void MitDrive::GoTo(Stage stage) noexcept {
   stage_ = stage;
@@ -251,17 +302,24 @@ CanFrame MitDrive::EncodeSetpoint(const DriveSetpoint& setpoint) noexcept {
     gains_.kd_encoded_nm_s_per_rad =
         joint.ToJointGain(MitDequantise(gains_.kd_code, ranges.kd_nm_s_per_rad, 12));
   }
-  Codes codes;
-  codes.p = MitQuantise(joint.ToDrivePosition(setpoint.position_rad), ranges.position_rad, 16);
-  codes.v = MitQuantise(joint.ToDriveVelocity(setpoint.velocity_rad_s), ranges.velocity_rad_s, 12);
-  codes.kp = gains_.kp_code;
-  codes.kd = gains_.kd_code;
-  codes.t = MitQuantise(joint.ToDriveTorque(setpoint.torque_nm), ranges.torque_nm, 12);
+  // JointMap and MitQuantise, lane by lane; clamping first gives the same codes.
+  const Lanes asked{setpoint.position_rad, setpoint.velocity_rad_s, setpoint.torque_nm, 0};
+  const LaneRange& range = command_range_;
+  std::array<std::int32_t, 4> lanes;
+  for (std::size_t i = 0; i < 4; ++i) {
+    float x = (asked[i] - map_.zero[i]) * map_.to_drive[i] / map_.over_drive[i];
+    x = x > range.min[i] ? x : range.min[i];
+    x = x < range.max[i] ? x : range.max[i];
+    const float code = (x - range.min[i]) * range.top[i] / range.width[i] + 0.5F;
+    lanes[i] = static_cast<std::int32_t>(code < range.top[i] ? code : range.top[i]);
+  }
+  const auto code = [&lanes](std::size_t i) { return static_cast<std::uint16_t>(lanes[i]); };
+  Codes codes{code(0), code(1), gains_.kp_code, gains_.kd_code, code(2)};
   AvoidMagic(codes);
-  encoded_ = {joint.ToJointPosition(MitDequantise(codes.p, ranges.position_rad, 16)),
-              joint.ToJointVelocity(MitDequantise(codes.v, ranges.velocity_rad_s, 12)),
-              joint.ToJointTorque(MitDequantise(codes.t, ranges.torque_nm, 12)),
-              gains_.kp_encoded_nm_per_rad, gains_.kd_encoded_nm_s_per_rad};
+  lanes[0] = codes.p;
+  const Lanes encoded = ToJoint(range, lanes);
+  encoded_ = {encoded[0], encoded[1], encoded[2], gains_.kp_encoded_nm_per_rad,
+              gains_.kd_encoded_nm_s_per_rad};
   CanFrame frame;
   frame.id = config_.command_id;
   frame.size = 8;
@@ -338,14 +396,13 @@ Status MitDrive::Encode(DriveRequest request, const DriveSetpoint& setpoint,
 }
 
 bool MitDrive::Decode(const CanFrame& frame) noexcept {
-  MitReply reply;
-  if (!valid_ || DecodeMitReply(config_, frame, reply) != Status::kOk) return false;
-  feedback_.position_rad = config_.joint.ToJointPosition(reply.position_rad);
-  feedback_.velocity_rad_s = config_.joint.ToJointVelocity(reply.velocity_rad_s);
-  feedback_.torque_nm = config_.joint.ToJointTorque(reply.torque_nm);
-  feedback_.temperature_c = reply.temperature_c;
-  feedback_.has_temperature = reply.size == 8;
-  feedback_.error = reply.error;
+  if (!valid_ || !IsReplyOf(config_, frame)) return false;
+  const bool full = frame.size == 8;
+  const ReplyCodes codes = UnpackReply(frame);
+  const int temperature = full ? DegreesOf(frame.data[6], config_.temperature) : 0;
+  const Lanes joint = ToJoint(reply_range_, {codes.p, codes.v, codes.t, temperature});
+  feedback_ = {joint[0], joint[1], joint[2],
+               joint[3], full,     full ? frame.data[7] : std::uint8_t{0}};
   heard_ = true;
   answered_ = true;
   return true;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 
 #include "firmware_interface/drives/drive.h"
@@ -183,7 +184,28 @@ class MitDrive final : public Drive {
   [[nodiscard]] MitCommand ToCommand(const DriveSetpoint& setpoint) const noexcept;
   CanFrame EncodeSetpoint(const DriveSetpoint& setpoint) noexcept;
 
+  // Position, velocity, torque and one more lane side by side: operations that the compiler can do
+  // at once. The fourth is idle in commands and the temperature in replies.
+  using Lanes = std::array<float, 4>;
+
+  // JointMap by lanes, with the same roundings:
+  //   drive = (joint - zero) * to_drive / over_drive, joint = drive * to_joint / over_joint + zero,
+  // where a divisor that JointMap does not have is one and a zero is negative: x + -0 is x.
+  struct LaneMap {
+    Lanes zero, to_drive, over_drive, to_joint, over_joint;
+  };
+  struct LaneRange {
+    Lanes min, max, width, top;
+  };
+  static LaneMap MakeMap(const JointMap& joint) noexcept;
+  static LaneRange MakeRange(const MitRanges& ranges) noexcept;
+  [[nodiscard]] Lanes ToJoint(const LaneRange& range,
+                              const std::array<std::int32_t, 4>& codes) const noexcept;
+
   MitConfig config_;
+  LaneMap map_;
+  LaneRange command_range_;
+  LaneRange reply_range_;
   bool valid_;
   Stage stage_ = Stage::kStart;
   DriveState before_exit_ = DriveState::kUnknown;

@@ -394,9 +394,10 @@ std::string ReadTextFile(const std::string& path) {
   if (std::filesystem::is_directory(path, error))
     throw FileError(path, 0, "", "is a directory, not a file");
   std::ifstream stream(path, std::ios::binary);
-  if (!stream)
+  if (!stream) {
     throw FileError(path, 0, "",
                     fmt::format("cannot be opened: {}", std::generic_category().message(errno)));
+  }
   std::ostringstream text;
   text << stream.rdbuf();
   return text.str();

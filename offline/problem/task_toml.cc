@@ -95,9 +95,10 @@ class TaskReader {
           if (table != nullptr) Tighten(*table, allowed);
         }
         dof.rotor_inertia_kg_m2 = limits->Number("rotor_inertia_kg_m2", Range{0, 10}, 0.0);
-        if (own)
+        if (own) {
           dof.rotor_inertia_kg_m2 =
               own->Number("rotor_inertia_kg_m2", Range{0, 10}, dof.rotor_inertia_kg_m2);
+        }
       }
       const Range range{allowed.position_min_rad, allowed.position_max_rad};
       joint.start_rad = start.Number(dof.name, range);
@@ -209,9 +210,10 @@ class TaskReader {
       const std::string term = table.Choice("term", kTerms, "");
       const double weight = table.Number("weight", {-1e9, 1e9});
       if (term == "effort") {
-        if (weight < 0)
+        if (weight < 0) {
           table.Fail("weight",
                      fmt::format("is {}; allowed for effort: >= 0", MessageNumber(weight)));
+        }
         problem_.effort_weight += weight;
         continue;
       }
@@ -235,9 +237,10 @@ class TaskReader {
       }
       terminal.dof = static_cast<int>(found - kRoot.begin());
       if (term == "terminal") {
-        if (weight < 0)
+        if (weight < 0) {
           table.Fail("weight",
                      fmt::format("is {}; allowed for a square: >= 0", MessageNumber(weight)));
+        }
         terminal.target = table.Number("target", {-1e3, 1e3}, 0.0);
         if (!terminal.of_velocity && terminal.dof == 2) problem_.target_pitch_rad = terminal.target;
       } else {

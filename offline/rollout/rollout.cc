@@ -23,6 +23,8 @@ constexpr std::array<int, kStages> kHalfSteps = {0, 1, 1, 2};  // c_s in halves 
 
 constexpr std::size_t Index(int i) { return static_cast<std::size_t>(i); }
 
+constexpr std::size_t kStates = std::size_t{2} * kMaxDofs;  // positions and velocities
+
 std::vector<double> Knots(const Problem& problem) {
   std::vector<double> knots(Index(problem.control_points + problem.degree + 1));
   if (Spline::ClampedUniformKnots(problem.degree, problem.control_points, problem.duration_s,
@@ -207,7 +209,7 @@ struct Rollout::Implementation {
     RolloutResult result;
     result.peak_torque_nm.assign(Index(na), 0);
     result.torque_excess.assign(Index(na), 0);
-    std::array<double, 2 * kMaxDofs> y{}, ys{}, k{}, sum{};
+    std::array<double, kStates> y{}, ys{}, k{}, sum{};
     for (int i = 0; i < nf; ++i) y[Index(i)] = problem.start_q[Index(free[Index(i)])];
     double effort = 0;
     double cost = 0;
@@ -233,9 +235,10 @@ struct Rollout::Implementation {
           const double torque = tau[Index(actuated[Index(j)])];
           effort += h * kB[Index(s)] * torque * torque;
           stage_torque[stage * Index(na) + Index(j)] = torque;
-          if (s == 0)
+          if (s == 0) {
             result.peak_torque_nm[Index(j)] =
                 std::max(result.peak_torque_nm[Index(j)], std::abs(torque));
+          }
         }
         if (s == 0) {
           for (const ActiveContact<Plane>& a : contact.active()) {
@@ -316,7 +319,7 @@ struct Rollout::Implementation {
       for (auto& control : controls) control.fill(Lanes::Zero());
     }
     std::array<Lane, kLanes> lanes;
-    std::array<Lanes, 2 * kMaxDofs> adjoint, y_bar;
+    std::array<Lanes, kStates> adjoint, y_bar;
     int half_step = 0;  // which `controls` belong to
     std::array<std::array<Lanes, 3>, kMaxDofs> controls;
   };
@@ -337,7 +340,7 @@ struct Rollout::Implementation {
     const int steps = motion_steps + settle_steps;
     AddTerminalSlope(TerminalTerm::When::kSettled, settled_state.data());
     if (settle_steps == 0) AddTerminalSlope(TerminalTerm::When::kEnd, end_state.data());
-    std::array<Lanes, 2 * kMaxDofs> total;
+    std::array<Lanes, kStates> total;
     for (int step = steps - 1; step >= 0; --step) {
       std::copy_n(pullback.adjoint.begin(), 2 * nf, total.begin());
       for (int s = kStages - 1; s >= 0; --s) {
@@ -386,7 +389,7 @@ struct Rollout::Implementation {
   void PullBackStage(int step, int s) {
     const double h = step < motion_steps ? motion_h : settle_h;
     // k_bar = h b_s lambda + h a_{s+1} y_bar_{s+1}
-    std::array<Lanes, 2 * kMaxDofs> k_bar;
+    std::array<Lanes, kStates> k_bar;
     const double b = h * kB[Index(s)];
     const double a = s + 1 < kStages ? h * kA[Index(s + 1)] : 0;
     for (int i = 0; i < 2 * nf; ++i)
@@ -394,7 +397,7 @@ struct Rollout::Implementation {
     // The stage's record is a matrix with rows of one length: see StoreStage.
     const double* record = &stages[Index(step * kStages + s) * Index(stage_size)];
     const auto row_times = [&](int row, const std::array<Lanes, kMaxDofs>& v) {
-      const double* entry = record + row * nd;
+      const double* entry = record + Index(row * nd);
       Lanes sum = entry[0] * v[0];
       for (int i = 1; i < nd; ++i) sum += entry[i] * v[Index(i)];
       return sum;
@@ -457,7 +460,7 @@ struct Rollout::Implementation {
   std::vector<Lanes> lane_gradient;
   DynamicsDerivatives derivatives;
   std::array<double, kMaxDofs> q{}, qd{}, qdd{}, tau{};
-  std::array<double, 2 * kMaxDofs> end_state{}, settled_state{};
+  std::array<double, kStates> end_state{}, settled_state{};
 };
 
 Rollout::Rollout(const Problem& problem, double step_s)
@@ -487,7 +490,7 @@ void Rollout::Visit(std::span<const double> x, double extra_s,
   Implementation& m = *implementation_;
   m.SetControls(x);
   const int extra_steps = static_cast<int>(std::ceil(extra_s / m.settle_h - 1e-9));
-  std::array<double, 2 * kMaxDofs> y{}, ys{}, k{}, sum{};
+  std::array<double, kStates> y{}, ys{}, k{}, sum{};
   for (int i = 0; i < m.nf; ++i) y[Index(i)] = m.problem.start_q[Index(m.free[Index(i)])];
   MotionSample sample;
   sample.dynamics = &m.dynamics;

@@ -182,6 +182,7 @@ struct Telemetry::Implementation {
       out.planned_position_rad = joint.planned.position_rad;
       out.planned_velocity_rad_s = joint.planned.velocity_rad_s;
       out.planned_torque_nm = joint.planned.torque_nm;
+      out.planned_acceleration_rad_s2 = joint.planned_acceleration_rad_s2;
       out.limited_position_rad = joint.limited.position_rad;
       out.limited_velocity_rad_s = joint.limited.velocity_rad_s;
       out.limited_torque_nm = joint.limited.torque_nm;

@@ -144,6 +144,8 @@ TEST(Executor, PlaysTheSplinesTickByTick) {
         const JointRecord& record = rig.output.record.joints[j];
         EXPECT_NEAR(record.limited.position_rad, sample.value, 2e-5);
         EXPECT_NEAR(record.limited.velocity_rad_s, speed * sample.first, 2e-3);
+        EXPECT_NEAR(record.planned_acceleration_rad_s2, speed * speed * sample.second,
+                    1e-3F * primitive.joints[j].limits.acceleration_max_rad_s2);
         const float torque = primitive.joints[j].torque.Evaluate(static_cast<float>(t)).value;
         EXPECT_NEAR(record.limited.torque_nm, speed * speed * torque, 2e-4);
         EXPECT_FALSE(record.limit_active);
@@ -152,6 +154,7 @@ TEST(Executor, PlaysTheSplinesTickByTick) {
       ++n;
     }
     EXPECT_EQ(n, rig.executor.run_ticks());
+    EXPECT_EQ(rig.output.record.joints[0].planned_acceleration_rad_s2, 0);
     EXPECT_EQ(rig.output.record.primitive_time_s, primitive.duration_s);
     EXPECT_FLOAT_EQ(rig.output.record.joints[0].limited.position_rad,
                     primitive.joints[0].position.control_points().back());
@@ -177,6 +180,7 @@ TEST(Executor, SharedKnotsChangeNoBitOfASetpoint) {
         const auto sample = primitive.joints[j].position.Evaluate(record.primitive_time_s);
         ASSERT_EQ(record.joints[j].planned.position_rad, sample.value);
         ASSERT_EQ(record.joints[j].planned.velocity_rad_s, sample.first);
+        ASSERT_EQ(record.joints[j].planned_acceleration_rad_s2, sample.second);
         ASSERT_EQ(record.joints[j].planned.torque_nm,
                   primitive.joints[j].torque.Evaluate(record.primitive_time_s).value);
       }

@@ -21,6 +21,7 @@ struct MotionShape {
   double duration_s = 1.2;
   double settle_s = 0.05;
   double amplitude_rad = 1.0;  ///< Control points lie within +- this.
+  int torque_points = 0;       ///< Of the feed-forward; 0: as many as the path has.
 };
 
 /// A primitive from rest to rest with random quintic paths and random cubic feed-forward. Its
@@ -56,7 +57,8 @@ Primitive<Scalar> RandomPrimitive(const MotionShape& shape, std::mt19937& random
     points[1] = points[2] = points[0];              // Rest at the start,
     points[n - 3] = points[n - 2] = points[n - 1];  // and at the end.
     assign(motion.position, 5, points);
-    std::vector<Scalar> torques(n);
+    std::vector<Scalar> torques(static_cast<std::size_t>(
+        shape.torque_points > 0 ? shape.torque_points : shape.control_points));
     for (Scalar& c : torques) c = static_cast<Scalar>(torque(random));
     assign(motion.torque, 3, torques);
     const auto largest = [](const Interval<Scalar>& bounds) {
