@@ -59,8 +59,9 @@ struct SolveOptions {
 };
 
 struct SolveOutcome {
-  std::vector<Solution>
-      solutions;  ///< Of every start, best first: feasible before infeasible, then by cost.
+  /// Of every start, best first: feasible before infeasible, then by cost. Empty when interrupted
+  /// before the first batch of the search was done.
+  std::vector<Solution> solutions;
   std::vector<Evaluation>
       history;  ///< In the order of stage, start and count: the same for any number of threads.
   std::int64_t evaluations = 0;  ///< Global and local.
