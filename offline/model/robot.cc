@@ -113,10 +113,10 @@ class Builder {
   }
 
   void AddDof(Dof<Plane> dof, const std::string& body_name, const RobotJointLimits& limits) {
-    if (static_cast<int>(robot_.tree.dofs.size()) == kMaxDofs) {
+    if (static_cast<int>(robot_.tree.dofs.size()) == Plane::kMaxDofs) {
       FailLink(body_name,
                fmt::format("the robot has more than {} degrees of freedom, its root's included",
-                           kMaxDofs));
+                           Plane::kMaxDofs));
     }
     robot_.tree.dofs.push_back(std::move(dof));
     robot_.body_names.push_back(body_name);

@@ -65,8 +65,8 @@ struct PlanarRobot {
 /// @param file_name  for messages.
 /// @throws FileError with file, line and element when the text is not a URDF; when a mass or
 /// inertia is not physical; when a joint's type is unknown or its axis leaves the plane (revolute:
-/// +-y, prismatic: in x-z); when it has more than kMaxDofs degrees of freedom, or one that moves no
-/// mass.
+/// +-y, prismatic: in x-z); when it has more than Plane::kMaxDofs degrees of freedom, or one that
+/// moves no mass.
 PlanarRobot ParsePlanarRobot(const std::string& text, const std::string& file_name, RootKind root);
 
 /// Whole content of a text file. @throws FileError naming it and the system's reason.
