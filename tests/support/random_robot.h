@@ -10,7 +10,7 @@
 #include "offline/dynamics/hybrid_dynamics.h"
 #include "offline/dynamics/plane.h"
 #include "offline/dynamics/spatial.h"
-#include "offline/model/robot.h"
+#include "offline/model/planar_robot.h"
 
 namespace tumbler {
 
