@@ -372,13 +372,14 @@ class HybridPrinter {
   }
 
   [[noreturn]] void FailUndetermined(int j) const {
-    if (robot_.root == RootKind::kFloating && j == 5) {
+    constexpr int kRoll = 4, kYaw = 5;
+    if (robot_.root == RootKind::kFloating && j == kYaw && std::abs(std::cos(q_[kRoll])) < 1e-4) {
       throw StateError(fmt::format(
           "roll = {:.9g} rad is too near to +-pi/2, where yaw turns about the axis of pitch and "
           "the "
           "root's coordinates are singular; expected |cos(roll)| above about 1e-6: describe this "
           "attitude with another frame of the root link",
-          q_[4]));
+          q_[kRoll]));
     }
     throw StateError(fmt::format(
         "the acceleration of '{}' is not determined in this state: with the free degrees of "
@@ -431,7 +432,8 @@ int Hybrid(const Arguments& arguments) {
     std::fputs(result.c_str(), stdout);
     FlushOutput();  // Whoever asks line by line waits for it.
   }
-  if (std::cin.bad()) throw std::runtime_error("standard input: cannot be read");
+  if (std::cin.bad() || std::ferror(stdin) != 0)
+    throw std::runtime_error("standard input: cannot be read");
   return kGood;
 }
 
@@ -481,6 +483,7 @@ int main(int argc, char** argv) {
   hybrid->add_flag("--derivatives", arguments.derivatives, "Print the partial derivatives as well");
   hybrid->add_option("--gravity", arguments.gravity, "World axes [m/s^2], default 0 0 -9.81")
       ->expected(3)
+      ->allow_extra_args(false)
       ->type_name("X Y Z");
   try {
     app.parse(argc, argv);

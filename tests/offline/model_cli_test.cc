@@ -55,12 +55,13 @@ class ModelRunner {
   ModelRunner(const ModelRunner&) = delete;
   ModelRunner& operator=(const ModelRunner&) = delete;
 
-  /// `tumbler-model COMMAND robot.urdf ARGUMENTS` with this on its standard input.
+  /// `tumbler-model COMMAND robot.urdf ARGUMENTS` in a shell, with this on its standard input.
   [[nodiscard]] Outcome operator()(const std::string& command, const std::string& arguments,
                                    const std::string& input = "") const {
     WriteFile(folder_ / "in", input);
     Program shell({"/bin/sh", "-c",
-                   fmt::format("cd {} && exec {}/bin/tumbler-model {} robot.urdf {} <in >out 2>err",
+                   fmt::format("cd {} && exec <in >out 2>err && exec {}/bin/tumbler-model {} "
+                               "robot.urdf {}",
                                folder_.string(), TUMBLER_BINARY_DIR, command, arguments)});
     Outcome run;
     run.status = shell.Wait();
@@ -525,6 +526,8 @@ TEST(ModelHybrid, GravityCanBeAnotherOne) {
   ASSERT_EQ(out.size(), 5U);
   EXPECT_NEAR(out[0], 1.5, 1e-14);
   EXPECT_NEAR(out[1], -2, 1e-14);
+  const std::vector<double> ahead = Numbers(model("hybrid --gravity 1.5 0 -2", kLegs, rest).out);
+  EXPECT_EQ(ahead, out) << "the robot's file follows the option";
 }
 
 TEST(ModelHybrid, ARootsCoordinateMayBePrescribedToo) {
@@ -570,6 +573,16 @@ TEST(ModelHybrid, AMalformedLineIsNamedAndWhatCameBeforeItIsPrinted) {
     EXPECT_THAT(run.err, HasSubstr("standard input:3: ")) << wrong.line;
     EXPECT_THAT(run.err, HasSubstr(wrong.says)) << wrong.line;
   }
+}
+
+TEST(ModelHybrid, StandardStreamsThatFailAreErrors) {
+  const ModelRunner model(BoxTumbler());
+  const Outcome full = model("hybrid", std::string(kLegs) + " >/dev/full", kBoxState);
+  EXPECT_EQ(full.status, 1);
+  EXPECT_THAT(full.err, HasSubstr("standard output: "));
+  const Outcome folder = model("hybrid", std::string(kLegs) + " </", "");
+  EXPECT_EQ(folder.status, 1);
+  EXPECT_THAT(folder.err, HasSubstr("standard input: cannot be read"));
 }
 
 TEST(ModelHybrid, BadArgumentsAreNamed) {
