@@ -23,6 +23,7 @@ struct Plane {
   /// Capacity: degrees of freedom of a tree, those of the root included. A planar robot keeps its
   /// matrices small.
   static constexpr int kMaxDofs = 12;
+  static constexpr std::size_t kMotions = 3;  ///< Dimension of the space of motions.
 
   /// Angular velocity w applied to the point r.
   static Vector Cross(double w, const Vector& r) { return {-w * r.y(), w * r.x()}; }

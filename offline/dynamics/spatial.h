@@ -20,6 +20,7 @@ struct Spatial {
 
   /// Capacity: degrees of freedom of a tree, those of the root included.
   static constexpr int kMaxDofs = 32;
+  static constexpr std::size_t kMotions = 6;  ///< Dimension of the space of motions.
 
   /// Angular velocity w applied to the point r.
   static Vector Cross(const Vector& w, const Vector& r) { return w.cross(r); }

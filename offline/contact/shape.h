@@ -1,0 +1,95 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+
+namespace tumbler {
+
+enum class ShapeKind { kHalfSpace, kSphere, kCapsule, kBox };
+
+/// A shape of the contact model in the frame of what carries it: a convex core given by linear
+/// constraints, [AB04, Eqs. 26-27], and a radius swept around it; or a half-space.
+///
+/// There is one core: a box with half extents h_i >= 0 along its own axes. With all of them zero
+/// the shape is a sphere (a disc in the plane), with one above zero a capsule, and with more a box,
+/// rounded if its radius is not zero.
+template <class Space>
+struct Shape {
+  using Vector = typename Space::Vector;
+  static constexpr int kDimension = Vector::RowsAtCompileTime;
+
+  Vector centre = Vector::Zero();        ///< Of the core; a point of a half-space's surface [m].
+  typename Space::Rotation rotation;     ///< Axes of the core.
+  Vector half_extents = Vector::Zero();  ///< h [m].
+  double radius_m = 0;                   ///< Swept around the core.
+  bool half_space = false;
+  Vector normal = Vector::Zero();  ///< Unit, out of a half-space; nothing else has one.
+
+  [[nodiscard]] ShapeKind kind() const {
+    if (half_space) return ShapeKind::kHalfSpace;
+    const auto sides = (half_extents.array() > 0).count();
+    return sides == 0 ? ShapeKind::kSphere : sides == 1 ? ShapeKind::kCapsule : ShapeKind::kBox;
+  }
+
+  /// `direction` need not be a unit vector, but must not be zero.
+  static Shape HalfSpace(const Vector& point, const Vector& direction) {
+    Shape shape;
+    shape.half_space = true;
+    shape.centre = point;
+    shape.normal = direction.normalized();
+    return shape;
+  }
+  static Shape Sphere(const Vector& centre, double radius_m) {
+    Shape shape;
+    shape.centre = centre;
+    shape.radius_m = radius_m;
+    return shape;
+  }
+  /// The core is the segment of that half length along the first axis of `rotation`.
+  static Shape Capsule(const Vector& centre, const typename Space::Rotation& rotation,
+                       double half_length_m, double radius_m) {
+    Shape shape = Sphere(centre, radius_m);
+    shape.rotation = rotation;
+    shape.half_extents[0] = half_length_m;
+    return shape;
+  }
+  static Shape Box(const Vector& centre, const typename Space::Rotation& rotation,
+                   const Vector& half_extents) {
+    Shape shape;
+    shape.centre = centre;
+    shape.rotation = rotation;
+    shape.half_extents = half_extents;
+    return shape;
+  }
+};
+
+/// A shape at one place, its axes written out.
+template <class Space>
+struct PosedShape {
+  using Vector = typename Space::Vector;
+  static constexpr int kDimension = Vector::RowsAtCompileTime;
+  using Matrix = Eigen::Matrix<double, kDimension, kDimension>;
+
+  Vector centre;
+  Matrix axes;  ///< By columns.
+  Vector half_extents;
+  double radius_m = 0;
+  bool half_space = false;
+  Vector normal;
+
+  /// The shape of a body with rotation R and origin p.
+  static PosedShape Of(const Shape<Space>& shape, const typename Space::Rotation& R,
+                       const Vector& p) {
+    PosedShape posed;
+    posed.centre = p + R * shape.centre;
+    const typename Space::Rotation axes = R * shape.rotation;
+    for (int i = 0; i < kDimension; ++i) posed.axes.col(i) = axes * Vector(Vector::Unit(i));
+    posed.half_extents = shape.half_extents;
+    posed.radius_m = shape.radius_m;
+    posed.half_space = shape.half_space;
+    posed.normal = R * shape.normal;
+    return posed;
+  }
+};
+
+}  // namespace tumbler
