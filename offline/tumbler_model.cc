@@ -154,10 +154,13 @@ int Check(const Arguments& arguments) {
   PrintMasses(robot);
   for (const RobotFinding& finding : robot.findings) PrintFinding(robot, finding, "warning");
   PrintUndetermined(robot);
-  for (const IgnoredShape& shape : ShapesWithoutContact(robot)) {
+  const std::vector<IgnoredShape> ignored = robot.root == RootKind::kFloating
+                                                ? SpatialContactShapes(robot).ignored
+                                                : PlanarContactShapes(robot).ignored;
+  for (const IgnoredShape& shape : ignored) {
     PrintFinding(robot,
                  {shape.line, fmt::format("link '{}'", shape.link),
-                  shape.reason + ": ignored, contacts use moving spheres only"},
+                  shape.reason + ": contact ignores it"},
                  "note");
   }
   if (robot.root == RootKind::kFloating) {

@@ -277,7 +277,7 @@ int Optimize(const Arguments& arguments) {
   }
   CheckDistinct({arguments.task, task.robot_file}, files);
   for (const IgnoredShape& shape : problem.robot.ignored_shapes) {
-    fmt::print(stderr, "{}:{}: link '{}': note: {}; contacts use spheres only\n", task.robot_file,
+    fmt::print(stderr, "{}:{}: link '{}': note: {}: contact ignores it\n", task.robot_file,
                shape.line, shape.link, shape.reason);
   }
 

@@ -171,9 +171,9 @@ MotionSummary Summarize(const Problem& problem, const std::vector<double>& x) {
     for (const ActiveContact<Plane>& contact : sample.contacts) {
       summary.peak_penetration_m = std::max(summary.peak_penetration_m, contact.depth_m);
       if (t > problem.duration_s + problem.settle_s) continue;
-      auto& list = intervals[{contact.sphere, contact.obstacle}];
+      auto& list = intervals[{contact.shape, contact.obstacle}];
       if (list.empty() || t - list.back().end_s > kContactGap) {
-        list.push_back({problem.robot.spheres[static_cast<std::size_t>(contact.sphere)].name,
+        list.push_back({problem.robot.shapes[static_cast<std::size_t>(contact.shape)].name,
                         problem.obstacles[static_cast<std::size_t>(contact.obstacle)].name, t, t,
                         0});
       }
@@ -268,10 +268,17 @@ ReportData MakeReportData(const Task& task, const SolveOutcome& outcome, const S
       link.shapes.push_back({segment.from.x(), segment.from.y(), segment.to.x(), segment.to.y(),
                              segment.radius_m, false});
     }
-    for (const ContactSphere<Plane>& sphere : problem.robot.spheres) {
-      if (sphere.body != static_cast<int>(j)) continue;
-      link.shapes.push_back({sphere.centre.x(), sphere.centre.y(), sphere.centre.x(),
-                             sphere.centre.y(), sphere.radius_m, true});
+    for (const ContactShape<Plane>& own : problem.robot.shapes) {
+      if (own.body != static_cast<int>(j)) continue;
+      // A bar along the core's longer side, as wide as the other.
+      const Shape<Plane>& shape = own.shape;
+      const int longer = shape.half_extents.x() >= shape.half_extents.y() ? 0 : 1;
+      const double width = shape.half_extents[1 - longer];
+      const Plane::Vector side =
+          shape.rotation *
+          Plane::Vector((shape.half_extents[longer] - width) * Plane::Vector::Unit(longer));
+      const Plane::Vector from = shape.centre - side, to = shape.centre + side;
+      link.shapes.push_back({from.x(), from.y(), to.x(), to.y(), shape.radius_m + width, true});
     }
     if (link.shapes.empty()) continue;
     link_of_body[j] = static_cast<int>(bodies.size());
@@ -288,15 +295,22 @@ ReportData MakeReportData(const Task& task, const SolveOutcome& outcome, const S
   for (const Obstacle<Plane>& obstacle : problem.obstacles) {
     ReportObstacle shown;
     shown.name = obstacle.name;
-    const bool plane = obstacle.kind == Obstacle<Plane>::Kind::kHalfSpace;
-    shown.kind = plane ? ReportObstacle::Kind::kHalfSpace : ReportObstacle::Kind::kCircle;
-    shown.x_m = obstacle.point.x();
-    shown.z_m = obstacle.point.y();
-    if (plane) {
-      shown.normal_x = obstacle.normal.x();
-      shown.normal_z = obstacle.normal.y();
+    const Shape<Plane>& shape = obstacle.shape;
+    shown.x_m = shape.centre.x();
+    shown.z_m = shape.centre.y();
+    shown.radius_m = shape.radius_m;
+    if (shape.half_space) {
+      shown.normal_x = shape.normal.x();
+      shown.normal_z = shape.normal.y();
+    } else if (shape.kind() == ShapeKind::kSphere) {
+      shown.kind = ReportObstacle::Kind::kCircle;
+    } else {
+      shown.kind = ReportObstacle::Kind::kBox;
+      shown.normal_x = shape.rotation.c;
+      shown.normal_z = shape.rotation.s;
+      shown.half_x_m = shape.half_extents.x();
+      shown.half_z_m = shape.half_extents.y();
     }
-    shown.radius_m = obstacle.radius_m;
     data.obstacles.push_back(shown);
   }
   double next = 0;
@@ -327,14 +341,8 @@ ReportData MakeReportData(const Task& task, const SolveOutcome& outcome, const S
     }
     for (const ActiveContact<Plane>& contact : sample.contacts) {
       const Plane::Vector p = origin + contact.point;
-      const Plane::Vector normal =
-          problem.obstacles[static_cast<std::size_t>(contact.obstacle)].kind ==
-                  Obstacle<Plane>::Kind::kHalfSpace
-              ? problem.obstacles[static_cast<std::size_t>(contact.obstacle)].normal
-              : (p - problem.obstacles[static_cast<std::size_t>(contact.obstacle)].point)
-                    .normalized();
-      shown.forces.push_back(
-          {p.x(), p.y(), contact.force.x(), contact.force.y(), normal.x(), normal.y()});
+      shown.forces.push_back({p.x(), p.y(), contact.force.x(), contact.force.y(),
+                              contact.normal.x(), contact.normal.y()});
     }
     data.samples.push_back(std::move(shown));
   });

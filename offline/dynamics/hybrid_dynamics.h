@@ -39,8 +39,8 @@ struct DynamicsDerivatives {
 /// `Spatial`.
 ///
 /// Order of calls: SetState; AddWrench for every contact; Solve; then for derivatives
-/// AddWrenchDerivative for every contact, and Differentiate or DifferentiateFactored. Cost: O(n d)
-/// for tree depth d, plus O(n_p^3). No heap after construction.
+/// AddWrenchDerivative or AddPairDerivative for every contact, and Differentiate or
+/// DifferentiateFactored. Cost: O(n d) for tree depth d, plus O(n_p^3). No heap after construction.
 ///
 /// [AB04] J. Albro, J. Bobrow, 2004. [SRW22] S. Singh, R. Russell, P. Wensing, Efficient Analytical
 /// Derivatives of Rigid-Body Dynamics Using Spatial Vector Algebra, IEEE RA-L 7(2), 2022.
@@ -107,6 +107,12 @@ class HybridDynamics {
     sum.stiffness += stiffness;
     sum.damping += damping;
   }
+
+  /// Adds to the derivatives of a wrench W that acts on body a, and of -W on body b, where W
+  /// depends on the motion of a relative to b alone: the maps, as above, are those of moving a with
+  /// b at rest. Both wrenches are given to AddWrench as well. After Solve, before Differentiate.
+  void AddPairDerivative(int a, int b, const Wrench& W, const WrenchMap& stiffness,
+                         const WrenchMap& damping);
 
   /// All derivatives of Solve's outputs at its solution.
   void Differentiate(Derivatives& out);
@@ -179,7 +185,9 @@ class HybridDynamics {
   typename Derivatives::Block M_;  // joint-space inertia; zero off the tree's branches
   std::array<std::array<double, kMaxDofs>, kMaxDofs> L_;  // Cholesky factor; diagonal inverted
   std::uint32_t touched_ = 0;                             // bodies with a wrench derivative
-  std::vector<std::pair<int, int>> unrelated_;            // neither carries the other
+  bool any_pair_ = false;
+  typename Derivatives::Block pair_q_, pair_qd_;  // what pairs add to the derivative of tau
+  std::vector<std::pair<int, int>> unrelated_;    // neither carries the other
 };
 
 template <class Space>
@@ -219,6 +227,7 @@ HybridDynamics<Space>::HybridDynamics(const Tree<Space>& tree)
 template <class Space>
 void HybridDynamics<Space>::SetState(std::span<const double> q, std::span<const double> qd) {
   touched_ = 0;
+  any_pair_ = false;
   // Positions in the world first; from then on the origin is that of the first body's frame.
   for (int j = 0; j < n_; ++j) {
     const Joint& joint = joints_[Index(j)];
@@ -417,6 +426,59 @@ void HybridDynamics<Space>::DifferentiateInverse(typename Derivatives::Block& d_
       sum.damping += w.damping;
     }
     touched |= 1U << up;
+  }
+  if (!any_pair_) return;
+  for (int i = 0; i < n_; ++i) {
+    for (int k = 0; k < n_; ++k) {
+      d_q[Index(i)][Index(k)] += pair_q_[Index(i)][Index(k)];
+      d_qd[Index(i)][Index(k)] += pair_qd_[Index(i)][Index(k)];
+    }
+  }
+}
+
+/// With s_k = 1 for what carries a alone, -1 for what carries b alone, and 0 for what carries both
+/// or neither, the generalised force of the pair is Q_i = s_i S_i . W. Moving a and b as one turns
+/// W along; moving b alone is that and moving a back:
+///
+///   dW/dq_k = S_k x* W + K S_k + D S_rate_k  (s_k = 1),   -(K S_k + D S_rate_k)  (s_k = -1),
+///   dW/dqd_k = s_k D S_k.
+///
+/// DifferentiateInverse lets both wrenches turn along with the body that they act on. That is right
+/// for W on a. That on b changes with W and not with b: by s_k S_k x* W less, in all that carries
+/// b.
+template <class Space>
+void HybridDynamics<Space>::AddPairDerivative(int a, int b, const Wrench& W,
+                                              const WrenchMap& stiffness,
+                                              const WrenchMap& damping) {
+  if (!any_pair_) {
+    any_pair_ = true;
+    for (int i = 0; i < n_; ++i) {
+      pair_q_[Index(i)].fill(0);
+      pair_qd_[Index(i)].fill(0);
+    }
+  }
+  std::array<int, kMaxDofs> side{};  // s
+  std::uint32_t carriers_of_b = 0;
+  for (int i = a; i >= 0; i = joints_[Index(i)].parent) ++side[Index(i)];
+  for (int i = b; i >= 0; i = joints_[Index(i)].parent) {
+    --side[Index(i)];
+    carriers_of_b |= 1U << i;
+  }
+  for (int k = 0; k < n_; ++k) {
+    if (side[Index(k)] == 0) continue;
+    const Body& moving = bodies_[Index(k)];
+    const Wrench by_q = stiffness * moving.S + damping * moving.S_rate;
+    const Wrench by_qd = damping * moving.S;
+    const Wrench turned = Space::Cross(moving.S, W);
+    for (int i = 0; i < n_; ++i) {
+      const Motion& S = bodies_[Index(i)].S;
+      if (const int sides = side[Index(i)] * side[Index(k)]; sides != 0) {
+        pair_q_[Index(i)][Index(k)] -= sides * Space::Dot(S, by_q);
+        pair_qd_[Index(i)][Index(k)] -= sides * Space::Dot(S, by_qd);
+      }
+      if ((carriers_of_b >> i & 1U) != 0)
+        pair_q_[Index(i)][Index(k)] += side[Index(k)] * Space::Dot(S, turned);
+    }
   }
 }
 

@@ -136,12 +136,9 @@ PlanarRobot ReduceToPlane(const Robot& robot) {
                          "carries, an <inertial>",
                          robot.tree.dofs[j].name));
   }
-  for (const RobotShape& shape : robot.collision_shapes) {
-    if (shape.kind != RobotShape::Kind::kSphere || shape.body < 0) continue;
-    out.spheres.push_back(
-        {shape.name, shape.body, InPlane(shape.pose.translation()), shape.radius_m});
-  }
-  out.ignored_shapes = ShapesWithoutContact(robot);
+  ContactShapes<Plane> contact = PlanarContactShapes(robot);
+  out.shapes = std::move(contact.shapes);
+  out.ignored_shapes = std::move(contact.ignored);
   for (const RobotShape& shape : robot.visual_shapes) {
     DrawnSegment segment;
     if (shape.body >= 0 && Draw(shape, segment)) out.drawing.push_back(segment);

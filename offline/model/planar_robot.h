@@ -8,6 +8,7 @@
 #include "offline/contact/contact_model.h"
 #include "offline/dynamics/plane.h"
 #include "offline/dynamics/tree.h"
+#include "offline/model/contact_shapes.h"
 #include "offline/model/robot.h"
 
 namespace tumbler {
@@ -23,11 +24,11 @@ struct DrawnSegment {
 /// A robot reduced to the x-z plane. Degrees of freedom are those of `Robot`, in the same order.
 struct PlanarRobot {
   std::string name;
-  Tree<Plane> tree;                      ///< No degree of freedom is prescribed yet.
-  int root_dofs = 0;                     ///< 0 (fixed) or 3 (planar).
-  std::vector<std::string> body_names;   ///< Link of each degree of freedom.
-  std::vector<RobotJointLimits> limits;  ///< Of each degree of freedom; the root's are infinite.
-  std::vector<ContactSphere<Plane>> spheres;
+  Tree<Plane> tree;                         ///< No degree of freedom is prescribed yet.
+  int root_dofs = 0;                        ///< 0 (fixed) or 3 (planar).
+  std::vector<std::string> body_names;      ///< Link of each degree of freedom.
+  std::vector<RobotJointLimits> limits;     ///< Of each degree of freedom; the root's are infinite.
+  std::vector<ContactShape<Plane>> shapes;  ///< For contact.
   std::vector<DrawnSegment> drawing;
   std::vector<IgnoredShape> ignored_shapes;
 

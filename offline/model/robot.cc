@@ -403,23 +403,6 @@ Robot ParseRobot(const std::string& text, const std::string& file_name, RootKind
   return Builder(text, file_name, root).Take();
 }
 
-std::vector<IgnoredShape> ShapesWithoutContact(const Robot& robot) {
-  std::vector<IgnoredShape> ignored;
-  for (const RobotShape& shape : robot.collision_shapes) {
-    const char* reason = nullptr;
-    if (shape.kind != RobotShape::Kind::kSphere) {
-      reason = "is not a sphere";
-    } else if (shape.body < 0) {
-      reason = "is fixed to the world";
-    } else {
-      continue;
-    }
-    ignored.push_back(
-        {shape.link, shape.line, fmt::format("collision shape {} {}", shape.name, reason)});
-  }
-  return ignored;
-}
-
 std::string ReadTextFile(const std::string& path) {
   std::error_code error;
   if (std::filesystem::is_directory(path, error))

@@ -68,13 +68,6 @@ struct RobotFinding {
   std::string problem;
 };
 
-/// A collision shape of the file that the contact model does not use, and why.
-struct IgnoredShape {
-  std::string link;
-  std::uint32_t line = 0;
-  std::string reason;
-};
-
 /// A robot from a URDF, in space.
 ///
 /// Degrees of freedom are the root's coordinates, then the file's movable joints in the file's
@@ -114,9 +107,6 @@ struct Robot {
 /// negative, or a limit upside down; when a joint's type is unknown; when it has more than
 /// Spatial::kMaxDofs degrees of freedom, or none.
 Robot ParseRobot(const std::string& text, const std::string& file_name, RootKind root);
-
-/// The collision shapes that the contact model has no use for: it knows spheres.
-std::vector<IgnoredShape> ShapesWithoutContact(const Robot& robot);
 
 /// Whole content of a text file. @throws FileError naming it and the system's reason.
 std::string ReadTextFile(const std::string& path);

@@ -178,19 +178,35 @@ class TaskReader {
     for (TomlTable& table : tables) {
       Obstacle<Plane> obstacle;
       obstacle.name = table.String("name");
-      constexpr std::array<std::string_view, 2> kKinds = {"half-space", "cylinder"};
-      if (table.Choice("kind", kKinds, "half-space") == "half-space") {
-        const auto point = table.Numbers("point_m", Range{-1e3, 1e3}, 2);
-        const auto normal = table.Numbers("normal", Range{-1e3, 1e3}, 2);
-        obstacle.point = {point[0], point[1]};
-        obstacle.normal = {normal[0], normal[1]};
-        if (obstacle.normal.norm() < 1e-6) table.Fail("normal", "has no direction");
-        obstacle.normal.normalize();
+      constexpr std::array<std::string_view, 5> kKinds = {"half-space", "cylinder", "sphere",
+                                                          "capsule", "box"};
+      constexpr Range kPlace{-1e3, 1e3};
+      const std::string kind = table.Choice("kind", kKinds, "half-space");
+      const auto point = [&table](std::string_view key) -> Plane::Vector {
+        const auto numbers = table.Numbers(key, kPlace, 2);
+        return {numbers[0], numbers[1]};
+      };
+      if (kind == "half-space") {
+        const Plane::Vector on = point("point_m"), normal = point("normal");
+        if (normal.norm() < 1e-6) table.Fail("normal", "has no direction");
+        obstacle.shape = Shape<Plane>::HalfSpace(on, normal);
+      } else if (kind == "capsule") {
+        const Plane::Vector from = point("from_m"), to = point("to_m");
+        const double length = (to - from).norm();
+        if (length < 1e-6) table.Fail("to_m", "is the same point as from_m; use a cylinder");
+        const Plane::Vector along = (to - from) / length;
+        obstacle.shape =
+            Shape<Plane>::Capsule((from + to) / 2, Plane::Rotation{along.x(), along.y()},
+                                  length / 2, table.Number("radius_m", {0, 1e3, true}));
+      } else if (kind == "box") {
+        const Plane::Vector centre = point("centre_m");
+        const auto size = table.Numbers("size_m", {0, 1e3, true}, 2);
+        const double pitch = table.Number("pitch_rad", kPlace, 0.0);
+        obstacle.shape =
+            Shape<Plane>::Box(centre, Plane::RotationBy(1, pitch), {size[0] / 2, size[1] / 2});
       } else {
-        const auto centre = table.Numbers("centre_m", Range{-1e3, 1e3}, 2);
-        obstacle.kind = Obstacle<Plane>::Kind::kSphere;
-        obstacle.point = {centre[0], centre[1]};
-        obstacle.radius_m = table.Number("radius_m", {0, 1e3, true});
+        const Plane::Vector centre = point("centre_m");
+        obstacle.shape = Shape<Plane>::Sphere(centre, table.Number("radius_m", {0, 1e3, true}));
       }
       for (const Obstacle<Plane>& other : problem_.obstacles) {
         if (other.name == obstacle.name)
@@ -198,8 +214,8 @@ class TaskReader {
       }
       problem_.obstacles.push_back(obstacle);
     }
-    if (problem_.robot.spheres.empty() && !problem_.obstacles.empty()) {
-      root_.Fail("obstacle", "the robot has no collision sphere that could touch it");
+    if (problem_.robot.shapes.empty() && !problem_.obstacles.empty()) {
+      root_.Fail("obstacle", "the robot has no collision shape that could touch it");
     }
   }
 
@@ -356,7 +372,7 @@ Task ParseTask(const std::string& task_text, const std::string& task_name,
 
 std::vector<double> RestPose(const Problem& problem, double x_m, double pitch_rad) {
   HybridDynamics<Plane> dynamics(problem.robot.tree);
-  ContactModel<Plane> contact(problem.contact, problem.robot.spheres, problem.obstacles);
+  ContactModel<Plane> contact(problem.contact, problem.robot.shapes, problem.obstacles);
   const auto n = static_cast<std::size_t>(dynamics.size());
   std::vector<double> q = problem.start_q, qd(n), qdd(n), tau(n);
   q[0] = x_m;

@@ -135,7 +135,9 @@ void Check(const ReportData& data) {
     CheckFinite(obstacle.x_m, name + ".x_m");
     CheckFinite(obstacle.z_m, name + ".z_m");
     CheckFinite(obstacle.radius_m, name + ".radius_m");
-    if (obstacle.kind == ReportObstacle::Kind::kHalfSpace) {
+    CheckFinite(obstacle.half_x_m, name + ".half_x_m");
+    CheckFinite(obstacle.half_z_m, name + ".half_z_m");
+    if (obstacle.kind != ReportObstacle::Kind::kCircle) {
       CheckUnit(obstacle.normal_x, obstacle.normal_z, name);
     } else if (obstacle.radius_m <= 0) {
       Refuse(name + ".radius_m", fmt::format("is {}, must be above 0", obstacle.radius_m));
@@ -220,12 +222,17 @@ Json ToJson(const ReportData& data) {
   json["obstacles"] = Json::array();
   for (const ReportObstacle& obstacle : data.obstacles) {
     const bool circle = obstacle.kind == ReportObstacle::Kind::kCircle;
+    const bool box = obstacle.kind == ReportObstacle::Kind::kBox;
     json["obstacles"].push_back({{"name", obstacle.name},
-                                 {"kind", circle ? "circle" : "half-space"},
+                                 {"kind", circle ? "circle"
+                                          : box  ? "box"
+                                                 : "half-space"},
                                  {"x", obstacle.x_m},
                                  {"z", obstacle.z_m},
                                  {"nx", obstacle.normal_x},
                                  {"nz", obstacle.normal_z},
+                                 {"hx", obstacle.half_x_m},
+                                 {"hz", obstacle.half_z_m},
                                  {"r", obstacle.radius_m}});
   }
   json["evaluations"] = Json::array();

@@ -52,10 +52,11 @@ struct ReportEvaluation {
 /// A labelled line or area of the ground and the obstacles.
 struct ReportObstacle {
   std::string name;
-  enum class Kind { kHalfSpace, kCircle } kind = Kind::kHalfSpace;
-  double x_m = 0, z_m = 0;  ///< A point of the half-space's surface, or the circle's centre.
-  double normal_x = 0, normal_z = 1;  ///< Out of the half-space.
-  double radius_m = 0;
+  enum class Kind { kHalfSpace, kCircle, kBox } kind = Kind::kHalfSpace;
+  double x_m = 0, z_m = 0;            ///< A point of the half-space's surface, or the centre.
+  double normal_x = 0, normal_z = 1;  ///< Out of the half-space; first side of the box.
+  double half_x_m = 0, half_z_m = 0;  ///< Of the box: half its sides without the rounding ...
+  double radius_m = 0;                ///< ... by this radius. Of the circle.
 };
 
 /// Everything the page shows. Joint values, names and limits are all in one order of joints.

@@ -74,7 +74,7 @@ struct Rollout::Implementation {
   Implementation(const Problem& p, double step_s)
       : problem(p),
         dynamics(p.robot.tree),
-        contact(p.contact, p.robot.spheres, p.obstacles),
+        contact(p.contact, p.robot.shapes, p.obstacles),
         n(dynamics.size()),
         na(static_cast<int>(p.joints.size())),
         parameters(p.parameter_count()) {

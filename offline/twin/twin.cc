@@ -33,7 +33,7 @@ struct Twin::Implementation {
         problem(TaskOf(file).problem),
         tree(WithLosses(Unprescribed(problem.robot.tree), problem, c)),
         dynamics(tree),
-        contact(problem.contact, problem.robot.spheres, problem.obstacles),
+        contact(problem.contact, problem.robot.shapes, problem.obstacles),
         bus(b),
         drives(std::move(d)),
         q(problem.start_q),

@@ -16,7 +16,7 @@ class DynamicsCase {
   explicit DynamicsCase(bool on_the_ground)
       : robot_(LoadTumbler()),
         dynamics_(robot_.tree),
-        contact_({}, robot_.spheres, Ground()),
+        contact_({}, robot_.shapes, Ground()),
         in_contact_(on_the_ground) {
     std::mt19937_64 random(51);
     for (int i = 0; i < 64; ++i) {
@@ -50,10 +50,7 @@ class DynamicsCase {
 
  private:
   static std::vector<Obstacle<Plane>> Ground() {
-    Obstacle<Plane> ground;
-    ground.name = "ground";
-    ground.normal = {0, 1};
-    return {ground};
+    return {{"ground", Shape<Plane>::HalfSpace({0, 0}, {0, 1})}};
   }
 
   PlanarRobot robot_;

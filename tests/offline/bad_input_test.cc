@@ -287,7 +287,7 @@ const std::vector<Mistake> kTaskMistakes = {
      File::kTask,
      "half-space",
      "cone",
-     {"obstacle[0].kind: is 'cone'; allowed: half-space, cylinder"}},
+     {"obstacle[0].kind: is 'cone'; allowed: half-space, cylinder, sphere, capsule, box"}},
     {"NoObstacle",
      File::kTask,
      "[[obstacle]]\nname = \"ground\"\nkind = \"half-space\"\npoint_m = [0.0, 0.0]\nnormal = [0.0, "

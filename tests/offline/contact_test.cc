@@ -10,19 +10,9 @@ namespace {
 using Dynamics = HybridDynamics<Plane>;
 
 std::vector<Obstacle<Plane>> GroundAndBump() {
-  Obstacle<Plane> ground;
-  ground.name = "ground";
-  ground.normal = {0, 1};
-  Obstacle<Plane> bump;
-  bump.name = "bump";
-  bump.kind = Obstacle<Plane>::Kind::kSphere;
-  bump.point = {0.1, 0.0};
-  bump.radius_m = 0.15;
-  Obstacle<Plane> wall;
-  wall.name = "wall";
-  wall.point = {-0.5, 0};
-  wall.normal = Eigen::Vector2d(3, 1).normalized();
-  return {ground, bump, wall};
+  return {{"ground", Shape<Plane>::HalfSpace({0, 0}, {0, 1})},
+          {"bump", Shape<Plane>::Sphere({0.1, 0}, 0.15)},
+          {"wall", Shape<Plane>::HalfSpace({-0.5, 0}, {3, 1})}};
 }
 
 class EveryLaw : public testing::TestWithParam<std::tuple<ContactSmoothing, ContactDamping>> {
@@ -118,9 +108,8 @@ double PeakAfterBounce(const ContactLaw& law, double drop_m, double* peak_energy
   dof.direction = {0, 1};
   dof.mass_kg = 1;
   tree.dofs = {dof};
-  Obstacle<Plane> ground;
-  ground.normal = {0, 1};
-  ContactModel<Plane> contact(law, {{"ball/0", 0, {0, 0}, 0.03}}, {ground});
+  ContactModel<Plane> contact(law, {{"ball/0", 0, Shape<Plane>::Sphere({0, 0}, 0.03)}},
+                              {{"ground", Shape<Plane>::HalfSpace({0, 0}, {0, 1})}});
   Dynamics dynamics(tree);
   double q = 0.03 + law.layer_m + drop_m, v = 0, peak = 0;
   const double start_energy = 9.81 * q;
@@ -180,7 +169,7 @@ TEST(Contact, ThePrintedLawGainsEnergyOnApproachWhichIsWhyItIsNotTheDefault) {
 
 TEST_P(EveryLaw, DynamicsThroughContactHaveExactDerivatives) {
   const PlanarRobot robot = LoadTumbler();
-  ContactModel<Plane> contact(Law(), robot.spheres, GroundAndBump());
+  ContactModel<Plane> contact(Law(), robot.shapes, GroundAndBump());
   Dynamics dynamics(robot.tree);
   std::mt19937_64 random(31);
   const auto outputs = [&](DynamicsState s) {

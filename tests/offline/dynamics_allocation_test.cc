@@ -8,12 +8,9 @@ namespace {
 
 TEST(DynamicsAllocation, DynamicsContactsAndTheirDerivativesAllocateNothing) {
   const PlanarRobot robot = LoadTumbler();
-  Obstacle<Plane> ground;
-  ground.normal = {0, 1};
-  Obstacle<Plane> bump;
-  bump.kind = Obstacle<Plane>::Kind::kSphere;
-  bump.radius_m = 0.15;
-  ContactModel<Plane> contact({}, robot.spheres, {ground, bump});
+  const Obstacle<Plane> ground{"ground", Shape<Plane>::HalfSpace({0, 0}, {0, 1})};
+  const Obstacle<Plane> bump{"bump", Shape<Plane>::Sphere({0, 0}, 0.15)};
+  ContactModel<Plane> contact({}, robot.shapes, {ground, bump});
   HybridDynamics<Plane> dynamics(robot.tree);
   DynamicsDerivatives<Plane> derivatives;
   std::mt19937_64 random(32);

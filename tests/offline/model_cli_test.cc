@@ -639,7 +639,7 @@ TEST(ModelHybrid, ADegreeOfFreedomWithoutInertiaMustBePrescribed) {
 
 TEST(ModelCheck, ShowsCoordinatesMassesAndWhatIsIgnored) {
   const std::string text =
-      Replaced(ShippedRobot(), "<sphere radius=\"0.03\"/>", "<box size=\"0.1 0.1 0.1\"/>");
+      Replaced(ShippedRobot(), "<sphere radius=\"0.03\"/>", "<mesh filename=\"a.stl\"/>");
   const Outcome run = ModelRunner(text)("check", "");
   EXPECT_EQ(run.status, 0) << run.err;
   EXPECT_THAT(run.out, HasSubstr("robot 'tumbler', root link 'middle' free in the x-z plane"));
@@ -649,7 +649,7 @@ TEST(ModelCheck, ShowsCoordinatesMassesAndWhatIsIgnored) {
   EXPECT_THAT(run.out, ::testing::ContainsRegex("leg2_link +0.4 +moved by leg2"));
   EXPECT_THAT(run.out, ::testing::ContainsRegex("total, moving +1.8\n"));
   EXPECT_THAT(run.out, HasSubstr(fmt::format("robot.urdf:{}: link 'middle': note: collision shape "
-                                             "middle/0 is not a sphere: ignored",
+                                             "middle/0 is a mesh: contact ignores it",
                                              LineOf(text, "<link name=\"middle\""))));
   EXPECT_THAT(run.out, HasSubstr("tumbler-optimize takes it"));
   const Outcome floating = ModelRunner(text)("check", "--root floating");

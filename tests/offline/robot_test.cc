@@ -73,7 +73,7 @@ TEST(PlanarRobot, OfTheShippedFileIsThatOfItsDescription) {
   EXPECT_NEAR(robot.tree.dofs[3].offset.x(), 0.15, 1e-15);
   EXPECT_NEAR(robot.tree.dofs[3].mass_centre.x(), 0.1, 1e-15);
   EXPECT_EQ(robot.tree.dofs[3].axis, 1) << "grows with pitch";
-  EXPECT_EQ(robot.spheres.size(), 6U);
+  EXPECT_EQ(robot.shapes.size(), 6U);
   EXPECT_TRUE(robot.ignored_shapes.empty());
   EXPECT_EQ(robot.limits[3].effort_nm, 8);
   EXPECT_EQ(robot.limits[4].lower_rad, -2.9);
@@ -133,13 +133,71 @@ TEST(PlanarRobot, ContinuousJointsHaveNoEndsAndPrismaticOnesADirection) {
 
 TEST(PlanarRobot, ShapesThatContactDoesNotUseAreListedWithTheirLine) {
   const std::string text =
-      Replaced(ShippedRobot(), "<sphere radius=\"0.03\"/>", "<box size=\"0.1 0.1 0.1\"/>");
+      Replaced(ShippedRobot(), "<sphere radius=\"0.03\"/>", "<mesh filename=\"a.stl\"/>");
   const PlanarRobot robot = Parse(text);
-  EXPECT_EQ(robot.spheres.size(), 5U);
+  EXPECT_EQ(robot.shapes.size(), 5U);
   ASSERT_EQ(robot.ignored_shapes.size(), 1U);
   EXPECT_EQ(robot.ignored_shapes[0].link, "middle");
   EXPECT_EQ(robot.ignored_shapes[0].line,
             static_cast<std::uint32_t>(LineOf(text, "<link name=\"middle\"")));
+  EXPECT_EQ(robot.ignored_shapes[0].reason, "collision shape middle/0 is a mesh");
+}
+
+/// A robot whose only link has these collision elements.
+std::string WithCollisions(const std::string& elements) {
+  return RobotText(
+      "<link name='base'><inertial><mass value='1'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' "
+      "iyz='0' izz='1'/></inertial>" +
+      elements + "</link>");
+}
+std::string Collision(const std::string& geometry, const std::string& rpy = "0 0 0") {
+  return "<collision><origin xyz='1 2 3' rpy='" + rpy + "'/><geometry><" + geometry +
+         "/></geometry></collision>";
+}
+
+TEST(PlanarRobot, ContactSeesTheOutlinesOfCollisionShapesInThePlane) {
+  const std::string quarter = "1.5707963267948966";
+  const PlanarRobot robot = Parse(WithCollisions(
+      Collision("sphere radius='0.1'") + Collision("cylinder radius='0.1' length='0.5'") +
+      Collision("cylinder radius='0.1' length='0.05'", quarter + " 0 0") +
+      Collision("cylinder radius='0.1' length='0.6'", "0.5235987755982988 0 0") +
+      Collision("box size='0.4 0.2 0.6'", "0 0.3 0") +
+      Collision("box size='0.4 0.2 0.6'", "0 0 " + quarter) +
+      Collision("cylinder radius='0.1' length='0.1'") +
+      Collision("box size='0.4 0.2 0.6'", "0.1 0 0")));
+  ASSERT_EQ(robot.shapes.size(), 6U);
+  for (const auto& own : robot.shapes) {
+    EXPECT_EQ(own.body, 2);
+    EXPECT_LT((own.shape.centre - Eigen::Vector2d(1, 3)).norm(), 1e-15);
+  }
+  const auto shape = [&](std::size_t i) { return robot.shapes[i].shape; };
+  EXPECT_EQ(shape(0).kind(), ShapeKind::kSphere);
+  EXPECT_EQ(shape(0).radius_m, 0.1);
+  EXPECT_EQ(shape(1).kind(), ShapeKind::kCapsule);
+  EXPECT_NEAR(shape(1).half_extents.x(), 0.15, 1e-15) << "0.5 m in all, the round ends included";
+  EXPECT_LT((shape(1).rotation * Eigen::Vector2d(1, 0) - Eigen::Vector2d(0, 1)).norm(), 1e-12);
+  EXPECT_EQ(shape(2).kind(), ShapeKind::kSphere) << "along y: a disc";
+  EXPECT_NEAR(shape(3).half_extents.x(), 0.2 * std::cos(0.5235987755982988), 1e-12) << "tilted";
+  EXPECT_EQ(shape(4).kind(), ShapeKind::kBox);
+  EXPECT_EQ(shape(4).radius_m, 0);
+  // Turned about y: a corner of the outline is where the box has an edge.
+  const Eigen::Vector3d corner =
+      Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitY()) * Eigen::Vector3d(0.2, 0, 0.3);
+  double nearest = 1;
+  for (const double x : {-1.0, 1.0}) {
+    for (const double z : {-1.0, 1.0}) {
+      const Eigen::Vector2d at = shape(4).rotation * Eigen::Vector2d(x * shape(4).half_extents.x(),
+                                                                     z * shape(4).half_extents.y());
+      nearest = std::min(nearest, (at - Eigen::Vector2d(corner.x(), corner.z())).norm());
+    }
+  }
+  EXPECT_LT(nearest, 1e-12);
+  const Eigen::Vector2d sides = shape(5).half_extents;
+  EXPECT_NEAR(sides.minCoeff(), 0.1, 1e-12) << "what was along x is along y now";
+  EXPECT_NEAR(sides.maxCoeff(), 0.3, 1e-12);
+  ASSERT_EQ(robot.ignored_shapes.size(), 2U);
+  EXPECT_THAT(robot.ignored_shapes[0].reason, HasSubstr("base/6 is a cylinder shorter than wide"));
+  EXPECT_THAT(robot.ignored_shapes[1].reason, HasSubstr("base/7 is a box without a side along y"));
 }
 
 TEST(PlanarRobot, AJointThatMovesNoMassIsRefusedButAMasslessLinkBetweenIsNot) {
@@ -257,7 +315,14 @@ TEST(Robot, KeepsItsCollisionShapesInTheTermsOfTheFile) {
   EXPECT_EQ(box.pose.translation(), Eigen::Vector3d(1, 2, 3));
   EXPECT_EQ(robot.collision_shapes[1].kind, RobotShape::Kind::kCylinder);
   EXPECT_EQ(robot.collision_shapes[1].length_m, 0.5);
-  EXPECT_EQ(ShapesWithoutContact(robot).size(), 2U);
+  const ContactShapes<Spatial> contact = SpatialContactShapes(robot);
+  EXPECT_TRUE(contact.ignored.empty());
+  ASSERT_EQ(contact.shapes.size(), 2U);
+  EXPECT_EQ(contact.shapes[0].shape.half_extents, Eigen::Vector3d(0.05, 0.1, 0.15));
+  EXPECT_EQ(contact.shapes[0].shape.centre, Eigen::Vector3d(1, 2, 3));
+  EXPECT_EQ(contact.shapes[1].shape.kind(), ShapeKind::kCapsule);
+  EXPECT_NEAR(contact.shapes[1].shape.half_extents[0], 0.15, 1e-15);
+  EXPECT_EQ(contact.shapes[1].shape.rotation * Eigen::Vector3d(1, 0, 0), Eigen::Vector3d(0, 0, 1));
 }
 
 TEST(Robot, KnowsWhichDegreesOfFreedomMoveNoMass) {

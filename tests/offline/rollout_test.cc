@@ -126,12 +126,7 @@ TEST(Rollout, GradientHoldsWithRoundObstaclesDampingAndRotors) {
     problem.robot.tree.dofs[leg].damping_nm_s_per_rad = 0.1;
     problem.robot.tree.dofs[leg].rotor_inertia_kg_m2 = 2e-3;
   }
-  Obstacle<Plane> bump;
-  bump.name = "bump";
-  bump.kind = Obstacle<Plane>::Kind::kSphere;
-  bump.point = {0.19, -0.08};
-  bump.radius_m = 0.1;
-  problem.obstacles.push_back(bump);
+  problem.obstacles.push_back({"bump", Shape<Plane>::Sphere({0.19, -0.08}, 0.1)});
   bool touched = false;
   Rollout(problem, 1e-3).Visit(RandomMotion(problem, 8), 0, [&](const MotionSample& sample) {
     for (const ActiveContact<Plane>& contact : sample.contacts) touched |= contact.obstacle == 1;

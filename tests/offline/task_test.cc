@@ -28,7 +28,7 @@ Problem Parse(const std::string& task) {
 std::vector<double> Accelerations(const Problem& problem, const std::vector<double>& q,
                                   double* normal_force_n) {
   HybridDynamics<Plane> dynamics(problem.robot.tree);
-  ContactModel<Plane> contact(problem.contact, problem.robot.spheres, problem.obstacles);
+  ContactModel<Plane> contact(problem.contact, problem.robot.shapes, problem.obstacles);
   std::vector<double> qd(q.size()), qdd(q.size()), tau(q.size());
   dynamics.SetState(q, qd);
   contact.Apply(dynamics);
@@ -81,7 +81,7 @@ TEST(Task, LimitsOfAJointAreNoLooserThanThoseOfAll) {
 
 TEST(Task, ANormalOfAnyLengthIsAUnitVectorAfterwards) {
   const Problem problem = Parse(Replaced(ShippedTask(), "normal = [0.0, 1.0]", "normal = [0, 20]"));
-  EXPECT_DOUBLE_EQ(problem.obstacles[0].normal.norm(), 1);
+  EXPECT_DOUBLE_EQ(problem.obstacles[0].shape.normal.norm(), 1);
 }
 
 TEST(Task, EffortTermsAddUp) {

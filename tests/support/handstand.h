@@ -24,10 +24,7 @@ inline Problem HandstandProblem(int control_points = 12) {
   limits.acceleration_max_rad_s2 = 400;
   limits.torque_max_nm = 8;
   problem.joints = {{3, limits, -kPi / 2, 0}, {4, limits, kPi / 2, 0}};
-  Obstacle<Plane> ground;
-  ground.name = "ground";
-  ground.normal = {0, 1};
-  problem.obstacles = {ground};
+  problem.obstacles = {{"ground", Shape<Plane>::HalfSpace({0, 0}, {0, 1})}};
   problem.start_q = {0, 0.2125, 0, -kPi / 2, kPi / 2};
   problem.duration_s = 1.2;
   problem.settle_s = 0.2;

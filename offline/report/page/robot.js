@@ -67,6 +67,10 @@ function drawObstacles(parent, data) {
     let shape;
     if (o.kind === 'circle') {
       shape = element('circle', {class: 'obstacle', cx: o.x, cy: o.z, r: o.r}, parent);
+    } else if (o.kind === 'box') {
+      const [x, z] = [o.hx + o.r, o.hz + o.r];
+      shape = element('rect', {class: 'obstacle', x: -x, y: -z, width: 2 * x, height: 2 * z, rx: o.r,
+        transform: `matrix(${o.nx} ${o.nz} ${-o.nz} ${o.nx} ${o.x} ${o.z})`}, parent);
     } else {
       const [tx, tz] = [o.nz * far, -o.nx * far];
       const [dx, dz] = [-o.nx * far, -o.nz * far];
