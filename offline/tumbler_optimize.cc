@@ -261,6 +261,24 @@ std::string Cause(const Problem& problem, const Solution& best) {
   return ToString(best.end);
 }
 
+/// What contact is made of, and what it asks of the integration.
+void PrintContact(const Problem& problem, const std::string& task_file) {
+  if (problem.obstacles.empty()) return;
+  const ContactLaw& law = problem.contact;
+  fmt::print(stderr,
+             "contact: k {:.4g} N/m, c {:.4g} N s/m, d_on {:.3g} mm, d_off {:.3g} mm, mu {:.3g}, "
+             "v_max {:.3g} m/s; step {:.3g} ms, advisable up to {:.3g} ms\n",
+             law.stiffness_n_per_m, law.damping_n_s_per_m, 1e3 * law.layer_m,
+             1e3 * law.full_force_m, law.friction, law.slip_speed_m_per_s,
+             1e3 * problem.solver.step_s, 1e3 * problem.advisable_step_s);
+  if (problem.solver.step_s > problem.advisable_step_s) {
+    fmt::print(stderr,
+               "{}: solver.step_s: warning: is {:.3g} s, longer than the {:.3g} s that this "
+               "contact law allows; leave it out, or make contact softer\n",
+               task_file, problem.solver.step_s, problem.advisable_step_s);
+  }
+}
+
 int Optimize(const Arguments& arguments) {
   const auto wall_start = std::chrono::steady_clock::now();
   Task task = LoadTask(arguments.task);
@@ -280,6 +298,8 @@ int Optimize(const Arguments& arguments) {
     fmt::print(stderr, "{}:{}: link '{}': note: {}: contact ignores it\n", task.robot_file,
                shape.line, shape.link, shape.reason);
   }
+
+  PrintContact(problem, task.task_file);
 
   CatchInterrupt();
   Progress progress(problem);

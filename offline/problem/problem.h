@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -66,6 +67,8 @@ struct Problem {
   std::vector<ActuatedJoint> joints;  ///< In the order of the robot's degrees of freedom.
   ContactLaw contact;
   std::vector<Obstacle<Plane>> obstacles;
+  /// The longest integration step that contact allows (`AdvisableStep`); infinite in a flight.
+  double advisable_step_s = std::numeric_limits<double>::infinity();
 
   std::vector<double> start_q;  ///< All degrees of freedom; at rest.
   double duration_s = 1;

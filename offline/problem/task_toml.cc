@@ -10,6 +10,7 @@
 #include <stdexcept>
 
 #include "common/toml_reader.h"
+#include "offline/contact/contact_intent.h"
 
 namespace tumbler {
 namespace {
@@ -45,6 +46,7 @@ class TaskReader {
     ReadSolver();
     TomlTable start = root_.Table("start");
     ReadStart(start);
+    SetStep();
     root_.RejectUnknownKeys();
     return std::move(problem_);
   }
@@ -142,15 +144,75 @@ class TaskReader {
         spline->Integer("control_points", least, kMaxControlPoints, problem_.control_points));
   }
 
+  /// The law from what it is to do, where the task says that; else false.
+  bool ReadIntent(TomlTable& contact) {
+    constexpr std::array<const char*, 3> kIntent = {"static_penetration_m", "settling_time_s",
+                                                    "slip_speed_m_per_s"};
+    if (std::none_of(kIntent.begin(), kIntent.end(),
+                     [&](const char* key) { return contact.Has(key); })) {
+      return false;
+    }
+    for (const char* const raw : {"stiffness_n_per_m", "damping_n_s_per_m", "v_max_m_per_s"}) {
+      if (contact.Has(raw)) {
+        contact.Fail(raw,
+                     "is given beside static_penetration_m, settling_time_s or "
+                     "slip_speed_m_per_s, which it follows from; allowed: either these three, or "
+                     "stiffness_n_per_m, damping_n_s_per_m and v_max_m_per_s");
+      }
+    }
+    double mass = 0;
+    for (const Dof<Plane>& dof : problem_.robot.tree.dofs) mass += dof.mass_kg;
+    const double gravity = problem_.robot.tree.gravity.norm();
+    ContactIntent intent;
+    intent.static_penetration_m = contact.Number("static_penetration_m", {1e-6, 0.1});
+    const double shortest = ShortestSettlingTime(intent.static_penetration_m, gravity);
+    intent.settling_time_s = contact.Number("settling_time_s", {shortest, 100});
+    intent.slip_speed_m_per_s =
+        contact.Number("slip_speed_m_per_s", {1e-6, Range::Positive().max, false});
+    problem_.contact = LawFor(intent, mass, gravity, problem_.contact);
+    return true;
+  }
+
+  /// How long integration steps may be, and how long they are where the task does not say it.
+  void SetStep() {
+    double mass = 0;
+    for (const Dof<Plane>& dof : problem_.robot.tree.dofs) mass += dof.mass_kg;
+    std::vector<double> end = problem_.start_q;
+    for (const ActuatedJoint& joint : problem_.joints)
+      end[static_cast<std::size_t>(joint.dof)] = joint.end_rad;
+    double effective = std::numeric_limits<double>::infinity();
+    for (const std::vector<double>& q : {problem_.start_q, end}) {
+      effective = std::min(
+          effective, SmallestEffectiveMass<Plane>(problem_.robot.tree, problem_.robot.shapes, q));
+    }
+    if (problem_.obstacles.empty() || !std::isfinite(effective)) return;
+    problem_.advisable_step_s =
+        AdvisableStep(problem_.contact, effective, mass * problem_.robot.tree.gravity.norm());
+    const auto given = [this](const char* table) {
+      std::optional<TomlTable> found = root_.OptionalTable(table);
+      return found && found->Has("step_s");
+    };
+    const double step = std::max(problem_.advisable_step_s, 1e-5);
+    if (!given("solver")) problem_.solver.step_s = std::min(problem_.solver.step_s, step);
+    if (!given("search")) problem_.search.step_s = std::min(problem_.search.step_s, 2 * step);
+  }
+
   void ReadContact() {
     std::optional<TomlTable> contact = root_.OptionalTable("contact");
     if (!contact) return;
     ContactLaw& law = problem_.contact;
-    const Range positive = Range::Positive();
-    law.stiffness_n_per_m =
-        contact->Number("stiffness_n_per_m", {0, 1e8, true}, law.stiffness_n_per_m);
-    law.damping_n_s_per_m = contact->Number("damping_n_s_per_m", {0, 1e6}, law.damping_n_s_per_m);
-    law.layer_m = contact->Number("d_on_m", {1e-6, 1}, law.layer_m);
+    constexpr Range kSlipSpeed{1e-6, Range::Positive().max, false};
+    double least_layer = 1e-6;
+    const bool by_intent = ReadIntent(*contact);
+    if (by_intent) {
+      least_layer = law.layer_m / 3;  // Thinner, and the robot would rest on the core.
+    } else {
+      law.stiffness_n_per_m =
+          contact->Number("stiffness_n_per_m", {0, 1e8, true}, law.stiffness_n_per_m);
+      law.damping_n_s_per_m = contact->Number("damping_n_s_per_m", {0, 1e6}, law.damping_n_s_per_m);
+      law.slip_speed_m_per_s = contact->Number("v_max_m_per_s", kSlipSpeed, law.slip_speed_m_per_s);
+    }
+    law.layer_m = contact->Number("d_on_m", {least_layer, 1, by_intent}, law.layer_m);
     law.full_force_m =
         contact->Number("d_off_m", {0, 1}, std::min(law.full_force_m, 0.75 * law.layer_m));
     // Zero width would make the force jump in its derivative.
@@ -160,8 +222,6 @@ class TaskReader {
                                 MessageNumber(law.full_force_m), MessageNumber(law.layer_m)));
     }
     law.friction = contact->Number("mu", {0, 10}, law.friction);
-    law.slip_speed_m_per_s =
-        contact->Number("v_max_m_per_s", {1e-6, positive.max, false}, law.slip_speed_m_per_s);
     constexpr std::array<std::string_view, 2> kSmoothing = {"cubic", "quintic"};
     constexpr std::array<std::string_view, 3> kDamping = {"no-pull", "signed", "printed"};
     law.smoothing = contact->Choice("smoothing", kSmoothing, "cubic") == "cubic"

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "common/toml_reader.h"
+#include "offline/contact/contact_intent.h"
 #include "offline/dynamics/hybrid_dynamics.h"
 #include "offline/problem/task_toml.h"
 #include "tests/support/task_files.h"
@@ -52,6 +53,185 @@ TEST(Task, ShippedOneHoldsWhatItsTextSays) {
   EXPECT_EQ(problem.terminal.size(), 2U);
   EXPECT_EQ(problem.effort_weight, 1e-4);
   EXPECT_DOUBLE_EQ(problem.target_pitch_rad, M_PI / 2);
+}
+
+/// The shipped task with its contact law, or part of it, replaced.
+std::string WithContact(const std::string& contact) {
+  return Replaced(ShippedTask(),
+                  "stiffness_n_per_m = 1.0e4\ndamping_n_s_per_m = 60.0\nd_on_m = 0.004\nd_off_m = "
+                  "0.003\nmu = 0.3\nv_max_m_per_s = 0.05",
+                  contact);
+}
+const char* const kIntent =
+    "static_penetration_m = 2.0e-3\nsettling_time_s = 0.15\nslip_speed_m_per_s = 0.03\n";
+
+TEST(Task, ContactByIntentDoesWhatItSays) {
+  const Problem problem = Parse(WithContact(kIntent));
+  const ContactLaw& law = problem.contact;
+  // A block of the robot's mass on one contact: its rest and the decay of its bounce.
+  Tree<Plane> tree;
+  tree.gravity = problem.robot.tree.gravity;
+  Dof<Plane> up;
+  up.kind = JointKind::kPrismatic;
+  up.direction = {0, 1};
+  up.mass_kg = 1.8;
+  tree.dofs = {up};
+  HybridDynamics<Plane> dynamics(tree);
+  ContactModel<Plane> contact(law, {{"block/0", 0, Shape<Plane>::Sphere({0, 0}, 0.01)}},
+                              {{"ground", Shape<Plane>::HalfSpace({0, 0}, {0, 1})}});
+  const double rest = 0.01 + law.layer_m - 2e-3;
+  std::vector<double> q = {rest}, qd = {0.0}, qdd = {0.0}, tau = {0.0};
+  const auto evaluate = [&] {
+    dynamics.SetState(q, qd);
+    contact.Apply(dynamics);
+    dynamics.Solve(qdd, tau);
+  };
+  evaluate();
+  EXPECT_NEAR(qdd[0], 0, 1e-9) << "it rests 2 mm deep";
+  const double bounce = 2e-4;
+  q[0] += bounce;
+  const double h = 1e-5;
+  double after = 0;
+  for (double t = 0; t < 0.3; t += h) {
+    evaluate();
+    qd[0] += h * qdd[0];
+    q[0] += h * qd[0];
+    if (t > 0.15) after = std::max(after, std::abs(q[0] - rest));
+  }
+  EXPECT_LT(after, 0.02 * bounce);
+  EXPECT_GT(after, 0.002 * bounce) << "nor is it much faster than asked for";
+  EXPECT_EQ(law.slip_speed_m_per_s, 0.03);
+  EXPECT_NEAR(law.layer_m, 6e-3, 1e-15);
+  EXPECT_NEAR(law.full_force_m, 4.5e-3, 1e-15);
+  EXPECT_EQ(law.friction, 0.3) << "the default";
+}
+
+TEST(Task, LayerAndFrictionMayBeGivenBesideTheIntent) {
+  const Problem problem =
+      Parse(WithContact(std::string(kIntent) + "d_on_m = 0.01\nd_off_m = 0.005\nmu = 0.7\n"));
+  EXPECT_EQ(problem.contact.layer_m, 0.01);
+  EXPECT_EQ(problem.contact.full_force_m, 0.005);
+  EXPECT_EQ(problem.contact.friction, 0.7);
+  EXPECT_NEAR(problem.contact.stiffness_n_per_m, 1.8 * 9.81 / 2e-3, 1e-9);
+}
+
+TEST(Task, TheStepFollowsFromContactWhereItIsNotGiven) {
+  const std::string given = "[solver]\nstep_s = 1.0e-3";
+  EXPECT_EQ(Parse(Replaced(ShippedTask(), "1.0e-3", "5.0e-3", "[solver]")).solver.step_s, 5e-3);
+  const Problem soft = Parse(Replaced(ShippedTask(), given, ""));
+  EXPECT_EQ(soft.solver.step_s, 1e-3) << "no longer than the default";
+  EXPECT_GT(soft.advisable_step_s, 1e-3);
+  const Problem stiff = Parse(Replaced(
+      WithContact("static_penetration_m = 1.0e-5\nsettling_time_s = 0.01\nslip_speed_m_per_s = "
+                  "0.05\nd_on_m = 0.004"),
+      given, ""));
+  EXPECT_LT(stiff.advisable_step_s, 5e-4);
+  EXPECT_EQ(stiff.solver.step_s, stiff.advisable_step_s);
+  EXPECT_EQ(stiff.search.step_s, 2 * stiff.advisable_step_s);
+  const Problem sticky = Parse(Replaced(
+      WithContact("stiffness_n_per_m = 1.0e3\nv_max_m_per_s = 1.0e-3\nd_on_m = 0.04"), given, ""));
+  EXPECT_LT(sticky.advisable_step_s, 1e-4) << "friction at rest is a stiff damper";
+}
+
+TEST(ContactIntent, TheAdvisableStepIsStableAndThreeTimesItIsNot) {
+  // A block held by a spring and damper or by friction alone, stepped by Runge-Kutta.
+  const auto grows = [](const ContactLaw& law, double mass, double step) {
+    Tree<Plane> tree;
+    for (int i = 0; i < 2; ++i) {
+      Dof<Plane> dof;
+      dof.parent = i - 1;
+      dof.kind = JointKind::kPrismatic;
+      dof.direction[i] = 1;
+      dof.massless = i == 0;
+      if (i == 1) dof.mass_kg = mass, dof.inertia_kg_m2 = 0.01;
+      tree.dofs.push_back(dof);
+    }
+    tree.gravity = {0, -9.81};
+    HybridDynamics<Plane> dynamics(tree);
+    ContactModel<Plane> contact(law, {{"block/0", 1, Shape<Plane>::Sphere({0, 0}, 0.01)}},
+                                {{"ground", Shape<Plane>::HalfSpace({0, 0}, {0, 1})}});
+    Eigen::Vector4d y(0, 0.01 + law.layer_m - mass * 9.81 / law.stiffness_n_per_m, 1e-7, 1e-7);
+    const auto rate = [&](const Eigen::Vector4d& at) -> Eigen::Vector4d {
+      std::vector<double> qdd(2), tau(2);
+      dynamics.SetState(std::vector<double>{at[0], at[1]}, std::vector<double>{at[2], at[3]});
+      contact.Apply(dynamics);
+      dynamics.Solve(qdd, tau);
+      return {at[2], at[3], qdd[0], qdd[1]};
+    };
+    for (int i = 0; i < 200; ++i) {
+      const Eigen::Vector4d k1 = rate(y), k2 = rate(y + step / 2 * k1),
+                            k3 = rate(y + step / 2 * k2), k4 = rate(y + step * k3);
+      y += step / 6 * (k1 + 2 * k2 + 2 * k3 + k4);
+    }
+    return std::max(std::abs(y[2]), std::abs(y[3])) > 1e-6;
+  };
+  ContactLaw spring;
+  spring.slip_speed_m_per_s = 10;
+  spring.damping_n_s_per_m = 20;
+  ContactLaw damper = spring;
+  damper.damping_n_s_per_m = 2000;
+  ContactLaw friction;
+  friction.slip_speed_m_per_s = 1e-3;
+  for (const ContactLaw& law : {spring, damper, friction}) {
+    const double step = AdvisableStep(law, 2, 2 * 9.81);
+    EXPECT_FALSE(grows(law, 2, step));
+    EXPECT_FALSE(grows(law, 2, 2 * step));
+    EXPECT_TRUE(grows(law, 2, 3 * step));
+  }
+}
+
+TEST(ContactIntent, TheSmallestEffectiveMassIsThatOfARodsEnd) {
+  // Pushed at its end, across, a free rod answers with a quarter of its mass.
+  Tree<Plane> tree;
+  for (int i = 0; i < 3; ++i) {
+    Dof<Plane> dof;
+    dof.parent = i - 1;
+    dof.kind = i < 2 ? JointKind::kPrismatic : JointKind::kRevolute;
+    if (i < 2) dof.direction[i] = 1;
+    dof.massless = i < 2;
+    if (i == 2) dof.mass_kg = 3, dof.inertia_kg_m2 = 3 * 0.4 * 0.4 / 12;
+    tree.dofs.push_back(dof);
+  }
+  tree.gravity = {0, -9.81};
+  const std::vector<ContactShape<Plane>> shapes = {
+      {"rod/0", 2, Shape<Plane>::Sphere({0.2, 0}, 0.01)},
+      {"rod/1", 2, Shape<Plane>::Sphere({0, 0}, 0.01)}};
+  const std::vector<double> q = {0.3, 0.4, 0.5};
+  EXPECT_NEAR(SmallestEffectiveMass<Plane>(tree, shapes, q), 0.75, 1e-12);
+  for (auto& dof : tree.dofs) dof.prescribed = true;
+  EXPECT_EQ(SmallestEffectiveMass<Plane>(tree, shapes, q), std::numeric_limits<double>::infinity());
+}
+
+TEST(Task, ObstaclesOfEveryKindAreWhereTheTextPutsThem) {
+  const Problem problem = Parse(Replaced(ShippedTask(), "[search]", R"(
+[[obstacle]]
+name = "drum"
+kind = "sphere"
+centre_m = [2.0, 0.1]
+radius_m = 0.1
+[[obstacle]]
+name = "log"
+kind = "capsule"
+from_m = [3.0, 0.1]
+to_m = [3.0, 0.5]
+radius_m = 0.1
+[[obstacle]]
+name = "step"
+kind = "box"
+centre_m = [4.0, 0.0]
+size_m = [1.0, 0.2]
+pitch_rad = 0.3
+[search])"));
+  const auto top = [&](std::size_t i, double x) {  // the height of the obstacle above x
+    double z = 3;
+    for (int k = 0; k < 200; ++k)
+      z -= FindNearPoint<Plane>(problem.obstacles[i].shape, {x, z}, 0).d;
+    return z;
+  };
+  EXPECT_NEAR(top(1, 2), 0.2, 1e-12);
+  EXPECT_NEAR(top(2, 3), 0.6, 1e-12);
+  EXPECT_NEAR(top(3, 4), 0.1 / std::cos(0.3), 1e-12);
+  EXPECT_GT(top(3, 4.1), top(3, 4)) << "pitch is from +x towards +z";
 }
 
 TEST(Task, LimitsOfAJointTightenThoseOfAll) {

@@ -1,0 +1,110 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <span>
+#include <vector>
+
+#include "offline/contact/contact_law.h"
+#include "offline/contact/contact_model.h"
+#include "offline/dynamics/hybrid_dynamics.h"
+
+namespace tumbler {
+
+/// A contact law by what it does to a robot of mass m under gravity g, instead of by k, c and
+/// v_max.
+struct ContactIntent {
+  double static_penetration_m = 1.5e-3;  ///< x_s: how deep it sinks with all its weight on one
+                                         ///< contact; on n of them 1/n of that.
+  double settling_time_s = 0.1;      ///< t_s: after that, of a bounce on one contact 2 % are left.
+  double slip_speed_m_per_s = 0.05;  ///< v_max: what creeps slower than that counts as sticking.
+};
+
+/// The shortest settling time that a spring and damper can have: with critical damping, more of
+/// which is slower again.
+///
+///   c <= 2 sqrt(k m)   <=>   t_s >= 4 sqrt(x_s / g)
+inline double ShortestSettlingTime(double static_penetration_m, double gravity_m_per_s2) {
+  return 4 * std::sqrt(static_penetration_m / gravity_m_per_s2);
+}
+
+/// The law that does what is asked for; friction and the form of the law stay.
+///
+///   k = m g / x_s          rest where k x_s = m g
+///   c = 8 m / t_s          m x'' + c x' + k x = 0 decays as exp(-c t / 2m), to exp(-4) in t_s
+///   v_max = slip speed
+///   d_on = 3 x_s, d_off = 3/4 d_on
+///
+/// The layer leaves room for impacts: the whole mass at speed v goes v sqrt(x_s / g) deep on one
+/// contact, less with damping, and so reaches the core at 3 sqrt(x_s g).
+inline ContactLaw LawFor(const ContactIntent& intent, double mass_kg, double gravity_m_per_s2,
+                         ContactLaw law = {}) {
+  law.stiffness_n_per_m = mass_kg * gravity_m_per_s2 / intent.static_penetration_m;
+  law.damping_n_s_per_m = 8 * mass_kg / intent.settling_time_s;
+  law.slip_speed_m_per_s = intent.slip_speed_m_per_s;
+  law.layer_m = 3 * intent.static_penetration_m;
+  law.full_force_m = 0.75 * law.layer_m;
+  return law;
+}
+
+/// The longest integration step that is advisable with a law, for a contact that meets the mass m_e
+/// and carries the load N_0:
+///
+///   h = 1 / max( |lambda|, 1.5 mu N_0 / (v_max m_e) ),   m_e lambda^2 + c lambda + k = 0
+///
+/// the fastest of spring and damper, and of friction while it sticks. The Runge-Kutta method of
+/// order 4 is stable up to 2.78 times that: what is left is for loads above N_0 in impacts.
+inline double AdvisableStep(const ContactLaw& law, double effective_mass_kg, double load_n) {
+  const double m = effective_mass_kg;
+  const double half = law.damping_n_s_per_m / (2 * m);
+  const double spring = law.stiffness_n_per_m / m;
+  const double fastest =
+      half * half > spring ? half + std::sqrt(half * half - spring) : std::sqrt(spring);
+  const double friction = 1.5 * law.friction * load_n / (law.slip_speed_m_per_s * m);
+  return 1 / std::max(fastest, friction);
+}
+
+/// The smallest mass that a force on any of the shapes meets at positions q, whichever way it
+/// points: the inverse of the largest eigenvalue of J M^-1 J^T at the shape's centre, over the free
+/// degrees of freedom. Infinite if none of the shapes can move freely.
+template <class Space>
+double SmallestEffectiveMass(const Tree<Space>& tree,
+                             const std::vector<ContactShape<Space>>& shapes,
+                             std::span<const double> q) {
+  using Vector = typename Space::Vector;
+  constexpr int kDimension = Vector::RowsAtCompileTime;
+  HybridDynamics<Space> dynamics(tree);
+  const std::vector<double> zero(tree.dofs.size());
+  const auto accelerations = [&](int body, const Vector& point, const Vector& force) {
+    std::vector<double> qdd = zero, tau = zero;
+    dynamics.SetState(q, zero);
+    dynamics.AddWrench(body, Space::ForceAt(point, force));
+    dynamics.Solve(qdd, tau);
+    return qdd;
+  };
+  double largest = 0;
+  for (const ContactShape<Space>& own : shapes) {
+    dynamics.SetState(q, zero);
+    const Vector point =
+        dynamics.position(own.body) + dynamics.rotation(own.body) * own.shape.centre;
+    const std::vector<double> rest = accelerations(own.body, point, Vector::Zero());
+    Eigen::Matrix<double, kDimension, kDimension> inverse;
+    for (int i = 0; i < kDimension; ++i) {
+      std::vector<double> change = accelerations(own.body, point, Vector::Unit(i));
+      for (std::size_t j = 0; j < change.size(); ++j) change[j] -= rest[j];
+      dynamics.SetState(q, change);  // Where velocities are these, a point's velocity is J qdd.
+      inverse.col(i) = dynamics.velocity(own.body).At(point);
+    }
+    largest = std::max(largest,
+                       Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, kDimension, kDimension>>(
+                           inverse, Eigen::EigenvaluesOnly)
+                           .eigenvalues()
+                           .maxCoeff());
+  }
+  return largest > 0 ? 1 / largest : std::numeric_limits<double>::infinity();
+}
+
+}  // namespace tumbler
