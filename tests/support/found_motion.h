@@ -1,0 +1,36 @@
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <cstdint>
+#include <string>
+
+#include "offline/certificate/certificate.h"
+#include "offline/problem/task_toml.h"
+#include "offline/solver/solver.h"
+
+namespace tumbler {
+
+/// The best motion for a task as it is shipped, found from nothing; the parameter is the seed.
+class FoundMotion : public ::testing::TestWithParam<int> {
+ protected:
+  /// Solves a shipped task with the parameter as seed.
+  void Find(const std::string& task) {
+    problem_ = LoadTask(std::string(TUMBLER_SOURCE_DIR) + "/primitives/tasks/" + task).problem;
+    problem_.search.seed = static_cast<std::uint64_t>(GetParam());
+    SolveOptions options;
+    options.threads = 2;
+    const SolveOutcome outcome = Solve(problem_, options);
+    ASSERT_FALSE(outcome.solutions.empty());
+    best_ = outcome.solutions.front();
+    ASSERT_TRUE(best_.feasible());
+    EXPECT_LT(CheckGradient(problem_, best_.x).relative_error, 1e-4);
+  }
+  [[nodiscard]] std::string ObstacleOf(const ActiveContact<Plane>& contact) const {
+    return problem_.obstacles[static_cast<std::size_t>(contact.obstacle)].name;
+  }
+  Problem problem_;
+  Solution best_;
+};
+
+}  // namespace tumbler
