@@ -138,7 +138,8 @@ class ContactModel {
   using Vector = typename Space::Vector;
 
   ContactModel(const ContactLaw& law, std::vector<ContactShape<Space>> shapes,
-               std::vector<Obstacle<Space>> obstacles, std::vector<ContactPair> own_pairs = {})
+               std::vector<Obstacle<Space>> obstacles,
+               const std::vector<ContactPair>& own_pairs = {})
       : law_(law), shapes_(std::move(shapes)), obstacles_(std::move(obstacles)) {
     const auto index = [](std::size_t i) { return static_cast<int>(i); };
     for (std::size_t s = 0; s < shapes_.size(); ++s) {

@@ -365,7 +365,7 @@ NearPointsDerivative<Space> DifferentiateNearPoints(const PosedShape<Space>& a,
     Vector n;
     double bound;
   };
-  std::array<Row, 2 * kDimension> rows;
+  std::array<Row, std::size_t{2} * kDimension> rows;
   int count = 0;
   const auto add_rows = [&](const PosedShape<Space>& shape, const auto& active, bool of_a) {
     if (shape.half_space) {

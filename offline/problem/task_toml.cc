@@ -240,7 +240,7 @@ class TaskReader {
       obstacle.name = table.String("name");
       constexpr std::array<std::string_view, 5> kKinds = {"half-space", "cylinder", "sphere",
                                                           "capsule", "box"};
-      constexpr Range kPlace{-1e3, 1e3};
+      static constexpr Range kPlace{-1e3, 1e3};
       const std::string kind = table.Choice("kind", kKinds, "half-space");
       const auto point = [&table](std::string_view key) -> Plane::Vector {
         const auto numbers = table.Numbers(key, kPlace, 2);

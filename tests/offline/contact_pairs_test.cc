@@ -381,10 +381,11 @@ Tree<Space> Particle(double gravity) {
     dof.massless = i + 1 < kDimensionOf<Space>;
     if (!dof.massless) {
       dof.mass_kg = 1;
-      if constexpr (std::is_same_v<Space, Spatial>)
+      if constexpr (std::is_same_v<Space, Spatial>) {
         dof.inertia_kg_m2 = Eigen::Matrix3d::Identity() * 0.01;
-      else
+      } else {
         dof.inertia_kg_m2 = 0.01;
+      }
     }
     tree.dofs.push_back(dof);
   }

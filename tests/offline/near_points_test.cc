@@ -281,27 +281,29 @@ TYPED_TEST(NearPointsIn, HaveTheDerivativesOfTheKuhnTuckerSystem) {
     }
     EXPECT_LT(at_a_switch, 20) << NameOf(kinds);
   }
-  const auto expect_met = [&](const std::string& pair, long free_a, long free_b) {
+  const auto expect_met = [&](ShapeKind a, ShapeKind b, long free_a, long free_b) {
+    const std::string pair = NameOf({a, b});
     EXPECT_GT((met[pair][{free_a, free_b}]), 20)
         << pair << ": near points inside " << free_a << "- and " << free_b << "-dimensional faces";
   };
-  for (const std::string a : {"capsule", "box"}) {
-    expect_met(a + " and half-space", 0, 0);
-    expect_met(a + " and sphere", 0, 0);  // vertex or end
-    expect_met(a + " and sphere", 1, 0);  // edge or side
-    for (const std::string b : {"capsule", "box"}) {
-      expect_met(a + " and " + b, 0, 0);
-      expect_met(a + " and " + b, 0, 1);
-      expect_met(a + " and " + b, 1, 0);
-      if (std::is_same_v<Space, Spatial>) expect_met(a + " and " + b, 1, 1);  // crossing edges
+  constexpr ShapeKind kCapsule = ShapeKind::kCapsule, kBox = ShapeKind::kBox;
+  for (const ShapeKind a : {kCapsule, kBox}) {
+    expect_met(a, ShapeKind::kHalfSpace, 0, 0);
+    expect_met(a, ShapeKind::kSphere, 0, 0);  // vertex or end
+    expect_met(a, ShapeKind::kSphere, 1, 0);  // edge or side
+    for (const ShapeKind b : {kCapsule, kBox}) {
+      expect_met(a, b, 0, 0);
+      expect_met(a, b, 0, 1);
+      expect_met(a, b, 1, 0);
+      if (std::is_same_v<Space, Spatial>) expect_met(a, b, 1, 1);  // crossing edges
     }
   }
   if (std::is_same_v<Space, Spatial>) {  // faces against ends and vertices
-    expect_met("box and sphere", 2, 0);
-    expect_met("box and capsule", 2, 0);
-    expect_met("capsule and box", 0, 2);
-    expect_met("box and box", 0, 2);
-    expect_met("box and box", 2, 0);
+    expect_met(kBox, ShapeKind::kSphere, 2, 0);
+    expect_met(kBox, kCapsule, 2, 0);
+    expect_met(kCapsule, kBox, 0, 2);
+    expect_met(kBox, kBox, 0, 2);
+    expect_met(kBox, kBox, 2, 0);
   }
 }
 
@@ -373,9 +375,9 @@ TEST(NearPoints, OfParallelFacesInSpaceAreOneConsistentPairWithFiniteDerivatives
     const auto norm = [&](const Eigen::Vector3d& p) {
       return (p - a.centre).head<2>().squaredNorm() + p.head<2>().squaredNorm();
     };
-    for (double x = -0.15; x <= 0.15; x += 0.01) {
-      for (double y = -0.25; y <= 0.25; y += 0.01) {
-        const Eigen::Vector3d p(x, y, 0.45);
+    for (int x = -15; x <= 15; ++x) {
+      for (int y = -25; y <= 25; ++y) {
+        const Eigen::Vector3d p(0.01 * x, 0.01 * y, 0.45);
         const Eigen::Vector3d local = a.axes.transpose() * (p - a.centre);
         if ((local.cwiseAbs().array() > a.half_extents.array() + 1e-9).any()) continue;
         EXPECT_GE(norm(p), norm(near.p_a) - 1e-9);

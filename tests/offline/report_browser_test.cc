@@ -344,7 +344,15 @@ TEST_F(ReportInBrowser, ARobotWithoutJointsLimitsForcesOrSolverHasAPageToo) {
   ReportObstacle post;
   post.kind = ReportObstacle::Kind::kCircle;
   post.radius_m = 0.05;
-  data.obstacles = {post};
+  ReportObstacle step;
+  step.kind = ReportObstacle::Kind::kBox;
+  step.x_m = 0.5;
+  step.half_x_m = 0.3;
+  step.half_z_m = 0.01;
+  step.radius_m = 0.02;
+  step.normal_x = 0;
+  step.normal_z = 1;  // turned by a quarter
+  data.obstacles = {post, step};
   for (const double t : {0.0, 0.1, 0.2}) {
     ReportSample sample;
     sample.time_s = t;
@@ -352,9 +360,13 @@ TEST_F(ReportInBrowser, ARobotWithoutJointsLimitsForcesOrSolverHasAPageToo) {
     data.samples.push_back(sample);
   }
   const std::string dom = Browse(data, "t=0.1", R"(
-    say(timePlots.map((plot) => plot.spec.title).join(', '), byId('progress').hidden, byId('certificate').hidden);)");
+    say(timePlots.map((plot) => plot.spec.title).join(', '), byId('progress').hidden, byId('certificate').hidden,
+      ['x', 'width', 'height', 'rx', 'transform'].map((name) =>
+        document.querySelector('rect.obstacle').getAttribute(name)).join(';'));)");
   EXPECT_EQ(TextOf(dom, "time"), "0.100 s");
-  EXPECT_EQ(TextOf(dom, "probe"), "Contact force, Root pitch, Root position true true\n");
+  EXPECT_EQ(TextOf(dom, "probe"),
+            "Contact force, Root pitch, Root position true true "
+            "-0.32;0.64;0.06;0.02;matrix(0 1 -1 0 0.5 0)\n");
   EXPECT_EQ(TextOf(dom, "errors"), "");
   EXPECT_THAT(dom, Not(HasSubstr("=\"NaN")));
   EXPECT_THAT(dom, Not(HasSubstr(">settling</text>")));

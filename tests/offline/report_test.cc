@@ -208,6 +208,8 @@ TEST_F(Report, RefusesEveryNumberThatIsNotFiniteByItsName) {
       {"obstacles[0].z_m", [](ReportData& d) { return &d.obstacles[0].z_m; }},
       {"obstacles[0].normal_x", [](ReportData& d) { return &d.obstacles[0].normal_x; }},
       {"obstacles[0].normal_z", [](ReportData& d) { return &d.obstacles[0].normal_z; }},
+      {"obstacles[0].half_x_m", [](ReportData& d) { return &d.obstacles[0].half_x_m; }},
+      {"obstacles[0].half_z_m", [](ReportData& d) { return &d.obstacles[0].half_z_m; }},
       {"obstacles[0].radius_m", [](ReportData& d) { return &d.obstacles[0].radius_m; }},
       {"samples[7].time_s", [](ReportData& d) { return &d.samples[7].time_s; }},
       {"samples[7].root_pitch_rad", [](ReportData& d) { return &d.samples[7].root_pitch_rad; }},
