@@ -61,8 +61,9 @@ struct ActiveContact {
   int obstacle = 0;
   double depth_m = 0;  ///< Into the layer, d_on - d.
   double normal_force_n = 0;
-  typename Space::Vector point;  ///< p_rob relative to the origin of the dynamics.
-  typename Space::Vector force;  ///< On the robot.
+  typename Space::Vector point;   ///< p_rob relative to the origin of the dynamics.
+  typename Space::Vector normal;  ///< u_d, from the obstacle to the robot.
+  typename Space::Vector force;   ///< On the robot.
 };
 
 /// All contacts of a robot with the obstacles of a task, [AB04, section III], with exact
@@ -104,7 +105,7 @@ class ContactModel {
               (law_.friction * std::abs(e.normal.N) * e.friction.gain) * e.v_t;
         dynamics.AddWrench(sphere.body, Space::ForceAt(e.p, e.F));
         active_[static_cast<std::size_t>(active_count_++)] = {
-            s, o, law_.layer_m - near.d, e.normal.N, e.p, e.F};
+            s, o, law_.layer_m - near.d, e.normal.N, e.p, near.u_d, e.F};
       }
     }
   }

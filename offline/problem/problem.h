@@ -36,27 +36,31 @@ struct ActuatedJoint {
 struct SearchSettings {
   std::uint64_t seed = 1;
   int batch = 150;         ///< Random starts at a time, until ...
-  int promising = 5;       ///< ... so many stand out from the rest (rank below half the median) ...
+  int promising = 3;       ///< ... so many stand out from the rest (rank below half the median) ...
   int max_samples = 3000;  ///< ... or so many have been tried.
-  int refine = 6;          ///< How many of the best go to the local solver.
+  int refine = 4;          ///< How many of the best go to the local solver. When none of them leads
+                           ///< anywhere, as many again stand out and are refined, and so on.
   int modes =
       3;  ///< Half-sine modes of a random departure from the straight line from start to end.
   double spread_rad = 3.2;    ///< Largest amplitude of the first mode; mode m has it divided by m.
   double torque_penalty = 1;  ///< Weight of (|tau| / limit - 1)^2 in the ranking.
   double core_penalty =
       0.1;  ///< Weight of penetration beyond the compliant layer, in layers, in the ranking.
-  double step_s = 2e-3;  ///< Integration step: ranking needs less accuracy than solving.
+  double step_s = 2e-3;  ///< Of the semi-implicit Euler method: ranking needs little accuracy.
 };
 
 /// How the local solver (SLSQP) is run.
 struct SolverSettings {
   double step_s = 1e-3;              ///< Integration step of cost and gradient.
+  double screen_step_s = 2e-3;       ///< The same for screening, which comes first.
   int screen_evaluations = 24;       ///< Of cost and gradient, for each start of the search.
-  int finalists = 2;                 ///< How many of those go on ...
+  int finalists = 1;                 ///< How many of those go on ...
   int max_evaluations = 90;          ///< ... to this many evaluations in all.
   double relative_tolerance = 1e-7;  ///< Of the cost.
-  double torque_sharpness =
-      60;  ///< Of the smooth maximum (Kreisselmeier-Steinhauser) that stands for the torque limit.
+  double core_margin = 0.1;  ///< Part of the compliant layer that a motion leaves unused, so that a
+                             ///< slightly different start does not reach the core.
+  double sharpness = 60;  ///< Of the smooth maxima (Kreisselmeier-Steinhauser) that stand for the
+                          ///< limits of torque and penetration.
 };
 
 /// An optimal control problem of [AB04, Eqs. 1-6] in numbers.

@@ -276,13 +276,16 @@ class TaskReader {
     if (!table) return;
     SolverSettings& s = problem_.solver;
     s.step_s = table->Number("step_s", {1e-5, 1e-2}, s.step_s);
+    s.screen_step_s =
+        table->Number("screen_step_s", {1e-5, 1e-2}, std::max(s.step_s, s.screen_step_s));
     s.screen_evaluations =
         static_cast<int>(table->Integer("screen_evaluations", 1, 100'000, s.screen_evaluations));
     s.finalists = static_cast<int>(table->Integer("finalists", 1, 1000, s.finalists));
     s.max_evaluations =
         static_cast<int>(table->Integer("max_evaluations", 1, 100'000, s.max_evaluations));
     s.relative_tolerance = table->Number("relative_tolerance", {0, 1, true}, s.relative_tolerance);
-    s.torque_sharpness = table->Number("torque_sharpness", {1, 1e4}, s.torque_sharpness);
+    s.core_margin = table->Number("core_margin", {0, 0.9}, s.core_margin);
+    s.sharpness = table->Number("sharpness", {1, 1e4}, s.sharpness);
   }
 
   void ReadStart(TomlTable& start) {

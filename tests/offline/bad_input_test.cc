@@ -613,7 +613,7 @@ std::string TaskWithEveryNumber() {
                   "3\nspread_rad = 0.3\ntorque_penalty = 1.0\ncore_penalty = 0.1\nstep_s = 2.0e-3");
   return Replaced(text, "[solver]",
                   "[solver]\nscreen_evaluations = 2\nfinalists = 1\nmax_evaluations = "
-                  "3\nrelative_tolerance = 1.0e-7\ntorque_sharpness = 60.0");
+                  "3\nrelative_tolerance = 1.0e-7\nsharpness = 60.0");
 }
 
 TEST(BadInputEverywhere, ATaskWithEveryNumberIsRead) {

@@ -19,6 +19,7 @@ constexpr double kTolerance = 1e-5;
 std::vector<double> Outputs(const RolloutResult& result) {
   std::vector<double> out{result.cost};
   out.insert(out.end(), result.torque_excess.begin(), result.torque_excess.end());
+  out.push_back(result.core_excess);
   return out;
 }
 
@@ -145,7 +146,7 @@ TEST(Rollout, AnUnlimitedTorqueIsNeverExceededAndHasNoGradient) {
   Problem problem = HandstandProblem();
   const std::vector<double> x = RandomMotion(problem, 9);
   Rollout limited(problem, 1e-3);
-  Gradient expected(3, 12), gradient(3, 12);
+  Gradient expected(4, 12), gradient(4, 12);
   limited.Run(x, expected);
   problem.joints[0].limits.torque_max_nm = std::numeric_limits<double>::infinity();
   Rollout rollout(problem, 1e-3);
@@ -159,7 +160,7 @@ TEST(Rollout, AnUnlimitedTorqueIsNeverExceededAndHasNoGradient) {
 TEST(Rollout, GivesTheSameBitsEveryTimeAndWithOrWithoutTheGradient) {
   const Problem problem = DroppedHandstand();
   Rollout first(problem, 1e-3), second(problem, 1e-3);
-  Gradient once(3, 12), again(3, 12);
+  Gradient once(4, 12), again(4, 12);
   for (const std::uint64_t seed : {10U, 11U, 12U}) {
     const std::vector<double> x = RandomMotion(problem, seed);
     const RolloutResult plain = first.Run(x);
@@ -240,10 +241,46 @@ TEST(Rollout, TheSmoothTorqueMaximumIsNotBelowTheTrueOneAndCloseToIt) {
     for (std::size_t j = 0; j < 2; ++j) {
       const double excess = result.peak_torque_nm[j] / 8 - 1;
       EXPECT_GE(result.torque_excess[j], excess);
-      EXPECT_LE(result.torque_excess[j],
-                excess + std::log(1400.0) / problem.solver.torque_sharpness);
+      EXPECT_LE(result.torque_excess[j], excess + std::log(1400.0) / problem.solver.sharpness);
     }
   }
+}
+
+TEST(Rollout, TheSmoothPenetrationMaximumIsNotBelowTheTrueOneAndCloseToIt) {
+  Problem problem = DroppedHandstand();
+  for (const double drop_m : {0.0, 0.05, 0.2}) {
+    problem.start_q[1] = 0.2125 + drop_m;
+    Rollout rollout(problem, 1e-3);
+    const RolloutResult result = rollout.Run(RandomMotion(problem, 15));
+    const double excess = result.peak_penetration_m / (0.9 * problem.contact.layer_m) - 1;
+    EXPECT_GT(excess, -1);
+    EXPECT_GE(result.core_excess, excess);
+    EXPECT_LE(result.core_excess, excess + std::log(4 * 1400.0) / problem.solver.sharpness);
+  }
+}
+
+TEST(Rollout, GradientOfThePenetrationHoldsWhereTheLayerIsCrossed) {
+  Problem problem = DroppedHandstand();
+  problem.start_q[1] += 0.1;
+  Rollout rollout(problem, 1e-3);
+  Gradient gradient(rollout.output_count(), rollout.parameter_count());
+  const std::vector<double> x = RandomMotion(problem, 3);
+  ASSERT_GT(rollout.Run(x, gradient).core_excess, 0);
+  EXPECT_GT(gradient.row(gradient.rows() - 1).cwiseAbs().maxCoeff(), 0.01);
+  EXPECT_LT(GradientErrors(problem, x, 1e-3).back(), kTolerance);
+}
+
+TEST(Rollout, TheEstimateConvergesToTheRunWithTheFirstOrder) {
+  // Smooth: in flight, where no contact makes the motion sensitive.
+  Problem problem = HandstandProblem();
+  problem.start_q[1] += 20;
+  problem.effort_weight = 1e-2;
+  const std::vector<double> x = RandomMotion(problem, 4);
+  const double exact = Rollout(problem, 0.5e-3).Run(x).cost;
+  const double coarse = std::abs(Rollout(problem, 0.4e-3).Estimate(x).cost - exact);
+  const double fine = std::abs(Rollout(problem, 0.2e-3).Estimate(x).cost - exact);
+  EXPECT_LT(coarse, 0.02 * exact);
+  EXPECT_NEAR(coarse / fine, 2, 0.6);
 }
 
 TEST(Rollout, HalvingTheStepConvergesWithTheFourthOrderInFlight) {
@@ -266,7 +303,7 @@ TEST(Rollout, HalvingTheStepConvergesWithTheFourthOrderInFlight) {
 TEST(Rollout, ARunThatBlowsUpSaysSoAndHasNoGradient) {
   Problem problem = HandstandProblem();
   Rollout rollout(problem, 1e-3);
-  Gradient gradient(3, 12);
+  Gradient gradient(4, 12);
   const std::vector<double> good = RandomMotion(problem, 18);
   const double cost = rollout.Run(good).cost;
   for (const double bad :
