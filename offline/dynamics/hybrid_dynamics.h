@@ -18,8 +18,9 @@ namespace tumbler {
 /// freedom i where that is free, its torque where it is prescribed. Columns: positions, velocities,
 /// and given inputs (the acceleration of a prescribed degree of freedom, the force or torque of a
 /// free one).
+template <class Space>
 struct DynamicsDerivatives {
-  using Block = std::array<std::array<double, kMaxDofs>, kMaxDofs>;
+  using Block = std::array<std::array<double, Space::kMaxDofs>, Space::kMaxDofs>;
   Block q;
   Block qd;
   Block input;
@@ -34,7 +35,8 @@ struct DynamicsDerivatives {
 /// free rows of the joint-space inertia M give qdd_p (Cholesky); dg is the derivative of inverse
 /// dynamics in closed form [SRW22, Eqs. 34-37], partitioned the same way. Everything is expressed
 /// with world axes about the first body's origin, which keeps numbers small however far the robot
-/// travels, and makes the root's translations constant.
+/// travels, and makes the root's translations constant. `Space` is the algebra, `Plane` or
+/// `Spatial`.
 ///
 /// Order of calls: SetState; AddWrench for every contact; Solve; then for derivatives
 /// AddWrenchDerivative for every contact, and Differentiate or DifferentiateFactored. Cost: O(n d)
@@ -51,6 +53,9 @@ class HybridDynamics {
   using Wrench = typename Space::Wrench;
   using WrenchMap = typename Space::WrenchMap;
   using Rotation = typename Space::Rotation;
+  using Derivatives = DynamicsDerivatives<Space>;
+  static constexpr int kMaxDofs = Space::kMaxDofs;
+  static_assert(kMaxDofs <= 32, "sets of bodies are kept as bits of a 32-bit word");
 
   /// @pre 1 <= dofs <= kMaxDofs, parents before children, and every free subset of the tree has
   /// inertia.
@@ -85,6 +90,18 @@ class HybridDynamics {
   /// others.
   void Solve(std::span<double> qdd, std::span<double> tau);
 
+  /// After Solve. The first free degree of freedom whose inertia is no more than the fraction
+  /// `tolerance` of its own once the free ones before it may move, or -1. Its acceleration is then
+  /// not determined, or lost to rounding: coordinates at a singularity, or bodies without inertia.
+  [[nodiscard]] int FindUndetermined(double tolerance) const {
+    for (int i = 0; i < free_count_; ++i) {
+      const double own = M_[Index(free_[Index(i)])][Index(free_[Index(i)])];
+      const double inverse_root = L_[Index(i)][Index(i)];
+      if (!(1 / (inverse_root * inverse_root) > tolerance * own)) return free_[Index(i)];
+    }
+    return -1;
+  }
+
   /// Adds to the derivative of the wrench on body j: `stiffness` maps a displacement u of the body,
   /// which carries its velocity along, to dW - u x* W; `damping` maps a change of its velocity to
   /// dW. After Solve, before Differentiate.
@@ -99,7 +116,7 @@ class HybridDynamics {
   }
 
   /// All derivatives of Solve's outputs at its solution.
-  void Differentiate(DynamicsDerivatives& out);
+  void Differentiate(Derivatives& out);
 
   /// The same in factored form, which is cheaper: `out.input` is as above, but `out.q` and `out.qd`
   /// hold the derivatives D of inverse dynamics, tau at fixed qdd. With p the free and a the
@@ -109,7 +126,7 @@ class HybridDynamics {
   ///
   /// so that a cotangent r of the outputs is pulled back to q as D_q^T (R^T r). input_pp is
   /// symmetric and input_ap = -input_pa^T.
-  void DifferentiateFactored(DynamicsDerivatives& out);
+  void DifferentiateFactored(Derivatives& out);
 
   /// Kinetic energy, and potential energy with its zero at the world's origin [J]. After SetState.
   [[nodiscard]] double KineticEnergy() const;
@@ -125,7 +142,9 @@ class HybridDynamics {
     bool massless;
     typename Space::Axis axis;
     Vector direction, offset, mass_centre;
-    double mass, inertia, rotor_inertia, damping;
+    double mass;
+    typename Space::BodyInertia inertia;
+    double rotor_inertia, damping;
   };
   struct WrenchDerivative {
     WrenchMap stiffness, damping;
@@ -152,8 +171,8 @@ class HybridDynamics {
   static constexpr std::size_t Index(int i) { return static_cast<std::size_t>(i); }
   void FactorFreeInertia();
   void SolveFree(double* x) const;
-  void DifferentiateInverse(DynamicsDerivatives::Block& d_q, DynamicsDerivatives::Block& d_qd);
-  void DifferentiateByInput(DynamicsDerivatives::Block& input) const;
+  void DifferentiateInverse(typename Derivatives::Block& d_q, typename Derivatives::Block& d_qd);
+  void DifferentiateByInput(typename Derivatives::Block& input) const;
 
   int n_ = 0;
   int first_body_ = 0;
@@ -164,7 +183,7 @@ class HybridDynamics {
   Vector origin_ = Vector::Zero();
   std::array<Joint, kMaxDofs> joints_;
   std::array<Body, kMaxDofs> bodies_;
-  DynamicsDerivatives::Block M_;  // joint-space inertia; zero off the tree's branches
+  typename Derivatives::Block M_;  // joint-space inertia; zero off the tree's branches
   std::array<std::array<double, kMaxDofs>, kMaxDofs> L_;  // Cholesky factor; diagonal inverted
   std::uint32_t touched_ = 0;                             // bodies with a wrench derivative
   std::vector<std::pair<int, int>> unrelated_;            // neither carries the other
@@ -242,8 +261,8 @@ void HybridDynamics<Space>::SetState(std::span<const double> q, std::span<const 
     body.v = parent_v + body.S * body.qd;
     body.external = {};
     if (!joint.massless) {
-      body.own =
-          Space::Inertia::OfBody(joint.mass, body.p + body.R * joint.mass_centre, joint.inertia);
+      body.own = Space::Inertia::OfBody(joint.mass, body.p + body.R * joint.mass_centre, body.R,
+                                        joint.inertia);
       body.momentum = body.own * body.v;
     }
   }
@@ -252,7 +271,8 @@ void HybridDynamics<Space>::SetState(std::span<const double> q, std::span<const 
 template <class Space>
 void HybridDynamics<Space>::Solve(std::span<double> qdd, std::span<double> tau) {
   // Inverse dynamics with the unknown accelerations at zero.
-  const Motion base{{}, -gravity_};
+  Motion base;
+  base.v = -gravity_;
   for (int j = 0; j < n_; ++j) {
     const Joint& joint = joints_[Index(j)];
     Body& body = bodies_[Index(j)];
@@ -326,11 +346,12 @@ void HybridDynamics<Space>::SolveFree(double* x) const {
 }
 
 template <class Space>
-void HybridDynamics<Space>::DifferentiateInverse(DynamicsDerivatives::Block& d_q,
-                                                 DynamicsDerivatives::Block& d_qd) {
+void HybridDynamics<Space>::DifferentiateInverse(typename Derivatives::Block& d_q,
+                                                 typename Derivatives::Block& d_qd) {
   // Accelerations and forces at the solution; Psi-dot and Psi-double-dot of [SRW22] are S_rate and
   // S_rate2.
-  const Motion base{{}, -gravity_};
+  Motion base;
+  base.v = -gravity_;
   for (int j = 0; j < n_; ++j) {
     const Joint& joint = joints_[Index(j)];
     Body& body = bodies_[Index(j)];
@@ -407,7 +428,7 @@ void HybridDynamics<Space>::DifferentiateInverse(DynamicsDerivatives::Block& d_q
 }
 
 template <class Space>
-void HybridDynamics<Space>::DifferentiateByInput(DynamicsDerivatives::Block& input) const {
+void HybridDynamics<Space>::DifferentiateByInput(typename Derivatives::Block& input) const {
   // Inverse of the Cholesky factor, then of the free inertia.
   std::array<std::array<double, kMaxDofs>, kMaxDofs> inverse;
   for (int i = 0; i < free_count_; ++i) {
@@ -451,17 +472,17 @@ void HybridDynamics<Space>::DifferentiateByInput(DynamicsDerivatives::Block& inp
 }
 
 template <class Space>
-void HybridDynamics<Space>::DifferentiateFactored(DynamicsDerivatives& out) {
+void HybridDynamics<Space>::DifferentiateFactored(Derivatives& out) {
   DifferentiateInverse(out.q, out.qd);
   DifferentiateByInput(out.input);
 }
 
 template <class Space>
-void HybridDynamics<Space>::Differentiate(DynamicsDerivatives& out) {
+void HybridDynamics<Space>::Differentiate(Derivatives& out) {
   DifferentiateFactored(out);
   // out = R D, by rows; those of the free degrees of freedom are needed to the end.
   std::array<std::array<double, kMaxDofs>, kMaxDofs> D;
-  for (DynamicsDerivatives::Block* block : {&out.q, &out.qd}) {
+  for (typename Derivatives::Block* block : {&out.q, &out.qd}) {
     for (int p = 0; p < free_count_; ++p) {
       auto& row = (*block)[Index(free_[Index(p)])];
       for (int k = 0; k < n_; ++k) {

@@ -20,6 +20,10 @@ struct Plane {
   using Vector = Eigen::Vector2d;  ///< (x, z)
   using Angular = double;          ///< about -y
 
+  /// Capacity: degrees of freedom of a tree, those of the root included. A planar robot keeps its
+  /// matrices small.
+  static constexpr int kMaxDofs = 12;
+
   /// Angular velocity w applied to the point r.
   static Vector Cross(double w, const Vector& r) { return {-w * r.y(), w * r.x()}; }
   /// Moment about the origin of the force f at the point r.
@@ -40,6 +44,7 @@ struct Plane {
   };
   /// Axis of a revolute joint: +1 about -y, -1 about +y.
   using Axis = double;
+  static Axis DefaultAxis() { return 1; }
   static Rotation RotationBy(Axis axis, double angle) {
     return {std::cos(angle), axis * std::sin(angle)};
   }
@@ -115,6 +120,10 @@ struct Plane {
     return {Moment(a.v, f.f), Cross(a.w, f.f)};
   }
 
+  /// Inertia of a body about its mass centre.
+  using BodyInertia = double;
+  static BodyInertia NoInertia() { return 0; }
+
   /// Inertia about the origin: mass, first moment h = m c, second moment.
   struct Inertia {
     double m = 0;
@@ -122,7 +131,7 @@ struct Plane {
     double i = 0;
     /// A body of mass m, mass centre c and inertia i_c about it; rotating a planar body changes
     /// only c.
-    static Inertia OfBody(double m, const Vector& c, double i_c) {
+    static Inertia OfBody(double m, const Vector& c, const Rotation& /*R*/, BodyInertia i_c) {
       return {m, m * c, i_c + m * c.squaredNorm()};
     }
     friend Inertia operator+(const Inertia& a, const Inertia& b) {

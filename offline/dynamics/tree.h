@@ -5,9 +5,6 @@
 
 namespace tumbler {
 
-/// Capacity of the dynamics: degrees of freedom, those of the root included.
-inline constexpr int kMaxDofs = 12;
-
 enum class JointKind { kRevolute, kPrismatic };
 
 /// One degree of freedom and the body that it moves. A root with several is a chain of these with
@@ -21,7 +18,7 @@ struct Dof {
   JointKind kind = JointKind::kRevolute;
   bool prescribed =
       false;  ///< Its acceleration is given (a motor's path), else its force or torque.
-  typename Space::Axis axis = 1;  ///< Revolute.
+  typename Space::Axis axis = Space::DefaultAxis();  ///< Revolute: in this frame and the parent's.
   typename Space::Vector direction =
       Space::Vector::Zero();  ///< Prismatic: unit vector in the parent's frame.
   typename Space::Vector offset =
@@ -29,7 +26,8 @@ struct Dof {
   bool massless = false;      ///< The body has neither mass nor inertia.
   double mass_kg = 0;
   typename Space::Vector mass_centre = Space::Vector::Zero();  ///< In this frame [m].
-  double inertia_kg_m2 = 0;                                    ///< About the mass centre.
+  typename Space::BodyInertia inertia_kg_m2 =
+      Space::NoInertia();  ///< About the mass centre, in this frame.
   double rotor_inertia_kg_m2 =
       0;  ///< Of a motor, seen through its gear: adds to the joint's own inertia only.
   double damping_nm_s_per_rad = 0;  ///< Viscous friction of the joint (N s/m where prismatic).

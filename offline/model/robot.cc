@@ -11,7 +11,6 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
-#include <functional>
 #include <map>
 #include <mutex>
 #include <sstream>
@@ -24,10 +23,6 @@ namespace tumbler {
 namespace {
 
 constexpr double kGravity = 9.81;
-/// A joint axis counts as in the plane when it leaves it by less than this angle [rad]: file
-/// digits, not geometry.
-constexpr double kPlaneTolerance = 1e-6;
-
 /// Farther out, rounding spoils what is computed of a robot [m].
 constexpr double kReach = 1e3;
 const char* const kOutOfReach =
@@ -74,8 +69,6 @@ Eigen::Isometry3d ToIsometry(const urdf::Pose& pose) {
   return X;
 }
 
-Eigen::Vector2d InPlane(const Eigen::Vector3d& r) { return {r.x(), r.z()}; }
-
 /// A rigid body being put together from merged links, in the frame of its degree of freedom with
 /// world axes.
 struct BodySum {
@@ -84,22 +77,62 @@ struct BodySum {
   Eigen::Matrix3d second_moment = Eigen::Matrix3d::Zero();  // about the frame's origin
 };
 
+/// One of the root's coordinates.
+struct RootCoordinate {
+  const char* name;
+  JointKind kind;
+  Eigen::Vector3d axis;
+};
+
+std::vector<RootCoordinate> RootCoordinates(RootKind root) {
+  const RootCoordinate x{"x", JointKind::kPrismatic, {1, 0, 0}};
+  const RootCoordinate y{"y", JointKind::kPrismatic, {0, 1, 0}};
+  const RootCoordinate z{"z", JointKind::kPrismatic, {0, 0, 1}};
+  const RootCoordinate pitch{"pitch", JointKind::kRevolute, {0, -1, 0}};
+  const RootCoordinate roll{"roll", JointKind::kRevolute, {1, 0, 0}};
+  const RootCoordinate yaw{"yaw", JointKind::kRevolute, {0, 0, 1}};
+  switch (root) {
+    case RootKind::kFixed:
+      return {};
+    case RootKind::kPlanarXz:
+      return {x, z, pitch};
+    case RootKind::kFloating:
+      return {x, y, z, pitch, roll, yaw};
+  }
+  return {};
+}
+
 class Builder {
  public:
   Builder(const std::string& text, std::string file, RootKind root)
       : file_(std::move(file)), source_(text, file_), model_(ParseUrdf(text, file_)) {
+    robot_.file = file_;
     robot_.name = model_->getName();
-    robot_.tree.gravity = {0, -kGravity};
+    robot_.root = root;
+    robot_.tree.gravity = {0, 0, -kGravity};
     AddRoot(root);
-    const urdf::LinkConstSharedPtr link = model_->getRoot();
-    const int body = static_cast<int>(robot_.tree.dofs.size()) - 1;
-    AddLink(*link, body, Eigen::Isometry3d::Identity());
+    AddLink(*model_->getRoot(), robot_.root_dofs - 1, Eigen::Isometry3d::Identity());
+    // Joints come in the file's order as far as what carries them is there.
+    while (!waiting_.empty()) {
+      const auto first = waiting_.begin();
+      const WaitingJoint next = first->second;
+      joint_places_.emplace(first->first, static_cast<int>(robot_.tree.dofs.size()));
+      waiting_.erase(first);
+      AddJoint(*next.joint, next.body, next.X);
+    }
     Finish();
   }
 
-  PlanarRobot Take() { return std::move(robot_); }
+  Robot Take() { return std::move(robot_); }
 
  private:
+  /// A movable joint whose parent link has its place.
+  struct WaitingJoint {
+    urdf::JointConstSharedPtr joint;
+    int body;
+    Eigen::Isometry3d X;  // of the joint's frame in the body's
+  };
+
   /// Fails about a link, or about the first element of that name in it.
   [[noreturn]] void FailLink(const std::string& link, const std::string& problem,
                              const char* element = "") const {
@@ -111,54 +144,58 @@ class Builder {
     throw FileError(file_, source_.LineOfJoint(joint, element), fmt::format("joint '{}'", joint),
                     problem);
   }
+  void NoteLink(const std::string& link, const std::string& problem, const char* element) {
+    robot_.findings.push_back(
+        {source_.LineOfLink(link, element), fmt::format("link '{}'", link), problem});
+  }
+  void NoteJoint(const std::string& joint, const std::string& problem, const char* element) {
+    robot_.findings.push_back(
+        {source_.LineOfJoint(joint, element), fmt::format("joint '{}'", joint), problem});
+  }
 
-  void AddDof(Dof<Plane> dof, const std::string& body_name, const RobotJointLimits& limits) {
-    if (static_cast<int>(robot_.tree.dofs.size()) == kMaxDofs) {
-      FailLink(body_name,
+  void AddDof(Dof<Spatial> dof, RobotJoint joint) {
+    if (static_cast<int>(robot_.tree.dofs.size()) == Spatial::kMaxDofs) {
+      FailLink(joint.link,
                fmt::format("the robot has more than {} degrees of freedom, its root's included",
-                           kMaxDofs));
+                           Spatial::kMaxDofs));
     }
     robot_.tree.dofs.push_back(std::move(dof));
-    robot_.body_names.push_back(body_name);
-    robot_.limits.push_back(limits);
+    robot_.joints.push_back(std::move(joint));
     bodies_.emplace_back();
   }
 
   void AddRoot(RootKind root) {
-    if (root != RootKind::kPlanarXz) return;
-    const std::string link = model_->getRoot()->name;
-    const char* const names[] = {"x", "z", "pitch"};
-    for (int i = 0; i < 3; ++i) {
-      Dof<Plane> dof;
-      dof.name = names[i];
-      dof.parent = i - 1;
-      dof.kind = i < 2 ? JointKind::kPrismatic : JointKind::kRevolute;
-      if (i < 2) dof.direction[i] = 1;
-      AddDof(dof, link, {});
+    for (const RootCoordinate& coordinate : RootCoordinates(root)) {
+      Dof<Spatial> dof;
+      dof.name = coordinate.name;
+      dof.parent = robot_.root_dofs - 1;
+      dof.kind = coordinate.kind;
+      (dof.kind == JointKind::kRevolute ? dof.axis : dof.direction) = coordinate.axis;
+      AddDof(dof, {model_->getRoot()->name, {}});
+      ++robot_.root_dofs;
     }
-    robot_.root_dofs = 3;
   }
 
   void AddLink(const urdf::Link& link, int body, const Eigen::Isometry3d& X) {
+    robot_.links.push_back({link.name, source_.LineOfLink(link.name, ""), body,
+                            link.inertial == nullptr ? 0 : link.inertial->mass});
     AddInertia(link, body, X);
     AddShapes(link, body, X);
-    std::vector<urdf::JointSharedPtr> joints = link.child_joints;
-    const auto place = [this](const urdf::JointSharedPtr& joint) {
-      return std::find(source_.joint_order().begin(), source_.joint_order().end(), joint->name);
-    };
-    std::sort(joints.begin(), joints.end(),
-              [&](const auto& a, const auto& b) { return place(a) < place(b); });
-    for (const urdf::JointSharedPtr& joint : joints) AddJoint(*joint, body, X);
+    for (const urdf::JointSharedPtr& joint : link.child_joints) {
+      const Eigen::Isometry3d X_joint = X * ToIsometry(joint->parent_to_joint_origin_transform);
+      if (!InReach(X_joint)) FailJoint(joint->name, kOutOfReach, "origin");
+      if (joint->type == urdf::Joint::FIXED) {
+        AddLink(*model_->getLink(joint->child_link_name), body, X_joint);
+        continue;
+      }
+      const auto& order = source_.joint_order();
+      waiting_.emplace(std::find(order.begin(), order.end(), joint->name) - order.begin(),
+                       WaitingJoint{joint, body, X_joint});
+    }
   }
 
-  void AddJoint(const urdf::Joint& joint, int body, const Eigen::Isometry3d& X) {
-    const Eigen::Isometry3d X_joint = X * ToIsometry(joint.parent_to_joint_origin_transform);
-    if (!InReach(X_joint)) FailJoint(joint.name, kOutOfReach, "origin");
+  void AddJoint(const urdf::Joint& joint, int body, const Eigen::Isometry3d& X_joint) {
     const urdf::LinkConstSharedPtr child = model_->getLink(joint.child_link_name);
-    if (joint.type == urdf::Joint::FIXED) {
-      AddLink(*child, body, X_joint);
-      return;
-    }
     const bool revolute =
         joint.type == urdf::Joint::REVOLUTE || joint.type == urdf::Joint::CONTINUOUS;
     if (!revolute && joint.type != urdf::Joint::PRISMATIC) {
@@ -169,54 +206,17 @@ class Builder {
     if (!axis.allFinite() || axis.norm() < 1e-6)
       FailJoint(joint.name, "its <axis> has no direction", "axis");
     axis = X_joint.linear() * axis.normalized();
-    Dof<Plane> dof;
+    Dof<Spatial> dof;
     dof.name = joint.name;
     dof.parent = body;
-    dof.offset = InPlane(X_joint.translation());
-    if (revolute) {
-      if (std::hypot(axis.x(), axis.z()) > kPlaneTolerance) {
-        FailJoint(
-            joint.name,
-            fmt::format("its axis in the robot's frame is ({:.4g}, {:.4g}, {:.4g}); allowed for a "
-                        "robot in the x-z plane: (0, 1, 0) or (0, -1, 0)",
-                        axis.x(), axis.y(), axis.z()),
-            "axis");
-      }
-      dof.axis = axis.y() < 0 ? 1 : -1;
-    } else {
-      if (std::abs(axis.y()) > kPlaneTolerance) {
-        FailJoint(
-            joint.name,
-            "its axis leaves the x-z plane; allowed for a prismatic joint: any direction in it",
-            "axis");
-      }
-      dof.kind = JointKind::kPrismatic;
-      dof.direction = InPlane(axis).normalized();
-    }
-    RobotJointLimits limits;
-    if (joint.limits != nullptr) {
-      const urdf::JointLimits& given = *joint.limits;
-      if (joint.type != urdf::Joint::CONTINUOUS) {
-        limits.lower_rad = given.lower;
-        limits.upper_rad = given.upper;
-        if (!(given.lower <= given.upper)) {
-          FailJoint(joint.name,
-                    fmt::format("limit lower = {:g} upper = {:g}; allowed: finite, lower <= upper",
-                                given.lower, given.upper),
-                    "limit");
-        }
-      }
-      if (!(given.velocity > 0)) {
-        FailJoint(joint.name, fmt::format("limit velocity = {:g}; allowed: > 0", given.velocity),
-                  "limit");
-      }
-      if (!(given.effort > 0)) {
-        FailJoint(joint.name, fmt::format("limit effort = {:g}; allowed: > 0", given.effort),
-                  "limit");
-      }
-      limits.velocity_rad_s = given.velocity;
-      limits.effort_nm = given.effort;
-    }
+    dof.offset = X_joint.translation();
+    dof.kind = revolute ? JointKind::kRevolute : JointKind::kPrismatic;
+    (revolute ? dof.axis : dof.direction) = axis.normalized();
+    RobotJoint about;
+    about.link = child->name;
+    about.continuous = joint.type == urdf::Joint::CONTINUOUS;
+    about.axis_line = source_.LineOfJoint(joint.name, "axis");
+    if (joint.limits != nullptr) AddLimits(joint, about);
     if (joint.dynamics != nullptr) {
       dof.damping_nm_s_per_rad = joint.dynamics->damping;
       if (!(joint.dynamics->damping >= 0)) {
@@ -227,12 +227,37 @@ class Builder {
     }
     if (joint.mimic != nullptr)
       FailJoint(joint.name, "mimics another joint; mimic joints are not supported", "mimic");
-    AddDof(dof, child->name, limits);
+    AddDof(dof, about);
     // The new frame keeps the robot's axes at q = 0; only the rotation of the link's own frame is
     // carried on.
     Eigen::Isometry3d X_child = Eigen::Isometry3d::Identity();
     X_child.linear() = X_joint.linear();
     AddLink(*child, static_cast<int>(robot_.tree.dofs.size()) - 1, X_child);
+  }
+
+  void AddLimits(const urdf::Joint& joint, RobotJoint& about) {
+    const urdf::JointLimits& given = *joint.limits;
+    RobotJointLimits& limits = about.limits;
+    if (!about.continuous) {
+      limits.lower_rad = given.lower;
+      limits.upper_rad = given.upper;
+      if (!(given.lower <= given.upper)) {
+        FailJoint(joint.name,
+                  fmt::format("limit lower = {:g} upper = {:g}; allowed: finite, lower <= upper",
+                              given.lower, given.upper),
+                  "limit");
+      }
+    }
+    // Many files have 0 where nobody knew the limit.
+    const auto positive = [&](const char* what, double value) {
+      if (value > 0) return value;
+      const std::string problem = fmt::format("limit {} = {:g}; allowed: > 0", what, value);
+      if (!(value == 0)) FailJoint(joint.name, problem, "limit");
+      NoteJoint(joint.name, problem, "limit");
+      return value;
+    };
+    limits.velocity_rad_s = positive("velocity", given.velocity);
+    limits.effort_nm = positive("effort", given.effort);
   }
 
   void AddInertia(const urdf::Link& link, int body, const Eigen::Isometry3d& X) {
@@ -243,23 +268,23 @@ class Builder {
         given.izz;
     const Eigen::Isometry3d X_com = X * ToIsometry(given.origin);
     if (!(given.mass > 0)) {
-      FailLink(
-          link.name,
-          fmt::format(
-              "inertial mass is {:g} kg; allowed: > 0 (leave <inertial> out for a massless link)",
-              given.mass),
-          "mass");
+      const std::string problem = fmt::format(
+          "inertial mass is {:g} kg; allowed: > 0 (leave <inertial> out for a massless link)",
+          given.mass);
+      if (!(given.mass == 0)) FailLink(link.name, problem, "mass");
+      NoteLink(link.name, problem, "mass");
     }
     if (!InReach(X_com)) FailLink(link.name, kOutOfReach, "inertial");
     const Eigen::Vector3d moments = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(I).eigenvalues();
-    if (moments(0) <= 0) {
-      FailLink(
-          link.name,
-          fmt::format("inertia has the principal moment {:g} kg m^2; allowed: > 0", moments(0)),
-          "inertia");
-    }
-    if (moments(0) + moments(1) < moments(2) * (1 - 1e-9)) {
-      FailLink(link.name,
+    if (!(moments(0) > 0)) {
+      if (given.mass != 0 || !I.isZero(0)) {
+        NoteLink(
+            link.name,
+            fmt::format("inertia has the principal moment {:g} kg m^2; allowed: > 0", moments(0)),
+            "inertia");
+      }
+    } else if (moments(0) + moments(1) < moments(2) * (1 - 1e-9)) {
+      NoteLink(link.name,
                fmt::format("inertia is that of no body: principal moments {:g}, {:g}, "
                            "{:g} kg m^2; allowed: none larger "
                            "than the sum of the others",
@@ -277,94 +302,65 @@ class Builder {
   }
 
   void AddShapes(const urdf::Link& link, int body, const Eigen::Isometry3d& X) {
-    const auto ignore = [&](const std::string& reason) {
-      robot_.ignored_shapes.push_back({link.name, source_.LineOfLink(link.name, ""), reason});
+    const auto add = [&](const auto& elements, std::vector<RobotShape>& shapes) {
+      for (std::size_t i = 0; i < elements.size(); ++i) {
+        if (elements[i] == nullptr || elements[i]->geometry == nullptr) continue;
+        RobotShape shape = ToShape(*elements[i]->geometry);
+        shape.name = fmt::format("{}/{}", link.name, i);
+        shape.link = link.name;
+        shape.line = source_.LineOfLink(link.name, "");
+        shape.body = body;
+        shape.pose = X * ToIsometry(elements[i]->origin);
+        shapes.push_back(std::move(shape));
+      }
     };
-    int number = 0;
-    for (const urdf::CollisionSharedPtr& shape : link.collision_array) {
-      const std::string name = fmt::format("{}/{}", link.name, number++);
-      if (shape == nullptr || shape->geometry == nullptr) continue;
-      const Eigen::Isometry3d X_shape = X * ToIsometry(shape->origin);
-      if (!InReach(X_shape)) FailLink(link.name, kOutOfReach, "collision");
-      if (shape->geometry->type != urdf::Geometry::SPHERE) {
-        ignore(fmt::format("collision shape {} is not a sphere", name));
-        continue;
-      }
-      const double radius = static_cast<const urdf::Sphere&>(*shape->geometry).radius;
-      if (body < 0) {
-        ignore(fmt::format("collision shape {} is fixed to the world", name));
-        continue;
-      }
-      robot_.spheres.push_back({name, body, InPlane(X_shape.translation()), radius});
+    const std::size_t known = robot_.collision_shapes.size();
+    add(link.collision_array, robot_.collision_shapes);
+    for (std::size_t i = known; i < robot_.collision_shapes.size(); ++i) {
+      if (!InReach(robot_.collision_shapes[i].pose)) FailLink(link.name, kOutOfReach, "collision");
     }
-    for (const urdf::VisualSharedPtr& shape : link.visual_array) {
-      if (shape == nullptr || shape->geometry == nullptr || body < 0) continue;
-      AddDrawing(*shape->geometry, body, X * ToIsometry(shape->origin));
-    }
+    add(link.visual_array, robot_.visual_shapes);
   }
 
-  void AddDrawing(const urdf::Geometry& geometry, int body, const Eigen::Isometry3d& X) {
-    DrawnSegment segment;
-    segment.body = body;
-    Eigen::Vector3d half = Eigen::Vector3d::Zero();
+  static RobotShape ToShape(const urdf::Geometry& geometry) {
+    RobotShape shape;
     if (geometry.type == urdf::Geometry::SPHERE) {
-      segment.radius_m = static_cast<const urdf::Sphere&>(geometry).radius;
+      shape.kind = RobotShape::Kind::kSphere;
+      shape.radius_m = static_cast<const urdf::Sphere&>(geometry).radius;
     } else if (geometry.type == urdf::Geometry::CYLINDER) {
       const auto& cylinder = static_cast<const urdf::Cylinder&>(geometry);
-      segment.radius_m = cylinder.radius;
-      half.z() = cylinder.length / 2;
+      shape.kind = RobotShape::Kind::kCylinder;
+      shape.radius_m = cylinder.radius;
+      shape.length_m = cylinder.length;
     } else if (geometry.type == urdf::Geometry::BOX) {
-      // Drawn as a bar along the box's longest side that lies in the plane.
-      const urdf::Vector3 dim = static_cast<const urdf::Box&>(geometry).dim;
-      const Eigen::Vector3d size(dim.x, dim.y, dim.z);
-      int longest = -1;
-      double thickness = 0;
-      for (int i = 0; i < 3; ++i) {
-        const double in_plane = std::hypot(X.linear()(0, i), X.linear()(2, i)) * size[i];
-        if (longest < 0 || in_plane > half[longest] * 2) {
-          if (longest >= 0) thickness = std::max(thickness, half[longest] * 2);
-          half.setZero();
-          half[i] = in_plane / 2;
-          longest = i;
-        } else {
-          thickness = std::max(thickness, in_plane);
-        }
-      }
-      segment.radius_m = thickness / 2;
-      half[longest] = std::max(0.0, half[longest] - segment.radius_m);
+      const urdf::Vector3& dim = static_cast<const urdf::Box&>(geometry).dim;
+      shape.kind = RobotShape::Kind::kBox;
+      shape.size_m = {dim.x, dim.y, dim.z};
     } else {
-      return;
+      shape.kind = RobotShape::Kind::kMesh;
     }
-    segment.from = InPlane(X * -half);
-    segment.to = InPlane(X * half);
-    if (segment.from.allFinite() && segment.to.allFinite()) robot_.drawing.push_back(segment);
+    return shape;
   }
 
   void Finish() {
     auto& dofs = robot_.tree.dofs;
+    if (dofs.empty()) throw FileError(file_, 0, "", "the robot has no joint that moves");
+    for (int j = 0; j < robot_.root_dofs; ++j) robot_.file_order.push_back(j);
+    for (const auto& [place, dof] : joint_places_) robot_.file_order.push_back(dof);
     for (std::size_t j = 0; j < dofs.size(); ++j) {
       const BodySum& sum = bodies_[j];
-      dofs[j].massless = sum.mass == 0;
+      dofs[j].massless = sum.mass == 0 && sum.second_moment.isZero(0);
       if (dofs[j].massless) continue;
-      const Eigen::Vector3d c = sum.first_moment / sum.mass;
-      dofs[j].mass_kg = sum.mass;
-      dofs[j].mass_centre = InPlane(c);
-      // About -y through the mass centre: the same number as about +y.
-      dofs[j].inertia_kg_m2 = sum.second_moment(1, 1) - sum.mass * InPlane(c).squaredNorm();
-    }
-    if (dofs.empty()) throw FileError(file_, 0, "", "the robot has no joint that moves");
-    for (std::size_t j = 0; j < dofs.size(); ++j) {
-      double mass = 0;
-      for (std::size_t i = dofs.size(); i-- > j;) {
-        int above = static_cast<int>(i);
-        while (above > static_cast<int>(j)) above = dofs[static_cast<std::size_t>(above)].parent;
-        if (above == static_cast<int>(j)) mass += dofs[i].mass_kg;
-      }
-      if (mass == 0) {
-        FailLink(robot_.body_names[j],
-                 fmt::format("degree of freedom '{}' moves no mass; give the link, or one that it "
-                             "carries, an <inertial>",
-                             dofs[j].name));
+      const double m = sum.mass;
+      const Eigen::Vector3d c =
+          m > 0 ? Eigen::Vector3d(sum.first_moment / m) : Eigen::Vector3d::Zero();
+      dofs[j].mass_kg = m;
+      dofs[j].mass_centre = c;
+      Eigen::Matrix3d& I = dofs[j].inertia_kg_m2;
+      I = sum.second_moment + m * (c * c.transpose());
+      for (int k = 0; k < 3; ++k) {
+        const double a = c[(k + 1) % 3], b = c[(k + 2) % 3];
+        I(k, k) = sum.second_moment(k, k) - m * (a * a + b * b);
       }
     }
   }
@@ -372,21 +368,56 @@ class Builder {
   std::string file_;
   UrdfSource source_;
   urdf::ModelInterfaceSharedPtr model_;
-  PlanarRobot robot_;
+  Robot robot_;
   std::vector<BodySum> bodies_;
+  std::map<std::ptrdiff_t, WaitingJoint> waiting_;  // by place in the file
+  std::map<std::ptrdiff_t, int> joint_places_;      // degree of freedom by place in the file
 };
 
 }  // namespace
 
-int PlanarRobot::FindDof(std::string_view joint) const {
+int Robot::FindDof(std::string_view joint) const {
   for (std::size_t j = static_cast<std::size_t>(root_dofs); j < tree.dofs.size(); ++j) {
     if (tree.dofs[j].name == joint) return static_cast<int>(j);
   }
   return -1;
 }
 
-PlanarRobot ParsePlanarRobot(const std::string& text, const std::string& file_name, RootKind root) {
+const RobotLink* Robot::FindLink(std::string_view link) const {
+  for (const RobotLink& candidate : links) {
+    if (candidate.name == link) return &candidate;
+  }
+  return nullptr;
+}
+
+bool Robot::MovesMass(int dof) const {
+  for (std::size_t i = tree.dofs.size(); i-- > static_cast<std::size_t>(dof);) {
+    int above = static_cast<int>(i);
+    while (above > dof) above = tree.dofs[static_cast<std::size_t>(above)].parent;
+    if (above == dof && !tree.dofs[i].massless) return true;
+  }
+  return false;
+}
+
+Robot ParseRobot(const std::string& text, const std::string& file_name, RootKind root) {
   return Builder(text, file_name, root).Take();
+}
+
+std::vector<IgnoredShape> ShapesWithoutContact(const Robot& robot) {
+  std::vector<IgnoredShape> ignored;
+  for (const RobotShape& shape : robot.collision_shapes) {
+    const char* reason = nullptr;
+    if (shape.kind != RobotShape::Kind::kSphere) {
+      reason = "is not a sphere";
+    } else if (shape.body < 0) {
+      reason = "is fixed to the world";
+    } else {
+      continue;
+    }
+    ignored.push_back(
+        {shape.link, shape.line, fmt::format("collision shape {} {}", shape.name, reason)});
+  }
+  return ignored;
 }
 
 std::string ReadTextFile(const std::string& path) {

@@ -6,7 +6,7 @@
 
 #include "common/primitive.h"
 #include "offline/contact/contact_model.h"
-#include "offline/model/robot.h"
+#include "offline/model/planar_robot.h"
 
 namespace tumbler {
 

@@ -11,6 +11,8 @@ namespace {
 
 using Spline = JointMotion<double>::Spline;
 using Dynamics = HybridDynamics<Plane>;
+using Derivatives = Dynamics::Derivatives;
+constexpr int kMaxDofs = Dynamics::kMaxDofs;
 
 /// A state beyond this (m, rad, and their rates) is a failed rollout: no tumbler gets near it.
 constexpr double kImplausible = 1e4;
@@ -531,7 +533,7 @@ struct Rollout::Implementation {
   int stage_size = 0;
   Pullback pullback;
   std::vector<Lanes> lane_gradient;
-  DynamicsDerivatives derivatives;
+  Derivatives derivatives;
   std::array<double, kMaxDofs> q{}, qd{}, qdd{}, tau{};
   State end_state{}, settled_state{};
   double effort = 0;  // integral of |tau|^2 so far

@@ -45,7 +45,7 @@ class DynamicsCase {
   }
 
   [[nodiscard]] std::size_t contacts() const { return contact_.active().size(); }
-  [[nodiscard]] const DynamicsDerivatives& derivatives() const { return derivatives_; }
+  [[nodiscard]] const DynamicsDerivatives<Plane>& derivatives() const { return derivatives_; }
   [[nodiscard]] const std::vector<DynamicsState>& states() const { return states_; }
 
  private:
@@ -62,7 +62,7 @@ class DynamicsCase {
   bool in_contact_;
   std::vector<DynamicsState> states_;
   std::size_t next_ = 0;
-  DynamicsDerivatives derivatives_{};
+  DynamicsDerivatives<Plane> derivatives_{};
 };
 
 }  // namespace tumbler

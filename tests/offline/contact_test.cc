@@ -202,7 +202,7 @@ TEST_P(EveryLaw, DynamicsThroughContactHaveExactDerivatives) {
     for (const auto& a : contact.active())
       plausible = plausible && a.depth_m < 0.02;  // No robot gets deeper.
     if (!plausible) continue;
-    DynamicsDerivatives d;
+    DynamicsDerivatives<Plane> d;
     contact.Differentiate(dynamics);
     dynamics.Differentiate(d);
     // The law is C1, not C2: where a switch lies within reach of the step, differences of two sizes

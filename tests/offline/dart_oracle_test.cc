@@ -1,9 +1,14 @@
-// Hybrid dynamics against DART, an independent engine, on the shipped robot: DART reads the URDF
-// with its own loader, works in three dimensions, and uses another algorithm (articulated bodies).
+// Hybrid dynamics against DART, an independent engine, which uses another algorithm (articulated
+// bodies). On the shipped robot, in the plane: DART reads the URDF with its own loader, and works
+// in three dimensions. In space: on random trees.
 
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <dart/dynamics/PrismaticJoint.hpp>
+#include <dart/dynamics/RevoluteJoint.hpp>
+#include <string>
+#include <tuple>
 
 #include "tests/support/dart_tumbler.h"
 #include "tests/support/random_robot.h"
@@ -98,6 +103,97 @@ TEST(DartOracle, AgreesOnEnergyAndMassCentre) {
     const Eigen::Vector3d momentum = skeleton->getMass() * skeleton->getCOMLinearVelocity();
     EXPECT_NEAR(dynamics.Momentum().f.x(), momentum.x(), 1e-11);
     EXPECT_NEAR(dynamics.Momentum().f.y(), momentum.z(), 1e-11);
+  }
+}
+
+/// The tree in DART. Rotor inertia and damping are left out: DART treats damping implicitly.
+dart::dynamics::SkeletonPtr InDart(const Tree<Spatial>& tree) {
+  const dart::dynamics::SkeletonPtr skeleton = dart::dynamics::Skeleton::create();
+  skeleton->setGravity(tree.gravity);
+  std::vector<dart::dynamics::BodyNode*> bodies;
+  for (const Dof<Spatial>& dof : tree.dofs) {
+    dart::dynamics::BodyNode* const parent = dof.parent < 0 ? nullptr : bodies[Index(dof.parent)];
+    // A name of its own for each: DART would say that it makes one.
+    const std::string name = "dof" + std::to_string(bodies.size());
+    const dart::dynamics::BodyNode::AspectProperties body_properties(name);
+    dart::dynamics::Joint* joint = nullptr;
+    dart::dynamics::BodyNode* body = nullptr;
+    if (dof.kind == JointKind::kRevolute) {
+      dart::dynamics::RevoluteJoint::Properties properties;
+      properties.mName = name;
+      properties.mAxis = dof.axis;
+      std::tie(joint, body) = skeleton->createJointAndBodyNodePair<dart::dynamics::RevoluteJoint>(
+          parent, properties, body_properties);
+    } else {
+      dart::dynamics::PrismaticJoint::Properties properties;
+      properties.mName = name;
+      properties.mAxis = dof.direction;
+      std::tie(joint, body) = skeleton->createJointAndBodyNodePair<dart::dynamics::PrismaticJoint>(
+          parent, properties, body_properties);
+    }
+    Eigen::Isometry3d X = Eigen::Isometry3d::Identity();
+    X.translation() = dof.offset;
+    joint->setTransformFromParentBodyNode(X);
+    joint->setActuatorType(dof.prescribed ? dart::dynamics::Joint::ACCELERATION
+                                          : dart::dynamics::Joint::FORCE);
+    const Eigen::Matrix3d& I = dof.inertia_kg_m2;
+    dart::dynamics::Inertia inertia;
+    inertia.setMass(dof.mass_kg);
+    inertia.setLocalCOM(dof.mass_centre);
+    inertia.setMoment(I(0, 0), I(1, 1), I(2, 2), I(0, 1), I(0, 2), I(1, 2));
+    body->setInertia(inertia);
+    bodies.push_back(body);
+  }
+  return skeleton;
+}
+
+TEST(DartOracle, AgreesOnRandomTreesInSpaceWithRandomPrescribedJointsAndForces) {
+  std::mt19937_64 random(44);
+  for (int trial = 0; trial < 400; ++trial) {
+    Tree<Spatial> tree = RandomSpatialTree(random, 12);
+    for (Dof<Spatial>& dof : tree.dofs) dof.rotor_inertia_kg_m2 = dof.damping_nm_s_per_rad = 0;
+    const std::size_t n = tree.dofs.size();
+    const dart::dynamics::SkeletonPtr skeleton = InDart(tree);
+    HybridDynamics<Spatial> dynamics(tree);
+    for (int state = 0; state < 4; ++state) {
+      DynamicsState s = RandomState(random, n);
+      for (std::size_t i = 0; i < n; ++i) {
+        skeleton->getJoint(i)->setPosition(0, s.q[i]);
+        skeleton->getJoint(i)->setVelocity(0, s.qd[i]);
+        skeleton->getJoint(i)->setCommand(0, tree.dofs[i].prescribed ? s.qdd[i] : s.tau[i]);
+      }
+      skeleton->clearExternalForces();
+      dynamics.SetState(s.q, s.qd);
+      for (int k = static_cast<int>(random() % 4); k > 0; --k) {
+        const int body = static_cast<int>(random() % n);
+        const Eigen::Vector3d point = RandomVector(random, 0.3), force = RandomVector(random, 50),
+                              moment = RandomVector(random, 5);
+        skeleton->getBodyNode(Index(body))->addExtForce(force, point, false, true);
+        skeleton->getBodyNode(Index(body))->addExtTorque(moment, false);
+        auto wrench =
+            Spatial::ForceAt(dynamics.position(body) + dynamics.rotation(body) * point, force);
+        wrench.n += moment;
+        dynamics.AddWrench(body, wrench);
+      }
+      skeleton->computeForwardDynamics();
+      dynamics.Solve(s.qdd, s.tau);
+      double acceleration_scale = 1;
+      double torque_scale = 1;
+      for (std::size_t i = 0; i < n; ++i) {
+        const auto* joint = skeleton->getJoint(i);
+        acceleration_scale = std::max(acceleration_scale, std::abs(joint->getAcceleration(0)));
+        torque_scale = std::max(torque_scale, std::abs(joint->getForce(0)));
+      }
+      for (std::size_t i = 0; i < n; ++i) {
+        const auto* joint = skeleton->getJoint(i);
+        EXPECT_NEAR(s.qdd[i], joint->getAcceleration(0), 1e-9 * acceleration_scale)
+            << "trial " << trial << " of " << n << ", degree of freedom " << i;
+        EXPECT_NEAR(s.tau[i], joint->getForce(0), 1e-9 * torque_scale)
+            << "trial " << trial << " of " << n << ", degree of freedom " << i;
+      }
+      const double kinetic = skeleton->computeKineticEnergy();
+      EXPECT_NEAR(dynamics.KineticEnergy(), kinetic, 1e-11 * (1 + kinetic));
+    }
   }
 }
 

@@ -15,7 +15,7 @@ TEST(DynamicsAllocation, DynamicsContactsAndTheirDerivativesAllocateNothing) {
   bump.radius_m = 0.15;
   ContactModel<Plane> contact({}, robot.spheres, {ground, bump});
   HybridDynamics<Plane> dynamics(robot.tree);
-  DynamicsDerivatives derivatives;
+  DynamicsDerivatives<Plane> derivatives;
   std::mt19937_64 random(32);
   std::size_t contacts = 0;
   for (int trial = 0; trial < 200; ++trial) {

@@ -94,7 +94,7 @@ TEST(HybridDynamics, DerivativesAgreeWithCentralDifferencesOnRandomTrees) {
     const DynamicsState s = RandomState(random, n);
     Dynamics dynamics(tree);
     const std::vector<double> value = Outputs(dynamics, s);
-    DynamicsDerivatives d;
+    DynamicsDerivatives<Plane> d;
     dynamics.Differentiate(d);
     double scale = 1;
     for (const double v : value) scale = std::max(scale, std::abs(v));

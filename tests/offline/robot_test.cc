@@ -11,7 +11,10 @@
 #include <limits>
 
 #include "common/toml_reader.h"
+#include "offline/dynamics/hybrid_dynamics.h"
+#include "offline/model/planar_robot.h"
 #include "offline/model/urdf_source.h"
+#include "tests/support/random_robot.h"
 #include "tests/support/task_files.h"
 
 namespace tumbler {
@@ -49,7 +52,7 @@ std::string Joint(const std::string& name, const std::string& type, const std::s
   return fmt::format("<joint name='{}' type='{}'><parent link='{}'/><child link='{}'/>{}</joint>",
                      name, type, parent, child, more);
 }
-std::string Robot(const std::string& inside) {
+std::string RobotText(const std::string& inside) {
   return fmt::format("<robot name='r'>{}</robot>", inside);
 }
 const char* const kLimit = "<limit lower='-1' upper='1' effort='3' velocity='4'/>";
@@ -77,10 +80,10 @@ TEST(PlanarRobot, OfTheShippedFileIsThatOfItsDescription) {
 }
 
 TEST(PlanarRobot, LinksOnFixedJointsAreMergedWithTheirInertia) {
-  const PlanarRobot robot = Parse(
-      Robot(Link("base") + Link("a", "2", "0.1") + Link("b", "3", "0.2") +
-            Joint("fix", "fixed", "a", "b", "<origin xyz='0.5 0 0.4'/>") +
-            Joint("turn", "revolute", "base", "a", std::string("<axis xyz='0 -1 0'/>") + kLimit)));
+  const PlanarRobot robot = Parse(RobotText(
+      Link("base") + Link("a", "2", "0.1") + Link("b", "3", "0.2") +
+      Joint("fix", "fixed", "a", "b", "<origin xyz='0.5 0 0.4'/>") +
+      Joint("turn", "revolute", "base", "a", std::string("<axis xyz='0 -1 0'/>") + kLimit)));
   ASSERT_EQ(robot.tree.dofs.size(), 4U);
   const auto& dof = robot.tree.dofs[3];
   EXPECT_DOUBLE_EQ(dof.mass_kg, 5);
@@ -94,10 +97,10 @@ TEST(PlanarRobot, LinksOnFixedJointsAreMergedWithTheirInertia) {
 }
 
 TEST(PlanarRobot, AFixedRootHasNoCoordinatesAndItsOwnMassDoesNotCount) {
-  const PlanarRobot robot = Parse(
-      Robot(Link("base") + Link("a") +
-            Joint("turn", "revolute", "base", "a", std::string("<axis xyz='0 1 0'/>") + kLimit)),
-      RootKind::kFixed);
+  const PlanarRobot robot = Parse(RobotText(Link("base") + Link("a") +
+                                            Joint("turn", "revolute", "base", "a",
+                                                  std::string("<axis xyz='0 1 0'/>") + kLimit)),
+                                  RootKind::kFixed);
   ASSERT_EQ(robot.tree.dofs.size(), 1U);
   EXPECT_EQ(robot.root_dofs, 0);
   EXPECT_EQ(robot.tree.dofs[0].parent, -1);
@@ -107,17 +110,17 @@ TEST(PlanarRobot, AFixedRootHasNoCoordinatesAndItsOwnMassDoesNotCount) {
 
 TEST(PlanarRobot, JointsKeepTheFilesOrderNotTheAlphabets) {
   const std::string turn = std::string("<axis xyz='0 -1 0'/>") + kLimit;
-  const PlanarRobot robot = Parse(Robot(Link("base") + Link("l1") + Link("l2") + Link("l3") +
-                                        Joint("zulu", "revolute", "base", "l1", turn) +
-                                        Joint("mike", "revolute", "base", "l2", turn) +
-                                        Joint("alpha", "revolute", "base", "l3", turn)));
+  const PlanarRobot robot = Parse(RobotText(Link("base") + Link("l1") + Link("l2") + Link("l3") +
+                                            Joint("zulu", "revolute", "base", "l1", turn) +
+                                            Joint("mike", "revolute", "base", "l2", turn) +
+                                            Joint("alpha", "revolute", "base", "l3", turn)));
   EXPECT_EQ(robot.tree.dofs[3].name, "zulu");
   EXPECT_EQ(robot.tree.dofs[4].name, "mike");
   EXPECT_EQ(robot.tree.dofs[5].name, "alpha");
 }
 
 TEST(PlanarRobot, ContinuousJointsHaveNoEndsAndPrismaticOnesADirection) {
-  const PlanarRobot robot = Parse(Robot(
+  const PlanarRobot robot = Parse(RobotText(
       Link("base") + Link("a") + Link("b") +
       Joint("spin", "continuous", "base", "a", "<axis xyz='0 -1 0'/>") +
       Joint("slide", "prismatic", "base", "b",
@@ -143,17 +146,19 @@ TEST(PlanarRobot, AJointThatMovesNoMassIsRefusedButAMasslessLinkBetweenIsNot) {
   const std::string turn = std::string("<axis xyz='0 -1 0'/>") + kLimit;
   const std::string two_joints = Joint("j1", "revolute", "base", "between", turn) +
                                  Joint("j2", "revolute", "between", "end", turn);
-  EXPECT_EQ(Refusal(Robot(Link("base") + "<link name='between'/>" + Link("end") + two_joints)), "");
-  EXPECT_THAT(Refusal(Robot(Link("base") + Link("between") + "<link name='end'/>" + two_joints)),
-              HasSubstr("link 'end': degree of freedom 'j2' moves no mass"));
+  EXPECT_EQ(Refusal(RobotText(Link("base") + "<link name='between'/>" + Link("end") + two_joints)),
+            "");
+  EXPECT_THAT(
+      Refusal(RobotText(Link("base") + Link("between") + "<link name='end'/>" + two_joints)),
+      HasSubstr("link 'end': degree of freedom 'j2' moves no mass"));
 }
 
 TEST(PlanarRobot, AxisMayBeWrittenAtAnyLengthAndInATurnedFrame) {
   const auto with = [](const std::string& origin, const std::string& axis) {
-    return Refusal(
-        Robot(Link("base") + Link("a") +
-              Joint("j", "revolute", "base", "a",
-                    fmt::format("<origin rpy='{}'/><axis xyz='{}'/>{}", origin, axis, kLimit))));
+    return Refusal(RobotText(
+        Link("base") + Link("a") +
+        Joint("j", "revolute", "base", "a",
+              fmt::format("<origin rpy='{}'/><axis xyz='{}'/>{}", origin, axis, kLimit))));
   };
   EXPECT_EQ(with("0 0 0", "0 -5 0"), "");
   EXPECT_EQ(with("1.5707963267948966 0 0", "0 0 1"), "") << "z of the joint is -y of the robot";
@@ -167,13 +172,122 @@ TEST(PlanarRobot, MoreDegreesOfFreedomThanFitAreRefused) {
     inside += Joint(fmt::format("j{}", i), "revolute", fmt::format("l{}", i - 1),
                     fmt::format("l{}", i), std::string("<axis xyz='0 -1 0'/>") + kLimit);
   }
-  EXPECT_THAT(Refusal(Robot(inside)), HasSubstr("degrees of freedom"));
+  EXPECT_THAT(Refusal(RobotText(inside)), HasSubstr("degrees of freedom"));
 }
 
 TEST(PlanarRobot, NumbersMayHavePlusSignsAndExtraBlanks) {
   EXPECT_EQ(
       Refusal(Replaced(ShippedRobot(), "origin xyz=\"0.15 0 0\"", "origin xyz=\" +0.15  0 0 \"")),
       "");
+}
+
+Robot ParseInSpace(const std::string& text, RootKind root = RootKind::kFloating) {
+  return ParseRobot(text, "robot.urdf", root);
+}
+
+std::vector<std::string> NamesInFileOrder(const Robot& robot) {
+  std::vector<std::string> names;
+  for (const int dof : robot.file_order)
+    names.push_back(robot.tree.dofs[static_cast<std::size_t>(dof)].name);
+  return names;
+}
+
+TEST(Robot, CoordinatesAreTheRootsThenTheJointsExactlyInTheFilesOrder) {
+  // Children before parents, branches interleaved, a fixed joint in between.
+  const std::string turn = std::string("<axis xyz='1 1 0'/>") + kLimit;
+  const Robot robot = ParseInSpace(RobotText(
+      Link("base") + Link("a") + Link("b") + Link("c") + Link("d") + Link("e") +
+      Joint("c-d", "revolute", "c", "d", turn) + Joint("a-b", "revolute", "a", "b", turn) +
+      Joint("b-c", "fixed", "b", "c", "") + Joint("base-e", "prismatic", "base", "e", turn) +
+      Joint("base-a", "revolute", "base", "a", turn)));
+  EXPECT_EQ(NamesInFileOrder(robot),
+            (std::vector<std::string>{"x", "y", "z", "pitch", "roll", "yaw", "c-d", "a-b", "base-e",
+                                      "base-a"}));
+  for (std::size_t j = 0; j < robot.tree.dofs.size(); ++j)
+    EXPECT_LT(robot.tree.dofs[j].parent, static_cast<int>(j)) << "parents come first inside";
+  EXPECT_EQ(robot.FindLink("c")->body, robot.FindDof("a-b"));
+  EXPECT_EQ(robot.FindLink("base")->body, 5);
+  EXPECT_EQ(robot.FindLink("nobody"), nullptr);
+  EXPECT_EQ(NamesInFileOrder(ParseInSpace(ShippedRobot(), RootKind::kPlanarXz)),
+            (std::vector<std::string>{"x", "z", "pitch", "leg1", "leg2"}));
+}
+
+TEST(Robot, AnAxisOutOfThePlaneIsRefusedOfAPlanarRobotOnly) {
+  const std::string text = RobotText(
+      Link("base") + Link("a") +
+      Joint("turn", "revolute", "base", "a",
+            std::string("<origin rpy='0 0 1.5707963267948966'/><axis xyz='0 -2 0'/>") + kLimit));
+  const Robot robot = ParseInSpace(text, RootKind::kPlanarXz);
+  EXPECT_LT((robot.tree.dofs[3].axis - Eigen::Vector3d(1, 0, 0)).norm(), 1e-15);
+  EXPECT_THAT(Refusal(text), HasSubstr("joint 'turn': its axis in the robot's frame is (1, "));
+}
+
+TEST(Robot, WhatNoRealRobotHasIsFoundWithItsLineAndRefusedOfAPlanarOne) {
+  const std::string text = ShippedRobot();
+  EXPECT_TRUE(ParseInSpace(text).findings.empty());
+  struct Doubt {
+    std::string from, to, problem;
+  };
+  for (const Doubt& doubt :
+       {Doubt{"<mass value=\"1.0\"/>", "<mass value=\"0\"/>", "inertial mass is 0 kg"},
+        Doubt{"iyy=\"7.5e-3", "iyy=\"9.5e-3", "inertia is that of no body"},
+        Doubt{"iyy=\"", "iyy=\"-", "inertia has the principal moment -"},
+        Doubt{"effort=\"8", "effort=\"0", "limit effort = 0"}}) {
+    const std::string wrong = Replaced(text, doubt.from, doubt.to);
+    const Robot robot = ParseInSpace(wrong);
+    ASSERT_EQ(robot.findings.size(), 1U) << doubt.to;
+    EXPECT_EQ(robot.findings[0].line, static_cast<std::uint32_t>(LineOf(wrong, doubt.to)));
+    EXPECT_THAT(robot.findings[0].problem, HasSubstr(doubt.problem));
+    EXPECT_THAT(Refusal(wrong), HasSubstr(doubt.problem));
+  }
+}
+
+TEST(Robot, KeepsItsCollisionShapesInTheTermsOfTheFile) {
+  const Robot robot = ParseInSpace(RobotText(
+      "<link name='base'><inertial><mass value='1'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' "
+      "iyz='0' izz='1'/></inertial>"
+      "<collision><origin xyz='1 2 3'/><geometry><box size='0.1 0.2 0.3'/></geometry></collision>"
+      "<collision><geometry><cylinder radius='0.1' length='0.5'/></geometry></collision></link>"));
+  ASSERT_EQ(robot.collision_shapes.size(), 2U);
+  const RobotShape& box = robot.collision_shapes[0];
+  EXPECT_EQ(box.kind, RobotShape::Kind::kBox);
+  EXPECT_EQ(box.name, "base/0");
+  EXPECT_EQ(box.body, 5);
+  EXPECT_EQ(box.size_m, Eigen::Vector3d(0.1, 0.2, 0.3));
+  EXPECT_EQ(box.pose.translation(), Eigen::Vector3d(1, 2, 3));
+  EXPECT_EQ(robot.collision_shapes[1].kind, RobotShape::Kind::kCylinder);
+  EXPECT_EQ(robot.collision_shapes[1].length_m, 0.5);
+  EXPECT_EQ(ShapesWithoutContact(robot).size(), 2U);
+}
+
+TEST(Robot, KnowsWhichDegreesOfFreedomMoveNoMass) {
+  const std::string turn = std::string("<axis xyz='0 -1 0'/>") + kLimit;
+  const Robot robot = ParseInSpace(RobotText(Link("base") + Link("between") + "<link name='end'/>" +
+                                             Joint("j1", "revolute", "base", "between", turn) +
+                                             Joint("j2", "revolute", "between", "end", turn)));
+  EXPECT_TRUE(robot.MovesMass(0));
+  EXPECT_TRUE(robot.MovesMass(robot.FindDof("j1")));
+  EXPECT_FALSE(robot.MovesMass(robot.FindDof("j2")));
+}
+
+TEST(Robot, TheShippedOneMovesInSpaceAsInThePlane) {
+  std::mt19937_64 random(71);
+  const PlanarRobot planar = LoadTumbler();
+  Robot robot = ParseInSpace(ShippedRobot(), RootKind::kPlanarXz);
+  robot.tree.dofs[3].prescribed = robot.tree.dofs[4].prescribed = true;
+  HybridDynamics<Plane> plane(planar.tree);
+  HybridDynamics<Spatial> space(robot.tree);
+  for (int trial = 0; trial < 100; ++trial) {
+    DynamicsState s = RandomState(random, 5), t = s;
+    plane.SetState(s.q, s.qd);
+    plane.Solve(s.qdd, s.tau);
+    space.SetState(t.q, t.qd);
+    space.Solve(t.qdd, t.tau);
+    for (std::size_t i = 0; i < 5; ++i) {
+      EXPECT_NEAR(s.qdd[i], t.qdd[i], 1e-12 * (100 + std::abs(s.qdd[i])));
+      EXPECT_NEAR(s.tau[i], t.tau[i], 1e-12 * (100 + std::abs(s.tau[i])));
+    }
+  }
 }
 
 TEST(UrdfSource, KnowsLinesOfElements) {

@@ -8,7 +8,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "offline/model/robot.h"
+#include "offline/model/planar_robot.h"
 
 namespace tumbler {
 

@@ -9,7 +9,8 @@
 #include "offline/contact/contact_model.h"
 #include "offline/dynamics/hybrid_dynamics.h"
 #include "offline/dynamics/plane.h"
-#include "offline/model/robot.h"
+#include "offline/dynamics/spatial.h"
+#include "offline/model/planar_robot.h"
 
 namespace tumbler {
 
@@ -46,6 +47,60 @@ inline Tree<Plane> RandomTree(std::mt19937_64& random) {
     dof.rotor_inertia_kg_m2 = random() % 2 == 0 ? Uniform(random, 0, 0.01) : 0;
     dof.damping_nm_s_per_rad = random() % 2 == 0 ? Uniform(random, 0, 0.5) : 0;
     tree.dofs.push_back(dof);
+  }
+  return tree;
+}
+
+inline Eigen::Vector3d RandomVector(std::mt19937_64& random, double size) {
+  return {Uniform(random, -size, size), Uniform(random, -size, size), Uniform(random, -size, size)};
+}
+
+inline Eigen::Vector3d RandomDirection(std::mt19937_64& random) {
+  for (;;) {
+    const Eigen::Vector3d v = RandomVector(random, 1);
+    if (v.norm() > 0.1 && v.norm() < 1) return v.normalized();
+  }
+}
+
+/// Moments of inertia of a body that can exist, in any orientation.
+inline Eigen::Matrix3d RandomInertia(std::mt19937_64& random) {
+  Eigen::Matrix3d sigma = Eigen::Matrix3d::Zero();
+  for (int point = 0; point < 4; ++point) {
+    const Eigen::Vector3d r = RandomVector(random, 0.2);
+    sigma += r * r.transpose();
+  }
+  return sigma.trace() * Eigen::Matrix3d::Identity() - sigma;
+}
+
+/// The same in space. Some bodies are massless where others follow, as in chains of joints that
+/// meet in a point.
+inline Tree<Spatial> RandomSpatialTree(std::mt19937_64& random, int max_dofs = 10) {
+  Tree<Spatial> tree;
+  tree.gravity = RandomVector(random, 9.81);
+  const int n = 1 + static_cast<int>(random() % static_cast<unsigned>(max_dofs));
+  for (int j = 0; j < n; ++j) {
+    Dof<Spatial> dof;
+    dof.parent = j == 0 ? -1 : static_cast<int>(random() % static_cast<unsigned>(j + 1)) - 1;
+    dof.kind = random() % 3 == 0 ? JointKind::kPrismatic : JointKind::kRevolute;
+    dof.prescribed = random() % 2 == 0;
+    dof.axis = RandomDirection(random);
+    dof.direction = RandomDirection(random);
+    dof.offset = RandomVector(random, 0.5);
+    dof.mass_kg = Uniform(random, 0.2, 2);
+    dof.mass_centre = RandomVector(random, 0.3);
+    dof.inertia_kg_m2 = RandomInertia(random);
+    dof.rotor_inertia_kg_m2 = random() % 2 == 0 ? Uniform(random, 0, 0.01) : 0;
+    dof.damping_nm_s_per_rad = random() % 2 == 0 ? Uniform(random, 0, 0.5) : 0;
+    tree.dofs.push_back(dof);
+  }
+  // The body before a lone follower: what follows gives it inertia.
+  if (n >= 3 && random() % 2 == 0) {
+    Dof<Spatial>& between = tree.dofs[static_cast<std::size_t>(n - 2)];
+    tree.dofs.back().parent = n - 2;
+    between.massless = true;
+    between.mass_kg = 0;
+    between.mass_centre.setZero();
+    between.inertia_kg_m2.setZero();
   }
   return tree;
 }

@@ -1,0 +1,156 @@
+#include "offline/model/planar_robot.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include "common/toml_reader.h"
+
+namespace tumbler {
+namespace {
+
+/// A joint axis counts as in the plane when it leaves it by less than this angle [rad]: file
+/// digits, not geometry.
+constexpr double kPlaneTolerance = 1e-6;
+
+Eigen::Vector2d InPlane(const Eigen::Vector3d& r) { return {r.x(), r.z()}; }
+
+[[noreturn]] void FailLink(const Robot& robot, const std::string& link,
+                           const std::string& problem) {
+  const RobotLink* const about = robot.FindLink(link);
+  throw FileError(robot.file, about == nullptr ? 0 : about->line, fmt::format("link '{}'", link),
+                  problem);
+}
+
+Dof<Plane> ReduceDof(const Robot& robot, std::size_t j) {
+  const Dof<Spatial>& from = robot.tree.dofs[j];
+  const auto fail = [&](const std::string& problem) {
+    throw FileError(robot.file, robot.joints[j].axis_line, fmt::format("joint '{}'", from.name),
+                    problem);
+  };
+  Dof<Plane> dof;
+  dof.name = from.name;
+  dof.parent = from.parent;
+  dof.kind = from.kind;
+  dof.offset = InPlane(from.offset);
+  if (from.kind == JointKind::kRevolute) {
+    const Eigen::Vector3d& axis = from.axis;
+    if (std::hypot(axis.x(), axis.z()) > kPlaneTolerance) {
+      fail(
+          fmt::format("its axis in the robot's frame is ({:.4g}, {:.4g}, {:.4g}); allowed for a "
+                      "robot in the x-z plane: (0, 1, 0) or (0, -1, 0)",
+                      axis.x(), axis.y(), axis.z()));
+    }
+    dof.axis = axis.y() < 0 ? 1 : -1;
+  } else {
+    if (std::abs(from.direction.y()) > kPlaneTolerance) {
+      fail("its axis leaves the x-z plane; allowed for a prismatic joint: any direction in it");
+    }
+    dof.direction = InPlane(from.direction).normalized();
+  }
+  dof.massless = from.massless;
+  dof.mass_kg = from.mass_kg;
+  dof.mass_centre = InPlane(from.mass_centre);
+  // About -y through the mass centre: the same number as about +y.
+  dof.inertia_kg_m2 = from.inertia_kg_m2(1, 1);
+  dof.damping_nm_s_per_rad = from.damping_nm_s_per_rad;
+  return dof;
+}
+
+/// How a shape is drawn; false where it is not.
+bool Draw(const RobotShape& shape, DrawnSegment& segment) {
+  segment.body = shape.body;
+  Eigen::Vector3d half = Eigen::Vector3d::Zero();
+  switch (shape.kind) {
+    case RobotShape::Kind::kSphere:
+      segment.radius_m = shape.radius_m;
+      break;
+    case RobotShape::Kind::kCylinder:
+      segment.radius_m = shape.radius_m;
+      half.z() = shape.length_m / 2;
+      break;
+    case RobotShape::Kind::kBox: {
+      // A bar along the box's longest side that lies in the plane.
+      int longest = -1;
+      double thickness = 0;
+      for (int i = 0; i < 3; ++i) {
+        const double in_plane =
+            std::hypot(shape.pose.linear()(0, i), shape.pose.linear()(2, i)) * shape.size_m[i];
+        if (longest < 0 || in_plane > half[longest] * 2) {
+          if (longest >= 0) thickness = std::max(thickness, half[longest] * 2);
+          half.setZero();
+          half[i] = in_plane / 2;
+          longest = i;
+        } else {
+          thickness = std::max(thickness, in_plane);
+        }
+      }
+      segment.radius_m = thickness / 2;
+      half[longest] = std::max(0.0, half[longest] - segment.radius_m);
+      break;
+    }
+    case RobotShape::Kind::kMesh:
+      return false;
+  }
+  segment.from = InPlane(shape.pose * -half);
+  segment.to = InPlane(shape.pose * half);
+  return segment.from.allFinite() && segment.to.allFinite();
+}
+
+}  // namespace
+
+int PlanarRobot::FindDof(std::string_view joint) const {
+  for (std::size_t j = static_cast<std::size_t>(root_dofs); j < tree.dofs.size(); ++j) {
+    if (tree.dofs[j].name == joint) return static_cast<int>(j);
+  }
+  return -1;
+}
+
+PlanarRobot ReduceToPlane(const Robot& robot) {
+  if (robot.root == RootKind::kFloating)
+    throw std::invalid_argument("a robot with a floating root does not stay in a plane");
+  if (!robot.findings.empty()) {
+    const RobotFinding& finding = robot.findings.front();
+    throw FileError(robot.file, finding.line, finding.key, finding.problem);
+  }
+  if (robot.tree.dofs.size() > Plane::kMaxDofs) {
+    FailLink(robot, robot.joints[Plane::kMaxDofs].link,
+             fmt::format("the robot has more than {} degrees of freedom, its root's included",
+                         Plane::kMaxDofs));
+  }
+  PlanarRobot out;
+  out.name = robot.name;
+  out.tree.gravity = InPlane(robot.tree.gravity);
+  out.root_dofs = robot.root_dofs;
+  for (std::size_t j = 0; j < robot.tree.dofs.size(); ++j) {
+    out.tree.dofs.push_back(ReduceDof(robot, j));
+    out.body_names.push_back(robot.joints[j].link);
+    out.limits.push_back(robot.joints[j].limits);
+  }
+  for (std::size_t j = 0; j < robot.tree.dofs.size(); ++j) {
+    if (robot.MovesMass(static_cast<int>(j))) continue;
+    FailLink(robot, robot.joints[j].link,
+             fmt::format("degree of freedom '{}' moves no mass; give the link, or one that it "
+                         "carries, an <inertial>",
+                         robot.tree.dofs[j].name));
+  }
+  for (const RobotShape& shape : robot.collision_shapes) {
+    if (shape.kind != RobotShape::Kind::kSphere || shape.body < 0) continue;
+    out.spheres.push_back(
+        {shape.name, shape.body, InPlane(shape.pose.translation()), shape.radius_m});
+  }
+  out.ignored_shapes = ShapesWithoutContact(robot);
+  for (const RobotShape& shape : robot.visual_shapes) {
+    DrawnSegment segment;
+    if (shape.body >= 0 && Draw(shape, segment)) out.drawing.push_back(segment);
+  }
+  return out;
+}
+
+PlanarRobot ParsePlanarRobot(const std::string& text, const std::string& file_name, RootKind root) {
+  return ReduceToPlane(ParseRobot(text, file_name, root));
+}
+
+}  // namespace tumbler

@@ -1,0 +1,48 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "offline/contact/contact_model.h"
+#include "offline/dynamics/plane.h"
+#include "offline/dynamics/tree.h"
+#include "offline/model/robot.h"
+
+namespace tumbler {
+
+/// A stroked segment for drawing, in the plane of a body's frame.
+struct DrawnSegment {
+  int body = -1;  ///< Degree of freedom that moves it.
+  Eigen::Vector2d from = Eigen::Vector2d::Zero();
+  Eigen::Vector2d to = Eigen::Vector2d::Zero();
+  double radius_m = 0;
+};
+
+/// A robot reduced to the x-z plane. Degrees of freedom are those of `Robot`, in the same order.
+struct PlanarRobot {
+  std::string name;
+  Tree<Plane> tree;                      ///< No degree of freedom is prescribed yet.
+  int root_dofs = 0;                     ///< 0 (fixed) or 3 (planar).
+  std::vector<std::string> body_names;   ///< Link of each degree of freedom.
+  std::vector<RobotJointLimits> limits;  ///< Of each degree of freedom; the root's are infinite.
+  std::vector<ContactSphere<Plane>> spheres;
+  std::vector<DrawnSegment> drawing;
+  std::vector<IgnoredShape> ignored_shapes;
+
+  /// Index of a joint's degree of freedom, or -1.
+  [[nodiscard]] int FindDof(std::string_view joint) const;
+};
+
+/// The robot in its x-z plane, in which it stays. Only moments of inertia about y count there.
+/// @pre its root is fixed or planar.
+/// @throws FileError with file, line and element when a joint's axis leaves the plane (revolute:
+/// +-y, prismatic: in x-z); when a mass, inertia or limit is not physical (`Robot::findings`); when
+/// it has more than Plane::kMaxDofs degrees of freedom, or one that moves no mass.
+PlanarRobot ReduceToPlane(const Robot& robot);
+
+/// `ReduceToPlane` of `ParseRobot`. @throws as these do.
+PlanarRobot ParsePlanarRobot(const std::string& text, const std::string& file_name, RootKind root);
+
+}  // namespace tumbler

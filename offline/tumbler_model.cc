@@ -1,0 +1,500 @@
+// tumbler-model: what a robot file holds, and its equations of motion for whoever wants to compare.
+
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <array>
+#include <cerrno>
+#include <charconv>
+#include <cmath>
+#include <cstdio>
+#include <exception>
+#include <iostream>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+#include "common/toml_reader.h"
+#include "offline/dynamics/hybrid_dynamics.h"
+#include "offline/model/planar_robot.h"
+#include "offline/model/robot.h"
+
+namespace tumbler {
+namespace {
+
+enum ExitStatus { kGood = 0, kBadInput = 1 };
+
+using Dynamics = HybridDynamics<Spatial>;
+
+/// A free degree of freedom with less than this fraction of its inertia left, once those before it
+/// may move, counts as undetermined: fewer than three digits of its acceleration would be right.
+constexpr double kUndetermined = 1e-12;
+
+constexpr std::array kRoots = {std::pair{"planar-xz", RootKind::kPlanarXz},
+                               std::pair{"fixed", RootKind::kFixed},
+                               std::pair{"floating", RootKind::kFloating}};
+
+struct Arguments {
+  std::string robot;
+  std::string root = "planar-xz";
+  std::string prescribed;
+  std::vector<double> gravity;
+  bool derivatives = false;
+};
+
+std::size_t Index(int i) { return static_cast<std::size_t>(i); }
+
+Robot LoadRobot(const Arguments& arguments) {
+  RootKind root = RootKind::kPlanarXz;
+  for (const auto& [name, kind] : kRoots) {
+    if (arguments.root == name) root = kind;
+  }
+  return ParseRobot(ReadTextFile(arguments.robot), arguments.robot, root);
+}
+
+void FlushOutput() {
+  errno = 0;
+  if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {
+    throw std::runtime_error(
+        fmt::format("standard output: {}", std::generic_category().message(errno)));
+  }
+}
+
+// ---- check ----------------------------------------------------------------------------------
+
+std::string KindOf(const Robot& robot, std::size_t j) {
+  if (robot.joints[j].continuous) return "continuous";
+  return robot.tree.dofs[j].kind == JointKind::kRevolute ? "revolute" : "prismatic";
+}
+
+/// A number for a table; the zeros that rotations leave are exact ones.
+std::string Short(double value) {
+  return fmt::format("{:.4g}", std::abs(value) < 1e-12 ? 0 : value);
+}
+
+void PrintDegreesOfFreedom(const Robot& robot) {
+  fmt::print("degrees of freedom: {}\n", robot.tree.dofs.size());
+  fmt::print("  {:<20} {:<10} {:<22} {:>9} {:>9} {:>9} {:>9} {:>9}  {}\n", "name", "kind",
+             "axis at zero", "lower", "upper", "velocity", "effort", "damping", "moves");
+  for (const int dof : robot.file_order) {
+    const std::size_t j = Index(dof);
+    const Dof<Spatial>& d = robot.tree.dofs[j];
+    const Eigen::Vector3d& axis = d.kind == JointKind::kRevolute ? d.axis : d.direction;
+    const RobotJointLimits& limits = robot.joints[j].limits;
+    fmt::print("  {:<20} {:<10} {:<22} {:>9} {:>9} {:>9} {:>9} {:>9}  {}\n", d.name,
+               KindOf(robot, j),
+               fmt::format("({}, {}, {})", Short(axis.x()), Short(axis.y()), Short(axis.z())),
+               Short(limits.lower_rad), Short(limits.upper_rad), Short(limits.velocity_rad_s),
+               Short(limits.effort_nm), Short(d.damping_nm_s_per_rad), robot.joints[j].link);
+  }
+  fmt::print(
+      "  (rad, rad/s, N m, N m s/rad; prismatic: m, m/s, N, N s/m; axes in the root's frame)\n");
+}
+
+void PrintMasses(const Robot& robot) {
+  fmt::print("masses [kg]:\n");
+  double moving = 0;
+  double at_rest = 0;
+  for (const RobotLink& link : robot.links) {
+    (link.body < 0 ? at_rest : moving) += link.mass_kg;
+    fmt::print("  {:<20} {:>12.6g}  {}\n", link.name, link.mass_kg,
+               link.body < 0 ? std::string("fixed to the world")
+                             : fmt::format("moved by {}", robot.tree.dofs[Index(link.body)].name));
+  }
+  fmt::print("  {:<20} {:>12.6g}\n", "total, moving", moving);
+  if (robot.root == RootKind::kFixed)
+    fmt::print("  {:<20} {:>12.6g}\n", "fixed to the world", at_rest);
+}
+
+void PrintFinding(const Robot& robot, const RobotFinding& finding, std::string_view kind) {
+  fmt::print("{}:{}: {}: {}: {}\n", robot.file, finding.line, finding.key, kind, finding.problem);
+}
+
+/// Degrees of freedom that cannot be free, at least where all positions are zero.
+void PrintUndetermined(const Robot& robot) {
+  const auto print = [&robot](std::size_t j, std::string_view problem) {
+    const RobotLink* const link = robot.FindLink(robot.joints[j].link);
+    PrintFinding(robot,
+                 {link == nullptr ? 0 : link->line, fmt::format("link '{}'", robot.joints[j].link),
+                  fmt::format("degree of freedom '{}' {}", robot.tree.dofs[j].name, problem)},
+                 "warning");
+  };
+  bool all_move_mass = true;
+  for (std::size_t j = 0; j < robot.tree.dofs.size(); ++j) {
+    if (robot.MovesMass(static_cast<int>(j))) continue;
+    all_move_mass = false;
+    print(j,
+          "moves no mass: it can only be prescribed; give the link, or one that it carries, an "
+          "<inertial>");
+  }
+  if (!all_move_mass) return;
+  Dynamics dynamics(robot.tree);
+  const std::vector<double> zero(robot.tree.dofs.size());
+  std::vector<double> qdd = zero, tau = zero;
+  dynamics.SetState(zero, zero);
+  dynamics.Solve(qdd, tau);
+  if (const int j = dynamics.FindUndetermined(kUndetermined); j >= 0) {
+    print(Index(j),
+          "has no inertia of its own at zero positions with all others free: its acceleration is "
+          "not determined there unless it, or one that does the same, is prescribed");
+  }
+}
+
+int Check(const Arguments& arguments) {
+  const Robot robot = LoadRobot(arguments);
+  fmt::print("robot '{}', root link '{}' {}\n", robot.name, robot.links.front().name,
+             robot.root == RootKind::kFixed      ? "fixed to the world"
+             : robot.root == RootKind::kPlanarXz ? "free in the x-z plane"
+                                                 : "free in space");
+  PrintDegreesOfFreedom(robot);
+  PrintMasses(robot);
+  for (const RobotFinding& finding : robot.findings) PrintFinding(robot, finding, "warning");
+  PrintUndetermined(robot);
+  for (const IgnoredShape& shape : ShapesWithoutContact(robot)) {
+    PrintFinding(robot,
+                 {shape.line, fmt::format("link '{}'", shape.link),
+                  shape.reason + ": ignored, contacts use moving spheres only"},
+                 "note");
+  }
+  if (robot.root == RootKind::kFloating) {
+    fmt::print("tumbler-optimize does not take it: a task's root is planar-xz or fixed\n");
+  } else {
+    try {
+      ReduceToPlane(robot);
+      fmt::print("tumbler-optimize takes it\n");
+    } catch (const FileError& error) {
+      fmt::print("tumbler-optimize does not take it: {}\n", error.what());
+    }
+  }
+  FlushOutput();
+  return kGood;
+}
+
+// ---- hybrid ---------------------------------------------------------------------------------
+
+/// Whose coordinate or joint has this name; a joint goes before a coordinate of the root.
+int FindCoordinate(const Robot& robot, std::string_view name) {
+  const int joint = robot.FindDof(name);
+  if (joint >= 0) return joint;
+  for (int j = 0; j < robot.root_dofs; ++j) {
+    if (robot.tree.dofs[Index(j)].name == name) return j;
+  }
+  return -1;
+}
+
+void Prescribe(Robot& robot, const std::string& list) {
+  for (std::size_t begin = 0; begin < list.size();) {
+    const std::size_t end = std::min(list.find(',', begin), list.size());
+    const std::string name = list.substr(begin, end - begin);
+    begin = end + 1;
+    const int j = FindCoordinate(robot, name);
+    if (j < 0) {
+      std::string names;
+      for (const int dof : robot.file_order)
+        names += (names.empty() ? "" : ", ") + robot.tree.dofs[Index(dof)].name;
+      throw std::invalid_argument(
+          fmt::format("--prescribed: '{}' is no joint that moves; allowed, separated by commas: {}",
+                      name, names));
+    }
+    if (robot.tree.dofs[Index(j)].prescribed)
+      throw std::invalid_argument(fmt::format("--prescribed: '{}' is there twice", name));
+    robot.tree.dofs[Index(j)].prescribed = true;
+  }
+  for (const int j : robot.file_order) {
+    const Dof<Spatial>& dof = robot.tree.dofs[Index(j)];
+    if (dof.prescribed || robot.MovesMass(j)) continue;
+    const std::string& link = robot.joints[Index(j)].link;
+    throw FileError(robot.file, robot.FindLink(link)->line, fmt::format("link '{}'", link),
+                    fmt::format("degree of freedom '{}' moves no mass; give the link, or one that "
+                                "it carries, an <inertial>, or prescribe it (--prescribed)",
+                                dof.name));
+  }
+}
+
+/// A state of the robot that cannot be used, or whose result cannot.
+class StateError : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+/// The blank-separated parts of a line, without its comment.
+std::vector<std::string_view> Split(std::string_view line) {
+  constexpr std::string_view kBlanks = " \t\r\f\v";
+  std::vector<std::string_view> parts;
+  for (;;) {
+    const std::size_t begin = line.find_first_not_of(kBlanks);
+    if (begin == std::string_view::npos || line[begin] == '#') return parts;
+    line.remove_prefix(begin);
+    const std::size_t end = std::min(line.find_first_of(kBlanks), line.size());
+    parts.push_back(line.substr(0, end));
+    line.remove_prefix(end);
+  }
+}
+
+/// Hybrid dynamics of a robot, its coordinates in the file's order.
+class HybridPrinter {
+ public:
+  HybridPrinter(Robot robot, bool derivatives)
+      : robot_(std::move(robot)), derivatives_wanted_(derivatives), dynamics_(robot_.tree) {
+    const std::size_t n = robot_.tree.dofs.size();
+    q_.resize(n);
+    qd_.resize(n);
+    qdd_.resize(n);
+    tau_.resize(n);
+    for (const int j : robot_.file_order) {
+      if (!robot_.tree.dofs[Index(j)].prescribed) outputs_.push_back(j);
+    }
+    for (const int j : robot_.file_order) {
+      if (robot_.tree.dofs[Index(j)].prescribed) prescribed_.push_back(j);
+    }
+    outputs_.insert(outputs_.end(), prescribed_.begin(), prescribed_.end());
+  }
+
+  /// The line of results for a line that holds a state. @throws StateError.
+  std::string Evaluate(const std::vector<std::string_view>& parts) {
+    Read(parts);
+    dynamics_.SetState(q_, qd_);
+    for (const Force& force : forces_) {
+      if (force.body < 0) continue;
+      dynamics_.AddWrench(force.body,
+                          Spatial::ForceAt(force.point - dynamics_.origin(), force.force));
+    }
+    dynamics_.Solve(qdd_, tau_);
+    if (const int j = dynamics_.FindUndetermined(kUndetermined); j >= 0) FailUndetermined(j);
+    std::string out;
+    for (const int j : outputs_) {
+      const bool given = robot_.tree.dofs[Index(j)].prescribed;
+      Append(out, given ? tau_[Index(j)] : qdd_[Index(j)]);
+    }
+    if (derivatives_wanted_) {
+      Differentiate();
+      for (const auto* block : {&derivatives_.q, &derivatives_.qd, &derivatives_.input}) {
+        for (const int i : outputs_) {
+          for (const int j : robot_.file_order) Append(out, (*block)[Index(i)][Index(j)]);
+        }
+      }
+    }
+    out.push_back('\n');
+    return out;
+  }
+
+ private:
+  struct Force {
+    int body;
+    Eigen::Vector3d force, point;  // world
+  };
+  static constexpr std::size_t kForceParts = 7;
+  static constexpr std::array kForceNames = {"fx", "fy", "fz", "px", "py", "pz"};
+
+  [[nodiscard]] const std::string& NameOf(int dof) const {
+    return robot_.tree.dofs[Index(dof)].name;
+  }
+
+  /// What the value at a place of the line is.
+  [[nodiscard]] std::string Meaning(std::size_t place) const {
+    const std::size_t n = q_.size();
+    if (place < n) return fmt::format("position of '{}'", NameOf(robot_.file_order[place]));
+    if (place < 2 * n) return fmt::format("velocity of '{}'", NameOf(robot_.file_order[place - n]));
+    place -= 2 * n;
+    if (place < prescribed_.size())
+      return fmt::format("acceleration of '{}'", NameOf(prescribed_[place]));
+    place -= prescribed_.size();
+    return fmt::format("{} of force {}", kForceNames[place % kForceParts], place / kForceParts + 1);
+  }
+
+  [[nodiscard]] double Number(const std::vector<std::string_view>& parts, std::size_t place) const {
+    std::string_view text = parts[place];
+    if (text.starts_with('+') && !text.starts_with("+-")) text.remove_prefix(1);
+    double value = 0;
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+    if (error != std::errc() || end != text.data() + text.size() || !std::isfinite(value)) {
+      throw StateError(fmt::format("value {}, the {}, is '{}'; expected a finite number", place + 1,
+                                   Meaning(place), parts[place]));
+    }
+    return value;
+  }
+
+  void Read(const std::vector<std::string_view>& parts) {
+    const std::size_t n = q_.size();
+    const std::size_t state = 2 * n + prescribed_.size();
+    if (parts.size() < state || (parts.size() - state) % kForceParts != 0) {
+      throw StateError(fmt::format(
+          "has {} values; expected {}: {} positions, {} velocities, {} prescribed accelerations; "
+          "and 7 more for each force: fx fy fz px py pz link",
+          parts.size(), state, n, n, prescribed_.size()));
+    }
+    std::size_t place = 0;
+    for (std::vector<double>* values : {&q_, &qd_}) {
+      for (const int j : robot_.file_order) (*values)[Index(j)] = Number(parts, place++);
+    }
+    std::fill(tau_.begin(), tau_.end(), 0.0);
+    for (const int j : prescribed_) qdd_[Index(j)] = Number(parts, place++);
+    forces_.clear();
+    while (place < parts.size()) {
+      Force force{};
+      for (Eigen::Vector3d* vector : {&force.force, &force.point}) {
+        for (double& value : vector->reshaped()) value = Number(parts, place++);
+      }
+      const RobotLink* const link = robot_.FindLink(parts[place]);
+      if (link == nullptr) {
+        std::string names;
+        for (const RobotLink& known : robot_.links)
+          names += (names.empty() ? "" : ", ") + known.name;
+        throw StateError(fmt::format("value {}, the link of force {}, is '{}'; expected one of: {}",
+                                     place + 1, forces_.size() + 1, parts[place], names));
+      }
+      force.body = link->body;
+      ++place;
+      forces_.push_back(force);
+    }
+  }
+
+  /// Forces are constant in world axes; their points move with the links.
+  void Differentiate() {
+    for (const Force& force : forces_) {
+      if (force.body < 0) continue;
+      const Eigen::Vector3d point = force.point - dynamics_.origin();
+      const Spatial::Wrench wrench = Spatial::ForceAt(point, force.force);
+      Spatial::WrenchMap stiffness;
+      for (std::size_t m = 0; m < stiffness.columns.size(); ++m) {
+        const Spatial::Motion u = Spatial::BasisMotion(m);
+        Spatial::Wrench change;
+        change.n = Spatial::Moment(u.At(point), force.force);
+        stiffness.columns[m] = change - Spatial::Cross(u, wrench);
+      }
+      dynamics_.AddWrenchDerivative(force.body, stiffness, {});
+    }
+    dynamics_.Differentiate(derivatives_);
+  }
+
+  [[noreturn]] void FailUndetermined(int j) const {
+    constexpr int kRoll = 4, kYaw = 5;
+    if (robot_.root == RootKind::kFloating && j == kYaw && std::abs(std::cos(q_[kRoll])) < 1e-4) {
+      throw StateError(fmt::format(
+          "roll = {:.9g} rad is too near to +-pi/2, where yaw turns about the axis of pitch and "
+          "the "
+          "root's coordinates are singular; expected |cos(roll)| above about 1e-6: describe this "
+          "attitude with another frame of the root link",
+          q_[kRoll]));
+    }
+    throw StateError(fmt::format(
+        "the acceleration of '{}' is not determined in this state: with the free degrees of "
+        "freedom before it, it moves no mass of its own; prescribe one of them, or give the links "
+        "between them an <inertial>",
+        NameOf(j)));
+  }
+
+  void Append(std::string& out, double value) const {
+    if (!std::isfinite(value))
+      throw StateError("its result is not a finite number; expected smaller values");
+    if (!out.empty()) out.push_back(' ');
+    fmt::format_to(std::back_inserter(out), "{:.17g}", value);
+  }
+
+  Robot robot_;
+  bool derivatives_wanted_;
+  Dynamics dynamics_;
+  Dynamics::Derivatives derivatives_;
+  std::vector<double> q_, qd_, qdd_, tau_;  // of each degree of freedom
+  std::vector<int> prescribed_;             // in the file's order
+  std::vector<int> outputs_;                // free ones, then prescribed ones
+  std::vector<Force> forces_;
+};
+
+int Hybrid(const Arguments& arguments) {
+  Robot robot = LoadRobot(arguments);
+  Prescribe(robot, arguments.prescribed);
+  if (!arguments.gravity.empty()) {
+    robot.tree.gravity =
+        Eigen::Vector3d(arguments.gravity[0], arguments.gravity[1], arguments.gravity[2]);
+    if (!robot.tree.gravity.allFinite())
+      throw std::invalid_argument("--gravity: allowed: three finite numbers");
+  }
+  for (const RobotFinding& finding : robot.findings) {
+    fmt::print(stderr, "{}:{}: {}: warning: {}\n", robot.file, finding.line, finding.key,
+               finding.problem);
+  }
+  HybridPrinter printer(std::move(robot), arguments.derivatives);
+  std::string line;
+  for (std::size_t number = 1; std::getline(std::cin, line); ++number) {
+    const std::vector<std::string_view> parts = Split(line);
+    if (parts.empty()) continue;
+    std::string result;
+    try {
+      result = printer.Evaluate(parts);
+    } catch (const StateError& error) {
+      throw FileError("standard input", static_cast<std::uint32_t>(number), "", error.what());
+    }
+    std::fputs(result.c_str(), stdout);
+    FlushOutput();  // Whoever asks line by line waits for it.
+  }
+  if (std::cin.bad() || std::ferror(stdin) != 0)
+    throw std::runtime_error("standard input: cannot be read");
+  return kGood;
+}
+
+}  // namespace
+}  // namespace tumbler
+
+int main(int argc, char** argv) {
+  tumbler::Arguments arguments;
+  CLI::App app{
+      "Shows what a robot file (URDF) holds, and evaluates its equations of motion.\n"
+      "Exit status: 0 usable; 1 bad input."};
+  app.require_subcommand(1);
+  CLI::App* const check = app.add_subcommand(
+      "check", "Degrees of freedom, masses, what is not physical, collision shapes without use");
+  CLI::App* const hybrid = app.add_subcommand(
+      "hybrid",
+      "Hybrid dynamics (tau_a, qdd_p) = g(q, qd, qdd_a) of states from standard input.\n\n"
+      "One state a line; blank lines and what follows # are skipped:\n"
+      "  q, qd        positions and velocities of all coordinates: the root's (planar-xz: x z "
+      "pitch;\n"
+      "               floating: x y z pitch roll yaw), then movable joints in the file's order\n"
+      "  qdd_a        accelerations of the prescribed ones, in that order\n"
+      "  and any number of forces: fx fy fz px py pz LINK, a force [N] on the named link at a "
+      "point "
+      "[m],\n"
+      "               both in world axes\n"
+      "One line of results each, 17 digits: accelerations of the free ones, then forces or torques "
+      "of the\n"
+      "prescribed ones. With --derivatives three matrices follow on the line, row by row: the "
+      "partial\n"
+      "derivatives of these results (rows) by q, by qd, and by the inputs (columns, all "
+      "coordinates "
+      "in order;\n"
+      "the input of a free one is the force or torque on it, that of a prescribed one its "
+      "acceleration).\n"
+      "Forces stay constant in world axes then, and their points move with the links.\n"
+      "Free joints have no force of their own but the damping of the file.");
+  for (CLI::App* command : {check, hybrid}) {
+    command->add_option("ROBOT", arguments.robot, "Robot file (URDF)")->required();
+    command->add_option("--root", arguments.root, "How the root link is held")
+        ->check(CLI::IsMember({"planar-xz", "fixed", "floating"}))
+        ->capture_default_str();
+  }
+  hybrid->add_option("--prescribed", arguments.prescribed,
+                     "Joints (or coordinates of the root) whose acceleration is given, separated "
+                     "by commas; the others are free");
+  hybrid->add_flag("--derivatives", arguments.derivatives, "Print the partial derivatives as well");
+  hybrid->add_option("--gravity", arguments.gravity, "World axes [m/s^2], default 0 0 -9.81")
+      ->expected(3)
+      ->allow_extra_args(false)
+      ->type_name("X Y Z");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? tumbler::kGood : tumbler::kBadInput;
+  }
+  try {
+    return check->parsed() ? tumbler::Check(arguments) : tumbler::Hybrid(arguments);
+  } catch (const std::exception& error) {
+    std::fflush(stdout);
+    fmt::print(stderr, "error: {}\n", error.what());
+    return tumbler::kBadInput;
+  }
+}
