@@ -245,6 +245,8 @@ PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
   provenance.task_toml = task.task_text;
   provenance.robot_hash = HashOfText(task.robot_text);
   provenance.task_hash = HashOfText(task.task_text);
+  provenance.start_file = task.start_file;
+  provenance.start_hash = task.start_hash;
   return file;
 }
 
