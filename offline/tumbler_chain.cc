@@ -65,6 +65,7 @@ int Check(const Arguments& arguments) {
     throw FileError(file.path, file.edge_lines[static_cast<std::size_t>(first_bad->edge)],
                     fmt::format("edge[{}]", first_bad->edge), Describe(file, *first_bad));
   }
+  RequireSameGround(file);
   fmt::print("{}: {} nodes, {} joins, all fit; limits hold for all t\n", file.graph.name.view(),
              file.graph.node_count, file.graph.edge_count);
   return kFits;

@@ -13,6 +13,7 @@
 #include <string_view>
 #include <utility>
 
+#include "common/toml_reader.h"
 #include "offline/problem/task_toml.h"
 
 namespace tumbler {
@@ -21,9 +22,11 @@ namespace {
 constexpr double kPi = std::numbers::pi;
 /// A state beyond this (m, rad, and their rates) is a failed simulation.
 constexpr double kImplausible = 1e4;
-/// A robot that stands or lies where it should sways less than this [rad]; one that has tipped over
-/// an edge of its feet does not come back from it.
+/// A robot that does what it was planned to is nearer to it than this [rad]; one that has tipped
+/// over an edge of its feet does not come back.
 constexpr double kFallenPitch = 0.5;
+/// A primitive played alone is held for as long as its recorded exit is after its end.
+constexpr double kPlanHold = 2;
 constexpr double kPostureTolerance = 0.1;
 
 constexpr int kStages = 4;  // The classical Runge-Kutta scheme.
@@ -54,6 +57,22 @@ struct World {
   ContactModel<Plane> contact;
   std::vector<int> dof_of_joint;  // in the order of the primitive's joints
   std::set<int> touching_bodies;  // that touch anything in the plan
+
+  /// The root's pitch when the primitive is played alone, from its own entry.
+  struct PlannedPitch {
+    double time_s, pitch_rad;
+  };
+  std::vector<PlannedPitch> plan;
+
+  [[nodiscard]] double PlannedPitchAt(double t) const {
+    const auto after = std::lower_bound(plan.begin(), plan.end(), t,
+                                        [](const auto& p, double x) { return p.time_s < x; });
+    if (after == plan.begin()) return plan.front().pitch_rad;
+    if (after == plan.end()) return plan.back().pitch_rad;
+    const auto before = after - 1;
+    const double share = (t - before->time_s) / (after->time_s - before->time_s);
+    return before->pitch_rad + share * (after->pitch_rad - before->pitch_rad);
+  }
 };
 
 class Simulation {
@@ -69,6 +88,9 @@ class Simulation {
       if (!world.dynamics.prescribed(static_cast<int>(i))) free_.push_back(i);
     }
     root_ = world.problem.robot.root_dofs == 3;
+    for (int node = 0; node < file.graph.node_count; ++node) {
+      if (WorldOf(node).plan.empty()) Plan(node);
+    }
   }
 
   ChainOutcome Run() {
@@ -79,7 +101,7 @@ class Simulation {
     for (;;) {
       Passage& passage = outcome_.passages.emplace_back();
       passage.node = node;
-      passage.start_s = time_;
+      passage.start_s = start_s_ = time_;
       passage.torque_margin_nm = std::numeric_limits<double>::infinity();
       if (!Enter(passage)) break;
       const double x = RootX();
@@ -134,7 +156,22 @@ class Simulation {
     return root_ ? std::max({std::abs(qd_[0]), std::abs(qd_[1]), std::abs(qd_[2])}) : 0.0;
   }
 
+  /// Plays the node's primitive alone, as it was planned.
+  void Plan(int node) {
+    planning_ = true;
+    SetStart(node);
+    Passage passage;
+    passage.node = node;
+    if (Move(passage)) Hold(passage, kPlanHold);
+    planning_ = false;
+    outcome_ = {};
+    time_ = 0;
+  }
+
   void SetStart(int node) {
+    q_.fill(0);
+    qd_.fill(0);
+    time_ = start_s_ = 0;
     const PrimitivePose& entry = WorldOf(node).file.entry;
     if (root_) {
       q_[0] = entry.root_x_m;
@@ -215,15 +252,6 @@ class Simulation {
     for (int i = 0; i < steps; ++i) {
       if (!Step(passage, world, hold_s / steps, kHeld, kHeld, kHeld)) return false;
       time_ = start + (i + 1.0) / steps * hold_s;
-      const double off = PitchError(passage.node, world.file.exit.root_pitch_rad);
-      const double allowed =
-          std::max(kFallenPitch, file_.exit_pitch_tolerance_rad[Index(passage.node)]);
-      if (std::abs(off) > allowed) {
-        return Fail(ChainFailure::Cause::kFallen, passage.node,
-                    fmt::format("root, pitch: {} rad from the recorded exit while held; more than "
-                                "{} rad is a fall",
-                                MessageText(off), MessageText(allowed)));
-      }
     }
     return true;
   }
@@ -291,6 +319,17 @@ class Simulation {
   /// Takes note of the state at the start of a step.
   bool Look(Passage& passage, World& world) {
     const int node = passage.node;
+    if (planning_) {
+      world.plan.push_back({time_ - start_s_, RootPitch() - file_.RobotPitch(node, 0)});
+      return true;
+    }
+    const double off = PitchError(node, world.PlannedPitchAt(time_ - start_s_));
+    const double allowed = std::max(kFallenPitch, file_.exit_pitch_tolerance_rad[Index(node)]);
+    if (std::abs(off) > allowed) {
+      return Fail(ChainFailure::Cause::kFallen, node,
+                  fmt::format("root, pitch: {} rad from the plan; more than {} rad is a fall",
+                              MessageText(off), MessageText(allowed)));
+    }
     for (std::size_t j = 0; j < world.dof_of_joint.size(); ++j) {
       const double torque = std::abs(tau_[Index(world.dof_of_joint[j])]);
       passage.peak_torque_nm = std::max(passage.peak_torque_nm, torque);
@@ -345,6 +384,8 @@ class Simulation {
   bool root_ = false;
   std::array<double, kMaxDofs> q_{}, qd_{}, qdd_{}, tau_{};
   double time_ = 0;
+  double start_s_ = 0;     // of the node
+  bool planning_ = false;  // playing a primitive alone
   double start_x_ = 0;
   MotionSample sample_;
   ChainOutcome outcome_;
@@ -382,8 +423,20 @@ const char* ToString(ChainFailure::Cause cause) {
   return "unknown";
 }
 
+void RequireSameGround(const SequenceFile& file) {
+  const Problem first = TaskOf(file.primitives.front()).problem;
+  for (std::size_t i = 1; i < file.primitives.size(); ++i) {
+    if (SameGround(first, TaskOf(file.primitives[i]).problem)) continue;
+    throw FileError(file.path, 0, fmt::format("primitives.{}", file.primitive_names[i]),
+                    fmt::format("was made for other [contact] or [[obstacle]] than '{}'; give both "
+                                "tasks the same and make it again",
+                                file.primitive_names.front()));
+  }
+}
+
 ChainOutcome SimulateChain(const SequenceFile& file, const ChainOptions& options,
                            const std::function<void(int, const MotionSample&)>& visitor) {
+  RequireSameGround(file);
   if (!options.branch.empty() && !file.graph.HasBranch(options.branch)) {
     std::set<std::string_view> names;
     for (const auto& edge : file.graph.edges()) {

@@ -55,7 +55,7 @@ struct ChainFailure {
     kImplausible,  ///< The state left every plausible range.
     kCore,         ///< A contact went through the whole compliant layer.
     kTouch,        ///< A body touched something that it never touches in the plan.
-    kFallen,       ///< While held, the root turned far from the recorded exit.
+    kFallen,       ///< The root turned far from where it is when the primitive is played alone.
     kExit,         ///< At the end of the hold, the pitch was out of the node's tolerance.
     kEntry,        ///< Height or pitch were out of the tolerances when the next node was to begin.
   };
@@ -75,6 +75,10 @@ struct ChainOutcome {
   double travelled_m = 0;
 };
 
+/// @throws FileError naming the first primitive whose task has other contacts or obstacles than
+/// that of the first: a sequence is played on one ground.
+void RequireSameGround(const SequenceFile& file);
+
 /// Plays a sequence in the nominal simulation: the dynamics, contacts and obstacles of the
 /// primitives' tasks, joints exactly on their paths, RK4 with a fixed step as in Rollout. It begins
 /// at rest in the entry pose of the first node; from then on the state is carried from primitive to
@@ -82,8 +86,8 @@ struct ChainOutcome {
 /// simulated: in a swapped node its joints follow each other's paths, and nothing assumes that it
 /// looks the same.
 /// @param visitor  called at every integration step, with the node; may be empty.
-/// @throws FileError when a primitive's texts cannot be used; std::invalid_argument when the branch
-/// is not in the sequence, or the sequence would never end.
+/// @throws FileError when a primitive's texts cannot be used, or as RequireSameGround does;
+/// std::invalid_argument when the branch is not in the sequence, or the sequence would never end.
 ChainOutcome SimulateChain(const SequenceFile& file, const ChainOptions& options,
                            const std::function<void(int, const MotionSample&)>& visitor = {});
 

@@ -435,6 +435,12 @@ Task LoadTask(const std::string& path, const PrimitiveFile& before,
       task_text, path, robot_text, robot_path,
       StartPose{&before.exit, &before.primitive,
                 fmt::format("the exit of '{}' ({})", before.primitive.name.view(), before_path)});
+  if (!SameGround(task.problem, TaskOf(before).problem)) {
+    throw FileError(before_path, 0, "provenance.task_toml",
+                    fmt::format("has other [contact] or [[obstacle]] than the task {}: the robot "
+                                "would not stay where it was left; give both the same",
+                                path));
+  }
   task.start_file = before_path;
   task.start_hash = before.certificate.coefficients_hash;
   return task;

@@ -34,7 +34,7 @@ Task LoadTask(const std::string& path);
 /// The same, but the motion starts where `before` leaves the robot (its simulated exit: root and
 /// joints at rest) rather than in the task's ideal pose.
 /// @throws FileError besides, naming joint, quantity and amount, when the exit is not the shape in
-/// which the task starts, or was made for another robot.
+/// which the task starts, or was made for another robot or ground.
 Task LoadTask(const std::string& path, const PrimitiveFile& before, const std::string& before_path);
 
 /// The same from texts: `robot_text` stands for the file that the task names.

@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 #include <numbers>
 
+#include "common/toml_reader.h"
 #include "offline/certificate/certificate.h"
 #include "tests/support/program.h"
 #include "tests/support/sequence_files.h"
@@ -240,13 +241,17 @@ TEST(SimulateChain, AnExitElsewhereThanRecordedIsAFailure) {
   EXPECT_THAT(failure.text, AllOf(HasSubstr("-0.1 rad"), HasSubstr("allowed: 0.02 rad")));
 }
 
-TEST(SimulateChain, AFallIsSeenWhenItHappensAndNotAtTheEndOfTheHold) {
+TEST(SimulateChain, ARobotFarFromThePlanHasFallenAndIsSeenAtOnce) {
   auto files = ThereAndBack();
-  files[0].exit.root_pitch_rad += 0.6;
-  const ChainFailure failure = FailureOf(files);
-  EXPECT_EQ(failure.cause, ChainFailure::Cause::kFallen);
-  EXPECT_EQ(failure.node, 0);
-  EXPECT_NEAR(failure.time_s, 0.5, 0.01);
+  files[1].entry.root_pitch_rad += 0.6;  // The plan begins tilted, the chain arrives level.
+  SequenceFile file = Load(Sway(), files);
+  file.tolerances.root_pitch_rad = 1;
+  const ChainOutcome outcome = SimulateChain(file, Cycles(1));
+  ASSERT_TRUE(outcome.failure);
+  EXPECT_EQ(outcome.failure->cause, ChainFailure::Cause::kFallen);
+  EXPECT_EQ(outcome.failure->node, 1);
+  EXPECT_NEAR(outcome.failure->time_s, 2.5, 1e-9);
+  EXPECT_THAT(outcome.failure->text, AllOf(HasSubstr("-0.6 rad from the plan")));
 }
 
 TEST(SimulateChain, AnEntryThatDoesNotFitIsAFailure) {
@@ -274,14 +279,31 @@ TEST(SimulateChain, ATouchThatIsNotInThePlanIsAFailure) {
   EXPECT_THAT(swapped.failure->text, HasSubstr("leg1_link/"));
 }
 
+/// The ground of the task that the primitive was made for.
+void Soften(PrimitiveFile& file) {
+  std::string& task = file.provenance.task_toml;
+  task = Replaced(task, "stiffness_n_per_m = ", "stiffness_n_per_m = 1.0e2  # ");
+  file.provenance.task_hash = HashOfText(task);
+}
+
+TEST(SimulateChain, PrimitivesOfDifferentGroundsAreRefused) {
+  auto files = ThereAndBack();
+  Soften(files[1]);
+  try {
+    SimulateChain(Load(Sway(), files), Cycles(1));
+    FAIL();
+  } catch (const FileError& error) {
+    EXPECT_THAT(error.what(), AllOf(HasSubstr("primitives.back: was made for other [contact]"),
+                                    HasSubstr("than 'there'")));
+  }
+}
+
 TEST(SimulateChain, GroundTooSoftIsACoreThatIsReached) {
   auto files = ThereAndBack();
-  files[0].provenance.task_toml =
-      Replaced(TaskThere(), "stiffness_n_per_m = 1.0e4", "stiffness_n_per_m = 1.0e2");
-  files[0].provenance.task_hash = HashOfText(files[0].provenance.task_toml);
+  for (PrimitiveFile& file : files) Soften(file);
   const ChainFailure failure = FailureOf(files);
   EXPECT_EQ(failure.cause, ChainFailure::Cause::kCore);
-  EXPECT_THAT(failure.text, HasSubstr("through the layer of 4 mm"));
+  EXPECT_THAT(failure.text, HasSubstr("through the layer of"));
 }
 
 // ---- The program

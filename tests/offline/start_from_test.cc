@@ -111,6 +111,14 @@ TEST(StartFrom, AnotherRobotIsRefused) {
                     HasSubstr("make the primitive again")));
 }
 
+TEST(StartFrom, AnotherGroundIsRefused) {
+  EXPECT_THAT(Refusal(Replaced(TaskBack(), "mu = ", "mu = 0.4  # "), TheOneBefore()),
+              HasSubstr("before.toml: provenance.task_toml: has other [contact] or [[obstacle]]"));
+  EXPECT_THAT(
+      Refusal(Replaced(TaskBack(), "point_m = [0.0, 0.0]", "point_m = [0.0, 0.1]"), TheOneBefore()),
+      HasSubstr("has other [contact] or [[obstacle]]"));
+}
+
 TEST(StartFrom, TheProgramRecordsItAndNamesWhatDoesNotFit) {
   const TaskFolder folder(TaskBack());
   WriteFile(folder / "before.toml", ToToml(TheOneBefore()));
