@@ -27,6 +27,7 @@ struct Arguments {
   std::string sequence;
   ChainOptions options;
   std::string json;
+  std::string report;
 };
 
 /// A table of what was compared at every edge: of each quantity, the largest of all joints.
@@ -136,6 +137,10 @@ int Simulate(const Arguments& arguments) {
     fmt::print(people, "note: '{}' at {:.2f} s takes {:.2f} N m more than a joint's limit\n",
                file.graph.node(worst->node).name.view(), worst->start_s, -worst->torque_margin_nm);
   }
+  if (!arguments.report.empty()) {
+    fmt::print(people, "report {}\n",
+               WriteReport(MakeChainReport(file, arguments.options), arguments.report));
+  }
   if (arguments.json == "-") {
     fmt::print("{}\n", ToJson(file, outcome).dump(2));
   } else if (!arguments.json.empty()) {
@@ -178,6 +183,8 @@ int main(int argc, char** argv) {
                    "Integration step [s]; 0: that of each primitive's task")
       ->check(CLI::Range(0.0, 0.01))
       ->capture_default_str();
+  simulate->add_option("--report", arguments.report,
+                       "Write a page that shows the chain into this folder");
   simulate->add_option("--json", arguments.json,
                        "Write figures as JSON to this file, or to standard output for -");
   try {

@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "common/toml_reader.h"
+#include "offline/certificate/certificate.h"
 #include "offline/problem/task_toml.h"
 
 namespace tumbler {
@@ -25,6 +26,10 @@ constexpr double kImplausible = 1e4;
 /// A robot that does what it was planned to is nearer to it than this [rad]; one that has tipped
 /// over an edge of its feet does not come back.
 constexpr double kFallenPitch = 0.5;
+// Of a report: as smooth as that of one motion for short chains, and no page of tens of megabytes
+// for long ones.
+constexpr double kSamplesPerSecond = 200;
+constexpr double kMaxSamples = 4000;
 /// A primitive played alone is held for as long as its recorded exit is after its end.
 constexpr double kPlanHold = 2;
 constexpr double kPostureTolerance = 0.1;
@@ -447,6 +452,35 @@ ChainOutcome SimulateChain(const SequenceFile& file, const ChainOptions& options
         options.branch, names.empty() ? "none" : fmt::format("{}", fmt::join(names, ", "))));
   }
   return Simulation(file, options, visitor).Run();
+}
+
+ReportData MakeChainReport(const SequenceFile& file, const ChainOptions& options) {
+  const Problem problem = TaskOf(file.primitives.front()).problem;
+  const ChainOutcome outcome = SimulateChain(file, options);
+  ReportData data = ReportScene(problem);
+  data.title = file.graph.name.view();
+  data.subtitle = fmt::format("{} passages, {} cycles", outcome.passages.size(), outcome.cycles);
+  data.duration_s = outcome.duration_s;
+  const double spacing = std::max(1 / kSamplesPerSecond, outcome.duration_s / kMaxSamples);
+  double next = 0;
+  SimulateChain(file, options, [&](int, const MotionSample& sample) {
+    if (sample.time_s < next - 1e-9) return;
+    next += spacing;
+    data.samples.push_back(ShownSample(problem, sample));
+  });
+  data.certificate.emplace_back(
+      "chain", outcome.failure ? fmt::format("{} at {:.2f} s: {}", ToString(outcome.failure->cause),
+                                             outcome.failure->time_s, outcome.failure->text)
+                               : "no fall");
+  data.certificate.emplace_back("travelled", fmt::format("{:.3f} m", outcome.travelled_m));
+  for (const Passage& p : outcome.passages) {
+    data.certificate.emplace_back(
+        fmt::format("{} at {:.2f} s", file.graph.node(p.node).name.view(), p.start_s),
+        fmt::format("{}, pitch off by {:.1e} rad, peak torque {:.2f} N m, penetration {:.2f} mm",
+                    ToString(p.posture), p.exit_pitch_error_rad, p.peak_torque_nm,
+                    1e3 * p.peak_penetration_m));
+  }
+  return data;
 }
 
 }  // namespace tumbler

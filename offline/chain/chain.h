@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "common/sequence_toml.h"
+#include "offline/report/report.h"
 #include "offline/rollout/rollout.h"
 
 namespace tumbler {
@@ -90,5 +91,8 @@ void RequireSameGround(const SequenceFile& file);
 /// std::invalid_argument when the branch is not in the sequence, or the sequence would never end.
 ChainOutcome SimulateChain(const SequenceFile& file, const ChainOptions& options,
                            const std::function<void(int, const MotionSample&)>& visitor = {});
+
+/// What a report page shows of a chain: the whole of it, holds and all. Plays it once more.
+ReportData MakeChainReport(const SequenceFile& file, const ChainOptions& options);
 
 }  // namespace tumbler

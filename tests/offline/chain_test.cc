@@ -353,6 +353,29 @@ TEST(ChainCli, SimulatesAndReportsInJson) {
   EXPECT_LT(json.at("passages")[3].at("peak_torque_nm").get<double>(), 8);
 }
 
+TEST(SimulateChain, ItsReportShowsTheWholeChain) {
+  const SequenceFile file = Load(Sway());
+  const ReportData data = MakeChainReport(file, Cycles(1));
+  EXPECT_EQ(data.duration_s, 5);
+  ASSERT_GT(data.samples.size(), 990U);
+  EXPECT_NEAR(data.samples.back().time_s, 5, 0.01);
+  EXPECT_EQ(data.links.size(), 3U);
+  EXPECT_NEAR(data.samples[500].joint_positions_rad[0], -1.2, 1e-9) << "held at the end of `there`";
+  EXPECT_NEAR(data.samples.back().joint_positions_rad[0], -kPi / 2, 1e-9);
+  const ReportData longer = MakeChainReport(file, Cycles(10));
+  EXPECT_LE(longer.samples.size(), 4001U);
+  EXPECT_NEAR(longer.samples.back().time_s, 50, 0.05);
+}
+
+TEST(ChainCli, WritesAReport) {
+  const SequenceFolder folder(Sway(), ThereAndBack());
+  const std::filesystem::path report = folder.file().parent_path() / "report";
+  const auto [status, text] =
+      Chain({"simulate", folder.file(), "--cycles", "1", "--report", report});
+  EXPECT_EQ(status, 0) << text;
+  EXPECT_THAT(ReadFile(report / "index.html"), HasSubstr("2 passages, 1 cycles"));
+}
+
 TEST(ChainCli, AFallIsExitStatusTwoWithCauseAndTime) {
   auto files = ThereAndBack();
   files[0].contacts.clear();
