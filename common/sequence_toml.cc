@@ -23,6 +23,10 @@ using Graph = SequenceGraph<double>;
 
 constexpr std::string_view kFormat = "tumbler-sequence";
 constexpr double kPi = std::numbers::pi;
+// Quantities that are compared with a hold rather than with the other primitive end in one of
+// these.
+constexpr std::string_view kBeforeHold = " before the hold";
+constexpr std::string_view kAfterHold = " after the hold";
 constexpr double kMaxSettle = 60;  // [s]; longer than that is a typing error
 
 std::size_t Index(int i) { return static_cast<std::size_t>(i); }
@@ -407,7 +411,7 @@ std::vector<JoinComparison> CompareJoins(const SequenceFile& file) {
     const SequenceEdge<double>& edge = graph.edge(e);
     const PrimitiveFile& before = file.PrimitiveOf(edge.from);
     const PrimitiveFile& after = file.PrimitiveOf(edge.to);
-    const auto add = [&](const std::string& joint, const char* quantity, const char* unit,
+    const auto add = [&](const std::string& joint, const std::string& quantity, const char* unit,
                          double exit, double entry, double tolerance) {
       comparisons.push_back({e, joint, quantity, unit, exit, entry, exit - entry, tolerance});
     };
@@ -422,10 +426,10 @@ std::vector<JoinComparison> CompareJoins(const SequenceFile& file) {
       const double v = tolerances.joint_velocity_rad_s;
       const double a = tolerances.joint_acceleration_rad_s2;
       if (edge.settle_s > 0) {  // The hold is at rest.
-        add(name, "velocity before the hold", "rad/s", last(1), 0, v);
-        add(name, "velocity after the hold", "rad/s", 0, first(1), v);
-        add(name, "acceleration before the hold", "rad/s^2", last(2), 0, a);
-        add(name, "acceleration after the hold", "rad/s^2", 0, first(2), a);
+        add(name, std::string("velocity").append(kBeforeHold), "rad/s", last(1), 0, v);
+        add(name, std::string("velocity").append(kAfterHold), "rad/s", 0, first(1), v);
+        add(name, std::string("acceleration").append(kBeforeHold), "rad/s^2", last(2), 0, a);
+        add(name, std::string("acceleration").append(kAfterHold), "rad/s^2", 0, first(2), a);
       } else {
         add(name, "velocity", "rad/s", last(1), first(1), v);
         add(name, "acceleration", "rad/s^2", last(2), first(2), a);
@@ -445,11 +449,21 @@ std::vector<JoinComparison> CompareJoins(const SequenceFile& file) {
 std::string Describe(const SequenceFile& file, const JoinComparison& c) {
   const SequenceEdge<double>& edge = file.graph.edge(c.edge);
   const auto [exit, entry] = Distinct(c.exit, c.entry);
-  return fmt::format("{} -> {}: {}, {}: {} {} against {} {}: {} {} apart; allowed: {} {}",
-                     file.graph.node(edge.from).name.view(), file.graph.node(edge.to).name.view(),
-                     c.joint.empty() ? std::string("root") : fmt::format("joint '{}'", c.joint),
-                     c.quantity, exit, c.unit, entry, c.unit, MessageNumber(std::abs(c.difference)),
-                     c.unit, MessageNumber(c.tolerance), c.unit);
+  const auto primitive = [&](int node) -> const std::string& {
+    return file.primitive_names[Index(file.graph.node(node).primitive)];
+  };
+  const std::string exit_of = c.quantity.ends_with(kAfterHold)
+                                  ? std::string("the hold")
+                                  : fmt::format("the end of '{}'", primitive(edge.from));
+  const std::string entry_of = c.quantity.ends_with(kBeforeHold)
+                                   ? std::string("the hold")
+                                   : fmt::format("the start of '{}'", primitive(edge.to));
+  return fmt::format(
+      "{} -> {}: {}, {}: {} {} at {} against {} {} at {}: {} {} apart; allowed: {} {}",
+      file.graph.node(edge.from).name.view(), file.graph.node(edge.to).name.view(),
+      c.joint.empty() ? std::string("root") : fmt::format("joint '{}'", c.joint), c.quantity, exit,
+      c.unit, exit_of, entry, c.unit, entry_of, MessageNumber(std::abs(c.difference)), c.unit,
+      MessageNumber(c.tolerance), c.unit);
 }
 
 SequenceFile ReadSequence(const std::string& path) {

@@ -158,8 +158,8 @@ TEST(SequenceToml, AJointThatDoesNotMeetIsNamedWithTheAmount) {
   EXPECT_THAT(
       Refusal(text, primitives),
       AllOf(HasSubstr("gait.toml:" + std::to_string(LineOf(text, "[[edge]]") + 1) + ": edge[0]"),
-            HasSubstr("up -> down: joint 'joint1', position: 0 rad against 0.125 rad: 0.125 rad "
-                      "apart; allowed: 1e-06 rad")));
+            HasSubstr("up -> down: joint 'joint1', position: 0 rad at the end of 'up' against "
+                      "0.125 rad at the start of 'down': 0.125 rad apart; allowed: 1e-06 rad")));
 }
 
 TEST(SequenceToml, AMotionThatEndsInMovementCannotBeHeld) {
@@ -176,7 +176,7 @@ TEST(SequenceToml, AMotionThatEndsInMovementCannotBeHeld) {
   EXPECT_GT(speed, 0.1);
   EXPECT_THAT(Refusal(GaitText(), primitives),
               AllOf(HasSubstr("joint 'joint2', velocity before the hold: " + MessageNumber(speed)),
-                    HasSubstr("against 0 rad/s")));
+                    HasSubstr("at the end of 'up' against 0 rad/s at the hold")));
   // Without a hold the next one would have to go on like that.
   for (PrimitiveFile& file : primitives) file.primitive.settle_s = 0;
   EXPECT_THAT(Refusal(Replaced(GaitText(), "settle_s = 1.5", "settle_s = 0"), primitives),
@@ -200,7 +200,8 @@ TEST(SequenceToml, TheRootsPoseMeetsWithinTheTolerances) {
   auto primitives = GaitPrimitives();
   primitives[0].exit.root_z_m += 0.003;
   EXPECT_THAT(Refusal(GaitText(), primitives),
-              AllOf(HasSubstr("up -> down: root, height: 0.363 m against 0.36 m: 0.003 m apart"),
+              AllOf(HasSubstr("up -> down: root, height: 0.363 m at the end of 'up' against 0.36 m "
+                              "at the start of 'down': 0.003 m apart"),
                     HasSubstr("allowed: 0.002 m")));
   primitives = GaitPrimitives();
   primitives[0].exit.root_pitch_rad -= 0.05;
