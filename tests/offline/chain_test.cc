@@ -58,7 +58,7 @@ std::string TaskBack() {
 }
 
 /// The legs from home to another shape on both feet, and back from where that leaves the robot.
-std::vector<PrimitiveFile> ThereAndBack() {
+const std::vector<PrimitiveFile>& ThereAndBack() {
   static const std::vector<PrimitiveFile> files = [] {
     const PrimitiveFile there =
         StraightLine(ParseTask(TaskThere(), "task.toml", ShippedRobot(), "robot.urdf"));
