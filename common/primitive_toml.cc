@@ -289,6 +289,10 @@ std::string Write(const PrimitiveFile& file) {
   writer.Text("task_file", provenance.task_file);
   writer.Text("robot_hash", provenance.robot_hash);
   writer.Text("task_hash", provenance.task_hash);
+  if (!provenance.start_file.empty()) {
+    writer.Text("start_file", provenance.start_file);
+    writer.Text("start_hash", provenance.start_hash);
+  }
   writer.LongText("robot_urdf", provenance.robot_urdf);
   writer.LongText("task_toml", provenance.task_toml);
   return writer.Take();
@@ -523,6 +527,15 @@ Provenance ReadProvenance(TomlTable table) {
   provenance.task_file = table.String("task_file");
   provenance.robot_hash = table.String("robot_hash");
   provenance.task_hash = table.String("task_hash");
+  if (table.Has("start_file") || table.Has("start_hash")) {
+    provenance.start_file = table.String("start_file");
+    provenance.start_hash = table.String("start_hash");
+    if (provenance.start_file.empty()) {
+      table.Fail("start_file",
+                 "is empty; allowed: the file whose exit this motion starts at, or no "
+                 "such key");
+    }
+  }
   provenance.robot_urdf = table.String("robot_urdf");
   provenance.task_toml = table.String("task_toml");
   CheckHash(table, "robot_hash", provenance.robot_hash, HashOfText(provenance.robot_urdf),

@@ -58,9 +58,12 @@ struct Provenance {
   std::string task_file;
   std::string robot_hash;  ///< HashOfText of `robot_urdf`.
   std::string task_hash;   ///< HashOfText of `task_toml`.
+  std::string start_file;  ///< The primitive at whose exit this one starts; empty: at the task's
+                           ///< own start.
+  std::string start_hash;  ///< Its `coefficients_hash`; empty with `start_file`.
   std::string robot_urdf;  ///< The whole text of the robot's URDF.
-  std::string task_toml;   ///< The whole text of the task: contact, obstacles and start pose for a
-                           ///< simulation.
+  std::string task_toml;   ///< The whole text of the task: contact and obstacles for a simulation,
+                           ///< which starts at the file's entry pose.
 };
 
 /// A primitive with all that its file says about it.

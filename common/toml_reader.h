@@ -52,6 +52,7 @@ class TomlTable {
   std::vector<double> Numbers(std::string_view key, Range range);  ///< An array of any length.
   std::vector<double> Numbers(std::string_view key, Range range, std::size_t count);
   std::vector<std::string> Strings(std::string_view key);
+  std::vector<std::vector<std::string>> StringLists(std::string_view key);  ///< An array of such.
   TomlTable Table(std::string_view key);
   std::vector<TomlTable> Tables(std::string_view key);  ///< An array of tables.
 

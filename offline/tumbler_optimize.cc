@@ -47,6 +47,7 @@ void CatchInterrupt() {
 
 struct Arguments {
   std::string task;
+  std::string start_from;
   std::string out;
   std::string report;
   std::string json;
@@ -263,7 +264,15 @@ std::string Cause(const Problem& problem, const Solution& best) {
 
 int Optimize(const Arguments& arguments) {
   const auto wall_start = std::chrono::steady_clock::now();
-  Task task = LoadTask(arguments.task);
+  std::vector<std::string> inputs = {arguments.task};
+  Task task;
+  if (arguments.start_from.empty()) {
+    task = LoadTask(arguments.task);
+  } else {
+    task = LoadTask(arguments.task, LoadPrimitive(arguments.start_from), arguments.start_from);
+    inputs.push_back(arguments.start_from);
+  }
+  inputs.push_back(task.robot_file);
   Problem& problem = task.problem;
   if (arguments.seed) problem.search.seed = static_cast<std::uint64_t>(*arguments.seed);
   std::vector<std::string> files;
@@ -275,7 +284,7 @@ int Optimize(const Arguments& arguments) {
     CheckFolderWritable(arguments.report);
     files.push_back((std::filesystem::path(arguments.report) / "index.html").string());
   }
-  CheckDistinct({arguments.task, task.robot_file}, files);
+  CheckDistinct(inputs, files);
   for (const IgnoredShape& shape : problem.robot.ignored_shapes) {
     fmt::print(stderr, "{}:{}: link '{}': note: {}; contacts use spheres only\n", task.robot_file,
                shape.line, shape.link, shape.reason);
@@ -385,6 +394,9 @@ int main(int argc, char** argv) {
       "Exit status: 0 found; 1 bad input; 2 no motion within the limits was found; 130 "
       "interrupted."};
   app.add_option("TASK", arguments.task, "Task file (TOML)")->required();
+  app.add_option("--start-from", arguments.start_from,
+                 "Start where this primitive leaves the robot (its simulated exit), not in the "
+                 "task's own start pose");
   app.add_option("--out", arguments.out, "Write the primitive here");
   // Read by hand: CLI11 takes a number that is too large for the largest that fits.
   app.add_option_function<std::string>(

@@ -245,37 +245,46 @@ PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
   provenance.task_toml = task.task_text;
   provenance.robot_hash = HashOfText(task.robot_text);
   provenance.task_hash = HashOfText(task.task_text);
+  provenance.start_file = task.start_file;
+  provenance.start_hash = task.start_hash;
   return file;
 }
 
-ReportData MakeReportData(const Task& task, const SolveOutcome& outcome, const Solution& solution,
-                          const PrimitiveFile& file) {
-  const Problem& problem = task.problem;
-  ReportData data;
-  data.title = problem.name;
-  data.subtitle =
-      fmt::format("{}, seed {}, {} evaluations, objective {:.4g}", file.provenance.tool,
-                  file.provenance.seed, file.provenance.evaluations, file.provenance.objective);
-  data.duration_s = problem.duration_s;
-  // One drawn link for every body with something to show.
-  std::vector<int> link_of_body(problem.robot.tree.dofs.size(), -1);
+namespace {
+
+/// The bodies with something to show; each is a drawn link.
+std::vector<int> DrawnBodies(const Problem& problem) {
+  const PlanarRobot& robot = problem.robot;
   std::vector<int> bodies;
-  for (std::size_t j = 0; j < link_of_body.size(); ++j) {
+  for (int j = 0; j < static_cast<int>(robot.tree.dofs.size()); ++j) {
+    const auto of_body = [j](const auto& shape) { return shape.body == j; };
+    if (std::any_of(robot.drawing.begin(), robot.drawing.end(), of_body) ||
+        std::any_of(robot.spheres.begin(), robot.spheres.end(), of_body)) {
+      bodies.push_back(j);
+    }
+  }
+  return bodies;
+}
+
+}  // namespace
+
+ReportData ReportScene(const Problem& problem) {
+  ReportData data;
+  std::vector<int> link_of_body(problem.robot.tree.dofs.size(), -1);
+  for (const int body : DrawnBodies(problem)) {
     ReportLink link;
-    link.name = problem.robot.body_names[j];
+    link.name = problem.robot.body_names[static_cast<std::size_t>(body)];
     for (const DrawnSegment& segment : problem.robot.drawing) {
-      if (segment.body != static_cast<int>(j)) continue;
+      if (segment.body != body) continue;
       link.shapes.push_back({segment.from.x(), segment.from.y(), segment.to.x(), segment.to.y(),
                              segment.radius_m, false});
     }
     for (const ContactSphere<Plane>& sphere : problem.robot.spheres) {
-      if (sphere.body != static_cast<int>(j)) continue;
+      if (sphere.body != body) continue;
       link.shapes.push_back({sphere.centre.x(), sphere.centre.y(), sphere.centre.x(),
                              sphere.centre.y(), sphere.radius_m, true});
     }
-    if (link.shapes.empty()) continue;
-    link_of_body[j] = static_cast<int>(bodies.size());
-    bodies.push_back(static_cast<int>(j));
+    link_of_body[static_cast<std::size_t>(body)] = static_cast<int>(data.links.size());
     data.links.push_back(std::move(link));
   }
   for (const ActuatedJoint& joint : problem.joints) {
@@ -299,44 +308,60 @@ ReportData MakeReportData(const Task& task, const SolveOutcome& outcome, const S
     shown.radius_m = obstacle.radius_m;
     data.obstacles.push_back(shown);
   }
+  return data;
+}
+
+ReportSample ShownSample(const Problem& problem, const MotionSample& sample) {
+  ReportSample shown;
+  shown.time_s = sample.time_s;
+  shown.root_pitch_rad = PitchOf(problem, sample.q);
+  const Plane::Vector origin = sample.dynamics->origin();
+  for (const int body : DrawnBodies(problem)) {
+    // Pitch unwrapped: the sum of the angles down the tree.
+    double pitch = 0;
+    for (int b = body; b >= 0; b = sample.dynamics->parent(b)) {
+      const Dof<Plane>& dof = problem.robot.tree.dofs[static_cast<std::size_t>(b)];
+      if (dof.kind == JointKind::kRevolute)
+        pitch += dof.axis * sample.q[static_cast<std::size_t>(b)];
+    }
+    const Plane::Vector p = origin + sample.dynamics->position(body);
+    shown.link_poses.push_back({p.x(), p.y(), pitch});
+  }
+  for (std::size_t j = 0; j < problem.joints.size(); ++j) {
+    const auto dof = static_cast<std::size_t>(problem.joints[j].dof);
+    shown.joint_positions_rad.push_back(sample.q[dof]);
+    shown.joint_velocities_rad_s.push_back(sample.qd[dof]);
+    shown.joint_torques_nm.push_back(sample.torque[j]);
+  }
+  for (const ActiveContact<Plane>& contact : sample.contacts) {
+    const Plane::Vector p = origin + contact.point;
+    const Plane::Vector normal =
+        problem.obstacles[static_cast<std::size_t>(contact.obstacle)].kind ==
+                Obstacle<Plane>::Kind::kHalfSpace
+            ? problem.obstacles[static_cast<std::size_t>(contact.obstacle)].normal
+            : (p - problem.obstacles[static_cast<std::size_t>(contact.obstacle)].point)
+                  .normalized();
+    shown.forces.push_back(
+        {p.x(), p.y(), contact.force.x(), contact.force.y(), normal.x(), normal.y()});
+  }
+  return shown;
+}
+
+ReportData MakeReportData(const Task& task, const SolveOutcome& outcome, const Solution& solution,
+                          const PrimitiveFile& file) {
+  const Problem& problem = task.problem;
+  ReportData data = ReportScene(problem);
+  data.title = problem.name;
+  data.subtitle =
+      fmt::format("{}, seed {}, {} evaluations, objective {:.4g}", file.provenance.tool,
+                  file.provenance.seed, file.provenance.evaluations, file.provenance.objective);
+  data.duration_s = problem.duration_s;
   double next = 0;
   Rollout rollout(problem, problem.solver.step_s);
   rollout.Visit(solution.x, Extra(problem), [&](const MotionSample& sample) {
     if (sample.time_s < next - 1e-9) return;
     next += 1 / kSamplesPerSecond;
-    ReportSample shown;
-    shown.time_s = sample.time_s;
-    shown.root_pitch_rad = PitchOf(problem, sample.q);
-    const Plane::Vector origin = sample.dynamics->origin();
-    for (const int body : bodies) {
-      // Pitch unwrapped: the sum of the angles down the tree.
-      double pitch = 0;
-      for (int b = body; b >= 0; b = sample.dynamics->parent(b)) {
-        const Dof<Plane>& dof = problem.robot.tree.dofs[static_cast<std::size_t>(b)];
-        if (dof.kind == JointKind::kRevolute)
-          pitch += dof.axis * sample.q[static_cast<std::size_t>(b)];
-      }
-      const Plane::Vector p = origin + sample.dynamics->position(body);
-      shown.link_poses.push_back({p.x(), p.y(), pitch});
-    }
-    for (std::size_t j = 0; j < problem.joints.size(); ++j) {
-      const auto dof = static_cast<std::size_t>(problem.joints[j].dof);
-      shown.joint_positions_rad.push_back(sample.q[dof]);
-      shown.joint_velocities_rad_s.push_back(sample.qd[dof]);
-      shown.joint_torques_nm.push_back(sample.torque[j]);
-    }
-    for (const ActiveContact<Plane>& contact : sample.contacts) {
-      const Plane::Vector p = origin + contact.point;
-      const Plane::Vector normal =
-          problem.obstacles[static_cast<std::size_t>(contact.obstacle)].kind ==
-                  Obstacle<Plane>::Kind::kHalfSpace
-              ? problem.obstacles[static_cast<std::size_t>(contact.obstacle)].normal
-              : (p - problem.obstacles[static_cast<std::size_t>(contact.obstacle)].point)
-                    .normalized();
-      shown.forces.push_back(
-          {p.x(), p.y(), contact.force.x(), contact.force.y(), normal.x(), normal.y()});
-    }
-    data.samples.push_back(std::move(shown));
+    data.samples.push_back(ShownSample(problem, sample));
   });
   const auto searched =
       static_cast<int>(std::count_if(outcome.history.begin(), outcome.history.end(),

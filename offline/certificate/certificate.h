@@ -48,6 +48,12 @@ MotionSummary Summarize(const Problem& problem, const std::vector<double>& x);
 PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
                                 const Solution& solution);
 
+/// What a report page shows of a robot and what it touches: links, joints and obstacles, no motion.
+ReportData ReportScene(const Problem& problem);
+
+/// One instant of a motion, for the page of that scene.
+ReportSample ShownSample(const Problem& problem, const MotionSample& sample);
+
 /// What the report page shows of a solution.
 ReportData MakeReportData(const Task& task, const SolveOutcome& outcome, const Solution& solution,
                           const PrimitiveFile& file);

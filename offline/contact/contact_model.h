@@ -31,6 +31,8 @@ struct Obstacle {
       Space::Vector::Zero();  ///< On the surface of the half-space, or the centre [m].
   typename Space::Vector normal = Space::Vector::Zero();  ///< Unit, out of the half-space.
   double radius_m = 0;
+
+  bool operator==(const Obstacle&) const = default;
 };
 
 /// The near points of a sphere and an obstacle, [AB04, Eq. 10], with a signed distance: the normal

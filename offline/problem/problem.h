@@ -93,4 +93,9 @@ struct Problem {
   }
 };
 
+/// Whether two problems put the robot on the same ground: contact law and obstacles.
+inline bool SameGround(const Problem& a, const Problem& b) {
+  return a.contact == b.contact && a.obstacles == b.obstacles;
+}
+
 }  // namespace tumbler

@@ -7,7 +7,9 @@
 #include <cmath>
 #include <filesystem>
 #include <limits>
+#include <optional>
 #include <stdexcept>
+#include <utility>
 
 #include "common/toml_reader.h"
 
@@ -17,9 +19,18 @@ namespace {
 constexpr int kTaskVersion = 1;
 constexpr double kPi = 3.141592653589793;
 
+/// A start pose from elsewhere than the task.
+struct StartPose {
+  const PrimitivePose* pose;
+  const Primitive<double>* primitive;  // whose joints the pose is of
+  std::string from;                    // for messages
+  bool own = false;                    // the entry of a primitive made from this very task
+};
+
 class TaskReader {
  public:
-  TaskReader(TomlTable root, PlanarRobot robot) : root_(std::move(root)) {
+  TaskReader(TomlTable root, PlanarRobot robot, std::optional<StartPose> given)
+      : root_(std::move(root)), given_(std::move(given)) {
     problem_.robot = std::move(robot);
   }
 
@@ -294,12 +305,30 @@ class TaskReader {
     for (const ActuatedJoint& joint : problem_.joints) {
       problem_.start_q[static_cast<std::size_t>(joint.dof)] = joint.start_rad;
     }
+    if (given_) CheckGivenJoints(start);
     if (problem_.robot.root_dofs == 0) return;
     const double x = start.Number("x_m", {-1e3, 1e3}, 0.0);
     const double pitch = start.Number("pitch_rad", {-1e3, 1e3}, 0.0);
-    if (start.Has("z_m")) {
+    const bool placed = start.Has("z_m");
+    const double z = start.Number("z_m", {-1e3, 1e3}, 0.0);
+    if (given_) {
+      const PrimitivePose& pose = *given_->pose;
+      if (const double apart = std::abs(pose.root_pitch_rad - pitch);
+          !given_->own && !(apart <= kStartPitchTolerance)) {
+        start.Fail("pitch_rad", fmt::format("is {} rad, but {} has the root's pitch at {} rad: {} "
+                                            "rad apart; allowed: <= {} rad",
+                                            MessageNumber(pitch), given_->from,
+                                            MessageNumber(pose.root_pitch_rad),
+                                            MessageNumber(apart), kStartPitchTolerance));
+      }
+      problem_.start_q[0] = pose.root_x_m;
+      problem_.start_q[1] = pose.root_z_m;
+      problem_.start_q[2] = pose.root_pitch_rad;
+      return;
+    }
+    if (placed) {
       problem_.start_q[0] = x;
-      problem_.start_q[1] = start.Number("z_m", {-1e3, 1e3});
+      problem_.start_q[1] = z;
       problem_.start_q[2] = pitch;
       return;
     }
@@ -312,7 +341,32 @@ class TaskReader {
     }
   }
 
+  /// The joints of the given pose are those of the task, where the task starts them.
+  void CheckGivenJoints(TomlTable& start) {
+    TomlTable joints = start.Table("joints_rad");
+    const std::span<const JointMotion<double>> motions = given_->primitive->motions();
+    for (const ActuatedJoint& joint : problem_.joints) {
+      const std::string& name = problem_.robot.tree.dofs[static_cast<std::size_t>(joint.dof)].name;
+      const auto motion = std::find_if(motions.begin(), motions.end(),
+                                       [&](const auto& m) { return m.name.view() == name; });
+      if (motion == motions.end()) {
+        joints.Fail(name,
+                    fmt::format("is a joint of the task, but {} has none of it", given_->from));
+      }
+      const double position =
+          given_->pose->joint_positions_rad[static_cast<std::size_t>(motion - motions.begin())];
+      const double apart = std::abs(position - joint.start_rad);
+      if (apart <= kStartJointTolerance) continue;
+      joints.Fail(name,
+                  fmt::format("is {} rad, but {} has it at {} rad: {} rad apart; allowed: <= "
+                              "{} rad",
+                              MessageNumber(joint.start_rad), given_->from, MessageNumber(position),
+                              MessageNumber(apart), MessageNumber(kStartJointTolerance)));
+    }
+  }
+
   TomlTable root_;
+  std::optional<StartPose> given_;
   Problem problem_;
 };
 
@@ -331,10 +385,24 @@ void CheckHeader(TomlTable& root) {
   }
 }
 
-}  // namespace
+Task Parse(const std::string& task_text, const std::string& task_name,
+           const std::string& robot_text, const std::string& robot_name,
+           std::optional<StartPose> given) {
+  TomlTable root = TomlTable::Parse(task_text, task_name);
+  CheckHeader(root);
+  root.String("robot");
+  PlanarRobot robot = RobotOf(root, robot_text, robot_name);
+  return {TaskReader(std::move(root), std::move(robot), std::move(given)).Read(),
+          task_name,
+          task_text,
+          robot_name,
+          robot_text,
+          "",
+          ""};
+}
 
-Task LoadTask(const std::string& path) {
-  const std::string task_text = ReadTextFile(path);
+/// The URDF that a task names, beside the task.
+std::string RobotPath(const std::string& task_text, const std::string& path) {
   TomlTable root = TomlTable::Parse(task_text, path);
   CheckHeader(root);
   const std::string named = root.String("robot");
@@ -344,17 +412,56 @@ Task LoadTask(const std::string& path) {
     root.Fail("robot",
               fmt::format("'{}' does not exist (looked for {})", named, robot_path.string()));
   }
-  return ParseTask(task_text, path, ReadTextFile(robot_path.string()), robot_path.string());
+  return robot_path.string();
+}
+
+}  // namespace
+
+Task LoadTask(const std::string& path) {
+  const std::string task_text = ReadTextFile(path);
+  const std::string robot_path = RobotPath(task_text, path);
+  return Parse(task_text, path, ReadTextFile(robot_path), robot_path, std::nullopt);
+}
+
+Task LoadTask(const std::string& path, const PrimitiveFile& before,
+              const std::string& before_path) {
+  const std::string task_text = ReadTextFile(path);
+  const std::string robot_path = RobotPath(task_text, path);
+  const std::string robot_text = ReadTextFile(robot_path);
+  if (robot_text != before.provenance.robot_urdf) {
+    throw FileError(before_path, 0, "provenance.robot_urdf",
+                    fmt::format("is not the robot of the task {}, {}: an exit of another robot is "
+                                "no start; make the primitive again with that robot",
+                                path, robot_path));
+  }
+  Task task = Parse(
+      task_text, path, robot_text, robot_path,
+      StartPose{&before.exit, &before.primitive,
+                fmt::format("the exit of '{}' ({})", before.primitive.name.view(), before_path)});
+  if (!SameGround(task.problem, TaskOf(before).problem)) {
+    throw FileError(before_path, 0, "provenance.task_toml",
+                    fmt::format("has other [contact] or [[obstacle]] than the task {}: the robot "
+                                "would not stay where it was left; give both the same",
+                                path));
+  }
+  task.start_file = before_path;
+  task.start_hash = before.certificate.coefficients_hash;
+  return task;
 }
 
 Task ParseTask(const std::string& task_text, const std::string& task_name,
                const std::string& robot_text, const std::string& robot_name) {
-  TomlTable root = TomlTable::Parse(task_text, task_name);
-  CheckHeader(root);
-  root.String("robot");
-  PlanarRobot robot = RobotOf(root, robot_text, robot_name);
-  return {TaskReader(std::move(root), std::move(robot)).Read(), task_name, task_text, robot_name,
-          robot_text};
+  return Parse(task_text, task_name, robot_text, robot_name, std::nullopt);
+}
+
+Task TaskOf(const PrimitiveFile& file) {
+  const Provenance& from = file.provenance;
+  Task task = Parse(from.task_toml, from.task_file, from.robot_urdf, from.robot_file,
+                    StartPose{&file.entry, &file.primitive,
+                              fmt::format("the entry of '{}'", file.primitive.name.view()), true});
+  task.start_file = from.start_file;
+  task.start_hash = from.start_hash;
+  return task;
 }
 
 std::vector<double> RestPose(const Problem& problem, double x_m, double pitch_rad) {
