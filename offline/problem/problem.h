@@ -24,12 +24,15 @@ struct TerminalTerm {
   int power = 2;  ///< 2, or 1 for a linear term such as those of [AB04, Eq. 34].
 };
 
-/// Limits and end conditions of one actuated joint.
+/// Limits, end conditions and size of the path of one actuated joint.
 struct ActuatedJoint {
   int dof = 0;
   JointLimits<double> limits;
   double start_rad = 0;
   double end_rad = 0;
+  int control_points = 12;  ///< At least 6: the first and last three are fixed by the ends.
+
+  [[nodiscard]] int free_points() const { return control_points - 6; }
 };
 
 /// How global search is done: random splines, ranked by cost alone.
@@ -71,7 +74,6 @@ struct Problem {
   double duration_s = 1;
   double settle_s = 0;
   int degree = 5;
-  int control_points = 12;  ///< Per joint; the first and last three are fixed by the ends.
   std::vector<TerminalTerm> terminal;
   double effort_weight = 0;     ///< Of the integral of |tau|^2 over motion and settle phase.
   double target_pitch_rad = 0;  ///< What the settled pitch is compared with.
@@ -83,9 +85,19 @@ struct Problem {
   SearchSettings search;
   SolverSettings solver;
 
-  [[nodiscard]] int free_points_per_joint() const { return control_points - 6; }
-  [[nodiscard]] int parameter_count() const {
-    return free_points_per_joint() * static_cast<int>(joints.size());
+  /// Parameters are the free control points of the first joint, then those of the second, ...
+  [[nodiscard]] int parameter_count() const { return first_parameter(joints.size()); }
+  /// Index of the first parameter of a joint.
+  [[nodiscard]] int first_parameter(std::size_t joint) const {
+    int first = 0;
+    for (std::size_t j = 0; j < joint; ++j) first += joints[j].free_points();
+    return first;
+  }
+  /// The joint whose path a parameter belongs to.
+  [[nodiscard]] std::size_t joint_of_parameter(int parameter) const {
+    std::size_t joint = 0;
+    while (parameter >= first_parameter(joint + 1)) ++joint;
+    return joint;
   }
 };
 
