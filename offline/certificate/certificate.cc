@@ -182,6 +182,11 @@ MotionSummary Summarize(const Problem& problem, const std::vector<double>& x) {
           std::max(list.back().peak_normal_force_n, contact.normal_force_n);
     }
   });
+  // The splines start and end exactly where the task says; a sum over basis functions rounds.
+  for (std::size_t j = 0; j < problem.joints.size(); ++j) {
+    summary.entry.joint_positions_rad[j] = problem.joints[j].start_rad;
+    summary.exit.joint_positions_rad[j] = problem.joints[j].end_rad;
+  }
   summary.core_reached = summary.peak_penetration_m >= problem.contact.layer_m;
   for (auto& entry : intervals) {
     summary.contacts.insert(summary.contacts.end(), entry.second.begin(), entry.second.end());

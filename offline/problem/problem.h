@@ -53,6 +53,13 @@ struct SearchSettings {
 
 /// How the local solver (SLSQP) is run.
 struct SolverSettings {
+  /// How gradients are computed; to rounding both give the same.
+  enum class Gradient {
+    kAdjoint,  ///< Backwards through the steps: the price hardly depends on the number of
+               ///< parameters.
+    kForward,  ///< The paper's gradient equations, integrated with the states [AB04, section V].
+  };
+  Gradient gradient = Gradient::kAdjoint;
   double step_s = 1e-3;              ///< Integration step of cost and gradient.
   int screen_evaluations = 24;       ///< Of cost and gradient, for each start of the search.
   int finalists = 2;                 ///< How many of those go on ...

@@ -286,6 +286,10 @@ class TaskReader {
     std::optional<TomlTable> table = root_.OptionalTable("solver");
     if (!table) return;
     SolverSettings& s = problem_.solver;
+    constexpr std::array<std::string_view, 2> kGradients = {"adjoint", "forward"};
+    s.gradient = table->Choice("gradient", kGradients, "adjoint") == "adjoint"
+                     ? SolverSettings::Gradient::kAdjoint
+                     : SolverSettings::Gradient::kForward;
     s.step_s = table->Number("step_s", {1e-5, 1e-2}, s.step_s);
     s.screen_evaluations =
         static_cast<int>(table->Integer("screen_evaluations", 1, 100'000, s.screen_evaluations));

@@ -6,6 +6,8 @@
 #include <limits>
 #include <stdexcept>
 
+#include "offline/rollout/forward_sensitivity.h"
+
 namespace tumbler {
 namespace {
 
@@ -75,6 +77,10 @@ struct Rollout::Implementation {
         n(dynamics.size()),
         na(static_cast<int>(p.joints.size())),
         parameters(p.parameter_count()) {
+    if (p.solver.gradient == SolverSettings::Gradient::kForward) {
+      forward = std::make_unique<ForwardSensitivity>(
+          p, ForwardSettings{ForwardSettings::Scheme::kFixed, step_s});
+    }
     for (int j = 0; j < n; ++j) {
       if (!dynamics.prescribed(j)) free.push_back(j);
     }
@@ -472,6 +478,7 @@ struct Rollout::Implementation {
   std::vector<double> stage_torque;     // by stage, then joint
   std::vector<double> stages;           // by stage: see StoreStage
   int stage_size = 0;
+  std::unique_ptr<ForwardSensitivity> forward;  // none: the adjoint
   Pullback pullback;
   std::vector<Lanes> lane_gradient;
   DynamicsDerivatives derivatives;
@@ -492,6 +499,7 @@ RolloutResult Rollout::Run(std::span<const double> x) { return implementation_->
 RolloutResult Rollout::Run(
     std::span<const double> x,
     Eigen::Ref<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> gradient) {
+  if (implementation_->forward) return implementation_->forward->Run(x, gradient);
   RolloutResult result = implementation_->Forward(x, true);
   if (!result.finite) {
     gradient.setZero();

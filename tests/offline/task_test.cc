@@ -63,6 +63,13 @@ TEST(Task, JointsMayHaveDifferentNumbersOfControlPoints) {
   EXPECT_EQ(problem.first_parameter(1), 5);
 }
 
+TEST(Task, GradientsAreTheAdjointUnlessThePapersAreAskedFor) {
+  EXPECT_EQ(Parse(ShippedTask()).solver.gradient, SolverSettings::Gradient::kAdjoint);
+  EXPECT_EQ(Parse(Replaced(ShippedTask(), "[solver]", "[solver]\ngradient = \"forward\""))
+                .solver.gradient,
+            SolverSettings::Gradient::kForward);
+}
+
 TEST(Task, LimitsOfAJointTightenThoseOfAll) {
   const Problem problem =
       Parse(Replaced(ShippedTask(), "[[cost]]",
