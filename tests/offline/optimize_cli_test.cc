@@ -54,6 +54,10 @@ TEST(OptimizeCli, WritesAPrimitiveAReportAndFiguresThatAgree) {
   EXPECT_EQ(figures.at("seed"), 1);
   EXPECT_EQ(figures.at("objective"), file.provenance.objective);
   EXPECT_EQ(figures.at("peak_torque_nm"), file.certificate.peak_torque_nm);
+  EXPECT_EQ(figures.at("gradient_errors"), file.certificate.gradient_errors);
+  EXPECT_EQ(figures.at("gradient_step_halving_change"),
+            file.certificate.gradient_step_halving_change);
+  EXPECT_THAT(file.certificate.gradient_errors, ::testing::Contains(figures.at("gradient_error")));
   EXPECT_EQ(folder.Listing(),
             (std::set<std::string>{"a", "a/b", "a/b/index.html", "figures.json", "motion.toml",
                                    "robots", "robots/tumbler.urdf", "tasks", "tasks/task.toml"}));
