@@ -65,6 +65,9 @@ struct SolverSettings {
   int finalists = 2;                 ///< How many of those go on ...
   int max_evaluations = 90;          ///< ... to this many evaluations in all.
   double relative_tolerance = 1e-7;  ///< Of the cost.
+  /// Of the torque limit, kept free for what happens between samples: a tenth of a step of 1 ms
+  /// finds up to 0.8 % of the limit more through a hard landing.
+  double torque_margin = 0.02;
   double torque_sharpness =
       60;  ///< Of the smooth maximum (Kreisselmeier-Steinhauser) that stands for the torque limit.
 };

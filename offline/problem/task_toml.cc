@@ -297,6 +297,7 @@ class TaskReader {
     s.max_evaluations =
         static_cast<int>(table->Integer("max_evaluations", 1, 100'000, s.max_evaluations));
     s.relative_tolerance = table->Number("relative_tolerance", {0, 1, true}, s.relative_tolerance);
+    s.torque_margin = table->Number("torque_margin", {0, 0.5}, s.torque_margin);
     s.torque_sharpness = table->Number("torque_sharpness", {1, 1e4}, s.torque_sharpness);
   }
 

@@ -150,7 +150,8 @@ WorstConstraint FindWorst(const Problem& problem, const std::vector<LinearRow>& 
              [&] { return row.name; });
   }
   for (std::size_t j = 0; j < result.torque_excess.size(); ++j) {
-    consider(result.torque_excess[j], [&] { return "torque of " + joint_name(j); });
+    consider(result.torque_excess[j] + problem.solver.torque_margin,
+             [&] { return "torque of " + joint_name(j); });
   }
   for (std::size_t j = 0, i = 0; j < problem.joints.size(); ++j) {
     const JointLimits<double>& limits = problem.joints[j].limits;
@@ -341,7 +342,9 @@ class LocalSolve {
         value[i] = row.b + std::inner_product(row.a.begin(), row.a.end(), x, 0.0);
         if (gradient != nullptr) std::copy(row.a.begin(), row.a.end(), gradient + i * n);
       } else {
-        value[i] = self.result_.finite ? self.result_.torque_excess[i - rows] : 1.0;
+        value[i] = self.result_.finite
+                       ? self.result_.torque_excess[i - rows] + self.problem_.solver.torque_margin
+                       : 1.0;
         for (std::size_t k = 0; gradient != nullptr && k < n; ++k) {
           gradient[i * n + k] =
               self.outputs_(static_cast<Eigen::Index>(i - rows + 1), static_cast<Eigen::Index>(k));
@@ -368,7 +371,7 @@ class LocalSolve {
       }
     }
     for (std::size_t j = 0; j < result_.torque_excess.size(); ++j) {
-      if (result_.torque_excess[j] > -kActive) {
+      if (result_.torque_excess[j] > -problem_.solver.torque_margin - kActive) {
         active.emplace_back(outputs_.row(static_cast<Eigen::Index>(j + 1)).transpose());
       }
     }
