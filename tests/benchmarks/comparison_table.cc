@@ -1,5 +1,6 @@
-// One table of what the offline side costs beside what others take for the same work, in Markdown.
-// usage: comparison_table [INSTRUCTIONS [SEEDS]]
+// One table of what the offline side costs beside what others take for the same work, and one of
+// what the fixed step leaves out of the gradient, in Markdown. usage: comparison_table
+// [INSTRUCTIONS [SEEDS]]
 //   INSTRUCTIONS  what scripts/count-instructions printed; without it that column is empty
 //   SEEDS         how many for each motion found from nothing; default 5
 // scripts/compare makes both. Times are of the processor, one thread; the best of several runs for
@@ -127,19 +128,28 @@ T Median(std::vector<T> values) {
   return *middle;
 }
 
-/// Finds a task's motion from nothing, with several seeds.
-void PrintMotion(const std::filesystem::path& task, int seeds, const std::string& name,
-                 const char* others) {
+/// A motion that was found.
+struct FoundMotion {
+  std::string name;
+  Problem problem;
+  std::vector<double> x;
+};
+
+/// Finds a task's motion from nothing, with several seeds. @returns the first seed's.
+FoundMotion PrintMotion(const std::filesystem::path& task, int seeds, const std::string& name,
+                        const char* others) {
   Problem problem = LoadTask(task.string()).problem;
   std::vector<double> seconds;
   std::vector<std::int64_t> evaluations;
   int found = 0;
+  FoundMotion first{name, problem, {}};
   for (int seed = 1; seed <= seeds; ++seed) {
     problem.search.seed = static_cast<std::uint64_t>(seed);
     const double begin = CpuSeconds();
     const SolveOutcome outcome = Solve(problem, {});
     seconds.push_back(CpuSeconds() - begin);
     evaluations.push_back(outcome.evaluations);
+    if (seed == 1 && !outcome.solutions.empty()) first.x = outcome.solutions.front().x;
     found += !outcome.solutions.empty() && outcome.solutions.front().feasible() ? 1 : 0;
   }
   Print(name + ", " + std::to_string(problem.parameter_count()) + " parameters",
@@ -147,6 +157,44 @@ void PrintMotion(const std::filesystem::path& task, int seeds, const std::string
             " evaluations; found by " + std::to_string(found) + " of " + std::to_string(seeds) +
             " seeds",
         "", others);
+  return first;
+}
+
+/// The cost's gradient beside the optimum, where it is not zero, by the paper's equations.
+Eigen::RowVectorXd GradientOf(const FoundMotion& motion, const ForwardSettings& settings,
+                              IntegrationStatistics* statistics = nullptr) {
+  std::vector<double> x = motion.x;
+  for (std::size_t i = 0; i < x.size(); ++i) x[i] += i % 2 == 0 ? 1e-3 : -1e-3;
+  ForwardSensitivity forward(motion.problem, settings);
+  Gradient gradient(forward.output_count(), forward.parameter_count());
+  forward.Run(x, gradient);
+  if (statistics != nullptr) *statistics = forward.statistics();
+  return gradient.row(0);
+}
+
+/// What a fixed step leaves out of the gradient: its distance from that of the adaptive scheme.
+void PrintStepErrors(const std::vector<FoundMotion>& motions) {
+  std::printf(
+      "\n| gradient beside the optimum, off that of adaptive steps (1e-10) by | 1 ms | 0.5 ms | "
+      "0.25 "
+      "ms | adaptive (1e-8) | adaptive steps, tried and kept |\n|---|---|---|---|---|---|\n");
+  for (const FoundMotion& motion : motions) {
+    if (motion.x.empty()) continue;
+    using Scheme = ForwardSettings::Scheme;
+    IntegrationStatistics statistics;
+    const Eigen::RowVectorXd reference =
+        GradientOf(motion, {Scheme::kAdaptive, 1e-3, 1e-10}, &statistics);
+    std::printf("| %s |", motion.name.c_str());
+    for (const ForwardSettings& settings :
+         {ForwardSettings{Scheme::kFixed, 1e-3}, ForwardSettings{Scheme::kFixed, 0.5e-3},
+          ForwardSettings{Scheme::kFixed, 0.25e-3},
+          ForwardSettings{Scheme::kAdaptive, 1e-3, 1e-8}}) {
+      std::printf(" %.1e |", (GradientOf(motion, settings) - reference).cwiseAbs().maxCoeff() /
+                                 reference.cwiseAbs().maxCoeff());
+    }
+    std::printf(" %lld, %lld |\n", static_cast<long long>(statistics.steps + statistics.rejected),
+                static_cast<long long>(statistics.steps));
+  }
 }
 
 int Main(int argc, char** argv) {
@@ -208,18 +256,21 @@ int Main(int argc, char** argv) {
           PeerOf("forward11"));
   }
 
+  std::vector<FoundMotion> motions;
   const auto tasks = std::filesystem::path(TUMBLER_SOURCE_DIR) / "primitives" / "tasks";
   for (const char* name : {"handstand", "downstand", "roll"}) {
     const auto task = tasks / (std::string(name) + ".toml");
     if (!std::filesystem::exists(task)) continue;
-    PrintMotion(task, seeds, std::string(name) + " from nothing, as shipped",
-                std::string(name) == "handstand" ? PeerOf("handstand") : "-");
+    motions.push_back(PrintMotion(task, seeds, std::string(name) + " from nothing, as shipped",
+                                  std::string(name) == "handstand" ? PeerOf("handstand") : "-"));
   }
   for (const auto& [name, equation] : {std::pair("handstand", "(33)"), std::pair("roll", "(34)"),
                                        std::pair("downstand", "(35)")}) {
-    PrintMotion(tasks / "paper" / (std::string(name) + ".toml"), seeds,
-                std::string(name) + " from nothing, as printed " + equation, PeerOf("paper"));
+    motions.push_back(PrintMotion(tasks / "paper" / (std::string(name) + ".toml"), seeds,
+                                  std::string(name) + " from nothing, as printed " + equation,
+                                  PeerOf("paper")));
   }
+  PrintStepErrors(motions);
   return 0;
 }
 
