@@ -261,6 +261,20 @@ std::string Cause(const Problem& problem, const Solution& best) {
   return ToString(best.end);
 }
 
+/// Why differences of the cost do not follow its gradient, and what to do about it.
+const char* GradientCause(const Certificate& certificate) {
+  // A cliff changes differences across it, hardly the gradient at one point.
+  return certificate.gradient_step_halving_change > 0.5
+             ? "the step is too long for the contact, which amplifies every change; use a smaller "
+               "solver.step_s, a larger contact.v_max_m_per_s or a smaller "
+               "contact.stiffness_n_per_m"
+             : "the cost has a cliff near this motion, such as a contact that is made or missed by "
+               "a "
+               "hair, so that a small disturbance may end elsewhere; use another --seed or a "
+               "larger "
+               "contact.d_on_m";
+}
+
 int Optimize(const Arguments& arguments) {
   const auto wall_start = std::chrono::steady_clock::now();
   Task task = LoadTask(arguments.task);
@@ -378,11 +392,8 @@ int Optimize(const Arguments& arguments) {
   if (c.gradient_error > kDoubtfulGradient) {
     fmt::print(
         stderr,
-        "warning: gradient and differences of the cost disagree by {:.1e} (allowed without a "
-        "warning: {:.0e}): the cost has a cliff near this motion, e.g. a contact that is made "
-        "or missed by a hair; a small disturbance may end elsewhere. Try another --seed, a "
-        "smaller solver.step_s, or more contact.d_on_m\n",
-        c.gradient_error, kDoubtfulGradient);
+        "warning: gradient and differences of the cost disagree by {:.1e} (above {:.0e}): {}\n",
+        c.gradient_error, kDoubtfulGradient, GradientCause(c));
   }
   if (!arguments.out.empty()) fmt::print(people, "  primitive {}\n", arguments.out);
   if (!page.empty()) fmt::print(people, "  report {}\n", page);

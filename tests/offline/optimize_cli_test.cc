@@ -63,6 +63,20 @@ TEST(OptimizeCli, WritesAPrimitiveAReportAndFiguresThatAgree) {
                                    "robots", "robots/tumbler.urdf", "tasks", "tasks/task.toml"}));
 }
 
+TEST(OptimizeCli, AGradientThatTheCostDoesNotFollowIsWarnedOfWithItsCause) {
+  // Friction with so little creep is too stiff for a step of 1 ms.
+  const TaskFolder folder(Replaced(QuickTask(), "v_max_m_per_s = 0.05", "v_max_m_per_s = 1.0e-4"));
+  Program program = Optimize(folder, {"--out", folder / "motion.toml"});
+  ASSERT_EQ(program.Wait(), 0) << program.text();
+  EXPECT_THAT(program.text(), HasSubstr("warning: gradient and differences of the cost disagree"));
+  EXPECT_THAT(program.text(), HasSubstr("the step is too long for the contact"));
+  EXPECT_GT(LoadPrimitive(folder / "motion.toml").certificate.gradient_error, 1e-3);
+  const TaskFolder smooth(QuickTask());
+  Program quiet = Optimize(smooth, {});
+  ASSERT_EQ(quiet.Wait(), 0) << quiet.text();
+  EXPECT_THAT(quiet.text(), Not(HasSubstr("warning")));
+}
+
 TEST(OptimizeCli, WithoutOutputOptionsItWritesNothing) {
   const TaskFolder folder(QuickTask());
   const auto before = folder.Listing();
