@@ -110,10 +110,10 @@ struct ForwardSensitivity::Implementation {
 
   // A state z holds y, then the rows of S, one after the other.
   double* Sensitivity(std::vector<double>& z, int row) const {
-    return z.data() + rows + row * parameters;
+    return z.data() + Index(rows + row * parameters);
   }
   const double* Sensitivity(const std::vector<double>& z, int row) const {
-    return z.data() + rows + row * parameters;
+    return z.data() + Index(rows + row * parameters);
   }
 
   void SetPaths(double t, bool moving) {
@@ -188,7 +188,7 @@ struct ForwardSensitivity::Implementation {
     double effort = 0;
     for (int j = 0; j < na; ++j) {
       const int dof = problem.joints[Index(j)].dof;
-      double* const own = &torque_slope[Index(j * parameters)];
+      double* const own = torque_slope.data() + Index(j * parameters);
       Differentiate(dof, moving, z, own);
       const double torque = tau[Index(dof)];
       effort += torque * torque;
@@ -212,7 +212,7 @@ struct ForwardSensitivity::Implementation {
       const double limit = problem.joints[Index(j)].limits.torque_max_nm;
       if (!std::isfinite(limit)) continue;
       smooth[Index(j)].Add(torque, limit, problem.solver.torque_sharpness,
-                           &torque_slope[Index(j * parameters)]);
+                           torque_slope.data() + Index(j * parameters));
     }
     for (const ActiveContact<Plane>& active : contact.active()) {
       result.any_contact = true;
@@ -257,7 +257,7 @@ struct ForwardSensitivity::Implementation {
   }
 
   [[nodiscard]] bool Plausible() const {
-    return std::all_of(state.begin(), state.begin() + 2 * nf,
+    return std::all_of(state.begin(), state.begin() + (rows - 1),
                        [](double value) { return std::abs(value) < kImplausible; });
   }
 
@@ -362,7 +362,7 @@ struct ForwardSensitivity::Implementation {
       if (maximum.sum == 0) continue;
       result.torque_excess[Index(j)] =
           maximum.largest - 1 + std::log(maximum.sum) / problem.solver.torque_sharpness;
-      Row(outputs.data() + (1 + j) * parameters, parameters) =
+      Row(outputs.data() + Index((1 + j) * parameters), parameters) =
           ConstRow(maximum.slope.data(), parameters) / maximum.sum;
     }
     return result;
