@@ -158,11 +158,11 @@ struct ForwardSensitivity::Implementation {
       const Spline::Weights& w = weights[Index(j)];
       const int begin = std::max(0, 3 - w.first);
       const int end = std::min(problem.degree + 1, 3 + joint.free_points() - w.first);
-      double* const own = out + first_parameter[Index(j)] + w.first - 3;
+      const int shift = first_parameter[Index(j)] + w.first - 3;
       for (int k = begin; k < end; ++k) {
-        own[k] += derivatives.q[Index(i)][dof] * w.w[0][Index(k)] +
-                  derivatives.qd[Index(i)][dof] * w.w[1][Index(k)] +
-                  derivatives.input[Index(i)][dof] * w.w[2][Index(k)];
+        out[shift + k] += derivatives.q[Index(i)][dof] * w.w[0][Index(k)] +
+                          derivatives.qd[Index(i)][dof] * w.w[1][Index(k)] +
+                          derivatives.input[Index(i)][dof] * w.w[2][Index(k)];
       }
     }
   }
