@@ -265,6 +265,9 @@ std::string Write(const PrimitiveFile& file) {
   writer.Line("\n[certificate]");
   writer.Text("coefficients_hash", certificate.coefficients_hash);
   writer.Number("gradient_error", certificate.gradient_error);
+  writer.Numbers("gradient_difference_steps_rad", certificate.gradient_difference_steps_rad);
+  writer.Numbers("gradient_errors", certificate.gradient_errors);
+  writer.Number("gradient_step_halving_change", certificate.gradient_step_halving_change);
   writer.Number("projected_gradient", certificate.projected_gradient);
   writer.Number("constraint_violation", certificate.constraint_violation);
   writer.Number("step_halving_error_rad", certificate.step_halving_error_rad);
@@ -494,6 +497,11 @@ double ReadMargin(TomlTable& table, std::string_view key, double actual) {
   return stored;
 }
 
+std::array<double, 3> ReadThree(TomlTable& table, std::string_view key) {
+  const std::vector<double> values = table.Numbers(key, Range::NonNegative(), 3);
+  return {values[0], values[1], values[2]};
+}
+
 Certificate ReadCertificate(TomlTable table, const Primitive<double>& primitive) {
   const LimitMargins margins = MarginsOf(primitive);
   Certificate certificate;
@@ -501,6 +509,10 @@ Certificate ReadCertificate(TomlTable table, const Primitive<double>& primitive)
   CheckHash(table, "coefficients_hash", certificate.coefficients_hash,
             HashOfCoefficients(primitive), "the joints and their limits");
   certificate.gradient_error = table.Number("gradient_error", Range::NonNegative());
+  certificate.gradient_difference_steps_rad = ReadThree(table, "gradient_difference_steps_rad");
+  certificate.gradient_errors = ReadThree(table, "gradient_errors");
+  certificate.gradient_step_halving_change =
+      table.Number("gradient_step_halving_change", Range::NonNegative());
   certificate.projected_gradient = table.Number("projected_gradient", Range::NonNegative());
   certificate.constraint_violation = table.Number("constraint_violation", Range::NonNegative());
   certificate.step_halving_error_rad = table.Number("step_halving_error_rad", Range::Any());

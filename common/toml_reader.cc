@@ -107,6 +107,11 @@ const std::string& TomlTable::file() const { return document_->file; }
 
 bool TomlTable::Has(std::string_view key) const { return table_->contains(key); }
 
+bool TomlTable::IsTable(std::string_view key) const {
+  const toml::node* node = table_->get(key);
+  return node != nullptr && node->is_table();
+}
+
 std::string TomlTable::FullKey(std::string_view key) const {
   if (key.empty()) return path_;
   return path_.empty() ? std::string(key) : fmt::format("{}.{}", path_, key);

@@ -43,6 +43,8 @@ class TomlTable {
   static TomlTable Parse(std::string_view text, const std::string& name);
 
   [[nodiscard]] bool Has(std::string_view key) const;
+  /// Whether the key holds a table, for values that may be one or a number.
+  [[nodiscard]] bool IsTable(std::string_view key) const;
 
   /// Required values.
   double Number(std::string_view key, Range range);

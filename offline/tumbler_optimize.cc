@@ -262,6 +262,20 @@ std::string Cause(const Problem& problem, const Solution& best) {
   return ToString(best.end);
 }
 
+/// Why differences of the cost do not follow its gradient, and what to do about it.
+const char* GradientCause(const Certificate& certificate) {
+  // A cliff changes differences across it, hardly the gradient at one point.
+  return certificate.gradient_step_halving_change > 0.5
+             ? "the step is too long for the contact, which amplifies every change; use a smaller "
+               "solver.step_s, a larger contact.v_max_m_per_s or a smaller "
+               "contact.stiffness_n_per_m"
+             : "the cost has a cliff near this motion, such as a contact that is made or missed by "
+               "a "
+               "hair, so that a small disturbance may end elsewhere; use another --seed or a "
+               "larger "
+               "contact.d_on_m";
+}
+
 int Optimize(const Arguments& arguments) {
   const auto wall_start = std::chrono::steady_clock::now();
   std::vector<std::string> inputs = {arguments.task};
@@ -329,27 +343,31 @@ int Optimize(const Arguments& arguments) {
 
   const double wall_s =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - wall_start).count();
-  const nlohmann::ordered_json json = {{"name", problem.name},
-                                       {"seed", problem.search.seed},
-                                       {"objective", best.rollout.cost},
-                                       {"evaluations", outcome.evaluations},
-                                       {"wall_s", wall_s},
-                                       {"cpu_s", CpuSeconds()},
-                                       {"end", ToString(best.end)},
-                                       {"final_pitch_rad", summary.final_pitch_rad},
-                                       {"settled_pitch_rad", summary.settled_pitch_rad},
-                                       {"settled_speed", summary.settled_speed},
-                                       {"gradient_error", c.gradient_error},
-                                       {"projected_gradient", c.projected_gradient},
-                                       {"constraint_violation", c.constraint_violation},
-                                       {"step_halving_error_rad", c.step_halving_error_rad},
-                                       {"peak_torque_nm", c.peak_torque_nm},
-                                       {"peak_penetration_m", c.peak_penetration_m},
-                                       {"position_margin_rad", c.position_margin_rad},
-                                       {"velocity_margin_rad_s", c.velocity_margin_rad_s},
-                                       {"acceleration_margin_rad_s2", c.acceleration_margin_rad_s2},
-                                       {"torque_margin_nm", c.torque_margin_nm},
-                                       {"coefficients_hash", c.coefficients_hash}};
+  const nlohmann::ordered_json json = {
+      {"name", problem.name},
+      {"seed", problem.search.seed},
+      {"objective", best.rollout.cost},
+      {"evaluations", outcome.evaluations},
+      {"wall_s", wall_s},
+      {"cpu_s", CpuSeconds()},
+      {"end", ToString(best.end)},
+      {"final_pitch_rad", summary.final_pitch_rad},
+      {"settled_pitch_rad", summary.settled_pitch_rad},
+      {"settled_speed", summary.settled_speed},
+      {"gradient_error", c.gradient_error},
+      {"gradient_difference_steps_rad", c.gradient_difference_steps_rad},
+      {"gradient_errors", c.gradient_errors},
+      {"gradient_step_halving_change", c.gradient_step_halving_change},
+      {"projected_gradient", c.projected_gradient},
+      {"constraint_violation", c.constraint_violation},
+      {"step_halving_error_rad", c.step_halving_error_rad},
+      {"peak_torque_nm", c.peak_torque_nm},
+      {"peak_penetration_m", c.peak_penetration_m},
+      {"position_margin_rad", c.position_margin_rad},
+      {"velocity_margin_rad_s", c.velocity_margin_rad_s},
+      {"acceleration_margin_rad_s2", c.acceleration_margin_rad_s2},
+      {"torque_margin_nm", c.torque_margin_nm},
+      {"coefficients_hash", c.coefficients_hash}};
   std::optional<PendingFile> primitive_file, json_file;
   if (!arguments.out.empty()) primitive_file.emplace(arguments.out, text);
   if (!arguments.json.empty() && arguments.json != "-")
@@ -370,14 +388,22 @@ int Optimize(const Arguments& arguments) {
       people,
       "{}: objective {:.6g} after {} evaluations, {:.2f} s ({:.2f} s of CPU); {}\n"
       "  pitch at the end {:.4f} rad, 2 s later {:.4f} rad\n"
-      "  gradient error {:.1e}, projected gradient {:.1e}, step-halving error {:.1e} rad\n"
+      "  gradient error {:.1e}, projected gradient {:.1e}; with half the step the gradient changes "
+      "by "
+      "{:.1e}, the final pitch by {:.1e} rad\n"
       "  peak torque {:.2f} N m, margins: {:.2f} N m, {:.2f} rad, {:.2f} rad/s, {:.0f} rad/s^2; "
       "peak penetration {:.2f} mm\n",
       problem.name, best.rollout.cost, outcome.evaluations, wall_s, CpuSeconds(),
       ToString(best.end), summary.final_pitch_rad, summary.settled_pitch_rad, c.gradient_error,
-      c.projected_gradient, c.step_halving_error_rad, c.peak_torque_nm, c.torque_margin_nm,
-      c.position_margin_rad, c.velocity_margin_rad_s, c.acceleration_margin_rad_s2,
-      1e3 * c.peak_penetration_m);
+      c.projected_gradient, c.gradient_step_halving_change, c.step_halving_error_rad,
+      c.peak_torque_nm, c.torque_margin_nm, c.position_margin_rad, c.velocity_margin_rad_s,
+      c.acceleration_margin_rad_s2, 1e3 * c.peak_penetration_m);
+  if (c.gradient_error > kDoubtfulGradient) {
+    fmt::print(
+        stderr,
+        "warning: gradient and differences of the cost disagree by {:.1e} (above {:.0e}): {}\n",
+        c.gradient_error, kDoubtfulGradient, GradientCause(c));
+  }
   if (!arguments.out.empty()) fmt::print(people, "  primitive {}\n", arguments.out);
   if (!page.empty()) fmt::print(people, "  report {}\n", page);
   flush(people);

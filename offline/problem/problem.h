@@ -24,12 +24,15 @@ struct TerminalTerm {
   int power = 2;  ///< 2, or 1 for a linear term such as those of [AB04, Eq. 34].
 };
 
-/// Limits and end conditions of one actuated joint.
+/// Limits, end conditions and size of the path of one actuated joint.
 struct ActuatedJoint {
   int dof = 0;
   JointLimits<double> limits;
   double start_rad = 0;
   double end_rad = 0;
+  int control_points = 12;  ///< At least 6: the first and last three are fixed by the ends.
+
+  [[nodiscard]] int free_points() const { return control_points - 6; }
 };
 
 /// How global search is done: random splines, ranked by cost alone.
@@ -51,12 +54,22 @@ struct SearchSettings {
 
 /// How the local solver (SLSQP) is run.
 struct SolverSettings {
+  /// How gradients are computed; to rounding both give the same.
+  enum class Gradient {
+    kAdjoint,  ///< Backwards through the steps: the price hardly depends on the number of
+               ///< parameters.
+    kForward,  ///< The paper's gradient equations, integrated with the states [AB04, section V].
+  };
+  Gradient gradient = Gradient::kAdjoint;
   double step_s = 1e-3;              ///< Integration step of cost and gradient.
   double screen_step_s = 2e-3;       ///< The same for screening, which comes first.
   int screen_evaluations = 24;       ///< Of cost and gradient, for each start of the search.
   int finalists = 1;                 ///< How many of those go on ...
   int max_evaluations = 90;          ///< ... to this many evaluations in all.
   double relative_tolerance = 1e-7;  ///< Of the cost.
+  /// Of the torque limit, kept free for what happens between samples: a tenth of a step of 1 ms
+  /// finds up to 0.8 % of the limit more through a hard landing.
+  double torque_margin = 0.02;
   double core_margin = 0.1;  ///< Part of the compliant layer that a motion leaves unused, so that a
                              ///< slightly different start does not reach the core.
   double sharpness = 60;  ///< Of the smooth maxima (Kreisselmeier-Steinhauser) that stand for the
@@ -75,7 +88,6 @@ struct Problem {
   double duration_s = 1;
   double settle_s = 0;
   int degree = 5;
-  int control_points = 12;  ///< Per joint; the first and last three are fixed by the ends.
   std::vector<TerminalTerm> terminal;
   double effort_weight = 0;     ///< Of the integral of |tau|^2 over motion and settle phase.
   double target_pitch_rad = 0;  ///< What the settled pitch is compared with.
@@ -87,9 +99,19 @@ struct Problem {
   SearchSettings search;
   SolverSettings solver;
 
-  [[nodiscard]] int free_points_per_joint() const { return control_points - 6; }
-  [[nodiscard]] int parameter_count() const {
-    return free_points_per_joint() * static_cast<int>(joints.size());
+  /// Parameters are the free control points of the first joint, then those of the second, ...
+  [[nodiscard]] int parameter_count() const { return first_parameter(joints.size()); }
+  /// Index of the first parameter of a joint.
+  [[nodiscard]] int first_parameter(std::size_t joint) const {
+    int first = 0;
+    for (std::size_t j = 0; j < joint; ++j) first += joints[j].free_points();
+    return first;
+  }
+  /// The joint whose path a parameter belongs to.
+  [[nodiscard]] std::size_t joint_of_parameter(int parameter) const {
+    std::size_t joint = 0;
+    while (parameter >= first_parameter(joint + 1)) ++joint;
+    return joint;
   }
 };
 

@@ -67,12 +67,7 @@ class TaskReader {
     TomlTable start = root_.Table("start").Table("joints_rad");
     TomlTable end = root_.Table("end").Table("joints_rad");
     for (const TomlTable* table : {&start, &end}) {
-      for (const std::string& name : table->Keys()) {
-        if (problem_.robot.FindDof(name) < 0) {
-          table->Fail(name,
-                      fmt::format("is not a joint of the robot; its joints: {}", JointNames()));
-        }
-      }
+      for (const std::string& name : table->Keys()) RequireJoint(*table, name);
     }
     for (std::size_t j = static_cast<std::size_t>(problem_.robot.root_dofs);
          j < problem_.robot.tree.dofs.size(); ++j) {
@@ -133,6 +128,11 @@ class TaskReader {
         table.Number("position_max_rad", {allowed.position_min_rad, high}, high);
   }
 
+  void RequireJoint(const TomlTable& table, const std::string& name) const {
+    if (problem_.robot.FindDof(name) >= problem_.robot.root_dofs) return;
+    table.Fail(name, fmt::format("is not a joint of the robot; its joints: {}", JointNames()));
+  }
+
   [[nodiscard]] std::string JointNames() const {
     std::string names;
     const auto& dofs = problem_.robot.tree.dofs;
@@ -145,12 +145,23 @@ class TaskReader {
   void ReadSpline() {
     std::optional<TomlTable> spline = root_.OptionalTable("spline");
     if (!spline) return;
+    constexpr std::string_view kPoints = "control_points";
     problem_.degree = static_cast<int>(spline->Integer("degree", 3, 7, problem_.degree));
     // Three fixed points at each end and one free one between them; and enough points for the
     // degree.
     const int least = std::max(7, problem_.degree + 1);
-    problem_.control_points = static_cast<int>(
-        spline->Integer("control_points", least, kMaxControlPoints, problem_.control_points));
+    if (!spline->Has(kPoints)) return;
+    if (!spline->IsTable(kPoints)) {
+      const std::int64_t points = spline->Integer(kPoints, least, kMaxControlPoints);
+      for (ActuatedJoint& joint : problem_.joints) joint.control_points = static_cast<int>(points);
+      return;
+    }
+    TomlTable by_joint = spline->Table(kPoints);
+    for (const std::string& name : by_joint.Keys()) RequireJoint(by_joint, name);
+    for (ActuatedJoint& joint : problem_.joints) {
+      const std::string& name = problem_.robot.tree.dofs[static_cast<std::size_t>(joint.dof)].name;
+      joint.control_points = static_cast<int>(by_joint.Integer(name, least, kMaxControlPoints));
+    }
   }
 
   void ReadContact() {
@@ -286,6 +297,10 @@ class TaskReader {
     std::optional<TomlTable> table = root_.OptionalTable("solver");
     if (!table) return;
     SolverSettings& s = problem_.solver;
+    constexpr std::array<std::string_view, 2> kGradients = {"adjoint", "forward"};
+    s.gradient = table->Choice("gradient", kGradients, "adjoint") == "adjoint"
+                     ? SolverSettings::Gradient::kAdjoint
+                     : SolverSettings::Gradient::kForward;
     s.step_s = table->Number("step_s", {1e-5, 1e-2}, s.step_s);
     s.screen_step_s =
         table->Number("screen_step_s", {1e-5, 1e-2}, std::max(s.step_s, s.screen_step_s));
@@ -295,6 +310,7 @@ class TaskReader {
     s.max_evaluations =
         static_cast<int>(table->Integer("max_evaluations", 1, 100'000, s.max_evaluations));
     s.relative_tolerance = table->Number("relative_tolerance", {0, 1, true}, s.relative_tolerance);
+    s.torque_margin = table->Number("torque_margin", {0, 0.5}, s.torque_margin);
     s.core_margin = table->Number("core_margin", {0, 0.9}, s.core_margin);
     s.sharpness = table->Number("sharpness", {1, 1e4}, s.sharpness);
   }

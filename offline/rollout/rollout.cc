@@ -6,6 +6,8 @@
 #include <limits>
 #include <stdexcept>
 
+#include "offline/rollout/forward_sensitivity.h"
+
 namespace tumbler {
 namespace {
 
@@ -28,16 +30,16 @@ constexpr std::size_t Index(int i) { return static_cast<std::size_t>(i); }
 constexpr std::size_t kStates = std::size_t{2} * kMaxDofs;  // positions and velocities
 using State = std::array<double, kStates>;
 
-std::vector<double> Knots(const Problem& problem) {
-  std::vector<double> knots(Index(problem.control_points + problem.degree + 1));
-  if (Spline::ClampedUniformKnots(problem.degree, problem.control_points, problem.duration_s,
-                                  knots) != Status::kOk) {
+std::vector<double> Knots(const Problem& problem, int control_points) {
+  std::vector<double> knots(Index(control_points + problem.degree + 1));
+  if (Spline::ClampedUniformKnots(problem.degree, control_points, problem.duration_s, knots) !=
+      Status::kOk) {
     throw std::invalid_argument("spline degree, size and duration do not fit together");
   }
   return knots;
 }
 
-/// The three weights rows that the splines of all joints share at one time.
+/// The three weights rows that all splines of one size share at one time.
 struct ControlWeights {
   int first = 0;
   std::array<std::array<double, Spline::kMaxDegree + 1>, 3> w{};
@@ -52,20 +54,19 @@ struct Control {
 
 std::vector<double> ControlPoints(const Problem& problem, std::span<const double> x,
                                   std::size_t joint) {
-  const std::size_t free = Index(problem.free_points_per_joint());
   const ActuatedJoint& actuated = problem.joints[joint];
+  const auto free = x.subspan(Index(problem.first_parameter(joint)), Index(actuated.free_points()));
   std::vector<double> points(
       3, actuated.start_rad);  // Rest: three equal points fix q, and qd = qdd = 0.
-  points.insert(points.end(), x.begin() + static_cast<std::ptrdiff_t>(joint * free),
-                x.begin() + static_cast<std::ptrdiff_t>((joint + 1) * free));
+  points.insert(points.end(), free.begin(), free.end());
   points.insert(points.end(), 3, actuated.end_rad);
   return points;
 }
 
 Spline PositionSpline(const Problem& problem, std::span<const double> x, std::size_t joint) {
   Spline spline;
-  if (spline.Assign(problem.degree, Knots(problem), ControlPoints(problem, x, joint)) !=
-      Status::kOk) {
+  if (spline.Assign(problem.degree, Knots(problem, problem.joints[joint].control_points),
+                    ControlPoints(problem, x, joint)) != Status::kOk) {
     throw std::invalid_argument("control points do not make a spline");
   }
   return spline;
@@ -79,6 +80,10 @@ struct Rollout::Implementation {
         n(dynamics.size()),
         na(static_cast<int>(p.joints.size())),
         parameters(p.parameter_count()) {
+    if (p.solver.gradient == SolverSettings::Gradient::kForward) {
+      forward = std::make_unique<ForwardSensitivity>(
+          p, ForwardSettings{ForwardSettings::Scheme::kFixed, step_s});
+    }
     for (int j = 0; j < n; ++j) {
       if (!dynamics.prescribed(j)) free.push_back(j);
     }
@@ -89,19 +94,16 @@ struct Rollout::Implementation {
     settle_steps = static_cast<int>(std::ceil(p.settle_s / step_s - 1e-9));
     motion_h = p.duration_s / motion_steps;
     settle_h = settle_steps > 0 ? p.settle_s / settle_steps : step_s;
-    Spline spline;
-    const std::vector<double> knots = Knots(p);
-    if (spline.Assign(p.degree, knots, std::vector<double>(Index(p.control_points))) !=
-        Status::kOk) {
-      throw std::invalid_argument("spline degree and size do not fit together");
+    half_steps = Index(2 * motion_steps + 1);
+    for (int j = 0; j < na; ++j) {
+      const int size = p.joints[Index(j)].control_points;
+      first_parameter.push_back(p.first_parameter(Index(j)));
+      int same = 0;
+      while (p.joints[Index(same)].control_points != size) ++same;
+      weights_of.push_back(same == j ? weights.size() / half_steps : weights_of[Index(same)]);
+      if (same == j) AddWeights(size);
     }
-    weights.resize(Index(2 * motion_steps + 1));
-    for (int k = 0; k <= 2 * motion_steps; ++k) {
-      const Spline::Weights w = spline.EvaluateWeights(0.5 * k * motion_h);
-      weights[Index(k)].first = w.first;
-      weights[Index(k)].w = w.w;
-    }
-    controls.resize(weights.size() * Index(na));
+    controls.resize(half_steps * Index(na));
     const std::size_t steps = Index(motion_steps + settle_steps);
     order = free;
     order.insert(order.end(), actuated.begin(), actuated.end());
@@ -111,18 +113,35 @@ struct Rollout::Implementation {
     core_slope.resize(steps * Index(nd));
   }
 
+  /// Appends the weights of splines of one size at all half steps.
+  void AddWeights(int control_points) {
+    Spline spline;
+    if (spline.Assign(problem.degree, Knots(problem, control_points),
+                      std::vector<double>(Index(control_points))) != Status::kOk) {
+      throw std::invalid_argument("spline degree and size do not fit together");
+    }
+    for (int k = 0; k <= 2 * motion_steps; ++k) {
+      const Spline::Weights w = spline.EvaluateWeights(0.5 * k * motion_h);
+      weights.push_back({w.first, w.w});
+    }
+  }
+
+  [[nodiscard]] const ControlWeights& WeightsOf(int joint, std::size_t half_step) const {
+    return weights[weights_of[Index(joint)] * half_steps + half_step];
+  }
+
   void SetControls(std::span<const double> x) {
-    const int free_points = problem.free_points_per_joint();
     for (int j = 0; j < na; ++j) {
       const ActuatedJoint& joint = problem.joints[Index(j)];
+      const int free_points = joint.free_points();
       std::array<double, kMaxControlPoints> c{};
-      for (int i = 0; i < problem.control_points; ++i) {
+      for (int i = 0; i < joint.control_points; ++i) {
         c[Index(i)] = i < 3                 ? joint.start_rad
-                      : i < 3 + free_points ? x[Index(j * free_points + i - 3)]
+                      : i < 3 + free_points ? x[Index(first_parameter[Index(j)] + i - 3)]
                                             : joint.end_rad;
       }
-      for (std::size_t k = 0; k < weights.size(); ++k) {
-        const ControlWeights& w = weights[k];
+      for (std::size_t k = 0; k < half_steps; ++k) {
+        const ControlWeights& w = WeightsOf(j, k);
         Control sum;
         for (int i = 0; i <= problem.degree; ++i) {
           const double point = c[Index(w.first + i)];
@@ -142,7 +161,7 @@ struct Rollout::Implementation {
       qd[Index(free[Index(i)])] = y[nf + i];
     }
     const bool moving = half_step <= 2 * motion_steps;
-    const std::size_t k = moving ? Index(half_step) : weights.size() - 1;
+    const std::size_t k = moving ? Index(half_step) : half_steps - 1;
     for (int j = 0; j < na; ++j) {
       const Control& c = controls[k * Index(na) + Index(j)];
       const std::size_t dof = Index(actuated[Index(j)]);
@@ -500,14 +519,14 @@ struct Rollout::Implementation {
 
   /// Takes the cotangents of the controls to those of the parameters.
   void AddToParameters() {
-    const ControlWeights& w = weights[Index(pullback.half_step)];
-    const int free_points = problem.free_points_per_joint();
-    const int begin = std::max(0, 3 - w.first);
-    const int end = std::min(problem.degree + 1, 3 + free_points - w.first);
     for (int j = 0; j < na; ++j) {
+      const ControlWeights& w = WeightsOf(j, Index(pullback.half_step));
+      const int begin = std::max(0, 3 - w.first);
+      const int end =
+          std::min(problem.degree + 1, 3 + problem.joints[Index(j)].free_points() - w.first);
       auto& bar = pullback.controls[Index(j)];
       for (int i = begin; i < end; ++i) {
-        lane_gradient[Index(j * free_points + w.first - 3 + i)] +=
+        lane_gradient[Index(first_parameter[Index(j)] + w.first - 3 + i)] +=
             w.w[0][Index(i)] * bar[0] + w.w[1][Index(i)] * bar[1] + w.w[2][Index(i)] * bar[2];
       }
       bar.fill(Lanes::Zero());
@@ -524,13 +543,17 @@ struct Rollout::Implementation {
   std::vector<int> order;     // `free`, then `actuated`
   int motion_steps, settle_steps;
   double motion_h, settle_h;
-  std::vector<ControlWeights> weights;  // by half step
+  std::size_t half_steps = 0;           // of the motion, both ends included
+  std::vector<ControlWeights> weights;  // by size of spline, then half step
+  std::vector<std::size_t> weights_of;  // which size each joint has
+  std::vector<int> first_parameter;     // of each joint
   std::vector<Control> controls;        // by half step, then joint
   std::vector<double> stage_torque;     // by stage, then joint
   std::vector<double> core_slope;       // by step, then in `order`: see AddCore
   double core_sum = 0;
   std::vector<double> stages;  // by stage: see StoreStage
   int stage_size = 0;
+  std::unique_ptr<ForwardSensitivity> forward;  // none: the adjoint
   Pullback pullback;
   std::vector<Lanes> lane_gradient;
   Derivatives derivatives;
@@ -561,6 +584,7 @@ RolloutResult Rollout::Run(
   if (gradient.rows() != output_count() || gradient.cols() != parameter_count())
     throw std::invalid_argument(
         "the gradient has a row for each output, a column for each parameter");
+  if (implementation_->forward) return implementation_->forward->Run(x, gradient);
   RolloutResult result = implementation_->Forward(x, Implementation::Scheme::kRecordedRungeKutta);
   if (!result.finite) {
     gradient.setZero();

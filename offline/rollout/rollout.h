@@ -37,7 +37,8 @@ struct MotionSample {
 /// The scheme is the classical Runge-Kutta method of order 4 with a fixed step, and the gradient is
 /// the derivative of that very computation, by the discrete adjoint: the price of a gradient hardly
 /// depends on the number of parameters, and it agrees with differences of the cost to rounding.
-/// Motion and settle phase are divided into whole steps no longer than the one asked for.
+/// Motion and settle phase are divided into whole steps no longer than the one asked for. A task
+/// may ask for the paper's forward gradient instead (ForwardSensitivity, with the same steps).
 ///
 /// Not thread-safe: one object per thread. No heap after the first gradient, save in the returned
 /// vectors.

@@ -72,13 +72,13 @@ void ParallelFor(int count, int threads, const std::function<void(int, int)>& wo
 std::vector<double> RandomStart(const Problem& problem, const std::vector<LinearRow>& rows,
                                 std::uint64_t sample) {
   SplitMix64 random(problem.search.seed, sample);
-  const int free = problem.free_points_per_joint();
   std::vector<double> line, departure;
   std::vector<double> amplitude(static_cast<std::size_t>(problem.search.modes));
   for (const ActuatedJoint& joint : problem.joints) {
     for (std::size_t m = 0; m < amplitude.size(); ++m) {
       amplitude[m] = problem.search.spread_rad * random.Symmetric() / static_cast<double>(m + 1);
     }
+    const int free = joint.free_points();
     for (int i = 0; i < free; ++i) {
       const double s = (i + 1.0) / (free + 1.0);
       const double straight = joint.start_rad + s * (joint.end_rad - joint.start_rad);
@@ -154,14 +154,16 @@ WorstConstraint FindWorst(const Problem& problem, const std::vector<LinearRow>& 
              [&] { return row.name; });
   }
   for (std::size_t j = 0; j < result.torque_excess.size(); ++j) {
-    consider(result.torque_excess[j], [&] { return "torque of " + joint_name(j); });
+    consider(result.torque_excess[j] + problem.solver.torque_margin,
+             [&] { return "torque of " + joint_name(j); });
   }
   consider(result.core_excess, [] { return std::string("penetration"); });
-  const std::size_t free = static_cast<std::size_t>(problem.free_points_per_joint());
-  for (std::size_t i = 0; i < x.size(); ++i) {
-    const JointLimits<double>& limits = problem.joints[i / free].limits;
-    consider(std::max(x[i] - limits.position_max_rad, limits.position_min_rad - x[i]),
-             [&] { return "position of " + joint_name(i / free); });
+  for (std::size_t j = 0, i = 0; j < problem.joints.size(); ++j) {
+    const JointLimits<double>& limits = problem.joints[j].limits;
+    for (int k = 0; k < problem.joints[j].free_points(); ++k, ++i) {
+      consider(std::max(x[i] - limits.position_max_rad, limits.position_min_rad - x[i]),
+               [&] { return "position of " + joint_name(j); });
+    }
   }
   return worst;
 }
@@ -248,11 +250,11 @@ class LocalSolve {
  private:
   SolveEnd RunOnce(std::vector<double> x, std::size_t n) {
     nlopt::opt opt(nlopt::LD_SLSQP, static_cast<unsigned>(n));
-    std::vector<double> lower(n), upper(n);
-    const std::size_t free = static_cast<std::size_t>(problem_.free_points_per_joint());
-    for (std::size_t i = 0; i < n; ++i) {
-      lower[i] = problem_.joints[i / free].limits.position_min_rad;
-      upper[i] = problem_.joints[i / free].limits.position_max_rad;
+    std::vector<double> lower, upper;
+    for (const ActuatedJoint& joint : problem_.joints) {
+      lower.resize(lower.size() + static_cast<std::size_t>(joint.free_points()),
+                   joint.limits.position_min_rad);
+      upper.resize(lower.size(), joint.limits.position_max_rad);
     }
     opt.set_lower_bounds(lower);
     opt.set_upper_bounds(upper);
@@ -355,7 +357,7 @@ class LocalSolve {
       } else {
         const RolloutResult& result = self.result_;
         value[i] = !result.finite ? 1.0
-                   : i < m - 1    ? result.torque_excess[i - rows]
+                   : i < m - 1    ? result.torque_excess[i - rows] + self.problem_.solver.torque_margin
                                   : result.core_excess;
         for (std::size_t k = 0; gradient != nullptr && k < n; ++k) {
           gradient[i * n + k] =
@@ -368,9 +370,9 @@ class LocalSolve {
   double ProjectGradient(const std::vector<double>& x) {
     const Eigen::Index n = static_cast<Eigen::Index>(x.size());
     std::vector<Eigen::VectorXd> active;
-    const std::size_t free = static_cast<std::size_t>(problem_.free_points_per_joint());
     for (std::size_t i = 0; i < x.size(); ++i) {
-      const JointLimits<double>& limits = problem_.joints[i / free].limits;
+      const std::size_t joint = problem_.joint_of_parameter(static_cast<int>(i));
+      const JointLimits<double>& limits = problem_.joints[joint].limits;
       const auto k = static_cast<Eigen::Index>(i);
       if (x[i] > limits.position_max_rad - kActive)
         active.emplace_back(Eigen::VectorXd::Unit(n, k));
@@ -383,7 +385,7 @@ class LocalSolve {
       }
     }
     for (std::size_t j = 0; j < result_.torque_excess.size(); ++j) {
-      if (result_.torque_excess[j] > -kActive) {
+      if (result_.torque_excess[j] > -problem_.solver.torque_margin - kActive) {
         active.emplace_back(outputs_.row(static_cast<Eigen::Index>(j + 1)).transpose());
       }
     }
@@ -435,10 +437,11 @@ const char* ToString(SolveEnd end) {
 std::vector<LinearRow> DerivativeLimitRows(const Problem& problem) {
   std::vector<LinearRow> rows;
   const std::size_t n = static_cast<std::size_t>(problem.parameter_count());
-  const std::size_t free = static_cast<std::size_t>(problem.free_points_per_joint());
   const std::vector<double> zero(n, 0.0);
   for (std::size_t j = 0; j < problem.joints.size(); ++j) {
     const JointLimits<double>& limits = problem.joints[j].limits;
+    const auto first = static_cast<std::size_t>(problem.first_parameter(j));
+    const auto free = static_cast<std::size_t>(problem.joints[j].free_points());
     const double limit[3] = {0, kInside * limits.velocity_max_rad_s,
                              kInside * limits.acceleration_max_rad_s2};
     const auto constant = PositionSpline(problem, zero, j);
@@ -455,10 +458,10 @@ std::vector<LinearRow> DerivativeLimitRows(const Problem& problem) {
       }
       for (std::size_t i = 0; i < free; ++i) {
         std::vector<double> unit = zero;
-        unit[j * free + i] = 1;
+        unit[first + i] = 1;
         const auto moved = PositionSpline(problem, unit, j);
         for (std::size_t k = 0; k < points; ++k) {
-          upper[k].a[j * free + i] =
+          upper[k].a[first + i] =
               (moved.control_points(d)[k] - constant.control_points(d)[k]) / limit[d];
         }
       }

@@ -95,6 +95,16 @@ TEST_P(GradientAtStep, AgreesForSixtyParameters) {
     EXPECT_LT(error, kTolerance);
 }
 
+TEST_P(GradientAtStep, AgreesForElevenParametersOfWhichTheJointsHaveFiveAndSix) {
+  Problem problem = DroppedHandstand();
+  problem.joints[0].control_points = 11;
+  ASSERT_EQ(problem.parameter_count(), 11);
+  EXPECT_EQ(problem.joint_of_parameter(4), 0U);
+  EXPECT_EQ(problem.joint_of_parameter(5), 1U);
+  for (const double error : GradientErrors(problem, RandomMotion(problem, 5), GetParam()))
+    EXPECT_LT(error, kTolerance);
+}
+
 TEST(Rollout, GradientHoldsForEveryKindOfTerminalTermAlone) {
   for (const auto when : {TerminalTerm::When::kEnd, TerminalTerm::When::kSettled}) {
     for (const bool of_velocity : {false, true}) {
@@ -215,9 +225,11 @@ TEST(Rollout, VisitShowsTheMotionWhoseCostRunReturns) {
 }
 
 TEST(Rollout, VisitFollowsTheSplinesAndThenHolds) {
-  const Problem problem = HandstandProblem();
+  Problem problem = HandstandProblem();
+  problem.joints[0].control_points = 15;  // Another number than the second joint's.
   const std::vector<double> x = RandomMotion(problem, 14);
   Rollout rollout(problem, 1e-3);
+  const auto first = PositionSpline(problem, x, 0);
   const auto spline = PositionSpline(problem, x, 1);
   double last = -1;
   int samples = 0;
@@ -227,6 +239,7 @@ TEST(Rollout, VisitFollowsTheSplinesAndThenHolds) {
     ++samples;
     const auto expected = spline.Evaluate(sample.time_s);
     EXPECT_NEAR(sample.q[4], expected.value, 1e-12);
+    EXPECT_NEAR(sample.q[3], first.Evaluate(sample.time_s).value, 1e-12);
     EXPECT_NEAR(sample.qd[4], sample.time_s < problem.duration_s ? expected.first : 0, 1e-9);
   });
   EXPECT_EQ(samples, 1501);
@@ -289,7 +302,8 @@ TEST(Rollout, HalvingTheStepConvergesWithTheFourthOrderInFlight) {
   problem.settle_s = 0;  // The legs' acceleration may jump where the motion ends.
   problem.terminal = {{TerminalTerm::When::kEnd, 2, false, 0, 1, 1}};
   problem.effort_weight = 0;
-  problem.control_points = 6;  // One polynomial, so that nothing is rough inside a step.
+  // One polynomial, so that nothing is rough inside a step.
+  for (ActuatedJoint& joint : problem.joints) joint.control_points = 6;
   problem.joints[0].end_rad = 0.5;
   const std::vector<double> x;
   const auto cost = [&](double step_s) { return Rollout(problem, step_s).Run(x).cost; };

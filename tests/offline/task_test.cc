@@ -54,6 +54,22 @@ TEST(Task, ShippedOneHoldsWhatItsTextSays) {
   EXPECT_DOUBLE_EQ(problem.target_pitch_rad, M_PI / 2);
 }
 
+TEST(Task, JointsMayHaveDifferentNumbersOfControlPoints) {
+  const Problem problem = Parse(
+      Replaced(ShippedTask(), "control_points = 12", "control_points = { leg2 = 12, leg1 = 11 }"));
+  EXPECT_EQ(problem.joints[0].control_points, 11);
+  EXPECT_EQ(problem.joints[1].control_points, 12);
+  EXPECT_EQ(problem.parameter_count(), 11);
+  EXPECT_EQ(problem.first_parameter(1), 5);
+}
+
+TEST(Task, GradientsAreTheAdjointUnlessThePapersAreAskedFor) {
+  EXPECT_EQ(Parse(ShippedTask()).solver.gradient, SolverSettings::Gradient::kAdjoint);
+  EXPECT_EQ(Parse(Replaced(ShippedTask(), "[solver]", "[solver]\ngradient = \"forward\""))
+                .solver.gradient,
+            SolverSettings::Gradient::kForward);
+}
+
 TEST(Task, LimitsOfAJointTightenThoseOfAll) {
   const Problem problem =
       Parse(Replaced(ShippedTask(), "[[cost]]",
