@@ -265,6 +265,9 @@ std::string Write(const PrimitiveFile& file) {
   writer.Line("\n[certificate]");
   writer.Text("coefficients_hash", certificate.coefficients_hash);
   writer.Number("gradient_error", certificate.gradient_error);
+  writer.Numbers("gradient_difference_steps_rad", certificate.gradient_difference_steps_rad);
+  writer.Numbers("gradient_errors", certificate.gradient_errors);
+  writer.Number("gradient_step_halving_change", certificate.gradient_step_halving_change);
   writer.Number("projected_gradient", certificate.projected_gradient);
   writer.Number("constraint_violation", certificate.constraint_violation);
   writer.Number("step_halving_error_rad", certificate.step_halving_error_rad);
@@ -289,6 +292,10 @@ std::string Write(const PrimitiveFile& file) {
   writer.Text("task_file", provenance.task_file);
   writer.Text("robot_hash", provenance.robot_hash);
   writer.Text("task_hash", provenance.task_hash);
+  if (!provenance.start_file.empty()) {
+    writer.Text("start_file", provenance.start_file);
+    writer.Text("start_hash", provenance.start_hash);
+  }
   writer.LongText("robot_urdf", provenance.robot_urdf);
   writer.LongText("task_toml", provenance.task_toml);
   return writer.Take();
@@ -490,6 +497,11 @@ double ReadMargin(TomlTable& table, std::string_view key, double actual) {
   return stored;
 }
 
+std::array<double, 3> ReadThree(TomlTable& table, std::string_view key) {
+  const std::vector<double> values = table.Numbers(key, Range::NonNegative(), 3);
+  return {values[0], values[1], values[2]};
+}
+
 Certificate ReadCertificate(TomlTable table, const Primitive<double>& primitive) {
   const LimitMargins margins = MarginsOf(primitive);
   Certificate certificate;
@@ -497,6 +509,10 @@ Certificate ReadCertificate(TomlTable table, const Primitive<double>& primitive)
   CheckHash(table, "coefficients_hash", certificate.coefficients_hash,
             HashOfCoefficients(primitive), "the joints and their limits");
   certificate.gradient_error = table.Number("gradient_error", Range::NonNegative());
+  certificate.gradient_difference_steps_rad = ReadThree(table, "gradient_difference_steps_rad");
+  certificate.gradient_errors = ReadThree(table, "gradient_errors");
+  certificate.gradient_step_halving_change =
+      table.Number("gradient_step_halving_change", Range::NonNegative());
   certificate.projected_gradient = table.Number("projected_gradient", Range::NonNegative());
   certificate.constraint_violation = table.Number("constraint_violation", Range::NonNegative());
   certificate.step_halving_error_rad = table.Number("step_halving_error_rad", Range::Any());
@@ -523,6 +539,15 @@ Provenance ReadProvenance(TomlTable table) {
   provenance.task_file = table.String("task_file");
   provenance.robot_hash = table.String("robot_hash");
   provenance.task_hash = table.String("task_hash");
+  if (table.Has("start_file") || table.Has("start_hash")) {
+    provenance.start_file = table.String("start_file");
+    provenance.start_hash = table.String("start_hash");
+    if (provenance.start_file.empty()) {
+      table.Fail("start_file",
+                 "is empty; allowed: the file whose exit this motion starts at, or no "
+                 "such key");
+    }
+  }
   provenance.robot_urdf = table.String("robot_urdf");
   provenance.task_toml = table.String("task_toml");
   CheckHash(table, "robot_hash", provenance.robot_hash, HashOfText(provenance.robot_urdf),

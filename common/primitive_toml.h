@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -33,7 +34,14 @@ struct ContactInterval {
 /// samples.
 struct Certificate {
   std::string coefficients_hash;  ///< Of everything that the runtime plays; see HashOfCoefficients.
-  double gradient_error = 0;  ///< Relative, analytic against central differences, through contact.
+  /// Relative, analytic against central differences, through contact: the least of
+  /// `gradient_errors`, which belong to the difference steps beside them. 1e9 where the differences
+  /// are not finite.
+  double gradient_error = 0;
+  std::array<double, 3> gradient_difference_steps_rad{};
+  std::array<double, 3> gradient_errors{};
+  double gradient_step_halving_change = 0;  ///< Relative, of the gradient of the cost, when the
+                                            ///< integration step is halved.
   double projected_gradient = 0;    ///< Largest component that no constraint holds, cost per rad.
   double constraint_violation = 0;  ///< Largest, scaled; zero when every bound holds.
   double step_halving_error_rad =
@@ -58,9 +66,12 @@ struct Provenance {
   std::string task_file;
   std::string robot_hash;  ///< HashOfText of `robot_urdf`.
   std::string task_hash;   ///< HashOfText of `task_toml`.
+  std::string start_file;  ///< The primitive at whose exit this one starts; empty: at the task's
+                           ///< own start.
+  std::string start_hash;  ///< Its `coefficients_hash`; empty with `start_file`.
   std::string robot_urdf;  ///< The whole text of the robot's URDF.
-  std::string task_toml;   ///< The whole text of the task: contact, obstacles and start pose for a
-                           ///< simulation.
+  std::string task_toml;   ///< The whole text of the task: contact and obstacles for a simulation,
+                           ///< which starts at the file's entry pose.
 };
 
 /// A primitive with all that its file says about it.

@@ -107,6 +107,11 @@ const std::string& TomlTable::file() const { return document_->file; }
 
 bool TomlTable::Has(std::string_view key) const { return table_->contains(key); }
 
+bool TomlTable::IsTable(std::string_view key) const {
+  const toml::node* node = table_->get(key);
+  return node != nullptr && node->is_table();
+}
+
 std::string TomlTable::FullKey(std::string_view key) const {
   if (key.empty()) return path_;
   return path_.empty() ? std::string(key) : fmt::format("{}.{}", path_, key);
@@ -238,6 +243,24 @@ std::vector<std::string> TomlTable::Strings(std::string_view key) {
     values.push_back(text->get());
   }
   return values;
+}
+
+std::vector<std::vector<std::string>> TomlTable::StringLists(std::string_view key) {
+  const toml::node& node = Take(key);
+  const auto* array = node.as_array();
+  if (array == nullptr) FailType(key, node, "an array of arrays of strings");
+  std::vector<std::vector<std::string>> lists;
+  for (const toml::node& element : *array) {
+    const auto* list = element.as_array();
+    if (list == nullptr) FailType(key, element, "an array of strings");
+    lists.emplace_back();
+    for (const toml::node& entry : *list) {
+      const auto* text = entry.as_string();
+      if (text == nullptr) FailType(key, entry, "a string");
+      lists.back().push_back(text->get());
+    }
+  }
+  return lists;
 }
 
 TomlTable TomlTable::Table(std::string_view key) {

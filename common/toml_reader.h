@@ -43,6 +43,8 @@ class TomlTable {
   static TomlTable Parse(std::string_view text, const std::string& name);
 
   [[nodiscard]] bool Has(std::string_view key) const;
+  /// Whether the key holds a table, for values that may be one or a number.
+  [[nodiscard]] bool IsTable(std::string_view key) const;
 
   /// Required values.
   double Number(std::string_view key, Range range);
@@ -52,6 +54,7 @@ class TomlTable {
   std::vector<double> Numbers(std::string_view key, Range range);  ///< An array of any length.
   std::vector<double> Numbers(std::string_view key, Range range, std::size_t count);
   std::vector<std::string> Strings(std::string_view key);
+  std::vector<std::vector<std::string>> StringLists(std::string_view key);  ///< An array of such.
   TomlTable Table(std::string_view key);
   std::vector<TomlTable> Tables(std::string_view key);  ///< An array of tables.
 

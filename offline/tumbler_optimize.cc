@@ -47,6 +47,7 @@ void CatchInterrupt() {
 
 struct Arguments {
   std::string task;
+  std::string start_from;
   std::string out;
   std::string report;
   std::string json;
@@ -279,9 +280,31 @@ void PrintContact(const Problem& problem, const std::string& task_file) {
   }
 }
 
+/// Why differences of the cost do not follow its gradient, and what to do about it.
+const char* GradientCause(const Certificate& certificate) {
+  // A cliff changes differences across it, hardly the gradient at one point.
+  return certificate.gradient_step_halving_change > 0.5
+             ? "the step is too long for the contact, which amplifies every change; use a smaller "
+               "solver.step_s, a larger contact.v_max_m_per_s or a smaller "
+               "contact.stiffness_n_per_m"
+             : "the cost has a cliff near this motion, such as a contact that is made or missed by "
+               "a "
+               "hair, so that a small disturbance may end elsewhere; use another --seed or a "
+               "larger "
+               "contact.d_on_m";
+}
+
 int Optimize(const Arguments& arguments) {
   const auto wall_start = std::chrono::steady_clock::now();
-  Task task = LoadTask(arguments.task);
+  std::vector<std::string> inputs = {arguments.task};
+  Task task;
+  if (arguments.start_from.empty()) {
+    task = LoadTask(arguments.task);
+  } else {
+    task = LoadTask(arguments.task, LoadPrimitive(arguments.start_from), arguments.start_from);
+    inputs.push_back(arguments.start_from);
+  }
+  inputs.push_back(task.robot_file);
   Problem& problem = task.problem;
   if (arguments.seed) problem.search.seed = static_cast<std::uint64_t>(*arguments.seed);
   std::vector<std::string> files;
@@ -293,7 +316,7 @@ int Optimize(const Arguments& arguments) {
     CheckFolderWritable(arguments.report);
     files.push_back((std::filesystem::path(arguments.report) / "index.html").string());
   }
-  CheckDistinct({arguments.task, task.robot_file}, files);
+  CheckDistinct(inputs, files);
   for (const IgnoredShape& shape : problem.robot.ignored_shapes) {
     fmt::print(stderr, "{}:{}: link '{}': note: {}: contact ignores it\n", task.robot_file,
                shape.line, shape.link, shape.reason);
@@ -340,27 +363,31 @@ int Optimize(const Arguments& arguments) {
 
   const double wall_s =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - wall_start).count();
-  const nlohmann::ordered_json json = {{"name", problem.name},
-                                       {"seed", problem.search.seed},
-                                       {"objective", best.rollout.cost},
-                                       {"evaluations", outcome.evaluations},
-                                       {"wall_s", wall_s},
-                                       {"cpu_s", CpuSeconds()},
-                                       {"end", ToString(best.end)},
-                                       {"final_pitch_rad", summary.final_pitch_rad},
-                                       {"settled_pitch_rad", summary.settled_pitch_rad},
-                                       {"settled_speed", summary.settled_speed},
-                                       {"gradient_error", c.gradient_error},
-                                       {"projected_gradient", c.projected_gradient},
-                                       {"constraint_violation", c.constraint_violation},
-                                       {"step_halving_error_rad", c.step_halving_error_rad},
-                                       {"peak_torque_nm", c.peak_torque_nm},
-                                       {"peak_penetration_m", c.peak_penetration_m},
-                                       {"position_margin_rad", c.position_margin_rad},
-                                       {"velocity_margin_rad_s", c.velocity_margin_rad_s},
-                                       {"acceleration_margin_rad_s2", c.acceleration_margin_rad_s2},
-                                       {"torque_margin_nm", c.torque_margin_nm},
-                                       {"coefficients_hash", c.coefficients_hash}};
+  const nlohmann::ordered_json json = {
+      {"name", problem.name},
+      {"seed", problem.search.seed},
+      {"objective", best.rollout.cost},
+      {"evaluations", outcome.evaluations},
+      {"wall_s", wall_s},
+      {"cpu_s", CpuSeconds()},
+      {"end", ToString(best.end)},
+      {"final_pitch_rad", summary.final_pitch_rad},
+      {"settled_pitch_rad", summary.settled_pitch_rad},
+      {"settled_speed", summary.settled_speed},
+      {"gradient_error", c.gradient_error},
+      {"gradient_difference_steps_rad", c.gradient_difference_steps_rad},
+      {"gradient_errors", c.gradient_errors},
+      {"gradient_step_halving_change", c.gradient_step_halving_change},
+      {"projected_gradient", c.projected_gradient},
+      {"constraint_violation", c.constraint_violation},
+      {"step_halving_error_rad", c.step_halving_error_rad},
+      {"peak_torque_nm", c.peak_torque_nm},
+      {"peak_penetration_m", c.peak_penetration_m},
+      {"position_margin_rad", c.position_margin_rad},
+      {"velocity_margin_rad_s", c.velocity_margin_rad_s},
+      {"acceleration_margin_rad_s2", c.acceleration_margin_rad_s2},
+      {"torque_margin_nm", c.torque_margin_nm},
+      {"coefficients_hash", c.coefficients_hash}};
   std::optional<PendingFile> primitive_file, json_file;
   if (!arguments.out.empty()) primitive_file.emplace(arguments.out, text);
   if (!arguments.json.empty() && arguments.json != "-")
@@ -381,14 +408,22 @@ int Optimize(const Arguments& arguments) {
       people,
       "{}: objective {:.6g} after {} evaluations, {:.2f} s ({:.2f} s of CPU); {}\n"
       "  pitch at the end {:.4f} rad, 2 s later {:.4f} rad\n"
-      "  gradient error {:.1e}, projected gradient {:.1e}, step-halving error {:.1e} rad\n"
+      "  gradient error {:.1e}, projected gradient {:.1e}; with half the step the gradient changes "
+      "by "
+      "{:.1e}, the final pitch by {:.1e} rad\n"
       "  peak torque {:.2f} N m, margins: {:.2f} N m, {:.2f} rad, {:.2f} rad/s, {:.0f} rad/s^2; "
       "peak penetration {:.2f} mm\n",
       problem.name, best.rollout.cost, outcome.evaluations, wall_s, CpuSeconds(),
       ToString(best.end), summary.final_pitch_rad, summary.settled_pitch_rad, c.gradient_error,
-      c.projected_gradient, c.step_halving_error_rad, c.peak_torque_nm, c.torque_margin_nm,
-      c.position_margin_rad, c.velocity_margin_rad_s, c.acceleration_margin_rad_s2,
-      1e3 * c.peak_penetration_m);
+      c.projected_gradient, c.gradient_step_halving_change, c.step_halving_error_rad,
+      c.peak_torque_nm, c.torque_margin_nm, c.position_margin_rad, c.velocity_margin_rad_s,
+      c.acceleration_margin_rad_s2, 1e3 * c.peak_penetration_m);
+  if (c.gradient_error > kDoubtfulGradient) {
+    fmt::print(
+        stderr,
+        "warning: gradient and differences of the cost disagree by {:.1e} (above {:.0e}): {}\n",
+        c.gradient_error, kDoubtfulGradient, GradientCause(c));
+  }
   if (!arguments.out.empty()) fmt::print(people, "  primitive {}\n", arguments.out);
   if (!page.empty()) fmt::print(people, "  report {}\n", page);
   flush(people);
@@ -405,6 +440,9 @@ int main(int argc, char** argv) {
       "Exit status: 0 found; 1 bad input; 2 no motion within the limits was found; 130 "
       "interrupted."};
   app.add_option("TASK", arguments.task, "Task file (TOML)")->required();
+  app.add_option("--start-from", arguments.start_from,
+                 "Start where this primitive leaves the robot (its simulated exit), not in the "
+                 "task's own start pose");
   app.add_option("--out", arguments.out, "Write the primitive here");
   // Read by hand: CLI11 takes a number that is too large for the largest that fits.
   app.add_option_function<std::string>(

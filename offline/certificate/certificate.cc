@@ -100,14 +100,30 @@ double FinalPitch(const Problem& problem, const std::vector<double>& x, double s
   return pitch;
 }
 
+/// At the optimum itself the gradient is zero, and a relative error says nothing.
+std::vector<double> BesideTheOptimum(std::vector<double> x) {
+  for (std::size_t i = 0; i < x.size(); ++i) x[i] += i % 2 == 0 ? 1e-3 : -1e-3;
+  return x;
+}
+
+std::vector<double> CostGradient(Rollout& rollout, const std::vector<double>& x) {
+  Matrix gradient(rollout.output_count(), rollout.parameter_count());
+  rollout.Run(x, gradient);
+  return {gradient.row(0).begin(), gradient.row(0).end()};
+}
+
+/// What a file can hold of a relative error.
+double Finite(double error) { return std::min(error, 1e9); }
+
 }  // namespace
 
 GradientCheck CompareGradient(const std::function<double(const std::vector<double>&)>& cost,
                               std::vector<double> at, const std::vector<double>& gradient) {
   double largest = 0;
   for (const double component : gradient) largest = std::max(largest, std::abs(component));
-  GradientCheck check{std::numeric_limits<double>::infinity(), 0};
-  for (const double step : {1e-5, 1e-6, 1e-7, 1e-8}) {
+  GradientCheck check;
+  for (std::size_t s = 0; s < check.errors.size(); ++s) {
+    const double step = GradientCheck::kSteps[s];
     double worst = 0, scale = largest;
     for (std::size_t i = 0; i < at.size(); ++i) {
       const double middle = at[i];
@@ -124,20 +140,30 @@ GradientCheck CompareGradient(const std::function<double(const std::vector<doubl
           std::isfinite(wrong) ? std::max(worst, wrong) : std::numeric_limits<double>::infinity();
     }
     // A cost that does not depend on the motion has no gradient to be wrong.
-    const double error = scale > 0 ? worst / scale : worst;
-    if (error < check.relative_error) check = {error, step};
+    check.errors[s] = scale > 0 ? worst / scale : worst;
   }
   return check;
 }
 
 GradientCheck CheckGradient(const Problem& problem, const std::vector<double>& x) {
-  std::vector<double> at = x;
-  for (std::size_t i = 0; i < at.size(); ++i) at[i] += i % 2 == 0 ? 1e-3 : -1e-3;
+  const std::vector<double> at = BesideTheOptimum(x);
   Rollout rollout(problem, problem.solver.step_s);
-  Matrix gradient(rollout.output_count(), rollout.parameter_count());
-  rollout.Run(at, gradient);
   return CompareGradient([&rollout](const std::vector<double>& y) { return rollout.Run(y).cost; },
-                         at, {gradient.row(0).begin(), gradient.row(0).end()});
+                         at, CostGradient(rollout, at));
+}
+
+double GradientStepHalvingChange(const Problem& problem, const std::vector<double>& x) {
+  const std::vector<double> at = BesideTheOptimum(x);
+  Rollout rollout(problem, problem.solver.step_s);
+  Rollout finer(problem, problem.solver.step_s / 2);
+  const std::vector<double> gradient = CostGradient(rollout, at);
+  const std::vector<double> reference = CostGradient(finer, at);
+  double change = 0, scale = 0;
+  for (std::size_t i = 0; i < at.size(); ++i) {
+    change = std::max(change, std::abs(gradient[i] - reference[i]));
+    scale = std::max(scale, std::abs(reference[i]));
+  }
+  return scale > 0 ? change / scale : change;
 }
 
 MotionSummary Summarize(const Problem& problem, const std::vector<double>& x) {
@@ -182,6 +208,11 @@ MotionSummary Summarize(const Problem& problem, const std::vector<double>& x) {
           std::max(list.back().peak_normal_force_n, contact.normal_force_n);
     }
   });
+  // The splines start and end exactly where the task says; a sum over basis functions rounds.
+  for (std::size_t j = 0; j < problem.joints.size(); ++j) {
+    summary.entry.joint_positions_rad[j] = problem.joints[j].start_rad;
+    summary.exit.joint_positions_rad[j] = problem.joints[j].end_rad;
+  }
   summary.core_reached = summary.peak_penetration_m >= problem.contact.layer_m;
   for (auto& entry : intervals) {
     summary.contacts.insert(summary.contacts.end(), entry.second.begin(), entry.second.end());
@@ -219,7 +250,12 @@ PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
 
   Certificate& certificate = file.certificate;
   certificate.coefficients_hash = HashOfCoefficients(primitive);
-  certificate.gradient_error = CheckGradient(problem, solution.x).relative_error;
+  const GradientCheck check = CheckGradient(problem, solution.x);
+  certificate.gradient_error = Finite(check.relative_error());
+  certificate.gradient_difference_steps_rad = GradientCheck::kSteps;
+  std::transform(check.errors.begin(), check.errors.end(), certificate.gradient_errors.begin(),
+                 Finite);
+  certificate.gradient_step_halving_change = Finite(GradientStepHalvingChange(problem, solution.x));
   certificate.projected_gradient = solution.projected_gradient;
   certificate.constraint_violation = solution.violation;
   certificate.step_halving_error_rad =
@@ -245,31 +281,42 @@ PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
   provenance.task_toml = task.task_text;
   provenance.robot_hash = HashOfText(task.robot_text);
   provenance.task_hash = HashOfText(task.task_text);
+  provenance.start_file = task.start_file;
+  provenance.start_hash = task.start_hash;
   return file;
 }
 
-ReportData MakeReportData(const Task& task, const SolveOutcome& outcome, const Solution& solution,
-                          const PrimitiveFile& file) {
-  const Problem& problem = task.problem;
-  ReportData data;
-  data.title = problem.name;
-  data.subtitle =
-      fmt::format("{}, seed {}, {} evaluations, objective {:.4g}", file.provenance.tool,
-                  file.provenance.seed, file.provenance.evaluations, file.provenance.objective);
-  data.duration_s = problem.duration_s;
-  // One drawn link for every body with something to show.
-  std::vector<int> link_of_body(problem.robot.tree.dofs.size(), -1);
+namespace {
+
+/// The bodies with something to show; each is a drawn link.
+std::vector<int> DrawnBodies(const Problem& problem) {
+  const PlanarRobot& robot = problem.robot;
   std::vector<int> bodies;
-  for (std::size_t j = 0; j < link_of_body.size(); ++j) {
+  for (int j = 0; j < static_cast<int>(robot.tree.dofs.size()); ++j) {
+    const auto of_body = [j](const auto& shape) { return shape.body == j; };
+    if (std::any_of(robot.drawing.begin(), robot.drawing.end(), of_body) ||
+        std::any_of(robot.shapes.begin(), robot.shapes.end(), of_body)) {
+      bodies.push_back(j);
+    }
+  }
+  return bodies;
+}
+
+}  // namespace
+
+ReportData ReportScene(const Problem& problem) {
+  ReportData data;
+  std::vector<int> link_of_body(problem.robot.tree.dofs.size(), -1);
+  for (const int body : DrawnBodies(problem)) {
     ReportLink link;
-    link.name = problem.robot.body_names[j];
+    link.name = problem.robot.body_names[static_cast<std::size_t>(body)];
     for (const DrawnSegment& segment : problem.robot.drawing) {
-      if (segment.body != static_cast<int>(j)) continue;
+      if (segment.body != body) continue;
       link.shapes.push_back({segment.from.x(), segment.from.y(), segment.to.x(), segment.to.y(),
                              segment.radius_m, false});
     }
     for (const ContactShape<Plane>& own : problem.robot.shapes) {
-      if (own.body != static_cast<int>(j)) continue;
+      if (own.body != body) continue;
       // A bar along the core's longer side, as wide as the other.
       const Shape<Plane>& shape = own.shape;
       const int longer = shape.half_extents.x() >= shape.half_extents.y() ? 0 : 1;
@@ -280,9 +327,7 @@ ReportData MakeReportData(const Task& task, const SolveOutcome& outcome, const S
       const Plane::Vector from = shape.centre - side, to = shape.centre + side;
       link.shapes.push_back({from.x(), from.y(), to.x(), to.y(), shape.radius_m + width, true});
     }
-    if (link.shapes.empty()) continue;
-    link_of_body[j] = static_cast<int>(bodies.size());
-    bodies.push_back(static_cast<int>(j));
+    link_of_body[static_cast<std::size_t>(body)] = static_cast<int>(data.links.size());
     data.links.push_back(std::move(link));
   }
   for (const ActuatedJoint& joint : problem.joints) {
@@ -313,38 +358,54 @@ ReportData MakeReportData(const Task& task, const SolveOutcome& outcome, const S
     }
     data.obstacles.push_back(shown);
   }
+  return data;
+}
+
+ReportSample ShownSample(const Problem& problem, const MotionSample& sample) {
+  ReportSample shown;
+  shown.time_s = sample.time_s;
+  shown.root_pitch_rad = PitchOf(problem, sample.q);
+  const Plane::Vector origin = sample.dynamics->origin();
+  for (const int body : DrawnBodies(problem)) {
+    // Pitch unwrapped: the sum of the angles down the tree.
+    double pitch = 0;
+    for (int b = body; b >= 0; b = sample.dynamics->parent(b)) {
+      const Dof<Plane>& dof = problem.robot.tree.dofs[static_cast<std::size_t>(b)];
+      if (dof.kind == JointKind::kRevolute)
+        pitch += dof.axis * sample.q[static_cast<std::size_t>(b)];
+    }
+    const Plane::Vector p = origin + sample.dynamics->position(body);
+    shown.link_poses.push_back({p.x(), p.y(), pitch});
+  }
+  for (std::size_t j = 0; j < problem.joints.size(); ++j) {
+    const auto dof = static_cast<std::size_t>(problem.joints[j].dof);
+    shown.joint_positions_rad.push_back(sample.q[dof]);
+    shown.joint_velocities_rad_s.push_back(sample.qd[dof]);
+    shown.joint_torques_nm.push_back(sample.torque[j]);
+  }
+  for (const ActiveContact<Plane>& contact : sample.contacts) {
+    const Plane::Vector p = origin + contact.point;
+    shown.forces.push_back({p.x(), p.y(), contact.force.x(), contact.force.y(), contact.normal.x(),
+                            contact.normal.y()});
+  }
+  return shown;
+}
+
+ReportData MakeReportData(const Task& task, const SolveOutcome& outcome, const Solution& solution,
+                          const PrimitiveFile& file) {
+  const Problem& problem = task.problem;
+  ReportData data = ReportScene(problem);
+  data.title = problem.name;
+  data.subtitle =
+      fmt::format("{}, seed {}, {} evaluations, objective {:.4g}", file.provenance.tool,
+                  file.provenance.seed, file.provenance.evaluations, file.provenance.objective);
+  data.duration_s = problem.duration_s;
   double next = 0;
   Rollout rollout(problem, problem.solver.step_s);
   rollout.Visit(solution.x, Extra(problem), [&](const MotionSample& sample) {
     if (sample.time_s < next - 1e-9) return;
     next += 1 / kSamplesPerSecond;
-    ReportSample shown;
-    shown.time_s = sample.time_s;
-    shown.root_pitch_rad = PitchOf(problem, sample.q);
-    const Plane::Vector origin = sample.dynamics->origin();
-    for (const int body : bodies) {
-      // Pitch unwrapped: the sum of the angles down the tree.
-      double pitch = 0;
-      for (int b = body; b >= 0; b = sample.dynamics->parent(b)) {
-        const Dof<Plane>& dof = problem.robot.tree.dofs[static_cast<std::size_t>(b)];
-        if (dof.kind == JointKind::kRevolute)
-          pitch += dof.axis * sample.q[static_cast<std::size_t>(b)];
-      }
-      const Plane::Vector p = origin + sample.dynamics->position(body);
-      shown.link_poses.push_back({p.x(), p.y(), pitch});
-    }
-    for (std::size_t j = 0; j < problem.joints.size(); ++j) {
-      const auto dof = static_cast<std::size_t>(problem.joints[j].dof);
-      shown.joint_positions_rad.push_back(sample.q[dof]);
-      shown.joint_velocities_rad_s.push_back(sample.qd[dof]);
-      shown.joint_torques_nm.push_back(sample.torque[j]);
-    }
-    for (const ActiveContact<Plane>& contact : sample.contacts) {
-      const Plane::Vector p = origin + contact.point;
-      shown.forces.push_back({p.x(), p.y(), contact.force.x(), contact.force.y(),
-                              contact.normal.x(), contact.normal.y()});
-    }
-    data.samples.push_back(std::move(shown));
+    data.samples.push_back(ShownSample(problem, sample));
   });
   const auto searched =
       static_cast<int>(std::count_if(outcome.history.begin(), outcome.history.end(),
@@ -360,7 +421,13 @@ ReportData MakeReportData(const Task& task, const SolveOutcome& outcome, const S
   data.certificate = {
       {"solver", ToString(solution.end)},
       {"gradient error against central differences",
-       fmt::format("{:.2e} (relative)", c.gradient_error)},
+       fmt::format(
+           "{:.2e} (relative); {:.2e}, {:.2e}, {:.2e} with steps of {:.0e}, {:.0e}, {:.0e} rad",
+           c.gradient_error, c.gradient_errors[0], c.gradient_errors[1], c.gradient_errors[2],
+           c.gradient_difference_steps_rad[0], c.gradient_difference_steps_rad[1],
+           c.gradient_difference_steps_rad[2])},
+      {"gradient when the step is halved",
+       fmt::format("changes by {:.2e} (relative)", c.gradient_step_halving_change)},
       {"projected gradient", fmt::format("{:.2e} (cost per rad)", c.projected_gradient)},
       {"constraint violation", fmt::format("{:.2e} (scaled)", c.constraint_violation)},
       {"final pitch when the step is halved",

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <algorithm>
+#include <array>
 #include <functional>
 #include <vector>
 
@@ -12,14 +14,25 @@ namespace tumbler {
 
 /// How far an analytic gradient is from differences of the same computation.
 struct GradientCheck {
-  double relative_error =
-      0;  ///< Largest component of the difference over the largest component of either gradient.
-  double step_rad = 0;  ///< The step of the central differences that agreed best.
+  /// Steps of the central differences [rad]: curvature spoils large ones, rounding small ones.
+  static constexpr std::array<double, 3> kSteps = {1e-5, 1e-6, 1e-7};
+  /// Of each step: largest component of the difference over the largest component of either
+  /// gradient. Infinite where a difference is not finite.
+  std::array<double, 3> errors{};
+
+  /// The best agreement.
+  [[nodiscard]] double relative_error() const {
+    return *std::min_element(errors.begin(), errors.end());
+  }
 };
 
-/// Compares a gradient with central differences of four steps (1e-5, 1e-6, 1e-7 and 1e-8), and
-/// keeps the best agreement: roughness of the cost through contact spoils large steps, rounding
-/// small ones. Infinite when the differences are finite at no step.
+/// A larger gradient error than this is worth a warning. Where the cost is smooth the differences
+/// agree to 1e-6 and better, and SLSQP's line search takes its slope from the gradient: a
+/// thousandth says that the cost does not follow its own slope over 1e-5 rad, because a cliff is
+/// near, such as a contact that is made or missed by a hair.
+inline constexpr double kDoubtfulGradient = 1e-3;
+
+/// Compares a gradient with central differences of three steps.
 GradientCheck CompareGradient(const std::function<double(const std::vector<double>&)>& cost,
                               std::vector<double> at, const std::vector<double>& gradient);
 
@@ -27,6 +40,10 @@ GradientCheck CompareGradient(const std::function<double(const std::vector<doubl
 /// parameter, alternating in sign: at the optimum itself the gradient is zero, and a relative error
 /// says nothing.
 GradientCheck CheckGradient(const Problem& problem, const std::vector<double>& x);
+
+/// Relative change of the cost's gradient at the same point when the integration step is halved:
+/// what the step leaves out, as GradientCheck is what the differentiation leaves out.
+double GradientStepHalvingChange(const Problem& problem, const std::vector<double>& x);
 
 /// What a motion is found to do when it is played on past its end.
 struct MotionSummary {
@@ -47,6 +64,12 @@ MotionSummary Summarize(const Problem& problem, const std::vector<double>& x);
 /// entry, exit, contact timeline, certificate, provenance.
 PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
                                 const Solution& solution);
+
+/// What a report page shows of a robot and what it touches: links, joints and obstacles, no motion.
+ReportData ReportScene(const Problem& problem);
+
+/// One instant of a motion, for the page of that scene.
+ReportSample ShownSample(const Problem& problem, const MotionSample& sample);
 
 /// What the report page shows of a solution.
 ReportData MakeReportData(const Task& task, const SolveOutcome& outcome, const Solution& solution,

@@ -31,6 +31,8 @@ struct ContactLaw {
   double slip_speed_m_per_s = 0.05;  ///< v_max > 0: creep below it stands for sticking.
   ContactSmoothing smoothing = ContactSmoothing::kCubic;
   ContactDamping damping = ContactDamping::kNoPull;
+
+  bool operator==(const ContactLaw&) const = default;
 };
 
 /// The normal force N [N] at distance d and its derivatives; v is the normal velocity, positive

@@ -28,6 +28,8 @@ template <class Space>
 struct Obstacle {
   std::string name;
   Shape<Space> shape;  ///< In the world. In the plane a sphere is a cylinder along y.
+
+  bool operator==(const Obstacle&) const = default;
 };
 
 /// Two shapes of the robot, on different bodies, that can touch each other.

@@ -25,6 +25,8 @@ struct Shape {
   bool half_space = false;
   Vector normal = Vector::Zero();  ///< Unit, out of a half-space; nothing else has one.
 
+  bool operator==(const Shape&) const = default;
+
   [[nodiscard]] ShapeKind kind() const {
     if (half_space) return ShapeKind::kHalfSpace;
     const auto sides = (half_extents.array() > 0).count();

@@ -79,6 +79,13 @@ class HybridDynamics {
     bodies_[Index(j)].external = bodies_[Index(j)].external + wrench;
   }
 
+  /// Adds J^T w, the joint forces that do the work of the wrench about `origin()` on body j. Also
+  /// the derivative, by all positions, of what grows at the rate of that work.
+  void AddJointForces(int j, const Wrench& wrench, std::span<double> forces) const {
+    for (int i = j; i >= 0; i = joints_[Index(i)].parent)
+      forces[Index(i)] += Space::Dot(bodies_[Index(i)].S, wrench);
+  }
+
   /// Solves for what is not given: reads qdd where prescribed and tau where free, writes the
   /// others.
   void Solve(std::span<double> qdd, std::span<double> tau);

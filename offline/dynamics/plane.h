@@ -42,6 +42,7 @@ struct Plane {
       return {c * r.x() + s * r.y(), c * r.y() - s * r.x()};
     }
     [[nodiscard]] double angle() const { return std::atan2(s, c); }
+    bool operator==(const Rotation&) const = default;
   };
   /// Axis of a revolute joint: +1 about -y, -1 about +y.
   using Axis = double;

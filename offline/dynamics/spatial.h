@@ -32,6 +32,7 @@ struct Spatial {
     [[nodiscard]] Vector operator*(const Vector& r) const { return m * r; }
     [[nodiscard]] Rotation operator*(const Rotation& b) const { return {m * b.m}; }
     [[nodiscard]] Vector Inverse(const Vector& r) const { return m.transpose() * r; }
+    bool operator==(const Rotation&) const = default;
   };
   /// Axis of a revolute joint: a unit vector.
   using Axis = Vector;

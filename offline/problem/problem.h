@@ -25,39 +25,56 @@ struct TerminalTerm {
   int power = 2;  ///< 2, or 1 for a linear term such as those of [AB04, Eq. 34].
 };
 
-/// Limits and end conditions of one actuated joint.
+/// Limits, end conditions and size of the path of one actuated joint.
 struct ActuatedJoint {
   int dof = 0;
   JointLimits<double> limits;
   double start_rad = 0;
   double end_rad = 0;
+  int control_points = 12;  ///< At least 6: the first and last three are fixed by the ends.
+
+  [[nodiscard]] int free_points() const { return control_points - 6; }
 };
 
 /// How global search is done: random splines, ranked by cost alone.
 struct SearchSettings {
   std::uint64_t seed = 1;
   int batch = 150;         ///< Random starts at a time, until ...
-  int promising = 5;       ///< ... so many stand out from the rest (rank below half the median) ...
+  int promising = 3;       ///< ... so many stand out from the rest (rank below half the median) ...
   int max_samples = 3000;  ///< ... or so many have been tried.
-  int refine = 6;          ///< How many of the best go to the local solver.
+  int refine = 4;          ///< How many of the best go to the local solver. When none of them leads
+                           ///< anywhere, as many again stand out and are refined, and so on.
   int modes =
       3;  ///< Half-sine modes of a random departure from the straight line from start to end.
   double spread_rad = 3.2;    ///< Largest amplitude of the first mode; mode m has it divided by m.
   double torque_penalty = 1;  ///< Weight of (|tau| / limit - 1)^2 in the ranking.
   double core_penalty =
       0.1;  ///< Weight of penetration beyond the compliant layer, in layers, in the ranking.
-  double step_s = 2e-3;  ///< Integration step: ranking needs less accuracy than solving.
+  double step_s = 2e-3;  ///< Of the semi-implicit Euler method: ranking needs little accuracy.
 };
 
 /// How the local solver (SLSQP) is run.
 struct SolverSettings {
+  /// How gradients are computed; to rounding both give the same.
+  enum class Gradient {
+    kAdjoint,  ///< Backwards through the steps: the price hardly depends on the number of
+               ///< parameters.
+    kForward,  ///< The paper's gradient equations, integrated with the states [AB04, section V].
+  };
+  Gradient gradient = Gradient::kAdjoint;
   double step_s = 1e-3;              ///< Integration step of cost and gradient.
+  double screen_step_s = 2e-3;       ///< The same for screening, which comes first.
   int screen_evaluations = 24;       ///< Of cost and gradient, for each start of the search.
-  int finalists = 2;                 ///< How many of those go on ...
+  int finalists = 1;                 ///< How many of those go on ...
   int max_evaluations = 90;          ///< ... to this many evaluations in all.
   double relative_tolerance = 1e-7;  ///< Of the cost.
-  double torque_sharpness =
-      60;  ///< Of the smooth maximum (Kreisselmeier-Steinhauser) that stands for the torque limit.
+  /// Of the torque limit, kept free for what happens between samples: a tenth of a step of 1 ms
+  /// finds up to 0.8 % of the limit more through a hard landing.
+  double torque_margin = 0.02;
+  double core_margin = 0.1;  ///< Part of the compliant layer that a motion leaves unused, so that a
+                             ///< slightly different start does not reach the core.
+  double sharpness = 60;  ///< Of the smooth maxima (Kreisselmeier-Steinhauser) that stand for the
+                          ///< limits of torque and penetration.
 };
 
 /// An optimal control problem of [AB04, Eqs. 1-6] in numbers.
@@ -74,7 +91,6 @@ struct Problem {
   double duration_s = 1;
   double settle_s = 0;
   int degree = 5;
-  int control_points = 12;  ///< Per joint; the first and last three are fixed by the ends.
   std::vector<TerminalTerm> terminal;
   double effort_weight = 0;     ///< Of the integral of |tau|^2 over motion and settle phase.
   double target_pitch_rad = 0;  ///< What the settled pitch is compared with.
@@ -86,10 +102,25 @@ struct Problem {
   SearchSettings search;
   SolverSettings solver;
 
-  [[nodiscard]] int free_points_per_joint() const { return control_points - 6; }
-  [[nodiscard]] int parameter_count() const {
-    return free_points_per_joint() * static_cast<int>(joints.size());
+  /// Parameters are the free control points of the first joint, then those of the second, ...
+  [[nodiscard]] int parameter_count() const { return first_parameter(joints.size()); }
+  /// Index of the first parameter of a joint.
+  [[nodiscard]] int first_parameter(std::size_t joint) const {
+    int first = 0;
+    for (std::size_t j = 0; j < joint; ++j) first += joints[j].free_points();
+    return first;
+  }
+  /// The joint whose path a parameter belongs to.
+  [[nodiscard]] std::size_t joint_of_parameter(int parameter) const {
+    std::size_t joint = 0;
+    while (parameter >= first_parameter(joint + 1)) ++joint;
+    return joint;
   }
 };
+
+/// Whether two problems put the robot on the same ground: contact law and obstacles.
+inline bool SameGround(const Problem& a, const Problem& b) {
+  return a.contact == b.contact && a.obstacles == b.obstacles;
+}
 
 }  // namespace tumbler

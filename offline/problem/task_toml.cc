@@ -7,7 +7,9 @@
 #include <cmath>
 #include <filesystem>
 #include <limits>
+#include <optional>
 #include <stdexcept>
+#include <utility>
 
 #include "common/toml_reader.h"
 #include "offline/contact/contact_intent.h"
@@ -18,9 +20,18 @@ namespace {
 constexpr int kTaskVersion = 1;
 constexpr double kPi = 3.141592653589793;
 
+/// A start pose from elsewhere than the task.
+struct StartPose {
+  const PrimitivePose* pose;
+  const Primitive<double>* primitive;  // whose joints the pose is of
+  std::string from;                    // for messages
+  bool own = false;                    // the entry of a primitive made from this very task
+};
+
 class TaskReader {
  public:
-  TaskReader(TomlTable root, PlanarRobot robot) : root_(std::move(root)) {
+  TaskReader(TomlTable root, PlanarRobot robot, std::optional<StartPose> given)
+      : root_(std::move(root)), given_(std::move(given)) {
     problem_.robot = std::move(robot);
   }
 
@@ -58,12 +69,7 @@ class TaskReader {
     TomlTable start = root_.Table("start").Table("joints_rad");
     TomlTable end = root_.Table("end").Table("joints_rad");
     for (const TomlTable* table : {&start, &end}) {
-      for (const std::string& name : table->Keys()) {
-        if (problem_.robot.FindDof(name) < 0) {
-          table->Fail(name,
-                      fmt::format("is not a joint of the robot; its joints: {}", JointNames()));
-        }
-      }
+      for (const std::string& name : table->Keys()) RequireJoint(*table, name);
     }
     for (std::size_t j = static_cast<std::size_t>(problem_.robot.root_dofs);
          j < problem_.robot.tree.dofs.size(); ++j) {
@@ -124,6 +130,11 @@ class TaskReader {
         table.Number("position_max_rad", {allowed.position_min_rad, high}, high);
   }
 
+  void RequireJoint(const TomlTable& table, const std::string& name) const {
+    if (problem_.robot.FindDof(name) >= problem_.robot.root_dofs) return;
+    table.Fail(name, fmt::format("is not a joint of the robot; its joints: {}", JointNames()));
+  }
+
   [[nodiscard]] std::string JointNames() const {
     std::string names;
     const auto& dofs = problem_.robot.tree.dofs;
@@ -136,12 +147,23 @@ class TaskReader {
   void ReadSpline() {
     std::optional<TomlTable> spline = root_.OptionalTable("spline");
     if (!spline) return;
+    constexpr std::string_view kPoints = "control_points";
     problem_.degree = static_cast<int>(spline->Integer("degree", 3, 7, problem_.degree));
     // Three fixed points at each end and one free one between them; and enough points for the
     // degree.
     const int least = std::max(7, problem_.degree + 1);
-    problem_.control_points = static_cast<int>(
-        spline->Integer("control_points", least, kMaxControlPoints, problem_.control_points));
+    if (!spline->Has(kPoints)) return;
+    if (!spline->IsTable(kPoints)) {
+      const std::int64_t points = spline->Integer(kPoints, least, kMaxControlPoints);
+      for (ActuatedJoint& joint : problem_.joints) joint.control_points = static_cast<int>(points);
+      return;
+    }
+    TomlTable by_joint = spline->Table(kPoints);
+    for (const std::string& name : by_joint.Keys()) RequireJoint(by_joint, name);
+    for (ActuatedJoint& joint : problem_.joints) {
+      const std::string& name = problem_.robot.tree.dofs[static_cast<std::size_t>(joint.dof)].name;
+      joint.control_points = static_cast<int>(by_joint.Integer(name, least, kMaxControlPoints));
+    }
   }
 
   /// The law from what it is to do, where the task says that; else false.
@@ -188,13 +210,18 @@ class TaskReader {
     if (problem_.obstacles.empty() || !std::isfinite(effective)) return;
     problem_.advisable_step_s =
         AdvisableStep(problem_.contact, effective, mass * problem_.robot.tree.gravity.norm());
-    const auto given = [this](const char* table) {
+    const auto given = [this](const char* table, const char* key) {
       std::optional<TomlTable> found = root_.OptionalTable(table);
-      return found && found->Has("step_s");
+      return found && found->Has(key);
     };
     const double step = std::max(problem_.advisable_step_s, 1e-5);
-    if (!given("solver")) problem_.solver.step_s = std::min(problem_.solver.step_s, step);
-    if (!given("search")) problem_.search.step_s = std::min(problem_.search.step_s, 2 * step);
+    SolverSettings& solver = problem_.solver;
+    if (!given("solver", "step_s")) solver.step_s = std::min(solver.step_s, step);
+    // Rough, but not past where the methods of screening and search are stable.
+    if (!given("solver", "screen_step_s"))
+      solver.screen_step_s = std::max(solver.step_s, std::min(solver.screen_step_s, 2 * step));
+    if (!given("search", "step_s"))
+      problem_.search.step_s = std::min(problem_.search.step_s, 1.5 * step);
   }
 
   void ReadContact() {
@@ -351,14 +378,22 @@ class TaskReader {
     std::optional<TomlTable> table = root_.OptionalTable("solver");
     if (!table) return;
     SolverSettings& s = problem_.solver;
+    constexpr std::array<std::string_view, 2> kGradients = {"adjoint", "forward"};
+    s.gradient = table->Choice("gradient", kGradients, "adjoint") == "adjoint"
+                     ? SolverSettings::Gradient::kAdjoint
+                     : SolverSettings::Gradient::kForward;
     s.step_s = table->Number("step_s", {1e-5, 1e-2}, s.step_s);
+    s.screen_step_s =
+        table->Number("screen_step_s", {1e-5, 1e-2}, std::max(s.step_s, s.screen_step_s));
     s.screen_evaluations =
         static_cast<int>(table->Integer("screen_evaluations", 1, 100'000, s.screen_evaluations));
     s.finalists = static_cast<int>(table->Integer("finalists", 1, 1000, s.finalists));
     s.max_evaluations =
         static_cast<int>(table->Integer("max_evaluations", 1, 100'000, s.max_evaluations));
     s.relative_tolerance = table->Number("relative_tolerance", {0, 1, true}, s.relative_tolerance);
-    s.torque_sharpness = table->Number("torque_sharpness", {1, 1e4}, s.torque_sharpness);
+    s.torque_margin = table->Number("torque_margin", {0, 0.5}, s.torque_margin);
+    s.core_margin = table->Number("core_margin", {0, 0.9}, s.core_margin);
+    s.sharpness = table->Number("sharpness", {1, 1e4}, s.sharpness);
   }
 
   void ReadStart(TomlTable& start) {
@@ -367,12 +402,30 @@ class TaskReader {
     for (const ActuatedJoint& joint : problem_.joints) {
       problem_.start_q[static_cast<std::size_t>(joint.dof)] = joint.start_rad;
     }
+    if (given_) CheckGivenJoints(start);
     if (problem_.robot.root_dofs == 0) return;
     const double x = start.Number("x_m", {-1e3, 1e3}, 0.0);
     const double pitch = start.Number("pitch_rad", {-1e3, 1e3}, 0.0);
-    if (start.Has("z_m")) {
+    const bool placed = start.Has("z_m");
+    const double z = start.Number("z_m", {-1e3, 1e3}, 0.0);
+    if (given_) {
+      const PrimitivePose& pose = *given_->pose;
+      if (const double apart = std::abs(pose.root_pitch_rad - pitch);
+          !given_->own && !(apart <= kStartPitchTolerance)) {
+        start.Fail("pitch_rad", fmt::format("is {} rad, but {} has the root's pitch at {} rad: {} "
+                                            "rad apart; allowed: <= {} rad",
+                                            MessageNumber(pitch), given_->from,
+                                            MessageNumber(pose.root_pitch_rad),
+                                            MessageNumber(apart), kStartPitchTolerance));
+      }
+      problem_.start_q[0] = pose.root_x_m;
+      problem_.start_q[1] = pose.root_z_m;
+      problem_.start_q[2] = pose.root_pitch_rad;
+      return;
+    }
+    if (placed) {
       problem_.start_q[0] = x;
-      problem_.start_q[1] = start.Number("z_m", {-1e3, 1e3});
+      problem_.start_q[1] = z;
       problem_.start_q[2] = pitch;
       return;
     }
@@ -385,7 +438,32 @@ class TaskReader {
     }
   }
 
+  /// The joints of the given pose are those of the task, where the task starts them.
+  void CheckGivenJoints(TomlTable& start) {
+    TomlTable joints = start.Table("joints_rad");
+    const std::span<const JointMotion<double>> motions = given_->primitive->motions();
+    for (const ActuatedJoint& joint : problem_.joints) {
+      const std::string& name = problem_.robot.tree.dofs[static_cast<std::size_t>(joint.dof)].name;
+      const auto motion = std::find_if(motions.begin(), motions.end(),
+                                       [&](const auto& m) { return m.name.view() == name; });
+      if (motion == motions.end()) {
+        joints.Fail(name,
+                    fmt::format("is a joint of the task, but {} has none of it", given_->from));
+      }
+      const double position =
+          given_->pose->joint_positions_rad[static_cast<std::size_t>(motion - motions.begin())];
+      const double apart = std::abs(position - joint.start_rad);
+      if (apart <= kStartJointTolerance) continue;
+      joints.Fail(name,
+                  fmt::format("is {} rad, but {} has it at {} rad: {} rad apart; allowed: <= "
+                              "{} rad",
+                              MessageNumber(joint.start_rad), given_->from, MessageNumber(position),
+                              MessageNumber(apart), MessageNumber(kStartJointTolerance)));
+    }
+  }
+
   TomlTable root_;
+  std::optional<StartPose> given_;
   Problem problem_;
 };
 
@@ -404,10 +482,24 @@ void CheckHeader(TomlTable& root) {
   }
 }
 
-}  // namespace
+Task Parse(const std::string& task_text, const std::string& task_name,
+           const std::string& robot_text, const std::string& robot_name,
+           std::optional<StartPose> given) {
+  TomlTable root = TomlTable::Parse(task_text, task_name);
+  CheckHeader(root);
+  root.String("robot");
+  PlanarRobot robot = RobotOf(root, robot_text, robot_name);
+  return {TaskReader(std::move(root), std::move(robot), std::move(given)).Read(),
+          task_name,
+          task_text,
+          robot_name,
+          robot_text,
+          "",
+          ""};
+}
 
-Task LoadTask(const std::string& path) {
-  const std::string task_text = ReadTextFile(path);
+/// The URDF that a task names, beside the task.
+std::string RobotPath(const std::string& task_text, const std::string& path) {
   TomlTable root = TomlTable::Parse(task_text, path);
   CheckHeader(root);
   const std::string named = root.String("robot");
@@ -417,17 +509,56 @@ Task LoadTask(const std::string& path) {
     root.Fail("robot",
               fmt::format("'{}' does not exist (looked for {})", named, robot_path.string()));
   }
-  return ParseTask(task_text, path, ReadTextFile(robot_path.string()), robot_path.string());
+  return robot_path.string();
+}
+
+}  // namespace
+
+Task LoadTask(const std::string& path) {
+  const std::string task_text = ReadTextFile(path);
+  const std::string robot_path = RobotPath(task_text, path);
+  return Parse(task_text, path, ReadTextFile(robot_path), robot_path, std::nullopt);
+}
+
+Task LoadTask(const std::string& path, const PrimitiveFile& before,
+              const std::string& before_path) {
+  const std::string task_text = ReadTextFile(path);
+  const std::string robot_path = RobotPath(task_text, path);
+  const std::string robot_text = ReadTextFile(robot_path);
+  if (robot_text != before.provenance.robot_urdf) {
+    throw FileError(before_path, 0, "provenance.robot_urdf",
+                    fmt::format("is not the robot of the task {}, {}: an exit of another robot is "
+                                "no start; make the primitive again with that robot",
+                                path, robot_path));
+  }
+  Task task = Parse(
+      task_text, path, robot_text, robot_path,
+      StartPose{&before.exit, &before.primitive,
+                fmt::format("the exit of '{}' ({})", before.primitive.name.view(), before_path)});
+  if (!SameGround(task.problem, TaskOf(before).problem)) {
+    throw FileError(before_path, 0, "provenance.task_toml",
+                    fmt::format("has other [contact] or [[obstacle]] than the task {}: the robot "
+                                "would not stay where it was left; give both the same",
+                                path));
+  }
+  task.start_file = before_path;
+  task.start_hash = before.certificate.coefficients_hash;
+  return task;
 }
 
 Task ParseTask(const std::string& task_text, const std::string& task_name,
                const std::string& robot_text, const std::string& robot_name) {
-  TomlTable root = TomlTable::Parse(task_text, task_name);
-  CheckHeader(root);
-  root.String("robot");
-  PlanarRobot robot = RobotOf(root, robot_text, robot_name);
-  return {TaskReader(std::move(root), std::move(robot)).Read(), task_name, task_text, robot_name,
-          robot_text};
+  return Parse(task_text, task_name, robot_text, robot_name, std::nullopt);
+}
+
+Task TaskOf(const PrimitiveFile& file) {
+  const Provenance& from = file.provenance;
+  Task task = Parse(from.task_toml, from.task_file, from.robot_urdf, from.robot_file,
+                    StartPose{&file.entry, &file.primitive,
+                              fmt::format("the entry of '{}'", file.primitive.name.view()), true});
+  task.start_file = from.start_file;
+  task.start_hash = from.start_hash;
+  return task;
 }
 
 std::vector<double> RestPose(const Problem& problem, double x_m, double pitch_rad) {

@@ -6,6 +6,8 @@
 #include <limits>
 #include <stdexcept>
 
+#include "offline/rollout/forward_sensitivity.h"
+
 namespace tumbler {
 namespace {
 
@@ -26,17 +28,18 @@ constexpr std::array<int, kStages> kHalfSteps = {0, 1, 1, 2};  // c_s in halves 
 constexpr std::size_t Index(int i) { return static_cast<std::size_t>(i); }
 
 constexpr std::size_t kStates = std::size_t{2} * kMaxDofs;  // positions and velocities
+using State = std::array<double, kStates>;
 
-std::vector<double> Knots(const Problem& problem) {
-  std::vector<double> knots(Index(problem.control_points + problem.degree + 1));
-  if (Spline::ClampedUniformKnots(problem.degree, problem.control_points, problem.duration_s,
-                                  knots) != Status::kOk) {
+std::vector<double> Knots(const Problem& problem, int control_points) {
+  std::vector<double> knots(Index(control_points + problem.degree + 1));
+  if (Spline::ClampedUniformKnots(problem.degree, control_points, problem.duration_s, knots) !=
+      Status::kOk) {
     throw std::invalid_argument("spline degree, size and duration do not fit together");
   }
   return knots;
 }
 
-/// The three weights rows that the splines of all joints share at one time.
+/// The three weights rows that all splines of one size share at one time.
 struct ControlWeights {
   int first = 0;
   std::array<std::array<double, Spline::kMaxDegree + 1>, 3> w{};
@@ -51,20 +54,19 @@ struct Control {
 
 std::vector<double> ControlPoints(const Problem& problem, std::span<const double> x,
                                   std::size_t joint) {
-  const std::size_t free = Index(problem.free_points_per_joint());
   const ActuatedJoint& actuated = problem.joints[joint];
+  const auto free = x.subspan(Index(problem.first_parameter(joint)), Index(actuated.free_points()));
   std::vector<double> points(
       3, actuated.start_rad);  // Rest: three equal points fix q, and qd = qdd = 0.
-  points.insert(points.end(), x.begin() + static_cast<std::ptrdiff_t>(joint * free),
-                x.begin() + static_cast<std::ptrdiff_t>((joint + 1) * free));
+  points.insert(points.end(), free.begin(), free.end());
   points.insert(points.end(), 3, actuated.end_rad);
   return points;
 }
 
 Spline PositionSpline(const Problem& problem, std::span<const double> x, std::size_t joint) {
   Spline spline;
-  if (spline.Assign(problem.degree, Knots(problem), ControlPoints(problem, x, joint)) !=
-      Status::kOk) {
+  if (spline.Assign(problem.degree, Knots(problem, problem.joints[joint].control_points),
+                    ControlPoints(problem, x, joint)) != Status::kOk) {
     throw std::invalid_argument("control points do not make a spline");
   }
   return spline;
@@ -78,6 +80,10 @@ struct Rollout::Implementation {
         n(dynamics.size()),
         na(static_cast<int>(p.joints.size())),
         parameters(p.parameter_count()) {
+    if (p.solver.gradient == SolverSettings::Gradient::kForward) {
+      forward = std::make_unique<ForwardSensitivity>(
+          p, ForwardSettings{ForwardSettings::Scheme::kFixed, step_s});
+    }
     for (int j = 0; j < n; ++j) {
       if (!dynamics.prescribed(j)) free.push_back(j);
     }
@@ -88,39 +94,54 @@ struct Rollout::Implementation {
     settle_steps = static_cast<int>(std::ceil(p.settle_s / step_s - 1e-9));
     motion_h = p.duration_s / motion_steps;
     settle_h = settle_steps > 0 ? p.settle_s / settle_steps : step_s;
-    Spline spline;
-    const std::vector<double> knots = Knots(p);
-    if (spline.Assign(p.degree, knots, std::vector<double>(Index(p.control_points))) !=
-        Status::kOk) {
-      throw std::invalid_argument("spline degree and size do not fit together");
+    half_steps = Index(2 * motion_steps + 1);
+    for (int j = 0; j < na; ++j) {
+      const int size = p.joints[Index(j)].control_points;
+      first_parameter.push_back(p.first_parameter(Index(j)));
+      int same = 0;
+      while (p.joints[Index(same)].control_points != size) ++same;
+      weights_of.push_back(same == j ? weights.size() / half_steps : weights_of[Index(same)]);
+      if (same == j) AddWeights(size);
     }
-    weights.resize(Index(2 * motion_steps + 1));
-    for (int k = 0; k <= 2 * motion_steps; ++k) {
-      const Spline::Weights w = spline.EvaluateWeights(0.5 * k * motion_h);
-      weights[Index(k)].first = w.first;
-      weights[Index(k)].w = w.w;
-    }
-    controls.resize(weights.size() * Index(na));
+    controls.resize(half_steps * Index(na));
     const std::size_t steps = Index(motion_steps + settle_steps);
     order = free;
     order.insert(order.end(), actuated.begin(), actuated.end());
     stage_size = 3 * nd * nd;
     lane_gradient.resize(Index(parameters));
     stage_torque.resize(steps * kStages * Index(na));
+    core_slope.resize(steps * Index(nd));
+  }
+
+  /// Appends the weights of splines of one size at all half steps.
+  void AddWeights(int control_points) {
+    Spline spline;
+    if (spline.Assign(problem.degree, Knots(problem, control_points),
+                      std::vector<double>(Index(control_points))) != Status::kOk) {
+      throw std::invalid_argument("spline degree and size do not fit together");
+    }
+    for (int k = 0; k <= 2 * motion_steps; ++k) {
+      const Spline::Weights w = spline.EvaluateWeights(0.5 * k * motion_h);
+      weights.push_back({w.first, w.w});
+    }
+  }
+
+  [[nodiscard]] const ControlWeights& WeightsOf(int joint, std::size_t half_step) const {
+    return weights[weights_of[Index(joint)] * half_steps + half_step];
   }
 
   void SetControls(std::span<const double> x) {
-    const int free_points = problem.free_points_per_joint();
     for (int j = 0; j < na; ++j) {
       const ActuatedJoint& joint = problem.joints[Index(j)];
+      const int free_points = joint.free_points();
       std::array<double, kMaxControlPoints> c{};
-      for (int i = 0; i < problem.control_points; ++i) {
+      for (int i = 0; i < joint.control_points; ++i) {
         c[Index(i)] = i < 3                 ? joint.start_rad
-                      : i < 3 + free_points ? x[Index(j * free_points + i - 3)]
+                      : i < 3 + free_points ? x[Index(first_parameter[Index(j)] + i - 3)]
                                             : joint.end_rad;
       }
-      for (std::size_t k = 0; k < weights.size(); ++k) {
-        const ControlWeights& w = weights[k];
+      for (std::size_t k = 0; k < half_steps; ++k) {
+        const ControlWeights& w = WeightsOf(j, k);
         Control sum;
         for (int i = 0; i <= problem.degree; ++i) {
           const double point = c[Index(w.first + i)];
@@ -140,7 +161,7 @@ struct Rollout::Implementation {
       qd[Index(free[Index(i)])] = y[nf + i];
     }
     const bool moving = half_step <= 2 * motion_steps;
-    const std::size_t k = moving ? Index(half_step) : weights.size() - 1;
+    const std::size_t k = moving ? Index(half_step) : half_steps - 1;
     for (int j = 0; j < na; ++j) {
       const Control& c = controls[k * Index(na) + Index(j)];
       const std::size_t dof = Index(actuated[Index(j)]);
@@ -202,60 +223,32 @@ struct Rollout::Implementation {
     return term.of_velocity ? nf + i : i;
   }
 
-  RolloutResult Forward(std::span<const double> x, bool record) {
+  enum class Scheme { kRungeKutta, kRecordedRungeKutta, kSemiImplicitEuler };
+
+  RolloutResult Forward(std::span<const double> x, Scheme scheme) {
     SetControls(x);
     const int steps = motion_steps + settle_steps;
+    const bool record = scheme == Scheme::kRecordedRungeKutta;
     if (record && stages.empty()) {
       stages.resize(Index(steps) * kStages * Index(stage_size));
     }
     RolloutResult result;
     result.peak_torque_nm.assign(Index(na), 0);
     result.torque_excess.assign(Index(na), 0);
-    std::array<double, kStates> y{}, ys{}, k{}, sum{};
+    State y{};
     for (int i = 0; i < nf; ++i) y[Index(i)] = problem.start_q[Index(free[Index(i)])];
-    double effort = 0;
     double cost = 0;
+    effort = 0;
+    core_sum = 0;
     for (int step = 0; step < steps; ++step) {
       if (step == motion_steps)
         cost += TerminalCost(TerminalTerm::When::kEnd, y.data()), end_state = y;
-      const double h = step < motion_steps ? motion_h : settle_h;
-      sum.fill(0);
-      for (int s = 0; s < kStages; ++s) {
-        for (int i = 0; i < 2 * nf; ++i)
-          ys[Index(i)] = y[Index(i)] + h * kA[Index(s)] * k[Index(i)];
-        // The last stage of the motion's last step still belongs to the motion; beyond, legs are
-        // held.
-        Evaluate(ys.data(),
-                 step < motion_steps ? 2 * step + kHalfSteps[Index(s)] : 2 * motion_steps + 1);
-        for (int i = 0; i < nf; ++i) {
-          k[Index(i)] = ys[Index(nf + i)];
-          k[Index(nf + i)] = qdd[Index(free[Index(i)])];
-        }
-        for (int i = 0; i < 2 * nf; ++i) sum[Index(i)] += kB[Index(s)] * k[Index(i)];
-        const std::size_t stage = Index(step * kStages + s);
-        for (int j = 0; j < na; ++j) {
-          const double torque = tau[Index(actuated[Index(j)])];
-          effort += h * kB[Index(s)] * torque * torque;
-          stage_torque[stage * Index(na) + Index(j)] = torque;
-          if (s == 0) {
-            result.peak_torque_nm[Index(j)] =
-                std::max(result.peak_torque_nm[Index(j)], std::abs(torque));
-          }
-        }
-        if (s == 0) {
-          for (const ActiveContact<Plane>& a : contact.active()) {
-            result.any_contact = true;
-            result.peak_penetration_m = std::max(result.peak_penetration_m, a.depth_m);
-          }
-        }
-        if (record) StoreStage(&stages[stage * Index(stage_size)]);
+      if (scheme == Scheme::kSemiImplicitEuler) {
+        StepEuler(step, y, result);
+      } else {
+        StepRungeKutta(step, record, y, result);
       }
-      bool plausible = true;
-      for (int i = 0; i < 2 * nf; ++i) {
-        y[Index(i)] += h * sum[Index(i)];
-        plausible = plausible && std::abs(y[Index(i)]) < kImplausible;  // A NaN is not.
-      }
-      if (!plausible) {
+      if (!Plausible(y)) {
         result.finite = false;
         result.cost = std::numeric_limits<double>::infinity();
         return result;
@@ -269,10 +262,93 @@ struct Rollout::Implementation {
     return result;
   }
 
+  [[nodiscard]] bool Plausible(const State& y) const {
+    for (int i = 0; i < 2 * nf; ++i) {
+      if (!(std::abs(y[Index(i)]) < kImplausible)) return false;  // Nor is a NaN.
+    }
+    return true;
+  }
+
+  void StepRungeKutta(int step, bool record, State& y, RolloutResult& result) {
+    const double h = step < motion_steps ? motion_h : settle_h;
+    State ys{}, k{}, sum{};
+    for (int s = 0; s < kStages; ++s) {
+      for (int i = 0; i < 2 * nf; ++i) ys[Index(i)] = y[Index(i)] + h * kA[Index(s)] * k[Index(i)];
+      // The last stage of the motion's last step still belongs to the motion; beyond, legs are
+      // held.
+      Evaluate(ys.data(),
+               step < motion_steps ? 2 * step + kHalfSteps[Index(s)] : 2 * motion_steps + 1);
+      for (int i = 0; i < nf; ++i) {
+        k[Index(i)] = ys[Index(nf + i)];
+        k[Index(nf + i)] = qdd[Index(free[Index(i)])];
+      }
+      for (int i = 0; i < 2 * nf; ++i) sum[Index(i)] += kB[Index(s)] * k[Index(i)];
+      const std::size_t stage = Index(step * kStages + s);
+      AddEffort(h * kB[Index(s)], &stage_torque[stage * Index(na)]);
+      if (s == 0) Inspect(step, record, result);
+      if (record) StoreStage(&stages[stage * Index(stage_size)]);
+    }
+    for (int i = 0; i < 2 * nf; ++i) y[Index(i)] += h * sum[Index(i)];
+  }
+
+  void StepEuler(int step, State& y, RolloutResult& result) {
+    const double h = step < motion_steps ? motion_h : settle_h;
+    Evaluate(y.data(), step < motion_steps ? 2 * step : 2 * motion_steps + 1);
+    for (int i = 0; i < nf; ++i) {
+      y[Index(nf + i)] += h * qdd[Index(free[Index(i)])];
+      y[Index(i)] += h * y[Index(nf + i)];
+    }
+    AddEffort(h, &stage_torque[Index(step * kStages * na)]);
+    Inspect(step, false, result);
+  }
+
+  /// Takes the torques of the stage that was just evaluated, of weight dt in the integral.
+  void AddEffort(double dt, double* torques) {
+    for (int j = 0; j < na; ++j) {
+      const double torque = tau[Index(actuated[Index(j)])];
+      effort += dt * torque * torque;
+      torques[j] = torque;
+    }
+  }
+
+  /// Takes what counts at the start of a step, just evaluated: peaks of torque and penetration.
+  void Inspect(int step, bool record, RolloutResult& result) {
+    for (int j = 0; j < na; ++j) {
+      double& peak = result.peak_torque_nm[Index(j)];
+      peak = std::max(peak, std::abs(tau[Index(actuated[Index(j)])]));
+    }
+    for (const ActiveContact<Plane>& a : contact.active()) {
+      result.any_contact = true;
+      result.peak_penetration_m = std::max(result.peak_penetration_m, a.depth_m);
+    }
+    AddCore(record ? &core_slope[Index(step * nd)] : nullptr);
+  }
+
+  /// Adds the active contacts to the sum of [KS79] for the penetration, and its slopes by the
+  /// positions.
+  void AddCore(double* slopes) {
+    if (slopes != nullptr) std::fill_n(slopes, nd, 0.0);
+    const double layer = (1 - problem.solver.core_margin) * problem.contact.layer_m;
+    const double rho = problem.solver.sharpness;
+    for (const ActiveContact<Plane>& a : contact.active()) {
+      const double exponent = rho * (a.depth_m / layer - 1);
+      // Beyond this nothing is left to compare with; below it, nothing to add.
+      if (exponent < -40) continue;
+      const double weight = std::exp(std::min(exponent, 600.0));
+      core_sum += weight;
+      if (slopes == nullptr || exponent > 600) continue;
+      std::array<double, kMaxDofs> J{};
+      dynamics.AddJointForces(contact.shapes()[Index(a.shape)].body,
+                              Plane::ForceAt(a.point, a.normal * (-weight / layer)), J);
+      for (int i = 0; i < nd; ++i) slopes[i] += J[Index(order[Index(i)])];
+    }
+  }
+
   /// Smooth maximum over the starts of all steps, [KS79]: never below the true one.
   void SetTorqueExcess(RolloutResult& result) {
     const int steps = motion_steps + settle_steps;
-    const double rho = problem.solver.torque_sharpness;
+    const double rho = problem.solver.sharpness;
+    result.core_excess = core_sum > 0 ? std::max(-1.0, std::log(core_sum) / rho) : -1;
     for (int j = 0; j < na; ++j) {
       const double limit = problem.joints[Index(j)].limits.torque_max_nm;
       if (!std::isfinite(limit)) {
@@ -296,8 +372,12 @@ struct Rollout::Implementation {
     gradient.setZero();
     pullback = {};
     int lanes = 0;
-    for (int output = 0; output <= na; ++output) {
-      if (output > 0 && !SetTorqueLane(result, output - 1, pullback.lanes[Index(lanes)])) continue;
+    for (int output = 0; output <= na + 1; ++output) {
+      if (output > na && !(result.core_excess > -1)) continue;
+      if (output > 0 && output <= na &&
+          !SetTorqueLane(result, output - 1, pullback.lanes[Index(lanes)])) {
+        continue;
+      }
       pullback.lanes[Index(lanes++)].output = output;
       if (lanes == kLanes) {
         PullBack(gradient);
@@ -331,8 +411,8 @@ struct Rollout::Implementation {
     lane.limit = problem.joints[Index(joint)].limits.torque_max_nm;
     if (!std::isfinite(lane.limit)) return false;
     lane.peak = result.peak_torque_nm[Index(joint)] / lane.limit;
-    lane.sum = std::exp(problem.solver.torque_sharpness *
-                        (result.torque_excess[Index(joint)] + 1 - lane.peak));
+    lane.sum =
+        std::exp(problem.solver.sharpness * (result.torque_excess[Index(joint)] + 1 - lane.peak));
     return true;
   }
 
@@ -380,7 +460,7 @@ struct Rollout::Implementation {
         slopes[i] = problem.effort_weight * h * kB[Index(s)] * 2 * torque;
       } else if (lane.output == 1 + j && s == 0) {
         const double weight =
-            std::exp(problem.solver.torque_sharpness * (std::abs(torque) / lane.limit - lane.peak));
+            std::exp(problem.solver.sharpness * (std::abs(torque) / lane.limit - lane.peak));
         slopes[i] = std::copysign(weight / (lane.sum * lane.limit), torque);
       }
     }
@@ -413,6 +493,15 @@ struct Rollout::Implementation {
       pullback.y_bar[Index(i)] = row_times(nd + i, w);
       pullback.y_bar[Index(nf + i)] = k_bar[Index(i)] + row_times(2 * nd + i, w);
     }
+    const double* core = nullptr;
+    int core_lane = 0;
+    if (s == 0) {
+      while (core_lane < kLanes && pullback.lanes[Index(core_lane)].output != na + 1) ++core_lane;
+      if (core_lane < kLanes) core = &core_slope[Index(step * nd)];
+    }
+    const double core_scale = core != nullptr ? 1 / core_sum : 0;
+    for (int i = 0; core != nullptr && i < nf; ++i)
+      pullback.y_bar[Index(i)][core_lane] += core_scale * core[i];
     if (step >= motion_steps) return;
     // Stages at the same time have the same weights.
     if (const int half_step = 2 * step + kHalfSteps[Index(s)]; half_step != pullback.half_step) {
@@ -424,19 +513,20 @@ struct Rollout::Implementation {
       control[0] += row_times(nd + nf + j, w);
       control[1] += row_times(2 * nd + nf + j, w);
       control[2] += row_times(nf + j, r);
+      if (core != nullptr) control[0][core_lane] += core_scale * core[nf + j];
     }
   }
 
   /// Takes the cotangents of the controls to those of the parameters.
   void AddToParameters() {
-    const ControlWeights& w = weights[Index(pullback.half_step)];
-    const int free_points = problem.free_points_per_joint();
-    const int begin = std::max(0, 3 - w.first);
-    const int end = std::min(problem.degree + 1, 3 + free_points - w.first);
     for (int j = 0; j < na; ++j) {
+      const ControlWeights& w = WeightsOf(j, Index(pullback.half_step));
+      const int begin = std::max(0, 3 - w.first);
+      const int end =
+          std::min(problem.degree + 1, 3 + problem.joints[Index(j)].free_points() - w.first);
       auto& bar = pullback.controls[Index(j)];
       for (int i = begin; i < end; ++i) {
-        lane_gradient[Index(j * free_points + w.first - 3 + i)] +=
+        lane_gradient[Index(first_parameter[Index(j)] + w.first - 3 + i)] +=
             w.w[0][Index(i)] * bar[0] + w.w[1][Index(i)] * bar[1] + w.w[2][Index(i)] * bar[2];
       }
       bar.fill(Lanes::Zero());
@@ -453,16 +543,23 @@ struct Rollout::Implementation {
   std::vector<int> order;     // `free`, then `actuated`
   int motion_steps, settle_steps;
   double motion_h, settle_h;
-  std::vector<ControlWeights> weights;  // by half step
+  std::size_t half_steps = 0;           // of the motion, both ends included
+  std::vector<ControlWeights> weights;  // by size of spline, then half step
+  std::vector<std::size_t> weights_of;  // which size each joint has
+  std::vector<int> first_parameter;     // of each joint
   std::vector<Control> controls;        // by half step, then joint
   std::vector<double> stage_torque;     // by stage, then joint
-  std::vector<double> stages;           // by stage: see StoreStage
+  std::vector<double> core_slope;       // by step, then in `order`: see AddCore
+  double core_sum = 0;
+  std::vector<double> stages;  // by stage: see StoreStage
   int stage_size = 0;
+  std::unique_ptr<ForwardSensitivity> forward;  // none: the adjoint
   Pullback pullback;
   std::vector<Lanes> lane_gradient;
   Derivatives derivatives;
   std::array<double, kMaxDofs> q{}, qd{}, qdd{}, tau{};
-  std::array<double, kStates> end_state{}, settled_state{};
+  State end_state{}, settled_state{};
+  double effort = 0;  // integral of |tau|^2 so far
 };
 
 Rollout::Rollout(const Problem& problem, double step_s)
@@ -471,14 +568,24 @@ Rollout::~Rollout() = default;
 Rollout::Rollout(Rollout&&) noexcept = default;
 
 int Rollout::parameter_count() const { return implementation_->parameters; }
-int Rollout::output_count() const { return 1 + implementation_->na; }
+int Rollout::output_count() const { return 2 + implementation_->na; }
 
-RolloutResult Rollout::Run(std::span<const double> x) { return implementation_->Forward(x, false); }
+RolloutResult Rollout::Run(std::span<const double> x) {
+  return implementation_->Forward(x, Implementation::Scheme::kRungeKutta);
+}
+
+RolloutResult Rollout::Estimate(std::span<const double> x) {
+  return implementation_->Forward(x, Implementation::Scheme::kSemiImplicitEuler);
+}
 
 RolloutResult Rollout::Run(
     std::span<const double> x,
     Eigen::Ref<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> gradient) {
-  RolloutResult result = implementation_->Forward(x, true);
+  if (gradient.rows() != output_count() || gradient.cols() != parameter_count())
+    throw std::invalid_argument(
+        "the gradient has a row for each output, a column for each parameter");
+  if (implementation_->forward) return implementation_->forward->Run(x, gradient);
+  RolloutResult result = implementation_->Forward(x, Implementation::Scheme::kRecordedRungeKutta);
   if (!result.finite) {
     gradient.setZero();
     return result;
@@ -492,7 +599,7 @@ void Rollout::Visit(std::span<const double> x, double extra_s,
   Implementation& m = *implementation_;
   m.SetControls(x);
   const int extra_steps = static_cast<int>(std::ceil(extra_s / m.settle_h - 1e-9));
-  std::array<double, kStates> y{}, ys{}, k{}, sum{};
+  State y{}, ys{}, k{}, sum{};
   for (int i = 0; i < m.nf; ++i) y[Index(i)] = m.problem.start_q[Index(m.free[Index(i)])];
   MotionSample sample;
   sample.dynamics = &m.dynamics;

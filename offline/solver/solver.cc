@@ -72,13 +72,13 @@ void ParallelFor(int count, int threads, const std::function<void(int, int)>& wo
 std::vector<double> RandomStart(const Problem& problem, const std::vector<LinearRow>& rows,
                                 std::uint64_t sample) {
   SplitMix64 random(problem.search.seed, sample);
-  const int free = problem.free_points_per_joint();
   std::vector<double> line, departure;
   std::vector<double> amplitude(static_cast<std::size_t>(problem.search.modes));
   for (const ActuatedJoint& joint : problem.joints) {
     for (std::size_t m = 0; m < amplitude.size(); ++m) {
       amplitude[m] = problem.search.spread_rad * random.Symmetric() / static_cast<double>(m + 1);
     }
+    const int free = joint.free_points();
     for (int i = 0; i < free; ++i) {
       const double s = (i + 1.0) / (free + 1.0);
       const double straight = joint.start_rad + s * (joint.end_rad - joint.start_rad);
@@ -117,17 +117,21 @@ double Rank(const Problem& problem, const RolloutResult& result) {
   return rank;
 }
 
-/// How many samples stand out: their rank is below the median by more than half of its size. Most
-/// samples end in one of the flat basins (the robot at rest on its feet, or fallen), which is where
-/// the median lies.
-int CountPromising(const std::vector<double>& rank) {
+/// A sample stands out when its rank is below this: below the median by more than half of its size.
+/// Most samples end in one of the flat basins (the robot at rest on its feet, or fallen), which is
+/// where the median lies.
+double PromisingRank(const std::vector<double>& rank) {
+  if (rank.empty()) return -std::numeric_limits<double>::infinity();
   std::vector<double> sorted = rank;
   const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
   std::nth_element(sorted.begin(), middle, sorted.end());
-  if (!std::isfinite(*middle)) return 0;
-  const double below = *middle - 0.5 * std::abs(*middle);
+  if (!std::isfinite(*middle)) return -std::numeric_limits<double>::infinity();
+  return *middle - 0.5 * std::abs(*middle);
+}
+
+int CountBelow(const std::vector<double>& rank, double limit) {
   return static_cast<int>(
-      std::count_if(rank.begin(), rank.end(), [below](double r) { return r < below; }));
+      std::count_if(rank.begin(), rank.end(), [limit](double r) { return r < limit; }));
 }
 
 /// The largest constraint, and zero or more when it is violated. `rows` are those of
@@ -150,13 +154,16 @@ WorstConstraint FindWorst(const Problem& problem, const std::vector<LinearRow>& 
              [&] { return row.name; });
   }
   for (std::size_t j = 0; j < result.torque_excess.size(); ++j) {
-    consider(result.torque_excess[j], [&] { return "torque of " + joint_name(j); });
+    consider(result.torque_excess[j] + problem.solver.torque_margin,
+             [&] { return "torque of " + joint_name(j); });
   }
-  const std::size_t free = static_cast<std::size_t>(problem.free_points_per_joint());
-  for (std::size_t i = 0; i < x.size(); ++i) {
-    const JointLimits<double>& limits = problem.joints[i / free].limits;
-    consider(std::max(x[i] - limits.position_max_rad, limits.position_min_rad - x[i]),
-             [&] { return "position of " + joint_name(i / free); });
+  consider(result.core_excess, [] { return std::string("penetration"); });
+  for (std::size_t j = 0, i = 0; j < problem.joints.size(); ++j) {
+    const JointLimits<double>& limits = problem.joints[j].limits;
+    for (int k = 0; k < problem.joints[j].free_points(); ++k, ++i) {
+      consider(std::max(x[i] - limits.position_max_rad, limits.position_min_rad - x[i]),
+               [&] { return "position of " + joint_name(j); });
+    }
   }
   return worst;
 }
@@ -197,14 +204,14 @@ class LocalSolve {
         options_(options),
         history_(history),
         rows_(DerivativeLimitRows(problem)),
-        outputs_(rollout.output_count(), rollout.parameter_count()) {}
+        outputs_(Matrix::Zero(rollout.output_count(), rollout.parameter_count())) {}
 
   Solution Run(std::span<const double> start) {
     const std::size_t n = start.size();
     std::vector<double> x(start.begin(), start.end());
     Solution best;
     best.x = x;
-    Evaluate(x);
+    Evaluate(x, true);
     best.start_cost = result_.cost;
     if (!result_.finite) {
       best.rollout = result_;
@@ -227,7 +234,7 @@ class LocalSolve {
       before = merit;
     }
     best.x = best_x_;
-    Evaluate(best.x);
+    Evaluate(best.x, true);
     best.rollout = result_;
     const WorstConstraint worst = FindWorst(problem_, rows_, best.x, result_);
     best.violation = worst.value;
@@ -243,16 +250,16 @@ class LocalSolve {
  private:
   SolveEnd RunOnce(std::vector<double> x, std::size_t n) {
     nlopt::opt opt(nlopt::LD_SLSQP, static_cast<unsigned>(n));
-    std::vector<double> lower(n), upper(n);
-    const std::size_t free = static_cast<std::size_t>(problem_.free_points_per_joint());
-    for (std::size_t i = 0; i < n; ++i) {
-      lower[i] = problem_.joints[i / free].limits.position_min_rad;
-      upper[i] = problem_.joints[i / free].limits.position_max_rad;
+    std::vector<double> lower, upper;
+    for (const ActuatedJoint& joint : problem_.joints) {
+      lower.resize(lower.size() + static_cast<std::size_t>(joint.free_points()),
+                   joint.limits.position_min_rad);
+      upper.resize(lower.size(), joint.limits.position_max_rad);
     }
     opt.set_lower_bounds(lower);
     opt.set_upper_bounds(upper);
     opt.set_min_objective(&LocalSolve::Objective, this);
-    const std::size_t constraints = rows_.size() + problem_.joints.size();
+    const std::size_t constraints = rows_.size() + problem_.joints.size() + 1;
     opt.add_inequality_mconstraint(&LocalSolve::Constraints, this,
                                    std::vector<double>(constraints, 1e-8));
     opt.set_ftol_rel(problem_.solver.relative_tolerance);
@@ -283,10 +290,18 @@ class LocalSolve {
     return end;
   }
 
-  void Evaluate(std::span<const double> x) {
-    if (x_.size() == x.size() && std::equal(x.begin(), x.end(), x_.begin())) return;
+  /// SLSQP asks for the cost alone along a line, and for the gradient where it has settled. That is
+  /// the first point tried, as a rule: so the first one gets its gradient at once, and the others
+  /// only when asked.
+  void Evaluate(std::span<const double> x, bool with_gradient) {
+    const bool known = x_.size() == x.size() && std::equal(x.begin(), x.end(), x_.begin());
+    const bool first_of_line = settled_;
+    settled_ = with_gradient;
+    if (known && (has_gradient_ || !with_gradient)) return;
     x_.assign(x.begin(), x.end());
-    result_ = rollout_.Run(x_, outputs_);
+    has_gradient_ = with_gradient || first_of_line;
+    result_ = has_gradient_ ? rollout_.Run(x_, outputs_) : rollout_.Run(x_);
+    if (known) return;
     ++evaluations_;
     const double violation = Violation(problem_, rows_, x_, result_);
     const Evaluation evaluation{false, 0, evaluations_, result_.cost, violation};
@@ -311,7 +326,7 @@ class LocalSolve {
   static double Objective(const std::vector<double>& x, std::vector<double>& gradient, void* data) {
     auto& self = *static_cast<LocalSolve*>(data);
     try {
-      self.Evaluate(x);
+      self.Evaluate(x, !gradient.empty());
       if (!self.result_.finite) return std::numeric_limits<double>::infinity();
       for (std::size_t i = 0; i < gradient.size(); ++i) {
         gradient[i] = self.scale_ * self.outputs_(0, static_cast<Eigen::Index>(i));
@@ -328,7 +343,7 @@ class LocalSolve {
                           void* data) {
     auto& self = *static_cast<LocalSolve*>(data);
     try {
-      self.Evaluate({x, n});
+      self.Evaluate({x, n}, gradient != nullptr);
     } catch (...) {
       self.failure_ = std::current_exception();
       self.opt_->force_stop();
@@ -340,7 +355,10 @@ class LocalSolve {
         value[i] = row.b + std::inner_product(row.a.begin(), row.a.end(), x, 0.0);
         if (gradient != nullptr) std::copy(row.a.begin(), row.a.end(), gradient + i * n);
       } else {
-        value[i] = self.result_.finite ? self.result_.torque_excess[i - rows] : 1.0;
+        const RolloutResult& result = self.result_;
+        value[i] = !result.finite ? 1.0
+                   : i < m - 1    ? result.torque_excess[i - rows] + self.problem_.solver.torque_margin
+                                  : result.core_excess;
         for (std::size_t k = 0; gradient != nullptr && k < n; ++k) {
           gradient[i * n + k] =
               self.outputs_(static_cast<Eigen::Index>(i - rows + 1), static_cast<Eigen::Index>(k));
@@ -352,9 +370,9 @@ class LocalSolve {
   double ProjectGradient(const std::vector<double>& x) {
     const Eigen::Index n = static_cast<Eigen::Index>(x.size());
     std::vector<Eigen::VectorXd> active;
-    const std::size_t free = static_cast<std::size_t>(problem_.free_points_per_joint());
     for (std::size_t i = 0; i < x.size(); ++i) {
-      const JointLimits<double>& limits = problem_.joints[i / free].limits;
+      const std::size_t joint = problem_.joint_of_parameter(static_cast<int>(i));
+      const JointLimits<double>& limits = problem_.joints[joint].limits;
       const auto k = static_cast<Eigen::Index>(i);
       if (x[i] > limits.position_max_rad - kActive)
         active.emplace_back(Eigen::VectorXd::Unit(n, k));
@@ -367,10 +385,12 @@ class LocalSolve {
       }
     }
     for (std::size_t j = 0; j < result_.torque_excess.size(); ++j) {
-      if (result_.torque_excess[j] > -kActive) {
+      if (result_.torque_excess[j] > -problem_.solver.torque_margin - kActive) {
         active.emplace_back(outputs_.row(static_cast<Eigen::Index>(j + 1)).transpose());
       }
     }
+    if (result_.core_excess > -kActive)
+      active.emplace_back(outputs_.row(outputs_.rows() - 1).transpose());
     return ProjectedGradient(outputs_.row(0).transpose(), std::move(active));
   }
 
@@ -383,6 +403,8 @@ class LocalSolve {
   Matrix outputs_;
   std::vector<double> x_;
   RolloutResult result_;
+  bool has_gradient_ = false;  // whether outputs_ belongs to x_
+  bool settled_ = false;       // whether the last request was for a gradient
   double scale_ = 0;
   int evaluations_ = 0;
   std::vector<double> best_x_;
@@ -415,10 +437,11 @@ const char* ToString(SolveEnd end) {
 std::vector<LinearRow> DerivativeLimitRows(const Problem& problem) {
   std::vector<LinearRow> rows;
   const std::size_t n = static_cast<std::size_t>(problem.parameter_count());
-  const std::size_t free = static_cast<std::size_t>(problem.free_points_per_joint());
   const std::vector<double> zero(n, 0.0);
   for (std::size_t j = 0; j < problem.joints.size(); ++j) {
     const JointLimits<double>& limits = problem.joints[j].limits;
+    const auto first = static_cast<std::size_t>(problem.first_parameter(j));
+    const auto free = static_cast<std::size_t>(problem.joints[j].free_points());
     const double limit[3] = {0, kInside * limits.velocity_max_rad_s,
                              kInside * limits.acceleration_max_rad_s2};
     const auto constant = PositionSpline(problem, zero, j);
@@ -435,10 +458,10 @@ std::vector<LinearRow> DerivativeLimitRows(const Problem& problem) {
       }
       for (std::size_t i = 0; i < free; ++i) {
         std::vector<double> unit = zero;
-        unit[j * free + i] = 1;
+        unit[first + i] = 1;
         const auto moved = PositionSpline(problem, unit, j);
         for (std::size_t k = 0; k < points; ++k) {
-          upper[k].a[j * free + i] =
+          upper[k].a[first + i] =
               (moved.control_points(d)[k] - constant.control_points(d)[k]) / limit[d];
         }
       }
@@ -463,113 +486,206 @@ Solution SolveFrom(const Problem& problem, std::span<const double> start, int ma
   return LocalSolve(problem, max_evaluations, rollout, options, history).Run(start);
 }
 
-SolveOutcome Solve(const Problem& problem, const SolveOptions& options) {
-  SolveOutcome outcome;
-  std::mutex mutex;
-  const auto interrupted = [&] { return options.interrupt != nullptr && *options.interrupt; };
+namespace {
 
-  // Global search: every sample is a function of seed and index alone.
-  const std::vector<LinearRow> rows = DerivativeLimitRows(problem);
-  std::vector<double> rank;
-  {
+/// Everything that Solve does, and keeps between its stages. What is found depends on the problem
+/// and its seed alone: threads share out the work of a stage, and never decide what comes next.
+class Campaign {
+ public:
+  Campaign(const Problem& problem, const SolveOptions& options)
+      : problem_(problem), options_(options), rows_(DerivativeLimitRows(problem)) {}
+
+  SolveOutcome Run() {
+    // A screened motion can still turn out to lie in one of the flat basins. Then there is more to
+    // search, as long as there are samples.
+    int promising = 0;
+    do {
+      promising =
+          std::max(promising, CountBelow(rank_, PromisingRank(rank_))) + problem_.search.promising;
+      Sample(promising);
+      Screen();
+    } while (!AnyStandsOut() && static_cast<int>(rank_.size()) < problem_.search.max_samples &&
+             !interrupted());
+    Finish();
+    return TakeOutcome();
+  }
+
+ private:
+  [[nodiscard]] bool interrupted() const {
+    return options_.interrupt != nullptr && *options_.interrupt;
+  }
+  [[nodiscard]] std::vector<Rollout> MakeRollouts(double step_s) const {
     std::vector<Rollout> rollouts;
-    for (int t = 0; t < std::max(1, options.threads); ++t) {
-      rollouts.emplace_back(problem, problem.search.step_s);
-    }
-    double best = std::numeric_limits<double>::infinity();
-    std::int64_t done = 0;
-    while (static_cast<int>(rank.size()) < problem.search.max_samples && !interrupted() &&
-           (rank.empty() || CountPromising(rank) < problem.search.promising)) {
-      const int first = static_cast<int>(rank.size());
-      const int count = std::min(problem.search.batch, problem.search.max_samples - first);
-      rank.resize(rank.size() + static_cast<std::size_t>(count),
-                  std::numeric_limits<double>::infinity());
-      ParallelFor(count, options.threads, [&](int k, int thread) {
+    for (int t = 0; t < std::max(1, options_.threads); ++t) rollouts.emplace_back(problem_, step_s);
+    return rollouts;
+  }
+  static std::size_t Index(int i) { return static_cast<std::size_t>(i); }
+
+  /// Draws samples until so many are promising.
+  void Sample(int promising) {
+    std::vector<Rollout> estimates = MakeRollouts(problem_.search.step_s);
+    std::vector<Rollout> rollouts = MakeRollouts(problem_.solver.screen_step_s);
+    while (static_cast<int>(rank_.size()) < problem_.search.max_samples && !interrupted() &&
+           (rank_.empty() || CountBelow(rank_, PromisingRank(rank_)) < promising)) {
+      const int first = static_cast<int>(rank_.size());
+      const int count = std::min(problem_.search.batch, problem_.search.max_samples - first);
+      rank_.resize(rank_.size() + Index(count), std::numeric_limits<double>::infinity());
+      confirmed_.resize(rank_.size(), false);
+      screened_.resize(rank_.size(), false);
+      ParallelFor(count, options_.threads, [&](int k, int thread) {
         if (interrupted()) return;
-        const int i = first + k;
-        const std::vector<double> x = RandomStart(problem, rows, static_cast<std::uint64_t>(i));
-        const double value = Rank(problem, rollouts[static_cast<std::size_t>(thread)].Run(x));
-        rank[static_cast<std::size_t>(i)] = value;
-        const std::lock_guard<std::mutex> lock(mutex);
-        best = std::min(best, value);
-        if (options.progress) options.progress({true, 0, ++done, best, 0});
+        const auto i = Index(first + k);
+        const std::vector<double> x = RandomStart(problem_, rows_, i);
+        rank_[i] = Rank(problem_, estimates[Index(thread)].Estimate(x));
+        const std::lock_guard<std::mutex> lock(mutex_);
+        best_rank_ = std::min(best_rank_, rank_[i]);
+        if (options_.progress) options_.progress({true, 0, ++sampled_, best_rank_, 0});
       });
+      // What looks good by the estimate is looked at again by the local solver's own method.
+      std::vector<std::size_t> good;
+      const double limit = PromisingRank(rank_);
+      for (std::size_t i = 0; i < rank_.size(); ++i) {
+        if (rank_[i] < limit && !confirmed_[i]) good.push_back(i);
+      }
+      ParallelFor(static_cast<int>(good.size()), options_.threads, [&](int k, int thread) {
+        if (interrupted()) return;
+        const std::size_t i = good[Index(k)];
+        const std::vector<double> x = RandomStart(problem_, rows_, i);
+        rank_[i] = std::max(rank_[i], Rank(problem_, rollouts[Index(thread)].Run(x)));
+      });
+      for (const std::size_t i : good) confirmed_[i] = true;
     }
   }
-  const int samples = static_cast<int>(rank.size());
-  for (int i = 0; i < samples; ++i) {
-    outcome.history.push_back({true, 0, i + 1, rank[static_cast<std::size_t>(i)], 0});
+
+  /// A short local solve from each of the best samples that have had none: most show early whether
+  /// they lead anywhere.
+  void Screen() {
+    std::vector<std::size_t> order(rank_.size());
+    std::iota(order.begin(), order.end(), std::size_t{0});
+    order.erase(std::remove_if(order.begin(), order.end(),
+                               [&](std::size_t i) { return static_cast<bool>(screened_[i]); }),
+                order.end());
+    std::stable_sort(order.begin(), order.end(),
+                     [&](std::size_t a, std::size_t b) { return rank_[a] < rank_[b]; });
+    order.resize(std::min(order.size(), Index(problem_.search.refine)));
+    const std::size_t first = solutions_.size();
+    solutions_.resize(first + order.size());
+    histories_.resize(solutions_.size());
+    std::vector<Rollout> rollouts = MakeRollouts(problem_.solver.screen_step_s);
+    const int budget =
+        std::min(problem_.solver.screen_evaluations, problem_.solver.max_evaluations);
+    ParallelFor(static_cast<int>(order.size()), options_.threads, [&](int k, int thread) {
+      Solution& solution = solutions_[first + Index(k)];
+      solution.start = static_cast<int>(first) + k;
+      solution.x = RandomStart(problem_, rows_, order[Index(k)]);
+      SolveOn(solution, budget, rollouts[Index(thread)]);
+    });
+    for (const std::size_t i : order) screened_[i] = true;
   }
-  outcome.evaluations = samples;
 
-  std::vector<int> order(static_cast<std::size_t>(samples));
-  std::iota(order.begin(), order.end(), 0);
-  std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
-    return rank[static_cast<std::size_t>(a)] < rank[static_cast<std::size_t>(b)];
-  });
+  /// The rest of the budget, with the final step, for the best until enough of them hold.
+  void Finish() {
+    const double limit = PromisingRank(rank_);
+    std::stable_sort(solutions_.begin(), solutions_.end(),
+                     [&](const Solution& a, const Solution& b) {
+                       const bool a_stands_out = StandsOut(a, limit);
+                       const bool b_stands_out = StandsOut(b, limit);
+                       return a_stands_out != b_stands_out ? a_stands_out : Better(a, b);
+                     });
+    std::vector<Rollout> rollouts = MakeRollouts(problem_.solver.step_s);
+    int enough = problem_.solver.finalists;
+    const std::size_t most = std::min(solutions_.size(), Index(enough + problem_.search.refine));
+    for (std::size_t next = 0; enough > 0 && next < most && !interrupted();) {
+      const std::size_t count = std::min(Index(enough), most - next);
+      ParallelFor(static_cast<int>(count), options_.threads, [&](int k, int thread) {
+        Solution& solution = solutions_[next + Index(k)];
+        const int budget = std::max(1, problem_.solver.max_evaluations - solution.evaluations);
+        SolveOn(solution, budget, rollouts[Index(thread)]);
+        solution.finished = true;
+      });
+      for (std::size_t k = 0; k < count; ++k) enough -= solutions_[next + k].feasible() ? 1 : 0;
+      next += count;
+    }
+    std::stable_sort(solutions_.begin(), solutions_.end(), Better);
+  }
 
-  // Local solves, in two stages: a short one from each of the best starts, and the rest of the
-  // budget for the best of those. Most starts show early whether they lead anywhere.
-  const int starts = std::min(problem.search.refine, samples);
-  outcome.solutions.resize(static_cast<std::size_t>(starts));
-  std::vector<std::vector<Evaluation>> histories(static_cast<std::size_t>(starts));
-  std::vector<Rollout> rollouts;
-  for (int t = 0; t < std::max(1, options.threads); ++t)
-    rollouts.emplace_back(problem, problem.solver.step_s);
-  const auto solve = [&](Solution& solution, int budget, int thread) {
+  SolveOutcome TakeOutcome() {
+    SolveOutcome outcome;
+    for (std::size_t i = 0; i < rank_.size(); ++i) {
+      outcome.history.push_back({true, 0, static_cast<std::int64_t>(i) + 1, rank_[i], 0});
+    }
+    for (const std::vector<Evaluation>& history : histories_) {
+      outcome.history.insert(outcome.history.end(), history.begin(), history.end());
+    }
+    outcome.evaluations = static_cast<std::int64_t>(rank_.size());
+    for (const Solution& solution : solutions_) outcome.evaluations += solution.evaluations;
+    outcome.solutions = std::move(solutions_);
+    outcome.interrupted = interrupted();
+    return outcome;
+  }
+
+  static bool Better(const Solution& a, const Solution& b) {
+    if (a.finished != b.finished) return a.finished;
+    if (a.feasible() != b.feasible()) return a.feasible();
+    return a.feasible() ? a.rollout.cost < b.rollout.cost : a.violation < b.violation;
+  }
+
+  /// Whether a screened motion is better than the flat basins, and near enough to its limits.
+  static bool StandsOut(const Solution& solution, double promising_rank) {
+    constexpr double kNear = 0.2;
+    return solution.evaluations > 0 && solution.rollout.finite && solution.violation < kNear &&
+           solution.rollout.cost < promising_rank;
+  }
+  [[nodiscard]] bool AnyStandsOut() const {
+    const double limit = PromisingRank(rank_);
+    return std::any_of(solutions_.begin(), solutions_.end(),
+                       [limit](const Solution& solution) { return StandsOut(solution, limit); });
+  }
+
+  /// Goes on from where the solution is.
+  void SolveOn(Solution& solution, int budget, Rollout& rollout) {
     const int start = solution.start;
-    SolveOptions local = options;
     const int before = solution.evaluations;
-    if (options.progress) {
+    const double start_cost = solution.start_cost;
+    SolveOptions local = options_;
+    if (options_.progress) {
       local.progress = [&, start, before](const Evaluation& evaluation) {
         Evaluation named = evaluation;
         named.start = start;
         named.count += before;
-        const std::lock_guard<std::mutex> lock(mutex);
-        options.progress(named);
+        const std::lock_guard<std::mutex> lock(mutex_);
+        options_.progress(named);
       };
     }
     std::vector<Evaluation> history;
-    const double start_cost = solution.start_cost;
-    Solution found = SolveFrom(problem, solution.x, budget,
-                               rollouts[static_cast<std::size_t>(thread)], local, &history);
+    Solution found = SolveFrom(problem_, solution.x, budget, rollout, local, &history);
     for (Evaluation evaluation : history) {
       evaluation.start = start;
       evaluation.count += before;
-      histories[static_cast<std::size_t>(start)].push_back(evaluation);
+      histories_[Index(start)].push_back(evaluation);
     }
     found.start = start;
     found.evaluations += before;
     if (before > 0) found.start_cost = start_cost;
     solution = std::move(found);
-  };
-  const int screen = std::min(problem.solver.screen_evaluations, problem.solver.max_evaluations);
-  ParallelFor(starts, options.threads, [&](int s, int thread) {
-    Solution& solution = outcome.solutions[static_cast<std::size_t>(s)];
-    solution.start = s;
-    solution.x =
-        RandomStart(problem, rows, static_cast<std::uint64_t>(order[static_cast<std::size_t>(s)]));
-    solve(solution, screen, thread);
-  });
-  const auto better = [](const Solution& a, const Solution& b) {
-    if (a.feasible() != b.feasible()) return a.feasible();
-    return a.feasible() ? a.rollout.cost < b.rollout.cost : a.violation < b.violation;
-  };
-  std::stable_sort(outcome.solutions.begin(), outcome.solutions.end(), better);
-  const int finalists = std::min(problem.solver.finalists, starts);
-  ParallelFor(finalists, options.threads, [&](int s, int thread) {
-    Solution& solution = outcome.solutions[static_cast<std::size_t>(s)];
-    const bool unfinished = solution.end == SolveEnd::kEvaluations && !interrupted();
-    const int budget = problem.solver.max_evaluations - solution.evaluations;
-    if (unfinished && budget > 0) solve(solution, budget, thread);
-  });
-  std::stable_sort(outcome.solutions.begin(), outcome.solutions.end(), better);
-  for (const std::vector<Evaluation>& history : histories) {
-    outcome.history.insert(outcome.history.end(), history.begin(), history.end());
   }
-  for (const Solution& solution : outcome.solutions) outcome.evaluations += solution.evaluations;
-  outcome.interrupted = interrupted();
-  return outcome;
+
+  const Problem& problem_;
+  const SolveOptions& options_;
+  std::vector<LinearRow> rows_;
+  std::mutex mutex_;
+  std::vector<double> rank_;  // of every sample
+  std::vector<bool> confirmed_, screened_;
+  double best_rank_ = std::numeric_limits<double>::infinity();
+  std::int64_t sampled_ = 0;
+  std::vector<Solution> solutions_;
+  std::vector<std::vector<Evaluation>> histories_;  // by start
+};
+
+}  // namespace
+
+SolveOutcome Solve(const Problem& problem, const SolveOptions& options) {
+  return Campaign(problem, options).Run();
 }
 
 }  // namespace tumbler

@@ -37,7 +37,8 @@ struct Solution {
   std::vector<double> x;
   RolloutResult rollout;
   SolveEnd end = SolveEnd::kFailed;
-  int start = 0;  ///< Which start it came from, in the order of the global search's ranking.
+  bool finished = false;  ///< Solved with the final step; else screened only, with a longer one.
+  int start = 0;          ///< Which start it came from, in the order of screening.
   double start_cost = 0;
   double violation = 0;           ///< Largest scaled constraint value above zero, recomputed.
   double projected_gradient = 0;  ///< Largest component of the cost's gradient that no active

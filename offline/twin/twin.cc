@@ -13,11 +13,6 @@ namespace {
 
 constexpr std::size_t Index(int i) { return static_cast<std::size_t>(i); }
 
-Task TaskOf(const PrimitiveFile& file) {
-  const Provenance& from = file.provenance;
-  return ParseTask(from.task_toml, from.task_file, from.robot_urdf, from.robot_file);
-}
-
 /// The same tree with every joint driven by a torque.
 Tree<Plane> Unprescribed(Tree<Plane> tree) {
   for (Dof<Plane>& dof : tree.dofs) dof.prescribed = false;

@@ -32,7 +32,8 @@ struct TwinState {
 };
 
 /// The robot's physics (contact and all) behind simulated drives on a simulated bus: robot, ground
-/// and start pose are those of a primitive file (its task gives the rotors' inertia). The one place
+/// are those of a primitive file (its task gives the rotors' inertia), and it starts in the
+/// primitive's entry pose. The one place
 /// that sees both the dynamics and the firmware interface.
 class Twin {
  public:

@@ -1,10 +1,11 @@
 // What scripts/count-instructions measures of dynamics and rollout: calls the counted function of
 // the given name and prints how many times (for a rollout, the number of its Runge-Kutta stages).
-// usage: dynamics_driver g|dg|ground_g|ground_dg|cost|gradient|long_gradient
+// usage: dynamics_driver g|dg|ground_g|ground_dg|cost|gradient|long_gradient|forward
 
 #include <cstdio>
 #include <string_view>
 
+#include "offline/rollout/forward_sensitivity.h"
 #include "offline/rollout/rollout.h"
 #include "tests/benchmarks/dynamics_cases.h"
 #include "tests/support/handstand.h"
@@ -24,6 +25,11 @@ using Gradient = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::Ro
   return gradient == nullptr ? rollout.Run(x).cost : rollout.Run(x, *gradient).cost;
 }
 
+[[gnu::noinline]] double CountedForward(ForwardSensitivity& forward, const std::vector<double>& x,
+                                        Gradient& gradient) {
+  return forward.Run(x, gradient).cost;
+}
+
 int Main(std::string_view what) {
   const bool ground = what.starts_with("ground_");
   if (what == "g" || what == "dg" || ground) {
@@ -34,8 +40,17 @@ int Main(std::string_view what) {
     std::printf("%d\n", kCalls);
     return 0;
   }
-  const Problem problem = HandstandProblem(what == "long_gradient" ? 36 : 12);
   constexpr double kStep = 1e-3;
+  if (what == "forward") {
+    Problem problem = HandstandProblem();
+    problem.joints[0].control_points = 11;
+    ForwardSensitivity forward(problem, {ForwardSettings::Scheme::kFixed, kStep});
+    Gradient gradient(forward.output_count(), forward.parameter_count());
+    CountedForward(forward, RandomMotion(problem, 1), gradient);
+    std::printf("%.0f\n", 4 * (problem.duration_s + problem.settle_s) / kStep);
+    return 0;
+  }
+  const Problem problem = HandstandProblem(what == "long_gradient" ? 36 : 12);
   Rollout rollout(problem, kStep);
   Gradient gradient(rollout.output_count(), rollout.parameter_count());
   const std::vector<double> x = RandomMotion(problem, 1);

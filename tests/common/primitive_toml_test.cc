@@ -141,6 +141,11 @@ void ExpectSame(const PrimitiveFile& a, const PrimitiveFile& b) {
   const Certificate& d = b.certificate;
   EXPECT_EQ(c.coefficients_hash, d.coefficients_hash);
   ExpectSameBits(c.gradient_error, d.gradient_error);
+  for (std::size_t i = 0; i < 3; ++i) {
+    ExpectSameBits(c.gradient_errors[i], d.gradient_errors[i]);
+    ExpectSameBits(c.gradient_difference_steps_rad[i], d.gradient_difference_steps_rad[i]);
+  }
+  ExpectSameBits(c.gradient_step_halving_change, d.gradient_step_halving_change);
   ExpectSameBits(c.projected_gradient, d.projected_gradient);
   ExpectSameBits(c.constraint_violation, d.constraint_violation);
   ExpectSameBits(c.step_halving_error_rad, d.step_halving_error_rad);
@@ -248,6 +253,9 @@ PrimitiveFile AnyPrimitive(std::mt19937_64& random) {
   }
   Certificate& certificate = file.certificate;
   certificate.gradient_error = AnyNonNegative(random);
+  for (double& step : certificate.gradient_difference_steps_rad) step = AnyNonNegative(random);
+  for (double& error : certificate.gradient_errors) error = AnyNonNegative(random);
+  certificate.gradient_step_halving_change = AnyNonNegative(random);
   certificate.projected_gradient = AnyNonNegative(random);
   certificate.constraint_violation = AnyNonNegative(random);
   certificate.step_halving_error_rad = AnyFinite(random);
@@ -604,6 +612,10 @@ INSTANTIATE_TEST_SUITE_P(
                 "acceleration_margin_rad_s2 = ",
                 "acceleration_margin_rad_s2 = 1",
                 {"certificate.acceleration_margin_rad_s2: is 1"}},
+        Refusal{"TwoGradientErrors",
+                "gradient_errors = [0.0, 0.0, 0.0]",
+                "gradient_errors = [0.0, 0.0]",
+                {"certificate.gradient_errors: holds 2 numbers; expected 3"}},
         Refusal{"NegativePeakTorque",
                 "peak_torque_nm = 1.5",
                 "peak_torque_nm = -1.5",

@@ -126,6 +126,11 @@ TEST(TomlReader, WrongKindsAreNamed) {
               HasSubstr("expected an array of tables"));
   EXPECT_THAT(read("[1]", [](TomlTable& t) { t.Tables("a"); }), HasSubstr("expected a table"));
   EXPECT_THAT(read("[1]", [](TomlTable& t) { t.Strings("a"); }), HasSubstr("expected a string"));
+  EXPECT_THAT(read("1", [](TomlTable& t) { t.StringLists("a"); }), HasSubstr("array of arrays"));
+  EXPECT_THAT(read("['x']", [](TomlTable& t) { t.StringLists("a"); }),
+              HasSubstr("expected an array of strings"));
+  EXPECT_THAT(read("[['x', 1]]", [](TomlTable& t) { t.StringLists("a"); }),
+              HasSubstr("expected a string"));
   EXPECT_THAT(read("{}", [](TomlTable& t) { t.Number("a", Range::Any()); }),
               HasSubstr("is a table"));
   EXPECT_THAT(read("1979-05-27", [](TomlTable& t) { t.String("a"); }),

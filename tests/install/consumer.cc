@@ -26,8 +26,8 @@ using namespace tumbler;
 /// The straight path from start to end of every joint: not a good motion, but a legal one.
 Solution StraightLine(const Problem& problem, Rollout& rollout) {
   Solution solution;
-  const int free_points = problem.free_points_per_joint();
   for (const ActuatedJoint& joint : problem.joints) {
+    const int free_points = joint.free_points();
     for (int i = 0; i < free_points; ++i) {
       const double s = (i + 1.0) / (free_points + 1.0);
       solution.x.push_back(joint.start_rad + s * (joint.end_rad - joint.start_rad));

@@ -198,6 +198,27 @@ const std::vector<Mistake> kTaskMistakes = {
      "control_points = 12",
      "control_points = 65",
      {"spline.control_points: is 65; allowed: from 7 ... 64"}},
+    {"ControlPointsOfAStrangeJoint",
+     File::kTask,
+     "control_points = 12",
+     "control_points = { leg1 = 12, leg2 = 12, leg3 = 12 }",
+     {"spline.control_points.leg3: is not a joint of the robot; its joints: leg1, leg2"}},
+    {"ControlPointsOfOneJointOnly",
+     File::kTask,
+     "control_points = 12",
+     "control_points = { leg1 = 11 }",
+     {"spline.control_points.leg2: is missing"}},
+    {"ThreeControlPointsForOneJoint",
+     File::kTask,
+     "control_points = 12",
+     "control_points = { leg1 = 12, leg2 = 3 }",
+     {"spline.control_points.leg2: is 3; allowed: from 7 ... 64"}},
+    {"UnknownGradient",
+     File::kTask,
+     "[solver]",
+     "[solver]\ngradient = \"symbolic\"",
+     {"solver.gradient: is 'symbolic'; allowed: adjoint, forward"},
+     "gradient = "},
     {"DegreeNine",
      File::kTask,
      "degree = 5",
@@ -668,7 +689,7 @@ std::string TaskWithEveryNumber() {
                   "3\nspread_rad = 0.3\ntorque_penalty = 1.0\ncore_penalty = 0.1\nstep_s = 2.0e-3");
   return Replaced(text, "[solver]",
                   "[solver]\nscreen_evaluations = 2\nfinalists = 1\nmax_evaluations = "
-                  "3\nrelative_tolerance = 1.0e-7\ntorque_sharpness = 60.0");
+                  "3\nrelative_tolerance = 1.0e-7\nsharpness = 60.0");
 }
 
 TEST(BadInputEverywhere, ATaskWithEveryNumberIsRead) {

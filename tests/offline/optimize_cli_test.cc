@@ -54,9 +54,27 @@ TEST(OptimizeCli, WritesAPrimitiveAReportAndFiguresThatAgree) {
   EXPECT_EQ(figures.at("seed"), 1);
   EXPECT_EQ(figures.at("objective"), file.provenance.objective);
   EXPECT_EQ(figures.at("peak_torque_nm"), file.certificate.peak_torque_nm);
+  EXPECT_EQ(figures.at("gradient_errors"), file.certificate.gradient_errors);
+  EXPECT_EQ(figures.at("gradient_step_halving_change"),
+            file.certificate.gradient_step_halving_change);
+  EXPECT_THAT(file.certificate.gradient_errors, ::testing::Contains(figures.at("gradient_error")));
   EXPECT_EQ(folder.Listing(),
             (std::set<std::string>{"a", "a/b", "a/b/index.html", "figures.json", "motion.toml",
                                    "robots", "robots/tumbler.urdf", "tasks", "tasks/task.toml"}));
+}
+
+TEST(OptimizeCli, AGradientThatTheCostDoesNotFollowIsWarnedOfWithItsCause) {
+  // Friction with so little creep is too stiff for a step of 1 ms.
+  const TaskFolder folder(Replaced(QuickTask(), "v_max_m_per_s = 0.05", "v_max_m_per_s = 1.0e-4"));
+  Program program = Optimize(folder, {"--out", folder / "motion.toml"});
+  ASSERT_EQ(program.Wait(), 0) << program.text();
+  EXPECT_THAT(program.text(), HasSubstr("warning: gradient and differences of the cost disagree"));
+  EXPECT_THAT(program.text(), HasSubstr("the step is too long for the contact"));
+  EXPECT_GT(LoadPrimitive(folder / "motion.toml").certificate.gradient_error, 1e-3);
+  const TaskFolder smooth(QuickTask());
+  Program quiet = Optimize(smooth, {});
+  ASSERT_EQ(quiet.Wait(), 0) << quiet.text();
+  EXPECT_THAT(quiet.text(), Not(HasSubstr("warning")));
 }
 
 TEST(OptimizeCli, WithoutOutputOptionsItWritesNothing) {

@@ -19,6 +19,7 @@ constexpr double kTolerance = 1e-5;
 std::vector<double> Outputs(const RolloutResult& result) {
   std::vector<double> out{result.cost};
   out.insert(out.end(), result.torque_excess.begin(), result.torque_excess.end());
+  out.push_back(result.core_excess);
   return out;
 }
 
@@ -94,6 +95,16 @@ TEST_P(GradientAtStep, AgreesForSixtyParameters) {
     EXPECT_LT(error, kTolerance);
 }
 
+TEST_P(GradientAtStep, AgreesForElevenParametersOfWhichTheJointsHaveFiveAndSix) {
+  Problem problem = DroppedHandstand();
+  problem.joints[0].control_points = 11;
+  ASSERT_EQ(problem.parameter_count(), 11);
+  EXPECT_EQ(problem.joint_of_parameter(4), 0U);
+  EXPECT_EQ(problem.joint_of_parameter(5), 1U);
+  for (const double error : GradientErrors(problem, RandomMotion(problem, 5), GetParam()))
+    EXPECT_LT(error, kTolerance);
+}
+
 TEST(Rollout, GradientHoldsForEveryKindOfTerminalTermAlone) {
   for (const auto when : {TerminalTerm::When::kEnd, TerminalTerm::When::kSettled}) {
     for (const bool of_velocity : {false, true}) {
@@ -140,7 +151,7 @@ TEST(Rollout, AnUnlimitedTorqueIsNeverExceededAndHasNoGradient) {
   Problem problem = HandstandProblem();
   const std::vector<double> x = RandomMotion(problem, 9);
   Rollout limited(problem, 1e-3);
-  Gradient expected(3, 12), gradient(3, 12);
+  Gradient expected(4, 12), gradient(4, 12);
   limited.Run(x, expected);
   problem.joints[0].limits.torque_max_nm = std::numeric_limits<double>::infinity();
   Rollout rollout(problem, 1e-3);
@@ -154,7 +165,7 @@ TEST(Rollout, AnUnlimitedTorqueIsNeverExceededAndHasNoGradient) {
 TEST(Rollout, GivesTheSameBitsEveryTimeAndWithOrWithoutTheGradient) {
   const Problem problem = DroppedHandstand();
   Rollout first(problem, 1e-3), second(problem, 1e-3);
-  Gradient once(3, 12), again(3, 12);
+  Gradient once(4, 12), again(4, 12);
   for (const std::uint64_t seed : {10U, 11U, 12U}) {
     const std::vector<double> x = RandomMotion(problem, seed);
     const RolloutResult plain = first.Run(x);
@@ -209,9 +220,11 @@ TEST(Rollout, VisitShowsTheMotionWhoseCostRunReturns) {
 }
 
 TEST(Rollout, VisitFollowsTheSplinesAndThenHolds) {
-  const Problem problem = HandstandProblem();
+  Problem problem = HandstandProblem();
+  problem.joints[0].control_points = 15;  // Another number than the second joint's.
   const std::vector<double> x = RandomMotion(problem, 14);
   Rollout rollout(problem, 1e-3);
+  const auto first = PositionSpline(problem, x, 0);
   const auto spline = PositionSpline(problem, x, 1);
   double last = -1;
   int samples = 0;
@@ -221,6 +234,7 @@ TEST(Rollout, VisitFollowsTheSplinesAndThenHolds) {
     ++samples;
     const auto expected = spline.Evaluate(sample.time_s);
     EXPECT_NEAR(sample.q[4], expected.value, 1e-12);
+    EXPECT_NEAR(sample.q[3], first.Evaluate(sample.time_s).value, 1e-12);
     EXPECT_NEAR(sample.qd[4], sample.time_s < problem.duration_s ? expected.first : 0, 1e-9);
   });
   EXPECT_EQ(samples, 1501);
@@ -235,10 +249,46 @@ TEST(Rollout, TheSmoothTorqueMaximumIsNotBelowTheTrueOneAndCloseToIt) {
     for (std::size_t j = 0; j < 2; ++j) {
       const double excess = result.peak_torque_nm[j] / 8 - 1;
       EXPECT_GE(result.torque_excess[j], excess);
-      EXPECT_LE(result.torque_excess[j],
-                excess + std::log(1400.0) / problem.solver.torque_sharpness);
+      EXPECT_LE(result.torque_excess[j], excess + std::log(1400.0) / problem.solver.sharpness);
     }
   }
+}
+
+TEST(Rollout, TheSmoothPenetrationMaximumIsNotBelowTheTrueOneAndCloseToIt) {
+  Problem problem = DroppedHandstand();
+  for (const double drop_m : {0.0, 0.05, 0.2}) {
+    problem.start_q[1] = 0.2125 + drop_m;
+    Rollout rollout(problem, 1e-3);
+    const RolloutResult result = rollout.Run(RandomMotion(problem, 15));
+    const double excess = result.peak_penetration_m / (0.9 * problem.contact.layer_m) - 1;
+    EXPECT_GT(excess, -1);
+    EXPECT_GE(result.core_excess, excess);
+    EXPECT_LE(result.core_excess, excess + std::log(4 * 1400.0) / problem.solver.sharpness);
+  }
+}
+
+TEST(Rollout, GradientOfThePenetrationHoldsWhereTheLayerIsCrossed) {
+  Problem problem = DroppedHandstand();
+  problem.start_q[1] += 0.1;
+  Rollout rollout(problem, 1e-3);
+  Gradient gradient(rollout.output_count(), rollout.parameter_count());
+  const std::vector<double> x = RandomMotion(problem, 3);
+  ASSERT_GT(rollout.Run(x, gradient).core_excess, 0);
+  EXPECT_GT(gradient.row(gradient.rows() - 1).cwiseAbs().maxCoeff(), 0.01);
+  EXPECT_LT(GradientErrors(problem, x, 1e-3).back(), kTolerance);
+}
+
+TEST(Rollout, TheEstimateConvergesToTheRunWithTheFirstOrder) {
+  // Smooth: in flight, where no contact makes the motion sensitive.
+  Problem problem = HandstandProblem();
+  problem.start_q[1] += 20;
+  problem.effort_weight = 1e-2;
+  const std::vector<double> x = RandomMotion(problem, 4);
+  const double exact = Rollout(problem, 0.5e-3).Run(x).cost;
+  const double coarse = std::abs(Rollout(problem, 0.4e-3).Estimate(x).cost - exact);
+  const double fine = std::abs(Rollout(problem, 0.2e-3).Estimate(x).cost - exact);
+  EXPECT_LT(coarse, 0.02 * exact);
+  EXPECT_NEAR(coarse / fine, 2, 0.6);
 }
 
 TEST(Rollout, HalvingTheStepConvergesWithTheFourthOrderInFlight) {
@@ -247,7 +297,8 @@ TEST(Rollout, HalvingTheStepConvergesWithTheFourthOrderInFlight) {
   problem.settle_s = 0;  // The legs' acceleration may jump where the motion ends.
   problem.terminal = {{TerminalTerm::When::kEnd, 2, false, 0, 1, 1}};
   problem.effort_weight = 0;
-  problem.control_points = 6;  // One polynomial, so that nothing is rough inside a step.
+  // One polynomial, so that nothing is rough inside a step.
+  for (ActuatedJoint& joint : problem.joints) joint.control_points = 6;
   problem.joints[0].end_rad = 0.5;
   const std::vector<double> x;
   const auto cost = [&](double step_s) { return Rollout(problem, step_s).Run(x).cost; };
@@ -261,7 +312,7 @@ TEST(Rollout, HalvingTheStepConvergesWithTheFourthOrderInFlight) {
 TEST(Rollout, ARunThatBlowsUpSaysSoAndHasNoGradient) {
   Problem problem = HandstandProblem();
   Rollout rollout(problem, 1e-3);
-  Gradient gradient(3, 12);
+  Gradient gradient(4, 12);
   const std::vector<double> good = RandomMotion(problem, 18);
   const double cost = rollout.Run(good).cost;
   for (const double bad :

@@ -95,6 +95,26 @@ TEST(DerivativeLimitRows, AreTheControlPointsOfTheSplinesDerivativesOverTheLimit
   }
 }
 
+TEST(DerivativeLimitRows, BelongToTheParametersOfTheirOwnJoint) {
+  const Problem problem = ProblemOf(
+      Replaced(ShippedTask(), "control_points = 12", "control_points = { leg1 = 9, leg2 = 14 }"));
+  ASSERT_EQ(problem.parameter_count(), 11);
+  std::map<std::string, int> count;
+  for (const LinearRow& row : DerivativeLimitRows(problem)) {
+    ++count[row.name];
+    const bool first_joint = row.name.ends_with("leg1");
+    for (std::size_t i = 0; i < row.a.size(); ++i) {
+      if ((i < 3) == first_joint) continue;
+      EXPECT_EQ(row.a[i], 0) << row.name << " parameter " << i;
+    }
+  }
+  // Velocity: n - 1 points, two at each end at rest; acceleration: n - 2 points, one at each end.
+  EXPECT_EQ(count["velocity of leg1"], 2 * 4);
+  EXPECT_EQ(count["acceleration of leg1"], 2 * 5);
+  EXPECT_EQ(count["velocity of leg2"], 2 * 9);
+  EXPECT_EQ(count["acceleration of leg2"], 2 * 10);
+}
+
 TEST(DerivativeLimitRows, BoundVelocityAndAccelerationForAllTime) {
   const Problem problem = Uneven(5, 12);
   const std::vector<LinearRow> rows = DerivativeLimitRows(problem);
@@ -118,6 +138,26 @@ TEST(DerivativeLimitRows, BoundVelocityAndAccelerationForAllTime) {
                   worst.at("acceleration of " + joint) + 1e-9);
       }
     }
+  }
+}
+
+TEST(Solve, KeepsTheLimitsOfJointsWithDifferentNumbersOfParameters) {
+  Problem problem = ProblemOf(
+      Replaced(ShippedTask(), "control_points = 12", "control_points = { leg1 = 11, leg2 = 12 }"));
+  problem.joints[0].limits.position_min_rad = -1.9;
+  problem.joints[1].limits.position_max_rad = 1.8;
+  problem.search.max_samples = 40;
+  problem.search.batch = 40;
+  problem.search.refine = 1;
+  problem.solver.max_evaluations = problem.solver.screen_evaluations = 15;
+  const SolveOutcome outcome = Solve(problem, {});
+  ASSERT_EQ(outcome.solutions.size(), 1U);
+  const Solution& solution = outcome.solutions[0];
+  ASSERT_EQ(solution.x.size(), 11U);
+  for (std::size_t i = 0; i < 11; ++i) {
+    const JointLimits<double>& limits = problem.joints[i < 5 ? 0 : 1].limits;
+    EXPECT_GE(solution.x[i], limits.position_min_rad - 1e-6) << i;
+    EXPECT_LE(solution.x[i], limits.position_max_rad + 1e-6) << i;
   }
 }
 
@@ -214,7 +254,7 @@ TEST(SolveFrom, ConvergesToOneOptimumFromAnywhereWhenTheProblemIsAsGoodAsQuadrat
   for (int trial = 0; trial < 4; ++trial) {
     std::vector<double> x;
     for (const ActuatedJoint& joint : problem.joints) {
-      for (int i = 0; i < problem.free_points_per_joint(); ++i)
+      for (int i = 0; i < joint.free_points(); ++i)
         x.push_back(0.5 * (joint.start_rad + joint.end_rad) + small(random));
     }
     const Solution solution = SolveFrom(problem, x, 400, rollout, {}, nullptr);

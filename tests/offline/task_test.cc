@@ -127,7 +127,8 @@ TEST(Task, TheStepFollowsFromContactWhereItIsNotGiven) {
       given, ""));
   EXPECT_LT(stiff.advisable_step_s, 5e-4);
   EXPECT_EQ(stiff.solver.step_s, stiff.advisable_step_s);
-  EXPECT_EQ(stiff.search.step_s, 2 * stiff.advisable_step_s);
+  EXPECT_EQ(stiff.search.step_s, 1.5 * stiff.advisable_step_s);
+  EXPECT_EQ(stiff.solver.screen_step_s, 2 * stiff.advisable_step_s);
   const Problem sticky = Parse(Replaced(
       WithContact("stiffness_n_per_m = 1.0e3\nv_max_m_per_s = 1.0e-3\nd_on_m = 0.04"), given, ""));
   EXPECT_LT(sticky.advisable_step_s, 1e-4) << "friction at rest is a stiff damper";
@@ -232,6 +233,22 @@ pitch_rad = 0.3
   EXPECT_NEAR(top(2, 3), 0.6, 1e-12);
   EXPECT_NEAR(top(3, 4), 0.1 / std::cos(0.3), 1e-12);
   EXPECT_GT(top(3, 4.1), top(3, 4)) << "pitch is from +x towards +z";
+}
+
+TEST(Task, JointsMayHaveDifferentNumbersOfControlPoints) {
+  const Problem problem = Parse(
+      Replaced(ShippedTask(), "control_points = 12", "control_points = { leg2 = 12, leg1 = 11 }"));
+  EXPECT_EQ(problem.joints[0].control_points, 11);
+  EXPECT_EQ(problem.joints[1].control_points, 12);
+  EXPECT_EQ(problem.parameter_count(), 11);
+  EXPECT_EQ(problem.first_parameter(1), 5);
+}
+
+TEST(Task, GradientsAreTheAdjointUnlessThePapersAreAskedFor) {
+  EXPECT_EQ(Parse(ShippedTask()).solver.gradient, SolverSettings::Gradient::kAdjoint);
+  EXPECT_EQ(Parse(Replaced(ShippedTask(), "[solver]", "[solver]\ngradient = \"forward\""))
+                .solver.gradient,
+            SolverSettings::Gradient::kForward);
 }
 
 TEST(Task, LimitsOfAJointTightenThoseOfAll) {

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "offline/contact/contact_law.h"
+#include "offline/problem/task_toml.h"
 #include "tests/support/task_files.h"
 
 namespace tumbler {
@@ -28,9 +29,29 @@ std::string AloftTask() {
   return Replaced(ShippedTask(), "pitch_rad = 0.0", "pitch_rad = 0.0\nz_m = 100.0", "[start]");
 }
 
+/// As much of a primitive as a twin looks at.
+PrimitiveFile FileOf(const std::string& task, double shift_x_m = 0) {
+  PrimitiveFile file;
+  file.provenance.task_toml = task;
+  file.provenance.task_file = "task.toml";
+  file.provenance.robot_urdf = ShippedRobot();
+  file.provenance.robot_file = "robot.urdf";
+  const Problem problem = ParseTask(task, "task.toml", ShippedRobot(), "robot.urdf").problem;
+  file.entry = {problem.start_q[0] + shift_x_m,
+                problem.start_q[1],
+                problem.start_q[2],
+                {problem.start_q[3], problem.start_q[4]}};
+  file.primitive.joint_count = 2;
+  file.primitive.joints[0].name = FixedString<32>("leg1");
+  file.primitive.joints[1].name = FixedString<32>("leg2");
+  return file;
+}
+
 /// A twin with two drives and a host that speaks to them.
 struct Rig {
-  explicit Rig(const std::string& task, const TwinConfig& config = {}) : host(bus.Attach()) {
+  /// @param shift_x_m  how far from the task's own start the motion begins.
+  explicit Rig(const std::string& task, const TwinConfig& config = {}, double shift_x_m = 0)
+      : host(bus.Attach()) {
     std::vector<SimulatedDrive*> pointers;
     for (std::uint16_t i = 0; i < 2; ++i) {
       SimulatedDriveConfig drive;
@@ -43,11 +64,7 @@ struct Rig {
       bus.Attach(*drives.back(), SimulatedDrive::PortConfig());
       pointers.push_back(drives.back().get());
     }
-    PrimitiveFile file;
-    file.provenance.task_toml = task;
-    file.provenance.task_file = "task.toml";
-    file.provenance.robot_urdf = ShippedRobot();
-    file.provenance.robot_file = "robot.urdf";
+    const PrimitiveFile file = FileOf(task, shift_x_m);
     twin = std::make_unique<Twin>(file, config, bus, pointers);
   }
   void Command(std::size_t drive, const MitCommand& command) {
@@ -230,7 +247,8 @@ TEST(TwinMechanics, HeldAtHomeItStandsAndTheGroundCarriesItsWeight) {
   EXPECT_LT(rig.twin->state().peak_penetration_m, 0.004);
 }
 
-TEST(TwinMechanics, TheStartIsTheTasksRestPose) {
+TEST(TwinMechanics, TheStartIsThePrimitivesEntry) {
+  EXPECT_EQ(Rig(StandingTask(), {}, 0.25).twin->state().root_x_m, 0.25);
   const TwinState s = Rig(StandingTask()).twin->state();
   EXPECT_EQ(s.time_ns, 0);
   EXPECT_NEAR(s.joint_positions_rad[0], -M_PI / 2, 1e-12);
@@ -302,9 +320,7 @@ TEST(TwinTime, HalvingTheStepHardlyChangesTheMotion) {
 
 TEST(TwinSetUp, NeedsADriveForEveryJointAndAPositiveStep) {
   SimulatedBus bus;
-  PrimitiveFile file;
-  file.provenance.task_toml = StandingTask();
-  file.provenance.robot_urdf = ShippedRobot();
+  PrimitiveFile file = FileOf(StandingTask());
   EXPECT_THROW(Twin(file, {}, bus, {}), std::invalid_argument);
   SimulatedDriveConfig config;
   SimulatedDrive drive(config);

@@ -23,12 +23,12 @@ inline Problem HandstandProblem(int control_points = 12) {
   limits.velocity_max_rad_s = 20;
   limits.acceleration_max_rad_s2 = 400;
   limits.torque_max_nm = 8;
-  problem.joints = {{3, limits, -kPi / 2, 0}, {4, limits, kPi / 2, 0}};
+  problem.joints = {{3, limits, -kPi / 2, 0, control_points},
+                    {4, limits, kPi / 2, 0, control_points}};
   problem.obstacles = {{"ground", Shape<Plane>::HalfSpace({0, 0}, {0, 1})}};
   problem.start_q = {0, 0.2125, 0, -kPi / 2, kPi / 2};
   problem.duration_s = 1.2;
   problem.settle_s = 0.2;
-  problem.control_points = control_points;
   problem.terminal = {{TerminalTerm::When::kSettled, 2, false, kPi / 2, 1, 2},
                       {TerminalTerm::When::kEnd, 2, true, 0, 0.01, 2}};
   problem.effort_weight = 1e-3;
@@ -41,8 +41,8 @@ inline std::vector<double> RandomMotion(const Problem& problem, std::uint64_t se
                                         double amplitude_rad = 1.2) {
   std::mt19937_64 random(seed);
   std::vector<double> x;
-  const int points = problem.free_points_per_joint();
   for (const ActuatedJoint& joint : problem.joints) {
+    const int points = joint.free_points();
     const std::vector<double> modes = {Uniform(random, -1, 1), Uniform(random, -1, 1) / 2,
                                        Uniform(random, -1, 1) / 3};
     for (int i = 0; i < points; ++i) {

@@ -1,0 +1,510 @@
+#include "common/sequence_toml.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <filesystem>
+#include <limits>
+#include <numbers>
+#include <stdexcept>
+#include <string_view>
+#include <utility>
+
+#include "common/toml_reader.h"
+
+namespace tumbler {
+
+namespace {
+
+using Motion = JointMotion<double>;
+using Graph = SequenceGraph<double>;
+
+constexpr std::string_view kFormat = "tumbler-sequence";
+constexpr double kPi = std::numbers::pi;
+// Quantities that are compared with a hold rather than with the other primitive end in one of
+// these.
+constexpr std::string_view kBeforeHold = " before the hold";
+constexpr std::string_view kAfterHold = " after the hold";
+constexpr double kMaxSettle = 60;  // [s]; longer than that is a typing error
+
+std::size_t Index(int i) { return static_cast<std::size_t>(i); }
+
+// Two numbers that differ are to look different.
+std::pair<std::string, std::string> Distinct(double a, double b) {
+  std::pair<std::string, std::string> texts{MessageNumber(a), MessageNumber(b)};
+  if (texts.first == texts.second && a != b) texts = {ExactDecimal(a), ExactDecimal(b)};
+  return texts;
+}
+
+class SequenceReader {
+ public:
+  explicit SequenceReader(TomlTable root) : root_(std::move(root)) { file_.path = root_.file(); }
+
+  SequenceFile Read() {
+    CheckHeader();
+    file_.graph.name = Name<48>(root_, "name");
+    ReadTolerances();
+    ReadPrimitives();
+    ReadSwap();
+    ReadNodes();
+    ReadEdges();
+    const std::string start = root_.String("start");
+    file_.graph.start = NodeOf(root_, "start", start);
+    root_.RejectUnknownKeys();
+    CheckNodes();
+    CheckGraph();
+    CheckLimits();
+    return std::move(file_);
+  }
+
+ private:
+  void CheckHeader() {
+    if (const std::string format = root_.String("format"); format != kFormat) {
+      root_.Fail("format", fmt::format("is '{}'; a sequence says '{}'", format, kFormat));
+    }
+    const std::int64_t version =
+        root_.Integer("version", 1, std::numeric_limits<std::int64_t>::max());
+    if (version > kSequenceFileVersion) {
+      root_.Fail("version",
+                 fmt::format("is {}; this program reads versions up to {}: use a newer program",
+                             version, kSequenceFileVersion));
+    }
+  }
+
+  template <std::size_t kCapacity>
+  static FixedString<kCapacity> Name(TomlTable& table, std::string_view key) {
+    const std::string name = table.String(key);
+    if (name.empty() || !FixedString<kCapacity>::fits(name)) {
+      table.Fail(key, fmt::format("is '{}', {} bytes; allowed: from 1 ... {}", name, name.size(),
+                                  kCapacity));
+    }
+    return FixedString<kCapacity>(name);
+  }
+
+  void ReadTolerances() {
+    std::optional<TomlTable> table = root_.OptionalTable("tolerances");
+    if (!table) return;
+    JoinTolerances& t = file_.tolerances;
+    // The setpoint steps by as much as it is allowed to.
+    t.joint_position_rad = table->Number("joint_position_rad", {0, 0.01}, t.joint_position_rad);
+    t.joint_velocity_rad_s =
+        table->Number("joint_velocity_rad_s", {0, 0.1}, t.joint_velocity_rad_s);
+    t.joint_acceleration_rad_s2 =
+        table->Number("joint_acceleration_rad_s2", {0, 10}, t.joint_acceleration_rad_s2);
+    t.root_z_m = table->Number("root_z_m", {0, 1, true}, t.root_z_m);
+    t.root_pitch_rad = table->Number("root_pitch_rad", {0, kPi / 2, true}, t.root_pitch_rad);
+  }
+
+  void ReadPrimitives() {
+    TomlTable table = root_.Table("primitives");
+    const std::vector<std::string> names = table.Keys();
+    if (names.empty() || names.size() > Index(kMaxSequencePrimitives)) {
+      root_.Fail("primitives", fmt::format("has {} entries; allowed: from 1 ... {}", names.size(),
+                                           kMaxSequencePrimitives));
+    }
+    for (const std::string& name : names) {
+      const std::string named = table.String(name);
+      const std::filesystem::path path = std::filesystem::path(root_.file()).parent_path() / named;
+      std::error_code error;
+      if (!std::filesystem::exists(path, error)) {
+        table.Fail(name, fmt::format("'{}' does not exist (looked for {})", named, path.string()));
+      }
+      file_.primitives.push_back(LoadPrimitive(path.string()));
+      file_.primitive_names.push_back(name);
+      CheckSameRobot(table, name, named);
+    }
+  }
+
+  /// The newest primitive moves the joints of the first, of the same robot.
+  void CheckSameRobot(const TomlTable& table, const std::string& name, const std::string& named) {
+    const PrimitiveFile& first = file_.primitives.front();
+    const PrimitiveFile& other = file_.primitives.back();
+    const Primitive<double>& a = first.primitive;
+    const Primitive<double>& b = other.primitive;
+    if (a.joint_count != b.joint_count) {
+      table.Fail(name,
+                 fmt::format("'{}' moves {} joints, '{}' {}; all primitives of a sequence "
+                             "move the same joints",
+                             named, b.joint_count, file_.primitive_names.front(), a.joint_count));
+    }
+    for (std::size_t j = 0; j < b.motions().size(); ++j) {
+      if (a.joints[j].name == b.joints[j].name) continue;
+      table.Fail(name,
+                 fmt::format("joint {} of '{}' is '{}', of '{}' it is '{}'; all primitives of a "
+                             "sequence move the same joints, in the same order",
+                             j, named, b.joints[j].name.view(), file_.primitive_names.front(),
+                             a.joints[j].name.view()));
+    }
+    if (first.provenance.robot_hash != other.provenance.robot_hash) {
+      table.Fail(name, fmt::format("'{}' was made for another robot ({}) than '{}' ({}); make it "
+                                   "again with the same URDF",
+                                   named, other.provenance.robot_hash,
+                                   file_.primitive_names.front(), first.provenance.robot_hash));
+    }
+  }
+
+  void ReadSwap() {
+    Graph& graph = file_.graph;
+    for (std::size_t j = 0; j < graph.partner.size(); ++j)
+      graph.partner[j] = static_cast<std::uint8_t>(j);
+    std::optional<TomlTable> table = root_.OptionalTable("swap");
+    if (!table) return;
+    has_swap_ = true;
+    file_.swap_pitch_rad = table->Number("root_pitch_rad", {-2 * kPi, 2 * kPi});
+    for (const std::vector<std::string>& pair : table->StringLists("joints")) {
+      if (pair.size() != 2) {
+        table->Fail("joints",
+                    fmt::format("has an entry of {} names; expected pairs of joints", pair.size()));
+      }
+      const std::size_t a = JointOf(*table, pair[0]);
+      const std::size_t b = JointOf(*table, pair[1]);
+      if (a == b) {
+        table->Fail("joints", fmt::format("exchanges '{}' with itself", pair[0]));
+      }
+      for (const std::size_t j : {a, b}) {
+        if (graph.partner[j] == j) continue;
+        table->Fail("joints", fmt::format("names '{}' twice; a joint has one partner",
+                                          JointName(static_cast<int>(j))));
+      }
+      graph.partner[a] = static_cast<std::uint8_t>(b);
+      graph.partner[b] = static_cast<std::uint8_t>(a);
+    }
+  }
+
+  [[nodiscard]] std::string_view JointName(int j) const {
+    return file_.primitives.front().primitive.joints[Index(j)].name.view();
+  }
+
+  std::size_t JointOf(const TomlTable& table, const std::string& name) {
+    std::string names;
+    const std::span<const Motion> motions = file_.primitives.front().primitive.motions();
+    for (std::size_t j = 0; j < motions.size(); ++j) {
+      if (motions[j].name.view() == name) return j;
+      names += (j > 0 ? ", " : "") + std::string(motions[j].name.view());
+    }
+    table.Fail("joints",
+               fmt::format("'{}' is not a joint of the primitives; their joints: {}", name, names));
+  }
+
+  void ReadNodes() {
+    Graph& graph = file_.graph;
+    std::vector<TomlTable> tables = root_.Tables("node");
+    if (tables.empty() || tables.size() > Index(kMaxSequenceNodes)) {
+      root_.Fail("node", fmt::format("has {} entries; allowed: from 1 ... {}", tables.size(),
+                                     kMaxSequenceNodes));
+    }
+    for (TomlTable& table : tables) {
+      SequenceNode node;
+      node.name = Name<48>(table, "name");
+      if (graph.FindNode(node.name.view()) >= 0)
+        table.Fail("name", fmt::format("'{}' is there twice", node.name.view()));
+      const std::string primitive = table.String("primitive");
+      const auto& names = file_.primitive_names;
+      const auto found = std::find(names.begin(), names.end(), primitive);
+      if (found == names.end()) {
+        table.Fail("primitive", fmt::format("is '{}'; allowed: {} (of [primitives])", primitive,
+                                            fmt::join(names, ", ")));
+      }
+      node.primitive = static_cast<int>(found - names.begin());
+      node.swapped = table.Boolean("swapped", false);
+      if (node.swapped && !has_swap_) {
+        table.Fail("swapped",
+                   "is true, but the file does not say which joints are exchanged: "
+                   "give it a [swap]");
+      }
+      node.safe = table.Boolean("safe", false);
+      node.ends_cycle = table.Boolean("ends_cycle", false);
+      file_.exit_pitch_tolerance_rad.push_back(table.Number(
+          "exit_pitch_tolerance_rad", {0, kPi, true}, file_.tolerances.root_pitch_rad));
+      file_.node_lines.push_back(table.LineOf("name"));
+      node_keys_.push_back(table.path());
+      graph.node_storage[Index(graph.node_count++)] = node;
+    }
+  }
+
+  int NodeOf(const TomlTable& table, std::string_view key, const std::string& name) {
+    const int node = file_.graph.FindNode(name);
+    if (node >= 0) return node;
+    std::string names;
+    for (const SequenceNode& known : file_.graph.nodes())
+      names += (names.empty() ? "" : ", ") + std::string(known.name.view());
+    table.Fail(key, fmt::format("is '{}', which is no node; allowed: {}", name, names));
+  }
+
+  void ReadEdges() {
+    Graph& graph = file_.graph;
+    std::vector<TomlTable> tables = root_.OptionalTables("edge");
+    if (tables.size() > Index(kMaxSequenceEdges)) {
+      root_.Fail("edge", fmt::format("has {} entries; allowed: at most {}", tables.size(),
+                                     kMaxSequenceEdges));
+    }
+    constexpr std::array<std::string_view, 3> kWhen = {"always", "branch", "cycles-done"};
+    for (TomlTable& table : tables) {
+      SequenceEdge<double> edge;
+      edge.from = NodeOf(table, "from", table.String("from"));
+      edge.to = NodeOf(table, "to", table.String("to"));
+      const double least = file_.PrimitiveOf(edge.from).primitive.settle_s;
+      edge.settle_s = table.Number("settle_s", {0, kMaxSettle}, least);
+      if (edge.settle_s < least) {
+        table.Fail("settle_s", fmt::format("is {}; allowed: from {} (the settle time of '{}') ... "
+                                           "{}",
+                                           MessageNumber(edge.settle_s), MessageNumber(least),
+                                           graph.node(edge.from).name.view(), kMaxSettle));
+      }
+      const std::string when = table.Choice("when", kWhen, "always");
+      edge.condition = when == "always"   ? EdgeCondition::kAlways
+                       : when == "branch" ? EdgeCondition::kBranch
+                                          : EdgeCondition::kCyclesDone;
+      if (edge.condition == EdgeCondition::kBranch) {
+        edge.branch = Name<32>(table, "branch");
+      } else if (table.Has("branch")) {
+        table.Fail("branch", fmt::format("belongs to an edge with when = \"branch\"; this one says "
+                                         "\"{}\"",
+                                         when));
+      }
+      for (const SequenceEdge<double>& other : graph.edges()) {
+        if (other.from != edge.from || other.condition != edge.condition ||
+            !(other.branch == edge.branch)) {
+          continue;
+        }
+        table.Fail("from",
+                   fmt::format("'{}' has two edges for {}: it could not be told which to take",
+                               graph.node(edge.from).name.view(),
+                               edge.condition == EdgeCondition::kBranch
+                                   ? fmt::format("the branch '{}'", edge.branch.view())
+                                   : fmt::format("when = \"{}\"", when)));
+      }
+      file_.edge_lines.push_back(table.LineOf("from"));
+      graph.edge_storage[Index(graph.edge_count++)] = edge;
+    }
+  }
+
+  [[noreturn]] void FailNode(int node, const std::string& problem) const {
+    throw FileError(file_.path, file_.node_lines[Index(node)], node_keys_[Index(node)], problem);
+  }
+
+  /// The node that follows by kAlways, or -1.
+  [[nodiscard]] int Following(int node) const {
+    const int edge = NextEdge(file_.graph, node, 0, {});
+    return edge < 0 ? -1 : file_.graph.edge(edge).to;
+  }
+
+  /// Every node can be reached, and from every node a stop comes to its end.
+  void CheckGraph() const {
+    const Graph& graph = file_.graph;
+    std::vector<bool> reached(Index(graph.node_count), false);
+    std::vector<int> open = {graph.start};
+    reached[Index(graph.start)] = true;
+    while (!open.empty()) {
+      const int node = open.back();
+      open.pop_back();
+      for (const SequenceEdge<double>& edge : graph.edges()) {
+        if (edge.from != node || reached[Index(edge.to)]) continue;
+        reached[Index(edge.to)] = true;
+        open.push_back(edge.to);
+      }
+    }
+    for (int i = 0; i < graph.node_count; ++i) {
+      const std::string_view name = graph.node(i).name.view();
+      if (!reached[Index(i)]) {
+        FailNode(i, fmt::format("no edge leads to '{}' from the start, '{}'", name,
+                                graph.node(graph.start).name.view()));
+      }
+      int node = i;
+      for (int steps = 0; !graph.node(node).safe; ++steps) {
+        const int next = Following(node);
+        if (next < 0) {
+          FailNode(node, fmt::format("'{}' is not safe, but a sequence can end there: give it an "
+                                     "edge with when = \"always\", or say safe = true",
+                                     graph.node(node).name.view()));
+        }
+        if (steps >= graph.node_count) {
+          FailNode(i, fmt::format("a stop at '{}' never ends: no node that follows by when = "
+                                  "\"always\" is safe",
+                                  name));
+        }
+        node = next;
+      }
+    }
+  }
+
+  void CheckNodes() const {
+    if (std::any_of(file_.graph.edges().begin(), file_.graph.edges().end(),
+                    [](const auto& e) { return e.condition == EdgeCondition::kCyclesDone; }) &&
+        std::none_of(file_.graph.nodes().begin(), file_.graph.nodes().end(),
+                     [](const SequenceNode& node) { return node.ends_cycle; })) {
+      root_.Fail("edge", "waits for cycles to be done, but no node says ends_cycle = true");
+    }
+  }
+
+  /// Every joint of the robot keeps its own limits while it plays another's path.
+  void CheckLimits() const {
+    const Graph& graph = file_.graph;
+    for (int i = 0; i < graph.node_count; ++i) {
+      const PrimitiveFile& file = file_.PrimitiveOf(i);
+      for (int j = 0; j < file.primitive.joint_count; ++j) {
+        const Motion& path = file.primitive.joints[Index(graph.RoleOf(i, j))];
+        CheckPath(i, file.primitive.joints[Index(j)], path);
+      }
+    }
+  }
+
+  void CheckPath(int node, const Motion& joint, const Motion& path) const {
+    struct Bound {
+      const char* name;
+      const char* unit;
+      const Motion::Spline& spline;
+      int derivative;
+      double min, max;
+    };
+    const JointLimits<double>& limits = joint.limits;
+    const std::array<Bound, 4> bounds = {
+        {{"position", "rad", path.position, 0, limits.position_min_rad, limits.position_max_rad},
+         {"velocity", "rad/s", path.position, 1, -limits.velocity_max_rad_s,
+          limits.velocity_max_rad_s},
+         {"acceleration", "rad/s^2", path.position, 2, -limits.acceleration_max_rad_s2,
+          limits.acceleration_max_rad_s2},
+         {"feed-forward torque", "N m", path.torque, 0, -limits.torque_max_nm,
+          limits.torque_max_nm}}};
+    for (const Bound& bound : bounds) {
+      const std::span<const double> points = bound.spline.control_points(bound.derivative);
+      for (std::size_t i = 0; i < points.size(); ++i) {
+        if (points[i] >= bound.min && points[i] <= bound.max) continue;
+        const double limit = points[i] > bound.max ? bound.max : bound.min;
+        const auto [value, allowed] = Distinct(points[i], limit);
+        // What control point i of derivative d has a part in.
+        const std::span<const double> knots = bound.spline.knots();
+        const double from = knots[i + Index(bound.derivative)];
+        const double to = knots[i + Index(bound.spline.degree()) + 1];
+        FailNode(node,
+                 fmt::format("primitive '{}', joint '{}'{}: control point {} of {} (knots {} to {} "
+                             "s) is {} {}; allowed: {} {} {}: {} too much",
+                             file_.primitive_names[Index(file_.graph.node(node).primitive)],
+                             joint.name.view(),
+                             joint.name == path.name
+                                 ? ""
+                                 : fmt::format(" on the path of '{}'", path.name.view()),
+                             i, bound.name, MessageNumber(from), MessageNumber(to), value,
+                             bound.unit, points[i] > bound.max ? "<=" : ">=", allowed, bound.unit,
+                             MessageNumber(std::abs(points[i] - limit))));
+      }
+    }
+  }
+
+  TomlTable root_;
+  SequenceFile file_;
+  bool has_swap_ = false;
+  std::vector<std::string> node_keys_;
+};
+
+}  // namespace
+
+double NearestTurn(double angle_rad) { return std::remainder(angle_rad, 2 * kPi); }
+
+std::vector<JoinComparison> CompareJoins(const SequenceFile& file) {
+  const Graph& graph = file.graph;
+  const JoinTolerances& tolerances = file.tolerances;
+  std::vector<JoinComparison> comparisons;
+  for (int e = 0; e < graph.edge_count; ++e) {
+    const SequenceEdge<double>& edge = graph.edge(e);
+    const PrimitiveFile& before = file.PrimitiveOf(edge.from);
+    const PrimitiveFile& after = file.PrimitiveOf(edge.to);
+    const auto add = [&](const std::string& joint, const std::string& quantity, const char* unit,
+                         double exit, double entry, double tolerance) {
+      comparisons.push_back({e, joint, quantity, unit, exit, entry, exit - entry, tolerance});
+    };
+    for (int j = 0; j < before.primitive.joint_count; ++j) {
+      const std::string name(before.primitive.joints[Index(j)].name.view());
+      const Motion::Spline& from =
+          before.primitive.joints[Index(graph.RoleOf(edge.from, j))].position;
+      const Motion::Spline& to = after.primitive.joints[Index(graph.RoleOf(edge.to, j))].position;
+      const auto last = [&from](int d) { return from.control_points(d).back(); };
+      const auto first = [&to](int d) { return to.control_points(d).front(); };
+      add(name, "position", "rad", last(0), first(0), tolerances.joint_position_rad);
+      const double v = tolerances.joint_velocity_rad_s;
+      const double a = tolerances.joint_acceleration_rad_s2;
+      if (edge.settle_s > 0) {  // The hold is at rest.
+        add(name, std::string("velocity").append(kBeforeHold), "rad/s", last(1), 0, v);
+        add(name, std::string("velocity").append(kAfterHold), "rad/s", 0, first(1), v);
+        add(name, std::string("acceleration").append(kBeforeHold), "rad/s^2", last(2), 0, a);
+        add(name, std::string("acceleration").append(kAfterHold), "rad/s^2", 0, first(2), a);
+      } else {
+        add(name, "velocity", "rad/s", last(1), first(1), v);
+        add(name, "acceleration", "rad/s^2", last(2), first(2), a);
+      }
+    }
+    add("", "height", "m", before.exit.root_z_m, after.entry.root_z_m, tolerances.root_z_m);
+    const double exit =
+        file.RobotPitch(edge.from, before.exit.root_pitch_rad) - file.RobotPitch(edge.to, 0);
+    add("", "pitch", "rad", exit, after.entry.root_pitch_rad, tolerances.root_pitch_rad);
+    JoinComparison& pitch = comparisons.back();
+    pitch.difference = NearestTurn(pitch.difference);
+    pitch.exit = pitch.entry + pitch.difference;
+  }
+  return comparisons;
+}
+
+std::string Describe(const SequenceFile& file, const JoinComparison& c) {
+  const SequenceEdge<double>& edge = file.graph.edge(c.edge);
+  const auto [exit, entry] = Distinct(c.exit, c.entry);
+  const auto primitive = [&](int node) -> const std::string& {
+    return file.primitive_names[Index(file.graph.node(node).primitive)];
+  };
+  const std::string exit_of = c.quantity.ends_with(kAfterHold)
+                                  ? std::string("the hold")
+                                  : fmt::format("the end of '{}'", primitive(edge.from));
+  const std::string entry_of = c.quantity.ends_with(kBeforeHold)
+                                   ? std::string("the hold")
+                                   : fmt::format("the start of '{}'", primitive(edge.to));
+  return fmt::format(
+      "{} -> {}: {}, {}: {} {} at {} against {} {} at {}: {} {} apart; allowed: {} {}",
+      file.graph.node(edge.from).name.view(), file.graph.node(edge.to).name.view(),
+      c.joint.empty() ? std::string("root") : fmt::format("joint '{}'", c.joint), c.quantity, exit,
+      c.unit, exit_of, entry, c.unit, entry_of, MessageNumber(std::abs(c.difference)), c.unit,
+      MessageNumber(c.tolerance), c.unit);
+}
+
+SequenceFile ReadSequence(const std::string& path) {
+  return SequenceReader(TomlTable::ParseFile(path)).Read();
+}
+
+SequenceFile LoadSequence(const std::string& path) {
+  SequenceFile file = ReadSequence(path);
+  for (const JoinComparison& comparison : CompareJoins(file)) {
+    if (comparison.fits()) continue;
+    throw FileError(path, file.edge_lines[Index(comparison.edge)],
+                    fmt::format("edge[{}]", comparison.edge), Describe(file, comparison));
+  }
+  return file;
+}
+
+Sequence<float> ToRuntime(const SequenceFile& file) {
+  Sequence<float> sequence;
+  const Graph& from = file.graph;
+  SequenceGraph<float>& graph = sequence.graph;
+  graph.name = from.name;
+  graph.start = from.start;
+  graph.node_count = from.node_count;
+  graph.node_storage = from.node_storage;
+  graph.edge_count = from.edge_count;
+  graph.partner = from.partner;
+  for (int e = 0; e < from.edge_count; ++e) {
+    const SequenceEdge<double>& edge = from.edge(e);
+    graph.edge_storage[Index(e)] = {edge.from, edge.to, static_cast<float>(edge.settle_s),
+                                    edge.condition, edge.branch};
+  }
+  sequence.primitive_count = static_cast<int>(file.primitives.size());
+  for (std::size_t i = 0; i < file.primitives.size(); ++i) {
+    try {
+      sequence.primitives[i] = ToRuntime(file.primitives[i].primitive);
+    } catch (const std::invalid_argument& error) {
+      throw std::invalid_argument(
+          fmt::format("primitive '{}': {}", file.primitive_names[i], error.what()));
+    }
+  }
+  return sequence;
+}
+
+}  // namespace tumbler

@@ -1,0 +1,201 @@
+// tumbler-chain: whether the primitives of a sequence fit together, and what becomes of them one
+// after the other.
+
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <exception>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <system_error>
+#include <vector>
+
+#include "common/sequence_toml.h"
+#include "common/toml_reader.h"
+#include "offline/chain/chain.h"
+
+namespace tumbler {
+namespace {
+
+enum ExitStatus { kFits = 0, kBadInput = 1, kFell = 2 };
+
+struct Arguments {
+  std::string sequence;
+  ChainOptions options;
+  std::string json;
+  std::string report;
+};
+
+/// A table of what was compared at every edge: of each quantity, the largest of all joints.
+int Check(const Arguments& arguments) {
+  const SequenceFile file = ReadSequence(arguments.sequence);
+  const std::vector<JoinComparison> comparisons = CompareJoins(file);
+  fmt::print("{:<40} {:<38} {:<10} {:>12} {:>12}\n", "join", "quantity", "largest at", "apart",
+             "allowed");
+  const JoinComparison* first_bad = nullptr;
+  for (int e = 0; e < file.graph.edge_count; ++e) {
+    const auto& edge = file.graph.edge(e);
+    std::vector<const JoinComparison*> rows;  // the largest of each quantity, in their order
+    for (const JoinComparison& c : comparisons) {
+      if (c.edge != e) continue;
+      if (first_bad == nullptr && !c.fits()) first_bad = &c;
+      const auto same = std::find_if(rows.begin(), rows.end(), [&c](const auto* row) {
+        return row->quantity == c.quantity && row->joint.empty() == c.joint.empty();
+      });
+      if (same == rows.end()) {
+        rows.push_back(&c);
+      } else if (!(std::abs(c.difference) <= std::abs((*same)->difference))) {
+        *same = &c;
+      }
+    }
+    const std::string name = fmt::format("{} -> {}", file.graph.node(edge.from).name.view(),
+                                         file.graph.node(edge.to).name.view());
+    for (const JoinComparison* row : rows) {
+      fmt::print("{:<40} {:<38} {:<10} {:>12} {:>12}{}\n", row == rows.front() ? name : "",
+                 fmt::format("{} [{}]", row->quantity, row->unit),
+                 row->joint.empty() ? "root" : row->joint,
+                 fmt::format("{:.2e}", std::abs(row->difference)),
+                 fmt::format("{:.2e}", row->tolerance), row->fits() ? "" : "  does not fit");
+    }
+  }
+  if (first_bad != nullptr) {
+    throw FileError(file.path, file.edge_lines[static_cast<std::size_t>(first_bad->edge)],
+                    fmt::format("edge[{}]", first_bad->edge), Describe(file, *first_bad));
+  }
+  RequireSameGround(file);
+  fmt::print("{}: {} nodes, {} joins, all fit; limits hold for all t\n", file.graph.name.view(),
+             file.graph.node_count, file.graph.edge_count);
+  return kFits;
+}
+
+/// The margin of a node that was not played is infinite, which JSON has no number for.
+nlohmann::ordered_json FiniteOrNull(double value) {
+  return std::isfinite(value) ? nlohmann::ordered_json(value) : nlohmann::ordered_json(nullptr);
+}
+
+nlohmann::ordered_json ToJson(const SequenceFile& file, const ChainOutcome& outcome) {
+  nlohmann::ordered_json json = {{"sequence", file.graph.name.view()},
+                                 {"cycles", outcome.cycles},
+                                 {"duration_s", outcome.duration_s},
+                                 {"travelled_m", outcome.travelled_m},
+                                 {"failure", nullptr}};
+  if (outcome.failure) {
+    json["failure"] = {{"cause", ToString(outcome.failure->cause)},
+                       {"node", file.graph.node(outcome.failure->node).name.view()},
+                       {"time_s", outcome.failure->time_s},
+                       {"text", outcome.failure->text}};
+  }
+  json["passages"] = nlohmann::ordered_json::array();
+  for (const Passage& p : outcome.passages) {
+    json["passages"].push_back({{"node", file.graph.node(p.node).name.view()},
+                                {"start_s", p.start_s},
+                                {"hold_s", p.hold_s},
+                                {"entry_z_error_m", p.entry_z_error_m},
+                                {"entry_pitch_error_rad", p.entry_pitch_error_rad},
+                                {"entry_speed", p.entry_speed},
+                                {"exit_z_error_m", p.exit_z_error_m},
+                                {"exit_pitch_error_rad", p.exit_pitch_error_rad},
+                                {"exit_speed", p.exit_speed},
+                                {"posture", ToString(p.posture)},
+                                {"peak_torque_nm", p.peak_torque_nm},
+                                {"torque_margin_nm", FiniteOrNull(p.torque_margin_nm)},
+                                {"peak_penetration_m", p.peak_penetration_m},
+                                {"travelled_m", p.travelled_m},
+                                {"turned_rad", p.turned_rad}});
+  }
+  return json;
+}
+
+int Simulate(const Arguments& arguments) {
+  std::error_code error;
+  if (std::filesystem::equivalent(arguments.json, arguments.sequence, error))
+    throw FileError(arguments.json, 0, "", "is an input; results need a file of their own");
+  const SequenceFile file = LoadSequence(arguments.sequence);
+  const ChainOutcome outcome = SimulateChain(file, arguments.options);
+  std::FILE* const people = arguments.json == "-" ? stderr : stdout;
+  fmt::print(people, "{:>9} {:<22} {:>10} {:>10} {:>9} {:<8} {:>7} {:>7} {:>9} {:>8}\n",
+             "start [s]", "node", "entry err", "exit err", "speed", "posture", "[N m]", "[mm]",
+             "dx [m]", "turn");
+  for (const Passage& p : outcome.passages) {
+    fmt::print(people,
+               "{:9.2f} {:<22} {:10.2e} {:10.2e} {:9.1e} {:<8} {:7.2f} {:7.2f} {:9.4f} {:8.4f}\n",
+               p.start_s, file.graph.node(p.node).name.view(), p.entry_pitch_error_rad,
+               p.exit_pitch_error_rad, p.exit_speed, ToString(p.posture), p.peak_torque_nm,
+               1e3 * p.peak_penetration_m, p.travelled_m, p.turned_rad);
+  }
+  fmt::print(people, "{}: {} cycles in {:.2f} s, {:.3f} m along x; {}\n", file.graph.name.view(),
+             outcome.cycles, outcome.duration_s, outcome.travelled_m,
+             outcome.failure ? "it did not go through" : "no fall");
+  const auto worst = std::min_element(
+      outcome.passages.begin(), outcome.passages.end(),
+      [](const Passage& a, const Passage& b) { return a.torque_margin_nm < b.torque_margin_nm; });
+  if (worst->torque_margin_nm < 0) {
+    fmt::print(people, "note: '{}' at {:.2f} s takes {:.2f} N m more than a joint's limit\n",
+               file.graph.node(worst->node).name.view(), worst->start_s, -worst->torque_margin_nm);
+  }
+  if (!arguments.report.empty()) {
+    fmt::print(people, "report {}\n",
+               WriteReport(MakeChainReport(file, arguments.options), arguments.report));
+  }
+  if (arguments.json == "-") {
+    fmt::print("{}\n", ToJson(file, outcome).dump(2));
+  } else if (!arguments.json.empty()) {
+    std::FILE* const out = std::fopen(arguments.json.c_str(), "w");
+    if (out == nullptr) throw FileError(arguments.json, 0, "", "cannot be written");
+    fmt::print(out, "{}\n", ToJson(file, outcome).dump(2));
+    if (std::fclose(out) != 0) throw FileError(arguments.json, 0, "", "cannot be written whole");
+  }
+  if (!outcome.failure) return kFits;
+  fmt::print(stderr, "failed: {} at {:.3f} s, in '{}': {}\n", ToString(outcome.failure->cause),
+             outcome.failure->time_s, file.graph.node(outcome.failure->node).name.view(),
+             outcome.failure->text);
+  return kFell;
+}
+
+}  // namespace
+}  // namespace tumbler
+
+int main(int argc, char** argv) {
+  tumbler::Arguments arguments;
+  CLI::App app{
+      "Checks a sequence of primitives, and plays it in the nominal simulation.\n"
+      "Exit status: 0 it fits and goes through; 1 bad input, or a join does not fit; 2 it fell."};
+  app.require_subcommand(1);
+  CLI::App* const check = app.add_subcommand("check", "Compare both sides of every join");
+  CLI::App* const simulate =
+      app.add_subcommand("simulate", "Play it from the start, the state carried through");
+  for (CLI::App* command : {check, simulate})
+    command->add_option("SEQUENCE", arguments.sequence, "Sequence file (TOML)")->required();
+  simulate->add_option("--cycles", arguments.options.cycles, "How many; 0: none before the branch")
+      ->check(CLI::Range(0, 100000))
+      ->capture_default_str();
+  simulate->add_option("--branch", arguments.options.branch,
+                       "Take this branch once the cycles are done");
+  simulate->add_option("--last-hold", arguments.options.last_hold_s, "Hold after the last node [s]")
+      ->check(CLI::Range(0.0, 60.0))
+      ->capture_default_str();
+  simulate
+      ->add_option("--step", arguments.options.step_s,
+                   "Integration step [s]; 0: that of each primitive's task")
+      ->check(CLI::Range(0.0, 0.01))
+      ->capture_default_str();
+  simulate->add_option("--report", arguments.report,
+                       "Write a page that shows the chain into this folder");
+  simulate->add_option("--json", arguments.json,
+                       "Write figures as JSON to this file, or to standard output for -");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : tumbler::kBadInput;
+  }
+  try {
+    return check->parsed() ? tumbler::Check(arguments) : tumbler::Simulate(arguments);
+  } catch (const std::exception& error) {
+    fmt::print(stderr, "error: {}\n", error.what());
+    return tumbler::kBadInput;
+  }
+}

@@ -1,0 +1,280 @@
+// One table of what the offline side costs beside what others take for the same work, and one of
+// what the fixed step leaves out of the gradient, in Markdown. usage: comparison_table
+// [INSTRUCTIONS [SEEDS]]
+//   INSTRUCTIONS  what scripts/count-instructions printed; without it that column is empty
+//   SEEDS         how many for each motion found from nothing; default 5
+// scripts/compare makes both. Times are of the processor, one thread; the best of several runs for
+// short computations, the median over seeds for whole motions.
+
+#include <ctime>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "offline/problem/task_toml.h"
+#include "offline/rollout/forward_sensitivity.h"
+#include "offline/solver/solver.h"
+#include "tests/benchmarks/dynamics_cases.h"
+#include "tests/support/handstand.h"
+
+namespace tumbler {
+namespace {
+
+using Gradient = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+/// What others take. Unless said otherwise: measured on one thread of an AMD Zen 4 with g++ 12.2
+/// -O3 -march=native, the same five-joint tumbler without contact; ns and, in brackets,
+/// instructions a call (callgrind, x86-64-v3).
+struct Peer {
+  const char* work;
+  const char* figures;
+};
+constexpr Peer kPeers[] = {
+    {"g",
+     "Pinocchio 3.7 (nle, CRBA, Cholesky) 1200-1400 ns (9.0k); DART 6.12 2060-2170 ns (18.7k); "
+     "generated code, the floor, 70-97 ns (726)"},
+    {"dg",
+     "Pinocchio, the same with all derivatives 3730-3820 ns (26.4k); generated code, the Jacobian "
+     "alone, 310-397 ns (3.3k)"},
+    {"ground_g", "MuJoCo 2.2.2 mj_step with two contacts 3520 ns (42.3k)"},
+    {"ground_dg", "MuJoCo mjd_transitionFD, one-sided, two contacts 31300 ns (389k)"},
+    {"cost", "feasibility study (planar, RK4 at 1 kHz) 0.5 ms"},
+    {"gradient12",
+     "feasibility study (forward) 5 ms, 10 times cost; Drake's inverse dynamics with AutoDiffXd "
+     "100 "
+     "times without (2019, drake#10322)"},
+    {"gradient60", "-"},
+    {"forward11", "-"},
+    {"handstand",
+     "feasibility study 1.7 s; Crocoddyl 3.0.1 FDDP, tumbler in the air, 100 nodes, 0.173-0.212 s "
+     "from a guess"},
+    {"paper", "[AB04] 6 to 30 min, MATLAB and C-STORM on a Pentium of 700 MHz"},
+};
+
+const char* PeerOf(const std::string& work) {
+  for (const Peer& peer : kPeers) {
+    if (work == peer.work) return peer.figures;
+  }
+  return "-";
+}
+
+double CpuSeconds() {
+  timespec now{};
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+/// Best time of one call [s], of several batches of about 20 ms.
+template <class Work>
+double Best(Work work) {
+  int batch = 1;
+  double best = 1e300;
+  for (int taken = 0; taken < 10;) {
+    const double begin = CpuSeconds();
+    for (int i = 0; i < batch; ++i) work();
+    const double each = (CpuSeconds() - begin) / batch;
+    if (each * batch < 0.02) {
+      batch *= 2;
+      continue;
+    }
+    best = std::min(best, each);
+    ++taken;
+  }
+  return best;
+}
+
+/// Instructions a call, by the names that scripts/count-instructions gives them.
+std::map<std::string, long> ReadInstructions(const char* path) {
+  std::map<std::string, long> counts;
+  std::ifstream file(path);
+  if (!file) {
+    std::fprintf(stderr, "comparison_table: cannot read %s\n", path);
+    std::exit(1);
+  }
+  std::string line;
+  while (std::getline(file, line)) {
+    // NAME, blanks, COUNT, blanks, BOUND: names hold single blanks only.
+    const std::size_t gap = line.find("  ");
+    if (gap == std::string::npos || gap == 0) continue;
+    if (const long count = std::strtol(line.c_str() + gap, nullptr, 10); count > 0)
+      counts[line.substr(0, gap)] = count;
+  }
+  return counts;
+}
+
+void Print(const std::string& what, const std::string& ours, const std::string& instructions,
+           const char* others) {
+  std::printf("| %s | %s | %s | %s |\n", what.c_str(), ours.c_str(), instructions.c_str(), others);
+  std::fflush(stdout);
+}
+
+std::string Format(const char* format, double value) {
+  char text[64];
+  std::snprintf(text, sizeof text, format, value);
+  return text;
+}
+
+template <class T>
+T Median(std::vector<T> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+/// A motion that was found.
+struct FoundMotion {
+  std::string name;
+  Problem problem;
+  std::vector<double> x;
+};
+
+/// Finds a task's motion from nothing, with several seeds. @returns the first seed's.
+FoundMotion PrintMotion(const std::filesystem::path& task, int seeds, const std::string& name,
+                        const char* others) {
+  Problem problem = LoadTask(task.string()).problem;
+  std::vector<double> seconds;
+  std::vector<std::int64_t> evaluations;
+  int found = 0;
+  FoundMotion first{name, problem, {}};
+  for (int seed = 1; seed <= seeds; ++seed) {
+    problem.search.seed = static_cast<std::uint64_t>(seed);
+    const double begin = CpuSeconds();
+    const SolveOutcome outcome = Solve(problem, {});
+    seconds.push_back(CpuSeconds() - begin);
+    evaluations.push_back(outcome.evaluations);
+    if (seed == 1 && !outcome.solutions.empty()) first.x = outcome.solutions.front().x;
+    found += !outcome.solutions.empty() && outcome.solutions.front().feasible() ? 1 : 0;
+  }
+  Print(name + ", " + std::to_string(problem.parameter_count()) + " parameters",
+        Format("%.2f s", Median(seconds)) + ", " + std::to_string(Median(evaluations)) +
+            " evaluations; found by " + std::to_string(found) + " of " + std::to_string(seeds) +
+            " seeds",
+        "", others);
+  return first;
+}
+
+/// The cost's gradient beside the optimum, where it is not zero, by the paper's equations.
+Eigen::RowVectorXd GradientOf(const FoundMotion& motion, const ForwardSettings& settings,
+                              IntegrationStatistics* statistics = nullptr) {
+  std::vector<double> x = motion.x;
+  for (std::size_t i = 0; i < x.size(); ++i) x[i] += i % 2 == 0 ? 1e-3 : -1e-3;
+  ForwardSensitivity forward(motion.problem, settings);
+  Gradient gradient(forward.output_count(), forward.parameter_count());
+  forward.Run(x, gradient);
+  if (statistics != nullptr) *statistics = forward.statistics();
+  return gradient.row(0);
+}
+
+/// What a fixed step leaves out of the gradient: its distance from that of the adaptive scheme.
+void PrintStepErrors(const std::vector<FoundMotion>& motions) {
+  std::printf(
+      "\n| gradient beside the optimum, off that of adaptive steps (1e-10) by | 1 ms | 0.5 ms | "
+      "0.25 "
+      "ms | adaptive (1e-8) | adaptive steps, tried and kept |\n|---|---|---|---|---|---|\n");
+  for (const FoundMotion& motion : motions) {
+    if (motion.x.empty()) continue;
+    using Scheme = ForwardSettings::Scheme;
+    IntegrationStatistics statistics;
+    const Eigen::RowVectorXd reference =
+        GradientOf(motion, {Scheme::kAdaptive, 1e-3, 1e-10}, &statistics);
+    std::printf("| %s |", motion.name.c_str());
+    for (const ForwardSettings& settings :
+         {ForwardSettings{Scheme::kFixed, 1e-3}, ForwardSettings{Scheme::kFixed, 0.5e-3},
+          ForwardSettings{Scheme::kFixed, 0.25e-3},
+          ForwardSettings{Scheme::kAdaptive, 1e-3, 1e-8}}) {
+      std::printf(" %.1e |", (GradientOf(motion, settings) - reference).cwiseAbs().maxCoeff() /
+                                 reference.cwiseAbs().maxCoeff());
+    }
+    std::printf(" %lld, %lld |\n", static_cast<long long>(statistics.steps + statistics.rejected),
+                static_cast<long long>(statistics.steps));
+  }
+}
+
+int Main(int argc, char** argv) {
+  std::map<std::string, long> counts;
+  if (argc > 1) counts = ReadInstructions(argv[1]);
+  const int seeds = argc > 2 ? std::max(1, std::atoi(argv[2])) : 5;
+  const auto count_of = [&](const std::string& name) {
+    const auto found = counts.find(name);
+    return found == counts.end() ? std::string() : std::to_string(found->second);
+  };
+  std::printf("| what | here | instructions here | others |\n|---|---|---|---|\n");
+
+  for (const auto& [work, name] : {std::pair("g", "g"), std::pair("dg", "g and dg"),
+                                   std::pair("ground_g", "g with two contacts"),
+                                   std::pair("ground_dg", "g and dg with two contacts")}) {
+    const std::string what = work;
+    DynamicsCase c(what.starts_with("ground_"));
+    const bool differentiate = what.ends_with("dg");
+    const double seconds = Best([&] {
+      c.Solve();
+      if (differentiate) c.Differentiate();
+    });
+    Print(name, Format("%.0f ns", 1e9 * seconds), count_of(name), PeerOf(what));
+  }
+
+  constexpr double kStep = 1e-3;
+  double cost = 0;
+  for (const auto& [points, name] : {std::pair(12, "the same with gradient, 12 parameters"),
+                                     std::pair(36, "the same with gradient, 60 parameters")}) {
+    const Problem problem = HandstandProblem(points);
+    const double simulated = problem.duration_s + problem.settle_s;
+    const std::vector<double> x = RandomMotion(problem, 1);
+    Rollout rollout(problem, kStep);
+    Gradient gradient(rollout.output_count(), rollout.parameter_count());
+    const double alone = Best([&] { rollout.Run(x); });
+    const double both = Best([&] { rollout.Run(x, gradient); });
+    if (points == 12) {
+      cost = alone / simulated;
+      Print("cost of 1 s of motion, step 1 ms", Format("%.3f ms", 1e3 * cost),
+            count_of("rollout of the handstand, a stage") + " a stage", PeerOf("cost"));
+    }
+    Print(std::string("cost and gradient of 1 s, ") + (points == 12 ? "12" : "60") + " parameters",
+          Format("%.3f ms", 1e3 * both / simulated) + Format(", %.2f times cost", both / alone),
+          count_of(name) + " a stage", PeerOf(points == 12 ? "gradient12" : "gradient60"));
+  }
+  {
+    Problem problem = HandstandProblem();
+    problem.joints[0].control_points = 11;
+    const double simulated = problem.duration_s + problem.settle_s;
+    const std::vector<double> x = RandomMotion(problem, 1);
+    ForwardSensitivity forward(problem, {ForwardSettings::Scheme::kFixed, kStep});
+    Gradient gradient(forward.output_count(), forward.parameter_count());
+    const double both = Best([&] { forward.Run(x, gradient); });
+    Print("the paper's " + std::to_string(forward.state_equations()) + " state and " +
+              std::to_string(forward.gradient_equations()) + " gradient equations, 1 s",
+          Format("%.3f ms", 1e3 * both / simulated) +
+              Format(", %.2f times cost", both / simulated / cost),
+          count_of("the paper's gradient equations, 11 parameters") + " a stage",
+          PeerOf("forward11"));
+  }
+
+  std::vector<FoundMotion> motions;
+  const auto tasks = std::filesystem::path(TUMBLER_SOURCE_DIR) / "primitives" / "tasks";
+  for (const char* name : {"handstand", "downstand", "roll"}) {
+    const auto task = tasks / (std::string(name) + ".toml");
+    if (!std::filesystem::exists(task)) continue;
+    motions.push_back(PrintMotion(task, seeds, std::string(name) + " from nothing, as shipped",
+                                  std::string(name) == "handstand" ? PeerOf("handstand") : "-"));
+  }
+  for (const auto& [name, equation] : {std::pair("handstand", "(33)"), std::pair("roll", "(34)"),
+                                       std::pair("downstand", "(35)")}) {
+    motions.push_back(PrintMotion(tasks / "paper" / (std::string(name) + ".toml"), seeds,
+                                  std::string(name) + " from nothing, as printed " + equation,
+                                  PeerOf("paper")));
+  }
+  PrintStepErrors(motions);
+  return 0;
+}
+
+}  // namespace
+}  // namespace tumbler
+
+int main(int argc, char** argv) { return tumbler::Main(argc, argv); }

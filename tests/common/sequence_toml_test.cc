@@ -1,0 +1,359 @@
+// Sequence files: what is read, what every edge has to keep, and what each wrong file is told.
+
+#include "common/sequence_toml.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+#include <random>
+
+#include "common/toml_reader.h"
+#include "tests/support/sequence_files.h"
+
+namespace tumbler {
+namespace {
+
+using ::testing::AllOf;
+using testing::Complete;
+using testing::GaitPrimitives;
+using testing::GaitText;
+using ::testing::HasSubstr;
+using testing::LineOf;
+using testing::Replaced;
+using testing::SequenceFolder;
+
+constexpr double kPi = std::numbers::pi;
+
+std::string Refusal(const std::string& text,
+                    const std::vector<PrimitiveFile>& primitives = GaitPrimitives()) {
+  const SequenceFolder folder(text, primitives);
+  try {
+    LoadSequence(folder.file());
+  } catch (const FileError& error) {
+    return error.what();
+  }
+  return "accepted";
+}
+
+TEST(SequenceToml, ReadsTheGraph) {
+  const SequenceFolder folder(GaitText());
+  const SequenceFile file = LoadSequence(folder.file());
+  const SequenceGraph<double>& graph = file.graph;
+  EXPECT_EQ(graph.name.view(), "gait");
+  EXPECT_EQ(graph.start, 0);
+  ASSERT_EQ(graph.node_count, 5);
+  EXPECT_EQ(graph.node(2).name.view(), "up, swapped");
+  EXPECT_TRUE(graph.node(2).swapped);
+  EXPECT_FALSE(graph.node(2).ends_cycle);
+  EXPECT_TRUE(graph.node(3).ends_cycle);
+  EXPECT_EQ(file.PrimitiveOf(3).primitive.name.view(), "down");
+  ASSERT_EQ(graph.edge_count, 5);
+  EXPECT_EQ(graph.edge(0).settle_s, 1.5);
+  EXPECT_EQ(graph.edge(1).settle_s, 0.05) << "the primitive's own, without another";
+  EXPECT_EQ(graph.edge(4).condition, EdgeCondition::kBranch);
+  EXPECT_EQ(graph.edge(4).branch.view(), "leave");
+  EXPECT_EQ(graph.RoleOf(2, 0), 1);
+  EXPECT_EQ(graph.RoleOf(1, 0), 0);
+  EXPECT_EQ(file.RobotPitch(2, 0.25), 0.25 + kPi);
+}
+
+TEST(SequenceToml, ToRuntimeKeepsGraphAndPrimitives) {
+  const SequenceFolder folder(GaitText());
+  const SequenceFile file = LoadSequence(folder.file());
+  const Sequence<float> sequence = ToRuntime(file);
+  EXPECT_EQ(sequence.primitive_count, 3);
+  EXPECT_EQ(sequence.PrimitiveOf(4).name.view(), "out");
+  EXPECT_EQ(sequence.graph.edge(0).settle_s, 1.5F);
+  EXPECT_EQ(sequence.graph.edge(4).branch.view(), "leave");
+  EXPECT_EQ(sequence.graph.RoleOf(3, 1), 0);
+  // Seams stay closed: the same double at both sides is the same float.
+  for (const auto& edge : sequence.graph.edges()) {
+    for (int j = 0; j < 2; ++j) {
+      const auto end = sequence.PrimitiveOf(edge.from)
+                           .joints[static_cast<std::size_t>(sequence.graph.RoleOf(edge.from, j))];
+      const auto begin = sequence.PrimitiveOf(edge.to)
+                             .joints[static_cast<std::size_t>(sequence.graph.RoleOf(edge.to, j))];
+      EXPECT_EQ(end.position.control_points().back(), begin.position.control_points().front());
+    }
+  }
+}
+
+/// The joints of the robot as they are played, across every edge, by evaluating the splines.
+TEST(SequenceToml, AnAcceptedSequenceIsContinuousAlongEveryEdge) {
+  const SequenceFolder folder(GaitText());
+  const SequenceFile file = LoadSequence(folder.file());
+  for (const auto& edge : file.graph.edges()) {
+    for (int j = 0; j < 2; ++j) {
+      const auto& from = file.PrimitiveOf(edge.from).primitive;
+      const auto& to = file.PrimitiveOf(edge.to).primitive;
+      const auto end =
+          from.joints[static_cast<std::size_t>(file.graph.RoleOf(edge.from, j))].position.Evaluate(
+              from.duration_s);
+      const auto begin =
+          to.joints[static_cast<std::size_t>(file.graph.RoleOf(edge.to, j))].position.Evaluate(0);
+      EXPECT_NEAR(end.value, begin.value, 1e-6);
+      EXPECT_NEAR(end.first, 0, 1e-6);
+      EXPECT_NEAR(begin.first, 0, 1e-6);
+      EXPECT_NEAR(end.second, 0, 1e-6);
+      EXPECT_NEAR(begin.second, 0, 1e-6);
+    }
+  }
+}
+
+/// Random ends: accepted exactly when every joint, exchanged or not, meets its path again.
+TEST(SequenceToml, AcceptsExactlyTheJoinsThatMeet) {
+  std::mt19937 random(7);
+  std::uniform_int_distribution<int> coin(0, 1);
+  int accepted = 0;
+  for (int trial = 0; trial < 60; ++trial) {
+    // Each end is exact, or off by a visible amount.
+    const double off1 = coin(random) == 0 ? 0.01 : 0.0;
+    const double off2 = coin(random) == 0 ? -0.02 : 0.0;
+    const bool swapped = coin(random) == 1;
+    const std::array<double, 2> meet = {0.3, -0.4};
+    const std::vector<PrimitiveFile> primitives = {
+        testing::MotionBetween("up", {-1, 1}, meet, 0, kPi / 2, 1),
+        testing::MotionBetween("down",
+                               swapped ? std::array{meet[1] + off1, meet[0] + off2}
+                                       : std::array{meet[0] + off1, meet[1] + off2},
+                               {1, -1}, swapped ? -kPi / 2 : kPi / 2, kPi, 2)};
+    std::string text = GaitText();
+    text = Replaced(text, "out = \"out.toml\"\n", "");
+    text.resize(text.find("[[node]]"));
+    text += R"([[node]]
+name = "up"
+primitive = "up"
+safe = true
+[[node]]
+name = "next"
+primitive = "down"
+safe = true
+)" + std::string(swapped ? "swapped = true\n" : "") +
+            R"([[edge]]
+from = "up"
+to = "next"
+)";
+    const std::string said = Refusal(text, primitives);
+    const bool meets = off1 == 0 && off2 == 0;
+    accepted += meets ? 1 : 0;
+    if (meets) {
+      EXPECT_EQ(said, "accepted");
+    } else {
+      // The joint of the robot, not that of the path.
+      const std::string joint =
+          (off1 != 0) == swapped && !(off1 != 0 && off2 != 0) ? "joint2" : "joint1";
+      EXPECT_THAT(said, HasSubstr("joint '" + joint + "', position")) << off1 << " " << off2;
+    }
+  }
+  EXPECT_GT(accepted, 5);
+  EXPECT_LT(accepted, 30);
+}
+
+TEST(SequenceToml, AJointThatDoesNotMeetIsNamedWithTheAmount) {
+  auto primitives = GaitPrimitives();
+  primitives[1] = testing::MotionBetween("down", {0.125, 0}, {1, -1}, kPi / 2, kPi, 2);
+  const std::string text = GaitText();
+  EXPECT_THAT(
+      Refusal(text, primitives),
+      AllOf(HasSubstr("gait.toml:" + std::to_string(LineOf(text, "[[edge]]") + 1) + ": edge[0]"),
+            HasSubstr("up -> down: joint 'joint1', position: 0 rad at the end of 'up' against "
+                      "0.125 rad at the start of 'down': 0.125 rad apart; allowed: 1e-06 rad")));
+}
+
+TEST(SequenceToml, AMotionThatEndsInMovementCannotBeHeld) {
+  auto primitives = GaitPrimitives();
+  auto& motion = primitives[0].primitive.joints[1];
+  std::vector<double> points(motion.position.control_points().begin(),
+                             motion.position.control_points().end());
+  const auto knots = motion.position.knots();
+  points[points.size() - 2] = -0.01;
+  points[points.size() - 3] = -0.02;
+  ASSERT_EQ(motion.position.Assign(5, std::vector<double>(knots.begin(), knots.end()), points),
+            Status::kOk);
+  const double speed = motion.position.Evaluate(1.2).first;
+  EXPECT_GT(speed, 0.1);
+  EXPECT_THAT(Refusal(GaitText(), primitives),
+              AllOf(HasSubstr("joint 'joint2', velocity before the hold: " + MessageNumber(speed)),
+                    HasSubstr("at the end of 'up' against 0 rad/s at the hold")));
+  // Without a hold the next one would have to go on like that.
+  for (PrimitiveFile& file : primitives) file.primitive.settle_s = 0;
+  EXPECT_THAT(Refusal(Replaced(GaitText(), "settle_s = 1.5", "settle_s = 0"), primitives),
+              HasSubstr("joint 'joint2', velocity: " + MessageNumber(speed)));
+}
+
+TEST(SequenceToml, ACurvedEndIsAnAccelerationThatDoesNotFit) {
+  auto primitives = GaitPrimitives();
+  auto& motion = primitives[1].primitive.joints[0];
+  std::vector<double> points(motion.position.control_points().begin(),
+                             motion.position.control_points().end());
+  const auto knots = motion.position.knots();
+  points[2] = 0.02;
+  ASSERT_EQ(motion.position.Assign(5, std::vector<double>(knots.begin(), knots.end()), points),
+            Status::kOk);
+  EXPECT_THAT(Refusal(GaitText(), primitives),
+              HasSubstr("up -> down: joint 'joint1', acceleration after the hold"));
+}
+
+TEST(SequenceToml, TheRootsPoseMeetsWithinTheTolerances) {
+  auto primitives = GaitPrimitives();
+  primitives[0].exit.root_z_m += 0.003;
+  EXPECT_THAT(Refusal(GaitText(), primitives),
+              AllOf(HasSubstr("up -> down: root, height: 0.363 m at the end of 'up' against 0.36 m "
+                              "at the start of 'down': 0.003 m apart"),
+                    HasSubstr("allowed: 0.002 m")));
+  primitives = GaitPrimitives();
+  primitives[0].exit.root_pitch_rad -= 0.05;
+  EXPECT_THAT(Refusal(GaitText(), primitives),
+              AllOf(HasSubstr("up -> down: root, pitch:"), HasSubstr("0.05 rad apart")));
+  EXPECT_EQ(Refusal(GaitText() + "[tolerances]\nroot_pitch_rad = 0.06\n", primitives), "accepted");
+  // A whole turn is no difference.
+  primitives[0].exit.root_pitch_rad += 0.05 + 6 * kPi;
+  EXPECT_EQ(Refusal(GaitText(), primitives), "accepted");
+}
+
+TEST(SequenceToml, WithoutTheTurnOfTheRootRolesCannotBeExchanged) {
+  EXPECT_THAT(Refusal(Replaced(GaitText(), "root_pitch_rad = 3.14", "root_pitch_rad = 0.14")),
+              AllOf(HasSubstr("down -> up, swapped: root, pitch"), HasSubstr("3 rad apart")));
+}
+
+TEST(SequenceToml, AJointKeepsItsOwnLimitsOnTheOthersPath) {
+  auto primitives = GaitPrimitives();
+  // Of "down", the slower joint may not move as fast as the other does.
+  auto& joints = primitives[1].primitive.joints;
+  const auto fastest = [&joints](std::size_t j) {
+    const Interval<double> bounds = joints[j].position.Bounds(1);
+    return std::max(-bounds.min, bounds.max);
+  };
+  const std::size_t slow = fastest(0) < fastest(1) ? 0 : 1;
+  joints[slow].limits.velocity_max_rad_s = 0.5 * (fastest(0) + fastest(1));
+  const std::string name(joints[slow].name.view()), other(joints[1 - slow].name.view());
+  EXPECT_THAT(Refusal(GaitText(), primitives),
+              AllOf(HasSubstr("node[3]: primitive 'down', joint '" + name + "' on the path of '" +
+                              other + "': control point"),
+                    HasSubstr("of velocity (knots"), HasSubstr("too much")));
+}
+
+TEST(SequenceToml, ComparesEveryQuantityAtEveryEdge) {
+  const SequenceFolder folder(GaitText());
+  const SequenceFile file = ReadSequence(folder.file());
+  const auto comparisons = CompareJoins(file);
+  EXPECT_EQ(comparisons.size(), 5U * (2 * 5 + 2)) << "two joints, held, and the root";
+  for (const JoinComparison& c : comparisons) EXPECT_TRUE(c.fits()) << Describe(file, c);
+}
+
+TEST(SequenceToml, NotANumberNeverFits) {
+  JoinComparison comparison;
+  comparison.tolerance = 1;
+  comparison.difference = std::nan("");
+  EXPECT_FALSE(comparison.fits());
+}
+
+struct Bad {
+  const char* from;
+  const char* to;
+  const char* after;
+  const char* said;
+};
+
+TEST(SequenceToml, EachWrongFileIsToldWhatIsWrong) {
+  const Bad cases[] = {
+      {"tumbler-sequence", "tumbler-task", "", "format: is 'tumbler-task'; a sequence says"},
+      {"version = 1", "version = 2", "", "version: is 2; this program reads versions up to 1"},
+      {"version = 1", "version = 0", "", "version: is 0"},
+      {"name = \"gait\"", "name = \"\"", "", "name: is '', 0 bytes; allowed: from 1 ... 48"},
+      {"start = \"up\"", "start = \"left\"", "",
+       "start: is 'left', which is no node; allowed: up, down, up, swapped, down, swapped, out"},
+      {"start = \"up\"", "", "", "start: is missing"},
+      {"up = \"up.toml\"", "up = \"nowhere.toml\"", "", "primitives.up: 'nowhere.toml' does not"},
+      {"up = \"up.toml\"", "up = 3", "", "primitives.up: is an integer; expected a string"},
+      {"up = \"up.toml\"", "up = \"gait.toml\"", "", "a primitive says"},
+      {"up = \"up.toml\"", "", "", "node[0].primitive: is 'up'; allowed: down, out"},
+      {"[[\"joint1\", \"joint2\"]]", "[\"joint1\", \"joint2\"]", "",
+       "swap.joints: is a string; expected an array of strings"},
+      {"[[\"joint1\", \"joint2\"]]", "[[\"joint1\"]]", "", "swap.joints: has an entry of 1 names"},
+      {"[[\"joint1\", \"joint2\"]]", "[[\"joint1\", \"leg\"]]", "",
+       "swap.joints: 'leg' is not a joint of the primitives; their joints: joint1, joint2"},
+      {"[[\"joint1\", \"joint2\"]]", "[[\"joint1\", \"joint1\"]]", "", "'joint1' with itself"},
+      {"[[\"joint1\", \"joint2\"]]", "[[\"joint1\", \"joint2\"], [\"joint2\", \"joint1\"]]", "",
+       "names 'joint2' twice; a joint has one partner"},
+      {"root_pitch_rad = 3.14", "root_pitch_rad = 13.14", "", "swap.root_pitch_rad: is 13.1"},
+      {"root_pitch_rad = 3.141592653589793", "", "", "swap.root_pitch_rad: is missing"},
+      {"name = \"down\"", "name = \"up\"", "", "node[1].name: 'up' is there twice"},
+      {"primitive = \"out\"", "primitive = \"ou\"", "", "allowed: up, down, out (of [primitives])"},
+      {"swapped = true", "swapped = 1", "", "node[2].swapped: is an integer; expected true or"},
+      {"safe = true", "safe = false", "name = \"out\"",
+       "node[4]: 'out' is not safe, but a sequence can end there"},
+      {"to = \"down\"", "to = \"dwon\"", "", "edge[0].to: is 'dwon', which is no node; allowed:"},
+      {"from = \"up\"", "from = \"pu\"", "", "edge[0].from: is 'pu', which is no node"},
+      {"settle_s = 1.5", "settle_s = -1", "", "edge[0].settle_s: is -1; allowed: from 0 ... 60"},
+      {"settle_s = 1.5", "settle_s = 0.01", "", "is 0.01; allowed: from 0.05 (the settle time of"},
+      {"settle_s = 1.5", "settle_s = nan", "", "edge[0].settle_s: is nan"},
+      {"when = \"branch\"", "when = \"never\"", "", "allowed: always, branch, cycles-done"},
+      {"branch = \"leave\"", "", "", "edge[4].branch: is missing"},
+      {"when = \"branch\"\n", "", "", "edge[4].branch: belongs to an edge with when = \"branch\""},
+      {"when = \"branch\"\nbranch = \"leave\"", "", "",
+       "edge[4].from: 'up' has two edges for when = \"always\""},
+      {"settle_s = 1.5", "setle_s = 1.5", "", "setle_s: is not a key that this file can hold"},
+      {"from = \"up\"\nto = \"out\"", "from = \"down\"\nto = \"up\"", "",
+       "node[4]: no edge leads to 'out' from the start, 'up'"},
+  };
+  for (const Bad& bad : cases) {
+    const std::string text = Replaced(GaitText(), bad.from, bad.to, bad.after);
+    EXPECT_THAT(Refusal(text), AllOf(HasSubstr(bad.said), HasSubstr(".toml")))
+        << bad.from << " -> " << bad.to;
+  }
+  EXPECT_THAT(Refusal(GaitText() + "[tolerances]\nroot_z_m = 0\n"),
+              HasSubstr("tolerances.root_z_m: is 0; allowed: above 0 ... 1"));
+  EXPECT_THAT(Refusal(GaitText() + "[tolerances]\njoint_position_rad = 0.1\n"),
+              HasSubstr("tolerances.joint_position_rad: is 0.1; allowed: from 0 ... 0.01"));
+  EXPECT_THAT(
+      Refusal(GaitText() + "[[edge]]\nfrom = \"out\"\nto = \"up\"\nwhen = \"branch\"\nbranch = \"a "
+                           "name that is longer than thirty-two bytes\"\n"),
+      HasSubstr("edge[5].branch:"));
+  // Exchanging needs to be told what.
+  std::string text = Replaced(GaitText(), "[swap]\njoints = [[\"joint1\", \"joint2\"]]\n", "");
+  EXPECT_THAT(Refusal(Replaced(text, "root_pitch_rad = 3.141592653589793\n", "")),
+              HasSubstr("node[2].swapped: is true, but the file does not say which joints"));
+}
+
+TEST(SequenceToml, AStopThatWouldNeverEndIsRefused) {
+  std::string text = GaitText();
+  for (const char* node :
+       {"name = \"up\"", "name = \"down\"", "name = \"up, swapped\"", "name = \"down, swapped\""}) {
+    text = Replaced(text, "safe = true", "safe = false", node);
+  }
+  EXPECT_THAT(Refusal(text), HasSubstr("node[0]: a stop at 'up' never ends"));
+}
+
+TEST(SequenceToml, WaitingForCyclesThatNothingEndsIsRefused) {
+  std::string text =
+      Replaced(GaitText(), "when = \"branch\"\nbranch = \"leave\"", "when = \"cycles-done\"");
+  EXPECT_EQ(Refusal(text), "accepted");
+  text = Replaced(text, "ends_cycle = true\n", "");
+  text = Replaced(text, "ends_cycle = true\n", "");
+  EXPECT_THAT(Refusal(text), HasSubstr("edge: waits for cycles to be done, but no node says"));
+}
+
+TEST(SequenceToml, PrimitivesOfOtherJointsOrRobotsAreRefused) {
+  auto primitives = GaitPrimitives();
+  std::swap(primitives[1].primitive.joints[0], primitives[1].primitive.joints[1]);
+  std::swap(primitives[1].entry.joint_positions_rad[0], primitives[1].entry.joint_positions_rad[1]);
+  std::swap(primitives[1].exit.joint_positions_rad[0], primitives[1].exit.joint_positions_rad[1]);
+  EXPECT_THAT(Refusal(GaitText(), primitives),
+              HasSubstr("primitives.down: joint 0 of 'down.toml' is 'joint2', of 'up' it is "
+                        "'joint1'"));
+  primitives = GaitPrimitives();
+  primitives[2].provenance.robot_urdf += "<!-- another -->";
+  primitives[2].provenance.robot_hash = HashOfText(primitives[2].provenance.robot_urdf);
+  EXPECT_THAT(Refusal(GaitText(), primitives),
+              HasSubstr("primitives.out: 'out.toml' was made for another robot"));
+}
+
+TEST(SequenceToml, AMissingFileIsNamed) {
+  EXPECT_THROW(LoadSequence("/nowhere/gait.toml"), FileError);
+}
+
+}  // namespace
+}  // namespace tumbler

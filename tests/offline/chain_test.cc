@@ -1,0 +1,401 @@
+// Sequences in simulation: against the rollouts that the primitives were made with, and against
+// symmetry; and what is said when a chain does not hold.
+
+#include "offline/chain/chain.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <numbers>
+
+#include "common/toml_reader.h"
+#include "offline/certificate/certificate.h"
+#include "tests/support/program.h"
+#include "tests/support/sequence_files.h"
+#include "tests/support/task_files.h"
+
+namespace tumbler {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using testing::Program;
+using testing::QuickTask;
+using testing::ReadFile;
+using testing::Replaced;
+using testing::SequenceFolder;
+using testing::ShippedRobot;
+using testing::TaskFolder;
+
+constexpr double kPi = std::numbers::pi;
+
+/// Straight lines from start to end, on both feet: no search, and slow enough to stay there.
+PrimitiveFile StraightLine(const Task& task) {
+  const Problem& problem = task.problem;
+  Solution solution;
+  for (const ActuatedJoint& joint : problem.joints) {
+    const int points = joint.free_points();
+    for (int i = 0; i < points; ++i) {
+      solution.x.push_back(joint.start_rad +
+                           (i + 1.0) / (points + 1.0) * (joint.end_rad - joint.start_rad));
+    }
+  }
+  return MakePrimitiveFile(task, {}, solution);
+}
+
+std::string TaskThere() {
+  return Replaced(QuickTask(), "name = \"handstand\"", "name = \"there\"");
+}
+std::string TaskBack() {
+  std::string text =
+      Replaced(QuickTask(), "leg1 = -1.5707963267948966, leg2 = 1.5707963267948966", "START");
+  text = Replaced(text, "leg1 = -1.2, leg2 = 1.3",
+                  "leg1 = -1.5707963267948966, leg2 = 1.5707963267948966");
+  text = Replaced(text, "START", "leg1 = -1.2, leg2 = 1.3");
+  return Replaced(text, "name = \"handstand\"", "name = \"back\"");
+}
+
+/// The legs from home to another shape on both feet, and back from where that leaves the robot.
+const std::vector<PrimitiveFile>& ThereAndBack() {
+  static const std::vector<PrimitiveFile> files = [] {
+    const PrimitiveFile there =
+        StraightLine(ParseTask(TaskThere(), "task.toml", ShippedRobot(), "robot.urdf"));
+    const TaskFolder folder(TaskBack());
+    return std::vector{there, StraightLine(LoadTask(folder.task_file(), there, "there.toml"))};
+  }();
+  return files;
+}
+
+std::string Node(const std::string& name, const std::string& primitive, const std::string& more) {
+  return "[[node]]\nname = \"" + name + "\"\nprimitive = \"" + primitive + "\"\nsafe = true\n" +
+         more;
+}
+std::string Edge(const std::string& from, const std::string& to, const std::string& more) {
+  return "[[edge]]\nfrom = \"" + from + "\"\nto = \"" + to + "\"\n" + more;
+}
+std::string Head(const std::string& start) {
+  return "format = \"tumbler-sequence\"\nversion = 1\nname = \"sway\"\nstart = \"" + start +
+         "\"\n[primitives]\nthere = \"there.toml\"\nback = \"back.toml\"\n"
+         "[swap]\njoints = [[\"leg1\", \"leg2\"]]\nroot_pitch_rad = 3.141592653589793\n";
+}
+/// There and back for ever, in one role.
+std::string Sway(const std::string& role = "") {
+  return Head("there") + Node("there", "there", role) +
+         Node("back", "back", role + "ends_cycle = true\n") +
+         Edge("there", "back", "settle_s = 2\n") + Edge("back", "there", "settle_s = 2\n");
+}
+
+SequenceFile Load(const std::string& text,
+                  const std::vector<PrimitiveFile>& files = ThereAndBack()) {
+  const SequenceFolder folder(text, files);
+  return ReadSequence(folder.file());
+}
+
+ChainOptions Cycles(int cycles, const std::string& branch = "") {
+  ChainOptions options;
+  options.cycles = cycles;
+  options.branch = branch;
+  return options;
+}
+
+TEST(SimulateChain, PlaysWhatTheRolloutOfThePrimitiveDoes) {
+  const SequenceFile file = Load(Sway());
+  const ChainOutcome outcome = SimulateChain(file, Cycles(1));
+  ASSERT_FALSE(outcome.failure) << outcome.failure->text;
+  ASSERT_EQ(outcome.passages.size(), 2U);
+  EXPECT_EQ(outcome.cycles, 1);
+  EXPECT_NEAR(outcome.duration_s, 2 * (0.5 + 2), 1e-12);
+  // Each was made with this hold; the second starts where the first one's simulation ended.
+  for (std::size_t i = 0; i < 2; ++i) {
+    const Passage& passage = outcome.passages[i];
+    const PrimitiveFile& made = ThereAndBack()[i];
+    EXPECT_NEAR(passage.entry_z_error_m, 0, 1e-7);
+    EXPECT_NEAR(passage.entry_pitch_error_rad, 0, 1e-6);
+    EXPECT_NEAR(passage.exit_z_error_m, 0, 1e-7);
+    EXPECT_NEAR(passage.exit_pitch_error_rad, 0, 1e-6);
+    EXPECT_NEAR(passage.travelled_m, made.exit.root_x_m - made.entry.root_x_m, 1e-5);
+    EXPECT_NEAR(passage.peak_torque_nm, made.certificate.peak_torque_nm, 1e-3);
+    EXPECT_NEAR(passage.torque_margin_nm, made.certificate.torque_margin_nm, 1e-3);
+    EXPECT_NEAR(passage.peak_penetration_m, made.certificate.peak_penetration_m, 1e-6);
+    EXPECT_EQ(passage.posture, Posture::kLevel);
+  }
+  EXPECT_GT(std::abs(outcome.passages[0].travelled_m), 1e-3) << "or the sum says nothing";
+  EXPECT_NEAR(outcome.travelled_m,
+              outcome.passages[0].travelled_m + outcome.passages[1].travelled_m, 1e-12);
+}
+
+TEST(SimulateChain, CarriesTheStateThroughJoinsAndHolds) {
+  const SequenceFile file = Load(Sway());
+  std::vector<MotionSample> samples;
+  std::vector<int> nodes;
+  const ChainOutcome outcome =
+      SimulateChain(file, Cycles(3), [&](int node, const MotionSample& sample) {
+        samples.push_back(sample);
+        nodes.push_back(node);
+      });
+  ASSERT_FALSE(outcome.failure);
+  EXPECT_EQ(outcome.passages.size(), 6U);
+  for (std::size_t k = 1; k < samples.size(); ++k) {
+    const double h = samples[k].time_s - samples[k - 1].time_s;
+    ASSERT_GT(h, 0);
+    ASSERT_LT(h, 1.001e-3);
+    for (std::size_t i = 0; i < 5; ++i) {  // Trapezoidal rule: no jump anywhere.
+      const double moved = 0.5 * h * (samples[k].qd[i] + samples[k - 1].qd[i]);
+      ASSERT_NEAR(samples[k].q[i] - samples[k - 1].q[i], moved, 1e-4) << samples[k].time_s;
+    }
+    if (nodes[k] != nodes[k - 1]) {
+      EXPECT_NEAR(samples[k].q[3], samples[k - 1].q[3], 1e-12);
+    }
+  }
+}
+
+TEST(SimulateChain, ExchangedRolesAreTheSameMotionTurned) {
+  const SequenceFile plain = Load(Sway());
+  const SequenceFile swapped = Load(Sway("swapped = true\n"));
+  std::vector<MotionSample> a, b;
+  const auto keep = [](std::vector<MotionSample>& list) {
+    return [&list](int, const MotionSample& sample) { list.push_back(sample); };
+  };
+  SimulateChain(plain, Cycles(1), keep(a));
+  SimulateChain(swapped, Cycles(1), keep(b));
+  ASSERT_EQ(a.size(), b.size());
+  for (std::size_t k = 0; k < a.size(); ++k) {
+    ASSERT_NEAR(b[k].q[0], a[k].q[0], 1e-9);
+    ASSERT_NEAR(b[k].q[1], a[k].q[1], 1e-9);
+    ASSERT_NEAR(b[k].q[2], a[k].q[2] + kPi, 1e-9);
+    ASSERT_EQ(b[k].q[3], a[k].q[4]) << "leg 1 does what leg 2 did";
+    ASSERT_EQ(b[k].q[4], a[k].q[3]);
+    ASSERT_NEAR(b[k].torque[0], a[k].torque[1], 1e-6);
+  }
+}
+
+TEST(SimulateChain, DoesNotTakeTheRobotsSymmetryForGranted) {
+  // One leg heavier: turned, it is another robot.
+  std::vector<PrimitiveFile> files = ThereAndBack();
+  for (PrimitiveFile& file : files) {
+    file.provenance.robot_urdf =
+        Replaced(ShippedRobot(), "mass value=\"0.4\"", "mass value=\"0.5\"");
+    file.provenance.robot_hash = HashOfText(file.provenance.robot_urdf);
+  }
+  SequenceFile plain = Load(Sway(), files);
+  SequenceFile swapped = Load(Sway("swapped = true\n"), files);
+  for (SequenceFile* file : {&plain, &swapped}) file->tolerances = {1, 1, 1, 1, 1};
+  for (SequenceFile* file : {&plain, &swapped}) file->exit_pitch_tolerance_rad = {1, 1};
+  const ChainOutcome a = SimulateChain(plain, Cycles(1));
+  const ChainOutcome b = SimulateChain(swapped, Cycles(1));
+  ASSERT_EQ(a.passages.size(), b.passages.size());
+  EXPECT_GT(std::abs(a.passages[0].exit_pitch_error_rad - b.passages[0].exit_pitch_error_rad),
+            1e-5);
+}
+
+TEST(SimulateChain, HalvingTheStepChangesLittle) {
+  const SequenceFile file = Load(Sway());
+  ChainOptions fine = Cycles(2);
+  fine.step_s = 0.5e-3;
+  const ChainOutcome a = SimulateChain(file, Cycles(2));
+  const ChainOutcome b = SimulateChain(file, fine);
+  EXPECT_NE(a.travelled_m, b.travelled_m);
+  EXPECT_NEAR(a.travelled_m, b.travelled_m, 1e-5);
+}
+
+TEST(SimulateChain, CountsCyclesAndTakesTheBranchWhenTheyAreDone) {
+  const std::string text =
+      Sway() + Node("away", "there", "") +
+      Edge("back", "away", "settle_s = 2\nwhen = \"branch\"\nbranch = \"go\"\n");
+  const SequenceFile file = Load(text);
+  const auto nodes = [&file](const ChainOptions& options) {
+    std::string names;
+    const ChainOutcome outcome = SimulateChain(file, options);
+    for (const Passage& passage : outcome.passages)
+      names += std::string(file.graph.node(passage.node).name.view()) + " ";
+    return names + (outcome.failure ? outcome.failure->text : "");
+  };
+  EXPECT_EQ(nodes(Cycles(2)), "there back there back ");
+  EXPECT_EQ(nodes(Cycles(2, "go")), "there back there back away ");
+  EXPECT_EQ(nodes(Cycles(0, "go")), "there back away ");
+  EXPECT_THROW(SimulateChain(file, Cycles(2, "gone")), std::invalid_argument);
+  EXPECT_THROW(SimulateChain(file, Cycles(0)), std::invalid_argument) << "it would never end";
+}
+
+TEST(SimulateChain, WithoutAnEndOfACycleALoopIsRefused) {
+  const SequenceFile file = Load(Replaced(Sway(), "ends_cycle = true\n", ""));
+  EXPECT_THROW(SimulateChain(file, Cycles(1)), std::invalid_argument);
+}
+
+/// What ended a chain of the primitives as they were changed.
+ChainFailure FailureOf(const std::vector<PrimitiveFile>& files) {
+  const ChainOutcome outcome = SimulateChain(Load(Sway(), files), Cycles(1));
+  EXPECT_TRUE(outcome.failure);
+  return outcome.failure.value_or(ChainFailure{});
+}
+
+TEST(SimulateChain, AnExitElsewhereThanRecordedIsAFailure) {
+  auto files = ThereAndBack();
+  files[1].exit.root_pitch_rad += 0.1;
+  const ChainFailure failure = FailureOf(files);
+  EXPECT_EQ(failure.cause, ChainFailure::Cause::kExit);
+  EXPECT_EQ(failure.node, 1);
+  EXPECT_NEAR(failure.time_s, 5, 1e-9);
+  EXPECT_THAT(failure.text, AllOf(HasSubstr("-0.1 rad"), HasSubstr("allowed: 0.02 rad")));
+}
+
+TEST(SimulateChain, ARobotFarFromThePlanHasFallenAndIsSeenAtOnce) {
+  auto files = ThereAndBack();
+  files[1].entry.root_pitch_rad += 0.6;  // The plan begins tilted, the chain arrives level.
+  SequenceFile file = Load(Sway(), files);
+  file.tolerances.root_pitch_rad = 1;
+  const ChainOutcome outcome = SimulateChain(file, Cycles(1));
+  ASSERT_TRUE(outcome.failure);
+  EXPECT_EQ(outcome.failure->cause, ChainFailure::Cause::kFallen);
+  EXPECT_EQ(outcome.failure->node, 1);
+  EXPECT_NEAR(outcome.failure->time_s, 2.5, 1e-9);
+  EXPECT_THAT(outcome.failure->text, AllOf(HasSubstr("-0.6 rad from the plan")));
+}
+
+TEST(SimulateChain, AnEntryThatDoesNotFitIsAFailure) {
+  auto files = ThereAndBack();
+  files[1].entry.root_z_m += 0.004;
+  const ChainFailure failure = FailureOf(files);
+  EXPECT_EQ(failure.cause, ChainFailure::Cause::kEntry);
+  EXPECT_EQ(failure.node, 1);
+  EXPECT_NEAR(failure.time_s, 2.5, 1e-9);
+  EXPECT_THAT(failure.text, AllOf(HasSubstr("height: -0.004 m"), HasSubstr("allowed: 0.002 m")));
+}
+
+TEST(SimulateChain, ATouchThatIsNotInThePlanIsAFailure) {
+  auto files = ThereAndBack();
+  std::erase_if(files[0].contacts, [](const ContactInterval& contact) {
+    return contact.shape.starts_with("leg2_link");
+  });
+  const ChainFailure failure = FailureOf(files);
+  EXPECT_EQ(failure.cause, ChainFailure::Cause::kTouch);
+  EXPECT_EQ(failure.time_s, 0) << "it stands on it";
+  EXPECT_THAT(failure.text, AllOf(HasSubstr("leg2_link/"), HasSubstr("touches ground")));
+  // In the exchanged role it is the other leg.
+  const ChainOutcome swapped = SimulateChain(Load(Sway("swapped = true\n"), files), Cycles(1));
+  ASSERT_TRUE(swapped.failure);
+  EXPECT_THAT(swapped.failure->text, HasSubstr("leg1_link/"));
+}
+
+/// The ground of the task that the primitive was made for.
+void Soften(PrimitiveFile& file) {
+  std::string& task = file.provenance.task_toml;
+  task = Replaced(task, "stiffness_n_per_m = ", "stiffness_n_per_m = 1.0e2  # ");
+  file.provenance.task_hash = HashOfText(task);
+}
+
+TEST(SimulateChain, PrimitivesOfDifferentGroundsAreRefused) {
+  auto files = ThereAndBack();
+  Soften(files[1]);
+  try {
+    SimulateChain(Load(Sway(), files), Cycles(1));
+    FAIL();
+  } catch (const FileError& error) {
+    EXPECT_THAT(error.what(), AllOf(HasSubstr("primitives.back: was made for other [contact]"),
+                                    HasSubstr("than 'there'")));
+  }
+}
+
+TEST(SimulateChain, GroundTooSoftIsACoreThatIsReached) {
+  auto files = ThereAndBack();
+  for (PrimitiveFile& file : files) Soften(file);
+  const ChainFailure failure = FailureOf(files);
+  EXPECT_EQ(failure.cause, ChainFailure::Cause::kCore);
+  EXPECT_THAT(failure.text, HasSubstr("through the layer of"));
+}
+
+// ---- The program
+
+std::pair<int, std::string> Chain(const std::vector<std::string>& arguments) {
+  std::vector<std::string> all = {TUMBLER_BINARY_DIR "/bin/tumbler-chain"};
+  all.insert(all.end(), arguments.begin(), arguments.end());
+  Program program(all);
+  const int status = program.Wait();
+  return {status, program.text()};
+}
+
+TEST(ChainCli, ChecksAllJoinsInATable) {
+  const SequenceFolder folder(Sway(), ThereAndBack());
+  const auto [status, text] = Chain({"check", folder.file()});
+  EXPECT_EQ(status, 0) << text;
+  EXPECT_THAT(text, AllOf(HasSubstr("there -> back"), HasSubstr("back -> there"),
+                          HasSubstr("position [rad]"), HasSubstr("pitch [rad]"),
+                          HasSubstr("2 joins, all fit")));
+}
+
+TEST(ChainCli, NamesTheFirstJoinThatDoesNotFit) {
+  auto files = ThereAndBack();
+  files[1].entry.root_pitch_rad += 0.5;
+  files[1].exit.root_z_m += 0.5;
+  const SequenceFolder folder(Sway(), files);
+  const auto [status, text] = Chain({"check", folder.file()});
+  EXPECT_EQ(status, 1);
+  EXPECT_THAT(text, AllOf(HasSubstr("does not fit"),
+                          HasSubstr("edge[0]: there -> back: root, "
+                                    "pitch:"),
+                          HasSubstr("0.5 rad apart; allowed: 0.02 rad")));
+  EXPECT_EQ(Chain({"simulate", folder.file()}).first, 1) << "nothing is played of it";
+}
+
+TEST(ChainCli, SimulatesAndReportsInJson) {
+  const SequenceFolder folder(Sway(), ThereAndBack());
+  const std::string file = folder.file().parent_path() / "figures.json";
+  const auto [status, text] = Chain({"simulate", folder.file(), "--cycles", "2", "--json", file});
+  ASSERT_EQ(status, 0) << text;
+  const auto json = nlohmann::json::parse(ReadFile(file));
+  EXPECT_EQ(json.at("cycles"), 2);
+  EXPECT_TRUE(json.at("failure").is_null());
+  ASSERT_EQ(json.at("passages").size(), 4U);
+  EXPECT_EQ(json.at("passages")[1].at("node"), "back");
+  EXPECT_EQ(json.at("passages")[1].at("posture"), "level");
+  EXPECT_LT(json.at("passages")[3].at("peak_torque_nm").get<double>(), 8);
+}
+
+TEST(SimulateChain, ItsReportShowsTheWholeChain) {
+  const SequenceFile file = Load(Sway());
+  const ReportData data = MakeChainReport(file, Cycles(1));
+  EXPECT_EQ(data.duration_s, 5);
+  ASSERT_GT(data.samples.size(), 990U);
+  EXPECT_NEAR(data.samples.back().time_s, 5, 0.01);
+  EXPECT_EQ(data.links.size(), 3U);
+  EXPECT_NEAR(data.samples[500].joint_positions_rad[0], -1.2, 1e-9) << "held at the end of `there`";
+  EXPECT_NEAR(data.samples.back().joint_positions_rad[0], -kPi / 2, 1e-9);
+  const ReportData longer = MakeChainReport(file, Cycles(10));
+  EXPECT_LE(longer.samples.size(), 4001U);
+  EXPECT_NEAR(longer.samples.back().time_s, 50, 0.05);
+}
+
+TEST(ChainCli, WritesAReport) {
+  const SequenceFolder folder(Sway(), ThereAndBack());
+  const std::filesystem::path report = folder.file().parent_path() / "report";
+  const auto [status, text] =
+      Chain({"simulate", folder.file(), "--cycles", "1", "--report", report});
+  EXPECT_EQ(status, 0) << text;
+  EXPECT_THAT(ReadFile(report / "index.html"), HasSubstr("2 passages, 1 cycles"));
+}
+
+TEST(ChainCli, AFallIsExitStatusTwoWithCauseAndTime) {
+  auto files = ThereAndBack();
+  files[0].contacts.clear();
+  const SequenceFolder folder(Sway(), files);
+  const auto [status, text] = Chain({"simulate", folder.file()});
+  EXPECT_EQ(status, 2);
+  EXPECT_THAT(text, AllOf(HasSubstr("failed: touch at 0.000 s, in 'there'"),
+                          HasSubstr("it did not go through")));
+}
+
+TEST(ChainCli, WrongCommandLinesAreRefused) {
+  const SequenceFolder folder(Sway(), ThereAndBack());
+  EXPECT_EQ(Chain({}).first, 1);
+  EXPECT_EQ(Chain({"check"}).first, 1);
+  EXPECT_EQ(Chain({"check", "/nowhere.toml"}).first, 1);
+  EXPECT_EQ(Chain({"simulate", folder.file(), "--cycles", "-1"}).first, 1);
+  const auto [status, text] = Chain({"simulate", folder.file(), "--branch", "out"});
+  EXPECT_EQ(status, 1);
+  EXPECT_THAT(text, HasSubstr("has no branch 'out'; its branches: none"));
+}
+
+}  // namespace
+}  // namespace tumbler

@@ -1,0 +1,146 @@
+// A motion that starts where another one leaves the robot: the start pose, what is refused, and
+// that the primitive is whole by itself.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "common/toml_reader.h"
+#include "offline/certificate/certificate.h"
+#include "tests/support/program.h"
+#include "tests/support/task_files.h"
+
+namespace tumbler {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using testing::Program;
+using testing::QuickTask;
+using testing::ReadFile;
+using testing::Replaced;
+using testing::ShippedRobot;
+using testing::TaskFolder;
+using testing::WriteFile;
+
+/// Both legs moved a little, from home.
+struct Before {
+  Task task = ParseTask(QuickTask(), "task.toml", ShippedRobot(), "robot.urdf");
+  SolveOutcome outcome = Solve(task.problem, {});
+  PrimitiveFile file = MakePrimitiveFile(task, outcome, outcome.solutions.front());
+};
+const PrimitiveFile& TheOneBefore() {
+  static const Before before;
+  return before.file;
+}
+
+/// The way back, from the shape in which that ends.
+std::string TaskBack() {
+  std::string text =
+      Replaced(QuickTask(), "leg1 = -1.5707963267948966, leg2 = 1.5707963267948966", "START");
+  text = Replaced(text, "leg1 = -1.2, leg2 = 1.3",
+                  "leg1 = -1.5707963267948966, leg2 = 1.5707963267948966");
+  text = Replaced(text, "START", "leg1 = -1.2, leg2 = 1.3");
+  return Replaced(text, "name = \"handstand\"", "name = \"back\"");
+}
+
+std::string Refusal(const std::string& task, const PrimitiveFile& before,
+                    const std::string& robot = ShippedRobot()) {
+  const TaskFolder folder(task, robot);
+  try {
+    LoadTask(folder.task_file(), before, "before.toml");
+  } catch (const FileError& error) {
+    return error.what();
+  }
+  return "accepted";
+}
+
+TEST(StartFrom, TakesTheSimulatedExitAndNotTheIdealPose) {
+  const PrimitiveFile& before = TheOneBefore();
+  const TaskFolder folder(TaskBack());
+  const Problem ideal = LoadTask(folder.task_file()).problem;
+  const Task task = LoadTask(folder.task_file(), before, "before.toml");
+  EXPECT_EQ(task.problem.start_q[0], before.exit.root_x_m);
+  EXPECT_EQ(task.problem.start_q[1], before.exit.root_z_m);
+  EXPECT_EQ(task.problem.start_q[2], before.exit.root_pitch_rad);
+  EXPECT_EQ(task.problem.start_q[3], -1.2);
+  EXPECT_EQ(task.problem.start_q[4], 1.3);
+  EXPECT_NE(task.problem.start_q[0], ideal.start_q[0]) << "or this test could not fail";
+}
+
+TEST(StartFrom, ThePrimitiveIsWholeByItself) {
+  const TaskFolder folder(TaskBack());
+  const Task task = LoadTask(folder.task_file(), TheOneBefore(), "before.toml");
+  const SolveOutcome outcome = Solve(task.problem, {});
+  const Solution& best = outcome.solutions.front();
+  const PrimitiveFile file =
+      ParsePrimitive(ToToml(MakePrimitiveFile(task, outcome, best)), "back.toml");
+  EXPECT_EQ(file.provenance.start_file, "before.toml");
+  EXPECT_EQ(file.provenance.start_hash, TheOneBefore().certificate.coefficients_hash);
+  // The file alone gives the same problem again: its entry, not the task's pose, is the start.
+  const Problem again = TaskOf(file).problem;
+  EXPECT_EQ(again.start_q, task.problem.start_q);
+  EXPECT_EQ(Rollout(again, again.solver.step_s).Run(best.x).cost, file.provenance.objective);
+  const MotionSummary summary = Summarize(again, best.x);
+  EXPECT_EQ(summary.exit.root_x_m, file.exit.root_x_m);
+  EXPECT_EQ(summary.exit.root_pitch_rad, file.exit.root_pitch_rad);
+  // And once more, as if somebody made the next primitive from it.
+  EXPECT_EQ(ToToml(MakePrimitiveFile(TaskOf(file), outcome, best)), ToToml(file));
+}
+
+TEST(StartFrom, AJointElsewhereIsRefusedByNameAndAmount) {
+  const std::string text =
+      Refusal(Replaced(TaskBack(), "leg2 = 1.3", "leg2 = 1.25"), TheOneBefore());
+  EXPECT_THAT(text, AllOf(HasSubstr("task.toml:"), HasSubstr("start.joints_rad.leg2: is 1.25 rad"),
+                          HasSubstr("'handstand' (before.toml) has it at 1.3 rad"),
+                          HasSubstr("0.05 rad apart; allowed: <= 1e-06 rad")));
+}
+
+TEST(StartFrom, ARobotUpsideDownIsRefusedByThePitch) {
+  PrimitiveFile before = TheOneBefore();
+  before.exit.root_pitch_rad += 3.0;
+  EXPECT_THAT(Refusal(TaskBack(), before), AllOf(HasSubstr("start.pitch_rad: is 0 rad"),
+                                                 HasSubstr("rad apart; allowed: <= 0.3 rad")));
+}
+
+TEST(StartFrom, AnotherRobotIsRefused) {
+  const std::string heavier = Replaced(ShippedRobot(), "mass value=\"1.0\"", "mass value=\"1.1\"");
+  EXPECT_THAT(Refusal(TaskBack(), TheOneBefore(), heavier),
+              AllOf(HasSubstr("before.toml: provenance.robot_urdf: is not the robot of the task"),
+                    HasSubstr("make the primitive again")));
+}
+
+TEST(StartFrom, AnotherGroundIsRefused) {
+  EXPECT_THAT(Refusal(Replaced(TaskBack(), "mu = ", "mu = 0.4  # "), TheOneBefore()),
+              HasSubstr("before.toml: provenance.task_toml: has other [contact] or [[obstacle]]"));
+  EXPECT_THAT(
+      Refusal(Replaced(TaskBack(), "point_m = [0.0, 0.0]", "point_m = [0.0, 0.1]"), TheOneBefore()),
+      HasSubstr("has other [contact] or [[obstacle]]"));
+}
+
+TEST(StartFrom, TheProgramRecordsItAndNamesWhatDoesNotFit) {
+  const TaskFolder folder(TaskBack());
+  WriteFile(folder / "before.toml", ToToml(TheOneBefore()));
+  const auto run = [&folder](const std::string& from, const std::string& to) {
+    Program program({TUMBLER_BINARY_DIR "/bin/tumbler-optimize", folder.task_file(), "--start-from",
+                     folder / from, "--out", folder / to});
+    const int status = program.Wait();
+    return std::pair(status, program.text());
+  };
+  ASSERT_EQ(run("before.toml", "back.toml").first, 0);
+  const PrimitiveFile back = LoadPrimitive(folder / "back.toml");
+  EXPECT_EQ(back.entry.root_x_m, TheOneBefore().exit.root_x_m);
+  EXPECT_EQ(back.provenance.start_file, folder / "before.toml");
+  // It ends at home, where the same task does not start.
+  const auto [status, text] = run("back.toml", "further.toml");
+  EXPECT_EQ(status, 1);
+  EXPECT_THAT(text, AllOf(HasSubstr("start.joints_rad.leg1"), HasSubstr("'back'")));
+  EXPECT_FALSE(std::filesystem::exists(folder / "further.toml"));
+  // What it starts from is not to be overwritten.
+  EXPECT_EQ(run("before.toml", "before.toml").first, 1);
+  EXPECT_EQ(ReadFile(folder / "before.toml"), ToToml(TheOneBefore()));
+}
+
+}  // namespace
+}  // namespace tumbler

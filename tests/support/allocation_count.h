@@ -1,0 +1,11 @@
+#pragma once
+
+#include <cstddef>
+
+namespace tumbler::testing {
+
+/// How often the program has called operator new, which the file that defines this replaces: for
+/// code that may allocate, but not more the longer it runs.
+std::size_t AllocationCount() noexcept;
+
+}  // namespace tumbler::testing
