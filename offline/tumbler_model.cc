@@ -158,10 +158,10 @@ int Check(const Arguments& arguments) {
                                                 ? SpatialContactShapes(robot).ignored
                                                 : PlanarContactShapes(robot).ignored;
   for (const IgnoredShape& shape : ignored) {
-    PrintFinding(robot,
-                 {shape.line, fmt::format("link '{}'", shape.link),
-                  shape.reason + ": contact ignores it"},
-                 "note");
+    PrintFinding(
+        robot,
+        {shape.line, fmt::format("link '{}'", shape.link), shape.reason + ": contact ignores it"},
+        "note");
   }
   if (robot.root == RootKind::kFloating) {
     fmt::print("tumbler-optimize does not take it: a task's root is planar-xz or fixed\n");

@@ -201,6 +201,17 @@ class ContactModel {
     return {active_.data(), active_count_};
   }
   [[nodiscard]] const ContactLaw& law() const { return law_; }
+  /// Adds `scale` times the derivative of the depth of an active contact by all positions.
+  void AddDepthSlopes(const HybridDynamics<Space>& dynamics, const ActiveContact<Space>& active,
+                      double scale, std::span<double> slopes) const {
+    const auto body = [&](int shape) { return shapes_[static_cast<std::size_t>(shape)].body; };
+    const Vector deeper = -scale * active.normal;
+    dynamics.AddJointForces(body(active.shape), Space::ForceAt(active.point, deeper), slopes);
+    if (active.other_shape < 0) return;
+    dynamics.AddJointForces(body(active.other_shape), Space::ForceAt(active.point, -deeper),
+                            slopes);
+  }
+
   [[nodiscard]] const std::vector<ContactShape<Space>>& shapes() const { return shapes_; }
   [[nodiscard]] const std::vector<Obstacle<Space>>& obstacles() const { return obstacles_; }
 

@@ -23,6 +23,12 @@ struct TerminalTerm {
   double target = 0;
   double weight = 1;
   int power = 2;  ///< 2, or 1 for a linear term such as those of [AB04, Eq. 34].
+
+  /// How far the pitch is from its target [rad], when this is a target of the pitch; else 0.
+  [[nodiscard]] double TargetError(double value) const {
+    constexpr int kPitch = 2;
+    return power == 2 && weight > 0 && !of_velocity && dof == kPitch ? std::abs(value - target) : 0;
+  }
 };
 
 /// Limits, end conditions and size of the path of one actuated joint.
@@ -40,7 +46,8 @@ struct ActuatedJoint {
 struct SearchSettings {
   std::uint64_t seed = 1;
   int batch = 150;         ///< Random starts at a time, until ...
-  int promising = 3;       ///< ... so many stand out from the rest (rank below half the median) ...
+  int promising = 3;       ///< ... so many stand out from the rest (in rank, and none of them ends
+                           ///< further than `basin_rad` from its target pitch) ...
   int max_samples = 3000;  ///< ... or so many have been tried.
   int refine = 4;          ///< How many of the best go to the local solver. When none of them leads
                            ///< anywhere, as many again stand out and are refined, and so on.
@@ -50,7 +57,9 @@ struct SearchSettings {
   double torque_penalty = 1;  ///< Weight of (|tau| / limit - 1)^2 in the ranking.
   double core_penalty =
       0.1;  ///< Weight of penetration beyond the compliant layer, in layers, in the ranking.
-  double step_s = 2e-3;  ///< Of the semi-implicit Euler method: ranking needs little accuracy.
+  double basin_rad = 0.5;  ///< A motion that ends this far from its target pitch rests otherwise:
+                           ///< a local solver would not bring it there.
+  double step_s = 2e-3;    ///< Of the semi-implicit Euler method: ranking needs little accuracy.
 };
 
 /// How the local solver (SLSQP) is run.

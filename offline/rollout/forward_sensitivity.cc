@@ -93,7 +93,7 @@ struct ForwardSensitivity::Implementation {
         na(static_cast<int>(p.joints.size())),
         parameters(p.parameter_count()),
         splines(Index(na)),
-        smooth(Index(na)) {
+        smooth(Index(na + 1)) {
     for (int j = 0; j < n; ++j) {
       if (!dynamics.prescribed(j)) free.push_back(j);
     }
@@ -104,7 +104,8 @@ struct ForwardSensitivity::Implementation {
     for (std::vector<double>* z : {&state, &stage_state, &next}) z->resize(size);
     for (int i = 0; i < tableau.stages; ++i) slopes[Index(i)].resize(size);
     torque_slope.resize(Index(na * parameters));
-    outputs.resize(Index((1 + na) * parameters));
+    depth_slope.resize(Index(parameters));
+    outputs.resize(Index((2 + na) * parameters));
     for (SmoothMaximum& maximum : smooth) maximum.slope.resize(Index(parameters));
   }
 
@@ -167,6 +168,25 @@ struct ForwardSensitivity::Implementation {
     }
   }
 
+  /// The derivative, by the parameters, of what has these derivatives by the positions.
+  void DifferentiatePosition(const std::array<double, HybridDynamics<Plane>::kMaxDofs>& by_q,
+                             bool moving, double* out) {
+    Row row(out, parameters);
+    row.setZero();
+    for (int k = 0; k < nf; ++k)
+      row += by_q[Index(free[Index(k)])] * ConstRow(Sensitivity(state, k), parameters);
+    if (!moving) return;
+    for (int j = 0; j < na; ++j) {
+      const ActuatedJoint& joint = problem.joints[Index(j)];
+      const Spline::Weights& w = weights[Index(j)];
+      const int begin = std::max(0, 3 - w.first);
+      const int end = std::min(problem.degree + 1, 3 + joint.free_points() - w.first);
+      for (int k = begin; k < end; ++k)
+        out[first_parameter[Index(j)] + w.first - 3 + k] +=
+            by_q[Index(joint.dof)] * w.w[0][Index(k)];
+    }
+  }
+
   /// z' at time t; leaves torques and their slopes behind.
   void Evaluate(double t, bool moving, const std::vector<double>& z, std::vector<double>& slope) {
     ++statistics.evaluations;
@@ -204,7 +224,7 @@ struct ForwardSensitivity::Implementation {
   }
 
   /// After the first stage of a step: what is looked at where steps start.
-  void Observe(RolloutResult& result) {
+  void Observe(bool moving, RolloutResult& result) {
     for (int j = 0; j < na; ++j) {
       const double torque = tau[Index(problem.joints[Index(j)].dof)];
       double& peak = result.peak_torque_nm[Index(j)];
@@ -217,6 +237,12 @@ struct ForwardSensitivity::Implementation {
     for (const ActiveContact<Plane>& active : contact.active()) {
       result.any_contact = true;
       result.peak_penetration_m = std::max(result.peak_penetration_m, active.depth_m);
+      const double usable = (1 - problem.solver.core_margin) * problem.contact.layer_m;
+      if (problem.solver.sharpness * (active.depth_m / usable - 1) < kNegligibleExponent) continue;
+      std::array<double, HybridDynamics<Plane>::kMaxDofs> by_q{};
+      contact.AddDepthSlopes(dynamics, active, 1, by_q);
+      DifferentiatePosition(by_q, moving, depth_slope.data());
+      smooth.back().Add(active.depth_m, usable, problem.solver.sharpness, depth_slope.data());
     }
   }
 
@@ -277,7 +303,7 @@ struct ForwardSensitivity::Implementation {
     for (int step = 0; step < steps; ++step) {
       const double t = begin + step * h;
       Evaluate(t, moving, state, slopes[0]);
-      Observe(result);
+      Observe(moving, result);
       TakeStep(t, h, begin + (step + 1) * h, moving);
       state.swap(next);
       ++statistics.steps;
@@ -292,7 +318,7 @@ struct ForwardSensitivity::Implementation {
     double h = std::min(settings.step_s, duration);
     Evaluate(t, moving, state, slopes[0]);
     while (t < finish) {
-      Observe(result);
+      Observe(moving, result);
       for (;;) {
         // A last step that leaves a crumb would be followed by one of rounding's length.
         const bool last = t + 1.001 * h >= finish;
@@ -319,13 +345,15 @@ struct ForwardSensitivity::Implementation {
     return true;
   }
 
-  void AddTerminal(TerminalTerm::When when, double& cost) {
+  void AddTerminal(TerminalTerm::When when, RolloutResult& result) {
     for (const TerminalTerm& term : problem.terminal) {
       if (term.when != when) continue;
       int row = static_cast<int>(std::find(free.begin(), free.end(), term.dof) - free.begin());
       if (term.of_velocity) row += nf;
       const double off = state[Index(row)] - term.target;
-      cost += term.weight * (term.power == 2 ? off * off : off);
+      result.target_error_rad =
+          std::max(result.target_error_rad, term.TargetError(state[Index(row)]));
+      result.cost += term.weight * (term.power == 2 ? off * off : off);
       const double slope = term.weight * (term.power == 2 ? 2 * off : 1);
       Row(outputs.data(), parameters) += slope * ConstRow(Sensitivity(state, row), parameters);
     }
@@ -352,16 +380,17 @@ struct ForwardSensitivity::Implementation {
     for (int i = 0; i < nf; ++i) state[Index(i)] = problem.start_q[Index(free[Index(i)])];
 
     if (!Integrate(0, problem.duration_s, true, result)) return fail();
-    AddTerminal(TerminalTerm::When::kEnd, result.cost);
+    AddTerminal(TerminalTerm::When::kEnd, result);
     if (!Integrate(problem.duration_s, problem.settle_s, false, result)) return fail();
-    AddTerminal(TerminalTerm::When::kSettled, result.cost);
+    AddTerminal(TerminalTerm::When::kSettled, result);
     result.cost += state[Index(2 * nf)];
     Row(outputs.data(), parameters) += ConstRow(Sensitivity(state, 2 * nf), parameters);
-    for (int j = 0; j < na; ++j) {
+    for (int j = 0; j <= na; ++j) {
       const SmoothMaximum& maximum = smooth[Index(j)];
       if (maximum.sum == 0) continue;
-      result.torque_excess[Index(j)] =
-          maximum.largest - 1 + std::log(maximum.sum) / problem.solver.sharpness;
+      const double excess = maximum.largest - 1 + std::log(maximum.sum) / problem.solver.sharpness;
+      if (j == na && excess < -1) continue;  // Far from the core; as in Rollout.
+      (j < na ? result.torque_excess[Index(j)] : result.core_excess) = excess;
       Row(outputs.data() + Index((1 + j) * parameters), parameters) =
           ConstRow(maximum.slope.data(), parameters) / maximum.sum;
     }
@@ -385,6 +414,7 @@ struct ForwardSensitivity::Implementation {
   std::vector<double> state, stage_state, next;
   std::array<std::vector<double>, kMaxStages> slopes;
   std::vector<double> torque_slope;  // by joint, then parameter
+  std::vector<double> depth_slope;   // by parameter
   std::vector<SmoothMaximum> smooth;
   std::vector<double> outputs;  // gradient of each output, by rows
   HybridDynamics<Plane>::Derivatives derivatives;
@@ -398,7 +428,7 @@ ForwardSensitivity::~ForwardSensitivity() = default;
 ForwardSensitivity::ForwardSensitivity(ForwardSensitivity&&) noexcept = default;
 
 int ForwardSensitivity::parameter_count() const { return implementation_->parameters; }
-int ForwardSensitivity::output_count() const { return 1 + implementation_->na; }
+int ForwardSensitivity::output_count() const { return 2 + implementation_->na; }
 int ForwardSensitivity::state_equations() const { return implementation_->rows; }
 int ForwardSensitivity::gradient_equations() const {
   return static_cast<int>(implementation_->state.size()) - implementation_->rows;

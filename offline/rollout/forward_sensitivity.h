@@ -58,7 +58,7 @@ class ForwardSensitivity {
   ForwardSensitivity(ForwardSensitivity&&) noexcept;
 
   [[nodiscard]] int parameter_count() const;
-  [[nodiscard]] int output_count() const;        ///< As Rollout's: cost, torque excess by joint.
+  [[nodiscard]] int output_count() const;        ///< As Rollout's.
   [[nodiscard]] int state_equations() const;     ///< Rows of y.
   [[nodiscard]] int gradient_equations() const;  ///< Entries of S.
 

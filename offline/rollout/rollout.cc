@@ -210,13 +210,14 @@ struct Rollout::Implementation {
     return term.weight * e * e;
   }
 
-  double TerminalCost(TerminalTerm::When when, const double* y) const {
-    double sum = 0;
+  void AddTerminal(TerminalTerm::When when, const double* y, RolloutResult& result) const {
     double slope = 0;
     for (const TerminalTerm& term : problem.terminal) {
-      if (term.when == when) sum += TermValue(term, y[StateIndex(term)], &slope);
+      if (term.when != when) continue;
+      const double value = y[StateIndex(term)];
+      result.cost += TermValue(term, value, &slope);
+      result.target_error_rad = std::max(result.target_error_rad, term.TargetError(value));
     }
-    return sum;
   }
   [[nodiscard]] int StateIndex(const TerminalTerm& term) const {
     const int i = static_cast<int>(std::find(free.begin(), free.end(), term.dof) - free.begin());
@@ -237,12 +238,11 @@ struct Rollout::Implementation {
     result.torque_excess.assign(Index(na), 0);
     State y{};
     for (int i = 0; i < nf; ++i) y[Index(i)] = problem.start_q[Index(free[Index(i)])];
-    double cost = 0;
     effort = 0;
     core_sum = 0;
     for (int step = 0; step < steps; ++step) {
       if (step == motion_steps)
-        cost += TerminalCost(TerminalTerm::When::kEnd, y.data()), end_state = y;
+        AddTerminal(TerminalTerm::When::kEnd, y.data(), result), end_state = y;
       if (scheme == Scheme::kSemiImplicitEuler) {
         StepEuler(step, y, result);
       } else {
@@ -254,10 +254,10 @@ struct Rollout::Implementation {
         return result;
       }
     }
-    if (settle_steps == 0) cost += TerminalCost(TerminalTerm::When::kEnd, y.data()), end_state = y;
-    cost += TerminalCost(TerminalTerm::When::kSettled, y.data());
+    if (settle_steps == 0) AddTerminal(TerminalTerm::When::kEnd, y.data(), result), end_state = y;
+    AddTerminal(TerminalTerm::When::kSettled, y.data(), result);
     settled_state = y;
-    result.cost = cost + problem.effort_weight * effort;
+    result.cost += problem.effort_weight * effort;
     SetTorqueExcess(result);
     return result;
   }
@@ -332,14 +332,13 @@ struct Rollout::Implementation {
     const double rho = problem.solver.sharpness;
     for (const ActiveContact<Plane>& a : contact.active()) {
       const double exponent = rho * (a.depth_m / layer - 1);
-      // Beyond this nothing is left to compare with; below it, nothing to add.
-      if (exponent < -40) continue;
+      if (exponent < kNegligibleExponent) continue;
+      // Beyond 600 nothing is left to compare with.
       const double weight = std::exp(std::min(exponent, 600.0));
       core_sum += weight;
       if (slopes == nullptr || exponent > 600) continue;
       std::array<double, kMaxDofs> J{};
-      dynamics.AddJointForces(contact.shapes()[Index(a.shape)].body,
-                              Plane::ForceAt(a.point, a.normal * (-weight / layer)), J);
+      contact.AddDepthSlopes(dynamics, a, weight / layer, J);
       for (int i = 0; i < nd; ++i) slopes[i] += J[Index(order[Index(i)])];
     }
   }

@@ -10,12 +10,17 @@
 
 namespace tumbler {
 
+/// A penetration whose share in the smooth maximum is e to less than this adds nothing to it.
+inline constexpr double kNegligibleExponent = -40;
+
 /// What a rollout says of one choice of parameters.
 struct RolloutResult {
   double cost = 0;
   bool finite = true;  ///< False when the state left every plausible range; cost is then infinite.
   bool any_contact = false;
   double peak_penetration_m = 0;  ///< Into the layer.
+  double target_error_rad = 0;    ///< Largest distance from the target of a term of the cost in the
+                                  ///< square of the pitch; 0 where there is none.
   std::vector<double>
       torque_excess;  ///< Of each joint: smooth maximum of |tau| / limit, less 1; an upper bound.
   double core_excess = -1;  ///< Smooth maximum of penetration over the usable part of the layer,

@@ -117,21 +117,39 @@ double Rank(const Problem& problem, const RolloutResult& result) {
   return rank;
 }
 
-/// A sample stands out when its rank is below this: below the median by more than half of its size.
-/// Most samples end in one of the flat basins (the robot at rest on its feet, or fallen), which is
-/// where the median lies.
-double PromisingRank(const std::vector<double>& rank) {
-  if (rank.empty()) return -std::numeric_limits<double>::infinity();
-  std::vector<double> sorted = rank;
+/// A random motion of the global search.
+struct Sample {
+  double rank = std::numeric_limits<double>::infinity();
+  bool astray = false;     ///< Ends far from its target.
+  bool confirmed = false;  ///< Its rank is by the local solver's own method.
+  bool screened = false;   ///< Has had its local solve.
+
+  void Look(const Problem& problem, const RolloutResult& result) {
+    rank = confirmed ? std::max(rank, Rank(problem, result)) : Rank(problem, result);
+    astray = result.target_error_rad > problem.search.basin_rad;
+  }
+  [[nodiscard]] bool StandsOut(double limit) const { return rank < limit && !astray; }
+};
+
+/// What stands out has a rank below this: below the median by more than half of its size, and
+/// nearer to the best than to the median. Most samples end in one of the flat basins (the robot at
+/// rest on its feet, or fallen), which is where the median lies.
+double PromisingRank(const std::vector<Sample>& samples) {
+  if (samples.empty()) return -std::numeric_limits<double>::infinity();
+  std::vector<double> sorted;
+  for (const Sample& sample : samples) sorted.push_back(sample.rank);
   const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
   std::nth_element(sorted.begin(), middle, sorted.end());
   if (!std::isfinite(*middle)) return -std::numeric_limits<double>::infinity();
-  return *middle - 0.5 * std::abs(*middle);
+  const double best = *std::min_element(sorted.begin(), middle + 1);
+  return std::min(*middle - 0.5 * std::abs(*middle), 0.5 * (best + *middle));
 }
 
-int CountBelow(const std::vector<double>& rank, double limit) {
+int CountPromising(const std::vector<Sample>& samples) {
+  const double limit = PromisingRank(samples);
   return static_cast<int>(
-      std::count_if(rank.begin(), rank.end(), [limit](double r) { return r < limit; }));
+      std::count_if(samples.begin(), samples.end(),
+                    [limit](const Sample& sample) { return sample.StandsOut(limit); }));
 }
 
 /// The largest constraint, and zero or more when it is violated. `rows` are those of
@@ -357,8 +375,8 @@ class LocalSolve {
       } else {
         const RolloutResult& result = self.result_;
         value[i] = !result.finite ? 1.0
-                   : i < m - 1    ? result.torque_excess[i - rows] + self.problem_.solver.torque_margin
-                                  : result.core_excess;
+                   : i < m - 1 ? result.torque_excess[i - rows] + self.problem_.solver.torque_margin
+                               : result.core_excess;
         for (std::size_t k = 0; gradient != nullptr && k < n; ++k) {
           gradient[i * n + k] =
               self.outputs_(static_cast<Eigen::Index>(i - rows + 1), static_cast<Eigen::Index>(k));
@@ -496,17 +514,18 @@ class Campaign {
       : problem_(problem), options_(options), rows_(DerivativeLimitRows(problem)) {}
 
   SolveOutcome Run() {
-    // A screened motion can still turn out to lie in one of the flat basins. Then there is more to
-    // search, as long as there are samples.
+    // A screened motion can still turn out to lie in one of the flat basins, or fall back into one
+    // when its limits are met. Then there is more to search, as long as there are samples.
     int promising = 0;
     do {
-      promising =
-          std::max(promising, CountBelow(rank_, PromisingRank(rank_))) + problem_.search.promising;
-      Sample(promising);
+      promising = std::max(promising, CountPromising(samples_)) + problem_.search.promising;
+      Draw(promising);
       Screen();
-    } while (!AnyStandsOut() && static_cast<int>(rank_.size()) < problem_.search.max_samples &&
-             !interrupted());
-    Finish();
+      Finish(Candidates::kStandingOut);
+    } while (missing() > 0 && static_cast<int>(samples_.size()) < problem_.search.max_samples &&
+             tries_left() > 0 && !interrupted());
+    if (missing() > 0) Finish(Candidates::kAll);
+    std::stable_sort(solutions_.begin(), solutions_.end(), Better);
     return TakeOutcome();
   }
 
@@ -522,51 +541,50 @@ class Campaign {
   static std::size_t Index(int i) { return static_cast<std::size_t>(i); }
 
   /// Draws samples until so many are promising.
-  void Sample(int promising) {
+  void Draw(int promising) {
     std::vector<Rollout> estimates = MakeRollouts(problem_.search.step_s);
     std::vector<Rollout> rollouts = MakeRollouts(problem_.solver.screen_step_s);
-    while (static_cast<int>(rank_.size()) < problem_.search.max_samples && !interrupted() &&
-           (rank_.empty() || CountBelow(rank_, PromisingRank(rank_)) < promising)) {
-      const int first = static_cast<int>(rank_.size());
+    while (static_cast<int>(samples_.size()) < problem_.search.max_samples && !interrupted() &&
+           CountPromising(samples_) < promising) {
+      const int first = static_cast<int>(samples_.size());
       const int count = std::min(problem_.search.batch, problem_.search.max_samples - first);
-      rank_.resize(rank_.size() + Index(count), std::numeric_limits<double>::infinity());
-      confirmed_.resize(rank_.size(), false);
-      screened_.resize(rank_.size(), false);
+      samples_.resize(samples_.size() + Index(count));
       ParallelFor(count, options_.threads, [&](int k, int thread) {
         if (interrupted()) return;
         const auto i = Index(first + k);
         const std::vector<double> x = RandomStart(problem_, rows_, i);
-        rank_[i] = Rank(problem_, estimates[Index(thread)].Estimate(x));
+        samples_[i].Look(problem_, estimates[Index(thread)].Estimate(x));
         const std::lock_guard<std::mutex> lock(mutex_);
-        best_rank_ = std::min(best_rank_, rank_[i]);
+        best_rank_ = std::min(best_rank_, samples_[i].rank);
         if (options_.progress) options_.progress({true, 0, ++sampled_, best_rank_, 0});
       });
       // What looks good by the estimate is looked at again by the local solver's own method.
       std::vector<std::size_t> good;
-      const double limit = PromisingRank(rank_);
-      for (std::size_t i = 0; i < rank_.size(); ++i) {
-        if (rank_[i] < limit && !confirmed_[i]) good.push_back(i);
+      const double limit = PromisingRank(samples_);
+      for (std::size_t i = 0; i < samples_.size(); ++i) {
+        if (samples_[i].StandsOut(limit) && !samples_[i].confirmed) good.push_back(i);
       }
+      for (const std::size_t i : good) samples_[i].confirmed = true;
       ParallelFor(static_cast<int>(good.size()), options_.threads, [&](int k, int thread) {
         if (interrupted()) return;
         const std::size_t i = good[Index(k)];
         const std::vector<double> x = RandomStart(problem_, rows_, i);
-        rank_[i] = std::max(rank_[i], Rank(problem_, rollouts[Index(thread)].Run(x)));
+        samples_[i].Look(problem_, rollouts[Index(thread)].Run(x));
       });
-      for (const std::size_t i : good) confirmed_[i] = true;
     }
   }
 
   /// A short local solve from each of the best samples that have had none: most show early whether
   /// they lead anywhere.
   void Screen() {
-    std::vector<std::size_t> order(rank_.size());
-    std::iota(order.begin(), order.end(), std::size_t{0});
-    order.erase(std::remove_if(order.begin(), order.end(),
-                               [&](std::size_t i) { return static_cast<bool>(screened_[i]); }),
-                order.end());
-    std::stable_sort(order.begin(), order.end(),
-                     [&](std::size_t a, std::size_t b) { return rank_[a] < rank_[b]; });
+    std::vector<std::size_t> order;
+    for (std::size_t i = 0; i < samples_.size(); ++i) {
+      if (!samples_[i].screened) order.push_back(i);
+    }
+    std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+      const Sample &left = samples_[a], &right = samples_[b];
+      return left.astray != right.astray ? right.astray : left.rank < right.rank;
+    });
     order.resize(std::min(order.size(), Index(problem_.search.refine)));
     const std::size_t first = solutions_.size();
     solutions_.resize(first + order.size());
@@ -580,44 +598,60 @@ class Campaign {
       solution.x = RandomStart(problem_, rows_, order[Index(k)]);
       SolveOn(solution, budget, rollouts[Index(thread)]);
     });
-    for (const std::size_t i : order) screened_[i] = true;
+    for (const std::size_t i : order) samples_[i].screened = true;
   }
 
-  /// The rest of the budget, with the final step, for the best until enough of them hold.
-  void Finish() {
-    const double limit = PromisingRank(rank_);
-    std::stable_sort(solutions_.begin(), solutions_.end(),
-                     [&](const Solution& a, const Solution& b) {
-                       const bool a_stands_out = StandsOut(a, limit);
-                       const bool b_stands_out = StandsOut(b, limit);
-                       return a_stands_out != b_stands_out ? a_stands_out : Better(a, b);
-                     });
+  enum class Candidates { kStandingOut, kAll };
+
+  /// The rest of the budget, with the final step, for the best until enough of them hold and stand
+  /// out.
+  void Finish(Candidates candidates) {
     std::vector<Rollout> rollouts = MakeRollouts(problem_.solver.step_s);
-    int enough = problem_.solver.finalists;
-    const std::size_t most = std::min(solutions_.size(), Index(enough + problem_.search.refine));
-    for (std::size_t next = 0; enough > 0 && next < most && !interrupted();) {
-      const std::size_t count = std::min(Index(enough), most - next);
-      ParallelFor(static_cast<int>(count), options_.threads, [&](int k, int thread) {
-        Solution& solution = solutions_[next + Index(k)];
+    while (missing() > 0 && tries_left() > 0 && !interrupted()) {
+      const double limit = PromisingRank(samples_);
+      std::vector<Solution*> next;
+      for (Solution& solution : solutions_) {
+        if (solution.finished) continue;
+        if (candidates == Candidates::kAll || StandsOut(solution, limit)) next.push_back(&solution);
+      }
+      if (next.empty()) return;
+      std::stable_sort(next.begin(), next.end(),
+                       [](const Solution* a, const Solution* b) { return Better(*a, *b); });
+      next.resize(std::min({next.size(), Index(missing()), Index(tries_left())}));
+      ParallelFor(static_cast<int>(next.size()), options_.threads, [&](int k, int thread) {
+        Solution& solution = *next[Index(k)];
         const int budget = std::max(1, problem_.solver.max_evaluations - solution.evaluations);
         SolveOn(solution, budget, rollouts[Index(thread)]);
         solution.finished = true;
       });
-      for (std::size_t k = 0; k < count; ++k) enough -= solutions_[next + k].feasible() ? 1 : 0;
-      next += count;
     }
-    std::stable_sort(solutions_.begin(), solutions_.end(), Better);
+  }
+
+  /// How many finished motions are still wanted.
+  [[nodiscard]] int missing() const {
+    const double limit = PromisingRank(samples_);
+    const auto done =
+        std::count_if(solutions_.begin(), solutions_.end(), [&](const Solution& solution) {
+          return solution.finished && solution.feasible() && StandsOut(solution, limit);
+        });
+    return std::max(0, problem_.solver.finalists - static_cast<int>(done));
+  }
+  /// How many motions may still be finished: no task is worth more.
+  [[nodiscard]] int tries_left() const {
+    const auto tried = std::count_if(solutions_.begin(), solutions_.end(),
+                                     [](const Solution& solution) { return solution.finished; });
+    return problem_.solver.finalists + problem_.search.refine - static_cast<int>(tried);
   }
 
   SolveOutcome TakeOutcome() {
     SolveOutcome outcome;
-    for (std::size_t i = 0; i < rank_.size(); ++i) {
-      outcome.history.push_back({true, 0, static_cast<std::int64_t>(i) + 1, rank_[i], 0});
+    for (std::size_t i = 0; i < samples_.size(); ++i) {
+      outcome.history.push_back({true, 0, static_cast<std::int64_t>(i) + 1, samples_[i].rank, 0});
     }
     for (const std::vector<Evaluation>& history : histories_) {
       outcome.history.insert(outcome.history.end(), history.begin(), history.end());
     }
-    outcome.evaluations = static_cast<std::int64_t>(rank_.size());
+    outcome.evaluations = static_cast<std::int64_t>(samples_.size());
     for (const Solution& solution : solutions_) outcome.evaluations += solution.evaluations;
     outcome.solutions = std::move(solutions_);
     outcome.interrupted = interrupted();
@@ -630,16 +664,12 @@ class Campaign {
     return a.feasible() ? a.rollout.cost < b.rollout.cost : a.violation < b.violation;
   }
 
-  /// Whether a screened motion is better than the flat basins, and near enough to its limits.
-  static bool StandsOut(const Solution& solution, double promising_rank) {
+  /// Whether a motion is better than the flat basins, and near enough to its limits.
+  [[nodiscard]] bool StandsOut(const Solution& solution, double promising_rank) const {
     constexpr double kNear = 0.2;
     return solution.evaluations > 0 && solution.rollout.finite && solution.violation < kNear &&
-           solution.rollout.cost < promising_rank;
-  }
-  [[nodiscard]] bool AnyStandsOut() const {
-    const double limit = PromisingRank(rank_);
-    return std::any_of(solutions_.begin(), solutions_.end(),
-                       [limit](const Solution& solution) { return StandsOut(solution, limit); });
+           solution.rollout.cost < promising_rank &&
+           solution.rollout.target_error_rad <= problem_.search.basin_rad;
   }
 
   /// Goes on from where the solution is.
@@ -674,8 +704,7 @@ class Campaign {
   const SolveOptions& options_;
   std::vector<LinearRow> rows_;
   std::mutex mutex_;
-  std::vector<double> rank_;  // of every sample
-  std::vector<bool> confirmed_, screened_;
+  std::vector<Sample> samples_;
   double best_rank_ = std::numeric_limits<double>::infinity();
   std::int64_t sampled_ = 0;
   std::vector<Solution> solutions_;

@@ -109,6 +109,11 @@ TEST_P(EveryTask, AgreesWithTheAdjointThroughItsContacts) {
       if (!std::isfinite(problem.joints[j].limits.torque_max_nm)) continue;
       EXPECT_LT(RowError(forward, adjoint, static_cast<Eigen::Index>(1 + j)), 1e-9);
     }
+    EXPECT_NEAR(forward.result.core_excess, adjoint.result.core_excess, 1e-9);
+    const auto core = static_cast<Eigen::Index>(1 + problem.joints.size());
+    if (adjoint.result.core_excess > -1) {
+      EXPECT_LT(RowError(forward, adjoint, core), 1e-9);
+    }
   }
 }
 

@@ -58,8 +58,8 @@ TEST(Task, ShippedOneHoldsWhatItsTextSays) {
 /// The shipped task with its contact law, or part of it, replaced.
 std::string WithContact(const std::string& contact) {
   return Replaced(ShippedTask(),
-                  "stiffness_n_per_m = 1.0e4\ndamping_n_s_per_m = 60.0\nd_on_m = 0.004\nd_off_m = "
-                  "0.003\nmu = 0.3\nv_max_m_per_s = 0.05",
+                  "stiffness_n_per_m = 2.5e4\ndamping_n_s_per_m = 100.0\nd_on_m = 0.01\nd_off_m = "
+                  "0.0075\nmu = 0.3\nv_max_m_per_s = 0.05",
                   contact);
 }
 const char* const kIntent =
@@ -323,8 +323,9 @@ TEST(RestPose, StandsOnOneLegUpsideDownAsTheHandstandEnds) {
   double normal_force = 0;
   for (const double qdd : Accelerations(problem, problem.start_q, &normal_force))
     EXPECT_NEAR(qdd, 0, 1e-4);
-  // Half the middle link, a leg, and a foot's radius above the ground, less what it sinks in.
-  EXPECT_NEAR(problem.start_q[1], 0.15 + 0.2 + 0.01, 0.004);
+  // Half the middle link, a leg, and a foot's radius above the ground, and the layer that it hardly
+  // sinks into.
+  EXPECT_NEAR(problem.start_q[1], 0.15 + 0.2 + 0.01 + problem.contact.layer_m, 0.002);
 }
 
 TEST(RestPose, AGivenHeightIsTakenAsItIs) {
