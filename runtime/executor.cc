@@ -303,6 +303,7 @@ void Executor::Obey(OperatorCommand command) noexcept {
       if (state_ != ExecutorState::kDisarmed) return refuse(Refusal::kWrongState);
       faults_ = 0;
       first_fault_ = {};
+      unarmed_request_ = DriveRequest::kClearErrors;
       return;
   }
   refuse(Refusal::kWrongState);  // Not one of the enumerators.
@@ -492,7 +493,11 @@ void Executor::PlanBrake(int elapsed, TickRecord& record) noexcept {
 void Executor::Send(int elapsed, TickOutput& output) noexcept {
   const bool armed = state_ != ExecutorState::kDisarmed && reaction_ != Reaction::kDisable;
   const bool damped = reaction_ == Reaction::kDamp;
-  const DriveRequest request = armed ? DriveRequest::kEnable : DriveRequest::kDisable;
+  DriveRequest request = DriveRequest::kEnable;
+  if (!armed) {
+    request = unarmed_request_;
+    unarmed_request_ = DriveRequest::kDisable;
+  }
   for (int i = 0; i < joint_count_; ++i) {
     const auto index = static_cast<std::size_t>(i);
     Joint& joint = joints_[index];

@@ -51,7 +51,7 @@ enum class OperatorCommand : std::uint8_t {
   kRun,          ///< holding at the start -> running -> settling -> holding.
   kStop,    ///< Anything that moves -> stopping -> holding; the fault table's row kOperatorStop.
   kDisarm,  ///< Any state -> disarmed: torque off at once.
-  kClearFaults,  ///< disarmed: forgets the latched faults.
+  kClearFaults,  ///< disarmed: forgets the latched faults, and tells the drives to forget theirs.
 };
 
 /// Why a command was not followed. A refusal changes nothing.
@@ -100,8 +100,8 @@ struct JointRecord {
   float temperature_c = 0;
   std::int32_t reply_age_ticks = -1;  ///< 0: replied since the tick before; -1: never.
   DriveState drive_state = DriveState::kUnknown;
-  std::uint8_t drive_error = 0;
-  bool limit_active = false;  ///< planned was outside a limit.
+  std::uint32_t drive_error = 0;  ///< The drive's own code.
+  bool limit_active = false;      ///< planned was outside a limit.
 };
 
 /// Everything about one tick. Trivially copyable: it goes into rings and logs as it is.
@@ -215,6 +215,7 @@ class Executor {
   std::uint16_t faults_ = 0;
   FaultReport first_fault_;
   RefusalReport refusal_;
+  DriveRequest unarmed_request_ = DriveRequest::kDisable;  ///< What a tick without torque asks for.
 };
 
 }  // namespace tumbler

@@ -22,8 +22,9 @@
 #include "common/toml_reader.h"
 #include "firmware_interface/can/simulated_bus.h"
 #include "firmware_interface/can/socketcan_bus.h"
+#include "firmware_interface/drives/drive_bank.h"
 #include "firmware_interface/drives/drives_toml.h"
-#include "firmware_interface/drives/mit.h"
+#include "firmware_interface/drives/make_simulated.h"
 #include "runtime/executor.h"
 #include "runtime/linux/clock.h"
 #include "runtime/linux/control_loop.h"
@@ -34,7 +35,6 @@
 #include "runtime/linux/telemetry.h"
 #include "runtime/run_sequence.h"
 #ifdef TUMBLER_HAS_SIMULATION
-#include "firmware_interface/drives/simulated_drive.h"
 #include "offline/twin/twin.h"
 #endif
 
@@ -114,8 +114,10 @@ DrivesConfig DrivesFor(const Options& options, const Primitive<double>& primitiv
     if (options.drives.empty()) {  // Said in the help of --drives.
       DriveEntry entry;
       entry.joint = joint;
-      entry.mit.command_id = static_cast<std::uint16_t>(i + 1);
-      entry.mit.reply_id = static_cast<std::uint16_t>(i + 17);
+      MitConfig mit;
+      mit.command_id = static_cast<std::uint16_t>(i + 1);
+      mit.reply_id = static_cast<std::uint16_t>(i + 17);
+      entry.config = mit;
       entry.kp_nm_per_rad = 200;
       entry.kd_nm_s_per_rad = 4;
       chosen.drives.push_back(entry);
@@ -139,9 +141,10 @@ void CheckRanges(const Primitive<float>& primitive, const DrivesConfig& drives) 
   for (std::size_t i = 0; i < drives.drives.size(); ++i) {
     const DriveEntry& entry = drives.drives[i];
     const JointLimits<float>& limits = primitive.joints[i].limits;
-    const JointMap& map = entry.mit.joint;
+    const JointMap& map = JointOf(entry.config);
+    const ShaftRanges ranges = CommandRanges(entry.config);
     const auto check = [&entry](const char* what, const char* unit, float value,
-                                const MitRange& range) {
+                                const DriveRange& range) {
       if (value < range.min || value > range.max) {
         throw Refused(fmt::format(
             "joint {}: the motion's {} limit is {:.4g} {} at the drive, whose range is {:.4g} ... "
@@ -149,16 +152,16 @@ void CheckRanges(const Primitive<float>& primitive, const DrivesConfig& drives) 
             entry.joint, what, value, unit, range.min, range.max, unit));
       }
     };
-    for (const MitRange& range : {entry.mit.command.position_rad, entry.mit.reply.position_rad}) {
+    for (const DriveRange& range : {ranges.position_rad, ReportedPositions(entry.config)}) {
       check("position", "rad", map.ToDrivePosition(limits.position_min_rad), range);
       check("position", "rad", map.ToDrivePosition(limits.position_max_rad), range);
     }
     check("velocity", "rad/s", map.ToDriveVelocity(limits.velocity_max_rad_s),
-          entry.mit.command.velocity_rad_s);
+          ranges.velocity_rad_s);
     check("velocity", "rad/s", map.ToDriveVelocity(-limits.velocity_max_rad_s),
-          entry.mit.command.velocity_rad_s);
-    check("torque", "N m", map.ToDriveTorque(limits.torque_max_nm), entry.mit.command.torque_nm);
-    check("torque", "N m", map.ToDriveTorque(-limits.torque_max_nm), entry.mit.command.torque_nm);
+          ranges.velocity_rad_s);
+    check("torque", "N m", map.ToDriveTorque(limits.torque_max_nm), ranges.torque_nm);
+    check("torque", "N m", map.ToDriveTorque(-limits.torque_max_nm), ranges.torque_nm);
   }
 }
 
@@ -166,13 +169,12 @@ void CheckRanges(const Primitive<float>& primitive, const DrivesConfig& drives) 
 /// for them.
 void CheckSchedule(const DrivesConfig& drives) {
   const int bits = drives.WorstCaseTickBits();
-  const double ceiling_hz = static_cast<double>(drives.bit_rate) / bits;
+  const double ceiling_hz = std::floor(static_cast<double>(drives.bit_rate) / bits);
   fmt::print(stderr,
-             "bus schedule: {} setpoints and {} replies of 8 bytes: {} bits a tick at worst; at "
-             "{:.6g} Hz {:.1f} % of "
-             "{} bit/s (ceiling {:.0f} Hz)\n",
-             drives.drives.size(), drives.drives.size(), bits, drives.rate_hz,
-             100 * drives.WorstCaseLoad(), drives.bit_rate, ceiling_hz);
+             "bus schedule: {}: {} bits a tick at worst; at {:.6g} Hz {:.1f} % of {} bit/s "
+             "(ceiling {:.0f} Hz)\n",
+             drives.DescribeSchedule(), bits, drives.rate_hz, 100 * drives.WorstCaseLoad(),
+             drives.bit_rate, ceiling_hz);
   if (drives.WorstCaseLoad() > 1) {
     throw Refused(fmt::format("{} bits a tick do not fit: lower rate_hz to at most {:.0f}", bits,
                               ceiling_hz));
@@ -247,15 +249,16 @@ class DryRunWorld final : public World {
  public:
   DryRunWorld(const std::string& interface, const DrivesConfig& drives,
               const Primitive<double>& primitive)
-      : clock_([](std::int64_t) {}) {
+      : clock_([this](std::int64_t time_ns) { bus_->AdvanceTo(time_ns); }) {
     SocketCanBus probe;  // A dry run on an interface that is not there would say nothing about it.
     const SocketCanBus::OpenResult opened = probe.Open(interface);
     if (opened.status != Status::kOk) throw std::runtime_error(opened.message);
     std::vector<DryRunBus::Node> nodes;
     for (std::size_t i = 0; i < drives.drives.size(); ++i) {
-      nodes.push_back({drives.drives[i].mit, primitive.joints[i].position.control_points()[0]});
+      nodes.push_back(
+          {MakeSimulatedDrive(drives.drives[i]), primitive.joints[i].position.control_points()[0]});
     }
-    bus_ = std::make_unique<DryRunBus>(interface, nodes, clock_, stdout);
+    bus_ = std::make_unique<DryRunBus>(interface, drives.bit_rate, std::move(nodes), stdout);
   }
   CanBus& bus() override { return *bus_; }
   Clock& clock() override { return clock_; }
@@ -277,14 +280,11 @@ class SimulatedWorld final : public World {
     std::vector<SimulatedDrive*> pointers;
     for (std::size_t i = 0; i < drives.drives.size(); ++i) {
       const DriveEntry& entry = drives.drives[i];
-      SimulatedDriveConfig config;
-      config.mit = entry.mit;
-      config.watchdog_s = entry.watchdog_s;
-      const double torque_max_nm = file.primitive.joints[i].limits.torque_max_nm;
-      config.torque_max_nm =
-          std::abs(entry.mit.joint.ToDriveTorque(static_cast<float>(torque_max_nm)));
-      drives_.push_back(std::make_unique<SimulatedDrive>(config));
-      bus_.Attach(*drives_.back(), SimulatedDrive::PortConfig());
+      const auto torque_max_nm = static_cast<float>(file.primitive.joints[i].limits.torque_max_nm);
+      SimulatedMotorConfig motor;
+      motor.torque_max_nm = std::abs(JointOf(entry.config).ToDriveTorque(torque_max_nm));
+      drives_.push_back(MakeSimulatedDrive(entry, motor));
+      drives_.back()->AttachTo(bus_);
       pointers.push_back(drives_.back().get());
     }
     twin_ = std::make_unique<Twin>(file, TwinConfig{}, bus_, pointers);
@@ -373,16 +373,17 @@ int Run(const Options& options) {
   CheckRanges(primitive, drives);
   CheckSchedule(drives);
 
-  std::vector<std::unique_ptr<MitDrive>> mit_drives;
-  std::vector<Drive*> pointers;
+  DriveBank bank;
   RunReport report;
   for (const DriveEntry& entry : drives.drives) {
-    mit_drives.push_back(std::make_unique<MitDrive>(entry.mit));
-    pointers.push_back(mit_drives.back().get());
+    if (bank.Add(entry.config) != Status::kOk) {
+      throw Refused(fmt::format("joint {}: its drive cannot be used as configured", entry.joint));
+    }
     report.joints.push_back(entry.joint);
   }
   Executor executor;
-  if (executor.Configure(MakeExecutorConfig(options, drives), primitive, pointers) != Status::kOk) {
+  if (executor.Configure(MakeExecutorConfig(options, drives), primitive, bank.drives()) !=
+      Status::kOk) {
     throw Refused(fmt::format(
         "{}: the executor does not take this motion: it has to start at rest, last at most "
         "10000 s and run at 1 Hz ... 100 kHz",

@@ -10,14 +10,23 @@
 namespace tumbler {
 
 /// What the executor asks of one drive in one tick, at the joint (after gear, direction and zero).
-/// The drive's law is torque = kp (position - q) + kd (velocity - qdot) + torque, as far as its
-/// protocol carries it.
+/// The drive's law is torque = kp (position - q) + kd (velocity - qdot) + torque. Where gains
+/// belong to the drive itself and its protocol does not carry them, kp > 0 asks for the position to
+/// be followed, and kp = 0 for `velocity_rad_s` alone (at zero: to brake the joint).
 struct DriveSetpoint {
   float position_rad = 0;
   float velocity_rad_s = 0;
   float torque_nm = 0;  ///< feed-forward
   float kp_nm_per_rad = 0;
   float kd_nm_s_per_rad = 0;
+
+  /// Neither NaN nor infinite anywhere.
+  [[nodiscard]] constexpr bool IsFinite() const noexcept {
+    const auto zero = [](float x) { return x - x; };  // or NaN
+    return zero(position_rad) + zero(velocity_rad_s) + zero(torque_nm) + zero(kp_nm_per_rad) +
+               zero(kd_nm_s_per_rad) ==
+           0;
+  }
 };
 
 /// What a drive last said of itself, at the joint.
@@ -27,14 +36,17 @@ struct DriveFeedback {
   float torque_nm = 0;
   float temperature_c = 0;  ///< Zero where `has_temperature` is false.
   bool has_temperature = false;
-  std::uint8_t error = 0;  ///< The drive's own code; zero is none.
+  std::uint32_t error = 0;  ///< The drive's own code; zero is none.
 };
 
 /// Whether the motor is to be driven.
 enum class DriveRequest : std::uint8_t {
   kDisable,  ///< Torque off, whatever the drive was doing.
   kEnable,   ///< Follow the setpoint; the drive's start-up sequence runs by itself over as many
-             ///< ticks as it needs.
+             ///< ticks as it needs. A drive that was enabled and no longer is stays off until it
+             ///< has been asked to disable.
+  kClearErrors,  ///< kDisable, and forget the drive's latched errors. One tick of it is enough; it
+                 ///< is the operator's alone to ask, nothing else clears an error.
 };
 
 /// What the drive is known to be doing, from its replies.
@@ -70,7 +82,9 @@ class FrameBatch {
 /// bus of its own.
 ///
 /// Every tick calls Encode exactly once, and Decode once for every frame received since the tick
-/// before. Real time: no heap, no locks, no exceptions. Freestanding.
+/// before. Encode writes the drive every time; what a drive or its bus needs besides the setpoint
+/// (set-up, synchronisation, heartbeats) comes from the same call, so that a host whose setpoints
+/// have stopped keeps no watchdog quiet. Real time: no heap, no locks, no exceptions. Freestanding.
 class Drive {
  public:
   Drive() = default;
@@ -83,12 +97,15 @@ class Drive {
   virtual Status Encode(DriveRequest request, const DriveSetpoint& setpoint,
                         FrameBatch& batch) noexcept = 0;
 
-  /// Takes a frame if it is this drive's: returns true and updates `feedback()` and `state()`. A
-  /// frame that is another drive's, malformed or out of the protocol is left alone.
+  /// Takes a frame if it is this drive's, and updates `feedback()` and `state()`. Returns true if
+  /// it brought a measured position, which is what the age of a reply counts from; false after the
+  /// drive's other messages (heartbeats, errors, temperatures). A frame that is another drive's,
+  /// malformed or out of the protocol is left alone.
   virtual bool Decode(const CanFrame& frame) noexcept = 0;
 
   /// What Encode put on the wire last, decoded again: setpoint as the drive will see it, after
-  /// rounding.
+  /// rounding. What the protocol does not carry is zero; before the setpoint is followed, the
+  /// position is the measured one.
   [[nodiscard]] virtual DriveSetpoint encoded_setpoint() const noexcept = 0;
   [[nodiscard]] virtual DriveFeedback feedback() const noexcept = 0;
   [[nodiscard]] virtual DriveState state() const noexcept = 0;

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
@@ -68,25 +69,23 @@ float ReadGain(TomlTable& table, std::string_view key, const MitRange& range,
   return gain;
 }
 
-DriveEntry ReadDrive(TomlTable& table) {
-  static constexpr std::array<std::string_view, 1> kProtocols = {"mit"};
-  static constexpr std::array<std::string_view, 2> kTemperatures = {"signed", "offset-40"};
-  DriveEntry drive;
-  drive.joint = table.String("joint");
-  if (drive.joint.empty() || !FixedString<32>::fits(drive.joint)) {
-    table.Fail("joint", fmt::format("is '{}'; allowed: 1 to 32 bytes", drive.joint));
-  }
-  if (!table.Has("protocol")) table.Fail("protocol", "is missing and has no default");
-  table.Choice("protocol", kProtocols, "");
-  MitConfig& mit = drive.mit;
-  mit.command_id = static_cast<std::uint16_t>(table.Integer("command_id", 1, 0xff));
-  mit.reply_id = static_cast<std::uint16_t>(table.Integer("reply_id", 0, 0x7ff));
+JointMap ReadJoint(TomlTable& table) {
+  JointMap joint;
   const std::int64_t direction = table.Integer("direction", -1, 1, 1);
   if (direction == 0) table.Fail("direction", "is 0; allowed: 1 or -1");
-  mit.joint.direction = static_cast<float>(direction);
-  mit.joint.gear_ratio = static_cast<float>(table.Number("gear_ratio", {0.001, 1000, false}, 1));
-  mit.joint.zero_offset_rad =
+  joint.direction = static_cast<float>(direction);
+  joint.gear_ratio = static_cast<float>(table.Number("gear_ratio", {0.001, 1000, false}, 1));
+  joint.zero_offset_rad =
       static_cast<float>(table.Number("zero_offset_rad", {-1000, 1000, false}, 0));
+  return joint;
+}
+
+void ReadMit(TomlTable& table, DriveEntry& drive) {
+  static constexpr std::array<std::string_view, 2> kTemperatures = {"signed", "offset-40"};
+  MitConfig mit;
+  mit.command_id = static_cast<std::uint16_t>(table.Integer("command_id", 1, 0xff));
+  mit.reply_id = static_cast<std::uint16_t>(table.Integer("reply_id", 0, 0x7ff));
+  mit.joint = ReadJoint(table);
   TomlTable range = table.Table("range");
   mit.command = ReadRanges(range);
   mit.reply = mit.command;
@@ -99,43 +98,67 @@ DriveEntry ReadDrive(TomlTable& table) {
   drive.kp_nm_per_rad = ReadGain(table, "kp_nm_per_rad", mit.command.kp_nm_per_rad, mit.joint);
   drive.kd_nm_s_per_rad =
       ReadGain(table, "kd_nm_s_per_rad", mit.command.kd_nm_s_per_rad, mit.joint);
-  drive.temperature_max_c = NumberAsFloat(table, "temperature_max_c", {0, 200, true});
-  drive.watchdog_s = table.Number("watchdog_s", {0, 10, false});
   if (mit.reply_id == mit.command_id) {
     table.Fail(
         "reply_id",
         fmt::format("is {}, as command_id; a drive's two identifiers must differ", mit.reply_id));
   }
-  if (mit.Validate() != Status::kOk) table.Fail("", "does not describe a drive of this protocol");
+  drive.config = mit;
+}
+
+DriveEntry ReadDrive(TomlTable& table) {
+  static constexpr std::array<std::string_view, 1> kProtocols = {"mit"};
+  DriveEntry drive;
+  drive.joint = table.String("joint");
+  if (drive.joint.empty() || !FixedString<32>::fits(drive.joint)) {
+    table.Fail("joint", fmt::format("is '{}'; allowed: 1 to 32 bytes", drive.joint));
+  }
+  if (!table.Has("protocol")) table.Fail("protocol", "is missing and has no default");
+  table.Choice("protocol", kProtocols, "");
+  ReadMit(table, drive);
+  drive.temperature_max_c = NumberAsFloat(table, "temperature_max_c", {0, 200, true});
+  drive.watchdog_s = table.Number("watchdog_s", {0, 10, false});
+  if (Validate(drive.config) != Status::kOk) {
+    table.Fail("", "does not describe a drive of this protocol");
+  }
   return drive;
+}
+
+/// An identifier on the bus, or several that one key decides on.
+struct Identifiers {
+  std::string key;          ///< of the file
+  std::uint32_t value = 0;  ///< of that key
+  bool to_drive = false;    ///< sent by the host and obeyed by the drive
+  std::vector<std::uint32_t> ids;
+};
+
+std::vector<Identifiers> IdentifiersOf(const DriveEntry& drive) {
+  const MitConfig& mit = std::get<MitConfig>(drive.config);
+  return {{"command_id", mit.command_id, true, {mit.command_id}},
+          {"reply_id", mit.reply_id, false, {mit.reply_id}}};
+}
+
+/// What goes wrong when two drives share an identifier.
+const char* Consequence(bool ours_to_drive, bool theirs_to_drive) {
+  if (ours_to_drive && theirs_to_drive) return "both drives would obey";
+  if (!ours_to_drive && !theirs_to_drive) return "replies would collide on the bus";
+  return ours_to_drive ? "the drive would obey replies" : "its drive would obey replies";
 }
 
 void RejectDuplicates(const DriveEntry& drive, const DriveEntry& earlier, const TomlTable& table) {
   if (drive.joint == earlier.joint) {
     table.Fail("joint", fmt::format("is '{}', which another drive moves already", drive.joint));
   }
-  if (drive.mit.command_id == earlier.mit.command_id) {
-    table.Fail("command_id",
-               fmt::format("is {}, which is the command_id of joint '{}'; both drives would obey",
-                           drive.mit.command_id, earlier.joint));
-  }
-  if (drive.mit.reply_id == earlier.mit.reply_id) {
-    table.Fail(
-        "reply_id",
-        fmt::format("is {}, which is the reply_id of joint '{}'; replies would collide on the bus",
-                    drive.mit.reply_id, earlier.joint));
-  }
-  if (drive.mit.reply_id == earlier.mit.command_id) {
-    table.Fail(
-        "reply_id",
-        fmt::format("is {}, which is the command_id of joint '{}'; its drive would obey replies",
-                    drive.mit.reply_id, earlier.joint));
-  }
-  if (drive.mit.command_id == earlier.mit.reply_id) {
-    table.Fail(
-        "command_id",
-        fmt::format("is {}, which is the reply_id of joint '{}'; the drive would obey replies",
-                    drive.mit.command_id, earlier.joint));
+  for (const Identifiers& ours : IdentifiersOf(drive)) {
+    for (const Identifiers& theirs : IdentifiersOf(earlier)) {
+      const bool shared = std::any_of(ours.ids.begin(), ours.ids.end(), [&](std::uint32_t id) {
+        return std::find(theirs.ids.begin(), theirs.ids.end(), id) != theirs.ids.end();
+      });
+      if (!shared) continue;
+      table.Fail(ours.key,
+                 fmt::format("is {}, which is the {} of joint '{}'; {}", ours.value, theirs.key,
+                             earlier.joint, Consequence(ours.to_drive, theirs.to_drive)));
+    }
   }
 }
 
@@ -173,12 +196,45 @@ DrivesConfig Read(TomlTable root) {
 
 }  // namespace
 
+std::vector<ScheduledFrames> DrivesConfig::Schedule() const {
+  std::vector<ScheduledFrames> schedule;
+  const auto add = [&schedule](const char* what, int size, double period_ticks) {
+    for (ScheduledFrames& frames : schedule) {
+      if (frames.what == what && frames.size == size && frames.period_ticks == period_ticks) {
+        ++frames.count;
+        return;
+      }
+    }
+    schedule.push_back({what, 1, size, period_ticks});
+  };
+  for (std::size_t i = 0; i < drives.size(); ++i) {
+    add("setpoints", 8, 1);
+    add("replies", 8, 1);
+  }
+  return schedule;
+}
+
 int DrivesConfig::WorstCaseTickBits() const {
-  // Command and reply of each drive, 8 bytes with an 11-bit identifier.
-  return static_cast<int>(drives.size()) * 2 * WorstCaseFrameBits(CanIdKind::kStandard, 8);
+  double bits = 0;
+  for (const ScheduledFrames& frames : Schedule()) {
+    bits +=
+        frames.count * WorstCaseFrameBits(CanIdKind::kStandard, frames.size) / frames.period_ticks;
+  }
+  return static_cast<int>(std::ceil(bits));
 }
 
 double DrivesConfig::WorstCaseLoad() const { return WorstCaseTickBits() * rate_hz / bit_rate; }
+
+std::string DrivesConfig::DescribeSchedule() const {
+  std::string text;
+  for (const ScheduledFrames& frames : Schedule()) {
+    text += fmt::format("{}{} {} of {} {}", text.empty() ? "" : ", ", frames.count, frames.what,
+                        frames.size, frames.size == 1 ? "byte" : "bytes");
+    if (frames.period_ticks > 1)
+      text += fmt::format(" every {} ticks", MessageNumber(frames.period_ticks));
+  }
+  return text;
+}
 
 DrivesConfig LoadDrives(const std::string& path) { return Read(TomlTable::ParseFile(path)); }
 

@@ -4,31 +4,45 @@
 #include <string_view>
 #include <vector>
 
-#include "firmware_interface/drives/mit.h"
+#include "firmware_interface/drives/drive_bank.h"
 
 namespace tumbler {
 
 /// One drive and the joint that it moves.
 struct DriveEntry {
   std::string joint;  ///< The joint's name in the robot's URDF.
-  MitConfig mit;
-  float kp_nm_per_rad = 0;  ///< Gains of the running drive, at the joint.
+  DriveConfig config;
+  /// Gains of the running drive, at the joint. Where the protocol does not carry them they say what
+  /// the drive was tuned to: the simulated drive has them, and kp > 0 asks for position control.
+  float kp_nm_per_rad = 0;
   float kd_nm_s_per_rad = 0;
   float temperature_max_c = 80;  ///< The executor stops above it.
   double watchdog_s = 0.025;     ///< What the drive's time-out is set to; 0 says that it has none.
 };
 
+/// Frames of one kind that the drives of a file cause.
+struct ScheduledFrames {
+  std::string what;         ///< e.g. `setpoints`
+  int count = 0;            ///< in each period, of all drives together
+  int size = 0;             ///< bytes
+  double period_ticks = 1;  ///< of the control loop, >= 1
+};
+
 /// The drives of a robot and their bus.
 struct DrivesConfig {
   int bit_rate = 1'000'000;  ///< bit/s
-  double rate_hz = 1000;  ///< of the control loop: one frame to and one from each drive, every tick
+  double rate_hz = 1000;     ///< of the control loop: setpoints to and answers from each drive
   std::vector<DriveEntry> drives;
 
+  /// All frames of a running robot.
+  [[nodiscard]] std::vector<ScheduledFrames> Schedule() const;
   /// Bits on the wire of one tick if every frame were as long as frames can be, intermissions
-  /// included.
+  /// included; frames that do not come every tick count by their share, rounded up in the end.
   [[nodiscard]] int WorstCaseTickBits() const;
   /// Worst-case share of the bus that is in use, 0 ... 1.
   [[nodiscard]] double WorstCaseLoad() const;
+  /// The schedule in words: `2 setpoints of 8 bytes, 2 replies of 8 bytes`.
+  [[nodiscard]] std::string DescribeSchedule() const;
 };
 
 /// Reads a drive configuration (`primitives/robots/tumbler_drives.toml` is a commented example).

@@ -6,19 +6,7 @@ namespace tumbler {
 
 namespace {
 
-// True for neither NaN nor infinities; std::isfinite is not in freestanding <cmath>.
-bool IsFinite(float value) noexcept { return value - value == 0; }
-
-bool IsUsable(const DriveSetpoint& setpoint) noexcept {
-  const auto zero = [](float x) { return x - x; };  // or NaN
-  return zero(setpoint.position_rad) + zero(setpoint.velocity_rad_s) + zero(setpoint.torque_nm) +
-             zero(setpoint.kp_nm_per_rad) + zero(setpoint.kd_nm_s_per_rad) ==
-         0;
-}
-
-bool IsMotionRange(const MitRange& range) noexcept {
-  return range.min >= -kMitLargest && range.min < 0 && range.max > 0 && range.max <= kMitLargest;
-}
+bool IsMotionRange(const MitRange& range) noexcept { return range.ContainsZeroWithin(kMitLargest); }
 
 bool IsGainRange(const MitRange& range) noexcept {
   return range.min == 0 && range.max > 0 && range.max <= kMitLargest;
@@ -62,12 +50,6 @@ std::uint8_t EncodeTemperature(float celsius, MitTemperature encoding) noexcept 
 }
 
 }  // namespace
-
-Status JointMap::Validate() const noexcept {
-  if (direction != 1.0F && direction != -1.0F) return Status::kInvalidArgument;
-  if (!(gear_ratio > 0) || !IsFinite(gear_ratio)) return Status::kInvalidArgument;
-  return IsFinite(zero_offset_rad) ? Status::kOk : Status::kInvalidArgument;
-}
 
 Status MitConfig::Validate() const noexcept {
   if (command_id < 1 || command_id > 0xff || reply_id > 0x7ff || command_id == reply_id) {
@@ -374,7 +356,7 @@ Status MitDrive::Encode(DriveRequest request, const DriveSetpoint& setpoint,
   answered_ticks_ = answered_ticks();
   answered_ = false;
   const bool enable = request == DriveRequest::kEnable;
-  const bool usable = !enable || IsUsable(setpoint);
+  const bool usable = !enable || setpoint.IsFinite();
   NextStage(enable && usable);
 
   CanFrame frame;
@@ -401,8 +383,7 @@ bool MitDrive::Decode(const CanFrame& frame) noexcept {
   const ReplyCodes codes = UnpackReply(frame);
   const int temperature = full ? DegreesOf(frame.data[6], config_.temperature) : 0;
   const Lanes joint = ToJoint(reply_range_, {codes.p, codes.v, codes.t, temperature});
-  feedback_ = {joint[0], joint[1], joint[2],
-               joint[3], full,     full ? frame.data[7] : std::uint8_t{0}};
+  feedback_ = {joint[0], joint[1], joint[2], joint[3], full, full ? frame.data[7] : 0U};
   heard_ = true;
   answered_ = true;
   return true;

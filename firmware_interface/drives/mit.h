@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "firmware_interface/drives/drive.h"
+#include "firmware_interface/drives/drive_range.h"
 #include "firmware_interface/drives/joint_map.h"
 
 namespace tumbler {
@@ -44,10 +45,7 @@ inline constexpr float kMitLargest = 1e6F;
 
 /// What a field can carry. Ranges of position, velocity and torque contain zero; gains start at
 /// exactly zero.
-struct MitRange {
-  float min = 0;
-  float max = 0;
-};
+using MitRange = DriveRange;
 
 /// Ranges compiled into the drive's firmware. They differ between models, firmware versions and
 /// published tables; verify them on the bench: with wrong ranges a drive obeys, scaled.
@@ -143,7 +141,8 @@ Status DecodeMitReply(const MitConfig& config, const CanFrame& frame, MitReply& 
 
 /// Host side of one MIT drive. One frame a tick, always.
 ///
-/// kDisable sends kExit each tick. kEnable runs the start-up sequence, one frame a tick:
+/// kDisable and kClearErrors send kExit each tick: the protocol has no order to clear an error.
+/// kEnable runs the start-up sequence, one frame a tick:
 ///   1. one neutral setpoint (no gains, no feed-forward, measured position): firmware keeps the
 ///      last setpoint it heard and would act on it as it enters motor mode;
 ///   2. kEnter, until replies were decoded in two ticks since the first of them;

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <utility>
 
 namespace tumbler {
@@ -15,48 +16,34 @@ std::string CandumpLine(std::int64_t time_ns, const std::string& interface, cons
   return line;
 }
 
-DryRunBus::DryRunBus(std::string interface, const std::vector<Node>& nodes, const Clock& clock,
-                     std::FILE* out)
-    : interface_(std::move(interface)), clock_(clock), out_(out) {
-  constexpr float kRoomTemperature_c = 25;
-  for (const Node& node : nodes) {
-    State state;
-    state.mit = node.mit;
-    state.reply.sender = static_cast<std::uint8_t>(node.mit.command_id);
-    state.reply.position_rad =
-        node.mit.joint.ToDrivePosition(static_cast<float>(node.position_rad));
-    state.reply.temperature_c = kRoomTemperature_c;
-    nodes_.push_back(state);
+DryRunBus::DryRunBus(std::string interface, int bit_rate, std::vector<Node> nodes, std::FILE* out)
+    : interface_(std::move(interface)),
+      bus_(bit_rate),
+      host_(bus_.Attach()),
+      nodes_(std::move(nodes)),
+      out_(out) {
+  for (Node& node : nodes_) node.drive->AttachTo(bus_);
+}
+
+void DryRunBus::AdvanceTo(std::int64_t time_ns) noexcept {
+  constexpr std::int64_t kStep_ns = 50'000;  // A drive's current loop runs at 20 to 40 kHz.
+  while (now_ns_ < time_ns) {
+    now_ns_ = std::min(now_ns_ + kStep_ns, time_ns);
+    bus_.AdvanceTo(now_ns_);
+    for (Node& node : nodes_) {
+      node.position_rad = node.drive->target_rad().value_or(node.position_rad);
+      node.drive->Step(now_ns_, node.position_rad, 0);
+    }
   }
 }
 
 Status DryRunBus::Send(const CanFrame& frame) noexcept {
-  if (out_ != nullptr)
-    std::fputs((CandumpLine(clock_.now_ns(), interface_, frame) + '\n').c_str(), out_);
-  for (State& node : nodes_) {
-    MitMagic magic{};
-    MitCommand command;
-    const bool is_magic = DecodeMitMagic(node.mit, frame, magic);
-    if (!is_magic && DecodeMitCommand(node.mit, frame, command) != Status::kOk) continue;
-    replies_.push_back({EncodeMitReply(node.mit, node.reply), clock_.now_ns()});
-    if (is_magic) {
-      node.enabled = magic == MitMagic::kEnter;
-      node.reply.velocity_rad_s = 0;
-      node.reply.torque_nm = 0;
-    } else if (node.enabled && command.kp_nm_per_rad > 0) {
-      node.reply.position_rad = command.position_rad;
-      node.reply.velocity_rad_s = command.velocity_rad_s;
-      node.reply.torque_nm = command.torque_nm;
-    }
+  if (out_ != nullptr) {
+    std::fputs((CandumpLine(now_ns_, interface_, frame) + '\n').c_str(), out_);
   }
-  return Status::kOk;
+  return host_.Send(frame);
 }
 
-Status DryRunBus::Receive(ReceivedFrame& received) noexcept {
-  if (replies_.empty()) return Status::kWouldBlock;
-  received = replies_.front();
-  replies_.erase(replies_.begin());
-  return Status::kOk;
-}
+Status DryRunBus::Receive(ReceivedFrame& received) noexcept { return host_.Receive(received); }
 
 }  // namespace tumbler

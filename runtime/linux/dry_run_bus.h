@@ -2,46 +2,44 @@
 
 #include <cstdint>
 #include <cstdio>
+#include <memory>
 #include <string>
 #include <vector>
 
 #include "firmware_interface/can/bus.h"
-#include "firmware_interface/drives/mit.h"
-#include "runtime/linux/clock.h"
+#include "firmware_interface/can/simulated_bus.h"
+#include "firmware_interface/drives/simulated_drive.h"
 
 namespace tumbler {
 
 /// Stands for a real bus without touching it: every frame is printed in candump's log format, and
-/// each drive is imagined to follow perfectly, so that the whole sequence can be looked at before a
-/// motor turns.
+/// simulated drives answer whose joints are imagined to be exactly where they are held (and to have
+/// no velocity), so that the whole sequence can be looked at before a motor turns.
 class DryRunBus final : public CanBus {
  public:
-  /// One imagined drive.
+  /// One imagined drive and its joint.
   struct Node {
-    MitConfig mit;
+    std::unique_ptr<SimulatedDrive> drive;
     double position_rad = 0;  ///< of the joint, at the start
   };
 
   /// @param interface  name to print, e.g. `can0`.
-  /// @param clock      gives the printed times; must outlive the bus.
+  /// @param bit_rate   as SimulatedBus.
   /// @param out        where to print; null prints nothing.
-  DryRunBus(std::string interface, const std::vector<Node>& nodes, const Clock& clock,
-            std::FILE* out);
+  DryRunBus(std::string interface, int bit_rate, std::vector<Node> nodes, std::FILE* out);
+
+  /// Moves bus and drives on to this time, which printed frames will carry.
+  void AdvanceTo(std::int64_t time_ns) noexcept;
 
   Status Send(const CanFrame& frame) noexcept override;
   Status Receive(ReceivedFrame& received) noexcept override;
 
  private:
-  struct State {
-    MitConfig mit;
-    MitReply reply;
-    bool enabled = false;
-  };
-
   std::string interface_;
-  std::vector<State> nodes_;
-  std::vector<ReceivedFrame> replies_;  // oldest first
-  const Clock& clock_;
+  SimulatedBus bus_;
+  SimulatedPort& host_;
+  std::vector<Node> nodes_;
+  std::int64_t now_ns_ = 0;
   std::FILE* out_;
 };
 

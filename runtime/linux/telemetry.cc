@@ -195,7 +195,7 @@ struct Telemetry::Implementation {
       out.temperature_c = joint.temperature_c;
       out.reply_age_ticks = joint.reply_age_ticks;
       out.drive_state = static_cast<std::int8_t>(joint.drive_state);
-      out.drive_error = static_cast<std::int16_t>(joint.drive_error);
+      out.drive_error = joint.drive_error;
       out.limit_active = joint.limit_active ? 1 : 0;
     }
   }

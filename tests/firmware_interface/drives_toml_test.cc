@@ -40,16 +40,17 @@ TEST(DrivesToml, ShippedFileDescribesTheTumbler) {
   EXPECT_EQ(config.drives[1].joint, "leg2");
   for (std::size_t i = 0; i < 2; ++i) {
     const DriveEntry& drive = config.drives[i];
-    EXPECT_EQ(drive.mit.command_id, i + 1);
-    EXPECT_EQ(drive.mit.reply_id, i + 17);
+    const MitConfig& mit = std::get<MitConfig>(drive.config);
+    EXPECT_EQ(mit.command_id, i + 1);
+    EXPECT_EQ(mit.reply_id, i + 17);
     EXPECT_EQ(drive.kp_nm_per_rad, 200);
     EXPECT_EQ(drive.kd_nm_s_per_rad, 4);
-    EXPECT_EQ(drive.mit.command.position_rad.max, 12.5F);
-    EXPECT_EQ(drive.mit.command.velocity_rad_s.min, -50);
-    EXPECT_EQ(drive.mit.command.torque_nm.max, 18);
-    EXPECT_EQ(drive.mit.reply.torque_nm.max, 18);
+    EXPECT_EQ(mit.command.position_rad.max, 12.5F);
+    EXPECT_EQ(mit.command.velocity_rad_s.min, -50);
+    EXPECT_EQ(mit.command.torque_nm.max, 18);
+    EXPECT_EQ(mit.reply.torque_nm.max, 18);
     EXPECT_EQ(drive.watchdog_s, 0.025);
-    EXPECT_EQ(drive.mit.Validate(), Status::kOk);
+    EXPECT_EQ(mit.Validate(), Status::kOk);
   }
   EXPECT_EQ(config.WorstCaseTickBits(), 540);
   EXPECT_DOUBLE_EQ(config.WorstCaseLoad(), 0.54);
@@ -62,13 +63,13 @@ TEST(DrivesToml, ReadsOptionalKeys) {
   text = Mutate(text, "gear_ratio = 1.0 ", "gear_ratio = 1.5 ");
   text = Mutate(text, "\"signed\"", "\"offset-40\"");
   const DrivesConfig config = ParseDrives(text, "d.toml");
-  EXPECT_EQ(config.drives[0].mit.reply.torque_nm.max, 20);
-  EXPECT_EQ(config.drives[0].mit.command.torque_nm.max, 18);
-  EXPECT_EQ(config.drives[0].mit.reply.position_rad.max, 12.5F);
-  EXPECT_EQ(config.drives[0].mit.joint.direction, -1);
-  EXPECT_EQ(config.drives[0].mit.joint.gear_ratio, 1.5F);
-  EXPECT_EQ(config.drives[0].mit.temperature, MitTemperature::kOffset40);
-  EXPECT_EQ(config.drives[1].mit.temperature, MitTemperature::kSigned);
+  EXPECT_EQ(std::get<MitConfig>(config.drives[0].config).reply.torque_nm.max, 20);
+  EXPECT_EQ(std::get<MitConfig>(config.drives[0].config).command.torque_nm.max, 18);
+  EXPECT_EQ(std::get<MitConfig>(config.drives[0].config).reply.position_rad.max, 12.5F);
+  EXPECT_EQ(std::get<MitConfig>(config.drives[0].config).joint.direction, -1);
+  EXPECT_EQ(std::get<MitConfig>(config.drives[0].config).joint.gear_ratio, 1.5F);
+  EXPECT_EQ(std::get<MitConfig>(config.drives[0].config).temperature, MitTemperature::kOffset40);
+  EXPECT_EQ(std::get<MitConfig>(config.drives[1].config).temperature, MitTemperature::kSigned);
 }
 
 TEST(DrivesToml, RateAtTheCeilingOfTheBusIsAccepted) {

@@ -5,13 +5,13 @@
 #include <cmath>
 #include <cstdio>
 #include <exception>
+#include <memory>
 #include <vector>
 
 #include "common/primitive_toml.h"
 #include "firmware_interface/can/simulated_bus.h"
 #include "firmware_interface/drives/drives_toml.h"
-#include "firmware_interface/drives/mit.h"
-#include "firmware_interface/drives/simulated_drive.h"
+#include "firmware_interface/drives/make_simulated.h"
 #include "offline/certificate/certificate.h"
 #include "offline/problem/task_toml.h"
 #include "offline/rollout/rollout.h"
@@ -49,17 +49,16 @@ bool Use(const char* task_file, const char* drives_file) {
   const DrivesConfig drives = LoadDrives(drives_file);
   SimulatedBus bus(drives.bit_rate);
   SimulatedPort& host = bus.Attach();
-  MitDrive host1(drives.drives[0].mit), host2(drives.drives[1].mit);
-  SimulatedDriveConfig config1, config2;
-  config1.mit = drives.drives[0].mit;
-  config2.mit = drives.drives[1].mit;
-  SimulatedDrive motor1(config1), motor2(config2);
-  bus.Attach(motor1, SimulatedDrive::PortConfig());
-  bus.Attach(motor2, SimulatedDrive::PortConfig());
-  Twin twin(file, TwinConfig{}, bus, {&motor1, &motor2});
-  Drive* const pointers[] = {&host1, &host2};
+  DriveBank hosts;
+  std::vector<std::unique_ptr<SimulatedDrive>> motors;
+  for (const DriveEntry& entry : drives.drives) {
+    if (hosts.Add(entry.config) != Status::kOk) return false;
+    motors.push_back(MakeSimulatedDrive(entry));
+    motors.back()->AttachTo(bus);
+  }
+  Twin twin(file, TwinConfig{}, bus, {motors[0].get(), motors[1].get()});
   Executor executor;
-  if (executor.Configure(ExecutorConfig{}, primitive, pointers) != Status::kOk) return false;
+  if (executor.Configure(ExecutorConfig{}, primitive, hosts.drives()) != Status::kOk) return false;
 
   VirtualClock clock([&twin](std::int64_t time_ns) { twin.AdvanceTo(time_ns); });
   TickOutput output;

@@ -54,14 +54,14 @@ struct Rig {
       : host(bus.Attach()) {
     std::vector<SimulatedDrive*> pointers;
     for (std::uint16_t i = 0; i < 2; ++i) {
-      SimulatedDriveConfig drive;
+      SimulatedMitConfig drive;
       drive.mit.command_id = static_cast<std::uint16_t>(1 + i);
       drive.mit.reply_id = static_cast<std::uint16_t>(17 + i);
       drive.watchdog_s = 0;
       drive.torque_max_nm = 8;
       drive.encoder_step_rad = 0;
-      drives.push_back(std::make_unique<SimulatedDrive>(drive));
-      bus.Attach(*drives.back(), SimulatedDrive::PortConfig());
+      drives.push_back(std::make_unique<SimulatedMitDrive>(drive));
+      bus.Attach(*drives.back(), SimulatedMitDrive::PortConfig());
       pointers.push_back(drives.back().get());
     }
     const PrimitiveFile file = FileOf(task, shift_x_m);
@@ -82,7 +82,7 @@ struct Rig {
 
   SimulatedBus bus;
   SimulatedBus::Port& host;
-  std::vector<std::unique_ptr<SimulatedDrive>> drives;
+  std::vector<std::unique_ptr<SimulatedMitDrive>> drives;
   std::unique_ptr<Twin> twin;
 };
 
@@ -323,8 +323,8 @@ TEST(TwinSetUp, NeedsADriveForEveryJointAndAPositiveStep) {
   SimulatedBus bus;
   PrimitiveFile file = FileOf(StandingTask());
   EXPECT_THROW(Twin(file, {}, bus, {}), std::invalid_argument);
-  SimulatedDriveConfig config;
-  SimulatedDrive drive(config);
+  SimulatedMitConfig config;
+  SimulatedMitDrive drive(config);
   TwinConfig no_step;
   no_step.step_ns = 0;
   EXPECT_THROW(Twin(file, no_step, bus, {&drive, &drive}), std::invalid_argument);

@@ -16,7 +16,7 @@
 
 #include "firmware_interface/can/simulated_bus.h"
 #include "firmware_interface/drives/mit.h"
-#include "firmware_interface/drives/simulated_drive.h"
+#include "firmware_interface/drives/simulated_mit.h"
 #include "runtime/linux/dry_run_bus.h"
 #include "runtime/linux/run_report.h"
 #include "tests/support/motions.h"
@@ -51,11 +51,11 @@ class Bench {
     std::vector<testing::RotorPlant::Rotor> rotors;
     std::vector<Drive*> pointers;
     for (std::size_t i = 0; i < 2; ++i) {
-      SimulatedDriveConfig config;
+      SimulatedMitConfig config;
       config.mit.command_id = static_cast<std::uint16_t>(i + 1);
       config.mit.reply_id = static_cast<std::uint16_t>(i + 17);
-      simulated.push_back(std::make_unique<SimulatedDrive>(config));
-      bus.Attach(*simulated.back(), SimulatedDrive::PortConfig());
+      simulated.push_back(std::make_unique<SimulatedMitDrive>(config));
+      bus.Attach(*simulated.back(), SimulatedMitDrive::PortConfig());
       drives.push_back(std::make_unique<MitDrive>(config.mit));
       pointers.push_back(drives.back().get());
       testing::RotorPlant::Rotor rotor;
@@ -91,7 +91,7 @@ class Bench {
   VirtualClock clock;
   SimulatedBus bus;
   SimulatedPort& host = bus.Attach();
-  std::vector<std::unique_ptr<SimulatedDrive>> simulated;
+  std::vector<std::unique_ptr<SimulatedMitDrive>> simulated;
   std::vector<std::unique_ptr<MitDrive>> drives;
   std::unique_ptr<testing::RotorPlant> plant;
   Primitive<float> primitive;
@@ -345,13 +345,13 @@ TEST(CandumpLine, IsWhatCandumpWrites) {
 
 TEST(DryRunBus, CompletesARunWithoutAnyHardware) {
   Bench bench({});  // For its primitive and parts; its bus stays unused.
-  VirtualClock clock([](std::int64_t) {});
   std::vector<DryRunBus::Node> nodes;
   for (std::size_t i = 0; i < 2; ++i) {
-    nodes.push_back(
-        {bench.drives[i]->config(), bench.primitive.joints[i].position.control_points()[0]});
+    nodes.push_back({std::make_unique<SimulatedMitDrive>(bench.simulated[i]->config()),
+                     bench.primitive.joints[i].position.control_points()[0]});
   }
-  DryRunBus bus("can0", nodes, clock, nullptr);
+  DryRunBus bus("can0", 1'000'000, std::move(nodes), nullptr);
+  VirtualClock clock([&bus](std::int64_t time_ns) { bus.AdvanceTo(time_ns); });
   ControlLoop loop({bench.executor, bus, clock, *bench.sequence, bench.mailbox, nullptr}, 1'000'000,
                    0);
   while (loop.Step()) {

@@ -436,6 +436,29 @@ TEST(Executor, AStopAtAnyMomentOfAnyPhaseJumpsNowhereAndEndsAtRestWithinTheLimit
   }
 }
 
+TEST(Executor, ErrorsOfDrivesAreClearedInOneTickByTheOperatorAndNeverOtherwise) {
+  testing::ExecutorRig rig({}, Motion(31));
+  ASSERT_TRUE(rig.Reach(ExecutorState::kFault));
+  const auto clears = [&rig] {
+    return rig.drives[0]->request == DriveRequest::kClearErrors ||
+           rig.drives[1]->request == DriveRequest::kClearErrors;
+  };
+  rig.Tick(OperatorCommand::kClearFaults);
+  EXPECT_FALSE(clears()) << "refused outside disarmed";
+  rig.Tick(OperatorCommand::kDisarm);
+  for (int i = 0; i < 20; ++i) {
+    rig.Tick();
+    ASSERT_FALSE(clears());
+  }
+  rig.Tick(OperatorCommand::kClearFaults);
+  EXPECT_EQ(rig.drives[0]->request, DriveRequest::kClearErrors);
+  EXPECT_EQ(rig.drives[1]->request, DriveRequest::kClearErrors);
+  rig.Tick();
+  EXPECT_EQ(rig.drives[0]->request, DriveRequest::kDisable);
+  rig.Tick(OperatorCommand::kArm);
+  EXPECT_EQ(rig.drives[0]->request, DriveRequest::kEnable);
+}
+
 /// Two MIT drives, and a world that answers from a seed: plausible replies, garbage, silence, late
 /// ticks, commands.
 class MitWorld {

@@ -124,8 +124,9 @@ TEST_F(TumblerRun, NamesAnInterfaceThatIsNotThere) {
     const Outcome outcome = RunOnMissingInterface(mode);
     EXPECT_EQ(outcome.exit_code, 1) << outcome.text;
     EXPECT_THAT(outcome.text, HasSubstr("can9"));
-    EXPECT_THAT(outcome.text,
-                HasSubstr("bus schedule: 2 setpoints and 2 replies of 8 bytes: 540 bits a tick"));
+    EXPECT_THAT(
+        outcome.text,
+        HasSubstr("bus schedule: 2 setpoints of 8 bytes, 2 replies of 8 bytes: 540 bits a tick"));
     EXPECT_THAT(outcome.text, Not(HasSubstr("can9 001#"))) << "no frame is printed";
   }
 }

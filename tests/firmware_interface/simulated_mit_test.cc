@@ -1,4 +1,4 @@
-#include "firmware_interface/drives/simulated_drive.h"
+#include "firmware_interface/drives/simulated_mit.h"
 
 #include <gtest/gtest.h>
 
@@ -27,8 +27,8 @@ MitConfig ConfigOf(int index) {
   return config;
 }
 
-SimulatedDriveConfig Exact(int index) {
-  SimulatedDriveConfig config;
+SimulatedMitConfig Exact(int index) {
+  SimulatedMitConfig config;
   config.mit = ConfigOf(index);
   return config;
 }
@@ -36,16 +36,16 @@ SimulatedDriveConfig Exact(int index) {
 /// A host with two drives on one bus, each moving a joint of 0.05 kg m^2.
 class Rig {
  public:
-  explicit Rig(SimulatedDriveConfig first = Exact(0), SimulatedDriveConfig second = Exact(1))
+  explicit Rig(SimulatedMitConfig first = Exact(0), SimulatedMitConfig second = Exact(1))
       : hosts{MitDrive(first.mit), MitDrive(second.mit)},
-        drives{SimulatedDrive(first), SimulatedDrive(second)} {
+        drives{SimulatedMitDrive(first), SimulatedMitDrive(second)} {
     SimulatedBus::PortConfig logger;
     logger.listen_only = true;
     logger.receive_capacity = 100'000;
     log = &bus.Attach(logger);
     port = &bus.Attach();
     for (auto& drive : drives)
-      drive_ports.push_back(&bus.Attach(drive, SimulatedDrive::PortConfig()));
+      drive_ports.push_back(&bus.Attach(drive, SimulatedMitDrive::PortConfig()));
   }
 
   /// One control cycle: replies of the last one, setpoints, and a millisecond of bus and physics.
@@ -85,7 +85,7 @@ class Rig {
 
   SimulatedBus bus;
   MitDrive hosts[2];
-  SimulatedDrive drives[2];
+  SimulatedMitDrive drives[2];
   SimulatedPort* log = nullptr;
   SimulatedPort* port = nullptr;
   std::vector<SimulatedPort*> drive_ports;
@@ -137,19 +137,19 @@ TEST(SimulatedDrives, BusLoadOfTwoDrivesAtOneKilohertzLiesInThePublishedBounds) 
 }
 
 TEST(SimulatedDrives, WithOneReplyIdentifierOneShotRepliesAreLostWhenTheyMeet) {
-  SimulatedDriveConfig first = Exact(0);
-  SimulatedDriveConfig second = Exact(1);
+  SimulatedMitConfig first = Exact(0);
+  SimulatedMitConfig second = Exact(1);
   first.mit.reply_id = second.mit.reply_id = 0;  // The firmware's default.
   // The second command ends one frame later than the first; turnarounds that differ by as much make
   // the replies ready at the same moment.
   SimulatedBus bus;
   first.turnaround_ns = 300'000;
   second.turnaround_ns = 300'000 - FrameBits(MitMagicFrame(second.mit, MitMagic::kExit)) * 1000;
-  SimulatedDrive slow(first);
-  SimulatedDrive fast(second);
+  SimulatedMitDrive slow(first);
+  SimulatedMitDrive fast(second);
   auto& host = bus.Attach();
-  bus.Attach(slow, SimulatedDrive::PortConfig());
-  bus.Attach(fast, SimulatedDrive::PortConfig());
+  bus.Attach(slow, SimulatedMitDrive::PortConfig());
+  bus.Attach(fast, SimulatedMitDrive::PortConfig());
   ASSERT_EQ(host.Send(MitMagicFrame(first.mit, MitMagic::kExit)), Status::kOk);
   ASSERT_EQ(host.Send(MitMagicFrame(second.mit, MitMagic::kExit)), Status::kOk);
   bus.AdvanceTo(2'000'000);
@@ -218,8 +218,8 @@ TEST(SimulatedDrives, GoLimpWhenTheHostFallsSilentAndResumeByThemselves) {
 /// One drive that is fed by hand, without a bus load.
 class OneDrive {
  public:
-  explicit OneDrive(const SimulatedDriveConfig& config) : drive(config), host(&bus.Attach()) {
-    bus.Attach(drive, SimulatedDrive::PortConfig());
+  explicit OneDrive(const SimulatedMitConfig& config) : drive(config), host(&bus.Attach()) {
+    bus.Attach(drive, SimulatedMitDrive::PortConfig());
   }
 
   MitReply Exchange(const CanFrame& frame) {
@@ -240,13 +240,13 @@ class OneDrive {
   double Step(double q, double w) { return drive.Step(bus.now_ns(), q, w); }
 
   SimulatedBus bus;
-  SimulatedDrive drive;
+  SimulatedMitDrive drive;
   SimulatedPort* host;
   bool answered = false;
 };
 
-TEST(SimulatedDrive, AppliesTheImpedanceLawOfWhatItHeard) {
-  SimulatedDriveConfig config;
+TEST(SimulatedMitDrive, AppliesTheImpedanceLawOfWhatItHeard) {
+  SimulatedMitConfig config;
   config.encoder_step_rad = 0;
   config.torque_max_nm = 100;
   OneDrive one(config);
@@ -261,10 +261,10 @@ TEST(SimulatedDrive, AppliesTheImpedanceLawOfWhatItHeard) {
   EXPECT_NEAR(expected, 60 * 0.1 + 1.5 * 0.8 - 3, 0.1);
 }
 
-TEST(SimulatedDrive, GivesTheSameTorqueAtTheJointThroughGearAndDirection) {
-  SimulatedDriveConfig straight;
+TEST(SimulatedMitDrive, GivesTheSameTorqueAtTheJointThroughGearAndDirection) {
+  SimulatedMitConfig straight;
   straight.encoder_step_rad = 0;
-  SimulatedDriveConfig geared = straight;
+  SimulatedMitConfig geared = straight;
   geared.mit.joint = {-1, 2, 0.25F};
   for (const auto& config : {straight, geared}) {
     OneDrive one(config);
@@ -276,8 +276,8 @@ TEST(SimulatedDrive, GivesTheSameTorqueAtTheJointThroughGearAndDirection) {
   }
 }
 
-TEST(SimulatedDrive, SaturatesAtItsCurrentLimitAndAtItsVoltageLimit) {
-  SimulatedDriveConfig config;
+TEST(SimulatedMitDrive, SaturatesAtItsCurrentLimitAndAtItsVoltageLimit) {
+  SimulatedMitConfig config;
   config.torque_max_nm = 10;
   config.base_speed_rad_s = 20;
   config.no_load_speed_rad_s = 40;
@@ -291,8 +291,8 @@ TEST(SimulatedDrive, SaturatesAtItsCurrentLimitAndAtItsVoltageLimit) {
   EXPECT_DOUBLE_EQ(one.Step(0, -45), 10) << "braking is not limited by the voltage";
 }
 
-TEST(SimulatedDrive, RepliesWithTheStateBeforeTheCommand) {
-  SimulatedDriveConfig config;
+TEST(SimulatedMitDrive, RepliesWithTheStateBeforeTheCommand) {
+  SimulatedMitConfig config;
   OneDrive one(config);
   one.Magic(MitMagic::kEnter);
   one.Step(0.25, 0);
@@ -301,8 +301,8 @@ TEST(SimulatedDrive, RepliesWithTheStateBeforeTheCommand) {
   EXPECT_NEAR(one.Set({0, 0, 0, 0, 0}).torque_nm, 6, 0.02);
 }
 
-TEST(SimulatedDrive, ZeroMovesTheEncoderOutsideMotorModeOnly) {
-  SimulatedDriveConfig config;
+TEST(SimulatedMitDrive, ZeroMovesTheEncoderOutsideMotorModeOnly) {
+  SimulatedMitConfig config;
   OneDrive one(config);
   one.Step(0.75, 0);
   one.Magic(MitMagic::kZero);
@@ -312,8 +312,8 @@ TEST(SimulatedDrive, ZeroMovesTheEncoderOutsideMotorModeOnly) {
   EXPECT_NEAR(one.Magic(MitMagic::kExit).position_rad, 0.75, 1e-3);
 }
 
-TEST(SimulatedDrive, ActsOnAStaleSetpointAsItEntersMotorMode) {
-  SimulatedDriveConfig config;
+TEST(SimulatedMitDrive, ActsOnAStaleSetpointAsItEntersMotorMode) {
+  SimulatedMitConfig config;
   OneDrive one(config);
   one.Set({1, 0, 100, 0, 0});
   EXPECT_EQ(one.Step(0, 0), 0);
@@ -321,8 +321,8 @@ TEST(SimulatedDrive, ActsOnAStaleSetpointAsItEntersMotorMode) {
   EXPECT_GT(one.Step(0, 0), 10);
 }
 
-TEST(SimulatedDrive, MagicFramesDoNotFeedTheWatchdog) {
-  SimulatedDriveConfig config;
+TEST(SimulatedMitDrive, MagicFramesDoNotFeedTheWatchdog) {
+  SimulatedMitConfig config;
   OneDrive one(config);
   one.Magic(MitMagic::kEnter);
   one.Set({0, 0, 0, 0, 5});
@@ -331,8 +331,8 @@ TEST(SimulatedDrive, MagicFramesDoNotFeedTheWatchdog) {
   EXPECT_EQ(one.drive.watchdog_expiries(), 1);
 }
 
-TEST(SimulatedDrive, AWatchdogOfZeroIsOff) {
-  SimulatedDriveConfig config;
+TEST(SimulatedMitDrive, AWatchdogOfZeroIsOff) {
+  SimulatedMitConfig config;
   config.watchdog_s = 0;
   OneDrive one(config);
   one.Magic(MitMagic::kEnter);
@@ -342,17 +342,17 @@ TEST(SimulatedDrive, AWatchdogOfZeroIsOff) {
   EXPECT_EQ(one.drive.watchdog_expiries(), 0);
 }
 
-TEST(SimulatedDrive, FaultsAreWhatTheySay) {
-  SimulatedDriveConfig config;
+TEST(SimulatedMitDrive, FaultsAreWhatTheySay) {
+  SimulatedMitConfig config;
   OneDrive one(config);
   one.Magic(MitMagic::kEnter);
   one.drive.set_temperature(91);
-  one.drive.set_error(1);
+  one.drive.RaiseError(1);
   const MitReply reply = one.Set({0, 0, 0, 0, 5});
   EXPECT_EQ(reply.error, 1);
   EXPECT_EQ(reply.temperature_c, 91);
   EXPECT_EQ(one.Step(0, 0), 0);
-  one.drive.set_error(0);
+  one.drive.RaiseError(0);
   EXPECT_NEAR(one.Step(0, 0), 5, 0.01);
   one.drive.set_silent(true);
   one.Set({0, 0, 0, 0, -5});
@@ -362,20 +362,20 @@ TEST(SimulatedDrive, FaultsAreWhatTheySay) {
   EXPECT_EQ(one.drive.setpoints_received(), 2);
 }
 
-TEST(SimulatedDrive, EncoderReadsWholeSteps) {
-  SimulatedDriveConfig config;
+TEST(SimulatedMitDrive, EncoderReadsWholeSteps) {
+  SimulatedMitConfig config;
   config.encoder_step_rad = 0.125;
   OneDrive one(config);
   one.Step(0.3, 0);
   EXPECT_NEAR(one.Magic(MitMagic::kEnter).position_rad, 0.25, 4e-4);
 }
 
-TEST(SimulatedDrive, ChecksItsConfiguration) {
+TEST(SimulatedMitDrive, ChecksItsConfiguration) {
   const auto refused = [](auto change) {
-    SimulatedDriveConfig config;
+    SimulatedMitConfig config;
     change(config);
     try {
-      SimulatedDrive drive(config);
+      SimulatedMitDrive drive(config);
     } catch (const std::invalid_argument&) {
       return true;
     }

@@ -1,0 +1,28 @@
+#pragma once
+
+namespace tumbler {
+
+/// What a quantity on the wire, or of a drive, can be.
+struct DriveRange {
+  float min = 0;
+  float max = 0;
+
+  /// The nearest value inside; `min` for NaN.
+  [[nodiscard]] constexpr float Clamp(float x) const noexcept {
+    const float above = x > min ? x : min;
+    return above < max ? above : max;
+  }
+  /// Finite ends around zero.
+  [[nodiscard]] constexpr bool ContainsZeroWithin(float largest) const noexcept {
+    return min >= -largest && min < 0 && max > 0 && max <= largest;
+  }
+};
+
+/// What one drive may be told, at its shaft: nothing beyond it is ever encoded.
+struct ShaftRanges {
+  DriveRange position_rad{-12.5F, 12.5F};
+  DriveRange velocity_rad_s{-50.0F, 50.0F};
+  DriveRange torque_nm{-18.0F, 18.0F};
+};
+
+}  // namespace tumbler

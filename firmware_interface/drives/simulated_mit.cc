@@ -1,0 +1,77 @@
+#include "firmware_interface/drives/simulated_mit.h"
+
+namespace tumbler {
+
+SimulatedMitDrive::SimulatedMitDrive(const SimulatedMitConfig& config)
+    : SimulatedDrive(config, config.mit.joint), config_(config) {
+  Require(config.mit.Validate() == Status::kOk, "its protocol configuration is not valid");
+  Require(config.reply_size >= 6 && config.reply_size <= 8, "reply_size must be 6, 7 or 8");
+  Require(config.watchdog_s >= 0 && config.watchdog_s <= 3600, "watchdog_s must be 0 ... 3600");
+}
+
+SimulatedPortConfig SimulatedMitDrive::PortConfig() noexcept {
+  SimulatedPortConfig config;
+  config.transmit_capacity = 3;
+  config.auto_retransmit = false;
+  return config;
+}
+
+std::optional<double> SimulatedMitDrive::target_rad() const noexcept {
+  if (!enabled_ || error_ != 0 || setpoint_.kp_nm_per_rad <= 0) return std::nullopt;
+  return ToJoint(static_cast<double>(setpoint_.position_rad) + zero_rad_);
+}
+
+void SimulatedMitDrive::CheckWatchdog(std::int64_t time_ns) noexcept {
+  if (!enabled_ || expired_ || config_.watchdog_s <= 0) return;
+  if (static_cast<double>(time_ns - fed_ns_) <= config_.watchdog_s * 1e9) return;
+  expired_ = true;
+  CountExpiry();
+  setpoint_.kp_nm_per_rad = 0;
+  setpoint_.kd_nm_s_per_rad = 0;
+  setpoint_.torque_nm = 0;
+}
+
+double SimulatedMitDrive::Law(std::int64_t time_ns) noexcept {
+  CheckWatchdog(time_ns);
+  if (!enabled_ || error_ != 0) return 0;
+  const auto& s = setpoint_;
+  return static_cast<double>(s.kp_nm_per_rad) *
+             (static_cast<double>(s.position_rad) - Measured(zero_rad_)) +
+         static_cast<double>(s.kd_nm_s_per_rad) *
+             (static_cast<double>(s.velocity_rad_s) - shaft_velocity_rad_s()) +
+         static_cast<double>(s.torque_nm);
+}
+
+void SimulatedMitDrive::OnFrame(const ReceivedFrame& received, SimulatedPort& port) noexcept {
+  const std::int64_t now_ns = received.time_ns;
+  MitMagic magic{};
+  MitCommand command;
+  const bool is_magic = DecodeMitMagic(config_.mit, received.frame, magic);
+  if (!is_magic && DecodeMitCommand(config_.mit, received.frame, command) != Status::kOk) return;
+  ++frames_received_;
+  CheckWatchdog(now_ns);
+  MitReply reply;
+  reply.sender = static_cast<std::uint8_t>(config_.mit.command_id);
+  reply.position_rad = static_cast<float>(Measured(zero_rad_));
+  reply.velocity_rad_s = static_cast<float>(shaft_velocity_rad_s());
+  reply.torque_nm = static_cast<float>(torque_nm());
+  reply.size = config_.reply_size;
+  reply.temperature_c = static_cast<float>(temperature_c());
+  reply.error = error_;
+  Say(port, EncodeMitReply(config_.mit, reply));
+  if (!is_magic) {
+    setpoint_ = command;
+    last_setpoint_ns_ = fed_ns_ = now_ns;
+    expired_ = false;
+    ++setpoints_received_;
+  } else if (magic == MitMagic::kEnter) {
+    if (!enabled_) fed_ns_ = now_ns;
+    enabled_ = true;
+  } else if (magic == MitMagic::kExit) {
+    enabled_ = false;
+  } else if (!enabled_) {
+    zero_rad_ = shaft_rad();
+  }
+}
+
+}  // namespace tumbler
