@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <csignal>
@@ -199,13 +200,17 @@ ExecutorConfig MakeExecutorConfig(const Options& options, const DrivesConfig& dr
   return config;
 }
 
-RunSequenceConfig MakeSequenceConfig(const Options& options, double rate_hz) {
+RunSequenceConfig MakeSequenceConfig(const Options& options, const DrivesConfig& drives) {
+  const double rate_hz = drives.rate_hz;
+  const bool set_up = std::any_of(
+      drives.drives.begin(), drives.drives.end(),
+      [](const DriveEntry& drive) { return std::holds_alternative<Cia402Config>(drive.config); });
   const auto ticks = [rate_hz](double time_s) {
     return static_cast<std::int64_t>(std::llround(time_s * rate_hz));
   };
   RunSequenceConfig config;
   config.hold_ticks = ticks(options.hold_s);
-  config.reply_ticks_max = ticks(0.5);
+  config.reply_ticks_max = ticks(set_up ? 5 : 0.5);  // CANopen drives take 40 objects first.
   config.start_ticks_max = ticks(1);
   config.stop_hold_ticks = ticks(0.5);
   config.fault_ticks = ticks(1);
@@ -418,7 +423,7 @@ int Run(const Options& options) {
   }
 
   const auto period_ns = static_cast<std::int64_t>(std::llround(1e9 / drives.rate_hz));
-  RunSequence sequence(MakeSequenceConfig(options, drives.rate_hz));
+  RunSequence sequence(MakeSequenceConfig(options, drives));
   Clock& clock = world->clock();
   const std::int64_t start_ns = world->real_time() ? clock.now_ns() + period_ns : 0;
   ControlLoop loop({executor, world->bus(), clock, sequence, SignalMailbox(), &telemetry},

@@ -54,8 +54,8 @@ enum class DriveState : std::uint8_t {
   kUnknown,  ///< No reply yet.
   kDisabled,
   kEnabling,  ///< The start-up sequence is under way.
-  kEnabled,
-  kFault,  ///< The drive reports an error.
+  kEnabled,   ///< The next setpoint will be followed.
+  kFault,     ///< The drive reports an error.
 };
 
 /// The frames of one tick for one drive.

@@ -6,6 +6,8 @@
 
 #include "common/primitive.h"
 #include "common/status.h"
+#include "firmware_interface/drives/cansimple.h"
+#include "firmware_interface/drives/cia402.h"
 #include "firmware_interface/drives/drive.h"
 #include "firmware_interface/drives/drive_range.h"
 #include "firmware_interface/drives/joint_map.h"
@@ -14,7 +16,7 @@
 namespace tumbler {
 
 /// One drive, in any of the protocols.
-using DriveConfig = std::variant<MitConfig>;
+using DriveConfig = std::variant<MitConfig, CanSimpleConfig, Cia402Config>;
 
 [[nodiscard]] Status Validate(const DriveConfig& config) noexcept;
 [[nodiscard]] const JointMap& JointOf(const DriveConfig& config) noexcept;
@@ -31,7 +33,8 @@ class DriveBank {
   DriveBank(const DriveBank&) = delete;
   DriveBank& operator=(const DriveBank&) = delete;
 
-  /// Adds the next joint's drive.
+  /// Adds the next joint's drive. The first of CiA 402 leads its bus: it sends SYNC and the host's
+  /// heartbeat for all; `leader` of the configuration is not looked at.
   /// @retval kInvalidArgument   the configuration is not valid.
   /// @retval kCapacityExceeded  kMaxJoints drives are in it.
   Status Add(const DriveConfig& config) noexcept;
@@ -42,10 +45,11 @@ class DriveBank {
   }
 
  private:
-  using Slot = std::variant<std::monostate, MitDrive>;
+  using Slot = std::variant<std::monostate, MitDrive, CanSimpleDrive, Cia402Drive>;
   std::array<Slot, kMaxJoints> slots_;
   std::array<Drive*, kMaxJoints> pointers_{};
   std::size_t count_ = 0;
+  bool has_leader_ = false;
 };
 
 }  // namespace tumbler

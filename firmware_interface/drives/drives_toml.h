@@ -8,6 +8,14 @@
 
 namespace tumbler {
 
+/// What a CANSimple drive is set to send by itself, and how often [s]; 0: not at all.
+struct CanSimpleMessages {
+  double heartbeat_s = 0.01;
+  double estimates_s = 0.001;
+  double torques_s = 0;
+  double temperature_s = 0.1;
+};
+
 /// One drive and the joint that it moves.
 struct DriveEntry {
   std::string joint;  ///< The joint's name in the robot's URDF.
@@ -18,6 +26,7 @@ struct DriveEntry {
   float kd_nm_s_per_rad = 0;
   float temperature_max_c = 80;  ///< The executor stops above it.
   double watchdog_s = 0.025;     ///< What the drive's time-out is set to; 0 says that it has none.
+  CanSimpleMessages messages;    ///< CANSimple only.
 };
 
 /// Frames of one kind that the drives of a file cause.
@@ -45,7 +54,7 @@ struct DrivesConfig {
   [[nodiscard]] std::string DescribeSchedule() const;
 };
 
-/// Reads a drive configuration (`primitives/robots/tumbler_drives.toml` is a commented example).
+/// Reads a drive configuration (`primitives/robots/tumbler_drives*.toml` are commented examples).
 /// Checked: every value and its range, unknown keys, joints and identifiers that occur twice, gains
 /// that the protocol cannot carry, and a rate whose frames do not fit on the bus in the worst case.
 /// @throws FileError with file, line, key and allowed range.

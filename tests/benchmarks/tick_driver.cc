@@ -1,14 +1,17 @@
 // Runs a two-joint primitive of the shape that the optimiser writes (paths of degree 5 with 12
-// points, feed-forward of degree 3 with 48; with an argument, the second joint's splines on other
-// knots) through its ticks with MIT drives that follow perfectly; the program that
-// scripts/count-instructions runs under callgrind. Prints the number of running ticks.
+// points, feed-forward of degree 3 with 48) through its ticks with drives that follow perfectly;
+// the program that scripts/count-instructions runs under callgrind. Prints the number of running
+// ticks. usage: tick_driver shared|distinct mit|cansimple|cia402
+//   distinct  the second joint's splines have knots of their own
 
-#include <array>
 #include <cstdio>
 #include <random>
+#include <string>
+#include <vector>
 
-#include "firmware_interface/drives/mit.h"
+#include "firmware_interface/drives/make_simulated.h"
 #include "runtime/executor.h"
+#include "runtime/linux/dry_run_bus.h"
 #include "tests/support/motions.h"
 
 namespace tumbler {
@@ -19,7 +22,7 @@ namespace {
   executor.Tick(input, output);
 }
 
-int Main(bool distinct_knots) {
+int Main(bool distinct_knots, const std::string& drives_file) {
   std::mt19937 random(1);
   testing::MotionShape shape;
   shape.torque_points = 48;
@@ -30,33 +33,32 @@ int Main(bool distinct_knots) {
     other.torque_points = 40;
     primitive.joints[1] = testing::RandomPrimitive<float>(other, random).joints[1];
   }
-  std::array<MitConfig, 2> configs;
-  configs[1].command_id = 2;
-  configs[1].reply_id = 18;
-  MitDrive first(configs[0]);
-  MitDrive second(configs[1]);
-  const std::array<Drive*, 2> drives{&first, &second};
+  const DrivesConfig config = LoadDrives(drives_file);
+  DriveBank bank;
+  std::vector<DryRunBus::Node> nodes;
+  for (std::size_t i = 0; i < 2; ++i) {
+    if (bank.Add(config.drives[i].config) != Status::kOk) return 1;
+    nodes.push_back({MakeSimulatedDrive(config.drives[i]),
+                     static_cast<double>(primitive.joints[i].position.control_points()[0])});
+  }
+  DryRunBus bus("none", config.bit_rate, std::move(nodes), nullptr);
   Executor executor;
-  if (executor.Configure(ExecutorConfig{}, primitive, drives) != Status::kOk) return 1;
+  if (executor.Configure(ExecutorConfig{}, primitive, bank.drives()) != Status::kOk) return 1;
 
-  std::array<ReceivedFrame, 2> replies;
   TickInput input;
   TickOutput output;
   long running = 0;
   bool moved = false;
-  for (int i = 0; i < 2; ++i) {
-    MitReply reply;
-    reply.sender = static_cast<std::uint8_t>(i + 1);
-    reply.position_rad = primitive.joints[static_cast<std::size_t>(i)].position.control_points()[0];
-    replies[static_cast<std::size_t>(i)].frame =
-        EncodeMitReply(configs[static_cast<std::size_t>(i)], reply);
-  }
   for (int n = 0; n < 20000; ++n) {
+    bus.AdvanceTo(std::int64_t{n} * 1'000'000);
+    std::vector<ReceivedFrame> frames;
+    ReceivedFrame received;
+    while (bus.Receive(received) == Status::kOk) frames.push_back(received);
     input.tick = n;
-    input.received = replies;
+    input.received = frames;
     input.command = OperatorCommand::kNone;
-    if (n == 5) input.command = OperatorCommand::kArm;
     const ExecutorState state = executor.state();
+    if (state == ExecutorState::kDisarmed) input.command = OperatorCommand::kArm;
     if (state == ExecutorState::kHolding && running > 0) break;
     if (state == ExecutorState::kHolding) {
       input.command = moved ? OperatorCommand::kRun : OperatorCommand::kMoveToStart;
@@ -68,13 +70,10 @@ int Main(bool distinct_knots) {
     } else {
       executor.Tick(input, output);
     }
-    for (std::size_t i = 0; i < 2; ++i) {
-      MitReply reply;
-      reply.sender = static_cast<std::uint8_t>(i + 1);
-      reply.position_rad = output.record.joints[i].limited.position_rad;
-      reply.velocity_rad_s = output.record.joints[i].limited.velocity_rad_s;
-      reply.temperature_c = 30;
-      replies[i].frame = EncodeMitReply(configs[i], reply);
+    for (const FrameBatch& batch : output.frames) {
+      for (const CanFrame& frame : batch.frames()) {
+        if (bus.Send(frame) != Status::kOk) return 1;
+      }
     }
   }
   if (output.record.faults != 0 || running == 0) {
@@ -89,4 +88,10 @@ int Main(bool distinct_knots) {
 }  // namespace
 }  // namespace tumbler
 
-int main(int argc, char**) { return tumbler::Main(argc > 1); }
+int main(int argc, char** argv) {
+  const std::string knots = argc > 1 ? argv[1] : "shared";
+  const std::string protocol = argc > 2 ? argv[2] : "mit";
+  const std::string suffix = protocol == "mit" ? "" : "_" + protocol;
+  return tumbler::Main(knots == "distinct",
+                       TUMBLER_SOURCE_DIR "/primitives/robots/tumbler_drives" + suffix + ".toml");
+}

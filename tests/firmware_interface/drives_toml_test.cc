@@ -128,7 +128,7 @@ INSTANTIATE_TEST_SUITE_P(
         Refusal{"Protocol",
                 "protocol = \"mit\"",
                 "protocol = \"odrive\"",
-                {"drive[0].protocol: is 'odrive'; allowed: mit"}},
+                {"drive[0].protocol: is 'odrive'; allowed: mit, canopen-csp, cansimple"}},
         Refusal{"NoProtocol", "protocol = \"mit\"", "", {"drive[0].protocol: is missing"}},
         Refusal{"CommandIdZero",
                 "command_id = 1 ",

@@ -1,0 +1,377 @@
+#include "firmware_interface/drives/cansimple.h"
+
+#include "firmware_interface/drives/wire.h"
+
+namespace tumbler {
+
+namespace {
+
+constexpr float kTwoPi = 6.283185307F;
+constexpr float kFeedForwardStep = 0.001F;
+constexpr float kFeedForwardSteps = 1000.0F;
+constexpr float kFeedForwardMax = 32.767F;
+constexpr float kPositionMax_rad = 1e6F;  // Floats of turns still have steps below 0.01 turns.
+
+CanFrame FrameOf(std::uint8_t node, CanSimpleCommand command, std::uint8_t size = 8) noexcept {
+  return DataFrame(CanSimpleId(node, command), size);
+}
+
+bool Is(std::uint8_t node, const CanFrame& frame, CanSimpleCommand command,
+        std::uint8_t size = 8) noexcept {
+  return frame.id == CanSimpleId(node, command) && !frame.extended && !frame.remote &&
+         frame.size >= size && frame.size <= 8;
+}
+
+// Messages of two little-endian numbers.
+CanFrame TwoFloats(std::uint8_t node, CanSimpleCommand command, float first,
+                   float second) noexcept {
+  CanFrame frame = FrameOf(node, command);
+  StoreFloat(frame.data, 0, first);
+  StoreFloat(frame.data, 4, second);
+  return frame;
+}
+CanFrame TwoWords(std::uint8_t node, CanSimpleCommand command, std::uint32_t first,
+                  std::uint32_t second) noexcept {
+  CanFrame frame = FrameOf(node, command);
+  StoreLittle(frame.data, 0, 4, first);
+  StoreLittle(frame.data, 4, 4, second);
+  return frame;
+}
+Status TakeFloats(std::uint8_t node, const CanFrame& frame, CanSimpleCommand command, float& first,
+                  float& second) noexcept {
+  if (!Is(node, frame, command)) return Status::kInvalidArgument;
+  first = LoadFloat(frame.data, 0);
+  second = LoadFloat(frame.data, 4);
+  return Status::kOk;
+}
+Status TakeWords(std::uint8_t node, const CanFrame& frame, CanSimpleCommand command,
+                 std::uint32_t& first, std::uint32_t& second) noexcept {
+  if (!Is(node, frame, command)) return Status::kInvalidArgument;
+  first = LoadLittle(frame.data, 0, 4);
+  second = LoadLittle(frame.data, 4, 4);
+  return Status::kOk;
+}
+
+constexpr bool IsFinite(float x) noexcept { return x - x == 0; }
+
+}  // namespace
+
+CanFrame EncodeCanSimple(std::uint8_t node, const CanSimpleHeartbeat& value) noexcept {
+  CanFrame frame = FrameOf(node, CanSimpleCommand::kHeartbeat);
+  StoreLittle(frame.data, 0, 4, value.error);
+  frame.data[4] = value.state;
+  frame.data[5] = value.procedure_result;
+  frame.data[6] = value.trajectory_done ? 1 : 0;
+  return frame;
+}
+Status DecodeCanSimple(std::uint8_t node, const CanFrame& frame,
+                       CanSimpleHeartbeat& value) noexcept {
+  if (!Is(node, frame, CanSimpleCommand::kHeartbeat, 7)) return Status::kInvalidArgument;
+  value = {LoadLittle(frame.data, 0, 4), frame.data[4], frame.data[5], (frame.data[6] & 1) != 0};
+  return Status::kOk;
+}
+
+CanFrame EncodeCanSimple(std::uint8_t node, const CanSimpleErrors& value) noexcept {
+  return TwoWords(node, CanSimpleCommand::kGetError, value.active, value.disarm_reason);
+}
+Status DecodeCanSimple(std::uint8_t node, const CanFrame& frame, CanSimpleErrors& value) noexcept {
+  return TakeWords(node, frame, CanSimpleCommand::kGetError, value.active, value.disarm_reason);
+}
+
+CanFrame EncodeCanSimple(std::uint8_t node, const CanSimpleAxisState& value) noexcept {
+  CanFrame frame = FrameOf(node, CanSimpleCommand::kSetAxisState, 4);
+  StoreLittle(frame.data, 0, 4, value.state);
+  return frame;
+}
+Status DecodeCanSimple(std::uint8_t node, const CanFrame& frame,
+                       CanSimpleAxisState& value) noexcept {
+  if (!Is(node, frame, CanSimpleCommand::kSetAxisState, 4)) return Status::kInvalidArgument;
+  value.state = LoadLittle(frame.data, 0, 4);
+  return Status::kOk;
+}
+
+CanFrame EncodeCanSimple(std::uint8_t node, const CanSimpleEstimates& value) noexcept {
+  return TwoFloats(node, CanSimpleCommand::kGetEncoderEstimates, value.position_rev,
+                   value.velocity_rev_s);
+}
+Status DecodeCanSimple(std::uint8_t node, const CanFrame& frame,
+                       CanSimpleEstimates& value) noexcept {
+  return TakeFloats(node, frame, CanSimpleCommand::kGetEncoderEstimates, value.position_rev,
+                    value.velocity_rev_s);
+}
+
+CanFrame EncodeCanSimple(std::uint8_t node, const CanSimpleControllerMode& value) noexcept {
+  return TwoWords(node, CanSimpleCommand::kSetControllerMode, value.control, value.input);
+}
+Status DecodeCanSimple(std::uint8_t node, const CanFrame& frame,
+                       CanSimpleControllerMode& value) noexcept {
+  return TakeWords(node, frame, CanSimpleCommand::kSetControllerMode, value.control, value.input);
+}
+
+CanFrame EncodeCanSimple(std::uint8_t node, const CanSimpleInputPos& value) noexcept {
+  CanFrame frame = FrameOf(node, CanSimpleCommand::kSetInputPos);
+  StoreFloat(frame.data, 0, value.position_rev);
+  const auto code = [](float x) {
+    return static_cast<std::uint16_t>(RoundToInt16(x * kFeedForwardSteps));
+  };
+  StoreLittle(frame.data, 4, 2, code(value.velocity_rev_s));
+  StoreLittle(frame.data, 6, 2, code(value.torque_nm));
+  return frame;
+}
+Status DecodeCanSimple(std::uint8_t node, const CanFrame& frame,
+                       CanSimpleInputPos& value) noexcept {
+  if (!Is(node, frame, CanSimpleCommand::kSetInputPos)) return Status::kInvalidArgument;
+  value.position_rev = LoadFloat(frame.data, 0);
+  value.velocity_rev_s = static_cast<float>(LoadInt16(frame.data, 4)) * kFeedForwardStep;
+  value.torque_nm = static_cast<float>(LoadInt16(frame.data, 6)) * kFeedForwardStep;
+  return Status::kOk;
+}
+
+CanFrame EncodeCanSimple(std::uint8_t node, const CanSimpleInputVel& value) noexcept {
+  return TwoFloats(node, CanSimpleCommand::kSetInputVel, value.velocity_rev_s, value.torque_nm);
+}
+Status DecodeCanSimple(std::uint8_t node, const CanFrame& frame,
+                       CanSimpleInputVel& value) noexcept {
+  return TakeFloats(node, frame, CanSimpleCommand::kSetInputVel, value.velocity_rev_s,
+                    value.torque_nm);
+}
+
+CanFrame EncodeCanSimple(std::uint8_t node, const CanSimpleTemperature& value) noexcept {
+  return TwoFloats(node, CanSimpleCommand::kGetTemperature, value.fet_c, value.motor_c);
+}
+Status DecodeCanSimple(std::uint8_t node, const CanFrame& frame,
+                       CanSimpleTemperature& value) noexcept {
+  return TakeFloats(node, frame, CanSimpleCommand::kGetTemperature, value.fet_c, value.motor_c);
+}
+
+CanFrame EncodeCanSimple(std::uint8_t node, const CanSimpleTorques& value) noexcept {
+  return TwoFloats(node, CanSimpleCommand::kGetTorques, value.target_nm, value.estimate_nm);
+}
+Status DecodeCanSimple(std::uint8_t node, const CanFrame& frame, CanSimpleTorques& value) noexcept {
+  return TakeFloats(node, frame, CanSimpleCommand::kGetTorques, value.target_nm, value.estimate_nm);
+}
+
+CanFrame EncodeCanSimpleEstop(std::uint8_t node) noexcept {
+  return FrameOf(node, CanSimpleCommand::kEstop, 0);
+}
+CanFrame EncodeCanSimpleClearErrors(std::uint8_t node) noexcept {
+  return FrameOf(node, CanSimpleCommand::kClearErrors, 1);  // The byte asks for no blinking.
+}
+
+Status CanSimpleConfig::Validate() const noexcept {
+  if (node_id > kCanSimpleNodeMax || heartbeat_ticks_max < 1) return Status::kInvalidArgument;
+  if (!range.position_rad.ContainsZeroWithin(kPositionMax_rad) ||
+      !range.velocity_rad_s.ContainsZeroWithin(kFeedForwardMax * kTwoPi * 1.000001F) ||
+      !range.torque_nm.ContainsZeroWithin(kFeedForwardMax)) {
+    return Status::kInvalidArgument;
+  }
+  return joint.Validate();
+}
+
+CanSimpleDrive::CanSimpleDrive(const CanSimpleConfig& config) noexcept
+    : config_(config), valid_(config.Validate() == Status::kOk) {
+  if (!valid_) return;
+  const float ratio = config.joint.direction * config.joint.gear_ratio;
+  position_to_rev_ = ratio / kTwoPi;
+  position_to_rad_ = kTwoPi / ratio;
+  torque_to_nm_ = 1 / ratio;
+  torque_from_nm_ = ratio;
+  position_rev_ = {config.range.position_rad.min / kTwoPi, config.range.position_rad.max / kTwoPi};
+  velocity_rev_s_ = {config.range.velocity_rad_s.min / kTwoPi,
+                     config.range.velocity_rad_s.max / kTwoPi};
+  velocity_codes_ = WholeSteps(velocity_rev_s_, kFeedForwardSteps);
+  torque_codes_ = WholeSteps(config.range.torque_nm, kFeedForwardSteps);
+}
+
+DriveFeedback CanSimpleDrive::feedback() const noexcept {
+  DriveFeedback feedback = feedback_;
+  feedback.error = heartbeat_.error != 0 ? heartbeat_.error : active_error_;
+  if (feedback.error == 0 && stage_ == Stage::kTripped) feedback.error = disarm_reason_;
+  return feedback;
+}
+
+DriveState CanSimpleDrive::state() const noexcept {
+  if (!has_estimates_ || !IsStateKnown()) return DriveState::kUnknown;
+  if (HasError()) return DriveState::kFault;
+  const bool closed = heartbeat_.state == kCanSimpleClosedLoop;
+  switch (stage_) {
+    case Stage::kOff:
+      return closed ? DriveState::kEnabled : DriveState::kDisabled;
+    case Stage::kRequest:
+      return DriveState::kEnabling;
+    case Stage::kWait:
+      return closed ? DriveState::kEnabled : DriveState::kEnabling;
+    case Stage::kFollow:
+      return closed ? DriveState::kEnabled : DriveState::kDisabled;
+    case Stage::kTripped:
+      return DriveState::kDisabled;
+  }
+  return DriveState::kUnknown;
+}
+
+void CanSimpleDrive::NextStage(bool enable) noexcept {
+  if (!enable) {
+    stage_ = Stage::kOff;
+    return;
+  }
+  const bool ready = has_estimates_ && IsStateKnown() && !HasError() &&
+                     IsFinite(feedback_.position_rad) && heartbeat_.state == kCanSimpleIdle;
+  switch (stage_) {
+    case Stage::kOff:
+      stage_ = Stage::kRequest;
+      break;
+    case Stage::kRequest:
+      if (!ready) break;
+      hold_rad_ = feedback_.position_rad;
+      wait_ticks_ = 0;
+      idle_since_request_ = false;
+      stage_ = Stage::kWait;
+      break;
+    case Stage::kWait:
+      if (HasError()) {
+        stage_ = Stage::kTripped;
+      } else if (heartbeat_.state == kCanSimpleClosedLoop) {
+        stage_ = Stage::kFollow;
+      } else if (++wait_ticks_ > config_.heartbeat_ticks_max) {
+        // Heartbeats after the request still say idle: it got lost.
+        if (idle_since_request_) stage_ = Stage::kRequest;
+        wait_ticks_ = 0;
+      }
+      break;
+    case Stage::kFollow:
+      if (HasError() || heartbeat_.state != kCanSimpleClosedLoop) stage_ = Stage::kTripped;
+      break;
+    case Stage::kTripped:
+      break;
+  }
+}
+
+// Sets `encoded_` to what the drive will make of the frame.
+CanFrame CanSimpleDrive::EncodePosition(float joint_rad, float joint_rad_s,
+                                        float joint_nm) noexcept {
+  const float zero = config_.joint.zero_offset_rad;
+  const float position = position_rev_.Clamp((joint_rad - zero) * position_to_rev_);
+  const std::int16_t velocity_code =
+      RoundToInt16(velocity_codes_.Clamp(joint_rad_s * position_to_rev_ * kFeedForwardSteps));
+  const std::int16_t torque_code =
+      RoundToInt16(torque_codes_.Clamp(joint_nm * torque_to_nm_ * kFeedForwardSteps));
+  CanFrame frame = FrameOf(config_.node_id, CanSimpleCommand::kSetInputPos);
+  StoreFloat(frame.data, 0, position);
+  StoreLittle(frame.data, 4, 2, static_cast<std::uint16_t>(velocity_code));
+  StoreLittle(frame.data, 6, 2, static_cast<std::uint16_t>(torque_code));
+  encoded_ = {position * position_to_rad_ + zero,
+              static_cast<float>(velocity_code) * kFeedForwardStep * position_to_rad_,
+              static_cast<float>(torque_code) * kFeedForwardStep * torque_from_nm_, 0, 0};
+  return frame;
+}
+
+void CanSimpleDrive::AddSetpoint(const DriveSetpoint& setpoint, FrameBatch& batch) noexcept {
+  const std::uint8_t node = config_.node_id;
+  const bool brake = setpoint.kp_nm_per_rad == 0;
+  if (brake || velocity_mode_) {
+    CanSimpleControllerMode mode;
+    if (brake) mode.control = kCanSimpleVelocityControl;
+    static_cast<void>(batch.Add(EncodeCanSimple(node, mode)));
+    velocity_mode_ = brake;
+  }
+  if (!brake) {
+    static_cast<void>(batch.Add(
+        EncodePosition(setpoint.position_rad, setpoint.velocity_rad_s, setpoint.torque_nm)));
+    return;
+  }
+  const float velocity = velocity_rev_s_.Clamp(setpoint.velocity_rad_s * position_to_rev_);
+  const float torque = config_.range.torque_nm.Clamp(setpoint.torque_nm * torque_to_nm_);
+  static_cast<void>(batch.Add(EncodeCanSimple(node, CanSimpleInputVel{velocity, torque})));
+  encoded_ = {feedback_.position_rad, velocity * position_to_rad_, torque * torque_from_nm_, 0, 0};
+}
+
+Status CanSimpleDrive::Encode(DriveRequest request, const DriveSetpoint& setpoint,
+                              FrameBatch& batch) noexcept {
+  constexpr std::size_t kMostFrames = 3;
+  if (!valid_) return Status::kInvalidArgument;
+  if (batch.frames().size() + kMostFrames > FrameBatch::kCapacity) return Status::kCapacityExceeded;
+  if (heartbeat_age_ < (1 << 30)) ++heartbeat_age_;
+  const bool enable = request == DriveRequest::kEnable;
+  const bool usable = !enable || setpoint.IsFinite();
+  const Stage before = stage_;
+  NextStage(enable && usable);
+
+  const std::uint8_t node = config_.node_id;
+  Status added = Status::kOk;
+  encoded_ = {};
+  encoded_.position_rad = feedback_.position_rad;
+  if (stage_ == Stage::kFollow) {
+    AddSetpoint(setpoint, batch);
+  } else if (stage_ == Stage::kWait) {
+    const bool first = before == Stage::kRequest;
+    if (first) added = batch.Add(EncodeCanSimple(node, CanSimpleControllerMode{}));
+    velocity_mode_ = false;
+    static_cast<void>(batch.Add(EncodePosition(hold_rad_, 0, 0)));
+    if (first) {
+      added = batch.Add(EncodeCanSimple(node, CanSimpleAxisState{kCanSimpleClosedLoop}));
+    }
+  } else {
+    if (request == DriveRequest::kClearErrors) {
+      static_cast<void>(batch.Add(EncodeCanSimpleClearErrors(node)));
+      disarm_reason_ = 0;
+    }
+    added = batch.Add(EncodeCanSimple(node, CanSimpleAxisState{kCanSimpleIdle}));
+  }
+  return usable ? added : Status::kInvalidArgument;
+}
+
+bool CanSimpleDrive::Decode(const CanFrame& frame) noexcept {
+  if (!valid_ || frame.id >> 5 != config_.node_id) return false;
+  const std::uint8_t node = config_.node_id;
+  switch (static_cast<CanSimpleCommand>(frame.id & 0x1f)) {
+    case CanSimpleCommand::kGetEncoderEstimates: {
+      CanSimpleEstimates estimates;
+      if (DecodeCanSimple(node, frame, estimates) != Status::kOk) return false;
+      feedback_.position_rad =
+          estimates.position_rev * position_to_rad_ + config_.joint.zero_offset_rad;
+      feedback_.velocity_rad_s = estimates.velocity_rev_s * position_to_rad_;
+      has_estimates_ = true;
+      return true;
+    }
+    case CanSimpleCommand::kHeartbeat:
+      if (DecodeCanSimple(node, frame, heartbeat_) == Status::kOk) {
+        heartbeat_age_ = 0;
+        if (heartbeat_.error == 0) active_error_ = 0;
+        if (stage_ == Stage::kWait && heartbeat_.state == kCanSimpleIdle) {
+          idle_since_request_ = true;
+        }
+      }
+      return false;
+    case CanSimpleCommand::kGetError: {
+      CanSimpleErrors errors;
+      if (DecodeCanSimple(node, frame, errors) == Status::kOk) {
+        active_error_ = errors.active;
+        disarm_reason_ = errors.disarm_reason;
+      }
+      return false;
+    }
+    case CanSimpleCommand::kGetTorques: {
+      CanSimpleTorques torques;
+      if (DecodeCanSimple(node, frame, torques) == Status::kOk) {
+        feedback_.torque_nm = torques.estimate_nm * torque_from_nm_;
+      }
+      return false;
+    }
+    case CanSimpleCommand::kGetTemperature: {
+      CanSimpleTemperature temperature;
+      if (DecodeCanSimple(node, frame, temperature) == Status::kOk) {
+        // A sensor that is not there reads NaN; the hotter of the two is what counts.
+        const float fet = IsFinite(temperature.fet_c) ? temperature.fet_c : -273.0F;
+        const float motor = IsFinite(temperature.motor_c) ? temperature.motor_c : -273.0F;
+        feedback_.temperature_c = fet > motor ? fet : motor;
+        feedback_.has_temperature = feedback_.temperature_c > -273.0F;
+        if (!feedback_.has_temperature) feedback_.temperature_c = 0;
+      }
+      return false;
+    }
+    default:
+      return false;
+  }
+}
+
+}  // namespace tumbler

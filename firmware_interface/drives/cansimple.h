@@ -1,0 +1,214 @@
+#pragma once
+
+#include <cstdint>
+
+#include "common/status.h"
+#include "firmware_interface/can/frame.h"
+#include "firmware_interface/drives/drive.h"
+#include "firmware_interface/drives/drive_range.h"
+#include "firmware_interface/drives/joint_map.h"
+
+namespace tumbler {
+
+/// ODrive's `CANSimple` protocol, host side and codec: firmware 0.6 and later (Pro, S1, Micro).
+///
+/// Classic CAN, 11-bit identifiers of 6 bits node and 5 bits command, little-endian payloads;
+/// positions in turns of the shaft, velocities in turns a second. The drive sends heartbeats,
+/// estimates and what else it is set to by itself.
+///
+/// Watchdog. ODrive firmware feeds it with any frame that carries the node's number, even requests
+/// for telemetry and commands that it does not know: a host that goes on polling keeps a drive
+/// alive whose setpoints are dead. So nothing is ever requested here: what is to be known the drive
+/// sends cyclically, and the only frames to a running drive are its setpoints. When the watchdog
+/// expires the drive disarms (the joint is limp) and latches an error. It is off by default: turn
+/// it on.
+///
+/// Feed-forwards are 16-bit integers of 0.001 turns/s and 0.001 N m. They are rounded to nearest
+/// and saturate at +-32.767; a plain cast would wrap to the other sign.
+
+enum class CanSimpleCommand : std::uint8_t {
+  kHeartbeat = 0x01,
+  kEstop = 0x02,
+  kGetError = 0x03,
+  kSetAxisState = 0x07,
+  kGetEncoderEstimates = 0x09,
+  kSetControllerMode = 0x0b,
+  kSetInputPos = 0x0c,
+  kSetInputVel = 0x0d,
+  kGetTemperature = 0x15,
+  kClearErrors = 0x18,
+  kGetTorques = 0x1c,
+};
+
+/// Axis states that matter here; the others are calibrations and the like.
+inline constexpr std::uint8_t kCanSimpleIdle = 1;
+inline constexpr std::uint8_t kCanSimpleClosedLoop = 8;
+
+/// Control and input modes.
+inline constexpr std::uint32_t kCanSimpleVelocityControl = 2;
+inline constexpr std::uint32_t kCanSimplePositionControl = 3;
+inline constexpr std::uint32_t kCanSimplePassthrough = 1;
+
+/// Errors (a bit each).
+inline constexpr std::uint32_t kCanSimpleWatchdogExpired = 0x0100'0000;
+inline constexpr std::uint32_t kCanSimpleEstopRequested = 0x0200'0000;
+
+struct CanSimpleHeartbeat {
+  std::uint32_t error = 0;  ///< active errors and the reason of the last disarm
+  std::uint8_t state = 0;
+  std::uint8_t procedure_result = 0;  ///< 0 success, 1 busy, ...: of the last requested state
+  bool trajectory_done = false;
+};
+struct CanSimpleErrors {
+  std::uint32_t active = 0;
+  std::uint32_t disarm_reason = 0;
+};
+struct CanSimpleAxisState {
+  std::uint32_t state = kCanSimpleIdle;
+};
+struct CanSimpleEstimates {
+  float position_rev = 0;
+  float velocity_rev_s = 0;
+};
+struct CanSimpleControllerMode {
+  std::uint32_t control = kCanSimplePositionControl;
+  std::uint32_t input = kCanSimplePassthrough;
+};
+struct CanSimpleInputPos {
+  float position_rev = 0;
+  float velocity_rev_s = 0;  ///< feed-forward, +-32.767
+  float torque_nm = 0;       ///< feed-forward, +-32.767
+};
+struct CanSimpleInputVel {
+  float velocity_rev_s = 0;
+  float torque_nm = 0;
+};
+struct CanSimpleTemperature {
+  float fet_c = 0;
+  float motor_c = 0;
+};
+struct CanSimpleTorques {
+  float target_nm = 0;
+  float estimate_nm = 0;
+};
+
+inline constexpr std::uint8_t kCanSimpleNodeMax = 0x3e;  ///< 0x3f is a drive without a number.
+
+/// The identifier of a command to or message from a node. @pre node <= kCanSimpleNodeMax.
+[[nodiscard]] constexpr std::uint32_t CanSimpleId(std::uint8_t node,
+                                                  CanSimpleCommand command) noexcept {
+  return std::uint32_t{node} << 5 | static_cast<std::uint32_t>(command);
+}
+
+[[nodiscard]] CanFrame EncodeCanSimple(std::uint8_t node, const CanSimpleHeartbeat& value) noexcept;
+[[nodiscard]] CanFrame EncodeCanSimple(std::uint8_t node, const CanSimpleErrors& value) noexcept;
+[[nodiscard]] CanFrame EncodeCanSimple(std::uint8_t node, const CanSimpleAxisState& value) noexcept;
+[[nodiscard]] CanFrame EncodeCanSimple(std::uint8_t node, const CanSimpleEstimates& value) noexcept;
+[[nodiscard]] CanFrame EncodeCanSimple(std::uint8_t node,
+                                       const CanSimpleControllerMode& value) noexcept;
+[[nodiscard]] CanFrame EncodeCanSimple(std::uint8_t node, const CanSimpleInputPos& value) noexcept;
+[[nodiscard]] CanFrame EncodeCanSimple(std::uint8_t node, const CanSimpleInputVel& value) noexcept;
+[[nodiscard]] CanFrame EncodeCanSimple(std::uint8_t node,
+                                       const CanSimpleTemperature& value) noexcept;
+[[nodiscard]] CanFrame EncodeCanSimple(std::uint8_t node, const CanSimpleTorques& value) noexcept;
+/// The two commands without content: latch an emergency stop; forget all latched errors.
+[[nodiscard]] CanFrame EncodeCanSimpleEstop(std::uint8_t node) noexcept;
+[[nodiscard]] CanFrame EncodeCanSimpleClearErrors(std::uint8_t node) noexcept;
+
+/// @retval kInvalidArgument  not a data frame of this node and kind, or too short; `value` is left
+/// as it was. Frames that are longer than needed are taken.
+Status DecodeCanSimple(std::uint8_t node, const CanFrame& frame,
+                       CanSimpleHeartbeat& value) noexcept;
+Status DecodeCanSimple(std::uint8_t node, const CanFrame& frame, CanSimpleErrors& value) noexcept;
+Status DecodeCanSimple(std::uint8_t node, const CanFrame& frame,
+                       CanSimpleAxisState& value) noexcept;
+Status DecodeCanSimple(std::uint8_t node, const CanFrame& frame,
+                       CanSimpleEstimates& value) noexcept;
+Status DecodeCanSimple(std::uint8_t node, const CanFrame& frame,
+                       CanSimpleControllerMode& value) noexcept;
+Status DecodeCanSimple(std::uint8_t node, const CanFrame& frame, CanSimpleInputPos& value) noexcept;
+Status DecodeCanSimple(std::uint8_t node, const CanFrame& frame, CanSimpleInputVel& value) noexcept;
+Status DecodeCanSimple(std::uint8_t node, const CanFrame& frame,
+                       CanSimpleTemperature& value) noexcept;
+Status DecodeCanSimple(std::uint8_t node, const CanFrame& frame, CanSimpleTorques& value) noexcept;
+
+/// One drive.
+struct CanSimpleConfig {
+  std::uint8_t node_id = 0;  ///< 0 ... kCanSimpleNodeMax
+  ShaftRanges range;         ///< Velocity at most 32.767 turns/s = 205.88 rad/s, torque 32.767 N m.
+  JointMap joint;
+  /// Ticks without a heartbeat after which the drive's state counts as unknown: > 2 of its periods
+  /// (100 ms by default, `heartbeat_msg_rate_ms`).
+  int heartbeat_ticks_max = 250;
+
+  /// @retval kInvalidArgument  a value is outside what its comment allows.
+  [[nodiscard]] Status Validate() const noexcept;
+};
+
+/// Host side of one drive.
+///
+/// kDisable sends Set_Axis_State(IDLE) each tick. kEnable:
+///   1. waits, sending IDLE, until the drive has reported state and position and is idle;
+///   2. in one tick: Set_Controller_Mode(position, passthrough), Set_Input_Pos(measured), since the
+///      drive would act on the last input that it heard, Set_Axis_State(CLOSED_LOOP);
+///   3. Set_Input_Pos of that same position each tick, until a heartbeat says closed loop; the
+///      request is repeated only when heartbeats go on saying idle, because asking a drive that
+///      runs makes it start anew;
+///   4. Set_Input_Pos with both feed-forwards, one frame a tick. With kp = 0 instead, each tick,
+///      Set_Controller_Mode(velocity, passthrough) and Set_Input_Vel: the drive's own velocity loop
+///      brakes.
+/// An error, or any other state after closed loop, ends it: IDLE until the request has been
+/// kDisable. kClearErrors sends Clear_Errors and IDLE. The host never sends Estop: IDLE takes the
+/// torque away as fast.
+///
+/// State changes are known from heartbeats: set their period to 10 ms or so. kFault while the last
+/// heartbeat or error message carries an error.
+class CanSimpleDrive final : public Drive {
+ public:
+  /// @pre config.Validate() is kOk; otherwise every Encode returns kInvalidArgument and sends
+  /// nothing.
+  explicit CanSimpleDrive(const CanSimpleConfig& config) noexcept;
+
+  Status Encode(DriveRequest request, const DriveSetpoint& setpoint,
+                FrameBatch& batch) noexcept override;
+  bool Decode(const CanFrame& frame) noexcept override;
+
+  [[nodiscard]] DriveSetpoint encoded_setpoint() const noexcept override { return encoded_; }
+  [[nodiscard]] DriveFeedback feedback() const noexcept override;
+  [[nodiscard]] DriveState state() const noexcept override;
+  [[nodiscard]] const CanSimpleConfig& config() const noexcept { return config_; }
+
+ private:
+  enum class Stage : std::uint8_t { kOff, kRequest, kWait, kFollow, kTripped };
+
+  [[nodiscard]] bool HasError() const noexcept {
+    return heartbeat_.error != 0 || active_error_ != 0;
+  }
+  [[nodiscard]] bool IsStateKnown() const noexcept {
+    return heartbeat_age_ <= config_.heartbeat_ticks_max;
+  }
+  void NextStage(bool enable) noexcept;
+  void AddSetpoint(const DriveSetpoint& setpoint, FrameBatch& batch) noexcept;
+  CanFrame EncodePosition(float joint_rad, float joint_rad_s, float joint_nm) noexcept;
+
+  CanSimpleConfig config_;
+  // One multiplication each between joint and wire.
+  float position_to_rev_ = 1, position_to_rad_ = 1, torque_to_nm_ = 1, torque_from_nm_ = 1;
+  DriveRange position_rev_, velocity_rev_s_;
+  DriveRange velocity_codes_, torque_codes_;  // of the feed-forwards
+  bool valid_;
+  Stage stage_ = Stage::kOff;
+  bool velocity_mode_ = false;  // what the drive was last told
+  int wait_ticks_ = 0;
+  int heartbeat_age_ = 1 << 30;  // ticks since the last heartbeat
+  bool idle_since_request_ = false;
+  bool has_estimates_ = false;
+  CanSimpleHeartbeat heartbeat_;
+  std::uint32_t active_error_ = 0;
+  std::uint32_t disarm_reason_ = 0;
+  float hold_rad_ = 0;
+  DriveFeedback feedback_;
+  DriveSetpoint encoded_;
+};
+
+}  // namespace tumbler
