@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <fstream>
 #include <sstream>
 
@@ -16,9 +17,13 @@ using testing::MatchesRegex;
 
 const std::string kShipped =
     std::string(TUMBLER_SOURCE_DIR) + "/primitives/robots/tumbler_drives.toml";
+const std::string kShippedCanSimple =
+    std::string(TUMBLER_SOURCE_DIR) + "/primitives/robots/tumbler_drives_cansimple.toml";
+const std::string kShippedCia402 =
+    std::string(TUMBLER_SOURCE_DIR) + "/primitives/robots/tumbler_drives_cia402.toml";
 
-std::string ShippedText() {
-  std::ifstream stream(kShipped, std::ios::binary);
+std::string ShippedText(const std::string& path = kShipped) {
+  std::ifstream stream(path, std::ios::binary);
   std::ostringstream text;
   text << stream.rdbuf();
   return text.str();
@@ -55,6 +60,163 @@ TEST(DrivesToml, ShippedFileDescribesTheTumbler) {
   EXPECT_EQ(config.WorstCaseTickBits(), 540);
   EXPECT_DOUBLE_EQ(config.WorstCaseLoad(), 0.54);
 }
+
+TEST(DrivesToml, ShippedFilesDescribeTheTumblerInEveryProtocol) {
+  const DrivesConfig can = LoadDrives(kShippedCanSimple);
+  ASSERT_EQ(can.drives.size(), 2U);
+  const auto& second = std::get<CanSimpleConfig>(can.drives[1].config);
+  EXPECT_EQ(second.node_id, 2);
+  EXPECT_EQ(second.heartbeat_ticks_max, 26) << "two and a half heartbeats of 10 ms";
+  EXPECT_EQ(second.range.torque_nm.max, 18);
+  // Two of each: setpoint and estimate each tick, heartbeat and torques every 10th, temperature
+  // every 100th; 135 bits each.
+  EXPECT_EQ(can.WorstCaseTickBits(), static_cast<int>(std::ceil(2 * 135 * (2 + 0.2 + 0.01))));
+
+  const DrivesConfig cia402 = LoadDrives(kShippedCia402);
+  ASSERT_EQ(cia402.drives.size(), 2U);
+  const auto& first = std::get<Cia402Config>(cia402.drives[0].config);
+  EXPECT_EQ(first.period_us, 1000U);
+  EXPECT_EQ(first.heartbeat_ms, 100);
+  EXPECT_EQ(first.watchdog_ms, 25);
+  EXPECT_EQ(first.watchdog_reaction, 1);
+  EXPECT_EQ(first.velocity_units_per_turn_s, 65536);
+  EXPECT_TRUE(first.feed_forward);
+  // SYNC 55 bits, PDOs of 6 bytes 115, heartbeats of 1 byte 65.
+  EXPECT_EQ(cia402.WorstCaseTickBits(),
+            static_cast<int>(std::ceil(55 + 65 / 8.0 + 2 * (115 * 3.25 + 65 / 100.0))));
+  for (const DrivesConfig& config : {can, cia402}) {
+    for (const DriveEntry& drive : config.drives) {
+      EXPECT_EQ(Validate(drive.config), Status::kOk);
+      EXPECT_EQ(drive.kp_nm_per_rad, 200);
+      EXPECT_EQ(drive.watchdog_s, 0.025);
+    }
+  }
+}
+
+TEST(DrivesToml, OneFileHoldsAnyMixtureOfProtocols) {
+  // The second MIT drive in place of the second ODrive.
+  const std::string can = ShippedText(kShippedCanSimple);
+  const std::string mit = ShippedText();
+  const std::string mixed =
+      can.substr(0, can.find("[[drive]]\njoint = \"leg2\"")) +
+      Mutate(mit.substr(mit.find("[[drive]]\njoint = \"leg2\"")), "reply_id = 18", "reply_id = 20");
+  const DrivesConfig config = ParseDrives(mixed, "d.toml");
+  ASSERT_EQ(config.drives.size(), 2U);
+  EXPECT_TRUE(std::holds_alternative<CanSimpleConfig>(config.drives[0].config));
+  EXPECT_TRUE(std::holds_alternative<MitConfig>(config.drives[1].config));
+}
+
+struct ProtocolRefusal {
+  const char* name;
+  const std::string* file;
+  std::string from;
+  std::string to;
+  std::vector<std::string> fragments;
+};
+
+class ProtocolRefusals : public testing::TestWithParam<ProtocolRefusal> {};
+
+TEST_P(ProtocolRefusals, NamesFileLineKeyAndCause) {
+  const ProtocolRefusal& refusal = GetParam();
+  try {
+    ParseDrives(Mutate(ShippedText(*refusal.file), refusal.from, refusal.to), "d.toml");
+    FAIL() << "was accepted";
+  } catch (const FileError& error) {
+    EXPECT_THAT(error.what(), MatchesRegex("d\\.toml:[0-9]+: .+"));
+    for (const std::string& fragment : refusal.fragments)
+      EXPECT_THAT(error.what(), HasSubstr(fragment));
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    DrivesToml, ProtocolRefusals,
+    testing::Values(ProtocolRefusal{"CanSimpleNode",
+                                    &kShippedCanSimple,
+                                    "node_id = 1 ",
+                                    "node_id = 63 ",
+                                    {"drive[0].node_id: is 63; allowed: from 0 ... 62"}},
+                    ProtocolRefusal{"CanSimpleNodeTwice",
+                                    &kShippedCanSimple,
+                                    "node_id = 2",
+                                    "node_id = 1",
+                                    {"drive[1].node_id: is 1", "0x020", "'leg1'"}},
+                    ProtocolRefusal{"CanSimpleVelocityBeyondTheWire",
+                                    &kShippedCanSimple,
+                                    "velocity_rad_s = [-50.0, 50.0]",
+                                    "velocity_rad_s = [-210.0, 210.0]",
+                                    {"drive[0].range.velocity_rad_s: is [-210, 210]", "205.88"}},
+                    ProtocolRefusal{"CanSimpleEstimatesTooRare",
+                                    &kShippedCanSimple,
+                                    "estimates_s = 0.001",
+                                    "estimates_s = 0.01",
+                                    {"drive[0].estimates_s: is 0.01, 10 ticks", "at most 4"}},
+                    ProtocolRefusal{"CanSimpleTorquesTooOften",
+                                    &kShippedCanSimple,
+                                    "torques_s = 0.01",
+                                    "torques_s = 0.0001",
+                                    {"drive[0].torques_s: is 0.0001", "0 (not sent)"}},
+                    ProtocolRefusal{"CanSimpleWithoutGain",
+                                    &kShippedCanSimple,
+                                    "kp_nm_per_rad = 200.0",
+                                    "kp_nm_per_rad = 0.0",
+                                    {"drive[0].kp_nm_per_rad: is 0"}},
+                    ProtocolRefusal{"CanSimpleHasNoCommandId",
+                                    &kShippedCanSimple,
+                                    "direction = 1 ",
+                                    "command_id = 1 ",
+                                    {"drive[0].command_id: is not a key"}},
+                    ProtocolRefusal{"Cia402Node",
+                                    &kShippedCia402,
+                                    "node_id = 1 ",
+                                    "node_id = 127 ",
+                                    {"drive[0].node_id: is 127; allowed: from 1 ... 126"}},
+                    ProtocolRefusal{"Cia402NodeTwice",
+                                    &kShippedCia402,
+                                    "node_id = 2",
+                                    "node_id = 1",
+                                    {"drive[1].node_id: is 1", "'leg1'"}},
+                    ProtocolRefusal{"Cia402TwoHosts",
+                                    &kShippedCia402,
+                                    "host_id = 127 ",
+                                    "host_id = 126 ",
+                                    {"drive[1].host_id: is 127", "is 126; there is one host"}},
+                    ProtocolRefusal{"Cia402HostIsADrive",
+                                    &kShippedCia402,
+                                    "host_id = 127 ",
+                                    "host_id = 1 ",
+                                    {"drive[0].host_id: is 1, as node_id"}},
+                    ProtocolRefusal{"Cia402Rate",
+                                    &kShippedCia402,
+                                    "rate_hz = 1000.0",
+                                    "rate_hz = 600.0",
+                                    {"bus.rate_hz: is 600", "500, 400 or 250 Hz"}},
+                    ProtocolRefusal{"Cia402RateBeyondTheBus",
+                                    &kShippedCia402,
+                                    "rate_hz = 1000.0",
+                                    "rate_hz = 1250.0",
+                                    {"bus.rate_hz: is 1250", "at most"}},
+                    ProtocolRefusal{"Cia402Torque",
+                                    &kShippedCia402,
+                                    "rated_torque_nm = 6.0",
+                                    "rated_torque_nm = 0.5",
+                                    {"drive[0].range.torque_nm: is [-18, 18]", "at most +-16.38"}},
+                    ProtocolRefusal{"Cia402Watchdog",
+                                    &kShippedCia402,
+                                    "watchdog_s = 0.025",
+                                    "watchdog_s = 0.002",
+                                    {"drive[0].watchdog_s: is 0.002", "3 periods"}},
+                    ProtocolRefusal{"Cia402WatchdogsDiffer",
+                                    &kShippedCia402,
+                                    "watchdog_s = 0.025",
+                                    "watchdog_s = 0.05",
+                                    {"drive[1].watchdog_s: is not that of joint 'leg1'"}},
+                    ProtocolRefusal{
+                        "Cia402Reaction",
+                        &kShippedCia402,
+                        "\"fault\"",
+                        "\"limp\"",
+                        {"drive[0].watchdog_reaction: is 'limp'; allowed: none, fault, disable"}}),
+    [](const auto& instance) { return instance.param.name; });
 
 TEST(DrivesToml, ReadsOptionalKeys) {
   std::string text = Mutate(ShippedText(), "  [drive.range]",
