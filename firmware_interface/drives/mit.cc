@@ -359,19 +359,16 @@ Status MitDrive::Encode(DriveRequest request, const DriveSetpoint& setpoint,
   const bool usable = !enable || setpoint.IsFinite();
   NextStage(enable && usable);
 
+  if (stage_ == Stage::kFollow) return batch.Add(EncodeSetpoint(setpoint));
+  encoded_ = {};
+  encoded_.position_rad = feedback_.position_rad;
   CanFrame frame;
-  if (stage_ == Stage::kFollow) {
-    frame = EncodeSetpoint(setpoint);
+  if (stage_ == Stage::kExit) {
+    frame = MitMagicFrame(config_, MitMagic::kExit);
+  } else if (stage_ == Stage::kEnter) {
+    frame = MitMagicFrame(config_, MitMagic::kEnter);
   } else {
-    encoded_ = {};
-    encoded_.position_rad = feedback_.position_rad;
-    if (stage_ == Stage::kExit) {
-      frame = MitMagicFrame(config_, MitMagic::kExit);
-    } else if (stage_ == Stage::kEnter) {
-      frame = MitMagicFrame(config_, MitMagic::kEnter);
-    } else {
-      frame = EncodeMitCommand(config_, ToCommand(encoded_));
-    }
+    frame = EncodeMitCommand(config_, ToCommand(encoded_));
   }
   const Status added = batch.Add(frame);
   return usable ? added : Status::kInvalidArgument;
@@ -382,7 +379,11 @@ bool MitDrive::Decode(const CanFrame& frame) noexcept {
   const bool full = frame.size == 8;
   const ReplyCodes codes = UnpackReply(frame);
   const int temperature = full ? DegreesOf(frame.data[6], config_.temperature) : 0;
-  const Lanes joint = ToJoint(reply_range_, {codes.p, codes.v, codes.t, temperature});
+  // Codes wrap modulo 2^16, and so does this difference: it is the way that the shaft went. While
+  // the motor is off nothing is lost by taking the code as it is.
+  const std::int32_t way = static_cast<std::int16_t>(codes.p - position_code_);
+  position_code_ = stage_ == Stage::kFollow ? position_code_ + way : codes.p;
+  const Lanes joint = ToJoint(reply_range_, {position_code_, codes.v, codes.t, temperature});
   feedback_ = {joint[0], joint[1], joint[2], joint[3], full, full ? frame.data[7] : 0U};
   heard_ = true;
   answered_ = true;

@@ -33,8 +33,9 @@ namespace tumbler {
 /// replies, so decoded values are on average half a step low.
 ///
 /// Wrap. Drives do not clamp their replies: beyond the range, position reappears at the other end.
-/// A position that jumps by nearly the whole range between two replies has wrapped; keep the
-/// joint's travel inside the range by the choice of `JointMap::zero_offset_rad`.
+/// MitDrive follows it across while the setpoints are followed: of two positions that one reply can
+/// mean, the one nearer to the last is taken. Before that the range is taken at its word, so keep
+/// the joint's travel inside it by the choice of `JointMap::zero_offset_rad`.
 ///
 /// Watchdog. A drive that hears no setpoint for its time-out (25 ms by default, may be off) sets
 /// gains and feed-forward to zero, and resumes by itself with the next setpoint. Clones differ: try
@@ -210,8 +211,9 @@ class MitDrive final : public Drive {
   DriveState before_exit_ = DriveState::kUnknown;
   int answered_ticks_ =
       0;  // ticks with a reply since the stage's first frame, up to the last Encode
-  bool answered_ = false;  // a reply since the last Encode
-  bool heard_ = false;     // a reply ever
+  bool answered_ = false;           // a reply since the last Encode
+  bool heard_ = false;              // a reply ever
+  std::int32_t position_code_ = 0;  // of the last reply, beyond 16 bits where it has wrapped
   DriveFeedback feedback_;
   // Gains hardly ever change: those of the last setpoint, as asked, as codes and as the drive sees
   // them.

@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
@@ -241,6 +242,32 @@ TEST_F(MitDriveTest, InvalidConfigurationSendsNothing) {
   FrameBatch batch;
   EXPECT_EQ(drive.Encode(DriveRequest::kDisable, {}, batch), Status::kInvalidArgument);
   EXPECT_TRUE(batch.frames().empty());
+}
+
+TEST_F(MitDriveTest, FollowsAPositionThatWrapsAndTakesTheRangeAtItsWordWhenNotFollowing) {
+  const MitConfig config;
+  MitDrive drive(config);
+  const auto reply = [&](double angle_rad) {  // as firmware packs it: unclamped, in 16 bits
+    MitReply packed;
+    packed.sender = 1;
+    packed.position_rad = static_cast<float>(angle_rad);
+    EXPECT_TRUE(drive.Decode(EncodeMitReply(config, packed)));
+    return static_cast<double>(drive.feedback().position_rad);
+  };
+  constexpr double kStep = 25.0 / 65535;
+  Enable(drive);
+  Tick(drive, DriveRequest::kEnable);
+  // Three ranges up, and down again below the first, at 40 rad/s.
+  double angle = 0.5;
+  double least = 0;
+  for (int i = 0; i < 6000; ++i) {
+    angle += i < 2000 ? 0.04 : -0.04;
+    ASSERT_NEAR(reply(angle), angle, 5 * kStep) << i;
+    least = std::min(least, angle);
+  }
+  EXPECT_LT(least, -50);
+  Tick(drive, DriveRequest::kDisable);
+  EXPECT_NEAR(reply(13), 13 - 25, 5 * kStep) << "beyond the end of the range";
 }
 
 }  // namespace
