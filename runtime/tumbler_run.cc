@@ -261,6 +261,7 @@ class RealWorld final : public World {
   [[nodiscard]] bool real_time() const override { return true; }
   void Observe(const ControlLoop& /*loop*/) override {}
   void Report(RunReport& report) override {
+    bus_.DiscardInFlight();
     report.interface = {bus_.statistics(), bus_.controller_state(), bus_.in_flight()};
   }
 

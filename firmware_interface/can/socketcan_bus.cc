@@ -192,6 +192,7 @@ void SocketCanBus::Close() noexcept {
   link_down_ = false;
   gone_ = false;
   stalled_ = false;
+  restart_ns_ = 0;
   controller_ = CanControllerState::kErrorActive;
   in_flight_first_ = 0;
   in_flight_count_ = 0;
@@ -203,10 +204,8 @@ SocketCanBus::OpenResult SocketCanBus::Open(const std::string& interface,
                                             const SocketCanConfig& config) {
   Close();
   OpenResult result = TryOpen(interface, config);
-  if (result.status != Status::kOk) {
-    Close();
-    errno_ = result.error_number;
-  }
+  if (result.status != Status::kOk) Close();
+  errno_ = result.error_number;
   return result;
 }
 
@@ -374,11 +373,24 @@ void SocketCanBus::ForgetInFlight() noexcept {
 }
 
 void SocketCanBus::Stall() noexcept {
-  if (!stalled_) {
-    ++statistics_.stalls;
-    if (restarter_ != nullptr) restarter_->Request();
-  }
+  if (!stalled_) ++statistics_.stalls;
   stalled_ = true;
+  RequestRestart(Now(CLOCK_MONOTONIC));
+}
+
+void SocketCanBus::RequestRestart(std::int64_t now_ns) noexcept {
+  if (restarter_ == nullptr) return;
+  if (restart_ns_ != 0 && now_ns - restart_ns_ < SocketCanConfig::kRestartPause_ns) return;
+  restart_ns_ = now_ns;
+  restarter_->Request();
+}
+
+void SocketCanBus::DiscardInFlight() noexcept {
+  if (restarter_ == nullptr) return;
+  ReceivedFrame ignored;
+  while (Receive(ignored) == Status::kOk) {  // What has been confirmed needs no discarding.
+  }
+  if (in_flight_count_ > 0 && RestartCanLink(interface_) == 0) ForgetInFlight();
 }
 
 Status SocketCanBus::CheckStall(std::int64_t now_ns) noexcept {
@@ -390,6 +402,8 @@ Status SocketCanBus::CheckStall(std::int64_t now_ns) noexcept {
         now_ns - oldest.sent_ns > config_.confirm_timeout_ns) {
       Stall();
     }
+  } else if (stalled_) {
+    RequestRestart(now_ns);
   }
   return stalled_ ? Status::kWouldBlock : Status::kOk;
 }

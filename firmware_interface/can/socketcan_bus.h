@@ -42,6 +42,9 @@ struct SocketCanConfig {
   /// what had been sent where it is. Refused, too, is a queue of more than kQueueFramesMax frames.
   bool discard_stale_frames = false;
 
+  /// Restarts of an interface come at least this far apart, so that a bus that stays dead is not
+  /// flapped at the rate of the loop. In between, what was sent last may wait.
+  static constexpr std::int64_t kRestartPause_ns = 250'000'000;
   static constexpr int kMaxInFlight = 64;
   static constexpr int kQueueFramesMax = 32;
 };
@@ -107,6 +110,9 @@ class SocketCanBus final : public CanBus {
   Status SendAll(std::span<const CanFrame> frames, std::size_t& sent) noexcept override;
   Status Receive(ReceivedFrame& received) noexcept override;
 
+  /// Discards what is in flight, if that is permitted. May block: for the end of a loop.
+  void DiscardInFlight() noexcept;
+
   [[nodiscard]] int last_errno() const noexcept {
     return errno_;
   }  ///< Cause of the last kLinkDown or kIoError.
@@ -137,6 +143,7 @@ class SocketCanBus final : public CanBus {
   Status Failed(int error_number) noexcept;
   Status CheckStall(std::int64_t now_ns) noexcept;
   void Stall() noexcept;
+  void RequestRestart(std::int64_t now_ns) noexcept;
   void ForgetInFlight() noexcept;
   void Confirm(const CanFrame& frame, std::int64_t time_ns) noexcept;
   void TakeError(std::uint32_t kinds, const std::uint8_t* data) noexcept;
@@ -153,6 +160,7 @@ class SocketCanBus final : public CanBus {
   bool link_down_ = false;
   bool gone_ = false;
   bool stalled_ = false;
+  std::int64_t restart_ns_ = 0;  // last request; 0: none
   CanControllerState controller_ = CanControllerState::kErrorActive;
   std::array<InFlight, SocketCanConfig::kMaxInFlight> in_flight_;  // a ring, oldest first
   int in_flight_first_ = 0;

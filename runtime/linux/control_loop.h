@@ -74,7 +74,7 @@ class ControlLoop {
   std::int64_t time_ns_ = 0;
   Status send_status_ = Status::kOk;
   std::array<ReceivedFrame, kReceiveCapacity> received_;
-  std::array<CanFrame, kMaxJoints * FrameBatch::kCapacity> to_send_;
+  std::array<CanFrame, std::size_t{kMaxJoints} * FrameBatch::kCapacity> to_send_;
   TickOutput output_;
   std::array<float, kMaxJoints> last_position_rad_{};  // limited, of the tick before
   LoopStatistics statistics_;

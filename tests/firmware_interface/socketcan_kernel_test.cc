@@ -94,10 +94,10 @@ void AwaitConfirmations(SocketCanBus& bus) {
 }
 
 TEST(SocketCanBusInKernel, CarriesEveryKindOfClassicFrame) {
-  const VirtualCan can("vcan1");
+  const VirtualCan can;
   SocketCanBus a, b;
-  Open(a, "vcan1");
-  Open(b, "vcan1");
+  Open(a, can.name());
+  Open(b, can.name());
   std::vector<CanFrame> frames{Frame(0), Frame(0x7ff, 0xff), Frame(0x7ff), Frame(0x1fffffff, 7)};
   frames[2].extended = true;
   frames[3].extended = true;
@@ -112,9 +112,9 @@ TEST(SocketCanBusInKernel, CarriesEveryKindOfClassicFrame) {
 }
 
 TEST(SocketCanBusInKernel, ConfirmsItsOwnFramesInsteadOfReceivingThem) {
-  const VirtualCan can("vcan1");
+  const VirtualCan can;
   SocketCanBus bus;
-  Open(bus, "vcan1");
+  Open(bus, can.name());
   EXPECT_TRUE(bus.link().confirms_on_the_wire);
   for (std::uint8_t i = 0; i < 5; ++i) ASSERT_EQ(bus.Send(Frame(1, i)), Status::kOk);
   EXPECT_EQ(bus.in_flight(), 5);
@@ -127,13 +127,13 @@ TEST(SocketCanBusInKernel, ConfirmsItsOwnFramesInsteadOfReceivingThem) {
 }
 
 TEST(SocketCanBusInKernel, ReceivesWantedIdentifiersOnlyAndCountsCommandsOfOthers) {
-  const VirtualCan can("vcan1");
+  const VirtualCan can;
   SocketCanConfig config;
   config.send_ids = {1, 2};
   config.receive_ids = {17, 18};
   SocketCanBus bus, other;
-  Open(bus, "vcan1", config);
-  Open(other, "vcan1");
+  Open(bus, can.name(), config);
+  Open(other, can.name());
   ASSERT_EQ(bus.Send(Frame(1)), Status::kOk);
   CanFrame extended = Frame(17);
   extended.extended = true;
@@ -150,10 +150,10 @@ TEST(SocketCanBusInKernel, ReceivesWantedIdentifiersOnlyAndCountsCommandsOfOther
 }
 
 TEST(SocketCanBusInKernel, StampsFramesWithTheKernelsReceiveTime) {
-  const VirtualCan can("vcan1");
+  const VirtualCan can;
   SocketCanBus a, b;
-  Open(a, "vcan1");
-  Open(b, "vcan1");
+  Open(a, can.name());
+  Open(b, can.name());
   const std::int64_t before_ns = MonotonicNs();
   ASSERT_EQ(a.Send(Frame(1)), Status::kOk);
   ASSERT_EQ(a.Send(Frame(2)), Status::kOk);
@@ -168,10 +168,10 @@ TEST(SocketCanBusInKernel, StampsFramesWithTheKernelsReceiveTime) {
 }
 
 TEST(SocketCanBusInKernel, CountsWhatTheKernelDropped) {
-  const VirtualCan can("vcan1");
+  const VirtualCan can;
   SocketCanBus slow, fast;
-  Open(slow, "vcan1");
-  Open(fast, "vcan1");
+  Open(slow, can.name());
+  Open(fast, can.name());
   constexpr int kFrames = 2000;
   for (int i = 0; i < kFrames; ++i) {
     ASSERT_EQ(fast.Send(Frame(1)), Status::kOk);
@@ -186,9 +186,9 @@ TEST(SocketCanBusInKernel, CountsWhatTheKernelDropped) {
 }
 
 TEST(SocketCanBusInKernel, SaysThatTheInterfaceIsDownAndWorksAgainOnceItIsUp) {
-  const VirtualCan can("vcan1");
+  const VirtualCan can;
   SocketCanBus bus, other;
-  Open(bus, "vcan1");
+  Open(bus, can.name());
   ASSERT_EQ(bus.Send(Frame(1)), Status::kOk);
   can.Down();
   ReceivedFrame received;
@@ -197,9 +197,9 @@ TEST(SocketCanBusInKernel, SaysThatTheInterfaceIsDownAndWorksAgainOnceItIsUp) {
   EXPECT_EQ(bus.Send(Frame(2)), Status::kLinkDown);
   EXPECT_EQ(bus.Receive(received), Status::kLinkDown) << "every call repeats it";
   EXPECT_EQ(bus.in_flight(), 0);
-  EXPECT_EQ(other.Open("vcan1").status, Status::kLinkDown);
+  EXPECT_EQ(other.Open(can.name()).status, Status::kLinkDown);
   can.Up();
-  Open(other, "vcan1");
+  Open(other, can.name());
   EXPECT_EQ(bus.Receive(received), Status::kWouldBlock);
   EXPECT_EQ(bus.Send(Frame(3)), Status::kOk);
   const std::vector<ReceivedFrame> after = ReceiveAll(other);
@@ -208,34 +208,34 @@ TEST(SocketCanBusInKernel, SaysThatTheInterfaceIsDownAndWorksAgainOnceItIsUp) {
 }
 
 TEST(SocketCanBusInKernel, AnInterfaceThatIsRemovedStaysLostUntilItIsOpenedAnew) {
-  const VirtualCan can("vcan1");
+  const VirtualCan can;
   SocketCanBus bus;
-  Open(bus, "vcan1");
+  Open(bus, can.name());
   can.Delete();
   EXPECT_EQ(Poll(bus), Status::kLinkDown);
   EXPECT_EQ(bus.Send(Frame(1)), Status::kLinkDown);
-  EXPECT_EQ(bus.Open("vcan1").error_number, ENODEV);
+  EXPECT_EQ(bus.Open(can.name()).error_number, ENODEV);
   Open(bus, "vcan0");
-  const VirtualCan again("vcan2");
-  Open(bus, "vcan2");
+  const VirtualCan again;
+  Open(bus, again.name());
   again.Delete();
   EXPECT_EQ(bus.Send(Frame(1)), Status::kLinkDown);
   again.Create();  // of the same name, but another one
   EXPECT_EQ(bus.Send(Frame(1)), Status::kLinkDown);
   EXPECT_EQ(Poll(bus), Status::kLinkDown);
-  Open(bus, "vcan2");
+  Open(bus, again.name());
   EXPECT_EQ(bus.Send(Frame(1)), Status::kOk);
   can.Create();  // for its destructor
 }
 
 TEST(SocketCanBusInKernel, AStalledBusTakesNothingMoreUntilAllIsConfirmed) {
-  VirtualCan can("vcan1");
+  VirtualCan can;
   SocketCanBus bus, witness;
   can.Throttle(200);
   SocketCanConfig config;
   config.in_flight_max = 4;
-  Open(bus, "vcan1", config);
-  Open(witness, "vcan1");
+  Open(bus, can.name(), config);
+  Open(witness, can.name());
   std::vector<CanFrame> frames;
   for (std::uint8_t i = 0; i < 9; ++i) frames.push_back(Frame(1, i));
   std::size_t sent = 0;
@@ -260,10 +260,10 @@ TEST(SocketCanBusInKernel, AStalledBusTakesNothingMoreUntilAllIsConfirmed) {
 }
 
 TEST(SocketCanBusInKernel, OneOldUnconfirmedFrameIsAStall) {
-  VirtualCan can("vcan1");
+  VirtualCan can;
   can.Throttle(1000);
   SocketCanBus bus;
-  Open(bus, "vcan1");
+  Open(bus, can.name());
   for (int i = 0; i < 4; ++i) ASSERT_EQ(bus.Send(Frame(1)), Status::kOk);  // Two leave at once.
   Wait(40);
   Drain(bus);
@@ -272,13 +272,13 @@ TEST(SocketCanBusInKernel, OneOldUnconfirmedFrameIsAStall) {
 }
 
 TEST(SocketCanBusInKernel, AFullQueueOfTheKernelIsAStall) {
-  VirtualCan can("vcan1");
+  VirtualCan can;
   can.Throttle(1000);
   SocketCanConfig config;
   config.in_flight_max = SocketCanConfig::kMaxInFlight;
   config.confirm_timeout_ns = 60'000'000'000;
   SocketCanBus bus;
-  Open(bus, "vcan1", config);
+  Open(bus, can.name(), config);
   int taken = 0;
   while (taken < SocketCanConfig::kMaxInFlight && bus.Send(Frame(1)) == Status::kOk) ++taken;
   EXPECT_GE(taken, 10);
@@ -288,14 +288,14 @@ TEST(SocketCanBusInKernel, AFullQueueOfTheKernelIsAStall) {
 }
 
 TEST(SocketCanBusInKernel, DiscardsWhatWaitsOnceItStalls) {
-  VirtualCan can("vcan1");
+  VirtualCan can;
   can.Throttle(1000);
   SocketCanConfig config;
   config.discard_stale_frames = true;
   SocketCanBus bus, witness;
-  Open(bus, "vcan1", config);
+  Open(bus, can.name(), config);
   ASSERT_TRUE(bus.can_discard());
-  Open(witness, "vcan1");
+  Open(witness, can.name());
   std::uint8_t count = 0;
   while (count < 50 && bus.Send(Frame(1, count)) == Status::kOk) ++count;
   ASSERT_LT(count, 50);
@@ -318,15 +318,15 @@ TEST(SocketCanBusInKernel, DiscardsWhatWaitsOnceItStalls) {
 }
 
 TEST(SocketCanBusInKernel, OpeningDiscardsWhatAnEarlierProgramLeftWaiting) {
-  VirtualCan can("vcan1");
+  VirtualCan can;
   can.Throttle(1000);
   {
     SocketCanBus earlier;
-    Open(earlier, "vcan1");
+    Open(earlier, can.name());
     for (int i = 0; i < 8; ++i) ASSERT_EQ(earlier.Send(Frame(1)), Status::kOk);
   }
   CanLink link;
-  ASSERT_EQ(ReadCanLink("vcan1", link), 0);
+  ASSERT_EQ(ReadCanLink(can.name(), link), 0);
   EXPECT_GE(link.waiting_frames, 5) << "they outlive their socket";
   // Without the privilege the interface is refused: in a process of its own, which gives it up.
   const pid_t child = fork();
@@ -335,7 +335,7 @@ TEST(SocketCanBusInKernel, OpeningDiscardsWhatAnEarlierProgramLeftWaiting) {
     SocketCanConfig config;
     config.discard_stale_frames = true;
     SocketCanBus bus;
-    const SocketCanBus::OpenResult result = bus.Open("vcan1", config);
+    const SocketCanBus::OpenResult result = bus.Open(can.name(), config);
     const bool told = result.message.find("frames of an earlier program wait") != std::string::npos;
     _exit(result.status == Status::kWouldBlock && told ? 0 : 4);
   }
@@ -344,11 +344,11 @@ TEST(SocketCanBusInKernel, OpeningDiscardsWhatAnEarlierProgramLeftWaiting) {
   EXPECT_EQ(status, 0);
 
   SocketCanBus witness, bus;
-  Open(witness, "vcan1");
+  Open(witness, can.name());
   SocketCanConfig config;
   config.discard_stale_frames = true;
-  Open(bus, "vcan1", config);
-  ASSERT_EQ(ReadCanLink("vcan1", link), 0);
+  Open(bus, can.name(), config);
+  ASSERT_EQ(ReadCanLink(can.name(), link), 0);
   EXPECT_EQ(link.waiting_frames, 0);
   can.Throttle(500'000);
   ReceiveAll(witness);  // told that the interface was down, and what left before
@@ -356,26 +356,26 @@ TEST(SocketCanBusInKernel, OpeningDiscardsWhatAnEarlierProgramLeftWaiting) {
 }
 
 TEST(SocketCanBusInKernel, RefusesALongQueueWhereFramesCanWait) {
-  VirtualCan can("vcan1");
-  Shell("ip link set vcan1 txqueuelen 1000");
+  VirtualCan can;
+  Shell("ip link set " + can.name() + " txqueuelen 1000");
   SocketCanConfig config;
   config.discard_stale_frames = true;
   SocketCanBus bus;
-  Open(bus, "vcan1", config);  // It has no queue, whatever its length.
+  Open(bus, can.name(), config);  // It has no queue, whatever its length.
   can.Throttle(1000);
-  const SocketCanBus::OpenResult result = bus.Open("vcan1", config);
+  const SocketCanBus::OpenResult result = bus.Open(can.name(), config);
   EXPECT_EQ(result.status, Status::kInvalidArgument);
   EXPECT_THAT(result.message, HasSubstr("1000 frames, allowed: up to 32"));
-  Open(bus, "vcan1");
+  Open(bus, can.name());
 }
 
 TEST(SocketCanBusInKernel, AllocatesNothingOnceItIsOpen) {
-  const VirtualCan can("vcan1");
+  const VirtualCan can;
   SocketCanConfig config;
   config.discard_stale_frames = true;
   SocketCanBus bus, other;
-  Open(bus, "vcan1", config);
-  Open(other, "vcan1");
+  Open(bus, can.name(), config);
+  Open(other, can.name());
   int rounds = 0;
   {
     const testing::AllocationGuard guard;
@@ -404,8 +404,8 @@ TEST(SocketCanBusInKernel, ReadsTheBitRateOfAController) {
   EXPECT_TRUE(Eventually([&] {
     return can.heard().find("t1238AB00000000000000\r") != std::string::npos;
   })) << can.heard();
-  const VirtualCan virtual_can("vcan1");
-  Open(bus, "vcan1");
+  const VirtualCan virtual_can;
+  Open(bus, virtual_can.name());
   EXPECT_EQ(bus.link().bit_rate, 0);
   EXPECT_FALSE(bus.link().has_queue);
 }

@@ -35,10 +35,11 @@ inline void Shell(const std::string& command) {
   }
 }
 
-/// A virtual CAN interface with a transmit queue of 10 frames, up, until the end of its scope.
+/// A virtual CAN interface with a transmit queue of 10 frames, up, until the end of its scope. Its
+/// name is its own, so that tests can run side by side.
 class VirtualCan {
  public:
-  explicit VirtualCan(std::string name) : name_(std::move(name)) {
+  VirtualCan() : name_("vc" + std::to_string(getpid()) + NextLetter()) {
     RequireCan();
     Create();
   }
@@ -65,6 +66,11 @@ class VirtualCan {
   }
 
  private:
+  static char NextLetter() {
+    static char next = 'a';
+    return next++;
+  }
+
   std::string name_;
   bool throttled_ = false;
 };
