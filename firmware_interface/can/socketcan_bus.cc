@@ -7,6 +7,7 @@
 #include <linux/errqueue.h>
 #include <linux/net_tstamp.h>
 #include <net/if.h>
+#include <poll.h>
 #include <sys/eventfd.h>
 #include <sys/ioctl.h>
 #include <sys/socket.h>
@@ -386,11 +387,17 @@ void SocketCanBus::RequestRestart(std::int64_t now_ns) noexcept {
 }
 
 void SocketCanBus::DiscardInFlight() noexcept {
-  if (restarter_ == nullptr) return;
-  ReceivedFrame ignored;
-  while (Receive(ignored) == Status::kOk) {  // What has been confirmed needs no discarding.
-  }
-  if (in_flight_count_ > 0 && RestartCanLink(interface_) == 0) ForgetInFlight();
+  // What is on its way is confirmed soon, and needs no discarding.
+  const std::int64_t until_ns = Now(CLOCK_MONOTONIC) + config_.confirm_timeout_ns;
+  do {
+    ReceivedFrame ignored;
+    while (Receive(ignored) == Status::kOk) {
+    }
+    if (in_flight_count_ == 0) return;
+    pollfd wait{socket_, POLLIN, 0};
+    poll(&wait, 1, 1);
+  } while (Now(CLOCK_MONOTONIC) < until_ns);
+  if (restarter_ != nullptr && RestartCanLink(interface_) == 0) ForgetInFlight();
 }
 
 Status SocketCanBus::CheckStall(std::int64_t now_ns) noexcept {

@@ -110,7 +110,8 @@ class SocketCanBus final : public CanBus {
   Status SendAll(std::span<const CanFrame> frames, std::size_t& sent) noexcept override;
   Status Receive(ReceivedFrame& received) noexcept override;
 
-  /// Discards what is in flight, if that is permitted. May block: for the end of a loop.
+  /// Waits for confirmations for up to `confirm_timeout_ns`, and then discards what is in flight,
+  /// if that is permitted. For the end of a loop: it blocks, and what was received is lost.
   void DiscardInFlight() noexcept;
 
   [[nodiscard]] int last_errno() const noexcept {

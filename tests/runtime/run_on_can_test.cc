@@ -22,6 +22,7 @@
 #include "tests/support/frame_checker.h"
 #include "tests/support/primitive_file.h"
 #include "tests/support/program.h"
+#include "tests/support/steady_time.h"
 
 namespace tumbler {
 namespace {
@@ -76,13 +77,18 @@ class RunOnCan : public ::testing::Test {
       rules_.limits.push_back(file.primitive.joints[i].limits);
       start_rad_.push_back(file.primitive.joints[i].position.control_points()[0]);
     }
-    WriteDrives(1'000'000);
     rules_.silence_s = kWatchdog_s;
   }
   ~RunOnCan() override {
+    Reset();
+    std::filesystem::remove_all(directory_);
+  }
+  /// Ends what an earlier attempt left running.
+  void Reset() {
     candump_.reset();
     drives_.reset();
-    std::filesystem::remove_all(directory_);
+    std::filesystem::remove(Path("candump"));
+    WriteDrives(1'000'000);
   }
 
   [[nodiscard]] std::string Path(const std::string& name) const {
@@ -164,236 +170,266 @@ class RunOnCan : public ::testing::Test {
 };
 
 TEST_F(RunOnCan, ADryRunSendsNothingAndAnArmedRunSendsTheFramesThatItPrinted) {
-  const VirtualCan can;
-  StartDrives(can.name());
-  StartCandump(can.name());
-  Program dry({"/bin/sh", "-c",
-               TUMBLER_BINARY_DIR "/bin/tumbler-run " + can.name() + " " + Path("motion.toml") +
-                   " --drives " + Path("drives.toml") + " --hold-s 0.2 2>/dev/null"});
-  EXPECT_EQ(dry.Wait(), 0);
-  EXPECT_EQ(ReadFile(Path("candump")), "");
+  testing::InSteadyTime([this] {
+    Reset();
+    const VirtualCan can;
+    StartDrives(can.name());
+    StartCandump(can.name());
+    Program dry({"/bin/sh", "-c",
+                 TUMBLER_BINARY_DIR "/bin/tumbler-run " + can.name() + " " + Path("motion.toml") +
+                     " --drives " + Path("drives.toml") + " --hold-s 0.2 2>/dev/null"});
+    EXPECT_EQ(dry.Wait(), 0);
+    EXPECT_EQ(ReadFile(Path("candump")), "");
 
-  const std::unique_ptr<Program> run = StartArmed(can.name());
-  ASSERT_EQ(run->Wait(), 0) << run->text();
-  EXPECT_THAT(run->text(), HasSubstr("completed: random on " + can.name()));
-  const FrameReport report = Judge();
-  ExpectKept(report);
-  EXPECT_NEAR(report.rate_hz, kRate_hz, 0.1 * kRate_hz);
-  EXPECT_GT(report.joints[0].driving, 40) << "1.6 s of motion and its way there";
-  for (const FrameReport::Joint& joint : report.joints) {
-    EXPECT_EQ(joint.starts, 1);
-    EXPECT_NEAR(joint.replies, joint.commands, 2) << "every command is answered";
-  }
-
-  // The motion itself does not depend on where the joints were: its frames are the printed ones,
-  // but for what a late tick leaves out.
-  std::vector<CanFrame> expected;
-  const std::vector<LoggedFrame> dry_log = ParseCandumpLog(dry.text());
-  const FrameReport dry_report = CheckFrames(dry_log, rules_);
-  EXPECT_EQ(dry_report.joints[0].replies, 0);
-  EXPECT_NEAR(dry_report.rate_hz, kRate_hz, 0.01);
-  for (const LoggedFrame& logged : dry_log) {
-    MitCommand command;
-    const MitConfig& mit = rules_.drives.drives[0].mit;
-    if (DecodeMitCommand(mit, logged.frame, command) == Status::kOk && command.kp_nm_per_rad > 0 &&
-        (expected.empty() || !(expected.back() == logged.frame))) {
-      expected.push_back(logged.frame);
+    const std::unique_ptr<Program> run = StartArmed(can.name());
+    ASSERT_EQ(run->Wait(), 0) << run->text();
+    EXPECT_THAT(run->text(), HasSubstr("completed: random on " + can.name()));
+    const FrameReport report = Judge();
+    ExpectKept(report);
+    EXPECT_NEAR(report.rate_hz, kRate_hz, 0.1 * kRate_hz);
+    EXPECT_GT(report.joints[0].driving, 40) << "1.6 s of motion and its way there";
+    for (const FrameReport::Joint& joint : report.joints) {
+      EXPECT_EQ(joint.starts, 1);
+      EXPECT_NEAR(joint.replies, joint.commands, 2) << "every command is answered";
     }
-  }
-  ASSERT_GE(expected.size(), 35U);
-  const std::vector<LoggedFrame> log = Log();
-  auto from = log.begin();
-  int found = 0;
-  for (const CanFrame& frame : expected) {
-    const auto at = std::find_if(
-        from, log.end(), [&frame](const LoggedFrame& logged) { return logged.frame == frame; });
-    if (at == log.end()) continue;
-    from = at;
-    ++found;
-  }
-  EXPECT_GE(found, 0.9 * static_cast<double>(expected.size()));
+
+    // The motion itself does not depend on where the joints were: its frames are the printed ones,
+    // but for what a late tick leaves out.
+    std::vector<CanFrame> expected;
+    const std::vector<LoggedFrame> dry_log = ParseCandumpLog(dry.text());
+    const FrameReport dry_report = CheckFrames(dry_log, rules_);
+    EXPECT_EQ(dry_report.joints[0].replies, 0);
+    EXPECT_NEAR(dry_report.rate_hz, kRate_hz, 0.01);
+    for (const LoggedFrame& logged : dry_log) {
+      MitCommand command;
+      const MitConfig& mit = rules_.drives.drives[0].mit;
+      if (DecodeMitCommand(mit, logged.frame, command) == Status::kOk &&
+          command.kp_nm_per_rad > 0 && (expected.empty() || !(expected.back() == logged.frame))) {
+        expected.push_back(logged.frame);
+      }
+    }
+    ASSERT_GE(expected.size(), 35U);
+    const std::vector<LoggedFrame> log = Log();
+    auto from = log.begin();
+    int found = 0;
+    for (const CanFrame& frame : expected) {
+      const auto at = std::find_if(
+          from, log.end(), [&frame](const LoggedFrame& logged) { return logged.frame == frame; });
+      if (at == log.end()) continue;
+      from = at;
+      ++found;
+    }
+    EXPECT_GE(found, 0.9 * static_cast<double>(expected.size()));
+  });
 }
 
 TEST_F(RunOnCan, AnInterfaceThatGoesDownEndsTheRunAndNothingIsDrivenOnceItIsUp) {
-  const VirtualCan can;
-  StartDrives(can.name());
-  StartCandump(can.name());
-  const std::unique_ptr<Program> run = StartArmed(can.name());
-  AwaitMotion();
-  can.Down();
-  usleep(400'000);
-  can.Up();  // while tumbler-run still says torque off
-  EXPECT_EQ(run->Wait(), kFault);
-  EXPECT_THAT(run->text(), HasSubstr("link lost: link down"));
-  const FrameReport report = Judge();
-  ExpectKept(report);
-  EXPECT_GT(report.longest_silence_s, 0.3);
-  EXPECT_GT(report.last_command_s, report.last_driving_s + 0.3) << "torque off was sent again";
+  testing::InSteadyTime([this] {
+    Reset();
+    const VirtualCan can;
+    StartDrives(can.name());
+    StartCandump(can.name());
+    const std::unique_ptr<Program> run = StartArmed(can.name());
+    AwaitMotion();
+    can.Down();
+    usleep(400'000);
+    can.Up();  // while tumbler-run still says torque off
+    EXPECT_EQ(run->Wait(), kFault);
+    EXPECT_THAT(run->text(), HasSubstr("link lost: link down"));
+    const FrameReport report = Judge();
+    ExpectKept(report);
+    EXPECT_GT(report.longest_silence_s, 0.3);
+    EXPECT_GT(report.last_command_s, report.last_driving_s + 0.3) << "torque off was sent again";
+  });
 }
 
 TEST_F(RunOnCan, AnInterfaceThatIsRemovedEndsTheRun) {
-  const VirtualCan can;
-  StartDrives(can.name());
-  StartCandump(can.name());
-  const std::unique_ptr<Program> run = StartArmed(can.name());
-  AwaitMotion();
-  const FrameReport before = Judge();
-  can.Delete();
-  EXPECT_EQ(run->Wait(), kFault);
-  EXPECT_THAT(run->text(), HasSubstr("link lost: link down"));
-  ExpectKept(Judge());
-  EXPECT_LE(Judge().joints[0].commands, before.joints[0].commands + 5);
-  // A new one under the same name is served by the drives, and can be driven.
-  can.Create();
-  ASSERT_TRUE(drives_->WaitFor("is back"));
-  StartCandump(can.name());
-  const std::unique_ptr<Program> again = StartArmed(can.name());
-  EXPECT_EQ(again->Wait(), 0) << again->text();
-  ExpectKept(Judge());
+  testing::InSteadyTime([this] {
+    Reset();
+    const VirtualCan can;
+    StartDrives(can.name());
+    StartCandump(can.name());
+    const std::unique_ptr<Program> run = StartArmed(can.name());
+    AwaitMotion();
+    const FrameReport before = Judge();
+    can.Delete();
+    EXPECT_EQ(run->Wait(), kFault);
+    EXPECT_THAT(run->text(), HasSubstr("link lost: link down"));
+    ExpectKept(Judge());
+    EXPECT_LE(Judge().joints[0].commands, before.joints[0].commands + 5);
+    // A new one under the same name is served by the drives, and can be driven.
+    can.Create();
+    ASSERT_TRUE(drives_->WaitFor("is back"));
+    StartCandump(can.name());
+    const std::unique_ptr<Program> again = StartArmed(can.name());
+    EXPECT_EQ(again->Wait(), 0) << again->text();
+    ExpectKept(Judge());
+  });
 }
 
 TEST_F(RunOnCan, ABusThatTakesNoFramesEndsTheRunAndNothingThatWaitedGoesOutLater) {
-  VirtualCan can;
-  can.Throttle(1'000'000);
-  StartDrives(can.name());
-  StartCandump(can.name());
-  const std::unique_ptr<Program> run = StartArmed(can.name());
-  AwaitMotion();
-  can.Throttle(200);  // fewer than two frames a second
-  EXPECT_EQ(run->Wait(), kFault);
-  // The stall is the fault; that the interface is restarted to discard what waits may be seen with
-  // it.
-  EXPECT_THAT(run->text(), HasSubstr("transmit queue full: would block"));
-  const std::size_t before = Log().size();
-  can.Throttle(1'000'000);
-  usleep(500'000);
-  const std::vector<LoggedFrame> log = Log();
-  for (std::size_t i = before; i < log.size(); ++i) {
-    MitCommand command;
-    for (const DriveEntry& entry : rules_.drives.drives) {
-      EXPECT_NE(DecodeMitCommand(entry.mit, log[i].frame, command), Status::kOk)
-          << "a setpoint, " << log.size() - i << " frames before the end";
+  testing::InSteadyTime([this] {
+    Reset();
+    VirtualCan can;
+    can.Throttle(1'000'000);
+    StartDrives(can.name());
+    StartCandump(can.name());
+    const std::unique_ptr<Program> run = StartArmed(can.name());
+    AwaitMotion();
+    can.Throttle(200);  // fewer than two frames a second
+    EXPECT_EQ(run->Wait(), kFault);
+    // The stall is the fault; that the interface is restarted to discard what waits may be seen
+    // with it.
+    EXPECT_THAT(run->text(), HasSubstr("transmit queue full: would block"));
+    const std::size_t before = Log().size();
+    can.Throttle(1'000'000);
+    usleep(500'000);
+    const std::vector<LoggedFrame> log = Log();
+    for (std::size_t i = before; i < log.size(); ++i) {
+      MitCommand command;
+      for (const DriveEntry& entry : rules_.drives.drives) {
+        EXPECT_NE(DecodeMitCommand(entry.mit, log[i].frame, command), Status::kOk)
+            << "a setpoint, " << log.size() - i << " frames before the end";
+      }
     }
-  }
-  ExpectKept(Judge());
+    ExpectKept(Judge());
+  });
 }
 
 TEST_F(RunOnCan, BusOffEndsTheRunAndNothingIsDrivenAfterRecovery) {
-  SerialCan can;
-  const VirtualCan bench;
-  WriteDrives(500'000);
-  // The drives' bus and the adapter's are one, as if wired together.
-  Shell("cangw -A -s " + can.name() + " -d " + bench.name() + " -e && cangw -A -s " + bench.name() +
-        " -d " + can.name() + " -e");
-  StartDrives(bench.name());
-  StartCandump(can.name());
-  const std::unique_ptr<Program> run = StartArmed(can.name());
-  AwaitMotion();
-  EXPECT_THAT(can.heard(), HasSubstr("\rt0018")) << "the adapter is given the frames";
-  can.Say("sb000255\r");
-  EXPECT_EQ(run->Wait(), kFault);
-  EXPECT_THAT(run->text(), HasSubstr("link lost"));
-  EXPECT_THAT(run->text(), HasSubstr("1 times bus-off"));
-  const std::size_t before = Log().size();
-  can.Down();
-  can.Up();
-  usleep(300'000);
-  EXPECT_EQ(Log().size(), before) << "nothing waited";
-  ExpectKept(Judge());
-  const std::unique_ptr<Program> again = StartArmed(can.name());
-  EXPECT_EQ(again->Wait(), 0) << again->text();
-  ExpectKept(Judge());
-  Shell("cangw -F");
+  testing::InSteadyTime([this] {
+    Reset();
+    SerialCan can;
+    const VirtualCan bench;
+    WriteDrives(500'000);
+    // The drives' bus and the adapter's are one, as if wired together.
+    Shell("cangw -A -s " + can.name() + " -d " + bench.name() + " -e && cangw -A -s " +
+          bench.name() + " -d " + can.name() + " -e");
+    StartDrives(bench.name());
+    StartCandump(can.name());
+    const std::unique_ptr<Program> run = StartArmed(can.name());
+    AwaitMotion();
+    EXPECT_THAT(can.heard(), HasSubstr("\rt0018")) << "the adapter is given the frames";
+    can.Say("sb000255\r");
+    EXPECT_EQ(run->Wait(), kFault);
+    EXPECT_THAT(run->text(), HasSubstr("link lost"));
+    EXPECT_THAT(run->text(), HasSubstr("1 times bus-off"));
+    const std::size_t before = Log().size();
+    can.Down();
+    can.Up();
+    usleep(300'000);
+    EXPECT_EQ(Log().size(), before) << "nothing waited";
+    ExpectKept(Judge());
+    const std::unique_ptr<Program> again = StartArmed(can.name());
+    EXPECT_EQ(again->Wait(), 0) << again->text();
+    ExpectKept(Judge());
+    Shell("cangw -F");
+  });
 }
 
 TEST_F(RunOnCan, AnInterfaceAtAnotherBitRateIsRefused) {
-  SerialCan can;
-  for (const char* mode : {"--speed=1", "--arm"}) {
-    const std::unique_ptr<Program> run = Start(can.name(), {mode, "--without-realtime"});
-    EXPECT_EQ(run->Wait(), 2);
-    EXPECT_THAT(run->text(), HasSubstr("runs at 500000 bit/s, but"));
-    EXPECT_THAT(run->text(), HasSubstr("says 1000000"));
-  }
+  testing::InSteadyTime([this] {
+    Reset();
+    SerialCan can;
+    for (const char* mode : {"--speed=1", "--arm"}) {
+      const std::unique_ptr<Program> run = Start(can.name(), {mode, "--without-realtime"});
+      EXPECT_EQ(run->Wait(), 2);
+      EXPECT_THAT(run->text(), HasSubstr("runs at 500000 bit/s, but"));
+      EXPECT_THAT(run->text(), HasSubstr("says 1000000"));
+    }
+  });
 }
 
 TEST_F(RunOnCan, WhenItIsKilledTheDrivesWatchdogsTakeOverAndARestartDoesNotJump) {
-  const VirtualCan can;
-  StartDrives(can.name());
-  StartCandump(can.name());
-  const std::unique_ptr<Program> run = StartArmed(can.name());
-  AwaitMotion();
-  run->Signal(SIGKILL);
-  EXPECT_EQ(run->Wait(), 1000 + SIGKILL);
-  for (const std::string joint : {"joint1", "joint2"}) {
-    const std::string event = joint + ": watchdog expired ";
-    ASSERT_TRUE(drives_->WaitFor(event));
-    ASSERT_TRUE(drives_->WaitFor(" after the last setpoint"));
-    const int after_ms =
-        std::stoi(drives_->text().substr(drives_->text().find(event) + event.size()));
-    EXPECT_GE(after_ms, 200);
-    EXPECT_LE(after_ms, 210);
-  }
-  const FrameReport killed = Judge();
-  ExpectKept(killed);
-  usleep(300'000);
-  EXPECT_EQ(Judge().joints[0].commands, killed.joints[0].commands) << "nothing comes late";
+  testing::InSteadyTime([this] {
+    Reset();
+    const VirtualCan can;
+    StartDrives(can.name());
+    StartCandump(can.name());
+    const std::unique_ptr<Program> run = StartArmed(can.name());
+    AwaitMotion();
+    run->Signal(SIGKILL);
+    EXPECT_EQ(run->Wait(), 1000 + SIGKILL);
+    for (const std::string joint : {"joint1", "joint2"}) {
+      const std::string event = joint + ": watchdog expired ";
+      ASSERT_TRUE(drives_->WaitFor(event));
+      ASSERT_TRUE(drives_->WaitFor(" after the last setpoint"));
+      const int after_ms =
+          std::stoi(drives_->text().substr(drives_->text().find(event) + event.size()));
+      EXPECT_GE(after_ms, 200);
+      EXPECT_LE(after_ms, 210);
+    }
+    const FrameReport killed = Judge();
+    ExpectKept(killed);
+    usleep(300'000);
+    EXPECT_EQ(Judge().joints[0].commands, killed.joints[0].commands) << "nothing comes late";
 
-  const std::unique_ptr<Program> again = StartArmed(can.name());
-  EXPECT_EQ(again->Wait(), 0) << again->text();
-  const FrameReport report = Judge();
-  ExpectKept(report);  // the first setpoint is where the drive is, among the rest
-  EXPECT_GT(report.longest_silence_s, 0.4);
-  for (std::size_t i = 0; i < 2; ++i) {
-    EXPECT_EQ(report.joints[i].starts, 2);
-    EXPECT_LE(report.joints[i].start_jump_rad, 0.01);
-  }
+    const std::unique_ptr<Program> again = StartArmed(can.name());
+    EXPECT_EQ(again->Wait(), 0) << again->text();
+    const FrameReport report = Judge();
+    ExpectKept(report);  // the first setpoint is where the drive is, among the rest
+    EXPECT_GT(report.longest_silence_s, 0.4);
+    for (std::size_t i = 0; i < 2; ++i) {
+      EXPECT_EQ(report.joints[i].starts, 2);
+      EXPECT_LE(report.joints[i].start_jump_rad, 0.01);
+    }
+  });
 }
 
 TEST_F(RunOnCan, AProgramThatWasStoppedForAWhileDoesNotGoOnWithItsMotion) {
-  const VirtualCan can;
-  StartDrives(can.name());
-  StartCandump(can.name());
-  const std::unique_ptr<Program> run = StartArmed(can.name());
-  AwaitMotion();
-  run->Signal(SIGSTOP);
-  usleep(500'000);
-  run->Signal(SIGCONT);
-  EXPECT_EQ(run->Wait(), kFault);
-  EXPECT_THAT(run->text(), HasSubstr("late tick"));
-  EXPECT_THAT(run->text(), HasSubstr("(running); reaction: damp"));
-  const FrameReport report = Judge();
-  ExpectKept(report);
-  EXPECT_GT(report.last_command_s, report.last_driving_s + 0.5) << "it was damped, then let go";
+  testing::InSteadyTime([this] {
+    Reset();
+    const VirtualCan can;
+    StartDrives(can.name());
+    StartCandump(can.name());
+    const std::unique_ptr<Program> run = StartArmed(can.name());
+    AwaitMotion();
+    run->Signal(SIGSTOP);
+    usleep(500'000);
+    run->Signal(SIGCONT);
+    EXPECT_EQ(run->Wait(), kFault);
+    EXPECT_THAT(run->text(), HasSubstr("late tick"));
+    EXPECT_THAT(run->text(), HasSubstr("(running); reaction: damp"));
+    const FrameReport report = Judge();
+    ExpectKept(report);
+    EXPECT_GT(report.last_command_s, report.last_driving_s + 0.5) << "it was damped, then let go";
+  });
 }
 
 TEST_F(RunOnCan, DrivesThatFallSilentEndTheRunInDamping) {
-  const VirtualCan can;
-  StartDrives(can.name());
-  StartCandump(can.name());
-  const std::unique_ptr<Program> run = StartArmed(can.name());
-  AwaitMotion();
-  drives_->Signal(SIGKILL);
-  EXPECT_EQ(run->Wait(), kFault);
-  EXPECT_THAT(run->text(), HasSubstr("stale reply"));
-  EXPECT_THAT(run->text(), HasSubstr("(running); reaction: damp"));
-  const FrameReport report = Judge();
-  ExpectKept(report);
-  EXPECT_GT(report.last_command_s, report.last_driving_s + 0.3);
+  testing::InSteadyTime([this] {
+    Reset();
+    const VirtualCan can;
+    StartDrives(can.name());
+    StartCandump(can.name());
+    const std::unique_ptr<Program> run = StartArmed(can.name());
+    AwaitMotion();
+    drives_->Signal(SIGKILL);
+    EXPECT_EQ(run->Wait(), kFault);
+    EXPECT_THAT(run->text(), HasSubstr("stale reply"));
+    EXPECT_THAT(run->text(), HasSubstr("(running); reaction: damp"));
+    const FrameReport report = Judge();
+    ExpectKept(report);
+    EXPECT_GT(report.last_command_s, report.last_driving_s + 0.3);
+  });
 }
 
 TEST_F(RunOnCan, AnInterruptBrakesHoldsAndLetsGo) {
-  const VirtualCan can;
-  StartDrives(can.name());
-  StartCandump(can.name());
-  const std::unique_ptr<Program> run = StartArmed(can.name());
-  AwaitMotion();
-  run->Signal(SIGINT);
-  EXPECT_EQ(run->Wait(), kStopped) << run->text();
-  const FrameReport report = Judge();
-  ExpectKept(report);
-  const double end_s = report.last_command_s;
-  EXPECT_GT(end_s, report.last_driving_s + 0.1);
-  ASSERT_TRUE(drives_->WaitFor("joint2: disabled"));
+  testing::InSteadyTime([this] {
+    Reset();
+    const VirtualCan can;
+    StartDrives(can.name());
+    StartCandump(can.name());
+    const std::unique_ptr<Program> run = StartArmed(can.name());
+    AwaitMotion();
+    run->Signal(SIGINT);
+    EXPECT_EQ(run->Wait(), kStopped) << run->text();
+    const FrameReport report = Judge();
+    ExpectKept(report);
+    const double end_s = report.last_command_s;
+    EXPECT_GT(end_s, report.last_driving_s + 0.1);
+    ASSERT_TRUE(drives_->WaitFor("joint2: disabled"));
+  });
 }
 
 }  // namespace
