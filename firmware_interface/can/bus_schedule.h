@@ -44,7 +44,7 @@ struct BusSchedule {
   }
   [[nodiscard]] bool feasible() const noexcept { return rate_hz <= ceiling_hz(); }
 
-  /// The arithmetic in one sentence, for people.
+  /// The arithmetic in two lines, for people.
   [[nodiscard]] std::string Describe() const;
 };
 

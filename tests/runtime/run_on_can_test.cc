@@ -236,6 +236,7 @@ TEST_F(RunOnCan, AnInterfaceThatGoesDownEndsTheRunAndNothingIsDrivenOnceItIsUp) 
     can.Up();  // while tumbler-run still says torque off
     EXPECT_EQ(run->Wait(), kFault);
     EXPECT_THAT(run->text(), HasSubstr("link lost: link down"));
+    EXPECT_THAT(run->text(), HasSubstr("(running); reaction: disable"));
     const FrameReport report = Judge();
     ExpectKept(report);
     EXPECT_GT(report.longest_silence_s, 0.3);
@@ -255,6 +256,7 @@ TEST_F(RunOnCan, AnInterfaceThatIsRemovedEndsTheRun) {
     can.Delete();
     EXPECT_EQ(run->Wait(), kFault);
     EXPECT_THAT(run->text(), HasSubstr("link lost: link down"));
+    EXPECT_THAT(run->text(), HasSubstr("(running); reaction: disable"));
     ExpectKept(Judge());
     EXPECT_LE(Judge().joints[0].commands, before.joints[0].commands + 5);
     // A new one under the same name is served by the drives, and can be driven.
@@ -281,6 +283,7 @@ TEST_F(RunOnCan, ABusThatTakesNoFramesEndsTheRunAndNothingThatWaitedGoesOutLater
     // The stall is the fault; that the interface is restarted to discard what waits may be seen
     // with it.
     EXPECT_THAT(run->text(), HasSubstr("transmit queue full: would block"));
+    EXPECT_THAT(run->text(), HasSubstr("(running); reaction: disable"));
     const std::size_t before = Log().size();
     can.Throttle(1'000'000);
     usleep(500'000);
@@ -313,6 +316,7 @@ TEST_F(RunOnCan, BusOffEndsTheRunAndNothingIsDrivenAfterRecovery) {
     can.Say("sb000255\r");
     EXPECT_EQ(run->Wait(), kFault);
     EXPECT_THAT(run->text(), HasSubstr("link lost"));
+    EXPECT_THAT(run->text(), HasSubstr("(running); reaction: disable"));
     EXPECT_THAT(run->text(), HasSubstr("1 times bus-off"));
     const std::size_t before = Log().size();
     can.Down();
