@@ -287,11 +287,12 @@ void Executor::DetectFaults(const TickInput& input, std::int64_t elapsed) noexce
     Latch(Fault::kLateTick, -1, static_cast<float>(elapsed - 1),
           static_cast<float>(config_.late_ticks_max));
   }
-  for (const Status status : {input.receive_status, input.send_status}) {
-    if (!IsLinkUp(status)) Latch(Fault::kLinkLost, -1, static_cast<float>(status), 0);
-  }
+  // Sending failed first, in the tick before; a link that was lost since may be its consequence.
   if (input.send_status == Status::kWouldBlock) {
     Latch(Fault::kTransmitQueueFull, -1, static_cast<float>(input.send_status), 0);
+  }
+  for (const Status status : {input.send_status, input.receive_status}) {
+    if (!IsLinkUp(status)) Latch(Fault::kLinkLost, -1, static_cast<float>(status), 0);
   }
   DetectJointFaults();
 }

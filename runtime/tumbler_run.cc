@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <csignal>
@@ -23,6 +24,8 @@
 
 #include "common/sequence_toml.h"
 #include "common/toml_reader.h"
+#include "firmware_interface/can/bus_schedule.h"
+#include "firmware_interface/can/frame_length.h"
 #include "firmware_interface/can/simulated_bus.h"
 #include "firmware_interface/can/socketcan_bus.h"
 #include "firmware_interface/drives/drives_toml.h"
@@ -171,20 +174,18 @@ void CheckRanges(const Sequence<float>& sequence, int node, const DrivesConfig& 
   }
 }
 
-/// Says the bits that a tick needs in the worst case, and refuses a rate that does not leave room
-/// for them.
+/// Says what a tick takes of the bus in the worst case, and refuses a rate that leaves no room.
 void CheckSchedule(const DrivesConfig& drives) {
-  const int bits = drives.WorstCaseTickBits();
-  const double ceiling_hz = static_cast<double>(drives.bit_rate) / bits;
-  fmt::print(stderr,
-             "bus schedule: {} setpoints and {} replies of 8 bytes: {} bits a tick at worst; at "
-             "{:.6g} Hz {:.1f} % of "
-             "{} bit/s (ceiling {:.0f} Hz)\n",
-             drives.drives.size(), drives.drives.size(), bits, drives.rate_hz,
-             100 * drives.WorstCaseLoad(), drives.bit_rate, ceiling_hz);
-  if (drives.WorstCaseLoad() > 1) {
-    throw Refused(fmt::format("{} bits a tick do not fit: lower rate_hz to at most {:.0f}", bits,
-                              ceiling_hz));
+  BusSchedule schedule;
+  schedule.bit_rate = drives.bit_rate;
+  schedule.rate_hz = drives.rate_hz;
+  schedule.tick_bits = drives.WorstCaseTickBits();
+  schedule.longest_frame_bits = WorstCaseFrameBits(CanIdKind::kStandard, 8);
+  fmt::print(stderr, "bus schedule: {} setpoints and {} replies of 8 bytes: {}\n",
+             drives.drives.size(), drives.drives.size(), schedule.Describe());
+  if (!schedule.feasible()) {
+    throw Refused(fmt::format("{} bits a tick do not fit: lower rate_hz to at most {:.0f}",
+                              schedule.tick_bits, std::floor(schedule.ceiling_hz())));
   }
 }
 
@@ -252,17 +253,43 @@ class World {
   virtual void Report(RunReport& report) = 0;
 };
 
+/// Opens an interface whose bit rate, where the kernel knows it, is that of the drives.
+void OpenInterface(SocketCanBus& bus, const Options& options, const DrivesConfig& drives,
+                   const SocketCanConfig& config) {
+  const SocketCanBus::OpenResult opened = bus.Open(options.bus, config);
+  if (opened.status != Status::kOk) throw std::runtime_error(opened.message);
+  if (bus.link().bit_rate != 0 && bus.link().bit_rate != drives.bit_rate) {
+    throw Refused(fmt::format("{} runs at {} bit/s, but {} says {}: correct one of them",
+                              options.bus, bus.link().bit_rate, options.drives, drives.bit_rate));
+  }
+}
+
 class RealWorld final : public World {
  public:
-  explicit RealWorld(const std::string& interface) {
-    const SocketCanBus::OpenResult opened = bus_.Open(interface);
-    if (opened.status != Status::kOk) throw std::runtime_error(opened.message);
+  RealWorld(const Options& options, const DrivesConfig& drives) {
+    SocketCanConfig config;
+    config.discard_stale_frames = true;
+    for (const DriveEntry& entry : drives.drives) {
+      config.send_ids.push_back(entry.mit.command_id);
+      config.receive_ids.push_back(entry.mit.reply_id);
+    }
+    config.in_flight_max =
+        std::clamp(4 * static_cast<int>(drives.drives.size()), 8, SocketCanConfig::kMaxInFlight);
+    OpenInterface(bus_, options, drives, config);
+    if (bus_.link().has_queue && !bus_.can_discard()) {
+      fmt::print(stderr,
+                 "warning: without CAP_NET_ADMIN, frames that wait when the bus fails cannot be "
+                 "discarded; they go out when it comes back\n");
+    }
   }
   CanBus& bus() override { return bus_; }
   Clock& clock() override { return clock_; }
   [[nodiscard]] bool real_time() const override { return true; }
   void Observe(const ControlLoop& /*loop*/) override {}
-  void Report(RunReport& /*report*/) override {}
+  void Report(RunReport& report) override {
+    bus_.DiscardInFlight();
+    report.interface = {bus_.statistics(), bus_.controller_state(), bus_.in_flight()};
+  }
 
  private:
   SocketCanBus bus_;
@@ -271,11 +298,10 @@ class RealWorld final : public World {
 
 class DryRunWorld final : public World {
  public:
-  DryRunWorld(const std::string& interface, const DrivesConfig& drives, const SequenceFile& file)
+  DryRunWorld(const Options& options, const DrivesConfig& drives, const SequenceFile& file)
       : clock_([](std::int64_t) {}) {
     SocketCanBus probe;  // A dry run on an interface that is not there would say nothing about it.
-    const SocketCanBus::OpenResult opened = probe.Open(interface);
-    if (opened.status != Status::kOk) throw std::runtime_error(opened.message);
+    OpenInterface(probe, options, drives, {});
     std::vector<DryRunBus::Node> nodes;
     for (std::size_t i = 0; i < drives.drives.size(); ++i) {
       const int start = file.graph.start;
@@ -283,7 +309,7 @@ class DryRunWorld final : public World {
       const JointMotion<double>& motion = file.PrimitiveOf(start).primitive.joints[role];
       nodes.push_back({drives.drives[i].mit, motion.position.control_points()[0]});
     }
-    bus_ = std::make_unique<DryRunBus>(interface, nodes, clock_, stdout);
+    bus_ = std::make_unique<DryRunBus>(options.bus, nodes, clock_, stdout);
   }
   CanBus& bus() override { return *bus_; }
   Clock& clock() override { return clock_; }
@@ -387,8 +413,8 @@ std::unique_ptr<World> MakeWorld(const Options& options, const SequenceFile& fil
         "this build has no simulation (TUMBLER_BUILD_OFFLINE is OFF); name a CAN interface");
 #endif
   }
-  if (options.dry_run()) return std::make_unique<DryRunWorld>(options.bus, drives, file);
-  return std::make_unique<RealWorld>(options.bus);
+  if (options.dry_run()) return std::make_unique<DryRunWorld>(options, drives, file);
+  return std::make_unique<RealWorld>(options, drives);
 }
 
 void WriteJson(const RunReport& report, const std::string& path) {

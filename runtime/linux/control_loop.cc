@@ -42,18 +42,14 @@ bool ControlLoop::Step() noexcept {
       {tick, {received_.data(), count}, receive_status, send_status_, command, wish.branch},
       output_);
 
-  send_status_ = Status::kOk;
+  std::size_t frame_count = 0;
   for (const FrameBatch& batch : output_.frames) {
-    for (const CanFrame& frame : batch.frames()) {
-      const Status status = parts_.bus.Send(frame);
-      if (status == Status::kOk) {
-        ++statistics_.frames_sent;
-        continue;
-      }
-      ++statistics_.send_failures;
-      if (send_status_ == Status::kOk) send_status_ = status;
-    }
+    for (const CanFrame& frame : batch.frames()) to_send_[frame_count++] = frame;
   }
+  std::size_t sent = 0;
+  send_status_ = parts_.bus.SendAll({to_send_.data(), frame_count}, sent);
+  statistics_.frames_sent += static_cast<std::int64_t>(sent);
+  statistics_.send_failures += static_cast<std::int64_t>(frame_count - sent);
   statistics_.tick.Add(parts_.clock.now_ns() - awake_ns);
   Count();
   if (parts_.telemetry != nullptr) parts_.telemetry->Push({time_ns_, output_.record});

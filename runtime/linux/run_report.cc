@@ -92,6 +92,22 @@ std::string ToText(const RunReport& report) {
       s.frames_sent, s.frames_received, s.send_failures, report.worst_case_tick_bits,
       100 * report.worst_case_load);
   if (report.measured_load) text += fmt::format("; measured {:.1f} %", 100 * *report.measured_load);
+  if (report.interface) {
+    const SocketCanStatistics& i = report.interface->statistics;
+    text += fmt::format(
+        "\n  interface: {} frames confirmed, the slowest after {:.0f} us, {} discarded, {} stalls; "
+        "{} received frames lost, {} commands of others; {}, {} error frames, {} unacknowledged, "
+        "{} times bus-off",
+        i.confirmed, Microseconds(i.confirm_time_max_ns), i.discarded, i.stalls, i.dropped,
+        i.foreign_commands, ToString(report.interface->controller), i.error_frames,
+        i.unacknowledged, i.bus_offs);
+    if (report.interface->in_flight > 0) {
+      text += fmt::format(
+          "\n  WARNING: {} frames wait for the bus to come back; discard them before the motors "
+          "have power: ip link set {} down; ip link set {} up",
+          report.interface->in_flight, report.bus, report.bus);
+    }
+  }
   text += fmt::format("\n  telemetry: {} records lost, {} messages not published\n",
                       report.lost_records, report.unpublished_messages);
   for (const std::string& file : report.files) text += fmt::format("  wrote {}\n", file);
@@ -154,6 +170,20 @@ std::string ToJson(const RunReport& report) {
   json["worst_case_bits_per_tick"] = report.worst_case_tick_bits;
   json["worst_case_bus_load"] = report.worst_case_load;
   json["measured_bus_load"] = maybe(report.measured_load);
+  if (report.interface) {
+    const SocketCanStatistics& i = report.interface->statistics;
+    json["interface"] = {{"frames_confirmed", i.confirmed},
+                         {"confirm_max_us", Microseconds(i.confirm_time_max_ns)},
+                         {"frames_discarded", i.discarded},
+                         {"frames_in_flight", report.interface->in_flight},
+                         {"stalls", i.stalls},
+                         {"received_frames_lost", i.dropped},
+                         {"commands_of_others", i.foreign_commands},
+                         {"controller_state", ToString(report.interface->controller)},
+                         {"error_frames", i.error_frames},
+                         {"unacknowledged", i.unacknowledged},
+                         {"bus_offs", i.bus_offs}};
+  }
   json["lost_records"] = report.lost_records;
   json["unpublished_messages"] = report.unpublished_messages;
   json["files"] = report.files;

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "firmware_interface/can/socketcan_bus.h"
 #include "runtime/linux/control_loop.h"
 #include "runtime/linux/realtime_thread.h"
 
@@ -26,6 +27,13 @@ struct PassageReport {
   [[nodiscard]] std::optional<bool> standing() const;
 };
 
+/// What became of the frames on a SocketCAN interface.
+struct InterfaceReport {
+  SocketCanStatistics statistics;
+  CanControllerState controller = CanControllerState::kErrorActive;
+  int in_flight = 0;  ///< Neither confirmed nor discarded: they go out when the bus comes back.
+};
+
 /// Everything that is said about a run when it is over.
 struct RunReport {
   std::string bus;
@@ -39,10 +47,11 @@ struct RunReport {
   std::vector<std::string> joints;
   LoopStatistics statistics;
   int worst_case_tick_bits = 0;
-  double worst_case_load = 0;           ///< 0 ... 1
-  std::optional<double> measured_load;  ///< 0 ... 1; known of the simulated bus only.
-  std::vector<PassageReport> passages;  ///< Of a simulated robot; empty otherwise.
-  int cycles = 0;                       ///< Of a sequence, complete.
+  double worst_case_load = 0;                ///< 0 ... 1
+  std::optional<double> measured_load;       ///< 0 ... 1; known of the simulated bus only.
+  std::optional<InterfaceReport> interface;  ///< Of an armed run on an interface.
+  std::vector<PassageReport> passages;       ///< Of a simulated robot; empty otherwise.
+  int cycles = 0;                            ///< Of a sequence, complete.
   std::optional<RealtimeReport> realtime;
   std::int64_t lost_records = 0;
   std::int64_t unpublished_messages = 0;

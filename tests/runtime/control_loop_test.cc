@@ -20,7 +20,7 @@
 #include "runtime/linux/dry_run_bus.h"
 #include "runtime/linux/run_report.h"
 #include "tests/support/motions.h"
-#include "tests/support/rotor_plant.h"
+#include "firmware_interface/drives/rotor_plant.h"
 
 namespace tumbler {
 namespace {
@@ -48,7 +48,7 @@ class Bench {
     testing::MotionShape shape;
     shape.settle_s = 0.1;
     primitive = testing::RandomPrimitive<float>(shape, random);
-    std::vector<testing::RotorPlant::Rotor> rotors;
+    std::vector<RotorPlant::Rotor> rotors;
     std::vector<Drive*> pointers;
     for (std::size_t i = 0; i < 2; ++i) {
       SimulatedDriveConfig config;
@@ -58,7 +58,7 @@ class Bench {
       bus.Attach(*simulated.back(), SimulatedDrive::PortConfig());
       drives.push_back(std::make_unique<MitDrive>(config.mit));
       pointers.push_back(drives.back().get());
-      testing::RotorPlant::Rotor rotor;
+      RotorPlant::Rotor rotor;
       rotor.drive = simulated.back().get();
       rotor.position_rad = primitive.joints[i].position.control_points()[0] + 0.05F;
       rotors.push_back(rotor);
@@ -69,7 +69,7 @@ class Bench {
                                                   torques),
                 Status::kOk);
     }
-    plant = std::make_unique<testing::RotorPlant>(bus, rotors);
+    plant = std::make_unique<RotorPlant>(bus, rotors);
     EXPECT_EQ(executor.Configure({}, primitive, pointers), Status::kOk);
     RunSequenceConfig config;
     config.hold_ticks = 300;
@@ -93,7 +93,7 @@ class Bench {
   SimulatedPort& host = bus.Attach();
   std::vector<std::unique_ptr<SimulatedDrive>> simulated;
   std::vector<std::unique_ptr<MitDrive>> drives;
-  std::unique_ptr<testing::RotorPlant> plant;
+  std::unique_ptr<RotorPlant> plant;
   Primitive<float> primitive;
   Executor executor;
   OperatorMailbox mailbox;
