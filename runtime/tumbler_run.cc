@@ -1,4 +1,4 @@
-// tumbler-run: plays a primitive on motors, or on a simulated robot.
+// tumbler-run: plays a primitive, or a sequence of them, on motors or on a simulated robot.
 
 #include <fmt/format.h>
 
@@ -14,12 +14,15 @@
 #include <iostream>
 #include <memory>
 #include <optional>
+#include <set>
+#include <span>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
-#include "common/primitive_toml.h"
+#include "common/sequence_toml.h"
 #include "common/toml_reader.h"
 #include "firmware_interface/can/bus_schedule.h"
 #include "firmware_interface/can/frame_length.h"
@@ -53,8 +56,9 @@ constexpr const char* kFooter =
 On an interface nothing is sent without --arm: the frames of an imagined run are printed instead, in the format of
 `candump -l`.
 
-Sequence: load, check, arm, move to the start, run, settle, hold, stop, disarm.
-First Ctrl-C: brake within the limits, hold for a moment, disarm. Second Ctrl-C: torque off at once.
+In order: load, check, arm, move to the start, run, settle, hold, stop, disarm.
+Ctrl-C: go on to the next safe node, hold for a moment, disarm. A second one: brake at once within the limits, hold,
+disarm. A third one: torque off.
 
 Exit codes:
   0    the motion was completed
@@ -66,13 +70,15 @@ Exit codes:
 
 struct Options {
   std::string bus;
-  std::string primitive;
+  std::string motion;
   std::string drives;
   bool arm = false;
   bool realtime = false;
   bool without_realtime = false;
   double speed = 1;
   double hold_s = 2;
+  int cycles = 0;
+  std::string branch;
   std::string log;
   std::string lcm_url;
   std::string json;
@@ -96,7 +102,9 @@ OperatorMailbox& SignalMailbox() {
 void OnInterrupt(int /*signal*/) {
   static volatile std::sig_atomic_t count = 0;
   count = count + 1;
-  SignalMailbox().Put(count == 1 ? OperatorCommand::kStop : OperatorCommand::kDisarm);
+  SignalMailbox().Put(count == 1   ? OperatorCommand::kFinish
+                      : count == 2 ? OperatorCommand::kStop
+                                   : OperatorCommand::kDisarm);
 }
 
 void CatchInterrupts() {
@@ -130,18 +138,19 @@ DrivesConfig DrivesFor(const Options& options, const Primitive<double>& primitiv
     }
     if (found == nullptr) {
       throw Refused(fmt::format("{}: has no drive for joint '{}' of {}", options.drives, joint,
-                                options.primitive));
+                                options.motion));
     }
     chosen.drives.push_back(*found);
   }
   return chosen;
 }
 
-/// Checks that the motion fits what the drives can be told, joint by joint.
-void CheckRanges(const Primitive<float>& primitive, const DrivesConfig& drives) {
+/// Checks that a node's motion fits what the drives can be told, joint by joint.
+void CheckRanges(const Sequence<float>& sequence, int node, const DrivesConfig& drives) {
   for (std::size_t i = 0; i < drives.drives.size(); ++i) {
     const DriveEntry& entry = drives.drives[i];
-    const JointLimits<float>& limits = primitive.joints[i].limits;
+    const auto role = static_cast<std::size_t>(sequence.graph.RoleOf(node, static_cast<int>(i)));
+    const JointLimits<float>& limits = sequence.PrimitiveOf(node).joints[role].limits;
     const JointMap& map = entry.mit.joint;
     const auto check = [&entry](const char* what, const char* unit, float value,
                                 const MitRange& range) {
@@ -180,8 +189,25 @@ void CheckSchedule(const DrivesConfig& drives) {
   }
 }
 
-ExecutorConfig MakeExecutorConfig(const Options& options, const DrivesConfig& drives) {
+/// The number of the branch that is asked for; -1 without one.
+int BranchNumber(const Options& options, const SequenceGraph<float>& graph) {
+  if (options.branch.empty()) return -1;
+  const int number = graph.FindBranch(options.branch);
+  if (number >= 0) return number;
+  std::set<std::string_view> names;
+  for (const auto& edge : graph.edges()) {
+    if (edge.condition == EdgeCondition::kBranch) names.insert(edge.branch.view());
+  }
+  throw std::runtime_error(fmt::format(
+      "--branch: {} has no branch '{}'; its branches: {}", options.motion, options.branch,
+      names.empty() ? "none" : fmt::format("{}", fmt::join(names, ", "))));
+}
+
+ExecutorConfig MakeExecutorConfig(const Options& options, const DrivesConfig& drives,
+                                  const SequenceGraph<float>& graph) {
   ExecutorConfig config;
+  config.cycles = options.cycles;
+  config.branch = BranchNumber(options, graph);
   config.period_s = static_cast<float>(1 / drives.rate_hz);
   config.speed = static_cast<float>(options.speed);
   const auto ticks = [&drives](double time_s) {
@@ -272,14 +298,16 @@ class RealWorld final : public World {
 
 class DryRunWorld final : public World {
  public:
-  DryRunWorld(const Options& options, const DrivesConfig& drives,
-              const Primitive<double>& primitive)
+  DryRunWorld(const Options& options, const DrivesConfig& drives, const SequenceFile& file)
       : clock_([](std::int64_t) {}) {
     SocketCanBus probe;  // A dry run on an interface that is not there would say nothing about it.
     OpenInterface(probe, options, drives, {});
     std::vector<DryRunBus::Node> nodes;
     for (std::size_t i = 0; i < drives.drives.size(); ++i) {
-      nodes.push_back({drives.drives[i].mit, primitive.joints[i].position.control_points()[0]});
+      const int start = file.graph.start;
+      const auto role = static_cast<std::size_t>(file.graph.RoleOf(start, static_cast<int>(i)));
+      const JointMotion<double>& motion = file.PrimitiveOf(start).primitive.joints[role];
+      nodes.push_back({drives.drives[i].mit, motion.position.control_points()[0]});
     }
     bus_ = std::make_unique<DryRunBus>(options.bus, nodes, clock_, stdout);
   }
@@ -297,23 +325,28 @@ class DryRunWorld final : public World {
 #ifdef TUMBLER_HAS_SIMULATION
 class SimulatedWorld final : public World {
  public:
-  SimulatedWorld(const PrimitiveFile& file, const DrivesConfig& drives, bool paced)
-      : bus_(drives.bit_rate), host_(bus_.Attach()), paced_(paced) {
-    standing_.expected_pitch_rad = file.exit.root_pitch_rad;
+  SimulatedWorld(const SequenceFile& file, const DrivesConfig& drives, bool paced)
+      : file_(file), bus_(drives.bit_rate), host_(bus_.Attach()), paced_(paced) {
+    expected_pitch_rad_ =
+        file.RobotPitch(file.graph.start, file.PrimitiveOf(file.graph.start).entry.root_pitch_rad);
     std::vector<SimulatedDrive*> pointers;
     for (std::size_t i = 0; i < drives.drives.size(); ++i) {
       const DriveEntry& entry = drives.drives[i];
       SimulatedDriveConfig config;
       config.mit = entry.mit;
       config.watchdog_s = entry.watchdog_s;
-      const double torque_max_nm = file.primitive.joints[i].limits.torque_max_nm;
+      double torque_max_nm = 0;
+      for (const PrimitiveFile& primitive : file.primitives) {
+        torque_max_nm = std::max(torque_max_nm, primitive.primitive.joints[i].limits.torque_max_nm);
+      }
       config.torque_max_nm =
           std::abs(entry.mit.joint.ToDriveTorque(static_cast<float>(torque_max_nm)));
       drives_.push_back(std::make_unique<SimulatedDrive>(config));
       bus_.Attach(*drives_.back(), SimulatedDrive::PortConfig());
       pointers.push_back(drives_.back().get());
     }
-    twin_ = std::make_unique<Twin>(file, TwinConfig{}, bus_, pointers);
+    twin_ =
+        std::make_unique<Twin>(file.PrimitiveOf(file.graph.start), TwinConfig{}, bus_, pointers);
     const auto advance = [this](std::int64_t time_ns) { twin_->AdvanceTo(time_ns); };
     if (paced) {
       clock_ = std::make_unique<PacedClock>(advance);
@@ -326,26 +359,37 @@ class SimulatedWorld final : public World {
   [[nodiscard]] bool real_time() const override { return paced_; }
 
   void Observe(const ControlLoop& loop) override {
-    const ExecutorState state = loop.record().state;
+    const TickRecord& record = loop.record();
+    const ExecutorState state = record.state;
+    const TwinState truth = twin_->state();
     if (last_ == ExecutorState::kRunning && state == ExecutorState::kSettling) {
+      const int node = record.node;
+      const PrimitiveFile& primitive = file_.PrimitiveOf(node);
+      expected_pitch_rad_ += primitive.exit.root_pitch_rad - primitive.entry.root_pitch_rad;
+      PassageReport& passage = passages_.emplace_back();
+      passage.node = std::string(file_.graph.node(node).name.view());
+      passage.expected_pitch_rad = expected_pitch_rad_;
+      passage.pitch_at_end_rad = truth.root_pitch_rad;
+      passage.tolerance_rad = std::max(
+          passage.tolerance_rad, file_.exit_pitch_tolerance_rad[static_cast<std::size_t>(node)]);
       end_ns_ = loop.time_ns();
-      standing_.pitch_at_end_rad = twin_->state().root_pitch_rad;
+    }
+    const auto later_ns = static_cast<std::int64_t>(PassageReport::kLater_s * 1e9);
+    const bool next = last_ == ExecutorState::kSettling && state == ExecutorState::kRunning;
+    if (!passages_.empty() && !passages_.back().pitch_later_rad &&
+        (next || loop.time_ns() >= end_ns_ + later_ns) && state != ExecutorState::kDisarmed) {
+      passages_.back().pitch_later_rad = truth.root_pitch_rad;
+      passages_.back().pitch_rate_later_rad_s = truth.root_pitch_rate_rad_s;
     }
     last_ = state;
-    const auto later_ns = static_cast<std::int64_t>(StandingReport::kLater_s * 1e9);
-    if (end_ns_ && !standing_.pitch_later_rad && loop.time_ns() >= *end_ns_ + later_ns &&
-        state != ExecutorState::kDisarmed) {
-      const TwinState truth = twin_->state();
-      standing_.pitch_later_rad = truth.root_pitch_rad;
-      standing_.pitch_rate_later_rad_s = truth.root_pitch_rate_rad_s;
-    }
   }
   void Report(RunReport& report) override {
-    report.standing = standing_;
+    report.passages = passages_;
     report.measured_load = bus_.load();
   }
 
  private:
+  const SequenceFile& file_;
   SimulatedBus bus_;
   SimulatedPort& host_;
   bool paced_;
@@ -353,12 +397,13 @@ class SimulatedWorld final : public World {
   std::unique_ptr<Twin> twin_;
   std::unique_ptr<Clock> clock_;
   ExecutorState last_ = ExecutorState::kDisarmed;
-  std::optional<std::int64_t> end_ns_;
-  StandingReport standing_;
+  double expected_pitch_rad_ = 0;
+  std::int64_t end_ns_ = 0;
+  std::vector<PassageReport> passages_;
 };
 #endif
 
-std::unique_ptr<World> MakeWorld(const Options& options, const PrimitiveFile& file,
+std::unique_ptr<World> MakeWorld(const Options& options, const SequenceFile& file,
                                  const DrivesConfig& drives) {
   if (options.simulated()) {
 #ifdef TUMBLER_HAS_SIMULATION
@@ -368,7 +413,7 @@ std::unique_ptr<World> MakeWorld(const Options& options, const PrimitiveFile& fi
         "this build has no simulation (TUMBLER_BUILD_OFFLINE is OFF); name a CAN interface");
 #endif
   }
-  if (options.dry_run()) return std::make_unique<DryRunWorld>(options, drives, file.primitive);
+  if (options.dry_run()) return std::make_unique<DryRunWorld>(options, drives, file);
   return std::make_unique<RealWorld>(options, drives);
 }
 
@@ -389,14 +434,15 @@ std::int64_t UtimeAtZero(const World& world) {
 }
 
 int Run(const Options& options) {
-  const PrimitiveFile file = LoadPrimitive(options.primitive);
-  const Primitive<float> primitive = ToRuntime(file.primitive);
+  const SequenceFile file = LoadMotion(options.motion);
+  const auto motions = std::make_unique<const Sequence<float>>(ToRuntime(file));
+  const SequenceGraph<float>& graph = motions->graph;
   if (options.drives.empty() && !options.simulated()) {
     throw std::runtime_error(
         fmt::format("{} is a real bus: say with --drives which drives are on it", options.bus));
   }
-  const DrivesConfig drives = DrivesFor(options, file.primitive);
-  CheckRanges(primitive, drives);
+  const DrivesConfig drives = DrivesFor(options, file.primitives[0].primitive);
+  for (int node = 0; node < graph.node_count; ++node) CheckRanges(*motions, node, drives);
   CheckSchedule(drives);
 
   std::vector<std::unique_ptr<MitDrive>> mit_drives;
@@ -408,11 +454,14 @@ int Run(const Options& options) {
     report.joints.push_back(entry.joint);
   }
   Executor executor;
-  if (executor.Configure(MakeExecutorConfig(options, drives), primitive, pointers) != Status::kOk) {
+  const std::span<const Primitive<float>> primitives(
+      motions->primitives.data(), static_cast<std::size_t>(motions->primitive_count));
+  if (executor.Configure(MakeExecutorConfig(options, drives, graph), graph, primitives, pointers) !=
+      Status::kOk) {
     throw Refused(fmt::format(
         "{}: the executor does not take this motion: it has to start at rest, last at most "
         "10000 s and run at 1 Hz ... 100 kHz",
-        options.primitive));
+        options.motion));
   }
 
   const std::unique_ptr<World> world = MakeWorld(options, file, drives);
@@ -421,10 +470,12 @@ int Run(const Options& options) {
   telemetry_config.lcm_url = options.lcm_url;
   telemetry_config.trace_file = options.trace;
   telemetry_config.joint_names = report.joints;
+  for (const SequenceNode& node : graph.nodes())
+    telemetry_config.node_names.emplace_back(node.name.view());
   telemetry_config.utime_at_zero_us = UtimeAtZero(*world);
   Telemetry telemetry(telemetry_config);
   std::optional<LcmCommands> commands;
-  if (!options.lcm_url.empty()) commands.emplace(options.lcm_url, SignalMailbox());
+  if (!options.lcm_url.empty()) commands.emplace(options.lcm_url, SignalMailbox(), graph);
   if (world->real_time())
     telemetry.Start();  // Before SCHED_FIFO, which its thread must not inherit.
 
@@ -455,7 +506,8 @@ int Run(const Options& options) {
   telemetry.Stop();
 
   report.bus = options.bus;
-  report.primitive = std::string(file.primitive.name.view());
+  report.primitive = std::string(graph.name.view());
+  report.cycles = loop.record().cycles;
   report.speed = options.speed;
   report.rate_hz = drives.rate_hz;
   report.dry_run = options.dry_run();
@@ -491,7 +543,7 @@ int Main(int argc, char** argv) {
                "tumbler-run");
   app.footer(kFooter);
   app.add_option("BUS", options.bus, "`sim` or a SocketCAN interface")->required();
-  app.add_option("PRIMITIVE", options.primitive, "primitive file (TOML)")->required();
+  app.add_option("MOTION", options.motion, "primitive or sequence file (TOML)")->required();
   app.add_option(
       "--drives", options.drives,
       "drive configuration (TOML). Needed on a real interface; for sim the default is MIT drives "
@@ -509,6 +561,12 @@ int Main(int argc, char** argv) {
   app.add_option("--hold-s", options.hold_s, "how long to hold after settling [s]")
       ->check(CLI::Range(0.0, 3600.0))
       ->capture_default_str();
+  app.add_option("--cycles", options.cycles,
+                 "of a sequence: end after so many, or take the branch then; 0: the branch at the "
+                 "first chance, or on until stopped")
+      ->check(CLI::Range(0, 1'000'000))
+      ->capture_default_str();
+  app.add_option("--branch", options.branch, "of a sequence: take this branch after the cycles");
   app.add_option("--log", options.log, "write every tick to this LCM log");
   app.add_option("--lcm-url", options.lcm_url,
                  "publish live and take commands there, e.g. udpm://239.255.76.67:7667?ttl=0");

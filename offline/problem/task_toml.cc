@@ -369,6 +369,7 @@ class TaskReader {
     s.refine = static_cast<int>(table->Integer("refine", 1, 1000, s.refine));
     s.modes = static_cast<int>(table->Integer("modes", 1, 20, s.modes));
     s.spread_rad = table->Number("spread_rad", {0, 20}, s.spread_rad);
+    s.basin_rad = table->Number("basin_rad", {1e-3, 1e3}, s.basin_rad);
     s.torque_penalty = table->Number("torque_penalty", {0, 1e6}, s.torque_penalty);
     s.core_penalty = table->Number("core_penalty", {0, 1e6}, s.core_penalty);
     s.step_s = table->Number("step_s", {1e-5, 1e-2}, s.step_s);

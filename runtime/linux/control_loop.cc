@@ -29,14 +29,18 @@ bool ControlLoop::Step() noexcept {
   }
   statistics_.frames_received += static_cast<std::int64_t>(count);
 
-  const OperatorCommand wish = parts_.mailbox.Take();
-  if (wish == OperatorCommand::kStop) parts_.sequence.RequestStop();
-  if (wish == OperatorCommand::kDisarm) parts_.sequence.RequestDisarm();
+  const OperatorWish wish = parts_.mailbox.Take();
+  if (wish.command == OperatorCommand::kFinish) parts_.sequence.RequestFinish();
+  if (wish.command == OperatorCommand::kStop) parts_.sequence.RequestStop();
+  if (wish.command == OperatorCommand::kDisarm) parts_.sequence.RequestDisarm();
   OperatorCommand command = parts_.sequence.Next(output_.record);
-  if (command == OperatorCommand::kNone && wish == OperatorCommand::kClearFaults) command = wish;
+  const bool direct =
+      wish.command == OperatorCommand::kClearFaults || wish.command == OperatorCommand::kBranch;
+  if (command == OperatorCommand::kNone && direct) command = wish.command;
 
-  parts_.executor.Tick({tick, {received_.data(), count}, receive_status, send_status_, command},
-                       output_);
+  parts_.executor.Tick(
+      {tick, {received_.data(), count}, receive_status, send_status_, command, wish.branch},
+      output_);
 
   std::size_t frame_count = 0;
   for (const FrameBatch& batch : output_.frames) {

@@ -686,7 +686,8 @@ std::string TaskWithEveryNumber() {
                   "[[obstacle]]\nname = \"bar\"\nkind = \"cylinder\"\ncentre_m = [3.0, "
                   "0.1]\nradius_m = 0.05\n[tolerances]\nentry_rad = 0.1\nfollowing_rad = "
                   "0.3\n[search]\nbatch = 8\npromising = 2\nmax_samples = 8\nrefine = 1\nmodes = "
-                  "3\nspread_rad = 0.3\ntorque_penalty = 1.0\ncore_penalty = 0.1\nstep_s = 2.0e-3");
+                  "3\nspread_rad = 0.3\nbasin_rad = 0.5\ntorque_penalty = 1.0\ncore_penalty = "
+                  "0.1\nstep_s = 2.0e-3");
   return Replaced(text, "[solver]",
                   "[solver]\nscreen_evaluations = 2\nfinalists = 1\nmax_evaluations = "
                   "3\nrelative_tolerance = 1.0e-7\nsharpness = 60.0");

@@ -303,15 +303,15 @@ TEST(Telemetry, NamesAFileThatCannotBeWritten) {
 
 TEST(OperatorMailbox, KeepsTheStrongestWish) {
   OperatorMailbox mailbox;
-  EXPECT_EQ(mailbox.Take(), OperatorCommand::kNone);
+  EXPECT_EQ(mailbox.Take().command, OperatorCommand::kNone);
   mailbox.Put(OperatorCommand::kStop);
   mailbox.Put(OperatorCommand::kClearFaults);
-  EXPECT_EQ(mailbox.Take(), OperatorCommand::kStop);
-  EXPECT_EQ(mailbox.Take(), OperatorCommand::kNone);
+  EXPECT_EQ(mailbox.Take().command, OperatorCommand::kStop);
+  EXPECT_EQ(mailbox.Take().command, OperatorCommand::kNone);
   mailbox.Put(OperatorCommand::kStop);
   mailbox.Put(OperatorCommand::kDisarm);
   mailbox.Put(OperatorCommand::kStop);
-  EXPECT_EQ(mailbox.Take(), OperatorCommand::kDisarm);
+  EXPECT_EQ(mailbox.Take().command, OperatorCommand::kDisarm);
 }
 
 TEST(DurationHistogram, GivesPercentilesAndTheLargest) {
@@ -361,8 +361,8 @@ TEST(DryRunBus, CompletesARunWithoutAnyHardware) {
   EXPECT_EQ(loop.statistics().run_ticks, bench.executor.run_ticks() + 1);
 }
 
-TEST(StandingReport, SaysOnlyWhatWasSeen) {
-  StandingReport report;
+TEST(PassageReport, SaysOnlyWhatWasSeen) {
+  PassageReport report;
   report.expected_pitch_rad = 1.57;
   report.pitch_at_end_rad = 1.5;
   EXPECT_FALSE(report.standing().has_value());
@@ -381,9 +381,9 @@ TEST(ExitCode, SaysWhenTheMotionWasCompletedButTheRobotIsElsewhere) {
   RunReport report;
   report.outcome = RunOutcome::kCompleted;
   EXPECT_EQ(ExitCode(report), 0);
-  report.standing = StandingReport{1.57, 1.5, 1.56, 0.0};
+  report.passages.push_back({"handstand", 1.57, 1.5, 1.56, 0.0});
   EXPECT_EQ(ExitCode(report), 0);
-  report.standing->pitch_later_rad = 3.1;
+  report.passages[0].pitch_later_rad = 3.1;
   EXPECT_EQ(ExitCode(report), 4);
   report.outcome = RunOutcome::kFault;
   EXPECT_EQ(ExitCode(report), 3);
