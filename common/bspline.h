@@ -260,8 +260,8 @@ class BSpline {
  private:
   // Four numbers side by side, as g++ and clang know them; without it neither keeps to four at
   // once.
-  typedef Scalar Lanes
-      __attribute__((vector_size(4 * sizeof(Scalar))));  // NOLINT(modernize-use-using)
+  // NOLINTNEXTLINE(modernize-use-using): g++ takes the attribute in no other place.
+  typedef Scalar Lanes __attribute__((vector_size(4 * sizeof(Scalar))));
 
   static constexpr std::size_t Index(int i) noexcept { return static_cast<std::size_t>(i); }
   [[nodiscard]] Scalar Knot(int i) const noexcept { return knots_[Index(i)]; }

@@ -90,12 +90,21 @@ struct SequenceGraph {
     return -1;
   }
 
-  /// Whether any edge is taken by this name, so that an operator's wrong one can be refused.
-  [[nodiscard]] bool HasBranch(std::string_view branch) const noexcept {
-    for (const SequenceEdge<Scalar>& e : edges()) {
-      if (e.condition == EdgeCondition::kBranch && e.branch.view() == branch) return true;
+  /// The number by which a branch goes in the core: its first edge; -1 where no edge is taken by
+  /// this name, so that an operator's wrong one can be refused.
+  [[nodiscard]] int FindBranch(std::string_view branch) const noexcept {
+    for (int i = 0; i < edge_count; ++i) {
+      if (edge(i).condition == EdgeCondition::kBranch && edge(i).branch.view() == branch) return i;
     }
-    return false;
+    return -1;
+  }
+  [[nodiscard]] bool HasBranch(std::string_view branch) const noexcept {
+    return FindBranch(branch) >= 0;
+  }
+  /// The name of a branch by its number; empty where there is none.
+  [[nodiscard]] std::string_view BranchName(int number) const noexcept {
+    if (number < 0 || number >= edge_count) return {};
+    return edge(number).branch.view();
   }
 };
 
@@ -105,6 +114,17 @@ struct SequenceRequest {
   std::string_view branch = {};  ///< Take this branch where there is one; empty: none.
   bool stop = false;             ///< End at the next safe node.
 };
+
+/// What is wanted of a sequence when it is begun: so many cycles, and then the branch, where one is
+/// named. After the branch, what follows is played to its end, or to the next safe node.
+/// @param cycles  0 with a branch: take it at the first chance; 0 without: go on until something
+/// else ends it.
+[[nodiscard]] inline SequenceRequest PlannedRequest(int cycles, std::string_view branch,
+                                                    int cycles_done, bool branched) noexcept {
+  if (branch.empty()) return {cycles};
+  if (branched) return {cycles_done > 1 ? cycles_done : 1};
+  return {0, cycles_done >= cycles ? branch : std::string_view()};
+}
 
 /// The edge to take at the end of a node, or -1: the sequence ends there.
 ///
@@ -134,6 +154,19 @@ template <typename Scalar>
     if (graph.node(node).safe) return -1;
   }
   return always;
+}
+
+/// A primitive alone, as a sequence.
+template <typename Scalar>
+[[nodiscard]] SequenceGraph<Scalar> GraphOf(const Primitive<Scalar>& primitive) noexcept {
+  SequenceGraph<Scalar> graph;
+  graph.name = primitive.name;
+  graph.node_count = 1;
+  graph.node_storage[0].name = primitive.name;
+  graph.node_storage[0].safe = true;
+  for (std::size_t j = 0; j < graph.partner.size(); ++j)
+    graph.partner[j] = static_cast<std::uint8_t>(j);
+  return graph;
 }
 
 /// A graph with the primitives that it plays: all that an executor needs.

@@ -480,6 +480,18 @@ SequenceFile LoadSequence(const std::string& path) {
   return file;
 }
 
+SequenceFile LoadMotion(const std::string& path) {
+  if (TomlTable::ParseFile(path).String("format", "") == kFormat) return LoadSequence(path);
+  SequenceFile file;
+  file.path = path;
+  file.primitives.push_back(LoadPrimitive(path));
+  file.graph = GraphOf(file.primitives[0].primitive);
+  file.primitive_names.emplace_back(file.graph.name.view());
+  file.exit_pitch_tolerance_rad.push_back(0.05);
+  file.node_lines.push_back(1);
+  return file;
+}
+
 Sequence<float> ToRuntime(const SequenceFile& file) {
   Sequence<float> sequence;
   const Graph& from = file.graph;

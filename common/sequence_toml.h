@@ -85,6 +85,10 @@ SequenceFile ReadSequence(const std::string& path);
 /// @throws FileError besides, about the first edge where something does not fit.
 SequenceFile LoadSequence(const std::string& path);
 
+/// What a runtime is given to play: a sequence, proved by LoadSequence, or a primitive, which
+/// becomes a sequence of itself alone. @throws FileError likewise.
+SequenceFile LoadMotion(const std::string& path);
+
 /// The sequence in the scalar that the executor uses. @throws std::invalid_argument when a
 /// primitive does not fit it (see ToRuntime of a primitive).
 Sequence<float> ToRuntime(const SequenceFile& file);

@@ -53,6 +53,24 @@ bool IsValid(const ExecutorConfig& config, int joint_count) noexcept {
   return true;
 }
 
+bool IsValid(const SequenceGraph<float>& graph, int primitive_count) noexcept {
+  const auto within = [](int i, int count) { return i >= 0 && i < count; };
+  if (graph.node_count > kMaxSequenceNodes || graph.edge_count > kMaxSequenceEdges ||
+      !within(graph.start, graph.node_count) || graph.edge_count < 0) {
+    return false;
+  }
+  for (const SequenceNode& node : graph.nodes()) {
+    if (!within(node.primitive, primitive_count)) return false;
+  }
+  for (const SequenceEdge<float>& edge : graph.edges()) {
+    if (!within(edge.from, graph.node_count) || !within(edge.to, graph.node_count) ||
+        !InRange(edge.settle_s, 0, 1e6F)) {
+      return false;
+    }
+  }
+  return true;
+}
+
 bool IsValid(const JointMotion<float>& motion, const ExecutorConfig& config) noexcept {
   const JointLimits<float>& limits = motion.limits;
   if (!(IsFinite(limits.position_min_rad) && IsFinite(limits.position_max_rad) &&
@@ -65,6 +83,17 @@ bool IsValid(const JointMotion<float>& motion, const ExecutorConfig& config) noe
   return Magnitude(start.first) * config.speed <=
              limits.acceleration_max_rad_s2 * config.period_s &&
          InRange(start.value, limits.position_min_rad, limits.position_max_rad);
+}
+
+bool IsValid(const Primitive<float>& primitive, const ExecutorConfig& config) noexcept {
+  if (!IsPositive(primitive.duration_s) || primitive.duration_s > 1e4F ||
+      !InRange(primitive.settle_s, 0, 1e6F) || !IsPositive(primitive.entry_tolerance_rad) ||
+      !IsPositive(primitive.following_tolerance_rad)) {
+    return false;
+  }
+  return std::ranges::all_of(primitive.motions(), [&](const JointMotion<float>& motion) {
+    return IsValid(motion, config);
+  });
 }
 
 }  // namespace
@@ -85,6 +114,10 @@ const char* ToString(OperatorCommand command) noexcept {
       return "disarm";
     case OperatorCommand::kClearFaults:
       return "clear faults";
+    case OperatorCommand::kFinish:
+      return "finish";
+    case OperatorCommand::kBranch:
+      return "branch";
   }
   return "unknown command";
 }
@@ -111,47 +144,89 @@ const char* ToString(Refusal refusal) noexcept {
       return "the commanded pose is not the start of the primitive";
     case Refusal::kOutsideStartSet:
       return "a joint is outside the start set of the primitive";
+    case Refusal::kNoSuchBranch:
+      return "the sequence has no such branch";
   }
   return "unknown refusal";
 }
 
-Status Executor::Configure(const ExecutorConfig& config, const Primitive<float>& primitive,
+Status Executor::Configure(const ExecutorConfig& config, const SequenceGraph<float>& graph,
+                           std::span<const Primitive<float>> primitives,
                            std::span<Drive* const> drives) noexcept {
   if (state_ != ExecutorState::kDisarmed) return Status::kWouldBlock;
-  const int count = primitive.joint_count;
-  if (count < 1 || count > kMaxJoints || static_cast<int>(drives.size()) != count ||
-      !IsValid(config, count) || !IsPositive(primitive.duration_s) ||
-      !InRange(primitive.settle_s, 0, 1e6F) || !IsPositive(primitive.entry_tolerance_rad) ||
-      !IsPositive(primitive.following_tolerance_rad) || primitive.duration_s > 1e4F) {
+  const auto count = static_cast<int>(drives.size());
+  if (count < 1 || count > kMaxJoints || !IsValid(config, count) ||
+      !IsValid(graph, static_cast<int>(primitives.size())) || config.branch >= graph.edge_count) {
     return Status::kInvalidArgument;
   }
-  for (int i = 0; i < count; ++i) {
-    const auto index = static_cast<std::size_t>(i);
-    if (drives[index] == nullptr || !IsValid(primitive.joints[index], config))
+  for (const Drive* const drive : drives) {
+    if (drive == nullptr) return Status::kInvalidArgument;
+  }
+  for (const Primitive<float>& primitive : primitives) {
+    if (primitive.joint_count != count || !IsValid(primitive, config))
       return Status::kInvalidArgument;
   }
 
   config_ = config;
-  primitive_ = primitive;
+  graph_ = graph;
+  primitives_ = primitives;
   joint_count_ = count;
   time_per_tick_s_ = config.period_s * config.speed;
-  run_ticks_ = CeilTicks(primitive.duration_s / time_per_tick_s_);
-  settle_ticks_ = CeilTicks(primitive.settle_s / config.period_s);
   primitive_time_s_ = 0;
   keep_torque_ = false;
-  const JointMotion<float>& first = primitive_.joints[0];
+  cycles_done_ = 0;
   for (int i = 0; i < count; ++i) {
     const auto index = static_cast<std::size_t>(i);
-    const JointMotion<float>& motion = primitive_.joints[index];
-    Joint& joint = joints_[index];
-    joint = Joint{};
-    joint.drive = drives[index];
-    joint.limits = MakeSafetyLimits(motion.limits, config.period_s, config.torque_rise_s);
-    joint.acceleration_max_rad_s2 = motion.limits.acceleration_max_rad_s2;
-    joint.shares_position_knots = motion.position.HasKnotsOf(first.position);
-    joint.shares_torque_knots = motion.torque.HasKnotsOf(first.torque);
+    joints_[index] = Joint{};
+    joints_[index].drive = drives[index];
   }
+  SetNode(graph_.start);
   return Status::kOk;
+}
+
+void Executor::SetNode(int node) noexcept {
+  node_ = node;
+  primitive_ = &primitives_[static_cast<std::size_t>(graph_.node(node).primitive)];
+  run_ticks_ = CeilTicks(primitive_->duration_s / time_per_tick_s_);
+  for (int i = 0; i < joint_count_; ++i) {
+    Joint& joint = joints_[static_cast<std::size_t>(i)];
+    const auto role = static_cast<std::size_t>(graph_.RoleOf(node, i));
+    joint.motion = &primitive_->joints[role];
+    joint.limits = MakeSafetyLimits(joint.motion->limits, config_.period_s, config_.torque_rise_s);
+    joint.acceleration_max_rad_s2 = joint.motion->limits.acceleration_max_rad_s2;
+    const JointMotion<float>& first = *joints_[0].motion;
+    joint.shares_position_knots = joint.motion->position.HasKnotsOf(first.position);
+    joint.shares_torque_knots = joint.motion->torque.HasKnotsOf(first.torque);
+  }
+}
+
+int Executor::NextEdgeHere() const noexcept {
+  SequenceRequest request =
+      PlannedRequest(config_.cycles, graph_.BranchName(config_.branch), cycles_done_, branched_);
+  if (wanted_branch_ >= 0) request.branch = graph_.BranchName(wanted_branch_);
+  request.stop = finish_;
+  return NextEdge(graph_, node_, cycles_done_, request);
+}
+
+void Executor::FollowEdge(int edge) noexcept {
+  if (graph_.edge(edge).condition == EdgeCondition::kBranch) {
+    const std::string_view taken = graph_.BranchName(edge);
+    if (wanted_branch_ >= 0 && graph_.BranchName(wanted_branch_) == taken) {
+      wanted_branch_ = -1;
+    } else {
+      branched_ = true;
+    }
+  }
+  SetNode(graph_.edge(edge).to);
+  const float tolerance = primitive_->entry_tolerance_rad;
+  for (int i = 0; i < joint_count_; ++i) {
+    const Joint& joint = joints_[static_cast<std::size_t>(i)];
+    const float start = joint.motion->position.control_points()[0];
+    const float error = Magnitude(joint.measured.position_rad - start);
+    // Also when it is not a number.
+    if (!(error <= tolerance)) return Latch(Fault::kEntryMissed, i, error, tolerance);
+  }
+  Enter(ExecutorState::kRunning);
 }
 
 void Executor::Tick(const TickInput& input, TickOutput& output) noexcept TUMBLER_NONBLOCKING {
@@ -171,9 +246,10 @@ void Executor::Tick(const TickInput& input, TickOutput& output) noexcept TUMBLER
 
   TakeReplies(input);
   if (state_ != ExecutorState::kDisarmed) DetectFaults(input, elapsed);
-  Obey(input.command);
+  Obey(input);
 
   TickRecord& record = output.record;
+  const int node_played = node_;
   Plan(advance, record);
   record.state = state_;
   Send(advance, output);
@@ -185,6 +261,8 @@ void Executor::Tick(const TickInput& input, TickOutput& output) noexcept TUMBLER
   record.reaction = reaction_;
   record.command = input.command;
   record.joint_count = static_cast<std::uint8_t>(joint_count_);
+  record.node = static_cast<std::int8_t>(node_played);
+  record.cycles = cycles_done_;
   record.first_fault = first_fault_;
   record.refusal = refusal_;
 }
@@ -209,11 +287,12 @@ void Executor::DetectFaults(const TickInput& input, std::int64_t elapsed) noexce
     Latch(Fault::kLateTick, -1, static_cast<float>(elapsed - 1),
           static_cast<float>(config_.late_ticks_max));
   }
-  for (const Status status : {input.receive_status, input.send_status}) {
-    if (!IsLinkUp(status)) Latch(Fault::kLinkLost, -1, static_cast<float>(status), 0);
-  }
+  // Sending failed first, in the tick before; a link that was lost since may be its consequence.
   if (input.send_status == Status::kWouldBlock) {
     Latch(Fault::kTransmitQueueFull, -1, static_cast<float>(input.send_status), 0);
+  }
+  for (const Status status : {input.send_status, input.receive_status}) {
+    if (!IsLinkUp(status)) Latch(Fault::kLinkLost, -1, static_cast<float>(status), 0);
   }
   DetectJointFaults();
 }
@@ -222,12 +301,14 @@ void Executor::DetectJointFaults() noexcept {
   // One reaction per tick: what the first fault of this tick changes counts from the next one on.
   const bool driven = reaction_ != Reaction::kDisable;
   const bool follows = state_ != ExecutorState::kArming && driven && reaction_ != Reaction::kDamp;
+  const float following_tolerance_rad = primitive_->following_tolerance_rad;
+  const int stale_ticks_max = config_.stale_ticks_max;
   for (int i = 0; i < joint_count_; ++i) {
     const auto index = static_cast<std::size_t>(i);
     Joint& joint = joints_[index];
-    if (joint.reply_age_ticks > config_.stale_ticks_max) {
+    if (joint.reply_age_ticks > stale_ticks_max) {
       Latch(Fault::kStaleReply, i, static_cast<float>(joint.reply_age_ticks),
-            static_cast<float>(config_.stale_ticks_max));
+            static_cast<float>(stale_ticks_max));
     }
     if (joint.measured.error != 0 || joint.drive_state == DriveState::kFault ||
         (driven && joint.was_enabled && joint.drive_state != DriveState::kEnabled)) {
@@ -245,8 +326,8 @@ void Executor::DetectJointFaults() noexcept {
     }
     // `commanded` still is the setpoint of the tick before: the one that this reply answers.
     const float error = Magnitude(joint.measured.position_rad - joint.commanded.position_rad);
-    if (follows && error > primitive_.following_tolerance_rad) {
-      Latch(Fault::kFollowingError, i, error, primitive_.following_tolerance_rad);
+    if (follows && error > following_tolerance_rad) {
+      Latch(Fault::kFollowingError, i, error, following_tolerance_rad);
     }
   }
 }
@@ -265,22 +346,30 @@ void Executor::Latch(Fault fault, int joint, float value, float limit) noexcept 
   if (state_ != ExecutorState::kFault) Enter(ExecutorState::kFault);
 }
 
-void Executor::Obey(OperatorCommand command) noexcept {
+void Executor::Obey(const TickInput& input) noexcept {
   const auto refuse = [this](Refusal refusal) { refusal_.refusal = refusal; };
-  switch (command) {
+  switch (input.command) {
     case OperatorCommand::kNone:
       return;
     case OperatorCommand::kArm:
+      if (state_ == ExecutorState::kDisarmed && joint_count_ > 0) SetNode(graph_.start);
       refusal_ = CheckArm();
       if (refusal_.refusal == Refusal::kNone) Enter(ExecutorState::kArming);
       return;
     case OperatorCommand::kMoveToStart:
-      if (state_ != ExecutorState::kHolding) return refuse(Refusal::kWrongState);
+      refusal_ = CheckMove();
+      if (refusal_.refusal != Refusal::kNone) return;
+      SetNode(graph_.start);
       StartMove();
       return;
     case OperatorCommand::kRun:
       refusal_ = CheckRun();
-      if (refusal_.refusal == Refusal::kNone) Enter(ExecutorState::kRunning);
+      if (refusal_.refusal != Refusal::kNone) return;
+      SetNode(graph_.start);
+      cycles_done_ = 0;
+      wanted_branch_ = -1;
+      branched_ = finish_ = false;
+      Enter(ExecutorState::kRunning);
       return;
     case OperatorCommand::kStop: {
       if (state_ == ExecutorState::kDisarmed || state_ == ExecutorState::kHolding ||
@@ -304,6 +393,17 @@ void Executor::Obey(OperatorCommand command) noexcept {
       faults_ = 0;
       first_fault_ = {};
       unarmed_request_ = DriveRequest::kClearErrors;
+      return;
+    case OperatorCommand::kFinish:
+      finish_ = finish_ || InSequence();
+      return;  // Where nothing is played there is nothing to finish; a stop is never refused.
+    case OperatorCommand::kBranch:
+      if (!InSequence()) return refuse(Refusal::kWrongState);
+      if (graph_.BranchName(input.branch).empty()) {
+        refusal_ = {static_cast<float>(input.branch), 0, Refusal::kNoSuchBranch, -1};
+        return;
+      }
+      wanted_branch_ = input.branch;
       return;
   }
   refuse(Refusal::kWrongState);  // Not one of the enumerators.
@@ -339,20 +439,41 @@ RefusalReport Executor::CheckArm() const noexcept {
   return {};
 }
 
-RefusalReport Executor::CheckRun() const noexcept {
+const JointMotion<float>& Executor::FirstMotion(int joint) const noexcept {
+  const SequenceNode& node = graph_.node(graph_.start);
+  const auto role = static_cast<std::size_t>(graph_.RoleOf(graph_.start, joint));
+  return primitives_[static_cast<std::size_t>(node.primitive)].joints[role];
+}
+
+RefusalReport Executor::CheckMove() const noexcept {
   if (state_ != ExecutorState::kHolding) return {0, 0, Refusal::kWrongState, -1};
   for (int i = 0; i < joint_count_; ++i) {
-    const auto index = static_cast<std::size_t>(i);
-    const Joint& joint = joints_[index];
+    // The gate would pull the command inside the limits at once, however far that is.
+    const JointLimits<float>& limits = FirstMotion(i).limits;
+    const float position = joints_[static_cast<std::size_t>(i)].commanded.position_rad;
+    if (!InRange(position, limits.position_min_rad, limits.position_max_rad)) {
+      const bool below = position < limits.position_min_rad;
+      return {position, below ? limits.position_min_rad : limits.position_max_rad,
+              Refusal::kOutsideLimits, static_cast<std::int8_t>(i)};
+    }
+  }
+  return {};
+}
+
+RefusalReport Executor::CheckRun() const noexcept {
+  if (state_ != ExecutorState::kHolding) return {0, 0, Refusal::kWrongState, -1};
+  const float tolerance = primitives_[static_cast<std::size_t>(graph_.node(graph_.start).primitive)]
+                              .entry_tolerance_rad;
+  for (int i = 0; i < joint_count_; ++i) {
+    const Joint& joint = joints_[static_cast<std::size_t>(i)];
     const auto name = static_cast<std::int8_t>(i);
-    const float start = primitive_.joints[index].position.control_points()[0];
+    const float start = FirstMotion(i).position.control_points()[0];
     const float commanded_error = Magnitude(joint.commanded.position_rad - start);
     if (!(commanded_error <= kAtStart_rad))
       return {commanded_error, kAtStart_rad, Refusal::kNotAtStart, name};
     const float measured_error = Magnitude(joint.measured.position_rad - start);
-    if (!(measured_error <= primitive_.entry_tolerance_rad)) {
-      return {measured_error, primitive_.entry_tolerance_rad, Refusal::kOutsideStartSet, name};
-    }
+    if (!(measured_error <= tolerance))
+      return {measured_error, tolerance, Refusal::kOutsideStartSet, name};
   }
   return {};
 }
@@ -367,7 +488,7 @@ void Executor::StartMove() noexcept {
     Joint& joint = joints_[index];
     joint.move_from_rad = joint.commanded.position_rad;
     const float way =
-        Magnitude(primitive_.joints[index].position.control_points()[0] - joint.move_from_rad);
+        Magnitude(joints_[index].motion->position.control_points()[0] - joint.move_from_rad);
     const float velocity = config_.move_fraction * joint.limits.velocity_max_rad_s;
     const float acceleration = config_.move_fraction * joint.acceleration_max_rad_s2;
     duration_s = std::max({duration_s, kPeakVelocity * way / velocity,
@@ -440,7 +561,7 @@ void Executor::PlanMove(TickRecord& record) noexcept {
   for (int i = 0; i < joint_count_; ++i) {
     const auto index = static_cast<std::size_t>(i);
     const float from = joints_[index].move_from_rad;
-    const float to = primitive_.joints[index].position.control_points()[0];
+    const float to = joints_[index].motion->position.control_points()[0];
     JointSetpoint& planned = record.joints[index].planned;
     record.joints[index].planned_acceleration_rad_s2 = 0;
     planned = at_end ? JointSetpoint{to, 0, 0}
@@ -452,24 +573,27 @@ void Executor::PlanRun(TickRecord& record) noexcept {
   // Every time is one product of an integer, so that rounding does not add up; the last one is the
   // end itself.
   primitive_time_s_ = ticks_in_state_ >= run_ticks_
-                          ? primitive_.duration_s
+                          ? primitive_->duration_s
                           : static_cast<float>(ticks_in_state_) * time_per_tick_s_;
+  const float time_s = primitive_time_s_;
   const float speed = config_.speed;
+  const float speed_2 = speed * speed;
+  Joint& first = joints_[0];
   for (int i = 0; i < joint_count_; ++i) {
     const auto index = static_cast<std::size_t>(i);
     Joint& joint = joints_[index];
-    const JointMotion<float>& motion = primitive_.joints[index];
+    const JointMotion<float>& motion = *joint.motion;
     Basis& position_basis =
-        joint.shares_position_knots ? joints_[0].position_basis : joint.position_basis;
-    Basis& torque_basis = joint.shares_torque_knots ? joints_[0].torque_basis : joint.torque_basis;
+        joint.shares_position_knots ? first.position_basis : joint.position_basis;
+    Basis& torque_basis = joint.shares_torque_knots ? first.torque_basis : joint.torque_basis;
     if (i == 0 || !joint.shares_position_knots)
-      motion.position.EvaluateBasis(primitive_time_s_, position_basis);
-    if (i == 0 || !joint.shares_torque_knots)
-      motion.torque.EvaluateBasis(primitive_time_s_, torque_basis);
+      motion.position.EvaluateBasis(time_s, position_basis);
+    if (i == 0 || !joint.shares_torque_knots) motion.torque.EvaluateBasis(time_s, torque_basis);
     const auto sample = motion.position.Evaluate(position_basis);
     const float torque = motion.torque.Value(torque_basis);
-    record.joints[index].planned = {sample.value, speed * sample.first, speed * speed * torque};
-    record.joints[index].planned_acceleration_rad_s2 = speed * speed * sample.second;
+    JointRecord& out = record.joints[index];
+    out.planned = {sample.value, speed * sample.first, speed_2 * torque};
+    out.planned_acceleration_rad_s2 = speed_2 * sample.second;
   }
 }
 
@@ -564,11 +688,23 @@ void Executor::Advance(const TickRecord& record) noexcept {
       if (ticks_in_state_ >= move_ticks_ && reached()) Enter(ExecutorState::kHolding);
       break;
     case ExecutorState::kRunning:
-      if (ticks_in_state_ >= run_ticks_ && reached()) Enter(ExecutorState::kSettling);
+      if (ticks_in_state_ >= run_ticks_ && reached()) {
+        cycles_done_ += graph_.node(node_).ends_cycle ? 1 : 0;
+        Enter(ExecutorState::kSettling);
+      }
       break;
-    case ExecutorState::kSettling:
-      if (ticks_in_state_ >= settle_ticks_ && at_rest()) Enter(ExecutorState::kHolding);
+    case ExecutorState::kSettling: {
+      // Asked in every tick: until it is taken, the operator may still choose.
+      const int edge = NextEdgeHere();
+      const float settle_s = edge < 0 ? primitive_->settle_s : graph_.edge(edge).settle_s;
+      if (ticks_in_state_ < CeilTicks(settle_s / config_.period_s) || !at_rest()) break;
+      if (edge < 0) {
+        Enter(ExecutorState::kHolding);
+      } else {
+        FollowEdge(edge);
+      }
       break;
+    }
     case ExecutorState::kStopping:
       if (at_rest()) Enter(ExecutorState::kHolding);
       break;

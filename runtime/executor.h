@@ -6,6 +6,7 @@
 
 #include "common/primitive.h"
 #include "common/realtime.h"
+#include "common/sequence.h"
 #include "common/status.h"
 #include "firmware_interface/can/frame.h"
 #include "firmware_interface/drives/drive.h"
@@ -39,6 +40,11 @@ struct ExecutorConfig {
   int stale_ticks_max = 5;     ///< A lost reply is ordinary on CAN, five in a row are not.
   int late_ticks_max = 2;      ///< Missed periods that are made up for; beyond, kLateTick.
   int arming_ticks_max = 500;  ///< For all drives to start up.
+  /// Of a sequence: so many cycles, and then the branch of this number
+  /// (`SequenceGraph::FindBranch`; -1: none). 0 cycles: the branch at the first chance, or, without
+  /// one, on until a stop.
+  int cycles = 0;
+  int branch = -1;
   std::array<JointConfig, kMaxJoints> joints;
   FaultTable reactions;
 };
@@ -48,10 +54,12 @@ enum class OperatorCommand : std::uint8_t {
   kNone,
   kArm,          ///< disarmed -> arming -> holding, at the measured position.
   kMoveToStart,  ///< holding -> moving to start -> holding.
-  kRun,          ///< holding at the start -> running -> settling -> holding.
+  kRun,          ///< holding at the start -> running -> settling -> ... -> holding.
   kStop,    ///< Anything that moves -> stopping -> holding; the fault table's row kOperatorStop.
   kDisarm,  ///< Any state -> disarmed: torque off at once.
   kClearFaults,  ///< disarmed: forgets the latched faults, and tells the drives to forget theirs.
+  kFinish,       ///< running, settling: end at the next safe node.
+  kBranch,       ///< running, settling: take `TickInput::branch` where there is one.
 };
 
 /// Why a command was not followed. A refusal changes nothing.
@@ -67,6 +75,7 @@ enum class Refusal : std::uint8_t {
   kNotAtStart,     ///< A joint's commanded position is not the primitive's first: move to the start
                    ///< [rad].
   kOutsideStartSet,  ///< A joint is measured too far from the primitive's first position [rad].
+  kNoSuchBranch,     ///< The sequence has no branch of this number [the number].
 };
 
 [[nodiscard]] const char* ToString(OperatorCommand command) noexcept;
@@ -88,6 +97,7 @@ struct TickInput {
   Status receive_status = Status::kOk;      ///< kOk or kWouldBlock while the link is up.
   Status send_status = Status::kOk;         ///< First failure of sending the tick before's frames.
   OperatorCommand command = OperatorCommand::kNone;
+  std::int8_t branch = -1;  ///< The number that belongs to kBranch.
 };
 
 /// One joint in one tick: planned, limited, as encoded on the wire, and measured.
@@ -113,6 +123,8 @@ struct TickRecord {
   Reaction reaction = Reaction::kIgnore;           ///< Carried out in state kFault.
   OperatorCommand command = OperatorCommand::kNone;
   std::uint8_t joint_count = 0;
+  std::int8_t node = 0;     ///< Of the sequence: the one being played, or played last.
+  std::int32_t cycles = 0;  ///< Complete, since kRun.
   FaultReport first_fault;  ///< Since the last clear: the cause, not its consequences.
   RefusalReport refusal;    ///< Of this tick's command.
   std::array<JointRecord, kMaxJoints> joints;
@@ -125,7 +137,8 @@ struct TickOutput {
   TickRecord record;
 };
 
-/// Plays a primitive on one to eight drives: a pure function of its inputs, tick by tick.
+/// Plays a sequence of primitives, or a single one, on one to eight drives: a pure function of its
+/// inputs, tick by tick.
 ///
 /// There is no clock, bus, heap, exception or log in here; a recorded series of inputs gives the
 /// same frames on every machine. Every tick writes every drive. Arming starts from the measured
@@ -138,23 +151,30 @@ class Executor {
   /// Serves no joint and plays nothing until configured.
   Executor() = default;
 
-  /// @param primitive  is copied.
-  /// @param drives     one for each joint of the primitive, in its order; they must outlive the
-  /// executor.
-  /// @retval kInvalidArgument  a value is outside its documented range, a pointer is null, the
-  /// counts differ, or the
-  ///                           primitive's start is moving faster than one tick of its acceleration
-  ///                           limit.
+  /// @param graph       is copied. Its loader has proved it (`common/sequence_toml.h`).
+  /// @param primitives  that its nodes name by index; they must outlive the executor unchanged, and
+  ///                    all move the same joints in the same order.
+  /// @param drives      one for each joint, in that order; they must outlive the executor.
+  /// @retval kInvalidArgument  a value is outside its documented range, a pointer is null, counts
+  ///                           or indices do not agree, or a primitive starts moving faster than
+  ///                           one tick of its acceleration limit.
   /// @retval kWouldBlock       not disarmed. Unless kOk is returned nothing was changed.
-  Status Configure(const ExecutorConfig& config, const Primitive<float>& primitive,
+  Status Configure(const ExecutorConfig& config, const SequenceGraph<float>& graph,
+                   std::span<const Primitive<float>> primitives,
                    std::span<Drive* const> drives) noexcept;
+  /// A single primitive, which must outlive the executor unchanged.
+  Status Configure(const ExecutorConfig& config, const Primitive<float>& primitive,
+                   std::span<Drive* const> drives) noexcept {
+    return Configure(config, GraphOf(primitive), {&primitive, 1}, drives);
+  }
 
   /// One control period.
   void Tick(const TickInput& input, TickOutput& output) noexcept TUMBLER_NONBLOCKING;
 
   [[nodiscard]] ExecutorState state() const noexcept { return state_; }
   [[nodiscard]] int joint_count() const noexcept { return joint_count_; }
-  /// Ticks that the primitive takes at the configured speed and period.
+  [[nodiscard]] const SequenceGraph<float>& graph() const noexcept { return graph_; }
+  /// Ticks that the present node's primitive takes at the configured speed and period.
   [[nodiscard]] std::int64_t run_ticks() const noexcept { return run_ticks_; }
 
  private:
@@ -162,6 +182,7 @@ class Executor {
 
   struct Joint {
     Drive* drive = nullptr;
+    const JointMotion<float>* motion = nullptr;  ///< Of the present node.
     SafetyLimits limits;
     float acceleration_max_rad_s2 = 0;
     bool shares_position_knots = false;  ///< With joint 0.
@@ -183,10 +204,18 @@ class Executor {
   void DetectFaults(const TickInput& input, std::int64_t elapsed) noexcept;
   void DetectJointFaults() noexcept;
   void Latch(Fault fault, int joint, float value, float limit) noexcept;
-  void Obey(OperatorCommand command) noexcept;
+  void Obey(const TickInput& input) noexcept;
+  [[nodiscard]] bool InSequence() const noexcept {
+    return state_ == ExecutorState::kRunning || state_ == ExecutorState::kSettling;
+  }
   [[nodiscard]] RefusalReport CheckArm() const noexcept;
+  [[nodiscard]] RefusalReport CheckMove() const noexcept;
   [[nodiscard]] RefusalReport CheckRun() const noexcept;
+  [[nodiscard]] const JointMotion<float>& FirstMotion(int joint) const noexcept;
   void StartMove() noexcept;
+  void SetNode(int node) noexcept;
+  [[nodiscard]] int NextEdgeHere() const noexcept;
+  void FollowEdge(int edge) noexcept;
   void Enter(ExecutorState state) noexcept;
   void Plan(int elapsed, TickRecord& record) noexcept;
   void PlanArming(TickRecord& record) noexcept;
@@ -197,12 +226,13 @@ class Executor {
   void Send(int elapsed, TickOutput& output) noexcept;
 
   ExecutorConfig config_;
-  Primitive<float> primitive_;
+  SequenceGraph<float> graph_;
+  std::span<const Primitive<float>> primitives_;
+  const Primitive<float>* primitive_ = nullptr;  ///< Of the present node.
   std::array<Joint, kMaxJoints> joints_;
   int joint_count_ = 0;
   float time_per_tick_s_ = 0;  ///< period * speed
   std::int64_t run_ticks_ = 0;
-  std::int64_t settle_ticks_ = 0;
   std::int64_t move_ticks_ = 0;
 
   std::int64_t tick_ = 0;
@@ -210,6 +240,11 @@ class Executor {
   ExecutorState state_ = ExecutorState::kDisarmed;
   std::int64_t ticks_in_state_ = 0;  ///< The tick of the transition is number 0.
   float primitive_time_s_ = 0;
+  int node_ = 0;
+  int cycles_done_ = 0;
+  int wanted_branch_ = -1;    ///< That the operator has asked for, until it is taken.
+  bool branched_ = false;     ///< The configured branch has been taken.
+  bool finish_ = false;       ///< End at the next safe node.
   bool keep_torque_ = false;  ///< Holding what the primitive ended with, feed-forward included.
   Reaction reaction_ = Reaction::kIgnore;
   std::uint16_t faults_ = 0;

@@ -48,6 +48,8 @@ const char* ToString(Fault fault) noexcept {
       return "non-finite value";
     case Fault::kArmingTimeout:
       return "arming timeout";
+    case Fault::kEntryMissed:
+      return "entry missed";
   }
   return "unknown fault";
 }
@@ -89,6 +91,7 @@ constexpr std::array<std::array<Reaction, kExecutorStateCount>, kFaultCount> kDe
      H},  // operator stop: braking within the limits is what the operator expects everywhere
     {I, X, D, D, D, D, D, D},  // non-finite value
     {I, X, X, X, X, X, X, X},  // arming timeout
+    {I, X, H, H, D, H, H, H},  // entry missed: it rests where the motion before has brought it
 }};
 
 }  // namespace

@@ -33,8 +33,9 @@ enum class Fault : std::uint8_t {
   kOperatorStop,   ///< The operator asked for a stop.
   kNonFinite,      ///< A measurement or a setpoint is NaN or infinite.
   kArmingTimeout,  ///< A drive did not become enabled [ticks].
+  kEntryMissed,    ///< A joint is not where the next primitive of the sequence begins [rad].
 };
-inline constexpr std::size_t kFaultCount = 11;  ///< Including kNone.
+inline constexpr std::size_t kFaultCount = 12;  ///< Including kNone.
 
 /// What to do about a fault, mildest first.
 enum class Reaction : std::uint8_t {

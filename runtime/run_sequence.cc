@@ -26,6 +26,7 @@ OperatorCommand RunSequence::Next(const TickRecord& last) noexcept TUMBLER_NONBL
     if (outcome_ == RunOutcome::kPending) outcome_ = RunOutcome::kFault;
     return Go(Phase::kFault, OperatorCommand::kNone);
   }
+  if (finish_ && phase_ != Phase::kRun) stop_ = true;
   if (stop_ && phase_ != Phase::kStop && phase_ != Phase::kFault) {
     if (last.state == ExecutorState::kDisarmed) return Finish(RunOutcome::kStopped);
     outcome_ = RunOutcome::kStopped;
@@ -58,7 +59,9 @@ OperatorCommand RunSequence::Next(const TickRecord& last) noexcept TUMBLER_NONBL
       return OperatorCommand::kRun;
     case Phase::kRun:
       if (last.state == ExecutorState::kHolding) return Go(Phase::kHold, OperatorCommand::kNone);
-      return OperatorCommand::kNone;
+      if (!finish_ || finishing_) return OperatorCommand::kNone;
+      finishing_ = true;
+      return OperatorCommand::kFinish;
     case Phase::kHold:
       if (ticks_ >= config_.hold_ticks) {
         outcome_ = RunOutcome::kCompleted;

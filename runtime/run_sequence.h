@@ -37,7 +37,10 @@ class RunSequence {
   /// @param last  the record of the tick before; a default record before the first.
   [[nodiscard]] OperatorCommand Next(const TickRecord& last) noexcept TUMBLER_NONBLOCKING;
 
-  /// Stops the motion, holds for a moment and disarms.
+  /// Ends the sequence at the next safe node, holds for a moment and disarms. Where no primitive is
+  /// being played, the same as RequestStop.
+  void RequestFinish() noexcept { finish_ = true; }
+  /// Stops the motion at once, within the limits, holds for a moment and disarms.
   void RequestStop() noexcept { stop_ = true; }
   /// Torque off at once.
   void RequestDisarm() noexcept { disarm_ = true; }
@@ -66,6 +69,8 @@ class RunSequence {
   RunSequenceConfig config_;
   Phase phase_ = Phase::kArm;
   std::int64_t ticks_ = 0;  // in the phase
+  bool finish_ = false;
+  bool finishing_ = false;  // The executor knows.
   bool stop_ = false;
   bool disarm_ = false;
   RunOutcome outcome_ = RunOutcome::kPending;

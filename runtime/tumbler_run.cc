@@ -1,4 +1,4 @@
-// tumbler-run: plays a primitive on motors, or on a simulated robot.
+// tumbler-run: plays a primitive, or a sequence of them, on motors or on a simulated robot.
 
 #include <fmt/format.h>
 
@@ -14,13 +14,18 @@
 #include <iostream>
 #include <memory>
 #include <optional>
+#include <set>
+#include <span>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
-#include "common/primitive_toml.h"
+#include "common/sequence_toml.h"
 #include "common/toml_reader.h"
+#include "firmware_interface/can/bus_schedule.h"
+#include "firmware_interface/can/frame_length.h"
 #include "firmware_interface/can/simulated_bus.h"
 #include "firmware_interface/can/socketcan_bus.h"
 #include "firmware_interface/drives/drive_bank.h"
@@ -51,8 +56,9 @@ constexpr const char* kFooter =
 On an interface nothing is sent without --arm: the frames of an imagined run are printed instead, in the format of
 `candump -l`.
 
-Sequence: load, check, arm, move to the start, run, settle, hold, stop, disarm.
-First Ctrl-C: brake within the limits, hold for a moment, disarm. Second Ctrl-C: torque off at once.
+In order: load, check, arm, move to the start, run, settle, hold, stop, disarm.
+Ctrl-C: go on to the next safe node, hold for a moment, disarm. A second one: brake at once within the limits, hold,
+disarm. A third one: torque off.
 
 Exit codes:
   0    the motion was completed
@@ -64,13 +70,15 @@ Exit codes:
 
 struct Options {
   std::string bus;
-  std::string primitive;
+  std::string motion;
   std::string drives;
   bool arm = false;
   bool realtime = false;
   bool without_realtime = false;
   double speed = 1;
   double hold_s = 2;
+  int cycles = 0;
+  std::string branch;
   std::string log;
   std::string lcm_url;
   std::string json;
@@ -94,7 +102,9 @@ OperatorMailbox& SignalMailbox() {
 void OnInterrupt(int /*signal*/) {
   static volatile std::sig_atomic_t count = 0;
   count = count + 1;
-  SignalMailbox().Put(count == 1 ? OperatorCommand::kStop : OperatorCommand::kDisarm);
+  SignalMailbox().Put(count == 1   ? OperatorCommand::kFinish
+                      : count == 2 ? OperatorCommand::kStop
+                                   : OperatorCommand::kDisarm);
 }
 
 void CatchInterrupts() {
@@ -130,18 +140,19 @@ DrivesConfig DrivesFor(const Options& options, const Primitive<double>& primitiv
     }
     if (found == nullptr) {
       throw Refused(fmt::format("{}: has no drive for joint '{}' of {}", options.drives, joint,
-                                options.primitive));
+                                options.motion));
     }
     chosen.drives.push_back(*found);
   }
   return chosen;
 }
 
-/// Checks that the motion fits what the drives can be told, joint by joint.
-void CheckRanges(const Primitive<float>& primitive, const DrivesConfig& drives) {
+/// Checks that a node's motion fits what the drives can be told, joint by joint.
+void CheckRanges(const Sequence<float>& sequence, int node, const DrivesConfig& drives) {
   for (std::size_t i = 0; i < drives.drives.size(); ++i) {
     const DriveEntry& entry = drives.drives[i];
-    const JointLimits<float>& limits = primitive.joints[i].limits;
+    const auto role = static_cast<std::size_t>(sequence.graph.RoleOf(node, static_cast<int>(i)));
+    const JointLimits<float>& limits = sequence.PrimitiveOf(node).joints[role].limits;
     const JointMap& map = JointOf(entry.config);
     const ShaftRanges ranges = CommandRanges(entry.config);
     const auto check = [&entry](const char* what, const char* unit, float value,
@@ -166,24 +177,39 @@ void CheckRanges(const Primitive<float>& primitive, const DrivesConfig& drives) 
   }
 }
 
-/// Says the bits that a tick needs in the worst case, and refuses a rate that does not leave room
-/// for them.
+/// Says what a tick takes of the bus in the worst case, and refuses a rate that leaves no room.
 void CheckSchedule(const DrivesConfig& drives) {
-  const int bits = drives.WorstCaseTickBits();
-  const double ceiling_hz = std::floor(static_cast<double>(drives.bit_rate) / bits);
-  fmt::print(stderr,
-             "bus schedule: {}: {} bits a tick at worst; at {:.6g} Hz {:.1f} % of {} bit/s "
-             "(ceiling {:.0f} Hz)\n",
-             drives.DescribeSchedule(), bits, drives.rate_hz, 100 * drives.WorstCaseLoad(),
-             drives.bit_rate, ceiling_hz);
-  if (drives.WorstCaseLoad() > 1) {
-    throw Refused(fmt::format("{} bits a tick do not fit: lower rate_hz to at most {:.0f}", bits,
-                              ceiling_hz));
+  BusSchedule schedule;
+  schedule.bit_rate = drives.bit_rate;
+  schedule.rate_hz = drives.rate_hz;
+  schedule.tick_bits = drives.WorstCaseTickBits();
+  schedule.longest_frame_bits = WorstCaseFrameBits(CanIdKind::kStandard, 8);
+  fmt::print(stderr, "bus schedule: {}: {}\n", drives.DescribeSchedule(), schedule.Describe());
+  if (!schedule.feasible()) {
+    throw Refused(fmt::format("{} bits a tick do not fit: lower rate_hz to at most {:.0f}",
+                              schedule.tick_bits, std::floor(schedule.ceiling_hz())));
   }
 }
 
-ExecutorConfig MakeExecutorConfig(const Options& options, const DrivesConfig& drives) {
+/// The number of the branch that is asked for; -1 without one.
+int BranchNumber(const Options& options, const SequenceGraph<float>& graph) {
+  if (options.branch.empty()) return -1;
+  const int number = graph.FindBranch(options.branch);
+  if (number >= 0) return number;
+  std::set<std::string_view> names;
+  for (const auto& edge : graph.edges()) {
+    if (edge.condition == EdgeCondition::kBranch) names.insert(edge.branch.view());
+  }
+  throw std::runtime_error(fmt::format(
+      "--branch: {} has no branch '{}'; its branches: {}", options.motion, options.branch,
+      names.empty() ? "none" : fmt::format("{}", fmt::join(names, ", "))));
+}
+
+ExecutorConfig MakeExecutorConfig(const Options& options, const DrivesConfig& drives,
+                                  const SequenceGraph<float>& graph) {
   ExecutorConfig config;
+  config.cycles = options.cycles;
+  config.branch = BranchNumber(options, graph);
   config.period_s = static_cast<float>(1 / drives.rate_hz);
   config.speed = static_cast<float>(options.speed);
   const auto ticks = [&drives](double time_s) {
@@ -233,17 +259,40 @@ class World {
   virtual void Report(RunReport& report) = 0;
 };
 
+/// Opens an interface whose bit rate, where the kernel knows it, is that of the drives.
+void OpenInterface(SocketCanBus& bus, const Options& options, const DrivesConfig& drives,
+                   const SocketCanConfig& config) {
+  const SocketCanBus::OpenResult opened = bus.Open(options.bus, config);
+  if (opened.status != Status::kOk) throw std::runtime_error(opened.message);
+  if (bus.link().bit_rate != 0 && bus.link().bit_rate != drives.bit_rate) {
+    throw Refused(fmt::format("{} runs at {} bit/s, but {} says {}: correct one of them",
+                              options.bus, bus.link().bit_rate, options.drives, drives.bit_rate));
+  }
+}
+
 class RealWorld final : public World {
  public:
-  explicit RealWorld(const std::string& interface) {
-    const SocketCanBus::OpenResult opened = bus_.Open(interface);
-    if (opened.status != Status::kOk) throw std::runtime_error(opened.message);
+  RealWorld(const Options& options, const DrivesConfig& drives) {
+    SocketCanConfig config;
+    config.discard_stale_frames = true;
+    config.send_ids = drives.HostSends();
+    config.receive_ids = drives.HostReceives();
+    config.in_flight_max = std::clamp(4 * drives.HostFramesMax(), 8, SocketCanConfig::kMaxInFlight);
+    OpenInterface(bus_, options, drives, config);
+    if (bus_.link().has_queue && !bus_.can_discard()) {
+      fmt::print(stderr,
+                 "warning: without CAP_NET_ADMIN, frames that wait when the bus fails cannot be "
+                 "discarded; they go out when it comes back\n");
+    }
   }
   CanBus& bus() override { return bus_; }
   Clock& clock() override { return clock_; }
   [[nodiscard]] bool real_time() const override { return true; }
   void Observe(const ControlLoop& /*loop*/) override {}
-  void Report(RunReport& /*report*/) override {}
+  void Report(RunReport& report) override {
+    bus_.DiscardInFlight();
+    report.interface = {bus_.statistics(), bus_.controller_state(), bus_.in_flight()};
+  }
 
  private:
   SocketCanBus bus_;
@@ -252,18 +301,18 @@ class RealWorld final : public World {
 
 class DryRunWorld final : public World {
  public:
-  DryRunWorld(const std::string& interface, const DrivesConfig& drives,
-              const Primitive<double>& primitive)
+  DryRunWorld(const Options& options, const DrivesConfig& drives, const SequenceFile& file)
       : clock_([this](std::int64_t time_ns) { bus_->AdvanceTo(time_ns); }) {
     SocketCanBus probe;  // A dry run on an interface that is not there would say nothing about it.
-    const SocketCanBus::OpenResult opened = probe.Open(interface);
-    if (opened.status != Status::kOk) throw std::runtime_error(opened.message);
+    OpenInterface(probe, options, drives, {});
     std::vector<DryRunBus::Node> nodes;
     for (std::size_t i = 0; i < drives.drives.size(); ++i) {
-      nodes.push_back(
-          {MakeSimulatedDrive(drives.drives[i]), primitive.joints[i].position.control_points()[0]});
+      const int start = file.graph.start;
+      const auto role = static_cast<std::size_t>(file.graph.RoleOf(start, static_cast<int>(i)));
+      const JointMotion<double>& motion = file.PrimitiveOf(start).primitive.joints[role];
+      nodes.push_back({MakeSimulatedDrive(drives.drives[i]), motion.position.control_points()[0]});
     }
-    bus_ = std::make_unique<DryRunBus>(interface, drives.bit_rate, std::move(nodes), stdout);
+    bus_ = std::make_unique<DryRunBus>(options.bus, drives.bit_rate, std::move(nodes), stdout);
   }
   CanBus& bus() override { return *bus_; }
   Clock& clock() override { return clock_; }
@@ -279,20 +328,26 @@ class DryRunWorld final : public World {
 #ifdef TUMBLER_HAS_SIMULATION
 class SimulatedWorld final : public World {
  public:
-  SimulatedWorld(const PrimitiveFile& file, const DrivesConfig& drives, bool paced)
-      : bus_(drives.bit_rate), host_(bus_.Attach()), paced_(paced) {
-    standing_.expected_pitch_rad = file.exit.root_pitch_rad;
+  SimulatedWorld(const SequenceFile& file, const DrivesConfig& drives, bool paced)
+      : file_(file), bus_(drives.bit_rate), host_(bus_.Attach()), paced_(paced) {
+    expected_pitch_rad_ =
+        file.RobotPitch(file.graph.start, file.PrimitiveOf(file.graph.start).entry.root_pitch_rad);
     std::vector<SimulatedDrive*> pointers;
     for (std::size_t i = 0; i < drives.drives.size(); ++i) {
       const DriveEntry& entry = drives.drives[i];
-      const auto torque_max_nm = static_cast<float>(file.primitive.joints[i].limits.torque_max_nm);
+      float torque_max_nm = 0;
+      for (const PrimitiveFile& primitive : file.primitives) {
+        torque_max_nm = std::max(
+            torque_max_nm, static_cast<float>(primitive.primitive.joints[i].limits.torque_max_nm));
+      }
       SimulatedMotorConfig motor;
       motor.torque_max_nm = std::abs(JointOf(entry.config).ToDriveTorque(torque_max_nm));
       drives_.push_back(MakeSimulatedDrive(entry, motor));
       drives_.back()->AttachTo(bus_);
       pointers.push_back(drives_.back().get());
     }
-    twin_ = std::make_unique<Twin>(file, TwinConfig{}, bus_, pointers);
+    twin_ =
+        std::make_unique<Twin>(file.PrimitiveOf(file.graph.start), TwinConfig{}, bus_, pointers);
     const auto advance = [this](std::int64_t time_ns) { twin_->AdvanceTo(time_ns); };
     if (paced) {
       clock_ = std::make_unique<PacedClock>(advance);
@@ -305,26 +360,37 @@ class SimulatedWorld final : public World {
   [[nodiscard]] bool real_time() const override { return paced_; }
 
   void Observe(const ControlLoop& loop) override {
-    const ExecutorState state = loop.record().state;
+    const TickRecord& record = loop.record();
+    const ExecutorState state = record.state;
+    const TwinState truth = twin_->state();
     if (last_ == ExecutorState::kRunning && state == ExecutorState::kSettling) {
+      const int node = record.node;
+      const PrimitiveFile& primitive = file_.PrimitiveOf(node);
+      expected_pitch_rad_ += primitive.exit.root_pitch_rad - primitive.entry.root_pitch_rad;
+      PassageReport& passage = passages_.emplace_back();
+      passage.node = std::string(file_.graph.node(node).name.view());
+      passage.expected_pitch_rad = expected_pitch_rad_;
+      passage.pitch_at_end_rad = truth.root_pitch_rad;
+      passage.tolerance_rad = std::max(
+          passage.tolerance_rad, file_.exit_pitch_tolerance_rad[static_cast<std::size_t>(node)]);
       end_ns_ = loop.time_ns();
-      standing_.pitch_at_end_rad = twin_->state().root_pitch_rad;
+    }
+    const auto later_ns = static_cast<std::int64_t>(PassageReport::kLater_s * 1e9);
+    const bool next = last_ == ExecutorState::kSettling && state == ExecutorState::kRunning;
+    if (!passages_.empty() && !passages_.back().pitch_later_rad &&
+        (next || loop.time_ns() >= end_ns_ + later_ns) && state != ExecutorState::kDisarmed) {
+      passages_.back().pitch_later_rad = truth.root_pitch_rad;
+      passages_.back().pitch_rate_later_rad_s = truth.root_pitch_rate_rad_s;
     }
     last_ = state;
-    const auto later_ns = static_cast<std::int64_t>(StandingReport::kLater_s * 1e9);
-    if (end_ns_ && !standing_.pitch_later_rad && loop.time_ns() >= *end_ns_ + later_ns &&
-        state != ExecutorState::kDisarmed) {
-      const TwinState truth = twin_->state();
-      standing_.pitch_later_rad = truth.root_pitch_rad;
-      standing_.pitch_rate_later_rad_s = truth.root_pitch_rate_rad_s;
-    }
   }
   void Report(RunReport& report) override {
-    report.standing = standing_;
+    report.passages = passages_;
     report.measured_load = bus_.load();
   }
 
  private:
+  const SequenceFile& file_;
   SimulatedBus bus_;
   SimulatedPort& host_;
   bool paced_;
@@ -332,12 +398,13 @@ class SimulatedWorld final : public World {
   std::unique_ptr<Twin> twin_;
   std::unique_ptr<Clock> clock_;
   ExecutorState last_ = ExecutorState::kDisarmed;
-  std::optional<std::int64_t> end_ns_;
-  StandingReport standing_;
+  double expected_pitch_rad_ = 0;
+  std::int64_t end_ns_ = 0;
+  std::vector<PassageReport> passages_;
 };
 #endif
 
-std::unique_ptr<World> MakeWorld(const Options& options, const PrimitiveFile& file,
+std::unique_ptr<World> MakeWorld(const Options& options, const SequenceFile& file,
                                  const DrivesConfig& drives) {
   if (options.simulated()) {
 #ifdef TUMBLER_HAS_SIMULATION
@@ -347,8 +414,8 @@ std::unique_ptr<World> MakeWorld(const Options& options, const PrimitiveFile& fi
         "this build has no simulation (TUMBLER_BUILD_OFFLINE is OFF); name a CAN interface");
 #endif
   }
-  if (options.dry_run()) return std::make_unique<DryRunWorld>(options.bus, drives, file.primitive);
-  return std::make_unique<RealWorld>(options.bus);
+  if (options.dry_run()) return std::make_unique<DryRunWorld>(options, drives, file);
+  return std::make_unique<RealWorld>(options, drives);
 }
 
 void WriteJson(const RunReport& report, const std::string& path) {
@@ -368,14 +435,15 @@ std::int64_t UtimeAtZero(const World& world) {
 }
 
 int Run(const Options& options) {
-  const PrimitiveFile file = LoadPrimitive(options.primitive);
-  const Primitive<float> primitive = ToRuntime(file.primitive);
+  const SequenceFile file = LoadMotion(options.motion);
+  const auto motions = std::make_unique<const Sequence<float>>(ToRuntime(file));
+  const SequenceGraph<float>& graph = motions->graph;
   if (options.drives.empty() && !options.simulated()) {
     throw std::runtime_error(
         fmt::format("{} is a real bus: say with --drives which drives are on it", options.bus));
   }
-  const DrivesConfig drives = DrivesFor(options, file.primitive);
-  CheckRanges(primitive, drives);
+  const DrivesConfig drives = DrivesFor(options, file.primitives[0].primitive);
+  for (int node = 0; node < graph.node_count; ++node) CheckRanges(*motions, node, drives);
   CheckSchedule(drives);
 
   DriveBank bank;
@@ -387,12 +455,14 @@ int Run(const Options& options) {
     report.joints.push_back(entry.joint);
   }
   Executor executor;
-  if (executor.Configure(MakeExecutorConfig(options, drives), primitive, bank.drives()) !=
-      Status::kOk) {
+  const std::span<const Primitive<float>> primitives(
+      motions->primitives.data(), static_cast<std::size_t>(motions->primitive_count));
+  if (executor.Configure(MakeExecutorConfig(options, drives, graph), graph, primitives,
+                         bank.drives()) != Status::kOk) {
     throw Refused(fmt::format(
         "{}: the executor does not take this motion: it has to start at rest, last at most "
         "10000 s and run at 1 Hz ... 100 kHz",
-        options.primitive));
+        options.motion));
   }
 
   const std::unique_ptr<World> world = MakeWorld(options, file, drives);
@@ -401,10 +471,12 @@ int Run(const Options& options) {
   telemetry_config.lcm_url = options.lcm_url;
   telemetry_config.trace_file = options.trace;
   telemetry_config.joint_names = report.joints;
+  for (const SequenceNode& node : graph.nodes())
+    telemetry_config.node_names.emplace_back(node.name.view());
   telemetry_config.utime_at_zero_us = UtimeAtZero(*world);
   Telemetry telemetry(telemetry_config);
   std::optional<LcmCommands> commands;
-  if (!options.lcm_url.empty()) commands.emplace(options.lcm_url, SignalMailbox());
+  if (!options.lcm_url.empty()) commands.emplace(options.lcm_url, SignalMailbox(), graph);
   if (world->real_time())
     telemetry.Start();  // Before SCHED_FIFO, which its thread must not inherit.
 
@@ -435,7 +507,8 @@ int Run(const Options& options) {
   telemetry.Stop();
 
   report.bus = options.bus;
-  report.primitive = std::string(file.primitive.name.view());
+  report.primitive = std::string(graph.name.view());
+  report.cycles = loop.record().cycles;
   report.speed = options.speed;
   report.rate_hz = drives.rate_hz;
   report.dry_run = options.dry_run();
@@ -471,7 +544,7 @@ int Main(int argc, char** argv) {
                "tumbler-run");
   app.footer(kFooter);
   app.add_option("BUS", options.bus, "`sim` or a SocketCAN interface")->required();
-  app.add_option("PRIMITIVE", options.primitive, "primitive file (TOML)")->required();
+  app.add_option("MOTION", options.motion, "primitive or sequence file (TOML)")->required();
   app.add_option(
       "--drives", options.drives,
       "drive configuration (TOML). Needed on a real interface; for sim the default is MIT drives "
@@ -489,6 +562,12 @@ int Main(int argc, char** argv) {
   app.add_option("--hold-s", options.hold_s, "how long to hold after settling [s]")
       ->check(CLI::Range(0.0, 3600.0))
       ->capture_default_str();
+  app.add_option("--cycles", options.cycles,
+                 "of a sequence: end after so many, or take the branch then; 0: the branch at the "
+                 "first chance, or on until stopped")
+      ->check(CLI::Range(0, 1'000'000))
+      ->capture_default_str();
+  app.add_option("--branch", options.branch, "of a sequence: take this branch after the cycles");
   app.add_option("--log", options.log, "write every tick to this LCM log");
   app.add_option("--lcm-url", options.lcm_url,
                  "publish live and take commands there, e.g. udpm://239.255.76.67:7667?ttl=0");

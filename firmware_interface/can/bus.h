@@ -1,5 +1,8 @@
 #pragma once
 
+#include <cstddef>
+#include <span>
+
 #include "common/status.h"
 #include "firmware_interface/can/frame.h"
 
@@ -22,6 +25,20 @@ class CanBus {
   /// @retval kInvalidArgument  identifier or size out of range.
   /// @retval kBusOff, kLinkDown, kIoError  the link is lost: enter the safe state.
   virtual Status Send(const CanFrame& frame) noexcept = 0;
+
+  /// Queues several frames in their order, at the price of one call where the link has one.
+  /// @param sent  how many were taken: all of them on kOk, otherwise those before the failure; the
+  ///              others are dropped, not kept for later.
+  /// @returns     as Send, of the first frame that was not taken.
+  virtual Status SendAll(std::span<const CanFrame> frames, std::size_t& sent) noexcept {
+    sent = 0;
+    for (const CanFrame& frame : frames) {
+      const Status status = Send(frame);
+      if (status != Status::kOk) return status;
+      ++sent;
+    }
+    return Status::kOk;
+  }
 
   /// Takes the oldest frame received; `received` is written only on kOk.
   /// @retval kWouldBlock  nothing has arrived.

@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <initializer_list>
 #include <utility>
 
 #include "common/primitive.h"
@@ -412,6 +413,78 @@ int DrivesConfig::WorstCaseTickBits() const {
 }
 
 double DrivesConfig::WorstCaseLoad() const { return WorstCaseTickBits() * rate_hz / bit_rate; }
+
+namespace {
+
+using Ids = std::vector<std::uint16_t>;
+
+/// Adds identifiers that are not in it yet.
+void AddAll(Ids& ids, std::initializer_list<std::uint32_t> more) {
+  for (const std::uint32_t id : more) {
+    const auto value = static_cast<std::uint16_t>(id);
+    if (std::find(ids.begin(), ids.end(), value) == ids.end()) ids.push_back(value);
+  }
+}
+
+}  // namespace
+
+std::vector<std::uint16_t> DrivesConfig::HostSends() const {
+  Ids ids;
+  for (const DriveEntry& drive : drives) {
+    if (const auto* mit = std::get_if<MitConfig>(&drive.config)) {
+      AddAll(ids, {mit->command_id});
+    } else if (const auto* can = std::get_if<CanSimpleConfig>(&drive.config)) {
+      const auto id = [can](CanSimpleCommand command) {
+        return CanSimpleId(can->node_id, command);
+      };
+      AddAll(ids, {id(CanSimpleCommand::kSetAxisState), id(CanSimpleCommand::kSetControllerMode),
+                   id(CanSimpleCommand::kSetInputPos), id(CanSimpleCommand::kSetInputVel),
+                   id(CanSimpleCommand::kClearErrors)});
+    } else {
+      const auto& cia402 = std::get<Cia402Config>(drive.config);
+      AddAll(ids, {canopen_id::kNmt, canopen_id::kSync, canopen_id::kHeartbeat + cia402.host_id,
+                   canopen_id::kRpdo1 + cia402.node_id, canopen_id::kRpdo2 + cia402.node_id,
+                   canopen_id::kSdoRequest + cia402.node_id});
+    }
+  }
+  return ids;
+}
+
+std::vector<std::uint16_t> DrivesConfig::HostReceives() const {
+  Ids ids;
+  for (const DriveEntry& drive : drives) {
+    if (const auto* mit = std::get_if<MitConfig>(&drive.config)) {
+      AddAll(ids, {mit->reply_id});
+    } else if (const auto* can = std::get_if<CanSimpleConfig>(&drive.config)) {
+      const auto id = [can](CanSimpleCommand command) {
+        return CanSimpleId(can->node_id, command);
+      };
+      AddAll(ids, {id(CanSimpleCommand::kHeartbeat), id(CanSimpleCommand::kGetError),
+                   id(CanSimpleCommand::kGetEncoderEstimates),
+                   id(CanSimpleCommand::kGetTemperature), id(CanSimpleCommand::kGetTorques)});
+    } else {
+      const std::uint32_t node = std::get<Cia402Config>(drive.config).node_id;
+      AddAll(ids,
+             {canopen_id::kEmergency + node, canopen_id::kTpdo1 + node, canopen_id::kTpdo2 + node,
+              canopen_id::kSdoReply + node, canopen_id::kHeartbeat + node});
+    }
+  }
+  return ids;
+}
+
+int DrivesConfig::HostFramesMax() const {
+  int frames = 0;
+  for (const DriveEntry& drive : drives) {
+    if (std::holds_alternative<MitConfig>(drive.config)) {
+      frames += 1;
+    } else if (std::holds_alternative<CanSimpleConfig>(drive.config)) {
+      frames += 3;
+    } else {
+      frames += 4;
+    }
+  }
+  return frames;
+}
 
 std::string DrivesConfig::DescribeSchedule() const {
   std::string text;

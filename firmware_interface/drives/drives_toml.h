@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -50,6 +51,11 @@ struct DrivesConfig {
   [[nodiscard]] int WorstCaseTickBits() const;
   /// Worst-case share of the bus that is in use, 0 ... 1.
   [[nodiscard]] double WorstCaseLoad() const;
+  /// Identifiers, of 11 bits, of all frames that the host sends and of those that it wants.
+  [[nodiscard]] std::vector<std::uint16_t> HostSends() const;
+  [[nodiscard]] std::vector<std::uint16_t> HostReceives() const;
+  /// Frames that the host sends in one tick at most, starting up included.
+  [[nodiscard]] int HostFramesMax() const;
   /// The schedule in words: `2 setpoints of 8 bytes, 2 replies of 8 bytes`.
   [[nodiscard]] std::string DescribeSchedule() const;
 };

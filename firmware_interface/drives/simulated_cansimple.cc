@@ -125,6 +125,7 @@ void SimulatedCanSimpleDrive::OnFrame(const ReceivedFrame& received, SimulatedPo
   const std::uint8_t node = config_.can.node_id;
   if (frame.extended || frame.id >> 5 != node) return;
   CheckWatchdog(received.time_ns);
+  CountFrame();
   fed_ns_ = received.time_ns;  // Before it is known what the frame is, as in the firmware.
   const auto command = static_cast<CanSimpleCommand>(frame.id & 0x1f);
   if (frame.remote) {
@@ -139,8 +140,10 @@ void SimulatedCanSimpleDrive::OnFrame(const ReceivedFrame& received, SimulatedPo
   if (DecodeCanSimple(node, frame, state) == Status::kOk) {
     RequestState(state.state, received.time_ns);
   } else if (DecodeCanSimple(node, frame, input) == Status::kOk) {
+    CountSetpoint(received.time_ns);
     if (std::isfinite(input.position_rev)) input_ = input;
   } else if (DecodeCanSimple(node, frame, velocity) == Status::kOk) {
+    CountSetpoint(received.time_ns);
     if (std::isfinite(velocity.velocity_rev_s) && std::isfinite(velocity.torque_nm)) {
       input_.velocity_rev_s = velocity.velocity_rev_s;
       input_.torque_nm = velocity.torque_nm;

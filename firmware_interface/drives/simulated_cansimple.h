@@ -44,6 +44,9 @@ class SimulatedCanSimpleDrive final : public SimulatedDrive {
   void OnFrame(const ReceivedFrame& received, SimulatedPort& port) noexcept override;
 
   [[nodiscard]] bool enabled() const noexcept override { return closed_loop_; }
+  [[nodiscard]] bool limp() const noexcept override {
+    return (error_ & kCanSimpleWatchdogExpired) != 0;
+  }
   [[nodiscard]] std::optional<double> target_rad() const noexcept override;
   /// Disarms, as every error does.
   void RaiseError(std::uint32_t code) noexcept override;

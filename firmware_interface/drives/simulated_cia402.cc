@@ -493,6 +493,7 @@ void SimulatedCia402Drive::OnFrame(const ReceivedFrame& received, SimulatedPort&
   if (IsSync(frame)) return OnSync(port);
   SdoRequest request;
   if (nmt_ != NmtState::kStopped && DecodeSdoRequest(node, frame, request) == Status::kOk) {
+    CountFrame();
     return Answer(request, port);
   }
   const auto host = static_cast<std::uint8_t>(consumer_ >> 16 & 0x7f);
@@ -513,6 +514,8 @@ void SimulatedCia402Drive::OnFrame(const ReceivedFrame& received, SimulatedPort&
       Fault(0x8210);  // PDO not processed: too short
       continue;
     }
+    CountFrame();
+    if (&pdo == &rpdo_[0]) CountSetpoint(now_ns_);
     pdo.pending = true;
     pdo.received = frame;
   }

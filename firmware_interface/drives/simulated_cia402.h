@@ -46,6 +46,7 @@ class SimulatedCia402Drive final : public SimulatedDrive {
     return state_ == Cia402State::kEnabled || state_ == Cia402State::kQuickStop ||
            state_ == Cia402State::kFaultReaction;
   }
+  [[nodiscard]] bool limp() const noexcept override { return error_code_ == kEmergencyHeartbeat; }
   [[nodiscard]] std::optional<double> target_rad() const noexcept override;
   /// A fault with this EMCY code.
   void RaiseError(std::uint32_t code) noexcept override;

@@ -43,6 +43,12 @@ class SimulatedDrive : public SimulatedNode {
   [[nodiscard]] virtual std::optional<double> target_rad() const noexcept = 0;
   /// Torque at the shaft, as applied.
   [[nodiscard]] double torque_nm() const noexcept { return torque_nm_; }
+  /// The host's silence has taken the torque away (or is about to: some drives brake first).
+  [[nodiscard]] virtual bool limp() const noexcept = 0;
+  /// Frames to this drive, and those of them that were setpoints.
+  [[nodiscard]] std::int64_t frames_received() const noexcept { return frames_received_; }
+  [[nodiscard]] std::int64_t setpoints_received() const noexcept { return setpoints_received_; }
+  [[nodiscard]] std::int64_t last_setpoint_ns() const noexcept { return last_setpoint_ns_; }
   /// How often the host's silence was noticed.
   [[nodiscard]] std::int64_t watchdog_expiries() const noexcept { return watchdog_expiries_; }
 
@@ -78,6 +84,11 @@ class SimulatedDrive : public SimulatedNode {
   [[nodiscard]] double ToJoint(double shaft_angle_rad) const noexcept;
   [[nodiscard]] double temperature_c() const noexcept { return temperature_c_; }
   void CountExpiry() noexcept { ++watchdog_expiries_; }
+  void CountFrame() noexcept { ++frames_received_; }
+  void CountSetpoint(std::int64_t time_ns) noexcept {
+    ++setpoints_received_;
+    last_setpoint_ns_ = time_ns;
+  }
 
  private:
   [[nodiscard]] double Limited(double torque_nm) const noexcept;
@@ -92,6 +103,9 @@ class SimulatedDrive : public SimulatedNode {
   double velocity_rad_s_ = 0;
   double torque_nm_ = 0;
   std::int64_t watchdog_expiries_ = 0;
+  std::int64_t frames_received_ = 0;
+  std::int64_t setpoints_received_ = 0;
+  std::int64_t last_setpoint_ns_ = 0;
 };
 
 }  // namespace tumbler

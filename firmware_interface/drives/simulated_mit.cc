@@ -48,7 +48,7 @@ void SimulatedMitDrive::OnFrame(const ReceivedFrame& received, SimulatedPort& po
   MitCommand command;
   const bool is_magic = DecodeMitMagic(config_.mit, received.frame, magic);
   if (!is_magic && DecodeMitCommand(config_.mit, received.frame, command) != Status::kOk) return;
-  ++frames_received_;
+  CountFrame();
   CheckWatchdog(now_ns);
   MitReply reply;
   reply.sender = static_cast<std::uint8_t>(config_.mit.command_id);
@@ -61,9 +61,9 @@ void SimulatedMitDrive::OnFrame(const ReceivedFrame& received, SimulatedPort& po
   Say(port, EncodeMitReply(config_.mit, reply));
   if (!is_magic) {
     setpoint_ = command;
-    last_setpoint_ns_ = fed_ns_ = now_ns;
+    fed_ns_ = now_ns;
     expired_ = false;
-    ++setpoints_received_;
+    CountSetpoint(now_ns);
   } else if (magic == MitMagic::kEnter) {
     if (!enabled_) fed_ns_ = now_ns;
     enabled_ = true;

@@ -37,13 +37,10 @@ class SimulatedMitDrive final : public SimulatedDrive {
 
   [[nodiscard]] bool enabled() const noexcept override { return enabled_; }
   [[nodiscard]] std::optional<double> target_rad() const noexcept override;
-  [[nodiscard]] bool limp() const noexcept { return expired_; }  ///< the watchdog has expired
-  [[nodiscard]] std::int64_t frames_received() const noexcept { return frames_received_; }
-  [[nodiscard]] std::int64_t setpoints_received() const noexcept { return setpoints_received_; }
+  [[nodiscard]] bool limp() const noexcept override { return expired_; }
   [[nodiscard]] const MitCommand& last_setpoint() const noexcept {
     return setpoint_;
   }  ///< at the shaft
-  [[nodiscard]] std::int64_t last_setpoint_ns() const noexcept { return last_setpoint_ns_; }
   [[nodiscard]] const SimulatedMitConfig& config() const noexcept { return config_; }
 
   /// Only the low byte of the code fits a reply.
@@ -63,9 +60,6 @@ class SimulatedMitDrive final : public SimulatedDrive {
   std::uint8_t error_ = 0;
   double zero_rad_ = 0;      // true angle at which the encoder reads zero
   std::int64_t fed_ns_ = 0;  // last setpoint, or start of motor mode
-  std::int64_t last_setpoint_ns_ = 0;
-  std::int64_t frames_received_ = 0;
-  std::int64_t setpoints_received_ = 0;
 };
 
 }  // namespace tumbler

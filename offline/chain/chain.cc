@@ -144,14 +144,7 @@ class Simulation {
   World& WorldOf(int node) { return *worlds_[Index(file_.graph.node(node).primitive)]; }
 
   [[nodiscard]] SequenceRequest Request(bool branched) const {
-    SequenceRequest request;
-    if (options_.branch.empty() || branched) {
-      // After the branch, what follows is played to its end, or to the next safe node.
-      request.cycles = branched ? std::max(1, outcome_.cycles) : options_.cycles;
-      return request;
-    }
-    if (outcome_.cycles >= options_.cycles) request.branch = options_.branch;
-    return request;
+    return PlannedRequest(options_.cycles, options_.branch, outcome_.cycles, branched);
   }
 
   [[nodiscard]] double RootX() const { return root_ ? q_[0] : 0.0; }

@@ -181,9 +181,10 @@ struct ForwardSensitivity::Implementation {
       const Spline::Weights& w = weights[Index(j)];
       const int begin = std::max(0, 3 - w.first);
       const int end = std::min(problem.degree + 1, 3 + joint.free_points() - w.first);
-      for (int k = begin; k < end; ++k)
+      for (int k = begin; k < end; ++k) {
         out[first_parameter[Index(j)] + w.first - 3 + k] +=
             by_q[Index(joint.dof)] * w.w[0][Index(k)];
+      }
     }
   }
 

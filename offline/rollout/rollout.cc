@@ -580,9 +580,10 @@ RolloutResult Rollout::Estimate(std::span<const double> x) {
 RolloutResult Rollout::Run(
     std::span<const double> x,
     Eigen::Ref<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> gradient) {
-  if (gradient.rows() != output_count() || gradient.cols() != parameter_count())
+  if (gradient.rows() != output_count() || gradient.cols() != parameter_count()) {
     throw std::invalid_argument(
         "the gradient has a row for each output, a column for each parameter");
+  }
   if (implementation_->forward) return implementation_->forward->Run(x, gradient);
   RolloutResult result = implementation_->Forward(x, Implementation::Scheme::kRecordedRungeKutta);
   if (!result.finite) {

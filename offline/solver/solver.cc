@@ -136,8 +136,9 @@ struct Sample {
 /// rest on its feet, or fallen), which is where the median lies.
 double PromisingRank(const std::vector<Sample>& samples) {
   if (samples.empty()) return -std::numeric_limits<double>::infinity();
-  std::vector<double> sorted;
-  for (const Sample& sample : samples) sorted.push_back(sample.rank);
+  std::vector<double> sorted(samples.size());
+  std::transform(samples.begin(), samples.end(), sorted.begin(),
+                 [](const Sample& sample) { return sample.rank; });
   const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
   std::nth_element(sorted.begin(), middle, sorted.end());
   if (!std::isfinite(*middle)) return -std::numeric_limits<double>::infinity();

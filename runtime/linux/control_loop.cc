@@ -29,27 +29,27 @@ bool ControlLoop::Step() noexcept {
   }
   statistics_.frames_received += static_cast<std::int64_t>(count);
 
-  const OperatorCommand wish = parts_.mailbox.Take();
-  if (wish == OperatorCommand::kStop) parts_.sequence.RequestStop();
-  if (wish == OperatorCommand::kDisarm) parts_.sequence.RequestDisarm();
+  const OperatorWish wish = parts_.mailbox.Take();
+  if (wish.command == OperatorCommand::kFinish) parts_.sequence.RequestFinish();
+  if (wish.command == OperatorCommand::kStop) parts_.sequence.RequestStop();
+  if (wish.command == OperatorCommand::kDisarm) parts_.sequence.RequestDisarm();
   OperatorCommand command = parts_.sequence.Next(output_.record);
-  if (command == OperatorCommand::kNone && wish == OperatorCommand::kClearFaults) command = wish;
+  const bool direct =
+      wish.command == OperatorCommand::kClearFaults || wish.command == OperatorCommand::kBranch;
+  if (command == OperatorCommand::kNone && direct) command = wish.command;
 
-  parts_.executor.Tick({tick, {received_.data(), count}, receive_status, send_status_, command},
-                       output_);
+  parts_.executor.Tick(
+      {tick, {received_.data(), count}, receive_status, send_status_, command, wish.branch},
+      output_);
 
-  send_status_ = Status::kOk;
+  std::size_t frame_count = 0;
   for (const FrameBatch& batch : output_.frames) {
-    for (const CanFrame& frame : batch.frames()) {
-      const Status status = parts_.bus.Send(frame);
-      if (status == Status::kOk) {
-        ++statistics_.frames_sent;
-        continue;
-      }
-      ++statistics_.send_failures;
-      if (send_status_ == Status::kOk) send_status_ = status;
-    }
+    for (const CanFrame& frame : batch.frames()) to_send_[frame_count++] = frame;
   }
+  std::size_t sent = 0;
+  send_status_ = parts_.bus.SendAll({to_send_.data(), frame_count}, sent);
+  statistics_.frames_sent += static_cast<std::int64_t>(sent);
+  statistics_.send_failures += static_cast<std::int64_t>(frame_count - sent);
   statistics_.tick.Add(parts_.clock.now_ns() - awake_ns);
   Count();
   if (parts_.telemetry != nullptr) parts_.telemetry->Push({time_ns_, output_.record});

@@ -22,9 +22,9 @@ struct LoopStatistics {
   std::int64_t run_ticks = 0;     ///< Of `ticks`, those in state running.
   std::int64_t frames_sent = 0;
   std::int64_t frames_received = 0;
-  std::int64_t send_failures = 0;
-  DurationHistogram wake_up;  ///< From deadline to running.
-  DurationHistogram tick;     ///< From running to the last frame handed to the bus.
+  std::int64_t send_failures = 0;  ///< Frames that the bus did not take; they are dropped.
+  DurationHistogram wake_up;       ///< From deadline to running.
+  DurationHistogram tick;          ///< From running to the last frame handed to the bus.
 
   /// Joints, while the primitive runs and settles.
   std::array<float, kMaxJoints> peak_torque_nm{};  ///< |measured|
@@ -74,6 +74,7 @@ class ControlLoop {
   std::int64_t time_ns_ = 0;
   Status send_status_ = Status::kOk;
   std::array<ReceivedFrame, kReceiveCapacity> received_;
+  std::array<CanFrame, std::size_t{kMaxJoints} * FrameBatch::kCapacity> to_send_;
   TickOutput output_;
   std::array<float, kMaxJoints> last_position_rad_{};  // limited, of the tick before
   LoopStatistics statistics_;

@@ -14,8 +14,9 @@
 namespace tumbler {
 
 struct LcmCommands::Implementation {
-  Implementation(const std::string& url, OperatorMailbox& mailbox_in)
-      : lcm(url), mailbox(mailbox_in) {
+  Implementation(const std::string& url, OperatorMailbox& mailbox_in,
+                 const SequenceGraph<float>& graph_in)
+      : lcm(url), mailbox(mailbox_in), graph(graph_in) {
     if (!lcm.good()) throw std::runtime_error(fmt::format("{}: LCM cannot use this URL", url));
     // Not the overload for member functions: UndefinedBehaviorSanitizer objects to it.
     lcm.subscribeFunction(kCommandChannel, &Implementation::Handle, this);
@@ -35,6 +36,13 @@ struct LcmCommands::Implementation {
         return self->mailbox.Put(OperatorCommand::kDisarm);
       case command_t::CLEAR_FAULTS:
         return self->mailbox.Put(OperatorCommand::kClearFaults);
+      case command_t::FINISH:
+        return self->mailbox.Put(OperatorCommand::kFinish);
+      case command_t::BRANCH:
+        // A name that is not there becomes number -1, which the executor refuses where all see it.
+        return self->mailbox.Put(
+            {OperatorCommand::kBranch,
+             static_cast<std::int8_t>(self->graph.FindBranch(message->branch))});
       default:
         return;  // Motion is never started from the network.
     }
@@ -42,12 +50,14 @@ struct LcmCommands::Implementation {
 
   lcm::LCM lcm;
   OperatorMailbox& mailbox;
+  SequenceGraph<float> graph;
   std::atomic<bool> stop{false};
   std::thread thread;
 };
 
-LcmCommands::LcmCommands(const std::string& url, OperatorMailbox& mailbox)
-    : implementation_(std::make_unique<Implementation>(url, mailbox)) {}
+LcmCommands::LcmCommands(const std::string& url, OperatorMailbox& mailbox,
+                         const SequenceGraph<float>& graph)
+    : implementation_(std::make_unique<Implementation>(url, mailbox, graph)) {}
 
 LcmCommands::~LcmCommands() {
   implementation_->stop = true;

@@ -11,8 +11,9 @@ namespace tumbler {
 class LcmCommands {
  public:
   /// @param mailbox  must outlive this object.
+  /// @param graph    whose branches the operator may name.
   /// @throws std::runtime_error when LCM cannot use the URL.
-  LcmCommands(const std::string& url, OperatorMailbox& mailbox);
+  LcmCommands(const std::string& url, OperatorMailbox& mailbox, const SequenceGraph<float>& graph);
   ~LcmCommands();
   LcmCommands(const LcmCommands&) = delete;
   LcmCommands& operator=(const LcmCommands&) = delete;

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
@@ -28,11 +29,37 @@ double Microseconds(std::int64_t ns) { return static_cast<double>(ns) * 1e-3; }
 
 }  // namespace
 
-std::optional<bool> StandingReport::standing() const {
+std::optional<bool> PassageReport::standing() const {
   if (!pitch_later_rad || !pitch_rate_later_rad_s) return std::nullopt;
-  return std::abs(*pitch_later_rad - expected_pitch_rad) <= kTolerance_rad &&
+  return std::abs(*pitch_later_rad - expected_pitch_rad) <= tolerance_rad &&
          std::abs(*pitch_rate_later_rad_s) <= kRateTolerance_rad_s;
 }
+
+namespace {
+
+void AppendPassages(const RunReport& report, std::string& text) {
+  if (report.passages.empty()) return;
+  if (report.passages.size() > 1) {
+    const auto missed = std::count_if(
+        report.passages.begin(), report.passages.end(),
+        [](const PassageReport& passage) { return !passage.standing().value_or(true); });
+    text +=
+        fmt::format("  {} motions, {} complete cycles; {}\n", report.passages.size(), report.cycles,
+                    missed == 0 ? "the robot where it should be after each"
+                                : fmt::format("NOT where it should be after {}", missed));
+  }
+  const PassageReport& last = report.passages.back();
+  text += report.passages.size() > 1 ? fmt::format("  last, {}: ", last.node) : std::string("  ");
+  text += fmt::format("root pitch: {:.4f} rad at the end", last.pitch_at_end_rad);
+  if (last.pitch_later_rad) {
+    text += fmt::format(", {:.4f} rad {:.0f} s later (planned {:.4f}): {}", *last.pitch_later_rad,
+                        PassageReport::kLater_s, last.expected_pitch_rad,
+                        *last.standing() ? "still standing" : "NOT where it should be");
+  }
+  text += '\n';
+}
+
+}  // namespace
 
 std::string ToText(const RunReport& report) {
   const LoopStatistics& s = report.statistics;
@@ -40,19 +67,7 @@ std::string ToText(const RunReport& report) {
                                  OutcomeName(report.outcome), report.primitive, report.bus,
                                  report.dry_run ? " (dry run)" : "", report.speed, report.rate_hz);
   if (!report.reason.empty()) text += fmt::format("  {}\n", report.reason);
-  if (report.standing) {
-    const StandingReport& standing = *report.standing;
-    if (standing.pitch_at_end_rad) {
-      text += fmt::format("  root pitch: {:.4f} rad at the end", *standing.pitch_at_end_rad);
-      if (standing.pitch_later_rad) {
-        text += fmt::format(", {:.4f} rad {:.0f} s later (planned {:.4f}): {}",
-                            *standing.pitch_later_rad, StandingReport::kLater_s,
-                            standing.expected_pitch_rad,
-                            *standing.standing() ? "still standing" : "NOT where it should be");
-      }
-      text += '\n';
-    }
-  }
+  AppendPassages(report, text);
   for (std::size_t i = 0; i < report.joints.size(); ++i) {
     text += fmt::format("  {}: peak torque {:.3f} N m, following error at most {:.4f} rad\n",
                         report.joints[i], s.peak_torque_nm[i], s.following_error_max_rad[i]);
@@ -77,6 +92,22 @@ std::string ToText(const RunReport& report) {
       s.frames_sent, s.frames_received, s.send_failures, report.worst_case_tick_bits,
       100 * report.worst_case_load);
   if (report.measured_load) text += fmt::format("; measured {:.1f} %", 100 * *report.measured_load);
+  if (report.interface) {
+    const SocketCanStatistics& i = report.interface->statistics;
+    text += fmt::format(
+        "\n  interface: {} frames confirmed, the slowest after {:.0f} us, {} discarded, {} stalls; "
+        "{} received frames lost, {} commands of others; {}, {} error frames, {} unacknowledged, "
+        "{} times bus-off",
+        i.confirmed, Microseconds(i.confirm_time_max_ns), i.discarded, i.stalls, i.dropped,
+        i.foreign_commands, ToString(report.interface->controller), i.error_frames,
+        i.unacknowledged, i.bus_offs);
+    if (report.interface->in_flight > 0) {
+      text += fmt::format(
+          "\n  WARNING: {} frames wait for the bus to come back; discard them before the motors "
+          "have power: ip link set {} down; ip link set {} up",
+          report.interface->in_flight, report.bus, report.bus);
+    }
+  }
   text += fmt::format("\n  telemetry: {} records lost, {} messages not published\n",
                       report.lost_records, report.unpublished_messages);
   for (const std::string& file : report.files) text += fmt::format("  wrote {}\n", file);
@@ -98,13 +129,23 @@ std::string ToJson(const RunReport& report) {
   const auto maybe = [](const std::optional<double>& value) {
     return value ? Json(*value) : Json(nullptr);
   };
-  if (report.standing) {
-    const StandingReport& standing = *report.standing;
-    const std::optional<bool> stands = standing.standing();
-    json["root_pitch_planned_rad"] = standing.expected_pitch_rad;
-    json["root_pitch_at_end_rad"] = maybe(standing.pitch_at_end_rad);
-    json["root_pitch_2_s_later_rad"] = maybe(standing.pitch_later_rad);
+  if (!report.passages.empty()) {
+    const PassageReport& last = report.passages.back();
+    const std::optional<bool> stands = last.standing();
+    json["root_pitch_planned_rad"] = last.expected_pitch_rad;
+    json["root_pitch_at_end_rad"] = last.pitch_at_end_rad;
+    json["root_pitch_2_s_later_rad"] = maybe(last.pitch_later_rad);
     json["standing_2_s_later"] = stands ? Json(*stands) : Json(nullptr);
+    json["cycles"] = report.cycles;
+    json["passages"] = Json::array();
+    for (const PassageReport& passage : report.passages) {
+      json["passages"].push_back(
+          {{"node", passage.node},
+           {"root_pitch_planned_rad", passage.expected_pitch_rad},
+           {"root_pitch_at_end_rad", passage.pitch_at_end_rad},
+           {"root_pitch_later_rad", maybe(passage.pitch_later_rad)},
+           {"root_pitch_rate_later_rad_s", maybe(passage.pitch_rate_later_rad_s)}});
+    }
   }
   json["joints"] = Json::array();
   for (std::size_t i = 0; i < report.joints.size(); ++i) {
@@ -129,6 +170,20 @@ std::string ToJson(const RunReport& report) {
   json["worst_case_bits_per_tick"] = report.worst_case_tick_bits;
   json["worst_case_bus_load"] = report.worst_case_load;
   json["measured_bus_load"] = maybe(report.measured_load);
+  if (report.interface) {
+    const SocketCanStatistics& i = report.interface->statistics;
+    json["interface"] = {{"frames_confirmed", i.confirmed},
+                         {"confirm_max_us", Microseconds(i.confirm_time_max_ns)},
+                         {"frames_discarded", i.discarded},
+                         {"frames_in_flight", report.interface->in_flight},
+                         {"stalls", i.stalls},
+                         {"received_frames_lost", i.dropped},
+                         {"commands_of_others", i.foreign_commands},
+                         {"controller_state", ToString(report.interface->controller)},
+                         {"error_frames", i.error_frames},
+                         {"unacknowledged", i.unacknowledged},
+                         {"bus_offs", i.bus_offs}};
+  }
   json["lost_records"] = report.lost_records;
   json["unpublished_messages"] = report.unpublished_messages;
   json["files"] = report.files;
@@ -138,7 +193,10 @@ std::string ToJson(const RunReport& report) {
 int ExitCode(const RunReport& report) {
   switch (report.outcome) {
     case RunOutcome::kCompleted:
-      return report.standing && !report.standing->standing().value_or(true) ? 4 : 0;
+      return std::any_of(report.passages.begin(), report.passages.end(),
+                         [](const PassageReport& p) { return !p.standing().value_or(true); })
+                 ? 4
+                 : 0;
     case RunOutcome::kRefused:
       return 2;
     case RunOutcome::kPending:

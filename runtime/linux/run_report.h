@@ -5,24 +5,33 @@
 #include <string>
 #include <vector>
 
+#include "firmware_interface/can/socketcan_bus.h"
 #include "runtime/linux/control_loop.h"
 #include "runtime/linux/realtime_thread.h"
 
 namespace tumbler {
 
-/// The simulated robot's root at the end of the motion and two seconds later, against where the
-/// primitive says that it leaves the robot.
-struct StandingReport {
-  double expected_pitch_rad = 0;  ///< The primitive's exit: two seconds after the end.
-  std::optional<double> pitch_at_end_rad;
+/// Where the simulated robot was when a node of the sequence was over: two seconds after the end of
+/// its motion, or when the next one began.
+struct PassageReport {
+  std::string node;
+  double expected_pitch_rad = 0;  ///< Of the root, by the exits and entries of the primitives.
+  double pitch_at_end_rad = 0;    ///< Of the motion, before it settled.
   std::optional<double> pitch_later_rad;  ///< Absent when the run ended earlier.
   std::optional<double> pitch_rate_later_rad_s;
+  double tolerance_rad = 0.05;  ///< Of the pitch then; the sequence may allow more.
   static constexpr double kLater_s = 2;
-  static constexpr double kTolerance_rad = 0.05;
   static constexpr double kRateTolerance_rad_s = 0.05;  ///< Slower than this is at rest.
 
-  /// Where it should be two seconds later, and at rest. Absent when that was not seen.
+  /// Where it should be, and at rest. Absent when that was not seen.
   [[nodiscard]] std::optional<bool> standing() const;
+};
+
+/// What became of the frames on a SocketCAN interface.
+struct InterfaceReport {
+  SocketCanStatistics statistics;
+  CanControllerState controller = CanControllerState::kErrorActive;
+  int in_flight = 0;  ///< Neither confirmed nor discarded: they go out when the bus comes back.
 };
 
 /// Everything that is said about a run when it is over.
@@ -38,9 +47,11 @@ struct RunReport {
   std::vector<std::string> joints;
   LoopStatistics statistics;
   int worst_case_tick_bits = 0;
-  double worst_case_load = 0;           ///< 0 ... 1
-  std::optional<double> measured_load;  ///< 0 ... 1; known of the simulated bus only.
-  std::optional<StandingReport> standing;
+  double worst_case_load = 0;                ///< 0 ... 1
+  std::optional<double> measured_load;       ///< 0 ... 1; known of the simulated bus only.
+  std::optional<InterfaceReport> interface;  ///< Of an armed run on an interface.
+  std::vector<PassageReport> passages;       ///< Of a simulated robot; empty otherwise.
+  int cycles = 0;                            ///< Of a sequence, complete.
   std::optional<RealtimeReport> realtime;
   std::int64_t lost_records = 0;
   std::int64_t unpublished_messages = 0;

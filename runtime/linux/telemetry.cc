@@ -32,6 +32,7 @@ const char* UnitOf(Fault fault) {
     case Fault::kArmingTimeout:
       return " ticks";
     case Fault::kFollowingError:
+    case Fault::kEntryMissed:
       return " rad";
     case Fault::kOverTemperature:
       return " C";
@@ -84,6 +85,8 @@ std::string Describe(const FaultReport& report, const std::vector<std::string>& 
 
 std::string Describe(const RefusalReport& report, const std::vector<std::string>& joint_names) {
   std::string text = ToString(report.refusal);
+  if (report.refusal == Refusal::kNoSuchBranch)
+    return text + fmt::format(" (number {})", report.value);
   if (report.joint < 0) return text;
   text += fmt::format(" ({}", JointName(report.joint, joint_names));
   if (report.refusal == Refusal::kNoReply && report.value < 0) return text + ": never)";
@@ -125,7 +128,7 @@ struct Telemetry::Implementation {
   }
 
   void WriteTraceHeader() {
-    std::string header = "tick,time_s,state,primitive_time_s,faults";
+    std::string header = "tick,time_s,state,node,cycles,primitive_time_s,faults";
     for (const std::string& joint : config.joint_names) {
       for (const char* kind : {"planned", "limited", "encoded", "measured"}) {
         header += fmt::format(",{0}_{1}_position_rad,{0}_{1}_velocity_rad_s,{0}_{1}_torque_nm",
@@ -145,9 +148,9 @@ struct Telemetry::Implementation {
     const TickRecord& record = timed.record;
     row.clear();
     auto out = std::back_inserter(row);
-    fmt::format_to(out, "{},{:.6f},{},{},{}", record.tick,
-                   static_cast<double>(timed.time_ns) * 1e-9, ToString(record.state),
-                   record.primitive_time_s, record.faults);
+    fmt::format_to(out, "{},{:.6f},{},{},{},{},{}", record.tick,
+                   static_cast<double>(timed.time_ns) * 1e-9, ToString(record.state), record.node,
+                   record.cycles, record.primitive_time_s, record.faults);
     for (std::size_t i = 0; i < record.joint_count; ++i) {
       const JointRecord& joint = record.joints[i];
       for (const JointSetpoint& s : {joint.planned, joint.limited, joint.encoded, joint.measured}) {
@@ -164,6 +167,8 @@ struct Telemetry::Implementation {
     message.tick = record.tick;
     message.time_ns = timed.time_ns;
     message.primitive_time_s = record.primitive_time_s;
+    message.node = record.node;
+    message.cycles = record.cycles;
     message.state = static_cast<std::int8_t>(record.state);
     message.reaction = static_cast<std::int8_t>(record.reaction);
     message.command = static_cast<std::int8_t>(record.command);
@@ -231,7 +236,12 @@ struct Telemetry::Implementation {
     } else if (record.refusal.refusal != last_refusal && record.refusal.refusal != Refusal::kNone) {
       text = fmt::format("{} refused: {}", ToString(record.command),
                          Describe(record.refusal, config.joint_names));
+    } else if (record.node != last_node && record.state == ExecutorState::kRunning) {
+      const auto node = static_cast<std::size_t>(record.node);
+      text = node < config.node_names.size() ? config.node_names[node]
+                                             : fmt::format("node {}", record.node);
     }
+    if (record.state == ExecutorState::kRunning) last_node = record.node;
     if (record.state != last_state || !text.empty()) {
       event_t event;
       event.tick = record.tick;
@@ -279,6 +289,7 @@ struct Telemetry::Implementation {
   ExecutorState last_state = ExecutorState::kDisarmed;
   std::uint16_t last_faults = 0;
   Refusal last_refusal = Refusal::kNone;
+  std::int8_t last_node = -1;
   bool log_failed = false;
   bool trace_failed = false;
   std::atomic<std::int64_t> unpublished{0};

@@ -27,6 +27,7 @@ struct TelemetryConfig {
   std::string lcm_url;     ///< Live LCM, e.g. `udpm://239.255.76.67:7667?ttl=0`.
   std::string trace_file;  ///< CSV, one row a tick.
   std::vector<std::string> joint_names;
+  std::vector<std::string> node_names;  ///< Of the sequence, for events.
   std::int64_t utime_at_zero_us =
       0;  ///< Log time of loop time 0: 0 for virtual time, else microseconds since 1970.
 };

@@ -25,7 +25,7 @@
 #include "firmware_interface/can/socketcan_bus.h"
 #include "firmware_interface/drives/drives_toml.h"
 #include "firmware_interface/drives/make_simulated.h"
-#include "tests/support/rotor_plant.h"
+#include "firmware_interface/drives/rotor_plant.h"
 
 namespace tumbler {
 namespace {
@@ -135,21 +135,20 @@ class SimulatedWorld final : public World {
     motor.encoder_step_rad = 2 * M_PI / 65536;
     drive = MakeSimulatedDrive(c.entry, motor);
     drive->AttachTo(bus_);
-    testing::RotorPlant::Rotor rotor;
+    RotorPlant::Rotor rotor;
     rotor.drive = drive.get();
     rotor.position_rad = 0.3;
-    plant =
-        std::make_unique<testing::RotorPlant>(bus_, std::vector<testing::RotorPlant::Rotor>{rotor});
+    plant = std::make_unique<RotorPlant>(bus_, std::vector<RotorPlant::Rotor>{rotor});
   }
   CanBus& bus() override { return host_; }
   void Advance(double time_s) override {
     now_ns_ += static_cast<std::int64_t>(std::llround(time_s * 1e9));
     plant->AdvanceTo(now_ns_);
   }
-  [[nodiscard]] testing::RotorPlant::Rotor& rotor() { return plant->rotors()[0]; }
+  [[nodiscard]] RotorPlant::Rotor& rotor() { return plant->rotors()[0]; }
 
   std::unique_ptr<SimulatedDrive> drive;
-  std::unique_ptr<testing::RotorPlant> plant;
+  std::unique_ptr<RotorPlant> plant;
 
  private:
   SimulatedBus bus_;

@@ -19,56 +19,12 @@ namespace tumbler {
 namespace {
 
 using testing::ReadFile;
-using testing::Replaced;
 using testing::SequenceFolder;
-using testing::TaskFolder;
 
 constexpr double kPi = std::numbers::pi;
 
-/// The shipped handstand on a thicker layer, which the landings need.
-std::string Handstand() {
-  std::string text = testing::ShippedTask();
-  const std::size_t from = text.find("[contact]");
-  return text.replace(from, text.find("[[obstacle]]") - from,
-                      "[contact]\nstiffness_n_per_m = 2.0e4\ndamping_n_s_per_m = 90.0\n"
-                      "d_on_m = 0.010\nd_off_m = 0.0075\nmu = 0.3\nv_max_m_per_s = 0.05\n\n");
-}
-
-/// The same robot and ground, from the handstand down onto the other side.
-std::string AfterIt(const std::string& name, const std::string& costs) {
-  std::string text = Replaced(Handstand(), "name = \"handstand\"", "name = \"" + name + "\"");
-  text = Replaced(text, "pitch_rad = 0.0", "pitch_rad = 1.5707963267948966");
-  text = Replaced(text, "leg1 = 0.0, leg2 = 0.0",
-                  "leg1 = 1.5707963267948966, leg2 = -1.5707963267948966", "[end]");
-  text = Replaced(text, "leg1 = -1.5707963267948966, leg2 = 1.5707963267948966",
-                  "leg1 = 0.0, leg2 = 0.0");
-  const std::size_t from = text.find("[[cost]]");
-  text.replace(from, text.find("[contact]") - from, costs);
-  return Replaced(text, "seed = 1",
-                  "seed = 1\ncore_penalty = 5.0\nbatch = 500\npromising = 30\nrefine = 10");
-}
-
-std::string Cost(const std::string& term, const std::string& of, double weight,
-                 const std::string& more = "") {
-  return "[[cost]]\nterm = \"" + term + "\"\nof = \"" + of +
-         "\"\nwhen = \"settled\"\nweight = " + ExactDecimal(weight) + "\n" + more + "\n";
-}
-
-/// Level again and at rest.
-std::string Downstand() {
-  return AfterIt("downstand", Cost("terminal", "pitch", 1, "target = 3.141592653589793\n") +
-                                  Cost("terminal", "pitch_rate", 0.1) +
-                                  "[[cost]]\nterm = \"effort\"\nweight = 1.0e-4\n\n");
-}
-
-/// As far round and to the left as it goes.
-std::string Roll() {
-  return Replaced(
-      AfterIt("roll", Cost("terminal-linear", "x", 0.5) + Cost("terminal-linear", "pitch", -1) +
-                          Cost("terminal", "pitch_rate", 0.01) +
-                          "[[cost]]\nterm = \"effort\"\nweight = 1.0e-4\n\n"),
-      "duration_s = 1.2\nsettle_s = 0.3", "duration_s = 2.0\nsettle_s = 0.5");
-}
+std::string Primitives() { return TUMBLER_SOURCE_DIR "/primitives/"; }
+std::string TaskFile(const std::string& name) { return Primitives() + "tasks/" + name + ".toml"; }
 
 PrimitiveFile Find(const Task& task) {
   SolveOptions options;
@@ -80,14 +36,12 @@ PrimitiveFile Find(const Task& task) {
 
 /// Handstand, downstand and roll, and the shipped sequence of them.
 SequenceFile FindTheGait() {
-  const TaskFolder first(Handstand());
-  const PrimitiveFile handstand = Find(LoadTask(first.task_file()));
-  const auto after_it = [&handstand](const std::string& task) {
-    const TaskFolder next(task);
-    return Find(LoadTask(next.task_file(), handstand, "handstand.toml"));
+  const PrimitiveFile handstand = Find(LoadTask(TaskFile("handstand")));
+  const auto after_it = [&handstand](const std::string& name) {
+    return Find(LoadTask(TaskFile(name), handstand, "handstand.toml"));
   };
-  const SequenceFolder folder(ReadFile(TUMBLER_SOURCE_DIR "/primitives/gait.toml"),
-                              {handstand, after_it(Downstand()), after_it(Roll())});
+  const SequenceFolder folder(ReadFile(Primitives() + "gait.toml"),
+                              {handstand, after_it("downstand"), after_it("roll")});
   return LoadSequence(folder.file());
 }
 
@@ -155,13 +109,35 @@ void AMotionSpoiltIsAFallThatIsSeen(SequenceFile file) {
       << "at the latest when the next one would begin";
 }
 
-// One case, because finding the motions takes most of its time.
-TEST(Gait, IsFoundFromNothingAndHolds) {
-  const SequenceFile gait = FindTheGait();
+void Holds(const SequenceFile& gait) {
   GoesTwentyCycles(gait);
   RollsOutOfTheHandstandInEitherRole(gait);
   EveryMotionStartsAtTheSimulatedExitOfTheOneBefore(gait);
   AMotionSpoiltIsAFallThatIsSeen(gait);
+}
+
+// One case each, because finding the motions takes most of its time.
+TEST(Gait, IsFoundFromNothingAndHolds) { Holds(FindTheGait()); }
+
+TEST(Gait, AsShippedHolds) { Holds(LoadSequence(Primitives() + "gait.toml")); }
+
+TEST(Gait, AsShippedStaysInsideItsTorqueLimits) {
+  const SequenceFile gait = LoadSequence(Primitives() + "gait.toml");
+  ChainOptions options;
+  options.cycles = 20;
+  options.branch = "roll";
+  for (const Passage& passage : SimulateChain(gait, options).passages)
+    EXPECT_GT(passage.torque_margin_nm, 0) << gait.graph.node(passage.node).name.view();
+}
+
+TEST(Gait, AsShippedWasMadeFromTheTasksAndTheRobotBesideIt) {
+  for (const char* const name : {"handstand", "downstand", "roll"}) {
+    const PrimitiveFile file = LoadPrimitive(Primitives() + name + ".toml");
+    EXPECT_EQ(file.provenance.task_hash, HashOfText(ReadFile(TaskFile(name)))) << name;
+    EXPECT_EQ(file.provenance.robot_hash,
+              HashOfText(ReadFile(Primitives() + "robots/tumbler.urdf")))
+        << name;
+  }
 }
 
 }  // namespace

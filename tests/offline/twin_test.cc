@@ -9,6 +9,7 @@
 #include <memory>
 #include <vector>
 
+#include "firmware_interface/drives/simulated_mit.h"
 #include "offline/contact/contact_law.h"
 #include "offline/problem/task_toml.h"
 #include "tests/support/task_files.h"

@@ -16,11 +16,11 @@
 
 #include "firmware_interface/can/simulated_bus.h"
 #include "firmware_interface/drives/mit.h"
+#include "firmware_interface/drives/rotor_plant.h"
 #include "firmware_interface/drives/simulated_mit.h"
 #include "runtime/linux/dry_run_bus.h"
 #include "runtime/linux/run_report.h"
 #include "tests/support/motions.h"
-#include "tests/support/rotor_plant.h"
 
 namespace tumbler {
 namespace {
@@ -48,7 +48,7 @@ class Bench {
     testing::MotionShape shape;
     shape.settle_s = 0.1;
     primitive = testing::RandomPrimitive<float>(shape, random);
-    std::vector<testing::RotorPlant::Rotor> rotors;
+    std::vector<RotorPlant::Rotor> rotors;
     std::vector<Drive*> pointers;
     for (std::size_t i = 0; i < 2; ++i) {
       SimulatedMitConfig config;
@@ -58,7 +58,7 @@ class Bench {
       bus.Attach(*simulated.back(), SimulatedMitDrive::PortConfig());
       drives.push_back(std::make_unique<MitDrive>(config.mit));
       pointers.push_back(drives.back().get());
-      testing::RotorPlant::Rotor rotor;
+      RotorPlant::Rotor rotor;
       rotor.drive = simulated.back().get();
       rotor.position_rad = primitive.joints[i].position.control_points()[0] + 0.05F;
       rotors.push_back(rotor);
@@ -69,7 +69,7 @@ class Bench {
                                                   torques),
                 Status::kOk);
     }
-    plant = std::make_unique<testing::RotorPlant>(bus, rotors);
+    plant = std::make_unique<RotorPlant>(bus, rotors);
     EXPECT_EQ(executor.Configure({}, primitive, pointers), Status::kOk);
     RunSequenceConfig config;
     config.hold_ticks = 300;
@@ -93,7 +93,7 @@ class Bench {
   SimulatedPort& host = bus.Attach();
   std::vector<std::unique_ptr<SimulatedMitDrive>> simulated;
   std::vector<std::unique_ptr<MitDrive>> drives;
-  std::unique_ptr<testing::RotorPlant> plant;
+  std::unique_ptr<RotorPlant> plant;
   Primitive<float> primitive;
   Executor executor;
   OperatorMailbox mailbox;
@@ -303,15 +303,15 @@ TEST(Telemetry, NamesAFileThatCannotBeWritten) {
 
 TEST(OperatorMailbox, KeepsTheStrongestWish) {
   OperatorMailbox mailbox;
-  EXPECT_EQ(mailbox.Take(), OperatorCommand::kNone);
+  EXPECT_EQ(mailbox.Take().command, OperatorCommand::kNone);
   mailbox.Put(OperatorCommand::kStop);
   mailbox.Put(OperatorCommand::kClearFaults);
-  EXPECT_EQ(mailbox.Take(), OperatorCommand::kStop);
-  EXPECT_EQ(mailbox.Take(), OperatorCommand::kNone);
+  EXPECT_EQ(mailbox.Take().command, OperatorCommand::kStop);
+  EXPECT_EQ(mailbox.Take().command, OperatorCommand::kNone);
   mailbox.Put(OperatorCommand::kStop);
   mailbox.Put(OperatorCommand::kDisarm);
   mailbox.Put(OperatorCommand::kStop);
-  EXPECT_EQ(mailbox.Take(), OperatorCommand::kDisarm);
+  EXPECT_EQ(mailbox.Take().command, OperatorCommand::kDisarm);
 }
 
 TEST(DurationHistogram, GivesPercentilesAndTheLargest) {
@@ -361,8 +361,8 @@ TEST(DryRunBus, CompletesARunWithoutAnyHardware) {
   EXPECT_EQ(loop.statistics().run_ticks, bench.executor.run_ticks() + 1);
 }
 
-TEST(StandingReport, SaysOnlyWhatWasSeen) {
-  StandingReport report;
+TEST(PassageReport, SaysOnlyWhatWasSeen) {
+  PassageReport report;
   report.expected_pitch_rad = 1.57;
   report.pitch_at_end_rad = 1.5;
   EXPECT_FALSE(report.standing().has_value());
@@ -381,9 +381,9 @@ TEST(ExitCode, SaysWhenTheMotionWasCompletedButTheRobotIsElsewhere) {
   RunReport report;
   report.outcome = RunOutcome::kCompleted;
   EXPECT_EQ(ExitCode(report), 0);
-  report.standing = StandingReport{1.57, 1.5, 1.56, 0.0};
+  report.passages.push_back({"handstand", 1.57, 1.5, 1.56, 0.0});
   EXPECT_EQ(ExitCode(report), 0);
-  report.standing->pitch_later_rad = 3.1;
+  report.passages[0].pitch_later_rad = 3.1;
   EXPECT_EQ(ExitCode(report), 4);
   report.outcome = RunOutcome::kFault;
   EXPECT_EQ(ExitCode(report), 3);

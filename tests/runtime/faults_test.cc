@@ -70,6 +70,8 @@ int Provoke(Fault fault, ExecutorRig& rig, const ExecutorConfig& config) {
     case Fault::kLateTick:
       rig.input.tick += config.late_ticks_max + 1;
       return 1;
+    case Fault::kEntryMissed:
+      return 0;  // Belongs to a transition: executor_sequence_test.cc.
     case Fault::kNonFinite:
       drive.reply.velocity_rad_s = std::numeric_limits<float>::quiet_NaN();
       return 1;

@@ -20,26 +20,39 @@ namespace {
 
 constexpr const char* kUrl = "udpm://239.255.76.67:7667?ttl=0";
 
-TEST(LcmCommands, PutsStopDisarmAndClearIntoTheMailboxAndNothingElse) {
+TEST(LcmCommands, PutsEndsAndBranchesIntoTheMailboxAndNothingElse) {
   OperatorMailbox mailbox;
-  const LcmCommands commands(kUrl, mailbox);
+  SequenceGraph<float> graph;
+  graph.edge_count = 2;
+  graph.edge_storage[1].condition = EdgeCondition::kBranch;
+  graph.edge_storage[1].branch = FixedString<32>("roll");
+  const LcmCommands commands(kUrl, mailbox, graph);
   lcm::LCM remote(kUrl);
   ASSERT_TRUE(remote.good());
-  const auto take_after = [&](std::int8_t code, int patience) {
+  const auto wish_after = [&](std::int8_t code, int patience, const std::string& branch = "") {
     command_t message;
     message.command = code;
+    message.branch = branch;
     remote.publish(kCommandChannel, &message);
-    OperatorCommand taken = OperatorCommand::kNone;
-    for (int i = 0; i < patience && taken == OperatorCommand::kNone; ++i) {
+    OperatorWish taken;
+    for (int i = 0; i < patience && taken.command == OperatorCommand::kNone; ++i) {
       std::this_thread::sleep_for(std::chrono::milliseconds(10));
       taken = mailbox.Take();
     }
     return taken;
   };
+  const auto take_after = [&](std::int8_t code, int patience) {
+    return wish_after(code, patience).command;
+  };
   EXPECT_EQ(take_after(command_t::STOP, 1000), OperatorCommand::kStop);
   EXPECT_EQ(take_after(command_t::DISARM, 1000), OperatorCommand::kDisarm);
   EXPECT_EQ(take_after(command_t::CLEAR_FAULTS, 1000), OperatorCommand::kClearFaults);
-  for (const int code : {0, 1, 2, 3, 7, -1}) {  // 1 to 3 would arm, move and run.
+  EXPECT_EQ(take_after(command_t::FINISH, 1000), OperatorCommand::kFinish);
+  const OperatorWish roll = wish_after(command_t::BRANCH, 1000, "roll");
+  EXPECT_EQ(roll.command, OperatorCommand::kBranch);
+  EXPECT_EQ(roll.branch, 1);
+  EXPECT_EQ(wish_after(command_t::BRANCH, 1000, "rol").branch, -1) << "for the executor to refuse";
+  for (const int code : {0, 1, 2, 3, 9, -1}) {  // 1 to 3 would arm, move and run.
     EXPECT_EQ(take_after(static_cast<std::int8_t>(code), 5), OperatorCommand::kNone) << code;
   }
   EXPECT_EQ(take_after(command_t::STOP, 1000), OperatorCommand::kStop) << "it still listens";

@@ -146,6 +146,15 @@ TEST_F(TumblerRun, RejectsARateThatTheBusCannotCarry) {
   EXPECT_THAT(outcome.text, HasSubstr("rate_hz"));
 }
 
+TEST_F(TumblerRun, RefusesARateThatLeavesNoRoomForAnErrorAndShowsTheArithmetic) {
+  WriteDrives("rate_hz = 1000.0", "rate_hz = 1500.0");
+  const Outcome outcome = RunOnMissingInterface();
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_THAT(outcome.text, HasSubstr("540 bits a tick at worst; at 1500 Hz 81.0 % of 1000000"));
+  EXPECT_THAT(outcome.text, HasSubstr("allowed 76.5 %"));
+  EXPECT_THAT(outcome.text, HasSubstr("lower rate_hz to at most 1416"));
+}
+
 TEST_F(TumblerRun, RefusesAMotionBeyondTheRangesOfADrive) {
   WriteDrives("position_rad = [-12.5, 12.5]", "position_rad = [-0.1, 0.1]");
   const Outcome outcome = RunOnMissingInterface();

@@ -5,6 +5,7 @@
 #include <functional>
 #include <memory>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "runtime/executor.h"
@@ -17,14 +18,19 @@ namespace tumbler::testing {
 class ExecutorRig {
  public:
   ExecutorRig(const ExecutorConfig& config, const Primitive<float>& primitive)
-      : primitive_(primitive) {
-    for (int i = 0; i < primitive.joint_count; ++i) {
+      : ExecutorRig(config, GraphOf(primitive), {primitive}) {}
+  ExecutorRig(const ExecutorConfig& config, const SequenceGraph<float>& graph,
+              std::vector<Primitive<float>> primitives)
+      : primitives_(std::move(primitives)) {
+    const Primitive<float>& first =
+        primitives_.at(static_cast<std::size_t>(graph.node(graph.start).primitive));
+    for (int i = 0; i < first.joint_count; ++i) {
       drives.push_back(std::make_unique<ScriptedDrive>(static_cast<std::uint32_t>(100 + i)));
       pointers_.push_back(drives.back().get());
-      drives.back()->reply.position_rad =
-          primitive.joints[static_cast<std::size_t>(i)].position.control_points()[0];
+      const auto role = static_cast<std::size_t>(graph.RoleOf(graph.start, i));
+      drives.back()->reply.position_rad = first.joints[role].position.control_points()[0];
     }
-    configured = executor.Configure(config, primitive, pointers_);
+    configured = executor.Configure(config, graph, primitives_, pointers_);
   }
 
   /// One tick in which every drive that is not silent answers.
@@ -91,7 +97,7 @@ class ExecutorRig {
   TickOutput output;
 
  private:
-  Primitive<float> primitive_;
+  std::vector<Primitive<float>> primitives_;
   std::vector<Drive*> pointers_;
   std::vector<ReceivedFrame> received_;
 };

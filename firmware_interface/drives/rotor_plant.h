@@ -6,7 +6,7 @@
 #include "firmware_interface/can/simulated_bus.h"
 #include "firmware_interface/drives/simulated_drive.h"
 
-namespace tumbler::testing {
+namespace tumbler {
 
 /// A rotor with viscous friction behind each of several simulated drives: inertia * qddot = torque
 /// - damping * qdot. Nothing couples them and nothing touches the ground; semi-implicit Euler at
@@ -33,4 +33,4 @@ class RotorPlant {
   std::int64_t now_ns_ = 0;
 };
 
-}  // namespace tumbler::testing
+}  // namespace tumbler

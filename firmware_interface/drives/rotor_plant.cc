@@ -1,8 +1,8 @@
-#include "tests/support/rotor_plant.h"
+#include "firmware_interface/drives/rotor_plant.h"
 
 #include <utility>
 
-namespace tumbler::testing {
+namespace tumbler {
 
 RotorPlant::RotorPlant(SimulatedBus& bus, std::vector<Rotor> rotors, std::int64_t step_ns)
     : bus_(bus), rotors_(std::move(rotors)), step_ns_(step_ns) {}
@@ -23,4 +23,4 @@ void RotorPlant::AdvanceTo(std::int64_t time_ns) noexcept {
   bus_.AdvanceTo(time_ns);
 }
 
-}  // namespace tumbler::testing
+}  // namespace tumbler

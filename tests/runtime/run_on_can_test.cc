@@ -1,0 +1,441 @@
+// tumbler-run on a kernel's CAN interfaces, against simulated drives in another process, watched by
+// candump. What counts is what was on the bus: the frames are judged by FrameChecker.
+//
+// The guest's clock is coarse (README of scripts/guest: nothing below 10 ms means anything), hence
+// 25 ticks a second and drives that wait 0.2 s before they let go.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <csignal>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "firmware_interface/drives/drives_toml.h"
+#include "tests/support/can_interface.h"
+#include "tests/support/frame_checker.h"
+#include "tests/support/primitive_file.h"
+#include "tests/support/program.h"
+#include "tests/support/steady_time.h"
+
+namespace tumbler {
+namespace {
+
+using testing::CheckFrames;
+using testing::FrameReport;
+using testing::FrameRules;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using testing::LoggedFrame;
+using testing::ParseCandumpLog;
+using testing::Program;
+using testing::SerialCan;
+using testing::Shell;
+using testing::VirtualCan;
+
+constexpr double kRate_hz = 25;
+constexpr double kWatchdog_s = 0.2;
+constexpr int kFault = 3;  // exit codes of tumbler-run
+constexpr int kStopped = 130;
+
+std::string ReadFile(const std::string& path) {
+  std::ifstream stream(path);
+  return {std::istreambuf_iterator<char>(stream), {}};
+}
+
+/// Polls until the condition holds. @returns whether it came to hold within 20 s.
+template <typename Condition>
+bool Eventually(Condition condition) {
+  for (int i = 0; i < 1000; ++i) {
+    if (condition()) return true;
+    usleep(20'000);
+  }
+  return false;
+}
+
+class RunOnCan : public ::testing::Test {
+ protected:
+  RunOnCan()
+      : directory_(std::filesystem::temp_directory_path() /
+                   ("run_on_can_test_" + std::to_string(getpid()))) {
+    testing::RequireCan();
+    std::filesystem::create_directories(directory_);
+    testing::MotionShape shape;
+    shape.duration_s = 1.6;
+    shape.amplitude_rad = 0.2;
+    PrimitiveFile file = testing::RandomPrimitiveFile(shape, 70);
+    file.primitive.following_tolerance_rad = 0.5;  // three late ticks at full speed
+    file.certificate.coefficients_hash = HashOfCoefficients(file.primitive);
+    std::ofstream(Path("motion.toml")) << ToToml(file);
+    for (std::size_t i = 0; i < 2; ++i) {
+      rules_.limits.push_back(file.primitive.joints[i].limits);
+      start_rad_.push_back(file.primitive.joints[i].position.control_points()[0]);
+    }
+    rules_.silence_s = kWatchdog_s;
+  }
+  ~RunOnCan() override {
+    Reset();
+    std::filesystem::remove_all(directory_);
+  }
+  /// Ends what an earlier attempt left running.
+  void Reset() {
+    candump_.reset();
+    drives_.reset();
+    std::filesystem::remove(Path("candump"));
+    WriteDrives(1'000'000);
+  }
+
+  [[nodiscard]] std::string Path(const std::string& name) const {
+    return (directory_ / name).string();
+  }
+  /// The example file's drives, for this test's joints, rate and watchdogs.
+  void WriteDrives(int bit_rate) {
+    std::string text = ReadFile(TUMBLER_SOURCE_DIR "/primitives/robots/tumbler_drives.toml");
+    const auto replace = [&text](const std::string& what, const std::string& with) {
+      const std::size_t at = text.find(what);
+      ASSERT_NE(at, std::string::npos) << what;
+      text.replace(at, what.size(), with);
+    };
+    replace("\"leg1\"", "\"joint1\"");
+    replace("\"leg2\"", "\"joint2\"");
+    replace("bit_rate = 1_000_000", "bit_rate = " + std::to_string(bit_rate));
+    replace("rate_hz = 1000.0", "rate_hz = 25.0");
+    replace("watchdog_s = 0.025 ", "watchdog_s = 0.2 ");
+    replace("watchdog_s = 0.025\n", "watchdog_s = 0.2\n");
+    std::ofstream(Path("drives.toml")) << text;
+    rules_.drives = LoadDrives(Path("drives.toml"));
+    ASSERT_EQ(rules_.drives.rate_hz, kRate_hz);
+    ASSERT_EQ(rules_.drives.drives[1].watchdog_s, kWatchdog_s);
+  }
+
+  /// Simulated drives, away from the motion's start, whose rotors stop soon once they are let go.
+  void StartDrives(const std::string& interface) {
+    drives_ = std::make_unique<Program>(std::vector<std::string>{
+        TUMBLER_BINARY_DIR "/bin/tumbler-drives", interface, Path("drives.toml"), "--friction", "1",
+        "--position", "joint1=" + std::to_string(start_rad_[0] + 0.05), "--position",
+        "joint2=" + std::to_string(start_rad_[1] - 0.05)});
+    ASSERT_TRUE(drives_->WaitFor("2 drives on " + interface)) << drives_->text();
+  }
+  /// candump, of which only the lines of complete frames are read.
+  void StartCandump(const std::string& interface) {
+    candump_ = std::make_unique<Program>(std::vector<std::string>{
+        "/bin/sh", "-c", "exec candump -L -D " + interface + " >" + Path("candump")});
+    ASSERT_TRUE(Eventually([&] {
+      return ReadFile("/proc/net/can/rcvlist_all").find(interface + " ") != std::string::npos;
+    })) << "candump does not listen";
+  }
+  [[nodiscard]] std::vector<LoggedFrame> Log() const {
+    const std::string text = ReadFile(Path("candump"));
+    return ParseCandumpLog(text.substr(0, text.rfind('\n') + 1));
+  }
+  [[nodiscard]] FrameReport Judge() const { return CheckFrames(Log(), rules_); }
+
+  [[nodiscard]] std::unique_ptr<Program> Start(const std::string& interface,
+                                               const std::vector<std::string>& more = {}) const {
+    std::vector<std::string> arguments{TUMBLER_BINARY_DIR "/bin/tumbler-run",
+                                       interface,
+                                       Path("motion.toml"),
+                                       "--drives",
+                                       Path("drives.toml"),
+                                       "--hold-s",
+                                       "0.2"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return std::make_unique<Program>(arguments);
+  }
+  [[nodiscard]] std::unique_ptr<Program> StartArmed(const std::string& interface) const {
+    return Start(interface, {"--arm", "--without-realtime", "--json", Path("run.json")});
+  }
+  /// Waits until a run is in the midst of its motion: it has been driven for almost a second.
+  void AwaitMotion(int driving_frames = 24) const {
+    ASSERT_TRUE(Eventually([&] { return Judge().joints[0].driving >= driving_frames; }))
+        << ReadFile(Path("candump"));
+  }
+  /// What every log has to keep to, and that after a moment nothing more was driven.
+  static void ExpectKept(const FrameReport& report) {
+    EXPECT_THAT(report.violations, IsEmpty());
+    for (const FrameReport::Joint& joint : report.joints) EXPECT_GE(joint.driving, 20);
+  }
+
+  std::filesystem::path directory_;
+  FrameRules rules_;
+  std::vector<double> start_rad_;
+  std::unique_ptr<Program> drives_;
+  std::unique_ptr<Program> candump_;
+};
+
+TEST_F(RunOnCan, ADryRunSendsNothingAndAnArmedRunSendsTheFramesThatItPrinted) {
+  testing::InSteadyTime([this] {
+    Reset();
+    const VirtualCan can;
+    StartDrives(can.name());
+    StartCandump(can.name());
+    Program dry({"/bin/sh", "-c",
+                 TUMBLER_BINARY_DIR "/bin/tumbler-run " + can.name() + " " + Path("motion.toml") +
+                     " --drives " + Path("drives.toml") + " --hold-s 0.2 2>/dev/null"});
+    EXPECT_EQ(dry.Wait(), 0);
+    EXPECT_EQ(ReadFile(Path("candump")), "");
+
+    const std::unique_ptr<Program> run = StartArmed(can.name());
+    ASSERT_EQ(run->Wait(), 0) << run->text();
+    EXPECT_THAT(run->text(), HasSubstr("completed: random on " + can.name()));
+    const FrameReport report = Judge();
+    ExpectKept(report);
+    EXPECT_NEAR(report.rate_hz, kRate_hz, 0.1 * kRate_hz);
+    EXPECT_GT(report.joints[0].driving, 40) << "1.6 s of motion and its way there";
+    for (const FrameReport::Joint& joint : report.joints) {
+      EXPECT_EQ(joint.starts, 1);
+      EXPECT_NEAR(joint.replies, joint.commands, 2) << "every command is answered";
+    }
+
+    // The motion itself does not depend on where the joints were: its frames are the printed ones,
+    // but for what a late tick leaves out.
+    std::vector<CanFrame> expected;
+    const std::vector<LoggedFrame> dry_log = ParseCandumpLog(dry.text());
+    const FrameReport dry_report = CheckFrames(dry_log, rules_);
+    EXPECT_EQ(dry_report.joints[0].replies, 0);
+    EXPECT_NEAR(dry_report.rate_hz, kRate_hz, 0.01);
+    for (const LoggedFrame& logged : dry_log) {
+      MitCommand command;
+      const MitConfig& mit = std::get<MitConfig>(rules_.drives.drives[0].config);
+      if (DecodeMitCommand(mit, logged.frame, command) == Status::kOk &&
+          command.kp_nm_per_rad > 0 && (expected.empty() || !(expected.back() == logged.frame))) {
+        expected.push_back(logged.frame);
+      }
+    }
+    ASSERT_GE(expected.size(), 35U);
+    const std::vector<LoggedFrame> log = Log();
+    auto from = log.begin();
+    int found = 0;
+    for (const CanFrame& frame : expected) {
+      const auto at = std::find_if(
+          from, log.end(), [&frame](const LoggedFrame& logged) { return logged.frame == frame; });
+      if (at == log.end()) continue;
+      from = at;
+      ++found;
+    }
+    EXPECT_GE(found, 0.9 * static_cast<double>(expected.size()));
+  });
+}
+
+TEST_F(RunOnCan, AnInterfaceThatGoesDownEndsTheRunAndNothingIsDrivenOnceItIsUp) {
+  testing::InSteadyTime([this] {
+    Reset();
+    const VirtualCan can;
+    StartDrives(can.name());
+    StartCandump(can.name());
+    const std::unique_ptr<Program> run = StartArmed(can.name());
+    AwaitMotion();
+    can.Down();
+    usleep(400'000);
+    can.Up();  // while tumbler-run still says torque off
+    EXPECT_EQ(run->Wait(), kFault);
+    EXPECT_THAT(run->text(), HasSubstr("link lost: link down"));
+    EXPECT_THAT(run->text(), HasSubstr("(running); reaction: disable"));
+    const FrameReport report = Judge();
+    ExpectKept(report);
+    EXPECT_GT(report.longest_silence_s, 0.3);
+    EXPECT_GT(report.last_command_s, report.last_driving_s + 0.3) << "torque off was sent again";
+  });
+}
+
+TEST_F(RunOnCan, AnInterfaceThatIsRemovedEndsTheRun) {
+  testing::InSteadyTime([this] {
+    Reset();
+    const VirtualCan can;
+    StartDrives(can.name());
+    StartCandump(can.name());
+    const std::unique_ptr<Program> run = StartArmed(can.name());
+    AwaitMotion();
+    const FrameReport before = Judge();
+    can.Delete();
+    EXPECT_EQ(run->Wait(), kFault);
+    EXPECT_THAT(run->text(), HasSubstr("link lost: link down"));
+    EXPECT_THAT(run->text(), HasSubstr("(running); reaction: disable"));
+    ExpectKept(Judge());
+    EXPECT_LE(Judge().joints[0].commands, before.joints[0].commands + 5);
+    // A new one under the same name is served by the drives, and can be driven.
+    can.Create();
+    ASSERT_TRUE(drives_->WaitFor("is back"));
+    StartCandump(can.name());
+    const std::unique_ptr<Program> again = StartArmed(can.name());
+    EXPECT_EQ(again->Wait(), 0) << again->text();
+    ExpectKept(Judge());
+  });
+}
+
+TEST_F(RunOnCan, ABusThatTakesNoFramesEndsTheRunAndNothingThatWaitedGoesOutLater) {
+  testing::InSteadyTime([this] {
+    Reset();
+    VirtualCan can;
+    can.Throttle(1'000'000);
+    StartDrives(can.name());
+    StartCandump(can.name());
+    const std::unique_ptr<Program> run = StartArmed(can.name());
+    AwaitMotion();
+    can.Throttle(200);  // fewer than two frames a second
+    EXPECT_EQ(run->Wait(), kFault);
+    // The stall is the fault; that the interface is restarted to discard what waits may be seen
+    // with it.
+    EXPECT_THAT(run->text(), HasSubstr("transmit queue full: would block"));
+    EXPECT_THAT(run->text(), HasSubstr("(running); reaction: disable"));
+    const std::size_t before = Log().size();
+    can.Throttle(1'000'000);
+    usleep(500'000);
+    const std::vector<LoggedFrame> log = Log();
+    for (std::size_t i = before; i < log.size(); ++i) {
+      MitCommand command;
+      for (const DriveEntry& entry : rules_.drives.drives) {
+        EXPECT_NE(DecodeMitCommand(std::get<MitConfig>(entry.config), log[i].frame, command),
+                  Status::kOk)
+            << "a setpoint, " << log.size() - i << " frames before the end";
+      }
+    }
+    ExpectKept(Judge());
+  });
+}
+
+TEST_F(RunOnCan, BusOffEndsTheRunAndNothingIsDrivenAfterRecovery) {
+  testing::InSteadyTime([this] {
+    Reset();
+    SerialCan can;
+    const VirtualCan bench;
+    WriteDrives(500'000);
+    // The drives' bus and the adapter's are one, as if wired together.
+    Shell("cangw -A -s " + can.name() + " -d " + bench.name() + " -e && cangw -A -s " +
+          bench.name() + " -d " + can.name() + " -e");
+    StartDrives(bench.name());
+    StartCandump(can.name());
+    const std::unique_ptr<Program> run = StartArmed(can.name());
+    AwaitMotion();
+    EXPECT_THAT(can.heard(), HasSubstr("\rt0018")) << "the adapter is given the frames";
+    can.Say("sb000255\r");
+    EXPECT_EQ(run->Wait(), kFault);
+    EXPECT_THAT(run->text(), HasSubstr("link lost"));
+    EXPECT_THAT(run->text(), HasSubstr("(running); reaction: disable"));
+    EXPECT_THAT(run->text(), HasSubstr("1 times bus-off"));
+    const std::size_t before = Log().size();
+    can.Down();
+    can.Up();
+    usleep(300'000);
+    EXPECT_EQ(Log().size(), before) << "nothing waited";
+    ExpectKept(Judge());
+    const std::unique_ptr<Program> again = StartArmed(can.name());
+    EXPECT_EQ(again->Wait(), 0) << again->text();
+    ExpectKept(Judge());
+    Shell("cangw -F");
+  });
+}
+
+TEST_F(RunOnCan, AnInterfaceAtAnotherBitRateIsRefused) {
+  testing::InSteadyTime([this] {
+    Reset();
+    SerialCan can;
+    for (const char* mode : {"--speed=1", "--arm"}) {
+      const std::unique_ptr<Program> run = Start(can.name(), {mode, "--without-realtime"});
+      EXPECT_EQ(run->Wait(), 2);
+      EXPECT_THAT(run->text(), HasSubstr("runs at 500000 bit/s, but"));
+      EXPECT_THAT(run->text(), HasSubstr("says 1000000"));
+    }
+  });
+}
+
+TEST_F(RunOnCan, WhenItIsKilledTheDrivesWatchdogsTakeOverAndARestartDoesNotJump) {
+  testing::InSteadyTime([this] {
+    Reset();
+    const VirtualCan can;
+    StartDrives(can.name());
+    StartCandump(can.name());
+    const std::unique_ptr<Program> run = StartArmed(can.name());
+    AwaitMotion();
+    run->Signal(SIGKILL);
+    EXPECT_EQ(run->Wait(), 1000 + SIGKILL);
+    for (const std::string joint : {"joint1", "joint2"}) {
+      const std::string event = joint + ": watchdog expired ";
+      ASSERT_TRUE(drives_->WaitFor(event));
+      ASSERT_TRUE(drives_->WaitFor(" after the last setpoint"));
+      const int after_ms =
+          std::stoi(drives_->text().substr(drives_->text().find(event) + event.size()));
+      EXPECT_GE(after_ms, 200);
+      EXPECT_LE(after_ms, 210);
+    }
+    const FrameReport killed = Judge();
+    ExpectKept(killed);
+    usleep(300'000);
+    EXPECT_EQ(Judge().joints[0].commands, killed.joints[0].commands) << "nothing comes late";
+
+    const std::unique_ptr<Program> again = StartArmed(can.name());
+    EXPECT_EQ(again->Wait(), 0) << again->text();
+    const FrameReport report = Judge();
+    ExpectKept(report);  // the first setpoint is where the drive is, among the rest
+    EXPECT_GT(report.longest_silence_s, 0.4);
+    for (std::size_t i = 0; i < 2; ++i) {
+      EXPECT_EQ(report.joints[i].starts, 2);
+      EXPECT_LE(report.joints[i].start_jump_rad, 0.01);
+    }
+  });
+}
+
+TEST_F(RunOnCan, AProgramThatWasStoppedForAWhileDoesNotGoOnWithItsMotion) {
+  testing::InSteadyTime([this] {
+    Reset();
+    const VirtualCan can;
+    StartDrives(can.name());
+    StartCandump(can.name());
+    const std::unique_ptr<Program> run = StartArmed(can.name());
+    AwaitMotion();
+    run->Signal(SIGSTOP);
+    usleep(500'000);
+    run->Signal(SIGCONT);
+    EXPECT_EQ(run->Wait(), kFault);
+    EXPECT_THAT(run->text(), HasSubstr("late tick"));
+    EXPECT_THAT(run->text(), HasSubstr("(running); reaction: damp"));
+    const FrameReport report = Judge();
+    ExpectKept(report);
+    EXPECT_GT(report.last_command_s, report.last_driving_s + 0.5) << "it was damped, then let go";
+  });
+}
+
+TEST_F(RunOnCan, DrivesThatFallSilentEndTheRunInDamping) {
+  testing::InSteadyTime([this] {
+    Reset();
+    const VirtualCan can;
+    StartDrives(can.name());
+    StartCandump(can.name());
+    const std::unique_ptr<Program> run = StartArmed(can.name());
+    AwaitMotion();
+    drives_->Signal(SIGKILL);
+    EXPECT_EQ(run->Wait(), kFault);
+    EXPECT_THAT(run->text(), HasSubstr("stale reply"));
+    EXPECT_THAT(run->text(), HasSubstr("(running); reaction: damp"));
+    const FrameReport report = Judge();
+    ExpectKept(report);
+    EXPECT_GT(report.last_command_s, report.last_driving_s + 0.3);
+  });
+}
+
+TEST_F(RunOnCan, AnInterruptBrakesHoldsAndLetsGo) {
+  testing::InSteadyTime([this] {
+    Reset();
+    const VirtualCan can;
+    StartDrives(can.name());
+    StartCandump(can.name());
+    const std::unique_ptr<Program> run = StartArmed(can.name());
+    AwaitMotion();
+    run->Signal(SIGINT);
+    EXPECT_EQ(run->Wait(), kStopped) << run->text();
+    const FrameReport report = Judge();
+    ExpectKept(report);
+    const double end_s = report.last_command_s;
+    EXPECT_GT(end_s, report.last_driving_s + 0.1);
+    ASSERT_TRUE(drives_->WaitFor("joint2: disabled"));
+  });
+}
+
+}  // namespace
+}  // namespace tumbler

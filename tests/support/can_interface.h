@@ -1,0 +1,161 @@
+#pragma once
+
+#include <linux/sockios.h>
+#include <net/if.h>
+#include <pty.h>
+#include <sys/ioctl.h>
+#include <sys/socket.h>
+#include <termios.h>
+#include <unistd.h>
+
+#include <array>
+#include <atomic>
+#include <cerrno>
+#include <chrono>
+#include <cstdlib>
+#include <mutex>
+#include <stdexcept>
+#include <string>
+#include <thread>
+
+namespace tumbler::testing {
+
+/// Fails with a hint where the kernel has no CAN: these tests are to run in `scripts/guest`, or as
+/// root on a machine with vcan.
+inline void RequireCan() {
+  const int probe = socket(AF_CAN, SOCK_RAW, 1);
+  if (probe < 0) throw std::runtime_error("this kernel has no CAN: run this with scripts/guest");
+  close(probe);
+}
+
+/// Runs a command of the shell; what it says is shown only if it fails.
+inline void Shell(const std::string& command) {
+  if (std::system(("PATH=$PATH:/usr/sbin:/sbin; " + command).c_str()) != 0) {
+    throw std::runtime_error("failed: " + command);
+  }
+}
+
+/// A virtual CAN interface with a transmit queue of 10 frames, up, until the end of its scope. Its
+/// name is its own, so that tests can run side by side.
+class VirtualCan {
+ public:
+  VirtualCan() : name_("vc" + std::to_string(getpid()) + NextLetter()) {
+    RequireCan();
+    Create();
+  }
+  ~VirtualCan() {
+    static_cast<void>(!std::system(("ip link del " + name_ + " 2>/dev/null").c_str()));
+  }
+  VirtualCan(const VirtualCan&) = delete;
+  VirtualCan& operator=(const VirtualCan&) = delete;
+
+  [[nodiscard]] const std::string& name() const { return name_; }
+  void Create() const {
+    Shell("ip link add " + name_ + " txqueuelen 10 type vcan");
+    Up();
+  }
+  void Up() const { Shell("ip link set " + name_ + " up"); }
+  void Down() const { Shell("ip link set " + name_ + " down"); }
+  void Delete() const { Shell("ip link del " + name_); }
+  /// Lets this many bits of frames' kernel structures (16 bytes a frame) pass in a second, with
+  /// room for 10 frames to wait: 1000 is 8 frames a second. Two pass at once.
+  void Throttle(int bits_per_s) {
+    Shell("tc qdisc " + std::string(throttled_ ? "change" : "add") + " dev " + name_ +
+          " root tbf rate " + std::to_string(bits_per_s) + "bit burst 32 limit 160");
+    throttled_ = true;
+  }
+
+ private:
+  static char NextLetter() {
+    static char next = 'a';
+    return next++;
+  }
+
+  std::string name_;
+  bool throttled_ = false;
+};
+
+/// A serial CAN adapter (LAWICEL protocol) played by a thread at the other end of a pseudo
+/// terminal, and the kernel's slcan interface in front of it: a CAN controller whose states, errors
+/// and full queue can be had at will.
+class SerialCan {
+ public:
+  SerialCan() {
+    RequireCan();
+    termios raw{};
+    cfmakeraw(&raw);
+    if (openpty(&adapter_, &terminal_, nullptr, &raw, nullptr) != 0) {
+      throw std::runtime_error("openpty");
+    }
+    const int slcan = 17;  // N_SLCAN
+    ifreq request{};
+    if (ioctl(terminal_, TIOCSETD, &slcan) != 0 || ioctl(terminal_, SIOCGIFNAME, &request) != 0) {
+      throw std::runtime_error("slcan");
+    }
+    name_ = request.ifr_name;
+    reader_ = std::thread([this] { Read(); });  // Bringing it up waits for the adapter.
+    Shell("ip link set " + name_ + " txqueuelen 10 && ip link set " + name_ +
+          " type can bitrate 500000 && ip link set " + name_ + " up");
+  }
+  ~SerialCan() {
+    draining_ = true;
+    static_cast<void>(!std::system(("ip link set " + name_ + " down").c_str()));
+    close(terminal_);
+    ending_ = true;
+    reader_.join();
+    close(adapter_);
+  }
+  SerialCan(const SerialCan&) = delete;
+  SerialCan& operator=(const SerialCan&) = delete;
+
+  [[nodiscard]] const std::string& name() const { return name_; }
+  void Up() const { Shell("ip link set " + name_ + " up"); }
+  void Down() const { Shell("ip link set " + name_ + " down"); }
+  /// What the adapter says, e.g. `sb000255\r`: bus-off, with error counters.
+  void Say(const std::string& text) const {
+    if (write(adapter_, text.data(), text.size()) != static_cast<ssize_t>(text.size())) {
+      throw std::runtime_error("write to the pseudo terminal");
+    }
+  }
+  /// Whether the adapter takes frames; one that does not is one whose bus is stuck.
+  void set_draining(bool draining) { draining_ = draining; }
+  /// Everything that the adapter was told.
+  [[nodiscard]] std::string heard() {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    return heard_;
+  }
+
+ private:
+  void Read() {
+    std::array<char, 256> buffer;
+    while (!ending_) {
+      timeval wait{0, 20'000};
+      fd_set set;
+      FD_ZERO(&set);
+      FD_SET(adapter_, &set);
+      if (!draining_) {
+        std::this_thread::sleep_for(std::chrono::milliseconds(10));
+        continue;
+      }
+      if (select(adapter_ + 1, &set, nullptr, nullptr, &wait) <= 0) continue;
+      const ssize_t count = read(adapter_, buffer.data(), buffer.size());
+      if (count <= 0) {
+        if (count < 0 && errno == EIO) return;  // the terminal was closed
+        continue;
+      }
+      const std::lock_guard<std::mutex> lock(mutex_);
+      heard_.append(buffer.data(), static_cast<std::size_t>(count));
+    }
+  }
+
+  int adapter_ = -1;
+  int terminal_ = -1;
+  std::string name_;
+  std::atomic<bool> draining_{true};
+  std::atomic<bool> ending_{false};
+  std::mutex mutex_;
+  std::string heard_;
+  std::thread reader_;
+};
+
+}  // namespace tumbler::testing

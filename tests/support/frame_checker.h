@@ -1,0 +1,63 @@
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/primitive.h"
+#include "firmware_interface/can/frame.h"
+#include "firmware_interface/drives/drives_toml.h"
+
+namespace tumbler::testing {
+
+/// One line of a `candump -L` log.
+struct LoggedFrame {
+  double time_s = 0;
+  CanFrame frame;
+};
+
+/// @throws std::runtime_error  naming the line that is not one of `candump -L`.
+std::vector<LoggedFrame> ParseCandumpLog(std::string_view text);
+
+/// What the frames of a run on MIT drives have to keep to.
+struct FrameRules {
+  DrivesConfig drives;                      ///< in the order of the joints
+  std::vector<JointLimits<double>> limits;  ///< one a joint
+  double torque_rise_s = 0.01;              ///< feed-forward from zero to its limit
+  int ticks_made_up_max = 3;                ///< steps that a late tick may take at once
+  double start_jump_max_rad = 0.02;         ///< from what a drive measured to its first setpoint
+  double silence_s = 0.1;  ///< after this without a command a drive has to be started up anew
+};
+
+/// What was found in a log. A frame *drives* when it asks for torque towards a position or for
+/// feed-forward; without (torque off, neutral, damping) it cannot move a joint.
+struct FrameReport {
+  std::vector<std::string> violations;  ///< with line numbers, from 1; empty if all was kept
+  struct Joint {
+    int commands = 0;
+    int driving = 0;
+    int starts = 0;  ///< times that motor mode was entered
+    int replies = 0;
+    double step_max_rad = 0;       ///< between driving frames
+    double start_jump_rad = 0;     ///< largest, from measurement to first driving frame
+    double last_position_rad = 0;  ///< last driving frame's
+  };
+  std::vector<Joint> joints;
+  double first_command_s = 0;
+  double last_command_s = 0;
+  double last_driving_s = 0;
+  double longest_silence_s = 0;  ///< between commands
+  double rate_hz = 0;            ///< of ticks, where there was no silence
+};
+
+/// Checks, on the frames alone:
+/// - nothing but commands and replies of these drives is on the bus;
+/// - every tick commands every drive, in order; a broken tick is followed by silence or torque off;
+/// - a drive is started up (neutral setpoint, then motor mode) before it is driven, and anew after
+///   torque off or silence: no stale setpoint;
+/// - the first driving setpoint is where the drive measured itself;
+/// - position, velocity and feed-forward are within limits, to the rounding of the wire, and so are
+///   their steps.
+FrameReport CheckFrames(const std::vector<LoggedFrame>& log, const FrameRules& rules);
+
+}  // namespace tumbler::testing
