@@ -119,7 +119,9 @@ std::string KeyAdvice(std::string_view key, const toml::table& table,
   const std::string* nearest = nullptr;
   std::size_t least = std::max<std::size_t>(1, key.size() / 3) + 1;
   for (const std::string& candidate : free) {
-    const bool begins = key.size() >= 3 && candidate.starts_with(key);  // the unit left out, ...
+    // The unit left out, or half of the word.
+    const bool begins =
+        candidate.starts_with(key) && (key.size() >= 3 || candidate[key.size()] == '_');
     const std::size_t distance = begins ? 0 : Distance(key.substr(0, 64), candidate);
     if (distance < least) {
       least = distance;

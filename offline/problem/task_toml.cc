@@ -61,8 +61,8 @@ class TaskReader {
     ReadSolver();
     TomlTable start = root_.Table("start");
     ReadStart(start);
-    SetStep();
     root_.RejectUnknownKeys();
+    SetStep();
     return std::move(problem_);
   }
 
@@ -442,6 +442,7 @@ class TaskReader {
     const double pitch = start.Number("pitch_rad", {-1e3, 1e3}, 0.0);
     const bool placed = start.Has("z_m");
     const double z = start.Number("z_m", {-1e3, 1e3}, 0.0);
+    root_.RejectUnknownKeys();  // Now: a misspelt one is often why the pose comes to no rest.
     if (given_) {
       const PrimitivePose& pose = *given_->pose;
       if (const double apart = std::abs(pose.root_pitch_rad - pitch);
