@@ -1,0 +1,248 @@
+// Any frames at any time, against both sides of every drive protocol. The input is a series of
+// steps of 16 bytes: what to do, a frame, and where a setpoint is wanted its numbers out of the
+// same bytes.
+//
+// Held to, besides what the sanitizers see: host frames are valid, have 11 bits and are those of
+// their drive; nothing beyond a drive's ranges is encoded; a simulated drive's torque stays within
+// its limit; what decodes encodes to something that decodes to the same.
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <memory>
+#include <vector>
+
+#include "firmware_interface/can/frame_length.h"
+#include "firmware_interface/drives/drive_bank.h"
+#include "firmware_interface/drives/simulated_cansimple.h"
+#include "firmware_interface/drives/simulated_cia402.h"
+#include "firmware_interface/drives/simulated_mit.h"
+
+namespace {
+
+using namespace tumbler;
+
+constexpr std::size_t kStepBytes = 16;
+constexpr double kTorqueMax_nm = 18;
+
+void Require(bool condition, const char* what) {
+  if (condition) return;
+  std::fprintf(stderr, "codec_fuzzer: %s\n", what);
+  std::abort();
+}
+
+/// The hosts and the simulated drives of three protocols, each on a bus of its own.
+struct World {
+  World() {
+    MitConfig mit;
+    mit.joint = {-1, 2, 0.3F};
+    CanSimpleConfig can;
+    can.node_id = 1;
+    can.joint = {-1, 2, 0.3F};
+    Cia402Config cia402;
+    cia402.rated_torque_nm = 6;
+    cia402.joint = {-1, 2, 0.3F};
+    configs = {mit, can, cia402};
+    for (const DriveConfig& config : configs) {
+      Require(bank.Add(config) == Status::kOk, "a configuration is not valid");
+    }
+    SimulatedMitConfig mit_drive;
+    mit_drive.mit = mit;
+    SimulatedCanSimpleConfig can_drive;
+    can_drive.can = can;
+    can_drive.watchdog_s = 0.025;
+    SimulatedCia402Config cia402_drive;
+    cia402_drive.node = cia402;
+    drives[0] = std::make_unique<SimulatedMitDrive>(mit_drive);
+    drives[1] = std::make_unique<SimulatedCanSimpleDrive>(can_drive);
+    drives[2] = std::make_unique<SimulatedCia402Drive>(cia402_drive);
+    for (std::size_t i = 0; i < 3; ++i) {
+      ports[i] = &buses[i].Attach();
+      drives[i]->AttachTo(buses[i]);
+    }
+  }
+
+  std::array<DriveConfig, 3> configs;
+  DriveBank bank;
+  std::array<SimulatedBus, 3> buses;
+  std::array<SimulatedPort*, 3> ports{};
+  std::array<std::unique_ptr<SimulatedDrive>, 3> drives;
+  std::int64_t now_ns = 0;
+  double position_rad = 0;
+};
+
+CanFrame FrameOf(const std::uint8_t* step) {
+  CanFrame frame;
+  frame.id = (std::uint32_t{step[1]} | std::uint32_t{step[2]} << 8) & 0x7ff;
+  frame.remote = (step[3] & 0x40) != 0;
+  frame.extended = (step[3] & 0x80) != 0;
+  frame.size = static_cast<std::uint8_t>((step[3] & 0xf) % 9);
+  std::memcpy(frame.data.data(), step + 4, 8);
+  return frame;
+}
+
+DriveSetpoint SetpointOf(const std::uint8_t* step) {
+  DriveSetpoint setpoint;
+  std::memcpy(&setpoint.position_rad, step + 4, 4);
+  std::memcpy(&setpoint.velocity_rad_s, step + 8, 4);
+  std::memcpy(&setpoint.torque_nm, step + 12, 4);
+  setpoint.kp_nm_per_rad = (step[3] & 1) != 0 ? 100.0F : 0.0F;
+  setpoint.kd_nm_s_per_rad = 2;
+  return setpoint;
+}
+
+/// Decoding is idempotent: what decodes encodes to what decodes to the same bytes.
+template <typename Value, typename Decode, typename Encode>
+void CheckStable(const CanFrame& frame, Decode decode, Encode encode) {
+  Value first{};
+  if (decode(frame, first) != Status::kOk) return;
+  const CanFrame again = encode(first);
+  Require(IsValid(again), "an encoded frame is not valid");
+  Value second{};
+  Require(decode(again, second) == Status::kOk, "an encoded frame does not decode");
+  Require(encode(second) == again, "encoding what was decoded changes it");
+}
+
+void CheckCodecs(const CanFrame& frame) {
+  const auto can = [&frame](auto value) {
+    using Value = decltype(value);
+    CheckStable<Value>(
+        frame, [](const CanFrame& f, Value& v) { return DecodeCanSimple(1, f, v); },
+        [](const Value& v) { return EncodeCanSimple(1, v); });
+  };
+  can(CanSimpleHeartbeat{});
+  can(CanSimpleErrors{});
+  can(CanSimpleAxisState{});
+  can(CanSimpleEstimates{});
+  can(CanSimpleControllerMode{});
+  can(CanSimpleInputPos{});
+  can(CanSimpleInputVel{});
+  can(CanSimpleTemperature{});
+  can(CanSimpleTorques{});
+  const auto pdo = [&frame](auto value) {
+    using Value = decltype(value);
+    CheckStable<Value>(
+        frame, [](const CanFrame& f, Value& v) { return DecodeCia402(1, f, v); },
+        [](const Value& v) { return EncodeCia402(1, v); });
+  };
+  pdo(Cia402Command{});
+  pdo(Cia402FeedForward{});
+  pdo(Cia402Status{});
+  pdo(Cia402Motion{});
+  CheckStable<SdoRequest>(
+      frame, [](const CanFrame& f, SdoRequest& v) { return DecodeSdoRequest(1, f, v); },
+      [](const SdoRequest& v) { return EncodeSdoRequest(1, v); });
+  CheckStable<SdoReply>(
+      frame, [](const CanFrame& f, SdoReply& v) { return DecodeSdoReply(1, f, v); },
+      [](const SdoReply& v) { return EncodeSdoReply(1, v); });
+  CheckStable<CanOpenEmergency>(
+      frame, [](const CanFrame& f, CanOpenEmergency& v) { return DecodeEmergency(1, f, v); },
+      [](const CanOpenEmergency& v) { return EncodeEmergency(1, v); });
+  CheckStable<NmtState>(
+      frame, [](const CanFrame& f, NmtState& v) { return DecodeNodeState(1, f, v); },
+      [](const NmtState& v) { return EncodeNodeState(1, v); });
+  const MitConfig mit;
+  CheckStable<MitCommand>(
+      frame, [&mit](const CanFrame& f, MitCommand& v) { return DecodeMitCommand(mit, f, v); },
+      [&mit](const MitCommand& v) { return EncodeMitCommand(mit, v); });
+  MitReply reply;
+  if (DecodeMitReply(mit, frame, reply) == Status::kOk) {
+    Require(std::isfinite(reply.position_rad) && std::isfinite(reply.torque_nm),
+            "a reply decodes to no number");
+  }
+}
+
+bool IsWithin(float value, const DriveRange& range) {
+  const float slack = 1e-5F * (range.max - range.min);
+  return value >= range.min - slack && value <= range.max + slack;
+}
+
+void EncodeAndCheck(World& world, std::size_t i, DriveRequest request,
+                    const DriveSetpoint& setpoint) {
+  Drive& host = *world.bank.drives()[i];
+  FrameBatch batch;
+  const Status status = host.Encode(request, setpoint, batch);
+  Require(status == Status::kOk || (request == DriveRequest::kEnable && !setpoint.IsFinite()),
+          "a setpoint is refused without a reason");
+  Require(!batch.frames().empty(), "a tick does not write its drive");
+  for (const CanFrame& frame : batch.frames()) {
+    Require(IsValid(frame) && !frame.extended && !frame.remote, "a frame of the host is not valid");
+    static_cast<void>(world.ports[i]->Send(frame));
+  }
+  const JointMap& joint = JointOf(world.configs[i]);
+  const ShaftRanges ranges = CommandRanges(world.configs[i]);
+  const DriveSetpoint encoded = host.encoded_setpoint();
+  const bool setpoints = encoded.velocity_rad_s != 0 || encoded.torque_nm != 0;
+  if (request != DriveRequest::kEnable || !setpoints) return;  // Else it is what was measured.
+  Require(IsWithin(joint.ToDriveVelocity(encoded.velocity_rad_s), ranges.velocity_rad_s),
+          "a velocity beyond its range");
+  Require(IsWithin(joint.ToDriveTorque(encoded.torque_nm), ranges.torque_nm),
+          "a torque beyond its range");
+}
+
+void Advance(World& world, std::int64_t time_ns) {
+  world.now_ns += time_ns;
+  for (std::size_t i = 0; i < 3; ++i) {
+    world.buses[i].AdvanceTo(world.now_ns);
+    const double torque = world.drives[i]->Step(world.now_ns, world.position_rad, 0.1);
+    Require(std::isfinite(torque) && std::abs(world.drives[i]->torque_nm()) <= kTorqueMax_nm,
+            "a torque beyond the motor's");
+    world.buses[i].AdvanceTo(world.now_ns + 900'000);
+  }
+  world.now_ns += 900'000;
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  World world;
+  for (std::size_t at = 0; at + kStepBytes <= size; at += kStepBytes) {
+    const std::uint8_t* step = data + at;
+    const CanFrame frame = FrameOf(step);
+    const std::size_t i = step[0] >> 4 & 0x3;
+    if (i == 3) {
+      CheckCodecs(frame);
+      continue;
+    }
+    switch (step[0] & 0x7) {
+      case 0:
+        static_cast<void>(world.bank.drives()[i]->Decode(frame));
+        break;
+      case 1:
+        static_cast<void>(world.ports[i]->Send(frame));
+        Advance(world, 200'000);
+        break;
+      case 2:
+        EncodeAndCheck(world, i, DriveRequest::kEnable, SetpointOf(step));
+        Advance(world, 100'000);
+        break;
+      case 3:
+        EncodeAndCheck(world, i,
+                       (step[3] & 2) != 0 ? DriveRequest::kClearErrors : DriveRequest::kDisable,
+                       SetpointOf(step));
+        Advance(world, 100'000);
+        break;
+      case 4:
+        Advance(world, std::int64_t{step[4]} * 1'000'000);
+        break;
+      default: {  // Some ticks of host and drive with each other, so that deep states are reached.
+        ReceivedFrame received;
+        for (int tick = 0; tick < 1 + step[4] % 64; ++tick) {
+          while (world.ports[i]->Receive(received) == Status::kOk) {
+            static_cast<void>(world.bank.drives()[i]->Decode(received.frame));
+          }
+          EncodeAndCheck(world, i,
+                         (step[3] & 1) != 0 ? DriveRequest::kEnable : DriveRequest::kDisable,
+                         {static_cast<float>(world.position_rad), 0, 0, 100, 2});
+          Advance(world, 100'000);
+        }
+        break;
+      }
+    }
+  }
+  return 0;
+}
