@@ -18,4 +18,5 @@ foreach(folder ${tumbler_header_folders})
 endforeach()
 # Robots and tasks, and the message types for whoever listens to the telemetry.
 install(DIRECTORY primitives DESTINATION ${CMAKE_INSTALL_DATADIR}/tumbler)
+install(DIRECTORY firmware_interface/dbc DESTINATION ${CMAKE_INSTALL_DATADIR}/tumbler)
 install(DIRECTORY runtime/lcm DESTINATION ${CMAKE_INSTALL_DATADIR}/tumbler FILES_MATCHING PATTERN "*.lcm")
