@@ -17,6 +17,10 @@ if(TUMBLER_SANITIZE)
   target_link_options(tumbler_options INTERFACE -fsanitize=${TUMBLER_SANITIZE})
 endif()
 
+if(TUMBLER_BUILD_FUZZERS)
+  target_compile_options(tumbler_options INTERFACE -fsanitize=fuzzer-no-link)
+endif()
+
 if(TUMBLER_CLANG_TIDY)
   find_program(TUMBLER_CLANG_TIDY_EXECUTABLE NAMES clang-tidy-14 clang-tidy REQUIRED)
   set(CMAKE_CXX_CLANG_TIDY ${TUMBLER_CLANG_TIDY_EXECUTABLE} --quiet)

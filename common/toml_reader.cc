@@ -3,13 +3,15 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <charconv>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <map>
+#include <numeric>
 #include <set>
-#include <sstream>
 #include <system_error>
 #include <utility>
 
@@ -30,10 +32,33 @@ std::string ExactDecimal(double value) {
 
 std::string MessageNumber(double value) { return fmt::format("{:.6g}", value); }
 
+std::string ReadTextFile(const std::string& path) {
+  std::error_code error;
+  if (std::filesystem::is_directory(path, error))
+    throw FileError(path, 0, "", "is a directory, not a file");
+  std::ifstream stream(path, std::ios::binary);
+  if (!stream) {
+    throw FileError(path, 0, "",
+                    fmt::format("cannot be opened: {}", std::generic_category().message(errno)));
+  }
+  std::string text;
+  std::array<char, 65536> part;
+  while (stream.read(part.data(), part.size()), stream.gcount() > 0) {
+    text.append(part.data(), static_cast<std::size_t>(stream.gcount()));
+    if (text.size() > kLargestFile) {
+      throw FileError(path, 0, "",
+                      fmt::format("is too large; allowed: up to {} bytes", kLargestFile));
+    }
+  }
+  return text;
+}
+
 struct TomlTable::Document {
   std::string file;
   toml::table root;
   std::set<const toml::node*> taken;
+  /// By table, every key that was asked for: those that it can hold.
+  std::map<const toml::table*, std::set<std::string, std::less<>>> known;
 };
 
 namespace {
@@ -50,6 +75,62 @@ std::string Describe(const Range& range) {
   if (lower) return fmt::format("allowed: {} {}", relation, MessageNumber(range.min));
   if (upper) return fmt::format("allowed: <= {}", MessageNumber(range.max));
   return "allowed: any finite number";
+}
+
+/// A key of more parts, or a table's header, exhausts the stack: each part is a table in a table.
+constexpr int kMostDots = 1000;
+
+/// The line of such a key, or 0. What is in quotes is not told apart: no honest text has so many
+/// dots without one of these between them.
+std::uint32_t LineOfEndlessKey(std::string_view text) {
+  std::uint32_t line = 1;
+  int dots = 0;
+  for (const char c : text) {
+    if (c == '\n') ++line;
+    if (c == '\n' || c == ',' || c == '=') dots = 0;
+    if (c == '.' && ++dots > kMostDots) return line;
+  }
+  return 0;
+}
+
+/// Edit distance in insertions, deletions and substitutions [Levenshtein 1966].
+std::size_t Distance(std::string_view a, std::string_view b) {
+  std::vector<std::size_t> row(b.size() + 1);
+  std::iota(row.begin(), row.end(), std::size_t{0});
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    std::size_t diagonal = std::exchange(row[0], i + 1);
+    for (std::size_t j = 0; j < b.size(); ++j) {
+      const std::size_t change = diagonal + (a[i] == b[j] ? 0 : 1);
+      diagonal = row[j + 1];
+      row[j + 1] = std::min({change, diagonal + 1, row[j] + 1});
+    }
+  }
+  return row.back();
+}
+
+/// What to do about a key that nobody knows: the one that was probably meant, or all that can be
+/// there.
+std::string KeyAdvice(std::string_view key, const toml::table& table,
+                      const std::set<std::string, std::less<>>& known) {
+  std::vector<std::string> free;
+  for (const std::string& candidate : known) {
+    if (!table.contains(candidate)) free.push_back(candidate);
+  }
+  const std::string* nearest = nullptr;
+  std::size_t least = std::max<std::size_t>(1, key.size() / 3) + 1;
+  for (const std::string& candidate : free) {
+    // The unit left out, or half of the word.
+    const bool begins =
+        candidate.starts_with(key) && (key.size() >= 3 || candidate[key.size()] == '_');
+    const std::size_t distance = begins ? 0 : Distance(key.substr(0, 64), candidate);
+    if (distance < least) {
+      least = distance;
+      nearest = &candidate;
+    }
+  }
+  if (nearest != nullptr) return fmt::format("did you mean '{}'?", *nearest);
+  if (free.empty()) return "nothing more can be here";
+  return fmt::format("also allowed here: {}", fmt::join(free, ", "));
 }
 
 const char* TypeName(const toml::node& node) {
@@ -76,23 +157,19 @@ const char* TypeName(const toml::node& node) {
 TomlTable::TomlTable(std::shared_ptr<Document> document, const toml::table* table, std::string path)
     : document_(std::move(document)), table_(table), path_(std::move(path)) {}
 
-TomlTable TomlTable::ParseFile(const std::string& path) {
-  std::error_code error;
-  if (std::filesystem::is_directory(path, error))
-    throw FileError(path, 0, "", "is a directory, not a file");
-  std::ifstream stream(path, std::ios::binary);
-  if (!stream) {
-    throw FileError(path, 0, "",
-                    fmt::format("cannot be opened: {}", std::generic_category().message(errno)));
-  }
-  std::ostringstream text;
-  text << stream.rdbuf();
-  return Parse(text.str(), path);
-}
+TomlTable TomlTable::ParseFile(const std::string& path) { return Parse(ReadTextFile(path), path); }
 
 TomlTable TomlTable::Parse(std::string_view text, const std::string& name) {
   auto document = std::make_shared<Document>();
   document->file = name;
+  if (const std::size_t at = text.find('\0'); at != std::string_view::npos) {
+    const auto line =
+        1 + std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(at), '\n');
+    throw FileError(name, static_cast<std::uint32_t>(line), "",
+                    "not valid TOML: there is a byte 0, so this is no text");
+  }
+  if (const std::uint32_t line = LineOfEndlessKey(text); line > 0)
+    throw FileError(name, line, "", fmt::format("a key has more than {} parts", kMostDots));
   try {
     document->root = toml::parse(text, name);
   } catch (const toml::parse_error& error) {
@@ -105,7 +182,10 @@ TomlTable TomlTable::Parse(std::string_view text, const std::string& name) {
 
 const std::string& TomlTable::file() const { return document_->file; }
 
-bool TomlTable::Has(std::string_view key) const { return table_->contains(key); }
+bool TomlTable::Has(std::string_view key) const {
+  document_->known[table_].emplace(key);
+  return table_->contains(key);
+}
 
 bool TomlTable::IsTable(std::string_view key) const {
   const toml::node* node = table_->get(key);
@@ -127,16 +207,18 @@ void TomlTable::Fail(std::string_view key, const std::string& problem) const {
   throw FileError(file(), LineOf(key), FullKey(key), problem);
 }
 
-void TomlTable::FailType(std::string_view key, const toml::node& node, const char* expected) const {
+void TomlTable::FailType(std::string_view key, const toml::node& node,
+                         const std::string& expected) const {
   throw FileError(file(), node.source().begin.line, FullKey(key),
                   fmt::format("is {}; expected {}", TypeName(node), expected));
 }
 
-const toml::node& TomlTable::Take(std::string_view key) {
+const toml::node& TomlTable::Take(std::string_view key, const std::string& allowed) {
+  document_->known[table_].emplace(key);
   const toml::node* node = table_->get(key);
   if (node == nullptr) {
     throw FileError(file(), table_->source().begin.line, FullKey(key),
-                    "is missing and has no default");
+                    fmt::format("is missing and has no default; {}", allowed));
   }
   document_->taken.insert(node);
   return *node;
@@ -149,7 +231,7 @@ double TomlTable::ToNumber(const toml::node& node, std::string_view key, Range r
   } else if (const auto* integer = node.as_integer()) {
     value = static_cast<double>(integer->get());
   } else {
-    FailType(key, node, "a number");
+    FailType(key, node, fmt::format("a number; {}", Describe(range)));
   }
   const bool above = range.min_excluded ? value > range.min : value >= range.min;
   if (!std::isfinite(value) || !above || value > range.max) {
@@ -160,7 +242,7 @@ double TomlTable::ToNumber(const toml::node& node, std::string_view key, Range r
 }
 
 double TomlTable::Number(std::string_view key, Range range) {
-  return ToNumber(Take(key), key, range);
+  return ToNumber(Take(key, Describe(range)), key, range);
 }
 
 double TomlTable::Number(std::string_view key, Range range, double absent) {
@@ -168,12 +250,12 @@ double TomlTable::Number(std::string_view key, Range range, double absent) {
 }
 
 std::int64_t TomlTable::Integer(std::string_view key, std::int64_t min, std::int64_t max) {
-  const toml::node& node = Take(key);
+  const std::string allowed = fmt::format("allowed: from {} ... {}", min, max);
+  const toml::node& node = Take(key, allowed);
   const auto* integer = node.as_integer();
-  if (integer == nullptr) FailType(key, node, "an integer");
-  if (integer->get() < min || integer->get() > max) {
-    Fail(key, fmt::format("is {}; allowed: from {} ... {}", integer->get(), min, max));
-  }
+  if (integer == nullptr) FailType(key, node, fmt::format("an integer; {}", allowed));
+  if (integer->get() < min || integer->get() > max)
+    Fail(key, fmt::format("is {}; {}", integer->get(), allowed));
   return integer->get();
 }
 
@@ -183,7 +265,7 @@ std::int64_t TomlTable::Integer(std::string_view key, std::int64_t min, std::int
 }
 
 bool TomlTable::Boolean(std::string_view key) {
-  const toml::node& node = Take(key);
+  const toml::node& node = Take(key, "allowed: true or false");
   const auto* boolean = node.as_boolean();
   if (boolean == nullptr) FailType(key, node, "true or false");
   return boolean->get();
@@ -194,7 +276,7 @@ bool TomlTable::Boolean(std::string_view key, bool absent) {
 }
 
 std::string TomlTable::String(std::string_view key) {
-  const toml::node& node = Take(key);
+  const toml::node& node = Take(key, "allowed: a string");
   const auto* text = node.as_string();
   if (text == nullptr) FailType(key, node, "a string");
   return text->get();
@@ -206,15 +288,17 @@ std::string TomlTable::String(std::string_view key, const std::string& absent) {
 
 std::string TomlTable::Choice(std::string_view key, std::span<const std::string_view> allowed,
                               const std::string& absent) {
+  const std::string list = fmt::format("allowed: {}", fmt::join(allowed, ", "));
+  if (absent.empty() || Has(key)) Take(key, list);
   std::string value = String(key, absent);
   if (std::find(allowed.begin(), allowed.end(), value) == allowed.end()) {
-    Fail(key, fmt::format("is '{}'; allowed: {}", value, fmt::join(allowed, ", ")));
+    Fail(key, fmt::format("is '{}'; {}", value, list));
   }
   return value;
 }
 
 std::vector<double> TomlTable::Numbers(std::string_view key, Range range) {
-  const toml::node& node = Take(key);
+  const toml::node& node = Take(key, "allowed: an array of numbers");
   const auto* array = node.as_array();
   if (array == nullptr) FailType(key, node, "an array of numbers");
   std::vector<double> values;
@@ -233,7 +317,7 @@ std::vector<double> TomlTable::Numbers(std::string_view key, Range range, std::s
 }
 
 std::vector<std::string> TomlTable::Strings(std::string_view key) {
-  const toml::node& node = Take(key);
+  const toml::node& node = Take(key, "allowed: an array of strings");
   const auto* array = node.as_array();
   if (array == nullptr) FailType(key, node, "an array of strings");
   std::vector<std::string> values;
@@ -246,7 +330,7 @@ std::vector<std::string> TomlTable::Strings(std::string_view key) {
 }
 
 std::vector<std::vector<std::string>> TomlTable::StringLists(std::string_view key) {
-  const toml::node& node = Take(key);
+  const toml::node& node = Take(key, "allowed: an array of arrays of strings");
   const auto* array = node.as_array();
   if (array == nullptr) FailType(key, node, "an array of arrays of strings");
   std::vector<std::vector<std::string>> lists;
@@ -264,14 +348,14 @@ std::vector<std::vector<std::string>> TomlTable::StringLists(std::string_view ke
 }
 
 TomlTable TomlTable::Table(std::string_view key) {
-  const toml::node& node = Take(key);
+  const toml::node& node = Take(key, "allowed: a table");
   const auto* table = node.as_table();
   if (table == nullptr) FailType(key, node, "a table");
   return {document_, table, FullKey(key)};
 }
 
 std::vector<TomlTable> TomlTable::Tables(std::string_view key) {
-  const toml::node& node = Take(key);
+  const toml::node& node = Take(key, "allowed: an array of tables");
   const auto* array = node.as_array();
   if (array == nullptr) FailType(key, node, "an array of tables");
   std::vector<TomlTable> tables;
@@ -310,7 +394,8 @@ void TomlTable::RejectUnknownKeys() const {
   for (const auto& [key, node] : *table_) {
     if (document_->taken.count(&node) == 0) {
       throw FileError(file(), node.source().begin.line, FullKey(key.str()),
-                      "is not a key that this file can hold");
+                      fmt::format("is not a key that this file can hold; {}",
+                                  KeyAdvice(key.str(), *table_, document_->known[table_])));
     }
     if (const auto* table = node.as_table()) {
       TomlTable(document_, table, FullKey(key.str())).RejectUnknownKeys();

@@ -70,8 +70,8 @@ class TomlTable {
   std::optional<TomlTable> OptionalTable(std::string_view key);
   std::vector<TomlTable> OptionalTables(std::string_view key);
 
-  /// Throws if a key of this table, or of a table taken from it, was never asked for. Call when all
-  /// is read.
+  /// Throws if a key of this table, or of a table taken from it, was never asked for, and names the
+  /// one that was probably meant. Call when all is read.
   void RejectUnknownKeys() const;
 
   /// Throws about `key` of this table (or about the table itself when the key is not in it).
@@ -89,16 +89,24 @@ class TomlTable {
  private:
   struct Document;
   TomlTable(std::shared_ptr<Document> document, const toml::table* table, std::string path);
-  const toml::node& Take(std::string_view key);
+  /// `allowed` says what to put there when the key is missing.
+  const toml::node& Take(std::string_view key, const std::string& allowed);
   double ToNumber(const toml::node& node, std::string_view key, Range range) const;
   [[noreturn]] void FailType(std::string_view key, const toml::node& node,
-                             const char* expected) const;
+                             const std::string& expected) const;
   [[nodiscard]] std::string FullKey(std::string_view key) const;
 
   std::shared_ptr<Document> document_;
   const toml::table* table_;
   std::string path_;
 };
+
+/// Larger files than this are not read [bytes]: a thousand times the largest that is of use, and
+/// the end of what never ends, such as a device.
+inline constexpr std::size_t kLargestFile = 16U << 20U;
+
+/// The whole of a file. @throws FileError when there is none to read, or it is too large.
+std::string ReadTextFile(const std::string& path);
 
 /// The shortest decimal text that reads back as exactly `value`, always recognisable as a TOML
 /// float.

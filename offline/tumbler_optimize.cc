@@ -4,10 +4,12 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <atomic>
 #include <cerrno>
 #include <charconv>
 #include <chrono>
+#include <cmath>
 #include <csignal>
 #include <cstdio>
 #include <ctime>
@@ -15,17 +17,20 @@
 #include <filesystem>
 #include <fstream>
 #include <limits>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <stdexcept>
 #include <string>
 #include <system_error>
+#include <utility>
 #include <vector>
 
 #include "common/toml_reader.h"
 #include "offline/certificate/certificate.h"
 #include "offline/problem/task_toml.h"
 #include "offline/report/report.h"
+#include "offline/solver/minima.h"
 #include "offline/solver/solver.h"
 
 namespace tumbler {
@@ -46,13 +51,14 @@ void CatchInterrupt() {
 }
 
 struct Arguments {
-  std::string task;
+  std::vector<std::string> tasks;
   std::string start_from;
   std::string out;
   std::string report;
   std::string json;
   std::optional<std::int64_t> seed;
   int threads = 1;
+  int minima = 0;  ///< How many starts are solved to the end for the table; 0: no table.
   bool keep_best = false;
 };
 
@@ -245,7 +251,7 @@ std::string Cause(const Problem& problem, const Solution& best) {
     return "no contact was ever active: the robot touches no obstacle; check start.z_m and the "
            "obstacles (a flight needs none: obstacle = [])";
   }
-  if (best.violation > 1e-6) {
+  if (best.violation > kNoViolation) {
     return fmt::format(
         "the best motion exceeds a limit: {} by {:.1f} % ({}); give it more duration_s, looser "
         "limits or "
@@ -294,19 +300,245 @@ const char* GradientCause(const Certificate& certificate) {
                "contact.d_on_m";
 }
 
-int Optimize(const Arguments& arguments) {
-  const auto wall_start = std::chrono::steady_clock::now();
-  std::vector<std::string> inputs = {arguments.task};
+/// The shipped tasks converge after 100 (roll) to 1200 (handstand) evaluations.
+constexpr int kEvaluationsToConverge = 2000;
+
+/// A task with all that is known of it when it has been worked on.
+struct Result {
   Task task;
-  if (arguments.start_from.empty()) {
-    task = LoadTask(arguments.task);
-  } else {
-    task = LoadTask(arguments.task, LoadPrimitive(arguments.start_from), arguments.start_from);
-    inputs.push_back(arguments.start_from);
+  SolveOutcome outcome;
+  Solution best;
+  MotionSummary summary;  ///< Of `best`, where that has a motion.
+  bool usable = false;    ///< `best` is a motion that can be written.
+  std::string cause;      ///< Else why it is none.
+  std::vector<LocalMinimum> minima;
+  std::vector<MotionSummary> minima_summaries;
+  std::optional<PrimitiveFile> file;
+  double wall_s = 0;
+  double cpu_s = 0;
+
+  [[nodiscard]] const Problem& problem() const { return task.problem; }
+  /// How far the pitch is from where the task wants it, 2 s after the motion.
+  [[nodiscard]] double settled_error_rad() const {
+    return std::abs(summary.settled_pitch_rad - problem().target_pitch_rad);
   }
-  inputs.push_back(task.robot_file);
+};
+
+Task Load(const Arguments& arguments, const std::string& path) {
+  Task task = arguments.start_from.empty()
+                  ? LoadTask(path)
+                  : LoadTask(path, LoadPrimitive(arguments.start_from), arguments.start_from);
   Problem& problem = task.problem;
   if (arguments.seed) problem.search.seed = static_cast<std::uint64_t>(*arguments.seed);
+  if (arguments.minima > 0) {
+    // So many motions are solved, each from a start of its own and until it converges: what ends
+    // early is no minimum, and two that end early never look the same.
+    problem.solver.max_evaluations =
+        std::max(problem.solver.max_evaluations, kEvaluationsToConverge);
+    problem.solver.finalists = arguments.minima;
+    problem.search.refine = std::max(problem.search.refine, arguments.minima);
+  }
+  return task;
+}
+
+void PrintNotes(const Task& task) {
+  for (const IgnoredShape& shape : task.problem.robot.ignored_shapes) {
+    fmt::print(stderr, "{}:{}: link '{}': note: {}: contact ignores it\n", task.robot_file,
+               shape.line, shape.link, shape.reason);
+  }
+  PrintContact(task.problem, task.task_file);
+}
+
+Result Work(Task task, const Arguments& arguments) {
+  const auto wall_start = std::chrono::steady_clock::now();
+  const double cpu_start = CpuSeconds();
+  Result result;
+  result.task = std::move(task);
+  const Problem& problem = result.problem();
+  Progress progress(problem);
+  SolveOptions options;
+  options.threads = arguments.threads;
+  options.interrupt = &interrupt_requested;
+  options.progress = [&progress](const Evaluation& evaluation) { progress(evaluation); };
+  result.outcome = Solve(problem, options);
+  progress.Finish();
+
+  if (!result.outcome.solutions.empty()) result.best = result.outcome.solutions.front();
+  const Solution& best = result.best;
+  result.usable = !best.x.empty() && best.feasible() && !MissesEveryObstacle(problem, best);
+  if (!result.usable) result.cause = Cause(problem, best);
+  if (arguments.minima > 0) {
+    result.minima = DistinctMinima(result.outcome.solutions);
+    for (const LocalMinimum& minimum : result.minima) {
+      result.minima_summaries.push_back(
+          Summarize(problem, result.outcome.solutions[minimum.solution].x));
+    }
+  }
+  if (result.usable && (!result.outcome.interrupted || arguments.keep_best)) {
+    result.summary = Summarize(problem, best.x);
+    PrimitiveFile file = MakePrimitiveFile(result.task, result.outcome, best);
+    // The certificate computes for itself, and has the last word.
+    if (file.certificate.constraint_violation <= kNoViolation) {
+      result.file = std::move(file);
+    } else {
+      result.usable = false;
+      result.cause = fmt::format(
+          "the certificate finds a limit exceeded by {:.1e}, which the solver does not; this is a "
+          "mistake of the program, please report it",
+          file.certificate.constraint_violation);
+    }
+  }
+  result.wall_s =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - wall_start).count();
+  result.cpu_s = CpuSeconds() - cpu_start;
+  return result;
+}
+
+nlohmann::ordered_json FiguresOfMinima(const Result& result) {
+  auto minima = nlohmann::ordered_json::array();
+  for (std::size_t i = 0; i < result.minima.size(); ++i) {
+    const LocalMinimum& minimum = result.minima[i];
+    const Solution& solution = result.outcome.solutions[minimum.solution];
+    const MotionSummary& summary = result.minima_summaries[i];
+    minima.push_back({{"objective", solution.rollout.cost},
+                      {"feasible", solution.feasible()},
+                      {"constraint_violation", solution.violation},
+                      {"final_pitch_rad", summary.final_pitch_rad},
+                      {"settled_pitch_rad", summary.settled_pitch_rad},
+                      {"peak_torque_nm", summary.peak_torque_nm},
+                      {"projected_gradient", solution.projected_gradient},
+                      {"evaluations", solution.evaluations},
+                      {"end", ToString(solution.end)},
+                      {"starts", minimum.starts}});
+  }
+  return minima;
+}
+
+/// The figures of a task that has a motion.
+nlohmann::ordered_json Figures(const Result& result) {
+  const Solution& best = result.best;
+  const MotionSummary& summary = result.summary;
+  const Certificate& c = result.file->certificate;
+  nlohmann::ordered_json json = {{"name", result.problem().name},
+                                 {"seed", result.problem().search.seed},
+                                 {"objective", best.rollout.cost},
+                                 {"evaluations", result.outcome.evaluations},
+                                 {"wall_s", result.wall_s},
+                                 {"cpu_s", result.cpu_s},
+                                 {"end", ToString(best.end)},
+                                 {"final_pitch_rad", summary.final_pitch_rad},
+                                 {"settled_pitch_rad", summary.settled_pitch_rad},
+                                 {"settled_error_rad", result.settled_error_rad()},
+                                 {"settled_speed", summary.settled_speed},
+                                 {"gradient_error", c.gradient_error},
+                                 {"gradient_difference_steps_rad", c.gradient_difference_steps_rad},
+                                 {"gradient_errors", c.gradient_errors},
+                                 {"gradient_step_halving_change", c.gradient_step_halving_change},
+                                 {"projected_gradient", c.projected_gradient},
+                                 {"constraint_violation", c.constraint_violation},
+                                 {"step_halving_error_rad", c.step_halving_error_rad},
+                                 {"peak_torque_nm", c.peak_torque_nm},
+                                 {"peak_penetration_m", c.peak_penetration_m},
+                                 {"position_margin_rad", c.position_margin_rad},
+                                 {"velocity_margin_rad_s", c.velocity_margin_rad_s},
+                                 {"acceleration_margin_rad_s2", c.acceleration_margin_rad_s2},
+                                 {"torque_margin_nm", c.torque_margin_nm},
+                                 {"coefficients_hash", c.coefficients_hash}};
+  if (!result.minima.empty()) json["minima"] = FiguresOfMinima(result);
+  return json;
+}
+
+/// What is said of a motion, and of a gradient that cannot be trusted.
+void PrintMotion(std::FILE* people, const Result& result) {
+  const MotionSummary& summary = result.summary;
+  const Certificate& c = result.file->certificate;
+  fmt::print(
+      people,
+      "{}: objective {:.6g} after {} evaluations, {:.2f} s ({:.2f} s of CPU); {}\n"
+      "  pitch at the end {:.4f} rad, 2 s later {:.4f} rad\n"
+      "  gradient error {:.1e}, projected gradient {:.1e}; with half the step the gradient changes "
+      "by "
+      "{:.1e}, the final pitch by {:.1e} rad\n"
+      "  peak torque {:.2f} N m, margins: {:.2f} N m, {:.2f} rad, {:.2f} rad/s, {:.0f} rad/s^2; "
+      "peak penetration {:.2f} mm\n",
+      result.problem().name, result.best.rollout.cost, result.outcome.evaluations, result.wall_s,
+      result.cpu_s, ToString(result.best.end), summary.final_pitch_rad, summary.settled_pitch_rad,
+      c.gradient_error, c.projected_gradient, c.gradient_step_halving_change,
+      c.step_halving_error_rad, c.peak_torque_nm, c.torque_margin_nm, c.position_margin_rad,
+      c.velocity_margin_rad_s, c.acceleration_margin_rad_s2, 1e3 * c.peak_penetration_m);
+  if (c.gradient_error > kDoubtfulGradient) {
+    fmt::print(
+        stderr,
+        "warning: gradient and differences of the cost disagree by {:.1e} (above {:.0e}): {}\n",
+        c.gradient_error, kDoubtfulGradient, GradientCause(c));
+  }
+}
+
+void PrintMinima(std::FILE* people, const Result& result) {
+  std::size_t starts = 0;
+  for (const LocalMinimum& minimum : result.minima) starts += minimum.starts.size();
+  fmt::print(people,
+             "{}: {} starts solved to the end led to {} minima (apart by more than {} rad)\n",
+             result.problem().name, starts, result.minima.size(), kSameMotionRad);
+  fmt::print(people, "  {:>4} {:>6} {:>12} {:>10} {:>9} {:>11} {:>11}  {}\n", "#", "starts", "cost",
+             "violation", "pitch end", "peak torque", "evaluations", "ended");
+  for (std::size_t i = 0; i < result.minima.size(); ++i) {
+    const LocalMinimum& minimum = result.minima[i];
+    const Solution& solution = result.outcome.solutions[minimum.solution];
+    const MotionSummary& summary = result.minima_summaries[i];
+    const bool held = solution.feasible();
+    fmt::print(people, "  {:>4} {:>6} {:>12.6g} {:>10.1e} {:>9.4f} {:>11.3f} {:>11}  {}{}\n", i + 1,
+               minimum.starts.size(), solution.rollout.cost, solution.violation,
+               summary.final_pitch_rad, summary.peak_torque_nm, solution.evaluations,
+               ToString(solution.end),
+               held                    ? ""
+               : solution.core_reached ? ", no motion: a contact reached the core"
+                                       : ", no motion: " + solution.worst_constraint);
+  }
+}
+
+/// Best first: tasks with a motion before those without, then by cost, or by how far they miss.
+std::vector<const Result*> Ranked(const std::vector<Result>& results) {
+  std::vector<const Result*> order;
+  for (const Result& result : results) order.push_back(&result);
+  std::stable_sort(order.begin(), order.end(), [](const Result* a, const Result* b) {
+    if (a->usable != b->usable) return a->usable;
+    return a->usable ? a->best.rollout.cost < b->best.rollout.cost
+                     : a->best.violation < b->best.violation;
+  });
+  return order;
+}
+
+void PrintRanking(std::FILE* people, const std::vector<const Result*>& order) {
+  std::size_t width = 4;
+  for (const Result* result : order) width = std::max(width, result->problem().name.size());
+  fmt::print(people, "{:>4}  {:<{}} {:>12} {:>8} {:>11} {:>11} {:>13}\n", "rank", "task", width,
+             "cost", "time s", "evaluations", "peak torque", "settled error");
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    const Result& result = *order[i];
+    fmt::print(people, "{:>4}  {:<{}} ", i + 1, result.problem().name, width);
+    if (result.file) {
+      fmt::print(people, "{:>12.6g} {:>8.2f} {:>11} {:>11.3f} {:>13.4f}\n",
+                 result.best.rollout.cost, result.wall_s, result.outcome.evaluations,
+                 result.summary.peak_torque_nm, result.settled_error_rad());
+    } else {
+      fmt::print(people, "{:>12} {:>8.2f} {:>11}  {}\n", "none", result.wall_s,
+                 result.outcome.evaluations,
+                 result.usable ? "interrupted" : "no motion: " + result.cause);
+    }
+  }
+}
+
+void Flush(std::FILE* stream) {
+  if (std::fflush(stream) != 0)
+    throw std::runtime_error(fmt::format("standard output: {}", SystemMessage(errno)));
+}
+
+int OptimizeOne(const Arguments& arguments) {
+  std::vector<std::string> inputs = {arguments.tasks.front()};
+  Task task = Load(arguments, arguments.tasks.front());
+  if (!arguments.start_from.empty()) inputs.push_back(arguments.start_from);
+  inputs.push_back(task.robot_file);
   std::vector<std::string> files;
   for (const std::string& path : {arguments.out, arguments.json}) {
     if (!path.empty() && path != "-") files.push_back(path);
@@ -317,117 +549,165 @@ int Optimize(const Arguments& arguments) {
     files.push_back((std::filesystem::path(arguments.report) / "index.html").string());
   }
   CheckDistinct(inputs, files);
-  for (const IgnoredShape& shape : problem.robot.ignored_shapes) {
-    fmt::print(stderr, "{}:{}: link '{}': note: {}: contact ignores it\n", task.robot_file,
-               shape.line, shape.link, shape.reason);
-  }
-
-  PrintContact(problem, task.task_file);
+  PrintNotes(task);
+  std::FILE* const people = arguments.json == "-" ? stderr : stdout;
 
   CatchInterrupt();
-  Progress progress(problem);
-  SolveOptions options;
-  options.threads = arguments.threads;
-  options.interrupt = &interrupt_requested;
-  options.progress = [&progress](const Evaluation& evaluation) { progress(evaluation); };
-  const SolveOutcome outcome = Solve(problem, options);
-  progress.Finish();
-
-  const Solution best = outcome.solutions.empty() ? Solution{} : outcome.solutions.front();
-  const bool usable = !best.x.empty() && best.feasible() && !MissesEveryObstacle(problem, best);
+  const Result result = Work(std::move(task), arguments);
+  if (arguments.minima > 0) PrintMinima(people, result);
   const auto drop = [&arguments] {
     fmt::print(stderr, "interrupted: {}; no file was written\n",
                !arguments.keep_best ? "the best motion so far is dropped (--keep-best keeps it)"
                                     : "no motion within the limits was found so far");
     return kInterruptedBySignal;
   };
-  if (outcome.interrupted) {
-    if (!arguments.keep_best || !usable) return drop();
-  } else if (!usable) {
-    fmt::print(stderr, "no motion was found: {}\nno file was written\n", Cause(problem, best));
+  if (result.outcome.interrupted) {
+    if (!result.file) return drop();
+  } else if (!result.usable) {
+    fmt::print(stderr, "no motion was found: {}\nno file was written\n", result.cause);
     return kNotFound;
   }
 
-  const PrimitiveFile file = MakePrimitiveFile(task, outcome, best);
-  const MotionSummary summary = Summarize(problem, best.x);
-  const Certificate& c = file.certificate;
-  const std::string text = ToToml(file);
+  const std::string text = ToToml(*result.file);
   ParsePrimitive(text, "the new primitive");  // What is written is what will be read.
   std::optional<ReportData> report;
-  if (!arguments.report.empty()) report = MakeReportData(task, outcome, best, file);
+  if (!arguments.report.empty())
+    report = MakeReportData(result.task, result.outcome, result.best, *result.file);
   if (interrupt_requested && !arguments.keep_best) return drop();
   std::signal(SIGINT, SIG_IGN);  // What is written from here on is written whole.
   const bool interrupted = interrupt_requested;
   if (interrupted)
     fmt::print(stderr, "interrupted: the best motion so far is kept, as --keep-best asks\n");
 
-  const double wall_s =
-      std::chrono::duration<double>(std::chrono::steady_clock::now() - wall_start).count();
-  const nlohmann::ordered_json json = {
-      {"name", problem.name},
-      {"seed", problem.search.seed},
-      {"objective", best.rollout.cost},
-      {"evaluations", outcome.evaluations},
-      {"wall_s", wall_s},
-      {"cpu_s", CpuSeconds()},
-      {"end", ToString(best.end)},
-      {"final_pitch_rad", summary.final_pitch_rad},
-      {"settled_pitch_rad", summary.settled_pitch_rad},
-      {"settled_speed", summary.settled_speed},
-      {"gradient_error", c.gradient_error},
-      {"gradient_difference_steps_rad", c.gradient_difference_steps_rad},
-      {"gradient_errors", c.gradient_errors},
-      {"gradient_step_halving_change", c.gradient_step_halving_change},
-      {"projected_gradient", c.projected_gradient},
-      {"constraint_violation", c.constraint_violation},
-      {"step_halving_error_rad", c.step_halving_error_rad},
-      {"peak_torque_nm", c.peak_torque_nm},
-      {"peak_penetration_m", c.peak_penetration_m},
-      {"position_margin_rad", c.position_margin_rad},
-      {"velocity_margin_rad_s", c.velocity_margin_rad_s},
-      {"acceleration_margin_rad_s2", c.acceleration_margin_rad_s2},
-      {"torque_margin_nm", c.torque_margin_nm},
-      {"coefficients_hash", c.coefficients_hash}};
+  const std::string json = Figures(result).dump(2) + "\n";
   std::optional<PendingFile> primitive_file, json_file;
   if (!arguments.out.empty()) primitive_file.emplace(arguments.out, text);
-  if (!arguments.json.empty() && arguments.json != "-")
-    json_file.emplace(arguments.json, json.dump(2) + "\n");
-  const auto flush = [](std::FILE* stream) {
-    if (std::fflush(stream) != 0)
-      throw std::runtime_error(fmt::format("standard output: {}", SystemMessage(errno)));
-  };
-  if (arguments.json == "-") fmt::print("{}\n", json.dump(2));
-  flush(stdout);
+  if (!arguments.json.empty() && arguments.json != "-") json_file.emplace(arguments.json, json);
+  if (arguments.json == "-") fmt::print("{}", json);
+  Flush(stdout);
   std::string page;
   if (report) page = WriteReport(*report, arguments.report);
   if (json_file) json_file->Commit();
   if (primitive_file) primitive_file->Commit();
 
-  std::FILE* const people = arguments.json == "-" ? stderr : stdout;
-  fmt::print(
-      people,
-      "{}: objective {:.6g} after {} evaluations, {:.2f} s ({:.2f} s of CPU); {}\n"
-      "  pitch at the end {:.4f} rad, 2 s later {:.4f} rad\n"
-      "  gradient error {:.1e}, projected gradient {:.1e}; with half the step the gradient changes "
-      "by "
-      "{:.1e}, the final pitch by {:.1e} rad\n"
-      "  peak torque {:.2f} N m, margins: {:.2f} N m, {:.2f} rad, {:.2f} rad/s, {:.0f} rad/s^2; "
-      "peak penetration {:.2f} mm\n",
-      problem.name, best.rollout.cost, outcome.evaluations, wall_s, CpuSeconds(),
-      ToString(best.end), summary.final_pitch_rad, summary.settled_pitch_rad, c.gradient_error,
-      c.projected_gradient, c.gradient_step_halving_change, c.step_halving_error_rad,
-      c.peak_torque_nm, c.torque_margin_nm, c.position_margin_rad, c.velocity_margin_rad_s,
-      c.acceleration_margin_rad_s2, 1e3 * c.peak_penetration_m);
-  if (c.gradient_error > kDoubtfulGradient) {
-    fmt::print(
-        stderr,
-        "warning: gradient and differences of the cost disagree by {:.1e} (above {:.0e}): {}\n",
-        c.gradient_error, kDoubtfulGradient, GradientCause(c));
-  }
+  PrintMotion(people, result);
   if (!arguments.out.empty()) fmt::print(people, "  primitive {}\n", arguments.out);
   if (!page.empty()) fmt::print(people, "  report {}\n", page);
-  flush(people);
+  Flush(people);
   return interrupted ? kInterruptedBySignal : kFound;
+}
+
+/// Several tasks one after the other, and a table that ranks them. The primitive of each is
+/// DIR/NAME.toml, its report REPORT/NAME.
+int OptimizeSeveral(const Arguments& arguments) {
+  if (!arguments.start_from.empty())
+    throw std::invalid_argument("--start-from: is for one task; give the tasks one at a time");
+  namespace fs = std::filesystem;
+  // All that can be wrong is found before the first task is worked on.
+  std::vector<Task> tasks;
+  std::vector<std::string> inputs, outputs;
+  std::map<std::string, std::string> file_of_name;
+  for (const std::string& path : arguments.tasks) {
+    Task& task = tasks.emplace_back(Load(arguments, path));
+    inputs.insert(inputs.end(), {path, task.robot_file});
+    const std::string& name = task.problem.name;
+    if (const auto [other, is_new] = file_of_name.emplace(name, path); !is_new) {
+      throw FileError(path, 0, "name",
+                      fmt::format("is '{}', like that of {}; tasks that are ranked need different "
+                                  "names",
+                                  name, other->second));
+    }
+    if (name.find('/') != std::string::npos || name.starts_with(".")) {
+      throw FileError(path, 0, "name",
+                      fmt::format("is '{}', which cannot name a file; allowed where several tasks "
+                                  "are ranked: no '/', and no '.' to begin with",
+                                  name));
+    }
+  }
+  const auto primitive_of = [&arguments](const Task& task) {
+    return (fs::path(arguments.out) / (task.problem.name + ".toml")).string();
+  };
+  const auto report_of = [&arguments](const Task& task) {
+    return (fs::path(arguments.report) / task.problem.name).string();
+  };
+  for (const std::string& folder : {arguments.out, arguments.report}) {
+    if (!folder.empty()) CheckFolderWritable(folder);
+  }
+  for (const Task& task : tasks) {
+    if (!arguments.out.empty()) outputs.push_back(primitive_of(task));
+    if (!arguments.out.empty() && fs::exists(arguments.out)) CheckWritable(primitive_of(task));
+    if (!arguments.report.empty()) outputs.push_back(report_of(task) + "/index.html");
+  }
+  if (!arguments.json.empty() && arguments.json != "-") {
+    CheckWritable(arguments.json);
+    outputs.push_back(arguments.json);
+  }
+  CheckDistinct(inputs, outputs);
+  for (const Task& task : tasks) PrintNotes(task);
+  std::FILE* const people = arguments.json == "-" ? stderr : stdout;
+
+  CatchInterrupt();
+  std::vector<Result> results;
+  for (Task& task : tasks) {
+    if (interrupt_requested) break;
+    fmt::print(stderr, "{}\n", task.task_file);
+    results.push_back(Work(std::move(task), arguments));
+    const Result& result = results.back();
+    if (arguments.minima > 0) PrintMinima(people, result);
+    if (!result.file) continue;
+    const std::string text = ToToml(*result.file);
+    ParsePrimitive(text, "the new primitive");
+    PrintMotion(people, result);
+    if (!arguments.report.empty()) {
+      const ReportData report =
+          MakeReportData(result.task, result.outcome, result.best, *result.file);
+      fmt::print(people, "  report {}\n", WriteReport(report, report_of(result.task)));
+    }
+    if (arguments.out.empty()) continue;
+    fs::create_directories(arguments.out);
+    const std::string path = primitive_of(result.task);
+    PendingFile(path, text).Commit();
+    fmt::print(people, "  primitive {}\n", path);
+  }
+
+  const std::vector<const Result*> order = Ranked(results);
+  auto ranking = nlohmann::ordered_json::array();
+  bool all_found = true;
+  for (const Result* result : order) {
+    all_found = all_found && result->file;
+    nlohmann::ordered_json entry = {{"task", result->task.task_file},
+                                    {"found", result->file.has_value()}};
+    if (result->file) {
+      entry.update(Figures(*result));
+    } else {
+      entry.update({{"name", result->problem().name},
+                    {"cause", result->usable ? "interrupted" : result->cause},
+                    {"evaluations", result->outcome.evaluations},
+                    {"wall_s", result->wall_s},
+                    {"cpu_s", result->cpu_s}});
+      if (!result->minima.empty()) entry["minima"] = FiguresOfMinima(*result);
+    }
+    ranking.push_back(std::move(entry));
+  }
+  const std::string json = nlohmann::ordered_json{{"ranking", ranking}}.dump(2) + "\n";
+  if (arguments.json == "-") {
+    fmt::print("{}", json);
+  } else if (!arguments.json.empty()) {
+    PendingFile(arguments.json, json).Commit();
+  }
+  PrintRanking(people, order);
+  Flush(stdout);
+  Flush(people);
+  if (interrupt_requested) {
+    fmt::print(stderr, "interrupted: {} of {} tasks were worked on\n", results.size(),
+               tasks.size());
+    return kInterruptedBySignal;
+  }
+  return all_found ? kFound : kNotFound;
+}
+
+int Optimize(const Arguments& arguments) {
+  return arguments.tasks.size() == 1 ? OptimizeOne(arguments) : OptimizeSeveral(arguments);
 }
 
 }  // namespace
@@ -437,13 +717,17 @@ int main(int argc, char** argv) {
   tumbler::Arguments arguments;
   CLI::App app{
       "Finds a motion for a task and writes it as a primitive.\n"
-      "Exit status: 0 found; 1 bad input; 2 no motion within the limits was found; 130 "
+      "Exit status: 0 found; 1 bad input; 2 no motion within the limits was found (of any task); "
+      "130 "
       "interrupted."};
-  app.add_option("TASK", arguments.task, "Task file (TOML)")->required();
+  app.add_option("TASK", arguments.tasks,
+                 "Task file (TOML); several are worked on one by one, and ranked")
+      ->required();
   app.add_option("--start-from", arguments.start_from,
                  "Start where this primitive leaves the robot (its simulated exit), not in the "
                  "task's own start pose");
-  app.add_option("--out", arguments.out, "Write the primitive here");
+  app.add_option("--out", arguments.out,
+                 "Write the primitive here; for several tasks the folder, for NAME.toml of each");
   // Read by hand: CLI11 takes a number that is too large for the largest that fits.
   app.add_option_function<std::string>(
          "--seed",
@@ -463,9 +747,13 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(1, 256))
       ->capture_default_str();
   app.add_option("--report", arguments.report,
-                 "Write a page that shows the motion into this folder");
+                 "Write a page that shows the motion into this folder; for several tasks into "
+                 "its folder NAME");
   app.add_option("--json", arguments.json,
                  "Write figures as JSON to this file, or to standard output for -");
+  app.add_option("--minima", arguments.minima,
+                 "Solve this many starts to the end, and show a table of all minima found")
+      ->check(CLI::Range(1, 1000));
   app.add_flag("--keep-best", arguments.keep_best,
                "When interrupted, still write the best motion so far");
   for (CLI::Option* option : app.get_options()) {

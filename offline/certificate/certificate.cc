@@ -188,14 +188,20 @@ MotionSummary Summarize(const Problem& problem, const std::vector<double>& x) {
             std::max(summary.settled_speed, std::abs(sample.qd[static_cast<std::size_t>(i)]));
       }
     }
+    const bool solved = t <= problem.duration_s + problem.settle_s + 1e-9;
     for (std::size_t j = 0; j < problem.joints.size(); ++j) {
       const double torque = std::abs(sample.torque[j]);
       summary.peak_torque_nm = std::max(summary.peak_torque_nm, torque);
       summary.torque_margin_nm =
           std::min(summary.torque_margin_nm, problem.joints[j].limits.torque_max_nm - torque);
+      if (solved)
+        summary.excess =
+            std::max(summary.excess, torque / problem.joints[j].limits.torque_max_nm - 1);
     }
     for (const ActiveContact<Plane>& contact : sample.contacts) {
       summary.peak_penetration_m = std::max(summary.peak_penetration_m, contact.depth_m);
+      if (solved)
+        summary.excess = std::max(summary.excess, contact.depth_m / problem.contact.layer_m - 1);
       if (t > problem.duration_s + problem.settle_s) continue;
       auto& list = intervals[{contact.shape, contact.obstacle}];
       if (list.empty() || t - list.back().end_s > kContactGap) {
@@ -221,6 +227,27 @@ MotionSummary Summarize(const Problem& problem, const std::vector<double>& x) {
                    [](const auto& a, const auto& b) { return a.start_s < b.start_s; });
   return summary;
 }
+
+namespace {
+
+/// By how much the worst of all limits is exceeded, relative to it (positions in rad), or 0: from
+/// the splines of the primitive and its simulation alone, whatever the solver says of it.
+double LargestExcess(const Primitive<double>& primitive, const MotionSummary& summary) {
+  double excess = std::max(0.0, summary.excess);
+  for (const JointMotion<double>& motion : primitive.motions()) {
+    const JointLimits<double>& limits = motion.limits;
+    for (const double q : motion.position.control_points(0)) {
+      excess = std::max({excess, q - limits.position_max_rad, limits.position_min_rad - q});
+    }
+    for (const double qd : motion.position.control_points(1))
+      excess = std::max(excess, std::abs(qd) / limits.velocity_max_rad_s - 1);
+    for (const double qdd : motion.position.control_points(2))
+      excess = std::max(excess, std::abs(qdd) / limits.acceleration_max_rad_s2 - 1);
+  }
+  return excess;
+}
+
+}  // namespace
 
 PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
                                 const Solution& solution) {
@@ -257,7 +284,7 @@ PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
                  Finite);
   certificate.gradient_step_halving_change = Finite(GradientStepHalvingChange(problem, solution.x));
   certificate.projected_gradient = solution.projected_gradient;
-  certificate.constraint_violation = solution.violation;
+  certificate.constraint_violation = LargestExcess(primitive, summary);
   certificate.step_halving_error_rad =
       std::abs(FinalPitch(problem, solution.x, problem.solver.step_s) -
                FinalPitch(problem, solution.x, problem.solver.step_s / 2));

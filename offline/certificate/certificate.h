@@ -54,6 +54,9 @@ struct MotionSummary {
   double settled_speed = 0;      ///< Largest of root velocities then [m/s, rad/s].
   double peak_torque_nm = 0;     ///< Of any joint, at every integration step.
   double torque_margin_nm = 0;   ///< Smallest limit less |torque|, likewise.
+  /// Largest of |torque| over its limit and of penetration over the compliant layer, less 1, in
+  /// the motion and its settle phase: what the solver is answerable for.
+  double excess = -1;
   double peak_penetration_m = 0;
   std::vector<ContactInterval> contacts;
   bool core_reached = false;  ///< A contact went through the whole compliant layer.

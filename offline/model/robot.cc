@@ -7,14 +7,9 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
-#include <cerrno>
 #include <cmath>
-#include <filesystem>
-#include <fstream>
 #include <map>
 #include <mutex>
-#include <sstream>
-#include <system_error>
 
 #include "common/toml_reader.h"
 #include "offline/model/urdf_source.h"
@@ -203,9 +198,9 @@ class Builder {
                 "its type is not supported; allowed: revolute, continuous, prismatic, fixed");
     }
     Eigen::Vector3d axis(joint.axis.x, joint.axis.y, joint.axis.z);
-    if (!axis.allFinite() || axis.norm() < 1e-6)
-      FailJoint(joint.name, "its <axis> has no direction", "axis");
-    axis = X_joint.linear() * axis.normalized();
+    if (!axis.allFinite() || axis.stableNorm() < 1e-6)
+      FailJoint(joint.name, "its <axis> has no direction; allowed: any but 0 0 0", "axis");
+    axis = X_joint.linear() * axis.stableNormalized();
     Dof<Spatial> dof;
     dof.name = joint.name;
     dof.parent = body;
@@ -226,7 +221,8 @@ class Builder {
       }
     }
     if (joint.mimic != nullptr)
-      FailJoint(joint.name, "mimics another joint; mimic joints are not supported", "mimic");
+      FailJoint(joint.name,
+                "mimics another joint; mimic joints are not supported: leave <mimic> out", "mimic");
     AddDof(dof, about);
     // The new frame keeps the robot's axes at q = 0; only the rotation of the link's own frame is
     // carried on.
@@ -401,20 +397,6 @@ bool Robot::MovesMass(int dof) const {
 
 Robot ParseRobot(const std::string& text, const std::string& file_name, RootKind root) {
   return Builder(text, file_name, root).Take();
-}
-
-std::string ReadTextFile(const std::string& path) {
-  std::error_code error;
-  if (std::filesystem::is_directory(path, error))
-    throw FileError(path, 0, "", "is a directory, not a file");
-  std::ifstream stream(path, std::ios::binary);
-  if (!stream) {
-    throw FileError(path, 0, "",
-                    fmt::format("cannot be opened: {}", std::generic_category().message(errno)));
-  }
-  std::ostringstream text;
-  text << stream.rdbuf();
-  return text.str();
 }
 
 }  // namespace tumbler

@@ -108,7 +108,4 @@ struct Robot {
 /// Spatial::kMaxDofs degrees of freedom, or none.
 Robot ParseRobot(const std::string& text, const std::string& file_name, RootKind root);
 
-/// Whole content of a text file. @throws FileError naming it and the system's reason.
-std::string ReadTextFile(const std::string& path);
-
 }  // namespace tumbler

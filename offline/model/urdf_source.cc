@@ -8,6 +8,7 @@
 #include <charconv>
 #include <cmath>
 #include <functional>
+#include <limits>
 #include <optional>
 #include <set>
 #include <utility>
@@ -23,29 +24,35 @@ struct NumericAttribute {
   const char* attribute;
   int count;
   bool required;
+  /// Of its size; beyond it nothing is a robot, and sums and products lose what they are of.
+  double largest = std::numeric_limits<double>::max();
   bool can_be_negative = true;
 };
+/// Of masses [kg], and of moments of inertia with them at `kLongest` [kg m^2].
+constexpr double kHeaviest = 1e6;
+constexpr double kLongest = 1e3;  // of a shape [m]
+constexpr double kLargestMoment = kHeaviest * kLongest * kLongest;
 constexpr std::array kNumericAttributes = {
-    NumericAttribute{"mass", "value", 1, true},
-    NumericAttribute{"inertia", "ixx", 1, true},
-    NumericAttribute{"inertia", "ixy", 1, true},
-    NumericAttribute{"inertia", "ixz", 1, true},
-    NumericAttribute{"inertia", "iyy", 1, true},
-    NumericAttribute{"inertia", "iyz", 1, true},
-    NumericAttribute{"inertia", "izz", 1, true},
+    NumericAttribute{"mass", "value", 1, true, kHeaviest},
+    NumericAttribute{"inertia", "ixx", 1, true, kLargestMoment},
+    NumericAttribute{"inertia", "ixy", 1, true, kLargestMoment},
+    NumericAttribute{"inertia", "ixz", 1, true, kLargestMoment},
+    NumericAttribute{"inertia", "iyy", 1, true, kLargestMoment},
+    NumericAttribute{"inertia", "iyz", 1, true, kLargestMoment},
+    NumericAttribute{"inertia", "izz", 1, true, kLargestMoment},
     NumericAttribute{"origin", "xyz", 3, false},
-    NumericAttribute{"origin", "rpy", 3, false},
+    NumericAttribute{"origin", "rpy", 3, false, 1e3},
     NumericAttribute{"axis", "xyz", 3, true},
     NumericAttribute{"limit", "lower", 1, false},
     NumericAttribute{"limit", "upper", 1, false},
     NumericAttribute{"limit", "effort", 1, true},
     NumericAttribute{"limit", "velocity", 1, true},
-    NumericAttribute{"dynamics", "damping", 1, false},
+    NumericAttribute{"dynamics", "damping", 1, false, 1e9},
     NumericAttribute{"dynamics", "friction", 1, false},
-    NumericAttribute{"sphere", "radius", 1, true, false},
-    NumericAttribute{"cylinder", "radius", 1, true, false},
-    NumericAttribute{"cylinder", "length", 1, true, false},
-    NumericAttribute{"box", "size", 3, true, false},
+    NumericAttribute{"sphere", "radius", 1, true, kLongest, false},
+    NumericAttribute{"cylinder", "radius", 1, true, kLongest, false},
+    NumericAttribute{"cylinder", "length", 1, true, kLongest, false},
+    NumericAttribute{"box", "size", 3, true, kLongest, false},
     NumericAttribute{"mesh", "scale", 3, false},
 };
 
@@ -53,6 +60,54 @@ constexpr std::array<std::string_view, 4> kJointTypes = {"revolute", "continuous
                                                          "fixed"};
 
 constexpr std::array<std::string_view, 4> kGeometries = {"sphere", "cylinder", "box", "mesh"};
+
+/// More links, or elements in elements in ..., are no robot; reading them would take all time or
+/// the whole stack.
+constexpr std::size_t kMostLinks = 1000;
+constexpr int kDeepestElement = 100;
+
+bool StartsName(char c) {
+  return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_' ||
+         static_cast<unsigned char>(c) >= 127;
+}
+
+/// The line where XML is nested too deep, or 0. For text that is not well-formed it says something,
+/// too: the parser, which stops at the first such place, gets no deeper than this counts.
+std::uint32_t LineOfTooDeepElement(std::string_view text) {
+  int depth = 0;
+  const auto skip_past = [&text](std::size_t from, std::string_view end) {
+    const std::size_t at = text.find(end, from);
+    return at == std::string_view::npos ? text.size() : at + end.size();
+  };
+  for (std::size_t i = text.find('<'); i < text.size(); i = text.find('<', i)) {
+    const std::string_view rest = text.substr(i);
+    if (rest.starts_with("<!--")) {
+      i = skip_past(i + 4, "-->");
+    } else if (rest.starts_with("<![CDATA[")) {
+      i = skip_past(i, "]]>");
+    } else if (rest.starts_with("</")) {
+      depth = std::max(0, depth - 1);
+      i = skip_past(i, ">");
+    } else if (rest.size() < 2 || !StartsName(rest[1])) {
+      i = skip_past(i, ">");
+    } else {
+      if (++depth > kDeepestElement) {
+        return 1 + static_cast<std::uint32_t>(std::count(
+                       text.begin(), text.begin() + static_cast<std::ptrdiff_t>(i), '\n'));
+      }
+      char quote = 0;
+      for (++i; i < text.size() && (quote != 0 || text[i] != '>'); ++i) {
+        if (quote == 0 && (text[i] == '"' || text[i] == '\'')) {
+          quote = text[i];
+        } else if (text[i] == quote) {
+          quote = 0;
+        }
+      }
+      if (i < text.size() && text[i - 1] == '/') --depth;
+    }
+  }
+  return 0;
+}
 
 std::uint32_t RowOf(const TiXmlBase& element) {
   return static_cast<std::uint32_t>(std::max(element.Row(), 0));
@@ -98,10 +153,11 @@ class ElementChecker {
         continue;
       }
       const std::optional<std::vector<double>> numbers = ToNumbers(text);
-      const bool fits = numbers && numbers->size() == static_cast<std::size_t>(expected.count) &&
-                        std::all_of(numbers->begin(), numbers->end(), [&expected](double x) {
-                          return std::isfinite(x) && (x >= 0 || expected.can_be_negative);
-                        });
+      const bool fits =
+          numbers && numbers->size() == static_cast<std::size_t>(expected.count) &&
+          std::all_of(numbers->begin(), numbers->end(), [&expected](double x) {
+            return std::abs(x) <= expected.largest && (x >= 0 || expected.can_be_negative);
+          });
       if (!fits) {
         Fail(element, fmt::format("<{}> {} is '{}'; allowed: {}", expected.element,
                                   expected.attribute, text, Allowed(expected)));
@@ -116,7 +172,7 @@ class ElementChecker {
   void CheckOnlyOne(const TiXmlElement& parent, const char* name) const {
     const TiXmlElement* first = parent.FirstChildElement(name);
     const TiXmlElement* second = first == nullptr ? nullptr : first->NextSiblingElement(name);
-    if (second != nullptr) Fail(*second, fmt::format("there is a second <{}>", name));
+    if (second != nullptr) Fail(*second, fmt::format("there is a second <{}>; allowed: one", name));
   }
 
   const TiXmlElement& Required(const TiXmlElement& parent, const char* name) const {
@@ -127,9 +183,13 @@ class ElementChecker {
 
  private:
   static std::string Allowed(const NumericAttribute& attribute) {
-    const char* sign = attribute.can_be_negative ? "" : ", 0 or more";
-    if (attribute.count == 1) return fmt::format("a finite number{}", sign);
-    return fmt::format("{} finite numbers{}, separated by blanks", attribute.count, sign);
+    std::string range = attribute.can_be_negative ? "" : ", 0 or more";
+    if (attribute.largest < std::numeric_limits<double>::max()) {
+      range = attribute.can_be_negative ? fmt::format(", at most {:g} in size", attribute.largest)
+                                        : fmt::format(" from 0 ... {:g}", attribute.largest);
+    }
+    if (attribute.count == 1) return fmt::format("a finite number{}", range);
+    return fmt::format("{} finite numbers{}, separated by blanks", attribute.count, range);
   }
 
   const std::string& file_;
@@ -187,6 +247,22 @@ void CheckJoint(const TiXmlElement& joint, const ElementChecker& check) {
 }  // namespace
 
 UrdfSource::UrdfSource(const std::string& text, const std::string& file) {
+  if (const std::size_t at = text.find('\0'); at != std::string::npos) {
+    const auto lines =
+        std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(at), '\n');
+    throw FileError(file, static_cast<std::uint32_t>(lines) + 1, "",
+                    "not valid XML: there is a byte 0, so this is no text");
+  }
+  if (const std::uint32_t line = LineOfTooDeepElement(text); line > 0) {
+    throw FileError(
+        file, line, "",
+        fmt::format("elements are nested more than {} deep; a URDF needs 5", kDeepestElement));
+  }
+  if (text.find('<') == std::string::npos) {
+    throw FileError(file, 0, "",
+                    fmt::format("not valid XML: {}",
+                                text.empty() ? "the file is empty" : "there is no element in it"));
+  }
   TiXmlDocument document;
   document.Parse(text.c_str(), nullptr, TIXML_ENCODING_UTF8);
   if (document.Error()) {
@@ -201,7 +277,7 @@ UrdfSource::UrdfSource(const std::string& text, const std::string& file) {
 
   const char* robot_name = robot->Attribute("name");
   if (robot_name == nullptr || *robot_name == '\0')
-    throw FileError(file, RowOf(*robot), "robot", "has no name");
+    throw FileError(file, RowOf(*robot), "robot", "has no name; give it the attribute name");
 
   const auto collect = [](const TiXmlElement& whole) {
     Lines lines{{"", RowOf(whole)}};
@@ -230,13 +306,15 @@ UrdfSource::UrdfSource(const std::string& text, const std::string& file) {
     const char* attribute = e->Attribute("name");
     const std::string name = attribute == nullptr ? "" : attribute;
     const ElementChecker check(file, fmt::format("{} '{}'", kind, name));
-    if (name.empty()) check.Fail(*e, "has no name");
+    if (name.empty()) check.Fail(*e, "has no name; give it the attribute name");
     Index& index = kind == "link" ? links_ : joints_;
     if (const auto [other, is_new] = index.emplace(name, collect(*e)); !is_new) {
       check.Fail(*e, fmt::format("the name is taken by line {}", other->second.at("")));
     }
     if (kind == "link") {
       link_order.push_back(name);
+      if (link_order.size() > kMostLinks)
+        check.Fail(*e, fmt::format("the robot has more than {} links", kMostLinks));
       CheckLink(*e, check);
       continue;
     }
@@ -283,16 +361,18 @@ UrdfSource::UrdfSource(const std::string& text, const std::string& file) {
     root = link;
   }
   // Whoever goes up from a link must come to the root.
+  std::set<std::string> below_root;
   for (const std::string& link : link_order) {
     std::string at = link;
     std::set<std::string> seen;
-    while (carried_by.count(at) != 0) {
+    while (carried_by.count(at) != 0 && below_root.count(at) == 0) {
       if (!seen.insert(at).second) {
         throw FileError(file, LineOfLink(at, ""), fmt::format("link '{}'", at),
                         "the joints above it lead back to itself; allowed: a tree");
       }
       at = carried_by.at(at)->parent;
     }
+    below_root.merge(seen);
   }
   if (root.empty()) throw FileError(file, RowOf(*robot), "robot", "has no link");
 }

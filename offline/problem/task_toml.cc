@@ -18,6 +18,8 @@ namespace tumbler {
 namespace {
 
 constexpr int kTaskVersion = 1;
+/// A motion with more pairs of shapes would not be found in any time that somebody waits.
+constexpr std::size_t kMostPairs = 1000;
 constexpr double kPi = 3.141592653589793;
 
 /// A start pose from elsewhere than the task.
@@ -38,10 +40,12 @@ class TaskReader {
   Problem Read() {
     problem_.name = root_.String("name");
     if (problem_.name.empty() || !FixedString<48>::fits(problem_.name)) {
-      root_.Fail("name", "allowed: from 1 ... 48 characters");
+      root_.Fail("name", fmt::format("is '{}'; allowed: from 1 ... 48 characters", problem_.name));
     }
     problem_.duration_s = root_.Number("duration_s", {0.05, 20});
     problem_.settle_s = root_.Number("settle_s", {0, 5}, 0.0);
+    if (static_cast<int>(problem_.robot.tree.dofs.size()) == problem_.robot.root_dofs)
+      root_.Fail("robot", "has no joint that moves; allowed: at least one");
     ReadJoints();
     ReadSpline();
     ReadContact();
@@ -57,8 +61,8 @@ class TaskReader {
     ReadSolver();
     TomlTable start = root_.Table("start");
     ReadStart(start);
-    SetStep();
     root_.RejectUnknownKeys();
+    SetStep();
     return std::move(problem_);
   }
 
@@ -107,6 +111,12 @@ class TaskReader {
           dof.rotor_inertia_kg_m2 =
               own->Number("rotor_inertia_kg_m2", Range{0, 10}, dof.rotor_inertia_kg_m2);
         }
+      }
+      if (allowed.position_min_rad > allowed.position_max_rad) {
+        start.Fail(dof.name,
+                   fmt::format("its limits in the robot's file, {} to {}, lie outside "
+                               "of what a primitive can hold; allowed: -100 ... 100 rad",
+                               MessageNumber(urdf.lower_rad), MessageNumber(urdf.upper_rad)));
       }
       const Range range{allowed.position_min_rad, allowed.position_max_rad};
       joint.start_rad = start.Number(dof.name, range);
@@ -275,7 +285,7 @@ class TaskReader {
       };
       if (kind == "half-space") {
         const Plane::Vector on = point("point_m"), normal = point("normal");
-        if (normal.norm() < 1e-6) table.Fail("normal", "has no direction");
+        if (normal.norm() < 1e-6) table.Fail("normal", "has no direction; allowed: any but [0, 0]");
         obstacle.shape = Shape<Plane>::HalfSpace(on, normal);
       } else if (kind == "capsule") {
         const Plane::Vector from = point("from_m"), to = point("to_m");
@@ -297,12 +307,29 @@ class TaskReader {
       }
       for (const Obstacle<Plane>& other : problem_.obstacles) {
         if (other.name == obstacle.name)
-          table.Fail("name", fmt::format("'{}' is there twice", obstacle.name));
+          table.Fail("name",
+                     fmt::format("'{}' is there twice; each obstacle needs a name of its own",
+                                 obstacle.name));
       }
       problem_.obstacles.push_back(obstacle);
     }
     if (problem_.robot.shapes.empty() && !problem_.obstacles.empty()) {
-      root_.Fail("obstacle", "the robot has no collision shape that could touch it");
+      std::string why;
+      for (const IgnoredShape& shape : problem_.robot.ignored_shapes)
+        why += fmt::format("; {} (line {})", shape.reason, shape.line);
+      root_.Fail(
+          "obstacle",
+          fmt::format("the robot has no collision shape that could touch it{}; give its links "
+                      "spheres, cylinders or boxes, or fly: obstacle = []",
+                      why));
+    }
+    const std::size_t pairs = problem_.robot.shapes.size() * problem_.obstacles.size();
+    if (pairs > kMostPairs) {
+      root_.Fail(
+          "obstacle",
+          fmt::format("{} obstacles and {} collision shapes of the robot are {} pairs to "
+                      "look at in every step; allowed: up to {}",
+                      problem_.obstacles.size(), problem_.robot.shapes.size(), pairs, kMostPairs));
     }
   }
 
@@ -324,7 +351,14 @@ class TaskReader {
       terminal.weight = weight;
       terminal.when = table.Choice("when", kWhen, "end") == "end" ? TerminalTerm::When::kEnd
                                                                   : TerminalTerm::When::kSettled;
-      const std::string of = table.String("of");
+      if (problem_.robot.root_dofs == 0) {
+        table.Fail("term", fmt::format("is '{}', about the root's coordinates, and this root is "
+                                       "fixed; allowed: effort",
+                                       term));
+      }
+      constexpr std::array<std::string_view, 6> kOf = {"x",      "z",      "pitch",
+                                                       "x_rate", "z_rate", "pitch_rate"};
+      const std::string of = table.Choice("of", kOf, "");
       std::string position = of;
       if (of.ends_with("_rate")) {
         terminal.of_velocity = true;
@@ -332,12 +366,6 @@ class TaskReader {
       }
       constexpr std::array<std::string_view, 3> kRoot = {"x", "z", "pitch"};
       const auto found = std::find(kRoot.begin(), kRoot.end(), position);
-      if (problem_.robot.root_dofs == 0 || found == kRoot.end()) {
-        table.Fail("of", fmt::format("is '{}'; allowed: x, z, pitch, x_rate, z_rate, pitch_rate "
-                                     "(of a robot with a planar "
-                                     "root)",
-                                     of));
-      }
       terminal.dof = static_cast<int>(found - kRoot.begin());
       if (term == "terminal") {
         if (weight < 0) {
@@ -354,7 +382,12 @@ class TaskReader {
     const bool any = problem_.effort_weight > 0 ||
                      std::any_of(problem_.terminal.begin(), problem_.terminal.end(),
                                  [](const TerminalTerm& term) { return term.weight != 0; });
-    if (!any) root_.Fail("cost", "asks for nothing: allowed: at least one term with weight > 0");
+    if (!any) {
+      const bool empty = root_.Tables("cost").empty();
+      root_.Fail("cost", fmt::format("asks for nothing, as it {}; allowed: at least one term with "
+                                     "weight > 0",
+                                     empty ? "is empty" : "has only weights of 0"));
+    }
   }
 
   void ReadSearch() {
@@ -409,6 +442,7 @@ class TaskReader {
     const double pitch = start.Number("pitch_rad", {-1e3, 1e3}, 0.0);
     const bool placed = start.Has("z_m");
     const double z = start.Number("z_m", {-1e3, 1e3}, 0.0);
+    root_.RejectUnknownKeys();  // Now: a misspelt one is often why the pose comes to no rest.
     if (given_) {
       const PrimitivePose& pose = *given_->pose;
       if (const double apart = std::abs(pose.root_pitch_rad - pitch);
@@ -428,6 +462,7 @@ class TaskReader {
       problem_.start_q[0] = x;
       problem_.start_q[1] = z;
       problem_.start_q[2] = pitch;
+      CheckNotBuried(start, z);
       return;
     }
     try {
@@ -437,6 +472,28 @@ class TaskReader {
                                  "pose that is not at rest",
                                  error.what()));
     }
+  }
+
+  /// No shape starts deeper in an obstacle than the compliant layer is thick.
+  void CheckNotBuried(TomlTable& start, double z_m) {
+    HybridDynamics<Plane> dynamics(problem_.robot.tree);
+    ContactModel<Plane> contact(problem_.contact, problem_.robot.shapes, problem_.obstacles);
+    dynamics.SetState(problem_.start_q, std::vector<double>(problem_.start_q.size()));
+    contact.Apply(dynamics);
+    const ActiveContact<Plane>* deepest = nullptr;
+    for (const ActiveContact<Plane>& active : contact.active()) {
+      if (deepest == nullptr || active.depth_m > deepest->depth_m) deepest = &active;
+    }
+    const double layer = problem_.contact.layer_m;
+    if (deepest == nullptr || deepest->depth_m < layer) return;
+    start.Fail("z_m",
+               fmt::format("is {}: there collision shape {} is {} m inside '{}'; allowed: "
+                           "where none is inside an obstacle; without z_m the robot is put "
+                           "on the ground",
+                           MessageNumber(z_m),
+                           contact.shapes()[static_cast<std::size_t>(deepest->shape)].name,
+                           MessageNumber(deepest->depth_m - layer),
+                           contact.obstacles()[static_cast<std::size_t>(deepest->obstacle)].name));
   }
 
   /// The joints of the given pose are those of the task, where the task starts them.
@@ -475,7 +532,8 @@ PlanarRobot RobotOf(TomlTable& root, const std::string& text, const std::string&
 }
 
 void CheckHeader(TomlTable& root) {
-  if (root.String("format") != "tumbler-task") root.Fail("format", "allowed: \"tumbler-task\"");
+  constexpr std::array<std::string_view, 1> kFormats = {"tumbler-task"};
+  root.Choice("format", kFormats, "");
   const std::int64_t version = root.Integer("version", 1, std::numeric_limits<std::int64_t>::max());
   if (version > kTaskVersion) {
     root.Fail("version", fmt::format("is {}; this program reads tasks up to version {}", version,
@@ -510,6 +568,8 @@ std::string RobotPath(const std::string& task_text, const std::string& path) {
     root.Fail("robot",
               fmt::format("'{}' does not exist (looked for {})", named, robot_path.string()));
   }
+  if (std::filesystem::is_directory(robot_path, error))
+    root.Fail("robot", fmt::format("'{}' is a directory; allowed: a URDF file", named));
   return robot_path.string();
 }
 
@@ -578,7 +638,16 @@ std::vector<double> RestPose(const Problem& problem, double x_m, double pitch_ra
     contact.Apply(dynamics);
     return !contact.active().empty();
   };
-  double low = -10, high = 10;
+  constexpr double kReach = 10;
+  double low = -kReach, high = kReach;
+  if (touches(high)) {
+    const ActiveContact<Plane>& inside = contact.active().front();
+    throw std::runtime_error(fmt::format(
+        "with its root {} m high the robot is still {:.4g} m inside '{}', so it cannot be lowered "
+        "on it (a half-space lies behind its normal)",
+        high, inside.depth_m - problem.contact.layer_m,
+        problem.obstacles[static_cast<std::size_t>(inside.obstacle)].name));
+  }
   for (int i = 0; i < 60; ++i) (touches(0.5 * (low + high)) ? low : high) = 0.5 * (low + high);
   q[1] = high;
   constexpr double kStep = 1e-4;
@@ -600,11 +669,15 @@ std::vector<double> RestPose(const Problem& problem, double x_m, double pitch_ra
       qd[i] *= 1 - 5 * kStep;  // Numerical air: it shortens the rocking, and is gone at rest.
       q[i] += kStep * qd[i];
     }
-    if (std::abs(q[2] - pitch_rad) > kPi / 2) break;
+    // Fallen over, fallen past all obstacles, or not a number.
+    if (!(std::abs(q[2] - pitch_rad) <= kPi / 2 && std::abs(q[1]) <= 2 * kReach &&
+          std::isfinite(q[0]))) {
+      break;
+    }
   }
   throw std::runtime_error(fmt::format(
-      "the robot does not come to rest at its start: it ends at x {:.3f} m, z {:.3f} m, "
-      "pitch {:.3f} rad",
+      "the robot does not come to rest at its start: it ends at x {:.4g} m, z {:.4g} m, "
+      "pitch {:.4g} rad",
       q[0], q[1], q[2]));
 }
 

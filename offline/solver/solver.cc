@@ -259,7 +259,7 @@ class LocalSolve {
     best.violation = worst.value;
     best.worst_constraint = worst.name;
     best.core_reached = result_.peak_penetration_m >= problem_.contact.layer_m;
-    if (end == SolveEnd::kConverged && best.violation > 1e-6) end = SolveEnd::kInfeasible;
+    if (end == SolveEnd::kConverged && best.violation > kNoViolation) end = SolveEnd::kInfeasible;
     best.end = end;
     best.evaluations = evaluations_;
     best.projected_gradient = ProjectGradient(best.x);

@@ -32,6 +32,9 @@ enum class SolveEnd {
 };
 const char* ToString(SolveEnd end);
 
+/// Larger excess of a limit, relative to it (of a position, in rad), is a violation.
+inline constexpr double kNoViolation = 1e-6;
+
 /// One solution, re-checked after the solver returned it.
 struct Solution {
   std::vector<double> x;
@@ -48,7 +51,7 @@ struct Solution {
   bool core_reached =
       false;  ///< A contact went through the whole compliant layer: the model does not hold there.
   [[nodiscard]] bool feasible() const {
-    return evaluations > 0 && rollout.finite && violation <= 1e-6 && !core_reached;
+    return evaluations > 0 && rollout.finite && violation <= kNoViolation && !core_reached;
   }
 };
 

@@ -109,9 +109,9 @@ TEST(TomlReader, NamesTheFullKeyAndLineOfNestedValues) {
                       std::vector<TomlTable> x = t.Tables("x");
                       x[1].Table("y").Numbers("z", Range::Any());
                     }),
-            "file.toml:6: x[1].y.z[2]: is a string; expected a number");
+            "file.toml:6: x[1].y.z[2]: is a string; expected a number; allowed: any finite number");
   EXPECT_EQ(Refusal("[a]\n\n[b]\n", [](TomlTable& t) { t.Table("b").String("c"); }),
-            "file.toml:3: b.c: is missing and has no default");
+            "file.toml:3: b.c: is missing and has no default; allowed: a string");
 }
 
 TEST(TomlReader, WrongKindsAreNamed) {
@@ -160,6 +160,37 @@ TEST(TomlReader, KeysThatNobodyTookAreRefusedAtEveryDepth) {
   EXPECT_THAT(Refusal("a = 1\n[[u]]\na = 1\n[[u]]\na = 1\nb = 1", read),
               HasSubstr("file.toml:6: u[1].b"));
   EXPECT_THAT(Refusal("a = 1\n[v]\n", read), HasSubstr("file.toml:2: v: is not a key"));
+}
+
+TEST(TomlReader, AKeyThatNobodyTookIsAnsweredWithTheOneThatWasMeant) {
+  const auto read = [](TomlTable& t) {
+    t.Number("duration_s", Range::Any(), 0.0);
+    t.Number("settle_s", Range::Any(), 0.0);
+    t.Number("mu", Range::Any(), 0.0);
+  };
+  EXPECT_THAT(Refusal("setle_s = 1", read), HasSubstr("; did you mean 'settle_s'?"));
+  EXPECT_THAT(Refusal("duration = 1", read), HasSubstr("; did you mean 'duration_s'?"));
+  EXPECT_THAT(Refusal("nu = 1", read), HasSubstr("; did you mean 'mu'?"));
+  EXPECT_THAT(Refusal("friction = 1", read),
+              HasSubstr("; also allowed here: duration_s, mu, settle_s"));
+  EXPECT_THAT(Refusal("settle_s = 1\nsettle = 1", read),
+              HasSubstr("; also allowed here: duration_s, mu"));
+  EXPECT_THAT(Refusal("duration_s = 1\nsettle_s = 1\nmu = 1\nsettle = 1", read),
+              HasSubstr("; nothing more can be here"));
+}
+
+TEST(TomlReader, AKeyOfPartsWithoutEndIsRefusedBeforeItExhaustsTheStack) {
+  for (const bool header : {true, false}) {
+    std::string key = "a";
+    for (int i = 0; i < 2'000'000; ++i) key += ".a";
+    const std::string text = header ? "\n[" + key + "]" : "\n" + key + " = 1";
+    EXPECT_EQ(Refusal(text, [](TomlTable&) {}), "file.toml:2: a key has more than 1000 parts");
+  }
+}
+
+TEST(TomlReader, TextWithAByteZeroIsRefused) {
+  EXPECT_EQ(Refusal(std::string("a = 1\n#\0", 8), [](TomlTable&) {}),
+            "file.toml:2: not valid TOML: there is a byte 0, so this is no text");
 }
 
 TEST(TomlReader, MalformedTextIsRefusedWithItsLine) {

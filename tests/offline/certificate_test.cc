@@ -4,7 +4,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 
 #include "tests/support/task_files.h"
@@ -130,6 +132,58 @@ TEST(MakePrimitiveFile, MarginsAreThoseOfTheCoefficients) {
   EXPECT_GE(margins.velocity_rad_s, 0);
   EXPECT_GE(margins.acceleration_rad_s2, 0);
   EXPECT_GE(margins.torque_nm, 0);
+}
+
+TEST(MakePrimitiveFile, RefutesASolutionThatClaimsToKeepItsLimitsAndDoesNot) {
+  const Solved& s = TheSolution();
+  EXPECT_EQ(s.file.certificate.constraint_violation, 0);
+  const auto certified = [&s](const std::function<void(Problem&, Solution&)>& mutate) {
+    Task task = s.task;
+    Solution lie = s.best;  // Converged and without violation, it says.
+    lie.end = SolveEnd::kConverged;
+    lie.violation = 0;
+    mutate(task.problem, lie);
+    return MakePrimitiveFile(task, s.outcome, lie).certificate.constraint_violation;
+  };
+  const double limit = s.task.problem.joints[0].limits.position_max_rad;
+  EXPECT_NEAR(certified([&](Problem& p, Solution& lie) {
+                lie.x[2] = limit + 0.25;
+                p.joints[0].limits.velocity_max_rad_s = 1e6;
+                p.joints[0].limits.acceleration_max_rad_s2 = 1e6;
+                for (ActuatedJoint& joint : p.joints) joint.limits.torque_max_nm = 1e6;
+              }),
+              0.25, 1e-12)
+      << "position";
+  // With a limit at half of the largest value, the excess is once that limit; the largest one of
+  // control points is no less than that of the motion.
+  double velocity = 0, acceleration = 0, torque = 0;
+  for (double t = 0; t <= s.task.problem.duration_s; t += 1e-3) {
+    const auto sample = s.file.primitive.joints[0].position.Evaluate(t);
+    velocity = std::max(velocity, std::abs(sample.first));
+    acceleration = std::max(acceleration, std::abs(sample.second));
+  }
+  Rollout rollout(s.task.problem, s.task.problem.solver.step_s);
+  rollout.Visit(s.best.x, 0, [&](const MotionSample& sample) {
+    torque = std::max(torque, std::abs(sample.torque[0]));
+  });
+  EXPECT_GE(certified([&](Problem& p, Solution&) {
+              p.joints[0].limits.velocity_max_rad_s = velocity / 2;
+            }),
+            0.99);
+  EXPECT_GE(certified([&](Problem& p, Solution&) {
+              p.joints[0].limits.acceleration_max_rad_s2 = acceleration / 2;
+            }),
+            0.99);
+  EXPECT_NEAR(
+      certified([&](Problem& p, Solution&) { p.joints[0].limits.torque_max_nm = torque / 2; }), 1,
+      1e-6);
+  EXPECT_GT(certified([](Problem& p, Solution&) {
+              p.contact.layer_m *= 0.5;  // A softer contact, which the motion goes through.
+              p.contact.full_force_m *= 0.5;
+              p.contact.stiffness_n_per_m *= 0.02;
+            }),
+            0.01)
+      << "penetration";
 }
 
 TEST(MakePrimitiveFile, IsAccurateEnoughForTheRuntimesFloats) {

@@ -102,18 +102,26 @@ TEST_P(EveryTask, AgreesWithTheAdjointThroughItsContacts) {
     EXPECT_NEAR(forward.result.cost, adjoint.result.cost,
                 1e-10 * std::max(1.0, std::abs(adjoint.result.cost)));
     EXPECT_NEAR(forward.result.peak_penetration_m, adjoint.result.peak_penetration_m, 1e-12);
-    // Equal but for rounding, which the impacts of two seconds over a bump amplify to 3e-10.
-    EXPECT_LT(RowError(forward, adjoint, 0), 1e-9);
+    // Equal but for rounding, which impacts amplify: to 3e-10 over two seconds and a bump, to 1e-8
+    // where a falling lamp grazes the ground. How much they do is seen in a motion that is the same
+    // but for rounding.
+    std::vector<double> rounded = x;
+    for (double& value : rounded) value += 1e-15;
+    const Outcome other = Adjoint(problem, rounded, kFixed.step_s);
+    const auto expect_equal = [&](Eigen::Index row) {
+      const double rounding = RowError(other, adjoint, row);
+      EXPECT_LT(rounding, 1e-7);
+      EXPECT_LT(RowError(forward, adjoint, row), 1e-9 + 10 * rounding) << "row " << row;
+    };
+    expect_equal(0);
     for (std::size_t j = 0; j < problem.joints.size(); ++j) {
       EXPECT_NEAR(forward.result.torque_excess[j], adjoint.result.torque_excess[j], 1e-9);
       if (!std::isfinite(problem.joints[j].limits.torque_max_nm)) continue;
-      EXPECT_LT(RowError(forward, adjoint, static_cast<Eigen::Index>(1 + j)), 1e-9);
+      expect_equal(static_cast<Eigen::Index>(1 + j));
     }
     EXPECT_NEAR(forward.result.core_excess, adjoint.result.core_excess, 1e-9);
-    const auto core = static_cast<Eigen::Index>(1 + problem.joints.size());
-    if (adjoint.result.core_excess > -1) {
-      EXPECT_LT(RowError(forward, adjoint, core), 1e-9);
-    }
+    if (adjoint.result.core_excess > -1)
+      expect_equal(static_cast<Eigen::Index>(1 + problem.joints.size()));
   }
 }
 

@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <csignal>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -136,6 +137,8 @@ TEST(OptimizeCli, WrongCommandLinesAreRefused) {
       {{"--seed", "1.5"}, "--seed: is '1.5'; allowed"},
       {{"--seed", "9223372036854775808"}, "--seed: is '9223372036854775808'; allowed"},
       {{"--out", ""}, "--out: is empty"},
+      {{"--minima", "0"}, "--minima: Value 0 not in range"},
+      {{folder.task_file()}, "tasks that are ranked need different names"},
       {{"--nonsense"}, "--nonsense"},
       {{"--out", out, "--json", out}, "is named for two results"},
       {{"--out", folder / "x/index.html", "--report", folder / "x"}, "the folder"},
@@ -216,6 +219,106 @@ TEST(OptimizeCli, AnEndThatNoSpeedLimitAllowsIsRefusedByTheLimitsName) {
   EXPECT_THAT(program.text(), HasSubstr("duration_s"));
   EXPECT_THAT(program.text(), HasSubstr("no file was written"));
   EXPECT_EQ(folder.Listing(), before);
+}
+
+/// The quick task under another name.
+std::string Named(const std::string& name, const std::string& task = QuickTask()) {
+  return Replaced(task, "name = \"handstand\"", "name = \"" + name + "\"");
+}
+
+TEST(OptimizeCliSeveral, TasksAreRankedFeasibleFirstAndThenByCost) {
+  const TaskFolder folder(Named("far", Replaced(QuickTask(), "target = 0.0", "target = 0.4")));
+  testing::WriteFile(
+      folder / "tasks/hopeless.toml",
+      Named("hopeless", Replaced(testing::ShippedTask(), "duration_s = 1.2", "duration_s = 0.06")));
+  testing::WriteFile(folder / "tasks/near.toml", Named("near"));
+  Program program = Optimize(folder, {folder / "tasks/hopeless.toml", folder / "tasks/near.toml",
+                                      "--out", folder / "found", "--json", folder / "all.json"});
+  EXPECT_EQ(program.Wait(), 2) << "not every task has a motion\n" << program.text();
+  const auto ranking = nlohmann::json::parse(ReadFile(folder / "all.json")).at("ranking");
+  ASSERT_EQ(ranking.size(), 3U);
+  EXPECT_EQ(ranking[0].at("name"), "near");
+  EXPECT_EQ(ranking[1].at("name"), "far");
+  EXPECT_EQ(ranking[2].at("name"), "hopeless");
+  EXPECT_LT(ranking[0].at("objective"), ranking[1].at("objective"));
+  EXPECT_EQ(ranking[2].at("found"), false);
+  EXPECT_THAT(ranking[2].at("cause").get<std::string>(), HasSubstr("of leg"));
+  for (const char* name : {"near", "far"}) {
+    const PrimitiveFile file = LoadPrimitive(folder / ("found/" + std::string(name) + ".toml"));
+    EXPECT_EQ(file.primitive.name.view(), name);
+    const auto& entry = ranking[name == std::string("near") ? 0 : 1];
+    EXPECT_EQ(entry.at("coefficients_hash"), file.certificate.coefficients_hash);
+    EXPECT_EQ(entry.at("peak_torque_nm"), file.certificate.peak_torque_nm);
+    EXPECT_EQ(entry.at("settled_error_rad"), std::abs(file.certificate.settled_pitch_error_rad));
+  }
+  EXPECT_FALSE(std::filesystem::exists(folder / "found/hopeless.toml"));
+  const std::string& text = program.text();
+  const std::size_t table = text.rfind("rank  task");
+  ASSERT_NE(table, std::string::npos) << text;
+  EXPECT_LT(text.find("1  near", table), text.find("2  far", table));
+  EXPECT_LT(text.find("2  far", table), text.find("3  hopeless", table));
+}
+
+TEST(OptimizeCliSeveral, WhatIsWrongWithOneIsFoundBeforeTheWorkOnAny) {
+  const TaskFolder folder(Named("good", EndlessSearch()));
+  testing::WriteFile(folder / "tasks/bad.toml",
+                     Named("bad", Replaced(QuickTask(), "mu = 0.3", "mu = -0.3")));
+  testing::WriteFile(folder / "tasks/twin.toml", Named("good"));
+  testing::WriteFile(folder / "tasks/up.toml", Named("../up"));
+  testing::WriteFile(folder / "tasks/other.toml", Named("other"));
+  testing::WriteFile(folder / "file", "keep me");
+  const auto before = folder.Listing();
+  const std::string other = folder / "tasks/other.toml", out = folder / "found";
+  const struct {
+    std::vector<std::string> arguments;
+    std::string says;
+  } kCases[] = {
+      {{folder / "tasks/bad.toml", "--out", out}, "bad.toml:"},
+      {{folder / "tasks/twin.toml", "--out", out}, "is 'good', like that of "},
+      {{folder / "tasks/up.toml", "--out", out}, "is '../up', which cannot name a file"},
+      {{other, "--out", folder / "file"}, "is not a folder"},
+      {{other, "--out", folder / "tasks"}, "other.toml: is an input"},
+      {{other, "--start-from", other}, "--start-from: is for one task"},
+  };
+  for (const auto& c : kCases) {
+    Program program = Optimize(folder, c.arguments);
+    EXPECT_EQ(program.Wait(), 1) << c.says;
+    EXPECT_THAT(program.text(), HasSubstr(c.says));
+    EXPECT_THAT(program.text(), Not(HasSubstr("search "))) << "the work had begun";
+    EXPECT_EQ(folder.Listing(), before);
+  }
+}
+
+TEST(OptimizeCliSeveral, ResultsRankingAndMinimaAreTheSameForAnyNumberOfThreads) {
+  // A coarse tolerance, so that local solves converge soon.
+  const std::string quick =
+      Replaced(QuickTask(), "[solver]", "[solver]\nrelative_tolerance = 1e-3");
+  const TaskFolder folder(Named("far", Replaced(quick, "target = 0.0", "target = 0.4")));
+  testing::WriteFile(folder / "tasks/near.toml", Named("near", quick));
+  const auto run = [&folder](const std::string& threads) {
+    const std::string out = folder / ("of" + threads);
+    Program program = Optimize(folder, {folder / "tasks/near.toml", "--minima", "3", "--out", out,
+                                        "--json", out + ".json", "--threads", threads});
+    EXPECT_EQ(program.Wait(), 0) << program.text();
+    auto figures = nlohmann::ordered_json::parse(ReadFile(out + ".json"));
+    for (auto& entry : figures.at("ranking")) {
+      EXPECT_GE(entry.at("minima").size(), 1U);
+      std::size_t starts = 0;
+      for (const auto& minimum : entry.at("minima")) starts += minimum.at("starts").size();
+      EXPECT_GE(starts, 3U) << "so many starts are solved to the end";
+      EXPECT_EQ(entry.at("minima")[0].at("objective"), entry.at("objective"));
+      entry.erase("wall_s");
+      entry.erase("cpu_s");
+    }
+    const std::size_t table = program.text().find(" starts solved to the end led to ");
+    EXPECT_NE(table, std::string::npos) << program.text();
+    const std::size_t end = program.text().find("objective", table);
+    return std::vector<std::string>{ReadFile(out + "/far.toml"), ReadFile(out + "/near.toml"),
+                                    figures.dump(2), program.text().substr(table, end - table)};
+  };
+  const std::vector<std::string> one = run("1");
+  EXPECT_EQ(run("2"), one);
+  EXPECT_EQ(run("4"), one);
 }
 
 TEST(OptimizeCli, ARobotThatTouchesNothingIsReported) {

@@ -369,6 +369,35 @@ TEST(UrdfSource, KnowsLinesOfElements) {
   EXPECT_EQ(source.joint_order(), (std::vector<std::string>{"leg1", "leg2"}));
 }
 
+TEST(UrdfSource, ElementsInElementsAreRefusedBeforeTheyExhaustTheStack) {
+  constexpr int kDepth = 1'000'000;
+  // What stands before must not be taken for an end: of what it is not inside of, or none at all.
+  for (const std::string before :
+       {"<robot name=\"a\">", "<robot name=\"/>\">", "<robot name='>\"'>", "<1 \"><robot>",
+        "<!-- </x></x> --><robot>", "<![CDATA[</x>]]><robot>", "<?xml version=\"1.0\"?>\r\n<robot>",
+        "<robot/></robot></robot><robot>"}) {
+    std::string text = before;
+    for (int i = 0; i < kDepth; ++i) text += i % 2 == 0 ? "<b>" : "<a x='/>'>";
+    EXPECT_THAT(Refusal(text), HasSubstr("elements are nested more than 100 deep")) << before;
+  }
+}
+
+TEST(UrdfSource, MoreLinksThanARobotHasAreRefusedAndAsManyAreRead) {
+  const auto chain = [](int links) {
+    std::string text = "<robot name=\"chain\">\n";
+    for (int i = 0; i < links; ++i) {
+      text += "<link name=\"l" + std::to_string(i) + "\"/>\n";
+      if (i == 0) continue;
+      text += "<joint name=\"j" + std::to_string(i) + "\" type=\"" +
+              (i == 1 ? "continuous" : "fixed") + "\"><parent link=\"l" + std::to_string(i - 1) +
+              "\"/><child link=\"l" + std::to_string(i) + "\"/><axis xyz=\"0 1 0\"/></joint>\n";
+    }
+    return text + "</robot>";
+  };
+  EXPECT_EQ(ParseRobot(chain(1000), "robot.urdf", RootKind::kFixed).links.size(), 1000U);
+  EXPECT_THAT(Refusal(chain(1001)), HasSubstr("link 'l1000': the robot has more than 1000 links"));
+}
+
 TEST(UrdfSource, NoTruncationOfAFileCrashesOrPasses) {
   const std::string text = ShippedRobot();
   const std::size_t whole = text.find("</robot>");

@@ -8,6 +8,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "common/toml_reader.h"
 #include "offline/model/planar_robot.h"
 
 namespace tumbler {

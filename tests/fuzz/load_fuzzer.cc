@@ -1,0 +1,129 @@
+// Feeds anything to what reads a task and a robot. Either it is refused with a FileError that says
+// why, or what was read holds what everything behind the loader takes for granted.
+//
+// Linked with libFuzzer it looks for inputs by itself (scripts/fuzz); linked with replay.cc it runs
+// those of the corpus, as one of the normal tests.
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+#include <string>
+#include <string_view>
+
+#include "common/toml_reader.h"
+#include "offline/model/contact_shapes.h"
+#include "offline/problem/task_toml.h"
+
+namespace tumbler {
+namespace {
+
+/// Between the task and the robot, where an input has both.
+constexpr std::string_view kSeam = "\n#### ROBOT ####\n";
+
+void Require(bool holds, const char* what) {
+  if (holds) return;
+  std::fprintf(stderr, "the loader lets through what it must not: %s\n", what);
+  std::abort();
+}
+#define TUMBLER_REQUIRE(condition) Require(condition, #condition)
+
+bool AllFinite(const std::vector<double>& values) {
+  return std::all_of(values.begin(), values.end(), [](double x) { return std::isfinite(x); });
+}
+
+void CheckTree(const Tree<Plane>& tree) {
+  for (const Dof<Plane>& dof : tree.dofs) {
+    TUMBLER_REQUIRE(std::isfinite(dof.mass_kg) && dof.mass_kg >= 0);
+    TUMBLER_REQUIRE(std::isfinite(dof.inertia_kg_m2));
+    TUMBLER_REQUIRE(std::isfinite(dof.rotor_inertia_kg_m2) && dof.rotor_inertia_kg_m2 >= 0);
+    TUMBLER_REQUIRE(std::isfinite(dof.damping_nm_s_per_rad) && dof.damping_nm_s_per_rad >= 0);
+    TUMBLER_REQUIRE(dof.offset.allFinite() && dof.mass_centre.allFinite());
+  }
+}
+
+void CheckProblem(const Problem& problem) {
+  CheckTree(problem.robot.tree);
+  const std::size_t n = problem.robot.tree.dofs.size();
+  TUMBLER_REQUIRE(problem.start_q.size() == n && AllFinite(problem.start_q));
+  TUMBLER_REQUIRE(!problem.joints.empty());
+  for (const ActuatedJoint& joint : problem.joints) {
+    const JointLimits<double>& limits = joint.limits;
+    TUMBLER_REQUIRE(limits.position_min_rad <= joint.start_rad);
+    TUMBLER_REQUIRE(limits.position_min_rad <= joint.end_rad);
+    TUMBLER_REQUIRE(joint.start_rad <= limits.position_max_rad);
+    TUMBLER_REQUIRE(joint.end_rad <= limits.position_max_rad);
+    TUMBLER_REQUIRE(std::isfinite(limits.position_min_rad + limits.position_max_rad));
+    TUMBLER_REQUIRE(limits.velocity_max_rad_s > 0 && limits.velocity_max_rad_s <= 100);
+    TUMBLER_REQUIRE(limits.acceleration_max_rad_s2 > 0 && limits.acceleration_max_rad_s2 <= 1e5);
+    TUMBLER_REQUIRE(limits.torque_max_nm > 0 && limits.torque_max_nm <= 1000);
+    TUMBLER_REQUIRE(joint.free_points() >= 1 && joint.control_points > problem.degree);
+  }
+  const ContactLaw& law = problem.contact;
+  TUMBLER_REQUIRE(std::isfinite(law.stiffness_n_per_m) && law.stiffness_n_per_m > 0);
+  TUMBLER_REQUIRE(std::isfinite(law.damping_n_s_per_m) && law.damping_n_s_per_m >= 0);
+  TUMBLER_REQUIRE(0 <= law.full_force_m && law.full_force_m < law.layer_m && law.layer_m <= 1);
+  TUMBLER_REQUIRE(law.slip_speed_m_per_s > 0);
+  TUMBLER_REQUIRE(problem.advisable_step_s > 0);
+  for (const double step :
+       {problem.solver.step_s, problem.solver.screen_step_s, problem.search.step_s}) {
+    TUMBLER_REQUIRE(step >= 1e-5 && step <= 1e-2);
+  }
+  for (const TerminalTerm& term : problem.terminal) {
+    TUMBLER_REQUIRE(std::isfinite(term.weight) && std::isfinite(term.target));
+    TUMBLER_REQUIRE(term.dof >= 0 && static_cast<std::size_t>(term.dof) < n);
+  }
+  TUMBLER_REQUIRE(problem.robot.shapes.size() * problem.obstacles.size() <= 1000);
+}
+
+/// Runs `read`; a refusal must be one that a person can use.
+template <class Read>
+void ReadOrRefuse(const Read& read) {
+  try {
+    read();
+  } catch (const FileError& error) {
+    const std::string_view message = error.what();
+    TUMBLER_REQUIRE(message.starts_with("task.toml") || message.starts_with("robot.urdf"));
+    TUMBLER_REQUIRE(message.size() > std::string_view("robot.urdf: ").size());
+  }
+}
+
+void LoadBoth(const std::string& task, const std::string& robot) {
+  ReadOrRefuse([&] { CheckProblem(ParseTask(task, "task.toml", robot, "robot.urdf").problem); });
+}
+
+void LoadInSpace(const std::string& text) {
+  ReadOrRefuse([&] {
+    const Robot robot = ParseRobot(text, "robot.urdf", RootKind::kFloating);
+    SpatialContactShapes(robot);
+    for (const Dof<Spatial>& dof : robot.tree.dofs) {
+      TUMBLER_REQUIRE(std::isfinite(dof.mass_kg) && dof.inertia_kg_m2.allFinite());
+      TUMBLER_REQUIRE(dof.offset.allFinite() && dof.mass_centre.allFinite());
+      const double length = (dof.kind == JointKind::kRevolute ? dof.axis : dof.direction).norm();
+      TUMBLER_REQUIRE(std::abs(length - 1) < 1e-9);
+    }
+  });
+}
+
+}  // namespace
+}  // namespace tumbler
+
+/// A task, the seam and a robot; or one of the two, which then meets the good other one.
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  using tumbler::ReadTextFile;
+  static const std::string folder = TUMBLER_SOURCE_DIR "/tests/data/bad_inputs/";
+  static const std::string good_task = ReadTextFile(folder + "good.toml");
+  static const std::string good_robot = ReadTextFile(folder + "good.urdf");
+  const std::string text(reinterpret_cast<const char*>(data), size);
+  const std::size_t seam = text.find(tumbler::kSeam);
+  const bool both = seam != std::string::npos;
+  const bool robot_only = !both && text.starts_with('<');
+  const std::string task = both ? text.substr(0, seam) : robot_only ? good_task : text;
+  const std::string robot = both         ? text.substr(seam + tumbler::kSeam.size())
+                            : robot_only ? text
+                                         : good_robot;
+  tumbler::LoadBoth(task, robot);
+  if (both || robot_only) tumbler::LoadInSpace(robot);
+  return 0;
+}
