@@ -16,11 +16,11 @@
 
 #include "firmware_interface/can/simulated_bus.h"
 #include "firmware_interface/drives/mit.h"
+#include "firmware_interface/drives/rotor_plant.h"
 #include "firmware_interface/drives/simulated_drive.h"
 #include "runtime/linux/dry_run_bus.h"
 #include "runtime/linux/run_report.h"
 #include "tests/support/motions.h"
-#include "firmware_interface/drives/rotor_plant.h"
 
 namespace tumbler {
 namespace {
