@@ -441,6 +441,12 @@ int Run(const Options& options) {
     throw std::runtime_error(
         fmt::format("{} is a real bus: say with --drives which drives are on it", options.bus));
   }
+  const bool virtual_time = options.dry_run() || (options.simulated() && !options.realtime);
+  if (virtual_time && graph.edge_count > 0 && options.cycles == 0 && options.branch.empty()) {
+    throw std::runtime_error(fmt::format(
+        "{} goes round until it is stopped, and time here is not real: say with --cycles how often",
+        options.motion));
+  }
   const DrivesConfig drives = DrivesFor(options, file.primitives[0].primitive);
   for (int node = 0; node < graph.node_count; ++node) CheckRanges(*motions, node, drives);
   CheckSchedule(drives);
