@@ -363,7 +363,7 @@ class SimulatedWorld final : public World {
     const ExecutorState state = record.state;
     const TwinState truth = twin_->state();
     if (last_ == ExecutorState::kRunning && state == ExecutorState::kSettling) {
-      const int node = record.node;
+      const auto node = static_cast<int>(record.node);
       const PrimitiveFile& primitive = file_.PrimitiveOf(node);
       expected_pitch_rad_ += primitive.exit.root_pitch_rad - primitive.entry.root_pitch_rad;
       PassageReport& passage = passages_.emplace_back();
