@@ -364,7 +364,7 @@ class SimulatedWorld final : public World {
     const ExecutorState state = record.state;
     const TwinState truth = twin_->state();
     if (last_ == ExecutorState::kRunning && state == ExecutorState::kSettling) {
-      const int node = record.node;
+      const auto node = static_cast<int>(record.node);
       const PrimitiveFile& primitive = file_.PrimitiveOf(node);
       expected_pitch_rad_ += primitive.exit.root_pitch_rad - primitive.entry.root_pitch_rad;
       PassageReport& passage = passages_.emplace_back();
@@ -441,6 +441,12 @@ int Run(const Options& options) {
   if (options.drives.empty() && !options.simulated()) {
     throw std::runtime_error(
         fmt::format("{} is a real bus: say with --drives which drives are on it", options.bus));
+  }
+  const bool virtual_time = options.dry_run() || (options.simulated() && !options.realtime);
+  if (virtual_time && graph.edge_count > 0 && options.cycles == 0 && options.branch.empty()) {
+    throw std::runtime_error(fmt::format(
+        "{} goes round until it is stopped, and time here is not real: say with --cycles how often",
+        options.motion));
   }
   const DrivesConfig drives = DrivesFor(options, file.primitives[0].primitive);
   for (int node = 0; node < graph.node_count; ++node) CheckRanges(*motions, node, drives);

@@ -121,6 +121,30 @@ struct ActiveContact {
   typename Space::Vector normal;  ///< Unit, towards that shape.
 };
 
+/// The forces of contact on a robot, as the integration of its motion sees them: `ContactModel`
+/// does, or what is written for one robot alone.
+///
+/// Order of calls: those of HybridDynamics, which see.
+template <class Space>
+class ContactForces {
+ public:
+  virtual ~ContactForces() = default;
+
+  /// Adds the wrench of every active contact to `dynamics`, after its SetState. No heap.
+  virtual void Apply(HybridDynamics<Space>& dynamics) = 0;
+
+  /// Adds the derivatives of the wrenches of the last Apply to `dynamics`, after its Solve.
+  virtual void Differentiate(HybridDynamics<Space>& dynamics) const = 0;
+
+  /// The contacts of the last Apply; valid until the next.
+  [[nodiscard]] virtual std::span<const ActiveContact<Space>> active() const = 0;
+
+  /// Adds `scale` times the derivative of the depth of an active contact by all positions.
+  virtual void AddDepthSlopes(const HybridDynamics<Space>& dynamics,
+                              const ActiveContact<Space>& active, double scale,
+                              std::span<double> slopes) const = 0;
+};
+
 /// All contacts of a robot with the obstacles of a task, and with itself where it is asked for,
 /// [AB04, section III], with exact derivatives that include the motion of contact points and
 /// normals.
@@ -135,7 +159,7 @@ struct ActiveContact {
 /// jumps. Between parallel edges or faces (`NearPoints::unique`) the point of attack jumps too;
 /// what lies on an obstacle's face should do so with spheres.
 template <class Space>
-class ContactModel {
+class ContactModel final : public ContactForces<Space> {
  public:
   using Vector = typename Space::Vector;
 
@@ -168,8 +192,7 @@ class ContactModel {
     near_.resize(pairs_.size());
   }
 
-  /// Adds the wrench of every active contact to `dynamics`, after its SetState. No heap.
-  void Apply(HybridDynamics<Space>& dynamics) {
+  void Apply(HybridDynamics<Space>& dynamics) override {
     active_count_ = 0;
     const int obstacle_count = static_cast<int>(obstacles_.size());
     for (const Point& point : spheres_) {
@@ -185,8 +208,7 @@ class ContactModel {
     for (std::size_t k = 0; k < pairs_.size(); ++k) AddPair(dynamics, k);
   }
 
-  /// Adds the derivatives of the wrenches of the last Apply to `dynamics`, after its Solve.
-  void Differentiate(HybridDynamics<Space>& dynamics) const {
+  void Differentiate(HybridDynamics<Space>& dynamics) const override {
     for (std::size_t k = 0; k < active_count_; ++k) {
       const Evaluation& e = evaluations_[k];
       if (e.pair < 0) {
@@ -197,13 +219,12 @@ class ContactModel {
     }
   }
 
-  [[nodiscard]] std::span<const ActiveContact<Space>> active() const {
+  [[nodiscard]] std::span<const ActiveContact<Space>> active() const override {
     return {active_.data(), active_count_};
   }
-  [[nodiscard]] const ContactLaw& law() const { return law_; }
-  /// Adds `scale` times the derivative of the depth of an active contact by all positions.
+
   void AddDepthSlopes(const HybridDynamics<Space>& dynamics, const ActiveContact<Space>& active,
-                      double scale, std::span<double> slopes) const {
+                      double scale, std::span<double> slopes) const override {
     const auto body = [&](int shape) { return shapes_[static_cast<std::size_t>(shape)].body; };
     const Vector deeper = -scale * active.normal;
     dynamics.AddJointForces(body(active.shape), Space::ForceAt(active.point, deeper), slopes);
@@ -212,6 +233,7 @@ class ContactModel {
                             slopes);
   }
 
+  [[nodiscard]] const ContactLaw& law() const { return law_; }
   [[nodiscard]] const std::vector<ContactShape<Space>>& shapes() const { return shapes_; }
   [[nodiscard]] const std::vector<Obstacle<Space>>& obstacles() const { return obstacles_; }
 

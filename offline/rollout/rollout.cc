@@ -73,14 +73,19 @@ Spline PositionSpline(const Problem& problem, std::span<const double> x, std::si
 }
 
 struct Rollout::Implementation {
-  Implementation(const Problem& p, double step_s)
+  Implementation(const Problem& p, double step_s, std::unique_ptr<ContactForces<Plane>> own_contact)
       : problem(p),
         dynamics(p.robot.tree),
-        contact(p.contact, p.robot.shapes, p.obstacles),
+        contact(std::move(own_contact)),
         n(dynamics.size()),
         na(static_cast<int>(p.joints.size())),
         parameters(p.parameter_count()) {
+    const bool general = contact == nullptr;
+    if (general)
+      contact = std::make_unique<ContactModel<Plane>>(p.contact, p.robot.shapes, p.obstacles);
     if (p.solver.gradient == SolverSettings::Gradient::kForward) {
+      if (!general)
+        throw std::invalid_argument("the forward gradient has the general contact model only");
       forward = std::make_unique<ForwardSensitivity>(
           p, ForwardSettings{ForwardSettings::Scheme::kFixed, step_s});
     }
@@ -175,14 +180,14 @@ struct Rollout::Implementation {
     Expand(y, half_step);
     std::fill(tau.begin(), tau.end(), 0.0);
     dynamics.SetState({q.data(), Index(n)}, {qd.data(), Index(n)});
-    contact.Apply(dynamics);
+    contact->Apply(dynamics);
     dynamics.Solve({qdd.data(), Index(n)}, {tau.data(), Index(n)});
   }
 
   /// dg in factored form, as the rows that PullBackStage takes products with, in `order`: R^T for
   /// the free degrees of freedom, input^T for the actuated ones, then D_q^T and D_qd^T.
   void StoreStage(double* out) {
-    contact.Differentiate(dynamics);
+    contact->Differentiate(dynamics);
     dynamics.DifferentiateFactored(derivatives);
     const auto& input = derivatives.input;
     for (const int i : free) {  // R_pp^T = -input_pp, R_ap^T = -input_ap^T = input_pa.
@@ -317,7 +322,7 @@ struct Rollout::Implementation {
       double& peak = result.peak_torque_nm[Index(j)];
       peak = std::max(peak, std::abs(tau[Index(actuated[Index(j)])]));
     }
-    for (const ActiveContact<Plane>& a : contact.active()) {
+    for (const ActiveContact<Plane>& a : contact->active()) {
       result.any_contact = true;
       result.peak_penetration_m = std::max(result.peak_penetration_m, a.depth_m);
     }
@@ -330,7 +335,7 @@ struct Rollout::Implementation {
     if (slopes != nullptr) std::fill_n(slopes, nd, 0.0);
     const double layer = (1 - problem.solver.core_margin) * problem.contact.layer_m;
     const double rho = problem.solver.sharpness;
-    for (const ActiveContact<Plane>& a : contact.active()) {
+    for (const ActiveContact<Plane>& a : contact->active()) {
       const double exponent = rho * (a.depth_m / layer - 1);
       if (exponent < kNegligibleExponent) continue;
       // Beyond 600 nothing is left to compare with.
@@ -338,7 +343,7 @@ struct Rollout::Implementation {
       core_sum += weight;
       if (slopes == nullptr || exponent > 600) continue;
       std::array<double, kMaxDofs> J{};
-      contact.AddDepthSlopes(dynamics, a, weight / layer, J);
+      contact->AddDepthSlopes(dynamics, a, weight / layer, J);
       for (int i = 0; i < nd; ++i) slopes[i] += J[Index(order[Index(i)])];
     }
   }
@@ -534,7 +539,7 @@ struct Rollout::Implementation {
 
   Problem problem;
   Dynamics dynamics;
-  ContactModel<Plane> contact;
+  std::unique_ptr<ContactForces<Plane>> contact;
   int n, na, nf = 0, nd = 0;
   int parameters;
   std::vector<int> free;      // degrees of freedom of y's positions
@@ -561,8 +566,9 @@ struct Rollout::Implementation {
   double effort = 0;  // integral of |tau|^2 so far
 };
 
-Rollout::Rollout(const Problem& problem, double step_s)
-    : implementation_(std::make_unique<Implementation>(problem, step_s)) {}
+Rollout::Rollout(const Problem& problem, double step_s,
+                 std::unique_ptr<ContactForces<Plane>> contact)
+    : implementation_(std::make_unique<Implementation>(problem, step_s, std::move(contact))) {}
 Rollout::~Rollout() = default;
 Rollout::Rollout(Rollout&&) noexcept = default;
 
@@ -620,7 +626,7 @@ void Rollout::Visit(std::span<const double> x, double extra_s,
         sample.torque.clear();
         for (const ActuatedJoint& joint : m.problem.joints)
           sample.torque.push_back(m.tau[Index(joint.dof)]);
-        sample.contacts = m.contact.active();
+        sample.contacts = m.contact->active();
         visitor(sample);
       }
       for (int i = 0; i < m.nf; ++i) {

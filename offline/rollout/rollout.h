@@ -49,7 +49,11 @@ struct MotionSample {
 /// vectors.
 class Rollout {
  public:
-  Rollout(const Problem& problem, double step_s);
+  /// @param contact in place of the general contact model of the problem; null: that.
+  /// @throws std::invalid_argument when `contact` is given and the problem asks for the paper's
+  /// forward gradient, which has the general model.
+  Rollout(const Problem& problem, double step_s,
+          std::unique_ptr<ContactForces<Plane>> contact = nullptr);
   ~Rollout();
   Rollout(Rollout&&) noexcept;
 

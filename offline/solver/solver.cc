@@ -536,7 +536,9 @@ class Campaign {
   }
   [[nodiscard]] std::vector<Rollout> MakeRollouts(double step_s) const {
     std::vector<Rollout> rollouts;
-    for (int t = 0; t < std::max(1, options_.threads); ++t) rollouts.emplace_back(problem_, step_s);
+    for (int t = 0; t < std::max(1, options_.threads); ++t) {
+      rollouts.emplace_back(problem_, step_s, options_.contact ? options_.contact() : nullptr);
+    }
     return rollouts;
   }
   static std::size_t Index(int i) { return static_cast<std::size_t>(i); }

@@ -3,6 +3,7 @@
 #include <atomic>
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <span>
 #include <string>
 #include <vector>
@@ -60,6 +61,8 @@ struct SolveOptions {
   std::atomic<bool>* interrupt = nullptr;  ///< Set it from anywhere to stop early.
   /// Called after evaluations, from any thread but one at a time.
   std::function<void(const Evaluation&)> progress;
+  /// Makes the contact forces of a rollout, one for each thread; empty: the general model.
+  std::function<std::unique_ptr<ContactForces<Plane>>()> contact;
 };
 
 struct SolveOutcome {

@@ -102,6 +102,23 @@ TEST_F(TumblerRun, RejectsWrongCommandLinesWithExitCode1) {
   }
 }
 
+TEST_F(TumblerRun, RefusesASequenceWithoutEndInVirtualTimeAndABranchThatIsNotThere) {
+  const std::string gait = TUMBLER_SOURCE_DIR "/primitives/gait.toml";
+  const Outcome endless = Run("sim " + gait);
+  EXPECT_EQ(endless.exit_code, 1);
+  EXPECT_THAT(endless.text, HasSubstr("--cycles"));
+  const Outcome branch = Run("sim " + gait + " --branch rol");
+  EXPECT_EQ(branch.exit_code, 1);
+  EXPECT_THAT(branch.text, HasSubstr("its branches: roll"));
+}
+
+TEST_F(TumblerRun, PlaysTheShippedGaitWithBothRolesAndTheRollOverTheSimulatedBus) {
+  const Outcome outcome =
+      Run("sim " TUMBLER_SOURCE_DIR "/primitives/gait.toml --cycles 3 --branch roll");
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.text;
+  EXPECT_THAT(outcome.text, HasSubstr("8 motions, 3 complete cycles; the robot where it should"));
+}
+
 TEST_F(TumblerRun, NamesAPrimitiveThatIsMissingOrBroken) {
   Outcome outcome = Run("can9 " + Path("absent.toml"));
   EXPECT_EQ(outcome.exit_code, 1);

@@ -1,0 +1,30 @@
+#pragma once
+
+#include <memory>
+#include <string_view>
+
+#include "offline/problem/task_toml.h"
+#include "offline/solver/solver.h"
+#include "tests/support/lamp_contact.h"
+
+namespace tumbler {
+
+/// The hop of the lamp as shipped, from nothing, with the general contact model or with the one
+/// written for the lamp alone. With this seed both go the same way, within rounding.
+class LampHop {
+ public:
+  LampHop() : problem_(LoadTask(TUMBLER_SOURCE_DIR "/primitives/tasks/lamp_hop.toml").problem) {
+    problem_.search.seed = 4;
+  }
+  [[nodiscard]] SolveOutcome Find(bool general) const {
+    SolveOptions options;
+    if (!general)
+      options.contact = [this] { return std::make_unique<LampContact>(problem_.contact); };
+    return Solve(problem_, options);
+  }
+
+ private:
+  Problem problem_;
+};
+
+}  // namespace tumbler

@@ -1,0 +1,163 @@
+// The general contact model on the hopping lamp, held against one written for the lamp alone.
+
+#include "tests/support/lamp_contact.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <memory>
+#include <random>
+#include <set>
+#include <stdexcept>
+#include <vector>
+
+#include "offline/problem/task_toml.h"
+#include "offline/solver/solver.h"
+#include "tests/support/random_robot.h"
+
+namespace tumbler {
+namespace {
+
+Problem LampProblem() {
+  return LoadTask(TUMBLER_SOURCE_DIR "/primitives/tasks/lamp_hop.toml").problem;
+}
+
+/// Outputs of hybrid dynamics and all derivatives, with contact.
+struct Outputs {
+  std::vector<double> values;
+  std::vector<double> derivatives;
+  std::vector<ActiveContact<Plane>> contacts;
+};
+
+Outputs Evaluate(const Problem& problem, ContactForces<Plane>& contact, const DynamicsState& s) {
+  HybridDynamics<Plane> dynamics(problem.robot.tree);
+  std::vector<double> qdd = s.qdd, tau(s.tau.size());
+  dynamics.SetState(s.q, s.qd);
+  contact.Apply(dynamics);
+  dynamics.Solve(qdd, tau);
+  contact.Differentiate(dynamics);
+  DynamicsDerivatives<Plane> derivatives;
+  dynamics.Differentiate(derivatives);
+  Outputs out;
+  out.values = qdd;
+  out.values.insert(out.values.end(), tau.begin(), tau.end());
+  for (const auto* block : {&derivatives.q, &derivatives.qd}) {
+    for (std::size_t i = 0; i < qdd.size(); ++i) {
+      for (std::size_t k = 0; k < qdd.size(); ++k) out.derivatives.push_back((*block)[i][k]);
+    }
+  }
+  for (const ActiveContact<Plane>& active : contact.active()) {
+    out.contacts.push_back(active);
+    std::vector<double> slopes(qdd.size());
+    contact.AddDepthSlopes(dynamics, active, 2, slopes);
+    out.derivatives.insert(out.derivatives.end(), slopes.begin(), slopes.end());
+  }
+  return out;
+}
+
+/// Largest difference over the largest number.
+double Difference(const std::vector<double>& a, const std::vector<double>& b) {
+  EXPECT_EQ(a.size(), b.size());
+  double difference = 0, size = 1;
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    difference = std::max(difference, std::abs(a[i] - b[i]));
+    size = std::max(size, std::abs(b[i]));
+  }
+  return difference / size;
+}
+
+TEST(LampContact, AndTheGeneralModelGiveTheSameMotionAndDerivatives) {
+  const Problem problem = LampProblem();
+  ContactModel<Plane> general(problem.contact, problem.robot.shapes, problem.obstacles);
+  LampContact specific(problem.contact);
+  std::mt19937_64 random(7);
+  std::set<std::size_t> counts;
+  int sticking = 0, sliding = 0, pulling = 0, fading = 0, head = 0;
+  for (int i = 0; i < 3000; ++i) {
+    DynamicsState s = RandomState(random, 5, 0.1);
+    if (i % 3 != 0) s.q[2] = Uniform(random, -0.1, 0.1);  // Else anyhow: also on its head.
+    const Eigen::Vector2d up(0, 1);
+    HybridDynamics<Plane> dynamics(problem.robot.tree);
+    s.q[1] = 0;
+    dynamics.SetState(s.q, s.qd);
+    double lowest = 1;
+    for (const ContactShape<Plane>& shape : problem.robot.shapes) {
+      const Eigen::Vector2d centre =
+          dynamics.position(shape.body) + dynamics.rotation(shape.body) * shape.shape.centre;
+      lowest = std::min(lowest, up.dot(centre) - shape.shape.radius_m);
+    }
+    s.q[1] = Uniform(random, -0.003, 0.024) - lowest;  // Now and then just above the layer.
+    if (i % 2 == 0) {
+      for (double& v : s.qd) v *= 0.02;
+    }
+    const Outputs a = Evaluate(problem, general, s);
+    const Outputs b = Evaluate(problem, specific, s);
+    ASSERT_EQ(a.contacts.size(), b.contacts.size());
+    for (std::size_t k = 0; k < a.contacts.size(); ++k) {
+      EXPECT_EQ(a.contacts[k].shape, b.contacts[k].shape);
+      EXPECT_NEAR(a.contacts[k].depth_m, b.contacts[k].depth_m, 1e-15);
+      EXPECT_LT((a.contacts[k].force - b.contacts[k].force).norm(), 1e-10);
+      EXPECT_LT((a.contacts[k].point - b.contacts[k].point).norm(), 1e-15);
+      const Eigen::Vector2d force = a.contacts[k].force;
+      const double used = std::abs(force.x()) / (problem.contact.friction * force.y());
+      pulling += force.y() == 0;
+      sticking += used < 0.99;
+      sliding += used > 0.99999;
+      fading += a.contacts[k].depth_m < problem.contact.layer_m - problem.contact.full_force_m;
+      head += a.contacts[k].shape == 2;
+    }
+    counts.insert(a.contacts.size());
+    EXPECT_LT(Difference(a.values, b.values), 1e-12);
+    EXPECT_LT(Difference(a.derivatives, b.derivatives), 1e-10);
+  }
+  EXPECT_THAT(std::vector<int>({sticking, sliding, pulling, fading, head}),
+              testing::Each(testing::Gt(20)))
+      << "every branch of the law is taken";
+  EXPECT_TRUE(counts.contains(0) && counts.contains(1) && counts.contains(2));
+}
+
+/// What the shipped task leads to with one model or the other. A solve that stops at a tolerance
+/// stops anywhere within it, so both go on until rounding ends them.
+SolveOutcome Hop(Problem problem, std::uint64_t seed, bool specific) {
+  problem.search.seed = seed;
+  problem.solver.relative_tolerance = 1e-14;
+  SolveOptions options;
+  options.threads = 2;
+  if (specific)
+    options.contact = [&problem] { return std::make_unique<LampContact>(problem.contact); };
+  return Solve(problem, options);
+}
+
+// Seeds of three different hops at which both solves converge: see docs/method.md.
+class EitherContactModel : public ::testing::TestWithParam<int> {};
+INSTANTIATE_TEST_SUITE_P(LampContact, EitherContactModel, ::testing::Values(3, 4, 6));
+
+TEST_P(EitherContactModel, LeadsToTheSameHopInEveryCoefficient) {
+  const auto seed = static_cast<std::uint64_t>(GetParam());
+  const Problem problem = LampProblem();
+  const SolveOutcome general = Hop(problem, seed, false);
+  const SolveOutcome specific = Hop(problem, seed, true);
+  const Solution &a = general.solutions.front(), &b = specific.solutions.front();
+  for (const Solution* solution : {&a, &b}) {
+    ASSERT_TRUE(solution->feasible());
+    EXPECT_LT(solution->projected_gradient, 1e-6);
+    EXPECT_LT(solution->rollout.cost, 0.05) << "150 mm further, and upright";
+  }
+  ASSERT_EQ(a.x.size(), b.x.size());
+  for (std::size_t k = 0; k < a.x.size(); ++k) EXPECT_NEAR(a.x[k], b.x[k], 1e-6) << k;
+  EXPECT_NEAR(a.rollout.cost, b.rollout.cost, 1e-9);
+  // Not on the same way, as rounding grows on it, but on one as long.
+  EXPECT_NEAR(static_cast<double>(general.evaluations) / static_cast<double>(specific.evaluations),
+              1, 0.1);
+}
+
+TEST(LampContact, CannotBeJoinedWithTheForwardGradient) {
+  Problem problem = LampProblem();
+  problem.solver.gradient = SolverSettings::Gradient::kForward;
+  EXPECT_THROW(Rollout(problem, 1e-3, std::make_unique<LampContact>(problem.contact)),
+               std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace tumbler
