@@ -102,7 +102,7 @@ std::string Describe(const RefusalReport& report, const std::vector<std::string>
 struct Telemetry::Implementation {
   /// Four seconds at 1 kHz: longer than any stall of a disk that was seen.
   static constexpr std::size_t kRingCapacity = 4096;
-  static constexpr std::int64_t kRunPeriod_ns = 1'000'000'000;
+  static constexpr std::int64_t kRunPeriod_ns = 250'000'000;
 
   explicit Implementation(const TelemetryConfig& config_in) : config(config_in) {
     if (!config.log_file.empty()) {
