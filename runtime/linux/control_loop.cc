@@ -38,9 +38,14 @@ bool ControlLoop::Step() noexcept {
       wish.command == OperatorCommand::kClearFaults || wish.command == OperatorCommand::kBranch;
   if (command == OperatorCommand::kNone && direct) command = wish.command;
 
-  parts_.executor.Tick(
-      {tick, {received_.data(), count}, receive_status, send_status_, command, wish.branch},
-      output_);
+  parts_.executor.Tick({tick,
+                        {received_.data(), count},
+                        receive_status,
+                        send_status_,
+                        command,
+                        wish.branch,
+                        parts_.bus.controller_state()},
+                       output_);
 
   std::size_t frame_count = 0;
   for (const FrameBatch& batch : output_.frames) {
