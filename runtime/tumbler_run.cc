@@ -24,6 +24,7 @@
 
 #include "common/sequence_toml.h"
 #include "common/toml_reader.h"
+#include "firmware_interface/can/bus_faults_toml.h"
 #include "firmware_interface/can/bus_schedule.h"
 #include "firmware_interface/can/frame_length.h"
 #include "firmware_interface/can/simulated_bus.h"
@@ -74,6 +75,7 @@ struct Options {
   std::string motion;
   std::string drives;
   std::string faults;
+  std::string bus_faults;
   bool arm = false;
   bool realtime = false;
   bool without_realtime = false;
@@ -350,8 +352,8 @@ class DryRunWorld final : public World {
 #ifdef TUMBLER_HAS_SIMULATION
 class SimulatedWorld final : public World {
  public:
-  SimulatedWorld(const SequenceFile& file, const DrivesConfig& drives, bool paced)
-      : file_(file), bus_(drives.bit_rate), host_(bus_.Attach()), paced_(paced) {
+  SimulatedWorld(const Options& options, const SequenceFile& file, const DrivesConfig& drives)
+      : file_(file), bus_(drives.bit_rate), host_(bus_.Attach()), paced_(options.realtime) {
     expected_pitch_rad_ =
         file.RobotPitch(file.graph.start, file.PrimitiveOf(file.graph.start).entry.root_pitch_rad);
     std::vector<SimulatedDrive*> pointers;
@@ -371,7 +373,12 @@ class SimulatedWorld final : public World {
     twin_ =
         std::make_unique<Twin>(file.PrimitiveOf(file.graph.start), TwinConfig{}, bus_, pointers);
     const auto advance = [this](std::int64_t time_ns) { twin_->AdvanceTo(time_ns); };
-    if (paced) {
+    if (!options.bus_faults.empty()) {
+      std::vector<std::string> nodes{"host"};
+      for (const DriveEntry& entry : drives.drives) nodes.push_back(entry.joint);
+      bus_.SetFaults(LoadBusFaults(options.bus_faults, nodes));
+    }
+    if (paced_) {
       clock_ = std::make_unique<PacedClock>(advance);
     } else {
       clock_ = std::make_unique<VirtualClock>(advance);
@@ -430,7 +437,7 @@ std::unique_ptr<World> MakeWorld(const Options& options, const SequenceFile& fil
                                  const DrivesConfig& drives) {
   if (options.simulated()) {
 #ifdef TUMBLER_HAS_SIMULATION
-    return std::make_unique<SimulatedWorld>(file, drives, options.realtime);
+    return std::make_unique<SimulatedWorld>(options, file, drives);
 #else
     throw std::runtime_error(
         "this build has no simulation (TUMBLER_BUILD_OFFLINE is OFF); name a CAN interface");
@@ -463,6 +470,9 @@ int Run(const Options& options) {
   if (options.drives.empty() && !options.simulated()) {
     throw std::runtime_error(
         fmt::format("{} is a real bus: say with --drives which drives are on it", options.bus));
+  }
+  if (!options.bus_faults.empty() && !options.simulated()) {
+    throw std::runtime_error("--bus-faults is for the simulated bus: sim");
   }
   const bool virtual_time = options.dry_run() || (options.simulated() && !options.realtime);
   if (virtual_time && graph.edge_count > 0 && options.cycles == 0 && options.branch.empty()) {
@@ -581,6 +591,8 @@ int Main(int argc, char** argv) {
       "2, ... in the order of the joints, replies on 17, 18, ..., kp 200, kd 4, 1000 Hz, 1 Mbit/s");
   app.add_option("--faults", options.faults,
                  "reactions to faults and their limits (TOML), where they are not the defaults");
+  app.add_option("--bus-faults", options.bus_faults,
+                 "sim only: what is wrong with the bus, and when (TOML)");
   app.add_flag("--arm", options.arm,
                "drive the motors; without it a real interface only sees a dry run");
   app.add_flag("--realtime", options.realtime,
