@@ -10,7 +10,7 @@ namespace tumbler {
 /// `BusFault::node` names.
 enum class BusFaultKind : std::uint8_t {
   kLoss,        ///< The receiver misses the frame, which was acknowledged: an overrun.
-  kDuplicate,   ///< The receiver gets the frame twice.
+  kDuplicate,   ///< The receiver gets the frame once more.
   kDelay,       ///< The receiver gets the frame later, e.g. out of a USB adapter; order is kept.
   kReorder,     ///< The receiver gets the frame after the one that follows it.
   kFlip,        ///< One bit of the payload is inverted in the receiver's memory: no CRC sees it.

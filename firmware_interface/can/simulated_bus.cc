@@ -502,7 +502,8 @@ void SimulatedBus::ReceiveFrom(const ReceivedFrame& received) noexcept {
 // A frame from the wire to a port, through what the script does to it.
 void SimulatedBus::Pass(SimulatedPort& port, ReceivedFrame received) noexcept {
   const bool overtakes = !port.held_.empty() && port.held_.front().until_next;
-  bool lost = false, twice = false, until_next = false;
+  bool lost = false, until_next = false;
+  int copies = 1;
   std::int64_t delay_ns = 0;
   for (const BusFault& fault : plan_.faults) {
     if (fault.start_ns > now_ns_ || fault.end_ns <= now_ns_) continue;
@@ -518,7 +519,7 @@ void SimulatedBus::Pass(SimulatedPort& port, ReceivedFrame received) noexcept {
         lost = true;
         break;
       case BusFaultKind::kDuplicate:
-        twice = true;
+        ++copies;
         break;
       case BusFaultKind::kDelay:
         delay_ns = std::max(delay_ns, fault.delay_ns);
@@ -539,7 +540,7 @@ void SimulatedBus::Pass(SimulatedPort& port, ReceivedFrame received) noexcept {
         break;
     }
   }
-  for (int copies = lost ? 0 : (twice ? 2 : 1); copies > 0; --copies) {
+  for (int left = lost ? 0 : copies; left > 0; --left) {
     if (until_next && !overtakes) {
       Hold(port, received, now_ns_ + delay_ns, true);
     } else if (delay_ns > 0 || (!port.held_.empty() && !overtakes)) {
