@@ -11,6 +11,7 @@ FrameRules FaultBench::RulesOf(const Config& config) {
   FrameRules rules;
   rules.drives = config.drives;
   rules.exact_time = true;
+  rules.spoilt_replies = config.spoilt_replies;
   rules.ticks_made_up_max = 1 + config.executor.late_ticks_max;
   rules.torque_rise_s = static_cast<double>(config.executor.torque_rise_s);
   for (std::size_t i = 0; i < config.drives.drives.size(); ++i) {
@@ -98,8 +99,15 @@ const TickRecord& FaultBench::Tick(OperatorCommand command, std::int8_t branch) 
   input.command = command;
   input.branch = branch;
   input.controller = host.controller_state();
+  if (enter_loop != nullptr) enter_loop();
   executor.Tick(input, output);
   send_status_ = Status::kOk;
+  for (std::size_t i = 0; i < drives.size(); ++i) {
+    for (const CanFrame& frame : output.frames[i].frames()) {
+      if (send_status_ == Status::kOk) send_status_ = host.Send(frame);
+    }
+  }
+  if (leave_loop != nullptr) leave_loop();
   for (std::size_t i = 0; i < drives.size(); ++i) {
     const auto frames = output.frames[i].frames();
     // SYNC and the host's heartbeat are for all.
@@ -109,7 +117,6 @@ const TickRecord& FaultBench::Tick(OperatorCommand command, std::int8_t branch) 
     for (const CanFrame& frame : frames) {
       Judge(now_ns(), frame);
       if (on_sent) on_sent(frame);
-      if (send_status_ == Status::kOk) send_status_ = host.Send(frame);
     }
   }
   ++tick_;
@@ -180,6 +187,8 @@ std::uint32_t FaultBench::EnableId(std::size_t i) const {
 }
 
 void FaultBench::Disturb(BusFault fault, std::int64_t duration_ns) {
+  std::erase_if(plan_.faults, [this](const BusFault& old) { return old.end_ns < bus.now_ns(); });
+  ++plan_.seed;  // Or the draws would begin anew each time.
   fault.start_ns = now_ns();
   fault.end_ns = fault.start_ns + duration_ns;
   plan_.faults.push_back(std::move(fault));

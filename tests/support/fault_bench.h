@@ -30,6 +30,7 @@ class FaultBench {
     double offset_rad = 0;       ///< Where the joints are, against the start of the motion.
     int transmit_capacity = 10;  ///< Frames, of the host's queue.
     std::int64_t plant_step_ns = 250'000;
+    bool spoilt_replies = false;  ///< as FrameRules
   };
   explicit FaultBench(Config config);
   [[nodiscard]] static FrameRules RulesOf(const Config& config);
@@ -47,7 +48,7 @@ class FaultBench {
   [[nodiscard]] std::uint32_t PositionId(std::size_t i) const;
   [[nodiscard]] std::uint32_t HeartbeatId(std::size_t i) const;
   [[nodiscard]] std::uint32_t EnableId(std::size_t i) const;
-  /// Adds a disturbance from now on.
+  /// Adds a disturbance from now on. Those that are over are forgotten.
   void Disturb(BusFault fault, std::int64_t duration_ns = std::int64_t{1} << 60);
 
   Executor executor;
@@ -62,6 +63,9 @@ class FaultBench {
   std::optional<Status> receive_status;  ///< What the link is to report instead of its own.
   /// Called with each tick's frames as they are handed to the bus.
   std::function<void(const CanFrame&)> on_sent;
+  /// Called around what a real loop does in a tick: the executor, and handing over its frames.
+  void (*enter_loop)() = nullptr;
+  void (*leave_loop)() = nullptr;
   /// Called when bus and plant have got to a tick, before it.
   std::function<void()> before_tick;
   bool keep_log = false;

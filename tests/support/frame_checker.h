@@ -32,6 +32,8 @@ struct FrameRules {
   /// Times are those of the ticks: of a simulation, not of a wire. Steps are then judged to the
   /// tick.
   bool exact_time = false;
+  /// Replies may have been spoilt on their way to the host: what is not one is passed over.
+  bool spoilt_replies = false;
 };
 
 /// What was found in a log. A frame *drives* when it asks for torque towards a position or for
