@@ -793,6 +793,12 @@ void Executor::Send(int elapsed, TickOutput& output) noexcept {
       Latch(Fault::kNonFinite, i, record.planned.position_rad, 0);
 
     const DriveSetpoint encoded = joint.drive->encoded_setpoint();
+    if (state_ == ExecutorState::kArming && joint.drive_state != DriveState::kEnabled &&
+        IsFinite(encoded.position_rad)) {
+      // A drive may be told to begin where it was a moment ago: that is where it will be held.
+      joint.commanded.position_rad = std::clamp(encoded.position_rad, joint.limits.position_min_rad,
+                                                joint.limits.position_max_rad);
+    }
     record.limited = joint.commanded;
     record.encoded = {encoded.position_rad, encoded.velocity_rad_s, encoded.torque_nm};
     record.measured = {joint.measured.position_rad, joint.measured.velocity_rad_s,

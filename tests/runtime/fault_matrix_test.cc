@@ -230,7 +230,7 @@ class World {
         bench.Disturb(Of(BusFaultKind::kStall, 0), 30 * ms);
         return 5;
       case Fault::kLateTick:
-        bench.Miss(3);
+        bench.Miss(12);
         return 1;
       case Fault::kOperatorStop:
         command_ = OperatorCommand::kStop;
@@ -420,6 +420,17 @@ TEST_P(FaultMatrix, IsFoundAndAnsweredAsStatedAndNoFrameBreaksARule) {
       EXPECT_EQ(drive->torque_nm(), 0);
     }
   }
+  // Nothing but the operator's order clears a fault.
+  const bool latched = bench.output.record.faults != 0;
+  bench.Tick(OperatorCommand::kDisarm);
+  ExpectOrders(bench, c.protocol, Reaction::kDisable);
+  bench.Tick(OperatorCommand::kArm);
+  if (latched) {
+    EXPECT_EQ(bench.output.record.refusal.refusal, Refusal::kFaultLatched);
+    bench.Tick(OperatorCommand::kClearFaults);
+    EXPECT_EQ(bench.output.record.faults, 0U);
+    ExpectOrders(bench, c.protocol, Reaction::kDisable);
+  }
   EXPECT_THAT(bench.judge.report().violations, IsEmpty());
   EXPECT_EQ(bench.missing_writes, 0) << "every tick writes every drive";
 }
@@ -579,6 +590,115 @@ INSTANTIATE_TEST_SUITE_P(All, Judge, ::testing::ValuesIn(kProtocols),
                          [](const ::testing::TestParamInfo<Protocol>& given) {
                            return std::string(NameOf(given.param));
                          });
+
+/// Motions that do not keep to what they state: what the last gate is for. The judge knows the
+/// stated limits only.
+class Gate : public ::testing::TestWithParam<std::tuple<Protocol, int>> {};
+
+TEST_P(Gate, KeepsEveryStatedLimitWhateverThePlan) {
+  const auto [protocol, limit] = GetParam();
+  Motion motion = MakeMotion();
+  for (Primitive<float>& primitive : motion.primitives) {
+    primitive.following_tolerance_rad = 10;
+    primitive.entry_tolerance_rad = 10;
+    for (std::size_t i = 0; i < 2; ++i) {
+      JointMotion<float>& joint = primitive.joints[i];
+      JointLimits<float>& limits = joint.limits;
+      const float start = joint.position.control_points()[0];
+      switch (limit) {
+        case 0:
+          limits.position_max_rad = std::max(start, joint.position.control_points().back()) + 0.02F;
+          break;
+        case 1:
+          limits.position_min_rad = std::min(start, joint.position.control_points().back()) - 0.02F;
+          break;
+        case 2:
+          limits.velocity_max_rad_s *= 0.3F;
+          break;
+        default:
+          limits.torque_max_nm *= 0.2F;
+          break;
+      }
+    }
+  }
+  FaultBench::Config config;
+  config.drives = DrivesOf(protocol);
+  config.graph = GraphOf(motion.primitives[0]);
+  config.primitives = {motion.primitives[0]};
+  config.executor = ConfigOf({}, motion);
+  config.executor.collapse.configured = false;
+  FaultBench bench(std::move(config));
+  ASSERT_EQ(bench.configured, Status::kOk);
+  ASSERT_TRUE(bench.Reach(ExecutorState::kRunning));
+  int limited = 0;
+  for (int i = 0; i < 1200; ++i) {
+    const TickRecord& record = bench.Tick();
+    limited += record.joints[0].limit_active || record.joints[1].limit_active ? 1 : 0;
+  }
+  EXPECT_GT(limited, 20) << "the gate has had something to do";
+  EXPECT_EQ(bench.output.record.faults, 0U);
+  EXPECT_THAT(bench.judge.report().violations, IsEmpty());
+}
+
+std::string GateName(const ::testing::TestParamInfo<std::tuple<Protocol, int>>& given) {
+  constexpr std::array kLimits{"PositionMax", "PositionMin", "Velocity", "Torque"};
+  return std::string(NameOf(std::get<0>(given.param))) +
+         kLimits[static_cast<std::size_t>(std::get<1>(given.param))];
+}
+
+INSTANTIATE_TEST_SUITE_P(All, Gate,
+                         ::testing::Combine(::testing::ValuesIn(kProtocols),
+                                            ::testing::Range(0, 4)),
+                         GateName);
+
+TEST(Arming, DoesNotJumpWhenTheJointIsTurnedMeanwhile) {
+  for (const Protocol protocol : kProtocols) {
+    FaultBench::Config config;
+    const Motion motion = MakeMotion();
+    config.drives = DrivesOf(protocol);
+    config.graph = motion.graph;
+    config.primitives = motion.primitives;
+    config.executor = ConfigOf({}, motion);
+    FaultBench bench(std::move(config));
+    ASSERT_TRUE(bench.Reach(ExecutorState::kDisarmed));
+    bench.Tick(OperatorCommand::kArm);
+    while (bench.executor.state() == ExecutorState::kArming && bench.tick() < 2000) {
+      bench.plant->rotors()[1].position_rad += 0.004;
+      bench.plant->rotors()[1].velocity_rad_s = 0;
+      bench.Tick();
+    }
+    for (int i = 0; i < 50; ++i) bench.Tick();
+    EXPECT_EQ(bench.executor.state(), ExecutorState::kHolding);
+    EXPECT_THAT(bench.judge.report().violations, IsEmpty()) << NameOf(protocol);
+  }
+}
+
+/// Not so with MIT drives: they do not say in which mode they are.
+TEST(Dropout, ADriveThatSomebodyElseSwitchesOffIsADriveError) {
+  for (const Protocol protocol : {Protocol::kCanSimple, Protocol::kCia402}) {
+    FaultBench::Config config;
+    const Motion motion = MakeMotion();
+    config.drives = DrivesOf(protocol);
+    config.graph = motion.graph;
+    config.primitives = motion.primitives;
+    config.executor = ConfigOf({}, motion);
+    FaultBench bench(std::move(config));
+    ASSERT_TRUE(bench.Reach(ExecutorState::kHolding));
+    const DriveConfig& drive = bench.config().drives.drives[1].config;
+    CanFrame off;
+    if (const auto* can = std::get_if<CanSimpleConfig>(&drive)) {
+      off = EncodeCanSimple(can->node_id, CanSimpleAxisState{kCanSimpleIdle});
+    } else {
+      off = EncodeNmt(NmtCommand::kPreOperational, std::get<Cia402Config>(drive).node_id);
+    }
+    ASSERT_EQ(bench.stranger.SendAfter(500'000, off), Status::kOk);
+    for (int i = 0; i < 15; ++i) bench.Tick();
+    EXPECT_EQ(ToString(bench.output.record.first_fault.fault), std::string("drive error"))
+        << NameOf(protocol);
+    EXPECT_EQ(bench.output.record.first_fault.value, 0);
+    EXPECT_EQ(bench.judge.last_order(0).kind, Kind::kPassive);
+  }
+}
 
 TEST(FaultMatrixSize, IsAtLeastFiveHundredCases) { EXPECT_GE(AllCases().size(), 500U); }
 
