@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "firmware_interface/can/bus_faults_toml.h"
 #include "firmware_interface/can/simulated_bus.h"
 #include "firmware_interface/drives/make_simulated.h"
 #include "offline/twin/twin.h"
@@ -15,8 +16,9 @@ namespace {
 
 class SimulatedWorld final : public World {
  public:
-  SimulatedWorld(const SequenceFile& file, const DrivesConfig& drives, bool paced)
-      : file_(file), bus_(drives.bit_rate), host_(bus_.Attach()), paced_(paced) {
+  SimulatedWorld(const SequenceFile& file, const DrivesConfig& drives,
+                 const SimulatedWorldConfig& config)
+      : file_(file), bus_(drives.bit_rate), host_(bus_.Attach()), paced_(config.paced) {
     expected_pitch_rad_ =
         file.RobotPitch(file.graph.start, file.PrimitiveOf(file.graph.start).entry.root_pitch_rad);
     std::vector<SimulatedDrive*> pointers;
@@ -36,7 +38,12 @@ class SimulatedWorld final : public World {
     twin_ =
         std::make_unique<Twin>(file.PrimitiveOf(file.graph.start), TwinConfig{}, bus_, pointers);
     const auto advance = [this](std::int64_t time_ns) { twin_->AdvanceTo(time_ns); };
-    if (paced) {
+    if (!config.bus_faults.empty()) {
+      std::vector<std::string> nodes{"host"};
+      for (const DriveEntry& entry : drives.drives) nodes.push_back(entry.joint);
+      bus_.SetFaults(LoadBusFaults(config.bus_faults, nodes));
+    }
+    if (config.paced) {
       clock_ = std::make_unique<PacedClock>(advance);
     } else {
       clock_ = std::make_unique<VirtualClock>(advance);
@@ -93,8 +100,8 @@ class SimulatedWorld final : public World {
 }  // namespace
 
 std::unique_ptr<World> MakeSimulatedWorld(const SequenceFile& file, const DrivesConfig& drives,
-                                          bool paced) {
-  return std::make_unique<SimulatedWorld>(file, drives, paced);
+                                          const SimulatedWorldConfig& config) {
+  return std::make_unique<SimulatedWorld>(file, drives, config);
 }
 
 }  // namespace tumbler

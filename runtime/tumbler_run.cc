@@ -32,6 +32,7 @@
 #include "firmware_interface/drives/drives_toml.h"
 #include "firmware_interface/drives/make_simulated.h"
 #include "runtime/executor.h"
+#include "runtime/faults_toml.h"
 #include "runtime/linux/clock.h"
 #include "runtime/linux/control_loop.h"
 #include "runtime/linux/dry_run_bus.h"
@@ -76,6 +77,8 @@ struct Options {
   std::string bus;
   std::string motion;
   std::string drives;
+  std::string faults;
+  std::string bus_faults;
   bool arm = false;
   bool realtime = false;
   bool without_realtime = false;
@@ -243,6 +246,26 @@ ExecutorConfig MakeExecutorConfig(const Options& options, const DrivesConfig& dr
   return config;
 }
 
+/// Reads the faults file, where one is given, over what `config` holds.
+void ReadFaults(const Options& options, const Sequence<float>& sequence, const DrivesConfig& drives,
+                ExecutorConfig& config) {
+  if (options.faults.empty()) return;
+  std::vector<FaultsJoint> joints;
+  for (std::size_t i = 0; i < drives.drives.size(); ++i) {
+    FaultsJoint joint{drives.drives[i].joint, -1e9, 1e9};
+    for (int p = 0; p < sequence.primitive_count; ++p) {
+      const JointLimits<float>& limits =
+          sequence.primitives[static_cast<std::size_t>(p)].joints[i].limits;
+      joint.position_min_rad =
+          std::max(joint.position_min_rad, static_cast<double>(limits.position_min_rad));
+      joint.position_max_rad =
+          std::min(joint.position_max_rad, static_cast<double>(limits.position_max_rad));
+    }
+    joints.push_back(joint);
+  }
+  LoadFaults(options.faults, joints, config);
+}
+
 RunSequenceConfig MakeSequenceConfig(const Options& options, const DrivesConfig& drives) {
   const double rate_hz = drives.rate_hz;
   const bool set_up = std::any_of(
@@ -331,7 +354,7 @@ std::unique_ptr<World> MakeWorld(const Options& options, const SequenceFile& fil
                                  const DrivesConfig& drives) {
   if (options.simulated()) {
 #ifdef TUMBLER_HAS_SIMULATION
-    return MakeSimulatedWorld(file, drives, options.realtime);
+    return MakeSimulatedWorld(file, drives, {options.bus_faults, options.realtime});
 #else
     throw std::runtime_error(
         "this build has no simulation (TUMBLER_BUILD_OFFLINE is OFF); name a CAN interface");
@@ -413,6 +436,9 @@ int Run(const Options& options) {
     throw std::runtime_error(
         fmt::format("{} is a real bus: say with --drives which drives are on it", options.bus));
   }
+  if (!options.bus_faults.empty() && !options.simulated()) {
+    throw std::runtime_error("--bus-faults is for the simulated bus: sim");
+  }
   const bool virtual_time = options.dry_run() || (options.simulated() && !options.realtime);
   if (options.attended && (virtual_time || options.lcm_url.empty())) {
     throw std::runtime_error(
@@ -439,8 +465,9 @@ int Run(const Options& options) {
   Executor executor;
   const std::span<const Primitive<float>> primitives(
       motions->primitives.data(), static_cast<std::size_t>(motions->primitive_count));
-  if (executor.Configure(MakeExecutorConfig(options, drives, graph), graph, primitives,
-                         bank.drives()) != Status::kOk) {
+  ExecutorConfig executor_config = MakeExecutorConfig(options, drives, graph);
+  ReadFaults(options, *motions, drives, executor_config);
+  if (executor.Configure(executor_config, graph, primitives, bank.drives()) != Status::kOk) {
     throw Refused(fmt::format(
         "{}: the executor does not take this motion: it has to start at rest, last at most "
         "10000 s and run at 1 Hz ... 100 kHz",
@@ -547,6 +574,10 @@ int Main(int argc, char** argv) {
       "drive configuration (TOML). Needed on a real interface; for sim the default is MIT drives "
       "with ids 1, "
       "2, ... in the order of the joints, replies on 17, 18, ..., kp 200, kd 4, 1000 Hz, 1 Mbit/s");
+  app.add_option("--faults", options.faults,
+                 "reactions to faults and their limits (TOML), where they are not the defaults");
+  app.add_option("--bus-faults", options.bus_faults,
+                 "sim only: what is wrong with the bus, and when (TOML)");
   app.add_flag("--arm", options.arm,
                "drive the motors; without it a real interface only sees a dry run");
   app.add_flag("--realtime", options.realtime,

@@ -51,9 +51,14 @@ bool ControlLoop::Tick(std::int64_t deadline_ns,
   // A request that is sent again because its answer was lost is not a second one.
   if (wish.id != 0 && wish.id == timed_.request.id) wish = {};
   const OperatorCommand command = Ask(wish);
-  parts_.executor.Tick(
-      {tick, {received_.data(), count}, receive_status_, send_status_, command, wish.branch},
-      output_);
+  parts_.executor.Tick({tick,
+                        {received_.data(), count},
+                        receive_status_,
+                        send_status_,
+                        command,
+                        wish.branch,
+                        parts_.bus.controller_state()},
+                       output_);
   if (IsDirect(wish.request)) {  // The executor answers these itself.
     const bool asked = command == DirectCommand(wish.request);
     timed_.request.refusal = asked ? output_.record.refusal.refusal : Refusal::kWrongState;

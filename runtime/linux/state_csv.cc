@@ -31,7 +31,7 @@ void AppendStateCsvRow(const state_t& state, std::string& csv) {
   fmt::format_to(out, "{},{},{:.6f},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{}",
                  state.number, state.tick, static_cast<double>(state.time_ns) * 1e-9,
                  ToString(static_cast<ExecutorState>(state.state)), state.node, state.cycles,
-                 state.primitive_time_s, static_cast<std::uint16_t>(state.faults), state.fault,
+                 state.primitive_time_s, static_cast<std::uint32_t>(state.faults), state.fault,
                  state.fault_joint, state.fault_tick, state.fault_value, state.fault_limit,
                  state.command, state.refusal, state.request_id, state.request,
                  state.request_refusal, state.wake_up_us, state.tick_us, state.bus_bits);

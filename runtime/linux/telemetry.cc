@@ -32,6 +32,7 @@ std::string JointName(int joint, const std::vector<std::string>& names) {
 const char* UnitOf(Fault fault) {
   switch (fault) {
     case Fault::kStaleReply:
+    case Fault::kHeartbeatLost:
     case Fault::kLateTick:
     case Fault::kArmingTimeout:
       return " ticks";
@@ -48,6 +49,7 @@ const char* UnitOf(Fault fault) {
 const char* UnitOf(Refusal refusal) {
   switch (refusal) {
     case Refusal::kNoReply:
+    case Refusal::kNoHeartbeat:
       return " ticks";
     case Refusal::kTooHot:
       return " C";
@@ -71,7 +73,12 @@ std::string Describe(const FaultReport& report, const std::vector<std::string>& 
     case Fault::kOperatorStop:
     case Fault::kNonFinite:
       break;
-    case Fault::kLinkLost:
+    case Fault::kErrorPassive:
+      break;
+    case Fault::kBusOff:
+    case Fault::kInterfaceDown:
+    case Fault::kInterfaceGone:
+    case Fault::kLinkFailed:
     case Fault::kTransmitQueueFull:
       text += fmt::format(": {}", ToString(static_cast<Status>(report.value)));
       break;
@@ -155,7 +162,7 @@ struct Telemetry::Implementation {
     message.reaction = static_cast<std::int8_t>(record.reaction);
     message.command = static_cast<std::int8_t>(record.command);
     message.refusal = static_cast<std::int8_t>(record.refusal.refusal);
-    message.faults = static_cast<std::int16_t>(record.faults);
+    message.faults = static_cast<std::int32_t>(record.faults);
     message.fault = static_cast<std::int8_t>(record.first_fault.fault);
     message.fault_joint = record.first_fault.joint;
     message.fault_tick = record.first_fault.tick;
@@ -183,6 +190,7 @@ struct Telemetry::Implementation {
       out.temperature_c = joint.temperature_c;
       out.reply_age_ticks = joint.reply_age_ticks;
       out.drive_state = static_cast<std::int8_t>(joint.drive_state);
+      out.reply_status = static_cast<std::int8_t>(joint.reply_status);
       out.drive_error = joint.drive_error;
       out.limit_active = joint.limit_active ? 1 : 0;
     }
@@ -350,7 +358,7 @@ struct Telemetry::Implementation {
   std::vector<std::uint8_t> buffer;
   std::string row;
   ExecutorState last_state = ExecutorState::kDisarmed;
-  std::uint16_t last_faults = 0;
+  std::uint32_t last_faults = 0;
   std::uint32_t last_request_id = 0;
   Refusal last_refusal = Refusal::kNone;
   std::int8_t last_node = -1;

@@ -173,7 +173,7 @@ TEST(ControlLoop, ALostLinkEndsInAFault) {
     if (bench.loop->statistics().run_ticks == 300) bench.host.SetLinkDown(true);
   });
   EXPECT_EQ(bench.sequence->outcome(), RunOutcome::kFault);
-  EXPECT_EQ(bench.loop->record().first_fault.fault, Fault::kLinkLost);
+  EXPECT_EQ(bench.loop->record().first_fault.fault, Fault::kInterfaceDown);
   EXPECT_GT(bench.loop->statistics().send_failures, 0);
 }
 
