@@ -309,7 +309,7 @@ class BSpline {
                                                  Scalar* row) noexcept {
     // In three passes, which the compiler can do several elements at a time.
     std::array<Scalar, kMaxDegree> rising;
-    std::array<Scalar, kMaxDegree> falling;
+    std::array<Scalar, kMaxDegree> falling{};  // g++ for Arm sees it used before it is set.
     for (int k = 0; k < r; ++k) {
       const Scalar share = row[k] / (u[k] - u[k - r]);
       falling[Index(k)] = (u[k] - t) * share;

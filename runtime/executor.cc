@@ -240,7 +240,7 @@ void Executor::Tick(const TickInput& input, TickOutput& output) noexcept TUMBLER
   const auto advance = static_cast<int>(std::clamp<std::int64_t>(elapsed, 1, most));
   for (Joint& joint : joints()) {
     if (joint.reply_age_ticks >= 0)
-      joint.reply_age_ticks = std::min(joint.reply_age_ticks + advance, 1 << 30);
+      joint.reply_age_ticks = std::min<std::int32_t>(joint.reply_age_ticks + advance, 1 << 30);
   }
   ticks_in_state_ += advance;
 

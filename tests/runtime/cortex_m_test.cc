@@ -1,0 +1,289 @@
+// The core on Cortex-M4F and M7 under QEMU against the same source on this machine: the whole
+// shipped gait (two cycles and the roll) tick by tick, every byte that leaves the executor
+// compared.
+//
+// This machine plays the motion, as the loader gives it, with simulated drives, and records the
+// frames that they send. The firmware plays it, as `tumbler-export` wrote it, against that
+// recording. `ctest -R CortexM -V` prints sizes, stack and instructions.
+
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cstdlib>
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <memory>
+#include <random>
+#include <regex>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "common/sequence_toml.h"
+#include "firmware_interface/drives/drives_toml.h"
+#include "firmware_interface/drives/make_simulated.h"
+#include "runtime/embedded/playback.h"
+#include "runtime/linux/dry_run_bus.h"
+#include "tests/support/program.h"
+#include "tests/support/task_files.h"
+
+namespace tumbler {
+namespace {
+
+using testing::Program;
+using testing::ReadFile;
+using testing::WriteFile;
+
+constexpr int kCycles = 2;
+constexpr const char* kBranch = "roll";
+
+/// More instructions than this are not spent on a tick of two joints.
+constexpr double kInstructionsMax = 4000;
+
+struct Protocol {
+  const char* name;
+  PlaybackDrives drives;
+  const char* file;
+};
+constexpr std::array kProtocols{
+    Protocol{"mit", PlaybackDrives::kMit, "tumbler_drives.toml"},
+    Protocol{"cansimple", PlaybackDrives::kCanSimple, "tumbler_drives_cansimple.toml"},
+    Protocol{"cia402", PlaybackDrives::kCia402, "tumbler_drives_cia402.toml"},
+};
+
+struct Machine {
+  const char* name;  // as in the presets
+  const char* qemu;  // its -machine
+};
+constexpr std::array kMachines{Machine{"m4f", "mps2-an386"}, Machine{"m7", "mps2-an500"}};
+
+std::string Firmware(const Machine& machine) {
+  return fmt::format("{}/cortex-{}/bin/tumbler-playback.elf", TUMBLER_BINARY_DIR, machine.name);
+}
+
+const Sequence<float>& Gait() {
+  static const auto gait = std::make_unique<const Sequence<float>>(
+      ToRuntime(LoadMotion(TUMBLER_SOURCE_DIR "/primitives/gait.toml")));
+  return *gait;
+}
+
+/// What one run on this machine heard and sent.
+struct Played {
+  std::string recording;
+  std::string output;
+  std::vector<std::size_t> tick_ends;  ///< Of each tick, in `output`.
+  std::set<std::string> nodes;         ///< That were played.
+  std::set<ExecutorState> states;
+  std::uint16_t faults = 0;
+};
+
+/// The world between drives and executor.
+using Trouble = std::function<void(RecordedTick&)>;
+
+Played PlayHere(const Protocol& protocol, const Trouble& trouble = {}) {
+  const Sequence<float>& gait = Gait();
+  const DrivesConfig config =
+      LoadDrives(std::string(TUMBLER_SOURCE_DIR "/primitives/robots/") + protocol.file);
+  std::vector<DryRunBus::Node> nodes;
+  for (std::size_t i = 0; i < config.drives.size(); ++i) {
+    // Somewhere else than at the start, so that there is a way to it.
+    const float start = gait.primitives[0].joints[i].position.control_points()[0];
+    nodes.push_back({MakeSimulatedDrive(config.drives[i]),
+                     static_cast<double>(start) + (i == 0 ? 0.4 : -0.25)});
+  }
+  DryRunBus bus("none", config.bit_rate, std::move(nodes), nullptr);
+  Playback playback;
+  if (playback.Configure(protocol.drives, kCycles, gait.graph.FindBranch(kBranch), gait.graph,
+                         {gait.primitives.data(),
+                          static_cast<std::size_t>(gait.primitive_count)}) != Status::kOk) {
+    throw std::logic_error("the executor does not take the gait");
+  }
+  Played run;
+  RecordedTick tick;
+  std::array<std::uint8_t, std::max(RecordedTick::kMaxBytes, kPlaybackMaxBytes)> bytes{};
+  const auto append = [&bytes](std::string& to, std::size_t count) {
+    to.append(reinterpret_cast<const char*>(bytes.data()), count);
+  };
+  for (int n = 0; n < 60'000 && !playback.done(); ++n) {
+    bus.AdvanceTo(std::int64_t{n} * 1'000'000);
+    tick = {};
+    ReceivedFrame received;
+    while (tick.frame_count < RecordedTick::kMaxFrames && bus.Receive(received) == Status::kOk)
+      tick.frames[tick.frame_count++] = received;
+    if (trouble) trouble(tick);
+    append(run.recording, Pack(tick, bytes));
+    playback.Tick(playback.NextInput(tick));
+    const TickOutput& output = playback.output();
+    append(run.output, Pack(output, bytes));
+    run.tick_ends.push_back(run.output.size());
+    run.states.insert(output.record.state);
+    run.faults = static_cast<std::uint16_t>(run.faults | output.record.faults);
+    if (output.record.state == ExecutorState::kRunning)
+      run.nodes.insert(std::string(gait.graph.node(output.record.node).name.view()));
+    for (std::size_t j = 0; j < output.record.joint_count; ++j) {
+      for (const CanFrame& frame : output.frames[j].frames()) {
+        if (bus.Send(frame) != Status::kOk) throw std::logic_error("the bus takes no more");
+      }
+    }
+  }
+  if (!playback.done()) throw std::logic_error("the run does not end");
+  return run;
+}
+
+/// A folder for the files of one run; it is gone after the test.
+class Folder {
+ public:
+  Folder() {
+    std::string pattern =
+        (std::filesystem::temp_directory_path() / "tumbler_cortex_XXXXXX").string();
+    if (mkdtemp(pattern.data()) == nullptr) throw std::runtime_error("mkdtemp");
+    path_ = pattern;
+  }
+  ~Folder() { std::filesystem::remove_all(path_); }
+  Folder(const Folder&) = delete;
+  Folder& operator=(const Folder&) = delete;
+  [[nodiscard]] std::string operator/(const char* name) const { return path_ / name; }
+
+ private:
+  std::filesystem::path path_;
+};
+
+struct Emulation {
+  int status = -1;
+  std::string text;
+  std::string output;
+};
+
+/// Runs the firmware. SysTick's 25 MHz are seen by a program of which every instruction takes
+/// 1.024 us (-icount shift=10), so that it counts 25.6 an instruction.
+Emulation Emulate(const Machine& machine, const std::vector<std::string>& arguments,
+                  const std::string& output) {
+  std::string semihosting = "enable=on,target=native,arg=tumbler-playback";
+  for (const std::string& argument : arguments) semihosting += ",arg=" + argument;
+  Program qemu({"/usr/bin/env", "qemu-system-arm", "-machine", machine.qemu, "-display", "none",
+                "-monitor", "none", "-serial", "none", "-icount", "shift=10,align=off,sleep=off",
+                "-semihosting-config", semihosting, "-kernel", Firmware(machine)});
+  Emulation emulation;
+  emulation.status = qemu.Wait();
+  emulation.text = qemu.text();
+  if (std::filesystem::exists(output)) emulation.output = ReadFile(output);
+  return emulation;
+}
+
+Emulation Emulate(const Machine& machine, const Protocol& protocol, const Played& run) {
+  const Folder folder;
+  WriteFile(folder / "recording", run.recording);
+  return Emulate(
+      machine,
+      {protocol.name, std::to_string(kCycles), kBranch, folder / "recording", folder / "output"},
+      folder / "output");
+}
+
+/// Where two outputs first differ, in words; empty where they do not.
+std::string FirstDifference(const Played& run, const std::string& other) {
+  const auto [here, there] =
+      std::mismatch(run.output.begin(), run.output.end(), other.begin(), other.end());
+  if (here == run.output.end() && there == other.end()) return "";
+  const auto at = static_cast<std::size_t>(here - run.output.begin());
+  const auto tick =
+      std::upper_bound(run.tick_ends.begin(), run.tick_ends.end(), at) - run.tick_ends.begin();
+  const std::size_t begin = tick == 0 ? 0 : run.tick_ends[static_cast<std::size_t>(tick) - 1];
+  std::size_t offset = at - begin;
+  std::string what = "head";
+  if (at >= run.output.size() || at >= other.size()) {
+    what = "length";
+  } else if (offset >= kPlaybackHeadBytes) {
+    static constexpr std::array kFields{
+        "planned position", "planned velocity", "planned torque", "planned acceleration",
+        "limited position", "limited velocity", "limited torque", "encoded position",
+        "encoded velocity", "encoded torque"};
+    offset -= kPlaybackHeadBytes;
+    for (int joint = 0;; ++joint) {
+      if (offset < 40) {
+        what = fmt::format("joint {}: {}", joint, kFields[offset / 4]);
+        break;
+      }
+      const auto frames =
+          static_cast<std::uint8_t>(run.output[at - offset + kPlaybackJointBytes - 1]);
+      const std::size_t size = kPlaybackJointBytes + frames * RecordedTick::kFrameBytes;
+      if (offset < size) {
+        what = offset == 40
+                   ? fmt::format("joint {}: number of frames", joint)
+                   : fmt::format("joint {}: frame {}", joint,
+                                 (offset - kPlaybackJointBytes) / RecordedTick::kFrameBytes);
+        break;
+      }
+      offset -= size;
+    }
+  }
+  return fmt::format("first difference in tick {}, {} (byte {} of {} here, {} there)", tick, what,
+                     at, run.output.size(), other.size());
+}
+
+struct Figures {
+  struct State {
+    int ticks = 0;
+    double mean = 0;  ///< Instructions a tick.
+    double most = 0;
+  };
+  std::map<std::string, State> states;
+  int stack_bytes = 0;
+};
+
+Figures ReadFigures(const std::string& text) {
+  Figures figures;
+  std::smatch match;
+  double per_instruction = 0;
+  if (std::regex_search(text, match, std::regex("10000 instructions took (\\d+) counts")))
+    per_instruction = std::stod(match[1]) / 10000;
+  // What the command line of QEMU says: 1.024 us at 25 MHz, as the loop of known length confirms.
+  EXPECT_NEAR(per_instruction, 25.6, 0.02) << text;
+  const std::regex line("state ([a-z ]+): (\\d+) ticks, mean (\\d+), most (\\d+) counts");
+  for (std::sregex_iterator i(text.begin(), text.end(), line), end; i != end; ++i) {
+    figures.states[(*i)[1]] = {std::stoi((*i)[2]), std::stod((*i)[3]) / per_instruction,
+                               std::stod((*i)[4]) / per_instruction};
+  }
+  if (std::regex_search(text, match, std::regex("stack: (\\d+) of")))
+    figures.stack_bytes = std::stoi(match[1]);
+  return figures;
+}
+
+class CortexM : public ::testing::TestWithParam<std::tuple<Machine, Protocol>> {};
+
+TEST_P(CortexM, SendsTheBytesThatThisMachineSendsForTheWholeGait) {
+  const auto& [machine, protocol] = GetParam();
+  const Played run = PlayHere(protocol);
+  ASSERT_EQ(run.nodes, (std::set<std::string>{"handstand", "downstand", "handstand, swapped",
+                                              "downstand, swapped", "roll"}));
+  ASSERT_EQ(run.faults, 0);
+  const Emulation emulation = Emulate(machine, protocol, run);
+  ASSERT_EQ(emulation.status, 0) << emulation.text;
+  EXPECT_EQ(FirstDifference(run, emulation.output), "");
+
+  const Figures figures = ReadFigures(emulation.text);
+  EXPECT_GT(figures.stack_bytes, 100);
+  EXPECT_EQ(figures.states.size(), run.states.size());
+  fmt::print("Cortex-{}, {}: {} ticks the same, {} bytes of stack; instructions a tick:\n",
+             machine.name, protocol.name, run.tick_ends.size(), figures.stack_bytes);
+  for (const auto& [state, counts] : figures.states) {
+    fmt::print("  {:<16} {:6} ticks, mean {:5.0f}, most {:5.0f}\n", state, counts.ticks,
+               counts.mean, counts.most);
+    EXPECT_LE(counts.most, kInstructionsMax) << state;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Qemu, CortexM,
+                         ::testing::Combine(::testing::ValuesIn(kMachines),
+                                            ::testing::ValuesIn(kProtocols)),
+                         [](const auto& instance) {
+                           return fmt::format("{}_{}", std::get<0>(instance.param).name,
+                                              std::get<1>(instance.param).name);
+                         });
+
+}  // namespace
+}  // namespace tumbler
