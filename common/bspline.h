@@ -195,7 +195,8 @@ class BSpline {
 
   /// Whether degree and knots are those of `other`.
   [[nodiscard]] bool HasKnotsOf(const BSpline& other) const noexcept {
-    return degree_ == other.degree_ && std::ranges::equal(knots(), other.knots());
+    return this == &other ||
+           (degree_ == other.degree_ && std::ranges::equal(knots(), other.knots()));
   }
 
   /// The linear map from control points to `Evaluate(t)`.

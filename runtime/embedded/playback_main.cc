@@ -31,7 +31,7 @@ class Counter {
     *Register(0x18) = 0;
     *Register(0x10) = 5;  // On, processor clock, no interrupt.
     const std::uint32_t before = Now();
-    overhead_ = before - Now();
+    overhead_ = (before - Now()) & kMask;
   }
   [[nodiscard]] std::uint32_t Now() const noexcept { return *Register(0x18); }
   /// Counts since a value of Now.
@@ -138,6 +138,8 @@ int Play() noexcept {
 
   const Counter counter;
   Calibrate(counter);
+  const std::uint32_t stack_of_set_up = StackUsed();
+  const std::uint32_t stack_here = RepaintStack();
   static std::array<Counts, kExecutorStateCount> counts;
   static std::array<std::uint8_t, RecordedTick::kMaxBytes> bytes;
   static std::array<std::uint8_t, kPlaybackMaxBytes> packed;
@@ -171,11 +173,13 @@ int Play() noexcept {
     Print(counts[i].most);
     Print(" counts\n");
   }
-  Print("stack: ");
-  Print(StackUsed());
-  Print(" of ");
+  Print("stack: of ");
   Print(StackSize());
-  Print(" bytes used\n");
+  Print(" bytes, set-up used ");
+  Print(stack_of_set_up);
+  Print(" and ticks ");
+  Print(StackUsed() - stack_here);
+  Print("\n");
   return 0;
 }
 

@@ -36,8 +36,7 @@ void* __dso_handle = nullptr;
 int __aeabi_atexit(void*, void (*)(void*), void*) { return 0; }
 
 [[noreturn, gnu::noinline]] static void Start() {
-  std::uint32_t* const sp = static_cast<std::uint32_t*>(__builtin_frame_address(0)) - 32;
-  for (volatile std::uint32_t* p = &stack_bottom; p < sp; ++p) *p = 0xdeadbeefU;
+  tumbler::RepaintStack();
   const volatile std::uint32_t* from = &data_load;
   for (volatile std::uint32_t* to = &data_start; to < &data_end; ++to) *to = *from++;
   for (volatile std::uint32_t* p = &bss_start; p < &bss_end; ++p) *p = 0;
@@ -62,6 +61,8 @@ void operator delete(void* /*pointer*/, std::size_t /*size*/) noexcept { abort()
 namespace tumbler {
 namespace {
 
+constexpr std::uint32_t kPattern = 0xdeadbeefU;
+
 using Handler = void (*)();
 
 struct VectorTable {
@@ -77,6 +78,14 @@ struct VectorTable {
 
 }  // namespace
 
+[[gnu::noinline]] std::uint32_t RepaintStack() noexcept {
+  constexpr std::uintptr_t kOwnFrame = 64;  // More than this function can need.
+  const std::uintptr_t here = reinterpret_cast<std::uintptr_t>(__builtin_frame_address(0));
+  const auto* const end = reinterpret_cast<std::uint32_t*>(here - kOwnFrame);
+  for (volatile std::uint32_t* p = &stack_bottom; p < end; ++p) *p = kPattern;
+  return static_cast<std::uint32_t>(reinterpret_cast<std::uintptr_t>(&stack_top) - here);
+}
+
 std::uint32_t StackSize() noexcept {
   return static_cast<std::uint32_t>(reinterpret_cast<std::uintptr_t>(&stack_top) -
                                     reinterpret_cast<std::uintptr_t>(&stack_bottom));
@@ -84,7 +93,7 @@ std::uint32_t StackSize() noexcept {
 
 std::uint32_t StackUsed() noexcept {
   const volatile std::uint32_t* p = &stack_bottom;
-  while (p < &stack_top && *p == 0xdeadbeefU) ++p;
+  while (p < &stack_top && *p == kPattern) ++p;
   return static_cast<std::uint32_t>(reinterpret_cast<std::uintptr_t>(&stack_top) -
                                     reinterpret_cast<std::uintptr_t>(p));
 }
