@@ -16,5 +16,7 @@ else()
   message(FATAL_ERROR "TUMBLER_CORTEX_M is '${TUMBLER_CORTEX_M}': m4f (Cortex-M4F) or m7 (Cortex-M7) is needed")
 endif()
 string(APPEND cortex_m_flags " -mthumb -mfloat-abi=hard -ffunction-sections -fdata-sections")
+# Beside every object, who calls whom and how much stack each takes (*.ci).
+string(APPEND cortex_m_flags " -fcallgraph-info=su")
 set(CMAKE_C_FLAGS_INIT "${cortex_m_flags}")
 set(CMAKE_CXX_FLAGS_INIT "${cortex_m_flags} -fno-exceptions -fno-rtti -fno-threadsafe-statics")

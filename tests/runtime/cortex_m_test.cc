@@ -292,6 +292,58 @@ Figures ReadFigures(const std::string& text) {
   return figures;
 }
 
+/// The deepest stack below a function, from what the compiler wrote of every function and call.
+class CallGraph {
+ public:
+  /// Of all objects in a folder.
+  explicit CallGraph(const std::filesystem::path& folder) {
+    const std::regex node(
+        "node: \\{ title: \"([^\"]+)\" label: \"[^\"]*\\\\n(\\d+) bytes \\((\\w+)");
+    const std::regex edge("edge: \\{ sourcename: \"([^\"]+)\" targetname: \"([^\"]+)\"");
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
+      if (entry.path().extension() != ".ci") continue;
+      std::istringstream lines(ReadFile(entry.path()));
+      std::smatch match;
+      for (std::string line; std::getline(lines, line);) {
+        if (std::regex_search(line, match, node)) {
+          if (match[3] != "static")
+            throw std::runtime_error(match[1].str() + " has no fixed frame");
+          frames_[match[1]] = std::stoi(match[2]);
+        } else if (std::regex_search(line, match, edge)) {
+          calls_[match[1]].insert(match[2]);
+        }
+      }
+    }
+    // The one kind of indirect call in the core: of a drive.
+    const std::regex method(
+        "(.*:)?_ZNK?7tumbler\\d+(Mit|CanSimple|Cia402)Drive"
+        "(6Encode|6Decode|16encoded_setpoint|8feedback|5state)E.*");
+    for (const auto& [name, bytes] : frames_) {
+      if (std::regex_match(name, method)) calls_["__indirect_call"].insert(name);
+    }
+  }
+
+  /// @throws std::runtime_error on recursion.
+  int DepthOf(const std::string& function) {
+    if (!open_.insert(function).second) throw std::runtime_error(function + " is recursive");
+    int below = 0;
+    for (const std::string& callee : calls_[function]) below = std::max(below, DepthOf(callee));
+    open_.erase(function);
+    if (function == "__indirect_call") return below;
+    const auto frame = frames_.find(function);
+    return below + (frame == frames_.end() ? kLibraryFrame : frame->second);
+  }
+
+  [[nodiscard]] std::size_t drive_methods() { return calls_["__indirect_call"].size(); }
+
+ private:
+  /// Assumed of functions that only exist compiled: memcpy, memcmp, conversions of 64 bits.
+  static constexpr int kLibraryFrame = 96;
+  std::map<std::string, int> frames_;
+  std::map<std::string, std::set<std::string>> calls_;
+  std::set<std::string> open_;
+};
+
 class CortexM : public ::testing::TestWithParam<std::tuple<Machine, Protocol>> {};
 
 TEST_P(CortexM, SendsTheBytesThatThisMachineSendsForTheWholeGait) {
@@ -375,6 +427,17 @@ TEST_P(CortexMFirmware, FitsASmallBoard) {
   EXPECT_GT(text, 50'000);  // Three primitives alone are more.
   EXPECT_LT(text + data, 128 * 1024);
   EXPECT_LT(data + bss, 16 * 1024);
+}
+
+TEST_P(CortexMFirmware, NeedsABoundedStackOnEveryPathThroughATick) {
+  const std::filesystem::path build =
+      std::filesystem::path(Firmware(GetParam())).parent_path().parent_path();
+  CallGraph graph(build);
+  EXPECT_EQ(graph.drive_methods(), 15U);  // Five of each of three protocols.
+  const int depth = graph.DepthOf("_ZN7tumbler8Executor4TickERKNS_9TickInputERNS_10TickOutputE");
+  fmt::print("Cortex-{}: a tick needs at most {} bytes of stack\n", GetParam().name, depth);
+  EXPECT_GT(depth, 200);
+  EXPECT_LE(depth, kTickStackMax);
 }
 
 TEST_P(CortexMFirmware, SaysWhatIsWrongAndFails) {
