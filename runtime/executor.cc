@@ -305,7 +305,7 @@ void Executor::TakeReplies(const TickInput& input, int elapsed) noexcept {
       joint.reply_age_ticks = 0;
       joint.measured = joint.drive->feedback();
     } else if (joint.reply_age_ticks >= 0) {
-      joint.reply_age_ticks = std::min(joint.reply_age_ticks + elapsed, 1 << 30);
+      joint.reply_age_ticks = std::min<std::int32_t>(joint.reply_age_ticks + elapsed, 1 << 30);
     }
     joint.drive_state = joint.drive->state();
     if (joint.replies != 1 || (joint.unanswered | joint.sequence_errors) != 0) {
