@@ -18,8 +18,8 @@ namespace {
 constexpr double kDegrees = 57.29577951308232;
 
 const char* DriveStateName(std::int8_t state) {
-  constexpr std::array<const char*, 5> kNames{"unknown", "disabled", "enabling", "enabled",
-                                              "fault"};
+  constexpr std::array<const char*, 6> kNames{"unknown", "disabled", "enabling",
+                                              "enabled", "fault",    "lost"};
   const auto index = static_cast<std::size_t>(state);
   return index < kNames.size() ? kNames[index] : "?";
 }

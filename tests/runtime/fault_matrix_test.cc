@@ -403,14 +403,25 @@ TEST_P(FaultMatrix, IsFoundAndAnsweredAsStatedAndNoFrameBreaksARule) {
   // Afterwards: never back to more.
   std::array<int, 2> freedom{Freedom(bench.judge.last_order(0)),
                              Freedom(bench.judge.last_order(1))};
-  for (int i = 0; i < 80; ++i) {
+  std::array<double, 2> position_rad{};
+  for (int i = 0; i < 160; ++i) {
     const TickRecord& record = world.Tick();
+    for (std::size_t j = 0; i == 150 && j < 2; ++j) {
+      position_rad[j] = bench.judge.last_order(j).position_rad;
+    }
     EXPECT_EQ(record.faults & found.faults, found.faults) << "nothing clears itself";
     if (found.faults == 0) continue;
     for (std::size_t j = 0; j < 2; ++j) {
       EXPECT_LE(Freedom(bench.judge.last_order(j)), freedom[j]) << "joint " << j << ", tick " << i;
       freedom[j] = Freedom(bench.judge.last_order(j));
     }
+  }
+  const bool holds = plain_stop || (bench.output.record.state == ExecutorState::kFault &&
+                                    bench.output.record.reaction == Reaction::kHold);
+  for (std::size_t j = 0; holds && j < 2; ++j) {
+    const DriveOrder& order = bench.judge.last_order(j);
+    EXPECT_NEAR(order.velocity_rad_s, 0, 0.02) << "joint " << j << " has come to rest";
+    EXPECT_NEAR(order.position_rad, position_rad[j], 1e-6) << "joint " << j;
   }
   // Whoever is to be without torque is, by order or by its watchdog.
   if (bench.output.record.reaction == Reaction::kDisable) {
@@ -697,6 +708,7 @@ TEST(Dropout, ADriveThatSomebodyElseSwitchesOffIsADriveError) {
         << NameOf(protocol);
     EXPECT_EQ(bench.output.record.first_fault.value, 0);
     EXPECT_EQ(bench.judge.last_order(0).kind, Kind::kPassive);
+    EXPECT_EQ(bench.judge.last_order(1).kind, Kind::kOff) << "it is not to come back by itself";
   }
 }
 

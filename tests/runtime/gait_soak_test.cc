@@ -304,7 +304,7 @@ TEST_P(GaitSoak, BreaksNoRuleAllocatesNothingAndIsTheSameEachTime) {
       seen += std::string(i > 1 ? ", " : "") + ToString(static_cast<Fault>(i)) + " " +
               std::to_string(once.first_faults[i]);
     }
-    EXPECT_GE(kinds, 8) << seen;
+    EXPECT_GE(kinds, ticks < 100'000 ? 6 : 8) << seen;
     std::printf(
         "%s%s: %lld ticks, %lld frames, hash %016llx; running %lld ticks of %lld passages, drives "
         "started %lld times; %lld disturbances, %lld first faults: %s\n",
