@@ -65,7 +65,7 @@ Exit codes:
   1    wrong usage, or a file or interface that cannot be used
   2    refused: a check before arming or running failed
   3    a fault during the run
-  4    the motion was completed, but the simulated robot is not where the primitive says 2 s later
+  4    the motion was completed, but the simulated robot fell, or is not where the primitive says 2 s later
   130  stopped by Ctrl-C or a message)";
 
 struct Options {
@@ -83,6 +83,8 @@ struct Options {
   std::string lcm_url;
   std::string json;
   std::string trace;
+  std::string twin;
+  std::string truth;
 
   [[nodiscard]] bool simulated() const { return bus == kSimulation; }
   [[nodiscard]] bool dry_run() const { return !simulated() && !arm; }
@@ -313,7 +315,8 @@ std::unique_ptr<World> MakeWorld(const Options& options, const SequenceFile& fil
                                  const DrivesConfig& drives) {
   if (options.simulated()) {
 #ifdef TUMBLER_HAS_SIMULATION
-    return MakeSimulatedWorld(file, drives, options.realtime);
+    return MakeSimulatedWorld(file, drives,
+                              {options.twin, options.truth, options.lcm_url, options.realtime});
 #else
     throw std::runtime_error(
         "this build has no simulation (TUMBLER_BUILD_OFFLINE is OFF); name a CAN interface");
@@ -346,6 +349,11 @@ int Run(const Options& options) {
   if (options.drives.empty() && !options.simulated()) {
     throw std::runtime_error(
         fmt::format("{} is a real bus: say with --drives which drives are on it", options.bus));
+  }
+  if (!options.simulated() && !(options.twin.empty() && options.truth.empty())) {
+    throw std::runtime_error(fmt::format(
+        "--twin and --truth are about the simulated robot of `sim`; on {} run tumbler-twin",
+        options.bus));
   }
   const bool virtual_time = options.dry_run() || (options.simulated() && !options.realtime);
   if (virtual_time && graph.edge_count > 0 && options.cycles == 0 && options.branch.empty()) {
@@ -438,7 +446,7 @@ int Run(const Options& options) {
   report.lost_records = telemetry.lost();
   report.unpublished_messages = telemetry.unpublished();
   world->Report(report);
-  for (const std::string& path : {options.log, options.trace}) {
+  for (const std::string& path : {options.log, options.trace, options.truth}) {
     if (!path.empty()) report.files.push_back(path);
   }
   if (!options.json.empty() && options.json != "-") report.files.push_back(options.json);
@@ -485,6 +493,11 @@ int Main(int argc, char** argv) {
   app.add_option("--json", options.json,
                  "write the summary as JSON to this file, or - for standard output");
   app.add_option("--trace", options.trace, "write every tick to this CSV file");
+  app.add_option("--twin", options.twin,
+                 "sim: the simulated robot as it is, with disturbances (TOML); without it, as the "
+                 "motion has it");
+  app.add_option("--truth", options.truth,
+                 "sim: write what is true of the simulated robot to this LCM log");
   try {
     app.parse(argc, argv);
   } catch (const CLI::CallForHelp& help) {
