@@ -35,7 +35,7 @@ happens to the robot, and may name motion and drives (docs/formats.md). What is 
 
 The robot is held by hand, joints and all, until every drive is enabled. From then on physics takes its course at the
 pace of the clock: with the torque off it collapses. It falls when it comes to rest in a pose that no motion begins or
-ends in, or touches with a link that must not; a robot that is let go at rest does not fall.
+ends in, or touches with a link that must not; a robot that is let go in such a pose does not fall.
 
 Prints, with the time of `candump -L`, when a drive is enabled or disabled, when its watchdog takes over, where the
 robot comes to rest, and falls.
@@ -58,6 +58,7 @@ struct Options {
   std::string lcm_url;
   std::string truth;
   std::string json;
+  double pace = 1;
 };
 
 volatile std::sig_atomic_t stop_wanted = 0;
@@ -153,11 +154,13 @@ int Run(const Options& options) {
   std::vector<ServedDrive> served;
   for (std::size_t j = 0; j < robot.joint_count(); ++j)
     served.push_back({robot.joints()[j], &robot.drive(j)});
-  DriveServer server(options.interface, drives, robot.bus(), std::move(served),
-                     [&](std::int64_t time_ns) {
-                       robot.AdvanceTo(time_ns);
-                       truth.Observe(robot);
-                     });
+  DriveServer server(
+      options.interface, drives, robot.bus(), std::move(served),
+      [&](std::int64_t time_ns) {
+        robot.AdvanceTo(time_ns);
+        truth.Observe(robot);
+      },
+      options.pace);
   fmt::print("{} with {} drives on {}, held\n", motion.graph.name.view(), robot.joint_count(),
              options.interface);
   std::fflush(stdout);
@@ -199,6 +202,10 @@ int Main(int argc, char** argv) {
   app.add_option("--lcm-url", options.lcm_url,
                  "publish truth_t there, e.g. udpm://239.255.76.67:7667?ttl=0");
   app.add_option("--truth", options.truth, "write truth_t to this LCM log");
+  app.add_option("--pace", options.pace,
+                 "seconds of the robot in a second of the clock; tumbler-run needs the same")
+      ->check(CLI::Range(0.05, 1.0))
+      ->capture_default_str();
   app.add_option("--json", options.json,
                  "at the end, write what happened to this file, or - for standard output");
   try {

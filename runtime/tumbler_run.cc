@@ -41,6 +41,7 @@
 #include "runtime/run_sequence.h"
 #include "runtime/world.h"
 #ifdef TUMBLER_HAS_SIMULATION
+#include "offline/twin/twin_toml.h"
 #include "runtime/simulated_world.h"
 #endif
 
@@ -76,6 +77,7 @@ struct Options {
   bool realtime = false;
   bool without_realtime = false;
   double speed = 1;
+  double pace = 1;
   double hold_s = 2;
   int cycles = 0;
   std::string branch;
@@ -265,6 +267,10 @@ class RealWorld final : public World {
     config.receive_ids = drives.HostReceives();
     config.in_flight_max = std::clamp(4 * drives.HostFramesMax(), 8, SocketCanConfig::kMaxInFlight);
     OpenInterface(bus_, options, drives, config);
+    if (options.pace != 1 && bus_.link().bit_rate != 0) {
+      throw Refused(fmt::format("{} is a real bus, and real robots know one pace: leave out --pace",
+                                options.bus));
+    }
     if (bus_.link().has_queue && !bus_.can_discard()) {
       fmt::print(stderr,
                  "warning: without CAP_NET_ADMIN, frames that wait when the bus fails cannot be "
@@ -342,10 +348,14 @@ std::int64_t UtimeAtZero(const World& world) {
   return std::chrono::duration_cast<std::chrono::microseconds>(since_epoch).count();
 }
 
-int Run(const Options& options) {
+int Run(Options options) {
   const SequenceFile file = LoadMotion(options.motion);
   const auto motions = std::make_unique<const Sequence<float>>(ToRuntime(file));
   const SequenceGraph<float>& graph = motions->graph;
+#ifdef TUMBLER_HAS_SIMULATION
+  if (options.drives.empty() && !options.twin.empty())
+    options.drives = ReadTwinSources(options.twin).drives;
+#endif
   if (options.drives.empty() && !options.simulated()) {
     throw std::runtime_error(
         fmt::format("{} is a real bus: say with --drives which drives are on it", options.bus));
@@ -354,6 +364,9 @@ int Run(const Options& options) {
     throw std::runtime_error(fmt::format(
         "--twin and --truth are about the simulated robot of `sim`; on {} run tumbler-twin",
         options.bus));
+  }
+  if (options.pace != 1 && (options.simulated() || options.dry_run())) {
+    throw std::runtime_error("--pace is for an armed run on tumbler-twin");
   }
   const bool virtual_time = options.dry_run() || (options.simulated() && !options.realtime);
   if (virtual_time && graph.edge_count > 0 && options.cycles == 0 && options.branch.empty()) {
@@ -413,7 +426,8 @@ int Run(const Options& options) {
         "driving motors takes --realtime (or --without-realtime, and patience with late ticks)");
   }
 
-  const auto period_ns = static_cast<std::int64_t>(std::llround(1e9 / drives.rate_hz));
+  const auto period_ns =
+      static_cast<std::int64_t>(std::llround(1e9 / (drives.rate_hz * options.pace)));
   RunSequence sequence(MakeSequenceConfig(options, drives));
   Clock& clock = world->clock();
   const std::int64_t start_ns = world->real_time() ? clock.now_ns() + period_ns : 0;
@@ -477,6 +491,11 @@ int Main(int argc, char** argv) {
                "arm a real bus even though they are not in force");
   app.add_option("--speed", options.speed, "playback speed; feed-forward is scaled by its square")
       ->check(CLI::Range(0.1, 1.0))
+      ->capture_default_str();
+  app.add_option("--pace", options.pace,
+                 "for tumbler-twin with the same --pace on a virtual interface: seconds of the "
+                 "robot in a second of the clock")
+      ->check(CLI::Range(0.05, 1.0))
       ->capture_default_str();
   app.add_option("--hold-s", options.hold_s, "how long to hold after settling [s]")
       ->check(CLI::Range(0.0, 3600.0))

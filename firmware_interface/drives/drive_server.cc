@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cmath>
 #include <cstdio>
 #include <ctime>
 #include <stdexcept>
@@ -45,18 +46,22 @@ SocketCanConfig DriveServer::InterfaceConfig(const DrivesConfig& drives) {
 
 DriveServer::DriveServer(const std::string& interface, const DrivesConfig& config,
                          SimulatedBus& bus, std::vector<ServedDrive> drives,
-                         std::function<void(std::int64_t)> advance)
+                         std::function<void(std::int64_t)> advance, double pace)
     : interface_(interface),
       interface_config_(InterfaceConfig(config)),
       gateway_(bus.Attach(GatewayConfig())),
-      advance_(std::move(advance)) {
+      advance_(std::move(advance)),
+      pace_(pace) {
   for (ServedDrive& drive : drives) drives_.push_back({std::move(drive)});
   const SocketCanBus::OpenResult opened = bus_.Open(interface_, interface_config_);
   if (opened.status != Status::kOk) throw std::runtime_error(opened.message);
   start_ns_ = Now(CLOCK_MONOTONIC);
 }
 
-std::int64_t DriveServer::now_ns() const { return Now(CLOCK_MONOTONIC) - start_ns_; }
+std::int64_t DriveServer::TimeAt(std::int64_t monotonic_ns) const {
+  return std::llround(pace_ * static_cast<double>(monotonic_ns - start_ns_));
+}
+std::int64_t DriveServer::now_ns() const { return TimeAt(Now(CLOCK_MONOTONIC)); }
 
 void DriveServer::Say(std::string_view what) {
   const std::int64_t now_us = Now(CLOCK_REALTIME) / 1000;
@@ -100,7 +105,7 @@ void DriveServer::ServeUntil(std::int64_t time_ns) {
   Status status = Status::kOk;
   while ((status = bus_.Receive(received)) == Status::kOk) {
     heard_ns_ = now_ns();
-    AdvanceTo(received.time_ns - start_ns_);
+    AdvanceTo(TimeAt(received.time_ns));
     // Fails when 256 frames wait; a drive would miss them as well.
     static_cast<void>(gateway_.Send(received.frame) == Status::kOk);
   }

@@ -96,7 +96,8 @@ void PostureWatch::Observe(const TwinState& state, const std::vector<TwinContact
     return;
   }
   if (drives.all_enabled) watched_ = true;
-  if (drives.let_go && resting_ && !resting_as_.empty()) watched_ = false;
+  if (drives.let_go && !let_go_ && FindPose(state) != nullptr) watched_ = false;
+  let_go_ = drives.let_go;
   for (const TwinContact& contact : contacts) {
     if (std::find(config_.clear_links.begin(), config_.clear_links.end(), contact.link) !=
         config_.clear_links.end()) {

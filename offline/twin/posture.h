@@ -50,8 +50,8 @@ struct DrivesPosture {
 ///  - the robot comes to rest in a pose that no node of the motion begins or ends in (height, pitch
 ///    less whole turns, joints), nor is the pose in which it was started; or
 ///  - a link of `clear_links` touches something.
-/// Nothing is a fall any more once the host has taken the torque off a robot that rests in a known
-/// pose: it was let go. After a fall the next one counts from when the robot was in a known pose
+/// Nothing is a fall any more once the host has taken the torque off a robot in a known pose: it
+/// was let go. After a fall the next one counts from when the robot was in a known pose
 /// again.
 class PostureWatch {
  public:
@@ -85,6 +85,7 @@ class PostureWatch {
   int falls_ = 0;
   bool watched_ = false;
   bool fallen_ = false;
+  bool let_go_ = false;
   bool resting_ = false;
   std::string resting_as_;
   std::int64_t slow_since_ns_ = -1;  // -1: it moves
