@@ -43,6 +43,7 @@
 #include "runtime/run_sequence.h"
 #include "runtime/world.h"
 #ifdef TUMBLER_HAS_SIMULATION
+#include "offline/twin/twin_toml.h"
 #include "runtime/simulated_world.h"
 #endif
 
@@ -70,7 +71,7 @@ Exit codes:
   1    wrong usage, or a file or interface that cannot be used
   2    refused: a check before arming or running failed
   3    a fault during the run
-  4    the motion was completed, but the simulated robot is not where the primitive says 2 s later
+  4    the motion was completed, but the simulated robot fell, or is not where the primitive says 2 s later
   130  stopped by Ctrl-C or a message)";
 
 struct Options {
@@ -87,6 +88,7 @@ struct Options {
   double rate_hz = 1000;  ///< Of the latency test.
   bool attended = false;
   double speed = 1;
+  double pace = 1;
   double hold_s = 2;
   int cycles = 0;
   std::string branch;
@@ -94,6 +96,8 @@ struct Options {
   std::string lcm_url;
   std::string json;
   std::string trace;
+  std::string twin;
+  std::string truth;
 
   [[nodiscard]] bool simulated() const { return bus == kSimulation; }
   [[nodiscard]] bool dry_run() const { return !simulated() && !arm; }
@@ -304,6 +308,10 @@ class RealWorld final : public World {
     config.receive_ids = drives.HostReceives();
     config.in_flight_max = std::clamp(4 * drives.HostFramesMax(), 8, SocketCanConfig::kMaxInFlight);
     OpenInterface(bus_, options, drives, config);
+    if (options.pace != 1 && bus_.link().bit_rate != 0) {
+      throw Refused(fmt::format("{} is a real bus, and real robots know one pace: leave out --pace",
+                                options.bus));
+    }
     if (bus_.link().has_queue && !bus_.can_discard()) {
       fmt::print(stderr,
                  "warning: without CAP_NET_ADMIN, frames that wait when the bus fails cannot be "
@@ -354,7 +362,9 @@ std::unique_ptr<World> MakeWorld(const Options& options, const SequenceFile& fil
                                  const DrivesConfig& drives) {
   if (options.simulated()) {
 #ifdef TUMBLER_HAS_SIMULATION
-    return MakeSimulatedWorld(file, drives, {options.bus_faults, options.realtime});
+    return MakeSimulatedWorld(
+        file, drives,
+        {options.twin, options.bus_faults, options.truth, options.lcm_url, options.realtime});
 #else
     throw std::runtime_error(
         "this build has no simulation (TUMBLER_BUILD_OFFLINE is OFF); name a CAN interface");
@@ -428,16 +438,28 @@ int TestLatency(const Options& options) {
   return 0;
 }
 
-int Run(const Options& options) {
+int Run(Options options) {
   const SequenceFile file = LoadMotion(options.motion);
   const auto motions = std::make_unique<const Sequence<float>>(ToRuntime(file));
   const SequenceGraph<float>& graph = motions->graph;
+#ifdef TUMBLER_HAS_SIMULATION
+  if (options.drives.empty() && !options.twin.empty())
+    options.drives = ReadTwinSources(options.twin).drives;
+#endif
   if (options.drives.empty() && !options.simulated()) {
     throw std::runtime_error(
         fmt::format("{} is a real bus: say with --drives which drives are on it", options.bus));
   }
   if (!options.bus_faults.empty() && !options.simulated()) {
     throw std::runtime_error("--bus-faults is for the simulated bus: sim");
+  }
+  if (!options.simulated() && !(options.twin.empty() && options.truth.empty())) {
+    throw std::runtime_error(fmt::format(
+        "--twin and --truth are about the simulated robot of `sim`; on {} run tumbler-twin",
+        options.bus));
+  }
+  if (options.pace != 1 && (options.simulated() || options.dry_run())) {
+    throw std::runtime_error("--pace is for an armed run on tumbler-twin");
   }
   const bool virtual_time = options.dry_run() || (options.simulated() && !options.realtime);
   if (options.attended && (virtual_time || options.lcm_url.empty())) {
@@ -488,7 +510,8 @@ int Run(const Options& options) {
     telemetry.Start();  // Before SCHED_FIFO, which its thread must not inherit.
 
   CatchInterrupts();
-  const auto period_ns = static_cast<std::int64_t>(std::llround(1e9 / drives.rate_hz));
+  const auto period_ns =
+      static_cast<std::int64_t>(std::llround(1e9 / (drives.rate_hz * options.pace)));
   if (options.realtime) {
     report.realtime = EnterRealtime(SchedulingFor(options, period_ns));
     if (!report.realtime->in_force()) {
@@ -538,7 +561,7 @@ int Run(const Options& options) {
   report.lost_records = telemetry.lost();
   report.unpublished_messages = telemetry.unpublished();
   world->Report(report);
-  for (const std::string& path : {options.log, options.trace}) {
+  for (const std::string& path : {options.log, options.trace, options.truth}) {
     if (!path.empty()) report.files.push_back(path);
   }
   if (!options.json.empty() && options.json != "-") report.files.push_back(options.json);
@@ -608,6 +631,11 @@ int Main(int argc, char** argv) {
   app.add_option("--speed", options.speed, "playback speed; feed-forward is scaled by its square")
       ->check(CLI::Range(0.1, 1.0))
       ->capture_default_str();
+  app.add_option("--pace", options.pace,
+                 "for tumbler-twin with the same --pace on a virtual interface: seconds of the "
+                 "robot in a second of the clock")
+      ->check(CLI::Range(0.05, 1.0))
+      ->capture_default_str();
   app.add_option("--hold-s", options.hold_s, "how long to hold after settling [s]")
       ->check(CLI::Range(0.0, 3600.0))
       ->capture_default_str();
@@ -623,6 +651,11 @@ int Main(int argc, char** argv) {
   app.add_option("--json", options.json,
                  "write the summary as JSON to this file, or - for standard output");
   app.add_option("--trace", options.trace, "write every tick to this CSV file");
+  app.add_option("--twin", options.twin,
+                 "sim: the simulated robot as it is, with disturbances (TOML); without it, as the "
+                 "motion has it");
+  app.add_option("--truth", options.truth,
+                 "sim: write what is true of the simulated robot to this LCM log");
   try {
     app.parse(argc, argv);
   } catch (const CLI::CallForHelp& help) {
