@@ -39,6 +39,8 @@
 #include "runtime/linux/realtime_thread.h"
 #include "runtime/linux/run_report.h"
 #include "runtime/linux/telemetry.h"
+#include "runtime/record/flight_recorder.h"
+#include "runtime/record/record_configuration.h"
 #include "runtime/run_sequence.h"
 #ifdef TUMBLER_HAS_SIMULATION
 #include "offline/twin/twin.h"
@@ -83,6 +85,8 @@ struct Options {
   std::string lcm_url;
   std::string json;
   std::string trace;
+  std::string record;
+  std::vector<std::string> command_line;
 
   [[nodiscard]] bool simulated() const { return bus == kSimulation; }
   [[nodiscard]] bool dry_run() const { return !simulated() && !arm; }
@@ -115,36 +119,18 @@ void CatchInterrupts() {
 }
 
 /// The drives of the primitive's joints, in its order.
-DrivesConfig DrivesFor(const Options& options, const Primitive<double>& primitive) {
-  DrivesConfig given;
-  if (!options.drives.empty()) given = LoadDrives(options.drives);
-  DrivesConfig chosen = given;
-  chosen.drives.clear();
-  for (std::size_t i = 0; i < primitive.motions().size(); ++i) {
-    const std::string joint(primitive.joints[i].name.view());
-    if (options.drives.empty()) {  // Said in the help of --drives.
-      DriveEntry entry;
-      entry.joint = joint;
-      MitConfig mit;
-      mit.command_id = static_cast<std::uint16_t>(i + 1);
-      mit.reply_id = static_cast<std::uint16_t>(i + 17);
-      entry.config = mit;
-      entry.kp_nm_per_rad = 200;
-      entry.kd_nm_s_per_rad = 4;
-      chosen.drives.push_back(entry);
-      continue;
-    }
-    const DriveEntry* found = nullptr;
-    for (const DriveEntry& entry : given.drives) {
-      if (entry.joint == joint) found = &entry;
-    }
-    if (found == nullptr) {
-      throw Refused(fmt::format("{}: has no drive for joint '{}' of {}", options.drives, joint,
-                                options.motion));
-    }
-    chosen.drives.push_back(*found);
+DrivesConfig DrivesFor(const Options& options, const Primitive<double>& primitive,
+                       const FileReader& read) {
+  std::vector<std::string> joints;
+  for (const JointMotion<double>& motion : primitive.motions())
+    joints.emplace_back(motion.name.view());
+  if (options.drives.empty()) return DefaultDrives(joints);  // Said in the help of --drives.
+  const DrivesConfig given = ParseDrives(read(options.drives), options.drives);
+  try {
+    return DrivesOf(given, joints, options.drives);
+  } catch (const std::runtime_error& error) {
+    throw Refused(fmt::format("{} of {}", error.what(), options.motion));
   }
-  return chosen;
 }
 
 /// Checks that a node's motion fits what the drives can be told, joint by joint.
@@ -428,14 +414,45 @@ void WriteJson(const RunReport& report, const std::string& path) {
   if (!stream) throw std::runtime_error(fmt::format("{}: cannot be written", path));
 }
 
-std::int64_t UtimeAtZero(const World& world) {
+/// Of the loop's clock, in microseconds since 1970; 0 in virtual time.
+std::int64_t UtimeAtZero(World& world) {
   if (!world.real_time()) return 0;
   const auto since_epoch = std::chrono::system_clock::now().time_since_epoch();
-  return std::chrono::duration_cast<std::chrono::microseconds>(since_epoch).count();
+  return std::chrono::duration_cast<std::chrono::microseconds>(since_epoch).count() -
+         world.clock().now_ns() / 1000;
+}
+
+RecordConfiguration DescribeRun(const Options& options, World& world,
+                                const std::vector<std::string>& joints, const FileKeeper& files) {
+  RecordConfiguration configuration;
+  configuration.program = "tumbler-run " TUMBLER_VERSION;
+  configuration.command_line = options.command_line;
+  configuration.kernel = DescribeKernel();
+  configuration.bus = options.bus;
+  configuration.dry_run = options.dry_run();
+  configuration.virtual_time = !world.real_time();
+  configuration.utime_at_zero_us = UtimeAtZero(world);
+  configuration.joints = joints;
+  configuration.motion_file = options.motion;
+  configuration.drives_file = options.drives;
+  configuration.files = files.files();
+  return configuration;
+}
+
+std::unique_ptr<FlightRecorder> OpenRecorder(const Options& options,
+                                             const RecordConfiguration& configuration) {
+  // A limit on the size of files is a full disk: the recording stops, not the program.
+  std::signal(SIGXFSZ, SIG_IGN);
+  FlightRecorderConfig config;
+  config.file = options.record;
+  config.configuration = EncodeConfiguration(configuration);
+  config.say = [](const std::string& text) { fmt::print(stderr, "tumbler-run: {}\n", text); };
+  return std::make_unique<FlightRecorder>(config);
 }
 
 int Run(const Options& options) {
-  const SequenceFile file = LoadMotion(options.motion);
+  FileKeeper files;
+  const SequenceFile file = LoadMotion(options.motion, files.reader());
   const auto motions = std::make_unique<const Sequence<float>>(ToRuntime(file));
   const SequenceGraph<float>& graph = motions->graph;
   if (options.drives.empty() && !options.simulated()) {
@@ -448,7 +465,7 @@ int Run(const Options& options) {
         "{} goes round until it is stopped, and time here is not real: say with --cycles how often",
         options.motion));
   }
-  const DrivesConfig drives = DrivesFor(options, file.primitives[0].primitive);
+  const DrivesConfig drives = DrivesFor(options, file.primitives[0].primitive, files.reader());
   for (int node = 0; node < graph.node_count; ++node) CheckRanges(*motions, node, drives);
   CheckSchedule(drives);
 
@@ -463,8 +480,8 @@ int Run(const Options& options) {
   Executor executor;
   const std::span<const Primitive<float>> primitives(
       motions->primitives.data(), static_cast<std::size_t>(motions->primitive_count));
-  if (executor.Configure(MakeExecutorConfig(options, drives, graph), graph, primitives,
-                         bank.drives()) != Status::kOk) {
+  const ExecutorConfig executor_config = MakeExecutorConfig(options, drives, graph);
+  if (executor.Configure(executor_config, graph, primitives, bank.drives()) != Status::kOk) {
     throw Refused(fmt::format(
         "{}: the executor does not take this motion: it has to start at rest, last at most "
         "10000 s and run at 1 Hz ... 100 kHz",
@@ -483,8 +500,21 @@ int Run(const Options& options) {
   Telemetry telemetry(telemetry_config);
   std::optional<LcmCommands> commands;
   if (!options.lcm_url.empty()) commands.emplace(options.lcm_url, SignalMailbox(), graph);
-  if (world->real_time())
-    telemetry.Start();  // Before SCHED_FIFO, which its thread must not inherit.
+  const auto period_ns = static_cast<std::int64_t>(std::llround(1e9 / drives.rate_hz));
+  const RunSequenceConfig sequence_config = MakeSequenceConfig(options, drives);
+  RunSequence sequence(sequence_config);
+  std::unique_ptr<FlightRecorder> recorder;
+  if (!options.record.empty()) {
+    RecordConfiguration configuration = DescribeRun(options, *world, report.joints, files);
+    configuration.period_ns = period_ns;
+    configuration.executor = executor_config;
+    configuration.sequence = sequence_config;
+    recorder = OpenRecorder(options, configuration);
+  }
+  if (world->real_time()) {  // Before SCHED_FIFO, which their threads must not inherit.
+    telemetry.Start();
+    if (recorder != nullptr) recorder->Start();
+  }
 
   CatchInterrupts();
   if (options.realtime) {
@@ -500,15 +530,16 @@ int Run(const Options& options) {
         "driving motors takes --realtime (or --without-realtime, and patience with late ticks)");
   }
 
-  const auto period_ns = static_cast<std::int64_t>(std::llround(1e9 / drives.rate_hz));
-  RunSequence sequence(MakeSequenceConfig(options, drives));
   Clock& clock = world->clock();
   const std::int64_t start_ns = world->real_time() ? clock.now_ns() + period_ns : 0;
-  ControlLoop loop({executor, world->bus(), clock, sequence, SignalMailbox(), &telemetry},
-                   period_ns, start_ns);
+  ControlLoop loop(
+      {executor, world->bus(), clock, sequence, SignalMailbox(), &telemetry, recorder.get()},
+      period_ns, start_ns);
   while (loop.Step()) {
     world->Observe(loop);
-    if (!world->real_time()) telemetry.Drain();
+    if (world->real_time()) continue;
+    telemetry.Drain();
+    if (recorder != nullptr) recorder->Drain();
   }
   telemetry.Stop();
 
@@ -527,13 +558,21 @@ int Run(const Options& options) {
   } else if (report.outcome == RunOutcome::kStopped) {
     report.reason = "stopped by the operator";
   }
+  if (recorder != nullptr) {
+    recorder->Stop(report.reason.empty()
+                       ? ToString(report.outcome)
+                       : fmt::format("{}: {}", ToString(report.outcome), report.reason));
+    report.recorded_ticks = recorder->recorded();
+    report.unrecorded_ticks = recorder->pushed() - recorder->recorded();
+    report.record_problem = recorder->problem();
+  }
   report.statistics = loop.statistics();
   report.worst_case_tick_bits = drives.WorstCaseTickBits();
   report.worst_case_load = drives.WorstCaseLoad();
   report.lost_records = telemetry.lost();
   report.unpublished_messages = telemetry.unpublished();
   world->Report(report);
-  for (const std::string& path : {options.log, options.trace}) {
+  for (const std::string& path : {options.log, options.trace, options.record}) {
     if (!path.empty()) report.files.push_back(path);
   }
   if (!options.json.empty() && options.json != "-") report.files.push_back(options.json);
@@ -580,6 +619,10 @@ int Main(int argc, char** argv) {
   app.add_option("--json", options.json,
                  "write the summary as JSON to this file, or - for standard output");
   app.add_option("--trace", options.trace, "write every tick to this CSV file");
+  app.add_option("--record", options.record,
+                 "record the whole run in this file, which must not exist (see tumbler-record and "
+                 "tumbler-replay)");
+  options.command_line.assign(argv, argv + argc);
   try {
     app.parse(argc, argv);
   } catch (const CLI::CallForHelp& help) {

@@ -38,14 +38,15 @@ bool ControlLoop::Step() noexcept {
       wish.command == OperatorCommand::kClearFaults || wish.command == OperatorCommand::kBranch;
   if (command == OperatorCommand::kNone && direct) command = wish.command;
 
-  parts_.executor.Tick(
-      {tick, {received_.data(), count}, receive_status, send_status_, command, wish.branch},
-      output_);
+  const TickInput input{
+      tick, {received_.data(), count}, receive_status, send_status_, command, wish.branch};
+  parts_.executor.Tick(input, output_);
 
   std::size_t frame_count = 0;
   for (const FrameBatch& batch : output_.frames) {
     for (const CanFrame& frame : batch.frames()) to_send_[frame_count++] = frame;
   }
+  const std::int64_t send_ns = parts_.clock.now_ns();
   std::size_t sent = 0;
   send_status_ = parts_.bus.SendAll({to_send_.data(), frame_count}, sent);
   statistics_.frames_sent += static_cast<std::int64_t>(sent);
@@ -53,6 +54,9 @@ bool ControlLoop::Step() noexcept {
   statistics_.tick.Add(parts_.clock.now_ns() - awake_ns);
   Count();
   if (parts_.telemetry != nullptr) parts_.telemetry->Push({time_ns_, output_.record});
+  if (parts_.recorder != nullptr) {
+    parts_.recorder->Push({time_ns_, awake_ns, send_ns}, input, send_status_, sent, output_);
+  }
   return !parts_.sequence.done();
 }
 

@@ -9,7 +9,11 @@
 namespace tumbler {
 namespace {
 
-const char* OutcomeName(RunOutcome outcome) {
+double Microseconds(std::int64_t ns) { return static_cast<double>(ns) * 1e-3; }
+
+}  // namespace
+
+const char* ToString(RunOutcome outcome) noexcept {
   switch (outcome) {
     case RunOutcome::kPending:
       return "unfinished";
@@ -24,10 +28,6 @@ const char* OutcomeName(RunOutcome outcome) {
   }
   return "unknown";
 }
-
-double Microseconds(std::int64_t ns) { return static_cast<double>(ns) * 1e-3; }
-
-}  // namespace
 
 std::optional<bool> PassageReport::standing() const {
   if (!pitch_later_rad || !pitch_rate_later_rad_s) return std::nullopt;
@@ -64,7 +64,7 @@ void AppendPassages(const RunReport& report, std::string& text) {
 std::string ToText(const RunReport& report) {
   const LoopStatistics& s = report.statistics;
   std::string text = fmt::format("{}: {} on {}{}, speed {:.3g}, {:.6g} Hz\n",
-                                 OutcomeName(report.outcome), report.primitive, report.bus,
+                                 ToString(report.outcome), report.primitive, report.bus,
                                  report.dry_run ? " (dry run)" : "", report.speed, report.rate_hz);
   if (!report.reason.empty()) text += fmt::format("  {}\n", report.reason);
   AppendPassages(report, text);
@@ -110,6 +110,11 @@ std::string ToText(const RunReport& report) {
   }
   text += fmt::format("\n  telemetry: {} records lost, {} messages not published\n",
                       report.lost_records, report.unpublished_messages);
+  if (report.recorded_ticks + report.unrecorded_ticks > 0) {
+    text += fmt::format("  flight record: {} ticks, {} not recorded{}{}\n", report.recorded_ticks,
+                        report.unrecorded_ticks, report.record_problem.empty() ? "" : ": ",
+                        report.record_problem);
+  }
   for (const std::string& file : report.files) text += fmt::format("  wrote {}\n", file);
   return text;
 }
@@ -118,7 +123,7 @@ std::string ToJson(const RunReport& report) {
   using Json = nlohmann::ordered_json;
   const LoopStatistics& s = report.statistics;
   Json json;
-  json["outcome"] = OutcomeName(report.outcome);
+  json["outcome"] = ToString(report.outcome);
   json["exit_code"] = ExitCode(report);
   json["reason"] = report.reason;
   json["bus"] = report.bus;
@@ -186,6 +191,9 @@ std::string ToJson(const RunReport& report) {
   }
   json["lost_records"] = report.lost_records;
   json["unpublished_messages"] = report.unpublished_messages;
+  json["recorded_ticks"] = report.recorded_ticks;
+  json["unrecorded_ticks"] = report.unrecorded_ticks;
+  json["record_problem"] = report.record_problem;
   json["files"] = report.files;
   return json.dump(2) + '\n';
 }

@@ -55,8 +55,14 @@ struct RunReport {
   std::optional<RealtimeReport> realtime;
   std::int64_t lost_records = 0;
   std::int64_t unpublished_messages = 0;
+  std::int64_t recorded_ticks = 0;    ///< In the flight record, where there is one,
+  std::int64_t unrecorded_ticks = 0;  ///< and those that are not.
+  std::string record_problem;         ///< Why recording stopped early; empty otherwise.
   std::vector<std::string> files;
 };
+
+/// e.g. `completed`; a string literal.
+[[nodiscard]] const char* ToString(RunOutcome outcome) noexcept;
 
 /// For people: several lines, ending with a line feed.
 std::string ToText(const RunReport& report);
