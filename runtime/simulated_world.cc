@@ -1,0 +1,100 @@
+#include "runtime/simulated_world.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "firmware_interface/can/simulated_bus.h"
+#include "firmware_interface/drives/make_simulated.h"
+#include "offline/twin/twin.h"
+#include "runtime/executor.h"
+
+namespace tumbler {
+namespace {
+
+class SimulatedWorld final : public World {
+ public:
+  SimulatedWorld(const SequenceFile& file, const DrivesConfig& drives, bool paced)
+      : file_(file), bus_(drives.bit_rate), host_(bus_.Attach()), paced_(paced) {
+    expected_pitch_rad_ =
+        file.RobotPitch(file.graph.start, file.PrimitiveOf(file.graph.start).entry.root_pitch_rad);
+    std::vector<SimulatedDrive*> pointers;
+    for (std::size_t i = 0; i < drives.drives.size(); ++i) {
+      const DriveEntry& entry = drives.drives[i];
+      float torque_max_nm = 0;
+      for (const PrimitiveFile& primitive : file.primitives) {
+        torque_max_nm = std::max(
+            torque_max_nm, static_cast<float>(primitive.primitive.joints[i].limits.torque_max_nm));
+      }
+      SimulatedMotorConfig motor;
+      motor.torque_max_nm = std::abs(JointOf(entry.config).ToDriveTorque(torque_max_nm));
+      drives_.push_back(MakeSimulatedDrive(entry, motor));
+      drives_.back()->AttachTo(bus_);
+      pointers.push_back(drives_.back().get());
+    }
+    twin_ =
+        std::make_unique<Twin>(file.PrimitiveOf(file.graph.start), TwinConfig{}, bus_, pointers);
+    const auto advance = [this](std::int64_t time_ns) { twin_->AdvanceTo(time_ns); };
+    if (paced) {
+      clock_ = std::make_unique<PacedClock>(advance);
+    } else {
+      clock_ = std::make_unique<VirtualClock>(advance);
+    }
+  }
+  CanBus& bus() override { return host_; }
+  Clock& clock() override { return *clock_; }
+  [[nodiscard]] bool real_time() const override { return paced_; }
+
+  void Observe(const ControlLoop& loop) override {
+    const TickRecord& record = loop.record();
+    const ExecutorState state = record.state;
+    const TwinState truth = twin_->state();
+    if (last_ == ExecutorState::kRunning && state == ExecutorState::kSettling) {
+      const auto node = static_cast<int>(record.node);
+      const PrimitiveFile& primitive = file_.PrimitiveOf(node);
+      expected_pitch_rad_ += primitive.exit.root_pitch_rad - primitive.entry.root_pitch_rad;
+      PassageReport& passage = passages_.emplace_back();
+      passage.node = std::string(file_.graph.node(node).name.view());
+      passage.expected_pitch_rad = expected_pitch_rad_;
+      passage.pitch_at_end_rad = truth.root_pitch_rad;
+      passage.tolerance_rad = std::max(
+          passage.tolerance_rad, file_.exit_pitch_tolerance_rad[static_cast<std::size_t>(node)]);
+      end_ns_ = loop.time_ns();
+    }
+    const auto later_ns = static_cast<std::int64_t>(PassageReport::kLater_s * 1e9);
+    const bool next = last_ == ExecutorState::kSettling && state == ExecutorState::kRunning;
+    if (!passages_.empty() && !passages_.back().pitch_later_rad &&
+        (next || loop.time_ns() >= end_ns_ + later_ns) && state != ExecutorState::kDisarmed) {
+      passages_.back().pitch_later_rad = truth.root_pitch_rad;
+      passages_.back().pitch_rate_later_rad_s = truth.root_pitch_rate_rad_s;
+    }
+    last_ = state;
+  }
+  void Report(RunReport& report) override {
+    report.passages = passages_;
+    report.measured_load = bus_.load();
+  }
+
+ private:
+  const SequenceFile& file_;
+  SimulatedBus bus_;
+  SimulatedPort& host_;
+  bool paced_;
+  std::vector<std::unique_ptr<SimulatedDrive>> drives_;
+  std::unique_ptr<Twin> twin_;
+  std::unique_ptr<Clock> clock_;
+  ExecutorState last_ = ExecutorState::kDisarmed;
+  double expected_pitch_rad_ = 0;
+  std::int64_t end_ns_ = 0;
+  std::vector<PassageReport> passages_;
+};
+
+}  // namespace
+
+std::unique_ptr<World> MakeSimulatedWorld(const SequenceFile& file, const DrivesConfig& drives,
+                                          bool paced) {
+  return std::make_unique<SimulatedWorld>(file, drives, paced);
+}
+
+}  // namespace tumbler
