@@ -24,22 +24,20 @@
 
 #include "common/sequence_toml.h"
 #include "common/toml_reader.h"
-#include "firmware_interface/can/bus_schedule.h"
-#include "firmware_interface/can/frame_length.h"
-#include "firmware_interface/can/socketcan_bus.h"
 #include "firmware_interface/drives/drive_bank.h"
 #include "firmware_interface/drives/drives_toml.h"
-#include "firmware_interface/drives/make_simulated.h"
 #include "runtime/executor.h"
+#include "runtime/interface_world.h"
 #include "runtime/linux/clock.h"
 #include "runtime/linux/control_loop.h"
-#include "runtime/linux/dry_run_bus.h"
+#include "runtime/linux/interrupts.h"
 #include "runtime/linux/lcm_commands.h"
 #include "runtime/linux/realtime_thread.h"
 #include "runtime/linux/run_report.h"
 #include "runtime/linux/telemetry.h"
 #include "runtime/record/flight_recorder.h"
 #include "runtime/record/record_configuration.h"
+#include "runtime/run_checks.h"
 #include "runtime/run_sequence.h"
 #include "runtime/world.h"
 #ifdef TUMBLER_HAS_SIMULATION
@@ -92,32 +90,6 @@ struct Options {
   [[nodiscard]] bool dry_run() const { return !simulated() && !arm; }
 };
 
-/// A run that may not start; the message says why and what to do.
-class Refused : public std::runtime_error {
- public:
-  using std::runtime_error::runtime_error;
-};
-
-OperatorMailbox& SignalMailbox() {
-  static OperatorMailbox mailbox;  // A signal handler can only reach what is static.
-  return mailbox;
-}
-
-void OnInterrupt(int /*signal*/) {
-  static volatile std::sig_atomic_t count = 0;
-  count = count + 1;
-  SignalMailbox().Put(count == 1   ? OperatorCommand::kFinish
-                      : count == 2 ? OperatorCommand::kStop
-                                   : OperatorCommand::kDisarm);
-}
-
-void CatchInterrupts() {
-  struct sigaction action {};
-  action.sa_handler = OnInterrupt;
-  sigaction(SIGINT, &action, nullptr);
-  sigaction(SIGTERM, &action, nullptr);
-}
-
 /// The drives of the primitive's joints, in its order.
 DrivesConfig DrivesFor(const Options& options, const Primitive<double>& primitive,
                        const FileReader& read) {
@@ -130,50 +102,6 @@ DrivesConfig DrivesFor(const Options& options, const Primitive<double>& primitiv
     return DrivesOf(given, joints, options.drives);
   } catch (const std::runtime_error& error) {
     throw Refused(fmt::format("{} of {}", error.what(), options.motion));
-  }
-}
-
-/// Checks that a node's motion fits what the drives can be told, joint by joint.
-void CheckRanges(const Sequence<float>& sequence, int node, const DrivesConfig& drives) {
-  for (std::size_t i = 0; i < drives.drives.size(); ++i) {
-    const DriveEntry& entry = drives.drives[i];
-    const auto role = static_cast<std::size_t>(sequence.graph.RoleOf(node, static_cast<int>(i)));
-    const JointLimits<float>& limits = sequence.PrimitiveOf(node).joints[role].limits;
-    const JointMap& map = JointOf(entry.config);
-    const ShaftRanges ranges = CommandRanges(entry.config);
-    const auto check = [&entry](const char* what, const char* unit, float value,
-                                const DriveRange& range) {
-      if (value < range.min || value > range.max) {
-        throw Refused(fmt::format(
-            "joint {}: the motion's {} limit is {:.4g} {} at the drive, whose range is {:.4g} ... "
-            "{:.4g} {}; correct the drive's ranges or zero offset, or remake the primitive",
-            entry.joint, what, value, unit, range.min, range.max, unit));
-      }
-    };
-    for (const DriveRange& range : {ranges.position_rad, ReportedPositions(entry.config)}) {
-      check("position", "rad", map.ToDrivePosition(limits.position_min_rad), range);
-      check("position", "rad", map.ToDrivePosition(limits.position_max_rad), range);
-    }
-    check("velocity", "rad/s", map.ToDriveVelocity(limits.velocity_max_rad_s),
-          ranges.velocity_rad_s);
-    check("velocity", "rad/s", map.ToDriveVelocity(-limits.velocity_max_rad_s),
-          ranges.velocity_rad_s);
-    check("torque", "N m", map.ToDriveTorque(limits.torque_max_nm), ranges.torque_nm);
-    check("torque", "N m", map.ToDriveTorque(-limits.torque_max_nm), ranges.torque_nm);
-  }
-}
-
-/// Says what a tick takes of the bus in the worst case, and refuses a rate that leaves no room.
-void CheckSchedule(const DrivesConfig& drives) {
-  BusSchedule schedule;
-  schedule.bit_rate = drives.bit_rate;
-  schedule.rate_hz = drives.rate_hz;
-  schedule.tick_bits = drives.WorstCaseTickBits();
-  schedule.longest_frame_bits = WorstCaseFrameBits(CanIdKind::kStandard, 8);
-  fmt::print(stderr, "bus schedule: {}: {}\n", drives.DescribeSchedule(), schedule.Describe());
-  if (!schedule.feasible()) {
-    throw Refused(fmt::format("{} bits a tick do not fit: lower rate_hz to at most {:.0f}",
-                              schedule.tick_bits, std::floor(schedule.ceiling_hz())));
   }
 }
 
@@ -229,71 +157,19 @@ RunSequenceConfig MakeSequenceConfig(const Options& options, const DrivesConfig&
   return config;
 }
 
-/// Opens an interface whose bit rate, where the kernel knows it, is that of the drives.
-void OpenInterface(SocketCanBus& bus, const Options& options, const DrivesConfig& drives,
-                   const SocketCanConfig& config) {
-  const SocketCanBus::OpenResult opened = bus.Open(options.bus, config);
-  if (opened.status != Status::kOk) throw std::runtime_error(opened.message);
-  if (bus.link().bit_rate != 0 && bus.link().bit_rate != drives.bit_rate) {
-    throw Refused(fmt::format("{} runs at {} bit/s, but {} says {}: correct one of them",
-                              options.bus, bus.link().bit_rate, options.drives, drives.bit_rate));
+InterfaceName Interface(const Options& options) { return {options.bus, options.drives}; }
+
+/// Positions of the joints at the start of a motion [rad].
+std::vector<double> StartOf(const SequenceFile& file) {
+  std::vector<double> positions;
+  const int start = file.graph.start;
+  const Primitive<double>& primitive = file.PrimitiveOf(start).primitive;
+  for (int i = 0; i < primitive.joint_count; ++i) {
+    const auto role = static_cast<std::size_t>(file.graph.RoleOf(start, i));
+    positions.push_back(primitive.joints[role].position.control_points()[0]);
   }
+  return positions;
 }
-
-class RealWorld final : public World {
- public:
-  RealWorld(const Options& options, const DrivesConfig& drives) {
-    SocketCanConfig config;
-    config.discard_stale_frames = true;
-    config.send_ids = drives.HostSends();
-    config.receive_ids = drives.HostReceives();
-    config.in_flight_max = std::clamp(4 * drives.HostFramesMax(), 8, SocketCanConfig::kMaxInFlight);
-    OpenInterface(bus_, options, drives, config);
-    if (bus_.link().has_queue && !bus_.can_discard()) {
-      fmt::print(stderr,
-                 "warning: without CAP_NET_ADMIN, frames that wait when the bus fails cannot be "
-                 "discarded; they go out when it comes back\n");
-    }
-  }
-  CanBus& bus() override { return bus_; }
-  Clock& clock() override { return clock_; }
-  [[nodiscard]] bool real_time() const override { return true; }
-  void Observe(const ControlLoop& /*loop*/) override {}
-  void Report(RunReport& report) override {
-    bus_.DiscardInFlight();
-    report.interface = {bus_.statistics(), bus_.controller_state(), bus_.in_flight()};
-  }
-
- private:
-  SocketCanBus bus_;
-  MonotonicClock clock_;
-};
-
-class DryRunWorld final : public World {
- public:
-  DryRunWorld(const Options& options, const DrivesConfig& drives, const SequenceFile& file)
-      : clock_([this](std::int64_t time_ns) { bus_->AdvanceTo(time_ns); }) {
-    SocketCanBus probe;  // A dry run on an interface that is not there would say nothing about it.
-    OpenInterface(probe, options, drives, {});
-    std::vector<DryRunBus::Node> nodes;
-    for (std::size_t i = 0; i < drives.drives.size(); ++i) {
-      const int start = file.graph.start;
-      const auto role = static_cast<std::size_t>(file.graph.RoleOf(start, static_cast<int>(i)));
-      const JointMotion<double>& motion = file.PrimitiveOf(start).primitive.joints[role];
-      nodes.push_back({MakeSimulatedDrive(drives.drives[i]), motion.position.control_points()[0]});
-    }
-    bus_ = std::make_unique<DryRunBus>(options.bus, drives.bit_rate, std::move(nodes), stdout);
-  }
-  CanBus& bus() override { return *bus_; }
-  Clock& clock() override { return clock_; }
-  [[nodiscard]] bool real_time() const override { return false; }
-  void Observe(const ControlLoop& /*loop*/) override {}
-  void Report(RunReport& /*report*/) override {}
-
- private:
-  VirtualClock clock_;
-  std::unique_ptr<DryRunBus> bus_;
-};
 
 std::unique_ptr<World> MakeWorld(const Options& options, const SequenceFile& file,
                                  const DrivesConfig& drives) {
@@ -305,8 +181,8 @@ std::unique_ptr<World> MakeWorld(const Options& options, const SequenceFile& fil
         "this build has no simulation (TUMBLER_BUILD_OFFLINE is OFF); name a CAN interface");
 #endif
   }
-  if (options.dry_run()) return std::make_unique<DryRunWorld>(options, drives, file);
-  return std::make_unique<RealWorld>(options, drives);
+  if (options.dry_run()) return MakeDryRunWorld(Interface(options), drives, StartOf(file));
+  return MakeInterfaceWorld(Interface(options), drives);
 }
 
 void WriteJson(const RunReport& report, const std::string& path) {
@@ -371,7 +247,7 @@ int Run(const Options& options) {
         options.motion));
   }
   const DrivesConfig drives = DrivesFor(options, file.primitives[0].primitive, files.reader());
-  for (int node = 0; node < graph.node_count; ++node) CheckRanges(*motions, node, drives);
+  CheckRanges(*motions, drives);
   CheckSchedule(drives);
 
   DriveBank bank;
@@ -404,7 +280,7 @@ int Run(const Options& options) {
   telemetry_config.utime_at_zero_us = UtimeAtZero(*world);
   Telemetry telemetry(telemetry_config);
   std::optional<LcmCommands> commands;
-  if (!options.lcm_url.empty()) commands.emplace(options.lcm_url, SignalMailbox(), graph);
+  if (!options.lcm_url.empty()) commands.emplace(options.lcm_url, InterruptMailbox(), graph);
   const auto period_ns = static_cast<std::int64_t>(std::llround(1e9 / drives.rate_hz));
   const RunSequenceConfig sequence_config = MakeSequenceConfig(options, drives);
   RunSequence sequence(sequence_config);
@@ -438,7 +314,7 @@ int Run(const Options& options) {
   Clock& clock = world->clock();
   const std::int64_t start_ns = world->real_time() ? clock.now_ns() + period_ns : 0;
   ControlLoop loop(
-      {executor, world->bus(), clock, sequence, SignalMailbox(), &telemetry, recorder.get()},
+      {executor, world->bus(), clock, sequence, InterruptMailbox(), &telemetry, recorder.get()},
       period_ns, start_ns);
   while (loop.Step()) {
     world->Observe(loop);
