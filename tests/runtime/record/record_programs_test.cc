@@ -187,6 +187,60 @@ TEST_F(RecordPrograms, ExportsWhatTheRunWroteItself) {
   EXPECT_GT(ReadBytes(folder_ / "a.csv").size(), 100'000U);
 }
 
+TEST_F(RecordPrograms, ComparesTwoRunsOfAMotionAndDrawsThem) {
+  ASSERT_EQ(Record().exit_code, 0);
+  const std::string other = folder_ / "other.rec";
+  ASSERT_EQ(
+      Run(std::string("tumbler-run sim ") + kHandstand + " --hold-s 0.1 --drives " +
+          TUMBLER_SOURCE_DIR "/primitives/robots/tumbler_drives_cia402.toml --record " + other)
+          .exit_code,
+      0);
+  const Outcome same =
+      Run("tumbler-replay " + record_ + " --against " + other + " --svg " + (folder_ / "a.svg"));
+  EXPECT_EQ(same.exit_code, 0) << same.text;
+  EXPECT_THAT(same.text, HasSubstr("setpoints differ in 0, by at most 0 rad"));
+  EXPECT_THAT(ReadBytes(folder_ / "a.svg"), HasSubstr("leg2: reply less setpoint [rad]"));
+
+  const std::string slow = folder_ / "slow.rec";
+  ASSERT_EQ(Run(std::string("tumbler-run sim ") + kHandstand +
+                " --speed 0.98 --hold-s 0.1 --record " + slow)
+                .exit_code,
+            0);
+  EXPECT_EQ(Run("tumbler-replay " + record_ + " --against " + slow).exit_code, 1);
+}
+
+TEST_F(RecordPrograms, ReadsALogOfCandumpByADrivesFile) {
+  const std::string drives = TUMBLER_SOURCE_DIR "/primitives/robots/tumbler_drives_cansimple.toml";
+  ASSERT_EQ(Record("--drives " + drives).exit_code, 0);
+  const std::string log = folder_ / "run.log";
+  ASSERT_EQ(Run("tumbler-record " + record_ + " --candump " + log).exit_code, 0);
+  const Outcome read =
+      Run("tumbler-replay " + log + " --drives " + drives + " --svg " + (folder_ / "log.svg"));
+  EXPECT_EQ(read.exit_code, 0) << read.text;
+  EXPECT_THAT(read.text, HasSubstr("leg1: "));
+  EXPECT_THAT(read.text, HasSubstr(" setpoints, 0 replies missing; tracking error 0.00"));
+  EXPECT_THAT(ReadBytes(folder_ / "log.svg"), HasSubstr("</svg>"));
+  const Outcome without = Run("tumbler-replay " + log);
+  EXPECT_EQ(without.exit_code, 2);
+  EXPECT_THAT(without.text, HasSubstr("say with --drives which drives are in it"));
+  const Outcome on_bus = Run("tumbler-replay " + log + " --bus can9 --drives " + drives);
+  EXPECT_EQ(on_bus.exit_code, 2);
+  EXPECT_THAT(on_bus.text, HasSubstr("play it with `canplayer`"));
+}
+
+TEST_F(RecordPrograms, APlayOnABusNeedsTheBusAndItsDrives) {
+  ASSERT_EQ(Record().exit_code, 0);
+  const Outcome without = Run("tumbler-replay " + record_ + " --bus can9");
+  EXPECT_EQ(without.exit_code, 2);
+  EXPECT_THAT(without.text, HasSubstr("say with --drives which drives are on the bus"));
+  const Outcome absent = Run("tumbler-replay " + record_ + " --bus can9 --drives " +
+                             TUMBLER_SOURCE_DIR "/primitives/robots/tumbler_drives.toml");
+  EXPECT_EQ(absent.exit_code, 2);
+  EXPECT_THAT(absent.text, HasSubstr("can9"));
+  EXPECT_EQ(Run("tumbler-replay " + record_ + " --arm").exit_code, 2);
+  EXPECT_EQ(Run("tumbler-replay " + record_ + " --svg " + (folder_ / "x.svg")).exit_code, 2);
+}
+
 TEST_F(RecordPrograms, WrongUseEndsWithStatus2) {
   for (const std::string program : {"tumbler-record", "tumbler-replay"}) {
     EXPECT_EQ(Run(program).exit_code, 2);
