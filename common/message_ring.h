@@ -1,9 +1,12 @@
 #pragma once
 
+#include <algorithm>
+#include <array>
 #include <atomic>
 #include <bit>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <span>
 
 namespace tumbler {
@@ -29,10 +32,11 @@ class MessageRing {
     const std::size_t head = head_.load(std::memory_order_acquire);
     const std::size_t room = storage_.size() - (tail - head);
     if (room < kLengthBytes || room - kLengthBytes < message.size()) return false;
-    for (std::size_t i = 0; i < kLengthBytes; ++i) {
-      At(tail + i) = static_cast<std::uint8_t>(message.size() >> (8 * i));
-    }
-    for (std::size_t i = 0; i < message.size(); ++i) At(tail + kLengthBytes + i) = message[i];
+    const auto length = static_cast<std::uint32_t>(message.size());
+    std::array<std::uint8_t, kLengthBytes> length_bytes;
+    std::memcpy(length_bytes.data(), &length, kLengthBytes);
+    CopyIn(tail, length_bytes);
+    CopyIn(tail + kLengthBytes, message);
     tail_.store(tail + kLengthBytes + message.size(), std::memory_order_release);
     return true;
   }
@@ -43,9 +47,12 @@ class MessageRing {
   [[nodiscard]] bool Pop(std::span<std::uint8_t> out, std::size_t& size) noexcept {
     const std::size_t head = head_.load(std::memory_order_relaxed);
     if (head == tail_.load(std::memory_order_acquire)) return false;
-    size = 0;
-    for (std::size_t i = 0; i < kLengthBytes; ++i) size |= std::size_t{At(head + i)} << (8 * i);
-    for (std::size_t i = 0; i < size; ++i) out[i] = At(head + kLengthBytes + i);
+    std::array<std::uint8_t, kLengthBytes> length_bytes;
+    CopyOut(head, length_bytes);
+    std::uint32_t length = 0;
+    std::memcpy(&length, length_bytes.data(), kLengthBytes);
+    CopyOut(head + kLengthBytes, out.first(length));
+    size = length;
     head_.store(head + kLengthBytes + size, std::memory_order_release);
     return true;
   }
@@ -54,8 +61,21 @@ class MessageRing {
   static constexpr std::size_t kLengthBytes = 4;
   static constexpr std::size_t kSeparation = 128;  // As RingBuffer.
 
-  [[nodiscard]] std::uint8_t& At(std::size_t index) noexcept {
-    return storage_[index & (storage_.size() - 1)];
+  /// How many of `size` bytes from an index on lie before the end of the storage.
+  [[nodiscard]] std::size_t BeforeEnd(std::size_t index, std::size_t size) const noexcept {
+    return std::min(size, storage_.size() - (index & (storage_.size() - 1)));
+  }
+  void CopyIn(std::size_t index, std::span<const std::uint8_t> bytes) noexcept {
+    if (bytes.empty()) return;
+    const std::size_t first = BeforeEnd(index, bytes.size());
+    std::memcpy(&storage_[index & (storage_.size() - 1)], bytes.data(), first);
+    std::memcpy(storage_.data(), bytes.data() + first, bytes.size() - first);
+  }
+  void CopyOut(std::size_t index, std::span<std::uint8_t> bytes) const noexcept {
+    if (bytes.empty()) return;
+    const std::size_t first = BeforeEnd(index, bytes.size());
+    std::memcpy(bytes.data(), &storage_[index & (storage_.size() - 1)], first);
+    std::memcpy(bytes.data() + first, storage_.data(), bytes.size() - first);
   }
 
   std::span<std::uint8_t> storage_;
