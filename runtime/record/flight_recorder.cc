@@ -185,13 +185,12 @@ FlightRecorder::FlightRecorder(const FlightRecorderConfig& config)
 
 FlightRecorder::~FlightRecorder() = default;
 
-void FlightRecorder::Push(const TickTimes& times, const TickInput& input, Status sent_status,
-                          std::size_t sent_count, const TickOutput& output) noexcept {
+void FlightRecorder::Push(const TickNotes& notes, const TickInput& input,
+                          const TickOutput& output) noexcept {
   Implementation& self = *implementation_;
   const std::int64_t index = self.pushed.load(std::memory_order_relaxed);
   self.pushed.store(index + 1, std::memory_order_relaxed);
-  const std::size_t size =
-      EncodeTick(index, times, input, sent_status, sent_count, output, self.scratch);
+  const std::size_t size = EncodeTick(index, notes, input, output, self.scratch);
   if (size == 0 || !self.ring.Push(std::span(self.scratch).first(size))) {
     self.lost.fetch_add(1, std::memory_order_relaxed);
   }

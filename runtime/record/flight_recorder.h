@@ -6,7 +6,6 @@
 #include <memory>
 #include <string>
 
-#include "common/status.h"
 #include "runtime/executor.h"
 #include "runtime/record/record_blocks.h"
 #include "runtime/record/tick_entry.h"
@@ -47,8 +46,7 @@ class FlightRecorder {
   FlightRecorder& operator=(const FlightRecorder&) = delete;
 
   /// From the loop, in every tick: does not allocate, lock or block. Parameters are EncodeTick's.
-  void Push(const TickTimes& times, const TickInput& input, Status sent_status,
-            std::size_t sent_count, const TickOutput& output) noexcept;
+  void Push(const TickNotes& notes, const TickInput& input, const TickOutput& output) noexcept;
 
   /// Writes what the ring holds. Not while a thread is started.
   void Drain();

@@ -21,7 +21,7 @@ constexpr const char* kFormat = "tumbler-record";
 // A member that is added there has to be added to Visit below, or a replay would not have it.
 static_assert(sizeof(JointConfig) == 16);
 static_assert(sizeof(ExecutorConfig) == 36 + kMaxJoints * sizeof(JointConfig) + sizeof(FaultTable));
-static_assert(sizeof(RunSequenceConfig) == 48);
+static_assert(sizeof(RunSequenceConfig) == 56);
 
 /// Calls `visit(key, value)` for every number of a configuration.
 template <typename Config, typename Visit>
@@ -56,6 +56,7 @@ void VisitNumbers(Config& config, const Visit& visit) {
   visit("stop_hold_ticks", config.stop_hold_ticks);
   visit("fault_ticks", config.fault_ticks);
   visit("disarmed_ticks", config.disarmed_ticks);
+  visit("attended", config.attended);
 }
 
 template <typename Config>
@@ -167,6 +168,9 @@ RecordBytes EncodeConfiguration(const RecordConfiguration& configuration) {
   json["program"] = configuration.program;
   json["command_line"] = configuration.command_line;
   json["kernel"] = configuration.kernel;
+  json["machine"] = {{"kernel", configuration.machine.kernel},
+                     {"cpu", configuration.machine.cpu},
+                     {"adapter", configuration.machine.adapter}};
   json["bus"] = configuration.bus;
   json["dry_run"] = configuration.dry_run;
   json["virtual_time"] = configuration.virtual_time;
@@ -208,6 +212,10 @@ RecordConfiguration ParseConfiguration(std::string_view text) {
   Take(json, "program", configuration.program);
   TakeTexts(json, "command_line", configuration.command_line);
   Take(json, "kernel", configuration.kernel);
+  const Json& machine = Member(json, "machine");
+  Take(machine, "kernel", configuration.machine.kernel);
+  Take(machine, "cpu", configuration.machine.cpu);
+  Take(machine, "adapter", configuration.machine.adapter);
   Take(json, "bus", configuration.bus);
   Take(json, "dry_run", configuration.dry_run);
   Take(json, "virtual_time", configuration.virtual_time);

@@ -70,7 +70,7 @@ RunTrace TraceOf(FlightRecord& record, const DrivesConfig& drives) {
     if (!playing && tick.state == ExecutorState::kRunning) {
       playing = true;
       first_tick = tick.tick;
-      first_ns = entry->times.deadline_ns;
+      first_ns = entry->notes.deadline_ns;
     } else if (playing) {
       // What was measured now answers the setpoint of the tick before.
       for (std::size_t i = 0; i < trace.samples.size() && i < tick.joint_count; ++i) {
@@ -83,10 +83,10 @@ RunTrace TraceOf(FlightRecord& record, const DrivesConfig& drives) {
       }
     }
     if (playing && !IsPlayed(tick.state)) break;
-    send_before_ns = entry->times.send_ns;
+    send_before_ns = entry->notes.send_ns;
     for (std::size_t i = 0; playing && i < trace.samples.size() && i < tick.joint_count; ++i) {
       trace.samples[i].push_back({tick.tick - first_tick,
-                                  Seconds(entry->times.deadline_ns - first_ns),
+                                  Seconds(entry->notes.deadline_ns - first_ns),
                                   double{tick.joints[i].limited.position_rad},
                                   {},
                                   {}});

@@ -14,11 +14,18 @@
 
 namespace tumbler {
 
-/// When the parts of a tick happened, on the clock of the loop.
-struct TickTimes {
-  std::int64_t deadline_ns = 0;
-  std::int64_t awake_ns = 0;  ///< Before frames were received.
-  std::int64_t send_ns = 0;   ///< Before this tick's frames were handed to the bus.
+/// What the loop notes of a tick beside the executor's inputs and outputs. Times are on its clock.
+struct TickNotes {
+  std::int64_t deadline_ns = 0;  ///< Of this tick.
+  std::int64_t due_ns = 0;       ///< What the loop slept for: earlier, where periods were missed.
+  std::int64_t awake_ns = 0;     ///< Before frames were received.
+  std::int64_t send_ns = 0;      ///< Before this tick's frames were handed to the bus.
+  std::int64_t done_ns = 0;      ///< When all that was done.
+  std::uint32_t request_id = 0;  ///< Of the operator's last request; see OperatorRequest.
+  std::uint8_t request = 0;
+  Refusal request_refusal = Refusal::kNone;
+  Status sent_status = Status::kOk;  ///< Of handing this tick's frames to the bus.
+  std::uint8_t sent_count = 0;       ///< Frames that the bus took, from the first on.
 };
 
 /// One tick as a flight record has it: everything that the executor was given and everything that
@@ -32,7 +39,7 @@ struct TickEntry {
   static constexpr std::size_t kReceivedMax = 128;
 
   std::int64_t index = 0;  ///< Ticks executed before, recorded or not.
-  TickTimes times;
+  TickNotes notes;
 
   std::int64_t tick = 0;
   Status receive_status = Status::kOk;
@@ -42,8 +49,6 @@ struct TickEntry {
   std::size_t received_count = 0;
   std::array<ReceivedFrame, kReceivedMax> received;
 
-  Status sent_status = Status::kOk;  ///< Of handing this tick's frames to the bus.
-  std::size_t sent_count = 0;        ///< Frames that the bus took, from the first on.
   std::array<FrameBatch, kMaxJoints> frames;
   TickRecord record;
 
@@ -117,13 +122,11 @@ inline constexpr std::size_t kTickEntryBytesMax = 48 + TickEntry::kReceivedMax *
                                                   96 + kMaxJoints * 80;
 
 /// Writes a tick, in time that depends on the number of frames and joints only.
-/// @param input       not more frames than kReceivedMax.
-/// @param sent_count  frames of `output` that the bus took.
-/// @param out         of kTickEntryBytesMax bytes.
+/// @param input  not more frames than kReceivedMax.
+/// @param out    of kTickEntryBytesMax bytes.
 /// @returns the bytes written; 0 when it does not fit.
-std::size_t EncodeTick(std::int64_t index, const TickTimes& times, const TickInput& input,
-                       Status sent_status, std::size_t sent_count, const TickOutput& output,
-                       std::span<std::uint8_t> out) noexcept;
+std::size_t EncodeTick(std::int64_t index, const TickNotes& notes, const TickInput& input,
+                       const TickOutput& output, std::span<std::uint8_t> out) noexcept;
 
 /// Reads one back. @returns false, leaving `entry` in part, when the bytes are not exactly one
 /// tick: too few, too many, or a count or an enumerator beyond what there is.

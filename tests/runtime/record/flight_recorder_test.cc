@@ -74,7 +74,7 @@ TEST_F(FlightRecorderTest, DoesNotAllocateInTheLoop) {
   output.record.joint_count = 2;
   {
     testing::AllocationGuard guard;
-    for (int i = 0; i < 20; ++i) recorder.Push({}, input, Status::kOk, 0, output);
+    for (int i = 0; i < 20; ++i) recorder.Push({}, input, output);
   }
   EXPECT_GT(recorder.lost(), 5);
 }

@@ -119,7 +119,7 @@ TEST_F(RecordPrograms, AChangedByteWithAMatchingCrcIsNamedWithTickAndField) {
   for (Block block; reader.Next(block);) {
     RecordBytes content(block.content.begin(), block.content.end());
     // Of tick 1000: the lowest bit of the position that leg2 replied.
-    if (block.number == 1002) content[48 + 21 + 8 + 5 + 2] ^= 1;
+    if (block.number == 1002) content[70 + 21 + 8 + 5 + 2] ^= 1;
     AppendBlock(block.kind, block.number, content, changed);
   }
   std::ofstream(record_, std::ios::binary)

@@ -48,7 +48,7 @@ ReplayReport ReplayOf(const std::string& bytes) {
 }
 
 // Of a tick with two frames received and one sent by each of two joints.
-constexpr std::size_t kReceived = 48;
+constexpr std::size_t kReceived = 70;
 constexpr std::size_t kSent = kReceived + 2 * 21;
 constexpr std::size_t kRecord = kSent + 2 * 14;
 constexpr std::size_t kJoints = kRecord + 53;
