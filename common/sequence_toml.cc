@@ -31,6 +31,10 @@ constexpr double kMaxSettle = 60;  // [s]; longer than that is a typing error
 
 std::size_t Index(int i) { return static_cast<std::size_t>(i); }
 
+std::string ReadText(const std::string& path, const FileReader& read) {
+  return read ? read(path) : ReadTextFile(path);
+}
+
 // Two numbers that differ are to look different.
 std::pair<std::string, std::string> Distinct(double a, double b) {
   std::pair<std::string, std::string> texts{MessageNumber(a), MessageNumber(b)};
@@ -40,7 +44,9 @@ std::pair<std::string, std::string> Distinct(double a, double b) {
 
 class SequenceReader {
  public:
-  explicit SequenceReader(TomlTable root) : root_(std::move(root)) { file_.path = root_.file(); }
+  SequenceReader(TomlTable root, const FileReader& read) : root_(std::move(root)), read_(read) {
+    file_.path = root_.file();
+  }
 
   SequenceFile Read() {
     CheckHeader();
@@ -108,10 +114,10 @@ class SequenceReader {
       const std::string named = table.String(name);
       const std::filesystem::path path = std::filesystem::path(root_.file()).parent_path() / named;
       std::error_code error;
-      if (!std::filesystem::exists(path, error)) {
+      if (!read_ && !std::filesystem::exists(path, error)) {
         table.Fail(name, fmt::format("'{}' does not exist (looked for {})", named, path.string()));
       }
-      file_.primitives.push_back(LoadPrimitive(path.string()));
+      file_.primitives.push_back(ParsePrimitive(ReadText(path.string(), read_), path.string()));
       file_.primitive_names.push_back(name);
       CheckSameRobot(table, name, named);
     }
@@ -394,6 +400,7 @@ class SequenceReader {
   }
 
   TomlTable root_;
+  const FileReader& read_;
   SequenceFile file_;
   bool has_swap_ = false;
   std::vector<std::string> node_keys_;
@@ -466,12 +473,12 @@ std::string Describe(const SequenceFile& file, const JoinComparison& c) {
       MessageNumber(c.tolerance), c.unit);
 }
 
-SequenceFile ReadSequence(const std::string& path) {
-  return SequenceReader(TomlTable::ParseFile(path)).Read();
+SequenceFile ReadSequence(const std::string& path, const FileReader& read) {
+  return SequenceReader(TomlTable::Parse(ReadText(path, read), path), read).Read();
 }
 
-SequenceFile LoadSequence(const std::string& path) {
-  SequenceFile file = ReadSequence(path);
+SequenceFile LoadSequence(const std::string& path, const FileReader& read) {
+  SequenceFile file = ReadSequence(path, read);
   for (const JoinComparison& comparison : CompareJoins(file)) {
     if (comparison.fits()) continue;
     throw FileError(path, file.edge_lines[Index(comparison.edge)],
@@ -480,11 +487,12 @@ SequenceFile LoadSequence(const std::string& path) {
   return file;
 }
 
-SequenceFile LoadMotion(const std::string& path) {
-  if (TomlTable::ParseFile(path).String("format", "") == kFormat) return LoadSequence(path);
+SequenceFile LoadMotion(const std::string& path, const FileReader& read) {
+  const std::string text = ReadText(path, read);
+  if (TomlTable::Parse(text, path).String("format", "") == kFormat) return LoadSequence(path, read);
   SequenceFile file;
   file.path = path;
-  file.primitives.push_back(LoadPrimitive(path));
+  file.primitives.push_back(ParsePrimitive(text, path));
   file.graph = GraphOf(file.primitives[0].primitive);
   file.primitive_names.emplace_back(file.graph.name.view());
   file.exit_pitch_tolerance_rad.push_back(0.05);

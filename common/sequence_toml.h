@@ -6,6 +6,7 @@
 
 #include "common/primitive_toml.h"
 #include "common/sequence.h"
+#include "common/toml_reader.h"
 
 namespace tumbler {
 
@@ -79,15 +80,16 @@ std::string Describe(const SequenceFile& file, const JoinComparison& comparison)
 /// robot, that every stop can be finished in a safe node, and that every node keeps the limits of
 /// the joints that play it, for all t, by the control points.
 /// @throws FileError with file, line, key, value and what is allowed.
-SequenceFile ReadSequence(const std::string& path);
+/// @param read  where texts come from, instead of the file system.
+SequenceFile ReadSequence(const std::string& path, const FileReader& read = {});
 
 /// The same, and proves every join (CompareJoins). What it returns can be armed.
 /// @throws FileError besides, about the first edge where something does not fit.
-SequenceFile LoadSequence(const std::string& path);
+SequenceFile LoadSequence(const std::string& path, const FileReader& read = {});
 
 /// What a runtime is given to play: a sequence, proved by LoadSequence, or a primitive, which
 /// becomes a sequence of itself alone. @throws FileError likewise.
-SequenceFile LoadMotion(const std::string& path);
+SequenceFile LoadMotion(const std::string& path, const FileReader& read = {});
 
 /// The sequence in the scalar that the executor uses. @throws std::invalid_argument when a
 /// primitive does not fit it (see ToRuntime of a primitive).

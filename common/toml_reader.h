@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <limits>
 #include <memory>
 #include <optional>
@@ -107,6 +108,10 @@ inline constexpr std::size_t kLargestFile = 16U << 20U;
 
 /// The whole of a file. @throws FileError when there is none to read, or it is too large.
 std::string ReadTextFile(const std::string& path);
+
+/// Where loaders of several files get their texts from, by path: elsewhere than on a disk, or from
+/// there with somebody looking on. Throws FileError when it has none.
+using FileReader = std::function<std::string(const std::string& path)>;
 
 /// The shortest decimal text that reads back as exactly `value`, always recognisable as a TOML
 /// float.

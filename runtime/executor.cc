@@ -115,6 +115,22 @@ bool IsValid(const Primitive<float>& primitive, const ExecutorConfig& config) no
 
 }  // namespace
 
+const char* ToString(ReplyStatus status) noexcept {
+  switch (status) {
+    case ReplyStatus::kOk:
+      return "ok";
+    case ReplyStatus::kNoNewData:
+      return "no new data";
+    case ReplyStatus::kRepeated:
+      return "repeated";
+    case ReplyStatus::kOkSomeLost:
+      return "ok, some lost";
+    case ReplyStatus::kWrongSequence:
+      return "wrong sequence";
+  }
+  return "unknown reply status";
+}
+
 const char* ToString(OperatorCommand command) noexcept {
   switch (command) {
     case OperatorCommand::kNone:

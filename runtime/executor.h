@@ -131,6 +131,7 @@ enum class ReplyStatus : std::uint8_t {
   kOkSomeLost,     ///< New, after ticks without.
   kWrongSequence,  ///< Those of earlier ticks came together with a newer one.
 };
+[[nodiscard]] const char* ToString(ReplyStatus status) noexcept;
 
 /// One joint in one tick: planned, limited, as encoded on the wire, and measured.
 struct JointRecord {

@@ -25,21 +25,21 @@
 
 #include "common/sequence_toml.h"
 #include "common/toml_reader.h"
-#include "firmware_interface/can/bus_schedule.h"
-#include "firmware_interface/can/frame_length.h"
-#include "firmware_interface/can/socketcan_bus.h"
 #include "firmware_interface/drives/drive_bank.h"
 #include "firmware_interface/drives/drives_toml.h"
-#include "firmware_interface/drives/make_simulated.h"
 #include "runtime/executor.h"
 #include "runtime/faults_toml.h"
+#include "runtime/interface_world.h"
 #include "runtime/linux/clock.h"
 #include "runtime/linux/control_loop.h"
-#include "runtime/linux/dry_run_bus.h"
+#include "runtime/linux/interrupts.h"
 #include "runtime/linux/lcm_commands.h"
 #include "runtime/linux/realtime_thread.h"
 #include "runtime/linux/run_report.h"
 #include "runtime/linux/telemetry.h"
+#include "runtime/record/flight_recorder.h"
+#include "runtime/record/record_configuration.h"
+#include "runtime/run_checks.h"
 #include "runtime/run_sequence.h"
 #include "runtime/world.h"
 #ifdef TUMBLER_HAS_SIMULATION
@@ -98,114 +98,25 @@ struct Options {
   std::string trace;
   std::string twin;
   std::string truth;
+  std::string record;
+  std::vector<std::string> command_line;
 
   [[nodiscard]] bool simulated() const { return bus == kSimulation; }
   [[nodiscard]] bool dry_run() const { return !simulated() && !arm; }
 };
 
-/// A run that may not start; the message says why and what to do.
-class Refused : public std::runtime_error {
- public:
-  using std::runtime_error::runtime_error;
-};
-
-OperatorMailbox& SignalMailbox() {
-  static OperatorMailbox mailbox;  // A signal handler can only reach what is static.
-  return mailbox;
-}
-
-void OnInterrupt(int /*signal*/) {
-  static volatile std::sig_atomic_t count = 0;
-  count = count + 1;
-  OperatorWish wish;
-  wish.request = count == 1   ? OperatorRequest::kFinish
-                 : count == 2 ? OperatorRequest::kStop
-                              : OperatorRequest::kDisarm;
-  wish.quit = true;
-  SignalMailbox().Put(wish);
-}
-
-void CatchInterrupts() {
-  struct sigaction action {};
-  action.sa_handler = OnInterrupt;
-  sigaction(SIGINT, &action, nullptr);
-  sigaction(SIGTERM, &action, nullptr);
-}
-
 /// The drives of the primitive's joints, in its order.
-DrivesConfig DrivesFor(const Options& options, const Primitive<double>& primitive) {
-  DrivesConfig given;
-  if (!options.drives.empty()) given = LoadDrives(options.drives);
-  DrivesConfig chosen = given;
-  chosen.drives.clear();
-  for (std::size_t i = 0; i < primitive.motions().size(); ++i) {
-    const std::string joint(primitive.joints[i].name.view());
-    if (options.drives.empty()) {  // Said in the help of --drives.
-      DriveEntry entry;
-      entry.joint = joint;
-      MitConfig mit;
-      mit.command_id = static_cast<std::uint16_t>(i + 1);
-      mit.reply_id = static_cast<std::uint16_t>(i + 17);
-      entry.config = mit;
-      entry.kp_nm_per_rad = 200;
-      entry.kd_nm_s_per_rad = 4;
-      chosen.drives.push_back(entry);
-      continue;
-    }
-    const DriveEntry* found = nullptr;
-    for (const DriveEntry& entry : given.drives) {
-      if (entry.joint == joint) found = &entry;
-    }
-    if (found == nullptr) {
-      throw Refused(fmt::format("{}: has no drive for joint '{}' of {}", options.drives, joint,
-                                options.motion));
-    }
-    chosen.drives.push_back(*found);
-  }
-  return chosen;
-}
-
-/// Checks that a node's motion fits what the drives can be told, joint by joint.
-void CheckRanges(const Sequence<float>& sequence, int node, const DrivesConfig& drives) {
-  for (std::size_t i = 0; i < drives.drives.size(); ++i) {
-    const DriveEntry& entry = drives.drives[i];
-    const auto role = static_cast<std::size_t>(sequence.graph.RoleOf(node, static_cast<int>(i)));
-    const JointLimits<float>& limits = sequence.PrimitiveOf(node).joints[role].limits;
-    const JointMap& map = JointOf(entry.config);
-    const ShaftRanges ranges = CommandRanges(entry.config);
-    const auto check = [&entry](const char* what, const char* unit, float value,
-                                const DriveRange& range) {
-      if (value < range.min || value > range.max) {
-        throw Refused(fmt::format(
-            "joint {}: the motion's {} limit is {:.4g} {} at the drive, whose range is {:.4g} ... "
-            "{:.4g} {}; correct the drive's ranges or zero offset, or remake the primitive",
-            entry.joint, what, value, unit, range.min, range.max, unit));
-      }
-    };
-    for (const DriveRange& range : {ranges.position_rad, ReportedPositions(entry.config)}) {
-      check("position", "rad", map.ToDrivePosition(limits.position_min_rad), range);
-      check("position", "rad", map.ToDrivePosition(limits.position_max_rad), range);
-    }
-    check("velocity", "rad/s", map.ToDriveVelocity(limits.velocity_max_rad_s),
-          ranges.velocity_rad_s);
-    check("velocity", "rad/s", map.ToDriveVelocity(-limits.velocity_max_rad_s),
-          ranges.velocity_rad_s);
-    check("torque", "N m", map.ToDriveTorque(limits.torque_max_nm), ranges.torque_nm);
-    check("torque", "N m", map.ToDriveTorque(-limits.torque_max_nm), ranges.torque_nm);
-  }
-}
-
-/// Says what a tick takes of the bus in the worst case, and refuses a rate that leaves no room.
-void CheckSchedule(const DrivesConfig& drives) {
-  BusSchedule schedule;
-  schedule.bit_rate = drives.bit_rate;
-  schedule.rate_hz = drives.rate_hz;
-  schedule.tick_bits = drives.WorstCaseTickBits();
-  schedule.longest_frame_bits = WorstCaseFrameBits(CanIdKind::kStandard, 8);
-  fmt::print(stderr, "bus schedule: {}: {}\n", drives.DescribeSchedule(), schedule.Describe());
-  if (!schedule.feasible()) {
-    throw Refused(fmt::format("{} bits a tick do not fit: lower rate_hz to at most {:.0f}",
-                              schedule.tick_bits, std::floor(schedule.ceiling_hz())));
+DrivesConfig DrivesFor(const Options& options, const Primitive<double>& primitive,
+                       const FileReader& read) {
+  std::vector<std::string> joints;
+  for (const JointMotion<double>& motion : primitive.motions())
+    joints.emplace_back(motion.name.view());
+  if (options.drives.empty()) return DefaultDrives(joints);  // Said in the help of --drives.
+  const DrivesConfig given = ParseDrives(read(options.drives), options.drives);
+  try {
+    return DrivesOf(given, joints, options.drives);
+  } catch (const std::runtime_error& error) {
+    throw Refused(fmt::format("{} of {}", error.what(), options.motion));
   }
 }
 
@@ -288,75 +199,21 @@ RunSequenceConfig MakeSequenceConfig(const Options& options, const DrivesConfig&
   return config;
 }
 
-/// Opens an interface whose bit rate, where the kernel knows it, is that of the drives.
-void OpenInterface(SocketCanBus& bus, const Options& options, const DrivesConfig& drives,
-                   const SocketCanConfig& config) {
-  const SocketCanBus::OpenResult opened = bus.Open(options.bus, config);
-  if (opened.status != Status::kOk) throw std::runtime_error(opened.message);
-  if (bus.link().bit_rate != 0 && bus.link().bit_rate != drives.bit_rate) {
-    throw Refused(fmt::format("{} runs at {} bit/s, but {} says {}: correct one of them",
-                              options.bus, bus.link().bit_rate, options.drives, drives.bit_rate));
-  }
+InterfaceName Interface(const Options& options) {
+  return {options.bus, options.drives, options.pace};
 }
 
-class RealWorld final : public World {
- public:
-  RealWorld(const Options& options, const DrivesConfig& drives) {
-    SocketCanConfig config;
-    config.discard_stale_frames = true;
-    config.send_ids = drives.HostSends();
-    config.receive_ids = drives.HostReceives();
-    config.in_flight_max = std::clamp(4 * drives.HostFramesMax(), 8, SocketCanConfig::kMaxInFlight);
-    OpenInterface(bus_, options, drives, config);
-    if (options.pace != 1 && bus_.link().bit_rate != 0) {
-      throw Refused(fmt::format("{} is a real bus, and real robots know one pace: leave out --pace",
-                                options.bus));
-    }
-    if (bus_.link().has_queue && !bus_.can_discard()) {
-      fmt::print(stderr,
-                 "warning: without CAP_NET_ADMIN, frames that wait when the bus fails cannot be "
-                 "discarded; they go out when it comes back\n");
-    }
+/// Positions of the joints at the start of a motion [rad].
+std::vector<double> StartPositions(const SequenceFile& file) {
+  std::vector<double> positions;
+  const int start = file.graph.start;
+  const Primitive<double>& primitive = file.PrimitiveOf(start).primitive;
+  for (int i = 0; i < primitive.joint_count; ++i) {
+    const auto role = static_cast<std::size_t>(file.graph.RoleOf(start, i));
+    positions.push_back(primitive.joints[role].position.control_points()[0]);
   }
-  CanBus& bus() override { return bus_; }
-  Clock& clock() override { return clock_; }
-  [[nodiscard]] bool real_time() const override { return true; }
-  void Observe(const ControlLoop& /*loop*/) override {}
-  void Report(RunReport& report) override {
-    bus_.DiscardInFlight();
-    report.interface = {bus_.statistics(), bus_.controller_state(), bus_.in_flight()};
-  }
-
- private:
-  SocketCanBus bus_;
-  MonotonicClock clock_;
-};
-
-class DryRunWorld final : public World {
- public:
-  DryRunWorld(const Options& options, const DrivesConfig& drives, const SequenceFile& file)
-      : clock_([this](std::int64_t time_ns) { bus_->AdvanceTo(time_ns); }) {
-    SocketCanBus probe;  // A dry run on an interface that is not there would say nothing about it.
-    OpenInterface(probe, options, drives, {});
-    std::vector<DryRunBus::Node> nodes;
-    for (std::size_t i = 0; i < drives.drives.size(); ++i) {
-      const int start = file.graph.start;
-      const auto role = static_cast<std::size_t>(file.graph.RoleOf(start, static_cast<int>(i)));
-      const JointMotion<double>& motion = file.PrimitiveOf(start).primitive.joints[role];
-      nodes.push_back({MakeSimulatedDrive(drives.drives[i]), motion.position.control_points()[0]});
-    }
-    bus_ = std::make_unique<DryRunBus>(options.bus, drives.bit_rate, std::move(nodes), stdout);
-  }
-  CanBus& bus() override { return *bus_; }
-  Clock& clock() override { return clock_; }
-  [[nodiscard]] bool real_time() const override { return false; }
-  void Observe(const ControlLoop& /*loop*/) override {}
-  void Report(RunReport& /*report*/) override {}
-
- private:
-  VirtualClock clock_;
-  std::unique_ptr<DryRunBus> bus_;
-};
+  return positions;
+}
 
 std::unique_ptr<World> MakeWorld(const Options& options, const SequenceFile& file,
                                  const DrivesConfig& drives) {
@@ -370,8 +227,8 @@ std::unique_ptr<World> MakeWorld(const Options& options, const SequenceFile& fil
         "this build has no simulation (TUMBLER_BUILD_OFFLINE is OFF); name a CAN interface");
 #endif
   }
-  if (options.dry_run()) return std::make_unique<DryRunWorld>(options, drives, file);
-  return std::make_unique<RealWorld>(options, drives);
+  if (options.dry_run()) return MakeDryRunWorld(Interface(options), drives, StartPositions(file));
+  return MakeInterfaceWorld(Interface(options), drives);
 }
 
 /// @param path  `-` for standard output.
@@ -385,10 +242,41 @@ void WriteFile(const std::string& text, const std::string& path) {
   if (!stream) throw std::runtime_error(fmt::format("{}: cannot be written", path));
 }
 
-std::int64_t UtimeAtZero(const World& world) {
+/// Of the loop's clock, in microseconds since 1970; 0 in virtual time.
+std::int64_t UtimeAtZero(World& world) {
   if (!world.real_time()) return 0;
   const auto since_epoch = std::chrono::system_clock::now().time_since_epoch();
-  return std::chrono::duration_cast<std::chrono::microseconds>(since_epoch).count();
+  return std::chrono::duration_cast<std::chrono::microseconds>(since_epoch).count() -
+         world.clock().now_ns() / 1000;
+}
+
+RecordConfiguration DescribeForRecord(const Options& options, World& world,
+                                      const std::vector<std::string>& joints,
+                                      const FileKeeper& files) {
+  RecordConfiguration configuration;
+  configuration.program = "tumbler-run " TUMBLER_VERSION;
+  configuration.command_line = options.command_line;
+  configuration.kernel = DescribeKernel();
+  configuration.bus = options.bus;
+  configuration.dry_run = options.dry_run();
+  configuration.virtual_time = !world.real_time();
+  configuration.utime_at_zero_us = UtimeAtZero(world);
+  configuration.joints = joints;
+  configuration.motion_file = options.motion;
+  configuration.drives_file = options.drives;
+  configuration.files = files.files();
+  return configuration;
+}
+
+std::unique_ptr<FlightRecorder> OpenRecorder(const Options& options,
+                                             const RecordConfiguration& configuration) {
+  // A limit on the size of files is a full disk: the recording stops, not the program.
+  std::signal(SIGXFSZ, SIG_IGN);
+  FlightRecorderConfig config;
+  config.file = options.record;
+  config.configuration = EncodeConfiguration(configuration);
+  config.say = [](const std::string& text) { fmt::print(stderr, "tumbler-run: {}\n", text); };
+  return std::make_unique<FlightRecorder>(config);
 }
 
 RealtimeConfig SchedulingFor(const Options& options, std::int64_t period_ns) {
@@ -425,7 +313,7 @@ int TestLatency(const Options& options) {
   CatchInterrupts();
   MonotonicClock clock;
   const LoopStatistics statistics = MeasureWakeUps(
-      clock, SignalMailbox(), period_ns,
+      clock, InterruptMailbox(), period_ns,
       static_cast<std::int64_t>(std::ceil(options.latency_test_s * options.rate_hz)));
   const Machine machine = DescribeMachine("");
   if (!options.json.empty())
@@ -439,7 +327,8 @@ int TestLatency(const Options& options) {
 }
 
 int Run(Options options) {
-  const SequenceFile file = LoadMotion(options.motion);
+  FileKeeper files;
+  const SequenceFile file = LoadMotion(options.motion, files.reader());
   const auto motions = std::make_unique<const Sequence<float>>(ToRuntime(file));
   const SequenceGraph<float>& graph = motions->graph;
 #ifdef TUMBLER_HAS_SIMULATION
@@ -472,8 +361,8 @@ int Run(Options options) {
         "{} goes round until it is stopped, and time here is not real: say with --cycles how often",
         options.motion));
   }
-  const DrivesConfig drives = DrivesFor(options, file.primitives[0].primitive);
-  for (int node = 0; node < graph.node_count; ++node) CheckRanges(*motions, node, drives);
+  const DrivesConfig drives = DrivesFor(options, file.primitives[0].primitive, files.reader());
+  CheckRanges(*motions, drives);
   CheckSchedule(drives);
 
   DriveBank bank;
@@ -505,13 +394,26 @@ int Run(Options options) {
   telemetry_config.utime_at_zero_us = UtimeAtZero(*world);
   Telemetry telemetry(telemetry_config);
   std::optional<LcmCommands> commands;
-  if (!options.lcm_url.empty()) commands.emplace(options.lcm_url, SignalMailbox(), graph);
-  if (world->real_time())
-    telemetry.Start();  // Before SCHED_FIFO, which its thread must not inherit.
-
-  CatchInterrupts();
+  if (!options.lcm_url.empty()) commands.emplace(options.lcm_url, InterruptMailbox(), graph);
   const auto period_ns =
       static_cast<std::int64_t>(std::llround(1e9 / (drives.rate_hz * options.pace)));
+  const RunSequenceConfig sequence_config = MakeSequenceConfig(options, drives);
+  RunSequence sequence(sequence_config);
+  std::unique_ptr<FlightRecorder> recorder;
+  if (!options.record.empty()) {
+    RecordConfiguration configuration = DescribeForRecord(options, *world, report.joints, files);
+    configuration.machine = telemetry_config.run.machine;
+    configuration.period_ns = period_ns;
+    configuration.executor = executor_config;
+    configuration.sequence = sequence_config;
+    recorder = OpenRecorder(options, configuration);
+  }
+  if (world->real_time()) {  // Before SCHED_FIFO, which their threads must not inherit.
+    telemetry.Start();
+    if (recorder != nullptr) recorder->Start();
+  }
+
+  CatchInterrupts();
   if (options.realtime) {
     report.realtime = EnterRealtime(SchedulingFor(options, period_ns));
     if (!report.realtime->in_force()) {
@@ -526,14 +428,16 @@ int Run(Options options) {
   }
   telemetry.SetScheduling(report.realtime ? report.realtime->scheduling : "time-shared");
 
-  RunSequence sequence(MakeSequenceConfig(options, drives));
   Clock& clock = world->clock();
   const std::int64_t start_ns = world->real_time() ? clock.now_ns() + period_ns : 0;
-  ControlLoop loop({executor, world->bus(), clock, sequence, SignalMailbox(), &telemetry},
-                   period_ns, start_ns);
+  ControlLoop loop(
+      {executor, world->bus(), clock, sequence, InterruptMailbox(), &telemetry, recorder.get()},
+      period_ns, start_ns);
   while (loop.Step()) {
     world->Observe(loop);
-    if (!world->real_time()) telemetry.Drain();
+    if (world->real_time()) continue;
+    telemetry.Drain();
+    if (recorder != nullptr) recorder->Drain();
   }
   telemetry.Stop();
 
@@ -555,13 +459,21 @@ int Run(Options options) {
   } else if (report.outcome == RunOutcome::kStopped) {
     report.reason = "stopped by the operator";
   }
+  if (recorder != nullptr) {
+    recorder->Stop(report.reason.empty()
+                       ? ToString(report.outcome)
+                       : fmt::format("{}: {}", ToString(report.outcome), report.reason));
+    report.recorded_ticks = recorder->recorded();
+    report.unrecorded_ticks = recorder->pushed() - recorder->recorded();
+    report.record_problem = recorder->problem();
+  }
   report.statistics = loop.statistics();
   report.worst_case_tick_bits = drives.WorstCaseTickBits();
   report.worst_case_load = drives.WorstCaseLoad();
   report.lost_records = telemetry.lost();
   report.unpublished_messages = telemetry.unpublished();
   world->Report(report);
-  for (const std::string& path : {options.log, options.trace, options.truth}) {
+  for (const std::string& path : {options.log, options.trace, options.record, options.truth}) {
     if (!path.empty()) report.files.push_back(path);
   }
   if (!options.json.empty() && options.json != "-") report.files.push_back(options.json);
@@ -651,11 +563,15 @@ int Main(int argc, char** argv) {
   app.add_option("--json", options.json,
                  "write the summary as JSON to this file, or - for standard output");
   app.add_option("--trace", options.trace, "write every tick to this CSV file");
+  app.add_option("--record", options.record,
+                 "record the whole run in this file, which must not exist (see tumbler-record and "
+                 "tumbler-replay)");
   app.add_option("--twin", options.twin,
                  "sim: the simulated robot as it is, with disturbances (TOML); without it, as the "
                  "motion has it");
   app.add_option("--truth", options.truth,
                  "sim: write what is true of the simulated robot to this LCM log");
+  options.command_line.assign(argv, argv + argc);
   try {
     app.parse(argc, argv);
   } catch (const CLI::CallForHelp& help) {

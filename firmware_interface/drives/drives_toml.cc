@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdint>
 #include <initializer_list>
+#include <stdexcept>
 #include <utility>
 
 #include "common/primitive.h"
@@ -502,6 +503,38 @@ DrivesConfig LoadDrives(const std::string& path) { return Read(TomlTable::ParseF
 
 DrivesConfig ParseDrives(std::string_view text, const std::string& name) {
   return Read(TomlTable::Parse(text, name));
+}
+
+DrivesConfig DrivesOf(const DrivesConfig& given, const std::vector<std::string>& joints,
+                      const std::string& name) {
+  DrivesConfig chosen = given;
+  chosen.drives.clear();
+  for (const std::string& joint : joints) {
+    const auto found =
+        std::find_if(given.drives.begin(), given.drives.end(),
+                     [&joint](const DriveEntry& entry) { return entry.joint == joint; });
+    if (found == given.drives.end()) {
+      throw std::runtime_error(fmt::format("{}: has no drive for joint '{}'", name, joint));
+    }
+    chosen.drives.push_back(*found);
+  }
+  return chosen;
+}
+
+DrivesConfig DefaultDrives(const std::vector<std::string>& joints) {
+  DrivesConfig drives;
+  for (std::size_t i = 0; i < joints.size(); ++i) {
+    DriveEntry entry;
+    entry.joint = joints[i];
+    MitConfig mit;
+    mit.command_id = static_cast<std::uint16_t>(i + 1);
+    mit.reply_id = static_cast<std::uint16_t>(i + 17);
+    entry.config = mit;
+    entry.kp_nm_per_rad = 200;
+    entry.kd_nm_s_per_rad = 4;
+    drives.drives.push_back(entry);
+  }
+  return drives;
 }
 
 }  // namespace tumbler

@@ -67,4 +67,13 @@ struct DrivesConfig {
 DrivesConfig LoadDrives(const std::string& path);
 DrivesConfig ParseDrives(std::string_view text, const std::string& name);
 
+/// The drives of these joints, in this order. @param name  of the file, for messages.
+/// @throws std::runtime_error naming a joint that has none.
+DrivesConfig DrivesOf(const DrivesConfig& given, const std::vector<std::string>& joints,
+                      const std::string& name);
+
+/// What a simulation uses where no file is given: MIT drives with identifiers 1, 2, ... in the
+/// order of the joints, replies on 17, 18, ..., kp 200, kd 4, 1000 Hz, 1 Mbit/s.
+DrivesConfig DefaultDrives(const std::vector<std::string>& joints);
+
 }  // namespace tumbler

@@ -51,19 +51,16 @@ bool ControlLoop::Tick(std::int64_t deadline_ns,
   // A request that is sent again because its answer was lost is not a second one.
   if (wish.id != 0 && wish.id == timed_.request.id) wish = {};
   const OperatorCommand command = Ask(wish);
-  parts_.executor.Tick({tick,
-                        {received_.data(), count},
-                        receive_status_,
-                        send_status_,
-                        command,
-                        wish.branch,
-                        parts_.bus.controller_state()},
-                       output_);
+  const TickInput input{
+      tick,        {received_.data(), count},    receive_status_, send_status_, command,
+      wish.branch, parts_.bus.controller_state()};
+  parts_.executor.Tick(input, output_);
   if (IsDirect(wish.request)) {  // The executor answers these itself.
     const bool asked = command == DirectCommand(wish.request);
     timed_.request.refusal = asked ? output_.record.refusal.refusal : Refusal::kWrongState;
   }
-  Send();
+  TickNotes notes;
+  Send(notes);
 
   Count();
   const std::int64_t duration_ns = parts_.clock.now_ns() - awake_ns;
@@ -74,6 +71,16 @@ bool ControlLoop::Tick(std::int64_t deadline_ns,
   timed_.tick_ns = static_cast<float>(duration_ns);
   timed_.record = output_.record;
   if (parts_.telemetry != nullptr) parts_.telemetry->Push(timed_);
+  if (parts_.recorder != nullptr) {
+    notes.deadline_ns = timed_.time_ns;
+    notes.due_ns = deadline_ns;
+    notes.awake_ns = awake_ns;
+    notes.done_ns = awake_ns + duration_ns;
+    notes.request_id = timed_.request.id;
+    notes.request = static_cast<std::uint8_t>(timed_.request.request);
+    notes.request_refusal = timed_.request.refusal;
+    parts_.recorder->Push(notes, input, output_);
+  }
   return !parts_.sequence.done();
 }
 
@@ -120,14 +127,17 @@ OperatorCommand ControlLoop::Ask(const OperatorWish& wish) noexcept {
   return command == OperatorCommand::kNone ? DirectCommand(wish.request) : command;
 }
 
-void ControlLoop::Send() noexcept {
+void ControlLoop::Send(TickNotes& notes) noexcept {
   std::size_t frame_count = 0;
   for (const FrameBatch& batch : output_.frames) {
     for (const CanFrame& frame : batch.frames()) to_send_[frame_count++] = frame;
   }
+  notes.send_ns = parts_.clock.now_ns();
   std::size_t sent = 0;
   send_status_ = parts_.bus.SendAll({to_send_.data(), frame_count}, sent);
   for (std::size_t i = 0; i < sent; ++i) timed_.bus_bits += LongestBits(to_send_[i]);
+  notes.sent_status = send_status_;
+  notes.sent_count = static_cast<std::uint8_t>(sent);
   statistics_.frames_sent += static_cast<std::int64_t>(sent);
   statistics_.send_failures += static_cast<std::int64_t>(frame_count - sent);
 }

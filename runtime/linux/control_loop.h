@@ -11,6 +11,7 @@
 #include "runtime/linux/histogram.h"
 #include "runtime/linux/operator_mailbox.h"
 #include "runtime/linux/telemetry.h"
+#include "runtime/record/flight_recorder.h"
 #include "runtime/run_sequence.h"
 
 namespace tumbler {
@@ -50,7 +51,8 @@ class ControlLoop {
     Clock& clock;
     RunSequence& sequence;
     OperatorMailbox& mailbox;
-    Telemetry* telemetry = nullptr;  ///< May be null.
+    Telemetry* telemetry = nullptr;      ///< May be null.
+    FlightRecorder* recorder = nullptr;  ///< May be null.
   };
   /// @param start_ns  time of tick 0 on the clock.
   ControlLoop(const Parts& parts, std::int64_t period_ns, std::int64_t start_ns) noexcept;
@@ -67,12 +69,12 @@ class ControlLoop {
 
  private:
   /// More frames than a bus can carry in one period of the slowest loop wait for the next tick.
-  static constexpr std::size_t kReceiveCapacity = 128;
+  static constexpr std::size_t kReceiveCapacity = TickEntry::kReceivedMax;
 
   bool Tick(std::int64_t deadline_ns, std::int64_t awake_ns) noexcept TUMBLER_NONBLOCKING;
   std::size_t Receive(std::int64_t awake_ns) noexcept;
   OperatorCommand Ask(const OperatorWish& wish) noexcept;
-  void Send() noexcept;
+  void Send(TickNotes& notes) noexcept;
   void Count() noexcept;
 
   Parts parts_;

@@ -1,20 +1,9 @@
 #include "runtime/linux/dry_run_bus.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <utility>
 
 namespace tumbler {
-
-std::string CandumpLine(std::int64_t time_ns, const std::string& interface, const CanFrame& frame) {
-  std::string line =
-      fmt::format("({}.{:06}) {} ", time_ns / 1'000'000'000, time_ns / 1000 % 1'000'000, interface);
-  line += frame.extended ? fmt::format("{:08X}#", frame.id) : fmt::format("{:03X}#", frame.id);
-  if (frame.remote) return line + 'R';
-  for (std::size_t i = 0; i < frame.size; ++i) line += fmt::format("{:02X}", frame.data[i]);
-  return line;
-}
 
 DryRunBus::DryRunBus(std::string interface, int bit_rate, std::vector<Node> nodes, std::FILE* out)
     : interface_(std::move(interface)),

@@ -9,6 +9,7 @@
 #include "firmware_interface/can/bus.h"
 #include "firmware_interface/can/simulated_bus.h"
 #include "firmware_interface/drives/simulated_drive.h"
+#include "runtime/linux/candump.h"
 
 namespace tumbler {
 
@@ -42,8 +43,5 @@ class DryRunBus final : public CanBus {
   std::int64_t now_ns_ = 0;
   std::FILE* out_;
 };
-
-/// One line of a `candump -l` log without its line feed: `(12.345678) can0 001#7FFF7FF0CCD337FF`.
-std::string CandumpLine(std::int64_t time_ns, const std::string& interface, const CanFrame& frame);
 
 }  // namespace tumbler

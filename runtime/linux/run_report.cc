@@ -9,9 +9,7 @@
 #include <utility>
 
 namespace tumbler {
-namespace {
-
-const char* OutcomeName(RunOutcome outcome) {
+const char* ToString(RunOutcome outcome) noexcept {
   switch (outcome) {
     case RunOutcome::kPending:
       return "unfinished";
@@ -26,6 +24,8 @@ const char* OutcomeName(RunOutcome outcome) {
   }
   return "unknown";
 }
+
+namespace {
 
 using Json = nlohmann::ordered_json;
 
@@ -150,7 +150,7 @@ std::string TimingToJson(const LoopStatistics& statistics, const Machine& machin
 std::string ToText(const RunReport& report) {
   const LoopStatistics& s = report.statistics;
   std::string text = fmt::format("{}: {} on {}{}, speed {:.3g}, {:.6g} Hz\n",
-                                 OutcomeName(report.outcome), report.primitive, report.bus,
+                                 ToString(report.outcome), report.primitive, report.bus,
                                  report.dry_run ? " (dry run)" : "", report.speed, report.rate_hz);
   if (report.attended) text += fmt::format("  {} runs\n", report.runs);
   if (!report.reason.empty()) text += fmt::format("  {}\n", report.reason);
@@ -192,6 +192,11 @@ std::string ToText(const RunReport& report) {
   }
   text += fmt::format("\n  telemetry: {} records lost, {} messages not published\n",
                       report.lost_records, report.unpublished_messages);
+  if (report.recorded_ticks + report.unrecorded_ticks > 0) {
+    text += fmt::format("  flight record: {} ticks, {} not recorded{}{}\n", report.recorded_ticks,
+                        report.unrecorded_ticks, report.record_problem.empty() ? "" : ": ",
+                        report.record_problem);
+  }
   for (const std::string& file : report.files) text += fmt::format("  wrote {}\n", file);
   return text;
 }
@@ -199,7 +204,7 @@ std::string ToText(const RunReport& report) {
 std::string ToJson(const RunReport& report) {
   const LoopStatistics& s = report.statistics;
   Json json;
-  json["outcome"] = OutcomeName(report.outcome);
+  json["outcome"] = ToString(report.outcome);
   json["exit_code"] = ExitCode(report);
   json["reason"] = report.reason;
   json["bus"] = report.bus;
@@ -270,6 +275,9 @@ std::string ToJson(const RunReport& report) {
   }
   json["lost_records"] = report.lost_records;
   json["unpublished_messages"] = report.unpublished_messages;
+  json["recorded_ticks"] = report.recorded_ticks;
+  json["unrecorded_ticks"] = report.unrecorded_ticks;
+  json["record_problem"] = report.record_problem;
   json["files"] = report.files;
   return json.dump(2) + '\n';
 }

@@ -65,8 +65,14 @@ struct RunReport {
   Machine machine;
   std::int64_t lost_records = 0;
   std::int64_t unpublished_messages = 0;
+  std::int64_t recorded_ticks = 0;    ///< In the flight record, where there is one,
+  std::int64_t unrecorded_ticks = 0;  ///< and those that are not.
+  std::string record_problem;         ///< Why recording stopped early; empty otherwise.
   std::vector<std::string> files;
 };
+
+/// e.g. `completed`; a string literal.
+[[nodiscard]] const char* ToString(RunOutcome outcome) noexcept;
 
 /// Wake-up latencies and tick times as a table, with the machine that they belong to.
 std::string DescribeTiming(const LoopStatistics& statistics, const Machine& machine,

@@ -20,7 +20,7 @@ std::string StateCsvHeader(const std::vector<std::string>& joint_names) {
     }
     header += fmt::format(
         ",{0}_planned_acceleration_rad_s2,{0}_temperature_c,{0}_reply_age_ticks,{0}_drive_state,"
-        "{0}_drive_error,{0}_limit_active",
+        "{0}_reply_status,{0}_drive_error,{0}_limit_active",
         joint);
   }
   return header;
@@ -36,13 +36,13 @@ void AppendStateCsvRow(const state_t& state, std::string& csv) {
                  state.command, state.refusal, state.request_id, state.request,
                  state.request_refusal, state.wake_up_us, state.tick_us, state.bus_bits);
   for (const joint_state_t& j : state.joints) {
-    fmt::format_to(out, ",{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{}",
+    fmt::format_to(out, ",{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{}",
                    j.planned_position_rad, j.planned_velocity_rad_s, j.planned_torque_nm,
                    j.limited_position_rad, j.limited_velocity_rad_s, j.limited_torque_nm,
                    j.encoded_position_rad, j.encoded_velocity_rad_s, j.encoded_torque_nm,
                    j.measured_position_rad, j.measured_velocity_rad_s, j.measured_torque_nm,
                    j.planned_acceleration_rad_s2, j.temperature_c, j.reply_age_ticks, j.drive_state,
-                   j.drive_error, j.limit_active);
+                   j.reply_status, j.drive_error, j.limit_active);
   }
   csv += '\n';
 }

@@ -384,10 +384,10 @@ TEST(CandumpLine, IsWhatCandumpWrites) {
             "(1345212884.318850) can0 123#1122334455667788");
   frame.size = 0;
   frame.extended = true;
-  EXPECT_EQ(CandumpLine(5'000, "vcan0", frame), "(0.000005) vcan0 00000123#");
+  EXPECT_EQ(CandumpLine(5'000, "vcan0", frame), "(0000000000.000005) vcan0 00000123#");
   frame.extended = false;
   frame.remote = true;
-  EXPECT_EQ(CandumpLine(0, "can0", frame), "(0.000000) can0 123#R");
+  EXPECT_EQ(CandumpLine(0, "can0", frame), "(0000000000.000000) can0 123#R");
 }
 
 TEST(DryRunBus, CompletesARunWithoutAnyHardware) {

@@ -1,0 +1,87 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <bit>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <span>
+
+namespace tumbler {
+
+/// A queue of messages of any length between exactly one producer thread and one consumer thread,
+/// without locks, in memory that its owner provides: RingBuffer for what has no fixed size.
+///
+/// The thread contract is RingBuffer's. A message is stored as its length (4 bytes) and its bytes.
+///
+/// Real time: no heap, no locks, no exceptions; Push and Pop finish in a time that depends on the
+/// message's length only. Freestanding.
+class MessageRing {
+ public:
+  /// @param storage  outlives the ring. Of its size the largest power of two is used.
+  explicit MessageRing(std::span<std::uint8_t> storage) noexcept
+      : storage_(storage.first(std::bit_floor(storage.size()))) {}
+  MessageRing(const MessageRing&) = delete;  // Its threads know it by address.
+  MessageRing& operator=(const MessageRing&) = delete;
+
+  /// Producer only. @returns false when there is no room; nothing was taken.
+  [[nodiscard]] bool Push(std::span<const std::uint8_t> message) noexcept {
+    const std::size_t tail = tail_.load(std::memory_order_relaxed);
+    const std::size_t head = head_.load(std::memory_order_acquire);
+    const std::size_t room = storage_.size() - (tail - head);
+    if (room < kLengthBytes || room - kLengthBytes < message.size()) return false;
+    const auto length = static_cast<std::uint32_t>(message.size());
+    std::array<std::uint8_t, kLengthBytes> length_bytes;
+    std::memcpy(length_bytes.data(), &length, kLengthBytes);
+    CopyIn(tail, length_bytes);
+    CopyIn(tail + kLengthBytes, message);
+    tail_.store(tail + kLengthBytes + message.size(), std::memory_order_release);
+    return true;
+  }
+
+  /// Consumer only: takes the oldest message.
+  /// @param out  long enough for any message that was pushed.
+  /// @param size  of the message. @returns false when the queue is empty; nothing is written then.
+  [[nodiscard]] bool Pop(std::span<std::uint8_t> out, std::size_t& size) noexcept {
+    const std::size_t head = head_.load(std::memory_order_relaxed);
+    if (head == tail_.load(std::memory_order_acquire)) return false;
+    std::array<std::uint8_t, kLengthBytes> length_bytes;
+    CopyOut(head, length_bytes);
+    std::uint32_t length = 0;
+    std::memcpy(&length, length_bytes.data(), kLengthBytes);
+    CopyOut(head + kLengthBytes, out.first(length));
+    size = length;
+    head_.store(head + kLengthBytes + size, std::memory_order_release);
+    return true;
+  }
+
+ private:
+  static constexpr std::size_t kLengthBytes = 4;
+  static constexpr std::size_t kSeparation = 128;  // As RingBuffer.
+
+  /// How many of `size` bytes from an index on lie before the end of the storage.
+  [[nodiscard]] std::size_t BeforeEnd(std::size_t index, std::size_t size) const noexcept {
+    return std::min(size, storage_.size() - (index & (storage_.size() - 1)));
+  }
+  void CopyIn(std::size_t index, std::span<const std::uint8_t> bytes) noexcept {
+    if (bytes.empty()) return;
+    const std::size_t first = BeforeEnd(index, bytes.size());
+    std::memcpy(&storage_[index & (storage_.size() - 1)], bytes.data(), first);
+    std::memcpy(storage_.data(), bytes.data() + first, bytes.size() - first);
+  }
+  void CopyOut(std::size_t index, std::span<std::uint8_t> bytes) const noexcept {
+    if (bytes.empty()) return;
+    const std::size_t first = BeforeEnd(index, bytes.size());
+    std::memcpy(bytes.data(), &storage_[index & (storage_.size() - 1)], first);
+    std::memcpy(bytes.data() + first, storage_.data(), bytes.size() - first);
+  }
+
+  std::span<std::uint8_t> storage_;
+  // Indices grow for ever and are masked on access.
+  alignas(kSeparation) std::atomic<std::size_t> tail_{0};  // written by the producer
+  alignas(kSeparation) std::atomic<std::size_t> head_{0};  // written by the consumer
+};
+
+}  // namespace tumbler

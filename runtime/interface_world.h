@@ -1,0 +1,32 @@
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "firmware_interface/drives/drives_toml.h"
+#include "runtime/world.h"
+
+namespace tumbler {
+
+/// A SocketCAN interface, and where the drives on it are described, for messages.
+struct InterfaceName {
+  std::string interface;
+  std::string drives_file;
+  double pace = 1;  ///< Of the robot against the clock; other than 1 only on virtual interfaces.
+};
+
+/// The interface itself in real time, for the one program that drives its motors.
+/// @throws Refused when the interface runs at another bit rate than the drives, or has one at all
+///         and the pace is not 1;
+///         std::runtime_error when it cannot be used.
+std::unique_ptr<World> MakeInterfaceWorld(const InterfaceName& name, const DrivesConfig& drives);
+
+/// Stands for the interface, in virtual time: nothing is sent; frames are printed on standard
+/// output as candump logs them, and imagined drives follow perfectly. The interface has to be there
+/// all the same.
+/// @param start_rad  where the joints are imagined to be, one for each drive.
+std::unique_ptr<World> MakeDryRunWorld(const InterfaceName& name, const DrivesConfig& drives,
+                                       const std::vector<double>& start_rad);
+
+}  // namespace tumbler

@@ -1,0 +1,30 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "firmware_interface/can/frame.h"
+
+namespace tumbler {
+
+/// One line of a `candump -l` log without its line feed:
+/// `(0000000012.345678) can0 001#7FFF7FF0CCD337FF`.
+/// @param time_ns  not negative.
+std::string CandumpLine(std::int64_t time_ns, std::string_view interface, const CanFrame& frame);
+
+/// One line of a log.
+struct CandumpFrame {
+  ReceivedFrame received;  ///< Its time is that of the log.
+  std::string interface;
+};
+
+/// Reads a log of `candump -l` or `-L`, of one or several interfaces. CAN FD frames and error
+/// frames have no place in the runtime: they are skipped and counted.
+/// @param skipped  how many those are.
+/// @throws std::runtime_error  with name, line and what is wrong with it.
+std::vector<CandumpFrame> ParseCandump(std::string_view text, const std::string& name,
+                                       std::int64_t& skipped);
+
+}  // namespace tumbler

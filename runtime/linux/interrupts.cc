@@ -1,0 +1,33 @@
+#include "runtime/linux/interrupts.h"
+
+#include <csignal>
+
+namespace tumbler {
+namespace {
+
+void OnInterrupt(int /*signal*/) {
+  static volatile std::sig_atomic_t count = 0;
+  count = count + 1;
+  OperatorWish wish;
+  wish.request = count == 1   ? OperatorRequest::kFinish
+                 : count == 2 ? OperatorRequest::kStop
+                              : OperatorRequest::kDisarm;
+  wish.quit = true;
+  InterruptMailbox().Put(wish);
+}
+
+}  // namespace
+
+OperatorMailbox& InterruptMailbox() {
+  static OperatorMailbox mailbox;  // A signal handler can only reach what is static.
+  return mailbox;
+}
+
+void CatchInterrupts() {
+  struct sigaction action {};
+  action.sa_handler = OnInterrupt;
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
+}
+
+}  // namespace tumbler

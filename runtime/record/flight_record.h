@@ -1,0 +1,78 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "runtime/record/record_blocks.h"
+#include "runtime/record/record_configuration.h"
+#include "runtime/record/tick_entry.h"
+
+namespace tumbler {
+
+/// The bytes of a file, mapped into memory.
+class MappedFile {
+ public:
+  /// @throws RecordError naming the file that cannot be read.
+  explicit MappedFile(const std::string& path);
+  ~MappedFile();
+  MappedFile(const MappedFile&) = delete;
+  MappedFile& operator=(const MappedFile&) = delete;
+  [[nodiscard]] std::span<const std::uint8_t> bytes() const { return bytes_; }
+
+ private:
+  std::span<const std::uint8_t> bytes_;
+};
+
+/// Reads a flight record: its configuration at once, then one tick after the other. Works on any
+/// bytes; a record that was cut off opens up to there.
+class FlightRecord {
+ public:
+  /// @param bytes  of the whole file; they must outlive the record.
+  /// @param name   of the file, for messages.
+  /// @throws RecordError when it is no record of this version, or its configuration is not whole.
+  FlightRecord(std::span<const std::uint8_t> bytes, std::string name);
+
+  [[nodiscard]] const RecordConfiguration& configuration() const { return configuration_; }
+  [[nodiscard]] const std::string& name() const { return name_; }
+
+  /// The next tick. @returns false at the end of what can be read.
+  bool Next(TickEntry& entry);
+  /// To the first tick again.
+  void Rewind();
+
+  /// Found up to the last Next.
+  [[nodiscard]] const std::vector<Damage>& damages() const { return damages_; }
+  [[nodiscard]] const std::vector<LostTicks>& lost() const { return lost_; }
+  [[nodiscard]] const std::optional<RecordEnd>& end() const { return end_; }
+  [[nodiscard]] bool cut_off() const { return reader_.cut_off(); }
+  /// Where the whole blocks that were read end.
+  [[nodiscard]] std::size_t offset() const { return reader_.offset(); }
+  [[nodiscard]] std::size_t size() const { return bytes_.size(); }
+  /// Of the block of the last tick.
+  [[nodiscard]] std::size_t tick_offset() const { return tick_offset_; }
+
+  /// One sentence about how the record ends, after the last Next: complete, interrupted, or cut off
+  /// where; and what is lost or damaged in a line each.
+  [[nodiscard]] std::vector<std::string> Remarks() const;
+
+ private:
+  void TakeDamages();
+
+  std::span<const std::uint8_t> bytes_;
+  std::string name_;
+  RecordConfiguration configuration_;
+  BlockReader reader_;
+  BlockReader after_configuration_;
+  std::size_t taken_damages_ = 0;
+  std::vector<Damage> damages_;
+  std::vector<LostTicks> lost_;
+  std::optional<RecordEnd> end_;
+  std::size_t tick_offset_ = 0;
+};
+
+}  // namespace tumbler

@@ -1,0 +1,235 @@
+#include "runtime/record/flight_recorder.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <array>
+#include <atomic>
+#include <cerrno>
+#include <chrono>
+#include <stdexcept>
+#include <system_error>
+#include <thread>
+#include <vector>
+
+#include "common/message_ring.h"
+
+namespace tumbler {
+namespace {
+
+constexpr std::size_t kChunkBytes = 64U << 10U;  // Written at once.
+
+std::string LastError() { return std::generic_category().message(errno); }
+
+std::int64_t IndexOf(std::span<const std::uint8_t> tick) {
+  std::uint64_t index = 0;
+  for (std::size_t i = 0; i < 8; ++i) index |= std::uint64_t{tick[i]} << (8 * i);
+  return static_cast<std::int64_t>(index);
+}
+
+}  // namespace
+
+struct FlightRecorder::Implementation {
+  explicit Implementation(const FlightRecorderConfig& config_in)
+      : config(config_in), storage(config_in.ring_bytes), ring(storage) {
+    chunk.reserve(kChunkBytes + kTickEntryBytesMax + 4 * kBlockHeaderBytes);
+    descriptor =
+        open(config.file.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_APPEND | O_CLOEXEC, 0644);
+    if (descriptor < 0) {
+      throw std::runtime_error(
+          errno == EEXIST
+              ? fmt::format("{}: exists, and a record is never overwritten: name another file, or "
+                            "remove it",
+                            config.file)
+              : fmt::format("{}: cannot be written: {}", config.file, LastError()));
+    }
+    AppendRecordHeader(chunk);
+    chunk.insert(chunk.end(), config.configuration.begin(), config.configuration.end());
+    BlockReader reader(chunk);
+    for (Block block; reader.Next(block);) ++blocks;
+    ends.push_back({chunk.size(), 0});
+    WriteChunk();
+    if (!problem.empty()) {
+      close(descriptor);
+      unlink(config.file.c_str());
+      throw std::runtime_error(problem);
+    }
+  }
+  ~Implementation() {
+    stop = true;
+    if (thread.joinable()) thread.join();
+    if (descriptor >= 0) {
+      Drain();
+      close(descriptor);
+      if (pushed == 0) unlink(config.file.c_str());
+    }
+  }
+
+  void Drain() {
+    std::size_t size = 0;
+    while (ring.Pop(message, size)) {
+      const std::span<const std::uint8_t> tick = std::span(message).first(size);
+      if (!problem.empty()) continue;  // Only makes room.
+      const std::int64_t index = IndexOf(tick);
+      if (index > next_index) AddLost(index - next_index);
+      last_index = index;
+      next_index = index + 1;
+      Add(BlockKind::kTick, tick);
+      if (chunk.size() >= kChunkBytes) WriteChunk();
+    }
+    WriteChunk();
+  }
+
+  void AddLost(std::int64_t count) {
+    Add(BlockKind::kLost, EncodeLost({next_index, count}));
+    next_index += count;
+    Say(
+        fmt::format("{}: {} ticks could not be recorded, the disk was too slow; the record says "
+                    "which",
+                    config.file, count));
+  }
+
+  void Add(BlockKind kind, std::span<const std::uint8_t> content) {
+    AppendBlock(kind, blocks++, content, chunk);
+    ends.push_back({chunk.size(), kind == BlockKind::kTick ? 1 : 0});
+  }
+
+  void WriteChunk() {
+    if (chunk.empty() || !problem.empty()) return;
+    std::size_t written = 0;
+    while (written < chunk.size()) {
+      const ssize_t count = write(descriptor, chunk.data() + written, chunk.size() - written);
+      if (count < 0 && errno == EINTR) continue;
+      if (count <= 0) {
+        const int error = count < 0 ? errno : EIO;
+        Fail(error, written);
+        break;
+      }
+      written += static_cast<std::size_t>(count);
+    }
+    if (problem.empty()) {
+      crc = Crc32(chunk, crc);
+      file_bytes += chunk.size();
+      for (const BlockEnd& end : ends) recorded += end.ticks;
+    }
+    chunk.clear();
+    ends.clear();
+  }
+
+  /// Keeps what is whole, and gives up.
+  void Fail(int error, std::size_t written) {
+    std::size_t whole = 0;
+    std::int64_t lost_here = 0;
+    for (const BlockEnd& end : ends) {
+      if (end.offset <= written) {
+        whole = end.offset;
+        recorded += end.ticks;
+      } else {
+        lost_here += end.ticks;
+      }
+    }
+    const bool cut = ftruncate(descriptor, static_cast<off_t>(file_bytes + whole)) == 0;
+    const std::string reason = std::generic_category().message(error);
+    problem = recorded == 0 && file_bytes == 0
+                  ? fmt::format("{}: cannot be written: {}", config.file, reason)
+                  : fmt::format(
+                        "{}: recording stopped after {} ticks (at the {}th of this run): "
+                        "{}; the {} bytes written before are {}",
+                        config.file, recorded, last_index + 1 - lost_here, reason,
+                        file_bytes + whole, cut ? "whole" : "kept, and some beyond them");
+    if (file_bytes > 0) Say(problem);
+  }
+
+  void Say(const std::string& text) const {
+    if (config.say) config.say(text);
+  }
+
+  void Sync() const {
+    if (problem.empty()) static_cast<void>(fdatasync(descriptor));
+  }
+
+  struct BlockEnd {
+    std::size_t offset = 0;  // in the chunk
+    std::int64_t ticks = 0;  // 1 if the block is one
+  };
+
+  FlightRecorderConfig config;
+  std::vector<std::uint8_t> storage;
+  MessageRing ring;
+
+  // Of the loop.
+  std::array<std::uint8_t, kTickEntryBytesMax> scratch;
+  std::atomic<std::int64_t> pushed{0};
+  std::atomic<std::int64_t> lost{0};
+
+  // Of the draining side.
+  int descriptor = -1;
+  std::array<std::uint8_t, kTickEntryBytesMax> message;
+  RecordBytes chunk;  // blocks that are still to be written
+  std::vector<BlockEnd> ends;
+  std::uint32_t blocks = 0;
+  std::uint32_t crc = 0;
+  std::uint64_t file_bytes = 0;
+  std::int64_t next_index = 0;
+  std::int64_t last_index = -1;
+  std::atomic<std::int64_t> recorded{0};
+  std::string problem;
+
+  std::atomic<bool> stop{false};
+  std::thread thread;
+};
+
+FlightRecorder::FlightRecorder(const FlightRecorderConfig& config)
+    : implementation_(std::make_unique<Implementation>(config)) {}
+
+FlightRecorder::~FlightRecorder() = default;
+
+void FlightRecorder::Push(const TickNotes& notes, const TickInput& input,
+                          const TickOutput& output) noexcept {
+  Implementation& self = *implementation_;
+  const std::int64_t index = self.pushed.load(std::memory_order_relaxed);
+  self.pushed.store(index + 1, std::memory_order_relaxed);
+  const std::size_t size = EncodeTick(index, notes, input, output, self.scratch);
+  if (size == 0 || !self.ring.Push(std::span(self.scratch).first(size))) {
+    self.lost.fetch_add(1, std::memory_order_relaxed);
+  }
+}
+
+void FlightRecorder::Drain() { implementation_->Drain(); }
+
+void FlightRecorder::Start() {
+  implementation_->stop = false;
+  implementation_->thread = std::thread([self = implementation_.get()] {
+    int round = 0;
+    while (!self->stop) {
+      self->Drain();
+      if (++round % 200 == 0) self->Sync();
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    }
+  });
+}
+
+void FlightRecorder::Stop(const std::string& outcome) {
+  Implementation& self = *implementation_;
+  self.stop = true;
+  if (self.thread.joinable()) self.thread.join();
+  if (self.descriptor < 0) return;
+  self.Drain();
+  if (self.problem.empty()) {
+    if (self.pushed > self.next_index) self.AddLost(self.pushed - self.next_index);
+    self.WriteChunk();
+    self.Add(BlockKind::kEnd, EncodeEnd({self.recorded, self.lost, self.crc, outcome}));
+    self.WriteChunk();
+  }
+  self.Sync();
+  close(self.descriptor);
+  self.descriptor = -1;
+}
+
+std::int64_t FlightRecorder::pushed() const noexcept { return implementation_->pushed; }
+std::int64_t FlightRecorder::recorded() const noexcept { return implementation_->recorded; }
+std::int64_t FlightRecorder::lost() const noexcept { return implementation_->lost; }
+const std::string& FlightRecorder::problem() const noexcept { return implementation_->problem; }
+
+}  // namespace tumbler

@@ -1,0 +1,308 @@
+#include "runtime/record/record_configuration.h"
+
+#include <fmt/format.h>
+#include <sys/utsname.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <string_view>
+#include <type_traits>
+
+#include <nlohmann/json.hpp>
+
+namespace tumbler {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr const char* kFormat = "tumbler-record";
+
+// A member that is added there has to be added to Visit below, or a replay would not have it.
+static_assert(sizeof(JointConfig) == 16);
+static_assert(sizeof(CollapseConfig) == 8 + kMaxJoints * sizeof(float));
+static_assert(sizeof(ExecutorConfig) ==
+              40 + kMaxJoints * sizeof(JointConfig) + sizeof(FaultTable) + sizeof(CollapseConfig));
+static_assert(sizeof(RunSequenceConfig) == 56);
+
+/// Calls `visit(key, value)` for every number of a configuration.
+template <typename Config, typename Visit>
+requires std::is_same_v<std::remove_const_t<Config>, JointConfig>
+void VisitNumbers(Config& config, const Visit& visit) {
+  visit("kp_nm_per_rad", config.kp_nm_per_rad);
+  visit("kd_nm_s_per_rad", config.kd_nm_s_per_rad);
+  visit("damping_nm_s_per_rad", config.damping_nm_s_per_rad);
+  visit("temperature_max_c", config.temperature_max_c);
+}
+
+template <typename Config, typename Visit>
+requires std::is_same_v<std::remove_const_t<Config>, ExecutorConfig>
+void VisitNumbers(Config& config, const Visit& visit) {
+  visit("period_s", config.period_s);
+  visit("speed", config.speed);
+  visit("move_fraction", config.move_fraction);
+  visit("torque_rise_s", config.torque_rise_s);
+  visit("stale_ticks_max", config.stale_ticks_max);
+  visit("sequence_errors_max", config.sequence_errors_max);
+  visit("late_ticks_max", config.late_ticks_max);
+  visit("arming_ticks_max", config.arming_ticks_max);
+  visit("cycles", config.cycles);
+  visit("branch", config.branch);
+}
+
+template <typename Config, typename Visit>
+requires std::is_same_v<std::remove_const_t<Config>, RunSequenceConfig>
+void VisitNumbers(Config& config, const Visit& visit) {
+  visit("hold_ticks", config.hold_ticks);
+  visit("reply_ticks_max", config.reply_ticks_max);
+  visit("start_ticks_max", config.start_ticks_max);
+  visit("stop_hold_ticks", config.stop_hold_ticks);
+  visit("fault_ticks", config.fault_ticks);
+  visit("disarmed_ticks", config.disarmed_ticks);
+  visit("attended", config.attended);
+}
+
+template <typename Config>
+Json ToJson(const Config& config) {
+  Json json = Json::object();
+  // A float becomes the double of the same value, whose text reads back the same.
+  VisitNumbers(config, [&json](const char* key, const auto& value) { json[key] = value; });
+  return json;
+}
+
+Json ToJson(const FaultTable& table) {
+  Json json = Json::object();
+  for (std::size_t f = 1; f < kFaultCount; ++f) {
+    Json row = Json::array();
+    for (std::size_t s = 0; s < kExecutorStateCount; ++s) {
+      row.push_back(ToString(table(static_cast<Fault>(f), static_cast<ExecutorState>(s))));
+    }
+    json[ToString(static_cast<Fault>(f))] = row;
+  }
+  return json;
+}
+
+[[noreturn]] void Fail(const std::string& key, const std::string& problem) {
+  throw RecordError(fmt::format("configuration: {}: {}", key, problem));
+}
+
+const Json& Member(const Json& json, const std::string& key) {
+  const auto found = json.is_object() ? json.find(key) : json.end();
+  if (!json.is_object() || found == json.end()) Fail(key, "is missing");
+  return *found;
+}
+
+template <typename T>
+void Take(const Json& json, const std::string& key, T& value) {
+  const Json& member = Member(json, key);
+  if constexpr (std::is_same_v<T, bool>) {
+    if (!member.is_boolean()) Fail(key, "is not true or false");
+    value = member.get<bool>();
+  } else if constexpr (std::is_same_v<T, std::string>) {
+    if (!member.is_string()) Fail(key, "is not a text");
+    value = member.get<std::string>();
+  } else if constexpr (std::is_integral_v<T>) {
+    constexpr std::int64_t kMin = std::numeric_limits<T>::min();
+    constexpr auto kMax = static_cast<std::uint64_t>(std::numeric_limits<T>::max());
+    const bool fits = member.is_number_unsigned()  ? member.get<std::uint64_t>() <= kMax
+                      : member.is_number_integer() ? member.get<std::int64_t>() >= kMin
+                                                   : false;
+    if (!fits) Fail(key, fmt::format("is not an integer of {} bits", 8 * sizeof(T)));
+    value = member.get<T>();
+  } else {
+    const double number = member.is_number() ? member.get<double>() : NAN;
+    if (!(std::abs(number) <= std::numeric_limits<float>::max())) Fail(key, "is not a number");
+    value = static_cast<T>(number);
+  }
+}
+
+template <typename Config>
+void TakeNumbers(const Json& json, Config& config) {
+  VisitNumbers(config, [&json](const char* key, auto& value) { Take(json, key, value); });
+}
+
+void TakeTexts(const Json& json, const std::string& key, std::vector<std::string>& texts) {
+  const Json& member = Member(json, key);
+  if (!member.is_array()) Fail(key, "is not an array");
+  for (const Json& text : member) {
+    if (!text.is_string()) Fail(key, "has an entry that is not a text");
+    texts.push_back(text.get<std::string>());
+  }
+}
+
+void TakeReactions(const Json& json, FaultTable& table) {
+  for (std::size_t f = 1; f < kFaultCount; ++f) {
+    const std::string key = ToString(static_cast<Fault>(f));
+    const Json& row = Member(json, key);
+    if (!row.is_array() || row.size() != kExecutorStateCount) {
+      Fail(key, fmt::format("is not an array of {} reactions", kExecutorStateCount));
+    }
+    for (std::size_t s = 0; s < kExecutorStateCount; ++s) {
+      std::size_t r = 0;
+      while (r < kReactionCount && row[s] != ToString(static_cast<Reaction>(r))) ++r;
+      if (r == kReactionCount) Fail(key, fmt::format("has a reaction that is none: {}", row[s]));
+      table.Set(static_cast<Fault>(f), static_cast<ExecutorState>(s), static_cast<Reaction>(r));
+    }
+  }
+}
+
+std::span<const std::uint8_t> BytesOf(const std::string& text) {
+  return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
+}
+
+const std::string& TextOf(const RecordConfiguration& configuration, const std::string& path) {
+  for (const RecordedFile& file : configuration.files) {
+    if (file.path == path) return file.text;
+  }
+  throw RecordError(fmt::format("configuration: '{}' is not among the recorded files", path));
+}
+
+}  // namespace
+
+std::string DescribeKernel() {
+  utsname name{};
+  if (uname(&name) != 0) return "unknown";
+  return fmt::format("{} {} {} {}", name.sysname, name.release, name.version, name.machine);
+}
+
+RecordBytes EncodeConfiguration(const RecordConfiguration& configuration) {
+  Json json;
+  json["format"] = kFormat;
+  json["program"] = configuration.program;
+  json["command_line"] = configuration.command_line;
+  json["kernel"] = configuration.kernel;
+  json["machine"] = {{"kernel", configuration.machine.kernel},
+                     {"cpu", configuration.machine.cpu},
+                     {"adapter", configuration.machine.adapter}};
+  json["bus"] = configuration.bus;
+  json["dry_run"] = configuration.dry_run;
+  json["virtual_time"] = configuration.virtual_time;
+  json["utime_at_zero_us"] = configuration.utime_at_zero_us;
+  json["period_ns"] = configuration.period_ns;
+  json["joints"] = configuration.joints;
+  json["motion_file"] = configuration.motion_file;
+  json["drives_file"] = configuration.drives_file;
+  json["executor"] = ToJson(configuration.executor);
+  json["executor"]["joints"] = Json::array();
+  for (const JointConfig& joint : configuration.executor.joints) {
+    json["executor"]["joints"].push_back(ToJson(joint));
+  }
+  json["executor"]["reactions"] = ToJson(configuration.executor.reactions);
+  const CollapseConfig& collapse = configuration.executor.collapse;
+  if (collapse.configured) {
+    json["executor"]["collapse"] = {{"stiffness", collapse.stiffness},
+                                    {"position_rad", collapse.position_rad}};
+  }
+  json["run_sequence"] = ToJson(configuration.sequence);
+  json["files"] = Json::array();
+  for (const RecordedFile& file : configuration.files) {
+    json["files"].push_back(
+        {{"path", file.path}, {"bytes", file.text.size()}, {"hash", HashOfText(file.text)}});
+  }
+  RecordBytes bytes;
+  std::uint32_t number = 0;
+  // Names of files need not be UTF-8, JSON is; the blocks of the files have them as they are.
+  AppendBlock(BlockKind::kConfiguration, number++,
+              BytesOf(json.dump(1, ' ', false, Json::error_handler_t::replace)), bytes);
+  for (const RecordedFile& file : configuration.files) {
+    AppendBlock(BlockKind::kFile, number++, EncodeFile(file.path, file.text), bytes);
+  }
+  return bytes;
+}
+
+RecordConfiguration ParseConfiguration(std::string_view text) {
+  const Json json = Json::parse(text, nullptr, false);
+  if (json.is_discarded()) throw RecordError("configuration: is not JSON");
+  std::string format;
+  Take(json, "format", format);
+  if (format != kFormat) Fail("format", fmt::format("is '{}', not '{}'", format, kFormat));
+  RecordConfiguration configuration;
+  Take(json, "program", configuration.program);
+  TakeTexts(json, "command_line", configuration.command_line);
+  Take(json, "kernel", configuration.kernel);
+  const Json& machine = Member(json, "machine");
+  Take(machine, "kernel", configuration.machine.kernel);
+  Take(machine, "cpu", configuration.machine.cpu);
+  Take(machine, "adapter", configuration.machine.adapter);
+  Take(json, "bus", configuration.bus);
+  Take(json, "dry_run", configuration.dry_run);
+  Take(json, "virtual_time", configuration.virtual_time);
+  Take(json, "utime_at_zero_us", configuration.utime_at_zero_us);
+  Take(json, "period_ns", configuration.period_ns);
+  if (configuration.period_ns < 1) Fail("period_ns", "is not above 0");
+  TakeTexts(json, "joints", configuration.joints);
+  if (configuration.joints.empty() || configuration.joints.size() > kMaxJoints) {
+    Fail("joints", fmt::format("are not 1 ... {}", kMaxJoints));
+  }
+  Take(json, "motion_file", configuration.motion_file);
+  Take(json, "drives_file", configuration.drives_file);
+  const Json& executor = Member(json, "executor");
+  TakeNumbers(executor, configuration.executor);
+  const Json& joints = Member(executor, "joints");
+  if (!joints.is_array() || joints.size() != kMaxJoints) Fail("joints", "has not 8 entries");
+  for (std::size_t i = 0; i < kMaxJoints; ++i) {
+    TakeNumbers(joints[i], configuration.executor.joints[i]);
+  }
+  TakeReactions(Member(executor, "reactions"), configuration.executor.reactions);
+  if (executor.contains("collapse")) {
+    CollapseConfig& collapse = configuration.executor.collapse;
+    const Json& pose = Member(executor["collapse"], "position_rad");
+    if (!pose.is_array() || pose.size() != kMaxJoints) Fail("position_rad", "has not 8 entries");
+    collapse.configured = true;
+    Take(executor["collapse"], "stiffness", collapse.stiffness);
+    for (std::size_t i = 0; i < kMaxJoints; ++i) {
+      if (!pose[i].is_number()) Fail("position_rad", "has an entry that is not a number");
+      collapse.position_rad[i] = pose[i].get<float>();
+    }
+  }
+  TakeNumbers(Member(json, "run_sequence"), configuration.sequence);
+  const Json& files = Member(json, "files");
+  if (!files.is_array()) Fail("files", "is not an array");
+  for (const Json& file : files) {
+    Take(file, "path", configuration.files.emplace_back().path);
+  }
+  return configuration;
+}
+
+FileReader FileKeeper::reader() {
+  return [this](const std::string& path) {
+    for (const RecordedFile& file : files_) {
+      if (file.path == path) return file.text;
+    }
+    files_.push_back({path, ReadTextFile(path)});
+    return files_.back().text;
+  };
+}
+
+ConfiguredExecutor::ConfiguredExecutor(const RecordConfiguration& configuration)
+    : bank_(std::make_unique<DriveBank>()), executor_(std::make_unique<Executor>()) {
+  const auto read = [&configuration](const std::string& path) {
+    return TextOf(configuration, path);
+  };
+  const std::string& drives_file = configuration.drives_file;
+  try {
+    motions_ = std::make_unique<const Sequence<float>>(
+        ToRuntime(LoadMotion(configuration.motion_file, read)));
+    drives_ = drives_file.empty() ? DefaultDrives(configuration.joints)
+                                  : DrivesOf(ParseDrives(read(drives_file), drives_file),
+                                             configuration.joints, drives_file);
+  } catch (const FileError&) {
+    throw;
+  } catch (const std::exception& error) {
+    throw RecordError(error.what());
+  }
+  for (const DriveEntry& entry : drives_.drives) {
+    if (bank_->Add(entry.config) != Status::kOk) {
+      throw RecordError(
+          fmt::format("joint {}: its drive cannot be used as configured", entry.joint));
+    }
+  }
+  const std::span<const Primitive<float>> primitives(
+      motions_->primitives.data(), static_cast<std::size_t>(motions_->primitive_count));
+  if (executor_->Configure(configuration.executor, motions_->graph, primitives, bank_->drives()) !=
+      Status::kOk) {
+    throw RecordError("the executor does not take the recorded configuration");
+  }
+}
+
+}  // namespace tumbler

@@ -1,0 +1,183 @@
+#include "runtime/record/record_export.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstdio>
+#include <limits>
+#include <memory>
+#include <set>
+#include <system_error>
+#include <vector>
+
+#include "common/primitive_toml.h"
+#include "firmware_interface/can/frame_length.h"
+#include "runtime/linux/candump.h"
+#include "runtime/linux/telemetry.h"
+
+namespace tumbler {
+
+namespace {
+
+/// As the loop counts them: each as long as such a frame can be.
+std::int32_t LongestBits(const CanFrame& frame) {
+  return WorstCaseFrameBits(frame.extended ? CanIdKind::kExtended : CanIdKind::kStandard,
+                            frame.remote ? 0 : frame.size);
+}
+
+/// Frames that the bus took, in their order.
+std::vector<CanFrame> SentFrames(const TickEntry& entry) {
+  std::vector<CanFrame> frames;
+  for (std::size_t i = 0; i < entry.record.joint_count; ++i) {
+    for (const CanFrame& frame : entry.frames[i].frames()) {
+      if (frames.size() < entry.notes.sent_count) frames.push_back(frame);
+    }
+  }
+  return frames;
+}
+
+/// What the loop gave to telemetry.
+TimedRecord ToTimedRecord(const TickEntry& entry) {
+  TimedRecord timed;
+  timed.time_ns = entry.notes.deadline_ns;
+  timed.number = entry.index;
+  timed.wake_up_ns = static_cast<float>(entry.notes.awake_ns - entry.notes.due_ns);
+  timed.tick_ns = static_cast<float>(entry.notes.done_ns - entry.notes.awake_ns);
+  for (const ReceivedFrame& received : entry.input().received) {
+    timed.bus_bits += LongestBits(received.frame);
+  }
+  for (const CanFrame& frame : SentFrames(entry)) timed.bus_bits += LongestBits(frame);
+  timed.request = {entry.notes.request_id, static_cast<OperatorRequest>(entry.notes.request),
+                   entry.notes.request_refusal};
+  timed.record = entry.record;
+  return timed;
+}
+
+RunDescription DescribeRun(const RecordConfiguration& configuration) {
+  const ConfiguredExecutor configured(configuration);
+  const SequenceGraph<float>& graph = configured.motions().graph;
+  RunDescription run;
+  run.motion = std::string(graph.name.view());
+  run.bus = configuration.bus;
+  run.mode = configuration.bus == "sim" ? "simulated" : configuration.dry_run ? "dry run" : "armed";
+  run.attended = configuration.sequence.attended;
+  run.rate_hz = configured.drives().rate_hz;
+  run.bit_rate = configured.drives().bit_rate;
+  // Of the text that was given, the nearest float was recorded.
+  run.speed = std::stod(fmt::format("{}", configuration.executor.speed));
+  run.joints = configuration.joints;
+  for (const SequenceNode& node : graph.nodes()) run.nodes.emplace_back(node.name.view());
+  std::set<std::string> branches;
+  for (const auto& edge : graph.edges()) {
+    if (edge.condition == EdgeCondition::kBranch) branches.emplace(edge.branch.view());
+  }
+  run.branches.assign(branches.begin(), branches.end());
+  run.machine = configuration.machine;
+  run.scheduling = configuration.virtual_time ? "time-shared" : "not recorded";
+  return run;
+}
+
+}  // namespace
+
+std::int64_t ExportCandump(FlightRecord& record, const std::string& path) {
+  const RecordConfiguration& configuration = record.configuration();
+  struct CloseFile {
+    void operator()(std::FILE* file) const noexcept { std::fclose(file); }
+  };
+  const std::unique_ptr<std::FILE, CloseFile> file(std::fopen(path.c_str(), "w"));
+  const auto fail = [&path] {
+    throw RecordError(
+        fmt::format("{}: cannot be written: {}", path, std::generic_category().message(errno)));
+  };
+  if (file == nullptr) fail();
+
+  // A frame may arrive while those of its tick are sent, and then belongs to the next tick: frames
+  // are kept until none that is older can come.
+  std::vector<ReceivedFrame> frames;
+  std::int64_t count = 0;
+  const auto write_before = [&](std::int64_t time_ns) {
+    std::stable_sort(frames.begin(), frames.end(),
+                     [](const auto& a, const auto& b) { return a.time_ns < b.time_ns; });
+    auto next = frames.begin();
+    for (; next != frames.end() && next->time_ns < time_ns; ++next) {
+      const std::string line =
+          CandumpLine(
+              std::max<std::int64_t>(next->time_ns + configuration.utime_at_zero_us * 1000, 0),
+              configuration.bus, next->frame) +
+          '\n';
+      if (std::fwrite(line.data(), 1, line.size(), file.get()) != line.size()) fail();
+      ++count;
+    }
+    frames.erase(frames.begin(), next);
+  };
+
+  record.Rewind();
+  const auto entry = std::make_unique<TickEntry>();
+  std::int64_t awake_before_ns = std::numeric_limits<std::int64_t>::min();
+  while (record.Next(*entry)) {
+    frames.insert(frames.end(), entry->received.begin(),
+                  entry->received.begin() + static_cast<std::ptrdiff_t>(entry->received_count));
+    for (const CanFrame& frame : SentFrames(*entry)) {
+      frames.push_back({frame, entry->notes.send_ns});
+    }
+    write_before(awake_before_ns);
+    awake_before_ns = entry->notes.awake_ns;
+  }
+  write_before(std::numeric_limits<std::int64_t>::max());
+  if (std::fflush(file.get()) != 0) fail();
+  return count;
+}
+
+std::int64_t ExportTelemetry(FlightRecord& record, const std::string& csv_path,
+                             const std::string& lcm_path) {
+  const RecordConfiguration& configuration = record.configuration();
+  TelemetryConfig config;
+  config.trace_file = csv_path;
+  config.log_file = lcm_path;
+  config.run = DescribeRun(configuration);
+  config.utime_at_zero_us = configuration.utime_at_zero_us;
+  Telemetry telemetry(config);
+  record.Rewind();
+  const auto entry = std::make_unique<TickEntry>();
+  while (record.Next(*entry)) {
+    telemetry.Push(ToTimedRecord(*entry));
+    telemetry.Drain();
+  }
+  telemetry.Stop();
+  return telemetry.written();
+}
+
+std::string Summary(FlightRecord& record) {
+  const RecordConfiguration& c = record.configuration();
+  record.Rewind();
+  const auto entry = std::make_unique<TickEntry>();
+  std::int64_t ticks = 0, sent = 0, received = 0, first_ns = 0, last_ns = 0;
+  FaultReport fault;
+  while (record.Next(*entry)) {
+    if (ticks++ == 0) first_ns = entry->notes.deadline_ns;
+    last_ns = entry->notes.deadline_ns;
+    sent += static_cast<std::int64_t>(entry->notes.sent_count);
+    received += static_cast<std::int64_t>(entry->received_count);
+    if (fault.fault == Fault::kNone) fault = entry->record.first_fault;
+  }
+  std::string text = fmt::format("{}: {} bytes, format version {}\n", record.name(), record.size(),
+                                 kRecordVersion);
+  text += fmt::format("  made by {} on {}\n", c.program, c.kernel);
+  text += fmt::format("  bus {}{}{}, {:.6g} Hz, joints {}\n", c.bus, c.dry_run ? " (dry run)" : "",
+                      c.virtual_time ? ", virtual time" : "",
+                      1e9 / static_cast<double>(c.period_ns), fmt::join(c.joints, ", "));
+  text += fmt::format("  motion {}, speed {:.3g}; drives {}\n", c.motion_file, c.executor.speed,
+                      c.drives_file.empty() ? "of the simulation" : c.drives_file);
+  for (const RecordedFile& file : c.files) {
+    text += fmt::format("  holds {} ({} bytes, {})\n", file.path, file.text.size(),
+                        HashOfText(file.text));
+  }
+  text += fmt::format("  {} ticks over {:.3f} s; {} frames sent, {} received\n", ticks,
+                      static_cast<double>(last_ns - first_ns) * 1e-9, sent, received);
+  if (fault.fault != Fault::kNone) text += fmt::format("  {}\n", Describe(fault, c.joints));
+  for (const std::string& remark : record.Remarks()) text += fmt::format("  {}\n", remark);
+  return text;
+}
+
+}  // namespace tumbler

@@ -1,0 +1,49 @@
+// Feeds the fuzzer's target with records that were damaged at random from fixed seeds, without
+// libFuzzer: what the normal tests run. usage: PROGRAM [ROUNDS [FIRST_SEED]], or PROGRAM --seed
+// FILE to write an undamaged one, for libFuzzer to begin with.
+
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+#include <random>
+#include <string>
+
+#include "tests/support/recorded_run.h"
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size);
+
+int main(int argc, char** argv) {
+  const std::string whole =
+      tumbler::testing::RecordedBytes(tumbler::testing::SmallConfiguration(), 12);
+  const long rounds = argc > 1 ? std::atol(argv[1]) : 500;
+  const long first = argc > 2 ? std::atol(argv[2]) : 1;
+  for (long seed = first; seed < first + rounds; ++seed) {
+    std::mt19937 random(static_cast<std::mt19937::result_type>(seed));
+    std::string bytes = whole;
+    const auto place = [&random, &bytes] { return random() % bytes.size(); };
+    // Behind the texts more often than in them: most of the bytes are theirs.
+    const std::size_t texts = whole.size() - 12 * 400;
+    for (std::size_t i = 1 + random() % 4; i > 0; --i) {
+      const std::size_t at = random() % 2 == 0 ? place() : texts + random() % (12 * 400);
+      switch (random() % 5) {
+        case 0:
+          bytes[at % bytes.size()] ^= static_cast<char>(1 << (random() % 8));
+          break;
+        case 1:
+          bytes[at % bytes.size()] = static_cast<char>(random());
+          break;
+        case 2:
+          bytes.resize(1 + place());
+          break;
+        case 3:
+          bytes.erase(at % bytes.size(), 1 + random() % 300);
+          break;
+        default:
+          bytes.insert(at % bytes.size(), bytes.substr(place(), random() % 300));
+      }
+      if (bytes.empty()) bytes.push_back('T');
+    }
+    LLVMFuzzerTestOneInput(reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size());
+  }
+  std::printf("%ld inputs\n", rounds);
+}

@@ -1,0 +1,79 @@
+#include "runtime/linux/candump.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <random>
+#include <string>
+
+namespace tumbler {
+namespace {
+
+using ::testing::HasSubstr;
+
+TEST(Candump, ReadsWhatItWrites) {
+  std::mt19937 random(1);
+  std::string text;
+  std::vector<CandumpFrame> written;
+  for (int i = 0; i < 1000; ++i) {
+    CandumpFrame frame;
+    frame.interface = i % 2 == 0 ? "can0" : "vcan12";
+    frame.received.time_ns = static_cast<std::int64_t>(random()) * 1'000'000;
+    CanFrame& can = frame.received.frame;
+    can.extended = random() % 2 == 0;
+    can.remote = random() % 4 == 0;
+    can.id = static_cast<std::uint32_t>(random()) & (can.extended ? 0x1fffffffU : 0x7ffU);
+    can.size = static_cast<std::uint8_t>(random() % 9);
+    for (std::size_t b = 0; b < can.size && !can.remote; ++b) {
+      can.data[b] = static_cast<std::uint8_t>(random());
+    }
+    text += CandumpLine(frame.received.time_ns, frame.interface, can) + "\n";
+    written.push_back(frame);
+  }
+  std::int64_t skipped = -1;
+  const auto read = ParseCandump(text, "log", skipped);
+  EXPECT_EQ(skipped, 0);
+  ASSERT_EQ(read.size(), written.size());
+  for (std::size_t i = 0; i < read.size(); ++i) {
+    EXPECT_EQ(read[i].received.frame, written[i].received.frame) << i;
+    EXPECT_EQ(read[i].received.time_ns, written[i].received.time_ns) << i;
+    EXPECT_EQ(read[i].interface, written[i].interface) << i;
+  }
+}
+
+TEST(Candump, SkipsFdAndErrorFramesAndReadsDirectionsAndAlignment) {
+  std::int64_t skipped = 0;
+  const auto frames = ParseCandump(
+      "(1436509052.249713)  can0 044#2A366C2BBA R\r\n"
+      "(1436509052.249714) vcan0 123##1AABBCC\n"
+      "(1436509052.249715) vcan0 20000004#0000000000000000\n"
+      "\n"
+      "(1436509052.249716) vcan0 7FF#R8 T\n",
+      "log", skipped);
+  EXPECT_EQ(skipped, 2);
+  ASSERT_EQ(frames.size(), 2U);
+  EXPECT_EQ(frames[0].interface, "can0");
+  EXPECT_EQ(frames[0].received.frame.size, 5);
+  EXPECT_EQ(frames[0].received.frame.data[4], 0xba);
+  EXPECT_TRUE(frames[1].received.frame.remote);
+  EXPECT_EQ(frames[1].received.frame.size, 8);
+}
+
+TEST(Candump, NamesTheLineThatIsWrong) {
+  for (const char* line :
+       {"hello", "(1.5) can0 123#00", "(1.000000) can0 1234#00", "(1.000000) can0 123#0",
+        "(1.000000) can0 123#001122334455667788", "(1.000000) can0 123#0G", "(1.000000) 123#00",
+        "(1.000000) can0 800#00", "(-1.000000) can0 123#00", "(1.00000x) can0 123#00",
+        "(99999999999.000000) can0 123#00", "(1.000000) can0 123#R9", "(1.000000) can0 123"}) {
+    std::int64_t skipped = 0;
+    try {
+      ParseCandump("(1.000000) can0 123#00\n" + std::string(line) + "\n", "log", skipped);
+      ADD_FAILURE() << "accepted: " << line;
+    } catch (const std::runtime_error& error) {
+      EXPECT_THAT(error.what(), HasSubstr("log:2: is not a line of `candump -l`")) << line;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace tumbler

@@ -1,0 +1,216 @@
+#include "runtime/record/flight_recorder.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+
+#include <csignal>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "runtime/record/replay.h"
+#include "tests/support/allocation_guard.h"
+#include "tests/support/recorded_run.h"
+
+namespace tumbler {
+namespace {
+
+using testing::AsBytes;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using testing::ReadBytes;
+
+class FlightRecorderTest : public ::testing::Test {
+ protected:
+  FlightRecorderTest() {
+    config_.file = folder_ / "run.rec";
+    config_.configuration = EncodeConfiguration(configuration_);
+    config_.say = [this](const std::string& text) { said_.push_back(text); };
+  }
+  testing::TemporaryFolder folder_;
+  RecordConfiguration configuration_ = testing::SmallConfiguration();
+  FlightRecorderConfig config_;
+  std::vector<std::string> said_;
+};
+
+TEST_F(FlightRecorderTest, RecordsARunThatReplaysIdentically) {
+  FlightRecorder recorder(config_);
+  testing::RecordRun(configuration_, recorder, [&](std::int64_t) { recorder.Drain(); });
+  recorder.Stop("completed");
+  EXPECT_THAT(said_, IsEmpty());
+  EXPECT_EQ(recorder.lost(), 0);
+  EXPECT_EQ(recorder.recorded(), recorder.pushed());
+  EXPECT_GT(recorder.recorded(), 80);
+  const std::string bytes = ReadBytes(config_.file);
+  FlightRecord record(AsBytes(bytes), "run.rec");
+  const ReplayReport report = Replay(record);
+  EXPECT_TRUE(report.identical()) << report.difference->field << report.gap;
+  EXPECT_EQ(report.ticks, recorder.pushed());
+  ASSERT_TRUE(record.end());
+  EXPECT_EQ(record.end()->ticks, report.ticks);
+  EXPECT_EQ(record.end()->lost, 0);
+  EXPECT_EQ(record.end()->outcome, "completed");
+}
+
+TEST_F(FlightRecorderTest, WritesTheSameBytesWithAThreadOfItsOwn) {
+  FlightRecorder recorder(config_);
+  recorder.Start();
+  testing::RecordRun(configuration_, recorder);
+  recorder.Stop("completed");
+  EXPECT_EQ(ReadBytes(config_.file), testing::RecordedBytes(configuration_));
+}
+
+TEST_F(FlightRecorderTest, DoesNotAllocateInTheLoop) {
+  if (!testing::AllocationGuard::kActive) GTEST_SKIP() << "the sanitizer owns malloc";
+  config_.ring_bytes = 4096;  // The ring is full after a few ticks: that, too, is not to allocate.
+  FlightRecorder recorder(config_);
+  std::vector<ReceivedFrame> received(TickEntry::kReceivedMax / 8);
+  TickInput input;
+  input.received = received;
+  TickOutput output;
+  output.record.joint_count = 2;
+  {
+    testing::AllocationGuard guard;
+    for (int i = 0; i < 20; ++i) recorder.Push({}, input, output);
+  }
+  EXPECT_GT(recorder.lost(), 5);
+}
+
+TEST_F(FlightRecorderTest, CountsSaysAndMarksTicksThatTheRingHasNoRoomFor) {
+  config_.ring_bytes = 4096;
+  FlightRecorder recorder(config_);
+  // Drained only at tick 50 and at the end.
+  testing::RecordRun(configuration_, recorder, [&](std::int64_t tick) {
+    if (tick == 50) recorder.Drain();
+  });
+  recorder.Stop("completed");
+  EXPECT_GT(recorder.lost(), 20);
+  EXPECT_EQ(recorder.recorded() + recorder.lost(), recorder.pushed());
+  ASSERT_EQ(said_.size(), 2U);
+  EXPECT_THAT(said_[0], HasSubstr("ticks could not be recorded"));
+
+  const std::string bytes = ReadBytes(config_.file);
+  FlightRecord record(AsBytes(bytes), "run.rec");
+  const auto entry = std::make_unique<TickEntry>();
+  std::int64_t ticks = 0, last = -1, missing = 0;
+  while (record.Next(*entry)) {
+    missing += entry->index - last - 1;
+    last = entry->index;
+    ++ticks;
+  }
+  EXPECT_EQ(ticks, recorder.recorded());
+  ASSERT_EQ(record.lost().size(), 2U);
+  EXPECT_EQ(record.lost()[0].count, missing);
+  EXPECT_EQ(record.lost()[0].count + record.lost()[1].count, recorder.lost());
+  EXPECT_EQ(record.lost()[1].first_index, last + 1);
+  EXPECT_THAT(record.damages(), IsEmpty());
+  EXPECT_EQ(record.end()->lost, recorder.lost());
+
+  // What cannot be replayed is not called identical.
+  const ReplayReport report = Replay(record);
+  EXPECT_FALSE(report.identical());
+  EXPECT_THAT(report.gap, HasSubstr("ticks were not recorded"));
+  EXPECT_EQ(report.ticks, record.lost()[0].first_index);
+}
+
+/// No file of this process may become longer, until the end of the scope.
+class FileSizeLimit {
+ public:
+  explicit FileSizeLimit(std::size_t bytes) {
+    std::signal(SIGXFSZ, SIG_IGN);
+    getrlimit(RLIMIT_FSIZE, &before_);
+    rlimit limit = before_;
+    limit.rlim_cur = bytes;
+    EXPECT_EQ(setrlimit(RLIMIT_FSIZE, &limit), 0);
+  }
+  ~FileSizeLimit() { setrlimit(RLIMIT_FSIZE, &before_); }
+  FileSizeLimit(const FileSizeLimit&) = delete;
+  FileSizeLimit& operator=(const FileSizeLimit&) = delete;
+
+ private:
+  rlimit before_{};
+};
+
+TEST_F(FlightRecorderTest, StopsAndSaysSoWhenTheDiskIsFullAndKeepsWhatIsWhole) {
+  const std::string whole = testing::RecordedBytes(configuration_);
+  // At several places within a block and between blocks.
+  for (const std::size_t room :
+       {whole.size() - 1, whole.size() - 3000, whole.size() / 2 + 1111, whole.size() / 2 + 1300}) {
+    said_.clear();
+    config_.file = folder_ / ("run" + std::to_string(room));
+    FlightRecorder recorder(config_);
+    std::int64_t ticks_after = 0;
+    {
+      const FileSizeLimit limit(room);
+      testing::RecordRun(configuration_, recorder, [&](std::int64_t) {
+        recorder.Drain();
+        ticks_after += recorder.problem().empty() ? 0 : 1;
+      });
+      recorder.Stop("completed");
+    }
+    const bool in_the_end_block = room == whole.size() - 1;
+    EXPECT_EQ(ticks_after > 0, !in_the_end_block) << "the loop goes on";
+    ASSERT_EQ(said_.size(), 1U);
+    EXPECT_EQ(said_[0], recorder.problem());
+    EXPECT_THAT(said_[0], HasSubstr("File too large"));
+    EXPECT_THAT(said_[0], HasSubstr("recording stopped after " +
+                                    std::to_string(recorder.recorded()) + " ticks"));
+    const std::string bytes = ReadBytes(config_.file);
+    EXPECT_LE(bytes.size(), room);
+    EXPECT_EQ(bytes, whole.substr(0, bytes.size()));
+    FlightRecord record(AsBytes(bytes), "run.rec");
+    const ReplayReport report = Replay(record);
+    EXPECT_TRUE(report.identical());
+    EXPECT_EQ(report.ticks, recorder.recorded());
+    EXPECT_FALSE(record.cut_off()) << "cut back to whole blocks";
+    EXPECT_THAT(record.Remarks(), ElementsAre(HasSubstr("interrupted")));
+  }
+}
+
+TEST_F(FlightRecorderTest, LeavesNoFileWhenThereIsNoRoomForTheConfiguration) {
+  const FileSizeLimit limit(100);
+  try {
+    const FlightRecorder recorder(config_);
+    FAIL();
+  } catch (const std::runtime_error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("run.rec: cannot be written: File too large"));
+  }
+  EXPECT_FALSE(std::filesystem::exists(config_.file));
+}
+
+TEST_F(FlightRecorderTest, OverwritesNothing) {
+  std::ofstream(config_.file) << "precious";
+  try {
+    const FlightRecorder recorder(config_);
+    FAIL();
+  } catch (const std::runtime_error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("exists, and a record is never overwritten"));
+  }
+  EXPECT_EQ(ReadBytes(config_.file), "precious");
+  config_.file = folder_ / "absent/run.rec";
+  EXPECT_THROW(FlightRecorder{config_}, std::runtime_error);
+}
+
+TEST_F(FlightRecorderTest, RemovesARecordOfNothing) {
+  { const FlightRecorder recorder(config_); }
+  EXPECT_FALSE(std::filesystem::exists(config_.file));
+}
+
+TEST_F(FlightRecorderTest, WithoutStopTheRecordLacksItsEndAlone) {
+  {
+    FlightRecorder recorder(config_);
+    testing::RecordRun(configuration_, recorder);
+  }
+  const std::string whole = testing::RecordedBytes(configuration_);
+  const std::string bytes = ReadBytes(config_.file);
+  ASSERT_LT(bytes.size(), whole.size());
+  EXPECT_EQ(bytes, whole.substr(0, bytes.size()));
+  FlightRecord record(AsBytes(bytes), "run.rec");
+  EXPECT_TRUE(Replay(record).identical());
+}
+
+}  // namespace
+}  // namespace tumbler

@@ -1,0 +1,138 @@
+#include "runtime/record/record_configuration.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstddef>
+#include <cstring>
+#include <string>
+#include <string_view>
+
+#include "tests/support/recorded_run.h"
+
+namespace tumbler {
+namespace {
+
+using ::testing::HasSubstr;
+
+std::string JsonOf(const RecordConfiguration& configuration) {
+  RecordBytes bytes;
+  AppendRecordHeader(bytes);
+  const RecordBytes blocks = EncodeConfiguration(configuration);
+  bytes.insert(bytes.end(), blocks.begin(), blocks.end());
+  BlockReader reader(bytes);
+  Block block;
+  EXPECT_TRUE(reader.Next(block));
+  EXPECT_EQ(block.kind, BlockKind::kConfiguration);
+  return {block.content.begin(), block.content.end()};
+}
+
+/// The message with which a text is refused.
+std::string Refusal(const std::string& json) {
+  try {
+    static_cast<void>(ParseConfiguration(json));
+  } catch (const RecordError& error) {
+    return error.what();
+  }
+  return "accepted";
+}
+
+std::string Replaced(std::string text, const std::string& what, const std::string& with) {
+  const std::size_t at = text.find(what);
+  EXPECT_NE(at, std::string::npos) << what;
+  return text.replace(at, what.size(), with);
+}
+
+TEST(RecordConfiguration, IsReadBackToTheLastBit) {
+  RecordConfiguration written = testing::SmallConfiguration();
+  written.sequence.attended = true;
+  written.executor.collapse = {true, {0.1F, -2.3F}, 0.7F};
+  const RecordConfiguration read = ParseConfiguration(JsonOf(written));
+  EXPECT_EQ(read.program, written.program);
+  EXPECT_EQ(read.command_line, written.command_line);
+  EXPECT_EQ(read.kernel, written.kernel);
+  EXPECT_EQ(read.bus, written.bus);
+  EXPECT_EQ(read.dry_run, written.dry_run);
+  EXPECT_EQ(read.virtual_time, written.virtual_time);
+  EXPECT_EQ(read.utime_at_zero_us, written.utime_at_zero_us);
+  EXPECT_EQ(read.period_ns, written.period_ns);
+  EXPECT_EQ(read.joints, written.joints);
+  EXPECT_EQ(read.motion_file, written.motion_file);
+  EXPECT_EQ(read.drives_file, written.drives_file);
+  ASSERT_EQ(read.files.size(), written.files.size());
+  EXPECT_EQ(read.files[0].path, written.files[0].path);
+  // Up to there it is of numbers only, without padding.
+  EXPECT_EQ(std::memcmp(&read.executor, &written.executor, offsetof(ExecutorConfig, collapse)), 0);
+  EXPECT_TRUE(read.executor.collapse.configured);
+  EXPECT_EQ(read.executor.collapse.position_rad, written.executor.collapse.position_rad);
+  EXPECT_EQ(read.executor.collapse.stiffness, written.executor.collapse.stiffness);
+  EXPECT_EQ(read.sequence.hold_ticks, written.sequence.hold_ticks);
+  EXPECT_EQ(read.sequence.reply_ticks_max, written.sequence.reply_ticks_max);
+  EXPECT_EQ(read.sequence.start_ticks_max, written.sequence.start_ticks_max);
+  EXPECT_EQ(read.sequence.stop_hold_ticks, written.sequence.stop_hold_ticks);
+  EXPECT_EQ(read.sequence.fault_ticks, written.sequence.fault_ticks);
+  EXPECT_EQ(read.sequence.disarmed_ticks, written.sequence.disarmed_ticks);
+  EXPECT_EQ(read.sequence.attended, written.sequence.attended);
+  EXPECT_EQ(read.machine.kernel, written.machine.kernel);
+  EXPECT_EQ(read.machine.cpu, written.machine.cpu);
+  EXPECT_EQ(read.machine.adapter, written.machine.adapter);
+  const ExecutorConfig defaults;
+  EXPECT_NE(std::memcmp(&read.executor.reactions, &defaults.reactions, sizeof(FaultTable)), 0);
+}
+
+TEST(RecordConfiguration, IsRefusedWithTheKeyThatIsWrong) {
+  const std::string good = JsonOf(testing::SmallConfiguration());
+  EXPECT_EQ(Refusal(good), "accepted");
+  EXPECT_THAT(Refusal(good.substr(0, good.size() / 2)), HasSubstr("is not JSON"));
+  EXPECT_THAT(Refusal("[]"), HasSubstr("format: is missing"));
+  EXPECT_THAT(Refusal(Replaced(good, "tumbler-record", "other")), HasSubstr("format: is 'other'"));
+  EXPECT_THAT(Refusal(Replaced(good, "\"speed\"", "\"spied\"")), HasSubstr("speed: is missing"));
+  EXPECT_THAT(Refusal(Replaced(good, "\"period_ns\": 1000000", "\"period_ns\": 0")),
+              HasSubstr("period_ns: is not above 0"));
+  EXPECT_THAT(Refusal(Replaced(good, "\"stale_ticks_max\": 6", "\"stale_ticks_max\": 3000000000")),
+              HasSubstr("stale_ticks_max: is not an integer of 32 bits"));
+  EXPECT_THAT(Refusal(Replaced(good, "\"cycles\": 1", "\"cycles\": 1.5")),
+              HasSubstr("cycles: is not an integer"));
+  EXPECT_THAT(Refusal(Replaced(good, "\"damp\"", "\"dump\"")),
+              HasSubstr("a reaction that is none"));
+  EXPECT_THAT(Refusal(Replaced(good, "\"dry_run\": false", "\"dry_run\": 0")),
+              HasSubstr("dry_run: is not true or false"));
+}
+
+TEST(ConfiguredExecutor, LoadsNothingButWhatWasRecorded) {
+  RecordConfiguration configuration = testing::SmallConfiguration();
+  EXPECT_EQ(ConfiguredExecutor(configuration).executor().joint_count(), 2);
+  configuration.files.clear();
+  try {
+    const ConfiguredExecutor configured(configuration);
+    FAIL();
+  } catch (const RecordError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("'motions/motion.toml' is not among the recorded files"));
+  }
+}
+
+TEST(ConfiguredExecutor, RefusesWhatTheExecutorDoesNotTake) {
+  RecordConfiguration configuration = testing::SmallConfiguration();
+  configuration.executor.speed = 7;
+  EXPECT_THROW(ConfiguredExecutor{configuration}, RecordError);
+  configuration = testing::SmallConfiguration();
+  std::string& text = configuration.files[0].text;
+  text = Replaced(text, "coefficients_rad = [", "coefficients_rad = [1, ");
+  EXPECT_THROW(ConfiguredExecutor{configuration}, FileError);
+}
+
+TEST(FileKeeper, KeepsEachFileOnceAsItWasRead) {
+  const testing::TemporaryFolder folder;
+  std::ofstream(folder / "a") << "one";
+  FileKeeper keeper;
+  const FileReader read = keeper.reader();
+  EXPECT_EQ(read(folder / "a"), "one");
+  std::ofstream(folder / "a") << "two";
+  EXPECT_EQ(read(folder / "a"), "one") << "what was checked is what is used and recorded";
+  EXPECT_THROW(read(folder / "b"), FileError);
+  ASSERT_EQ(keeper.files().size(), 1U);
+  EXPECT_EQ(keeper.files()[0].text, "one");
+}
+
+}  // namespace
+}  // namespace tumbler

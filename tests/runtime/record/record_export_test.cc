@@ -1,0 +1,117 @@
+#include "runtime/record/record_export.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <lcm/lcm-cpp.hpp>
+#include <string>
+#include <tumbler/state_t.hpp>
+
+#include "runtime/linux/candump.h"
+#include "tests/support/program.h"
+#include "tests/support/recorded_run.h"
+
+namespace tumbler {
+namespace {
+
+using testing::AsBytes;
+using ::testing::HasSubstr;
+using testing::ReadBytes;
+
+class RecordExport : public ::testing::Test {
+ protected:
+  RecordExport() {
+    configuration_.utime_at_zero_us = 1'436'509'052'249'713;
+    bytes_ = testing::RecordedBytes(configuration_);
+    record_ = std::make_unique<FlightRecord>(AsBytes(bytes_), "run.rec");
+  }
+  testing::TemporaryFolder folder_;
+  RecordConfiguration configuration_ = testing::SmallConfiguration();
+  std::string bytes_;
+  std::unique_ptr<FlightRecord> record_;
+};
+
+TEST_F(RecordExport, WritesEveryFrameByTime) {
+  const std::int64_t count = ExportCandump(*record_, folder_ / "out.log");
+  const std::string text = ReadBytes(folder_ / "out.log");
+  EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), count);
+  EXPECT_TRUE(
+      text.starts_with("(1436509052.249713) sim 001#FFFFFFFFFFFFFFFD\n"
+                       "(1436509052.249713) sim 002#FFFFFFFFFFFFFFFD\n"
+                       "(1436509052.250013) sim 011#01"))
+      << text.substr(0, 200);
+  std::int64_t skipped = 0;
+  const auto frames = ParseCandump(text, "out.log", skipped);
+  record_->Rewind();
+  const auto entry = std::make_unique<TickEntry>();
+  std::int64_t expected = 0, ticks = 0;
+  while (record_->Next(*entry)) {
+    expected += 2 + static_cast<std::int64_t>(entry->received_count);
+    ++ticks;
+  }
+  EXPECT_EQ(count, expected);
+  EXPECT_GT(ticks, 80);
+  EXPECT_TRUE(std::is_sorted(frames.begin(), frames.end(), [](const auto& a, const auto& b) {
+    return a.received.time_ns < b.received.time_ns;
+  }));
+}
+
+TEST_F(RecordExport, IsReadByTheToolsOfCanUtils) {
+  ExportCandump(*record_, folder_ / "out.log");
+  // log2asc reads with the parser that canplayer uses; asc2log counts from the present.
+  const std::string command = "log2asc -I " + (folder_ / "out.log") + " sim | asc2log >" +
+                              (folder_ / "again.log") + " 2>/dev/null";
+  ASSERT_EQ(std::system(command.c_str()), 0);
+  std::int64_t skipped = 0;
+  const auto ours = ParseCandump(ReadBytes(folder_ / "out.log"), "out.log", skipped);
+  const auto theirs = ParseCandump(ReadBytes(folder_ / "again.log"), "again.log", skipped);
+  ASSERT_EQ(theirs.size(), ours.size());
+  ASSERT_GT(ours.size(), 300U);
+  for (std::size_t i = 0; i < ours.size(); ++i) {
+    EXPECT_EQ(theirs[i].received.frame, ours[i].received.frame) << i;
+    EXPECT_EQ(theirs[i].received.time_ns - theirs[0].received.time_ns,
+              ours[i].received.time_ns - ours[0].received.time_ns)
+        << i;
+  }
+}
+
+TEST_F(RecordExport, WritesTheTicksAsTelemetryDoes) {
+  const std::int64_t ticks = ExportTelemetry(*record_, folder_ / "out.csv", folder_ / "out.lcm");
+  const std::string csv = ReadBytes(folder_ / "out.csv");
+  EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), ticks + 1);
+  EXPECT_TRUE(csv.starts_with("number,tick,time_s,state,node,")) << csv.substr(0, 100);
+  EXPECT_NE(csv.find(",joint2_measured_torque_nm,"), std::string::npos);
+  EXPECT_NE(csv.find("\n60,60,0.060000,running,0,"), std::string::npos);
+
+  lcm::LogFile log(folder_ / "out.lcm", "r");
+  std::int64_t states = 0;
+  while (const lcm::LogEvent* event = log.readNextEvent()) {
+    if (event->channel != "TUMBLER_STATE") continue;
+    state_t state;
+    ASSERT_GT(state.decode(event->data, 0, event->datalen), 0);
+    EXPECT_EQ(state.tick, states);
+    EXPECT_EQ(event->timestamp, 1'436'509'052'249'713 + 1000 * states);
+    ++states;
+  }
+  EXPECT_EQ(states, ticks);
+}
+
+TEST_F(RecordExport, SummaryNamesWhatThereIs) {
+  const std::string summary = Summary(*record_);
+  for (const char* part : {"made by test 1.0 on Linux", "bus sim, virtual time, 1000 Hz",
+                           "joints joint1, joint2", "motion motions/motion.toml, speed 0.9",
+                           "holds motions/motion.toml", "fnv1a64:", "complete: completed"}) {
+    EXPECT_THAT(summary, HasSubstr(part));
+  }
+}
+
+TEST_F(RecordExport, NamesAFileThatCannotBeWritten) {
+  EXPECT_THROW(ExportCandump(*record_, "/absent/out.log"), RecordError);
+  EXPECT_THROW(ExportCandump(*record_, "/dev/full"), RecordError);
+  EXPECT_THROW(ExportTelemetry(*record_, "/absent/out.csv", ""), std::runtime_error);
+}
+
+}  // namespace
+}  // namespace tumbler

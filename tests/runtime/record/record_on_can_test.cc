@@ -1,0 +1,319 @@
+// Flight records of runs on a kernel's CAN interfaces: against candump as the witness, through
+// canplayer, on a disk that fills up, and after kill -9.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/mount.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <csignal>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "firmware_interface/drives/drives_toml.h"
+#include "runtime/linux/candump.h"
+#include "tests/support/can_interface.h"
+#include "tests/support/program.h"
+#include "tests/support/recorded_run.h"
+#include "tests/support/steady_time.h"
+
+namespace tumbler {
+namespace {
+
+using ::testing::HasSubstr;
+using testing::Program;
+using testing::ReadBytes;
+using testing::VirtualCan;
+
+constexpr const char* kBin = TUMBLER_BINARY_DIR "/bin/";
+
+/// Polls until the condition holds. @returns whether it came to hold within 20 s.
+template <typename Condition>
+bool Eventually(Condition condition) {
+  for (int i = 0; i < 1000; ++i) {
+    if (condition()) return true;
+    usleep(20'000);
+  }
+  return false;
+}
+
+/// Lines without their times.
+std::vector<std::string> FramesOf(const std::string& log) {
+  std::vector<std::string> frames;
+  for (std::size_t at = 0; at < log.size();) {
+    const std::size_t end = std::min(log.find('\n', at), log.size());
+    const std::string line = log.substr(at, end - at);
+    frames.push_back(line.substr(line.find(") ") + 2));
+    at = end + 1;
+  }
+  return frames;
+}
+
+/// How many of each line there are.
+std::map<std::string, int> CountsOf(const std::vector<std::string>& lines) {
+  std::map<std::string, int> counts;
+  for (const std::string& line : lines) ++counts[line];
+  return counts;
+}
+
+class RecordOnCan : public ::testing::Test {
+ protected:
+  RecordOnCan() {
+    testing::RequireCan();
+    testing::MotionShape shape;
+    shape.duration_s = 1.6;
+    shape.amplitude_rad = 0.2;
+    PrimitiveFile file = testing::RandomPrimitiveFile(shape, 70);
+    file.primitive.following_tolerance_rad = 0.5;  // three late ticks at full speed
+    file.certificate.coefficients_hash = HashOfCoefficients(file.primitive);
+    std::ofstream(Path("motion.toml")) << ToToml(file);
+    for (std::size_t i = 0; i < 2; ++i) {
+      start_rad_.push_back(file.primitive.joints[i].position.control_points()[0]);
+    }
+    WriteDrives("");
+  }
+
+  [[nodiscard]] std::string Path(const std::string& name) const { return folder_ / name; }
+
+  /// The example file's drives, for this test's joints, at a rate that the guest can keep.
+  void WriteDrives(const std::string& suffix) const {
+    std::string text =
+        ReadBytes(TUMBLER_SOURCE_DIR "/primitives/robots/tumbler_drives" + suffix + ".toml");
+    const auto replace = [&text](const std::string& what, const std::string& with) {
+      std::size_t found = 0;
+      for (std::size_t at = text.find(what); at != std::string::npos;
+           at = text.find(what, at + with.size())) {
+        text.replace(at, what.size(), with);
+        ++found;
+      }
+      ASSERT_GT(found, 0U) << what;
+    };
+    replace("\"leg1\"", "\"joint1\"");
+    replace("\"leg2\"", "\"joint2\"");
+    replace("rate_hz = 1000.0", "rate_hz = 25.0");
+    replace("watchdog_s = 0.025", "watchdog_s = 0.2");
+    if (suffix == "_cansimple") {  // What drives send by themselves is for a kHz.
+      replace("heartbeat_s = 0.01", "heartbeat_s = 0.1");
+      replace("estimates_s = 0.001", "estimates_s = 0.04");
+      replace("torques_s = 0.01", "torques_s = 0.1");
+    }
+    std::ofstream(Path("drives.toml")) << text;
+  }
+  [[nodiscard]] std::unique_ptr<Program> StartDrives(const std::string& interface) const {
+    auto drives = std::make_unique<Program>(std::vector<std::string>{
+        std::string(kBin) + "tumbler-drives", interface, Path("drives.toml"), "--friction", "1",
+        "--position", "joint1=" + std::to_string(start_rad_[0] + 0.05), "--position",
+        "joint2=" + std::to_string(start_rad_[1] - 0.05)});
+    EXPECT_TRUE(drives->WaitFor("2 drives on " + interface)) << drives->text();
+    return drives;
+  }
+  [[nodiscard]] std::unique_ptr<Program> StartRun(const std::string& interface,
+                                                  const std::string& record) const {
+    return std::make_unique<Program>(std::vector<std::string>{
+        std::string(kBin) + "tumbler-run", interface, Path("motion.toml"), "--drives",
+        Path("drives.toml"), "--hold-s", "0.2", "--arm", "--without-realtime", "--record", record});
+  }
+  [[nodiscard]] std::unique_ptr<Program> StartCandump(const std::string& interface,
+                                                      const std::string& log) const {
+    auto candump = std::make_unique<Program>(std::vector<std::string>{
+        "/bin/sh", "-c", "exec candump -L -D " + interface + " >" + Path(log)});
+    EXPECT_TRUE(Eventually([&] {
+      return ReadBytes("/proc/net/can/rcvlist_all").find(interface + " ") != std::string::npos;
+    })) << "candump does not listen";
+    return candump;
+  }
+  static std::string Output(const std::vector<std::string>& arguments, int expected_status = 0) {
+    Program program(arguments);
+    EXPECT_EQ(program.Wait(), expected_status) << program.text();
+    return program.text();
+  }
+  static std::string Replay(const std::string& record) {
+    return Output({std::string(kBin) + "tumbler-replay", record});
+  }
+
+  testing::TemporaryFolder folder_;
+  std::vector<double> start_rad_;
+};
+
+TEST_F(RecordOnCan, AnArmedRunOnARealBusReplaysIdenticallyAndHoldsTheFramesThatCandumpSaw) {
+  int attempt = 0;
+  testing::InSteadyTime([&] {
+    const std::string record = Path("run" + std::to_string(attempt++) + ".rec");
+    const VirtualCan can;
+    const auto drives = StartDrives(can.name());
+    const auto candump = StartCandump(can.name(), "candump.log");
+    const auto run = StartRun(can.name(), record);
+    ASSERT_EQ(run->Wait(), 0) << run->text();
+    EXPECT_THAT(run->text(), HasSubstr("0 not recorded"));
+    EXPECT_TRUE(Replay(record).starts_with("identical: "));
+
+    Output({std::string(kBin) + "tumbler-record", record, "--candump", Path("record.log")});
+    usleep(300'000);  // The last replies.
+    const std::string theirs = ReadBytes(Path("candump.log"));
+    const std::string ours = ReadBytes(Path("record.log"));
+    std::vector<std::string> their_frames = FramesOf(theirs.substr(0, theirs.rfind('\n')));
+    const std::vector<std::string> our_frames = FramesOf(ours.substr(0, ours.rfind('\n')));
+    ASSERT_GT(our_frames.size(), 200U);
+    // Every line is one that candump wrote, byte for byte but for the time; it may have seen
+    // replies to the last tick, which nobody took any more.
+    const auto their_counts = CountsOf(their_frames);
+    for (const auto& [line, count] : CountsOf(our_frames)) {
+      const auto found = their_counts.find(line);
+      ASSERT_NE(found, their_counts.end()) << line;
+      EXPECT_LE(count, found->second) << line;
+    }
+    EXPECT_LE(their_frames.size(), our_frames.size() + 4);
+    EXPECT_EQ(our_frames[0], their_frames[0]);
+    // Times are of the same clock, and nearly the same.
+    std::int64_t skipped = 0;
+    const auto our_log = ParseCandump(ours, "ours", skipped);
+    const auto their_log =
+        ParseCandump(theirs.substr(0, theirs.rfind('\n') + 1), "theirs", skipped);
+    EXPECT_NEAR(static_cast<double>(our_log[0].received.time_ns),
+                static_cast<double>(their_log[0].received.time_ns), 0.1e9);
+  });
+}
+
+TEST_F(RecordOnCan, CanplayerPlaysAnExportedRecord) {
+  const std::string log = Path("sim.log");
+  std::ofstream(Path("small.rec"), std::ios::binary)
+      << testing::RecordedBytes(testing::SmallConfiguration());
+  Output({std::string(kBin) + "tumbler-record", Path("small.rec"), "--candump", log});
+  const VirtualCan can;
+  const auto candump = StartCandump(can.name(), "played.log");
+  Output({"/usr/bin/canplayer", "-I", log, can.name() + "=sim"});  // at the pace of the log
+  const std::string exported = ReadBytes(log);
+  const std::vector<std::string> sent = FramesOf(exported.substr(0, exported.rfind('\n')));
+  std::vector<std::string> seen;
+  EXPECT_TRUE(Eventually([&] {
+    const std::string text = ReadBytes(Path("played.log"));
+    seen = FramesOf(text.substr(0, text.rfind('\n')));
+    return seen.size() >= sent.size();
+  }));
+  ASSERT_EQ(seen.size(), sent.size());
+  ASSERT_GT(sent.size(), 300U);
+  for (std::size_t i = 0; i < sent.size(); ++i) {
+    EXPECT_EQ(seen[i].substr(seen[i].find(' ')), sent[i].substr(sent[i].find(' '))) << i;
+  }
+}
+
+TEST_F(RecordOnCan, ADiskThatFillsUpEndsTheRecordingAndNotTheRun) {
+  int attempt = 0;
+  testing::InSteadyTime([&] {
+    const std::string disk = Path("disk" + std::to_string(attempt++));
+    std::filesystem::create_directories(disk);
+    ASSERT_EQ(mount("none", disk.c_str(), "tmpfs", 0, "size=32k"), 0);
+    const std::string record = disk + "/run.rec";
+    const VirtualCan can;
+    const auto drives = StartDrives(can.name());
+    const auto run = StartRun(can.name(), record);
+    EXPECT_EQ(run->Wait(), 0) << run->text();
+    EXPECT_THAT(run->text(), HasSubstr("recording stopped after "));
+    EXPECT_THAT(run->text(), HasSubstr("No space left on device"));
+    EXPECT_THAT(run->text(), HasSubstr("completed: random on " + can.name()));
+    EXPECT_LE(std::filesystem::file_size(record), 32'768U);
+    const std::string replay = Replay(record);
+    EXPECT_TRUE(replay.starts_with("identical: ")) << replay;
+    EXPECT_GT(std::stoi(replay.substr(std::string("identical: ").size())), 20) << replay;
+    umount(disk.c_str());
+  });
+}
+
+TEST_F(RecordOnCan, KilledInMidMotionItLeavesARecordThatReplaysUpToThere) {
+  int attempt = 0;
+  testing::InSteadyTime([&] {
+    const std::string record = Path("run" + std::to_string(attempt++) + ".rec");
+    const VirtualCan can;
+    const auto drives = StartDrives(can.name());
+    const auto run = StartRun(can.name(), record);
+    ASSERT_TRUE(Eventually([&] {
+      std::error_code error;
+      const auto size = std::filesystem::file_size(record, error);
+      return !error && size > 26'000;  // 10 kB of configuration, and a second and a half of ticks
+    }));
+    run->Signal(SIGKILL);
+    EXPECT_EQ(run->Wait(), 1000 + SIGKILL);
+    const std::string replay = Replay(record);
+    EXPECT_TRUE(replay.starts_with("identical: ")) << replay;
+    EXPECT_GT(std::stoi(replay.substr(std::string("identical: ").size())), 20) << replay;
+    EXPECT_THAT(replay, HasSubstr("interrupted"));
+  });
+}
+
+TEST_F(RecordOnCan, ADryRunOfAReplaySendsNothingAndAnArmedOnePlaysTheRecordedSetpoints) {
+  for (const std::string protocol : {"", "_cansimple", "_cia402"}) {
+    SCOPED_TRACE("protocol" + protocol);
+    int attempt = 0;
+    testing::InSteadyTime([&] {
+      WriteDrives(protocol);
+      const std::string record = Path("first" + protocol + std::to_string(attempt++) + ".rec");
+      const VirtualCan can;
+      auto drives = StartDrives(can.name());
+      const auto run = StartRun(can.name(), record);
+      ASSERT_EQ(run->Wait(), 0) << run->text();
+
+      // Elsewhere, with drives that stand elsewhere.
+      const VirtualCan bench;
+      const auto candump = StartCandump(bench.name(), "bench.log");
+      std::ofstream(Path("bench.log"), std::ios::trunc);
+      const std::string dry =
+          Output({std::string(kBin) + "tumbler-replay", record, "--bus", bench.name()});
+      EXPECT_THAT(dry, HasSubstr("completed on " + bench.name() + " (dry run"));
+      EXPECT_THAT(dry, HasSubstr("setpoints differ in 0, by at most 0 rad"));
+      EXPECT_EQ(ReadBytes(Path("bench.log")), "") << "nothing is sent without --arm";
+
+      const auto bench_drives = StartDrives(bench.name());
+      const std::string svg = Path("bench.svg");
+      const std::string played_record = record + ".played";
+      const std::string played =
+          Output({std::string(kBin) + "tumbler-replay", record, "--bus", bench.name(), "--arm",
+                  "--without-realtime", "--svg", svg, "--record", played_record});
+      EXPECT_THAT(played, HasSubstr("completed on " + bench.name() + "\n"));
+      EXPECT_THAT(played, HasSubstr("joint2: "));
+      EXPECT_THAT(played, HasSubstr("setpoints differ in 0, by at most 0 rad"));
+      EXPECT_THAT(ReadBytes(svg), HasSubstr("joint2: position [rad]"));
+      EXPECT_GT(ReadBytes(Path("bench.log")).size(), 4000U);
+      EXPECT_TRUE(Replay(played_record).starts_with("identical: "));
+    });
+  }
+}
+
+TEST_F(RecordOnCan, AReplayPlaysAPrimitiveInsteadAndRefusesDrivesOfOtherJoints) {
+  testing::InSteadyTime([&] {
+    const std::string record = Path("sim.rec");
+    std::filesystem::remove(record);
+    Output({std::string(kBin) + "tumbler-run", "sim",
+            TUMBLER_SOURCE_DIR "/primitives/handstand.toml", "--record", record});
+    const VirtualCan can;
+    const auto drives = StartDrives(can.name());
+    Program wrong({std::string(kBin) + "tumbler-replay", record, "--bus", can.name(), "--drives",
+                   Path("drives.toml")});
+    EXPECT_EQ(wrong.Wait(), 2);
+    EXPECT_THAT(wrong.text(), HasSubstr("has no drive for joint 'leg1'"));
+
+    const std::string run_record = Path("run.rec");
+    std::filesystem::remove(run_record);
+    const auto run = StartRun(can.name(), run_record);
+    ASSERT_EQ(run->Wait(), 0) << run->text();
+    testing::MotionShape shape;
+    shape.duration_s = 0.8;
+    shape.amplitude_rad = 0.1;
+    PrimitiveFile other = testing::RandomPrimitiveFile(shape, 71);
+    other.primitive.following_tolerance_rad = 0.5;
+    other.certificate.coefficients_hash = HashOfCoefficients(other.primitive);
+    std::ofstream(Path("other.toml")) << ToToml(other);
+    const std::string played =
+        Output({std::string(kBin) + "tumbler-replay", run_record, "--bus", can.name(), "--arm",
+                "--without-realtime", "--primitive", Path("other.toml")});
+    EXPECT_THAT(played, HasSubstr("completed on " + can.name()));
+    EXPECT_EQ(played.find("setpoints differ in 0,"), std::string::npos) << "it is another motion";
+  });
+}
+
+}  // namespace
+}  // namespace tumbler

@@ -1,0 +1,258 @@
+// tumbler-run --record, tumbler-record and tumbler-replay as a user meets them.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+
+#include <array>
+#include <csignal>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <string>
+
+#include "runtime/record/record_blocks.h"
+#include "tests/support/program.h"
+#include "tests/support/recorded_run.h"
+
+namespace tumbler {
+namespace {
+
+using ::testing::HasSubstr;
+using testing::Program;
+using testing::ReadBytes;
+
+struct Outcome {
+  int exit_code = -1;
+  std::string text;  ///< Standard output and error.
+};
+
+class RecordPrograms : public ::testing::Test {
+ protected:
+  [[nodiscard]] static Outcome Run(const std::string& command_line) {
+    const std::string command =
+        "PATH=" TUMBLER_BINARY_DIR "/bin:$PATH; (" + command_line + ") 2>&1";
+    Outcome outcome;
+    std::FILE* pipe = popen(command.c_str(), "r");
+    if (pipe == nullptr) return outcome;
+    std::array<char, 4096> buffer;
+    std::size_t count = 0;
+    while ((count = std::fread(buffer.data(), 1, buffer.size(), pipe)) > 0) {
+      outcome.text.append(buffer.data(), count);
+    }
+    const int status = pclose(pipe);
+    outcome.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+    return outcome;
+  }
+  /// Plays the shipped handstand and records it.
+  [[nodiscard]] Outcome Record(const std::string& more = "") const {
+    return Run(std::string("tumbler-run sim ") + kHandstand + " --hold-s 0.1 --record " + record_ +
+               " " + more);
+  }
+
+  static constexpr const char* kHandstand = TUMBLER_SOURCE_DIR "/primitives/handstand.toml";
+  testing::TemporaryFolder folder_;
+  std::string record_ = folder_ / "run.rec";
+};
+
+class RecordOfProtocol : public RecordPrograms,
+                         public ::testing::WithParamInterface<const char*> {};
+
+TEST_P(RecordOfProtocol, ReplaysIdentically) {
+  const std::string drives =
+      std::string(TUMBLER_SOURCE_DIR "/primitives/robots/tumbler_drives") + GetParam() + ".toml";
+  const Outcome run = Run("tumbler-run sim " TUMBLER_SOURCE_DIR
+                          "/primitives/gait.toml --cycles 1 --branch roll --drives " +
+                          drives + " --record " + record_);
+  ASSERT_EQ(run.exit_code, 0) << run.text;
+  EXPECT_THAT(run.text, HasSubstr("0 not recorded"));
+  const Outcome replay = Run("tumbler-replay " + record_);
+  EXPECT_EQ(replay.exit_code, 0) << replay.text;
+  EXPECT_TRUE(replay.text.starts_with("identical: ")) << replay.text;
+  const Outcome info = Run("tumbler-record " + record_);
+  EXPECT_EQ(info.exit_code, 0);
+  EXPECT_THAT(info.text, HasSubstr("complete: completed"));
+  EXPECT_THAT(info.text, HasSubstr("holds " + drives));
+}
+
+INSTANTIATE_TEST_SUITE_P(Protocols, RecordOfProtocol,
+                         ::testing::Values("", "_cansimple", "_cia402"), [](const auto& test) {
+                           const std::string suffix = test.param;
+                           return suffix.empty() ? std::string("mit") : suffix.substr(1);
+                         });
+
+TEST_F(RecordPrograms, ARecordIsOneOfTheRunThatWasPlayedWhateverBecomesOfItsFiles) {
+  std::filesystem::copy_file(kHandstand, folder_ / "motion.toml");
+  const Outcome run =
+      Run("tumbler-run sim " + (folder_ / "motion.toml") + " --hold-s 0.1 --record " + record_);
+  ASSERT_EQ(run.exit_code, 0) << run.text;
+  std::filesystem::remove(folder_ / "motion.toml");
+  EXPECT_EQ(Run("tumbler-replay " + record_).exit_code, 0);
+}
+
+TEST_F(RecordPrograms, ADamagedByteIsNamedAndEndsWithStatus1) {
+  ASSERT_EQ(Record().exit_code, 0);
+  std::string bytes = ReadBytes(record_);
+  BlockReader reader(testing::AsBytes(bytes));
+  Block block;
+  while (reader.Next(block) && block.number < 1002) {
+  }
+  bytes[block.offset + 100] ^= 0x10;
+  std::ofstream(record_, std::ios::binary) << bytes;
+  const Outcome replay = Run("tumbler-replay " + record_);
+  EXPECT_EQ(replay.exit_code, 1);
+  EXPECT_THAT(replay.text,
+              HasSubstr("cannot be replayed further: byte " + std::to_string(block.offset)));
+  EXPECT_THAT(replay.text, HasSubstr("(tick): its content does not have the CRC it had"));
+  EXPECT_THAT(replay.text, HasSubstr("identical before: 1000 ticks"));
+  const Outcome info = Run("tumbler-record " + record_);
+  EXPECT_EQ(info.exit_code, 1);
+  EXPECT_THAT(info.text, HasSubstr("damaged at byte "));
+}
+
+TEST_F(RecordPrograms, AChangedByteWithAMatchingCrcIsNamedWithTickAndField) {
+  ASSERT_EQ(Record().exit_code, 0);
+  const std::string bytes = ReadBytes(record_);
+  RecordBytes changed;
+  AppendRecordHeader(changed);
+  BlockReader reader(testing::AsBytes(bytes));
+  for (Block block; reader.Next(block);) {
+    RecordBytes content(block.content.begin(), block.content.end());
+    // Of tick 1000: the lowest bit of the position that leg2 replied.
+    if (block.number == 1002) content[70 + 21 + 8 + 5 + 2] ^= 1;
+    AppendBlock(block.kind, block.number, content, changed);
+  }
+  std::ofstream(record_, std::ios::binary)
+      .write(reinterpret_cast<const char*>(changed.data()),
+             static_cast<std::streamsize>(changed.size()));
+  const Outcome replay = Run("tumbler-replay " + record_);
+  EXPECT_EQ(replay.exit_code, 1);
+  EXPECT_THAT(replay.text, HasSubstr("different at tick 1000 "));
+  EXPECT_THAT(replay.text, HasSubstr("joint leg2: measured.position_rad: recorded "));
+  EXPECT_THAT(replay.text, HasSubstr("identical before: 1000 ticks"));
+}
+
+TEST_F(RecordPrograms, KilledInMidRunItLeavesARecordThatReplaysUpToThere) {
+  {
+    Program run({TUMBLER_BINARY_DIR "/bin/tumbler-run", "sim", kHandstand, "--realtime", "--record",
+                 record_});
+    // About a second of ticks.
+    for (int i = 0; i < 2000; ++i) {
+      std::error_code error;
+      const auto size = std::filesystem::file_size(record_, error);
+      if (!error && size > 300'000) break;
+      usleep(10'000);
+    }
+    run.Signal(SIGKILL);
+    EXPECT_EQ(run.Wait(), 1000 + SIGKILL) << run.text();
+  }
+  const Outcome replay = Run("tumbler-replay " + record_);
+  EXPECT_EQ(replay.exit_code, 0) << replay.text;
+  EXPECT_TRUE(replay.text.starts_with("identical: ")) << replay.text;
+  EXPECT_THAT(replay.text, HasSubstr("the recording was interrupted: it has no end block"));
+  EXPECT_GT(std::stoi(replay.text.substr(std::string("identical: ").size())), 500);
+  const Outcome info = Run("tumbler-record " + record_ + " --candump " + (folder_ / "out.log"));
+  EXPECT_EQ(info.exit_code, 0) << info.text;
+  EXPECT_GT(std::filesystem::file_size(folder_ / "out.log"), 50'000U);
+}
+
+TEST_F(RecordPrograms, AFullDiskEndsTheRecordingAndNotTheRun) {
+  const Outcome run = Run(std::string("ulimit -f 200; tumbler-run sim ") + kHandstand +
+                          " --hold-s 0.1 --record " + record_);
+  EXPECT_EQ(run.exit_code, 0) << run.text;
+  EXPECT_THAT(run.text, HasSubstr("recording stopped after "));
+  EXPECT_THAT(run.text, HasSubstr("File too large"));
+  EXPECT_THAT(run.text, HasSubstr("completed: handstand on sim"));
+  const Outcome replay = Run("tumbler-replay " + record_);
+  EXPECT_EQ(replay.exit_code, 0) << replay.text;
+  EXPECT_TRUE(replay.text.starts_with("identical: ")) << replay.text;
+}
+
+TEST_F(RecordPrograms, AnExistingRecordIsKeptAndNothingIsRun) {
+  std::ofstream(record_) << "precious";
+  const Outcome run = Record();
+  EXPECT_EQ(run.exit_code, 1);
+  EXPECT_THAT(run.text, HasSubstr("exists, and a record is never overwritten"));
+  EXPECT_EQ(ReadBytes(record_), "precious");
+}
+
+TEST_F(RecordPrograms, ExportsWhatTheRunWroteItself) {
+  ASSERT_EQ(Record("--trace " + (folder_ / "a.csv") + " --log " + (folder_ / "a.lcm")).exit_code,
+            0);
+  const Outcome exported = Run("tumbler-record " + record_ + " --csv " + (folder_ / "b.csv") +
+                               " --lcm " + (folder_ / "b.lcm"));
+  EXPECT_EQ(exported.exit_code, 0) << exported.text;
+  EXPECT_EQ(ReadBytes(folder_ / "b.csv"), ReadBytes(folder_ / "a.csv"));
+  EXPECT_EQ(ReadBytes(folder_ / "b.lcm"), ReadBytes(folder_ / "a.lcm"));
+  EXPECT_GT(ReadBytes(folder_ / "a.csv").size(), 100'000U);
+}
+
+TEST_F(RecordPrograms, ComparesTwoRunsOfAMotionAndDrawsThem) {
+  ASSERT_EQ(Record().exit_code, 0);
+  const std::string other = folder_ / "other.rec";
+  ASSERT_EQ(
+      Run(std::string("tumbler-run sim ") + kHandstand + " --hold-s 0.1 --drives " +
+          TUMBLER_SOURCE_DIR "/primitives/robots/tumbler_drives_cia402.toml --record " + other)
+          .exit_code,
+      0);
+  const Outcome same =
+      Run("tumbler-replay " + record_ + " --against " + other + " --svg " + (folder_ / "a.svg"));
+  EXPECT_EQ(same.exit_code, 0) << same.text;
+  EXPECT_THAT(same.text, HasSubstr("setpoints differ in 0, by at most 0 rad"));
+  EXPECT_THAT(ReadBytes(folder_ / "a.svg"), HasSubstr("leg2: reply less setpoint [rad]"));
+
+  const std::string slow = folder_ / "slow.rec";
+  ASSERT_EQ(Run(std::string("tumbler-run sim ") + kHandstand +
+                " --speed 0.98 --hold-s 0.1 --record " + slow)
+                .exit_code,
+            0);
+  EXPECT_EQ(Run("tumbler-replay " + record_ + " --against " + slow).exit_code, 1);
+}
+
+TEST_F(RecordPrograms, ReadsALogOfCandumpByADrivesFile) {
+  const std::string drives = TUMBLER_SOURCE_DIR "/primitives/robots/tumbler_drives_cansimple.toml";
+  ASSERT_EQ(Record("--drives " + drives).exit_code, 0);
+  const std::string log = folder_ / "run.log";
+  ASSERT_EQ(Run("tumbler-record " + record_ + " --candump " + log).exit_code, 0);
+  const Outcome read =
+      Run("tumbler-replay " + log + " --drives " + drives + " --svg " + (folder_ / "log.svg"));
+  EXPECT_EQ(read.exit_code, 0) << read.text;
+  EXPECT_THAT(read.text, HasSubstr("leg1: "));
+  EXPECT_THAT(read.text, HasSubstr(" setpoints, 0 replies missing; tracking error 0.00"));
+  EXPECT_THAT(ReadBytes(folder_ / "log.svg"), HasSubstr("</svg>"));
+  const Outcome without = Run("tumbler-replay " + log);
+  EXPECT_EQ(without.exit_code, 2);
+  EXPECT_THAT(without.text, HasSubstr("say with --drives which drives are in it"));
+  const Outcome on_bus = Run("tumbler-replay " + log + " --bus can9 --drives " + drives);
+  EXPECT_EQ(on_bus.exit_code, 2);
+  EXPECT_THAT(on_bus.text, HasSubstr("play it with `canplayer`"));
+}
+
+TEST_F(RecordPrograms, APlayOnABusNeedsTheBusAndItsDrives) {
+  ASSERT_EQ(Record().exit_code, 0);
+  const Outcome without = Run("tumbler-replay " + record_ + " --bus can9");
+  EXPECT_EQ(without.exit_code, 2);
+  EXPECT_THAT(without.text, HasSubstr("say with --drives which drives are on the bus"));
+  const Outcome absent = Run("tumbler-replay " + record_ + " --bus can9 --drives " +
+                             TUMBLER_SOURCE_DIR "/primitives/robots/tumbler_drives.toml");
+  EXPECT_EQ(absent.exit_code, 2);
+  EXPECT_THAT(absent.text, HasSubstr("can9"));
+  EXPECT_EQ(Run("tumbler-replay " + record_ + " --arm").exit_code, 2);
+  EXPECT_EQ(Run("tumbler-replay " + record_ + " --svg " + (folder_ / "x.svg")).exit_code, 2);
+}
+
+TEST_F(RecordPrograms, WrongUseEndsWithStatus2) {
+  for (const std::string program : {"tumbler-record", "tumbler-replay"}) {
+    EXPECT_EQ(Run(program).exit_code, 2);
+    EXPECT_EQ(Run(program + " --nonsense x").exit_code, 2);
+    const Outcome absent = Run(program + " " + (folder_ / "absent"));
+    EXPECT_EQ(absent.exit_code, 2);
+    EXPECT_THAT(absent.text, HasSubstr("absent: cannot be read: No such file"));
+    std::ofstream(folder_ / "other") << "something else, which is no record";
+    EXPECT_EQ(Run(program + " " + (folder_ / "other")).exit_code, 2);
+    EXPECT_EQ(Run(program + " --help").exit_code, 0);
+  }
+}
+
+}  // namespace
+}  // namespace tumbler

@@ -1,0 +1,179 @@
+#include "runtime/record/replay.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <memory>
+#include <random>
+#include <string>
+
+#include "tests/support/recorded_run.h"
+
+namespace tumbler {
+namespace {
+
+using testing::AsBytes;
+using ::testing::HasSubstr;
+
+const std::string& Recorded() {
+  static const std::string bytes = testing::RecordedBytes(testing::SmallConfiguration());
+  return bytes;
+}
+
+/// The record with the bytes of some blocks changed, and every CRC as if they had been written so.
+std::string Rewritten(const std::string& record,
+                      const std::function<void(BlockKind, std::uint32_t, RecordBytes&)>& change) {
+  RecordBytes out;
+  AppendRecordHeader(out);
+  BlockReader reader(AsBytes(record));
+  for (Block block; reader.Next(block);) {
+    RecordBytes content(block.content.begin(), block.content.end());
+    change(block.kind, block.number, content);
+    RecordEnd end;
+    if (block.kind == BlockKind::kEnd && DecodeEnd(content, end)) {
+      end.crc32 = Crc32(out);
+      content = EncodeEnd(end);
+    }
+    AppendBlock(block.kind, block.number, content, out);
+  }
+  return {out.begin(), out.end()};
+}
+
+ReplayReport ReplayOf(const std::string& bytes) {
+  FlightRecord record(AsBytes(bytes), "run.rec");
+  const ReplayReport report = Replay(record);
+  EXPECT_TRUE(record.damages().empty());
+  return report;
+}
+
+// Of a tick with two frames received and one sent by each of two joints.
+constexpr std::size_t kReceived = 71;
+constexpr std::size_t kSent = kReceived + 2 * 21;
+constexpr std::size_t kRecord = kSent + 2 * 14;
+constexpr std::size_t kJoints = kRecord + 55;
+constexpr std::size_t kTickBytes = kJoints + 2 * 67;
+constexpr std::uint32_t kTickBlock = 62;  // The sixtieth tick, while the motion is played.
+
+TEST(Replay, OfAnUnchangedRecordIsIdentical) {
+  const ReplayReport report = ReplayOf(Recorded());
+  EXPECT_TRUE(report.identical());
+  EXPECT_GT(report.ticks, 80);
+  EXPECT_EQ(report.frames_out, 2 * report.ticks);
+  EXPECT_EQ(report.frames_in, 2 * (report.ticks - 1));
+}
+
+TEST(Replay, RewritingARecordChangesNothing) {
+  EXPECT_EQ(Rewritten(Recorded(), [](auto, auto, auto&) {}), Recorded());
+}
+
+TEST(Replay, FindsEveryFlippedBitOfTheOutputsAndNamesTick) {
+  // One bit of each byte of one tick's frames and record, as if it had been recorded so.
+  for (std::size_t at = kSent; at < kTickBytes; ++at) {
+    std::int64_t tick = -1;
+    const std::string bytes = Rewritten(Recorded(), [&](BlockKind, std::uint32_t n, auto& content) {
+      if (n != kTickBlock) return;
+      ASSERT_EQ(content.size(), kTickBytes);
+      const auto entry = std::make_unique<TickEntry>();
+      content[at] = static_cast<std::uint8_t>(content[at] ^ 1U << (at % 7));
+      if (DecodeTick(content, *entry)) tick = entry->tick;
+    });
+    FlightRecord record(AsBytes(bytes), "run.rec");
+    const ReplayReport report = Replay(record);
+    ASSERT_FALSE(report.identical()) << at;
+    EXPECT_EQ(report.ticks, 60) << at;
+    if (!report.difference) {  // An enumerator, a count or an identifier that cannot be.
+      EXPECT_THAT(report.gap, HasSubstr("block 62: does not hold a tick")) << at;
+      continue;
+    }
+    EXPECT_EQ(report.difference->index, 60) << at;
+    EXPECT_EQ(report.difference->tick, 60) << at;
+    EXPECT_NE(report.difference->recorded, report.difference->replayed) << at;
+    EXPECT_FALSE(report.difference->field.empty()) << at;
+  }
+}
+
+TEST(Replay, FindsEveryFlippedBitOfAReply) {
+  for (std::size_t bit = 0; bit < 8 * 8; ++bit) {
+    const std::size_t at = kReceived + 21 + 8 + 5 + bit / 8;  // data of the second joint's reply
+    const std::string bytes = Rewritten(Recorded(), [&](BlockKind, std::uint32_t n, auto& content) {
+      if (n == kTickBlock) content[at] = static_cast<std::uint8_t>(content[at] ^ 1U << (bit % 8));
+    });
+    const ReplayReport report = ReplayOf(bytes);
+    ASSERT_TRUE(report.difference) << bit;
+    EXPECT_EQ(report.difference->index, 60) << bit;
+    if (bit < 8) continue;  // The sender: then it is nobody's reply.
+    EXPECT_TRUE(report.difference->field.starts_with("joint joint2: ")) << report.difference->field;
+  }
+}
+
+/// The field that is named when `bit` of the byte at `at` of one tick is flipped.
+std::string FieldNamed(std::size_t at, unsigned bit) {
+  const ReplayReport report =
+      ReplayOf(Rewritten(Recorded(), [&](BlockKind, std::uint32_t n, auto& content) {
+        if (n == kTickBlock) content[at] = static_cast<std::uint8_t>(content[at] ^ 1U << bit);
+      }));
+  return report.difference ? report.difference->field : "none";
+}
+
+TEST(Replay, NamesTheFieldThatDiffers) {
+  EXPECT_EQ(FieldNamed(kRecord + 8, 0), "primitive_time_s");
+  EXPECT_EQ(FieldNamed(kRecord + 12, 3), "faults");
+  EXPECT_EQ(FieldNamed(kRecord + 21, 0), "cycles");
+  EXPECT_EQ(FieldNamed(kRecord + 33, 0), "first_fault.value");
+  EXPECT_EQ(FieldNamed(kJoints, 0), "joint joint1: planned.position_rad");
+  EXPECT_EQ(FieldNamed(kJoints + 67 + 40, 0), "joint joint2: measured.position_rad");
+  EXPECT_EQ(FieldNamed(kJoints + 66, 0), "joint joint1: limit_active");
+  EXPECT_EQ(FieldNamed(kSent + 1 + 5 + 3, 0), "joint joint1: frame 0, byte 3");
+  EXPECT_EQ(FieldNamed(kSent + 14 + 1, 2), "joint joint2: frame 0, identifier");
+  EXPECT_EQ(FieldNamed(kSent + 1 + 4, 3), "joint joint1: frame 0, size");
+  EXPECT_EQ(FieldNamed(kReceived + 8 + 5 + 1, 4), "joint joint1: measured.position_rad");
+}
+
+TEST(Replay, FindsAChangedConfiguration) {
+  const auto with = [](const std::string& what, const std::string& instead) {
+    return Rewritten(Recorded(), [&](BlockKind kind, std::uint32_t, RecordBytes& content) {
+      if (kind != BlockKind::kConfiguration) return;
+      std::string text(content.begin(), content.end());
+      const std::size_t at = text.find(what);
+      ASSERT_NE(at, std::string::npos);
+      text.replace(at, what.size(), instead);
+      content.assign(text.begin(), text.end());
+    });
+  };
+  const ReplayReport speed = ReplayOf(with("\"speed\": 0.8999", "\"speed\": 0.8899"));
+  ASSERT_TRUE(speed.difference);
+  EXPECT_GT(speed.difference->index, 5) << "when it begins to move";
+  const ReplayReport gain =
+      ReplayOf(with("\"kd_nm_s_per_rad\": 3.29", "\"kd_nm_s_per_rad\": 2.29"));
+  ASSERT_TRUE(gain.difference);
+  EXPECT_EQ(gain.difference->field, "joint joint1: frame 0, byte 5");
+}
+
+TEST(Replay, StopsAtDamageWithWhatWasIdenticalBefore) {
+  std::string bytes = Recorded();
+  BlockReader reader(AsBytes(bytes));
+  Block block;
+  while (reader.Next(block) && block.number != kTickBlock) {
+  }
+  bytes[block.offset + kBlockHeaderBytes + kReceived + 15] ^= 1;
+  FlightRecord record(AsBytes(bytes), "run.rec");
+  const ReplayReport report = Replay(record);
+  EXPECT_FALSE(report.identical());
+  EXPECT_FALSE(report.difference);
+  EXPECT_EQ(report.ticks, 60);
+  EXPECT_THAT(report.gap, HasSubstr("byte " + std::to_string(block.offset) +
+                                    ": block 62 (tick): its content does not have the CRC"));
+}
+
+TEST(Replay, OfARecordThatWasCutOffIsIdenticalUpToThere) {
+  const std::string bytes = Recorded().substr(0, Recorded().size() - 1000);
+  FlightRecord record(AsBytes(bytes), "run.rec");
+  const ReplayReport report = Replay(record);
+  EXPECT_TRUE(report.identical());
+  EXPECT_LT(report.ticks, ReplayOf(Recorded()).ticks);
+  EXPECT_TRUE(record.cut_off());
+}
+
+}  // namespace
+}  // namespace tumbler

@@ -1,0 +1,153 @@
+#pragma once
+
+#include <unistd.h>
+
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <iterator>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "common/primitive_toml.h"
+#include "firmware_interface/drives/mit.h"
+#include "runtime/record/flight_record.h"
+#include "runtime/record/flight_recorder.h"
+#include "runtime/record/record_configuration.h"
+#include "runtime/run_sequence.h"
+#include "tests/support/primitive_file.h"
+
+namespace tumbler::testing {
+
+/// A folder of this process and its own, until the end of the scope.
+class TemporaryFolder {
+ public:
+  TemporaryFolder()
+      : path_(std::filesystem::temp_directory_path() /
+              ("tumbler_record_" + std::to_string(getpid()) + "_" + std::to_string(Next()))) {
+    std::filesystem::create_directories(path_);
+  }
+  ~TemporaryFolder() { std::filesystem::remove_all(path_); }
+  TemporaryFolder(const TemporaryFolder&) = delete;
+  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
+  [[nodiscard]] std::string operator/(const std::string& name) const {
+    return (path_ / name).string();
+  }
+
+ private:
+  static int Next() {
+    static int next = 0;
+    return next++;
+  }
+  std::filesystem::path path_;
+};
+
+inline std::string ReadBytes(const std::string& path) {
+  std::ifstream stream(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(stream), {}};
+}
+
+inline std::span<const std::uint8_t> AsBytes(const std::string& text) {
+  return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
+}
+
+/// The configuration of a run on two MIT drives, with every number somewhere else than its default.
+inline RecordConfiguration SmallConfiguration() {
+  MotionShape shape;
+  shape.duration_s = 0.05;
+  shape.amplitude_rad = 0.05;
+  shape.settle_s = 0.01;
+  RecordConfiguration configuration;
+  configuration.program = "test 1.0";
+  configuration.command_line = {"test", "--record", "x"};
+  configuration.kernel = DescribeKernel();
+  configuration.bus = "sim";
+  configuration.virtual_time = true;
+  configuration.period_ns = 1'000'000;
+  configuration.joints = {"joint1", "joint2"};
+  configuration.motion_file = "motions/motion.toml";
+  configuration.files = {
+      {"motions/motion.toml", ToToml(RandomPrimitiveFile(shape, 70))},
+  };
+  configuration.executor.speed = 0.9F;
+  configuration.executor.move_fraction = 0.21F;
+  configuration.executor.torque_rise_s = 0.011F;
+  configuration.executor.stale_ticks_max = 6;
+  configuration.executor.late_ticks_max = 3;
+  configuration.executor.arming_ticks_max = 501;
+  configuration.executor.cycles = 1;
+  for (JointConfig& joint : configuration.executor.joints) {
+    joint = {150.1F, 3.3F, 2.2F, 71.7F};
+  }
+  configuration.executor.reactions.Set(Fault::kStaleReply, ExecutorState::kHolding,
+                                       Reaction::kDamp);
+  configuration.sequence = {11, 501, 1001, 12, 13, 5, false};
+  configuration.machine = {"6.1 (test)", "none", "virtual"};
+  return configuration;
+}
+
+/// Runs the configured motion against drives that go where they are sent, and records it.
+/// @param tick_done  called after every tick with its number.
+inline void RecordRun(const RecordConfiguration& configuration, FlightRecorder& recorder,
+                      const std::function<void(std::int64_t)>& tick_done = {},
+                      std::int64_t ticks_max = 100'000) {
+  ConfiguredExecutor configured(configuration);
+  RunSequence sequence(configuration.sequence);
+  std::array<MitReply, 2> drives;
+  for (std::size_t i = 0; i < 2; ++i) {
+    const JointMotion<float>& motion = configured.motions().primitives[0].joints[i];
+    drives[i].sender = static_cast<std::uint8_t>(i + 1);
+    drives[i].position_rad = motion.position.control_points()[0] + 0.02F;
+    drives[i].temperature_c = 30;
+  }
+  std::vector<ReceivedFrame> received;
+  TickOutput output;
+  for (std::int64_t tick = 0; tick < ticks_max && !sequence.done(); ++tick) {
+    const std::int64_t now_ns = tick * configuration.period_ns;
+    TickInput input;
+    input.tick = tick;
+    input.received = received;
+    input.receive_status = Status::kWouldBlock;
+    input.command = sequence.Next(output.record);
+    configured.executor().Tick(input, output);
+    TickNotes notes;
+    notes.deadline_ns = notes.due_ns = now_ns;
+    notes.awake_ns = now_ns + 10;
+    notes.send_ns = now_ns + 20;
+    notes.done_ns = now_ns + 30;
+    notes.sent_count = 2;
+    recorder.Push(notes, input, output);
+    received.clear();
+    for (std::size_t i = 0; i < 2; ++i) {
+      const auto& mit = std::get<MitConfig>(configured.drives().drives[i].config);
+      for (const CanFrame& frame : output.frames[i].frames()) {
+        MitCommand command;
+        if (DecodeMitCommand(mit, frame, command) == Status::kOk && command.kp_nm_per_rad > 0) {
+          drives[i].position_rad = command.position_rad;
+        }
+        received.push_back(
+            {EncodeMitReply(mit, drives[i]), now_ns + 300'000 + 100'000 * static_cast<int>(i)});
+      }
+    }
+    if (tick_done) tick_done(tick);
+  }
+}
+
+/// The bytes of such a record, complete.
+inline std::string RecordedBytes(const RecordConfiguration& configuration,
+                                 std::int64_t ticks_max = 100'000) {
+  const TemporaryFolder folder;
+  FlightRecorderConfig config;
+  config.file = folder / "run.rec";
+  config.configuration = EncodeConfiguration(configuration);
+  FlightRecorder recorder(config);
+  RecordRun(
+      configuration, recorder, [&recorder](std::int64_t) { recorder.Drain(); }, ticks_max);
+  recorder.Stop("completed");
+  return ReadBytes(config.file);
+}
+
+}  // namespace tumbler::testing
