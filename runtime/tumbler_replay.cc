@@ -361,7 +361,6 @@ int PlayOnBus(FlightRecord& record, const Options& options) {
   switch (played.outcome) {
     case RunOutcome::kRefused:
     case RunOutcome::kPending:
-      return kExitNotPlayed;
     case RunOutcome::kFault:
       return kExitNotPlayed;
     case RunOutcome::kStopped:

@@ -121,9 +121,10 @@ static_assert(sizeof(TickInput) == 16 + sizeof(std::span<const ReceivedFrame>),
               "TickEntry has to have every member of TickInput");
 
 /// What an encoded tick takes at most [bytes].
-inline constexpr std::size_t kTickEntryBytesMax = 48 + TickEntry::kReceivedMax * 21 +
-                                                  kMaxJoints * (1 + FrameBatch::kCapacity * 13) +
-                                                  96 + kMaxJoints * 80;
+inline constexpr std::size_t kTickEntryBytesMax =
+    72 + TickEntry::kReceivedMax * 21 +
+    std::size_t{kMaxJoints} * (1 + std::size_t{FrameBatch::kCapacity} * 13) + 96 +
+    std::size_t{kMaxJoints} * 80;
 
 /// Writes a tick, in time that depends on the number of frames and joints only.
 /// @param input  not more frames than kReceivedMax.
