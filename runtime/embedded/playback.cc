@@ -95,7 +95,7 @@ std::size_t Pack(const TickOutput& output, std::span<std::uint8_t> out) noexcept
   Writer writer(out);
   writer.Add(static_cast<std::uint8_t>(record.state), 1);
   writer.Add(static_cast<std::uint8_t>(record.node), 1);
-  writer.Add(record.faults, 2);
+  writer.Add(record.faults, 4);
   writer.Add(static_cast<std::uint8_t>(record.command), 1);
   writer.Add(static_cast<std::uint8_t>(record.refusal.refusal), 1);
   writer.Add(record.joint_count, 1);

@@ -39,10 +39,10 @@ void UnpackFrames(std::span<const std::uint8_t> bytes, RecordedTick& tick) noexc
 /// Everything that leaves the executor in one tick, for comparing: state, faults, each joint's
 /// setpoint as planned, limited and encoded, and its frames. Layout, little-endian:
 ///
-///   state 8 | node 8 | faults 16 | command 8 | refusal 8 | joints 8 kHeadBytes of each joint:
+///   state 8 | node 8 | faults 32 | command 8 | refusal 8 | joints 8 kHeadBytes of each joint:
 ///   planned p v t a, limited p v t, encoded p v t (floats)
 ///                  | frames 8 | their bytes as in RecordedTick
-inline constexpr std::size_t kPlaybackHeadBytes = 7;
+inline constexpr std::size_t kPlaybackHeadBytes = 9;
 inline constexpr std::size_t kPlaybackJointBytes = 10 * 4 + 1;
 inline constexpr std::size_t kPlaybackMaxBytes =
     kPlaybackHeadBytes +

@@ -32,6 +32,7 @@
 #include "firmware_interface/drives/make_simulated.h"
 #include "runtime/embedded/playback.h"
 #include "runtime/linux/dry_run_bus.h"
+#include "runtime/record/flight_record.h"
 #include "tests/support/program.h"
 #include "tests/support/task_files.h"
 
@@ -86,7 +87,7 @@ struct Played {
   std::vector<std::size_t> tick_ends;  ///< Of each tick, in `output`.
   std::set<std::string> nodes;         ///< That were played.
   std::set<ExecutorState> states;
-  std::uint16_t faults = 0;
+  std::uint32_t faults = 0;
 };
 
 /// The world between drives and executor.
@@ -129,7 +130,7 @@ Played PlayHere(const Protocol& protocol, const Trouble& trouble = {}) {
     append(run.output, Pack(output, bytes));
     run.tick_ends.push_back(run.output.size());
     run.states.insert(output.record.state);
-    run.faults = static_cast<std::uint16_t>(run.faults | output.record.faults);
+    run.faults |= output.record.faults;
     if (output.record.state == ExecutorState::kRunning)
       run.nodes.insert(std::string(gait.graph.node(output.record.node).name.view()));
     for (std::size_t j = 0; j < output.record.joint_count; ++j) {
@@ -374,7 +375,7 @@ TEST_P(CortexM, SendsTheBytesThatThisMachineSendsForTheWholeGait) {
 
 TEST_P(CortexM, SendsTheBytesThatThisMachineSendsWhateverTheWorldDoes) {
   const auto& [machine, protocol] = GetParam();
-  std::uint16_t faults = 0;
+  std::uint32_t faults = 0;
   std::set<ExecutorState> states;
   for (const unsigned seed : {1U, 2U, 3U, 4U}) {
     SCOPED_TRACE(fmt::format("seed {}", seed));
@@ -382,7 +383,7 @@ TEST_P(CortexM, SendsTheBytesThatThisMachineSendsWhateverTheWorldDoes) {
     int ticks = 0;
     const Played run =
         PlayHere(protocol, [&](RecordedTick& tick) { Disturb(tick, ++ticks, random); });
-    faults = static_cast<std::uint16_t>(faults | run.faults);
+    faults |= run.faults;
     states.insert(run.states.begin(), run.states.end());
     const Emulation emulation = Emulate(machine, protocol, run);
     ASSERT_EQ(emulation.status, 0) << emulation.text;
@@ -395,6 +396,52 @@ TEST_P(CortexM, SendsTheBytesThatThisMachineSendsWhateverTheWorldDoes) {
   // The disturbances led somewhere.
   EXPECT_GE(std::popcount(faults), 2);
   EXPECT_TRUE(states.contains(ExecutorState::kFault));
+}
+
+/// What a flight record of tumbler-run holds, as if this machine had played it.
+Played FromRecord(const std::string& bytes) {
+  FlightRecord record({reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()},
+                      "gait.rec");
+  Played run;
+  const auto entry = std::make_unique<TickEntry>();
+  std::array<std::uint8_t, std::max(RecordedTick::kMaxBytes, kPlaybackMaxBytes)> packed{};
+  const auto append = [&packed](std::string& to, std::size_t count) {
+    to.append(reinterpret_cast<const char*>(packed.data()), count);
+  };
+  std::int64_t last = -1;
+  while (record.Next(*entry)) {
+    RecordedTick tick;
+    tick.elapsed = static_cast<std::int8_t>(entry->tick - last);
+    last = entry->tick;
+    tick.receive_status = entry->receive_status;
+    tick.send_status = entry->send_status;
+    tick.frame_count = static_cast<std::uint8_t>(entry->received_count);
+    std::copy_n(entry->received.begin(), entry->received_count, tick.frames.begin());
+    append(run.recording, Pack(tick, packed));
+    TickOutput output;
+    output.frames = entry->frames;
+    output.record = entry->record;
+    append(run.output, Pack(output, packed));
+    run.tick_ends.push_back(run.output.size());
+    run.faults |= output.record.faults;
+  }
+  return run;
+}
+
+TEST_P(CortexM, RepeatsAFlightRecordOfTheRobotInSimulation) {
+  const auto& [machine, protocol] = GetParam();
+  const Folder folder;
+  Program program(
+      {TUMBLER_BINARY_DIR "/bin/tumbler-run", "sim", TUMBLER_SOURCE_DIR "/primitives/gait.toml",
+       "--drives", std::string(TUMBLER_SOURCE_DIR "/primitives/robots/") + protocol.file,
+       "--cycles", std::to_string(kCycles), "--branch", kBranch, "--record", folder / "gait.rec"});
+  ASSERT_EQ(program.Wait(), 0) << program.text();
+  const Played run = FromRecord(ReadFile(folder / "gait.rec"));
+  ASSERT_GT(run.tick_ends.size(), 20'000U);
+  ASSERT_EQ(run.faults, 0);
+  const Emulation emulation = Emulate(machine, protocol, run);
+  ASSERT_EQ(emulation.status, 0) << emulation.text;
+  EXPECT_EQ(FirstDifference(run, emulation.output), "");
 }
 
 class CortexMFirmware : public ::testing::TestWithParam<Machine> {};
