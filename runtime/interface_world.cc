@@ -37,6 +37,10 @@ class RealWorld final : public World {
     config.receive_ids = drives.HostReceives();
     config.in_flight_max = std::clamp(4 * drives.HostFramesMax(), 8, SocketCanConfig::kMaxInFlight);
     OpenInterface(bus_, name, drives, config);
+    if (name.pace != 1 && bus_.link().bit_rate != 0) {
+      throw Refused(fmt::format("{} is a real bus, and real robots know one pace: leave out --pace",
+                                name.interface));
+    }
     if (bus_.link().has_queue && !bus_.can_discard()) {
       fmt::print(stderr,
                  "warning: without CAP_NET_ADMIN, frames that wait when the bus fails cannot be "

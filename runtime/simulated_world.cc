@@ -6,8 +6,9 @@
 #include <vector>
 
 #include "firmware_interface/can/simulated_bus.h"
-#include "firmware_interface/drives/make_simulated.h"
-#include "offline/twin/twin.h"
+#include "offline/twin/simulated_robot.h"
+#include "offline/twin/truth_log.h"
+#include "offline/twin/twin_toml.h"
 #include "runtime/executor.h"
 
 namespace tumbler {
@@ -15,28 +16,19 @@ namespace {
 
 class SimulatedWorld final : public World {
  public:
-  SimulatedWorld(const SequenceFile& file, const DrivesConfig& drives, bool paced)
-      : file_(file), bus_(drives.bit_rate), host_(bus_.Attach()), paced_(paced) {
+  SimulatedWorld(const SequenceFile& file, const DrivesConfig& drives,
+                 const SimulatedWorldConfig& config)
+      : file_(file),
+        robot_(
+            file, drives,
+            config.twin_file.empty() ? SimulatedRobotConfig{} : LoadTwin(config.twin_file, file)),
+        host_(robot_.bus().Attach()),
+        truth_({.log_file = config.truth_log, .lcm_url = config.lcm_url}),
+        paced_(config.paced) {
     expected_pitch_rad_ =
         file.RobotPitch(file.graph.start, file.PrimitiveOf(file.graph.start).entry.root_pitch_rad);
-    std::vector<SimulatedDrive*> pointers;
-    for (std::size_t i = 0; i < drives.drives.size(); ++i) {
-      const DriveEntry& entry = drives.drives[i];
-      float torque_max_nm = 0;
-      for (const PrimitiveFile& primitive : file.primitives) {
-        torque_max_nm = std::max(
-            torque_max_nm, static_cast<float>(primitive.primitive.joints[i].limits.torque_max_nm));
-      }
-      SimulatedMotorConfig motor;
-      motor.torque_max_nm = std::abs(JointOf(entry.config).ToDriveTorque(torque_max_nm));
-      drives_.push_back(MakeSimulatedDrive(entry, motor));
-      drives_.back()->AttachTo(bus_);
-      pointers.push_back(drives_.back().get());
-    }
-    twin_ =
-        std::make_unique<Twin>(file.PrimitiveOf(file.graph.start), TwinConfig{}, bus_, pointers);
-    const auto advance = [this](std::int64_t time_ns) { twin_->AdvanceTo(time_ns); };
-    if (paced) {
+    const auto advance = [this](std::int64_t time_ns) { robot_.AdvanceTo(time_ns); };
+    if (paced_) {
       clock_ = std::make_unique<PacedClock>(advance);
     } else {
       clock_ = std::make_unique<VirtualClock>(advance);
@@ -49,7 +41,8 @@ class SimulatedWorld final : public World {
   void Observe(const ControlLoop& loop) override {
     const TickRecord& record = loop.record();
     const ExecutorState state = record.state;
-    const TwinState truth = twin_->state();
+    const TwinState truth = robot_.state();
+    truth_.Observe(robot_);
     if (last_ == ExecutorState::kRunning && state == ExecutorState::kSettling) {
       const auto node = static_cast<int>(record.node);
       const PrimitiveFile& primitive = file_.PrimitiveOf(node);
@@ -73,16 +66,19 @@ class SimulatedWorld final : public World {
   }
   void Report(RunReport& report) override {
     report.passages = passages_;
-    report.measured_load = bus_.load();
+    report.measured_load = robot_.bus().load();
+    for (const PostureEvent& event : robot_.posture().events()) {
+      if (event.kind != PostureEvent::Kind::kFall) continue;
+      report.falls.push_back({static_cast<double>(event.time_ns) / 1e9, Describe(event)});
+    }
   }
 
  private:
   const SequenceFile& file_;
-  SimulatedBus bus_;
+  SimulatedRobot robot_;
   SimulatedPort& host_;
+  TruthLog truth_;
   bool paced_;
-  std::vector<std::unique_ptr<SimulatedDrive>> drives_;
-  std::unique_ptr<Twin> twin_;
   std::unique_ptr<Clock> clock_;
   ExecutorState last_ = ExecutorState::kDisarmed;
   double expected_pitch_rad_ = 0;
@@ -93,8 +89,8 @@ class SimulatedWorld final : public World {
 }  // namespace
 
 std::unique_ptr<World> MakeSimulatedWorld(const SequenceFile& file, const DrivesConfig& drives,
-                                          bool paced) {
-  return std::make_unique<SimulatedWorld>(file, drives, paced);
+                                          const SimulatedWorldConfig& config) {
+  return std::make_unique<SimulatedWorld>(file, drives, config);
 }
 
 }  // namespace tumbler

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <memory>
+#include <string>
 
 #include "common/sequence_toml.h"
 #include "firmware_interface/drives/drives_toml.h"
@@ -8,10 +9,18 @@
 
 namespace tumbler {
 
+/// What `tumbler-run sim` runs on; empty names leave that out.
+struct SimulatedWorldConfig {
+  std::string twin_file;  ///< The robot as it is (docs/formats.md); else as the motion has it.
+  std::string truth_log;  ///< truth_t to this LCM log.
+  std::string lcm_url;    ///< truth_t live.
+  bool paced = false;     ///< At the pace of the clock; else in virtual time.
+};
+
 /// The robot of a motion, simulated, behind simulated drives on a simulated bus.
 /// @param file  must outlive the world.
-/// @param paced  at the pace of the clock; else in virtual time.
+/// @throws FileError about the twin file; std::runtime_error about where the truth goes.
 std::unique_ptr<World> MakeSimulatedWorld(const SequenceFile& file, const DrivesConfig& drives,
-                                          bool paced);
+                                          const SimulatedWorldConfig& config);
 
 }  // namespace tumbler

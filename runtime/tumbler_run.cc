@@ -41,6 +41,7 @@
 #include "runtime/run_sequence.h"
 #include "runtime/world.h"
 #ifdef TUMBLER_HAS_SIMULATION
+#include "offline/twin/twin_toml.h"
 #include "runtime/simulated_world.h"
 #endif
 
@@ -65,7 +66,7 @@ Exit codes:
   1    wrong usage, or a file or interface that cannot be used
   2    refused: a check before arming or running failed
   3    a fault during the run
-  4    the motion was completed, but the simulated robot is not where the primitive says 2 s later
+  4    the motion was completed, but the simulated robot fell, or is not where the primitive says 2 s later
   130  stopped by Ctrl-C or a message)";
 
 struct Options {
@@ -76,6 +77,7 @@ struct Options {
   bool realtime = false;
   bool without_realtime = false;
   double speed = 1;
+  double pace = 1;
   double hold_s = 2;
   int cycles = 0;
   std::string branch;
@@ -85,6 +87,8 @@ struct Options {
   std::string trace;
   std::string record;
   std::vector<std::string> command_line;
+  std::string twin;
+  std::string truth;
 
   [[nodiscard]] bool simulated() const { return bus == kSimulation; }
   [[nodiscard]] bool dry_run() const { return !simulated() && !arm; }
@@ -157,10 +161,12 @@ RunSequenceConfig MakeSequenceConfig(const Options& options, const DrivesConfig&
   return config;
 }
 
-InterfaceName Interface(const Options& options) { return {options.bus, options.drives}; }
+InterfaceName Interface(const Options& options) {
+  return {options.bus, options.drives, options.pace};
+}
 
 /// Positions of the joints at the start of a motion [rad].
-std::vector<double> StartOf(const SequenceFile& file) {
+std::vector<double> StartPositions(const SequenceFile& file) {
   std::vector<double> positions;
   const int start = file.graph.start;
   const Primitive<double>& primitive = file.PrimitiveOf(start).primitive;
@@ -175,13 +181,14 @@ std::unique_ptr<World> MakeWorld(const Options& options, const SequenceFile& fil
                                  const DrivesConfig& drives) {
   if (options.simulated()) {
 #ifdef TUMBLER_HAS_SIMULATION
-    return MakeSimulatedWorld(file, drives, options.realtime);
+    return MakeSimulatedWorld(file, drives,
+                              {options.twin, options.truth, options.lcm_url, options.realtime});
 #else
     throw std::runtime_error(
         "this build has no simulation (TUMBLER_BUILD_OFFLINE is OFF); name a CAN interface");
 #endif
   }
-  if (options.dry_run()) return MakeDryRunWorld(Interface(options), drives, StartOf(file));
+  if (options.dry_run()) return MakeDryRunWorld(Interface(options), drives, StartPositions(file));
   return MakeInterfaceWorld(Interface(options), drives);
 }
 
@@ -231,14 +238,26 @@ std::unique_ptr<FlightRecorder> OpenRecorder(const Options& options,
   return std::make_unique<FlightRecorder>(config);
 }
 
-int Run(const Options& options) {
+int Run(Options options) {
   FileKeeper files;
   const SequenceFile file = LoadMotion(options.motion, files.reader());
   const auto motions = std::make_unique<const Sequence<float>>(ToRuntime(file));
   const SequenceGraph<float>& graph = motions->graph;
+#ifdef TUMBLER_HAS_SIMULATION
+  if (options.drives.empty() && !options.twin.empty())
+    options.drives = ReadTwinSources(options.twin).drives;
+#endif
   if (options.drives.empty() && !options.simulated()) {
     throw std::runtime_error(
         fmt::format("{} is a real bus: say with --drives which drives are on it", options.bus));
+  }
+  if (!options.simulated() && !(options.twin.empty() && options.truth.empty())) {
+    throw std::runtime_error(fmt::format(
+        "--twin and --truth are about the simulated robot of `sim`; on {} run tumbler-twin",
+        options.bus));
+  }
+  if (options.pace != 1 && (options.simulated() || options.dry_run())) {
+    throw std::runtime_error("--pace is for an armed run on tumbler-twin");
   }
   const bool virtual_time = options.dry_run() || (options.simulated() && !options.realtime);
   if (virtual_time && graph.edge_count > 0 && options.cycles == 0 && options.branch.empty()) {
@@ -281,7 +300,8 @@ int Run(const Options& options) {
   Telemetry telemetry(telemetry_config);
   std::optional<LcmCommands> commands;
   if (!options.lcm_url.empty()) commands.emplace(options.lcm_url, InterruptMailbox(), graph);
-  const auto period_ns = static_cast<std::int64_t>(std::llround(1e9 / drives.rate_hz));
+  const auto period_ns =
+      static_cast<std::int64_t>(std::llround(1e9 / (drives.rate_hz * options.pace)));
   const RunSequenceConfig sequence_config = MakeSequenceConfig(options, drives);
   RunSequence sequence(sequence_config);
   std::unique_ptr<FlightRecorder> recorder;
@@ -353,7 +373,7 @@ int Run(const Options& options) {
   report.lost_records = telemetry.lost();
   report.unpublished_messages = telemetry.unpublished();
   world->Report(report);
-  for (const std::string& path : {options.log, options.trace, options.record}) {
+  for (const std::string& path : {options.log, options.trace, options.truth, options.record}) {
     if (!path.empty()) report.files.push_back(path);
   }
   if (!options.json.empty() && options.json != "-") report.files.push_back(options.json);
@@ -385,6 +405,11 @@ int Main(int argc, char** argv) {
   app.add_option("--speed", options.speed, "playback speed; feed-forward is scaled by its square")
       ->check(CLI::Range(0.1, 1.0))
       ->capture_default_str();
+  app.add_option("--pace", options.pace,
+                 "for tumbler-twin with the same --pace on a virtual interface: seconds of the "
+                 "robot in a second of the clock")
+      ->check(CLI::Range(0.05, 1.0))
+      ->capture_default_str();
   app.add_option("--hold-s", options.hold_s, "how long to hold after settling [s]")
       ->check(CLI::Range(0.0, 3600.0))
       ->capture_default_str();
@@ -400,6 +425,11 @@ int Main(int argc, char** argv) {
   app.add_option("--json", options.json,
                  "write the summary as JSON to this file, or - for standard output");
   app.add_option("--trace", options.trace, "write every tick to this CSV file");
+  app.add_option("--twin", options.twin,
+                 "sim: the simulated robot as it is, with disturbances (TOML); without it, as the "
+                 "motion has it");
+  app.add_option("--truth", options.truth,
+                 "sim: write what is true of the simulated robot to this LCM log");
   app.add_option("--record", options.record,
                  "record the whole run in this file, which must not exist (see tumbler-record and "
                  "tumbler-replay)");

@@ -14,7 +14,8 @@ void SimulatedDrive::Require(bool condition, const char* what) {
 SimulatedDrive::SimulatedDrive(const SimulatedMotorConfig& motor, const JointMap& joint)
     : motor_(motor),
       ratio_(static_cast<double>(joint.direction) * static_cast<double>(joint.gear_ratio)),
-      zero_offset_rad_(static_cast<double>(joint.zero_offset_rad)) {
+      zero_offset_rad_(static_cast<double>(joint.zero_offset_rad)),
+      temperature_c_(motor.ambient_c) {
   Require(motor.torque_max_nm > 0, "torque_max_nm must be above 0");
   Require(motor.base_speed_rad_s > 0, "base_speed_rad_s must be above 0");
   Require(motor.no_load_speed_rad_s > motor.base_speed_rad_s ||
@@ -23,6 +24,12 @@ SimulatedDrive::SimulatedDrive(const SimulatedMotorConfig& motor, const JointMap
   Require(motor.encoder_step_rad >= 0 && std::isfinite(motor.encoder_step_rad),
           "encoder_step_rad must be 0 or more");
   Require(motor.turnaround_ns >= 0, "turnaround_ns must be 0 or more");
+  Require(motor.torque_time_constant_s >= 0 && std::isfinite(motor.torque_time_constant_s),
+          "torque_time_constant_s must be 0 or more");
+  Require(std::isfinite(motor.ambient_c), "ambient_c must be finite");
+  Require(motor.heating_k_per_nm2 >= 0 && std::isfinite(motor.heating_k_per_nm2),
+          "heating_k_per_nm2 must be 0 or more");
+  Require(motor.thermal_time_constant_s > 0, "thermal_time_constant_s must be above 0");
 }
 
 void SimulatedDrive::AttachTo(SimulatedBus& bus) { port_ = &bus.Attach(*this, port_config()); }
@@ -58,7 +65,19 @@ double SimulatedDrive::Step(std::int64_t time_ns, double joint_position_rad,
                             double joint_velocity_rad_s) noexcept {
   shaft_rad_ = ratio_ * (joint_position_rad - zero_offset_rad_);
   velocity_rad_s_ = ratio_ * joint_velocity_rad_s;
-  torque_nm_ = Limited(Law(time_ns));
+  const double passed_s = stepped_ns_ < 0 ? 0.0 : static_cast<double>(time_ns - stepped_ns_) * 1e-9;
+  stepped_ns_ = time_ns;
+  if (std::isfinite(motor_.thermal_time_constant_s)) {
+    const double end = motor_.ambient_c + motor_.heating_k_per_nm2 * torque_nm_ * torque_nm_;
+    temperature_c_ +=
+        (end - temperature_c_) * -std::expm1(-passed_s / motor_.thermal_time_constant_s);
+  }
+  const double wanted = Limited(Law(time_ns));
+  if (motor_.torque_time_constant_s > 0) {
+    torque_nm_ += (wanted - torque_nm_) * -std::expm1(-passed_s / motor_.torque_time_constant_s);
+  } else {
+    torque_nm_ = wanted;
+  }
   return ratio_ * torque_nm_;
 }
 

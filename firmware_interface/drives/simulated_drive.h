@@ -21,6 +21,14 @@ struct SimulatedMotorConfig {
   /// Cortex-M4. Long enough that the host's next frame, which waits behind the intermission, is not
   /// disturbed.
   std::int64_t turnaround_ns = 20'000;
+  /// >= 0: of the current loop, which the torque follows in the first order; 0 is at once. Loops
+  /// are tuned to 0.1 to 1 ms.
+  double torque_time_constant_s = 0;
+  /// The winding, in the first order: with time constant T it approaches ambient + heating
+  /// torque^2. An infinite T keeps the temperature that it has, which begins as the ambient one.
+  double ambient_c = 25;
+  double heating_k_per_nm2 = 0;                                              ///< >= 0
+  double thermal_time_constant_s = std::numeric_limits<double>::infinity();  ///< > 0
 };
 
 /// The drive side of a protocol, with a motor: a node of a simulated bus that turns setpoints into
@@ -55,6 +63,7 @@ class SimulatedDrive : public SimulatedNode {
   /// Faults. Silent: hears, acknowledges and obeys, but says nothing.
   void set_silent(bool silent) noexcept { silent_ = silent; }
   void set_temperature(double celsius) noexcept { temperature_c_ = celsius; }
+  [[nodiscard]] double temperature_c() const noexcept { return temperature_c_; }
   /// Raises the drive's own error with this code, as if its hardware had found one.
   virtual void RaiseError(std::uint32_t code) noexcept = 0;
 
@@ -82,7 +91,6 @@ class SimulatedDrive : public SimulatedNode {
   [[nodiscard]] double Measured(double zero_rad) const noexcept;  ///< what the encoder reads
   [[nodiscard]] double shaft_velocity_rad_s() const noexcept { return velocity_rad_s_; }
   [[nodiscard]] double ToJoint(double shaft_angle_rad) const noexcept;
-  [[nodiscard]] double temperature_c() const noexcept { return temperature_c_; }
   void CountExpiry() noexcept { ++watchdog_expiries_; }
   void CountFrame() noexcept { ++frames_received_; }
   void CountSetpoint(std::int64_t time_ns) noexcept {
@@ -98,7 +106,8 @@ class SimulatedDrive : public SimulatedNode {
   double zero_offset_rad_;
   SimulatedPort* port_ = nullptr;
   bool silent_ = false;
-  double temperature_c_ = 25;
+  double temperature_c_;
+  std::int64_t stepped_ns_ = -1;  // the last step; none yet
   double shaft_rad_ = 0;
   double velocity_rad_s_ = 0;
   double torque_nm_ = 0;

@@ -68,6 +68,8 @@ std::string ToText(const RunReport& report) {
                                  report.dry_run ? " (dry run)" : "", report.speed, report.rate_hz);
   if (!report.reason.empty()) text += fmt::format("  {}\n", report.reason);
   AppendPassages(report, text);
+  for (const FallReport& fall : report.falls)
+    text += fmt::format("  at {:.3f} s the robot {}\n", fall.time_s, fall.what);
   for (std::size_t i = 0; i < report.joints.size(); ++i) {
     text += fmt::format("  {}: peak torque {:.3f} N m, following error at most {:.4f} rad\n",
                         report.joints[i], s.peak_torque_nm[i], s.following_error_max_rad[i]);
@@ -152,6 +154,11 @@ std::string ToJson(const RunReport& report) {
            {"root_pitch_rate_later_rad_s", maybe(passage.pitch_rate_later_rad_s)}});
     }
   }
+  if (report.simulated) {
+    json["falls"] = Json::array();
+    for (const FallReport& fall : report.falls)
+      json["falls"].push_back({{"time_s", fall.time_s}, {"what", fall.what}});
+  }
   json["joints"] = Json::array();
   for (std::size_t i = 0; i < report.joints.size(); ++i) {
     json["joints"].push_back({{"name", report.joints[i]},
@@ -201,8 +208,10 @@ std::string ToJson(const RunReport& report) {
 int ExitCode(const RunReport& report) {
   switch (report.outcome) {
     case RunOutcome::kCompleted:
-      return std::any_of(report.passages.begin(), report.passages.end(),
-                         [](const PassageReport& p) { return !p.standing().value_or(true); })
+      return !report.falls.empty() || std::any_of(report.passages.begin(), report.passages.end(),
+                                                  [](const PassageReport& p) {
+                                                    return !p.standing().value_or(true);
+                                                  })
                  ? 4
                  : 0;
     case RunOutcome::kRefused:

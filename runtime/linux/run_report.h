@@ -27,6 +27,12 @@ struct PassageReport {
   [[nodiscard]] std::optional<bool> standing() const;
 };
 
+/// A fall of a simulated robot.
+struct FallReport {
+  double time_s = 0;  ///< of the simulation
+  std::string what;
+};
+
 /// What became of the frames on a SocketCAN interface.
 struct InterfaceReport {
   SocketCanStatistics statistics;
@@ -51,6 +57,7 @@ struct RunReport {
   std::optional<double> measured_load;       ///< 0 ... 1; known of the simulated bus only.
   std::optional<InterfaceReport> interface;  ///< Of an armed run on an interface.
   std::vector<PassageReport> passages;       ///< Of a simulated robot; empty otherwise.
+  std::vector<FallReport> falls;             ///< Of a simulated robot.
   int cycles = 0;                            ///< Of a sequence, complete.
   std::optional<RealtimeReport> realtime;
   std::int64_t lost_records = 0;
@@ -69,7 +76,7 @@ std::string ToText(const RunReport& report);
 /// The same as one JSON object, units in the keys, ending with a line feed.
 std::string ToJson(const RunReport& report);
 /// The exit code of tumbler-run: 0 completed, 2 refused, 3 fault, 4 completed but the simulated
-/// robot is not where the primitive says, 130 stopped.
+/// robot fell, or is not where the primitive says, 130 stopped.
 int ExitCode(const RunReport& report);
 
 }  // namespace tumbler

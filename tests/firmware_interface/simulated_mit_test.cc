@@ -342,6 +342,52 @@ TEST(SimulatedMitDrive, AWatchdogOfZeroIsOff) {
   EXPECT_EQ(one.drive.watchdog_expiries(), 0);
 }
 
+TEST(SimulatedMitDrive, ItsWindingHeatsWithTheSquareOfTorqueAndCoolsToAmbientInTheFirstOrder) {
+  SimulatedMitConfig config;
+  config.watchdog_s = 0;
+  config.ambient_c = 20;
+  config.heating_k_per_nm2 = 0.5;
+  config.thermal_time_constant_s = 3;
+  for (const float torque : {5.0F, -10.0F}) {
+    OneDrive one(config);
+    one.Magic(MitMagic::kEnter);
+    one.Set({0, 0, 0, 0, torque});
+    const double applied = one.Step(0, 0);
+    EXPECT_NEAR(one.drive.temperature_c(), 20, 0.01);
+    const std::int64_t start_ns = one.bus.now_ns();
+    for (int ms = 1; ms <= 6000; ++ms) {
+      one.drive.Step(start_ns + ms * kTickNs, 0, 0);
+      if (ms % 1500 != 0) continue;
+      const double rise = 0.5 * applied * applied * (1 - std::exp(-1e-3 * ms / 3));
+      EXPECT_NEAR(one.drive.temperature_c(), 20 + rise, 1e-6 * rise) << ms;
+    }
+    EXPECT_NEAR(one.Set({0, 0, 0, 0, 0}).temperature_c, one.drive.temperature_c(), 0.51)
+        << "the reply says it in whole degrees";
+    const double hot = one.drive.temperature_c();
+    one.drive.Step(start_ns + 6000 * kTickNs, 0, 0);
+    one.drive.Step(start_ns + 9000 * kTickNs, 0, 0);
+    EXPECT_NEAR(one.drive.temperature_c(), 20 + (hot - 20) * std::exp(-1.0), 0.05);
+  }
+}
+
+TEST(SimulatedMitDrive, ItsTorqueFollowsInTheFirstOrderWhereTheCurrentLoopHasATimeConstant) {
+  SimulatedMitConfig config;
+  config.watchdog_s = 0;
+  config.torque_time_constant_s = 0.002;
+  OneDrive one(config);
+  one.Magic(MitMagic::kEnter);
+  one.Step(0, 0);
+  one.Set({0, 0, 0, 0, 8});
+  const std::int64_t start_ns = one.bus.now_ns();
+  const double begun = one.drive.Step(start_ns, 0, 0);  // since the last step: a millisecond
+  const double end = static_cast<double>(one.drive.last_setpoint().torque_nm);
+  EXPECT_NEAR(begun, end * (1 - std::exp(-0.5)), 1e-9);
+  double torque = 0;
+  for (int us = 50; us <= 4000; us += 50) torque = one.drive.Step(start_ns + us * 1000, 0, 0);
+  EXPECT_NEAR(torque, end + (begun - end) * std::exp(-2.0), 1e-9);
+  EXPECT_EQ(one.drive.Step(start_ns + 4'000'000, 0, 0), torque) << "no time, no change";
+}
+
 TEST(SimulatedMitDrive, FaultsAreWhatTheySay) {
   SimulatedMitConfig config;
   OneDrive one(config);

@@ -48,10 +48,17 @@ PrimitiveFile FileOf(const std::string& task, double shift_x_m = 0) {
   return file;
 }
 
+/// Nobody holds it.
+TwinConfig LetGo() {
+  TwinConfig config;
+  config.held = false;
+  return config;
+}
+
 /// A twin with two drives and a host that speaks to them.
 struct Rig {
   /// @param shift_x_m  how far from the task's own start the motion begins.
-  explicit Rig(const std::string& task, const TwinConfig& config = {}, double shift_x_m = 0)
+  explicit Rig(const std::string& task, const TwinConfig& config = LetGo(), double shift_x_m = 0)
       : host(bus.Attach()) {
     std::vector<SimulatedDrive*> pointers;
     for (std::uint16_t i = 0; i < 2; ++i) {
@@ -172,8 +179,9 @@ TEST(TwinMechanics, AFreeFallGainsSpeedAsGravitySays) {
 }
 
 TEST(TwinMechanics, AFlightWithLimpDrivesAndNoFrictionKeepsEnergyAndMomentum) {
-  TwinConfig config;
-  config.joint_damping_nm_s_per_rad = 0;
+  TwinConfig config = LetGo();
+  config.joints.assign(2, {.viscous_nm_s_per_rad = 0, .dry_nm = 0, .rotor_inertia_kg_m2 = {}});
+  config.stop_stiffness_nm_per_rad = config.stop_damping_nm_s_per_rad = 0;
   Rig rig(AloftTask(), config);
   rig.Command(0, {.torque_nm = 1.0F});
   rig.Command(1, {.torque_nm = -0.4F});
@@ -250,7 +258,7 @@ TEST(TwinMechanics, HeldAtHomeItStandsAndTheGroundCarriesItsWeight) {
 }
 
 TEST(TwinMechanics, TheStartIsThePrimitivesEntry) {
-  EXPECT_EQ(Rig(StandingTask(), {}, 0.25).twin->state().root_x_m, 0.25);
+  EXPECT_EQ(Rig(StandingTask(), LetGo(), 0.25).twin->state().root_x_m, 0.25);
   const TwinState s = Rig(StandingTask()).twin->state();
   EXPECT_EQ(s.time_ns, 0);
   EXPECT_NEAR(s.joint_positions_rad[0], -M_PI / 2, 1e-12);
@@ -306,7 +314,7 @@ TEST(TwinTime, TheSameCallsGiveTheSameStateAndThePastChangesNothing) {
 }
 
 TEST(TwinTime, HalvingTheStepHardlyChangesTheMotion) {
-  TwinConfig fine;
+  TwinConfig fine = LetGo();
   fine.step_ns = 12'500;
   Rig coarse(StandingTask());
   Rig other(StandingTask(), fine);

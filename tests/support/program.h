@@ -1,5 +1,6 @@
 #pragma once
 
+#include <poll.h>
 #include <sys/types.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -47,10 +48,12 @@ class Program {
   Program(const Program&) = delete;
   Program& operator=(const Program&) = delete;
 
-  /// Reads until the output holds `part`. @returns false when the program ended without it.
+  /// Reads until the output holds `part`. @returns false when the program ended without it, or
+  /// said nothing for 30 s.
   bool WaitFor(const std::string& part) {
     while (text_.find(part) == std::string::npos) {
-      if (!ReadSome()) return false;
+      pollfd wait{output_, POLLIN, 0};
+      if (poll(&wait, 1, 30'000) == 0 || !ReadSome()) return false;
     }
     return true;
   }

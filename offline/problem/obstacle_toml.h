@@ -1,0 +1,13 @@
+#pragma once
+
+#include "common/toml_reader.h"
+#include "offline/contact/contact_model.h"
+#include "offline/dynamics/plane.h"
+
+namespace tumbler {
+
+/// Reads an `[[obstacle]]` of a task or of a twin (docs/formats.md). Keys that it does not know are
+/// left to the caller. @throws FileError with file, line, key, value and allowed range.
+Obstacle<Plane> ReadObstacle(TomlTable& table);
+
+}  // namespace tumbler

@@ -1,0 +1,308 @@
+// A robot with its drives and whatever a twin file does to it, against mechanics and heat flow.
+
+#include "offline/twin/simulated_robot.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "common/sequence_toml.h"
+#include "firmware_interface/drives/mit.h"
+
+namespace tumbler {
+namespace {
+
+constexpr std::int64_t kMs = 1'000'000;
+constexpr double kMass = 1.8, kGravity = 9.81;
+
+const SequenceFile& Gait() {
+  static const SequenceFile gait = LoadMotion(TUMBLER_SOURCE_DIR "/primitives/gait.toml");
+  return gait;
+}
+DrivesConfig Drives() {
+  DrivesConfig drives = LoadDrives(TUMBLER_SOURCE_DIR "/primitives/robots/tumbler_drives.toml");
+  for (DriveEntry& entry : drives.drives) entry.watchdog_s = 0;
+  return drives;
+}
+
+/// The robot, and a host that speaks MIT to it.
+struct Rig {
+  explicit Rig(const SimulatedRobotConfig& config = {}, const DrivesConfig& drives_in = Drives())
+      : drives(drives_in), robot(Gait(), drives, config), host(robot.bus().Attach()) {}
+
+  void Send(std::size_t joint, const MitCommand& command) {
+    ASSERT_EQ(host.Send(EncodeMitCommand(Mit(joint), command)), Status::kOk);
+  }
+  void Magic(MitMagic magic) {
+    for (std::size_t j = 0; j < 2; ++j)
+      ASSERT_EQ(host.Send(MitMagicFrame(Mit(j), magic)), Status::kOk);
+  }
+  [[nodiscard]] const MitConfig& Mit(std::size_t joint) const {
+    return std::get<MitConfig>(drives.drives[joint].config);
+  }
+  /// Both legs held where they are told, from now on.
+  void HoldAt(float leg1_rad, float leg2_rad) {
+    Send(0, {.position_rad = leg1_rad, .kp_nm_per_rad = 200, .kd_nm_s_per_rad = 4});
+    Send(1, {.position_rad = leg2_rad, .kp_nm_per_rad = 200, .kd_nm_s_per_rad = 4});
+    Magic(MitMagic::kEnter);
+  }
+  void HoldHome() { HoldAt(-1.5707963F, 1.5707963F); }
+
+  DrivesConfig drives;
+  SimulatedRobot robot;
+  SimulatedPort& host;
+};
+
+/// High above the ground, where nothing but gravity and pushes act.
+SimulatedRobotConfig Aloft() {
+  SimulatedRobotConfig config;
+  PrimitivePose start = StartOf(Gait());
+  start.root_z_m = 50;
+  config.twin.start = start;
+  return config;
+}
+
+TEST(SimulatedRobot, IsHeldUntilAllDrivesAreEnabledAndPutBackWhenItIsPickedUp) {
+  Rig rig(Aloft());
+  rig.robot.AdvanceTo(500 * kMs);
+  EXPECT_TRUE(rig.robot.state().held);
+  EXPECT_EQ(rig.robot.state().root_z_m, 50);
+  EXPECT_EQ(rig.host.Send(MitMagicFrame(rig.Mit(0), MitMagic::kEnter)), Status::kOk);
+  rig.robot.AdvanceTo(600 * kMs);
+  EXPECT_TRUE(rig.robot.state().held) << "one of two";
+  rig.HoldHome();
+  rig.robot.AdvanceTo(1000 * kMs);
+  EXPECT_FALSE(rig.robot.state().held);
+  EXPECT_LT(rig.robot.state().root_z_m, 49.5);
+  rig.Magic(MitMagic::kExit);
+  rig.robot.AdvanceTo(1010 * kMs);
+  EXPECT_FALSE(rig.robot.state().held) << "torque off does not hold it again";
+  rig.robot.PutBack();
+  rig.robot.AdvanceTo(1500 * kMs);
+  EXPECT_TRUE(rig.robot.state().held);
+  EXPECT_EQ(rig.robot.state().root_z_m, 50);
+  EXPECT_EQ(rig.robot.state().root_vz_m_s, 0);
+}
+
+TEST(SimulatedRobot, APushGivesTheMomentumOfItsForceTimesItsDuration) {
+  SimulatedRobotConfig config = Aloft();
+  // At the mass centre of the robot, which is 0.1 m below the hinges by 0.8 of 1.8 kg; so the
+  // robot, its legs held stiffly, hardly turns.
+  Push push{.link = "middle",
+            .start_s = 0.1,
+            .duration_s = 0.05,
+            .since_enabled = true,
+            .force_n = {36, 0},
+            .point_m = {0, -0.1 * 0.8 / 1.8}};
+  config.twin.pushes.push_back(push);
+  Rig rig(config);
+  rig.robot.AdvanceTo(200 * kMs);
+  rig.HoldHome();
+  rig.robot.AdvanceTo(299 * kMs);
+  EXPECT_NEAR(rig.robot.state().root_vx_m_s, 0, 1e-4) << "the legs take hold";
+  rig.robot.AdvanceTo(320 * kMs);
+  EXPECT_EQ(rig.robot.state().push_n[0], 36);
+  rig.robot.AdvanceTo(450 * kMs);
+  EXPECT_EQ(rig.robot.state().push_n[0], 0);
+  EXPECT_NEAR(rig.robot.state().root_vx_m_s, 36 * 0.05 / kMass, 0.02);
+}
+
+TEST(SimulatedRobot, APushOffTheMassCentreTurnsIt) {
+  for (const double side : {1.0, -1.0}) {
+    SimulatedRobotConfig config = Aloft();
+    config.twin.pushes.push_back({.link = "middle",
+                                  .start_s = 0,
+                                  .duration_s = 0.05,
+                                  .since_enabled = true,
+                                  .force_n = {0, 10},
+                                  .point_m = {side * 0.15, 0}});
+    Rig rig(config);
+    rig.HoldHome();
+    rig.robot.AdvanceTo(100 * kMs);
+    EXPECT_GT(side * rig.robot.state().root_pitch_rate_rad_s, 0.5);
+  }
+}
+
+/// How far a push along the ground slides the standing robot.
+double Slide(SimulatedRobotConfig config) {
+  config.twin.pushes.push_back({.link = "middle",
+                                .start_s = 0.2,
+                                .duration_s = 0.3,
+                                .since_enabled = true,
+                                .force_n = {2, 0},
+                                .point_m = {0, -0.15}});
+  Rig rig(config);
+  rig.HoldHome();
+  rig.robot.AdvanceTo(1000 * kMs);
+  return rig.robot.state().root_x_m;
+}
+
+TEST(SimulatedRobot, FrictionIsThatOfThePatchUnderTheFeet) {
+  const double plain = Slide({});
+  SimulatedRobotConfig ice;
+  ice.twin.patches.push_back({.obstacle = "ground", .friction = 0.01});
+  SimulatedRobotConfig elsewhere;
+  elsewhere.twin.patches.push_back(
+      {.obstacle = "ground", .friction = 0.01, .from_x_m = 1, .to_x_m = 2});
+  SimulatedRobotConfig sanded = ice;
+  sanded.twin.patches.push_back({.obstacle = "ground", .friction = 0.3});
+  EXPECT_LT(plain, 0.02);
+  EXPECT_GT(Slide(ice), 0.1);
+  EXPECT_EQ(Slide(elsewhere), plain);
+  EXPECT_NEAR(Slide(sanded), plain, 1e-12) << "the last one counts, and the ground has 0.3";
+}
+
+TEST(SimulatedRobot, TheContactLawAndFurtherObstaclesAreThoseOfTheConfiguration) {
+  SimulatedRobotConfig slippery;
+  ContactLaw law;
+  law.stiffness_n_per_m = 2.5e4;
+  law.damping_n_s_per_m = 100;
+  law.layer_m = 0.01;
+  law.full_force_m = 0.0075;
+  law.friction = 0.01;
+  slippery.twin.contact = law;
+  EXPECT_GT(Slide(slippery), 0.1);
+
+  SimulatedRobotConfig wall;
+  wall.twin.contact = law;
+  // 0.04 m beyond the feet; what slides on ice stops there.
+  wall.twin.obstacles.push_back(
+      {"wall", Shape<Plane>::Box({0.3 + 0.01 + 0.15 - 0.21, 0.05}, {}, {0.02, 0.05})});
+  const double stopped = Slide(wall);
+  EXPECT_LT(stopped, 0.06);
+  EXPECT_LT(stopped, Slide(slippery) - 0.03);
+}
+
+TEST(SimulatedRobot, TheGroundCarriesTheWeightOfTheConfiguredMasses) {
+  SimulatedRobotConfig heavy;
+  heavy.twin.link_mass = {{"middle", 1.5}, {"leg1_link", 2.0}};
+  for (const auto& [config, mass] :
+       {std::pair{SimulatedRobotConfig{}, kMass}, std::pair{heavy, 1.5 + 0.8 + 0.4}}) {
+    Rig rig(config);
+    rig.HoldHome();
+    rig.robot.AdvanceTo(2000 * kMs);
+    EXPECT_NEAR(rig.robot.state().normal_force_n, mass * kGravity, 0.02 * mass * kGravity);
+    double sum = 0;
+    for (const TwinContact& contact : rig.robot.contacts()) {
+      EXPECT_EQ(contact.obstacle, "ground");
+      EXPECT_TRUE(contact.link == "leg1_link" || contact.link == "leg2_link");
+      sum += contact.normal_force_n;
+    }
+    EXPECT_NEAR(sum, rig.robot.state().normal_force_n, 1e-9);
+  }
+}
+
+/// Rate of leg 1, in the air, a while after a kick that is over.
+double RateAfterKick(const SimulatedRobotConfig& config) {
+  Rig rig(config);
+  rig.Send(0, {.torque_nm = 1.0F});
+  rig.Magic(MitMagic::kEnter);
+  rig.robot.AdvanceTo(20 * kMs);
+  rig.Magic(MitMagic::kExit);
+  rig.robot.AdvanceTo(150 * kMs);
+  return rig.robot.state().joint_velocities_rad_s[0];
+}
+
+TEST(SimulatedRobot, DryFrictionStopsAFreeLegAndNeverDrivesIt) {
+  SimulatedRobotConfig config = Aloft();
+  config.twin.joints.assign(2, {.viscous_nm_s_per_rad = 0, .dry_nm = 0, .rotor_inertia_kg_m2 = {}});
+  const double free = RateAfterKick(config);
+  EXPECT_GT(free, 2);
+  config.twin.joints.assign(2,
+                            {.viscous_nm_s_per_rad = 0, .dry_nm = 0.05, .rotor_inertia_kg_m2 = {}});
+  const double slowed = RateAfterKick(config);
+  EXPECT_LT(slowed, free - 0.5);
+  config.twin.joints.assign(2,
+                            {.viscous_nm_s_per_rad = 0, .dry_nm = 0.5, .rotor_inertia_kg_m2 = {}});
+  EXPECT_NEAR(RateAfterKick(config), 0, 0.01);
+}
+
+TEST(SimulatedRobot, ARotorOfMoreInertiaIsSlower) {
+  SimulatedRobotConfig config = Aloft();
+  const double light = RateAfterKick(config);
+  config.twin.joints.assign(2, {});
+  config.twin.joints[0].rotor_inertia_kg_m2 = 0.02;
+  EXPECT_LT(RateAfterKick(config), 0.5 * light);
+}
+
+TEST(SimulatedRobot, ALegStopsAtItsLimitAndComesBackNoFasterThanItCame) {
+  SimulatedRobotConfig config = Aloft();
+  Rig rig(config);
+  rig.Send(0, {.torque_nm = -3.0F});
+  rig.Magic(MitMagic::kEnter);
+  double lowest = 0, incoming = 0, outgoing = 0;
+  for (int ms = 1; ms <= 300; ++ms) {
+    rig.robot.AdvanceTo(ms * kMs);
+    const TwinState state = rig.robot.state();
+    const double rate = state.joint_velocities_rad_s[0];
+    lowest = std::min(lowest, state.joint_positions_rad[0]);
+    incoming = std::min(incoming, rate);
+    outgoing = std::max(outgoing, rate);
+  }
+  EXPECT_LT(lowest, -2.9) << "it reached the stop";
+  EXPECT_GT(lowest, -3.2);
+  EXPECT_GT(outgoing, 0.1) << "it bounced";
+  EXPECT_LT(outgoing, -incoming);
+}
+
+TEST(SimulatedRobot, TorqueIsLimitedToTheMotionsUnlessTheMotorSaysOtherwise) {
+  for (const double limit : {0.0, 2.5}) {
+    SimulatedRobotConfig config = Aloft();
+    config.motors.resize(2);
+    if (limit > 0) config.motors[0].torque_max_nm = limit;
+    Rig rig(config);
+    rig.Send(0, {.torque_nm = 17});
+    rig.Magic(MitMagic::kEnter);
+    rig.robot.AdvanceTo(5 * kMs);
+    EXPECT_NEAR(rig.robot.state().joint_torques_nm[0], limit > 0 ? limit : 8, 1e-4);
+  }
+}
+
+TEST(SimulatedRobot, AGearBetweenDriveAndJointChangesNothingAtTheJoint) {
+  SimulatedRobotConfig config = Aloft();
+  config.motors.resize(2);
+  config.motors[0].heating_k_per_nm2 = 10;
+  config.motors[0].thermal_time_constant_s = 1;
+  config.motors[0].base_speed_rad_s = 2;
+  config.motors[0].no_load_speed_rad_s = 6;
+  std::vector<double> rates, temperatures;
+  for (const float ratio : {1.0F, -6.0F}) {
+    DrivesConfig drives = Drives();
+    MitConfig& mit = std::get<MitConfig>(drives.drives[0].config);
+    mit.joint.direction = ratio < 0 ? -1.0F : 1.0F;
+    mit.joint.gear_ratio = std::abs(ratio);
+    Rig rig(config, drives);
+    rig.Send(0, {.torque_nm = 17 / ratio});
+    rig.Magic(MitMagic::kEnter);
+    rig.robot.AdvanceTo(60 * kMs);
+    rates.push_back(rig.robot.state().joint_velocities_rad_s[0]);
+    temperatures.push_back(rig.robot.drive(0).temperature_c());
+  }
+  EXPECT_NEAR(rates[0], rates[1], 0.02);
+  EXPECT_LT(rates[0], 6) << "no faster than without load";
+  EXPECT_GT(rates[0], 2);
+  EXPECT_NEAR(temperatures[0], temperatures[1], 0.1);
+  EXPECT_GT(temperatures[0], 26);
+}
+
+TEST(SimulatedRobot, NeedsADriveForEachJointAndLinksAndObstaclesThatAreThere) {
+  DrivesConfig one = Drives();
+  one.drives.pop_back();
+  EXPECT_THROW(SimulatedRobot(Gait(), one, {}), std::invalid_argument);
+  SimulatedRobotConfig no_link;
+  no_link.twin.pushes.push_back({.link = "tail", .start_s = 0, .duration_s = 1});
+  EXPECT_THROW(SimulatedRobot(Gait(), Drives(), no_link), std::invalid_argument);
+  SimulatedRobotConfig no_obstacle;
+  no_obstacle.twin.patches.push_back({.obstacle = "lake", .friction = 0});
+  EXPECT_THROW(SimulatedRobot(Gait(), Drives(), no_obstacle), std::invalid_argument);
+  DrivesConfig swapped = Drives();
+  std::swap(swapped.drives[0], swapped.drives[1]);
+  EXPECT_EQ(SimulatedRobot(Gait(), swapped, {}).joints()[0], "leg1") << "found by name";
+}
+
+}  // namespace
+}  // namespace tumbler

@@ -1,0 +1,207 @@
+// tumbler-run on the simulated robot of a twin file, and tumbler-twin as far as it needs no
+// interface: a user's view.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <lcm/lcm-cpp.hpp>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <tumbler/truth_t.hpp>
+#include <vector>
+
+#include "tests/support/program.h"
+
+namespace tumbler {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::Not;
+using testing::Program;
+
+const std::string kPrimitives = TUMBLER_SOURCE_DIR "/primitives/";
+const std::string kHead = "format = \"tumbler-twin\"\nversion = 1\n";
+
+class SimTwin : public ::testing::Test {
+ protected:
+  SimTwin()
+      : directory_(std::filesystem::temp_directory_path() /
+                   ("sim_twin_test_" + std::to_string(getpid()))) {
+    std::filesystem::create_directories(directory_);
+  }
+  ~SimTwin() override { std::filesystem::remove_all(directory_); }
+
+  [[nodiscard]] std::string Path(const std::string& name) const {
+    return (directory_ / name).string();
+  }
+  [[nodiscard]] std::string Write(const std::string& name, const std::string& text) const {
+    std::ofstream(Path(name)) << text;
+    return Path(name);
+  }
+  struct Outcome {
+    int exit_code = -1;
+    std::string text;
+    nlohmann::json json;
+  };
+  /// The gait in virtual time.
+  [[nodiscard]] Outcome RunGait(const std::vector<std::string>& more) const {
+    std::vector<std::string> arguments{TUMBLER_BINARY_DIR "/bin/tumbler-run", "sim",
+                                       kPrimitives + "gait.toml", "--json", Path("run.json")};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return Run(arguments);
+  }
+  [[nodiscard]] Outcome RunTwin(const std::vector<std::string>& more) const {
+    std::vector<std::string> arguments{TUMBLER_BINARY_DIR "/bin/tumbler-twin"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return Run(arguments);
+  }
+
+ private:
+  [[nodiscard]] Outcome Run(const std::vector<std::string>& arguments) const {
+    std::filesystem::remove(Path("run.json"));
+    Program program(arguments);
+    Outcome outcome;
+    outcome.exit_code = program.Wait();
+    outcome.text = program.text();
+    std::ifstream stream(Path("run.json"));
+    if (stream) outcome.json = nlohmann::json::parse(stream);
+    return outcome;
+  }
+  std::filesystem::path directory_;
+};
+
+constexpr const char* kPushedOver =
+    "[[push]]\nlink = \"middle\"\nstart_s = 3.5\nduration_s = 0.2\nforce_n = [8.0, 0.0]\n";
+
+TEST_F(SimTwin, TheGaitStandsWithEachOfTheThreeProtocols) {
+  for (const std::string drives : {"", "_cansimple", "_cia402"}) {
+    const Outcome outcome = RunGait({"--cycles", "5", "--branch", "roll", "--drives",
+                                     kPrimitives + "robots/tumbler_drives" + drives + ".toml",
+                                     "--twin", kPrimitives + "robots/tumbler_twin.toml"});
+    EXPECT_EQ(outcome.exit_code, 0) << outcome.text;
+    EXPECT_THAT(outcome.text, HasSubstr("12 motions, 5 complete cycles; the robot where it should"))
+        << drives;
+    EXPECT_TRUE(outcome.json["falls"].empty());
+  }
+}
+
+TEST_F(SimTwin, APushThatIsWeakIsSurvivedAndOneThatFellsTheRobotIsToldInWordsJsonAndExitCode) {
+  std::string text = kHead + kPushedOver;
+  const Outcome fell = RunGait({"--cycles", "2", "--twin", Write("twin.toml", text)});
+  EXPECT_EQ(fell.exit_code, 4);
+  EXPECT_THAT(fell.text, HasSubstr("s the robot FELL: rests in a pose that no motion begins or"));
+  ASSERT_GE(fell.json["falls"].size(), 1U);
+  EXPECT_GT(fell.json["falls"][0]["time_s"], 3.5);
+  EXPECT_LT(fell.json["falls"][0]["time_s"], 5.5);
+  EXPECT_EQ(fell.json["exit_code"], 4);
+
+  text.replace(text.find("8.0"), 3, "1.0");
+  const Outcome stood = RunGait({"--cycles", "2", "--twin", Write("twin.toml", text)});
+  EXPECT_EQ(stood.exit_code, 0) << stood.text;
+  EXPECT_TRUE(stood.json["falls"].empty());
+}
+
+TEST_F(SimTwin, APuddleUnderTheFeetFellsTheRobot) {
+  const std::string puddle =
+      "[[patch]]\nobstacle = \"ground\"\nfrom_x_m = -1\nto_x_m = 1\nmu = 0.02\n";
+  const Outcome outcome = RunGait({"--cycles", "1", "--twin", Write("twin.toml", kHead + puddle)});
+  EXPECT_EQ(outcome.exit_code, 4);
+  EXPECT_GE(outcome.json["falls"].size(), 1U);
+}
+
+TEST_F(SimTwin, DrivesOfTheTwinFileAreTakenWhereNoneAreGiven) {
+  const std::string twin = Write(
+      "twin.toml", kHead + "drives = \"" + kPrimitives + "robots/tumbler_drives_cia402.toml\"\n");
+  const Outcome outcome = RunGait({"--cycles", "1", "--twin", twin});
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.text;
+  EXPECT_THAT(outcome.text, HasSubstr("SYNC"));
+  const Outcome given = RunGait(
+      {"--cycles", "1", "--twin", twin, "--drives", kPrimitives + "robots/tumbler_drives.toml"});
+  EXPECT_THAT(given.text, Not(HasSubstr("SYNC")));
+}
+
+TEST_F(SimTwin, AMotorThatHeatsUpEndsTheRunWhenItsDriveSaysSo) {
+  const std::string hot = "[motor.leg2]\nheating_k_per_nm2 = 500\nthermal_time_constant_s = 1\n";
+  const Outcome outcome = RunGait({"--cycles", "1", "--twin", Write("twin.toml", kHead + hot)});
+  EXPECT_EQ(outcome.exit_code, 3);
+  EXPECT_THAT(outcome.text, HasSubstr("over-temperature of joint leg2"));
+}
+
+TEST_F(SimTwin, TheTruthIsWrittenAsAnLcmLogOfItsOwn) {
+  const std::string path = Path("truth.lcm");
+  const Outcome outcome = RunGait(
+      {"--cycles", "1", "--truth", path, "--twin", Write("twin.toml", kHead + kPushedOver)});
+  EXPECT_THAT(outcome.text, HasSubstr("wrote " + path));
+  lcm::LogFile log(path, "r");
+  ASSERT_TRUE(log.good());
+  bool held = false, upright = false, pushed = false, fell = false, touched = false;
+  std::int64_t last_ns = -1;
+  int count = 0;
+  while (const lcm::LogEvent* event = log.readNextEvent()) {
+    EXPECT_EQ(event->channel, "TUMBLER_TRUTH");
+    truth_t truth;
+    ASSERT_GT(truth.decode(event->data, 0, event->datalen), 0);
+    EXPECT_GT(truth.time_ns, last_ns);
+    last_ns = truth.time_ns;
+    EXPECT_EQ(event->timestamp, truth.time_ns / 1000);
+    ASSERT_EQ(truth.joint_count, 2);
+    EXPECT_EQ(truth.joints[1].name, "leg2");
+    EXPECT_GE(truth.joints[1].temperature_c, 25);
+    held = held || truth.held != 0;
+    upright = upright || truth.resting_as == "as after handstand";
+    if (truth.resting_as == "as after handstand") {
+      EXPECT_NEAR(truth.root_pitch_rad, M_PI / 2, 0.05);
+    }
+    pushed = pushed || truth.push_x_n == 8;
+    fell = fell || truth.fallen != 0;
+    for (const contact_truth_t& contact : truth.contacts)
+      touched = touched || (contact.link == "leg2_link" && contact.obstacle == "ground" &&
+                            contact.normal_force_n > 1);
+    ++count;
+  }
+  EXPECT_TRUE(held && upright && pushed && fell && touched)
+      << held << upright << pushed << fell << touched;
+  EXPECT_NEAR(count, static_cast<double>(last_ns) / 5e6, 2) << "200 a second";
+}
+
+TEST_F(SimTwin, WrongFilesAndOptionsAreRefusedWithWhatToDo) {
+  Outcome outcome = RunGait(
+      {"--cycles", "1", "--twin", Write("twin.toml", kHead + "[motor]\ntorque_max_nm = 0\n")});
+  EXPECT_EQ(outcome.exit_code, 1);
+  EXPECT_THAT(outcome.text, HasSubstr("twin.toml:4: motor.torque_max_nm: is 0; allowed: "));
+  outcome = RunGait({"--cycles", "1", "--twin", Path("absent.toml")});
+  EXPECT_EQ(outcome.exit_code, 1);
+  EXPECT_THAT(outcome.text, HasSubstr("absent.toml"));
+  outcome = RunGait({"--cycles", "1", "--truth", "/nonexistent/truth.lcm"});
+  EXPECT_EQ(outcome.exit_code, 1);
+  EXPECT_THAT(outcome.text, HasSubstr("/nonexistent/truth.lcm: cannot be written"));
+  outcome = RunGait({"--cycles", "1", "--pace", "0.5"});
+  EXPECT_EQ(outcome.exit_code, 1);
+  EXPECT_THAT(outcome.text, HasSubstr("--pace is for an armed run on tumbler-twin"));
+}
+
+TEST_F(SimTwin, TumblerTwinSaysWhichFileItLacks) {
+  Outcome outcome = RunTwin({"vcan9"});
+  EXPECT_EQ(outcome.exit_code, 1);
+  EXPECT_THAT(outcome.text, HasSubstr("which motion? Give MOTION, or a --config file"));
+  outcome = RunTwin({"vcan9", kPrimitives + "gait.toml"});
+  EXPECT_EQ(outcome.exit_code, 1);
+  EXPECT_THAT(outcome.text, HasSubstr("which drives? Give --drives, or a --config file"));
+  outcome = RunTwin({"vcan9", "--config", kPrimitives + "robots/tumbler_twin.toml"});
+  EXPECT_EQ(outcome.exit_code, 1);
+  EXPECT_THAT(outcome.text, HasSubstr("vcan9")) << "the file names both";
+  outcome = RunTwin({"vcan9", "--config", kPrimitives + "robots/tumbler_drives.toml"});
+  EXPECT_EQ(outcome.exit_code, 1);
+  EXPECT_THAT(outcome.text, HasSubstr("tumbler_drives.toml:2: format: is 'tumbler-drives'"));
+  outcome = RunTwin({"--help"});
+  EXPECT_EQ(outcome.exit_code, 0);
+  EXPECT_THAT(outcome.text, HasSubstr("Exit codes:"));
+}
+
+}  // namespace
+}  // namespace tumbler

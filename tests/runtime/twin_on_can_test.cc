@@ -1,0 +1,285 @@
+// Two processes on a kernel's CAN interface: tumbler-run, and tumbler-twin, which is the robot.
+// What counts is what was true of the robot, and the frames on the bus, which candump logs and
+// FrameChecker judges.
+//
+// A gait needs at least 100 ticks a second, and the guest may stand still for 50 ms: here both
+// programs count four seconds of the clock as one of the robot (--pace). No time is asserted.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <csignal>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <iterator>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "common/primitive_toml.h"
+#include "firmware_interface/drives/drives_toml.h"
+#include "tests/support/can_interface.h"
+#include "tests/support/frame_checker.h"
+#include "tests/support/program.h"
+#include "tests/support/steady_time.h"
+
+namespace tumbler {
+namespace {
+
+using testing::CheckFrames;
+using testing::FrameReport;
+using testing::FrameRules;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::Not;
+using testing::ParseCandumpLog;
+using testing::Program;
+using testing::VirtualCan;
+
+const std::string kPrimitives = TUMBLER_SOURCE_DIR "/primitives/";
+constexpr double kPace = 0.25;
+constexpr int kFault = 3;  // of tumbler-run
+constexpr int kFell = 4;   // of tumbler-twin
+constexpr int kKilled = 1000 + SIGKILL;
+
+std::string ReadFile(const std::string& path) {
+  std::ifstream stream(path);
+  return {std::istreambuf_iterator<char>(stream), {}};
+}
+
+void Replace(std::string& text, const std::string& what, const std::string& with) {
+  const std::size_t at = text.find(what);
+  if (at == std::string::npos) throw std::runtime_error("no " + what);
+  text.replace(at, what.size(), with);
+}
+
+class TwinOnCan : public ::testing::Test {
+ protected:
+  TwinOnCan()
+      : directory_(std::filesystem::temp_directory_path() /
+                   ("twin_on_can_test_" + std::to_string(getpid()))) {
+    testing::RequireCan();
+    std::filesystem::create_directories(directory_);
+    std::string text = ReadFile(kPrimitives + "robots/tumbler_drives.toml");
+    Replace(text, "rate_hz = 1000.0", "rate_hz = 100.0");
+    Replace(text, "watchdog_s = 0.025 ", "watchdog_s = 0.2 ");
+    Replace(text, "watchdog_s = 0.025\n", "watchdog_s = 0.2\n");
+    std::ofstream(Path("drives.toml")) << text;
+    rules_.drives = LoadDrives(Path("drives.toml"));
+    const PrimitiveFile handstand = LoadPrimitive(kPrimitives + "handstand.toml");
+    for (const JointMotion<double>& joint : handstand.primitive.motions())
+      rules_.limits.push_back(joint.limits);
+    rules_.silence_s = 0.2 / kPace;
+  }
+  ~TwinOnCan() override {
+    Reset();
+    std::filesystem::remove_all(directory_);
+  }
+  void Reset() {
+    candump_.reset();
+    twin_.reset();
+    std::filesystem::remove(Path("candump"));
+  }
+
+  [[nodiscard]] std::string Path(const std::string& name) const {
+    return (directory_ / name).string();
+  }
+  void StartTwin(const std::string& interface) {
+    twin_ = std::make_unique<Program>(std::vector<std::string>{
+        TUMBLER_BINARY_DIR "/bin/tumbler-twin", interface, kPrimitives + "gait.toml", "--drives",
+        Path("drives.toml"), "--pace", std::to_string(kPace), "--json", Path("truth.json")});
+    ASSERT_TRUE(twin_->WaitFor("2 drives on " + interface)) << twin_->text();
+  }
+  void StartCandump(const std::string& interface) {
+    candump_ = std::make_unique<Program>(std::vector<std::string>{
+        "/bin/sh", "-c", "exec candump -L -D " + interface + " >" + Path("candump")});
+    for (int i = 0; i < 1000; ++i) {
+      if (ReadFile("/proc/net/can/rcvlist_all").find(interface + " ") != std::string::npos) return;
+      usleep(20'000);
+    }
+    FAIL() << "candump does not listen";
+  }
+  [[nodiscard]] std::unique_ptr<Program> StartGait(const std::string& interface,
+                                                   const std::vector<std::string>& more) const {
+    return StartRun(interface, "gait.toml", more);
+  }
+  [[nodiscard]] std::unique_ptr<Program> StartRun(const std::string& interface,
+                                                  const std::string& motion,
+                                                  const std::vector<std::string>& more) const {
+    std::vector<std::string> arguments{TUMBLER_BINARY_DIR "/bin/tumbler-run",
+                                       interface,
+                                       kPrimitives + motion,
+                                       "--pace",
+                                       std::to_string(kPace),
+                                       "--drives",
+                                       Path("drives.toml"),
+                                       "--arm",
+                                       "--realtime"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return std::make_unique<Program>(arguments);
+  }
+  [[nodiscard]] FrameReport Judge() const {
+    const std::string text = ReadFile(Path("candump"));
+    return CheckFrames(ParseCandumpLog(text.substr(0, text.rfind('\n') + 1)), rules_);
+  }
+  /// Ends the twin. @returns its exit status; what it wrote is in `truth_`.
+  int EndTwin() {
+    twin_->Signal(SIGINT);
+    const int status = twin_->Wait();
+    truth_ = nlohmann::json::parse(ReadFile(Path("truth.json")));
+    return status;
+  }
+  /// In the robot's time.
+  static void Sleep(double time_s) { usleep(static_cast<useconds_t>(1e6 * time_s / kPace)); }
+  /// A robot that is let go begins its handstand at once, and takes 1.2 s for it.
+  void AwaitMidHandstand() const {
+    ASSERT_TRUE(twin_->WaitFor("let go")) << twin_->text();
+    Sleep(0.7);
+  }
+  /// Once more from the start, with a robot that stands there.
+  void ExpectToSucceedAgain(const std::string& interface) {
+    const std::unique_ptr<Program> again = StartRun(interface, "handstand.toml", {"--hold-s", "4"});
+    EXPECT_EQ(again->Wait(), 0) << again->text();
+    ASSERT_TRUE(twin_->WaitFor("rests as after handstand")) << twin_->text();
+    const FrameReport report = Judge();
+    EXPECT_THAT(report.violations, IsEmpty());
+    for (const FrameReport::Joint& joint : report.joints) {
+      EXPECT_EQ(joint.starts, 2);
+      EXPECT_LE(joint.start_jump_rad, 0.02) << "the first setpoint is where the joint is";
+    }
+  }
+
+  std::filesystem::path directory_;
+  FrameRules rules_;
+  std::unique_ptr<Program> twin_;
+  std::unique_ptr<Program> candump_;
+  nlohmann::json truth_;
+};
+
+/// The poses in which it came to rest, in order, with their pitch.
+std::vector<std::pair<std::string, double>> RestsOf(const nlohmann::json& truth) {
+  std::vector<std::pair<std::string, double>> rests;
+  for (const auto& event : truth["events"]) {
+    const std::string pose = event["pose"];
+    // Between two motions a robot that rocks on its feet may rest more than once.
+    if (event["event"] != "rest" || (!rests.empty() && rests.back().first == pose) ||
+        pose == "as before handstand")
+      continue;
+    rests.emplace_back(pose, event["root_pitch_rad"]);
+  }
+  return rests;
+}
+
+TEST_F(TwinOnCan, HandstandAndDownstandAlternateAndTheRobotIsUprightAndLevelInTurn) {
+  testing::InSteadyTime([this] {
+    Reset();
+    const VirtualCan can;
+    StartCandump(can.name());
+    StartTwin(can.name());
+    const std::unique_ptr<Program> run = StartGait(can.name(), {"--cycles", "2"});
+    ASSERT_EQ(run->Wait(), 0) << run->text();
+    EXPECT_EQ(EndTwin(), 0) << twin_->text();
+    EXPECT_EQ(truth_["falls"], 0);
+    const auto rests = RestsOf(truth_);
+    ASSERT_EQ(rests.size(), 4U) << truth_["events"];
+    const std::vector<std::string> poses = {"as after handstand", "as after downstand",
+                                            "as after handstand, swapped",
+                                            "as after downstand, swapped"};
+    for (std::size_t i = 0; i < 4; ++i) {
+      EXPECT_EQ(rests[i].first, poses[i]);
+      // A quarter of a turn each: upright, level and turned round, upside down, level again.
+      EXPECT_NEAR(rests[i].second, (static_cast<double>(i) + 1) * M_PI / 2, 0.02);
+    }
+    const FrameReport report = Judge();
+    EXPECT_THAT(report.violations, IsEmpty());
+    for (const FrameReport::Joint& joint : report.joints) EXPECT_EQ(joint.starts, 1);
+  });
+}
+
+TEST_F(TwinOnCan, AHandstandIsFollowedByTheRollWhenThatIsAskedFor) {
+  testing::InSteadyTime([this] {
+    Reset();
+    const VirtualCan can;
+    StartCandump(can.name());
+    StartTwin(can.name());
+    const std::unique_ptr<Program> run = StartGait(can.name(), {"--branch", "roll"});
+    ASSERT_EQ(run->Wait(), 0) << run->text();
+    EXPECT_EQ(EndTwin(), 0) << twin_->text();
+    const auto rests = RestsOf(truth_);
+    ASSERT_EQ(rests.size(), 2U) << truth_["events"];
+    EXPECT_EQ(rests[0].first, "as after handstand");
+    EXPECT_NEAR(rests[0].second, M_PI / 2, 0.02);
+    EXPECT_EQ(rests[1].first, "as after roll");
+    EXPECT_NEAR(rests[1].second, 2 * M_PI, 0.5);
+    EXPECT_THAT(Judge().violations, IsEmpty());
+  });
+}
+
+TEST_F(TwinOnCan, ARobotThatGoesAwayInMidHandstandEndsTheRunAndAnotherOneIsDrivenWithoutAJump) {
+  testing::InSteadyTime([this] {
+    Reset();
+    const VirtualCan can;
+    StartCandump(can.name());
+    StartTwin(can.name());
+    const std::unique_ptr<Program> run = StartGait(can.name(), {"--cycles", "1"});
+    AwaitMidHandstand();
+    twin_->Signal(SIGKILL);
+    EXPECT_EQ(twin_->Wait(), kKilled);
+    EXPECT_EQ(run->Wait(), kFault);
+    EXPECT_THAT(run->text(), HasSubstr("stale reply"));
+    EXPECT_THAT(run->text(), HasSubstr("(running); reaction: damp"));
+    StartTwin(can.name());
+    ExpectToSucceedAgain(can.name());
+    EXPECT_EQ(EndTwin(), 0);
+  });
+}
+
+TEST_F(TwinOnCan, AnInterfaceThatGoesDownInMidHandstandFellsTheRobotAndIsStartedAnewWithoutAJump) {
+  testing::InSteadyTime([this] {
+    Reset();
+    const VirtualCan can;
+    StartCandump(can.name());
+    StartTwin(can.name());
+    const std::unique_ptr<Program> run = StartGait(can.name(), {"--cycles", "1"});
+    AwaitMidHandstand();
+    can.Down();
+    Sleep(0.4);
+    can.Up();
+    EXPECT_EQ(run->Wait(), kFault);
+    EXPECT_THAT(run->text(), HasSubstr("link lost: link down"));
+    EXPECT_THAT(run->text(), HasSubstr("(running); reaction: disable"));
+    ASSERT_TRUE(twin_->WaitFor("FELL")) << twin_->text();
+    EXPECT_THAT(twin_->text(), HasSubstr("leg1: watchdog expired"));
+    twin_->Signal(SIGUSR1);
+    ASSERT_TRUE(twin_->WaitFor("put back where it began"));
+    ExpectToSucceedAgain(can.name());
+    EXPECT_EQ(EndTwin(), kFell);
+    EXPECT_EQ(truth_["falls"], 1);
+  });
+}
+
+TEST_F(TwinOnCan, WhenTheRunIsKilledInMidHandstandTheWatchdogsLetGoAndTheNextOneDoesNotJump) {
+  testing::InSteadyTime([this] {
+    Reset();
+    const VirtualCan can;
+    StartCandump(can.name());
+    StartTwin(can.name());
+    const std::unique_ptr<Program> run = StartGait(can.name(), {"--cycles", "1"});
+    AwaitMidHandstand();
+    run->Signal(SIGKILL);
+    EXPECT_EQ(run->Wait(), kKilled);
+    ASSERT_TRUE(twin_->WaitFor("leg2: watchdog expired")) << twin_->text();
+    ASSERT_TRUE(twin_->WaitFor("FELL")) << twin_->text();
+    twin_->Signal(SIGUSR1);
+    ASSERT_TRUE(twin_->WaitFor("put back where it began"));
+    ExpectToSucceedAgain(can.name());
+    EXPECT_EQ(EndTwin(), kFell);
+  });
+}
+
+}  // namespace
+}  // namespace tumbler
