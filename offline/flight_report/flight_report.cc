@@ -71,9 +71,13 @@ PageJson TicksToJson(const RunData& run, const std::vector<std::size_t>& shown) 
     json["states"].push_back(ToString(run.ticks[i].state));
   }
   for (std::size_t j = 0; j < run.joint_count(); ++j) {
+    // With the torque off, nothing is planned and nothing commanded: setpoints are only carried.
     const auto column = [&](Read read) {
       PageJson values = PageJson::array();
-      for (const std::size_t i : shown) values.push_back(Number(read(run.joint(i, j))));
+      for (const std::size_t i : shown) {
+        const bool off = run.ticks[i].state == ExecutorState::kDisarmed;
+        values.push_back(off ? PageJson(nullptr) : Number(read(run.joint(i, j))));
+      }
       return values;
     };
     // Nothing was measured before the first reply.

@@ -34,9 +34,18 @@ function indexAt(times, t) {
   return low;
 }
 
-const at = (times, column, t) => {
+// The text at or before t.
+const textAt = (times, column, t) => {
   const i = indexAt(times, t);
   return i < 0 ? null : column[i];
+};
+// The value at t, between two samples on the line that the plot draws; none where it has none.
+const at = (times, column, t) => {
+  const i = indexAt(times, t);
+  if (i < 0) return null;
+  if (t <= times[i] || i + 1 >= times.length) return column[i];
+  if (column[i] === null || column[i + 1] === null) return null;
+  return column[i] + ((t - times[i]) / (times[i + 1] - times[i])) * (column[i + 1] - column[i]);
 };
 const shown = (value, digits) => (value === null ? '–' : fixed(value, digits));
 
@@ -63,7 +72,10 @@ const stage = robots.length > 0 ? new Stage(byId('stage'), robots[0].motion, 0, 
 
 function fillHeader() {
   byId('title').textContent = runs.map((run) => run.short).join(several ? ' · ' : '');
-  byId('subtitle').textContent = several ? runs.map((run) => `${run.label}: ${run.name}`).join('   ') : runs[0].name;
+  const fact = (run, name) => (run.facts.find(([n]) => n === name) || ['', ''])[1];
+  for (const run of runs) {
+    element('div', {}, byId('subtitle'), `${several ? `${run.label}: ${run.name}, ` : ''}${fact(run, 'motion')}, ${fact(run, 'outcome')}`);
+  }
   const legend = byId('legend');
   robots.forEach((robot, k) => {
     const item = element('li', {class: robot.hue}, legend);
@@ -105,14 +117,14 @@ function fillFigures() {
         row(`${joint.name} [${unit}]`, (kind, t) => shown(at(...columnOf(run, kind, j, key), t), digits));
       }
     });
-    row('root pitch [rad]', (kind, t) =>
+    row('pitch [rad]', (kind, t) =>
       (run[kind] ? shown(at(run[kind].times_s, run[kind].root_pitch_rad, t), 3) : ''));
   }
 }
 
 function phaseAt(run, t) {
   if (!run.ticks) return t <= (run.bands[0]?.to_s ?? 0) ? run.bands[0]?.name ?? '' : 'held';
-  const state = at(run.ticks.times_s, run.ticks.states, t);
+  const state = textAt(run.ticks.times_s, run.ticks.states, t);
   const band = run.bands.find((b) => t >= b.from_s && t < b.to_s);
   return state === null ? 'not recorded' : band ? `${state}: ${band.name}` : state;
 }
@@ -237,7 +249,7 @@ class Timeline {
     const own = run.events.filter((e) => e.time_s >= range[0] && e.time_s <= range[1]).slice(0, eventsMax);
     for (const event of [...own].sort((a, b) => rank[a.kind] - rank[b.kind] || a.time_s - b.time_s)) {
       const x = this.px(event.time_s);
-      const text = event.text.length > 60 ? `${event.text.slice(0, 58)}…` : event.text;
+      const text = event.text.length > 120 ? `${event.text.slice(0, 118)}…` : event.text;
       const wide = 5.9 * text.length + 8;
       const left = x + wide > this.right ? x - wide : x;
       let lane = 0;
@@ -272,9 +284,10 @@ const timeline = new Timeline(byId('timeline'));
 
 const allEvents = runs.flatMap((run) => run.events.slice(0, eventsMax).map((event) => ({...event, run})));
 
-function addTimePlot(host, title, unit, yTicks, digits, curves, limits = []) {
+function addTimePlot(host, title, unit, yTicks, digits, curves, limits = [], least = null) {
   if (curves.length === 0) return;
   const {y, hidden} = rangeWithLimits(curves.map((c) => c.ys), limits.map((l) => l.value));
+  if (least !== null) y.splice(0, 2, least, Math.max(y[1], least + 2));
   const nearby = (t) => allEvents.find((e) => Math.abs(e.time_s - t) < 0.004 * (range[1] - range[0]));
   timePlots.push(new Plot(host, {
     title, unit, yTicks, y, limits,
@@ -307,7 +320,7 @@ function fillTimePlots() {
     addTimePlot(host, 'Torque', 'N·m', niceTicks, 2, curvesOf('torque_nm'),
         joint.torque_limit_nm === null ? [] : [limit(joint.torque_limit_nm, 1), limit(-joint.torque_limit_nm, 1)]);
     addTimePlot(host, 'Following error', 'rad', niceTicks, 5, ofTicks('following_error_rad'));
-    addTimePlot(host, 'Age of the reply', 'ticks', niceTicks, 0, ofTicks('reply_age_ticks'));
+    addTimePlot(host, 'Age of the reply', 'ticks', niceTicks, 0, ofTicks('reply_age_ticks'), [], 0);
   });
   const rootCurves = (read) => ['plan', 'truth'].flatMap((kind) => runs.flatMap((run, r) => (run[kind]
     ? [{name: label(kind, run), hue: `kind-${kind} run-${r}`, xs: run[kind].times_s, ys: read(run[kind])}] : [])));
@@ -362,7 +375,7 @@ function fillLatencies() {
     latencyPlots.push(new Plot(host, {
       title: `${name[0].toUpperCase()}${name.slice(1)}`, unit: 'count', curves, log: true,
       y: [Math.log10(0.5), Math.max(1, most + 0.15)], yTicks: (a, b, n) => decadeTicks(Math.max(0, a), b, n),
-      x: [from, to], xLabel: 'duration',
+      x: [from - 0.06 * (to - from), to + 0.06 * (to - from)], xLabel: 'duration, from 1 µs on',
       xTicks: (a, b) => Array.from({length: Math.floor(b) - Math.ceil(a) + 1}, (_, k) => ({value: Math.ceil(a) + k, label: duration(Math.ceil(a) + k)})),
       marks: own.flatMap(({r, latency}) => latency.percentiles_us.filter(([p]) => p !== 'max')
         .map(([p, us]) => ({x: Math.log10(Math.max(us, 1)), hue: `event-request run-${r}`, text: `${p}: ${us} µs`}))),
