@@ -95,7 +95,8 @@ TEST_F(RecordPrograms, ADamagedByteIsNamedAndEndsWithStatus1) {
   std::string bytes = ReadBytes(record_);
   BlockReader reader(testing::AsBytes(bytes));
   Block block;
-  while (reader.Next(block) && block.number < 1002) {
+  for (int ticks = 0; ticks <= 1000 && reader.Next(block);) {
+    if (block.kind == BlockKind::kTick) ++ticks;
   }
   bytes[block.offset + 100] ^= 0x10;
   std::ofstream(record_, std::ios::binary) << bytes;
@@ -116,10 +117,11 @@ TEST_F(RecordPrograms, AChangedByteWithAMatchingCrcIsNamedWithTickAndField) {
   RecordBytes changed;
   AppendRecordHeader(changed);
   BlockReader reader(testing::AsBytes(bytes));
+  int ticks = 0;
   for (Block block; reader.Next(block);) {
     RecordBytes content(block.content.begin(), block.content.end());
     // Of tick 1000: the lowest bit of the position that leg2 replied.
-    if (block.number == 1002) content[48 + 21 + 8 + 5 + 2] ^= 1;
+    if (block.kind == BlockKind::kTick && ticks++ == 1000) content[48 + 21 + 8 + 5 + 2] ^= 1;
     AppendBlock(block.kind, block.number, content, changed);
   }
   std::ofstream(record_, std::ios::binary)
