@@ -1,9 +1,9 @@
 # cmake -DFOLDER=page -DPAGE=page.html -DFUNCTION=ReportPage -DOUTPUT=report_page.cc -P embed_page.cmake
 #
-# Puts every style and script that the page names as {{FILE}} into it, and the page into a C++ source, as bytes: a
+# Puts every part that the page names as {{FILE}} into it, and the page into a C++ source, as bytes: a
 # string literal of this length is beyond what compilers must take.
 file(READ ${FOLDER}/${PAGE} page)
-string(REGEX MATCHALL "{{[a-z_]+\\.(css|js)}}" places "${page}")
+string(REGEX MATCHALL "{{[a-z_]+\\.(css|html|js)}}" places "${page}")
 foreach(place ${places})
   string(REGEX REPLACE "[{}]" "" part "${place}")
   file(READ ${FOLDER}/${part} text)

@@ -5,13 +5,11 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 
 #include <algorithm>
 #include <array>
 #include <bit>
 #include <cmath>
-#include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <map>
@@ -25,6 +23,7 @@
 #include "runtime/record/flight_record.h"
 #include "tests/offline/sample_runs.h"
 #include "tests/support/recorded_run.h"
+#include "tests/support/shell.h"
 
 namespace tumbler {
 namespace {
@@ -35,29 +34,11 @@ using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::Not;
 using testing::ReadBytes;
+using testing::RunInShell;
+using Outcome = testing::ShellOutcome;
 
 constexpr const char* kHandstand = TUMBLER_SOURCE_DIR "/primitives/handstand.toml";
 constexpr const char* kGait = TUMBLER_SOURCE_DIR "/primitives/gait.toml";
-
-struct Outcome {
-  int exit_code = -1;
-  std::string text;  ///< Standard output and error.
-};
-
-Outcome RunInShell(const std::string& command_line) {
-  const std::string command = "PATH=" TUMBLER_BINARY_DIR "/bin:$PATH; (" + command_line + ") 2>&1";
-  Outcome outcome;
-  std::FILE* pipe = popen(command.c_str(), "r");
-  if (pipe == nullptr) return outcome;
-  std::array<char, 4096> buffer;
-  std::size_t count = 0;
-  while ((count = std::fread(buffer.data(), 1, buffer.size(), pipe)) > 0) {
-    outcome.text.append(buffer.data(), count);
-  }
-  const int status = pclose(pipe);
-  outcome.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-  return outcome;
-}
 
 /// Runs of the simulated robot, recorded once for all tests of this process.
 struct Records {

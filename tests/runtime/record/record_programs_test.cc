@@ -2,11 +2,8 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 
-#include <array>
 #include <csignal>
-#include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <string>
@@ -14,6 +11,7 @@
 #include "runtime/record/record_blocks.h"
 #include "tests/support/program.h"
 #include "tests/support/recorded_run.h"
+#include "tests/support/shell.h"
 
 namespace tumbler {
 namespace {
@@ -21,28 +19,12 @@ namespace {
 using ::testing::HasSubstr;
 using testing::Program;
 using testing::ReadBytes;
-
-struct Outcome {
-  int exit_code = -1;
-  std::string text;  ///< Standard output and error.
-};
+using Outcome = testing::ShellOutcome;
 
 class RecordPrograms : public ::testing::Test {
  protected:
   [[nodiscard]] static Outcome Run(const std::string& command_line) {
-    const std::string command =
-        "PATH=" TUMBLER_BINARY_DIR "/bin:$PATH; (" + command_line + ") 2>&1";
-    Outcome outcome;
-    std::FILE* pipe = popen(command.c_str(), "r");
-    if (pipe == nullptr) return outcome;
-    std::array<char, 4096> buffer;
-    std::size_t count = 0;
-    while ((count = std::fread(buffer.data(), 1, buffer.size(), pipe)) > 0) {
-      outcome.text.append(buffer.data(), count);
-    }
-    const int status = pclose(pipe);
-    outcome.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-    return outcome;
+    return testing::RunInShell(command_line);
   }
   /// Plays the shipped handstand and records it.
   [[nodiscard]] Outcome Record(const std::string& more = "") const {
