@@ -96,12 +96,20 @@ int main(int argc, char** argv) {
          "all ticks")
       ->check(CLI::Range(100, 200'000))
       ->capture_default_str();
+  app.add_option("--from", arguments.options.from_s,
+                 "show the runs from this time on only [s]; 0 is where the motion begins");
+  app.add_option("--to", arguments.options.to_s, "show the runs up to this time only [s]");
   try {
     app.parse(argc, argv);
     if (arguments.files.size() > tumbler::kRunsMax) {
       throw CLI::ValidationError(
           "RECORD|PRIMITIVE",
           fmt::format("are {}, allowed: 1 ... {}", arguments.files.size(), tumbler::kRunsMax));
+    }
+    if (!(arguments.options.from_s < arguments.options.to_s)) {
+      throw CLI::ValidationError(
+          "--from", fmt::format("is {}, must be before --to, {}", arguments.options.from_s,
+                                arguments.options.to_s));
     }
     if (arguments.out.empty()) throw CLI::ValidationError("--out", "is empty");
   } catch (const CLI::ParseError& error) {

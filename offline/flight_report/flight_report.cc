@@ -6,6 +6,7 @@
 #include <array>
 #include <charconv>
 #include <cmath>
+#include <iterator>
 #include <map>
 #include <set>
 #include <stdexcept>
@@ -34,11 +35,19 @@ PageJson Number(const std::optional<double>& value) {
 }
 
 /// The ticks that the page has, in order.
-std::vector<std::size_t> ShownTicks(const RunData& run, std::size_t ticks_max) {
-  const std::size_t count = run.ticks.size();
-  const std::size_t step = std::max<std::size_t>(1, (count + ticks_max - 1) / ticks_max);
+std::vector<std::size_t> ShownTicks(const RunData& run, const FlightReportOptions& options) {
+  const auto tick_at = [&run](double time_s) {
+    const auto before = [](const RunTick& tick, double t) { return tick.time_s < t; };
+    return static_cast<std::size_t>(
+        std::lower_bound(run.ticks.begin(), run.ticks.end(), time_s, before) - run.ticks.begin());
+  };
+  const std::size_t from = tick_at(options.from_s);
+  std::size_t count = tick_at(options.to_s);
+  if (count < run.ticks.size() && options.Shows(run.ticks[count].time_s)) ++count;
+  const std::size_t step =
+      std::max<std::size_t>(1, (count - from + options.ticks_max - 1) / options.ticks_max);
   std::set<std::size_t> shown;
-  for (std::size_t begin = 0; begin < count; begin += step) {
+  for (std::size_t begin = from; begin < count; begin += step) {
     shown.insert(begin);
     const std::size_t end = std::min(begin + step, count);
     for (std::size_t j = 0; j < run.joint_count(); ++j) {
@@ -53,11 +62,11 @@ std::vector<std::size_t> ShownTicks(const RunData& run, std::size_t ticks_max) {
       shown.insert({worst, oldest});
     }
   }
-  for (std::size_t i = 1; i < count; ++i) {
+  for (std::size_t i = from + 1; i < count; ++i) {
     if (run.ticks[i].state == run.ticks[i - 1].state) continue;
     shown.insert({i - 1, i});
   }
-  if (count > 0) shown.insert(count - 1);
+  if (count > from) shown.insert(count - 1);
   return {shown.begin(), shown.end()};
 }
 
@@ -115,10 +124,13 @@ PageJson TicksToJson(const RunData& run, const std::vector<std::size_t>& shown) 
 }
 
 /// A robot's motion as the page's scripts move it.
-PageJson RobotToJson(const RunData& run, const std::vector<ReportSample>& samples,
-                     std::size_t samples_max) {
+PageJson RobotToJson(const RunData& run, const std::vector<ReportSample>& all,
+                     const FlightReportOptions& options) {
+  std::vector<ReportSample> samples;
+  std::copy_if(all.begin(), all.end(), std::back_inserter(samples),
+               [&options](const ReportSample& sample) { return options.Shows(sample.time_s); });
   if (samples.size() < 2) return nullptr;
-  const std::size_t step = (samples.size() + samples_max - 1) / samples_max;
+  const std::size_t step = (samples.size() + options.ticks_max - 1) / options.ticks_max;
   std::vector<ReportSample> shown;
   for (std::size_t i = 0; i < samples.size(); ++i) {
     if (i % step == 0 || i + 1 == samples.size()) shown.push_back(samples[i]);
@@ -182,19 +194,33 @@ PageJson RunToJson(const RunData& run, const FlightReportOptions& options) {
                    {"period_s", run.period_s},
                    {"facts", PageJson::array()},
                    {"ticks", nullptr},
-                   {"plan", RobotToJson(run, run.plan, options.ticks_max)},
-                   {"truth", RobotToJson(run, run.truth, options.ticks_max)},
+                   {"plan", RobotToJson(run, run.plan, options)},
+                   {"truth", RobotToJson(run, run.truth, options)},
                    {"bands", PageJson::array()},
                    {"events", PageJson::array()},
                    {"latencies", PageJson::array()}};
   for (const auto& [name, value] : run.facts) json["facts"].push_back({name, value});
-  if (run.recorded) json["ticks"] = TicksToJson(run, ShownTicks(run, options.ticks_max));
+  const std::vector<std::size_t> shown = ShownTicks(run, options);
+  if (run.recorded && shown.size() < 2) {
+    throw std::runtime_error(fmt::format(
+        "{}: has {} ticks from {} s to {} s; it goes from {:.3f} s to {:.3f} s, where 0 "
+        "is the beginning of its motion",
+        run.name, shown.size(), options.from_s, options.to_s, run.ticks.front().time_s,
+        run.ticks.back().time_s));
+  }
+  if (run.recorded) json["ticks"] = TicksToJson(run, shown);
+  if (!run.recorded && json["plan"].is_null()) {
+    throw std::runtime_error(
+        fmt::format("{}: has nothing from {} s to {} s", run.name, options.from_s, options.to_s));
+  }
   json["tick_count"] = run.ticks.size();
   for (const RunBand& band : run.bands) {
+    if (band.to_s < options.from_s || band.from_s > options.to_s) continue;
     json["bands"].push_back(
         {{"from_s", band.from_s}, {"to_s", band.to_s}, {"node", band.node}, {"name", band.name}});
   }
   for (const RunEvent& event : run.events) {
+    if (!options.Shows(event.time_s)) continue;
     json["events"].push_back(
         {{"time_s", event.time_s}, {"kind", ToString(event.kind)}, {"text", event.text}});
   }

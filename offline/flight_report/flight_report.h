@@ -1,5 +1,6 @@
 #pragma once
 
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -14,12 +15,18 @@ struct FlightReportOptions {
   /// and in each interval that of the largest following error and the oldest reply. All figures
   /// are of all ticks.
   std::size_t ticks_max = 4000;
+  /// Only this part of the runs is shown, in the time of the page; figures are of all ticks.
+  double from_s = -std::numeric_limits<double>::infinity();
+  double to_s = std::numeric_limits<double>::infinity();
+
+  [[nodiscard]] bool Shows(double time_s) const { return time_s >= from_s && time_s <= to_s; }
 };
 
 /// What the page of these runs is made of: their scene, ticks, robots, events, latencies, and how
 /// the others differ from the first. Every number of a tick is the record's: as a float it has the
 /// same bits.
-/// @throws std::runtime_error naming the file that shows another robot than the first;
+/// @throws std::runtime_error naming the file that shows another robot than the first, or that has
+/// nothing in the part to be shown;
 /// std::invalid_argument naming a field that is not finite.
 PageJson FlightReportJson(const std::vector<RunData>& runs,
                           const FlightReportOptions& options = {});

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdio>
@@ -100,6 +101,20 @@ TEST_F(FlightReportInBrowser, MarksFaultsAndRequestsWithTheirTextAndNodesAsBands
   EXPECT_EQ(TextOf(dom, "probe"),
             "true\nfollowing error of joint leg1: 0.4 rad, limit 0.35\nhandstand\ntrue\ntrue\n"
             "0.900 s 5\n");
+}
+
+TEST_F(FlightReportInBrowser, OfVeryManyEventsTheFaultsAreShown) {
+  RunData run = SampleRun();
+  for (int i = 0; i < 2000; ++i) {
+    run.events.insert(run.events.begin(), {-0.2 + 1e-6 * i, RunEvent::Kind::kState, "holding"});
+  }
+  std::sort(run.events.begin(), run.events.end(),
+            [](const RunEvent& a, const RunEvent& b) { return a.time_s < b.time_s; });
+  const std::string dom = Browse({run}, "", R"(
+    say(document.querySelectorAll('#events tr.event-fault').length, document.querySelectorAll('#events tbody tr').length);
+    say(timePlots.every((plot) => plot.svg.querySelectorAll('line.event-fault').length === 1));
+    say(byId('events-note').textContent.split(':')[0]);)");
+  EXPECT_EQ(TextOf(dom, "probe"), "1 500\ntrue\n1505 more are not shown\n");
 }
 
 TEST_F(FlightReportInBrowser, NamesHowTheSecondRunDiffersAndHidesWhatIsSwitchedOff) {

@@ -96,7 +96,8 @@ TEST(FlightReport, EveryNumberOfAShownTickIsTheRecordsBitForBit) {
         &entry;
   }
 
-  const PageJson json = FlightReportJson({ReadRun(Recorded().handstand, "")}, {200'000});
+  const PageJson json =
+      FlightReportJson({ReadRun(Recorded().handstand, "")}, {.ticks_max = 200'000});
   // What is read is what the page will have, text and back.
   const PageJson ticks = PageJson::parse(json.dump())["runs"][0]["ticks"];
   ASSERT_EQ(ticks["times_s"].size(), entries.size());
@@ -372,7 +373,7 @@ TEST(FlightReport, APrimitiveAloneIsItsSplinesAndNothingElse) {
 
 TEST(FlightReport, OfALongRunTheTicksThatStandOutAreShown) {
   const RunData run = ReadRun(Recorded().gait, "");
-  const PageJson ticks = FlightReportJson({run}, {100})["runs"][0]["ticks"];
+  const PageJson ticks = FlightReportJson({run}, {.ticks_max = 100})["runs"][0]["ticks"];
   EXPECT_LT(ticks["times_s"].size(), 600U);
   std::vector<double> times = ticks["times_s"].get<std::vector<double>>();
   EXPECT_TRUE(std::is_sorted(times.begin(), times.end()));
@@ -391,6 +392,23 @@ TEST(FlightReport, OfALongRunTheTicksThatStandOutAreShown) {
     if (run.ticks[i].state == run.ticks[i - 1].state) continue;
     EXPECT_THAT(times, Contains(run.ticks[i].time_s));
   }
+}
+
+TEST(FlightReport, OfAPartEveryTickIsShownAndNothingElse) {
+  const RunData run = ReadRun(Recorded().gait, "");
+  FlightReportOptions options;
+  options.from_s = 0.5;
+  options.to_s = 1.5;
+  const PageJson shown = FlightReportJson({run}, options)["runs"][0];
+  EXPECT_EQ(shown["ticks"]["times_s"].size(), 1001U);
+  EXPECT_DOUBLE_EQ(shown["ticks"]["times_s"].front().get<double>(), 0.5);
+  EXPECT_DOUBLE_EQ(shown["ticks"]["times_s"].back().get<double>(), 1.5);
+  EXPECT_EQ(shown["bands"].size(), 1U);
+  for (const PageJson& event : shown["events"]) {
+    EXPECT_TRUE(options.Shows(event["time_s"].get<double>())) << event;
+  }
+  EXPECT_GE(shown["truth"]["times_s"].front().get<double>(), 0.5);
+  EXPECT_LE(shown["truth"]["times_s"].back().get<double>(), 1.5);
 }
 
 TEST(FlightReport, RunsOfDifferentRobotsAreRefused) {
@@ -460,6 +478,8 @@ TEST_F(ReportProgram, NamesFileAndReasonAndWritesNothing) {
   ExpectRefused(std::string(kHandstand) + " --truth " + Recorded().truth,
                 "--truth is given 1 times, for 0 records");
   ExpectRefused(record + " --ticks 3", "--ticks");
+  ExpectRefused(record + " --from 2 --to 1", "--from: is 2, must be before --to, 1");
+  ExpectRefused(record + " --from 500", record + ": has 0 ticks from 500 s");
   ExpectRefused("", "RECORD|PRIMITIVE");
 }
 

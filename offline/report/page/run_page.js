@@ -6,9 +6,18 @@ const runs = data.runs;
 const several = runs.length > 1;
 const kinds = ['plan', 'command', 'measured', 'truth'];
 const kindNames = {plan: 'plan', command: 'command', measured: 'measured', truth: 'truth'};
-const eventsMax = 500;
+const eventsMax = 500;  // of each run
+const marksMax = 80;  // in a plot
+
+// Of very many events, those that matter most.
+const eventRank = {fault: 0, refusal: 1, timing: 2, request: 3, truth: 4, state: 5};
+const byTime = (a, b) => a.time_s - b.time_s;
+const foremost = (events, most) => (events.length <= most ? events
+  : [...events].sort((a, b) => eventRank[a.kind] - eventRank[b.kind] || byTime(a, b)).slice(0, most).sort(byTime));
 
 runs.forEach((run, r) => {
+  run.left = Math.max(0, run.events.length - eventsMax);
+  run.events = foremost(run.events, eventsMax);
   run.label = String.fromCharCode(65 + r);
   const base = run.name.split('/').pop();
   run.short = runs.filter((other) => other.name.split('/').pop() === base).length > 1 ? run.name : base;
@@ -73,6 +82,8 @@ const stage = robots.length > 0 ? new Stage(byId('stage'), robots[0].motion, 0, 
 function fillHeader() {
   byId('title').textContent = runs.map((run) => run.short).join(several ? ' · ' : '');
   const fact = (run, name) => (run.facts.find(([n]) => n === name) || ['', ''])[1];
+  const thinned = runs.filter((run) => run.ticks && run.ticks.times_s.length < run.tick_count);
+  byId('sampling').textContent = thinned.length === 0 ? '' : `; shown: ${thinned.map((run) => `${several ? `${run.label}: ` : ''}${run.ticks.times_s.length} of ${run.tick_count} ticks`).join(', ')}`;
   for (const run of runs) {
     element('div', {}, byId('subtitle'), `${several ? `${run.label}: ${run.name}, ` : ''}${fact(run, 'motion')}, ${fact(run, 'outcome')}`);
   }
@@ -177,6 +188,7 @@ function setRange(from, to) {
   }
   for (const plot of timePlots) {
     plot.spec.x = range;
+    plot.spec.marks = marksIn(range);
     plot.layout(plot.width);
   }
   timeline.layout(timeline.width);
@@ -243,11 +255,10 @@ class Timeline {
   }
 
   layoutEvents(run, row, y) {
-    const rank = {fault: 0, refusal: 1, timing: 2, truth: 3, request: 4, state: 5};
     const lanes = [];
     const placed = [];
-    const own = run.events.filter((e) => e.time_s >= range[0] && e.time_s <= range[1]).slice(0, eventsMax);
-    for (const event of [...own].sort((a, b) => rank[a.kind] - rank[b.kind] || a.time_s - b.time_s)) {
+    const own = foremost(run.events.filter((e) => e.time_s >= range[0] && e.time_s <= range[1]), marksMax);
+    for (const event of [...own].sort((a, b) => eventRank[a.kind] - eventRank[b.kind] || byTime(a, b))) {
       const x = this.px(event.time_s);
       const text = event.text.length > 120 ? `${event.text.slice(0, 118)}…` : event.text;
       const wide = 5.9 * text.length + 8;
@@ -282,7 +293,9 @@ const timeline = new Timeline(byId('timeline'));
 
 // Plots over time.
 
-const allEvents = runs.flatMap((run) => run.events.slice(0, eventsMax).map((event) => ({...event, run})));
+const allEvents = runs.flatMap((run) => run.events.map((event) => ({...event, run})));
+const marksIn = ([from, to]) => foremost(allEvents.filter((e) => e.time_s >= from && e.time_s <= to), marksMax)
+  .map((e) => ({x: e.time_s, hue: `event-${e.kind} ${e.run.style}`, text: e.text}));
 
 function addTimePlot(host, title, unit, yTicks, digits, curves, limits = [], least = null) {
   if (curves.length === 0) return;
@@ -293,7 +306,7 @@ function addTimePlot(host, title, unit, yTicks, digits, curves, limits = [], lea
     title, unit, yTicks, y, limits,
     x: range, xLabel: 'time [s]', xTicks: niceTicks,
     bands: runs[0].bands.map((b) => ({from: b.from_s, to: b.to_s, hue: `band-${b.node % 8}`, label: b.name})),
-    marks: allEvents.map((e) => ({x: e.time_s, hue: `event-${e.kind} ${e.run.style}`, text: e.text})),
+    marks: marksIn(range),
     note: hidden ? `limits lie outside: ${limits.map((l) => l.label.replace('limit ', '')).join(', ')}` : '',
     curves: curves.map((c) => ({...c, kind: 'line', value: (t) => at(c.xs, c.ys, t), read: (t) => shown(at(c.xs, c.ys, t), digits)})),
     flag: (t) => `${fixed(t, 3)} s${nearby(t) ? `: ${nearby(t).text}` : ''}`,
@@ -419,7 +432,7 @@ function fillTables() {
       d.max === 0 ? '' : `${significant(d.rms)} ${d.unit}`, String(d.ticks)]);
   }
 
-  const list = [...allEvents].sort((a, b) => a.time_s - b.time_s);
+  const list = [...allEvents].sort(byTime);
   byId('events').hidden = list.length === 0;
   for (const event of list) {
     const tr = element('tr', {class: `event-${event.kind} ${event.run.style}`}, byId('events').querySelector('tbody'));
@@ -430,8 +443,8 @@ function fillTables() {
       seek(event.time_s);
     });
   }
-  const left = runs.reduce((sum, run) => sum + Math.max(0, run.events.length - eventsMax), 0);
-  byId('events-note').textContent = left > 0 ? `${left} more are not shown: the first ${eventsMax} of each run are.` : '';
+  const left = runs.reduce((sum, run) => sum + run.left, 0);
+  byId('events-note').textContent = left > 0 ? `${left} more are not shown: at most ${eventsMax} of each run are, faults first and transitions last.` : '';
 
   const facts = byId('facts-of-runs').querySelector('table');
   if (several) cellsOf(element('tr', {}, facts.tHead), ['', ...runs.map((run) => `${run.label}: ${run.short}`)], 'th');
