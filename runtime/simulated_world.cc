@@ -24,7 +24,8 @@ class SimulatedWorld final : public World {
             file, drives,
             config.twin_file.empty() ? SimulatedRobotConfig{} : LoadTwin(config.twin_file, file)),
         host_(robot_.bus().Attach()),
-        truth_({.log_file = config.truth_log, .lcm_url = config.lcm_url}),
+        truth_(
+            {.log_file = config.truth_log, .lcm_url = config.lcm_url, .sink = config.truth_sink}),
         paced_(config.paced) {
     expected_pitch_rad_ =
         file.RobotPitch(file.graph.start, file.PrimitiveOf(file.graph.start).entry.root_pitch_rad);

@@ -1,6 +1,9 @@
 #pragma once
 
+#include <cstdint>
+#include <functional>
 #include <memory>
+#include <span>
 #include <string>
 
 #include "common/sequence_toml.h"
@@ -15,7 +18,9 @@ struct SimulatedWorldConfig {
   std::string bus_faults;  ///< File that disturbs the bus (docs/formats.md).
   std::string truth_log;   ///< truth_t to this LCM log.
   std::string lcm_url;     ///< truth_t live.
-  bool paced = false;      ///< At the pace of the clock; else in virtual time.
+  /// Called with every truth_t as it is encoded; for a flight record.
+  std::function<void(std::span<const std::uint8_t>)> truth_sink;
+  bool paced = false;  ///< At the pace of the clock; else in virtual time.
 };
 
 /// The robot of a motion, simulated, behind simulated drives on a simulated bus.

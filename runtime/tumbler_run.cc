@@ -7,10 +7,12 @@
 #include <chrono>
 #include <cmath>
 #include <csignal>
+#include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
 #include <fstream>
+#include <functional>
 #include <iostream>
 #include <map>
 #include <memory>
@@ -215,13 +217,18 @@ std::vector<double> StartPositions(const SequenceFile& file) {
   return positions;
 }
 
+/// Takes what is true of a simulated robot, as LCM messages truth_t.
+using TruthSink = std::function<void(std::span<const std::uint8_t>)>;
+
 std::unique_ptr<World> MakeWorld(const Options& options, const SequenceFile& file,
-                                 const DrivesConfig& drives) {
+                                 const DrivesConfig& drives,
+                                 [[maybe_unused]] const TruthSink& truth_sink) {
   if (options.simulated()) {
 #ifdef TUMBLER_HAS_SIMULATION
     return MakeSimulatedWorld(
         file, drives,
-        {options.twin, options.bus_faults, options.truth, options.lcm_url, options.realtime});
+        {options.twin, options.bus_faults, options.truth, options.lcm_url,
+         options.record.empty() ? TruthSink() : truth_sink, options.realtime});
 #else
     throw std::runtime_error(
         "this build has no simulation (TUMBLER_BUILD_OFFLINE is OFF); name a CAN interface");
@@ -385,7 +392,11 @@ int Run(Options options) {
         options.motion));
   }
 
-  const std::unique_ptr<World> world = MakeWorld(options, file, drives);
+  std::unique_ptr<FlightRecorder> recorder;
+  const std::unique_ptr<World> world =
+      MakeWorld(options, file, drives, [&recorder](std::span<const std::uint8_t> truth) {
+        if (recorder != nullptr) recorder->PushTruth(truth);
+      });
   TelemetryConfig telemetry_config;
   telemetry_config.log_file = options.log;
   telemetry_config.lcm_url = options.lcm_url;
@@ -399,7 +410,6 @@ int Run(Options options) {
       static_cast<std::int64_t>(std::llround(1e9 / (drives.rate_hz * options.pace)));
   const RunSequenceConfig sequence_config = MakeSequenceConfig(options, drives);
   RunSequence sequence(sequence_config);
-  std::unique_ptr<FlightRecorder> recorder;
   if (!options.record.empty()) {
     RecordConfiguration configuration = DescribeForRecord(options, *world, report.joints, files);
     configuration.machine = telemetry_config.run.machine;

@@ -1,15 +1,13 @@
-# cmake -DFOLDER=page -DOUTPUT=report_page.cc -P embed_page.cmake
+# cmake -DFOLDER=page -DPAGE=page.html -DFUNCTION=ReportPage -DOUTPUT=report_page.cc -P embed_page.cmake
 #
-# Puts the style and the scripts of the report into its page and the page into a C++ source, as bytes: a string
-# literal of this length is beyond what compilers must take.
-file(READ ${FOLDER}/page.html page)
-foreach(part page.css motion.js robot.js plot.js page.js)
+# Puts every part that the page names as {{FILE}} into it, and the page into a C++ source, as bytes: a
+# string literal of this length is beyond what compilers must take.
+file(READ ${FOLDER}/${PAGE} page)
+string(REGEX MATCHALL "{{[a-z_]+\\.(css|html|js)}}" places "${page}")
+foreach(place ${places})
+  string(REGEX REPLACE "[{}]" "" part "${place}")
   file(READ ${FOLDER}/${part} text)
-  string(FIND "${page}" "{{${part}}}" found)
-  if(found EQUAL -1)
-    message(FATAL_ERROR "${FOLDER}/page.html: no place for {{${part}}}")
-  endif()
-  string(REPLACE "{{${part}}}" "${text}" page "${page}")
+  string(REPLACE "${place}" "${text}" page "${page}")
 endforeach()
 file(WRITE ${OUTPUT}.html "${page}")
 file(READ ${OUTPUT}.html bytes HEX)
@@ -26,7 +24,7 @@ ${bytes}
 };
 }  // namespace
 
-std::string ReportPage() { return {std::begin(kBytes), std::end(kBytes)}; }
+std::string ${FUNCTION}() { return {std::begin(kBytes), std::end(kBytes)}; }
 
 }  // namespace tumbler
 ")

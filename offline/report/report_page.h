@@ -4,8 +4,9 @@
 
 namespace tumbler {
 
-/// The page of offline/report/page with style and scripts in it; `{{title}}` and `{{data}}` are
+/// Pages of offline/report/page with style and scripts in them; `{{title}}` and `{{data}}` are
 /// still to be filled in.
-std::string ReportPage();
+std::string ReportPage();        ///< Of a motion: page.html.
+std::string FlightReportPage();  ///< Of runs: run_page.html.
 
 }  // namespace tumbler

@@ -88,7 +88,7 @@ TruthLog::~TruthLog() = default;
 
 void TruthLog::Observe(const SimulatedRobot& robot) {
   Implementation& m = *implementation_;
-  if (!m.log && !m.live) return;
+  if (!m.log && !m.live && !m.config.sink) return;
   const std::int64_t now_ns = robot.now_ns();
   if (now_ns < m.due_ns) return;
   m.due_ns = (now_ns / m.config.period_ns + 1) * m.config.period_ns;
@@ -106,6 +106,7 @@ void TruthLog::Observe(const SimulatedRobot& robot) {
     if (m.log->writeEvent(&event) != 0)
       throw std::runtime_error(fmt::format("{}: cannot be written", m.config.log_file));
   }
+  if (m.config.sink) m.config.sink(m.bytes);
   // Live, what is not taken is missed.
   if (m.live) {
     static_cast<void>(m.live->publish(kTruthChannel, m.bytes.data(), static_cast<unsigned>(size)));

@@ -1,7 +1,9 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
+#include <span>
 #include <string>
 
 #include "offline/twin/simulated_robot.h"
@@ -15,6 +17,8 @@ inline constexpr const char* kTruthChannel = "TUMBLER_TRUTH";
 struct TruthLogConfig {
   std::string log_file;  ///< LCM log.
   std::string lcm_url;   ///< Live LCM.
+  /// Called with every message as it is encoded; for a flight record.
+  std::function<void(std::span<const std::uint8_t>)> sink;
   /// Impacts last some 10 ms.
   std::int64_t period_ns = 5'000'000;
   /// Log time of time 0: 0 for virtual time, else microseconds since 1970.

@@ -49,8 +49,9 @@ FlightRecord::FlightRecord(std::span<const std::uint8_t> bytes, std::string name
     case RecordStart::kRecord:
       break;
     case RecordStart::kOtherVersion:
-      fail(fmt::format("is a flight record of another version; this program reads version {}",
-                       kRecordVersion));
+      fail(
+          fmt::format("is a flight record of another version; this program reads versions {} to {}",
+                      kRecordVersionMin, kRecordVersion));
       break;
     case RecordStart::kNotARecord:
       fail("is not a flight record");
@@ -92,6 +93,7 @@ void FlightRecord::Rewind() {
   taken_damages_ = 0;
   damages_.clear();
   lost_.clear();
+  truths_.clear();
   end_.reset();
 }
 
@@ -104,6 +106,7 @@ void FlightRecord::TakeDamages() {
 
 bool FlightRecord::Next(TickEntry& entry) {
   Block block;
+  truths_.clear();
   while (reader_.Next(block)) {
     TakeDamages();
     const auto damaged = [this, &block](const std::string& what) {
@@ -135,6 +138,9 @@ bool FlightRecord::Next(TickEntry& entry) {
         }
         break;
       }
+      case BlockKind::kTruth:
+        truths_.push_back(block.content);
+        break;
       case BlockKind::kConfiguration:
       case BlockKind::kFile:
         damaged("is a second configuration");

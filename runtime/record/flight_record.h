@@ -42,6 +42,10 @@ class FlightRecord {
 
   /// The next tick. @returns false at the end of what can be read.
   bool Next(TickEntry& entry);
+  /// What is true of a simulated robot, as it was recorded between the tick before the one that
+  /// Next gave last and that one (at the end of the record: after the last tick): LCM messages
+  /// truth_t, in order. Valid until the next call of Next.
+  [[nodiscard]] std::span<const std::span<const std::uint8_t>> truths() const { return truths_; }
   /// To the first tick again.
   void Rewind();
 
@@ -53,6 +57,7 @@ class FlightRecord {
   /// Where the whole blocks that were read end.
   [[nodiscard]] std::size_t offset() const { return reader_.offset(); }
   [[nodiscard]] std::size_t size() const { return bytes_.size(); }
+  [[nodiscard]] std::uint32_t version() const { return VersionOf(bytes_); }
   /// Of the block of the last tick.
   [[nodiscard]] std::size_t tick_offset() const { return tick_offset_; }
 
@@ -72,6 +77,7 @@ class FlightRecord {
   std::vector<Damage> damages_;
   std::vector<LostTicks> lost_;
   std::optional<RecordEnd> end_;
+  std::vector<std::span<const std::uint8_t>> truths_;
   std::size_t tick_offset_ = 0;
 };
 

@@ -8,6 +8,7 @@
 #include <atomic>
 #include <cerrno>
 #include <chrono>
+#include <cstring>
 #include <stdexcept>
 #include <system_error>
 #include <thread>
@@ -70,8 +71,14 @@ struct FlightRecorder::Implementation {  // NOLINT(clang-analyzer-optin.performa
   void Drain() {
     std::size_t size = 0;
     while (ring.Pop(message, size)) {
-      const std::span<const std::uint8_t> tick = std::span(message).first(size);
+      const auto kind = static_cast<BlockKind>(message[0]);
+      const std::span<const std::uint8_t> tick = std::span(message).subspan(1, size - 1);
       if (!problem.empty()) continue;  // Only makes room.
+      if (kind == BlockKind::kTruth) {
+        Add(kind, tick);
+        if (chunk.size() >= kChunkBytes) WriteChunk();
+        continue;
+      }
       const std::int64_t index = IndexOf(tick);
       if (index > next_index) AddLost(index - next_index);
       last_index = index;
@@ -159,14 +166,14 @@ struct FlightRecorder::Implementation {  // NOLINT(clang-analyzer-optin.performa
   std::vector<std::uint8_t> storage;
   MessageRing ring;
 
-  // Of the loop.
-  std::array<std::uint8_t, kTickEntryBytesMax> scratch;
+  // Of the loop. The first byte of a message in the ring is the kind of its block.
+  std::array<std::uint8_t, 1 + kTickEntryBytesMax> scratch;
   std::atomic<std::int64_t> pushed{0};
   std::atomic<std::int64_t> lost{0};
 
   // Of the draining side.
   int descriptor = -1;
-  std::array<std::uint8_t, kTickEntryBytesMax> message;
+  std::array<std::uint8_t, 1 + kTickEntryBytesMax> message;
   RecordBytes chunk;  // blocks that are still to be written
   std::vector<BlockEnd> ends;
   std::uint32_t blocks = 0;
@@ -191,10 +198,20 @@ void FlightRecorder::Push(const TickNotes& notes, const TickInput& input,
   Implementation& self = *implementation_;
   const std::int64_t index = self.pushed.load(std::memory_order_relaxed);
   self.pushed.store(index + 1, std::memory_order_relaxed);
-  const std::size_t size = EncodeTick(index, notes, input, output, self.scratch);
-  if (size == 0 || !self.ring.Push(std::span(self.scratch).first(size))) {
+  self.scratch[0] = static_cast<std::uint8_t>(BlockKind::kTick);
+  const std::size_t size =
+      EncodeTick(index, notes, input, output, std::span(self.scratch).subspan(1));
+  if (size == 0 || !self.ring.Push(std::span(self.scratch).first(1 + size))) {
     self.lost.fetch_add(1, std::memory_order_relaxed);
   }
+}
+
+void FlightRecorder::PushTruth(std::span<const std::uint8_t> message) noexcept {
+  Implementation& self = *implementation_;
+  if (message.empty() || message.size() > kTickEntryBytesMax) return;
+  self.scratch[0] = static_cast<std::uint8_t>(BlockKind::kTruth);
+  std::memcpy(self.scratch.data() + 1, message.data(), message.size());
+  static_cast<void>(self.ring.Push(std::span(self.scratch).first(1 + message.size())));
 }
 
 void FlightRecorder::Drain() { implementation_->Drain(); }

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <span>
 #include <string>
 
 #include "runtime/executor.h"
@@ -47,6 +48,11 @@ class FlightRecorder {
 
   /// From the loop, in every tick: does not allocate, lock or block. Parameters are EncodeTick's.
   void Push(const TickNotes& notes, const TickInput& input, const TickOutput& output) noexcept;
+
+  /// What is true of a simulated robot after the last tick: an LCM message truth_t of at most
+  /// kTickEntryBytesMax bytes. Where the ring has no room for it, it is left out. From the loop's
+  /// thread, without allocating.
+  void PushTruth(std::span<const std::uint8_t> message) noexcept;
 
   /// Writes what the ring holds. Not while a thread is started.
   void Drain();

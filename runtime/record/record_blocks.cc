@@ -59,6 +59,8 @@ const char* NameOf(BlockKind kind) {
       return "lost ticks";
     case BlockKind::kEnd:
       return "end";
+    case BlockKind::kTruth:
+      return "truth";
   }
   return "unknown kind";
 }
@@ -134,6 +136,10 @@ bool DecodeEnd(std::span<const std::uint8_t> content, RecordEnd& end) {
   return true;
 }
 
+std::uint32_t VersionOf(std::span<const std::uint8_t> bytes) {
+  return bytes.size() < kRecordHeaderBytes ? 0 : Get32(bytes, 8);
+}
+
 RecordStart StartOf(std::span<const std::uint8_t> bytes) {
   const std::size_t known = std::min(bytes.size(), kFileMagic.size());
   if (!std::equal(kFileMagic.begin(), kFileMagic.begin() + static_cast<std::ptrdiff_t>(known),
@@ -142,7 +148,9 @@ RecordStart StartOf(std::span<const std::uint8_t> bytes) {
   }
   if (bytes.size() < kRecordHeaderBytes) return RecordStart::kTooShort;
   if (Crc32(bytes.first(12)) != Get32(bytes, 12)) return RecordStart::kDamaged;
-  return Get32(bytes, 8) == kRecordVersion ? RecordStart::kRecord : RecordStart::kOtherVersion;
+  const std::uint32_t version = VersionOf(bytes);
+  return version >= kRecordVersionMin && version <= kRecordVersion ? RecordStart::kRecord
+                                                                   : RecordStart::kOtherVersion;
 }
 
 bool BlockReader::Next(Block& block) {

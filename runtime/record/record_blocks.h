@@ -9,8 +9,10 @@
 
 namespace tumbler {
 
-/// The version of the file format that this build writes and reads.
-inline constexpr std::uint32_t kRecordVersion = 1;
+/// The version of the file format that this build writes.
+inline constexpr std::uint32_t kRecordVersion = 2;
+/// The oldest version that it reads: version 1 has no truth.
+inline constexpr std::uint32_t kRecordVersionMin = 1;
 
 /// What a block of a flight record holds (docs/formats.md has the bytes).
 enum class BlockKind : std::uint32_t {
@@ -19,6 +21,7 @@ enum class BlockKind : std::uint32_t {
   kTick = 3,           ///< TickEntry.
   kLost = 4,           ///< Ticks that were executed but not recorded.
   kEnd = 5,            ///< The recording was ended in order.
+  kTruth = 6,          ///< What is true of a simulated robot: an LCM message truth_t.
 };
 
 /// Ticks of which the record knows nothing but that they were.
@@ -111,5 +114,7 @@ enum class RecordStart : std::uint8_t {
   kDamaged,
 };
 [[nodiscard]] RecordStart StartOf(std::span<const std::uint8_t> bytes);
+/// The version that the file says it has; 0 when it is too short.
+[[nodiscard]] std::uint32_t VersionOf(std::span<const std::uint8_t> bytes);
 
 }  // namespace tumbler

@@ -152,17 +152,18 @@ std::string Summary(FlightRecord& record) {
   const RecordConfiguration& c = record.configuration();
   record.Rewind();
   const auto entry = std::make_unique<TickEntry>();
-  std::int64_t ticks = 0, sent = 0, received = 0, first_ns = 0, last_ns = 0;
+  std::int64_t ticks = 0, truths = 0, sent = 0, received = 0, first_ns = 0, last_ns = 0;
   FaultReport fault;
   while (record.Next(*entry)) {
     if (ticks++ == 0) first_ns = entry->notes.deadline_ns;
     last_ns = entry->notes.deadline_ns;
+    truths += static_cast<std::int64_t>(record.truths().size());
     sent += static_cast<std::int64_t>(entry->notes.sent_count);
     received += static_cast<std::int64_t>(entry->received_count);
     if (fault.fault == Fault::kNone) fault = entry->record.first_fault;
   }
   std::string text = fmt::format("{}: {} bytes, format version {}\n", record.name(), record.size(),
-                                 kRecordVersion);
+                                 record.version());
   text += fmt::format("  made by {} on {}\n", c.program, c.kernel);
   text += fmt::format("  bus {}{}{}, {:.6g} Hz, joints {}\n", c.bus, c.dry_run ? " (dry run)" : "",
                       c.virtual_time ? ", virtual time" : "",
@@ -175,6 +176,8 @@ std::string Summary(FlightRecord& record) {
   }
   text += fmt::format("  {} ticks over {:.3f} s; {} frames sent, {} received\n", ticks,
                       static_cast<double>(last_ns - first_ns) * 1e-9, sent, received);
+  truths += static_cast<std::int64_t>(record.truths().size());
+  if (truths > 0) text += fmt::format("  {} true states of the simulated robot\n", truths);
   if (fault.fault != Fault::kNone) text += fmt::format("  {}\n", Describe(fault, c.joints));
   for (const std::string& remark : record.Remarks()) text += fmt::format("  {}\n", remark);
   return text;

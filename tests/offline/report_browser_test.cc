@@ -9,22 +9,22 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdio>
-#include <cstdlib>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <sstream>
 #include <string>
 #include <vector>
 
 #include "offline/report/report.h"
 #include "tests/offline/sample_motion.h"
+#include "tests/support/browser.h"
 
 namespace tumbler {
 namespace {
 
-using testing::HasSubstr;
-using testing::Not;
+using testing::Count;
+using ::testing::HasSubstr;
+using ::testing::Not;
+using testing::TextOf;
 
 std::string Fixed(double value, int digits) {
   std::array<char, 64> text{};
@@ -34,34 +34,12 @@ std::string Fixed(double value, int digits) {
   return shown;
 }
 
-std::string ReadFile(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(file), {}};
-}
-
-/// The text of the element with this id, up to its first tag; of each such element joined when ids
-/// repeat.
-std::string TextOf(const std::string& dom, const std::string& id) {
-  const std::size_t at = dom.find("id=\"" + id + "\"");
-  if (at == std::string::npos) return "no element " + id;
-  const std::size_t from = dom.find('>', at) + 1;
-  return dom.substr(from, dom.find('<', from) - from);
-}
-
-std::size_t Count(const std::string& text, const std::string& part) {
-  std::size_t count = 0;
-  for (std::size_t at = text.find(part); at != std::string::npos; at = text.find(part, at + 1)) {
-    ++count;
-  }
-  return count;
-}
-
-class ReportInBrowser : public testing::Test {
+class ReportInBrowser : public ::testing::Test {
  protected:
   // A directory whose name an address cannot hold as it is.
   ReportInBrowser()
-      : directory_(testing::TempDir() + "tumbler report #" +
-                   testing::UnitTest::GetInstance()->current_test_info()->name()) {
+      : directory_(::testing::TempDir() + "tumbler report #" +
+                   ::testing::UnitTest::GetInstance()->current_test_info()->name()) {
     std::filesystem::remove_all(directory_);
   }
   ~ReportInBrowser() override { std::filesystem::remove_all(directory_); }
@@ -70,24 +48,7 @@ class ReportInBrowser : public testing::Test {
   /// ran; what the probe passes to `say` is the text of element `probe`.
   std::string Browse(const ReportData& data, const std::string& fragment,
                      const std::string& probe = "", int width = 1200) {
-    const std::string page = WriteReport(data, directory_);
-    if (!probe.empty()) {
-      std::string text = ReadFile(page);
-      text.insert(text.rfind("</body>"),
-                  "<pre id=\"probe\"></pre><script>const say = (...words) => "
-                  "{ byId('probe').textContent += words.join(' ') + '\\n'; };\n" +
-                      probe + "</script>");
-      std::ofstream(page, std::ios::binary) << text;
-    }
-    const std::string out = directory_ + "/dom.html";
-    const std::string command = std::string("'") + TUMBLER_SOURCE_DIR + "/scripts/screenshot' '" +
-                                page + "' '" + fragment + "' '" + out + "' " +
-                                std::to_string(width) + " 900";
-    // NOLINTNEXTLINE(concurrency-mt-unsafe): a test of one thread.
-    EXPECT_EQ(std::system(command.c_str()), 0) << command;
-    std::string dom = ReadFile(out);
-    EXPECT_THAT(dom, HasSubstr("data-ready=\"true\"")) << "the page's scripts did not finish";
-    return dom;
+    return testing::BrowsePage(WriteReport(data, directory_), directory_, fragment, probe, width);
   }
 
   std::string directory_;
@@ -311,7 +272,7 @@ TEST_F(ReportInBrowser, LoadsNothingAndItsOwnPolicyForbidsIt) {
     say(performance.getEntriesByType('resource').length);
     document.addEventListener('securitypolicyviolation', (event) => say(event.effectiveDirective));
     fetch('https://example.invalid/').catch(() => say('refused'));)");
-  EXPECT_THAT(TextOf(dom, "probe"), testing::AllOf(HasSubstr("0\n"), HasSubstr("connect-src")));
+  EXPECT_THAT(TextOf(dom, "probe"), ::testing::AllOf(HasSubstr("0\n"), HasSubstr("connect-src")));
 }
 
 TEST_F(ReportInBrowser, ShowsHostileTextAsText) {

@@ -1,16 +1,9 @@
-// The page: one time, shown by the stage, the figures beside it, the slider, the strip and every plot.
-
-const byId = (id) => document.getElementById(id);
-
-function fragment() {
-  return new URLSearchParams(location.hash.slice(1));
-}
+// The page of a motion: one time, shown by the stage, the figures beside it, the slider, the strip and every plot.
 
 const data = JSON.parse(byId('data').textContent);
 const motion = new Motion(data);
 const stripPoses = 8;
 const stage = new Stage(byId('stage'), motion, stripPoses);
-const state = {time: motion.first, hover: null, playing: false, speed: 1, repeat: false};
 let timePlots = [];
 let solverPlots = [];
 let poseButtons = [];
@@ -239,92 +232,19 @@ function showPlots() {
   for (const plot of timePlots) plot.show(state.time, state.hover);
 }
 
-function seek(t) {
-  state.time = motion.clamp(t);
-  stage.draw(state.time);
-  showPanel(state.time);
+function showTime(t) {
+  stage.draw(t);
+  showPanel(t);
   showPlots();
-  byId('slider').value = state.time;
-  byId('slider').setAttribute('aria-valuetext', `${fixed(state.time, 3)} s`);
   const near = poseButtons.reduce((best, [time], k) =>
     (Math.abs(time - state.time) < Math.abs(poseButtons[best][0] - state.time) ? k : best), 0);
   poseButtons.forEach(([, button], k) => button.classList.toggle('current', k === near));
 }
 
-let previous = null;
-
-function frame(now) {
-  if (!state.playing) return;
-  const step = previous === null ? 0 : (Math.min(now - previous, 100) / 1000) * state.speed;
-  previous = now;
-  if (state.time + step < motion.last) {
-    seek(state.time + step);
-  } else if (state.repeat) {
-    seek(motion.first);
-  } else {
-    seek(motion.last);
-    pause();
-    return;
-  }
-  requestAnimationFrame(frame);
-}
-
-function showPlayButton() {
-  byId('play').setAttribute('aria-label', state.playing ? 'Pause' : 'Play');
-  byId('play').querySelector('path').setAttribute('d', state.playing ? 'M5 3.5h3.6v13H5zM11.4 3.5H15v13h-3.6z' : 'M6 3.5v13l11-6.5z');
-}
-
-function play() {
-  if (state.playing) return;
-  if (state.time >= motion.last) seek(motion.first);
-  state.playing = true;
-  previous = null;
-  showPlayButton();
-  requestAnimationFrame(frame);
-}
-
-function pause() {
-  state.playing = false;
-  showPlayButton();
-  keepTime();
-}
-
-// Keeps the time in the address, so that a reload or a copied link shows the same instant.
-let keeping = null;
-function keepTime() {
-  clearTimeout(keeping);
-  keeping = setTimeout(() => {
-    const parts = fragment();
-    parts.set('t', state.time.toFixed(3));
-    try {
-      history.replaceState(null, '', `#${parts}`);
-    } catch (error) {
-      // Some browsers forbid this on a page from a file; the page works without it.
-    }
-  }, 300);
-}
-
-function choose(id, value, pressed) {
-  for (const button of byId(id).querySelectorAll('button')) {
-    button.setAttribute('aria-pressed', pressed ?? button.dataset.value === value);
-  }
-}
-
 function listen() {
-  const slider = byId('slider');
-  slider.min = motion.first;
-  slider.max = motion.last;
   const span = motion.last - motion.first;
   const share = motion.settles ? (100 * (data.duration_s - motion.first)) / span : 100;
-  slider.style.setProperty('--motion', `${share}%`);
-  slider.addEventListener('input', () => { pause(); seek(Number(slider.value)); });
-
-  byId('play').addEventListener('click', () => (state.playing ? pause() : play()));
-  byId('speed').addEventListener('click', (event) => {
-    if (!event.target.dataset.value) return;
-    state.speed = Number(event.target.dataset.value);
-    choose('speed', event.target.dataset.value);
-  });
+  byId('slider').style.setProperty('--motion', `${share}%`);
   byId('camera').addEventListener('click', (event) => {
     if (!event.target.dataset.value) return;
     stage.camera = event.target.dataset.value;
@@ -336,47 +256,9 @@ function listen() {
     choose('trail', null, stage.trail);
     seek(state.time);
   });
-  byId('repeat').addEventListener('click', () => {
-    state.repeat = !state.repeat;
-    choose('repeat', null, state.repeat);
-  });
-  choose('speed', '1');
   choose('camera', stage.camera);
-  choose('repeat', null, false);
-
-  // A button clicked with the pointer gives the space bar back to play and pause.
-  document.addEventListener('click', (event) => {
-    if (event.detail > 0 && document.activeElement?.tagName === 'BUTTON') document.activeElement.blur();
-  });
-  document.addEventListener('keydown', (event) => {
-    if (event.ctrlKey || event.metaKey || event.altKey) return;
-    const onButton = event.target.tagName === 'BUTTON';
-    const step = (direction) => {
-      if (event.shiftKey) return state.time + direction * 0.1;
-      const i = motion.nearest(state.time);
-      return motion.times[Math.min(Math.max(i + direction, 0), motion.times.length - 1)];
-    };
-    const actions = {
-      ' ': onButton ? null : () => (state.playing ? pause() : play()),
-      ArrowLeft: () => { pause(); seek(step(-1)); },
-      ArrowRight: () => { pause(); seek(step(1)); },
-      Home: () => { pause(); seek(motion.first); },
-      End: () => { pause(); seek(motion.last); },
-    };
-    const action = Object.hasOwn(actions, event.key) ? actions[event.key] : null;
-    if (!action) return;
-    event.preventDefault();
-    action();
-  });
   window.addEventListener('hashchange', applyFragment);
   for (const cause of ['resize', 'beforeprint', 'afterprint']) window.addEventListener(cause, layout);
-  matchMedia('(prefers-color-scheme: dark)').addEventListener('change', applyTheme);
-}
-
-function applyTheme() {
-  const asked = fragment().get('theme');
-  const dark = asked ? asked === 'dark' : matchMedia('(prefers-color-scheme: dark)').matches;
-  document.documentElement.dataset.theme = dark ? 'dark' : 'light';
 }
 
 // The address: t, a time in s; view=robot or view=strip, one picture alone; camera=fit or follow; trail=off, no earlier
@@ -391,12 +273,7 @@ function applyFragment() {
   }
   if (parts.has('trail')) stage.trail = parts.get('trail') !== 'off';
   choose('trail', null, stage.trail);
-  const asked = parseFloat(parts.get('t'));
-  if (Number.isFinite(asked)) {
-    state.playing = false;
-    showPlayButton();
-    state.time = motion.clamp(asked);
-  }
+  takeTime(parts);
   layout();
 }
 
@@ -415,6 +292,7 @@ function layout(event) {
   seek(state.time);
 }
 
+startPlayer(motion, showTime);
 fillHeader();
 fillPanel();
 fillStrip();

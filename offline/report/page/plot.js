@@ -40,8 +40,10 @@ function decadeTicks(low, high, count) {
 let clipCount = 0;
 
 // spec: title, unit, x: [from, to], xLabel, xTicks(low, high, count), y: [from, to], yTicks likewise,
-//   curves: [{name, hue, kind: 'line' | 'dots', xs, ys, read(x): text, value(x): number, for a dot at the cursor}], limits: [{value, hue, label}],
-//   shade: {from, to, label}, note, onSeek(x), onHover(x or null), flag(x): text.
+//   curves: [{name, hue, kind: 'line' | 'dots' | 'area', xs, ys, read(x): text, value(x): number, for a dot at the cursor}],
+//   limits: [{value, hue, label}], shade: {from, to, label}, bands: [{from, to, hue, label}], marks: [{x, hue, text}],
+//   note, onSeek(x), onHover(x or null), flag(x): text.
+// A value that is null interrupts a curve. The range x may change between layouts.
 class Plot {
   constructor(parent, spec) {
     this.spec = spec;
@@ -108,6 +110,13 @@ class Plot {
       element('rect', {class: 'shade', x: from, y: this.top, width: to - from, height: this.bottom - this.top}, svg);
       if (to - from > 44) element('text', {class: 'shade-label', x: to, y: this.top - 4}, svg, spec.shade.label);
     }
+    const back = element('g', {'clip-path': `url(#${this.clip})`}, svg);
+    for (const band of spec.bands || []) {
+      if (band.to < spec.x[0] || band.from > spec.x[1]) continue;
+      const rect = element('rect', {class: `band ${band.hue}`, x: px(band.from), y: this.top,
+        width: Math.max(0, px(band.to) - px(band.from)), height: this.bottom - this.top}, back);
+      element('title', {}, rect, band.label);
+    }
     for (const tick of spec.yTicks(spec.y[0], spec.y[1], height > 215 ? 5 : 4)) {
       const y = py(tick.value);
       element('line', {class: tick.value === 0 && !spec.log ? 'grid zero' : 'grid', x1: this.left, x2: this.right, y1: y, y2: y}, svg);
@@ -129,11 +138,14 @@ class Plot {
       element('text', {class: `limit-label ${limit.hue}`, x: this.left + 5, y: above ? y - 4 : y + 12}, svg, limit.label);
     }
     const curves = element('g', {'clip-path': `url(#${this.clip})`}, svg);
+    for (const mark of spec.marks || []) {
+      if (mark.x < spec.x[0] || mark.x > spec.x[1]) continue;
+      const line = element('line', {class: `event ${mark.hue}`, x1: px(mark.x), x2: px(mark.x), y1: this.top, y2: this.bottom}, curves);
+      element('title', {}, line, mark.text);
+    }
     for (const curve of spec.curves) {
-      const points = curve.xs.map((x, i) => `${px(x).toFixed(2)} ${py(Math.min(Math.max(curve.ys[i], spec.y[0]), spec.y[1])).toFixed(2)}`);
-      if (points.length === 0) continue;
-      const d = curve.kind === 'dots' ? points.map((p) => `M${p}h0`).join('') : `M${points.join('L')}`;
-      element('path', {class: `${curve.kind} ${curve.hue}`, d}, curves);
+      const d = this.path(curve);
+      if (d) element('path', {class: `${curve.kind} ${curve.hue}`, d}, curves);
     }
     if (spec.note) element('text', {class: 'note', x: this.right - 4, y: this.bottom - 6}, svg, spec.note);
 
@@ -144,12 +156,36 @@ class Plot {
     this.show(this.shown ?? null, null);
   }
 
+  // Of what lies in the range, and one point more on either side.
+  path(curve) {
+    const {spec, px, py} = this;
+    const parts = [];
+    let open = false;
+    const at = (i) => `${px(curve.xs[i]).toFixed(2)} ${py(Math.min(Math.max(curve.ys[i], spec.y[0]), spec.y[1])).toFixed(2)}`;
+    for (let i = 0; i < curve.xs.length; ++i) {
+      const outside = (i + 1 < curve.xs.length && curve.xs[i + 1] < spec.x[0]) || (i > 0 && curve.xs[i - 1] > spec.x[1]);
+      if (outside || curve.ys[i] === null) {
+        open = false;
+      } else if (curve.kind === 'dots') {
+        parts.push(`M${at(i)}h0`);
+      } else {
+        parts.push(`${open ? 'L' : 'M'}${at(i)}`);
+        open = true;
+      }
+    }
+    if (curve.kind === 'area' && parts.length > 0) {
+      parts.push(`L${px(curve.xs[curve.xs.length - 1])} ${this.bottom}L${px(curve.xs[0])} ${this.bottom}z`);
+    }
+    return parts.join('');
+  }
+
   // `now` is where the animation is (or null), `hover` where the pointer is (or null); the values are the pointer's.
   show(now, hover) {
     this.shown = now;
     for (const [line, x] of [[this.cursor, now], [this.pointer, hover]]) {
-      line.style.display = x === null ? 'none' : '';
-      if (x === null) continue;
+      const shown = x !== null && x >= this.spec.x[0] && x <= this.spec.x[1];
+      line.style.display = shown ? '' : 'none';
+      if (!shown) continue;
       line.setAttribute('x1', this.px(x));
       line.setAttribute('x2', this.px(x));
     }
@@ -162,8 +198,11 @@ class Plot {
     }
     const x = hover ?? now;
     for (const [curve, dot] of this.dots) {
+      const y = curve.value(x);
+      dot.style.display = y === null || x < this.spec.x[0] || x > this.spec.x[1] ? 'none' : '';
+      if (y === null) continue;
       dot.setAttribute('cx', this.px(x));
-      dot.setAttribute('cy', this.py(curve.value(x)));
+      dot.setAttribute('cy', this.py(y));
     }
     for (const [curve, output] of this.values) output.textContent = curve.read(x);
   }
@@ -175,10 +214,12 @@ function rangeWithLimits(columns, limits) {
   let high = -Infinity;
   for (const column of columns) {
     for (const value of column) {
+      if (value === null) continue;
       low = Math.min(low, value);
       high = Math.max(high, value);
     }
   }
+  if (low > high) [low, high] = [0, 0];
   if (high - low < 1e-9) [low, high] = [low - 0.5, high + 0.5];
   const span = high - low;
   const [from, to] = [Math.min(low, ...limits), Math.max(high, ...limits)];

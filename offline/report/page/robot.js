@@ -93,8 +93,9 @@ function niceBelow(value) {
 }
 
 // The large picture: surroundings, trace of the root, robot and contact forces, with a camera.
+// `others`: further motions of the same robot, [{motion, hue}], drawn as outlines over it.
 class Stage {
-  constructor(svg, motion, ghosts) {
+  constructor(svg, motion, ghosts, others = []) {
     this.svg = svg;
     this.motion = motion;
     const data = motion.data;
@@ -103,7 +104,7 @@ class Stage {
     // A trail of faint earlier poses, those of the strip.
     this.trail = true;
     this.ghosts = Array.from({length: ghosts}, (_, k) => {
-      const t = motion.first + (k / (ghosts - 1)) * (motion.clamp(data.duration_s) - motion.first);
+      const t = motion.first + (k / Math.max(1, ghosts - 1)) * (motion.clamp(data.duration_s) - motion.first);
       const ghost = new RobotDrawing(this.world, data);
       ghost.group.classList.add('ghost');
       ghost.set(motion.poses(t));
@@ -114,11 +115,17 @@ class Stage {
     element('path', {class: 'trace', d: `M${path.join('L')}`}, this.world);
     this.traced = element('path', {class: 'trace done'}, this.world);
     this.robot = new RobotDrawing(this.world, data);
+    this.others = others.map((other) => {
+      const drawing = new RobotDrawing(this.world, other.motion.data);
+      drawing.group.setAttribute('class', `robot outline ${other.hue}`);
+      return [other.motion, drawing];
+    });
     this.ruler = element('g', {class: 'ruler'}, svg);
     this.arrows = element('g', {class: 'arrows'}, svg);
     this.overlay = element('g', {class: 'overlay'}, svg);
 
-    const boxes = motion.times.map((_, i) => motion.box(motion.posesOfSample(i)));
+    const boxes = [motion, ...others.map((other) => other.motion)]
+      .flatMap((m) => m.times.map((_, i) => m.box(m.posesOfSample(i))));
     this.ground = levelGround(data);
     this.bounds = [0, 1, 2, 3].map((c) => {
       const side = boxes.map((b) => b[c]);
@@ -180,13 +187,15 @@ class Stage {
     element('path', {class: 'head', d: `M${x + dx} ${y + dy}L${bx - uy * w} ${by + ux * w}L${bx + uy * w} ${by - ux * w}z`}, parent);
   }
 
-  draw(t) {
+  // `othersAt` is the time of the other motions where the first does not reach it.
+  draw(t, othersAt = t) {
     const {motion, scale, floor} = this;
     const middle = this.camera === 'fit' ? (this.bounds[0] + this.bounds[2]) / 2 : motion.value(this.followed, t);
     const left = this.width / 2 - middle * scale;
     this.world.setAttribute('transform', `matrix(${scale} 0 0 ${-scale} ${left} ${floor})`);
     const poses = motion.poses(t);
     this.robot.set(poses);
+    for (const [other, drawing] of this.others) drawing.set(other.poses(other.clamp(othersAt)));
     for (const [time, group] of this.ghosts) {
       const age = (t - time) / (motion.last - motion.first);
       group.style.display = this.trail && age > 0.03 ? '' : 'none';
@@ -207,7 +216,7 @@ class Stage {
       }
     }
     this.drawRuler(left);
-    if (this.clock) this.clock.textContent = `${fixed(t, 3)} s`;
+    if (this.clock) this.clock.textContent = `${fixed(othersAt, 3)} s`;
   }
 
   // Marks on level ground every 0.1 m, numbers as far apart as they need.

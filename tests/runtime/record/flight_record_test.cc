@@ -157,12 +157,26 @@ TEST(FlightRecord, NamesWhatIsNoRecordOrAnotherVersion) {
   EXPECT_THAT(Read("").refusal, HasSubstr("cut off within its first 16 bytes"));
   RecordBytes header;
   AppendRecordHeader(header);
-  header[8] = 2;
+  header[8] = kRecordVersion + 1;
   const std::uint32_t crc = Crc32(std::span(header).first(12));
   for (std::size_t i = 0; i < 4; ++i) header[12 + i] = static_cast<std::uint8_t>(crc >> (8 * i));
   EXPECT_THAT(Read({header.begin(), header.end()}).refusal, HasSubstr("another version"));
-  header[8] = 3;
+  header[8] = kRecordVersion + 2;
   EXPECT_THAT(Read({header.begin(), header.end()}).refusal, HasSubstr("damaged in its first 16"));
+}
+
+TEST(FlightRecord, OpensRecordsOfTheVersionBefore) {
+  std::string bytes = SmallRecord();
+  const auto set_version = [&bytes](char version) {
+    bytes[8] = version;
+    const std::uint32_t crc = Crc32(AsBytes(bytes).first(12));
+    for (std::size_t i = 0; i < 4; ++i) bytes[12 + i] = static_cast<char>(crc >> (8 * i));
+  };
+  set_version(1);
+  EXPECT_EQ(Read(bytes).indices.size(), 40U);
+  EXPECT_EQ(FlightRecord(AsBytes(bytes), "run.rec").version(), 1U);
+  set_version(static_cast<char>(kRecordVersion + 1));
+  EXPECT_THAT(Read(bytes).refusal, HasSubstr("another version"));
 }
 
 TEST(FlightRecord, HasTheCrcOfZlibAndPng) {

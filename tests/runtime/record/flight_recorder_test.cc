@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 
+#include <array>
 #include <csignal>
 #include <filesystem>
 #include <memory>
@@ -74,7 +75,11 @@ TEST_F(FlightRecorderTest, DoesNotAllocateInTheLoop) {
   output.record.joint_count = 2;
   {
     testing::AllocationGuard guard;
-    for (int i = 0; i < 20; ++i) recorder.Push({}, input, output);
+    const std::array<std::uint8_t, 300> truth{};
+    for (int i = 0; i < 20; ++i) {
+      recorder.Push({}, input, output);
+      recorder.PushTruth(truth);
+    }
   }
   EXPECT_GT(recorder.lost(), 5);
 }
@@ -179,6 +184,39 @@ TEST_F(FlightRecorderTest, LeavesNoFileWhenThereIsNoRoomForTheConfiguration) {
     EXPECT_THAT(error.what(), HasSubstr("run.rec: cannot be written: File too large"));
   }
   EXPECT_FALSE(std::filesystem::exists(config_.file));
+}
+
+TEST_F(FlightRecorderTest, KeepsTheTruthBetweenTheTicks) {
+  FlightRecorder recorder(config_);
+  testing::RecordRun(
+      configuration_, recorder,
+      [&recorder](std::int64_t tick) {
+        const std::array<std::uint8_t, 3> truth = {1, 2, static_cast<std::uint8_t>(tick)};
+        if (tick % 5 == 0) recorder.PushTruth(truth);
+        recorder.PushTruth(std::vector<std::uint8_t>(kTickEntryBytesMax + 1));  // Too long.
+        recorder.Drain();
+      },
+      23);
+  recorder.Stop("completed");
+  const std::string bytes = ReadBytes(config_.file);
+  FlightRecord record(AsBytes(bytes), "run.rec");
+  const auto entry = std::make_unique<TickEntry>();
+  std::int64_t ticks = 0;
+  while (record.Next(*entry)) {
+    // Before a tick lies the truth after the one before it.
+    const bool expected = ticks > 0 && (ticks - 1) % 5 == 0;
+    ASSERT_EQ(record.truths().size(), expected ? 1U : 0U) << ticks;
+    if (expected) {
+      ASSERT_EQ(record.truths()[0].size(), 3U);
+      EXPECT_EQ(record.truths()[0][2], ticks - 1);
+    }
+    ++ticks;
+  }
+  EXPECT_EQ(ticks, 23);
+  EXPECT_THAT(record.damages(), IsEmpty());
+  ASSERT_TRUE(record.end());
+  EXPECT_EQ(record.end()->ticks, 23);
+  EXPECT_EQ(record.end()->lost, 0);
 }
 
 TEST_F(FlightRecorderTest, OverwritesNothing) {

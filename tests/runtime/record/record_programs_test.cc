@@ -2,11 +2,8 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 
-#include <array>
 #include <csignal>
-#include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <string>
@@ -14,6 +11,7 @@
 #include "runtime/record/record_blocks.h"
 #include "tests/support/program.h"
 #include "tests/support/recorded_run.h"
+#include "tests/support/shell.h"
 
 namespace tumbler {
 namespace {
@@ -21,28 +19,12 @@ namespace {
 using ::testing::HasSubstr;
 using testing::Program;
 using testing::ReadBytes;
-
-struct Outcome {
-  int exit_code = -1;
-  std::string text;  ///< Standard output and error.
-};
+using Outcome = testing::ShellOutcome;
 
 class RecordPrograms : public ::testing::Test {
  protected:
   [[nodiscard]] static Outcome Run(const std::string& command_line) {
-    const std::string command =
-        "PATH=" TUMBLER_BINARY_DIR "/bin:$PATH; (" + command_line + ") 2>&1";
-    Outcome outcome;
-    std::FILE* pipe = popen(command.c_str(), "r");
-    if (pipe == nullptr) return outcome;
-    std::array<char, 4096> buffer;
-    std::size_t count = 0;
-    while ((count = std::fread(buffer.data(), 1, buffer.size(), pipe)) > 0) {
-      outcome.text.append(buffer.data(), count);
-    }
-    const int status = pclose(pipe);
-    outcome.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-    return outcome;
+    return testing::RunInShell(command_line);
   }
   /// Plays the shipped handstand and records it.
   [[nodiscard]] Outcome Record(const std::string& more = "") const {
@@ -95,7 +77,8 @@ TEST_F(RecordPrograms, ADamagedByteIsNamedAndEndsWithStatus1) {
   std::string bytes = ReadBytes(record_);
   BlockReader reader(testing::AsBytes(bytes));
   Block block;
-  while (reader.Next(block) && block.number < 1002) {
+  for (int ticks = 0; ticks <= 1000 && reader.Next(block);) {
+    if (block.kind == BlockKind::kTick) ++ticks;
   }
   bytes[block.offset + 100] ^= 0x10;
   std::ofstream(record_, std::ios::binary) << bytes;
@@ -116,10 +99,11 @@ TEST_F(RecordPrograms, AChangedByteWithAMatchingCrcIsNamedWithTickAndField) {
   RecordBytes changed;
   AppendRecordHeader(changed);
   BlockReader reader(testing::AsBytes(bytes));
+  int ticks = 0;
   for (Block block; reader.Next(block);) {
     RecordBytes content(block.content.begin(), block.content.end());
     // Of tick 1000: the lowest bit of the position that leg2 replied.
-    if (block.number == 1002) content[70 + 21 + 8 + 5 + 2] ^= 1;
+    if (block.kind == BlockKind::kTick && ticks++ == 1000) content[71 + 21 + 8 + 5 + 2] ^= 1;
     AppendBlock(block.kind, block.number, content, changed);
   }
   std::ofstream(record_, std::ios::binary)

@@ -1,0 +1,25 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include <tumbler/truth_t.hpp>
+
+namespace tumbler {
+
+/// A message truth_t and when it was logged.
+struct LoggedTruth {
+  std::int64_t utime_us = 0;  ///< Since 1970, or since the start of a run in virtual time.
+  truth_t truth;
+};
+
+/// @returns false when the bytes are not one whole message.
+bool DecodeTruth(std::span<const std::uint8_t> bytes, truth_t& truth);
+
+/// All that an LCM log has on channel TUMBLER_TRUTH.
+/// @throws std::runtime_error naming the file: it cannot be read, has none, or one is damaged.
+std::vector<LoggedTruth> ReadTruthLog(const std::string& path);
+
+}  // namespace tumbler

@@ -1,0 +1,149 @@
+#include "offline/report/page_file.h"
+
+#include <fmt/format.h>
+
+#include <cerrno>
+#include <filesystem>
+#include <fstream>
+#include <stdexcept>
+#include <system_error>
+
+#include "offline/report/report_checks.h"
+
+namespace tumbler {
+namespace {
+
+/// JSON that may stand in a script element: an HTML parser looks for `</script` and `<!--` even
+/// inside strings.
+std::string ScriptText(const PageJson& json) {
+  const std::string text = json.dump(-1, ' ', false, PageJson::error_handler_t::replace);
+  std::string safe;
+  safe.reserve(text.size());
+  for (const char c : text) {
+    if (c == '<') {
+      safe += "\\u003c";
+    } else {
+      safe += c;
+    }
+  }
+  return safe;
+}
+
+std::string HtmlText(std::string_view text) {
+  std::string safe;
+  for (const char c : text) {
+    switch (c) {
+      case '&':
+        safe += "&amp;";
+        break;
+      case '<':
+        safe += "&lt;";
+        break;
+      case '>':
+        safe += "&gt;";
+        break;
+      default:
+        safe += c;
+    }
+  }
+  return safe;
+}
+
+PageJson ObstacleToJson(const ReportObstacle& obstacle) {
+  const bool circle = obstacle.kind == ReportObstacle::Kind::kCircle;
+  const bool box = obstacle.kind == ReportObstacle::Kind::kBox;
+  return {{"name", obstacle.name},   {"kind", circle ? "circle" : box ? "box" : "half-space"},
+          {"x", obstacle.x_m},       {"z", obstacle.z_m},
+          {"nx", obstacle.normal_x}, {"nz", obstacle.normal_z},
+          {"hx", obstacle.half_x_m}, {"hz", obstacle.half_z_m},
+          {"r", obstacle.radius_m}};
+}
+
+}  // namespace
+
+PageJson SceneToJson(const ReportData& data) {
+  CheckScene(data);
+  PageJson json = {{"links", PageJson::array()},
+                   {"joints", PageJson::array()},
+                   {"obstacles", PageJson::array()}};
+  for (const ReportLink& link : data.links) {
+    PageJson shapes = PageJson::array();
+    for (const ReportShape& shape : link.shapes) {
+      shapes.push_back({{"x1", shape.x1_m},
+                        {"z1", shape.z1_m},
+                        {"x2", shape.x2_m},
+                        {"z2", shape.z2_m},
+                        {"r", shape.radius_m},
+                        {"collides", shape.collides}});
+    }
+    json["links"].push_back({{"name", link.name}, {"shapes", shapes}});
+  }
+  for (std::size_t k = 0; k < data.joint_names.size(); ++k) {
+    PageJson joint = {
+        {"name", data.joint_names[k]},
+        {"link", data.joint_links.empty() ? static_cast<int>(k) + 1 : data.joint_links[k]},
+        {"torque_limit_nm", nullptr},
+        {"position_limits_rad", nullptr}};
+    if (!data.torque_limits_nm.empty()) joint["torque_limit_nm"] = data.torque_limits_nm[k];
+    if (!data.position_limits_rad.empty()) {
+      joint["position_limits_rad"] = data.position_limits_rad[k];
+    }
+    json["joints"].push_back(joint);
+  }
+  for (const ReportObstacle& obstacle : data.obstacles) {
+    json["obstacles"].push_back(ObstacleToJson(obstacle));
+  }
+  return json;
+}
+
+PageJson LinkPath(const std::vector<ReportSample>& samples, std::size_t link) {
+  PageJson x = PageJson::array(), z = PageJson::array(), pitch = PageJson::array();
+  for (const ReportSample& sample : samples) {
+    x.push_back(sample.link_poses[link][0]);
+    z.push_back(sample.link_poses[link][1]);
+    pitch.push_back(sample.link_poses[link][2]);
+  }
+  return {{"x_m", x}, {"z_m", z}, {"pitch_rad", pitch}};
+}
+
+std::string FillPage(const std::string& page, std::string_view title, const PageJson& data) {
+  constexpr std::string_view kTitle = "{{title}}";
+  constexpr std::string_view kData = "{{data}}";
+  const std::size_t title_at = page.find(kTitle);
+  const std::size_t data_at = page.find(kData);
+  std::string filled = page.substr(0, title_at);
+  filled += HtmlText(title);
+  filled += page.substr(title_at + kTitle.size(), data_at - title_at - kTitle.size());
+  filled += ScriptText(data);
+  filled += page.substr(data_at + kData.size());
+  return filled;
+}
+
+std::string WritePage(const std::string& page, const std::string& directory) {
+  const std::filesystem::path path = std::filesystem::path(directory) / "index.html";
+  const auto fail = [&path](const std::string& reason) {
+    throw std::runtime_error(fmt::format("cannot write {}: {}", path.string(), reason));
+  };
+  std::error_code error;
+  std::filesystem::create_directories(directory, error);
+  if (error) fail(error.message());
+  const std::filesystem::path partial = path.string() + ".partial";
+  {
+    std::ofstream file(partial, std::ios::binary);
+    file << page << std::flush;
+    if (!file) {
+      const std::string reason = std::generic_category().message(errno);
+      std::filesystem::remove(partial, error);
+      fail(reason);
+    }
+  }
+  std::filesystem::rename(partial, path, error);
+  if (error) {
+    const std::string reason = error.message();
+    std::filesystem::remove(partial, error);
+    fail(reason);
+  }
+  return path.string();
+}
+
+}  // namespace tumbler

@@ -1,0 +1,30 @@
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <string>
+#include <string_view>
+
+#include "offline/report/report.h"
+
+namespace tumbler {
+
+using PageJson = nlohmann::ordered_json;
+
+/// A page with its title and data filled in at `{{title}}` and `{{data}}`; both may be any text.
+/// Numbers that are not finite become null.
+std::string FillPage(const std::string& page, std::string_view title, const PageJson& data);
+
+/// Writes `DIR/index.html`, and creates DIR where it is missing. An existing page is replaced only
+/// once the new one is complete. @returns the page's path.
+/// @throws std::runtime_error with the path when it cannot be written.
+std::string WritePage(const std::string& page, const std::string& directory);
+
+/// What `data` says of the robot and its surroundings: `links` (name, shapes), `joints` (name,
+/// link, limits) and `obstacles`, as the page's scripts draw them.
+/// @throws std::invalid_argument naming the field as WriteReport does.
+PageJson SceneToJson(const ReportData& data);
+
+/// Positions of link `link` in all samples: `x_m`, `z_m`, `pitch_rad`.
+PageJson LinkPath(const std::vector<ReportSample>& samples, std::size_t link);
+
+}  // namespace tumbler
