@@ -156,9 +156,10 @@ int Convert(const std::string& path, const std::string& csv) {
     if (!part.empty()) std::remove(part.c_str());
     throw;
   }
-  if (!part.empty() && std::rename(part.c_str(), csv.c_str()) != 0)
+  if (!part.empty() && std::rename(part.c_str(), csv.c_str()) != 0) {
     throw std::runtime_error(
         fmt::format("{}: cannot be written: {}", csv, std::generic_category().message(errno)));
+  }
   std::FILE* text = csv == "-" ? stderr : stdout;
   if (csv.empty()) fmt::print(text, "\nat the end:\n{}\n", contents.view.Screen());
   const std::int64_t unrecorded = contents.view.run() ? contents.view.run()->lost_records : 0;

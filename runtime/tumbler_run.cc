@@ -506,14 +506,16 @@ void CheckTogether(const Options& options) {
       throw std::runtime_error(fmt::format("{}: is {}, which is not a number to use", name, value));
   }
   const bool test = options.latency_test_s > 0;
-  if (test && !options.bus.empty())
+  if (test && !options.bus.empty()) {
     throw std::runtime_error(
         "--latency-test has no bus and plays no motion: leave BUS and MOTION out");
+  }
   if (!test && (options.bus.empty() || options.motion.empty()))
     throw std::runtime_error("BUS and MOTION are needed (see --help)");
-  if (options.scheduling.scheduling == Scheduling::kDeadline && options.scheduling.cpu >= 0)
+  if (options.scheduling.scheduling == Scheduling::kDeadline && options.scheduling.cpu >= 0) {
     throw std::runtime_error(
         "--cpu: the kernel does not pin threads under SCHED_DEADLINE; use fifo");
+  }
 }
 
 int Main(int argc, char** argv) {

@@ -72,7 +72,6 @@ std::string Describe(const FaultReport& report, const std::vector<std::string>& 
       return text;
     case Fault::kOperatorStop:
     case Fault::kNonFinite:
-      break;
     case Fault::kErrorPassive:
       break;
     case Fault::kBusOff:
