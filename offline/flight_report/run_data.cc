@@ -130,7 +130,7 @@ class RunReader {
     tick.tick = record.tick;
     tick.state = record.state;
     tick.reaction = record.reaction;
-    tick.node = record.node;
+    tick.node = int{record.node};
     tick.primitive_time_s = double{record.primitive_time_s};
     const bool first = run_.ticks.empty();
     const RunTick before = first ? tick : run_.ticks.back();
