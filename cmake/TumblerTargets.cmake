@@ -10,7 +10,10 @@ add_library(tumbler_options INTERFACE)
 target_compile_features(tumbler_options INTERFACE cxx_std_20)
 # -fno-semantic-interposition: our libraries are position independent, and without it no exported function would be
 # inlined, not even into its neighbours, in case another library replaces it at run time.
-target_compile_options(tumbler_options INTERFACE -ffp-contract=off -fno-semantic-interposition)
+target_compile_options(tumbler_options INTERFACE -ffp-contract=off)
+if(NOT TUMBLER_FREESTANDING)
+  target_compile_options(tumbler_options INTERFACE -fno-semantic-interposition)
+endif()
 if(TUMBLER_SANITIZE)
   target_compile_options(tumbler_options INTERFACE -fsanitize=${TUMBLER_SANITIZE}
                          -fno-omit-frame-pointer -fno-sanitize-recover=all)
@@ -31,7 +34,10 @@ function(tumbler_library name)
   cmake_parse_arguments(ARG "" "" "SOURCES;LINK;LINK_PRIVATE" ${ARGN})
   add_library(tumbler_${name} STATIC ${ARG_SOURCES})
   add_library(tumbler::${name} ALIAS tumbler_${name})
-  set_target_properties(tumbler_${name} PROPERTIES EXPORT_NAME ${name} POSITION_INDEPENDENT_CODE ON)
+  set_target_properties(tumbler_${name} PROPERTIES EXPORT_NAME ${name})
+  if(NOT TUMBLER_FREESTANDING)
+    set_target_properties(tumbler_${name} PROPERTIES POSITION_INDEPENDENT_CODE ON)
+  endif()
   target_include_directories(tumbler_${name} PUBLIC
     $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}> $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}/tumbler>)
   target_link_libraries(tumbler_${name} PUBLIC tumbler_options ${ARG_LINK}

@@ -87,8 +87,8 @@ class BSpline {
   /// @param control_points  n values, n >= degree + 1.
   /// @retval kInvalidArgument   one of these conditions fails, or a value is not finite.
   /// @retval kCapacityExceeded  n > kMaxControlPoints or degree > kMaxDegree.
-  Status Assign(int degree, std::span<const Scalar> knots,
-                std::span<const Scalar> control_points) noexcept {
+  constexpr Status Assign(int degree, std::span<const Scalar> knots,
+                          std::span<const Scalar> control_points) noexcept {
     const int n = static_cast<int>(control_points.size());
     if (degree < 0) return Status::kInvalidArgument;
     if (degree > kMaxDegree || control_points.size() > kMaxControlPoints) {
@@ -123,6 +123,15 @@ class BSpline {
     std::copy(control_points.begin(), control_points.end(), points_[0].begin());
     for (int d = 1; d <= kMaxDerivative; ++d) Differentiate(d);
     return Status::kOk;
+  }
+
+  /// The spline of these parts as a constant of the program, every bit as `Assign` makes it at run
+  /// time: what `tumbler-export` writes. Parts that `Assign` refuses do not compile.
+  static consteval BSpline Constant(int degree, std::span<const Scalar> knots,
+                                    std::span<const Scalar> control_points) noexcept {
+    BSpline spline;
+    if (spline.Assign(degree, knots, control_points) != Status::kOk) __builtin_trap();
+    return spline;
   }
 
   /// Writes the n + degree + 1 knots of the clamped uniform spline on [0, duration] to the front of
@@ -186,7 +195,8 @@ class BSpline {
 
   /// Whether degree and knots are those of `other`.
   [[nodiscard]] bool HasKnotsOf(const BSpline& other) const noexcept {
-    return degree_ == other.degree_ && std::ranges::equal(knots(), other.knots());
+    return this == &other ||
+           (degree_ == other.degree_ && std::ranges::equal(knots(), other.knots()));
   }
 
   /// The linear map from control points to `Evaluate(t)`.
@@ -264,10 +274,10 @@ class BSpline {
   typedef Scalar Lanes __attribute__((vector_size(4 * sizeof(Scalar))));
 
   static constexpr std::size_t Index(int i) noexcept { return static_cast<std::size_t>(i); }
-  [[nodiscard]] Scalar Knot(int i) const noexcept { return knots_[Index(i)]; }
+  [[nodiscard]] constexpr Scalar Knot(int i) const noexcept { return knots_[Index(i)]; }
 
   /// Equation (2) applied to the points of derivative d - 1.
-  void Differentiate(int d) noexcept {
+  constexpr void Differentiate(int d) noexcept {
     points_[Index(d)].fill(Scalar(0));
     const int p = degree_ - d + 1;
     if (p < 1) return;
@@ -300,7 +310,7 @@ class BSpline {
                                                  Scalar* row) noexcept {
     // In three passes, which the compiler can do several elements at a time.
     std::array<Scalar, kMaxDegree> rising;
-    std::array<Scalar, kMaxDegree> falling;
+    std::array<Scalar, kMaxDegree> falling{};  // g++ for Arm sees it used before it is set.
     for (int k = 0; k < r; ++k) {
       const Scalar share = row[k] / (u[k] - u[k - r]);
       falling[Index(k)] = (u[k] - t) * share;

@@ -63,27 +63,27 @@ struct SequenceGraph {
   /// Its own inverse.
   std::array<std::uint8_t, kMaxJoints> partner{};
 
-  [[nodiscard]] std::span<const SequenceNode> nodes() const noexcept {
+  [[nodiscard]] constexpr std::span<const SequenceNode> nodes() const noexcept {
     return {node_storage.data(), static_cast<std::size_t>(node_count)};
   }
-  [[nodiscard]] std::span<const SequenceEdge<Scalar>> edges() const noexcept {
+  [[nodiscard]] constexpr std::span<const SequenceEdge<Scalar>> edges() const noexcept {
     return {edge_storage.data(), static_cast<std::size_t>(edge_count)};
   }
-  [[nodiscard]] const SequenceNode& node(int i) const noexcept {
+  [[nodiscard]] constexpr const SequenceNode& node(int i) const noexcept {
     return node_storage[static_cast<std::size_t>(i)];
   }
-  [[nodiscard]] const SequenceEdge<Scalar>& edge(int i) const noexcept {
+  [[nodiscard]] constexpr const SequenceEdge<Scalar>& edge(int i) const noexcept {
     return edge_storage[static_cast<std::size_t>(i)];
   }
 
   /// The joint of the primitive whose path joint j of the robot follows in this node; and, the
   /// exchange being its own inverse, the joint of the robot that follows path j.
-  [[nodiscard]] int RoleOf(int node_index, int j) const noexcept {
+  [[nodiscard]] constexpr int RoleOf(int node_index, int j) const noexcept {
     return node(node_index).swapped ? partner[static_cast<std::size_t>(j)] : j;
   }
 
   /// Index of the node with this name, or -1.
-  [[nodiscard]] int FindNode(std::string_view node_name) const noexcept {
+  [[nodiscard]] constexpr int FindNode(std::string_view node_name) const noexcept {
     for (int i = 0; i < node_count; ++i) {
       if (node(i).name.view() == node_name) return i;
     }
@@ -92,17 +92,17 @@ struct SequenceGraph {
 
   /// The number by which a branch goes in the core: its first edge; -1 where no edge is taken by
   /// this name, so that an operator's wrong one can be refused.
-  [[nodiscard]] int FindBranch(std::string_view branch) const noexcept {
+  [[nodiscard]] constexpr int FindBranch(std::string_view branch) const noexcept {
     for (int i = 0; i < edge_count; ++i) {
       if (edge(i).condition == EdgeCondition::kBranch && edge(i).branch.view() == branch) return i;
     }
     return -1;
   }
-  [[nodiscard]] bool HasBranch(std::string_view branch) const noexcept {
+  [[nodiscard]] constexpr bool HasBranch(std::string_view branch) const noexcept {
     return FindBranch(branch) >= 0;
   }
   /// The name of a branch by its number; empty where there is none.
-  [[nodiscard]] std::string_view BranchName(int number) const noexcept {
+  [[nodiscard]] constexpr std::string_view BranchName(int number) const noexcept {
     if (number < 0 || number >= edge_count) return {};
     return edge(number).branch.view();
   }

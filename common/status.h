@@ -14,8 +14,9 @@ enum class [[nodiscard]] Status : std::uint8_t{
     kWouldBlock,        ///< Nothing there now (receive), or no room now (send); try again later.
     kBusOff,    ///< The controller has left the bus (ISO 11898-1); no frame is sent until it
                 ///< recovers.
-    kLinkDown,  ///< The interface is down or gone.
+    kLinkDown,  ///< The interface is down.
     kIoError,   ///< The operating system reports another error.
+    kLinkGone,  ///< The interface does not exist any more; it has to be opened anew.
 };
 
 /// Text of a status for messages; a string literal.
@@ -35,6 +36,8 @@ constexpr const char* ToString(Status status) noexcept {
       return "link down";
     case Status::kIoError:
       return "input/output error";
+    case Status::kLinkGone:
+      return "link gone";
   }
   return "unknown status";
 }

@@ -39,8 +39,12 @@ bool AllFinite(const DriveFeedback& feedback) noexcept {
 bool IsValid(const ExecutorConfig& config, int joint_count) noexcept {
   if (!(InRange(config.period_s, 1e-5F, 1.0F) && InRange(config.speed, 0.1F, 1.0F) &&
         InRange(config.move_fraction, 0.001F, 1.0F) && InRange(config.torque_rise_s, 1e-6F, 1e3F) &&
-        config.stale_ticks_max >= 1 && config.late_ticks_max >= 0 &&
-        config.arming_ticks_max >= 1)) {
+        config.stale_ticks_max >= 1 && config.sequence_errors_max >= 1 &&
+        config.late_ticks_max >= 0 && config.arming_ticks_max >= 1)) {
+    return false;
+  }
+  if (config.collapse.configured ? !InRange(config.collapse.stiffness, 0.01F, 1.0F)
+                                 : config.reactions.Has(Reaction::kCollapse)) {
     return false;
   }
   for (int i = 0; i < joint_count; ++i) {
@@ -85,6 +89,19 @@ bool IsValid(const JointMotion<float>& motion, const ExecutorConfig& config) noe
          InRange(start.value, limits.position_min_rad, limits.position_max_rad);
 }
 
+// Whether the pose of kCollapse is within the limits of whichever path its joint may follow.
+bool IsValid(const CollapseConfig& collapse, const Primitive<float>& primitive) noexcept {
+  if (!collapse.configured) return true;
+  for (int i = 0; i < primitive.joint_count; ++i) {
+    const auto index = static_cast<std::size_t>(i);
+    const JointLimits<float>& limits = primitive.joints[index].limits;
+    if (!InRange(collapse.position_rad[index], limits.position_min_rad, limits.position_max_rad)) {
+      return false;
+    }
+  }
+  return true;
+}
+
 bool IsValid(const Primitive<float>& primitive, const ExecutorConfig& config) noexcept {
   if (!IsPositive(primitive.duration_s) || primitive.duration_s > 1e4F ||
       !InRange(primitive.settle_s, 0, 1e6F) || !IsPositive(primitive.entry_tolerance_rad) ||
@@ -97,6 +114,22 @@ bool IsValid(const Primitive<float>& primitive, const ExecutorConfig& config) no
 }
 
 }  // namespace
+
+const char* ToString(ReplyStatus status) noexcept {
+  switch (status) {
+    case ReplyStatus::kOk:
+      return "ok";
+    case ReplyStatus::kNoNewData:
+      return "no new data";
+    case ReplyStatus::kRepeated:
+      return "repeated";
+    case ReplyStatus::kOkSomeLost:
+      return "ok, some lost";
+    case ReplyStatus::kWrongSequence:
+      return "wrong sequence";
+  }
+  return "unknown reply status";
+}
 
 const char* ToString(OperatorCommand command) noexcept {
   switch (command) {
@@ -134,6 +167,8 @@ const char* ToString(Refusal refusal) noexcept {
       return "a fault is latched";
     case Refusal::kNoReply:
       return "a drive does not reply";
+    case Refusal::kNoHeartbeat:
+      return "a drive's heartbeat has stopped";
     case Refusal::kDriveError:
       return "a drive reports an error";
     case Refusal::kTooHot:
@@ -163,8 +198,10 @@ Status Executor::Configure(const ExecutorConfig& config, const SequenceGraph<flo
     if (drive == nullptr) return Status::kInvalidArgument;
   }
   for (const Primitive<float>& primitive : primitives) {
-    if (primitive.joint_count != count || !IsValid(primitive, config))
+    if (primitive.joint_count != count || !IsValid(primitive, config) ||
+        !IsValid(config.collapse, primitive)) {
       return Status::kInvalidArgument;
+    }
   }
 
   config_ = config;
@@ -179,6 +216,7 @@ Status Executor::Configure(const ExecutorConfig& config, const SequenceGraph<flo
     const auto index = static_cast<std::size_t>(i);
     joints_[index] = Joint{};
     joints_[index].drive = drives[index];
+    joints_[index].rhythm = drives[index]->reply_rhythm();
   }
   SetNode(graph_.start);
   return Status::kOk;
@@ -238,13 +276,9 @@ void Executor::Tick(const TickInput& input, TickOutput& output) noexcept TUMBLER
   // However much time has passed, the plan goes on by no more than what is made up for.
   const std::int64_t most = 1 + static_cast<std::int64_t>(config_.late_ticks_max);
   const auto advance = static_cast<int>(std::clamp<std::int64_t>(elapsed, 1, most));
-  for (Joint& joint : joints()) {
-    if (joint.reply_age_ticks >= 0)
-      joint.reply_age_ticks = std::min(joint.reply_age_ticks + advance, 1 << 30);
-  }
   ticks_in_state_ += advance;
 
-  TakeReplies(input);
+  TakeReplies(input, advance);
   if (state_ != ExecutorState::kDisarmed) DetectFaults(input, elapsed);
   Obey(input);
 
@@ -267,19 +301,70 @@ void Executor::Tick(const TickInput& input, TickOutput& output) noexcept TUMBLER
   record.refusal = refusal_;
 }
 
-void Executor::TakeReplies(const TickInput& input) noexcept {
+void Executor::TakeReplies(const TickInput& input, int elapsed) noexcept {
+  // Drives mostly answer in their order: after one the next is asked first.
+  int first = 0;
   for (const ReceivedFrame& received : input.received) {
-    for (Joint& joint : joints()) {
+    for (int n = 0, i = first; n < joint_count_; ++n) {
+      Joint& joint = joints_[static_cast<std::size_t>(i)];
+      const int next = i + 1 < joint_count_ ? i + 1 : 0;
       if (joint.drive->Decode(received.frame)) {
-        joint.reply_age_ticks = 0;
+        ++joint.replies;
+        first = next;
         break;
       }
+      i = next;
     }
   }
   for (Joint& joint : joints()) {
-    if (joint.reply_age_ticks == 0) joint.measured = joint.drive->feedback();
+    if (joint.replies != 0) {
+      joint.reply_age_ticks = 0;
+      joint.measured = joint.drive->feedback();
+    } else if (joint.reply_age_ticks >= 0) {
+      joint.reply_age_ticks = std::min<std::int32_t>(joint.reply_age_ticks + elapsed, 1 << 30);
+    }
     joint.drive_state = joint.drive->state();
+    if (joint.replies != 1 || (joint.unanswered | joint.sequence_errors) != 0) {
+      JudgeReplies(joint, elapsed);
+    } else {
+      joint.reply_status = ReplyStatus::kOk;
+    }
+    joint.replies = 0;
   }
+}
+
+void Executor::JudgeReplies(Joint& joint, int elapsed) const noexcept {
+  constexpr int kMost = 1000;
+  const ReplyStatus before = joint.reply_status;
+  const int replies = joint.replies;
+  ReplyStatus status = ReplyStatus::kOk;
+  if (replies == 0) {
+    status = ReplyStatus::kNoNewData;
+    joint.in_order = 0;
+    joint.unanswered = std::min(joint.unanswered + 1, kMost);
+  } else if (!joint.rhythm.answers) {
+    if (replies > joint.rhythm.per_tick_max * elapsed) {
+      status = ReplyStatus::kRepeated;
+    } else if (before == ReplyStatus::kNoNewData) {
+      status = ReplyStatus::kOkSomeLost;
+    }
+    joint.unanswered = 0;
+  } else if (replies == 1) {
+    if (before == ReplyStatus::kNoNewData) status = ReplyStatus::kOkSomeLost;
+    // What has not come by now is lost.
+    if (++joint.in_order > config_.stale_ticks_max) joint.unanswered = joint.in_order = 0;
+  } else {
+    const int surplus = replies - 1;
+    status = surplus > joint.unanswered ? ReplyStatus::kRepeated : ReplyStatus::kWrongSequence;
+    joint.in_order = 0;
+    joint.unanswered = std::max(joint.unanswered - surplus, 0);
+  }
+  if (status == ReplyStatus::kRepeated || status == ReplyStatus::kWrongSequence) {
+    joint.sequence_errors = std::min(joint.sequence_errors + 2, kMost);
+  } else if (replies != 0 && joint.sequence_errors > 0) {
+    --joint.sequence_errors;
+  }
+  joint.reply_status = status;
 }
 
 void Executor::DetectFaults(const TickInput& input, std::int64_t elapsed) noexcept {
@@ -287,35 +372,32 @@ void Executor::DetectFaults(const TickInput& input, std::int64_t elapsed) noexce
     Latch(Fault::kLateTick, -1, static_cast<float>(elapsed - 1),
           static_cast<float>(config_.late_ticks_max));
   }
-  // Sending failed first, in the tick before; a link that was lost since may be its consequence.
-  if (input.send_status == Status::kWouldBlock) {
-    Latch(Fault::kTransmitQueueFull, -1, static_cast<float>(input.send_status), 0);
+  if (input.send_status != Status::kOk || !IsLinkUp(input.receive_status) ||
+      input.controller >= CanControllerState::kErrorPassive) {
+    DetectLinkFaults(input);
   }
-  for (const Status status : {input.send_status, input.receive_status}) {
-    if (!IsLinkUp(status)) Latch(Fault::kLinkLost, -1, static_cast<float>(status), 0);
-  }
-  DetectJointFaults();
-}
-
-void Executor::DetectJointFaults() noexcept {
   // One reaction per tick: what the first fault of this tick changes counts from the next one on.
-  const bool driven = reaction_ != Reaction::kDisable;
-  const bool follows = state_ != ExecutorState::kArming && driven && reaction_ != Reaction::kDamp;
+  const bool follows = state_ != ExecutorState::kArming && reaction_ <= Reaction::kHold;
   const float following_tolerance_rad = primitive_->following_tolerance_rad;
-  const int stale_ticks_max = config_.stale_ticks_max;
   for (int i = 0; i < joint_count_; ++i) {
     const auto index = static_cast<std::size_t>(i);
     Joint& joint = joints_[index];
-    if (joint.reply_age_ticks > stale_ticks_max) {
-      Latch(Fault::kStaleReply, i, static_cast<float>(joint.reply_age_ticks),
-            static_cast<float>(stale_ticks_max));
+    if (joint.measured.error != 0 || joint.drive_state != DriveState::kEnabled) {
+      DetectDriveFaults(i);
+    } else {
+      joint.was_enabled = true;
     }
-    if (joint.measured.error != 0 || joint.drive_state == DriveState::kFault ||
-        (driven && joint.was_enabled && joint.drive_state != DriveState::kEnabled)) {
-      Latch(Fault::kDriveError, i, static_cast<float>(joint.measured.error), 0);
+    if (joint.sequence_errors > config_.sequence_errors_max) {
+      Latch(Fault::kWrongSequence, i, static_cast<float>(joint.sequence_errors),
+            static_cast<float>(config_.sequence_errors_max));
     }
-    joint.was_enabled = joint.was_enabled || joint.drive_state == DriveState::kEnabled;
-    if (joint.reply_age_ticks != 0) continue;
+    if (joint.reply_age_ticks != 0) {
+      if (joint.reply_age_ticks > config_.stale_ticks_max) {
+        Latch(Fault::kStaleReply, i, static_cast<float>(joint.reply_age_ticks),
+              static_cast<float>(config_.stale_ticks_max));
+      }
+      continue;
+    }
     if (!AllFinite(joint.measured)) {
       Latch(Fault::kNonFinite, i, joint.measured.position_rad, 0);
       continue;
@@ -332,13 +414,48 @@ void Executor::DetectJointFaults() noexcept {
   }
 }
 
+void Executor::DetectLinkFaults(const TickInput& input) noexcept {
+  const auto latch = [this](Status status) {
+    Fault fault = Fault::kLinkFailed;
+    if (status == Status::kBusOff) fault = Fault::kBusOff;
+    if (status == Status::kLinkDown) fault = Fault::kInterfaceDown;
+    if (status == Status::kLinkGone) fault = Fault::kInterfaceGone;
+    if (status == Status::kWouldBlock) fault = Fault::kTransmitQueueFull;
+    Latch(fault, -1, static_cast<float>(status), 0);
+  };
+  // Sending failed first, in the tick before; a link that was lost since may be its consequence.
+  if (input.send_status != Status::kOk) latch(input.send_status);
+  if (!IsLinkUp(input.receive_status)) latch(input.receive_status);
+  if (input.controller == CanControllerState::kBusOff) latch(Status::kBusOff);
+  if (input.controller == CanControllerState::kErrorPassive) {
+    Latch(Fault::kErrorPassive, -1, static_cast<float>(input.controller),
+          static_cast<float>(CanControllerState::kErrorWarning));
+  }
+}
+
+void Executor::DetectDriveFaults(int index) noexcept {
+  const Joint& joint = joints_[static_cast<std::size_t>(index)];
+  if (joint.drive_state == DriveState::kLost) {
+    const HeartbeatAge age = joint.drive->heartbeat();
+    Latch(Fault::kHeartbeatLost, index, static_cast<float>(age.ticks),
+          static_cast<float>(age.limit_ticks));
+  }
+  const bool stays =
+      joint.drive_state == DriveState::kEnabled || joint.drive_state == DriveState::kLost;
+  const bool driven = reaction_ != Reaction::kDisable;
+  if (joint.measured.error != 0 || joint.drive_state == DriveState::kFault ||
+      (driven && joint.was_enabled && !stays)) {
+    Latch(Fault::kDriveError, index, static_cast<float>(joint.measured.error), 0);
+  }
+}
+
 void Executor::Latch(Fault fault, int joint, float value, float limit) noexcept {
-  const auto bit = static_cast<std::uint16_t>(1U << static_cast<unsigned>(fault));
+  const std::uint32_t bit = 1U << static_cast<unsigned>(fault);
   if ((faults_ & bit) != 0)
     return;  // Already answered; what it escalates to is another fault's matter.
   const Reaction reaction = config_.reactions(fault, state_);
   if (reaction == Reaction::kIgnore) return;
-  faults_ = static_cast<std::uint16_t>(faults_ | bit);
+  faults_ |= bit;
   if (first_fault_.fault == Fault::kNone) {
     first_fault_ = {tick_, value, limit, fault, static_cast<std::int8_t>(joint), state_, reaction};
   }
@@ -424,6 +541,11 @@ RefusalReport Executor::CheckArm() const noexcept {
     }
     if (joint.measured.error != 0 || joint.drive_state == DriveState::kFault) {
       return {static_cast<float>(joint.measured.error), 0, Refusal::kDriveError, name};
+    }
+    if (joint.drive_state == DriveState::kLost) {
+      const HeartbeatAge age = joint.drive->heartbeat();
+      return {static_cast<float>(age.ticks), static_cast<float>(age.limit_ticks),
+              Refusal::kNoHeartbeat, name};
     }
     const float temperature_max_c = config_.joints[index].temperature_max_c;
     if (joint.measured.has_temperature && !(joint.measured.temperature_c <= temperature_max_c)) {
@@ -511,7 +633,10 @@ void Executor::Enter(ExecutorState state) noexcept {
   if (state == ExecutorState::kRunning || state == ExecutorState::kArming) primitive_time_s_ = 0;
   if (state == ExecutorState::kDisarmed) reaction_ = Reaction::kIgnore;
   if (state == ExecutorState::kArming) {
-    for (Joint& joint : joints()) joint.was_enabled = false;
+    for (Joint& joint : joints()) {
+      joint.was_enabled = false;
+      joint.sequence_errors = 0;
+    }
   }
   state_ = state;
   ticks_in_state_ = 0;
@@ -529,8 +654,11 @@ void Executor::Plan(int elapsed, TickRecord& record) noexcept {
     case ExecutorState::kHolding:
     case ExecutorState::kSettling:
     case ExecutorState::kStopping:
-    case ExecutorState::kFault:
       return PlanBrake(elapsed, record);
+    case ExecutorState::kFault:
+      PlanBrake(elapsed, record);
+      if (reaction_ == Reaction::kCollapse) PlanCollapse(elapsed, record);
+      return;
   }
 }
 
@@ -614,6 +742,40 @@ void Executor::PlanBrake(int elapsed, TickRecord& record) noexcept {
   }
 }
 
+// From any position and velocity: towards the pose at no more than the velocity from which gentle
+// braking still ends there. Braking itself is as hard as it has to be.
+void Executor::PlanCollapse(int elapsed, TickRecord& record) noexcept {
+  constexpr float kArrived_rad = 1e-5F;
+  const float time_s = static_cast<float>(elapsed) * config_.period_s;
+  for (int i = 0; i < joint_count_; ++i) {
+    const auto index = static_cast<std::size_t>(i);
+    const Joint& joint = joints_[index];
+    JointSetpoint& planned = record.joints[index].planned;
+    planned.torque_nm = 0;
+    // A drive that is not driven would jump to wherever the plan has got to.
+    if (joint.drive_state != DriveState::kEnabled) continue;
+    const auto role = static_cast<std::size_t>(graph_.RoleOf(node_, i));
+    const float target = config_.collapse.position_rad[role];
+    const JointSetpoint& last = joint.commanded;
+    const float way = target - last.position_rad;
+    const float gentle = config_.move_fraction * joint.acceleration_max_rad_s2;
+    const float fastest =
+        std::min({config_.move_fraction * joint.limits.velocity_max_rad_s,
+                  std::sqrt(2 * gentle * Magnitude(way)), Magnitude(way) / time_s});
+    const float wanted = way < 0 ? -fastest : fastest;
+    const float change = wanted - last.velocity_rad_s;
+    const bool brakes = change * last.velocity_rad_s < 0;
+    const float most = (brakes ? joint.acceleration_max_rad_s2 : gentle) * time_s;
+    const float velocity = last.velocity_rad_s + std::clamp(change, -most, most);
+    planned.position_rad = last.position_rad + 0.5F * (last.velocity_rad_s + velocity) * time_s;
+    planned.velocity_rad_s = velocity;
+    if (Magnitude(way) <= kArrived_rad && Magnitude(last.velocity_rad_s) * time_s <= kArrived_rad) {
+      planned.position_rad = target;
+      planned.velocity_rad_s = 0;
+    }
+  }
+}
+
 void Executor::Send(int elapsed, TickOutput& output) noexcept {
   const bool armed = state_ != ExecutorState::kDisarmed && reaction_ != Reaction::kDisable;
   const bool damped = reaction_ == Reaction::kDamp;
@@ -632,7 +794,9 @@ void Executor::Send(int elapsed, TickOutput& output) noexcept {
     joint.commanded = limited.setpoint;
     DriveSetpoint setpoint{joint.commanded.position_rad, joint.commanded.velocity_rad_s,
                            joint.commanded.torque_nm, config.kp_nm_per_rad, config.kd_nm_s_per_rad};
-    if (damped || !armed) {
+    if (reaction_ == Reaction::kCollapse) {
+      setpoint.kp_nm_per_rad *= config_.collapse.stiffness;
+    } else if (damped || !armed) {
       setpoint.velocity_rad_s = 0;
       setpoint.torque_nm = 0;
       setpoint.kp_nm_per_rad = 0;
@@ -645,6 +809,12 @@ void Executor::Send(int elapsed, TickOutput& output) noexcept {
       Latch(Fault::kNonFinite, i, record.planned.position_rad, 0);
 
     const DriveSetpoint encoded = joint.drive->encoded_setpoint();
+    if (state_ == ExecutorState::kArming && joint.drive_state != DriveState::kEnabled &&
+        IsFinite(encoded.position_rad)) {
+      // A drive may be told to begin where it was a moment ago: that is where it will be held.
+      joint.commanded.position_rad = std::clamp(encoded.position_rad, joint.limits.position_min_rad,
+                                                joint.limits.position_max_rad);
+    }
     record.limited = joint.commanded;
     record.encoded = {encoded.position_rad, encoded.velocity_rad_s, encoded.torque_nm};
     record.measured = {joint.measured.position_rad, joint.measured.velocity_rad_s,
@@ -652,6 +822,7 @@ void Executor::Send(int elapsed, TickOutput& output) noexcept {
     record.temperature_c = joint.measured.temperature_c;
     record.reply_age_ticks = joint.reply_age_ticks;
     record.drive_state = joint.drive_state;
+    record.reply_status = joint.reply_status;
     record.drive_error = joint.measured.error;
     record.limit_active = limited.changed;
   }

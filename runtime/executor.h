@@ -8,6 +8,7 @@
 #include "common/realtime.h"
 #include "common/sequence.h"
 #include "common/status.h"
+#include "firmware_interface/can/bus.h"
 #include "firmware_interface/can/frame.h"
 #include "firmware_interface/drives/drive.h"
 #include "runtime/faults.h"
@@ -25,6 +26,19 @@ struct JointConfig {
       80;  ///< Below the 100 degrees or so at which magnets and drives suffer.
 };
 
+/// The reaction kCollapse. The joints brake at their acceleration limit, move with
+/// `ExecutorConfig::move_fraction` of their velocity and acceleration limits to this pose, and stay
+/// there.
+struct CollapseConfig {
+  bool configured = false;  ///< Without a pose no reaction may be kCollapse.
+  /// The pose, by roles like the paths of a primitive: in a node with exchanged roles joint
+  /// `partner[j]` takes position j. Within every primitive's limits.
+  std::array<float, kMaxJoints> position_rad{};
+  /// Share of kp, 0.01 ... 1, where the protocol carries gains: soft enough to give way to the
+  /// ground.
+  float stiffness = 0.3F;
+};
+
 /// How the executor behaves; everything that belongs to the motion itself comes with the primitive.
 struct ExecutorConfig {
   float period_s = 0.001F;  ///< Of the control tick.
@@ -37,7 +51,10 @@ struct ExecutorConfig {
       0.2F;  ///< Share of the velocity and acceleration limits that moving to the start may use.
   float torque_rise_s =
       0.01F;  ///< Time for the feed-forward from zero to its limit: takes the click out of splices.
-  int stale_ticks_max = 5;     ///< A lost reply is ordinary on CAN, five in a row are not.
+  int stale_ticks_max = 5;  ///< A lost reply is ordinary on CAN, five in a row are not.
+  /// Of the count that a tick with replies out of order raises by 2 and one in order lowers by 1: a
+  /// repeated frame is ordinary on CAN, one in every third tick is not.
+  int sequence_errors_max = 10;
   int late_ticks_max = 2;      ///< Missed periods that are made up for; beyond, kLateTick.
   int arming_ticks_max = 500;  ///< For all drives to start up.
   /// Of a sequence: so many cycles, and then the branch of this number
@@ -47,6 +64,7 @@ struct ExecutorConfig {
   int branch = -1;
   std::array<JointConfig, kMaxJoints> joints;
   FaultTable reactions;
+  CollapseConfig collapse;
 };
 
 /// What the operator, or the program that stands for one, asks in one tick.
@@ -76,6 +94,7 @@ enum class Refusal : std::uint8_t {
                    ///< [rad].
   kOutsideStartSet,  ///< A joint is measured too far from the primitive's first position [rad].
   kNoSuchBranch,     ///< The sequence has no branch of this number [the number].
+  kNoHeartbeat,      ///< A drive's heartbeat has stopped [ticks since the last].
 };
 
 [[nodiscard]] const char* ToString(OperatorCommand command) noexcept;
@@ -98,7 +117,21 @@ struct TickInput {
   Status send_status = Status::kOk;         ///< First failure of sending the tick before's frames.
   OperatorCommand command = OperatorCommand::kNone;
   std::int8_t branch = -1;  ///< The number that belongs to kBranch.
+  CanControllerState controller = CanControllerState::kErrorActive;
 };
+
+/// What the replies of one drive in one tick are worth, as AUTOSAR's end-to-end protection has it.
+/// None of the protocols numbers its frames, so this is told by counting them against the setpoints
+/// (`ReplyRhythm`). Not to be known are a reply that took the place of a lost one, and, of a drive
+/// that sends by its own clock, a repeated one within its rate.
+enum class ReplyStatus : std::uint8_t {
+  kOk,             ///< New, and as many as there should be.
+  kNoNewData,      ///< None.
+  kRepeated,       ///< More than setpoints are unanswered.
+  kOkSomeLost,     ///< New, after ticks without.
+  kWrongSequence,  ///< Those of earlier ticks came together with a newer one.
+};
+[[nodiscard]] const char* ToString(ReplyStatus status) noexcept;
 
 /// One joint in one tick: planned, limited, as encoded on the wire, and measured.
 struct JointRecord {
@@ -110,6 +143,7 @@ struct JointRecord {
   float temperature_c = 0;
   std::int32_t reply_age_ticks = -1;  ///< 0: replied since the tick before; -1: never.
   DriveState drive_state = DriveState::kUnknown;
+  ReplyStatus reply_status = ReplyStatus::kOk;
   std::uint32_t drive_error = 0;  ///< The drive's own code.
   bool limit_active = false;      ///< planned was outside a limit.
 };
@@ -118,7 +152,7 @@ struct JointRecord {
 struct TickRecord {
   std::int64_t tick = 0;
   float primitive_time_s = 0;                      ///< Position in the primitive, 0 ... duration.
-  std::uint16_t faults = 0;                        ///< Latched: bit i is Fault i.
+  std::uint32_t faults = 0;                        ///< Latched: bit i is Fault i.
   ExecutorState state = ExecutorState::kDisarmed;  ///< In which this tick's frames were planned.
   Reaction reaction = Reaction::kIgnore;           ///< Carried out in state kFault.
   OperatorCommand command = OperatorCommand::kNone;
@@ -192,6 +226,12 @@ class Executor {
     DriveState drive_state = DriveState::kUnknown;
     std::int32_t reply_age_ticks = -1;
     bool was_enabled = false;  ///< Since arming.
+    ReplyRhythm rhythm;
+    ReplyStatus reply_status = ReplyStatus::kOk;
+    int replies = 0;          ///< In this tick.
+    int unanswered = 0;       ///< Setpoints.
+    int in_order = 0;         ///< Ticks in a row with one reply.
+    int sequence_errors = 0;  ///< See `ExecutorConfig::sequence_errors_max`.
     float move_from_rad = 0;
     Basis position_basis;
     Basis torque_basis;
@@ -200,9 +240,11 @@ class Executor {
   [[nodiscard]] std::span<Joint> joints() noexcept {
     return {joints_.data(), static_cast<std::size_t>(joint_count_)};
   }
-  void TakeReplies(const TickInput& input) noexcept;
+  void TakeReplies(const TickInput& input, int elapsed) noexcept;
+  void JudgeReplies(Joint& joint, int elapsed) const noexcept;
+  void DetectLinkFaults(const TickInput& input) noexcept;
+  void DetectDriveFaults(int index) noexcept;
   void DetectFaults(const TickInput& input, std::int64_t elapsed) noexcept;
-  void DetectJointFaults() noexcept;
   void Latch(Fault fault, int joint, float value, float limit) noexcept;
   void Obey(const TickInput& input) noexcept;
   [[nodiscard]] bool InSequence() const noexcept {
@@ -222,6 +264,7 @@ class Executor {
   void PlanMove(TickRecord& record) noexcept;
   void PlanRun(TickRecord& record) noexcept;
   void PlanBrake(int elapsed, TickRecord& record) noexcept;
+  void PlanCollapse(int elapsed, TickRecord& record) noexcept;
   void Advance(const TickRecord& record) noexcept;
   void Send(int elapsed, TickOutput& output) noexcept;
 
@@ -247,7 +290,7 @@ class Executor {
   bool finish_ = false;       ///< End at the next safe node.
   bool keep_torque_ = false;  ///< Holding what the primitive ended with, feed-forward included.
   Reaction reaction_ = Reaction::kIgnore;
-  std::uint16_t faults_ = 0;
+  std::uint32_t faults_ = 0;
   FaultReport first_fault_;
   RefusalReport refusal_;
   DriveRequest unarmed_request_ = DriveRequest::kDisable;  ///< What a tick without torque asks for.

@@ -2,105 +2,84 @@
 
 namespace tumbler {
 
-const char* ToString(ExecutorState state) noexcept {
-  switch (state) {
-    case ExecutorState::kDisarmed:
-      return "disarmed";
-    case ExecutorState::kArming:
-      return "arming";
-    case ExecutorState::kHolding:
-      return "holding";
-    case ExecutorState::kMovingToStart:
-      return "moving to start";
-    case ExecutorState::kRunning:
-      return "running";
-    case ExecutorState::kSettling:
-      return "settling";
-    case ExecutorState::kStopping:
-      return "stopping";
-    case ExecutorState::kFault:
-      return "fault";
-  }
-  return "unknown state";
-}
-
-const char* ToString(Fault fault) noexcept {
-  switch (fault) {
-    case Fault::kNone:
-      return "none";
-    case Fault::kStaleReply:
-      return "stale reply";
-    case Fault::kFollowingError:
-      return "following error";
-    case Fault::kDriveError:
-      return "drive error";
-    case Fault::kOverTemperature:
-      return "over-temperature";
-    case Fault::kLinkLost:
-      return "link lost";
-    case Fault::kTransmitQueueFull:
-      return "transmit queue full";
-    case Fault::kLateTick:
-      return "late tick";
-    case Fault::kOperatorStop:
-      return "operator stop";
-    case Fault::kNonFinite:
-      return "non-finite value";
-    case Fault::kArmingTimeout:
-      return "arming timeout";
-    case Fault::kEntryMissed:
-      return "entry missed";
-  }
-  return "unknown fault";
-}
-
-const char* ToString(Reaction reaction) noexcept {
-  switch (reaction) {
-    case Reaction::kIgnore:
-      return "ignore";
-    case Reaction::kHold:
-      return "hold";
-    case Reaction::kDamp:
-      return "damp";
-    case Reaction::kDisable:
-      return "disable";
-  }
-  return "unknown reaction";
-}
-
 namespace {
 
-constexpr Reaction I = Reaction::kIgnore;
-constexpr Reaction H = Reaction::kHold;
-constexpr Reaction D = Reaction::kDamp;
-constexpr Reaction X = Reaction::kDisable;
+// Names by number, without the texts of the tables: those are for documents, and stay out of
+// firmware.
+template <std::size_t kCount, typename Table>
+constexpr std::array<const char*, kCount> NamesOf(const Table& table) {
+  std::array<const char*, kCount> names{};
+  for (std::size_t i = 0; i < kCount; ++i) names[i] = table[i].name;
+  return names;
+}
+template <std::size_t kCount>
+const char* NameAt(const std::array<const char*, kCount>& names, std::size_t i,
+                   const char* unknown) noexcept {
+  return i < kCount ? names[i] : unknown;
+}
 
-constexpr std::array<std::array<Reaction, kExecutorStateCount>, kFaultCount> kDefaults{{
-    // disarmed, arming, holding, moving to start, running, settling, stopping, fault
-    {I, I, I, I, I, I, I, I},  // none
-    {I, X, H, H, D, H, H, D},  // stale reply
-    {I, X, D, D, D, D, D,
-     D},  // following error: something gives way or has hit something; do not push on
-    {I, X, D, D, D, D, D,
-     D},  // drive error: one motor is gone, holding with the other would twist the robot
-    {I, X, D, D, D, D, D, D},  // over-temperature: holding would go on heating
-    {I, X, X, X, X, X, X, X},  // link lost
-    {I, X, X, X, X, X, X, X},  // transmit queue full
-    {I, X, H, H, D, H, H, H},  // late tick
-    {I, X, H, H, H, H, H,
-     H},  // operator stop: braking within the limits is what the operator expects everywhere
-    {I, X, D, D, D, D, D, D},  // non-finite value
-    {I, X, X, X, X, X, X, X},  // arming timeout
-    {I, X, H, H, D, H, H, H},  // entry missed: it rests where the motion before has brought it
-}};
+constexpr auto kStateNames = NamesOf<kExecutorStateCount>(kStateTable);
+constexpr auto kFaultNames = NamesOf<kFaultCount>(kFaultTable);
+constexpr auto kReactionNames = NamesOf<kReactionCount>(kReactionTable);
+
+constexpr auto kDefaults = [] {
+  std::array<std::array<Reaction, kExecutorStateCount>, kFaultCount> reactions{};
+  for (std::size_t i = 0; i < kFaultCount; ++i) reactions[i] = kFaultTable[i].reactions;
+  return reactions;
+}();
+
+// Each row stands where its enumerator says.
+constexpr bool IsInOrder() {
+  for (std::size_t i = 0; i < kFaultCount; ++i) {
+    if (static_cast<std::size_t>(kFaultTable[i].fault) != i) return false;
+  }
+  for (std::size_t i = 0; i < kExecutorStateCount; ++i) {
+    if (static_cast<std::size_t>(kStateTable[i].state) != i) return false;
+  }
+  for (std::size_t i = 0; i < kReactionCount; ++i) {
+    if (static_cast<std::size_t>(kReactionTable[i].reaction) != i) return false;
+  }
+  return true;
+}
+static_assert(IsInOrder());
 
 }  // namespace
 
+const char* ToString(ExecutorState state) noexcept {
+  return NameAt(kStateNames, static_cast<std::size_t>(state), "unknown state");
+}
+
+const char* ToString(Fault fault) noexcept {
+  return NameAt(kFaultNames, static_cast<std::size_t>(fault), "unknown fault");
+}
+
+const char* ToString(Reaction reaction) noexcept {
+  return NameAt(kReactionNames, static_cast<std::size_t>(reaction), "unknown reaction");
+}
+
 FaultTable::FaultTable() noexcept : reactions_(kDefaults) {}
 
-void FaultTable::Set(Fault fault, ExecutorState state, Reaction reaction) noexcept {
-  if (fault == Fault::kNone || state == ExecutorState::kDisarmed) return;
+bool FaultTable::IsAllowed(Fault fault, ExecutorState state, Reaction reaction) noexcept {
+  if (fault == Fault::kNone || state == ExecutorState::kDisarmed) {
+    return reaction == Reaction::kIgnore;
+  }
+  if (reaction == Reaction::kIgnore) return fault != Fault::kOperatorStop;
+  return state != ExecutorState::kArming || reaction == Reaction::kDisable;
+}
+
+bool FaultTable::Set(Fault fault, ExecutorState state, Reaction reaction) noexcept {
+  if (!IsAllowed(fault, state, reaction)) return false;
   reactions_[static_cast<std::size_t>(fault)][static_cast<std::size_t>(state)] = reaction;
+  return true;
+}
+
+bool FaultTable::Has(Reaction reaction) const noexcept {
+  for (const auto& row : reactions_) {
+    for (const Reaction entry : row) {
+      if (entry == reaction) return true;
+    }
+  }
+  return false;
 }
 
 }  // namespace tumbler

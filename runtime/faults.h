@@ -6,7 +6,8 @@
 
 namespace tumbler {
 
-/// What the executor is doing. `docs/runtime.md` draws the transitions.
+/// What the executor is doing. `kStateTable` says more of each, `kTransitionTable` how one leads to
+/// another.
 enum class ExecutorState : std::uint8_t {
   kDisarmed,       ///< Torque off; the drives are asked for their positions all the same.
   kArming,         ///< The drives are starting up, each at its measured position.
@@ -19,46 +20,193 @@ enum class ExecutorState : std::uint8_t {
 };
 inline constexpr std::size_t kExecutorStateCount = 8;
 
-/// What can go wrong. `FaultReport::value` and `limit` are in the unit given here.
+/// What can go wrong; `kFaultTable` says what each is, in which unit its value and limit are, and
+/// how it is answered.
 enum class Fault : std::uint8_t {
   kNone,
-  kStaleReply,      ///< A drive has been silent too long [ticks].
-  kFollowingError,  ///< A joint is too far from the setpoint it was sent [rad].
-  kDriveError,      ///< A drive reports an error [its code; 0: it stopped being enabled by itself].
-  kOverTemperature,    ///< [degrees C]
-  kLinkLost,           ///< The bus is off, down or failing [Status].
-  kTransmitQueueFull,  ///< Frames are not leaving the queue: nobody acknowledges them [Status].
-  kLateTick,       ///< More control periods were missed than are made up for [ticks], or time went
-                   ///< backwards.
-  kOperatorStop,   ///< The operator asked for a stop.
-  kNonFinite,      ///< A measurement or a setpoint is NaN or infinite.
-  kArmingTimeout,  ///< A drive did not become enabled [ticks].
-  kEntryMissed,    ///< A joint is not where the next primitive of the sequence begins [rad].
+  kStaleReply,
+  kWrongSequence,
+  kFollowingError,
+  kDriveError,
+  kHeartbeatLost,
+  kOverTemperature,
+  kBusOff,
+  kErrorPassive,
+  kInterfaceDown,
+  kInterfaceGone,
+  kLinkFailed,
+  kTransmitQueueFull,
+  kLateTick,
+  kOperatorStop,
+  kNonFinite,
+  kArmingTimeout,
+  kEntryMissed,
 };
-inline constexpr std::size_t kFaultCount = 12;  ///< Including kNone.
+inline constexpr std::size_t kFaultCount = 18;  ///< Including kNone.
 
 /// What to do about a fault, mildest first.
 enum class Reaction : std::uint8_t {
-  kIgnore,   ///< Nothing; the fault is not even latched.
-  kHold,     ///< Brake within the acceleration limits and hold.
-  kDamp,     ///< No position, no feed-forward: the motors only resist motion, so the robot sinks
-             ///< rather than drops.
-  kDisable,  ///< Torque off.
+  kIgnore,    ///< Nothing; the fault is not even latched.
+  kHold,      ///< Brake within the acceleration limits and hold.
+  kCollapse,  ///< Brake, and fold into the configured pose, slowly and softly.
+  kDamp,      ///< No position, no feed-forward: the motors only resist motion, so the robot sinks
+              ///< rather than drops.
+  kDisable,   ///< Torque off.
 };
-inline constexpr std::size_t kReactionCount = 4;
+inline constexpr std::size_t kReactionCount = 5;
 
 /// Texts for messages and logs, e.g. `following error`; string literals.
 [[nodiscard]] const char* ToString(ExecutorState state) noexcept;
 [[nodiscard]] const char* ToString(Fault fault) noexcept;
 [[nodiscard]] const char* ToString(Reaction reaction) noexcept;
 
+/// The tables below are the one place where states, faults and reactions are described: the
+/// defaults of `FaultTable`, the names, the keys of files (names with `_` for blanks and `-`) and
+/// the tables of `docs/runtime.md` come from here.
+
+struct StateInfo {
+  ExecutorState state;
+  const char* name;
+  const char* setpoints;  ///< What is sent in it.
+};
+
+/// A change of state that can happen; there are no others. In addition, kDisarm leads from every
+/// state to kDisarmed, and a fault that is not ignored from every state but kDisarmed to kFault.
+struct TransitionInfo {
+  ExecutorState from;
+  ExecutorState to;
+  const char* when;
+};
+
+struct ReactionInfo {
+  Reaction reaction;
+  const char* name;
+  const char* meaning;
+};
+
+struct FaultInfo {
+  Fault fault;
+  const char* name;
+  const char* seen_when;
+  const char* value;      ///< Of `FaultReport::value` and `limit`: unit or meaning; empty: none.
+  const char* limit_key;  ///< What the limit is set by; empty: not configurable.
+  std::array<Reaction, kExecutorStateCount> reactions;  ///< Default, in the order of the states.
+  const char* why;                                      ///< The reason of the defaults.
+};
+
+inline constexpr std::array<StateInfo, kExecutorStateCount> kStateTable{{
+    {ExecutorState::kDisarmed, "disarmed", "torque off; the drives are asked for their positions"},
+    {ExecutorState::kArming, "arming",
+     "each joint's measured position, velocity 0, until its drive is enabled"},
+    {ExecutorState::kHolding, "holding", "the last commanded setpoint, at rest"},
+    {ExecutorState::kMovingToStart, "moving to start",
+     "quintic from rest to rest, from the last commanded position"},
+    {ExecutorState::kRunning, "running", "the splines of the node's primitive"},
+    {ExecutorState::kSettling, "settling", "the primitive's last setpoint, feed-forward included"},
+    {ExecutorState::kStopping, "stopping",
+     "braking from the commanded velocity at the acceleration limit"},
+    {ExecutorState::kFault, "fault", "the reaction to the fault"},
+}};
+
+inline constexpr std::array<TransitionInfo, 12> kTransitionTable{{
+    {ExecutorState::kDisarmed, ExecutorState::kArming, "`kArm`, unless refused"},
+    {ExecutorState::kArming, ExecutorState::kHolding, "every drive is enabled"},
+    {ExecutorState::kHolding, ExecutorState::kMovingToStart, "`kMoveToStart`, unless refused"},
+    {ExecutorState::kHolding, ExecutorState::kRunning, "`kRun`, unless refused"},
+    {ExecutorState::kMovingToStart, ExecutorState::kHolding, "arrived"},
+    {ExecutorState::kMovingToStart, ExecutorState::kStopping, "`kStop`"},
+    {ExecutorState::kRunning, ExecutorState::kSettling,
+     "the time is over and the limited setpoint has arrived"},
+    {ExecutorState::kRunning, ExecutorState::kStopping, "`kStop`"},
+    {ExecutorState::kSettling, ExecutorState::kRunning,
+     "the edge's settle time is over, and the next node begins"},
+    {ExecutorState::kSettling, ExecutorState::kHolding,
+     "the primitive's settle time is over, and the sequence ends"},
+    {ExecutorState::kSettling, ExecutorState::kStopping, "`kStop`"},
+    {ExecutorState::kStopping, ExecutorState::kHolding, "at rest"},
+}};
+
+inline constexpr std::array<ReactionInfo, kReactionCount> kReactionTable{{
+    {Reaction::kIgnore, "ignore", "nothing; the fault is not latched"},
+    {Reaction::kHold, "hold", "brakes at the acceleration limit and holds, with the normal gains"},
+    {Reaction::kCollapse, "collapse",
+     "brakes, folds slowly into the configured pose and stays there, with reduced stiffness and no "
+     "feed-forward"},
+    {Reaction::kDamp, "damp",
+     "kp = 0, no feed-forward, velocity 0 and kd = `damping_nm_s_per_rad`: the robot sinks rather "
+     "than drops"},
+    {Reaction::kDisable, "disable", "torque off"},
+}};
+
+namespace fault_table_detail {  // so that rows are short enough to be read
+inline constexpr Reaction I = Reaction::kIgnore;
+inline constexpr Reaction H = Reaction::kHold;
+inline constexpr Reaction D = Reaction::kDamp;
+inline constexpr Reaction X = Reaction::kDisable;
+
+// clang-format off
+inline constexpr std::array<FaultInfo, kFaultCount> kFaults{{
+    // reactions: disarmed, arming, holding, moving to start, running, settling, stopping, fault
+    {Fault::kNone, "none", "", "", "", {I, I, I, I, I, I, I, I}, ""},
+    {Fault::kStaleReply, "stale reply", "a drive has sent no measured position for too long",
+     "ticks", "stale_ticks_max", {I, X, H, H, D, H, H, D},
+     "at rest the last setpoint is still right; in mid-swing nobody knows where the joint is"},
+    {Fault::kWrongSequence, "wrong sequence",
+     "replies are repeated, or come together with those of earlier ticks: a count that a tick out "
+     "of order raises by 2 and one in order lowers by 1",
+     "count", "sequence_errors_max", {I, X, H, H, D, H, H, D}, "as a stale reply: what is measured is not from now"},
+    {Fault::kFollowingError, "following error",
+     "measured less setpoint exceeds the primitive's following tolerance", "rad", "",
+     {I, X, D, D, D, D, D, D}, "something gives way or has been hit; do not push on"},
+    {Fault::kDriveError, "drive error",
+     "a drive reports an error, or has stopped being enabled by itself", "its code, or 0", "",
+     {I, X, D, D, D, D, D, D}, "one motor is gone; holding with the other would twist the robot"},
+    {Fault::kHeartbeatLost, "heartbeat lost",
+     "a drive's own heartbeat has stopped (CANSimple, CiA 402): whether it is enabled is not known",
+     "ticks", "", {I, X, H, H, D, H, H, D}, "as a stale reply"},
+    {Fault::kOverTemperature, "over-temperature", "a drive is hotter than its `temperature_max_c`",
+     "degrees C", "", {I, X, D, D, D, D, D, D}, "holding would go on heating"},
+    {Fault::kBusOff, "bus-off", "the controller has left the bus, in sending or receiving",
+     "status", "", {I, X, X, X, X, X, X, X}, "orders that arrive late, if at all, can only be torque off"},
+    {Fault::kErrorPassive, "error-passive",
+     "an error counter of the controller is above 127: nobody acknowledges, or the wire is bad",
+     "controller state", "", {I, X, H, H, D, H, H, D},
+     "bus-off may be next: act while orders still arrive"},
+    {Fault::kInterfaceDown, "interface down", "the interface is down", "status", "",
+     {I, X, X, X, X, X, X, X}, "as bus-off"},
+    {Fault::kInterfaceGone, "interface gone", "the interface does not exist any more", "status", "",
+     {I, X, X, X, X, X, X, X}, "as bus-off"},
+    {Fault::kLinkFailed, "link failed", "the link reports another error", "status", "",
+     {I, X, X, X, X, X, X, X}, "as bus-off"},
+    {Fault::kTransmitQueueFull, "transmit queue full",
+     "a frame was not taken (ENOBUFS), or what was sent before is not confirmed", "status", "",
+     {I, X, X, X, X, X, X, X}, "a setpoint that waits in a queue would snap the joint when the bus comes back"},
+    {Fault::kLateTick, "late tick",
+     "too many periods were missed, or the tick number did not grow", "ticks", "late_ticks_max",
+     {I, X, H, H, D, H, H, H}, "in mid-swing the motion cannot be taken up again"},
+    {Fault::kOperatorStop, "operator stop",
+     "`kStop`, where its reaction is not hold (hold is the state stopping, and not latched)", "", "",
+     {I, X, H, H, H, H, H, H}, "braking within the limits is what the operator expects everywhere"},
+    {Fault::kNonFinite, "non-finite value", "a measurement or a setpoint is NaN or infinite",
+     "the position", "", {I, X, D, D, D, D, D, D}, "nothing can be followed that is not a number"},
+    {Fault::kArmingTimeout, "arming timeout", "a drive is not enabled in time", "ticks",
+     "arming_ticks_max", {I, X, X, X, X, X, X, X}, "nothing is driven yet"},
+    {Fault::kEntryMissed, "entry missed",
+     "a joint is not within the next primitive's entry tolerance at a splice", "rad", "",
+     {I, X, H, H, D, H, H, H}, "it rests where the motion before has brought it"},
+}};
+// clang-format on
+}  // namespace fault_table_detail
+
+inline constexpr const std::array<FaultInfo, kFaultCount>& kFaultTable =
+    fault_table_detail::kFaults;
+
 /// The one table that says how each fault is answered in each state.
 ///
 /// The defaults follow three rules. While disarmed nothing is driven, so nothing is a fault: arming
 /// checks it all. A robot at rest or in a slow move holds; one in mid-swing must not be frozen
 /// there, so it is damped. Where frames may be arriving late or not at all, the only order worth
-/// sending is torque off: a setpoint that waits in a queue would snap the joint when the bus comes
-/// back.
+/// sending is torque off.
 class FaultTable {
  public:
   FaultTable() noexcept;  ///< The defaults.
@@ -66,8 +214,14 @@ class FaultTable {
   [[nodiscard]] Reaction operator()(Fault fault, ExecutorState state) const noexcept {
     return reactions_[static_cast<std::size_t>(fault)][static_cast<std::size_t>(state)];
   }
-  /// Changes one entry. The disarmed column and the row of kNone stay kIgnore.
-  void Set(Fault fault, ExecutorState state, Reaction reaction) noexcept;
+
+  /// Whether `Set` takes this entry. Nothing is a fault while disarmed. While arming no drive is
+  /// driven yet, so what is not ignored is torque off. A stop of the operator is never ignored.
+  [[nodiscard]] static bool IsAllowed(Fault fault, ExecutorState state, Reaction reaction) noexcept;
+  /// Changes one entry. @returns false, having changed nothing, unless `IsAllowed`.
+  bool Set(Fault fault, ExecutorState state, Reaction reaction) noexcept;
+  /// Whether any entry is this reaction.
+  [[nodiscard]] bool Has(Reaction reaction) const noexcept;
 
  private:
   std::array<std::array<Reaction, kExecutorStateCount>, kFaultCount> reactions_;

@@ -13,13 +13,32 @@ OperatorCommand RunSequence::Finish(RunOutcome outcome) noexcept {
   return Go(Phase::kDisarm, OperatorCommand::kDisarm);
 }
 
+Refusal RunSequence::RequestStart(const TickRecord& last) noexcept {
+  if (phase_ != Phase::kWait) return Refusal::kWrongState;
+  if (last.first_fault.fault != Fault::kNone) return Refusal::kFaultLatched;
+  start_ = true;
+  return Refusal::kNone;
+}
+
 OperatorCommand RunSequence::Next(const TickRecord& last) noexcept TUMBLER_NONBLOCKING {
   ++ticks_;
   if (phase_ == Phase::kDone) return OperatorCommand::kNone;
   if (phase_ == Phase::kDisarm) {
-    if (ticks_ >= config_.disarmed_ticks) phase_ = Phase::kDone;
+    if (ticks_ >= config_.disarmed_ticks)
+      phase_ = config_.attended && !quit_ ? Phase::kWait : Phase::kDone;
     return last.state == ExecutorState::kDisarmed ? OperatorCommand::kNone
                                                   : OperatorCommand::kDisarm;
+  }
+  if (phase_ == Phase::kWait) {
+    // What was asked of a run that is over, or has not begun, does not hold for the next.
+    finish_ = finishing_ = stop_ = disarm_ = false;
+    if (quit_) return Finish(RunOutcome::kStopped);
+    if (!start_) return OperatorCommand::kNone;
+    start_ = false;
+    ++runs_;
+    outcome_ = RunOutcome::kPending;
+    refusal_ = {};
+    Go(Phase::kArm, OperatorCommand::kNone);
   }
   if (disarm_) return Finish(RunOutcome::kStopped);
   if (last.first_fault.fault != Fault::kNone && phase_ != Phase::kFault) {
@@ -33,7 +52,9 @@ OperatorCommand RunSequence::Next(const TickRecord& last) noexcept TUMBLER_NONBL
     return Go(Phase::kStop, OperatorCommand::kStop);
   }
 
-  const Refusal refused = last.refusal.refusal;
+  // Of this sequence's own command; the operator may have asked for something else in between.
+  const bool own = last.command == OperatorCommand::kArm || last.command == OperatorCommand::kRun;
+  const Refusal refused = own ? last.refusal.refusal : Refusal::kNone;
   switch (phase_) {
     case Phase::kArm:
       if (last.state == ExecutorState::kHolding)
@@ -79,6 +100,7 @@ OperatorCommand RunSequence::Next(const TickRecord& last) noexcept TUMBLER_NONBL
     case Phase::kFault:
       if (ticks_ >= config_.fault_ticks) return Finish(outcome_);
       return OperatorCommand::kNone;
+    case Phase::kWait:
     case Phase::kDisarm:
     case Phase::kDone:
       break;

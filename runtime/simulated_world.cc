@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "firmware_interface/can/bus_faults_toml.h"
 #include "firmware_interface/can/simulated_bus.h"
 #include "offline/twin/simulated_robot.h"
 #include "offline/twin/truth_log.h"
@@ -29,6 +30,12 @@ class SimulatedWorld final : public World {
     expected_pitch_rad_ =
         file.RobotPitch(file.graph.start, file.PrimitiveOf(file.graph.start).entry.root_pitch_rad);
     const auto advance = [this](std::int64_t time_ns) { robot_.AdvanceTo(time_ns); };
+    if (!config.bus_faults.empty()) {
+      std::vector<std::string> nodes;  // In the order in which they were attached.
+      for (const DriveEntry& entry : drives.drives) nodes.push_back(entry.joint);
+      nodes.emplace_back("host");
+      robot_.bus().SetFaults(LoadBusFaults(config.bus_faults, nodes));
+    }
     if (paced_) {
       clock_ = std::make_unique<PacedClock>(advance);
     } else {

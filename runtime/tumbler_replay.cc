@@ -148,6 +148,22 @@ struct RecordedWish {
   OperatorWish wish;
 };
 
+/// What an operator asks for to have this done; nothing where it is the run sequence's own matter.
+OperatorRequest RequestOf(OperatorCommand command) {
+  switch (command) {
+    case OperatorCommand::kFinish:
+      return OperatorRequest::kFinish;
+    case OperatorCommand::kStop:
+      return OperatorRequest::kStop;
+    case OperatorCommand::kDisarm:
+      return OperatorRequest::kDisarm;
+    case OperatorCommand::kBranch:
+      return OperatorRequest::kBranch;
+    default:
+      return OperatorRequest::kNone;
+  }
+}
+
 std::vector<RecordedWish> WishesOf(FlightRecord& record) {
   std::vector<RecordedWish> wishes;
   record.Rewind();
@@ -159,16 +175,12 @@ std::vector<RecordedWish> WishesOf(FlightRecord& record) {
     before = entry->record.state;
     if (!first_tick && before == ExecutorState::kRunning) first_tick = entry->tick;
     if (!first_tick || !in_motion) continue;
-    switch (entry->command) {
-      case OperatorCommand::kFinish:
-      case OperatorCommand::kStop:
-      case OperatorCommand::kDisarm:
-      case OperatorCommand::kBranch:
-        wishes.push_back({entry->tick - *first_tick, {entry->command, entry->branch}});
-        break;
-      default:  // Arming, moving and running are the sequence's own matter.
-        break;
-    }
+    const OperatorRequest request = RequestOf(entry->command);
+    if (request == OperatorRequest::kNone) continue;
+    RecordedWish& recorded = wishes.emplace_back();
+    recorded.offset = entry->tick - *first_tick;
+    recorded.wish.request = request;
+    recorded.wish.branch = entry->branch;
   }
   return wishes;
 }
@@ -177,6 +189,7 @@ std::vector<RecordedWish> WishesOf(FlightRecord& record) {
 RecordConfiguration ConfigurationToPlay(const RecordConfiguration& recorded,
                                         const Options& options) {
   RecordConfiguration configuration = recorded;
+  configuration.sequence.attended = false;  // One run, which starts by itself.
   FileKeeper keeper;
   const FileReader read = keeper.reader();
   if (!options.primitive.empty()) {
@@ -267,6 +280,7 @@ Played Play(const RecordConfiguration& configuration, const std::vector<Recorded
   RecordConfiguration of_play = configuration;
   of_play.program = "tumbler-replay " TUMBLER_VERSION;
   of_play.kernel = DescribeKernel();
+  of_play.machine = DescribeMachine(options.arm ? options.bus : "");
   of_play.bus = options.bus;
   of_play.dry_run = !options.arm;
   of_play.virtual_time = !world->real_time();
@@ -287,7 +301,9 @@ Played Play(const RecordConfiguration& configuration, const std::vector<Recorded
       throw Refused("driving motors takes --realtime (or --without-realtime, and late ticks)");
     }
     if (options.realtime) {
-      const RealtimeReport report = EnterRealtime();
+      RealtimeConfig scheduling;
+      scheduling.period_ns = configuration.period_ns;
+      const RealtimeReport report = EnterRealtime(scheduling);
       if (!report.in_force() && !options.without_realtime) throw Refused(report.problems);
     }
   }
@@ -345,7 +361,6 @@ int PlayOnBus(FlightRecord& record, const Options& options) {
   switch (played.outcome) {
     case RunOutcome::kRefused:
     case RunOutcome::kPending:
-      return kExitNotPlayed;
     case RunOutcome::kFault:
       return kExitNotPlayed;
     case RunOutcome::kStopped:

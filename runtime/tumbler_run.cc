@@ -14,6 +14,7 @@
 #include <fstream>
 #include <functional>
 #include <iostream>
+#include <map>
 #include <memory>
 #include <optional>
 #include <set>
@@ -29,6 +30,7 @@
 #include "firmware_interface/drives/drive_bank.h"
 #include "firmware_interface/drives/drives_toml.h"
 #include "runtime/executor.h"
+#include "runtime/faults_toml.h"
 #include "runtime/interface_world.h"
 #include "runtime/linux/clock.h"
 #include "runtime/linux/control_loop.h"
@@ -59,6 +61,9 @@ constexpr const char* kFooter =
 On an interface nothing is sent without --arm: the frames of an imagined run are printed instead, in the format of
 `candump -l`.
 
+With --attended each run waits for `tumbler-ctl start`; Ctrl-C ends the program. With --latency-test there is neither
+BUS nor MOTION: the loop only sleeps and wakes, and how late it wakes is printed.
+
 In order: load, check, arm, move to the start, run, settle, hold, stop, disarm.
 Ctrl-C: go on to the next safe node, hold for a moment, disarm. A second one: brake at once within the limits, hold,
 disarm. A third one: torque off.
@@ -75,9 +80,15 @@ struct Options {
   std::string bus;
   std::string motion;
   std::string drives;
+  std::string faults;
+  std::string bus_faults;
   bool arm = false;
   bool realtime = false;
   bool without_realtime = false;
+  RealtimeConfig scheduling;
+  double latency_test_s = 0;
+  double rate_hz = 1000;  ///< Of the latency test.
+  bool attended = false;
   double speed = 1;
   double pace = 1;
   double hold_s = 2;
@@ -87,10 +98,10 @@ struct Options {
   std::string lcm_url;
   std::string json;
   std::string trace;
-  std::string record;
-  std::vector<std::string> command_line;
   std::string twin;
   std::string truth;
+  std::string record;
+  std::vector<std::string> command_line;
 
   [[nodiscard]] bool simulated() const { return bus == kSimulation; }
   [[nodiscard]] bool dry_run() const { return !simulated() && !arm; }
@@ -111,15 +122,21 @@ DrivesConfig DrivesFor(const Options& options, const Primitive<double>& primitiv
   }
 }
 
+/// The names that `--branch` may have.
+std::set<std::string> BranchNames(const SequenceGraph<float>& graph) {
+  std::set<std::string> names;
+  for (const auto& edge : graph.edges()) {
+    if (edge.condition == EdgeCondition::kBranch) names.emplace(edge.branch.view());
+  }
+  return names;
+}
+
 /// The number of the branch that is asked for; -1 without one.
 int BranchNumber(const Options& options, const SequenceGraph<float>& graph) {
   if (options.branch.empty()) return -1;
   const int number = graph.FindBranch(options.branch);
   if (number >= 0) return number;
-  std::set<std::string_view> names;
-  for (const auto& edge : graph.edges()) {
-    if (edge.condition == EdgeCondition::kBranch) names.insert(edge.branch.view());
-  }
+  const std::set<std::string> names = BranchNames(graph);
   throw std::runtime_error(fmt::format(
       "--branch: {} has no branch '{}'; its branches: {}", options.motion, options.branch,
       names.empty() ? "none" : fmt::format("{}", fmt::join(names, ", "))));
@@ -146,6 +163,26 @@ ExecutorConfig MakeExecutorConfig(const Options& options, const DrivesConfig& dr
   return config;
 }
 
+/// Reads the faults file, where one is given, over what `config` holds.
+void ReadFaults(const Options& options, const Sequence<float>& sequence, const DrivesConfig& drives,
+                ExecutorConfig& config) {
+  if (options.faults.empty()) return;
+  std::vector<FaultsJoint> joints;
+  for (std::size_t i = 0; i < drives.drives.size(); ++i) {
+    FaultsJoint joint{drives.drives[i].joint, -1e9, 1e9};
+    for (int p = 0; p < sequence.primitive_count; ++p) {
+      const JointLimits<float>& limits =
+          sequence.primitives[static_cast<std::size_t>(p)].joints[i].limits;
+      joint.position_min_rad =
+          std::max(joint.position_min_rad, static_cast<double>(limits.position_min_rad));
+      joint.position_max_rad =
+          std::min(joint.position_max_rad, static_cast<double>(limits.position_max_rad));
+    }
+    joints.push_back(joint);
+  }
+  LoadFaults(options.faults, joints, config);
+}
+
 RunSequenceConfig MakeSequenceConfig(const Options& options, const DrivesConfig& drives) {
   const double rate_hz = drives.rate_hz;
   const bool set_up = std::any_of(
@@ -160,6 +197,7 @@ RunSequenceConfig MakeSequenceConfig(const Options& options, const DrivesConfig&
   config.start_ticks_max = ticks(1);
   config.stop_hold_ticks = ticks(0.5);
   config.fault_ticks = ticks(1);
+  config.attended = options.attended;
   return config;
 }
 
@@ -189,7 +227,7 @@ std::unique_ptr<World> MakeWorld(const Options& options, const SequenceFile& fil
 #ifdef TUMBLER_HAS_SIMULATION
     return MakeSimulatedWorld(
         file, drives,
-        {options.twin, options.truth, options.lcm_url,
+        {options.twin, options.bus_faults, options.truth, options.lcm_url,
          options.record.empty() ? TruthSink() : truth_sink, options.realtime});
 #else
     throw std::runtime_error(
@@ -200,13 +238,14 @@ std::unique_ptr<World> MakeWorld(const Options& options, const SequenceFile& fil
   return MakeInterfaceWorld(Interface(options), drives);
 }
 
-void WriteJson(const RunReport& report, const std::string& path) {
+/// @param path  `-` for standard output.
+void WriteFile(const std::string& text, const std::string& path) {
   if (path == "-") {
-    std::cout << ToJson(report) << std::flush;
+    std::cout << text << std::flush;
     return;
   }
   std::ofstream stream(path);
-  stream << ToJson(report) << std::flush;
+  stream << text << std::flush;
   if (!stream) throw std::runtime_error(fmt::format("{}: cannot be written", path));
 }
 
@@ -218,8 +257,9 @@ std::int64_t UtimeAtZero(World& world) {
          world.clock().now_ns() / 1000;
 }
 
-RecordConfiguration DescribeRun(const Options& options, World& world,
-                                const std::vector<std::string>& joints, const FileKeeper& files) {
+RecordConfiguration DescribeForRecord(const Options& options, World& world,
+                                      const std::vector<std::string>& joints,
+                                      const FileKeeper& files) {
   RecordConfiguration configuration;
   configuration.program = "tumbler-run " TUMBLER_VERSION;
   configuration.command_line = options.command_line;
@@ -246,6 +286,53 @@ std::unique_ptr<FlightRecorder> OpenRecorder(const Options& options,
   return std::make_unique<FlightRecorder>(config);
 }
 
+RealtimeConfig SchedulingFor(const Options& options, std::int64_t period_ns) {
+  RealtimeConfig config = options.scheduling;
+  config.period_ns = period_ns;
+  return config;
+}
+
+RunDescription DescribeRun(const Options& options, const DrivesConfig& drives,
+                           const SequenceGraph<float>& graph) {
+  RunDescription run;
+  run.motion = std::string(graph.name.view());
+  run.bus = options.bus;
+  run.mode = options.simulated() ? "simulated" : options.dry_run() ? "dry run" : "armed";
+  run.attended = options.attended;
+  run.rate_hz = drives.rate_hz;
+  run.bit_rate = drives.bit_rate;
+  run.speed = options.speed;
+  for (const DriveEntry& entry : drives.drives) run.joints.push_back(entry.joint);
+  for (const SequenceNode& node : graph.nodes()) run.nodes.emplace_back(node.name.view());
+  const std::set<std::string> branches = BranchNames(graph);
+  run.branches.assign(branches.begin(), branches.end());
+  run.machine = DescribeMachine(options.simulated() || options.dry_run() ? "" : options.bus);
+  return run;
+}
+
+/// Measures how late this machine wakes the loop, with nothing else in it.
+int TestLatency(const Options& options) {
+  const auto period_ns = static_cast<std::int64_t>(std::llround(1e9 / options.rate_hz));
+  const RealtimeReport realtime = options.without_realtime
+                                      ? RealtimeReport{true, true, "time-shared", ""}
+                                      : EnterRealtime(SchedulingFor(options, period_ns));
+  if (!realtime.problems.empty()) fmt::print(stderr, "warning: {}\n", realtime.problems);
+  CatchInterrupts();
+  MonotonicClock clock;
+  const LoopStatistics statistics = MeasureWakeUps(
+      clock, InterruptMailbox(), period_ns,
+      static_cast<std::int64_t>(std::ceil(options.latency_test_s * options.rate_hz)));
+  const Machine machine = DescribeMachine("");
+  if (!options.json.empty())
+    WriteFile(TimingToJson(statistics, machine, realtime.scheduling), options.json);
+  std::FILE* out = options.json == "-" ? stderr : stdout;
+  fmt::print(out,
+             "{} wake-ups at {:.6g} Hz, {} late by more than half a period, {} periods missed\n{}",
+             statistics.ticks, options.rate_hz, statistics.late_ticks, statistics.missed_ticks,
+             DescribeTiming(statistics, machine, realtime.scheduling));
+  return 0;
+}
+
 int Run(Options options) {
   FileKeeper files;
   const SequenceFile file = LoadMotion(options.motion, files.reader());
@@ -259,6 +346,9 @@ int Run(Options options) {
     throw std::runtime_error(
         fmt::format("{} is a real bus: say with --drives which drives are on it", options.bus));
   }
+  if (!options.bus_faults.empty() && !options.simulated()) {
+    throw std::runtime_error("--bus-faults is for the simulated bus: sim");
+  }
   if (!options.simulated() && !(options.twin.empty() && options.truth.empty())) {
     throw std::runtime_error(fmt::format(
         "--twin and --truth are about the simulated robot of `sim`; on {} run tumbler-twin",
@@ -268,6 +358,11 @@ int Run(Options options) {
     throw std::runtime_error("--pace is for an armed run on tumbler-twin");
   }
   const bool virtual_time = options.dry_run() || (options.simulated() && !options.realtime);
+  if (options.attended && (virtual_time || options.lcm_url.empty())) {
+    throw std::runtime_error(
+        "--attended waits for somebody: it takes --lcm-url, and real time (`sim --realtime`, or an "
+        "interface with --arm)");
+  }
   if (virtual_time && graph.edge_count > 0 && options.cycles == 0 && options.branch.empty()) {
     throw std::runtime_error(fmt::format(
         "{} goes round until it is stopped, and time here is not real: say with --cycles how often",
@@ -288,7 +383,8 @@ int Run(Options options) {
   Executor executor;
   const std::span<const Primitive<float>> primitives(
       motions->primitives.data(), static_cast<std::size_t>(motions->primitive_count));
-  const ExecutorConfig executor_config = MakeExecutorConfig(options, drives, graph);
+  ExecutorConfig executor_config = MakeExecutorConfig(options, drives, graph);
+  ReadFaults(options, *motions, drives, executor_config);
   if (executor.Configure(executor_config, graph, primitives, bank.drives()) != Status::kOk) {
     throw Refused(fmt::format(
         "{}: the executor does not take this motion: it has to start at rest, last at most "
@@ -305,9 +401,7 @@ int Run(Options options) {
   telemetry_config.log_file = options.log;
   telemetry_config.lcm_url = options.lcm_url;
   telemetry_config.trace_file = options.trace;
-  telemetry_config.joint_names = report.joints;
-  for (const SequenceNode& node : graph.nodes())
-    telemetry_config.node_names.emplace_back(node.name.view());
+  telemetry_config.run = DescribeRun(options, drives, graph);
   telemetry_config.utime_at_zero_us = UtimeAtZero(*world);
   Telemetry telemetry(telemetry_config);
   std::optional<LcmCommands> commands;
@@ -317,7 +411,8 @@ int Run(Options options) {
   const RunSequenceConfig sequence_config = MakeSequenceConfig(options, drives);
   RunSequence sequence(sequence_config);
   if (!options.record.empty()) {
-    RecordConfiguration configuration = DescribeRun(options, *world, report.joints, files);
+    RecordConfiguration configuration = DescribeForRecord(options, *world, report.joints, files);
+    configuration.machine = telemetry_config.run.machine;
     configuration.period_ns = period_ns;
     configuration.executor = executor_config;
     configuration.sequence = sequence_config;
@@ -330,7 +425,7 @@ int Run(Options options) {
 
   CatchInterrupts();
   if (options.realtime) {
-    report.realtime = EnterRealtime();
+    report.realtime = EnterRealtime(SchedulingFor(options, period_ns));
     if (!report.realtime->in_force()) {
       if (!options.simulated() && !options.dry_run() && !options.without_realtime) {
         throw Refused(report.realtime->problems + "; or accept late ticks with --without-realtime");
@@ -341,6 +436,7 @@ int Run(Options options) {
     throw Refused(
         "driving motors takes --realtime (or --without-realtime, and patience with late ticks)");
   }
+  telemetry.SetScheduling(report.realtime ? report.realtime->scheduling : "time-shared");
 
   Clock& clock = world->clock();
   const std::int64_t start_ns = world->real_time() ? clock.now_ns() + period_ns : 0;
@@ -362,6 +458,9 @@ int Run(Options options) {
   report.rate_hz = drives.rate_hz;
   report.dry_run = options.dry_run();
   report.simulated = options.simulated();
+  report.attended = options.attended;
+  report.runs = sequence.runs();
+  report.machine = telemetry_config.run.machine;
   report.outcome = sequence.outcome();
   if (report.outcome == RunOutcome::kRefused)
     report.reason = Describe(sequence.refusal(), report.joints);
@@ -384,15 +483,28 @@ int Run(Options options) {
   report.lost_records = telemetry.lost();
   report.unpublished_messages = telemetry.unpublished();
   world->Report(report);
-  for (const std::string& path : {options.log, options.trace, options.truth, options.record}) {
+  for (const std::string& path : {options.log, options.trace, options.record, options.truth}) {
     if (!path.empty()) report.files.push_back(path);
   }
   if (!options.json.empty() && options.json != "-") report.files.push_back(options.json);
-  if (!options.json.empty()) WriteJson(report, options.json);
+  if (!options.json.empty()) WriteFile(ToJson(report), options.json);
   // Standard output belongs to whoever asked for frames or JSON there.
   std::FILE* out = options.json == "-" || options.dry_run() ? stderr : stdout;
   fmt::print(out, "{}", ToText(report));
   return ExitCode(report);
+}
+
+/// What no option by itself can get wrong.
+void CheckTogether(const Options& options) {
+  const bool test = options.latency_test_s > 0;
+  if (test && !options.bus.empty())
+    throw std::runtime_error(
+        "--latency-test has no bus and plays no motion: leave BUS and MOTION out");
+  if (!test && (options.bus.empty() || options.motion.empty()))
+    throw std::runtime_error("BUS and MOTION are needed (see --help)");
+  if (options.scheduling.scheduling == Scheduling::kDeadline && options.scheduling.cpu >= 0)
+    throw std::runtime_error(
+        "--cpu: the kernel does not pin threads under SCHED_DEADLINE; use fifo");
 }
 
 int Main(int argc, char** argv) {
@@ -400,19 +512,44 @@ int Main(int argc, char** argv) {
   CLI::App app("Plays a motion primitive on motor drives over CAN, or on a simulated robot.",
                "tumbler-run");
   app.footer(kFooter);
-  app.add_option("BUS", options.bus, "`sim` or a SocketCAN interface")->required();
-  app.add_option("MOTION", options.motion, "primitive or sequence file (TOML)")->required();
+  app.add_option("BUS", options.bus, "`sim` or a SocketCAN interface");
+  app.add_option("MOTION", options.motion, "primitive or sequence file (TOML)");
   app.add_option(
       "--drives", options.drives,
       "drive configuration (TOML). Needed on a real interface; for sim the default is MIT drives "
       "with ids 1, "
       "2, ... in the order of the joints, replies on 17, 18, ..., kp 200, kd 4, 1000 Hz, 1 Mbit/s");
+  app.add_option("--faults", options.faults,
+                 "reactions to faults and their limits (TOML), where they are not the defaults");
+  app.add_option("--bus-faults", options.bus_faults,
+                 "sim only: what is wrong with the bus, and when (TOML)");
   app.add_flag("--arm", options.arm,
                "drive the motors; without it a real interface only sees a dry run");
   app.add_flag("--realtime", options.realtime,
                "SCHED_FIFO and locked memory; a simulation then runs at the pace of the clock");
   app.add_flag("--without-realtime", options.without_realtime,
                "arm a real bus even though they are not in force");
+  const std::map<std::string, Scheduling> schedulings{{"fifo", Scheduling::kFifo},
+                                                      {"deadline", Scheduling::kDeadline}};
+  app.add_option("--scheduling", options.scheduling.scheduling,
+                 "of --realtime: fifo (SCHED_FIFO) or deadline (SCHED_DEADLINE)")
+      ->transform(CLI::CheckedTransformer(schedulings, CLI::ignore_case))
+      ->default_str("fifo");
+  app.add_option("--priority", options.scheduling.priority, "of SCHED_FIFO")
+      ->check(CLI::Range(1, 99))
+      ->capture_default_str();
+  app.add_option("--cpu", options.scheduling.cpu,
+                 "of --realtime: the processor that the loop runs on; -1: any. Not with deadline")
+      ->check(CLI::Range(-1, 1023))
+      ->capture_default_str();
+  app.add_option("--latency-test", options.latency_test_s,
+                 "measure for so long how late this machine wakes a loop [s]; no BUS, no MOTION")
+      ->check(CLI::Range(0.01, 1e6));
+  app.add_option("--rate-hz", options.rate_hz, "of --latency-test; a run's rate is its drives'")
+      ->check(CLI::Range(1.0, 1e5))
+      ->capture_default_str();
+  app.add_flag("--attended", options.attended,
+               "wait for `tumbler-ctl start` before each run, until Ctrl-C; needs --lcm-url");
   app.add_option("--speed", options.speed, "playback speed; feed-forward is scaled by its square")
       ->check(CLI::Range(0.1, 1.0))
       ->capture_default_str();
@@ -436,14 +573,14 @@ int Main(int argc, char** argv) {
   app.add_option("--json", options.json,
                  "write the summary as JSON to this file, or - for standard output");
   app.add_option("--trace", options.trace, "write every tick to this CSV file");
+  app.add_option("--record", options.record,
+                 "record the whole run in this file, which must not exist (see tumbler-record and "
+                 "tumbler-replay)");
   app.add_option("--twin", options.twin,
                  "sim: the simulated robot as it is, with disturbances (TOML); without it, as the "
                  "motion has it");
   app.add_option("--truth", options.truth,
                  "sim: write what is true of the simulated robot to this LCM log");
-  app.add_option("--record", options.record,
-                 "record the whole run in this file, which must not exist (see tumbler-record and "
-                 "tumbler-replay)");
   options.command_line.assign(argv, argv + argc);
   try {
     app.parse(argc, argv);
@@ -454,7 +591,8 @@ int Main(int argc, char** argv) {
     return kExitUsage;
   }
   try {
-    return Run(options);
+    CheckTogether(options);
+    return options.latency_test_s > 0 ? TestLatency(options) : Run(options);
   } catch (const Refused& refused) {
     fmt::print(stderr, "tumbler-run: refused: {}\n", refused.what());
     return kExitRefused;

@@ -73,20 +73,6 @@ SocketCanBus::OpenResult Refuse(Status status, int error_number, const std::stri
 
 }  // namespace
 
-const char* ToString(CanControllerState state) noexcept {
-  switch (state) {
-    case CanControllerState::kErrorActive:
-      return "error-active";
-    case CanControllerState::kErrorWarning:
-      return "error-warning";
-    case CanControllerState::kErrorPassive:
-      return "error-passive";
-    case CanControllerState::kBusOff:
-      return "bus-off";
-  }
-  return "unknown state";
-}
-
 /// Restarts the interface when asked: the driver may take its time over that, and the loop cannot
 /// wait.
 class SocketCanBus::Restarter {
@@ -330,11 +316,15 @@ SocketCanBus::OpenResult SocketCanBus::SetUp(const std::string& interface,
   return {};
 }
 
-bool SocketCanBus::IsUp() const noexcept {
+// kOk: it is up.
+Status SocketCanBus::AskInterface() const noexcept {
   ifreq request{};
   std::copy_n(interface_.begin(), std::min<std::size_t>(interface_.size(), IFNAMSIZ - 1),
               request.ifr_name);
-  return ioctl(socket_, SIOCGIFFLAGS, &request) == 0 && (request.ifr_flags & IFF_UP) != 0;
+  if (ioctl(socket_, SIOCGIFFLAGS, &request) != 0) {
+    return errno == ENODEV ? Status::kLinkGone : Status::kLinkDown;
+  }
+  return (request.ifr_flags & IFF_UP) != 0 ? Status::kOk : Status::kLinkDown;
 }
 
 Status SocketCanBus::Failed(int error_number) noexcept {
@@ -344,8 +334,10 @@ Status SocketCanBus::Failed(int error_number) noexcept {
       return Status::kWouldBlock;
     case ENODEV:
     case ENXIO:
+      errno_ = error_number;
       gone_ = true;
-      [[fallthrough]];
+      ForgetInFlight();
+      return Status::kLinkGone;
     case ENETDOWN:
       errno_ = error_number;
       link_down_ = true;
@@ -358,9 +350,15 @@ Status SocketCanBus::Failed(int error_number) noexcept {
 }
 
 Status SocketCanBus::LinkStatus() noexcept {
-  if (socket_ < 0 || gone_) return Status::kLinkDown;
+  if (socket_ < 0) return Status::kLinkDown;
+  if (gone_) return Status::kLinkGone;
   if (link_down_) {
-    if (!IsUp()) return Status::kLinkDown;
+    const Status status = AskInterface();
+    if (status == Status::kLinkGone) {
+      gone_ = true;
+      errno_ = ENODEV;
+    }
+    if (status != Status::kOk) return status;
     link_down_ = false;
     controller_ = CanControllerState::kErrorActive;  // As one that was brought up starts.
   }

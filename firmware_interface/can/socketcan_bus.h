@@ -13,15 +13,6 @@
 
 namespace tumbler {
 
-/// State of a CAN controller by its error counters (ISO 11898-1).
-enum class CanControllerState : std::uint8_t {
-  kErrorActive,
-  kErrorWarning,  ///< A counter is above 96.
-  kErrorPassive,  ///< A counter is above 127: it no longer stops others' faulty frames.
-  kBusOff,        ///< The transmit counter is above 255: it takes no part until it is restarted.
-};
-[[nodiscard]] const char* ToString(CanControllerState state) noexcept;
-
 /// How a SocketCAN interface is to be used.
 struct SocketCanConfig {
   /// 11-bit identifiers of the frames that are sent and of those that are wanted; the kernel drops
@@ -80,8 +71,9 @@ struct SocketCanStatistics {
 ///   discarded. Confirmations are seen by Receive: call it between sending.
 /// - Error frames tell the controller's state, of which bus-off is an error of Send and Receive
 ///   until the kernel reports a restart.
-/// - An interface that is down or gone is kLinkDown. One that comes up again works again; one that
-///   was removed (an adapter unplugged) needs a new Open.
+/// - An interface that is down is kLinkDown, and works again once it is up. One that was removed
+/// (an
+///   adapter unplugged) is kLinkGone and needs a new Open.
 /// - Frames carry the kernel's receive time, moved from its real-time clock to CLOCK_MONOTONIC.
 ///   Frames of other sockets on this machine are received like those of other nodes.
 ///
@@ -116,9 +108,11 @@ class SocketCanBus final : public CanBus {
 
   [[nodiscard]] int last_errno() const noexcept {
     return errno_;
-  }  ///< Cause of the last kLinkDown or kIoError.
+  }  ///< Cause of the last kLinkDown, kLinkGone or kIoError.
   [[nodiscard]] const SocketCanStatistics& statistics() const noexcept { return statistics_; }
-  [[nodiscard]] CanControllerState controller_state() const noexcept { return controller_; }
+  [[nodiscard]] CanControllerState controller_state() const noexcept override {
+    return controller_;
+  }
   /// Frames sent that were neither confirmed nor discarded: they may still go out.
   [[nodiscard]] int in_flight() const noexcept { return in_flight_count_; }
   /// The interface as it was at Open.
@@ -149,7 +143,7 @@ class SocketCanBus final : public CanBus {
   void Confirm(const CanFrame& frame, std::int64_t time_ns) noexcept;
   void TakeError(std::uint32_t kinds, const std::uint8_t* data) noexcept;
   bool TakeMessage(std::size_t index, ReceivedFrame& received) noexcept;
-  [[nodiscard]] bool IsUp() const noexcept;
+  [[nodiscard]] Status AskInterface() const noexcept;
 
   int socket_ = -1;
   std::string interface_;  // set by Open only

@@ -159,7 +159,9 @@ CanFrame EncodeCanSimpleClearErrors(std::uint8_t node) noexcept {
 }
 
 Status CanSimpleConfig::Validate() const noexcept {
-  if (node_id > kCanSimpleNodeMax || heartbeat_ticks_max < 1) return Status::kInvalidArgument;
+  if (node_id > kCanSimpleNodeMax || heartbeat_ticks_max < 1 || estimates_per_tick_max < 1) {
+    return Status::kInvalidArgument;
+  }
   if (!range.position_rad.ContainsZeroWithin(kPositionMax_rad) ||
       !range.velocity_rad_s.ContainsZeroWithin(kFeedForwardMax * kTwoPi * 1.000001F) ||
       !range.torque_nm.ContainsZeroWithin(kFeedForwardMax)) {
@@ -191,6 +193,7 @@ DriveFeedback CanSimpleDrive::feedback() const noexcept {
 }
 
 DriveState CanSimpleDrive::state() const noexcept {
+  if (!IsStateKnown() && heartbeat_age_ < kNeverHeard) return DriveState::kLost;
   if (!has_estimates_ || !IsStateKnown()) return DriveState::kUnknown;
   if (HasError()) return DriveState::kFault;
   const bool closed = heartbeat_.state == kCanSimpleClosedLoop;
@@ -290,7 +293,7 @@ Status CanSimpleDrive::Encode(DriveRequest request, const DriveSetpoint& setpoin
   constexpr std::size_t kMostFrames = 3;
   if (!valid_) return Status::kInvalidArgument;
   if (batch.frames().size() + kMostFrames > FrameBatch::kCapacity) return Status::kCapacityExceeded;
-  if (heartbeat_age_ < (1 << 30)) ++heartbeat_age_;
+  if (heartbeat_age_ < kNeverHeard - 1) ++heartbeat_age_;
   const bool enable = request == DriveRequest::kEnable;
   const bool usable = !enable || setpoint.IsFinite();
   const Stage before = stage_;

@@ -140,6 +140,9 @@ struct CanSimpleConfig {
   /// Ticks without a heartbeat after which the drive's state counts as unknown: > 2 of its periods
   /// (100 ms by default, `heartbeat_msg_rate_ms`).
   int heartbeat_ticks_max = 250;
+  /// Estimates that may come in one tick: `encoder_msg_rate_ms` against the tick, and one for the
+  /// drift of the drive's clock. >= 1.
+  int estimates_per_tick_max = 2;
 
   /// @retval kInvalidArgument  a value is outside what its comment allows.
   [[nodiscard]] Status Validate() const noexcept;
@@ -162,7 +165,7 @@ struct CanSimpleConfig {
 /// torque away as fast.
 ///
 /// State changes are known from heartbeats: set their period to 10 ms or so. kFault while the last
-/// heartbeat or error message carries an error.
+/// heartbeat or error message carries an error; kLost when heartbeats have stopped.
 class CanSimpleDrive final : public Drive {
  public:
   /// @pre config.Validate() is kOk; otherwise every Encode returns kInvalidArgument and sends
@@ -176,9 +179,16 @@ class CanSimpleDrive final : public Drive {
   [[nodiscard]] DriveSetpoint encoded_setpoint() const noexcept override { return encoded_; }
   [[nodiscard]] DriveFeedback feedback() const noexcept override;
   [[nodiscard]] DriveState state() const noexcept override;
+  [[nodiscard]] ReplyRhythm reply_rhythm() const noexcept override {
+    return {false, config_.estimates_per_tick_max};
+  }
+  [[nodiscard]] HeartbeatAge heartbeat() const noexcept override {
+    return {heartbeat_age_, config_.heartbeat_ticks_max};
+  }
   [[nodiscard]] const CanSimpleConfig& config() const noexcept { return config_; }
 
  private:
+  static constexpr int kNeverHeard = 1 << 30;
   enum class Stage : std::uint8_t { kOff, kRequest, kWait, kFollow, kTripped };
 
   [[nodiscard]] bool HasError() const noexcept {
@@ -200,7 +210,7 @@ class CanSimpleDrive final : public Drive {
   Stage stage_ = Stage::kOff;
   bool velocity_mode_ = false;  // what the drive was last told
   int wait_ticks_ = 0;
-  int heartbeat_age_ = 1 << 30;  // ticks since the last heartbeat
+  int heartbeat_age_ = kNeverHeard;  // ticks since the last heartbeat
   bool idle_since_request_ = false;
   bool has_estimates_ = false;
   CanSimpleHeartbeat heartbeat_;

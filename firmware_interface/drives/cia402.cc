@@ -233,11 +233,12 @@ std::uint32_t Cia402Drive::FindError() const noexcept {
   if (power_ == Cia402State::kEnabled && (statusword_ & kCia402FollowingError) != 0) {
     return kEmergencyFollowingError;
   }
-  return IsHeartbeatLost() ? std::uint32_t{kEmergencyHeartbeat} : 0U;
+  return 0;
 }
 
 DriveState Cia402Drive::FindState() const noexcept {
   if (feedback_.error != 0) return DriveState::kFault;
+  if (IsHeartbeatLost() && link_ == Link::kRunning) return DriveState::kLost;
   if (!heard_ || link_ != Link::kRunning) return DriveState::kUnknown;
   switch (follow_) {
     case Follow::kOff:

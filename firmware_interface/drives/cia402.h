@@ -143,7 +143,8 @@ bool Cia402SetUp(const Cia402Config& config, int step, SdoRequest& request) noex
 /// Operation Enabled ends it: 0x0000 until the request has been kDisable.
 ///
 /// kFault on the fault state, an EMCY that was not taken back, the following-error bit while
-/// enabled (8611h), a refused set-up, and on the loss of the drive's heartbeat (8130h).
+/// enabled (8611h), and a refused set-up. kLost when the drive's heartbeat has stopped: the
+/// frames go out as asked all the same, and kClearErrors begins with the drive anew.
 class Cia402Drive final : public Drive {
  public:
   static constexpr int kAnswerTicks = 200;
@@ -160,6 +161,9 @@ class Cia402Drive final : public Drive {
   [[nodiscard]] DriveSetpoint encoded_setpoint() const noexcept override { return encoded_; }
   [[nodiscard]] DriveFeedback feedback() const noexcept override { return feedback_; }
   [[nodiscard]] DriveState state() const noexcept override { return state_; }
+  [[nodiscard]] HeartbeatAge heartbeat() const noexcept override {
+    return {heartbeat_age_, heartbeat_ticks_max_};
+  }
   [[nodiscard]] const Cia402Config& config() const noexcept { return config_; }
 
  private:

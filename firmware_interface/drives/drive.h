@@ -56,6 +56,21 @@ enum class DriveState : std::uint8_t {
   kEnabling,  ///< The start-up sequence is under way.
   kEnabled,   ///< The next setpoint will be followed.
   kFault,     ///< The drive reports an error.
+  kLost,      ///< Its own heartbeat has stopped: what it does now is not known.
+};
+
+/// How a drive's measured positions come.
+struct ReplyRhythm {
+  /// One to each tick in which the drive was written, so that repeated and belated ones can be told
+  /// by counting. Otherwise the drive sends by its own clock.
+  bool answers = true;
+  int per_tick_max = 1;  ///< Where it sends by its own clock: the most in one period.
+};
+
+/// Age of a drive's heartbeat.
+struct HeartbeatAge {
+  int ticks = 0;
+  int limit_ticks = 0;  ///< Beyond it the state is kLost; 0: the protocol has no heartbeat.
 };
 
 /// The frames of one tick for one drive.
@@ -109,6 +124,9 @@ class Drive {
   [[nodiscard]] virtual DriveSetpoint encoded_setpoint() const noexcept = 0;
   [[nodiscard]] virtual DriveFeedback feedback() const noexcept = 0;
   [[nodiscard]] virtual DriveState state() const noexcept = 0;
+
+  [[nodiscard]] virtual ReplyRhythm reply_rhythm() const noexcept { return {}; }
+  [[nodiscard]] virtual HeartbeatAge heartbeat() const noexcept { return {}; }
 };
 
 }  // namespace tumbler

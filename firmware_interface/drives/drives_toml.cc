@@ -164,6 +164,7 @@ void ReadCanSimple(TomlTable& table, const DrivesConfig& bus, DriveEntry& drive)
   }
   can.heartbeat_ticks_max =
       static_cast<int>(std::ceil(2.5 * messages.heartbeat_s * bus.rate_hz)) + 1;
+  can.estimates_per_tick_max = static_cast<int>(std::ceil(1 / estimate_ticks)) + 1;
   drive.config = can;
 }
 

@@ -329,11 +329,13 @@ DriveState MitDrive::Inferred() const noexcept {
 }
 
 DriveState MitDrive::state() const noexcept {
+  if (stage_ == Stage::kFollow && feedback_.error == 0) return DriveState::kEnabled;  // mostly
   if (!heard_) return DriveState::kUnknown;
   return feedback_.error != 0 ? DriveState::kFault : Inferred();
 }
 
 void MitDrive::NextStage(bool enable) noexcept {
+  if (enable && stage_ == Stage::kFollow) return;
   if (!enable) {
     if (stage_ == Stage::kExit) return;
     before_exit_ = Inferred();

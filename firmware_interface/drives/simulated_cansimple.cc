@@ -41,6 +41,7 @@ SimulatedCanSimpleDrive::SimulatedCanSimpleDrive(const SimulatedCanSimpleConfig&
 SimulatedPortConfig SimulatedCanSimpleDrive::port_config() const noexcept {
   SimulatedPortConfig config;
   config.transmit_capacity = 8;
+  config.restart_ns = 0;  // Firmware lets its controller recover from bus-off by itself.
   return config;
 }
 

@@ -46,6 +46,7 @@ SimulatedCia402Drive::SimulatedCia402Drive(const SimulatedCia402Config& config)
 SimulatedPortConfig SimulatedCia402Drive::port_config() const noexcept {
   SimulatedPortConfig config;
   config.transmit_capacity = 8;
+  config.restart_ns = 0;  // Firmware lets its controller recover from bus-off by itself.
   return config;
 }
 

@@ -12,6 +12,7 @@ SimulatedMitDrive::SimulatedMitDrive(const SimulatedMitConfig& config)
 SimulatedPortConfig SimulatedMitDrive::PortConfig() noexcept {
   SimulatedPortConfig config;
   config.transmit_capacity = 3;
+  config.restart_ns = 0;  // Firmware lets its controller recover from bus-off by itself.
   config.auto_retransmit = false;
   return config;
 }

@@ -12,6 +12,7 @@
 #include "firmware_interface/drives/logged_position.h"
 #include "offline/flight_report/robot_paths.h"
 #include "offline/flight_report/truth.h"
+#include "runtime/linux/operator_mailbox.h"
 #include "runtime/linux/telemetry.h"
 #include "runtime/record/flight_record.h"
 
@@ -56,8 +57,8 @@ class RunReader {
                                     fmt::join(run_.scene.joint_names, ", ")));
     }
     for (const auto& [name, meaning] :
-         {std::pair("wake-up", "from the deadline of a tick to when the loop was awake"),
-          std::pair("tick", "from when the loop was awake to handing the frames to the bus"),
+         {std::pair("wake-up", "from what the loop slept for to when it was awake"),
+          std::pair("tick", "from when the loop was awake to all done"),
           std::pair("reply", "from handing a setpoint to the bus to the arrival of the reply"),
           std::pair("frame age", "from the arrival of a frame to the tick that took it")}) {
       run_.latencies.push_back({name, meaning, {}});
@@ -90,7 +91,7 @@ class RunReader {
     bool any = false;
     while (record_.Next(*entry)) {
       if (!any || entry->record.state == ExecutorState::kRunning) {
-        zero_ns_ = entry->times.deadline_ns;
+        zero_ns_ = entry->notes.deadline_ns;
       }
       any = true;
       if (entry->record.state == ExecutorState::kRunning) break;
@@ -126,7 +127,7 @@ class RunReader {
   void AddTick(const TickEntry& entry) {
     const TickRecord& record = entry.record;
     RunTick tick;
-    tick.time_s = Seconds(entry.times.deadline_ns - zero_ns_);
+    tick.time_s = Seconds(entry.notes.deadline_ns - zero_ns_);
     tick.tick = record.tick;
     tick.state = record.state;
     tick.reaction = record.reaction;
@@ -142,7 +143,7 @@ class RunReader {
     AddLatencies(entry, !first && entry.index == index_before_ + 1);
     FollowBand(tick, before);
     index_before_ = entry.index;
-    send_before_ns_ = entry.times.send_ns;
+    send_before_ns_ = entry.notes.send_ns;
     run_.ticks.push_back(tick);
     for (std::size_t j = 0; j < run_.joint_count(); ++j) {
       run_.joint_ticks.push_back(record.joints[j]);
@@ -159,6 +160,17 @@ class RunReader {
       Event(t, RunEvent::Kind::kTiming,
             fmt::format("{} control periods missed", tick.tick - before.tick - 1));
     }
+    const TickNotes& notes = entry.notes;
+    if (notes.request != 0 && (notes.request_id != request_id_ || notes.request != request_)) {
+      std::string text =
+          fmt::format("operator: {}", ToString(static_cast<OperatorRequest>(notes.request)));
+      if (notes.request_refusal != Refusal::kNone) {
+        text += fmt::format(", refused: {}", ToString(notes.request_refusal));
+      }
+      Event(t, RunEvent::Kind::kRequest, text);
+    }
+    request_id_ = notes.request_id;
+    request_ = notes.request;
     if (record.command != OperatorCommand::kNone) {
       std::string text = ToString(record.command);
       if (record.command == OperatorCommand::kBranch) {
@@ -178,7 +190,7 @@ class RunReader {
     }
     first_fault_ = record.first_fault;
     for (std::size_t f = 1; f < kFaultCount; ++f) {
-      const auto bit = static_cast<std::uint16_t>(1U << f);
+      const std::uint32_t bit = std::uint32_t{1} << f;
       const auto fault = static_cast<Fault>(f);
       if ((record.faults & bit) != 0 && (faults_ & bit) == 0 && fault != record.first_fault.fault) {
         Event(t, RunEvent::Kind::kFault, fmt::format("also: {}", ToString(fault)));
@@ -204,9 +216,9 @@ class RunReader {
   }
 
   void AddLatencies(const TickEntry& entry, bool adjacent) {
-    const TickTimes& times = entry.times;
-    run_.latencies[0].values_ns.push_back(times.awake_ns - times.deadline_ns);
-    run_.latencies[1].values_ns.push_back(times.send_ns - times.awake_ns);
+    const TickNotes& times = entry.notes;
+    run_.latencies[0].values_ns.push_back(times.awake_ns - times.due_ns);
+    run_.latencies[1].values_ns.push_back(times.done_ns - times.awake_ns);
     for (const DriveEntry& drive : configured_.drives().drives) {
       if (!adjacent) break;
       for (const ReceivedFrame& received : entry.input().received) {
@@ -412,7 +424,9 @@ class RunReader {
   std::int64_t index_before_ = 0;
   std::int64_t send_before_ns_ = 0;
   FaultReport first_fault_;
-  std::uint16_t faults_ = 0;
+  std::uint32_t faults_ = 0;
+  std::uint32_t request_id_ = 0;
+  std::uint8_t request_ = 0;
   bool in_band_ = false;
   std::size_t last_running_ = 0;
   std::vector<truth_t> truths_;

@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "common/primitive.h"
+#include "common/realtime.h"
 #include "firmware_interface/can/bus.h"
 #include "runtime/executor.h"
 #include "runtime/linux/clock.h"
@@ -25,7 +26,9 @@ struct LoopStatistics {
   std::int64_t frames_received = 0;
   std::int64_t send_failures = 0;  ///< Frames that the bus did not take; they are dropped.
   DurationHistogram wake_up;       ///< From deadline to running.
-  DurationHistogram tick;          ///< From running to the last frame handed to the bus.
+  DurationHistogram tick;          ///< From running to all done but the record's hand-over.
+  DurationHistogram frame_age;     ///< Of received frames: from the end on the wire to being used.
+  ReplyAgeHistogram reply_age_ticks;  ///< Of the joints' measurements, in every tick.
 
   /// Joints, while the primitive runs and settles.
   std::array<float, kMaxJoints> peak_torque_nm{};  ///< |measured|
@@ -58,8 +61,9 @@ class ControlLoop {
   bool Step() noexcept;
 
   [[nodiscard]] const TickRecord& record() const noexcept { return output_.record; }
+  [[nodiscard]] const TimedRecord& timed_record() const noexcept { return timed_; }
   [[nodiscard]] std::int64_t time_ns() const noexcept {
-    return time_ns_;
+    return timed_.time_ns;
   }  ///< Deadline of the last tick.
   [[nodiscard]] const LoopStatistics& statistics() const noexcept { return statistics_; }
 
@@ -67,19 +71,29 @@ class ControlLoop {
   /// More frames than a bus can carry in one period of the slowest loop wait for the next tick.
   static constexpr std::size_t kReceiveCapacity = TickEntry::kReceivedMax;
 
+  bool Tick(std::int64_t deadline_ns, std::int64_t awake_ns) noexcept TUMBLER_NONBLOCKING;
+  std::size_t Receive(std::int64_t awake_ns) noexcept;
+  OperatorCommand Ask(const OperatorWish& wish) noexcept;
+  void Send(TickNotes& notes) noexcept;
   void Count() noexcept;
 
   Parts parts_;
   std::int64_t period_ns_;
   std::int64_t start_ns_;
   std::int64_t next_tick_ = 0;
-  std::int64_t time_ns_ = 0;
+  Status receive_status_ = Status::kOk;
   Status send_status_ = Status::kOk;
   std::array<ReceivedFrame, kReceiveCapacity> received_;
   std::array<CanFrame, std::size_t{kMaxJoints} * FrameBatch::kCapacity> to_send_;
   TickOutput output_;
+  TimedRecord timed_;                                  // `request` stays that of the last wish.
   std::array<float, kMaxJoints> last_position_rad_{};  // limited, of the tick before
   LoopStatistics statistics_;
 };
+
+/// A loop that only sleeps and wakes, in the same way: what the machine adds to any tick.
+/// @param mailbox  anything put there ends it.
+[[nodiscard]] LoopStatistics MeasureWakeUps(Clock& clock, OperatorMailbox& mailbox,
+                                            std::int64_t period_ns, std::int64_t ticks) noexcept;
 
 }  // namespace tumbler

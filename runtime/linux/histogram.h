@@ -4,6 +4,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 
 namespace tumbler {
 
@@ -39,6 +40,7 @@ class DurationHistogram {
     return max_ns_;
   }
 
+  [[nodiscard]] std::span<const std::int64_t> bins() const noexcept { return bins_; }
   /// Durations of a millisecond or more.
   [[nodiscard]] std::int64_t beyond() const noexcept { return bins_[kBins]; }
 
@@ -46,6 +48,28 @@ class DurationHistogram {
   std::array<std::int64_t, kBins + 1> bins_{};
   std::int64_t count_ = 0;
   std::int64_t max_ns_ = 0;
+};
+
+/// Counts of ages in ticks, 0 ... 14, more, and of what was never there.
+class ReplyAgeHistogram {
+ public:
+  static constexpr std::size_t kBins = 15;
+
+  /// @param age_ticks  negative: never.
+  void Add(std::int32_t age_ticks) noexcept {
+    ++bins_[age_ticks < 0 ? kBins + 1 : std::min(static_cast<std::size_t>(age_ticks), kBins)];
+    max_ = std::max(max_, age_ticks);
+  }
+  /// @param age_ticks  0 ... 15; 15 counts all from there on.
+  [[nodiscard]] std::int64_t count(std::size_t age_ticks) const noexcept {
+    return bins_[age_ticks];
+  }
+  [[nodiscard]] std::int64_t never() const noexcept { return bins_[kBins + 1]; }
+  [[nodiscard]] std::int32_t max() const noexcept { return max_; }  ///< -1: nothing was counted.
+
+ private:
+  std::array<std::int64_t, kBins + 2> bins_{};
+  std::int32_t max_ = -1;
 };
 
 }  // namespace tumbler

@@ -8,9 +8,12 @@ namespace {
 void OnInterrupt(int /*signal*/) {
   static volatile std::sig_atomic_t count = 0;
   count = count + 1;
-  InterruptMailbox().Put(count == 1   ? OperatorCommand::kFinish
-                         : count == 2 ? OperatorCommand::kStop
-                                      : OperatorCommand::kDisarm);
+  OperatorWish wish;
+  wish.request = count == 1   ? OperatorRequest::kFinish
+                 : count == 2 ? OperatorRequest::kStop
+                              : OperatorRequest::kDisarm;
+  wish.quit = true;
+  InterruptMailbox().Put(wish);
 }
 
 }  // namespace

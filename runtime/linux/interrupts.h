@@ -8,7 +8,7 @@ namespace tumbler {
 OperatorMailbox& InterruptMailbox();
 
 /// From now on the first SIGINT or SIGTERM asks to finish, the second to stop, and every further
-/// one for torque off.
+/// one for torque off; each of them to end the program afterwards.
 void CatchInterrupts();
 
 }  // namespace tumbler

@@ -13,6 +13,13 @@
 
 namespace tumbler {
 
+static_assert(command_t::START == static_cast<int>(OperatorRequest::kStart));
+static_assert(command_t::BRANCH == static_cast<int>(OperatorRequest::kBranch));
+static_assert(command_t::CLEAR_FAULTS == static_cast<int>(OperatorRequest::kClearFaults));
+static_assert(command_t::FINISH == static_cast<int>(OperatorRequest::kFinish));
+static_assert(command_t::STOP == static_cast<int>(OperatorRequest::kStop));
+static_assert(command_t::DISARM == static_cast<int>(OperatorRequest::kDisarm));
+
 struct LcmCommands::Implementation {
   Implementation(const std::string& url, OperatorMailbox& mailbox_in,
                  const SequenceGraph<float>& graph_in)
@@ -29,23 +36,24 @@ struct LcmCommands::Implementation {
 
   static void Handle(const lcm::ReceiveBuffer* /*buffer*/, const std::string& /*channel*/,
                      const command_t* message, Implementation* self) {
+    OperatorWish wish;
+    wish.id = static_cast<std::uint32_t>(message->id);
     switch (message->command) {
-      case command_t::STOP:
-        return self->mailbox.Put(OperatorCommand::kStop);
-      case command_t::DISARM:
-        return self->mailbox.Put(OperatorCommand::kDisarm);
+      case command_t::START:
       case command_t::CLEAR_FAULTS:
-        return self->mailbox.Put(OperatorCommand::kClearFaults);
       case command_t::FINISH:
-        return self->mailbox.Put(OperatorCommand::kFinish);
+      case command_t::STOP:
+      case command_t::DISARM:
+        break;
       case command_t::BRANCH:
         // A name that is not there becomes number -1, which the executor refuses where all see it.
-        return self->mailbox.Put(
-            {OperatorCommand::kBranch,
-             static_cast<std::int8_t>(self->graph.FindBranch(message->branch))});
+        wish.branch = static_cast<std::int8_t>(self->graph.FindBranch(message->branch));
+        break;
       default:
-        return;  // Motion is never started from the network.
+        return;  // Nothing else is known here, arming and moving least of all.
     }
+    wish.request = static_cast<OperatorRequest>(message->command);
+    self->mailbox.Put(wish);
   }
 
   lcm::LCM lcm;

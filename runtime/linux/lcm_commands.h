@@ -3,6 +3,7 @@
 #include <memory>
 #include <string>
 
+#include "common/sequence.h"
 #include "runtime/linux/operator_mailbox.h"
 
 namespace tumbler {

@@ -1,12 +1,14 @@
 #include "runtime/linux/realtime_thread.h"
 
 #include <fmt/format.h>
-#include <pthread.h>
 #include <sched.h>
 #include <sys/mman.h>
+#include <sys/syscall.h>
+#include <unistd.h>
 
 #include <array>
 #include <cerrno>
+#include <cmath>
 #include <cstddef>
 #include <system_error>
 
@@ -20,27 +22,86 @@ void TouchStack() {
   for (std::size_t i = 0; i < pages.size(); i += 1024) pages[i] = 0;
 }
 
+/// `struct sched_attr` of the kernel, first version; the C library does not declare it.
+struct SchedulingAttributes {
+  std::uint32_t size = sizeof(SchedulingAttributes);
+  std::uint32_t policy = 0;
+  std::uint64_t flags = 0;
+  std::int32_t nice = 0;
+  std::uint32_t priority = 0;
+  std::uint64_t runtime = 0;
+  std::uint64_t deadline = 0;
+  std::uint64_t period = 0;
+};
+
+/// @returns errno, or 0.
+int SetScheduling(const RealtimeConfig& config) {
+  SchedulingAttributes attributes;
+  if (config.scheduling == Scheduling::kFifo) {
+    attributes.policy = SCHED_FIFO;
+    attributes.priority = static_cast<std::uint32_t>(config.priority);
+  } else {
+    constexpr std::uint32_t kSchedDeadline = 6;
+    attributes.policy = kSchedDeadline;
+    attributes.period = static_cast<std::uint64_t>(config.period_ns);
+    attributes.deadline = attributes.period;
+    attributes.runtime = static_cast<std::uint64_t>(
+        std::llround(static_cast<double>(config.period_ns) * config.share));
+  }
+  return syscall(SYS_sched_setattr, 0, &attributes, 0) == 0 ? 0 : errno;
+}
+
+int Pin(int cpu) {
+  cpu_set_t set;
+  CPU_ZERO(&set);
+  CPU_SET(static_cast<std::size_t>(cpu), &set);
+  return sched_setaffinity(0, sizeof(set), &set) == 0 ? 0 : errno;
+}
+
+std::string Text(int error) { return std::generic_category().message(error); }
+
 }  // namespace
 
-RealtimeReport EnterRealtime(int priority) {
+RealtimeReport EnterRealtime(const RealtimeConfig& config) {
   RealtimeReport report;
-  sched_param parameters{};
-  parameters.sched_priority = priority;
-  const int scheduled = pthread_setschedparam(pthread_self(), SCHED_FIFO, &parameters);
-  report.fifo = scheduled == 0;
-  if (!report.fifo) {
-    report.problems += fmt::format(
-        "SCHED_FIFO priority {} is not in force: {} (run as root, or give the user `rtprio {}` in "
-        "/etc/security/limits.conf)",
-        priority, std::generic_category().message(scheduled), priority);
+  const auto problem = [&report](const std::string& text) {
+    if (!report.problems.empty()) report.problems += "; ";
+    report.problems += text;
+  };
+  const std::string name =
+      config.scheduling == Scheduling::kFifo
+          ? fmt::format("SCHED_FIFO {}", config.priority)
+          : fmt::format("SCHED_DEADLINE {:.0f} of {:.0f} us",
+                        static_cast<double>(config.period_ns) * config.share / 1e3,
+                        static_cast<double>(config.period_ns) / 1e3);
+  const int pinned = config.cpu < 0 ? 0 : Pin(config.cpu);
+  if (pinned != 0) {
+    problem(
+        fmt::format("the loop does not run on processor {}: {} (`lscpu` lists those that are "
+                    "online)",
+                    config.cpu, Text(pinned)));
   }
+  const int scheduled = SetScheduling(config);
+  if (scheduled != 0) {
+    problem(fmt::format(
+        "{} is not in force: {} ({})", name, Text(scheduled),
+        config.scheduling == Scheduling::kDeadline
+            ? "run as root, on all processors, with no more than 95 % of them given away"
+            : fmt::format("run as root, or give the user `rtprio {}` in /etc/security/limits.conf",
+                          config.priority)));
+  }
+  report.scheduled = scheduled == 0 && pinned == 0;
   report.memory_locked = mlockall(MCL_CURRENT | MCL_FUTURE) == 0;
   if (!report.memory_locked) {
-    report.problems += fmt::format(
-        "{}memory is not locked: {} (run as root, or give the user `memlock unlimited` in "
-        "/etc/security/limits.conf)",
-        report.problems.empty() ? "" : "; ", std::generic_category().message(errno));
+    problem(
+        fmt::format("memory is not locked: {} (run as root, or give the user `memlock "
+                    "unlimited` in /etc/security/limits.conf)",
+                    Text(errno)));
   }
+  report.scheduling =
+      fmt::format("{}{}{}", scheduled == 0 ? name : "time-shared",
+                  report.memory_locked ? ", memory locked" : "",
+                  config.cpu >= 0 && pinned == 0 ? fmt::format(", processor {}", config.cpu) : "");
   TouchStack();
   return report;
 }

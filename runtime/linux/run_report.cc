@@ -3,16 +3,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 namespace tumbler {
-namespace {
-
-double Microseconds(std::int64_t ns) { return static_cast<double>(ns) * 1e-3; }
-
-}  // namespace
-
 const char* ToString(RunOutcome outcome) noexcept {
   switch (outcome) {
     case RunOutcome::kPending:
@@ -28,6 +24,30 @@ const char* ToString(RunOutcome outcome) noexcept {
   }
   return "unknown";
 }
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+double Microseconds(std::int64_t ns) { return static_cast<double>(ns) * 1e-3; }
+
+constexpr std::array<double, 4> kShares{0.5, 0.99, 0.999, 0.9999};
+
+std::array<std::pair<const char*, const DurationHistogram*>, 3> Durations(
+    const LoopStatistics& statistics) {
+  return {{{"wake-up", &statistics.wake_up},
+           {"tick", &statistics.tick},
+           {"frame age", &statistics.frame_age}}};
+}
+
+/// Measurements of two ticks and more.
+std::int64_t Older(const ReplyAgeHistogram& age) {
+  std::int64_t older = 0;
+  for (std::size_t i = 2; i <= ReplyAgeHistogram::kBins; ++i) older += age.count(i);
+  return older;
+}
+
+}  // namespace
 
 std::optional<bool> PassageReport::standing() const {
   if (!pitch_later_rad || !pitch_rate_later_rad_s) return std::nullopt;
@@ -61,11 +81,78 @@ void AppendPassages(const RunReport& report, std::string& text) {
 
 }  // namespace
 
+namespace {
+
+Json TimingJson(const LoopStatistics& statistics, const Machine& machine,
+                const std::string& scheduling) {
+  Json json;
+  for (const auto& [name, durations] : Durations(statistics)) {
+    std::string key(name);
+    std::replace(key.begin(), key.end(), ' ', '_');
+    std::replace(key.begin(), key.end(), '-', '_');
+    Json& entry = json[key];
+    entry["count"] = durations->count();
+    entry["p50_us"] = Microseconds(durations->PercentileNs(0.5));
+    entry["p99_us"] = Microseconds(durations->PercentileNs(0.99));
+    entry["p99_9_us"] = Microseconds(durations->PercentileNs(0.999));
+    entry["p99_99_us"] = Microseconds(durations->PercentileNs(0.9999));
+    entry["max_us"] = Microseconds(durations->max_ns());
+    entry["histogram_us_count"] = Json::array();  // [lower end of a bin of 1 us, how many]
+    for (std::size_t bin = 0; bin < durations->bins().size(); ++bin) {
+      if (durations->bins()[bin] > 0)
+        entry["histogram_us_count"].push_back({bin, durations->bins()[bin]});
+    }
+  }
+  const ReplyAgeHistogram& age = statistics.reply_age_ticks;
+  json["reply_age_ticks"] = {{"fresh", age.count(0)},
+                             {"one", age.count(1)},
+                             {"older", Older(age)},
+                             {"never", age.never()},
+                             {"max", age.max()}};
+  json["kernel"] = machine.kernel;
+  json["cpu"] = machine.cpu;
+  json["adapter"] = machine.adapter;
+  json["scheduling"] = scheduling;
+  return json;
+}
+
+}  // namespace
+
+std::string DescribeTiming(const LoopStatistics& statistics, const Machine& machine,
+                           const std::string& scheduling) {
+  std::string text = fmt::format("  {:16} {:>8} {:>8} {:>8} {:>8} {:>9} {:>10}\n", "time, us",
+                                 "p50", "p99", "p99.9", "p99.99", "max", "over 1 ms");
+  for (const auto& [name, durations] : Durations(statistics)) {
+    if (durations->count() == 0) continue;
+    text += fmt::format("  {:16}", name);
+    for (const double share : kShares)
+      text += fmt::format(" {:8.0f}", Microseconds(durations->PercentileNs(share)));
+    text += fmt::format(" {:9.0f} {:10}\n", Microseconds(durations->max_ns()), durations->beyond());
+  }
+  const ReplyAgeHistogram& age = statistics.reply_age_ticks;
+  if (age.max() >= 0) {
+    text += fmt::format("  {:16} {} fresh, {} one tick old, {} older (at most {})\n",
+                        "measurements", age.count(0), age.count(1), Older(age), age.max());
+  }
+  return text + fmt::format("  on {}, {}; adapter {}; {}\n", machine.kernel, machine.cpu,
+                            machine.adapter, scheduling);
+}
+
+std::string TimingToJson(const LoopStatistics& statistics, const Machine& machine,
+                         const std::string& scheduling) {
+  Json json = TimingJson(statistics, machine, scheduling);
+  json["ticks"] = statistics.ticks;
+  json["missed_ticks"] = statistics.missed_ticks;
+  json["late_ticks"] = statistics.late_ticks;
+  return json.dump(2) + '\n';
+}
+
 std::string ToText(const RunReport& report) {
   const LoopStatistics& s = report.statistics;
   std::string text = fmt::format("{}: {} on {}{}, speed {:.3g}, {:.6g} Hz\n",
                                  ToString(report.outcome), report.primitive, report.bus,
                                  report.dry_run ? " (dry run)" : "", report.speed, report.rate_hz);
+  if (report.attended) text += fmt::format("  {} runs\n", report.runs);
   if (!report.reason.empty()) text += fmt::format("  {}\n", report.reason);
   AppendPassages(report, text);
   for (const FallReport& fall : report.falls)
@@ -77,18 +164,11 @@ std::string ToText(const RunReport& report) {
   text += fmt::format("  ticks: {} ({} running), {} missed, {} late, {} with a limit active\n",
                       s.ticks, s.run_ticks, s.missed_ticks, s.late_ticks, s.limited_ticks);
   if (!report.simulated || report.realtime) {
-    text += fmt::format(
-        "  wake-up: p50 {:.0f} us, p99.9 {:.0f} us, max {:.0f} us; tick: p50 {:.0f} us, max {:.0f} "
-        "us\n",
-        Microseconds(s.wake_up.PercentileNs(0.5)), Microseconds(s.wake_up.PercentileNs(0.999)),
-        Microseconds(s.wake_up.max_ns()), Microseconds(s.tick.PercentileNs(0.5)),
-        Microseconds(s.tick.max_ns()));
+    text += DescribeTiming(s, report.machine,
+                           report.realtime ? report.realtime->scheduling : "time-shared");
   }
-  if (report.realtime) {
-    text += fmt::format("  real time: {}\n", report.realtime->in_force()
-                                                 ? "SCHED_FIFO and mlockall in force"
-                                                 : report.realtime->problems);
-  }
+  if (report.realtime && !report.realtime->in_force())
+    text += fmt::format("  NOT in real time: {}\n", report.realtime->problems);
   text += fmt::format(
       "  bus: {} frames sent, {} received, {} not sent; worst case {} bits a tick, {:.1f} %",
       s.frames_sent, s.frames_received, s.send_failures, report.worst_case_tick_bits,
@@ -122,7 +202,6 @@ std::string ToText(const RunReport& report) {
 }
 
 std::string ToJson(const RunReport& report) {
-  using Json = nlohmann::ordered_json;
   const LoopStatistics& s = report.statistics;
   Json json;
   json["outcome"] = ToString(report.outcome);
@@ -170,11 +249,9 @@ std::string ToJson(const RunReport& report) {
   json["missed_ticks"] = s.missed_ticks;
   json["late_ticks"] = s.late_ticks;
   json["limited_ticks"] = s.limited_ticks;
-  json["wake_up_p50_us"] = Microseconds(s.wake_up.PercentileNs(0.5));
-  json["wake_up_p99_9_us"] = Microseconds(s.wake_up.PercentileNs(0.999));
-  json["wake_up_max_us"] = Microseconds(s.wake_up.max_ns());
-  json["tick_p50_us"] = Microseconds(s.tick.PercentileNs(0.5));
-  json["tick_max_us"] = Microseconds(s.tick.max_ns());
+  json["timing"] =
+      TimingJson(s, report.machine, report.realtime ? report.realtime->scheduling : "time-shared");
+  if (report.attended) json["runs"] = report.runs;
   json["realtime_in_force"] = report.realtime && report.realtime->in_force();
   json["frames_sent"] = s.frames_sent;
   json["frames_received"] = s.frames_received;

@@ -59,7 +59,10 @@ struct RunReport {
   std::vector<PassageReport> passages;       ///< Of a simulated robot; empty otherwise.
   std::vector<FallReport> falls;             ///< Of a simulated robot.
   int cycles = 0;                            ///< Of a sequence, complete.
+  int runs = 1;                              ///< Started; more than one only where attended.
+  bool attended = false;
   std::optional<RealtimeReport> realtime;
+  Machine machine;
   std::int64_t lost_records = 0;
   std::int64_t unpublished_messages = 0;
   std::int64_t recorded_ticks = 0;    ///< In the flight record, where there is one,
@@ -70,6 +73,14 @@ struct RunReport {
 
 /// e.g. `completed`; a string literal.
 [[nodiscard]] const char* ToString(RunOutcome outcome) noexcept;
+
+/// Wake-up latencies and tick times as a table, with the machine that they belong to.
+std::string DescribeTiming(const LoopStatistics& statistics, const Machine& machine,
+                           const std::string& scheduling);
+
+/// The same as one JSON object, with every bin, ending with a line feed.
+std::string TimingToJson(const LoopStatistics& statistics, const Machine& machine,
+                         const std::string& scheduling);
 
 /// For people: several lines, ending with a line feed.
 std::string ToText(const RunReport& report);

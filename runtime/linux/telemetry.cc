@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <chrono>
 #include <cstdio>
@@ -12,9 +13,12 @@
 
 #include <lcm/lcm-cpp.hpp>
 #include <tumbler/event_t.hpp>
+#include <tumbler/run_t.hpp>
 #include <tumbler/state_t.hpp>
 
 #include "common/ring_buffer.h"
+#include "runtime/linux/histogram.h"
+#include "runtime/linux/state_csv.h"
 
 namespace tumbler {
 namespace {
@@ -28,6 +32,7 @@ std::string JointName(int joint, const std::vector<std::string>& names) {
 const char* UnitOf(Fault fault) {
   switch (fault) {
     case Fault::kStaleReply:
+    case Fault::kHeartbeatLost:
     case Fault::kLateTick:
     case Fault::kArmingTimeout:
       return " ticks";
@@ -44,6 +49,7 @@ const char* UnitOf(Fault fault) {
 const char* UnitOf(Refusal refusal) {
   switch (refusal) {
     case Refusal::kNoReply:
+    case Refusal::kNoHeartbeat:
       return " ticks";
     case Refusal::kTooHot:
       return " C";
@@ -67,7 +73,12 @@ std::string Describe(const FaultReport& report, const std::vector<std::string>& 
     case Fault::kOperatorStop:
     case Fault::kNonFinite:
       break;
-    case Fault::kLinkLost:
+    case Fault::kErrorPassive:
+      break;
+    case Fault::kBusOff:
+    case Fault::kInterfaceDown:
+    case Fault::kInterfaceGone:
+    case Fault::kLinkFailed:
     case Fault::kTransmitQueueFull:
       text += fmt::format(": {}", ToString(static_cast<Status>(report.value)));
       break;
@@ -98,6 +109,7 @@ std::string Describe(const RefusalReport& report, const std::vector<std::string>
 struct Telemetry::Implementation {
   /// Four seconds at 1 kHz: longer than any stall of a disk that was seen.
   static constexpr std::size_t kRingCapacity = 4096;
+  static constexpr std::int64_t kRunPeriod_ns = 250'000'000;
 
   explicit Implementation(const TelemetryConfig& config_in) : config(config_in) {
     if (!config.log_file.empty()) {
@@ -113,7 +125,7 @@ struct Telemetry::Implementation {
         throw std::runtime_error(fmt::format("{}: cannot be written: {}", config.trace_file,
                                              std::generic_category().message(errno)));
       }
-      WriteTraceHeader();
+      Write(StateCsvHeader(config.run.joints) + '\n');
     }
     if (!config.lcm_url.empty()) {
       live = std::make_unique<lcm::LCM>(config.lcm_url);
@@ -125,47 +137,24 @@ struct Telemetry::Implementation {
       }
     }
     message.joints.reserve(kMaxJoints);
-  }
-
-  void WriteTraceHeader() {
-    std::string header = "tick,time_s,state,node,cycles,primitive_time_s,faults";
-    for (const std::string& joint : config.joint_names) {
-      for (const char* kind : {"planned", "limited", "encoded", "measured"}) {
-        header += fmt::format(",{0}_{1}_position_rad,{0}_{1}_velocity_rad_s,{0}_{1}_torque_nm",
-                              joint, kind);
-      }
-      header += fmt::format(",{0}_temperature_c,{0}_reply_age_ticks", joint);
-    }
-    header += '\n';
-    Write(header);
+    DescribeRun();
   }
 
   void Write(const std::string& text) {
     if (std::fwrite(text.data(), 1, text.size(), trace.get()) != text.size()) trace_failed = true;
   }
 
-  void Trace(const TimedRecord& timed) {
-    const TickRecord& record = timed.record;
-    row.clear();
-    auto out = std::back_inserter(row);
-    fmt::format_to(out, "{},{:.6f},{},{},{},{},{}", record.tick,
-                   static_cast<double>(timed.time_ns) * 1e-9, ToString(record.state), record.node,
-                   record.cycles, record.primitive_time_s, record.faults);
-    for (std::size_t i = 0; i < record.joint_count; ++i) {
-      const JointRecord& joint = record.joints[i];
-      for (const JointSetpoint& s : {joint.planned, joint.limited, joint.encoded, joint.measured}) {
-        fmt::format_to(out, ",{},{},{}", s.position_rad, s.velocity_rad_s, s.torque_nm);
-      }
-      fmt::format_to(out, ",{},{}", joint.temperature_c, joint.reply_age_ticks);
-    }
-    row += '\n';
-    Write(row);
-  }
-
   void Fill(const TimedRecord& timed) {
     const TickRecord& record = timed.record;
     message.tick = record.tick;
     message.time_ns = timed.time_ns;
+    message.number = timed.number;
+    message.request_id = timed.request.id;
+    message.request = static_cast<std::int8_t>(timed.request.request);
+    message.request_refusal = static_cast<std::int8_t>(timed.request.refusal);
+    message.wake_up_us = timed.wake_up_ns * 1e-3F;
+    message.tick_us = timed.tick_ns * 1e-3F;
+    message.bus_bits = timed.bus_bits;
     message.primitive_time_s = record.primitive_time_s;
     message.node = record.node;
     message.cycles = record.cycles;
@@ -173,10 +162,11 @@ struct Telemetry::Implementation {
     message.reaction = static_cast<std::int8_t>(record.reaction);
     message.command = static_cast<std::int8_t>(record.command);
     message.refusal = static_cast<std::int8_t>(record.refusal.refusal);
-    message.faults = static_cast<std::int16_t>(record.faults);
+    message.faults = static_cast<std::int32_t>(record.faults);
     message.fault = static_cast<std::int8_t>(record.first_fault.fault);
     message.fault_joint = record.first_fault.joint;
     message.fault_tick = record.first_fault.tick;
+    message.fault_state = static_cast<std::int8_t>(record.first_fault.state);
     message.fault_value = record.first_fault.value;
     message.fault_limit = record.first_fault.limit;
     message.joint_count = record.joint_count;
@@ -200,6 +190,7 @@ struct Telemetry::Implementation {
       out.temperature_c = joint.temperature_c;
       out.reply_age_ticks = joint.reply_age_ticks;
       out.drive_state = static_cast<std::int8_t>(joint.drive_state);
+      out.reply_status = static_cast<std::int8_t>(joint.reply_status);
       out.drive_error = joint.drive_error;
       out.limit_active = joint.limit_active ? 1 : 0;
     }
@@ -230,16 +221,19 @@ struct Telemetry::Implementation {
     std::string text;
     if (record.faults != last_faults && record.first_fault.fault != Fault::kNone &&
         last_faults == 0) {
-      text = Describe(record.first_fault, config.joint_names);
+      text = Describe(record.first_fault, config.run.joints);
     } else if (record.faults != last_faults) {
       text = record.faults == 0 ? "faults cleared" : "further fault";
     } else if (record.refusal.refusal != last_refusal && record.refusal.refusal != Refusal::kNone) {
       text = fmt::format("{} refused: {}", ToString(record.command),
-                         Describe(record.refusal, config.joint_names));
+                         Describe(record.refusal, config.run.joints));
+    } else if (timed.request.id != last_request_id && timed.request.refusal != Refusal::kNone) {
+      text = fmt::format("{} refused: {}", ToString(timed.request.request),
+                         ToString(timed.request.refusal));
     } else if (record.node != last_node && record.state == ExecutorState::kRunning) {
       const auto node = static_cast<std::size_t>(record.node);
-      text = node < config.node_names.size() ? config.node_names[node]
-                                             : fmt::format("node {}", record.node);
+      text = node < config.run.nodes.size() ? config.run.nodes[node]
+                                            : fmt::format("node {}", record.node);
     }
     if (record.state == ExecutorState::kRunning) last_node = record.node;
     if (record.state != last_state || !text.empty()) {
@@ -253,6 +247,7 @@ struct Telemetry::Implementation {
     }
     last_state = record.state;
     last_faults = record.faults;
+    last_request_id = timed.request.id;
     last_refusal = record.refusal.refusal;
   }
 
@@ -260,13 +255,83 @@ struct Telemetry::Implementation {
     TimedRecord timed;
     while (ring.Pop(timed)) {
       ++written;
+      Fill(timed);
+      Count(timed);
       if (log || live) {
-        Fill(timed);
         Emit(kStateChannel, message, timed.time_ns);
         EmitEvents(timed);
+        if (timed.time_ns >= next_run_ns) {
+          EmitRun(timed.time_ns);
+          next_run_ns = timed.time_ns + kRunPeriod_ns;
+        }
       }
-      if (trace != nullptr) Trace(timed);
+      if (trace != nullptr) {
+        row.clear();
+        AppendStateCsvRow(message, row);
+        Write(row);
+      }
     }
+  }
+
+  void Count(const TimedRecord& timed) {
+    const auto period_ns = static_cast<float>(1e9 / std::max(config.run.rate_hz, 1e-3));
+    run.ticks = timed.number + 1;
+    run.missed_ticks = timed.record.tick - timed.number;
+    if (timed.wake_up_ns > period_ns / 2) ++run.late_ticks;
+    wake_up.Add(static_cast<std::int64_t>(timed.wake_up_ns));
+    tick.Add(static_cast<std::int64_t>(timed.tick_ns));
+    bits += timed.bus_bits;
+    for (std::size_t i = 0; i < timed.record.joint_count; ++i) {
+      run.reply_age_max_ticks =
+          std::max(run.reply_age_max_ticks, timed.record.joints[i].reply_age_ticks);
+    }
+    last_time_ns = timed.time_ns;
+  }
+
+  void DescribeRun() {
+    const RunDescription& about = config.run;
+    run.version = TUMBLER_VERSION;
+    run.motion = about.motion;
+    run.bus = about.bus;
+    run.mode = about.mode;
+    run.attended = about.attended ? 1 : 0;
+    run.rate_hz = about.rate_hz;
+    run.speed = about.speed;
+    run.joints = about.joints;
+    run.joint_count = static_cast<std::int32_t>(about.joints.size());
+    run.nodes = about.nodes;
+    run.node_count = static_cast<std::int32_t>(about.nodes.size());
+    run.branches = about.branches;
+    run.branch_count = static_cast<std::int32_t>(about.branches.size());
+    run.kernel = about.machine.kernel;
+    run.cpu = about.machine.cpu;
+    run.adapter = about.machine.adapter;
+    run.scheduling = about.scheduling;
+    run.reply_age_max_ticks = -1;
+  }
+
+  void EmitRun(std::int64_t time_ns) {
+    const auto us = [](const DurationHistogram& durations, double share) {
+      return static_cast<float>(durations.PercentileNs(share)) * 1e-3F;
+    };
+    const double elapsed_s = static_cast<double>(time_ns - run.time_ns) * 1e-9;
+    const double capacity = elapsed_s * config.run.bit_rate;
+    run.bus_load = capacity > 0 ? static_cast<float>(static_cast<double>(bits) / capacity) : 0;
+    bits = 0;
+    run.time_ns = time_ns;
+    run.wake_up_p50_us = us(wake_up, 0.5);
+    run.wake_up_p99_us = us(wake_up, 0.99);
+    run.wake_up_p99_9_us = us(wake_up, 0.999);
+    run.wake_up_p99_99_us = us(wake_up, 0.9999);
+    run.wake_up_max_us = static_cast<float>(wake_up.max_ns()) * 1e-3F;
+    run.tick_p50_us = us(tick, 0.5);
+    run.tick_p99_us = us(tick, 0.99);
+    run.tick_p99_9_us = us(tick, 0.999);
+    run.tick_p99_99_us = us(tick, 0.9999);
+    run.tick_max_us = static_cast<float>(tick.max_ns()) * 1e-3F;
+    run.lost_records = lost;
+    run.unpublished = unpublished;
+    Emit(kRunChannel, run, time_ns);
   }
 
   struct CloseFile {
@@ -284,10 +349,17 @@ struct Telemetry::Implementation {
   std::unique_ptr<lcm::LCM> live;
   std::unique_ptr<std::FILE, CloseFile> trace;
   state_t message;
+  run_t run{};
+  DurationHistogram wake_up;
+  DurationHistogram tick;
+  std::int64_t bits = 0;         // Since the last run_t.
+  std::int64_t next_run_ns = 0;  // Of the loop's clock.
+  std::int64_t last_time_ns = 0;
   std::vector<std::uint8_t> buffer;
   std::string row;
   ExecutorState last_state = ExecutorState::kDisarmed;
-  std::uint16_t last_faults = 0;
+  std::uint32_t last_faults = 0;
+  std::uint32_t last_request_id = 0;
   Refusal last_refusal = Refusal::kNone;
   std::int8_t last_node = -1;
   bool log_failed = false;
@@ -309,6 +381,10 @@ void Telemetry::Push(const TimedRecord& record) noexcept {
     implementation_->lost.fetch_add(1, std::memory_order_relaxed);
 }
 
+void Telemetry::SetScheduling(const std::string& scheduling) {
+  implementation_->run.scheduling = scheduling;
+}
+
 void Telemetry::Drain() { implementation_->Drain(); }
 
 void Telemetry::Start() {
@@ -325,6 +401,8 @@ void Telemetry::Stop() {
   implementation_->stop = true;
   if (implementation_->thread.joinable()) implementation_->thread.join();
   implementation_->Drain();
+  if (implementation_->written > 0 && (implementation_->log || implementation_->live))
+    implementation_->EmitRun(implementation_->last_time_ns);
   if (implementation_->log && std::fflush(implementation_->log->getFilePtr()) != 0)
     implementation_->log_failed = true;
   if (implementation_->trace != nullptr && std::fflush(implementation_->trace.get()) != 0) {

@@ -31,7 +31,8 @@ std::int64_t IndexOf(std::span<const std::uint8_t> tick) {
 
 }  // namespace
 
-struct FlightRecorder::Implementation {
+// The ring's padding is meant, and all the rest is dwarfed by it.
+struct FlightRecorder::Implementation {  // NOLINT(clang-analyzer-optin.performance.Padding)
   explicit Implementation(const FlightRecorderConfig& config_in)
       : config(config_in), storage(config_in.ring_bytes), ring(storage) {
     chunk.reserve(kChunkBytes + kTickEntryBytesMax + 4 * kBlockHeaderBytes);
@@ -192,14 +193,14 @@ FlightRecorder::FlightRecorder(const FlightRecorderConfig& config)
 
 FlightRecorder::~FlightRecorder() = default;
 
-void FlightRecorder::Push(const TickTimes& times, const TickInput& input, Status sent_status,
-                          std::size_t sent_count, const TickOutput& output) noexcept {
+void FlightRecorder::Push(const TickNotes& notes, const TickInput& input,
+                          const TickOutput& output) noexcept {
   Implementation& self = *implementation_;
   const std::int64_t index = self.pushed.load(std::memory_order_relaxed);
   self.pushed.store(index + 1, std::memory_order_relaxed);
   self.scratch[0] = static_cast<std::uint8_t>(BlockKind::kTick);
-  const std::size_t size = EncodeTick(index, times, input, sent_status, sent_count, output,
-                                      std::span(self.scratch).subspan(1));
+  const std::size_t size =
+      EncodeTick(index, notes, input, output, std::span(self.scratch).subspan(1));
   if (size == 0 || !self.ring.Push(std::span(self.scratch).first(1 + size))) {
     self.lost.fetch_add(1, std::memory_order_relaxed);
   }

@@ -7,7 +7,6 @@
 #include <span>
 #include <string>
 
-#include "common/status.h"
 #include "runtime/executor.h"
 #include "runtime/record/record_blocks.h"
 #include "runtime/record/tick_entry.h"
@@ -48,8 +47,7 @@ class FlightRecorder {
   FlightRecorder& operator=(const FlightRecorder&) = delete;
 
   /// From the loop, in every tick: does not allocate, lock or block. Parameters are EncodeTick's.
-  void Push(const TickTimes& times, const TickInput& input, Status sent_status,
-            std::size_t sent_count, const TickOutput& output) noexcept;
+  void Push(const TickNotes& notes, const TickInput& input, const TickOutput& output) noexcept;
 
   /// What is true of a simulated robot after the last tick: an LCM message truth_t of at most
   /// kTickEntryBytesMax bytes. Where the ring has no room for it, it is left out. From the loop's

@@ -20,8 +20,10 @@ constexpr const char* kFormat = "tumbler-record";
 
 // A member that is added there has to be added to Visit below, or a replay would not have it.
 static_assert(sizeof(JointConfig) == 16);
-static_assert(sizeof(ExecutorConfig) == 36 + kMaxJoints * sizeof(JointConfig) + sizeof(FaultTable));
-static_assert(sizeof(RunSequenceConfig) == 48);
+static_assert(sizeof(CollapseConfig) == 8 + kMaxJoints * sizeof(float));
+static_assert(sizeof(ExecutorConfig) ==
+              40 + kMaxJoints * sizeof(JointConfig) + sizeof(FaultTable) + sizeof(CollapseConfig));
+static_assert(sizeof(RunSequenceConfig) == 56);
 
 /// Calls `visit(key, value)` for every number of a configuration.
 template <typename Config, typename Visit>
@@ -41,6 +43,7 @@ void VisitNumbers(Config& config, const Visit& visit) {
   visit("move_fraction", config.move_fraction);
   visit("torque_rise_s", config.torque_rise_s);
   visit("stale_ticks_max", config.stale_ticks_max);
+  visit("sequence_errors_max", config.sequence_errors_max);
   visit("late_ticks_max", config.late_ticks_max);
   visit("arming_ticks_max", config.arming_ticks_max);
   visit("cycles", config.cycles);
@@ -56,6 +59,7 @@ void VisitNumbers(Config& config, const Visit& visit) {
   visit("stop_hold_ticks", config.stop_hold_ticks);
   visit("fault_ticks", config.fault_ticks);
   visit("disarmed_ticks", config.disarmed_ticks);
+  visit("attended", config.attended);
 }
 
 template <typename Config>
@@ -167,6 +171,9 @@ RecordBytes EncodeConfiguration(const RecordConfiguration& configuration) {
   json["program"] = configuration.program;
   json["command_line"] = configuration.command_line;
   json["kernel"] = configuration.kernel;
+  json["machine"] = {{"kernel", configuration.machine.kernel},
+                     {"cpu", configuration.machine.cpu},
+                     {"adapter", configuration.machine.adapter}};
   json["bus"] = configuration.bus;
   json["dry_run"] = configuration.dry_run;
   json["virtual_time"] = configuration.virtual_time;
@@ -181,6 +188,11 @@ RecordBytes EncodeConfiguration(const RecordConfiguration& configuration) {
     json["executor"]["joints"].push_back(ToJson(joint));
   }
   json["executor"]["reactions"] = ToJson(configuration.executor.reactions);
+  const CollapseConfig& collapse = configuration.executor.collapse;
+  if (collapse.configured) {
+    json["executor"]["collapse"] = {{"stiffness", collapse.stiffness},
+                                    {"position_rad", collapse.position_rad}};
+  }
   json["run_sequence"] = ToJson(configuration.sequence);
   json["files"] = Json::array();
   for (const RecordedFile& file : configuration.files) {
@@ -208,6 +220,10 @@ RecordConfiguration ParseConfiguration(std::string_view text) {
   Take(json, "program", configuration.program);
   TakeTexts(json, "command_line", configuration.command_line);
   Take(json, "kernel", configuration.kernel);
+  const Json& machine = Member(json, "machine");
+  Take(machine, "kernel", configuration.machine.kernel);
+  Take(machine, "cpu", configuration.machine.cpu);
+  Take(machine, "adapter", configuration.machine.adapter);
   Take(json, "bus", configuration.bus);
   Take(json, "dry_run", configuration.dry_run);
   Take(json, "virtual_time", configuration.virtual_time);
@@ -228,6 +244,17 @@ RecordConfiguration ParseConfiguration(std::string_view text) {
     TakeNumbers(joints[i], configuration.executor.joints[i]);
   }
   TakeReactions(Member(executor, "reactions"), configuration.executor.reactions);
+  if (executor.contains("collapse")) {
+    CollapseConfig& collapse = configuration.executor.collapse;
+    const Json& pose = Member(executor["collapse"], "position_rad");
+    if (!pose.is_array() || pose.size() != kMaxJoints) Fail("position_rad", "has not 8 entries");
+    collapse.configured = true;
+    Take(executor["collapse"], "stiffness", collapse.stiffness);
+    for (std::size_t i = 0; i < kMaxJoints; ++i) {
+      if (!pose[i].is_number()) Fail("position_rad", "has an entry that is not a number");
+      collapse.position_rad[i] = pose[i].get<float>();
+    }
+  }
   TakeNumbers(Member(json, "run_sequence"), configuration.sequence);
   const Json& files = Member(json, "files");
   if (!files.is_array()) Fail("files", "is not an array");

@@ -10,6 +10,7 @@
 #include "common/sequence_toml.h"
 #include "firmware_interface/drives/drives_toml.h"
 #include "runtime/executor.h"
+#include "runtime/linux/machine.h"
 #include "runtime/record/record_blocks.h"
 #include "runtime/run_sequence.h"
 
@@ -32,6 +33,7 @@ struct RecordConfiguration {
   std::string program;                    ///< Name and version.
   std::vector<std::string> command_line;  ///< For people.
   std::string kernel;                     ///< Of the machine: system, release, version, processor.
+  Machine machine;                        ///< The same for people, and the adapter of the bus.
   std::string bus;                        ///< `sim` or the interface.
   bool dry_run = false;
   bool virtual_time = false;

@@ -7,14 +7,78 @@
 #include <cstdio>
 #include <limits>
 #include <memory>
+#include <set>
 #include <system_error>
 #include <vector>
 
 #include "common/primitive_toml.h"
+#include "firmware_interface/can/frame_length.h"
 #include "runtime/linux/candump.h"
 #include "runtime/linux/telemetry.h"
 
 namespace tumbler {
+
+namespace {
+
+/// As the loop counts them: each as long as such a frame can be.
+std::int32_t LongestBits(const CanFrame& frame) {
+  return WorstCaseFrameBits(frame.extended ? CanIdKind::kExtended : CanIdKind::kStandard,
+                            frame.remote ? 0 : frame.size);
+}
+
+/// Frames that the bus took, in their order.
+std::vector<CanFrame> SentFrames(const TickEntry& entry) {
+  std::vector<CanFrame> frames;
+  for (std::size_t i = 0; i < entry.record.joint_count; ++i) {
+    for (const CanFrame& frame : entry.frames[i].frames()) {
+      if (frames.size() < entry.notes.sent_count) frames.push_back(frame);
+    }
+  }
+  return frames;
+}
+
+/// What the loop gave to telemetry.
+TimedRecord ToTimedRecord(const TickEntry& entry) {
+  TimedRecord timed;
+  timed.time_ns = entry.notes.deadline_ns;
+  timed.number = entry.index;
+  timed.wake_up_ns = static_cast<float>(entry.notes.awake_ns - entry.notes.due_ns);
+  timed.tick_ns = static_cast<float>(entry.notes.done_ns - entry.notes.awake_ns);
+  for (const ReceivedFrame& received : entry.input().received) {
+    timed.bus_bits += LongestBits(received.frame);
+  }
+  for (const CanFrame& frame : SentFrames(entry)) timed.bus_bits += LongestBits(frame);
+  timed.request = {entry.notes.request_id, static_cast<OperatorRequest>(entry.notes.request),
+                   entry.notes.request_refusal};
+  timed.record = entry.record;
+  return timed;
+}
+
+RunDescription DescribeRun(const RecordConfiguration& configuration) {
+  const ConfiguredExecutor configured(configuration);
+  const SequenceGraph<float>& graph = configured.motions().graph;
+  RunDescription run;
+  run.motion = std::string(graph.name.view());
+  run.bus = configuration.bus;
+  run.mode = configuration.bus == "sim" ? "simulated" : configuration.dry_run ? "dry run" : "armed";
+  run.attended = configuration.sequence.attended;
+  run.rate_hz = configured.drives().rate_hz;
+  run.bit_rate = configured.drives().bit_rate;
+  // Of the text that was given, the nearest float was recorded.
+  run.speed = std::stod(fmt::format("{}", configuration.executor.speed));
+  run.joints = configuration.joints;
+  for (const SequenceNode& node : graph.nodes()) run.nodes.emplace_back(node.name.view());
+  std::set<std::string> branches;
+  for (const auto& edge : graph.edges()) {
+    if (edge.condition == EdgeCondition::kBranch) branches.emplace(edge.branch.view());
+  }
+  run.branches.assign(branches.begin(), branches.end());
+  run.machine = configuration.machine;
+  run.scheduling = configuration.virtual_time ? "time-shared" : "not recorded";
+  return run;
+}
+
+}  // namespace
 
 std::int64_t ExportCandump(FlightRecord& record, const std::string& path) {
   const RecordConfiguration& configuration = record.configuration();
@@ -54,16 +118,11 @@ std::int64_t ExportCandump(FlightRecord& record, const std::string& path) {
   while (record.Next(*entry)) {
     frames.insert(frames.end(), entry->received.begin(),
                   entry->received.begin() + static_cast<std::ptrdiff_t>(entry->received_count));
-    std::size_t left = entry->sent_count;
-    for (std::size_t i = 0; i < entry->record.joint_count; ++i) {
-      for (const CanFrame& frame : entry->frames[i].frames()) {
-        if (left == 0) break;
-        --left;
-        frames.push_back({frame, entry->times.send_ns});
-      }
+    for (const CanFrame& frame : SentFrames(*entry)) {
+      frames.push_back({frame, entry->notes.send_ns});
     }
     write_before(awake_before_ns);
-    awake_before_ns = entry->times.awake_ns;
+    awake_before_ns = entry->notes.awake_ns;
   }
   write_before(std::numeric_limits<std::int64_t>::max());
   if (std::fflush(file.get()) != 0) fail();
@@ -76,17 +135,13 @@ std::int64_t ExportTelemetry(FlightRecord& record, const std::string& csv_path,
   TelemetryConfig config;
   config.trace_file = csv_path;
   config.log_file = lcm_path;
-  config.joint_names = configuration.joints;
-  const ConfiguredExecutor configured(configuration);
-  for (const SequenceNode& node : configured.motions().graph.nodes()) {
-    config.node_names.emplace_back(node.name.view());
-  }
+  config.run = DescribeRun(configuration);
   config.utime_at_zero_us = configuration.utime_at_zero_us;
   Telemetry telemetry(config);
   record.Rewind();
   const auto entry = std::make_unique<TickEntry>();
   while (record.Next(*entry)) {
-    telemetry.Push({entry->times.deadline_ns, entry->record});
+    telemetry.Push(ToTimedRecord(*entry));
     telemetry.Drain();
   }
   telemetry.Stop();
@@ -100,10 +155,10 @@ std::string Summary(FlightRecord& record) {
   std::int64_t ticks = 0, truths = 0, sent = 0, received = 0, first_ns = 0, last_ns = 0;
   FaultReport fault;
   while (record.Next(*entry)) {
-    if (ticks++ == 0) first_ns = entry->times.deadline_ns;
-    last_ns = entry->times.deadline_ns;
+    if (ticks++ == 0) first_ns = entry->notes.deadline_ns;
+    last_ns = entry->notes.deadline_ns;
     truths += static_cast<std::int64_t>(record.truths().size());
-    sent += static_cast<std::int64_t>(entry->sent_count);
+    sent += static_cast<std::int64_t>(entry->notes.sent_count);
     received += static_cast<std::int64_t>(entry->received_count);
     if (fault.fault == Fault::kNone) fault = entry->record.first_fault;
   }

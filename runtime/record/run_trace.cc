@@ -70,7 +70,7 @@ RunTrace TraceOf(FlightRecord& record, const DrivesConfig& drives) {
     if (!playing && tick.state == ExecutorState::kRunning) {
       playing = true;
       first_tick = tick.tick;
-      first_ns = entry->times.deadline_ns;
+      first_ns = entry->notes.deadline_ns;
     } else if (playing) {
       // What was measured now answers the setpoint of the tick before.
       for (std::size_t i = 0; i < trace.samples.size() && i < tick.joint_count; ++i) {
@@ -83,10 +83,10 @@ RunTrace TraceOf(FlightRecord& record, const DrivesConfig& drives) {
       }
     }
     if (playing && !IsPlayed(tick.state)) break;
-    send_before_ns = entry->times.send_ns;
+    send_before_ns = entry->notes.send_ns;
     for (std::size_t i = 0; playing && i < trace.samples.size() && i < tick.joint_count; ++i) {
       trace.samples[i].push_back({tick.tick - first_tick,
-                                  Seconds(entry->times.deadline_ns - first_ns),
+                                  Seconds(entry->notes.deadline_ns - first_ns),
                                   double{tick.joints[i].limited.position_rad},
                                   {},
                                   {}});
@@ -289,18 +289,21 @@ class Panel {
     svg += fmt::format("<rect x='{}' y='{}' width='{}' height='{}' class='frame'/>\n", x_, y_,
                        kPanelWidth, kPanelHeight);
     const double t_step = NiceStep(t_max);
-    for (double t = 0; t <= t_max * 1.0001; t += t_step) {
+    for (int i = 0; i * t_step <= t_max * 1.0001; ++i) {
+      const double t = i * t_step;
       svg += fmt::format(
           "<path d='M{0:.1f} {1}v{2}' class='grid'/><text x='{0:.1f}' y='{3}' "
           "text-anchor='middle'>{4:.4g} s</text>\n",
           px(t), y_, kPanelHeight, y_ + kPanelHeight + 14, t);
     }
     const double v_step = NiceStep(high - low);
-    for (double v = std::ceil(low / v_step) * v_step; v <= high; v += v_step) {
+    const double v_first = std::ceil(low / v_step);
+    for (int i = 0; (v_first + i) * v_step <= high; ++i) {
+      const double v = (v_first + i) * v_step;
       svg += fmt::format(
           "<path d='M{0} {1:.1f}h{2}' class='grid'/><text x='{3}' y='{4:.1f}' "
           "text-anchor='end'>{5:.4g}</text>\n",
-          x_, py(v), kPanelWidth, x_ - 4, py(v) + 4, std::abs(v) < 1e-9 * v_step ? 0.0 : v);
+          x_, py(v), kPanelWidth, x_ - 4, py(v) + 4, v + 0.0);  // not -0
     }
     for (const Curve& curve : curves_) {
       svg += fmt::format("<path stroke='{}' d='", curve.colour);

@@ -109,38 +109,45 @@ bool HasKnownEnumerators(const TickEntry& entry) noexcept {
   const auto last_fault = static_cast<Fault>(kFaultCount - 1);
   const auto last_state = static_cast<ExecutorState>(kExecutorStateCount - 1);
   const auto last_reaction = static_cast<Reaction>(kReactionCount - 1);
-  bool known = IsUpTo(entry.receive_status, Status::kIoError) &&
-               IsUpTo(entry.send_status, Status::kIoError) &&
-               IsUpTo(entry.sent_status, Status::kIoError) && IsUpTo(record.state, last_state) &&
-               IsUpTo(record.reaction, last_reaction) &&
-               IsUpTo(record.first_fault.fault, last_fault) &&
-               IsUpTo(record.first_fault.state, last_state) &&
-               IsUpTo(record.first_fault.reaction, last_reaction);
+  bool known =
+      IsUpTo(entry.receive_status, Status::kLinkGone) &&
+      IsUpTo(entry.send_status, Status::kLinkGone) &&
+      IsUpTo(entry.notes.sent_status, Status::kLinkGone) && IsUpTo(record.state, last_state) &&
+      IsUpTo(entry.controller, CanControllerState::kBusOff) &&
+      IsUpTo(record.reaction, last_reaction) && IsUpTo(record.first_fault.fault, last_fault) &&
+      IsUpTo(record.first_fault.state, last_state) &&
+      IsUpTo(record.first_fault.reaction, last_reaction);
   for (std::size_t i = 0; i < record.joint_count; ++i) {
-    known = known && IsUpTo(record.joints[i].drive_state, DriveState::kFault);
+    known = known && IsUpTo(record.joints[i].drive_state, DriveState::kLost) &&
+            IsUpTo(record.joints[i].reply_status, ReplyStatus::kWrongSequence);
   }
   return known;
 }
 
 }  // namespace
 
-std::size_t EncodeTick(std::int64_t index, const TickTimes& times, const TickInput& input,
-                       Status sent_status, std::size_t sent_count, const TickOutput& output,
-                       std::span<std::uint8_t> out) noexcept {
+std::size_t EncodeTick(std::int64_t index, const TickNotes& notes, const TickInput& input,
+                       const TickOutput& output, std::span<std::uint8_t> out) noexcept {
   const TickRecord& record = output.record;
   if (input.received.size() > TickEntry::kReceivedMax || record.joint_count > kMaxJoints) return 0;
   Writer writer(out);
   writer.Put(index);
-  writer.Put(times.deadline_ns);
-  writer.Put(times.awake_ns);
-  writer.Put(times.send_ns);
+  writer.Put(notes.deadline_ns);
+  writer.Put(notes.due_ns);
+  writer.Put(notes.awake_ns);
+  writer.Put(notes.send_ns);
+  writer.Put(notes.done_ns);
+  writer.Put(notes.request_id);
+  writer.Put(notes.request);
+  writer.Put(notes.request_refusal);
+  writer.Put(notes.sent_status);
+  writer.Put(notes.sent_count);
   writer.Put(input.tick);
   writer.Put(input.receive_status);
   writer.Put(input.send_status);
   writer.Put(input.command);
   writer.Put(input.branch);
-  writer.Put(sent_status);
-  writer.Put(static_cast<std::uint8_t>(sent_count));
+  writer.Put(input.controller);
   writer.Put(static_cast<std::uint8_t>(input.received.size()));
   writer.Put(record.joint_count);
   for (const ReceivedFrame& received : input.received) {
@@ -160,23 +167,29 @@ std::size_t EncodeTick(std::int64_t index, const TickTimes& times, const TickInp
 
 bool DecodeTick(std::span<const std::uint8_t> bytes, TickEntry& entry) noexcept {
   Reader reader(bytes);
-  std::uint8_t sent_count = 0, received_count = 0, joint_count = 0;
+  std::uint8_t received_count = 0, joint_count = 0;
   reader.Take(entry.index);
-  reader.Take(entry.times.deadline_ns);
-  reader.Take(entry.times.awake_ns);
-  reader.Take(entry.times.send_ns);
+  TickNotes& notes = entry.notes;
+  reader.Take(notes.deadline_ns);
+  reader.Take(notes.due_ns);
+  reader.Take(notes.awake_ns);
+  reader.Take(notes.send_ns);
+  reader.Take(notes.done_ns);
+  reader.Take(notes.request_id);
+  reader.Take(notes.request);
+  reader.Take(notes.request_refusal);
+  reader.Take(notes.sent_status);
+  reader.Take(notes.sent_count);
   reader.Take(entry.tick);
   reader.Take(entry.receive_status);
   reader.Take(entry.send_status);
   reader.Take(entry.command);
   reader.Take(entry.branch);
-  reader.Take(entry.sent_status);
-  reader.Take(sent_count);
+  reader.Take(entry.controller);
   reader.Take(received_count);
   reader.Take(joint_count);
   reader.Require(received_count <= TickEntry::kReceivedMax && joint_count <= kMaxJoints);
   if (!reader.valid()) return false;
-  entry.sent_count = sent_count;
   entry.received_count = received_count;
   for (std::size_t i = 0; i < received_count; ++i) {
     reader.Take(entry.received[i].time_ns);
@@ -198,7 +211,7 @@ bool DecodeTick(std::span<const std::uint8_t> bytes, TickEntry& entry) noexcept 
   }
   const auto take = [&reader](const char* /*name*/, auto& field) { reader.Take(field); };
   VisitFields(entry.record, take);
-  reader.Require(entry.record.joint_count == joint_count && sent_count <= frame_count);
+  reader.Require(entry.record.joint_count == joint_count && notes.sent_count <= frame_count);
   if (!reader.valid()) return false;
   for (std::size_t i = 0; i < joint_count; ++i) VisitFields(entry.record.joints[i], take);
   return reader.done() && HasKnownEnumerators(entry);

@@ -14,11 +14,18 @@
 
 namespace tumbler {
 
-/// When the parts of a tick happened, on the clock of the loop.
-struct TickTimes {
-  std::int64_t deadline_ns = 0;
-  std::int64_t awake_ns = 0;  ///< Before frames were received.
-  std::int64_t send_ns = 0;   ///< Before this tick's frames were handed to the bus.
+/// What the loop notes of a tick beside the executor's inputs and outputs. Times are on its clock.
+struct TickNotes {
+  std::int64_t deadline_ns = 0;  ///< Of this tick.
+  std::int64_t due_ns = 0;       ///< What the loop slept for: earlier, where periods were missed.
+  std::int64_t awake_ns = 0;     ///< Before frames were received.
+  std::int64_t send_ns = 0;      ///< Before this tick's frames were handed to the bus.
+  std::int64_t done_ns = 0;      ///< When all that was done.
+  std::uint32_t request_id = 0;  ///< Of the operator's last request; see OperatorRequest.
+  std::uint8_t request = 0;
+  Refusal request_refusal = Refusal::kNone;
+  Status sent_status = Status::kOk;  ///< Of handing this tick's frames to the bus.
+  std::uint8_t sent_count = 0;       ///< Frames that the bus took, from the first on.
 };
 
 /// One tick as a flight record has it: everything that the executor was given and everything that
@@ -32,24 +39,25 @@ struct TickEntry {
   static constexpr std::size_t kReceivedMax = 128;
 
   std::int64_t index = 0;  ///< Ticks executed before, recorded or not.
-  TickTimes times;
+  TickNotes notes;
 
   std::int64_t tick = 0;
   Status receive_status = Status::kOk;
   Status send_status = Status::kOk;  ///< As TickInput: of the tick before.
   OperatorCommand command = OperatorCommand::kNone;
   std::int8_t branch = -1;
+  CanControllerState controller = CanControllerState::kErrorActive;
   std::size_t received_count = 0;
   std::array<ReceivedFrame, kReceivedMax> received;
 
-  Status sent_status = Status::kOk;  ///< Of handing this tick's frames to the bus.
-  std::size_t sent_count = 0;        ///< Frames that the bus took, from the first on.
   std::array<FrameBatch, kMaxJoints> frames;
   TickRecord record;
 
   /// What the executor was given; it refers to this entry.
   [[nodiscard]] TickInput input() const noexcept {
-    return {tick, {received.data(), received_count}, receive_status, send_status, command, branch};
+    return {
+        tick,      {received.data(), received_count}, receive_status, send_status, command, branch,
+        controller};
   }
 };
 
@@ -74,6 +82,7 @@ constexpr void VisitFields(Joint& joint, Visit&& visit) noexcept requires
   visit("temperature_c", joint.temperature_c);
   visit("reply_age_ticks", joint.reply_age_ticks);
   visit("drive_state", joint.drive_state);
+  visit("reply_status", joint.reply_status);
   visit("drive_error", joint.drive_error);
   visit("limit_active", joint.limit_active);
 }
@@ -106,24 +115,23 @@ constexpr void VisitFields(Record& record, Visit&& visit) noexcept requires
 
 // A member that is added there has to be added above, or it would neither be recorded nor compared.
 static_assert(sizeof(JointRecord) == 72, "VisitFields has to name every member of JointRecord");
-static_assert(sizeof(TickRecord) - kMaxJoints * sizeof(JointRecord) == 64,
+static_assert(sizeof(TickRecord) - kMaxJoints * sizeof(JointRecord) == 72,
               "VisitFields has to name every member of TickRecord");
 static_assert(sizeof(TickInput) == 16 + sizeof(std::span<const ReceivedFrame>),
               "TickEntry has to have every member of TickInput");
 
 /// What an encoded tick takes at most [bytes].
-inline constexpr std::size_t kTickEntryBytesMax = 48 + TickEntry::kReceivedMax * 21 +
-                                                  kMaxJoints * (1 + FrameBatch::kCapacity * 13) +
-                                                  96 + kMaxJoints * 80;
+inline constexpr std::size_t kTickEntryBytesMax =
+    72 + TickEntry::kReceivedMax * 21 +
+    std::size_t{kMaxJoints} * (1 + std::size_t{FrameBatch::kCapacity} * 13) + 96 +
+    std::size_t{kMaxJoints} * 80;
 
 /// Writes a tick, in time that depends on the number of frames and joints only.
-/// @param input       not more frames than kReceivedMax.
-/// @param sent_count  frames of `output` that the bus took.
-/// @param out         of kTickEntryBytesMax bytes.
+/// @param input  not more frames than kReceivedMax.
+/// @param out    of kTickEntryBytesMax bytes.
 /// @returns the bytes written; 0 when it does not fit.
-std::size_t EncodeTick(std::int64_t index, const TickTimes& times, const TickInput& input,
-                       Status sent_status, std::size_t sent_count, const TickOutput& output,
-                       std::span<std::uint8_t> out) noexcept;
+std::size_t EncodeTick(std::int64_t index, const TickNotes& notes, const TickInput& input,
+                       const TickOutput& output, std::span<std::uint8_t> out) noexcept;
 
 /// Reads one back. @returns false, leaving `entry` in part, when the bytes are not exactly one
 /// tick: too few, too many, or a count or an enumerator beyond what there is.

@@ -190,13 +190,18 @@ TEST_F(CanSimpleDriveTest, ADriveThatDroppedOutStaysOffUntilDisabled) {
   Enable();
 }
 
-TEST_F(CanSimpleDriveTest, IsUnknownWithoutHeartbeats) {
+TEST_F(CanSimpleDriveTest, IsUnknownBeforeTheFirstHeartbeatAndLostAfterTheLast) {
+  Estimate(0);
+  Tick(DriveRequest::kDisable);
+  EXPECT_EQ(drive.state(), DriveState::kUnknown);
   Enable();
   for (int i = 0; i < drive.config().heartbeat_ticks_max + 1; ++i) {
     Estimate(0);
     Tick(DriveRequest::kEnable);
   }
-  EXPECT_EQ(drive.state(), DriveState::kUnknown);
+  EXPECT_EQ(drive.state(), DriveState::kLost);
+  EXPECT_GT(drive.heartbeat().ticks, drive.config().heartbeat_ticks_max);
+  EXPECT_EQ(drive.heartbeat().limit_ticks, drive.config().heartbeat_ticks_max);
 }
 
 TEST_F(CanSimpleDriveTest, ClearsErrorsOnlyWhenAskedTo) {

@@ -280,15 +280,19 @@ TEST_F(Cia402Pair, TheTargetIsWhereTheDriveIsUntilItIsEnabled) {
   }
 }
 
-TEST_F(Cia402Pair, TheSilenceOfTheDrivesHeartbeatIsAFault) {
+TEST_F(Cia402Pair, TheSilenceOfTheDrivesHeartbeatIsNoticed) {
   ASSERT_TRUE(TickUntil(DriveState::kDisabled, 500, DriveRequest::kDisable));
   for (int i = 0; i < 3 * config.heartbeat_ms + 10; ++i) {
     FrameBatch batch;
     host.Decode(EncodeCia402(config.node_id, Cia402Status{0x40, 0}));
     ASSERT_EQ(host.Encode(DriveRequest::kDisable, {}, batch), Status::kOk);
   }
-  EXPECT_EQ(host.state(), DriveState::kFault);
-  EXPECT_EQ(host.feedback().error, kEmergencyHeartbeat);
+  EXPECT_EQ(host.state(), DriveState::kLost);
+  EXPECT_EQ(host.feedback().error, 0U) << "the drive has not said that anything is wrong";
+  EXPECT_GT(host.heartbeat().ticks, host.heartbeat().limit_ticks);
+  EXPECT_EQ(host.heartbeat().limit_ticks, 3 * config.heartbeat_ms + 2);
+  host.Decode(EncodeNodeState(config.node_id, NmtState::kOperational));
+  EXPECT_EQ(host.state(), DriveState::kDisabled);
 }
 
 TEST(SimulatedCia402, RefusesWhatARealDictionaryRefuses) {

@@ -67,6 +67,7 @@ TEST(DrivesToml, ShippedFilesDescribeTheTumblerInEveryProtocol) {
   const auto& second = std::get<CanSimpleConfig>(can.drives[1].config);
   EXPECT_EQ(second.node_id, 2);
   EXPECT_EQ(second.heartbeat_ticks_max, 26) << "two and a half heartbeats of 10 ms";
+  EXPECT_EQ(second.estimates_per_tick_max, 2) << "one a tick, and one for drift";
   EXPECT_EQ(second.range.torque_nm.max, 18);
   // Two of each: setpoint and estimate each tick, heartbeat and torques every 10th, temperature
   // every 100th; 135 bits each.

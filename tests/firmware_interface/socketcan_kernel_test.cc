@@ -226,17 +226,17 @@ TEST(SocketCanBusInKernel, AnInterfaceThatIsRemovedStaysLostUntilItIsOpenedAnew)
     SocketCanBus bus;
     Open(bus, can.name());
     can.Delete();
-    EXPECT_EQ(Poll(bus), Status::kLinkDown);
-    EXPECT_EQ(bus.Send(Frame(1)), Status::kLinkDown);
+    EXPECT_EQ(Poll(bus), Status::kLinkGone);
+    EXPECT_EQ(bus.Send(Frame(1)), Status::kLinkGone);
     EXPECT_EQ(bus.Open(can.name()).error_number, ENODEV);
     Open(bus, "vcan0");
     const VirtualCan again;
     Open(bus, again.name());
     again.Delete();
-    EXPECT_EQ(bus.Send(Frame(1)), Status::kLinkDown);
+    EXPECT_EQ(bus.Send(Frame(1)), Status::kLinkGone);
     again.Create();  // of the same name, but another one
-    EXPECT_EQ(bus.Send(Frame(1)), Status::kLinkDown);
-    EXPECT_EQ(Poll(bus), Status::kLinkDown);
+    EXPECT_EQ(bus.Send(Frame(1)), Status::kLinkGone);
+    EXPECT_EQ(Poll(bus), Status::kLinkGone);
     Open(bus, again.name());
     EXPECT_EQ(bus.Send(Frame(1)), Status::kOk);
     can.Create();  // for its destructor

@@ -40,7 +40,7 @@ void ReadAll(std::span<const std::uint8_t> bytes) {
       ++ticks;
       TUMBLER_REQUIRE(entry->received_count <= TickEntry::kReceivedMax);
       TUMBLER_REQUIRE(entry->record.joint_count <= kMaxJoints);
-      TUMBLER_REQUIRE(entry->sent_count <= kMaxJoints * FrameBatch::kCapacity);
+      TUMBLER_REQUIRE(entry->notes.sent_count <= kMaxJoints * FrameBatch::kCapacity);
       for (const ReceivedFrame& received : entry->input().received) {
         TUMBLER_REQUIRE(received.frame.size <= 8);
       }

@@ -92,7 +92,7 @@ TEST(FlightReport, EveryNumberOfAShownTickIsTheRecordsBitForBit) {
   ASSERT_NE(running, entries.end());
   std::map<double, const TickEntry*> by_time;
   for (const TickEntry& entry : entries) {
-    by_time[static_cast<double>(entry.times.deadline_ns - running->times.deadline_ns) / 1e9] =
+    by_time[static_cast<double>(entry.notes.deadline_ns - running->notes.deadline_ns) / 1e9] =
         &entry;
   }
 
@@ -334,7 +334,7 @@ TEST(FlightReport, LatenciesCountEveryTickAndFrame) {
   for (const TickEntry& entry : entries) {
     frames += entry.received_count;
     for (const ReceivedFrame& received : entry.input().received) {
-      ages.push_back(entry.times.awake_ns - received.time_ns);
+      ages.push_back(entry.notes.awake_ns - received.time_ns);
     }
   }
   std::sort(ages.begin(), ages.end());

@@ -186,8 +186,8 @@ TEST(TwinToml, AWrongFileIsRefusedWithFileLineKeyValueAndWhatIsAllowed) {
 TEST(TwinToml, AStartThatComesToNoRestIsNamedWithItsLine) {
   // Whatever its height, it is in the ground or in the lid.
   const std::string text = kHead +
-                     "[start]\npitch_rad = 1.5\n[[obstacle]]\nname = \"lid\"\n"
-                     "point_m = [0, 5]\nnormal = [0, -1]\n";
+                           "[start]\npitch_rad = 1.5\n[[obstacle]]\nname = \"lid\"\n"
+                           "point_m = [0, 5]\nnormal = [0, -1]\n";
   EXPECT_THAT(ErrorOf(text),
               AllOf(StartsWith("twin.toml:3: start: "), HasSubstr("'lid'"), HasSubstr("give z_m")));
 }

@@ -2,6 +2,7 @@
 
 #include <cstdlib>
 #include <memory>
+#include <mutex>
 #include <random>
 #include <string>
 #include <vector>
@@ -19,7 +20,7 @@ using testing::AllocationGuard;
 /// Keeps a pointer, and so the allocation behind it, from being optimised away.
 void Keep(void* pointer) { asm volatile("" : : "g"(pointer) : "memory"); }
 
-TEST(AllocationGuardDeathTest, CatchesEachWayToAllocate) {
+TEST(AllocationGuardDeathTest, CatchesEachWayToAllocateAndToLock) {
   if (!AllocationGuard::kActive) GTEST_SKIP() << "the sanitizer owns malloc";
   const auto guarded = [](auto allocate) {
     AllocationGuard guard;
@@ -40,6 +41,9 @@ TEST(AllocationGuardDeathTest, CatchesEachWayToAllocate) {
   EXPECT_DEATH(guarded([block] { Keep(std::realloc(block, 1000)); }), "realloc: called");
   EXPECT_DEATH(guarded([block] { std::free(block); }), "free: called");
   std::free(block);
+  std::mutex mutex;
+  EXPECT_DEATH(guarded([&mutex] { const std::lock_guard<std::mutex> lock(mutex); }),
+               "pthread_mutex_lock: called");
 }
 
 TEST(AllocationGuard, LeavesOtherCodeAlone) {

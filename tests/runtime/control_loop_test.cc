@@ -11,6 +11,7 @@
 #include <set>
 #include <string>
 #include <tumbler/event_t.hpp>
+#include <tumbler/run_t.hpp>
 #include <tumbler/state_t.hpp>
 #include <vector>
 
@@ -20,7 +21,7 @@
 #include "firmware_interface/drives/simulated_mit.h"
 #include "runtime/linux/dry_run_bus.h"
 #include "runtime/linux/run_report.h"
-#include "tests/support/motions.h"
+#include "tests/support/loop_bench.h"
 
 namespace tumbler {
 namespace {
@@ -37,72 +38,12 @@ std::string ReadAll(const std::string& path) {
   return {std::istreambuf_iterator<char>(stream), {}};
 }
 
-/// Two rotors behind simulated drives on a simulated bus, and everything of a run but the program
-/// round it.
-class Bench {
- public:
-  explicit Bench(const TelemetryConfig& telemetry_config, unsigned seed = 60)
-      : telemetry(telemetry_config),
-        clock([this](std::int64_t time_ns) { plant->AdvanceTo(time_ns); }) {
-    std::mt19937 random(seed);
-    testing::MotionShape shape;
-    shape.settle_s = 0.1;
-    primitive = testing::RandomPrimitive<float>(shape, random);
-    std::vector<RotorPlant::Rotor> rotors;
-    std::vector<Drive*> pointers;
-    for (std::size_t i = 0; i < 2; ++i) {
-      SimulatedMitConfig config;
-      config.mit.command_id = static_cast<std::uint16_t>(i + 1);
-      config.mit.reply_id = static_cast<std::uint16_t>(i + 17);
-      simulated.push_back(std::make_unique<SimulatedMitDrive>(config));
-      bus.Attach(*simulated.back(), SimulatedMitDrive::PortConfig());
-      drives.push_back(std::make_unique<MitDrive>(config.mit));
-      pointers.push_back(drives.back().get());
-      RotorPlant::Rotor rotor;
-      rotor.drive = simulated.back().get();
-      rotor.position_rad = primitive.joints[i].position.control_points()[0] + 0.05F;
-      rotors.push_back(rotor);
-      // What moves a free rotor along the path, instead of the random feed-forward.
-      std::vector<float> torques(primitive.joints[i].torque.control_points().size(), 0.0F);
-      const auto knots = primitive.joints[i].torque.knots();
-      EXPECT_EQ(primitive.joints[i].torque.Assign(3, std::vector<float>(knots.begin(), knots.end()),
-                                                  torques),
-                Status::kOk);
-    }
-    plant = std::make_unique<RotorPlant>(bus, rotors);
-    EXPECT_EQ(executor.Configure({}, primitive, pointers), Status::kOk);
-    RunSequenceConfig config;
-    config.hold_ticks = 300;
-    sequence = std::make_unique<RunSequence>(config);
-    loop = std::make_unique<ControlLoop>(
-        ControlLoop::Parts{executor, host, clock, *sequence, mailbox, &telemetry}, 1'000'000, 0);
-  }
+using testing::LoopBench;
 
-  template <typename Each>
-  void Run(Each each) {
-    for (int i = 0; i < 100000 && loop->Step(); ++i) {
-      telemetry.Drain();
-      each();
-    }
-    telemetry.Stop();
-  }
-
-  Telemetry telemetry;
-  VirtualClock clock;
-  SimulatedBus bus;
-  SimulatedPort& host = bus.Attach();
-  std::vector<std::unique_ptr<SimulatedMitDrive>> simulated;
-  std::vector<std::unique_ptr<MitDrive>> drives;
-  std::unique_ptr<RotorPlant> plant;
-  Primitive<float> primitive;
-  Executor executor;
-  OperatorMailbox mailbox;
-  std::unique_ptr<RunSequence> sequence;
-  std::unique_ptr<ControlLoop> loop;
-};
+OperatorWish Wish(OperatorRequest request) { return {0, request}; }
 
 TEST(ControlLoop, PlaysAPrimitiveOnTwoRotorsInVirtualTime) {
-  Bench bench({});
+  LoopBench bench({});
   bool setpoints_reach_the_motor = true;
   bench.Run([&] {
     const TickRecord& record = bench.loop->record();
@@ -143,8 +84,8 @@ TEST(ControlLoop, WritesALogThatLcmReadsBackAndTwoRunsWriteTheSameBytes) {
     TelemetryConfig config;
     config.log_file = Temporary("log" + std::to_string(run));
     config.trace_file = Temporary("trace" + std::to_string(run));
-    config.joint_names = {"leg1", "leg2"};
-    Bench bench(config);
+    config.run.joints = {"leg1", "leg2"};
+    LoopBench bench(config);
     bench.Run([] {});
     ticks = bench.loop->statistics().ticks;
     logs[run] = ReadAll(config.log_file);
@@ -155,11 +96,13 @@ TEST(ControlLoop, WritesALogThatLcmReadsBackAndTwoRunsWriteTheSameBytes) {
       std::int64_t states = 0;
       std::int64_t last_tick = -1;
       std::vector<std::string> visited;
+      run_t run_message;
       while (const lcm::LogEvent* event = log.readNextEvent()) {
         if (event->channel == kStateChannel) {
           state_t state;
           ASSERT_EQ(state.decode(event->data, 0, event->datalen), event->datalen);
           EXPECT_EQ(state.tick, last_tick + 1);
+          EXPECT_EQ(state.number, state.tick);
           EXPECT_EQ(event->timestamp, state.time_ns / 1000);
           EXPECT_EQ(state.time_ns, state.tick * 1'000'000);
           ASSERT_EQ(state.joint_count, 2);
@@ -171,6 +114,8 @@ TEST(ControlLoop, WritesALogThatLcmReadsBackAndTwoRunsWriteTheSameBytes) {
           }
           last_tick = state.tick;
           ++states;
+        } else if (event->channel == kRunChannel) {
+          ASSERT_EQ(run_message.decode(event->data, 0, event->datalen), event->datalen);
         } else {
           ASSERT_EQ(event->channel, kEventChannel);
           event_t message;
@@ -179,6 +124,11 @@ TEST(ControlLoop, WritesALogThatLcmReadsBackAndTwoRunsWriteTheSameBytes) {
         }
       }
       EXPECT_EQ(states, ticks);
+      EXPECT_EQ(run_message.ticks, ticks) << "the last one is of the end";
+      EXPECT_EQ(run_message.joints, config.run.joints);
+      EXPECT_EQ(run_message.missed_ticks, 0);
+      EXPECT_LE(run_message.reply_age_max_ticks, 1);
+      EXPECT_NEAR(run_message.bus_load, 0.54, 0.01) << "worst case of two setpoints, two replies";
       EXPECT_EQ(visited,
                 (std::vector<std::string>{"arming", "holding", "moving to start", "holding",
                                           "running", "settling", "holding", "disarmed"}));
@@ -193,9 +143,9 @@ TEST(ControlLoop, WritesALogThatLcmReadsBackAndTwoRunsWriteTheSameBytes) {
 }
 
 TEST(ControlLoop, AStopFromTheMailboxBrakesAndEndsTheRun) {
-  Bench bench({});
+  LoopBench bench({});
   bench.Run([&] {
-    if (bench.loop->statistics().run_ticks == 500) bench.mailbox.Put(OperatorCommand::kStop);
+    if (bench.loop->statistics().run_ticks == 500) bench.mailbox.Put(Wish(OperatorRequest::kStop));
   });
   EXPECT_EQ(bench.sequence->outcome(), RunOutcome::kStopped);
   EXPECT_LT(bench.loop->statistics().run_ticks, 503);
@@ -203,7 +153,7 @@ TEST(ControlLoop, AStopFromTheMailboxBrakesAndEndsTheRun) {
 }
 
 TEST(ControlLoop, ASilentDriveEndsInAFaultThatNamesIt) {
-  Bench bench({});
+  LoopBench bench({});
   bench.Run([&] {
     if (bench.loop->statistics().run_ticks == 300) bench.simulated[1]->set_silent(true);
   });
@@ -218,12 +168,12 @@ TEST(ControlLoop, ASilentDriveEndsInAFaultThatNamesIt) {
 }
 
 TEST(ControlLoop, ALostLinkEndsInAFault) {
-  Bench bench({});
+  LoopBench bench({});
   bench.Run([&] {
     if (bench.loop->statistics().run_ticks == 300) bench.host.SetLinkDown(true);
   });
   EXPECT_EQ(bench.sequence->outcome(), RunOutcome::kFault);
-  EXPECT_EQ(bench.loop->record().first_fault.fault, Fault::kLinkLost);
+  EXPECT_EQ(bench.loop->record().first_fault.fault, Fault::kInterfaceDown);
   EXPECT_GT(bench.loop->statistics().send_failures, 0);
 }
 
@@ -244,7 +194,7 @@ class LateClock final : public Clock {
 
 TEST(ControlLoop, CountsLateAndMissedTicksAndKeepsToTheSchedule) {
   for (const std::int64_t late_ns : {600'000, 1'700'000, 4'200'000}) {
-    Bench bench({});
+    LoopBench bench({});
     LateClock clock(bench.clock);
     clock.late_ns = late_ns;
     ControlLoop loop({bench.executor, bench.host, clock, *bench.sequence, bench.mailbox, nullptr},
@@ -301,17 +251,114 @@ TEST(Telemetry, NamesAFileThatCannotBeWritten) {
   }
 }
 
-TEST(OperatorMailbox, KeepsTheStrongestWish) {
+OperatorRequest Kept(OperatorRequest first, OperatorRequest second) {
   OperatorMailbox mailbox;
-  EXPECT_EQ(mailbox.Take().command, OperatorCommand::kNone);
-  mailbox.Put(OperatorCommand::kStop);
-  mailbox.Put(OperatorCommand::kClearFaults);
-  EXPECT_EQ(mailbox.Take().command, OperatorCommand::kStop);
-  EXPECT_EQ(mailbox.Take().command, OperatorCommand::kNone);
-  mailbox.Put(OperatorCommand::kStop);
-  mailbox.Put(OperatorCommand::kDisarm);
-  mailbox.Put(OperatorCommand::kStop);
-  EXPECT_EQ(mailbox.Take().command, OperatorCommand::kDisarm);
+  mailbox.Put(Wish(first));
+  mailbox.Put(Wish(second));
+  return mailbox.Take().request;
+}
+
+TEST(OperatorMailbox, IsTakenOnce) {
+  OperatorMailbox mailbox;
+  EXPECT_EQ(mailbox.Take(), OperatorWish{});
+  mailbox.Put({7, OperatorRequest::kBranch, 3});
+  EXPECT_EQ(mailbox.Take(), (OperatorWish{7, OperatorRequest::kBranch, 3}));
+  EXPECT_EQ(mailbox.Take(), OperatorWish{});
+}
+
+TEST(OperatorMailbox, KeepsTheStrongerOfTwoEndsAndTheLaterOfOtherRequests) {
+  using R = OperatorRequest;
+  EXPECT_EQ(Kept(R::kStop, R::kClearFaults), R::kStop);
+  EXPECT_EQ(Kept(R::kFinish, R::kStart), R::kFinish);
+  EXPECT_EQ(Kept(R::kStop, R::kDisarm), R::kDisarm);
+  EXPECT_EQ(Kept(R::kDisarm, R::kStop), R::kDisarm);
+  EXPECT_EQ(Kept(R::kFinish, R::kStop), R::kStop);
+  EXPECT_EQ(Kept(R::kClearFaults, R::kStart), R::kStart);
+  EXPECT_EQ(Kept(R::kStart, R::kBranch), R::kBranch);
+}
+
+TEST(OperatorMailbox, NeverForgetsThatTheProgramIsToEnd) {
+  OperatorMailbox mailbox;
+  mailbox.Put(Wish(OperatorRequest::kStop));
+  mailbox.Put({0, OperatorRequest::kFinish, -1, true});
+  const OperatorWish taken = mailbox.Take();
+  EXPECT_EQ(taken.request, OperatorRequest::kStop);
+  EXPECT_TRUE(taken.quit);
+}
+
+TEST(ControlLoop, AnswersEachRequestOnceWithWhatBecameOfIt) {
+  RunSequenceConfig config;
+  config.attended = true;
+  config.hold_ticks = 50;
+  LoopBench bench({}, config);
+  const auto ask = [&](std::uint32_t id, OperatorRequest request) {
+    bench.mailbox.Put({id, request});
+    bench.loop->Step();
+    EXPECT_EQ(bench.loop->timed_record().request.id, id);
+    EXPECT_EQ(bench.loop->timed_record().request.request, request);
+    return bench.loop->timed_record().request.refusal;
+  };
+  for (int i = 0; i < 100; ++i) ASSERT_TRUE(bench.loop->Step());
+  EXPECT_EQ(bench.loop->record().state, ExecutorState::kDisarmed) << "it waits";
+  EXPECT_EQ(bench.sequence->runs(), 0);
+  EXPECT_EQ(ask(1, OperatorRequest::kBranch), Refusal::kWrongState);
+  EXPECT_EQ(ask(2, OperatorRequest::kStart), Refusal::kNone);
+  EXPECT_EQ(ask(2, OperatorRequest::kStart), Refusal::kNone) << "sent twice, taken once";
+  EXPECT_EQ(ask(3, OperatorRequest::kStart), Refusal::kWrongState) << "it runs already";
+  for (int i = 0; i < 300; ++i) bench.loop->Step();
+  EXPECT_EQ(ask(4, OperatorRequest::kClearFaults), Refusal::kWrongState);
+  EXPECT_EQ(ask(5, OperatorRequest::kStop), Refusal::kNone);
+  for (int i = 0; i < 2000; ++i) ASSERT_TRUE(bench.loop->Step());
+  EXPECT_EQ(bench.loop->record().state, ExecutorState::kDisarmed);
+  EXPECT_EQ(bench.sequence->outcome(), RunOutcome::kStopped)
+      << Describe(bench.sequence->refusal(), {"leg1", "leg2"});
+  EXPECT_EQ(ask(6, OperatorRequest::kStart), Refusal::kNone) << "and again";
+  EXPECT_EQ(bench.sequence->runs(), 2);
+  bench.mailbox.Put({0, OperatorRequest::kFinish, -1, true});
+  int more = 0;
+  while (bench.loop->Step() && more < 20000) ++more;
+  EXPECT_LT(more, 20000) << "it is over";
+}
+
+TEST(MeasureWakeUps, CountsEveryPeriodOnce) {
+  VirtualClock virtual_clock([](std::int64_t) {});
+  LateClock clock(virtual_clock);
+  clock.late_ns = 2'300'000;
+  OperatorMailbox mailbox;
+  const LoopStatistics statistics = MeasureWakeUps(clock, mailbox, 1'000'000, 1000);
+  EXPECT_EQ(statistics.ticks + statistics.missed_ticks, 1000);
+  EXPECT_EQ(statistics.wake_up.count(), statistics.ticks);
+  EXPECT_EQ(statistics.wake_up.max_ns(), 2'300'000);
+  EXPECT_EQ(statistics.late_ticks, 9);
+  EXPECT_EQ(statistics.missed_ticks, 18);
+}
+
+TEST(MeasureWakeUps, EndsWhenTheOperatorSaysSo) {
+  OperatorMailbox mailbox;
+  VirtualClock clock([&](std::int64_t time_ns) {
+    if (time_ns > 10'000'000) mailbox.Put({0, OperatorRequest::kFinish, -1, true});
+  });
+  EXPECT_LE(MeasureWakeUps(clock, mailbox, 1'000'000, 1000).ticks, 12);
+}
+
+TEST(ReplyAgeHistogram, CountsAgesAndWhatWasNeverThere) {
+  ReplyAgeHistogram ages;
+  EXPECT_EQ(ages.max(), -1);
+  for (const int age : {-1, 0, 0, 1, 14, 15, 400}) ages.Add(age);
+  EXPECT_EQ(ages.never(), 1);
+  EXPECT_EQ(ages.count(0), 2);
+  EXPECT_EQ(ages.count(1), 1);
+  EXPECT_EQ(ages.count(14), 1);
+  EXPECT_EQ(ages.count(15), 2);
+  EXPECT_EQ(ages.max(), 400);
+}
+
+TEST(Machine, IsDescribed) {
+  const Machine machine = DescribeMachine("");
+  EXPECT_NE(machine.kernel.find("Linux "), std::string::npos);
+  EXPECT_NE(machine.cpu.find(" online"), std::string::npos);
+  EXPECT_EQ(machine.adapter, "none");
+  EXPECT_EQ(DescribeMachine("lo").adapter, "virtual");
 }
 
 TEST(DurationHistogram, GivesPercentilesAndTheLargest) {
@@ -344,7 +391,7 @@ TEST(CandumpLine, IsWhatCandumpWrites) {
 }
 
 TEST(DryRunBus, CompletesARunWithoutAnyHardware) {
-  Bench bench({});  // For its primitive and parts; its bus stays unused.
+  LoopBench bench({});  // For its primitive and parts; its bus stays unused.
   std::vector<DryRunBus::Node> nodes;
   for (std::size_t i = 0; i < 2; ++i) {
     nodes.push_back({std::make_unique<SimulatedMitDrive>(bench.simulated[i]->config()),

@@ -5,10 +5,13 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
+#include <cmath>
 #include <limits>
 #include <random>
 #include <set>
 #include <string>
+#include <tuple>
+#include <utility>
 #include <vector>
 
 #include "tests/support/executor_rig.h"
@@ -26,9 +29,14 @@ constexpr std::array kStates{ExecutorState::kDisarmed,      ExecutorState::kArmi
                              ExecutorState::kMovingToStart, ExecutorState::kSettling,
                              ExecutorState::kStopping,      ExecutorState::kFault};
 constexpr std::array kFaults{
-    Fault::kStaleReply, Fault::kFollowingError,    Fault::kDriveError, Fault::kOverTemperature,
-    Fault::kLinkLost,   Fault::kTransmitQueueFull, Fault::kLateTick,   Fault::kOperatorStop,
-    Fault::kNonFinite,  Fault::kArmingTimeout};
+    Fault::kStaleReply,    Fault::kWrongSequence, Fault::kFollowingError,
+    Fault::kDriveError,    Fault::kHeartbeatLost, Fault::kOverTemperature,
+    Fault::kBusOff,        Fault::kErrorPassive,  Fault::kInterfaceDown,
+    Fault::kInterfaceGone, Fault::kLinkFailed,    Fault::kTransmitQueueFull,
+    Fault::kLateTick,      Fault::kOperatorStop,  Fault::kNonFinite,
+    Fault::kArmingTimeout};
+constexpr std::array kReactions{Reaction::kIgnore, Reaction::kHold, Reaction::kCollapse,
+                                Reaction::kDamp, Reaction::kDisable};
 
 Primitive<float> Motion() {
   std::mt19937 random(3);
@@ -61,8 +69,26 @@ int Provoke(Fault fault, ExecutorRig& rig, const ExecutorConfig& config) {
       drive.reply.has_temperature = true;
       drive.reply.temperature_c = 95;
       return 1;
-    case Fault::kLinkLost:
+    case Fault::kWrongSequence:
+      rig.replies[1] = 2;
+      return config.sequence_errors_max / 2 + 1;
+    case Fault::kHeartbeatLost:
+      drive.heartbeat_age = {30, 26};
+      return 1;
+    case Fault::kBusOff:
       rig.input.receive_status = Status::kBusOff;
+      return 1;
+    case Fault::kErrorPassive:
+      rig.input.controller = CanControllerState::kErrorPassive;
+      return 1;
+    case Fault::kInterfaceDown:
+      rig.input.send_status = Status::kLinkDown;
+      return 1;
+    case Fault::kInterfaceGone:
+      rig.input.receive_status = Status::kLinkGone;
+      return 1;
+    case Fault::kLinkFailed:
+      rig.input.receive_status = Status::kIoError;
       return 1;
     case Fault::kTransmitQueueFull:
       rig.input.send_status = Status::kWouldBlock;
@@ -99,30 +125,52 @@ bool IsPossible(Fault fault, ExecutorState state) {
 }
 
 TEST(FaultTable, AnswersEveryFaultInEveryStateAsStated) {
-  using R = Reaction;
-  // disarmed, arming, holding, moving to start, running, settling, stopping, fault
-  const std::array<std::array<R, kExecutorStateCount>, 10> stated{{
-      {R::kIgnore, R::kDisable, R::kHold, R::kHold, R::kDamp, R::kHold, R::kHold, R::kDamp},
-      {R::kIgnore, R::kDisable, R::kDamp, R::kDamp, R::kDamp, R::kDamp, R::kDamp, R::kDamp},
-      {R::kIgnore, R::kDisable, R::kDamp, R::kDamp, R::kDamp, R::kDamp, R::kDamp, R::kDamp},
-      {R::kIgnore, R::kDisable, R::kDamp, R::kDamp, R::kDamp, R::kDamp, R::kDamp, R::kDamp},
-      {R::kIgnore, R::kDisable, R::kDisable, R::kDisable, R::kDisable, R::kDisable, R::kDisable,
-       R::kDisable},
-      {R::kIgnore, R::kDisable, R::kDisable, R::kDisable, R::kDisable, R::kDisable, R::kDisable,
-       R::kDisable},
-      {R::kIgnore, R::kDisable, R::kHold, R::kHold, R::kDamp, R::kHold, R::kHold, R::kHold},
-      {R::kIgnore, R::kDisable, R::kHold, R::kHold, R::kHold, R::kHold, R::kHold, R::kHold},
-      {R::kIgnore, R::kDisable, R::kDamp, R::kDamp, R::kDamp, R::kDamp, R::kDamp, R::kDamp},
-      {R::kIgnore, R::kDisable, R::kDisable, R::kDisable, R::kDisable, R::kDisable, R::kDisable,
-       R::kDisable},
-  }};
+  // disarmed, arming, holding, moving to start, running, settling, stopping, fault: the first
+  // letter of each reaction, x for disable. The states in which the robot is in mid-swing or its
+  // pose is not known any more are damped, a dead link is torque off.
+  const std::vector<std::pair<Fault, std::string>> stated = {
+      {Fault::kStaleReply, "ixhhdhhd"},     {Fault::kWrongSequence, "ixhhdhhd"},
+      {Fault::kFollowingError, "ixdddddd"}, {Fault::kDriveError, "ixdddddd"},
+      {Fault::kHeartbeatLost, "ixhhdhhd"},  {Fault::kOverTemperature, "ixdddddd"},
+      {Fault::kBusOff, "ixxxxxxx"},         {Fault::kErrorPassive, "ixhhdhhd"},
+      {Fault::kInterfaceDown, "ixxxxxxx"},  {Fault::kInterfaceGone, "ixxxxxxx"},
+      {Fault::kLinkFailed, "ixxxxxxx"},     {Fault::kTransmitQueueFull, "ixxxxxxx"},
+      {Fault::kLateTick, "ixhhdhhh"},       {Fault::kOperatorStop, "ixhhhhhh"},
+      {Fault::kNonFinite, "ixdddddd"},      {Fault::kArmingTimeout, "ixxxxxxx"},
+      {Fault::kEntryMissed, "ixhhdhhh"},    {Fault::kNone, "iiiiiiii"}};
+  ASSERT_EQ(stated.size(), kFaultCount);
   const FaultTable table;
-  for (std::size_t f = 0; f < kFaults.size(); ++f) {
+  for (const auto& [fault, row] : stated) {
+    std::string found;
+    for (std::size_t s = 0; s < kExecutorStateCount; ++s) {
+      const Reaction reaction = table(fault, static_cast<ExecutorState>(s));
+      found += reaction == Reaction::kDisable ? 'x' : *ToString(reaction);
+    }
+    EXPECT_EQ(found, row) << ToString(fault);
+  }
+}
+
+TEST(FaultTable, RefusesEntriesThatMakeNoSense) {
+  FaultTable table;
+  for (const Fault fault : kFaults) {
     for (const ExecutorState state : kStates) {
-      EXPECT_EQ(table(kFaults[f], state), stated[f][static_cast<std::size_t>(state)])
-          << ToString(kFaults[f]) << " while " << ToString(state);
+      for (const Reaction reaction : kReactions) {
+        const Reaction before = table(fault, state);
+        bool allowed = true;
+        if (state == ExecutorState::kDisarmed) allowed = reaction == Reaction::kIgnore;
+        if (state == ExecutorState::kArming) {
+          allowed = reaction == Reaction::kIgnore || reaction == Reaction::kDisable;
+        }
+        if (fault == Fault::kOperatorStop && state != ExecutorState::kDisarmed) {
+          allowed = allowed && reaction != Reaction::kIgnore;
+        }
+        EXPECT_EQ(table.Set(fault, state, reaction), allowed)
+            << ToString(fault) << ToString(state) << ToString(reaction);
+        EXPECT_EQ(table(fault, state), allowed ? reaction : before);
+      }
     }
   }
+  EXPECT_FALSE(table.Set(Fault::kNone, ExecutorState::kRunning, Reaction::kHold));
 }
 
 TEST(FaultTable, NeverReactsWhileDisarmed) {
@@ -137,8 +185,7 @@ TEST(FaultTable, NamesAreDistinct) {
   std::set<std::string> names;
   for (const ExecutorState state : kStates) EXPECT_TRUE(names.insert(ToString(state)).second);
   for (const Fault fault : kFaults) EXPECT_TRUE(names.insert(ToString(fault)).second);
-  for (const Reaction reaction :
-       {Reaction::kIgnore, Reaction::kHold, Reaction::kDamp, Reaction::kDisable}) {
+  for (const Reaction reaction : kReactions) {
     EXPECT_TRUE(names.insert(ToString(reaction)).second);
   }
 }
@@ -151,15 +198,20 @@ TEST_P(FaultMatrix, TheExecutorDoesWhatTheTableSays) {
   const auto [fault, state, reaction] = GetParam();
   ExecutorConfig config;
   config.arming_ticks_max = 50;
-  config.reactions.Set(fault, state, reaction);
-  ExecutorRig rig(config, Motion());
+  ASSERT_TRUE(config.reactions.Set(fault, state, reaction));
+  config.collapse.configured = true;
+  const Primitive<float> motion = Motion();
+  for (std::size_t i = 0; i < 2; ++i) {
+    config.collapse.position_rad[i] = motion.joints[i].position.control_points()[0] + 0.01F;
+  }
+  ExecutorRig rig(config, motion);
   ASSERT_EQ(rig.configured, Status::kOk);
   if (state == ExecutorState::kMovingToStart) Displace(rig);
   if (state == ExecutorState::kArming) {
     for (auto& drive : rig.drives) drive->start_up_ticks = 30;
   }
   ASSERT_TRUE(rig.Reach(state)) << ToString(rig.executor.state());
-  const std::uint16_t before = rig.output.record.faults;
+  const std::uint32_t before = rig.output.record.faults;
   const Reaction present = rig.output.record.reaction;
   const FaultReport cause = rig.output.record.first_fault;
 
@@ -171,7 +223,7 @@ TEST_P(FaultMatrix, TheExecutorDoesWhatTheTableSays) {
     if (rig.output.record.faults != before && seen_at < 0) seen_at = rig.output.record.tick;
   }
   const TickRecord& record = rig.output.record;
-  const auto bit = static_cast<std::uint16_t>(1U << static_cast<unsigned>(fault));
+  const std::uint32_t bit = 1U << static_cast<unsigned>(fault);
 
   const Reaction answer = config.reactions(fault, state);
   const bool at_rest = state == ExecutorState::kHolding || state == ExecutorState::kStopping;
@@ -200,7 +252,8 @@ TEST_P(FaultMatrix, TheExecutorDoesWhatTheTableSays) {
     EXPECT_EQ(record.first_fault.tick, seen_at);
     EXPECT_EQ(record.first_fault.state, state);
     EXPECT_EQ(record.first_fault.reaction, answer);
-    const bool of_a_joint = fault == Fault::kStaleReply || fault == Fault::kFollowingError ||
+    const bool of_a_joint = fault == Fault::kStaleReply || fault == Fault::kWrongSequence ||
+                            fault == Fault::kHeartbeatLost || fault == Fault::kFollowingError ||
                             fault == Fault::kDriveError || fault == Fault::kOverTemperature ||
                             fault == Fault::kNonFinite;
     if (of_a_joint) {
@@ -233,6 +286,11 @@ TEST_P(FaultMatrix, TheExecutorDoesWhatTheTableSays) {
         EXPECT_EQ(drive->request, DriveRequest::kEnable);
         EXPECT_EQ(drive->setpoint.kp_nm_per_rad, config.joints[0].kp_nm_per_rad);
         break;
+      case Reaction::kCollapse:
+        EXPECT_EQ(drive->request, DriveRequest::kEnable);
+        EXPECT_EQ(drive->setpoint.kp_nm_per_rad,
+                  config.collapse.stiffness * config.joints[0].kp_nm_per_rad);
+        break;
       case Reaction::kIgnore:
         ADD_FAILURE() << "a latched fault without a reaction";
     }
@@ -244,9 +302,10 @@ std::vector<std::tuple<Fault, ExecutorState, Reaction>> PossibleCases() {
   for (const Fault fault : kFaults) {
     for (const ExecutorState state : kStates) {
       if (!IsPossible(fault, state)) continue;
-      for (const Reaction reaction :
-           {Reaction::kIgnore, Reaction::kHold, Reaction::kDamp, Reaction::kDisable}) {
-        cases.emplace_back(fault, state, reaction);
+      for (const Reaction reaction : kReactions) {
+        if (FaultTable::IsAllowed(fault, state, reaction)) {
+          cases.emplace_back(fault, state, reaction);
+        }
       }
     }
   }
@@ -298,6 +357,174 @@ TEST(Faults, ASecondFaultCanOnlyMakeTheReactionStronger) {
   rig.input.tick += 50;
   EXPECT_EQ(rig.Tick().reaction, Reaction::kDisable);
   EXPECT_EQ(rig.output.record.first_fault.fault, Fault::kLateTick);
+}
+
+TEST(Faults, OneRepeatedReplyIsNoneAndASustainedRepetitionIs) {
+  ExecutorConfig config;
+  for (const int every : {1, 2, 3, 4}) {
+    ExecutorRig rig(config, Motion());
+    ASSERT_TRUE(rig.Reach(ExecutorState::kHolding));
+    for (int i = 0; i < 100; ++i) {
+      rig.replies[0] = i % every == 0 ? 2 : 1;
+      rig.Tick();
+      if (every == 4 || i < 5) {
+        EXPECT_EQ(rig.output.record.faults, 0U) << "every " << every << ", tick " << i;
+        EXPECT_EQ(rig.output.record.joints[0].reply_status,
+                  i % every == 0 ? ReplyStatus::kRepeated : ReplyStatus::kOk);
+      }
+    }
+    // Every third one is just as many as are taken back.
+    EXPECT_EQ(rig.output.record.first_fault.fault, every < 3 ? Fault::kWrongSequence : Fault::kNone)
+        << every;
+  }
+}
+
+TEST(Faults, RepliesOfEarlierTicksAreToldFromRepeatedOnes) {
+  ExecutorRig rig({}, Motion());
+  ASSERT_TRUE(rig.Reach(ExecutorState::kHolding));
+  const auto tick = [&rig](int replies) {
+    rig.replies[0] = replies;
+    return rig.Tick().joints[0].reply_status;
+  };
+  EXPECT_EQ(tick(1), ReplyStatus::kOk);
+  EXPECT_EQ(tick(0), ReplyStatus::kNoNewData);
+  EXPECT_EQ(tick(1), ReplyStatus::kOkSomeLost);
+  EXPECT_EQ(tick(1), ReplyStatus::kOk);
+  EXPECT_EQ(tick(2), ReplyStatus::kWrongSequence) << "the one that was missing has come after all";
+  EXPECT_EQ(tick(2), ReplyStatus::kRepeated);
+  EXPECT_EQ(tick(0), ReplyStatus::kNoNewData);
+  EXPECT_EQ(tick(3), ReplyStatus::kRepeated) << "one is owed, not two";
+  for (int i = 0; i < 20; ++i) tick(1);
+  EXPECT_EQ(tick(0), ReplyStatus::kNoNewData);
+  for (int i = 0; i < 6; ++i) tick(1);
+  EXPECT_EQ(tick(2), ReplyStatus::kRepeated) << "what was missing for so long is lost";
+}
+
+TEST(Faults, ADriveThatSendsByItsOwnClockMayDriftButNotFlood) {
+  ExecutorRig rig({}, Motion());
+  rig.drives[0]->rhythm = {false, 2};
+  rig.Reconfigure();
+  ASSERT_TRUE(rig.Reach(ExecutorState::kHolding));
+  for (int i = 0; i < 200; ++i) {
+    rig.replies[0] = i % 2 == 0 ? 2 : 0;
+    rig.Tick();
+  }
+  EXPECT_EQ(rig.output.record.faults, 0U);
+  rig.replies[0] = 3;
+  for (int i = 0; i < 6; ++i) rig.Tick();
+  EXPECT_EQ(rig.output.record.joints[0].reply_status, ReplyStatus::kRepeated);
+  EXPECT_EQ(rig.output.record.first_fault.fault, Fault::kWrongSequence);
+  EXPECT_EQ(rig.output.record.first_fault.value, 12);
+  EXPECT_EQ(rig.output.record.first_fault.limit, 10);
+}
+
+TEST(Faults, ALostHeartbeatIsNotADriveErrorAndRefusesArming) {
+  ExecutorRig rig({}, Motion());
+  rig.drives[1]->heartbeat_age = {27, 26};
+  rig.Tick();
+  const RefusalReport refusal = rig.Tick(OperatorCommand::kArm).refusal;
+  EXPECT_EQ(refusal.refusal, Refusal::kNoHeartbeat);
+  EXPECT_EQ(refusal.joint, 1);
+  EXPECT_EQ(refusal.value, 27);
+  EXPECT_EQ(refusal.limit, 26);
+  rig.drives[1]->heartbeat_age = {};
+  ASSERT_TRUE(rig.Reach(ExecutorState::kRunning));
+  rig.drives[1]->heartbeat_age = {27, 26};
+  const TickRecord& record = rig.Tick();
+  EXPECT_EQ(record.faults, 1U << static_cast<unsigned>(Fault::kHeartbeatLost));
+  EXPECT_EQ(record.first_fault.value, 27);
+  EXPECT_EQ(record.first_fault.limit, 26);
+}
+
+TEST(Collapse, FoldsIntoThePoseWithinTheLimitsFromWhereverItWasAndStaysThere) {
+  std::mt19937 random(11);
+  std::uniform_real_distribution<float> share(0.0F, 1.0F);
+  for (int run = 0; run < 40; ++run) {
+    const Primitive<float> motion = RandomPrimitive<float>(MotionShape{}, random);
+    ExecutorConfig config;
+    config.collapse.configured = true;
+    ASSERT_TRUE(
+        config.reactions.Set(Fault::kLateTick, ExecutorState::kRunning, Reaction::kCollapse));
+    for (std::size_t i = 0; i < 2; ++i) {
+      const JointLimits<float>& limits = motion.joints[i].limits;
+      config.collapse.position_rad[i] =
+          limits.position_min_rad +
+          share(random) * (limits.position_max_rad - limits.position_min_rad);
+    }
+    ExecutorRig rig(config, motion);
+    ASSERT_EQ(rig.configured, Status::kOk);
+    ASSERT_TRUE(rig.Reach(ExecutorState::kHolding));
+    rig.Tick(OperatorCommand::kRun);
+    const auto at =
+        static_cast<std::int64_t>(share(random) * static_cast<float>(rig.executor.run_ticks()));
+    for (std::int64_t i = 0; i < at; ++i) rig.Tick();
+    std::array<JointSetpoint, 2> last{rig.output.record.joints[0].limited,
+                                      rig.output.record.joints[1].limited};
+    rig.input.tick += 10;  // A late tick; its own step may be three periods.
+    rig.Tick();
+    ASSERT_EQ(rig.output.record.reaction, Reaction::kCollapse);
+    int ticks = 0;
+    bool arrived = false;
+    for (; ticks < 20000 && !arrived; ++ticks) {
+      for (std::size_t i = 0; i < 2; ++i) last[i] = rig.output.record.joints[i].limited;
+      rig.Tick();
+      arrived = true;
+      for (std::size_t i = 0; i < 2; ++i) {
+        const JointRecord& joint = rig.output.record.joints[i];
+        const JointLimits<float>& limits = motion.joints[i].limits;
+        const float acceleration =
+            (joint.limited.velocity_rad_s - last[i].velocity_rad_s) / config.period_s;
+        EXPECT_LE(std::abs(acceleration), 1.001F * limits.acceleration_max_rad_s2);
+        EXPECT_LE(std::abs(joint.limited.velocity_rad_s), limits.velocity_max_rad_s);
+        EXPECT_GE(joint.limited.position_rad, limits.position_min_rad);
+        EXPECT_LE(joint.limited.position_rad, limits.position_max_rad);
+        EXPECT_FALSE(joint.limit_active && ticks > 20) << "the plan is within the limits by itself";
+        EXPECT_EQ(joint.planned.torque_nm, 0);
+        arrived = arrived && joint.limited == JointSetpoint{config.collapse.position_rad[i], 0, 0};
+      }
+    }
+    EXPECT_TRUE(arrived) << "run " << run;
+    for (int i = 0; i < 100; ++i) rig.Tick();
+    EXPECT_EQ(rig.output.record.joints[1].limited.position_rad, config.collapse.position_rad[1]);
+    EXPECT_EQ(rig.output.record.faults, 1U << static_cast<unsigned>(Fault::kLateTick));
+  }
+}
+
+TEST(Collapse, IsRefusedWithoutAPoseOrWithOneBeyondTheLimits) {
+  const Primitive<float> motion = Motion();
+  ExecutorConfig config;
+  ASSERT_TRUE(config.reactions.Set(Fault::kLateTick, ExecutorState::kRunning, Reaction::kCollapse));
+  EXPECT_EQ(ExecutorRig(config, motion).configured, Status::kInvalidArgument);
+  config.collapse.configured = true;
+  config.collapse.position_rad = {motion.joints[0].limits.position_min_rad,
+                                  motion.joints[1].limits.position_max_rad};
+  EXPECT_EQ(ExecutorRig(config, motion).configured, Status::kOk);
+  config.collapse.position_rad[1] += 0.001F;
+  EXPECT_EQ(ExecutorRig(config, motion).configured, Status::kInvalidArgument);
+  config.collapse.position_rad[1] -= 0.001F;
+  for (const float stiffness : {0.0F, 1.1F, std::numeric_limits<float>::quiet_NaN()}) {
+    config.collapse.stiffness = stiffness;
+    EXPECT_EQ(ExecutorRig(config, motion).configured, Status::kInvalidArgument);
+  }
+}
+
+TEST(Collapse, LeavesAJointAloneWhoseDriveIsNotEnabled) {
+  ExecutorConfig config;
+  config.collapse.configured = true;
+  const Primitive<float> motion = Motion();
+  for (std::size_t i = 0; i < 2; ++i) {
+    config.collapse.position_rad[i] = motion.joints[i].position.control_points()[0] + 0.05F;
+  }
+  ASSERT_TRUE(
+      config.reactions.Set(Fault::kDriveError, ExecutorState::kHolding, Reaction::kCollapse));
+  ExecutorRig rig(config, motion);
+  ASSERT_TRUE(rig.Reach(ExecutorState::kHolding));
+  rig.drives[0]->stuck = true;  // It has dropped out.
+  const float before = rig.output.record.joints[0].limited.position_rad;
+  for (int i = 0; i < 500; ++i) rig.Tick();
+  EXPECT_EQ(rig.output.record.reaction, Reaction::kCollapse);
+  EXPECT_EQ(rig.output.record.joints[0].limited.position_rad, before);
+  EXPECT_EQ(rig.output.record.joints[1].limited.position_rad, config.collapse.position_rad[1]);
 }
 
 TEST(Faults, OneLostReplyIsNone) {

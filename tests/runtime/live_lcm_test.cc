@@ -20,7 +20,7 @@ namespace {
 
 constexpr const char* kUrl = "udpm://239.255.76.67:7667?ttl=0";
 
-TEST(LcmCommands, PutsEndsAndBranchesIntoTheMailboxAndNothingElse) {
+TEST(LcmCommands, PutsRequestsIntoTheMailboxAndNothingElse) {
   OperatorMailbox mailbox;
   SequenceGraph<float> graph;
   graph.edge_count = 2;
@@ -31,31 +31,34 @@ TEST(LcmCommands, PutsEndsAndBranchesIntoTheMailboxAndNothingElse) {
   ASSERT_TRUE(remote.good());
   const auto wish_after = [&](std::int8_t code, int patience, const std::string& branch = "") {
     command_t message;
+    message.id = 4'000'000'000;
     message.command = code;
     message.branch = branch;
     remote.publish(kCommandChannel, &message);
     OperatorWish taken;
-    for (int i = 0; i < patience && taken.command == OperatorCommand::kNone; ++i) {
+    for (int i = 0; i < patience && taken.request == OperatorRequest::kNone; ++i) {
       std::this_thread::sleep_for(std::chrono::milliseconds(10));
       taken = mailbox.Take();
     }
     return taken;
   };
   const auto take_after = [&](std::int8_t code, int patience) {
-    return wish_after(code, patience).command;
+    return wish_after(code, patience).request;
   };
-  EXPECT_EQ(take_after(command_t::STOP, 1000), OperatorCommand::kStop);
-  EXPECT_EQ(take_after(command_t::DISARM, 1000), OperatorCommand::kDisarm);
-  EXPECT_EQ(take_after(command_t::CLEAR_FAULTS, 1000), OperatorCommand::kClearFaults);
-  EXPECT_EQ(take_after(command_t::FINISH, 1000), OperatorCommand::kFinish);
+  EXPECT_EQ(take_after(command_t::START, 1000), OperatorRequest::kStart);
+  EXPECT_EQ(take_after(command_t::STOP, 1000), OperatorRequest::kStop);
+  EXPECT_EQ(take_after(command_t::DISARM, 1000), OperatorRequest::kDisarm);
+  EXPECT_EQ(take_after(command_t::CLEAR_FAULTS, 1000), OperatorRequest::kClearFaults);
+  EXPECT_EQ(take_after(command_t::FINISH, 1000), OperatorRequest::kFinish);
   const OperatorWish roll = wish_after(command_t::BRANCH, 1000, "roll");
-  EXPECT_EQ(roll.command, OperatorCommand::kBranch);
+  EXPECT_EQ(roll.id, 4'000'000'000);
+  EXPECT_EQ(roll.request, OperatorRequest::kBranch);
   EXPECT_EQ(roll.branch, 1);
   EXPECT_EQ(wish_after(command_t::BRANCH, 1000, "rol").branch, -1) << "for the executor to refuse";
-  for (const int code : {0, 1, 2, 3, 9, -1}) {  // 1 to 3 would arm, move and run.
-    EXPECT_EQ(take_after(static_cast<std::int8_t>(code), 5), OperatorCommand::kNone) << code;
+  for (const int code : {0, 7, 8, 100, -1}) {
+    EXPECT_EQ(take_after(static_cast<std::int8_t>(code), 5), OperatorRequest::kNone) << code;
   }
-  EXPECT_EQ(take_after(command_t::STOP, 1000), OperatorCommand::kStop) << "it still listens";
+  EXPECT_EQ(take_after(command_t::STOP, 1000), OperatorRequest::kStop) << "it still listens";
 }
 
 void Collect(const lcm::ReceiveBuffer* /*buffer*/, const std::string& /*channel*/,

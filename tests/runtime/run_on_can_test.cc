@@ -235,7 +235,7 @@ TEST_F(RunOnCan, AnInterfaceThatGoesDownEndsTheRunAndNothingIsDrivenOnceItIsUp) 
     usleep(400'000);
     can.Up();  // while tumbler-run still says torque off
     EXPECT_EQ(run->Wait(), kFault);
-    EXPECT_THAT(run->text(), HasSubstr("link lost: link down"));
+    EXPECT_THAT(run->text(), HasSubstr("interface down: link down"));
     EXPECT_THAT(run->text(), HasSubstr("(running); reaction: disable"));
     const FrameReport report = Judge();
     ExpectKept(report);
@@ -255,7 +255,7 @@ TEST_F(RunOnCan, AnInterfaceThatIsRemovedEndsTheRun) {
     can.Delete();
     const FrameReport removed = Judge();
     EXPECT_EQ(run->Wait(), kFault);
-    EXPECT_THAT(run->text(), HasSubstr("link lost: link down"));
+    EXPECT_THAT(run->text(), HasSubstr("interface gone: link gone"));
     EXPECT_THAT(run->text(), HasSubstr("(running); reaction: disable"));
     ExpectKept(Judge());
     EXPECT_EQ(Judge().joints[0].commands, removed.joints[0].commands);
@@ -316,7 +316,7 @@ TEST_F(RunOnCan, BusOffEndsTheRunAndNothingIsDrivenAfterRecovery) {
     EXPECT_THAT(can.heard(), HasSubstr("\rt0018")) << "the adapter is given the frames";
     can.Say("sb000255\r");
     EXPECT_EQ(run->Wait(), kFault);
-    EXPECT_THAT(run->text(), HasSubstr("link lost"));
+    EXPECT_THAT(run->text(), HasSubstr("bus-off: bus off"));
     EXPECT_THAT(run->text(), HasSubstr("(running); reaction: disable"));
     EXPECT_THAT(run->text(), HasSubstr("1 times bus-off"));
     const std::size_t before = Log().size();

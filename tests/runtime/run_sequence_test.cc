@@ -118,5 +118,97 @@ TEST_F(RunSequenceTest, AStopAfterAFaultStillIsAFault) {
   EXPECT_EQ(sequence.outcome(), RunOutcome::kFault);
 }
 
+class AttendedRun : public ::testing::Test {
+ protected:
+  static RunSequenceConfig Attended() {
+    RunSequenceConfig config = Short();
+    config.attended = true;
+    return config;
+  }
+  void Tick(int count) {
+    for (int i = 0; i < count; ++i) rig.Tick(sequence.Next(rig.output.record));
+  }
+  /// @returns false when it never came.
+  bool TickUntil(ExecutorState state) {
+    for (int i = 0; i < 20000 && rig.output.record.state != state; ++i) Tick(1);
+    return rig.output.record.state == state;
+  }
+  Refusal Start() { return sequence.RequestStart(rig.output.record); }
+
+  ExecutorRig rig{{}, Motion()};
+  RunSequence sequence{Attended()};
+};
+
+TEST_F(AttendedRun, NothingMovesBeforeSomebodySaysSo) {
+  Tick(5000);
+  EXPECT_EQ(rig.executor.state(), ExecutorState::kDisarmed);
+  EXPECT_EQ(sequence.runs(), 0);
+  EXPECT_FALSE(sequence.done());
+}
+
+TEST_F(AttendedRun, RunsOnceForEachStartAndEndsWhenItMayQuit) {
+  for (int run = 1; run <= 3; ++run) {
+    Tick(20);
+    ASSERT_EQ(Start(), Refusal::kNone);
+    ASSERT_TRUE(TickUntil(ExecutorState::kRunning));
+    EXPECT_EQ(Start(), Refusal::kWrongState);
+    ASSERT_TRUE(TickUntil(ExecutorState::kDisarmed));
+    EXPECT_EQ(sequence.outcome(), RunOutcome::kCompleted);
+    EXPECT_EQ(sequence.runs(), run);
+  }
+  Tick(200);
+  EXPECT_FALSE(sequence.done());
+  sequence.RequestQuit();
+  Tick(20);
+  EXPECT_TRUE(sequence.done());
+  EXPECT_EQ(sequence.outcome(), RunOutcome::kCompleted) << "of the last run";
+}
+
+TEST_F(AttendedRun, AStopEndsThisRunAndNotTheNext) {
+  ASSERT_EQ(Start(), Refusal::kNone);
+  ASSERT_TRUE(TickUntil(ExecutorState::kRunning));
+  sequence.RequestStop();
+  ASSERT_TRUE(TickUntil(ExecutorState::kDisarmed));
+  EXPECT_EQ(sequence.outcome(), RunOutcome::kStopped);
+  Tick(20);
+  sequence.RequestStop();  // Nothing runs: it is not kept for later.
+  Tick(20);
+  ASSERT_EQ(Start(), Refusal::kNone);
+  ASSERT_TRUE(TickUntil(ExecutorState::kSettling));
+}
+
+TEST_F(AttendedRun, AfterAFaultItStartsOnlyOnceThatIsCleared) {
+  ASSERT_EQ(Start(), Refusal::kNone);
+  ASSERT_TRUE(TickUntil(ExecutorState::kRunning));
+  rig.drives[0]->reply.error = 3;
+  ASSERT_TRUE(TickUntil(ExecutorState::kDisarmed));
+  EXPECT_EQ(sequence.outcome(), RunOutcome::kFault);
+  rig.drives[0]->reply.error = 0;
+  Tick(20);
+  EXPECT_EQ(Start(), Refusal::kFaultLatched);
+  Tick(2000);
+  EXPECT_EQ(rig.executor.state(), ExecutorState::kDisarmed);
+  EXPECT_EQ(sequence.Next(rig.output.record), OperatorCommand::kNone);
+  rig.Tick(OperatorCommand::kClearFaults);
+  EXPECT_EQ(Start(), Refusal::kNone);
+  EXPECT_TRUE(TickUntil(ExecutorState::kRunning));
+}
+
+TEST_F(AttendedRun, WhatWasRefusedBeforeTheStartIsNotHeldAgainstIt) {
+  Tick(20);
+  rig.Tick(OperatorCommand::kBranch);
+  ASSERT_EQ(rig.output.record.refusal.refusal, Refusal::kWrongState);
+  ASSERT_EQ(Start(), Refusal::kNone);
+  EXPECT_TRUE(TickUntil(ExecutorState::kRunning));
+}
+
+TEST_F(AttendedRun, QuittingWithoutARunSaysTorqueOffAndIsAStop) {
+  Tick(20);
+  sequence.RequestQuit();
+  Tick(20);
+  EXPECT_TRUE(sequence.done());
+  EXPECT_EQ(sequence.outcome(), RunOutcome::kStopped);
+}
+
 }  // namespace
 }  // namespace tumbler

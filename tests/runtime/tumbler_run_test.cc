@@ -119,6 +119,33 @@ TEST_F(TumblerRun, PlaysTheShippedGaitWithBothRolesAndTheRollOverTheSimulatedBus
   EXPECT_THAT(outcome.text, HasSubstr("8 motions, 3 complete cycles; the robot where it should"));
 }
 
+TEST_F(TumblerRun, AnswersWhatABusFaultsFileDoesToItAsTheFaultsFileSays) {
+  const std::string gait = "sim " TUMBLER_SOURCE_DIR "/primitives/gait.toml --cycles 1";
+  const std::string script = " --bus-faults " TUMBLER_SOURCE_DIR "/tests/data/bus_faults.toml";
+  const Outcome shorted = Run(gait + script);
+  EXPECT_EQ(shorted.exit_code, 3);
+  EXPECT_THAT(shorted.text, HasSubstr("bus-off: bus off at tick 2001"));
+  EXPECT_THAT(shorted.text, HasSubstr("reaction: disable"));
+  Write("silent.toml",
+        "format = \"tumbler-bus-faults\"\nversion = 1\n[[fault]]\nkind = \"loss\"\n"
+        "node = \"host\"\nids = [18]\nstart_s = 1.0\nduration_s = 0.02\n");
+  Write("faults.toml",
+        "format = \"tumbler-faults\"\nversion = 1\n[limits]\nstale_ticks_max = 8\n"
+        "[reactions]\nstale_reply = { running = \"disable\" }\n");
+  const Outcome silent =
+      Run(gait + " --bus-faults " + Path("silent.toml") + " --faults " + Path("faults.toml"));
+  EXPECT_EQ(silent.exit_code, 3);
+  EXPECT_THAT(silent.text, HasSubstr("stale reply of joint leg2: 9 ticks, limit 8"));
+  EXPECT_THAT(silent.text, HasSubstr("reaction: disable"));
+  Write("faults.toml", "format = \"tumbler-faults\"\nversion = 1\n[reactions]\nlate = 1\n");
+  const Outcome wrong = Run(gait + " --faults " + Path("faults.toml"));
+  EXPECT_EQ(wrong.exit_code, 1);
+  EXPECT_THAT(wrong.text, HasSubstr("faults.toml:4"));
+  const Outcome real = Run("can9 " + Path("motion.toml") + " --drives x.toml" + script);
+  EXPECT_EQ(real.exit_code, 1);
+  EXPECT_THAT(real.text, HasSubstr("--bus-faults"));
+}
+
 TEST_F(TumblerRun, NamesAPrimitiveThatIsMissingOrBroken) {
   Outcome outcome = Run("can9 " + Path("absent.toml"));
   EXPECT_EQ(outcome.exit_code, 1);

@@ -1,7 +1,10 @@
 #include "tests/support/allocation_guard.h"
 
+#include <dlfcn.h>
+#include <pthread.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <cerrno>
 #include <cstddef>
 #include <cstdlib>
@@ -82,5 +85,17 @@ void free(void* pointer) {
   if (pointer != nullptr) tumbler::testing::Check("free");
   __libc_free(pointer);
 }
+}
+
+extern "C" int pthread_mutex_lock(pthread_mutex_t* mutex) noexcept {
+  using Lock = int (*)(pthread_mutex_t*);
+  static std::atomic<Lock> lock{nullptr};
+  Lock next = lock.load(std::memory_order_relaxed);
+  if (next == nullptr) {
+    next = reinterpret_cast<Lock>(dlsym(RTLD_NEXT, "pthread_mutex_lock"));
+    lock.store(next, std::memory_order_relaxed);
+  }
+  tumbler::testing::Check("pthread_mutex_lock");
+  return next(mutex);
 }
 #endif

@@ -30,8 +30,13 @@ class ExecutorRig {
       const auto role = static_cast<std::size_t>(graph.RoleOf(graph.start, i));
       drives.back()->reply.position_rad = first.joints[role].position.control_points()[0];
     }
-    configured = executor.Configure(config, graph, primitives_, pointers_);
+    config_ = config;
+    graph_ = graph;
+    Reconfigure();
   }
+
+  /// Once more, after something about the drives was changed.
+  void Reconfigure() { configured = executor.Configure(config_, graph_, primitives_, pointers_); }
 
   /// One tick in which every drive that is not silent answers.
   const TickRecord& Tick(OperatorCommand command = OperatorCommand::kNone) {
@@ -41,7 +46,7 @@ class ExecutorRig {
       const bool obeys =
           follow && drive.request == DriveRequest::kEnable && drive.setpoint.kp_nm_per_rad > 0;
       if (obeys) drive.reply.position_rad = drive.setpoint.position_rad;
-      if (!silent[i]) received_.push_back({drive.Answer(), 0});
+      for (int n = silent[i] ? 0 : replies[i]; n > 0; --n) received_.push_back({drive.Answer(), 0});
     }
     input.received = received_;
     input.command = command;
@@ -92,11 +97,14 @@ class ExecutorRig {
   Status configured = Status::kInvalidArgument;
   std::vector<std::unique_ptr<ScriptedDrive>> drives;
   std::array<bool, kMaxJoints> silent{};
+  std::array<int, kMaxJoints> replies{1, 1, 1, 1, 1, 1, 1, 1};  ///< In each tick.
   bool follow = true;
   TickInput input;
   TickOutput output;
 
  private:
+  ExecutorConfig config_;
+  SequenceGraph<float> graph_;
   std::vector<Primitive<float>> primitives_;
   std::vector<Drive*> pointers_;
   std::vector<ReceivedFrame> received_;

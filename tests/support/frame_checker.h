@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstdint>
+#include <memory>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -19,24 +21,29 @@ struct LoggedFrame {
 /// @throws std::runtime_error  naming the line that is not one of `candump -L`.
 std::vector<LoggedFrame> ParseCandumpLog(std::string_view text);
 
-/// What the frames of a run on MIT drives have to keep to.
+/// What the frames of a run have to keep to.
 struct FrameRules {
-  DrivesConfig drives;                      ///< in the order of the joints
+  DrivesConfig drives;                      ///< in the order of the joints; one protocol for all
   std::vector<JointLimits<double>> limits;  ///< one a joint
   double torque_rise_s = 0.01;              ///< feed-forward from zero to its limit
   int ticks_made_up_max = 3;                ///< steps that a late tick may take at once
   double start_jump_max_rad = 0.02;         ///< from what a drive measured to its first setpoint
   double silence_s = 0.1;  ///< after this without a command a drive has to be started up anew
+  /// Times are those of the ticks: of a simulation, not of a wire. Steps are then judged to the
+  /// tick.
+  bool exact_time = false;
+  /// Replies may have been spoilt on their way to the host: what is not one is passed over.
+  bool spoilt_replies = false;
 };
 
 /// What was found in a log. A frame *drives* when it asks for torque towards a position or for
-/// feed-forward; without (torque off, neutral, damping) it cannot move a joint.
+/// feed-forward; without (torque off, neutral, damping, braking) it cannot move a joint.
 struct FrameReport {
   std::vector<std::string> violations;  ///< with line numbers, from 1; empty if all was kept
   struct Joint {
     int commands = 0;
     int driving = 0;
-    int starts = 0;  ///< times that motor mode was entered
+    int starts = 0;  ///< times that torque was asked for
     int replies = 0;
     double step_max_rad = 0;       ///< between driving frames
     double start_jump_rad = 0;     ///< largest, from measurement to first driving frame
@@ -50,14 +57,50 @@ struct FrameReport {
   double rate_hz = 0;            ///< of ticks, where there was no silence
 };
 
-/// Checks, on the frames alone:
+/// What a drive was last told.
+struct DriveOrder {
+  enum class Kind : std::uint8_t {
+    kNone,
+    kOff,       ///< Torque off.
+    kPassive,   ///< A setpoint that cannot move the joint: neutral, damping, braking.
+    kSetpoint,  ///< It drives.
+  };
+  Kind kind = Kind::kNone;
+  double position_rad = 0;  ///< at the joint, of kSetpoint
+  double velocity_rad_s = 0;
+  double torque_nm = 0;
+  double kp_nm_per_rad = 0;  ///< where the protocol carries it
+  double kd_nm_s_per_rad = 0;
+};
+
+/// Watches the frames between a host and its drives, of any of the three protocols, and knows
+/// nothing else: it decodes as a drive does, without the host's code. It checks that
 /// - nothing but commands and replies of these drives is on the bus;
 /// - every tick commands every drive, in order; a broken tick is followed by silence or torque off;
-/// - a drive is started up (neutral setpoint, then motor mode) before it is driven, and anew after
-///   torque off or silence: no stale setpoint;
+/// - a drive is started up as its protocol has it before it is driven, and anew after torque off or
+///   silence: no stale setpoint;
 /// - the first driving setpoint is where the drive measured itself;
 /// - position, velocity and feed-forward are within limits, to the rounding of the wire, and so are
-///   their steps.
+///   their steps;
+/// - no drive's zero is set, no emergency stop is sent, no drive that runs is set up.
+/// Reserves what it needs for a few violations; does not allocate as long as there are none.
+class FrameJudge {
+ public:
+  explicit FrameJudge(const FrameRules& rules);
+  ~FrameJudge();
+  FrameJudge(const FrameJudge&) = delete;
+  FrameJudge& operator=(const FrameJudge&) = delete;
+
+  void Take(const LoggedFrame& logged);
+  [[nodiscard]] const FrameReport& report();
+  [[nodiscard]] const DriveOrder& last_order(std::size_t joint) const;
+
+ private:
+  class Checker;
+  std::unique_ptr<Checker> checker_;
+};
+
+/// The same for a whole log.
 FrameReport CheckFrames(const std::vector<LoggedFrame>& log, const FrameRules& rules);
 
 }  // namespace tumbler::testing

@@ -84,7 +84,8 @@ inline RecordConfiguration SmallConfiguration() {
   }
   configuration.executor.reactions.Set(Fault::kStaleReply, ExecutorState::kHolding,
                                        Reaction::kDamp);
-  configuration.sequence = {11, 501, 1001, 12, 13, 5};
+  configuration.sequence = {11, 501, 1001, 12, 13, 5, false};
+  configuration.machine = {"6.1 (test)", "none", "virtual"};
   return configuration;
 }
 
@@ -112,7 +113,13 @@ inline void RecordRun(const RecordConfiguration& configuration, FlightRecorder& 
     input.receive_status = Status::kWouldBlock;
     input.command = sequence.Next(output.record);
     configured.executor().Tick(input, output);
-    recorder.Push({now_ns, now_ns + 10, now_ns + 20}, input, Status::kOk, 2, output);
+    TickNotes notes;
+    notes.deadline_ns = notes.due_ns = now_ns;
+    notes.awake_ns = now_ns + 10;
+    notes.send_ns = now_ns + 20;
+    notes.done_ns = now_ns + 30;
+    notes.sent_count = 2;
+    recorder.Push(notes, input, output);
     received.clear();
     for (std::size_t i = 0; i < 2; ++i) {
       const auto& mit = std::get<MitConfig>(configured.drives().drives[i].config);

@@ -35,9 +35,13 @@ class ScriptedDrive final : public Drive {
   [[nodiscard]] DriveState state() const noexcept override {
     if (!heard_) return DriveState::kUnknown;
     if (feedback_.error != 0) return DriveState::kFault;
+    if (heartbeat_age.ticks > heartbeat_age.limit_ticks) return DriveState::kLost;
     if (stuck || enable_ticks_ == 0) return DriveState::kDisabled;
     return enable_ticks_ < start_up_ticks ? DriveState::kEnabling : DriveState::kEnabled;
   }
+
+  [[nodiscard]] ReplyRhythm reply_rhythm() const noexcept override { return rhythm; }
+  [[nodiscard]] HeartbeatAge heartbeat() const noexcept override { return heartbeat_age; }
 
   /// A frame that `Decode` takes.
   [[nodiscard]] CanFrame Answer() const {
@@ -50,6 +54,8 @@ class ScriptedDrive final : public Drive {
   int start_up_ticks = 3;
   bool stuck = false;  ///< Never, or no longer, enabled.
   Status encode_status = Status::kOk;
+  ReplyRhythm rhythm;
+  HeartbeatAge heartbeat_age;
 
   DriveRequest request = DriveRequest::kDisable;
   DriveSetpoint setpoint;

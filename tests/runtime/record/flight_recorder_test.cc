@@ -77,7 +77,7 @@ TEST_F(FlightRecorderTest, DoesNotAllocateInTheLoop) {
     testing::AllocationGuard guard;
     const std::array<std::uint8_t, 300> truth{};
     for (int i = 0; i < 20; ++i) {
-      recorder.Push({}, input, Status::kOk, 0, output);
+      recorder.Push({}, input, output);
       recorder.PushTruth(truth);
     }
   }

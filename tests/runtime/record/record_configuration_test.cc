@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cstddef>
 #include <cstring>
 #include <string>
 #include <string_view>
@@ -43,7 +44,9 @@ std::string Replaced(std::string text, const std::string& what, const std::strin
 }
 
 TEST(RecordConfiguration, IsReadBackToTheLastBit) {
-  const RecordConfiguration written = testing::SmallConfiguration();
+  RecordConfiguration written = testing::SmallConfiguration();
+  written.sequence.attended = true;
+  written.executor.collapse = {true, {0.1F, -2.3F}, 0.7F};
   const RecordConfiguration read = ParseConfiguration(JsonOf(written));
   EXPECT_EQ(read.program, written.program);
   EXPECT_EQ(read.command_line, written.command_line);
@@ -58,9 +61,21 @@ TEST(RecordConfiguration, IsReadBackToTheLastBit) {
   EXPECT_EQ(read.drives_file, written.drives_file);
   ASSERT_EQ(read.files.size(), written.files.size());
   EXPECT_EQ(read.files[0].path, written.files[0].path);
-  // Both are of numbers only, without padding.
-  EXPECT_EQ(std::memcmp(&read.executor, &written.executor, sizeof(ExecutorConfig)), 0);
-  EXPECT_EQ(std::memcmp(&read.sequence, &written.sequence, sizeof(RunSequenceConfig)), 0);
+  // Up to there it is of numbers only, without padding.
+  EXPECT_EQ(std::memcmp(&read.executor, &written.executor, offsetof(ExecutorConfig, collapse)), 0);
+  EXPECT_TRUE(read.executor.collapse.configured);
+  EXPECT_EQ(read.executor.collapse.position_rad, written.executor.collapse.position_rad);
+  EXPECT_EQ(read.executor.collapse.stiffness, written.executor.collapse.stiffness);
+  EXPECT_EQ(read.sequence.hold_ticks, written.sequence.hold_ticks);
+  EXPECT_EQ(read.sequence.reply_ticks_max, written.sequence.reply_ticks_max);
+  EXPECT_EQ(read.sequence.start_ticks_max, written.sequence.start_ticks_max);
+  EXPECT_EQ(read.sequence.stop_hold_ticks, written.sequence.stop_hold_ticks);
+  EXPECT_EQ(read.sequence.fault_ticks, written.sequence.fault_ticks);
+  EXPECT_EQ(read.sequence.disarmed_ticks, written.sequence.disarmed_ticks);
+  EXPECT_EQ(read.sequence.attended, written.sequence.attended);
+  EXPECT_EQ(read.machine.kernel, written.machine.kernel);
+  EXPECT_EQ(read.machine.cpu, written.machine.cpu);
+  EXPECT_EQ(read.machine.adapter, written.machine.adapter);
   const ExecutorConfig defaults;
   EXPECT_NE(std::memcmp(&read.executor.reactions, &defaults.reactions, sizeof(FaultTable)), 0);
 }

@@ -81,9 +81,9 @@ TEST_F(RecordExport, WritesTheTicksAsTelemetryDoes) {
   const std::int64_t ticks = ExportTelemetry(*record_, folder_ / "out.csv", folder_ / "out.lcm");
   const std::string csv = ReadBytes(folder_ / "out.csv");
   EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), ticks + 1);
-  EXPECT_THAT(csv, HasSubstr("tick,time_s,state,node,"));
-  EXPECT_THAT(csv, HasSubstr(",joint2_measured_torque_nm,"));
-  EXPECT_THAT(csv, HasSubstr("\n60,0.060000,running,0,"));
+  EXPECT_TRUE(csv.starts_with("number,tick,time_s,state,node,")) << csv.substr(0, 100);
+  EXPECT_NE(csv.find(",joint2_measured_torque_nm,"), std::string::npos);
+  EXPECT_NE(csv.find("\n60,60,0.060000,running,0,"), std::string::npos);
 
   lcm::LogFile log(folder_ / "out.lcm", "r");
   std::int64_t states = 0;

@@ -48,11 +48,11 @@ ReplayReport ReplayOf(const std::string& bytes) {
 }
 
 // Of a tick with two frames received and one sent by each of two joints.
-constexpr std::size_t kReceived = 48;
+constexpr std::size_t kReceived = 71;
 constexpr std::size_t kSent = kReceived + 2 * 21;
 constexpr std::size_t kRecord = kSent + 2 * 14;
-constexpr std::size_t kJoints = kRecord + 53;
-constexpr std::size_t kTickBytes = kJoints + 2 * 66;
+constexpr std::size_t kJoints = kRecord + 55;
+constexpr std::size_t kTickBytes = kJoints + 2 * 67;
 constexpr std::uint32_t kTickBlock = 62;  // The sixtieth tick, while the motion is played.
 
 TEST(Replay, OfAnUnchangedRecordIsIdentical) {
@@ -119,11 +119,11 @@ std::string FieldNamed(std::size_t at, unsigned bit) {
 TEST(Replay, NamesTheFieldThatDiffers) {
   EXPECT_EQ(FieldNamed(kRecord + 8, 0), "primitive_time_s");
   EXPECT_EQ(FieldNamed(kRecord + 12, 3), "faults");
-  EXPECT_EQ(FieldNamed(kRecord + 19, 0), "cycles");
-  EXPECT_EQ(FieldNamed(kRecord + 31, 0), "first_fault.value");
+  EXPECT_EQ(FieldNamed(kRecord + 21, 0), "cycles");
+  EXPECT_EQ(FieldNamed(kRecord + 33, 0), "first_fault.value");
   EXPECT_EQ(FieldNamed(kJoints, 0), "joint joint1: planned.position_rad");
-  EXPECT_EQ(FieldNamed(kJoints + 66 + 40, 0), "joint joint2: measured.position_rad");
-  EXPECT_EQ(FieldNamed(kJoints + 65, 0), "joint joint1: limit_active");
+  EXPECT_EQ(FieldNamed(kJoints + 67 + 40, 0), "joint joint2: measured.position_rad");
+  EXPECT_EQ(FieldNamed(kJoints + 66, 0), "joint joint1: limit_active");
   EXPECT_EQ(FieldNamed(kSent + 1 + 5 + 3, 0), "joint joint1: frame 0, byte 3");
   EXPECT_EQ(FieldNamed(kSent + 14 + 1, 2), "joint joint2: frame 0, identifier");
   EXPECT_EQ(FieldNamed(kSent + 1 + 4, 3), "joint joint1: frame 0, size");

@@ -73,6 +73,7 @@ struct AnyTick {
     input.send_status = static_cast<Status>(random() % 7);
     input.command = static_cast<OperatorCommand>(random() % 9);
     input.branch = static_cast<std::int8_t>(random());
+    input.controller = static_cast<CanControllerState>(random() % 4);
     TickRecord& record = output.record;
     VisitFields(record, Randomise{random});
     record.joint_count = static_cast<std::uint8_t>(random() % (kMaxJoints + 1));
@@ -85,12 +86,20 @@ struct AnyTick {
       sent += static_cast<std::size_t>(frames);
     }
     index = static_cast<std::int64_t>(random());
-    times = {static_cast<std::int64_t>(random()), -5, static_cast<std::int64_t>(random())};
-    sent -= sent > 0 ? random() % sent : 0;
+    notes.deadline_ns = static_cast<std::int64_t>(random());
+    notes.due_ns = -5;
+    notes.awake_ns = static_cast<std::int64_t>(random()) << 30;
+    notes.send_ns = static_cast<std::int64_t>(random());
+    notes.done_ns = static_cast<std::int64_t>(random());
+    notes.request_id = static_cast<std::uint32_t>(random());
+    notes.request = static_cast<std::uint8_t>(random() % 7);
+    notes.request_refusal = static_cast<Refusal>(random() % 10);
+    notes.sent_status = static_cast<Status>(random() % 7);
+    notes.sent_count = static_cast<std::uint8_t>(random() % (sent + 1));
   }
   std::vector<std::uint8_t> Encode() const {
     std::vector<std::uint8_t> bytes(kTickEntryBytesMax);
-    bytes.resize(EncodeTick(index, times, input, Status::kBusOff, sent, output, bytes));
+    bytes.resize(EncodeTick(index, notes, input, output, bytes));
     return bytes;
   }
 
@@ -98,8 +107,8 @@ struct AnyTick {
   TickInput input;
   TickOutput output;
   std::int64_t index = 0;
-  TickTimes times;
-  std::size_t sent = 0;
+  TickNotes notes;
+  std::size_t sent = 0;  // frames
 };
 
 TEST(TickEntry, IsReadBackBitForBit) {
@@ -110,22 +119,28 @@ TEST(TickEntry, IsReadBackBitForBit) {
     ASSERT_FALSE(bytes.empty());
     ASSERT_TRUE(DecodeTick(bytes, *entry)) << seed;
     EXPECT_EQ(entry->index, tick.index);
-    EXPECT_EQ(entry->times.deadline_ns, tick.times.deadline_ns);
-    EXPECT_EQ(entry->times.awake_ns, tick.times.awake_ns);
-    EXPECT_EQ(entry->times.send_ns, tick.times.send_ns);
+    EXPECT_EQ(entry->notes.deadline_ns, tick.notes.deadline_ns);
+    EXPECT_EQ(entry->notes.due_ns, tick.notes.due_ns);
+    EXPECT_EQ(entry->notes.awake_ns, tick.notes.awake_ns);
+    EXPECT_EQ(entry->notes.send_ns, tick.notes.send_ns);
+    EXPECT_EQ(entry->notes.done_ns, tick.notes.done_ns);
+    EXPECT_EQ(entry->notes.request_id, tick.notes.request_id);
+    EXPECT_EQ(entry->notes.request, tick.notes.request);
+    EXPECT_EQ(entry->notes.request_refusal, tick.notes.request_refusal);
+    EXPECT_EQ(entry->notes.sent_status, tick.notes.sent_status);
+    EXPECT_EQ(entry->notes.sent_count, tick.notes.sent_count);
     const TickInput input = entry->input();
     EXPECT_EQ(input.tick, tick.input.tick);
     EXPECT_EQ(input.receive_status, tick.input.receive_status);
     EXPECT_EQ(input.send_status, tick.input.send_status);
     EXPECT_EQ(input.command, tick.input.command);
     EXPECT_EQ(input.branch, tick.input.branch);
+    EXPECT_EQ(input.controller, tick.input.controller);
     ASSERT_EQ(input.received.size(), tick.received.size());
     for (std::size_t i = 0; i < tick.received.size(); ++i) {
       EXPECT_EQ(input.received[i].frame, tick.received[i].frame);
       EXPECT_EQ(input.received[i].time_ns, tick.received[i].time_ns);
     }
-    EXPECT_EQ(entry->sent_status, Status::kBusOff);
-    EXPECT_EQ(entry->sent_count, tick.sent);
     EXPECT_EQ(BitsOf(entry->record), BitsOf(tick.output.record));
     for (std::size_t i = 0; i < tick.output.record.joint_count; ++i) {
       const auto frames = tick.output.frames[i].frames();
@@ -145,6 +160,7 @@ TEST(TickEntry, HasTheDocumentedBytes) {
   input.tick = 258;
   input.received = received;
   input.command = OperatorCommand::kRun;
+  input.controller = CanControllerState::kErrorPassive;
   TickOutput output;
   output.record.tick = 258;
   output.record.joint_count = 1;
@@ -156,21 +172,28 @@ TEST(TickEntry, HasTheDocumentedBytes) {
   sent.data = {0xcc};
   ASSERT_EQ(output.frames[0].Add(sent), Status::kOk);
   std::vector<std::uint8_t> bytes(kTickEntryBytesMax);
-  bytes.resize(EncodeTick(7, {1, 2, 3}, input, Status::kOk, 1, output, bytes));
+  const TickNotes notes{1, 2, 3, 4, 5, 0x01020304, 6, Refusal::kNoReply, Status::kBusOff, 1};
+  bytes.resize(EncodeTick(7, notes, input, output, bytes));
+  // clang-format off
   const std::vector<std::uint8_t> expected_start = {
-      7,    0, 0, 0,    0,    0,    0,    0,                 // index
-      1,    0, 0, 0,    0,    0,    0,    0,                 // deadline
-      2,    0, 0, 0,    0,    0,    0,    0,                 // awake
-      3,    0, 0, 0,    0,    0,    0,    0,                 // sent
-      2,    1, 0, 0,    0,    0,    0,    0,                 // tick
-      0,    0, 3, 0xff,                                      // statuses, run, no branch
-      0,    1, 1, 1,                                         // status, 1 sent, 1 received, 1 joint
-      8,    7, 6, 5,    4,    3,    2,    1,                 // arrival
-      0x23, 1, 0, 0,    2,    0xaa, 0xbb, 0, 0, 0, 0, 0, 0,  // frame
-      1,    1, 0, 0,    0x80, 1,    0xcc, 0, 0, 0, 0, 0, 0, 0,  // one frame, extended
+      7, 0, 0, 0, 0, 0, 0, 0,  // index
+      1, 0, 0, 0, 0, 0, 0, 0,  // deadline
+      2, 0, 0, 0, 0, 0, 0, 0,  // due
+      3, 0, 0, 0, 0, 0, 0, 0,  // awake
+      4, 0, 0, 0, 0, 0, 0, 0,  // sent
+      5, 0, 0, 0, 0, 0, 0, 0,  // done
+      4, 3, 2, 1, 6, 4,        // a request was refused: no reply
+      4, 1,                    // bus off, 1 sent
+      2, 1, 0, 0, 0, 0, 0, 0,  // tick
+      0, 0, 3, 0xff, 2,        // statuses, run, no branch, error-passive
+      1, 1,                    // 1 received, 1 joint
+      8, 7, 6, 5, 4, 3, 2, 1,  // arrival
+      0x23, 1, 0, 0, 2, 0xaa, 0xbb, 0, 0, 0, 0, 0, 0,     // frame
+      1, 1, 0, 0, 0x80, 1, 0xcc, 0, 0, 0, 0, 0, 0, 0,     // one frame, extended
   };
-  ASSERT_EQ(bytes.size(), expected_start.size() + 53 + 66);
-  bytes.resize(bytes.size() - 53 - 66 + 53 + 4);
+  // clang-format on
+  ASSERT_EQ(bytes.size(), expected_start.size() + 55 + 67);
+  bytes.resize(bytes.size() - 55 - 67 + 55 + 4);
   EXPECT_EQ(std::vector<std::uint8_t>(
                 bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(expected_start.size())),
             expected_start);
@@ -192,8 +215,8 @@ TEST(TickEntry, IsRefusedWithCountsAndEnumeratorsThatCannotBe) {
   const auto entry = std::make_unique<TickEntry>();
   const std::vector<std::uint8_t> good = AnyTick(4).Encode();
   ASSERT_TRUE(DecodeTick(good, *entry));
-  // Receiving, sending, sending, frames received, joints.
-  for (const std::size_t at : {40U, 41U, 44U, 46U, 47U}) {
+  // Sending, receiving, sending, frames received, joints.
+  for (const std::size_t at : {54U, 64U, 65U, 68U, 69U}) {
     std::vector<std::uint8_t> bad = good;
     bad[at] = 0xf0;
     EXPECT_FALSE(DecodeTick(bad, *entry)) << at;
@@ -210,14 +233,13 @@ TEST(TickEntry, FitsItsLargestSizeAndNoSmallerOne) {
     for (int f = 0; f < FrameBatch::kCapacity; ++f) ASSERT_EQ(batch.Add({}), Status::kOk);
   }
   std::vector<std::uint8_t> bytes(kTickEntryBytesMax);
-  const std::size_t size = EncodeTick(0, {}, input, Status::kOk, 32, output, bytes);
+  const std::size_t size = EncodeTick(0, {}, input, output, bytes);
   ASSERT_GT(size, 3000U);
-  EXPECT_EQ(EncodeTick(0, {}, input, Status::kOk, 32, output, std::span(bytes).first(size)), size);
-  EXPECT_EQ(EncodeTick(0, {}, input, Status::kOk, 32, output, std::span(bytes).first(size - 1)),
-            0U);
+  EXPECT_EQ(EncodeTick(0, {}, input, output, std::span(bytes).first(size)), size);
+  EXPECT_EQ(EncodeTick(0, {}, input, output, std::span(bytes).first(size - 1)), 0U);
   received.resize(received.size() + 1);
   input.received = received;
-  EXPECT_EQ(EncodeTick(0, {}, input, Status::kOk, 32, output, bytes), 0U);
+  EXPECT_EQ(EncodeTick(0, {}, input, output, bytes), 0U);
 }
 
 }  // namespace

@@ -1,0 +1,213 @@
+#include "common/motion_header.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <iterator>
+#include <memory>
+#include <span>
+#include <stdexcept>
+#include <string_view>
+
+namespace tumbler {
+namespace {
+
+bool IsLetter(char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_'; }
+bool IsDigit(char c) { return c >= '0' && c <= '9'; }
+
+/// Identifiers joined by `::`, none of them reserved for the compiler. Keywords are left to it.
+bool IsNamespace(std::string_view name) {
+  while (true) {
+    const std::size_t end = name.find("::");
+    const std::string_view part = name.substr(0, end);
+    const bool identifier =
+        !part.empty() && IsLetter(part.front()) && part.front() != '_' &&
+        part.find("__") == std::string_view::npos &&
+        std::ranges::all_of(part, [](char c) { return IsLetter(c) || IsDigit(c); });
+    if (!identifier) return false;
+    if (end == std::string_view::npos) return true;
+    name.remove_prefix(end + 2);
+  }
+}
+
+std::string DefaultNamespace(std::string_view motion) {
+  std::string name = "motion_";
+  for (const char c : motion) {
+    const bool fits = (IsLetter(c) && c != '_') || IsDigit(c);
+    if (fits) {
+      name += c;
+    } else if (name.back() != '_') {
+      name += '_';
+    }
+  }
+  return name;
+}
+
+/// A string literal. Octal escapes end by themselves after three digits, whatever follows.
+std::string Quoted(std::string_view text) {
+  std::string out = "\"";
+  for (const char c : text) {
+    if (c < ' ' || c > '~' || c == '?') {  // ?\?/ would be a trigraph to some compilers.
+      out += fmt::format("\\{:03o}", static_cast<unsigned char>(c));
+    } else {
+      if (c == '"' || c == '\\') out += '\\';
+      out += c;
+    }
+  }
+  return out + '"';
+}
+
+/// Every bit of a float: hexadecimal digits of its fraction.
+std::string Exact(float value) { return fmt::format("{:a}F", static_cast<double>(value)); }
+
+/// `  constexpr float NAME[] = {...};` in lines that people can look at.
+void AppendFloats(std::string& out, const char* name, std::span<const float> values) {
+  out += fmt::format("  constexpr float {}[] = {{", name);
+  constexpr std::size_t kLine = 96;
+  std::size_t column = kLine;
+  for (const float value : values) {
+    const std::string text = Exact(value) + ",";
+    if (column + text.size() + 1 > kLine) {
+      out += "\n     ";
+      column = 5;
+    }
+    out += " " + text;
+    column += text.size() + 1;
+  }
+  out += "};\n";
+}
+
+using Spline = JointMotion<float>::Spline;
+
+void AppendSpline(std::string& out, const char* member, std::size_t joint, const Spline& spline) {
+  out += fmt::format("  {{\n");
+  AppendFloats(out, "knots", spline.knots());
+  AppendFloats(out, "points", spline.control_points());
+  out += fmt::format(
+      "  p.joints[{}].{} = tumbler::JointMotion<float>::Spline::Constant({}, knots, points);\n  "
+      "}}\n",
+      joint, member, spline.degree());
+}
+
+/// What overflows on the way is no constant to a compiler.
+void RequireFinite(const JointMotion<float>& motion, const Spline& spline, const char* what) {
+  for (int d = 0; d <= Spline::kMaxDerivative; ++d) {
+    for (const float point : spline.control_points(d)) {
+      if (point - point == 0) continue;
+      throw std::invalid_argument(
+          fmt::format("joint '{}': derivative {} of its {} does not fit single precision",
+                      motion.name.view(), d, what));
+    }
+  }
+}
+
+std::string PrimitiveText(const Primitive<float>& primitive) {
+  std::string out = "  tumbler::Primitive<float> p;\n";
+  auto line = [out = std::back_inserter(out)](auto format, const auto&... values) {
+    fmt::format_to(out, fmt::runtime(format), values...);
+  };
+  line("  p.name = tumbler::FixedString<48>({});\n", Quoted(primitive.name.view()));
+  line("  p.duration_s = {};\n", Exact(primitive.duration_s));
+  line("  p.settle_s = {};\n", Exact(primitive.settle_s));
+  line("  p.entry_tolerance_rad = {};\n", Exact(primitive.entry_tolerance_rad));
+  line("  p.following_tolerance_rad = {};\n", Exact(primitive.following_tolerance_rad));
+  line("  p.joint_count = {};\n", primitive.joint_count);
+  for (std::size_t j = 0; j < primitive.motions().size(); ++j) {
+    const JointMotion<float>& motion = primitive.joints[j];
+    const JointLimits<float>& limits = motion.limits;
+    line("  p.joints[{}].name = tumbler::FixedString<32>({});\n", j, Quoted(motion.name.view()));
+    RequireFinite(motion, motion.position, "position");
+    RequireFinite(motion, motion.torque, "feed-forward");
+    AppendSpline(out, "position", j, motion.position);
+    AppendSpline(out, "torque", j, motion.torque);
+    line("  p.joints[{}].limits = {{{}, {}, {}, {}, {}}};\n", j, Exact(limits.position_min_rad),
+         Exact(limits.position_max_rad), Exact(limits.velocity_max_rad_s),
+         Exact(limits.acceleration_max_rad_s2), Exact(limits.torque_max_nm));
+  }
+  return out + "  return p;\n";
+}
+
+const char* NameOf(EdgeCondition condition) {
+  switch (condition) {
+    case EdgeCondition::kAlways:
+      return "kAlways";
+    case EdgeCondition::kBranch:
+      return "kBranch";
+    case EdgeCondition::kCyclesDone:
+      return "kCyclesDone";
+  }
+  throw std::invalid_argument("an edge has no condition");
+}
+
+std::string GraphText(const SequenceGraph<float>& graph) {
+  std::string out = "  tumbler::SequenceGraph<float> g;\n";
+  auto line = [out = std::back_inserter(out)](auto format, const auto&... values) {
+    fmt::format_to(out, fmt::runtime(format), values...);
+  };
+  line("  g.name = tumbler::FixedString<48>({});\n", Quoted(graph.name.view()));
+  line("  g.start = {};\n  g.node_count = {};\n", graph.start, graph.node_count);
+  for (int i = 0; i < graph.node_count; ++i) {
+    const SequenceNode& node = graph.node(i);
+    line("  g.node_storage[{}] = {{tumbler::FixedString<48>({}), {}, {}, {}, {}}};\n", i,
+         Quoted(node.name.view()), node.primitive, node.swapped, node.safe, node.ends_cycle);
+  }
+  line("  g.edge_count = {};\n", graph.edge_count);
+  for (int i = 0; i < graph.edge_count; ++i) {
+    const SequenceEdge<float>& edge = graph.edge(i);
+    line(
+        "  g.edge_storage[{}] = {{{}, {}, {}, tumbler::EdgeCondition::{}, "
+        "tumbler::FixedString<32>({})}};\n",
+        i, edge.from, edge.to, Exact(edge.settle_s), NameOf(edge.condition),
+        Quoted(edge.branch.view()));
+  }
+  for (std::size_t j = 0; j < graph.partner.size(); ++j)
+    line("  g.partner[{}] = {};\n", j, graph.partner[j]);
+  return out + "  return g;\n";
+}
+
+}  // namespace
+
+std::string ToHeader(const SequenceFile& file, const std::string& source_text,
+                     const std::string& namespace_name) {
+  const std::string name =
+      namespace_name.empty() ? DefaultNamespace(file.graph.name.view()) : namespace_name;
+  if (!IsNamespace(name)) {
+    throw std::invalid_argument(fmt::format(
+        "'{}' is not a namespace: identifiers of letters, digits and single underscores, each "
+        "beginning with a letter, joined by ::",
+        name));
+  }
+  const auto sequence = std::make_unique<const Sequence<float>>(ToRuntime(file));
+
+  const std::string source = std::filesystem::path(file.path).filename().string();
+  std::string out = fmt::format(
+      "// Written by tumbler-export; do not edit.\n"
+      "//   source {}, {}\n",
+      Quoted(source), HashOfText(source_text));
+  for (std::size_t i = 0; i < file.primitives.size(); ++i) {
+    out +=
+        fmt::format("//   primitive {}: {}, coefficients {}\n", i, Quoted(file.primitive_names[i]),
+                    file.primitives[i].certificate.coefficients_hash);
+  }
+  out += fmt::format(
+      "#pragma once\n\n"
+      "#include <array>\n#include <string_view>\n\n"
+      "#include \"common/primitive.h\"\n#include \"common/sequence.h\"\n\n"
+      "namespace {} {{\n\n"
+      "inline constexpr std::string_view kSource = {};\n"
+      "inline constexpr std::string_view kSourceHash = {};\n\n",
+      name, Quoted(source), Quoted(HashOfText(source_text)));
+  out += fmt::format("inline constexpr std::array<tumbler::Primitive<float>, {}> kPrimitives = {{",
+                     file.primitives.size());
+  for (std::size_t i = 0; i < file.primitives.size(); ++i)
+    out += fmt::format("\n[] {{\n{}}}(),", PrimitiveText(sequence->primitives[i]));
+  out += fmt::format(
+      "}};\n\n"
+      "inline constexpr tumbler::SequenceGraph<float> kGraph = [] {{\n{}}}();\n\n"
+      "}}  // namespace {}\n",
+      GraphText(sequence->graph), name);
+  return out;
+}
+
+}  // namespace tumbler

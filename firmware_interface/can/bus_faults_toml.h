@@ -1,0 +1,18 @@
+#pragma once
+
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "firmware_interface/can/bus_faults.h"
+
+namespace tumbler {
+
+/// Reads a script of bus faults (`tests/data/bus_faults.toml` is a commented example).
+/// @param nodes  names of the ports in the order of SimulatedBus::Attach, e.g. `host`, `leg1`.
+/// @throws FileError with file, line, key and allowed range.
+BusFaultPlan LoadBusFaults(const std::string& path, std::span<const std::string> nodes);
+BusFaultPlan ParseBusFaults(std::string_view text, const std::string& name,
+                            std::span<const std::string> nodes);
+
+}  // namespace tumbler

@@ -1,0 +1,78 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "firmware_interface/can/frame.h"
+#include "firmware_interface/drives/drive_bank.h"
+#include "runtime/executor.h"
+#include "runtime/run_sequence.h"
+
+namespace tumbler {
+
+/// Drives of two joints as `primitives/robots/tumbler_drives*.toml` has them.
+enum class PlaybackDrives : std::uint8_t { kMit, kCanSimple, kCia402 };
+
+/// What the world told the executor in one tick, as a recording holds it.
+struct RecordedTick {
+  static constexpr std::size_t kMaxFrames = 32;
+  static constexpr std::size_t kHeaderBytes = 4;
+  static constexpr std::size_t kFrameBytes = 14;
+  static constexpr std::size_t kMaxBytes = kHeaderBytes + kMaxFrames * kFrameBytes;
+
+  std::int8_t elapsed = 1;  ///< Ticks since the one before.
+  Status receive_status = Status::kOk;
+  Status send_status = Status::kOk;
+  std::uint8_t frame_count = 0;
+  std::array<ReceivedFrame, kMaxFrames> frames;
+};
+
+/// To bytes and back. Pack returns how many it has written (`out` has room for kMaxBytes); Unpack
+/// takes the header first, which says how many bytes of frames follow.
+std::size_t Pack(const RecordedTick& tick, std::span<std::uint8_t> out) noexcept;
+/// @returns bytes that follow the header, or -1 if there are more frames than a tick holds.
+int UnpackHeader(std::span<const std::uint8_t> bytes, RecordedTick& tick) noexcept;
+void UnpackFrames(std::span<const std::uint8_t> bytes, RecordedTick& tick) noexcept;
+
+/// Everything that leaves the executor in one tick, for comparing: state, faults, each joint's
+/// setpoint as planned, limited and encoded, and its frames. Layout, little-endian:
+///
+///   state 8 | node 8 | faults 32 | command 8 | refusal 8 | joints 8 kHeadBytes of each joint:
+///   planned p v t a, limited p v t, encoded p v t (floats)
+///                  | frames 8 | their bytes as in RecordedTick
+inline constexpr std::size_t kPlaybackHeadBytes = 9;
+inline constexpr std::size_t kPlaybackJointBytes = 10 * 4 + 1;
+inline constexpr std::size_t kPlaybackMaxBytes =
+    kPlaybackHeadBytes +
+    kMaxJoints * (kPlaybackJointBytes + FrameBatch::kCapacity * RecordedTick::kFrameBytes);
+/// @returns how many bytes it has written; `out` has room for kPlaybackMaxBytes.
+std::size_t Pack(const TickOutput& output, std::span<std::uint8_t> out) noexcept;
+
+/// Plays a motion against a recording of what the drives said. The same source runs on a
+/// microcontroller and on the machine that made the recording, and both have to send the same
+/// frames. It is also the example of how the core is put together without a heap.
+class Playback {
+ public:
+  /// Plays `cycles` cycles and then takes the branch; see ExecutorConfig. What is passed has to
+  /// outlive the playback.
+  Status Configure(PlaybackDrives drives, int cycles, int branch, const SequenceGraph<float>& graph,
+                   std::span<const Primitive<float>> primitives) noexcept;
+
+  /// The executor's input of the next tick, whose frames stay where they are.
+  [[nodiscard]] TickInput NextInput(const RecordedTick& tick) noexcept;
+  void Tick(const TickInput& input) noexcept { executor_.Tick(input, output_); }
+  [[nodiscard]] const TickOutput& output() const noexcept { return output_; }
+  /// Disarmed again, at the end.
+  [[nodiscard]] bool done() const noexcept { return sequence_.done(); }
+
+ private:
+  DriveBank bank_;
+  Executor executor_;
+  RunSequence sequence_{RunSequenceConfig{}};
+  std::int64_t tick_ = 0;
+  TickOutput output_{};
+};
+
+}  // namespace tumbler

@@ -1,0 +1,47 @@
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <optional>
+#include <string>
+
+#include <tumbler/event_t.hpp>
+#include <tumbler/run_t.hpp>
+#include <tumbler/state_t.hpp>
+
+namespace tumbler {
+
+/// What is known of a run from its messages, and how it looks to people. It counts what did not
+/// arrive.
+class LiveView {
+ public:
+  void Take(const state_t& state);
+  void Take(const event_t& event);
+  void Take(const run_t& run);
+
+  [[nodiscard]] const std::optional<state_t>& state() const noexcept { return state_; }
+  [[nodiscard]] const std::optional<run_t>& run() const noexcept { return run_; }
+  /// States that were sent between the first and the last that arrived, and did not.
+  [[nodiscard]] std::int64_t lost() const noexcept { return lost_; }
+
+  /// Several lines of at most 100 columns: state, motion, joints, faults, bus, latency, what
+  /// happened last.
+  [[nodiscard]] std::string Screen() const;
+  /// The same in one line, for logs.
+  [[nodiscard]] std::string Line() const;
+  /// One JSON object, units in the keys.
+  [[nodiscard]] std::string Json() const;
+
+ private:
+  [[nodiscard]] std::string JointName(std::size_t joint) const;
+  [[nodiscard]] std::string FaultText() const;
+  [[nodiscard]] std::string NodeName() const;
+
+  static constexpr std::size_t kEvents = 6;
+  std::optional<state_t> state_;
+  std::optional<run_t> run_;
+  std::deque<event_t> events_;
+  std::int64_t lost_ = 0;
+};
+
+}  // namespace tumbler

@@ -1,0 +1,239 @@
+// tumbler-ctl: what an operator asks of a running tumbler-run, and what he sees of it, over LCM.
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <csignal>
+#include <cstdio>
+#include <exception>
+#include <functional>
+#include <lcm/lcm-cpp.hpp>
+#include <random>
+#include <stdexcept>
+#include <string>
+#include <tumbler/command_t.hpp>
+
+#include "runtime/linux/live_view.h"
+#include "runtime/linux/operator_mailbox.h"
+#include "runtime/linux/telemetry.h"
+
+namespace tumbler {
+namespace {
+
+constexpr int kExitUsage = 1;
+constexpr int kExitRefused = 2;
+constexpr int kExitFault = 3;
+
+constexpr const char* kFooter =
+    R"(It speaks with a tumbler-run that was started with the same --lcm-url, and says what became of the request.
+
+  start         begin a run, where tumbler-run was started with --attended and waits for it
+  branch NAME   take this branch of the sequence at the next chance
+  finish        end at the next safe node, hold, torque off
+  stop          brake at once within the limits, hold, torque off
+  disarm        torque off at once
+  clear         forget latched faults, and let the drives forget theirs; only while disarmed
+  status        what runs, once
+  watch         the same, live, until Ctrl-C; in a pipe one line a second
+
+Exit codes:
+  0  done
+  1  wrong usage, or no tumbler-run answers there
+  2  refused; the reason is printed
+  3  a fault is latched (status)
+
+Whoever reaches the network of the URL can send these: keep ttl=0 (this machine only), or a network of the robot's own.)";
+
+using SteadyClock = std::chrono::steady_clock;
+
+volatile std::sig_atomic_t interrupted = 0;
+void OnInterrupt(int /*signal*/) { interrupted = 1; }
+
+/// A terminal's other screen, for as long as this lives.
+class Screen {
+ public:
+  Screen() { fmt::print("\x1b[?1049h\x1b[?25l"); }
+  ~Screen() {
+    fmt::print("\x1b[?25h\x1b[?1049l");
+    std::fflush(stdout);
+  }
+  Screen(const Screen&) = delete;
+  Screen& operator=(const Screen&) = delete;
+
+  static void Draw(const std::string& text) {
+    fmt::print("\x1b[H\x1b[2J{}", text);
+    std::fflush(stdout);
+  }
+};
+
+class Remote {
+ public:
+  explicit Remote(const std::string& url) : url_(url), lcm_(url) {
+    if (!lcm_.good()) {
+      throw std::runtime_error(
+          fmt::format("{}: LCM cannot use this URL (udpm needs a multicast route: `ip route add "
+                      "224.0.0.0/4 dev IFACE`)",
+                      url));
+    }
+    Subscribe<state_t>(kStateChannel);
+    Subscribe<event_t>(kEventChannel);
+    Subscribe<run_t>(kRunChannel);
+  }
+
+  [[nodiscard]] const LiveView& view() const { return view_; }
+
+  /// Takes messages until `done`, or for so long. @returns done().
+  bool Wait(double patience_s, const std::function<bool()>& done) {
+    const auto until = SteadyClock::now() + std::chrono::duration<double>(patience_s);
+    while (!done()) {
+      const auto left =
+          std::chrono::duration_cast<std::chrono::milliseconds>(until - SteadyClock::now()).count();
+      if (left <= 0 || interrupted != 0) return false;
+      lcm_.handleTimeout(static_cast<int>(std::min<long>(left, 100)));
+    }
+    return true;
+  }
+  void WaitForState() {
+    if (!Wait(2, [this] { return view_.state().has_value(); })) throw Silent();
+  }
+
+  /// Sends a request until it is answered: a datagram may get lost.
+  /// @returns the answer.
+  state_t Ask(std::int8_t command, const std::string& branch) {
+    WaitForState();
+    command_t message;
+    // Another number for every request of anybody.
+    message.id = std::uniform_int_distribution<std::uint32_t>(1)(random_);
+    message.command = command;
+    message.branch = branch;
+    const auto answered = [&] { return view_.state()->request_id == message.id; };
+    for (int i = 0; i < 10 && !answered(); ++i) {
+      lcm_.publish(kCommandChannel, &message);
+      Wait(0.2, answered);
+    }
+    if (!answered()) throw Silent();
+    return *view_.state();
+  }
+
+ private:
+  template <typename Message>
+  void Subscribe(const char* channel) {
+    // Not the overload for member functions: UndefinedBehaviorSanitizer objects to it.
+    lcm_.subscribeFunction(channel, &Remote::Handle<Message>, this)->setQueueCapacity(0);
+  }
+  template <typename Message>
+  static void Handle(const lcm::ReceiveBuffer* /*buffer*/, const std::string& /*channel*/,
+                     const Message* message, Remote* self) {
+    self->view_.Take(*message);
+  }
+  [[nodiscard]] std::runtime_error Silent() const {
+    return std::runtime_error(
+        fmt::format("no answer on {}: is tumbler-run there, with --lcm-url {}?", url_, url_));
+  }
+
+  std::string url_;
+  lcm::LCM lcm_;
+  LiveView view_;
+  std::random_device random_;
+};
+
+int Request(Remote& remote, std::int8_t command, const std::string& branch) {
+  const char* name = ToString(static_cast<OperatorRequest>(command));
+  const state_t answer = remote.Ask(command, branch);
+  const auto refusal = static_cast<Refusal>(answer.request_refusal);
+  if (refusal == Refusal::kNone) {
+    fmt::print("{}: taken at tick {}\n", name, answer.tick);
+    return 0;
+  }
+  RefusalReport report;
+  report.refusal = refusal;
+  fmt::print(
+      stderr, "tumbler-ctl: {} refused: {} (state {})\n", name,
+      refusal == Refusal::kNoSuchBranch ? fmt::format("no branch '{}'", branch) : ToString(refusal),
+      ToString(static_cast<ExecutorState>(answer.state)));
+  return kExitRefused;
+}
+
+int Status(Remote& remote, bool json) {
+  remote.WaitForState();
+  remote.Wait(1.5, [&] { return remote.view().run().has_value(); });
+  fmt::print("{}", json ? remote.view().Json() : remote.view().Screen());
+  return remote.view().state()->faults == 0 ? 0 : kExitFault;
+}
+
+int Watch(Remote& remote) {
+  const bool terminal = isatty(STDOUT_FILENO) != 0;
+  remote.WaitForState();
+  std::optional<Screen> screen;
+  if (terminal) screen.emplace();
+  auto heard = SteadyClock::now();
+  std::int64_t number = -1;
+  while (interrupted == 0) {
+    remote.Wait(terminal ? 0.1 : 1, [] { return false; });
+    const LiveView& view = remote.view();
+    if (view.state()->number != number) heard = SteadyClock::now();
+    number = view.state()->number;
+    const double silent_s = std::chrono::duration<double>(SteadyClock::now() - heard).count();
+    const std::string silence =
+        silent_s > 1 ? fmt::format("NOTHING RECEIVED for {:.0f} s", silent_s) : "";
+    if (terminal) {
+      Screen::Draw(view.Screen() + (silence.empty() ? "" : "\n" + silence + "\n"));
+    } else {
+      fmt::print("{}\n", silence.empty() ? view.Line() : silence);
+      std::fflush(stdout);
+    }
+  }
+  return 0;
+}
+
+int Main(int argc, char** argv) {
+  std::string url = "udpm://239.255.76.67:7667?ttl=0";
+  std::string branch;
+  bool json = false;
+  CLI::App app("Asks a running tumbler-run for something, or shows what it does.", "tumbler-ctl");
+  app.footer(kFooter);
+  app.require_subcommand(1);
+  app.fallthrough();
+  app.add_option("--lcm-url", url, "where tumbler-run publishes")->capture_default_str();
+  app.add_subcommand("start", "begin a run");
+  app.add_subcommand("branch", "take a branch")->add_option("NAME", branch, "of it")->required();
+  app.add_subcommand("finish", "end at the next safe node");
+  app.add_subcommand("stop", "brake at once");
+  app.add_subcommand("disarm", "torque off at once");
+  app.add_subcommand("clear", "forget latched faults");
+  app.add_subcommand("status", "what runs, once")->add_flag("--json", json, "as JSON");
+  app.add_subcommand("watch", "what runs, live");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::CallForHelp& help) {
+    return app.exit(help);
+  } catch (const CLI::ParseError& error) {
+    app.exit(error);
+    return kExitUsage;
+  }
+  struct sigaction action {};
+  action.sa_handler = OnInterrupt;
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
+  try {
+    Remote remote(url);
+    const std::string name = app.get_subcommands().front()->get_name();
+    if (name == "status") return Status(remote, json);
+    if (name == "watch") return Watch(remote);
+    for (int command = command_t::START; command <= command_t::DISARM; ++command) {
+      if (name == ToString(static_cast<OperatorRequest>(command)))
+        return Request(remote, static_cast<std::int8_t>(command), branch);
+    }
+    throw std::logic_error("a subcommand without a request");
+  } catch (const std::exception& error) {
+    fmt::print(stderr, "tumbler-ctl: {}\n", error.what());
+    return kExitUsage;
+  }
+}
+
+}  // namespace
+}  // namespace tumbler
+
+int main(int argc, char** argv) { return tumbler::Main(argc, argv); }

@@ -1,0 +1,199 @@
+// tumbler-log: what is in an LCM log of tumbler-run, and its ticks as a table.
+
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <cerrno>
+#include <cstdint>
+#include <cstdio>
+#include <exception>
+#include <lcm/lcm-cpp.hpp>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <system_error>
+#include <tumbler/event_t.hpp>
+#include <tumbler/run_t.hpp>
+#include <tumbler/state_t.hpp>
+#include <vector>
+
+#include "runtime/faults.h"
+#include "runtime/linux/live_view.h"
+#include "runtime/linux/state_csv.h"
+#include "runtime/linux/telemetry.h"
+
+namespace tumbler {
+namespace {
+
+constexpr int kExitUsage = 1;
+constexpr int kExitIncomplete = 4;
+
+constexpr const char* kFooter =
+    R"(LOG is what `tumbler-run --log` or lcm-logger wrote. Without --csv its events and a summary are printed. The columns of
+the table have their units in their names. Ticks that are missing are counted.
+
+Exit codes:
+  0  everything that was recorded is there
+  1  wrong usage, or a file that cannot be used
+  4  ticks are missing in the log, or messages that cannot be decoded are in it)";
+
+struct CloseFile {
+  void operator()(std::FILE* file) const noexcept { std::fclose(file); }
+};
+using File = std::unique_ptr<std::FILE, CloseFile>;
+
+struct Contents {
+  std::int64_t states = 0;
+  std::int64_t missing = 0;
+  std::int64_t damaged = 0;  ///< Messages on our channels that are not of our types.
+  std::int64_t foreign = 0;  ///< Messages on other channels.
+  LiveView view;
+};
+
+template <typename Message>
+std::optional<Message> Decode(const lcm::LogEvent& event) {
+  Message message;
+  const int size = message.decode(event.data, 0, event.datalen);
+  if (size != event.datalen) return std::nullopt;
+  return message;
+}
+
+/// Reads a whole log; rows of the table go to `table`, events to standard output, where wanted.
+Contents Read(const std::string& path, std::FILE* table, bool events) {
+  lcm::LogFile log(path, "r");
+  if (!log.good()) {
+    throw std::runtime_error(
+        fmt::format("{}: cannot be read: {}", path, std::generic_category().message(errno)));
+  }
+  Contents contents;
+  std::string row;
+  std::vector<state_t> waiting;  // Until the names of the joints are known.
+  bool header = false;
+  const auto write = [&](const std::string& text) {
+    if (std::fwrite(text.data(), 1, text.size(), table) != text.size())
+      throw std::runtime_error("the table could not be written whole");
+  };
+  const auto flush = [&](bool at_end) {
+    if (table == nullptr) return;
+    if (!header) {
+      std::vector<std::string> names;
+      if (contents.view.run()) {
+        names = contents.view.run()->joints;
+      } else if (at_end && !waiting.empty()) {
+        for (std::size_t i = 0; i < waiting[0].joints.size(); ++i)
+          names.push_back(fmt::format("joint{}", i + 1));
+      } else if (!at_end) {
+        return;
+      }
+      write(StateCsvHeader(names) + '\n');
+      header = true;
+    }
+    row.clear();
+    for (const state_t& state : waiting) AppendStateCsvRow(state, row);
+    write(row);
+    waiting.clear();
+  };
+  while (const lcm::LogEvent* event = log.readNextEvent()) {
+    if (event->channel == kStateChannel) {
+      const std::optional<state_t> state = Decode<state_t>(*event);
+      if (!state) {
+        ++contents.damaged;
+        continue;
+      }
+      if (contents.states == 0) contents.missing = state->number;  // Before the first.
+      ++contents.states;
+      contents.view.Take(*state);
+      if (table != nullptr) waiting.push_back(*state);
+      flush(false);
+    } else if (event->channel == kRunChannel) {
+      const std::optional<run_t> run = Decode<run_t>(*event);
+      if (run) contents.view.Take(*run);
+      contents.damaged += run ? 0 : 1;
+    } else if (event->channel == kEventChannel) {
+      const std::optional<event_t> happened = Decode<event_t>(*event);
+      contents.damaged += happened ? 0 : 1;
+      if (happened && events) {
+        fmt::print("{:10.3f} s  tick {:8}  {} -> {}{}{}\n",
+                   static_cast<double>(happened->time_ns) * 1e-9, happened->tick,
+                   happened->from_state, happened->to_state, happened->text.empty() ? "" : ": ",
+                   happened->text);
+      }
+    } else {
+      ++contents.foreign;
+    }
+  }
+  flush(true);
+  contents.missing += contents.view.lost();
+  return contents;
+}
+
+int Convert(const std::string& path, const std::string& csv) {
+  File table;
+  std::string part;
+  std::FILE* out = nullptr;
+  if (csv == "-") {
+    out = stdout;
+  } else if (!csv.empty()) {
+    part = csv + ".part";  // The table appears whole or not at all.
+    table.reset(std::fopen(part.c_str(), "w"));
+    if (table == nullptr) {
+      throw std::runtime_error(
+          fmt::format("{}: cannot be written: {}", csv, std::generic_category().message(errno)));
+    }
+    out = table.get();
+  }
+  Contents contents;
+  try {
+    contents = Read(path, out, csv.empty());
+    if (contents.states == 0) {
+      throw std::runtime_error(
+          fmt::format("{}: has no message of tumbler-run on channel {}", path, kStateChannel));
+    }
+    if (out != nullptr && std::fflush(out) != 0)
+      throw std::runtime_error(fmt::format("{}: could not be written whole", csv));
+  } catch (...) {
+    if (!part.empty()) std::remove(part.c_str());
+    throw;
+  }
+  if (!part.empty() && std::rename(part.c_str(), csv.c_str()) != 0)
+    throw std::runtime_error(
+        fmt::format("{}: cannot be written: {}", csv, std::generic_category().message(errno)));
+  std::FILE* text = csv == "-" ? stderr : stdout;
+  if (csv.empty()) fmt::print(text, "\nat the end:\n{}\n", contents.view.Screen());
+  const std::int64_t unrecorded = contents.view.run() ? contents.view.run()->lost_records : 0;
+  fmt::print(
+      text, "{} ticks; {} missing ({} of them never recorded); {} messages damaged, {} of others\n",
+      contents.states, contents.missing, unrecorded, contents.damaged, contents.foreign);
+  if (!csv.empty() && csv != "-") fmt::print(text, "wrote {}\n", csv);
+  return contents.missing + contents.damaged > 0 ? kExitIncomplete : 0;
+}
+
+int Main(int argc, char** argv) {
+  std::string path;
+  std::string csv;
+  CLI::App app("Shows an LCM log of tumbler-run, or converts it to CSV.", "tumbler-log");
+  app.footer(kFooter);
+  app.add_option("LOG", path, "LCM log")->required();
+  app.add_option("--csv", csv,
+                 "write a table, one row a tick, to this file; - for standard output");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::CallForHelp& help) {
+    return app.exit(help);
+  } catch (const CLI::ParseError& error) {
+    app.exit(error);
+    return kExitUsage;
+  }
+  try {
+    return Convert(path, csv);
+  } catch (const std::exception& error) {
+    fmt::print(stderr, "tumbler-log: {}\n", error.what());
+    return kExitUsage;
+  }
+}
+
+}  // namespace
+}  // namespace tumbler
+
+int main(int argc, char** argv) { return tumbler::Main(argc, argv); }

@@ -1,0 +1,537 @@
+// The core on Cortex-M4F and M7 under QEMU against the same source on this machine: the whole
+// shipped gait (two cycles and the roll) tick by tick, every byte that leaves the executor
+// compared.
+//
+// This machine plays the motion, as the loader gives it, with simulated drives, and records the
+// frames that they send. The firmware plays it, as `tumbler-export` wrote it, against that
+// recording. `ctest -R CortexM -V` prints sizes, stack and instructions.
+
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cstdlib>
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <memory>
+#include <random>
+#include <regex>
+#include <set>
+#include <sstream>
+#include <string>
+#include <tuple>
+#include <vector>
+
+#include "common/sequence_toml.h"
+#include "firmware_interface/drives/drives_toml.h"
+#include "firmware_interface/drives/make_simulated.h"
+#include "runtime/embedded/playback.h"
+#include "runtime/linux/dry_run_bus.h"
+#include "runtime/record/flight_record.h"
+#include "tests/support/program.h"
+#include "tests/support/task_files.h"
+
+namespace tumbler {
+namespace {
+
+using testing::Program;
+using testing::ReadFile;
+using testing::WriteFile;
+
+constexpr int kCycles = 2;
+constexpr const char* kBranch = "roll";
+
+/// More instructions than this are not spent on a tick of two joints.
+constexpr double kInstructionsMax = 4000;
+
+/// Bytes of stack that a tick may use, and Configure with all that is above it.
+constexpr int kTickStackMax = 1024;
+constexpr int kSetUpStackMax = 2048;
+
+struct Protocol {
+  const char* name;
+  PlaybackDrives drives;
+  const char* file;
+};
+constexpr std::array kProtocols{
+    Protocol{"mit", PlaybackDrives::kMit, "tumbler_drives.toml"},
+    Protocol{"cansimple", PlaybackDrives::kCanSimple, "tumbler_drives_cansimple.toml"},
+    Protocol{"cia402", PlaybackDrives::kCia402, "tumbler_drives_cia402.toml"},
+};
+
+struct Machine {
+  const char* name;  // as in the presets
+  const char* qemu;  // its -machine
+};
+constexpr std::array kMachines{Machine{"m4f", "mps2-an386"}, Machine{"m7", "mps2-an500"}};
+
+std::string Firmware(const Machine& machine) {
+  return fmt::format("{}/cortex-{}/bin/tumbler-playback.elf", TUMBLER_BINARY_DIR, machine.name);
+}
+
+const Sequence<float>& Gait() {
+  static const auto gait = std::make_unique<const Sequence<float>>(
+      ToRuntime(LoadMotion(TUMBLER_SOURCE_DIR "/primitives/gait.toml")));
+  return *gait;
+}
+
+/// What one run on this machine heard and sent.
+struct Played {
+  std::string recording;
+  std::string output;
+  std::vector<std::size_t> tick_ends;  ///< Of each tick, in `output`.
+  std::set<std::string> nodes;         ///< That were played.
+  std::set<ExecutorState> states;
+  std::uint32_t faults = 0;
+};
+
+/// The world between drives and executor.
+using Trouble = std::function<void(RecordedTick&)>;
+
+Played PlayHere(const Protocol& protocol, const Trouble& trouble = {}) {
+  const Sequence<float>& gait = Gait();
+  const DrivesConfig config =
+      LoadDrives(std::string(TUMBLER_SOURCE_DIR "/primitives/robots/") + protocol.file);
+  std::vector<DryRunBus::Node> nodes;
+  for (std::size_t i = 0; i < config.drives.size(); ++i) {
+    // Somewhere else than at the start, so that there is a way to it.
+    const float start = gait.primitives[0].joints[i].position.control_points()[0];
+    nodes.push_back({MakeSimulatedDrive(config.drives[i]),
+                     static_cast<double>(start) + (i == 0 ? 0.4 : -0.25)});
+  }
+  DryRunBus bus("none", config.bit_rate, std::move(nodes), nullptr);
+  Playback playback;
+  if (playback.Configure(protocol.drives, kCycles, gait.graph.FindBranch(kBranch), gait.graph,
+                         {gait.primitives.data(),
+                          static_cast<std::size_t>(gait.primitive_count)}) != Status::kOk) {
+    throw std::logic_error("the executor does not take the gait");
+  }
+  Played run;
+  RecordedTick tick;
+  std::array<std::uint8_t, std::max(RecordedTick::kMaxBytes, kPlaybackMaxBytes)> bytes{};
+  const auto append = [&bytes](std::string& to, std::size_t count) {
+    to.append(reinterpret_cast<const char*>(bytes.data()), count);
+  };
+  for (int n = 0; n < 60'000 && !playback.done(); ++n) {
+    bus.AdvanceTo(std::int64_t{n} * 1'000'000);
+    tick = {};
+    ReceivedFrame received;
+    while (tick.frame_count < RecordedTick::kMaxFrames && bus.Receive(received) == Status::kOk)
+      tick.frames[tick.frame_count++] = received;
+    if (trouble) trouble(tick);
+    append(run.recording, Pack(tick, bytes));
+    playback.Tick(playback.NextInput(tick));
+    const TickOutput& output = playback.output();
+    append(run.output, Pack(output, bytes));
+    run.tick_ends.push_back(run.output.size());
+    run.states.insert(output.record.state);
+    run.faults |= output.record.faults;
+    if (output.record.state == ExecutorState::kRunning)
+      run.nodes.insert(std::string(gait.graph.node(output.record.node).name.view()));
+    for (std::size_t j = 0; j < output.record.joint_count; ++j) {
+      for (const CanFrame& frame : output.frames[j].frames()) {
+        if (bus.Send(frame) != Status::kOk) throw std::logic_error("the bus takes no more");
+      }
+    }
+  }
+  if (!playback.done()) throw std::logic_error("the run does not end");
+  return run;
+}
+
+/// What can happen between drives and executor, rarely enough that runs get somewhere: lost
+/// frames, wrong bits, foreign frames, late ticks, a bus that takes no frames or goes off.
+void Disturb(RecordedTick& tick, int number, std::mt19937& random) {
+  if (number < 1000) return;
+  const auto once_in = [&random](int n) {
+    return std::uniform_int_distribution<int>(1, n)(random) == 1;
+  };
+  const auto any = [&random](int below) {
+    return std::uniform_int_distribution<int>(0, below - 1)(random);
+  };
+  if (once_in(200)) tick.frame_count = 0;
+  for (std::size_t i = 0; i < tick.frame_count; ++i) {
+    CanFrame& frame = tick.frames[i].frame;
+    if (once_in(4000))
+      frame.data[static_cast<std::size_t>(any(8))] ^= static_cast<std::uint8_t>(1 << any(8));
+    if (once_in(4000)) frame.id ^= 1U << any(11);
+    if (once_in(4000)) frame.size = static_cast<std::uint8_t>(any(9));
+    if (once_in(4000)) frame.remote = true;
+  }
+  if (once_in(3000)) tick.elapsed = static_cast<std::int8_t>(any(8) - 1);
+  if (once_in(20000)) tick.send_status = Status::kWouldBlock;
+  if (once_in(20000)) tick.receive_status = Status::kBusOff;
+}
+
+/// A folder for the files of one run; it is gone after the test.
+class Folder {
+ public:
+  Folder() {
+    std::string pattern =
+        (std::filesystem::temp_directory_path() / "tumbler_cortex_XXXXXX").string();
+    if (mkdtemp(pattern.data()) == nullptr) throw std::runtime_error("mkdtemp");
+    path_ = pattern;
+  }
+  ~Folder() { std::filesystem::remove_all(path_); }
+  Folder(const Folder&) = delete;
+  Folder& operator=(const Folder&) = delete;
+  [[nodiscard]] std::string operator/(const char* name) const { return path_ / name; }
+
+ private:
+  std::filesystem::path path_;
+};
+
+struct Emulation {
+  int status = -1;
+  std::string text;
+  std::string output;
+};
+
+/// Runs the firmware. SysTick's 25 MHz are seen by a program of which every instruction takes
+/// 1.024 us (-icount shift=10), so that it counts 25.6 an instruction.
+Emulation Emulate(const Machine& machine, const std::vector<std::string>& arguments,
+                  const std::string& output) {
+  std::string semihosting = "enable=on,target=native,arg=tumbler-playback";
+  for (const std::string& argument : arguments) semihosting += ",arg=" + argument;
+  Program qemu({"/usr/bin/env", "qemu-system-arm", "-machine", machine.qemu, "-display", "none",
+                "-monitor", "none", "-serial", "none", "-icount", "shift=10,align=off,sleep=off",
+                "-semihosting-config", semihosting, "-kernel", Firmware(machine)});
+  Emulation emulation;
+  emulation.status = qemu.Wait();
+  emulation.text = qemu.text();
+  if (std::filesystem::exists(output)) emulation.output = ReadFile(output);
+  return emulation;
+}
+
+Emulation Emulate(const Machine& machine, const Protocol& protocol, const Played& run) {
+  const Folder folder;
+  WriteFile(folder / "recording", run.recording);
+  return Emulate(
+      machine,
+      {protocol.name, std::to_string(kCycles), kBranch, folder / "recording", folder / "output"},
+      folder / "output");
+}
+
+/// Where two outputs first differ, in words; empty where they do not.
+std::string FirstDifference(const Played& run, const std::string& other) {
+  const auto [here, there] =
+      std::mismatch(run.output.begin(), run.output.end(), other.begin(), other.end());
+  if (here == run.output.end() && there == other.end()) return "";
+  const auto at = static_cast<std::size_t>(here - run.output.begin());
+  const auto tick =
+      std::upper_bound(run.tick_ends.begin(), run.tick_ends.end(), at) - run.tick_ends.begin();
+  const std::size_t begin = tick == 0 ? 0 : run.tick_ends[static_cast<std::size_t>(tick) - 1];
+  std::size_t offset = at - begin;
+  std::string what = "head";
+  if (at >= run.output.size() || at >= other.size()) {
+    what = "length";
+  } else if (offset >= kPlaybackHeadBytes) {
+    static constexpr std::array kFields{
+        "planned position", "planned velocity", "planned torque", "planned acceleration",
+        "limited position", "limited velocity", "limited torque", "encoded position",
+        "encoded velocity", "encoded torque"};
+    offset -= kPlaybackHeadBytes;
+    for (int joint = 0;; ++joint) {
+      if (offset < 40) {
+        what = fmt::format("joint {}: {}", joint, kFields[offset / 4]);
+        break;
+      }
+      const auto frames =
+          static_cast<std::uint8_t>(run.output[at - offset + kPlaybackJointBytes - 1]);
+      const std::size_t size = kPlaybackJointBytes + frames * RecordedTick::kFrameBytes;
+      if (offset < size) {
+        what = offset == 40
+                   ? fmt::format("joint {}: number of frames", joint)
+                   : fmt::format("joint {}: frame {}", joint,
+                                 (offset - kPlaybackJointBytes) / RecordedTick::kFrameBytes);
+        break;
+      }
+      offset -= size;
+    }
+  }
+  return fmt::format("first difference in tick {}, {} (byte {} of {} here, {} there)", tick, what,
+                     at, run.output.size(), other.size());
+}
+
+struct Figures {
+  struct State {
+    int ticks = 0;
+    double mean = 0;  ///< Instructions a tick.
+    double most = 0;
+  };
+  std::map<std::string, State> states;
+  // Bytes of stack: from the start to the end of Configure, and below the loop that calls Tick.
+  int set_up_stack = 0;
+  int tick_stack = 0;
+};
+
+Figures ReadFigures(const std::string& text) {
+  Figures figures;
+  std::smatch match;
+  // By QEMU's command line, 1.024 us at 25 MHz; a loop of known length confirms it, with the few
+  // instructions around it.
+  constexpr double per_instruction = 25.6;
+  if (!std::regex_search(text, match, std::regex("10000 instructions took (\\d+) counts"))) {
+    ADD_FAILURE() << text;
+    return figures;
+  }
+  EXPECT_GE(std::stod(match[1]) / per_instruction, 10000);
+  EXPECT_LE(std::stod(match[1]) / per_instruction, 10015);
+  const std::regex line("state ([a-z ]+): (\\d+) ticks, mean (\\d+), most (\\d+) counts");
+  for (std::sregex_iterator i(text.begin(), text.end(), line), end; i != end; ++i) {
+    figures.states[(*i)[1]] = {std::stoi((*i)[2]), std::stod((*i)[3]) / per_instruction,
+                               std::stod((*i)[4]) / per_instruction};
+  }
+  if (std::regex_search(text, match, std::regex("set-up used (\\d+) and ticks (\\d+)"))) {
+    figures.set_up_stack = std::stoi(match[1]);
+    figures.tick_stack = std::stoi(match[2]);
+  }
+  return figures;
+}
+
+/// The deepest stack below a function, from what the compiler wrote of every function and call.
+class CallGraph {
+ public:
+  /// Of all objects in a folder.
+  explicit CallGraph(const std::filesystem::path& folder) {
+    const std::regex node(
+        "node: \\{ title: \"([^\"]+)\" label: \"[^\"]*\\\\n(\\d+) bytes \\((\\w+)");
+    const std::regex edge("edge: \\{ sourcename: \"([^\"]+)\" targetname: \"([^\"]+)\"");
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
+      if (entry.path().extension() != ".ci") continue;
+      std::istringstream lines(ReadFile(entry.path()));
+      std::smatch match;
+      for (std::string line; std::getline(lines, line);) {
+        if (std::regex_search(line, match, node)) {
+          if (match[3] != "static")
+            throw std::runtime_error(match[1].str() + " has no fixed frame");
+          frames_[match[1]] = std::stoi(match[2]);
+        } else if (std::regex_search(line, match, edge)) {
+          calls_[match[1]].insert(match[2]);
+        }
+      }
+    }
+    // The one kind of indirect call in the core: of a drive.
+    const std::regex method(
+        "(.*:)?_ZNK?7tumbler\\d+(Mit|CanSimple|Cia402)Drive"
+        "(6Encode|6Decode|16encoded_setpoint|8feedback|5state)E.*");
+    for (const auto& [name, bytes] : frames_) {
+      if (std::regex_match(name, method)) calls_["__indirect_call"].insert(name);
+    }
+  }
+
+  /// @throws std::runtime_error on recursion.
+  int DepthOf(const std::string& function) {
+    if (!open_.insert(function).second) throw std::runtime_error(function + " is recursive");
+    int below = 0;
+    for (const std::string& callee : calls_[function]) below = std::max(below, DepthOf(callee));
+    open_.erase(function);
+    if (function == "__indirect_call") return below;
+    const auto frame = frames_.find(function);
+    return below + (frame == frames_.end() ? kLibraryFrame : frame->second);
+  }
+
+  [[nodiscard]] std::size_t drive_methods() { return calls_["__indirect_call"].size(); }
+
+ private:
+  /// Assumed of functions that only exist compiled: memcpy, memcmp, conversions of 64 bits.
+  static constexpr int kLibraryFrame = 96;
+  std::map<std::string, int> frames_;
+  std::map<std::string, std::set<std::string>> calls_;
+  std::set<std::string> open_;
+};
+
+class CortexM : public ::testing::TestWithParam<std::tuple<Machine, Protocol>> {};
+
+TEST_P(CortexM, SendsTheBytesThatThisMachineSendsForTheWholeGait) {
+  const auto& [machine, protocol] = GetParam();
+  const Played run = PlayHere(protocol);
+  ASSERT_EQ(run.nodes, (std::set<std::string>{"handstand", "downstand", "handstand, swapped",
+                                              "downstand, swapped", "roll"}));
+  ASSERT_EQ(run.faults, 0);
+  const Emulation emulation = Emulate(machine, protocol, run);
+  ASSERT_EQ(emulation.status, 0) << emulation.text;
+  EXPECT_EQ(FirstDifference(run, emulation.output), "");
+
+  const Figures figures = ReadFigures(emulation.text);
+  EXPECT_GT(figures.tick_stack, 100);
+  EXPECT_LE(figures.tick_stack, kTickStackMax);
+  EXPECT_LE(figures.set_up_stack, kSetUpStackMax);
+  EXPECT_EQ(figures.states.size(), run.states.size());
+  fmt::print(
+      "Cortex-{}, {}: {} ticks the same; stack: {} bytes at set-up, {} below the loop; "
+      "instructions a tick:\n",
+      machine.name, protocol.name, run.tick_ends.size(), figures.set_up_stack, figures.tick_stack);
+  for (const auto& [state, counts] : figures.states) {
+    fmt::print("  {:<16} {:6} ticks, mean {:5.0f}, most {:5.0f}\n", state, counts.ticks,
+               counts.mean, counts.most);
+    EXPECT_LE(counts.most, kInstructionsMax) << state;
+  }
+}
+
+TEST_P(CortexM, SendsTheBytesThatThisMachineSendsWhateverTheWorldDoes) {
+  const auto& [machine, protocol] = GetParam();
+  std::uint32_t faults = 0;
+  std::set<ExecutorState> states;
+  for (const unsigned seed : {1U, 2U, 3U, 4U}) {
+    SCOPED_TRACE(fmt::format("seed {}", seed));
+    std::mt19937 random(seed);
+    int ticks = 0;
+    const Played run =
+        PlayHere(protocol, [&](RecordedTick& tick) { Disturb(tick, ++ticks, random); });
+    faults |= run.faults;
+    states.insert(run.states.begin(), run.states.end());
+    const Emulation emulation = Emulate(machine, protocol, run);
+    ASSERT_EQ(emulation.status, 0) << emulation.text;
+    EXPECT_EQ(FirstDifference(run, emulation.output), "");
+    const Figures figures = ReadFigures(emulation.text);
+    EXPECT_LE(figures.tick_stack, kTickStackMax);
+    for (const auto& [state, counts] : figures.states)
+      EXPECT_LE(counts.most, kInstructionsMax) << state;
+  }
+  // The disturbances led somewhere.
+  EXPECT_GE(std::popcount(faults), 2);
+  EXPECT_TRUE(states.contains(ExecutorState::kFault));
+}
+
+/// What a flight record of tumbler-run holds, as if this machine had played it.
+Played FromRecord(const std::string& bytes) {
+  FlightRecord record({reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()},
+                      "gait.rec");
+  Played run;
+  const auto entry = std::make_unique<TickEntry>();
+  std::array<std::uint8_t, std::max(RecordedTick::kMaxBytes, kPlaybackMaxBytes)> packed{};
+  const auto append = [&packed](std::string& to, std::size_t count) {
+    to.append(reinterpret_cast<const char*>(packed.data()), count);
+  };
+  std::int64_t last = -1;
+  while (record.Next(*entry)) {
+    RecordedTick tick;
+    tick.elapsed = static_cast<std::int8_t>(entry->tick - last);
+    last = entry->tick;
+    tick.receive_status = entry->receive_status;
+    tick.send_status = entry->send_status;
+    tick.frame_count = static_cast<std::uint8_t>(entry->received_count);
+    std::copy_n(entry->received.begin(), entry->received_count, tick.frames.begin());
+    append(run.recording, Pack(tick, packed));
+    TickOutput output;
+    output.frames = entry->frames;
+    output.record = entry->record;
+    append(run.output, Pack(output, packed));
+    run.tick_ends.push_back(run.output.size());
+    run.faults |= output.record.faults;
+  }
+  return run;
+}
+
+TEST_P(CortexM, RepeatsAFlightRecordOfTheRobotInSimulation) {
+  const auto& [machine, protocol] = GetParam();
+  const Folder folder;
+  Program program(
+      {TUMBLER_BINARY_DIR "/bin/tumbler-run", "sim", TUMBLER_SOURCE_DIR "/primitives/gait.toml",
+       "--drives", std::string(TUMBLER_SOURCE_DIR "/primitives/robots/") + protocol.file,
+       "--cycles", std::to_string(kCycles), "--branch", kBranch, "--record", folder / "gait.rec"});
+  ASSERT_EQ(program.Wait(), 0) << program.text();
+  const Played run = FromRecord(ReadFile(folder / "gait.rec"));
+  ASSERT_GT(run.tick_ends.size(), 20'000U);
+  ASSERT_EQ(run.faults, 0);
+  const Emulation emulation = Emulate(machine, protocol, run);
+  ASSERT_EQ(emulation.status, 0) << emulation.text;
+  EXPECT_EQ(FirstDifference(run, emulation.output), "");
+}
+
+class CortexMFirmware : public ::testing::TestWithParam<Machine> {};
+
+TEST_P(CortexMFirmware, HasNoHeapNoExceptionsNoRunTimeTypesAndNoMathLibrary) {
+  Program nm({"/usr/bin/env", "arm-none-eabi-nm", Firmware(GetParam())});
+  ASSERT_EQ(nm.Wait(), 0) << nm.text();
+  std::set<std::string> symbols;
+  std::istringstream lines(nm.text());
+  for (std::string line; std::getline(lines, line);)
+    symbols.insert(line.substr(line.find_last_of(' ') + 1));
+  ASSERT_TRUE(symbols.contains("memcpy"));  // So the list is one of symbols.
+  for (const std::string& symbol : symbols) {
+    EXPECT_FALSE(std::regex_search(
+        symbol, std::regex("malloc|calloc|realloc|free|sbrk|^_Zn[wa]|^__cxa|^_Unwind|personality|"
+                           "^_ZTI|^_ZTS|printf|sqrt|^sin|^cos|^pow|^exp|^log|_impure")))
+        << symbol;
+  }
+}
+
+TEST_P(CortexMFirmware, FitsASmallBoard) {
+  Program size({"/usr/bin/env", "arm-none-eabi-size", Firmware(GetParam())});
+  ASSERT_EQ(size.Wait(), 0) << size.text();
+  std::istringstream numbers(size.text().substr(size.text().find('\n')));
+  int text = 0;
+  int data = 0;
+  int bss = 0;
+  numbers >> text >> data >> bss;
+  fmt::print("Cortex-{}: text {}, data {}, bss {} bytes\n", GetParam().name, text, data, bss);
+  EXPECT_GT(text, 50'000);  // Three primitives alone are more.
+  EXPECT_LT(text + data, 128 * 1024);
+  EXPECT_LT(data + bss, 16 * 1024);
+}
+
+TEST_P(CortexMFirmware, NeedsABoundedStackOnEveryPathThroughATick) {
+  const std::filesystem::path build =
+      std::filesystem::path(Firmware(GetParam())).parent_path().parent_path();
+  CallGraph graph(build);
+  EXPECT_EQ(graph.drive_methods(), 15U);  // Five of each of three protocols.
+  const int depth = graph.DepthOf("_ZN7tumbler8Executor4TickERKNS_9TickInputERNS_10TickOutputE");
+  fmt::print("Cortex-{}: a tick needs at most {} bytes of stack\n", GetParam().name, depth);
+  EXPECT_GT(depth, 200);
+  EXPECT_LE(depth, kTickStackMax);
+}
+
+TEST_P(CortexMFirmware, SaysWhatIsWrongAndFails) {
+  const Folder folder;
+  WriteFile(folder / "recording", "");
+  WriteFile(folder / "cut", std::string("\1\0\0\2abc", 7));
+  WriteFile(folder / "full", std::string("\1\0\0\377", 4));
+  const auto run = [&](std::vector<std::string> arguments, const char* problem) {
+    const Emulation emulation = Emulate(GetParam(), arguments, folder / "output");
+    EXPECT_EQ(emulation.status, 1);
+    EXPECT_THAT(emulation.text, ::testing::HasSubstr(problem));
+  };
+  const std::string out = folder / "output";
+  run({"mit", "2", "roll", folder / "recording"}, "too few arguments");
+  run({"can", "2", "roll", folder / "recording", out}, "drives have to be");
+  run({"mit", "two", "roll", folder / "recording", out}, "cycles have to be");
+  run({"mit", "2", "rock", folder / "recording", out}, "no such branch");
+  run({"mit", "2", "roll", folder / "none", out}, "the recording cannot be read");
+  run({"mit", "2", "roll", folder / "recording", folder / "no/output"}, "cannot be written");
+  run({"mit", "2", "roll", folder / "cut", out}, "the recording is cut off");
+  run({"mit", "2", "roll", folder / "full", out}, "too many frames");
+}
+
+TEST(CortexMComparison, NamesTheFirstDifference) {
+  const Played run = PlayHere(kProtocols[0]);
+  EXPECT_EQ(FirstDifference(run, run.output), "");
+  const std::size_t tick = 5000;
+  std::string other = run.output;
+  // The second joint: after the head and the first one with its frame.
+  const std::size_t joint = kPlaybackHeadBytes + kPlaybackJointBytes + RecordedTick::kFrameBytes;
+  other[run.tick_ends[tick - 1] + joint + 17] ^= 1;
+  other.back() = static_cast<char>(other.back() ^ 1);
+  EXPECT_THAT(FirstDifference(run, other),
+              ::testing::HasSubstr("first difference in tick 5000, joint 1: limited position"));
+  EXPECT_THAT(FirstDifference(run, run.output.substr(0, run.tick_ends[7] + 3)),
+              ::testing::HasSubstr("in tick 8, length"));
+}
+
+INSTANTIATE_TEST_SUITE_P(Qemu, CortexM,
+                         ::testing::Combine(::testing::ValuesIn(kMachines),
+                                            ::testing::ValuesIn(kProtocols)),
+                         [](const auto& instance) {
+                           return fmt::format("{}_{}", std::get<0>(instance.param).name,
+                                              std::get<1>(instance.param).name);
+                         });
+INSTANTIATE_TEST_SUITE_P(Qemu, CortexMFirmware, ::testing::ValuesIn(kMachines),
+                         [](const auto& instance) { return std::string(instance.param.name); });
+
+}  // namespace
+}  // namespace tumbler

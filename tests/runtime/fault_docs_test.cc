@@ -1,0 +1,182 @@
+// Holds the tables of docs/runtime.md to those of the code. With TUMBLER_UPDATE_DOCS=1 in the
+// environment it writes them instead.
+
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <fstream>
+#include <sstream>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "runtime/faults.h"
+#include "tests/support/executor_rig.h"
+#include "tests/support/motions.h"
+
+namespace tumbler {
+namespace {
+
+const std::string kFile = std::string(TUMBLER_SOURCE_DIR) + "/docs/runtime.md";
+
+std::string Row(const std::vector<std::string>& cells) {
+  std::string row = "|";
+  for (const std::string& cell : cells) row += " " + cell + " |";
+  return row + "\n";
+}
+std::string Head(const std::vector<std::string>& cells) {
+  std::string rule = "|";
+  for (std::size_t i = 0; i < cells.size(); ++i) rule += "---|";
+  return Row(cells) + rule + "\n";
+}
+
+std::string States() {
+  std::string text = Head({"state", "setpoints", "leads to"});
+  for (const StateInfo& state : kStateTable) {
+    std::string next;
+    for (const TransitionInfo& transition : kTransitionTable) {
+      if (transition.from != state.state) continue;
+      next += (next.empty() ? "" : "; ") + std::string(ToString(transition.to)) + " (" +
+              transition.when + ")";
+    }
+    text += Row({state.name, state.setpoints, next});
+  }
+  return text;
+}
+
+std::string Faults() {
+  std::string text = Head({"fault", "seen when", "value, limit", "limit set by"});
+  for (const FaultInfo& fault : kFaultTable) {
+    if (fault.fault == Fault::kNone) continue;
+    const std::string key = fault.limit_key;
+    text += Row({fault.name, fault.seen_when, fault.value, key.empty() ? "" : "`" + key + "`"});
+  }
+  return text;
+}
+
+std::string Reactions() {
+  std::string text = Head({"reaction", "what the drives are sent"});
+  for (const ReactionInfo& reaction : kReactionTable)
+    text += Row({reaction.name, reaction.meaning});
+  return text;
+}
+
+std::string Answers() {
+  std::vector<std::string> head = {"fault \\ state"};
+  for (const StateInfo& state : kStateTable) {
+    if (state.state != ExecutorState::kDisarmed) head.emplace_back(state.name);
+  }
+  head.emplace_back("why");
+  std::string text = Head(head);
+  const FaultTable table;
+  for (const FaultInfo& fault : kFaultTable) {
+    if (fault.fault == Fault::kNone) continue;
+    std::vector<std::string> cells = {fault.name};
+    for (const StateInfo& state : kStateTable) {
+      if (state.state == ExecutorState::kDisarmed) continue;
+      cells.emplace_back(ToString(table(fault.fault, state.state)));
+    }
+    cells.emplace_back(fault.why);
+    text += Row(cells);
+  }
+  return text;
+}
+
+std::string ReadAll(const std::string& path) {
+  std::ifstream stream(path, std::ios::binary);
+  std::ostringstream text;
+  text << stream.rdbuf();
+  return text.str();
+}
+
+TEST(FaultDocs, TheTablesOfTheDocumentAreThoseOfTheCode) {
+  const std::string before = ReadAll(kFile);
+  std::string after = before;
+  for (const auto& [name, table] :
+       {std::pair{"states", States()}, std::pair{"faults", Faults()},
+        std::pair{"reactions", Reactions()}, std::pair{"answers", Answers()}}) {
+    const std::string begin =
+        std::string("<!-- generated from runtime/faults.h: ") + name + " -->\n";
+    const std::string end = "<!-- end -->\n";
+    const std::size_t first = after.find(begin);
+    ASSERT_NE(first, std::string::npos) << kFile << " has no line " << begin;
+    const std::size_t last = after.find(end, first);
+    ASSERT_NE(last, std::string::npos) << kFile << " has no line " << end << " after " << begin;
+    after.replace(first + begin.size(), last - first - begin.size(), table);
+  }
+  if (std::getenv("TUMBLER_UPDATE_DOCS") != nullptr) {
+    std::ofstream(kFile, std::ios::binary) << after;
+    return;
+  }
+  EXPECT_EQ(before, after) << "write them with TUMBLER_UPDATE_DOCS=1 build/release/tests/"
+                              "fault_docs_test";
+}
+
+/// Whether the table knows of this change of state.
+bool IsStated(ExecutorState from, ExecutorState to) {
+  if (from == to || to == ExecutorState::kDisarmed) return true;
+  if (to == ExecutorState::kFault) return from != ExecutorState::kDisarmed;
+  for (const TransitionInfo& transition : kTransitionTable) {
+    if (transition.from == from && transition.to == to) return true;
+  }
+  return false;
+}
+
+TEST(FaultDocs, TheExecutorMakesEveryStatedTransitionAndNoOther) {
+  std::mt19937 random(5);
+  testing::MotionShape shape;
+  shape.duration_s = 0.05;
+  shape.settle_s = 0.01;
+  shape.amplitude_rad = 0.02;
+  const Primitive<float> motion = testing::RandomPrimitive<float>(shape, random);
+  // Two nodes after each other, so that settling leads to running, too.
+  SequenceGraph<float> graph = GraphOf(motion);
+  graph.node_count = 2;
+  graph.node_storage[1] = graph.node_storage[0];
+  graph.edge_count = 1;
+  graph.edge_storage[0].to = 1;
+  graph.edge_storage[0].settle_s = 0.005F;
+  Primitive<float> circle = motion;  // ends where it begins
+  for (std::size_t i = 0; i < 2; ++i) {
+    auto& path = circle.joints[i].position;
+    std::vector<float> points(path.control_points().begin(), path.control_points().end());
+    for (std::size_t k = points.size() - 3; k < points.size(); ++k) points[k] = points[0];
+    const std::vector<float> knots(path.knots().begin(), path.knots().end());
+    ASSERT_EQ(path.Assign(5, knots, points), Status::kOk);
+    circle.joints[i].limits.acceleration_max_rad_s2 = 1e4F;
+    circle.joints[i].limits.velocity_max_rad_s = 50;
+  }
+  ExecutorConfig config;
+  config.move_fraction = 1;
+  testing::ExecutorRig rig(config, graph, {circle});
+  ASSERT_EQ(rig.configured, Status::kOk);
+  std::array<std::array<int, kExecutorStateCount>, kExecutorStateCount> seen{};
+  const std::array wishes{
+      OperatorCommand::kArm,    OperatorCommand::kMoveToStart, OperatorCommand::kRun,
+      OperatorCommand::kStop,   OperatorCommand::kDisarm,      OperatorCommand::kClearFaults,
+      OperatorCommand::kFinish, OperatorCommand::kArm,         OperatorCommand::kClearFaults,
+      OperatorCommand::kRun,    OperatorCommand::kRun,         OperatorCommand::kMoveToStart};
+  for (int i = 0; i < 300'000; ++i) {
+    const ExecutorState before = rig.executor.state();
+    OperatorCommand wish = OperatorCommand::kNone;
+    if (random() % 40 == 0) wish = wishes[random() % wishes.size()];
+    if (wish == OperatorCommand::kDisarm && random() % 4 != 0) wish = OperatorCommand::kRun;
+    if (random() % 2000 == 0) rig.input.tick += 7;
+    const TickRecord& record = rig.Tick(wish);
+    // Two in one tick: what the tick found, and what its frames brought about.
+    ASSERT_TRUE(IsStated(before, record.state)) << ToString(before) << ToString(record.state);
+    ASSERT_TRUE(IsStated(record.state, rig.executor.state()))
+        << ToString(record.state) << ToString(rig.executor.state());
+    ++seen[static_cast<std::size_t>(before)][static_cast<std::size_t>(record.state)];
+    ++seen[static_cast<std::size_t>(record.state)][static_cast<std::size_t>(rig.executor.state())];
+  }
+  for (const TransitionInfo& transition : kTransitionTable) {
+    const int count =
+        seen[static_cast<std::size_t>(transition.from)][static_cast<std::size_t>(transition.to)];
+    EXPECT_GT(count, 0) << ToString(transition.from) << " to " << ToString(transition.to);
+  }
+}
+
+}  // namespace
+}  // namespace tumbler

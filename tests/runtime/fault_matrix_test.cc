@@ -1,0 +1,718 @@
+// Every fault in every state with every protocol, on the simulated bus with simulated drives. Each
+// case lets something go wrong in the world, and looks at the frames: the fault is found, answered
+// as the table states, and nothing on the wire breaks the rules of tests/support/frame_checker.h.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <cmath>
+#include <limits>
+#include <optional>
+#include <random>
+#include <string>
+#include <tuple>
+#include <vector>
+
+#include "tests/support/fault_bench.h"
+#include "tests/support/motions.h"
+
+namespace tumbler {
+namespace {
+
+using testing::DriveOrder;
+using testing::FaultBench;
+using ::testing::IsEmpty;
+using testing::LoggedFrame;
+using Kind = DriveOrder::Kind;
+
+enum class Protocol { kMit, kCanSimple, kCia402 };
+constexpr std::array kProtocols{Protocol::kMit, Protocol::kCanSimple, Protocol::kCia402};
+
+const char* NameOf(Protocol protocol) {
+  switch (protocol) {
+    case Protocol::kMit:
+      return "Mit";
+    case Protocol::kCanSimple:
+      return "CanSimple";
+    case Protocol::kCia402:
+      return "Cia402";
+  }
+  return "";
+}
+
+constexpr double kKp = 200, kKd = 4;
+
+/// The shipped drives; one of them mounted the other way round, behind a gear.
+DrivesConfig DrivesOf(Protocol protocol) {
+  const std::string robots = std::string(TUMBLER_SOURCE_DIR) + "/primitives/robots/tumbler_drives";
+  const char* suffix = protocol == Protocol::kMit         ? ".toml"
+                       : protocol == Protocol::kCanSimple ? "_cansimple.toml"
+                                                          : "_cia402.toml";
+  DrivesConfig drives = LoadDrives(robots + suffix);
+  for (DriveEntry& entry : drives.drives) {
+    entry.messages.temperature_s = 0.01;
+    if (auto* cia402 = std::get_if<Cia402Config>(&entry.config)) cia402->heartbeat_ms = 10;
+  }
+  std::visit(
+      [](auto& config) {
+        config.joint.direction = -1;
+        config.joint.gear_ratio = 1.25F;
+        config.joint.zero_offset_rad = 0.3F;
+      },
+      drives.drives[1].config);
+  return drives;
+}
+
+/// Two nodes after each other, the second beginning where the first ends.
+struct Motion {
+  SequenceGraph<float> graph;
+  std::vector<Primitive<float>> primitives;
+};
+Motion MakeMotion() {
+  std::mt19937 random(4);
+  testing::MotionShape shape;
+  shape.duration_s = 0.5;
+  shape.settle_s = 0.1;
+  shape.amplitude_rad = 0.25;
+  Motion motion;
+  motion.primitives = {testing::RandomPrimitive<float>(shape, random),
+                       testing::RandomPrimitive<float>(shape, random)};
+  for (std::size_t i = 0; i < 2; ++i) {
+    auto& first = motion.primitives[0].joints[i];
+    auto& second = motion.primitives[1].joints[i];
+    auto& path = second.position;
+    std::vector<float> points(path.control_points().begin(), path.control_points().end());
+    const float shift = first.position.control_points().back() - points[0];
+    for (float& point : points) point += shift;
+    const std::vector<float> knots(path.knots().begin(), path.knots().end());
+    if (path.Assign(5, knots, points) != Status::kOk) throw std::logic_error("path");
+    second.limits.position_min_rad += shift;
+    second.limits.position_max_rad += shift;
+    // Braking takes a while.
+    first.limits.acceleration_max_rad_s2 *= 0.6F;
+  }
+  motion.graph = GraphOf(motion.primitives[0]);
+  motion.graph.node_count = 2;
+  motion.graph.node_storage[1] = motion.graph.node_storage[0];
+  motion.graph.node_storage[1].primitive = 1;
+  motion.graph.edge_count = 1;
+  motion.graph.edge_storage[0].to = 1;
+  motion.graph.edge_storage[0].settle_s = 0.2F;
+  return motion;
+}
+
+struct Case {
+  Protocol protocol = Protocol::kMit;
+  Fault fault = Fault::kNone;
+  ExecutorState state = ExecutorState::kDisarmed;
+  std::optional<Reaction> reaction;  ///< Configured; otherwise the default.
+};
+
+/// What cannot happen, whatever the world does.
+bool IsPossible(Protocol protocol, Fault fault, ExecutorState state) {
+  switch (fault) {
+    case Fault::kNone:
+      return false;
+    case Fault::kHeartbeatLost:
+      return protocol != Protocol::kMit;  // It has none.
+    case Fault::kOverTemperature:
+      return protocol != Protocol::kCia402;  // It does not say.
+    case Fault::kNonFinite:
+      return protocol == Protocol::kCanSimple;  // The others send integers.
+    case Fault::kArmingTimeout:
+      return state == ExecutorState::kArming;
+    case Fault::kEntryMissed:
+      return state == ExecutorState::kSettling;
+    case Fault::kFollowingError:
+      return state != ExecutorState::kArming;  // Nothing is to be followed yet.
+    case Fault::kLateTick:
+      return state != ExecutorState::kFault;  // It is the one that led there.
+    default:
+      return true;
+  }
+}
+
+ExecutorConfig ConfigOf(const Case& c, const Motion& motion) {
+  ExecutorConfig config;
+  config.arming_ticks_max = 400;
+  config.collapse.configured = true;
+  for (std::size_t i = 0; i < 2; ++i) {
+    float& pose = config.collapse.position_rad[i];
+    pose = motion.primitives[0].joints[i].position.control_points().back();
+    config.joints[i].kp_nm_per_rad = static_cast<float>(kKp);
+    config.joints[i].kd_nm_s_per_rad = static_cast<float>(kKd);
+    config.joints[i].damping_nm_s_per_rad = 3;
+  }
+  // It takes MIT drives five ticks to arm.
+  if (c.state == ExecutorState::kArming) config.sequence_errors_max = 2;
+  if (c.fault == Fault::kArmingTimeout) {
+    config.arming_ticks_max = 30;
+    config.stale_ticks_max = 100;
+  }
+  if (c.fault == Fault::kBusOff) {  // The way there is error-passive, which may be seen first.
+    for (const StateInfo& state : kStateTable) {
+      static_cast<void>(config.reactions.Set(Fault::kErrorPassive, state.state, Reaction::kIgnore));
+    }
+  }
+  if (c.reaction) {
+    EXPECT_TRUE(config.reactions.Set(c.fault, c.state, *c.reaction));
+  }
+  return config;
+}
+
+class World {
+ public:
+  explicit World(const Case& c) : case_(c), motion_(MakeMotion()), bench(BenchConfig()) {}
+
+  /// Into the state of the case. @returns false if that failed.
+  bool Reach() {
+    if (case_.state == ExecutorState::kArming && case_.fault != Fault::kArmingTimeout) {
+      if (!bench.Reach(ExecutorState::kDisarmed)) return false;
+      // So that arming lasts: what enables the first drive does not arrive. MIT drives have no such
+      // frame; theirs is short.
+      if (case_.protocol != Protocol::kMit) {
+        bench.Disturb(Of(BusFaultKind::kLoss, 1, bench.EnableId(0)));
+      }
+      bench.Tick(OperatorCommand::kArm);
+      return bench.executor.state() == case_.state;
+    }
+    return bench.Reach(case_.state);
+  }
+
+  /// Makes the fault happen from now on. @returns ticks after which it must have been found.
+  int Provoke() {
+    SimulatedDrive& drive = *bench.drives[1];
+    const std::int64_t ms = 1'000'000;
+    switch (case_.fault) {
+      case Fault::kStaleReply:
+        bench.Disturb(Of(BusFaultKind::kLoss, 0, bench.PositionId(1)));
+        return bench.config().executor.stale_ticks_max + 2;
+      case Fault::kWrongSequence:
+        bench.Disturb(Of(BusFaultKind::kDuplicate, 0, bench.PositionId(1)));
+        if (case_.protocol == Protocol::kCanSimple) {  // There twice in a tick may be drift.
+          bench.Disturb(Of(BusFaultKind::kDuplicate, 0, bench.PositionId(1)));
+        }
+        return 9;
+      case Fault::kFollowingError:
+        before_each_ = [this] { Displace(0.4); };
+        return 4;
+      case Fault::kDriveError:
+        drive.RaiseError(case_.protocol == Protocol::kCia402 ? 0x5530 : 2);
+        return 13;  // CANSimple says so with its heartbeat.
+      case Fault::kHeartbeatLost:
+        bench.Disturb(Of(BusFaultKind::kLoss, 0, bench.HeartbeatId(1)));
+        return 60;
+      case Fault::kOverTemperature:
+        drive.set_temperature(95);
+        return 13;
+      case Fault::kBusOff:
+        bench.Disturb(Of(BusFaultKind::kShort), 30 * ms);
+        return 3;
+      case Fault::kErrorPassive: {
+        // 17 tries that fail at once: 24 bits each, and 8 for each.
+        BusFault noise = Of(BusFaultKind::kBitErrors);
+        bench.Disturb(noise, 409'000);
+        return 3;
+      }
+      case Fault::kInterfaceDown:
+        bench.Disturb(Of(BusFaultKind::kLinkDown, 0), 30 * ms);
+        return 2;
+      case Fault::kInterfaceGone:
+        bench.Disturb(Of(BusFaultKind::kLinkGone, 0), 30 * ms);
+        return 2;
+      case Fault::kLinkFailed:
+        bench.receive_status = Status::kIoError;
+        return 1;
+      case Fault::kTransmitQueueFull:
+        bench.Disturb(Of(BusFaultKind::kStall, 0), 30 * ms);
+        return 5;
+      case Fault::kLateTick:
+        bench.Miss(12);
+        return 1;
+      case Fault::kOperatorStop:
+        command_ = OperatorCommand::kStop;
+        return 1;
+      case Fault::kNonFinite:
+        before_each_ = [this] { SendEstimate(std::numeric_limits<double>::quiet_NaN(), 950'000); };
+        return 3;
+      case Fault::kArmingTimeout:
+        bench.Disturb(
+            Of(BusFaultKind::kLoss, case_.protocol == Protocol::kMit ? 0 : 2,
+               case_.protocol == Protocol::kMit ? bench.PositionId(1) : bench.EnableId(1)));
+        return 40;
+      case Fault::kEntryMissed:
+        before_each_ = [this] { Displace(0.1); };
+        return 250;
+      case Fault::kNone:
+        break;
+    }
+    return 1;
+  }
+
+  const TickRecord& Tick() {
+    if (before_each_) before_each_();
+    const OperatorCommand command = command_;
+    command_ = OperatorCommand::kNone;
+    return bench.Tick(command);
+  }
+
+ private:
+  static BusFault Of(BusFaultKind kind, int node = BusFault::kEveryNode, std::uint32_t id = 0) {
+    BusFault fault;
+    fault.kind = kind;
+    fault.node = node;
+    if (id != 0) fault.ids = {id};
+    return fault;
+  }
+  /// The second joint is somewhere else than it was told to be, and stays there.
+  void Displace(double by_rad) {
+    RotorPlant::Rotor& rotor = bench.plant->rotors()[1];
+    rotor.position_rad =
+        static_cast<double>(bench.output.record.joints[1].limited.position_rad) + by_rad;
+    rotor.velocity_rad_s = 0;
+  }
+  void SendEstimate(double joint_rad, std::int64_t after_ns = 0) {
+    const auto& can = std::get<CanSimpleConfig>(bench.config().drives.drives[1].config);
+    CanSimpleEstimates estimates;
+    estimates.position_rev = can.joint.ToDrivePosition(static_cast<float>(joint_rad)) / 6.2831853F;
+    static_cast<void>(bench.stranger.SendAfter(after_ns, EncodeCanSimple(can.node_id, estimates)));
+  }
+  FaultBench::Config BenchConfig() {
+    FaultBench::Config config;
+    config.drives = DrivesOf(case_.protocol);
+    config.graph = motion_.graph;
+    config.primitives = motion_.primitives;
+    config.executor = ConfigOf(case_, motion_);
+    config.offset_rad = case_.state == ExecutorState::kMovingToStart ? 0.09 : 0.01;
+    const bool small =
+        case_.fault == Fault::kTransmitQueueFull && case_.protocol != Protocol::kCia402;
+    if (small) config.transmit_capacity = 6;  // Full before the replies are missed.
+    return config;
+  }
+
+  Case case_;
+  Motion motion_;
+  OperatorCommand command_ = OperatorCommand::kNone;
+  std::function<void()> before_each_;
+
+ public:
+  FaultBench bench;
+};
+
+/// What an order allows a robot to do, most first.
+int Freedom(const DriveOrder& order) {
+  return order.kind == Kind::kSetpoint ? 2 : order.kind == Kind::kPassive ? 1 : 0;
+}
+
+/// Whether the frames are what a reaction means. kIgnore stands for any.
+void ExpectOrders(const FaultBench& bench, Protocol protocol, Reaction reaction) {
+  for (std::size_t i = 0; i < 2; ++i) {
+    const DriveOrder& order = bench.judge.last_order(i);
+    switch (reaction) {
+      case Reaction::kIgnore:
+        break;
+      case Reaction::kHold:
+      case Reaction::kCollapse: {
+        EXPECT_EQ(order.kind, Kind::kSetpoint) << "joint " << i;
+        if (protocol != Protocol::kMit) break;
+        const double share = reaction == Reaction::kHold ? 1 : 0.3;
+        EXPECT_NEAR(order.kp_nm_per_rad, share * kKp, 0.15) << "joint " << i;
+        EXPECT_NEAR(order.kd_nm_s_per_rad, kKd, 0.002) << "joint " << i;
+        break;
+      }
+      case Reaction::kDamp:
+        EXPECT_EQ(order.kind, Kind::kPassive) << "joint " << i;
+        if (protocol != Protocol::kMit) break;
+        EXPECT_NEAR(order.kd_nm_s_per_rad, 3, 0.002) << "joint " << i;
+        EXPECT_NEAR(order.velocity_rad_s, 0, 0.02) << "joint " << i;
+        break;
+      case Reaction::kDisable:
+        EXPECT_EQ(order.kind, Kind::kOff) << "joint " << i;
+        break;
+    }
+  }
+}
+
+class FaultMatrix : public ::testing::TestWithParam<Case> {};
+
+TEST_P(FaultMatrix, IsFoundAndAnsweredAsStatedAndNoFrameBreaksARule) {
+  const Case& c = GetParam();
+  World world(c);
+  FaultBench& bench = world.bench;
+  ASSERT_EQ(bench.configured, Status::kOk);
+  ASSERT_TRUE(world.Reach()) << "in state " << ToString(bench.executor.state());
+  const TickRecord before = bench.output.record;
+  const FaultTable& table = bench.config().executor.reactions;
+
+  const int ticks_max = world.Provoke();
+  const std::uint32_t bit = 1U << static_cast<unsigned>(c.fault);
+  int ticks = 0;
+  while (ticks < ticks_max && (bench.output.record.faults & bit) == 0) {
+    world.Tick();
+    ++ticks;
+  }
+  const TickRecord found = bench.output.record;
+
+  const bool stops = c.fault == Fault::kOperatorStop;
+  const bool at_rest = c.state == ExecutorState::kHolding || c.state == ExecutorState::kStopping;
+  const bool plain_stop = stops && c.state != ExecutorState::kFault &&
+                          (at_rest || table(c.fault, c.state) == Reaction::kHold);
+  if (c.state == ExecutorState::kDisarmed) {
+    EXPECT_EQ(found.faults, 0U) << "while disarmed nothing is a fault";
+    ExpectOrders(bench, c.protocol, Reaction::kDisable);
+  } else if (plain_stop) {
+    EXPECT_EQ(found.faults, 0U);
+    EXPECT_TRUE(found.state == ExecutorState::kStopping || found.state == ExecutorState::kHolding);
+    ExpectOrders(bench, c.protocol, Reaction::kHold);
+  } else {
+    ASSERT_NE(found.faults & bit, 0U)
+        << "not found in " << ticks_max << " ticks; faults " << found.faults << ", first "
+        << ToString(found.first_fault.fault);
+    // A stop that takes less time than the fault needs to be found has ended in holding.
+    ExecutorState state = c.state;
+    if (c.state == ExecutorState::kStopping && found.first_fault.state == ExecutorState::kHolding &&
+        ticks > 1) {
+      state = ExecutorState::kHolding;
+    }
+    if (c.state == ExecutorState::kFault) {
+      EXPECT_EQ(found.first_fault.fault, Fault::kLateTick) << "the cause is kept";
+    } else {
+      EXPECT_EQ(ToString(found.first_fault.fault), std::string(ToString(c.fault)));
+      EXPECT_EQ(ToString(found.first_fault.state), std::string(ToString(state)));
+      EXPECT_EQ(found.first_fault.reaction, table(c.fault, state));
+    }
+    // What else was found in the same tick can only make it stronger.
+    Reaction stated = std::max(before.reaction, table(c.fault, state));
+    for (const FaultInfo& info : kFaultTable) {
+      const std::uint32_t other = 1U << static_cast<unsigned>(info.fault);
+      if (info.fault == c.fault || (found.faults & other & ~before.faults) == 0) continue;
+      stated = std::max(stated, table(info.fault, ExecutorState::kFault));
+    }
+    // A drive that has an error, or is not enabled yet, is beyond orders: what counts is that it is
+    // not driven.
+    const bool of_a_drive = c.fault == Fault::kDriveError && c.protocol != Protocol::kMit &&
+                            Reaction::kDisable != stated;
+    if (found.state == ExecutorState::kFault && !of_a_drive) {
+      ExpectOrders(bench, c.protocol, stated);
+    }
+  }
+
+  // Afterwards: never back to more.
+  std::array<int, 2> freedom{Freedom(bench.judge.last_order(0)),
+                             Freedom(bench.judge.last_order(1))};
+  std::array<double, 2> position_rad{};
+  for (int i = 0; i < 160; ++i) {
+    const TickRecord& record = world.Tick();
+    for (std::size_t j = 0; i == 150 && j < 2; ++j) {
+      position_rad[j] = bench.judge.last_order(j).position_rad;
+    }
+    EXPECT_EQ(record.faults & found.faults, found.faults) << "nothing clears itself";
+    if (found.faults == 0) continue;
+    for (std::size_t j = 0; j < 2; ++j) {
+      EXPECT_LE(Freedom(bench.judge.last_order(j)), freedom[j]) << "joint " << j << ", tick " << i;
+      freedom[j] = Freedom(bench.judge.last_order(j));
+    }
+  }
+  const bool holds = plain_stop || (bench.output.record.state == ExecutorState::kFault &&
+                                    bench.output.record.reaction == Reaction::kHold);
+  for (std::size_t j = 0; holds && j < 2; ++j) {
+    const DriveOrder& order = bench.judge.last_order(j);
+    EXPECT_NEAR(order.velocity_rad_s, 0, 0.02) << "joint " << j << " has come to rest";
+    EXPECT_NEAR(order.position_rad, position_rad[j], 1e-6) << "joint " << j;
+  }
+  // Whoever is to be without torque is, by order or by its watchdog.
+  if (bench.output.record.reaction == Reaction::kDisable) {
+    for (int i = 0; i < 40; ++i) world.Tick();
+    for (const auto& drive : bench.drives) {
+      EXPECT_TRUE(!drive->enabled() || drive->limp());
+      EXPECT_EQ(drive->torque_nm(), 0);
+    }
+  }
+  // Nothing but the operator's order clears a fault.
+  const bool latched = bench.output.record.faults != 0;
+  bench.Tick(OperatorCommand::kDisarm);
+  ExpectOrders(bench, c.protocol, Reaction::kDisable);
+  bench.Tick(OperatorCommand::kArm);
+  if (latched) {
+    EXPECT_EQ(bench.output.record.refusal.refusal, Refusal::kFaultLatched);
+    bench.Tick(OperatorCommand::kClearFaults);
+    EXPECT_EQ(bench.output.record.faults, 0U);
+    ExpectOrders(bench, c.protocol, Reaction::kDisable);
+  }
+  EXPECT_THAT(bench.judge.report().violations, IsEmpty());
+  EXPECT_EQ(bench.missing_writes, 0) << "every tick writes every drive";
+}
+
+std::vector<Case> AllCases() {
+  std::vector<Case> cases;
+  for (const Protocol protocol : kProtocols) {
+    for (const FaultInfo& fault : kFaultTable) {
+      for (const StateInfo& state : kStateTable) {
+        if (!IsPossible(protocol, fault.fault, state.state)) continue;
+        cases.push_back({protocol, fault.fault, state.state, std::nullopt});
+        for (const ReactionInfo& reaction : kReactionTable) {
+          if (reaction.reaction == Reaction::kIgnore ||
+              !FaultTable::IsAllowed(fault.fault, state.state, reaction.reaction) ||
+              reaction.reaction == FaultTable()(fault.fault, state.state)) {
+            continue;
+          }
+          cases.push_back({protocol, fault.fault, state.state, reaction.reaction});
+        }
+      }
+    }
+  }
+  return cases;
+}
+
+std::string CaseName(const ::testing::TestParamInfo<Case>& info) {
+  const Case& c = info.param;
+  std::string name = std::string(NameOf(c.protocol)) + "_" + ToString(c.fault) + "_" +
+                     ToString(c.state) +
+                     (c.reaction ? std::string("_") + ToString(*c.reaction) : "");
+  std::replace_if(
+      name.begin(), name.end(), [](unsigned char x) { return std::isalnum(x) == 0; }, '_');
+  return name;
+}
+
+INSTANTIATE_TEST_SUITE_P(All, FaultMatrix, ::testing::ValuesIn(AllCases()), CaseName);
+
+/// The frames of a good run, to be spoilt: the judge of the matrix has to notice.
+class Judge : public ::testing::TestWithParam<Protocol> {
+ protected:
+  Judge() : bench_(ConfigOfBench()) {
+    bench_.keep_log = true;
+    EXPECT_TRUE(bench_.Reach(ExecutorState::kRunning));
+    for (int i = 0; i < 20; ++i) bench_.Tick();
+    for (std::size_t i = 0; i < bench_.log.size(); ++i) {
+      if (bench_.log[i].frame.id == SetpointId()) at_ = i;
+    }
+    EXPECT_THAT(bench_.judge.report().violations, IsEmpty());
+    at_ -= 40;  // not the last tick
+    while (bench_.log[at_].frame.id != SetpointId()) --at_;
+    log_ = bench_.log;
+  }
+  static FaultBench::Config ConfigOfBench() {
+    const Motion motion = MakeMotion();
+    FaultBench::Config config;
+    config.drives = DrivesOf(GetParam());
+    config.graph = motion.graph;
+    config.primitives = motion.primitives;
+    config.executor = ConfigOf({}, motion);
+    return config;
+  }
+  [[nodiscard]] std::uint32_t SetpointId() const {
+    const DriveConfig& drive = bench_.config().drives.drives[1].config;
+    if (const auto* can = std::get_if<CanSimpleConfig>(&drive)) return can->node_id * 32U + 0xc;
+    return bench_.EnableId(1);
+  }
+  std::string Violations() {
+    const testing::FrameReport report = CheckFrames(log_, FaultBench::RulesOf(bench_.config()));
+    std::string all;
+    for (const std::string& violation : report.violations) all += violation + "\n";
+    return all;
+  }
+  CanFrame& Setpoint() { return log_[at_].frame; }
+
+  FaultBench bench_;
+  std::vector<LoggedFrame> log_;
+  std::size_t at_ = 0;  // of a setpoint of joint 1
+};
+
+TEST_P(Judge, FindsNothingInAGoodRun) { EXPECT_EQ(Violations(), ""); }
+
+TEST_P(Judge, NoticesAStepInPosition) {
+  CanFrame& frame = Setpoint();
+  switch (GetParam()) {
+    case Protocol::kMit:
+      frame.data[0] = static_cast<std::uint8_t>(frame.data[0] ^ 1U);  // 0.1 rad
+      break;
+    case Protocol::kCanSimple:
+      frame.data[2] = static_cast<std::uint8_t>(frame.data[2] ^ 0x40U);  // of the mantissa
+      break;
+    case Protocol::kCia402:
+      frame.data[3] = static_cast<std::uint8_t>(frame.data[3] ^ 0x10U);  // 4096 of 65536 a turn
+      break;
+  }
+  EXPECT_THAT(Violations(), ::testing::AnyOf(::testing::HasSubstr("joint 1: a step of"),
+                                             ::testing::HasSubstr("joint 1: position")));
+}
+
+TEST_P(Judge, NoticesATickThatLeavesADriveOut) {
+  const double time_s = log_[at_].time_s;
+  std::erase_if(log_, [&](const LoggedFrame& logged) {
+    return logged.time_s == time_s &&
+           (logged.frame.id == SetpointId() || logged.frame.id == SetpointId() + 0x100);
+  });
+  EXPECT_THAT(Violations(), ::testing::AnyOf(::testing::HasSubstr("where joint 1 is due")));
+}
+
+TEST_P(Judge, NoticesASetpointAfterTorqueOff) {
+  LoggedFrame off = log_[at_];
+  off.time_s -= 0.0005;
+  off.frame.id = bench_.EnableId(1);
+  off.frame.data = {};
+  if (GetParam() == Protocol::kMit) off.frame.data = {255, 255, 255, 255, 255, 255, 255, 0xfd};
+  if (GetParam() == Protocol::kCanSimple) off.frame.data = {1};
+  log_[at_] = off;
+  EXPECT_THAT(Violations(), ::testing::HasSubstr("joint 1 is driven without having been started"));
+}
+
+TEST_P(Judge, NoticesATorqueBeyondItsLimit) {
+  std::size_t at = at_;
+  switch (GetParam()) {
+    case Protocol::kMit:
+      log_[at].frame.data[6] = static_cast<std::uint8_t>(log_[at].frame.data[6] | 0x0fU);
+      break;
+    case Protocol::kCanSimple:
+      log_[at].frame.data[7] = 0x7f;
+      break;
+    case Protocol::kCia402:
+      while (log_[at].frame.id != SetpointId() + 0x100) ++at;
+      log_[at].frame.data[5] = 0x7f;
+      break;
+  }
+  EXPECT_THAT(Violations(), ::testing::HasSubstr("joint 1: torque"));
+}
+
+TEST_P(Judge, NoticesAStrangersFrame) {
+  log_[at_].frame.id = 0x7aa;
+  EXPECT_THAT(Violations(), ::testing::HasSubstr("identifier 7AA is none of the drives'"));
+}
+
+TEST_P(Judge, NoticesAFirstSetpointFarFromWhereTheDriveIs) {
+  for (LoggedFrame& logged : log_) {
+    if (logged.frame.id != bench_.PositionId(1)) continue;
+    CanFrame& frame = logged.frame;
+    if (GetParam() == Protocol::kMit) frame.data[1] = static_cast<std::uint8_t>(frame.data[1] ^ 1U);
+    if (GetParam() == Protocol::kCanSimple) {
+      frame.data[2] = static_cast<std::uint8_t>(frame.data[2] ^ 0x40U);
+    }
+    if (GetParam() == Protocol::kCia402) {
+      frame.data[3] = static_cast<std::uint8_t>(frame.data[3] ^ 0x10U);
+    }
+  }
+  EXPECT_THAT(Violations(), ::testing::HasSubstr("joint 1: the first setpoint is"));
+}
+
+INSTANTIATE_TEST_SUITE_P(All, Judge, ::testing::ValuesIn(kProtocols),
+                         [](const ::testing::TestParamInfo<Protocol>& given) {
+                           return std::string(NameOf(given.param));
+                         });
+
+/// Motions that do not keep to what they state: what the last gate is for. The judge knows the
+/// stated limits only.
+class Gate : public ::testing::TestWithParam<std::tuple<Protocol, int>> {};
+
+TEST_P(Gate, KeepsEveryStatedLimitWhateverThePlan) {
+  const auto [protocol, limit] = GetParam();
+  Motion motion = MakeMotion();
+  for (Primitive<float>& primitive : motion.primitives) {
+    primitive.following_tolerance_rad = 10;
+    primitive.entry_tolerance_rad = 10;
+    for (std::size_t i = 0; i < 2; ++i) {
+      JointMotion<float>& joint = primitive.joints[i];
+      JointLimits<float>& limits = joint.limits;
+      const float start = joint.position.control_points()[0];
+      switch (limit) {
+        case 0:
+          limits.position_max_rad = std::max(start, joint.position.control_points().back()) + 0.02F;
+          break;
+        case 1:
+          limits.position_min_rad = std::min(start, joint.position.control_points().back()) - 0.02F;
+          break;
+        case 2:
+          limits.velocity_max_rad_s *= 0.3F;
+          break;
+        default:
+          limits.torque_max_nm *= 0.2F;
+          break;
+      }
+    }
+  }
+  FaultBench::Config config;
+  config.drives = DrivesOf(protocol);
+  config.graph = GraphOf(motion.primitives[0]);
+  config.primitives = {motion.primitives[0]};
+  config.executor = ConfigOf({}, motion);
+  config.executor.collapse.configured = false;
+  FaultBench bench(std::move(config));
+  ASSERT_EQ(bench.configured, Status::kOk);
+  ASSERT_TRUE(bench.Reach(ExecutorState::kRunning));
+  int limited = 0;
+  for (int i = 0; i < 1200; ++i) {
+    const TickRecord& record = bench.Tick();
+    limited += record.joints[0].limit_active || record.joints[1].limit_active ? 1 : 0;
+  }
+  EXPECT_GT(limited, 20) << "the gate has had something to do";
+  EXPECT_EQ(bench.output.record.faults, 0U);
+  EXPECT_THAT(bench.judge.report().violations, IsEmpty());
+}
+
+std::string GateName(const ::testing::TestParamInfo<std::tuple<Protocol, int>>& given) {
+  constexpr std::array kLimits{"PositionMax", "PositionMin", "Velocity", "Torque"};
+  return std::string(NameOf(std::get<0>(given.param))) +
+         kLimits[static_cast<std::size_t>(std::get<1>(given.param))];
+}
+
+INSTANTIATE_TEST_SUITE_P(All, Gate,
+                         ::testing::Combine(::testing::ValuesIn(kProtocols),
+                                            ::testing::Range(0, 4)),
+                         GateName);
+
+TEST(Arming, DoesNotJumpWhenTheJointIsTurnedMeanwhile) {
+  for (const Protocol protocol : kProtocols) {
+    FaultBench::Config config;
+    const Motion motion = MakeMotion();
+    config.drives = DrivesOf(protocol);
+    config.graph = motion.graph;
+    config.primitives = motion.primitives;
+    config.executor = ConfigOf({}, motion);
+    FaultBench bench(std::move(config));
+    ASSERT_TRUE(bench.Reach(ExecutorState::kDisarmed));
+    bench.Tick(OperatorCommand::kArm);
+    while (bench.executor.state() == ExecutorState::kArming && bench.tick() < 2000) {
+      bench.plant->rotors()[1].position_rad += 0.004;
+      bench.plant->rotors()[1].velocity_rad_s = 0;
+      bench.Tick();
+    }
+    for (int i = 0; i < 50; ++i) bench.Tick();
+    EXPECT_EQ(bench.executor.state(), ExecutorState::kHolding);
+    EXPECT_THAT(bench.judge.report().violations, IsEmpty()) << NameOf(protocol);
+  }
+}
+
+/// Not so with MIT drives: they do not say in which mode they are.
+TEST(Dropout, ADriveThatSomebodyElseSwitchesOffIsADriveError) {
+  for (const Protocol protocol : {Protocol::kCanSimple, Protocol::kCia402}) {
+    FaultBench::Config config;
+    const Motion motion = MakeMotion();
+    config.drives = DrivesOf(protocol);
+    config.graph = motion.graph;
+    config.primitives = motion.primitives;
+    config.executor = ConfigOf({}, motion);
+    FaultBench bench(std::move(config));
+    ASSERT_TRUE(bench.Reach(ExecutorState::kHolding));
+    const DriveConfig& drive = bench.config().drives.drives[1].config;
+    CanFrame off;
+    if (const auto* can = std::get_if<CanSimpleConfig>(&drive)) {
+      off = EncodeCanSimple(can->node_id, CanSimpleAxisState{kCanSimpleIdle});
+    } else {
+      off = EncodeNmt(NmtCommand::kPreOperational, std::get<Cia402Config>(drive).node_id);
+    }
+    ASSERT_EQ(bench.stranger.SendAfter(500'000, off), Status::kOk);
+    for (int i = 0; i < 15; ++i) bench.Tick();
+    EXPECT_EQ(ToString(bench.output.record.first_fault.fault), std::string("drive error"))
+        << NameOf(protocol);
+    EXPECT_EQ(bench.output.record.first_fault.value, 0);
+    EXPECT_EQ(bench.judge.last_order(0).kind, Kind::kPassive);
+    EXPECT_EQ(bench.judge.last_order(1).kind, Kind::kOff) << "it is not to come back by itself";
+  }
+}
+
+TEST(FaultMatrixSize, IsAtLeastFiveHundredCases) { EXPECT_GE(AllCases().size(), 500U); }
+
+}  // namespace
+}  // namespace tumbler

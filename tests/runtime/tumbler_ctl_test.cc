@@ -1,0 +1,145 @@
+// tumbler-ctl with a tumbler-run at the pace of the clock, by UDP multicast inside a network
+// namespace of the test's own (see CMakeLists.txt).
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <csignal>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <regex>
+#include <string>
+#include <vector>
+
+#include "tests/support/primitive_file.h"
+#include "tests/support/program.h"
+
+namespace tumbler {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::Not;
+using testing::Program;
+
+constexpr const char* kUrl = "udpm://239.255.76.67:7667?ttl=0";
+constexpr const char* kGait = TUMBLER_SOURCE_DIR "/primitives/gait.toml";
+
+struct Answer {
+  int exit_status = -1;
+  std::string text;
+};
+
+Answer Ctl(std::vector<std::string> arguments) {
+  arguments.insert(arguments.begin(), TUMBLER_BINARY_DIR "/bin/tumbler-ctl");
+  arguments.insert(arguments.end(), {"--lcm-url", kUrl});
+  Program program(arguments);
+  Answer answer;
+  answer.exit_status = program.Wait();
+  answer.text = program.text();
+  return answer;
+}
+
+std::string State() {
+  const Answer status = Ctl({"status", "--json"});
+  if (status.text.empty() || status.text[0] != '{') return status.text;
+  return nlohmann::json::parse(status.text)["state"];
+}
+
+/// Waits until the run is in one of these states. @returns the last that was seen.
+std::string WaitForState(const std::vector<std::string>& wanted) {
+  std::string state;
+  for (int i = 0; i < 80; ++i) {  // A quarter of a second each.
+    state = State();
+    if (std::find(wanted.begin(), wanted.end(), state) != wanted.end()) break;
+  }
+  return state;
+}
+
+/// The shipped gait, attended. Ticks are slow: what is tested is not how well the machine keeps
+/// time.
+class TumblerCtl : public ::testing::Test {
+ protected:
+  TumblerCtl() {
+    std::ifstream stream(TUMBLER_SOURCE_DIR "/primitives/robots/tumbler_drives.toml");
+    std::string text(std::istreambuf_iterator<char>(stream), {});
+    const std::regex rate("rate_hz *= *[0-9.]+");
+    EXPECT_TRUE(std::regex_search(text, rate));
+    text = std::regex_replace(text, rate, "rate_hz = 100.0");
+    text = std::regex_replace(text, std::regex("watchdog_s *= *[0-9.]+"), "watchdog_s = 1.0");
+    std::ofstream(drives_) << text;
+  }
+  ~TumblerCtl() override { std::filesystem::remove(drives_); }
+  [[nodiscard]] std::unique_ptr<Program> Play() const {
+    return std::make_unique<Program>(std::vector<std::string>{
+        TUMBLER_BINARY_DIR "/bin/tumbler-run", "sim", kGait, "--realtime", "--lcm-url", kUrl,
+        "--hold-s", "0.2", "--attended", "--drives", drives_.string()});
+  }
+
+ private:
+  std::filesystem::path drives_ = std::filesystem::temp_directory_path() /
+                                  ("tumbler_ctl_test_" + std::to_string(getpid()) + ".toml");
+};
+
+TEST_F(TumblerCtl, SaysThatNobodyAnswers) {
+  for (const char* request : {"status", "start", "stop"}) {
+    const Answer answer = Ctl({request});
+    EXPECT_EQ(answer.exit_status, 1);
+    EXPECT_THAT(answer.text, HasSubstr("is tumbler-run there"));
+  }
+}
+
+TEST_F(TumblerCtl, RejectsWhatItDoesNotKnow) {
+  EXPECT_EQ(Ctl({}).exit_status, 1);
+  EXPECT_EQ(Ctl({"arm"}).exit_status, 1);
+  EXPECT_EQ(Ctl({"branch"}).exit_status, 1);
+}
+
+TEST_F(TumblerCtl, StartsBranchesFinishesAndStartsAgain) {
+  const std::unique_ptr<Program> run = Play();
+  ASSERT_EQ(WaitForState({"disarmed"}), "disarmed") << run->text();
+  EXPECT_THAT(Ctl({"status"}).text, HasSubstr("attended"));
+  const Answer early = Ctl({"branch", "roll"});
+  EXPECT_EQ(early.exit_status, 2) << early.text;
+  EXPECT_THAT(early.text, HasSubstr("not possible in this state"));
+  EXPECT_EQ(State(), "disarmed") << "nothing moves by itself";
+
+  const Answer start = Ctl({"start"});
+  EXPECT_EQ(start.exit_status, 0) << start.text;
+  ASSERT_NE(WaitForState({"running", "settling"}), "disarmed");
+  EXPECT_EQ(Ctl({"start"}).exit_status, 2);
+  const Answer wrong = Ctl({"branch", "rol"});
+  EXPECT_EQ(wrong.exit_status, 2);
+  EXPECT_THAT(wrong.text, HasSubstr("no branch 'rol'"));
+  EXPECT_EQ(Ctl({"branch", "roll"}).exit_status, 0);
+  ASSERT_EQ(WaitForState({"disarmed"}), "disarmed") << "the roll ends the sequence";
+
+  EXPECT_EQ(Ctl({"start"}).exit_status, 0);
+  ASSERT_NE(WaitForState({"running", "settling"}), "disarmed");
+  EXPECT_EQ(Ctl({"stop"}).exit_status, 0);
+  ASSERT_EQ(WaitForState({"disarmed"}), "disarmed");
+  run->Signal(SIGINT);
+  EXPECT_EQ(run->Wait(), 130) << run->text();
+  EXPECT_THAT(run->text(), HasSubstr("2 runs"));
+}
+
+TEST_F(TumblerCtl, WatchesALinePerSecondInAPipe) {
+  const std::unique_ptr<Program> run = Play();
+  ASSERT_EQ(WaitForState({"disarmed"}), "disarmed") << run->text();
+  Program watch({TUMBLER_BINARY_DIR "/bin/tumbler-ctl", "watch", "--lcm-url", kUrl});
+  ASSERT_TRUE(watch.WaitFor("disarmed")) << watch.text();
+  run->Signal(SIGKILL);
+  run->Wait();
+  ASSERT_TRUE(watch.WaitFor("NOTHING RECEIVED")) << watch.text();
+  watch.Signal(SIGINT);
+  EXPECT_EQ(watch.Wait(), 0);
+  EXPECT_THAT(watch.text(), Not(HasSubstr("\x1b"))) << "no terminal, no escapes";
+}
+
+}  // namespace
+}  // namespace tumbler

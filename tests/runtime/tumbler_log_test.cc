@@ -1,0 +1,166 @@
+// tumbler-log as a user meets it, with logs that tumbler-run wrote and ones that are spoilt.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <charconv>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <lcm/lcm-cpp.hpp>
+#include <sstream>
+#include <string>
+#include <tumbler/run_t.hpp>
+#include <tumbler/state_t.hpp>
+#include <vector>
+
+#include "runtime/linux/telemetry.h"
+#include "tests/support/program.h"
+
+namespace tumbler {
+namespace {
+
+using ::testing::HasSubstr;
+using testing::Program;
+
+constexpr const char* kMotion = TUMBLER_SOURCE_DIR "/primitives/handstand.toml";
+
+class TumblerLog : public ::testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    directory_ =
+        std::filesystem::temp_directory_path() / ("tumbler_log_test_" + std::to_string(getpid()));
+    std::filesystem::create_directories(directory_);
+    Program run({TUMBLER_BINARY_DIR "/bin/tumbler-run", "sim", kMotion, "--hold-s", "0.1", "--log",
+                 Path("run.lcm"), "--trace", Path("trace.csv")});
+    ASSERT_EQ(run.Wait(), 0) << run.text();
+  }
+  static void TearDownTestSuite() { std::filesystem::remove_all(directory_); }
+  static std::string Path(const std::string& name) { return (directory_ / name).string(); }
+  static std::string Read(const std::string& name) {
+    std::ifstream stream(Path(name), std::ios::binary);
+    return {std::istreambuf_iterator<char>(stream), {}};
+  }
+  int Log(std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), TUMBLER_BINARY_DIR "/bin/tumbler-log");
+    Program program(arguments);
+    const int status = program.Wait();
+    text_ = program.text();
+    return status;
+  }
+  /// Copies the log but for some messages. @param keep  of channel and number on it.
+  template <typename Keep>
+  static void Copy(const std::string& name, Keep keep) {
+    lcm::LogFile from(Path("run.lcm"), "r");
+    lcm::LogFile to(Path(name), "w");
+    int number = 0;
+    while (const lcm::LogEvent* event = from.readNextEvent()) {
+      const bool state = event->channel == kStateChannel;
+      if (!keep(event->channel, number)) {
+        number += state ? 1 : 0;
+        continue;
+      }
+      number += state ? 1 : 0;
+      lcm::LogEvent copy = *event;
+      to.writeEvent(&copy);
+    }
+  }
+
+  static std::filesystem::path directory_;
+  std::string text_;
+};
+std::filesystem::path TumblerLog::directory_;
+
+TEST_F(TumblerLog, ConvertsToTheTableThatTheRunItselfWrites) {
+  ASSERT_EQ(Log({Path("run.lcm"), "--csv", Path("log.csv")}), 0) << text_;
+  EXPECT_THAT(text_, HasSubstr("0 missing"));
+  const std::string table = Read("log.csv");
+  EXPECT_GT(table.size(), 10000U);
+  EXPECT_TRUE(table == Read("trace.csv"));
+  EXPECT_THAT(table.substr(0, table.find('\n')), HasSubstr("leg1_measured_position_rad"));
+}
+
+TEST_F(TumblerLog, WritesEveryNumberSoThatItReadsBackExactly) {
+  ASSERT_EQ(Log({Path("run.lcm"), "--csv", Path("log.csv")}), 0) << text_;
+  std::istringstream table(Read("log.csv"));
+  std::string line;
+  std::getline(table, line);
+  std::vector<std::string> header;
+  for (std::istringstream names(line); std::getline(names, line, ',');) header.push_back(line);
+  const auto column = static_cast<std::size_t>(
+      std::find(header.begin(), header.end(), "leg2_measured_position_rad") - header.begin());
+  ASSERT_LT(column, header.size());
+  lcm::LogFile log(Path("run.lcm"), "r");
+  int rows = 0;
+  while (const lcm::LogEvent* event = log.readNextEvent()) {
+    if (event->channel != kStateChannel) continue;
+    state_t state;
+    ASSERT_EQ(state.decode(event->data, 0, event->datalen), event->datalen);
+    ASSERT_TRUE(std::getline(table, line));
+    std::vector<std::string> cells;
+    std::string cell;
+    for (std::istringstream row(line); std::getline(row, cell, ',');) cells.push_back(cell);
+    ASSERT_EQ(cells.size(), header.size());
+    float value = 0;
+    std::from_chars(cells[column].data(), cells[column].data() + cells[column].size(), value);
+    EXPECT_EQ(value, state.joints[1].measured_position_rad);
+    ++rows;
+  }
+  EXPECT_GT(rows, 300);
+  EXPECT_FALSE(std::getline(table, line));
+}
+
+TEST_F(TumblerLog, CountsWhatWasLost) {
+  Copy("holes.lcm", [](const std::string& channel, int number) {
+    return channel != kStateChannel || (number != 0 && (number < 50 || number >= 57));
+  });
+  EXPECT_EQ(Log({Path("holes.lcm"), "--csv", Path("holes.csv")}), 4);
+  EXPECT_THAT(text_, HasSubstr("8 missing"));
+}
+
+TEST_F(TumblerLog, NamesJointsByNumberWhereTheLogDoesNotSayTheirNames) {
+  Copy("anonymous.lcm", [](const std::string& channel, int) { return channel != kRunChannel; });
+  EXPECT_EQ(Log({Path("anonymous.lcm"), "--csv", Path("anonymous.csv")}), 0) << text_;
+  const std::string named = Read("trace.csv");
+  const std::string table = Read("anonymous.csv");
+  EXPECT_THAT(table, HasSubstr(",joint1_planned_position_rad,"));
+  EXPECT_EQ(table.substr(table.find('\n')), named.substr(named.find('\n')));
+}
+
+TEST_F(TumblerLog, PrintsEventsAndTheEnd) {
+  EXPECT_EQ(Log({Path("run.lcm")}), 0);
+  EXPECT_THAT(text_, HasSubstr("holding -> running"));
+  EXPECT_THAT(text_, HasSubstr("state   disarmed"));
+}
+
+TEST_F(TumblerLog, CountsMessagesThatAreNotWhatTheirChannelSays) {
+  Copy("damaged.lcm", [](const std::string&, int) { return true; });
+  {
+    lcm::LogFile log(Path("damaged.lcm"), "a");
+    lcm::LogEvent event{};
+    event.channel = kStateChannel;
+    std::string bytes = "not a state";
+    event.data = bytes.data();
+    event.datalen = static_cast<int>(bytes.size());
+    ASSERT_EQ(log.writeEvent(&event), 0);
+  }
+  EXPECT_EQ(Log({Path("damaged.lcm"), "--csv", "-"}), 4);
+  EXPECT_THAT(text_, HasSubstr("1 messages damaged"));
+}
+
+TEST_F(TumblerLog, RefusesWhatItCannotUseAndWritesNothing) {
+  EXPECT_EQ(Log({Path("none.lcm")}), 1);
+  EXPECT_THAT(text_, HasSubstr("none.lcm: cannot be read"));
+  EXPECT_EQ(Log({kMotion, "--csv", Path("x.csv")}), 1);
+  EXPECT_THAT(text_, HasSubstr("has no message of tumbler-run"));
+  EXPECT_FALSE(std::filesystem::exists(Path("x.csv")));
+  EXPECT_FALSE(std::filesystem::exists(Path("x.csv.part")));
+  EXPECT_EQ(Log({Path("run.lcm"), "--csv", "/nowhere/x.csv"}), 1);
+  EXPECT_THAT(text_, HasSubstr("/nowhere/x.csv: cannot be written"));
+  EXPECT_EQ(Log({}), 1);
+}
+
+}  // namespace
+}  // namespace tumbler
