@@ -13,12 +13,12 @@ namespace tumbler {
 struct InterfaceName {
   std::string interface;
   std::string drives_file;
-  double pace = 1;  ///< Of the robot against the clock; other than 1 only on virtual interfaces.
+  double pace = 1;  ///< Seconds of the robot in a second of the clock; 1 on a real bus.
 };
 
 /// The interface itself in real time, for the one program that drives its motors.
-/// @throws Refused when the interface runs at another bit rate than the drives, or has one at all
-///         and the pace is not 1;
+/// @throws Refused when the interface runs at another bit rate than the drives, or a real bus is
+///         to keep another pace than the clock's;
 ///         std::runtime_error when it cannot be used.
 std::unique_ptr<World> MakeInterfaceWorld(const InterfaceName& name, const DrivesConfig& drives);
 

@@ -20,7 +20,7 @@ struct SimulatedWorldConfig {
   std::string lcm_url;     ///< truth_t live.
   /// Called with every truth_t as it is encoded; for a flight record.
   std::function<void(std::span<const std::uint8_t>)> truth_sink;
-  bool paced = false;      ///< At the pace of the clock; else in virtual time.
+  bool paced = false;  ///< At the pace of the clock; else in virtual time.
 };
 
 /// The robot of a motion, simulated, behind simulated drives on a simulated bus.

@@ -496,6 +496,15 @@ int Run(Options options) {
 
 /// What no option by itself can get wrong.
 void CheckTogether(const Options& options) {
+  // The checks of ranges let "nan" through: it is neither below nor above anything.
+  for (const auto& [name, value] : {std::pair{"--speed", options.speed},
+                                    {"--hold-s", options.hold_s},
+                                    {"--pace", options.pace},
+                                    {"--rate-hz", options.rate_hz},
+                                    {"--latency-test", options.latency_test_s}}) {
+    if (!std::isfinite(value))
+      throw std::runtime_error(fmt::format("{}: is {}, which is not a number to use", name, value));
+  }
   const bool test = options.latency_test_s > 0;
   if (test && !options.bus.empty())
     throw std::runtime_error(

@@ -190,7 +190,7 @@ class RunReader {
     }
     first_fault_ = record.first_fault;
     for (std::size_t f = 1; f < kFaultCount; ++f) {
-      const std::uint32_t bit = std::uint32_t{1} << f;
+      const auto bit = std::uint32_t{1} << f;
       const auto fault = static_cast<Fault>(f);
       if ((record.faults & bit) != 0 && (faults_ & bit) == 0 && fault != record.first_fault.fault) {
         Event(t, RunEvent::Kind::kFault, fmt::format("also: {}", ToString(fault)));

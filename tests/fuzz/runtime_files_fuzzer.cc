@@ -45,11 +45,13 @@ void ReadOrRefuse(const Read& read) {
 
 const std::string kFolder = TUMBLER_SOURCE_DIR "/primitives/";
 
-/// The shipped sequence, and its primitives beside any other sequence.
+#ifdef TUMBLER_HAS_SIMULATION
+/// The motion whose robot a twin file is about.
 const SequenceFile& Gait() {
   static const SequenceFile gait = LoadMotion(kFolder + "gait.toml");
   return gait;
 }
+#endif
 
 void CheckPrimitive(const PrimitiveFile& file) {
   const Primitive<double>& primitive = file.primitive;

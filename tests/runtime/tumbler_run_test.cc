@@ -95,6 +95,7 @@ TEST_F(TumblerRun, RejectsWrongCommandLinesWithExitCode1) {
   for (const std::string& arguments :
        {std::string(), std::string("sim"), "sim " + motion + " --speed 1.5",
         "sim " + motion + " --speed 0.05", "sim " + motion + " --hold-s -1",
+        "sim " + motion + " --speed nan", "sim " + motion + " --hold-s nan",
         "sim " + motion + " --nonsense", "sim " + motion + " extra"}) {
     const Outcome outcome = Run(arguments);
     EXPECT_EQ(outcome.exit_code, 1) << arguments;

@@ -103,7 +103,7 @@ TEST_F(RecordPrograms, AChangedByteWithAMatchingCrcIsNamedWithTickAndField) {
   for (Block block; reader.Next(block);) {
     RecordBytes content(block.content.begin(), block.content.end());
     // Of tick 1000: the lowest bit of the position that leg2 replied.
-    if (block.kind == BlockKind::kTick && ticks++ == 1000) content[70 + 21 + 8 + 5 + 2] ^= 1;
+    if (block.kind == BlockKind::kTick && ticks++ == 1000) content[71 + 21 + 8 + 5 + 2] ^= 1;
     AppendBlock(block.kind, block.number, content, changed);
   }
   std::ofstream(record_, std::ios::binary)
