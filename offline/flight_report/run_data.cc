@@ -12,6 +12,7 @@
 #include "firmware_interface/drives/logged_position.h"
 #include "offline/flight_report/robot_paths.h"
 #include "offline/flight_report/truth.h"
+#include "runtime/linux/operator_mailbox.h"
 #include "runtime/linux/telemetry.h"
 #include "runtime/record/flight_record.h"
 
@@ -56,8 +57,8 @@ class RunReader {
                                     fmt::join(run_.scene.joint_names, ", ")));
     }
     for (const auto& [name, meaning] :
-         {std::pair("wake-up", "from the deadline of a tick to when the loop was awake"),
-          std::pair("tick", "from when the loop was awake to handing the frames to the bus"),
+         {std::pair("wake-up", "from what the loop slept for to when it was awake"),
+          std::pair("tick", "from when the loop was awake to all done"),
           std::pair("reply", "from handing a setpoint to the bus to the arrival of the reply"),
           std::pair("frame age", "from the arrival of a frame to the tick that took it")}) {
       run_.latencies.push_back({name, meaning, {}});
@@ -130,7 +131,7 @@ class RunReader {
     tick.tick = record.tick;
     tick.state = record.state;
     tick.reaction = record.reaction;
-    tick.node = record.node;
+    tick.node = int{record.node};
     tick.primitive_time_s = double{record.primitive_time_s};
     const bool first = run_.ticks.empty();
     const RunTick before = first ? tick : run_.ticks.back();
@@ -159,6 +160,17 @@ class RunReader {
       Event(t, RunEvent::Kind::kTiming,
             fmt::format("{} control periods missed", tick.tick - before.tick - 1));
     }
+    const TickNotes& notes = entry.notes;
+    if (notes.request != 0 && (notes.request_id != request_id_ || notes.request != request_)) {
+      std::string text =
+          fmt::format("operator: {}", ToString(static_cast<OperatorRequest>(notes.request)));
+      if (notes.request_refusal != Refusal::kNone) {
+        text += fmt::format(", refused: {}", ToString(notes.request_refusal));
+      }
+      Event(t, RunEvent::Kind::kRequest, text);
+    }
+    request_id_ = notes.request_id;
+    request_ = notes.request;
     if (record.command != OperatorCommand::kNone) {
       std::string text = ToString(record.command);
       if (record.command == OperatorCommand::kBranch) {
@@ -413,6 +425,8 @@ class RunReader {
   std::int64_t send_before_ns_ = 0;
   FaultReport first_fault_;
   std::uint32_t faults_ = 0;
+  std::uint32_t request_id_ = 0;
+  std::uint8_t request_ = 0;
   bool in_band_ = false;
   std::size_t last_running_ = 0;
   std::vector<truth_t> truths_;
