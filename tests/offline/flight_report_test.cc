@@ -20,6 +20,7 @@
 #include <vector>
 
 #include "common/primitive_toml.h"
+#include "runtime/linux/operator_mailbox.h"
 #include "runtime/record/flight_record.h"
 #include "tests/offline/sample_runs.h"
 #include "tests/support/recorded_run.h"
@@ -348,6 +349,48 @@ TEST(FlightReport, LatenciesCountEveryTickAndFrame) {
   EXPECT_LT(run.latencies[2].values_ns.back(), 1'000'000);
   EXPECT_EQ(run.latencies[3].PercentileNs(1), ages.back());
   EXPECT_EQ(run.latencies[3].PercentileNs(0.5), ages[(ages.size() + 1) / 2 - 1]);
+}
+
+TEST(FlightReport, WhatTheOperatorAskedIsAnEventAndLatenciesAreThoseThatTheLoopCounts) {
+  // The recorded handstand with other notes of the loop: from its 500th tick on a request, and in
+  // every tick other times.
+  const std::string bytes = ReadBytes(Recorded().handstand);
+  RecordBytes changed;
+  AppendRecordHeader(changed);
+  BlockReader reader(testing::AsBytes(bytes));
+  int ticks = 0;
+  for (Block block; reader.Next(block);) {
+    RecordBytes content(block.content.begin(), block.content.end());
+    const auto entry = std::make_unique<TickEntry>();
+    if (block.kind == BlockKind::kTick && DecodeTick(block.content, *entry)) {
+      entry->notes.due_ns = entry->notes.deadline_ns - 300'000;
+      entry->notes.awake_ns = entry->notes.deadline_ns;
+      entry->notes.done_ns = entry->notes.awake_ns + 70'000;
+      if (ticks++ >= 500) {
+        entry->notes.request_id = 7;
+        entry->notes.request = static_cast<std::uint8_t>(OperatorRequest::kBranch);
+        entry->notes.request_refusal = Refusal::kNoSuchBranch;
+      }
+      content.resize(kTickEntryBytesMax);
+      content.resize(EncodeTick(entry->index, entry->notes, entry->input(),
+                                {entry->frames, entry->record}, content));
+    }
+    if (block.kind != BlockKind::kEnd) AppendBlock(block.kind, block.number, content, changed);
+  }
+  const testing::TemporaryFolder folder;
+  const std::string path = folder / "changed.rec";
+  std::ofstream(path, std::ios::binary)
+      .write(reinterpret_cast<const char*>(changed.data()),
+             static_cast<std::streamsize>(changed.size()));
+  const RunData run = ReadRun(path, "");
+  const auto asked = std::count_if(run.events.begin(), run.events.end(), [&run](const auto& e) {
+    return e.text ==
+               std::string("operator: branch, refused: ") + ToString(Refusal::kNoSuchBranch) &&
+           e.time_s == run.ticks[500].time_s;
+  });
+  EXPECT_EQ(asked, 1);
+  EXPECT_THAT(run.latencies[0].values_ns, Each(300'000));
+  EXPECT_THAT(run.latencies[1].values_ns, Each(70'000));
 }
 
 TEST(FlightReport, APrimitiveAloneIsItsSplinesAndNothingElse) {
