@@ -15,6 +15,8 @@
 #include <system_error>
 #include <utility>
 
+#include <toml++/toml.h>
+
 namespace tumbler {
 
 FileError::FileError(const std::string& file, std::uint32_t line, const std::string& key,
@@ -52,14 +54,6 @@ std::string ReadTextFile(const std::string& path) {
   }
   return text;
 }
-
-struct TomlTable::Document {
-  std::string file;
-  toml::table root;
-  std::set<const toml::node*> taken;
-  /// By table, every key that was asked for: those that it can hold.
-  std::map<const toml::table*, std::set<std::string, std::less<>>> known;
-};
 
 namespace {
 
@@ -152,10 +146,87 @@ const char* TypeName(const toml::node& node) {
   }
 }
 
+/// What was parsed, and what was asked of it.
+struct Document {
+  std::string file;
+  toml::table root;
+  std::set<const toml::node*> taken;
+  /// By table, every key that was asked for: those that it can hold.
+  std::map<const toml::table*, std::set<std::string, std::less<>>> known;
+};
+
 }  // namespace
 
-TomlTable::TomlTable(std::shared_ptr<Document> document, const toml::table* table, std::string path)
-    : document_(std::move(document)), table_(table), path_(std::move(path)) {}
+/// One table of a document.
+class TomlTable::Place {
+ public:
+  Place(std::shared_ptr<Document> document, const toml::table* table, std::string path)
+      : document_(std::move(document)), table_(table), path_(std::move(path)) {}
+
+  [[nodiscard]] Document& document() const { return *document_; }
+  [[nodiscard]] const toml::table& table() const { return *table_; }
+  [[nodiscard]] const std::string& path() const { return path_; }
+
+  /// A table in this one, of the same document.
+  [[nodiscard]] TomlTable Within(const toml::table& table, std::string path) const {
+    return TomlTable(std::make_shared<const Place>(document_, &table, std::move(path)));
+  }
+
+  /// Notes that this table can hold the key.
+  void Know(std::string_view key) const { document_->known[table_].emplace(key); }
+  /// `allowed` says what to put there when the key is missing.
+  const toml::node& Take(std::string_view key, const std::string& allowed) const;
+  [[nodiscard]] double ToNumber(const toml::node& node, std::string_view key, Range range) const;
+  [[noreturn]] void FailType(std::string_view key, const toml::node& node,
+                             const std::string& expected) const;
+  [[nodiscard]] std::string FullKey(std::string_view key) const;
+
+ private:
+  std::shared_ptr<Document> document_;
+  const toml::table* table_;
+  std::string path_;
+};
+
+std::string TomlTable::Place::FullKey(std::string_view key) const {
+  if (key.empty()) return path_;
+  return path_.empty() ? std::string(key) : fmt::format("{}.{}", path_, key);
+}
+
+void TomlTable::Place::FailType(std::string_view key, const toml::node& node,
+                                const std::string& expected) const {
+  throw FileError(document_->file, node.source().begin.line, FullKey(key),
+                  fmt::format("is {}; expected {}", TypeName(node), expected));
+}
+
+const toml::node& TomlTable::Place::Take(std::string_view key, const std::string& allowed) const {
+  Know(key);
+  const toml::node* node = table_->get(key);
+  if (node == nullptr) {
+    throw FileError(document_->file, table_->source().begin.line, FullKey(key),
+                    fmt::format("is missing and has no default; {}", allowed));
+  }
+  document_->taken.insert(node);
+  return *node;
+}
+
+double TomlTable::Place::ToNumber(const toml::node& node, std::string_view key, Range range) const {
+  double value = 0;
+  if (const auto* real = node.as_floating_point()) {
+    value = real->get();
+  } else if (const auto* integer = node.as_integer()) {
+    value = static_cast<double>(integer->get());
+  } else {
+    FailType(key, node, fmt::format("a number; {}", Describe(range)));
+  }
+  const bool above = range.min_excluded ? value > range.min : value >= range.min;
+  if (!std::isfinite(value) || !above || value > range.max) {
+    throw FileError(document_->file, node.source().begin.line, FullKey(key),
+                    fmt::format("is {}; {}", MessageNumber(value), Describe(range)));
+  }
+  return value;
+}
+
+TomlTable::TomlTable(std::shared_ptr<const Place> place) : place_(std::move(place)) {}
 
 TomlTable TomlTable::ParseFile(const std::string& path) { return Parse(ReadTextFile(path), path); }
 
@@ -177,72 +248,35 @@ TomlTable TomlTable::Parse(std::string_view text, const std::string& name) {
                     fmt::format("not valid TOML: {}", error.description()));
   }
   const toml::table* root = &document->root;
-  return {std::move(document), root, ""};
+  return TomlTable(std::make_shared<const Place>(std::move(document), root, ""));
 }
 
-const std::string& TomlTable::file() const { return document_->file; }
+const std::string& TomlTable::file() const { return place_->document().file; }
+
+const std::string& TomlTable::path() const { return place_->path(); }
 
 bool TomlTable::Has(std::string_view key) const {
-  document_->known[table_].emplace(key);
-  return table_->contains(key);
+  place_->Know(key);
+  return place_->table().contains(key);
 }
 
 bool TomlTable::IsTable(std::string_view key) const {
-  const toml::node* node = table_->get(key);
+  const toml::node* node = place_->table().get(key);
   return node != nullptr && node->is_table();
 }
 
-std::string TomlTable::FullKey(std::string_view key) const {
-  if (key.empty()) return path_;
-  return path_.empty() ? std::string(key) : fmt::format("{}.{}", path_, key);
-}
-
 std::uint32_t TomlTable::LineOf(std::string_view key) const {
-  const toml::node* node = table_->get(key);
+  const toml::node* node = place_->table().get(key);
   if (node != nullptr && node->source().begin.line > 0) return node->source().begin.line;
-  return table_->source().begin.line;
+  return place_->table().source().begin.line;
 }
 
 void TomlTable::Fail(std::string_view key, const std::string& problem) const {
-  throw FileError(file(), LineOf(key), FullKey(key), problem);
-}
-
-void TomlTable::FailType(std::string_view key, const toml::node& node,
-                         const std::string& expected) const {
-  throw FileError(file(), node.source().begin.line, FullKey(key),
-                  fmt::format("is {}; expected {}", TypeName(node), expected));
-}
-
-const toml::node& TomlTable::Take(std::string_view key, const std::string& allowed) {
-  document_->known[table_].emplace(key);
-  const toml::node* node = table_->get(key);
-  if (node == nullptr) {
-    throw FileError(file(), table_->source().begin.line, FullKey(key),
-                    fmt::format("is missing and has no default; {}", allowed));
-  }
-  document_->taken.insert(node);
-  return *node;
-}
-
-double TomlTable::ToNumber(const toml::node& node, std::string_view key, Range range) const {
-  double value = 0;
-  if (const auto* real = node.as_floating_point()) {
-    value = real->get();
-  } else if (const auto* integer = node.as_integer()) {
-    value = static_cast<double>(integer->get());
-  } else {
-    FailType(key, node, fmt::format("a number; {}", Describe(range)));
-  }
-  const bool above = range.min_excluded ? value > range.min : value >= range.min;
-  if (!std::isfinite(value) || !above || value > range.max) {
-    throw FileError(file(), node.source().begin.line, FullKey(key),
-                    fmt::format("is {}; {}", MessageNumber(value), Describe(range)));
-  }
-  return value;
+  throw FileError(file(), LineOf(key), place_->FullKey(key), problem);
 }
 
 double TomlTable::Number(std::string_view key, Range range) {
-  return ToNumber(Take(key, Describe(range)), key, range);
+  return place_->ToNumber(place_->Take(key, Describe(range)), key, range);
 }
 
 double TomlTable::Number(std::string_view key, Range range, double absent) {
@@ -251,9 +285,9 @@ double TomlTable::Number(std::string_view key, Range range, double absent) {
 
 std::int64_t TomlTable::Integer(std::string_view key, std::int64_t min, std::int64_t max) {
   const std::string allowed = fmt::format("allowed: from {} ... {}", min, max);
-  const toml::node& node = Take(key, allowed);
+  const toml::node& node = place_->Take(key, allowed);
   const auto* integer = node.as_integer();
-  if (integer == nullptr) FailType(key, node, fmt::format("an integer; {}", allowed));
+  if (integer == nullptr) place_->FailType(key, node, fmt::format("an integer; {}", allowed));
   if (integer->get() < min || integer->get() > max)
     Fail(key, fmt::format("is {}; {}", integer->get(), allowed));
   return integer->get();
@@ -265,9 +299,9 @@ std::int64_t TomlTable::Integer(std::string_view key, std::int64_t min, std::int
 }
 
 bool TomlTable::Boolean(std::string_view key) {
-  const toml::node& node = Take(key, "allowed: true or false");
+  const toml::node& node = place_->Take(key, "allowed: true or false");
   const auto* boolean = node.as_boolean();
-  if (boolean == nullptr) FailType(key, node, "true or false");
+  if (boolean == nullptr) place_->FailType(key, node, "true or false");
   return boolean->get();
 }
 
@@ -276,9 +310,9 @@ bool TomlTable::Boolean(std::string_view key, bool absent) {
 }
 
 std::string TomlTable::String(std::string_view key) {
-  const toml::node& node = Take(key, "allowed: a string");
+  const toml::node& node = place_->Take(key, "allowed: a string");
   const auto* text = node.as_string();
-  if (text == nullptr) FailType(key, node, "a string");
+  if (text == nullptr) place_->FailType(key, node, "a string");
   return text->get();
 }
 
@@ -289,7 +323,7 @@ std::string TomlTable::String(std::string_view key, const std::string& absent) {
 std::string TomlTable::Choice(std::string_view key, std::span<const std::string_view> allowed,
                               const std::string& absent) {
   const std::string list = fmt::format("allowed: {}", fmt::join(allowed, ", "));
-  if (absent.empty() || Has(key)) Take(key, list);
+  if (absent.empty() || Has(key)) place_->Take(key, list);
   std::string value = String(key, absent);
   if (std::find(allowed.begin(), allowed.end(), value) == allowed.end()) {
     Fail(key, fmt::format("is '{}'; {}", value, list));
@@ -298,13 +332,13 @@ std::string TomlTable::Choice(std::string_view key, std::span<const std::string_
 }
 
 std::vector<double> TomlTable::Numbers(std::string_view key, Range range) {
-  const toml::node& node = Take(key, "allowed: an array of numbers");
+  const toml::node& node = place_->Take(key, "allowed: an array of numbers");
   const auto* array = node.as_array();
-  if (array == nullptr) FailType(key, node, "an array of numbers");
+  if (array == nullptr) place_->FailType(key, node, "an array of numbers");
   std::vector<double> values;
   values.reserve(array->size());
   for (std::size_t i = 0; i < array->size(); ++i) {
-    values.push_back(ToNumber(*array->get(i), fmt::format("{}[{}]", key, i), range));
+    values.push_back(place_->ToNumber(*array->get(i), fmt::format("{}[{}]", key, i), range));
   }
   return values;
 }
@@ -317,30 +351,30 @@ std::vector<double> TomlTable::Numbers(std::string_view key, Range range, std::s
 }
 
 std::vector<std::string> TomlTable::Strings(std::string_view key) {
-  const toml::node& node = Take(key, "allowed: an array of strings");
+  const toml::node& node = place_->Take(key, "allowed: an array of strings");
   const auto* array = node.as_array();
-  if (array == nullptr) FailType(key, node, "an array of strings");
+  if (array == nullptr) place_->FailType(key, node, "an array of strings");
   std::vector<std::string> values;
   for (const toml::node& element : *array) {
     const auto* text = element.as_string();
-    if (text == nullptr) FailType(key, element, "a string");
+    if (text == nullptr) place_->FailType(key, element, "a string");
     values.push_back(text->get());
   }
   return values;
 }
 
 std::vector<std::vector<std::string>> TomlTable::StringLists(std::string_view key) {
-  const toml::node& node = Take(key, "allowed: an array of arrays of strings");
+  const toml::node& node = place_->Take(key, "allowed: an array of arrays of strings");
   const auto* array = node.as_array();
-  if (array == nullptr) FailType(key, node, "an array of arrays of strings");
+  if (array == nullptr) place_->FailType(key, node, "an array of arrays of strings");
   std::vector<std::vector<std::string>> lists;
   for (const toml::node& element : *array) {
     const auto* list = element.as_array();
-    if (list == nullptr) FailType(key, element, "an array of strings");
+    if (list == nullptr) place_->FailType(key, element, "an array of strings");
     lists.emplace_back();
     for (const toml::node& entry : *list) {
       const auto* text = entry.as_string();
-      if (text == nullptr) FailType(key, entry, "a string");
+      if (text == nullptr) place_->FailType(key, entry, "a string");
       lists.back().push_back(text->get());
     }
   }
@@ -348,22 +382,22 @@ std::vector<std::vector<std::string>> TomlTable::StringLists(std::string_view ke
 }
 
 TomlTable TomlTable::Table(std::string_view key) {
-  const toml::node& node = Take(key, "allowed: a table");
+  const toml::node& node = place_->Take(key, "allowed: a table");
   const auto* table = node.as_table();
-  if (table == nullptr) FailType(key, node, "a table");
-  return {document_, table, FullKey(key)};
+  if (table == nullptr) place_->FailType(key, node, "a table");
+  return place_->Within(*table, place_->FullKey(key));
 }
 
 std::vector<TomlTable> TomlTable::Tables(std::string_view key) {
-  const toml::node& node = Take(key, "allowed: an array of tables");
+  const toml::node& node = place_->Take(key, "allowed: an array of tables");
   const auto* array = node.as_array();
-  if (array == nullptr) FailType(key, node, "an array of tables");
+  if (array == nullptr) place_->FailType(key, node, "an array of tables");
   std::vector<TomlTable> tables;
   for (std::size_t i = 0; i < array->size(); ++i) {
     const auto* table = array->get(i)->as_table();
-    if (table == nullptr) FailType(key, *array->get(i), "a table");
-    document_->taken.insert(table);
-    tables.push_back(TomlTable(document_, table, fmt::format("{}[{}]", FullKey(key), i)));
+    if (table == nullptr) place_->FailType(key, *array->get(i), "a table");
+    place_->document().taken.insert(table);
+    tables.push_back(place_->Within(*table, fmt::format("{}[{}]", place_->FullKey(key), i)));
   }
   return tables;
 }
@@ -380,7 +414,7 @@ std::vector<TomlTable> TomlTable::OptionalTables(std::string_view key) {
 
 std::vector<std::string> TomlTable::Keys() const {
   std::vector<std::pair<std::uint32_t, std::string>> keys;
-  for (const auto& [key, node] : *table_)
+  for (const auto& [key, node] : place_->table())
     keys.emplace_back(node.source().begin.line, std::string(key.str()));
   std::stable_sort(keys.begin(), keys.end(),
                    [](const auto& a, const auto& b) { return a.first < b.first; });
@@ -391,18 +425,19 @@ std::vector<std::string> TomlTable::Keys() const {
 }
 
 void TomlTable::RejectUnknownKeys() const {
-  for (const auto& [key, node] : *table_) {
-    if (document_->taken.count(&node) == 0) {
-      throw FileError(file(), node.source().begin.line, FullKey(key.str()),
+  for (const auto& [key, node] : place_->table()) {
+    if (place_->document().taken.count(&node) == 0) {
+      throw FileError(file(), node.source().begin.line, place_->FullKey(key.str()),
                       fmt::format("is not a key that this file can hold; {}",
-                                  KeyAdvice(key.str(), *table_, document_->known[table_])));
+                                  KeyAdvice(key.str(), place_->table(),
+                                            place_->document().known[&place_->table()])));
     }
     if (const auto* table = node.as_table()) {
-      TomlTable(document_, table, FullKey(key.str())).RejectUnknownKeys();
+      place_->Within(*table, place_->FullKey(key.str())).RejectUnknownKeys();
     } else if (const auto* array = node.as_array()) {
       for (std::size_t i = 0; i < array->size(); ++i) {
         if (const auto* element = array->get(i)->as_table()) {
-          TomlTable(document_, element, fmt::format("{}[{}]", FullKey(key.str()), i))
+          place_->Within(*element, fmt::format("{}[{}]", place_->FullKey(key.str()), i))
               .RejectUnknownKeys();
         }
       }

@@ -11,8 +11,6 @@
 #include <string_view>
 #include <vector>
 
-#include <toml++/toml.h>
-
 namespace tumbler {
 
 /// A file that cannot be used. The message reads `FILE:LINE: KEY: what is wrong, what is allowed`.
@@ -83,23 +81,13 @@ class TomlTable {
   [[nodiscard]] std::vector<std::string> Keys() const;
 
   [[nodiscard]] const std::string& file() const;
-  [[nodiscard]] const std::string& path() const {
-    return path_;
-  }  ///< e.g. `contact.ground`; empty at the top.
+  [[nodiscard]] const std::string& path() const;  ///< e.g. `contact.ground`; empty at the top.
 
  private:
-  struct Document;
-  TomlTable(std::shared_ptr<Document> document, const toml::table* table, std::string path);
-  /// `allowed` says what to put there when the key is missing.
-  const toml::node& Take(std::string_view key, const std::string& allowed);
-  double ToNumber(const toml::node& node, std::string_view key, Range range) const;
-  [[noreturn]] void FailType(std::string_view key, const toml::node& node,
-                             const std::string& expected) const;
-  [[nodiscard]] std::string FullKey(std::string_view key) const;
+  class Place;
+  explicit TomlTable(std::shared_ptr<const Place> place);
 
-  std::shared_ptr<Document> document_;
-  const toml::table* table_;
-  std::string path_;
+  std::shared_ptr<const Place> place_;  ///< Which table of which document. Copies share it.
 };
 
 /// Larger files than this are not read [bytes]: a thousand times the largest that is of use, and
