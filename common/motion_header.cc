@@ -158,8 +158,7 @@ std::string GraphText(const SequenceGraph<float>& graph) {
     line(
         "  g.edge_storage[{}] = {{{}, {}, {}, tumbler::EdgeCondition::{}, "
         "tumbler::FixedString<32>({})}};\n",
-        i, edge.from, edge.to, Exact(edge.settle_s), NameOf(edge.condition),
-        Quoted(edge.branch.view()));
+        i, edge.from, edge.to, Exact(edge.settle_s), NameOf(edge.when), Quoted(edge.branch.view()));
   }
   for (std::size_t j = 0; j < graph.partner.size(); ++j)
     line("  g.partner[{}] = {};\n", j, graph.partner[j]);

@@ -39,7 +39,7 @@ struct SequenceEdge {
   int from = 0;
   int to = 0;
   Scalar settle_s = 0;  ///< How long the last setpoint of `from` is held before `to` begins.
-  EdgeCondition condition = EdgeCondition::kAlways;
+  EdgeCondition when = EdgeCondition::kAlways;
   FixedString<32> branch;  ///< Name of the branch; empty unless the condition is kBranch.
 };
 
@@ -94,7 +94,7 @@ struct SequenceGraph {
   /// this name, so that an operator's wrong one can be refused.
   [[nodiscard]] constexpr int FindBranch(std::string_view branch) const noexcept {
     for (int i = 0; i < edge_count; ++i) {
-      if (edge(i).condition == EdgeCondition::kBranch && edge(i).branch.view() == branch) return i;
+      if (edge(i).when == EdgeCondition::kBranch && edge(i).branch.view() == branch) return i;
     }
     return -1;
   }
@@ -140,9 +140,9 @@ template <typename Scalar>
   for (int i = 0; i < graph.edge_count; ++i) {
     const SequenceEdge<Scalar>& edge = graph.edge(i);
     if (edge.from != node) continue;
-    if (edge.condition == EdgeCondition::kAlways) always = i;
-    if (edge.condition == EdgeCondition::kCyclesDone) done = i;
-    if (edge.condition == EdgeCondition::kBranch && !request.branch.empty() &&
+    if (edge.when == EdgeCondition::kAlways) always = i;
+    if (edge.when == EdgeCondition::kCyclesDone) done = i;
+    if (edge.when == EdgeCondition::kBranch && !request.branch.empty() &&
         edge.branch.view() == request.branch) {
       branch = i;
     }

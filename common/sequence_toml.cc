@@ -158,7 +158,7 @@ class SequenceReader {
     std::optional<TomlTable> table = root_.OptionalTable("swap");
     if (!table) return;
     has_swap_ = true;
-    file_.swap_pitch_rad = table->Number("root_pitch_rad", {-2 * kPi, 2 * kPi});
+    file_.swap_root_pitch_rad = table->Number("root_pitch_rad", {-2 * kPi, 2 * kPi});
     for (const std::vector<std::string>& pair : table->StringLists("joints")) {
       if (pair.size() != 2) {
         table->Fail("joints",
@@ -260,10 +260,10 @@ class SequenceReader {
                                            graph.node(edge.from).name.view(), kMaxSettle));
       }
       const std::string when = table.Choice("when", kWhen, "always");
-      edge.condition = when == "always"   ? EdgeCondition::kAlways
-                       : when == "branch" ? EdgeCondition::kBranch
-                                          : EdgeCondition::kCyclesDone;
-      if (edge.condition == EdgeCondition::kBranch) {
+      edge.when = when == "always"   ? EdgeCondition::kAlways
+                  : when == "branch" ? EdgeCondition::kBranch
+                                     : EdgeCondition::kCyclesDone;
+      if (edge.when == EdgeCondition::kBranch) {
         edge.branch = Name<32>(table, "branch");
       } else if (table.Has("branch")) {
         table.Fail("branch", fmt::format("belongs to an edge with when = \"branch\"; this one says "
@@ -271,14 +271,13 @@ class SequenceReader {
                                          when));
       }
       for (const SequenceEdge<double>& other : graph.edges()) {
-        if (other.from != edge.from || other.condition != edge.condition ||
-            !(other.branch == edge.branch)) {
+        if (other.from != edge.from || other.when != edge.when || !(other.branch == edge.branch)) {
           continue;
         }
         table.Fail("from",
                    fmt::format("'{}' has two edges for {}: it could not be told which to take",
                                graph.node(edge.from).name.view(),
-                               edge.condition == EdgeCondition::kBranch
+                               edge.when == EdgeCondition::kBranch
                                    ? fmt::format("the branch '{}'", edge.branch.view())
                                    : fmt::format("when = \"{}\"", when)));
       }
@@ -338,7 +337,7 @@ class SequenceReader {
 
   void CheckNodes() const {
     if (std::any_of(file_.graph.edges().begin(), file_.graph.edges().end(),
-                    [](const auto& e) { return e.condition == EdgeCondition::kCyclesDone; }) &&
+                    [](const auto& e) { return e.when == EdgeCondition::kCyclesDone; }) &&
         std::none_of(file_.graph.nodes().begin(), file_.graph.nodes().end(),
                      [](const SequenceNode& node) { return node.ends_cycle; })) {
       root_.Fail("edge", "waits for cycles to be done, but no node says ends_cycle = true");
@@ -513,7 +512,7 @@ Sequence<float> ToRuntime(const SequenceFile& file) {
   for (int e = 0; e < from.edge_count; ++e) {
     const SequenceEdge<double>& edge = from.edge(e);
     graph.edge_storage[Index(e)] = {edge.from, edge.to, static_cast<float>(edge.settle_s),
-                                    edge.condition, edge.branch};
+                                    edge.when, edge.branch};
   }
   sequence.primitive_count = static_cast<int>(file.primitives.size());
   for (std::size_t i = 0; i < file.primitives.size(); ++i) {

@@ -32,7 +32,7 @@ struct SequenceFile {
   std::vector<PrimitiveFile> primitives;     ///< In the order of the graph's indices.
   std::vector<std::string> primitive_names;  ///< As the file names them, likewise.
   JoinTolerances tolerances;
-  double swap_pitch_rad = 0;  ///< How far the root is turned where roles are exchanged.
+  double swap_root_pitch_rad = 0;  ///< How far the root is turned where roles are exchanged.
   /// For each node, how far from its recorded exit the root may end in a simulation.
   std::vector<double> exit_pitch_tolerance_rad;
 
@@ -45,7 +45,7 @@ struct SequenceFile {
   }
   /// Pitch of the robot when the primitive of a node speaks of `pitch_rad`.
   [[nodiscard]] double RobotPitch(int node, double pitch_rad) const {
-    return pitch_rad + (graph.node(node).swapped ? swap_pitch_rad : 0.0);
+    return pitch_rad + (graph.node(node).swapped ? swap_root_pitch_rad : 0.0);
   }
 };
 

@@ -251,19 +251,19 @@ std::string Cause(const Problem& problem, const Solution& best) {
     return "no contact was ever active: the robot touches no obstacle; check start.z_m and the "
            "obstacles (a flight needs none: obstacle = [])";
   }
-  if (best.violation > kNoViolation) {
+  if (best.constraint_violation > kNoViolation) {
     return fmt::format(
         "the best motion exceeds a limit: {} by {:.1f} % ({}); give it more duration_s, looser "
         "limits or "
         "more search.max_samples",
-        best.worst_constraint, 100 * best.violation, ToString(best.end));
+        best.worst_constraint, 100 * best.constraint_violation, ToString(best.end));
   }
   if (best.core_reached) {
     return fmt::format(
         "the best motion drives a contact {:.1f} mm deep, through the {:.1f} mm layer to the core; "
         "use a "
         "larger contact.stiffness_n_per_m or contact.d_on_m, or more search.max_samples",
-        1e3 * best.rollout.peak_penetration_m, 1e3 * problem.contact.layer_m);
+        1e3 * best.rollout.peak_penetration_m, 1e3 * problem.contact.d_on_m);
   }
   return ToString(best.end);
 }
@@ -275,9 +275,9 @@ void PrintContact(const Problem& problem, const std::string& task_file) {
   fmt::print(stderr,
              "contact: k {:.4g} N/m, c {:.4g} N s/m, d_on {:.3g} mm, d_off {:.3g} mm, mu {:.3g}, "
              "v_max {:.3g} m/s; step {:.3g} ms, advisable up to {:.3g} ms\n",
-             law.stiffness_n_per_m, law.damping_n_s_per_m, 1e3 * law.layer_m,
-             1e3 * law.full_force_m, law.friction, law.slip_speed_m_per_s,
-             1e3 * problem.solver.step_s, 1e3 * problem.advisable_step_s);
+             law.stiffness_n_per_m, law.damping_n_s_per_m, 1e3 * law.d_on_m, 1e3 * law.d_off_m,
+             law.mu, law.v_max_m_per_s, 1e3 * problem.solver.step_s,
+             1e3 * problem.advisable_step_s);
   if (problem.solver.step_s > problem.advisable_step_s) {
     fmt::print(stderr,
                "{}: solver.step_s: warning: is {:.3g} s, longer than the {:.3g} s that this "
@@ -402,7 +402,7 @@ nlohmann::ordered_json FiguresOfMinima(const Result& result) {
     const MotionSummary& summary = result.minima_summaries[i];
     minima.push_back({{"objective", solution.rollout.cost},
                       {"feasible", solution.feasible()},
-                      {"constraint_violation", solution.violation},
+                      {"constraint_violation", solution.constraint_violation},
                       {"final_pitch_rad", summary.final_pitch_rad},
                       {"settled_pitch_rad", summary.settled_pitch_rad},
                       {"peak_torque_nm", summary.peak_torque_nm},
@@ -488,7 +488,7 @@ void PrintMinima(std::FILE* people, const Result& result) {
     const MotionSummary& summary = result.minima_summaries[i];
     const bool held = solution.feasible();
     fmt::print(people, "  {:>4} {:>6} {:>12.6g} {:>10.1e} {:>9.4f} {:>11.3f} {:>11}  {}{}\n", i + 1,
-               minimum.starts.size(), solution.rollout.cost, solution.violation,
+               minimum.starts.size(), solution.rollout.cost, solution.constraint_violation,
                summary.final_pitch_rad, summary.peak_torque_nm, solution.evaluations,
                ToString(solution.end),
                held                    ? ""
@@ -504,7 +504,7 @@ std::vector<const Result*> Ranked(const std::vector<Result>& results) {
   std::stable_sort(order.begin(), order.end(), [](const Result* a, const Result* b) {
     if (a->usable != b->usable) return a->usable;
     return a->usable ? a->best.rollout.cost < b->best.rollout.cost
-                     : a->best.violation < b->best.violation;
+                     : a->best.constraint_violation < b->best.constraint_violation;
   });
   return order;
 }

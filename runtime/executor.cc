@@ -247,7 +247,7 @@ int Executor::NextEdgeHere() const noexcept {
 }
 
 void Executor::FollowEdge(int edge) noexcept {
-  if (graph_.edge(edge).condition == EdgeCondition::kBranch) {
+  if (graph_.edge(edge).when == EdgeCondition::kBranch) {
     const std::string_view taken = graph_.BranchName(edge);
     if (wanted_branch_ >= 0 && graph_.BranchName(wanted_branch_) == taken) {
       wanted_branch_ = -1;

@@ -126,7 +126,7 @@ DrivesConfig DrivesFor(const Options& options, const Primitive<double>& primitiv
 std::set<std::string> BranchNames(const SequenceGraph<float>& graph) {
   std::set<std::string> names;
   for (const auto& edge : graph.edges()) {
-    if (edge.condition == EdgeCondition::kBranch) names.emplace(edge.branch.view());
+    if (edge.when == EdgeCondition::kBranch) names.emplace(edge.branch.view());
   }
   return names;
 }

@@ -201,7 +201,7 @@ MotionSummary Summarize(const Problem& problem, const std::vector<double>& x) {
     for (const ActiveContact<Plane>& contact : sample.contacts) {
       summary.peak_penetration_m = std::max(summary.peak_penetration_m, contact.depth_m);
       if (solved)
-        summary.excess = std::max(summary.excess, contact.depth_m / problem.contact.layer_m - 1);
+        summary.excess = std::max(summary.excess, contact.depth_m / problem.contact.d_on_m - 1);
       if (t > problem.duration_s + problem.settle_s) continue;
       auto& list = intervals[{contact.shape, contact.obstacle}];
       if (list.empty() || t - list.back().end_s > kContactGap) {
@@ -219,7 +219,7 @@ MotionSummary Summarize(const Problem& problem, const std::vector<double>& x) {
     summary.entry.joint_positions_rad[j] = problem.joints[j].start_rad;
     summary.exit.joint_positions_rad[j] = problem.joints[j].end_rad;
   }
-  summary.core_reached = summary.peak_penetration_m >= problem.contact.layer_m;
+  summary.core_reached = summary.peak_penetration_m >= problem.contact.d_on_m;
   for (auto& entry : intervals) {
     summary.contacts.insert(summary.contacts.end(), entry.second.begin(), entry.second.end());
   }
@@ -469,7 +469,7 @@ ReportData MakeReportData(const Task& task, const SolveOutcome& outcome, const S
       {"margin to the acceleration limit",
        fmt::format("{:.1f} rad/s² (all t)", c.acceleration_margin_rad_s2)},
       {"peak penetration", fmt::format("{:.2f} mm of {:.2f} mm", 1e3 * c.peak_penetration_m,
-                                       1e3 * problem.contact.layer_m)},
+                                       1e3 * problem.contact.d_on_m)},
       {"coefficients", c.coefficients_hash},
       {"robot", file.provenance.robot_hash},
       {"task", file.provenance.task_hash}};

@@ -118,8 +118,7 @@ class Simulation {
         outcome_.cycles += ends_cycle ? 1 : 0;
         since_cycle = ends_cycle ? 0 : since_cycle + 1;
         edge = NextEdge(file_.graph, node, outcome_.cycles, Request(branched));
-        branched =
-            branched || (edge >= 0 && file_.graph.edge(edge).condition == EdgeCondition::kBranch);
+        branched = branched || (edge >= 0 && file_.graph.edge(edge).when == EdgeCondition::kBranch);
         going = Hold(passage, edge < 0 ? options_.last_hold_s : file_.graph.edge(edge).settle_s);
       }
       passage.travelled_m = RootX() - x;
@@ -348,11 +347,11 @@ class Simulation {
       passage.peak_penetration_m = std::max(passage.peak_penetration_m, active.depth_m);
       const ContactShape<Plane>& shape = world.problem.robot.shapes[Index(active.shape)];
       const std::string& obstacle = world.problem.obstacles[Index(active.obstacle)].name;
-      if (active.depth_m >= world.problem.contact.layer_m) {
+      if (active.depth_m >= world.problem.contact.d_on_m) {
         return Fail(ChainFailure::Cause::kCore, node,
                     fmt::format("{} is {} mm deep in {}, through the layer of {} mm", shape.name,
                                 MessageText(1e3 * active.depth_m), obstacle,
-                                MessageText(1e3 * world.problem.contact.layer_m)));
+                                MessageText(1e3 * world.problem.contact.d_on_m)));
       }
       if (world.touching_bodies.count(RoleOfBody(node, world, shape.body)) == 0) {
         return Fail(
@@ -438,7 +437,7 @@ ChainOutcome SimulateChain(const SequenceFile& file, const ChainOptions& options
   if (!options.branch.empty() && !file.graph.HasBranch(options.branch)) {
     std::set<std::string_view> names;
     for (const auto& edge : file.graph.edges()) {
-      if (edge.condition == EdgeCondition::kBranch) names.insert(edge.branch.view());
+      if (edge.when == EdgeCondition::kBranch) names.insert(edge.branch.view());
     }
     throw std::invalid_argument(fmt::format(
         "the sequence '{}' has no branch '{}'; its branches: {}", file.graph.name.view(),

@@ -44,9 +44,9 @@ inline ContactLaw LawFor(const ContactIntent& intent, double mass_kg, double gra
                          ContactLaw law = {}) {
   law.stiffness_n_per_m = mass_kg * gravity_m_per_s2 / intent.static_penetration_m;
   law.damping_n_s_per_m = 8 * mass_kg / intent.settling_time_s;
-  law.slip_speed_m_per_s = intent.slip_speed_m_per_s;
-  law.layer_m = 3 * intent.static_penetration_m;
-  law.full_force_m = 0.75 * law.layer_m;
+  law.v_max_m_per_s = intent.slip_speed_m_per_s;
+  law.d_on_m = 3 * intent.static_penetration_m;
+  law.d_off_m = 0.75 * law.d_on_m;
   return law;
 }
 
@@ -63,7 +63,7 @@ inline double AdvisableStep(const ContactLaw& law, double effective_mass_kg, dou
   const double spring = law.stiffness_n_per_m / m;
   const double fastest =
       half * half > spring ? half + std::sqrt(half * half - spring) : std::sqrt(spring);
-  const double friction = 1.5 * law.friction * load_n / (law.slip_speed_m_per_s * m);
+  const double friction = 1.5 * law.mu * load_n / (law.v_max_m_per_s * m);
   return 1 / std::max(fastest, friction);
 }
 

@@ -18,19 +18,23 @@ enum class ContactDamping {
              ///< only.
 };
 
-/// The contact law of [AB04, section III]. SI units; every body and obstacle pair of a task shares
-/// one.
+/// The contact law of [AB04, section III], with the paper's names: the parameters of a task's
+/// `[contact]`. All pairs of a body and an obstacle share it.
 struct ContactLaw {
-  double stiffness_n_per_m =
-      1e4;  ///< k > 0. Static penetration of a 1.8 kg robot on two feet: about 1 mm.
-  double damping_n_s_per_m = 60;  ///< c >= 0.
-  double layer_m = 4e-3;  ///< d_on > 0: distance at which force begins, the thickness of the layer.
-  double full_force_m =
-      3e-3;               ///< d_off, 0 <= d_off < d_on: distance below which the smoothing is 1.
-  double friction = 0.3;  ///< mu >= 0 [AB04, after Eq. 18].
-  double slip_speed_m_per_s = 0.05;  ///< v_max > 0: creep below it stands for sticking.
+  /// k > 0. A robot of 1.8 kg on two feet sinks about 1 mm.
+  double stiffness_n_per_m = 1e4;
+  /// c >= 0.
+  double damping_n_s_per_m = 60;
+  /// > 0: the distance at which the force begins, which is the thickness of the compliant layer.
+  double d_on_m = 4e-3;
+  /// 0 <= d_off < d_on: the smoothing is 1 below this distance.
+  double d_off_m = 3e-3;
+  /// >= 0: the coefficient of friction [AB04, after Eq. 18].
+  double mu = 0.3;
+  /// > 0: friction is full at this slip speed. Slower creep stands for sticking.
+  double v_max_m_per_s = 0.05;
   ContactSmoothing smoothing = ContactSmoothing::kCubic;
-  ContactDamping damping = ContactDamping::kNoPull;
+  ContactDamping damping_law = ContactDamping::kNoPull;
 
   bool operator==(const ContactLaw&) const = default;
 };
@@ -51,9 +55,9 @@ struct NormalForce {
 /// law is exactly the linear spring and damper.
 inline NormalForce EvaluateNormalForce(const ContactLaw& law, double d, double v) {
   NormalForce out;
-  const double x = law.layer_m - d;
+  const double x = law.d_on_m - d;
   if (!(x > 0)) return out;
-  const double width = law.layer_m - law.full_force_m;
+  const double width = law.d_on_m - law.d_off_m;
   double beta = 1;
   double beta_d = 0;
   if (x < width) {
@@ -72,11 +76,11 @@ inline NormalForce EvaluateNormalForce(const ContactLaw& law, double d, double v
   double y_v = -c;
   double P = y;
   double P_y = 1;
-  if (law.damping == ContactDamping::kPrinted) {
+  if (law.damping_law == ContactDamping::kPrinted) {
     y = k * x - c * std::abs(v);
     y_v = v < 0 ? c : -c;
     P = y;
-  } else if (law.damping == ContactDamping::kNoPull) {
+  } else if (law.damping_law == ContactDamping::kNoPull) {
     const double e = k * width;
     if (y <= 0) return out;
     if (y < e) {
@@ -99,7 +103,7 @@ struct FrictionGain {
 };
 
 inline FrictionGain EvaluateFrictionGain(const ContactLaw& law, double s2) {
-  const double v_max = law.slip_speed_m_per_s;
+  const double v_max = law.v_max_m_per_s;
   const double r2 = s2 / (v_max * v_max);
   if (r2 < 1) return {(1.5 - 0.5 * r2) / v_max, -0.5 / (v_max * v_max * v_max)};
   const double inverse = 1 / std::sqrt(s2);

@@ -270,11 +270,11 @@ class ContactModel final : public ContactForces<Space> {
   struct ForceChange {
     ForceChange(const ContactLaw& law, const Evaluation& evaluation) : e(evaluation) {
       v_d = e.v.dot(e.near.u_d);
-      const double mu_N = law.friction * std::abs(e.normal.N);
+      const double mu_N = law.mu * std::abs(e.normal.N);
       g = mu_N * e.friction.gain;
       b = (2 * mu_N * e.friction.gain_s2) * e.v_t;
       const Vector per_N =
-          e.near.u_d - (std::copysign(law.friction, e.normal.N) * e.friction.gain) * e.v_t;
+          e.near.u_d - (std::copysign(law.mu, e.normal.N) * e.friction.gain) * e.v_t;
       per_d = e.normal.N_d * per_N;
       per_v_d = e.normal.N_v * per_N + g * e.near.u_d;
     }
@@ -307,7 +307,7 @@ class ContactModel final : public ContactForces<Space> {
                 const Vector& world, int obstacle) {
     const NearPoint<Space> near = FindNearPoint<Space>(
         obstacles_[static_cast<std::size_t>(obstacle)].shape, world, point.radius_m);
-    if (near.d >= law_.layer_m) return;
+    if (near.d >= law_.d_on_m) return;
     Evaluation& e = evaluations_[active_count_];
     e.near = near;
     e.pair = -1;
@@ -323,7 +323,7 @@ class ContactModel final : public ContactForces<Space> {
     const GeneralPair& pair = pairs_[k];
     const int body = shapes_[static_cast<std::size_t>(pair.shape)].body;
     const NearPoints<Space> near = FindNearPoints(PosedA(dynamics, pair), PosedB(dynamics, pair));
-    if (near.d >= law_.layer_m) return;
+    if (near.d >= law_.d_on_m) return;
     near_[k] = near;
     Evaluation& e = evaluations_[active_count_];
     e.near.d = near.d;
@@ -361,8 +361,8 @@ class ContactModel final : public ContactForces<Space> {
     e.normal = EvaluateNormalForce(law_, e.near.d, v_d);
     e.v_t = e.v - v_d * u;
     e.friction = EvaluateFrictionGain(law_, e.v_t.squaredNorm());
-    e.F = e.normal.N * u - (law_.friction * std::abs(e.normal.N) * e.friction.gain) * e.v_t;
-    active_[active_count_++] = {shape,      obstacle, other_shape, law_.layer_m - e.near.d,
+    e.F = e.normal.N * u - (law_.mu * std::abs(e.normal.N) * e.friction.gain) * e.v_t;
+    active_[active_count_++] = {shape,      obstacle, other_shape, law_.d_on_m - e.near.d,
                                 e.normal.N, e.p,      e.F,         u};
     return Space::ForceAt(e.p, e.F);
   }

@@ -243,32 +243,30 @@ class TaskReader {
     double least_layer = 1e-6;
     const bool by_intent = ReadIntent(*contact);
     if (by_intent) {
-      least_layer = law.layer_m / 3;  // Thinner, and the robot would rest on the core.
+      least_layer = law.d_on_m / 3;  // Thinner, and the robot would rest on the core.
     } else {
       law.stiffness_n_per_m =
           contact->Number("stiffness_n_per_m", {0, 1e8, true}, law.stiffness_n_per_m);
       law.damping_n_s_per_m = contact->Number("damping_n_s_per_m", {0, 1e6}, law.damping_n_s_per_m);
-      law.slip_speed_m_per_s = contact->Number("v_max_m_per_s", kSlipSpeed, law.slip_speed_m_per_s);
+      law.v_max_m_per_s = contact->Number("v_max_m_per_s", kSlipSpeed, law.v_max_m_per_s);
     }
-    law.layer_m = contact->Number("d_on_m", {least_layer, 1, by_intent}, law.layer_m);
-    law.full_force_m =
-        contact->Number("d_off_m", {0, 1}, std::min(law.full_force_m, 0.75 * law.layer_m));
+    law.d_on_m = contact->Number("d_on_m", {least_layer, 1, by_intent}, law.d_on_m);
+    law.d_off_m = contact->Number("d_off_m", {0, 1}, std::min(law.d_off_m, 0.75 * law.d_on_m));
     // Zero width would make the force jump in its derivative.
-    if (law.full_force_m > law.layer_m * (1 - 1e-6)) {
-      contact->Fail("d_off_m",
-                    fmt::format("is {}; allowed: from 0 to below d_on_m, which is {}",
-                                MessageNumber(law.full_force_m), MessageNumber(law.layer_m)));
+    if (law.d_off_m > law.d_on_m * (1 - 1e-6)) {
+      contact->Fail("d_off_m", fmt::format("is {}; allowed: from 0 to below d_on_m, which is {}",
+                                           MessageNumber(law.d_off_m), MessageNumber(law.d_on_m)));
     }
-    law.friction = contact->Number("mu", {0, 10}, law.friction);
+    law.mu = contact->Number("mu", {0, 10}, law.mu);
     constexpr std::array<std::string_view, 2> kSmoothing = {"cubic", "quintic"};
     constexpr std::array<std::string_view, 3> kDamping = {"no-pull", "signed", "printed"};
     law.smoothing = contact->Choice("smoothing", kSmoothing, "cubic") == "cubic"
                         ? ContactSmoothing::kCubic
                         : ContactSmoothing::kQuintic;
     const std::string damping = contact->Choice("damping_law", kDamping, "no-pull");
-    law.damping = damping == "no-pull"  ? ContactDamping::kNoPull
-                  : damping == "signed" ? ContactDamping::kSigned
-                                        : ContactDamping::kPrinted;
+    law.damping_law = damping == "no-pull"  ? ContactDamping::kNoPull
+                      : damping == "signed" ? ContactDamping::kSigned
+                                            : ContactDamping::kPrinted;
   }
 
   void ReadObstacles() {
@@ -454,7 +452,7 @@ class TaskReader {
     for (const ActiveContact<Plane>& active : contact.active()) {
       if (deepest == nullptr || active.depth_m > deepest->depth_m) deepest = &active;
     }
-    const double layer = problem_.contact.layer_m;
+    const double layer = problem_.contact.d_on_m;
     if (deepest == nullptr || deepest->depth_m < layer) return;
     start.Fail("z_m",
                fmt::format("is {}: there collision shape {} is {} m inside '{}'; allowed: "
@@ -615,7 +613,7 @@ std::vector<double> RestPose(const Problem& problem, double x_m, double pitch_ra
     throw std::runtime_error(fmt::format(
         "with its root {} m high the robot is still {:.4g} m inside '{}', so it cannot be lowered "
         "on it (a half-space lies behind its normal)",
-        high, inside.depth_m - problem.contact.layer_m,
+        high, inside.depth_m - problem.contact.d_on_m,
         problem.obstacles[static_cast<std::size_t>(inside.obstacle)].name));
   }
   for (int i = 0; i < 60; ++i) (touches(0.5 * (low + high)) ? low : high) = 0.5 * (low + high);

@@ -238,7 +238,7 @@ struct ForwardSensitivity::Implementation {
     for (const ActiveContact<Plane>& active : contact.active()) {
       result.any_contact = true;
       result.peak_penetration_m = std::max(result.peak_penetration_m, active.depth_m);
-      const double usable = (1 - problem.solver.core_margin) * problem.contact.layer_m;
+      const double usable = (1 - problem.solver.core_margin) * problem.contact.d_on_m;
       if (problem.solver.sharpness * (active.depth_m / usable - 1) < kNegligibleExponent) continue;
       std::array<double, HybridDynamics<Plane>::kMaxDofs> by_q{};
       contact.AddDepthSlopes(dynamics, active, 1, by_q);

@@ -333,7 +333,7 @@ struct Rollout::Implementation {
   /// positions.
   void AddCore(double* slopes) {
     if (slopes != nullptr) std::fill_n(slopes, nd, 0.0);
-    const double layer = (1 - problem.solver.core_margin) * problem.contact.layer_m;
+    const double layer = (1 - problem.solver.core_margin) * problem.contact.d_on_m;
     const double rho = problem.solver.sharpness;
     for (const ActiveContact<Plane>& a : contact->active()) {
       const double exponent = rho * (a.depth_m / layer - 1);

@@ -113,7 +113,7 @@ double Rank(const Problem& problem, const RolloutResult& result) {
     rank += problem.search.torque_penalty * above * above;
   }
   rank += problem.search.core_penalty *
-          std::max(0.0, result.peak_penetration_m / problem.contact.layer_m - 1);
+          std::max(0.0, result.peak_penetration_m / problem.contact.d_on_m - 1);
   return rank;
 }
 
@@ -256,10 +256,11 @@ class LocalSolve {
     Evaluate(best.x, true);
     best.rollout = result_;
     const WorstConstraint worst = FindWorst(problem_, rows_, best.x, result_);
-    best.violation = worst.value;
+    best.constraint_violation = worst.value;
     best.worst_constraint = worst.name;
-    best.core_reached = result_.peak_penetration_m >= problem_.contact.layer_m;
-    if (end == SolveEnd::kConverged && best.violation > kNoViolation) end = SolveEnd::kInfeasible;
+    best.core_reached = result_.peak_penetration_m >= problem_.contact.d_on_m;
+    if (end == SolveEnd::kConverged && best.constraint_violation > kNoViolation)
+      end = SolveEnd::kInfeasible;
     best.end = end;
     best.evaluations = evaluations_;
     best.projected_gradient = ProjectGradient(best.x);
@@ -664,14 +665,15 @@ class Campaign {
   static bool Better(const Solution& a, const Solution& b) {
     if (a.finished != b.finished) return a.finished;
     if (a.feasible() != b.feasible()) return a.feasible();
-    return a.feasible() ? a.rollout.cost < b.rollout.cost : a.violation < b.violation;
+    return a.feasible() ? a.rollout.cost < b.rollout.cost
+                        : a.constraint_violation < b.constraint_violation;
   }
 
   /// Whether a motion is better than the flat basins, and near enough to its limits.
   [[nodiscard]] bool StandsOut(const Solution& solution, double promising_rank) const {
     constexpr double kNear = 0.2;
-    return solution.evaluations > 0 && solution.rollout.finite && solution.violation < kNear &&
-           solution.rollout.cost < promising_rank &&
+    return solution.evaluations > 0 && solution.rollout.finite &&
+           solution.constraint_violation < kNear && solution.rollout.cost < promising_rank &&
            solution.rollout.target_error_rad <= problem_.search.basin_rad;
   }
 

@@ -44,15 +44,16 @@ struct Solution {
   bool finished = false;  ///< Solved with the final step; else screened only, with a longer one.
   int start = 0;          ///< Which start it came from, in the order of screening.
   double start_cost = 0;
-  double violation = 0;           ///< Largest scaled constraint value above zero, recomputed.
-  double projected_gradient = 0;  ///< Largest component of the cost's gradient that no active
-                                  ///< constraint holds [cost per rad].
-  int evaluations = 0;            ///< Of cost and gradient.
-  std::string worst_constraint;   ///< Name of the largest one, e.g. `velocity of leg1`.
+  double constraint_violation = 0;  ///< Largest scaled constraint value above zero, recomputed.
+  double projected_gradient = 0;    ///< Largest component of the cost's gradient that no active
+                                    ///< constraint holds [cost per rad].
+  int evaluations = 0;              ///< Of cost and gradient.
+  std::string worst_constraint;     ///< Name of the largest one, e.g. `velocity of leg1`.
   bool core_reached =
       false;  ///< A contact went through the whole compliant layer: the model does not hold there.
   [[nodiscard]] bool feasible() const {
-    return evaluations > 0 && rollout.finite && violation <= kNoViolation && !core_reached;
+    return evaluations > 0 && rollout.finite && constraint_violation <= kNoViolation &&
+           !core_reached;
   }
 };
 

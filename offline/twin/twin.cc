@@ -83,7 +83,7 @@ struct Twin::Implementation {
   static Problem Changed(Problem problem, const TwinConfig& config) {
     if (config.contact) problem.contact = *config.contact;
     for (const Obstacle<Plane>& obstacle : config.obstacles) problem.obstacles.push_back(obstacle);
-    for (const auto& [link, factor] : config.link_mass) {
+    for (const auto& [link, factor] : config.mass_factor) {
       Dof<Plane>& dof = problem.robot.tree.dofs[Index(BodyOf(problem, link))];
       dof.mass_kg *= factor;
       dof.inertia_kg_m2 *= factor;
@@ -96,7 +96,7 @@ struct Twin::Implementation {
     for (std::size_t j = 0; j < problem.joints.size(); ++j) {
       const JointLosses losses = j < config.joints.size() ? config.joints[j] : JointLosses{};
       Dof<Plane>& dof = tree.dofs[Index(problem.joints[j].dof)];
-      dof.damping_nm_s_per_rad += losses.viscous_nm_s_per_rad;
+      dof.damping_nm_s_per_rad += losses.viscous_friction_nm_s_per_rad;
       if (losses.rotor_inertia_kg_m2) dof.rotor_inertia_kg_m2 = *losses.rotor_inertia_kg_m2;
     }
     return tree;
@@ -118,9 +118,9 @@ struct Twin::Implementation {
   /// Torque of dry friction and of the stop at the joint's limit.
   [[nodiscard]] double Resistance(std::size_t j, double position, double velocity) const {
     // Full friction from here on; below it a joint creeps rather than sticks, as feet do.
-    static const ContactLaw creep{.slip_speed_m_per_s = 0.05};
-    double torque =
-        -config.joints[j].dry_nm * EvaluateFrictionGain(creep, velocity * velocity).gain * velocity;
+    static const ContactLaw creep{.v_max_m_per_s = 0.05};
+    double torque = -config.joints[j].dry_friction_nm *
+                    EvaluateFrictionGain(creep, velocity * velocity).gain * velocity;
     const RobotJointLimits& limits = problem.robot.limits[Index(problem.joints[j].dof)];
     const double k = config.stop_stiffness_nm_per_rad;
     const double c = config.stop_damping_nm_s_per_rad;
@@ -150,8 +150,7 @@ struct Twin::Implementation {
       const int body = BodyOfContact(active);
       const Plane::Vector v = dynamics.velocity(body).At(active.point);
       const Plane::Vector v_t = v - v.dot(active.normal) * active.normal;
-      const double more = (on->friction - problem.contact.friction) *
-                          std::abs(active.normal_force_n) *
+      const double more = (on->mu - problem.contact.mu) * std::abs(active.normal_force_n) *
                           EvaluateFrictionGain(problem.contact, v_t.squaredNorm()).gain;
       dynamics.AddWrench(body, Plane::ForceAt(active.point, -more * v_t));
     }

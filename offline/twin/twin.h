@@ -18,8 +18,8 @@ namespace tumbler {
 
 /// What resists in a joint.
 struct JointLosses {
-  double viscous_nm_s_per_rad = 0.02;  ///< Bearing and gear, on top of the URDF's damping.
-  double dry_nm = 0;                   ///< >= 0: Coulomb's, at full strength above 0.05 rad/s.
+  double viscous_friction_nm_s_per_rad = 0.02;  ///< Bearing and gear, on top of the URDF's damping.
+  double dry_friction_nm = 0;  ///< >= 0: Coulomb's, at full strength above 0.05 rad/s.
   std::optional<double> rotor_inertia_kg_m2;  ///< Seen through the gear; the task's by default.
 };
 
@@ -36,7 +36,7 @@ struct Push {
 /// Part of an obstacle's surface with a friction of its own. Where several are, the last counts.
 struct FrictionPatch {
   std::string obstacle;
-  double friction = 0;  ///< mu
+  double mu = 0;  ///< Coefficient of friction, >= 0.
   double from_x_m = -std::numeric_limits<double>::infinity();
   double to_x_m = std::numeric_limits<double>::infinity();
 };
@@ -55,9 +55,9 @@ struct TwinConfig {
   double stop_stiffness_nm_per_rad = 500;  ///< A leg at 10 rad/s goes 0.04 rad into it; 0: none.
   double stop_damping_nm_s_per_rad = 2;
 
-  std::optional<ContactLaw> contact;                      ///< The task's by default.
-  std::vector<std::pair<std::string, double>> link_mass;  ///< Link, factor of mass and inertia.
-  std::vector<Obstacle<Plane>> obstacles;                 ///< Besides those of the task.
+  std::optional<ContactLaw> contact;                        ///< The task's by default.
+  std::vector<std::pair<std::string, double>> mass_factor;  ///< Link, factor of mass and inertia.
+  std::vector<Obstacle<Plane>> obstacles;                   ///< Besides those of the task.
   std::vector<FrictionPatch> patches;
   std::vector<Push> pushes;
 };

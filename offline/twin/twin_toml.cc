@@ -109,9 +109,9 @@ class TwinReader {
         table.Number("thermal_time_constant_s", {0.1, 1e5}, motor.thermal_time_constant_s);
     if (table.Has("rotor_inertia_kg_m2"))
       losses.rotor_inertia_kg_m2 = table.Number("rotor_inertia_kg_m2", {0, 10});
-    losses.viscous_nm_s_per_rad =
-        table.Number("viscous_friction_nm_s_per_rad", {0, 10}, losses.viscous_nm_s_per_rad);
-    losses.dry_nm = table.Number("dry_friction_nm", {0, 5}, losses.dry_nm);
+    losses.viscous_friction_nm_s_per_rad = table.Number("viscous_friction_nm_s_per_rad", {0, 10},
+                                                        losses.viscous_friction_nm_s_per_rad);
+    losses.dry_friction_nm = table.Number("dry_friction_nm", {0, 5}, losses.dry_friction_nm);
   }
 
   void ReadMotors() {
@@ -148,7 +148,7 @@ class TwinReader {
     if (!factors) return;
     for (const std::string& link : factors->Keys()) {
       RequireOneOf(*factors, link, link, "link", links_);
-      config_.twin.link_mass.emplace_back(link, factors->Number(link, {0.1, 10}));
+      config_.twin.mass_factor.emplace_back(link, factors->Number(link, {0.1, 10}));
     }
   }
 
@@ -159,8 +159,8 @@ class TwinReader {
     law.stiffness_n_per_m =
         table->Number("stiffness_n_per_m", {0, 1e8, true}, law.stiffness_n_per_m);
     law.damping_n_s_per_m = table->Number("damping_n_s_per_m", {0, 1e6}, law.damping_n_s_per_m);
-    law.friction = table->Number("mu", {0, 10}, law.friction);
-    law.slip_speed_m_per_s = table->Number("v_max_m_per_s", {1e-6, 1e3}, law.slip_speed_m_per_s);
+    law.mu = table->Number("mu", {0, 10}, law.mu);
+    law.v_max_m_per_s = table->Number("v_max_m_per_s", {1e-6, 1e3}, law.v_max_m_per_s);
     problem_.contact = law;
     config_.twin.contact = law;
   }
@@ -175,7 +175,7 @@ class TwinReader {
       if (table.Has("mu")) {
         FrictionPatch patch;
         patch.obstacle = obstacle.name;
-        patch.friction = table.Number("mu", {0, 10});
+        patch.mu = table.Number("mu", {0, 10});
         config_.twin.patches.push_back(patch);
       }
       obstacles_.push_back(obstacle.name);
@@ -189,7 +189,7 @@ class TwinReader {
       FrictionPatch patch;
       patch.obstacle = table.String("obstacle");
       RequireOneOf(table, "obstacle", patch.obstacle, "obstacle", obstacles_);
-      patch.friction = table.Number("mu", {0, 10});
+      patch.mu = table.Number("mu", {0, 10});
       patch.from_x_m = table.Number("from_x_m", kPlace);
       patch.to_x_m = table.Number("to_x_m", {patch.from_x_m, kPlace.max, true});
       config_.twin.patches.push_back(patch);

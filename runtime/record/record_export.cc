@@ -70,7 +70,7 @@ RunDescription DescribeRun(const RecordConfiguration& configuration) {
   for (const SequenceNode& node : graph.nodes()) run.nodes.emplace_back(node.name.view());
   std::set<std::string> branches;
   for (const auto& edge : graph.edges()) {
-    if (edge.condition == EdgeCondition::kBranch) branches.emplace(edge.branch.view());
+    if (edge.when == EdgeCondition::kBranch) branches.emplace(edge.branch.view());
   }
   run.branches.assign(branches.begin(), branches.end());
   run.machine = configuration.machine;

@@ -72,7 +72,7 @@ void ExpectSame(const SequenceGraph<float>& a, const SequenceGraph<float>& b) {
     EXPECT_EQ(a.edge(i).from, b.edge(i).from);
     EXPECT_EQ(a.edge(i).to, b.edge(i).to);
     EXPECT_EQ(Bits(a.edge(i).settle_s), Bits(b.edge(i).settle_s));
-    EXPECT_EQ(a.edge(i).condition, b.edge(i).condition);
+    EXPECT_EQ(a.edge(i).when, b.edge(i).when);
     EXPECT_EQ(a.edge(i).branch.view(), b.edge(i).branch.view());
   }
   EXPECT_EQ(a.partner, b.partner);

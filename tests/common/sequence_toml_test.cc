@@ -52,7 +52,7 @@ TEST(SequenceToml, ReadsTheGraph) {
   ASSERT_EQ(graph.edge_count, 5);
   EXPECT_EQ(graph.edge(0).settle_s, 1.5);
   EXPECT_EQ(graph.edge(1).settle_s, 0.05) << "the primitive's own, without another";
-  EXPECT_EQ(graph.edge(4).condition, EdgeCondition::kBranch);
+  EXPECT_EQ(graph.edge(4).when, EdgeCondition::kBranch);
   EXPECT_EQ(graph.edge(4).branch.view(), "leave");
   EXPECT_EQ(graph.RoleOf(2, 0), 1);
   EXPECT_EQ(graph.RoleOf(1, 0), 0);

@@ -63,8 +63,8 @@ void CheckProblem(const Problem& problem) {
   const ContactLaw& law = problem.contact;
   TUMBLER_REQUIRE(std::isfinite(law.stiffness_n_per_m) && law.stiffness_n_per_m > 0);
   TUMBLER_REQUIRE(std::isfinite(law.damping_n_s_per_m) && law.damping_n_s_per_m >= 0);
-  TUMBLER_REQUIRE(0 <= law.full_force_m && law.full_force_m < law.layer_m && law.layer_m <= 1);
-  TUMBLER_REQUIRE(law.slip_speed_m_per_s > 0);
+  TUMBLER_REQUIRE(0 <= law.d_off_m && law.d_off_m < law.d_on_m && law.d_on_m <= 1);
+  TUMBLER_REQUIRE(law.v_max_m_per_s > 0);
   TUMBLER_REQUIRE(problem.advisable_step_s > 0);
   for (const double step :
        {problem.solver.step_s, problem.solver.screen_step_s, problem.search.step_s}) {

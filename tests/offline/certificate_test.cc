@@ -141,7 +141,7 @@ TEST(MakePrimitiveFile, RefutesASolutionThatClaimsToKeepItsLimitsAndDoesNot) {
     Task task = s.task;
     Solution lie = s.best;  // Converged and without violation, it says.
     lie.end = SolveEnd::kConverged;
-    lie.violation = 0;
+    lie.constraint_violation = 0;
     mutate(task.problem, lie);
     return MakePrimitiveFile(task, s.outcome, lie).certificate.constraint_violation;
   };
@@ -178,8 +178,8 @@ TEST(MakePrimitiveFile, RefutesASolutionThatClaimsToKeepItsLimitsAndDoesNot) {
       certified([&](Problem& p, Solution&) { p.joints[0].limits.torque_max_nm = torque / 2; }), 1,
       1e-6);
   EXPECT_GT(certified([](Problem& p, Solution&) {
-              p.contact.layer_m *= 0.5;  // A softer contact, which the motion goes through.
-              p.contact.full_force_m *= 0.5;
+              p.contact.d_on_m *= 0.5;  // A softer contact, which the motion goes through.
+              p.contact.d_off_m *= 0.5;
               p.contact.stiffness_n_per_m *= 0.02;
             }),
             0.01)

@@ -150,7 +150,7 @@ Scene<Space> RandomScene(std::mt19937_64& random, const Touch& touch) {
     const auto near = scene.Near(scene.state);
     if (near.overlap || near.core_distance_m < 0.001) continue;
     const double depth = Uniform(random, 0.0003, 0.003);
-    const Vector move = (near.d - (scene.contact.law().layer_m - depth)) * near.u_d;
+    const Vector move = (near.d - (scene.contact.law().d_on_m - depth)) * near.u_d;
     if (touch.body < 0) {
       for (int i = 0; i < kDimensionOf<Space>; ++i)
         scene.state.q[static_cast<std::size_t>(i)] -= move[i];
@@ -301,7 +301,7 @@ TYPED_TEST(ContactPairsIn, NeverGiveMorePowerThanTheirSpringsHaveStored) {
         for (const auto& a : scene.contact.active()) {
           const double rate =
               inverse.velocity(scene.contact.shapes()[0].body).At(a.point).dot(a.normal);
-          const double d = scene.contact.law().layer_m - a.depth_m;
+          const double d = scene.contact.law().d_on_m - a.depth_m;
           bound += EvaluateNormalForce(scene.contact.law(), d, 0).N * rate;
         }
       } else {
@@ -441,18 +441,18 @@ TYPED_TEST(ContactPairsIn, ForceAndItsDerivativesAreContinuousAcrossEverySwitchO
     };
     for (const double v_t : {0.0, 0.02, 0.3}) {
       for (const double v_d : {-0.2, 0.0, 0.01}) {
-        same(law.layer_m, v_t, v_d, 0);
-        same(law.full_force_m, v_t, v_d, 0);
+        same(law.d_on_m, v_t, v_d, 0);
+        same(law.d_off_m, v_t, v_d, 0);
       }
     }
     for (const double d : {0.0005, 0.0035}) {
       for (const double v_d : {-0.2, 0.0, 0.01}) {
-        same(d, law.slip_speed_m_per_s, v_d, 1);
-        same(d, -law.slip_speed_m_per_s, v_d, 1);
+        same(d, law.v_max_m_per_s, v_d, 1);
+        same(d, -law.v_max_m_per_s, v_d, 1);
         same(d, 0, v_d, 1);
       }
       for (const double v_t : {0.0, 0.02, 0.3}) {
-        const double lift_off = law.stiffness_n_per_m * (law.layer_m - d) / law.damping_n_s_per_m;
+        const double lift_off = law.stiffness_n_per_m * (law.d_on_m - d) / law.damping_n_s_per_m;
         same(d, v_t, 0, 2);
         same(d, v_t, lift_off, 2);
       }
@@ -527,8 +527,8 @@ ContactLaw LinearLaw(double stiffness, double damping, double layer) {
   ContactLaw law;
   law.stiffness_n_per_m = stiffness;
   law.damping_n_s_per_m = damping;
-  law.layer_m = layer;
-  law.full_force_m = layer * (1 - 1e-5);
+  law.d_on_m = layer;
+  law.d_off_m = layer * (1 - 1e-5);
   return law;
 }
 
@@ -582,8 +582,8 @@ TEST(ContactPairs, ABoxSlidingToRestStopsWhereCoulombSaysAndAKnownBitBeyond) {
   // instead of v_max^2 / (2 mu g).
   const double mu = 0.3, g = 9.81, v = 1;
   ContactLaw law;
-  law.friction = mu;
-  law.slip_speed_m_per_s = 0.1;
+  law.mu = mu;
+  law.v_max_m_per_s = 0.1;
   Tree<Plane> tree;
   tree.gravity = {0, -g};
   for (int i = 0; i < 3; ++i) {
@@ -599,7 +599,7 @@ TEST(ContactPairs, ABoxSlidingToRestStopsWhereCoulombSaysAndAKnownBitBeyond) {
                               {{"ground", Shape<Plane>::HalfSpace({0, 0}, {0, 1})}});
   Simulation<Plane> simulation(tree, contact);
   const double sink = g / (2 * law.stiffness_n_per_m);  // Two vertices carry it.
-  std::vector<double> y = {0, 0.01 + law.layer_m - sink, 0, 0, 0, 0};
+  std::vector<double> y = {0, 0.01 + law.d_on_m - sink, 0, 0, 0, 0};
   for (int step = 0; step < 20000; ++step) simulation.Step(y, 1e-4);  // to rest, smoothing and all
   y[0] = 0;
   y[3] = v;
@@ -611,7 +611,7 @@ TEST(ContactPairs, ABoxSlidingToRestStopsWhereCoulombSaysAndAKnownBitBeyond) {
     energy = kinetic;
   }
   const double coulomb = v * v / (2 * mu * g);
-  const double creep = law.slip_speed_m_per_s * law.slip_speed_m_per_s / (mu * g);
+  const double creep = law.v_max_m_per_s * law.v_max_m_per_s / (mu * g);
   const double beyond = creep * (2 / std::sqrt(3) * std::atanh(1 / std::sqrt(3)) - 0.5);
   EXPECT_NEAR(y[3], 0, 1e-6);
   EXPECT_NEAR(y[0], coulomb + beyond, 2e-4 * coulomb);
@@ -639,8 +639,8 @@ TEST(ContactPairs, TwoBallsHeadOnExchangeTheirFinalStatesAndTheGradientsSaySo) {
   ContactLaw law;
   law.stiffness_n_per_m = 1e5;
   law.damping_n_s_per_m = 0;
-  law.layer_m = 0.01;
-  law.full_force_m = 0;
+  law.d_on_m = 0.01;
+  law.d_off_m = 0;
   law.smoothing = ContactSmoothing::kQuintic;
   ContactModel<Plane> contact(law, {{"one/0", 0, ball}, {"two/0", 1, ball}}, {}, {{0, 1}});
   Simulation<Plane> simulation(tree, contact);

@@ -21,7 +21,7 @@ class EveryLaw : public testing::TestWithParam<std::tuple<ContactSmoothing, Cont
   static ContactLaw Law() {
     ContactLaw law;
     law.smoothing = std::get<0>(GetParam());
-    law.damping = std::get<1>(GetParam());
+    law.damping_law = std::get<1>(GetParam());
     return law;
   }
 };
@@ -57,18 +57,18 @@ TEST_P(EveryLaw, IsContinuousWithItsDerivativesAcrossEverySwitch) {
     const NormalForce b = EvaluateNormalForce(law, d2, v2);
     EXPECT_NEAR(a.N, b.N, 1e-6);
     EXPECT_NEAR(a.N_d, b.N_d, 1e-2);
-    if (law.damping != ContactDamping::kPrinted || v1 * v2 > 0) {
+    if (law.damping_law != ContactDamping::kPrinted || v1 * v2 > 0) {
       EXPECT_NEAR(a.N_v, b.N_v, 1e-6);
     }
   };
   for (double v = -1.01; v < 1; v += 0.1) {
-    same(law.layer_m - tiny, v, law.layer_m + tiny, v);
-    same(law.full_force_m - tiny, v, law.full_force_m + tiny, v);
+    same(law.d_on_m - tiny, v, law.d_on_m + tiny, v);
+    same(law.d_off_m - tiny, v, law.d_off_m + tiny, v);
   }
-  for (double d = 0; d < law.layer_m; d += 1e-4) {
-    const double lift_off = law.stiffness_n_per_m * (law.layer_m - d) / law.damping_n_s_per_m;
+  for (double d = 0; d < law.d_on_m; d += 1e-4) {
+    const double lift_off = law.stiffness_n_per_m * (law.d_on_m - d) / law.damping_n_s_per_m;
     const double clamp_ends =
-        lift_off - law.stiffness_n_per_m * (law.layer_m - law.full_force_m) / law.damping_n_s_per_m;
+        lift_off - law.stiffness_n_per_m * (law.d_on_m - law.d_off_m) / law.damping_n_s_per_m;
     same(d, lift_off - tiny, d, lift_off + tiny);
     same(d, clamp_ends - tiny, d, clamp_ends + tiny);
     same(d, -tiny, d, tiny);
@@ -84,18 +84,18 @@ TEST(ContactLaw, NeverPullsByDefault) {
 
 TEST(ContactLaw, TheSignedLawPullsWhenItSeparatesFast) {
   ContactLaw law;
-  law.damping = ContactDamping::kSigned;
+  law.damping_law = ContactDamping::kSigned;
   EXPECT_LT(EvaluateNormalForce(law, 0.0025, 1.0).N, 0);
 }
 
 TEST(ContactLaw, FrictionIsContinuousWithItsDerivativeAtTheSlipSpeedAndAtRest) {
   const ContactLaw law;
-  const double v2 = law.slip_speed_m_per_s * law.slip_speed_m_per_s;
+  const double v2 = law.v_max_m_per_s * law.v_max_m_per_s;
   const FrictionGain below = EvaluateFrictionGain(law, v2 * (1 - 1e-12));
   const FrictionGain above = EvaluateFrictionGain(law, v2 * (1 + 1e-12));
   EXPECT_NEAR(below.gain, above.gain, 1e-9);
   EXPECT_NEAR(below.gain_s2, above.gain_s2, 1e-5);
-  EXPECT_EQ(EvaluateFrictionGain(law, 0).gain, 1.5 / law.slip_speed_m_per_s);
+  EXPECT_EQ(EvaluateFrictionGain(law, 0).gain, 1.5 / law.v_max_m_per_s);
   // Full Coulomb friction beyond the slip speed: |gain v_t| = 1.
   EXPECT_NEAR(EvaluateFrictionGain(law, 4.0).gain * 2.0, 1, 1e-15);
 }
@@ -112,7 +112,7 @@ double PeakAfterBounce(const ContactLaw& law, double drop_m, double* peak_energy
   ContactModel<Plane> contact(law, {{"ball/0", 0, Shape<Plane>::Sphere({0, 0}, 0.03)}},
                               {{"ground", Shape<Plane>::HalfSpace({0, 0}, {0, 1})}});
   Dynamics dynamics(tree);
-  double q = 0.03 + law.layer_m + drop_m, v = 0, peak = 0;
+  double q = 0.03 + law.d_on_m + drop_m, v = 0, peak = 0;
   const double start_energy = 9.81 * q;
   bool bounced = false;
   const double h = 2e-5;
@@ -132,11 +132,11 @@ double PeakAfterBounce(const ContactLaw& law, double drop_m, double* peak_energy
     if (v > 0) bounced = true;
     if (bounced) peak = std::max(peak, q);
     // Once clear of the layer all energy is gravity's and motion's.
-    if (q > 0.03 + law.layer_m)
+    if (q > 0.03 + law.d_on_m)
       *peak_energy = std::max(*peak_energy, 9.81 * q + v * v / 2 - start_energy);
     if (bounced && v < 0) break;
   }
-  return peak - 0.03 - law.layer_m;
+  return peak - 0.03 - law.d_on_m;
 }
 
 TEST(Contact, APassiveBounceNeverGainsEnergy) {
@@ -162,9 +162,9 @@ TEST(Contact, ThePrintedLawGainsEnergyOnApproachWhichIsWhyItIsNotTheDefault) {
   // As printed the damper acts against the spring both on approach and on rebound, so it does pull
   // the body in.
   ContactLaw law;
-  law.damping = ContactDamping::kPrinted;
+  law.damping_law = ContactDamping::kPrinted;
   EXPECT_LT(EvaluateNormalForce(law, 0.002, -1.0).N, EvaluateNormalForce(law, 0.002, 0.0).N);
-  law.damping = ContactDamping::kNoPull;
+  law.damping_law = ContactDamping::kNoPull;
   EXPECT_GT(EvaluateNormalForce(law, 0.002, -1.0).N, EvaluateNormalForce(law, 0.002, 0.0).N);
 }
 

@@ -100,11 +100,11 @@ TEST(LampContact, AndTheGeneralModelGiveTheSameMotionAndDerivatives) {
       EXPECT_LT((a.contacts[k].force - b.contacts[k].force).norm(), 1e-10);
       EXPECT_LT((a.contacts[k].point - b.contacts[k].point).norm(), 1e-15);
       const Eigen::Vector2d force = a.contacts[k].force;
-      const double used = std::abs(force.x()) / (problem.contact.friction * force.y());
+      const double used = std::abs(force.x()) / (problem.contact.mu * force.y());
       pulling += force.y() == 0;
       sticking += used < 0.99;
       sliding += used > 0.99999;
-      fading += a.contacts[k].depth_m < problem.contact.layer_m - problem.contact.full_force_m;
+      fading += a.contacts[k].depth_m < problem.contact.d_on_m - problem.contact.d_off_m;
       head += a.contacts[k].shape == 2;
     }
     counts.insert(a.contacts.size());

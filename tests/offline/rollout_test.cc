@@ -260,7 +260,7 @@ TEST(Rollout, TheSmoothPenetrationMaximumIsNotBelowTheTrueOneAndCloseToIt) {
     problem.start_q[1] = 0.2125 + drop_m;
     Rollout rollout(problem, 1e-3);
     const RolloutResult result = rollout.Run(RandomMotion(problem, 15));
-    const double excess = result.peak_penetration_m / (0.9 * problem.contact.layer_m) - 1;
+    const double excess = result.peak_penetration_m / (0.9 * problem.contact.d_on_m) - 1;
     EXPECT_GT(excess, -1);
     EXPECT_GE(result.core_excess, excess);
     EXPECT_LE(result.core_excess, excess + std::log(4 * 1400.0) / problem.solver.sharpness);

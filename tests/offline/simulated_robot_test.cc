@@ -144,12 +144,11 @@ double Slide(SimulatedRobotConfig config) {
 TEST(SimulatedRobot, FrictionIsThatOfThePatchUnderTheFeet) {
   const double plain = Slide({});
   SimulatedRobotConfig ice;
-  ice.twin.patches.push_back({.obstacle = "ground", .friction = 0.01});
+  ice.twin.patches.push_back({.obstacle = "ground", .mu = 0.01});
   SimulatedRobotConfig elsewhere;
-  elsewhere.twin.patches.push_back(
-      {.obstacle = "ground", .friction = 0.01, .from_x_m = 1, .to_x_m = 2});
+  elsewhere.twin.patches.push_back({.obstacle = "ground", .mu = 0.01, .from_x_m = 1, .to_x_m = 2});
   SimulatedRobotConfig sanded = ice;
-  sanded.twin.patches.push_back({.obstacle = "ground", .friction = 0.3});
+  sanded.twin.patches.push_back({.obstacle = "ground", .mu = 0.3});
   EXPECT_LT(plain, 0.02);
   EXPECT_GT(Slide(ice), 0.1);
   EXPECT_EQ(Slide(elsewhere), plain);
@@ -161,9 +160,9 @@ TEST(SimulatedRobot, TheContactLawAndFurtherObstaclesAreThoseOfTheConfiguration)
   ContactLaw law;
   law.stiffness_n_per_m = 2.5e4;
   law.damping_n_s_per_m = 100;
-  law.layer_m = 0.01;
-  law.full_force_m = 0.0075;
-  law.friction = 0.01;
+  law.d_on_m = 0.01;
+  law.d_off_m = 0.0075;
+  law.mu = 0.01;
   slippery.twin.contact = law;
   EXPECT_GT(Slide(slippery), 0.1);
 
@@ -179,7 +178,7 @@ TEST(SimulatedRobot, TheContactLawAndFurtherObstaclesAreThoseOfTheConfiguration)
 
 TEST(SimulatedRobot, TheGroundCarriesTheWeightOfTheConfiguredMasses) {
   SimulatedRobotConfig heavy;
-  heavy.twin.link_mass = {{"middle", 1.5}, {"leg1_link", 2.0}};
+  heavy.twin.mass_factor = {{"middle", 1.5}, {"leg1_link", 2.0}};
   for (const auto& [config, mass] :
        {std::pair{SimulatedRobotConfig{}, kMass}, std::pair{heavy, 1.5 + 0.8 + 0.4}}) {
     Rig rig(config);
@@ -209,15 +208,16 @@ double RateAfterKick(const SimulatedRobotConfig& config) {
 
 TEST(SimulatedRobot, DryFrictionStopsAFreeLegAndNeverDrivesIt) {
   SimulatedRobotConfig config = Aloft();
-  config.twin.joints.assign(2, {.viscous_nm_s_per_rad = 0, .dry_nm = 0, .rotor_inertia_kg_m2 = {}});
+  config.twin.joints.assign(
+      2, {.viscous_friction_nm_s_per_rad = 0, .dry_friction_nm = 0, .rotor_inertia_kg_m2 = {}});
   const double free = RateAfterKick(config);
   EXPECT_GT(free, 2);
-  config.twin.joints.assign(2,
-                            {.viscous_nm_s_per_rad = 0, .dry_nm = 0.05, .rotor_inertia_kg_m2 = {}});
+  config.twin.joints.assign(
+      2, {.viscous_friction_nm_s_per_rad = 0, .dry_friction_nm = 0.05, .rotor_inertia_kg_m2 = {}});
   const double slowed = RateAfterKick(config);
   EXPECT_LT(slowed, free - 0.5);
-  config.twin.joints.assign(2,
-                            {.viscous_nm_s_per_rad = 0, .dry_nm = 0.5, .rotor_inertia_kg_m2 = {}});
+  config.twin.joints.assign(
+      2, {.viscous_friction_nm_s_per_rad = 0, .dry_friction_nm = 0.5, .rotor_inertia_kg_m2 = {}});
   EXPECT_NEAR(RateAfterKick(config), 0, 0.01);
 }
 
@@ -297,7 +297,7 @@ TEST(SimulatedRobot, NeedsADriveForEachJointAndLinksAndObstaclesThatAreThere) {
   no_link.twin.pushes.push_back({.link = "tail", .start_s = 0, .duration_s = 1});
   EXPECT_THROW(SimulatedRobot(Gait(), Drives(), no_link), std::invalid_argument);
   SimulatedRobotConfig no_obstacle;
-  no_obstacle.twin.patches.push_back({.obstacle = "lake", .friction = 0});
+  no_obstacle.twin.patches.push_back({.obstacle = "lake", .mu = 0});
   EXPECT_THROW(SimulatedRobot(Gait(), Drives(), no_obstacle), std::invalid_argument);
   DrivesConfig swapped = Drives();
   std::swap(swapped.drives[0], swapped.drives[1]);

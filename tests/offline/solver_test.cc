@@ -182,7 +182,7 @@ void ExpectWithinLimits(const Problem& problem, const Solution& solution) {
       EXPECT_LE(std::abs(sample.torque[j]), problem.joints[j].limits.torque_max_nm);
     for (const auto& contact : sample.contacts) deepest = std::max(deepest, contact.depth_m);
   });
-  EXPECT_LT(deepest, problem.contact.layer_m);
+  EXPECT_LT(deepest, problem.contact.d_on_m);
 }
 
 TEST(Solve, KeepsEveryLimitAlsoWhenLimitsAreTight) {
@@ -195,7 +195,7 @@ TEST(Solve, KeepsEveryLimitAlsoWhenLimitsAreTight) {
   const SolveOutcome outcome = Solve(problem, {});
   ASSERT_FALSE(outcome.solutions.empty());
   const Solution& best = outcome.solutions.front();
-  ASSERT_TRUE(best.feasible()) << best.worst_constraint << " " << best.violation;
+  ASSERT_TRUE(best.feasible()) << best.worst_constraint << " " << best.constraint_violation;
   ExpectWithinLimits(problem, best);
 }
 
@@ -227,7 +227,7 @@ TEST(Solve, NamesTheLimitThatStandsAgainstTheEnd) {
       ProblemOf(Replaced(ShippedTask(), "duration_s = 1.2", "duration_s = 0.06"));
   for (const Solution& solution : Solve(problem, {}).solutions) {
     EXPECT_FALSE(solution.feasible());
-    EXPECT_GT(solution.violation, 0.01);
+    EXPECT_GT(solution.constraint_violation, 0.01);
     EXPECT_THAT(solution.worst_constraint,
                 AnyOf(HasSubstr("velocity of leg"), HasSubstr("acceleration of leg")));
   }

@@ -79,7 +79,7 @@ TEST(Task, ContactByIntentDoesWhatItSays) {
   HybridDynamics<Plane> dynamics(tree);
   ContactModel<Plane> contact(law, {{"block/0", 0, Shape<Plane>::Sphere({0, 0}, 0.01)}},
                               {{"ground", Shape<Plane>::HalfSpace({0, 0}, {0, 1})}});
-  const double rest = 0.01 + law.layer_m - 2e-3;
+  const double rest = 0.01 + law.d_on_m - 2e-3;
   std::vector<double> q = {rest}, qd = {0.0}, qdd = {0.0}, tau = {0.0};
   const auto evaluate = [&] {
     dynamics.SetState(q, qd);
@@ -100,18 +100,18 @@ TEST(Task, ContactByIntentDoesWhatItSays) {
   }
   EXPECT_LT(after, 0.02 * bounce);
   EXPECT_GT(after, 0.002 * bounce) << "nor is it much faster than asked for";
-  EXPECT_EQ(law.slip_speed_m_per_s, 0.03);
-  EXPECT_NEAR(law.layer_m, 6e-3, 1e-15);
-  EXPECT_NEAR(law.full_force_m, 4.5e-3, 1e-15);
-  EXPECT_EQ(law.friction, 0.3) << "the default";
+  EXPECT_EQ(law.v_max_m_per_s, 0.03);
+  EXPECT_NEAR(law.d_on_m, 6e-3, 1e-15);
+  EXPECT_NEAR(law.d_off_m, 4.5e-3, 1e-15);
+  EXPECT_EQ(law.mu, 0.3) << "the default";
 }
 
 TEST(Task, LayerAndFrictionMayBeGivenBesideTheIntent) {
   const Problem problem =
       Parse(WithContact(std::string(kIntent) + "d_on_m = 0.01\nd_off_m = 0.005\nmu = 0.7\n"));
-  EXPECT_EQ(problem.contact.layer_m, 0.01);
-  EXPECT_EQ(problem.contact.full_force_m, 0.005);
-  EXPECT_EQ(problem.contact.friction, 0.7);
+  EXPECT_EQ(problem.contact.d_on_m, 0.01);
+  EXPECT_EQ(problem.contact.d_off_m, 0.005);
+  EXPECT_EQ(problem.contact.mu, 0.7);
   EXPECT_NEAR(problem.contact.stiffness_n_per_m, 1.8 * 9.81 / 2e-3, 1e-9);
 }
 
@@ -151,7 +151,7 @@ TEST(ContactIntent, TheAdvisableStepIsStableAndThreeTimesItIsNot) {
     HybridDynamics<Plane> dynamics(tree);
     ContactModel<Plane> contact(law, {{"block/0", 1, Shape<Plane>::Sphere({0, 0}, 0.01)}},
                                 {{"ground", Shape<Plane>::HalfSpace({0, 0}, {0, 1})}});
-    Eigen::Vector4d y(0, 0.01 + law.layer_m - mass * 9.81 / law.stiffness_n_per_m, 1e-7, 1e-7);
+    Eigen::Vector4d y(0, 0.01 + law.d_on_m - mass * 9.81 / law.stiffness_n_per_m, 1e-7, 1e-7);
     const auto rate = [&](const Eigen::Vector4d& at) -> Eigen::Vector4d {
       std::vector<double> qdd(2), tau(2);
       dynamics.SetState(std::vector<double>{at[0], at[1]}, std::vector<double>{at[2], at[3]});
@@ -167,12 +167,12 @@ TEST(ContactIntent, TheAdvisableStepIsStableAndThreeTimesItIsNot) {
     return std::max(std::abs(y[2]), std::abs(y[3])) > 1e-6;
   };
   ContactLaw spring;
-  spring.slip_speed_m_per_s = 10;
+  spring.v_max_m_per_s = 10;
   spring.damping_n_s_per_m = 20;
   ContactLaw damper = spring;
   damper.damping_n_s_per_m = 2000;
   ContactLaw friction;
-  friction.slip_speed_m_per_s = 1e-3;
+  friction.v_max_m_per_s = 1e-3;
   for (const ContactLaw& law : {spring, damper, friction}) {
     const double step = AdvisableStep(law, 2, 2 * 9.81);
     EXPECT_FALSE(grows(law, 2, step));
@@ -325,7 +325,7 @@ TEST(RestPose, StandsOnOneLegUpsideDownAsTheHandstandEnds) {
     EXPECT_NEAR(qdd, 0, 1e-4);
   // Half the middle link, a leg, and a foot's radius above the ground, and the layer that it hardly
   // sinks into.
-  EXPECT_NEAR(problem.start_q[1], 0.15 + 0.2 + 0.01 + problem.contact.layer_m, 0.002);
+  EXPECT_NEAR(problem.start_q[1], 0.15 + 0.2 + 0.01 + problem.contact.d_on_m, 0.002);
 }
 
 TEST(RestPose, AGivenHeightIsTakenAsItIs) {

@@ -156,9 +156,9 @@ double SpringEnergy(const TwinState& s) {
     const double radius = i % 3 == 0 ? 0.03 : 0.01;
     const double d = robot.spheres[i].z - radius;
     constexpr int kSteps = 400;
-    const double h = std::max(0.0, law.layer_m - d) / kSteps;
+    const double h = std::max(0.0, law.d_on_m - d) / kSteps;
     for (int k = 0; k < kSteps && h > 0; ++k)
-      energy += h * EvaluateNormalForce(law, law.layer_m - (k + 0.5) * h, 0).N;
+      energy += h * EvaluateNormalForce(law, law.d_on_m - (k + 0.5) * h, 0).N;
   }
   return energy;
 }
@@ -180,7 +180,8 @@ TEST(TwinMechanics, AFreeFallGainsSpeedAsGravitySays) {
 
 TEST(TwinMechanics, AFlightWithLimpDrivesAndNoFrictionKeepsEnergyAndMomentum) {
   TwinConfig config = LetGo();
-  config.joints.assign(2, {.viscous_nm_s_per_rad = 0, .dry_nm = 0, .rotor_inertia_kg_m2 = {}});
+  config.joints.assign(
+      2, {.viscous_friction_nm_s_per_rad = 0, .dry_friction_nm = 0, .rotor_inertia_kg_m2 = {}});
   config.stop_stiffness_nm_per_rad = config.stop_damping_nm_s_per_rad = 0;
   Rig rig(AloftTask(), config);
   rig.Command(0, {.torque_nm = 1.0F});

@@ -57,9 +57,9 @@ TEST(TwinToml, TheShippedFileIsTheDefaultsWrittenOut) {
     EXPECT_EQ(shipped.motors[j].heating_k_per_nm2, none.motors[j].heating_k_per_nm2);
     EXPECT_EQ(shipped.motors[j].thermal_time_constant_s, none.motors[j].thermal_time_constant_s);
     EXPECT_TRUE(std::isinf(shipped.motors[j].base_speed_rad_s));
-    EXPECT_EQ(shipped.twin.joints[j].viscous_nm_s_per_rad,
-              none.twin.joints[j].viscous_nm_s_per_rad);
-    EXPECT_EQ(shipped.twin.joints[j].dry_nm, 0);
+    EXPECT_EQ(shipped.twin.joints[j].viscous_friction_nm_s_per_rad,
+              none.twin.joints[j].viscous_friction_nm_s_per_rad);
+    EXPECT_EQ(shipped.twin.joints[j].dry_friction_nm, 0);
     EXPECT_EQ(shipped.twin.joints[j].rotor_inertia_kg_m2, 0.001) << "the tasks'";
   }
   const TwinSources sources = ReadTwinSources(kShipped);
@@ -78,14 +78,14 @@ TEST(TwinToml, TheShippedFilesSuggestionsAreValid) {
     text += line + "\n";
   }
   const SimulatedRobotConfig config = ParseTwin(text, "twin.toml", Gait());
-  EXPECT_EQ(config.twin.contact->friction, 0.25);
+  EXPECT_EQ(config.twin.contact->mu, 0.25);
   EXPECT_EQ(config.twin.contact->stiffness_n_per_m, 2.5e4) << "the tasks'";
   ASSERT_EQ(config.twin.obstacles.size(), 1U);
   EXPECT_EQ(config.twin.obstacles[0].name, "plank");
   ASSERT_EQ(config.twin.patches.size(), 2U);
   EXPECT_EQ(config.twin.patches[0].obstacle, "plank");
   EXPECT_TRUE(std::isinf(config.twin.patches[0].from_x_m));
-  EXPECT_EQ(config.twin.patches[1].friction, 0.05);
+  EXPECT_EQ(config.twin.patches[1].mu, 0.05);
   EXPECT_EQ(config.twin.patches[1].to_x_m, -0.1);
   ASSERT_EQ(config.twin.pushes.size(), 1U);
   EXPECT_TRUE(config.twin.pushes[0].since_enabled);
@@ -98,7 +98,7 @@ TEST(TwinToml, AJointsOwnMotorGoesBeforeThatOfAll) {
       "base_speed_rad_s = 10.0\nno_load_speed_rad_s = 20.0\n");
   EXPECT_EQ(config.motors[0].torque_max_nm, 5);
   EXPECT_EQ(config.motors[1].torque_max_nm, 3);
-  EXPECT_EQ(config.twin.joints[1].dry_nm, 0.1);
+  EXPECT_EQ(config.twin.joints[1].dry_friction_nm, 0.1);
   EXPECT_TRUE(std::isinf(config.motors[0].base_speed_rad_s));
   EXPECT_EQ(config.motors[1].no_load_speed_rad_s, 20);
 }

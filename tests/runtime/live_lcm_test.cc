@@ -24,7 +24,7 @@ TEST(LcmCommands, PutsRequestsIntoTheMailboxAndNothingElse) {
   OperatorMailbox mailbox;
   SequenceGraph<float> graph;
   graph.edge_count = 2;
-  graph.edge_storage[1].condition = EdgeCondition::kBranch;
+  graph.edge_storage[1].when = EdgeCondition::kBranch;
   graph.edge_storage[1].branch = FixedString<32>("roll");
   const LcmCommands commands(kUrl, mailbox, graph);
   lcm::LCM remote(kUrl);

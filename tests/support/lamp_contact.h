@@ -33,11 +33,11 @@ class LampContact final : public ContactForces<Plane> {
   explicit LampContact(const ContactLaw& law)
       : k_(law.stiffness_n_per_m),
         c_(law.damping_n_s_per_m),
-        layer_(law.layer_m),
-        width_(law.layer_m - law.full_force_m),
-        mu_(law.friction),
-        v_max_(law.slip_speed_m_per_s) {
-    if (law.smoothing != ContactSmoothing::kCubic || law.damping != ContactDamping::kNoPull)
+        layer_(law.d_on_m),
+        width_(law.d_on_m - law.d_off_m),
+        mu_(law.mu),
+        v_max_(law.v_max_m_per_s) {
+    if (law.smoothing != ContactSmoothing::kCubic || law.damping_law != ContactDamping::kNoPull)
       throw std::invalid_argument("the lamp's contacts are worked out for the default law");
   }
 
