@@ -23,33 +23,35 @@ struct Interval {
 
 /// A scalar clamped B-spline of degree p <= 7 in time, with fixed capacity,
 ///
-///   q(t) = sum_i c_i N_{i,p}(t),   t in [start, end]                      (1)  [AB04, Eq. 6],
-///   [dB01, ch. IX]
+///   q(t) = sum_i c_i N_{i,p}(t),   t in [start, end]         (1)  [AB04, Eq. 6], [dB01, ch. IX]
 ///
 /// and its derivatives, which are B-splines of lower degree over the same knots u with control
 /// points
 ///
-///   c'_i = p (c_{i+1} - c_i) / (u_{i+p+1} - u_{i+1}).                     (2)  [PT97, Eq. 3.4]
+///   c'_i = p (c_{i+1} - c_i) / (u_{i+p+1} - u_{i+1}).        (2)  [PT97, Eq. 3.4]
 ///
-/// Clamped means that the first and the last p + 1 knots coincide, so that q starts at c_0 and ends
-/// at c_{n-1}. Since basis functions are non-negative and sum to one, min c and max c of (2) bound
-/// every derivative for all t.
+/// Clamped means that the first p + 1 knots coincide, and the last p + 1, so that q starts at c_0
+/// and ends at c_{n-1}. Basis functions are non-negative and sum to one. Hence the smallest and the
+/// largest control point bound the curve for all t, and those of (2) bound its derivatives.
 ///
-/// Units: q in the caller's unit (rad, N m); derivative d in that unit per s^d.
+/// Units: t in s, q in the caller's unit (rad, N m), derivative d in that unit per s^d.
+///
 /// Real time: no heap, no exceptions, bounded loops; const methods are reentrant. Freestanding.
+///
 /// The value of a spline at a time is part of the primitive file format: it is bit-identical on
 /// every machine that rounds each operation once (no fused multiply-add), and golden tests keep it
 /// that way.
 ///
 /// [AB04] J. Albro, J. Bobrow, Motion Generation for a Tumbling Robot Using a General Contact
-/// Model, 2004. [dB01] C. de Boor, A Practical Guide to Splines, revised edition, 2001. [PT97] L.
-/// Piegl, W. Tiller, The NURBS Book, 2nd edition, 1997.
+/// Model, 2004.
+/// [dB01] C. de Boor, A Practical Guide to Splines, revised edition, 2001.
+/// [PT97] L. Piegl, W. Tiller, The NURBS Book, 2nd edition, 1997.
 template <typename Scalar, int kMaxControlPoints>
 class BSpline {
  public:
   static constexpr int kMaxDegree = 7;
-  static constexpr int kMaxDerivative =
-      2;  ///< Order of the derivatives that `Evaluate` returns with the value.
+  /// The highest derivative that `Evaluate` returns with the value.
+  static constexpr int kMaxDerivative = 2;
   static constexpr int kMaxKnots = kMaxControlPoints + kMaxDegree + 1;
   static_assert(kMaxControlPoints > kMaxDegree);
 
@@ -60,30 +62,32 @@ class BSpline {
     Scalar second = 0;  ///< per s^2
   };
 
-  /// Row d holds w with q^(d)(t) = sum_k w[d][k] c_{first + k}, k = 0 ... p: what an optimiser over
-  /// the control points needs. Entries beyond p are zero.
+  /// The derivatives of the curve at one time by the control points, which an optimiser over them
+  /// needs: q^(d)(t) = sum_k w[d][k] c_{first + k}, k = 0 ... p. Entries beyond p are zero.
   struct Weights {
     int first = 0;
     std::array<std::array<Scalar, kMaxDegree + 1>, kMaxDerivative + 1> w{};
   };
 
-  /// The basis functions at one time: row d holds the p - d + 1 of degree p - d that are not zero
-  /// there. Splines with the same knots share them, so that several joints cost one evaluation of
-  /// (1)'s N and a few products each.
+  /// The basis functions that are not zero at one time. Splines with the same knots share them:
+  /// several joints cost one evaluation of the N of (1), and a few products each.
   struct Basis {
-    int span = 0;  ///< i with u_i <= t < u_{i+1} (the last one at the end).
+    /// The i with u_i <= t < u_{i+1}; at the end of the spline, its last span.
+    int span = 0;
+    /// Row d holds the p - d + 1 functions of degree p - d.
     std::array<std::array<Scalar, kMaxDegree + 1>, kMaxDerivative + 1> rows;
-    Basis() noexcept {
-    }  // NOLINT(modernize-use-equals-default): leaves the rows unset; they are written before use.
+    // Rows are written before they are read; to clear them first would cost time.
+    // NOLINTNEXTLINE(modernize-use-equals-default)
+    Basis() noexcept {}
   };
 
-  /// q = 0 on [0, 1 s]; there is no empty state.
+  /// The spline q = 0 on [0, 1 s]. There is no empty state.
   constexpr BSpline() noexcept { knots_[1] = Scalar(1); }
 
-  /// Replaces the curve; unless kOk is returned, *this is unchanged.
-  /// @param knots           n + degree + 1 non-decreasing values [s], the first and last degree + 1
-  /// of them equal,
-  ///                        none repeated more than degree times in between.
+  /// Replaces the curve. Unless kOk is returned, *this is unchanged.
+  /// @param knots           n + degree + 1 non-decreasing values [s]: the first degree + 1 are
+  ///                        equal, so are the last, and no knot in between occurs more than degree
+  ///                        times.
   /// @param control_points  n values, n >= degree + 1.
   /// @retval kInvalidArgument   one of these conditions fails, or a value is not finite.
   /// @retval kCapacityExceeded  n > kMaxControlPoints or degree > kMaxDegree.
@@ -97,11 +101,10 @@ class BSpline {
     if (n < degree + 1 || static_cast<int>(knots.size()) != n + degree + 1) {
       return Status::kInvalidArgument;
     }
-    const auto finite =
-        [](Scalar x) {  // Also false for NaN; std::isfinite is not in freestanding <cmath>.
-          return x >= std::numeric_limits<Scalar>::lowest() &&
-                 x <= std::numeric_limits<Scalar>::max();
-        };
+    // Also false for NaN. std::isfinite is not in a freestanding <cmath>.
+    const auto finite = [](Scalar x) {
+      return x >= std::numeric_limits<Scalar>::lowest() && x <= std::numeric_limits<Scalar>::max();
+    };
     if (!std::all_of(knots.begin(), knots.end(), finite)) return Status::kInvalidArgument;
     if (!std::all_of(control_points.begin(), control_points.end(), finite)) {
       return Status::kInvalidArgument;
@@ -113,7 +116,8 @@ class BSpline {
     if (!(u(0) == u(degree) && u(n) == u(n + degree) && u(0) < u(n))) {
       return Status::kInvalidArgument;
     }
-    for (int i = 1; i < n; ++i) {  // An interior knot of multiplicity degree + 1 would be a jump.
+    // At an interior knot that occurs degree + 1 times the curve would jump.
+    for (int i = 1; i < n; ++i) {
       if (!(u(i) < u(i + degree)) && degree > 0) return Status::kInvalidArgument;
       if (degree == 0 && !(u(i) < u(i + 1))) return Status::kInvalidArgument;
     }
@@ -125,8 +129,8 @@ class BSpline {
     return Status::kOk;
   }
 
-  /// The spline of these parts as a constant of the program, every bit as `Assign` makes it at run
-  /// time: what `tumbler-export` writes. Parts that `Assign` refuses do not compile.
+  /// The spline that `Assign` makes of these parts, bit for bit, as a constant of the program. The
+  /// headers of `tumbler-export` use it. Parts that `Assign` refuses do not compile.
   static consteval BSpline Constant(int degree, std::span<const Scalar> knots,
                                     std::span<const Scalar> control_points) noexcept {
     BSpline spline;
@@ -134,8 +138,8 @@ class BSpline {
     return spline;
   }
 
-  /// Writes the n + degree + 1 knots of the clamped uniform spline on [0, duration] to the front of
-  /// `knots`.
+  /// Writes the n + degree + 1 knots [s] of the clamped uniform spline on [0, duration] to the
+  /// front of `knots`.
   /// @retval kInvalidArgument  degree < 0, n < degree + 1, duration not positive and finite, or
   /// `knots` too short.
   static Status ClampedUniformKnots(int degree, int n, Scalar duration_s,
@@ -153,17 +157,17 @@ class BSpline {
     return Status::kOk;
   }
 
-  /// Value and derivatives at t. Outside [start, end] the time is clamped, at NaN it is start: a
-  /// spline is never extrapolated.
+  /// Value and derivatives at t. A spline is never extrapolated: outside [start, end] the time is
+  /// clamped, and NaN counts as start.
   [[nodiscard]] Sample Evaluate(Scalar t_s) const noexcept {
     Basis basis;
     EvaluateBasis(t_s, basis);
     return Evaluate(basis);
   }
 
-  /// Span and basis functions at t, clamped as in `Evaluate` [PT97, A2.2]. The span that `basis`
-  /// comes with is tried before others are searched, so that a series of growing times costs no
-  /// search; results do not depend on it.
+  /// Span and basis functions at t, clamped as in `Evaluate` [PT97, A2.2]. The search begins with
+  /// the span that `basis` already has, so that a series of growing times costs hardly any search.
+  /// Results do not depend on it.
   void EvaluateBasis(Scalar t_s, Basis& basis) const noexcept {
     const Scalar start = start_s();
     const Scalar end = end_s();
@@ -172,8 +176,8 @@ class BSpline {
     const bool known =
         guess >= degree_ && guess < count_ && t >= Knot(guess) && t < Knot(guess + 1);
     basis.span = known ? guess : FindSpan(t);
-    switch (degree_) {  // The usual degrees as constants, for the compiler to unroll: the same
-                        // operations.
+    // Constants for the usual degrees let the compiler unroll; the operations are the same.
+    switch (degree_) {
       case 3:
         return EvaluateRowsOfDegree<3>(t, basis);
       case 5:
@@ -183,17 +187,18 @@ class BSpline {
     }
   }
 
-  /// `Evaluate(t)` and its value alone, bit for bit, from the basis at t.
-  /// @pre `basis` was evaluated by a spline with this one's degree and knots: `HasKnotsOf` tells.
+  /// The same as `Evaluate(t)`, bit for bit, from the basis at t.
+  /// @pre `basis` was evaluated by a spline with this one's degree and knots (`HasKnotsOf`).
   [[nodiscard]] Sample Evaluate(const Basis& basis) const noexcept {
     if (degree_ == 5) return {Combine<5>(basis, 0), Combine<5>(basis, 1), Combine<5>(basis, 2)};
     return {Combine<-1>(basis, 0), Combine<-1>(basis, 1), Combine<-1>(basis, 2)};
   }
+  /// The value of `Evaluate(basis)` alone. @pre as there.
   [[nodiscard]] Scalar Value(const Basis& basis) const noexcept {
     return degree_ == 3 ? Combine<3>(basis, 0) : Combine<-1>(basis, 0);
   }
 
-  /// Whether degree and knots are those of `other`.
+  /// Whether this spline has the degree and the knots of `other`.
   [[nodiscard]] bool HasKnotsOf(const BSpline& other) const noexcept {
     return this == &other ||
            (degree_ == other.degree_ && std::ranges::equal(knots(), other.knots()));
@@ -212,10 +217,10 @@ class BSpline {
       for (int k = 0; k <= p; ++k) w[Index(k)] = basis.rows[Index(d)][Index(k)];
       // The transpose of (2), from the innermost derivative outwards.
       for (int level = d; level >= 1; --level) {
-        const int q = degree_ - level + 1;  // degree of the spline whose points are differenced
+        const int q = degree_ - level + 1;  // Degree of the spline whose points are differenced.
         Scalar carry = 0;
         for (int k = 0; k < q; ++k) {
-          const int i = span - degree_ + k;  // index into the points of that spline
+          const int i = span - degree_ + k;  // Index into the points of that spline.
           const Scalar gain = Scalar(q) / (Knot(i + q + level) - Knot(i + level));
           const Scalar term = gain * w[Index(k)];
           w[Index(k)] = carry - term;
@@ -243,8 +248,8 @@ class BSpline {
     return result;
   }
 
-  /// Bounds of derivative d, 0 <= d <= kMaxDerivative, that hold for all t (convex hull of its
-  /// control points).
+  /// Bounds of derivative d, 0 <= d <= kMaxDerivative, that hold for all t: its smallest and
+  /// largest control point.
   [[nodiscard]] Interval<Scalar> Bounds(int d) const noexcept {
     const std::span<const Scalar> points = control_points(d);
     Interval<Scalar> bounds{points[0], points[0]};
@@ -261,15 +266,15 @@ class BSpline {
   [[nodiscard]] std::span<const Scalar> knots() const noexcept {
     return {knots_.data(), Index(count_ + degree_ + 1)};
   }
-  /// Control points of derivative d, 0 <= d <= kMaxDerivative; a single zero once d exceeds the
-  /// degree.
+  /// Control points of derivative d, 0 <= d <= kMaxDerivative; where d exceeds the degree, a single
+  /// zero.
   [[nodiscard]] std::span<const Scalar> control_points(int d = 0) const noexcept {
     return {points_[Index(d)].data(), Index(std::max(d <= degree_ ? count_ - d : 1, 1))};
   }
 
  private:
-  // Four numbers side by side, as g++ and clang know them; without it neither keeps to four at
-  // once.
+  // Four numbers in a vector register, in the notation of g++ and clang. Neither compiler keeps to
+  // vectors of four by itself.
   // NOLINTNEXTLINE(modernize-use-using): g++ takes the attribute in no other place.
   typedef Scalar Lanes __attribute__((vector_size(4 * sizeof(Scalar))));
 
@@ -299,18 +304,18 @@ class BSpline {
         high = middle;
       }
     }
-    while (!(Knot(low) < Knot(low + 1)))
-      --low;  // The end of a curve with a repeated last interior knot.
+    // At the end of a curve whose last interior knot is repeated, empty spans are skipped.
+    while (!(Knot(low) < Knot(low + 1))) --low;
     return low;
   }
 
-  /// From the basis functions of degree r - 1 in `row` to those of degree r. The knots around t are
-  /// u[-1] and u[0].
+  /// Turns the basis functions of degree r - 1 in `row` into those of degree r. The knots around t
+  /// are u[-1] and u[0].
   [[gnu::always_inline]] static void RaiseDegree(int r, Scalar t, const Scalar* u,
                                                  Scalar* row) noexcept {
-    // In three passes, which the compiler can do several elements at a time.
+    // Three passes let the compiler work on several elements at a time.
     std::array<Scalar, kMaxDegree> rising;
-    std::array<Scalar, kMaxDegree> falling{};  // g++ for Arm sees it used before it is set.
+    std::array<Scalar, kMaxDegree> falling{};  // Set, or g++ for Arm warns that it may be unset.
     for (int k = 0; k < r; ++k) {
       const Scalar share = row[k] / (u[k] - u[k - r]);
       falling[Index(k)] = (u[k] - t) * share;
@@ -321,8 +326,8 @@ class BSpline {
     row[r] = rising[Index(r - 1)];
   }
 
-  /// The rows of `Basis` on its span, for any degree. Apart, so that the usual degrees do not pay
-  /// for its registers.
+  /// Fills the rows of `basis` for its span, for any degree. Not inlined, so that the usual degrees
+  /// do not pay for its registers.
   [[gnu::noinline]] void EvaluateRows(Scalar t, Basis& basis) const noexcept {
     std::array<Scalar, kMaxDegree + 1> row{Scalar(1)};
     for (int r = 0; r <= degree_; ++r) {
@@ -335,8 +340,8 @@ class BSpline {
     std::memcpy(&lanes, from, sizeof(lanes));
   }
 
-  /// `RaiseDegree` on four lanes at once, r <= 4, where those from r on are and remain +0: their
-  /// divisors are ones, and the sums take nothing but +0 from them. Gives row[4] where r is 4.
+  /// `RaiseDegree` for r <= 4 on four lanes at once. Lanes from r on are +0 and stay so: their
+  /// divisors are made one, and they add nothing but +0 to the sums. Returns row[4] where r is 4.
   template <int r>
   [[gnu::always_inline]] static Scalar RaiseDegreeInLanes(Scalar t, const Scalar* u,
                                                           Lanes& row) noexcept {
@@ -353,8 +358,9 @@ class BSpline {
     return rising[3];
   }
 
-  /// The same operations in the same order on every number that counts, four at a time.
-  /// Reads the knots span - 3 ... span + 4, which exist from degree 3 on.
+  /// `EvaluateRows` for one degree, four numbers at a time, with the same operations in the same
+  /// order on every number that counts. Reads the knots span - 3 ... span + 4, which exist from
+  /// degree 3 on.
   template <int kDegree>
   void EvaluateRowsOfDegree(Scalar t, Basis& basis) const noexcept {
     static_assert(kDegree == 3 || kDegree == 5);
@@ -387,6 +393,7 @@ class BSpline {
     }
   }
 
+  /// The sum (1) for derivative d. `kDegree` is the spline's degree, or -1 for any.
   template <int kDegree>
   [[nodiscard]] Scalar Combine(const Basis& basis, int d) const noexcept {
     const int degree = kDegree >= 0 ? kDegree : degree_;

@@ -20,6 +20,7 @@ class FixedString {
     for (std::size_t i = 0; i < size_; ++i) bytes_[i] = text[i];
   }
 
+  /// Whether `text` has at most `kCapacity` bytes.
   [[nodiscard]] static constexpr bool fits(std::string_view text) noexcept {
     return text.size() <= kCapacity;
   }

@@ -12,22 +12,23 @@
 namespace tumbler {
 
 /// A queue of messages of any length between exactly one producer thread and one consumer thread,
-/// without locks, in memory that its owner provides: RingBuffer for what has no fixed size.
+/// without locks, in memory that its owner provides. `RingBuffer` does the same for elements of a
+/// fixed size, and the thread contract is written there.
 ///
-/// The thread contract is RingBuffer's. A message is stored as its length (4 bytes) and its bytes.
+/// A message is stored as its length (4 bytes) and its bytes.
 ///
 /// Real time: no heap, no locks, no exceptions; Push and Pop finish in a time that depends on the
 /// message's length only. Freestanding.
-// Both threads read the first line and write only their own: the padding is meant.
+// The padding keeps what the two threads write in different cache lines.
 class MessageRing {  // NOLINT(clang-analyzer-optin.performance.Padding)
  public:
-  /// @param storage  outlives the ring. Of its size the largest power of two is used.
+  /// @param storage  must outlive the ring. The largest power of two of its size is used.
   explicit MessageRing(std::span<std::uint8_t> storage) noexcept
       : storage_(storage.first(std::bit_floor(storage.size()))) {}
-  MessageRing(const MessageRing&) = delete;  // Its threads know it by address.
+  MessageRing(const MessageRing&) = delete;  // Both threads hold its address.
   MessageRing& operator=(const MessageRing&) = delete;
 
-  /// Producer only. @returns false when there is no room; nothing was taken.
+  /// Producer only: appends a message. @returns false when there is no room; nothing was taken.
   [[nodiscard]] bool Push(std::span<const std::uint8_t> message) noexcept {
     const std::size_t tail = tail_.load(std::memory_order_relaxed);
     const std::size_t head = head_.load(std::memory_order_acquire);
@@ -43,8 +44,9 @@ class MessageRing {  // NOLINT(clang-analyzer-optin.performance.Padding)
   }
 
   /// Consumer only: takes the oldest message.
-  /// @param out  long enough for any message that was pushed.
-  /// @param size  of the message. @returns false when the queue is empty; nothing is written then.
+  /// @param out   gets the message; must be long enough for any message that was pushed.
+  /// @param size  gets the message's length [bytes].
+  /// @returns false when the queue is empty; nothing is written then.
   [[nodiscard]] bool Pop(std::span<std::uint8_t> out, std::size_t& size) noexcept {
     const std::size_t head = head_.load(std::memory_order_relaxed);
     if (head == tail_.load(std::memory_order_acquire)) return false;
@@ -60,9 +62,10 @@ class MessageRing {  // NOLINT(clang-analyzer-optin.performance.Padding)
 
  private:
   static constexpr std::size_t kLengthBytes = 4;
-  static constexpr std::size_t kSeparation = 128;  // As RingBuffer.
+  static constexpr std::size_t kSeparation = 128;  // Bytes, as in RingBuffer.
 
-  /// How many of `size` bytes from an index on lie before the end of the storage.
+  /// How many of `size` bytes, counted from `index`, lie before the end of the storage. The others
+  /// are at its beginning.
   [[nodiscard]] std::size_t BeforeEnd(std::size_t index, std::size_t size) const noexcept {
     return std::min(size, storage_.size() - (index & (storage_.size() - 1)));
   }
@@ -80,7 +83,7 @@ class MessageRing {  // NOLINT(clang-analyzer-optin.performance.Padding)
   }
 
   std::span<std::uint8_t> storage_;
-  // Indices grow for ever and are masked on access.
+  // Indices count bytes, grow for ever and are masked on access.
   alignas(kSeparation) std::atomic<std::size_t> tail_{0};  // written by the producer
   alignas(kSeparation) std::atomic<std::size_t> head_{0};  // written by the consumer
 };

@@ -16,7 +16,8 @@ namespace {
 bool IsLetter(char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_'; }
 bool IsDigit(char c) { return c >= '0' && c <= '9'; }
 
-/// Identifiers joined by `::`, none of them reserved for the compiler. Keywords are left to it.
+/// Whether the text is identifiers joined by `::`, none of them of the reserved kind. Keywords are
+/// not looked for: the compiler will refuse them.
 bool IsNamespace(std::string_view name) {
   while (true) {
     const std::size_t end = name.find("::");
@@ -44,7 +45,8 @@ std::string DefaultNamespace(std::string_view motion) {
   return name;
 }
 
-/// A string literal. Octal escapes end by themselves after three digits, whatever follows.
+/// The text as a C++ string literal. Escapes are octal, because those end after three digits,
+/// whatever follows.
 std::string Quoted(std::string_view text) {
   std::string out = "\"";
   for (const char c : text) {
@@ -58,10 +60,10 @@ std::string Quoted(std::string_view text) {
   return out + '"';
 }
 
-/// Every bit of a float: hexadecimal digits of its fraction.
+/// A float literal in hexadecimal, which keeps every bit.
 std::string Exact(float value) { return fmt::format("{:a}F", static_cast<double>(value)); }
 
-/// `  constexpr float NAME[] = {...};` in lines that people can look at.
+/// Appends `  constexpr float NAME[] = {...};`, broken into lines of at most 96 columns.
 void AppendFloats(std::string& out, const char* name, std::span<const float> values) {
   out += fmt::format("  constexpr float {}[] = {{", name);
   constexpr std::size_t kLine = 96;
@@ -90,7 +92,8 @@ void AppendSpline(std::string& out, const char* member, std::size_t joint, const
       joint, member, spline.degree());
 }
 
-/// What overflows on the way is no constant to a compiler.
+/// Throws unless all control points of the spline and its derivatives are finite: the compiler
+/// could not make them constants.
 void RequireFinite(const JointMotion<float>& motion, const Spline& spline, const char* what) {
   for (int d = 0; d <= Spline::kMaxDerivative; ++d) {
     for (const float point : spline.control_points(d)) {

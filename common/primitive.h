@@ -8,51 +8,66 @@
 
 namespace tumbler {
 
-/// Capacities of everything that a primitive holds; the real-time side allocates nothing.
-inline constexpr int kMaxJoints = 8;  ///< The runtime serves one to eight joints.
-inline constexpr int kMaxControlPoints =
-    64;  ///< A 1.2 s motion needs about 12 a joint; 64 leaves room for feed-forward.
+/// The most joints that a primitive moves. The real-time side allocates nothing, so every primitive
+/// has room for this many.
+inline constexpr int kMaxJoints = 8;
 
-/// Limits that a motion of one joint was made for, and that its commands never exceed.
+/// The most control points of one spline. A path of 1.2 s has about 12; the feed-forward may have
+/// more.
+inline constexpr int kMaxControlPoints = 64;
+
+/// Limits of one joint. The motion was made within them, and no setpoint ever exceeds them.
 template <typename Scalar>
 struct JointLimits {
   Scalar position_min_rad = 0;
   Scalar position_max_rad = 0;
-  Scalar velocity_max_rad_s = 0;       ///< of |velocity|
-  Scalar acceleration_max_rad_s2 = 0;  ///< of |acceleration|
-  Scalar torque_max_nm = 0;            ///< of |torque|
+  Scalar velocity_max_rad_s = 0;       ///< Of |velocity|.
+  Scalar acceleration_max_rad_s2 = 0;  ///< Of |acceleration|.
+  Scalar torque_max_nm = 0;            ///< Of |torque|.
 };
 
-/// The motion of one actuated joint.
+/// The motion of one actuated joint, as splines in the time [s] since the motion began.
 template <typename Scalar>
 struct JointMotion {
   using Spline = BSpline<Scalar, kMaxControlPoints>;
-  FixedString<32> name;  ///< The joint's name in the robot's URDF.
-  Spline position;       ///< [rad] on [0, duration], twice continuously differentiable.
-  Spline torque;  ///< Feed-forward [N m] on [0, duration]: what the plan expects the motor to give.
+
+  /// The joint's name in the robot's URDF.
+  FixedString<32> name;
+  /// The joint's angle [rad], twice continuously differentiable.
+  Spline position;
+  /// Feed-forward [N m]: the torque that the plan expects of the motor.
+  Spline torque;
   JointLimits<Scalar> limits;
 };
 
-/// A motion primitive: what the optimiser makes and the executor plays.
+/// A motion primitive: one motion of the robot's actuated joints. The optimiser makes it, its file
+/// stores it, and the executor plays it.
 ///
-/// It holds the paths of the actuated joints only; where they carry the robot is recorded in its
-/// file
-/// (`common/primitive_toml.h`). A leg role swap and the order of primitives belong to the sequence,
-/// not to the primitive. A primitive starts and ends with the joint velocities and accelerations of
-/// its splines' ends.
+/// A primitive says how the joints move, and nothing else. Where the robot goes while they move,
+/// what was proved about the motion and what it was made from is in the file
+/// (`common/primitive_toml.h`). Which primitives follow each other, and in which of them two legs
+/// exchange their roles, is in a sequence (`common/sequence.h`).
+///
+/// A motion need not start or end at rest: its joints have the velocities and accelerations that
+/// their splines have there.
+///
+/// `Scalar` is double offline and in files, and float in the executor.
 template <typename Scalar>
 struct Primitive {
   FixedString<48> name;
-  Scalar duration_s = 1;  ///< Every spline ends here.
-  Scalar settle_s =
-      0;  ///< How long the final setpoint is held before the motion counts as finished.
-  Scalar entry_tolerance_rad =
-      0;  ///< The start set: largest |measured - first position| of any joint.
-  Scalar following_tolerance_rad =
-      0;  ///< Largest |measured - setpoint| of any joint while running.
+  /// How long the motion takes. Every spline ends here.
+  Scalar duration_s = 1;
+  /// How long the last setpoint is held before the motion counts as finished.
+  Scalar settle_s = 0;
+  /// The motion starts only when |measured - first position| of every joint is at most this.
+  Scalar entry_tolerance_rad = 0;
+  /// While the motion runs, a joint whose |measured - setpoint| exceeds this is a fault.
+  Scalar following_tolerance_rad = 0;
+  /// How many of `joints` are in use, at least 1.
   int joint_count = 0;
   std::array<JointMotion<Scalar>, kMaxJoints> joints;
 
+  /// The joints in use.
   [[nodiscard]] std::span<const JointMotion<Scalar>> motions() const noexcept {
     return {joints.data(), static_cast<std::size_t>(joint_count)};
   }

@@ -22,13 +22,13 @@ using Spline = Motion::Spline;
 
 constexpr std::string_view kFormat = "tumbler-primitive";
 
-// Continuous acceleration is what a drive's velocity loop can follow; the splines are to be at
-// least that smooth.
+// A drive's velocity loop can follow a path with continuous acceleration. Cubic splines are that
+// smooth.
 constexpr int kMinPositionDegree = 3;
 constexpr int kPositionSmoothness = 2;
 
-// Margins are differences of numbers near 1 to 1000; a tool that sums in another order agrees to
-// this.
+// Margins are differences of numbers of 1 to 1000. A program that adds them in another order agrees
+// to this.
 constexpr double kMarginTolerance = 1e-9;
 
 // How far rounding to float may push a velocity or acceleration beyond its limit, as a share of the
@@ -36,8 +36,7 @@ constexpr double kMarginTolerance = 1e-9;
 // says that the knots are too close.
 constexpr double kRoundingAllowance = 1e-3;
 
-// ---- Hashes
-// --------------------------------------------------------------------------------------------------------
+// ---- Hashes -------------------------------------------------------------------------------------
 
 class Fnv1a64 {
  public:
@@ -56,8 +55,8 @@ class Fnv1a64 {
     Word(values.size());
     for (const double value : values) Number(value);
   }
-  void Text(std::string_view
-                text) {  // With its length, so that no two lists of texts give the same bytes.
+  // The length goes first, so that no two lists of texts give the same bytes.
+  void Text(std::string_view text) {
     Word(text.size());
     Bytes(text);
   }
@@ -67,10 +66,9 @@ class Fnv1a64 {
   std::uint64_t state_ = 0xcbf29ce484222325ULL;
 };
 
-// ---- Limits
-// --------------------------------------------------------------------------------------------------------
+// ---- Limits -------------------------------------------------------------------------------------
 
-// One quantity of a joint, all of whose control points stay within [min, max].
+// The range of one quantity of a joint. Every control point has to be within [min, max].
 template <typename Scalar>
 struct Bound {
   const char* name;
@@ -102,17 +100,16 @@ double MarginOf(const Bound<double>& bound) {
   return margin;
 }
 
-// Two numbers that differ are to look different.
+// Two numbers for a message, with as many digits as it takes to look different if they are.
 std::pair<std::string, std::string> Distinct(double a, double b) {
   std::pair<std::string, std::string> texts{MessageNumber(a), MessageNumber(b)};
   if (texts.first == texts.second && a != b) texts = {ExactDecimal(a), ExactDecimal(b)};
   return texts;
 }
 
-// ---- Writing
-// -------------------------------------------------------------------------------------------------------
+// ---- Writing ------------------------------------------------------------------------------------
 
-// Whether the bytes are UTF-8 (RFC 3629), the only text that TOML holds.
+// Whether the bytes are UTF-8 (RFC 3629). TOML holds no other text.
 bool IsUtf8(std::string_view text) {
   for (std::size_t i = 0; i < text.size();) {
     const auto lead = static_cast<unsigned char>(text[i]);
@@ -139,7 +136,8 @@ bool IsControl(char c) {
   return byte < 0x20 || byte == 0x7f;
 }
 
-// The inside of a basic string; `multiline` leaves line feeds as they are.
+// The text as it stands between the quotes of a TOML basic string. `multiline` leaves line feeds as
+// they are.
 std::string Escaped(std::string_view text, bool multiline) {
   std::string result;
   for (const char c : text) {
@@ -154,9 +152,9 @@ std::string Escaped(std::string_view text, bool multiline) {
   return result;
 }
 
-// A multi-line string that reads back exactly: literal, so that the text can be read in place,
-// unless it holds what a literal cannot (quotes in a row, a quote at its end, carriage returns and
-// other control characters).
+// A TOML multi-line string that reads back exactly. It is a literal string, which people can read,
+// unless the text holds something that a literal string cannot: quotes in a row, a quote at its
+// end, carriage returns or other control characters.
 std::string MultilineText(std::string_view text) {
   const bool literal = text.find("'''") == std::string_view::npos && !text.ends_with('\'') &&
                        std::none_of(text.begin(), text.end(),
@@ -301,8 +299,7 @@ std::string Write(const PrimitiveFile& file) {
   return writer.Take();
 }
 
-// ---- Reading
-// -------------------------------------------------------------------------------------------------------
+// ---- Reading ------------------------------------------------------------------------------------
 
 template <std::size_t kCapacity>
 FixedString<kCapacity> ReadName(TomlTable& table) {
@@ -314,7 +311,7 @@ FixedString<kCapacity> ReadName(TomlTable& table) {
   return FixedString<kCapacity>(name);
 }
 
-// Knots as BSpline requires them, with a message for each way of being wrong.
+// Throws unless the knots are as BSpline requires them, with a message for each way of being wrong.
 void CheckKnots(const TomlTable& table, std::span<const double> knots, int degree,
                 int max_multiplicity, double duration_s) {
   const std::string_view key = "knots_s";
@@ -581,8 +578,7 @@ PrimitiveFile Read(TomlTable root) {
   return file;
 }
 
-// ---- Rounding to float
-// ---------------------------------------------------------------------------------------------
+// ---- Rounding to float --------------------------------------------------------------------------
 
 [[noreturn]] void FailRounding(const Motion& motion, const std::string& problem) {
   throw std::invalid_argument(fmt::format("joint '{}' cannot be played in single precision: {}",
@@ -591,7 +587,7 @@ PrimitiveFile Read(TomlTable root) {
 
 float Rounded(double value) { return static_cast<float>(value); }
 
-// Limits beyond the range of float are no limits to it.
+// The nearest float. A limit beyond the range of float becomes the largest float.
 float RoundedLimit(double value) {
   constexpr double kLargest = static_cast<double>(std::numeric_limits<float>::max());
   return static_cast<float>(std::clamp(value, -kLargest, kLargest));
@@ -618,7 +614,7 @@ JointMotion<float>::Spline Rounded(const Motion& motion, const Spline& spline, c
   return result;
 }
 
-// The largest magnitude among control points, where rounding took it past `limit`.
+// The limit of the bound, widened to the largest rounded control point where that exceeds it.
 float Widened(const Motion& motion, const Bound<float>& bound) {
   float widened = bound.max;
   for (const float point : bound.points) widened = std::max(widened, std::abs(point));
@@ -684,7 +680,7 @@ std::string ToToml(const PrimitiveFile& file) {
   }
   std::string text = Write(file);
   try {
-    // What no program would load is not worth writing.
+    // A text that no program would load must not be written.
     ParsePrimitive(text, std::string(file.primitive.name.view()));
   } catch (const FileError& error) {
     throw std::invalid_argument(fmt::format("the primitive is inconsistent: {}", error.what()));

@@ -10,11 +10,13 @@ namespace tumbler {
 /// A queue of fixed capacity between exactly one producer thread and one consumer thread, without
 /// locks.
 ///
-/// Thread contract: one thread calls Push, one thread calls Pop; size() may be called from either
-/// and from anywhere else, where it is a snapshot. What the producer wrote before Push is visible
-/// to the consumer after the Pop that returns the element (release and acquire). Push and Pop
-/// finish in a bounded number of steps, whatever the other side does. The queue counts nothing: a
-/// producer that loses an element on a full queue knows it and counts it itself.
+/// Thread contract: one thread calls Push, one thread calls Pop. Any thread may call size(), which
+/// is a snapshot. What the producer wrote before Push is visible to the consumer after the Pop that
+/// returns the element (release and acquire). Push and Pop finish in a bounded number of steps,
+/// whatever the other side does.
+///
+/// The queue does not count the elements that a full queue refuses: the producer sees each refusal
+/// and counts it itself.
 ///
 /// Real time: no heap, no locks, no exceptions. Freestanding.
 template <typename T, std::size_t kCapacity>
@@ -27,10 +29,10 @@ class RingBuffer {
 
  public:
   RingBuffer() = default;
-  RingBuffer(const RingBuffer&) = delete;  // Its threads know it by address.
+  RingBuffer(const RingBuffer&) = delete;  // Both threads hold its address.
   RingBuffer& operator=(const RingBuffer&) = delete;
 
-  /// Producer only. @returns false when the queue is full; the element was not taken.
+  /// Producer only: appends an element. @returns false when the queue is full; it was not taken.
   [[nodiscard]] bool Push(const T& element) noexcept {
     const std::size_t tail = tail_.load(std::memory_order_relaxed);
     if (tail - known_head_ == kCapacity) {
@@ -42,7 +44,8 @@ class RingBuffer {
     return true;
   }
 
-  /// Consumer only. @returns false when the queue is empty; `element` is then unchanged.
+  /// Consumer only: takes the oldest element. @returns false when the queue is empty; `element` is
+  /// unchanged then.
   [[nodiscard]] bool Pop(T& element) noexcept {
     const std::size_t head = head_.load(std::memory_order_relaxed);
     if (head == known_tail_) {
@@ -56,7 +59,7 @@ class RingBuffer {
 
   /// Elements in the queue at some moment during the call.
   [[nodiscard]] std::size_t size() const noexcept {
-    // The head first: it only grows, so the difference cannot become negative.
+    // The head is read first: both only grow, so the difference cannot become negative.
     const std::size_t head = head_.load(std::memory_order_acquire);
     const std::size_t size = tail_.load(std::memory_order_acquire) - head;
     return size < kCapacity ? size : kCapacity;
@@ -64,14 +67,14 @@ class RingBuffer {
   [[nodiscard]] static constexpr std::size_t capacity() noexcept { return kCapacity; }
 
  private:
-  // Bytes between what the two threads write: the cache line of x86-64 and ARM is 64, but x86-64
-  // fetches lines in pairs. std::hardware_destructive_interference_size may differ between
-  // translation units.
+  // Bytes between what the two threads write. Cache lines of x86-64 and ARM have 64 bytes, but
+  // x86-64 fetches them in pairs. std::hardware_destructive_interference_size is no use here,
+  // because it may differ between translation units.
   static constexpr std::size_t kSeparation = 128;
   static constexpr std::size_t kMask = kCapacity - 1;
 
-  // Indices grow for ever and are masked on access, so that full and empty differ without a spare
-  // slot.
+  // Indices grow for ever and are masked on access: so a full queue differs from an empty one
+  // without a spare slot.
   alignas(kSeparation) std::atomic<std::size_t> tail_{0};  // written by the producer
   std::size_t known_head_ = 0;                             // the producer's last look at head_
   alignas(kSeparation) std::atomic<std::size_t> head_{0};  // written by the consumer

@@ -11,56 +11,57 @@
 
 namespace tumbler {
 
-/// Capacities of a sequence; the real-time side allocates nothing.
+/// Capacities of a sequence, since the real-time side allocates nothing.
 inline constexpr int kMaxSequencePrimitives = 8;
 inline constexpr int kMaxSequenceNodes = 16;
 inline constexpr int kMaxSequenceEdges = 32;
 
-/// When a transition is taken. At the end of a node, at most one edge of each kind can apply
-/// (branches: of each name).
+/// When an edge is taken. A node has at most one outgoing edge of each kind, and of kBranch one for
+/// each branch.
 enum class EdgeCondition : std::uint8_t {
-  kAlways,      ///< When no other applies.
+  kAlways,      ///< When no other edge applies.
   kBranch,      ///< When the operator has asked for the edge's branch.
   kCyclesDone,  ///< When as many cycles as were asked for are complete.
 };
 
-/// One passage of a primitive.
+/// A node of the graph: one playing of a primitive.
 struct SequenceNode {
   FixedString<48> name;
   int primitive = 0;        ///< Index of the primitive that is played.
-  bool swapped = false;     ///< Played with the joints' roles exchanged.
-  bool safe = false;        ///< The robot can stay where this ends.
-  bool ends_cycle = false;  ///< A cycle is complete when this is.
+  bool swapped = false;     ///< Whether joints exchange their roles while it is played.
+  bool safe = false;        ///< Whether the robot can stay where the primitive leaves it.
+  bool ends_cycle = false;  ///< Whether a cycle is complete at the end of this node.
 };
 
 /// An allowed transition from the end of one node to the start of another.
 template <typename Scalar>
 struct SequenceEdge {
-  int from = 0;
-  int to = 0;
+  int from = 0;         ///< Index of a node.
+  int to = 0;           ///< Index of a node.
   Scalar settle_s = 0;  ///< How long the last setpoint of `from` is held before `to` begins.
   EdgeCondition when = EdgeCondition::kAlways;
   FixedString<32> branch;  ///< Name of the branch; empty unless the condition is kBranch.
 };
 
-/// The order in which primitives may follow each other: nodes are primitives, with or without their
-/// joints' roles exchanged, edges are allowed transitions. Pure data of fixed size; freestanding.
+/// The order in which primitives may follow each other. Nodes play primitives, edges are allowed
+/// transitions. Pure data of fixed size; freestanding.
 ///
-/// Roles: a robot that looks the same after its root was turned plays a primitive in that attitude
-/// too, if the joints exchange their parts: there, joint `partner[j]` does what the primitive says
-/// of joint j. So primitives are stored once, and a gait alternates between both roles.
+/// Roles: some robots look the same after their root was turned, if their joints exchange roles.
+/// (The tumbler, turned by pi about y, has its legs exchanged.) Such a robot can play a primitive
+/// in the turned attitude too: joint `partner[j]` then moves as the primitive says of joint j. So a
+/// primitive is stored once, and a gait alternates between both roles.
 ///
-/// Its loader (`common/sequence_toml.h`) proves what a graph promises; see there.
+/// The loader (`common/sequence_toml.h`) proves that every sequence in a graph can be played.
 template <typename Scalar>
 struct SequenceGraph {
   FixedString<48> name;
-  int start = 0;  ///< The node with which it begins.
+  int start = 0;  ///< Index of the first node.
   int node_count = 0;
   std::array<SequenceNode, kMaxSequenceNodes> node_storage;
   int edge_count = 0;
   std::array<SequenceEdge<Scalar>, kMaxSequenceEdges> edge_storage;
-  /// Joint that takes over the part of joint j when roles are exchanged; j itself where none does.
-  /// Its own inverse.
+  /// The joint with which joint j exchanges roles; j itself where it keeps its own. The map is its
+  /// own inverse.
   std::array<std::uint8_t, kMaxJoints> partner{};
 
   [[nodiscard]] constexpr std::span<const SequenceNode> nodes() const noexcept {
@@ -76,8 +77,8 @@ struct SequenceGraph {
     return edge_storage[static_cast<std::size_t>(i)];
   }
 
-  /// The joint of the primitive whose path joint j of the robot follows in this node; and, the
-  /// exchange being its own inverse, the joint of the robot that follows path j.
+  /// The joint of the primitive whose path the robot's joint j follows in this node. The exchange
+  /// is its own inverse, so this is also the robot's joint that follows the primitive's path j.
   [[nodiscard]] constexpr int RoleOf(int node_index, int j) const noexcept {
     return node(node_index).swapped ? partner[static_cast<std::size_t>(j)] : j;
   }
@@ -90,8 +91,8 @@ struct SequenceGraph {
     return -1;
   }
 
-  /// The number by which a branch goes in the core: its first edge; -1 where no edge is taken by
-  /// this name, so that an operator's wrong one can be refused.
+  /// The number of a branch in the executor, which is the index of the branch's first edge; -1
+  /// where no edge has this name.
   [[nodiscard]] constexpr int FindBranch(std::string_view branch) const noexcept {
     for (int i = 0; i < edge_count; ++i) {
       if (edge(i).when == EdgeCondition::kBranch && edge(i).branch.view() == branch) return i;
@@ -101,24 +102,27 @@ struct SequenceGraph {
   [[nodiscard]] constexpr bool HasBranch(std::string_view branch) const noexcept {
     return FindBranch(branch) >= 0;
   }
-  /// The name of a branch by its number; empty where there is none.
+  /// The name of the branch with this number; empty where there is none.
   [[nodiscard]] constexpr std::string_view BranchName(int number) const noexcept {
     if (number < 0 || number >= edge_count) return {};
     return edge(number).branch.view();
   }
 };
 
-/// What is wanted of a running sequence.
+/// What the operator wants of a running sequence.
 struct SequenceRequest {
-  int cycles = 0;                ///< End after so many; 0: go on until something else ends it.
-  std::string_view branch = {};  ///< Take this branch where there is one; empty: none.
+  int cycles = 0;                ///< End after this many cycles; 0: do not end by cycles.
+  std::string_view branch = {};  ///< Take this branch as soon as a node offers it; empty: none.
   bool stop = false;             ///< End at the next safe node.
 };
 
-/// What is wanted of a sequence when it is begun: so many cycles, and then the branch, where one is
-/// named. After the branch, what follows is played to its end, or to the next safe node.
-/// @param cycles  0 with a branch: take it at the first chance; 0 without: go on until something
-/// else ends it.
+/// The request of a run that was started with a number of cycles and a branch: first the cycles,
+/// then the branch, then what follows the branch up to its end or the next safe node.
+/// @param cycles       with a branch: 0 takes it at the first chance. Without: 0 goes on until
+/// something else ends the run.
+/// @param branch       empty: none.
+/// @param cycles_done  complete cycles so far.
+/// @param branched     whether the branch has been taken.
 [[nodiscard]] inline SequenceRequest PlannedRequest(int cycles, std::string_view branch,
                                                     int cycles_done, bool branched) noexcept {
   if (branch.empty()) return {cycles};
@@ -126,13 +130,16 @@ struct SequenceRequest {
   return {0, cycles_done >= cycles ? branch : std::string_view()};
 }
 
-/// The edge to take at the end of a node, or -1: the sequence ends there.
+/// The edge to take at the end of a node, or -1 where the sequence ends.
 ///
-/// In this order: a stop ends at a safe node, and otherwise only hurries on along kAlways; then the
-/// branch asked for; then, with the cycles done, the edge for that, or the end if the node is safe;
-/// then kAlways. A node without kAlways is safe (the loader sees to it), so a sequence ends in safe
-/// nodes only.
-/// @param cycles_done  complete cycles, with the one that this node ends.
+/// The first of these that applies counts:
+///   1. a stop ends the sequence in a safe node, and goes on along kAlways from another;
+///   2. the branch that was asked for, if an edge has its name;
+///   3. when the cycles are done, the edge kCyclesDone, or the end if the node is safe;
+///   4. the edge kAlways.
+/// The loader makes sure that a node without kAlways is safe, so a sequence ends in safe nodes
+/// only.
+/// @param cycles_done  complete cycles, including the one that this node ends.
 template <typename Scalar>
 [[nodiscard]] int NextEdge(const SequenceGraph<Scalar>& graph, int node, int cycles_done,
                            const SequenceRequest& request) noexcept {
@@ -156,7 +163,7 @@ template <typename Scalar>
   return always;
 }
 
-/// A primitive alone, as a sequence.
+/// The graph of a sequence that plays one primitive and ends.
 template <typename Scalar>
 [[nodiscard]] SequenceGraph<Scalar> GraphOf(const Primitive<Scalar>& primitive) noexcept {
   SequenceGraph<Scalar> graph;
@@ -169,13 +176,14 @@ template <typename Scalar>
   return graph;
 }
 
-/// A graph with the primitives that it plays: all that an executor needs.
+/// A graph with its primitives: all that an executor plays from.
 template <typename Scalar>
 struct Sequence {
   SequenceGraph<Scalar> graph;
   int primitive_count = 0;
   std::array<Primitive<Scalar>, kMaxSequencePrimitives> primitives;
 
+  /// The primitive that a node plays.
   [[nodiscard]] const Primitive<Scalar>& PrimitiveOf(int node) const noexcept {
     return primitives[static_cast<std::size_t>(graph.node(node).primitive)];
   }

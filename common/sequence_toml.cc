@@ -23,11 +23,11 @@ using Graph = SequenceGraph<double>;
 
 constexpr std::string_view kFormat = "tumbler-sequence";
 constexpr double kPi = std::numbers::pi;
-// Quantities that are compared with a hold rather than with the other primitive end in one of
-// these.
+// Names of quantities that are compared with a hold, rather than with the other primitive, end in
+// one of these.
 constexpr std::string_view kBeforeHold = " before the hold";
 constexpr std::string_view kAfterHold = " after the hold";
-constexpr double kMaxSettle = 60;  // [s]; longer than that is a typing error
+constexpr double kMaxSettle = 60;  // [s]; a longer time is a typing error
 
 std::size_t Index(int i) { return static_cast<std::size_t>(i); }
 
@@ -35,7 +35,7 @@ std::string ReadText(const std::string& path, const FileReader& read) {
   return read ? read(path) : ReadTextFile(path);
 }
 
-// Two numbers that differ are to look different.
+// Two numbers for a message, with as many digits as it takes to look different if they are.
 std::pair<std::string, std::string> Distinct(double a, double b) {
   std::pair<std::string, std::string> texts{MessageNumber(a), MessageNumber(b)};
   if (texts.first == texts.second && a != b) texts = {ExactDecimal(a), ExactDecimal(b)};
@@ -93,7 +93,7 @@ class SequenceReader {
     std::optional<TomlTable> table = root_.OptionalTable("tolerances");
     if (!table) return;
     JoinTolerances& t = file_.tolerances;
-    // The setpoint steps by as much as it is allowed to.
+    // The setpoint may jump by as much as these tolerances allow.
     t.joint_position_rad = table->Number("joint_position_rad", {0, 0.01}, t.joint_position_rad);
     t.joint_velocity_rad_s =
         table->Number("joint_velocity_rad_s", {0, 0.1}, t.joint_velocity_rad_s);
@@ -123,7 +123,7 @@ class SequenceReader {
     }
   }
 
-  /// The newest primitive moves the joints of the first, of the same robot.
+  /// Throws unless the newest primitive moves the same joints of the same robot as the first one.
   void CheckSameRobot(const TomlTable& table, const std::string& name, const std::string& named) {
     const PrimitiveFile& first = file_.primitives.front();
     const PrimitiveFile& other = file_.primitives.back();
@@ -290,13 +290,13 @@ class SequenceReader {
     throw FileError(file_.path, file_.node_lines[Index(node)], node_keys_[Index(node)], problem);
   }
 
-  /// The node that follows by kAlways, or -1.
+  /// The node to which the edge kAlways leads, or -1.
   [[nodiscard]] int Following(int node) const {
     const int edge = NextEdge(file_.graph, node, 0, {});
     return edge < 0 ? -1 : file_.graph.edge(edge).to;
   }
 
-  /// Every node can be reached, and from every node a stop comes to its end.
+  /// Throws unless every node can be reached, and a stop in any node comes to its end.
   void CheckGraph() const {
     const Graph& graph = file_.graph;
     std::vector<bool> reached(Index(graph.node_count), false);
@@ -344,7 +344,8 @@ class SequenceReader {
     }
   }
 
-  /// Every joint of the robot keeps its own limits while it plays another's path.
+  /// Throws unless every joint of the robot keeps its own limits on the path that it plays, which
+  /// may be another joint's.
   void CheckLimits() const {
     const Graph& graph = file_.graph;
     for (int i = 0; i < graph.node_count; ++i) {
@@ -379,7 +380,7 @@ class SequenceReader {
         if (points[i] >= bound.min && points[i] <= bound.max) continue;
         const double limit = points[i] > bound.max ? bound.max : bound.min;
         const auto [value, allowed] = Distinct(points[i], limit);
-        // What control point i of derivative d has a part in.
+        // The curve depends on control point i of derivative d between these knots.
         const std::span<const double> knots = bound.spline.knots();
         const double from = knots[i + Index(bound.derivative)];
         const double to = knots[i + Index(bound.spline.degree()) + 1];
@@ -431,7 +432,7 @@ std::vector<JoinComparison> CompareJoins(const SequenceFile& file) {
       add(name, "position", "rad", last(0), first(0), tolerances.joint_position_rad);
       const double v = tolerances.joint_velocity_rad_s;
       const double a = tolerances.joint_acceleration_rad_s2;
-      if (edge.settle_s > 0) {  // The hold is at rest.
+      if (edge.settle_s > 0) {  // Both sides meet a hold, which is at rest.
         add(name, std::string("velocity").append(kBeforeHold), "rad/s", last(1), 0, v);
         add(name, std::string("velocity").append(kAfterHold), "rad/s", 0, first(1), v);
         add(name, std::string("acceleration").append(kBeforeHold), "rad/s^2", last(2), 0, a);

@@ -4,19 +4,24 @@
 
 namespace tumbler {
 
-/// Outcome of an operation of `common`, `firmware_interface` and the real-time core, none of which
+/// Outcome of an operation of `common`, `firmware_interface` or the real-time core, which do not
 /// throw.
 enum class [[nodiscard]] Status : std::uint8_t{
     kOk,
-    kInvalidArgument,  ///< An argument is outside what the function documents; nothing was changed.
-    kCapacityExceeded,  ///< The fixed capacity of the receiver does not hold the argument; nothing
-                        ///< was changed.
-    kWouldBlock,        ///< Nothing there now (receive), or no room now (send); try again later.
-    kBusOff,    ///< The controller has left the bus (ISO 11898-1); no frame is sent until it
-                ///< recovers.
-    kLinkDown,  ///< The interface is down.
-    kIoError,   ///< The operating system reports another error.
-    kLinkGone,  ///< The interface does not exist any more; it has to be opened anew.
+    /// An argument is outside what the function documents; nothing was changed.
+    kInvalidArgument,
+    /// The receiver's fixed capacity is too small for the argument; nothing was changed.
+    kCapacityExceeded,
+    /// Nothing there now (receive), or no room now (send); try again later.
+    kWouldBlock,
+    /// The controller has left the bus (ISO 11898-1). It sends no frame until it recovers.
+    kBusOff,
+    /// The interface is down.
+    kLinkDown,
+    /// The operating system reports another error.
+    kIoError,
+    /// The interface does not exist any more; it has to be opened anew.
+    kLinkGone,
 };
 
 /// Text of a status for messages; a string literal.

@@ -71,11 +71,13 @@ std::string Describe(const Range& range) {
   return "allowed: any finite number";
 }
 
-/// A key of more parts, or a table's header, exhausts the stack: each part is a table in a table.
+/// The most dots of a key. Each part of a key is a table in a table, and a key of many more parts
+/// would exhaust the parser's stack.
 constexpr int kMostDots = 1000;
 
-/// The line of such a key, or 0. What is in quotes is not told apart: no honest text has so many
-/// dots without one of these between them.
+/// The line of a key with more dots than that, or 0. Quoted text is searched too, which is
+/// harmless: no honest text has so many dots without a line end, a comma or an equals sign between
+/// them.
 std::uint32_t LineOfEndlessKey(std::string_view text) {
   std::uint32_t line = 1;
   int dots = 0;
@@ -102,8 +104,7 @@ std::size_t Distance(std::string_view a, std::string_view b) {
   return row.back();
 }
 
-/// What to do about a key that nobody knows: the one that was probably meant, or all that can be
-/// there.
+/// Advice about an unknown key: the key that was probably meant, or all keys that can be there.
 std::string KeyAdvice(std::string_view key, const toml::table& table,
                       const std::set<std::string, std::less<>>& known) {
   std::vector<std::string> free;
@@ -113,7 +114,7 @@ std::string KeyAdvice(std::string_view key, const toml::table& table,
   const std::string* nearest = nullptr;
   std::size_t least = std::max<std::size_t>(1, key.size() / 3) + 1;
   for (const std::string& candidate : free) {
-    // The unit left out, or half of the word.
+    // Somebody left out the unit, or half of the word.
     const bool begins =
         candidate.starts_with(key) && (key.size() >= 3 || candidate[key.size()] == '_');
     const std::size_t distance = begins ? 0 : Distance(key.substr(0, 64), candidate);
@@ -146,12 +147,12 @@ const char* TypeName(const toml::node& node) {
   }
 }
 
-/// What was parsed, and what was asked of it.
+/// A parsed file, and what was asked of it.
 struct Document {
   std::string file;
   toml::table root;
   std::set<const toml::node*> taken;
-  /// By table, every key that was asked for: those that it can hold.
+  /// For each table, every key that was asked for: these are the keys that it can hold.
   std::map<const toml::table*, std::set<std::string, std::less<>>> known;
 };
 

@@ -64,7 +64,7 @@ void FlushOutput() {
   }
 }
 
-// ---- check ----------------------------------------------------------------------------------
+// ---- check --------------------------------------------------------------------------------------
 
 std::string KindOf(const Robot& robot, std::size_t j) {
   if (robot.joints[j].continuous) return "continuous";
@@ -177,7 +177,7 @@ int Check(const Arguments& arguments) {
   return kGood;
 }
 
-// ---- hybrid ---------------------------------------------------------------------------------
+// ---- hybrid -------------------------------------------------------------------------------------
 
 /// Whose coordinate or joint has this name; a joint goes before a coordinate of the root.
 int FindCoordinate(const Robot& robot, std::string_view name) {

@@ -13,8 +13,8 @@ namespace tumbler {
 enum class CanControllerState : std::uint8_t {
   kErrorActive,
   kErrorWarning,  ///< A counter is above 95.
-  kErrorPassive,  ///< A counter is above 127: it no longer stops others' faulty frames.
-  kBusOff,        ///< The transmit counter is above 255: it takes no part until it is restarted.
+  kErrorPassive,  ///< A counter is above 127: the controller no longer stops others' faulty frames.
+  kBusOff,  ///< The transmit counter is above 255: the controller is out until it is restarted.
 };
 [[nodiscard]] constexpr const char* ToString(CanControllerState state) noexcept {
   switch (state) {
@@ -30,11 +30,11 @@ enum class CanControllerState : std::uint8_t {
   return "unknown state";
 }
 
-/// Carries frames; the only seam between the runtime and hardware.
+/// A CAN bus that carries frames: the only seam between the runtime and hardware.
 ///
-/// One thread owns a bus. Once it is open no call allocates, locks, throws or blocks. Silence is
-/// not an error: it is kWouldBlock. A lost bus is one, and every call repeats it until the link is
-/// back.
+/// One thread owns a bus. Once it is open no call allocates, locks, throws or blocks. Silence is no
+/// error: Receive answers kWouldBlock. A lost link is an error, which every call repeats until the
+/// link is back.
 class CanBus {
  public:
   CanBus() = default;
@@ -42,15 +42,15 @@ class CanBus {
   CanBus& operator=(const CanBus&) = delete;
   virtual ~CanBus() = default;
 
-  /// Queues one frame. kOk says that it was queued, not that another node acknowledged it.
+  /// Queues one frame. kOk means that it was queued, not that another node acknowledged it.
   /// @retval kWouldBlock       the transmit queue is full; the frame was not taken.
   /// @retval kInvalidArgument  identifier or size out of range.
   /// @retval kBusOff, kLinkDown, kLinkGone, kIoError  the link is lost: enter the safe state.
   virtual Status Send(const CanFrame& frame) noexcept = 0;
 
-  /// Queues several frames in their order, at the price of one call where the link has one.
-  /// @param sent  how many were taken: all of them on kOk, otherwise those before the failure; the
-  ///              others are dropped, not kept for later.
+  /// Queues several frames in their order. A link that can do so takes them with one system call.
+  /// @param sent  gets how many were taken: all of them on kOk, otherwise those before the failure.
+  ///              The others are dropped, not kept for later.
   /// @returns     as Send, of the first frame that was not taken.
   virtual Status SendAll(std::span<const CanFrame> frames, std::size_t& sent) noexcept {
     sent = 0;
@@ -67,7 +67,7 @@ class CanBus {
   /// @retval kBusOff, kLinkDown, kLinkGone, kIoError  as for Send.
   virtual Status Receive(ReceivedFrame& received) noexcept = 0;
 
-  /// As last heard of; links without a controller are always error-active.
+  /// The last known state of the controller. A link without a controller is always error-active.
   [[nodiscard]] virtual CanControllerState controller_state() const noexcept {
     return CanControllerState::kErrorActive;
   }

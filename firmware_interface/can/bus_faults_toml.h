@@ -12,6 +12,7 @@ namespace tumbler {
 /// @param nodes  names of the ports in the order of SimulatedBus::Attach, e.g. `host`, `leg1`.
 /// @throws FileError with file, line, key and allowed range.
 BusFaultPlan LoadBusFaults(const std::string& path, std::span<const std::string> nodes);
+/// The same of a text. @param name  stands for the file in messages.
 BusFaultPlan ParseBusFaults(std::string_view text, const std::string& name,
                             std::span<const std::string> nodes);
 

@@ -20,7 +20,7 @@ namespace tumbler {
 
 namespace {
 
-/// A netlink socket for one question after the other.
+/// A netlink socket that is asked one question after the other.
 class Netlink {
  public:
   Netlink() : socket_(socket(AF_NETLINK, SOCK_RAW | SOCK_CLOEXEC, NETLINK_ROUTE)) {}
@@ -91,7 +91,7 @@ void TakeControllerData(rtattr* data, CanLink& link) {
   ForEachNested(data, [&link](int type, rtattr* attribute) {
     if (type == IFLA_CAN_BITTIMING) {
       const auto timing = ValueOf<can_bittiming>(attribute);
-      // All ones: a driver that is told its rate by other means.
+      // All ones mean that the driver is told its rate by other means.
       if (timing.bitrate != 0xffffffffU) link.bit_rate = timing.bitrate;
     } else if (type == IFLA_CAN_CTRLMODE) {
       link.listen_only = (ValueOf<can_ctrlmode>(attribute).flags & CAN_CTRLMODE_LISTENONLY) != 0;
@@ -140,7 +140,7 @@ void TakeQueue(nlmsghdr& message, CanLink& link) {
                    });
 }
 
-/// An interface's flags through the socket calls that every process has.
+/// The flags of an interface, read and set by ioctl, for which any socket will do.
 class Flags {
  public:
   explicit Flags(const std::string& interface)

@@ -7,12 +7,14 @@ namespace tumbler {
 
 /// One classic CAN data or remote frame (ISO 11898-1).
 struct CanFrame {
-  std::uint32_t id = 0;   ///< 11 bits, or 29 when `extended`.
-  bool extended = false;  ///< Explicit; never guessed from the value of `id` (0x7ff is a legal
-                          ///< 11-bit identifier).
-  bool remote =
-      false;  ///< Remote transmission request: `size` is the length asked for, there is no payload.
-  std::uint8_t size = 0;  ///< Payload bytes, 0 ... 8.
+  /// Identifier of 11 bits, or of 29 when `extended`.
+  std::uint32_t id = 0;
+  /// Whether the identifier has 29 bits. Its value does not tell.
+  bool extended = false;
+  /// Whether this is a remote transmission request: it asks for `size` bytes and has no payload.
+  bool remote = false;
+  /// Bytes of payload, 0 ... 8.
+  std::uint8_t size = 0;
   std::array<std::uint8_t, 8> data{};
 
   bool operator==(const CanFrame&) const = default;
@@ -21,7 +23,7 @@ struct CanFrame {
 /// A frame as it came from a bus.
 struct ReceivedFrame {
   CanFrame frame;
-  std::int64_t time_ns = 0;  ///< End of the frame on the wire, on the clock of the bus (monotonic).
+  std::int64_t time_ns = 0;  ///< End of the frame on the wire, by the bus's monotonic clock.
 };
 
 }  // namespace tumbler

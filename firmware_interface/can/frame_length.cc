@@ -13,7 +13,7 @@ constexpr std::uint16_t CrcStep(std::uint16_t crc, std::uint8_t bit) noexcept {
   return feedback ? static_cast<std::uint16_t>(shifted ^ kCrcPolynomial) : shifted;
 }
 
-// Appends bits, and a complement after five equal ones; keeps the CRC of what is not stuffed.
+// Appends bits with their stuff bits, and keeps the CRC of the bits that are no stuff bits.
 class BitWriter {
  public:
   explicit BitWriter(FrameBitStream& stream) noexcept : stream_(stream) {}
@@ -39,7 +39,7 @@ class BitWriter {
   }
 
   FrameBitStream& stream_;
-  std::uint8_t last_ = 2;  // neither
+  std::uint8_t last_ = 2;  // neither 0 nor 1: no bit yet
   int run_ = 0;
 };
 

@@ -27,13 +27,13 @@ constexpr int kRecessiveBits = 11;
 
 constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
 
-// Frames that put the same bits on the wire.
+// Whether two frames put the same bits on the wire.
 bool SameOnWire(const CanFrame& a, const CanFrame& b) noexcept {
   if (ArbitrationKey(a) != ArbitrationKey(b) || a.size != b.size) return false;
   return a.remote || std::equal(a.data.begin(), a.data.begin() + a.size, b.data.begin());
 }
 
-// The bit, counted from 1, at which two frames first differ; the frames' ends if they never do.
+// The number, from 1, of the bit at which two frames first differ; if they never do, of their last.
 int FirstDifference(const CanFrame& a, const CanFrame& b) noexcept {
   const FrameBitStream first = BuildBitStream(a);
   const FrameBitStream second = BuildBitStream(b);
@@ -130,7 +130,7 @@ void SimulatedPort::LoseArbitration() noexcept {
 void SimulatedPort::FailToSend(bool unacknowledged) noexcept {
   ++statistics_.errors;
   if (!unacknowledged || transmit_errors_ <= kPassiveAbove) transmit_errors_ += kTransmitErrorStep;
-  const bool was_head = head_on_wire_;  // Not after the link went down in the midst of it.
+  const bool was_head = head_on_wire_;  // false if the link went down in the middle of the frame
   head_on_wire_ = false;
   if (transmit_errors_ > kBusOffAbove) {
     bus_off_ = true;
@@ -207,7 +207,7 @@ SimulatedPort& SimulatedBus::Add(const PortConfig& config, SimulatedNode* node) 
 double SimulatedBus::load() const noexcept {
   if (now_ns_ == 0) return 0;
   std::int64_t busy_ns = statistics_.busy_ns;
-  if (phase_ != Phase::kIdle) busy_ns -= busy_until_ns_ - now_ns_;  // counted ahead
+  if (phase_ != Phase::kIdle) busy_ns -= busy_until_ns_ - now_ns_;  // This is still to come.
   return static_cast<double>(busy_ns) / static_cast<double>(now_ns_);
 }
 
@@ -236,7 +236,8 @@ double SimulatedBus::Random() noexcept {
   return static_cast<double>(x >> 11) * 0x1p-53;
 }
 
-// What lasts for a time, as it is now; and when that changes next.
+// Applies the faults that last for a time to the ports, as they are now, and notes when they change
+// next.
 void SimulatedBus::ApplyWindows() noexcept {
   next_window_ns_ = kNever;
   if (phase_ == Phase::kIdle) CountIdle();
@@ -273,13 +274,13 @@ void SimulatedBus::ApplyWindows() noexcept {
     }
     if (gone) {
       port.SetLink(Status::kLinkGone);
-    } else if (down || was_scripted) {  // Otherwise it is as the user has set it.
+    } else if (down || was_scripted) {  // Otherwise the link stays as the user has set it.
       port.SetLink(down ? Status::kLinkDown : Status::kOk);
     }
   }
 }
 
-// Sequences of recessive bits since the bus became idle.
+// Counts the sequences of recessive bits since the bus became idle, for ports in bus-off.
 void SimulatedBus::CountIdle() noexcept {
   const std::int64_t sequence_ns = kRecessiveBits * bit_time_ns_;
   const std::int64_t sequences = (now_ns_ - idle_since_ns_) / sequence_ns;
@@ -302,12 +303,12 @@ void SimulatedBus::CountRecessive(int sequences) noexcept {
 void SimulatedBus::BeginRecovery() noexcept {
   for (const auto& port : ports_) {
     if (!port->bus_off_ || port->recovering_ || port->restart_at_ns_ > now_ns_) continue;
-    if (phase_ == Phase::kIdle) CountIdle();  // What was idle before does not count for it.
+    if (phase_ == Phase::kIdle) CountIdle();  // Idle time before its restart does not count.
     port->recovering_ = true;
   }
 }
 
-// Tries of nodes that are off the wire: nobody else sees them.
+// Lets nodes that are off the wire try to send. Nobody else sees it.
 void SimulatedBus::TryAlone() noexcept {
   for (const auto& port : ports_) {
     if (!port->disconnected_ || !port->Wants() || port->ReadyAt() > now_ns_) continue;
@@ -403,7 +404,7 @@ void SimulatedBus::Start() noexcept {
       collision_bits = collision_bits == 0 ? difference : std::min(collision_bits, difference);
     }
   }
-  if (shorted_) {  // The start bit is dominant, too; the first recessive one is not.
+  if (shorted_) {  // The start bit is dominant like the short; the next recessive bit fails.
     ++statistics_.disturbed;
     return Break(2, false);
   }
@@ -430,7 +431,7 @@ void SimulatedBus::Start() noexcept {
   Occupy(Phase::kFrame, frame_bits, bits);
 }
 
-// The first bit of a frame that is disturbed, counted from 1; 0: none.
+// The number, from 1, of the first disturbed bit of a frame; 0 if there is none.
 int SimulatedBus::DisturbedBit(int bits) noexcept {
   int first = 0;
   for (const BusFault& fault : plan_.faults) {
@@ -451,7 +452,7 @@ int SimulatedBus::DisturbedBit(int bits) noexcept {
   return first;
 }
 
-// An error frame after so many bits of a frame: whoever sends has failed.
+// Ends the frame on the wire after `bits` bits by an error frame. All its senders have failed.
 void SimulatedBus::Break(int bits, bool unacknowledged) noexcept {
   const int flag = unacknowledged ? kErrorFlagBits : kSuperposedErrorFlagBits;
   const int all = bits + flag + kErrorDelimiterBits + kIntermissionBits;
@@ -499,7 +500,7 @@ void SimulatedBus::ReceiveFrom(const ReceivedFrame& received) noexcept {
   }
 }
 
-// A frame from the wire to a port, through what the script does to it.
+// Passes a frame from the wire to a port, with what the script does to it on the way.
 void SimulatedBus::Pass(SimulatedPort& port, ReceivedFrame received) noexcept {
   const bool overtakes = !port.held_.empty() && port.held_.front().until_next;
   bool lost = false, until_next = false;
@@ -544,7 +545,7 @@ void SimulatedBus::Pass(SimulatedPort& port, ReceivedFrame received) noexcept {
     if (until_next && !overtakes) {
       Hold(port, received, now_ns_ + delay_ns, true);
     } else if (delay_ns > 0 || (!port.held_.empty() && !overtakes)) {
-      // Behind those that are still on their way.
+      // The order is kept: a frame comes behind those that are still on their way.
       const std::int64_t last_ns = port.held_.empty() ? now_ns_ : port.held_.back().due_ns;
       Hold(port, received, std::max(now_ns_ + delay_ns, last_ns), false);
     } else {

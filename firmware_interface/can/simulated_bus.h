@@ -18,11 +18,11 @@ class SimulatedPort;
 class SimulatedNode {
  public:
   SimulatedNode() = default;
-  SimulatedNode(const SimulatedNode&) = delete;  // The bus knows it by address.
+  SimulatedNode(const SimulatedNode&) = delete;  // The bus holds its address.
   SimulatedNode& operator=(const SimulatedNode&) = delete;
   virtual ~SimulatedNode() = default;
 
-  /// Called at the end of each frame that another node sent, before the bus is free again: an
+  /// Called at the end of each frame that another node sent, before the bus is free again. An
   /// answer that is sent here takes part in the very next arbitration.
   virtual void OnFrame(const ReceivedFrame& received, SimulatedPort& port) noexcept = 0;
 };
@@ -31,44 +31,44 @@ class SimulatedNode {
 struct SimulatedPortConfig {
   int transmit_capacity = 10;  ///< Frames; Linux gives a CAN interface a transmit queue of 10.
   int receive_capacity = 256;  ///< Frames; a full queue drops the newest, as a socket does.
-  /// Off: a frame that loses arbitration or meets an error is gone (one-shot mode, common in drive
-  /// firmware).
+  /// Whether a frame that loses arbitration or meets an error is sent again. If not (one-shot mode,
+  /// common in drive firmware), the frame is lost.
   bool auto_retransmit = true;
-  /// On: hears everything, acknowledges nothing, and cannot send (kInvalidArgument): a logger that
-  /// leaves no trace.
+  /// Whether the controller only listens, as a logger does that leaves no trace: it hears
+  /// everything, acknowledges nothing, and Send answers kInvalidArgument.
   bool listen_only = false;
-  /// From bus-off to the attempt to take part again, as Linux's restart-ms; below 0: only when
-  /// SimulatedPort::Restart is called, which is Linux's default.
+  /// Time from bus-off to the attempt to take part again, like Linux's restart-ms. Below 0 (Linux's
+  /// default) only SimulatedPort::Restart makes the attempt.
   std::int64_t restart_ns = -1;
 };
 
 /// Counts of one port since it was attached.
 struct SimulatedPortStatistics {
-  std::int64_t sent = 0;              ///< frames that another node acknowledged
-  std::int64_t received = 0;          ///< frames taken into the receive queue, or given to the node
-  std::int64_t dropped_received = 0;  ///< frames lost because the receive queue was full
+  std::int64_t sent = 0;              ///< Frames that another node acknowledged.
+  std::int64_t received = 0;          ///< Frames put into the receive queue or given to the node.
+  std::int64_t dropped_received = 0;  ///< Frames lost because the receive queue was full.
   std::int64_t dropped_transmit =
-      0;                    ///< frames lost in one-shot mode, by bus-off, or with the link
-  std::int64_t errors = 0;  ///< error frames while sending
-  std::int64_t bus_offs = 0;
-  std::int64_t rejected_transmit = 0;  ///< Send calls answered with kWouldBlock
-  int max_transmit_depth = 0;
-  int max_receive_depth = 0;
+      0;                      ///< Frames lost in one-shot mode, by bus-off, or with the link.
+  std::int64_t errors = 0;    ///< Error frames while sending.
+  std::int64_t bus_offs = 0;  ///< Times that the controller went bus-off.
+  std::int64_t rejected_transmit = 0;  ///< Calls of Send that were answered with kWouldBlock.
+  int max_transmit_depth = 0;          ///< The most frames that the transmit queue held.
+  int max_receive_depth = 0;           ///< The most frames that the receive queue held.
 };
 
-/// One controller on a simulated bus, with finite queues. Made by SimulatedBus::Attach; not for
-/// other use. Send and Receive do not allocate. Single thread: that of the bus.
+/// One controller on a simulated bus, with finite queues. SimulatedBus::Attach makes it. Send and
+/// Receive do not allocate. Only the thread of the bus may use it.
 class SimulatedPort final : public CanBus {
  public:
   Status Send(const CanFrame& frame) noexcept override;
   Status Receive(ReceivedFrame& received) noexcept override;
 
-  /// Send by a device that needs `delay_ns` >= 0 to make up its answer. Frames leave in the order
-  /// of the calls.
+  /// Sends after `delay_ns` >= 0, as a device does that needs time to make up its answer. Frames
+  /// leave in the order of the calls.
   Status SendAfter(std::int64_t delay_ns, const CanFrame& frame) noexcept;
 
-  /// By the error counters of ISO 11898-1. Bus-off is an error of Send, and of Receive once it has
-  /// given out what had come before.
+  /// The state by the error counters of ISO 11898-1. In bus-off Send fails, and so does Receive
+  /// once it has given out the frames that had come before.
   [[nodiscard]] CanControllerState controller_state() const noexcept override;
   [[nodiscard]] int transmit_errors() const noexcept { return transmit_errors_; }
   [[nodiscard]] int receive_errors() const noexcept { return receive_errors_; }
@@ -76,11 +76,12 @@ class SimulatedPort final : public CanBus {
   /// Ends bus-off: the controller takes part again after 128 times 11 recessive bits.
   void Restart() noexcept;
 
-  /// Down: Send and Receive return kLinkDown, both queues are emptied, and the node neither hears
-  /// nor acknowledges. A frame already on the wire is finished. Up: the port starts again with
-  /// empty queues and error counters at zero.
+  /// Takes the link down or up. While it is down, Send and Receive return kLinkDown, both queues
+  /// are empty, and the node neither hears nor acknowledges; a frame already on the wire is
+  /// finished. When it comes up, the port starts again with empty queues and error counters at
+  /// zero.
   void SetLinkDown(bool down) noexcept { SetLink(down ? Status::kLinkDown : Status::kOk); }
-  /// The same as kLinkGone, for good.
+  /// Takes the link away for good: Send and Receive return kLinkGone.
   void SetLinkGone() noexcept { SetLink(Status::kLinkGone); }
 
   [[nodiscard]] const SimulatedPortStatistics& statistics() const noexcept { return statistics_; }
@@ -92,7 +93,7 @@ class SimulatedPort final : public CanBus {
 
   struct Entry {
     CanFrame frame;
-    std::int64_t time_ns = 0;  // transmit: ready from; receive: end of the frame
+    std::int64_t time_ns = 0;  // to transmit: ready from then on; received: end of the frame
   };
   struct Queue {
     std::vector<Entry> entries;  // sized once, in the constructor
@@ -126,7 +127,7 @@ class SimulatedPort final : public CanBus {
   struct Held {
     Entry entry;
     std::int64_t due_ns = 0;
-    bool until_next = false;  // due with the frame that follows
+    bool until_next = false;  // due as soon as another frame was received
   };
   static constexpr std::size_t kHeldMax = 256;
 
@@ -141,8 +142,8 @@ class SimulatedPort final : public CanBus {
   int transmit_errors_ = 0;
   int receive_errors_ = 0;
   bool bus_off_ = false;
-  bool recovering_ = false;              // while bus-off: recessive bits are counted
-  std::int64_t restart_at_ns_ = 0;       // while bus-off: when that begins
+  bool recovering_ = false;              // while bus-off: whether recessive bits are counted
+  std::int64_t restart_at_ns_ = 0;       // while bus-off: when the count begins
   int recessive_left_ = 0;               // while bus-off: sequences of 11 recessive bits to go
   std::int64_t suspended_until_ns_ = 0;  // an error-passive node lets others go first
   std::vector<Held> held_;               // capacity kHeldMax; sorted by time
@@ -151,20 +152,20 @@ class SimulatedPort final : public CanBus {
   SimulatedPortStatistics statistics_;
 };
 
-/// Counts of the bus since it was made. A frame's bits count from its start.
+/// Counts of the bus since it was made. All bits of a frame are counted when it starts.
 struct SimulatedBusStatistics {
-  std::int64_t frames = 0;          ///< acknowledged frames
-  std::int64_t bits = 0;            ///< bit times not idle: frames, error frames, intermissions
-  std::int64_t busy_ns = 0;         ///< the same in time
-  std::int64_t collisions = 0;      ///< error frames: two nodes, one identifier, different frames
-  std::int64_t unacknowledged = 0;  ///< error frames: nobody else was there
-  std::int64_t disturbed = 0;       ///< error frames: bit errors and shorts of the script
+  std::int64_t frames = 0;      ///< Acknowledged frames.
+  std::int64_t bits = 0;        ///< Bit times not idle: frames, error frames, intermissions.
+  std::int64_t busy_ns = 0;     ///< The same as time.
+  std::int64_t collisions = 0;  ///< Error frames after different frames with one identifier met.
+  std::int64_t unacknowledged = 0;  ///< Error frames because no other node was there.
+  std::int64_t disturbed = 0;       ///< Error frames because of scripted bit errors and shorts.
 };
 
 /// A classic CAN bus in virtual time: exact frame lengths with stuffing, arbitration,
 /// acknowledgement, finite queues.
 ///
-/// Time only passes in AdvanceTo; nothing depends on the machine, so the same calls give the same
+/// Time passes in AdvanceTo only, and nothing depends on the machine: the same calls give the same
 /// frames at the same nanosecond. Between calls of AdvanceTo the user may Send and Receive on any
 /// port.
 ///
@@ -175,8 +176,8 @@ struct SimulatedBusStatistics {
 /// - Receivers get the frame at its last bit, 3 bit times before the bus is free again; the sender
 ///   does not get it.
 /// - Two ports that send identical frames at once both succeed, with one frame on the wire. Frames
-///   that share the arbitration field but differ later collide: error frame, and both are sent
-///   again or lost according to `auto_retransmit`, until they are bus-off.
+///   that share the arbitration field but differ later collide in an error frame. Both are sent
+///   again (or lost, without `auto_retransmit`), until their senders are bus-off.
 /// - A frame that no other node acknowledges ends in an error frame and is sent again (or lost): a
 ///   lone node keeps its bus busy, and its transmit queue fills up.
 /// - Error counters (ISO 11898-1): an error in sending adds 8, one that a receiver sees adds 1, a
@@ -185,8 +186,8 @@ struct SimulatedBusStatistics {
 ///   node never goes bus-off). Above 255 errors in sending it is bus-off: its queue is lost, and it
 ///   neither hears nor acknowledges until it was restarted and has seen 128 sequences of 11
 ///   recessive bits (one between frames, or as many as fit into an idle time).
-/// - A frame whose very last bit is disturbed has been taken by its receivers, while its sender
-///   repeats it: the one way in which CAN itself duplicates frames.
+/// - When the very last bit of a frame is disturbed, the receivers have already taken the frame,
+///   but the sender repeats it. In no other way does CAN itself duplicate frames.
 /// - An error frame is counted as flag (6 bits when only the sender sees the error, 12 when flags
 ///   superpose) and delimiter (8 bits), followed by intermission.
 ///
@@ -201,7 +202,7 @@ class SimulatedBus {
   /// @throws std::invalid_argument otherwise.
   explicit SimulatedBus(int bit_rate = 1'000'000);
   ~SimulatedBus();
-  SimulatedBus(const SimulatedBus&) = delete;  // Ports know it by address.
+  SimulatedBus(const SimulatedBus&) = delete;  // Ports hold its address.
   SimulatedBus& operator=(const SimulatedBus&) = delete;
 
   /// Adds a controller that is polled through CanBus, e.g. the host's. The port lives as long as
@@ -212,10 +213,10 @@ class SimulatedBus {
   /// stays unused.
   Port& Attach(SimulatedNode& node, const PortConfig& config = {});
 
-  /// Disturbs the bus from now on by this script; the times of faults are those of the bus.
-  /// Replaces an earlier one.
-  /// @throws std::invalid_argument  on a node that is not attached, or a probability outside 0
-  /// ... 1.
+  /// Disturbs the bus by this script from now on. Times in the script are times of the bus. The
+  /// script replaces an earlier one.
+  /// @throws std::invalid_argument  on a node that is not attached, or a probability outside [0,
+  /// 1].
   void SetFaults(const BusFaultPlan& plan);
 
   /// Runs the bus up to and including this time; a time in the past changes nothing.
@@ -230,8 +231,8 @@ class SimulatedBus {
  private:
   enum class Phase : std::uint8_t {
     kIdle,
-    kFrame,     ///< up to the last bit of a frame
-    kRecovery,  ///< intermission, or an error frame with its intermission
+    kFrame,     ///< Up to the last bit of a frame.
+    kRecovery,  ///< Intermission, or an error frame with its intermission.
   };
 
   Port& Add(const PortConfig& config, SimulatedNode* node);
@@ -260,7 +261,7 @@ class SimulatedBus {
   std::int64_t busy_until_ns_ = 0;
   CanFrame wire_{};  // the frame in flight
   bool last_bit_disturbed_ = false;
-  std::int64_t idle_since_ns_ = 0;  // while idle: recessive bits before were counted
+  std::int64_t idle_since_ns_ = 0;  // while idle: recessive bits before this time were counted
   BusFaultPlan plan_;
   std::uint64_t random_ = 0;
   std::int64_t next_window_ns_ = std::numeric_limits<std::int64_t>::max();

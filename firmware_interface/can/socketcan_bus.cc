@@ -30,7 +30,8 @@ constexpr std::int64_t kNsPerSecond = 1'000'000'000;
 constexpr const char* kNoCan = "this kernel has no CAN sockets (module can)";
 constexpr const char* kNoRawCan = "this kernel has no raw CAN sockets (module can_raw)";
 
-/// Messages taken with one call: own frames and replies of a tick of eight drives.
+/// Messages taken with one system call: room for the own frames and the replies of a tick of eight
+/// drives.
 constexpr std::size_t kBatch = 32;
 
 std::int64_t ToNs(const timespec& time) noexcept {
@@ -73,7 +74,7 @@ SocketCanBus::OpenResult Refuse(Status status, int error_number, const std::stri
 
 }  // namespace
 
-/// Restarts the interface when asked: the driver may take its time over that, and the loop cannot
+/// A thread that restarts the interface when asked. The driver may take long, and the loop cannot
 /// wait.
 class SocketCanBus::Restarter {
  public:
@@ -107,7 +108,7 @@ class SocketCanBus::Restarter {
       std::uint64_t count = 0;
       if (read(wake_, &count, sizeof count) < 0 && errno != EINTR) return;
       if (ending_.load()) return;
-      // Where it fails, the interface is down or gone, and the loop learns that from its socket.
+      // If this fails, the interface is down or gone, and the loop learns that from its socket.
       static_cast<void>(RestartCanLink(interface_));
       busy_.store(false);
     }
@@ -143,8 +144,9 @@ struct SocketCanBus::ReceiveBatch {
     const int taken = recvmmsg(socket, messages.data(), kBatch, MSG_DONTWAIT, nullptr);
     if (taken < 0) return errno;
     count = static_cast<std::size_t>(taken);
-    // The kernel stamps with the real-time clock. The age of a frame is the same on every clock,
-    // unless the real-time clock was set in between: then the frame counts as having come just now.
+    // The kernel's time stamps are those of the real-time clock. The age of a frame is the same on
+    // every clock, unless the real-time clock was set in between: then the frame counts as having
+    // come just now.
     monotonic_ns = Now(CLOCK_MONOTONIC);
     realtime_ns = Now(CLOCK_REALTIME);
     return 0;
@@ -255,7 +257,7 @@ SocketCanBus::OpenResult SocketCanBus::TryOpen(const std::string& interface,
   return {};
 }
 
-// Before the socket is bound, so that it does not hear of it.
+// Called before the socket is bound, so that the socket does not see the interface go down.
 SocketCanBus::OpenResult SocketCanBus::DiscardOld(const std::string& interface) {
   if (!link_.has_queue) return {};
   if (link_.queue_frames_max > SocketCanConfig::kQueueFramesMax) {
@@ -289,7 +291,7 @@ SocketCanBus::OpenResult SocketCanBus::SetUp(const std::string& interface,
   const int stamps = SOF_TIMESTAMPING_RX_SOFTWARE | SOF_TIMESTAMPING_SOFTWARE;
   std::vector<can_filter> filters;
   for (const auto* ids :
-       {&config.send_ids, &config.receive_ids}) {  // Own frames pass filters, too.
+       {&config.send_ids, &config.receive_ids}) {  // Own frames come back through filters, too.
     for (const std::uint16_t id : *ids) {
       filters.push_back({id, CAN_SFF_MASK | CAN_EFF_FLAG | CAN_RTR_FLAG});
     }
@@ -316,7 +318,7 @@ SocketCanBus::OpenResult SocketCanBus::SetUp(const std::string& interface,
   return {};
 }
 
-// kOk: it is up.
+// Whether the interface is up (kOk), down or gone.
 Status SocketCanBus::AskInterface() const noexcept {
   ifreq request{};
   std::copy_n(interface_.begin(), std::min<std::size_t>(interface_.size(), IFNAMSIZ - 1),
@@ -360,7 +362,7 @@ Status SocketCanBus::LinkStatus() noexcept {
     }
     if (status != Status::kOk) return status;
     link_down_ = false;
-    controller_ = CanControllerState::kErrorActive;  // As one that was brought up starts.
+    controller_ = CanControllerState::kErrorActive;  // A controller that was brought up starts so.
   }
   return Status::kOk;
 }
@@ -385,7 +387,7 @@ void SocketCanBus::RequestRestart(std::int64_t now_ns) noexcept {
 }
 
 void SocketCanBus::DiscardInFlight() noexcept {
-  // What is on its way is confirmed soon, and needs no discarding.
+  // Frames on their way are confirmed soon, and need no discarding.
   const std::int64_t until_ns = Now(CLOCK_MONOTONIC) + config_.confirm_timeout_ns;
   do {
     ReceivedFrame ignored;
@@ -414,7 +416,8 @@ Status SocketCanBus::CheckStall(std::int64_t now_ns) noexcept {
 }
 
 void SocketCanBus::Confirm(const CanFrame& frame, std::int64_t time_ns) noexcept {
-  // In the order of sending; what was sent before and is not confirmed never will be.
+  // Confirmations come in the order of sending. What was sent before this frame and is not
+  // confirmed never will be.
   while (in_flight_count_ > 0) {
     const InFlight oldest = in_flight_[static_cast<std::size_t>(in_flight_first_)];
     in_flight_first_ = (in_flight_first_ + 1) % SocketCanConfig::kMaxInFlight;
@@ -468,7 +471,7 @@ Status SocketCanBus::SendAll(std::span<const CanFrame> frames, std::size_t& sent
       if (status == Status::kWouldBlock) Stall();
       return stop(status);
     }
-    // Fewer than given: the next turn asks again, and learns why.
+    // If the kernel took fewer than given, the next turn asks again, and learns why.
     for (int i = 0; i < taken; ++i, ++sent, ++in_flight_count_) {
       const auto last = static_cast<std::size_t>((in_flight_first_ + in_flight_count_) %
                                                  SocketCanConfig::kMaxInFlight);
@@ -525,7 +528,7 @@ bool SocketCanBus::TakeMessage(std::size_t index, ReceivedFrame& received) noexc
       dropped_before_ = dropped;
     }
   }
-  if (batch_->messages[index].msg_len != sizeof kernel) return false;  // not a classic frame
+  if (batch_->messages[index].msg_len != sizeof kernel) return false;  // No classic frame.
   if ((kernel.can_id & CAN_ERR_FLAG) != 0) {
     TakeError(kernel.can_id, kernel.data);
     return false;
@@ -547,7 +550,7 @@ bool SocketCanBus::TakeMessage(std::size_t index, ReceivedFrame& received) noexc
 Status SocketCanBus::Receive(ReceivedFrame& received) noexcept {
   const Status link = LinkStatus();
   if (link != Status::kOk) return link;
-  // Ends: a call that finds less than a batch has taken all there was.
+  // This ends, because a call that finds less than a batch has taken all there was.
   for (;;) {
     while (batch_->next < batch_->count) {
       if (TakeMessage(batch_->next++, received)) return Status::kOk;

@@ -14,24 +14,27 @@
 
 namespace tumbler {
 
-/// A contact law by what it does to a robot of mass m under gravity g, instead of by k, c and
-/// v_max.
+/// What contact is to do to a robot, instead of k, c and v_max of the law.
 struct ContactIntent {
-  double static_penetration_m = 1.5e-3;  ///< x_s: how deep it sinks with all its weight on one
-                                         ///< contact; on n of them 1/n of that.
-  double settling_time_s = 0.1;      ///< t_s: after that, of a bounce on one contact 2 % are left.
-  double slip_speed_m_per_s = 0.05;  ///< v_max: what creeps slower than that counts as sticking.
+  /// x_s: how deep the robot sinks with all its weight on one contact. On n contacts it sinks by
+  /// 1/n of this.
+  double static_penetration_m = 1.5e-3;
+  /// t_s: the time after which 2 % of a bounce on one contact are left.
+  double settling_time_s = 0.1;
+  /// v_max of the law: slower creep counts as sticking.
+  double slip_speed_m_per_s = 0.05;
 };
 
-/// The shortest settling time that a spring and damper can have: with critical damping, more of
-/// which is slower again.
+/// The shortest settling time [s] that spring and damper can have. It takes critical damping; with
+/// more damping they settle more slowly again.
 ///
 ///   c <= 2 sqrt(k m)   <=>   t_s >= 4 sqrt(x_s / g)
 inline double ShortestSettlingTime(double static_penetration_m, double gravity_m_per_s2) {
   return 4 * std::sqrt(static_penetration_m / gravity_m_per_s2);
 }
 
-/// The law that does what is asked for; friction and the form of the law stay.
+/// The law that does what `intent` asks for a robot of mass m under gravity g. Friction and the
+/// form of the law are those of `law`.
 ///
 ///   k = m g / x_s          rest where k x_s = m g
 ///   c = 8 m / t_s          m x'' + c x' + k x = 0 decays as exp(-c t / 2m), to exp(-4) in t_s
@@ -50,13 +53,14 @@ inline ContactLaw LawFor(const ContactIntent& intent, double mass_kg, double gra
   return law;
 }
 
-/// The longest integration step that is advisable with a law, for a contact that meets the mass m_e
-/// and carries the load N_0:
+/// The longest integration step [s] that is advisable with a law, for a contact that meets the mass
+/// m_e and carries the load N_0:
 ///
 ///   h = 1 / max( |lambda|, 1.5 mu N_0 / (v_max m_e) ),   m_e lambda^2 + c lambda + k = 0
 ///
-/// the fastest of spring and damper, and of friction while it sticks. The Runge-Kutta method of
-/// order 4 is stable up to 2.78 times that: what is left is for loads above N_0 in impacts.
+/// This is the time constant of the spring and damper, or of the friction of a sticking foot if
+/// that is shorter. The Runge-Kutta method of order 4 is stable up to 2.78 times the step; the
+/// difference is for loads above N_0 in impacts.
 inline double AdvisableStep(const ContactLaw& law, double effective_mass_kg, double load_n) {
   const double m = effective_mass_kg;
   const double half = law.damping_n_s_per_m / (2 * m);
@@ -67,9 +71,9 @@ inline double AdvisableStep(const ContactLaw& law, double effective_mass_kg, dou
   return 1 / std::max(fastest, friction);
 }
 
-/// The smallest mass that a force on any of the shapes meets at positions q, whichever way it
-/// points: the inverse of the largest eigenvalue of J M^-1 J^T at the shape's centre, over the free
-/// degrees of freedom. Infinite if none of the shapes can move freely.
+/// The smallest mass [kg] that a force of any direction on any of the shapes meets at positions q:
+/// the inverse of the largest eigenvalue of J M^-1 J^T at the shape's centre, over the free degrees
+/// of freedom. Infinite if none of the shapes can move freely.
 template <class Space>
 double SmallestEffectiveMass(const Tree<Space>& tree,
                              const std::vector<ContactShape<Space>>& shapes,
@@ -95,7 +99,7 @@ double SmallestEffectiveMass(const Tree<Space>& tree,
     for (int i = 0; i < kDimension; ++i) {
       std::vector<double> change = accelerations(own.body, point, Vector::Unit(i));
       for (std::size_t j = 0; j < change.size(); ++j) change[j] -= rest[j];
-      dynamics.SetState(q, change);  // Where velocities are these, a point's velocity is J qdd.
+      dynamics.SetState(q, change);  // With these as velocities, a point's velocity is J qdd.
       inverse.col(i) = dynamics.velocity(own.body).At(point);
     }
     largest = std::max(largest,

@@ -7,15 +7,17 @@ namespace tumbler {
 /// How the force fades in over the outer part of the compliant layer.
 enum class ContactSmoothing {
   kCubic,    ///< [AB04, Eqs. 14-17]: C1.
-  kQuintic,  ///< Same span, zero second derivative at both ends too: C2, which BFGS likes.
+  kQuintic,  ///< Its second derivative is zero at both ends too: C2, which helps BFGS.
 };
 
 /// How the damper enters the normal force.
 enum class ContactDamping {
-  kNoPull,   ///< A C1 clamp keeps the force from pulling: the default.
-  kSigned,   ///< k x - c v with the signed normal velocity: pulls when it separates fast.
-  kPrinted,  ///< [AB04, Eq. 13] as printed, k x - c |v|: it adds energy on approach. For comparison
-             ///< only.
+  /// k x - c v with a C1 clamp that keeps the force from pulling.
+  kNoPull,
+  /// k x - c v with the signed normal velocity: the force pulls when bodies separate fast.
+  kSigned,
+  /// k x - c |v|, as printed in [AB04, Eq. 13]: adds energy on approach. For comparison only.
+  kPrinted,
 };
 
 /// The contact law of [AB04, section III], with the paper's names: the parameters of a task's
@@ -39,8 +41,8 @@ struct ContactLaw {
   bool operator==(const ContactLaw&) const = default;
 };
 
-/// The normal force N [N] at distance d and its derivatives; v is the normal velocity, positive
-/// when separating.
+/// The normal force N [N] at the distance d [m], and its derivatives. v is the normal velocity
+/// [m/s], positive when separating.
 struct NormalForce {
   double N = 0;
   double N_d = 0;  ///< [N/m]
@@ -49,10 +51,12 @@ struct NormalForce {
 
 /// N = beta(d) P(k (d_on - d) - c v), with beta of [AB04, Eqs. 14-17].
 ///
-/// P is the C1 positive part: P(y) = 0 for y <= 0, y^2 (2 e - y) / e^2 below e, y above it, with e
-/// = k (d_on - d_off). P is monotone, so with U(d) = integral of beta P(k x) dx the rest of the
-/// force opposes the velocity: a passive contact never gains energy, and never pulls. Beyond e the
-/// law is exactly the linear spring and damper.
+/// P is the C1 positive part: with e = k (d_on - d_off), P(y) = 0 for y <= 0, y^2 (2 e - y) / e^2
+/// below e, and y above it. Beyond e the law is exactly the linear spring and damper.
+///
+/// A contact never pulls, and never gains energy: the force at rest has the potential U(d), the
+/// integral of beta P(k x) over x = d_on - d, and since P is monotone the rest of the force opposes
+/// the velocity.
 inline NormalForce EvaluateNormalForce(const ContactLaw& law, double d, double v) {
   NormalForce out;
   const double x = law.d_on_m - d;
@@ -95,11 +99,11 @@ inline NormalForce EvaluateNormalForce(const ContactLaw& law, double d, double v
   return out;
 }
 
-/// Friction per unit of normal force is -mu gain(s2) v_t, with s2 = |v_t|^2: [AB04, Eqs. 18-20]
-/// written without a unit vector, so that nothing divides by zero at rest.
+/// Friction is -mu |N| gain(s2) v_t, with the tangential velocity v_t [m/s] and s2 = |v_t|^2. This
+/// is [AB04, Eqs. 18-20] without a unit vector, so that nothing divides by zero at rest.
 struct FrictionGain {
   double gain = 0;     ///< gamma(|v_t|) / |v_t| [s/m]
-  double gain_s2 = 0;  ///< its derivative in |v_t|^2
+  double gain_s2 = 0;  ///< Derivative of `gain` by s2 [s^3/m^3].
 };
 
 inline FrictionGain EvaluateFrictionGain(const ContactLaw& law, double s2) {

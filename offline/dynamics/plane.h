@@ -10,18 +10,18 @@ namespace tumbler {
 /// The algebra of rigid motions of the x-z plane, SE(2): x right, z up, angles positive from +x
 /// towards +z (axis -y).
 ///
-/// The dynamics (`hybrid_dynamics.h`) and the contact model are written once over a `Space` of this
-/// shape. All quantities of one computation are expressed in one frame at rest: world axes and an
-/// origin of the caller's choice. Units: SI.
+/// The dynamics (`hybrid_dynamics.h`) and the contact model are templates over a `Space`; this is
+/// one, and `Spatial` is the other. All quantities of one computation are expressed in one frame at
+/// rest: world axes and an origin of the caller's choice. Units: SI.
 ///
-/// What makes the plane cheap, and is used here: the cross product of two motions has no angular
-/// part (`Rate`), and the bias map 2B of a body acts on the angular velocity alone (`Bias`).
+/// Two properties make the plane cheap: the cross product of two motions has no angular part
+/// (`Rate`), and the bias map 2B of a body acts on the angular velocity alone (`Bias`).
 struct Plane {
   using Vector = Eigen::Vector2d;  ///< (x, z)
   using Angular = double;          ///< about -y
 
-  /// Capacity: degrees of freedom of a tree, those of the root included. A planar robot keeps its
-  /// matrices small.
+  /// The most degrees of freedom of a tree, those of the root included. Matrices have this size, so
+  /// a planar robot keeps it small.
   static constexpr int kMaxDofs = 12;
   static constexpr std::size_t kMotions = 3;  ///< Dimension of the space of motions.
 
@@ -30,6 +30,7 @@ struct Plane {
   /// Moment about the origin of the force f at the point r.
   static double Moment(const Vector& r, const Vector& f) { return r.x() * f.y() - r.y() * f.x(); }
 
+  /// A rotation by its cosine and sine.
   struct Rotation {
     double c = 1, s = 0;
     [[nodiscard]] Vector operator*(const Vector& r) const {
@@ -70,13 +71,13 @@ struct Plane {
     [[nodiscard]] Vector At(const Vector& r) const { return v + Cross(w, r); }
   };
 
-  /// The motion of turning at unit rate about an axis of a body with rotation R through the point
-  /// p.
+  /// The motion of a body with rotation R that turns at unit rate about an axis of its own through
+  /// the point p.
   static Motion RevoluteMotion(const Rotation& /*R*/, Axis axis, const Vector& p) {
     return {axis, -Cross(axis, p)};
   }
 
-  /// Moment about the origin, and force.
+  /// Moment about the origin [N m], and force [N].
   struct Wrench {
     double n = 0;
     Vector f = Vector::Zero();
@@ -97,7 +98,7 @@ struct Plane {
     friend Wrench operator*(const WrenchMap& a, const Motion& u) {
       return a.columns[0] * u.w + a.columns[1] * u.v.x() + a.columns[2] * u.v.y();
     }
-    /// The covector z with z . u = s . (A u), for `Dot`.
+    /// The covector z with z . u = s . (A u) for every motion u, to be applied by `Dot`.
     [[nodiscard]] Wrench TransposeTimes(const Motion& s) const {
       return {Dot(s, columns[0]), {Dot(s, columns[1]), Dot(s, columns[2])}};
     }
@@ -107,8 +108,10 @@ struct Plane {
     return {m == 0 ? 1.0 : 0.0, {m == 1 ? 1.0 : 0.0, m == 2 ? 1.0 : 0.0}};
   }
   static Vector At(const Rate& rate, const Vector& /*r*/) { return rate.v; }
+  /// The wrench of the force f at the point r.
   static Wrench ForceAt(const Vector& r, const Vector& f) { return {Moment(r, f), f}; }
 
+  /// Power of a wrench on a motion [W].
   static double Dot(const Motion& m, const Wrench& f) { return m.w * f.n + m.v.dot(f.f); }
   static double Dot(const Rate& m, const Wrench& f) { return m.v.dot(f.f); }
 
@@ -122,17 +125,17 @@ struct Plane {
     return {Moment(a.v, f.f), Cross(a.w, f.f)};
   }
 
-  /// Inertia of a body about its mass centre.
+  /// Inertia of a body about its mass centre [kg m^2].
   using BodyInertia = double;
   static BodyInertia NoInertia() { return 0; }
 
-  /// Inertia about the origin: mass, first moment h = m c, second moment.
+  /// Inertia about the origin: mass, first moment h = m c of the mass centre c, second moment i.
   struct Inertia {
     double m = 0;
     Vector h = Vector::Zero();
     double i = 0;
-    /// A body of mass m, mass centre c and inertia i_c about it; rotating a planar body changes
-    /// only c.
+    /// The inertia of a body of mass m, mass centre c and inertia i_c about the mass centre.
+    /// Rotating a planar body changes only c.
     static Inertia OfBody(double m, const Vector& c, const Rotation& /*R*/, BodyInertia i_c) {
       return {m, m * c, i_c + m * c.squaredNorm()};
     }
@@ -147,9 +150,10 @@ struct Plane {
     }
   };
 
-  /// The bias map 2B(I, v) u = v x* I u - I (v x u) + u x* I v, the part of the derivative of I a +
-  /// v x* I v in v that is left once motions are differentiated along the body [SRW22, Eq. 29]. In
-  /// the plane, with momentum p, it is 2 u.w (h . v, w x p): a wrench times the angular part of u.
+  /// The bias map 2B(I, v) u = v x* I u - I (v x u) + u x* I v. It is the part of the derivative of
+  /// I a + v x* I v by v that is left once motions are differentiated along the body [SRW22, Eq.
+  /// 29]. In the plane, with momentum p, it is 2 u.w (h . v, w x p): a wrench times the angular
+  /// part of u.
   struct Bias {
     Wrench b;
     static Bias OfBody(const Inertia& inertia, const Motion& v, const Wrench& momentum) {
@@ -157,7 +161,7 @@ struct Plane {
     }
     friend Bias operator+(const Bias& a, const Bias& c) { return {a.b + c.b}; }
     friend Wrench operator*(const Bias& a, const Motion& u) { return a.b * u.w; }
-    /// The covector z with z . u = s . (2B u).
+    /// The covector z with z . u = s . (2B u) for every motion u, to be applied by `Apply`.
     [[nodiscard]] double TransposeTimes(const Motion& s) const { return Dot(s, b); }
   };
   static double Apply(double z, const Motion& u) { return z * u.w; }

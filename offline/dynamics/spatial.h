@@ -9,16 +9,16 @@
 namespace tumbler {
 
 /// The algebra of rigid motions of space, SE(3): x right, z up, y away from the viewer of the x-z
-/// plane; angles follow the right hand about their axis. The same shape as `Plane`, for which the
-/// dynamics are written once.
+/// plane; angles follow the right hand about their axis. It has the same members as `Plane`, so
+/// that the dynamics can be templates over both.
 ///
 /// All quantities of one computation are expressed in one frame at rest: world axes and an origin
 /// of the caller's choice. Units: SI.
 struct Spatial {
   using Vector = Eigen::Vector3d;   ///< (x, y, z)
-  using Angular = Eigen::Vector3d;  ///< World axes.
+  using Angular = Eigen::Vector3d;  ///< About the world axes.
 
-  /// Capacity: degrees of freedom of a tree, those of the root included.
+  /// The most degrees of freedom of a tree, those of the root included.
   static constexpr int kMaxDofs = 32;
   static constexpr std::size_t kMotions = 6;  ///< Dimension of the space of motions.
 
@@ -27,6 +27,7 @@ struct Spatial {
   /// Moment about the origin of the force f at the point r.
   static Vector Moment(const Vector& r, const Vector& f) { return r.cross(f); }
 
+  /// A rotation by its matrix.
   struct Rotation {
     Eigen::Matrix3d m = Eigen::Matrix3d::Identity();
     [[nodiscard]] Vector operator*(const Vector& r) const { return m * r; }
@@ -51,18 +52,18 @@ struct Spatial {
     /// Velocity of the body's point at r.
     [[nodiscard]] Vector At(const Vector& r) const { return v + w.cross(r); }
   };
-  /// The derivative of a motion that is carried along by another: unlike in the plane, a motion
-  /// like any other.
+  /// The derivative of a motion that is carried along by another. Unlike in the plane, it is a
+  /// motion like any other.
   using Rate = Motion;
 
-  /// The motion of turning at unit rate about an axis of a body with rotation R through the point
-  /// p.
+  /// The motion of a body with rotation R that turns at unit rate about an axis of its own through
+  /// the point p.
   static Motion RevoluteMotion(const Rotation& R, const Axis& axis, const Vector& p) {
     const Vector w = R * axis;
     return {w, p.cross(w)};
   }
 
-  /// Moment about the origin, and force.
+  /// Moment about the origin [N m], and force [N].
   struct Wrench {
     Vector n = Vector::Zero();
     Vector f = Vector::Zero();
@@ -85,7 +86,7 @@ struct Spatial {
       }
       return sum;
     }
-    /// The covector z with z . u = s . (A u), for `Dot`.
+    /// The covector z with z . u = s . (A u) for every motion u, to be applied by `Dot`.
     [[nodiscard]] Wrench TransposeTimes(const Motion& s) const {
       return {{Dot(s, columns[0]), Dot(s, columns[1]), Dot(s, columns[2])},
               {Dot(s, columns[3]), Dot(s, columns[4]), Dot(s, columns[5])}};
@@ -99,8 +100,10 @@ struct Spatial {
     return motion;
   }
   static Vector At(const Motion& motion, const Vector& r) { return motion.At(r); }
+  /// The wrench of the force f at the point r.
   static Wrench ForceAt(const Vector& r, const Vector& f) { return {r.cross(f), f}; }
 
+  /// Power of a wrench on a motion [W].
   static double Dot(const Motion& m, const Wrench& f) { return m.w.dot(f.n) + m.v.dot(f.f); }
 
   /// a x b: how b changes when it is carried along with a.
@@ -112,7 +115,7 @@ struct Spatial {
     return {a.w.cross(f.n) + a.v.cross(f.f), a.w.cross(f.f)};
   }
 
-  /// Inertia of a body about its mass centre, in the body's frame.
+  /// Inertia of a body about its mass centre, in the body's frame [kg m^2].
   using BodyInertia = Eigen::Matrix3d;
   static BodyInertia NoInertia() { return Eigen::Matrix3d::Zero(); }
 
@@ -123,8 +126,8 @@ struct Spatial {
     double m = 0;
     Vector h = Vector::Zero();
     Eigen::Matrix3d sigma = Eigen::Matrix3d::Zero();
-    /// A body of mass m, mass centre c, rotation R, and inertia about the mass centre i_c in its
-    /// own frame.
+    /// The inertia of a body of mass m, mass centre c, rotation R, and inertia i_c about the mass
+    /// centre in its own frame.
     static Inertia OfBody(double m, const Vector& c, const Rotation& R, const BodyInertia& i_c) {
       const Eigen::Matrix3d own = 0.5 * i_c.trace() * Eigen::Matrix3d::Identity() - i_c;
       return {m, m * c, R.m * own * R.m.transpose() + m * c * c.transpose()};
@@ -137,9 +140,9 @@ struct Spatial {
     }
   };
 
-  /// The bias map 2B(I, v) u = v x* I u - I (v x u) + u x* I v [SRW22, Eq. 29]. Written out with
-  /// v = (w, v_o), momentum (n, p) = I v and Jacobi's identity, all terms in the linear part of u
-  /// cancel, and what is left is
+  /// The bias map 2B(I, v) u = v x* I u - I (v x u) + u x* I v [SRW22, Eq. 29]. With v = (w, v_o),
+  /// the momentum (n, p) = I v and Jacobi's identity, all terms in the linear part of u cancel.
+  /// This remains:
   ///
   ///   2B u = (A u.w, 2 u.w x p),   A = 2 (h . v_o) 1 - 2 v_o h^T - 2 [w] Sigma,
   ///
@@ -160,7 +163,8 @@ struct Spatial {
     friend Wrench operator*(const Bias& a, const Motion& u) {
       return {a.A * u.w, u.w.cross(a.twice_p)};
     }
-    /// The covector z on angular velocities with z . u = s . (2B u).
+    /// The covector z on angular velocities with z . u.w = s . (2B u) for every motion u, to be
+    /// applied by `Apply`.
     [[nodiscard]] Vector TransposeTimes(const Motion& s) const {
       return A.transpose() * s.w + twice_p.cross(s.v);
     }

@@ -373,8 +373,7 @@ TEST(PrimitiveToml, MarginsAreDistancesOfTheControlPolygonToTheLimits) {
   EXPECT_NEAR(margins.velocity_rad_s, 10.0 - 5 * 0.1875 / 1.25, 1e-12);
 }
 
-// ---- Refusals
-// ------------------------------------------------------------------------------------------------------
+// ---- Refusals -----------------------------------------------------------------------------------
 
 struct Refusal {
   const char* name;
@@ -725,8 +724,7 @@ TEST(PrimitiveToml, WriterRefusesWhatNoProgramWouldLoad) {
   }
 }
 
-// ---- Rounding
-// ------------------------------------------------------------------------------------------------------
+// ---- Rounding -----------------------------------------------------------------------------------
 
 TEST(PrimitiveToRuntime, RoundsEveryNumberToTheNearestFloat) {
   const Primitive<double> primitive = Example().primitive;

@@ -98,7 +98,7 @@ std::string Join(const std::vector<std::string>& names) {
   return fmt::format("{}", fmt::join(names, ","));
 }
 
-// ---- random robots --------------------------------------------------------------------------
+// ---- random robots ------------------------------------------------------------------------------
 
 struct JointOfFile {
   std::string name;
