@@ -15,9 +15,9 @@
 #include <string>
 #include <tumbler/command_t.hpp>
 
-#include "runtime/linux/live_view.h"
 #include "runtime/linux/operator_mailbox.h"
-#include "runtime/linux/telemetry.h"
+#include "runtime/telemetry/live_view.h"
+#include "runtime/telemetry/telemetry.h"
 
 namespace tumbler {
 namespace {

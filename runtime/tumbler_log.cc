@@ -18,10 +18,10 @@
 #include <tumbler/state_t.hpp>
 #include <vector>
 
-#include "runtime/faults.h"
-#include "runtime/linux/live_view.h"
-#include "runtime/linux/state_csv.h"
-#include "runtime/linux/telemetry.h"
+#include "runtime/core/faults.h"
+#include "runtime/telemetry/live_view.h"
+#include "runtime/telemetry/state_csv.h"
+#include "runtime/telemetry/telemetry.h"
 
 namespace tumbler {
 namespace {

@@ -18,18 +18,18 @@
 #include <string_view>
 #include <vector>
 
-#include "runtime/interface_world.h"
+#include "runtime/assembly/run_checks.h"
 #include "runtime/linux/candump.h"
-#include "runtime/linux/control_loop.h"
 #include "runtime/linux/interrupts.h"
 #include "runtime/linux/realtime_thread.h"
-#include "runtime/linux/run_report.h"
-#include "runtime/linux/telemetry.h"
 #include "runtime/record/flight_record.h"
 #include "runtime/record/flight_recorder.h"
 #include "runtime/record/replay.h"
 #include "runtime/record/run_trace.h"
-#include "runtime/run_checks.h"
+#include "runtime/run/control_loop.h"
+#include "runtime/run/interface_world.h"
+#include "runtime/run/run_report.h"
+#include "runtime/telemetry/telemetry.h"
 
 namespace tumbler {
 namespace {

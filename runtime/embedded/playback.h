@@ -7,8 +7,8 @@
 
 #include "firmware_interface/can/frame.h"
 #include "firmware_interface/drives/drive_bank.h"
-#include "runtime/executor.h"
-#include "runtime/run_sequence.h"
+#include "runtime/core/executor.h"
+#include "runtime/core/run_sequence.h"
 
 namespace tumbler {
 

@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
+#include "runtime/core/tick_entry.h"
 #include "runtime/record/record_blocks.h"
 #include "runtime/record/record_configuration.h"
-#include "runtime/record/tick_entry.h"
 
 namespace tumbler {
 

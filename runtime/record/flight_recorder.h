@@ -7,9 +7,9 @@
 #include <span>
 #include <string>
 
-#include "runtime/executor.h"
+#include "runtime/core/executor.h"
+#include "runtime/core/tick_entry.h"
 #include "runtime/record/record_blocks.h"
-#include "runtime/record/tick_entry.h"
 
 namespace tumbler {
 

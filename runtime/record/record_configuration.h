@@ -9,10 +9,10 @@
 
 #include "common/sequence_toml.h"
 #include "firmware_interface/drives/drives_toml.h"
-#include "runtime/executor.h"
+#include "runtime/core/executor.h"
+#include "runtime/core/run_sequence.h"
 #include "runtime/linux/machine.h"
 #include "runtime/record/record_blocks.h"
-#include "runtime/run_sequence.h"
 
 namespace tumbler {
 

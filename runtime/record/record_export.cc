@@ -14,7 +14,7 @@
 #include "common/primitive_toml.h"
 #include "firmware_interface/can/frame_length.h"
 #include "runtime/linux/candump.h"
-#include "runtime/linux/telemetry.h"
+#include "runtime/telemetry/telemetry.h"
 
 namespace tumbler {
 

@@ -4,7 +4,7 @@
 #include <optional>
 #include <string>
 
-#include "runtime/executor.h"
+#include "runtime/core/executor.h"
 #include "runtime/record/flight_record.h"
 
 namespace tumbler {

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "firmware_interface/drives/mit.h"
-#include "runtime/executor.h"
+#include "runtime/core/executor.h"
 #include "tests/support/motions.h"
 
 namespace tumbler {

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "firmware_interface/drives/make_simulated.h"
-#include "runtime/executor.h"
+#include "runtime/core/executor.h"
 #include "runtime/linux/dry_run_bus.h"
 #include "tests/support/motions.h"
 

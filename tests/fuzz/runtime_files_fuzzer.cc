@@ -16,9 +16,9 @@
 #include "common/toml_reader.h"
 #include "firmware_interface/can/bus_faults_toml.h"
 #include "firmware_interface/drives/drives_toml.h"
-#include "runtime/faults_toml.h"
+#include "runtime/assembly/faults_toml.h"
 #ifdef TUMBLER_HAS_SIMULATION
-#include "offline/twin/twin_toml.h"
+#include "offline/rehearsal/twin/twin_toml.h"
 #endif
 
 namespace tumbler {

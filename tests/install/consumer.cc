@@ -14,9 +14,9 @@
 #include "firmware_interface/drives/make_simulated.h"
 #include "offline/certificate/certificate.h"
 #include "offline/problem/task_toml.h"
+#include "offline/rehearsal/twin/twin.h"
 #include "offline/rollout/rollout.h"
-#include "offline/twin/twin.h"
-#include "runtime/executor.h"
+#include "runtime/core/executor.h"
 #include "runtime/linux/clock.h"
 
 namespace {

@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "offline/flight_report/flight_report.h"
+#include "offline/rehearsal/flight_report/flight_report.h"
 #include "tests/offline/sample_runs.h"
 #include "tests/support/browser.h"
 

@@ -1,7 +1,7 @@
 // What the report of runs makes of records: held against the records themselves, the simulated
 // robot's own log and the primitives. And the program as a user meets it.
 
-#include "offline/flight_report/flight_report.h"
+#include "offline/rehearsal/flight_report/flight_report.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,6 +1,6 @@
 // Whether a robot rests, where, and whether it fell, told from what it does.
 
-#include "offline/twin/posture.h"
+#include "offline/rehearsal/twin/posture.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "common/sequence_toml.h"
-#include "offline/twin/simulated_robot.h"
+#include "offline/rehearsal/twin/simulated_robot.h"
 
 namespace tumbler {
 namespace {

@@ -1,6 +1,6 @@
 // A robot with its drives and whatever a twin file does to it, against mechanics and heat flow.
 
-#include "offline/twin/simulated_robot.h"
+#include "offline/rehearsal/twin/simulated_robot.h"
 
 #include <gtest/gtest.h>
 

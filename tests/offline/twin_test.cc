@@ -1,6 +1,6 @@
 // The simulated robot against mechanics: energy, weight, and time.
 
-#include "offline/twin/twin.h"
+#include "offline/rehearsal/twin/twin.h"
 
 #include <gtest/gtest.h>
 

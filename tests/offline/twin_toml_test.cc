@@ -1,6 +1,6 @@
 // Twin files: what they say, and what is said of wrong ones.
 
-#include "offline/twin/twin_toml.h"
+#include "offline/rehearsal/twin/twin_toml.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "runtime/run_sequence.h"
+#include "runtime/core/run_sequence.h"
 #include "tests/support/allocation_guard.h"
 #include "tests/support/executor_rig.h"
 #include "tests/support/motions.h"

@@ -1,4 +1,4 @@
-#include "runtime/linux/control_loop.h"
+#include "runtime/run/control_loop.h"
 
 #include <gtest/gtest.h>
 
@@ -20,7 +20,7 @@
 #include "firmware_interface/drives/rotor_plant.h"
 #include "firmware_interface/drives/simulated_mit.h"
 #include "runtime/linux/dry_run_bus.h"
-#include "runtime/linux/run_report.h"
+#include "runtime/run/run_report.h"
 #include "tests/support/loop_bench.h"
 
 namespace tumbler {

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "runtime/executor.h"
+#include "runtime/core/executor.h"
 #include "tests/support/executor_rig.h"
 #include "tests/support/sequence_files.h"
 

@@ -1,4 +1,4 @@
-#include "runtime/executor.h"
+#include "runtime/core/executor.h"
 
 #include <gtest/gtest.h>
 

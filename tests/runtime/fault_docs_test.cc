@@ -11,7 +11,7 @@
 #include <utility>
 #include <vector>
 
-#include "runtime/faults.h"
+#include "runtime/core/faults.h"
 #include "tests/support/executor_rig.h"
 #include "tests/support/motions.h"
 
@@ -97,7 +97,7 @@ TEST(FaultDocs, TheTablesOfTheDocumentAreThoseOfTheCode) {
        {std::pair{"states", States()}, std::pair{"faults", Faults()},
         std::pair{"reactions", Reactions()}, std::pair{"answers", Answers()}}) {
     const std::string begin =
-        std::string("<!-- generated from runtime/faults.h: ") + name + " -->\n";
+        std::string("<!-- generated from runtime/core/faults.h: ") + name + " -->\n";
     const std::string end = "<!-- end -->\n";
     const std::size_t first = after.find(begin);
     ASSERT_NE(first, std::string::npos) << kFile << " has no line " << begin;

@@ -1,4 +1,4 @@
-#include "runtime/faults.h"
+#include "runtime/core/faults.h"
 
 #include <gtest/gtest.h>
 

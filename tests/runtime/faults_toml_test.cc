@@ -1,4 +1,4 @@
-#include "runtime/faults_toml.h"
+#include "runtime/assembly/faults_toml.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -11,9 +11,9 @@
 #include <tumbler/state_t.hpp>
 #include <vector>
 
-#include "runtime/linux/lcm_commands.h"
 #include "runtime/linux/operator_mailbox.h"
-#include "runtime/linux/telemetry.h"
+#include "runtime/telemetry/lcm_commands.h"
+#include "runtime/telemetry/telemetry.h"
 
 namespace tumbler {
 namespace {

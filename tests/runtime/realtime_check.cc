@@ -9,9 +9,9 @@
 
 #include "common/realtime.h"
 #include "firmware_interface/drives/mit.h"
-#include "runtime/executor.h"
-#include "runtime/run_sequence.h"
-#include "runtime/safety.h"
+#include "runtime/core/executor.h"
+#include "runtime/core/run_sequence.h"
+#include "runtime/core/safety.h"
 #include "tests/support/motions.h"
 
 namespace tumbler {

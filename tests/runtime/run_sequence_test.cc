@@ -1,4 +1,4 @@
-#include "runtime/run_sequence.h"
+#include "runtime/core/run_sequence.h"
 
 #include <gtest/gtest.h>
 

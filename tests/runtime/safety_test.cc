@@ -1,4 +1,4 @@
-#include "runtime/safety.h"
+#include "runtime/core/safety.h"
 
 #include <gtest/gtest.h>
 

@@ -16,7 +16,7 @@
 #include <tumbler/state_t.hpp>
 #include <vector>
 
-#include "runtime/linux/telemetry.h"
+#include "runtime/telemetry/telemetry.h"
 #include "tests/support/program.h"
 
 namespace tumbler {

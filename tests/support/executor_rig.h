@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "runtime/executor.h"
+#include "runtime/core/executor.h"
 #include "tests/support/scripted_drive.h"
 
 namespace tumbler::testing {

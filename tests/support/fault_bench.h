@@ -12,7 +12,7 @@
 #include "firmware_interface/drives/drives_toml.h"
 #include "firmware_interface/drives/make_simulated.h"
 #include "firmware_interface/drives/rotor_plant.h"
-#include "runtime/executor.h"
+#include "runtime/core/executor.h"
 #include "tests/support/frame_checker.h"
 
 namespace tumbler::testing {

@@ -11,7 +11,7 @@
 #include "firmware_interface/drives/rotor_plant.h"
 #include "firmware_interface/drives/simulated_mit.h"
 #include "runtime/linux/clock.h"
-#include "runtime/linux/control_loop.h"
+#include "runtime/run/control_loop.h"
 #include "tests/support/motions.h"
 
 namespace tumbler::testing {

@@ -14,10 +14,10 @@
 
 #include "common/primitive_toml.h"
 #include "firmware_interface/drives/mit.h"
+#include "runtime/core/run_sequence.h"
 #include "runtime/record/flight_record.h"
 #include "runtime/record/flight_recorder.h"
 #include "runtime/record/record_configuration.h"
-#include "runtime/run_sequence.h"
 #include "tests/support/primitive_file.h"
 
 namespace tumbler::testing {

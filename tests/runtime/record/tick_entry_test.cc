@@ -1,4 +1,4 @@
-#include "runtime/record/tick_entry.h"
+#include "runtime/core/tick_entry.h"
 
 #include <gtest/gtest.h>
 

@@ -1,0 +1,115 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "offline/report/report.h"
+#include "runtime/core/executor.h"
+
+namespace tumbler {
+
+/// Something that happened at an instant of a run.
+struct RunEvent {
+  enum class Kind {
+    kState,    ///< The executor entered a state, or began a node.
+    kRequest,  ///< The operator, or the program that stands for one, asked for something.
+    kRefusal,  ///< That was refused.
+    kFault,    ///< A fault was latched.
+    kTiming,   ///< Control periods were missed, or ticks not recorded.
+    kTruth,    ///< The simulated robot rests, falls or is pushed.
+  };
+  double time_s = 0;
+  Kind kind = Kind::kState;
+  std::string text;
+};
+const char* ToString(RunEvent::Kind kind);
+
+/// A node of the sequence, from its start to the end of its settling.
+struct RunBand {
+  double from_s = 0;
+  double to_s = 0;
+  int node = 0;
+  std::string name;
+};
+
+/// One tick of a run, without its joints.
+struct RunTick {
+  double time_s = 0;  ///< Of its deadline.
+  std::int64_t tick = 0;
+  ExecutorState state = ExecutorState::kDisarmed;
+  Reaction reaction = Reaction::kIgnore;
+  int node = 0;
+  double primitive_time_s = 0;
+};
+
+/// Durations of one kind, all of them.
+struct RunLatency {
+  std::string name;
+  std::string meaning;
+  std::vector<std::int64_t> values_ns;  ///< Sorted.
+
+  /// The smallest value that a share of all values does not exceed [ns]; 0 without values.
+  [[nodiscard]] std::int64_t PercentileNs(double share) const;
+};
+
+/// A run as the report shows it, at every tick; or a primitive, which is a plan and nothing else.
+///
+/// Time 0 is where the first motion begins (state running), so that runs can be laid over each
+/// other; of a run without one, its first tick.
+struct RunData {
+  std::string name;  ///< Of the file.
+  bool recorded = false;
+  std::vector<std::pair<std::string, std::string>> facts;  ///< For people: name, value with unit.
+  ReportData scene;  ///< The robot and its ground; no samples.
+  std::string robot_hash;
+  double period_s = 0;
+
+  std::vector<RunTick> ticks;            ///< Empty of a primitive.
+  std::vector<JointRecord> joint_ticks;  ///< Joint j of tick i at i * joint count + j.
+  std::vector<RunEvent> events;          ///< By time.
+  std::vector<RunBand> bands;
+  std::vector<RunLatency> latencies;
+
+  /// The robot as planned: in each node the nominal simulation of its primitive, placed along x
+  /// where the one before ended; between nodes, at rest. Of a primitive, joint values are the
+  /// splines', and torques the feed-forward.
+  std::vector<ReportSample> plan;
+  /// The simulated robot as it really was; empty where that is not known.
+  std::vector<ReportSample> truth;
+
+  [[nodiscard]] std::size_t joint_count() const { return scene.joint_names.size(); }
+  [[nodiscard]] const JointRecord& joint(std::size_t tick, std::size_t joint) const {
+    return joint_ticks[tick * joint_count() + joint];
+  }
+  /// What was measured less the limited setpoint that the measurement answers [rad]; none while the
+  /// position is not controlled, or before the first reply.
+  [[nodiscard]] std::optional<double> FollowingError(std::size_t tick, std::size_t joint) const;
+};
+
+/// Reads a flight record. @param truth_log  LCM log with TUMBLER_TRUTH of that run, which then
+/// counts instead of the truth in the record; empty: none.
+/// @throws RecordError, FileError or std::runtime_error naming the file.
+RunData ReadRun(const std::string& path, const std::string& truth_log);
+
+/// Reads a primitive: its plan, played alone. @throws FileError.
+RunData ReadPlan(const std::string& path);
+
+/// How far what was measured of a joint was apart in two runs, at the same ticks since their
+/// motions began.
+struct RunDifference {
+  std::string joint;
+  std::string quantity;  ///< e.g. `measured position`
+  std::string unit;
+  std::int64_t ticks = 0;  ///< That both have.
+  double max = 0;          ///< |b - a|
+  double max_at_s = 0;
+  double rms = 0;
+};
+/// Of all joints; empty unless both are records with the same period.
+std::vector<RunDifference> Compare(const RunData& a, const RunData& b);
+
+}  // namespace tumbler

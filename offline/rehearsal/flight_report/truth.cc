@@ -1,0 +1,49 @@
+#include "offline/rehearsal/flight_report/truth.h"
+
+#include <fmt/format.h>
+
+#include <cerrno>
+#include <fstream>
+#include <stdexcept>
+#include <system_error>
+
+#include <lcm/lcm-cpp.hpp>
+
+#include "offline/rehearsal/twin/truth_log.h"
+
+namespace tumbler {
+
+bool DecodeTruth(std::span<const std::uint8_t> bytes, truth_t& truth) {
+  const auto size = static_cast<int>(bytes.size());
+  return truth.decode(bytes.data(), 0, size) == size;
+}
+
+std::vector<LoggedTruth> ReadTruthLog(const std::string& path) {
+  const auto fail = [&path](const std::string& problem) {
+    throw std::runtime_error(fmt::format("{}: {}", path, problem));
+  };
+  errno = 0;
+  std::ifstream probe(path, std::ios::binary);
+  if (!probe || probe.peek() == std::ifstream::traits_type::eof()) {
+    const int error = errno;
+    fail(error != 0 ? fmt::format("cannot be read: {}", std::generic_category().message(error))
+                    : "is empty");
+  }
+  lcm::LogFile log(path, "r");
+  if (!log.good()) fail("cannot be read");
+  std::vector<LoggedTruth> truths;
+  while (const lcm::LogEvent* event = log.readNextEvent()) {
+    if (event->channel != kTruthChannel) continue;
+    LoggedTruth logged;
+    logged.utime_us = event->timestamp;
+    const auto* bytes = static_cast<const std::uint8_t*>(event->data);
+    if (!DecodeTruth({bytes, static_cast<std::size_t>(event->datalen)}, logged.truth)) {
+      fail(fmt::format("event {} is no message truth_t of this version", event->eventnum));
+    }
+    truths.push_back(std::move(logged));
+  }
+  if (truths.empty()) fail(fmt::format("is no LCM log with messages on channel {}", kTruthChannel));
+  return truths;
+}
+
+}  // namespace tumbler

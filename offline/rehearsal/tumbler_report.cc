@@ -1,0 +1,124 @@
+// tumbler-report: one page of what was planned, commanded, measured and true in one run or several.
+
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <exception>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "offline/rehearsal/flight_report/flight_report.h"
+#include "runtime/record/flight_record.h"
+
+namespace tumbler {
+namespace {
+
+enum ExitStatus { kWritten = 0, kBadInput = 1 };
+
+/// More make plots that nobody can read.
+constexpr std::size_t kRunsMax = 6;
+
+struct Arguments {
+  std::vector<std::string> files;
+  std::vector<std::string> truths;
+  std::string out;
+  FlightReportOptions options;
+};
+
+bool IsRecord(const std::string& path) {
+  const MappedFile file(path);
+  return StartOf(file.bytes()) != RecordStart::kNotARecord && !file.bytes().empty();
+}
+
+int Report(const Arguments& arguments) {
+  std::vector<RunData> runs;
+  std::size_t truths = 0;
+  for (const std::string& path : arguments.files) {
+    if (IsRecord(path)) {
+      const bool has_log = truths < arguments.truths.size();
+      runs.push_back(ReadRun(path, has_log ? arguments.truths[truths] : std::string()));
+      ++truths;
+    } else {
+      runs.push_back(ReadPlan(path));
+    }
+  }
+  if (truths < arguments.truths.size()) {
+    throw std::runtime_error(
+        fmt::format("{}: --truth is given {} times, for {} records; the first log belongs to the "
+                    "first record",
+                    arguments.truths[truths], arguments.truths.size(), truths));
+  }
+  const std::string page = WriteFlightReport(runs, arguments.out, arguments.options);
+  for (const RunData& run : runs) {
+    fmt::print("{}:\n", run.name);
+    for (const auto& [name, value] : run.facts) fmt::print("  {}: {}\n", name, value);
+    for (const RunEvent& event : run.events) {
+      if (event.kind != RunEvent::Kind::kFault) continue;
+      fmt::print("  fault at {:.3f} s: {}\n", event.time_s, event.text);
+    }
+  }
+  for (std::size_t k = 1; k < runs.size(); ++k) {
+    for (const RunDifference& d : Compare(runs.front(), runs[k])) {
+      fmt::print("{} less {}: {}, {}: at most {:.6g} {} at {:.3f} s, rms {:.3g} {}\n", runs[k].name,
+                 runs.front().name, d.joint, d.quantity, d.max, d.unit, d.max_at_s, d.rms, d.unit);
+    }
+  }
+  fmt::print("wrote {}\n", page);
+  return kWritten;
+}
+
+}  // namespace
+}  // namespace tumbler
+
+int main(int argc, char** argv) {
+  tumbler::Arguments arguments;
+  CLI::App app(
+      "Shows runs and plans on one page: plan, command, measurement and truth of every joint on "
+      "one "
+      "time axis, the robots of plan and truth, faults and transitions, latencies, and how runs "
+      "differ.\nExit status: 0 written; 1 wrong usage, or a file that cannot be used: nothing is "
+      "written then.",
+      "tumbler-report");
+  app.add_option("RECORD|PRIMITIVE", arguments.files,
+                 "flight records (tumbler-run --record) and primitives, of one robot")
+      ->required();
+  app.add_option("--out", arguments.out, "folder for the page, index.html")->required();
+  app.add_option(
+         "--truth", arguments.truths,
+         "LCM log with TUMBLER_TRUTH (tumbler-twin --truth) of the first record; given again, "
+         "of the second, ...")
+      ->allow_extra_args(false);
+  app.add_option(
+         "--ticks", arguments.options.ticks_max,
+         "how many ticks of each run the plots have, and those that stand out; figures are of "
+         "all ticks")
+      ->check(CLI::Range(100, 200'000))
+      ->capture_default_str();
+  app.add_option("--from", arguments.options.from_s,
+                 "show the runs from this time on only [s]; 0 is where the motion begins");
+  app.add_option("--to", arguments.options.to_s, "show the runs up to this time only [s]");
+  try {
+    app.parse(argc, argv);
+    if (arguments.files.size() > tumbler::kRunsMax) {
+      throw CLI::ValidationError(
+          "RECORD|PRIMITIVE",
+          fmt::format("are {}, allowed: 1 ... {}", arguments.files.size(), tumbler::kRunsMax));
+    }
+    if (!(arguments.options.from_s < arguments.options.to_s)) {
+      throw CLI::ValidationError(
+          "--from", fmt::format("is {}, must be before --to, {}", arguments.options.from_s,
+                                arguments.options.to_s));
+    }
+    if (arguments.out.empty()) throw CLI::ValidationError("--out", "is empty");
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? tumbler::kWritten : tumbler::kBadInput;
+  }
+  try {
+    return tumbler::Report(arguments);
+  } catch (const std::exception& error) {
+    fmt::print(stderr, "tumbler-report: {}\n", error.what());
+    return tumbler::kBadInput;
+  }
+}

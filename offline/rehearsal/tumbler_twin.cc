@@ -1,0 +1,230 @@
+// tumbler-twin: a process that is the robot: simulated drives, in front of the physics, on a
+// SocketCAN interface.
+
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <csignal>
+#include <cstdio>
+#include <exception>
+#include <fstream>
+#include <iostream>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "common/sequence_toml.h"
+#include "firmware_interface/drives/drive_server.h"
+#include "firmware_interface/drives/drives_toml.h"
+#include "offline/rehearsal/twin/simulated_robot.h"
+#include "offline/rehearsal/twin/truth_log.h"
+#include "offline/rehearsal/twin/twin_toml.h"
+
+namespace tumbler {
+namespace {
+
+constexpr int kExitUsage = 1;
+constexpr int kExitFell = 4;
+
+constexpr const char* kFooter =
+    R"(The robot and the ground are those of MOTION, a primitive or a sequence; FILE of --config says what differs, what
+happens to the robot, and may name motion and drives (docs/formats.md). What is not given is as in `tumbler-run sim`.
+
+The robot is held by hand, joints and all, until every drive is enabled. From then on physics takes its course at the
+pace of the clock: with the torque off it collapses. It falls when it comes to rest in a pose that no motion begins or
+ends in, or touches with a link that must not; a robot that is let go in such a pose does not fall.
+
+Prints, with the time of `candump -L`, when a drive is enabled or disabled, when its watchdog takes over, where the
+robot comes to rest, and falls.
+
+Signals:
+  INT, TERM   end
+  USR1        somebody picks the robot up, puts it where it began, and holds it as at the start
+An interface that goes down or away is waited for.
+
+Exit codes:
+  0    the robot did not fall
+  1    wrong usage, or a file or interface that cannot be used
+  4    it fell)";
+
+struct Options {
+  std::string interface;
+  std::string motion;
+  std::string config;
+  std::string drives;
+  std::string lcm_url;
+  std::string truth;
+  std::string json;
+  double pace = 1;
+};
+
+volatile std::sig_atomic_t stop_wanted = 0;
+volatile std::sig_atomic_t put_back_wanted = 0;
+void OnStop(int /*signal*/) { stop_wanted = 1; }
+void OnPutBack(int /*signal*/) { put_back_wanted = 1; }
+
+void CatchSignals() {
+  struct sigaction action {};
+  action.sa_handler = OnStop;
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
+  action.sa_handler = OnPutBack;
+  sigaction(SIGUSR1, &action, nullptr);
+}
+
+std::string JsonOf(const Options& options, const SimulatedRobot& robot) {
+  using Json = nlohmann::ordered_json;
+  const TwinState state = robot.state();
+  Json json;
+  json["bus"] = options.interface;
+  json["time_s"] = static_cast<double>(state.time_ns) / 1e9;
+  json["falls"] = robot.posture().falls();
+  json["root_x_m"] = state.root_x_m;
+  json["root_z_m"] = state.root_z_m;
+  json["root_pitch_rad"] = state.root_pitch_rad;
+  json["peak_penetration_m"] = state.peak_penetration_m;
+  json["joints"] = Json::array();
+  for (std::size_t j = 0; j < robot.joint_count(); ++j) {
+    const SimulatedDrive& drive = robot.drive(j);
+    json["joints"].push_back({{"name", robot.joints()[j]},
+                              {"position_rad", state.joint_positions_rad[j]},
+                              {"temperature_c", drive.temperature_c()},
+                              {"frames_heard", drive.frames_received()},
+                              {"setpoints", drive.setpoints_received()},
+                              {"watchdog_expiries", drive.watchdog_expiries()}});
+  }
+  json["events"] = Json::array();
+  for (const PostureEvent& event : robot.posture().events()) {
+    const bool fall = event.kind == PostureEvent::Kind::kFall;
+    json["events"].push_back({{"event", fall ? "fall" : "rest"},
+                              {"time_s", static_cast<double>(event.time_ns) / 1e9},
+                              {"pose", event.pose},
+                              {"cause", event.cause},
+                              {"root_x_m", event.root_x_m},
+                              {"root_z_m", event.root_z_m},
+                              {"root_pitch_rad", event.root_pitch_rad}});
+  }
+  return json.dump(2) + '\n';
+}
+
+void WriteJson(const Options& options, const SimulatedRobot& robot) {
+  if (options.json.empty()) return;
+  if (options.json == "-") {
+    std::cout << JsonOf(options, robot) << std::flush;
+    return;
+  }
+  std::ofstream stream(options.json);
+  stream << JsonOf(options, robot) << std::flush;
+  if (!stream) throw std::runtime_error(fmt::format("{}: cannot be written", options.json));
+}
+
+/// `given`, or else what the twin file names.
+std::string FileOf(const std::string& given, const std::string& named, const char* what,
+                   const char* option) {
+  if (!given.empty()) return given;
+  if (!named.empty()) return named;
+  throw std::runtime_error(
+      fmt::format("which {}? Give {}, or a --config file with `{} = \"...\"`", what, option, what));
+}
+
+std::int64_t UtimeNow() {
+  const auto since_epoch = std::chrono::system_clock::now().time_since_epoch();
+  return std::chrono::duration_cast<std::chrono::microseconds>(since_epoch).count();
+}
+
+int Run(const Options& options) {
+  TwinSources sources;
+  if (!options.config.empty()) sources = ReadTwinSources(options.config);
+  const SequenceFile motion =
+      LoadMotion(FileOf(options.motion, sources.motion, "motion", "MOTION"));
+  const DrivesConfig drives =
+      LoadDrives(FileOf(options.drives, sources.drives, "drives", "--drives"));
+  SimulatedRobotConfig config;
+  if (!options.config.empty()) config = LoadTwin(options.config, motion);
+  SimulatedRobot robot(motion, drives, config);
+  TruthLogConfig truth_config;
+  truth_config.log_file = options.truth;
+  truth_config.lcm_url = options.lcm_url;
+  truth_config.utime_at_zero_us = UtimeNow();
+  TruthLog truth(truth_config);
+
+  std::vector<ServedDrive> served;
+  for (std::size_t j = 0; j < robot.joint_count(); ++j)
+    served.push_back({robot.joints()[j], &robot.drive(j)});
+  DriveServer server(
+      options.interface, drives, robot.bus(), std::move(served),
+      [&](std::int64_t time_ns) {
+        robot.AdvanceTo(time_ns);
+        truth.Observe(robot);
+      },
+      options.pace);
+  fmt::print("{} with {} drives on {}, held\n", motion.graph.name.view(), robot.joint_count(),
+             options.interface);
+  std::fflush(stdout);
+  CatchSignals();
+
+  constexpr std::int64_t kPeriod_ns = 1'000'000;
+  std::size_t told = 0;
+  bool held = robot.state().held;
+  for (std::int64_t deadline_ns = 0; stop_wanted == 0;) {
+    if (deadline_ns <= server.now_ns()) deadline_ns += kPeriod_ns;
+    if (deadline_ns <= server.now_ns())
+      deadline_ns = (server.now_ns() / kPeriod_ns + 1) * kPeriod_ns;
+    server.ServeUntil(deadline_ns);
+    if (put_back_wanted != 0) {
+      put_back_wanted = 0;
+      robot.PutBack();
+      DriveServer::Say("put back where it began");
+    }
+    if (robot.state().held != held) {
+      held = !held;
+      DriveServer::Say(held ? "held" : "let go");
+    }
+    const std::vector<PostureEvent>& events = robot.posture().events();
+    for (; told < events.size(); ++told) DriveServer::Say(Describe(events[told]));
+  }
+  WriteJson(options, robot);
+  return robot.posture().falls() > 0 ? kExitFell : 0;
+}
+
+int Main(int argc, char** argv) {
+  Options options;
+  CLI::App app("The robot as a process: simulated drives and physics on a SocketCAN interface.",
+               "tumbler-twin");
+  app.footer(kFooter);
+  app.add_option("BUS", options.interface, "SocketCAN interface, e.g. vcan0")->required();
+  app.add_option("MOTION", options.motion, "primitive or sequence file (TOML)");
+  app.add_option("--config", options.config, "the robot as it is, with disturbances (TOML)");
+  app.add_option("--drives", options.drives, "drive configuration (TOML)");
+  app.add_option("--lcm-url", options.lcm_url,
+                 "publish truth_t there, e.g. udpm://239.255.76.67:7667?ttl=0");
+  app.add_option("--truth", options.truth, "write truth_t to this LCM log");
+  app.add_option("--pace", options.pace,
+                 "seconds of the robot in a second of the clock; tumbler-run needs the same")
+      ->check(CLI::Range(0.05, 1.0))
+      ->capture_default_str();
+  app.add_option("--json", options.json,
+                 "at the end, write what happened to this file, or - for standard output");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::CallForHelp& help) {
+    return app.exit(help);
+  } catch (const CLI::ParseError& error) {
+    app.exit(error);
+    return kExitUsage;
+  }
+  try {
+    return Run(options);
+  } catch (const std::exception& error) {
+    fmt::print(stderr, "tumbler-twin: {}\n", error.what());
+    return kExitUsage;
+  }
+}
+
+}  // namespace
+}  // namespace tumbler
+
+int main(int argc, char** argv) { return tumbler::Main(argc, argv); }

@@ -1,0 +1,97 @@
+#include "offline/rehearsal/twin/simulated_robot.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include "firmware_interface/drives/make_simulated.h"
+
+namespace tumbler {
+namespace {
+
+/// How often the robot is looked at: falls and rests last longer.
+constexpr std::int64_t kLook_ns = 1'000'000;
+
+const DriveEntry& DriveOf(const DrivesConfig& drives, const std::string& joint) {
+  for (const DriveEntry& entry : drives.drives) {
+    if (entry.joint == joint) return entry;
+  }
+  throw std::invalid_argument("there is no drive for the joint '" + joint + "' of the motion");
+}
+
+SimulatedMotorConfig AtShaft(const JointMotor& motor, double torque_max_nm, const JointMap& map) {
+  const double torque_ratio = std::abs(static_cast<double>(map.ToDriveTorque(1)));
+  const double speed_ratio = std::abs(static_cast<double>(map.ToDriveVelocity(1)));
+  SimulatedMotorConfig shaft;
+  shaft.torque_max_nm = motor.torque_max_nm.value_or(torque_max_nm) * torque_ratio;
+  shaft.base_speed_rad_s = motor.base_speed_rad_s * speed_ratio;
+  shaft.no_load_speed_rad_s = motor.no_load_speed_rad_s * speed_ratio;
+  shaft.encoder_step_rad = motor.encoder_counts_per_turn == 0
+                               ? 0.0
+                               : 6.2831853071795864769 / motor.encoder_counts_per_turn;
+  shaft.turnaround_ns = std::llround(motor.answer_delay_s * 1e9);
+  shaft.torque_time_constant_s = motor.torque_time_constant_s;
+  shaft.ambient_c = motor.ambient_c;
+  shaft.heating_k_per_nm2 = motor.heating_k_per_nm2 / (torque_ratio * torque_ratio);
+  shaft.thermal_time_constant_s = motor.thermal_time_constant_s;
+  return shaft;
+}
+
+}  // namespace
+
+PrimitivePose StartOf(const SequenceFile& motion) {
+  const int node = motion.graph.start;
+  const PrimitivePose& entry = motion.PrimitiveOf(node).entry;
+  PrimitivePose start = entry;
+  start.root_pitch_rad = motion.RobotPitch(node, entry.root_pitch_rad);
+  for (std::size_t j = 0; j < entry.joint_positions_rad.size(); ++j) {
+    const auto role = static_cast<std::size_t>(motion.graph.RoleOf(node, static_cast<int>(j)));
+    start.joint_positions_rad[j] = entry.joint_positions_rad[role];
+  }
+  return start;
+}
+
+SimulatedRobot::SimulatedRobot(const SequenceFile& motion, const DrivesConfig& drives,
+                               const SimulatedRobotConfig& config)
+    : bus_(drives.bit_rate) {
+  const Primitive<double>& first = motion.PrimitiveOf(motion.graph.start).primitive;
+  std::vector<SimulatedDrive*> pointers;
+  for (std::size_t j = 0; j < first.motions().size(); ++j) {
+    double torque_max_nm = 0;
+    for (int node = 0; node < motion.graph.node_count; ++node) {
+      const auto role = static_cast<std::size_t>(motion.graph.RoleOf(node, static_cast<int>(j)));
+      torque_max_nm = std::max(
+          torque_max_nm, motion.PrimitiveOf(node).primitive.joints[role].limits.torque_max_nm);
+    }
+    joints_.emplace_back(first.joints[j].name.view());
+    const DriveEntry& entry = DriveOf(drives, joints_.back());
+    const JointMotor motor = j < config.motors.size() ? config.motors[j] : JointMotor{};
+    drives_.push_back(
+        MakeSimulatedDrive(entry, AtShaft(motor, torque_max_nm, JointOf(entry.config))));
+    drives_.back()->AttachTo(bus_);
+    pointers.push_back(drives_.back().get());
+  }
+  TwinConfig twin = config.twin;
+  if (!twin.start) twin.start = StartOf(motion);
+  twin_ = std::make_unique<Twin>(motion.PrimitiveOf(motion.graph.start), twin, bus_, pointers);
+  posture_ = std::make_unique<PostureWatch>(motion, config.posture, *twin.start);
+}
+
+void SimulatedRobot::AdvanceTo(std::int64_t time_ns) {
+  while (now_ns_ < time_ns) {
+    const std::int64_t look_ns = (now_ns_ / kLook_ns + 1) * kLook_ns;
+    now_ns_ = std::min(look_ns, time_ns);
+    twin_->AdvanceTo(now_ns_);
+    if (now_ns_ != look_ns) continue;
+    DrivesPosture drives{true, true};
+    for (const auto& drive : drives_) {
+      drives.all_enabled = drives.all_enabled && drive->enabled();
+      drives.let_go = drives.let_go && !drive->enabled() && !drive->limp();
+    }
+    posture_->Observe(twin_->state(), twin_->contacts(), drives);
+  }
+}
+
+void SimulatedRobot::PutBack() { twin_->PutBack(); }
+
+}  // namespace tumbler

@@ -1,0 +1,296 @@
+#include "offline/rehearsal/twin/twin.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include "offline/contact/contact_model.h"
+#include "offline/dynamics/hybrid_dynamics.h"
+#include "offline/problem/task_toml.h"
+
+namespace tumbler {
+namespace {
+
+constexpr std::size_t Index(int i) { return static_cast<std::size_t>(i); }
+
+/// The same tree with every joint driven by a torque.
+Tree<Plane> Unprescribed(Tree<Plane> tree) {
+  for (Dof<Plane>& dof : tree.dofs) dof.prescribed = false;
+  return tree;
+}
+
+}  // namespace
+
+struct Twin::Implementation {
+  Implementation(const PrimitiveFile& file, const TwinConfig& c, SimulatedBus& b,
+                 std::vector<SimulatedDrive*> d)
+      : config(c),
+        problem(Changed(TaskOf(file).problem, c)),
+        tree(WithMotors(Unprescribed(problem.robot.tree), problem, c)),
+        dynamics(tree),
+        contact(problem.contact, problem.robot.shapes, problem.obstacles),
+        bus(b),
+        drives(std::move(d)),
+        q(problem.start_q),
+        qd(q.size()),
+        qdd(q.size()),
+        tau(q.size()),
+        force(q.size()),
+        held(c.held) {
+    if (drives.size() != problem.joints.size()) {
+      throw std::invalid_argument("a twin needs one drive for each joint of its primitive");
+    }
+    if (config.step_ns <= 0) throw std::invalid_argument("the twin's step must be positive");
+    config.joints.resize(problem.joints.size());
+    if (config.start) SetPose(*config.start, problem.start_q);
+    q = problem.start_q;
+    for (const Push& push : config.pushes) push_bodies.push_back(BodyOf(problem, push.link));
+    for (const FrictionPatch& patch : config.patches) {
+      patch_obstacles.push_back(ObstacleOf(problem, patch.obstacle));
+    }
+    Drive();
+  }
+
+  static int BodyOf(const Problem& problem, const std::string& link) {
+    const std::vector<std::string>& names = problem.robot.body_names;
+    // Of the root's degrees of freedom the last one moves the link.
+    for (std::size_t i = names.size(); i-- > 0;) {
+      if (names[i] == link && !problem.robot.tree.dofs[i].massless) return static_cast<int>(i);
+    }
+    throw std::invalid_argument("the robot has no link '" + link + "'");
+  }
+  static int ObstacleOf(const Problem& problem, const std::string& name) {
+    for (std::size_t i = 0; i < problem.obstacles.size(); ++i) {
+      if (problem.obstacles[i].name == name) return static_cast<int>(i);
+    }
+    throw std::invalid_argument("there is no obstacle '" + name + "'");
+  }
+  void SetPose(const PrimitivePose& pose, std::vector<double>& position) const {
+    if (pose.joint_positions_rad.size() != problem.joints.size()) {
+      throw std::invalid_argument("the start pose needs every joint");
+    }
+    if (problem.robot.root_dofs == 3) {
+      position[0] = pose.root_x_m;
+      position[1] = pose.root_z_m;
+      position[2] = pose.root_pitch_rad;
+    }
+    for (std::size_t j = 0; j < problem.joints.size(); ++j) {
+      position[Index(problem.joints[j].dof)] = pose.joint_positions_rad[j];
+    }
+  }
+
+  /// The task with the twin's own contact law, obstacles and masses.
+  static Problem Changed(Problem problem, const TwinConfig& config) {
+    if (config.contact) problem.contact = *config.contact;
+    for (const Obstacle<Plane>& obstacle : config.obstacles) problem.obstacles.push_back(obstacle);
+    for (const auto& [link, factor] : config.mass_factor) {
+      Dof<Plane>& dof = problem.robot.tree.dofs[Index(BodyOf(problem, link))];
+      dof.mass_kg *= factor;
+      dof.inertia_kg_m2 *= factor;
+    }
+    return problem;
+  }
+
+  static Tree<Plane> WithMotors(Tree<Plane> tree, const Problem& problem,
+                                const TwinConfig& config) {
+    for (std::size_t j = 0; j < problem.joints.size(); ++j) {
+      const JointLosses losses = j < config.joints.size() ? config.joints[j] : JointLosses{};
+      Dof<Plane>& dof = tree.dofs[Index(problem.joints[j].dof)];
+      dof.damping_nm_s_per_rad += losses.viscous_friction_nm_s_per_rad;
+      if (losses.rotor_inertia_kg_m2) dof.rotor_inertia_kg_m2 = *losses.rotor_inertia_kg_m2;
+    }
+    return tree;
+  }
+
+  /// Lets every drive measure its joint and act for one step.
+  void Drive() {
+    bool all_enabled = !drives.empty();
+    for (std::size_t j = 0; j < drives.size(); ++j) {
+      const std::size_t dof = Index(problem.joints[j].dof);
+      tau[dof] = drives[j]->Step(time_ns, q[dof], qd[dof]);
+      all_enabled = all_enabled && drives[j]->enabled();
+    }
+    if (!all_enabled) return;
+    held = false;
+    if (enabled_ns < 0) enabled_ns = time_ns;
+  }
+
+  /// Torque of dry friction and of the stop at the joint's limit.
+  [[nodiscard]] double Resistance(std::size_t j, double position, double velocity) const {
+    // Full friction from here on; below it a joint creeps rather than sticks, as feet do.
+    static const ContactLaw creep{.v_max_m_per_s = 0.05};
+    double torque = -config.joints[j].dry_friction_nm *
+                    EvaluateFrictionGain(creep, velocity * velocity).gain * velocity;
+    const RobotJointLimits& limits = problem.robot.limits[Index(problem.joints[j].dof)];
+    const double k = config.stop_stiffness_nm_per_rad;
+    const double c = config.stop_damping_nm_s_per_rad;
+    if (position > limits.upper_rad) {
+      torque += std::min(0.0, -k * (position - limits.upper_rad) - c * velocity);
+    } else if (position < limits.lower_rad) {
+      torque += std::max(0.0, k * (limits.lower_rad - position) - c * velocity);
+    }
+    return torque;
+  }
+
+  [[nodiscard]] int BodyOfContact(const ActiveContact<Plane>& active) const {
+    return problem.robot.shapes[Index(active.shape)].body;
+  }
+
+  /// Makes the friction of each contact that of the patch which it is on.
+  void ApplyPatches() {
+    for (const ActiveContact<Plane>& active : contact.active()) {
+      const double x = dynamics.origin().x() + active.point.x();
+      const FrictionPatch* on = nullptr;
+      for (std::size_t p = 0; p < config.patches.size(); ++p) {
+        const FrictionPatch& patch = config.patches[p];
+        if (patch_obstacles[p] == active.obstacle && x >= patch.from_x_m && x <= patch.to_x_m)
+          on = &patch;
+      }
+      if (on == nullptr) continue;
+      const int body = BodyOfContact(active);
+      const Plane::Vector v = dynamics.velocity(body).At(active.point);
+      const Plane::Vector v_t = v - v.dot(active.normal) * active.normal;
+      const double more = (on->mu - problem.contact.mu) * std::abs(active.normal_force_n) *
+                          EvaluateFrictionGain(problem.contact, v_t.squaredNorm()).gain;
+      dynamics.AddWrench(body, Plane::ForceAt(active.point, -more * v_t));
+    }
+  }
+
+  void ApplyPushes() {
+    push_n = {};
+    for (std::size_t p = 0; p < config.pushes.size(); ++p) {
+      const Push& push = config.pushes[p];
+      if (push.since_enabled && enabled_ns < 0) continue;
+      const double since_s =
+          1e-9 * static_cast<double>(time_ns - (push.since_enabled ? enabled_ns : 0));
+      if (since_s < push.start_s || since_s >= push.start_s + push.duration_s) continue;
+      const int body = push_bodies[p];
+      const Plane::Vector at =
+          dynamics.position(body) +
+          dynamics.rotation(body) * Plane::Vector(push.point_m[0], push.point_m[1]);
+      dynamics.AddWrench(body, Plane::ForceAt(at, {push.force_n[0], push.force_n[1]}));
+      push_n[0] += push.force_n[0];
+      push_n[1] += push.force_n[1];
+    }
+  }
+
+  void Accelerations(const std::vector<double>& position, const std::vector<double>& velocity) {
+    dynamics.SetState(position, velocity);
+    contact.Apply(dynamics);
+    ApplyPatches();
+    ApplyPushes();
+    force = tau;
+    for (std::size_t j = 0; j < drives.size(); ++j) {
+      const std::size_t dof = Index(problem.joints[j].dof);
+      force[dof] += Resistance(j, position[dof], velocity[dof]);
+    }
+    dynamics.Solve(qdd, force);
+  }
+
+  /// Two-stage Runge-Kutta (midpoint): the step is set by the drives' loops and far below what the
+  /// contact needs.
+  void Integrate(double h) {
+    Accelerations(q, qd);
+    normal_force = 0;
+    touching.clear();
+    for (const ActiveContact<Plane>& a : contact.active()) {
+      peak_penetration = std::max(peak_penetration, a.depth_m);
+      normal_force += a.normal_force_n;
+      touching.push_back(a);
+    }
+    std::vector<double>& qm = scratch_q;
+    std::vector<double>& vm = scratch_v;
+    qm = q;
+    vm = qd;
+    for (std::size_t i = 0; i < q.size(); ++i) {
+      qm[i] += 0.5 * h * qd[i];
+      vm[i] += 0.5 * h * qdd[i];
+    }
+    Accelerations(qm, vm);
+    for (std::size_t i = 0; i < q.size(); ++i) {
+      q[i] += h * vm[i];
+      qd[i] += h * qdd[i];
+    }
+  }
+
+  TwinConfig config;
+  Problem problem;
+  Tree<Plane> tree;
+  HybridDynamics<Plane> dynamics;
+  ContactModel<Plane> contact;
+  SimulatedBus& bus;
+  std::vector<SimulatedDrive*> drives;
+  std::vector<double> q, qd, qdd, tau, force, scratch_q, scratch_v;
+  std::vector<int> push_bodies, patch_obstacles;
+  std::vector<ActiveContact<Plane>> touching;
+  std::array<double, 2> push_n{};
+  std::int64_t time_ns = 0;
+  std::int64_t enabled_ns = -1;  // when all drives first were
+  bool held;
+  double peak_penetration = 0;
+  double normal_force = 0;
+};
+
+Twin::Twin(const PrimitiveFile& file, const TwinConfig& config, SimulatedBus& bus,
+           std::vector<SimulatedDrive*> drives)
+    : implementation_(std::make_unique<Implementation>(file, config, bus, std::move(drives))) {}
+Twin::~Twin() = default;
+
+void Twin::AdvanceTo(std::int64_t time_ns) {
+  Implementation& m = *implementation_;
+  while (m.time_ns < time_ns) {
+    const std::int64_t next = std::min(m.time_ns + m.config.step_ns, time_ns);
+    m.bus.AdvanceTo(m.time_ns);
+    m.Drive();
+    if (!m.held) m.Integrate(1e-9 * static_cast<double>(next - m.time_ns));
+    m.time_ns = next;
+  }
+  m.bus.AdvanceTo(time_ns);
+  m.Drive();
+}
+
+TwinState Twin::state() const {
+  const Implementation& m = *implementation_;
+  TwinState state;
+  state.time_ns = m.time_ns;
+  state.held = m.held;
+  state.push_n = m.push_n;
+  if (m.problem.robot.root_dofs == 3) {
+    state.root_x_m = m.q[0];
+    state.root_z_m = m.q[1];
+    state.root_pitch_rad = m.q[2];
+    state.root_vx_m_s = m.qd[0];
+    state.root_vz_m_s = m.qd[1];
+    state.root_pitch_rate_rad_s = m.qd[2];
+  }
+  for (const ActuatedJoint& joint : m.problem.joints) {
+    state.joint_positions_rad.push_back(m.q[Index(joint.dof)]);
+    state.joint_velocities_rad_s.push_back(m.qd[Index(joint.dof)]);
+    state.joint_torques_nm.push_back(m.tau[Index(joint.dof)]);
+  }
+  state.peak_penetration_m = m.peak_penetration;
+  state.normal_force_n = m.normal_force;
+  return state;
+}
+
+std::vector<TwinContact> Twin::contacts() const {
+  const Implementation& m = *implementation_;
+  std::vector<TwinContact> contacts;
+  for (const ActiveContact<Plane>& active : m.touching) {
+    contacts.push_back({m.problem.robot.body_names[Index(m.BodyOfContact(active))],
+                        m.problem.obstacles[Index(active.obstacle)].name, active.normal_force_n});
+  }
+  return contacts;
+}
+
+void Twin::PutBack() {
+  Implementation& m = *implementation_;
+  m.q = m.problem.start_q;
+  std::fill(m.qd.begin(), m.qd.end(), 0.0);
+  m.touching.clear();
+  m.normal_force = 0;
+  m.held = m.config.held;
+  m.Drive();
+}
+
+}  // namespace tumbler

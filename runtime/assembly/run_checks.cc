@@ -1,0 +1,64 @@
+#include "runtime/assembly/run_checks.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <cstdio>
+
+#include "firmware_interface/can/bus_schedule.h"
+#include "firmware_interface/can/frame_length.h"
+
+namespace tumbler {
+namespace {
+
+void CheckRangesOf(const Sequence<float>& sequence, int node, const DrivesConfig& drives) {
+  for (std::size_t i = 0; i < drives.drives.size(); ++i) {
+    const DriveEntry& entry = drives.drives[i];
+    const auto role = static_cast<std::size_t>(sequence.graph.RoleOf(node, static_cast<int>(i)));
+    const JointLimits<float>& limits = sequence.PrimitiveOf(node).joints[role].limits;
+    const JointMap& map = JointOf(entry.config);
+    const ShaftRanges ranges = CommandRanges(entry.config);
+    const auto check = [&entry](const char* what, const char* unit, float value,
+                                const DriveRange& range) {
+      if (value < range.min || value > range.max) {
+        throw Refused(fmt::format(
+            "joint {}: the motion's {} limit is {:.4g} {} at the drive, whose range is {:.4g} ... "
+            "{:.4g} {}; correct the drive's ranges or zero offset, or remake the primitive",
+            entry.joint, what, value, unit, range.min, range.max, unit));
+      }
+    };
+    for (const DriveRange& range : {ranges.position_rad, ReportedPositions(entry.config)}) {
+      check("position", "rad", map.ToDrivePosition(limits.position_min_rad), range);
+      check("position", "rad", map.ToDrivePosition(limits.position_max_rad), range);
+    }
+    check("velocity", "rad/s", map.ToDriveVelocity(limits.velocity_max_rad_s),
+          ranges.velocity_rad_s);
+    check("velocity", "rad/s", map.ToDriveVelocity(-limits.velocity_max_rad_s),
+          ranges.velocity_rad_s);
+    check("torque", "N m", map.ToDriveTorque(limits.torque_max_nm), ranges.torque_nm);
+    check("torque", "N m", map.ToDriveTorque(-limits.torque_max_nm), ranges.torque_nm);
+  }
+}
+
+}  // namespace
+
+void CheckRanges(const Sequence<float>& sequence, const DrivesConfig& drives) {
+  for (int node = 0; node < sequence.graph.node_count; ++node) {
+    CheckRangesOf(sequence, node, drives);
+  }
+}
+
+void CheckSchedule(const DrivesConfig& drives) {
+  BusSchedule schedule;
+  schedule.bit_rate = drives.bit_rate;
+  schedule.rate_hz = drives.rate_hz;
+  schedule.tick_bits = drives.WorstCaseTickBits();
+  schedule.longest_frame_bits = WorstCaseFrameBits(CanIdKind::kStandard, 8);
+  fmt::print(stderr, "bus schedule: {}: {}\n", drives.DescribeSchedule(), schedule.Describe());
+  if (!schedule.feasible()) {
+    throw Refused(fmt::format("{} bits a tick do not fit: lower rate_hz to at most {:.0f}",
+                              schedule.tick_bits, std::floor(schedule.ceiling_hz())));
+  }
+}
+
+}  // namespace tumbler

@@ -1,0 +1,85 @@
+#include "runtime/core/faults.h"
+
+namespace tumbler {
+
+namespace {
+
+// Names by number, without the texts of the tables: those are for documents, and stay out of
+// firmware.
+template <std::size_t kCount, typename Table>
+constexpr std::array<const char*, kCount> NamesOf(const Table& table) {
+  std::array<const char*, kCount> names{};
+  for (std::size_t i = 0; i < kCount; ++i) names[i] = table[i].name;
+  return names;
+}
+template <std::size_t kCount>
+const char* NameAt(const std::array<const char*, kCount>& names, std::size_t i,
+                   const char* unknown) noexcept {
+  return i < kCount ? names[i] : unknown;
+}
+
+constexpr auto kStateNames = NamesOf<kExecutorStateCount>(kStateTable);
+constexpr auto kFaultNames = NamesOf<kFaultCount>(kFaultTable);
+constexpr auto kReactionNames = NamesOf<kReactionCount>(kReactionTable);
+
+constexpr auto kDefaults = [] {
+  std::array<std::array<Reaction, kExecutorStateCount>, kFaultCount> reactions{};
+  for (std::size_t i = 0; i < kFaultCount; ++i) reactions[i] = kFaultTable[i].reactions;
+  return reactions;
+}();
+
+// Each row stands where its enumerator says.
+constexpr bool IsInOrder() {
+  for (std::size_t i = 0; i < kFaultCount; ++i) {
+    if (static_cast<std::size_t>(kFaultTable[i].fault) != i) return false;
+  }
+  for (std::size_t i = 0; i < kExecutorStateCount; ++i) {
+    if (static_cast<std::size_t>(kStateTable[i].state) != i) return false;
+  }
+  for (std::size_t i = 0; i < kReactionCount; ++i) {
+    if (static_cast<std::size_t>(kReactionTable[i].reaction) != i) return false;
+  }
+  return true;
+}
+static_assert(IsInOrder());
+
+}  // namespace
+
+const char* ToString(ExecutorState state) noexcept {
+  return NameAt(kStateNames, static_cast<std::size_t>(state), "unknown state");
+}
+
+const char* ToString(Fault fault) noexcept {
+  return NameAt(kFaultNames, static_cast<std::size_t>(fault), "unknown fault");
+}
+
+const char* ToString(Reaction reaction) noexcept {
+  return NameAt(kReactionNames, static_cast<std::size_t>(reaction), "unknown reaction");
+}
+
+FaultTable::FaultTable() noexcept : reactions_(kDefaults) {}
+
+bool FaultTable::IsAllowed(Fault fault, ExecutorState state, Reaction reaction) noexcept {
+  if (fault == Fault::kNone || state == ExecutorState::kDisarmed) {
+    return reaction == Reaction::kIgnore;
+  }
+  if (reaction == Reaction::kIgnore) return fault != Fault::kOperatorStop;
+  return state != ExecutorState::kArming || reaction == Reaction::kDisable;
+}
+
+bool FaultTable::Set(Fault fault, ExecutorState state, Reaction reaction) noexcept {
+  if (!IsAllowed(fault, state, reaction)) return false;
+  reactions_[static_cast<std::size_t>(fault)][static_cast<std::size_t>(state)] = reaction;
+  return true;
+}
+
+bool FaultTable::Has(Reaction reaction) const noexcept {
+  for (const auto& row : reactions_) {
+    for (const Reaction entry : row) {
+      if (entry == reaction) return true;
+    }
+  }
+  return false;
+}
+
+}  // namespace tumbler

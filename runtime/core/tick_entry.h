@@ -1,0 +1,140 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <type_traits>
+
+#include "common/primitive.h"
+#include "common/status.h"
+#include "firmware_interface/can/frame.h"
+#include "firmware_interface/drives/drive.h"
+#include "runtime/core/executor.h"
+
+namespace tumbler {
+
+/// What the loop notes of a tick beside the executor's inputs and outputs. Times are on its clock.
+struct TickNotes {
+  std::int64_t deadline_ns = 0;  ///< Of this tick.
+  std::int64_t due_ns = 0;       ///< What the loop slept for: earlier, where periods were missed.
+  std::int64_t awake_ns = 0;     ///< Before frames were received.
+  std::int64_t send_ns = 0;      ///< Before this tick's frames were handed to the bus.
+  std::int64_t done_ns = 0;      ///< When all that was done.
+  std::uint32_t request_id = 0;  ///< Of the operator's last request; see OperatorRequest.
+  std::uint8_t request = 0;
+  Refusal request_refusal = Refusal::kNone;
+  Status sent_status = Status::kOk;  ///< Of handing this tick's frames to the bus.
+  std::uint8_t sent_count = 0;       ///< Frames that the bus took, from the first on.
+};
+
+/// One tick as a flight record has it: everything that the executor was given and everything that
+/// it made of it. `executor.Tick(entry.input(), output)` on an executor in the state of that moment
+/// gives `frames` and `record` again, bit for bit.
+///
+/// The encoding is part of the file format (docs/formats.md, block `tick`). Freestanding: no heap,
+/// no exceptions, so that a microcontroller can replay a record too.
+struct TickEntry {
+  /// As many as the control loop takes in one tick.
+  static constexpr std::size_t kReceivedMax = 128;
+
+  std::int64_t index = 0;  ///< Ticks executed before, recorded or not.
+  TickNotes notes;
+
+  std::int64_t tick = 0;
+  Status receive_status = Status::kOk;
+  Status send_status = Status::kOk;  ///< As TickInput: of the tick before.
+  OperatorCommand command = OperatorCommand::kNone;
+  std::int8_t branch = -1;
+  CanControllerState controller = CanControllerState::kErrorActive;
+  std::size_t received_count = 0;
+  std::array<ReceivedFrame, kReceivedMax> received;
+
+  std::array<FrameBatch, kMaxJoints> frames;
+  TickRecord record;
+
+  /// What the executor was given; it refers to this entry.
+  [[nodiscard]] TickInput input() const noexcept {
+    return {
+        tick,      {received.data(), received_count}, receive_status, send_status, command, branch,
+        controller};
+  }
+};
+
+/// Calls `visit(name, field)` for every field of a joint's record, in the order of the encoding.
+/// Names are those of the members: this list is what a record holds, compares and exports.
+template <typename Joint, typename Visit>
+constexpr void VisitFields(Joint& joint, Visit&& visit) noexcept requires
+    std::is_same_v<std::remove_const_t<Joint>, JointRecord> {
+  visit("planned.position_rad", joint.planned.position_rad);
+  visit("planned.velocity_rad_s", joint.planned.velocity_rad_s);
+  visit("planned.torque_nm", joint.planned.torque_nm);
+  visit("planned_acceleration_rad_s2", joint.planned_acceleration_rad_s2);
+  visit("limited.position_rad", joint.limited.position_rad);
+  visit("limited.velocity_rad_s", joint.limited.velocity_rad_s);
+  visit("limited.torque_nm", joint.limited.torque_nm);
+  visit("encoded.position_rad", joint.encoded.position_rad);
+  visit("encoded.velocity_rad_s", joint.encoded.velocity_rad_s);
+  visit("encoded.torque_nm", joint.encoded.torque_nm);
+  visit("measured.position_rad", joint.measured.position_rad);
+  visit("measured.velocity_rad_s", joint.measured.velocity_rad_s);
+  visit("measured.torque_nm", joint.measured.torque_nm);
+  visit("temperature_c", joint.temperature_c);
+  visit("reply_age_ticks", joint.reply_age_ticks);
+  visit("drive_state", joint.drive_state);
+  visit("reply_status", joint.reply_status);
+  visit("drive_error", joint.drive_error);
+  visit("limit_active", joint.limit_active);
+}
+
+/// The same of a tick's record, without its joints.
+template <typename Record, typename Visit>
+constexpr void VisitFields(Record& record, Visit&& visit) noexcept requires
+    std::is_same_v<std::remove_const_t<Record>, TickRecord> {
+  visit("tick", record.tick);
+  visit("primitive_time_s", record.primitive_time_s);
+  visit("faults", record.faults);
+  visit("state", record.state);
+  visit("reaction", record.reaction);
+  visit("command", record.command);
+  visit("joint_count", record.joint_count);
+  visit("node", record.node);
+  visit("cycles", record.cycles);
+  visit("first_fault.tick", record.first_fault.tick);
+  visit("first_fault.value", record.first_fault.value);
+  visit("first_fault.limit", record.first_fault.limit);
+  visit("first_fault.fault", record.first_fault.fault);
+  visit("first_fault.joint", record.first_fault.joint);
+  visit("first_fault.state", record.first_fault.state);
+  visit("first_fault.reaction", record.first_fault.reaction);
+  visit("refusal.value", record.refusal.value);
+  visit("refusal.limit", record.refusal.limit);
+  visit("refusal.refusal", record.refusal.refusal);
+  visit("refusal.joint", record.refusal.joint);
+}
+
+// A member that is added there has to be added above, or it would neither be recorded nor compared.
+static_assert(sizeof(JointRecord) == 72, "VisitFields has to name every member of JointRecord");
+static_assert(sizeof(TickRecord) - kMaxJoints * sizeof(JointRecord) == 72,
+              "VisitFields has to name every member of TickRecord");
+static_assert(sizeof(TickInput) == 16 + sizeof(std::span<const ReceivedFrame>),
+              "TickEntry has to have every member of TickInput");
+
+/// What an encoded tick takes at most [bytes].
+inline constexpr std::size_t kTickEntryBytesMax =
+    72 + TickEntry::kReceivedMax * 21 +
+    std::size_t{kMaxJoints} * (1 + std::size_t{FrameBatch::kCapacity} * 13) + 96 +
+    std::size_t{kMaxJoints} * 80;
+
+/// Writes a tick, in time that depends on the number of frames and joints only.
+/// @param input  not more frames than kReceivedMax.
+/// @param out    of kTickEntryBytesMax bytes.
+/// @returns the bytes written; 0 when it does not fit.
+std::size_t EncodeTick(std::int64_t index, const TickNotes& notes, const TickInput& input,
+                       const TickOutput& output, std::span<std::uint8_t> out) noexcept;
+
+/// Reads one back. @returns false, leaving `entry` in part, when the bytes are not exactly one
+/// tick: too few, too many, or a count or an enumerator beyond what there is.
+[[nodiscard]] bool DecodeTick(std::span<const std::uint8_t> bytes, TickEntry& entry) noexcept;
+
+}  // namespace tumbler

@@ -1,0 +1,184 @@
+#include "runtime/run/control_loop.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "firmware_interface/can/frame_length.h"
+
+namespace tumbler {
+namespace {
+
+/// Most bits that a frame can take on the wire, intermission included.
+std::int32_t LongestBits(const CanFrame& frame) noexcept {
+  return WorstCaseFrameBits(frame.extended ? CanIdKind::kExtended : CanIdKind::kStandard,
+                            frame.remote ? 0 : frame.size);
+}
+
+/// What goes to the executor as it is; kNone for what is the run sequence's to decide.
+OperatorCommand DirectCommand(OperatorRequest request) noexcept {
+  if (request == OperatorRequest::kBranch) return OperatorCommand::kBranch;
+  if (request == OperatorRequest::kClearFaults) return OperatorCommand::kClearFaults;
+  return OperatorCommand::kNone;
+}
+
+bool IsDirect(OperatorRequest request) noexcept {
+  return DirectCommand(request) != OperatorCommand::kNone;
+}
+
+}  // namespace
+
+ControlLoop::ControlLoop(const Parts& parts, std::int64_t period_ns, std::int64_t start_ns) noexcept
+    : parts_(parts), period_ns_(period_ns), start_ns_(start_ns) {}
+
+bool ControlLoop::Step() noexcept {
+  const std::int64_t deadline_ns = start_ns_ + next_tick_ * period_ns_;
+  parts_.clock.SleepUntil(deadline_ns);
+  return Tick(deadline_ns, parts_.clock.now_ns());
+}
+
+bool ControlLoop::Tick(std::int64_t deadline_ns,
+                       std::int64_t awake_ns) noexcept TUMBLER_NONBLOCKING {
+  const std::int64_t late_ns = awake_ns - deadline_ns;
+  const std::int64_t missed = std::max<std::int64_t>(late_ns / period_ns_, 0);
+  const std::int64_t tick = next_tick_ + missed;
+  next_tick_ = tick + 1;
+  statistics_.missed_ticks += missed;
+  if (late_ns > period_ns_ / 2) ++statistics_.late_ticks;
+  statistics_.wake_up.Add(late_ns);
+
+  const std::size_t count = Receive(awake_ns);
+  OperatorWish wish = parts_.mailbox.Take();
+  // A request that is sent again because its answer was lost is not a second one.
+  if (wish.id != 0 && wish.id == timed_.request.id) wish = {};
+  const OperatorCommand command = Ask(wish);
+  const TickInput input{
+      tick,        {received_.data(), count},    receive_status_, send_status_, command,
+      wish.branch, parts_.bus.controller_state()};
+  parts_.executor.Tick(input, output_);
+  if (IsDirect(wish.request)) {  // The executor answers these itself.
+    const bool asked = command == DirectCommand(wish.request);
+    timed_.request.refusal = asked ? output_.record.refusal.refusal : Refusal::kWrongState;
+  }
+  TickNotes notes;
+  Send(notes);
+
+  Count();
+  const std::int64_t duration_ns = parts_.clock.now_ns() - awake_ns;
+  statistics_.tick.Add(duration_ns);
+  timed_.time_ns = start_ns_ + tick * period_ns_;
+  timed_.number = statistics_.ticks - 1;
+  timed_.wake_up_ns = static_cast<float>(late_ns);
+  timed_.tick_ns = static_cast<float>(duration_ns);
+  timed_.record = output_.record;
+  if (parts_.telemetry != nullptr) parts_.telemetry->Push(timed_);
+  if (parts_.recorder != nullptr) {
+    notes.deadline_ns = timed_.time_ns;
+    notes.due_ns = deadline_ns;
+    notes.awake_ns = awake_ns;
+    notes.done_ns = awake_ns + duration_ns;
+    notes.request_id = timed_.request.id;
+    notes.request = static_cast<std::uint8_t>(timed_.request.request);
+    notes.request_refusal = timed_.request.refusal;
+    parts_.recorder->Push(notes, input, output_);
+  }
+  return !parts_.sequence.done();
+}
+
+std::size_t ControlLoop::Receive(std::int64_t awake_ns) noexcept {
+  std::size_t count = 0;
+  receive_status_ = Status::kOk;
+  timed_.bus_bits = 0;
+  while (count < received_.size()) {
+    ReceivedFrame& received = received_[count];
+    receive_status_ = parts_.bus.Receive(received);
+    if (receive_status_ != Status::kOk) break;
+    timed_.bus_bits += LongestBits(received.frame);
+    statistics_.frame_age.Add(awake_ns - received.time_ns);
+    ++count;
+  }
+  statistics_.frames_received += static_cast<std::int64_t>(count);
+  return count;
+}
+
+OperatorCommand ControlLoop::Ask(const OperatorWish& wish) noexcept {
+  RunSequence& sequence = parts_.sequence;
+  Refusal refusal = Refusal::kNone;
+  if (wish.quit) sequence.RequestQuit();
+  switch (wish.request) {
+    case OperatorRequest::kStart:
+      refusal = sequence.RequestStart(output_.record);
+      break;
+    case OperatorRequest::kFinish:
+      sequence.RequestFinish();
+      break;
+    case OperatorRequest::kStop:
+      sequence.RequestStop();
+      break;
+    case OperatorRequest::kDisarm:
+      sequence.RequestDisarm();
+      break;
+    case OperatorRequest::kNone:
+    case OperatorRequest::kBranch:
+    case OperatorRequest::kClearFaults:
+      break;
+  }
+  if (wish.request != OperatorRequest::kNone) timed_.request = {wish.id, wish.request, refusal};
+  const OperatorCommand command = sequence.Next(output_.record);
+  return command == OperatorCommand::kNone ? DirectCommand(wish.request) : command;
+}
+
+void ControlLoop::Send(TickNotes& notes) noexcept {
+  std::size_t frame_count = 0;
+  for (const FrameBatch& batch : output_.frames) {
+    for (const CanFrame& frame : batch.frames()) to_send_[frame_count++] = frame;
+  }
+  notes.send_ns = parts_.clock.now_ns();
+  std::size_t sent = 0;
+  send_status_ = parts_.bus.SendAll({to_send_.data(), frame_count}, sent);
+  for (std::size_t i = 0; i < sent; ++i) timed_.bus_bits += LongestBits(to_send_[i]);
+  notes.sent_status = send_status_;
+  notes.sent_count = static_cast<std::uint8_t>(sent);
+  statistics_.frames_sent += static_cast<std::int64_t>(sent);
+  statistics_.send_failures += static_cast<std::int64_t>(frame_count - sent);
+}
+
+void ControlLoop::Count() noexcept {
+  const TickRecord& record = output_.record;
+  ++statistics_.ticks;
+  const bool running = record.state == ExecutorState::kRunning;
+  if (running) ++statistics_.run_ticks;
+  bool limited = false;
+  for (std::size_t i = 0; i < record.joint_count; ++i) {
+    const JointRecord& joint = record.joints[i];
+    statistics_.reply_age_ticks.Add(joint.reply_age_ticks);
+    limited = limited || joint.limit_active;
+    if ((running || record.state == ExecutorState::kSettling) && joint.reply_age_ticks == 0) {
+      float& torque = statistics_.peak_torque_nm[i];
+      torque = std::max(torque, std::abs(joint.measured.torque_nm));
+      float& error = statistics_.following_error_max_rad[i];
+      error = std::max(error, std::abs(joint.measured.position_rad - last_position_rad_[i]));
+    }
+    last_position_rad_[i] = joint.limited.position_rad;
+  }
+  if (limited) ++statistics_.limited_ticks;
+}
+
+LoopStatistics MeasureWakeUps(Clock& clock, OperatorMailbox& mailbox, std::int64_t period_ns,
+                              std::int64_t ticks) noexcept {
+  LoopStatistics statistics;
+  const std::int64_t start_ns = clock.now_ns() + period_ns;
+  for (std::int64_t next = 0; next < ticks && mailbox.Take() == OperatorWish{}; ++next) {
+    const std::int64_t deadline_ns = start_ns + next * period_ns;
+    clock.SleepUntil(deadline_ns);
+    const std::int64_t late_ns = clock.now_ns() - deadline_ns;
+    const std::int64_t missed = std::max<std::int64_t>(late_ns / period_ns, 0);
+    next += missed;
+    statistics.missed_ticks += missed;
+    if (late_ns > period_ns / 2) ++statistics.late_ticks;
+    statistics.wake_up.Add(late_ns);
+    ++statistics.ticks;
+  }
+  return statistics;
+}
+
+}  // namespace tumbler

@@ -1,0 +1,99 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "common/primitive.h"
+#include "common/realtime.h"
+#include "firmware_interface/can/bus.h"
+#include "runtime/core/executor.h"
+#include "runtime/core/run_sequence.h"
+#include "runtime/linux/clock.h"
+#include "runtime/linux/histogram.h"
+#include "runtime/linux/operator_mailbox.h"
+#include "runtime/record/flight_recorder.h"
+#include "runtime/telemetry/telemetry.h"
+
+namespace tumbler {
+
+/// What the loop saw, kept without allocating while it runs.
+struct LoopStatistics {
+  std::int64_t ticks = 0;         ///< Executed.
+  std::int64_t missed_ticks = 0;  ///< Periods that passed without one.
+  std::int64_t late_ticks = 0;    ///< Woken more than half a period after the deadline.
+  std::int64_t run_ticks = 0;     ///< Of `ticks`, those in state running.
+  std::int64_t frames_sent = 0;
+  std::int64_t frames_received = 0;
+  std::int64_t send_failures = 0;  ///< Frames that the bus did not take; they are dropped.
+  DurationHistogram wake_up;       ///< From deadline to running.
+  DurationHistogram tick;          ///< From running to all done but the record's hand-over.
+  DurationHistogram frame_age;     ///< Of received frames: from the end on the wire to being used.
+  ReplyAgeHistogram reply_age_ticks;  ///< Of the joints' measurements, in every tick.
+
+  /// Joints, while the primitive runs and settles.
+  std::array<float, kMaxJoints> peak_torque_nm{};  ///< |measured|
+  std::array<float, kMaxJoints> following_error_max_rad{};
+  std::int64_t limited_ticks = 0;  ///< In which the last gate changed a setpoint of any joint.
+};
+
+/// The periodic part of the runtime: at each deadline takes the frames that have come, ticks the
+/// executor, sends its frames and hands the record to telemetry. Deadlines are absolute: start +
+/// tick * period.
+///
+/// Late ticks: waking a whole period or more after the deadline skips the missed tick numbers, and
+/// the executor decides what that means (`ExecutorConfig::late_ticks_max`). Step does not allocate,
+/// lock, or block except in the clock's sleep.
+class ControlLoop {
+ public:
+  struct Parts {
+    Executor& executor;
+    CanBus& bus;
+    Clock& clock;
+    RunSequence& sequence;
+    OperatorMailbox& mailbox;
+    Telemetry* telemetry = nullptr;      ///< May be null.
+    FlightRecorder* recorder = nullptr;  ///< May be null.
+  };
+  /// @param start_ns  time of tick 0 on the clock.
+  ControlLoop(const Parts& parts, std::int64_t period_ns, std::int64_t start_ns) noexcept;
+
+  /// Sleeps until the next deadline and does its tick. @returns false once the sequence is done.
+  bool Step() noexcept;
+
+  [[nodiscard]] const TickRecord& record() const noexcept { return output_.record; }
+  [[nodiscard]] const TimedRecord& timed_record() const noexcept { return timed_; }
+  [[nodiscard]] std::int64_t time_ns() const noexcept {
+    return timed_.time_ns;
+  }  ///< Deadline of the last tick.
+  [[nodiscard]] const LoopStatistics& statistics() const noexcept { return statistics_; }
+
+ private:
+  /// More frames than a bus can carry in one period of the slowest loop wait for the next tick.
+  static constexpr std::size_t kReceiveCapacity = TickEntry::kReceivedMax;
+
+  bool Tick(std::int64_t deadline_ns, std::int64_t awake_ns) noexcept TUMBLER_NONBLOCKING;
+  std::size_t Receive(std::int64_t awake_ns) noexcept;
+  OperatorCommand Ask(const OperatorWish& wish) noexcept;
+  void Send(TickNotes& notes) noexcept;
+  void Count() noexcept;
+
+  Parts parts_;
+  std::int64_t period_ns_;
+  std::int64_t start_ns_;
+  std::int64_t next_tick_ = 0;
+  Status receive_status_ = Status::kOk;
+  Status send_status_ = Status::kOk;
+  std::array<ReceivedFrame, kReceiveCapacity> received_;
+  std::array<CanFrame, std::size_t{kMaxJoints} * FrameBatch::kCapacity> to_send_;
+  TickOutput output_;
+  TimedRecord timed_;                                  // `request` stays that of the last wish.
+  std::array<float, kMaxJoints> last_position_rad_{};  // limited, of the tick before
+  LoopStatistics statistics_;
+};
+
+/// A loop that only sleeps and wakes, in the same way: what the machine adds to any tick.
+/// @param mailbox  anything put there ends it.
+[[nodiscard]] LoopStatistics MeasureWakeUps(Clock& clock, OperatorMailbox& mailbox,
+                                            std::int64_t period_ns, std::int64_t ticks) noexcept;
+
+}  // namespace tumbler

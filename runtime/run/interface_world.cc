@@ -1,0 +1,99 @@
+#include "runtime/run/interface_world.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <stdexcept>
+#include <utility>
+
+#include "firmware_interface/can/socketcan_bus.h"
+#include "firmware_interface/drives/make_simulated.h"
+#include "runtime/assembly/run_checks.h"
+#include "runtime/linux/clock.h"
+#include "runtime/linux/dry_run_bus.h"
+
+namespace tumbler {
+namespace {
+
+/// Opens an interface whose bit rate, where the kernel knows it, is that of the drives.
+void OpenInterface(SocketCanBus& bus, const InterfaceName& name, const DrivesConfig& drives,
+                   const SocketCanConfig& config) {
+  const SocketCanBus::OpenResult opened = bus.Open(name.interface, config);
+  if (opened.status != Status::kOk) throw std::runtime_error(opened.message);
+  if (bus.link().bit_rate != 0 && bus.link().bit_rate != drives.bit_rate) {
+    throw Refused(fmt::format("{} runs at {} bit/s, but {} says {}: correct one of them",
+                              name.interface, bus.link().bit_rate, name.drives_file,
+                              drives.bit_rate));
+  }
+}
+
+class RealWorld final : public World {
+ public:
+  RealWorld(const InterfaceName& name, const DrivesConfig& drives) {
+    SocketCanConfig config;
+    config.discard_stale_frames = true;
+    config.send_ids = drives.HostSends();
+    config.receive_ids = drives.HostReceives();
+    config.in_flight_max = std::clamp(4 * drives.HostFramesMax(), 8, SocketCanConfig::kMaxInFlight);
+    OpenInterface(bus_, name, drives, config);
+    if (name.pace != 1 && bus_.link().bit_rate != 0) {
+      throw Refused(fmt::format("{} is a real bus, and real robots know one pace: leave out --pace",
+                                name.interface));
+    }
+    if (bus_.link().has_queue && !bus_.can_discard()) {
+      fmt::print(stderr,
+                 "warning: without CAP_NET_ADMIN, frames that wait when the bus fails cannot be "
+                 "discarded; they go out when it comes back\n");
+    }
+  }
+  CanBus& bus() override { return bus_; }
+  Clock& clock() override { return clock_; }
+  [[nodiscard]] bool real_time() const override { return true; }
+  void Observe(const ControlLoop& /*loop*/) override {}
+  void Report(RunReport& report) override {
+    bus_.DiscardInFlight();
+    report.interface = {bus_.statistics(), bus_.controller_state(), bus_.in_flight()};
+  }
+
+ private:
+  SocketCanBus bus_;
+  MonotonicClock clock_;
+};
+
+class DryRunWorld final : public World {
+ public:
+  DryRunWorld(const InterfaceName& name, const DrivesConfig& drives,
+              const std::vector<double>& start_rad)
+      : clock_([this](std::int64_t time_ns) { bus_->AdvanceTo(time_ns); }) {
+    SocketCanBus probe;  // A dry run on an interface that is not there would say nothing about it.
+    OpenInterface(probe, name, drives, {});
+    std::vector<DryRunBus::Node> nodes;
+    for (std::size_t i = 0; i < drives.drives.size(); ++i) {
+      nodes.push_back({MakeSimulatedDrive(drives.drives[i]), start_rad.at(i)});
+    }
+    bus_ = std::make_unique<DryRunBus>(name.interface, drives.bit_rate, std::move(nodes), stdout);
+  }
+  CanBus& bus() override { return *bus_; }
+  Clock& clock() override { return clock_; }
+  [[nodiscard]] bool real_time() const override { return false; }
+  void Observe(const ControlLoop& /*loop*/) override {}
+  void Report(RunReport& /*report*/) override {}
+
+ private:
+  VirtualClock clock_;
+  std::unique_ptr<DryRunBus> bus_;
+};
+
+}  // namespace
+
+std::unique_ptr<World> MakeInterfaceWorld(const InterfaceName& name, const DrivesConfig& drives) {
+  return std::make_unique<RealWorld>(name, drives);
+}
+
+std::unique_ptr<World> MakeDryRunWorld(const InterfaceName& name, const DrivesConfig& drives,
+                                       const std::vector<double>& start_rad) {
+  return std::make_unique<DryRunWorld>(name, drives, start_rad);
+}
+
+}  // namespace tumbler

@@ -1,0 +1,26 @@
+#pragma once
+
+#include "firmware_interface/can/bus.h"
+#include "runtime/linux/clock.h"
+#include "runtime/run/control_loop.h"
+#include "runtime/run/run_report.h"
+
+namespace tumbler {
+
+/// Where frames go and time comes from.
+class World {
+ public:
+  World() = default;
+  World(const World&) = delete;
+  World& operator=(const World&) = delete;
+  virtual ~World() = default;
+  virtual CanBus& bus() = 0;
+  virtual Clock& clock() = 0;
+  /// Whether time is real, so that telemetry needs a thread of its own.
+  [[nodiscard]] virtual bool real_time() const = 0;
+  /// Called after every tick.
+  virtual void Observe(const ControlLoop& loop) = 0;
+  virtual void Report(RunReport& report) = 0;
+};
+
+}  // namespace tumbler

@@ -1,0 +1,181 @@
+#include "runtime/telemetry/live_view.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdlib>
+#include <nlohmann/json.hpp>
+
+#include "firmware_interface/drives/drive.h"
+#include "runtime/core/faults.h"
+#include "runtime/telemetry/telemetry.h"
+
+namespace tumbler {
+namespace {
+
+constexpr double kDegrees = 57.29577951308232;
+
+const char* DriveStateName(std::int8_t state) {
+  constexpr std::array<const char*, 6> kNames{"unknown", "disabled", "enabling",
+                                              "enabled", "fault",    "lost"};
+  const auto index = static_cast<std::size_t>(state);
+  return index < kNames.size() ? kNames[index] : "?";
+}
+
+FaultReport FirstFault(const state_t& state) {
+  FaultReport fault;
+  fault.fault = static_cast<Fault>(state.fault);
+  fault.joint = state.fault_joint;
+  fault.tick = state.fault_tick;
+  fault.value = state.fault_value;
+  fault.limit = state.fault_limit;
+  fault.state = static_cast<ExecutorState>(state.fault_state);
+  fault.reaction = static_cast<Reaction>(state.reaction);
+  return fault;
+}
+
+}  // namespace
+
+void LiveView::Take(const state_t& state) {
+  if (state_ && state.number > state_->number) lost_ += state.number - state_->number - 1;
+  if (state_ && state.number < state_->number) lost_ = 0;  // Another run.
+  state_ = state;
+}
+
+void LiveView::Take(const event_t& event) {
+  events_.push_back(event);
+  if (events_.size() > kEvents) events_.pop_front();
+}
+
+void LiveView::Take(const run_t& run) { run_ = run; }
+
+std::string LiveView::JointName(std::size_t joint) const {
+  return run_ && joint < run_->joints.size() ? run_->joints[joint] : fmt::format("joint {}", joint);
+}
+
+std::string LiveView::NodeName() const {
+  const auto node = static_cast<std::size_t>(state_->node);
+  return run_ && node < run_->nodes.size() ? run_->nodes[node] : fmt::format("node {}", node);
+}
+
+std::string LiveView::FaultText() const {
+  if (state_->faults == 0) return "none";
+  return Describe(FirstFault(*state_), run_ ? run_->joints : std::vector<std::string>());
+}
+
+std::string LiveView::Line() const {
+  if (!state_) return "nothing received";
+  std::string text = fmt::format("{:.3f} s, {}, {} at {:.3f} s, cycle {}",
+                                 static_cast<double>(state_->time_ns) * 1e-9,
+                                 ToString(static_cast<ExecutorState>(state_->state)), NodeName(),
+                                 state_->primitive_time_s, state_->cycles);
+  for (std::size_t i = 0; i < state_->joints.size(); ++i) {
+    const joint_state_t& joint = state_->joints[i];
+    text +=
+        fmt::format("; {} {:.4f} rad, {:.2f} N m, {}", JointName(i), joint.measured_position_rad,
+                    joint.measured_torque_nm, DriveStateName(joint.drive_state));
+  }
+  return text + fmt::format("; faults: {}", FaultText());
+}
+
+std::string LiveView::Screen() const {
+  if (!state_) return "nothing received\n";
+  const state_t& s = *state_;
+  std::string text;
+  if (run_) {
+    text += fmt::format("{} on {} ({}{}), {:.6g} Hz, speed {:.3g}; tumbler {}\n", run_->motion,
+                        run_->bus, run_->mode, run_->attended ? ", attended" : "", run_->rate_hz,
+                        run_->speed, run_->version);
+  }
+  text += fmt::format("state   {:16} {} at {:.3f} s, {} cycles, tick {}, {:.3f} s\n",
+                      ToString(static_cast<ExecutorState>(s.state)), NodeName(), s.primitive_time_s,
+                      s.cycles, s.tick, static_cast<double>(s.time_ns) * 1e-9);
+  text += fmt::format("faults  {}\n\n", FaultText());
+  text += fmt::format("{:12} {:>10} {:>10} {:>9} {:>9} {:>8} {:>7} {:>6} {:>9}\n", "joint",
+                      "setpoint", "measured", "error", "rad/s", "N m", "deg C", "age", "drive");
+  for (std::size_t i = 0; i < s.joints.size(); ++i) {
+    const joint_state_t& j = s.joints[i];
+    text += fmt::format(
+        "{:12.12} {:8.2f}\u00b0  {:8.2f}\u00b0  {:7.2f}\u00b0  {:9.3f} {:8.3f} {:7.1f} {:>6} "
+        "{:>9}{}\n",
+        JointName(i), kDegrees * static_cast<double>(j.limited_position_rad),
+        kDegrees * static_cast<double>(j.measured_position_rad),
+        kDegrees * static_cast<double>(j.measured_position_rad - j.limited_position_rad),
+        j.measured_velocity_rad_s, j.measured_torque_nm, j.temperature_c, j.reply_age_ticks,
+        DriveStateName(j.drive_state),
+        j.drive_error != 0 ? fmt::format(" error {:#x}", j.drive_error) : "");
+  }
+  if (run_) {
+    const auto bars = static_cast<std::size_t>(
+        std::clamp(std::lround(20 * static_cast<double>(run_->bus_load)), 0L, 20L));
+    text += fmt::format("\nbus     [{:20}] {:.1f} % at most; measurements at most {} ticks old\n",
+                        std::string(bars, '#'), 100 * static_cast<double>(run_->bus_load),
+                        run_->reply_age_max_ticks);
+    text += fmt::format(
+        "wake-up p50 {:.0f}, p99 {:.0f}, p99.9 {:.0f}, p99.99 {:.0f}, max {:.0f} us; now {:.0f}\n",
+        run_->wake_up_p50_us, run_->wake_up_p99_us, run_->wake_up_p99_9_us, run_->wake_up_p99_99_us,
+        run_->wake_up_max_us, s.wake_up_us);
+    text += fmt::format(
+        "tick    p50 {:.0f}, p99 {:.0f}, p99.9 {:.0f}, p99.99 {:.0f}, max {:.0f} us; now {:.0f}\n",
+        run_->tick_p50_us, run_->tick_p99_us, run_->tick_p99_9_us, run_->tick_p99_99_us,
+        run_->tick_max_us, s.tick_us);
+    text += fmt::format(
+        "ticks   {}, {} late, {} missed; not recorded {}, not published {}, not received {}\n",
+        run_->ticks, run_->late_ticks, run_->missed_ticks, run_->lost_records, run_->unpublished,
+        lost_);
+    text += fmt::format("machine {}\n        {}; adapter {}\n        {}\n", run_->kernel, run_->cpu,
+                        run_->adapter, run_->scheduling);
+  }
+  if (!events_.empty()) text += '\n';
+  for (const event_t& event : events_) {
+    text +=
+        fmt::format("{:10.3f} s  {} -> {}{}{}\n", static_cast<double>(event.time_ns) * 1e-9,
+                    event.from_state, event.to_state, event.text.empty() ? "" : ": ", event.text);
+  }
+  return text;
+}
+
+std::string LiveView::Json() const {
+  nlohmann::ordered_json json;
+  if (!state_) return "null\n";
+  const state_t& s = *state_;
+  if (run_) {
+    json["motion"] = run_->motion;
+    json["bus"] = run_->bus;
+    json["mode"] = run_->mode;
+    json["attended"] = run_->attended != 0;
+    json["rate_hz"] = run_->rate_hz;
+    json["bus_load_max"] = run_->bus_load;
+    json["wake_up_p99_9_us"] = run_->wake_up_p99_9_us;
+    json["wake_up_max_us"] = run_->wake_up_max_us;
+    json["tick_max_us"] = run_->tick_max_us;
+    json["missed_ticks"] = run_->missed_ticks;
+    json["lost_records"] = run_->lost_records;
+  }
+  json["state"] = ToString(static_cast<ExecutorState>(s.state));
+  json["tick"] = s.tick;
+  json["time_s"] = static_cast<double>(s.time_ns) * 1e-9;
+  json["node"] = NodeName();
+  json["cycles"] = s.cycles;
+  json["primitive_time_s"] = s.primitive_time_s;
+  json["fault"] =
+      s.faults == 0 ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(FaultText());
+  json["joints"] = nlohmann::ordered_json::array();
+  for (std::size_t i = 0; i < s.joints.size(); ++i) {
+    const joint_state_t& j = s.joints[i];
+    json["joints"].push_back({{"name", JointName(i)},
+                              {"setpoint_rad", j.limited_position_rad},
+                              {"measured_rad", j.measured_position_rad},
+                              {"measured_rad_s", j.measured_velocity_rad_s},
+                              {"measured_nm", j.measured_torque_nm},
+                              {"temperature_c", j.temperature_c},
+                              {"reply_age_ticks", j.reply_age_ticks},
+                              {"drive", DriveStateName(j.drive_state)},
+                              {"drive_error", j.drive_error}});
+  }
+  return json.dump(2) + '\n';
+}
+
+}  // namespace tumbler
