@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -96,9 +97,16 @@ class SimulatedWorld final : public World {
 
 }  // namespace
 
-std::unique_ptr<World> MakeSimulatedWorld(const SequenceFile& file, const DrivesConfig& drives,
-                                          const SimulatedWorldConfig& config) {
-  return std::make_unique<SimulatedWorld>(file, drives, config);
+Simulation MakeSimulation() {
+  Simulation simulation;
+  simulation.drives_file_of = [](const std::string& twin_file) {
+    return ReadTwinSources(twin_file).drives;
+  };
+  simulation.make_world = [](const SequenceFile& motion, const DrivesConfig& drives,
+                             const SimulatedWorldConfig& config) {
+    return std::make_unique<SimulatedWorld>(motion, drives, config);
+  };
+  return simulation;
 }
 
 }  // namespace tumbler

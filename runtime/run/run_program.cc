@@ -1,4 +1,4 @@
-// tumbler-run: plays a primitive, or a sequence of them, on motors or on a simulated robot.
+#include "runtime/run/run_program.h"
 
 #include <fmt/format.h>
 
@@ -44,10 +44,6 @@
 #include "runtime/run/world.h"
 #include "runtime/telemetry/lcm_commands.h"
 #include "runtime/telemetry/telemetry.h"
-#ifdef TUMBLER_HAS_SIMULATION
-#include "offline/rehearsal/sim/simulated_world.h"
-#include "offline/rehearsal/twin/twin_toml.h"
-#endif
 
 namespace tumbler {
 namespace {
@@ -217,22 +213,18 @@ std::vector<double> StartPositions(const SequenceFile& file) {
   return positions;
 }
 
-/// Takes what is true of a simulated robot, as LCM messages truth_t.
-using TruthSink = std::function<void(std::span<const std::uint8_t>)>;
-
-std::unique_ptr<World> MakeWorld(const Options& options, const SequenceFile& file,
-                                 const DrivesConfig& drives,
-                                 [[maybe_unused]] const TruthSink& truth_sink) {
+std::unique_ptr<World> MakeWorld(const Options& options, const Simulation* simulation,
+                                 const SequenceFile& file, const DrivesConfig& drives,
+                                 const TruthSink& truth_sink) {
   if (options.simulated()) {
-#ifdef TUMBLER_HAS_SIMULATION
-    return MakeSimulatedWorld(
+    if (simulation == nullptr) {
+      throw std::runtime_error(
+          "this build has no simulation (TUMBLER_BUILD_OFFLINE is OFF); name a CAN interface");
+    }
+    return simulation->make_world(
         file, drives,
         {options.twin, options.bus_faults, options.truth, options.lcm_url,
          options.record.empty() ? TruthSink() : truth_sink, options.realtime});
-#else
-    throw std::runtime_error(
-        "this build has no simulation (TUMBLER_BUILD_OFFLINE is OFF); name a CAN interface");
-#endif
   }
   if (options.dry_run()) return MakeDryRunWorld(Interface(options), drives, StartPositions(file));
   return MakeInterfaceWorld(Interface(options), drives);
@@ -333,15 +325,13 @@ int TestLatency(const Options& options) {
   return 0;
 }
 
-int Run(Options options) {
+int Run(Options options, const Simulation* simulation) {
   FileKeeper files;
   const SequenceFile file = LoadMotion(options.motion, files.reader());
   const auto motions = std::make_unique<const Sequence<float>>(ToRuntime(file));
   const SequenceGraph<float>& graph = motions->graph;
-#ifdef TUMBLER_HAS_SIMULATION
-  if (options.drives.empty() && !options.twin.empty())
-    options.drives = ReadTwinSources(options.twin).drives;
-#endif
+  if (simulation != nullptr && options.drives.empty() && !options.twin.empty())
+    options.drives = simulation->drives_file_of(options.twin);
   if (options.drives.empty() && !options.simulated()) {
     throw std::runtime_error(
         fmt::format("{} is a real bus: say with --drives which drives are on it", options.bus));
@@ -393,10 +383,11 @@ int Run(Options options) {
   }
 
   std::unique_ptr<FlightRecorder> recorder;
-  const std::unique_ptr<World> world =
-      MakeWorld(options, file, drives, [&recorder](std::span<const std::uint8_t> truth) {
-        if (recorder != nullptr) recorder->PushTruth(truth);
-      });
+  const std::unique_ptr<World> world = MakeWorld(options, simulation, file, drives,
+                                                 [&recorder](std::span<const std::uint8_t> truth) {
+                                                   if (recorder != nullptr)
+                                                     recorder->PushTruth(truth);
+                                                 });
   TelemetryConfig telemetry_config;
   telemetry_config.log_file = options.log;
   telemetry_config.lcm_url = options.lcm_url;
@@ -518,7 +509,9 @@ void CheckTogether(const Options& options) {
   }
 }
 
-int Main(int argc, char** argv) {
+}  // namespace
+
+int RunProgram(int argc, char** argv, const Simulation* simulation) {
   Options options;
   CLI::App app("Plays a motion primitive on motor drives over CAN, or on a simulated robot.",
                "tumbler-run");
@@ -603,7 +596,7 @@ int Main(int argc, char** argv) {
   }
   try {
     CheckTogether(options);
-    return options.latency_test_s > 0 ? TestLatency(options) : Run(options);
+    return options.latency_test_s > 0 ? TestLatency(options) : Run(options, simulation);
   } catch (const Refused& refused) {
     fmt::print(stderr, "tumbler-run: refused: {}\n", refused.what());
     return kExitRefused;
@@ -613,7 +606,4 @@ int Main(int argc, char** argv) {
   }
 }
 
-}  // namespace
 }  // namespace tumbler
-
-int main(int argc, char** argv) { return tumbler::Main(argc, argv); }
