@@ -10,7 +10,7 @@ bool Is(const CanFrame& frame, std::uint32_t id, std::uint8_t size) noexcept {
   return frame.id == id && !frame.extended && !frame.remote && frame.size == size;
 }
 
-// First byte of expedited transfers with the size stated: ccs/scs << 5 | (4 - size) << 2 | 3.
+// The first byte of an expedited transfer that states its size: ccs/scs << 5 | (4 - size) << 2 | 3.
 constexpr std::uint8_t Specifier(std::uint8_t service, std::uint8_t size) noexcept {
   return static_cast<std::uint8_t>(service << 5 | (4 - size) << 2 | 3);
 }

@@ -14,10 +14,11 @@ namespace tumbler {
 
 inline constexpr std::uint8_t kCanOpenNodeMax = 127;
 
-/// Identifiers: function + node.
+/// Identifiers of frames: one of these plus the node's number, except NMT and SYNC, which go to all
+/// nodes.
 namespace canopen_id {
-inline constexpr std::uint32_t kNmt = 0x000;   ///< to all
-inline constexpr std::uint32_t kSync = 0x080;  ///< to all
+inline constexpr std::uint32_t kNmt = 0x000;
+inline constexpr std::uint32_t kSync = 0x080;
 inline constexpr std::uint32_t kEmergency = 0x080;
 inline constexpr std::uint32_t kTpdo1 = 0x180;
 inline constexpr std::uint32_t kRpdo1 = 0x200;
@@ -42,52 +43,56 @@ enum class NmtState : std::uint8_t {
   kPreOperational = 0x7f,
 };
 
-/// @param node  0 for all.
+/// @param node  0 for all nodes.
 [[nodiscard]] CanFrame EncodeNmt(NmtCommand command, std::uint8_t node) noexcept;
-/// @retval kInvalidArgument  not an NMT frame to this node or to all with one of the commands.
+/// @retval kInvalidArgument  no NMT frame, for another node, or with an unknown command.
 Status DecodeNmt(std::uint8_t node, const CanFrame& frame, NmtCommand& command) noexcept;
 
 [[nodiscard]] CanFrame EncodeSync() noexcept;
-[[nodiscard]] bool IsSync(const CanFrame& frame) noexcept;  ///< With or without its counter byte.
+/// Whether the frame is a SYNC, with or without the counter byte.
+[[nodiscard]] bool IsSync(const CanFrame& frame) noexcept;
 
+/// The heartbeat of a node, or its boot-up message.
 [[nodiscard]] CanFrame EncodeNodeState(std::uint8_t node, NmtState state) noexcept;
-/// @retval kInvalidArgument  not this node's heartbeat or boot-up, or a state that is none.
+/// @retval kInvalidArgument  no heartbeat or boot-up of this node, or with an unknown state.
 Status DecodeNodeState(std::uint8_t node, const CanFrame& frame, NmtState& state) noexcept;
 
-/// EMCY; code 0 says that the error is gone.
+/// The content of an EMCY message. Code 0 means that the error is gone.
 struct CanOpenEmergency {
   std::uint16_t code = 0;
   std::uint8_t error_register = 0;
   std::array<std::uint8_t, 5> detail{};
 };
-inline constexpr std::uint16_t kEmergencyHeartbeat = 0x8130;       ///< heartbeat or life guard
-inline constexpr std::uint16_t kEmergencyFollowingError = 0x8611;  ///< CiA 402
+inline constexpr std::uint16_t kEmergencyHeartbeat = 0x8130;       ///< Heartbeat or life guard.
+inline constexpr std::uint16_t kEmergencyFollowingError = 0x8611;  ///< Of CiA 402.
 inline constexpr std::uint16_t kEmergencyGeneric = 0x1000;
 
 [[nodiscard]] CanFrame EncodeEmergency(std::uint8_t node, const CanOpenEmergency& value) noexcept;
 Status DecodeEmergency(std::uint8_t node, const CanFrame& frame, CanOpenEmergency& value) noexcept;
 
-/// An expedited transfer of 1 ... 4 bytes to the node's object dictionary, or the wish to read one.
+/// A request to write 1 ... 4 bytes to a node's object dictionary (an expedited transfer), or to
+/// read an object.
 struct SdoRequest {
   bool write = true;
   std::uint16_t index = 0;
   std::uint8_t sub = 0;
-  std::uint8_t size = 0;    ///< of a write
-  std::uint32_t value = 0;  ///< of a write
+  std::uint8_t size = 0;    ///< Bytes to write.
+  std::uint32_t value = 0;  ///< To write.
 };
+/// The node's answer to an SdoRequest.
 struct SdoReply {
   enum class Kind : std::uint8_t { kWritten, kRead, kAborted };
   Kind kind = Kind::kWritten;
   std::uint16_t index = 0;
   std::uint8_t sub = 0;
-  std::uint8_t size = 0;    ///< of what was read
-  std::uint32_t value = 0;  ///< what was read, or the abort code
+  std::uint8_t size = 0;    ///< Bytes that were read.
+  std::uint32_t value = 0;  ///< The value that was read, or the abort code.
 };
 
 /// @pre a write has 1 ... 4 bytes.
 [[nodiscard]] CanFrame EncodeSdoRequest(std::uint8_t node, const SdoRequest& value) noexcept;
 [[nodiscard]] CanFrame EncodeSdoReply(std::uint8_t node, const SdoReply& value) noexcept;
-/// @retval kInvalidArgument  not this node's, not of 8 bytes, or a transfer that is not expedited.
+/// @retval kInvalidArgument  for another node, not of 8 bytes, or no expedited transfer.
 Status DecodeSdoRequest(std::uint8_t node, const CanFrame& frame, SdoRequest& value) noexcept;
 Status DecodeSdoReply(std::uint8_t node, const CanFrame& frame, SdoReply& value) noexcept;
 

@@ -9,27 +9,28 @@
 
 namespace tumbler {
 
-/// What the executor asks of one drive in one tick, at the joint (after gear, direction and zero).
-/// The drive's law is torque = kp (position - q) + kd (velocity - qdot) + torque. Where gains
-/// belong to the drive itself and its protocol does not carry them, kp > 0 asks for the position to
-/// be followed, and kp = 0 for `velocity_rad_s` alone (at zero: to brake the joint).
+/// What the executor asks of one drive in one tick. All values are those of the joint, not of the
+/// drive's shaft. The drive's law is torque = kp (position - q) + kd (velocity - qdot) + torque.
+///
+/// Some protocols carry no gains, because the drive has its own. There kp > 0 means that the
+/// position is to be followed, and kp = 0 that `velocity_rad_s` alone is (0 brakes the joint).
 struct DriveSetpoint {
   float position_rad = 0;
   float velocity_rad_s = 0;
-  float torque_nm = 0;  ///< feed-forward
+  float torque_nm = 0;  ///< Feed-forward.
   float kp_nm_per_rad = 0;
   float kd_nm_s_per_rad = 0;
 
-  /// Neither NaN nor infinite anywhere.
+  /// Whether no value is NaN or infinite.
   [[nodiscard]] constexpr bool IsFinite() const noexcept {
-    const auto zero = [](float x) { return x - x; };  // or NaN
+    const auto zero = [](float x) { return x - x; };  // NaN unless x is finite
     return zero(position_rad) + zero(velocity_rad_s) + zero(torque_nm) + zero(kp_nm_per_rad) +
                zero(kd_nm_s_per_rad) ==
            0;
   }
 };
 
-/// What a drive last said of itself, at the joint.
+/// What a drive last said of itself. Position, velocity and torque are those of the joint.
 struct DriveFeedback {
   float position_rad = 0;
   float velocity_rad_s = 0;
@@ -41,36 +42,40 @@ struct DriveFeedback {
 
 /// Whether the motor is to be driven.
 enum class DriveRequest : std::uint8_t {
-  kDisable,  ///< Torque off, whatever the drive was doing.
-  kEnable,   ///< Follow the setpoint; the drive's start-up sequence runs by itself over as many
-             ///< ticks as it needs. A drive that was enabled and no longer is stays off until it
-             ///< has been asked to disable.
-  kClearErrors,  ///< kDisable, and forget the drive's latched errors. One tick of it is enough; it
-                 ///< is the operator's alone to ask, nothing else clears an error.
+  /// Torque off, whatever the drive was doing.
+  kDisable,
+  /// Follow the setpoint. The drive's start-up sequence runs by itself, over as many ticks as it
+  /// needs. A drive that drops out after it was enabled stays off until it has been asked to
+  /// disable.
+  kEnable,
+  /// As kDisable, and the drive forgets its latched errors. One tick is enough. Only the operator
+  /// may ask for this; nothing else clears an error.
+  kClearErrors,
 };
 
-/// What the drive is known to be doing, from its replies.
+/// What a drive is doing, as far as its replies tell.
 enum class DriveState : std::uint8_t {
   kUnknown,  ///< No reply yet.
   kDisabled,
   kEnabling,  ///< The start-up sequence is under way.
   kEnabled,   ///< The next setpoint will be followed.
   kFault,     ///< The drive reports an error.
-  kLost,      ///< Its own heartbeat has stopped: what it does now is not known.
+  kLost,      ///< The drive's heartbeat has stopped: what it does now is not known.
 };
 
-/// How a drive's measured positions come.
+/// When a drive sends its measured positions.
 struct ReplyRhythm {
-  /// One to each tick in which the drive was written, so that repeated and belated ones can be told
-  /// by counting. Otherwise the drive sends by its own clock.
+  /// Whether the drive answers each tick in which it was written, so that counting tells repeated
+  /// and belated replies. Otherwise the drive sends by its own clock.
   bool answers = true;
-  int per_tick_max = 1;  ///< Where it sends by its own clock: the most in one period.
+  /// Of a drive that sends by its own clock: the most positions in one period of the loop.
+  int per_tick_max = 1;
 };
 
 /// Age of a drive's heartbeat.
 struct HeartbeatAge {
   int ticks = 0;
-  int limit_ticks = 0;  ///< Beyond it the state is kLost; 0: the protocol has no heartbeat.
+  int limit_ticks = 0;  ///< At a greater age the state is kLost; 0: the protocol has no heartbeat.
 };
 
 /// The frames of one tick for one drive.
@@ -97,9 +102,11 @@ class FrameBatch {
 /// bus of its own.
 ///
 /// Every tick calls Encode exactly once, and Decode once for every frame received since the tick
-/// before. Encode writes the drive every time; what a drive or its bus needs besides the setpoint
-/// (set-up, synchronisation, heartbeats) comes from the same call, so that a host whose setpoints
-/// have stopped keeps no watchdog quiet. Real time: no heap, no locks, no exceptions. Freestanding.
+/// before. Encode writes the drive every time. Frames that a drive or its bus needs besides
+/// setpoints (set-up, synchronisation, heartbeats) come from the same call: so when the host's
+/// setpoints stop, the drive's watchdog notices.
+///
+/// Real time: no heap, no locks, no exceptions. Freestanding.
 class Drive {
  public:
   Drive() = default;
@@ -107,20 +114,20 @@ class Drive {
   Drive& operator=(const Drive&) = delete;
   virtual ~Drive() = default;
 
-  /// Adds this tick's frames to `batch`. The setpoint is clamped to the drive's ranges; with a
-  /// value in it that is not finite the motor is disabled instead, and kInvalidArgument returned.
+  /// Adds this tick's frames to `batch`. The setpoint is clamped to the drive's ranges. If a value
+  /// of it is not finite, the motor is disabled instead, and kInvalidArgument returned.
   virtual Status Encode(DriveRequest request, const DriveSetpoint& setpoint,
                         FrameBatch& batch) noexcept = 0;
 
-  /// Takes a frame if it is this drive's, and updates `feedback()` and `state()`. Returns true if
-  /// it brought a measured position, which is what the age of a reply counts from; false after the
-  /// drive's other messages (heartbeats, errors, temperatures). A frame that is another drive's,
-  /// malformed or out of the protocol is left alone.
+  /// Takes a frame, and updates `feedback()` and `state()` from it. Frames of other drives, and
+  /// frames that are malformed or unknown to the protocol, change nothing.
+  /// @returns whether the frame brought a measured position, from which the age of a reply is
+  /// counted. Heartbeats, errors and temperatures do not.
   virtual bool Decode(const CanFrame& frame) noexcept = 0;
 
-  /// What Encode put on the wire last, decoded again: setpoint as the drive will see it, after
-  /// rounding. What the protocol does not carry is zero; before the setpoint is followed, the
-  /// position is the measured one.
+  /// The setpoint of the last Encode as the drive will see it, after rounding on the wire. Values
+  /// that the protocol does not carry are zero. Until the setpoint is followed, the position is the
+  /// measured one.
   [[nodiscard]] virtual DriveSetpoint encoded_setpoint() const noexcept = 0;
   [[nodiscard]] virtual DriveFeedback feedback() const noexcept = 0;
   [[nodiscard]] virtual DriveState state() const noexcept = 0;

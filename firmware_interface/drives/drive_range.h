@@ -2,7 +2,7 @@
 
 namespace tumbler {
 
-/// What a quantity on the wire, or of a drive, can be.
+/// The range of a quantity on the wire or of a drive.
 struct DriveRange {
   float min = 0;
   float max = 0;
@@ -12,13 +12,13 @@ struct DriveRange {
     const float above = x > min ? x : min;
     return above < max ? above : max;
   }
-  /// Finite ends around zero.
+  /// Whether zero lies between the ends, and both are of magnitude `largest` at most.
   [[nodiscard]] constexpr bool ContainsZeroWithin(float largest) const noexcept {
     return min >= -largest && min < 0 && max > 0 && max <= largest;
   }
 };
 
-/// What one drive may be told, at its shaft: nothing beyond it is ever encoded.
+/// The ranges of one drive's setpoints, at its shaft. Nothing beyond them is ever encoded.
 struct ShaftRanges {
   DriveRange position_rad{-12.5F, 12.5F};
   DriveRange velocity_rad_s{-50.0F, 50.0F};

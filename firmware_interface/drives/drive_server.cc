@@ -14,10 +14,11 @@
 namespace tumbler {
 namespace {
 
-/// How finely time passes for the drives: what is said is exact to this.
+/// Steps in which time passes for the drives. The times of messages are exact to this.
 constexpr std::int64_t kSlice_ns = 1'000'000;
 constexpr std::int64_t kNsPerSecond = 1'000'000'000;
-/// Half a millisecond is a frame and its answer; four milliseconds are those of eight drives.
+/// Half a millisecond is enough for a frame and its answer, four milliseconds for those of eight
+/// drives.
 constexpr std::int64_t kAnswer_ns = 500'000;
 constexpr std::int64_t kAnswering_ns = 4'000'000;
 constexpr std::int64_t kLostWait_ns = 50'000'000;
@@ -32,13 +33,13 @@ std::int64_t Now(clockid_t clock) {
 
 SimulatedPortConfig DriveServer::GatewayConfig() {
   SimulatedPortConfig config;
-  config.transmit_capacity = 256;  // What comes at once has passed another bus already.
+  config.transmit_capacity = 256;  // Frames that come together have passed another bus already.
   return config;
 }
 
 SocketCanConfig DriveServer::InterfaceConfig(const DrivesConfig& drives) {
   SocketCanConfig config;
-  config.send_ids = drives.HostReceives();  // This is the other side.
+  config.send_ids = drives.HostReceives();  // The server is the other side: what the host hears.
   config.receive_ids = drives.HostSends();
   config.in_flight_max = SocketCanConfig::kMaxInFlight;
   return config;
@@ -94,7 +95,7 @@ void DriveServer::AdvanceTo(std::int64_t time_ns) {
 
 void DriveServer::ServeUntil(std::int64_t time_ns) {
   const std::int64_t now = now_ns();
-  // While drives answer, it is looked for their answers.
+  // While drives answer, the server wakes up early to send their answers.
   const std::int64_t wake = now - heard_ns_ < kAnswering_ns ? now + kAnswer_ns : time_ns;
   const std::int64_t wait_ns = std::clamp<std::int64_t>(
       lost_ ? kLostWait_ns : std::min(wake, time_ns) - now, 0, kNsPerSecond - 1);
@@ -106,12 +107,12 @@ void DriveServer::ServeUntil(std::int64_t time_ns) {
   while ((status = bus_.Receive(received)) == Status::kOk) {
     heard_ns_ = now_ns();
     AdvanceTo(TimeAt(received.time_ns));
-    // Fails when 256 frames wait; a drive would miss them as well.
+    // This fails when 256 frames wait. A drive would miss the frame as well.
     static_cast<void>(gateway_.Send(received.frame) == Status::kOk);
   }
   AdvanceTo(now_ns());
   while (gateway_.Receive(received) == Status::kOk) {
-    static_cast<void>(bus_.Send(received.frame) == Status::kOk);  // Lost, as on a dead bus.
+    static_cast<void>(bus_.Send(received.frame) == Status::kOk);  // On failure the frame is lost.
   }
   const bool down = status != Status::kWouldBlock;
   if (down != lost_) {
@@ -120,7 +121,7 @@ void DriveServer::ServeUntil(std::int64_t time_ns) {
   }
   lost_ = down;
   if (bus_.last_errno() == ENODEV || bus_.descriptor() < 0) {
-    // Another interface may have come under the name; if not, it is asked again.
+    // Another interface may have come under the name. If not, the next turn asks again.
     static_cast<void>(bus_.Open(interface_, interface_config_));
   }
 }

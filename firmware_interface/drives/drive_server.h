@@ -19,32 +19,32 @@ struct ServedDrive {
   const SimulatedDrive* drive = nullptr;
 };
 
-/// Puts the drives of a simulated bus on a SocketCAN interface, in real time: frames that arrive
-/// there go onto the simulated bus at the time at which they came, and what the drives send goes
-/// out. Says on standard output, with the time as candump gives it, when a drive is enabled or
-/// disabled, and when its watchdog takes over.
+/// Puts the drives of a simulated bus on a SocketCAN interface, in real time. Frames that arrive at
+/// the interface go onto the simulated bus at the time at which they came; frames of the drives go
+/// out. On standard output the server says when a drive is enabled or disabled, and when its
+/// watchdog takes over, with the time as candump gives it.
 ///
-/// A pause of the program delays answers, but does not starve the drives' watchdogs. An interface
-/// that goes down or away is waited for.
+/// A pause of the program delays answers, but does not starve the drives' watchdogs. The server
+/// waits for an interface that goes down or away.
 class DriveServer {
  public:
-  /// @param pace     how much time passes for the drives in a second of the clock, above 0: below 1
-  /// for a host that counts its time likewise, on a machine that cannot keep up.
-  /// @param bus      that the drives are attached to; with room for one more node.
-  /// @param advance  moves the bus, and what its drives move, on to a time. Times begin at 0 with
-  /// the server.
-  /// @throws std::runtime_error when the interface cannot be used.
+  /// @param bus      has the drives attached, and room for one more node.
+  /// @param advance  moves the bus, and what its drives move, on to a time [ns] since the server
+  ///                 was made.
+  /// @param pace     seconds of the drives in a second of the clock, above 0. A value below 1 helps
+  ///                 a machine that cannot keep up; the host has to count its time likewise.
+  /// @throws std::runtime_error  when the interface cannot be used.
   DriveServer(const std::string& interface, const DrivesConfig& config, SimulatedBus& bus,
               std::vector<ServedDrive> drives, std::function<void(std::int64_t)> advance,
               double pace = 1);
 
-  /// Serves until this time, at the latest; returns earlier where frames came. Afterwards the
+  /// Serves until this time at the latest, and returns earlier when frames came. Afterwards the
   /// simulation has reached `now_ns()`.
   void ServeUntil(std::int64_t time_ns);
   /// Time of the drives since the server was made.
   [[nodiscard]] std::int64_t now_ns() const;
 
-  /// One line on standard output, after the time.
+  /// Prints one line on standard output, with the time before it.
   static void Say(std::string_view what);
 
  private:
@@ -67,8 +67,8 @@ class DriveServer {
   SocketCanBus bus_;
   double pace_;
   std::int64_t start_ns_ = 0;    // on CLOCK_MONOTONIC
-  std::int64_t reached_ns_ = 0;  // by the simulation
-  std::int64_t heard_ns_ = 0;    // the last frame came
+  std::int64_t reached_ns_ = 0;  // time of the simulation
+  std::int64_t heard_ns_ = 0;    // time of the last frame
   bool lost_ = false;
 };
 

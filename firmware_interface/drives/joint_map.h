@@ -4,17 +4,20 @@
 
 namespace tumbler {
 
-/// Between a joint and the shaft whose angle its drive measures:
+/// Converts between a joint and the shaft whose angle its drive measures:
 ///
-///   drive angle = direction * gear_ratio * (joint angle - zero_offset) (1)
+///   drive angle = direction * gear_ratio * (joint angle - zero_offset)                   (1)
+///   joint torque = direction * gear_ratio * drive torque
 ///
-/// and, since power is the same on both sides, joint torque = direction * gear_ratio * drive
-/// torque.
+/// The second follows from the first, since power is the same on both sides.
 struct JointMap {
-  float direction = 1;   ///< +1, or -1 where the drive turns against the joint.
-  float gear_ratio = 1;  ///< > 0: turns of the drive's shaft per turn of the joint. 1 where the
-                         ///< drive accounts for its own gear, as T-Motor's AK drives do.
-  float zero_offset_rad = 0;  ///< The joint's angle when the drive reads zero.
+  /// +1, or -1 where the drive turns against the joint.
+  float direction = 1;
+  /// > 0: turns of the drive's shaft per turn of the joint. It is 1 where the drive accounts for
+  /// its own gear, as T-Motor's AK drives do.
+  float gear_ratio = 1;
+  /// The joint's angle when the drive reads zero.
+  float zero_offset_rad = 0;
 
   [[nodiscard]] float ToDrivePosition(float joint_rad) const noexcept {
     return direction * gear_ratio * (joint_rad - zero_offset_rad);
@@ -34,7 +37,8 @@ struct JointMap {
   [[nodiscard]] float ToJointTorque(float drive_nm) const noexcept {
     return direction * gear_ratio * drive_nm;
   }
-  /// Stiffness or damping: torque shrinks and angle grows by the ratio.
+  /// Converts a stiffness or damping. At the shaft the torque is smaller and the angle larger by
+  /// the ratio, so the gain is smaller by its square.
   [[nodiscard]] float ToDriveGain(float joint_gain) const noexcept {
     return joint_gain / (gear_ratio * gear_ratio);
   }

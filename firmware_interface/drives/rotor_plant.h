@@ -8,9 +8,9 @@
 
 namespace tumbler {
 
-/// A rotor with viscous friction behind each of several simulated drives: inertia * qddot = torque
-/// - damping * qdot. Nothing couples them and nothing touches the ground; semi-implicit Euler at
-/// the drives' step.
+/// Rotors with viscous friction, each turned by a simulated drive: inertia * qddot = torque -
+/// damping * qdot, in joint coordinates. Nothing couples the rotors. They are integrated by
+/// semi-implicit Euler with the drives' step.
 class RotorPlant {
  public:
   struct Rotor {
@@ -23,6 +23,7 @@ class RotorPlant {
 
   RotorPlant(SimulatedBus& bus, std::vector<Rotor> rotors, std::int64_t step_ns = 50'000);
 
+  /// Moves bus, drives and rotors on to this time.
   void AdvanceTo(std::int64_t time_ns) noexcept;
   [[nodiscard]] std::vector<Rotor>& rotors() noexcept { return rotors_; }
 

@@ -12,30 +12,32 @@ namespace tumbler {
 /// Properties of a simulated ODrive.
 struct SimulatedCanSimpleConfig : SimulatedMotorConfig {
   CanSimpleConfig can;
-  double watchdog_s = 0;  ///< >= 0; 0 is off, as from the factory.
+  double watchdog_s = 0;  ///< >= 0; 0 is off, which is the factory's setting.
   /// Gains of the drive's cascade, at the shaft: velocity = position_gain (input - q) +
   /// feed-forward, torque = velocity_gain (velocity - qdot) + feed-forward. No integrators.
   double position_gain_per_s = 50;
   double velocity_gain_nm_s_per_rad = 4;
-  /// Periods of what it sends by itself; 0: not at all.
+  /// Periods of the messages that the drive sends by itself; 0: never.
   double heartbeat_s = 0.1;
   double estimates_s = 0.001;
   double torques_s = 0;
   double temperature_s = 0.1;
   double errors_s = 0;
-  /// Of its own clock, against the host's.
+  /// Phase of the drive's own clock against the host's.
   std::int64_t phase_ns = 550'000;
 };
 
 /// The drive side of CANSimple, as far as a host in closed-loop control sees it.
 ///
-/// - Any frame with the drive's number feeds the watchdog, remote frames and unknown commands
-///   included. It runs in closed-loop control only; expiry disarms and latches an error.
-/// - An active error refuses closed-loop control until Clear_Errors. Estop is one.
-/// - Inputs and modes are taken in any state, and acted on as closed-loop control begins. Asking
-/// for
-///   a state that the drive is in already makes it leave it for a moment (`restarts`).
-/// - Remote frames are answered with the message asked for.
+/// - Any frame with the drive's number feeds the watchdog, even a remote frame or an unknown
+///   command. The watchdog runs in closed-loop control only. When it expires, the drive disarms and
+///   latches an error.
+/// - While an error is latched (Estop is one), the drive refuses closed-loop control, until
+///   Clear_Errors.
+/// - The drive takes inputs and modes in any state, and acts on them when closed-loop control
+///   begins. When asked for a state that it is in already, it leaves the state for a moment
+///   (`restarts`).
+/// - The drive answers a remote frame with the message asked for.
 class SimulatedCanSimpleDrive final : public SimulatedDrive {
  public:
   /// @throws std::invalid_argument  naming the value that is not allowed.
@@ -48,7 +50,7 @@ class SimulatedCanSimpleDrive final : public SimulatedDrive {
     return (error_ & kCanSimpleWatchdogExpired) != 0;
   }
   [[nodiscard]] std::optional<double> target_rad() const noexcept override;
-  /// Disarms, as every error does.
+  /// Raises an error, which disarms the drive.
   void RaiseError(std::uint32_t code) noexcept override;
 
   [[nodiscard]] const CanSimpleInputPos& last_input() const noexcept { return input_; }

@@ -17,22 +17,23 @@ struct SimulatedCia402Config : SimulatedMotorConfig {
   /// qdot) + torque offset.
   double kp_nm_per_rad = 200;
   double kd_nm_s_per_rad = 4;
-  double sync_timeout_s = 0.02;     ///< Of SYNCs while enabled: a fault. 0 is off.
+  double sync_timeout_s = 0.02;     ///< No SYNC for so long is a fault while enabled. 0 is off.
   double following_window_rad = 1;  ///< 6065h at power-on, at the shaft; 0 is off.
 };
 
 /// The drive side of CiA 402 in cyclic synchronous position, with as much of CiA 301 as its host
 /// uses.
 ///
-/// - An object dictionary that refuses unknown objects, wrong sizes, values that make no sense, and
-///   changes of PDOs that exist; PDOs are packed and unpacked as they are mapped. Nothing is kept
-///   over a reset.
-/// - Synchronous PDOs: what an RPDO brought is acted on at the next SYNC, TPDOs follow a SYNC. The
-///   target is interpolated linearly over the period of 60C2h.
-/// - The power state machine with its controlword; the fault reset is an edge. Faults brake
-///   (kd only) until the joint rests or kFaultReaction_s are over, then take the torque away.
-/// - Heartbeat, boot-up, EMCY on a fault and on its reset, consumption of the host's heartbeat,
-///   SYNC time-out, following error with its window.
+/// - The object dictionary refuses unknown objects, wrong sizes, values that make no sense, and
+///   changes of PDOs that exist. It is forgotten in a reset. PDOs are packed and unpacked as they
+///   are mapped.
+/// - PDOs are synchronous: the drive acts on an RPDO at the next SYNC, and sends TPDOs after a
+///   SYNC. The target is interpolated linearly over the period of 60C2h.
+/// - The controlword drives the power state machine; the fault reset is an edge. In a fault the
+///   drive brakes (kd only) until the joint rests or kFaultReaction_s are over, and then takes the
+///   torque away.
+/// - The drive sends heartbeats, a boot-up message, and EMCY on a fault and its reset. It watches
+///   the host's heartbeat, the time between SYNCs, and the following error with its window.
 class SimulatedCia402Drive final : public SimulatedDrive {
  public:
   static constexpr double kFaultReaction_s = 0.2;
@@ -48,15 +49,15 @@ class SimulatedCia402Drive final : public SimulatedDrive {
   }
   [[nodiscard]] bool limp() const noexcept override { return error_code_ == kEmergencyHeartbeat; }
   [[nodiscard]] std::optional<double> target_rad() const noexcept override;
-  /// A fault with this EMCY code.
+  /// Raises a fault with this EMCY code.
   void RaiseError(std::uint32_t code) noexcept override;
 
   [[nodiscard]] Cia402State state() const noexcept { return state_; }
   [[nodiscard]] NmtState nmt_state() const noexcept { return nmt_; }
   [[nodiscard]] const SimulatedCia402Config& config() const noexcept { return config_; }
-  /// Switched off and on again: boots, and has forgotten its set-up.
+  /// Switches the drive off and on again: it boots, and has forgotten its set-up.
   void PowerCycle() noexcept;
-  /// Every write to this object is refused, as by a drive that does not have it.
+  /// Makes the drive refuse every write to this object, like a drive that does not have it.
   void Refuse(std::uint16_t index) noexcept { refused_index_ = index; }
 
  private:
@@ -68,12 +69,11 @@ class SimulatedCia402Drive final : public SimulatedDrive {
     std::uint8_t type = 0;
     std::uint8_t count = 0;
     std::array<std::uint32_t, kPdoEntries> entries{};
-    // RPDO: received since the last SYNC. TPDO: SYNCs since the last transmission.
-    bool pending = false;
+    bool pending = false;  // RPDO: whether `received` came since the last SYNC
     CanFrame received;
-    int syncs = 0;
+    int syncs = 0;  // TPDO: SYNCs since the last transmission
   };
-  /// An object of the dictionary and how wide it is on the wire.
+  /// An object of the dictionary: its value, and its bytes on the wire.
   struct Object {
     std::int64_t value = 0;
     std::uint8_t size = 0;  // 0: there is no such object
@@ -84,7 +84,7 @@ class SimulatedCia402Drive final : public SimulatedDrive {
 
   void Boot() noexcept;
   void Answer(const SdoRequest& request, SimulatedPort& port) noexcept;
-  std::uint32_t Write(const SdoRequest& request) noexcept;  // the abort code, or 0
+  std::uint32_t Write(const SdoRequest& request) noexcept;  // returns the abort code, or 0
   std::uint32_t WritePdo(Pdo& pdo, bool mapping, const SdoRequest& request) noexcept;
   std::uint32_t WriteValue(std::uint16_t index, std::uint8_t sub, std::uint8_t size,
                            std::uint32_t value) noexcept;
@@ -126,11 +126,11 @@ class SimulatedCia402Drive final : public SimulatedDrive {
   std::uint16_t error_code_ = 0;
   bool following_error_ = false;
   std::int64_t heartbeat_due_ns_ = 0;
-  bool host_seen_ = false;  // its heartbeat; monitoring begins with the first
+  bool host_seen_ = false;  // whether the host's heartbeat ever came: then it is watched
   std::int64_t host_ns_ = 0;
   std::int64_t sync_ns_ = 0;
   std::int64_t reaction_end_ns_ = 0;
-  double target_rad_ = 0;             // what the position loop is given, at the shaft
+  double target_rad_ = 0;             // target of the position loop, at the shaft
   double from_rad_ = 0, to_rad_ = 0;  // interpolation, at the shaft
 };
 

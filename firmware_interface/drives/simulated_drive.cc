@@ -51,8 +51,8 @@ double SimulatedDrive::ToJoint(double shaft_angle_rad) const noexcept {
 double SimulatedDrive::Limited(double torque_nm) const noexcept {
   double limit = motor_.torque_max_nm;
   const double speed = std::abs(velocity_rad_s_);
-  // The back electromotive force only takes voltage away from a motor that drives in the direction
-  // of its motion.
+  // The back electromotive force takes voltage away only while the motor drives in the direction of
+  // its motion.
   if (torque_nm * velocity_rad_s_ > 0 && speed > motor_.base_speed_rad_s &&
       std::isfinite(motor_.no_load_speed_rad_s)) {
     const double range = motor_.no_load_speed_rad_s - motor_.base_speed_rad_s;

@@ -17,15 +17,15 @@ struct SimulatedMitConfig : SimulatedMotorConfig {
 
 /// The drive side of the MIT protocol, as bgkatz's firmware behaves.
 ///
-/// - Every frame to it, magic ones included, is answered, with the state before the frame is
+/// - The drive answers every frame to it, magic ones included, with the state before the frame is
 ///   applied. It transmits in one-shot mode, with three mailboxes.
-/// - Setpoints are taken also outside motor mode, and acted on as it enters motor mode.
+/// - The drive takes setpoints outside motor mode too, and acts on the last one when it enters
+///   motor mode.
 /// - In motor mode, torque = kp (p - q) + kd (v - qdot) + t, limited. After `watchdog_s` without a
-///   setpoint gains and feed-forward become zero (the joint is limp) until the next setpoint; time
+///   setpoint gains and feed-forward become zero (the joint is limp) until the next setpoint. Time
 ///   outside motor mode does not count.
 /// - kZero makes the present angle the encoder's zero, outside motor mode only.
-/// - An error code, once raised, stops the torque until it is cleared by RaiseError(0): no frame
-///   does.
+/// - An error code stops the torque until RaiseError(0) clears it; no frame clears it.
 class SimulatedMitDrive final : public SimulatedDrive {
  public:
   /// @throws std::invalid_argument  naming the value that is not allowed.
@@ -38,12 +38,11 @@ class SimulatedMitDrive final : public SimulatedDrive {
   [[nodiscard]] bool enabled() const noexcept override { return enabled_; }
   [[nodiscard]] std::optional<double> target_rad() const noexcept override;
   [[nodiscard]] bool limp() const noexcept override { return expired_; }
-  [[nodiscard]] const MitCommand& last_setpoint() const noexcept {
-    return setpoint_;
-  }  ///< at the shaft
+  /// The last setpoint, at the shaft.
+  [[nodiscard]] const MitCommand& last_setpoint() const noexcept { return setpoint_; }
   [[nodiscard]] const SimulatedMitConfig& config() const noexcept { return config_; }
 
-  /// Only the low byte of the code fits a reply.
+  /// A reply carries only the low byte of the code.
   void RaiseError(std::uint32_t code) noexcept override {
     error_ = static_cast<std::uint8_t>(code);
   }
@@ -59,7 +58,7 @@ class SimulatedMitDrive final : public SimulatedDrive {
   bool expired_ = false;
   std::uint8_t error_ = 0;
   double zero_rad_ = 0;      // true angle at which the encoder reads zero
-  std::int64_t fed_ns_ = 0;  // last setpoint, or start of motor mode
+  std::int64_t fed_ns_ = 0;  // time of the last setpoint, or of the start of motor mode
 };
 
 }  // namespace tumbler

@@ -10,9 +10,9 @@
 
 namespace tumbler {
 
-/// Little-endian fields of a frame's payload.
+/// Little-endian fields in the payload of a frame.
 
-/// The whole payload as one number, first byte lowest.
+/// The whole payload as one number, the first byte lowest.
 [[nodiscard]] constexpr std::uint64_t LoadWord(const std::array<std::uint8_t, 8>& data) noexcept {
   if constexpr (std::endian::native == std::endian::little) {
     return std::bit_cast<std::uint64_t>(data);
@@ -31,7 +31,7 @@ namespace tumbler {
   return data;
 }
 
-/// Of 1 ... 4 bytes from `first` on.
+/// The number in the 1 ... 4 bytes from `first` on.
 [[nodiscard]] constexpr std::uint32_t LoadLittle(const std::array<std::uint8_t, 8>& data,
                                                  std::size_t first, std::size_t bytes) noexcept {
   return static_cast<std::uint32_t>(LoadWord(data) >> (8 * first) &
@@ -60,8 +60,8 @@ constexpr void StoreFloat(std::array<std::uint8_t, 8>& data, std::size_t first,
   return static_cast<std::int32_t>(LoadLittle(data, first, 4));
 }
 
-/// The nearest integer, halves away from zero, saturated at +-(2^15 - 1): never wraps, and both
-/// signs reach as far. NaN gives 0.
+/// The nearest integer (halves away from zero), saturated at +-(2^15 - 1). It never wraps, and both
+/// signs reach equally far. NaN gives 0.
 [[nodiscard]] constexpr std::int16_t RoundToInt16(float x) noexcept {
   if (!(x > -32767.0F)) return x != x ? std::int16_t{0} : std::int16_t{-32767};
   if (x >= 32767.0F) return 32767;
@@ -78,7 +78,8 @@ constexpr void StoreFloat(std::array<std::uint8_t, 8>& data, std::size_t first,
   return static_cast<std::int32_t>(x + (x < 0 ? -0.5F : 0.5F));
 }
 
-/// The range of whole steps inside one that contains zero and whose ends are below 2^31.
+/// The range in whole steps of the wire, `per_unit` of them in a unit, rounded towards zero.
+/// @pre the range contains zero, and its ends are below 2^31 steps.
 [[nodiscard]] constexpr DriveRange WholeSteps(const DriveRange& range, float per_unit) noexcept {
   const auto towards_zero = [](float x) {
     return static_cast<float>(static_cast<std::int32_t>(x));
