@@ -18,14 +18,15 @@ namespace tumbler {
 namespace {
 
 constexpr double kGravity = 9.81;
-/// Farther out, rounding spoils what is computed of a robot [m].
+/// The largest distance of anything from the frame that carries it [m]. With a larger one, rounding
+/// would spoil the dynamics.
 constexpr double kReach = 1e3;
 const char* const kOutOfReach =
     "its <origin> is out of reach; allowed: up to 1000 m from the frame that carries it";
 
 bool InReach(const Eigen::Isometry3d& X) { return X.translation().norm() <= kReach; }
 
-/// Collects what urdfdom would print.
+/// Collects the messages that urdfdom would print.
 class CollectingHandler : public console_bridge::OutputHandler {
  public:
   void log(const std::string& text, console_bridge::LogLevel level, const char* /*file*/,
@@ -37,7 +38,7 @@ class CollectingHandler : public console_bridge::OutputHandler {
 };
 
 urdf::ModelInterfaceSharedPtr ParseUrdf(const std::string& text, const std::string& file) {
-  static std::mutex mutex;  // The output handler of console_bridge is one for the whole process.
+  static std::mutex mutex;  // console_bridge has one output handler for the whole process.
   const std::lock_guard<std::mutex> lock(mutex);
   CollectingHandler handler;
   console_bridge::useOutputHandler(&handler);
@@ -64,7 +65,7 @@ Eigen::Isometry3d ToIsometry(const urdf::Pose& pose) {
   return X;
 }
 
-/// A rigid body being put together from merged links, in the frame of its degree of freedom with
+/// Sums of the links that are merged into one body, in the frame of its degree of freedom with
 /// world axes.
 struct BodySum {
   double mass = 0;
@@ -107,7 +108,7 @@ class Builder {
     robot_.tree.gravity = {0, 0, -kGravity};
     AddRoot(root);
     AddLink(*model_->getRoot(), robot_.root_dofs - 1, Eigen::Isometry3d::Identity());
-    // Joints come in the file's order as far as what carries them is there.
+    // Joints are placed in the file's order, but after the joints that carry them.
     while (!waiting_.empty()) {
       const auto first = waiting_.begin();
       const WaitingJoint next = first->second;
@@ -121,14 +122,14 @@ class Builder {
   Robot Take() { return std::move(robot_); }
 
  private:
-  /// A movable joint whose parent link has its place.
+  /// A movable joint whose parent link is placed already.
   struct WaitingJoint {
     urdf::JointConstSharedPtr joint;
     int body;
     Eigen::Isometry3d X;  // of the joint's frame in the body's
   };
 
-  /// Fails about a link, or about the first element of that name in it.
+  /// Throws a FileError about a link, or about the first element of that name in it.
   [[noreturn]] void FailLink(const std::string& link, const std::string& problem,
                              const char* element = "") const {
     throw FileError(file_, source_.LineOfLink(link, element), fmt::format("link '{}'", link),
@@ -224,8 +225,8 @@ class Builder {
       FailJoint(joint.name,
                 "mimics another joint; mimic joints are not supported: leave <mimic> out", "mimic");
     AddDof(dof, about);
-    // The new frame keeps the robot's axes at q = 0; only the rotation of the link's own frame is
-    // carried on.
+    // At q = 0 the new frame has the robot's axes. The rotation of the link's own frame is kept in
+    // X_child.
     Eigen::Isometry3d X_child = Eigen::Isometry3d::Identity();
     X_child.linear() = X_joint.linear();
     AddLink(*child, static_cast<int>(robot_.tree.dofs.size()) - 1, X_child);
@@ -244,7 +245,7 @@ class Builder {
                   "limit");
       }
     }
-    // Many files have 0 where nobody knew the limit.
+    // Many files have a limit of 0 where nobody knew it.
     const auto positive = [&](const char* what, double value) {
       if (value > 0) return value;
       const std::string problem = fmt::format("limit {} = {:g}; allowed: > 0", what, value);
@@ -287,7 +288,7 @@ class Builder {
                            moments(0), moments(1), moments(2)),
                "inertia");
     }
-    if (body < 0) return;  // Fixed to the world: it never moves.
+    if (body < 0) return;  // The link is fixed to the world and never moves.
     const Eigen::Vector3d c = X_com.translation();
     BodySum& sum = bodies_[static_cast<std::size_t>(body)];
     sum.mass += given.mass;

@@ -24,13 +24,15 @@ struct NumericAttribute {
   const char* attribute;
   int count;
   bool required;
-  /// Of its size; beyond it nothing is a robot, and sums and products lose what they are of.
+  /// The largest magnitude allowed. No robot has larger numbers, and with them rounding would spoil
+  /// sums and products.
   double largest = std::numeric_limits<double>::max();
   bool can_be_negative = true;
 };
-/// Of masses [kg], and of moments of inertia with them at `kLongest` [kg m^2].
+/// The largest mass [kg]. The largest moment of inertia has it at the distance `kLongest`.
 constexpr double kHeaviest = 1e6;
-constexpr double kLongest = 1e3;  // of a shape [m]
+/// The largest length of a shape [m].
+constexpr double kLongest = 1e3;
 constexpr double kLargestMoment = kHeaviest * kLongest * kLongest;
 constexpr std::array kNumericAttributes = {
     NumericAttribute{"mass", "value", 1, true, kHeaviest},
@@ -61,8 +63,8 @@ constexpr std::array<std::string_view, 4> kJointTypes = {"revolute", "continuous
 
 constexpr std::array<std::string_view, 4> kGeometries = {"sphere", "cylinder", "box", "mesh"};
 
-/// More links, or elements in elements in ..., are no robot; reading them would take all time or
-/// the whole stack.
+/// No robot has more links, or elements nested deeper. Reading them would take for ever, or exhaust
+/// the stack.
 constexpr std::size_t kMostLinks = 1000;
 constexpr int kDeepestElement = 100;
 
@@ -71,8 +73,8 @@ bool StartsName(char c) {
          static_cast<unsigned char>(c) >= 127;
 }
 
-/// The line where XML is nested too deep, or 0. For text that is not well-formed it says something,
-/// too: the parser, which stops at the first such place, gets no deeper than this counts.
+/// The line where XML is nested too deep, or 0. This also holds for text that is not well-formed:
+/// the parser stops at the first mistake, and gets no deeper than the depth counted here.
 std::uint32_t LineOfTooDeepElement(std::string_view text) {
   int depth = 0;
   const auto skip_past = [&text](std::size_t from, std::string_view end) {
@@ -113,7 +115,7 @@ std::uint32_t RowOf(const TiXmlBase& element) {
   return static_cast<std::uint32_t>(std::max(element.Row(), 0));
 }
 
-/// The numbers of a text that holds nothing but numbers and white space; nothing otherwise.
+/// The numbers in a text, if it holds nothing but numbers and white space.
 std::optional<std::vector<double>> ToNumbers(std::string_view text) {
   std::vector<double> numbers;
   constexpr std::string_view kSpace = " \t\r\n";
@@ -235,7 +237,7 @@ void CheckJoint(const TiXmlElement& joint, const ElementChecker& check) {
   if (given == "revolute" || given == "prismatic") check.Required(joint, "limit");
   if (const TiXmlElement* dynamics = joint.FirstChildElement("dynamics")) {
     const char* friction = dynamics->Attribute("friction");
-    // The numbers are known to be numbers by now.
+    // The attribute was checked above, so it holds a number.
     if (friction != nullptr && ToNumbers(friction)->front() != 0) {
       check.Fail(*dynamics, fmt::format("dynamics friction = {}: dry friction of a joint is not "
                                         "modelled; allowed: 0 (damping can be given)",
@@ -284,7 +286,7 @@ UrdfSource::UrdfSource(const std::string& text, const std::string& file) {
     const std::function<void(const TiXmlElement&)> visit = [&](const TiXmlElement& parent) {
       for (const TiXmlElement* e = parent.FirstChildElement(); e != nullptr;
            e = e->NextSiblingElement()) {
-        lines.emplace(e->ValueStr(), RowOf(*e));  // Of several, the first.
+        lines.emplace(e->ValueStr(), RowOf(*e));  // Of several elements the first counts.
         visit(*e);
       }
     };
@@ -360,7 +362,7 @@ UrdfSource::UrdfSource(const std::string& text, const std::string& file) {
     }
     root = link;
   }
-  // Whoever goes up from a link must come to the root.
+  // From each link the way up the tree must lead to the root.
   std::set<std::string> below_root;
   for (const std::string& link : link_order) {
     std::string at = link;

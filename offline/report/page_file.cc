@@ -13,8 +13,8 @@
 namespace tumbler {
 namespace {
 
-/// JSON that may stand in a script element: an HTML parser looks for `</script` and `<!--` even
-/// inside strings.
+/// The JSON as text that may stand in a script element. An HTML parser looks for `</script` and
+/// `<!--` even inside strings, so every `<` is escaped.
 std::string ScriptText(const PageJson& json) {
   const std::string text = json.dump(-1, ' ', false, PageJson::error_handler_t::replace);
   std::string safe;

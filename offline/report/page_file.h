@@ -19,12 +19,12 @@ std::string FillPage(const std::string& page, std::string_view title, const Page
 /// @throws std::runtime_error with the path when it cannot be written.
 std::string WritePage(const std::string& page, const std::string& directory);
 
-/// What `data` says of the robot and its surroundings: `links` (name, shapes), `joints` (name,
-/// link, limits) and `obstacles`, as the page's scripts draw them.
+/// The robot and its surroundings as the page's scripts draw them: `links` (name, shapes), `joints`
+/// (name, link, limits) and `obstacles`.
 /// @throws std::invalid_argument naming the field as WriteReport does.
 PageJson SceneToJson(const ReportData& data);
 
-/// Positions of link `link` in all samples: `x_m`, `z_m`, `pitch_rad`.
+/// The poses of link number `link` in all samples: columns `x_m`, `z_m`, `pitch_rad`.
 PageJson LinkPath(const std::vector<ReportSample>& samples, std::size_t link);
 
 }  // namespace tumbler

@@ -23,7 +23,7 @@ void Check(const ReportData& data) {
   }
 }
 
-/// One number of every sample, as a column.
+/// A column of JSON: one number of every sample.
 template <typename Read>
 PageJson Column(const ReportData& data, Read read) {
   PageJson column = PageJson::array();

@@ -4,9 +4,9 @@
 
 namespace tumbler {
 
-/// Pages of offline/report/page with style and scripts in them; `{{title}}` and `{{data}}` are
+/// Pages of offline/report/page with style and scripts in them. `{{title}}` and `{{data}}` are
 /// still to be filled in.
-std::string ReportPage();        ///< Of a motion: page.html.
-std::string FlightReportPage();  ///< Of runs: run_page.html.
+std::string ReportPage();        ///< The page of a motion: page.html.
+std::string FlightReportPage();  ///< The page of runs: run_page.html.
 
 }  // namespace tumbler
