@@ -4,8 +4,8 @@ namespace tumbler {
 
 namespace {
 
-// Names by number, without the texts of the tables: those are for documents, and stay out of
-// firmware.
+// The names of a table by their numbers. Firmware links only these: the other texts of the tables
+// are for documents.
 template <std::size_t kCount, typename Table>
 constexpr std::array<const char*, kCount> NamesOf(const Table& table) {
   std::array<const char*, kCount> names{};
@@ -28,7 +28,7 @@ constexpr auto kDefaults = [] {
   return reactions;
 }();
 
-// Each row stands where its enumerator says.
+// Whether each row of a table is at the place of its enumerator.
 constexpr bool IsInOrder() {
   for (std::size_t i = 0; i < kFaultCount; ++i) {
     if (static_cast<std::size_t>(kFaultTable[i].fault) != i) return false;

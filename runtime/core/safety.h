@@ -5,16 +5,16 @@
 
 namespace tumbler {
 
-/// False for NaN and infinities.
+/// Whether x is neither NaN nor infinite.
 [[nodiscard]] constexpr bool IsFinite(float x) noexcept { return 0.0F * x == 0; }
 
-/// Whether every one is finite, at the price of one comparison: 0 x is zero, or else NaN.
+/// Whether all are finite, at the price of one comparison: 0 x is zero if x is finite, else NaN.
 template <typename... Floats>
 [[nodiscard]] constexpr bool AreFinite(Floats... x) noexcept {
   return ((0.0F * x) + ... + 0.0F) == 0;
 }
 
-/// Unlike std::clamp, gives `low` at NaN.
+/// x clamped to [low, high]. Unlike std::clamp, gives `low` for NaN.
 [[nodiscard]] constexpr float ClampOrLow(float x, float low, float high) noexcept {
   const float y = x < high ? x : high;
   return y > low ? y : low;
@@ -29,19 +29,19 @@ struct JointSetpoint {
   bool operator==(const JointSetpoint&) const = default;
 };
 
-/// What the last gate enforces for one joint.
+/// The limits that the last gate enforces for one joint.
 struct SafetyLimits {
   float position_min_rad = 0;
   float position_max_rad = 0;
-  float velocity_max_rad_s = 0;  ///< of |velocity|
-  float torque_max_nm = 0;       ///< of |feed-forward torque|
+  float velocity_max_rad_s = 0;  ///< Of |velocity|.
+  float torque_max_nm = 0;       ///< Of |feed-forward torque|.
   float position_step_rad = 0;   ///< Largest change of the position in one tick.
   float torque_step_nm = 0;      ///< Largest change of the feed-forward torque in one tick.
 };
 
-/// The limits of a joint at a control rate. A position that obeys the velocity limit moves at most
-/// v_max * period in a tick; 0.1 % is added because the difference of two rounded times is not
-/// exactly one period.
+/// The limits of a joint at a control rate. A position that keeps the velocity limit moves by at
+/// most v_max * period in a tick. 0.1 % is added, because the difference of two rounded times is
+/// not exactly one period.
 /// @param torque_rise_s  time in which the feed-forward may go from zero to its largest value.
 [[nodiscard]] SafetyLimits MakeSafetyLimits(const JointLimits<float>& joint, float period_s,
                                             float torque_rise_s) noexcept;
@@ -49,14 +49,15 @@ struct SafetyLimits {
 /// Outcome of the last gate.
 struct LimitedSetpoint {
   JointSetpoint setpoint;
-  bool changed = false;  ///< The plan was outside a limit.
-  bool non_finite =
-      false;  ///< The plan was not finite: the previous position is held and the torque fades.
+  /// Whether the plan was outside a limit.
+  bool changed = false;
+  /// Whether the plan was not finite. The previous position is held then, and the torque fades.
+  bool non_finite = false;
 };
 
-/// The last gate before a frame: whatever `planned` is, the result is finite, within position,
-/// velocity and torque limits, and at most `elapsed_ticks` steps from `previous`. Position limits
-/// win over the step. Freestanding; never allocates.
+/// The last gate before a frame. Whatever `planned` is, the result is finite, within the limits of
+/// position, velocity and torque, and at most `elapsed_ticks` steps from `previous`. Position
+/// limits go before the limit of steps. Freestanding; never allocates.
 /// @pre `previous` is a result of this function, or was measured inside the position limits.
 [[nodiscard]] inline LimitedSetpoint LimitSetpoint(const SafetyLimits& limits,
                                                    const JointSetpoint& planned,
@@ -77,8 +78,8 @@ struct LimitedSetpoint {
                                  previous.torque_nm + torque_step);
   limited.torque_nm = ClampOrLow(limited.torque_nm, -limits.torque_max_nm, limits.torque_max_nm);
   result.changed = !(limited == planned);
-  // Last, so that nothing above can let a value through: a clamp turns infinity into a
-  // legal-looking number.
+  // This check comes last, so that nothing above can let a value through. It looks at the plan too,
+  // because a clamp turns infinity into a legal-looking number.
   if (!AreFinite(planned.position_rad, planned.velocity_rad_s, planned.torque_nm,
                  limited.position_rad, limited.velocity_rad_s, limited.torque_nm)) {
     limited = {

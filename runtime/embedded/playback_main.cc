@@ -3,9 +3,9 @@
 //
 //   playback mit|cansimple|cia402 CYCLES BRANCH|- RECORDING OUTPUT
 //
-// Says how many counts of SysTick each tick took, by state, and how deep the stack became. SysTick
-// counts processor cycles; under QEMU's -icount it counts instructions, to a scale that the first
-// line gives.
+// Prints how many counts of SysTick each tick took, by state, and how deep the stack became.
+// SysTick counts processor cycles; under QEMU's -icount it counts instructions, and the first line
+// printed gives the scale.
 
 #include <array>
 #include <cstdint>
@@ -107,7 +107,7 @@ Arguments ReadArguments(std::span<char> line) noexcept {
   return arguments;
 }
 
-/// A loop of 10 000 instructions besides its first.
+/// Measures a loop of 10 000 instructions, so that counts can be turned into instructions.
 void Calibrate(const Counter& counter) noexcept {
   std::uint32_t n = 5000;
   const std::uint32_t before = counter.Now();

@@ -1,5 +1,5 @@
-// From reset to main on a Cortex-M with a floating-point unit, and what the compiler expects of a
-// C++ run-time library without a heap. The linker script is cortex_m.ld.
+// The way from reset to main on a Cortex-M with a floating-point unit, and the functions that the
+// compiler expects of a C++ run-time library, without a heap. The linker script is cortex_m.ld.
 
 #include "runtime/embedded/startup.h"
 
@@ -11,13 +11,13 @@
 
 extern "C" {
 
-// Addresses from the linker script.
+// Symbols of the linker script; their addresses count.
 extern std::uint32_t data_start, data_end, bss_start, bss_end, stack_bottom, stack_top;
 extern const std::uint32_t data_load;
 using Initialiser = void (*)();
 extern const Initialiser init_array_start, init_array_end;
 
-/// C++ lets nobody call main by that name.
+/// C++ forbids to call main by that name.
 int Main() asm("main");
 
 [[noreturn]] void FaultHandler() {
@@ -25,7 +25,8 @@ int Main() asm("main");
   tumbler::semihosting::Exit(false);
 }
 
-/// Standard functions that give up end here; newlib's would bring signals and, with them, a heap.
+/// Standard functions that give up call this. newlib's own would bring in signals and, with them, a
+/// heap.
 [[noreturn]] void abort() {
   tumbler::semihosting::Print("abort\n");
   tumbler::semihosting::Exit(false);
@@ -45,7 +46,7 @@ int __aeabi_atexit(void*, void (*)(void*), void*) { return 0; }
 }
 
 [[noreturn]] void ResetHandler() {
-  // CPACR: full access to the floating-point unit, before anything uses it.
+  // CPACR gives full access to the floating-point unit. This comes before anything uses it.
   auto* const access = reinterpret_cast<volatile std::uint32_t*>(0xe000ed88U);
   *access = *access | 0xfU << 20U;
   asm volatile("dsb\n isb" ::: "memory");
@@ -54,7 +55,8 @@ int __aeabi_atexit(void*, void (*)(void*), void*) { return 0; }
 
 }  // extern "C"
 
-// Deleting destructors of classes with virtual ones refer to it; there is nothing to delete.
+// Classes with virtual destructors refer to this function. Nothing calls it, since nothing is
+// allocated.
 void operator delete(void* /*pointer*/) noexcept { abort(); }
 void operator delete(void* /*pointer*/, std::size_t /*size*/) noexcept { abort(); }
 
@@ -79,7 +81,7 @@ struct VectorTable {
 }  // namespace
 
 [[gnu::noinline]] std::uint32_t RepaintStack() noexcept {
-  constexpr std::uintptr_t kOwnFrame = 64;  // More than this function can need.
+  constexpr std::uintptr_t kOwnFrame = 64;  // more than this function can need [bytes]
   const std::uintptr_t here = reinterpret_cast<std::uintptr_t>(__builtin_frame_address(0));
   const auto* const end = reinterpret_cast<std::uint32_t*>(here - kOwnFrame);
   for (volatile std::uint32_t* p = &stack_bottom; p < end; ++p) *p = kPattern;

@@ -10,7 +10,7 @@ namespace {
 
 constexpr std::uint32_t kErrorFlag = 1U << 29;  // CAN_ERR_FLAG, which candump prints in its ids
 
-/// The whole of `text` as a number.
+/// The number that is the whole of `text`.
 template <typename T>
 bool ToNumber(std::string_view text, int base, T& value) {
   const char* const end = text.data() + text.size();

@@ -14,15 +14,15 @@ namespace tumbler {
 /// @param time_ns  not negative.
 std::string CandumpLine(std::int64_t time_ns, std::string_view interface, const CanFrame& frame);
 
-/// One line of a log.
+/// A frame of a log.
 struct CandumpFrame {
   ReceivedFrame received;  ///< Its time is that of the log.
   std::string interface;
 };
 
 /// Reads a log of `candump -l` or `-L`, of one or several interfaces. CAN FD frames and error
-/// frames have no place in the runtime: they are skipped and counted.
-/// @param skipped  how many those are.
+/// frames are skipped, since the runtime uses neither.
+/// @param skipped  gets how many frames were skipped.
 /// @throws std::runtime_error  with name, line and what is wrong with it.
 std::vector<CandumpFrame> ParseCandump(std::string_view text, const std::string& name,
                                        std::int64_t& skipped);

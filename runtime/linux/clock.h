@@ -5,7 +5,8 @@
 
 namespace tumbler {
 
-/// Where the control loop gets its time from; the only difference between a robot and a simulation.
+/// The source of the control loop's time. For the loop, a robot and a simulation differ in nothing
+/// else.
 class Clock {
  public:
   Clock() = default;
@@ -18,15 +19,15 @@ class Clock {
   virtual void SleepUntil(std::int64_t time_ns) noexcept = 0;
 };
 
-/// CLOCK_MONOTONIC, slept on with absolute deadlines so that errors do not add up.
+/// CLOCK_MONOTONIC. SleepUntil uses absolute deadlines, so that errors do not add up.
 class MonotonicClock final : public Clock {
  public:
   [[nodiscard]] std::int64_t now_ns() const noexcept override;
   void SleepUntil(std::int64_t time_ns) noexcept override;
 };
 
-/// Virtual time, starting at 0: sleeping lets a simulated world run up to the deadline, and takes
-/// no time beyond it.
+/// Virtual time, starting at 0. SleepUntil lets a simulated world run up to the deadline, and
+/// returns at once.
 class VirtualClock final : public Clock {
  public:
   /// @param advance_to_ns  moves the world on to a time.
@@ -40,8 +41,8 @@ class VirtualClock final : public Clock {
   std::int64_t now_ns_ = 0;
 };
 
-/// A simulated world at the pace of CLOCK_MONOTONIC; time 0 is when the clock was made. A world
-/// that is slower than that makes the loop late, as a busy computer would.
+/// A simulated world at the pace of CLOCK_MONOTONIC. Time 0 is when the clock was made. A world
+/// that cannot keep this pace makes the loop late, as a busy computer would.
 class PacedClock final : public Clock {
  public:
   /// @param advance_to_ns  moves the world on to a time.

@@ -13,15 +13,15 @@
 
 namespace tumbler {
 
-/// Stands for a real bus without touching it: every frame is printed in candump's log format, and
-/// simulated drives answer whose joints are imagined to be exactly where they are held (and to have
-/// no velocity), so that the whole sequence can be looked at before a motor turns.
+/// A bus for dry runs, which sends nothing. It prints every frame in candump's log format, and
+/// simulated drives answer. Their joints are imagined to be exactly where the drives hold them, at
+/// rest. So the whole sequence can be looked at before a motor turns.
 class DryRunBus final : public CanBus {
  public:
   /// One imagined drive and its joint.
   struct Node {
     std::unique_ptr<SimulatedDrive> drive;
-    double position_rad = 0;  ///< of the joint, at the start
+    double position_rad = 0;  ///< Of the joint at the start.
   };
 
   /// @param interface  name to print, e.g. `can0`.
@@ -29,7 +29,7 @@ class DryRunBus final : public CanBus {
   /// @param out        where to print; null prints nothing.
   DryRunBus(std::string interface, int bit_rate, std::vector<Node> nodes, std::FILE* out);
 
-  /// Moves bus and drives on to this time, which printed frames will carry.
+  /// Moves bus and drives on to this time. Printed frames carry it.
   void AdvanceTo(std::int64_t time_ns) noexcept;
 
   Status Send(const CanFrame& frame) noexcept override;

@@ -8,11 +8,11 @@
 
 namespace tumbler {
 
-/// Counts of durations in bins of 1 us up to 1 ms, and beyond; the largest exactly. Fixed size, one
-/// writer.
+/// Counts durations in bins of 1 us up to 1 ms, and in one bin beyond. The largest duration is kept
+/// exactly. Fixed size, one writer.
 class DurationHistogram {
  public:
-  static constexpr std::size_t kBins = 1000;  ///< Bin i counts [i, i + 1) us.
+  static constexpr std::size_t kBins = 1000;  ///< Bin i counts durations in [i, i + 1) us.
 
   void Add(std::int64_t duration_ns) noexcept {
     const std::int64_t duration = std::max<std::int64_t>(duration_ns, 0);
@@ -25,9 +25,9 @@ class DurationHistogram {
   [[nodiscard]] std::int64_t count() const noexcept { return count_; }
   [[nodiscard]] std::int64_t max_ns() const noexcept { return max_ns_; }
 
-  /// The duration that a share of all stayed below, rounded up to whole microseconds, at most the
-  /// largest.
-  /// @param share  0 ... 1, e.g. 0.999. @returns 0 when nothing was counted.
+  /// The duration below which a share of all durations lies, rounded up to whole microseconds, but
+  /// at most the largest one; 0 when nothing was counted.
+  /// @param share  0 ... 1, e.g. 0.999.
   [[nodiscard]] std::int64_t PercentileNs(double share) const noexcept {
     const double wanted = share * static_cast<double>(count_);
     std::int64_t below = 0;
@@ -41,7 +41,7 @@ class DurationHistogram {
   }
 
   [[nodiscard]] std::span<const std::int64_t> bins() const noexcept { return bins_; }
-  /// Durations of a millisecond or more.
+  /// How many durations were a millisecond or more.
   [[nodiscard]] std::int64_t beyond() const noexcept { return bins_[kBins]; }
 
  private:
@@ -50,22 +50,23 @@ class DurationHistogram {
   std::int64_t max_ns_ = 0;
 };
 
-/// Counts of ages in ticks, 0 ... 14, more, and of what was never there.
+/// Counts the ages of replies: 0 ... 14 ticks, older ones, and replies that never came.
 class ReplyAgeHistogram {
  public:
   static constexpr std::size_t kBins = 15;
 
-  /// @param age_ticks  negative: never.
+  /// @param age_ticks  negative: a reply never came.
   void Add(std::int32_t age_ticks) noexcept {
     ++bins_[age_ticks < 0 ? kBins + 1 : std::min(static_cast<std::size_t>(age_ticks), kBins)];
     max_ = std::max(max_, age_ticks);
   }
-  /// @param age_ticks  0 ... 15; 15 counts all from there on.
+  /// @param age_ticks  0 ... 15; 15 stands for all older ones too.
   [[nodiscard]] std::int64_t count(std::size_t age_ticks) const noexcept {
     return bins_[age_ticks];
   }
   [[nodiscard]] std::int64_t never() const noexcept { return bins_[kBins + 1]; }
-  [[nodiscard]] std::int32_t max() const noexcept { return max_; }  ///< -1: nothing was counted.
+  /// The largest age [ticks]; -1 when no reply was counted.
+  [[nodiscard]] std::int32_t max() const noexcept { return max_; }
 
  private:
   std::array<std::int64_t, kBins + 2> bins_{};

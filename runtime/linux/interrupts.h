@@ -4,11 +4,11 @@
 
 namespace tumbler {
 
-/// Where SIGINT and SIGTERM are put once they are caught; others may put wishes there too.
+/// The mailbox for the wishes that SIGINT and SIGTERM stand for. Others may put wishes there too.
 OperatorMailbox& InterruptMailbox();
 
-/// From now on the first SIGINT or SIGTERM asks to finish, the second to stop, and every further
-/// one for torque off; each of them to end the program afterwards.
+/// Catches SIGINT and SIGTERM from now on: the first one asks to finish, the second to stop, and
+/// every further one for torque off. Each of them also asks to end the program afterwards.
 void CatchInterrupts();
 
 }  // namespace tumbler

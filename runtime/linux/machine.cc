@@ -24,7 +24,7 @@ std::string Kernel() {
   uname(&name);
   const std::string_view version(name.version);
   const char* preemption = "preemption not stated";
-  // The longer names first: each contains the next.
+  // Longer names are tried first, because each contains the next.
   for (const char* kind : {"PREEMPT_RT", "PREEMPT_DYNAMIC", "PREEMPT"}) {
     if (version.find(kind) != std::string_view::npos) {
       preemption = kind;
@@ -55,7 +55,8 @@ std::string Adapter(const std::string& interface) {
   std::error_code error;
   const std::filesystem::path driver = std::filesystem::read_symlink(device / "driver", error);
   if (error) return "virtual";
-  // A USB adapter's name is with its device, one above the interface that carries the driver.
+  // The name of a USB adapter is with its device, one folder above the interface that has the
+  // driver.
   const std::string product = FirstLine(device / ".." / "product");
   return driver.filename().string() + (product.empty() ? "" : fmt::format(" ({})", product));
 }

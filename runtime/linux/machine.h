@@ -4,16 +4,18 @@
 
 namespace tumbler {
 
-/// What a figure about time was measured on.
+/// The machine on which a figure about time was measured.
 struct Machine {
-  std::string
-      kernel;       ///< Release, and how its code can be interrupted: `6.1.0-18-rt (PREEMPT_RT)`.
-  std::string cpu;  ///< Model and number of processors.
-  std::string adapter;  ///< Driver and product of the CAN interface; `virtual` or `none`.
+  /// Release of the kernel, and its kind of preemption: `6.1.0-18-rt (PREEMPT_RT)`.
+  std::string kernel;
+  /// Model and number of processors.
+  std::string cpu;
+  /// Driver and product of the CAN interface; `virtual` or `none`.
+  std::string adapter;
 };
 
-/// Of this machine.
-/// @param interface  e.g. `can0`; empty for none.
+/// Describes this machine.
+/// @param interface  the CAN interface, e.g. `can0`; empty for none.
 [[nodiscard]] Machine DescribeMachine(const std::string& interface);
 
 }  // namespace tumbler

@@ -28,13 +28,14 @@ class MappedFile {
   std::span<const std::uint8_t> bytes_;
 };
 
-/// Reads a flight record: its configuration at once, then one tick after the other. Works on any
-/// bytes; a record that was cut off opens up to there.
+/// Reads a flight record: its configuration at once, then one tick after the other. Any bytes are
+/// safe to read. A record that was cut off is read up to its end.
 class FlightRecord {
  public:
   /// @param bytes  of the whole file; they must outlive the record.
   /// @param name   of the file, for messages.
-  /// @throws RecordError when it is no record of this version, or its configuration is not whole.
+  /// @throws RecordError  when the bytes are no record of a known version, or its configuration is
+  /// not whole.
   FlightRecord(std::span<const std::uint8_t> bytes, std::string name);
 
   [[nodiscard]] const RecordConfiguration& configuration() const { return configuration_; }
@@ -42,27 +43,28 @@ class FlightRecord {
 
   /// The next tick. @returns false at the end of what can be read.
   bool Next(TickEntry& entry);
-  /// What is true of a simulated robot, as it was recorded between the tick before the one that
-  /// Next gave last and that one (at the end of the record: after the last tick): LCM messages
-  /// truth_t, in order. Valid until the next call of Next.
+  /// The true states of a simulated robot that were recorded just before the tick that Next gave
+  /// last (at the end of the record: after the last tick), as LCM messages truth_t in order. Valid
+  /// until the next call of Next.
   [[nodiscard]] std::span<const std::span<const std::uint8_t>> truths() const { return truths_; }
-  /// To the first tick again.
+  /// Goes back to the first tick.
   void Rewind();
 
-  /// Found up to the last Next.
+  /// Damages, losses and the end that were found up to the last Next.
   [[nodiscard]] const std::vector<Damage>& damages() const { return damages_; }
   [[nodiscard]] const std::vector<LostTicks>& lost() const { return lost_; }
   [[nodiscard]] const std::optional<RecordEnd>& end() const { return end_; }
   [[nodiscard]] bool cut_off() const { return reader_.cut_off(); }
-  /// Where the whole blocks that were read end.
+  /// Offset in the file [bytes] at which the whole blocks that were read end.
   [[nodiscard]] std::size_t offset() const { return reader_.offset(); }
   [[nodiscard]] std::size_t size() const { return bytes_.size(); }
   [[nodiscard]] std::uint32_t version() const { return VersionOf(bytes_); }
-  /// Of the block of the last tick.
+  /// Offset in the file [bytes] of the last tick's block.
   [[nodiscard]] std::size_t tick_offset() const { return tick_offset_; }
 
-  /// One sentence about how the record ends, after the last Next: complete, interrupted, or cut off
-  /// where; and what is lost or damaged in a line each.
+  /// Remarks for people, to be asked for after the last Next: one sentence on how the record ends
+  /// (complete, interrupted, or cut off and where), and a line for everything that is lost or
+  /// damaged.
   [[nodiscard]] std::vector<std::string> Remarks() const;
 
  private:

@@ -19,7 +19,7 @@
 namespace tumbler {
 namespace {
 
-constexpr std::size_t kChunkBytes = 64U << 10U;  // Written at once.
+constexpr std::size_t kChunkBytes = 64U << 10U;  // of one write to the file
 
 std::string LastError() { return std::generic_category().message(errno); }
 
@@ -31,7 +31,7 @@ std::int64_t IndexOf(std::span<const std::uint8_t> tick) {
 
 }  // namespace
 
-// The ring's padding is meant, and all the rest is dwarfed by it.
+// The ring is padded on purpose, and nothing else in here matters beside its size.
 struct FlightRecorder::Implementation {  // NOLINT(clang-analyzer-optin.performance.Padding)
   explicit Implementation(const FlightRecorderConfig& config_in)
       : config(config_in), storage(config_in.ring_bytes), ring(storage) {
@@ -73,7 +73,7 @@ struct FlightRecorder::Implementation {  // NOLINT(clang-analyzer-optin.performa
     while (ring.Pop(message, size)) {
       const auto kind = static_cast<BlockKind>(message[0]);
       const std::span<const std::uint8_t> tick = std::span(message).subspan(1, size - 1);
-      if (!problem.empty()) continue;  // Only makes room.
+      if (!problem.empty()) continue;  // Recording has stopped: messages are thrown away.
       if (kind == BlockKind::kTruth) {
         Add(kind, tick);
         if (chunk.size() >= kChunkBytes) WriteChunk();
@@ -125,7 +125,7 @@ struct FlightRecorder::Implementation {  // NOLINT(clang-analyzer-optin.performa
     ends.clear();
   }
 
-  /// Keeps what is whole, and gives up.
+  /// Cuts the file back to its last whole block, and stops recording.
   void Fail(int error, std::size_t written) {
     std::size_t whole = 0;
     std::int64_t lost_here = 0;
@@ -158,20 +158,20 @@ struct FlightRecorder::Implementation {  // NOLINT(clang-analyzer-optin.performa
   }
 
   struct BlockEnd {
-    std::size_t offset = 0;  // in the chunk
-    std::int64_t ticks = 0;  // 1 if the block is one
+    std::size_t offset = 0;  // of the block's end in the chunk
+    std::int64_t ticks = 0;  // 1 if the block is a tick
   };
 
   FlightRecorderConfig config;
   std::vector<std::uint8_t> storage;
   MessageRing ring;
 
-  // Of the loop. The first byte of a message in the ring is the kind of its block.
+  // Used by the loop. The first byte of a message in the ring is the kind of its block.
   std::array<std::uint8_t, 1 + kTickEntryBytesMax> scratch;
   std::atomic<std::int64_t> pushed{0};
   std::atomic<std::int64_t> lost{0};
 
-  // Of the draining side.
+  // Used by the thread that writes the file.
   int descriptor = -1;
   std::array<std::uint8_t, 1 + kTickEntryBytesMax> message;
   RecordBytes chunk;  // blocks that are still to be written

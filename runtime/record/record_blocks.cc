@@ -201,7 +201,7 @@ void BlockReader::Skip(const std::string& what) {
   const auto next =
       std::search(begin, bytes_.end(), kBlockMagicBytes.begin(), kBlockMagicBytes.end());
   offset_ = static_cast<std::size_t>(next - bytes_.begin());
-  // The block is missing by now; that it is was said.
+  // This block has been reported as damaged, so its number is not expected again.
   if (next != bytes_.end()) expected_ = expected_ + 1;
 }
 

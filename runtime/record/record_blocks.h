@@ -11,29 +11,29 @@ namespace tumbler {
 
 /// The version of the file format that this build writes.
 inline constexpr std::uint32_t kRecordVersion = 2;
-/// The oldest version that it reads: version 1 has no truth.
+/// The oldest version that this build reads. Version 1 has no truth.
 inline constexpr std::uint32_t kRecordVersionMin = 1;
 
-/// What a block of a flight record holds (docs/formats.md has the bytes).
+/// The content of a block of a flight record (docs/formats.md has the bytes).
 enum class BlockKind : std::uint32_t {
   kConfiguration = 1,  ///< JSON text: RecordConfiguration.
-  kFile = 2,           ///< A file that was loaded: length of its name, name, text.
+  kFile = 2,           ///< A file that the run loaded: length of its name, name, text.
   kTick = 3,           ///< TickEntry.
   kLost = 4,           ///< Ticks that were executed but not recorded.
-  kEnd = 5,            ///< The recording was ended in order.
-  kTruth = 6,          ///< What is true of a simulated robot: an LCM message truth_t.
+  kEnd = 5,            ///< RecordEnd: the recording ended in order.
+  kTruth = 6,          ///< The true state of a simulated robot: an LCM message truth_t.
 };
 
-/// Ticks of which the record knows nothing but that they were.
+/// Ticks that were executed but not recorded.
 struct LostTicks {
   std::int64_t first_index = 0;
   std::int64_t count = 0;
 };
 
-/// The last block.
+/// The content of the last block.
 struct RecordEnd {
-  std::int64_t ticks = 0;   ///< Recorded.
-  std::int64_t lost = 0;    ///< Executed, but not recorded.
+  std::int64_t ticks = 0;   ///< How many ticks were recorded.
+  std::int64_t lost = 0;    ///< How many ticks were executed but not recorded.
   std::uint32_t crc32 = 0;  ///< Of everything before this block.
   std::string outcome;      ///< How the run ended, for people.
 };
@@ -55,13 +55,13 @@ void AppendBlock(BlockKind kind, std::uint32_t number, std::span<const std::uint
 [[nodiscard]] RecordBytes EncodeFile(std::string_view name, std::string_view text);
 [[nodiscard]] RecordBytes EncodeLost(const LostTicks& lost);
 [[nodiscard]] RecordBytes EncodeEnd(const RecordEnd& end);
-/// @returns false when the bytes are not that.
+/// @returns false when the bytes are no such content.
 [[nodiscard]] bool DecodeFile(std::span<const std::uint8_t> content, std::string& name,
                               std::string& text);
 [[nodiscard]] bool DecodeLost(std::span<const std::uint8_t> content, LostTicks& lost);
 [[nodiscard]] bool DecodeEnd(std::span<const std::uint8_t> content, RecordEnd& end);
 
-/// CRC-32 (ISO 3309, that of zlib and PNG), continued from the one of what came before.
+/// CRC-32 (ISO 3309, that of zlib and PNG), continued from the CRC of the bytes before.
 [[nodiscard]] std::uint32_t Crc32(std::span<const std::uint8_t> bytes, std::uint32_t before = 0);
 
 /// A block as it lies in the file.
@@ -72,14 +72,14 @@ struct Block {
   std::span<const std::uint8_t> content;
 };
 
-/// Bytes of the file that are not what they were.
+/// A place in the file where bytes are damaged.
 struct Damage {
-  std::size_t offset = 0;  ///< In the file.
+  std::size_t offset = 0;  ///< In the file [bytes].
   std::string what;        ///< e.g. `block 17 (tick): its content does not have the CRC it had`
 };
 
-/// Goes through the blocks of a record in memory, whatever its bytes are: what is whole is handed
-/// out, what is damaged is said, and a file that was cut off is read up to there.
+/// Goes through the blocks of a record in memory. Any bytes are safe to read: whole blocks are
+/// handed out, damages are noted, and a file that was cut off is read up to its end.
 class BlockReader {
  public:
   /// @param bytes  of the whole file; they must outlive the reader and its blocks.
@@ -88,11 +88,11 @@ class BlockReader {
   /// The next whole block. @returns false at the end of what can be read.
   bool Next(Block& block);
 
-  /// Found so far, in the order of the file. A block of no use is skipped.
+  /// Damages found so far, in the order of the file. Damaged blocks are skipped.
   [[nodiscard]] const std::vector<Damage>& damages() const { return damages_; }
-  /// After the last Next: the file ends within a block (or within its header).
+  /// Whether the file ends within a block or its header. Known after the last Next.
   [[nodiscard]] bool cut_off() const { return cut_off_; }
-  /// Where reading goes on; at the end, where whole blocks end.
+  /// Offset [bytes] at which reading goes on; at the end, at which the whole blocks end.
   [[nodiscard]] std::size_t offset() const { return offset_; }
 
  private:
@@ -105,16 +105,16 @@ class BlockReader {
   std::vector<Damage> damages_;
 };
 
-/// What the first bytes of a file say about it.
+/// The kind of a file, by its first bytes.
 enum class RecordStart : std::uint8_t {
-  kRecord,
-  kOtherVersion,
-  kNotARecord,  ///< Not a flight record at all; perhaps a log of candump.
-  kTooShort,    ///< Cut off within its first 16 bytes.
-  kDamaged,
+  kRecord,        ///< A flight record that this build reads.
+  kOtherVersion,  ///< A flight record of another version.
+  kNotARecord,    ///< No flight record; perhaps a log of candump.
+  kTooShort,      ///< Cut off within its first 16 bytes.
+  kDamaged,       ///< A flight record whose header is damaged.
 };
 [[nodiscard]] RecordStart StartOf(std::span<const std::uint8_t> bytes);
-/// The version that the file says it has; 0 when it is too short.
+/// The version in the header of the file; 0 when the file is too short.
 [[nodiscard]] std::uint32_t VersionOf(std::span<const std::uint8_t> bytes);
 
 }  // namespace tumbler

@@ -24,7 +24,7 @@ bool IsPlayed(ExecutorState state) {
 
 double Seconds(std::int64_t ns) { return static_cast<double>(ns) * 1e-9; }
 
-/// The value below which a share of all lies. Sorts.
+/// The value below which a share of all values lies. Sorts them.
 double Percentile(std::vector<double>& values, double share) {
   if (values.empty()) return 0;
   std::sort(values.begin(), values.end());
@@ -47,7 +47,7 @@ struct Accumulator {
   }
 };
 
-/// The arrival of a joint's first report among the frames of a tick.
+/// The arrival [ns] of the drive's first position report among the frames of a tick.
 std::optional<std::int64_t> ReplyTime(const TickEntry& entry, const DriveConfig& drive) {
   for (const ReceivedFrame& received : entry.input().received) {
     if (ReportedPosition(drive, received.frame)) return received.time_ns;
@@ -72,7 +72,7 @@ RunTrace TraceOf(FlightRecord& record, const DrivesConfig& drives) {
       first_tick = tick.tick;
       first_ns = entry->notes.deadline_ns;
     } else if (playing) {
-      // What was measured now answers the setpoint of the tick before.
+      // Measurements of this tick answer the setpoints of the tick before.
       for (std::size_t i = 0; i < trace.samples.size() && i < tick.joint_count; ++i) {
         if (tick.joints[i].reply_age_ticks != 0) continue;
         TraceSample& sample = trace.samples[i].back();
@@ -201,7 +201,7 @@ std::string DescribeDifference(const RunTrace& recorded, const RunTrace& played)
 
 namespace {
 
-// Of the drawing, in pixels.
+// Sizes in the drawing, in pixels.
 constexpr double kPanelWidth = 560, kPanelHeight = 220, kMargin = 60, kGap = 50, kTop = 50;
 
 std::string Escaped(const std::string& text) {
@@ -221,11 +221,12 @@ std::string Escaped(const std::string& text) {
 using Point = std::array<double, 2>;  // time, value
 
 struct Curve {
-  std::vector<Point> points;  // A value that is NaN interrupts.
+  std::vector<Point> points;  // A value that is NaN interrupts the line.
   const char* colour = "";
 };
 
-/// More points than pixels show nothing: of each group of neighbours, the lowest and the highest.
+/// As many points as there are pixels to show them: the lowest and the highest of each group of
+/// neighbours.
 std::vector<Point> Thinned(const std::vector<Point>& points) {
   constexpr std::size_t kGroups = 1000;
   const std::size_t size = points.size() / kGroups;
@@ -242,7 +243,7 @@ std::vector<Point> Thinned(const std::vector<Point>& points) {
       if (high == last || (*point)[1] > (*high)[1]) high = point;
     }
     if (low == last) {
-      thinned.push_back(*first);  // Nothing was measured.
+      thinned.push_back(*first);  // NaN: nothing was measured.
       continue;
     }
     thinned.push_back(*std::min(low, high));
@@ -303,7 +304,7 @@ class Panel {
       svg += fmt::format(
           "<path d='M{0} {1:.1f}h{2}' class='grid'/><text x='{3}' y='{4:.1f}' "
           "text-anchor='end'>{5:.4g}</text>\n",
-          x_, py(v), kPanelWidth, x_ - 4, py(v) + 4, v + 0.0);  // not -0
+          x_, py(v), kPanelWidth, x_ - 4, py(v) + 4, v + 0.0);  // + 0.0 makes 0 of -0
     }
     for (const Curve& curve : curves_) {
       svg += fmt::format("<path stroke='{}' d='", curve.colour);

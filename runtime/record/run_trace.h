@@ -12,9 +12,9 @@
 
 namespace tumbler {
 
-/// A setpoint of one joint and what came of it.
+/// A setpoint of one joint, and the reply to it.
 struct TraceSample {
-  std::int64_t tick = 0;  ///< Since the run began; of a log, the number of the setpoint.
+  std::int64_t tick = 0;  ///< Ticks since the run began; in a log, the number of the setpoint.
   double time_s = 0;      ///< Since the run began.
   double setpoint_rad = 0;
   std::optional<double> reply_rad;  ///< Measured in the first reply before the next setpoint.
@@ -28,12 +28,12 @@ struct RunTrace {
   std::vector<std::vector<TraceSample>> samples;  ///< Of each joint, by time.
 };
 
-/// Of a record: from the first tick in state running until the executor neither runs, settles nor
-/// holds any more.
+/// The trace of a flight record: from the first tick in state running until the executor neither
+/// runs, settles nor holds any more.
 RunTrace TraceOf(FlightRecord& record, const DrivesConfig& drives);
 
-/// Of frames alone: every setpoint that asks for position control.
-/// @throws std::runtime_error when there is none for one of the drives.
+/// The trace of frames alone: every setpoint that asks for position control.
+/// @throws std::runtime_error  when one of the drives has no such setpoint.
 RunTrace TraceOf(const std::vector<CandumpFrame>& frames, const DrivesConfig& drives,
                  const std::string& name);
 
@@ -49,19 +49,20 @@ struct TrackingFigures {
 };
 TrackingFigures FiguresOf(std::span<const TraceSample> samples);
 
-/// How the same joint did in two runs, tick by tick.
+/// A comparison of the same joint in two runs, tick by tick.
 struct TraceComparison {
-  std::int64_t ticks = 0;                ///< That both have.
-  std::int64_t different_setpoints = 0;  ///< Of these, further apart than 1e-6 rad.
-  double setpoint_max_rad = 0;           ///< Largest difference.
-  std::int64_t replies = 0;              ///< Ticks that were answered in both.
-  double reply_rms_rad = 0;              ///< Of the differences between the replies.
-  double reply_max_rad = 0;
+  std::int64_t ticks = 0;                ///< Ticks that both runs have.
+  std::int64_t different_setpoints = 0;  ///< Of these, ticks with setpoints over 1e-6 rad apart.
+  double setpoint_max_rad = 0;           ///< Largest difference of setpoints.
+  std::int64_t replies = 0;              ///< Ticks that were answered in both runs.
+  double reply_rms_rad = 0;              ///< RMS of the differences of replies.
+  double reply_max_rad = 0;              ///< Largest difference of replies.
 };
 TraceComparison Compare(std::span<const TraceSample> a, std::span<const TraceSample> b);
 
-/// The figures of a run, a line for each joint; and of two runs of the same joints.
+/// The figures of a run for people, a line for each joint.
 std::string Describe(const RunTrace& trace);
+/// The comparison of two runs of the same joints for people, a line for each joint.
 std::string DescribeDifference(const RunTrace& recorded, const RunTrace& played);
 
 /// Draws setpoints, replies and errors of one run or two, a column for each joint.

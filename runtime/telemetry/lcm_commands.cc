@@ -25,10 +25,10 @@ struct LcmCommands::Implementation {
                  const SequenceGraph<float>& graph_in)
       : lcm(url), mailbox(mailbox_in), graph(graph_in) {
     if (!lcm.good()) throw std::runtime_error(fmt::format("{}: LCM cannot use this URL", url));
-    // Not the overload for member functions: UndefinedBehaviorSanitizer objects to it.
+    // UndefinedBehaviorSanitizer objects to the overload for member functions.
     lcm.subscribeFunction(kCommandChannel, &Implementation::Handle, this);
     thread = std::thread([this] {
-      constexpr int kPatience_ms = 100;  // How long the destructor may have to wait.
+      constexpr int kPatience_ms = 100;  // the longest that the destructor has to wait
       while (!stop && lcm.handleTimeout(kPatience_ms) >= 0) {
       }
     });
@@ -46,11 +46,11 @@ struct LcmCommands::Implementation {
       case command_t::DISARM:
         break;
       case command_t::BRANCH:
-        // A name that is not there becomes number -1, which the executor refuses where all see it.
+        // An unknown name becomes number -1, which the executor refuses for all to see.
         wish.branch = static_cast<std::int8_t>(self->graph.FindBranch(message->branch));
         break;
       default:
-        return;  // Nothing else is known here, arming and moving least of all.
+        return;  // Other commands are ignored. There is none to arm or to move.
     }
     wish.request = static_cast<OperatorRequest>(message->command);
     self->mailbox.Put(wish);

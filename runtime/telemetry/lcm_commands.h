@@ -8,11 +8,11 @@
 
 namespace tumbler {
 
-/// Takes `command_t` messages from channel TUMBLER_COMMAND into a mailbox, in a thread of its own.
+/// A thread that puts the `command_t` messages of channel TUMBLER_COMMAND into a mailbox.
 class LcmCommands {
  public:
   /// @param mailbox  must outlive this object.
-  /// @param graph    whose branches the operator may name.
+  /// @param graph    has the branches that the operator may name.
   /// @throws std::runtime_error when LCM cannot use the URL.
   LcmCommands(const std::string& url, OperatorMailbox& mailbox, const SequenceGraph<float>& graph);
   ~LcmCommands();

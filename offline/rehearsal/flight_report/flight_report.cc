@@ -17,10 +17,10 @@
 namespace tumbler {
 namespace {
 
-/// Of a logarithmic axis of durations, from 1 us on.
+/// Bins in a decade of the logarithmic axis of durations, which begins at 1 us.
 constexpr int kBinsPerDecade = 20;
 
-/// The double with the shortest text that is this float; null where there is no number.
+/// The double whose shortest text reads back as this float; null for NaN and infinities.
 PageJson Number(float value) {
   if (!std::isfinite(value)) return nullptr;
   std::array<char, 32> text{};
@@ -34,7 +34,7 @@ PageJson Number(const std::optional<double>& value) {
   return value ? Number(static_cast<float>(*value)) : PageJson(nullptr);
 }
 
-/// The ticks that the page has, in order.
+/// The indices of the ticks that the page shows, in order.
 std::vector<std::size_t> ShownTicks(const RunData& run, const FlightReportOptions& options) {
   const auto tick_at = [&run](double time_s) {
     const auto before = [](const RunTick& tick, double t) { return tick.time_s < t; };
@@ -80,7 +80,7 @@ PageJson TicksToJson(const RunData& run, const std::vector<std::size_t>& shown) 
     json["states"].push_back(ToString(run.ticks[i].state));
   }
   for (std::size_t j = 0; j < run.joint_count(); ++j) {
-    // With the torque off, nothing is planned and nothing commanded: setpoints are only carried.
+    // With the torque off nothing is planned or commanded, although the record carries setpoints.
     const auto column = [&](Read read) {
       PageJson values = PageJson::array();
       for (const std::size_t i : shown) {
@@ -165,8 +165,8 @@ PageJson RobotToJson(const RunData& run, const std::vector<ReportSample>& all,
   return json;
 }
 
-/// Counts in bins of a logarithmic axis: bin b is 10^(b / 20) us to the next; what is less than 1
-/// us is in bin 0.
+/// Counts of latencies on a logarithmic axis: bin b begins at 10^(b / 20) us. Less than 1 us is in
+/// bin 0 too.
 PageJson LatencyToJson(const RunLatency& latency) {
   std::map<int, std::int64_t> bins;
   for (const std::int64_t value_ns : latency.values_ns) {

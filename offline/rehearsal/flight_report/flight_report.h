@@ -9,25 +9,24 @@
 
 namespace tumbler {
 
-/// How much of a run its page has.
+/// The part of each run that the page shows. All figures are of all ticks.
 struct FlightReportOptions {
-  /// Ticks of each run, evenly spaced, and of those between, the ones that stand out: the events',
-  /// and in each interval that of the largest following error and the oldest reply. All figures
-  /// are of all ticks.
+  /// How many ticks of each run are shown, evenly spaced. Ticks between them are shown if they
+  /// stand out: those of events, and in each interval those with the largest following error and
+  /// the oldest reply.
   std::size_t ticks_max = 4000;
-  /// Only this part of the runs is shown, in the time of the page; figures are of all ticks.
+  /// The interval that is shown, in the time of the page.
   double from_s = -std::numeric_limits<double>::infinity();
   double to_s = std::numeric_limits<double>::infinity();
 
   [[nodiscard]] bool Shows(double time_s) const { return time_s >= from_s && time_s <= to_s; }
 };
 
-/// What the page of these runs is made of: their scene, ticks, robots, events, latencies, and how
-/// the others differ from the first. Every number of a tick is the record's: as a float it has the
-/// same bits.
-/// @throws std::runtime_error naming the file that shows another robot than the first, or that has
-/// nothing in the part to be shown;
-/// std::invalid_argument naming a field that is not finite.
+/// The data of the page: scene, ticks, robots, events and latencies of the runs, and how the others
+/// differ from the first. Every number of a tick is the record's: as a float it has the same bits.
+/// @throws std::runtime_error  naming the file that shows another robot than the first, or that has
+/// nothing in the interval to be shown.
+/// @throws std::invalid_argument  naming a field that is not finite.
 PageJson FlightReportJson(const std::vector<RunData>& runs,
                           const FlightReportOptions& options = {});
 

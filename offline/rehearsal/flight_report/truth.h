@@ -9,7 +9,7 @@
 
 namespace tumbler {
 
-/// A message truth_t and when it was logged.
+/// A message truth_t, and the time at which it was logged.
 struct LoggedTruth {
   std::int64_t utime_us = 0;  ///< Since 1970, or since the start of a run in virtual time.
   truth_t truth;
@@ -18,8 +18,9 @@ struct LoggedTruth {
 /// @returns false when the bytes are not one whole message.
 bool DecodeTruth(std::span<const std::uint8_t> bytes, truth_t& truth);
 
-/// All that an LCM log has on channel TUMBLER_TRUTH.
-/// @throws std::runtime_error naming the file: it cannot be read, has none, or one is damaged.
+/// All messages of an LCM log on channel TUMBLER_TRUTH.
+/// @throws std::runtime_error  naming the file, when it cannot be read, has no such message, or has
+/// a damaged one.
 std::vector<LoggedTruth> ReadTruthLog(const std::string& path);
 
 }  // namespace tumbler

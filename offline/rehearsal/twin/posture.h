@@ -9,14 +9,15 @@
 
 namespace tumbler {
 
-/// How a fall is told from a motion.
+/// The thresholds that tell a fall from a motion.
 struct PostureConfig {
-  /// At rest: root and joints slower than this, for so long. A robot that rocks on its feet passes
-  /// through rest, but not for a third of a second.
+  /// The robot is at rest when root and joints have been slower than this for `rest_s`. A robot
+  /// that rocks on its feet passes through rest, but not for a third of a second.
   double speed_max_m_s = 0.03;
   double rate_max_rad_s = 0.05;
   double rest_s = 0.3;
-  /// How near a pose is to a known one. Of the pitch, the sequence's exit tolerance where larger.
+  /// A pose counts as a known one when it differs by at most this. For the pitch the sequence's
+  /// exit tolerance counts where it is larger.
   double pitch_tolerance_rad = 0.1;
   double joint_tolerance_rad = 0.3;
   double z_tolerance_m = 0.05;
@@ -24,35 +25,35 @@ struct PostureConfig {
   std::vector<std::string> clear_links;
 };
 
-/// Something that the robot did, as a whole.
+/// The robot has come to rest, or fallen.
 struct PostureEvent {
   enum class Kind { kRest, kFall };
   Kind kind = Kind::kRest;
   std::int64_t time_ns = 0;
   double root_x_m = 0, root_z_m = 0, root_pitch_rad = 0;
-  std::string pose;   ///< Of a rest: the known pose; empty where it is none.
+  std::string pose;   ///< Of a rest: the name of the known pose; empty where it is none.
   std::string cause;  ///< Of a fall, in words.
 };
 
-/// One line for people, without its time.
+/// One line about an event for people, without its time.
 std::string Describe(const PostureEvent& event);
 
-/// What the drives of a robot do, for the watch.
+/// The state of a robot's drives, for PostureWatch.
 struct DrivesPosture {
   bool all_enabled = false;
-  bool let_go = false;  ///< All disabled, by the host rather than by a watchdog or an error.
+  bool let_go = false;  ///< Whether the host, not a watchdog or an error, has disabled all drives.
 };
 
 /// Watches a robot from outside, without knowing what it was told: whether it rests, in which of
 /// the poses that its motion begins and ends in, and whether it fell.
 ///
-/// A fall is, once all drives have been enabled, that
-///  - the robot comes to rest in a pose that no node of the motion begins or ends in (height, pitch
-///    less whole turns, joints), nor is the pose in which it was started; or
+/// The robot falls when, after all drives were enabled,
+///  - it comes to rest in a pose (height, pitch less whole turns, joints) in which no node of the
+///    motion begins or ends, and in which it was not started; or
 ///  - a link of `clear_links` touches something.
-/// Nothing is a fall any more once the host has taken the torque off a robot in a known pose: it
-/// was let go. After a fall the next one counts from when the robot was in a known pose
-/// again.
+/// When the host takes the torque off a robot in a known pose, it lets the robot go, and nothing
+/// counts as a fall any more. After a fall, the robot has to be in a known pose again before it can
+/// fall again.
 class PostureWatch {
  public:
   PostureWatch(const SequenceFile& motion, const PostureConfig& config, const PrimitivePose& start);
@@ -65,7 +66,8 @@ class PostureWatch {
   [[nodiscard]] const std::vector<PostureEvent>& events() const { return events_; }
   [[nodiscard]] int falls() const { return falls_; }
   [[nodiscard]] bool fallen() const { return fallen_; }
-  /// The known pose in which it rests now; empty when it moves or the pose is none.
+  /// The name of the known pose in which the robot rests now; empty when it moves, or rests in
+  /// another pose.
   [[nodiscard]] const std::string& resting_as() const { return resting_as_; }
 
  private:
@@ -88,7 +90,7 @@ class PostureWatch {
   bool let_go_ = false;
   bool resting_ = false;
   std::string resting_as_;
-  std::int64_t slow_since_ns_ = -1;  // -1: it moves
+  std::int64_t slow_since_ns_ = -1;  // -1: the robot moves
 };
 
 }  // namespace tumbler

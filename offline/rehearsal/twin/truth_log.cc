@@ -107,7 +107,7 @@ void TruthLog::Observe(const SimulatedRobot& robot) {
       throw std::runtime_error(fmt::format("{}: cannot be written", m.config.log_file));
   }
   if (m.config.sink) m.config.sink(m.bytes);
-  // Live, what is not taken is missed.
+  // A live message that LCM does not take is lost.
   if (m.live) {
     static_cast<void>(m.live->publish(kTruthChannel, m.bytes.data(), static_cast<unsigned>(size)));
   }

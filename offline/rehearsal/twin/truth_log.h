@@ -13,20 +13,20 @@ namespace tumbler {
 /// Channel of truth_t (`runtime/lcm`).
 inline constexpr const char* kTruthChannel = "TUMBLER_TRUTH";
 
-/// Where the truth goes; an empty name leaves that output out.
+/// The outputs of a TruthLog. An empty name leaves that output out.
 struct TruthLogConfig {
   std::string log_file;  ///< LCM log.
   std::string lcm_url;   ///< Live LCM.
-  /// Called with every message as it is encoded; for a flight record.
+  /// Called with every encoded message. A flight record takes them from here.
   std::function<void(std::span<const std::uint8_t>)> sink;
-  /// Impacts last some 10 ms.
+  /// Time from one message to the next. Impacts last some 10 ms.
   std::int64_t period_ns = 5'000'000;
-  /// Log time of time 0: 0 for virtual time, else microseconds since 1970.
+  /// The log's time at the robot's time 0: 0 for virtual time, else microseconds since 1970.
   std::int64_t utime_at_zero_us = 0;
 };
 
-/// Writes and publishes what is true of a simulated robot. Allocates and may block: not for a loop
-/// that has deadlines.
+/// Writes and publishes the true state of a simulated robot (truth_t). It allocates and may block,
+/// so it must not run in a loop that has deadlines.
 class TruthLog {
  public:
   /// @throws std::runtime_error naming the file or URL that cannot be opened.
@@ -35,8 +35,8 @@ class TruthLog {
   TruthLog(const TruthLog&) = delete;
   TruthLog& operator=(const TruthLog&) = delete;
 
-  /// Publishes once a period has passed since the last time. @throws std::runtime_error when the
-  /// file cannot be written.
+  /// Publishes the state, unless less than a period has passed since the last time.
+  /// @throws std::runtime_error  when the file cannot be written.
   void Observe(const SimulatedRobot& robot);
 
  private:
