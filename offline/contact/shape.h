@@ -7,23 +7,23 @@ namespace tumbler {
 
 enum class ShapeKind { kHalfSpace, kSphere, kCapsule, kBox };
 
-/// A shape of the contact model in the frame of what carries it: a convex core given by linear
-/// constraints, [AB04, Eqs. 26-27], and a radius swept around it; or a half-space.
+/// A shape of the contact model, in the frame of the body that carries it: a half-space, or a
+/// convex core given by linear constraints [AB04, Eqs. 26-27] with a radius swept around it.
 ///
-/// There is one core: a box with half extents h_i >= 0 along its own axes. With all of them zero
-/// the shape is a sphere (a disc in the plane), with one above zero a capsule, and with more a box,
-/// rounded if its radius is not zero.
+/// The core is a box with half extents h_i >= 0 along its own axes. If all of them are zero the
+/// shape is a sphere (a disc in the plane), if one is above zero a capsule, and else a box, rounded
+/// if the radius is not zero.
 template <class Space>
 struct Shape {
   using Vector = typename Space::Vector;
   static constexpr int kDimension = Vector::RowsAtCompileTime;
 
-  Vector centre = Vector::Zero();        ///< Of the core; a point of a half-space's surface [m].
-  typename Space::Rotation rotation;     ///< Axes of the core.
-  Vector half_extents = Vector::Zero();  ///< h [m].
+  Vector centre = Vector::Zero();        ///< Of the core, or a point of a half-space's surface [m].
+  typename Space::Rotation rotation;     ///< Of the core's axes.
+  Vector half_extents = Vector::Zero();  ///< h of the core [m].
   double radius_m = 0;                   ///< Swept around the core.
   bool half_space = false;
-  Vector normal = Vector::Zero();  ///< Unit, out of a half-space; nothing else has one.
+  Vector normal = Vector::Zero();  ///< Of a half-space: a unit vector out of it. Else zero.
 
   bool operator==(const Shape&) const = default;
 
@@ -33,7 +33,8 @@ struct Shape {
     return sides == 0 ? ShapeKind::kSphere : sides == 1 ? ShapeKind::kCapsule : ShapeKind::kBox;
   }
 
-  /// `direction` need not be a unit vector, but must not be zero.
+  /// @param point      any point of the surface [m].
+  /// @param direction  out of the half-space; need not be a unit vector, but must not be zero.
   static Shape HalfSpace(const Vector& point, const Vector& direction) {
     Shape shape;
     shape.half_space = true;
@@ -47,7 +48,7 @@ struct Shape {
     shape.radius_m = radius_m;
     return shape;
   }
-  /// The core is the segment of that half length along the first axis of `rotation`.
+  /// A capsule around a segment of that half length along the first axis of `rotation`.
   static Shape Capsule(const Vector& centre, const typename Space::Rotation& rotation,
                        double half_length_m, double radius_m) {
     Shape shape = Sphere(centre, radius_m);
@@ -65,7 +66,7 @@ struct Shape {
   }
 };
 
-/// A shape at one place, its axes written out.
+/// A shape in world axes, where its body has put it.
 template <class Space>
 struct PosedShape {
   using Vector = typename Space::Vector;
@@ -73,7 +74,7 @@ struct PosedShape {
   using Matrix = Eigen::Matrix<double, kDimension, kDimension>;
 
   Vector centre;
-  Matrix axes;  ///< By columns.
+  Matrix axes;  ///< The core's axes are its columns.
   Vector half_extents;
   double radius_m = 0;
   bool half_space = false;

@@ -8,18 +8,18 @@
 
 namespace tumbler {
 
-/// Two motions count as the same when no parameter differs by more [rad]: less than a person sees
-/// or a drive follows, and more than the solver's last steps still move.
+/// Two motions count as the same when no parameter differs by more than this [rad]. A person does
+/// not see that much, a drive does not follow it exactly, and the solver's last steps move less.
 inline constexpr double kSameMotionRad = 0.02;
 
-/// A motion that local solves ended in.
+/// A motion in which one or several local solves ended.
 struct LocalMinimum {
-  std::size_t solution = 0;  ///< The best of those that ended here, an index of the solutions.
-  std::vector<int> starts;   ///< From where (`Solution::start`), the best first.
+  std::size_t solution = 0;  ///< Index of the best solution that ended here.
+  std::vector<int> starts;   ///< `Solution::start` of all solutions that ended here, best first.
 };
 
-/// The different motions among those that were solved to the end; what was screened only, or left
-/// every plausible range, is none. In the order of the solutions, which Solve gives best first.
+/// The different motions among the solutions, in their order, which is best first after Solve.
+/// Solutions that were screened only, or left every plausible range, do not count.
 ///
 /// Each solution joins the first minimum whose best is within `tolerance_rad` in every parameter.
 std::vector<LocalMinimum> DistinctMinima(std::span<const Solution> solutions,

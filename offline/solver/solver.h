@@ -13,13 +13,13 @@
 
 namespace tumbler {
 
-/// One evaluation, as progress shows it and reports plot it.
+/// One evaluation of a motion, for progress messages and reports.
 struct Evaluation {
-  bool global = false;     ///< Of the global search, else of a local solve.
-  int start = 0;           ///< Which local solve.
+  bool global = false;     ///< Whether it belongs to the global search, or to a local solve.
+  int start = 0;           ///< Number of the local solve.
   std::int64_t count = 0;  ///< Evaluations so far, of all threads in this stage.
-  double cost = 0;         ///< Global search: the rank; in progress, the best so far.
-  double violation = 0;    ///< Largest scaled constraint, 0 when all hold.
+  double cost = 0;         ///< Of the global search, the rank; in progress, the best so far.
+  double violation = 0;    ///< Largest scaled constraint; 0 when all hold.
 };
 
 /// Why a local solve ended.
@@ -33,66 +33,85 @@ enum class SolveEnd {
 };
 const char* ToString(SolveEnd end);
 
-/// Larger excess of a limit, relative to it (of a position, in rad), is a violation.
+/// An excess of a limit counts as a violation when it is larger than this, relative to the limit
+/// (for a position, in rad).
 inline constexpr double kNoViolation = 1e-6;
 
-/// One solution, re-checked after the solver returned it.
+/// A motion that the solver returned. It was evaluated again, so that nothing rests on the solver's
+/// word.
 struct Solution {
+  /// Parameters of the problem [rad].
   std::vector<double> x;
   RolloutResult rollout;
   SolveEnd end = SolveEnd::kFailed;
-  bool finished = false;  ///< Solved with the final step; else screened only, with a longer one.
-  int start = 0;          ///< Which start it came from, in the order of screening.
+  /// Whether it was solved with the final step, or only screened with a longer one.
+  bool finished = false;
+  /// Number of the start that it came from, in the order of screening.
+  int start = 0;
+  /// Cost of that start.
   double start_cost = 0;
-  double constraint_violation = 0;  ///< Largest scaled constraint value above zero, recomputed.
-  double projected_gradient = 0;    ///< Largest component of the cost's gradient that no active
-                                    ///< constraint holds [cost per rad].
-  int evaluations = 0;              ///< Of cost and gradient.
-  std::string worst_constraint;     ///< Name of the largest one, e.g. `velocity of leg1`.
-  bool core_reached =
-      false;  ///< A contact went through the whole compliant layer: the model does not hold there.
+  /// Largest scaled constraint; 0 when all hold.
+  double constraint_violation = 0;
+  /// Largest component of the cost's gradient that no active constraint holds [cost per rad].
+  double projected_gradient = 0;
+  /// Evaluations of cost and gradient that it took.
+  int evaluations = 0;
+  /// Name of the largest constraint, e.g. `velocity of leg1`.
+  std::string worst_constraint;
+  /// Whether a contact went through the whole compliant layer. The contact model ends there.
+  bool core_reached = false;
+
+  /// Whether all limits hold, and the contact model with them.
   [[nodiscard]] bool feasible() const {
     return evaluations > 0 && rollout.finite && constraint_violation <= kNoViolation &&
            !core_reached;
   }
 };
 
+/// How `Solve` is run. None of this changes the result, unless it is interrupted or `contact` says
+/// otherwise.
 struct SolveOptions {
-  int threads = 1;                         ///< Changes nothing but time.
-  std::atomic<bool>* interrupt = nullptr;  ///< Set it from anywhere to stop early.
-  /// Called after evaluations, from any thread but one at a time.
+  int threads = 1;
+  /// Set it from any thread to stop early; may be null.
+  std::atomic<bool>* interrupt = nullptr;
+  /// Called after evaluations, from any thread but by one at a time; may be empty.
   std::function<void(const Evaluation&)> progress;
   /// Makes the contact forces of a rollout, one for each thread; empty: the general model.
   std::function<std::unique_ptr<ContactForces<Plane>>()> contact;
 };
 
+/// What `Solve` found.
 struct SolveOutcome {
-  /// Of every start, best first: feasible before infeasible, then by cost. Empty when interrupted
-  /// before the first batch of the search was done.
+  /// One for each start, best first: feasible before infeasible, then by cost. Empty when
+  /// interrupted before the first batch of the search was done.
   std::vector<Solution> solutions;
-  std::vector<Evaluation>
-      history;  ///< In the order of stage, start and count: the same for any number of threads.
-  std::int64_t evaluations = 0;  ///< Global and local.
+  /// In the order of stage, start and count: the same for any number of threads.
+  std::vector<Evaluation> history;
+  /// Of the global search and all local solves.
+  std::int64_t evaluations = 0;
   bool interrupted = false;
 };
 
-/// Finds a motion from nothing: global search over random splines, then SLSQP (NLopt) from the best
-/// few.
+/// Finds a motion without a guess: by a global search over random splines, then by SLSQP (NLopt)
+/// from the best few of them.
 SolveOutcome Solve(const Problem& problem, const SolveOptions& options);
 
-/// SLSQP from one start. Variables are control points [rad], of order one already; the cost is
-/// divided by its gradient at the start and every constraint by its limit, because NLopt's SLSQP
-/// fails on large gradients.
+/// Runs SLSQP from one start. Its variables are the parameters [rad], which are of order one
+/// already. The cost is divided by its gradient at the start, and every constraint by its limit,
+/// because NLopt's SLSQP fails on large gradients.
+/// @param history  gets the evaluations appended; may be null.
 Solution SolveFrom(const Problem& problem, std::span<const double> start, int max_evaluations,
                    Rollout& rollout, const SolveOptions& options, std::vector<Evaluation>* history);
 
-/// Bounds that hold for all t: velocity and acceleration limits as rows a . x + b <= 0 over the
-/// parameters, each divided by its limit. Positions are plain bounds of the parameters.
+/// A linear constraint a . x + b <= 0 on the parameters x [rad].
 struct LinearRow {
   std::string name;
   std::vector<double> a;
   double b = 0;
 };
+
+/// The velocity and acceleration limits for all t, by the control points: rows divided by their
+/// limits. Position limits are plain bounds of the parameters, and no rows.
 std::vector<LinearRow> DerivativeLimitRows(const Problem& problem);
 
 }  // namespace tumbler

@@ -5,10 +5,10 @@
 namespace tumbler {
 namespace {
 
-constexpr std::uint32_t kExtended = 1U << 31;  // As in SocketCAN.
+constexpr std::uint32_t kExtended = 1U << 31;  // the bit that SocketCAN uses too
 constexpr std::uint32_t kRemote = 1U << 30;
 
-/// Little-endian, whatever the machine.
+/// Writes fields little-endian on every machine.
 class Writer {
  public:
   explicit Writer(std::span<std::uint8_t> out) noexcept : out_(out) {}

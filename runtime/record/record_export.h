@@ -7,18 +7,21 @@
 
 namespace tumbler {
 
-/// Writes all frames of a record as `candump -l` logs them: sent frames at the time they were
-/// handed to the bus, received ones at that of their arrival, by time. Times are since 1970, or,
-/// of a run in virtual time, since its start. @returns the number of frames.
-/// @throws RecordError naming the file that cannot be written.
+/// Writes all frames of a record by time, as `candump -l` logs them. Sent frames have the time at
+/// which they were handed to the bus, received frames that of their arrival. Times count from 1970,
+/// or, for a run in virtual time, from its start.
+/// @returns the number of frames.
+/// @throws RecordError  naming the file that cannot be written.
 std::int64_t ExportCandump(FlightRecord& record, const std::string& path);
 
-/// Writes the ticks of a record as tumbler-run's `--trace` and `--log` do (either name may be
-/// empty). @returns the number of ticks. @throws std::runtime_error likewise.
+/// Writes the ticks of a record as tumbler-run's `--trace` and `--log` do. Either name may be
+/// empty.
+/// @returns the number of ticks.
+/// @throws std::runtime_error  naming the file that cannot be written.
 std::int64_t ExportTelemetry(FlightRecord& record, const std::string& csv_path,
                              const std::string& lcm_path);
 
-/// What a record holds, in several lines for people.
+/// The content of a record in several lines for people.
 std::string Summary(FlightRecord& record);
 
 }  // namespace tumbler

@@ -12,26 +12,28 @@
 
 namespace tumbler {
 
-/// Takes what is true of a simulated robot, as LCM messages truth_t.
+/// Takes the true states of a simulated robot, as LCM messages truth_t.
 using TruthSink = std::function<void(std::span<const std::uint8_t>)>;
 
-/// What `tumbler-run sim` runs on; empty names leave that out.
+/// The options of `tumbler-run sim`. An empty name leaves the file or output out.
 struct SimulatedWorldConfig {
-  std::string twin_file;   ///< The robot as it is (docs/formats.md); else as the motion has it.
+  std::string
+      twin_file;  ///< File about the real robot (docs/formats.md); without it, the motion's.
   std::string bus_faults;  ///< File that disturbs the bus (docs/formats.md).
-  std::string truth_log;   ///< truth_t to this LCM log.
-  std::string lcm_url;     ///< truth_t live.
-  TruthSink truth_sink;    ///< Called with every truth_t as it is encoded; for a flight record.
-  bool paced = false;      ///< At the pace of the clock; else in virtual time.
+  std::string truth_log;   ///< LCM log to which truth_t goes.
+  std::string lcm_url;     ///< URL at which truth_t is published live.
+  TruthSink truth_sink;    ///< Called with every encoded truth_t; a flight record takes them.
+  bool paced = false;      ///< Whether time keeps the pace of the clock, or is virtual.
 };
 
-/// Makes simulated robots, which are no part of the runtime: whoever has them passes them in.
+/// Makes simulated robots. They are no part of the runtime, so a program that has them passes this
+/// in.
 struct Simulation {
-  /// The drives file that a twin file names; empty where it names none. Throws FileError.
+  /// Returns the drives file that a twin file names; empty where it names none. Throws FileError.
   std::function<std::string(const std::string& twin_file)> drives_file_of;
-  /// The robot of a motion, behind simulated drives on a simulated bus. The motion has to outlive
-  /// the world. Throws FileError about a file of the configuration, and std::runtime_error about
-  /// where the truth goes.
+  /// Makes the robot of a motion, behind simulated drives on a simulated bus. The motion has to
+  /// outlive the world. Throws FileError about a file of the configuration, and std::runtime_error
+  /// about an output for the truth.
   std::function<std::unique_ptr<World>(const SequenceFile& motion, const DrivesConfig& drives,
                                        const SimulatedWorldConfig& config)>
       make_world;

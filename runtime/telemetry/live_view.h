@@ -11,7 +11,7 @@
 
 namespace tumbler {
 
-/// What is known of a run from its messages, and how it looks to people. It counts what did not
+/// The last messages of a run, and texts that show them to people. Counts the messages that did not
 /// arrive.
 class LiveView {
  public:
@@ -21,11 +21,11 @@ class LiveView {
 
   [[nodiscard]] const std::optional<state_t>& state() const noexcept { return state_; }
   [[nodiscard]] const std::optional<run_t>& run() const noexcept { return run_; }
-  /// States that were sent between the first and the last that arrived, and did not.
+  /// How many states did not arrive that were sent between the first and the last that did.
   [[nodiscard]] std::int64_t lost() const noexcept { return lost_; }
 
-  /// Several lines of at most 100 columns: state, motion, joints, faults, bus, latency, what
-  /// happened last.
+  /// Several lines of at most 100 columns: state, motion, joints, faults, bus, latency, last
+  /// events.
   [[nodiscard]] std::string Screen() const;
   /// The same in one line, for logs.
   [[nodiscard]] std::string Line() const;

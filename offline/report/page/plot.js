@@ -156,7 +156,7 @@ class Plot {
     this.show(this.shown ?? null, null);
   }
 
-  // Of what lies in the range, and one point more on either side.
+  // The points in the range, and one more on either side.
   path(curve) {
     const {spec, px, py} = this;
     const parts = [];

@@ -31,7 +31,8 @@ class RobotDrawing {
   constructor(parent, data) {
     this.group = element('g', {class: 'robot'}, parent);
     this.hinge = [];
-    // The root last: the legs of a tumbler then seem to run beside it, and its hinges lie on top.
+    // The root is drawn last: so the legs of a tumbler seem to run beside it, and its hinges lie on
+    // top.
     const order = data.links.map((_, k) => k).reverse();
     this.links = [];
     for (const k of order) {

@@ -9,7 +9,7 @@ const kindNames = {plan: 'plan', command: 'command', measured: 'measured', truth
 const eventsMax = 500;  // of each run
 const marksMax = 80;  // in a plot
 
-// Of very many events, those that matter most.
+// The events that are shown: where there are very many, those that matter most.
 const eventRank = {fault: 0, refusal: 1, timing: 2, request: 3, truth: 4, state: 5};
 const byTime = (a, b) => a.time_s - b.time_s;
 const foremost = (events, most) => (events.length <= most ? events
@@ -184,7 +184,7 @@ function setRange(from, to) {
   try {
     history.replaceState(null, '', `#${parts}`);
   } catch (error) {
-    // As in keepTime.
+    // Some browsers forbid this on a page from a file; see keepTime.
   }
   for (const plot of timePlots) {
     plot.spec.x = range;
@@ -364,7 +364,7 @@ function fillLatencies() {
     const own = runs.flatMap((run, r) => run.latencies.filter((l) => l.name === name).map((latency) => ({run, r, latency})));
     const decade = (bin, latency) => bin / latency.bins_per_decade;
     const curves = own.map(({run, r, latency}) => {
-      // Steps; counts as logarithms, from half of one on.
+      // The curve is one of steps. Counts are shown as logarithms, and the axis begins at a half.
       const floor = Math.log10(0.5);
       const [xs, ys] = [[], []];
       let end = null;
