@@ -1,4 +1,5 @@
 #include "common/motion_header.h"
+#include "common/primitive_hash.h"
 
 #include <fmt/format.h>
 

@@ -4,13 +4,14 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cmath>
 #include <limits>
 #include <stdexcept>
 #include <string_view>
 #include <utility>
 
+#include "common/primitive_hash.h"
+#include "common/primitive_limits.h"
 #include "common/toml_reader.h"
 
 namespace tumbler {
@@ -30,75 +31,6 @@ constexpr int kPositionSmoothness = 2;
 // Margins are differences of numbers of 1 to 1000. A program that adds them in another order agrees
 // to this.
 constexpr double kMarginTolerance = 1e-9;
-
-// How far rounding to float may push a velocity or acceleration beyond its limit, as a share of the
-// limit. With knots 10 ms apart float carries accelerations to about 0.1 rad/s^2; more than this
-// says that the knots are too close.
-constexpr double kRoundingAllowance = 1e-3;
-
-// ---- Hashes -------------------------------------------------------------------------------------
-
-class Fnv1a64 {
- public:
-  void Bytes(std::string_view bytes) {
-    for (const char byte : bytes) {
-      state_ = (state_ ^ static_cast<unsigned char>(byte)) * 0x100000001b3ULL;
-    }
-  }
-  void Word(std::uint64_t word) {
-    for (int shift = 0; shift < 64; shift += 8) {
-      state_ = (state_ ^ ((word >> shift) & 0xffU)) * 0x100000001b3ULL;
-    }
-  }
-  void Number(double value) { Word(std::bit_cast<std::uint64_t>(value)); }
-  void Numbers(std::span<const double> values) {
-    Word(values.size());
-    for (const double value : values) Number(value);
-  }
-  // The length goes first, so that no two lists of texts give the same bytes.
-  void Text(std::string_view text) {
-    Word(text.size());
-    Bytes(text);
-  }
-  [[nodiscard]] std::string ToText() const { return fmt::format("fnv1a64:{:016x}", state_); }
-
- private:
-  std::uint64_t state_ = 0xcbf29ce484222325ULL;
-};
-
-// ---- Limits -------------------------------------------------------------------------------------
-
-// The range of one quantity of a joint. Every control point has to be within [min, max].
-template <typename Scalar>
-struct Bound {
-  const char* name;
-  const char* unit;
-  const char* limit_key;
-  std::span<const Scalar> points;
-  Scalar min;
-  Scalar max;
-};
-
-template <typename Scalar>
-std::array<Bound<Scalar>, 4> BoundsOf(const JointMotion<Scalar>& motion) {
-  const JointLimits<Scalar>& limits = motion.limits;
-  return {{{"position", "rad", "position_min_rad and position_max_rad",
-            motion.position.control_points(0), limits.position_min_rad, limits.position_max_rad},
-           {"velocity", "rad/s", "velocity_max_rad_s", motion.position.control_points(1),
-            -limits.velocity_max_rad_s, limits.velocity_max_rad_s},
-           {"acceleration", "rad/s^2", "acceleration_max_rad_s2", motion.position.control_points(2),
-            -limits.acceleration_max_rad_s2, limits.acceleration_max_rad_s2},
-           {"feed-forward torque", "N m", "torque_max_nm", motion.torque.control_points(0),
-            -limits.torque_max_nm, limits.torque_max_nm}}};
-}
-
-double MarginOf(const Bound<double>& bound) {
-  double margin = std::numeric_limits<double>::infinity();
-  for (const double point : bound.points) {
-    margin = std::min({margin, point - bound.min, bound.max - point});
-  }
-  return margin;
-}
 
 // Two numbers for a message, with as many digits as it takes to look different if they are.
 std::pair<std::string, std::string> Distinct(double a, double b) {
@@ -578,99 +510,7 @@ PrimitiveFile Read(TomlTable root) {
   return file;
 }
 
-// ---- Rounding to float --------------------------------------------------------------------------
-
-[[noreturn]] void FailRounding(const Motion& motion, const std::string& problem) {
-  throw std::invalid_argument(fmt::format("joint '{}' cannot be played in single precision: {}",
-                                          motion.name.view(), problem));
-}
-
-float Rounded(double value) { return static_cast<float>(value); }
-
-// The nearest float. A limit beyond the range of float becomes the largest float.
-float RoundedLimit(double value) {
-  constexpr double kLargest = static_cast<double>(std::numeric_limits<float>::max());
-  return static_cast<float>(std::clamp(value, -kLargest, kLargest));
-}
-
-JointMotion<float>::Spline Rounded(const Motion& motion, const Spline& spline, const char* what) {
-  std::vector<float> knots(spline.knots().size());
-  std::transform(spline.knots().begin(), spline.knots().end(), knots.begin(),
-                 [](double x) { return Rounded(x); });
-  for (std::size_t i = 1; i < knots.size(); ++i) {
-    if (knots[i] == knots[i - 1] && spline.knots()[i] != spline.knots()[i - 1]) {
-      FailRounding(motion, fmt::format("knots {} and {} of its {} spline round to the same time",
-                                       i - 1, i, what));
-    }
-  }
-  std::vector<float> points(spline.control_points().size());
-  std::transform(spline.control_points().begin(), spline.control_points().end(), points.begin(),
-                 [](double x) { return Rounded(x); });
-  JointMotion<float>::Spline result;
-  if (result.Assign(spline.degree(), knots, points) != Status::kOk) {
-    FailRounding(motion,
-                 fmt::format("its {} spline holds a number beyond the range of float", what));
-  }
-  return result;
-}
-
-// The limit of the bound, widened to the largest rounded control point where that exceeds it.
-float Widened(const Motion& motion, const Bound<float>& bound) {
-  float widened = bound.max;
-  for (const float point : bound.points) widened = std::max(widened, std::abs(point));
-  const double excess = static_cast<double>(widened) - static_cast<double>(bound.max);
-  if (!(excess <= kRoundingAllowance * static_cast<double>(bound.max))) {
-    FailRounding(
-        motion,
-        fmt::format("rounding takes its {} {} {} beyond the limit of {} {}; move the knots apart",
-                    bound.name, MessageNumber(excess), bound.unit,
-                    MessageNumber(static_cast<double>(bound.max)), bound.unit));
-  }
-  return widened;
-}
-
 }  // namespace
-
-std::string HashOfText(std::string_view text) {
-  Fnv1a64 hash;
-  hash.Bytes(text);
-  return hash.ToText();
-}
-
-std::string HashOfCoefficients(const Primitive<double>& primitive) {
-  Fnv1a64 hash;
-  hash.Text(primitive.name.view());
-  hash.Number(primitive.duration_s);
-  hash.Number(primitive.settle_s);
-  hash.Number(primitive.entry_tolerance_rad);
-  hash.Number(primitive.following_tolerance_rad);
-  hash.Word(static_cast<std::uint64_t>(primitive.joint_count));
-  for (const Motion& motion : primitive.motions()) {
-    hash.Text(motion.name.view());
-    hash.Number(motion.limits.position_min_rad);
-    hash.Number(motion.limits.position_max_rad);
-    hash.Number(motion.limits.velocity_max_rad_s);
-    hash.Number(motion.limits.acceleration_max_rad_s2);
-    hash.Number(motion.limits.torque_max_nm);
-    for (const Spline* spline : {&motion.position, &motion.torque}) {
-      hash.Word(static_cast<std::uint64_t>(spline->degree()));
-      hash.Numbers(spline->knots());
-      hash.Numbers(spline->control_points());
-    }
-  }
-  return hash.ToText();
-}
-
-LimitMargins MarginsOf(const Primitive<double>& primitive) {
-  constexpr double kNone = std::numeric_limits<double>::infinity();
-  std::array<double, 4> margins = {kNone, kNone, kNone, kNone};
-  for (const Motion& motion : primitive.motions()) {
-    const auto bounds = BoundsOf(motion);
-    for (std::size_t i = 0; i < bounds.size(); ++i)
-      margins[i] = std::min(margins[i], MarginOf(bounds[i]));
-  }
-  return {margins[0], margins[1], margins[2], margins[3]};
-}
 
 std::string ToToml(const PrimitiveFile& file) {
   const int count = file.primitive.joint_count;
@@ -693,50 +533,5 @@ PrimitiveFile ParsePrimitive(std::string_view text, const std::string& name) {
 }
 
 PrimitiveFile LoadPrimitive(const std::string& path) { return Read(TomlTable::ParseFile(path)); }
-
-Primitive<float> ToRuntime(const Primitive<double>& primitive) {
-  Primitive<float> result;
-  result.name = primitive.name;
-  result.duration_s = Rounded(primitive.duration_s);
-  result.settle_s = Rounded(primitive.settle_s);
-  result.entry_tolerance_rad = Rounded(primitive.entry_tolerance_rad);
-  result.following_tolerance_rad = Rounded(primitive.following_tolerance_rad);
-  for (const float value :
-       {result.duration_s, result.entry_tolerance_rad, result.following_tolerance_rad}) {
-    if (!(value > 0) || !std::isfinite(value)) {
-      throw std::invalid_argument(
-          "duration or a tolerance of the primitive does not fit single precision");
-    }
-  }
-  if (!std::isfinite(result.settle_s)) {
-    throw std::invalid_argument("settle time of the primitive does not fit single precision");
-  }
-  result.joint_count = primitive.joint_count;
-  for (std::size_t i = 0; i < primitive.motions().size(); ++i) {
-    const Motion& motion = primitive.joints[i];
-    JointMotion<float>& rounded = result.joints[i];
-    rounded.name = motion.name;
-    rounded.position = Rounded(motion, motion.position, "position");
-    rounded.torque = Rounded(motion, motion.torque, "torque");
-    rounded.limits = {RoundedLimit(motion.limits.position_min_rad),
-                      RoundedLimit(motion.limits.position_max_rad),
-                      RoundedLimit(motion.limits.velocity_max_rad_s),
-                      RoundedLimit(motion.limits.acceleration_max_rad_s2),
-                      RoundedLimit(motion.limits.torque_max_nm)};
-    const auto bounds = BoundsOf(rounded);
-    rounded.limits.velocity_max_rad_s = Widened(motion, bounds[1]);
-    rounded.limits.acceleration_max_rad_s2 = Widened(motion, bounds[2]);
-    for (const Bound<float>& bound : BoundsOf(rounded)) {
-      for (const float point : bound.points) {
-        if (point >= bound.min && point <= bound.max) continue;
-        const float limit = point > bound.max ? bound.max : bound.min;
-        FailRounding(motion, fmt::format("its {} of {} {} is beyond the limit of {} {}", bound.name,
-                                         MessageNumber(static_cast<double>(point)), bound.unit,
-                                         MessageNumber(static_cast<double>(limit)), bound.unit));
-      }
-    }
-  }
-  return result;
-}
 
 }  // namespace tumbler

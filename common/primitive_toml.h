@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdint>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "common/primitive.h"
@@ -91,24 +92,6 @@ struct PrimitiveFile {
   Provenance provenance;
 };
 
-/// Smallest distances of control points to the limits, over all joints; negative when one is
-/// exceeded.
-struct LimitMargins {
-  double position_rad = 0;
-  double velocity_rad_s = 0;
-  double acceleration_rad_s2 = 0;
-  double torque_nm = 0;  ///< Of the feed-forward spline.
-};
-LimitMargins MarginsOf(const Primitive<double>& primitive);
-
-/// FNV-1a (64 bit) of a text as `fnv1a64:` and 16 hexadecimal digits. It finds accidents, not
-/// forgeries.
-std::string HashOfText(std::string_view text);
-
-/// The same hash of everything that the runtime plays: names, duration, settle time, tolerances,
-/// limits, degrees, knots and coefficients, each double by its bits.
-std::string HashOfCoefficients(const Primitive<double>& primitive);
-
 /// The file's text. Every double reads back bit for bit, and ParsePrimitive accepts the text.
 /// @throws std::invalid_argument  when a value is not finite or the parts do not fit together.
 std::string ToToml(const PrimitiveFile& file);
@@ -121,16 +104,5 @@ std::string ToToml(const PrimitiveFile& file);
 PrimitiveFile ParsePrimitive(std::string_view text, const std::string& name);
 /// The same of a file.
 PrimitiveFile LoadPrimitive(const std::string& path);
-
-/// The primitive in the scalar that the executor uses. Every number becomes the nearest float, and
-/// nothing else is moved, so that ends, entry poses and seams stay consistent.
-///
-/// Rounding keeps the order of numbers, so positions and torques stay within their limits.
-/// Velocities and accelerations are differences of rounded points and can exceed their limits by
-/// rounding errors. Those limits are then widened to the rounded points, by 0.1 % at most, so that
-/// the result holds its own limits exactly.
-/// @throws std::invalid_argument  when rounding breaks a limit by more than that (the message names
-/// joint, quantity and amount), merges knots, or a number does not fit a float.
-Primitive<float> ToRuntime(const Primitive<double>& primitive);
 
 }  // namespace tumbler

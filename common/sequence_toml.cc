@@ -12,6 +12,7 @@
 #include <string_view>
 #include <utility>
 
+#include "common/primitive_rounding.h"
 #include "common/toml_reader.h"
 
 namespace tumbler {

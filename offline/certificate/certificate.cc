@@ -10,6 +10,9 @@
 #include <stdexcept>
 #include <utility>
 
+#include "common/primitive_hash.h"
+#include "common/primitive_limits.h"
+
 namespace tumbler {
 namespace {
 

@@ -11,6 +11,8 @@
 
 #include <nlohmann/json.hpp>
 
+#include "common/primitive_hash.h"
+
 namespace tumbler {
 namespace {
 

@@ -11,6 +11,7 @@
 #include <system_error>
 #include <vector>
 
+#include "common/primitive_hash.h"
 #include "common/primitive_toml.h"
 #include "firmware_interface/can/frame_length.h"
 #include "runtime/linux/candump.h"

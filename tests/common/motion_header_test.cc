@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "awkward_motion_header.h"  // Written by awkward_header.
+#include "common/primitive_hash.h"
 #include "tests/support/awkward_motion.h"
 
 namespace tumbler {

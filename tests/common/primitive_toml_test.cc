@@ -12,6 +12,9 @@
 #include <random>
 #include <stdexcept>
 
+#include "common/primitive_hash.h"
+#include "common/primitive_limits.h"
+#include "common/primitive_rounding.h"
 #include "common/toml_reader.h"
 
 namespace tumbler {

@@ -9,6 +9,7 @@
 #include <numbers>
 #include <random>
 
+#include "common/primitive_hash.h"
 #include "common/toml_reader.h"
 #include "tests/support/sequence_files.h"
 

@@ -8,6 +8,7 @@
 #include <memory>
 #include <vector>
 
+#include "common/primitive_rounding.h"
 #include "common/primitive_toml.h"
 #include "firmware_interface/can/simulated_bus.h"
 #include "firmware_interface/drives/drives_toml.h"

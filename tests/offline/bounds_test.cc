@@ -11,6 +11,7 @@
 #include <numeric>
 #include <random>
 
+#include "common/primitive_rounding.h"
 #include "common/primitive_toml.h"
 #include "offline/solver/solver.h"
 #include "tests/support/handstand.h"

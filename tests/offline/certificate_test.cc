@@ -9,6 +9,9 @@
 #include <functional>
 #include <limits>
 
+#include "common/primitive_hash.h"
+#include "common/primitive_limits.h"
+#include "common/primitive_rounding.h"
 #include "tests/support/task_files.h"
 
 namespace tumbler {

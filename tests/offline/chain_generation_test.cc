@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "common/primitive_hash.h"
 #include "common/toml_reader.h"
 #include "offline/certificate/certificate.h"
 #include "offline/chain/chain.h"

@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 #include <numbers>
 
+#include "common/primitive_hash.h"
 #include "common/toml_reader.h"
 #include "offline/certificate/certificate.h"
 #include "tests/support/program.h"

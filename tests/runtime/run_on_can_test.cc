@@ -17,6 +17,7 @@
 #include <string>
 #include <vector>
 
+#include "common/primitive_hash.h"
 #include "firmware_interface/drives/drives_toml.h"
 #include "tests/support/can_interface.h"
 #include "tests/support/frame_checker.h"

@@ -2,6 +2,8 @@
 
 #include <random>
 
+#include "common/primitive_hash.h"
+#include "common/primitive_limits.h"
 #include "common/primitive_toml.h"
 #include "tests/support/motions.h"
 

@@ -10,6 +10,8 @@
 #include <string>
 #include <vector>
 
+#include "common/primitive_hash.h"
+#include "common/primitive_limits.h"
 #include "common/sequence_toml.h"
 #include "tests/support/primitive_file.h"
 #include "tests/support/task_files.h"

@@ -15,6 +15,7 @@
 #include <string>
 #include <vector>
 
+#include "common/primitive_hash.h"
 #include "firmware_interface/drives/drives_toml.h"
 #include "runtime/linux/candump.h"
 #include "tests/support/can_interface.h"

@@ -1,0 +1,122 @@
+#include "common/primitive_rounding.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "common/primitive_limits.h"
+#include "common/toml_reader.h"
+
+namespace tumbler {
+namespace {
+
+using Motion = JointMotion<double>;
+using Spline = Motion::Spline;
+
+// How far rounding to float may push a velocity or acceleration beyond its limit, as a share of the
+// limit. With knots 10 ms apart float carries accelerations to about 0.1 rad/s^2; more than this
+// says that the knots are too close.
+constexpr double kRoundingAllowance = 1e-3;
+
+[[noreturn]] void FailRounding(const Motion& motion, const std::string& problem) {
+  throw std::invalid_argument(fmt::format("joint '{}' cannot be played in single precision: {}",
+                                          motion.name.view(), problem));
+}
+
+float Rounded(double value) { return static_cast<float>(value); }
+
+// The nearest float. A limit beyond the range of float becomes the largest float.
+float RoundedLimit(double value) {
+  constexpr double kLargest = static_cast<double>(std::numeric_limits<float>::max());
+  return static_cast<float>(std::clamp(value, -kLargest, kLargest));
+}
+
+JointMotion<float>::Spline Rounded(const Motion& motion, const Spline& spline, const char* what) {
+  std::vector<float> knots(spline.knots().size());
+  std::transform(spline.knots().begin(), spline.knots().end(), knots.begin(),
+                 [](double x) { return Rounded(x); });
+  for (std::size_t i = 1; i < knots.size(); ++i) {
+    if (knots[i] == knots[i - 1] && spline.knots()[i] != spline.knots()[i - 1]) {
+      FailRounding(motion, fmt::format("knots {} and {} of its {} spline round to the same time",
+                                       i - 1, i, what));
+    }
+  }
+  std::vector<float> points(spline.control_points().size());
+  std::transform(spline.control_points().begin(), spline.control_points().end(), points.begin(),
+                 [](double x) { return Rounded(x); });
+  JointMotion<float>::Spline result;
+  if (result.Assign(spline.degree(), knots, points) != Status::kOk) {
+    FailRounding(motion,
+                 fmt::format("its {} spline holds a number beyond the range of float", what));
+  }
+  return result;
+}
+
+// The limit of the bound, widened to the largest rounded control point where that exceeds it.
+float Widened(const Motion& motion, const Bound<float>& bound) {
+  float widened = bound.max;
+  for (const float point : bound.points) widened = std::max(widened, std::abs(point));
+  const double excess = static_cast<double>(widened) - static_cast<double>(bound.max);
+  if (!(excess <= kRoundingAllowance * static_cast<double>(bound.max))) {
+    FailRounding(
+        motion,
+        fmt::format("rounding takes its {} {} {} beyond the limit of {} {}; move the knots apart",
+                    bound.name, MessageNumber(excess), bound.unit,
+                    MessageNumber(static_cast<double>(bound.max)), bound.unit));
+  }
+  return widened;
+}
+
+}  // namespace
+
+Primitive<float> ToRuntime(const Primitive<double>& primitive) {
+  Primitive<float> result;
+  result.name = primitive.name;
+  result.duration_s = Rounded(primitive.duration_s);
+  result.settle_s = Rounded(primitive.settle_s);
+  result.entry_tolerance_rad = Rounded(primitive.entry_tolerance_rad);
+  result.following_tolerance_rad = Rounded(primitive.following_tolerance_rad);
+  for (const float value :
+       {result.duration_s, result.entry_tolerance_rad, result.following_tolerance_rad}) {
+    if (!(value > 0) || !std::isfinite(value)) {
+      throw std::invalid_argument(
+          "duration or a tolerance of the primitive does not fit single precision");
+    }
+  }
+  if (!std::isfinite(result.settle_s)) {
+    throw std::invalid_argument("settle time of the primitive does not fit single precision");
+  }
+  result.joint_count = primitive.joint_count;
+  for (std::size_t i = 0; i < primitive.motions().size(); ++i) {
+    const Motion& motion = primitive.joints[i];
+    JointMotion<float>& rounded = result.joints[i];
+    rounded.name = motion.name;
+    rounded.position = Rounded(motion, motion.position, "position");
+    rounded.torque = Rounded(motion, motion.torque, "torque");
+    rounded.limits = {RoundedLimit(motion.limits.position_min_rad),
+                      RoundedLimit(motion.limits.position_max_rad),
+                      RoundedLimit(motion.limits.velocity_max_rad_s),
+                      RoundedLimit(motion.limits.acceleration_max_rad_s2),
+                      RoundedLimit(motion.limits.torque_max_nm)};
+    const auto bounds = BoundsOf(rounded);
+    rounded.limits.velocity_max_rad_s = Widened(motion, bounds[1]);
+    rounded.limits.acceleration_max_rad_s2 = Widened(motion, bounds[2]);
+    for (const Bound<float>& bound : BoundsOf(rounded)) {
+      for (const float point : bound.points) {
+        if (point >= bound.min && point <= bound.max) continue;
+        const float limit = point > bound.max ? bound.max : bound.min;
+        FailRounding(motion, fmt::format("its {} of {} {} is beyond the limit of {} {}", bound.name,
+                                         MessageNumber(static_cast<double>(point)), bound.unit,
+                                         MessageNumber(static_cast<double>(limit)), bound.unit));
+      }
+    }
+  }
+  return result;
+}
+
+}  // namespace tumbler
