@@ -1,5 +1,6 @@
-// What scripts/count-instructions measures of contact models: a hop of the lamp, found from
-// nothing. usage: lamp_driver general|specific
+// Finds a hop of the lamp from nothing, with one of two contact models. scripts/count-instructions
+// measures it.
+// usage: lamp_driver general|specific
 
 #include <cstdio>
 #include <string_view>

@@ -27,7 +27,7 @@ void EvaluateSpline(benchmark::State& state) {
 }
 BENCHMARK(EvaluateSpline);
 
-/// An executor with MIT drives whose last replies are given to it again and again.
+/// An executor with MIT drives. It is given their last replies again and again.
 class Bench {
  public:
   explicit Bench(int joints) {

@@ -1,4 +1,4 @@
-// What a graph of primitives does next.
+// The order in which a graph of primitives is played.
 
 #include "common/sequence.h"
 
@@ -9,8 +9,8 @@
 namespace tumbler {
 namespace {
 
-/// stand -> walk -> stand ..., walk ends a cycle and is not safe; stand -> bow by the operator, and
-/// -> rest when the cycles are done.
+/// A graph: stand -> walk -> stand ..., where walk ends a cycle and is not safe; stand -> bow when
+/// the operator asks, and stand -> rest when the cycles are done.
 SequenceGraph<float> Example() {
   enum { kStand, kWalk, kBow, kRest };
   SequenceGraph<float> graph;

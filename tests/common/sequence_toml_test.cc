@@ -1,4 +1,5 @@
-// Sequence files: what is read, what every edge has to keep, and what each wrong file is told.
+// Sequence files: what the loader reads, what every edge has to keep, and the message about each
+// wrong file.
 
 #include "common/sequence_toml.h"
 
@@ -81,7 +82,7 @@ TEST(SequenceToml, ToRuntimeKeepsGraphAndPrimitives) {
   }
 }
 
-/// The joints of the robot as they are played, across every edge, by evaluating the splines.
+/// Evaluates the splines that the joints of the robot follow on both sides of every edge.
 TEST(SequenceToml, AnAcceptedSequenceIsContinuousAlongEveryEdge) {
   const SequenceFolder folder(GaitText());
   const SequenceFile file = LoadSequence(folder.file());
@@ -103,13 +104,13 @@ TEST(SequenceToml, AnAcceptedSequenceIsContinuousAlongEveryEdge) {
   }
 }
 
-/// Random ends: accepted exactly when every joint, exchanged or not, meets its path again.
+/// Random ends are accepted exactly when every joint, exchanged or not, meets its path again.
 TEST(SequenceToml, AcceptsExactlyTheJoinsThatMeet) {
   std::mt19937 random(7);
   std::uniform_int_distribution<int> coin(0, 1);
   int accepted = 0;
   for (int trial = 0; trial < 60; ++trial) {
-    // Each end is exact, or off by a visible amount.
+    // Each end is either exact or off by a large amount.
     const double off1 = coin(random) == 0 ? 0.01 : 0.0;
     const double off2 = coin(random) == 0 ? -0.02 : 0.0;
     const bool swapped = coin(random) == 1;
@@ -142,7 +143,7 @@ to = "next"
     if (meets) {
       EXPECT_EQ(said, "accepted");
     } else {
-      // The joint of the robot, not that of the path.
+      // The message names the joint of the robot, not that of the path.
       const std::string joint =
           (off1 != 0) == swapped && !(off1 != 0 && off2 != 0) ? "joint2" : "joint1";
       EXPECT_THAT(said, HasSubstr("joint '" + joint + "', position")) << off1 << " " << off2;
@@ -178,7 +179,7 @@ TEST(SequenceToml, AMotionThatEndsInMovementCannotBeHeld) {
   EXPECT_THAT(Refusal(GaitText(), primitives),
               AllOf(HasSubstr("joint 'joint2', velocity before the hold: " + MessageNumber(speed)),
                     HasSubstr("at the end of 'up' against 0 rad/s at the hold")));
-  // Without a hold the next one would have to go on like that.
+  // Without a hold the next primitive would have to begin with that velocity.
   for (PrimitiveFile& file : primitives) file.primitive.settle_s = 0;
   EXPECT_THAT(Refusal(Replaced(GaitText(), "settle_s = 1.5", "settle_s = 0"), primitives),
               HasSubstr("joint 'joint2', velocity: " + MessageNumber(speed)));
@@ -221,7 +222,7 @@ TEST(SequenceToml, WithoutTheTurnOfTheRootRolesCannotBeExchanged) {
 
 TEST(SequenceToml, AJointKeepsItsOwnLimitsOnTheOthersPath) {
   auto primitives = GaitPrimitives();
-  // Of "down", the slower joint may not move as fast as the other does.
+  // The slower joint of "down" may not move as fast as the other joint does.
   auto& joints = primitives[1].primitive.joints;
   const auto fastest = [&joints](std::size_t j) {
     const Interval<double> bounds = joints[j].position.Bounds(1);
@@ -313,7 +314,7 @@ TEST(SequenceToml, EachWrongFileIsToldWhatIsWrong) {
       Refusal(GaitText() + "[[edge]]\nfrom = \"out\"\nto = \"up\"\nwhen = \"branch\"\nbranch = \"a "
                            "name that is longer than thirty-two bytes\"\n"),
       HasSubstr("edge[5].branch:"));
-  // Exchanging needs to be told what.
+  // A swapped node needs the table [swap].
   std::string text = Replaced(GaitText(), "[swap]\njoints = [[\"joint1\", \"joint2\"]]\n", "");
   EXPECT_THAT(Refusal(Replaced(text, "root_pitch_rad = 3.141592653589793\n", "")),
               HasSubstr("node[2].swapped: is true, but the file does not say which joints"));

@@ -17,7 +17,7 @@ namespace {
 
 using ::testing::HasSubstr;
 
-/// What reading the text like this is refused with; empty when it is taken.
+/// The message with which `read` refuses the text; empty when it takes it.
 std::string Refusal(const std::string& text, const std::function<void(TomlTable&)>& read) {
   try {
     TomlTable table = TomlTable::Parse(text, "file.toml");

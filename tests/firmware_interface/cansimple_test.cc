@@ -88,7 +88,7 @@ TEST(CanSimple, FeedForwardsRoundToNearestAndSaturateInsteadOfWrapping) {
   EXPECT_LT(read.torque_nm, -32);
 }
 
-/// A host with hand-made messages.
+/// A host drive, and hand-made messages of the real one.
 class CanSimpleDriveTest : public ::testing::Test {
  protected:
   std::vector<CanFrame> Tick(DriveRequest request, const DriveSetpoint& setpoint = Setpoint(0.5F)) {
@@ -136,7 +136,7 @@ TEST_F(CanSimpleDriveTest, AsksForClosedLoopOnceAfterTellingWhereToStay) {
   EXPECT_NEAR(input.position_rev, 0.25F, 1e-6F);
   EXPECT_EQ(DecodeCanSimple(0, frames[2], state), Status::kOk);
   EXPECT_EQ(state.state, kCanSimpleClosedLoop);
-  Estimate(0.3F);  // It moves a little; where it is to stay does not.
+  Estimate(0.3F);  // The joint moves a little; the position that it is held at does not.
   for (int i = 0; i < 50; ++i) {
     const auto waiting = Tick(DriveRequest::kEnable);
     ASSERT_TRUE(IsOnly(waiting, CanSimpleCommand::kSetInputPos));

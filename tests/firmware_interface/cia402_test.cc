@@ -19,7 +19,7 @@ namespace {
 using Bytes = std::array<std::uint8_t, 8>;
 
 TEST(CanOpen, FramesAreThoseOfTheStandard) {
-  // CiA 301: the examples that every tool's trace shows.
+  // The examples of CiA 301, as every bus analyser shows them.
   EXPECT_EQ(EncodeNmt(NmtCommand::kStart, 2).id, 0U);
   EXPECT_EQ(EncodeNmt(NmtCommand::kStart, 2).data, (Bytes{0x01, 0x02}));
   EXPECT_EQ(EncodeSync().id, 0x080U);
@@ -124,7 +124,7 @@ TEST(Cia402, PeriodsAreThoseOfTheInterpolationObject) {
   EXPECT_EQ(ToInterpolationPeriod(0, period), Status::kInvalidArgument);
 }
 
-/// A host and a simulated drive with a joint that stays where it is held.
+/// A host and a simulated drive, whose joint stays exactly where it is held.
 class Cia402Pair : public ::testing::Test {
  protected:
   explicit Cia402Pair(const Cia402Config& c = {}) : config(c), host(c), port(bus.Attach()) {
@@ -272,7 +272,7 @@ TEST_F(Cia402Pair, TheTargetIsWhereTheDriveIsUntilItIsEnabled) {
     position_rad += 0.0005;  // Somebody moves the joint meanwhile.
     Cia402Command command;
     const auto frames = Tick(DriveRequest::kEnable, {-2, 0, 0, 100, 2});
-    if (host.state() == DriveState::kEnabled) break;  // It heard so before it encoded.
+    if (host.state() == DriveState::kEnabled) break;  // The host learnt it before this Encode.
     for (const CanFrame& frame : frames) {
       if (DecodeCia402(config.node_id, frame, command) != Status::kOk) continue;
       ASSERT_NEAR(command.position / 65536.0 * 2 * M_PI, position_rad, 0.003);

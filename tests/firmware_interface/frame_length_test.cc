@@ -26,7 +26,7 @@ CanFrame RandomFrame(std::mt19937_64& random) {
   frame.id = static_cast<std::uint32_t>(random()) & (frame.extended ? 0x1fffffffU : 0x7ffU);
   frame.size = static_cast<std::uint8_t>(random() % 9);
   for (auto& byte : frame.data) {
-    // Long runs of equal bits are where stuffing happens.
+    // Stuffing happens in long runs of equal bits, so the data has many of them.
     byte =
         random() % 2 == 0 ? static_cast<std::uint8_t>(random()) : (random() % 2 == 0 ? 0x00 : 0xff);
   }
@@ -58,7 +58,7 @@ std::uint16_t DivisionCrc(std::vector<std::uint8_t> bits) {
   return remainder;
 }
 
-/// What a receiver does: removes stuff bits, and says whether there are six equal bits in a row.
+/// Removes stuff bits, as a receiver does. @returns false when there are six equal bits in a row.
 bool Unstuff(std::span<const std::uint8_t> bits, std::vector<std::uint8_t>& plain) {
   int run = 0;
   int last = -1;
@@ -172,9 +172,9 @@ TEST(WorstCaseFrameBits, AreThePublishedFormulas) {
   }
 }
 
-/// The longest frame with this many bytes that a greedy choice of data finds, over many
-/// identifiers: data bytes that keep 1111 0000 1111 ... going after the control field; the CRC is
-/// what it is.
+/// The length of the longest frame with this many bytes that a greedy search finds, over many
+/// identifiers. It chooses data bytes that continue 1111 0000 1111 ... after the control field; the
+/// CRC cannot be chosen.
 int LongestFound(int size, std::mt19937_64& random) {
   int longest = 0;
   for (int trial = 0; trial < 6000; ++trial) {
@@ -219,8 +219,8 @@ TEST(WorstCaseFrameBits, AreNearlyReachedByFramesOfEightBytes) {
   const int longest = LongestFound(8, random);
   RecordProperty("longest", longest);
   EXPECT_LE(longest, WorstCaseFrameBits(CanIdKind::kStandard, 8));
-  // The bound is not tight: it takes the control field and the CRC for bits that can be chosen. The
-  // search finds 132 of 135.
+  // The bound is not tight, since it counts the control field and the CRC as bits that can be
+  // chosen. The search finds 132 of 135.
   EXPECT_GE(longest, WorstCaseFrameBits(CanIdKind::kStandard, 8) - 3);
 }
 
@@ -237,7 +237,7 @@ TEST(ArbitrationKey, OrdersFramesAsTheirBitsDoOnTheWire) {
   for (int trial = 0; trial < 50'000; ++trial) {
     CanFrame a = RandomFrame(random);
     CanFrame b = RandomFrame(random);
-    if (random() % 2 == 0) {  // Same leading bits: where the rules matter.
+    if (random() % 2 == 0) {  // The same leading bits, for then the rules matter.
       const std::uint32_t base = static_cast<std::uint32_t>(random() % 0x800);
       a.id = a.extended ? base << 18 | static_cast<std::uint32_t>(random() % 4) : base;
       b.id = b.extended ? base << 18 | static_cast<std::uint32_t>(random() % 4) : base;

@@ -19,7 +19,7 @@ struct Sent {
   CanFrame frame;
 };
 
-/// A host drive with hand-made replies.
+/// A host drive, and hand-made replies of the real one.
 class MitDriveTest : public testing::Test {
  protected:
   Sent Tick(MitDrive& drive, DriveRequest request, const DriveSetpoint& setpoint = {}) {

@@ -49,7 +49,7 @@ void Open(SocketCanBus& bus, const std::string& interface, const SocketCanConfig
   ASSERT_EQ(result.status, Status::kOk) << result.message;
 }
 
-/// Everything that has come, until nothing has for a while.
+/// Receives until nothing has come for `quiet_ms`.
 std::vector<ReceivedFrame> ReceiveAll(SocketCanBus& bus, int quiet_ms = 50) {
   std::vector<ReceivedFrame> all;
   ReceivedFrame received;
@@ -83,7 +83,7 @@ Status Poll(SocketCanBus& bus) {
   return status;
 }
 
-/// Takes what has come, confirmations among it.
+/// Takes everything that has come, confirmations included.
 void Drain(SocketCanBus& bus) { static_cast<void>(Poll(bus) == Status::kOk); }
 
 /// Waits until all that was sent is confirmed: the kernel may leave that to a thread of its own.
@@ -188,7 +188,7 @@ TEST(SocketCanBusInKernel, CountsWhatTheKernelDropped) {
       AwaitConfirmations(fast);
     }
     ReceiveAll(slow);
-    ASSERT_EQ(fast.Send(Frame(2)), Status::kOk);  // The count comes with the next frame.
+    ASSERT_EQ(fast.Send(Frame(2)), Status::kOk);  // The kernel's count comes with the next frame.
     ReceiveAll(slow);
     EXPECT_GT(slow.statistics().dropped, 0);
     EXPECT_EQ(slow.statistics().received + slow.statistics().dropped, kFrames + 1);
@@ -234,7 +234,7 @@ TEST(SocketCanBusInKernel, AnInterfaceThatIsRemovedStaysLostUntilItIsOpenedAnew)
     Open(bus, again.name());
     again.Delete();
     EXPECT_EQ(bus.Send(Frame(1)), Status::kLinkGone);
-    again.Create();  // of the same name, but another one
+    again.Create();  // another interface of the same name
     EXPECT_EQ(bus.Send(Frame(1)), Status::kLinkGone);
     EXPECT_EQ(Poll(bus), Status::kLinkGone);
     Open(bus, again.name());
@@ -263,7 +263,7 @@ TEST(SocketCanBusInKernel, AStalledBusTakesNothingMoreUntilAllIsConfirmed) {
       Drain(bus);
       return bus.in_flight() < 4;
     }));
-    Wait(50);  // Some have left: no room is made of that.
+    Wait(50);  // Some frames have left, but that makes no room until all are confirmed.
     EXPECT_EQ(bus.Send(Frame(2)), Status::kWouldBlock);
     can.Throttle(500'000);
     EXPECT_TRUE(
@@ -377,7 +377,7 @@ TEST(SocketCanBusInKernel, OpeningDiscardsWhatAnEarlierProgramLeftWaiting) {
     ASSERT_EQ(ReadCanLink(can.name(), link), 0);
     EXPECT_EQ(link.waiting_frames, 0);
     can.Throttle(500'000);
-    ReceiveAll(witness);  // told that the interface was down, and what left before
+    ReceiveAll(witness);  // the interface was down, and the frames that left before
     EXPECT_TRUE(ReceiveAll(witness, 200).empty());
   });
 }
@@ -389,7 +389,7 @@ TEST(SocketCanBusInKernel, RefusesALongQueueWhereFramesCanWait) {
     SocketCanConfig config;
     config.discard_stale_frames = true;
     SocketCanBus bus;
-    Open(bus, can.name(), config);  // It has no queue, whatever its length.
+    Open(bus, can.name(), config);  // Such an interface has no queue, whatever its length says.
     can.Throttle(1000);
     const SocketCanBus::OpenResult result = bus.Open(can.name(), config);
     EXPECT_EQ(result.status, Status::kInvalidArgument);

@@ -1,10 +1,9 @@
-// Any frames at any time, against both sides of every drive protocol. The input is a series of
-// steps of 16 bytes: what to do, a frame, and where a setpoint is wanted its numbers out of the
-// same bytes.
+// Sends any frames at any time to both sides of every drive protocol. The input is a series of
+// steps of 16 bytes: what to do, and a frame; the numbers of a setpoint come from the same bytes.
 //
-// Held to, besides what the sanitizers see: host frames are valid, have 11 bits and are those of
-// their drive; nothing beyond a drive's ranges is encoded; a simulated drive's torque stays within
-// its limit; what decodes encodes to something that decodes to the same.
+// The sanitizers watch, and besides: host frames are valid, have 11 bits and are those of their
+// drive; nothing beyond a drive's ranges is encoded; a simulated drive's torque stays within its
+// limit; a value that was decoded is the same after encoding and decoding it again.
 
 #include <algorithm>
 #include <array>
@@ -95,7 +94,7 @@ DriveSetpoint SetpointOf(const std::uint8_t* step) {
   return setpoint;
 }
 
-/// Decoding is idempotent: what decodes encodes to what decodes to the same bytes.
+/// Checks that a decoded value gives the same bytes after it was encoded and decoded again.
 template <typename Value, typename Decode, typename Encode>
 void CheckStable(const CanFrame& frame, Decode decode, Encode encode) {
   Value first{};

@@ -1,5 +1,6 @@
-// Feeds a fuzzer's target with random steps of 16 bytes from fixed seeds, without libFuzzer: what
-// the normal tests run. usage: PROGRAM [ROUNDS [FIRST_SEED]]
+// Feeds a fuzzer's target with random steps of 16 bytes from fixed seeds, without libFuzzer, for
+// the normal tests.
+// usage: PROGRAM [ROUNDS [FIRST_SEED]]
 
 #include <array>
 #include <cstdint>

@@ -1,6 +1,7 @@
 // Feeds the fuzzer's target with records that were damaged at random from fixed seeds, without
-// libFuzzer: what the normal tests run. usage: PROGRAM [ROUNDS [FIRST_SEED]], or PROGRAM --seed
-// FILE to write an undamaged one, for libFuzzer to begin with.
+// libFuzzer, for the normal tests.
+// usage: PROGRAM [ROUNDS [FIRST_SEED]]
+//        PROGRAM --seed FILE             writes an undamaged record, for libFuzzer to begin with
 
 #include <cstdint>
 #include <cstdio>
@@ -21,7 +22,8 @@ int main(int argc, char** argv) {
     std::mt19937 random(static_cast<std::mt19937::result_type>(seed));
     std::string bytes = whole;
     const auto place = [&random, &bytes] { return random() % bytes.size(); };
-    // Behind the texts more often than in them: most of the bytes are theirs.
+    // Changes are made behind the texts more often than in them, although most bytes are in the
+    // texts.
     const std::size_t texts = whole.size() - 12 * 400;
     for (std::size_t i = 1 + random() % 4; i > 0; --i) {
       const std::size_t at = random() % 2 == 0 ? place() : texts + random() % (12 * 400);

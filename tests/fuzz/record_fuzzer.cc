@@ -1,6 +1,6 @@
-// Feeds anything to what reads flight records: as it is, and with every CRC as if it had been
-// written so, which lets changes through to what is behind the CRCs. Whatever the bytes are, the
-// reader ends, refuses with a message, and what it hands out is within its bounds.
+// Feeds any bytes to the reader of flight records: as they are, and with every CRC mended, so that
+// changes get through to the code behind the CRCs. Whatever the bytes are, the reader has to end,
+// to refuse with a message, and to hand out nothing beyond its bounds.
 
 #include <algorithm>
 #include <cstdint>
@@ -64,7 +64,7 @@ std::size_t Get32(std::span<const std::uint8_t> bytes, std::size_t at) {
          std::size_t{bytes[at + 2]} << 16 | std::size_t{bytes[at + 3]} << 24;
 }
 
-/// The same blocks with CRCs that fit, each at most as long as there is.
+/// The same blocks with CRCs that fit. A block that claims to be longer than the file is shortened.
 RecordBytes Mended(std::span<const std::uint8_t> bytes) {
   RecordBytes mended;
   AppendRecordHeader(mended);
@@ -85,7 +85,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   static const std::string good =
       tumbler::testing::RecordedBytes(tumbler::testing::SmallConfiguration(), 12);
   std::string input(reinterpret_cast<const char*>(data), size);
-  // What is no record is a list of changes to a good one, four bytes each: where, and what to.
+  // An input that is no record is a list of changes to a good one: four bytes each say where, and
+  // what to.
   if (!input.starts_with('T')) {
     std::string changed = good;
     for (std::size_t i = 0; i + 3 < size; i += 4) {

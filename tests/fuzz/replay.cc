@@ -1,5 +1,5 @@
-// Feeds files, and all files of folders, to the fuzzer's target without libFuzzer: what was found
-// once stays mended, whatever the compiler.
+// Feeds files, and all files of folders, to the fuzzer's target without libFuzzer. So the normal
+// tests make sure that a mistake that was found once stays mended, with every compiler.
 
 #include <cstdint>
 #include <cstdio>

@@ -1,6 +1,6 @@
-// Limits hold for all t. A hunter looks for the largest |q|, |qd| and |qdd| of a motion between the
-// samples that anyone would take: dense ones, then Newton's method on each local extremum. The
-// motions have as many limits active as possible, in the splines of the solver and of the runtime.
+// Limits hold for all t. A search finds the largest |q|, |qd| and |qdd| of a motion: dense samples,
+// and then Newton's method on each local extremum. The motions have as many limits active as
+// possible, in the splines of the solver and of the runtime.
 
 #include <gtest/gtest.h>
 
@@ -52,7 +52,7 @@ std::vector<double> Suspects(const Spline& spline, int d) {
   return times;
 }
 
-/// The largest |q^(d)|, or for d = 0 |q - middle|, that the hunter finds, in the precision of
+/// The largest |q^(d)|, or for d = 0 |q - middle|, that the search finds, in the precision of
 /// `spline`.
 template <class AnySpline>
 double Hunt(const AnySpline& spline, int d, double middle) {
@@ -137,7 +137,7 @@ Problem Tight(int degree) {
 /// Largest |q - middle of its range|, |qd| and |qdd| over their limits.
 using Ratios = std::array<double, 3>;
 
-/// Raises `worst` to what the hunter finds in one joint.
+/// Raises `worst` to the ratios that the search finds in one joint.
 template <class AnySpline, class Limits>
 void Raise(const AnySpline& spline, const Limits& limits, Ratios& worst) {
   const auto low = static_cast<double>(limits.position_min_rad);
@@ -192,11 +192,11 @@ TEST_P(BoundsForAllTime, NoMotionAtTheEdgeOfItsRowsExceedsALimitBetweenSamples) 
   EXPECT_LE(found[2], 1);
   // A sum of a few products in single precision: some units in the last place.
   for (const double ratio : in_runtime) EXPECT_LE(ratio, 1 + 1e-6);
-  // The bound is not far from what is reached: a hunter that finds nothing would prove nothing.
+  // The largest values come near the limits: a search that finds nothing would prove nothing.
   for (const double ratio : found) EXPECT_GT(ratio, 0.75);
 }
 
-/// What must be caught: velocity and acceleration limited at the knots only.
+/// Rows that limit velocity and acceleration at the knots only, which the search must catch.
 std::vector<LinearRow> RowsAtTheKnots(const Problem& problem) {
   std::vector<LinearRow> rows;
   const std::vector<double> zero(static_cast<std::size_t>(problem.parameter_count()));
@@ -243,7 +243,7 @@ TEST_P(BoundsForAllTime, TheHunterCatchesABoundAtTheKnotsOnly) {
   }
   EXPECT_LE(at_knots[1], 1 + 1e-9) << "at the knots the wrong bound holds";
   EXPECT_GT(found[1], 1.01) << "velocity between the knots";
-  // Of a cubic the acceleration is linear between knots: there knots are enough.
+  // The acceleration of a cubic is linear between knots, so its knots are enough.
   if (GetParam() > 3) {
     EXPECT_GT(found[2], 1.01) << "acceleration between the knots";
   }

@@ -1,4 +1,4 @@
-// What the scripts of the page of runs make of its data, in a headless browser without a network.
+// The page of runs in a headless browser without a network: what its scripts show of the data.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -40,7 +40,7 @@ class FlightReportInBrowser : public ::testing::Test {
   std::string directory_;
 };
 
-/// Position of joint 0 and, of the second run, the same moved.
+/// A second run, whose measured positions differ from those of the first.
 RunData OtherRun() {
   RunData run = SampleRun();
   run.name = "records/second.rec";

@@ -1,4 +1,4 @@
-// Which of the motions that local solves ended in are different ones.
+// Telling the different motions apart in which local solves ended.
 
 #include "offline/solver/minima.h"
 
@@ -49,7 +49,7 @@ TEST(DistinctMinima, AreNoneOfWhatWasNotSolvedToTheEnd) {
 }
 
 TEST(DistinctMinima, AConvexProblemHasOneThatEveryStartLeadsTo) {
-  // The root fixed, little gravity's play, effort as the only cost.
+  // With the root fixed, and effort as the only cost.
   std::string text = Replaced(QuickTask(), "planar-xz", "fixed");
   text = Replaced(text, "pitch_rad = 0.0", "", "[start]");
   const std::size_t cost = text.find("[[cost]]");

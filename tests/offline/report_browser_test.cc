@@ -1,6 +1,6 @@
-// What the scripts of the report's page make of its data, in a headless browser without a network.
-// The page's own error handler writes script errors into the document, and each test may add a
-// script that works the page and writes what it finds.
+// The report's page in a headless browser without a network: what its scripts show of the data. The
+// page's own error handler writes script errors into the document. A test may add a script that
+// works the page and writes what it finds.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -248,9 +248,9 @@ TEST_F(ReportInBrowser, ViewOfTheRobotOrTheStripShowsNothingElse) {
 }
 
 TEST_F(ReportInBrowser, FitsEveryWidthWithoutCuttingOrScrollingSideways) {
-  // Whatever is wider than the window is either scrolled or cut; so all must end inside it.
-  // Chromium's window is at least 500 wide: a phone is a narrower body in that one, which has the
-  // same style.
+  // Elements wider than the window are scrolled or cut, so all must end inside it. Chromium's
+  // window is at least 500 pixels wide; a narrower body in it, which has the same style, stands for
+  // a phone.
   const std::string probe = R"(
     if (innerWidth === 500) {
       document.body.style.width = '360px';

@@ -1,5 +1,5 @@
-// The executor on a graph of primitives: order, roles, cycles, branches, ends, and what the frames
-// do at the splices.
+// The executor on a graph of primitives: order, roles, cycles, branches, ends, and the frames at
+// the splices.
 
 #include <gtest/gtest.h>
 
@@ -88,7 +88,7 @@ TEST_F(SequenceTest, TakesTheBranchThatTheOperatorAsksForWhereThereIsOne) {
   Begin(rig);
   bool asked = false;
   const Nodes nodes = Play(rig, [&](ExecutorRig& r) {
-    // Asked in a node that the branch does not leave from.
+    // The branch is asked for in a node that it does not leave from.
     if (asked || r.output.record.node != 1) return OperatorCommand::kNone;
     asked = true;
     r.input.branch = static_cast<std::int8_t>(r.executor.graph().FindBranch("leave"));
@@ -176,7 +176,7 @@ TEST_F(SequenceTest, AJointThatIsNotWhereTheNextPrimitiveBeginsIsAFaultAndNotAMo
   ExecutorRig rig = MakeRig(0);
   Begin(rig);
   ASSERT_TRUE(rig.TickUntil(ExecutorState::kSettling));
-  // Inside what may be followed, outside of where the next one may begin.
+  // The joint is inside the following tolerance, but outside the next primitive's entry tolerance.
   rig.follow = false;
   const Sequence<float> gait = Gait();
   const float allowed = gait.PrimitiveOf(1).entry_tolerance_rad;

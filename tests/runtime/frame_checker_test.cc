@@ -1,4 +1,4 @@
-// The judge of the runs on real interfaces has to see what is wrong: each test spoils a good log.
+// The judge of the runs on real interfaces has to notice mistakes: each test spoils a good log.
 
 #include "tests/support/frame_checker.h"
 
@@ -40,7 +40,7 @@ FrameRules Rules() {
   return rules;
 }
 
-/// Where a joint is, and is asked to be, in a tick.
+/// The position at which a joint is, and is asked to be, in a tick.
 double Position(int tick) {
   return tick < kStartUp ? 0
                          : 0.3 * std::sin(0.1 * (tick - kStartUp));  // at rest until it is driven

@@ -171,7 +171,7 @@ TEST_F(AttendedRun, AStopEndsThisRunAndNotTheNext) {
   ASSERT_TRUE(TickUntil(ExecutorState::kDisarmed));
   EXPECT_EQ(sequence.outcome(), RunOutcome::kStopped);
   Tick(20);
-  sequence.RequestStop();  // Nothing runs: it is not kept for later.
+  sequence.RequestStop();  // Nothing runs, so the request is not kept for later.
   Tick(20);
   ASSERT_EQ(Start(), Refusal::kNone);
   ASSERT_TRUE(TickUntil(ExecutorState::kSettling));

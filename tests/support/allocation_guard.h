@@ -2,9 +2,9 @@
 
 namespace tumbler::testing {
 
-/// Aborts with a message at any heap allocation that the calling thread makes while one of these is
-/// alive: malloc and its kin, operator new, and what they hide behind. Freeing is caught as well,
-/// since it takes the same locks; and so is any mutex that it locks, contended or not.
+/// While an object of this class is alive, any heap allocation of the thread that made it aborts
+/// with a message: malloc and its kin, operator new, and everything that calls them. So does
+/// freeing, which takes the same locks, and locking any mutex, contended or not.
 ///
 /// Works by replacing malloc and the rest in the executable that links this file; operator new
 /// calls malloc. Sanitizers bring their own malloc, which must not be replaced: then the guard does

@@ -20,23 +20,23 @@
 
 namespace tumbler::testing {
 
-/// Fails with a hint where the kernel has no CAN: these tests are to run in `scripts/guest`, or as
-/// root on a machine with vcan.
+/// Fails with a hint where the kernel has no CAN. These tests need `scripts/guest`, or root on a
+/// machine with vcan.
 inline void RequireCan() {
   const int probe = socket(AF_CAN, SOCK_RAW, 1);
   if (probe < 0) throw std::runtime_error("this kernel has no CAN: run this with scripts/guest");
   close(probe);
 }
 
-/// Runs a command of the shell; what it says is shown only if it fails.
+/// Runs a command of the shell. Its output is shown only if it fails.
 inline void Shell(const std::string& command) {
   if (std::system(("PATH=$PATH:/usr/sbin:/sbin; " + command).c_str()) != 0) {
     throw std::runtime_error("failed: " + command);
   }
 }
 
-/// A virtual CAN interface with a transmit queue of 10 frames, up, until the end of its scope. Its
-/// name is its own, so that tests can run side by side.
+/// A virtual CAN interface with a transmit queue of 10 frames, which is up until the end of its
+/// scope. Each has another name, so that tests can run side by side.
 class VirtualCan {
  public:
   VirtualCan() : name_("vc" + std::to_string(getpid()) + NextLetter()) {
@@ -57,8 +57,8 @@ class VirtualCan {
   void Up() const { Shell("ip link set " + name_ + " up"); }
   void Down() const { Shell("ip link set " + name_ + " down"); }
   void Delete() const { Shell("ip link del " + name_); }
-  /// Lets this many bits of frames' kernel structures (16 bytes a frame) pass in a second, with
-  /// room for 10 frames to wait: 1000 is 8 frames a second. Two pass at once.
+  /// Lets this many bits pass in a second, counted in the kernel's structures of 16 bytes for each
+  /// frame: 1000 is 8 frames a second. Two frames pass at once, and 10 have room to wait.
   void Throttle(int bits_per_s) {
     Shell("tc qdisc " + std::string(throttled_ ? "change" : "add") + " dev " + name_ +
           " root tbf rate " + std::to_string(bits_per_s) + "bit burst 32 limit 160");
@@ -75,9 +75,9 @@ class VirtualCan {
   bool throttled_ = false;
 };
 
-/// A serial CAN adapter (LAWICEL protocol) played by a thread at the other end of a pseudo
-/// terminal, and the kernel's slcan interface in front of it: a CAN controller whose states, errors
-/// and full queue can be had at will.
+/// A serial CAN adapter (LAWICEL protocol), played by a thread at the other end of a pseudo
+/// terminal, with the kernel's slcan interface in front of it. So a test can have any state or
+/// error of a CAN controller, and a full queue.
 class SerialCan {
  public:
   SerialCan() {
@@ -93,7 +93,7 @@ class SerialCan {
       throw std::runtime_error("slcan");
     }
     name_ = request.ifr_name;
-    reader_ = std::thread([this] { Read(); });  // Bringing it up waits for the adapter.
+    reader_ = std::thread([this] { Read(); });  // Bringing the interface up waits for the adapter.
     Shell("ip link set " + name_ + " txqueuelen 10 && ip link set " + name_ +
           " type can bitrate 500000 && ip link set " + name_ + " up");
   }
@@ -111,13 +111,13 @@ class SerialCan {
   [[nodiscard]] const std::string& name() const { return name_; }
   void Up() const { Shell("ip link set " + name_ + " up"); }
   void Down() const { Shell("ip link set " + name_ + " down"); }
-  /// What the adapter says, e.g. `sb000255\r`: bus-off, with error counters.
+  /// Makes the adapter say something, e.g. `sb000255\r`: bus-off, with error counters.
   void Say(const std::string& text) const {
     if (write(adapter_, text.data(), text.size()) != static_cast<ssize_t>(text.size())) {
       throw std::runtime_error("write to the pseudo terminal");
     }
   }
-  /// Whether the adapter takes frames; one that does not is one whose bus is stuck.
+  /// Sets whether the adapter takes frames. When it does not, its bus is stuck.
   void set_draining(bool draining) { draining_ = draining; }
   /// Everything that the adapter was told.
   [[nodiscard]] std::string heard() {

@@ -13,8 +13,7 @@
 
 namespace tumbler::testing {
 
-/// An executor with scripted drives whose joints go exactly where they are sent, with one tick of
-/// delay.
+/// An executor with scripted drives. Their joints go exactly where they are sent, one tick later.
 class ExecutorRig {
  public:
   ExecutorRig(const ExecutorConfig& config, const Primitive<float>& primitive)
@@ -35,7 +34,7 @@ class ExecutorRig {
     Reconfigure();
   }
 
-  /// Once more, after something about the drives was changed.
+  /// Configures the executor again, after something about the drives was changed.
   void Reconfigure() { configured = executor.Configure(config_, graph_, primitives_, pointers_); }
 
   /// One tick in which every drive that is not silent answers.
@@ -65,7 +64,8 @@ class ExecutorRig {
     return executor.state() == state;
   }
 
-  /// From disarmed into `state`, each joint following. False if that failed.
+  /// Brings the executor from disarmed into `state`, each joint following. @returns false if that
+  /// failed.
   bool Reach(ExecutorState state) {
     Tick();
     if (state == ExecutorState::kDisarmed) return true;
@@ -97,7 +97,7 @@ class ExecutorRig {
   Status configured = Status::kInvalidArgument;
   std::vector<std::unique_ptr<ScriptedDrive>> drives;
   std::array<bool, kMaxJoints> silent{};
-  std::array<int, kMaxJoints> replies{1, 1, 1, 1, 1, 1, 1, 1};  ///< In each tick.
+  std::array<int, kMaxJoints> replies{1, 1, 1, 1, 1, 1, 1, 1};  ///< Of each drive in each tick.
   bool follow = true;
   TickInput input;
   TickOutput output;

@@ -14,7 +14,7 @@
 
 namespace tumbler::testing {
 
-/// What `RandomPrimitive` makes.
+/// The size and shape of the primitive that `RandomPrimitive` makes.
 struct MotionShape {
   int joint_count = 2;
   int control_points = 12;

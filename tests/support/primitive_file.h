@@ -10,7 +10,7 @@
 namespace tumbler::testing {
 
 /// A primitive file around a random motion, complete enough to be written and loaded. It holds no
-/// robot: it is for everything that does not simulate one.
+/// robot, so it cannot be simulated.
 inline PrimitiveFile RandomPrimitiveFile(const MotionShape& shape, unsigned seed) {
   std::mt19937 random(seed);
   PrimitiveFile file;

@@ -7,8 +7,8 @@
 
 namespace tumbler::testing {
 
-/// A drive that does as the test says. Its frames carry no numbers: what was asked is in `setpoint`
-/// and `request`, exactly; what it answers is what `reply` holds when its answer is decoded.
+/// A drive that does as the test says. Its frames carry no numbers: `setpoint` and `request` hold
+/// exactly what was asked of it, and it answers with what `reply` holds when the answer is decoded.
 class ScriptedDrive final : public Drive {
  public:
   explicit ScriptedDrive(std::uint32_t id) : id_(id) {}
@@ -52,7 +52,7 @@ class ScriptedDrive final : public Drive {
 
   DriveFeedback reply;
   int start_up_ticks = 3;
-  bool stuck = false;  ///< Never, or no longer, enabled.
+  bool stuck = false;  ///< Whether the drive refuses to be enabled, or drops out if it was.
   Status encode_status = Status::kOk;
   ReplyRhythm rhythm;
   HeartbeatAge heartbeat_age;

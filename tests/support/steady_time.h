@@ -12,7 +12,7 @@
 
 namespace tumbler::testing {
 
-/// Watches whether the machine lets this process run, by a thread that wants to wake up every few
+/// Watches whether the machine lets this process run, with a thread that wakes up every few
 /// milliseconds.
 class PauseDetector {
  public:
@@ -44,9 +44,9 @@ class PauseDetector {
   std::thread thread_;
 };
 
-/// Runs a check that depends on programs being run when they want to: one in which the machine
-/// stood still for longer than `pause_max_s` and that failed says nothing, and is made again, up to
-/// five times. A check that fails without such a pause has failed.
+/// Runs a check that depends on programs being run when they want to. If the check fails and the
+/// machine stood still for longer than `pause_max_s` meanwhile, the failure proves nothing, and the
+/// check is made again, up to five times. A check that fails without such a pause has failed.
 inline void InSteadyTime(const std::function<void()>& check, double pause_max_s = 0.015) {
   constexpr int kAttempts = 5;
   for (int attempt = 1;; ++attempt) {

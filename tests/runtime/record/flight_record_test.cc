@@ -22,7 +22,7 @@ const std::string& SmallRecord() {
   return bytes;
 }
 
-/// What a reader got out of some bytes.
+/// The result of reading some bytes.
 struct Reading {
   bool opened = false;
   std::string refusal;
@@ -111,7 +111,7 @@ TEST(FlightRecord, NoFlippedBitGoesUnnoticed) {
     ASSERT_FALSE(reading.damages.empty()) << at;
     ASSERT_THAT(reading.damages[0].what, HasSubstr("CRC")) << at;
     ASSERT_LE(reading.damages[0].offset, at);
-    // One block is lost, not those behind it. (The end of the record sees it too.)
+    // One block is lost, but not those behind it. (The CRC in the last block notices it too.)
     ASSERT_GE(reading.indices.size(), 39U) << at;
     tick_lost += reading.indices.size() == 39 ? 1 : 0;
   }

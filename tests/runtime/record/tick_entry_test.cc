@@ -21,7 +21,7 @@ CanFrame RandomFrame(std::mt19937& random) {
   return frame;
 }
 
-/// Any bits that the type can have; of enumerations, those below a bound.
+/// Fills fields with any bits that their types can have; enumerations with values below a bound.
 struct Randomise {
   std::mt19937& random;
   template <typename T>
@@ -59,7 +59,7 @@ std::vector<std::uint64_t> BitsOf(const TickRecord& record) {
   return bits;
 }
 
-/// One tick with anything in it.
+/// A tick of random content.
 struct AnyTick {
   explicit AnyTick(unsigned seed) {
     std::mt19937 random(seed);
