@@ -147,7 +147,7 @@ int Request(Remote& remote, std::int8_t command, const std::string& branch) {
     fmt::print("{}: taken at tick {}\n", name, answer.tick);
     return 0;
   }
-  RefusalReport report;
+  RefusalDetail report;
   report.refusal = refusal;
   fmt::print(
       stderr, "tumbler-ctl: {} refused: {} (state {})\n", name,

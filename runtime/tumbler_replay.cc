@@ -28,7 +28,7 @@
 #include "runtime/record/run_trace.h"
 #include "runtime/run/control_loop.h"
 #include "runtime/run/interface_world.h"
-#include "runtime/run/run_report.h"
+#include "runtime/run/run_summary.h"
 #include "runtime/telemetry/telemetry.h"
 
 namespace tumbler {
@@ -71,7 +71,7 @@ struct Options {
 };
 
 int ReplayOffline(FlightRecord& record) {
-  const ReplayReport report = Replay(record);
+  const ReplayResult report = Replay(record);
   const std::string compared = fmt::format("{} ticks, {} frames in, {} frames out", report.ticks,
                                            report.frames_in, report.frames_out);
   if (report.difference) {
@@ -148,7 +148,7 @@ struct RecordedWish {
   OperatorWish wish;
 };
 
-/// What an operator asks for to have this done; nothing where it is the run sequence's own matter.
+/// What an operator asks for to have this done; nothing where it is the run procedure's own matter.
 OperatorRequest RequestOf(OperatorCommand command) {
   switch (command) {
     case OperatorCommand::kFinish:
@@ -189,7 +189,7 @@ std::vector<RecordedWish> WishesOf(FlightRecord& record) {
 RecordConfiguration ConfigurationToPlay(const RecordConfiguration& recorded,
                                         const Options& options) {
   RecordConfiguration configuration = recorded;
-  configuration.sequence.attended = false;  // One run, which starts by itself.
+  configuration.procedure.attended = false;  // One run, which starts by itself.
   FileKeeper keeper;
   const FileReader read = keeper.reader();
   if (!options.primitive.empty()) {
@@ -303,14 +303,14 @@ Played Play(const RecordConfiguration& configuration, const std::vector<Recorded
     if (options.realtime) {
       RealtimeConfig scheduling;
       scheduling.period_ns = configuration.period_ns;
-      const RealtimeReport report = EnterRealtime(scheduling);
+      const RealtimeGrant report = EnterRealtime(scheduling);
       if (!report.in_force() && !options.without_realtime) throw Refused(report.problems);
     }
   }
 
-  RunSequence sequence(configuration.sequence);
+  RunProcedure procedure(configuration.procedure);
   const std::int64_t start_ns = world->real_time() ? clock.now_ns() + configuration.period_ns : 0;
-  ControlLoop loop({configured.executor(), world->bus(), clock, sequence, InterruptMailbox(),
+  ControlLoop loop({configured.executor(), world->bus(), clock, procedure, InterruptMailbox(),
                     nullptr, &recorder},
                    configuration.period_ns, start_ns);
   std::optional<std::int64_t> first_tick;
@@ -324,15 +324,15 @@ Played Play(const RecordConfiguration& configuration, const std::vector<Recorded
     }
     if (!world->real_time()) recorder.Drain();
   }
-  recorder.Stop(ToString(sequence.outcome()));
-  RunReport ignored;
-  world->Report(ignored);  // Discards what is still to be sent.
+  recorder.Stop(ToString(procedure.outcome()));
+  RunSummary ignored;
+  world->Summarize(ignored);  // Discards what is still to be sent.
 
-  Played played{sequence.outcome(), {}};
+  Played played{procedure.outcome(), {}};
   if (loop.record().first_fault.fault != Fault::kNone) {
     played.reason = Describe(loop.record().first_fault, configuration.joints);
   } else if (played.outcome == RunOutcome::kRefused) {
-    played.reason = Describe(sequence.refusal(), configuration.joints);
+    played.reason = Describe(procedure.refusal(), configuration.joints);
   }
   return played;
 }

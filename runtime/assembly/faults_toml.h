@@ -4,7 +4,7 @@
 #include <string>
 #include <string_view>
 
-#include "runtime/core/executor.h"
+#include "runtime/core/executor_config.h"
 
 namespace tumbler {
 

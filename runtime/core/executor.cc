@@ -115,76 +115,6 @@ bool IsValid(const Primitive<float>& primitive, const ExecutorConfig& config) no
 
 }  // namespace
 
-const char* ToString(ReplyStatus status) noexcept {
-  switch (status) {
-    case ReplyStatus::kOk:
-      return "ok";
-    case ReplyStatus::kNoNewData:
-      return "no new data";
-    case ReplyStatus::kRepeated:
-      return "repeated";
-    case ReplyStatus::kOkSomeLost:
-      return "ok, some lost";
-    case ReplyStatus::kWrongSequence:
-      return "wrong sequence";
-  }
-  return "unknown reply status";
-}
-
-const char* ToString(OperatorCommand command) noexcept {
-  switch (command) {
-    case OperatorCommand::kNone:
-      return "none";
-    case OperatorCommand::kArm:
-      return "arm";
-    case OperatorCommand::kMoveToStart:
-      return "move to start";
-    case OperatorCommand::kRun:
-      return "run";
-    case OperatorCommand::kStop:
-      return "stop";
-    case OperatorCommand::kDisarm:
-      return "disarm";
-    case OperatorCommand::kClearFaults:
-      return "clear faults";
-    case OperatorCommand::kFinish:
-      return "finish";
-    case OperatorCommand::kBranch:
-      return "branch";
-  }
-  return "unknown command";
-}
-
-const char* ToString(Refusal refusal) noexcept {
-  switch (refusal) {
-    case Refusal::kNone:
-      return "none";
-    case Refusal::kWrongState:
-      return "not possible in this state";
-    case Refusal::kNotConfigured:
-      return "no primitive is loaded";
-    case Refusal::kFaultLatched:
-      return "a fault is latched";
-    case Refusal::kNoReply:
-      return "a drive does not reply";
-    case Refusal::kNoHeartbeat:
-      return "a drive's heartbeat has stopped";
-    case Refusal::kDriveError:
-      return "a drive reports an error";
-    case Refusal::kTooHot:
-      return "a drive is too hot";
-    case Refusal::kOutsideLimits:
-      return "a joint is outside its position limits";
-    case Refusal::kNotAtStart:
-      return "the commanded pose is not the start of the primitive";
-    case Refusal::kOutsideStartSet:
-      return "a joint is outside the start set of the primitive";
-    case Refusal::kNoSuchBranch:
-      return "the sequence has no such branch";
-  }
-  return "unknown refusal";
-}
-
 Status Executor::Configure(const ExecutorConfig& config, const SequenceGraph<float>& graph,
                            std::span<const Primitive<float>> primitives,
                            std::span<Drive* const> drives) noexcept {
@@ -526,7 +456,7 @@ void Executor::Obey(const TickInput& input) noexcept {
   refuse(Refusal::kWrongState);  // Not one of the enumerators.
 }
 
-RefusalReport Executor::CheckArm() const noexcept {
+RefusalDetail Executor::CheckArm() const noexcept {
   if (joint_count_ == 0) return {0, 0, Refusal::kNotConfigured, -1};
   if (state_ != ExecutorState::kDisarmed) return {0, 0, Refusal::kWrongState, -1};
   if (faults_ != 0) return {0, 0, Refusal::kFaultLatched, -1};
@@ -567,7 +497,7 @@ const JointMotion<float>& Executor::FirstMotion(int joint) const noexcept {
   return primitives_[static_cast<std::size_t>(node.primitive)].joints[role];
 }
 
-RefusalReport Executor::CheckMove() const noexcept {
+RefusalDetail Executor::CheckMove() const noexcept {
   if (state_ != ExecutorState::kHolding) return {0, 0, Refusal::kWrongState, -1};
   for (int i = 0; i < joint_count_; ++i) {
     // The gate would pull the command inside the limits at once, however far that is.
@@ -582,7 +512,7 @@ RefusalReport Executor::CheckMove() const noexcept {
   return {};
 }
 
-RefusalReport Executor::CheckRun() const noexcept {
+RefusalDetail Executor::CheckRun() const noexcept {
   if (state_ != ExecutorState::kHolding) return {0, 0, Refusal::kWrongState, -1};
   const float tolerance = primitives_[static_cast<std::size_t>(graph_.node(graph_.start).primitive)]
                               .entry_tolerance_rad;

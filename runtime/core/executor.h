@@ -8,168 +8,13 @@
 #include "common/realtime.h"
 #include "common/sequence.h"
 #include "common/status.h"
-#include "firmware_interface/can/bus.h"
-#include "firmware_interface/can/frame.h"
 #include "firmware_interface/drives/drive.h"
+#include "runtime/core/executor_config.h"
 #include "runtime/core/faults.h"
 #include "runtime/core/safety.h"
+#include "runtime/core/tick.h"
 
 namespace tumbler {
-
-/// What the executor asks of one joint's drive, whose law is
-/// torque = kp (position - q) + kd (velocity - qdot) + feed-forward.
-struct JointConfig {
-  float kp_nm_per_rad = 200;
-  float kd_nm_s_per_rad = 4;
-  float damping_nm_s_per_rad = 4;  ///< kd of the reaction kDamp, where kp is zero.
-  float temperature_max_c =
-      80;  ///< Below the 100 degrees or so at which magnets and drives suffer.
-};
-
-/// The reaction kCollapse. The joints brake at their acceleration limit, move with
-/// `ExecutorConfig::move_fraction` of their velocity and acceleration limits to this pose, and stay
-/// there.
-struct CollapseConfig {
-  bool configured = false;  ///< Without a pose no reaction may be kCollapse.
-  /// The pose, by roles like the paths of a primitive: in a node with exchanged roles joint
-  /// `partner[j]` takes position j. Within every primitive's limits.
-  std::array<float, kMaxJoints> position_rad{};
-  /// Share of kp, 0.01 ... 1, where the protocol carries gains: soft enough to give way to the
-  /// ground.
-  float stiffness = 0.3F;
-};
-
-/// How the executor behaves; everything that belongs to the motion itself comes with the primitive.
-struct ExecutorConfig {
-  float period_s = 0.001F;  ///< Of the control tick.
-  /// Playback speed s, 0.1 ... 1: q(t) becomes q(s t), velocity s q'(s t), and the feed-forward s^2
-  /// tau(s t). The factor s^2 is exact for its inertial and centrifugal share; what is static in it
-  /// is then too small, never too large, and left to the position loop. At s = 1 the primitive is
-  /// played as it is.
-  float speed = 1;
-  float move_fraction =
-      0.2F;  ///< Share of the velocity and acceleration limits that moving to the start may use.
-  float torque_rise_s =
-      0.01F;  ///< Time for the feed-forward from zero to its limit: takes the click out of splices.
-  int stale_ticks_max = 5;  ///< A lost reply is ordinary on CAN, five in a row are not.
-  /// Of the count that a tick with replies out of order raises by 2 and one in order lowers by 1: a
-  /// repeated frame is ordinary on CAN, one in every third tick is not.
-  int sequence_errors_max = 10;
-  int late_ticks_max = 2;      ///< Missed periods that are made up for; beyond, kLateTick.
-  int arming_ticks_max = 500;  ///< For all drives to start up.
-  /// Of a sequence: so many cycles, and then the branch of this number
-  /// (`SequenceGraph::FindBranch`; -1: none). 0 cycles: the branch at the first chance, or, without
-  /// one, on until a stop.
-  int cycles = 0;
-  int branch = -1;
-  std::array<JointConfig, kMaxJoints> joints;
-  FaultTable reactions;
-  CollapseConfig collapse;
-};
-
-/// What the operator, or the program that stands for one, asks in one tick.
-enum class OperatorCommand : std::uint8_t {
-  kNone,
-  kArm,          ///< disarmed -> arming -> holding, at the measured position.
-  kMoveToStart,  ///< holding -> moving to start -> holding.
-  kRun,          ///< holding at the start -> running -> settling -> ... -> holding.
-  kStop,    ///< Anything that moves -> stopping -> holding; the fault table's row kOperatorStop.
-  kDisarm,  ///< Any state -> disarmed: torque off at once.
-  kClearFaults,  ///< disarmed: forgets the latched faults, and tells the drives to forget theirs.
-  kFinish,       ///< running, settling: end at the next safe node.
-  kBranch,       ///< running, settling: take `TickInput::branch` where there is one.
-};
-
-/// Why a command was not followed. A refusal changes nothing.
-enum class Refusal : std::uint8_t {
-  kNone,
-  kWrongState,
-  kNotConfigured,
-  kFaultLatched,   ///< Clear the faults first.
-  kNoReply,        ///< A drive is silent [ticks since its last reply].
-  kDriveError,     ///< A drive reports an error [its code].
-  kTooHot,         ///< [degrees C]
-  kOutsideLimits,  ///< A joint is measured outside its position limits [rad].
-  kNotAtStart,     ///< A joint's commanded position is not the primitive's first: move to the start
-                   ///< [rad].
-  kOutsideStartSet,  ///< A joint is measured too far from the primitive's first position [rad].
-  kNoSuchBranch,     ///< The sequence has no branch of this number [the number].
-  kNoHeartbeat,      ///< A drive's heartbeat has stopped [ticks since the last].
-};
-
-[[nodiscard]] const char* ToString(OperatorCommand command) noexcept;
-[[nodiscard]] const char* ToString(Refusal refusal) noexcept;
-
-/// A refusal with its numbers, in the unit of the refusal.
-struct RefusalReport {
-  float value = 0;
-  float limit = 0;
-  Refusal refusal = Refusal::kNone;
-  std::int8_t joint = -1;
-};
-
-/// All that the world tells the executor in one tick.
-struct TickInput {
-  std::int64_t tick = 0;  ///< Control periods since the schedule began; grows by one, and by more
-                          ///< after a missed one.
-  std::span<const ReceivedFrame> received;  ///< Since the tick before, in order.
-  Status receive_status = Status::kOk;      ///< kOk or kWouldBlock while the link is up.
-  Status send_status = Status::kOk;         ///< First failure of sending the tick before's frames.
-  OperatorCommand command = OperatorCommand::kNone;
-  std::int8_t branch = -1;  ///< The number that belongs to kBranch.
-  CanControllerState controller = CanControllerState::kErrorActive;
-};
-
-/// What the replies of one drive in one tick are worth, as AUTOSAR's end-to-end protection has it.
-/// None of the protocols numbers its frames, so this is told by counting them against the setpoints
-/// (`ReplyRhythm`). Not to be known are a reply that took the place of a lost one, and, of a drive
-/// that sends by its own clock, a repeated one within its rate.
-enum class ReplyStatus : std::uint8_t {
-  kOk,             ///< New, and as many as there should be.
-  kNoNewData,      ///< None.
-  kRepeated,       ///< More than setpoints are unanswered.
-  kOkSomeLost,     ///< New, after ticks without.
-  kWrongSequence,  ///< Those of earlier ticks came together with a newer one.
-};
-[[nodiscard]] const char* ToString(ReplyStatus status) noexcept;
-
-/// One joint in one tick: planned, limited, as encoded on the wire, and measured.
-struct JointRecord {
-  JointSetpoint planned;
-  float planned_acceleration_rad_s2 = 0;  ///< s^2 q''(s t) while running, else zero.
-  JointSetpoint limited;
-  JointSetpoint encoded;
-  JointSetpoint measured;  ///< From the reply to the tick before's setpoint.
-  float temperature_c = 0;
-  std::int32_t reply_age_ticks = -1;  ///< 0: replied since the tick before; -1: never.
-  DriveState drive_state = DriveState::kUnknown;
-  ReplyStatus reply_status = ReplyStatus::kOk;
-  std::uint32_t drive_error = 0;  ///< The drive's own code.
-  bool limit_active = false;      ///< planned was outside a limit.
-};
-
-/// Everything about one tick. Trivially copyable: it goes into rings and logs as it is.
-struct TickRecord {
-  std::int64_t tick = 0;
-  float primitive_time_s = 0;                      ///< Position in the primitive, 0 ... duration.
-  std::uint32_t faults = 0;                        ///< Latched: bit i is Fault i.
-  ExecutorState state = ExecutorState::kDisarmed;  ///< In which this tick's frames were planned.
-  Reaction reaction = Reaction::kIgnore;           ///< Carried out in state kFault.
-  OperatorCommand command = OperatorCommand::kNone;
-  std::uint8_t joint_count = 0;
-  std::int8_t node = 0;     ///< Of the sequence: the one being played, or played last.
-  std::int32_t cycles = 0;  ///< Complete, since kRun.
-  FaultReport first_fault;  ///< Since the last clear: the cause, not its consequences.
-  RefusalReport refusal;    ///< Of this tick's command.
-  std::array<JointRecord, kMaxJoints> joints;
-};
-
-/// Frames to send and the record of the tick. What lies beyond `record.joint_count` is left as it
-/// was.
-struct TickOutput {
-  std::array<FrameBatch, kMaxJoints> frames;
-  TickRecord record;
-};
 
 /// Plays a sequence of primitives, or a single one, on one to eight drives: a pure function of its
 /// inputs, tick by tick.
@@ -250,9 +95,9 @@ class Executor {
   [[nodiscard]] bool InSequence() const noexcept {
     return state_ == ExecutorState::kRunning || state_ == ExecutorState::kSettling;
   }
-  [[nodiscard]] RefusalReport CheckArm() const noexcept;
-  [[nodiscard]] RefusalReport CheckMove() const noexcept;
-  [[nodiscard]] RefusalReport CheckRun() const noexcept;
+  [[nodiscard]] RefusalDetail CheckArm() const noexcept;
+  [[nodiscard]] RefusalDetail CheckMove() const noexcept;
+  [[nodiscard]] RefusalDetail CheckRun() const noexcept;
   [[nodiscard]] const JointMotion<float>& FirstMotion(int joint) const noexcept;
   void StartMove() noexcept;
   void SetNode(int node) noexcept;
@@ -291,8 +136,8 @@ class Executor {
   bool keep_torque_ = false;  ///< Holding what the primitive ended with, feed-forward included.
   Reaction reaction_ = Reaction::kIgnore;
   std::uint32_t faults_ = 0;
-  FaultReport first_fault_;
-  RefusalReport refusal_;
+  FaultDetail first_fault_;
+  RefusalDetail refusal_;
   DriveRequest unarmed_request_ = DriveRequest::kDisable;  ///< What a tick without torque asks for.
 };
 

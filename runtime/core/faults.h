@@ -88,7 +88,7 @@ struct FaultInfo {
   Fault fault;
   const char* name;
   const char* seen_when;
-  const char* value;      ///< Of `FaultReport::value` and `limit`: unit or meaning; empty: none.
+  const char* value;      ///< Of `FaultDetail::value` and `limit`: unit or meaning; empty: none.
   const char* limit_key;  ///< What the limit is set by; empty: not configurable.
   std::array<Reaction, kExecutorStateCount> reactions;  ///< Default, in the order of the states.
   const char* why;                                      ///< The reason of the defaults.
@@ -228,7 +228,7 @@ class FaultTable {
 };
 
 /// One fault as it was found.
-struct FaultReport {
+struct FaultDetail {
   std::int64_t tick = 0;
   float value = 0;  ///< What was seen, in the unit of the fault.
   float limit = 0;  ///< What would have been allowed.

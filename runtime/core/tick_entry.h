@@ -10,7 +10,7 @@
 #include "common/status.h"
 #include "firmware_interface/can/frame.h"
 #include "firmware_interface/drives/drive.h"
-#include "runtime/core/executor.h"
+#include "runtime/core/tick.h"
 
 namespace tumbler {
 

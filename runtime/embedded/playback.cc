@@ -120,10 +120,10 @@ Status Playback::Configure(PlaybackDrives drives, int cycles, int branch,
     const Status status = bank_.Add(ConfigOf(drives, i));
     if (status != Status::kOk) return status;
   }
-  RunSequenceConfig sequence;
+  RunProcedureConfig procedure;
   // CANopen drives take some 40 objects each first.
-  if (drives == PlaybackDrives::kCia402) sequence.reply_ticks_max = 5000;
-  sequence_ = RunSequence(sequence);
+  if (drives == PlaybackDrives::kCia402) procedure.reply_ticks_max = 5000;
+  procedure_ = RunProcedure(procedure);
   ExecutorConfig config;
   config.cycles = cycles;
   config.branch = branch;
@@ -137,7 +137,7 @@ TickInput Playback::NextInput(const RecordedTick& tick) noexcept {
   input.received = {tick.frames.data(), tick.frame_count};
   input.receive_status = tick.receive_status;
   input.send_status = tick.send_status;
-  input.command = sequence_.Next(output_.record);
+  input.command = procedure_.Next(output_.record);
   return input;
 }
 

@@ -8,7 +8,7 @@
 #include "firmware_interface/can/frame.h"
 #include "firmware_interface/drives/drive_bank.h"
 #include "runtime/core/executor.h"
-#include "runtime/core/run_sequence.h"
+#include "runtime/core/run_procedure.h"
 
 namespace tumbler {
 
@@ -65,12 +65,12 @@ class Playback {
   void Tick(const TickInput& input) noexcept { executor_.Tick(input, output_); }
   [[nodiscard]] const TickOutput& output() const noexcept { return output_; }
   /// Disarmed again, at the end.
-  [[nodiscard]] bool done() const noexcept { return sequence_.done(); }
+  [[nodiscard]] bool done() const noexcept { return procedure_.done(); }
 
  private:
   DriveBank bank_;
   Executor executor_;
-  RunSequence sequence_{RunSequenceConfig{}};
+  RunProcedure procedure_{RunProcedureConfig{}};
   std::int64_t tick_ = 0;
   TickOutput output_{};
 };

@@ -8,7 +8,7 @@ namespace tumbler {
 /// What an operator may ask of a run. The last three, which end it, grow stronger in this order.
 enum class OperatorRequest : std::uint8_t {
   kNone,
-  kStart,        ///< Of an attended run (`RunSequenceConfig::attended`): begin.
+  kStart,        ///< Of an attended run (`RunProcedureConfig::attended`): begin.
   kBranch,       ///< Take the branch of this number where there is one.
   kClearFaults,  ///< While disarmed: forget the latched faults.
   kFinish,       ///< End at the next safe node, hold for a moment, disarm.

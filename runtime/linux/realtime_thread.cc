@@ -62,11 +62,11 @@ std::string Text(int error) { return std::generic_category().message(error); }
 
 }  // namespace
 
-RealtimeReport EnterRealtime(const RealtimeConfig& config) {
-  RealtimeReport report;
-  const auto problem = [&report](const std::string& text) {
-    if (!report.problems.empty()) report.problems += "; ";
-    report.problems += text;
+RealtimeGrant EnterRealtime(const RealtimeConfig& config) {
+  RealtimeGrant grant;
+  const auto problem = [&grant](const std::string& text) {
+    if (!grant.problems.empty()) grant.problems += "; ";
+    grant.problems += text;
   };
   const std::string name =
       config.scheduling == Scheduling::kFifo
@@ -90,20 +90,19 @@ RealtimeReport EnterRealtime(const RealtimeConfig& config) {
             : fmt::format("run as root, or give the user `rtprio {}` in /etc/security/limits.conf",
                           config.priority)));
   }
-  report.scheduled = scheduled == 0 && pinned == 0;
-  report.memory_locked = mlockall(MCL_CURRENT | MCL_FUTURE) == 0;
-  if (!report.memory_locked) {
+  grant.scheduled = scheduled == 0 && pinned == 0;
+  grant.memory_locked = mlockall(MCL_CURRENT | MCL_FUTURE) == 0;
+  if (!grant.memory_locked) {
     problem(
         fmt::format("memory is not locked: {} (run as root, or give the user `memlock "
                     "unlimited` in /etc/security/limits.conf)",
                     Text(errno)));
   }
-  report.scheduling =
-      fmt::format("{}{}{}", scheduled == 0 ? name : "time-shared",
-                  report.memory_locked ? ", memory locked" : "",
-                  config.cpu >= 0 && pinned == 0 ? fmt::format(", processor {}", config.cpu) : "");
+  grant.scheduling = fmt::format(
+      "{}{}{}", scheduled == 0 ? name : "time-shared", grant.memory_locked ? ", memory locked" : "",
+      config.cpu >= 0 && pinned == 0 ? fmt::format(", processor {}", config.cpu) : "");
   TouchStack();
-  return report;
+  return grant;
 }
 
 }  // namespace tumbler

@@ -26,7 +26,7 @@ struct RealtimeConfig {
 };
 
 /// What the calling thread has for keeping its deadlines.
-struct RealtimeReport {
+struct RealtimeGrant {
   bool scheduled = false;  ///< The scheduling asked for is in force, on the processor asked for.
   bool memory_locked = false;  ///< mlockall is: no page fault in the loop.
   std::string scheduling;      ///< In words, e.g. `SCHED_FIFO 80, memory locked, processor 1`.
@@ -38,6 +38,6 @@ struct RealtimeReport {
 /// Puts the calling thread under a real-time policy, locks the process's memory and touches the
 /// stack that the loop will use. Call it after other threads are started, since they would inherit
 /// the policy.
-RealtimeReport EnterRealtime(const RealtimeConfig& config = {});
+RealtimeGrant EnterRealtime(const RealtimeConfig& config = {});
 
 }  // namespace tumbler

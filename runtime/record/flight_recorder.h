@@ -7,7 +7,7 @@
 #include <span>
 #include <string>
 
-#include "runtime/core/executor.h"
+#include "runtime/core/tick.h"
 #include "runtime/core/tick_entry.h"
 #include "runtime/record/record_blocks.h"
 

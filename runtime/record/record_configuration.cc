@@ -25,7 +25,7 @@ static_assert(sizeof(JointConfig) == 16);
 static_assert(sizeof(CollapseConfig) == 8 + kMaxJoints * sizeof(float));
 static_assert(sizeof(ExecutorConfig) ==
               40 + kMaxJoints * sizeof(JointConfig) + sizeof(FaultTable) + sizeof(CollapseConfig));
-static_assert(sizeof(RunSequenceConfig) == 56);
+static_assert(sizeof(RunProcedureConfig) == 56);
 
 /// Calls `visit(key, value)` for every number of a configuration.
 template <typename Config, typename Visit>
@@ -53,7 +53,7 @@ void VisitNumbers(Config& config, const Visit& visit) {
 }
 
 template <typename Config, typename Visit>
-requires std::is_same_v<std::remove_const_t<Config>, RunSequenceConfig>
+requires std::is_same_v<std::remove_const_t<Config>, RunProcedureConfig>
 void VisitNumbers(Config& config, const Visit& visit) {
   visit("hold_ticks", config.hold_ticks);
   visit("reply_ticks_max", config.reply_ticks_max);
@@ -195,7 +195,7 @@ RecordBytes EncodeConfiguration(const RecordConfiguration& configuration) {
     json["executor"]["collapse"] = {{"stiffness", collapse.stiffness},
                                     {"position_rad", collapse.position_rad}};
   }
-  json["run_sequence"] = ToJson(configuration.sequence);
+  json["run_sequence"] = ToJson(configuration.procedure);
   json["files"] = Json::array();
   for (const RecordedFile& file : configuration.files) {
     json["files"].push_back(
@@ -257,7 +257,7 @@ RecordConfiguration ParseConfiguration(std::string_view text) {
       collapse.position_rad[i] = pose[i].get<float>();
     }
   }
-  TakeNumbers(Member(json, "run_sequence"), configuration.sequence);
+  TakeNumbers(Member(json, "run_sequence"), configuration.procedure);
   const Json& files = Member(json, "files");
   if (!files.is_array()) Fail("files", "is not an array");
   for (const Json& file : files) {

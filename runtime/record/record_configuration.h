@@ -10,7 +10,7 @@
 #include "common/sequence_toml.h"
 #include "firmware_interface/drives/drives_toml.h"
 #include "runtime/core/executor.h"
-#include "runtime/core/run_sequence.h"
+#include "runtime/core/run_procedure.h"
 #include "runtime/linux/machine.h"
 #include "runtime/record/record_blocks.h"
 
@@ -44,7 +44,7 @@ struct RecordConfiguration {
   std::string motion_file;          ///< One of `files`, like those that it names.
   std::string drives_file;          ///< One of `files`; empty: DefaultDrives.
   ExecutorConfig executor;
-  RunSequenceConfig sequence;
+  RunProcedureConfig procedure;
   std::vector<RecordedFile> files;
 };
 

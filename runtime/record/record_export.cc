@@ -62,7 +62,7 @@ RunDescription DescribeRun(const RecordConfiguration& configuration) {
   run.motion = std::string(graph.name.view());
   run.bus = configuration.bus;
   run.mode = configuration.bus == "sim" ? "simulated" : configuration.dry_run ? "dry run" : "armed";
-  run.attended = configuration.sequence.attended;
+  run.attended = configuration.procedure.attended;
   run.rate_hz = configured.drives().rate_hz;
   run.bit_rate = configured.drives().bit_rate;
   // Of the text that was given, the nearest float was recorded.
@@ -154,7 +154,7 @@ std::string Summary(FlightRecord& record) {
   record.Rewind();
   const auto entry = std::make_unique<TickEntry>();
   std::int64_t ticks = 0, truths = 0, sent = 0, received = 0, first_ns = 0, last_ns = 0;
-  FaultReport fault;
+  FaultDetail fault;
   while (record.Next(*entry)) {
     if (ticks++ == 0) first_ns = entry->notes.deadline_ns;
     last_ns = entry->notes.deadline_ns;

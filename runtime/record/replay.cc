@@ -146,33 +146,33 @@ std::optional<ReplayDifference> Compare(const TickEntry& recorded, const TickOut
   return std::nullopt;
 }
 
-ReplayReport Replay(FlightRecord& record) {
+ReplayResult Replay(FlightRecord& record) {
   const RecordConfiguration& configuration = record.configuration();
   ConfiguredExecutor configured(configuration);
   record.Rewind();
-  ReplayReport report;
+  ReplayResult result;
   const auto entry = std::make_unique<TickEntry>();
   const auto output = std::make_unique<TickOutput>();
   while (record.Next(*entry)) {
-    if (entry->index != report.ticks) break;
+    if (entry->index != result.ticks) break;
     configured.executor().Tick(entry->input(), *output);
-    report.difference = Compare(*entry, *output, configuration.joints);
-    if (report.difference) return report;
-    ++report.ticks;
-    report.frames_in += static_cast<std::int64_t>(entry->received_count);
+    result.difference = Compare(*entry, *output, configuration.joints);
+    if (result.difference) return result;
+    ++result.ticks;
+    result.frames_in += static_cast<std::int64_t>(entry->received_count);
     for (std::size_t i = 0; i < entry->record.joint_count; ++i) {
-      report.frames_out += static_cast<std::int64_t>(entry->frames[i].frames().size());
+      result.frames_out += static_cast<std::int64_t>(entry->frames[i].frames().size());
     }
   }
   if (!record.damages().empty()) {
-    report.gap =
+    result.gap =
         fmt::format("byte {}: {}", record.damages().front().offset, record.damages().front().what);
   } else if (!record.lost().empty()) {
-    report.gap = fmt::format("{} ticks were not recorded", record.lost().front().count);
-  } else if (entry->index > report.ticks) {
-    report.gap = "ticks are missing";
+    result.gap = fmt::format("{} ticks were not recorded", record.lost().front().count);
+  } else if (entry->index > result.ticks) {
+    result.gap = "ticks are missing";
   }
-  return report;
+  return result;
 }
 
 }  // namespace tumbler

@@ -4,7 +4,7 @@
 #include <optional>
 #include <string>
 
-#include "runtime/core/executor.h"
+#include "runtime/core/tick.h"
 #include "runtime/record/flight_record.h"
 
 namespace tumbler {
@@ -20,7 +20,7 @@ struct ReplayDifference {
 };
 
 /// What became of a replay.
-struct ReplayReport {
+struct ReplayResult {
   std::int64_t ticks = 0;       ///< Replayed with identical outputs.
   std::int64_t frames_out = 0;  ///< Compared byte by byte, in these ticks.
   std::int64_t frames_in = 0;   ///< Fed.
@@ -41,6 +41,6 @@ std::optional<ReplayDifference> Compare(const TickEntry& recorded, const TickOut
 /// Feeds the record's inputs to an executor with the record's configuration, from the first tick to
 /// the first difference, gap or end. @throws FileError or RecordError when the configuration cannot
 /// be used.
-ReplayReport Replay(FlightRecord& record);
+ReplayResult Replay(FlightRecord& record);
 
 }  // namespace tumbler

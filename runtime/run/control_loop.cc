@@ -14,7 +14,7 @@ std::int32_t LongestBits(const CanFrame& frame) noexcept {
                             frame.remote ? 0 : frame.size);
 }
 
-/// What goes to the executor as it is; kNone for what is the run sequence's to decide.
+/// What goes to the executor as it is; kNone for what is the run procedure's to decide.
 OperatorCommand DirectCommand(OperatorRequest request) noexcept {
   if (request == OperatorRequest::kBranch) return OperatorCommand::kBranch;
   if (request == OperatorRequest::kClearFaults) return OperatorCommand::kClearFaults;
@@ -81,7 +81,7 @@ bool ControlLoop::Tick(std::int64_t deadline_ns,
     notes.request_refusal = timed_.request.refusal;
     parts_.recorder->Push(notes, input, output_);
   }
-  return !parts_.sequence.done();
+  return !parts_.procedure.done();
 }
 
 std::size_t ControlLoop::Receive(std::int64_t awake_ns) noexcept {
@@ -101,21 +101,21 @@ std::size_t ControlLoop::Receive(std::int64_t awake_ns) noexcept {
 }
 
 OperatorCommand ControlLoop::Ask(const OperatorWish& wish) noexcept {
-  RunSequence& sequence = parts_.sequence;
+  RunProcedure& procedure = parts_.procedure;
   Refusal refusal = Refusal::kNone;
-  if (wish.quit) sequence.RequestQuit();
+  if (wish.quit) procedure.RequestQuit();
   switch (wish.request) {
     case OperatorRequest::kStart:
-      refusal = sequence.RequestStart(output_.record);
+      refusal = procedure.RequestStart(output_.record);
       break;
     case OperatorRequest::kFinish:
-      sequence.RequestFinish();
+      procedure.RequestFinish();
       break;
     case OperatorRequest::kStop:
-      sequence.RequestStop();
+      procedure.RequestStop();
       break;
     case OperatorRequest::kDisarm:
-      sequence.RequestDisarm();
+      procedure.RequestDisarm();
       break;
     case OperatorRequest::kNone:
     case OperatorRequest::kBranch:
@@ -123,7 +123,7 @@ OperatorCommand ControlLoop::Ask(const OperatorWish& wish) noexcept {
       break;
   }
   if (wish.request != OperatorRequest::kNone) timed_.request = {wish.id, wish.request, refusal};
-  const OperatorCommand command = sequence.Next(output_.record);
+  const OperatorCommand command = procedure.Next(output_.record);
   return command == OperatorCommand::kNone ? DirectCommand(wish.request) : command;
 }
 

@@ -7,7 +7,7 @@
 #include "common/realtime.h"
 #include "firmware_interface/can/bus.h"
 #include "runtime/core/executor.h"
-#include "runtime/core/run_sequence.h"
+#include "runtime/core/run_procedure.h"
 #include "runtime/linux/clock.h"
 #include "runtime/linux/histogram.h"
 #include "runtime/linux/operator_mailbox.h"
@@ -49,7 +49,7 @@ class ControlLoop {
     Executor& executor;
     CanBus& bus;
     Clock& clock;
-    RunSequence& sequence;
+    RunProcedure& procedure;
     OperatorMailbox& mailbox;
     Telemetry* telemetry = nullptr;      ///< May be null.
     FlightRecorder* recorder = nullptr;  ///< May be null.
@@ -57,7 +57,7 @@ class ControlLoop {
   /// @param start_ns  time of tick 0 on the clock.
   ControlLoop(const Parts& parts, std::int64_t period_ns, std::int64_t start_ns) noexcept;
 
-  /// Sleeps until the next deadline and does its tick. @returns false once the sequence is done.
+  /// Sleeps until the next deadline and does its tick. @returns false once the procedure is done.
   bool Step() noexcept;
 
   [[nodiscard]] const TickRecord& record() const noexcept { return output_.record; }

@@ -51,9 +51,9 @@ class RealWorld final : public World {
   Clock& clock() override { return clock_; }
   [[nodiscard]] bool real_time() const override { return true; }
   void Observe(const ControlLoop& /*loop*/) override {}
-  void Report(RunReport& report) override {
+  void Summarize(RunSummary& summary) override {
     bus_.DiscardInFlight();
-    report.interface = {bus_.statistics(), bus_.controller_state(), bus_.in_flight()};
+    summary.interface = {bus_.statistics(), bus_.controller_state(), bus_.in_flight()};
   }
 
  private:
@@ -78,7 +78,7 @@ class DryRunWorld final : public World {
   Clock& clock() override { return clock_; }
   [[nodiscard]] bool real_time() const override { return false; }
   void Observe(const ControlLoop& /*loop*/) override {}
-  void Report(RunReport& /*report*/) override {}
+  void Summarize(RunSummary& /*summary*/) override {}
 
  private:
   VirtualClock clock_;

@@ -32,7 +32,7 @@
 #include "runtime/assembly/faults_toml.h"
 #include "runtime/assembly/run_checks.h"
 #include "runtime/core/executor.h"
-#include "runtime/core/run_sequence.h"
+#include "runtime/core/run_procedure.h"
 #include "runtime/linux/clock.h"
 #include "runtime/linux/interrupts.h"
 #include "runtime/linux/realtime_thread.h"
@@ -40,7 +40,7 @@
 #include "runtime/record/record_configuration.h"
 #include "runtime/run/control_loop.h"
 #include "runtime/run/interface_world.h"
-#include "runtime/run/run_report.h"
+#include "runtime/run/run_summary.h"
 #include "runtime/run/world.h"
 #include "runtime/telemetry/lcm_commands.h"
 #include "runtime/telemetry/telemetry.h"
@@ -179,7 +179,7 @@ void ReadFaults(const Options& options, const Sequence<float>& sequence, const D
   LoadFaults(options.faults, joints, config);
 }
 
-RunSequenceConfig MakeSequenceConfig(const Options& options, const DrivesConfig& drives) {
+RunProcedureConfig MakeProcedureConfig(const Options& options, const DrivesConfig& drives) {
   const double rate_hz = drives.rate_hz;
   const bool set_up = std::any_of(
       drives.drives.begin(), drives.drives.end(),
@@ -187,7 +187,7 @@ RunSequenceConfig MakeSequenceConfig(const Options& options, const DrivesConfig&
   const auto ticks = [rate_hz](double time_s) {
     return static_cast<std::int64_t>(std::llround(time_s * rate_hz));
   };
-  RunSequenceConfig config;
+  RunProcedureConfig config;
   config.hold_ticks = ticks(options.hold_s);
   config.reply_ticks_max = ticks(set_up ? 5 : 0.5);  // CANopen drives take 40 objects first.
   config.start_ticks_max = ticks(1);
@@ -305,9 +305,9 @@ RunDescription DescribeRun(const Options& options, const DrivesConfig& drives,
 /// Measures how late this machine wakes the loop, with nothing else in it.
 int TestLatency(const Options& options) {
   const auto period_ns = static_cast<std::int64_t>(std::llround(1e9 / options.rate_hz));
-  const RealtimeReport realtime = options.without_realtime
-                                      ? RealtimeReport{true, true, "time-shared", ""}
-                                      : EnterRealtime(SchedulingFor(options, period_ns));
+  const RealtimeGrant realtime = options.without_realtime
+                                     ? RealtimeGrant{true, true, "time-shared", ""}
+                                     : EnterRealtime(SchedulingFor(options, period_ns));
   if (!realtime.problems.empty()) fmt::print(stderr, "warning: {}\n", realtime.problems);
   CatchInterrupts();
   MonotonicClock clock;
@@ -363,12 +363,12 @@ int Run(Options options, const Simulation* simulation) {
   CheckSchedule(drives);
 
   DriveBank bank;
-  RunReport report;
+  RunSummary summary;
   for (const DriveEntry& entry : drives.drives) {
     if (bank.Add(entry.config) != Status::kOk) {
       throw Refused(fmt::format("joint {}: its drive cannot be used as configured", entry.joint));
     }
-    report.joints.push_back(entry.joint);
+    summary.joints.push_back(entry.joint);
   }
   Executor executor;
   const std::span<const Primitive<float>> primitives(
@@ -399,14 +399,14 @@ int Run(Options options, const Simulation* simulation) {
   if (!options.lcm_url.empty()) commands.emplace(options.lcm_url, InterruptMailbox(), graph);
   const auto period_ns =
       static_cast<std::int64_t>(std::llround(1e9 / (drives.rate_hz * options.pace)));
-  const RunSequenceConfig sequence_config = MakeSequenceConfig(options, drives);
-  RunSequence sequence(sequence_config);
+  const RunProcedureConfig procedure_config = MakeProcedureConfig(options, drives);
+  RunProcedure procedure(procedure_config);
   if (!options.record.empty()) {
-    RecordConfiguration configuration = DescribeForRecord(options, *world, report.joints, files);
+    RecordConfiguration configuration = DescribeForRecord(options, *world, summary.joints, files);
     configuration.machine = telemetry_config.run.machine;
     configuration.period_ns = period_ns;
     configuration.executor = executor_config;
-    configuration.sequence = sequence_config;
+    configuration.procedure = procedure_config;
     recorder = OpenRecorder(options, configuration);
   }
   if (world->real_time()) {  // Before SCHED_FIFO, which their threads must not inherit.
@@ -416,23 +416,24 @@ int Run(Options options, const Simulation* simulation) {
 
   CatchInterrupts();
   if (options.realtime) {
-    report.realtime = EnterRealtime(SchedulingFor(options, period_ns));
-    if (!report.realtime->in_force()) {
+    summary.realtime = EnterRealtime(SchedulingFor(options, period_ns));
+    if (!summary.realtime->in_force()) {
       if (!options.simulated() && !options.dry_run() && !options.without_realtime) {
-        throw Refused(report.realtime->problems + "; or accept late ticks with --without-realtime");
+        throw Refused(summary.realtime->problems +
+                      "; or accept late ticks with --without-realtime");
       }
-      fmt::print(stderr, "warning: {}\n", report.realtime->problems);
+      fmt::print(stderr, "warning: {}\n", summary.realtime->problems);
     }
   } else if (!options.simulated() && !options.dry_run() && !options.without_realtime) {
     throw Refused(
         "driving motors takes --realtime (or --without-realtime, and patience with late ticks)");
   }
-  telemetry.SetScheduling(report.realtime ? report.realtime->scheduling : "time-shared");
+  telemetry.SetScheduling(summary.realtime ? summary.realtime->scheduling : "time-shared");
 
   Clock& clock = world->clock();
   const std::int64_t start_ns = world->real_time() ? clock.now_ns() + period_ns : 0;
   ControlLoop loop(
-      {executor, world->bus(), clock, sequence, InterruptMailbox(), &telemetry, recorder.get()},
+      {executor, world->bus(), clock, procedure, InterruptMailbox(), &telemetry, recorder.get()},
       period_ns, start_ns);
   while (loop.Step()) {
     world->Observe(loop);
@@ -442,47 +443,47 @@ int Run(Options options, const Simulation* simulation) {
   }
   telemetry.Stop();
 
-  report.bus = options.bus;
-  report.primitive = std::string(graph.name.view());
-  report.cycles = loop.record().cycles;
-  report.speed = options.speed;
-  report.rate_hz = drives.rate_hz;
-  report.dry_run = options.dry_run();
-  report.simulated = options.simulated();
-  report.attended = options.attended;
-  report.runs = sequence.runs();
-  report.machine = telemetry_config.run.machine;
-  report.outcome = sequence.outcome();
-  if (report.outcome == RunOutcome::kRefused)
-    report.reason = Describe(sequence.refusal(), report.joints);
+  summary.bus = options.bus;
+  summary.primitive = std::string(graph.name.view());
+  summary.cycles = loop.record().cycles;
+  summary.speed = options.speed;
+  summary.rate_hz = drives.rate_hz;
+  summary.dry_run = options.dry_run();
+  summary.simulated = options.simulated();
+  summary.attended = options.attended;
+  summary.runs = procedure.runs();
+  summary.machine = telemetry_config.run.machine;
+  summary.outcome = procedure.outcome();
+  if (summary.outcome == RunOutcome::kRefused)
+    summary.reason = Describe(procedure.refusal(), summary.joints);
   if (loop.record().first_fault.fault != Fault::kNone) {
-    report.reason = Describe(loop.record().first_fault, report.joints);
-  } else if (report.outcome == RunOutcome::kStopped) {
-    report.reason = "stopped by the operator";
+    summary.reason = Describe(loop.record().first_fault, summary.joints);
+  } else if (summary.outcome == RunOutcome::kStopped) {
+    summary.reason = "stopped by the operator";
   }
   if (recorder != nullptr) {
-    recorder->Stop(report.reason.empty()
-                       ? ToString(report.outcome)
-                       : fmt::format("{}: {}", ToString(report.outcome), report.reason));
-    report.recorded_ticks = recorder->recorded();
-    report.unrecorded_ticks = recorder->pushed() - recorder->recorded();
-    report.record_problem = recorder->problem();
+    recorder->Stop(summary.reason.empty()
+                       ? ToString(summary.outcome)
+                       : fmt::format("{}: {}", ToString(summary.outcome), summary.reason));
+    summary.recorded_ticks = recorder->recorded();
+    summary.unrecorded_ticks = recorder->pushed() - recorder->recorded();
+    summary.record_problem = recorder->problem();
   }
-  report.statistics = loop.statistics();
-  report.worst_case_tick_bits = drives.WorstCaseTickBits();
-  report.worst_case_load = drives.WorstCaseLoad();
-  report.lost_records = telemetry.lost();
-  report.unpublished_messages = telemetry.unpublished();
-  world->Report(report);
+  summary.statistics = loop.statistics();
+  summary.worst_case_tick_bits = drives.WorstCaseTickBits();
+  summary.worst_case_load = drives.WorstCaseLoad();
+  summary.lost_records = telemetry.lost();
+  summary.unpublished_messages = telemetry.unpublished();
+  world->Summarize(summary);
   for (const std::string& path : {options.log, options.trace, options.record, options.truth}) {
-    if (!path.empty()) report.files.push_back(path);
+    if (!path.empty()) summary.files.push_back(path);
   }
-  if (!options.json.empty() && options.json != "-") report.files.push_back(options.json);
-  if (!options.json.empty()) WriteFile(ToJson(report), options.json);
+  if (!options.json.empty() && options.json != "-") summary.files.push_back(options.json);
+  if (!options.json.empty()) WriteFile(ToJson(summary), options.json);
   // Standard output belongs to whoever asked for frames or JSON there.
   std::FILE* out = options.json == "-" || options.dry_run() ? stderr : stdout;
-  fmt::print(out, "{}", ToText(report));
-  return ExitCode(report);
+  fmt::print(out, "{}", ToText(summary));
+  return ExitCode(summary);
 }
 
 /// What no option by itself can get wrong.

@@ -3,7 +3,7 @@
 #include "firmware_interface/can/bus.h"
 #include "runtime/linux/clock.h"
 #include "runtime/run/control_loop.h"
-#include "runtime/run/run_report.h"
+#include "runtime/run/run_summary.h"
 
 namespace tumbler {
 
@@ -20,7 +20,7 @@ class World {
   [[nodiscard]] virtual bool real_time() const = 0;
   /// Called after every tick.
   virtual void Observe(const ControlLoop& loop) = 0;
-  virtual void Report(RunReport& report) = 0;
+  virtual void Summarize(RunSummary& summary) = 0;
 };
 
 }  // namespace tumbler

@@ -24,8 +24,8 @@ const char* DriveStateName(std::int8_t state) {
   return index < kNames.size() ? kNames[index] : "?";
 }
 
-FaultReport FirstFault(const state_t& state) {
-  FaultReport fault;
+FaultDetail FirstFault(const state_t& state) {
+  FaultDetail fault;
   fault.fault = static_cast<Fault>(state.fault);
   fault.joint = state.fault_joint;
   fault.tick = state.fault_tick;

@@ -64,7 +64,7 @@ const char* UnitOf(Refusal refusal) {
 
 }  // namespace
 
-std::string Describe(const FaultReport& report, const std::vector<std::string>& joint_names) {
+std::string Describe(const FaultDetail& report, const std::vector<std::string>& joint_names) {
   std::string text = ToString(report.fault);
   if (report.joint >= 0) text += fmt::format(" of {}", JointName(report.joint, joint_names));
   switch (report.fault) {
@@ -93,7 +93,7 @@ std::string Describe(const FaultReport& report, const std::vector<std::string>& 
                             ToString(report.reaction));
 }
 
-std::string Describe(const RefusalReport& report, const std::vector<std::string>& joint_names) {
+std::string Describe(const RefusalDetail& report, const std::vector<std::string>& joint_names) {
   std::string text = ToString(report.refusal);
   if (report.refusal == Refusal::kNoSuchBranch)
     return text + fmt::format(" (number {})", report.value);

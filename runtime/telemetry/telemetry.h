@@ -6,14 +6,14 @@
 #include <string>
 #include <vector>
 
-#include "runtime/core/executor.h"
+#include "runtime/core/tick.h"
 #include "runtime/linux/machine.h"
 #include "runtime/linux/operator_mailbox.h"
 
 namespace tumbler {
 
 /// The operator's last request and what became of it.
-struct RequestReport {
+struct RequestAnswer {
   std::uint32_t id = 0;
   OperatorRequest request = OperatorRequest::kNone;
   Refusal refusal = Refusal::kNone;
@@ -26,7 +26,7 @@ struct TimedRecord {
   float wake_up_ns = 0;       ///< From the deadline to running.
   float tick_ns = 0;          ///< From running to all sent.
   std::int32_t bus_bits = 0;  ///< Of the frames received and sent, each as long as frames can be.
-  RequestReport request;
+  RequestAnswer request;
   TickRecord record;
 };
 
@@ -63,8 +63,8 @@ struct TelemetryConfig {
 };
 
 /// A sentence about a fault or a refusal, with joint, value, limit and tick.
-std::string Describe(const FaultReport& report, const std::vector<std::string>& joint_names);
-std::string Describe(const RefusalReport& report, const std::vector<std::string>& joint_names);
+std::string Describe(const FaultDetail& report, const std::vector<std::string>& joint_names);
+std::string Describe(const RefusalDetail& report, const std::vector<std::string>& joint_names);
 
 /// Takes records out of the control loop and writes them. LCM allocates and may block for
 /// milliseconds, so the loop only ever pushes into a ring; everything else happens in whoever

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "runtime/core/run_sequence.h"
+#include "runtime/core/run_procedure.h"
 #include "tests/support/allocation_guard.h"
 #include "tests/support/executor_rig.h"
 #include "tests/support/motions.h"
@@ -66,16 +66,16 @@ TEST(ExecutorAllocation, NoTickOfARunStopFaultAndRearmAllocates) {
   }
   Executor executor;
   ASSERT_EQ(executor.Configure({}, primitive, pointers), Status::kOk);
-  RunSequence sequence{RunSequenceConfig{}};
+  RunProcedure procedure{RunProcedureConfig{}};
   TickOutput output;
   std::int64_t tick = 0;
   bool faulted = false;
   {
     AllocationGuard guard;
-    for (; tick < 20000 && !sequence.done(); ++tick) {
+    for (; tick < 20000 && !procedure.done(); ++tick) {
       if (tick > 500 && output.record.state == ExecutorState::kHolding && tick == 2500)
         drives[0]->reply.error = 4;
-      executor.Tick({tick, replies, Status::kOk, Status::kOk, sequence.Next(output.record)},
+      executor.Tick({tick, replies, Status::kOk, Status::kOk, procedure.Next(output.record)},
                     output);
       faulted = faulted || output.record.state == ExecutorState::kFault;
       for (auto& drive : drives) {
@@ -84,9 +84,9 @@ TEST(ExecutorAllocation, NoTickOfARunStopFaultAndRearmAllocates) {
       }
     }
   }
-  EXPECT_TRUE(sequence.done());
+  EXPECT_TRUE(procedure.done());
   EXPECT_TRUE(faulted);
-  EXPECT_EQ(sequence.outcome(), RunOutcome::kFault);
+  EXPECT_EQ(procedure.outcome(), RunOutcome::kFault);
 }
 
 }  // namespace

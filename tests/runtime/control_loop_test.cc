@@ -20,7 +20,7 @@
 #include "firmware_interface/drives/rotor_plant.h"
 #include "firmware_interface/drives/simulated_mit.h"
 #include "runtime/linux/dry_run_bus.h"
-#include "runtime/run/run_report.h"
+#include "runtime/run/run_summary.h"
 #include "tests/support/loop_bench.h"
 
 namespace tumbler {
@@ -53,7 +53,7 @@ TEST(ControlLoop, PlaysAPrimitiveOnTwoRotorsInVirtualTime) {
     }
   });
   const LoopStatistics& s = bench.loop->statistics();
-  EXPECT_EQ(bench.sequence->outcome(), RunOutcome::kCompleted)
+  EXPECT_EQ(bench.procedure->outcome(), RunOutcome::kCompleted)
       << Describe(bench.loop->record().first_fault, {"leg1", "leg2"});
   EXPECT_TRUE(setpoints_reach_the_motor);
   EXPECT_EQ(s.run_ticks, bench.executor.run_ticks() + 1);
@@ -147,7 +147,7 @@ TEST(ControlLoop, AStopFromTheMailboxBrakesAndEndsTheRun) {
   bench.Run([&] {
     if (bench.loop->statistics().run_ticks == 500) bench.mailbox.Put(Wish(OperatorRequest::kStop));
   });
-  EXPECT_EQ(bench.sequence->outcome(), RunOutcome::kStopped);
+  EXPECT_EQ(bench.procedure->outcome(), RunOutcome::kStopped);
   EXPECT_LT(bench.loop->statistics().run_ticks, 503);
   EXPECT_EQ(bench.loop->record().faults, 0);
 }
@@ -157,8 +157,8 @@ TEST(ControlLoop, ASilentDriveEndsInAFaultThatNamesIt) {
   bench.Run([&] {
     if (bench.loop->statistics().run_ticks == 300) bench.simulated[1]->set_silent(true);
   });
-  EXPECT_EQ(bench.sequence->outcome(), RunOutcome::kFault);
-  const FaultReport fault = bench.loop->record().first_fault;
+  EXPECT_EQ(bench.procedure->outcome(), RunOutcome::kFault);
+  const FaultDetail fault = bench.loop->record().first_fault;
   EXPECT_EQ(fault.fault, Fault::kStaleReply);
   EXPECT_EQ(fault.joint, 1);
   EXPECT_EQ(fault.state, ExecutorState::kRunning);
@@ -172,7 +172,7 @@ TEST(ControlLoop, ALostLinkEndsInAFault) {
   bench.Run([&] {
     if (bench.loop->statistics().run_ticks == 300) bench.host.SetLinkDown(true);
   });
-  EXPECT_EQ(bench.sequence->outcome(), RunOutcome::kFault);
+  EXPECT_EQ(bench.procedure->outcome(), RunOutcome::kFault);
   EXPECT_EQ(bench.loop->record().first_fault.fault, Fault::kInterfaceDown);
   EXPECT_GT(bench.loop->statistics().send_failures, 0);
 }
@@ -197,7 +197,7 @@ TEST(ControlLoop, CountsLateAndMissedTicksAndKeepsToTheSchedule) {
     LoopBench bench({});
     LateClock clock(bench.clock);
     clock.late_ns = late_ns;
-    ControlLoop loop({bench.executor, bench.host, clock, *bench.sequence, bench.mailbox, nullptr},
+    ControlLoop loop({bench.executor, bench.host, clock, *bench.procedure, bench.mailbox, nullptr},
                      1'000'000, 0);
     std::int64_t last_tick = -1;
     std::int64_t gaps = 0;
@@ -210,10 +210,10 @@ TEST(ControlLoop, CountsLateAndMissedTicksAndKeepsToTheSchedule) {
     EXPECT_GT(loop.statistics().late_ticks, 0);
     EXPECT_EQ(loop.statistics().wake_up.max_ns(), late_ns);
     if (late_ns < 4'000'000) {
-      EXPECT_EQ(bench.sequence->outcome(), RunOutcome::kCompleted);
+      EXPECT_EQ(bench.procedure->outcome(), RunOutcome::kCompleted);
       EXPECT_EQ(gaps > 0, late_ns > 1'000'000);
     } else {
-      EXPECT_EQ(bench.sequence->outcome(), RunOutcome::kFault);
+      EXPECT_EQ(bench.procedure->outcome(), RunOutcome::kFault);
       EXPECT_EQ(loop.record().first_fault.fault, Fault::kLateTick);
       EXPECT_EQ(loop.record().first_fault.value, 4);
     }
@@ -287,7 +287,7 @@ TEST(OperatorMailbox, NeverForgetsThatTheProgramIsToEnd) {
 }
 
 TEST(ControlLoop, AnswersEachRequestOnceWithWhatBecameOfIt) {
-  RunSequenceConfig config;
+  RunProcedureConfig config;
   config.attended = true;
   config.hold_ticks = 50;
   LoopBench bench({}, config);
@@ -300,7 +300,7 @@ TEST(ControlLoop, AnswersEachRequestOnceWithWhatBecameOfIt) {
   };
   for (int i = 0; i < 100; ++i) ASSERT_TRUE(bench.loop->Step());
   EXPECT_EQ(bench.loop->record().state, ExecutorState::kDisarmed) << "it waits";
-  EXPECT_EQ(bench.sequence->runs(), 0);
+  EXPECT_EQ(bench.procedure->runs(), 0);
   EXPECT_EQ(ask(1, OperatorRequest::kBranch), Refusal::kWrongState);
   EXPECT_EQ(ask(2, OperatorRequest::kStart), Refusal::kNone);
   EXPECT_EQ(ask(2, OperatorRequest::kStart), Refusal::kNone) << "sent twice, taken once";
@@ -310,10 +310,10 @@ TEST(ControlLoop, AnswersEachRequestOnceWithWhatBecameOfIt) {
   EXPECT_EQ(ask(5, OperatorRequest::kStop), Refusal::kNone);
   for (int i = 0; i < 2000; ++i) ASSERT_TRUE(bench.loop->Step());
   EXPECT_EQ(bench.loop->record().state, ExecutorState::kDisarmed);
-  EXPECT_EQ(bench.sequence->outcome(), RunOutcome::kStopped)
-      << Describe(bench.sequence->refusal(), {"leg1", "leg2"});
+  EXPECT_EQ(bench.procedure->outcome(), RunOutcome::kStopped)
+      << Describe(bench.procedure->refusal(), {"leg1", "leg2"});
   EXPECT_EQ(ask(6, OperatorRequest::kStart), Refusal::kNone) << "and again";
-  EXPECT_EQ(bench.sequence->runs(), 2);
+  EXPECT_EQ(bench.procedure->runs(), 2);
   bench.mailbox.Put({0, OperatorRequest::kFinish, -1, true});
   int more = 0;
   while (bench.loop->Step() && more < 20000) ++more;
@@ -399,17 +399,17 @@ TEST(DryRunBus, CompletesARunWithoutAnyHardware) {
   }
   DryRunBus bus("can0", 1'000'000, std::move(nodes), nullptr);
   VirtualClock clock([&bus](std::int64_t time_ns) { bus.AdvanceTo(time_ns); });
-  ControlLoop loop({bench.executor, bus, clock, *bench.sequence, bench.mailbox, nullptr}, 1'000'000,
-                   0);
+  ControlLoop loop({bench.executor, bus, clock, *bench.procedure, bench.mailbox, nullptr},
+                   1'000'000, 0);
   while (loop.Step()) {
   }
-  EXPECT_EQ(bench.sequence->outcome(), RunOutcome::kCompleted)
+  EXPECT_EQ(bench.procedure->outcome(), RunOutcome::kCompleted)
       << Describe(loop.record().first_fault, {"leg1", "leg2"});
   EXPECT_EQ(loop.statistics().run_ticks, bench.executor.run_ticks() + 1);
 }
 
-TEST(PassageReport, SaysOnlyWhatWasSeen) {
-  PassageReport report;
+TEST(Passage, SaysOnlyWhatWasSeen) {
+  Passage report;
   report.expected_pitch_rad = 1.57;
   report.pitch_at_end_rad = 1.5;
   EXPECT_FALSE(report.standing().has_value());
@@ -425,7 +425,7 @@ TEST(PassageReport, SaysOnlyWhatWasSeen) {
 }
 
 TEST(ExitCode, SaysWhenTheMotionWasCompletedButTheRobotIsElsewhere) {
-  RunReport report;
+  RunSummary report;
   report.outcome = RunOutcome::kCompleted;
   EXPECT_EQ(ExitCode(report), 0);
   report.passages.push_back({"handstand", 1.57, 1.5, 1.56, 0.0});

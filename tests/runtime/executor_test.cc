@@ -215,7 +215,7 @@ TEST(Executor, RefusesToArmWithItsReason) {
   {
     ExecutorRig rig({}, primitive);
     rig.silent[1] = true;
-    const RefusalReport refusal = rig.Tick(OperatorCommand::kArm).refusal;
+    const RefusalDetail refusal = rig.Tick(OperatorCommand::kArm).refusal;
     EXPECT_EQ(refusal.refusal, Refusal::kNoReply);
     EXPECT_EQ(refusal.joint, 1);
     EXPECT_EQ(rig.executor.state(), ExecutorState::kDisarmed);
@@ -226,7 +226,7 @@ TEST(Executor, RefusesToArmWithItsReason) {
     rig.Tick();
     return rig.Tick(OperatorCommand::kArm).refusal;
   };
-  const RefusalReport outside = refusal_after([](auto& drive) { drive.reply.position_rad = 4; });
+  const RefusalDetail outside = refusal_after([](auto& drive) { drive.reply.position_rad = 4; });
   EXPECT_EQ(outside.refusal, Refusal::kOutsideLimits);
   EXPECT_EQ(outside.value, 4);
   EXPECT_EQ(outside.limit, primitive.joints[1].limits.position_max_rad);
@@ -236,7 +236,7 @@ TEST(Executor, RefusesToArmWithItsReason) {
               drive.reply.position_rad = std::numeric_limits<float>::quiet_NaN();
             }).refusal,
             Refusal::kOutsideLimits);
-  const RefusalReport hot = refusal_after([](auto& drive) {
+  const RefusalDetail hot = refusal_after([](auto& drive) {
     drive.reply.has_temperature = true;
     drive.reply.temperature_c = 90;
   });
@@ -255,7 +255,7 @@ TEST(Executor, RefusesToRunAwayFromTheStart) {
   rig.follow = false;
   rig.drives[1]->reply.position_rad +=
       0.06F;  // The entry tolerance is 0.05 rad, the following tolerance 0.2 rad.
-  const RefusalReport refusal = rig.Tick(OperatorCommand::kRun).refusal;
+  const RefusalDetail refusal = rig.Tick(OperatorCommand::kRun).refusal;
   EXPECT_EQ(refusal.refusal, Refusal::kOutsideStartSet);
   EXPECT_EQ(refusal.joint, 1);
   EXPECT_NEAR(refusal.value, 0.06F, 1e-4);

@@ -213,7 +213,7 @@ TEST_P(FaultMatrix, TheExecutorDoesWhatTheTableSays) {
   ASSERT_TRUE(rig.Reach(state)) << ToString(rig.executor.state());
   const std::uint32_t before = rig.output.record.faults;
   const Reaction present = rig.output.record.reaction;
-  const FaultReport cause = rig.output.record.first_fault;
+  const FaultDetail cause = rig.output.record.first_fault;
 
   const int ticks = Provoke(fault, rig, config);
   if (fault == Fault::kArmingTimeout) rig.drives[0]->start_up_ticks = 1000;
@@ -422,7 +422,7 @@ TEST(Faults, ALostHeartbeatIsNotADriveErrorAndRefusesArming) {
   ExecutorRig rig({}, Motion());
   rig.drives[1]->heartbeat_age = {27, 26};
   rig.Tick();
-  const RefusalReport refusal = rig.Tick(OperatorCommand::kArm).refusal;
+  const RefusalDetail refusal = rig.Tick(OperatorCommand::kArm).refusal;
   EXPECT_EQ(refusal.refusal, Refusal::kNoHeartbeat);
   EXPECT_EQ(refusal.joint, 1);
   EXPECT_EQ(refusal.value, 27);

@@ -10,7 +10,7 @@
 #include "common/realtime.h"
 #include "firmware_interface/drives/mit.h"
 #include "runtime/core/executor.h"
-#include "runtime/core/run_sequence.h"
+#include "runtime/core/run_procedure.h"
 #include "runtime/core/safety.h"
 #include "tests/support/motions.h"
 
@@ -37,13 +37,13 @@ class Check {
     const std::array<Drive*, 2> drives{&first, &second};
     Executor executor;
     if (executor.Configure({}, primitive_, drives) != Status::kOk) return false;
-    RunSequenceConfig config;
+    RunProcedureConfig config;
     config.hold_ticks = 1000;
-    RunSequence sequence(config);
+    RunProcedure procedure(config);
     TickOutput output;
     std::array<ReceivedFrame, 2> replies;
-    for (long n = 0; !sequence.done(); ++n) {
-      if (n == stop_at) sequence.RequestStop();
+    for (long n = 0; !procedure.done(); ++n) {
+      if (n == stop_at) procedure.RequestStop();
       for (std::size_t i = 0; i < 2; ++i) {
         MitReply reply;
         reply.sender = static_cast<std::uint8_t>(i + 1);
@@ -51,7 +51,7 @@ class Check {
         reply.error = fault_at >= 0 && n >= fault_at ? 2 : 0;
         replies[i].frame = EncodeMitReply(configs_[i], reply);
       }
-      executor.Tick({n, replies, Status::kOk, Status::kOk, sequence.Next(output.record)}, output);
+      executor.Tick({n, replies, Status::kOk, Status::kOk, procedure.Next(output.record)}, output);
       ++ticks_;
       ++visits_[static_cast<std::size_t>(output.record.state)];
       for (std::size_t i = 0; i < 2; ++i) {
@@ -63,7 +63,7 @@ class Check {
         }
       }
     }
-    return sequence.outcome() == expected;
+    return procedure.outcome() == expected;
   }
 
   [[nodiscard]] bool WasEverywhere() const {

@@ -19,7 +19,7 @@ int Main() {
   config.log_file =
       (std::filesystem::temp_directory_path() / ("tumbler_loop_check_" + std::to_string(getpid())))
           .string();
-  RunSequenceConfig run;
+  RunProcedureConfig run;
   run.attended = true;
   run.hold_ticks = 100;
   run.fault_ticks = 100;
@@ -48,8 +48,8 @@ int Main() {
       return 1;
     }
   }
-  std::printf("%ld ticks of the whole loop, %d runs, %ld records\n", kTicks, bench.sequence->runs(),
-              static_cast<long>(bench.telemetry.written()));
+  std::printf("%ld ticks of the whole loop, %d runs, %ld records\n", kTicks,
+              bench.procedure->runs(), static_cast<long>(bench.telemetry.written()));
   return 0;
 }
 

@@ -59,7 +59,7 @@ TEST(RealtimeLoop, NeitherAllocatesNorLocksNorFaultsForAMinute) {
   config.log_file =
       (std::filesystem::temp_directory_path() / ("tumbler_loop_" + std::to_string(getpid())))
           .string();
-  RunSequenceConfig run;
+  RunProcedureConfig run;
   run.attended = true;
   run.hold_ticks = 200;
   run.fault_ticks = 100;
@@ -68,7 +68,7 @@ TEST(RealtimeLoop, NeitherAllocatesNorLocksNorFaultsForAMinute) {
   PacedClock paced([&bench](std::int64_t time_ns) { bench.plant->AdvanceTo(time_ns); });
   GuardingClock clock(paced);
   bench.UseClock(clock, paced.now_ns() + 1'000'000);
-  const RealtimeReport realtime = EnterRealtime();
+  const RealtimeGrant realtime = EnterRealtime();
 
   std::array<std::int64_t, kExecutorStateCount> visits{};
   std::uint32_t requests = 0;
@@ -95,7 +95,7 @@ TEST(RealtimeLoop, NeitherAllocatesNorLocksNorFaultsForAMinute) {
       "%ld ticks, %ld missed, %ld late; wake-up max %.0f us, tick p99.99 %.0f us; %d runs\n",
       static_cast<long>(s.ticks), static_cast<long>(s.missed_ticks),
       static_cast<long>(s.late_ticks), static_cast<double>(s.wake_up.max_ns()) * 1e-3,
-      static_cast<double>(s.tick.PercentileNs(0.9999)) * 1e-3, bench.sequence->runs());
+      static_cast<double>(s.tick.PercentileNs(0.9999)) * 1e-3, bench.procedure->runs());
   EXPECT_EQ(s.ticks, ticks);
   EXPECT_GT(visits[static_cast<std::size_t>(ExecutorState::kRunning)], 0);
   if (realtime.memory_locked) {

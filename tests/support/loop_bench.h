@@ -21,7 +21,7 @@ namespace tumbler::testing {
 class LoopBench {
  public:
   explicit LoopBench(const TelemetryConfig& telemetry_config,
-                     const RunSequenceConfig& run = Short(), unsigned seed = 60)
+                     const RunProcedureConfig& run = Short(), unsigned seed = 60)
       : telemetry(telemetry_config),
         clock([this](std::int64_t time_ns) { plant->AdvanceTo(time_ns); }) {
     std::mt19937 random(seed);
@@ -50,14 +50,14 @@ class LoopBench {
     }
     plant = std::make_unique<RotorPlant>(bus, rotors);
     Expect(executor.Configure({}, primitive, pointers));
-    sequence = std::make_unique<RunSequence>(run);
+    procedure = std::make_unique<RunProcedure>(run);
     UseClock(clock, 0);
   }
 
   /// Another clock than the virtual one, that lets `plant` run on.
   void UseClock(Clock& other, std::int64_t start_ns) {
     loop = std::make_unique<ControlLoop>(
-        ControlLoop::Parts{executor, host, other, *sequence, mailbox, &telemetry}, 1'000'000,
+        ControlLoop::Parts{executor, host, other, *procedure, mailbox, &telemetry}, 1'000'000,
         start_ns);
   }
 
@@ -80,12 +80,12 @@ class LoopBench {
   Primitive<float> primitive;
   Executor executor;
   OperatorMailbox mailbox;
-  std::unique_ptr<RunSequence> sequence;
+  std::unique_ptr<RunProcedure> procedure;
   std::unique_ptr<ControlLoop> loop;
 
  private:
-  static RunSequenceConfig Short() {
-    RunSequenceConfig config;
+  static RunProcedureConfig Short() {
+    RunProcedureConfig config;
     config.hold_ticks = 300;
     return config;
   }

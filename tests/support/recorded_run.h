@@ -14,7 +14,7 @@
 
 #include "common/primitive_toml.h"
 #include "firmware_interface/drives/mit.h"
-#include "runtime/core/run_sequence.h"
+#include "runtime/core/run_procedure.h"
 #include "runtime/record/flight_record.h"
 #include "runtime/record/flight_recorder.h"
 #include "runtime/record/record_configuration.h"
@@ -84,7 +84,7 @@ inline RecordConfiguration SmallConfiguration() {
   }
   configuration.executor.reactions.Set(Fault::kStaleReply, ExecutorState::kHolding,
                                        Reaction::kDamp);
-  configuration.sequence = {11, 501, 1001, 12, 13, 5, false};
+  configuration.procedure = {11, 501, 1001, 12, 13, 5, false};
   configuration.machine = {"6.1 (test)", "none", "virtual"};
   return configuration;
 }
@@ -95,7 +95,7 @@ inline void RecordRun(const RecordConfiguration& configuration, FlightRecorder& 
                       const std::function<void(std::int64_t)>& tick_done = {},
                       std::int64_t ticks_max = 100'000) {
   ConfiguredExecutor configured(configuration);
-  RunSequence sequence(configuration.sequence);
+  RunProcedure procedure(configuration.procedure);
   std::array<MitReply, 2> drives;
   for (std::size_t i = 0; i < 2; ++i) {
     const JointMotion<float>& motion = configured.motions().primitives[0].joints[i];
@@ -105,13 +105,13 @@ inline void RecordRun(const RecordConfiguration& configuration, FlightRecorder& 
   }
   std::vector<ReceivedFrame> received;
   TickOutput output;
-  for (std::int64_t tick = 0; tick < ticks_max && !sequence.done(); ++tick) {
+  for (std::int64_t tick = 0; tick < ticks_max && !procedure.done(); ++tick) {
     const std::int64_t now_ns = tick * configuration.period_ns;
     TickInput input;
     input.tick = tick;
     input.received = received;
     input.receive_status = Status::kWouldBlock;
-    input.command = sequence.Next(output.record);
+    input.command = procedure.Next(output.record);
     configured.executor().Tick(input, output);
     TickNotes notes;
     notes.deadline_ns = notes.due_ns = now_ns;

@@ -423,7 +423,7 @@ class RunReader {
   std::int64_t zero_ns_ = 0;
   std::int64_t index_before_ = 0;
   std::int64_t send_before_ns_ = 0;
-  FaultReport first_fault_;
+  FaultDetail first_fault_;
   std::uint32_t faults_ = 0;
   std::uint32_t request_id_ = 0;
   std::uint8_t request_ = 0;

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "offline/report/report.h"
-#include "runtime/core/executor.h"
+#include "runtime/core/tick.h"
 
 namespace tumbler {
 

@@ -11,7 +11,7 @@
 #include "offline/rehearsal/twin/simulated_robot.h"
 #include "offline/rehearsal/twin/truth_log.h"
 #include "offline/rehearsal/twin/twin_toml.h"
-#include "runtime/core/executor.h"
+#include "runtime/core/tick.h"
 
 namespace tumbler {
 namespace {
@@ -56,7 +56,7 @@ class SimulatedWorld final : public World {
       const auto node = static_cast<int>(record.node);
       const PrimitiveFile& primitive = file_.PrimitiveOf(node);
       expected_pitch_rad_ += primitive.exit.root_pitch_rad - primitive.entry.root_pitch_rad;
-      PassageReport& passage = passages_.emplace_back();
+      Passage& passage = passages_.emplace_back();
       passage.node = std::string(file_.graph.node(node).name.view());
       passage.expected_pitch_rad = expected_pitch_rad_;
       passage.pitch_at_end_rad = truth.root_pitch_rad;
@@ -64,7 +64,7 @@ class SimulatedWorld final : public World {
           passage.tolerance_rad, file_.exit_pitch_tolerance_rad[static_cast<std::size_t>(node)]);
       end_ns_ = loop.time_ns();
     }
-    const auto later_ns = static_cast<std::int64_t>(PassageReport::kLater_s * 1e9);
+    const auto later_ns = static_cast<std::int64_t>(Passage::kLater_s * 1e9);
     const bool next = last_ == ExecutorState::kSettling && state == ExecutorState::kRunning;
     if (!passages_.empty() && !passages_.back().pitch_later_rad &&
         (next || loop.time_ns() >= end_ns_ + later_ns) && state != ExecutorState::kDisarmed) {
@@ -73,12 +73,12 @@ class SimulatedWorld final : public World {
     }
     last_ = state;
   }
-  void Report(RunReport& report) override {
-    report.passages = passages_;
-    report.measured_load = robot_.bus().load();
+  void Summarize(RunSummary& summary) override {
+    summary.passages = passages_;
+    summary.measured_load = robot_.bus().load();
     for (const PostureEvent& event : robot_.posture().events()) {
       if (event.kind != PostureEvent::Kind::kFall) continue;
-      report.falls.push_back({static_cast<double>(event.time_ns) / 1e9, Describe(event)});
+      summary.falls.push_back({static_cast<double>(event.time_ns) / 1e9, Describe(event)});
     }
   }
 
@@ -92,7 +92,7 @@ class SimulatedWorld final : public World {
   ExecutorState last_ = ExecutorState::kDisarmed;
   double expected_pitch_rad_ = 0;
   std::int64_t end_ns_ = 0;
-  std::vector<PassageReport> passages_;
+  std::vector<Passage> passages_;
 };
 
 }  // namespace

@@ -47,7 +47,7 @@ TEST_F(FlightRecorderTest, RecordsARunThatReplaysIdentically) {
   EXPECT_GT(recorder.recorded(), 80);
   const std::string bytes = ReadBytes(config_.file);
   FlightRecord record(AsBytes(bytes), "run.rec");
-  const ReplayReport report = Replay(record);
+  const ReplayResult report = Replay(record);
   EXPECT_TRUE(report.identical()) << report.difference->field << report.gap;
   EXPECT_EQ(report.ticks, recorder.pushed());
   ASSERT_TRUE(record.end());
@@ -115,7 +115,7 @@ TEST_F(FlightRecorderTest, CountsSaysAndMarksTicksThatTheRingHasNoRoomFor) {
   EXPECT_EQ(record.end()->lost, recorder.lost());
 
   // What cannot be replayed is not called identical.
-  const ReplayReport report = Replay(record);
+  const ReplayResult report = Replay(record);
   EXPECT_FALSE(report.identical());
   EXPECT_THAT(report.gap, HasSubstr("ticks were not recorded"));
   EXPECT_EQ(report.ticks, record.lost()[0].first_index);
@@ -167,7 +167,7 @@ TEST_F(FlightRecorderTest, StopsAndSaysSoWhenTheDiskIsFullAndKeepsWhatIsWhole) {
     EXPECT_LE(bytes.size(), room);
     EXPECT_EQ(bytes, whole.substr(0, bytes.size()));
     FlightRecord record(AsBytes(bytes), "run.rec");
-    const ReplayReport report = Replay(record);
+    const ReplayResult report = Replay(record);
     EXPECT_TRUE(report.identical());
     EXPECT_EQ(report.ticks, recorder.recorded());
     EXPECT_FALSE(record.cut_off()) << "cut back to whole blocks";

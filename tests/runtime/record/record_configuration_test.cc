@@ -45,7 +45,7 @@ std::string Replaced(std::string text, const std::string& what, const std::strin
 
 TEST(RecordConfiguration, IsReadBackToTheLastBit) {
   RecordConfiguration written = testing::SmallConfiguration();
-  written.sequence.attended = true;
+  written.procedure.attended = true;
   written.executor.collapse = {true, {0.1F, -2.3F}, 0.7F};
   const RecordConfiguration read = ParseConfiguration(JsonOf(written));
   EXPECT_EQ(read.program, written.program);
@@ -66,13 +66,13 @@ TEST(RecordConfiguration, IsReadBackToTheLastBit) {
   EXPECT_TRUE(read.executor.collapse.configured);
   EXPECT_EQ(read.executor.collapse.position_rad, written.executor.collapse.position_rad);
   EXPECT_EQ(read.executor.collapse.stiffness, written.executor.collapse.stiffness);
-  EXPECT_EQ(read.sequence.hold_ticks, written.sequence.hold_ticks);
-  EXPECT_EQ(read.sequence.reply_ticks_max, written.sequence.reply_ticks_max);
-  EXPECT_EQ(read.sequence.start_ticks_max, written.sequence.start_ticks_max);
-  EXPECT_EQ(read.sequence.stop_hold_ticks, written.sequence.stop_hold_ticks);
-  EXPECT_EQ(read.sequence.fault_ticks, written.sequence.fault_ticks);
-  EXPECT_EQ(read.sequence.disarmed_ticks, written.sequence.disarmed_ticks);
-  EXPECT_EQ(read.sequence.attended, written.sequence.attended);
+  EXPECT_EQ(read.procedure.hold_ticks, written.procedure.hold_ticks);
+  EXPECT_EQ(read.procedure.reply_ticks_max, written.procedure.reply_ticks_max);
+  EXPECT_EQ(read.procedure.start_ticks_max, written.procedure.start_ticks_max);
+  EXPECT_EQ(read.procedure.stop_hold_ticks, written.procedure.stop_hold_ticks);
+  EXPECT_EQ(read.procedure.fault_ticks, written.procedure.fault_ticks);
+  EXPECT_EQ(read.procedure.disarmed_ticks, written.procedure.disarmed_ticks);
+  EXPECT_EQ(read.procedure.attended, written.procedure.attended);
   EXPECT_EQ(read.machine.kernel, written.machine.kernel);
   EXPECT_EQ(read.machine.cpu, written.machine.cpu);
   EXPECT_EQ(read.machine.adapter, written.machine.adapter);

@@ -40,9 +40,9 @@ std::string Rewritten(const std::string& record,
   return {out.begin(), out.end()};
 }
 
-ReplayReport ReplayOf(const std::string& bytes) {
+ReplayResult ReplayOf(const std::string& bytes) {
   FlightRecord record(AsBytes(bytes), "run.rec");
-  const ReplayReport report = Replay(record);
+  const ReplayResult report = Replay(record);
   EXPECT_TRUE(record.damages().empty());
   return report;
 }
@@ -56,7 +56,7 @@ constexpr std::size_t kTickBytes = kJoints + 2 * 67;
 constexpr std::uint32_t kTickBlock = 62;  // The sixtieth tick, while the motion is played.
 
 TEST(Replay, OfAnUnchangedRecordIsIdentical) {
-  const ReplayReport report = ReplayOf(Recorded());
+  const ReplayResult report = ReplayOf(Recorded());
   EXPECT_TRUE(report.identical());
   EXPECT_GT(report.ticks, 80);
   EXPECT_EQ(report.frames_out, 2 * report.ticks);
@@ -79,7 +79,7 @@ TEST(Replay, FindsEveryFlippedBitOfTheOutputsAndNamesTick) {
       if (DecodeTick(content, *entry)) tick = entry->tick;
     });
     FlightRecord record(AsBytes(bytes), "run.rec");
-    const ReplayReport report = Replay(record);
+    const ReplayResult report = Replay(record);
     ASSERT_FALSE(report.identical()) << at;
     EXPECT_EQ(report.ticks, 60) << at;
     if (!report.difference) {  // An enumerator, a count or an identifier that cannot be.
@@ -99,7 +99,7 @@ TEST(Replay, FindsEveryFlippedBitOfAReply) {
     const std::string bytes = Rewritten(Recorded(), [&](BlockKind, std::uint32_t n, auto& content) {
       if (n == kTickBlock) content[at] = static_cast<std::uint8_t>(content[at] ^ 1U << (bit % 8));
     });
-    const ReplayReport report = ReplayOf(bytes);
+    const ReplayResult report = ReplayOf(bytes);
     ASSERT_TRUE(report.difference) << bit;
     EXPECT_EQ(report.difference->index, 60) << bit;
     if (bit < 8) continue;  // The sender: then it is nobody's reply.
@@ -109,7 +109,7 @@ TEST(Replay, FindsEveryFlippedBitOfAReply) {
 
 /// The field that is named when `bit` of the byte at `at` of one tick is flipped.
 std::string FieldNamed(std::size_t at, unsigned bit) {
-  const ReplayReport report =
+  const ReplayResult report =
       ReplayOf(Rewritten(Recorded(), [&](BlockKind, std::uint32_t n, auto& content) {
         if (n == kTickBlock) content[at] = static_cast<std::uint8_t>(content[at] ^ 1U << bit);
       }));
@@ -141,10 +141,10 @@ TEST(Replay, FindsAChangedConfiguration) {
       content.assign(text.begin(), text.end());
     });
   };
-  const ReplayReport speed = ReplayOf(with("\"speed\": 0.8999", "\"speed\": 0.8899"));
+  const ReplayResult speed = ReplayOf(with("\"speed\": 0.8999", "\"speed\": 0.8899"));
   ASSERT_TRUE(speed.difference);
   EXPECT_GT(speed.difference->index, 5) << "when it begins to move";
-  const ReplayReport gain =
+  const ReplayResult gain =
       ReplayOf(with("\"kd_nm_s_per_rad\": 3.29", "\"kd_nm_s_per_rad\": 2.29"));
   ASSERT_TRUE(gain.difference);
   EXPECT_EQ(gain.difference->field, "joint joint1: frame 0, byte 5");
@@ -158,7 +158,7 @@ TEST(Replay, StopsAtDamageWithWhatWasIdenticalBefore) {
   }
   bytes[block.offset + kBlockHeaderBytes + kReceived + 15] ^= 1;
   FlightRecord record(AsBytes(bytes), "run.rec");
-  const ReplayReport report = Replay(record);
+  const ReplayResult report = Replay(record);
   EXPECT_FALSE(report.identical());
   EXPECT_FALSE(report.difference);
   EXPECT_EQ(report.ticks, 60);
@@ -169,7 +169,7 @@ TEST(Replay, StopsAtDamageWithWhatWasIdenticalBefore) {
 TEST(Replay, OfARecordThatWasCutOffIsIdenticalUpToThere) {
   const std::string bytes = Recorded().substr(0, Recorded().size() - 1000);
   FlightRecord record(AsBytes(bytes), "run.rec");
-  const ReplayReport report = Replay(record);
+  const ReplayResult report = Replay(record);
   EXPECT_TRUE(report.identical());
   EXPECT_LT(report.ticks, ReplayOf(Recorded()).ticks);
   EXPECT_TRUE(record.cut_off());

@@ -1,26 +1,26 @@
-#include "runtime/core/run_sequence.h"
+#include "runtime/core/run_procedure.h"
 
 namespace tumbler {
 
-OperatorCommand RunSequence::Go(Phase phase, OperatorCommand command) noexcept {
+OperatorCommand RunProcedure::Go(Phase phase, OperatorCommand command) noexcept {
   phase_ = phase;
   ticks_ = 0;
   return command;
 }
 
-OperatorCommand RunSequence::Finish(RunOutcome outcome) noexcept {
+OperatorCommand RunProcedure::Finish(RunOutcome outcome) noexcept {
   if (outcome_ == RunOutcome::kPending) outcome_ = outcome;
   return Go(Phase::kDisarm, OperatorCommand::kDisarm);
 }
 
-Refusal RunSequence::RequestStart(const TickRecord& last) noexcept {
+Refusal RunProcedure::RequestStart(const TickRecord& last) noexcept {
   if (phase_ != Phase::kWait) return Refusal::kWrongState;
   if (last.first_fault.fault != Fault::kNone) return Refusal::kFaultLatched;
   start_ = true;
   return Refusal::kNone;
 }
 
-OperatorCommand RunSequence::Next(const TickRecord& last) noexcept TUMBLER_NONBLOCKING {
+OperatorCommand RunProcedure::Next(const TickRecord& last) noexcept TUMBLER_NONBLOCKING {
   ++ticks_;
   if (phase_ == Phase::kDone) return OperatorCommand::kNone;
   if (phase_ == Phase::kDisarm) {
@@ -52,7 +52,7 @@ OperatorCommand RunSequence::Next(const TickRecord& last) noexcept TUMBLER_NONBL
     return Go(Phase::kStop, OperatorCommand::kStop);
   }
 
-  // Of this sequence's own command; the operator may have asked for something else in between.
+  // Of this procedure's own command; the operator may have asked for something else in between.
   const bool own = last.command == OperatorCommand::kArm || last.command == OperatorCommand::kRun;
   const Refusal refused = own ? last.refusal.refusal : Refusal::kNone;
   switch (phase_) {

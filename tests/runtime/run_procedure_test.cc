@@ -1,4 +1,4 @@
-#include "runtime/core/run_sequence.h"
+#include "runtime/core/run_procedure.h"
 
 #include <gtest/gtest.h>
 
@@ -12,8 +12,8 @@ namespace {
 
 using testing::ExecutorRig;
 
-RunSequenceConfig Short() {
-  RunSequenceConfig config;
+RunProcedureConfig Short() {
+  RunProcedureConfig config;
   config.hold_ticks = 50;
   config.reply_ticks_max = 20;
   config.start_ticks_max = 30;
@@ -31,25 +31,25 @@ class RunSequenceTest : public ::testing::Test {
  protected:
   template <typename Each>
   void Play(Each each) {
-    for (int i = 0; i < 50000 && !sequence.done(); ++i) {
+    for (int i = 0; i < 50000 && !procedure.done(); ++i) {
       each();
-      rig.Tick(sequence.Next(rig.output.record));
+      rig.Tick(procedure.Next(rig.output.record));
       ++ticks[static_cast<std::size_t>(rig.output.record.state)];
     }
-    ASSERT_TRUE(sequence.done());
+    ASSERT_TRUE(procedure.done());
     EXPECT_EQ(rig.executor.state(), ExecutorState::kDisarmed);
     for (const auto& drive : rig.drives) EXPECT_EQ(drive->request, DriveRequest::kDisable);
   }
   int& Ticks(ExecutorState state) { return ticks[static_cast<std::size_t>(state)]; }
 
   ExecutorRig rig{{}, Motion()};
-  RunSequence sequence{Short()};
+  RunProcedure procedure{Short()};
   std::array<int, kExecutorStateCount> ticks{};
 };
 
 TEST_F(RunSequenceTest, CompletesARun) {
   Play([] {});
-  EXPECT_EQ(sequence.outcome(), RunOutcome::kCompleted);
+  EXPECT_EQ(procedure.outcome(), RunOutcome::kCompleted);
   EXPECT_EQ(Ticks(ExecutorState::kRunning), rig.executor.run_ticks() + 1);
   EXPECT_GE(Ticks(ExecutorState::kHolding), 50);
   EXPECT_GE(Ticks(ExecutorState::kDisarmed), 10);
@@ -58,9 +58,9 @@ TEST_F(RunSequenceTest, CompletesARun) {
 TEST_F(RunSequenceTest, WaitsForRepliesAndGivesUpInTheEnd) {
   rig.silent[1] = true;
   Play([] {});
-  EXPECT_EQ(sequence.outcome(), RunOutcome::kRefused);
-  EXPECT_EQ(sequence.refusal().refusal, Refusal::kNoReply);
-  EXPECT_EQ(sequence.refusal().joint, 1);
+  EXPECT_EQ(procedure.outcome(), RunOutcome::kRefused);
+  EXPECT_EQ(procedure.refusal().refusal, Refusal::kNoReply);
+  EXPECT_EQ(procedure.refusal().joint, 1);
   EXPECT_EQ(Ticks(ExecutorState::kArming), 0);
 }
 
@@ -71,16 +71,16 @@ TEST_F(RunSequenceTest, RefusesWhenTheJointsDoNotComeToTheStart) {
       rig.drives[0]->reply.position_rad = rig.drives[0]->setpoint.position_rad + 0.1F;
     }
   });
-  EXPECT_EQ(sequence.outcome(), RunOutcome::kRefused);
-  EXPECT_EQ(sequence.refusal().refusal, Refusal::kOutsideStartSet);
+  EXPECT_EQ(procedure.outcome(), RunOutcome::kRefused);
+  EXPECT_EQ(procedure.refusal().refusal, Refusal::kOutsideStartSet);
   EXPECT_EQ(Ticks(ExecutorState::kRunning), 0);
 }
 
 TEST_F(RunSequenceTest, StopsInMidMotionThenHoldsThenDisarms) {
   Play([this] {
-    if (Ticks(ExecutorState::kRunning) == 400) sequence.RequestStop();
+    if (Ticks(ExecutorState::kRunning) == 400) procedure.RequestStop();
   });
-  EXPECT_EQ(sequence.outcome(), RunOutcome::kStopped);
+  EXPECT_EQ(procedure.outcome(), RunOutcome::kStopped);
   EXPECT_EQ(Ticks(ExecutorState::kRunning), 400);
   EXPECT_GT(Ticks(ExecutorState::kStopping), 0);
   EXPECT_GE(Ticks(ExecutorState::kHolding), 25);
@@ -88,16 +88,16 @@ TEST_F(RunSequenceTest, StopsInMidMotionThenHoldsThenDisarms) {
 
 TEST_F(RunSequenceTest, DisarmsAtOnceWhenAskedTo) {
   Play([this] {
-    if (Ticks(ExecutorState::kRunning) == 400) sequence.RequestDisarm();
+    if (Ticks(ExecutorState::kRunning) == 400) procedure.RequestDisarm();
   });
-  EXPECT_EQ(sequence.outcome(), RunOutcome::kStopped);
+  EXPECT_EQ(procedure.outcome(), RunOutcome::kStopped);
   EXPECT_EQ(Ticks(ExecutorState::kStopping), 0);
 }
 
 TEST_F(RunSequenceTest, StopsBeforeArmingToo) {
   rig.silent[0] = true;
-  Play([this] { sequence.RequestStop(); });
-  EXPECT_EQ(sequence.outcome(), RunOutcome::kStopped);
+  Play([this] { procedure.RequestStop(); });
+  EXPECT_EQ(procedure.outcome(), RunOutcome::kStopped);
   EXPECT_EQ(Ticks(ExecutorState::kArming), 0);
 }
 
@@ -105,7 +105,7 @@ TEST_F(RunSequenceTest, CarriesOutTheReactionToAFaultBeforeDisarming) {
   Play([this] {
     if (Ticks(ExecutorState::kRunning) == 200) rig.drives[1]->reply.error = 1;
   });
-  EXPECT_EQ(sequence.outcome(), RunOutcome::kFault);
+  EXPECT_EQ(procedure.outcome(), RunOutcome::kFault);
   EXPECT_GE(Ticks(ExecutorState::kFault), 40);
   EXPECT_EQ(rig.output.record.first_fault.fault, Fault::kDriveError);
 }
@@ -113,37 +113,37 @@ TEST_F(RunSequenceTest, CarriesOutTheReactionToAFaultBeforeDisarming) {
 TEST_F(RunSequenceTest, AStopAfterAFaultStillIsAFault) {
   Play([this] {
     if (Ticks(ExecutorState::kRunning) == 200) rig.drives[1]->reply.error = 1;
-    if (Ticks(ExecutorState::kFault) == 5) sequence.RequestStop();
+    if (Ticks(ExecutorState::kFault) == 5) procedure.RequestStop();
   });
-  EXPECT_EQ(sequence.outcome(), RunOutcome::kFault);
+  EXPECT_EQ(procedure.outcome(), RunOutcome::kFault);
 }
 
 class AttendedRun : public ::testing::Test {
  protected:
-  static RunSequenceConfig Attended() {
-    RunSequenceConfig config = Short();
+  static RunProcedureConfig Attended() {
+    RunProcedureConfig config = Short();
     config.attended = true;
     return config;
   }
   void Tick(int count) {
-    for (int i = 0; i < count; ++i) rig.Tick(sequence.Next(rig.output.record));
+    for (int i = 0; i < count; ++i) rig.Tick(procedure.Next(rig.output.record));
   }
   /// @returns false when it never came.
   bool TickUntil(ExecutorState state) {
     for (int i = 0; i < 20000 && rig.output.record.state != state; ++i) Tick(1);
     return rig.output.record.state == state;
   }
-  Refusal Start() { return sequence.RequestStart(rig.output.record); }
+  Refusal Start() { return procedure.RequestStart(rig.output.record); }
 
   ExecutorRig rig{{}, Motion()};
-  RunSequence sequence{Attended()};
+  RunProcedure procedure{Attended()};
 };
 
 TEST_F(AttendedRun, NothingMovesBeforeSomebodySaysSo) {
   Tick(5000);
   EXPECT_EQ(rig.executor.state(), ExecutorState::kDisarmed);
-  EXPECT_EQ(sequence.runs(), 0);
-  EXPECT_FALSE(sequence.done());
+  EXPECT_EQ(procedure.runs(), 0);
+  EXPECT_FALSE(procedure.done());
 }
 
 TEST_F(AttendedRun, RunsOnceForEachStartAndEndsWhenItMayQuit) {
@@ -153,25 +153,25 @@ TEST_F(AttendedRun, RunsOnceForEachStartAndEndsWhenItMayQuit) {
     ASSERT_TRUE(TickUntil(ExecutorState::kRunning));
     EXPECT_EQ(Start(), Refusal::kWrongState);
     ASSERT_TRUE(TickUntil(ExecutorState::kDisarmed));
-    EXPECT_EQ(sequence.outcome(), RunOutcome::kCompleted);
-    EXPECT_EQ(sequence.runs(), run);
+    EXPECT_EQ(procedure.outcome(), RunOutcome::kCompleted);
+    EXPECT_EQ(procedure.runs(), run);
   }
   Tick(200);
-  EXPECT_FALSE(sequence.done());
-  sequence.RequestQuit();
+  EXPECT_FALSE(procedure.done());
+  procedure.RequestQuit();
   Tick(20);
-  EXPECT_TRUE(sequence.done());
-  EXPECT_EQ(sequence.outcome(), RunOutcome::kCompleted) << "of the last run";
+  EXPECT_TRUE(procedure.done());
+  EXPECT_EQ(procedure.outcome(), RunOutcome::kCompleted) << "of the last run";
 }
 
 TEST_F(AttendedRun, AStopEndsThisRunAndNotTheNext) {
   ASSERT_EQ(Start(), Refusal::kNone);
   ASSERT_TRUE(TickUntil(ExecutorState::kRunning));
-  sequence.RequestStop();
+  procedure.RequestStop();
   ASSERT_TRUE(TickUntil(ExecutorState::kDisarmed));
-  EXPECT_EQ(sequence.outcome(), RunOutcome::kStopped);
+  EXPECT_EQ(procedure.outcome(), RunOutcome::kStopped);
   Tick(20);
-  sequence.RequestStop();  // Nothing runs, so the request is not kept for later.
+  procedure.RequestStop();  // Nothing runs, so the request is not kept for later.
   Tick(20);
   ASSERT_EQ(Start(), Refusal::kNone);
   ASSERT_TRUE(TickUntil(ExecutorState::kSettling));
@@ -182,13 +182,13 @@ TEST_F(AttendedRun, AfterAFaultItStartsOnlyOnceThatIsCleared) {
   ASSERT_TRUE(TickUntil(ExecutorState::kRunning));
   rig.drives[0]->reply.error = 3;
   ASSERT_TRUE(TickUntil(ExecutorState::kDisarmed));
-  EXPECT_EQ(sequence.outcome(), RunOutcome::kFault);
+  EXPECT_EQ(procedure.outcome(), RunOutcome::kFault);
   rig.drives[0]->reply.error = 0;
   Tick(20);
   EXPECT_EQ(Start(), Refusal::kFaultLatched);
   Tick(2000);
   EXPECT_EQ(rig.executor.state(), ExecutorState::kDisarmed);
-  EXPECT_EQ(sequence.Next(rig.output.record), OperatorCommand::kNone);
+  EXPECT_EQ(procedure.Next(rig.output.record), OperatorCommand::kNone);
   rig.Tick(OperatorCommand::kClearFaults);
   EXPECT_EQ(Start(), Refusal::kNone);
   EXPECT_TRUE(TickUntil(ExecutorState::kRunning));
@@ -204,10 +204,10 @@ TEST_F(AttendedRun, WhatWasRefusedBeforeTheStartIsNotHeldAgainstIt) {
 
 TEST_F(AttendedRun, QuittingWithoutARunSaysTorqueOffAndIsAStop) {
   Tick(20);
-  sequence.RequestQuit();
+  procedure.RequestQuit();
   Tick(20);
-  EXPECT_TRUE(sequence.done());
-  EXPECT_EQ(sequence.outcome(), RunOutcome::kStopped);
+  EXPECT_TRUE(procedure.done());
+  EXPECT_EQ(procedure.outcome(), RunOutcome::kStopped);
 }
 
 }  // namespace

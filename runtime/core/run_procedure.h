@@ -3,12 +3,12 @@
 #include <cstdint>
 
 #include "common/realtime.h"
-#include "runtime/core/executor.h"
+#include "runtime/core/tick.h"
 
 namespace tumbler {
 
 /// How long the parts of one run may take and last.
-struct RunSequenceConfig {
+struct RunProcedureConfig {
   std::int64_t hold_ticks = 2000;      ///< Holding after the motion has settled.
   std::int64_t reply_ticks_max = 500;  ///< For every drive to reply before arming.
   std::int64_t start_ticks_max =
@@ -25,16 +25,16 @@ struct RunSequenceConfig {
 enum class RunOutcome : std::uint8_t {
   kPending,
   kCompleted,
-  kRefused,  ///< `RunSequence::refusal()` says why.
+  kRefused,  ///< `RunProcedure::refusal()` says why.
   kFault,    ///< The record's `first_fault` says which.
   kStopped,  ///< By the operator.
 };
 
 /// The operator of a run: arm, move to the start, run, settle, hold, stop, disarm; of one, or of
 /// one after another where somebody attends. Pure, like the executor.
-class RunSequence {
+class RunProcedure {
  public:
-  explicit RunSequence(const RunSequenceConfig& config) noexcept
+  explicit RunProcedure(const RunProcedureConfig& config) noexcept
       : config_(config),
         phase_(config.attended ? Phase::kWait : Phase::kArm),
         runs_(config.attended ? 0 : 1) {}
@@ -62,7 +62,7 @@ class RunSequence {
   /// Of the present run, or the last. Stopped, where none was ever started.
   [[nodiscard]] RunOutcome outcome() const noexcept { return outcome_; }
   [[nodiscard]] int runs() const noexcept { return runs_; }  ///< Started.
-  [[nodiscard]] const RefusalReport& refusal() const noexcept { return refusal_; }
+  [[nodiscard]] const RefusalDetail& refusal() const noexcept { return refusal_; }
 
  private:
   enum class Phase : std::uint8_t {
@@ -81,7 +81,7 @@ class RunSequence {
   OperatorCommand Go(Phase phase, OperatorCommand command) noexcept;
   OperatorCommand Finish(RunOutcome outcome) noexcept;
 
-  RunSequenceConfig config_;
+  RunProcedureConfig config_;
   Phase phase_;
   std::int64_t ticks_ = 0;  // in the phase
   int runs_;
@@ -92,7 +92,7 @@ class RunSequence {
   bool stop_ = false;
   bool disarm_ = false;
   RunOutcome outcome_ = RunOutcome::kPending;
-  RefusalReport refusal_;
+  RefusalDetail refusal_;
 };
 
 }  // namespace tumbler

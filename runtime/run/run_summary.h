@@ -13,7 +13,7 @@ namespace tumbler {
 
 /// Where the simulated robot was when a node of the sequence was over: two seconds after the end of
 /// its motion, or when the next one began.
-struct PassageReport {
+struct Passage {
   std::string node;
   double expected_pitch_rad = 0;  ///< Of the root, by the exits and entries of the primitives.
   double pitch_at_end_rad = 0;    ///< Of the motion, before it settled.
@@ -28,20 +28,20 @@ struct PassageReport {
 };
 
 /// A fall of a simulated robot.
-struct FallReport {
+struct Fall {
   double time_s = 0;  ///< of the simulation
   std::string what;
 };
 
 /// What became of the frames on a SocketCAN interface.
-struct InterfaceReport {
+struct InterfaceSummary {
   SocketCanStatistics statistics;
   CanControllerState controller = CanControllerState::kErrorActive;
   int in_flight = 0;  ///< Neither confirmed nor discarded: they go out when the bus comes back.
 };
 
 /// Everything that is said about a run when it is over.
-struct RunReport {
+struct RunSummary {
   std::string bus;
   std::string primitive;
   double speed = 1;
@@ -53,15 +53,15 @@ struct RunReport {
   std::vector<std::string> joints;
   LoopStatistics statistics;
   int worst_case_tick_bits = 0;
-  double worst_case_load = 0;                ///< 0 ... 1
-  std::optional<double> measured_load;       ///< 0 ... 1; known of the simulated bus only.
-  std::optional<InterfaceReport> interface;  ///< Of an armed run on an interface.
-  std::vector<PassageReport> passages;       ///< Of a simulated robot; empty otherwise.
-  std::vector<FallReport> falls;             ///< Of a simulated robot.
-  int cycles = 0;                            ///< Of a sequence, complete.
-  int runs = 1;                              ///< Started; more than one only where attended.
+  double worst_case_load = 0;                 ///< 0 ... 1
+  std::optional<double> measured_load;        ///< 0 ... 1; known of the simulated bus only.
+  std::optional<InterfaceSummary> interface;  ///< Of an armed run on an interface.
+  std::vector<Passage> passages;              ///< Of a simulated robot; empty otherwise.
+  std::vector<Fall> falls;                    ///< Of a simulated robot.
+  int cycles = 0;                             ///< Of a sequence, complete.
+  int runs = 1;                               ///< Started; more than one only where attended.
   bool attended = false;
-  std::optional<RealtimeReport> realtime;
+  std::optional<RealtimeGrant> realtime;
   Machine machine;
   std::int64_t lost_records = 0;
   std::int64_t unpublished_messages = 0;
@@ -83,11 +83,11 @@ std::string TimingToJson(const LoopStatistics& statistics, const Machine& machin
                          const std::string& scheduling);
 
 /// For people: several lines, ending with a line feed.
-std::string ToText(const RunReport& report);
+std::string ToText(const RunSummary& summary);
 /// The same as one JSON object, units in the keys, ending with a line feed.
-std::string ToJson(const RunReport& report);
+std::string ToJson(const RunSummary& summary);
 /// The exit code of tumbler-run: 0 completed, 2 refused, 3 fault, 4 completed but the simulated
 /// robot fell, or is not where the primitive says, 130 stopped.
-int ExitCode(const RunReport& report);
+int ExitCode(const RunSummary& summary);
 
 }  // namespace tumbler

@@ -1,4 +1,4 @@
-#include "runtime/run/run_report.h"
+#include "runtime/run/run_summary.h"
 
 #include <fmt/format.h>
 
@@ -49,7 +49,7 @@ std::int64_t Older(const ReplyAgeHistogram& age) {
 
 }  // namespace
 
-std::optional<bool> PassageReport::standing() const {
+std::optional<bool> Passage::standing() const {
   if (!pitch_later_rad || !pitch_rate_later_rad_s) return std::nullopt;
   return std::abs(*pitch_later_rad - expected_pitch_rad) <= tolerance_rad &&
          std::abs(*pitch_rate_later_rad_s) <= kRateTolerance_rad_s;
@@ -57,23 +57,23 @@ std::optional<bool> PassageReport::standing() const {
 
 namespace {
 
-void AppendPassages(const RunReport& report, std::string& text) {
-  if (report.passages.empty()) return;
-  if (report.passages.size() > 1) {
-    const auto missed = std::count_if(
-        report.passages.begin(), report.passages.end(),
-        [](const PassageReport& passage) { return !passage.standing().value_or(true); });
-    text +=
-        fmt::format("  {} motions, {} complete cycles; {}\n", report.passages.size(), report.cycles,
-                    missed == 0 ? "the robot where it should be after each"
-                                : fmt::format("NOT where it should be after {}", missed));
+void AppendPassages(const RunSummary& summary, std::string& text) {
+  if (summary.passages.empty()) return;
+  if (summary.passages.size() > 1) {
+    const auto missed =
+        std::count_if(summary.passages.begin(), summary.passages.end(),
+                      [](const Passage& passage) { return !passage.standing().value_or(true); });
+    text += fmt::format("  {} motions, {} complete cycles; {}\n", summary.passages.size(),
+                        summary.cycles,
+                        missed == 0 ? "the robot where it should be after each"
+                                    : fmt::format("NOT where it should be after {}", missed));
   }
-  const PassageReport& last = report.passages.back();
-  text += report.passages.size() > 1 ? fmt::format("  last, {}: ", last.node) : std::string("  ");
+  const Passage& last = summary.passages.back();
+  text += summary.passages.size() > 1 ? fmt::format("  last, {}: ", last.node) : std::string("  ");
   text += fmt::format("root pitch: {:.4f} rad at the end", last.pitch_at_end_rad);
   if (last.pitch_later_rad) {
     text += fmt::format(", {:.4f} rad {:.0f} s later (planned {:.4f}): {}", *last.pitch_later_rad,
-                        PassageReport::kLater_s, last.expected_pitch_rad,
+                        Passage::kLater_s, last.expected_pitch_rad,
                         *last.standing() ? "still standing" : "NOT where it should be");
   }
   text += '\n';
@@ -147,84 +147,85 @@ std::string TimingToJson(const LoopStatistics& statistics, const Machine& machin
   return json.dump(2) + '\n';
 }
 
-std::string ToText(const RunReport& report) {
-  const LoopStatistics& s = report.statistics;
-  std::string text = fmt::format("{}: {} on {}{}, speed {:.3g}, {:.6g} Hz\n",
-                                 ToString(report.outcome), report.primitive, report.bus,
-                                 report.dry_run ? " (dry run)" : "", report.speed, report.rate_hz);
-  if (report.attended) text += fmt::format("  {} runs\n", report.runs);
-  if (!report.reason.empty()) text += fmt::format("  {}\n", report.reason);
-  AppendPassages(report, text);
-  for (const FallReport& fall : report.falls)
+std::string ToText(const RunSummary& summary) {
+  const LoopStatistics& s = summary.statistics;
+  std::string text = fmt::format(
+      "{}: {} on {}{}, speed {:.3g}, {:.6g} Hz\n", ToString(summary.outcome), summary.primitive,
+      summary.bus, summary.dry_run ? " (dry run)" : "", summary.speed, summary.rate_hz);
+  if (summary.attended) text += fmt::format("  {} runs\n", summary.runs);
+  if (!summary.reason.empty()) text += fmt::format("  {}\n", summary.reason);
+  AppendPassages(summary, text);
+  for (const Fall& fall : summary.falls)
     text += fmt::format("  at {:.3f} s the robot {}\n", fall.time_s, fall.what);
-  for (std::size_t i = 0; i < report.joints.size(); ++i) {
+  for (std::size_t i = 0; i < summary.joints.size(); ++i) {
     text += fmt::format("  {}: peak torque {:.3f} N m, following error at most {:.4f} rad\n",
-                        report.joints[i], s.peak_torque_nm[i], s.following_error_max_rad[i]);
+                        summary.joints[i], s.peak_torque_nm[i], s.following_error_max_rad[i]);
   }
   text += fmt::format("  ticks: {} ({} running), {} missed, {} late, {} with a limit active\n",
                       s.ticks, s.run_ticks, s.missed_ticks, s.late_ticks, s.limited_ticks);
-  if (!report.simulated || report.realtime) {
-    text += DescribeTiming(s, report.machine,
-                           report.realtime ? report.realtime->scheduling : "time-shared");
+  if (!summary.simulated || summary.realtime) {
+    text += DescribeTiming(s, summary.machine,
+                           summary.realtime ? summary.realtime->scheduling : "time-shared");
   }
-  if (report.realtime && !report.realtime->in_force())
-    text += fmt::format("  NOT in real time: {}\n", report.realtime->problems);
+  if (summary.realtime && !summary.realtime->in_force())
+    text += fmt::format("  NOT in real time: {}\n", summary.realtime->problems);
   text += fmt::format(
       "  bus: {} frames sent, {} received, {} not sent; worst case {} bits a tick, {:.1f} %",
-      s.frames_sent, s.frames_received, s.send_failures, report.worst_case_tick_bits,
-      100 * report.worst_case_load);
-  if (report.measured_load) text += fmt::format("; measured {:.1f} %", 100 * *report.measured_load);
-  if (report.interface) {
-    const SocketCanStatistics& i = report.interface->statistics;
+      s.frames_sent, s.frames_received, s.send_failures, summary.worst_case_tick_bits,
+      100 * summary.worst_case_load);
+  if (summary.measured_load)
+    text += fmt::format("; measured {:.1f} %", 100 * *summary.measured_load);
+  if (summary.interface) {
+    const SocketCanStatistics& i = summary.interface->statistics;
     text += fmt::format(
         "\n  interface: {} frames confirmed, the slowest after {:.0f} us, {} discarded, {} stalls; "
         "{} received frames lost, {} commands of others; {}, {} error frames, {} unacknowledged, "
         "{} times bus-off",
         i.confirmed, Microseconds(i.confirm_time_max_ns), i.discarded, i.stalls, i.dropped,
-        i.foreign_commands, ToString(report.interface->controller), i.error_frames,
+        i.foreign_commands, ToString(summary.interface->controller), i.error_frames,
         i.unacknowledged, i.bus_offs);
-    if (report.interface->in_flight > 0) {
+    if (summary.interface->in_flight > 0) {
       text += fmt::format(
           "\n  WARNING: {} frames wait for the bus to come back; discard them before the motors "
           "have power: ip link set {} down; ip link set {} up",
-          report.interface->in_flight, report.bus, report.bus);
+          summary.interface->in_flight, summary.bus, summary.bus);
     }
   }
   text += fmt::format("\n  telemetry: {} records lost, {} messages not published\n",
-                      report.lost_records, report.unpublished_messages);
-  if (report.recorded_ticks + report.unrecorded_ticks > 0) {
-    text += fmt::format("  flight record: {} ticks, {} not recorded{}{}\n", report.recorded_ticks,
-                        report.unrecorded_ticks, report.record_problem.empty() ? "" : ": ",
-                        report.record_problem);
+                      summary.lost_records, summary.unpublished_messages);
+  if (summary.recorded_ticks + summary.unrecorded_ticks > 0) {
+    text += fmt::format("  flight record: {} ticks, {} not recorded{}{}\n", summary.recorded_ticks,
+                        summary.unrecorded_ticks, summary.record_problem.empty() ? "" : ": ",
+                        summary.record_problem);
   }
-  for (const std::string& file : report.files) text += fmt::format("  wrote {}\n", file);
+  for (const std::string& file : summary.files) text += fmt::format("  wrote {}\n", file);
   return text;
 }
 
-std::string ToJson(const RunReport& report) {
-  const LoopStatistics& s = report.statistics;
+std::string ToJson(const RunSummary& summary) {
+  const LoopStatistics& s = summary.statistics;
   Json json;
-  json["outcome"] = ToString(report.outcome);
-  json["exit_code"] = ExitCode(report);
-  json["reason"] = report.reason;
-  json["bus"] = report.bus;
-  json["primitive"] = report.primitive;
-  json["speed"] = report.speed;
-  json["rate_hz"] = report.rate_hz;
-  json["dry_run"] = report.dry_run;
+  json["outcome"] = ToString(summary.outcome);
+  json["exit_code"] = ExitCode(summary);
+  json["reason"] = summary.reason;
+  json["bus"] = summary.bus;
+  json["primitive"] = summary.primitive;
+  json["speed"] = summary.speed;
+  json["rate_hz"] = summary.rate_hz;
+  json["dry_run"] = summary.dry_run;
   const auto maybe = [](const std::optional<double>& value) {
     return value ? Json(*value) : Json(nullptr);
   };
-  if (!report.passages.empty()) {
-    const PassageReport& last = report.passages.back();
+  if (!summary.passages.empty()) {
+    const Passage& last = summary.passages.back();
     const std::optional<bool> stands = last.standing();
     json["root_pitch_planned_rad"] = last.expected_pitch_rad;
     json["root_pitch_at_end_rad"] = last.pitch_at_end_rad;
     json["root_pitch_2_s_later_rad"] = maybe(last.pitch_later_rad);
     json["standing_2_s_later"] = stands ? Json(*stands) : Json(nullptr);
-    json["cycles"] = report.cycles;
+    json["cycles"] = summary.cycles;
     json["passages"] = Json::array();
-    for (const PassageReport& passage : report.passages) {
+    for (const Passage& passage : summary.passages) {
       json["passages"].push_back(
           {{"node", passage.node},
            {"root_pitch_planned_rad", passage.expected_pitch_rad},
@@ -233,14 +234,14 @@ std::string ToJson(const RunReport& report) {
            {"root_pitch_rate_later_rad_s", maybe(passage.pitch_rate_later_rad_s)}});
     }
   }
-  if (report.simulated) {
+  if (summary.simulated) {
     json["falls"] = Json::array();
-    for (const FallReport& fall : report.falls)
+    for (const Fall& fall : summary.falls)
       json["falls"].push_back({{"time_s", fall.time_s}, {"what", fall.what}});
   }
   json["joints"] = Json::array();
-  for (std::size_t i = 0; i < report.joints.size(); ++i) {
-    json["joints"].push_back({{"name", report.joints[i]},
+  for (std::size_t i = 0; i < summary.joints.size(); ++i) {
+    json["joints"].push_back({{"name", summary.joints[i]},
                               {"peak_torque_nm", s.peak_torque_nm[i]},
                               {"following_error_max_rad", s.following_error_max_rad[i]}});
   }
@@ -249,46 +250,45 @@ std::string ToJson(const RunReport& report) {
   json["missed_ticks"] = s.missed_ticks;
   json["late_ticks"] = s.late_ticks;
   json["limited_ticks"] = s.limited_ticks;
-  json["timing"] =
-      TimingJson(s, report.machine, report.realtime ? report.realtime->scheduling : "time-shared");
-  if (report.attended) json["runs"] = report.runs;
-  json["realtime_in_force"] = report.realtime && report.realtime->in_force();
+  json["timing"] = TimingJson(s, summary.machine,
+                              summary.realtime ? summary.realtime->scheduling : "time-shared");
+  if (summary.attended) json["runs"] = summary.runs;
+  json["realtime_in_force"] = summary.realtime && summary.realtime->in_force();
   json["frames_sent"] = s.frames_sent;
   json["frames_received"] = s.frames_received;
   json["send_failures"] = s.send_failures;
-  json["worst_case_bits_per_tick"] = report.worst_case_tick_bits;
-  json["worst_case_bus_load"] = report.worst_case_load;
-  json["measured_bus_load"] = maybe(report.measured_load);
-  if (report.interface) {
-    const SocketCanStatistics& i = report.interface->statistics;
+  json["worst_case_bits_per_tick"] = summary.worst_case_tick_bits;
+  json["worst_case_bus_load"] = summary.worst_case_load;
+  json["measured_bus_load"] = maybe(summary.measured_load);
+  if (summary.interface) {
+    const SocketCanStatistics& i = summary.interface->statistics;
     json["interface"] = {{"frames_confirmed", i.confirmed},
                          {"confirm_max_us", Microseconds(i.confirm_time_max_ns)},
                          {"frames_discarded", i.discarded},
-                         {"frames_in_flight", report.interface->in_flight},
+                         {"frames_in_flight", summary.interface->in_flight},
                          {"stalls", i.stalls},
                          {"received_frames_lost", i.dropped},
                          {"commands_of_others", i.foreign_commands},
-                         {"controller_state", ToString(report.interface->controller)},
+                         {"controller_state", ToString(summary.interface->controller)},
                          {"error_frames", i.error_frames},
                          {"unacknowledged", i.unacknowledged},
                          {"bus_offs", i.bus_offs}};
   }
-  json["lost_records"] = report.lost_records;
-  json["unpublished_messages"] = report.unpublished_messages;
-  json["recorded_ticks"] = report.recorded_ticks;
-  json["unrecorded_ticks"] = report.unrecorded_ticks;
-  json["record_problem"] = report.record_problem;
-  json["files"] = report.files;
+  json["lost_records"] = summary.lost_records;
+  json["unpublished_messages"] = summary.unpublished_messages;
+  json["recorded_ticks"] = summary.recorded_ticks;
+  json["unrecorded_ticks"] = summary.unrecorded_ticks;
+  json["record_problem"] = summary.record_problem;
+  json["files"] = summary.files;
   return json.dump(2) + '\n';
 }
 
-int ExitCode(const RunReport& report) {
-  switch (report.outcome) {
+int ExitCode(const RunSummary& summary) {
+  switch (summary.outcome) {
     case RunOutcome::kCompleted:
-      return !report.falls.empty() || std::any_of(report.passages.begin(), report.passages.end(),
-                                                  [](const PassageReport& p) {
-                                                    return !p.standing().value_or(true);
-                                                  })
+      return !summary.falls.empty() ||
+                     std::any_of(summary.passages.begin(), summary.passages.end(),
+                                 [](const Passage& p) { return !p.standing().value_or(true); })
                  ? 4
                  : 0;
     case RunOutcome::kRefused:

@@ -1,0 +1,75 @@
+#include "runtime/core/tick.h"
+
+namespace tumbler {
+
+const char* ToString(ReplyStatus status) noexcept {
+  switch (status) {
+    case ReplyStatus::kOk:
+      return "ok";
+    case ReplyStatus::kNoNewData:
+      return "no new data";
+    case ReplyStatus::kRepeated:
+      return "repeated";
+    case ReplyStatus::kOkSomeLost:
+      return "ok, some lost";
+    case ReplyStatus::kWrongSequence:
+      return "wrong sequence";
+  }
+  return "unknown reply status";
+}
+
+const char* ToString(OperatorCommand command) noexcept {
+  switch (command) {
+    case OperatorCommand::kNone:
+      return "none";
+    case OperatorCommand::kArm:
+      return "arm";
+    case OperatorCommand::kMoveToStart:
+      return "move to start";
+    case OperatorCommand::kRun:
+      return "run";
+    case OperatorCommand::kStop:
+      return "stop";
+    case OperatorCommand::kDisarm:
+      return "disarm";
+    case OperatorCommand::kClearFaults:
+      return "clear faults";
+    case OperatorCommand::kFinish:
+      return "finish";
+    case OperatorCommand::kBranch:
+      return "branch";
+  }
+  return "unknown command";
+}
+
+const char* ToString(Refusal refusal) noexcept {
+  switch (refusal) {
+    case Refusal::kNone:
+      return "none";
+    case Refusal::kWrongState:
+      return "not possible in this state";
+    case Refusal::kNotConfigured:
+      return "no primitive is loaded";
+    case Refusal::kFaultLatched:
+      return "a fault is latched";
+    case Refusal::kNoReply:
+      return "a drive does not reply";
+    case Refusal::kNoHeartbeat:
+      return "a drive's heartbeat has stopped";
+    case Refusal::kDriveError:
+      return "a drive reports an error";
+    case Refusal::kTooHot:
+      return "a drive is too hot";
+    case Refusal::kOutsideLimits:
+      return "a joint is outside its position limits";
+    case Refusal::kNotAtStart:
+      return "the commanded pose is not the start of the primitive";
+    case Refusal::kOutsideStartSet:
+      return "a joint is outside the start set of the primitive";
+    case Refusal::kNoSuchBranch:
+      return "the sequence has no such branch";
+  }
+  return "unknown refusal";
+}
+
+}  // namespace tumbler
