@@ -12,6 +12,7 @@
 
 #include "common/primitive_hash.h"
 #include "common/primitive_limits.h"
+#include "offline/dynamics/hybrid_dynamics.h"
 
 namespace tumbler {
 namespace {

@@ -15,6 +15,8 @@
 
 #include "common/toml_reader.h"
 #include "offline/certificate/certificate.h"
+#include "offline/contact/contact_model.h"
+#include "offline/dynamics/hybrid_dynamics.h"
 #include "offline/problem/task_toml.h"
 
 namespace tumbler {

@@ -1,16 +1,11 @@
 #pragma once
 
-#include <Eigen/Core>
-#include <Eigen/Eigenvalues>
-#include <algorithm>
-#include <cmath>
-#include <limits>
 #include <span>
 #include <vector>
 
 #include "offline/contact/contact_law.h"
-#include "offline/contact/contact_model.h"
-#include "offline/dynamics/hybrid_dynamics.h"
+#include "offline/contact/contact_shape.h"
+#include "offline/dynamics/tree.h"
 
 namespace tumbler {
 
@@ -29,9 +24,7 @@ struct ContactIntent {
 /// more damping they settle more slowly again.
 ///
 ///   c <= 2 sqrt(k m)   <=>   t_s >= 4 sqrt(x_s / g)
-inline double ShortestSettlingTime(double static_penetration_m, double gravity_m_per_s2) {
-  return 4 * std::sqrt(static_penetration_m / gravity_m_per_s2);
-}
+double ShortestSettlingTime(double static_penetration_m, double gravity_m_per_s2);
 
 /// The law that does what `intent` asks for a robot of mass m under gravity g. Friction and the
 /// form of the law are those of `law`.
@@ -43,15 +36,8 @@ inline double ShortestSettlingTime(double static_penetration_m, double gravity_m
 ///
 /// The layer leaves room for impacts: the whole mass at speed v goes v sqrt(x_s / g) deep on one
 /// contact, less with damping, and so reaches the core at 3 sqrt(x_s g).
-inline ContactLaw LawFor(const ContactIntent& intent, double mass_kg, double gravity_m_per_s2,
-                         ContactLaw law = {}) {
-  law.stiffness_n_per_m = mass_kg * gravity_m_per_s2 / intent.static_penetration_m;
-  law.damping_n_s_per_m = 8 * mass_kg / intent.settling_time_s;
-  law.v_max_m_per_s = intent.slip_speed_m_per_s;
-  law.d_on_m = 3 * intent.static_penetration_m;
-  law.d_off_m = 0.75 * law.d_on_m;
-  return law;
-}
+ContactLaw LawFor(const ContactIntent& intent, double mass_kg, double gravity_m_per_s2,
+                  ContactLaw law = {});
 
 /// The longest integration step [s] that is advisable with a law, for a contact that meets the mass
 /// m_e and carries the load N_0:
@@ -61,15 +47,7 @@ inline ContactLaw LawFor(const ContactIntent& intent, double mass_kg, double gra
 /// This is the time constant of the spring and damper, or of the friction of a sticking foot if
 /// that is shorter. The Runge-Kutta method of order 4 is stable up to 2.78 times the step; the
 /// difference is for loads above N_0 in impacts.
-inline double AdvisableStep(const ContactLaw& law, double effective_mass_kg, double load_n) {
-  const double m = effective_mass_kg;
-  const double half = law.damping_n_s_per_m / (2 * m);
-  const double spring = law.stiffness_n_per_m / m;
-  const double fastest =
-      half * half > spring ? half + std::sqrt(half * half - spring) : std::sqrt(spring);
-  const double friction = 1.5 * law.mu * load_n / (law.v_max_m_per_s * m);
-  return 1 / std::max(fastest, friction);
-}
+double AdvisableStep(const ContactLaw& law, double effective_mass_kg, double load_n);
 
 /// The smallest mass [kg] that a force of any direction on any of the shapes meets at positions q:
 /// the inverse of the largest eigenvalue of J M^-1 J^T at the shape's centre, over the free degrees
@@ -77,38 +55,6 @@ inline double AdvisableStep(const ContactLaw& law, double effective_mass_kg, dou
 template <class Space>
 double SmallestEffectiveMass(const Tree<Space>& tree,
                              const std::vector<ContactShape<Space>>& shapes,
-                             std::span<const double> q) {
-  using Vector = typename Space::Vector;
-  constexpr int kDimension = Vector::RowsAtCompileTime;
-  HybridDynamics<Space> dynamics(tree);
-  const std::vector<double> zero(tree.dofs.size());
-  const auto accelerations = [&](int body, const Vector& point, const Vector& force) {
-    std::vector<double> qdd = zero, tau = zero;
-    dynamics.SetState(q, zero);
-    dynamics.AddWrench(body, Space::ForceAt(point, force));
-    dynamics.Solve(qdd, tau);
-    return qdd;
-  };
-  double largest = 0;
-  for (const ContactShape<Space>& own : shapes) {
-    dynamics.SetState(q, zero);
-    const Vector point =
-        dynamics.position(own.body) + dynamics.rotation(own.body) * own.shape.centre;
-    const std::vector<double> rest = accelerations(own.body, point, Vector::Zero());
-    Eigen::Matrix<double, kDimension, kDimension> inverse;
-    for (int i = 0; i < kDimension; ++i) {
-      std::vector<double> change = accelerations(own.body, point, Vector::Unit(i));
-      for (std::size_t j = 0; j < change.size(); ++j) change[j] -= rest[j];
-      dynamics.SetState(q, change);  // With these as velocities, a point's velocity is J qdd.
-      inverse.col(i) = dynamics.velocity(own.body).At(point);
-    }
-    largest = std::max(largest,
-                       Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, kDimension, kDimension>>(
-                           inverse, Eigen::EigenvaluesOnly)
-                           .eigenvalues()
-                           .maxCoeff());
-  }
-  return largest > 0 ? 1 / largest : std::numeric_limits<double>::infinity();
-}
+                             std::span<const double> q);
 
 }  // namespace tumbler

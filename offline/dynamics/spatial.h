@@ -1,9 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <Eigen/Geometry>
 #include <array>
-#include <cmath>
 #include <cstddef>
 
 namespace tumbler {
@@ -23,9 +21,12 @@ struct Spatial {
   static constexpr std::size_t kMotions = 6;  ///< Dimension of the space of motions.
 
   /// Angular velocity w applied to the point r.
-  static Vector Cross(const Vector& w, const Vector& r) { return w.cross(r); }
+  static Vector Cross(const Vector& w, const Vector& r) {
+    return {w.y() * r.z() - w.z() * r.y(), w.z() * r.x() - w.x() * r.z(),
+            w.x() * r.y() - w.y() * r.x()};
+  }
   /// Moment about the origin of the force f at the point r.
-  static Vector Moment(const Vector& r, const Vector& f) { return r.cross(f); }
+  static Vector Moment(const Vector& r, const Vector& f) { return Cross(r, f); }
 
   /// A rotation by its matrix.
   struct Rotation {
@@ -38,9 +39,7 @@ struct Spatial {
   /// Axis of a revolute joint: a unit vector.
   using Axis = Vector;
   static Axis DefaultAxis() { return Vector::UnitZ(); }
-  static Rotation RotationBy(const Axis& axis, double angle) {
-    return {Eigen::AngleAxisd(angle, axis).toRotationMatrix()};
-  }
+  static Rotation RotationBy(const Axis& axis, double angle);
 
   /// Velocity of a body: angular velocity, and the velocity of the body's point that is now at the
   /// origin.
@@ -50,7 +49,7 @@ struct Spatial {
     friend Motion operator+(const Motion& a, const Motion& b) { return {a.w + b.w, a.v + b.v}; }
     friend Motion operator*(const Motion& a, double k) { return {a.w * k, a.v * k}; }
     /// Velocity of the body's point at r.
-    [[nodiscard]] Vector At(const Vector& r) const { return v + w.cross(r); }
+    [[nodiscard]] Vector At(const Vector& r) const { return v + Cross(w, r); }
   };
   /// The derivative of a motion that is carried along by another. Unlike in the plane, it is a
   /// motion like any other.
@@ -60,7 +59,7 @@ struct Spatial {
   /// the point p.
   static Motion RevoluteMotion(const Rotation& R, const Axis& axis, const Vector& p) {
     const Vector w = R * axis;
-    return {w, p.cross(w)};
+    return {w, Cross(p, w)};
   }
 
   /// Moment about the origin [N m], and force [N].
@@ -101,18 +100,18 @@ struct Spatial {
   }
   static Vector At(const Motion& motion, const Vector& r) { return motion.At(r); }
   /// The wrench of the force f at the point r.
-  static Wrench ForceAt(const Vector& r, const Vector& f) { return {r.cross(f), f}; }
+  static Wrench ForceAt(const Vector& r, const Vector& f) { return {Cross(r, f), f}; }
 
   /// Power of a wrench on a motion [W].
   static double Dot(const Motion& m, const Wrench& f) { return m.w.dot(f.n) + m.v.dot(f.f); }
 
   /// a x b: how b changes when it is carried along with a.
   static Motion Cross(const Motion& a, const Motion& b) {
-    return {a.w.cross(b.w), a.w.cross(b.v) + a.v.cross(b.w)};
+    return {Cross(a.w, b.w), Cross(a.w, b.v) + Cross(a.v, b.w)};
   }
   /// a x* f: how the wrench f changes when it is carried along with a.
   static Wrench Cross(const Motion& a, const Wrench& f) {
-    return {a.w.cross(f.n) + a.v.cross(f.f), a.w.cross(f.f)};
+    return {Cross(a.w, f.n) + Cross(a.v, f.f), Cross(a.w, f.f)};
   }
 
   /// Inertia of a body about its mass centre, in the body's frame [kg m^2].
@@ -136,7 +135,7 @@ struct Spatial {
       return {a.m + b.m, a.h + b.h, a.sigma + b.sigma};
     }
     friend Wrench operator*(const Inertia& a, const Motion& b) {
-      return {a.sigma.trace() * b.w - a.sigma * b.w + a.h.cross(b.v), a.m * b.v + b.w.cross(a.h)};
+      return {a.sigma.trace() * b.w - a.sigma * b.w + Cross(a.h, b.v), a.m * b.v + Cross(b.w, a.h)};
     }
   };
 
@@ -154,19 +153,19 @@ struct Spatial {
       const Vector v2 = 2 * v.v;
       Eigen::Matrix3d A = -v2 * inertia.h.transpose();
       A.diagonal().array() += inertia.h.dot(v2);
-      for (int k = 0; k < 3; ++k) A.col(k) -= 2 * v.w.cross(inertia.sigma.col(k));
+      for (int k = 0; k < 3; ++k) A.col(k) -= 2 * Cross(v.w, inertia.sigma.col(k));
       return {A, 2 * momentum.f};
     }
     friend Bias operator+(const Bias& a, const Bias& c) {
       return {a.A + c.A, a.twice_p + c.twice_p};
     }
     friend Wrench operator*(const Bias& a, const Motion& u) {
-      return {a.A * u.w, u.w.cross(a.twice_p)};
+      return {a.A * u.w, Cross(u.w, a.twice_p)};
     }
     /// The covector z on angular velocities with z . u.w = s . (2B u) for every motion u, to be
     /// applied by `Apply`.
     [[nodiscard]] Vector TransposeTimes(const Motion& s) const {
-      return A.transpose() * s.w + twice_p.cross(s.v);
+      return A.transpose() * s.w + Cross(twice_p, s.v);
     }
   };
   static double Apply(const Vector& z, const Motion& u) { return z.dot(u.w); }

@@ -2,8 +2,11 @@
 
 #include <fmt/format.h>
 
-#include <cmath>
 #include <stdexcept>
+
+#include "offline/dynamics/plane.h"
+#include "offline/dynamics/spatial.h"
+#include "offline/model/robot.h"
 
 namespace tumbler {
 namespace {

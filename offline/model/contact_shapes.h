@@ -4,12 +4,13 @@
 #include <string>
 #include <vector>
 
-#include "offline/contact/contact_model.h"
-#include "offline/dynamics/plane.h"
-#include "offline/dynamics/spatial.h"
-#include "offline/model/robot.h"
+#include "offline/contact/contact_shape.h"
 
 namespace tumbler {
+
+struct Plane;
+struct Robot;
+struct Spatial;
 
 /// A collision shape of the file that the contact model does not use, and why.
 struct IgnoredShape {

@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "common/toml_reader.h"
+#include "offline/model/robot.h"
 
 namespace tumbler {
 namespace {

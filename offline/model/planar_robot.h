@@ -5,13 +5,16 @@
 #include <string_view>
 #include <vector>
 
-#include "offline/contact/contact_model.h"
+#include "offline/contact/contact_shape.h"
 #include "offline/dynamics/plane.h"
 #include "offline/dynamics/tree.h"
 #include "offline/model/contact_shapes.h"
-#include "offline/model/robot.h"
+#include "offline/model/joint_limits.h"
+#include "offline/model/root_kind.h"
 
 namespace tumbler {
+
+struct Robot;
 
 /// A stroked segment for drawing, in the plane of a body's frame.
 struct DrawnSegment {

@@ -2,34 +2,16 @@
 
 #include <Eigen/Geometry>
 #include <cstdint>
-#include <limits>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "offline/dynamics/spatial.h"
 #include "offline/dynamics/tree.h"
+#include "offline/model/joint_limits.h"
+#include "offline/model/root_kind.h"
 
 namespace tumbler {
-
-/// How the file's root link is held. Coordinates of the root are those of its frame in the world.
-enum class RootKind {
-  kFixed,     ///< To the world.
-  kPlanarXz,  ///< Free in the world's x-z plane: x [m], z [m], pitch [rad] about -y.
-  /// Free in space: x, y, z [m], then pitch about -y, roll about the turned x, yaw about the axis z
-  /// that both have turned [rad]. `kPlanarXz` is its restriction, and a tumble through any pitch is
-  /// regular. At roll = +-pi/2 yaw turns about the axis of pitch: there the coordinates are
-  /// singular.
-  kFloating,
-};
-
-/// Limits of one joint, from the URDF; infinite where the file has none. Metres where prismatic.
-struct RobotJointLimits {
-  double lower_rad = -std::numeric_limits<double>::infinity();
-  double upper_rad = std::numeric_limits<double>::infinity();
-  double velocity_rad_s = std::numeric_limits<double>::infinity();
-  double effort_nm = std::numeric_limits<double>::infinity();
-};
 
 /// What the file says of one degree of freedom beyond its dynamics.
 struct RobotJoint {

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "common/toml_reader.h"
-#include "offline/contact/contact_model.h"
+#include "offline/contact/obstacle.h"
 #include "offline/dynamics/plane.h"
 
 namespace tumbler {

@@ -1,12 +1,15 @@
 #pragma once
 
+#include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <limits>
 #include <string>
 #include <vector>
 
 #include "common/primitive.h"
-#include "offline/contact/contact_model.h"
+#include "offline/contact/contact_law.h"
+#include "offline/contact/obstacle.h"
 #include "offline/model/planar_robot.h"
 
 namespace tumbler {

@@ -13,6 +13,8 @@
 
 #include "common/toml_reader.h"
 #include "offline/contact/contact_intent.h"
+#include "offline/contact/contact_model.h"
+#include "offline/dynamics/hybrid_dynamics.h"
 #include "offline/problem/obstacle_toml.h"
 
 namespace tumbler {

@@ -6,6 +6,9 @@
 #include <limits>
 #include <vector>
 
+#include "offline/contact/contact_model.h"
+#include "offline/dynamics/hybrid_dynamics.h"
+
 namespace tumbler {
 namespace {
 

@@ -6,6 +6,8 @@
 #include <limits>
 #include <stdexcept>
 
+#include "offline/contact/contact_model.h"
+#include "offline/dynamics/hybrid_dynamics.h"
 #include "offline/rollout/forward_sensitivity.h"
 
 namespace tumbler {

@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "offline/contact/contact_forces.h"
 #include "offline/problem/problem.h"
 
 namespace tumbler {

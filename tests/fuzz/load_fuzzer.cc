@@ -14,6 +14,8 @@
 
 #include "common/toml_reader.h"
 #include "offline/model/contact_shapes.h"
+#include "offline/model/planar_robot.h"
+#include "offline/model/robot.h"
 #include "offline/problem/task_toml.h"
 
 namespace tumbler {

@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "offline/dynamics/hybrid_dynamics.h"
 #include "tests/support/found_motion.h"
 
 namespace tumbler {

@@ -3,7 +3,10 @@
 #include <cmath>
 #include <tuple>
 
+#include "offline/contact/contact_model.h"
+#include "offline/dynamics/hybrid_dynamics.h"
 #include "tests/support/random_robot.h"
+#include "tests/support/tumbler_robot.h"
 
 namespace tumbler {
 namespace {

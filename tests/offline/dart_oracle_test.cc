@@ -10,8 +10,10 @@
 #include <string>
 #include <tuple>
 
+#include "offline/dynamics/hybrid_dynamics.h"
 #include "tests/support/dart_tumbler.h"
 #include "tests/support/random_robot.h"
+#include "tests/support/tumbler_robot.h"
 
 namespace tumbler {
 namespace {

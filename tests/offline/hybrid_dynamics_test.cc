@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "tests/support/random_robot.h"
+#include "tests/support/tumbler_robot.h"
 
 namespace tumbler {
 namespace {

@@ -12,6 +12,8 @@
 #include <stdexcept>
 #include <vector>
 
+#include "offline/contact/contact_model.h"
+#include "offline/dynamics/hybrid_dynamics.h"
 #include "offline/problem/task_toml.h"
 #include "offline/solver/solver.h"
 #include "tests/support/random_robot.h"

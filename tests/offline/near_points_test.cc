@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/QR>
 #include <map>
 
 #include "tests/support/allocation_guard.h"

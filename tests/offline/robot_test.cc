@@ -16,6 +16,7 @@
 #include "offline/model/urdf_source.h"
 #include "tests/support/random_robot.h"
 #include "tests/support/task_files.h"
+#include "tests/support/tumbler_robot.h"
 
 namespace tumbler {
 namespace {

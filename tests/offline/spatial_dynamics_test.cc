@@ -5,11 +5,13 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
 #include <cmath>
 
 #include "offline/dynamics/hybrid_dynamics.h"
 #include "tests/support/allocation_guard.h"
 #include "tests/support/random_robot.h"
+#include "tests/support/tumbler_robot.h"
 
 namespace tumbler {
 namespace {

@@ -7,6 +7,7 @@
 
 #include "offline/problem/problem.h"
 #include "tests/support/random_robot.h"
+#include "tests/support/tumbler_robot.h"
 
 namespace tumbler {
 

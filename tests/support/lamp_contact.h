@@ -5,7 +5,9 @@
 #include <span>
 #include <stdexcept>
 
-#include "offline/contact/contact_model.h"
+#include "offline/contact/contact_forces.h"
+#include "offline/contact/contact_law.h"
+#include "offline/dynamics/hybrid_dynamics.h"
 #include "offline/dynamics/plane.h"
 
 namespace tumbler {

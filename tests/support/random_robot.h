@@ -1,26 +1,14 @@
 #pragma once
 
-#include <array>
+#include <cmath>
 #include <random>
-#include <string>
 #include <vector>
 
-#include "common/toml_reader.h"
-#include "offline/contact/contact_model.h"
-#include "offline/dynamics/hybrid_dynamics.h"
 #include "offline/dynamics/plane.h"
 #include "offline/dynamics/spatial.h"
-#include "offline/model/planar_robot.h"
+#include "offline/dynamics/tree.h"
 
 namespace tumbler {
-
-/// The shipped robot, its legs prescribed.
-inline PlanarRobot LoadTumbler() {
-  const std::string path = std::string(TUMBLER_SOURCE_DIR) + "/primitives/robots/tumbler.urdf";
-  PlanarRobot robot = ParsePlanarRobot(ReadTextFile(path), path, RootKind::kPlanarXz);
-  robot.tree.dofs[3].prescribed = robot.tree.dofs[4].prescribed = true;
-  return robot;
-}
 
 inline double Uniform(std::mt19937_64& random, double low, double high) {
   return std::uniform_real_distribution<double>(low, high)(random);

@@ -1,8 +1,7 @@
 #pragma once
 
 #include <random>
-#include <string>
-#include <vector>
+#include <type_traits>
 
 #include "offline/contact/shape.h"
 #include "tests/support/random_robot.h"

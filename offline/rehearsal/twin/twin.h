@@ -11,7 +11,8 @@
 #include "common/primitive_toml.h"
 #include "firmware_interface/can/simulated_bus.h"
 #include "firmware_interface/drives/simulated_drive.h"
-#include "offline/contact/contact_model.h"
+#include "offline/contact/contact_law.h"
+#include "offline/contact/obstacle.h"
 #include "offline/dynamics/plane.h"
 
 namespace tumbler {

@@ -1,0 +1,16 @@
+#pragma once
+
+namespace tumbler {
+
+/// How the file's root link is held. Coordinates of the root are those of its frame in the world.
+enum class RootKind {
+  kFixed,     ///< To the world.
+  kPlanarXz,  ///< Free in the world's x-z plane: x [m], z [m], pitch [rad] about -y.
+  /// Free in space: x, y, z [m], then pitch about -y, roll about the turned x, yaw about the axis z
+  /// that both have turned [rad]. `kPlanarXz` is its restriction, and a tumble through any pitch is
+  /// regular. At roll = +-pi/2 yaw turns about the axis of pitch: there the coordinates are
+  /// singular.
+  kFloating,
+};
+
+}  // namespace tumbler

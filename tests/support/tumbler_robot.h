@@ -1,0 +1,18 @@
+#pragma once
+
+#include <string>
+
+#include "common/toml_reader.h"
+#include "offline/model/planar_robot.h"
+
+namespace tumbler {
+
+/// The shipped robot, its legs prescribed.
+inline PlanarRobot LoadTumbler() {
+  const std::string path = std::string(TUMBLER_SOURCE_DIR) + "/primitives/robots/tumbler.urdf";
+  PlanarRobot robot = ParsePlanarRobot(ReadTextFile(path), path, RootKind::kPlanarXz);
+  robot.tree.dofs[3].prescribed = robot.tree.dofs[4].prescribed = true;
+  return robot;
+}
+
+}  // namespace tumbler
