@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <CLI/CLI.hpp>
 #include <cmath>
 #include <csignal>
 #include <cstdio>
@@ -12,6 +11,8 @@
 #include <string>
 #include <vector>
 
+#include "common/command_line.h"
+#include "common/program.h"
 #include "firmware_interface/can/simulated_bus.h"
 #include "firmware_interface/drives/drive_server.h"
 #include "firmware_interface/drives/drives_toml.h"
@@ -115,7 +116,7 @@ class Bench {
   std::unique_ptr<RotorPlant> plant_;
 };
 
-int Serve(const Options& options) {
+ExitStatus Serve(const Options& options) {
   const DrivesConfig drives = LoadDrives(options.drives);
   Bench bench(options, drives);
   DriveServer server(options.interface, drives, bench.bus(), bench.Drives(),
@@ -126,47 +127,37 @@ int Serve(const Options& options) {
   constexpr std::int64_t kPatience_ns = 10'000'000;
   while (stop_wanted == 0) server.ServeUntil(server.now_ns() + kPatience_ns);
   bench.Summarise();
-  return 0;
+  return ExitStatus::kDone;
 }
 
-int Main(int argc, char** argv) {
+ExitStatus Main(int argc, char** argv) {
   Options options;
-  CLI::App app("Simulated motor drives on a SocketCAN interface.", "tumbler-drives");
-  app.footer(kFooter);
-  app.add_option("BUS", options.interface, "SocketCAN interface, e.g. vcan0")->required();
-  app.add_option("DRIVES", options.drives, "drive configuration (TOML)")->required();
-  app.add_option("--position", options.positions,
-                 "a joint's angle at the start, JOINT=RAD; may be repeated; 0 without");
-  app.add_option("--inertia", options.inertia_kg_m2, "of each rotor, at the joint [kg m^2]")
-      ->check(CLI::Range(1e-4, 100.0))
-      ->capture_default_str();
-  app.add_option("--friction", options.friction_nm_s_per_rad, "viscous, at the joint [N m s/rad]")
-      ->check(CLI::Range(0.0, 100.0))
-      ->capture_default_str();
-  app.add_option("--torque-max", options.torque_max_nm, "of each drive, at its shaft [N m]")
-      ->check(CLI::Range(1e-3, 1e4))
-      ->capture_default_str();
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::CallForHelp& help) {
-    return app.exit(help);
-  } catch (const CLI::ParseError& error) {
-    app.exit(error);
-    return 1;
-  }
+  CommandLine line("Simulated motor drives on a SocketCAN interface.", "tumbler-drives");
+  line.SetFooter(kFooter);
+  line.Option("BUS", options.interface, "SocketCAN interface, e.g. vcan0").Required();
+  line.Option("DRIVES", options.drives, "drive configuration (TOML)").Required();
+  line.Option("--position", options.positions,
+              "a joint's angle at the start, JOINT=RAD; may be repeated; 0 without");
+  line.Option("--inertia", options.inertia_kg_m2, "of each rotor, at the joint [kg m^2]")
+      .Within(1e-4, 100.0)
+      .ShowDefault();
+  line.Option("--friction", options.friction_nm_s_per_rad, "viscous, at the joint [N m s/rad]")
+      .Within(0.0, 100.0)
+      .ShowDefault();
+  line.Option("--torque-max", options.torque_max_nm, "of each drive, at its shaft [N m]")
+      .Within(1e-3, 1e4)
+      .ShowDefault();
+  line.Parse(argc, argv);
   struct sigaction action {};
   action.sa_handler = OnInterrupt;
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
-  try {
-    return Serve(options);
-  } catch (const std::exception& error) {
-    fmt::print(stderr, "tumbler-drives: {}\n", error.what());
-    return 1;
-  }
+  return Serve(options);
 }
 
 }  // namespace
 }  // namespace tumbler
 
-int main(int argc, char** argv) { return tumbler::Main(argc, argv); }
+int main(int argc, char** argv) {
+  return tumbler::RunProgram("tumbler-drives", argc, argv, tumbler::Main);
+}

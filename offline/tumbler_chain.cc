@@ -3,25 +3,23 @@
 
 #include <fmt/format.h>
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <exception>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <system_error>
 #include <vector>
 
+#include "common/command_line.h"
+#include "common/program.h"
 #include "common/sequence_toml.h"
 #include "common/toml_reader.h"
 #include "offline/chain/chain.h"
 
 namespace tumbler {
 namespace {
-
-enum ExitStatus { kFits = 0, kBadInput = 1, kFell = 2 };
 
 struct Arguments {
   std::string sequence;
@@ -31,7 +29,7 @@ struct Arguments {
 };
 
 /// A table of what was compared at every edge: of each quantity, the largest of all joints.
-int Check(const Arguments& arguments) {
+ExitStatus Check(const Arguments& arguments) {
   const SequenceFile file = ReadSequence(arguments.sequence);
   const std::vector<JoinComparison> comparisons = CompareJoins(file);
   fmt::print("{:<40} {:<38} {:<10} {:>12} {:>12}\n", "join", "quantity", "largest at", "apart",
@@ -69,7 +67,7 @@ int Check(const Arguments& arguments) {
   RequireSameGround(file);
   fmt::print("{}: {} nodes, {} joins, all fit; limits hold for all t\n", file.graph.name.view(),
              file.graph.node_count, file.graph.edge_count);
-  return kFits;
+  return ExitStatus::kDone;
 }
 
 /// The margin of a node that was not played is infinite, which JSON has no number for.
@@ -110,7 +108,7 @@ nlohmann::ordered_json ToJson(const SequenceFile& file, const ChainOutcome& outc
   return json;
 }
 
-int Simulate(const Arguments& arguments) {
+ExitStatus Simulate(const Arguments& arguments) {
   std::error_code error;
   if (std::filesystem::equivalent(arguments.json, arguments.sequence, error))
     throw FileError(arguments.json, 0, "", "is an input; results need a file of their own");
@@ -149,53 +147,46 @@ int Simulate(const Arguments& arguments) {
     fmt::print(out, "{}\n", ToJson(file, outcome).dump(2));
     if (std::fclose(out) != 0) throw FileError(arguments.json, 0, "", "cannot be written whole");
   }
-  if (!outcome.failure) return kFits;
+  if (!outcome.failure) return ExitStatus::kDone;
   fmt::print(stderr, "failed: {} at {:.3f} s, in '{}': {}\n", ToString(outcome.failure->cause),
              outcome.failure->time_s, file.graph.node(outcome.failure->node).name.view(),
              outcome.failure->text);
-  return kFell;
+  return ExitStatus::kAmiss;
+}
+
+ExitStatus Main(int argc, char** argv) {
+  Arguments arguments;
+  CommandLine line(
+      "Checks a sequence of primitives, and plays it in the nominal simulation.\n"
+      "Exit status: 0 it fits and goes through; 1 bad input, or a join does not fit; 4 it fell.");
+  line.RequireSubcommand();
+  CommandLine check = line.Subcommand("check", "Compare both sides of every join");
+  CommandLine simulate =
+      line.Subcommand("simulate", "Play it from the start, the state carried through");
+  for (CommandLine command : {check, simulate})
+    command.Option("SEQUENCE", arguments.sequence, "Sequence file (TOML)").Required();
+  simulate.Option("--cycles", arguments.options.cycles, "How many; 0: none before the branch")
+      .Within(0, 100000)
+      .ShowDefault();
+  simulate.Option("--branch", arguments.options.branch,
+                  "Take this branch once the cycles are done");
+  simulate.Option("--last-hold", arguments.options.last_hold_s, "Hold after the last node [s]")
+      .Within(0.0, 60.0)
+      .ShowDefault();
+  simulate
+      .Option("--step", arguments.options.step_s,
+              "Integration step [s]; 0: that of each primitive's task")
+      .Within(0.0, 0.01)
+      .ShowDefault();
+  simulate.Option("--report", arguments.report,
+                  "Write a page that shows the chain into this folder");
+  simulate.Option("--json", arguments.json,
+                  "Write figures as JSON to this file, or to standard output for -");
+  line.Parse(argc, argv);
+  return check.given() ? Check(arguments) : Simulate(arguments);
 }
 
 }  // namespace
 }  // namespace tumbler
 
-int main(int argc, char** argv) {
-  tumbler::Arguments arguments;
-  CLI::App app{
-      "Checks a sequence of primitives, and plays it in the nominal simulation.\n"
-      "Exit status: 0 it fits and goes through; 1 bad input, or a join does not fit; 2 it fell."};
-  app.require_subcommand(1);
-  CLI::App* const check = app.add_subcommand("check", "Compare both sides of every join");
-  CLI::App* const simulate =
-      app.add_subcommand("simulate", "Play it from the start, the state carried through");
-  for (CLI::App* command : {check, simulate})
-    command->add_option("SEQUENCE", arguments.sequence, "Sequence file (TOML)")->required();
-  simulate->add_option("--cycles", arguments.options.cycles, "How many; 0: none before the branch")
-      ->check(CLI::Range(0, 100000))
-      ->capture_default_str();
-  simulate->add_option("--branch", arguments.options.branch,
-                       "Take this branch once the cycles are done");
-  simulate->add_option("--last-hold", arguments.options.last_hold_s, "Hold after the last node [s]")
-      ->check(CLI::Range(0.0, 60.0))
-      ->capture_default_str();
-  simulate
-      ->add_option("--step", arguments.options.step_s,
-                   "Integration step [s]; 0: that of each primitive's task")
-      ->check(CLI::Range(0.0, 0.01))
-      ->capture_default_str();
-  simulate->add_option("--report", arguments.report,
-                       "Write a page that shows the chain into this folder");
-  simulate->add_option("--json", arguments.json,
-                       "Write figures as JSON to this file, or to standard output for -");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : tumbler::kBadInput;
-  }
-  try {
-    return check->parsed() ? tumbler::Check(arguments) : tumbler::Simulate(arguments);
-  } catch (const std::exception& error) {
-    fmt::print(stderr, "error: {}\n", error.what());
-    return tumbler::kBadInput;
-  }
-}
+int main(int argc, char** argv) { return tumbler::RunProgram("error", argc, argv, tumbler::Main); }

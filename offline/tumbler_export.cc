@@ -3,16 +3,16 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <CLI/CLI.hpp>
 #include <cstdio>
-#include <exception>
 #include <filesystem>
 #include <fstream>
 #include <stdexcept>
 #include <string>
 #include <system_error>
 
+#include "common/command_line.h"
 #include "common/motion_header.h"
+#include "common/program.h"
 #include "common/sequence_toml.h"
 #include "common/toml_reader.h"
 
@@ -58,29 +58,22 @@ void Export(const std::string& motion, const std::string& header, const std::str
   }
 }
 
-}  // namespace
-}  // namespace tumbler
-
-int main(int argc, char** argv) {
+ExitStatus Main(int argc, char** argv) {
   std::string motion;
   std::string header;
   std::string name;
-  CLI::App app{
+  CommandLine line(
       "Writes a primitive or a sequence as a C++ header for the runtime on a microcontroller.\n"
-      "Exit status: 0 written; 1 bad input, and nothing written."};
-  app.add_option("MOTION", motion, "Primitive or sequence file (TOML)")->required();
-  app.add_option("--header", header, "Write to this file, or to standard output for -")->required();
-  app.add_option("--namespace", name, "Of the constants; default: motion_ and the motion's name");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : 1;
-  }
-  try {
-    tumbler::Export(motion, header, name);
-    return 0;
-  } catch (const std::exception& error) {
-    fmt::print(stderr, "error: {}\n", error.what());
-    return 1;
-  }
+      "Exit status: 0 written; 1 bad input, and nothing written.");
+  line.Option("MOTION", motion, "Primitive or sequence file (TOML)").Required();
+  line.Option("--header", header, "Write to this file, or to standard output for -").Required();
+  line.Option("--namespace", name, "Of the constants; default: motion_ and the motion's name");
+  line.Parse(argc, argv);
+  Export(motion, header, name);
+  return ExitStatus::kDone;
 }
+
+}  // namespace
+}  // namespace tumbler
+
+int main(int argc, char** argv) { return tumbler::RunProgram("error", argc, argv, tumbler::Main); }

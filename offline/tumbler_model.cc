@@ -2,13 +2,11 @@
 
 #include <fmt/format.h>
 
-#include <CLI/CLI.hpp>
 #include <array>
 #include <cerrno>
 #include <charconv>
 #include <cmath>
 #include <cstdio>
-#include <exception>
 #include <iostream>
 #include <optional>
 #include <stdexcept>
@@ -18,6 +16,8 @@
 #include <utility>
 #include <vector>
 
+#include "common/command_line.h"
+#include "common/program.h"
 #include "common/toml_reader.h"
 #include "offline/dynamics/hybrid_dynamics.h"
 #include "offline/model/planar_robot.h"
@@ -25,8 +25,6 @@
 
 namespace tumbler {
 namespace {
-
-enum ExitStatus { kGood = 0, kBadInput = 1 };
 
 using Dynamics = HybridDynamics<Spatial>;
 
@@ -144,7 +142,7 @@ void PrintUndetermined(const Robot& robot) {
   }
 }
 
-int Check(const Arguments& arguments) {
+ExitStatus Check(const Arguments& arguments) {
   const Robot robot = LoadRobot(arguments);
   fmt::print("robot '{}', root link '{}' {}\n", robot.name, robot.links.front().name,
              robot.root == RootKind::kFixed      ? "fixed to the world"
@@ -174,7 +172,7 @@ int Check(const Arguments& arguments) {
     }
   }
   FlushOutput();
-  return kGood;
+  return ExitStatus::kDone;
 }
 
 // ---- hybrid -------------------------------------------------------------------------------------
@@ -408,7 +406,7 @@ class HybridPrinter {
   std::vector<Force> forces_;
 };
 
-int Hybrid(const Arguments& arguments) {
+ExitStatus Hybrid(const Arguments& arguments) {
   Robot robot = LoadRobot(arguments);
   Prescribe(robot, arguments.prescribed);
   if (!arguments.gravity.empty()) {
@@ -437,21 +435,18 @@ int Hybrid(const Arguments& arguments) {
   }
   if (std::cin.bad() || std::ferror(stdin) != 0)
     throw std::runtime_error("standard input: cannot be read");
-  return kGood;
+  return ExitStatus::kDone;
 }
 
-}  // namespace
-}  // namespace tumbler
-
-int main(int argc, char** argv) {
-  tumbler::Arguments arguments;
-  CLI::App app{
+ExitStatus Main(int argc, char** argv) {
+  Arguments arguments;
+  CommandLine line(
       "Shows what a robot file (URDF) holds, and evaluates its equations of motion.\n"
-      "Exit status: 0 usable; 1 bad input."};
-  app.require_subcommand(1);
-  CLI::App* const check = app.add_subcommand(
+      "Exit status: 0 usable; 1 bad input.");
+  line.RequireSubcommand();
+  CommandLine check = line.Subcommand(
       "check", "Degrees of freedom, masses, what is not physical, collision shapes without use");
-  CLI::App* const hybrid = app.add_subcommand(
+  CommandLine hybrid = line.Subcommand(
       "hybrid",
       "Hybrid dynamics (tau_a, qdd_p) = g(q, qd, qdd_a) of states from standard input.\n\n"
       "One state a line; blank lines and what follows # are skipped:\n"
@@ -474,30 +469,23 @@ int main(int argc, char** argv) {
       "acceleration).\n"
       "Forces stay constant in world axes then, and their points move with the links.\n"
       "Free joints have no force of their own but the damping of the file.");
-  for (CLI::App* command : {check, hybrid}) {
-    command->add_option("ROBOT", arguments.robot, "Robot file (URDF)")->required();
-    command->add_option("--root", arguments.root, "How the root link is held")
-        ->check(CLI::IsMember({"planar-xz", "fixed", "floating"}))
-        ->capture_default_str();
+  for (CommandLine command : {check, hybrid}) {
+    command.Option("ROBOT", arguments.robot, "Robot file (URDF)").Required();
+    command.Option("--root", arguments.root, "How the root link is held")
+        .OneOf({"planar-xz", "fixed", "floating"})
+        .ShowDefault();
   }
-  hybrid->add_option("--prescribed", arguments.prescribed,
-                     "Joints (or coordinates of the root) whose acceleration is given, separated "
-                     "by commas; the others are free");
-  hybrid->add_flag("--derivatives", arguments.derivatives, "Print the partial derivatives as well");
-  hybrid->add_option("--gravity", arguments.gravity, "World axes [m/s^2], default 0 0 -9.81")
-      ->expected(3)
-      ->allow_extra_args(false)
-      ->type_name("X Y Z");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? tumbler::kGood : tumbler::kBadInput;
-  }
-  try {
-    return check->parsed() ? tumbler::Check(arguments) : tumbler::Hybrid(arguments);
-  } catch (const std::exception& error) {
-    std::fflush(stdout);
-    fmt::print(stderr, "error: {}\n", error.what());
-    return tumbler::kBadInput;
-  }
+  hybrid.Option("--prescribed", arguments.prescribed,
+                "Joints (or coordinates of the root) whose acceleration is given, separated "
+                "by commas; the others are free");
+  hybrid.Flag("--derivatives", arguments.derivatives, "Print the partial derivatives as well");
+  hybrid.Option("--gravity", arguments.gravity, "World axes [m/s^2], default 0 0 -9.81")
+      .TakesValues(3, "X Y Z");
+  line.Parse(argc, argv);
+  return check.given() ? Check(arguments) : Hybrid(arguments);
 }
+
+}  // namespace
+}  // namespace tumbler
+
+int main(int argc, char** argv) { return tumbler::RunProgram("error", argc, argv, tumbler::Main); }

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <atomic>
 #include <cerrno>
@@ -13,7 +12,6 @@
 #include <csignal>
 #include <cstdio>
 #include <ctime>
-#include <exception>
 #include <filesystem>
 #include <fstream>
 #include <limits>
@@ -26,6 +24,8 @@
 #include <utility>
 #include <vector>
 
+#include "common/command_line.h"
+#include "common/program.h"
 #include "common/toml_reader.h"
 #include "offline/certificate/certificate.h"
 #include "offline/problem/task_toml.h"
@@ -35,8 +35,6 @@
 
 namespace tumbler {
 namespace {
-
-enum ExitStatus { kFound = 0, kBadInput = 1, kNotFound = 2, kInterruptedBySignal = 130 };
 
 // The one thing that a signal handler can reach.
 std::atomic<bool> interrupt_requested = false;
@@ -534,7 +532,7 @@ void Flush(std::FILE* stream) {
     throw std::runtime_error(fmt::format("standard output: {}", SystemMessage(errno)));
 }
 
-int OptimizeOne(const Arguments& arguments) {
+ExitStatus OptimizeOne(const Arguments& arguments) {
   std::vector<std::string> inputs = {arguments.tasks.front()};
   Task task = Load(arguments, arguments.tasks.front());
   if (!arguments.start_from.empty()) inputs.push_back(arguments.start_from);
@@ -559,13 +557,13 @@ int OptimizeOne(const Arguments& arguments) {
     fmt::print(stderr, "interrupted: {}; no file was written\n",
                !arguments.keep_best ? "the best motion so far is dropped (--keep-best keeps it)"
                                     : "no motion within the limits was found so far");
-    return kInterruptedBySignal;
+    return ExitStatus::kInterrupted;
   };
   if (result.outcome.interrupted) {
     if (!result.file) return drop();
   } else if (!result.usable) {
     fmt::print(stderr, "no motion was found: {}\nno file was written\n", result.cause);
-    return kNotFound;
+    return ExitStatus::kRefused;
   }
 
   const std::string text = ToToml(*result.file);
@@ -594,12 +592,12 @@ int OptimizeOne(const Arguments& arguments) {
   if (!arguments.out.empty()) fmt::print(people, "  primitive {}\n", arguments.out);
   if (!page.empty()) fmt::print(people, "  report {}\n", page);
   Flush(people);
-  return interrupted ? kInterruptedBySignal : kFound;
+  return interrupted ? ExitStatus::kInterrupted : ExitStatus::kDone;
 }
 
 /// Several tasks one after the other, and a table that ranks them. The primitive of each is
 /// DIR/NAME.toml, its report REPORT/NAME.
-int OptimizeSeveral(const Arguments& arguments) {
+ExitStatus OptimizeSeveral(const Arguments& arguments) {
   if (!arguments.start_from.empty())
     throw std::invalid_argument("--start-from: is for one task; give the tasks one at a time");
   namespace fs = std::filesystem;
@@ -701,76 +699,63 @@ int OptimizeSeveral(const Arguments& arguments) {
   if (interrupt_requested) {
     fmt::print(stderr, "interrupted: {} of {} tasks were worked on\n", results.size(),
                tasks.size());
-    return kInterruptedBySignal;
+    return ExitStatus::kInterrupted;
   }
-  return all_found ? kFound : kNotFound;
+  return all_found ? ExitStatus::kDone : ExitStatus::kRefused;
 }
 
-int Optimize(const Arguments& arguments) {
+ExitStatus Optimize(const Arguments& arguments) {
   return arguments.tasks.size() == 1 ? OptimizeOne(arguments) : OptimizeSeveral(arguments);
+}
+
+std::int64_t ReadSeed(const std::string& text) {
+  std::int64_t seed = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), seed);
+  if (error != std::errc() || end != text.data() + text.size() || seed < 0) {
+    throw UsageError("--seed", fmt::format("is '{}'; allowed: from 0 ... {}", text,
+                                           std::numeric_limits<std::int64_t>::max()));
+  }
+  return seed;
+}
+
+ExitStatus Main(int argc, char** argv) {
+  Arguments arguments;
+  CommandLine line(
+      "Finds a motion for a task and writes it as a primitive.\n"
+      "Exit status: 0 found; 1 bad input; 2 no motion within the limits was found (of any task); "
+      "130 "
+      "interrupted.");
+  line.Option("TASK", arguments.tasks,
+              "Task file (TOML); several are worked on one by one, and ranked")
+      .Required();
+  line.Option("--start-from", arguments.start_from,
+              "Start where this primitive leaves the robot (its simulated exit), not in the "
+              "task's own start pose");
+  line.Option("--out", arguments.out,
+              "Write the primitive here; for several tasks the folder, for NAME.toml of each");
+  // Read by hand: as a number, one that is too large would count as the largest that fits.
+  line.Option(
+      "--seed", "INT", [&arguments](const std::string& text) { arguments.seed = ReadSeed(text); },
+      "Seed of the global search, instead of the task's");
+  line.Option("--threads", arguments.threads, "Threads; the result does not depend on it")
+      .Within(1, 256)
+      .ShowDefault();
+  line.Option("--report", arguments.report,
+              "Write a page that shows the motion into this folder; for several tasks into "
+              "its folder NAME");
+  line.Option("--json", arguments.json,
+              "Write figures as JSON to this file, or to standard output for -");
+  line.Option("--minima", arguments.minima,
+              "Solve this many starts to the end, and show a table of all minima found")
+      .Within(1, 1000);
+  line.Flag("--keep-best", arguments.keep_best,
+            "When interrupted, still write the best motion so far");
+  line.RejectEmptyValues();
+  line.Parse(argc, argv);
+  return Optimize(arguments);
 }
 
 }  // namespace
 }  // namespace tumbler
 
-int main(int argc, char** argv) {
-  tumbler::Arguments arguments;
-  CLI::App app{
-      "Finds a motion for a task and writes it as a primitive.\n"
-      "Exit status: 0 found; 1 bad input; 2 no motion within the limits was found (of any task); "
-      "130 "
-      "interrupted."};
-  app.add_option("TASK", arguments.tasks,
-                 "Task file (TOML); several are worked on one by one, and ranked")
-      ->required();
-  app.add_option("--start-from", arguments.start_from,
-                 "Start where this primitive leaves the robot (its simulated exit), not in the "
-                 "task's own start pose");
-  app.add_option("--out", arguments.out,
-                 "Write the primitive here; for several tasks the folder, for NAME.toml of each");
-  // Read by hand: CLI11 takes a number that is too large for the largest that fits.
-  app.add_option_function<std::string>(
-         "--seed",
-         [&arguments](const std::string& text) {
-           std::int64_t seed = 0;
-           const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), seed);
-           if (error != std::errc() || end != text.data() + text.size() || seed < 0) {
-             throw CLI::ValidationError("--seed",
-                                        fmt::format("is '{}'; allowed: from 0 ... {}", text,
-                                                    std::numeric_limits<std::int64_t>::max()));
-           }
-           arguments.seed = seed;
-         },
-         "Seed of the global search, instead of the task's")
-      ->type_name("INT");
-  app.add_option("--threads", arguments.threads, "Threads; the result does not depend on it")
-      ->check(CLI::Range(1, 256))
-      ->capture_default_str();
-  app.add_option("--report", arguments.report,
-                 "Write a page that shows the motion into this folder; for several tasks into "
-                 "its folder NAME");
-  app.add_option("--json", arguments.json,
-                 "Write figures as JSON to this file, or to standard output for -");
-  app.add_option("--minima", arguments.minima,
-                 "Solve this many starts to the end, and show a table of all minima found")
-      ->check(CLI::Range(1, 1000));
-  app.add_flag("--keep-best", arguments.keep_best,
-               "When interrupted, still write the best motion so far");
-  for (CLI::Option* option : app.get_options()) {
-    if (option->get_expected_max() == 0) continue;
-    option->check([](const std::string& value) {
-      return value.empty() ? std::string("is empty") : std::string();
-    });
-  }
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : tumbler::kBadInput;
-  }
-  try {
-    return tumbler::Optimize(arguments);
-  } catch (const std::exception& error) {
-    fmt::print(stderr, "error: {}\n", error.what());
-    return tumbler::kBadInput;
-  }
-}
+int main(int argc, char** argv) { return tumbler::RunProgram("error", argc, argv, tumbler::Main); }

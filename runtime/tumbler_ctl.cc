@@ -3,11 +3,9 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <CLI/CLI.hpp>
 #include <chrono>
 #include <csignal>
 #include <cstdio>
-#include <exception>
 #include <functional>
 #include <lcm/lcm-cpp.hpp>
 #include <random>
@@ -15,16 +13,14 @@
 #include <string>
 #include <tumbler/command_t.hpp>
 
+#include "common/command_line.h"
+#include "common/program.h"
 #include "runtime/linux/operator_mailbox.h"
 #include "runtime/telemetry/live_view.h"
 #include "runtime/telemetry/telemetry.h"
 
 namespace tumbler {
 namespace {
-
-constexpr int kExitUsage = 1;
-constexpr int kExitRefused = 2;
-constexpr int kExitFault = 3;
 
 constexpr const char* kFooter =
     R"(It speaks with a tumbler-run that was started with the same --lcm-url, and says what became of the request.
@@ -139,13 +135,13 @@ class Remote {
   std::random_device random_;
 };
 
-int Request(Remote& remote, std::int8_t command, const std::string& branch) {
+ExitStatus Request(Remote& remote, std::int8_t command, const std::string& branch) {
   const char* name = ToString(static_cast<OperatorRequest>(command));
   const state_t answer = remote.Ask(command, branch);
   const auto refusal = static_cast<Refusal>(answer.request_refusal);
   if (refusal == Refusal::kNone) {
     fmt::print("{}: taken at tick {}\n", name, answer.tick);
-    return 0;
+    return ExitStatus::kDone;
   }
   RefusalDetail report;
   report.refusal = refusal;
@@ -153,17 +149,17 @@ int Request(Remote& remote, std::int8_t command, const std::string& branch) {
       stderr, "tumbler-ctl: {} refused: {} (state {})\n", name,
       refusal == Refusal::kNoSuchBranch ? fmt::format("no branch '{}'", branch) : ToString(refusal),
       ToString(static_cast<ExecutorState>(answer.state)));
-  return kExitRefused;
+  return ExitStatus::kRefused;
 }
 
-int Status(Remote& remote, bool json) {
+ExitStatus Status(Remote& remote, bool json) {
   remote.WaitForState();
   remote.Wait(1.5, [&] { return remote.view().run().has_value(); });
   fmt::print("{}", json ? remote.view().Json() : remote.view().Screen());
-  return remote.view().state()->faults == 0 ? 0 : kExitFault;
+  return remote.view().state()->faults == 0 ? ExitStatus::kDone : ExitStatus::kFault;
 }
 
-int Watch(Remote& remote) {
+ExitStatus Watch(Remote& remote) {
   const bool terminal = isatty(STDOUT_FILENO) != 0;
   remote.WaitForState();
   std::optional<Screen> screen;
@@ -185,55 +181,46 @@ int Watch(Remote& remote) {
       std::fflush(stdout);
     }
   }
-  return 0;
+  return ExitStatus::kDone;
 }
 
-int Main(int argc, char** argv) {
+ExitStatus Main(int argc, char** argv) {
   std::string url = "udpm://239.255.76.67:7667?ttl=0";
   std::string branch;
   bool json = false;
-  CLI::App app("Asks a running tumbler-run for something, or shows what it does.", "tumbler-ctl");
-  app.footer(kFooter);
-  app.require_subcommand(1);
-  app.fallthrough();
-  app.add_option("--lcm-url", url, "where tumbler-run publishes")->capture_default_str();
-  app.add_subcommand("start", "begin a run");
-  app.add_subcommand("branch", "take a branch")->add_option("NAME", branch, "of it")->required();
-  app.add_subcommand("finish", "end at the next safe node");
-  app.add_subcommand("stop", "brake at once");
-  app.add_subcommand("disarm", "torque off at once");
-  app.add_subcommand("clear", "forget latched faults");
-  app.add_subcommand("status", "what runs, once")->add_flag("--json", json, "as JSON");
-  app.add_subcommand("watch", "what runs, live");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::CallForHelp& help) {
-    return app.exit(help);
-  } catch (const CLI::ParseError& error) {
-    app.exit(error);
-    return kExitUsage;
-  }
+  CommandLine line("Asks a running tumbler-run for something, or shows what it does.",
+                   "tumbler-ctl");
+  line.SetFooter(kFooter);
+  line.RequireSubcommand();
+  line.AllowOptionsAfterSubcommand();
+  line.Option("--lcm-url", url, "where tumbler-run publishes").ShowDefault();
+  line.Subcommand("start", "begin a run");
+  line.Subcommand("branch", "take a branch").Option("NAME", branch, "of it").Required();
+  line.Subcommand("finish", "end at the next safe node");
+  line.Subcommand("stop", "brake at once");
+  line.Subcommand("disarm", "torque off at once");
+  line.Subcommand("clear", "forget latched faults");
+  line.Subcommand("status", "what runs, once").Flag("--json", json, "as JSON");
+  line.Subcommand("watch", "what runs, live");
+  line.Parse(argc, argv);
   struct sigaction action {};
   action.sa_handler = OnInterrupt;
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
-  try {
-    Remote remote(url);
-    const std::string name = app.get_subcommands().front()->get_name();
-    if (name == "status") return Status(remote, json);
-    if (name == "watch") return Watch(remote);
-    for (int command = command_t::START; command <= command_t::DISARM; ++command) {
-      if (name == ToString(static_cast<OperatorRequest>(command)))
-        return Request(remote, static_cast<std::int8_t>(command), branch);
-    }
-    throw std::logic_error("a subcommand without a request");
-  } catch (const std::exception& error) {
-    fmt::print(stderr, "tumbler-ctl: {}\n", error.what());
-    return kExitUsage;
+  Remote remote(url);
+  const std::string name = line.given_subcommand();
+  if (name == "status") return Status(remote, json);
+  if (name == "watch") return Watch(remote);
+  for (int command = command_t::START; command <= command_t::DISARM; ++command) {
+    if (name == ToString(static_cast<OperatorRequest>(command)))
+      return Request(remote, static_cast<std::int8_t>(command), branch);
   }
+  throw std::logic_error("a subcommand without a request");
 }
 
 }  // namespace
 }  // namespace tumbler
 
-int main(int argc, char** argv) { return tumbler::Main(argc, argv); }
+int main(int argc, char** argv) {
+  return tumbler::RunProgram("tumbler-ctl", argc, argv, tumbler::Main);
+}

@@ -2,11 +2,9 @@
 
 #include <fmt/format.h>
 
-#include <CLI/CLI.hpp>
 #include <cerrno>
 #include <cstdint>
 #include <cstdio>
-#include <exception>
 #include <lcm/lcm-cpp.hpp>
 #include <memory>
 #include <optional>
@@ -18,6 +16,8 @@
 #include <tumbler/state_t.hpp>
 #include <vector>
 
+#include "common/command_line.h"
+#include "common/program.h"
 #include "runtime/core/faults.h"
 #include "runtime/telemetry/live_view.h"
 #include "runtime/telemetry/state_csv.h"
@@ -25,9 +25,6 @@
 
 namespace tumbler {
 namespace {
-
-constexpr int kExitUsage = 1;
-constexpr int kExitIncomplete = 4;
 
 constexpr const char* kFooter =
     R"(LOG is what `tumbler-run --log` or lcm-logger wrote. Without --csv its events and a summary are printed. The columns of
@@ -128,7 +125,7 @@ Contents Read(const std::string& path, std::FILE* table, bool events) {
   return contents;
 }
 
-int Convert(const std::string& path, const std::string& csv) {
+ExitStatus Convert(const std::string& path, const std::string& csv) {
   File table;
   std::string part;
   std::FILE* out = nullptr;
@@ -167,34 +164,23 @@ int Convert(const std::string& path, const std::string& csv) {
       text, "{} ticks; {} missing ({} of them never recorded); {} messages damaged, {} of others\n",
       contents.states, contents.missing, unrecorded, contents.damaged, contents.foreign);
   if (!csv.empty() && csv != "-") fmt::print(text, "wrote {}\n", csv);
-  return contents.missing + contents.damaged > 0 ? kExitIncomplete : 0;
+  return contents.missing + contents.damaged > 0 ? ExitStatus::kAmiss : ExitStatus::kDone;
 }
 
-int Main(int argc, char** argv) {
+ExitStatus Main(int argc, char** argv) {
   std::string path;
   std::string csv;
-  CLI::App app("Shows an LCM log of tumbler-run, or converts it to CSV.", "tumbler-log");
-  app.footer(kFooter);
-  app.add_option("LOG", path, "LCM log")->required();
-  app.add_option("--csv", csv,
-                 "write a table, one row a tick, to this file; - for standard output");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::CallForHelp& help) {
-    return app.exit(help);
-  } catch (const CLI::ParseError& error) {
-    app.exit(error);
-    return kExitUsage;
-  }
-  try {
-    return Convert(path, csv);
-  } catch (const std::exception& error) {
-    fmt::print(stderr, "tumbler-log: {}\n", error.what());
-    return kExitUsage;
-  }
+  CommandLine line("Shows an LCM log of tumbler-run, or converts it to CSV.", "tumbler-log");
+  line.SetFooter(kFooter);
+  line.Option("LOG", path, "LCM log").Required();
+  line.Option("--csv", csv, "write a table, one row a tick, to this file; - for standard output");
+  line.Parse(argc, argv);
+  return Convert(path, csv);
 }
 
 }  // namespace
 }  // namespace tumbler
 
-int main(int argc, char** argv) { return tumbler::Main(argc, argv); }
+int main(int argc, char** argv) {
+  return tumbler::RunProgram("tumbler-log", argc, argv, tumbler::Main);
+}

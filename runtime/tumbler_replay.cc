@@ -2,14 +2,12 @@
 
 #include <fmt/format.h>
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
-#include <exception>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -18,6 +16,8 @@
 #include <string_view>
 #include <vector>
 
+#include "common/command_line.h"
+#include "common/program.h"
 #include "runtime/assembly/run_checks.h"
 #include "runtime/linux/candump.h"
 #include "runtime/linux/interrupts.h"
@@ -34,10 +34,6 @@
 namespace tumbler {
 namespace {
 
-constexpr int kExitDifferent = 1;
-constexpr int kExitUnusable = 2;
-constexpr int kExitNotPlayed = 3;
-
 constexpr const char* kFooter =
     R"(RECORD is a flight record of tumbler-run, or a log of `candump -l`.
 
@@ -52,9 +48,10 @@ Of a log, --drives says which drives sent and were sent its frames; it prints ho
 
 Exit codes:
   0    identical; played, with the recorded setpoints; a log was read
-  1    a tick differs, is damaged or was not recorded; other setpoints than the recorded ones were played
-  2    wrong usage, or a file or interface that cannot be used
-  3    the play was refused or ended by a fault
+  1    wrong usage, or a file or interface that cannot be used
+  2    the play was refused
+  3    the play was ended by a fault
+  4    a tick differs, is damaged or was not recorded; other setpoints than the recorded ones were played
   130  the play was stopped by Ctrl-C)";
 
 struct Options {
@@ -70,7 +67,7 @@ struct Options {
   bool without_realtime = false;
 };
 
-int ReplayOffline(FlightRecord& record) {
+ExitStatus ReplayOffline(FlightRecord& record) {
   const ReplayResult report = Replay(record);
   const std::string compared = fmt::format("{} ticks, {} frames in, {} frames out", report.ticks,
                                            report.frames_in, report.frames_out);
@@ -87,7 +84,7 @@ int ReplayOffline(FlightRecord& record) {
       for (const std::string& remark : record.Remarks()) fmt::print("{}\n", remark);
     }
   }
-  return report.identical() ? 0 : kExitDifferent;
+  return report.identical() ? ExitStatus::kDone : ExitStatus::kAmiss;
 }
 
 /// Prints how two runs compare. @returns whether their setpoints are the same.
@@ -112,14 +109,15 @@ RunTrace LoadTrace(FlightRecord& record) {
   return TraceOf(record, configured.drives());
 }
 
-int CompareRecords(FlightRecord& record, const Options& options) {
+ExitStatus CompareRecords(FlightRecord& record, const Options& options) {
   const MappedFile file(options.against);
   FlightRecord other(file.bytes(), options.against);
   const RunTrace played = LoadTrace(other);
-  return ReportComparison(LoadTrace(record), played, options, stdout) ? 0 : kExitDifferent;
+  const bool same = ReportComparison(LoadTrace(record), played, options, stdout);
+  return same ? ExitStatus::kDone : ExitStatus::kAmiss;
 }
 
-int ReadLog(std::string_view text, const Options& options) {
+ExitStatus ReadLog(std::string_view text, const Options& options) {
   if (options.drives.empty()) {
     throw std::runtime_error(fmt::format(
         "{}: is not a flight record; of a candump log, say with --drives which drives are in it",
@@ -139,7 +137,7 @@ int ReadLog(std::string_view text, const Options& options) {
     WriteSvg(trace, nullptr, options.svg);
     fmt::print("wrote {}\n", options.svg);
   }
-  return 0;
+  return ExitStatus::kDone;
 }
 
 /// What the operator wanted while the motion was played, by ticks since its first.
@@ -337,7 +335,7 @@ Played Play(const RecordConfiguration& configuration, const std::vector<Recorded
   return played;
 }
 
-int PlayOnBus(FlightRecord& record, const Options& options) {
+ExitStatus PlayOnBus(FlightRecord& record, const Options& options) {
   const RecordConfiguration configuration = ConfigurationToPlay(record.configuration(), options);
   const RunTrace recorded = LoadTrace(record);
   if (recorded.samples.empty() || recorded.samples[0].empty()) {
@@ -360,19 +358,20 @@ int PlayOnBus(FlightRecord& record, const Options& options) {
   const bool same = ReportComparison(recorded, trace, options, out);
   switch (played.outcome) {
     case RunOutcome::kRefused:
+      return ExitStatus::kRefused;
     case RunOutcome::kPending:
     case RunOutcome::kFault:
-      return kExitNotPlayed;
+      return ExitStatus::kFault;
     case RunOutcome::kStopped:
       // As it was recorded, or by somebody now.
-      return same && !wishes.empty() ? 0 : 130;
+      return same && !wishes.empty() ? ExitStatus::kDone : ExitStatus::kInterrupted;
     case RunOutcome::kCompleted:
       break;
   }
-  return same || !options.primitive.empty() ? 0 : kExitDifferent;
+  return same || !options.primitive.empty() ? ExitStatus::kDone : ExitStatus::kAmiss;
 }
 
-int Run(const Options& options) {
+ExitStatus Run(const Options& options) {
   const MappedFile file(options.record);
   if (StartOf(file.bytes()) == RecordStart::kNotARecord) {
     return ReadLog({reinterpret_cast<const char*>(file.bytes().data()), file.bytes().size()},
@@ -390,47 +389,34 @@ int Run(const Options& options) {
   return ReplayOffline(record);
 }
 
-int Main(int argc, char** argv) {
+ExitStatus Main(int argc, char** argv) {
   Options options;
-  CLI::App app("Replays a flight record of tumbler-run.", "tumbler-replay");
-  app.footer(kFooter);
-  app.add_option("RECORD", options.record, "flight record, or log of candump")->required();
-  auto* against = app.add_option("--against", options.against,
-                                 "compare setpoints and replies with those of this other record");
-  auto* bus = app.add_option("--bus", options.bus, "play on this SocketCAN interface");
-  against->excludes(bus);
-  app.add_flag("--arm", options.arm, "drive the motors; without it this is a dry run")->needs(bus);
-  app.add_flag("--realtime", options.realtime, "SCHED_FIFO and locked memory")->needs(bus);
-  app.add_flag("--without-realtime", options.without_realtime,
-               "arm even though they are not in force")
-      ->needs(bus);
-  app.add_option("--primitive", options.primitive, "play this primitive instead of the recorded")
-      ->needs(bus);
-  app.add_option("--record", options.record_to, "keep the record of the play in this file")
-      ->needs(bus);
-  app.add_option("--drives", options.drives,
-                 "drives file: of a log, or of the bus where it is not that of the record");
-  app.add_option("--svg", options.svg, "draw setpoints, replies and errors into this file");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::CallForHelp& help) {
-    return app.exit(help);
-  } catch (const CLI::ParseError& error) {
-    app.exit(error);
-    return kExitUnusable;
-  }
-  try {
-    return Run(options);
-  } catch (const Refused& refused) {
-    fmt::print(stderr, "tumbler-replay: refused: {}\n", refused.what());
-    return kExitNotPlayed;
-  } catch (const std::exception& error) {
-    fmt::print(stderr, "tumbler-replay: {}\n", error.what());
-    return kExitUnusable;
-  }
+  CommandLine line("Replays a flight record of tumbler-run.", "tumbler-replay");
+  line.SetFooter(kFooter);
+  line.Option("RECORD", options.record, "flight record, or log of candump").Required();
+  CommandLineOption against =
+      line.Option("--against", options.against,
+                  "compare setpoints and replies with those of this other record");
+  const CommandLineOption bus =
+      line.Option("--bus", options.bus, "play on this SocketCAN interface");
+  against.Excludes(bus);
+  line.Flag("--arm", options.arm, "drive the motors; without it this is a dry run").Needs(bus);
+  line.Flag("--realtime", options.realtime, "SCHED_FIFO and locked memory").Needs(bus);
+  line.Flag("--without-realtime", options.without_realtime, "arm even though they are not in force")
+      .Needs(bus);
+  line.Option("--primitive", options.primitive, "play this primitive instead of the recorded")
+      .Needs(bus);
+  line.Option("--record", options.record_to, "keep the record of the play in this file").Needs(bus);
+  line.Option("--drives", options.drives,
+              "drives file: of a log, or of the bus where it is not that of the record");
+  line.Option("--svg", options.svg, "draw setpoints, replies and errors into this file");
+  line.Parse(argc, argv);
+  return Run(options);
 }
 
 }  // namespace
 }  // namespace tumbler
 
-int main(int argc, char** argv) { return tumbler::Main(argc, argv); }
+int main(int argc, char** argv) {
+  return tumbler::RunProgram("tumbler-replay", argc, argv, tumbler::Main);
+}

@@ -2,20 +2,18 @@
 
 #include <fmt/format.h>
 
-#include <CLI/CLI.hpp>
 #include <cstdio>
-#include <exception>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
+#include "common/command_line.h"
+#include "common/program.h"
 #include "offline/rehearsal/flight_report/flight_report.h"
 #include "runtime/record/flight_record.h"
 
 namespace tumbler {
 namespace {
-
-enum ExitStatus { kWritten = 0, kBadInput = 1 };
 
 /// More make plots that nobody can read.
 constexpr std::size_t kRunsMax = 6;
@@ -32,7 +30,7 @@ bool IsRecord(const std::string& path) {
   return StartOf(file.bytes()) != RecordStart::kNotARecord && !file.bytes().empty();
 }
 
-int Report(const Arguments& arguments) {
+ExitStatus Report(const Arguments& arguments) {
   std::vector<RunData> runs;
   std::size_t truths = 0;
   for (const std::string& path : arguments.files) {
@@ -66,59 +64,55 @@ int Report(const Arguments& arguments) {
     }
   }
   fmt::print("wrote {}\n", page);
-  return kWritten;
+  return ExitStatus::kDone;
 }
 
-}  // namespace
-}  // namespace tumbler
+/// What no option by itself can get wrong.
+void CheckTogether(const Arguments& arguments) {
+  if (arguments.files.size() > kRunsMax) {
+    throw UsageError("RECORD|PRIMITIVE",
+                     fmt::format("are {}, allowed: 1 ... {}", arguments.files.size(), kRunsMax));
+  }
+  if (!(arguments.options.from_s < arguments.options.to_s)) {
+    throw UsageError("--from", fmt::format("is {}, must be before --to, {}",
+                                           arguments.options.from_s, arguments.options.to_s));
+  }
+  if (arguments.out.empty()) throw UsageError("--out", "is empty");
+}
 
-int main(int argc, char** argv) {
-  tumbler::Arguments arguments;
-  CLI::App app(
+ExitStatus Main(int argc, char** argv) {
+  Arguments arguments;
+  CommandLine line(
       "Shows runs and plans on one page: plan, command, measurement and truth of every joint on "
       "one "
       "time axis, the robots of plan and truth, faults and transitions, latencies, and how runs "
       "differ.\nExit status: 0 written; 1 wrong usage, or a file that cannot be used: nothing is "
       "written then.",
       "tumbler-report");
-  app.add_option("RECORD|PRIMITIVE", arguments.files,
-                 "flight records (tumbler-run --record) and primitives, of one robot")
-      ->required();
-  app.add_option("--out", arguments.out, "folder for the page, index.html")->required();
-  app.add_option(
-         "--truth", arguments.truths,
-         "LCM log with TUMBLER_TRUTH (tumbler-twin --truth) of the first record; given again, "
-         "of the second, ...")
-      ->allow_extra_args(false);
-  app.add_option(
-         "--ticks", arguments.options.ticks_max,
-         "how many ticks of each run the plots have, and those that stand out; figures are of "
-         "all ticks")
-      ->check(CLI::Range(100, 200'000))
-      ->capture_default_str();
-  app.add_option("--from", arguments.options.from_s,
-                 "show the runs from this time on only [s]; 0 is where the motion begins");
-  app.add_option("--to", arguments.options.to_s, "show the runs up to this time only [s]");
-  try {
-    app.parse(argc, argv);
-    if (arguments.files.size() > tumbler::kRunsMax) {
-      throw CLI::ValidationError(
-          "RECORD|PRIMITIVE",
-          fmt::format("are {}, allowed: 1 ... {}", arguments.files.size(), tumbler::kRunsMax));
-    }
-    if (!(arguments.options.from_s < arguments.options.to_s)) {
-      throw CLI::ValidationError(
-          "--from", fmt::format("is {}, must be before --to, {}", arguments.options.from_s,
-                                arguments.options.to_s));
-    }
-    if (arguments.out.empty()) throw CLI::ValidationError("--out", "is empty");
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? tumbler::kWritten : tumbler::kBadInput;
-  }
-  try {
-    return tumbler::Report(arguments);
-  } catch (const std::exception& error) {
-    fmt::print(stderr, "tumbler-report: {}\n", error.what());
-    return tumbler::kBadInput;
-  }
+  line.Option("RECORD|PRIMITIVE", arguments.files,
+              "flight records (tumbler-run --record) and primitives, of one robot")
+      .Required();
+  line.Option("--out", arguments.out, "folder for the page, index.html").Required();
+  line.Option("--truth", arguments.truths,
+              "LCM log with TUMBLER_TRUTH (tumbler-twin --truth) of the first record; given again, "
+              "of the second, ...")
+      .TakesOneValueEachTime();
+  line.Option("--ticks", arguments.options.ticks_max,
+              "how many ticks of each run the plots have, and those that stand out; figures are of "
+              "all ticks")
+      .Within(100, 200'000)
+      .ShowDefault();
+  line.Option("--from", arguments.options.from_s,
+              "show the runs from this time on only [s]; 0 is where the motion begins");
+  line.Option("--to", arguments.options.to_s, "show the runs up to this time only [s]");
+  line.Parse(argc, argv);
+  CheckTogether(arguments);
+  return Report(arguments);
+}
+
+}  // namespace
+}  // namespace tumbler
+
+int main(int argc, char** argv) {
+  return tumbler::RunProgram("tumbler-report", argc, argv, tumbler::Main);
 }

@@ -3,11 +3,9 @@
 
 #include <fmt/format.h>
 
-#include <CLI/CLI.hpp>
 #include <chrono>
 #include <csignal>
 #include <cstdio>
-#include <exception>
 #include <fstream>
 #include <iostream>
 #include <nlohmann/json.hpp>
@@ -16,6 +14,8 @@
 #include <utility>
 #include <vector>
 
+#include "common/command_line.h"
+#include "common/program.h"
 #include "common/sequence_toml.h"
 #include "firmware_interface/drives/drive_server.h"
 #include "firmware_interface/drives/drives_toml.h"
@@ -25,9 +25,6 @@
 
 namespace tumbler {
 namespace {
-
-constexpr int kExitUsage = 1;
-constexpr int kExitFell = 4;
 
 constexpr const char* kFooter =
     R"(The robot and the ground are those of MOTION, a primitive or a sequence; FILE of --config says what differs, what
@@ -135,7 +132,7 @@ std::int64_t UtimeNow() {
   return std::chrono::duration_cast<std::chrono::microseconds>(since_epoch).count();
 }
 
-int Run(const Options& options) {
+ExitStatus Run(const Options& options) {
   TwinSources sources;
   if (!options.config.empty()) sources = ReadTwinSources(options.config);
   const SequenceFile motion =
@@ -187,44 +184,34 @@ int Run(const Options& options) {
     for (; told < events.size(); ++told) DriveServer::Say(Describe(events[told]));
   }
   WriteJson(options, robot);
-  return robot.posture().falls() > 0 ? kExitFell : 0;
+  return robot.posture().falls() > 0 ? ExitStatus::kAmiss : ExitStatus::kDone;
 }
 
-int Main(int argc, char** argv) {
+ExitStatus Main(int argc, char** argv) {
   Options options;
-  CLI::App app("The robot as a process: simulated drives and physics on a SocketCAN interface.",
-               "tumbler-twin");
-  app.footer(kFooter);
-  app.add_option("BUS", options.interface, "SocketCAN interface, e.g. vcan0")->required();
-  app.add_option("MOTION", options.motion, "primitive or sequence file (TOML)");
-  app.add_option("--config", options.config, "the robot as it is, with disturbances (TOML)");
-  app.add_option("--drives", options.drives, "drive configuration (TOML)");
-  app.add_option("--lcm-url", options.lcm_url,
-                 "publish truth_t there, e.g. udpm://239.255.76.67:7667?ttl=0");
-  app.add_option("--truth", options.truth, "write truth_t to this LCM log");
-  app.add_option("--pace", options.pace,
-                 "seconds of the robot in a second of the clock; tumbler-run needs the same")
-      ->check(CLI::Range(0.05, 1.0))
-      ->capture_default_str();
-  app.add_option("--json", options.json,
-                 "at the end, write what happened to this file, or - for standard output");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::CallForHelp& help) {
-    return app.exit(help);
-  } catch (const CLI::ParseError& error) {
-    app.exit(error);
-    return kExitUsage;
-  }
-  try {
-    return Run(options);
-  } catch (const std::exception& error) {
-    fmt::print(stderr, "tumbler-twin: {}\n", error.what());
-    return kExitUsage;
-  }
+  CommandLine line("The robot as a process: simulated drives and physics on a SocketCAN interface.",
+                   "tumbler-twin");
+  line.SetFooter(kFooter);
+  line.Option("BUS", options.interface, "SocketCAN interface, e.g. vcan0").Required();
+  line.Option("MOTION", options.motion, "primitive or sequence file (TOML)");
+  line.Option("--config", options.config, "the robot as it is, with disturbances (TOML)");
+  line.Option("--drives", options.drives, "drive configuration (TOML)");
+  line.Option("--lcm-url", options.lcm_url,
+              "publish truth_t there, e.g. udpm://239.255.76.67:7667?ttl=0");
+  line.Option("--truth", options.truth, "write truth_t to this LCM log");
+  line.Option("--pace", options.pace,
+              "seconds of the robot in a second of the clock; tumbler-run needs the same")
+      .Within(0.05, 1.0)
+      .ShowDefault();
+  line.Option("--json", options.json,
+              "at the end, write what happened to this file, or - for standard output");
+  line.Parse(argc, argv);
+  return Run(options);
 }
 
 }  // namespace
 }  // namespace tumbler
 
-int main(int argc, char** argv) { return tumbler::Main(argc, argv); }
+int main(int argc, char** argv) {
+  return tumbler::RunProgram("tumbler-twin", argc, argv, tumbler::Main);
+}

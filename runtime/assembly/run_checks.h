@@ -1,17 +1,10 @@
 #pragma once
 
-#include <stdexcept>
-
+#include "common/program.h"
 #include "common/sequence.h"
 #include "firmware_interface/drives/drives_toml.h"
 
 namespace tumbler {
-
-/// Thrown when a run may not start. The message says why, and what to do.
-class Refused : public std::runtime_error {
- public:
-  using std::runtime_error::runtime_error;
-};
 
 /// Checks that the motion of every node fits the ranges of the drives, joint by joint.
 /// @throws Refused naming joint, limit and range.

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -10,11 +9,9 @@
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
-#include <exception>
 #include <fstream>
 #include <functional>
 #include <iostream>
-#include <map>
 #include <memory>
 #include <optional>
 #include <set>
@@ -25,6 +22,8 @@
 #include <utility>
 #include <vector>
 
+#include "common/command_line.h"
+#include "common/program.h"
 #include "common/sequence_toml.h"
 #include "common/toml_reader.h"
 #include "firmware_interface/drives/drive_bank.h"
@@ -48,8 +47,6 @@
 namespace tumbler {
 namespace {
 
-constexpr int kExitUsage = 1;
-constexpr int kExitRefused = 2;
 constexpr const char* kSimulation = "sim";
 
 constexpr const char* kFooter =
@@ -303,7 +300,7 @@ RunDescription DescribeRun(const Options& options, const DrivesConfig& drives,
 }
 
 /// Measures how late this machine wakes the loop, with nothing else in it.
-int TestLatency(const Options& options) {
+ExitStatus TestLatency(const Options& options) {
   const auto period_ns = static_cast<std::int64_t>(std::llround(1e9 / options.rate_hz));
   const RealtimeGrant realtime = options.without_realtime
                                      ? RealtimeGrant{true, true, "time-shared", ""}
@@ -322,10 +319,10 @@ int TestLatency(const Options& options) {
              "{} wake-ups at {:.6g} Hz, {} late by more than half a period, {} periods missed\n{}",
              statistics.ticks, options.rate_hz, statistics.late_ticks, statistics.missed_ticks,
              DescribeTiming(statistics, machine, realtime.scheduling));
-  return 0;
+  return ExitStatus::kDone;
 }
 
-int Run(Options options, const Simulation* simulation) {
+ExitStatus Run(Options options, const Simulation* simulation) {
   FileKeeper files;
   const SequenceFile file = LoadMotion(options.motion, files.reader());
   const auto motions = std::make_unique<const Sequence<float>>(ToRuntime(file));
@@ -483,7 +480,7 @@ int Run(Options options, const Simulation* simulation) {
   // Standard output belongs to whoever asked for frames or JSON there.
   std::FILE* out = options.json == "-" || options.dry_run() ? stderr : stdout;
   fmt::print(out, "{}", ToText(summary));
-  return ExitCode(summary);
+  return StatusOf(summary);
 }
 
 /// What no option by itself can get wrong.
@@ -512,99 +509,84 @@ void CheckTogether(const Options& options) {
 
 }  // namespace
 
-int RunProgram(int argc, char** argv, const Simulation* simulation) {
+ExitStatus PlayMotion(int argc, char** argv, const Simulation* simulation) {
   Options options;
-  CLI::App app("Plays a motion primitive on motor drives over CAN, or on a simulated robot.",
-               "tumbler-run");
-  app.footer(kFooter);
-  app.add_option("BUS", options.bus, "`sim` or a SocketCAN interface");
-  app.add_option("MOTION", options.motion, "primitive or sequence file (TOML)");
-  app.add_option(
+  CommandLine line("Plays a motion primitive on motor drives over CAN, or on a simulated robot.",
+                   "tumbler-run");
+  line.SetFooter(kFooter);
+  line.Option("BUS", options.bus, "`sim` or a SocketCAN interface");
+  line.Option("MOTION", options.motion, "primitive or sequence file (TOML)");
+  line.Option(
       "--drives", options.drives,
       "drive configuration (TOML). Needed on a real interface; for sim the default is MIT drives "
       "with ids 1, "
       "2, ... in the order of the joints, replies on 17, 18, ..., kp 200, kd 4, 1000 Hz, 1 Mbit/s");
-  app.add_option("--faults", options.faults,
-                 "reactions to faults and their limits (TOML), where they are not the defaults");
-  app.add_option("--bus-faults", options.bus_faults,
-                 "sim only: what is wrong with the bus, and when (TOML)");
-  app.add_flag("--arm", options.arm,
-               "drive the motors; without it a real interface only sees a dry run");
-  app.add_flag("--realtime", options.realtime,
-               "SCHED_FIFO and locked memory; a simulation then runs at the pace of the clock");
-  app.add_flag("--without-realtime", options.without_realtime,
-               "arm a real bus even though they are not in force");
-  const std::map<std::string, Scheduling> schedulings{{"fifo", Scheduling::kFifo},
-                                                      {"deadline", Scheduling::kDeadline}};
-  app.add_option("--scheduling", options.scheduling.scheduling,
-                 "of --realtime: fifo (SCHED_FIFO) or deadline (SCHED_DEADLINE)")
-      ->transform(CLI::CheckedTransformer(schedulings, CLI::ignore_case))
-      ->default_str("fifo");
-  app.add_option("--priority", options.scheduling.priority, "of SCHED_FIFO")
-      ->check(CLI::Range(1, 99))
-      ->capture_default_str();
-  app.add_option("--cpu", options.scheduling.cpu,
-                 "of --realtime: the processor that the loop runs on; -1: any. Not with deadline")
-      ->check(CLI::Range(-1, 1023))
-      ->capture_default_str();
-  app.add_option("--latency-test", options.latency_test_s,
-                 "measure for so long how late this machine wakes a loop [s]; no BUS, no MOTION")
-      ->check(CLI::Range(0.01, 1e6));
-  app.add_option("--rate-hz", options.rate_hz, "of --latency-test; a run's rate is its drives'")
-      ->check(CLI::Range(1.0, 1e5))
-      ->capture_default_str();
-  app.add_flag("--attended", options.attended,
-               "wait for `tumbler-ctl start` before each run, until Ctrl-C; needs --lcm-url");
-  app.add_option("--speed", options.speed, "playback speed; feed-forward is scaled by its square")
-      ->check(CLI::Range(0.1, 1.0))
-      ->capture_default_str();
-  app.add_option("--pace", options.pace,
-                 "for tumbler-twin with the same --pace on a virtual interface: seconds of the "
-                 "robot in a second of the clock")
-      ->check(CLI::Range(0.05, 1.0))
-      ->capture_default_str();
-  app.add_option("--hold-s", options.hold_s, "how long to hold after settling [s]")
-      ->check(CLI::Range(0.0, 3600.0))
-      ->capture_default_str();
-  app.add_option("--cycles", options.cycles,
-                 "of a sequence: end after so many, or take the branch then; 0: the branch at the "
-                 "first chance, or on until stopped")
-      ->check(CLI::Range(0, 1'000'000))
-      ->capture_default_str();
-  app.add_option("--branch", options.branch, "of a sequence: take this branch after the cycles");
-  app.add_option("--log", options.log, "write every tick to this LCM log");
-  app.add_option("--lcm-url", options.lcm_url,
-                 "publish live and take commands there, e.g. udpm://239.255.76.67:7667?ttl=0");
-  app.add_option("--json", options.json,
-                 "write the summary as JSON to this file, or - for standard output");
-  app.add_option("--trace", options.trace, "write every tick to this CSV file");
-  app.add_option("--record", options.record,
-                 "record the whole run in this file, which must not exist (see tumbler-record and "
-                 "tumbler-replay)");
-  app.add_option("--twin", options.twin,
-                 "sim: the simulated robot as it is, with disturbances (TOML); without it, as the "
-                 "motion has it");
-  app.add_option("--truth", options.truth,
-                 "sim: write what is true of the simulated robot to this LCM log");
+  line.Option("--faults", options.faults,
+              "reactions to faults and their limits (TOML), where they are not the defaults");
+  line.Option("--bus-faults", options.bus_faults,
+              "sim only: what is wrong with the bus, and when (TOML)");
+  line.Flag("--arm", options.arm,
+            "drive the motors; without it a real interface only sees a dry run");
+  line.Flag("--realtime", options.realtime,
+            "SCHED_FIFO and locked memory; a simulation then runs at the pace of the clock");
+  line.Flag("--without-realtime", options.without_realtime,
+            "arm a real bus even though they are not in force");
+  std::string scheduling = "fifo";
+  line.Option("--scheduling", scheduling,
+              "of --realtime: fifo (SCHED_FIFO) or deadline (SCHED_DEADLINE)")
+      .OneOf({"fifo", "deadline"})
+      .ShowDefault();
+  line.Option("--priority", options.scheduling.priority, "of SCHED_FIFO")
+      .Within(1, 99)
+      .ShowDefault();
+  line.Option("--cpu", options.scheduling.cpu,
+              "of --realtime: the processor that the loop runs on; -1: any. Not with deadline")
+      .Within(-1, 1023)
+      .ShowDefault();
+  line.Option("--latency-test", options.latency_test_s,
+              "measure for so long how late this machine wakes a loop [s]; no BUS, no MOTION")
+      .Within(0.01, 1e6);
+  line.Option("--rate-hz", options.rate_hz, "of --latency-test; a run's rate is its drives'")
+      .Within(1.0, 1e5)
+      .ShowDefault();
+  line.Flag("--attended", options.attended,
+            "wait for `tumbler-ctl start` before each run, until Ctrl-C; needs --lcm-url");
+  line.Option("--speed", options.speed, "playback speed; feed-forward is scaled by its square")
+      .Within(0.1, 1.0)
+      .ShowDefault();
+  line.Option("--pace", options.pace,
+              "for tumbler-twin with the same --pace on a virtual interface: seconds of the "
+              "robot in a second of the clock")
+      .Within(0.05, 1.0)
+      .ShowDefault();
+  line.Option("--hold-s", options.hold_s, "how long to hold after settling [s]")
+      .Within(0.0, 3600.0)
+      .ShowDefault();
+  line.Option("--cycles", options.cycles,
+              "of a sequence: end after so many, or take the branch then; 0: the branch at the "
+              "first chance, or on until stopped")
+      .Within(0, 1'000'000)
+      .ShowDefault();
+  line.Option("--branch", options.branch, "of a sequence: take this branch after the cycles");
+  line.Option("--log", options.log, "write every tick to this LCM log");
+  line.Option("--lcm-url", options.lcm_url,
+              "publish live and take commands there, e.g. udpm://239.255.76.67:7667?ttl=0");
+  line.Option("--json", options.json,
+              "write the summary as JSON to this file, or - for standard output");
+  line.Option("--trace", options.trace, "write every tick to this CSV file");
+  line.Option("--record", options.record,
+              "record the whole run in this file, which must not exist (see tumbler-record and "
+              "tumbler-replay)");
+  line.Option("--twin", options.twin,
+              "sim: the simulated robot as it is, with disturbances (TOML); without it, as the "
+              "motion has it");
+  line.Option("--truth", options.truth,
+              "sim: write what is true of the simulated robot to this LCM log");
   options.command_line.assign(argv, argv + argc);
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::CallForHelp& help) {
-    return app.exit(help);
-  } catch (const CLI::ParseError& error) {
-    app.exit(error);
-    return kExitUsage;
-  }
-  try {
-    CheckTogether(options);
-    return options.latency_test_s > 0 ? TestLatency(options) : Run(options, simulation);
-  } catch (const Refused& refused) {
-    fmt::print(stderr, "tumbler-run: refused: {}\n", refused.what());
-    return kExitRefused;
-  } catch (const std::exception& error) {
-    fmt::print(stderr, "tumbler-run: {}\n", error.what());
-    return kExitUsage;
-  }
+  line.Parse(argc, argv);
+  if (scheduling == "deadline") options.scheduling.scheduling = Scheduling::kDeadline;
+  CheckTogether(options);
+  return options.latency_test_s > 0 ? TestLatency(options) : Run(options, simulation);
 }
 
 }  // namespace tumbler

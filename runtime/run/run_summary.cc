@@ -206,7 +206,7 @@ std::string ToJson(const RunSummary& summary) {
   const LoopStatistics& s = summary.statistics;
   Json json;
   json["outcome"] = ToString(summary.outcome);
-  json["exit_code"] = ExitCode(summary);
+  json["exit_code"] = static_cast<int>(StatusOf(summary));
   json["reason"] = summary.reason;
   json["bus"] = summary.bus;
   json["primitive"] = summary.primitive;
@@ -283,23 +283,23 @@ std::string ToJson(const RunSummary& summary) {
   return json.dump(2) + '\n';
 }
 
-int ExitCode(const RunSummary& summary) {
+ExitStatus StatusOf(const RunSummary& summary) {
   switch (summary.outcome) {
     case RunOutcome::kCompleted:
       return !summary.falls.empty() ||
                      std::any_of(summary.passages.begin(), summary.passages.end(),
                                  [](const Passage& p) { return !p.standing().value_or(true); })
-                 ? 4
-                 : 0;
+                 ? ExitStatus::kAmiss
+                 : ExitStatus::kDone;
     case RunOutcome::kRefused:
-      return 2;
+      return ExitStatus::kRefused;
     case RunOutcome::kPending:
     case RunOutcome::kFault:
-      return 3;
+      return ExitStatus::kFault;
     case RunOutcome::kStopped:
-      return 130;
+      return ExitStatus::kInterrupted;
   }
-  return 3;
+  return ExitStatus::kFault;
 }
 
 }  // namespace tumbler

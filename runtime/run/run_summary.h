@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "common/exit_status.h"
 #include "firmware_interface/can/socketcan_bus.h"
 #include "runtime/linux/realtime_thread.h"
 #include "runtime/run/control_loop.h"
@@ -86,8 +87,8 @@ std::string TimingToJson(const LoopStatistics& statistics, const Machine& machin
 std::string ToText(const RunSummary& summary);
 /// The same as one JSON object, units in the keys, ending with a line feed.
 std::string ToJson(const RunSummary& summary);
-/// The exit code of tumbler-run: 0 completed, 2 refused, 3 fault, 4 completed but the simulated
-/// robot fell, or is not where the primitive says, 130 stopped.
-int ExitCode(const RunSummary& summary);
+/// How tumbler-run ends: kAmiss when the motion was completed, but the simulated robot fell or is
+/// not where the primitive says.
+ExitStatus StatusOf(const RunSummary& summary);
 
 }  // namespace tumbler

@@ -377,12 +377,12 @@ TEST(ChainCli, WritesAReport) {
   EXPECT_THAT(ReadFile(report / "index.html"), HasSubstr("2 passages, 1 cycles"));
 }
 
-TEST(ChainCli, AFallIsExitStatusTwoWithCauseAndTime) {
+TEST(ChainCli, AFallIsExitStatusFourWithCauseAndTime) {
   auto files = ThereAndBack();
   files[0].contacts.clear();
   const SequenceFolder folder(Sway(), files);
   const auto [status, text] = Chain({"simulate", folder.file()});
-  EXPECT_EQ(status, 2);
+  EXPECT_EQ(status, 4);
   EXPECT_THAT(text, AllOf(HasSubstr("failed: touch at 0.000 s, in 'there'"),
                           HasSubstr("it did not go through")));
 }

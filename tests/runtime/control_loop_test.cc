@@ -424,16 +424,16 @@ TEST(Passage, SaysOnlyWhatWasSeen) {
   EXPECT_FALSE(*report.standing());
 }
 
-TEST(ExitCode, SaysWhenTheMotionWasCompletedButTheRobotIsElsewhere) {
+TEST(StatusOfARun, SaysWhenTheMotionWasCompletedButTheRobotIsElsewhere) {
   RunSummary report;
   report.outcome = RunOutcome::kCompleted;
-  EXPECT_EQ(ExitCode(report), 0);
+  EXPECT_EQ(StatusOf(report), ExitStatus::kDone);
   report.passages.push_back({"handstand", 1.57, 1.5, 1.56, 0.0});
-  EXPECT_EQ(ExitCode(report), 0);
+  EXPECT_EQ(StatusOf(report), ExitStatus::kDone);
   report.passages[0].pitch_later_rad = 3.1;
-  EXPECT_EQ(ExitCode(report), 4);
+  EXPECT_EQ(StatusOf(report), ExitStatus::kAmiss);
   report.outcome = RunOutcome::kFault;
-  EXPECT_EQ(ExitCode(report), 3);
+  EXPECT_EQ(StatusOf(report), ExitStatus::kFault);
 }
 
 }  // namespace

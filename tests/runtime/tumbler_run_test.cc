@@ -5,6 +5,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cstdio>
 #include <filesystem>
@@ -88,6 +89,9 @@ TEST_F(TumblerRun, ExplainsItself) {
                            "--json", "--trace", "--hold-s", "Exit codes", "130", "kp 200, kd 4"}) {
     EXPECT_THAT(outcome.text, HasSubstr(part));
   }
+  EXPECT_TRUE(std::all_of(outcome.text.begin(), outcome.text.end(), [](char c) {
+    return c == '\n' || (c >= ' ' && c <= '~');
+  })) << "what no terminal shows is in it";
 }
 
 TEST_F(TumblerRun, RejectsWrongCommandLinesWithExitCode1) {

@@ -72,7 +72,7 @@ TEST_F(RecordPrograms, ARecordIsOneOfTheRunThatWasPlayedWhateverBecomesOfItsFile
   EXPECT_EQ(Run("tumbler-replay " + record_).exit_code, 0);
 }
 
-TEST_F(RecordPrograms, ADamagedByteIsNamedAndEndsWithStatus1) {
+TEST_F(RecordPrograms, ADamagedByteIsNamedAndEndsWithStatus4) {
   ASSERT_EQ(Record().exit_code, 0);
   std::string bytes = ReadBytes(record_);
   BlockReader reader(testing::AsBytes(bytes));
@@ -83,13 +83,13 @@ TEST_F(RecordPrograms, ADamagedByteIsNamedAndEndsWithStatus1) {
   bytes[block.offset + 100] ^= 0x10;
   std::ofstream(record_, std::ios::binary) << bytes;
   const Outcome replay = Run("tumbler-replay " + record_);
-  EXPECT_EQ(replay.exit_code, 1);
+  EXPECT_EQ(replay.exit_code, 4);
   EXPECT_THAT(replay.text,
               HasSubstr("cannot be replayed further: byte " + std::to_string(block.offset)));
   EXPECT_THAT(replay.text, HasSubstr("(tick): its content does not have the CRC it had"));
   EXPECT_THAT(replay.text, HasSubstr("identical before: 1000 ticks"));
   const Outcome info = Run("tumbler-record " + record_);
-  EXPECT_EQ(info.exit_code, 1);
+  EXPECT_EQ(info.exit_code, 4);
   EXPECT_THAT(info.text, HasSubstr("damaged at byte "));
 }
 
@@ -110,7 +110,7 @@ TEST_F(RecordPrograms, AChangedByteWithAMatchingCrcIsNamedWithTickAndField) {
       .write(reinterpret_cast<const char*>(changed.data()),
              static_cast<std::streamsize>(changed.size()));
   const Outcome replay = Run("tumbler-replay " + record_);
-  EXPECT_EQ(replay.exit_code, 1);
+  EXPECT_EQ(replay.exit_code, 4);
   EXPECT_THAT(replay.text, HasSubstr("different at tick 1000 "));
   EXPECT_THAT(replay.text, HasSubstr("joint leg2: measured.position_rad: recorded "));
   EXPECT_THAT(replay.text, HasSubstr("identical before: 1000 ticks"));
@@ -190,7 +190,7 @@ TEST_F(RecordPrograms, ComparesTwoRunsOfAMotionAndDrawsThem) {
                 " --speed 0.98 --hold-s 0.1 --record " + slow)
                 .exit_code,
             0);
-  EXPECT_EQ(Run("tumbler-replay " + record_ + " --against " + slow).exit_code, 1);
+  EXPECT_EQ(Run("tumbler-replay " + record_ + " --against " + slow).exit_code, 4);
 }
 
 TEST_F(RecordPrograms, ReadsALogOfCandumpByADrivesFile) {
@@ -205,35 +205,35 @@ TEST_F(RecordPrograms, ReadsALogOfCandumpByADrivesFile) {
   EXPECT_THAT(read.text, HasSubstr(" setpoints, 0 replies missing; tracking error 0.00"));
   EXPECT_THAT(ReadBytes(folder_ / "log.svg"), HasSubstr("</svg>"));
   const Outcome without = Run("tumbler-replay " + log);
-  EXPECT_EQ(without.exit_code, 2);
+  EXPECT_EQ(without.exit_code, 1);
   EXPECT_THAT(without.text, HasSubstr("say with --drives which drives are in it"));
   const Outcome on_bus = Run("tumbler-replay " + log + " --bus can9 --drives " + drives);
-  EXPECT_EQ(on_bus.exit_code, 2);
+  EXPECT_EQ(on_bus.exit_code, 1);
   EXPECT_THAT(on_bus.text, HasSubstr("play it with `canplayer`"));
 }
 
 TEST_F(RecordPrograms, APlayOnABusNeedsTheBusAndItsDrives) {
   ASSERT_EQ(Record().exit_code, 0);
   const Outcome without = Run("tumbler-replay " + record_ + " --bus can9");
-  EXPECT_EQ(without.exit_code, 2);
+  EXPECT_EQ(without.exit_code, 1);
   EXPECT_THAT(without.text, HasSubstr("say with --drives which drives are on the bus"));
   const Outcome absent = Run("tumbler-replay " + record_ + " --bus can9 --drives " +
                              TUMBLER_SOURCE_DIR "/primitives/robots/tumbler_drives.toml");
-  EXPECT_EQ(absent.exit_code, 2);
+  EXPECT_EQ(absent.exit_code, 1);
   EXPECT_THAT(absent.text, HasSubstr("can9"));
-  EXPECT_EQ(Run("tumbler-replay " + record_ + " --arm").exit_code, 2);
-  EXPECT_EQ(Run("tumbler-replay " + record_ + " --svg " + (folder_ / "x.svg")).exit_code, 2);
+  EXPECT_EQ(Run("tumbler-replay " + record_ + " --arm").exit_code, 1);
+  EXPECT_EQ(Run("tumbler-replay " + record_ + " --svg " + (folder_ / "x.svg")).exit_code, 1);
 }
 
-TEST_F(RecordPrograms, WrongUseEndsWithStatus2) {
+TEST_F(RecordPrograms, WrongUseEndsWithStatus1) {
   for (const std::string program : {"tumbler-record", "tumbler-replay"}) {
-    EXPECT_EQ(Run(program).exit_code, 2);
-    EXPECT_EQ(Run(program + " --nonsense x").exit_code, 2);
+    EXPECT_EQ(Run(program).exit_code, 1);
+    EXPECT_EQ(Run(program + " --nonsense x").exit_code, 1);
     const Outcome absent = Run(program + " " + (folder_ / "absent"));
-    EXPECT_EQ(absent.exit_code, 2);
+    EXPECT_EQ(absent.exit_code, 1);
     EXPECT_THAT(absent.text, HasSubstr("absent: cannot be read: No such file"));
     std::ofstream(folder_ / "other") << "something else, which is no record";
-    EXPECT_EQ(Run(program + " " + (folder_ / "other")).exit_code, 2);
+    EXPECT_EQ(Run(program + " " + (folder_ / "other")).exit_code, 1);
     EXPECT_EQ(Run(program + " --help").exit_code, 0);
   }
 }
