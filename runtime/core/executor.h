@@ -11,6 +11,8 @@
 #include "firmware_interface/drives/drive.h"
 #include "runtime/core/executor_config.h"
 #include "runtime/core/faults.h"
+#include "runtime/core/numbers.h"
+#include "runtime/core/reply_watch.h"
 #include "runtime/core/safety.h"
 #include "runtime/core/tick.h"
 
@@ -69,49 +71,55 @@ class Executor {
     JointSetpoint commanded;  ///< Last limited setpoint.
     DriveFeedback measured;
     DriveState drive_state = DriveState::kUnknown;
-    std::int32_t reply_age_ticks = -1;
+    ReplyWatch replies;
     bool was_enabled = false;  ///< Since arming.
-    ReplyRhythm rhythm;
-    ReplyStatus reply_status = ReplyStatus::kOk;
-    int replies = 0;          ///< In this tick.
-    int unanswered = 0;       ///< Setpoints.
-    int in_order = 0;         ///< Ticks in a row with one reply.
-    int sequence_errors = 0;  ///< See `ExecutorConfig::sequence_errors_max`.
     float move_from_rad = 0;
     Basis position_basis;
     Basis torque_basis;
+
+    [[nodiscard]] bool IsMeasuredFinite() const noexcept {
+      return AreFinite(measured.position_rad, measured.velocity_rad_s, measured.torque_nm,
+                       measured.temperature_c);
+    }
   };
 
   [[nodiscard]] std::span<Joint> joints() noexcept {
     return {joints_.data(), static_cast<std::size_t>(joint_count_)};
   }
-  void TakeReplies(const TickInput& input, int elapsed) noexcept;
-  void JudgeReplies(Joint& joint, int elapsed) const noexcept;
-  void DetectLinkFaults(const TickInput& input) noexcept;
-  void DetectDriveFaults(int index) noexcept;
-  void DetectFaults(const TickInput& input, std::int64_t elapsed) noexcept;
-  void Latch(Fault fault, int joint, float value, float limit) noexcept;
-  void Obey(const TickInput& input) noexcept;
   [[nodiscard]] bool InSequence() const noexcept {
     return state_ == ExecutorState::kRunning || state_ == ExecutorState::kSettling;
   }
+
+  // The tick and the states: executor.cc.
+  void TakeReplies(const TickInput& input, int elapsed) noexcept;
+  void Send(int elapsed, TickOutput& output) noexcept;
+  void Enter(ExecutorState state) noexcept;
+  void Advance(const TickRecord& record) noexcept;
+  void SetNode(int node) noexcept;
+  [[nodiscard]] int NextEdgeHere() const noexcept;
+  void FollowEdge(int edge) noexcept;
+
+  // Faults: executor_faults.cc.
+  void DetectFaults(const TickInput& input, std::int64_t elapsed) noexcept;
+  void DetectLinkFaults(const TickInput& input) noexcept;
+  void DetectDriveFaults(int index) noexcept;
+  void Latch(Fault fault, int joint, float value, float limit) noexcept;
+
+  // Commands: executor_commands.cc.
+  void Obey(const TickInput& input) noexcept;
   [[nodiscard]] RefusalDetail CheckArm() const noexcept;
   [[nodiscard]] RefusalDetail CheckMove() const noexcept;
   [[nodiscard]] RefusalDetail CheckRun() const noexcept;
   [[nodiscard]] const JointMotion<float>& FirstMotion(int joint) const noexcept;
+
+  // Setpoints: executor_plan.cc.
   void StartMove() noexcept;
-  void SetNode(int node) noexcept;
-  [[nodiscard]] int NextEdgeHere() const noexcept;
-  void FollowEdge(int edge) noexcept;
-  void Enter(ExecutorState state) noexcept;
   void Plan(int elapsed, TickRecord& record) noexcept;
   void PlanArming(TickRecord& record) noexcept;
   void PlanMove(TickRecord& record) noexcept;
   void PlanRun(TickRecord& record) noexcept;
   void PlanBrake(int elapsed, TickRecord& record) noexcept;
   void PlanCollapse(int elapsed, TickRecord& record) noexcept;
-  void Advance(const TickRecord& record) noexcept;
-  void Send(int elapsed, TickOutput& output) noexcept;
 
   ExecutorConfig config_;
   SequenceGraph<float> graph_;

@@ -1,8 +1,10 @@
 #pragma once
 
 #include <array>
+#include <span>
 
 #include "common/primitive.h"
+#include "common/sequence.h"
 #include "runtime/core/faults.h"
 
 namespace tumbler {
@@ -57,5 +59,12 @@ struct ExecutorConfig {
   FaultTable reactions;
   CollapseConfig collapse;
 };
+
+/// Whether an executor can play these on so many joints: every value is within its documented
+/// range, indices agree, and no primitive starts moving faster than one tick of its acceleration
+/// limit.
+[[nodiscard]] bool IsPlayable(const ExecutorConfig& config, const SequenceGraph<float>& graph,
+                              std::span<const Primitive<float>> primitives,
+                              int joint_count) noexcept;
 
 }  // namespace tumbler

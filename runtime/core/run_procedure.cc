@@ -51,7 +51,10 @@ OperatorCommand RunProcedure::Next(const TickRecord& last) noexcept TUMBLER_NONB
     outcome_ = RunOutcome::kStopped;
     return Go(Phase::kStop, OperatorCommand::kStop);
   }
+  return GoOn(last);
+}
 
+OperatorCommand RunProcedure::GoOn(const TickRecord& last) noexcept {
   // Of this procedure's own command; the operator may have asked for something else in between.
   const bool own = last.command == OperatorCommand::kArm || last.command == OperatorCommand::kRun;
   const Refusal refused = own ? last.refusal.refusal : Refusal::kNone;

@@ -78,6 +78,8 @@ class RunProcedure {
     kDone
   };
 
+  /// The command of a run that nothing has come between.
+  OperatorCommand GoOn(const TickRecord& last) noexcept;
   OperatorCommand Go(Phase phase, OperatorCommand command) noexcept;
   OperatorCommand Finish(RunOutcome outcome) noexcept;
 

@@ -2,23 +2,9 @@
 
 #include "common/primitive.h"
 #include "common/realtime.h"
+#include "runtime/core/numbers.h"
 
 namespace tumbler {
-
-/// Whether x is neither NaN nor infinite.
-[[nodiscard]] constexpr bool IsFinite(float x) noexcept { return 0.0F * x == 0; }
-
-/// Whether all are finite, at the price of one comparison: 0 x is zero if x is finite, else NaN.
-template <typename... Floats>
-[[nodiscard]] constexpr bool AreFinite(Floats... x) noexcept {
-  return ((0.0F * x) + ... + 0.0F) == 0;
-}
-
-/// x clamped to [low, high]. Unlike std::clamp, gives `low` for NaN.
-[[nodiscard]] constexpr float ClampOrLow(float x, float low, float high) noexcept {
-  const float y = x < high ? x : high;
-  return y > low ? y : low;
-}
 
 /// Position, velocity and feed-forward torque of one joint at one tick.
 struct JointSetpoint {

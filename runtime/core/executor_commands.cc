@@ -1,0 +1,152 @@
+// What the operator asks of the executor, and what it refuses.
+
+#include "runtime/core/executor.h"
+#include "runtime/core/numbers.h"
+
+namespace tumbler {
+namespace {
+
+/// How far the commanded position may be from the primitive's first one when it starts to run: what
+/// a float and the limits can leave of a move that ends exactly there.
+constexpr float kAtStart_rad = 1e-4F;
+
+}  // namespace
+
+void Executor::Obey(const TickInput& input) noexcept {
+  const auto refuse = [this](Refusal refusal) { refusal_.refusal = refusal; };
+  switch (input.command) {
+    case OperatorCommand::kNone:
+      return;
+    case OperatorCommand::kArm:
+      if (state_ == ExecutorState::kDisarmed && joint_count_ > 0) SetNode(graph_.start);
+      refusal_ = CheckArm();
+      if (refusal_.refusal == Refusal::kNone) Enter(ExecutorState::kArming);
+      return;
+    case OperatorCommand::kMoveToStart:
+      refusal_ = CheckMove();
+      if (refusal_.refusal != Refusal::kNone) return;
+      SetNode(graph_.start);
+      StartMove();
+      return;
+    case OperatorCommand::kRun:
+      refusal_ = CheckRun();
+      if (refusal_.refusal != Refusal::kNone) return;
+      SetNode(graph_.start);
+      cycles_done_ = 0;
+      wanted_branch_ = -1;
+      branched_ = finish_ = false;
+      Enter(ExecutorState::kRunning);
+      return;
+    case OperatorCommand::kStop: {
+      if (state_ == ExecutorState::kDisarmed || state_ == ExecutorState::kHolding ||
+          state_ == ExecutorState::kStopping) {
+        return;  // Nothing moves; a stop is never refused.
+      }
+      const Reaction reaction = config_.reactions(Fault::kOperatorStop, state_);
+      const bool plain = reaction == Reaction::kHold && state_ != ExecutorState::kFault;
+      if (plain) {
+        Enter(ExecutorState::kStopping);
+      } else {
+        Latch(Fault::kOperatorStop, -1, 0, 0);
+      }
+      return;
+    }
+    case OperatorCommand::kDisarm:
+      Enter(ExecutorState::kDisarmed);
+      return;
+    case OperatorCommand::kClearFaults:
+      if (state_ != ExecutorState::kDisarmed) return refuse(Refusal::kWrongState);
+      faults_ = 0;
+      first_fault_ = {};
+      unarmed_request_ = DriveRequest::kClearErrors;
+      return;
+    case OperatorCommand::kFinish:
+      finish_ = finish_ || InSequence();
+      return;  // Where nothing is played there is nothing to finish; a stop is never refused.
+    case OperatorCommand::kBranch:
+      if (!InSequence()) return refuse(Refusal::kWrongState);
+      if (graph_.BranchName(input.branch).empty()) {
+        refusal_ = {static_cast<float>(input.branch), 0, Refusal::kNoSuchBranch, -1};
+        return;
+      }
+      wanted_branch_ = input.branch;
+      return;
+  }
+  refuse(Refusal::kWrongState);  // Not one of the enumerators.
+}
+
+RefusalDetail Executor::CheckArm() const noexcept {
+  if (joint_count_ == 0) return {0, 0, Refusal::kNotConfigured, -1};
+  if (state_ != ExecutorState::kDisarmed) return {0, 0, Refusal::kWrongState, -1};
+  if (faults_ != 0) return {0, 0, Refusal::kFaultLatched, -1};
+  for (int i = 0; i < joint_count_; ++i) {
+    const auto index = static_cast<std::size_t>(i);
+    const Joint& joint = joints_[index];
+    const auto name = static_cast<std::int8_t>(i);
+    const float position = joint.measured.position_rad;
+    if (joint.replies.age_ticks() < 0 || joint.replies.age_ticks() > config_.stale_ticks_max) {
+      return {static_cast<float>(joint.replies.age_ticks()),
+              static_cast<float>(config_.stale_ticks_max), Refusal::kNoReply, name};
+    }
+    if (joint.measured.error != 0 || joint.drive_state == DriveState::kFault) {
+      return {static_cast<float>(joint.measured.error), 0, Refusal::kDriveError, name};
+    }
+    if (joint.drive_state == DriveState::kLost) {
+      const HeartbeatAge age = joint.drive->heartbeat();
+      return {static_cast<float>(age.ticks), static_cast<float>(age.limit_ticks),
+              Refusal::kNoHeartbeat, name};
+    }
+    const float temperature_max_c = config_.joints[index].temperature_max_c;
+    if (joint.measured.has_temperature && !(joint.measured.temperature_c <= temperature_max_c)) {
+      return {joint.measured.temperature_c, temperature_max_c, Refusal::kTooHot, name};
+    }
+    if (!joint.IsMeasuredFinite() ||
+        !InRange(position, joint.limits.position_min_rad, joint.limits.position_max_rad)) {
+      const bool below = position < joint.limits.position_min_rad;
+      return {position, below ? joint.limits.position_min_rad : joint.limits.position_max_rad,
+              Refusal::kOutsideLimits, name};
+    }
+  }
+  return {};
+}
+
+const JointMotion<float>& Executor::FirstMotion(int joint) const noexcept {
+  const SequenceNode& node = graph_.node(graph_.start);
+  const auto role = static_cast<std::size_t>(graph_.RoleOf(graph_.start, joint));
+  return primitives_[static_cast<std::size_t>(node.primitive)].joints[role];
+}
+
+RefusalDetail Executor::CheckMove() const noexcept {
+  if (state_ != ExecutorState::kHolding) return {0, 0, Refusal::kWrongState, -1};
+  for (int i = 0; i < joint_count_; ++i) {
+    // The gate would pull the command inside the limits at once, however far that is.
+    const JointLimits<float>& limits = FirstMotion(i).limits;
+    const float position = joints_[static_cast<std::size_t>(i)].commanded.position_rad;
+    if (!InRange(position, limits.position_min_rad, limits.position_max_rad)) {
+      const bool below = position < limits.position_min_rad;
+      return {position, below ? limits.position_min_rad : limits.position_max_rad,
+              Refusal::kOutsideLimits, static_cast<std::int8_t>(i)};
+    }
+  }
+  return {};
+}
+
+RefusalDetail Executor::CheckRun() const noexcept {
+  if (state_ != ExecutorState::kHolding) return {0, 0, Refusal::kWrongState, -1};
+  const float tolerance = primitives_[static_cast<std::size_t>(graph_.node(graph_.start).primitive)]
+                              .entry_tolerance_rad;
+  for (int i = 0; i < joint_count_; ++i) {
+    const Joint& joint = joints_[static_cast<std::size_t>(i)];
+    const auto name = static_cast<std::int8_t>(i);
+    const float start = FirstMotion(i).position.control_points()[0];
+    const float commanded_error = Magnitude(joint.commanded.position_rad - start);
+    if (!(commanded_error <= kAtStart_rad))
+      return {commanded_error, kAtStart_rad, Refusal::kNotAtStart, name};
+    const float measured_error = Magnitude(joint.measured.position_rad - start);
+    if (!(measured_error <= tolerance))
+      return {measured_error, tolerance, Refusal::kOutsideStartSet, name};
+  }
+  return {};
+}
+
+}  // namespace tumbler

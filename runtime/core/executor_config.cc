@@ -1,0 +1,101 @@
+#include "runtime/core/executor_config.h"
+
+#include <algorithm>
+
+#include "runtime/core/numbers.h"
+
+namespace tumbler {
+namespace {
+
+bool IsValid(const ExecutorConfig& config, int joint_count) noexcept {
+  if (!(InRange(config.period_s, 1e-5F, 1.0F) && InRange(config.speed, 0.1F, 1.0F) &&
+        InRange(config.move_fraction, 0.001F, 1.0F) && InRange(config.torque_rise_s, 1e-6F, 1e3F) &&
+        config.stale_ticks_max >= 1 && config.sequence_errors_max >= 1 &&
+        config.late_ticks_max >= 0 && config.arming_ticks_max >= 1)) {
+    return false;
+  }
+  if (config.collapse.configured ? !InRange(config.collapse.stiffness, 0.01F, 1.0F)
+                                 : config.reactions.Has(Reaction::kCollapse)) {
+    return false;
+  }
+  for (int i = 0; i < joint_count; ++i) {
+    const JointConfig& joint = config.joints[static_cast<std::size_t>(i)];
+    if (!(InRange(joint.kp_nm_per_rad, 0, 1e6F) && InRange(joint.kd_nm_s_per_rad, 0, 1e6F) &&
+          InRange(joint.damping_nm_s_per_rad, 0, 1e6F) && IsFinite(joint.temperature_max_c))) {
+      return false;
+    }
+  }
+  return true;
+}
+
+bool IsValid(const SequenceGraph<float>& graph, int primitive_count) noexcept {
+  const auto within = [](int i, int count) { return i >= 0 && i < count; };
+  if (graph.node_count > kMaxSequenceNodes || graph.edge_count > kMaxSequenceEdges ||
+      !within(graph.start, graph.node_count) || graph.edge_count < 0) {
+    return false;
+  }
+  for (const SequenceNode& node : graph.nodes()) {
+    if (!within(node.primitive, primitive_count)) return false;
+  }
+  for (const SequenceEdge<float>& edge : graph.edges()) {
+    if (!within(edge.from, graph.node_count) || !within(edge.to, graph.node_count) ||
+        !InRange(edge.settle_s, 0, 1e6F)) {
+      return false;
+    }
+  }
+  return true;
+}
+
+bool IsValid(const JointMotion<float>& motion, const ExecutorConfig& config) noexcept {
+  const JointLimits<float>& limits = motion.limits;
+  if (!(IsFinite(limits.position_min_rad) && IsFinite(limits.position_max_rad) &&
+        limits.position_min_rad < limits.position_max_rad &&
+        IsPositive(limits.velocity_max_rad_s) && IsPositive(limits.acceleration_max_rad_s2) &&
+        IsPositive(limits.torque_max_nm))) {
+    return false;
+  }
+  const auto start = motion.position.Evaluate(motion.position.start_s());
+  return Magnitude(start.first) * config.speed <=
+             limits.acceleration_max_rad_s2 * config.period_s &&
+         InRange(start.value, limits.position_min_rad, limits.position_max_rad);
+}
+
+// Whether the pose of kCollapse is within the limits of whichever path its joint may follow.
+bool IsValid(const CollapseConfig& collapse, const Primitive<float>& primitive) noexcept {
+  if (!collapse.configured) return true;
+  for (int i = 0; i < primitive.joint_count; ++i) {
+    const auto index = static_cast<std::size_t>(i);
+    const JointLimits<float>& limits = primitive.joints[index].limits;
+    if (!InRange(collapse.position_rad[index], limits.position_min_rad, limits.position_max_rad)) {
+      return false;
+    }
+  }
+  return true;
+}
+
+bool IsValid(const Primitive<float>& primitive, const ExecutorConfig& config) noexcept {
+  if (!IsPositive(primitive.duration_s) || primitive.duration_s > 1e4F ||
+      !InRange(primitive.settle_s, 0, 1e6F) || !IsPositive(primitive.entry_tolerance_rad) ||
+      !IsPositive(primitive.following_tolerance_rad)) {
+    return false;
+  }
+  return std::ranges::all_of(primitive.motions(), [&](const JointMotion<float>& motion) {
+    return IsValid(motion, config);
+  });
+}
+
+}  // namespace
+
+bool IsPlayable(const ExecutorConfig& config, const SequenceGraph<float>& graph,
+                std::span<const Primitive<float>> primitives, int joint_count) noexcept {
+  if (joint_count < 1 || joint_count > kMaxJoints || !IsValid(config, joint_count) ||
+      !IsValid(graph, static_cast<int>(primitives.size())) || config.branch >= graph.edge_count) {
+    return false;
+  }
+  return std::ranges::all_of(primitives, [&](const Primitive<float>& primitive) {
+    return primitive.joint_count == joint_count && IsValid(primitive, config) &&
+           IsValid(config.collapse, primitive);
+  });
+}
+
+}  // namespace tumbler

@@ -1,0 +1,113 @@
+// What the executor finds wrong, and what it does about it.
+
+#include <algorithm>
+
+#include "runtime/core/executor.h"
+#include "runtime/core/numbers.h"
+
+namespace tumbler {
+namespace {
+
+bool IsLinkUp(Status status) noexcept {
+  return status == Status::kOk || status == Status::kWouldBlock;
+}
+
+}  // namespace
+
+void Executor::DetectFaults(const TickInput& input, std::int64_t elapsed) noexcept {
+  if (elapsed < 1 || elapsed > 1 + static_cast<std::int64_t>(config_.late_ticks_max)) {
+    Latch(Fault::kLateTick, -1, static_cast<float>(elapsed - 1),
+          static_cast<float>(config_.late_ticks_max));
+  }
+  if (input.send_status != Status::kOk || !IsLinkUp(input.receive_status) ||
+      input.controller >= CanControllerState::kErrorPassive) {
+    DetectLinkFaults(input);
+  }
+  // One reaction per tick: what the first fault of this tick changes counts from the next one on.
+  const bool follows = state_ != ExecutorState::kArming && reaction_ <= Reaction::kHold;
+  const float following_tolerance_rad = primitive_->following_tolerance_rad;
+  for (int i = 0; i < joint_count_; ++i) {
+    const auto index = static_cast<std::size_t>(i);
+    Joint& joint = joints_[index];
+    if (joint.measured.error != 0 || joint.drive_state != DriveState::kEnabled) {
+      DetectDriveFaults(i);
+    } else {
+      joint.was_enabled = true;
+    }
+    if (joint.replies.sequence_errors() > config_.sequence_errors_max) {
+      Latch(Fault::kWrongSequence, i, static_cast<float>(joint.replies.sequence_errors()),
+            static_cast<float>(config_.sequence_errors_max));
+    }
+    if (joint.replies.age_ticks() != 0) {
+      if (joint.replies.age_ticks() > config_.stale_ticks_max) {
+        Latch(Fault::kStaleReply, i, static_cast<float>(joint.replies.age_ticks()),
+              static_cast<float>(config_.stale_ticks_max));
+      }
+      continue;
+    }
+    if (!joint.IsMeasuredFinite()) {
+      Latch(Fault::kNonFinite, i, joint.measured.position_rad, 0);
+      continue;
+    }
+    const float temperature_max_c = config_.joints[index].temperature_max_c;
+    if (joint.measured.has_temperature && joint.measured.temperature_c > temperature_max_c) {
+      Latch(Fault::kOverTemperature, i, joint.measured.temperature_c, temperature_max_c);
+    }
+    // `commanded` still is the setpoint of the tick before: the one that this reply answers.
+    const float error = Magnitude(joint.measured.position_rad - joint.commanded.position_rad);
+    if (follows && error > following_tolerance_rad) {
+      Latch(Fault::kFollowingError, i, error, following_tolerance_rad);
+    }
+  }
+}
+
+void Executor::DetectLinkFaults(const TickInput& input) noexcept {
+  const auto latch = [this](Status status) {
+    Fault fault = Fault::kLinkFailed;
+    if (status == Status::kBusOff) fault = Fault::kBusOff;
+    if (status == Status::kLinkDown) fault = Fault::kInterfaceDown;
+    if (status == Status::kLinkGone) fault = Fault::kInterfaceGone;
+    if (status == Status::kWouldBlock) fault = Fault::kTransmitQueueFull;
+    Latch(fault, -1, static_cast<float>(status), 0);
+  };
+  // Sending failed first, in the tick before; a link that was lost since may be its consequence.
+  if (input.send_status != Status::kOk) latch(input.send_status);
+  if (!IsLinkUp(input.receive_status)) latch(input.receive_status);
+  if (input.controller == CanControllerState::kBusOff) latch(Status::kBusOff);
+  if (input.controller == CanControllerState::kErrorPassive) {
+    Latch(Fault::kErrorPassive, -1, static_cast<float>(input.controller),
+          static_cast<float>(CanControllerState::kErrorWarning));
+  }
+}
+
+void Executor::DetectDriveFaults(int index) noexcept {
+  const Joint& joint = joints_[static_cast<std::size_t>(index)];
+  if (joint.drive_state == DriveState::kLost) {
+    const HeartbeatAge age = joint.drive->heartbeat();
+    Latch(Fault::kHeartbeatLost, index, static_cast<float>(age.ticks),
+          static_cast<float>(age.limit_ticks));
+  }
+  const bool stays =
+      joint.drive_state == DriveState::kEnabled || joint.drive_state == DriveState::kLost;
+  const bool driven = reaction_ != Reaction::kDisable;
+  if (joint.measured.error != 0 || joint.drive_state == DriveState::kFault ||
+      (driven && joint.was_enabled && !stays)) {
+    Latch(Fault::kDriveError, index, static_cast<float>(joint.measured.error), 0);
+  }
+}
+
+void Executor::Latch(Fault fault, int joint, float value, float limit) noexcept {
+  const std::uint32_t bit = 1U << static_cast<unsigned>(fault);
+  if ((faults_ & bit) != 0)
+    return;  // Already answered; what it escalates to is another fault's matter.
+  const Reaction reaction = config_.reactions(fault, state_);
+  if (reaction == Reaction::kIgnore) return;
+  faults_ |= bit;
+  if (first_fault_.fault == Fault::kNone) {
+    first_fault_ = {tick_, value, limit, fault, static_cast<std::int8_t>(joint), state_, reaction};
+  }
+  reaction_ = std::max(reaction_, reaction);
+  if (state_ != ExecutorState::kFault) Enter(ExecutorState::kFault);
+}
+
+}  // namespace tumbler

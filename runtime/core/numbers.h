@@ -1,0 +1,39 @@
+#pragma once
+
+#include <cstdint>
+
+namespace tumbler {
+
+/// Whether x is neither NaN nor infinite.
+[[nodiscard]] constexpr bool IsFinite(float x) noexcept { return 0.0F * x == 0; }
+
+/// Whether all are finite, at the price of one comparison: 0 x is zero if x is finite, else NaN.
+template <typename... Floats>
+[[nodiscard]] constexpr bool AreFinite(Floats... x) noexcept {
+  return ((0.0F * x) + ... + 0.0F) == 0;
+}
+
+/// Whether x is within [min, max]; false for NaN.
+[[nodiscard]] constexpr bool InRange(float x, float min, float max) noexcept {
+  return x >= min && x <= max;
+}
+
+/// Whether x is above zero and finite.
+[[nodiscard]] constexpr bool IsPositive(float x) noexcept { return x > 0 && IsFinite(x); }
+
+/// x clamped to [low, high]. Unlike std::clamp, gives `low` for NaN.
+[[nodiscard]] constexpr float ClampOrLow(float x, float low, float high) noexcept {
+  const float y = x < high ? x : high;
+  return y > low ? y : low;
+}
+
+/// |x|, without a library.
+[[nodiscard]] constexpr float Magnitude(float x) noexcept { return x < 0 ? -x : x; }
+
+/// Smallest integer >= x, for 0 <= x < 2^31.
+[[nodiscard]] constexpr std::int64_t CeilTicks(float x) noexcept {
+  const auto whole = static_cast<std::int64_t>(x);
+  return static_cast<float>(whole) < x ? whole + 1 : whole;
+}
+
+}  // namespace tumbler

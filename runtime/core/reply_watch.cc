@@ -1,0 +1,39 @@
+#include "runtime/core/reply_watch.h"
+
+namespace tumbler {
+
+void ReplyWatch::Judge(int elapsed, int stale_ticks_max) noexcept {
+  constexpr int kMost = 1000;
+  const ReplyStatus before = status_;
+  const int replies = replies_;
+  ReplyStatus status = ReplyStatus::kOk;
+  if (replies == 0) {
+    status = ReplyStatus::kNoNewData;
+    in_order_ = 0;
+    unanswered_ = std::min(unanswered_ + 1, kMost);
+  } else if (!rhythm_.answers) {
+    if (replies > rhythm_.per_tick_max * elapsed) {
+      status = ReplyStatus::kRepeated;
+    } else if (before == ReplyStatus::kNoNewData) {
+      status = ReplyStatus::kOkSomeLost;
+    }
+    unanswered_ = 0;
+  } else if (replies == 1) {
+    if (before == ReplyStatus::kNoNewData) status = ReplyStatus::kOkSomeLost;
+    // What has not come by now is lost.
+    if (++in_order_ > stale_ticks_max) unanswered_ = in_order_ = 0;
+  } else {
+    const int surplus = replies - 1;
+    status = surplus > unanswered_ ? ReplyStatus::kRepeated : ReplyStatus::kWrongSequence;
+    in_order_ = 0;
+    unanswered_ = std::max(unanswered_ - surplus, 0);
+  }
+  if (status == ReplyStatus::kRepeated || status == ReplyStatus::kWrongSequence) {
+    sequence_errors_ = std::min(sequence_errors_ + 2, kMost);
+  } else if (replies != 0 && sequence_errors_ > 0) {
+    --sequence_errors_;
+  }
+  status_ = status;
+}
+
+}  // namespace tumbler

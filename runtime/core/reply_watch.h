@@ -1,0 +1,60 @@
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+
+#include "firmware_interface/drives/drive.h"
+#include "runtime/core/tick.h"
+
+namespace tumbler {
+
+/// Counts the replies of one drive against the setpoints that it was sent, tick by tick.
+class ReplyWatch {
+ public:
+  ReplyWatch() = default;
+  explicit ReplyWatch(const ReplyRhythm& rhythm) noexcept : rhythm_(rhythm) {}
+
+  /// Takes note of one reply.
+  void Count() noexcept { ++replies_; }
+
+  /// Ends a tick.
+  /// @param elapsed          ticks since the last one ended, at least 1.
+  /// @param stale_ticks_max  after so many ticks with one reply, one that is missing is lost.
+  /// @returns whether there was a reply in it.
+  bool EndTick(int elapsed, int stale_ticks_max) noexcept {
+    const int replies = replies_;
+    if (replies != 0) {
+      age_ticks_ = 0;
+    } else if (age_ticks_ >= 0) {
+      age_ticks_ = std::min<std::int32_t>(age_ticks_ + elapsed, 1 << 30);
+    }
+    if (replies != 1 || (unanswered_ | sequence_errors_) != 0) {
+      Judge(elapsed, stale_ticks_max);
+    } else {
+      status_ = ReplyStatus::kOk;
+    }
+    replies_ = 0;
+    return replies != 0;
+  }
+
+  /// Ticks since the last reply; 0: replied in the last tick; -1: never.
+  [[nodiscard]] std::int32_t age_ticks() const noexcept { return age_ticks_; }
+  /// What the replies of the last tick are worth.
+  [[nodiscard]] ReplyStatus status() const noexcept { return status_; }
+  /// See `ExecutorConfig::sequence_errors_max`.
+  [[nodiscard]] int sequence_errors() const noexcept { return sequence_errors_; }
+  void ForgetSequenceErrors() noexcept { sequence_errors_ = 0; }
+
+ private:
+  void Judge(int elapsed, int stale_ticks_max) noexcept;
+
+  ReplyRhythm rhythm_;
+  ReplyStatus status_ = ReplyStatus::kOk;
+  std::int32_t age_ticks_ = -1;
+  int replies_ = 0;     ///< In this tick.
+  int unanswered_ = 0;  ///< Setpoints.
+  int in_order_ = 0;    ///< Ticks in a row with one reply.
+  int sequence_errors_ = 0;
+};
+
+}  // namespace tumbler
