@@ -10,20 +10,20 @@ class HybridDynamics;
 /// One contact that carries force.
 template <class Space>
 struct ActiveContact {
-  int shape = 0;         ///< On which `force` acts.
-  int obstacle = -1;     ///< -1: another shape of the robot.
-  int other_shape = -1;  ///< That shape; -1: an obstacle.
-  double depth_m = 0;    ///< Into the layer, d_on - d.
+  int shape = 0;         ///< Index of the robot's shape on which `force` acts.
+  int obstacle = -1;     ///< Index of the obstacle; -1 where another shape of the robot is touched.
+  int other_shape = -1;  ///< Index of that other shape; -1 where an obstacle is touched.
+  double depth_m = 0;    ///< How deep it is in the compliant layer, d_on - d.
   double normal_force_n = 0;
-  typename Space::Vector point;   ///< p_rob relative to the origin of the dynamics.
-  typename Space::Vector force;   ///< On the robot's shape.
-  typename Space::Vector normal;  ///< Unit, towards that shape.
+  typename Space::Vector point;   ///< p_rob relative to the origin of the dynamics [m].
+  typename Space::Vector force;   ///< The force on the robot's shape [N].
+  typename Space::Vector normal;  ///< Unit normal towards that shape.
 };
 
-/// The forces of contact on a robot, as the integration of its motion sees them: `ContactModel`
-/// does, or what is written for one robot alone.
+/// The contact forces on a robot, for the integration of its motion. `ContactModel` is the general
+/// implementation; another may be written for one robot alone.
 ///
-/// Order of calls: those of HybridDynamics, which see.
+/// The order of calls is given in HybridDynamics.
 template <class Space>
 class ContactForces {
  public:
@@ -35,7 +35,7 @@ class ContactForces {
   /// Adds the derivatives of the wrenches of the last Apply to `dynamics`, after its Solve.
   virtual void Differentiate(HybridDynamics<Space>& dynamics) const = 0;
 
-  /// The contacts of the last Apply; valid until the next.
+  /// The contacts of the last Apply, valid until the next.
   [[nodiscard]] virtual std::span<const ActiveContact<Space>> active() const = 0;
 
   /// Adds `scale` times the derivative of the depth of an active contact by all positions.

@@ -10,7 +10,7 @@
 namespace tumbler {
 namespace {
 
-/// The vertices of a core; its centre where it has none.
+/// The vertices of a core, or its centre where it has none.
 template <class Space>
 std::vector<typename Space::Vector> Vertices(const Shape<Space>& shape) {
   using Vector = typename Space::Vector;
@@ -228,8 +228,8 @@ void ContactModel<Space>::DifferentiatePoint(HybridDynamics<Space>& dynamics,
   dynamics.AddWrenchDerivative(e.body, stiffness, damping);
 }
 
-/// The same with general near points. Of two bodies the law sees the relative motion only: the
-/// maps are those of displacing a, or changing its velocity, with b at rest.
+/// The same with general near points. The law depends only on the relative motion of the two
+/// bodies, so the maps are those of displacing a, or changing its velocity, with b at rest.
 template <class Space>
 void ContactModel<Space>::DifferentiatePair(HybridDynamics<Space>& dynamics,
                                             const Evaluation& e) const {

@@ -13,24 +13,25 @@
 
 namespace tumbler {
 
-/// All contacts of a robot with the obstacles of a task, and with itself where it is asked for,
-/// [AB04, section III], with exact derivatives that include the motion of contact points and
+/// All contacts of a robot with the obstacles of a task, and with itself where that is asked for
+/// [AB04, section III]. The derivatives are exact, and include the motion of contact points and
 /// normals.
 ///
-/// Each pair of shapes is one contact at its near points, save that a capsule or box touches a
-/// half-space with each end or vertex by itself: the one near point of a face that lies flat jumps
-/// from vertex to vertex, and with it the force.
+/// Each pair of shapes is one contact, at its near points. There is one exception: a capsule or box
+/// has a contact of its own for each end or vertex with a half-space. A face that lies flat would
+/// have one near point, which jumps from vertex to vertex, and the force with it.
 ///
-/// Force is a C1 function of state for spheres with half-spaces and spheres, and for all shapes
-/// with half-spaces. With other shapes the curvature of their common surface jumps where a near
-/// point passes from a face to an edge or vertex: force is continuous there and its derivative
-/// jumps. Between parallel edges or faces (`NearPoints::unique`) the point of attack jumps too;
-/// what lies on an obstacle's face should do so with spheres.
+/// The force is a C1 function of the state for spheres with spheres, and for all shapes with
+/// half-spaces. With other shapes the curvature of the touching surfaces jumps where a near point
+/// passes from a face to an edge or vertex: the force is continuous there, and its derivative
+/// jumps. Between parallel edges or faces (`NearPoints::unique`) the point of attack jumps too. A
+/// robot that is to lie on an obstacle's face should do so with spheres.
 template <class Space>
 class ContactModel final : public ContactForces<Space> {
  public:
   using Vector = typename Space::Vector;
 
+  /// @param own_pairs  pairs of the robot's shapes that can touch each other.
   ContactModel(const ContactLaw& law, std::vector<ContactShape<Space>> shapes,
                std::vector<Obstacle<Space>> obstacles,
                const std::vector<ContactPair>& own_pairs = {});
@@ -58,7 +59,8 @@ class ContactModel final : public ContactForces<Space> {
     Vector centre;
     double radius_m;
   };
-  /// Two shapes that meet at general near points: b is an obstacle or a shape of the robot.
+  /// Two shapes that meet at general near points: a shape of the robot, and an obstacle or another
+  /// shape of the robot.
   struct GeneralPair {
     int shape;
     int obstacle;
@@ -66,7 +68,7 @@ class ContactModel final : public ContactForces<Space> {
   };
   struct Evaluation {
     NearPoint<Space> near;
-    int pair;  // of pairs_; -1 for a point
+    int pair;  // index in pairs_; -1 for a point
     int body;
     int other_body;  // -1: the world
     double radius;
@@ -85,7 +87,7 @@ class ContactModel final : public ContactForces<Space> {
                                          const GeneralPair& pair) const;
   [[nodiscard]] PosedShape<Space> PosedB(const HybridDynamics<Space>& dynamics,
                                          const GeneralPair& pair) const;
-  /// The force at e.near, e.p and e.v; makes it the next active contact.
+  /// Computes the force at e.near, e.p and e.v, and makes it the next active contact.
   typename Space::Wrench SetForce(Evaluation& e, int shape, int obstacle, int other_shape);
   void DifferentiatePoint(HybridDynamics<Space>& dynamics, const Evaluation& e) const;
   void DifferentiatePair(HybridDynamics<Space>& dynamics, const Evaluation& e) const;
@@ -95,10 +97,10 @@ class ContactModel final : public ContactForces<Space> {
   std::vector<Obstacle<Space>> obstacles_;
   std::vector<Point> spheres_;    // meet all obstacles
   std::vector<Point> vertices_;   // meet half-spaces
-  std::vector<int> half_spaces_;  // of obstacles_
+  std::vector<int> half_spaces_;  // indices in obstacles_
   std::vector<GeneralPair> pairs_;
   std::vector<NearPoints<Space>> near_;  // of pairs_, where active
-  // As many as there could be at once.
+  // These have room for as many as there could be at once.
   std::vector<Evaluation> evaluations_;
   std::vector<ActiveContact<Space>> active_;
   std::size_t active_count_ = 0;

@@ -10,8 +10,8 @@ namespace tumbler {
 template <class Space>
 struct ContactShape {
   std::string name;    ///< `LINK/INDEX`
-  int body = 0;        ///< Degree of freedom that moves it.
-  Shape<Space> shape;  ///< In the body's frame. Not a half-space.
+  int body = 0;        ///< Index of the degree of freedom that moves it.
+  Shape<Space> shape;  ///< In the body's frame; no half-space.
 };
 
 /// Two shapes of the robot, on different bodies, that can touch each other.

@@ -7,22 +7,24 @@
 
 namespace tumbler {
 
-/// The near points of a sphere with an obstacle in closed form: its core is a point c. What
-/// `FindNearPoints` says of the same two, save that inside the core of the obstacle the normal and
-/// the distance are those of its nearest side, so that they are defined everywhere.
+/// The near points of a sphere with an obstacle in closed form, which exists because the core of a
+/// sphere is a point c. They are those of `FindNearPoints`, except inside the core of the obstacle:
+/// there normal and distance are those of the core's nearest side, so that they are defined
+/// everywhere.
 template <class Space>
 struct NearPoint {
-  double d = 0;                ///< Distance between the surfaces, negative inside [m].
+  double d = 0;                ///< Distance between the surfaces [m], negative in penetration.
   typename Space::Vector u_d;  ///< Unit normal, from the obstacle to the sphere.
   /// du_d = curvature (I - u_d u_d^T - e e^T) dc for a motion dc of the sphere's centre.
   double curvature_per_m = 0;
-  /// e: along the edge of a core, in space; zero where the near point is on a face or a vertex. The
-  /// plane has no edges in this sense.
+  /// e: in space, the unit vector along the core's edge on which the near point is; zero where it
+  /// is on a face or a vertex. The plane has no such edges.
   struct None {};
   using Edge = std::conditional_t<Shape<Space>::kDimension == 2, None, typename Space::Vector>;
   [[no_unique_address]] Edge edge{};
 };
 
+/// The near point of a sphere with a shape that is no half-space.
 template <class Space>
 NearPoint<Space> FindNearPointOfCore(const Shape<Space>& obstacle,
                                      const typename Space::Vector& centre, double radius_m) {
@@ -56,7 +58,8 @@ NearPoint<Space> FindNearPointOfCore(const Shape<Space>& obstacle,
     }
     return near;
   }
-  // Inside the core: out through the nearest side; up, of those that are equally near.
+  // Inside the core the normal leads out through the nearest side. Of sides that are equally near
+  // the core's last axis wins.
   int side = kDimension - 1;
   const auto depth = [&](int i) { return obstacle.half_extents[i] - std::abs(c[i]); };
   for (int i = kDimension - 1; i >= 0; --i) {
@@ -67,6 +70,7 @@ NearPoint<Space> FindNearPointOfCore(const Shape<Space>& obstacle,
   return near;
 }
 
+/// The near point of a sphere with this centre and radius, and an obstacle of any shape.
 template <class Space>
 NearPoint<Space> FindNearPoint(const Shape<Space>& obstacle, const typename Space::Vector& centre,
                                double radius_m) {

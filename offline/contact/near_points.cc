@@ -10,10 +10,10 @@
 namespace tumbler {
 namespace {
 
-/// Edges and faces count as parallel below this angle [rad]: rounding decides no nearer.
+/// Edges and faces count as parallel below this angle [rad]. Rounding hides smaller angles.
 constexpr double kParallelAngle = 1e-9;
 
-/// The least of all least squares solutions of a symmetric system, by its eigenvalues: Eigen's
+/// The least of all least squares solutions of a symmetric system, by its eigenvalues. Eigen's
 /// other decompositions of singular matrices allocate.
 template <class Solver, class Column>
 Column LeastSolution(const Solver& eigen, const Column& right) {
@@ -28,10 +28,10 @@ Column LeastSolution(const Solver& eigen, const Column& right) {
   return sum;
 }
 
-/// Minimises |M y + r| over |y_i| <= h_i, the columns of M being unit vectors: a bounded least
-/// squares problem by the active-set method of Stark and Parker. The free columns are always
-/// independent, and every step decreases the objective, so that no active set comes twice: it ends
-/// after finitely many, at the minimum to rounding.
+/// Minimises |M y + r| over |y_i| <= h_i, where the columns of M are unit vectors. The method for
+/// this bounded least squares problem is the active-set method of Stark and Parker. The free
+/// columns are always independent, and every step decreases the objective, so that no active set
+/// comes twice. So the method ends after finitely many steps, at the minimum to rounding.
 template <int kRows>
 class BoundedLeastSquares {
  public:
@@ -66,7 +66,7 @@ class BoundedLeastSquares {
       const std::int8_t bound = at_[I(enters)];
       at_[I(enters)] = 0;
       if (!FindTarget() || bound * (target_[enters] - y_[enters]) >= 0) {
-        at_[I(enters)] = bound;  // What descent there is is rounding.
+        at_[I(enters)] = bound;  // The descent that was left is rounding.
         blocked[I(enters)] = true;
         continue;
       }
@@ -75,8 +75,8 @@ class BoundedLeastSquares {
     }
   }
 
-  /// Where the minimum is not unique, takes the point of least norm.
-  /// @param u the residual's direction.
+  /// Takes the point of least norm where the minimum is not unique.
+  /// @param u  the residual's direction.
   bool MakeUnique(const Vector& u) {
     std::array<int, kMax> loose{};
     int count = 0;
@@ -84,8 +84,8 @@ class BoundedLeastSquares {
       if (h_[i] > 0 && std::abs(M_.col(i).dot(u)) <= kParallelAngle) loose[I(count++)] = i;
     }
     if (Independent(loose, count)) return true;
-    // All points of the minimum have the same sum of loose columns. Of the candidates, one for
-    // every active set of the loose coordinates, one is the point of least norm.
+    // All points of the minimum have the same sum of loose columns. There is one candidate for
+    // every active set of the loose coordinates, and one of them is the point of least norm.
     Vector sum = Vector::Zero();
     for (int k = 0; k < count; ++k) sum += M_.col(loose[I(k)]) * y_[loose[I(k)]];
     int sets = 1;
@@ -153,8 +153,8 @@ class BoundedLeastSquares {
     return true;
   }
 
-  /// The least squares solution of the free variables, the others at their bounds, by
-  /// Gram-Schmidt. False when the free columns are not independent.
+  /// Finds the least squares solution of the free variables, with the others at their bounds, by
+  /// Gram-Schmidt. @returns false when the free columns are not independent.
   bool FindTarget() {
     std::array<int, kRows> free{};
     int count = 0;
@@ -190,7 +190,7 @@ class BoundedLeastSquares {
     return true;
   }
 
-  /// Goes to the target, or as far as the first bound on the way; true when it got there.
+  /// Goes towards the target up to the first bound on the way. @returns whether it got there.
   bool StepToTarget() {
     double step = 1;
     int stops = -1;
@@ -218,7 +218,7 @@ class BoundedLeastSquares {
   std::array<std::int8_t, kMax> at_{};
 };
 
-/// The vertex of a core that is farthest along -n; the middle of an edge or face that is level.
+/// The vertex of a core that is farthest along -n, or the middle of an edge or face that is level.
 template <class Space>
 typename Space::Vector FindLowest(const PosedShape<Space>& shape, const typename Space::Vector& n,
                                   std::array<std::int8_t, Space::Vector::RowsAtCompileTime>& active,

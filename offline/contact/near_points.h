@@ -10,22 +10,23 @@ namespace tumbler {
 
 /// The near points of two shapes a and b, [AB04, Eqs. 10 and 23-25], with a signed distance.
 ///
-/// The paper's p_rob and p_obs are p_a and p_b here. They lie on the surfaces: the near points x_a,
-/// x_b of the two cores, moved by the swept radii along the normal. So the normal is defined in
-/// penetration too, until the cores themselves overlap.
+/// The paper's p_rob and p_obs are p_a and p_b here. They lie on the surfaces: they are the near
+/// points x_a and x_b of the two cores, moved by the swept radii along the normal. So the normal is
+/// defined in penetration too, until the cores themselves overlap.
 template <class Space>
 struct NearPoints {
   using Vector = typename Space::Vector;
   static constexpr int kDimension = Vector::RowsAtCompileTime;
 
   Vector p_a, p_b;
-  double d = 0;  ///< Negative in penetration [m].
+  double d = 0;  ///< Distance [m], negative in penetration.
   Vector u_d;    ///< Unit normal, from b to a.
-  /// The cores overlap, and no normal follows from the near points: d is less the sum of the radii,
-  /// u_d points from centre to centre (up, should they coincide), p_a and p_b are one point.
+  /// Whether the cores overlap, so that no normal follows from the near points. Then d is minus the
+  /// sum of the radii, u_d points from the centre of b to that of a (up, if they coincide), and p_a
+  /// and p_b are one point.
   bool overlap = false;
-  /// False where the near points are not unique: parallel edges or faces. Those given are then the
-  /// ones nearest to the centres of their cores (least sum of squares).
+  /// Whether the near points are unique. Between parallel edges or faces they are not; then those
+  /// nearest to the centres of their cores are given (least sum of squares).
   bool unique = true;
   /// The active set, [AB04, Eq. 30], of each core's coordinates: -1 or +1 at that bound (and always
   /// where the extent is zero, an equality constraint), 0 between the bounds.
@@ -33,9 +34,9 @@ struct NearPoints {
   double core_distance_m = 0;  ///< |x_a - x_b|
 };
 
-/// Derivatives of near points, one entry for each basis motion of the space about the origin of
-/// the coordinates in use: a is displaced by it, b stays. What b's displacement does follows, as
-/// displacing both moves everything rigidly.
+/// Derivatives of near points when a is displaced and b stays: one entry for each basis motion of
+/// the space about the origin of the coordinates in use. Those for a displacement of b follow from
+/// them, since displacing both moves everything rigidly.
 template <class Space>
 struct NearPointsDerivative {
   static constexpr std::size_t kMotions = Space::kMotions;
@@ -57,9 +58,9 @@ NearPoints<Space> FindNearPoints(const PosedShape<Space>& a, const PosedShape<Sp
 ///
 /// The paper prints +b on the right side of (31), which contradicts its own (26) and (29).
 ///
-/// Where the near points are not unique H is singular, and the least of all solutions is taken;
-/// where the cores overlap the normal stays and a's point goes with a. Both are what is left when
-/// there is no derivative. No heap.
+/// In two cases there is no derivative, and the result is a substitute: where the near points are
+/// not unique, H is singular, and the least of all solutions is taken; where the cores overlap, the
+/// normal stays and a's point moves with a. No heap.
 template <class Space>
 NearPointsDerivative<Space> DifferentiateNearPoints(const PosedShape<Space>& a,
                                                     const PosedShape<Space>& b,

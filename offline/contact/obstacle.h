@@ -10,7 +10,7 @@ namespace tumbler {
 template <class Space>
 struct Obstacle {
   std::string name;
-  Shape<Space> shape;  ///< In the world. In the plane a sphere is a cylinder along y.
+  Shape<Space> shape;  ///< In the world. In the plane, a sphere stands for a cylinder along y.
 
   bool operator==(const Obstacle&) const = default;
 };

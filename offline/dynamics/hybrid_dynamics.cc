@@ -45,7 +45,8 @@ template <class Space>
 void HybridDynamics<Space>::SetState(std::span<const double> q, std::span<const double> qd) {
   touched_ = 0;
   any_pair_ = false;
-  // Positions in the world first; from then on the origin is that of the first body's frame.
+  // Positions are found in world coordinates first. From then on the origin is that of the first
+  // body's frame.
   for (int j = 0; j < n_; ++j) {
     const Joint& joint = joints_[Index(j)];
     Body& body = bodies_[Index(j)];
@@ -89,7 +90,7 @@ void HybridDynamics<Space>::SetState(std::span<const double> q, std::span<const 
 
 template <class Space>
 void HybridDynamics<Space>::Solve(std::span<double> qdd, std::span<double> tau) {
-  // Inverse dynamics with the unknown accelerations at zero.
+  // Inverse dynamics with the unknown accelerations set to zero.
   Motion base;
   base.v = -gravity_;
   for (int j = 0; j < n_; ++j) {
@@ -253,16 +254,16 @@ void HybridDynamics<Space>::DifferentiateInverse(typename Derivatives::Block& d_
   }
 }
 
-/// With s_k = 1 for what carries a alone, -1 for what carries b alone, and 0 for what carries both
-/// or neither, the generalised force of the pair is Q_i = s_i S_i . W. Moving a and b as one turns
-/// W along; moving b alone is that and moving a back:
+/// Let s_k be 1 for a joint that carries a alone, -1 for one that carries b alone, and 0 for one
+/// that carries both or neither. The generalised force of the pair is Q_i = s_i S_i . W. Moving a
+/// and b as one turns W along. Moving b alone is the same as moving both and then moving a back:
 ///
 ///   dW/dq_k = S_k x* W + K S_k + D S_rate_k  (s_k = 1),   -(K S_k + D S_rate_k)  (s_k = -1),
 ///   dW/dqd_k = s_k D S_k.
 ///
-/// DifferentiateInverse lets both wrenches turn along with the body that they act on. That is right
-/// for W on a. That on b changes with W and not with b: by s_k S_k x* W less, in all that carries
-/// b.
+/// DifferentiateInverse lets each wrench turn along with the body that it acts on. This is right
+/// for W on a. The wrench on b changes with W instead, so s_k S_k x* W has to be taken away again
+/// in everything that carries b.
 template <class Space>
 void HybridDynamics<Space>::AddPairDerivative(int a, int b, const Wrench& W,
                                               const WrenchMap& stiffness,

@@ -11,15 +11,18 @@
 
 namespace tumbler {
 
-/// Partial derivatives of the outputs of hybrid dynamics. Row i is the acceleration of degree of
-/// freedom i where that is free, its torque where it is prescribed. Columns: positions, velocities,
-/// and given inputs (the acceleration of a prescribed degree of freedom, the force or torque of a
-/// free one).
+/// Partial derivatives of the outputs of hybrid dynamics, n by n for n degrees of freedom. The
+/// output of degree of freedom i (row i) is its acceleration where it is free, and its force or
+/// torque where it is prescribed.
 template <class Space>
 struct DynamicsDerivatives {
   using Block = std::array<std::array<double, Space::kMaxDofs>, Space::kMaxDofs>;
+  /// By positions (columns).
   Block q;
+  /// By velocities.
   Block qd;
+  /// By the given inputs: accelerations of prescribed degrees of freedom, forces or torques of free
+  /// ones.
   Block input;
 };
 
@@ -27,17 +30,20 @@ struct DynamicsDerivatives {
 ///
 ///   (tau_a, qdd_p) = g(q, qd, qdd_a, tau_p),   M(q) qdd + b(q, qd) = tau + sum_c J_c^T f_c
 ///
-/// where prescribed degrees of freedom (a) have their acceleration given and free ones (p) their
-/// torque, with contact wrenches from outside. Method: inverse dynamics gives tau at qdd_p = 0; the
-/// free rows of the joint-space inertia M give qdd_p (Cholesky); dg is the derivative of inverse
-/// dynamics in closed form [SRW22, Eqs. 34-37], partitioned the same way. Everything is expressed
-/// with world axes about the first body's origin, which keeps numbers small however far the robot
-/// travels, and makes the root's translations constant. `Space` is the algebra, `Plane` or
-/// `Spatial`.
+/// Prescribed degrees of freedom (a) have their acceleration given, and free ones (p) their force
+/// or torque. Contact wrenches act from outside.
+///
+/// Method: inverse dynamics gives tau at qdd_p = 0; the free rows of the joint-space inertia M give
+/// qdd_p by Cholesky's factorisation; dg is the derivative of inverse dynamics in closed form
+/// [SRW22, Eqs. 34-37], partitioned the same way. Everything is expressed with world axes about the
+/// first body's origin, which keeps numbers small however far the robot travels, and makes the
+/// root's translations constant. `Space` is the algebra, `Plane` or `Spatial`.
 ///
 /// Order of calls: SetState; AddWrench for every contact; Solve; then for derivatives
 /// AddWrenchDerivative or AddPairDerivative for every contact, and Differentiate or
-/// DifferentiateFactored. Cost: O(n d) for tree depth d, plus O(n_p^3). No heap after construction.
+/// DifferentiateFactored.
+///
+/// Cost: O(n d) for tree depth d, plus O(n_p^3). No heap after construction. Units: SI.
 ///
 /// [AB04] J. Albro, J. Bobrow, 2004. [SRW22] S. Singh, R. Russell, P. Wensing, Efficient Analytical
 /// Derivatives of Rigid-Body Dynamics Using Spatial Vector Algebra, IEEE RA-L 7(2), 2022.
@@ -54,18 +60,19 @@ class HybridDynamics {
   static constexpr int kMaxDofs = Space::kMaxDofs;
   static_assert(kMaxDofs <= 32, "sets of bodies are kept as bits of a 32-bit word");
 
-  /// @pre 1 <= dofs <= kMaxDofs, parents before children, and every free subset of the tree has
-  /// inertia.
+  /// @pre 1 <= dofs <= kMaxDofs, parents come before children, and every set of free degrees of
+  /// freedom moves inertia.
   explicit HybridDynamics(const Tree<Space>& tree);
 
   [[nodiscard]] int size() const { return n_; }
   [[nodiscard]] bool prescribed(int j) const { return joints_[Index(j)].prescribed; }
 
-  /// Positions and velocities of all bodies; forgets all wrenches.
+  /// Sets positions and velocities of all degrees of freedom, and forgets all wrenches.
   void SetState(std::span<const double> q, std::span<const double> qd);
 
-  /// After SetState. Positions are relative to `origin()`, which is in world coordinates.
+  /// The origin of the coordinates in use, in the world. It belongs to the state.
   [[nodiscard]] const Vector& origin() const { return origin_; }
+  /// Rotation of body j, its position relative to `origin()`, and its velocity. After SetState.
   [[nodiscard]] const Rotation& rotation(int j) const { return bodies_[Index(j)].R; }
   [[nodiscard]] const Vector& position(int j) const { return bodies_[Index(j)].p; }
   [[nodiscard]] const Motion& velocity(int j) const { return bodies_[Index(j)].v; }
@@ -76,20 +83,21 @@ class HybridDynamics {
     bodies_[Index(j)].external = bodies_[Index(j)].external + wrench;
   }
 
-  /// Adds J^T w, the joint forces that do the work of the wrench about `origin()` on body j. Also
-  /// the derivative, by all positions, of what grows at the rate of that work.
+  /// Adds J^T w, the joint forces that do the work of the wrench about `origin()` on body j. They
+  /// are also the derivative by all positions of a quantity that grows at the rate of this work.
   void AddJointForces(int j, const Wrench& wrench, std::span<double> forces) const {
     for (int i = j; i >= 0; i = joints_[Index(i)].parent)
       forces[Index(i)] += Space::Dot(bodies_[Index(i)].S, wrench);
   }
 
-  /// Solves for what is not given: reads qdd where prescribed and tau where free, writes the
-  /// others.
+  /// Solves the equations of motion. Reads qdd of prescribed and tau of free degrees of freedom,
+  /// and writes the others.
   void Solve(std::span<double> qdd, std::span<double> tau);
 
-  /// After Solve. The first free degree of freedom whose inertia is no more than the fraction
-  /// `tolerance` of its own once the free ones before it may move, or -1. Its acceleration is then
-  /// not determined, or lost to rounding: coordinates at a singularity, or bodies without inertia.
+  /// A free degree of freedom whose acceleration is not determined, or lost to rounding, or -1:
+  /// coordinates are at a singularity, or bodies lack inertia. It is the first one of whose inertia
+  /// only the fraction `tolerance` or less is left once the free ones before it may move. After
+  /// Solve.
   [[nodiscard]] int FindUndetermined(double tolerance) const {
     for (int i = 0; i < free_count_; ++i) {
       const double own = M_[Index(free_[Index(i)])][Index(free_[Index(i)])];
@@ -99,9 +107,9 @@ class HybridDynamics {
     return -1;
   }
 
-  /// Adds to the derivative of the wrench on body j: `stiffness` maps a displacement u of the body,
-  /// which carries its velocity along, to dW - u x* W; `damping` maps a change of its velocity to
-  /// dW. After Solve, before Differentiate.
+  /// Adds to the derivative of the wrench W on body j. `stiffness` maps a displacement u of the
+  /// body, which carries its velocity along, to dW - u x* W. `damping` maps a change of the body's
+  /// velocity to dW. After Solve, before Differentiate.
   void AddWrenchDerivative(int j, const WrenchMap& stiffness, const WrenchMap& damping) {
     WrenchDerivative& sum = bodies_[Index(j)].wrench_derivative;
     if ((touched_ >> j & 1U) == 0) {
@@ -112,23 +120,23 @@ class HybridDynamics {
     sum.damping += damping;
   }
 
-  /// Adds to the derivatives of a wrench W that acts on body a, and of -W on body b, where W
-  /// depends on the motion of a relative to b alone: the maps, as above, are those of moving a with
-  /// b at rest. Both wrenches are given to AddWrench as well. After Solve, before Differentiate.
+  /// Adds to the derivatives of a wrench W on body a and of -W on body b, where W depends only on
+  /// the motion of a relative to b. The maps, as above, are those of moving a with b at rest.
+  /// AddWrench has to be given both wrenches as well. After Solve, before Differentiate.
   void AddPairDerivative(int a, int b, const Wrench& W, const WrenchMap& stiffness,
                          const WrenchMap& damping);
 
   /// All derivatives of Solve's outputs at its solution.
   void Differentiate(Derivatives& out);
 
-  /// The same in factored form, which is cheaper: `out.input` is as above, but `out.q` and `out.qd`
-  /// hold the derivatives D of inverse dynamics, tau at fixed qdd. With p the free and a the
-  /// prescribed degrees of freedom,
+  /// The same in factored form, which is cheaper. `out.input` is as above, but `out.q` and `out.qd`
+  /// hold the derivatives D of inverse dynamics, that is of tau at fixed qdd. With p the free and a
+  /// the prescribed degrees of freedom,
   ///
   ///   dg_q = R D_q,   R_ap = -input_ap,   R_pp = -input_pp,   R_aa = 1,   R_pa = 0,
   ///
-  /// so that a cotangent r of the outputs is pulled back to q as D_q^T (R^T r). input_pp is
-  /// symmetric and input_ap = -input_pa^T.
+  /// and likewise for qd. So a cotangent r of the outputs is pulled back to q as D_q^T (R^T r).
+  /// input_pp is symmetric and input_ap = -input_pa^T.
   void DifferentiateFactored(Derivatives& out);
 
   /// Kinetic energy, and potential energy with its zero at the world's origin [J]. After SetState.
@@ -191,7 +199,7 @@ class HybridDynamics {
   std::uint32_t touched_ = 0;                             // bodies with a wrench derivative
   bool any_pair_ = false;
   typename Derivatives::Block pair_q_, pair_qd_;  // what pairs add to the derivative of tau
-  std::vector<std::pair<int, int>> unrelated_;    // neither carries the other
+  std::vector<std::pair<int, int>> unrelated_;    // bodies of which neither carries the other
 };
 
 }  // namespace tumbler

@@ -11,14 +11,14 @@
 namespace tumbler {
 namespace {
 
-/// A direction counts as along y, or across it, when it is off by less than this angle [rad]: file
-/// digits, not geometry.
+/// A direction counts as along y, or across it, when it is off by less than this angle [rad]. So
+/// much comes from the digits of a file, and is not meant.
 constexpr double kPlaneTolerance = 1e-6;
 
 const char* const kShortCylinder =
     "is a cylinder shorter than wide, which no capsule stands for; use a sphere or a box";
 
-/// Why a shape cannot be one of contact.
+/// Thrown when the contact model cannot use a shape; says why.
 struct Unusable : std::runtime_error {
   using std::runtime_error::runtime_error;
 };

@@ -12,28 +12,28 @@ struct Plane;
 struct Robot;
 struct Spatial;
 
-/// A collision shape of the file that the contact model does not use, and why.
+/// A collision shape of the file that the contact model does not use, and the reason.
 struct IgnoredShape {
   std::string link;
   std::uint32_t line = 0;
   std::string reason;
 };
 
-/// The collision shapes of a robot as contact sees them.
+/// The collision shapes of a robot for the contact model.
 template <class Space>
 struct ContactShapes {
   std::vector<ContactShape<Space>> shapes;
   std::vector<IgnoredShape> ignored;
 };
 
-/// Spheres and boxes are what they are. A cylinder becomes the capsule of the same radius and the
-/// same overall length, its ends rounded; one that is shorter than wide has none and is ignored, as
-/// are meshes and what is fixed to the world.
+/// The shapes in space. Spheres and boxes stay as they are. A cylinder becomes the capsule of the
+/// same radius and the same overall length, with rounded ends. Ignored are cylinders that are
+/// shorter than wide, which have no such capsule, meshes, and shapes that are fixed to the world.
 ContactShapes<Spatial> SpatialContactShapes(const Robot& robot);
 
-/// Their outlines in the x-z plane: of a sphere a disc, of a capsule a capsule (a disc where it
-/// lies along y, as does a cylinder of any length), of a box with a side along y a rectangle. Any
-/// other box is ignored.
+/// The outlines of the shapes in the x-z plane: a disc for a sphere, and for a cylinder of any
+/// length along y; a capsule for another cylinder; a rectangle for a box with a side along y. Other
+/// boxes are ignored.
 ContactShapes<Plane> PlanarContactShapes(const Robot& robot);
 
 }  // namespace tumbler

@@ -4,7 +4,8 @@
 
 namespace tumbler {
 
-/// Limits of one joint, from the URDF; infinite where the file has none. Metres where prismatic.
+/// Limits of one joint by the URDF, with the URDF's names; infinite where the file has none. For a
+/// prismatic joint the units are m, m/s and N.
 struct RobotJointLimits {
   double lower_rad = -std::numeric_limits<double>::infinity();
   double upper_rad = std::numeric_limits<double>::infinity();

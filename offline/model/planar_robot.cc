@@ -12,8 +12,8 @@
 namespace tumbler {
 namespace {
 
-/// A joint axis counts as in the plane when it leaves it by less than this angle [rad]: file
-/// digits, not geometry.
+/// A joint axis counts as in the plane when it leaves it by less than this angle [rad]. So much
+/// comes from the digits of a file, and is not meant.
 constexpr double kPlaneTolerance = 1e-6;
 
 Eigen::Vector2d InPlane(const Eigen::Vector3d& r) { return {r.x(), r.z()}; }
@@ -60,7 +60,7 @@ Dof<Plane> ReduceDof(const Robot& robot, std::size_t j) {
   return dof;
 }
 
-/// How a shape is drawn; false where it is not.
+/// Makes the segment that draws a shape. @returns false where the shape is not drawn.
 bool Draw(const RobotShape& shape, DrawnSegment& segment) {
   segment.body = shape.body;
   Eigen::Vector3d half = Eigen::Vector3d::Zero();
@@ -73,7 +73,7 @@ bool Draw(const RobotShape& shape, DrawnSegment& segment) {
       half.z() = shape.length_m / 2;
       break;
     case RobotShape::Kind::kBox: {
-      // A bar along the box's longest side that lies in the plane.
+      // A box is drawn as a bar along its longest side in the plane.
       int longest = -1;
       double thickness = 0;
       for (int i = 0; i < 3; ++i) {

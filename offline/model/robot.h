@@ -13,37 +13,37 @@
 
 namespace tumbler {
 
-/// What the file says of one degree of freedom beyond its dynamics.
+/// The properties of one degree of freedom that are no part of its dynamics.
 struct RobotJoint {
-  std::string link;         ///< The link that it moves first.
-  RobotJointLimits limits;  ///< The root's are infinite.
-  bool continuous = false;
-  std::uint32_t axis_line = 0;  ///< 0 for the root's coordinates.
+  std::string link;             ///< The link on which the joint acts directly.
+  RobotJointLimits limits;      ///< Infinite for the root's coordinates.
+  bool continuous = false;      ///< Whether the URDF has it as a continuous joint.
+  std::uint32_t axis_line = 0;  ///< Line of the axis in the file; 0 for the root's coordinates.
 };
 
 /// A link of the file. Links on fixed joints are parts of the body that carries them.
 struct RobotLink {
   std::string name;
   std::uint32_t line = 0;
-  int body = -1;       ///< Degree of freedom that moves it; -1 is the world.
-  double mass_kg = 0;  ///< Its own.
+  int body = -1;       ///< Index of the degree of freedom that moves it; -1 is the world.
+  double mass_kg = 0;  ///< Of this link alone.
 };
 
-/// A collision or visual shape in the terms of the file.
+/// A collision or visual shape, as the file describes it.
 struct RobotShape {
   enum class Kind { kSphere, kCylinder, kBox, kMesh };
   Kind kind = Kind::kSphere;
   std::string name;  ///< `LINK/INDEX`
   std::string link;
-  std::uint32_t line = 0;  ///< Of the link.
-  int body = -1;           ///< Degree of freedom that moves it; -1 is the world.
+  std::uint32_t line = 0;  ///< Line of the link in the file.
+  int body = -1;           ///< Index of the degree of freedom that moves it; -1 is the world.
   Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();  ///< In the body's frame.
   double radius_m = 0;                                     ///< Sphere, cylinder.
   double length_m = 0;                                     ///< Cylinder, along its z.
   Eigen::Vector3d size_m = Eigen::Vector3d::Zero();        ///< Box: whole sides.
 };
 
-/// A place in the file and what is wrong there.
+/// Something in the file that is not physical: the place, and what is wrong.
 struct RobotFinding {
   std::uint32_t line = 0;
   std::string key;
@@ -52,10 +52,9 @@ struct RobotFinding {
 
 /// A robot from a URDF, in space.
 ///
-/// Degrees of freedom are the root's coordinates, then the file's movable joints in the file's
-/// order, parents moved ahead of children where the file has them otherwise. Links on fixed joints
-/// are merged into what carries them. At zero the frames of all bodies have the axes of the root
-/// link.
+/// Its degrees of freedom are the root's coordinates, and then the movable joints in the order of
+/// the file, except that parents come before children. Links on fixed joints are merged into the
+/// body that carries them. At zero the frames of all bodies have the axes of the root link.
 struct Robot {
   std::string file;  ///< For messages.
   std::string name;
@@ -63,31 +62,31 @@ struct Robot {
   Tree<Spatial> tree;              ///< No degree of freedom is prescribed yet.
   int root_dofs = 0;               ///< 0 (fixed), 3 (planar), or 6 (floating).
   std::vector<RobotJoint> joints;  ///< Of each degree of freedom.
-  /// Degrees of freedom as people count them: the root's coordinates, then the joints exactly in
-  /// the file's order, also where that has children before parents.
+  /// Indices of the degrees of freedom in the order for people: the root's coordinates, then the
+  /// joints exactly in the order of the file, even where it has children before parents.
   std::vector<int> file_order;
   std::vector<RobotLink> links;
   std::vector<RobotShape> collision_shapes;
   std::vector<RobotShape> visual_shapes;
-  /// What the equations of motion can live with, but no real robot has: inertia that belongs to no
-  /// body, limits of zero. A robot in a task must have none.
+  /// Things that no real robot has, such as inertia that belongs to no body, or limits of zero. The
+  /// equations of motion can be evaluated with them, but a robot in a task must have none.
   std::vector<RobotFinding> findings;
 
   /// Index of a joint's degree of freedom, or -1. The root's coordinates are no joints.
   [[nodiscard]] int FindDof(std::string_view joint) const;
-  /// Null when there is no such link.
+  /// The link with this name; null when there is none.
   [[nodiscard]] const RobotLink* FindLink(std::string_view link) const;
-  /// False when neither the body of the degree of freedom nor any that it carries has mass or
-  /// inertia: such a one cannot be free.
+  /// Whether the body of the degree of freedom, or one that it carries, has mass or inertia. If
+  /// none has, the degree of freedom cannot be free.
   [[nodiscard]] bool MovesMass(int dof) const;
 };
 
 /// Reads a robot. Gravity is 9.81 m/s^2 along -z.
 /// @param text       the URDF.
 /// @param file_name  for messages.
-/// @throws FileError with file, line and element when the text is not a URDF; when a mass is
-/// negative, or a limit upside down; when a joint's type is unknown; when it has more than
-/// Spatial::kMaxDofs degrees of freedom, or none.
+/// @throws FileError  with file, line and element when the text is no URDF, a mass is negative, a
+/// lower limit is above the upper one, a joint's type is unknown, or the robot has no degree of
+/// freedom or more than Spatial::kMaxDofs.
 Robot ParseRobot(const std::string& text, const std::string& file_name, RootKind root);
 
 }  // namespace tumbler

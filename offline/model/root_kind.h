@@ -6,10 +6,10 @@ namespace tumbler {
 enum class RootKind {
   kFixed,     ///< To the world.
   kPlanarXz,  ///< Free in the world's x-z plane: x [m], z [m], pitch [rad] about -y.
-  /// Free in space: x, y, z [m], then pitch about -y, roll about the turned x, yaw about the axis z
-  /// that both have turned [rad]. `kPlanarXz` is its restriction, and a tumble through any pitch is
-  /// regular. At roll = +-pi/2 yaw turns about the axis of pitch: there the coordinates are
-  /// singular.
+  /// Free in space: x, y, z [m], then pitch about -y, roll about the turned x, and yaw about the
+  /// axis z that both have turned [rad]. With y, roll and yaw at zero these are the coordinates of
+  /// `kPlanarXz`, and a tumble through any pitch is regular. At roll = +-pi/2 yaw turns about the
+  /// axis of pitch, and the coordinates are singular.
   kFloating,
 };
 

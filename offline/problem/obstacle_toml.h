@@ -6,8 +6,9 @@
 
 namespace tumbler {
 
-/// Reads an `[[obstacle]]` of a task or of a twin (docs/formats.md). Keys that it does not know are
-/// left to the caller. @throws FileError with file, line, key, value and allowed range.
+/// Reads an `[[obstacle]]` of a task or of a twin (docs/formats.md). Unknown keys are left to the
+/// caller.
+/// @throws FileError  with file, line, key, value and allowed range.
 Obstacle<Plane> ReadObstacle(TomlTable& table);
 
 }  // namespace tumbler
