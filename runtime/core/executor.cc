@@ -7,7 +7,7 @@
 namespace tumbler {
 namespace {
 
-/// How far the limited setpoint may be from the planned one when a motion counts as finished.
+/// A motion counts as finished when the limited setpoint is this near to the planned one.
 constexpr float kFinished_rad = 1e-4F;
 
 }  // namespace
@@ -79,7 +79,7 @@ void Executor::FollowEdge(int edge) noexcept {
     const Joint& joint = joints_[static_cast<std::size_t>(i)];
     const float start = joint.motion->position.control_points()[0];
     const float error = Magnitude(joint.measured.position_rad - start);
-    // Also when it is not a number.
+    // Negated, so that an error that is not a number is a fault too.
     if (!(error <= tolerance)) return Latch(Fault::kEntryMissed, i, error, tolerance);
   }
   Enter(ExecutorState::kRunning);
@@ -91,7 +91,7 @@ void Executor::Tick(const TickInput& input, TickOutput& output) noexcept TUMBLER
   ticked_ = true;
   refusal_ = {};
 
-  // However much time has passed, the plan goes on by no more than what is made up for.
+  // However much time has passed, the plan goes on by at most the ticks that are made up for.
   const std::int64_t most = 1 + static_cast<std::int64_t>(config_.late_ticks_max);
   const auto advance = static_cast<int>(std::clamp<std::int64_t>(elapsed, 1, most));
   ticks_in_state_ += advance;
@@ -120,7 +120,8 @@ void Executor::Tick(const TickInput& input, TickOutput& output) noexcept TUMBLER
 }
 
 void Executor::TakeReplies(const TickInput& input, int elapsed) noexcept {
-  // Drives mostly answer in their order: after one the next is asked first.
+  // Drives mostly answer in their order. So the drive after the one that took a frame is asked
+  // first.
   int first = 0;
   for (const ReceivedFrame& received : input.received) {
     for (int n = 0, i = first; n < joint_count_; ++n) {
@@ -143,8 +144,8 @@ void Executor::TakeReplies(const TickInput& input, int elapsed) noexcept {
 }
 
 void Executor::Enter(ExecutorState state) noexcept {
-  // The feed-forward that a motion ends with carries the robot there; one from mid-motion carries
-  // it nowhere.
+  // The feed-forward at the end of a motion carries the robot in its last pose, so a hold keeps it.
+  // A feed-forward from the middle of a motion would not fit the pose that is held.
   const bool moving = state_ == ExecutorState::kMovingToStart || state_ == ExecutorState::kRunning;
   if (state == ExecutorState::kSettling) {
     keep_torque_ = true;
@@ -198,7 +199,7 @@ void Executor::Send(int elapsed, TickOutput& output) noexcept {
     const DriveSetpoint encoded = joint.drive->encoded_setpoint();
     if (state_ == ExecutorState::kArming && joint.drive_state != DriveState::kEnabled &&
         IsFinite(encoded.position_rad)) {
-      // A drive may be told to begin where it was a moment ago: that is where it will be held.
+      // While arming, a drive may be sent the position of a moment ago. It will be held there.
       joint.commanded.position_rad = std::clamp(encoded.position_rad, joint.limits.position_min_rad,
                                                 joint.limits.position_max_rad);
     }
@@ -252,7 +253,7 @@ void Executor::Advance(const TickRecord& record) noexcept {
       }
       break;
     case ExecutorState::kSettling: {
-      // Asked in every tick: until it is taken, the operator may still choose.
+      // The edge is chosen anew in every tick: until it is taken, the operator may still decide.
       const int edge = NextEdgeHere();
       const float settle_s = edge < 0 ? primitive_->settle_s : graph_.edge(edge).settle_s;
       if (ticks_in_state_ < CeilTicks(settle_s / config_.period_s) || !at_rest()) break;

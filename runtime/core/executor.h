@@ -21,21 +21,24 @@ namespace tumbler {
 /// Plays a sequence of primitives, or a single one, on one to eight drives: a pure function of its
 /// inputs, tick by tick.
 ///
-/// There is no clock, bus, heap, exception or log in here; a recorded series of inputs gives the
-/// same frames on every machine. Every tick writes every drive. Arming starts from the measured
-/// positions; holds, moves, runs and stops start from the last commanded setpoint, so that no
-/// transition makes the command jump. Nothing leaves without passing `LimitSetpoint`, and it is the
-/// limited setpoint that decides when a motion is over. Faults are latched and answered by
-/// `ExecutorConfig::reactions`; after kDisarm, kClearFaults forgets them.
+/// There is no clock, bus, heap, exception or log in here. A recorded series of inputs gives the
+/// same frames on every machine.
+///
+/// Every tick writes every drive. Arming starts from the measured positions; holds, moves, runs and
+/// stops start from the last commanded setpoint, so that no transition makes the command jump.
+/// Every setpoint passes `LimitSetpoint`, and the limited setpoint decides when a motion is over.
+/// Faults are latched and answered by `ExecutorConfig::reactions`; after kDisarm, kClearFaults
+/// forgets them.
 class Executor {
  public:
   /// Serves no joint and plays nothing until configured.
   Executor() = default;
 
+  /// Prepares the executor to play a sequence. Allowed while disarmed.
   /// @param graph       is copied. Its loader has proved it (`common/sequence_toml.h`).
-  /// @param primitives  that its nodes name by index; they must outlive the executor unchanged, and
-  ///                    all move the same joints in the same order.
-  /// @param drives      one for each joint, in that order; they must outlive the executor.
+  /// @param primitives  the primitives to which the graph's nodes refer by index. They must outlive
+  ///                    the executor unchanged, and all move the same joints in the same order.
+  /// @param drives      one for each joint, in that order. They must outlive the executor.
   /// @retval kInvalidArgument  a value is outside its documented range, a pointer is null, counts
   ///                           or indices do not agree, or a primitive starts moving faster than
   ///                           one tick of its acceleration limit.
@@ -43,19 +46,19 @@ class Executor {
   Status Configure(const ExecutorConfig& config, const SequenceGraph<float>& graph,
                    std::span<const Primitive<float>> primitives,
                    std::span<Drive* const> drives) noexcept;
-  /// A single primitive, which must outlive the executor unchanged.
+  /// The same for a single primitive, which must outlive the executor unchanged.
   Status Configure(const ExecutorConfig& config, const Primitive<float>& primitive,
                    std::span<Drive* const> drives) noexcept {
     return Configure(config, GraphOf(primitive), {&primitive, 1}, drives);
   }
 
-  /// One control period.
+  /// Executes one control period.
   void Tick(const TickInput& input, TickOutput& output) noexcept TUMBLER_NONBLOCKING;
 
   [[nodiscard]] ExecutorState state() const noexcept { return state_; }
   [[nodiscard]] int joint_count() const noexcept { return joint_count_; }
   [[nodiscard]] const SequenceGraph<float>& graph() const noexcept { return graph_; }
-  /// Ticks that the present node's primitive takes at the configured speed and period.
+  /// How many ticks the present node's primitive takes at the configured speed and period.
   [[nodiscard]] std::int64_t run_ticks() const noexcept { return run_ticks_; }
 
  private:
@@ -63,16 +66,16 @@ class Executor {
 
   struct Joint {
     Drive* drive = nullptr;
-    const JointMotion<float>* motion = nullptr;  ///< Of the present node.
+    const JointMotion<float>* motion = nullptr;  ///< In the present node.
     SafetyLimits limits;
     float acceleration_max_rad_s2 = 0;
-    bool shares_position_knots = false;  ///< With joint 0.
-    bool shares_torque_knots = false;
-    JointSetpoint commanded;  ///< Last limited setpoint.
+    bool shares_position_knots = false;  ///< Whether the path has the knots of joint 0's.
+    bool shares_torque_knots = false;    ///< Whether the feed-forward has the knots of joint 0's.
+    JointSetpoint commanded;             ///< The last limited setpoint.
     DriveFeedback measured;
     DriveState drive_state = DriveState::kUnknown;
     ReplyWatch replies;
-    bool was_enabled = false;  ///< Since arming.
+    bool was_enabled = false;  ///< Whether the drive has been enabled since arming.
     float move_from_rad = 0;
     Basis position_basis;
     Basis torque_basis;
@@ -138,15 +141,15 @@ class Executor {
   float primitive_time_s_ = 0;
   int node_ = 0;
   int cycles_done_ = 0;
-  int wanted_branch_ = -1;    ///< That the operator has asked for, until it is taken.
-  bool branched_ = false;     ///< The configured branch has been taken.
-  bool finish_ = false;       ///< End at the next safe node.
-  bool keep_torque_ = false;  ///< Holding what the primitive ended with, feed-forward included.
+  int wanted_branch_ = -1;    ///< The branch that the operator has asked for, until it is taken.
+  bool branched_ = false;     ///< Whether the configured branch has been taken.
+  bool finish_ = false;       ///< Whether to end at the next safe node.
+  bool keep_torque_ = false;  ///< Whether a hold keeps the last feed-forward of the primitive.
   Reaction reaction_ = Reaction::kIgnore;
   std::uint32_t faults_ = 0;
   FaultDetail first_fault_;
   RefusalDetail refusal_;
-  DriveRequest unarmed_request_ = DriveRequest::kDisable;  ///< What a tick without torque asks for.
+  DriveRequest unarmed_request_ = DriveRequest::kDisable;  ///< The request of ticks without torque.
 };
 
 }  // namespace tumbler

@@ -1,4 +1,4 @@
-// What the operator asks of the executor, and what it refuses.
+// The operator's commands, and their refusals.
 
 #include "runtime/core/executor.h"
 #include "runtime/core/numbers.h"
@@ -6,8 +6,8 @@
 namespace tumbler {
 namespace {
 
-/// How far the commanded position may be from the primitive's first one when it starts to run: what
-/// a float and the limits can leave of a move that ends exactly there.
+/// A run may start when the commanded position is this near to the primitive's first one. A move to
+/// the start ends there, but for the rounding of floats and limits.
 constexpr float kAtStart_rad = 1e-4F;
 
 }  // namespace
@@ -40,7 +40,7 @@ void Executor::Obey(const TickInput& input) noexcept {
     case OperatorCommand::kStop: {
       if (state_ == ExecutorState::kDisarmed || state_ == ExecutorState::kHolding ||
           state_ == ExecutorState::kStopping) {
-        return;  // Nothing moves; a stop is never refused.
+        return;  // Nothing moves, but a stop is never refused.
       }
       const Reaction reaction = config_.reactions(Fault::kOperatorStop, state_);
       const bool plain = reaction == Reaction::kHold && state_ != ExecutorState::kFault;
@@ -62,7 +62,7 @@ void Executor::Obey(const TickInput& input) noexcept {
       return;
     case OperatorCommand::kFinish:
       finish_ = finish_ || InSequence();
-      return;  // Where nothing is played there is nothing to finish; a stop is never refused.
+      return;  // Nothing is played, but a request to end is never refused.
     case OperatorCommand::kBranch:
       if (!InSequence()) return refuse(Refusal::kWrongState);
       if (graph_.BranchName(input.branch).empty()) {
@@ -72,7 +72,7 @@ void Executor::Obey(const TickInput& input) noexcept {
       wanted_branch_ = input.branch;
       return;
   }
-  refuse(Refusal::kWrongState);  // Not one of the enumerators.
+  refuse(Refusal::kWrongState);  // The command is none of the enumerators.
 }
 
 RefusalDetail Executor::CheckArm() const noexcept {
@@ -119,7 +119,7 @@ const JointMotion<float>& Executor::FirstMotion(int joint) const noexcept {
 RefusalDetail Executor::CheckMove() const noexcept {
   if (state_ != ExecutorState::kHolding) return {0, 0, Refusal::kWrongState, -1};
   for (int i = 0; i < joint_count_; ++i) {
-    // The gate would pull the command inside the limits at once, however far that is.
+    // The gate would pull the command inside the limits at once, however far outside the joint is.
     const JointLimits<float>& limits = FirstMotion(i).limits;
     const float position = joints_[static_cast<std::size_t>(i)].commanded.position_rad;
     if (!InRange(position, limits.position_min_rad, limits.position_max_rad)) {

@@ -60,7 +60,7 @@ bool IsValid(const JointMotion<float>& motion, const ExecutorConfig& config) noe
          InRange(start.value, limits.position_min_rad, limits.position_max_rad);
 }
 
-// Whether the pose of kCollapse is within the limits of whichever path its joint may follow.
+// Whether the pose of kCollapse is within the limits of every path that its joints may follow.
 bool IsValid(const CollapseConfig& collapse, const Primitive<float>& primitive) noexcept {
   if (!collapse.configured) return true;
   for (int i = 0; i < primitive.joint_count; ++i) {

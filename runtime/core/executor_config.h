@@ -9,50 +9,58 @@
 
 namespace tumbler {
 
-/// What the executor asks of one joint's drive, whose law is
-/// torque = kp (position - q) + kd (velocity - qdot) + feed-forward.
+/// The gains of one joint's drive, whose law is
+/// torque = kp (position - q) + kd (velocity - qdot) + feed-forward, and its temperature limit.
 struct JointConfig {
   float kp_nm_per_rad = 200;
   float kd_nm_s_per_rad = 4;
-  float damping_nm_s_per_rad = 4;  ///< kd of the reaction kDamp, where kp is zero.
-  float temperature_max_c =
-      80;  ///< Below the 100 degrees or so at which magnets and drives suffer.
+  /// kd of the reaction kDamp, where kp is zero.
+  float damping_nm_s_per_rad = 4;
+  /// Above this a drive is a fault. Magnets and drives suffer from about 100 degrees on.
+  float temperature_max_c = 80;
 };
 
 /// The reaction kCollapse. The joints brake at their acceleration limit, move with
 /// `ExecutorConfig::move_fraction` of their velocity and acceleration limits to this pose, and stay
 /// there.
 struct CollapseConfig {
-  bool configured = false;  ///< Without a pose no reaction may be kCollapse.
-  /// The pose, by roles like the paths of a primitive: in a node with exchanged roles joint
-  /// `partner[j]` takes position j. Within every primitive's limits.
+  /// Whether there is a pose. Without one no reaction may be kCollapse.
+  bool configured = false;
+  /// The pose, within the limits of every primitive. Positions belong to roles, like the paths of a
+  /// primitive: in a node with exchanged roles joint `partner[j]` takes position j.
   std::array<float, kMaxJoints> position_rad{};
-  /// Share of kp, 0.01 ... 1, where the protocol carries gains: soft enough to give way to the
-  /// ground.
+  /// Share of kp, 0.01 ... 1, where the protocol carries gains. The default is soft enough to give
+  /// way to the ground.
   float stiffness = 0.3F;
 };
 
-/// How the executor behaves; everything that belongs to the motion itself comes with the primitive.
+/// The executor's settings. Everything about the motion itself comes with the primitive.
 struct ExecutorConfig {
-  float period_s = 0.001F;  ///< Of the control tick.
-  /// Playback speed s, 0.1 ... 1: q(t) becomes q(s t), velocity s q'(s t), and the feed-forward s^2
-  /// tau(s t). The factor s^2 is exact for its inertial and centrifugal share; what is static in it
-  /// is then too small, never too large, and left to the position loop. At s = 1 the primitive is
-  /// played as it is.
+  /// Of the control tick.
+  float period_s = 0.001F;
+  /// Playback speed s, 0.1 ... 1: q(t) becomes q(s t), the velocity s q'(s t), and the feed-forward
+  /// s^2 tau(s t). The factor s^2 is exact for the inertial and centrifugal share of the torque.
+  /// The static share becomes too small, never too large, and the position loop makes up for it. At
+  /// s = 1 the primitive is played as it is.
   float speed = 1;
-  float move_fraction =
-      0.2F;  ///< Share of the velocity and acceleration limits that moving to the start may use.
-  float torque_rise_s =
-      0.01F;  ///< Time for the feed-forward from zero to its limit: takes the click out of splices.
-  int stale_ticks_max = 5;  ///< A lost reply is ordinary on CAN, five in a row are not.
-  /// Of the count that a tick with replies out of order raises by 2 and one in order lowers by 1: a
-  /// repeated frame is ordinary on CAN, one in every third tick is not.
+  /// The share of the velocity and acceleration limits that moving to the start may use.
+  float move_fraction = 0.2F;
+  /// The time in which the feed-forward may go from zero to its limit. Without it splices would
+  /// click.
+  float torque_rise_s = 0.01F;
+  /// A drive without a reply for more ticks than this is a fault. A lost reply is ordinary on CAN,
+  /// five in a row are not.
+  int stale_ticks_max = 5;
+  /// The limit of a count that a tick with replies out of order raises by 2, and a tick in order
+  /// lowers by 1. A repeated frame is ordinary on CAN, one in every third tick is not.
   int sequence_errors_max = 10;
-  int late_ticks_max = 2;      ///< Missed periods that are made up for; beyond, kLateTick.
-  int arming_ticks_max = 500;  ///< For all drives to start up.
-  /// Of a sequence: so many cycles, and then the branch of this number
-  /// (`SequenceGraph::FindBranch`; -1: none). 0 cycles: the branch at the first chance, or, without
-  /// one, on until a stop.
+  /// How many missed periods are made up for. More are the fault kLateTick.
+  int late_ticks_max = 2;
+  /// The time in which all drives have to be enabled.
+  int arming_ticks_max = 500;
+  /// Of a sequence: play this many cycles, and then take this branch (a number of
+  /// `SequenceGraph::FindBranch`; -1: none). With 0 cycles the branch is taken at the first chance;
+  /// without a branch, the sequence then goes on until a stop.
   int cycles = 0;
   int branch = -1;
   std::array<JointConfig, kMaxJoints> joints;
@@ -60,7 +68,7 @@ struct ExecutorConfig {
   CollapseConfig collapse;
 };
 
-/// Whether an executor can play these on so many joints: every value is within its documented
+/// Whether an executor can play these on this many joints: every value is within its documented
 /// range, indices agree, and no primitive starts moving faster than one tick of its acceleration
 /// limit.
 [[nodiscard]] bool IsPlayable(const ExecutorConfig& config, const SequenceGraph<float>& graph,

@@ -1,4 +1,4 @@
-// What the executor finds wrong, and what it does about it.
+// How the executor finds faults, and answers them.
 
 #include <algorithm>
 
@@ -23,7 +23,7 @@ void Executor::DetectFaults(const TickInput& input, std::int64_t elapsed) noexce
       input.controller >= CanControllerState::kErrorPassive) {
     DetectLinkFaults(input);
   }
-  // One reaction per tick: what the first fault of this tick changes counts from the next one on.
+  // All checks of a tick see the same reaction. A fault found now changes it for the next tick.
   const bool follows = state_ != ExecutorState::kArming && reaction_ <= Reaction::kHold;
   const float following_tolerance_rad = primitive_->following_tolerance_rad;
   for (int i = 0; i < joint_count_; ++i) {
@@ -53,7 +53,7 @@ void Executor::DetectFaults(const TickInput& input, std::int64_t elapsed) noexce
     if (joint.measured.has_temperature && joint.measured.temperature_c > temperature_max_c) {
       Latch(Fault::kOverTemperature, i, joint.measured.temperature_c, temperature_max_c);
     }
-    // `commanded` still is the setpoint of the tick before: the one that this reply answers.
+    // `commanded` is still the setpoint of the tick before, which this reply answers.
     const float error = Magnitude(joint.measured.position_rad - joint.commanded.position_rad);
     if (follows && error > following_tolerance_rad) {
       Latch(Fault::kFollowingError, i, error, following_tolerance_rad);
@@ -70,7 +70,8 @@ void Executor::DetectLinkFaults(const TickInput& input) noexcept {
     if (status == Status::kWouldBlock) fault = Fault::kTransmitQueueFull;
     Latch(fault, -1, static_cast<float>(status), 0);
   };
-  // Sending failed first, in the tick before; a link that was lost since may be its consequence.
+  // The failure to send comes first, because it happened in the tick before. A link that was lost
+  // since may be its consequence.
   if (input.send_status != Status::kOk) latch(input.send_status);
   if (!IsLinkUp(input.receive_status)) latch(input.receive_status);
   if (input.controller == CanControllerState::kBusOff) latch(Status::kBusOff);
@@ -99,7 +100,7 @@ void Executor::DetectDriveFaults(int index) noexcept {
 void Executor::Latch(Fault fault, int joint, float value, float limit) noexcept {
   const std::uint32_t bit = 1U << static_cast<unsigned>(fault);
   if ((faults_ & bit) != 0)
-    return;  // Already answered; what it escalates to is another fault's matter.
+    return;  // This fault has been answered. Only another fault can make the reaction stronger.
   const Reaction reaction = config_.reactions(fault, state_);
   if (reaction == Reaction::kIgnore) return;
   faults_ |= bit;

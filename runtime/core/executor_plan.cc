@@ -56,8 +56,8 @@ void Executor::PlanArming(TickRecord& record) noexcept {
     const bool follow =
         state_ == ExecutorState::kDisarmed || joint.drive_state != DriveState::kEnabled;
     if (follow && joint.replies.age_ticks() >= 0 && joint.IsMeasuredFinite()) {
-      // Not an order yet: the joint may still be moved by hand, and the limits' step must not hold
-      // it back.
+      // This is no order yet. The joint may still be moved by hand, and the step of the limits must
+      // not hold the setpoint back.
       const float position = std::clamp(joint.measured.position_rad, joint.limits.position_min_rad,
                                         joint.limits.position_max_rad);
       joint.commanded = {position, 0, 0};
@@ -85,8 +85,8 @@ void Executor::PlanMove(TickRecord& record) noexcept {
 }
 
 void Executor::PlanRun(TickRecord& record) noexcept {
-  // Every time is one product of an integer, so that rounding does not add up; the last one is the
-  // end itself.
+  // Every time is one product with an integer, so that rounding does not add up. The last one is
+  // the end itself.
   primitive_time_s_ = ticks_in_state_ >= run_ticks_
                           ? primitive_->duration_s
                           : static_cast<float>(ticks_in_state_) * time_per_tick_s_;
@@ -129,8 +129,9 @@ void Executor::PlanBrake(int elapsed, TickRecord& record) noexcept {
   }
 }
 
-// From any position and velocity: towards the pose at no more than the velocity from which gentle
-// braking still ends there. Braking itself is as hard as it has to be.
+// Plans the way to the pose from any position and velocity. The joint goes no faster than the
+// velocity from which gentle braking still ends at the pose. Where it is faster, it brakes as hard
+// as it has to.
 void Executor::PlanCollapse(int elapsed, TickRecord& record) noexcept {
   constexpr float kArrived_rad = 1e-5F;
   const float time_s = static_cast<float>(elapsed) * config_.period_s;
@@ -139,7 +140,8 @@ void Executor::PlanCollapse(int elapsed, TickRecord& record) noexcept {
     const Joint& joint = joints_[index];
     JointSetpoint& planned = record.joints[index].planned;
     planned.torque_nm = 0;
-    // A drive that is not driven would jump to wherever the plan has got to.
+    // For a drive without torque nothing is planned: once enabled, it would jump to where the plan
+    // has got to.
     if (joint.drive_state != DriveState::kEnabled) continue;
     const auto role = static_cast<std::size_t>(graph_.RoleOf(node_, i));
     const float target = config_.collapse.position_rad[role];

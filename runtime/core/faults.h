@@ -6,8 +6,8 @@
 
 namespace tumbler {
 
-/// What the executor is doing. `kStateTable` says more of each, `kTransitionTable` how one leads to
-/// another.
+/// The executor's states. `kStateTable` says more about each, and `kTransitionTable` how one leads
+/// to another.
 enum class ExecutorState : std::uint8_t {
   kDisarmed,       ///< Torque off; the drives are asked for their positions all the same.
   kArming,         ///< The drives are starting up, each at its measured position.
@@ -20,8 +20,8 @@ enum class ExecutorState : std::uint8_t {
 };
 inline constexpr std::size_t kExecutorStateCount = 8;
 
-/// What can go wrong; `kFaultTable` says what each is, in which unit its value and limit are, and
-/// how it is answered.
+/// The faults that the executor finds. `kFaultTable` says what each is, in which unit its value and
+/// limit are, and how it is answered.
 enum class Fault : std::uint8_t {
   kNone,
   kStaleReply,
@@ -44,13 +44,12 @@ enum class Fault : std::uint8_t {
 };
 inline constexpr std::size_t kFaultCount = 18;  ///< Including kNone.
 
-/// What to do about a fault, mildest first.
+/// The answers to a fault, mildest first.
 enum class Reaction : std::uint8_t {
   kIgnore,    ///< Nothing; the fault is not even latched.
   kHold,      ///< Brake within the acceleration limits and hold.
   kCollapse,  ///< Brake, and fold into the configured pose, slowly and softly.
-  kDamp,      ///< No position, no feed-forward: the motors only resist motion, so the robot sinks
-              ///< rather than drops.
+  kDamp,      ///< Resist motion only, so that the robot sinks rather than drops.
   kDisable,   ///< Torque off.
 };
 inline constexpr std::size_t kReactionCount = 5;
@@ -67,7 +66,7 @@ inline constexpr std::size_t kReactionCount = 5;
 struct StateInfo {
   ExecutorState state;
   const char* name;
-  const char* setpoints;  ///< What is sent in it.
+  const char* setpoints;  ///< The setpoints that are sent in this state.
 };
 
 /// A change of state that can happen; there are no others. In addition, kDisarm leads from every
@@ -88,10 +87,10 @@ struct FaultInfo {
   Fault fault;
   const char* name;
   const char* seen_when;
-  const char* value;      ///< Of `FaultDetail::value` and `limit`: unit or meaning; empty: none.
-  const char* limit_key;  ///< What the limit is set by; empty: not configurable.
-  std::array<Reaction, kExecutorStateCount> reactions;  ///< Default, in the order of the states.
-  const char* why;                                      ///< The reason of the defaults.
+  const char* value;      ///< Unit or meaning of `FaultDetail::value` and `limit`; empty: none.
+  const char* limit_key;  ///< The key of files that sets the limit; empty: not configurable.
+  std::array<Reaction, kExecutorStateCount> reactions;  ///< Defaults, in the order of the states.
+  const char* why;                                      ///< The reason for the defaults.
 };
 
 inline constexpr std::array<StateInfo, kExecutorStateCount> kStateTable{{
@@ -201,12 +200,12 @@ inline constexpr std::array<FaultInfo, kFaultCount> kFaults{{
 inline constexpr const std::array<FaultInfo, kFaultCount>& kFaultTable =
     fault_table_detail::kFaults;
 
-/// The one table that says how each fault is answered in each state.
+/// The table that says how each fault is answered in each state.
 ///
-/// The defaults follow three rules. While disarmed nothing is driven, so nothing is a fault: arming
-/// checks it all. A robot at rest or in a slow move holds; one in mid-swing must not be frozen
-/// there, so it is damped. Where frames may be arriving late or not at all, the only order worth
-/// sending is torque off.
+/// The defaults follow three rules. While disarmed nothing is driven, so nothing is a fault, and
+/// arming checks everything. A robot at rest or in a slow move holds, but one in mid-swing must not
+/// be frozen there, so it is damped. Where frames may arrive late or not at all, the only order
+/// worth sending is torque off.
 class FaultTable {
  public:
   FaultTable() noexcept;  ///< The defaults.
@@ -215,8 +214,8 @@ class FaultTable {
     return reactions_[static_cast<std::size_t>(fault)][static_cast<std::size_t>(state)];
   }
 
-  /// Whether `Set` takes this entry. Nothing is a fault while disarmed. While arming no drive is
-  /// driven yet, so what is not ignored is torque off. A stop of the operator is never ignored.
+  /// Whether `Set` takes this entry. While disarmed nothing is a fault. While arming no drive is
+  /// driven yet, so the reaction is kIgnore or kDisable. A stop of the operator is never ignored.
   [[nodiscard]] static bool IsAllowed(Fault fault, ExecutorState state, Reaction reaction) noexcept;
   /// Changes one entry. @returns false, having changed nothing, unless `IsAllowed`.
   bool Set(Fault fault, ExecutorState state, Reaction reaction) noexcept;
@@ -230,12 +229,12 @@ class FaultTable {
 /// One fault as it was found.
 struct FaultDetail {
   std::int64_t tick = 0;
-  float value = 0;  ///< What was seen, in the unit of the fault.
-  float limit = 0;  ///< What would have been allowed.
+  float value = 0;  ///< The value that was seen, in the unit of the fault.
+  float limit = 0;  ///< The value that would have been allowed, likewise.
   Fault fault = Fault::kNone;
-  std::int8_t joint = -1;  ///< Index of the joint; -1 when it concerns all of them.
-  ExecutorState state = ExecutorState::kDisarmed;  ///< In which it happened.
-  Reaction reaction = Reaction::kIgnore;           ///< What the table asked for.
+  std::int8_t joint = -1;  ///< Index of the joint; -1 when the fault concerns all of them.
+  ExecutorState state = ExecutorState::kDisarmed;  ///< The state in which it happened.
+  Reaction reaction = Reaction::kIgnore;           ///< The reaction that the table asked for.
 };
 
 }  // namespace tumbler

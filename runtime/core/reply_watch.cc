@@ -20,7 +20,7 @@ void ReplyWatch::Judge(int elapsed, int stale_ticks_max) noexcept {
     unanswered_ = 0;
   } else if (replies == 1) {
     if (before == ReplyStatus::kNoNewData) status = ReplyStatus::kOkSomeLost;
-    // What has not come by now is lost.
+    // Replies that have not come by now are lost.
     if (++in_order_ > stale_ticks_max) unanswered_ = in_order_ = 0;
   } else {
     const int surplus = replies - 1;

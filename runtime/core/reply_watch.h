@@ -19,8 +19,9 @@ class ReplyWatch {
 
   /// Ends a tick.
   /// @param elapsed          ticks since the last one ended, at least 1.
-  /// @param stale_ticks_max  after so many ticks with one reply, one that is missing is lost.
-  /// @returns whether there was a reply in it.
+  /// @param stale_ticks_max  after more ticks in a row with one reply each, replies that are still
+  ///                         missing count as lost.
+  /// @returns whether there was a reply in the tick.
   bool EndTick(int elapsed, int stale_ticks_max) noexcept {
     const int replies = replies_;
     if (replies != 0) {
@@ -37,9 +38,9 @@ class ReplyWatch {
     return replies != 0;
   }
 
-  /// Ticks since the last reply; 0: replied in the last tick; -1: never.
+  /// Ticks since the last reply. 0: there was one in the last tick; -1: there never was one.
   [[nodiscard]] std::int32_t age_ticks() const noexcept { return age_ticks_; }
-  /// What the replies of the last tick are worth.
+  /// The judgement of the replies of the last tick.
   [[nodiscard]] ReplyStatus status() const noexcept { return status_; }
   /// See `ExecutorConfig::sequence_errors_max`.
   [[nodiscard]] int sequence_errors() const noexcept { return sequence_errors_; }
@@ -51,8 +52,8 @@ class ReplyWatch {
   ReplyRhythm rhythm_;
   ReplyStatus status_ = ReplyStatus::kOk;
   std::int32_t age_ticks_ = -1;
-  int replies_ = 0;     ///< In this tick.
-  int unanswered_ = 0;  ///< Setpoints.
+  int replies_ = 0;     ///< Replies in this tick.
+  int unanswered_ = 0;  ///< Setpoints without a reply.
   int in_order_ = 0;    ///< Ticks in a row with one reply.
   int sequence_errors_ = 0;
 };

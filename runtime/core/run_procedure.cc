@@ -30,7 +30,7 @@ OperatorCommand RunProcedure::Next(const TickRecord& last) noexcept TUMBLER_NONB
                                                   : OperatorCommand::kDisarm;
   }
   if (phase_ == Phase::kWait) {
-    // What was asked of a run that is over, or has not begun, does not hold for the next.
+    // Requests to a run that is over, or that has not begun, do not count for the next one.
     finish_ = finishing_ = stop_ = disarm_ = false;
     if (quit_) return Finish(RunOutcome::kStopped);
     if (!start_) return OperatorCommand::kNone;
@@ -55,7 +55,8 @@ OperatorCommand RunProcedure::Next(const TickRecord& last) noexcept TUMBLER_NONB
 }
 
 OperatorCommand RunProcedure::GoOn(const TickRecord& last) noexcept {
-  // Of this procedure's own command; the operator may have asked for something else in between.
+  // Only refusals of this procedure's own commands count. The operator may have asked for something
+  // else in between.
   const bool own = last.command == OperatorCommand::kArm || last.command == OperatorCommand::kRun;
   const Refusal refused = own ? last.refusal.refusal : Refusal::kNone;
   switch (phase_) {

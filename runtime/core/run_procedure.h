@@ -7,17 +7,22 @@
 
 namespace tumbler {
 
-/// How long the parts of one run may take and last.
+/// Durations of the parts of one run [ticks].
 struct RunProcedureConfig {
-  std::int64_t hold_ticks = 2000;      ///< Holding after the motion has settled.
-  std::int64_t reply_ticks_max = 500;  ///< For every drive to reply before arming.
-  std::int64_t start_ticks_max =
-      1000;  ///< For the joints to come to rest in the start set after the move.
-  std::int64_t stop_hold_ticks = 500;  ///< Holding after an operator stop, before torque off.
-  std::int64_t fault_ticks = 1000;     ///< Carrying out the reaction to a fault, before torque off.
-  std::int64_t disarmed_ticks = 10;    ///< Saying torque off at the end, in case a frame is lost.
-  /// Disarmed, wait for RequestStart before each run, and for the next one after it, until
-  /// RequestQuit. Otherwise there is one run, which starts by itself.
+  /// Hold after the motion has settled.
+  std::int64_t hold_ticks = 2000;
+  /// The time in which every drive has to reply before arming.
+  std::int64_t reply_ticks_max = 500;
+  /// The time in which the joints have to come to rest in the start set after the move.
+  std::int64_t start_ticks_max = 1000;
+  /// Hold after a stop of the operator, before torque off.
+  std::int64_t stop_hold_ticks = 500;
+  /// How long the reaction to a fault is carried out before torque off.
+  std::int64_t fault_ticks = 1000;
+  /// How long the drives are told torque off at the end, in case a frame is lost.
+  std::int64_t disarmed_ticks = 10;
+  /// Whether somebody attends. Then each run waits, disarmed, for RequestStart, and there may be
+  /// many until RequestQuit. Otherwise there is one run, which starts by itself.
   bool attended = false;
 };
 
@@ -30,8 +35,8 @@ enum class RunOutcome : std::uint8_t {
   kStopped,  ///< By the operator.
 };
 
-/// The operator of a run: arm, move to the start, run, settle, hold, stop, disarm; of one, or of
-/// one after another where somebody attends. Pure, like the executor.
+/// Gives the executor the commands of a run, in their order: arm, move to the start, run, settle,
+/// hold, stop, disarm. Where somebody attends, one run may follow another. Pure, like the executor.
 class RunProcedure {
  public:
   explicit RunProcedure(const RunProcedureConfig& config) noexcept
@@ -43,25 +48,27 @@ class RunProcedure {
   /// @param last  the record of the tick before; a default record before the first.
   [[nodiscard]] OperatorCommand Next(const TickRecord& last) noexcept TUMBLER_NONBLOCKING;
 
-  /// Begins a run where one is waited for.
+  /// Begins a run, if the procedure waits for one.
   /// @param last  the record of the tick before.
-  /// @returns kNone; kWrongState where none is waited for; kFaultLatched: clear the faults first.
+  /// @returns kNone; kWrongState if it does not wait; kFaultLatched if faults have to be cleared
+  /// first.
   [[nodiscard]] Refusal RequestStart(const TickRecord& last) noexcept;
-  /// After this run, or at once where one is waited for, it is over.
+  /// Ends the procedure after the present run, or at once if it waits for one.
   void RequestQuit() noexcept { quit_ = true; }
-  /// Ends the sequence at the next safe node, holds for a moment and disarms. Where no primitive is
-  /// being played, the same as RequestStop.
+  /// Ends the sequence at the next safe node, holds for a moment and disarms. While no primitive is
+  /// played, this is the same as RequestStop.
   void RequestFinish() noexcept { finish_ = true; }
   /// Stops the motion at once, within the limits, holds for a moment and disarms.
   void RequestStop() noexcept { stop_ = true; }
   /// Torque off at once.
   void RequestDisarm() noexcept { disarm_ = true; }
 
-  /// Over: disarmed, and every drive told so several times.
+  /// Whether the procedure is over: disarmed, and every drive was told so several times.
   [[nodiscard]] bool done() const noexcept { return phase_ == Phase::kDone; }
-  /// Of the present run, or the last. Stopped, where none was ever started.
+  /// The outcome of the present or the last run; kStopped if none was ever started.
   [[nodiscard]] RunOutcome outcome() const noexcept { return outcome_; }
-  [[nodiscard]] int runs() const noexcept { return runs_; }  ///< Started.
+  /// How many runs were started.
+  [[nodiscard]] int runs() const noexcept { return runs_; }
   [[nodiscard]] const RefusalDetail& refusal() const noexcept { return refusal_; }
 
  private:
@@ -78,7 +85,7 @@ class RunProcedure {
     kDone
   };
 
-  /// The command of a run that nothing has come between.
+  /// The next command of a run that nothing interrupts.
   OperatorCommand GoOn(const TickRecord& last) noexcept;
   OperatorCommand Go(Phase phase, OperatorCommand command) noexcept;
   OperatorCommand Finish(RunOutcome outcome) noexcept;
@@ -90,7 +97,7 @@ class RunProcedure {
   bool start_ = false;
   bool quit_ = false;
   bool finish_ = false;
-  bool finishing_ = false;  // The executor knows.
+  bool finishing_ = false;  // whether the executor has been told to finish
   bool stop_ = false;
   bool disarm_ = false;
   RunOutcome outcome_ = RunOutcome::kPending;

@@ -14,17 +14,25 @@
 
 namespace tumbler {
 
-/// What the operator, or the program that stands for one, asks in one tick.
+/// A command of the operator, or of the program that stands for one, in one tick.
 enum class OperatorCommand : std::uint8_t {
   kNone,
-  kArm,          ///< disarmed -> arming -> holding, at the measured position.
-  kMoveToStart,  ///< holding -> moving to start -> holding.
-  kRun,          ///< holding at the start -> running -> settling -> ... -> holding.
-  kStop,    ///< Anything that moves -> stopping -> holding; the fault table's row kOperatorStop.
-  kDisarm,  ///< Any state -> disarmed: torque off at once.
-  kClearFaults,  ///< disarmed: forgets the latched faults, and tells the drives to forget theirs.
-  kFinish,       ///< running, settling: end at the next safe node.
-  kBranch,       ///< running, settling: take `TickInput::branch` where there is one.
+  /// disarmed -> arming -> holding, at the measured position.
+  kArm,
+  /// holding -> moving to start -> holding.
+  kMoveToStart,
+  /// holding at the start -> running -> settling -> ... -> holding.
+  kRun,
+  /// Any state that moves -> stopping -> holding, by the fault table's row kOperatorStop.
+  kStop,
+  /// Any state -> disarmed: torque off at once.
+  kDisarm,
+  /// In disarmed: forgets the latched faults, and tells the drives to forget theirs.
+  kClearFaults,
+  /// In running and settling: ends at the next safe node.
+  kFinish,
+  /// In running and settling: takes `TickInput::branch` as soon as a node offers it.
+  kBranch,
 };
 
 /// Why a command was not followed. A refusal changes nothing.
@@ -57,26 +65,30 @@ struct RefusalDetail {
 
 /// All that the world tells the executor in one tick.
 struct TickInput {
-  std::int64_t tick = 0;  ///< Control periods since the schedule began; grows by one, and by more
-                          ///< after a missed one.
-  std::span<const ReceivedFrame> received;  ///< Since the tick before, in order.
-  Status receive_status = Status::kOk;      ///< kOk or kWouldBlock while the link is up.
-  Status send_status = Status::kOk;         ///< First failure of sending the tick before's frames.
+  /// Control periods since the schedule began. Grows by one, and by more after missed periods.
+  std::int64_t tick = 0;
+  /// Frames received since the tick before, in order.
+  std::span<const ReceivedFrame> received;
+  /// kOk or kWouldBlock while the link is up.
+  Status receive_status = Status::kOk;
+  /// The first failure in sending the frames of the tick before.
+  Status send_status = Status::kOk;
   OperatorCommand command = OperatorCommand::kNone;
-  std::int8_t branch = -1;  ///< The number that belongs to kBranch.
+  /// The branch's number for kBranch.
+  std::int8_t branch = -1;
   CanControllerState controller = CanControllerState::kErrorActive;
 };
 
-/// What the replies of one drive in one tick are worth, as AUTOSAR's end-to-end protection has it.
-/// None of the protocols numbers its frames, so this is told by counting them against the setpoints
-/// (`ReplyRhythm`). Not to be known are a reply that took the place of a lost one, and, of a drive
-/// that sends by its own clock, a repeated one within its rate.
+/// A judgement of one drive's replies in one tick, with the terms of AUTOSAR's end-to-end
+/// protection. None of the protocols numbers its frames, so replies are counted against setpoints
+/// (`ReplyRhythm`). Two things cannot be noticed: a repeated reply in the place of a lost one, and
+/// a repeated one within the rate of a drive that sends by its own clock.
 enum class ReplyStatus : std::uint8_t {
   kOk,             ///< New, and as many as there should be.
-  kNoNewData,      ///< None.
-  kRepeated,       ///< More than setpoints are unanswered.
-  kOkSomeLost,     ///< New, after ticks without.
-  kWrongSequence,  ///< Those of earlier ticks came together with a newer one.
+  kNoNewData,      ///< No reply.
+  kRepeated,       ///< More replies than setpoints are unanswered.
+  kOkSomeLost,     ///< New, after ticks without a reply.
+  kWrongSequence,  ///< Replies of earlier ticks came together with a newer one.
 };
 [[nodiscard]] const char* ToString(ReplyStatus status) noexcept;
 
@@ -93,33 +105,33 @@ struct JointRecord {
   float planned_acceleration_rad_s2 = 0;  ///< s^2 q''(s t) while running, else zero.
   JointSetpoint limited;
   JointSetpoint encoded;
-  JointMeasurement measured;  ///< From the reply to the tick before's setpoint.
+  JointMeasurement measured;  ///< From the reply to the setpoint of the tick before.
   float temperature_c = 0;
-  std::int32_t reply_age_ticks = -1;  ///< 0: replied since the tick before; -1: never.
+  std::int32_t reply_age_ticks = -1;  ///< 0: there was a reply since the tick before; -1: never.
   DriveState drive_state = DriveState::kUnknown;
   ReplyStatus reply_status = ReplyStatus::kOk;
   std::uint32_t drive_error = 0;  ///< The drive's own code.
-  bool limit_active = false;      ///< planned was outside a limit.
+  bool limit_active = false;      ///< Whether `planned` was outside a limit.
 };
 
 /// Everything about one tick. Trivially copyable: it goes into rings and logs as it is.
 struct TickRecord {
   std::int64_t tick = 0;
-  float primitive_time_s = 0;                      ///< Position in the primitive, 0 ... duration.
-  std::uint32_t faults = 0;                        ///< Latched: bit i is Fault i.
+  float primitive_time_s = 0;                      ///< Time in the primitive, 0 ... duration.
+  std::uint32_t faults = 0;                        ///< Latched faults: bit i is Fault i.
   ExecutorState state = ExecutorState::kDisarmed;  ///< In which this tick's frames were planned.
   Reaction reaction = Reaction::kIgnore;           ///< Carried out in state kFault.
   OperatorCommand command = OperatorCommand::kNone;
   std::uint8_t joint_count = 0;
-  std::int8_t node = 0;     ///< Of the sequence: the one being played, or played last.
-  std::int32_t cycles = 0;  ///< Complete, since kRun.
-  FaultDetail first_fault;  ///< Since the last clear: the cause, not its consequences.
+  std::int8_t node = 0;     ///< The node of the sequence that is played, or was played last.
+  std::int32_t cycles = 0;  ///< Complete cycles since kRun.
+  FaultDetail first_fault;  ///< The first since the last clear: the cause, not a consequence.
   RefusalDetail refusal;    ///< Of this tick's command.
   std::array<JointRecord, kMaxJoints> joints;
 };
 
-/// Frames to send and the record of the tick. What lies beyond `record.joint_count` is left as it
-/// was.
+/// The frames to send, and the record of the tick. Entries beyond `record.joint_count` are left as
+/// they were.
 struct TickOutput {
   std::array<FrameBatch, kMaxJoints> frames;
   TickRecord record;

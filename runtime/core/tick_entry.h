@@ -14,13 +14,14 @@
 
 namespace tumbler {
 
-/// What the loop notes of a tick beside the executor's inputs and outputs. Times are on its clock.
+/// The loop's notes on a tick, beside the executor's inputs and outputs. Times are on the loop's
+/// clock.
 struct TickNotes {
   std::int64_t deadline_ns = 0;  ///< Of this tick.
-  std::int64_t due_ns = 0;       ///< What the loop slept for: earlier, where periods were missed.
+  std::int64_t due_ns = 0;  ///< The time slept for: earlier than the deadline after missed periods.
   std::int64_t awake_ns = 0;     ///< Before frames were received.
   std::int64_t send_ns = 0;      ///< Before this tick's frames were handed to the bus.
-  std::int64_t done_ns = 0;      ///< When all that was done.
+  std::int64_t done_ns = 0;      ///< After everything was done.
   std::uint32_t request_id = 0;  ///< Of the operator's last request; see OperatorRequest.
   std::uint8_t request = 0;
   Refusal request_refusal = Refusal::kNone;
@@ -28,22 +29,22 @@ struct TickNotes {
   std::uint8_t sent_count = 0;       ///< Frames that the bus took, from the first on.
 };
 
-/// One tick as a flight record has it: everything that the executor was given and everything that
-/// it made of it. `executor.Tick(entry.input(), output)` on an executor in the state of that moment
-/// gives `frames` and `record` again, bit for bit.
+/// One tick in a flight record: all inputs of the executor, and all its outputs.
+/// `executor.Tick(entry.input(), output)` on an executor in the state of that moment gives `frames`
+/// and `record` again, bit for bit.
 ///
 /// The encoding is part of the file format (docs/formats.md, block `tick`). Freestanding: no heap,
 /// no exceptions, so that a microcontroller can replay a record too.
 struct TickEntry {
-  /// As many as the control loop takes in one tick.
+  /// The most frames that the control loop takes in one tick.
   static constexpr std::size_t kReceivedMax = 128;
 
-  std::int64_t index = 0;  ///< Ticks executed before, recorded or not.
+  std::int64_t index = 0;  ///< How many ticks were executed before, recorded or not.
   TickNotes notes;
 
   std::int64_t tick = 0;
   Status receive_status = Status::kOk;
-  Status send_status = Status::kOk;  ///< As TickInput: of the tick before.
+  Status send_status = Status::kOk;  ///< Of the frames of the tick before, as in TickInput.
   OperatorCommand command = OperatorCommand::kNone;
   std::int8_t branch = -1;
   CanControllerState controller = CanControllerState::kErrorActive;
@@ -53,7 +54,7 @@ struct TickEntry {
   std::array<FrameBatch, kMaxJoints> frames;
   TickRecord record;
 
-  /// What the executor was given; it refers to this entry.
+  /// The executor's input. It refers to this entry.
   [[nodiscard]] TickInput input() const noexcept {
     return {
         tick,      {received.data(), received_count}, receive_status, send_status, command, branch,
@@ -62,7 +63,7 @@ struct TickEntry {
 };
 
 /// Calls `visit(name, field)` for every field of a joint's record, in the order of the encoding.
-/// Names are those of the members: this list is what a record holds, compares and exports.
+/// Names are those of the members. Flight records hold, compare and export exactly these fields.
 template <typename Joint, typename Visit>
 constexpr void VisitFields(Joint& joint, Visit&& visit) noexcept requires
     std::is_same_v<std::remove_const_t<Joint>, JointRecord> {
@@ -120,7 +121,7 @@ static_assert(sizeof(TickRecord) - kMaxJoints * sizeof(JointRecord) == 72,
 static_assert(sizeof(TickInput) == 16 + sizeof(std::span<const ReceivedFrame>),
               "TickEntry has to have every member of TickInput");
 
-/// What an encoded tick takes at most [bytes].
+/// The most bytes that an encoded tick takes.
 inline constexpr std::size_t kTickEntryBytesMax =
     72 + TickEntry::kReceivedMax * 21 +
     std::size_t{kMaxJoints} * (1 + std::size_t{FrameBatch::kCapacity} * 13) + 96 +
@@ -133,8 +134,8 @@ inline constexpr std::size_t kTickEntryBytesMax =
 std::size_t EncodeTick(std::int64_t index, const TickNotes& notes, const TickInput& input,
                        const TickOutput& output, std::span<std::uint8_t> out) noexcept;
 
-/// Reads one back. @returns false, leaving `entry` in part, when the bytes are not exactly one
-/// tick: too few, too many, or a count or an enumerator beyond what there is.
+/// Reads an encoded tick. @returns false when the bytes are not exactly one tick: too few, too
+/// many, or with a count or an enumerator that does not exist. `entry` may be partly written then.
 [[nodiscard]] bool DecodeTick(std::span<const std::uint8_t> bytes, TickEntry& entry) noexcept;
 
 }  // namespace tumbler
