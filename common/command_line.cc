@@ -99,7 +99,7 @@ CommandLineOption CommandLine::Flag(const std::string& name, bool& value, const 
 }
 
 CommandLine CommandLine::Subcommand(const std::string& name, const std::string& help) {
-  // The whole command line lives as long as its subcommand.
+  // The shared pointer keeps the whole command line alive as long as its subcommand.
   return CommandLine(std::shared_ptr<CLI::App>(app_, app_->add_subcommand(name, help)));
 }
 

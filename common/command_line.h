@@ -13,26 +13,29 @@ class Option;
 
 namespace tumbler {
 
-/// What is to be said of one option or argument beside its name; each member returns it again.
-/// The help shows all of it.
+/// Properties of one option or argument beside its name. The help shows them. Each member returns
+/// the object again, so that calls can be chained.
 class CommandLineOption {
  public:
   CommandLineOption& Required();
-  /// The help says which value the variable has now: that without the option.
+  /// Lets the help show the variable's present value as the default.
   CommandLineOption& ShowDefault();
-  /// Bounds included. Infinities are outside; NaN is not: it is neither below nor above anything.
+  /// Requires a value in [min, max]. Infinities are outside. NaN passes, since it is neither below
+  /// nor above anything.
   CommandLineOption& Within(int min, int max);
   CommandLineOption& Within(double min, double max);
-  /// The value is one of these names, in capitals or not; the variable gets it as it is here.
+  /// Requires one of these names, in capitals or not. The variable gets the name as it is written
+  /// here.
   CommandLineOption& OneOf(const std::vector<std::string>& names);
-  /// Can only be given together with the other.
+  /// Requires that the other option is given too.
   CommandLineOption& Needs(const CommandLineOption& other);
-  /// Cannot be given together with the other.
+  /// Requires that the other option is not given.
   CommandLineOption& Excludes(const CommandLineOption& other);
-  /// Of a list: each time the option is given it takes this many values, which the help calls so,
-  /// e.g. `X Y Z`.
+  /// For a list: the option takes this many values each time it is given. The help calls them
+  /// `names`, e.g. `X Y Z`.
   CommandLineOption& TakesValues(int count, const std::string& names);
-  /// Of a list: the option is given again for each value. Without this it takes all that follow.
+  /// For a list: the option takes one value each time it is given. Without this it takes all values
+  /// that follow.
   CommandLineOption& TakesOneValueEachTime();
 
  private:
@@ -42,19 +45,19 @@ class CommandLineOption {
   CLI::Option* option_;
 };
 
-/// The command line of a program, or of a subcommand of it. Copies are the same one.
+/// The command line of a program, or of one of its subcommands. All copies stand for the same one.
 ///
 ///     CommandLine line("Draws a motion.", "tumbler-draw");
 ///     line.Option("MOTION", motion, "primitive file (TOML)").Required();
 ///     line.Option("--width", width_mm, "of the drawing [mm]").Within(10, 1000).ShowDefault();
 ///     line.Parse(argc, argv);
 ///
-/// A name that begins with dashes is an option's, any other that of a positional argument; these
-/// are in the order in which they are declared. Variables keep their values where nothing is given
-/// for them, and have to outlive Parse. Every command line has --help.
+/// A name that begins with dashes is that of an option, any other that of a positional argument.
+/// Positional arguments come in the order in which they are declared. A variable keeps its value
+/// when nothing is given for it, and has to outlive Parse. Every command line has --help.
 class CommandLine {
  public:
-  /// @param program  the name in the help; where empty, how the program was called.
+  /// @param program  the name in the help; empty: the name by which the program was called.
   explicit CommandLine(const std::string& description, const std::string& program = "");
 
   CommandLineOption Option(const std::string& name, std::string& value, const std::string& help);
@@ -65,8 +68,8 @@ class CommandLine {
                            const std::string& help);
   CommandLineOption Option(const std::string& name, std::vector<double>& values,
                            const std::string& help);
-  /// An option whose text the program reads itself. `read` throws UsageError where it cannot.
-  /// @param value_name  of the value in the help, e.g. `INT`.
+  /// An option whose text the program reads itself. `read` throws UsageError if it cannot.
+  /// @param value_name  the name of the value in the help, e.g. `INT`.
   CommandLineOption Option(const std::string& name, const std::string& value_name,
                            const std::function<void(const std::string& text)>& read,
                            const std::string& help);
@@ -75,22 +78,22 @@ class CommandLine {
 
   /// A subcommand, with arguments of its own.
   CommandLine Subcommand(const std::string& name, const std::string& help);
-  /// One of the subcommands has to be there.
+  /// Requires one of the subcommands.
   void RequireSubcommand();
-  /// Options of this command line may also stand behind the subcommand.
+  /// Allows options of this command line behind the subcommand as well.
   void AllowOptionsAfterSubcommand();
 
-  /// What the help says below the options.
+  /// Sets the text that the help shows below the options.
   void SetFooter(const std::string& text);
-  /// No value that is given for what is declared so far may be empty.
+  /// Forbids empty values for everything that is declared so far.
   void RejectEmptyValues();
 
   /// Sets the variables. @throws UsageError, HelpWanted (common/program.h).
   void Parse(int argc, char** argv);
 
-  /// After Parse: whether this subcommand is the one that was given.
+  /// Whether this subcommand is the one that was given. After Parse.
   [[nodiscard]] bool given() const;
-  /// After Parse: the name of the subcommand that was given. There has to be one.
+  /// The name of the subcommand that was given. After Parse. @pre one was given.
   [[nodiscard]] std::string given_subcommand() const;
 
  private:

@@ -9,7 +9,7 @@ namespace tumbler {
 namespace {
 
 void Say(const std::string& message) {
-  std::fflush(stdout);  // Where both go to one file, the message comes last.
+  std::fflush(stdout);  // So the message comes last where both streams go to one file.
   std::fputs((message + '\n').c_str(), stderr);
 }
 

@@ -7,7 +7,8 @@
 
 namespace tumbler {
 
-/// A command line that cannot be used. The message names the option: `--speed: what is wrong`.
+/// Thrown when a command line cannot be used. The message names the option: `--speed: what is
+/// wrong`.
 class UsageError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
@@ -15,22 +16,24 @@ class UsageError : public std::runtime_error {
       : std::runtime_error(option + ": " + problem) {}
 };
 
-/// What was asked for, e.g. a run, may not be done. The message says why, and what to do.
+/// Thrown when something that was asked for, e.g. a run, may not be done. The message says why, and
+/// what to do.
 class Refused : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
 
-/// No error: somebody asked for help instead of work. The message is the help's text.
+/// Thrown when somebody asks for help instead of work, which is no error. The message is the help's
+/// text.
 class HelpWanted : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
 
-/// The body of every `main`: runs a program and turns what it throws into a message and an exit
-/// status. UsageError and any other exception are kUnusable, Refused is kRefused.
-/// @param speaker  what messages on standard error begin with, e.g. the program's name.
-/// @param run      the program, of the arguments that `main` was given.
+/// The body of every `main`: runs a program, and turns what it throws into a message and an exit
+/// status. Refused becomes kRefused; UsageError and any other exception become kUnusable.
+/// @param speaker  the beginning of messages on standard error, e.g. the program's name.
+/// @param run      the program, called with the arguments of `main`.
 int RunProgram(const std::string& speaker, int argc, char** argv,
                ExitStatus (*run)(int argc, char** argv));
 

@@ -123,7 +123,7 @@ ExitStatus Serve(const Options& options) {
                      [&bench](std::int64_t time_ns) { bench.AdvanceTo(time_ns); });
   fmt::print("{} drives on {}\n", drives.drives.size(), options.interface);
   std::fflush(stdout);
-  // Where nothing comes, only the watchdogs are waited for.
+  // While no frame comes, only the watchdogs have to be served.
   constexpr std::int64_t kPatience_ns = 10'000'000;
   while (stop_wanted == 0) server.ServeUntil(server.now_ns() + kPatience_ns);
   bench.Summarise();

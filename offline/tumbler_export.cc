@@ -1,4 +1,4 @@
-// tumbler-export: a primitive or a sequence as a C++ header, for a runtime without files.
+// tumbler-export: writes a primitive or a sequence as a C++ header, for a runtime without files.
 
 #include <fmt/format.h>
 #include <unistd.h>
@@ -19,7 +19,7 @@
 namespace tumbler {
 namespace {
 
-/// The text appears under the file's name whole or not at all.
+/// Writes a file that appears under its name whole or not at all.
 void WriteWhole(const std::string& path, const std::string& text) {
   const std::string temporary = fmt::format("{}.{}.tmp", path, getpid());
   std::error_code error;
@@ -36,7 +36,8 @@ void WriteWhole(const std::string& path, const std::string& text) {
 }
 
 void Export(const std::string& motion, const std::string& header, const std::string& name) {
-  // Of the text that was proved: read before and after, so that none can take its place in between.
+  // The hash has to be that of the text that was proved. The file is read before and after, so that
+  // another text cannot take its place in between.
   const std::string text = ReadTextFile(motion);
   const SequenceFile file = LoadMotion(motion);
   if (ReadTextFile(motion) != text) {

@@ -1,4 +1,4 @@
-// tumbler-model: what a robot file holds, and its equations of motion for whoever wants to compare.
+// tumbler-model: shows the content of a robot file, and evaluates its equations of motion.
 
 #include <fmt/format.h>
 
@@ -28,8 +28,8 @@ namespace {
 
 using Dynamics = HybridDynamics<Spatial>;
 
-/// A free degree of freedom with less than this fraction of its inertia left, once those before it
-/// may move, counts as undetermined: fewer than three digits of its acceleration would be right.
+/// A free degree of freedom counts as undetermined when less than this fraction of its inertia is
+/// left once those before it may move. Fewer than three digits of its acceleration would be right.
 constexpr double kUndetermined = 1e-12;
 
 constexpr std::array kRoots = {std::pair{"planar-xz", RootKind::kPlanarXz},
@@ -69,7 +69,7 @@ std::string KindOf(const Robot& robot, std::size_t j) {
   return robot.tree.dofs[j].kind == JointKind::kRevolute ? "revolute" : "prismatic";
 }
 
-/// A number for a table; the zeros that rotations leave are exact ones.
+/// A number for a table. Numbers that are zero but for the rounding of rotations become 0.
 std::string Short(double value) {
   return fmt::format("{:.4g}", std::abs(value) < 1e-12 ? 0 : value);
 }
@@ -112,7 +112,7 @@ void PrintFinding(const Robot& robot, const RobotFinding& finding, std::string_v
   fmt::print("{}:{}: {}: {}: {}\n", robot.file, finding.line, finding.key, kind, finding.problem);
 }
 
-/// Degrees of freedom that cannot be free, at least where all positions are zero.
+/// Prints the degrees of freedom that cannot be free, at least where all positions are zero.
 void PrintUndetermined(const Robot& robot) {
   const auto print = [&robot](std::size_t j, std::string_view problem) {
     const RobotLink* const link = robot.FindLink(robot.joints[j].link);
@@ -177,7 +177,7 @@ ExitStatus Check(const Arguments& arguments) {
 
 // ---- hybrid -------------------------------------------------------------------------------------
 
-/// Whose coordinate or joint has this name; a joint goes before a coordinate of the root.
+/// The degree of freedom with this name. A joint goes before a coordinate of the root.
 int FindCoordinate(const Robot& robot, std::string_view name) {
   const int joint = robot.FindDof(name);
   if (joint >= 0) return joint;
@@ -216,7 +216,7 @@ void Prescribe(Robot& robot, const std::string& list) {
   }
 }
 
-/// A state of the robot that cannot be used, or whose result cannot.
+/// Thrown when a state of the robot, or its result, cannot be used.
 class StateError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
@@ -236,7 +236,7 @@ std::vector<std::string_view> Split(std::string_view line) {
   }
 }
 
-/// Hybrid dynamics of a robot, its coordinates in the file's order.
+/// Evaluates hybrid dynamics of a robot, with the coordinates in the order of the file.
 class HybridPrinter {
  public:
   HybridPrinter(Robot robot, bool derivatives)
@@ -295,7 +295,7 @@ class HybridPrinter {
     return robot_.tree.dofs[Index(dof)].name;
   }
 
-  /// What the value at a place of the line is.
+  /// The meaning of the value at a place of the line.
   [[nodiscard]] std::string Meaning(std::size_t place) const {
     const std::size_t n = q_.size();
     if (place < n) return fmt::format("position of '{}'", NameOf(robot_.file_order[place]));
@@ -431,7 +431,7 @@ ExitStatus Hybrid(const Arguments& arguments) {
       throw FileError("standard input", static_cast<std::uint32_t>(number), "", error.what());
     }
     std::fputs(result.c_str(), stdout);
-    FlushOutput();  // Whoever asks line by line waits for it.
+    FlushOutput();  // A program that asks line by line waits for the answer.
   }
   if (std::cin.bad() || std::ferror(stdin) != 0)
     throw std::runtime_error("standard input: cannot be read");

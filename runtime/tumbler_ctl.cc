@@ -1,4 +1,5 @@
-// tumbler-ctl: what an operator asks of a running tumbler-run, and what he sees of it, over LCM.
+// tumbler-ctl: sends an operator's requests to a running tumbler-run, and shows its state, over
+// LCM.
 
 #include <fmt/format.h>
 #include <unistd.h>
@@ -47,7 +48,7 @@ using SteadyClock = std::chrono::steady_clock;
 volatile std::sig_atomic_t interrupted = 0;
 void OnInterrupt(int /*signal*/) { interrupted = 1; }
 
-/// A terminal's other screen, for as long as this lives.
+/// While an object of this class lives, the terminal shows its other screen.
 class Screen {
  public:
   Screen() { fmt::print("\x1b[?1049h\x1b[?25l"); }
@@ -80,7 +81,7 @@ class Remote {
 
   [[nodiscard]] const LiveView& view() const { return view_; }
 
-  /// Takes messages until `done`, or for so long. @returns done().
+  /// Takes messages until `done`, but for at most `patience_s`. @returns done().
   bool Wait(double patience_s, const std::function<bool()>& done) {
     const auto until = SteadyClock::now() + std::chrono::duration<double>(patience_s);
     while (!done()) {
@@ -95,12 +96,12 @@ class Remote {
     if (!Wait(2, [this] { return view_.state().has_value(); })) throw Silent();
   }
 
-  /// Sends a request until it is answered: a datagram may get lost.
+  /// Sends a request again and again until it is answered, since a datagram may get lost.
   /// @returns the answer.
   state_t Ask(std::int8_t command, const std::string& branch) {
     WaitForState();
     command_t message;
-    // Another number for every request of anybody.
+    // The number has to differ from that of any other request.
     message.id = std::uniform_int_distribution<std::uint32_t>(1)(random_);
     message.command = command;
     message.branch = branch;
@@ -116,7 +117,7 @@ class Remote {
  private:
   template <typename Message>
   void Subscribe(const char* channel) {
-    // Not the overload for member functions: UndefinedBehaviorSanitizer objects to it.
+    // UndefinedBehaviorSanitizer objects to the overload for member functions.
     lcm_.subscribeFunction(channel, &Remote::Handle<Message>, this)->setQueueCapacity(0);
   }
   template <typename Message>

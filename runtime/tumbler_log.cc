@@ -1,4 +1,4 @@
-// tumbler-log: what is in an LCM log of tumbler-run, and its ticks as a table.
+// tumbler-log: shows an LCM log of tumbler-run, and writes its ticks as a table.
 
 #include <fmt/format.h>
 
@@ -56,7 +56,7 @@ std::optional<Message> Decode(const lcm::LogEvent& event) {
   return message;
 }
 
-/// Reads a whole log; rows of the table go to `table`, events to standard output, where wanted.
+/// Reads a whole log. Where wanted, rows of the table go to `table`, and events to standard output.
 Contents Read(const std::string& path, std::FILE* table, bool events) {
   lcm::LogFile log(path, "r");
   if (!log.good()) {
@@ -65,7 +65,7 @@ Contents Read(const std::string& path, std::FILE* table, bool events) {
   }
   Contents contents;
   std::string row;
-  std::vector<state_t> waiting;  // Until the names of the joints are known.
+  std::vector<state_t> waiting;  // rows that wait until the names of the joints are known
   bool header = false;
   const auto write = [&](const std::string& text) {
     if (std::fwrite(text.data(), 1, text.size(), table) != text.size())
@@ -98,7 +98,7 @@ Contents Read(const std::string& path, std::FILE* table, bool events) {
         ++contents.damaged;
         continue;
       }
-      if (contents.states == 0) contents.missing = state->number;  // Before the first.
+      if (contents.states == 0) contents.missing = state->number;  // All before the first one are.
       ++contents.states;
       contents.view.Take(*state);
       if (table != nullptr) waiting.push_back(*state);

@@ -1,4 +1,4 @@
-// tumbler-replay: does a recorded run again, at a desk or on a bus.
+// tumbler-replay: repeats a recorded run, at a desk or on a bus.
 
 #include <fmt/format.h>
 
@@ -140,13 +140,14 @@ ExitStatus ReadLog(std::string_view text, const Options& options) {
   return ExitStatus::kDone;
 }
 
-/// What the operator wanted while the motion was played, by ticks since its first.
+/// A wish of the operator while the motion was played, with its tick since the motion's first.
 struct RecordedWish {
   std::int64_t offset = 0;
   OperatorWish wish;
 };
 
-/// What an operator asks for to have this done; nothing where it is the run procedure's own matter.
+/// The operator's request that leads to a command; kNone for commands that the run procedure gives
+/// by itself.
 OperatorRequest RequestOf(OperatorCommand command) {
   switch (command) {
     case OperatorCommand::kFinish:
@@ -183,7 +184,7 @@ std::vector<RecordedWish> WishesOf(FlightRecord& record) {
   return wishes;
 }
 
-/// The record's configuration with what the command line changes of it.
+/// The record's configuration, with the changes of the command line.
 RecordConfiguration ConfigurationToPlay(const RecordConfiguration& recorded,
                                         const Options& options) {
   RecordConfiguration configuration = recorded;
@@ -220,7 +221,7 @@ RecordConfiguration ConfigurationToPlay(const RecordConfiguration& recorded,
                                           entry.kd_nm_s_per_rad, entry.temperature_max_c};
     }
   }
-  // What is named again replaces what was recorded under that name.
+  // A file that the command line names replaces the one that was recorded under that name.
   for (const RecordedFile& file : keeper.files()) {
     std::erase_if(configuration.files,
                   [&file](const RecordedFile& other) { return other.path == file.path; });
@@ -229,7 +230,7 @@ RecordConfiguration ConfigurationToPlay(const RecordConfiguration& recorded,
   return configuration;
 }
 
-/// A file that is gone at the end, for a record that nobody asked for.
+/// A file for a record that nobody asked for. It is removed at the end.
 class ScratchFile {
  public:
   ScratchFile() {
@@ -292,7 +293,7 @@ Played Play(const RecordConfiguration& configuration, const std::vector<Recorded
   FlightRecorder recorder(
       {record_file, EncodeConfiguration(of_play), std::size_t{4} << 20U,
        [](const std::string& text) { fmt::print(stderr, "tumbler-replay: {}\n", text); }});
-  if (world->real_time()) recorder.Start();  // Before SCHED_FIFO.
+  if (world->real_time()) recorder.Start();  // Its thread must not inherit SCHED_FIFO.
   CatchInterrupts();
   if (options.arm) {
     if (!options.realtime && !options.without_realtime) {
@@ -324,7 +325,7 @@ Played Play(const RecordConfiguration& configuration, const std::vector<Recorded
   }
   recorder.Stop(ToString(procedure.outcome()));
   RunSummary ignored;
-  world->Summarize(ignored);  // Discards what is still to be sent.
+  world->Summarize(ignored);  // This discards frames that are still to be sent.
 
   Played played{procedure.outcome(), {}};
   if (loop.record().first_fault.fault != Fault::kNone) {
@@ -363,7 +364,7 @@ ExitStatus PlayOnBus(FlightRecord& record, const Options& options) {
     case RunOutcome::kFault:
       return ExitStatus::kFault;
     case RunOutcome::kStopped:
-      // As it was recorded, or by somebody now.
+      // The stop was recorded, or somebody stops it now.
       return same && !wishes.empty() ? ExitStatus::kDone : ExitStatus::kInterrupted;
     case RunOutcome::kCompleted:
       break;

@@ -1,4 +1,4 @@
-// tumbler-report: one page of what was planned, commanded, measured and true in one run or several.
+// tumbler-report: shows what was planned, commanded, measured and true in runs, on one page.
 
 #include <fmt/format.h>
 
@@ -15,7 +15,7 @@
 namespace tumbler {
 namespace {
 
-/// More make plots that nobody can read.
+/// The most runs on one page. With more of them nobody can read the plots.
 constexpr std::size_t kRunsMax = 6;
 
 struct Arguments {
@@ -67,7 +67,7 @@ ExitStatus Report(const Arguments& arguments) {
   return ExitStatus::kDone;
 }
 
-/// What no option by itself can get wrong.
+/// Checks that concern several options together.
 void CheckTogether(const Arguments& arguments) {
   if (arguments.files.size() > kRunsMax) {
     throw UsageError("RECORD|PRIMITIVE",

@@ -5,11 +5,11 @@
 
 namespace tumbler {
 
-/// What an operator may ask of a run. The last three, which end it, grow stronger in this order.
+/// The requests of an operator to a run. The last three end it, the later ones more urgently.
 enum class OperatorRequest : std::uint8_t {
   kNone,
-  kStart,        ///< Of an attended run (`RunProcedureConfig::attended`): begin.
-  kBranch,       ///< Take the branch of this number where there is one.
+  kStart,        ///< Begin a run, where somebody attends (`RunProcedureConfig::attended`).
+  kBranch,       ///< Take the branch of this number as soon as a node offers it.
   kClearFaults,  ///< While disarmed: forget the latched faults.
   kFinish,       ///< End at the next safe node, hold for a moment, disarm.
   kStop,         ///< Brake at once within the limits, hold for a moment, disarm.
@@ -36,21 +36,21 @@ enum class OperatorRequest : std::uint8_t {
   return "unknown request";
 }
 
-/// A request with all that belongs to it; small enough for one atomic word.
+/// A request with everything that belongs to it, small enough for one atomic word.
 struct OperatorWish {
-  std::uint32_t id = 0;  ///< By which the answer is found; 0 where nobody looks for one.
+  std::uint32_t id = 0;  ///< The answer carries it too; 0 where nobody waits for an answer.
   OperatorRequest request = OperatorRequest::kNone;
-  std::int8_t branch = -1;   ///< The number that belongs to kBranch.
-  bool quit = false;         ///< An attended run is not to wait for another start afterwards.
-  std::uint8_t padding = 0;  ///< So that two equal wishes have equal bits.
+  std::int8_t branch = -1;   ///< The branch's number for kBranch.
+  bool quit = false;         ///< Whether the program is to end after the run.
+  std::uint8_t padding = 0;  ///< Makes two equal wishes have equal bits.
 
   bool operator==(const OperatorWish&) const = default;
 };
 
-/// The way of an operator's wish into the control loop: one word, written by any thread or signal
-/// handler, taken once. A later wish replaces an earlier one that was not taken yet, unless
-/// that one is a stronger one of finish, stop and disarm; that the program is to end is never
-/// forgotten.
+/// Carries an operator's wish into the control loop. Any thread or signal handler may put a wish
+/// there, and the loop takes it once. A later wish replaces an earlier one that was not taken yet,
+/// unless the earlier one is finish, stop or disarm and more urgent. The wish that the program is
+/// to end is never forgotten.
 class OperatorMailbox {
  public:
   void Put(OperatorWish wish) noexcept {
@@ -72,8 +72,8 @@ class OperatorMailbox {
   static constexpr OperatorRequest Weakest(OperatorRequest present) noexcept {
     return present < OperatorRequest::kFinish ? OperatorRequest::kNone : present;
   }
-  static_assert(std::atomic<OperatorWish>::is_always_lock_free);  // Also what makes it safe in a
-                                                                  // signal handler.
+  // Signal handlers may only use atomics that are free of locks.
+  static_assert(std::atomic<OperatorWish>::is_always_lock_free);
 
   std::atomic<OperatorWish> slot_{OperatorWish{}};
 };

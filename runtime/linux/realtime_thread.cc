@@ -15,14 +15,13 @@
 namespace tumbler {
 namespace {
 
-/// The loop's stack is touched once, so that its pages are there (and locked) before they are
-/// needed.
+/// Touches the loop's stack once, so that its pages are there (and locked) before they are needed.
 void TouchStack() {
   std::array<volatile unsigned char, std::size_t{256} * 1024> pages;
   for (std::size_t i = 0; i < pages.size(); i += 1024) pages[i] = 0;
 }
 
-/// `struct sched_attr` of the kernel, first version; the C library does not declare it.
+/// The first version of the kernel's `struct sched_attr`, which the C library does not declare.
 struct SchedulingAttributes {
   std::uint32_t size = sizeof(SchedulingAttributes);
   std::uint32_t policy = 0;

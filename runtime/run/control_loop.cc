@@ -8,13 +8,14 @@
 namespace tumbler {
 namespace {
 
-/// Most bits that a frame can take on the wire, intermission included.
+/// The most bits that such a frame can take on the wire, intermission included.
 std::int32_t LongestBits(const CanFrame& frame) noexcept {
   return WorstCaseFrameBits(frame.extended ? CanIdKind::kExtended : CanIdKind::kStandard,
                             frame.remote ? 0 : frame.size);
 }
 
-/// What goes to the executor as it is; kNone for what is the run procedure's to decide.
+/// The command of a request that goes straight to the executor; kNone for a request about which the
+/// run procedure decides.
 OperatorCommand DirectCommand(OperatorRequest request) noexcept {
   if (request == OperatorRequest::kBranch) return OperatorCommand::kBranch;
   if (request == OperatorRequest::kClearFaults) return OperatorCommand::kClearFaults;
@@ -48,7 +49,7 @@ bool ControlLoop::Tick(std::int64_t deadline_ns,
 
   const std::size_t count = Receive(awake_ns);
   OperatorWish wish = parts_.mailbox.Take();
-  // A request that is sent again because its answer was lost is not a second one.
+  // When a request is sent again because its answer was lost, it counts once.
   if (wish.id != 0 && wish.id == timed_.request.id) wish = {};
   const OperatorCommand command = Ask(wish);
   const TickInput input{

@@ -16,33 +16,33 @@
 
 namespace tumbler {
 
-/// What the loop saw, kept without allocating while it runs.
+/// Figures of a loop. Keeping them allocates nothing.
 struct LoopStatistics {
-  std::int64_t ticks = 0;         ///< Executed.
-  std::int64_t missed_ticks = 0;  ///< Periods that passed without one.
-  std::int64_t late_ticks = 0;    ///< Woken more than half a period after the deadline.
+  std::int64_t ticks = 0;         ///< Executed ticks.
+  std::int64_t missed_ticks = 0;  ///< Periods that passed without a tick.
+  std::int64_t late_ticks = 0;    ///< Ticks that began more than half a period after the deadline.
   std::int64_t run_ticks = 0;     ///< Of `ticks`, those in state running.
   std::int64_t frames_sent = 0;
   std::int64_t frames_received = 0;
   std::int64_t send_failures = 0;  ///< Frames that the bus did not take; they are dropped.
-  DurationHistogram wake_up;       ///< From deadline to running.
-  DurationHistogram tick;          ///< From running to all done but the record's hand-over.
-  DurationHistogram frame_age;     ///< Of received frames: from the end on the wire to being used.
+  DurationHistogram wake_up;       ///< From the deadline to running.
+  DurationHistogram tick;          ///< From running until all is done but handing over the record.
+  DurationHistogram frame_age;     ///< From a received frame's end on the wire to its use.
   ReplyAgeHistogram reply_age_ticks;  ///< Of the joints' measurements, in every tick.
 
-  /// Joints, while the primitive runs and settles.
-  std::array<float, kMaxJoints> peak_torque_nm{};  ///< |measured|
+  /// Figures of the joints while the primitive runs and settles.
+  std::array<float, kMaxJoints> peak_torque_nm{};  ///< Largest |measured torque|.
   std::array<float, kMaxJoints> following_error_max_rad{};
-  std::int64_t limited_ticks = 0;  ///< In which the last gate changed a setpoint of any joint.
+  std::int64_t limited_ticks = 0;  ///< Ticks in which the last gate changed any joint's setpoint.
 };
 
-/// The periodic part of the runtime: at each deadline takes the frames that have come, ticks the
+/// The periodic part of the runtime. At each deadline it takes the frames that have come, ticks the
 /// executor, sends its frames and hands the record to telemetry. Deadlines are absolute: start +
 /// tick * period.
 ///
-/// Late ticks: waking a whole period or more after the deadline skips the missed tick numbers, and
-/// the executor decides what that means (`ExecutorConfig::late_ticks_max`). Step does not allocate,
-/// lock, or block except in the clock's sleep.
+/// When the loop wakes a whole period or more after the deadline, it skips the missed tick numbers,
+/// and the executor decides what that means (`ExecutorConfig::late_ticks_max`). Step does not
+/// allocate, lock, or block except in the clock's sleep.
 class ControlLoop {
  public:
   struct Parts {
@@ -62,13 +62,13 @@ class ControlLoop {
 
   [[nodiscard]] const TickRecord& record() const noexcept { return output_.record; }
   [[nodiscard]] const TimedRecord& timed_record() const noexcept { return timed_; }
-  [[nodiscard]] std::int64_t time_ns() const noexcept {
-    return timed_.time_ns;
-  }  ///< Deadline of the last tick.
+  /// Deadline of the last tick.
+  [[nodiscard]] std::int64_t time_ns() const noexcept { return timed_.time_ns; }
   [[nodiscard]] const LoopStatistics& statistics() const noexcept { return statistics_; }
 
  private:
-  /// More frames than a bus can carry in one period of the slowest loop wait for the next tick.
+  /// A bus carries no more frames in one period of the slowest loop. If more have come, they wait
+  /// for the next tick.
   static constexpr std::size_t kReceiveCapacity = TickEntry::kReceivedMax;
 
   bool Tick(std::int64_t deadline_ns, std::int64_t awake_ns) noexcept TUMBLER_NONBLOCKING;
@@ -86,13 +86,14 @@ class ControlLoop {
   std::array<ReceivedFrame, kReceiveCapacity> received_;
   std::array<CanFrame, std::size_t{kMaxJoints} * FrameBatch::kCapacity> to_send_;
   TickOutput output_;
-  TimedRecord timed_;                                  // `request` stays that of the last wish.
-  std::array<float, kMaxJoints> last_position_rad_{};  // limited, of the tick before
+  TimedRecord timed_;                                  // `request` stays that of the last wish
+  std::array<float, kMaxJoints> last_position_rad_{};  // limited positions of the tick before
   LoopStatistics statistics_;
 };
 
-/// A loop that only sleeps and wakes, in the same way: what the machine adds to any tick.
-/// @param mailbox  anything put there ends it.
+/// Runs a loop that only sleeps and wakes like a ControlLoop. Its latencies are those that the
+/// machine adds to any tick.
+/// @param mailbox  any wish put there ends the loop.
 [[nodiscard]] LoopStatistics MeasureWakeUps(Clock& clock, OperatorMailbox& mailbox,
                                             std::int64_t period_ns, std::int64_t ticks) noexcept;
 

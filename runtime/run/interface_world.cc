@@ -16,7 +16,8 @@
 namespace tumbler {
 namespace {
 
-/// Opens an interface whose bit rate, where the kernel knows it, is that of the drives.
+/// Opens an interface, and checks that its bit rate, where the kernel knows it, is that of the
+/// drives.
 void OpenInterface(SocketCanBus& bus, const InterfaceName& name, const DrivesConfig& drives,
                    const SocketCanConfig& config) {
   const SocketCanBus::OpenResult opened = bus.Open(name.interface, config);
@@ -66,7 +67,7 @@ class DryRunWorld final : public World {
   DryRunWorld(const InterfaceName& name, const DrivesConfig& drives,
               const std::vector<double>& start_rad)
       : clock_([this](std::int64_t time_ns) { bus_->AdvanceTo(time_ns); }) {
-    SocketCanBus probe;  // A dry run on an interface that is not there would say nothing about it.
+    SocketCanBus probe;  // Finds out whether the interface exists.
     OpenInterface(probe, name, drives, {});
     std::vector<DryRunBus::Node> nodes;
     for (std::size_t i = 0; i < drives.drives.size(); ++i) {

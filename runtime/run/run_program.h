@@ -5,9 +5,9 @@
 
 namespace tumbler {
 
-/// The program tumbler-run (docs/runtime.md): reads the command line, runs, and says what became of
-/// it. Throws as RunProgram (common/program.h) expects it.
-/// @param simulation  what its bus `sim` is; null: there is none in this build.
+/// The program tumbler-run (docs/runtime.md): reads the command line, runs, and reports the
+/// outcome. Throws as RunProgram (common/program.h) expects it.
+/// @param simulation  makes the bus `sim`; null where the build has none.
 ExitStatus PlayMotion(int argc, char** argv, const Simulation* simulation);
 
 }  // namespace tumbler

@@ -40,7 +40,7 @@ std::array<std::pair<const char*, const DurationHistogram*>, 3> Durations(
            {"frame age", &statistics.frame_age}}};
 }
 
-/// Measurements of two ticks and more.
+/// How many measurements were two ticks old or older.
 std::int64_t Older(const ReplyAgeHistogram& age) {
   std::int64_t older = 0;
   for (std::size_t i = 2; i <= ReplyAgeHistogram::kBins; ++i) older += age.count(i);

@@ -12,19 +12,25 @@
 
 namespace tumbler {
 
-/// Where the simulated robot was when a node of the sequence was over: two seconds after the end of
-/// its motion, or when the next one began.
+/// The simulated robot after a node of the sequence. "Later" is two seconds after the end of the
+/// motion, or when the next node began.
 struct Passage {
   std::string node;
-  double expected_pitch_rad = 0;  ///< Of the root, by the exits and entries of the primitives.
-  double pitch_at_end_rad = 0;    ///< Of the motion, before it settled.
-  std::optional<double> pitch_later_rad;  ///< Absent when the run ended earlier.
+  /// The root's pitch by the exits and entries of the primitives.
+  double expected_pitch_rad = 0;
+  /// The root's pitch at the end of the motion, before it settled.
+  double pitch_at_end_rad = 0;
+  /// The root's pitch later; absent when the run ended before.
+  std::optional<double> pitch_later_rad;
   std::optional<double> pitch_rate_later_rad_s;
-  double tolerance_rad = 0.05;  ///< Of the pitch then; the sequence may allow more.
+  /// How far the pitch may be off later; the sequence may allow more.
+  double tolerance_rad = 0.05;
   static constexpr double kLater_s = 2;
-  static constexpr double kRateTolerance_rad_s = 0.05;  ///< Slower than this is at rest.
+  /// A root that turns slower than this is at rest.
+  static constexpr double kRateTolerance_rad_s = 0.05;
 
-  /// Where it should be, and at rest. Absent when that was not seen.
+  /// Whether the robot was at rest later, with the pitch that it should have; absent when the run
+  /// ended before.
   [[nodiscard]] std::optional<bool> standing() const;
 };
 
@@ -34,14 +40,14 @@ struct Fall {
   std::string what;
 };
 
-/// What became of the frames on a SocketCAN interface.
+/// The frames of a run on a SocketCAN interface.
 struct InterfaceSummary {
   SocketCanStatistics statistics;
   CanControllerState controller = CanControllerState::kErrorActive;
-  int in_flight = 0;  ///< Neither confirmed nor discarded: they go out when the bus comes back.
+  int in_flight = 0;  ///< Frames neither confirmed nor discarded, which may still go out.
 };
 
-/// Everything that is said about a run when it is over.
+/// Everything that is reported about a run when it is over.
 struct RunSummary {
   std::string bus;
   std::string primitive;
@@ -50,24 +56,24 @@ struct RunSummary {
   bool dry_run = false;
   bool simulated = false;
   RunOutcome outcome = RunOutcome::kPending;
-  std::string reason;  ///< Of a refusal, a fault or a stop; empty when completed.
+  std::string reason;  ///< The reason of a refusal, a fault or a stop; empty when completed.
   std::vector<std::string> joints;
   LoopStatistics statistics;
   int worst_case_tick_bits = 0;
   double worst_case_load = 0;                 ///< 0 ... 1
-  std::optional<double> measured_load;        ///< 0 ... 1; known of the simulated bus only.
+  std::optional<double> measured_load;        ///< 0 ... 1; on the simulated bus only.
   std::optional<InterfaceSummary> interface;  ///< Of an armed run on an interface.
   std::vector<Passage> passages;              ///< Of a simulated robot; empty otherwise.
   std::vector<Fall> falls;                    ///< Of a simulated robot.
-  int cycles = 0;                             ///< Of a sequence, complete.
-  int runs = 1;                               ///< Started; more than one only where attended.
+  int cycles = 0;                             ///< Complete cycles of the sequence.
+  int runs = 1;                               ///< Runs started; more than one only where attended.
   bool attended = false;
   std::optional<RealtimeGrant> realtime;
   Machine machine;
   std::int64_t lost_records = 0;
   std::int64_t unpublished_messages = 0;
-  std::int64_t recorded_ticks = 0;    ///< In the flight record, where there is one,
-  std::int64_t unrecorded_ticks = 0;  ///< and those that are not.
+  std::int64_t recorded_ticks = 0;    ///< Ticks in the flight record, where there is one.
+  std::int64_t unrecorded_ticks = 0;  ///< Ticks that are not in it.
   std::string record_problem;         ///< Why recording stopped early; empty otherwise.
   std::vector<std::string> files;
 };
@@ -87,8 +93,8 @@ std::string TimingToJson(const LoopStatistics& statistics, const Machine& machin
 std::string ToText(const RunSummary& summary);
 /// The same as one JSON object, units in the keys, ending with a line feed.
 std::string ToJson(const RunSummary& summary);
-/// How tumbler-run ends: kAmiss when the motion was completed, but the simulated robot fell or is
-/// not where the primitive says.
+/// The exit status of tumbler-run. It is kAmiss when the motion was completed, but the simulated
+/// robot fell or is not where the primitive says.
 ExitStatus StatusOf(const RunSummary& summary);
 
 }  // namespace tumbler

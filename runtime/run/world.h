@@ -7,7 +7,7 @@
 
 namespace tumbler {
 
-/// Where frames go and time comes from.
+/// The world of a control loop: the bus that takes its frames, and the clock that gives it time.
 class World {
  public:
   World() = default;
@@ -16,10 +16,11 @@ class World {
   virtual ~World() = default;
   virtual CanBus& bus() = 0;
   virtual Clock& clock() = 0;
-  /// Whether time is real, so that telemetry needs a thread of its own.
+  /// Whether time is real, not virtual, so that telemetry needs a thread of its own.
   [[nodiscard]] virtual bool real_time() const = 0;
   /// Called after every tick.
   virtual void Observe(const ControlLoop& loop) = 0;
+  /// Called when the run is over: adds what this world knows of it.
   virtual void Summarize(RunSummary& summary) = 0;
 };
 

@@ -40,7 +40,7 @@ FaultDetail FirstFault(const state_t& state) {
 
 void LiveView::Take(const state_t& state) {
   if (state_ && state.number > state_->number) lost_ += state.number - state_->number - 1;
-  if (state_ && state.number < state_->number) lost_ = 0;  // Another run.
+  if (state_ && state.number < state_->number) lost_ = 0;  // Another run has begun.
   state_ = state;
 }
 

@@ -106,7 +106,7 @@ std::string Describe(const RefusalDetail& report, const std::vector<std::string>
 }
 
 struct Telemetry::Implementation {
-  /// Four seconds at 1 kHz: longer than any stall of a disk that was seen.
+  /// Four seconds at 1 kHz. No stall of a disk was seen that lasted longer.
   static constexpr std::size_t kRingCapacity = 4096;
   static constexpr std::int64_t kRunPeriod_ns = 250'000'000;
 
@@ -343,7 +343,7 @@ struct Telemetry::Implementation {
   std::atomic<bool> stop{false};
   std::thread thread;
 
-  // Of the draining side only.
+  // Used by the draining side only.
   std::optional<lcm::LogFile> log;
   std::unique_ptr<lcm::LCM> live;
   std::unique_ptr<std::FILE, CloseFile> trace;
@@ -351,8 +351,8 @@ struct Telemetry::Implementation {
   run_t run{};
   DurationHistogram wake_up;
   DurationHistogram tick;
-  std::int64_t bits = 0;         // Since the last run_t.
-  std::int64_t next_run_ns = 0;  // Of the loop's clock.
+  std::int64_t bits = 0;         // on the bus since the last run_t
+  std::int64_t next_run_ns = 0;  // time of the next run_t on the loop's clock
   std::int64_t last_time_ns = 0;
   std::vector<std::uint8_t> buffer;
   std::string row;

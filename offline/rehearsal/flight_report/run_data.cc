@@ -20,9 +20,9 @@ namespace tumbler {
 namespace {
 
 constexpr double kTurn_rad = 2 * std::numbers::pi;
-/// The plan of a run, in its page: finer than a display shows, whatever the run's length.
+/// Time between two samples of a run's plan. A display shows no finer motion.
 constexpr double kPlanSpacing_s = 0.005;
-/// Less is no push.
+/// A smaller force is no push.
 constexpr double kPush_n = 1e-9;
 
 double Seconds(std::int64_t ns) { return static_cast<double>(ns) / 1e9; }
@@ -31,7 +31,7 @@ bool InMotion(ExecutorState state) {
   return state == ExecutorState::kRunning || state == ExecutorState::kSettling;
 }
 
-/// Whether a setpoint of the position has an effect.
+/// Whether a setpoint of the position has an effect in this tick.
 bool Controlled(const RunTick& tick) {
   return tick.state != ExecutorState::kDisarmed && tick.state != ExecutorState::kArming &&
          !(tick.state == ExecutorState::kFault && tick.reaction >= Reaction::kDamp);
@@ -246,7 +246,7 @@ class RunReader {
                           std::string(motion_.graph.node(tick.node).name.view())});
   }
 
-  /// Replaces what is in the record.
+  /// Takes the truth from an LCM log, in place of the truth in the record.
   void TakeTruthLog(const std::string& path) {
     truths_.clear();
     for (LoggedTruth& logged : ReadTruthLog(path)) {
@@ -307,14 +307,14 @@ class RunReader {
         std::max<std::size_t>(1, static_cast<std::size_t>(kPlanSpacing_s / run_.period_s));
     double dx = 0, turn = 0;
     int node = run_.bands.empty() ? motion_.graph.start : run_.bands.front().node;
-    std::optional<double> began;  // Of the present node.
+    std::optional<double> began;  // start of the present node [s]
     std::size_t band = 0;
     for (std::size_t i = 0; i < run_.ticks.size(); ++i) {
       const RunTick& tick = run_.ticks[i];
       if (band < run_.bands.size() && tick.time_s >= run_.bands[band].from_s) {
         const int next = run_.bands[band].node;
         if (began) {
-          // Where one ends, the next begins.
+          // The next node begins where this one ends.
           const ReportSample& end = run_.plan.back();
           const ReportSample& begin = paths_.PlanOf(next).front();
           dx = end.link_poses[0][0] - begin.link_poses[0][0];
@@ -334,8 +334,8 @@ class RunReader {
     }
   }
 
-  /// Time in the primitive that was played last: its own, which is slower than the clock's at less
-  /// speed; on past its end while that is held; where it was broken off otherwise.
+  /// The primitive's own time at tick i [s]: at less speed slower than the clock's; past its end
+  /// while the end is held; and the time at which it was broken off after that.
   [[nodiscard]] double PlanTime(std::size_t i) {
     for (std::size_t k = last_running_; k <= i; ++k) {
       if (run_.ticks[k].state == ExecutorState::kRunning) last_running_ = k;

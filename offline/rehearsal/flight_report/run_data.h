@@ -17,7 +17,7 @@ struct RunEvent {
   enum class Kind {
     kState,    ///< The executor entered a state, or began a node.
     kRequest,  ///< The operator, or the program that stands for one, asked for something.
-    kRefusal,  ///< That was refused.
+    kRefusal,  ///< A request was refused.
     kFault,    ///< A fault was latched.
     kTiming,   ///< Control periods were missed, or ticks not recorded.
     kTruth,    ///< The simulated robot rests, falls or is pushed.
@@ -46,7 +46,7 @@ struct RunTick {
   double primitive_time_s = 0;
 };
 
-/// Durations of one kind, all of them.
+/// All durations of one kind in a run.
 struct RunLatency {
   std::string name;
   std::string meaning;
@@ -56,60 +56,61 @@ struct RunLatency {
   [[nodiscard]] std::int64_t PercentileNs(double share) const;
 };
 
-/// A run as the report shows it, at every tick; or a primitive, which is a plan and nothing else.
+/// A run for the page, with every tick; or a primitive, of which only the plan is there.
 ///
 /// Time 0 is where the first motion begins (state running), so that runs can be laid over each
-/// other; of a run without one, its first tick.
+/// other. In a run without a motion it is the first tick.
 struct RunData {
-  std::string name;  ///< Of the file.
-  bool recorded = false;
+  std::string name;       ///< Of the file.
+  bool recorded = false;  ///< Whether this is a run, or a primitive.
   std::vector<std::pair<std::string, std::string>> facts;  ///< For people: name, value with unit.
   ReportData scene;  ///< The robot and its ground; no samples.
   std::string robot_hash;
   double period_s = 0;
 
-  std::vector<RunTick> ticks;            ///< Empty of a primitive.
+  std::vector<RunTick> ticks;            ///< Empty for a primitive.
   std::vector<JointRecord> joint_ticks;  ///< Joint j of tick i at i * joint count + j.
   std::vector<RunEvent> events;          ///< By time.
   std::vector<RunBand> bands;
   std::vector<RunLatency> latencies;
 
-  /// The robot as planned: in each node the nominal simulation of its primitive, placed along x
-  /// where the one before ended; between nodes, at rest. Of a primitive, joint values are the
-  /// splines', and torques the feed-forward.
+  /// The planned motion of the robot: in each node the nominal simulation of its primitive, placed
+  /// along x where the node before ended, and at rest between nodes. For a primitive, joint values
+  /// are those of the splines, and torques the feed-forward.
   std::vector<ReportSample> plan;
-  /// The simulated robot as it really was; empty where that is not known.
+  /// The true motion of the simulated robot; empty where it is not known.
   std::vector<ReportSample> truth;
 
   [[nodiscard]] std::size_t joint_count() const { return scene.joint_names.size(); }
   [[nodiscard]] const JointRecord& joint(std::size_t tick, std::size_t joint) const {
     return joint_ticks[tick * joint_count() + joint];
   }
-  /// What was measured less the limited setpoint that the measurement answers [rad]; none while the
-  /// position is not controlled, or before the first reply.
+  /// The measured position less the limited setpoint that it answers [rad]; none while the position
+  /// is not controlled, or before the first reply.
   [[nodiscard]] std::optional<double> FollowingError(std::size_t tick, std::size_t joint) const;
 };
 
-/// Reads a flight record. @param truth_log  LCM log with TUMBLER_TRUTH of that run, which then
-/// counts instead of the truth in the record; empty: none.
-/// @throws RecordError, FileError or std::runtime_error naming the file.
+/// Reads a flight record.
+/// @param truth_log  LCM log with TUMBLER_TRUTH of that run, in place of the truth in the record;
+/// empty: none.
+/// @throws RecordError, FileError or std::runtime_error  naming the file.
 RunData ReadRun(const std::string& path, const std::string& truth_log);
 
 /// Reads a primitive: its plan, played alone. @throws FileError.
 RunData ReadPlan(const std::string& path);
 
-/// How far what was measured of a joint was apart in two runs, at the same ticks since their
+/// The differences of one quantity of a joint between two runs, at the same ticks since their
 /// motions began.
 struct RunDifference {
   std::string joint;
   std::string quantity;  ///< e.g. `measured position`
   std::string unit;
-  std::int64_t ticks = 0;  ///< That both have.
-  double max = 0;          ///< |b - a|
-  double max_at_s = 0;
-  double rms = 0;
+  std::int64_t ticks = 0;  ///< Ticks that both runs have.
+  double max = 0;          ///< Largest |b - a|.
+  double max_at_s = 0;     ///< Time of the largest difference.
+  double rms = 0;          ///< Root of the mean square of b - a.
 };
-/// Of all joints; empty unless both are records with the same period.
+/// The differences of all joints; empty unless both are records with the same period.
 std::vector<RunDifference> Compare(const RunData& a, const RunData& b);
 
 }  // namespace tumbler
