@@ -1,5 +1,7 @@
 #include "firmware_interface/drives/cansimple.h"
 
+#include <numbers>
+
 #include "firmware_interface/drives/wire.h"
 
 namespace tumbler {
@@ -375,6 +377,22 @@ bool CanSimpleDrive::Decode(const CanFrame& frame) noexcept {
     default:
       return false;
   }
+}
+
+bool CanSimpleProtocol::CommandedPosition(const CanSimpleConfig& config, const CanFrame& frame,
+                                          double& shaft_rad) noexcept {
+  CanSimpleInputPos command;
+  if (DecodeCanSimple(config.node_id, frame, command) != Status::kOk) return false;
+  shaft_rad = double{command.position_rev} * (2 * std::numbers::pi);
+  return true;
+}
+
+bool CanSimpleProtocol::ReportedPosition(const CanSimpleConfig& config, const CanFrame& frame,
+                                         double& shaft_rad) noexcept {
+  CanSimpleEstimates estimates;
+  if (DecodeCanSimple(config.node_id, frame, estimates) != Status::kOk) return false;
+  shaft_rad = double{estimates.position_rev} * (2 * std::numbers::pi);
+  return true;
 }
 
 }  // namespace tumbler

@@ -1,10 +1,12 @@
 #pragma once
 
 #include <cstdint>
+#include <string_view>
 
 #include "common/status.h"
 #include "firmware_interface/can/frame.h"
 #include "firmware_interface/drives/drive.h"
+#include "firmware_interface/drives/drive_protocol.h"
 #include "firmware_interface/drives/drive_range.h"
 #include "firmware_interface/drives/joint_map.h"
 
@@ -132,6 +134,14 @@ Status DecodeCanSimple(std::uint8_t node, const CanFrame& frame,
                        CanSimpleTemperature& value) noexcept;
 Status DecodeCanSimple(std::uint8_t node, const CanFrame& frame, CanSimpleTorques& value) noexcept;
 
+/// What a drive is set to send by itself, and how often [s]; 0: not at all.
+struct CanSimpleMessages {
+  double heartbeat_s = 0.01;
+  double estimates_s = 0.001;
+  double torques_s = 0;
+  double temperature_s = 0.1;
+};
+
 /// One drive.
 struct CanSimpleConfig {
   std::uint8_t node_id = 0;  ///< 0 ... kCanSimpleNodeMax
@@ -143,6 +153,7 @@ struct CanSimpleConfig {
   /// Estimates that may come in one tick: `encoder_msg_rate_ms` against the tick, and one for the
   /// drift of the drive's clock. >= 1.
   int estimates_per_tick_max = 2;
+  CanSimpleMessages messages;  ///< As the host is told; nothing is set by it.
 
   /// @retval kInvalidArgument  a value is outside what its comment allows.
   [[nodiscard]] Status Validate() const noexcept;
@@ -219,6 +230,36 @@ class CanSimpleDrive final : public Drive {
   float hold_rad_ = 0;
   DriveFeedback feedback_;
   DriveSetpoint encoded_;
+};
+
+/// The description of the protocol; see drive_protocol.h.
+struct CanSimpleProtocol {
+  using Config = CanSimpleConfig;
+  using Host = CanSimpleDrive;
+  static constexpr std::string_view kName = "cansimple";
+  static constexpr std::string_view kId = "cansimple";
+  static constexpr std::string_view kExample = "tumbler_drives_cansimple.toml";
+  static constexpr std::string_view kDbc = "odrive_cansimple.dbc";
+  static constexpr int kFirstReply_ms = 500;
+
+  static Config Example(int joint) noexcept {
+    Config config;
+    config.node_id = static_cast<std::uint8_t>(joint + 1);
+    return config;
+  }
+  static ShaftRanges CommandRanges(const Config& config) noexcept { return config.range; }
+  static DriveRange ReportedPositions(const Config& config) noexcept {
+    return config.range.position_rad;  // Floats reach as far, at least.
+  }
+  static bool CommandedPosition(const Config& config, const CanFrame& frame,
+                                double& shaft_rad) noexcept;
+  static bool ReportedPosition(const Config& config, const CanFrame& frame,
+                               double& shaft_rad) noexcept;
+
+  static Config Read(DriveTable& table);
+  static DriveTraffic TrafficOf(const DriveEntry& entry, const Config& config, double rate_hz);
+  static OwnedDrive Simulate(const DriveEntry& entry, const Config& config,
+                             const SimulatedMotorConfig& motor);
 };
 
 }  // namespace tumbler

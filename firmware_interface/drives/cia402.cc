@@ -1,5 +1,7 @@
 #include "firmware_interface/drives/cia402.h"
 
+#include <numbers>
+
 #include "firmware_interface/drives/wire.h"
 
 namespace tumbler {
@@ -523,6 +525,25 @@ bool Cia402Drive::Decode(const CanFrame& frame) noexcept {
     default:
       return false;
   }
+}
+
+bool Cia402Protocol::CommandedPosition(const Cia402Config& config, const CanFrame& frame,
+                                       double& shaft_rad) noexcept {
+  Cia402Command command;
+  if (DecodeCia402(config.node_id, frame, command) != Status::kOk ||
+      command.controlword != cia402_control::kEnable) {
+    return false;
+  }
+  shaft_rad = command.position * (2 * std::numbers::pi) / double{config.position_units_per_turn};
+  return true;
+}
+
+bool Cia402Protocol::ReportedPosition(const Cia402Config& config, const CanFrame& frame,
+                                      double& shaft_rad) noexcept {
+  Cia402Status status;
+  if (DecodeCia402(config.node_id, frame, status) != Status::kOk) return false;
+  shaft_rad = status.position * (2 * std::numbers::pi) / double{config.position_units_per_turn};
+  return true;
 }
 
 }  // namespace tumbler

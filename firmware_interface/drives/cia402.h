@@ -1,11 +1,13 @@
 #pragma once
 
 #include <cstdint>
+#include <string_view>
 
 #include "common/status.h"
 #include "firmware_interface/can/frame.h"
 #include "firmware_interface/drives/canopen.h"
 #include "firmware_interface/drives/drive.h"
+#include "firmware_interface/drives/drive_protocol.h"
 #include "firmware_interface/drives/drive_range.h"
 #include "firmware_interface/drives/joint_map.h"
 
@@ -216,6 +218,39 @@ class Cia402Drive final : public Drive {
   DriveFeedback feedback_;
   DriveState state_ = DriveState::kUnknown;
   DriveSetpoint encoded_;
+};
+
+/// The description of the protocol; see drive_protocol.h.
+struct Cia402Protocol {
+  using Config = Cia402Config;
+  using Host = Cia402Drive;
+  static constexpr std::string_view kName = "canopen-csp";
+  static constexpr std::string_view kId = "cia402";
+  static constexpr std::string_view kExample = "tumbler_drives_cia402.toml";
+  static constexpr std::string_view kDbc = "cia402_csp.dbc";
+  static constexpr int kFirstReply_ms = 5000;  // Some 40 objects are set first.
+
+  static Config Example(int joint) noexcept {
+    Config config;
+    config.node_id = static_cast<std::uint8_t>(joint + 1);
+    config.rated_torque_nm = 6;
+    return config;
+  }
+  static ShaftRanges CommandRanges(const Config& config) noexcept { return config.range; }
+  static DriveRange ReportedPositions(const Config& config) noexcept {
+    return config.range.position_rad;  // 32 bits reach as far, at least.
+  }
+  static bool CommandedPosition(const Config& config, const CanFrame& frame,
+                                double& shaft_rad) noexcept;
+  static bool ReportedPosition(const Config& config, const CanFrame& frame,
+                               double& shaft_rad) noexcept;
+
+  static Config Read(DriveTable& table);
+  static void CheckBeside(const DriveEntry& drive, const DriveEntry& earlier,
+                          const TomlTable& table);
+  static DriveTraffic TrafficOf(const DriveEntry& entry, const Config& config, double rate_hz);
+  static OwnedDrive Simulate(const DriveEntry& entry, const Config& config,
+                             const SimulatedMotorConfig& motor);
 };
 
 }  // namespace tumbler

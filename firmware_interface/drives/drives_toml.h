@@ -6,29 +6,9 @@
 #include <vector>
 
 #include "firmware_interface/drives/drive_bank.h"
+#include "firmware_interface/drives/drive_entry.h"
 
 namespace tumbler {
-
-/// What a CANSimple drive is set to send by itself, and how often [s]; 0: not at all.
-struct CanSimpleMessages {
-  double heartbeat_s = 0.01;
-  double estimates_s = 0.001;
-  double torques_s = 0;
-  double temperature_s = 0.1;
-};
-
-/// One drive and the joint that it moves.
-struct DriveEntry {
-  std::string joint;  ///< The joint's name in the robot's URDF.
-  DriveConfig config;
-  /// Gains of the running drive, at the joint. Where the protocol does not carry them they say what
-  /// the drive was tuned to: the simulated drive has them, and kp > 0 asks for position control.
-  float kp_nm_per_rad = 0;
-  float kd_nm_s_per_rad = 0;
-  float temperature_max_c = 80;  ///< The executor stops above it.
-  double watchdog_s = 0.025;     ///< What the drive's time-out is set to; 0 says that it has none.
-  CanSimpleMessages messages;    ///< CANSimple only.
-};
 
 /// Frames of one kind that the drives of a file cause.
 struct ScheduledFrames {

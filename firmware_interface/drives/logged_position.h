@@ -3,7 +3,7 @@
 #include <optional>
 
 #include "firmware_interface/can/frame.h"
-#include "firmware_interface/drives/drive_bank.h"
+#include "firmware_interface/drives/protocols.h"
 
 namespace tumbler {
 

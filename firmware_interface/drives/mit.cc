@@ -392,4 +392,22 @@ bool MitDrive::Decode(const CanFrame& frame) noexcept {
   return true;
 }
 
+bool MitProtocol::CommandedPosition(const MitConfig& config, const CanFrame& frame,
+                                    double& shaft_rad) noexcept {
+  MitCommand command;
+  if (DecodeMitCommand(config, frame, command) != Status::kOk || command.kp_nm_per_rad <= 0) {
+    return false;
+  }
+  shaft_rad = double{command.position_rad};
+  return true;
+}
+
+bool MitProtocol::ReportedPosition(const MitConfig& config, const CanFrame& frame,
+                                   double& shaft_rad) noexcept {
+  MitReply reply;
+  if (DecodeMitReply(config, frame, reply) != Status::kOk) return false;
+  shaft_rad = double{reply.position_rad};
+  return true;
+}
+
 }  // namespace tumbler

@@ -2,8 +2,10 @@
 
 #include <array>
 #include <cstdint>
+#include <string_view>
 
 #include "firmware_interface/drives/drive.h"
+#include "firmware_interface/drives/drive_protocol.h"
 #include "firmware_interface/drives/drive_range.h"
 #include "firmware_interface/drives/joint_map.h"
 
@@ -224,6 +226,39 @@ class MitDrive final : public Drive {
   };
   Gains gains_;
   DriveSetpoint encoded_;
+};
+
+/// The description of the protocol; see drive_protocol.h.
+struct MitProtocol {
+  using Config = MitConfig;
+  using Host = MitDrive;
+  static constexpr std::string_view kName = "mit";
+  static constexpr std::string_view kId = "mit";
+  static constexpr std::string_view kExample = "tumbler_drives.toml";
+  static constexpr std::string_view kDbc = "mit_mini_cheetah.dbc";
+  static constexpr int kFirstReply_ms = 500;
+
+  static Config Example(int joint) noexcept {
+    Config config;
+    config.command_id = static_cast<std::uint16_t>(joint + 1);
+    config.reply_id = static_cast<std::uint16_t>(joint + 17);
+    return config;
+  }
+  static ShaftRanges CommandRanges(const Config& config) noexcept {
+    return {config.command.position_rad, config.command.velocity_rad_s, config.command.torque_nm};
+  }
+  static DriveRange ReportedPositions(const Config& config) noexcept {
+    return config.reply.position_rad;
+  }
+  static bool CommandedPosition(const Config& config, const CanFrame& frame,
+                                double& shaft_rad) noexcept;
+  static bool ReportedPosition(const Config& config, const CanFrame& frame,
+                               double& shaft_rad) noexcept;
+
+  static Config Read(DriveTable& table);
+  static DriveTraffic TrafficOf(const DriveEntry& entry, const Config& config, double rate_hz);
+  static OwnedDrive Simulate(const DriveEntry& entry, const Config& config,
+                             const SimulatedMotorConfig& motor);
 };
 
 }  // namespace tumbler

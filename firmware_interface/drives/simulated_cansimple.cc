@@ -1,6 +1,8 @@
 #include "firmware_interface/drives/simulated_cansimple.h"
 
 #include <cmath>
+#include "firmware_interface/drives/drive_entry.h"
+#include "firmware_interface/drives/make_simulated.h"
 
 namespace tumbler {
 
@@ -156,6 +158,22 @@ void SimulatedCanSimpleDrive::OnFrame(const ReceivedFrame& received, SimulatedPo
   } else if (command == CanSimpleCommand::kClearErrors) {
     error_ = disarm_reason_ = 0;
   }
+}
+
+OwnedDrive CanSimpleProtocol::Simulate(const DriveEntry& entry, const CanSimpleConfig& can,
+                                       const SimulatedMotorConfig& motor) {
+  SimulatedCanSimpleConfig config;
+  static_cast<SimulatedMotorConfig&>(config) = motor;
+  config.can = can;
+  config.watchdog_s = entry.watchdog_s;
+  config.velocity_gain_nm_s_per_rad = GainAtShaft(can.joint, entry.kd_nm_s_per_rad);
+  config.position_gain_per_s =
+      static_cast<double>(entry.kp_nm_per_rad) / static_cast<double>(entry.kd_nm_s_per_rad);
+  config.heartbeat_s = can.messages.heartbeat_s;
+  config.estimates_s = can.messages.estimates_s;
+  config.torques_s = can.messages.torques_s;
+  config.temperature_s = can.messages.temperature_s;
+  return {std::make_unique<SimulatedCanSimpleDrive>(config)};
 }
 
 }  // namespace tumbler

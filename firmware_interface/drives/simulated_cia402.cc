@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "firmware_interface/drives/drive_entry.h"
+#include "firmware_interface/drives/make_simulated.h"
 #include "firmware_interface/drives/wire.h"
 
 namespace tumbler {
@@ -520,6 +522,17 @@ void SimulatedCia402Drive::OnFrame(const ReceivedFrame& received, SimulatedPort&
     pdo.pending = true;
     pdo.received = frame;
   }
+}
+
+OwnedDrive Cia402Protocol::Simulate(const DriveEntry& entry, const Cia402Config& cia402,
+                                    const SimulatedMotorConfig& motor) {
+  SimulatedCia402Config config;
+  static_cast<SimulatedMotorConfig&>(config) = motor;
+  config.node = cia402;
+  config.kp_nm_per_rad = GainAtShaft(cia402.joint, entry.kp_nm_per_rad);
+  config.kd_nm_s_per_rad = GainAtShaft(cia402.joint, entry.kd_nm_s_per_rad);
+  config.sync_timeout_s = entry.watchdog_s;
+  return {std::make_unique<SimulatedCia402Drive>(config)};
 }
 
 }  // namespace tumbler

@@ -1,4 +1,6 @@
 #include "firmware_interface/drives/simulated_mit.h"
+#include "firmware_interface/drives/drive_entry.h"
+#include "firmware_interface/drives/make_simulated.h"
 
 namespace tumbler {
 
@@ -73,6 +75,15 @@ void SimulatedMitDrive::OnFrame(const ReceivedFrame& received, SimulatedPort& po
   } else if (!enabled_) {
     zero_rad_ = shaft_rad();
   }
+}
+
+OwnedDrive MitProtocol::Simulate(const DriveEntry& entry, const MitConfig& mit,
+                                 const SimulatedMotorConfig& motor) {
+  SimulatedMitConfig config;
+  static_cast<SimulatedMotorConfig&>(config) = motor;
+  config.mit = mit;
+  config.watchdog_s = entry.watchdog_s;
+  return {std::make_unique<SimulatedMitDrive>(config)};
 }
 
 }  // namespace tumbler

@@ -32,30 +32,6 @@ class Writer {
   std::size_t count_ = 0;
 };
 
-DriveConfig ConfigOf(PlaybackDrives drives, int joint) noexcept {
-  const auto number = static_cast<std::uint8_t>(joint + 1);
-  switch (drives) {
-    case PlaybackDrives::kMit: {
-      MitConfig config;
-      config.command_id = number;
-      config.reply_id = static_cast<std::uint16_t>(16 + number);
-      return config;
-    }
-    case PlaybackDrives::kCanSimple: {
-      CanSimpleConfig config;
-      config.node_id = number;
-      return config;
-    }
-    case PlaybackDrives::kCia402: {
-      Cia402Config config;
-      config.node_id = number;
-      config.rated_torque_nm = 6;
-      return config;
-    }
-  }
-  return MitConfig{};
-}
-
 }  // namespace
 
 std::size_t Pack(const RecordedTick& tick, std::span<std::uint8_t> out) noexcept {
@@ -112,17 +88,26 @@ std::size_t Pack(const TickOutput& output, std::span<std::uint8_t> out) noexcept
   return writer.count();
 }
 
-Status Playback::Configure(PlaybackDrives drives, int cycles, int branch,
+bool Playback::Knows(std::string_view protocol) noexcept {
+  bool known = false;
+  DriveProtocols::ForEach([&](auto listed) { known = known || decltype(listed)::kId == protocol; });
+  return known;
+}
+
+Status Playback::Configure(std::string_view protocol, int cycles, int branch,
                            const SequenceGraph<float>& graph,
                            std::span<const Primitive<float>> primitives) noexcept {
-  if (primitives.empty()) return Status::kInvalidArgument;
-  for (int i = 0; i < primitives[0].joint_count; ++i) {
-    const Status status = bank_.Add(ConfigOf(drives, i));
-    if (status != Status::kOk) return status;
-  }
+  if (primitives.empty() || !Knows(protocol)) return Status::kInvalidArgument;
   RunProcedureConfig procedure;
-  // CANopen drives take some 40 objects each first.
-  if (drives == PlaybackDrives::kCia402) procedure.reply_ticks_max = 5000;
+  for (int i = 0; i < primitives[0].joint_count; ++i) {
+    DriveConfig drive;
+    DriveProtocols::ForEach([&](auto listed) {
+      if (decltype(listed)::kId == protocol) drive = decltype(listed)::Example(i);
+    });
+    const Status status = bank_.Add(drive);
+    if (status != Status::kOk) return status;
+    procedure.reply_ticks_max = FirstReply_ms(drive);  // Ticks are of 1 ms.
+  }
   procedure_ = RunProcedure(procedure);
   ExecutorConfig config;
   config.cycles = cycles;

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <string_view>
 
 #include "firmware_interface/can/frame.h"
 #include "firmware_interface/drives/drive_bank.h"
@@ -11,9 +12,6 @@
 #include "runtime/core/run_procedure.h"
 
 namespace tumbler {
-
-/// Drives of two joints as `primitives/robots/tumbler_drives*.toml` has them.
-enum class PlaybackDrives : std::uint8_t { kMit, kCanSimple, kCia402 };
 
 /// What the world told the executor in one tick, as a recording holds it.
 struct RecordedTick {
@@ -55,9 +53,15 @@ std::size_t Pack(const TickOutput& output, std::span<std::uint8_t> out) noexcept
 /// frames. It is also the example of how the core is put together without a heap.
 class Playback {
  public:
+  /// Whether a protocol has this name (its `kId`).
+  [[nodiscard]] static bool Knows(std::string_view protocol) noexcept;
+
   /// Plays `cycles` cycles and then takes the branch; see ExecutorConfig. What is passed has to
   /// outlive the playback.
-  Status Configure(PlaybackDrives drives, int cycles, int branch, const SequenceGraph<float>& graph,
+  /// @param protocol  by its name; the drives are those of its example in primitives/robots/.
+  /// @retval kInvalidArgument  there is no such protocol, or nothing to play.
+  Status Configure(std::string_view protocol, int cycles, int branch,
+                   const SequenceGraph<float>& graph,
                    std::span<const Primitive<float>> primitives) noexcept;
 
   /// The executor's input of the next tick, whose frames stay where they are.

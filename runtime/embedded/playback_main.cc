@@ -1,7 +1,7 @@
 // Firmware that plays the exported motion against a recording of the drives' frames, and writes
 // what it sends, through semihosting:
 //
-//   playback mit|cansimple|cia402 CYCLES BRANCH|- RECORDING OUTPUT
+//   playback PROTOCOL CYCLES BRANCH|- RECORDING OUTPUT
 //
 // Prints how many counts of SysTick each tick took, by state, and how deep the stack became.
 // SysTick counts processor cycles; under QEMU's -icount it counts instructions, and the first line
@@ -66,7 +66,7 @@ struct Counts {
 }
 
 struct Arguments {
-  PlaybackDrives drives = PlaybackDrives::kMit;
+  std::string_view drives;
   int cycles = 0;
   int branch = -1;
   const char* recording = nullptr;
@@ -84,15 +84,15 @@ Arguments ReadArguments(std::span<char> line) noexcept {
     if (next != nullptr) *next++ = '\0';
   }
   Arguments arguments;
-  const std::string_view drives(words[1]);
-  if (drives == "mit") {
-    arguments.drives = PlaybackDrives::kMit;
-  } else if (drives == "cansimple") {
-    arguments.drives = PlaybackDrives::kCanSimple;
-  } else if (drives == "cia402") {
-    arguments.drives = PlaybackDrives::kCia402;
-  } else {
-    Fail("drives have to be mit, cansimple or cia402");
+  arguments.drives = words[1];
+  if (!Playback::Knows(arguments.drives)) {
+    Print("drives have to be one of");
+    DriveProtocols::ForEach([](auto protocol) {
+      Print(" ");
+      Print(decltype(protocol)::kId.data());
+    });
+    Print("\n");
+    Fail("there is no such protocol");
   }
   for (const char* c = words[2]; *c != '\0'; ++c) {
     if (*c < '0' || *c > '9' || arguments.cycles > 1000) Fail("cycles have to be 0 ... 9999");

@@ -178,15 +178,16 @@ void ReadFaults(const Options& options, const Sequence<float>& sequence, const D
 
 RunProcedureConfig MakeProcedureConfig(const Options& options, const DrivesConfig& drives) {
   const double rate_hz = drives.rate_hz;
-  const bool set_up = std::any_of(
-      drives.drives.begin(), drives.drives.end(),
-      [](const DriveEntry& drive) { return std::holds_alternative<Cia402Config>(drive.config); });
+  int first_reply_ms = 0;
+  for (const DriveEntry& drive : drives.drives) {
+    first_reply_ms = std::max(first_reply_ms, FirstReply_ms(drive.config));
+  }
   const auto ticks = [rate_hz](double time_s) {
     return static_cast<std::int64_t>(std::llround(time_s * rate_hz));
   };
   RunProcedureConfig config;
   config.hold_ticks = ticks(options.hold_s);
-  config.reply_ticks_max = ticks(set_up ? 5 : 0.5);  // CANopen drives take 40 objects first.
+  config.reply_ticks_max = ticks(first_reply_ms / 1000.0);
   config.start_ticks_max = ticks(1);
   config.stop_hold_ticks = ticks(0.5);
   config.fault_ticks = ticks(1);

@@ -53,7 +53,7 @@ DrivesConfig DrivesOf(Protocol protocol) {
                                                           : "_cia402.toml";
   DrivesConfig drives = LoadDrives(robots + suffix);
   for (DriveEntry& entry : drives.drives) {
-    entry.messages.temperature_s = 0.01;
+    if (auto* can = std::get_if<CanSimpleConfig>(&entry.config)) can->messages.temperature_s = 0.01;
     if (auto* cia402 = std::get_if<Cia402Config>(&entry.config)) cia402->heartbeat_ms = 10;
   }
   std::visit(

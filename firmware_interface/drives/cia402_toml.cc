@@ -1,0 +1,147 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <string>
+#include <string_view>
+
+#include "firmware_interface/drives/cia402.h"
+#include "firmware_interface/drives/drive_keys.h"
+#include "firmware_interface/drives/drive_traffic.h"
+
+namespace tumbler {
+
+namespace {
+
+constexpr double kTwoPi = 6.2831853071795864769;
+constexpr double kInt32 = 2147483520.0;  // the largest float below 2^31
+constexpr double kRounded = 0.999999;    // The drive computes with floats.
+
+/// Units, and the ranges that they leave to 32 and 16 bits.
+/// @returns the file's increments of a turn.
+double ReadUnits(TomlTable& keys, Cia402Config& cia402) {
+  const double units = keys.Number("position_units_per_turn", {1, 1e9, false});
+  const double velocity_units =
+      keys.Number("velocity_units_per_turn_s", {0.001, 1e9, false}, units);
+  const double rated_nm = keys.Number("rated_torque_nm", {0.001, 10'000, false});
+  cia402.position_units_per_turn = static_cast<float>(units);
+  cia402.velocity_units_per_turn_s = static_cast<float>(velocity_units);
+  cia402.rated_torque_nm = static_cast<float>(rated_nm);
+  cia402.range = ReadShaftRanges(keys, std::min(kInt32 / units * kTwoPi * kRounded, 1e6),
+                                 std::min(kInt32 / velocity_units * kTwoPi * kRounded, 1e6),
+                                 std::min(32.767 * rated_nm * kRounded, 1e6));
+  return units;
+}
+
+/// What the drive is set up to do: its heartbeat, reactions and reports.
+void ReadSetUp(TomlTable& keys, double units, Cia402Config& cia402) {
+  static constexpr std::array<std::string_view, 4> kReactions = {"none", "fault", "disable",
+                                                                 "quick-stop"};
+  cia402.heartbeat_ms = static_cast<std::uint16_t>(
+      std::llround(1000 * keys.Number("heartbeat_s", {0.001, 10, false}, 0.1)));
+  const std::string reaction = keys.Choice("watchdog_reaction", kReactions, "fault");
+  cia402.watchdog_reaction = static_cast<std::int16_t>(
+      std::find(kReactions.begin(), kReactions.end(), reaction) - kReactions.begin());
+  cia402.quick_stop_option = static_cast<std::int16_t>(keys.Integer("quick_stop_option", 1, 7, 6));
+  cia402.feed_forward = keys.Boolean("feed_forward", true);
+  cia402.status_every = static_cast<std::uint8_t>(keys.Integer("status_every", 1, 240, 4));
+  cia402.following_window_rad = static_cast<float>(
+      keys.Number("following_window_rad", {0, kInt32 / units * kTwoPi * kRounded, false}, 0));
+}
+
+/// The control loop's period and the host's heartbeat, which the drive watches.
+void ReadTimes(DriveTable& table, Cia402Config& cia402) {
+  const double period_us = 1e6 / table.rate_hz;
+  cia402.period_us = static_cast<std::uint32_t>(std::llround(period_us));
+  Cia402Period period;
+  if (std::abs(period_us - cia402.period_us) > 1e-6 || cia402.period_us < 100 ||
+      ToInterpolationPeriod(cia402.period_us, period) != Status::kOk) {
+    table.bus.Fail("rate_hz",
+                   fmt::format("is {}, a period of {} us; CiA 402 drives take 1 to 255 times 1, "
+                               "10, 100, ... us, e.g. 1000, 500, 400 or 250 Hz",
+                               MessageNumber(table.rate_hz), MessageNumber(period_us)));
+  }
+  const double watchdog_s = table.keys.Number("watchdog_s", {0, 10, false});
+  if (watchdog_s > 0 && watchdog_s * table.rate_hz < 3) {
+    table.keys.Fail("watchdog_s",
+                    fmt::format("is {}; allowed: 0 (none) or at least 3 periods of the "
+                                "control loop, {}",
+                                MessageNumber(watchdog_s), MessageNumber(3 / table.rate_hz)));
+  }
+  cia402.watchdog_ms = static_cast<std::uint16_t>(std::llround(watchdog_s * 1000));
+}
+
+}  // namespace
+
+Cia402Config Cia402Protocol::Read(DriveTable& table) {
+  TomlTable& keys = table.keys;
+  Cia402Config cia402;
+  cia402.node_id = static_cast<std::uint8_t>(keys.Integer("node_id", 1, 126));
+  cia402.host_id =
+      static_cast<std::uint8_t>(keys.Integer("host_id", 1, kCanOpenNodeMax, kCanOpenNodeMax));
+  cia402.joint = ReadJoint(keys);
+  const double units = ReadUnits(keys, cia402);
+  ReadOwnGains(table);
+  ReadSetUp(keys, units, cia402);
+  if (cia402.host_id == cia402.node_id) {
+    keys.Fail("host_id",
+              fmt::format("is {}, as node_id; the host has a number of its own", cia402.host_id));
+  }
+  ReadTimes(table, cia402);
+  return cia402;
+}
+
+void Cia402Protocol::CheckBeside(const DriveEntry& drive, const DriveEntry& earlier,
+                                 const TomlTable& table) {
+  const auto* ours = std::get_if<Cia402Config>(&drive.config);
+  const auto* theirs = std::get_if<Cia402Config>(&earlier.config);
+  if (ours == nullptr || theirs == nullptr) return;
+  if (ours->host_id != theirs->host_id) {
+    table.Fail("host_id", fmt::format("is {}, and that of joint '{}' is {}; there is one host",
+                                      ours->host_id, earlier.joint, theirs->host_id));
+  }
+  if (ours->watchdog_ms != theirs->watchdog_ms) {
+    table.Fail("watchdog_s", fmt::format("is not that of joint '{}', and one heartbeat serves both",
+                                         earlier.joint));
+  }
+}
+
+DriveTraffic Cia402Protocol::TrafficOf(const DriveEntry& entry, const Cia402Config& config,
+                                       double rate_hz) {
+  const std::uint32_t node = config.node_id;
+  DriveTraffic traffic;
+  traffic.schedule = {{"SYNC", 0, 1, true}};
+  if (config.watchdog_ms > 0) {
+    const double heartbeat_s = std::floor(entry.watchdog_s * rate_hz / 3) / rate_hz;
+    traffic.schedule.push_back({"host heartbeat", 1, PeriodTicks(heartbeat_s, rate_hz), true});
+  }
+  traffic.schedule.push_back({"RPDO1", 6});
+  if (config.feed_forward) traffic.schedule.push_back({"RPDO2", 6});
+  traffic.schedule.push_back({"TPDO1", 6});
+  traffic.schedule.push_back({"TPDO2", 6, static_cast<double>(config.status_every)});
+  traffic.schedule.push_back({"heartbeats", 1, PeriodTicks(config.heartbeat_ms * 1e-3, rate_hz)});
+
+  DriveIdentifiers own{"node_id", node, true, false, {}};
+  for (std::uint32_t function = 0x080; function <= 0x700; function += 0x080) {
+    own.ids.push_back(function + node);
+  }
+  const std::uint32_t host_heartbeat = canopen_id::kHeartbeat + config.host_id;
+  traffic.identifiers = {own,
+                         {"host_id",
+                          config.host_id,
+                          true,
+                          true,
+                          {canopen_id::kNmt, canopen_id::kSync, host_heartbeat}}};
+  traffic.host_sends = {
+      canopen_id::kNmt,          canopen_id::kSync,         host_heartbeat,
+      canopen_id::kRpdo1 + node, canopen_id::kRpdo2 + node, canopen_id::kSdoRequest + node};
+  traffic.host_receives = {canopen_id::kEmergency + node, canopen_id::kTpdo1 + node,
+                           canopen_id::kTpdo2 + node, canopen_id::kSdoReply + node,
+                           canopen_id::kHeartbeat + node};
+  traffic.host_frames_max = 4;
+  return traffic;
+}
+
+}  // namespace tumbler

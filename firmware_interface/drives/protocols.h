@@ -1,0 +1,73 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <string_view>
+#include <variant>
+
+#include "firmware_interface/drives/cansimple.h"
+#include "firmware_interface/drives/cia402.h"
+#include "firmware_interface/drives/drive_protocol.h"
+#include "firmware_interface/drives/mit.h"
+
+namespace tumbler {
+
+/// Protocols side by side, and ways to get from a value to the one that it belongs to.
+template <typename... Protocols>
+struct ProtocolList {
+  /// One drive, in any of them.
+  using Config = std::variant<typename Protocols::Config...>;
+  /// The host side of one drive, or nothing.
+  using Host = std::variant<std::monostate, typename Protocols::Host...>;
+
+  static constexpr std::size_t kCount = sizeof...(Protocols);
+  /// As drives files have them.
+  static constexpr std::array<std::string_view, kCount> kNames{Protocols::kName...};
+
+  /// One by one, so that the compiler names what is missing of which.
+  template <DriveProtocol Protocol>
+  static constexpr bool kIsDescribed = true;
+  static_assert((kIsDescribed<Protocols> && ...));
+
+  /// Calls `visit(Protocol{})` for every protocol in turn.
+  template <typename Visit>
+  static constexpr void ForEach(Visit&& visit) {
+    (visit(Protocols{}), ...);
+  }
+
+  /// Calls `visit(Protocol{}, config)` with the protocol that a drive speaks and its own
+  /// configuration, and returns the result. (std::visit and std::get can throw; this cannot.)
+  template <typename Visit>
+  static constexpr decltype(auto) With(const Config& config, Visit&& visit) {
+    return WithOneOf<Protocols...>(config, visit);
+  }
+
+ private:
+  template <typename First, typename... Rest, typename Visit>
+  static constexpr decltype(auto) WithOneOf(const Config& config, Visit& visit) {
+    if constexpr (sizeof...(Rest) > 0) {
+      if (!std::holds_alternative<typename First::Config>(config)) {
+        return WithOneOf<Rest...>(config, visit);
+      }
+    }
+    return visit(First{}, *std::get_if<typename First::Config>(&config));
+  }
+};
+
+/// Every protocol that is spoken. Another one is another word here, and in the list of
+/// CMakeLists.txt; all else about it stands in files of its own.
+using DriveProtocols = ProtocolList<MitProtocol, Cia402Protocol, CanSimpleProtocol>;
+
+/// One drive, in any of the protocols.
+using DriveConfig = DriveProtocols::Config;
+
+[[nodiscard]] Status Validate(const DriveConfig& config) noexcept;
+[[nodiscard]] const JointMap& JointOf(const DriveConfig& config) noexcept;
+/// What can be asked of the drive, at its shaft.
+[[nodiscard]] ShaftRanges CommandRanges(const DriveConfig& config) noexcept;
+/// Positions of the shaft that the drive can report without wrapping.
+[[nodiscard]] DriveRange ReportedPositions(const DriveConfig& config) noexcept;
+/// Time after which a drive that is switched on has been heard, set-up included [ms].
+[[nodiscard]] int FirstReply_ms(const DriveConfig& config) noexcept;
+
+}  // namespace tumbler
