@@ -54,15 +54,20 @@ constexpr int kTickStackMax = 1024;
 constexpr int kSetUpStackMax = 2048;
 
 struct Protocol {
-  const char* name;
-  PlaybackDrives drives;
-  const char* file;
+  std::string name;
+  std::string file;
 };
-constexpr std::array kProtocols{
-    Protocol{"mit", PlaybackDrives::kMit, "tumbler_drives.toml"},
-    Protocol{"cansimple", PlaybackDrives::kCanSimple, "tumbler_drives_cansimple.toml"},
-    Protocol{"cia402", PlaybackDrives::kCia402, "tumbler_drives_cia402.toml"},
-};
+const std::vector<Protocol>& Protocols() {
+  static const std::vector<Protocol> protocols = [] {
+    std::vector<Protocol> all;
+    DriveProtocols::ForEach([&all](auto protocol) {
+      using Listed = decltype(protocol);
+      all.push_back({std::string(Listed::kId), std::string(Listed::kExample)});
+    });
+    return all;
+  }();
+  return protocols;
+}
 
 struct Machine {
   const char* name;  // as in the presets
@@ -106,7 +111,7 @@ Played PlayHere(const Protocol& protocol, const Trouble& trouble = {}) {
   }
   DryRunBus bus("none", config.bit_rate, std::move(nodes), nullptr);
   Playback playback;
-  if (playback.Configure(protocol.drives, kCycles, gait.graph.FindBranch(kBranch), gait.graph,
+  if (playback.Configure(protocol.name, kCycles, gait.graph.FindBranch(kBranch), gait.graph,
                          {gait.primitives.data(),
                           static_cast<std::size_t>(gait.primitive_count)}) != Status::kOk) {
     throw std::logic_error("the executor does not take the gait");
@@ -317,7 +322,7 @@ class CallGraph {
     }
     // The one kind of indirect call in the core: of a drive.
     const std::regex method(
-        "(.*:)?_ZNK?7tumbler\\d+(Mit|CanSimple|Cia402)Drive"
+        "(.*:)?_ZNK?7tumbler\\d+\\w+Drive"
         "(6Encode|6Decode|16encoded_setpoint|8feedback|5state)E.*");
     for (const auto& [name, bytes] : frames_) {
       if (std::regex_match(name, method)) calls_["__indirect_call"].insert(name);
@@ -480,7 +485,7 @@ TEST_P(CortexMFirmware, NeedsABoundedStackOnEveryPathThroughATick) {
   const std::filesystem::path build =
       std::filesystem::path(Firmware(GetParam())).parent_path().parent_path();
   CallGraph graph(build);
-  EXPECT_EQ(graph.drive_methods(), 15U);  // Five of each of three protocols.
+  EXPECT_EQ(graph.drive_methods(), 5 * DriveProtocols::kCount);
   const int depth = graph.DepthOf("_ZN7tumbler8Executor4TickERKNS_9TickInputERNS_10TickOutputE");
   fmt::print("Cortex-{}: a tick needs at most {} bytes of stack\n", GetParam().name, depth);
   EXPECT_GT(depth, 200);
@@ -509,7 +514,7 @@ TEST_P(CortexMFirmware, SaysWhatIsWrongAndFails) {
 }
 
 TEST(CortexMComparison, NamesTheFirstDifference) {
-  const Played run = PlayHere(kProtocols[0]);
+  const Played run = PlayHere(Protocols()[0]);
   EXPECT_EQ(FirstDifference(run, run.output), "");
   const std::size_t tick = 5000;
   std::string other = run.output;
@@ -525,7 +530,7 @@ TEST(CortexMComparison, NamesTheFirstDifference) {
 
 INSTANTIATE_TEST_SUITE_P(Qemu, CortexM,
                          ::testing::Combine(::testing::ValuesIn(kMachines),
-                                            ::testing::ValuesIn(kProtocols)),
+                                            ::testing::ValuesIn(Protocols())),
                          [](const auto& instance) {
                            return fmt::format("{}_{}", std::get<0>(instance.param).name,
                                               std::get<1>(instance.param).name);
