@@ -26,6 +26,7 @@
 #include "firmware_interface/drives/drives_toml.h"
 #include "firmware_interface/drives/make_simulated.h"
 #include "firmware_interface/drives/rotor_plant.h"
+#include "tests/support/protocol_side.h"
 
 namespace tumbler {
 namespace {
@@ -43,49 +44,29 @@ Options& TheOptions() {
   return options;
 }
 
-/// What differs between protocols by their nature, and is documented.
-struct Traits {
-  bool clears_errors = true;             ///< There is an order to clear the drive's errors.
-  bool latches_watchdog = true;          ///< After the host's silence the drive stays off.
-  double velocity_resolution_rad_s = 0;  ///< At the shaft, half a step.
-  double torque_resolution_nm = 0;
-  double position_resolution_rad = 0;
-};
-
 struct Case {
   std::string name;
   DriveEntry entry;
-  Traits traits;
+  testing::ProtocolNature nature;
+  testing::WireSteps steps;
   double rate_hz = 1000;
-};
 
-Traits TraitsOf(const DriveConfig& config) {
-  const double float_step = 1e-6;
-  if (const auto* mit = std::get_if<MitConfig>(&config)) {
-    const auto half = [](const DriveRange& range, double steps) {
-      return 0.5001 * static_cast<double>(range.max - range.min) / steps;
-    };
-    return {false, false, half(mit->command.velocity_rad_s, 4095),
-            half(mit->command.torque_nm, 4095),
-            half(mit->command.position_rad, 65535) + float_step};
+  /// How far rounding to the wire goes, at the shaft: half a step, and of a position a float's.
+  [[nodiscard]] double position_resolution_rad() const {
+    return 0.5001 * steps.position_rad + 1e-6;
   }
-  if (std::holds_alternative<CanSimpleConfig>(config)) {
-    return {true, true, 0.0005001 * 2 * M_PI, 0.0005001, float_step};
-  }
-  const auto& cia402 = std::get<Cia402Config>(config);
-  const auto half = [](float units) { return 0.5001 * 2 * M_PI / static_cast<double>(units); };
-  return {true, true, half(cia402.velocity_units_per_turn_s),
-          0.0005001 * static_cast<double>(cia402.rated_torque_nm),
-          half(cia402.position_units_per_turn) + float_step};
-}
+  [[nodiscard]] double velocity_resolution_rad_s() const { return 0.5001 * steps.velocity_rad_s; }
+  [[nodiscard]] double torque_resolution_nm() const { return 0.5001 * steps.torque_nm; }
+};
 
 std::vector<Case> Cases() {
   std::vector<Case> cases;
   const Options& options = TheOptions();
   const auto load = [](const std::string& file, std::size_t drive) {
     const DrivesConfig config = LoadDrives(file);
-    return Case{"", config.drives.at(drive), TraitsOf(config.drives.at(drive).config),
-                config.rate_hz};
+    const DriveEntry& entry = config.drives.at(drive);
+    const testing::ProtocolSide& side = testing::SideOf(entry.config);
+    return Case{"", entry, side.nature(), side.StepsOf(entry.config), config.rate_hz};
   };
   if (options.real()) {
     const DrivesConfig config = LoadDrives(options.drives);
@@ -96,15 +77,13 @@ std::vector<Case> Cases() {
     }
     return cases;
   }
-  const std::string robots = std::string(TUMBLER_SOURCE_DIR) + "/primitives/robots/tumbler_drives";
-  for (const auto& [name, file] :
-       {std::pair{"Mit", ".toml"}, std::pair{"CanSimple", "_cansimple.toml"},
-        std::pair{"Cia402", "_cia402.toml"}}) {
-    cases.push_back(load(robots + file, 0));
-    cases.back().name = name;
+  const std::string robots = std::string(TUMBLER_SOURCE_DIR) + "/primitives/robots/";
+  for (const testing::TestedProtocol& protocol : testing::EveryProtocol()) {
+    cases.push_back(load(robots + protocol.drives, 0));
+    cases.back().name = protocol.name;
     // Mounted the other way round, behind a gear, with a zero elsewhere.
     Case geared = cases.back();
-    geared.name += "Geared";
+    geared.name += "_geared";
     std::visit(
         [](auto& config) {
           config.joint.direction = -1;
@@ -188,7 +167,7 @@ class DriveContract : public ::testing::TestWithParam<Case> {
 
   [[nodiscard]] Drive& host() const { return *bank_.drives()[0]; }
   [[nodiscard]] const JointMap& joint() const { return JointOf(GetParam().entry.config); }
-  [[nodiscard]] const Traits& traits() const { return GetParam().traits; }
+  [[nodiscard]] const testing::ProtocolNature& nature() const { return GetParam().nature; }
 
   void Listen() {
     ReceivedFrame received;
@@ -291,7 +270,7 @@ TEST_P(DriveContract, FeedbackIsThatOfTheJoint) {
     Ticks(0.02, DriveRequest::kDisable);
     Listen();
     EXPECT_NEAR(static_cast<double>(host().feedback().position_rad), angle,
-                2 * M_PI / 65536 + 2 * traits().position_resolution_rad);
+                2 * M_PI / 65536 + 2 * GetParam().position_resolution_rad());
   }
   simulated_->rotor().position_rad = 0;
   simulated_->rotor().velocity_rad_s = 3;
@@ -335,10 +314,11 @@ TEST_P(DriveContract, SetpointReachesTheDriveWithinItsResolution) {
     Tick(DriveRequest::kEnable, asked);
     const DriveSetpoint encoded = host().encoded_setpoint();
     ASSERT_NEAR(encoded.position_rad, asked.position_rad,
-                traits().position_resolution_rad / ratio + 1e-6);
+                GetParam().position_resolution_rad() / ratio + 1e-6);
     ASSERT_NEAR(encoded.velocity_rad_s, asked.velocity_rad_s,
-                traits().velocity_resolution_rad_s / ratio + 1e-6);
-    ASSERT_NEAR(encoded.torque_nm, asked.torque_nm, traits().torque_resolution_nm * ratio + 1e-6);
+                GetParam().velocity_resolution_rad_s() / ratio + 1e-6);
+    ASSERT_NEAR(encoded.torque_nm, asked.torque_nm,
+                GetParam().torque_resolution_nm() * ratio + 1e-6);
     if (simulated_ == nullptr) continue;
     // With synchronous PDOs it takes the next tick's SYNC, and a period of interpolation.
     Tick(DriveRequest::kEnable, asked);
@@ -485,7 +465,7 @@ TEST_P(DriveContract, ReportsAnErrorAndDoesNotClearItByItself) {
   Tick(DriveRequest::kClearErrors);
   const bool cleared =
       TickUntil([&] { return host().state() != DriveState::kFault; }, 0.5, DriveRequest::kDisable);
-  EXPECT_EQ(cleared, traits().clears_errors);
+  EXPECT_EQ(cleared, nature().clears_errors);
   if (!cleared) return;
   EXPECT_EQ(host().feedback().error, 0U);
   EXPECT_TRUE(Arm());
@@ -515,7 +495,7 @@ TEST_P(DriveContract, LeftAloneItsWatchdogTakesOverInTheStatedTime) {
   // The host is back, and asks for what it asked for before.
   Ticks(0.3, DriveRequest::kEnable, hold);
   Listen();
-  if (traits().latches_watchdog) {
+  if (nature().latches_watchdog) {
     EXPECT_EQ(host().state(), DriveState::kFault);
     EXPECT_NE(host().feedback().error, 0U);
     Ticks(0.1, DriveRequest::kDisable);

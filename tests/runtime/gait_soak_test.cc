@@ -116,6 +116,14 @@ class Soak {
   std::uint64_t Draw(std::uint64_t below) { return random_() % below; }
   void Mix(std::uint64_t byte) { outcome_.hash = (outcome_.hash ^ byte) * 1099511628211ULL; }
 
+  [[nodiscard]] std::uint32_t HeartbeatId(std::size_t joint) const {
+    return bench_.SideOfDrive(joint).HeartbeatId(bench_.DriveOf(joint));
+  }
+  [[nodiscard]] std::uint32_t PositionId(std::size_t joint) const {
+    return bench_.SideOfDrive(joint).PositionId(bench_.DriveOf(joint));
+  }
+  bool WithHeartbeat(std::size_t joint) { return Draw(2) == 0 && HeartbeatId(joint) != 0; }
+
   void Displace() {
     RotorPlant::Rotor& rotor = bench_.plant->rotors()[displaced_];
     rotor.position_rad += 0.01;
@@ -195,8 +203,7 @@ class Soak {
       default:
         fault.kind = BusFaultKind::kLoss;
         fault.probability = 1;
-        fault.ids = {Draw(2) == 0 && bench_.HeartbeatId(joint) != 0 ? bench_.HeartbeatId(joint)
-                                                                    : bench_.PositionId(joint)};
+        fault.ids = {WithHeartbeat(joint) ? HeartbeatId(joint) : PositionId(joint)};
         fault.node = 0;
         duration_ns *= 15;
         break;
@@ -252,7 +259,7 @@ class Soak {
     for (std::size_t i = 0; i < bench_.drives.size(); ++i) {
       SimulatedDrive& drive = *bench_.drives[i];
       drive.set_temperature(30);
-      if (std::holds_alternative<MitConfig>(bench_.config().drives.drives[i].config)) {
+      if (!bench_.SideOfDrive(i).nature().clears_errors) {
         drive.RaiseError(0);  // Switched off and on: the protocol has no order for it.
       }
       bench_.plant->rotors()[i].position_rad = home_rad_[i];
@@ -279,11 +286,11 @@ std::int64_t Ticks() {
   return given == nullptr ? 100'000 : std::atoll(given);
 }
 
-class GaitSoak : public ::testing::TestWithParam<const char*> {};
+class GaitSoak : public ::testing::TestWithParam<testing::TestedProtocol> {};
 
 TEST_P(GaitSoak, BreaksNoRuleAllocatesNothingAndIsTheSameEachTime) {
   const std::string file =
-      std::string(TUMBLER_SOURCE_DIR) + "/primitives/robots/tumbler_drives" + GetParam() + ".toml";
+      std::string(TUMBLER_SOURCE_DIR) + "/primitives/robots/" + GetParam().drives;
   const std::int64_t ticks = Ticks();
   for (const bool collapse : {false, true}) {
     const Outcome once = Soak(file, 2004, collapse).Run(ticks);
@@ -308,19 +315,16 @@ TEST_P(GaitSoak, BreaksNoRuleAllocatesNothingAndIsTheSameEachTime) {
     std::printf(
         "%s%s: %lld ticks, %lld frames, hash %016llx; running %lld ticks of %lld passages, drives "
         "started %lld times; %lld disturbances, %lld first faults: %s\n",
-        GetParam()[0] == '\0' ? "MIT" : GetParam() + 1, collapse ? ", collapse" : "",
-        static_cast<long long>(once.ticks), static_cast<long long>(once.frames),
-        static_cast<unsigned long long>(once.hash), static_cast<long long>(once.running),
-        static_cast<long long>(once.runs), static_cast<long long>(once.starts),
-        static_cast<long long>(once.disturbances), static_cast<long long>(all), seen.c_str());
+        GetParam().name.c_str(), collapse ? ", collapse" : "", static_cast<long long>(once.ticks),
+        static_cast<long long>(once.frames), static_cast<unsigned long long>(once.hash),
+        static_cast<long long>(once.running), static_cast<long long>(once.runs),
+        static_cast<long long>(once.starts), static_cast<long long>(once.disturbances),
+        static_cast<long long>(all), seen.c_str());
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Protocols, GaitSoak, ::testing::Values("", "_cansimple", "_cia402"),
-                         [](const ::testing::TestParamInfo<const char*>& given) {
-                           return given.param[0] == '\0' ? std::string("mit")
-                                                         : std::string(given.param + 1);
-                         });
+INSTANTIATE_TEST_SUITE_P(Protocols, GaitSoak, ::testing::ValuesIn(testing::EveryProtocol()),
+                         [](const auto& given) { return given.param.name; });
 
 }  // namespace
 }  // namespace tumbler

@@ -167,25 +167,6 @@ bool FaultBench::Reach(ExecutorState state) {
   return state == ExecutorState::kSettling && TickUntil(state, 5000);
 }
 
-std::uint32_t FaultBench::PositionId(std::size_t i) const {
-  const DriveConfig& drive = config_.drives.drives[i].config;
-  if (const auto* mit = std::get_if<MitConfig>(&drive)) return mit->reply_id;
-  if (const auto* can = std::get_if<CanSimpleConfig>(&drive)) return can->node_id * 32U + 9;
-  return 0x180U + std::get<Cia402Config>(drive).node_id;
-}
-std::uint32_t FaultBench::HeartbeatId(std::size_t i) const {
-  const DriveConfig& drive = config_.drives.drives[i].config;
-  if (const auto* can = std::get_if<CanSimpleConfig>(&drive)) return can->node_id * 32U + 1;
-  if (const auto* node = std::get_if<Cia402Config>(&drive)) return 0x700U + node->node_id;
-  return 0;
-}
-std::uint32_t FaultBench::EnableId(std::size_t i) const {
-  const DriveConfig& drive = config_.drives.drives[i].config;
-  if (const auto* mit = std::get_if<MitConfig>(&drive)) return mit->command_id;
-  if (const auto* can = std::get_if<CanSimpleConfig>(&drive)) return can->node_id * 32U + 7;
-  return 0x200U + std::get<Cia402Config>(drive).node_id;
-}
-
 void FaultBench::Disturb(BusFault fault, std::int64_t duration_ns) {
   std::erase_if(plan_.faults, [this](const BusFault& old) { return old.end_ns < bus.now_ns(); });
   ++plan_.seed;  // Or the draws would begin anew each time.

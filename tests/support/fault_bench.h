@@ -14,6 +14,7 @@
 #include "firmware_interface/drives/rotor_plant.h"
 #include "runtime/core/executor.h"
 #include "tests/support/frame_checker.h"
+#include "tests/support/protocol_side.h"
 
 namespace tumbler::testing {
 
@@ -43,11 +44,11 @@ class FaultBench {
   /// From the beginning into a state, as ExecutorRig does. False if that failed.
   bool Reach(ExecutorState state);
 
-  /// Identifiers of joint i: of its measured positions, of its heartbeat (0: none), and of the
-  /// frame that has to reach the drive for it to be enabled.
-  [[nodiscard]] std::uint32_t PositionId(std::size_t i) const;
-  [[nodiscard]] std::uint32_t HeartbeatId(std::size_t i) const;
-  [[nodiscard]] std::uint32_t EnableId(std::size_t i) const;
+  /// Joint i's drive, and what the tests know of its protocol.
+  [[nodiscard]] const DriveConfig& DriveOf(std::size_t i) const {
+    return config_.drives.drives[i].config;
+  }
+  [[nodiscard]] const ProtocolSide& SideOfDrive(std::size_t i) const { return SideOf(DriveOf(i)); }
   /// Adds a disturbance from now on. Those that are over are forgotten.
   void Disturb(BusFault fault, std::int64_t duration_ns = std::int64_t{1} << 60);
 

@@ -73,7 +73,7 @@ struct DriveOrder {
   double kd_nm_s_per_rad = 0;
 };
 
-/// Watches the frames between a host and its drives, of any of the three protocols, and knows
+/// Watches the frames between a host and its drives, of any of the protocols, and knows
 /// nothing else: it decodes as a drive does, without the host's code. It checks that
 /// - nothing but commands and replies of these drives is on the bus;
 /// - every tick commands every drive, in order; a broken tick is followed by silence or torque off;

@@ -1,0 +1,176 @@
+#include "firmware_interface/drives/cansimple.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "tests/support/protocol_side.h"
+
+namespace tumbler::testing {
+namespace {
+
+constexpr double kTwoPi = 2 * std::numbers::pi;
+
+class Watch final : public DriveWatch {
+ public:
+  Watch(const CanSimpleConfig& can, JointJudge& joint) : DriveWatch(joint), can_(can) {}
+
+  bool Take(const LoggedFrame& logged) override {
+    const CanFrame& frame = logged.frame;
+    if (frame.id >> 5 != can_.node_id) return false;
+    const unsigned command = frame.id & 0x1f;
+    switch (command) {
+      case 0x01:
+      case 0x03:
+      case 0x15:
+      case 0x1c:
+        return true;  // The drive's.
+      case 0x09:
+        joint().Reply(Position(frame));
+        return true;
+      case 0x07:
+        TakeState(logged);
+        break;
+      case 0x0b:
+        Begin(logged.time_s, false);
+        velocity_mode_ = UnsignedField(frame, 0, 4) == 2;
+        if (!velocity_mode_ && UnsignedField(frame, 0, 4) != 3) {
+          joint().Fail(fmt::format("control mode {}", UnsignedField(frame, 0, 4)));
+        }
+        break;
+      case 0x0c:
+        TakePosition(logged);
+        break;
+      case 0x0d: {
+        Begin(logged.time_s, false);
+        const bool still =
+            std::abs(FloatField(frame, 0)) <= 1e-6 && std::abs(FloatField(frame, 4)) <= 1e-6;
+        if (!velocity_mode_ || !still) joint().Fail("a velocity that is not for braking");
+        joint().Passive({});
+        break;
+      }
+      case 0x18:
+        Begin(logged.time_s, false);
+        if (joint().started()) joint().Fail("errors are cleared while it is driven");
+        break;
+      default:
+        joint().Fail(fmt::format("command {:X}", command));
+        return true;
+    }
+    joint().End(logged.time_s);
+    return true;
+  }
+
+ private:
+  void Begin(double time_s, bool torque_off) {
+    const bool was_started = joint().started();
+    const bool first = joint().Begin(time_s, torque_off, true);
+    // The input before was not for starting up.
+    if (first && has_input_ && !was_started) joint().FailUnstarted();
+  }
+  [[nodiscard]] double Position(const CanFrame& frame) {
+    return joint().Position(FloatField(frame, 0) * kTwoPi);
+  }
+
+  void TakeState(const LoggedFrame& logged) {
+    const std::uint32_t state = UnsignedField(logged.frame, 0, 4);
+    Begin(logged.time_s, state == 1);
+    if (state == 1) {
+      joint().Off();
+      has_input_ = false;
+    } else if (state == 8) {
+      if (!has_input_ || velocity_mode_) {
+        joint().Fail("closed loop without a position to begin with");
+      } else {
+        joint().CheckJump(input_rad_);
+      }
+      joint().Start();
+    } else {
+      joint().Fail(fmt::format("axis state {}", state));
+    }
+  }
+
+  void TakePosition(const LoggedFrame& logged) {
+    const CanFrame& frame = logged.frame;
+    Begin(logged.time_s, false);
+    DriveOrder order;
+    order.position_rad = Position(frame);
+    order.velocity_rad_s = joint().Velocity(SignedField(frame, 4, 2) * 0.001 * kTwoPi);
+    order.torque_nm = joint().Torque(SignedField(frame, 6, 2) * 0.001);
+    has_input_ = true;
+    input_rad_ = order.position_rad;
+    if (velocity_mode_) joint().Fail("a position in velocity mode");
+    // What an idle drive hears is kept for later: it is judged when closed loop is asked for.
+    if (joint().started()) joint().Setpoint(order, logged.time_s);
+  }
+
+  CanSimpleConfig can_;
+  bool velocity_mode_ = false;
+  bool has_input_ = false;  // that closed loop would begin with
+  double input_rad_ = 0;
+};
+
+class CanSimple final : public ProtocolSide {
+ public:
+  [[nodiscard]] ProtocolNature nature() const override { return {}; }
+  [[nodiscard]] WireSteps StepsOf(const DriveConfig& /*drive*/) const override {
+    return {0, 0.001 * kTwoPi, 0.001};
+  }
+  [[nodiscard]] std::unique_ptr<DriveWatch> Watch(const DriveConfig& drive,
+                                                  JointJudge& joint) const override {
+    return std::make_unique<testing::Watch>(Of(drive), joint);
+  }
+
+  [[nodiscard]] std::uint32_t PositionId(const DriveConfig& drive) const override {
+    return Of(drive).node_id * 32U + 0x09;
+  }
+  [[nodiscard]] std::uint32_t HeartbeatId(const DriveConfig& drive) const override {
+    return Of(drive).node_id * 32U + 0x01;
+  }
+  [[nodiscard]] std::uint32_t SetpointId(const DriveConfig& drive) const override {
+    return Of(drive).node_id * 32U + 0x0c;
+  }
+  [[nodiscard]] std::uint32_t EnableId(const DriveConfig& drive) const override {
+    return Of(drive).node_id * 32U + 0x07;
+  }
+  [[nodiscard]] CanFrame TorqueOff(const DriveConfig& drive) const override {
+    CanFrame frame;
+    frame.id = EnableId(drive);
+    frame.size = 8;
+    frame.data = {1};
+    return frame;
+  }
+  [[nodiscard]] std::optional<CanFrame> DropOut(const DriveConfig& drive) const override {
+    return EncodeCanSimple(Of(drive).node_id, CanSimpleAxisState{kCanSimpleIdle});
+  }
+  [[nodiscard]] std::optional<CanFrame> NotANumber(const DriveConfig& drive) const override {
+    CanSimpleEstimates estimates;
+    estimates.position_rev = std::numeric_limits<float>::quiet_NaN();
+    return EncodeCanSimple(Of(drive).node_id, estimates);
+  }
+  void Hasten(DriveConfig& drive) const override {
+    std::get<CanSimpleConfig>(drive).messages.temperature_s = 0.01;
+  }
+
+  void SpoilSetpoint(CanFrame& frame) const override {
+    frame.data[2] = static_cast<std::uint8_t>(frame.data[2] ^ 0x40U);  // of the mantissa
+  }
+  void SpoilReply(CanFrame& frame) const override { SpoilSetpoint(frame); }
+  void SpoilTorque(CanFrame& frame) const override { frame.data[7] = 0x7f; }
+
+ private:
+  static const CanSimpleConfig& Of(const DriveConfig& drive) {
+    return std::get<CanSimpleConfig>(drive);
+  }
+};
+
+}  // namespace
+
+const ProtocolSide& SideOf(SideTag<CanSimpleProtocol> /*tag*/) {
+  static const CanSimple side;
+  return side;
+}
+
+}  // namespace tumbler::testing

@@ -1,0 +1,174 @@
+#include "firmware_interface/drives/cia402.h"
+
+#include <fmt/format.h>
+
+#include <numbers>
+
+#include "tests/support/protocol_side.h"
+
+namespace tumbler::testing {
+namespace {
+
+constexpr double kTwoPi = 2 * std::numbers::pi;
+
+class Watch final : public DriveWatch {
+ public:
+  Watch(const Cia402Config& node, JointJudge& joint) : DriveWatch(joint), node_(node) {}
+
+  // SYNC and the host's heartbeat.
+  bool TakeCommon(const LoggedFrame& logged) override {
+    if (logged.frame.id == 0x80) {
+      joint().bus().OpenTick("SYNC", logged.time_s, joint().order().kind == DriveOrder::Kind::kOff);
+      return true;
+    }
+    return logged.frame.id == 0x700U + node_.host_id;
+  }
+
+  bool Take(const LoggedFrame& logged) override {
+    const CanFrame& frame = logged.frame;
+    const bool nmt = frame.id == 0 && frame.data[1] == node_.node_id;
+    if (!nmt && (frame.id & 0x7f) != node_.node_id) return false;
+    switch (nmt ? 0 : frame.id & ~0x7fU) {
+      case 0x080:
+      case 0x280:
+      case 0x580:
+      case 0x700:
+        return true;  // The drive's.
+      case 0x180:
+        joint().Reply(Position(frame));
+        return true;
+      case 0x000:
+      case 0x600:
+        joint().Begin(logged.time_s, false, true);
+        if (joint().started()) joint().Fail("set up while it is driven");
+        break;
+      case 0x200:
+        TakeCommand(logged);
+        break;
+      case 0x300:
+        TakeFeedForward(logged);
+        break;
+      default:
+        joint().Fail(fmt::format("identifier {:X}", frame.id));
+        return true;
+    }
+    joint().End(logged.time_s);
+    return true;
+  }
+
+ private:
+  [[nodiscard]] double Position(const CanFrame& frame) {
+    return joint().Position(SignedField(frame, 2, 4) * kTwoPi /
+                            static_cast<double>(node_.position_units_per_turn));
+  }
+
+  void TakeCommand(const LoggedFrame& logged) {
+    const std::uint32_t word = UnsignedField(logged.frame, 0, 2);
+    const bool on = word == 0x0f, brakes = word == 0x02;
+    joint().Begin(logged.time_s, !on && !brakes, true);
+    DriveOrder order;
+    order.position_rad = Position(logged.frame);
+    takes_feed_forward_ = on;
+    if (on) {
+      if (!joint().started()) {
+        if (!switched_on_) joint().FailUnstarted();
+        joint().Start();
+      }
+      // With the feed-forward of the tick before, unless the second frame says otherwise.
+      order.velocity_rad_s = joint().order().velocity_rad_s;
+      order.torque_nm = joint().last_torque_nm();
+      joint().Setpoint(order, logged.time_s);
+    } else if (brakes) {
+      joint().Passive(order);
+    } else if (word == 0x00 || word == 0x06 || word == 0x07 || word == 0x80) {
+      joint().Off();
+      switched_on_ = word == 0x07;
+    } else {
+      joint().Fail(fmt::format("controlword {:X}", word));
+    }
+  }
+
+  void TakeFeedForward(const LoggedFrame& logged) {
+    const CanFrame& frame = logged.frame;
+    const bool first = joint().Begin(logged.time_s, false, true);
+    const double velocity_rad_s = joint().Velocity(
+        SignedField(frame, 0, 4) * kTwoPi / static_cast<double>(node_.velocity_units_per_turn_s));
+    const double torque_nm = joint().Torque(SignedField(frame, 4, 2) * 0.001 *
+                                            static_cast<double>(node_.rated_torque_nm));
+    if (!first && takes_feed_forward_) {
+      joint().FeedForward(velocity_rad_s, torque_nm);
+    } else if (torque_nm != 0 || velocity_rad_s != 0) {
+      joint().Fail("feed-forward without a setpoint");
+    }
+  }
+
+  Cia402Config node_;
+  bool switched_on_ = false;         // the last controlword was the one before operation
+  bool takes_feed_forward_ = false;  // the last controlword was operation's
+};
+
+class Cia402 final : public ProtocolSide {
+ public:
+  [[nodiscard]] ProtocolNature nature() const override {
+    ProtocolNature nature;
+    nature.says_temperature = false;
+    nature.error = 0x5530;
+    return nature;
+  }
+  [[nodiscard]] WireSteps StepsOf(const DriveConfig& drive) const override {
+    const Cia402Config& node = Of(drive);
+    return {kTwoPi / static_cast<double>(node.position_units_per_turn),
+            kTwoPi / static_cast<double>(node.velocity_units_per_turn_s),
+            0.001 * static_cast<double>(node.rated_torque_nm)};
+  }
+  [[nodiscard]] std::unique_ptr<DriveWatch> Watch(const DriveConfig& drive,
+                                                  JointJudge& joint) const override {
+    return std::make_unique<testing::Watch>(Of(drive), joint);
+  }
+
+  [[nodiscard]] std::uint32_t PositionId(const DriveConfig& drive) const override {
+    return 0x180U + Of(drive).node_id;
+  }
+  [[nodiscard]] std::uint32_t HeartbeatId(const DriveConfig& drive) const override {
+    return 0x700U + Of(drive).node_id;
+  }
+  [[nodiscard]] std::uint32_t SetpointId(const DriveConfig& drive) const override {
+    return 0x200U + Of(drive).node_id;
+  }
+  [[nodiscard]] std::uint32_t TorqueId(const DriveConfig& drive) const override {
+    return 0x300U + Of(drive).node_id;
+  }
+  [[nodiscard]] std::uint32_t EnableId(const DriveConfig& drive) const override {
+    return SetpointId(drive);
+  }
+  [[nodiscard]] CanFrame TorqueOff(const DriveConfig& drive) const override {
+    CanFrame frame;
+    frame.id = SetpointId(drive);
+    frame.size = 6;
+    return frame;
+  }
+  [[nodiscard]] std::optional<CanFrame> DropOut(const DriveConfig& drive) const override {
+    return EncodeNmt(NmtCommand::kPreOperational, Of(drive).node_id);
+  }
+  void Hasten(DriveConfig& drive) const override {
+    std::get<Cia402Config>(drive).heartbeat_ms = 10;
+  }
+
+  void SpoilSetpoint(CanFrame& frame) const override {
+    frame.data[3] = static_cast<std::uint8_t>(frame.data[3] ^ 0x10U);  // 4096 of 65536 a turn
+  }
+  void SpoilReply(CanFrame& frame) const override { SpoilSetpoint(frame); }
+  void SpoilTorque(CanFrame& frame) const override { frame.data[5] = 0x7f; }
+
+ private:
+  static const Cia402Config& Of(const DriveConfig& drive) { return std::get<Cia402Config>(drive); }
+};
+
+}  // namespace
+
+const ProtocolSide& SideOf(SideTag<Cia402Protocol> /*tag*/) {
+  static const Cia402 side;
+  return side;
+}
+
+}  // namespace tumbler::testing

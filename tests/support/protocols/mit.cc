@@ -1,0 +1,145 @@
+#include "firmware_interface/drives/mit.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "tests/support/protocol_side.h"
+
+namespace tumbler::testing {
+namespace {
+
+double Value(unsigned code, const DriveRange& range, double top) {
+  return static_cast<double>(range.min) + code * static_cast<double>(range.max - range.min) / top;
+}
+
+class Watch final : public DriveWatch {
+ public:
+  Watch(const MitConfig& mit, JointJudge& joint) : DriveWatch(joint), mit_(mit) {}
+
+  bool Take(const LoggedFrame& logged) override {
+    const CanFrame& frame = logged.frame;
+    if (frame.id == mit_.reply_id) {
+      TakeReply(frame);
+      return true;
+    }
+    if (frame.id != mit_.command_id) return false;
+    if (frame.size != 8) {
+      joint().Fail("not a command");
+      return true;
+    }
+    bool ones = true;
+    for (std::size_t k = 0; k < 7; ++k) ones = ones && frame.data[k] == 0xff;
+    const unsigned last = frame.data[7];
+    const bool off = ones && last == 0xfd;
+    joint().Begin(logged.time_s, off, false);
+    if (ones && last == 0xfe) {
+      joint().Fail("its zero is set");
+    } else if (off) {
+      joint().Off();
+    } else if (ones && last == 0xfc) {
+      if (!joint().started() && !joint().passive_before()) {
+        joint().Fail("motor mode without a neutral setpoint before");
+      }
+      joint().Start();
+    } else {
+      TakeSetpoint(logged);
+    }
+    joint().End(logged.time_s);
+    return true;
+  }
+
+ private:
+  void TakeReply(const CanFrame& frame) {
+    if (frame.size < 6 || frame.size > 8 || frame.data[0] != (mit_.command_id & 0xff)) {
+      if (!joint().bus().rules().spoilt_replies) joint().Fail("not a reply");
+      return;
+    }
+    const unsigned code = frame.data[1] << 8 | frame.data[2];
+    joint().Reply(joint().Position(Value(code, mit_.reply.position_rad, 65535)));
+  }
+
+  void TakeSetpoint(const LoggedFrame& logged) {
+    const auto d = [&logged](std::size_t k) { return unsigned{logged.frame.data[k]}; };
+    const MitRanges& ranges = mit_.command;
+    DriveOrder order;
+    order.position_rad = joint().Position(Value(d(0) << 8 | d(1), ranges.position_rad, 65535));
+    order.velocity_rad_s =
+        joint().Velocity(Value(d(2) << 4 | d(3) >> 4, ranges.velocity_rad_s, 4095));
+    order.kp_nm_per_rad = joint().Gain(Value((d(3) & 0xf) << 8 | d(4), ranges.kp_nm_per_rad, 4095));
+    order.kd_nm_s_per_rad =
+        joint().Gain(Value(d(5) << 4 | d(6) >> 4, ranges.kd_nm_s_per_rad, 4095));
+    order.torque_nm = joint().Torque(Value((d(6) & 0xf) << 8 | d(7), ranges.torque_nm, 4095));
+    const WireSteps& steps = joint().steps();
+    const bool drives =
+        order.kp_nm_per_rad > 0 || std::abs(order.torque_nm) > steps.torque_nm ||
+        (order.kd_nm_s_per_rad > 0 && std::abs(order.velocity_rad_s) > steps.velocity_rad_s);
+    if (drives) {
+      joint().Setpoint(order, logged.time_s);
+    } else {
+      joint().Passive(order);
+    }
+  }
+
+  MitConfig mit_;
+};
+
+class Mit final : public ProtocolSide {
+ public:
+  [[nodiscard]] ProtocolNature nature() const override {
+    ProtocolNature nature;
+    nature.carries_gains = true;
+    nature.clears_errors = false;
+    nature.latches_watchdog = false;
+    nature.follows_in_error = true;
+    return nature;
+  }
+  [[nodiscard]] WireSteps StepsOf(const DriveConfig& drive) const override {
+    const MitRanges& ranges = Of(drive).command;
+    const auto step = [](const MitRange& range, int bits) {
+      return static_cast<double>(range.max - range.min) / ((1 << bits) - 1);
+    };
+    return {step(ranges.position_rad, 16), step(ranges.velocity_rad_s, 12),
+            step(ranges.torque_nm, 12)};
+  }
+  [[nodiscard]] std::unique_ptr<DriveWatch> Watch(const DriveConfig& drive,
+                                                  JointJudge& joint) const override {
+    return std::make_unique<testing::Watch>(Of(drive), joint);
+  }
+
+  [[nodiscard]] std::uint32_t PositionId(const DriveConfig& drive) const override {
+    return Of(drive).reply_id;
+  }
+  [[nodiscard]] std::uint32_t SetpointId(const DriveConfig& drive) const override {
+    return Of(drive).command_id;
+  }
+  [[nodiscard]] CanFrame TorqueOff(const DriveConfig& drive) const override {
+    CanFrame frame;
+    frame.id = SetpointId(drive);
+    frame.size = 8;
+    frame.data = {255, 255, 255, 255, 255, 255, 255, 0xfd};
+    return frame;
+  }
+
+  void SpoilSetpoint(CanFrame& frame) const override {
+    frame.data[0] = static_cast<std::uint8_t>(frame.data[0] ^ 1U);  // 0.1 rad
+  }
+  void SpoilReply(CanFrame& frame) const override {
+    frame.data[1] = static_cast<std::uint8_t>(frame.data[1] ^ 1U);
+  }
+  void SpoilTorque(CanFrame& frame) const override {
+    frame.data[6] = static_cast<std::uint8_t>(frame.data[6] | 0x0fU);
+  }
+
+ private:
+  static const MitConfig& Of(const DriveConfig& drive) { return std::get<MitConfig>(drive); }
+};
+
+}  // namespace
+
+const ProtocolSide& SideOf(SideTag<MitProtocol> /*tag*/) {
+  static const Mit side;
+  return side;
+}
+
+}  // namespace tumbler::testing
