@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -93,6 +94,16 @@ SequenceFile LoadSequence(const std::string& path, const FileReader& read = {});
 /// What a runtime plays: a sequence file as by LoadSequence, or a primitive file as a sequence of
 /// this primitive alone. @throws FileError likewise.
 SequenceFile LoadMotion(const std::string& path, const FileReader& read = {});
+
+/// Names of the branches that an operator may ask for, each once, in alphabetical order.
+template <typename Scalar>
+std::vector<std::string> BranchNames(const SequenceGraph<Scalar>& graph) {
+  std::set<std::string> names;
+  for (const auto& edge : graph.edges()) {
+    if (edge.when == EdgeCondition::kBranch) names.emplace(edge.branch.view());
+  }
+  return {names.begin(), names.end()};
+}
 
 /// The sequence in the scalar that the executor uses.
 /// @throws std::invalid_argument  when a primitive does not fit it (see ToRuntime of a primitive).

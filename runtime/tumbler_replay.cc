@@ -2,34 +2,25 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <chrono>
-#include <cmath>
-#include <csignal>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
-#include <memory>
-#include <optional>
 #include <stdexcept>
 #include <string>
 #include <string_view>
+#include <system_error>
 #include <vector>
 
 #include "common/command_line.h"
 #include "common/program.h"
-#include "runtime/assembly/run_checks.h"
+#include "firmware_interface/drives/drives_toml.h"
 #include "runtime/linux/candump.h"
-#include "runtime/linux/interrupts.h"
-#include "runtime/linux/realtime_thread.h"
 #include "runtime/record/flight_record.h"
-#include "runtime/record/flight_recorder.h"
+#include "runtime/record/recorded_assembly.h"
 #include "runtime/record/replay.h"
 #include "runtime/record/run_trace.h"
-#include "runtime/run/control_loop.h"
-#include "runtime/run/interface_world.h"
+#include "runtime/run/record_play.h"
 #include "runtime/run/run_summary.h"
-#include "runtime/telemetry/telemetry.h"
 
 namespace tumbler {
 namespace {
@@ -57,14 +48,9 @@ Exit codes:
 struct Options {
   std::string record;
   std::string against;
-  std::string bus;
-  std::string primitive;
-  std::string drives;
   std::string svg;
   std::string record_to;
-  bool arm = false;
-  bool realtime = false;
-  bool without_realtime = false;
+  RecordPlayOptions play;
 };
 
 ExitStatus ReplayOffline(FlightRecord& record) {
@@ -105,8 +91,8 @@ bool ReportComparison(const RunTrace& recorded, const RunTrace& played, const Op
 }
 
 RunTrace LoadTrace(FlightRecord& record) {
-  const ConfiguredExecutor configured(record.configuration());
-  return TraceOf(record, configured.drives());
+  const Assembly assembly = Assemble(record.configuration());
+  return TraceOf(record, assembly.parts().drives);
 }
 
 ExitStatus CompareRecords(FlightRecord& record, const Options& options) {
@@ -118,12 +104,12 @@ ExitStatus CompareRecords(FlightRecord& record, const Options& options) {
 }
 
 ExitStatus ReadLog(std::string_view text, const Options& options) {
-  if (options.drives.empty()) {
+  if (options.play.drives.empty()) {
     throw std::runtime_error(fmt::format(
         "{}: is not a flight record; of a candump log, say with --drives which drives are in it",
         options.record));
   }
-  if (!options.bus.empty() || !options.against.empty()) {
+  if (!options.play.bus.empty() || !options.against.empty()) {
     throw std::runtime_error(
         fmt::format("{}: a log has no motion and no limits that frames could be held to; play it "
                     "with `canplayer`, or name a flight record",
@@ -131,7 +117,7 @@ ExitStatus ReadLog(std::string_view text, const Options& options) {
   }
   std::int64_t skipped = 0;
   const std::vector<CandumpFrame> frames = ParseCandump(text, options.record, skipped);
-  const RunTrace trace = TraceOf(frames, LoadDrives(options.drives), options.record);
+  const RunTrace trace = TraceOf(frames, LoadDrives(options.play.drives), options.record);
   fmt::print("{} frames, {} more of CAN FD or errors\n{}", frames.size(), skipped, Describe(trace));
   if (!options.svg.empty()) {
     WriteSvg(trace, nullptr, options.svg);
@@ -140,97 +126,7 @@ ExitStatus ReadLog(std::string_view text, const Options& options) {
   return ExitStatus::kDone;
 }
 
-/// A wish of the operator while the motion was played, with its tick since the motion's first.
-struct RecordedWish {
-  std::int64_t offset = 0;
-  OperatorWish wish;
-};
-
-/// The operator's request that leads to a command; kNone for commands that the run procedure gives
-/// by itself.
-OperatorRequest RequestOf(OperatorCommand command) {
-  switch (command) {
-    case OperatorCommand::kFinish:
-      return OperatorRequest::kFinish;
-    case OperatorCommand::kStop:
-      return OperatorRequest::kStop;
-    case OperatorCommand::kDisarm:
-      return OperatorRequest::kDisarm;
-    case OperatorCommand::kBranch:
-      return OperatorRequest::kBranch;
-    default:
-      return OperatorRequest::kNone;
-  }
-}
-
-std::vector<RecordedWish> WishesOf(FlightRecord& record) {
-  std::vector<RecordedWish> wishes;
-  record.Rewind();
-  const auto entry = std::make_unique<TickEntry>();
-  std::optional<std::int64_t> first_tick;
-  ExecutorState before = ExecutorState::kDisarmed;
-  while (record.Next(*entry)) {
-    const bool in_motion = before == ExecutorState::kRunning || before == ExecutorState::kSettling;
-    before = entry->record.state;
-    if (!first_tick && before == ExecutorState::kRunning) first_tick = entry->tick;
-    if (!first_tick || !in_motion) continue;
-    const OperatorRequest request = RequestOf(entry->command);
-    if (request == OperatorRequest::kNone) continue;
-    RecordedWish& recorded = wishes.emplace_back();
-    recorded.offset = entry->tick - *first_tick;
-    recorded.wish.request = request;
-    recorded.wish.branch = entry->branch;
-  }
-  return wishes;
-}
-
-/// The record's configuration, with the changes of the command line.
-RecordConfiguration ConfigurationToPlay(const RecordConfiguration& recorded,
-                                        const Options& options) {
-  RecordConfiguration configuration = recorded;
-  configuration.procedure.attended = false;  // One run, which starts by itself.
-  FileKeeper keeper;
-  const FileReader read = keeper.reader();
-  if (!options.primitive.empty()) {
-    const SequenceFile motion = LoadMotion(options.primitive, read);
-    if (motion.graph.edge_count > 0) {
-      throw std::runtime_error(
-          fmt::format("{}: is a sequence; --primitive takes a primitive", options.primitive));
-    }
-    configuration.motion_file = options.primitive;
-    configuration.executor.cycles = 0;
-    configuration.executor.branch = -1;
-  }
-  if (options.drives.empty() && configuration.drives_file.empty()) {
-    throw std::runtime_error(
-        "the record is of a simulation without a drives file: say with --drives which drives are "
-        "on the bus");
-  }
-  if (!options.drives.empty()) {
-    const DrivesConfig drives = DrivesOf(ParseDrives(read(options.drives), options.drives),
-                                         configuration.joints, options.drives);
-    if (std::llround(1e9 / drives.rate_hz) != configuration.period_ns) {
-      throw std::runtime_error(fmt::format(
-          "{}: rate_hz is {:.6g}, but the record's is {:.6g}: its setpoints belong to its ticks",
-          options.drives, drives.rate_hz, 1e9 / static_cast<double>(configuration.period_ns)));
-    }
-    configuration.drives_file = options.drives;
-    for (std::size_t i = 0; i < drives.drives.size(); ++i) {
-      const DriveEntry& entry = drives.drives[i];
-      configuration.executor.joints[i] = {entry.kp_nm_per_rad, entry.kd_nm_s_per_rad,
-                                          entry.kd_nm_s_per_rad, entry.temperature_max_c};
-    }
-  }
-  // A file that the command line names replaces the one that was recorded under that name.
-  for (const RecordedFile& file : keeper.files()) {
-    std::erase_if(configuration.files,
-                  [&file](const RecordedFile& other) { return other.path == file.path; });
-    configuration.files.push_back(file);
-  }
-  return configuration;
-}
-
-/// A file for a record that nobody asked for. It is removed at the end.
+/// A file that is gone at the end, for a record that nobody asked for.
 class ScratchFile {
  public:
   ScratchFile() {
@@ -252,106 +148,23 @@ class ScratchFile {
   std::filesystem::path folder_;
 };
 
-struct Played {
-  RunOutcome outcome = RunOutcome::kPending;
-  std::string reason;
-};
-
-/// Runs the configuration on the bus and records it.
-Played Play(const RecordConfiguration& configuration, const std::vector<RecordedWish>& wishes,
-            const Options& options, const std::string& record_file) {
-  ConfiguredExecutor configured(configuration);
-  CheckRanges(configured.motions(), configured.drives());
-  CheckSchedule(configured.drives());
-  std::vector<double> start_rad;
-  const SequenceGraph<float>& graph = configured.motions().graph;
-  for (int i = 0; i < configured.executor().joint_count(); ++i) {
-    const auto role = static_cast<std::size_t>(graph.RoleOf(graph.start, i));
-    const auto& motion = configured.motions().PrimitiveOf(graph.start).joints[role];
-    start_rad.push_back(double{motion.position.control_points()[0]});
-  }
-  const InterfaceName name{options.bus, configuration.drives_file};
-  const std::unique_ptr<World> world = options.arm
-                                           ? MakeInterfaceWorld(name, configured.drives())
-                                           : MakeDryRunWorld(name, configured.drives(), start_rad);
-  Clock& clock = world->clock();
-
-  RecordConfiguration of_play = configuration;
-  of_play.program = "tumbler-replay " TUMBLER_VERSION;
-  of_play.kernel = DescribeKernel();
-  of_play.machine = DescribeMachine(options.arm ? options.bus : "");
-  of_play.bus = options.bus;
-  of_play.dry_run = !options.arm;
-  of_play.virtual_time = !world->real_time();
-  of_play.utime_at_zero_us = 0;
-  if (world->real_time()) {
-    const auto now = std::chrono::system_clock::now().time_since_epoch();
-    of_play.utime_at_zero_us =
-        std::chrono::duration_cast<std::chrono::microseconds>(now).count() - clock.now_ns() / 1000;
-  }
-  std::signal(SIGXFSZ, SIG_IGN);  // A limit on the size of files ends the recording only.
-  FlightRecorder recorder(
-      {record_file, EncodeConfiguration(of_play), std::size_t{4} << 20U,
-       [](const std::string& text) { fmt::print(stderr, "tumbler-replay: {}\n", text); }});
-  if (world->real_time()) recorder.Start();  // Its thread must not inherit SCHED_FIFO.
-  CatchInterrupts();
-  if (options.arm) {
-    if (!options.realtime && !options.without_realtime) {
-      throw Refused("driving motors takes --realtime (or --without-realtime, and late ticks)");
-    }
-    if (options.realtime) {
-      RealtimeConfig scheduling;
-      scheduling.period_ns = configuration.period_ns;
-      const RealtimeGrant report = EnterRealtime(scheduling);
-      if (!report.in_force() && !options.without_realtime) throw Refused(report.problems);
-    }
-  }
-
-  RunProcedure procedure(configuration.procedure);
-  const std::int64_t start_ns = world->real_time() ? clock.now_ns() + configuration.period_ns : 0;
-  ControlLoop loop({configured.executor(), world->bus(), clock, procedure, InterruptMailbox(),
-                    nullptr, &recorder},
-                   configuration.period_ns, start_ns);
-  std::optional<std::int64_t> first_tick;
-  auto wish = wishes.begin();
-  while (loop.Step()) {
-    const TickRecord& record = loop.record();
-    if (!first_tick && record.state == ExecutorState::kRunning) first_tick = record.tick;
-    if (first_tick && wish != wishes.end() && record.tick + 1 >= *first_tick + wish->offset) {
-      InterruptMailbox().Put(wish->wish);
-      ++wish;
-    }
-    if (!world->real_time()) recorder.Drain();
-  }
-  recorder.Stop(ToString(procedure.outcome()));
-  RunSummary ignored;
-  world->Summarize(ignored);  // This discards frames that are still to be sent.
-
-  Played played{procedure.outcome(), {}};
-  if (loop.record().first_fault.fault != Fault::kNone) {
-    played.reason = Describe(loop.record().first_fault, configuration.joints);
-  } else if (played.outcome == RunOutcome::kRefused) {
-    played.reason = Describe(procedure.refusal(), configuration.joints);
-  }
-  return played;
-}
-
 ExitStatus PlayOnBus(FlightRecord& record, const Options& options) {
-  const RecordConfiguration configuration = ConfigurationToPlay(record.configuration(), options);
+  const RecordConfiguration configuration =
+      ConfigurationToPlay(record.configuration(), options.play);
   const RunTrace recorded = LoadTrace(record);
   if (recorded.samples.empty() || recorded.samples[0].empty()) {
     throw std::runtime_error(fmt::format("{}: nothing was played in this run", options.record));
   }
   std::vector<RecordedWish> wishes;
-  if (options.primitive.empty()) wishes = WishesOf(record);
+  if (options.play.primitive.empty()) wishes = WishesOf(record);
   const ScratchFile scratch;
   const std::string file_name = options.record_to.empty() ? scratch.path() : options.record_to;
-  const Played played = Play(configuration, wishes, options, file_name);
+  const PlayedRecord played = PlayRecord(configuration, wishes, options.play, file_name);
 
   // Standard output belongs to the frames of a dry run.
-  std::FILE* out = options.arm ? stdout : stderr;
-  fmt::print(out, "{} on {}{}{}{}\n", ToString(played.outcome), options.bus,
-             options.arm ? "" : " (dry run: the replies are those of imagined drives)",
+  std::FILE* out = options.play.arm ? stdout : stderr;
+  fmt::print(out, "{} on {}{}{}{}\n", ToString(played.outcome), options.play.bus,
+             options.play.arm ? "" : " (dry run: the replies are those of imagined drives)",
              played.reason.empty() ? "" : ": ", played.reason);
   const MappedFile file(file_name);
   FlightRecord again(file.bytes(), options.record_to.empty() ? "played" : options.record_to);
@@ -369,7 +182,7 @@ ExitStatus PlayOnBus(FlightRecord& record, const Options& options) {
     case RunOutcome::kCompleted:
       break;
   }
-  return same || !options.primitive.empty() ? ExitStatus::kDone : ExitStatus::kAmiss;
+  return same || !options.play.primitive.empty() ? ExitStatus::kDone : ExitStatus::kAmiss;
 }
 
 ExitStatus Run(const Options& options) {
@@ -380,8 +193,8 @@ ExitStatus Run(const Options& options) {
   }
   FlightRecord record(file.bytes(), options.record);
   if (!options.against.empty()) return CompareRecords(record, options);
-  if (!options.bus.empty()) return PlayOnBus(record, options);
-  for (const std::string* option : {&options.primitive, &options.drives, &options.svg}) {
+  if (!options.play.bus.empty()) return PlayOnBus(record, options);
+  for (const std::string* option : {&options.play.primitive, &options.play.drives, &options.svg}) {
     if (!option->empty()) {
       throw std::runtime_error(
           fmt::format("'{}': of a record, this takes --bus or --against", *option));
@@ -399,16 +212,17 @@ ExitStatus Main(int argc, char** argv) {
       line.Option("--against", options.against,
                   "compare setpoints and replies with those of this other record");
   const CommandLineOption bus =
-      line.Option("--bus", options.bus, "play on this SocketCAN interface");
+      line.Option("--bus", options.play.bus, "play on this SocketCAN interface");
   against.Excludes(bus);
-  line.Flag("--arm", options.arm, "drive the motors; without it this is a dry run").Needs(bus);
-  line.Flag("--realtime", options.realtime, "SCHED_FIFO and locked memory").Needs(bus);
-  line.Flag("--without-realtime", options.without_realtime, "arm even though they are not in force")
+  line.Flag("--arm", options.play.arm, "drive the motors; without it this is a dry run").Needs(bus);
+  line.Flag("--realtime", options.play.realtime, "SCHED_FIFO and locked memory").Needs(bus);
+  line.Flag("--without-realtime", options.play.without_realtime,
+            "arm even though they are not in force")
       .Needs(bus);
-  line.Option("--primitive", options.primitive, "play this primitive instead of the recorded")
+  line.Option("--primitive", options.play.primitive, "play this primitive instead of the recorded")
       .Needs(bus);
   line.Option("--record", options.record_to, "keep the record of the play in this file").Needs(bus);
-  line.Option("--drives", options.drives,
+  line.Option("--drives", options.play.drives,
               "drives file: of a log, or of the bus where it is not that of the record");
   line.Option("--svg", options.svg, "draw setpoints, replies and errors into this file");
   line.Parse(argc, argv);

@@ -437,10 +437,7 @@ ChainOutcome SimulateChain(const SequenceFile& file, const ChainOptions& options
                            const std::function<void(int, const MotionSample&)>& visitor) {
   RequireSameGround(file);
   if (!options.branch.empty() && !file.graph.HasBranch(options.branch)) {
-    std::set<std::string_view> names;
-    for (const auto& edge : file.graph.edges()) {
-      if (edge.when == EdgeCondition::kBranch) names.insert(edge.branch.view());
-    }
+    const std::vector<std::string> names = BranchNames(file.graph);
     throw std::invalid_argument(fmt::format(
         "the sequence '{}' has no branch '{}'; its branches: {}", file.graph.name.view(),
         options.branch, names.empty() ? "none" : fmt::format("{}", fmt::join(names, ", "))));

@@ -79,7 +79,7 @@ FlightRecord::FlightRecord(std::span<const std::uint8_t> bytes, std::string name
   } catch (const RecordError& error) {
     fail(error.what());
   }
-  for (RecordedFile& file : configuration_.files) {
+  for (LoadedFile& file : configuration_.files) {
     next(block, BlockKind::kFile, "the files of its configuration");
     if (!DecodeFile(block.content, file.path, file.text)) {
       fail(fmt::format("byte {}: is not the file that it should be", block.offset));

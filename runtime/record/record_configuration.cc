@@ -152,13 +152,6 @@ std::span<const std::uint8_t> BytesOf(const std::string& text) {
   return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
 }
 
-const std::string& TextOf(const RecordConfiguration& configuration, const std::string& path) {
-  for (const RecordedFile& file : configuration.files) {
-    if (file.path == path) return file.text;
-  }
-  throw RecordError(fmt::format("configuration: '{}' is not among the recorded files", path));
-}
-
 }  // namespace
 
 std::string DescribeKernel() {
@@ -197,7 +190,7 @@ RecordBytes EncodeConfiguration(const RecordConfiguration& configuration) {
   }
   json["run_sequence"] = ToJson(configuration.procedure);
   json["files"] = Json::array();
-  for (const RecordedFile& file : configuration.files) {
+  for (const LoadedFile& file : configuration.files) {
     json["files"].push_back(
         {{"path", file.path}, {"bytes", file.text.size()}, {"hash", HashOfText(file.text)}});
   }
@@ -206,7 +199,7 @@ RecordBytes EncodeConfiguration(const RecordConfiguration& configuration) {
   // Names of files need not be UTF-8, JSON is; the blocks of the files have them as they are.
   AppendBlock(BlockKind::kConfiguration, number++,
               BytesOf(json.dump(1, ' ', false, Json::error_handler_t::replace)), bytes);
-  for (const RecordedFile& file : configuration.files) {
+  for (const LoadedFile& file : configuration.files) {
     AppendBlock(BlockKind::kFile, number++, EncodeFile(file.path, file.text), bytes);
   }
   return bytes;
@@ -264,47 +257,6 @@ RecordConfiguration ParseConfiguration(std::string_view text) {
     Take(file, "path", configuration.files.emplace_back().path);
   }
   return configuration;
-}
-
-FileReader FileKeeper::reader() {
-  return [this](const std::string& path) {
-    for (const RecordedFile& file : files_) {
-      if (file.path == path) return file.text;
-    }
-    files_.push_back({path, ReadTextFile(path)});
-    return files_.back().text;
-  };
-}
-
-ConfiguredExecutor::ConfiguredExecutor(const RecordConfiguration& configuration)
-    : bank_(std::make_unique<DriveBank>()), executor_(std::make_unique<Executor>()) {
-  const auto read = [&configuration](const std::string& path) {
-    return TextOf(configuration, path);
-  };
-  const std::string& drives_file = configuration.drives_file;
-  try {
-    motions_ = std::make_unique<const Sequence<float>>(
-        ToRuntime(LoadMotion(configuration.motion_file, read)));
-    drives_ = drives_file.empty() ? DefaultDrives(configuration.joints)
-                                  : DrivesOf(ParseDrives(read(drives_file), drives_file),
-                                             configuration.joints, drives_file);
-  } catch (const FileError&) {
-    throw;
-  } catch (const std::exception& error) {
-    throw RecordError(error.what());
-  }
-  for (const DriveEntry& entry : drives_.drives) {
-    if (bank_->Add(entry.config) != Status::kOk) {
-      throw RecordError(
-          fmt::format("joint {}: its drive cannot be used as configured", entry.joint));
-    }
-  }
-  const std::span<const Primitive<float>> primitives(
-      motions_->primitives.data(), static_cast<std::size_t>(motions_->primitive_count));
-  if (executor_->Configure(configuration.executor, motions_->graph, primitives, bank_->drives()) !=
-      Status::kOk) {
-    throw RecordError("the executor does not take the recorded configuration");
-  }
 }
 
 }  // namespace tumbler

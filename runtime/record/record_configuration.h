@@ -1,26 +1,17 @@
 #pragma once
 
 #include <cstdint>
-#include <memory>
-#include <span>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
-#include "common/sequence_toml.h"
-#include "firmware_interface/drives/drives_toml.h"
-#include "runtime/core/executor.h"
+#include "runtime/assembly/file_keeper.h"
+#include "runtime/core/executor_config.h"
 #include "runtime/core/run_procedure.h"
 #include "runtime/linux/machine.h"
 #include "runtime/record/record_blocks.h"
 
 namespace tumbler {
-
-/// A file as it was loaded.
-struct RecordedFile {
-  std::string path;  ///< As the program was given it, or found it.
-  std::string text;
-};
 
 /// A record, or a part of it, that cannot be used; the message names the file.
 class RecordError : public std::runtime_error {
@@ -45,7 +36,7 @@ struct RecordConfiguration {
   std::string drives_file;          ///< One of `files`; empty: DefaultDrives.
   ExecutorConfig executor;
   RunProcedureConfig procedure;
-  std::vector<RecordedFile> files;
+  std::vector<LoadedFile> files;
 };
 
 /// System, release, version and processor of this machine, as uname says.
@@ -58,36 +49,5 @@ RecordBytes EncodeConfiguration(const RecordConfiguration& configuration);
 /// Reads the JSON; `files` are those that it names, still without their texts.
 /// @throws RecordError naming the key.
 RecordConfiguration ParseConfiguration(std::string_view json);
-
-/// Takes part in loading: hands out texts of files and keeps them for the record.
-class FileKeeper {
- public:
-  /// For loaders; refers to this object.
-  [[nodiscard]] FileReader reader();
-  [[nodiscard]] const std::vector<RecordedFile>& files() const { return files_; }
-
- private:
-  std::vector<RecordedFile> files_;
-};
-
-/// Everything between a configuration and an executor that is ready for its first tick.
-class ConfiguredExecutor {
- public:
-  /// Loads the recorded files, and checks them as tumbler-run does.
-  /// @throws FileError or RecordError about what cannot be used.
-  explicit ConfiguredExecutor(const RecordConfiguration& configuration);
-  ConfiguredExecutor(const ConfiguredExecutor&) = delete;
-  ConfiguredExecutor& operator=(const ConfiguredExecutor&) = delete;
-
-  [[nodiscard]] Executor& executor() { return *executor_; }
-  [[nodiscard]] const DrivesConfig& drives() const { return drives_; }
-  [[nodiscard]] const Sequence<float>& motions() const { return *motions_; }
-
- private:
-  DrivesConfig drives_;
-  std::unique_ptr<const Sequence<float>> motions_;
-  std::unique_ptr<DriveBank> bank_;
-  std::unique_ptr<Executor> executor_;
-};
 
 }  // namespace tumbler

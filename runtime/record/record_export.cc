@@ -7,7 +7,6 @@
 #include <cstdio>
 #include <limits>
 #include <memory>
-#include <set>
 #include <system_error>
 #include <vector>
 
@@ -15,6 +14,9 @@
 #include "common/primitive_toml.h"
 #include "firmware_interface/can/frame_length.h"
 #include "runtime/linux/candump.h"
+#include "runtime/record/recorded_assembly.h"
+#include "runtime/telemetry/run_description.h"
+#include "runtime/telemetry/sentences.h"
 #include "runtime/telemetry/telemetry.h"
 
 namespace tumbler {
@@ -56,24 +58,14 @@ TimedRecord ToTimedRecord(const TickEntry& entry) {
 }
 
 RunDescription DescribeRun(const RecordConfiguration& configuration) {
-  const ConfiguredExecutor configured(configuration);
-  const SequenceGraph<float>& graph = configured.motions().graph;
-  RunDescription run;
-  run.motion = std::string(graph.name.view());
+  const Assembly assembly = Assemble(configuration);
+  RunDescription run = DescribeMotion(assembly.parts().sequence->graph, assembly.parts().drives);
   run.bus = configuration.bus;
   run.mode = configuration.bus == "sim" ? "simulated" : configuration.dry_run ? "dry run" : "armed";
   run.attended = configuration.procedure.attended;
-  run.rate_hz = configured.drives().rate_hz;
-  run.bit_rate = configured.drives().bit_rate;
   // Of the text that was given, the nearest float was recorded.
   run.speed = std::stod(fmt::format("{}", configuration.executor.speed));
   run.joints = configuration.joints;
-  for (const SequenceNode& node : graph.nodes()) run.nodes.emplace_back(node.name.view());
-  std::set<std::string> branches;
-  for (const auto& edge : graph.edges()) {
-    if (edge.when == EdgeCondition::kBranch) branches.emplace(edge.branch.view());
-  }
-  run.branches.assign(branches.begin(), branches.end());
   run.machine = configuration.machine;
   run.scheduling = configuration.virtual_time ? "time-shared" : "not recorded";
   return run;
@@ -171,7 +163,7 @@ std::string Summary(FlightRecord& record) {
                       1e9 / static_cast<double>(c.period_ns), fmt::join(c.joints, ", "));
   text += fmt::format("  motion {}, speed {:.3g}; drives {}\n", c.motion_file, c.executor.speed,
                       c.drives_file.empty() ? "of the simulation" : c.drives_file);
-  for (const RecordedFile& file : c.files) {
+  for (const LoadedFile& file : c.files) {
     text += fmt::format("  holds {} ({} bytes, {})\n", file.path, file.text.size(),
                         HashOfText(file.text));
   }

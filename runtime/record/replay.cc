@@ -8,6 +8,8 @@
 #include <string_view>
 #include <type_traits>
 
+#include "runtime/record/recorded_assembly.h"
+
 namespace tumbler {
 namespace {
 
@@ -148,14 +150,14 @@ std::optional<ReplayDifference> Compare(const TickEntry& recorded, const TickOut
 
 ReplayResult Replay(FlightRecord& record) {
   const RecordConfiguration& configuration = record.configuration();
-  ConfiguredExecutor configured(configuration);
+  Assembly assembly = Assemble(configuration);
   record.Rewind();
   ReplayResult result;
   const auto entry = std::make_unique<TickEntry>();
   const auto output = std::make_unique<TickOutput>();
   while (record.Next(*entry)) {
     if (entry->index != result.ticks) break;
-    configured.executor().Tick(entry->input(), *output);
+    assembly.executor().Tick(entry->input(), *output);
     result.difference = Compare(*entry, *output, configuration.joints);
     if (result.difference) return result;
     ++result.ticks;

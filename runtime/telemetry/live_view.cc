@@ -10,7 +10,7 @@
 
 #include "firmware_interface/drives/drive.h"
 #include "runtime/core/faults.h"
-#include "runtime/telemetry/telemetry.h"
+#include "runtime/telemetry/sentences.h"
 
 namespace tumbler {
 namespace {

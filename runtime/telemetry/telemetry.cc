@@ -18,93 +18,10 @@
 
 #include "common/ring_buffer.h"
 #include "runtime/linux/histogram.h"
+#include "runtime/telemetry/sentences.h"
 #include "runtime/telemetry/state_csv.h"
 
 namespace tumbler {
-namespace {
-
-std::string JointName(int joint, const std::vector<std::string>& names) {
-  const auto index = static_cast<std::size_t>(joint);
-  return index < names.size() ? fmt::format("joint {}", names[index])
-                              : fmt::format("joint {}", joint);
-}
-
-const char* UnitOf(Fault fault) {
-  switch (fault) {
-    case Fault::kStaleReply:
-    case Fault::kHeartbeatLost:
-    case Fault::kLateTick:
-    case Fault::kArmingTimeout:
-      return " ticks";
-    case Fault::kFollowingError:
-    case Fault::kEntryMissed:
-      return " rad";
-    case Fault::kOverTemperature:
-      return " C";
-    default:
-      return "";
-  }
-}
-
-const char* UnitOf(Refusal refusal) {
-  switch (refusal) {
-    case Refusal::kNoReply:
-    case Refusal::kNoHeartbeat:
-      return " ticks";
-    case Refusal::kTooHot:
-      return " C";
-    case Refusal::kOutsideLimits:
-    case Refusal::kNotAtStart:
-    case Refusal::kOutsideStartSet:
-      return " rad";
-    default:
-      return "";
-  }
-}
-
-}  // namespace
-
-std::string Describe(const FaultDetail& report, const std::vector<std::string>& joint_names) {
-  std::string text = ToString(report.fault);
-  if (report.joint >= 0) text += fmt::format(" of {}", JointName(report.joint, joint_names));
-  switch (report.fault) {
-    case Fault::kNone:
-      return text;
-    case Fault::kOperatorStop:
-    case Fault::kNonFinite:
-    case Fault::kErrorPassive:
-      break;
-    case Fault::kBusOff:
-    case Fault::kInterfaceDown:
-    case Fault::kInterfaceGone:
-    case Fault::kLinkFailed:
-    case Fault::kTransmitQueueFull:
-      text += fmt::format(": {}", ToString(static_cast<Status>(report.value)));
-      break;
-    case Fault::kDriveError:
-      text += report.value == 0 ? ": it is not enabled any more"
-                                : fmt::format(": code {}", report.value);
-      break;
-    default:
-      text +=
-          fmt::format(": {:.4g}{}, limit {:.4g}", report.value, UnitOf(report.fault), report.limit);
-  }
-  return text + fmt::format(" at tick {} ({}); reaction: {}", report.tick, ToString(report.state),
-                            ToString(report.reaction));
-}
-
-std::string Describe(const RefusalDetail& report, const std::vector<std::string>& joint_names) {
-  std::string text = ToString(report.refusal);
-  if (report.refusal == Refusal::kNoSuchBranch)
-    return text + fmt::format(" (number {})", report.value);
-  if (report.joint < 0) return text;
-  text += fmt::format(" ({}", JointName(report.joint, joint_names));
-  if (report.refusal == Refusal::kNoReply && report.value < 0) return text + ": never)";
-  if (report.refusal == Refusal::kDriveError) return text + fmt::format(": code {})", report.value);
-  return text + fmt::format(": {:.4g}{}, limit {:.4g})", report.value, UnitOf(report.refusal),
-                            report.limit);
-}
-
 struct Telemetry::Implementation {
   /// Four seconds at 1 kHz. No stall of a disk was seen that lasted longer.
   static constexpr std::size_t kRingCapacity = 4096;

@@ -4,11 +4,10 @@
 #include <cstdint>
 #include <memory>
 #include <string>
-#include <vector>
 
 #include "runtime/core/tick.h"
-#include "runtime/linux/machine.h"
 #include "runtime/linux/operator_mailbox.h"
+#include "runtime/telemetry/run_description.h"
 
 namespace tumbler {
 
@@ -30,22 +29,6 @@ struct TimedRecord {
   TickRecord record;
 };
 
-/// What is said of a run as a whole.
-struct RunDescription {
-  std::string motion;
-  std::string bus;
-  std::string mode;  ///< `armed`, `dry run` or `simulated`
-  bool attended = false;
-  double rate_hz = 1000;     ///< Of the loop.
-  int bit_rate = 1'000'000;  ///< Of the bus [bit/s].
-  double speed = 1;
-  std::vector<std::string> joints;    ///< In the order of the records.
-  std::vector<std::string> nodes;     ///< Of the sequence.
-  std::vector<std::string> branches;  ///< That the operator may name.
-  Machine machine;
-  std::string scheduling;
-};
-
 /// Channels of the messages in `runtime/lcm`.
 inline constexpr const char* kStateChannel = "TUMBLER_STATE";
 inline constexpr const char* kEventChannel = "TUMBLER_EVENT";
@@ -61,10 +44,6 @@ struct TelemetryConfig {
   std::int64_t utime_at_zero_us =
       0;  ///< Log time of loop time 0: 0 for virtual time, else microseconds since 1970.
 };
-
-/// A sentence about a fault or a refusal, with joint, value, limit and tick.
-std::string Describe(const FaultDetail& report, const std::vector<std::string>& joint_names);
-std::string Describe(const RefusalDetail& report, const std::vector<std::string>& joint_names);
 
 /// Takes records out of the control loop and writes them. LCM allocates and may block for
 /// milliseconds, so the loop only ever pushes into a ring; everything else happens in whoever

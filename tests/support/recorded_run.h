@@ -18,6 +18,7 @@
 #include "runtime/record/flight_record.h"
 #include "runtime/record/flight_recorder.h"
 #include "runtime/record/record_configuration.h"
+#include "runtime/record/recorded_assembly.h"
 #include "tests/support/primitive_file.h"
 
 namespace tumbler::testing {
@@ -94,11 +95,11 @@ inline RecordConfiguration SmallConfiguration() {
 inline void RecordRun(const RecordConfiguration& configuration, FlightRecorder& recorder,
                       const std::function<void(std::int64_t)>& tick_done = {},
                       std::int64_t ticks_max = 100'000) {
-  ConfiguredExecutor configured(configuration);
+  Assembly assembly = Assemble(configuration);
   RunProcedure procedure(configuration.procedure);
   std::array<MitReply, 2> drives;
   for (std::size_t i = 0; i < 2; ++i) {
-    const JointMotion<float>& motion = configured.motions().primitives[0].joints[i];
+    const JointMotion<float>& motion = assembly.parts().sequence->primitives[0].joints[i];
     drives[i].sender = static_cast<std::uint8_t>(i + 1);
     drives[i].position_rad = motion.position.control_points()[0] + 0.02F;
     drives[i].temperature_c = 30;
@@ -112,7 +113,7 @@ inline void RecordRun(const RecordConfiguration& configuration, FlightRecorder& 
     input.received = received;
     input.receive_status = Status::kWouldBlock;
     input.command = procedure.Next(output.record);
-    configured.executor().Tick(input, output);
+    assembly.executor().Tick(input, output);
     TickNotes notes;
     notes.deadline_ns = notes.due_ns = now_ns;
     notes.awake_ns = now_ns + 10;
@@ -122,7 +123,7 @@ inline void RecordRun(const RecordConfiguration& configuration, FlightRecorder& 
     recorder.Push(notes, input, output);
     received.clear();
     for (std::size_t i = 0; i < 2; ++i) {
-      const auto& mit = std::get<MitConfig>(configured.drives().drives[i].config);
+      const auto& mit = std::get<MitConfig>(assembly.parts().drives.drives[i].config);
       for (const CanFrame& frame : output.frames[i].frames()) {
         MitCommand command;
         if (DecodeMitCommand(mit, frame, command) == Status::kOk && command.kp_nm_per_rad > 0) {

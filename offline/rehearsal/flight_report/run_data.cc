@@ -14,6 +14,8 @@
 #include "offline/rehearsal/flight_report/truth.h"
 #include "runtime/linux/operator_mailbox.h"
 #include "runtime/record/flight_record.h"
+#include "runtime/record/recorded_assembly.h"
+#include "runtime/telemetry/sentences.h"
 #include "runtime/telemetry/telemetry.h"
 
 namespace tumbler {
@@ -44,7 +46,7 @@ class RunReader {
         configuration_(record.configuration()),
         motion_(LoadMotion(configuration_.motion_file,
                            [this](const std::string& path) { return TextOf(path); })),
-        configured_(configuration_),
+        assembly_(Assemble(configuration_)),
         paths_(motion_) {
     run_.name = record.name();
     run_.recorded = true;
@@ -80,7 +82,7 @@ class RunReader {
 
  private:
   [[nodiscard]] std::string TextOf(const std::string& path) const {
-    for (const RecordedFile& file : configuration_.files) {
+    for (const LoadedFile& file : configuration_.files) {
       if (file.path == path) return file.text;
     }
     throw RecordError(fmt::format("{}: '{}' is not among its files", run_.name, path));
@@ -219,7 +221,7 @@ class RunReader {
     const TickNotes& times = entry.notes;
     run_.latencies[0].values_ns.push_back(times.awake_ns - times.due_ns);
     run_.latencies[1].values_ns.push_back(times.done_ns - times.awake_ns);
-    for (const DriveEntry& drive : configured_.drives().drives) {
+    for (const DriveEntry& drive : assembly_.parts().drives.drives) {
       if (!adjacent) break;
       for (const ReceivedFrame& received : entry.input().received) {
         if (received.time_ns < send_before_ns_) continue;
@@ -417,7 +419,7 @@ class RunReader {
   FlightRecord& record_;
   const RecordConfiguration& configuration_;
   SequenceFile motion_;
-  ConfiguredExecutor configured_;
+  Assembly assembly_;
   RobotPaths paths_;
   RunData run_;
   std::int64_t zero_ns_ = 0;

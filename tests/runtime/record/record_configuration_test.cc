@@ -99,26 +99,26 @@ TEST(RecordConfiguration, IsRefusedWithTheKeyThatIsWrong) {
               HasSubstr("dry_run: is not true or false"));
 }
 
-TEST(ConfiguredExecutor, LoadsNothingButWhatWasRecorded) {
+TEST(RecordedAssembly, LoadsNothingButWhatWasRecorded) {
   RecordConfiguration configuration = testing::SmallConfiguration();
-  EXPECT_EQ(ConfiguredExecutor(configuration).executor().joint_count(), 2);
+  EXPECT_EQ(Assemble(configuration).executor().joint_count(), 2);
   configuration.files.clear();
   try {
-    const ConfiguredExecutor configured(configuration);
+    const Assembly assembly = Assemble(configuration);
     FAIL();
   } catch (const RecordError& error) {
     EXPECT_THAT(error.what(), HasSubstr("'motions/motion.toml' is not among the recorded files"));
   }
 }
 
-TEST(ConfiguredExecutor, RefusesWhatTheExecutorDoesNotTake) {
+TEST(RecordedAssembly, RefusesWhatTheExecutorDoesNotTake) {
   RecordConfiguration configuration = testing::SmallConfiguration();
   configuration.executor.speed = 7;
-  EXPECT_THROW(ConfiguredExecutor{configuration}, RecordError);
+  EXPECT_THROW(static_cast<void>(Assemble(configuration)), RecordError);
   configuration = testing::SmallConfiguration();
   std::string& text = configuration.files[0].text;
   text = Replaced(text, "coefficients_rad = [", "coefficients_rad = [1, ");
-  EXPECT_THROW(ConfiguredExecutor{configuration}, FileError);
+  EXPECT_THROW(static_cast<void>(Assemble(configuration)), FileError);
 }
 
 TEST(FileKeeper, KeepsEachFileOnceAsItWasRead) {

@@ -67,10 +67,10 @@ TEST(RunTrace, ComparesTheSameTicks) {
 TEST(RunTrace, OfARecordFollowsTheMotionAndItsReplies) {
   const RecordConfiguration configuration = testing::SmallConfiguration();
   const RunTrace trace = SmallTrace(testing::RecordedBytes(configuration));
-  ConfiguredExecutor configured(configuration);
+  const Assembly assembly = Assemble(configuration);
   ASSERT_EQ(trace.samples.size(), 2U);
   for (std::size_t i = 0; i < 2; ++i) {
-    const auto& spline = configured.motions().primitives[0].joints[i].position;
+    const auto& spline = assembly.parts().sequence->primitives[0].joints[i].position;
     const std::vector<TraceSample>& samples = trace.samples[i];
     // 56 ticks of motion at speed 0.9, 10 of settling, 11 of holding, and those between.
     EXPECT_NEAR(static_cast<double>(samples.size()), 78, 3);

@@ -1,0 +1,31 @@
+#pragma once
+
+#include <memory>
+
+#include "common/status.h"
+#include "firmware_interface/drives/drive_bank.h"
+#include "runtime/assembly/run_parts.h"
+#include "runtime/core/executor.h"
+
+namespace tumbler {
+
+/// The parts of a run put together: an executor with its motion and the host sides of its drives.
+class Assembly {
+ public:
+  /// @throws Refused naming the joint whose drive cannot be used as configured.
+  explicit Assembly(RunParts parts);
+
+  /// Makes the executor ready for its first tick.
+  /// @retval kInvalidArgument  as Executor::Configure.
+  Status Configure(const ExecutorConfig& config);
+
+  [[nodiscard]] Executor& executor() { return *executor_; }
+  [[nodiscard]] const RunParts& parts() const { return parts_; }
+
+ private:
+  RunParts parts_;
+  std::unique_ptr<DriveBank> bank_;
+  std::unique_ptr<Executor> executor_;
+};
+
+}  // namespace tumbler

@@ -1,0 +1,71 @@
+#include "runtime/assembly/run_settings.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <variant>
+#include <vector>
+
+#include "runtime/assembly/faults_toml.h"
+
+namespace tumbler {
+
+JointConfig JointConfigOf(const DriveEntry& entry) {
+  JointConfig config;
+  config.kp_nm_per_rad = entry.kp_nm_per_rad;
+  config.kd_nm_s_per_rad = entry.kd_nm_s_per_rad;
+  config.damping_nm_s_per_rad = entry.kd_nm_s_per_rad;
+  config.temperature_max_c = entry.temperature_max_c;
+  return config;
+}
+
+ExecutorConfig ExecutorConfigOf(const RunSettings& settings, const DrivesConfig& drives) {
+  ExecutorConfig config;
+  config.cycles = settings.cycles;
+  config.branch = settings.branch;
+  config.period_s = static_cast<float>(1 / drives.rate_hz);
+  config.speed = static_cast<float>(settings.speed);
+  config.arming_ticks_max = static_cast<int>(std::ceil(0.5 * drives.rate_hz));
+  for (std::size_t i = 0; i < drives.drives.size(); ++i) {
+    config.joints[i] = JointConfigOf(drives.drives[i]);
+  }
+  return config;
+}
+
+void LoadFaultsOf(const RunParts& parts, const std::string& path, ExecutorConfig& config) {
+  const Sequence<float>& sequence = *parts.sequence;
+  std::vector<FaultsJoint> joints;
+  for (std::size_t i = 0; i < parts.drives.drives.size(); ++i) {
+    FaultsJoint joint{parts.drives.drives[i].joint, -1e9, 1e9};
+    for (int p = 0; p < sequence.primitive_count; ++p) {
+      const JointLimits<float>& limits =
+          sequence.primitives[static_cast<std::size_t>(p)].joints[i].limits;
+      joint.position_min_rad =
+          std::max(joint.position_min_rad, static_cast<double>(limits.position_min_rad));
+      joint.position_max_rad =
+          std::min(joint.position_max_rad, static_cast<double>(limits.position_max_rad));
+    }
+    joints.push_back(joint);
+  }
+  LoadFaults(path, joints, config);
+}
+
+RunProcedureConfig ProcedureConfigOf(const RunSettings& settings, const DrivesConfig& drives) {
+  int first_reply_ms = 0;
+  for (const DriveEntry& drive : drives.drives) {
+    first_reply_ms = std::max(first_reply_ms, FirstReply_ms(drive.config));
+  }
+  const auto ticks = [&drives](double time_s) {
+    return static_cast<std::int64_t>(std::llround(time_s * drives.rate_hz));
+  };
+  RunProcedureConfig config;
+  config.hold_ticks = ticks(settings.hold_s);
+  config.reply_ticks_max = ticks(first_reply_ms / 1000.0);
+  config.start_ticks_max = ticks(1);
+  config.stop_hold_ticks = ticks(0.5);
+  config.fault_ticks = ticks(1);
+  config.attended = settings.attended;
+  return config;
+}
+
+}  // namespace tumbler

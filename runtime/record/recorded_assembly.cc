@@ -1,0 +1,45 @@
+#include "runtime/record/recorded_assembly.h"
+
+#include <fmt/format.h>
+
+#include <exception>
+#include <string>
+
+namespace tumbler {
+namespace {
+
+const std::string& TextOf(const RecordConfiguration& configuration, const std::string& path) {
+  for (const LoadedFile& file : configuration.files) {
+    if (file.path == path) return file.text;
+  }
+  throw RecordError(fmt::format("configuration: '{}' is not among the recorded files", path));
+}
+
+RunParts LoadParts(const RecordConfiguration& configuration) {
+  const auto read = [&configuration](const std::string& path) {
+    return TextOf(configuration, path);
+  };
+  RunParts parts = LoadRunMotion(configuration.motion_file, read);
+  parts.drives = LoadDrivesOf(configuration.joints, configuration.drives_file, read);
+  return parts;
+}
+
+}  // namespace
+
+Assembly Assemble(const RecordConfiguration& configuration) {
+  try {
+    Assembly assembly(LoadParts(configuration));
+    if (assembly.Configure(configuration.executor) != Status::kOk) {
+      throw RecordError("the executor does not take the recorded configuration");
+    }
+    return assembly;
+  } catch (const FileError&) {
+    throw;
+  } catch (const RecordError&) {
+    throw;
+  } catch (const std::exception& error) {
+    throw RecordError(error.what());
+  }
+}
+
+}  // namespace tumbler

@@ -1,0 +1,66 @@
+#include "runtime/run/play.h"
+
+#include <fmt/format.h>
+
+#include <chrono>
+#include <csignal>
+#include <cstdio>
+
+#include "runtime/linux/interrupts.h"
+#include "runtime/telemetry/sentences.h"
+
+namespace tumbler {
+
+Play::Play(Assembly& assembly, World& world, const PlayOutputs& outputs)
+    : assembly_(assembly), world_(world), outputs_(outputs) {
+  if (!world_.real_time()) return;
+  if (outputs_.telemetry != nullptr) outputs_.telemetry->Start();
+  if (outputs_.recorder != nullptr) outputs_.recorder->Start();
+}
+
+void Play::Run(const RunProcedureConfig& config, std::int64_t period_ns,
+               const std::function<void(const ControlLoop&)>& each_tick) {
+  procedure_ = std::make_unique<RunProcedure>(config);
+  Clock& clock = world_.clock();
+  const std::int64_t start_ns = world_.real_time() ? clock.now_ns() + period_ns : 0;
+  loop_ = std::make_unique<ControlLoop>(
+      ControlLoop::Parts{assembly_.executor(), world_.bus(), clock, *procedure_, InterruptMailbox(),
+                         outputs_.telemetry, outputs_.recorder},
+      period_ns, start_ns);
+  while (loop_->Step()) {
+    world_.Observe(*loop_);
+    if (each_tick) each_tick(*loop_);
+    if (world_.real_time()) continue;
+    if (outputs_.telemetry != nullptr) outputs_.telemetry->Drain();
+    if (outputs_.recorder != nullptr) outputs_.recorder->Drain();
+  }
+}
+
+std::string Play::Reason(const std::vector<std::string>& joints) const {
+  const FaultDetail& fault = loop_->record().first_fault;
+  if (fault.fault != Fault::kNone) return Describe(fault, joints);
+  if (procedure_->outcome() == RunOutcome::kRefused) return Describe(procedure_->refusal(), joints);
+  return "";
+}
+
+std::int64_t UtimeAtZero(World& world) {
+  if (!world.real_time()) return 0;
+  const auto since_epoch = std::chrono::system_clock::now().time_since_epoch();
+  return std::chrono::duration_cast<std::chrono::microseconds>(since_epoch).count() -
+         world.clock().now_ns() / 1000;
+}
+
+std::unique_ptr<FlightRecorder> OpenRecorder(const std::string& file,
+                                             const RecordConfiguration& configuration,
+                                             const std::string& program) {
+  std::signal(SIGXFSZ, SIG_IGN);
+  FlightRecorderConfig config;
+  config.file = file;
+  config.configuration = EncodeConfiguration(configuration);
+  config.say = [program](const std::string& text) {
+    fmt::print(stderr, "{}: {}\n", program, text);
+  };
+  return std::make_unique<FlightRecorder>(config);
+}
+
+}  // namespace tumbler

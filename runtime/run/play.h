@@ -1,0 +1,63 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "runtime/assembly/assembly.h"
+#include "runtime/core/run_procedure.h"
+#include "runtime/record/flight_recorder.h"
+#include "runtime/record/record_configuration.h"
+#include "runtime/run/control_loop.h"
+#include "runtime/run/world.h"
+#include "runtime/telemetry/telemetry.h"
+
+namespace tumbler {
+
+/// What takes the records of a run; null leaves that out.
+struct PlayOutputs {
+  Telemetry* telemetry = nullptr;
+  FlightRecorder* recorder = nullptr;
+};
+
+/// An assembled run in its world, from the first tick to the last.
+class Play {
+ public:
+  /// All of these must outlive the play. Where time is real, what takes the records is started:
+  /// before the thread of the loop gets a real-time policy, which theirs must not inherit.
+  Play(Assembly& assembly, World& world, const PlayOutputs& outputs);
+
+  /// Runs the loop until the procedure is over, with InterruptMailbox for the operator. In virtual
+  /// time the outputs are drained after every tick.
+  /// @param each_tick  called after every tick; may be empty.
+  void Run(const RunProcedureConfig& config, std::int64_t period_ns,
+           const std::function<void(const ControlLoop&)>& each_tick = {});
+
+  // After the run:
+  [[nodiscard]] const RunProcedure& procedure() const { return *procedure_; }
+  [[nodiscard]] const ControlLoop& loop() const { return *loop_; }
+  /// The fault or the refusal that ended the run; empty where neither did.
+  [[nodiscard]] std::string Reason(const std::vector<std::string>& joints) const;
+
+ private:
+  Assembly& assembly_;
+  World& world_;
+  PlayOutputs outputs_;
+  std::unique_ptr<RunProcedure> procedure_;
+  std::unique_ptr<ControlLoop> loop_;
+};
+
+/// Time 0 of the world's clock, in microseconds since 1970; 0 in virtual time.
+[[nodiscard]] std::int64_t UtimeAtZero(World& world);
+
+/// Opens the record of a run. From then on a limit on the size of files ends the recording, not the
+/// program, as a full disk does.
+/// @param program  whose name messages on standard error begin with.
+/// @throws std::runtime_error naming the file when it exists already or cannot be written.
+[[nodiscard]] std::unique_ptr<FlightRecorder> OpenRecorder(const std::string& file,
+                                                           const RecordConfiguration& configuration,
+                                                           const std::string& program);
+
+}  // namespace tumbler

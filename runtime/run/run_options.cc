@@ -1,0 +1,181 @@
+#include "runtime/run/run_options.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <stdexcept>
+#include <utility>
+
+#include "common/command_line.h"
+#include "common/program.h"
+
+namespace tumbler {
+namespace {
+
+constexpr const char* kFooter =
+    R"(BUS is `sim`, a simulated robot on a simulated bus, or a SocketCAN interface such as can0.
+On an interface nothing is sent without --arm: the frames of an imagined run are printed instead, in the format of
+`candump -l`.
+
+With --attended each run waits for `tumbler-ctl start`; Ctrl-C ends the program. With --latency-test there is neither
+BUS nor MOTION: the loop only sleeps and wakes, and how late it wakes is printed.
+
+In order: load, check, arm, move to the start, run, settle, hold, stop, disarm.
+Ctrl-C: go on to the next safe node, hold for a moment, disarm. A second one: brake at once within the limits, hold,
+disarm. A third one: torque off.
+
+Exit codes:
+  0    the motion was completed
+  1    wrong usage, or a file or interface that cannot be used
+  2    refused: a check before arming or running failed
+  3    a fault during the run
+  4    the motion was completed, but the simulated robot fell, or is not where the primitive says 2 s later
+  130  stopped by Ctrl-C or a message)";
+
+/// What is played, and on what.
+/// @param scheduling  of --scheduling, by its name.
+void DeclareMachine(CommandLine& line, RunOptions& options, std::string& scheduling) {
+  line.Option("BUS", options.bus, "`sim` or a SocketCAN interface");
+  line.Option("MOTION", options.motion, "primitive or sequence file (TOML)");
+  line.Option(
+      "--drives", options.drives,
+      "drive configuration (TOML). Needed on a real interface; for sim the default is MIT drives "
+      "with ids 1, "
+      "2, ... in the order of the joints, replies on 17, 18, ..., kp 200, kd 4, 1000 Hz, 1 Mbit/s");
+  line.Option("--faults", options.faults,
+              "reactions to faults and their limits (TOML), where they are not the defaults");
+  line.Option("--bus-faults", options.bus_faults,
+              "sim only: what is wrong with the bus, and when (TOML)");
+  line.Flag("--arm", options.arm,
+            "drive the motors; without it a real interface only sees a dry run");
+  line.Flag("--realtime", options.realtime,
+            "SCHED_FIFO and locked memory; a simulation then runs at the pace of the clock");
+  line.Flag("--without-realtime", options.without_realtime,
+            "arm a real bus even though they are not in force");
+  line.Option("--scheduling", scheduling,
+              "of --realtime: fifo (SCHED_FIFO) or deadline (SCHED_DEADLINE)")
+      .OneOf({"fifo", "deadline"})
+      .ShowDefault();
+  line.Option("--priority", options.scheduling.priority, "of SCHED_FIFO")
+      .Within(1, 99)
+      .ShowDefault();
+  line.Option("--cpu", options.scheduling.cpu,
+              "of --realtime: the processor that the loop runs on; -1: any. Not with deadline")
+      .Within(-1, 1023)
+      .ShowDefault();
+  line.Option("--latency-test", options.latency_test_s,
+              "measure for so long how late this machine wakes a loop [s]; no BUS, no MOTION")
+      .Within(0.01, 1e6);
+  line.Option("--rate-hz", options.rate_hz, "of --latency-test; a run's rate is its drives'")
+      .Within(1.0, 1e5)
+      .ShowDefault();
+}
+
+/// How it is played, and where it goes.
+void DeclareRun(CommandLine& line, RunOptions& options) {
+  line.Flag("--attended", options.attended,
+            "wait for `tumbler-ctl start` before each run, until Ctrl-C; needs --lcm-url");
+  line.Option("--speed", options.speed, "playback speed; feed-forward is scaled by its square")
+      .Within(0.1, 1.0)
+      .ShowDefault();
+  line.Option("--pace", options.pace,
+              "for tumbler-twin with the same --pace on a virtual interface: seconds of the "
+              "robot in a second of the clock")
+      .Within(0.05, 1.0)
+      .ShowDefault();
+  line.Option("--hold-s", options.hold_s, "how long to hold after settling [s]")
+      .Within(0.0, 3600.0)
+      .ShowDefault();
+  line.Option("--cycles", options.cycles,
+              "of a sequence: end after so many, or take the branch then; 0: the branch at the "
+              "first chance, or on until stopped")
+      .Within(0, 1'000'000)
+      .ShowDefault();
+  line.Option("--branch", options.branch, "of a sequence: take this branch after the cycles");
+  line.Option("--log", options.log, "write every tick to this LCM log");
+  line.Option("--lcm-url", options.lcm_url,
+              "publish live and take commands there, e.g. udpm://239.255.76.67:7667?ttl=0");
+  line.Option("--json", options.json,
+              "write the summary as JSON to this file, or - for standard output");
+  line.Option("--trace", options.trace, "write every tick to this CSV file");
+  line.Option("--record", options.record,
+              "record the whole run in this file, which must not exist (see tumbler-record and "
+              "tumbler-replay)");
+  line.Option("--twin", options.twin,
+              "sim: the simulated robot as it is, with disturbances (TOML); without it, as the "
+              "motion has it");
+  line.Option("--truth", options.truth,
+              "sim: write what is true of the simulated robot to this LCM log");
+}
+
+/// What no option by itself can get wrong.
+void CheckTogether(const RunOptions& options) {
+  // The checks of ranges let "nan" through: it is neither below nor above anything.
+  for (const auto& [name, value] : {std::pair{"--speed", options.speed},
+                                    {"--hold-s", options.hold_s},
+                                    {"--pace", options.pace},
+                                    {"--rate-hz", options.rate_hz},
+                                    {"--latency-test", options.latency_test_s}}) {
+    if (!std::isfinite(value))
+      throw std::runtime_error(fmt::format("{}: is {}, which is not a number to use", name, value));
+  }
+  const bool test = options.latency_test_s > 0;
+  if (test && !options.bus.empty()) {
+    throw std::runtime_error(
+        "--latency-test has no bus and plays no motion: leave BUS and MOTION out");
+  }
+  if (!test && (options.bus.empty() || options.motion.empty()))
+    throw std::runtime_error("BUS and MOTION are needed (see --help)");
+  if (options.scheduling.scheduling == Scheduling::kDeadline && options.scheduling.cpu >= 0) {
+    throw std::runtime_error(
+        "--cpu: the kernel does not pin threads under SCHED_DEADLINE; use fifo");
+  }
+}
+
+}  // namespace
+
+RunOptions ReadRunOptions(int argc, char** argv) {
+  RunOptions options;
+  CommandLine line("Plays a motion primitive on motor drives over CAN, or on a simulated robot.",
+                   "tumbler-run");
+  line.SetFooter(kFooter);
+  std::string scheduling = "fifo";
+  DeclareMachine(line, options, scheduling);
+  DeclareRun(line, options);
+  options.command_line.assign(argv, argv + argc);
+  line.Parse(argc, argv);
+  if (scheduling == "deadline") options.scheduling.scheduling = Scheduling::kDeadline;
+  CheckTogether(options);
+  return options;
+}
+
+void CheckOptions(const RunOptions& options, const SequenceGraph<float>& graph) {
+  if (options.drives.empty() && !options.simulated()) {
+    throw std::runtime_error(
+        fmt::format("{} is a real bus: say with --drives which drives are on it", options.bus));
+  }
+  if (!options.bus_faults.empty() && !options.simulated()) {
+    throw std::runtime_error("--bus-faults is for the simulated bus: sim");
+  }
+  if (!options.simulated() && !(options.twin.empty() && options.truth.empty())) {
+    throw std::runtime_error(fmt::format(
+        "--twin and --truth are about the simulated robot of `sim`; on {} run tumbler-twin",
+        options.bus));
+  }
+  if (options.pace != 1 && (options.simulated() || options.dry_run())) {
+    throw std::runtime_error("--pace is for an armed run on tumbler-twin");
+  }
+  if (options.attended && (options.virtual_time() || options.lcm_url.empty())) {
+    throw std::runtime_error(
+        "--attended waits for somebody: it takes --lcm-url, and real time (`sim --realtime`, or an "
+        "interface with --arm)");
+  }
+  if (options.virtual_time() && graph.edge_count > 0 && options.cycles == 0 &&
+      options.branch.empty()) {
+    throw std::runtime_error(fmt::format(
+        "{} goes round until it is stopped, and time here is not real: say with --cycles how often",
+        options.motion));
+  }
+}
+
+}  // namespace tumbler

@@ -1,0 +1,64 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "common/sequence.h"
+#include "runtime/linux/realtime_thread.h"
+
+namespace tumbler {
+
+/// The command line of tumbler-run. Empty names leave that out.
+struct RunOptions {
+  std::string bus;
+  std::string motion;
+  std::string drives;
+  std::string faults;
+  std::string bus_faults;
+  bool arm = false;
+  bool realtime = false;
+  bool without_realtime = false;
+  RealtimeConfig scheduling;
+  double latency_test_s = 0;
+  double rate_hz = 1000;  ///< Of the latency test.
+  bool attended = false;
+  double speed = 1;
+  double pace = 1;
+  double hold_s = 2;
+  int cycles = 0;
+  std::string branch;
+  std::string log;
+  std::string lcm_url;
+  std::string json;
+  std::string trace;
+  std::string twin;
+  std::string truth;
+  std::string record;
+  std::vector<std::string> command_line;
+
+  /// On the simulated bus.
+  [[nodiscard]] bool simulated() const { return bus == "sim"; }
+  /// On an interface, without touching it.
+  [[nodiscard]] bool dry_run() const { return !simulated() && !arm; }
+  /// Turns motors.
+  [[nodiscard]] bool drives_motors() const { return !simulated() && arm; }
+  /// Runs as fast as it can, in a time of its own.
+  [[nodiscard]] bool virtual_time() const { return dry_run() || (simulated() && !realtime); }
+  /// The scheduling asked for, at this period.
+  [[nodiscard]] RealtimeConfig SchedulingAt(std::int64_t period_ns) const {
+    RealtimeConfig config = scheduling;
+    config.period_ns = period_ns;
+    return config;
+  }
+};
+
+/// Reads the command line, and checks what belongs together whatever the motion is.
+/// @throws UsageError, HelpWanted, std::runtime_error saying what to change.
+[[nodiscard]] RunOptions ReadRunOptions(int argc, char** argv);
+
+/// Checks that the options suit each other and this motion.
+/// @throws std::runtime_error saying what to change.
+void CheckOptions(const RunOptions& options, const SequenceGraph<float>& graph);
+
+}  // namespace tumbler

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "common/sequence.h"
+#include "firmware_interface/drives/drives_toml.h"
+#include "runtime/linux/machine.h"
+
+namespace tumbler {
+
+/// What is said of a run as a whole.
+struct RunDescription {
+  std::string motion;
+  std::string bus;
+  std::string mode;  ///< `armed`, `dry run` or `simulated`
+  bool attended = false;
+  double rate_hz = 1000;     ///< Of the loop.
+  int bit_rate = 1'000'000;  ///< Of the bus [bit/s].
+  double speed = 1;
+  std::vector<std::string> joints;    ///< In the order of the records.
+  std::vector<std::string> nodes;     ///< Of the sequence.
+  std::vector<std::string> branches;  ///< That the operator may name.
+  Machine machine;
+  std::string scheduling;
+};
+
+/// What the motion and the drives say of a run: its motion, rates, joints, nodes and branches.
+[[nodiscard]] RunDescription DescribeMotion(const SequenceGraph<float>& graph,
+                                            const DrivesConfig& drives);
+
+}  // namespace tumbler
