@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -13,6 +12,7 @@
 #include "common/primitive_hash.h"
 #include "common/primitive_limits.h"
 #include "offline/dynamics/hybrid_dynamics.h"
+#include "offline/linear/least_squares.h"
 
 namespace tumbler {
 namespace {
@@ -70,7 +70,7 @@ Spline FitTorque(const Problem& problem, const TorqueSamples& samples, std::size
       A(i, weights.first + k) = weights.w[0][static_cast<std::size_t>(k)];
   }
   const Eigen::Map<const Eigen::VectorXd> b(samples.torque_nm[joint].data(), rows);
-  const Eigen::VectorXd fit = A.colPivHouseholderQr().solve(b);
+  const Eigen::VectorXd fit = SolveLeastSquares(A, b);
   const double limit = problem.joints[joint].limits.torque_max_nm;
   for (int i = 0; i < n; ++i)
     points[static_cast<std::size_t>(i)] = std::clamp(fit[i], -limit, limit);

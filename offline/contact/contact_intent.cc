@@ -1,6 +1,5 @@
 #include "offline/contact/contact_intent.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -8,6 +7,7 @@
 #include "offline/dynamics/hybrid_dynamics.h"
 #include "offline/dynamics/plane.h"
 #include "offline/dynamics/spatial.h"
+#include "offline/linear/symmetric_eigen.h"
 
 namespace tumbler {
 
@@ -63,11 +63,7 @@ double SmallestEffectiveMass(const Tree<Space>& tree,
       dynamics.SetState(q, change);  // With these as velocities, a point's velocity is J qdd.
       inverse.col(i) = dynamics.velocity(own.body).At(point);
     }
-    largest = std::max(largest,
-                       Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, kDimension, kDimension>>(
-                           inverse, Eigen::EigenvaluesOnly)
-                           .eigenvalues()
-                           .maxCoeff());
+    largest = std::max(largest, DecomposeSymmetric(inverse).values.maxCoeff());
   }
   return largest > 0 ? 1 / largest : std::numeric_limits<double>::infinity();
 }

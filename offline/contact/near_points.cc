@@ -1,32 +1,18 @@
 #include "offline/contact/near_points.h"
 
-#include <Eigen/Eigenvalues>
-#include <Eigen/LU>
 #include <cmath>
+#include <optional>
 
 #include "offline/dynamics/plane.h"
 #include "offline/dynamics/spatial.h"
+#include "offline/linear/small_system.h"
+#include "offline/linear/symmetric_eigen.h"
 
 namespace tumbler {
 namespace {
 
 /// Edges and faces count as parallel below this angle [rad]. Rounding hides smaller angles.
 constexpr double kParallelAngle = 1e-9;
-
-/// The least of all least squares solutions of a symmetric system, by its eigenvalues. Eigen's
-/// other decompositions of singular matrices allocate.
-template <class Solver, class Column>
-Column LeastSolution(const Solver& eigen, const Column& right) {
-  const auto& values = eigen.eigenvalues();
-  const double smallest = 1e-8 * values.cwiseAbs().maxCoeff();
-  Column sum = Column::Zero(right.size());
-  for (Eigen::Index k = 0; k < values.size(); ++k) {
-    if (std::abs(values[k]) <= smallest) continue;
-    const auto& v = eigen.eigenvectors().col(k);
-    sum += (v.dot(right) / values[k]) * v;
-  }
-  return sum;
-}
 
 /// Minimises |M y + r| over |y_i| <= h_i, where the columns of M are unit vectors. The method for
 /// this bounded least squares problem is the active-set method of Stark and Parker. The free
@@ -107,8 +93,7 @@ class BoundedLeastSquares {
         rest -= M_.col(i) * y_[i];
         if (at_[I(i)] == 0) gram += M_.col(i) * M_.col(i).transpose();
       }
-      const Vector z = LeastSolution(
-          Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, kRows, kRows>>(gram), rest);
+      const Vector z = DecomposeSymmetric(gram).LeastSolution(rest);
       bool inside = true;
       double norm = 0;
       for (int k = 0; k < count; ++k) {
@@ -237,6 +222,104 @@ typename Space::Vector FindLowest(const PosedShape<Space>& shape, const typename
   return lowest;
 }
 
+/// The system (31) for the near points of two shapes, with a row n . x + b = 0 for every constraint
+/// that holds with equality: b = -n . centre - bound.
+template <class Space>
+class KuhnTuckerSystem {
+ public:
+  using Vector = typename Space::Vector;
+
+  KuhnTuckerSystem(const PosedShape<Space>& a, const PosedShape<Space>& b,
+                   const NearPoints<Space>& near)
+      : a_(a), b_(b) {
+    AddRows(a, near.active_a, true);
+    AddRows(b, near.active_b, false);
+    if (near.unique) {
+      regular_.emplace(Matrix());
+    } else {
+      singular_ = DecomposeSymmetric(Matrix());
+    }
+  }
+
+  /// H^-1 v; where H is singular, the least of all solutions.
+  [[nodiscard]] SmallVector Solve(const SmallVector& v) const {
+    return regular_ ? regular_->Solve(v) : singular_->LeastSolution(v);
+  }
+
+  /// (0, -b)
+  [[nodiscard]] SmallVector Right() const {
+    SmallVector right = SmallVector::Zero(kX + count_);
+    for (int k = 0; k < count_; ++k) {
+      const Row& row = rows_[Index(k)];
+      right[kX + k] = row.n.dot((row.of_a ? a_ : b_).centre) + row.bound;
+    }
+    return right;
+  }
+
+  /// (0, -db) - dH (x, lambda, mu) for a displaced by S, with (x, lambda, mu) the solution.
+  [[nodiscard]] SmallVector ChangeOfRight(const typename Space::Motion& S,
+                                          const SmallVector& solution) const {
+    SmallVector change = SmallVector::Zero(kX + count_);
+    const Vector x = solution.template head<kDimension>();
+    for (int k = 0; k < count_; ++k) {
+      const Row& row = rows_[Index(k)];
+      if (!row.of_a) continue;
+      const Vector dn = Space::Cross(S.w, row.n);
+      change.template head<kDimension>() -= dn * solution[kX + k];
+      change[kX + k] = dn.dot(a_.centre) + row.n.dot(S.At(a_.centre)) - dn.dot(x);
+    }
+    return change;
+  }
+
+ private:
+  static constexpr int kDimension = NearPoints<Space>::kDimension;
+  static constexpr int kX = 2 * kDimension;  // x_a and x_b
+  static_assert(2 * kX <= kMaxSmallSize, "every coordinate of both cores may be at a bound");
+  static constexpr std::size_t Index(int i) { return static_cast<std::size_t>(i); }
+
+  struct Row {
+    bool of_a;
+    Vector n;
+    double bound;
+  };
+
+  void AddRows(const PosedShape<Space>& shape, const std::array<std::int8_t, kDimension>& active,
+               bool of_a) {
+    if (shape.half_space) {
+      rows_[Index(count_++)] = {of_a, shape.normal, 0};
+      return;
+    }
+    for (int i = 0; i < kDimension; ++i) {
+      const std::int8_t at = active[Index(i)];
+      if (at != 0) rows_[Index(count_++)] = {of_a, shape.axes.col(i), at * shape.half_extents[i]};
+    }
+  }
+
+  /// H
+  [[nodiscard]] SmallMatrix Matrix() const {
+    SmallMatrix H = SmallMatrix::Zero(kX + count_, kX + count_);
+    for (int i = 0; i < kDimension; ++i) {  // Q, from grad f = Q x
+      H(i, i) = H(kDimension + i, kDimension + i) = 2;
+      H(i, kDimension + i) = H(kDimension + i, i) = -2;
+    }
+    for (int k = 0; k < count_; ++k) {
+      const Row& row = rows_[Index(k)];
+      for (int i = 0; i < kDimension; ++i) {
+        const int at = row.of_a ? i : kDimension + i;
+        H(kX + k, at) = H(at, kX + k) = row.n[i];
+      }
+    }
+    return H;
+  }
+
+  const PosedShape<Space>& a_;
+  const PosedShape<Space>& b_;
+  std::array<Row, kX> rows_;
+  int count_ = 0;
+  std::optional<SmallSystem> regular_;                   // where the near points are unique
+  std::optional<SymmetricEigen<SmallMatrix>> singular_;  // and where they are not
+};
+
 }  // namespace
 
 template <class Space>
@@ -295,9 +378,6 @@ NearPointsDerivative<Space> DifferentiateNearPoints(const PosedShape<Space>& a,
                                                     const NearPoints<Space>& near) {
   using Vector = typename Space::Vector;
   constexpr int kDimension = NearPoints<Space>::kDimension;
-  constexpr int kMax = 4 * kDimension;
-  using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMax, kMax>;
-  using Column = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMax, 1>;
   NearPointsDerivative<Space> out;
   if (near.overlap) {
     for (std::size_t m = 0; m < out.kMotions; ++m) {
@@ -307,67 +387,11 @@ NearPointsDerivative<Space> DifferentiateNearPoints(const PosedShape<Space>& a,
     }
     return out;
   }
-  // The rows: n . x + b = 0 with b = -n . centre - (bound); `offset` of the row is x - centre.
-  struct Row {
-    bool of_a;
-    Vector n;
-    double bound;
-  };
-  std::array<Row, std::size_t{2} * kDimension> rows;
-  int count = 0;
-  const auto add_rows = [&](const PosedShape<Space>& shape, const auto& active, bool of_a) {
-    if (shape.half_space) {
-      rows[static_cast<std::size_t>(count++)] = {of_a, shape.normal, 0};
-      return;
-    }
-    for (int i = 0; i < kDimension; ++i) {
-      const std::int8_t at = active[static_cast<std::size_t>(i)];
-      if (at != 0) {
-        rows[static_cast<std::size_t>(count++)] = {of_a, shape.axes.col(i),
-                                                   at * shape.half_extents[i]};
-      }
-    }
-  };
-  add_rows(a, near.active_a, true);
-  add_rows(b, near.active_b, false);
-  constexpr int kX = 2 * kDimension;
-  const int size = kX + count;
-  Matrix H = Matrix::Zero(size, size);
-  H.template topLeftCorner<kX, kX>().diagonal().setConstant(2);  // Q, from grad f = Q x
-  H.template block<kDimension, kDimension>(0, kDimension).diagonal().setConstant(-2);
-  H.template block<kDimension, kDimension>(kDimension, 0).diagonal().setConstant(-2);
-  Column right = Column::Zero(size);
-  for (int k = 0; k < count; ++k) {
-    const Row& row = rows[static_cast<std::size_t>(k)];
-    const int at = row.of_a ? 0 : kDimension;
-    H.template block<1, kDimension>(kX + k, at) = row.n.transpose();
-    H.template block<kDimension, 1>(at, kX + k) = row.n;
-    right[kX + k] = row.n.dot((row.of_a ? a : b).centre) + row.bound;  // -b
-  }
-  Eigen::PartialPivLU<Matrix> lu;
-  Eigen::SelfAdjointEigenSolver<Matrix> eigen;
-  if (near.unique) {
-    lu.compute(H);
-  } else {
-    eigen.compute(H);
-  }
-  const auto solve = [&](const Column& v) -> Column {
-    if (near.unique) return lu.solve(v);
-    return LeastSolution(eigen, v);
-  };
-  const Column solution = solve(right);  // (31): x and the multipliers
+  const KuhnTuckerSystem<Space> system(a, b, near);
+  const SmallVector solution = system.Solve(system.Right());  // (31): x and the multipliers
   for (std::size_t m = 0; m < out.kMotions; ++m) {
     const auto S = Space::BasisMotion(m);
-    Column change = Column::Zero(size);  // (0, -db) - dH (x, lambda, mu)
-    for (int k = 0; k < count; ++k) {
-      const Row& row = rows[static_cast<std::size_t>(k)];
-      if (!row.of_a) continue;
-      const Vector dn = Space::Cross(S.w, row.n);
-      const Vector x = solution.template head<kDimension>();
-      change.template head<kDimension>() -= dn * solution[kX + k];
-      change[kX + k] = dn.dot(a.centre) + row.n.dot(S.At(a.centre)) - dn.dot(x);
-    }
-    const Column dx = solve(change);
+    const SmallVector dx = system.Solve(system.ChangeOfRight(S, solution));  // (32)
     const Vector dx_a = dx.template head<kDimension>();
     const Vector dx_b = dx.template segment<kDimension>(kDimension);
     const Vector d_vec = dx_a - dx_b;

@@ -5,13 +5,13 @@
 #include <urdf_model/model.h>
 #include <urdf_parser/urdf_parser.h>
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <map>
 #include <mutex>
 
 #include "common/toml_reader.h"
+#include "offline/linear/symmetric_eigen.h"
 #include "offline/model/urdf_source.h"
 
 namespace tumbler {
@@ -272,7 +272,7 @@ class Builder {
       NoteLink(link.name, problem, "mass");
     }
     if (!InReach(X_com)) FailLink(link.name, kOutOfReach, "inertial");
-    const Eigen::Vector3d moments = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(I).eigenvalues();
+    const Eigen::Vector3d moments = DecomposeSymmetric(I).values;
     if (!(moments(0) > 0)) {
       if (given.mass != 0 || !I.isZero(0)) {
         NoteLink(

@@ -1,6 +1,5 @@
 #include "offline/solver/solver.h"
 
-#include <Eigen/QR>
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -9,6 +8,8 @@
 #include <nlopt.hpp>
 #include <numeric>
 #include <thread>
+
+#include "offline/linear/least_squares.h"
 
 namespace tumbler {
 namespace {
@@ -200,7 +201,7 @@ double ProjectedGradient(const Eigen::VectorXd& g, std::vector<Eigen::VectorXd> 
   while (!active.empty()) {
     Eigen::MatrixXd A(g.size(), static_cast<Eigen::Index>(active.size()));
     for (std::size_t i = 0; i < active.size(); ++i) A.col(static_cast<Eigen::Index>(i)) = active[i];
-    const Eigen::VectorXd lambda = A.colPivHouseholderQr().solve(-g);
+    const Eigen::VectorXd lambda = SolveLeastSquares(A, -g);
     Eigen::Index lowest = 0;
     if (lambda.minCoeff(&lowest) >= 0) {
       residual = g + A * lambda;
