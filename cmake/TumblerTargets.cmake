@@ -24,11 +24,6 @@ if(TUMBLER_BUILD_FUZZERS)
   target_compile_options(tumbler_options INTERFACE -fsanitize=fuzzer-no-link)
 endif()
 
-if(TUMBLER_CLANG_TIDY)
-  find_program(TUMBLER_CLANG_TIDY_EXECUTABLE NAMES clang-tidy-14 clang-tidy REQUIRED)
-  set(CMAKE_CXX_CLANG_TIDY ${TUMBLER_CLANG_TIDY_EXECUTABLE} --quiet)
-endif()
-
 # tumbler_library(common SOURCES a.cc ... LINK Eigen3::Eigen ...) declares tumbler_common, alias tumbler::common.
 function(tumbler_library name)
   cmake_parse_arguments(ARG "" "" "SOURCES;LINK;LINK_PRIVATE" ${ARGN})
@@ -51,19 +46,4 @@ function(tumbler_executable name)
   add_executable(${name} ${ARG_SOURCES})
   target_link_libraries(${name} PRIVATE ${ARG_LINK} tumbler_warnings)
   install(TARGETS ${name} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
-endfunction()
-
-# tumbler_test(bspline_test LINK tumbler::common ...) builds NAME.cc of the current folder with GoogleTest
-# and registers each of its cases with CTest.
-function(tumbler_test name)
-  cmake_parse_arguments(ARG "" "" "SOURCES;LINK;LABELS" ${ARGN})
-  if(NOT ARG_SOURCES)
-    set(ARG_SOURCES ${name}.cc)
-  endif()
-  add_executable(${name} ${ARG_SOURCES})
-  set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/tests)
-  target_compile_definitions(${name} PRIVATE
-    TUMBLER_SOURCE_DIR="${PROJECT_SOURCE_DIR}" TUMBLER_BINARY_DIR="${CMAKE_BINARY_DIR}")
-  target_link_libraries(${name} PRIVATE ${ARG_LINK} GTest::gtest GTest::gmock GTest::gtest_main tumbler_warnings)
-  gtest_discover_tests(${name} PROPERTIES TIMEOUT 300 LABELS "${ARG_LABELS}" DISCOVERY_TIMEOUT 60)
 endfunction()

@@ -23,6 +23,7 @@
 #include "offline/rollout/forward_sensitivity.h"
 #include "offline/solver/solver.h"
 #include "tests/benchmarks/dynamics_cases.h"
+#include "tests/support/files.h"
 #include "tests/support/handstand.h"
 
 namespace tumbler {
@@ -277,7 +278,7 @@ int Main(int argc, char** argv) {
   }
 
   std::vector<FoundMotion> motions;
-  const auto tasks = std::filesystem::path(TUMBLER_SOURCE_DIR) / "primitives" / "tasks";
+  const auto tasks = std::filesystem::path(testing::SourcePath("primitives/tasks"));
   for (const char* name : {"handstand", "downstand", "roll"}) {
     const auto task = tasks / (std::string(name) + ".toml");
     if (!std::filesystem::exists(task)) continue;

@@ -5,6 +5,7 @@
 
 #include "offline/problem/task_toml.h"
 #include "offline/solver/solver.h"
+#include "tests/support/files.h"
 #include "tests/support/lamp_contact.h"
 
 namespace tumbler {
@@ -13,7 +14,7 @@ namespace tumbler {
 /// written for the lamp alone. With this seed both go the same way, within rounding.
 class LampHop {
  public:
-  LampHop() : problem_(LoadTask(TUMBLER_SOURCE_DIR "/primitives/tasks/lamp_hop.toml").problem) {
+  LampHop() : problem_(LoadTask(testing::SourcePath("primitives/tasks/lamp_hop.toml")).problem) {
     problem_.search.seed = 4;
   }
   [[nodiscard]] SolveOutcome Find(bool general) const {

@@ -12,6 +12,7 @@
 #include "firmware_interface/drives/make_simulated.h"
 #include "runtime/core/executor.h"
 #include "runtime/linux/dry_run_bus.h"
+#include "tests/support/files.h"
 #include "tests/support/motions.h"
 
 namespace tumbler {
@@ -92,6 +93,7 @@ int main(int argc, char** argv) {
   const std::string knots = argc > 1 ? argv[1] : "shared";
   const std::string protocol = argc > 2 ? argv[2] : "mit";
   const std::string suffix = protocol == "mit" ? "" : "_" + protocol;
-  return tumbler::Main(knots == "distinct",
-                       TUMBLER_SOURCE_DIR "/primitives/robots/tumbler_drives" + suffix + ".toml");
+  return tumbler::Main(
+      knots == "distinct",
+      tumbler::testing::SourcePath("primitives/robots/tumbler_drives") + suffix + ".toml");
 }

@@ -44,8 +44,8 @@ double CoxDeBoor(std::span<const double> u, int i, int p, double t) {
   return sum;
 }
 
-class EveryDegree : public testing::TestWithParam<int> {};
-INSTANTIATE_TEST_SUITE_P(BSpline, EveryDegree, testing::Range(0, 8));
+class EveryDegree : public ::testing::TestWithParam<int> {};
+INSTANTIATE_TEST_SUITE_P(BSpline, EveryDegree, ::testing::Range(0, 8));
 
 TEST_P(EveryDegree, AgreesWithTheTextbookRecursion) {
   std::mt19937_64 random(11);

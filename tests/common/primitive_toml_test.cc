@@ -20,8 +20,8 @@
 namespace tumbler {
 namespace {
 
-using testing::AllOf;
-using testing::HasSubstr;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
 using Spline = JointMotion<double>::Spline;
 
 Spline MakeSpline(int degree, const std::vector<double>& interior_knots, double duration,
@@ -281,7 +281,7 @@ PrimitiveFile AnyPrimitive(std::mt19937_64& random) {
 
 TEST(PrimitiveToml, RoundTripsRandomPrimitivesBitForBit) {
   std::mt19937_64 random(2004);
-  for (int trial = 0; trial < 300 && !testing::Test::HasFailure(); ++trial) {
+  for (int trial = 0; trial < 300 && !::testing::Test::HasFailure(); ++trial) {
     const PrimitiveFile file = AnyPrimitive(random);
     const std::string text = ToToml(file);
     const PrimitiveFile read = ParsePrimitive(text, "random.toml");
@@ -312,7 +312,7 @@ TEST(PrimitiveToml, KeepsOrdinaryTextsReadableInPlace) {
 
 TEST(PrimitiveToml, LoadsAFileAndNamesAMissingOne) {
   const PrimitiveFile file = Example();
-  const std::string path = testing::TempDir() + "tumbler_primitive_toml_test.toml";
+  const std::string path = ::testing::TempDir() + "tumbler_primitive_toml_test.toml";
   std::ofstream(path, std::ios::binary) << ToToml(file);
   ExpectSame(LoadPrimitive(path), file);
   std::remove(path.c_str());
@@ -392,7 +392,7 @@ std::string Mutate(const std::string& text, const std::string& from, const std::
   return text.substr(0, at) + to + text.substr(at + from.size());
 }
 
-class PrimitiveRefusal : public testing::TestWithParam<Refusal> {};
+class PrimitiveRefusal : public ::testing::TestWithParam<Refusal> {};
 
 TEST_P(PrimitiveRefusal, NamesFileLineKeyAndCause) {
   const Refusal& refusal = GetParam();
@@ -402,7 +402,7 @@ TEST_P(PrimitiveRefusal, NamesFileLineKeyAndCause) {
     FAIL() << "was accepted";
   } catch (const FileError& error) {
     const std::string message = error.what();
-    EXPECT_THAT(message, testing::MatchesRegex("p\\.toml:[0-9]+: .+"));
+    EXPECT_THAT(message, ::testing::MatchesRegex("p\\.toml:[0-9]+: .+"));
     for (const std::string& fragment : refusal.fragments) EXPECT_THAT(message, HasSubstr(fragment));
   }
 }
@@ -413,7 +413,7 @@ const std::string kLeftKnots =
 
 INSTANTIATE_TEST_SUITE_P(
     PrimitiveToml, PrimitiveRefusal,
-    testing::Values(
+    ::testing::Values(
         Refusal{"Format",
                 "tumbler-primitive",
                 "tumbler-gait",
@@ -672,7 +672,7 @@ TEST(PrimitiveToml, NeverLoadsATruncatedFile) {
       ++loaded;
       ADD_FAILURE() << "loaded " << size << " of " << text.size() << " bytes";
     } catch (const FileError& error) {
-      EXPECT_THAT(error.what(), testing::StartsWith("cut.toml"));
+      EXPECT_THAT(error.what(), ::testing::StartsWith("cut.toml"));
     }
   }
   EXPECT_EQ(loaded, 0);

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "common/toml_reader.h"
+#include "tests/support/files.h"
 
 namespace tumbler {
 namespace {
@@ -20,7 +21,7 @@ const std::string kHead = "format = \"tumbler-bus-faults\"\nversion = 1\n";
 
 TEST(BusFaultsToml, TheExampleIsRead) {
   const BusFaultPlan plan =
-      LoadBusFaults(std::string(TUMBLER_SOURCE_DIR) + "/tests/data/bus_faults.toml", kNodes);
+      LoadBusFaults(testing::SourcePath("tests/data/bus_faults.toml"), kNodes);
   EXPECT_EQ(plan.seed, 7U);
   ASSERT_EQ(plan.faults.size(), 4U);
   EXPECT_EQ(plan.faults[0].kind, BusFaultKind::kBitErrors);

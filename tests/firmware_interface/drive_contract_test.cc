@@ -26,6 +26,7 @@
 #include "firmware_interface/drives/drives_toml.h"
 #include "firmware_interface/drives/make_simulated.h"
 #include "firmware_interface/drives/rotor_plant.h"
+#include "tests/support/files.h"
 #include "tests/support/protocol_side.h"
 
 namespace tumbler {
@@ -77,7 +78,7 @@ std::vector<Case> Cases() {
     }
     return cases;
   }
-  const std::string robots = std::string(TUMBLER_SOURCE_DIR) + "/primitives/robots/";
+  const std::string robots = testing::SourcePath("primitives/robots/");
   for (const testing::TestedProtocol& protocol : testing::EveryProtocol()) {
     cases.push_back(load(robots + protocol.drives, 0));
     cases.back().name = protocol.name;

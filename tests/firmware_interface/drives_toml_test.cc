@@ -8,26 +8,21 @@
 #include <sstream>
 
 #include "common/toml_reader.h"
+#include "tests/support/files.h"
 
 namespace tumbler {
 namespace {
 
-using testing::HasSubstr;
-using testing::MatchesRegex;
+using ::testing::HasSubstr;
+using ::testing::MatchesRegex;
 
-const std::string kShipped =
-    std::string(TUMBLER_SOURCE_DIR) + "/primitives/robots/tumbler_drives.toml";
+const std::string kShipped = testing::SourcePath("primitives/robots/tumbler_drives.toml");
 const std::string kShippedCanSimple =
-    std::string(TUMBLER_SOURCE_DIR) + "/primitives/robots/tumbler_drives_cansimple.toml";
+    testing::SourcePath("primitives/robots/tumbler_drives_cansimple.toml");
 const std::string kShippedCia402 =
-    std::string(TUMBLER_SOURCE_DIR) + "/primitives/robots/tumbler_drives_cia402.toml";
+    testing::SourcePath("primitives/robots/tumbler_drives_cia402.toml");
 
-std::string ShippedText(const std::string& path = kShipped) {
-  std::ifstream stream(path, std::ios::binary);
-  std::ostringstream text;
-  text << stream.rdbuf();
-  return text.str();
-}
+std::string ShippedText(const std::string& path = kShipped) { return testing::ReadFile(path); }
 
 std::string Mutate(const std::string& text, const std::string& from, const std::string& to) {
   const std::size_t at = text.find(from);
@@ -115,7 +110,7 @@ struct ProtocolRefusal {
   std::vector<std::string> fragments;
 };
 
-class ProtocolRefusals : public testing::TestWithParam<ProtocolRefusal> {};
+class ProtocolRefusals : public ::testing::TestWithParam<ProtocolRefusal> {};
 
 TEST_P(ProtocolRefusals, NamesFileLineKeyAndCause) {
   const ProtocolRefusal& refusal = GetParam();
@@ -131,88 +126,88 @@ TEST_P(ProtocolRefusals, NamesFileLineKeyAndCause) {
 
 INSTANTIATE_TEST_SUITE_P(
     DrivesToml, ProtocolRefusals,
-    testing::Values(ProtocolRefusal{"CanSimpleNode",
-                                    &kShippedCanSimple,
-                                    "node_id = 1 ",
-                                    "node_id = 63 ",
-                                    {"drive[0].node_id: is 63; allowed: from 0 ... 62"}},
-                    ProtocolRefusal{"CanSimpleNodeTwice",
-                                    &kShippedCanSimple,
-                                    "node_id = 2",
-                                    "node_id = 1",
-                                    {"drive[1].node_id: is 1", "0x020", "'leg1'"}},
-                    ProtocolRefusal{"CanSimpleVelocityBeyondTheWire",
-                                    &kShippedCanSimple,
-                                    "velocity_rad_s = [-50.0, 50.0]",
-                                    "velocity_rad_s = [-210.0, 210.0]",
-                                    {"drive[0].range.velocity_rad_s: is [-210, 210]", "205.88"}},
-                    ProtocolRefusal{"CanSimpleEstimatesTooRare",
-                                    &kShippedCanSimple,
-                                    "estimates_s = 0.001",
-                                    "estimates_s = 0.01",
-                                    {"drive[0].estimates_s: is 0.01, 10 ticks", "at most 4"}},
-                    ProtocolRefusal{"CanSimpleTorquesTooOften",
-                                    &kShippedCanSimple,
-                                    "torques_s = 0.01",
-                                    "torques_s = 0.0001",
-                                    {"drive[0].torques_s: is 0.0001", "0 (not sent)"}},
-                    ProtocolRefusal{"CanSimpleWithoutGain",
-                                    &kShippedCanSimple,
-                                    "kp_nm_per_rad = 200.0",
-                                    "kp_nm_per_rad = 0.0",
-                                    {"drive[0].kp_nm_per_rad: is 0"}},
-                    ProtocolRefusal{"CanSimpleHasNoCommandId",
-                                    &kShippedCanSimple,
-                                    "direction = 1 ",
-                                    "command_id = 1 ",
-                                    {"drive[0].command_id: is not a key"}},
-                    ProtocolRefusal{"Cia402Node",
-                                    &kShippedCia402,
-                                    "node_id = 1 ",
-                                    "node_id = 127 ",
-                                    {"drive[0].node_id: is 127; allowed: from 1 ... 126"}},
-                    ProtocolRefusal{"Cia402NodeTwice",
-                                    &kShippedCia402,
-                                    "node_id = 2",
-                                    "node_id = 1",
-                                    {"drive[1].node_id: is 1", "'leg1'"}},
-                    ProtocolRefusal{"Cia402TwoHosts",
-                                    &kShippedCia402,
-                                    "host_id = 127 ",
-                                    "host_id = 126 ",
-                                    {"drive[1].host_id: is 127", "is 126; there is one host"}},
-                    ProtocolRefusal{"Cia402HostIsADrive",
-                                    &kShippedCia402,
-                                    "host_id = 127 ",
-                                    "host_id = 1 ",
-                                    {"drive[0].host_id: is 1, as node_id"}},
-                    ProtocolRefusal{"Cia402Rate",
-                                    &kShippedCia402,
-                                    "rate_hz = 1000.0",
-                                    "rate_hz = 600.0",
-                                    {"bus.rate_hz: is 600", "500, 400 or 250 Hz"}},
-                    ProtocolRefusal{"Cia402RateBeyondTheBus",
-                                    &kShippedCia402,
-                                    "rate_hz = 1000.0",
-                                    "rate_hz = 1250.0",
-                                    {"bus.rate_hz: is 1250", "at most"}},
-                    ProtocolRefusal{"Cia402Torque",
-                                    &kShippedCia402,
-                                    "rated_torque_nm = 6.0",
-                                    "rated_torque_nm = 0.5",
-                                    {"drive[0].range.torque_nm: is [-18, 18]", "at most +-16.38"}},
-                    ProtocolRefusal{"Cia402Watchdog",
-                                    &kShippedCia402,
-                                    "watchdog_s = 0.025",
-                                    "watchdog_s = 0.002",
-                                    {"drive[0].watchdog_s: is 0.002", "3 periods"}},
-                    ProtocolRefusal{"Cia402WatchdogsDiffer",
-                                    &kShippedCia402,
-                                    "watchdog_s = 0.025",
-                                    "watchdog_s = 0.05",
-                                    {"drive[1].watchdog_s: is not that of joint 'leg1'"}},
-                    ProtocolRefusal{
-                        "Cia402Reaction",
+    ::testing::Values(
+        ProtocolRefusal{"CanSimpleNode",
+                        &kShippedCanSimple,
+                        "node_id = 1 ",
+                        "node_id = 63 ",
+                        {"drive[0].node_id: is 63; allowed: from 0 ... 62"}},
+        ProtocolRefusal{"CanSimpleNodeTwice",
+                        &kShippedCanSimple,
+                        "node_id = 2",
+                        "node_id = 1",
+                        {"drive[1].node_id: is 1", "0x020", "'leg1'"}},
+        ProtocolRefusal{"CanSimpleVelocityBeyondTheWire",
+                        &kShippedCanSimple,
+                        "velocity_rad_s = [-50.0, 50.0]",
+                        "velocity_rad_s = [-210.0, 210.0]",
+                        {"drive[0].range.velocity_rad_s: is [-210, 210]", "205.88"}},
+        ProtocolRefusal{"CanSimpleEstimatesTooRare",
+                        &kShippedCanSimple,
+                        "estimates_s = 0.001",
+                        "estimates_s = 0.01",
+                        {"drive[0].estimates_s: is 0.01, 10 ticks", "at most 4"}},
+        ProtocolRefusal{"CanSimpleTorquesTooOften",
+                        &kShippedCanSimple,
+                        "torques_s = 0.01",
+                        "torques_s = 0.0001",
+                        {"drive[0].torques_s: is 0.0001", "0 (not sent)"}},
+        ProtocolRefusal{"CanSimpleWithoutGain",
+                        &kShippedCanSimple,
+                        "kp_nm_per_rad = 200.0",
+                        "kp_nm_per_rad = 0.0",
+                        {"drive[0].kp_nm_per_rad: is 0"}},
+        ProtocolRefusal{"CanSimpleHasNoCommandId",
+                        &kShippedCanSimple,
+                        "direction = 1 ",
+                        "command_id = 1 ",
+                        {"drive[0].command_id: is not a key"}},
+        ProtocolRefusal{"Cia402Node",
+                        &kShippedCia402,
+                        "node_id = 1 ",
+                        "node_id = 127 ",
+                        {"drive[0].node_id: is 127; allowed: from 1 ... 126"}},
+        ProtocolRefusal{"Cia402NodeTwice",
+                        &kShippedCia402,
+                        "node_id = 2",
+                        "node_id = 1",
+                        {"drive[1].node_id: is 1", "'leg1'"}},
+        ProtocolRefusal{"Cia402TwoHosts",
+                        &kShippedCia402,
+                        "host_id = 127 ",
+                        "host_id = 126 ",
+                        {"drive[1].host_id: is 127", "is 126; there is one host"}},
+        ProtocolRefusal{"Cia402HostIsADrive",
+                        &kShippedCia402,
+                        "host_id = 127 ",
+                        "host_id = 1 ",
+                        {"drive[0].host_id: is 1, as node_id"}},
+        ProtocolRefusal{"Cia402Rate",
+                        &kShippedCia402,
+                        "rate_hz = 1000.0",
+                        "rate_hz = 600.0",
+                        {"bus.rate_hz: is 600", "500, 400 or 250 Hz"}},
+        ProtocolRefusal{"Cia402RateBeyondTheBus",
+                        &kShippedCia402,
+                        "rate_hz = 1000.0",
+                        "rate_hz = 1250.0",
+                        {"bus.rate_hz: is 1250", "at most"}},
+        ProtocolRefusal{"Cia402Torque",
+                        &kShippedCia402,
+                        "rated_torque_nm = 6.0",
+                        "rated_torque_nm = 0.5",
+                        {"drive[0].range.torque_nm: is [-18, 18]", "at most +-16.38"}},
+        ProtocolRefusal{"Cia402Watchdog",
+                        &kShippedCia402,
+                        "watchdog_s = 0.025",
+                        "watchdog_s = 0.002",
+                        {"drive[0].watchdog_s: is 0.002", "3 periods"}},
+        ProtocolRefusal{"Cia402WatchdogsDiffer",
+                        &kShippedCia402,
+                        "watchdog_s = 0.025",
+                        "watchdog_s = 0.05",
+                        {"drive[1].watchdog_s: is not that of joint 'leg1'"}},
+        ProtocolRefusal{"Cia402Reaction",
                         &kShippedCia402,
                         "\"fault\"",
                         "\"limp\"",
@@ -248,7 +243,7 @@ struct Refusal {
   std::vector<std::string> fragments;
 };
 
-class DrivesRefusal : public testing::TestWithParam<Refusal> {};
+class DrivesRefusal : public ::testing::TestWithParam<Refusal> {};
 
 TEST_P(DrivesRefusal, NamesFileLineKeyAndCause) {
   const Refusal& refusal = GetParam();
@@ -264,7 +259,7 @@ TEST_P(DrivesRefusal, NamesFileLineKeyAndCause) {
 
 INSTANTIATE_TEST_SUITE_P(
     DrivesToml, DrivesRefusal,
-    testing::Values(
+    ::testing::Values(
         Refusal{"Format", "tumbler-drives", "tumbler-motors", {"format: is not 'tumbler-drives'"}},
         Refusal{"Version", "version = 1", "version = 2", {"version: is 2; allowed: from 1 ... 1"}},
         Refusal{"BitRate",

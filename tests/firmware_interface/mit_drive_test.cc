@@ -20,7 +20,7 @@ struct Sent {
 };
 
 /// A host drive, and hand-made replies of the real one.
-class MitDriveTest : public testing::Test {
+class MitDriveTest : public ::testing::Test {
  protected:
   Sent Tick(MitDrive& drive, DriveRequest request, const DriveSetpoint& setpoint = {}) {
     FrameBatch batch;

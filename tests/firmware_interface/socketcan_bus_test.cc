@@ -9,7 +9,7 @@
 namespace tumbler {
 namespace {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 TEST(SocketCanBus, OpeningAMissingInterfaceNamesItAndTheCause) {
   SocketCanBus bus;

@@ -17,6 +17,7 @@
 #include "offline/model/planar_robot.h"
 #include "offline/model/robot.h"
 #include "offline/problem/task_toml.h"
+#include "tests/support/bad_inputs.h"
 
 namespace tumbler {
 namespace {
@@ -113,10 +114,8 @@ void LoadInSpace(const std::string& text) {
 
 /// A task, the seam and a robot; or one of the two, which then meets the good other one.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  using tumbler::ReadTextFile;
-  static const std::string folder = TUMBLER_SOURCE_DIR "/tests/data/bad_inputs/";
-  static const std::string good_task = ReadTextFile(folder + "good.toml");
-  static const std::string good_robot = ReadTextFile(folder + "good.urdf");
+  static const std::string good_task = tumbler::testing::GoodTask();
+  static const std::string good_robot = tumbler::testing::GoodRobot();
   const std::string text(reinterpret_cast<const char*>(data), size);
   const std::size_t seam = text.find(tumbler::kSeam);
   const bool both = seam != std::string::npos;

@@ -20,6 +20,7 @@
 #ifdef TUMBLER_HAS_SIMULATION
 #include "offline/rehearsal/twin/twin_toml.h"
 #endif
+#include "tests/support/files.h"
 
 namespace tumbler {
 namespace {
@@ -43,7 +44,7 @@ void ReadOrRefuse(const Read& read) {
   }
 }
 
-const std::string kFolder = TUMBLER_SOURCE_DIR "/primitives/";
+const std::string kFolder = testing::SourcePath("primitives/");
 
 #ifdef TUMBLER_HAS_SIMULATION
 /// The motion whose robot a twin file is about.

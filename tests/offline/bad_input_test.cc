@@ -1,21 +1,22 @@
 // Every mistake that a task or a robot can hold ends the program with a message that names file,
-// line, key and what is allowed, and with nothing written. Mistakes are files: see
+// line, key and what is allowed, and with nothing written. Mistakes are data: see
 // tests/data/bad_inputs.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cctype>
 #include <filesystem>
 #include <map>
-#include <regex>
 #include <set>
-#include <sstream>
-#include <stdexcept>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "offline/problem/task_toml.h"
+#include "tests/support/bad_inputs.h"
+#include "tests/support/files.h"
 #include "tests/support/program.h"
 #include "tests/support/task_files.h"
 
@@ -23,6 +24,8 @@ namespace tumbler {
 namespace {
 
 using ::testing::AnyOf;
+using testing::BadInput;
+using testing::BadInputs;
 using ::testing::EndsWith;
 using ::testing::HasSubstr;
 using testing::LineOf;
@@ -33,37 +36,10 @@ using testing::ShippedRobot;
 using testing::ShippedTask;
 using testing::TaskFolder;
 
-const char* const kProgram = TUMBLER_BINARY_DIR "/bin/tumbler-optimize";
+const std::string kProgram = testing::ProgramPath("tumbler-optimize");
 
-/// A file of the folder of bad inputs, and the whole message that it deserves.
-struct BadFile {
-  std::string name;     ///< Relative to the folder, such as `tasks/duration_zero.toml`.
-  std::string message;  ///< With paths relative to the folder; `good.toml` is the good task.
-  [[nodiscard]] bool is_task() const { return name.starts_with("tasks/"); }
-};
-
-const std::filesystem::path kFolder = TUMBLER_SOURCE_DIR "/tests/data/bad_inputs";
-
-/// Comments, then lines in pairs: a file's name, and its message indented by four blanks.
-std::vector<BadFile> ReadMessages() {
-  std::vector<BadFile> files;
-  std::istringstream lines(ReadFile(kFolder / "messages.txt"));
-  for (std::string line; std::getline(lines, line);) {
-    if (line.starts_with("#")) continue;
-    BadFile& file = files.emplace_back();
-    file.name = line;
-    std::getline(lines, file.message);
-    if (!file.message.starts_with("    "))
-      throw std::runtime_error("messages.txt has no message below " + line);
-    file.message.erase(0, 4);
-  }
-  return files;
-}
-
-std::string WithoutAll(std::string text, const std::string& part) {
-  for (std::size_t at = text.find(part); at != std::string::npos; at = text.find(part))
-    text.erase(at, part.size());
-  return text;
+std::string WithoutAll(const std::string& text, const std::string& part) {
+  return testing::ReplacedAll(text, part, "");
 }
 
 std::map<std::string, std::filesystem::file_time_type> FilesOf(
@@ -77,70 +53,77 @@ std::map<std::string, std::filesystem::file_time_type> FilesOf(
   return files;
 }
 
-/// The good task with another robot.
-std::string GoodTaskWith(const std::filesystem::path& robot) {
-  return Replaced(ReadFile(kFolder / "good.toml"), "good.urdf", robot.string());
-}
+/// The bad inputs as files.
+class BadInputFolder : public ::testing::Test {
+ protected:
+  BadInputFolder() { testing::WriteBadInputs(folder_.path()); }
+  /// The good task with another robot.
+  [[nodiscard]] std::string GoodTaskWith(const std::string& robot) const {
+    return Replaced(testing::GoodTask(), "good.urdf", folder_ / robot);
+  }
+  [[nodiscard]] std::string WithoutFolder(const std::string& text) const {
+    return WithoutAll(text, folder_.path().string() + "/");
+  }
 
-TEST(BadInputFolder, HasAMessageForEachFileAndNoTwoAreTheSame) {
-  std::set<std::string> in_table, on_disk, said;
-  for (const BadFile& file : ReadMessages()) {
-    EXPECT_TRUE(in_table.insert(file.name).second) << file.name << " is listed twice";
+  testing::TemporaryFolder folder_;
+};
+
+TEST_F(BadInputFolder, HasNearly200AndNoTwoAreTheSame) {
+  std::set<std::string> names, texts{testing::GoodTask(), testing::GoodRobot()}, said;
+  for (const BadInput& input : BadInputs()) {
+    EXPECT_TRUE(names.insert(input.name).second) << input.name << " is listed twice";
+    EXPECT_TRUE(texts.insert(input.text).second || input.text.empty())
+        << input.name << " has the text of another";
     // The name and the line tell two files apart in any case; what is wrong must do so by itself.
-    const std::size_t place = file.message.find(": ");
-    ASSERT_NE(place, std::string::npos) << file.name;
-    EXPECT_TRUE(said.insert(file.message.substr(place)).second)
-        << file.name << " has the message of another file: " << file.message;
+    const std::size_t place = input.message.find(": ");
+    ASSERT_NE(place, std::string::npos) << input.name;
+    EXPECT_TRUE(said.insert(input.message.substr(place)).second)
+        << input.name << " has the message of another: " << input.message;
   }
-  for (const auto& [name, time] : FilesOf(kFolder)) {
-    if (name.starts_with("tasks/") || name.starts_with("robots/")) on_disk.insert(name);
-  }
-  EXPECT_EQ(in_table, on_disk);
-  EXPECT_GE(in_table.size(), 40U);
+  EXPECT_GE(names.size(), 190U);
 }
 
-TEST(BadInputFolder, TheTaskAndTheRobotThatTheOthersAreMadeFromAreGood) {
+TEST_F(BadInputFolder, TheTaskAndTheRobotThatTheOthersAreMadeFromAreGood) {
   const TaskFolder folder(
-      Replaced(GoodTaskWith(kFolder / "good.urdf"), "duration_s = 1.2", "duration_s = 0.3\n"));
+      Replaced(GoodTaskWith("good.urdf"), "duration_s = 1.2", "duration_s = 0.3\n"));
   const Task task = LoadTask(folder.task_file());
   EXPECT_EQ(task.problem.joints.size(), 2U);
   EXPECT_EQ(task.problem.robot.shapes.size(), 6U);
 }
 
-TEST(BadInputFolder, EveryFileEndsTheOptimiserWithItsMessageAndChangesNothing) {
-  const auto before = FilesOf(kFolder);
-  for (const BadFile& file : ReadMessages()) {
-    SCOPED_TRACE(file.name);
-    const TaskFolder folder(GoodTaskWith(kFolder / file.name));
+TEST_F(BadInputFolder, EveryFileEndsTheOptimiserWithItsMessageAndChangesNothing) {
+  const auto before = FilesOf(folder_.path());
+  for (const BadInput& input : BadInputs()) {
+    SCOPED_TRACE(input.name);
+    const TaskFolder folder(GoodTaskWith(input.name));
     const auto listing = folder.Listing();
-    const std::string task =
-        file.is_task() ? (kFolder / file.name).string() : folder.task_file().string();
+    const std::string task = input.is_task() ? folder_ / input.name : folder.task_file().string();
     Program program({kProgram, task, "--out", folder / "motion.toml", "--report", folder / "report",
                      "--json", folder / "figures.json"});
     EXPECT_EQ(program.Wait(), 1);
-    std::string text = WithoutAll(program.text(), kFolder.string() + "/");
-    if (!file.is_task()) text = WithoutAll(text, folder / "tasks/");
-    const std::string message =
-        file.message.starts_with("good") ? Replaced(file.message, "good", "task") : file.message;
+    std::string text = WithoutFolder(program.text());
+    if (!input.is_task()) text = WithoutAll(text, folder / "tasks/");
+    const bool of_task = !input.is_task() && input.message.starts_with("good");
+    const std::string message = of_task ? Replaced(input.message, "good", "task") : input.message;
     EXPECT_THAT(text, EndsWith("error: " + message + "\n"));
     EXPECT_EQ(folder.Listing(), listing) << "files were left behind";
   }
-  EXPECT_EQ(FilesOf(kFolder), before);
+  EXPECT_EQ(FilesOf(folder_.path()), before);
 }
 
-TEST(BadInputFolder, TheChecksOfARobotSayTheSame) {
-  for (const BadFile& file : ReadMessages()) {
-    if (file.is_task() || !file.message.starts_with(file.name)) continue;
-    SCOPED_TRACE(file.name);
-    Program program({TUMBLER_BINARY_DIR "/bin/tumbler-model", "check", kFolder / file.name});
+TEST_F(BadInputFolder, TheChecksOfARobotSayTheSame) {
+  for (const BadInput& input : BadInputs()) {
+    if (input.is_task() || !input.message.starts_with(input.name)) continue;
+    SCOPED_TRACE(input.name);
+    Program program({testing::ProgramPath("tumbler-model"), "check", folder_ / input.name});
     const int status = program.Wait();
-    const std::string text = WithoutAll(program.text(), kFolder.string() + "/");
+    const std::string text = WithoutFolder(program.text());
     // What a robot in general may have, but none of a task, is a remark in the table of its parts.
     if (status == 0) {
-      EXPECT_THAT(text, HasSubstr("tumbler-optimize does not take it: " + file.message + "\n"));
+      EXPECT_THAT(text, HasSubstr("tumbler-optimize does not take it: " + input.message + "\n"));
     } else {
       EXPECT_EQ(status, 1);
-      EXPECT_EQ(text, "error: " + file.message + "\n");
+      EXPECT_EQ(text, "error: " + input.message + "\n");
     }
   }
 }
@@ -149,13 +132,20 @@ struct Place {
   std::size_t offset, length;
 };
 
-/// Where each match of the pattern's first group is.
-std::vector<Place> FindAll(const std::string& text, const std::string& pattern) {
+/// Where a number stands behind one of `before`, with one of the characters `behind` after it.
+std::vector<Place> FindNumbers(const std::string& text, const std::vector<std::string>& before,
+                               const std::string& behind) {
   std::vector<Place> places;
-  const std::regex regex(pattern);
-  for (std::sregex_iterator i(text.begin(), text.end(), regex), end; i != end; ++i) {
-    places.push_back(
-        {static_cast<std::size_t>(i->position(1)), static_cast<std::size_t>(i->length(1))});
+  for (std::size_t at = 0; at < text.size(); ++at) {
+    const std::string_view rest = std::string_view(text).substr(at);
+    const auto stands = [&](const std::string& part) { return rest.starts_with(part); };
+    const auto part = std::find_if(before.begin(), before.end(), stands);
+    if (part == before.end()) continue;
+    const std::size_t first = at + part->size();
+    const std::size_t digit = text.find_first_not_of("-+", first);
+    const std::size_t end = text.find_first_not_of("-+0123456789.e", first);
+    if (digit > first + 1 || !std::isdigit(static_cast<unsigned char>(text.at(digit)))) continue;
+    if (behind.find(text.at(end)) != std::string::npos) places.push_back({first, end - first});
   }
   return places;
 }
@@ -193,8 +183,7 @@ TEST(BadInputEverywhere, ATaskWithEveryNumberIsRead) {
 
 TEST(BadInputEverywhere, NoNumberOfATaskMayBeNanOrInfinite) {
   const std::string text = TaskWithEveryNumber();
-  const std::vector<Place> places =
-      FindAll(text, "(?:= |= \\[|, )([-+]?[0-9][-+0-9.e]*)(?=[,\\] }\\n])");
+  const std::vector<Place> places = FindNumbers(text, {"= [", "= ", ", "}, ",] }\n");
   ASSERT_GE(places.size(), 55U);
   for (const Place& place : places) {
     for (const std::string value : {"nan", "inf", "-inf"}) {
@@ -216,7 +205,7 @@ TEST(BadInputEverywhere, NoNumberOfATaskMayBeNanOrInfinite) {
 
 TEST(BadInputEverywhere, NoNumberOfARobotMayBeNanOrInfiniteOrHaveSomethingBehindIt) {
   const std::string text = ShippedRobot();
-  std::vector<Place> places = FindAll(text, "=\"([-+]?[0-9][-+0-9.e]*)[\" ]");
+  std::vector<Place> places = FindNumbers(text, {"=\""}, "\" ");
   places.erase(places.begin());  // That of <?xml version?>.
   ASSERT_GE(places.size(), 50U);
   for (const Place& place : places) {
@@ -260,7 +249,7 @@ TEST(BadInputFiles, AFileWithoutEndIsRefused) {
 
 TEST(BadInputFiles, LinesAreCountedTheSameWithWindowsLineEnds) {
   const auto windows = [](const std::string& text) {
-    return std::regex_replace(text, std::regex("\n"), "\r\n");
+    return testing::ReplacedAll(text, "\n", "\r\n");
   };
   const auto said = [](const std::string& task, const std::string& robot) {
     const TaskFolder folder(task, robot);

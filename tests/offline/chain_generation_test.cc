@@ -13,6 +13,7 @@
 #include "common/toml_reader.h"
 #include "offline/certificate/certificate.h"
 #include "offline/chain/chain.h"
+#include "tests/support/files.h"
 #include "tests/support/sequence_files.h"
 #include "tests/support/task_files.h"
 
@@ -24,7 +25,7 @@ using testing::SequenceFolder;
 
 constexpr double kPi = std::numbers::pi;
 
-std::string Primitives() { return TUMBLER_SOURCE_DIR "/primitives/"; }
+std::string Primitives() { return testing::SourcePath("primitives/"); }
 std::string TaskFile(const std::string& name) { return Primitives() + "tasks/" + name + ".toml"; }
 
 PrimitiveFile Find(const Task& task) {

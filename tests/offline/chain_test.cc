@@ -13,6 +13,7 @@
 #include "common/primitive_hash.h"
 #include "common/toml_reader.h"
 #include "offline/certificate/certificate.h"
+#include "tests/support/files.h"
 #include "tests/support/program.h"
 #include "tests/support/sequence_files.h"
 #include "tests/support/task_files.h"
@@ -22,7 +23,6 @@ namespace {
 
 using ::testing::AllOf;
 using ::testing::HasSubstr;
-using testing::Program;
 using testing::QuickTask;
 using testing::ReadFile;
 using testing::Replaced;
@@ -309,12 +309,9 @@ TEST(SimulateChain, GroundTooSoftIsACoreThatIsReached) {
 
 // ---- The program
 
-std::pair<int, std::string> Chain(const std::vector<std::string>& arguments) {
-  std::vector<std::string> all = {TUMBLER_BINARY_DIR "/bin/tumbler-chain"};
-  all.insert(all.end(), arguments.begin(), arguments.end());
-  Program program(all);
-  const int status = program.Wait();
-  return {status, program.text()};
+testing::Outcome Chain(std::vector<std::string> arguments) {
+  arguments.insert(arguments.begin(), "tumbler-chain");
+  return testing::RunProgram(arguments);
 }
 
 TEST(ChainCli, ChecksAllJoinsInATable) {
@@ -337,7 +334,7 @@ TEST(ChainCli, NamesTheFirstJoinThatDoesNotFit) {
                           HasSubstr("edge[0]: there -> back: root, "
                                     "pitch:"),
                           HasSubstr("0.5 rad apart; allowed: 0.02 rad")));
-  EXPECT_EQ(Chain({"simulate", folder.file()}).first, 1) << "nothing is played of it";
+  EXPECT_EQ(Chain({"simulate", folder.file()}).exit_code, 1) << "nothing is played of it";
 }
 
 TEST(ChainCli, SimulatesAndReportsInJson) {
@@ -389,10 +386,10 @@ TEST(ChainCli, AFallIsExitStatusFourWithCauseAndTime) {
 
 TEST(ChainCli, WrongCommandLinesAreRefused) {
   const SequenceFolder folder(Sway(), ThereAndBack());
-  EXPECT_EQ(Chain({}).first, 1);
-  EXPECT_EQ(Chain({"check"}).first, 1);
-  EXPECT_EQ(Chain({"check", "/nowhere.toml"}).first, 1);
-  EXPECT_EQ(Chain({"simulate", folder.file(), "--cycles", "-1"}).first, 1);
+  EXPECT_EQ(Chain({}).exit_code, 1);
+  EXPECT_EQ(Chain({"check"}).exit_code, 1);
+  EXPECT_EQ(Chain({"check", "/nowhere.toml"}).exit_code, 1);
+  EXPECT_EQ(Chain({"simulate", folder.file(), "--cycles", "-1"}).exit_code, 1);
   const auto [status, text] = Chain({"simulate", folder.file(), "--branch", "out"});
   EXPECT_EQ(status, 1);
   EXPECT_THAT(text, HasSubstr("has no branch 'out'; its branches: none"));

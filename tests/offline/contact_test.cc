@@ -19,7 +19,7 @@ std::vector<Obstacle<Plane>> GroundAndBump() {
           {"wall", Shape<Plane>::HalfSpace({-0.5, 0}, {3, 1})}};
 }
 
-class EveryLaw : public testing::TestWithParam<std::tuple<ContactSmoothing, ContactDamping>> {
+class EveryLaw : public ::testing::TestWithParam<std::tuple<ContactSmoothing, ContactDamping>> {
  protected:
   static ContactLaw Law() {
     ContactLaw law;
@@ -30,9 +30,9 @@ class EveryLaw : public testing::TestWithParam<std::tuple<ContactSmoothing, Cont
 };
 INSTANTIATE_TEST_SUITE_P(
     Contact, EveryLaw,
-    testing::Combine(testing::Values(ContactSmoothing::kCubic, ContactSmoothing::kQuintic),
-                     testing::Values(ContactDamping::kNoPull, ContactDamping::kSigned,
-                                     ContactDamping::kPrinted)));
+    ::testing::Combine(::testing::Values(ContactSmoothing::kCubic, ContactSmoothing::kQuintic),
+                       ::testing::Values(ContactDamping::kNoPull, ContactDamping::kSigned,
+                                         ContactDamping::kPrinted)));
 
 TEST_P(EveryLaw, DerivativesOfTheNormalForceAgreeWithDifferences) {
   const ContactLaw law = Law();

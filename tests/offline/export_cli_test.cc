@@ -8,6 +8,7 @@
 #include <string>
 
 #include "common/motion_header.h"
+#include "tests/support/files.h"
 #include "tests/support/program.h"
 #include "tests/support/sequence_files.h"
 #include "tests/support/task_files.h"
@@ -18,25 +19,15 @@ namespace {
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
-using testing::Program;
+using testing::Outcome;
 using testing::ReadFile;
 using testing::Replaced;
 using testing::SequenceFolder;
 using testing::WriteFile;
 
-struct Outcome {
-  int status = -1;
-  std::string text;
-};
-
 Outcome Export(const std::string& motion, const std::string& header,
                const std::string& name = "motion") {
-  Program program(
-      {TUMBLER_BINARY_DIR "/bin/tumbler-export", motion, "--header", header, "--namespace", name});
-  Outcome outcome;
-  outcome.status = program.Wait();
-  outcome.text = program.text();
-  return outcome;
+  return testing::RunProgram({"tumbler-export", motion, "--header", header, "--namespace", name});
 }
 
 std::string Header(const SequenceFolder& folder) { return folder.file().parent_path() / "out.h"; }
@@ -44,7 +35,7 @@ std::string Header(const SequenceFolder& folder) { return folder.file().parent_p
 TEST(TumblerExport, WritesTheHeaderOfASequence) {
   const SequenceFolder folder(testing::GaitText());
   const Outcome outcome = Export(folder.file(), Header(folder));
-  EXPECT_EQ(outcome.status, 0);
+  EXPECT_EQ(outcome.exit_code, 0);
   EXPECT_THAT(outcome.text, IsEmpty());
   EXPECT_EQ(ReadFile(Header(folder)),
             ToHeader(LoadMotion(folder.file()), ReadFile(folder.file()), "motion"));
@@ -53,7 +44,7 @@ TEST(TumblerExport, WritesTheHeaderOfASequence) {
 TEST(TumblerExport, WritesTheHeaderOfAPrimitiveAlone) {
   const SequenceFolder folder(testing::GaitText());
   const std::string primitive = folder.file().parent_path() / "up.toml";
-  EXPECT_EQ(Export(primitive, Header(folder)).status, 0);
+  EXPECT_EQ(Export(primitive, Header(folder)).exit_code, 0);
   EXPECT_EQ(ReadFile(Header(folder)),
             ToHeader(LoadMotion(primitive), ReadFile(primitive), "motion"));
 }
@@ -63,7 +54,7 @@ TEST(TumblerExport, RefusesASequenceThatDoesNotFitAndLeavesTheOldHeader) {
       Replaced(testing::GaitText(), "joints = [[\"joint1\", \"joint2\"]]", "joints = []"));
   WriteFile(Header(folder), "the old one");
   const Outcome outcome = Export(folder.file(), Header(folder));
-  EXPECT_EQ(outcome.status, 1);
+  EXPECT_EQ(outcome.exit_code, 1);
   EXPECT_THAT(outcome.text, HasSubstr("gait.toml:"));
   EXPECT_EQ(ReadFile(Header(folder)), "the old one");
 }
@@ -72,7 +63,7 @@ TEST(TumblerExport, NamesFileLineKeyAndValueOfABadInput) {
   const std::string text = Replaced(testing::GaitText(), "settle_s = 1.5", "settle_s = -1.5");
   const SequenceFolder folder(text);
   const Outcome outcome = Export(folder.file(), Header(folder));
-  EXPECT_EQ(outcome.status, 1);
+  EXPECT_EQ(outcome.exit_code, 1);
   EXPECT_THAT(
       outcome.text,
       AllOf(HasSubstr("gait.toml:" + std::to_string(testing::LineOf(text, "settle_s")) + ": "),
@@ -83,12 +74,12 @@ TEST(TumblerExport, NamesFileLineKeyAndValueOfABadInput) {
 TEST(TumblerExport, RefusesFilesThatCannotBeReadOrWritten) {
   const SequenceFolder folder(testing::GaitText());
   const std::string nowhere = folder.file().parent_path() / "no" / "out.h";
-  EXPECT_EQ(Export(folder.file(), nowhere).status, 1);
+  EXPECT_EQ(Export(folder.file(), nowhere).exit_code, 1);
   EXPECT_THAT(Export(folder.file(), nowhere).text,
               AllOf(HasSubstr(nowhere), HasSubstr("cannot be written")));
   EXPECT_THAT(Export(nowhere, Header(folder)).text, HasSubstr(nowhere));
-  EXPECT_EQ(Export(nowhere, Header(folder)).status, 1);
-  EXPECT_EQ(Export(folder.file(), folder.file().parent_path()).status, 1);  // A folder.
+  EXPECT_EQ(Export(nowhere, Header(folder)).exit_code, 1);
+  EXPECT_EQ(Export(folder.file(), folder.file().parent_path()).exit_code, 1);  // A folder.
   for (const auto& entry : std::filesystem::directory_iterator(folder.file().parent_path()))
     EXPECT_EQ(entry.path().extension(), ".toml") << entry.path();
 }
@@ -96,7 +87,7 @@ TEST(TumblerExport, RefusesFilesThatCannotBeReadOrWritten) {
 TEST(TumblerExport, NeverOverwritesItsInput) {
   const SequenceFolder folder(testing::GaitText());
   const Outcome outcome = Export(folder.file(), folder.file());
-  EXPECT_EQ(outcome.status, 1);
+  EXPECT_EQ(outcome.exit_code, 1);
   EXPECT_THAT(outcome.text, HasSubstr("is the input"));
   EXPECT_EQ(ReadFile(folder.file()), testing::GaitText());
 }
@@ -104,7 +95,7 @@ TEST(TumblerExport, NeverOverwritesItsInput) {
 TEST(TumblerExport, RefusesANamespaceThatIsNone) {
   const SequenceFolder folder(testing::GaitText());
   const Outcome outcome = Export(folder.file(), Header(folder), "a b");
-  EXPECT_EQ(outcome.status, 1);
+  EXPECT_EQ(outcome.exit_code, 1);
   EXPECT_THAT(outcome.text, HasSubstr("'a b' is not a namespace"));
   EXPECT_FALSE(std::filesystem::exists(Header(folder)));
 }

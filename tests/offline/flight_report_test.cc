@@ -23,8 +23,9 @@
 #include "runtime/linux/operator_mailbox.h"
 #include "runtime/record/flight_record.h"
 #include "tests/offline/sample_runs.h"
+#include "tests/support/files.h"
+#include "tests/support/program.h"
 #include "tests/support/recorded_run.h"
-#include "tests/support/shell.h"
 
 namespace tumbler {
 namespace {
@@ -34,12 +35,12 @@ using ::testing::Each;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::Not;
-using testing::ReadBytes;
+using testing::Outcome;
+using testing::ReadFile;
 using testing::RunInShell;
-using Outcome = testing::ShellOutcome;
 
-constexpr const char* kHandstand = TUMBLER_SOURCE_DIR "/primitives/handstand.toml";
-constexpr const char* kGait = TUMBLER_SOURCE_DIR "/primitives/gait.toml";
+const std::string kHandstand = testing::SourcePath("primitives/handstand.toml");
+const std::string kGait = testing::SourcePath("primitives/gait.toml");
 
 /// Runs of the simulated robot, recorded once for all tests of this process.
 struct Records {
@@ -69,7 +70,7 @@ const Records& Recorded() {
 }
 
 std::vector<TickEntry> EntriesOf(const std::string& path) {
-  const std::string bytes = ReadBytes(path);
+  const std::string bytes = ReadFile(path);
   FlightRecord record(testing::AsBytes(bytes), path);
   std::vector<TickEntry> entries;
   const auto entry = std::make_unique<TickEntry>();
@@ -354,7 +355,7 @@ TEST(FlightReport, LatenciesCountEveryTickAndFrame) {
 TEST(FlightReport, WhatTheOperatorAskedIsAnEventAndLatenciesAreThoseThatTheLoopCounts) {
   // The recorded handstand with other notes of the loop: from its 500th tick on a request, and in
   // every tick other times.
-  const std::string bytes = ReadBytes(Recorded().handstand);
+  const std::string bytes = ReadFile(Recorded().handstand);
   RecordBytes changed;
   AppendRecordHeader(changed);
   BlockReader reader(testing::AsBytes(bytes));
@@ -487,18 +488,18 @@ TEST_F(ReportProgram, WritesOnePageOfRecordsAndPrimitives) {
   EXPECT_EQ(outcome.exit_code, 0) << outcome.text;
   EXPECT_THAT(outcome.text, HasSubstr("fault at"));
   EXPECT_THAT(outcome.text, HasSubstr("leg2, measured position: at most"));
-  const std::string page = ReadBytes(out_ + "/index.html");
+  const std::string page = ReadFile(out_ + "/index.html");
   EXPECT_THAT(page, HasSubstr("<title>" + Recorded().handstand));
   EXPECT_THAT(page, Not(HasSubstr("{{")));
   EXPECT_THAT(page, Not(HasSubstr("src=\"http")));
   // The same files give the same page.
   EXPECT_EQ(Report(Recorded().handstand + " " + Recorded().weak + " " + kHandstand).exit_code, 0);
-  EXPECT_EQ(ReadBytes(out_ + "/index.html"), page);
+  EXPECT_EQ(ReadFile(out_ + "/index.html"), page);
 }
 
 TEST_F(ReportProgram, ARecordThatWasCutOffIsShownUpToThere) {
   const std::string cut = folder_ / "cut.rec";
-  const std::string whole = ReadBytes(Recorded().handstand);
+  const std::string whole = ReadFile(Recorded().handstand);
   std::ofstream(cut, std::ios::binary) << whole.substr(0, whole.size() / 2);
   const Outcome outcome = Report(cut);
   EXPECT_EQ(outcome.exit_code, 0) << outcome.text;
@@ -510,7 +511,7 @@ TEST_F(ReportProgram, NamesFileAndReasonAndWritesNothing) {
   const std::string empty = folder_ / "empty.rec";
   std::ofstream(empty).flush();
   const std::string head = folder_ / "head.rec";
-  std::ofstream(head, std::ios::binary) << ReadBytes(Recorded().handstand).substr(0, 500);
+  std::ofstream(head, std::ios::binary) << ReadFile(Recorded().handstand).substr(0, 500);
   const std::string& record = Recorded().handstand;
   ExpectRefused("/nowhere/run.rec", "/nowhere/run.rec: cannot be read: No such file");
   ExpectRefused(empty, empty);
@@ -531,7 +532,7 @@ TEST_F(ReportProgram, SaysWhenThePageCannotBeWritten) {
   const Outcome outcome = Report(Recorded().handstand);
   EXPECT_EQ(outcome.exit_code, 1) << outcome.text;
   EXPECT_THAT(outcome.text, HasSubstr("cannot write " + out_ + "/index.html"));
-  EXPECT_EQ(ReadBytes(out_), "a file, not a folder");
+  EXPECT_EQ(ReadFile(out_), "a file, not a folder");
 }
 
 }  // namespace

@@ -10,6 +10,7 @@
 
 #include "offline/problem/task_toml.h"
 #include "tests/support/allocation_count.h"
+#include "tests/support/files.h"
 #include "tests/support/handstand.h"
 
 namespace tumbler {
@@ -67,7 +68,7 @@ TEST(ForwardSensitivity, HasThePapersSevenStateAndSeventySevenGradientEquations)
 std::vector<std::string> Tasks() {
   std::vector<std::string> files;
   const std::filesystem::path folder =
-      std::filesystem::path(TUMBLER_SOURCE_DIR) / "primitives" / "tasks";
+      std::filesystem::path(testing::SourcePath("primitives/tasks"));
   for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
     if (entry.path().extension() == ".toml") files.push_back(entry.path().string());
   }
@@ -80,7 +81,7 @@ INSTANTIATE_TEST_SUITE_P(ForwardSensitivity, EveryTask, ::testing::ValuesIn(Task
                          [](const auto& task) {
                            std::string name;
                            const auto tasks =
-                               std::filesystem::path(TUMBLER_SOURCE_DIR) / "primitives" / "tasks";
+                               std::filesystem::path(testing::SourcePath("primitives/tasks"));
                            for (const char c : std::filesystem::path(task.param)
                                                    .lexically_relative(tasks)
                                                    .replace_extension()

@@ -16,13 +16,14 @@
 #include "offline/dynamics/hybrid_dynamics.h"
 #include "offline/problem/task_toml.h"
 #include "offline/solver/solver.h"
+#include "tests/support/files.h"
 #include "tests/support/random_robot.h"
 
 namespace tumbler {
 namespace {
 
 Problem LampProblem() {
-  return LoadTask(TUMBLER_SOURCE_DIR "/primitives/tasks/lamp_hop.toml").problem;
+  return LoadTask(testing::SourcePath("primitives/tasks/lamp_hop.toml")).problem;
 }
 
 /// Outputs of hybrid dynamics and all derivatives, with contact.
@@ -114,7 +115,7 @@ TEST(LampContact, AndTheGeneralModelGiveTheSameMotionAndDerivatives) {
     EXPECT_LT(Difference(a.derivatives, b.derivatives), 1e-10);
   }
   EXPECT_THAT(std::vector<int>({sticking, sliding, pulling, fading, head}),
-              testing::Each(testing::Gt(20)))
+              ::testing::Each(::testing::Gt(20)))
       << "every branch of the law is taken";
   EXPECT_TRUE(counts.contains(0) && counts.contains(1) && counts.contains(2));
 }

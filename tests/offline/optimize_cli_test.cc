@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "common/primitive_toml.h"
+#include "tests/support/files.h"
 #include "tests/support/program.h"
 #include "tests/support/task_files.h"
 
@@ -29,7 +30,7 @@ using testing::TaskFolder;
 
 /// Runs the program on the folder's task.
 Program Optimize(const TaskFolder& folder, std::vector<std::string> more) {
-  more.insert(more.begin(), {TUMBLER_BINARY_DIR "/bin/tumbler-optimize", folder.task_file()});
+  more.insert(more.begin(), {testing::ProgramPath("tumbler-optimize"), folder.task_file()});
   return Program(more);
 }
 
@@ -150,7 +151,7 @@ TEST(OptimizeCli, WrongCommandLinesAreRefused) {
     EXPECT_EQ(program.Wait(), 1) << c.says;
     EXPECT_THAT(program.text(), HasSubstr(c.says));
   }
-  Program nothing({TUMBLER_BINARY_DIR "/bin/tumbler-optimize"});
+  Program nothing({testing::ProgramPath("tumbler-optimize")});
   EXPECT_EQ(nothing.Wait(), 1);
   EXPECT_EQ(folder.Listing(), before);
 }

@@ -10,6 +10,7 @@
 #include "common/toml_reader.h"
 #include "offline/problem/task_toml.h"
 #include "offline/rollout/forward_sensitivity.h"
+#include "tests/support/files.h"
 #include "tests/support/program.h"
 #include "tests/support/task_files.h"
 
@@ -29,11 +30,10 @@ struct Motion {
 };
 
 Motion Solved(const std::string& name) {
-  const std::string task =
-      std::string(TUMBLER_SOURCE_DIR) + "/primitives/tasks/paper/" + name + ".toml";
+  const std::string task = testing::SourcePath("primitives/tasks/paper/") + name + ".toml";
   const TaskFolder folder("");
-  Program program({TUMBLER_BINARY_DIR "/bin/tumbler-optimize", task, "--out",
-                   folder / "motion.toml", "--threads", "2"});
+  Program program({testing::ProgramPath("tumbler-optimize"), task, "--out", folder / "motion.toml",
+                   "--threads", "2"});
   EXPECT_EQ(program.Wait(), 0) << program.text();
   Motion motion{LoadTask(task).problem, LoadPrimitive(folder / "motion.toml"), {}, {}};
   const Problem& problem = motion.problem;
@@ -116,7 +116,7 @@ TEST(PaperTasks, TheDownstandEndsOnBothFeetOnTheOtherSide) {
 TEST(PaperTasks, ThePrintedDampingDoesNotEvenStandStill) {
   // (13) with the magnitude of the velocity: why the tasks have the signed one.
   const std::string text =
-      testing::ReadFile(TUMBLER_SOURCE_DIR "/primitives/tasks/paper/handstand.toml");
+      testing::ReadFile(testing::SourcePath("primitives/tasks/paper/handstand.toml"));
   EXPECT_THROW(ParseTask(testing::Replaced(text, "\"signed\"", "\"printed\""), "task.toml",
                          testing::ShippedRobot(), "robot.urdf"),
                FileError);

@@ -11,6 +11,7 @@
 
 #include "common/sequence_toml.h"
 #include "offline/rehearsal/twin/simulated_robot.h"
+#include "tests/support/files.h"
 
 namespace tumbler {
 namespace {
@@ -24,7 +25,7 @@ constexpr DrivesPosture kTaken{false, false};  // by a watchdog
 constexpr DrivesPosture kLetGo{false, true};
 
 const SequenceFile& Gait() {
-  static const SequenceFile gait = LoadMotion(TUMBLER_SOURCE_DIR "/primitives/gait.toml");
+  static const SequenceFile gait = LoadMotion(testing::SourcePath("primitives/gait.toml"));
   return gait;
 }
 

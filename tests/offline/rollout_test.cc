@@ -67,8 +67,8 @@ Problem DroppedHandstand(int control_points = 12) {
   return problem;
 }
 
-class GradientAtStep : public testing::TestWithParam<double> {};
-INSTANTIATE_TEST_SUITE_P(Rollout, GradientAtStep, testing::Values(0.5e-3, 1e-3, 2e-3));
+class GradientAtStep : public ::testing::TestWithParam<double> {};
+INSTANTIATE_TEST_SUITE_P(Rollout, GradientAtStep, ::testing::Values(0.5e-3, 1e-3, 2e-3));
 
 TEST_P(GradientAtStep, AgreesWithCentralDifferencesThroughImpacts) {
   for (const std::uint64_t seed : {1U, 2U, 3U}) {

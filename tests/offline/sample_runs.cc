@@ -48,7 +48,8 @@ RunData SampleRun() {
       JointRecord joint;
       joint.planned = At(tick.time_s, j, 0);
       joint.limited = joint.encoded = At(tick.time_s, j, 0.01);
-      joint.measured = At(tick.time_s, j, 0.02);
+      const JointSetpoint reached = At(tick.time_s, j, 0.02);
+      joint.measured = {reached.position_rad, reached.velocity_rad_s, reached.torque_nm};
       joint.reply_age_ticks = i < 3 ? -1 : 0;
       run.joint_ticks.push_back(joint);
     }

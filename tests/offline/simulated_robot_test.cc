@@ -12,6 +12,7 @@
 
 #include "common/sequence_toml.h"
 #include "firmware_interface/drives/mit.h"
+#include "tests/support/files.h"
 
 namespace tumbler {
 namespace {
@@ -20,11 +21,11 @@ constexpr std::int64_t kMs = 1'000'000;
 constexpr double kMass = 1.8, kGravity = 9.81;
 
 const SequenceFile& Gait() {
-  static const SequenceFile gait = LoadMotion(TUMBLER_SOURCE_DIR "/primitives/gait.toml");
+  static const SequenceFile gait = LoadMotion(testing::SourcePath("primitives/gait.toml"));
   return gait;
 }
 DrivesConfig Drives() {
-  DrivesConfig drives = LoadDrives(TUMBLER_SOURCE_DIR "/primitives/robots/tumbler_drives.toml");
+  DrivesConfig drives = LoadDrives(testing::SourcePath("primitives/robots/tumbler_drives.toml"));
   for (DriveEntry& entry : drives.drives) entry.watchdog_s = 0;
   return drives;
 }

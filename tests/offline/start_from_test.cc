@@ -8,6 +8,7 @@
 
 #include "common/toml_reader.h"
 #include "offline/certificate/certificate.h"
+#include "tests/support/files.h"
 #include "tests/support/program.h"
 #include "tests/support/task_files.h"
 
@@ -123,7 +124,7 @@ TEST(StartFrom, TheProgramRecordsItAndNamesWhatDoesNotFit) {
   const TaskFolder folder(TaskBack());
   WriteFile(folder / "before.toml", ToToml(TheOneBefore()));
   const auto run = [&folder](const std::string& from, const std::string& to) {
-    Program program({TUMBLER_BINARY_DIR "/bin/tumbler-optimize", folder.task_file(), "--start-from",
+    Program program({testing::ProgramPath("tumbler-optimize"), folder.task_file(), "--start-from",
                      folder / from, "--out", folder / to});
     const int status = program.Wait();
     return std::pair(status, program.text());

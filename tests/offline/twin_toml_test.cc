@@ -11,6 +11,7 @@
 #include <string>
 
 #include "common/toml_reader.h"
+#include "tests/support/files.h"
 
 namespace tumbler {
 namespace {
@@ -19,11 +20,11 @@ using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::StartsWith;
 
-const std::string kShipped = TUMBLER_SOURCE_DIR "/primitives/robots/tumbler_twin.toml";
+const std::string kShipped = testing::SourcePath("primitives/robots/tumbler_twin.toml");
 const std::string kHead = "format = \"tumbler-twin\"\nversion = 1\n";
 
 const SequenceFile& Gait() {
-  static const SequenceFile gait = LoadMotion(TUMBLER_SOURCE_DIR "/primitives/gait.toml");
+  static const SequenceFile gait = LoadMotion(testing::SourcePath("primitives/gait.toml"));
   return gait;
 }
 SimulatedRobotConfig Parse(const std::string& text) {
@@ -63,8 +64,8 @@ TEST(TwinToml, TheShippedFileIsTheDefaultsWrittenOut) {
     EXPECT_EQ(shipped.twin.joints[j].rotor_inertia_kg_m2, 0.001) << "the tasks'";
   }
   const TwinSources sources = ReadTwinSources(kShipped);
-  EXPECT_EQ(sources.motion, TUMBLER_SOURCE_DIR "/primitives/robots/../gait.toml");
-  EXPECT_EQ(sources.drives, TUMBLER_SOURCE_DIR "/primitives/robots/tumbler_drives.toml");
+  EXPECT_EQ(sources.motion, testing::SourcePath("primitives/robots/../gait.toml"));
+  EXPECT_EQ(sources.drives, testing::SourcePath("primitives/robots/tumbler_drives.toml"));
 }
 
 /// What stands behind the hashes at the end of the shipped file, to be tried.

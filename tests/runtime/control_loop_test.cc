@@ -22,6 +22,7 @@
 #include "runtime/linux/dry_run_bus.h"
 #include "runtime/run/run_summary.h"
 #include "runtime/telemetry/sentences.h"
+#include "tests/support/files.h"
 #include "tests/support/loop_bench.h"
 
 namespace tumbler {
@@ -32,11 +33,6 @@ std::string Temporary(const std::string& name) {
   return (std::filesystem::temp_directory_path() /
           (std::string("tumbler_") + info->name() + "_" + std::to_string(getpid()) + "_" + name))
       .string();
-}
-
-std::string ReadAll(const std::string& path) {
-  std::ifstream stream(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(stream), {}};
 }
 
 using testing::LoopBench;
@@ -89,8 +85,8 @@ TEST(ControlLoop, WritesALogThatLcmReadsBackAndTwoRunsWriteTheSameBytes) {
     LoopBench bench(config);
     bench.Run([] {});
     ticks = bench.loop->statistics().ticks;
-    logs[run] = ReadAll(config.log_file);
-    traces[run] = ReadAll(config.trace_file);
+    logs[run] = testing::ReadFile(config.log_file);
+    traces[run] = testing::ReadFile(config.trace_file);
     if (run == 0) {
       lcm::LogFile log(config.log_file, "r");
       ASSERT_TRUE(log.good());

@@ -20,7 +20,6 @@
 #include <map>
 #include <memory>
 #include <random>
-#include <regex>
 #include <set>
 #include <sstream>
 #include <string>
@@ -33,12 +32,14 @@
 #include "runtime/embedded/playback.h"
 #include "runtime/linux/dry_run_bus.h"
 #include "runtime/record/flight_record.h"
+#include "tests/support/files.h"
 #include "tests/support/program.h"
 #include "tests/support/task_files.h"
 
 namespace tumbler {
 namespace {
 
+using testing::MatchesOf;
 using testing::Program;
 using testing::ReadFile;
 using testing::WriteFile;
@@ -76,12 +77,12 @@ struct Machine {
 constexpr std::array kMachines{Machine{"m4f", "mps2-an386"}, Machine{"m7", "mps2-an500"}};
 
 std::string Firmware(const Machine& machine) {
-  return fmt::format("{}/cortex-{}/bin/tumbler-playback.elf", TUMBLER_BINARY_DIR, machine.name);
+  return testing::BuildPath(fmt::format("cortex-{}/bin/tumbler-playback.elf", machine.name));
 }
 
 const Sequence<float>& Gait() {
   static const auto gait = std::make_unique<const Sequence<float>>(
-      ToRuntime(LoadMotion(TUMBLER_SOURCE_DIR "/primitives/gait.toml")));
+      ToRuntime(LoadMotion(testing::SourcePath("primitives/gait.toml"))));
   return *gait;
 }
 
@@ -100,8 +101,7 @@ using Trouble = std::function<void(RecordedTick&)>;
 
 Played PlayHere(const Protocol& protocol, const Trouble& trouble = {}) {
   const Sequence<float>& gait = Gait();
-  const DrivesConfig config =
-      LoadDrives(std::string(TUMBLER_SOURCE_DIR "/primitives/robots/") + protocol.file);
+  const DrivesConfig config = LoadDrives(testing::SourcePath("primitives/robots/") + protocol.file);
   std::vector<DryRunBus::Node> nodes;
   for (std::size_t i = 0; i < config.drives.size(); ++i) {
     // Somewhere else than at the start, so that there is a way to it.
@@ -172,24 +172,6 @@ void Disturb(RecordedTick& tick, int number, std::mt19937& random) {
   if (once_in(20000)) tick.receive_status = Status::kBusOff;
 }
 
-/// A folder for the files of one run; it is gone after the test.
-class Folder {
- public:
-  Folder() {
-    std::string pattern =
-        (std::filesystem::temp_directory_path() / "tumbler_cortex_XXXXXX").string();
-    if (mkdtemp(pattern.data()) == nullptr) throw std::runtime_error("mkdtemp");
-    path_ = pattern;
-  }
-  ~Folder() { std::filesystem::remove_all(path_); }
-  Folder(const Folder&) = delete;
-  Folder& operator=(const Folder&) = delete;
-  [[nodiscard]] std::string operator/(const char* name) const { return path_ / name; }
-
- private:
-  std::filesystem::path path_;
-};
-
 struct Emulation {
   int status = -1;
   std::string text;
@@ -213,7 +195,7 @@ Emulation Emulate(const Machine& machine, const std::vector<std::string>& argume
 }
 
 Emulation Emulate(const Machine& machine, const Protocol& protocol, const Played& run) {
-  const Folder folder;
+  const testing::TemporaryFolder folder;
   WriteFile(folder / "recording", run.recording);
   return Emulate(
       machine,
@@ -276,22 +258,22 @@ struct Figures {
 
 Figures ReadFigures(const std::string& text) {
   Figures figures;
-  std::smatch match;
   // By QEMU's command line, 1.024 us at 25 MHz; a loop of known length confirms it, with the few
   // instructions around it.
   constexpr double per_instruction = 25.6;
-  if (!std::regex_search(text, match, std::regex("10000 instructions took (\\d+) counts"))) {
+  const auto loop = MatchesOf("10000 instructions took ([0-9]+) counts", text);
+  if (loop.empty()) {
     ADD_FAILURE() << text;
     return figures;
   }
-  EXPECT_GE(std::stod(match[1]) / per_instruction, 10000);
-  EXPECT_LE(std::stod(match[1]) / per_instruction, 10015);
-  const std::regex line("state ([a-z ]+): (\\d+) ticks, mean (\\d+), most (\\d+) counts");
-  for (std::sregex_iterator i(text.begin(), text.end(), line), end; i != end; ++i) {
-    figures.states[(*i)[1]] = {std::stoi((*i)[2]), std::stod((*i)[3]) / per_instruction,
-                               std::stod((*i)[4]) / per_instruction};
+  EXPECT_GE(std::stod(loop[0][1]) / per_instruction, 10000);
+  EXPECT_LE(std::stod(loop[0][1]) / per_instruction, 10015);
+  for (const auto& match :
+       MatchesOf("state ([a-z ]+): ([0-9]+) ticks, mean ([0-9]+), most ([0-9]+) counts", text)) {
+    figures.states[match[1]] = {std::stoi(match[2]), std::stod(match[3]) / per_instruction,
+                                std::stod(match[4]) / per_instruction};
   }
-  if (std::regex_search(text, match, std::regex("set-up used (\\d+) and ticks (\\d+)"))) {
+  for (const auto& match : MatchesOf("set-up used ([0-9]+) and ticks ([0-9]+)", text)) {
     figures.set_up_stack = std::stoi(match[1]);
     figures.tick_stack = std::stoi(match[2]);
   }
@@ -303,29 +285,26 @@ class CallGraph {
  public:
   /// Of all objects in a folder.
   explicit CallGraph(const std::filesystem::path& folder) {
-    const std::regex node(
-        "node: \\{ title: \"([^\"]+)\" label: \"[^\"]*\\\\n(\\d+) bytes \\((\\w+)");
-    const std::regex edge("edge: \\{ sourcename: \"([^\"]+)\" targetname: \"([^\"]+)\"");
     for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
       if (entry.path().extension() != ".ci") continue;
-      std::istringstream lines(ReadFile(entry.path()));
-      std::smatch match;
-      for (std::string line; std::getline(lines, line);) {
-        if (std::regex_search(line, match, node)) {
-          if (match[3] != "static")
-            throw std::runtime_error(match[1].str() + " has no fixed frame");
-          frames_[match[1]] = std::stoi(match[2]);
-        } else if (std::regex_search(line, match, edge)) {
-          calls_[match[1]].insert(match[2]);
-        }
+      const std::string text = ReadFile(entry.path());
+      for (const auto& match :
+           MatchesOf("node: \\{ title: \"([^\"]+)\" label: \"[^\"]*\\\\n([0-9]+) bytes \\(([a-z]+)",
+                     text)) {
+        if (match[3] != "static") throw std::runtime_error(match[1] + " has no fixed frame");
+        frames_[match[1]] = std::stoi(match[2]);
+      }
+      for (const auto& match :
+           MatchesOf("edge: \\{ sourcename: \"([^\"]+)\" targetname: \"([^\"]+)\"", text)) {
+        calls_[match[1]].insert(match[2]);
       }
     }
     // The one kind of indirect call in the core: of a drive.
-    const std::regex method(
-        "(.*:)?_ZNK?7tumbler\\d+\\w+Drive"
-        "(6Encode|6Decode|16encoded_setpoint|8feedback|5state)E.*");
+    const std::string method =
+        "^(.*:)?_ZNK?7tumbler[0-9]+[A-Za-z0-9_]+Drive"
+        "(6Encode|6Decode|16encoded_setpoint|8feedback|5state)E";
     for (const auto& [name, bytes] : frames_) {
-      if (std::regex_match(name, method)) calls_["__indirect_call"].insert(name);
+      if (!MatchesOf(method, name).empty()) calls_["__indirect_call"].insert(name);
     }
   }
 
@@ -435,11 +414,11 @@ Played FromRecord(const std::string& bytes) {
 
 TEST_P(CortexM, RepeatsAFlightRecordOfTheRobotInSimulation) {
   const auto& [machine, protocol] = GetParam();
-  const Folder folder;
-  Program program(
-      {TUMBLER_BINARY_DIR "/bin/tumbler-run", "sim", TUMBLER_SOURCE_DIR "/primitives/gait.toml",
-       "--drives", std::string(TUMBLER_SOURCE_DIR "/primitives/robots/") + protocol.file,
-       "--cycles", std::to_string(kCycles), "--branch", kBranch, "--record", folder / "gait.rec"});
+  const testing::TemporaryFolder folder;
+  Program program({testing::ProgramPath("tumbler-run"), "sim",
+                   testing::SourcePath("primitives/gait.toml"), "--drives",
+                   testing::SourcePath("primitives/robots/") + protocol.file, "--cycles",
+                   std::to_string(kCycles), "--branch", kBranch, "--record", folder / "gait.rec"});
   ASSERT_EQ(program.Wait(), 0) << program.text();
   const Played run = FromRecord(ReadFile(folder / "gait.rec"));
   ASSERT_GT(run.tick_ends.size(), 20'000U);
@@ -460,10 +439,10 @@ TEST_P(CortexMFirmware, HasNoHeapNoExceptionsNoRunTimeTypesAndNoMathLibrary) {
     symbols.insert(line.substr(line.find_last_of(' ') + 1));
   ASSERT_TRUE(symbols.contains("memcpy"));  // So the list is one of symbols.
   for (const std::string& symbol : symbols) {
-    EXPECT_FALSE(std::regex_search(
-        symbol, std::regex("malloc|calloc|realloc|free|sbrk|^_Zn[wa]|^__cxa|^_Unwind|personality|"
-                           "^_ZTI|^_ZTS|printf|sqrt|^sin|^cos|^pow|^exp|^log|_impure")))
-        << symbol;
+    EXPECT_THAT(MatchesOf("malloc|calloc|realloc|free|sbrk|^_Zn[wa]|^__cxa|^_Unwind|personality|"
+                          "^_ZTI|^_ZTS|printf|sqrt|^sin|^cos|^pow|^exp|^log|_impure",
+                          symbol),
+                ::testing::IsEmpty());
   }
 }
 
@@ -493,7 +472,7 @@ TEST_P(CortexMFirmware, NeedsABoundedStackOnEveryPathThroughATick) {
 }
 
 TEST_P(CortexMFirmware, SaysWhatIsWrongAndFails) {
-  const Folder folder;
+  const testing::TemporaryFolder folder;
   WriteFile(folder / "recording", "");
   WriteFile(folder / "cut", std::string("\1\0\0\2abc", 7));
   WriteFile(folder / "full", std::string("\1\0\0\377", 4));

@@ -13,12 +13,13 @@
 
 #include "runtime/core/faults.h"
 #include "tests/support/executor_rig.h"
+#include "tests/support/files.h"
 #include "tests/support/motions.h"
 
 namespace tumbler {
 namespace {
 
-const std::string kFile = std::string(TUMBLER_SOURCE_DIR) + "/docs/runtime.md";
+const std::string kFile = testing::SourcePath("docs/runtime.md");
 
 std::string Row(const std::vector<std::string>& cells) {
   std::string row = "|";
@@ -83,15 +84,8 @@ std::string Answers() {
   return text;
 }
 
-std::string ReadAll(const std::string& path) {
-  std::ifstream stream(path, std::ios::binary);
-  std::ostringstream text;
-  text << stream.rdbuf();
-  return text.str();
-}
-
 TEST(FaultDocs, TheTablesOfTheDocumentAreThoseOfTheCode) {
-  const std::string before = ReadAll(kFile);
+  const std::string before = testing::ReadFile(kFile);
   std::string after = before;
   for (const auto& [name, table] :
        {std::pair{"states", States()}, std::pair{"faults", Faults()},
@@ -106,7 +100,7 @@ TEST(FaultDocs, TheTablesOfTheDocumentAreThoseOfTheCode) {
     after.replace(first + begin.size(), last - first - begin.size(), table);
   }
   if (std::getenv("TUMBLER_UPDATE_DOCS") != nullptr) {
-    std::ofstream(kFile, std::ios::binary) << after;
+    testing::WriteFile(kFile, after);
     return;
   }
   EXPECT_EQ(before, after) << "write them with TUMBLER_UPDATE_DOCS=1 build/release/tests/"

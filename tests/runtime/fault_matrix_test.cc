@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "tests/support/fault_bench.h"
+#include "tests/support/files.h"
 #include "tests/support/motions.h"
 
 namespace tumbler {
@@ -34,8 +35,7 @@ constexpr double kKp = 200, kKd = 4;
 
 /// The shipped drives; one of them mounted the other way round, behind a gear.
 DrivesConfig DrivesOf(const TestedProtocol& protocol) {
-  DrivesConfig drives =
-      LoadDrives(std::string(TUMBLER_SOURCE_DIR) + "/primitives/robots/" + protocol.drives);
+  DrivesConfig drives = LoadDrives(testing::SourcePath("primitives/robots/") + protocol.drives);
   for (DriveEntry& entry : drives.drives) protocol.side->Hasten(entry.config);
   std::visit(
       [](auto& config) {
@@ -328,72 +328,94 @@ void ExpectOrders(const FaultBench& bench, const TestedProtocol& protocol, React
   }
 }
 
-class FaultMatrix : public ::testing::TestWithParam<Case> {};
-
-TEST_P(FaultMatrix, IsFoundAndAnsweredAsStatedAndNoFrameBreaksARule) {
-  const Case& c = GetParam();
-  World world(c);
-  FaultBench& bench = world.bench;
-  ASSERT_EQ(bench.configured, Status::kOk);
-  ASSERT_TRUE(world.Reach()) << "in state " << ToString(bench.executor.state());
-  const TickRecord before = bench.output.record;
-  const FaultTable& table = bench.config().executor.reactions;
-
-  const int ticks_max = world.Provoke();
-  const std::uint32_t bit = 1U << static_cast<unsigned>(c.fault);
-  int ticks = 0;
-  while (ticks < ticks_max && (bench.output.record.faults & bit) == 0) {
-    world.Tick();
-    ++ticks;
+class FaultMatrix : public ::testing::TestWithParam<Case> {
+ protected:
+  /// Ticks until the fault is there or should have been. @returns the record in which it was found.
+  TickRecord Await(World& world) {
+    const int ticks_max = world.Provoke();
+    ticks_ = 0;
+    while (ticks_ < ticks_max && (world.bench.output.record.faults & Bit()) == 0) {
+      world.Tick();
+      ++ticks_;
+    }
+    return world.bench.output.record;
   }
-  const TickRecord found = bench.output.record;
+  [[nodiscard]] static std::uint32_t Bit() { return 1U << static_cast<unsigned>(GetParam().fault); }
+  /// Whether the fault is a stop that leads to holding, which is no fault.
+  [[nodiscard]] static bool IsPlainStop(const FaultTable& table) {
+    const Case& c = GetParam();
+    const bool at_rest = c.state == ExecutorState::kHolding || c.state == ExecutorState::kStopping;
+    return c.fault == Fault::kOperatorStop && c.state != ExecutorState::kFault &&
+           (at_rest || table(c.fault, c.state) == Reaction::kHold);
+  }
+  void ExpectAnswer(const FaultBench& bench, const TickRecord& before,
+                    const TickRecord& found) const;
+  static void ExpectLatched(const FaultBench& bench, const TickRecord& before,
+                            const TickRecord& found, ExecutorState state);
+  static void ExpectNeverMoreFreedom(World& world, const TickRecord& found, bool plain_stop);
+  static void ExpectOnlyTheOperatorClears(FaultBench& bench);
 
-  const bool stops = c.fault == Fault::kOperatorStop;
-  const bool at_rest = c.state == ExecutorState::kHolding || c.state == ExecutorState::kStopping;
-  const bool plain_stop = stops && c.state != ExecutorState::kFault &&
-                          (at_rest || table(c.fault, c.state) == Reaction::kHold);
+ private:
+  int ticks_ = 0;
+};
+
+/// The fault was found as what it is, and the frames are the reaction that the table states.
+void FaultMatrix::ExpectAnswer(const FaultBench& bench, const TickRecord& before,
+                               const TickRecord& found) const {
+  const Case& c = GetParam();
   if (c.state == ExecutorState::kDisarmed) {
     EXPECT_EQ(found.faults, 0U) << "while disarmed nothing is a fault";
     ExpectOrders(bench, c.protocol, Reaction::kDisable);
-  } else if (plain_stop) {
+    return;
+  }
+  if (IsPlainStop(bench.config().executor.reactions)) {
     EXPECT_EQ(found.faults, 0U);
     EXPECT_TRUE(found.state == ExecutorState::kStopping || found.state == ExecutorState::kHolding);
     ExpectOrders(bench, c.protocol, Reaction::kHold);
-  } else {
-    ASSERT_NE(found.faults & bit, 0U)
-        << "not found in " << ticks_max << " ticks; faults " << found.faults << ", first "
-        << ToString(found.first_fault.fault);
-    // A stop that takes less time than the fault needs to be found has ended in holding.
-    ExecutorState state = c.state;
-    if (c.state == ExecutorState::kStopping && found.first_fault.state == ExecutorState::kHolding &&
-        ticks > 1) {
-      state = ExecutorState::kHolding;
-    }
-    if (c.state == ExecutorState::kFault) {
-      EXPECT_EQ(found.first_fault.fault, Fault::kLateTick) << "the cause is kept";
-    } else {
-      EXPECT_EQ(ToString(found.first_fault.fault), std::string(ToString(c.fault)));
-      EXPECT_EQ(ToString(found.first_fault.state), std::string(ToString(state)));
-      EXPECT_EQ(found.first_fault.reaction, table(c.fault, state));
-    }
-    // What else was found in the same tick can only make it stronger.
-    Reaction stated = std::max(before.reaction, table(c.fault, state));
-    for (const FaultInfo& info : kFaultTable) {
-      const std::uint32_t other = 1U << static_cast<unsigned>(info.fault);
-      if (info.fault == c.fault || (found.faults & other & ~before.faults) == 0) continue;
-      stated = std::max(stated, table(info.fault, ExecutorState::kFault));
-    }
-    // A drive that has an error, or is not enabled yet, is beyond orders: what counts is that it is
-    // not driven.
-    const bool of_a_drive = c.fault == Fault::kDriveError &&
-                            !c.protocol.side->nature().follows_in_error &&
-                            Reaction::kDisable != stated;
-    if (found.state == ExecutorState::kFault && !of_a_drive) {
-      ExpectOrders(bench, c.protocol, stated);
-    }
+    return;
   }
+  ASSERT_NE(found.faults & Bit(), 0U)
+      << "not found in " << ticks_ << " ticks; faults " << found.faults << ", first "
+      << ToString(found.first_fault.fault);
+  // A stop that takes less time than the fault needs to be found has ended in holding.
+  const bool held_meanwhile = c.state == ExecutorState::kStopping &&
+                              found.first_fault.state == ExecutorState::kHolding && ticks_ > 1;
+  ExpectLatched(bench, before, found, held_meanwhile ? ExecutorState::kHolding : c.state);
+}
 
-  // Afterwards: never back to more.
+/// @param state  in which the fault was found.
+void FaultMatrix::ExpectLatched(const FaultBench& bench, const TickRecord& before,
+                                const TickRecord& found, ExecutorState state) {
+  const Case& c = GetParam();
+  const FaultTable& table = bench.config().executor.reactions;
+  if (c.state == ExecutorState::kFault) {
+    EXPECT_EQ(found.first_fault.fault, Fault::kLateTick) << "the cause is kept";
+  } else {
+    EXPECT_EQ(ToString(found.first_fault.fault), std::string(ToString(c.fault)));
+    EXPECT_EQ(ToString(found.first_fault.state), std::string(ToString(state)));
+    EXPECT_EQ(found.first_fault.reaction, table(c.fault, state));
+  }
+  // What else was found in the same tick can only make it stronger.
+  Reaction stated = std::max(before.reaction, table(c.fault, state));
+  for (const FaultInfo& info : kFaultTable) {
+    const std::uint32_t other = 1U << static_cast<unsigned>(info.fault);
+    if (info.fault == c.fault || (found.faults & other & ~before.faults) == 0) continue;
+    stated = std::max(stated, table(info.fault, ExecutorState::kFault));
+  }
+  // A drive that has an error, or is not enabled yet, is beyond orders: what counts is that it is
+  // not driven.
+  const bool of_a_drive = c.fault == Fault::kDriveError &&
+                          !c.protocol.side->nature().follows_in_error &&
+                          Reaction::kDisable != stated;
+  if (found.state == ExecutorState::kFault && !of_a_drive) {
+    ExpectOrders(bench, c.protocol, stated);
+  }
+}
+
+/// What follows never gives a joint more freedom; who is to hold comes to rest, and who is to be
+/// without torque is.
+void FaultMatrix::ExpectNeverMoreFreedom(World& world, const TickRecord& found, bool plain_stop) {
+  FaultBench& bench = world.bench;
   std::array<int, 2> freedom{Freedom(bench.judge.last_order(0)),
                              Freedom(bench.judge.last_order(1))};
   std::array<double, 2> position_rad{};
@@ -416,25 +438,39 @@ TEST_P(FaultMatrix, IsFoundAndAnsweredAsStatedAndNoFrameBreaksARule) {
     EXPECT_NEAR(order.velocity_rad_s, 0, 0.02) << "joint " << j << " has come to rest";
     EXPECT_NEAR(order.position_rad, position_rad[j], 1e-6) << "joint " << j;
   }
-  // Whoever is to be without torque is, by order or by its watchdog.
-  if (bench.output.record.reaction == Reaction::kDisable) {
-    for (int i = 0; i < 40; ++i) world.Tick();
-    for (const auto& drive : bench.drives) {
-      EXPECT_TRUE(!drive->enabled() || drive->limp());
-      EXPECT_EQ(drive->torque_nm(), 0);
-    }
+  // By order or by its watchdog.
+  if (bench.output.record.reaction != Reaction::kDisable) return;
+  for (int i = 0; i < 40; ++i) world.Tick();
+  for (const auto& drive : bench.drives) {
+    EXPECT_TRUE(!drive->enabled() || drive->limp());
+    EXPECT_EQ(drive->torque_nm(), 0);
   }
-  // Nothing but the operator's order clears a fault.
+}
+
+void FaultMatrix::ExpectOnlyTheOperatorClears(FaultBench& bench) {
+  const TestedProtocol& protocol = GetParam().protocol;
   const bool latched = bench.output.record.faults != 0;
   bench.Tick(OperatorCommand::kDisarm);
-  ExpectOrders(bench, c.protocol, Reaction::kDisable);
+  ExpectOrders(bench, protocol, Reaction::kDisable);
   bench.Tick(OperatorCommand::kArm);
-  if (latched) {
-    EXPECT_EQ(bench.output.record.refusal.refusal, Refusal::kFaultLatched);
-    bench.Tick(OperatorCommand::kClearFaults);
-    EXPECT_EQ(bench.output.record.faults, 0U);
-    ExpectOrders(bench, c.protocol, Reaction::kDisable);
-  }
+  if (!latched) return;
+  EXPECT_EQ(bench.output.record.refusal.refusal, Refusal::kFaultLatched);
+  bench.Tick(OperatorCommand::kClearFaults);
+  EXPECT_EQ(bench.output.record.faults, 0U);
+  ExpectOrders(bench, protocol, Reaction::kDisable);
+}
+
+TEST_P(FaultMatrix, IsFoundAndAnsweredAsStatedAndNoFrameBreaksARule) {
+  World world(GetParam());
+  FaultBench& bench = world.bench;
+  ASSERT_EQ(bench.configured, Status::kOk);
+  ASSERT_TRUE(world.Reach()) << "in state " << ToString(bench.executor.state());
+  const TickRecord before = bench.output.record;
+  const TickRecord found = Await(world);
+  const bool plain_stop = IsPlainStop(bench.config().executor.reactions);
+  ASSERT_NO_FATAL_FAILURE(ExpectAnswer(bench, before, found));
+  ExpectNeverMoreFreedom(world, found, plain_stop);
+  ExpectOnlyTheOperatorClears(bench);
   EXPECT_THAT(bench.judge.report().violations, IsEmpty());
   EXPECT_EQ(bench.missing_writes, 0) << "every tick writes every drive";
 }

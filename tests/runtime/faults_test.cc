@@ -190,20 +190,82 @@ TEST(FaultTable, NamesAreDistinct) {
   }
 }
 
-class FaultMatrix : public ::testing::TestWithParam<std::tuple<Fault, ExecutorState, Reaction>> {};
+class FaultMatrix : public ::testing::TestWithParam<std::tuple<Fault, ExecutorState, Reaction>> {
+ protected:
+  static ExecutorConfig ConfigOf(const Primitive<float>& motion) {
+    const auto [fault, state, reaction] = GetParam();
+    ExecutorConfig config;
+    config.arming_ticks_max = 50;
+    EXPECT_TRUE(config.reactions.Set(fault, state, reaction));
+    config.collapse.configured = true;
+    for (std::size_t i = 0; i < 2; ++i) {
+      config.collapse.position_rad[i] = motion.joints[i].position.control_points()[0] + 0.01F;
+    }
+    return config;
+  }
+  static void ExpectCause(const FaultDetail& detail, std::int64_t seen_at, Reaction answer);
+  static void ExpectOrders(ExecutorRig& rig, const ExecutorConfig& config);
+};
+
+/// The detail is that of the provoked fault.
+void FaultMatrix::ExpectCause(const FaultDetail& detail, std::int64_t seen_at, Reaction answer) {
+  const auto [fault, state, reaction] = GetParam();
+  EXPECT_EQ(detail.fault, fault);
+  EXPECT_EQ(detail.tick, seen_at);
+  EXPECT_EQ(detail.state, state);
+  EXPECT_EQ(detail.reaction, answer);
+  const bool of_a_joint = fault == Fault::kStaleReply || fault == Fault::kWrongSequence ||
+                          fault == Fault::kHeartbeatLost || fault == Fault::kFollowingError ||
+                          fault == Fault::kDriveError || fault == Fault::kOverTemperature ||
+                          fault == Fault::kNonFinite;
+  if (of_a_joint) {
+    EXPECT_EQ(detail.joint, 1);
+  }
+  if (fault == Fault::kOverTemperature) {
+    EXPECT_EQ(detail.value, 95);
+    EXPECT_EQ(detail.limit, 80);
+  }
+}
+
+/// What the drives are told is what the reaction means; every drive, every tick.
+void FaultMatrix::ExpectOrders(ExecutorRig& rig, const ExecutorConfig& config) {
+  rig.Tick();
+  for (const auto& drive : rig.drives) {
+    const int encodes = drive->encodes;
+    rig.Tick();
+    EXPECT_EQ(drive->encodes, encodes + 1);
+    switch (rig.output.record.reaction) {
+      case Reaction::kDisable:
+        EXPECT_EQ(drive->request, DriveRequest::kDisable);
+        break;
+      case Reaction::kDamp:
+        EXPECT_EQ(drive->request, DriveRequest::kEnable);
+        EXPECT_EQ(drive->setpoint.kp_nm_per_rad, 0);
+        EXPECT_EQ(drive->setpoint.kd_nm_s_per_rad, config.joints[0].damping_nm_s_per_rad);
+        EXPECT_EQ(drive->setpoint.velocity_rad_s, 0);
+        EXPECT_EQ(drive->setpoint.torque_nm, 0);
+        break;
+      case Reaction::kHold:
+        EXPECT_EQ(drive->request, DriveRequest::kEnable);
+        EXPECT_EQ(drive->setpoint.kp_nm_per_rad, config.joints[0].kp_nm_per_rad);
+        break;
+      case Reaction::kCollapse:
+        EXPECT_EQ(drive->request, DriveRequest::kEnable);
+        EXPECT_EQ(drive->setpoint.kp_nm_per_rad,
+                  config.collapse.stiffness * config.joints[0].kp_nm_per_rad);
+        break;
+      case Reaction::kIgnore:
+        ADD_FAILURE() << "a latched fault without a reaction";
+    }
+  }
+}
 
 /// The core of the matrix: for each configured reaction the executor does what the table says, and
 /// nothing else.
 TEST_P(FaultMatrix, TheExecutorDoesWhatTheTableSays) {
   const auto [fault, state, reaction] = GetParam();
-  ExecutorConfig config;
-  config.arming_ticks_max = 50;
-  ASSERT_TRUE(config.reactions.Set(fault, state, reaction));
-  config.collapse.configured = true;
   const Primitive<float> motion = Motion();
-  for (std::size_t i = 0; i < 2; ++i) {
-    config.collapse.position_rad[i] = motion.joints[i].position.control_points()[0] + 0.01F;
-  }
+  const ExecutorConfig config = ConfigOf(motion);
   ExecutorRig rig(config, motion);
   ASSERT_EQ(rig.configured, Status::kOk);
   if (state == ExecutorState::kMovingToStart) Displace(rig);
@@ -248,53 +310,9 @@ TEST_P(FaultMatrix, TheExecutorDoesWhatTheTableSays) {
   if (state == ExecutorState::kFault) {
     EXPECT_EQ(record.first_fault.fault, cause.fault) << "the cause is kept, not its consequence";
   } else {
-    EXPECT_EQ(record.first_fault.fault, fault);
-    EXPECT_EQ(record.first_fault.tick, seen_at);
-    EXPECT_EQ(record.first_fault.state, state);
-    EXPECT_EQ(record.first_fault.reaction, answer);
-    const bool of_a_joint = fault == Fault::kStaleReply || fault == Fault::kWrongSequence ||
-                            fault == Fault::kHeartbeatLost || fault == Fault::kFollowingError ||
-                            fault == Fault::kDriveError || fault == Fault::kOverTemperature ||
-                            fault == Fault::kNonFinite;
-    if (of_a_joint) {
-      EXPECT_EQ(record.first_fault.joint, 1);
-    }
+    ExpectCause(record.first_fault, seen_at, answer);
   }
-  if (fault == Fault::kOverTemperature && state != ExecutorState::kFault) {
-    EXPECT_EQ(record.first_fault.value, 95);
-    EXPECT_EQ(record.first_fault.limit, 80);
-  }
-
-  // What the drives are told is what the reaction means; every drive, every tick.
-  rig.Tick();
-  for (const auto& drive : rig.drives) {
-    const int encodes = drive->encodes;
-    rig.Tick();
-    EXPECT_EQ(drive->encodes, encodes + 1);
-    switch (rig.output.record.reaction) {
-      case Reaction::kDisable:
-        EXPECT_EQ(drive->request, DriveRequest::kDisable);
-        break;
-      case Reaction::kDamp:
-        EXPECT_EQ(drive->request, DriveRequest::kEnable);
-        EXPECT_EQ(drive->setpoint.kp_nm_per_rad, 0);
-        EXPECT_EQ(drive->setpoint.kd_nm_s_per_rad, config.joints[0].damping_nm_s_per_rad);
-        EXPECT_EQ(drive->setpoint.velocity_rad_s, 0);
-        EXPECT_EQ(drive->setpoint.torque_nm, 0);
-        break;
-      case Reaction::kHold:
-        EXPECT_EQ(drive->request, DriveRequest::kEnable);
-        EXPECT_EQ(drive->setpoint.kp_nm_per_rad, config.joints[0].kp_nm_per_rad);
-        break;
-      case Reaction::kCollapse:
-        EXPECT_EQ(drive->request, DriveRequest::kEnable);
-        EXPECT_EQ(drive->setpoint.kp_nm_per_rad,
-                  config.collapse.stiffness * config.joints[0].kp_nm_per_rad);
-        break;
-      case Reaction::kIgnore:
-        ADD_FAILURE() << "a latched fault without a reaction";
-    }
-  }
+  ExpectOrders(rig, config);
 }
 
 std::vector<std::tuple<Fault, ExecutorState, Reaction>> PossibleCases() {

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "common/toml_reader.h"
+#include "tests/support/files.h"
 
 namespace tumbler {
 namespace {
@@ -24,8 +25,7 @@ ExecutorConfig Parse(const std::string& rest) {
 
 TEST(FaultsToml, TheShippedExampleIsRead) {
   ExecutorConfig config;
-  LoadFaults(std::string(TUMBLER_SOURCE_DIR) + "/primitives/robots/tumbler_faults.toml", kJoints,
-             config);
+  LoadFaults(testing::SourcePath("primitives/robots/tumbler_faults.toml"), kJoints, config);
   EXPECT_TRUE(config.collapse.configured);
   EXPECT_FLOAT_EQ(config.collapse.position_rad[0], -1.5707963F);
   EXPECT_FLOAT_EQ(config.collapse.position_rad[1], 1.5707963F);

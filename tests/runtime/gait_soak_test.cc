@@ -16,6 +16,7 @@
 #include "common/sequence_toml.h"
 #include "tests/support/allocation_guard.h"
 #include "tests/support/fault_bench.h"
+#include "tests/support/files.h"
 
 namespace tumbler {
 namespace {
@@ -88,7 +89,7 @@ class Soak {
 
  private:
   static FaultBench::Config ConfigOf(const std::string& drives_file, bool collapse) {
-    const SequenceFile file = LoadMotion(std::string(TUMBLER_SOURCE_DIR) + "/primitives/gait.toml");
+    const SequenceFile file = LoadMotion(testing::SourcePath("primitives/gait.toml"));
     const Sequence<float> sequence = ToRuntime(file);
     FaultBench::Config config;
     config.drives = LoadDrives(drives_file);
@@ -289,8 +290,7 @@ std::int64_t Ticks() {
 class GaitSoak : public ::testing::TestWithParam<testing::TestedProtocol> {};
 
 TEST_P(GaitSoak, BreaksNoRuleAllocatesNothingAndIsTheSameEachTime) {
-  const std::string file =
-      std::string(TUMBLER_SOURCE_DIR) + "/primitives/robots/" + GetParam().drives;
+  const std::string file = testing::SourcePath("primitives/robots/") + GetParam().drives;
   const std::int64_t ticks = Ticks();
   for (const bool collapse : {false, true}) {
     const Outcome once = Soak(file, 2004, collapse).Run(ticks);

@@ -20,6 +20,7 @@
 #include "common/primitive_hash.h"
 #include "firmware_interface/drives/drives_toml.h"
 #include "tests/support/can_interface.h"
+#include "tests/support/files.h"
 #include "tests/support/frame_checker.h"
 #include "tests/support/primitive_file.h"
 #include "tests/support/program.h"
@@ -29,6 +30,7 @@ namespace tumbler {
 namespace {
 
 using testing::CheckFrames;
+using testing::Eventually;
 using testing::FrameReport;
 using testing::FrameRules;
 using ::testing::HasSubstr;
@@ -36,53 +38,34 @@ using ::testing::IsEmpty;
 using testing::LoggedFrame;
 using testing::ParseCandumpLog;
 using testing::Program;
+using testing::ReadFile;
+using testing::Replaced;
 using testing::SerialCan;
 using testing::Shell;
 using testing::VirtualCan;
+using testing::WriteFile;
 
 constexpr double kRate_hz = 25;
 constexpr double kWatchdog_s = 0.2;
 constexpr int kFault = 3;  // exit codes of tumbler-run
 constexpr int kStopped = 130;
 
-std::string ReadFile(const std::string& path) {
-  std::ifstream stream(path);
-  return {std::istreambuf_iterator<char>(stream), {}};
-}
-
-/// Polls until the condition holds. @returns whether it came to hold within 20 s.
-template <typename Condition>
-bool Eventually(Condition condition) {
-  for (int i = 0; i < 1000; ++i) {
-    if (condition()) return true;
-    usleep(20'000);
-  }
-  return false;
-}
-
 class RunOnCan : public ::testing::Test {
  protected:
-  RunOnCan()
-      : directory_(std::filesystem::temp_directory_path() /
-                   ("run_on_can_test_" + std::to_string(getpid()))) {
+  RunOnCan() {
     testing::RequireCan();
-    std::filesystem::create_directories(directory_);
     testing::MotionShape shape;
     shape.duration_s = 1.6;
     shape.amplitude_rad = 0.2;
     PrimitiveFile file = testing::RandomPrimitiveFile(shape, 70);
     file.primitive.following_tolerance_rad = 0.5;  // three late ticks at full speed
     file.certificate.coefficients_hash = HashOfCoefficients(file.primitive);
-    std::ofstream(Path("motion.toml")) << ToToml(file);
+    WriteFile(Path("motion.toml"), ToToml(file));
     for (std::size_t i = 0; i < 2; ++i) {
       rules_.limits.push_back(file.primitive.joints[i].limits);
       start_rad_.push_back(file.primitive.joints[i].position.control_points()[0]);
     }
     rules_.silence_s = kWatchdog_s;
-  }
-  ~RunOnCan() override {
-    Reset();
-    std::filesystem::remove_all(directory_);
   }
   /// Ends what an earlier attempt left running.
   void Reset() {
@@ -92,16 +75,12 @@ class RunOnCan : public ::testing::Test {
     WriteDrives(1'000'000);
   }
 
-  [[nodiscard]] std::string Path(const std::string& name) const {
-    return (directory_ / name).string();
-  }
+  [[nodiscard]] std::string Path(const std::string& name) const { return folder_ / name; }
   /// The example file's drives, for this test's joints, rate and watchdogs.
   void WriteDrives(int bit_rate) {
-    std::string text = ReadFile(TUMBLER_SOURCE_DIR "/primitives/robots/tumbler_drives.toml");
+    std::string text = ReadFile(testing::SourcePath("primitives/robots/tumbler_drives.toml"));
     const auto replace = [&text](const std::string& what, const std::string& with) {
-      const std::size_t at = text.find(what);
-      ASSERT_NE(at, std::string::npos) << what;
-      text.replace(at, what.size(), with);
+      text = Replaced(text, what, with);
     };
     replace("\"leg1\"", "\"joint1\"");
     replace("\"leg2\"", "\"joint2\"");
@@ -109,7 +88,7 @@ class RunOnCan : public ::testing::Test {
     replace("rate_hz = 1000.0", "rate_hz = 25.0");
     replace("watchdog_s = 0.025 ", "watchdog_s = 0.2 ");
     replace("watchdog_s = 0.025\n", "watchdog_s = 0.2\n");
-    std::ofstream(Path("drives.toml")) << text;
+    WriteFile(Path("drives.toml"), text);
     rules_.drives = LoadDrives(Path("drives.toml"));
     ASSERT_EQ(rules_.drives.rate_hz, kRate_hz);
     ASSERT_EQ(rules_.drives.drives[1].watchdog_s, kWatchdog_s);
@@ -118,7 +97,7 @@ class RunOnCan : public ::testing::Test {
   /// Simulated drives, away from the motion's start, whose rotors stop soon once they are let go.
   void StartDrives(const std::string& interface) {
     drives_ = std::make_unique<Program>(std::vector<std::string>{
-        TUMBLER_BINARY_DIR "/bin/tumbler-drives", interface, Path("drives.toml"), "--friction", "1",
+        testing::ProgramPath("tumbler-drives"), interface, Path("drives.toml"), "--friction", "1",
         "--position", "joint1=" + std::to_string(start_rad_[0] + 0.05), "--position",
         "joint2=" + std::to_string(start_rad_[1] - 0.05)});
     ASSERT_TRUE(drives_->WaitFor("2 drives on " + interface)) << drives_->text();
@@ -139,7 +118,7 @@ class RunOnCan : public ::testing::Test {
 
   [[nodiscard]] std::unique_ptr<Program> Start(const std::string& interface,
                                                const std::vector<std::string>& more = {}) const {
-    std::vector<std::string> arguments{TUMBLER_BINARY_DIR "/bin/tumbler-run",
+    std::vector<std::string> arguments{testing::ProgramPath("tumbler-run"),
                                        interface,
                                        Path("motion.toml"),
                                        "--drives",
@@ -163,7 +142,7 @@ class RunOnCan : public ::testing::Test {
     for (const FrameReport::Joint& joint : report.joints) EXPECT_GE(joint.driving, 20);
   }
 
-  std::filesystem::path directory_;
+  testing::TemporaryFolder folder_;
   FrameRules rules_;
   std::vector<double> start_rad_;
   std::unique_ptr<Program> drives_;
@@ -177,8 +156,9 @@ TEST_F(RunOnCan, ADryRunSendsNothingAndAnArmedRunSendsTheFramesThatItPrinted) {
     StartDrives(can.name());
     StartCandump(can.name());
     Program dry({"/bin/sh", "-c",
-                 TUMBLER_BINARY_DIR "/bin/tumbler-run " + can.name() + " " + Path("motion.toml") +
-                     " --drives " + Path("drives.toml") + " --hold-s 0.2 2>/dev/null"});
+                 testing::ProgramPath("tumbler-run") + " " + can.name() + " " +
+                     Path("motion.toml") + " --drives " + Path("drives.toml") +
+                     " --hold-s 0.2 2>/dev/null"});
     EXPECT_EQ(dry.Wait(), 0);
     EXPECT_EQ(ReadFile(Path("candump")), "");
 

@@ -15,6 +15,7 @@
 #include <tumbler/truth_t.hpp>
 #include <vector>
 
+#include "tests/support/files.h"
 #include "tests/support/program.h"
 
 namespace tumbler {
@@ -22,41 +23,29 @@ namespace {
 
 using ::testing::HasSubstr;
 using ::testing::Not;
-using testing::Program;
 
-const std::string kPrimitives = TUMBLER_SOURCE_DIR "/primitives/";
+const std::string kPrimitives = testing::SourcePath("primitives/");
 const std::string kHead = "format = \"tumbler-twin\"\nversion = 1\n";
 
 class SimTwin : public ::testing::Test {
  protected:
-  SimTwin()
-      : directory_(std::filesystem::temp_directory_path() /
-                   ("sim_twin_test_" + std::to_string(getpid()))) {
-    std::filesystem::create_directories(directory_);
-  }
-  ~SimTwin() override { std::filesystem::remove_all(directory_); }
-
-  [[nodiscard]] std::string Path(const std::string& name) const {
-    return (directory_ / name).string();
-  }
+  [[nodiscard]] std::string Path(const std::string& name) const { return folder_ / name; }
   [[nodiscard]] std::string Write(const std::string& name, const std::string& text) const {
-    std::ofstream(Path(name)) << text;
+    testing::WriteFile(Path(name), text);
     return Path(name);
   }
-  struct Outcome {
-    int exit_code = -1;
-    std::string text;
+  struct Outcome : testing::Outcome {
     nlohmann::json json;
   };
   /// The gait in virtual time.
   [[nodiscard]] Outcome RunGait(const std::vector<std::string>& more) const {
-    std::vector<std::string> arguments{TUMBLER_BINARY_DIR "/bin/tumbler-run", "sim",
-                                       kPrimitives + "gait.toml", "--json", Path("run.json")};
+    std::vector<std::string> arguments{"tumbler-run", "sim", kPrimitives + "gait.toml", "--json",
+                                       Path("run.json")};
     arguments.insert(arguments.end(), more.begin(), more.end());
     return Run(arguments);
   }
   [[nodiscard]] Outcome RunTwin(const std::vector<std::string>& more) const {
-    std::vector<std::string> arguments{TUMBLER_BINARY_DIR "/bin/tumbler-twin"};
+    std::vector<std::string> arguments{"tumbler-twin"};
     arguments.insert(arguments.end(), more.begin(), more.end());
     return Run(arguments);
   }
@@ -64,15 +53,13 @@ class SimTwin : public ::testing::Test {
  private:
   [[nodiscard]] Outcome Run(const std::vector<std::string>& arguments) const {
     std::filesystem::remove(Path("run.json"));
-    Program program(arguments);
-    Outcome outcome;
-    outcome.exit_code = program.Wait();
-    outcome.text = program.text();
-    std::ifstream stream(Path("run.json"));
-    if (stream) outcome.json = nlohmann::json::parse(stream);
+    Outcome outcome{testing::RunProgram(arguments), {}};
+    if (std::filesystem::exists(Path("run.json"))) {
+      outcome.json = nlohmann::json::parse(testing::ReadFile(Path("run.json")));
+    }
     return outcome;
   }
-  std::filesystem::path directory_;
+  testing::TemporaryFolder folder_;
 };
 
 constexpr const char* kPushedOver =

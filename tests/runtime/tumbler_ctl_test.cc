@@ -3,21 +3,16 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <csignal>
 #include <cstdio>
-#include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <memory>
 #include <nlohmann/json.hpp>
-#include <regex>
 #include <string>
 #include <vector>
 
-#include "tests/support/primitive_file.h"
+#include "tests/support/files.h"
 #include "tests/support/program.h"
 
 namespace tumbler {
@@ -25,28 +20,24 @@ namespace {
 
 using ::testing::HasSubstr;
 using ::testing::Not;
+using testing::Outcome;
 using testing::Program;
+using testing::ReadFile;
+using testing::Replaced;
+using testing::ReplacedAll;
+using testing::WriteFile;
 
 constexpr const char* kUrl = "udpm://239.255.76.67:7667?ttl=0";
-constexpr const char* kGait = TUMBLER_SOURCE_DIR "/primitives/gait.toml";
+const std::string kGait = testing::SourcePath("primitives/gait.toml");
 
-struct Answer {
-  int exit_status = -1;
-  std::string text;
-};
-
-Answer Ctl(std::vector<std::string> arguments) {
-  arguments.insert(arguments.begin(), TUMBLER_BINARY_DIR "/bin/tumbler-ctl");
+Outcome Ctl(std::vector<std::string> arguments) {
+  arguments.insert(arguments.begin(), "tumbler-ctl");
   arguments.insert(arguments.end(), {"--lcm-url", kUrl});
-  Program program(arguments);
-  Answer answer;
-  answer.exit_status = program.Wait();
-  answer.text = program.text();
-  return answer;
+  return testing::RunProgram(arguments);
 }
 
 std::string State() {
-  const Answer status = Ctl({"status", "--json"});
+  const Outcome status = Ctl({"status", "--json"});
   if (status.text.empty() || status.text[0] != '{') return status.text;
   return nlohmann::json::parse(status.text)["state"];
 }
@@ -66,62 +57,57 @@ std::string WaitForState(const std::vector<std::string>& wanted) {
 class TumblerCtl : public ::testing::Test {
  protected:
   TumblerCtl() {
-    std::ifstream stream(TUMBLER_SOURCE_DIR "/primitives/robots/tumbler_drives.toml");
-    std::string text(std::istreambuf_iterator<char>(stream), {});
-    const std::regex rate("rate_hz *= *[0-9.]+");
-    EXPECT_TRUE(std::regex_search(text, rate));
-    text = std::regex_replace(text, rate, "rate_hz = 100.0");
-    text = std::regex_replace(text, std::regex("watchdog_s *= *[0-9.]+"), "watchdog_s = 1.0");
-    std::ofstream(drives_) << text;
+    std::string text = ReadFile(testing::SourcePath("primitives/robots/tumbler_drives.toml"));
+    text = Replaced(text, "rate_hz = 1000.0", "rate_hz = 100.0");
+    WriteFile(drives_, ReplacedAll(text, "watchdog_s = 0.025", "watchdog_s = 1.0"));
   }
-  ~TumblerCtl() override { std::filesystem::remove(drives_); }
   [[nodiscard]] std::unique_ptr<Program> Play() const {
     return std::make_unique<Program>(std::vector<std::string>{
-        TUMBLER_BINARY_DIR "/bin/tumbler-run", "sim", kGait, "--realtime", "--lcm-url", kUrl,
-        "--hold-s", "0.2", "--attended", "--drives", drives_.string()});
+        testing::ProgramPath("tumbler-run"), "sim", kGait, "--realtime", "--lcm-url", kUrl,
+        "--hold-s", "0.2", "--attended", "--drives", drives_});
   }
 
  private:
-  std::filesystem::path drives_ = std::filesystem::temp_directory_path() /
-                                  ("tumbler_ctl_test_" + std::to_string(getpid()) + ".toml");
+  testing::TemporaryFolder folder_;
+  std::string drives_ = folder_ / "drives.toml";
 };
 
 TEST_F(TumblerCtl, SaysThatNobodyAnswers) {
   for (const char* request : {"status", "start", "stop"}) {
-    const Answer answer = Ctl({request});
-    EXPECT_EQ(answer.exit_status, 1);
+    const Outcome answer = Ctl({request});
+    EXPECT_EQ(answer.exit_code, 1);
     EXPECT_THAT(answer.text, HasSubstr("is tumbler-run there"));
   }
 }
 
 TEST_F(TumblerCtl, RejectsWhatItDoesNotKnow) {
-  EXPECT_EQ(Ctl({}).exit_status, 1);
-  EXPECT_EQ(Ctl({"arm"}).exit_status, 1);
-  EXPECT_EQ(Ctl({"branch"}).exit_status, 1);
+  EXPECT_EQ(Ctl({}).exit_code, 1);
+  EXPECT_EQ(Ctl({"arm"}).exit_code, 1);
+  EXPECT_EQ(Ctl({"branch"}).exit_code, 1);
 }
 
 TEST_F(TumblerCtl, StartsBranchesFinishesAndStartsAgain) {
   const std::unique_ptr<Program> run = Play();
   ASSERT_EQ(WaitForState({"disarmed"}), "disarmed") << run->text();
   EXPECT_THAT(Ctl({"status"}).text, HasSubstr("attended"));
-  const Answer early = Ctl({"branch", "roll"});
-  EXPECT_EQ(early.exit_status, 2) << early.text;
+  const Outcome early = Ctl({"branch", "roll"});
+  EXPECT_EQ(early.exit_code, 2) << early.text;
   EXPECT_THAT(early.text, HasSubstr("not possible in this state"));
   EXPECT_EQ(State(), "disarmed") << "nothing moves by itself";
 
-  const Answer start = Ctl({"start"});
-  EXPECT_EQ(start.exit_status, 0) << start.text;
+  const Outcome start = Ctl({"start"});
+  EXPECT_EQ(start.exit_code, 0) << start.text;
   ASSERT_NE(WaitForState({"running", "settling"}), "disarmed");
-  EXPECT_EQ(Ctl({"start"}).exit_status, 2);
-  const Answer wrong = Ctl({"branch", "rol"});
-  EXPECT_EQ(wrong.exit_status, 2);
+  EXPECT_EQ(Ctl({"start"}).exit_code, 2);
+  const Outcome wrong = Ctl({"branch", "rol"});
+  EXPECT_EQ(wrong.exit_code, 2);
   EXPECT_THAT(wrong.text, HasSubstr("no branch 'rol'"));
-  EXPECT_EQ(Ctl({"branch", "roll"}).exit_status, 0);
+  EXPECT_EQ(Ctl({"branch", "roll"}).exit_code, 0);
   ASSERT_EQ(WaitForState({"disarmed"}), "disarmed") << "the roll ends the sequence";
 
-  EXPECT_EQ(Ctl({"start"}).exit_status, 0);
+  EXPECT_EQ(Ctl({"start"}).exit_code, 0);
   ASSERT_NE(WaitForState({"running", "settling"}), "disarmed");
-  EXPECT_EQ(Ctl({"stop"}).exit_status, 0);
+  EXPECT_EQ(Ctl({"stop"}).exit_code, 0);
   ASSERT_EQ(WaitForState({"disarmed"}), "disarmed");
   run->Signal(SIGINT);
   EXPECT_EQ(run->Wait(), 130) << run->text();
@@ -131,7 +117,7 @@ TEST_F(TumblerCtl, StartsBranchesFinishesAndStartsAgain) {
 TEST_F(TumblerCtl, WatchesALinePerSecondInAPipe) {
   const std::unique_ptr<Program> run = Play();
   ASSERT_EQ(WaitForState({"disarmed"}), "disarmed") << run->text();
-  Program watch({TUMBLER_BINARY_DIR "/bin/tumbler-ctl", "watch", "--lcm-url", kUrl});
+  Program watch({testing::ProgramPath("tumbler-ctl"), "watch", "--lcm-url", kUrl});
   ASSERT_TRUE(watch.WaitFor("disarmed")) << watch.text();
   run->Signal(SIGKILL);
   run->Wait();

@@ -17,38 +17,34 @@
 #include <vector>
 
 #include "runtime/telemetry/telemetry.h"
+#include "tests/support/files.h"
 #include "tests/support/program.h"
 
 namespace tumbler {
 namespace {
 
 using ::testing::HasSubstr;
-using testing::Program;
+using testing::Outcome;
+using testing::RunProgram;
 
-constexpr const char* kMotion = TUMBLER_SOURCE_DIR "/primitives/handstand.toml";
+const std::string kMotion = testing::SourcePath("primitives/handstand.toml");
 
 class TumblerLog : public ::testing::Test {
  protected:
   static void SetUpTestSuite() {
-    directory_ =
-        std::filesystem::temp_directory_path() / ("tumbler_log_test_" + std::to_string(getpid()));
-    std::filesystem::create_directories(directory_);
-    Program run({TUMBLER_BINARY_DIR "/bin/tumbler-run", "sim", kMotion, "--hold-s", "0.1", "--log",
-                 Path("run.lcm"), "--trace", Path("trace.csv")});
-    ASSERT_EQ(run.Wait(), 0) << run.text();
+    folder_ = std::make_unique<testing::TemporaryFolder>();
+    const Outcome run = RunProgram({"tumbler-run", "sim", kMotion, "--hold-s", "0.1", "--log",
+                                    Path("run.lcm"), "--trace", Path("trace.csv")});
+    ASSERT_EQ(run.exit_code, 0) << run.text;
   }
-  static void TearDownTestSuite() { std::filesystem::remove_all(directory_); }
-  static std::string Path(const std::string& name) { return (directory_ / name).string(); }
-  static std::string Read(const std::string& name) {
-    std::ifstream stream(Path(name), std::ios::binary);
-    return {std::istreambuf_iterator<char>(stream), {}};
-  }
+  static void TearDownTestSuite() { folder_.reset(); }
+  static std::string Path(const std::string& name) { return *folder_ / name; }
+  static std::string Read(const std::string& name) { return testing::ReadFile(Path(name)); }
   int Log(std::vector<std::string> arguments) {
-    arguments.insert(arguments.begin(), TUMBLER_BINARY_DIR "/bin/tumbler-log");
-    Program program(arguments);
-    const int status = program.Wait();
-    text_ = program.text();
-    return status;
+    arguments.insert(arguments.begin(), "tumbler-log");
+    const Outcome outcome = RunProgram(arguments);
+    text_ = outcome.text;
+    return outcome.exit_code;
   }
   /// Copies the log but for some messages. @param keep  of channel and number on it.
   template <typename Keep>
@@ -68,10 +64,10 @@ class TumblerLog : public ::testing::Test {
     }
   }
 
-  static std::filesystem::path directory_;
+  static std::unique_ptr<testing::TemporaryFolder> folder_;
   std::string text_;
 };
-std::filesystem::path TumblerLog::directory_;
+std::unique_ptr<testing::TemporaryFolder> TumblerLog::folder_;
 
 TEST_F(TumblerLog, ConvertsToTheTableThatTheRunItselfWrites) {
   ASSERT_EQ(Log({Path("run.lcm"), "--csv", Path("log.csv")}), 0) << text_;

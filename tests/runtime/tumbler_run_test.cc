@@ -2,84 +2,52 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <array>
-#include <cstdio>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <string>
 
+#include "tests/support/files.h"
 #include "tests/support/primitive_file.h"
+#include "tests/support/program.h"
 
 namespace tumbler {
 namespace {
 
 using ::testing::HasSubstr;
 using ::testing::Not;
-
-struct Outcome {
-  int exit_code = -1;
-  std::string text;  ///< Standard output and error.
-};
+using testing::Outcome;
+using testing::Replaced;
 
 class TumblerRun : public ::testing::Test {
  protected:
-  TumblerRun()
-      : directory_(std::filesystem::temp_directory_path() /
-                   ("tumbler_run_test_" + std::to_string(getpid()))) {
-    std::filesystem::create_directories(directory_);
+  TumblerRun() {
     testing::MotionShape shape;
     shape.duration_s = 0.3;
     shape.amplitude_rad = 0.5;
     Write("motion.toml", ToToml(testing::RandomPrimitiveFile(shape, 70)));
   }
-  ~TumblerRun() override { std::filesystem::remove_all(directory_); }
-
-  [[nodiscard]] std::string Path(const std::string& name) const {
-    return (directory_ / name).string();
-  }
+  [[nodiscard]] std::string Path(const std::string& name) const { return folder_ / name; }
   void Write(const std::string& name, const std::string& text) const {
-    std::ofstream(Path(name), std::ios::binary) << text;
+    testing::WriteFile(Path(name), text);
   }
   [[nodiscard]] static Outcome Run(const std::string& arguments) {
-    const std::string command =
-        std::string(TUMBLER_BINARY_DIR "/bin/tumbler-run ") + arguments + " 2>&1";
-    Outcome outcome;
-    std::FILE* pipe = popen(command.c_str(), "r");
-    if (pipe == nullptr) return outcome;
-    std::array<char, 4096> buffer;
-    std::size_t count = 0;
-    while ((count = std::fread(buffer.data(), 1, buffer.size(), pipe)) > 0) {
-      outcome.text.append(buffer.data(), count);
-    }
-    const int status = pclose(pipe);
-    outcome.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-    return outcome;
+    return testing::RunInShell("tumbler-run " + arguments);
   }
   /// The example drive file with this program's joints, and `from` replaced by `to`.
   void WriteDrives(const std::string& from = "", const std::string& to = "") const {
-    std::ifstream stream(TUMBLER_SOURCE_DIR "/primitives/robots/tumbler_drives.toml");
-    std::string text(std::istreambuf_iterator<char>(stream), {});
-    const auto replace = [&text](const std::string& what, const std::string& with) {
-      const std::size_t at = text.find(what);
-      ASSERT_NE(at, std::string::npos) << what;
-      text.replace(at, what.size(), with);
-    };
-    replace("\"leg1\"", "\"joint1\"");
-    replace("\"leg2\"", "\"joint2\"");
-    if (!from.empty()) replace(from, to);
-    Write("drives.toml", text);
+    std::string text =
+        testing::ReadFile(testing::SourcePath("primitives/robots/tumbler_drives.toml"));
+    text = Replaced(text, "\"leg1\"", "\"joint1\"");
+    text = Replaced(text, "\"leg2\"", "\"joint2\"");
+    Write("drives.toml", Replaced(text, from, to));
   }
   /// On an interface that no machine has.
   [[nodiscard]] Outcome RunOnMissingInterface(const std::string& more = "") const {
     return Run("can9 " + Path("motion.toml") + " --drives " + Path("drives.toml") + more);
   }
 
-  std::filesystem::path directory_;
+  testing::TemporaryFolder folder_;
 };
 
 TEST_F(TumblerRun, ExplainsItself) {
@@ -108,7 +76,7 @@ TEST_F(TumblerRun, RejectsWrongCommandLinesWithExitCode1) {
 }
 
 TEST_F(TumblerRun, RefusesASequenceWithoutEndInVirtualTimeAndABranchThatIsNotThere) {
-  const std::string gait = TUMBLER_SOURCE_DIR "/primitives/gait.toml";
+  const std::string gait = testing::SourcePath("primitives/gait.toml");
   const Outcome endless = Run("sim " + gait);
   EXPECT_EQ(endless.exit_code, 1);
   EXPECT_THAT(endless.text, HasSubstr("--cycles"));
@@ -119,14 +87,14 @@ TEST_F(TumblerRun, RefusesASequenceWithoutEndInVirtualTimeAndABranchThatIsNotThe
 
 TEST_F(TumblerRun, PlaysTheShippedGaitWithBothRolesAndTheRollOverTheSimulatedBus) {
   const Outcome outcome =
-      Run("sim " TUMBLER_SOURCE_DIR "/primitives/gait.toml --cycles 3 --branch roll");
+      Run("sim " + testing::SourcePath("primitives/gait.toml") + " --cycles 3 --branch roll");
   EXPECT_EQ(outcome.exit_code, 0) << outcome.text;
   EXPECT_THAT(outcome.text, HasSubstr("8 motions, 3 complete cycles; the robot where it should"));
 }
 
 TEST_F(TumblerRun, AnswersWhatABusFaultsFileDoesToItAsTheFaultsFileSays) {
-  const std::string gait = "sim " TUMBLER_SOURCE_DIR "/primitives/gait.toml --cycles 1";
-  const std::string script = " --bus-faults " TUMBLER_SOURCE_DIR "/tests/data/bus_faults.toml";
+  const std::string gait = "sim " + testing::SourcePath("primitives/gait.toml") + " --cycles 1";
+  const std::string script = " --bus-faults " + testing::SourcePath("tests/data/bus_faults.toml");
   const Outcome shorted = Run(gait + script);
   EXPECT_EQ(shorted.exit_code, 3);
   EXPECT_THAT(shorted.text, HasSubstr("bus-off: bus off at tick 2001"));

@@ -23,6 +23,7 @@
 #include "common/primitive_toml.h"
 #include "firmware_interface/drives/drives_toml.h"
 #include "tests/support/can_interface.h"
+#include "tests/support/files.h"
 #include "tests/support/frame_checker.h"
 #include "tests/support/program.h"
 #include "tests/support/steady_time.h"
@@ -38,46 +39,30 @@ using ::testing::IsEmpty;
 using ::testing::Not;
 using testing::ParseCandumpLog;
 using testing::Program;
+using testing::ReadFile;
+using testing::Replaced;
 using testing::VirtualCan;
 
-const std::string kPrimitives = TUMBLER_SOURCE_DIR "/primitives/";
+const std::string kPrimitives = testing::SourcePath("primitives/");
 constexpr double kPace = 0.25;
 constexpr int kFault = 3;  // of tumbler-run
 constexpr int kFell = 4;   // of tumbler-twin
 constexpr int kKilled = 1000 + SIGKILL;
 
-std::string ReadFile(const std::string& path) {
-  std::ifstream stream(path);
-  return {std::istreambuf_iterator<char>(stream), {}};
-}
-
-void Replace(std::string& text, const std::string& what, const std::string& with) {
-  const std::size_t at = text.find(what);
-  if (at == std::string::npos) throw std::runtime_error("no " + what);
-  text.replace(at, what.size(), with);
-}
-
 class TwinOnCan : public ::testing::Test {
  protected:
-  TwinOnCan()
-      : directory_(std::filesystem::temp_directory_path() /
-                   ("twin_on_can_test_" + std::to_string(getpid()))) {
+  TwinOnCan() {
     testing::RequireCan();
-    std::filesystem::create_directories(directory_);
     std::string text = ReadFile(kPrimitives + "robots/tumbler_drives.toml");
-    Replace(text, "rate_hz = 1000.0", "rate_hz = 100.0");
-    Replace(text, "watchdog_s = 0.025 ", "watchdog_s = 0.2 ");
-    Replace(text, "watchdog_s = 0.025\n", "watchdog_s = 0.2\n");
-    std::ofstream(Path("drives.toml")) << text;
+    text = Replaced(text, "rate_hz = 1000.0", "rate_hz = 100.0");
+    text = Replaced(text, "watchdog_s = 0.025 ", "watchdog_s = 0.2 ");
+    text = Replaced(text, "watchdog_s = 0.025\n", "watchdog_s = 0.2\n");
+    testing::WriteFile(Path("drives.toml"), text);
     rules_.drives = LoadDrives(Path("drives.toml"));
     const PrimitiveFile handstand = LoadPrimitive(kPrimitives + "handstand.toml");
     for (const JointMotion<double>& joint : handstand.primitive.motions())
       rules_.limits.push_back(joint.limits);
     rules_.silence_s = 0.2 / kPace;
-  }
-  ~TwinOnCan() override {
-    Reset();
-    std::filesystem::remove_all(directory_);
   }
   void Reset() {
     candump_.reset();
@@ -85,23 +70,19 @@ class TwinOnCan : public ::testing::Test {
     std::filesystem::remove(Path("candump"));
   }
 
-  [[nodiscard]] std::string Path(const std::string& name) const {
-    return (directory_ / name).string();
-  }
+  [[nodiscard]] std::string Path(const std::string& name) const { return folder_ / name; }
   void StartTwin(const std::string& interface) {
     twin_ = std::make_unique<Program>(std::vector<std::string>{
-        TUMBLER_BINARY_DIR "/bin/tumbler-twin", interface, kPrimitives + "gait.toml", "--drives",
+        testing::ProgramPath("tumbler-twin"), interface, kPrimitives + "gait.toml", "--drives",
         Path("drives.toml"), "--pace", std::to_string(kPace), "--json", Path("truth.json")});
     ASSERT_TRUE(twin_->WaitFor("2 drives on " + interface)) << twin_->text();
   }
   void StartCandump(const std::string& interface) {
     candump_ = std::make_unique<Program>(std::vector<std::string>{
         "/bin/sh", "-c", "exec candump -r 4000000 -L -D " + interface + " >" + Path("candump")});
-    for (int i = 0; i < 1000; ++i) {
-      if (ReadFile("/proc/net/can/rcvlist_all").find(interface + " ") != std::string::npos) return;
-      usleep(20'000);
-    }
-    FAIL() << "candump does not listen";
+    ASSERT_TRUE(testing::Eventually([&] {
+      return ReadFile("/proc/net/can/rcvlist_all").find(interface + " ") != std::string::npos;
+    })) << "candump does not listen";
   }
   [[nodiscard]] std::unique_ptr<Program> StartGait(const std::string& interface,
                                                    const std::vector<std::string>& more) const {
@@ -110,7 +91,7 @@ class TwinOnCan : public ::testing::Test {
   [[nodiscard]] std::unique_ptr<Program> StartRun(const std::string& interface,
                                                   const std::string& motion,
                                                   const std::vector<std::string>& more) const {
-    std::vector<std::string> arguments{TUMBLER_BINARY_DIR "/bin/tumbler-run",
+    std::vector<std::string> arguments{testing::ProgramPath("tumbler-run"),
                                        interface,
                                        kPrimitives + motion,
                                        "--pace",
@@ -153,7 +134,7 @@ class TwinOnCan : public ::testing::Test {
     }
   }
 
-  std::filesystem::path directory_;
+  testing::TemporaryFolder folder_;
   FrameRules rules_;
   std::unique_ptr<Program> twin_;
   std::unique_ptr<Program> candump_;

@@ -5,16 +5,11 @@
 
 #include <cstddef>
 #include <cstdlib>
-#include <fstream>
-#include <iterator>
 #include <string>
 
-namespace tumbler::testing {
+#include "tests/support/files.h"
 
-inline std::string ReadFile(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(file), {}};
-}
+namespace tumbler::testing {
 
 /// The text of the element with this id, up to its first tag; of each such element joined when ids
 /// repeat.
@@ -45,12 +40,11 @@ inline std::string BrowsePage(const std::string& page, const std::string& direct
                 "<pre id=\"probe\"></pre><script>const say = (...words) => "
                 "{ byId('probe').textContent += words.join(' ') + '\\n'; };\n" +
                     probe + "</script>");
-    std::ofstream(page, std::ios::binary) << text;
+    WriteFile(page, text);
   }
   const std::string out = directory + "/dom.html";
-  const std::string command = std::string("'") + TUMBLER_SOURCE_DIR + "/scripts/screenshot' '" +
-                              page + "' '" + fragment + "' '" + out + "' " + std::to_string(width) +
-                              " 900";
+  const std::string command = "'" + SourcePath("scripts/screenshot") + "' '" + page + "' '" +
+                              fragment + "' '" + out + "' " + std::to_string(width) + " 900";
   // NOLINTNEXTLINE(concurrency-mt-unsafe): a test of one thread.
   EXPECT_EQ(std::system(command.c_str()), 0) << command;
   std::string dom = ReadFile(out);

@@ -10,6 +10,7 @@
 
 #include "common/toml_reader.h"
 #include "offline/model/planar_robot.h"
+#include "tests/support/files.h"
 
 namespace tumbler {
 
@@ -18,7 +19,7 @@ inline constexpr std::array<const char*, 5> kDartJoints = {"x", "z", "pitch", "l
 
 /// The shipped robot as DART's own loader reads it, with the root's joints written into the URDF.
 inline dart::dynamics::SkeletonPtr LoadTumblerInDart() {
-  const std::string path = std::string(TUMBLER_SOURCE_DIR) + "/primitives/robots/tumbler.urdf";
+  const std::string path = testing::SourcePath("primitives/robots/tumbler.urdf");
   std::string urdf = ReadTextFile(path);
   const std::string root = R"(
     <link name="world"/>

@@ -8,6 +8,7 @@
 #include "offline/certificate/certificate.h"
 #include "offline/problem/task_toml.h"
 #include "offline/solver/solver.h"
+#include "tests/support/files.h"
 
 namespace tumbler {
 
@@ -16,7 +17,7 @@ class FoundMotion : public ::testing::TestWithParam<int> {
  protected:
   /// Solves a shipped task with the parameter as seed.
   void Find(const std::string& task) {
-    problem_ = LoadTask(std::string(TUMBLER_SOURCE_DIR) + "/primitives/tasks/" + task).problem;
+    problem_ = LoadTask(testing::SourcePath("primitives/tasks/") + task).problem;
     problem_.search.seed = static_cast<std::uint64_t>(GetParam());
     SolveOptions options;
     options.threads = 2;

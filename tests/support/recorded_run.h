@@ -1,14 +1,8 @@
 #pragma once
 
-#include <unistd.h>
-
 #include <array>
 #include <cstdint>
-#include <filesystem>
-#include <fstream>
 #include <functional>
-#include <iterator>
-#include <memory>
 #include <string>
 #include <vector>
 
@@ -19,41 +13,10 @@
 #include "runtime/record/flight_recorder.h"
 #include "runtime/record/record_configuration.h"
 #include "runtime/record/recorded_assembly.h"
+#include "tests/support/files.h"
 #include "tests/support/primitive_file.h"
 
 namespace tumbler::testing {
-
-/// A folder of this process and its own, until the end of the scope.
-class TemporaryFolder {
- public:
-  TemporaryFolder()
-      : path_(std::filesystem::temp_directory_path() /
-              ("tumbler_record_" + std::to_string(getpid()) + "_" + std::to_string(Next()))) {
-    std::filesystem::create_directories(path_);
-  }
-  ~TemporaryFolder() { std::filesystem::remove_all(path_); }
-  TemporaryFolder(const TemporaryFolder&) = delete;
-  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
-  [[nodiscard]] std::string operator/(const std::string& name) const {
-    return (path_ / name).string();
-  }
-
- private:
-  static int Next() {
-    static int next = 0;
-    return next++;
-  }
-  std::filesystem::path path_;
-};
-
-inline std::string ReadBytes(const std::string& path) {
-  std::ifstream stream(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(stream), {}};
-}
-
-inline std::span<const std::uint8_t> AsBytes(const std::string& text) {
-  return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
-}
 
 /// The configuration of a run on two MIT drives, with every number somewhere else than its default.
 inline RecordConfiguration SmallConfiguration() {
@@ -148,7 +111,7 @@ inline std::string RecordedBytes(const RecordConfiguration& configuration,
   RecordRun(
       configuration, recorder, [&recorder](std::int64_t) { recorder.Drain(); }, ticks_max);
   recorder.Stop("completed");
-  return ReadBytes(config.file);
+  return ReadFile(config.file);
 }
 
 }  // namespace tumbler::testing

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <unistd.h>
-
 #include <array>
 #include <cmath>
 #include <filesystem>
@@ -13,8 +11,8 @@
 #include "common/primitive_hash.h"
 #include "common/primitive_limits.h"
 #include "common/sequence_toml.h"
+#include "tests/support/files.h"
 #include "tests/support/primitive_file.h"
-#include "tests/support/task_files.h"
 
 namespace tumbler::testing {
 
@@ -129,29 +127,19 @@ branch = "leave"
 )";
 }
 
-/// A folder with a sequence and its primitives; it is gone after the test.
-class SequenceFolder {
+/// A folder with a sequence and its primitives.
+class SequenceFolder : public TemporaryFolder {
  public:
   explicit SequenceFolder(const std::string& text,
                           std::vector<PrimitiveFile> primitives = GaitPrimitives()) {
-    std::string pattern =
-        (std::filesystem::temp_directory_path() / "tumbler_sequence_XXXXXX").string();
-    if (mkdtemp(pattern.data()) == nullptr) throw std::runtime_error("mkdtemp");
-    root_ = pattern;
     WriteFile(file(), text);
     for (PrimitiveFile& primitive : primitives) {
       Complete(primitive);
-      WriteFile(root_ / (std::string(primitive.primitive.name.view()) + ".toml"),
+      WriteFile(path() / (std::string(primitive.primitive.name.view()) + ".toml"),
                 ToToml(primitive));
     }
   }
-  ~SequenceFolder() { std::filesystem::remove_all(root_); }
-  SequenceFolder(const SequenceFolder&) = delete;
-  SequenceFolder& operator=(const SequenceFolder&) = delete;
-  [[nodiscard]] std::filesystem::path file() const { return root_ / "gait.toml"; }
-
- private:
-  std::filesystem::path root_;
+  [[nodiscard]] std::filesystem::path file() const { return path() / "gait.toml"; }
 };
 
 }  // namespace tumbler::testing

@@ -1,51 +1,17 @@
 #pragma once
 
-#include <unistd.h>
-
-#include <algorithm>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
-#include <set>
-#include <stdexcept>
 #include <string>
+
+#include "tests/support/files.h"
 
 namespace tumbler::testing {
 
-inline std::string ReadFile(const std::filesystem::path& path) {
-  std::ifstream stream(path, std::ios::binary);
-  if (!stream) throw std::runtime_error("cannot read " + path.string());
-  return {std::istreambuf_iterator<char>(stream), {}};
-}
-
-inline void WriteFile(const std::filesystem::path& path, const std::string& text) {
-  std::ofstream stream(path, std::ios::binary);
-  stream << text;
-  if (!stream.flush()) throw std::runtime_error("cannot write " + path.string());
-}
-
-/// The text with the first `from` after the first `after` replaced; both must be there.
-inline std::string Replaced(std::string text, const std::string& from, const std::string& to,
-                            const std::string& after = "") {
-  const std::size_t start = text.find(after);
-  const std::size_t at = start == std::string::npos ? start : text.find(from, start);
-  if (at == std::string::npos) throw std::runtime_error("the text lacks '" + from + "'");
-  return text.replace(at, from.size(), to);
-}
-
-/// The number of the line, from 1, in which the first `part` begins.
-inline int LineOf(const std::string& text, const std::string& part) {
-  const std::size_t at = text.find(part);
-  if (at == std::string::npos) throw std::runtime_error("the text lacks '" + part + "'");
-  return 1 + static_cast<int>(
-                 std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(at), '\n'));
-}
-
 inline std::string ShippedTask() {
-  return ReadFile(TUMBLER_SOURCE_DIR "/primitives/tasks/handstand.toml");
+  return ReadFile(testing::SourcePath("primitives/tasks/handstand.toml"));
 }
 inline std::string ShippedRobot() {
-  return ReadFile(TUMBLER_SOURCE_DIR "/primitives/robots/tumbler.urdf");
+  return ReadFile(testing::SourcePath("primitives/robots/tumbler.urdf"));
 }
 
 /// The shipped task made small: on both feet, the legs move a little, and the pitch is to stay. It
@@ -68,39 +34,20 @@ inline std::string EndlessSearch() {
                   "batch = 1000000\nmax_samples = 1000000");
 }
 
-/// A folder with a task and its robot, laid out as in `primitives/`; it is gone after the test.
-class TaskFolder {
+/// A folder with a task and its robot, laid out as in `primitives/`.
+class TaskFolder : public TemporaryFolder {
  public:
   explicit TaskFolder(const std::string& task, const std::string& robot = ShippedRobot()) {
-    std::string pattern = (std::filesystem::temp_directory_path() / "tumbler_task_XXXXXX").string();
-    if (mkdtemp(pattern.data()) == nullptr) throw std::runtime_error("mkdtemp");
-    root_ = pattern;
-    std::filesystem::create_directories(root_ / "tasks");
-    std::filesystem::create_directories(root_ / "robots");
+    std::filesystem::create_directories(path() / "tasks");
+    std::filesystem::create_directories(path() / "robots");
     WriteFile(task_file(), task);
     WriteFile(robot_file(), robot);
   }
-  ~TaskFolder() { std::filesystem::remove_all(root_); }
-  TaskFolder(const TaskFolder&) = delete;
-  TaskFolder& operator=(const TaskFolder&) = delete;
 
-  [[nodiscard]] std::filesystem::path task_file() const { return root_ / "tasks" / "task.toml"; }
+  [[nodiscard]] std::filesystem::path task_file() const { return path() / "tasks" / "task.toml"; }
   [[nodiscard]] std::filesystem::path robot_file() const {
-    return root_ / "robots" / "tumbler.urdf";
+    return path() / "robots" / "tumbler.urdf";
   }
-  [[nodiscard]] std::filesystem::path operator/(const std::string& name) const {
-    return root_ / name;
-  }
-  /// Every file and folder in it.
-  [[nodiscard]] std::set<std::string> Listing() const {
-    std::set<std::string> names;
-    for (const auto& entry : std::filesystem::recursive_directory_iterator(root_))
-      names.insert(std::filesystem::relative(entry.path(), root_).string());
-    return names;
-  }
-
- private:
-  std::filesystem::path root_;
 };
 
 }  // namespace tumbler::testing

@@ -4,12 +4,13 @@
 
 #include "common/toml_reader.h"
 #include "offline/model/planar_robot.h"
+#include "tests/support/files.h"
 
 namespace tumbler {
 
 /// The shipped robot, its legs prescribed.
 inline PlanarRobot LoadTumbler() {
-  const std::string path = std::string(TUMBLER_SOURCE_DIR) + "/primitives/robots/tumbler.urdf";
+  const std::string path = testing::SourcePath("primitives/robots/tumbler.urdf");
   PlanarRobot robot = ParsePlanarRobot(ReadTextFile(path), path, RootKind::kPlanarXz);
   robot.tree.dofs[3].prescribed = robot.tree.dofs[4].prescribed = true;
   return robot;

@@ -22,7 +22,7 @@ using testing::AsBytes;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
-using testing::ReadBytes;
+using testing::ReadFile;
 
 class FlightRecorderTest : public ::testing::Test {
  protected:
@@ -45,7 +45,7 @@ TEST_F(FlightRecorderTest, RecordsARunThatReplaysIdentically) {
   EXPECT_EQ(recorder.lost(), 0);
   EXPECT_EQ(recorder.recorded(), recorder.pushed());
   EXPECT_GT(recorder.recorded(), 80);
-  const std::string bytes = ReadBytes(config_.file);
+  const std::string bytes = ReadFile(config_.file);
   FlightRecord record(AsBytes(bytes), "run.rec");
   const ReplayResult report = Replay(record);
   EXPECT_TRUE(report.identical()) << report.difference->field << report.gap;
@@ -61,7 +61,7 @@ TEST_F(FlightRecorderTest, WritesTheSameBytesWithAThreadOfItsOwn) {
   recorder.Start();
   testing::RecordRun(configuration_, recorder);
   recorder.Stop("completed");
-  EXPECT_EQ(ReadBytes(config_.file), testing::RecordedBytes(configuration_));
+  EXPECT_EQ(ReadFile(config_.file), testing::RecordedBytes(configuration_));
 }
 
 TEST_F(FlightRecorderTest, DoesNotAllocateInTheLoop) {
@@ -97,7 +97,7 @@ TEST_F(FlightRecorderTest, CountsSaysAndMarksTicksThatTheRingHasNoRoomFor) {
   ASSERT_EQ(said_.size(), 2U);
   EXPECT_THAT(said_[0], HasSubstr("ticks could not be recorded"));
 
-  const std::string bytes = ReadBytes(config_.file);
+  const std::string bytes = ReadFile(config_.file);
   FlightRecord record(AsBytes(bytes), "run.rec");
   const auto entry = std::make_unique<TickEntry>();
   std::int64_t ticks = 0, last = -1, missing = 0;
@@ -163,7 +163,7 @@ TEST_F(FlightRecorderTest, StopsAndSaysSoWhenTheDiskIsFullAndKeepsWhatIsWhole) {
     EXPECT_THAT(said_[0], HasSubstr("File too large"));
     EXPECT_THAT(said_[0], HasSubstr("recording stopped after " +
                                     std::to_string(recorder.recorded()) + " ticks"));
-    const std::string bytes = ReadBytes(config_.file);
+    const std::string bytes = ReadFile(config_.file);
     EXPECT_LE(bytes.size(), room);
     EXPECT_EQ(bytes, whole.substr(0, bytes.size()));
     FlightRecord record(AsBytes(bytes), "run.rec");
@@ -198,7 +198,7 @@ TEST_F(FlightRecorderTest, KeepsTheTruthBetweenTheTicks) {
       },
       23);
   recorder.Stop("completed");
-  const std::string bytes = ReadBytes(config_.file);
+  const std::string bytes = ReadFile(config_.file);
   FlightRecord record(AsBytes(bytes), "run.rec");
   const auto entry = std::make_unique<TickEntry>();
   std::int64_t ticks = 0;
@@ -227,7 +227,7 @@ TEST_F(FlightRecorderTest, OverwritesNothing) {
   } catch (const std::runtime_error& error) {
     EXPECT_THAT(error.what(), HasSubstr("exists, and a record is never overwritten"));
   }
-  EXPECT_EQ(ReadBytes(config_.file), "precious");
+  EXPECT_EQ(ReadFile(config_.file), "precious");
   config_.file = folder_ / "absent/run.rec";
   EXPECT_THROW(FlightRecorder{config_}, std::runtime_error);
 }
@@ -243,7 +243,7 @@ TEST_F(FlightRecorderTest, WithoutStopTheRecordLacksItsEndAlone) {
     testing::RecordRun(configuration_, recorder);
   }
   const std::string whole = testing::RecordedBytes(configuration_);
-  const std::string bytes = ReadBytes(config_.file);
+  const std::string bytes = ReadFile(config_.file);
   ASSERT_LT(bytes.size(), whole.size());
   EXPECT_EQ(bytes, whole.substr(0, bytes.size()));
   FlightRecord record(AsBytes(bytes), "run.rec");

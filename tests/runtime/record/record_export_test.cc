@@ -18,7 +18,7 @@ namespace {
 
 using testing::AsBytes;
 using ::testing::HasSubstr;
-using testing::ReadBytes;
+using testing::ReadFile;
 
 class RecordExport : public ::testing::Test {
  protected:
@@ -35,7 +35,7 @@ class RecordExport : public ::testing::Test {
 
 TEST_F(RecordExport, WritesEveryFrameByTime) {
   const std::int64_t count = ExportCandump(*record_, folder_ / "out.log");
-  const std::string text = ReadBytes(folder_ / "out.log");
+  const std::string text = ReadFile(folder_ / "out.log");
   EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), count);
   EXPECT_TRUE(
       text.starts_with("(1436509052.249713) sim 001#FFFFFFFFFFFFFFFD\n"
@@ -65,8 +65,8 @@ TEST_F(RecordExport, IsReadByTheToolsOfCanUtils) {
                               (folder_ / "again.log") + " 2>/dev/null";
   ASSERT_EQ(std::system(command.c_str()), 0);
   std::int64_t skipped = 0;
-  const auto ours = ParseCandump(ReadBytes(folder_ / "out.log"), "out.log", skipped);
-  const auto theirs = ParseCandump(ReadBytes(folder_ / "again.log"), "again.log", skipped);
+  const auto ours = ParseCandump(ReadFile(folder_ / "out.log"), "out.log", skipped);
+  const auto theirs = ParseCandump(ReadFile(folder_ / "again.log"), "again.log", skipped);
   ASSERT_EQ(theirs.size(), ours.size());
   ASSERT_GT(ours.size(), 300U);
   for (std::size_t i = 0; i < ours.size(); ++i) {
@@ -79,7 +79,7 @@ TEST_F(RecordExport, IsReadByTheToolsOfCanUtils) {
 
 TEST_F(RecordExport, WritesTheTicksAsTelemetryDoes) {
   const std::int64_t ticks = ExportTelemetry(*record_, folder_ / "out.csv", folder_ / "out.lcm");
-  const std::string csv = ReadBytes(folder_ / "out.csv");
+  const std::string csv = ReadFile(folder_ / "out.csv");
   EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), ticks + 1);
   EXPECT_TRUE(csv.starts_with("number,tick,time_s,state,node,")) << csv.substr(0, 100);
   EXPECT_NE(csv.find(",joint2_measured_torque_nm,"), std::string::npos);

@@ -19,6 +19,7 @@
 #include "firmware_interface/drives/drives_toml.h"
 #include "runtime/linux/candump.h"
 #include "tests/support/can_interface.h"
+#include "tests/support/files.h"
 #include "tests/support/program.h"
 #include "tests/support/recorded_run.h"
 #include "tests/support/steady_time.h"
@@ -26,22 +27,14 @@
 namespace tumbler {
 namespace {
 
+using testing::Eventually;
 using ::testing::HasSubstr;
 using testing::Program;
-using testing::ReadBytes;
+using testing::ProgramPath;
+using testing::ReadFile;
+using testing::ReplacedAll;
 using testing::VirtualCan;
-
-constexpr const char* kBin = TUMBLER_BINARY_DIR "/bin/";
-
-/// Polls until the condition holds. @returns whether it came to hold within 20 s.
-template <typename Condition>
-bool Eventually(Condition condition) {
-  for (int i = 0; i < 1000; ++i) {
-    if (condition()) return true;
-    usleep(20'000);
-  }
-  return false;
-}
+using testing::WriteFile;
 
 /// Lines without their times.
 std::vector<std::string> FramesOf(const std::string& log) {
@@ -72,7 +65,7 @@ class RecordOnCan : public ::testing::Test {
     PrimitiveFile file = testing::RandomPrimitiveFile(shape, 70);
     file.primitive.following_tolerance_rad = 0.5;  // three late ticks at full speed
     file.certificate.coefficients_hash = HashOfCoefficients(file.primitive);
-    std::ofstream(Path("motion.toml")) << ToToml(file);
+    WriteFile(Path("motion.toml"), ToToml(file));
     for (std::size_t i = 0; i < 2; ++i) {
       start_rad_.push_back(file.primitive.joints[i].position.control_points()[0]);
     }
@@ -84,15 +77,10 @@ class RecordOnCan : public ::testing::Test {
   /// The example file's drives, for this test's joints, at a rate that the guest can keep.
   void WriteDrives(const std::string& suffix) const {
     std::string text =
-        ReadBytes(TUMBLER_SOURCE_DIR "/primitives/robots/tumbler_drives" + suffix + ".toml");
+        ReadFile(testing::SourcePath("primitives/robots/tumbler_drives") + suffix + ".toml");
     const auto replace = [&text](const std::string& what, const std::string& with) {
-      std::size_t found = 0;
-      for (std::size_t at = text.find(what); at != std::string::npos;
-           at = text.find(what, at + with.size())) {
-        text.replace(at, what.size(), with);
-        ++found;
-      }
-      ASSERT_GT(found, 0U) << what;
+      ASSERT_NE(text.find(what), std::string::npos) << what;
+      text = ReplacedAll(text, what, with);
     };
     replace("\"leg1\"", "\"joint1\"");
     replace("\"leg2\"", "\"joint2\"");
@@ -103,11 +91,11 @@ class RecordOnCan : public ::testing::Test {
       replace("estimates_s = 0.001", "estimates_s = 0.04");
       replace("torques_s = 0.01", "torques_s = 0.1");
     }
-    std::ofstream(Path("drives.toml")) << text;
+    WriteFile(Path("drives.toml"), text);
   }
   [[nodiscard]] std::unique_ptr<Program> StartDrives(const std::string& interface) const {
     auto drives = std::make_unique<Program>(std::vector<std::string>{
-        std::string(kBin) + "tumbler-drives", interface, Path("drives.toml"), "--friction", "1",
+        ProgramPath("tumbler-drives"), interface, Path("drives.toml"), "--friction", "1",
         "--position", "joint1=" + std::to_string(start_rad_[0] + 0.05), "--position",
         "joint2=" + std::to_string(start_rad_[1] - 0.05)});
     EXPECT_TRUE(drives->WaitFor("2 drives on " + interface)) << drives->text();
@@ -116,15 +104,15 @@ class RecordOnCan : public ::testing::Test {
   [[nodiscard]] std::unique_ptr<Program> StartRun(const std::string& interface,
                                                   const std::string& record) const {
     return std::make_unique<Program>(std::vector<std::string>{
-        std::string(kBin) + "tumbler-run", interface, Path("motion.toml"), "--drives",
-        Path("drives.toml"), "--hold-s", "0.2", "--arm", "--without-realtime", "--record", record});
+        ProgramPath("tumbler-run"), interface, Path("motion.toml"), "--drives", Path("drives.toml"),
+        "--hold-s", "0.2", "--arm", "--without-realtime", "--record", record});
   }
   [[nodiscard]] std::unique_ptr<Program> StartCandump(const std::string& interface,
                                                       const std::string& log) const {
     auto candump = std::make_unique<Program>(std::vector<std::string>{
         "/bin/sh", "-c", "exec candump -r 4000000 -L -D " + interface + " >" + Path(log)});
     EXPECT_TRUE(Eventually([&] {
-      return ReadBytes("/proc/net/can/rcvlist_all").find(interface + " ") != std::string::npos;
+      return ReadFile("/proc/net/can/rcvlist_all").find(interface + " ") != std::string::npos;
     })) << "candump does not listen";
     return candump;
   }
@@ -134,7 +122,7 @@ class RecordOnCan : public ::testing::Test {
     return program.text();
   }
   static std::string Replay(const std::string& record) {
-    return Output({std::string(kBin) + "tumbler-replay", record});
+    return Output({ProgramPath("tumbler-replay"), record});
   }
 
   testing::TemporaryFolder folder_;
@@ -153,10 +141,10 @@ TEST_F(RecordOnCan, AnArmedRunOnARealBusReplaysIdenticallyAndHoldsTheFramesThatC
     EXPECT_THAT(run->text(), HasSubstr("0 not recorded"));
     EXPECT_TRUE(Replay(record).starts_with("identical: "));
 
-    Output({std::string(kBin) + "tumbler-record", record, "--candump", Path("record.log")});
+    Output({ProgramPath("tumbler-record"), record, "--candump", Path("record.log")});
     usleep(300'000);  // The last replies.
-    const std::string theirs = ReadBytes(Path("candump.log"));
-    const std::string ours = ReadBytes(Path("record.log"));
+    const std::string theirs = ReadFile(Path("candump.log"));
+    const std::string ours = ReadFile(Path("record.log"));
     std::vector<std::string> their_frames = FramesOf(theirs.substr(0, theirs.rfind('\n')));
     const std::vector<std::string> our_frames = FramesOf(ours.substr(0, ours.rfind('\n')));
     ASSERT_GT(our_frames.size(), 200U);
@@ -184,15 +172,15 @@ TEST_F(RecordOnCan, CanplayerPlaysAnExportedRecord) {
   const std::string log = Path("sim.log");
   std::ofstream(Path("small.rec"), std::ios::binary)
       << testing::RecordedBytes(testing::SmallConfiguration());
-  Output({std::string(kBin) + "tumbler-record", Path("small.rec"), "--candump", log});
+  Output({ProgramPath("tumbler-record"), Path("small.rec"), "--candump", log});
   const VirtualCan can;
   const auto candump = StartCandump(can.name(), "played.log");
   Output({"/usr/bin/canplayer", "-I", log, can.name() + "=sim"});  // at the pace of the log
-  const std::string exported = ReadBytes(log);
+  const std::string exported = ReadFile(log);
   const std::vector<std::string> sent = FramesOf(exported.substr(0, exported.rfind('\n')));
   std::vector<std::string> seen;
   EXPECT_TRUE(Eventually([&] {
-    const std::string text = ReadBytes(Path("played.log"));
+    const std::string text = ReadFile(Path("played.log"));
     seen = FramesOf(text.substr(0, text.rfind('\n')));
     return seen.size() >= sent.size();
   }));
@@ -263,22 +251,22 @@ TEST_F(RecordOnCan, ADryRunOfAReplaySendsNothingAndAnArmedOnePlaysTheRecordedSet
       const auto candump = StartCandump(bench.name(), "bench.log");
       std::ofstream(Path("bench.log"), std::ios::trunc);
       const std::string dry =
-          Output({std::string(kBin) + "tumbler-replay", record, "--bus", bench.name()});
+          Output({ProgramPath("tumbler-replay"), record, "--bus", bench.name()});
       EXPECT_THAT(dry, HasSubstr("completed on " + bench.name() + " (dry run"));
       EXPECT_THAT(dry, HasSubstr("setpoints differ in 0, by at most 0 rad"));
-      EXPECT_EQ(ReadBytes(Path("bench.log")), "") << "nothing is sent without --arm";
+      EXPECT_EQ(ReadFile(Path("bench.log")), "") << "nothing is sent without --arm";
 
       const auto bench_drives = StartDrives(bench.name());
       const std::string svg = Path("bench.svg");
       const std::string played_record = record + ".played";
       const std::string played =
-          Output({std::string(kBin) + "tumbler-replay", record, "--bus", bench.name(), "--arm",
+          Output({ProgramPath("tumbler-replay"), record, "--bus", bench.name(), "--arm",
                   "--without-realtime", "--svg", svg, "--record", played_record});
       EXPECT_THAT(played, HasSubstr("completed on " + bench.name() + "\n"));
       EXPECT_THAT(played, HasSubstr("joint2: "));
       EXPECT_THAT(played, HasSubstr("setpoints differ in 0, by at most 0 rad"));
-      EXPECT_THAT(ReadBytes(svg), HasSubstr("joint2: position [rad]"));
-      EXPECT_GT(ReadBytes(Path("bench.log")).size(), 4000U);
+      EXPECT_THAT(ReadFile(svg), HasSubstr("joint2: position [rad]"));
+      EXPECT_GT(ReadFile(Path("bench.log")).size(), 4000U);
       EXPECT_TRUE(Replay(played_record).starts_with("identical: "));
     });
   }
@@ -288,11 +276,11 @@ TEST_F(RecordOnCan, AReplayPlaysAPrimitiveInsteadAndRefusesDrivesOfOtherJoints) 
   testing::InSteadyTime([&] {
     const std::string record = Path("sim.rec");
     std::filesystem::remove(record);
-    Output({std::string(kBin) + "tumbler-run", "sim",
-            TUMBLER_SOURCE_DIR "/primitives/handstand.toml", "--record", record});
+    Output({ProgramPath("tumbler-run"), "sim", testing::SourcePath("primitives/handstand.toml"),
+            "--record", record});
     const VirtualCan can;
     const auto drives = StartDrives(can.name());
-    Program wrong({std::string(kBin) + "tumbler-replay", record, "--bus", can.name(), "--drives",
+    Program wrong({ProgramPath("tumbler-replay"), record, "--bus", can.name(), "--drives",
                    Path("drives.toml")});
     EXPECT_EQ(wrong.Wait(), 1);
     EXPECT_THAT(wrong.text(), HasSubstr("has no drive for joint 'leg1'"));
@@ -309,7 +297,7 @@ TEST_F(RecordOnCan, AReplayPlaysAPrimitiveInsteadAndRefusesDrivesOfOtherJoints) 
     other.certificate.coefficients_hash = HashOfCoefficients(other.primitive);
     std::ofstream(Path("other.toml")) << ToToml(other);
     const std::string played =
-        Output({std::string(kBin) + "tumbler-replay", run_record, "--bus", can.name(), "--arm",
+        Output({ProgramPath("tumbler-replay"), run_record, "--bus", can.name(), "--arm",
                 "--without-realtime", "--primitive", Path("other.toml")});
     EXPECT_THAT(played, HasSubstr("completed on " + can.name()));
     EXPECT_EQ(played.find("setpoints differ in 0,"), std::string::npos) << "it is another motion";

@@ -9,17 +9,17 @@
 #include <string>
 
 #include "runtime/record/record_blocks.h"
+#include "tests/support/files.h"
 #include "tests/support/program.h"
 #include "tests/support/recorded_run.h"
-#include "tests/support/shell.h"
 
 namespace tumbler {
 namespace {
 
 using ::testing::HasSubstr;
+using testing::Outcome;
 using testing::Program;
-using testing::ReadBytes;
-using Outcome = testing::ShellOutcome;
+using testing::ReadFile;
 
 class RecordPrograms : public ::testing::Test {
  protected:
@@ -28,11 +28,10 @@ class RecordPrograms : public ::testing::Test {
   }
   /// Plays the shipped handstand and records it.
   [[nodiscard]] Outcome Record(const std::string& more = "") const {
-    return Run(std::string("tumbler-run sim ") + kHandstand + " --hold-s 0.1 --record " + record_ +
-               " " + more);
+    return Run("tumbler-run sim " + kHandstand + " --hold-s 0.1 --record " + record_ + " " + more);
   }
 
-  static constexpr const char* kHandstand = TUMBLER_SOURCE_DIR "/primitives/handstand.toml";
+  const std::string kHandstand = testing::SourcePath("primitives/handstand.toml");
   testing::TemporaryFolder folder_;
   std::string record_ = folder_ / "run.rec";
 };
@@ -42,10 +41,9 @@ class RecordOfProtocol : public RecordPrograms,
 
 TEST_P(RecordOfProtocol, ReplaysIdentically) {
   const std::string drives =
-      std::string(TUMBLER_SOURCE_DIR "/primitives/robots/tumbler_drives") + GetParam() + ".toml";
-  const Outcome run = Run("tumbler-run sim " TUMBLER_SOURCE_DIR
-                          "/primitives/gait.toml --cycles 1 --branch roll --drives " +
-                          drives + " --record " + record_);
+      testing::SourcePath("primitives/robots/tumbler_drives") + GetParam() + ".toml";
+  const Outcome run = Run("tumbler-run sim " + testing::SourcePath("primitives/gait.toml") +
+                          " --cycles 1 --branch roll --drives " + drives + " --record " + record_);
   ASSERT_EQ(run.exit_code, 0) << run.text;
   EXPECT_THAT(run.text, HasSubstr("0 not recorded"));
   const Outcome replay = Run("tumbler-replay " + record_);
@@ -74,7 +72,7 @@ TEST_F(RecordPrograms, ARecordIsOneOfTheRunThatWasPlayedWhateverBecomesOfItsFile
 
 TEST_F(RecordPrograms, ADamagedByteIsNamedAndEndsWithStatus4) {
   ASSERT_EQ(Record().exit_code, 0);
-  std::string bytes = ReadBytes(record_);
+  std::string bytes = ReadFile(record_);
   BlockReader reader(testing::AsBytes(bytes));
   Block block;
   for (int ticks = 0; ticks <= 1000 && reader.Next(block);) {
@@ -95,7 +93,7 @@ TEST_F(RecordPrograms, ADamagedByteIsNamedAndEndsWithStatus4) {
 
 TEST_F(RecordPrograms, AChangedByteWithAMatchingCrcIsNamedWithTickAndField) {
   ASSERT_EQ(Record().exit_code, 0);
-  const std::string bytes = ReadBytes(record_);
+  const std::string bytes = ReadFile(record_);
   RecordBytes changed;
   AppendRecordHeader(changed);
   BlockReader reader(testing::AsBytes(bytes));
@@ -118,7 +116,7 @@ TEST_F(RecordPrograms, AChangedByteWithAMatchingCrcIsNamedWithTickAndField) {
 
 TEST_F(RecordPrograms, KilledInMidRunItLeavesARecordThatReplaysUpToThere) {
   {
-    Program run({TUMBLER_BINARY_DIR "/bin/tumbler-run", "sim", kHandstand, "--realtime", "--record",
+    Program run({testing::ProgramPath("tumbler-run"), "sim", kHandstand, "--realtime", "--record",
                  record_});
     // About a second of ticks.
     for (int i = 0; i < 2000; ++i) {
@@ -157,7 +155,7 @@ TEST_F(RecordPrograms, AnExistingRecordIsKeptAndNothingIsRun) {
   const Outcome run = Record();
   EXPECT_EQ(run.exit_code, 1);
   EXPECT_THAT(run.text, HasSubstr("exists, and a record is never overwritten"));
-  EXPECT_EQ(ReadBytes(record_), "precious");
+  EXPECT_EQ(ReadFile(record_), "precious");
 }
 
 TEST_F(RecordPrograms, ExportsWhatTheRunWroteItself) {
@@ -166,35 +164,34 @@ TEST_F(RecordPrograms, ExportsWhatTheRunWroteItself) {
   const Outcome exported = Run("tumbler-record " + record_ + " --csv " + (folder_ / "b.csv") +
                                " --lcm " + (folder_ / "b.lcm"));
   EXPECT_EQ(exported.exit_code, 0) << exported.text;
-  EXPECT_EQ(ReadBytes(folder_ / "b.csv"), ReadBytes(folder_ / "a.csv"));
-  EXPECT_EQ(ReadBytes(folder_ / "b.lcm"), ReadBytes(folder_ / "a.lcm"));
-  EXPECT_GT(ReadBytes(folder_ / "a.csv").size(), 100'000U);
+  EXPECT_EQ(ReadFile(folder_ / "b.csv"), ReadFile(folder_ / "a.csv"));
+  EXPECT_EQ(ReadFile(folder_ / "b.lcm"), ReadFile(folder_ / "a.lcm"));
+  EXPECT_GT(ReadFile(folder_ / "a.csv").size(), 100'000U);
 }
 
 TEST_F(RecordPrograms, ComparesTwoRunsOfAMotionAndDrawsThem) {
   ASSERT_EQ(Record().exit_code, 0);
   const std::string other = folder_ / "other.rec";
-  ASSERT_EQ(
-      Run(std::string("tumbler-run sim ") + kHandstand + " --hold-s 0.1 --drives " +
-          TUMBLER_SOURCE_DIR "/primitives/robots/tumbler_drives_cia402.toml --record " + other)
-          .exit_code,
-      0);
+  ASSERT_EQ(Run("tumbler-run sim " + kHandstand + " --hold-s 0.1 --drives " +
+                testing::SourcePath("primitives/robots/tumbler_drives_cia402.toml") + " --record " +
+                other)
+                .exit_code,
+            0);
   const Outcome same =
       Run("tumbler-replay " + record_ + " --against " + other + " --svg " + (folder_ / "a.svg"));
   EXPECT_EQ(same.exit_code, 0) << same.text;
   EXPECT_THAT(same.text, HasSubstr("setpoints differ in 0, by at most 0 rad"));
-  EXPECT_THAT(ReadBytes(folder_ / "a.svg"), HasSubstr("leg2: reply less setpoint [rad]"));
+  EXPECT_THAT(ReadFile(folder_ / "a.svg"), HasSubstr("leg2: reply less setpoint [rad]"));
 
   const std::string slow = folder_ / "slow.rec";
-  ASSERT_EQ(Run(std::string("tumbler-run sim ") + kHandstand +
-                " --speed 0.98 --hold-s 0.1 --record " + slow)
+  ASSERT_EQ(Run("tumbler-run sim " + kHandstand + " --speed 0.98 --hold-s 0.1 --record " + slow)
                 .exit_code,
             0);
   EXPECT_EQ(Run("tumbler-replay " + record_ + " --against " + slow).exit_code, 4);
 }
 
 TEST_F(RecordPrograms, ReadsALogOfCandumpByADrivesFile) {
-  const std::string drives = TUMBLER_SOURCE_DIR "/primitives/robots/tumbler_drives_cansimple.toml";
+  const std::string drives = testing::SourcePath("primitives/robots/tumbler_drives_cansimple.toml");
   ASSERT_EQ(Record("--drives " + drives).exit_code, 0);
   const std::string log = folder_ / "run.log";
   ASSERT_EQ(Run("tumbler-record " + record_ + " --candump " + log).exit_code, 0);
@@ -203,7 +200,7 @@ TEST_F(RecordPrograms, ReadsALogOfCandumpByADrivesFile) {
   EXPECT_EQ(read.exit_code, 0) << read.text;
   EXPECT_THAT(read.text, HasSubstr("leg1: "));
   EXPECT_THAT(read.text, HasSubstr(" setpoints, 0 replies missing; tracking error 0.00"));
-  EXPECT_THAT(ReadBytes(folder_ / "log.svg"), HasSubstr("</svg>"));
+  EXPECT_THAT(ReadFile(folder_ / "log.svg"), HasSubstr("</svg>"));
   const Outcome without = Run("tumbler-replay " + log);
   EXPECT_EQ(without.exit_code, 1);
   EXPECT_THAT(without.text, HasSubstr("say with --drives which drives are in it"));
@@ -218,7 +215,7 @@ TEST_F(RecordPrograms, APlayOnABusNeedsTheBusAndItsDrives) {
   EXPECT_EQ(without.exit_code, 1);
   EXPECT_THAT(without.text, HasSubstr("say with --drives which drives are on the bus"));
   const Outcome absent = Run("tumbler-replay " + record_ + " --bus can9 --drives " +
-                             TUMBLER_SOURCE_DIR "/primitives/robots/tumbler_drives.toml");
+                             testing::SourcePath("primitives/robots/tumbler_drives.toml"));
   EXPECT_EQ(absent.exit_code, 1);
   EXPECT_THAT(absent.text, HasSubstr("can9"));
   EXPECT_EQ(Run("tumbler-replay " + record_ + " --arm").exit_code, 1);

@@ -98,7 +98,7 @@ TEST(RunTrace, OfTheFramesAloneSaysTheSame) {
   FlightRecord record(AsBytes(bytes), "run.rec");
   ExportCandump(record, folder / "run.log");
   std::int64_t skipped = 0;
-  const auto frames = ParseCandump(testing::ReadBytes(folder / "run.log"), "run.log", skipped);
+  const auto frames = ParseCandump(testing::ReadFile(folder / "run.log"), "run.log", skipped);
   const RunTrace of_frames = TraceOf(frames, DefaultDrives({"joint1", "joint2"}), "run.log");
   for (std::size_t i = 0; i < 2; ++i) {
     // The log has the way to the start as well; the ends are the same.
@@ -135,7 +135,7 @@ TEST(RunTrace, DrawsEveryCurveAndNoPeakIsLost) {
   errors[3333] = 1;  // One tick of ten thousand, in a drawing of a thousand points.
   RunTrace trace{"a & <b>", {"knee"}, {Samples(errors)}};
   WriteSvg(trace, &trace, folder / "out.svg");
-  const std::string svg = testing::ReadBytes(folder / "out.svg");
+  const std::string svg = testing::ReadFile(folder / "out.svg");
   EXPECT_THAT(svg, HasSubstr("a &amp; &lt;b>"));
   EXPECT_THAT(svg, HasSubstr("knee: reply less setpoint [rad]"));
   // The peak is at the upper padding of the lower panel.

@@ -1,0 +1,92 @@
+# How tests are compiled and registered, and which are left out where a tool is missing. What tests share is in
+# tests/support.
+include(GoogleTest)
+
+option(TUMBLER_REQUIRE_ALL_TESTS "Stop where a tool of a test is missing, instead of leaving the test out" OFF)
+
+# tumbler_tool(browser FOUND ${TUMBLER_CHROMIUM} PACKAGES chromium): what tests may say that they NEED. It is there if
+# FOUND has a true value; the packages bring it.
+function(tumbler_tool name)
+  cmake_parse_arguments(ARG "" "" "FOUND;PACKAGES" ${ARGN})
+  set(missing "")
+  if(NOT ARG_FOUND)
+    string(JOIN " " missing ${ARG_PACKAGES})
+  endif()
+  set_property(GLOBAL PROPERTY TUMBLER_MISSING_${name} "${missing}")
+endfunction()
+
+# tumbler_left_out(left_out report_browser_test browser): whether one of the tools is missing. Then a test of this name
+# stands in CTest's list as skipped, and says what it needs.
+function(tumbler_left_out result name)
+  set(packages)
+  foreach(tool ${ARGN})
+    get_property(missing GLOBAL PROPERTY TUMBLER_MISSING_${tool})
+    if(missing)
+      list(APPEND packages ${missing})
+    endif()
+  endforeach()
+  if(packages)
+    string(JOIN " " packages ${packages})
+    string(REPLACE " " ", " packages "${packages}")
+    add_test(NAME "${name} left out, needs ${packages}" COMMAND ${CMAKE_COMMAND} -E echo "left out, needs ${packages}")
+    set_tests_properties("${name} left out, needs ${packages}" PROPERTIES SKIP_REGULAR_EXPRESSION "left out")
+    set_property(GLOBAL APPEND PROPERTY TUMBLER_LEFT_OUT "${name} (${packages})")
+    set(${result} TRUE PARENT_SCOPE)
+  else()
+    set(${result} FALSE PARENT_SCOPE)
+  endif()
+endfunction()
+
+# Says which tests were left out, after all of them were declared.
+function(tumbler_report_left_out)
+  get_property(left_out GLOBAL PROPERTY TUMBLER_LEFT_OUT)
+  if(left_out)
+    list(JOIN left_out "\n   " tests)
+    if(TUMBLER_REQUIRE_ALL_TESTS)
+      message(FATAL_ERROR "These tests lack packages; scripts/setup installs them:\n   ${tests}")
+    endif()
+    message(STATUS "Tests left out for want of packages, which scripts/setup installs:\n   ${tests}")
+  endif()
+endfunction()
+
+# tumbler_test_program(dbc_frames SOURCES ... LINK ...) builds a program into tests/, NAME.cc of the current folder
+# unless it has SOURCES. It is optimised less than the programs are, because it is compiled more often than it is run.
+function(tumbler_test_program name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;LINK" ${ARGN})
+  if(NOT ARG_SOURCES)
+    set(ARG_SOURCES ${name}.cc)
+  endif()
+  add_executable(${name} ${ARG_SOURCES})
+  set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/tests)
+  target_link_libraries(${name} PRIVATE ${ARG_LINK} tumbler_test_support tumbler_test_optimisation tumbler_warnings)
+endfunction()
+
+# tumbler_googletest(live_lcm_test LINK ...): the same with GoogleTest and its main. OWN_HEADERS: a library brings flags
+# that do not go with the headers that are parsed once for all tests.
+function(tumbler_googletest name)
+  cmake_parse_arguments(ARG "OWN_HEADERS" "" "SOURCES;LINK" ${ARGN})
+  tumbler_test_program(${name} SOURCES ${ARG_SOURCES} LINK ${ARG_LINK} GTest::gtest GTest::gmock GTest::gtest_main)
+  if(TARGET tumbler_test_headers AND NOT ARG_OWN_HEADERS)
+    target_precompile_headers(${name} REUSE_FROM tumbler_test_headers)
+  endif()
+endfunction()
+
+# tumbler_test(bspline_test LINK tumbler::common ...): the same, and registers each of its cases with CTest. PROGRAMS
+# are those of the project that it runs, NEEDS the tools without which it is left out.
+function(tumbler_test name)
+  cmake_parse_arguments(ARG "OWN_HEADERS" "" "SOURCES;LINK;LABELS;PROGRAMS;NEEDS" ${ARGN})
+  tumbler_left_out(left_out ${name} ${ARG_NEEDS})
+  if(left_out)
+    return()
+  endif()
+  if(ARG_OWN_HEADERS)
+    set(ARG_OWN_HEADERS OWN_HEADERS)
+  else()
+    set(ARG_OWN_HEADERS)
+  endif()
+  tumbler_googletest(${name} ${ARG_OWN_HEADERS} SOURCES ${ARG_SOURCES} LINK ${ARG_LINK})
+  if(ARG_PROGRAMS)
+    add_dependencies(${name} ${ARG_PROGRAMS})
+  endif()
+  gtest_discover_tests(${name} PROPERTIES TIMEOUT 300 LABELS "${ARG_LABELS}" DISCOVERY_TIMEOUT 60)
+endfunction()
