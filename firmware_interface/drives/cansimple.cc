@@ -238,7 +238,7 @@ void CanSimpleDrive::NextStage(bool enable) noexcept {
       } else if (heartbeat_.state == kCanSimpleClosedLoop) {
         stage_ = Stage::kFollow;
       } else if (++wait_ticks_ > config_.heartbeat_ticks_max) {
-        // Heartbeats after the request still say idle: it got lost.
+        // When heartbeats after the request still say idle, the request got lost.
         if (idle_since_request_) stage_ = Stage::kRequest;
         wait_ticks_ = 0;
       }
@@ -365,7 +365,7 @@ bool CanSimpleDrive::Decode(const CanFrame& frame) noexcept {
     case CanSimpleCommand::kGetTemperature: {
       CanSimpleTemperature temperature;
       if (DecodeCanSimple(node, frame, temperature) == Status::kOk) {
-        // A sensor that is not there reads NaN; the hotter of the two is what counts.
+        // The hotter of the two counts. A sensor that is not there reads NaN.
         const float fet = IsFinite(temperature.fet_c) ? temperature.fet_c : -273.0F;
         const float motor = IsFinite(temperature.motor_c) ? temperature.motor_c : -273.0F;
         feedback_.temperature_c = fet > motor ? fet : motor;

@@ -18,12 +18,12 @@ namespace tumbler {
 /// positions in turns of the shaft, velocities in turns a second. The drive sends heartbeats,
 /// estimates and what else it is set to by itself.
 ///
-/// Watchdog. ODrive firmware feeds it with any frame that carries the node's number, even requests
-/// for telemetry and commands that it does not know: a host that goes on polling keeps a drive
-/// alive whose setpoints are dead. So nothing is ever requested here: what is to be known the drive
-/// sends cyclically, and the only frames to a running drive are its setpoints. When the watchdog
-/// expires the drive disarms (the joint is limp) and latches an error. It is off by default: turn
-/// it on.
+/// Watchdog. ODrive firmware feeds it with any frame that carries the node's number, even with
+/// requests for telemetry and unknown commands. So a host that goes on polling would keep a drive
+/// alive whose setpoints are dead. Therefore nothing is ever requested here: the drive sends
+/// everything cyclically, and the only frames to a running drive are its setpoints. When the
+/// watchdog expires, the drive disarms (the joint is limp) and latches an error. The watchdog is
+/// off by default: turn it on.
 ///
 /// Feed-forwards are 16-bit integers of 0.001 turns/s and 0.001 N m. They are rounded to nearest
 /// and saturate at +-32.767; a plain cast would wrap to the other sign.
@@ -42,7 +42,7 @@ enum class CanSimpleCommand : std::uint8_t {
   kGetTorques = 0x1c,
 };
 
-/// Axis states that matter here; the others are calibrations and the like.
+/// The axis states that are used. The others are calibrations and the like.
 inline constexpr std::uint8_t kCanSimpleIdle = 1;
 inline constexpr std::uint8_t kCanSimpleClosedLoop = 8;
 
@@ -56,9 +56,9 @@ inline constexpr std::uint32_t kCanSimpleWatchdogExpired = 0x0100'0000;
 inline constexpr std::uint32_t kCanSimpleEstopRequested = 0x0200'0000;
 
 struct CanSimpleHeartbeat {
-  std::uint32_t error = 0;  ///< active errors and the reason of the last disarm
-  std::uint8_t state = 0;
-  std::uint8_t procedure_result = 0;  ///< 0 success, 1 busy, ...: of the last requested state
+  std::uint32_t error = 0;            ///< Active errors, and the reason of the last disarm.
+  std::uint8_t state = 0;             ///< Of the axis.
+  std::uint8_t procedure_result = 0;  ///< Of the last requested state: 0 success, 1 busy, ...
   bool trajectory_done = false;
 };
 struct CanSimpleErrors {
@@ -78,8 +78,8 @@ struct CanSimpleControllerMode {
 };
 struct CanSimpleInputPos {
   float position_rev = 0;
-  float velocity_rev_s = 0;  ///< feed-forward, +-32.767
-  float torque_nm = 0;       ///< feed-forward, +-32.767
+  float velocity_rev_s = 0;  ///< Feed-forward, within +-32.767.
+  float torque_nm = 0;       ///< Feed-forward, within +-32.767.
 };
 struct CanSimpleInputVel {
   float velocity_rev_s = 0;
@@ -94,7 +94,8 @@ struct CanSimpleTorques {
   float estimate_nm = 0;
 };
 
-inline constexpr std::uint8_t kCanSimpleNodeMax = 0x3e;  ///< 0x3f is a drive without a number.
+inline constexpr std::uint8_t kCanSimpleNodeMax =
+    0x3e;  ///< 0x3f stands for a drive without number.
 
 /// The identifier of a command to or message from a node. @pre node <= kCanSimpleNodeMax.
 [[nodiscard]] constexpr std::uint32_t CanSimpleId(std::uint8_t node,
@@ -113,12 +114,14 @@ inline constexpr std::uint8_t kCanSimpleNodeMax = 0x3e;  ///< 0x3f is a drive wi
 [[nodiscard]] CanFrame EncodeCanSimple(std::uint8_t node,
                                        const CanSimpleTemperature& value) noexcept;
 [[nodiscard]] CanFrame EncodeCanSimple(std::uint8_t node, const CanSimpleTorques& value) noexcept;
-/// The two commands without content: latch an emergency stop; forget all latched errors.
+/// The two commands without content: one latches an emergency stop, the other clears all latched
+/// errors.
 [[nodiscard]] CanFrame EncodeCanSimpleEstop(std::uint8_t node) noexcept;
 [[nodiscard]] CanFrame EncodeCanSimpleClearErrors(std::uint8_t node) noexcept;
 
-/// @retval kInvalidArgument  not a data frame of this node and kind, or too short; `value` is left
-/// as it was. Frames that are longer than needed are taken.
+/// Frames that are longer than needed are taken.
+/// @retval kInvalidArgument  no data frame of this node and kind, or too short; `value` is
+/// unchanged.
 Status DecodeCanSimple(std::uint8_t node, const CanFrame& frame,
                        CanSimpleHeartbeat& value) noexcept;
 Status DecodeCanSimple(std::uint8_t node, const CanFrame& frame, CanSimpleErrors& value) noexcept;
@@ -134,7 +137,7 @@ Status DecodeCanSimple(std::uint8_t node, const CanFrame& frame,
                        CanSimpleTemperature& value) noexcept;
 Status DecodeCanSimple(std::uint8_t node, const CanFrame& frame, CanSimpleTorques& value) noexcept;
 
-/// What a drive is set to send by itself, and how often [s]; 0: not at all.
+/// Periods [s] of the messages that a drive is set to send by itself; 0: never.
 struct CanSimpleMessages {
   double heartbeat_s = 0.01;
   double estimates_s = 0.001;
@@ -147,13 +150,13 @@ struct CanSimpleConfig {
   std::uint8_t node_id = 0;  ///< 0 ... kCanSimpleNodeMax
   ShaftRanges range;         ///< Velocity at most 32.767 turns/s = 205.88 rad/s, torque 32.767 N m.
   JointMap joint;
-  /// Ticks without a heartbeat after which the drive's state counts as unknown: > 2 of its periods
-  /// (100 ms by default, `heartbeat_msg_rate_ms`).
+  /// After this many ticks without a heartbeat the drive's state counts as unknown. More than 2
+  /// periods of the heartbeat (100 ms by default, `heartbeat_msg_rate_ms`).
   int heartbeat_ticks_max = 250;
-  /// Estimates that may come in one tick: `encoder_msg_rate_ms` against the tick, and one for the
-  /// drift of the drive's clock. >= 1.
+  /// The most estimates that may come in one tick, >= 1: those of `encoder_msg_rate_ms`, and one
+  /// for the drift of the drive's clock.
   int estimates_per_tick_max = 2;
-  CanSimpleMessages messages;  ///< As the host is told; nothing is set by it.
+  CanSimpleMessages messages;  ///< The drive's settings, for the host to know. It sets nothing.
 
   /// @retval kInvalidArgument  a value is outside what its comment allows.
   [[nodiscard]] Status Validate() const noexcept;
@@ -161,22 +164,24 @@ struct CanSimpleConfig {
 
 /// Host side of one drive.
 ///
-/// kDisable sends Set_Axis_State(IDLE) each tick. kEnable:
+/// kDisable sends Set_Axis_State(IDLE) in each tick. kEnable
 ///   1. waits, sending IDLE, until the drive has reported state and position and is idle;
-///   2. in one tick: Set_Controller_Mode(position, passthrough), Set_Input_Pos(measured), since the
-///      drive would act on the last input that it heard, Set_Axis_State(CLOSED_LOOP);
-///   3. Set_Input_Pos of that same position each tick, until a heartbeat says closed loop; the
-///      request is repeated only when heartbeats go on saying idle, because asking a drive that
-///      runs makes it start anew;
-///   4. Set_Input_Pos with both feed-forwards, one frame a tick. With kp = 0 instead, each tick,
-///      Set_Controller_Mode(velocity, passthrough) and Set_Input_Vel: the drive's own velocity loop
-///      brakes.
-/// An error, or any other state after closed loop, ends it: IDLE until the request has been
-/// kDisable. kClearErrors sends Clear_Errors and IDLE. The host never sends Estop: IDLE takes the
-/// torque away as fast.
+///   2. sends in one tick Set_Controller_Mode(position, passthrough), Set_Input_Pos(measured),
+///      because the drive would act on the last input that it heard, and
+///      Set_Axis_State(CLOSED_LOOP);
+///   3. sends Set_Input_Pos of that same position in each tick, until a heartbeat says closed loop.
+///      It repeats the request for closed loop only when heartbeats go on saying idle, because a
+///      running drive that is asked again starts anew;
+///   4. sends Set_Input_Pos with both feed-forwards, one frame a tick. For kp = 0 it sends
+///      Set_Controller_Mode(velocity, passthrough) and Set_Input_Vel in each tick instead, so that
+///      the drive's own velocity loop brakes.
+/// After an error, or when the drive leaves closed loop, the host sends IDLE until the request has
+/// been kDisable. kClearErrors sends Clear_Errors and IDLE. The host never sends Estop, since IDLE
+/// takes the torque away as fast.
 ///
-/// State changes are known from heartbeats: set their period to 10 ms or so. kFault while the last
-/// heartbeat or error message carries an error; kLost when heartbeats have stopped.
+/// Changes of state are known from heartbeats, so set their period to 10 ms or so. The state is
+/// kFault while the last heartbeat or error message carries an error, and kLost when heartbeats
+/// have stopped.
 class CanSimpleDrive final : public Drive {
  public:
   /// @pre config.Validate() is kOk; otherwise every Encode returns kInvalidArgument and sends
@@ -216,7 +221,7 @@ class CanSimpleDrive final : public Drive {
   // One multiplication each between joint and wire.
   float position_to_rev_ = 1, position_to_rad_ = 1, torque_to_nm_ = 1, torque_from_nm_ = 1;
   DriveRange position_rev_, velocity_rev_s_;
-  DriveRange velocity_codes_, torque_codes_;  // of the feed-forwards
+  DriveRange velocity_codes_, torque_codes_;  // codes of the feed-forwards
   bool valid_;
   Stage stage_ = Stage::kOff;
   bool velocity_mode_ = false;  // what the drive was last told

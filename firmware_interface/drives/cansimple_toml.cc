@@ -31,7 +31,7 @@ CanSimpleConfig CanSimpleProtocol::Read(DriveTable& table) {
                                  MessageNumber(*period)));
     }
   }
-  // A measurement that is older than a few ticks counts as a drive that is silent.
+  // A drive whose measurement is older than a few ticks counts as silent.
   const double estimate_ticks = messages.estimates_s * table.rate_hz;
   if (estimate_ticks > 4) {
     keys.Fail("estimates_s",

@@ -16,7 +16,7 @@ bool Is(const CanFrame& frame, std::uint32_t id) noexcept {
   return frame.id == id && !frame.extended && !frame.remote && frame.size >= 6 && frame.size <= 8;
 }
 
-// 16 bits and 32 bits, either way round.
+// Frames of 16 bits and 32 bits, in either order.
 CanFrame WordFirst(std::uint32_t id, std::uint16_t word, std::int32_t number) noexcept {
   CanFrame frame = DataFrame(id, 6);
   frame.data = StoreWord(std::uint64_t{static_cast<std::uint32_t>(number)} << 16 | word);
@@ -277,7 +277,7 @@ void Cia402Drive::AddCommon(FrameBatch& batch) noexcept {
   static_cast<void>(batch.Add(EncodeNodeState(config_.host_id, NmtState::kOperational)));
 }
 
-// NMT and SDO: at most one a tick. Returns whether there was one.
+// Adds an NMT or SDO frame, at most one a tick. Returns whether there was one.
 bool Cia402Drive::AddService(FrameBatch& batch) noexcept {
   if (waiting_ && ++wait_ticks_ > kAnswerTicks) Restart();
   SdoRequest request;
@@ -338,7 +338,7 @@ void Cia402Drive::TakeReply(const SdoReply& reply) noexcept {
       refusal_ = reply.value != 0 ? reply.value : kEmergencyGeneric;
       waiting_ = false;
     } else {
-      waiting_ = false;  // Not yet in the mode: ask again; wait_ticks_ goes on counting.
+      waiting_ = false;  // The drive is not in the mode yet: ask again, while wait_ticks_ goes on.
     }
   }
 }
@@ -356,7 +356,7 @@ void Cia402Drive::NextFollow(bool enable, bool brake) noexcept {
       follow_ = Follow::kWaitOff;
       break;
     case Follow::kWaitOff:
-      // What was reported before the last switching off must not pass for being enabled.
+      // The drive has to be seen off first, so that an old report does not pass for being enabled.
       if (link_ == Link::kRunning && heard_ && off && !error) follow_ = Follow::kSequence;
       break;
     case Follow::kSequence:
@@ -397,7 +397,7 @@ std::uint16_t Cia402Drive::Controlword() noexcept {
     case Follow::kOff:
       if (reset_ticks_ > 0) {
         --reset_ticks_;
-        // The reset is the rising edge: it begins with a tick without the bit.
+        // A rising edge resets the fault, so a tick without the bit comes first.
         if (power_ != Cia402State::kFault) reset_ticks_ = 0;
         if (reset_ticks_ < kResetTicks - 1 && reset_ticks_ > 0) return cia402_control::kFaultReset;
       }
@@ -409,8 +409,8 @@ std::uint16_t Cia402Drive::Controlword() noexcept {
   return cia402_control::kDisableVoltage;
 }
 
-// Sets `encoded_` to what the drive will make of the frames. Without a setpoint the target is where
-// the drive is, exactly.
+// Adds RPDO1 and RPDO2, and sets `encoded_` to the setpoint that the drive will read from them.
+// Without a setpoint the target is exactly the drive's position.
 void Cia402Drive::AddPdos(std::uint16_t controlword, const DriveSetpoint* setpoint,
                           FrameBatch& batch) noexcept {
   const float zero = config_.joint.zero_offset_rad;
@@ -445,7 +445,7 @@ Status Cia402Drive::Encode(DriveRequest request, const DriveSetpoint& setpoint,
   const bool enable = request == DriveRequest::kEnable;
   const bool usable = !enable || setpoint.IsFinite();
   const Follow before = follow_;
-  // The tick in which the drive's silence becomes a fault.
+  // In this tick the drive's silence becomes a fault.
   if (heartbeat_age_ <= heartbeat_ticks_max_ && ++heartbeat_age_ > heartbeat_ticks_max_) Refresh();
   if (request == DriveRequest::kClearErrors) {
     emergency_ = 0;
@@ -476,7 +476,7 @@ bool Cia402Drive::Decode(const CanFrame& frame) noexcept {
   switch (frame.id & ~0x7fU) {
     case canopen_id::kTpdo1: {
       Cia402Status status;
-      // Before the set-up is done nobody knows what is mapped.
+      // Until the set-up is done, the mapping of the PDO is not known.
       if (link_ < Link::kStart || DecodeCia402(node, frame, status) != Status::kOk) return false;
       if (link_ == Link::kStart) {
         link_ = Link::kReadMode;

@@ -16,21 +16,20 @@ namespace tumbler {
 /// CiA 402 drives in cyclic synchronous position (CSP) over CANopen: codec and host side.
 ///
 /// The host's SYNC begins every tick. At a SYNC the drive acts on the setpoint that it received
-/// since the one before, interpolates towards it for one period, and reports where it is. A
-/// setpoint therefore takes effect one tick after it was sent, at a moment that does not depend on
-/// the bus's load, and a measurement comes back within the tick of its SYNC.
+/// since the SYNC before, interpolates towards it for one period, and reports its position. So a
+/// setpoint takes effect one tick after it was sent, at a moment that does not depend on the load
+/// of the bus, and a measurement comes back within the tick of its SYNC.
 ///
-///   RPDO1  controlword 16 | target position 32                         every tick
-///   RPDO2  velocity offset 32 | torque offset 16                       every tick, if
-///   `feed_forward` TPDO1  statusword 16 | position actual 32                          every SYNC
-///   TPDO2  velocity actual 32 | torque actual 16                       every `status_every`-th
-///   SYNC
+///   RPDO1  controlword 16 | target position 32      every tick
+///   RPDO2  velocity offset 32 | torque offset 16    every tick, with `feed_forward`
+///   TPDO1  statusword 16 | position actual 32       every SYNC
+///   TPDO2  velocity actual 32 | torque actual 16    every `status_every`-th SYNC
 ///
 /// Units are the drive's: positions in increments, torques in thousandths of the rated torque.
 /// Numbers are rounded to nearest and saturate; none wraps.
 ///
-/// Watchdog. The drive consumes the host's heartbeat, which Encode makes, every third of
-/// `watchdog_ms`; what happens when it stops is 6007h.
+/// Watchdog. Encode sends the host's heartbeat, every third of `watchdog_ms`, and the drive watches
+/// it. Object 6007h decides what the drive does when it stops.
 
 /// RPDO1.
 struct Cia402Command {
@@ -74,9 +73,9 @@ enum class Cia402State : std::uint8_t {
   kFaultReaction,
   kFault,
 };
-/// kNotReady for a pattern that is no state.
+/// The state in a statusword; kNotReady for a pattern that is no state.
 [[nodiscard]] Cia402State StateOf(std::uint16_t statusword) noexcept;
-/// The state's bits alone.
+/// A statusword with the bits of this state, and no other.
 [[nodiscard]] std::uint16_t StatuswordOf(Cia402State state) noexcept;
 
 /// Commands of the controlword.
@@ -89,37 +88,54 @@ inline constexpr std::uint16_t kEnable = 0x000f;
 inline constexpr std::uint16_t kFaultReset = 0x0080;
 }  // namespace cia402_control
 
-inline constexpr std::uint16_t kCia402FollowingError = 1U << 13;  ///< statusword, in CSP
-inline constexpr std::int8_t kCia402Csp = 8;                      ///< 6060h, 6061h
+/// Bit of the statusword in CSP.
+inline constexpr std::uint16_t kCia402FollowingError = 1U << 13;
+/// Mode of operation (6060h, 6061h).
+inline constexpr std::int8_t kCia402Csp = 8;
 
 /// One drive.
 struct Cia402Config {
-  std::uint8_t node_id = 1;    ///< 1 ... 126
-  std::uint8_t host_id = 127;  ///< 1 ... 127, of the host's heartbeat; not a drive's.
-  /// Sends SYNC and the host's heartbeat: exactly one drive of a bus does (DriveBank sees to it).
+  /// 1 ... 126.
+  std::uint8_t node_id = 1;
+  /// Number of the host's heartbeat, 1 ... 127; no drive's number.
+  std::uint8_t host_id = 127;
+  /// Whether this object sends SYNC and the host's heartbeat. Exactly one drive of a bus does;
+  /// DriveBank sees to it.
   bool leader = true;
-  float position_units_per_turn = 65536;  ///< > 0, increments of a turn of the shaft: 607Ah, 6064h
-  float velocity_units_per_turn_s = 65536;  ///< > 0: 606Ch, 60B1h
-  float rated_torque_nm = 1;                ///< > 0: 6071h, 6077h, 60B2h count thousandths of it
-  ShaftRanges range;  ///< What fits 32 bits of position and velocity, and 16 of torque.
+  /// Increments in a turn of the shaft, > 0 (607Ah, 6064h).
+  float position_units_per_turn = 65536;
+  /// Units of velocity in a turn of the shaft per second, > 0 (606Ch, 60B1h).
+  float velocity_units_per_turn_s = 65536;
+  /// > 0. Torques on the wire are thousandths of it (6071h, 6077h, 60B2h).
+  float rated_torque_nm = 1;
+  /// Has to fit 32 bits of position and velocity, and 16 bits of torque.
+  ShaftRanges range;
   JointMap joint;
-  std::uint32_t period_us = 1000;    ///< Of the control tick: what 60C2h can say, 100 ... 100000.
-  std::uint16_t heartbeat_ms = 100;  ///< 1 ... 10000, of the drive: 1017h. Silent for three: lost.
-  std::uint16_t watchdog_ms = 25;    ///< 0 ... 10000, of the host's heartbeat: 1016h. 0: none.
-  /// 6007h, what the drive does then: 0 nothing, 1 fault, 2 disable voltage, 3 quick stop.
+  /// Period of the control tick, 100 ... 100000: one that 60C2h can express.
+  std::uint32_t period_us = 1000;
+  /// Period of the drive's heartbeat (1017h), 1 ... 10000. After three silent ones the drive is
+  /// lost.
+  std::uint16_t heartbeat_ms = 100;
+  /// Time-out for the host's heartbeat (1016h), 0 ... 10000. 0: the drive does not watch it.
+  std::uint16_t watchdog_ms = 25;
+  /// The drive's reaction to the time-out (6007h): 0 nothing, 1 fault, 2 disable voltage, 3 quick
+  /// stop.
   std::int16_t watchdog_reaction = 1;
-  /// 605Ah, for braking (a setpoint with kp = 0): 5 or 6 stand under control after it, 1 or 2 end
-  /// with the torque off.
+  /// How the drive brakes for a setpoint with kp = 0 (605Ah): after 5 or 6 it stands under control,
+  /// after 1 or 2 the torque is off.
   std::int16_t quick_stop_option = 6;
-  bool feed_forward = true;        ///< RPDO2: velocity and torque offsets.
-  std::uint8_t status_every = 4;   ///< 1 ... 240 SYNCs to a TPDO2.
-  float following_window_rad = 0;  ///< >= 0, at the shaft: 6065h. 0 leaves the drive's own.
+  /// Whether RPDO2 carries velocity and torque offsets.
+  bool feed_forward = true;
+  /// SYNCs from one TPDO2 to the next, 1 ... 240.
+  std::uint8_t status_every = 4;
+  /// The drive's following window at the shaft (6065h), >= 0. 0 leaves the drive's own.
+  float following_window_rad = 0;
 
   /// @retval kInvalidArgument  a value is outside what its comment allows.
   [[nodiscard]] Status Validate() const noexcept;
 };
 
-/// 60C2h: period = value 10^exponent seconds.
+/// The content of 60C2h: period = value 10^exponent seconds.
 struct Cia402Period {
   std::uint8_t value = 0;
   std::int8_t exponent = 0;
@@ -127,26 +143,31 @@ struct Cia402Period {
 /// @retval kInvalidArgument  the period is not 1 ... 255 steps of a power of ten.
 Status ToInterpolationPeriod(std::uint32_t period_us, Cia402Period& period) noexcept;
 
-/// The objects that set a drive up, in their order; `step` counts from 0. False past the last.
+/// The objects that set a drive up, in their order.
+/// @param step  number of the object, from 0 on.
+/// @returns false past the last object.
 bool Cia402SetUp(const Cia402Config& config, int step, SdoRequest& request) noexcept;
 
 /// Host side of one drive.
 ///
-/// Whatever is asked, the communication comes first: NMT pre-operational, the objects of
-/// Cia402SetUp one SDO at a time, NMT start, until the drive reports; mode display is read back. A
-/// drive that does not answer within kAnswerTicks is begun with anew; a refused object is a fault
-/// (error: the abort code) until kClearErrors. Then, each tick, RPDO1 and RPDO2:
-///   kDisable   controlword 0x0000: torque off in one step from any state;
-///   kEnable    0x06, 0x07, 0x0F as the statusword follows, with target = measured position, once
-///              the drive was seen off; then the setpoints. With kp = 0: quick stop.
-///   kClearErrors  0x0000, then 0x0080 until the fault is gone, or kResetTicks.
-/// While being set up the drive gets RPDO1 with controlword 0, too, so that every tick writes it.
-/// A fault, a node state other than operational, a boot-up, or any other power state after
-/// Operation Enabled ends it: 0x0000 until the request has been kDisable.
+/// First the drive is set up, whatever the request: NMT pre-operational, the objects of Cia402SetUp
+/// one SDO at a time, NMT start, reading back the mode, until the drive reports. If it does not
+/// answer within kAnswerTicks, the set-up begins anew. A refused object is a fault (error: the
+/// abort code) until kClearErrors. During the set-up the drive gets RPDO1 with controlword 0, so
+/// that every tick writes it.
 ///
-/// kFault on the fault state, an EMCY that was not taken back, the following-error bit while
-/// enabled (8611h), and a refused set-up. kLost when the drive's heartbeat has stopped: the
-/// frames go out as asked all the same, and kClearErrors begins with the drive anew.
+/// Then each tick sends RPDO1 and RPDO2:
+///   - kDisable: controlword 0x0000, which takes the torque off in one step from any state;
+///   - kEnable: once the drive was seen off, 0x06, 0x07, 0x0F as the statusword follows, with
+///     target = measured position; then the setpoints. For kp = 0: quick stop;
+///   - kClearErrors: 0x0000, then 0x0080 until the fault is gone or kResetTicks are over.
+/// After a fault, a node state other than operational, a boot-up, or when the drive leaves
+/// Operation Enabled, the host sends 0x0000 until the request has been kDisable.
+///
+/// The state is kFault in the fault state, after an EMCY that was not taken back, while the
+/// following-error bit is set and the drive enabled (8611h), and after a refused set-up. It is
+/// kLost when the drive's heartbeat has stopped: frames still go out as requested, and kClearErrors
+/// begins the set-up anew.
 class Cia402Drive final : public Drive {
  public:
   static constexpr int kAnswerTicks = 200;
@@ -174,7 +195,7 @@ class Cia402Drive final : public Drive {
 
   [[nodiscard]] std::uint32_t FindError() const noexcept;
   [[nodiscard]] DriveState FindState() const noexcept;
-  // To be called when anything that they depend on has changed.
+  // To be called when anything has changed on which error and state depend.
   void Refresh() noexcept {
     feedback_.error = FindError();
     state_ = FindState();
@@ -203,15 +224,15 @@ class Cia402Drive final : public Drive {
   int host_heartbeat_due_ = 0;
   Link link_ = Link::kReset;
   int step_ = 0;
-  bool waiting_ = false;  // for the answer to the service sent last
+  bool waiting_ = false;  // whether the answer to the last service is still to come
   int wait_ticks_ = 0;
   std::uint32_t refusal_ = 0;
 
   Follow follow_ = Follow::kOff;
-  int reset_ticks_ = 0;  // left of the attempt to reset a fault
-  bool heard_ = false;   // a TPDO1 since the set-up
+  int reset_ticks_ = 0;  // ticks left of the attempt to reset a fault
+  bool heard_ = false;   // whether a TPDO1 has come since the set-up
   int heartbeat_age_ = 0;
-  std::int32_t position_ = 0;  // as reported
+  std::int32_t position_ = 0;  // as the drive reported it
   std::uint16_t statusword_ = 0;
   Cia402State power_ = Cia402State::kNotReady;  // that of the statusword
   std::uint16_t emergency_ = 0;
@@ -238,7 +259,7 @@ struct Cia402Protocol {
   }
   static ShaftRanges CommandRanges(const Config& config) noexcept { return config.range; }
   static DriveRange ReportedPositions(const Config& config) noexcept {
-    return config.range.position_rad;  // 32 bits reach as far, at least.
+    return config.range.position_rad;  // 32 bits reach at least as far.
   }
   static bool CommandedPosition(const Config& config, const CanFrame& frame,
                                 double& shaft_rad) noexcept;

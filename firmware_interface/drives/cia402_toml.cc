@@ -19,8 +19,8 @@ constexpr double kTwoPi = 6.2831853071795864769;
 constexpr double kInt32 = 2147483520.0;  // the largest float below 2^31
 constexpr double kRounded = 0.999999;    // The drive computes with floats.
 
-/// Units, and the ranges that they leave to 32 and 16 bits.
-/// @returns the file's increments of a turn.
+/// Reads the units, and the ranges, which with these units have to fit 32 and 16 bits.
+/// @returns the increments in a turn, as the file has them.
 double ReadUnits(TomlTable& keys, Cia402Config& cia402) {
   const double units = keys.Number("position_units_per_turn", {1, 1e9, false});
   const double velocity_units =
@@ -35,7 +35,7 @@ double ReadUnits(TomlTable& keys, Cia402Config& cia402) {
   return units;
 }
 
-/// What the drive is set up to do: its heartbeat, reactions and reports.
+/// Reads the drive's settings: heartbeat, reactions and reports.
 void ReadSetUp(TomlTable& keys, double units, Cia402Config& cia402) {
   static constexpr std::array<std::string_view, 4> kReactions = {"none", "fault", "disable",
                                                                  "quick-stop"};
@@ -51,7 +51,8 @@ void ReadSetUp(TomlTable& keys, double units, Cia402Config& cia402) {
       keys.Number("following_window_rad", {0, kInt32 / units * kTwoPi * kRounded, false}, 0));
 }
 
-/// The control loop's period and the host's heartbeat, which the drive watches.
+/// Reads the control loop's period, and the time-out for the host's heartbeat, which the drive
+/// watches.
 void ReadTimes(DriveTable& table, Cia402Config& cia402) {
   const double period_us = 1e6 / table.rate_hz;
   cia402.period_us = static_cast<std::uint32_t>(std::llround(period_us));

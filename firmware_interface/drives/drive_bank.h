@@ -10,21 +10,22 @@
 
 namespace tumbler {
 
-/// The drives of one bus as a value of fixed size: any mixture of protocols, no heap. They are
-/// handed to an executor by pointer, so a bank stays where it is.
+/// The drives of one bus, in any mixture of protocols, as an object of fixed size without heap. An
+/// executor holds pointers to the drives, so a bank cannot be moved.
 class DriveBank {
  public:
   DriveBank() = default;
   DriveBank(const DriveBank&) = delete;
   DriveBank& operator=(const DriveBank&) = delete;
 
-  /// Adds the next joint's drive. Where a configuration has a `leader`, the first of them leads the
-  /// bus, whatever it says: the first of CiA 402 sends SYNC and the host's heartbeat for all.
+  /// Adds the next joint's drive. Of the configurations with a member `leader`, the first one leads
+  /// the bus, whatever its value: the first CiA 402 drive sends SYNC and the host's heartbeat for
+  /// all.
   /// @retval kInvalidArgument   the configuration is not valid.
   /// @retval kCapacityExceeded  kMaxJoints drives are in it.
   Status Add(const DriveConfig& config) noexcept;
 
-  /// In the order of Add.
+  /// All drives in the order of Add.
   [[nodiscard]] std::span<Drive* const> drives() const noexcept {
     return {pointers_.data(), count_};
   }

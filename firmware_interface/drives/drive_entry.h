@@ -6,16 +6,17 @@
 
 namespace tumbler {
 
-/// One drive and the joint that it moves, as a drives file has them.
+/// One drive of a drives file, with the joint that it moves.
 struct DriveEntry {
   std::string joint;  ///< The joint's name in the robot's URDF.
   DriveConfig config;
-  /// Gains of the running drive, at the joint. Where the protocol does not carry them they say what
-  /// the drive was tuned to: the simulated drive has them, and kp > 0 asks for position control.
+  /// Gains of the running drive, at the joint. Where the protocol does not carry gains, these are
+  /// the ones to which the drive was tuned: the simulated drive uses them, and kp > 0 asks for
+  /// position control.
   float kp_nm_per_rad = 0;
   float kd_nm_s_per_rad = 0;
-  float temperature_max_c = 80;  ///< The executor stops above it.
-  double watchdog_s = 0.025;     ///< What the drive's time-out is set to; 0 says that it has none.
+  float temperature_max_c = 80;  ///< A hotter drive is a fault.
+  double watchdog_s = 0.025;     ///< Setting of the drive's time-out; 0: it has none.
 };
 
 }  // namespace tumbler

@@ -59,7 +59,7 @@ ShaftRanges ReadShaftRanges(TomlTable& table, double position_max, double veloci
   TomlTable range = table.Table("range");
   const auto read = [&range](std::string_view key, double most) {
     const DriveRange ends = ReadRange(range, key, false);
-    // Ends are floats: what rounds to the last one that fits is let pass.
+    // Ends are floats: a number that rounds to the last one that fits is let pass.
     if (!ends.ContainsZeroWithin(static_cast<float>(most))) {
       range.Fail(key,
                  fmt::format("is [{}, {}]; the protocol carries at most +-{} at the shaft",

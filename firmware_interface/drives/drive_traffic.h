@@ -10,30 +10,30 @@ namespace tumbler {
 /// Frames of one kind that a drive and its host exchange while the robot runs.
 struct DriveFrames {
   std::string_view what;    ///< e.g. `setpoints`
-  int size = 0;             ///< bytes
-  double period_ticks = 1;  ///< of the control loop, >= 1
-  bool common = false;      ///< once for all drives of the protocol
+  int size = 0;             ///< Bytes of payload.
+  double period_ticks = 1;  ///< Ticks of the control loop from one frame to the next, >= 1.
+  bool common = false;      ///< Whether one frame serves all drives of the protocol.
 };
 
-/// The identifiers on the bus that one key of a drives file decides on.
+/// The identifiers on the bus that follow from one key of a drives file.
 struct DriveIdentifiers {
-  std::string_view key;     ///< of the file
-  std::uint32_t value = 0;  ///< of that key
-  bool to_drive = false;    ///< sent by the host and obeyed by the drive
-  bool common = false;      ///< to all drives of the protocol
+  std::string_view key;     ///< The key in the file.
+  std::uint32_t value = 0;  ///< The key's value.
+  bool to_drive = false;    ///< Whether the host sends such frames and the drive obeys them.
+  bool common = false;      ///< Whether all drives of the protocol share them.
   std::vector<std::uint32_t> ids;
 };
 
-/// What one drive has on the bus.
+/// The frames of one drive on the bus.
 struct DriveTraffic {
   std::vector<DriveFrames> schedule;
   std::vector<DriveIdentifiers> identifiers;  ///< No other drive may have one of them.
-  std::vector<std::uint32_t> host_sends;      ///< Identifiers of all frames that the host sends,
-  std::vector<std::uint32_t> host_receives;   ///< and of those that it wants.
-  int host_frames_max = 1;                    ///< In one tick, starting up included.
+  std::vector<std::uint32_t> host_sends;      ///< Identifiers of all frames that the host sends.
+  std::vector<std::uint32_t> host_receives;   ///< Identifiers of all frames that the host wants.
+  int host_frames_max = 1;  ///< The most frames of the host in one tick, starting up included.
 };
 
-/// The ticks to a period, at least one.
+/// A period in ticks, at least one.
 inline double PeriodTicks(double period_s, double rate_hz) {
   return std::max(1.0, period_s * rate_hz);
 }

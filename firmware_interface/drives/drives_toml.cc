@@ -45,7 +45,7 @@ DriveEntry ReadDrive(TomlTable& table, TomlTable& bus_table, const DrivesConfig&
   return drive;
 }
 
-/// What goes wrong when two drives share an identifier.
+/// What goes wrong when two drives share an identifier, for messages.
 const char* Consequence(bool ours_to_drive, bool theirs_to_drive) {
   if (ours_to_drive && theirs_to_drive) return "both drives would obey";
   if (!ours_to_drive && !theirs_to_drive) return "replies would collide on the bus";
@@ -154,7 +154,7 @@ double DrivesConfig::WorstCaseLoad() const { return WorstCaseTickBits() * rate_h
 
 namespace {
 
-/// Adds identifiers that are not in it yet.
+/// Adds the identifiers that are not in the list yet.
 void AddAll(std::vector<std::uint16_t>& ids, const std::vector<std::uint32_t>& more) {
   for (const std::uint32_t id : more) {
     const auto value = static_cast<std::uint16_t>(id);

@@ -13,46 +13,49 @@ namespace tumbler {
 /// Frames of one kind that the drives of a file cause.
 struct ScheduledFrames {
   std::string what;         ///< e.g. `setpoints`
-  int count = 0;            ///< in each period, of all drives together
-  int size = 0;             ///< bytes
-  double period_ticks = 1;  ///< of the control loop, >= 1
+  int count = 0;            ///< How many in each period, for all drives together.
+  int size = 0;             ///< Bytes of payload.
+  double period_ticks = 1;  ///< Ticks of the control loop in a period, >= 1.
 };
 
 /// The drives of a robot and their bus.
 struct DrivesConfig {
-  int bit_rate = 1'000'000;  ///< bit/s
-  double rate_hz = 1000;     ///< of the control loop: setpoints to and answers from each drive
+  int bit_rate = 1'000'000;  ///< Of the bus [bit/s].
+  double rate_hz = 1000;     ///< Of the control loop, which is that of setpoints and replies.
   std::vector<DriveEntry> drives;
 
   /// All frames of a running robot.
   [[nodiscard]] std::vector<ScheduledFrames> Schedule() const;
   /// Bits on the wire of one tick if every frame were as long as frames can be, intermissions
-  /// included; frames that do not come every tick count by their share, rounded up in the end.
+  /// included. Frames that do not come every tick count by their share, and the sum is rounded up.
   [[nodiscard]] int WorstCaseTickBits() const;
   /// Worst-case share of the bus that is in use, 0 ... 1.
   [[nodiscard]] double WorstCaseLoad() const;
-  /// Identifiers, of 11 bits, of all frames that the host sends and of those that it wants.
+  /// 11-bit identifiers of all frames that the host sends, and of all that it wants.
   [[nodiscard]] std::vector<std::uint16_t> HostSends() const;
   [[nodiscard]] std::vector<std::uint16_t> HostReceives() const;
-  /// Frames that the host sends in one tick at most, starting up included.
+  /// The most frames that the host sends in one tick, starting up included.
   [[nodiscard]] int HostFramesMax() const;
   /// The schedule in words: `2 setpoints of 8 bytes, 2 replies of 8 bytes`.
   [[nodiscard]] std::string DescribeSchedule() const;
 };
 
-/// Reads a drive configuration (`primitives/robots/tumbler_drives*.toml` are commented examples).
-/// Checked: every value and its range, unknown keys, joints and identifiers that occur twice, gains
-/// that the protocol cannot carry, and a rate whose frames do not fit on the bus in the worst case.
-/// @throws FileError with file, line, key and allowed range.
+/// Reads a drives file (`primitives/robots/tumbler_drives*.toml` are commented examples). Checks
+/// every value and its range, and refuses unknown keys, joints and identifiers that occur twice,
+/// gains that the protocol cannot carry, and a rate whose frames do not fit on the bus in the worst
+/// case.
+/// @throws FileError  with file, line, key and allowed range.
 DrivesConfig LoadDrives(const std::string& path);
+/// The same of a text. @param name  stands for the file in messages.
 DrivesConfig ParseDrives(std::string_view text, const std::string& name);
 
-/// The drives of these joints, in this order. @param name  of the file, for messages.
-/// @throws std::runtime_error naming a joint that has none.
+/// The drives of these joints, in this order.
+/// @param name  of the drives file, for messages.
+/// @throws std::runtime_error  naming a joint that has no drive.
 DrivesConfig DrivesOf(const DrivesConfig& given, const std::vector<std::string>& joints,
                       const std::string& name);
 
-/// What a simulation uses where no file is given: MIT drives with identifiers 1, 2, ... in the
+/// The drives of a simulation without a drives file: MIT drives with identifiers 1, 2, ... in the
 /// order of the joints, replies on 17, 18, ..., kp 200, kd 4, 1000 Hz, 1 Mbit/s.
 DrivesConfig DefaultDrives(const std::vector<std::string>& joints);
 

@@ -20,8 +20,8 @@ bool AreValidRanges(const MitRanges& ranges) noexcept {
 
 constexpr std::uint8_t Low(int value) noexcept { return static_cast<std::uint8_t>(value & 0xff); }
 
-// The firmware's float to integer conversion: truncates, saturates only where the processor's
-// instruction does.
+// The firmware's conversion from float to integer. It truncates, and saturates only where the
+// processor's instruction does.
 std::int32_t FirmwareCode(float value, const MitRange& range, int bits) noexcept {
   const float steps = static_cast<float>((1 << bits) - 1);
   const float code = (value - range.min) * steps / (range.max - range.min);
@@ -34,7 +34,7 @@ bool IsFrameOf(const CanFrame& frame, std::uint16_t id) noexcept {
   return frame.id == id && !frame.extended && !frame.remote && frame.size <= 8;
 }
 
-// Degrees Celsius of a reply's byte.
+// The temperature in a reply's byte [degrees C].
 int DegreesOf(std::uint8_t byte, MitTemperature encoding) noexcept {
   return encoding == MitTemperature::kOffset40 ? int{byte} - 40
                                                : int{static_cast<std::int8_t>(byte)};
@@ -43,7 +43,7 @@ int DegreesOf(std::uint8_t byte, MitTemperature encoding) noexcept {
 std::uint8_t EncodeTemperature(float celsius, MitTemperature encoding) noexcept {
   const float low = encoding == MitTemperature::kOffset40 ? -40.0F : -128.0F;
   const float shifted = celsius - low;
-  // Twice the value plus one, halved in integers, rounds to nearest.
+  // To round to nearest, twice the value plus one is halved in integers.
   const int steps =
       shifted >= 255.0F ? 255 : (shifted > 0 ? static_cast<int>(2 * shifted + 1) / 2 : 0);
   return Low(encoding == MitTemperature::kOffset40 ? steps : steps - 128);
@@ -80,7 +80,7 @@ struct Codes {
   std::uint16_t p = 0, v = 0, kp = 0, kd = 0, t = 0;
 };
 
-// Steps aside for the one pattern that is a magic frame.
+// Changes the one pattern that would be a magic frame.
 void AvoidMagic(Codes& codes) noexcept {
   if (codes.p == 0xffff && codes.v == 0xfff && codes.kp == 0xfff && codes.kd == 0xfff &&
       codes.t >= 0xffc && codes.t <= 0xffe) {
@@ -106,7 +106,7 @@ MitCommand Dequantise(const MitRanges& ranges, const Codes& codes) noexcept {
           MitDequantise(codes.t, ranges.torque_nm, 12)};
 }
 
-// (1) is one number of 64 bits, most significant byte first.
+// Packs (1) as one number of 64 bits, the most significant byte first.
 void Pack(const Codes& codes, std::array<std::uint8_t, 8>& data) noexcept {
   const std::uint64_t word = std::uint64_t{codes.p} << 48 | std::uint64_t{codes.v} << 36 |
                              std::uint64_t{codes.kp} << 24 | std::uint64_t{codes.kd} << 12 |
@@ -172,7 +172,7 @@ bool IsReplyOf(const MitConfig& config, const CanFrame& frame) noexcept {
          frame.data[0] == Low(config.command_id);
 }
 
-// The fields of (2) that every reply has.
+// Codes of the fields of (2) that every reply has.
 struct ReplyCodes {
   std::uint16_t p = 0, v = 0, t = 0;
 };
@@ -267,7 +267,7 @@ MitCommand MitDrive::ToCommand(const DriveSetpoint& setpoint) const noexcept {
           joint.ToDriveGain(setpoint.kd_nm_s_per_rad), joint.ToDriveTorque(setpoint.torque_nm)};
 }
 
-// Encodes a setpoint, and sets `encoded_` to what the drive will make of the frame.
+// Encodes a setpoint, and sets `encoded_` to the setpoint that the drive will read from the frame.
 CanFrame MitDrive::EncodeSetpoint(const DriveSetpoint& setpoint) noexcept {
   const JointMap& joint = config_.joint;
   const MitRanges& ranges = config_.command;
@@ -329,7 +329,7 @@ DriveState MitDrive::Inferred() const noexcept {
 }
 
 DriveState MitDrive::state() const noexcept {
-  if (stage_ == Stage::kFollow && feedback_.error == 0) return DriveState::kEnabled;  // mostly
+  if (stage_ == Stage::kFollow && feedback_.error == 0) return DriveState::kEnabled;  // the usual
   if (!heard_) return DriveState::kUnknown;
   return feedback_.error != 0 ? DriveState::kFault : Inferred();
 }
@@ -381,8 +381,8 @@ bool MitDrive::Decode(const CanFrame& frame) noexcept {
   const bool full = frame.size == 8;
   const ReplyCodes codes = UnpackReply(frame);
   const int temperature = full ? DegreesOf(frame.data[6], config_.temperature) : 0;
-  // Codes wrap modulo 2^16, and so does this difference: it is the way that the shaft went. While
-  // the motor is off nothing is lost by taking the code as it is.
+  // Codes wrap modulo 2^16, and so does this difference: it is the way that the shaft has turned.
+  // While the motor is off, the code may be taken as it is.
   const std::int32_t way = static_cast<std::int16_t>(codes.p - position_code_);
   position_code_ = stage_ == Stage::kFollow ? position_code_ + way : codes.p;
   const Lanes joint = ToJoint(reply_range_, {position_code_, codes.v, codes.t, temperature});

@@ -23,21 +23,22 @@ namespace tumbler {
 ///
 ///   sender's id 8 | position 16 | velocity 12 | torque 12 [| temperature 8 | error 8] (2)
 ///
-/// of 6 bytes (older bgkatz), 7 (newer: the seventh is bus voltage) or 8 (AK), packed before the
-/// command is applied, also outside motor mode. A field of n bits covers [min, max] in 2^n - 1
-/// steps.
+/// of 6 bytes (older bgkatz), 7 (newer: the seventh is bus voltage) or 8 (AK). The reply tells the
+/// state before the command was applied. Drives also reply outside motor mode. A field of n bits
+/// covers [min, max] in 2^n - 1 steps.
 ///
 /// Rounding. The well-known host code truncates, which biases every field by half a step towards
-/// minus infinity: with the ranges below 1.9e-4 rad, 0.0122 rad/s (0.049 N m at kd = 4) and
-/// 0.0044 N m. Here commands are rounded to nearest: no bias on average, at most half a step. A
-/// range that is symmetric has an even number of codes and none for zero: a zero goes out as half a
-/// step up (+1.9e-4 rad, +0.0122 rad/s, +0.0044 N m); kp = kd = 0 is exact. Drives truncate their
-/// replies, so decoded values are on average half a step low.
+/// minus infinity: with the ranges below by 1.9e-4 rad, 0.0122 rad/s (0.049 N m at kd = 4) and
+/// 0.0044 N m. Here commands are rounded to nearest, with no bias on average and at most half a
+/// step of error. A symmetric range has an even number of codes and none for zero: a zero goes out
+/// as half a step up (+1.9e-4 rad, +0.0122 rad/s, +0.0044 N m). kp = kd = 0 is exact. Drives
+/// truncate their replies, so decoded values are half a step low on average.
 ///
-/// Wrap. Drives do not clamp their replies: beyond the range, position reappears at the other end.
-/// MitDrive follows it across while the setpoints are followed: of two positions that one reply can
-/// mean, the one nearer to the last is taken. Before that the range is taken at its word, so keep
-/// the joint's travel inside it by the choice of `JointMap::zero_offset_rad`.
+/// Wrap. Drives do not clamp their replies: beyond the range, the position reappears at the other
+/// end. While the setpoints are followed, MitDrive follows the position across the end: of two
+/// positions that one reply can mean, it takes the one nearer to the last. Before that it takes the
+/// position within the range. So keep the joint's travel inside the range by the choice of
+/// `JointMap::zero_offset_rad`.
 ///
 /// Watchdog. A drive that hears no setpoint for its time-out (25 ms by default, may be off) sets
 /// gains and feed-forward to zero, and resumes by itself with the next setpoint. Clones differ: try
@@ -46,8 +47,8 @@ namespace tumbler {
 /// Largest magnitude of a range's end; beyond it the arithmetic of codes could overflow.
 inline constexpr float kMitLargest = 1e6F;
 
-/// What a field can carry. Ranges of position, velocity and torque contain zero; gains start at
-/// exactly zero.
+/// The range of a field. Ranges of position, velocity and torque contain zero; those of gains start
+/// at exactly zero.
 using MitRange = DriveRange;
 
 /// Ranges compiled into the drive's firmware. They differ between models, firmware versions and
@@ -62,21 +63,22 @@ struct MitRanges {
 
 /// How a reply of 8 bytes carries temperature.
 enum class MitTemperature : std::uint8_t {
-  kSigned,    ///< two's complement, degrees Celsius
-  kOffset40,  ///< degrees Celsius + 40
+  kSigned,    ///< Degrees Celsius in two's complement.
+  kOffset40,  ///< Degrees Celsius + 40.
 };
 
 /// One drive.
 struct MitConfig {
   /// 1 ... 255: the drive's CAN_ID. Replies name their sender in one byte.
   std::uint16_t command_id = 1;
-  /// 0 ... 0x7ff: the drive's CAN_MASTER. Firmware defaults to 0 for every drive; drives send
-  /// without retransmission, so replies that share an identifier are lost when they meet. Give each
+  /// 0 ... 0x7ff: the drive's CAN_MASTER. Firmware has 0 for every drive by default. Drives send
+  /// without retransmission, so replies that share an identifier are lost when they meet: give each
   /// drive its own.
   std::uint16_t reply_id = 17;
   MitRanges command;
-  MitRanges reply;  ///< kp and kd of it are not used. Newer bgkatz firmware has a wider torque
-                    ///< range here.
+  /// Ranges of replies; kp and kd are not used. Newer bgkatz firmware has a wider torque range
+  /// here.
+  MitRanges reply;
   MitTemperature temperature = MitTemperature::kSigned;
   JointMap joint;
 
@@ -96,42 +98,44 @@ struct MitCommand {
 
 /// A reply at the drive's shaft.
 struct MitReply {
-  std::uint8_t sender = 0;  ///< low byte of the drive's command id
+  std::uint8_t sender = 0;  ///< Low byte of the drive's command id.
   float position_rad = 0;
   float velocity_rad_s = 0;
   float torque_nm = 0;
-  std::uint8_t size = 8;  ///< 6, 7 or 8 bytes; only 8 has the two that follow.
+  /// Bytes of the frame, 6, 7 or 8. Only a frame of 8 has the two values that follow.
+  std::uint8_t size = 8;
   float temperature_c = 0;
-  std::uint8_t error = 0;  ///< AK: 1 over-temperature, 2 over-current, 3 over- and 4 under-voltage,
-                           ///< 5 encoder, 6 phase
+  /// 0: none. Of AK drives: 1 over-temperature, 2 over-current, 3 over-voltage, 4 under-voltage, 5
+  /// encoder, 6 phase.
+  std::uint8_t error = 0;
 };
 
-/// Frames that are commands by their value: seven bytes 0xff and one of these.
+/// The last byte of frames that are commands by their value; seven bytes 0xff come before it.
 enum class MitMagic : std::uint8_t {
-  kEnter = 0xfc,  ///< Into motor mode.
-  kExit = 0xfd,   ///< Out of it; bgkatz firmware obeys once the current is below 1 A.
-  kZero = 0xfe,   ///< Here is the encoder's zero; bgkatz firmware obeys outside motor mode only.
+  kEnter = 0xfc,  ///< Enter motor mode.
+  kExit = 0xfd,   ///< Leave motor mode. bgkatz firmware obeys once the current is below 1 A.
+  kZero = 0xfe,   ///< Zero the encoder here. bgkatz firmware obeys outside motor mode only.
 };
 
-/// The code of `value` in `range`, clamped and rounded to nearest. `bits` is 12 or 16. NaN gives
-/// the code of min.
+/// The code of `value` in `range`, clamped and rounded to nearest; NaN gives the code of min.
+/// @param bits  12 or 16.
 [[nodiscard]] std::uint16_t MitQuantise(float value, const MitRange& range, int bits) noexcept;
 /// The value of a code.
 [[nodiscard]] float MitDequantise(std::uint16_t code, const MitRange& range, int bits) noexcept;
 
-/// Packs (1), each field clamped to its range. The one pattern of a setpoint that would read as a
-/// magic frame (all fields at their maximum, torque one to three steps below it) goes out with the
+/// Packs (1), with each field clamped to its range. One pattern of a setpoint would read as a magic
+/// frame (all fields at their maximum, torque one to three steps below it): it goes out with the
 /// position one step lower.
 [[nodiscard]] CanFrame EncodeMitCommand(const MitConfig& config,
                                         const MitCommand& command) noexcept;
 /// Unpacks (1) as the drive does.
-/// @retval kInvalidArgument  not a data frame of 8 bytes with the drive's command id, or a magic
+/// @retval kInvalidArgument  no data frame of 8 bytes with the drive's command id, or a magic
 /// frame.
 Status DecodeMitCommand(const MitConfig& config, const CanFrame& frame,
                         MitCommand& command) noexcept;
 
-/// Packs (2) with `reply.size` bytes as firmware does: truncating and unclamped, so that values
-/// wrap (see above). For simulated drives.
+/// Packs (2) with `reply.size` bytes as firmware does, for simulated drives: truncated and not
+/// clamped, so that values wrap (see above).
 [[nodiscard]] CanFrame EncodeMitReply(const MitConfig& config, const MitReply& reply) noexcept;
 /// Unpacks (2). @retval kInvalidArgument  not a data frame of 6 ... 8 bytes with the drive's reply
 /// id and sender.
@@ -142,23 +146,23 @@ Status DecodeMitReply(const MitConfig& config, const CanFrame& frame, MitReply& 
 [[nodiscard]] bool DecodeMitMagic(const MitConfig& config, const CanFrame& frame,
                                   MitMagic& magic) noexcept;
 
-/// Host side of one MIT drive. One frame a tick, always.
+/// Host side of one MIT drive. It sends one frame in every tick.
 ///
-/// kDisable and kClearErrors send kExit each tick: the protocol has no order to clear an error.
-/// kEnable runs the start-up sequence, one frame a tick:
-///   1. one neutral setpoint (no gains, no feed-forward, measured position): firmware keeps the
-///      last setpoint it heard and would act on it as it enters motor mode;
+/// kDisable and kClearErrors send kExit each tick, since the protocol has no order to clear an
+/// error. kEnable runs the start-up sequence, one frame a tick:
+///   1. one neutral setpoint (no gains, no feed-forward, measured position), because firmware keeps
+///      the last setpoint that it heard and would act on it as it enters motor mode;
 ///   2. kEnter, until replies were decoded in two ticks since the first of them;
 ///   3. a neutral setpoint, until a reply was decoded;
 ///   4. the setpoints.
 ///
-/// Replies do not say in which mode a drive is, so states are inferred: kEnabled from steps 2 and
-/// 3, kDisabled from replies in two ticks since the first kExit. Two, because the first may be the
-/// late answer to the frame before. A drive that restarts by itself while enabled cannot be told
-/// from an enabled one; its following error can. kFault is reported while the latest reply carries
-/// an error code; frames go out as requested all the same, since only the executor knows whether
-/// cutting the torque now is the safe reaction. A setpoint that is not finite disables; it is not
-/// looked at with kDisable.
+/// Replies do not say in which mode a drive is, so the state is inferred: kEnabled from steps 2 and
+/// 3, kDisabled from replies in two ticks since the first kExit. It takes two, because the first
+/// may be the late answer to the frame before. A drive that restarts by itself while enabled looks
+/// like an enabled one; its following error shows the difference. kFault is reported while the
+/// latest reply carries an error code. Frames still go out as requested then, since only the
+/// executor knows whether cutting the torque is the safe reaction. A setpoint that is not finite
+/// disables the motor; with kDisable the setpoint does not matter.
 class MitDrive final : public Drive {
  public:
   /// @pre config.Validate() is kOk; otherwise every Encode returns kInvalidArgument and sends
@@ -177,7 +181,7 @@ class MitDrive final : public Drive {
 
  private:
   enum class Stage : std::uint8_t { kStart, kExit, kClear, kEnter, kNeutral, kFollow };
-  static constexpr int kCertainTicks = 2;  // answered, before a magic frame counts as obeyed
+  static constexpr int kCertainTicks = 2;  // answered ticks after which a magic frame was obeyed
 
   void NextStage(bool enable) noexcept;
   void GoTo(Stage stage) noexcept;
@@ -186,8 +190,8 @@ class MitDrive final : public Drive {
   [[nodiscard]] MitCommand ToCommand(const DriveSetpoint& setpoint) const noexcept;
   CanFrame EncodeSetpoint(const DriveSetpoint& setpoint) noexcept;
 
-  // Position, velocity, torque and one more lane side by side: operations that the compiler can do
-  // at once. The fourth is idle in commands and the temperature in replies.
+  // Position, velocity, torque and one more lane side by side, so that the compiler can work on all
+  // of them at once. The fourth is idle in commands and the temperature in replies.
   using Lanes = std::array<float, 4>;
 
   // JointMap by lanes, with the same roundings:
@@ -211,14 +215,14 @@ class MitDrive final : public Drive {
   bool valid_;
   Stage stage_ = Stage::kStart;
   DriveState before_exit_ = DriveState::kUnknown;
-  int answered_ticks_ =
-      0;  // ticks with a reply since the stage's first frame, up to the last Encode
-  bool answered_ = false;           // a reply since the last Encode
-  bool heard_ = false;              // a reply ever
+  // Ticks with a reply since the stage's first frame, up to the last Encode.
+  int answered_ticks_ = 0;
+  bool answered_ = false;           // whether a reply has come since the last Encode
+  bool heard_ = false;              // whether a reply ever came
   std::int32_t position_code_ = 0;  // of the last reply, beyond 16 bits where it has wrapped
   DriveFeedback feedback_;
-  // Gains hardly ever change: those of the last setpoint, as asked, as codes and as the drive sees
-  // them.
+  // The gains of the last setpoint: as asked, as codes and as the drive sees them. They are kept,
+  // because gains hardly ever change.
   struct Gains {
     float kp_nm_per_rad = 0, kd_nm_s_per_rad = 0;
     std::uint16_t kp_code = 0, kd_code = 0;

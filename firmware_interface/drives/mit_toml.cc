@@ -22,7 +22,7 @@ MitRanges ReadRanges(TomlTable& table) {
   return ranges;
 }
 
-/// Ranges of replies where the drive's differ from those of its commands.
+/// Reads the ranges of replies, where they differ from those of commands.
 MitRanges ReadReplyRanges(TomlTable& table, MitRanges ranges) {
   if (table.Has("position_rad")) ranges.position_rad = ReadRange(table, "position_rad", false);
   if (table.Has("velocity_rad_s")) {

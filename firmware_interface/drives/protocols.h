@@ -12,19 +12,19 @@
 
 namespace tumbler {
 
-/// Protocols side by side, and ways to get from a value to the one that it belongs to.
+/// A list of protocols, with ways to get from a configuration to its protocol.
 template <typename... Protocols>
 struct ProtocolList {
-  /// One drive, in any of them.
+  /// One drive, in any of the protocols.
   using Config = std::variant<typename Protocols::Config...>;
   /// The host side of one drive, or nothing.
   using Host = std::variant<std::monostate, typename Protocols::Host...>;
 
   static constexpr std::size_t kCount = sizeof...(Protocols);
-  /// As drives files have them.
+  /// The protocols' names in drives files.
   static constexpr std::array<std::string_view, kCount> kNames{Protocols::kName...};
 
-  /// One by one, so that the compiler names what is missing of which.
+  /// Checks the protocols one by one, so that the compiler names what is missing in which.
   template <DriveProtocol Protocol>
   static constexpr bool kIsDescribed = true;
   static_assert((kIsDescribed<Protocols> && ...));
@@ -54,8 +54,8 @@ struct ProtocolList {
   }
 };
 
-/// Every protocol that is spoken. Another one is another word here, and in the list of
-/// CMakeLists.txt; all else about it stands in files of its own.
+/// All protocols. To add one, name it here and in the list of CMakeLists.txt; everything else about
+/// it stands in files of its own.
 using DriveProtocols = ProtocolList<MitProtocol, Cia402Protocol, CanSimpleProtocol>;
 
 /// One drive, in any of the protocols.
@@ -63,11 +63,11 @@ using DriveConfig = DriveProtocols::Config;
 
 [[nodiscard]] Status Validate(const DriveConfig& config) noexcept;
 [[nodiscard]] const JointMap& JointOf(const DriveConfig& config) noexcept;
-/// What can be asked of the drive, at its shaft.
+/// The ranges of the drive's setpoints, at its shaft.
 [[nodiscard]] ShaftRanges CommandRanges(const DriveConfig& config) noexcept;
 /// Positions of the shaft that the drive can report without wrapping.
 [[nodiscard]] DriveRange ReportedPositions(const DriveConfig& config) noexcept;
-/// Time after which a drive that is switched on has been heard, set-up included [ms].
+/// The time within which a drive that is switched on has replied, set-up included [ms].
 [[nodiscard]] int FirstReply_ms(const DriveConfig& config) noexcept;
 
 }  // namespace tumbler

@@ -129,7 +129,7 @@ void SimulatedCanSimpleDrive::OnFrame(const ReceivedFrame& received, SimulatedPo
   if (frame.extended || frame.id >> 5 != node) return;
   CheckWatchdog(received.time_ns);
   CountFrame();
-  fed_ns_ = received.time_ns;  // Before it is known what the frame is, as in the firmware.
+  fed_ns_ = received.time_ns;  // As in the firmware, before looking at what the frame is.
   const auto command = static_cast<CanSimpleCommand>(frame.id & 0x1f);
   if (frame.remote) {
     for (const Cyclic& cyclic : cyclic_) {

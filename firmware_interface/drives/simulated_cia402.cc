@@ -173,7 +173,8 @@ double SimulatedCia402Drive::Law(std::int64_t time_ns) noexcept {
              torque_offset_ * 0.001 * static_cast<double>(config_.node.rated_torque_nm);
     }
     case Cia402State::kQuickStop:
-      // Options 5 ... 7 stay in this state; the others end with the torque off.
+      // With the options 5 ... 7 the drive stays in this state; with the others the torque goes
+      // off.
       if (quick_stop_option_ < 5 && std::abs(velocity) < kRest_rad_s) {
         state_ = Cia402State::kSwitchOnDisabled;
       }
@@ -252,7 +253,7 @@ void SimulatedCia402Drive::OnSync(SimulatedPort& port) noexcept {
   }
   sync_ns_ = now_ns_;
   const double to = FromPositionUnits(target_);
-  // Interpolation begins where the last one ended; at switching on there was none.
+  // Interpolation begins where the last one ended. When the drive was just enabled there was none.
   from_rad_ = before == Cia402State::kEnabled ? to_rad_ : to;
   to_rad_ = to;
   for (Pdo& pdo : tpdo_) {

@@ -106,7 +106,7 @@ Status Playback::Configure(std::string_view protocol, int cycles, int branch,
     });
     const Status status = bank_.Add(drive);
     if (status != Status::kOk) return status;
-    procedure.reply_ticks_max = FirstReply_ms(drive);  // Ticks are of 1 ms.
+    procedure.reply_ticks_max = FirstReply_ms(drive);  // A tick is 1 ms.
   }
   procedure_ = RunProcedure(procedure);
   ExecutorConfig config;

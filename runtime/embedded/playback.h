@@ -13,7 +13,7 @@
 
 namespace tumbler {
 
-/// What the world told the executor in one tick, as a recording holds it.
+/// The executor's input of one tick, as a recording holds it.
 struct RecordedTick {
   static constexpr std::size_t kMaxFrames = 32;
   static constexpr std::size_t kHeaderBytes = 4;
@@ -27,48 +27,48 @@ struct RecordedTick {
   std::array<ReceivedFrame, kMaxFrames> frames;
 };
 
-/// To bytes and back. Pack returns how many it has written (`out` has room for kMaxBytes); Unpack
-/// takes the header first, which says how many bytes of frames follow.
+/// Writes a tick as bytes. @param out  has room for kMaxBytes. @returns the bytes written.
 std::size_t Pack(const RecordedTick& tick, std::span<std::uint8_t> out) noexcept;
-/// @returns bytes that follow the header, or -1 if there are more frames than a tick holds.
+/// Reads the header of a tick, which says how many bytes of frames follow.
+/// @returns these bytes, or -1 if there are more frames than a tick holds.
 int UnpackHeader(std::span<const std::uint8_t> bytes, RecordedTick& tick) noexcept;
 void UnpackFrames(std::span<const std::uint8_t> bytes, RecordedTick& tick) noexcept;
 
-/// Everything that leaves the executor in one tick, for comparing: state, faults, each joint's
-/// setpoint as planned, limited and encoded, and its frames. Layout, little-endian:
+/// The executor's output of one tick as bytes, to be compared: state, faults, each joint's setpoint
+/// as planned, limited and encoded, and its frames. The layout is little-endian:
 ///
-///   state 8 | node 8 | faults 32 | command 8 | refusal 8 | joints 8 kHeadBytes of each joint:
-///   planned p v t a, limited p v t, encoded p v t (floats)
+///   state 8 | node 8 | faults 32 | command 8 | refusal 8 | joints 8      (kPlaybackHeadBytes)
+///   of each joint: planned p v t a, limited p v t, encoded p v t (floats)
 ///                  | frames 8 | their bytes as in RecordedTick
 inline constexpr std::size_t kPlaybackHeadBytes = 9;
 inline constexpr std::size_t kPlaybackJointBytes = 10 * 4 + 1;
 inline constexpr std::size_t kPlaybackMaxBytes =
     kPlaybackHeadBytes +
     kMaxJoints * (kPlaybackJointBytes + FrameBatch::kCapacity * RecordedTick::kFrameBytes);
-/// @returns how many bytes it has written; `out` has room for kPlaybackMaxBytes.
+/// @param out  has room for kPlaybackMaxBytes. @returns the bytes written.
 std::size_t Pack(const TickOutput& output, std::span<std::uint8_t> out) noexcept;
 
-/// Plays a motion against a recording of what the drives said. The same source runs on a
+/// Plays a motion against a recording of the drives' frames. The same source runs on a
 /// microcontroller and on the machine that made the recording, and both have to send the same
-/// frames. It is also the example of how the core is put together without a heap.
+/// frames. It is also an example of putting the core together without a heap.
 class Playback {
  public:
   /// Whether a protocol has this name (its `kId`).
   [[nodiscard]] static bool Knows(std::string_view protocol) noexcept;
 
-  /// Plays `cycles` cycles and then takes the branch; see ExecutorConfig. What is passed has to
-  /// outlive the playback.
-  /// @param protocol  by its name; the drives are those of its example in primitives/robots/.
+  /// Prepares to play `cycles` cycles and then the branch (see ExecutorConfig). Graph and
+  /// primitives have to outlive the playback.
+  /// @param protocol  a protocol's name; the drives are those of its example in primitives/robots/.
   /// @retval kInvalidArgument  there is no such protocol, or nothing to play.
   Status Configure(std::string_view protocol, int cycles, int branch,
                    const SequenceGraph<float>& graph,
                    std::span<const Primitive<float>> primitives) noexcept;
 
-  /// The executor's input of the next tick, whose frames stay where they are.
+  /// The executor's input of the next tick. It refers to the frames in `tick`.
   [[nodiscard]] TickInput NextInput(const RecordedTick& tick) noexcept;
   void Tick(const TickInput& input) noexcept { executor_.Tick(input, output_); }
   [[nodiscard]] const TickOutput& output() const noexcept { return output_; }
-  /// Disarmed again, at the end.
+  /// Whether the run is over and the drives are disarmed again.
   [[nodiscard]] bool done() const noexcept { return procedure_.done(); }
 
  private:
