@@ -159,7 +159,7 @@ CanFrame EncodeMitReply(const MitConfig& config, const MitReply& reply) noexcept
   frame.data[4] = Low(((v & 0xf) << 4) + (t >> 8));
   frame.data[5] = Low(t);
   if (frame.size == 8) {
-    frame.data[6] = EncodeTemperature(reply.temperature_c, config.temperature);
+    frame.data[6] = EncodeTemperature(reply.temperature_c, config.temperature_encoding);
     frame.data[7] = reply.error;
   }
   return frame;
@@ -194,7 +194,8 @@ Status DecodeMitReply(const MitConfig& config, const CanFrame& frame, MitReply& 
   reply.torque_nm = MitDequantise(codes.t, config.reply.torque_nm, 12);
   reply.size = frame.size;
   reply.temperature_c =
-      frame.size == 8 ? static_cast<float>(DegreesOf(frame.data[6], config.temperature)) : 0;
+      frame.size == 8 ? static_cast<float>(DegreesOf(frame.data[6], config.temperature_encoding))
+                      : 0;
   reply.error = frame.size == 8 ? frame.data[7] : std::uint8_t{0};
   return Status::kOk;
 }
@@ -380,7 +381,7 @@ bool MitDrive::Decode(const CanFrame& frame) noexcept {
   if (!valid_ || !IsReplyOf(config_, frame)) return false;
   const bool full = frame.size == 8;
   const ReplyCodes codes = UnpackReply(frame);
-  const int temperature = full ? DegreesOf(frame.data[6], config_.temperature) : 0;
+  const int temperature = full ? DegreesOf(frame.data[6], config_.temperature_encoding) : 0;
   // Codes wrap modulo 2^16, and so does this difference: it is the way that the shaft has turned.
   // While the motor is off, the code may be taken as it is.
   const std::int32_t way = static_cast<std::int16_t>(codes.p - position_code_);

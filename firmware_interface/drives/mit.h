@@ -79,7 +79,7 @@ struct MitConfig {
   /// Ranges of replies; kp and kd are not used. Newer bgkatz firmware has a wider torque range
   /// here.
   MitRanges reply;
-  MitTemperature temperature = MitTemperature::kSigned;
+  MitTemperature temperature_encoding = MitTemperature::kSigned;
   JointMap joint;
 
   /// @retval kInvalidArgument  an id is out of range, both ids are equal, a range is not as

@@ -47,9 +47,10 @@ MitConfig MitProtocol::Read(DriveTable& table) {
   if (auto reply = keys.OptionalTable("reply_range")) {
     mit.reply = ReadReplyRanges(*reply, mit.command);
   }
-  mit.temperature = keys.Choice("temperature_encoding", kTemperatures, "signed") == "signed"
-                        ? MitTemperature::kSigned
-                        : MitTemperature::kOffset40;
+  mit.temperature_encoding =
+      keys.Choice("temperature_encoding", kTemperatures, "signed") == "signed"
+          ? MitTemperature::kSigned
+          : MitTemperature::kOffset40;
   table.entry.kp_nm_per_rad = ReadGain(keys, "kp_nm_per_rad", mit.command.kp_nm_per_rad, mit.joint);
   table.entry.kd_nm_s_per_rad =
       ReadGain(keys, "kd_nm_s_per_rad", mit.command.kd_nm_s_per_rad, mit.joint);

@@ -226,8 +226,10 @@ TEST(DrivesToml, ReadsOptionalKeys) {
   EXPECT_EQ(std::get<MitConfig>(config.drives[0].config).reply.position_rad.max, 12.5F);
   EXPECT_EQ(std::get<MitConfig>(config.drives[0].config).joint.direction, -1);
   EXPECT_EQ(std::get<MitConfig>(config.drives[0].config).joint.gear_ratio, 1.5F);
-  EXPECT_EQ(std::get<MitConfig>(config.drives[0].config).temperature, MitTemperature::kOffset40);
-  EXPECT_EQ(std::get<MitConfig>(config.drives[1].config).temperature, MitTemperature::kSigned);
+  EXPECT_EQ(std::get<MitConfig>(config.drives[0].config).temperature_encoding,
+            MitTemperature::kOffset40);
+  EXPECT_EQ(std::get<MitConfig>(config.drives[1].config).temperature_encoding,
+            MitTemperature::kSigned);
 }
 
 TEST(DrivesToml, RateAtTheCeilingOfTheBusIsAccepted) {

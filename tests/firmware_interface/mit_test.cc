@@ -193,7 +193,7 @@ TEST(MitCodec, RepliesOfSixSevenAndEightBytesDecode) {
 TEST(MitCodec, TemperaturesRoundTripInBothEncodings) {
   for (const auto encoding : {MitTemperature::kSigned, MitTemperature::kOffset40}) {
     MitConfig config;
-    config.temperature = encoding;
+    config.temperature_encoding = encoding;
     const int low = encoding == MitTemperature::kSigned ? -128 : -40;
     for (int celsius = low; celsius < low + 256; ++celsius) {
       MitReply reply;
