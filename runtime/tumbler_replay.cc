@@ -73,7 +73,7 @@ ExitStatus ReplayOffline(FlightRecord& record) {
   return report.identical() ? ExitStatus::kDone : ExitStatus::kAmiss;
 }
 
-/// Prints how two runs compare. @returns whether their setpoints are the same.
+/// Prints a comparison of two runs. @returns whether their setpoints are the same.
 bool ReportComparison(const RunTrace& recorded, const RunTrace& played, const Options& options,
                       std::FILE* out) {
   fmt::print(out, "{}{}{}", Describe(recorded), Describe(played),
@@ -126,7 +126,7 @@ ExitStatus ReadLog(std::string_view text, const Options& options) {
   return ExitStatus::kDone;
 }
 
-/// A file that is gone at the end, for a record that nobody asked for.
+/// A file for a record that nobody asked for. It is removed at the end.
 class ScratchFile {
  public:
   ScratchFile() {
@@ -161,7 +161,7 @@ ExitStatus PlayOnBus(FlightRecord& record, const Options& options) {
   const std::string file_name = options.record_to.empty() ? scratch.path() : options.record_to;
   const PlayedRecord played = PlayRecord(configuration, wishes, options.play, file_name);
 
-  // Standard output belongs to the frames of a dry run.
+  // Standard output is kept free for the frames of a dry run.
   std::FILE* out = options.play.arm ? stdout : stderr;
   fmt::print(out, "{} on {}{}{}{}\n", ToString(played.outcome), options.play.bus,
              options.play.arm ? "" : " (dry run: the replies are those of imagined drives)",

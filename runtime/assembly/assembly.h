@@ -9,14 +9,14 @@
 
 namespace tumbler {
 
-/// The parts of a run put together: an executor with its motion and the host sides of its drives.
+/// An executor, together with its motion and the host sides of its drives.
 class Assembly {
  public:
   /// @throws Refused naming the joint whose drive cannot be used as configured.
   explicit Assembly(RunParts parts);
 
   /// Makes the executor ready for its first tick.
-  /// @retval kInvalidArgument  as Executor::Configure.
+  /// @retval kInvalidArgument  as for Executor::Configure.
   Status Configure(const ExecutorConfig& config);
 
   [[nodiscard]] Executor& executor() { return *executor_; }

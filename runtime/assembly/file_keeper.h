@@ -9,16 +9,16 @@ namespace tumbler {
 
 /// A file as it was loaded.
 struct LoadedFile {
-  std::string path;  ///< As the program was given it, or found it.
+  std::string path;  ///< The path that the program was given, or found.
   std::string text;
 };
 
-/// Takes part in loading: hands out the texts of files, and keeps them for a record.
+/// Reads files for loaders, and keeps their texts for a record.
 class FileKeeper {
  public:
-  /// For loaders; refers to this object.
+  /// A reader for loaders. It refers to this object.
   [[nodiscard]] FileReader reader();
-  /// Each file once, in the order in which they were first read.
+  /// Every file that was read, once, in the order of the first readings.
   [[nodiscard]] const std::vector<LoadedFile>& files() const { return files_; }
 
  private:

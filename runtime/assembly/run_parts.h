@@ -11,16 +11,16 @@ namespace tumbler {
 
 /// A motion and the drives that play it.
 struct RunParts {
-  SequenceFile file;                                ///< The motion as it was loaded,
-  std::unique_ptr<const Sequence<float>> sequence;  ///< and as the executor has it.
-  DrivesConfig drives;                              ///< One for each joint, in its order.
+  SequenceFile file;                                ///< The motion as it was loaded.
+  std::unique_ptr<const Sequence<float>> sequence;  ///< The same motion for the executor.
+  DrivesConfig drives;                              ///< One drive for each joint, in its order.
 
-  /// Where each joint is when the motion begins [rad].
+  /// The position of each joint when the motion begins [rad].
   [[nodiscard]] std::vector<double> StartPositions() const;
 };
 
-/// Loads the motion, still without drives.
-/// @throws FileError; std::invalid_argument where it is larger than an executor takes.
+/// Loads the motion. The result has no drives yet.
+/// @throws FileError; std::invalid_argument when the motion is larger than an executor takes.
 [[nodiscard]] RunParts LoadRunMotion(const std::string& path, const FileReader& read = {});
 
 /// Names of the joints that a motion moves, in its order.

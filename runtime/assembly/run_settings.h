@@ -9,28 +9,28 @@
 
 namespace tumbler {
 
-/// What is chosen for one run, beside its files.
+/// The choices for one run, beside its files.
 struct RunSettings {
-  double speed = 1;  ///< 0.1 ... 1, see ExecutorConfig.
-  int cycles = 0;    ///< Of a sequence, see ExecutorConfig.
-  int branch = -1;   ///< Number of the branch after them.
-  double hold_s = 2;
-  bool attended = false;
+  double speed = 1;       ///< 0.1 ... 1; see ExecutorConfig.
+  int cycles = 0;         ///< Of a sequence; see ExecutorConfig.
+  int branch = -1;        ///< Number of the branch after these cycles; see ExecutorConfig.
+  double hold_s = 2;      ///< Hold after the motion has settled.
+  bool attended = false;  ///< See RunProcedureConfig.
 };
 
-/// What the executor asks of this drive: the gains that the file gives it.
+/// The executor's settings for the joint of this drive: gains and temperature limit.
 [[nodiscard]] JointConfig JointConfigOf(const DriveEntry& entry);
 
 /// The executor's configuration, with the default reactions to faults.
 [[nodiscard]] ExecutorConfig ExecutorConfigOf(const RunSettings& settings,
                                               const DrivesConfig& drives);
 
-/// Reads a faults file over what `config` holds. Poses have to be within what every primitive of
-/// the motion allows.
+/// Reads a faults file into `config`, in place of the defaults there. Positions have to be within
+/// the limits of every primitive of the motion.
 /// @throws FileError; `config` is then unchanged.
 void LoadFaultsOf(const RunParts& parts, const std::string& path, ExecutorConfig& config);
 
-/// How long the parts of the run may take with these drives.
+/// The durations of the parts of the run with these drives.
 [[nodiscard]] RunProcedureConfig ProcedureConfigOf(const RunSettings& settings,
                                                    const DrivesConfig& drives);
 

@@ -20,7 +20,7 @@ using Json = nlohmann::ordered_json;
 
 constexpr const char* kFormat = "tumbler-record";
 
-// A member that is added there has to be added to Visit below, or a replay would not have it.
+// A member that is added to these types has to be added to Visit below, or a replay would lack it.
 static_assert(sizeof(JointConfig) == 16);
 static_assert(sizeof(CollapseConfig) == 8 + kMaxJoints * sizeof(float));
 static_assert(sizeof(ExecutorConfig) ==
@@ -67,7 +67,7 @@ void VisitNumbers(Config& config, const Visit& visit) {
 template <typename Config>
 Json ToJson(const Config& config) {
   Json json = Json::object();
-  // A float becomes the double of the same value, whose text reads back the same.
+  // A float is written as the double of the same value, whose text reads back exactly.
   VisitNumbers(config, [&json](const char* key, const auto& value) { json[key] = value; });
   return json;
 }
@@ -196,7 +196,7 @@ RecordBytes EncodeConfiguration(const RecordConfiguration& configuration) {
   }
   RecordBytes bytes;
   std::uint32_t number = 0;
-  // Names of files need not be UTF-8, JSON is; the blocks of the files have them as they are.
+  // JSON is UTF-8, and names of files need not be. The blocks of the files have the exact names.
   AppendBlock(BlockKind::kConfiguration, number++,
               BytesOf(json.dump(1, ' ', false, Json::error_handler_t::replace)), bytes);
   for (const LoadedFile& file : configuration.files) {

@@ -23,13 +23,13 @@ namespace tumbler {
 
 namespace {
 
-/// As the loop counts them: each as long as such a frame can be.
+/// The most bits that such a frame can take on the wire, as the loop counts it.
 std::int32_t LongestBits(const CanFrame& frame) {
   return WorstCaseFrameBits(frame.extended ? CanIdKind::kExtended : CanIdKind::kStandard,
                             frame.remote ? 0 : frame.size);
 }
 
-/// Frames that the bus took, in their order.
+/// The frames of a tick that the bus took, in their order.
 std::vector<CanFrame> SentFrames(const TickEntry& entry) {
   std::vector<CanFrame> frames;
   for (std::size_t i = 0; i < entry.record.joint_count; ++i) {
@@ -40,7 +40,7 @@ std::vector<CanFrame> SentFrames(const TickEntry& entry) {
   return frames;
 }
 
-/// What the loop gave to telemetry.
+/// The record that the loop gave to telemetry.
 TimedRecord ToTimedRecord(const TickEntry& entry) {
   TimedRecord timed;
   timed.time_ns = entry.notes.deadline_ns;
@@ -63,7 +63,8 @@ RunDescription DescribeRun(const RecordConfiguration& configuration) {
   run.bus = configuration.bus;
   run.mode = configuration.bus == "sim" ? "simulated" : configuration.dry_run ? "dry run" : "armed";
   run.attended = configuration.procedure.attended;
-  // Of the text that was given, the nearest float was recorded.
+  // The record has the float nearest to the number that was given; its shortest text is that
+  // number.
   run.speed = std::stod(fmt::format("{}", configuration.executor.speed));
   run.joints = configuration.joints;
   run.machine = configuration.machine;
@@ -85,8 +86,8 @@ std::int64_t ExportCandump(FlightRecord& record, const std::string& path) {
   };
   if (file == nullptr) fail();
 
-  // A frame may arrive while those of its tick are sent, and then belongs to the next tick: frames
-  // are kept until none that is older can come.
+  // A frame that arrives while a tick's frames are sent belongs to the next tick. So frames are
+  // kept until no older one can come.
   std::vector<ReceivedFrame> frames;
   std::int64_t count = 0;
   const auto write_before = [&](std::int64_t time_ns) {

@@ -5,8 +5,8 @@
 
 namespace tumbler {
 
-/// Puts together what was recorded, from the recorded files, ready for its first tick.
-/// @throws FileError or RecordError about what cannot be used.
+/// Assembles the recorded run from the recorded files. The result is ready for its first tick.
+/// @throws FileError or RecordError  about a part that cannot be used.
 [[nodiscard]] Assembly Assemble(const RecordConfiguration& configuration);
 
 }  // namespace tumbler

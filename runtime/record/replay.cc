@@ -13,7 +13,7 @@
 namespace tumbler {
 namespace {
 
-/// As bits: a NaN equals itself, and zero is not minus zero.
+/// The bits of a value. By them a NaN equals itself, and zero differs from minus zero.
 template <typename T>
 std::uint64_t BitsOf(T value) {
   if constexpr (std::is_same_v<T, float>) {
@@ -38,7 +38,7 @@ std::string ToText(T value) {
   }
 }
 
-/// All fields of a record, in their order.
+/// The bits of all fields of a record, in their order.
 struct FieldBits {
   std::array<std::uint64_t, 32> bits{};
   std::size_t count = 0;
@@ -55,7 +55,7 @@ FieldBits BitsOfFields(const Record& record) {
 
 enum class Fields { kMeasured, kAll };
 
-/// What a joint's record takes from its drive.
+/// Whether a field of a joint's record comes from its drive.
 bool IsMeasured(std::string_view name) {
   return name.starts_with("measured.") || name == "temperature_c" || name == "reply_age_ticks" ||
          name == "drive_state" || name == "drive_error";
@@ -122,7 +122,7 @@ std::optional<ReplayDifference> Compare(const TickEntry& recorded, const TickOut
     }
     return false;
   };
-  // What was measured comes first: the rest follows from it.
+  // Measured values are compared first, because the rest follows from them.
   if (joint_differs(Fields::kMeasured) ||
       FindDifference(recorded.record, replayed.record, Fields::kAll, difference) ||
       joint_differs(Fields::kAll)) {

@@ -16,7 +16,7 @@
 
 namespace tumbler {
 
-/// What takes the records of a run; null leaves that out.
+/// The takers of a run's records; null leaves one out.
 struct PlayOutputs {
   Telemetry* telemetry = nullptr;
   FlightRecorder* recorder = nullptr;
@@ -25,8 +25,9 @@ struct PlayOutputs {
 /// An assembled run in its world, from the first tick to the last.
 class Play {
  public:
-  /// All of these must outlive the play. Where time is real, what takes the records is started:
-  /// before the thread of the loop gets a real-time policy, which theirs must not inherit.
+  /// All of these must outlive the play. In real time this starts the threads of the outputs. So
+  /// make the object before the thread of the loop gets a real-time policy, which they must not
+  /// inherit.
   Play(Assembly& assembly, World& world, const PlayOutputs& outputs);
 
   /// Runs the loop until the procedure is over, with InterruptMailbox for the operator. In virtual
@@ -38,7 +39,7 @@ class Play {
   // After the run:
   [[nodiscard]] const RunProcedure& procedure() const { return *procedure_; }
   [[nodiscard]] const ControlLoop& loop() const { return *loop_; }
-  /// The fault or the refusal that ended the run; empty where neither did.
+  /// A sentence about the fault or the refusal that ended the run; empty if neither did.
   [[nodiscard]] std::string Reason(const std::vector<std::string>& joints) const;
 
  private:
@@ -52,9 +53,9 @@ class Play {
 /// Time 0 of the world's clock, in microseconds since 1970; 0 in virtual time.
 [[nodiscard]] std::int64_t UtimeAtZero(World& world);
 
-/// Opens the record of a run. From then on a limit on the size of files ends the recording, not the
-/// program, as a full disk does.
-/// @param program  whose name messages on standard error begin with.
+/// Opens the record of a run. From then on a limit on the size of files ends the recording, as a
+/// full disk does, and not the program.
+/// @param program  the name with which messages on standard error begin.
 /// @throws std::runtime_error naming the file when it exists already or cannot be written.
 [[nodiscard]] std::unique_ptr<FlightRecorder> OpenRecorder(const std::string& file,
                                                            const RecordConfiguration& configuration,

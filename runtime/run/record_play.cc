@@ -22,7 +22,8 @@
 namespace tumbler {
 namespace {
 
-/// What an operator asks for to have this done; nothing where it is the run procedure's own matter.
+/// The operator's request that leads to a command; kNone for a command that the run procedure gives
+/// by itself.
 OperatorRequest RequestOf(OperatorCommand command) {
   switch (command) {
     case OperatorCommand::kFinish:
@@ -38,7 +39,7 @@ OperatorRequest RequestOf(OperatorCommand command) {
   }
 }
 
-/// The configuration as the record of the play is to have it.
+/// The configuration for the record of the play.
 RecordConfiguration DescribeForRecord(const RecordConfiguration& configuration,
                                       const RecordPlayOptions& options, World& world) {
   RecordConfiguration played = configuration;
@@ -52,7 +53,8 @@ RecordConfiguration DescribeForRecord(const RecordConfiguration& configuration,
   return played;
 }
 
-/// @throws Refused where motors are to be driven and real time is neither in force nor given up.
+/// Puts this thread under the scheduling that the options ask for, if any.
+/// @throws Refused  when motors are to be driven and real time is neither in force nor given up.
 void Schedule(const RecordPlayOptions& options, std::int64_t period_ns) {
   if (!options.arm) return;
   if (!options.realtime) {
@@ -140,7 +142,7 @@ RecordConfiguration ConfigurationToPlay(const RecordConfiguration& recorded,
       configuration.executor.joints[i] = JointConfigOf(drives.drives[i]);
     }
   }
-  // What is named again replaces what was recorded under that name.
+  // A file that was read now replaces the one that was recorded under its name.
   for (const LoadedFile& file : keeper.files()) {
     std::erase_if(configuration.files,
                   [&file](const LoadedFile& other) { return other.path == file.path; });
@@ -171,7 +173,7 @@ PlayedRecord PlayRecord(const RecordConfiguration& configuration,
            [&replayer](const ControlLoop& loop) { replayer.Observe(loop.record()); });
   recorder->Stop(ToString(play.procedure().outcome()));
   RunSummary ignored;
-  world->Summarize(ignored);  // Discards what is still to be sent.
+  world->Summarize(ignored);  // This discards frames that are still to be sent.
   return {play.procedure().outcome(), play.Reason(configuration.joints)};
 }
 

@@ -11,26 +11,26 @@
 
 namespace tumbler {
 
-/// How a recorded run is played on a bus; empty names leave that out.
+/// How a recorded run is played on a bus.
 struct RecordPlayOptions {
   std::string bus;        ///< The SocketCAN interface.
-  std::string primitive;  ///< Played instead of the recorded motion.
-  std::string drives;     ///< The drives file of the bus, where it is not that of the record.
-  bool arm = false;       ///< Drives the motors; otherwise a dry run.
+  std::string primitive;  ///< Played instead of the recorded motion; empty: the recorded one.
+  std::string drives;     ///< The drives file of the bus; empty: that of the record.
+  bool arm = false;       ///< Whether to drive the motors; otherwise it is a dry run.
   bool realtime = false;
   bool without_realtime = false;
 };
 
-/// What the operator wanted while the motion was played, by ticks since its first.
+/// A wish of the operator while the motion was played.
 struct RecordedWish {
-  std::int64_t offset = 0;
+  std::int64_t offset = 0;  ///< Ticks since the first tick of the motion.
   OperatorWish wish;
 };
 
-/// What the operator of a recorded run asked for while the motion was played.
+/// The wishes of the operator of a recorded run while the motion was played, in order.
 [[nodiscard]] std::vector<RecordedWish> WishesOf(FlightRecord& record);
 
-/// The record's configuration with what the options change of it.
+/// The record's configuration, changed as the options say.
 /// @throws FileError; std::runtime_error about options that do not fit the record.
 [[nodiscard]] RecordConfiguration ConfigurationToPlay(const RecordConfiguration& recorded,
                                                       const RecordPlayOptions& options);
@@ -38,12 +38,12 @@ struct RecordedWish {
 /// How the play of a record ended.
 struct PlayedRecord {
   RunOutcome outcome = RunOutcome::kPending;
-  std::string reason;  ///< Of a fault or a refusal.
+  std::string reason;  ///< A sentence about a fault or a refusal.
 };
 
-/// Runs the configuration on the bus and records it.
+/// Runs the configuration on the bus and records the run.
 /// @param record_file  must not exist.
-/// @throws Refused where a check fails; FileError, RecordError, std::runtime_error.
+/// @throws Refused when a check fails; FileError, RecordError, std::runtime_error.
 PlayedRecord PlayRecord(const RecordConfiguration& configuration,
                         const std::vector<RecordedWish>& wishes, const RecordPlayOptions& options,
                         const std::string& record_file);

@@ -32,8 +32,8 @@ Exit codes:
   4    the motion was completed, but the simulated robot fell, or is not where the primitive says 2 s later
   130  stopped by Ctrl-C or a message)";
 
-/// What is played, and on what.
-/// @param scheduling  of --scheduling, by its name.
+/// Declares the options about what is played, and on what.
+/// @param scheduling  gets the name given to --scheduling.
 void DeclareMachine(CommandLine& line, RunOptions& options, std::string& scheduling) {
   line.Option("BUS", options.bus, "`sim` or a SocketCAN interface");
   line.Option("MOTION", options.motion, "primitive or sequence file (TOML)");
@@ -71,7 +71,7 @@ void DeclareMachine(CommandLine& line, RunOptions& options, std::string& schedul
       .ShowDefault();
 }
 
-/// How it is played, and where it goes.
+/// Declares the options about how it is played, and about outputs.
 void DeclareRun(CommandLine& line, RunOptions& options) {
   line.Flag("--attended", options.attended,
             "wait for `tumbler-ctl start` before each run, until Ctrl-C; needs --lcm-url");
@@ -108,7 +108,7 @@ void DeclareRun(CommandLine& line, RunOptions& options) {
               "sim: write what is true of the simulated robot to this LCM log");
 }
 
-/// What no option by itself can get wrong.
+/// Checks that concern several options together.
 void CheckTogether(const RunOptions& options) {
   // The checks of ranges let "nan" through: it is neither below nor above anything.
   for (const auto& [name, value] : {std::pair{"--speed", options.speed},

@@ -9,7 +9,7 @@
 
 namespace tumbler {
 
-/// The command line of tumbler-run. Empty names leave that out.
+/// The command line of tumbler-run. An empty name leaves the file or output out.
 struct RunOptions {
   std::string bus;
   std::string motion;
@@ -21,7 +21,7 @@ struct RunOptions {
   bool without_realtime = false;
   RealtimeConfig scheduling;
   double latency_test_s = 0;
-  double rate_hz = 1000;  ///< Of the latency test.
+  double rate_hz = 1000;  ///< Of the loop in the latency test.
   bool attended = false;
   double speed = 1;
   double pace = 1;
@@ -37,15 +37,15 @@ struct RunOptions {
   std::string record;
   std::vector<std::string> command_line;
 
-  /// On the simulated bus.
+  /// Whether the run is on the simulated bus.
   [[nodiscard]] bool simulated() const { return bus == "sim"; }
-  /// On an interface, without touching it.
+  /// Whether the run is for an interface, but does not touch it.
   [[nodiscard]] bool dry_run() const { return !simulated() && !arm; }
-  /// Turns motors.
+  /// Whether the run turns motors.
   [[nodiscard]] bool drives_motors() const { return !simulated() && arm; }
-  /// Runs as fast as it can, in a time of its own.
+  /// Whether time is virtual: the run goes as fast as it can.
   [[nodiscard]] bool virtual_time() const { return dry_run() || (simulated() && !realtime); }
-  /// The scheduling asked for, at this period.
+  /// The scheduling that was asked for, with this period.
   [[nodiscard]] RealtimeConfig SchedulingAt(std::int64_t period_ns) const {
     RealtimeConfig config = scheduling;
     config.period_ns = period_ns;
@@ -53,8 +53,8 @@ struct RunOptions {
   }
 };
 
-/// Reads the command line, and checks what belongs together whatever the motion is.
-/// @throws UsageError, HelpWanted, std::runtime_error saying what to change.
+/// Reads the command line, and makes the checks that do not depend on the motion.
+/// @throws UsageError, HelpWanted; std::runtime_error saying what to change.
 [[nodiscard]] RunOptions ReadRunOptions(int argc, char** argv);
 
 /// Checks that the options suit each other and this motion.

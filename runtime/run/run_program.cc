@@ -46,7 +46,7 @@ void WriteFile(const std::string& text, const std::string& path) {
   if (!stream) throw std::runtime_error(fmt::format("{}: cannot be written", path));
 }
 
-/// Measures how late this machine wakes the loop, with nothing else in it.
+/// Measures how late this machine wakes a loop that does nothing else.
 ExitStatus TestLatency(const RunOptions& options) {
   const auto period_ns = static_cast<std::int64_t>(std::llround(1e9 / options.rate_hz));
   const RealtimeGrant realtime = options.without_realtime
@@ -88,7 +88,7 @@ RunParts LoadParts(RunOptions& options, const Simulation* simulation, const File
   return parts;
 }
 
-/// The number of the branch that is asked for; -1 without one.
+/// The number of the branch that --branch names; -1 without one.
 int BranchNumber(const RunOptions& options, const SequenceGraph<float>& graph) {
   if (options.branch.empty()) return -1;
   const int number = graph.FindBranch(options.branch);
@@ -104,8 +104,8 @@ RunSettings SettingsOf(const RunOptions& options, const SequenceGraph<float>& gr
           options.attended};
 }
 
-/// Where the run takes place.
-/// @param truth_sink  gets what is true of a simulated robot.
+/// Makes the world of the run.
+/// @param truth_sink  gets the true states of a simulated robot.
 std::unique_ptr<World> MakeWorld(const RunOptions& options, const Simulation* simulation,
                                  const RunParts& parts, const TruthSink& truth_sink) {
   if (options.simulated()) {
@@ -144,7 +144,7 @@ TelemetryConfig TelemetryOf(const RunOptions& options, const RunDescription& des
   return config;
 }
 
-/// What a record says of the run before its first tick, but for the configuration of its parts.
+/// The configuration of the run for a flight record, without that of executor and procedure.
 RecordConfiguration DescribeForRecord(const RunOptions& options, World& world,
                                       const RunDescription& description, const FileKeeper& files) {
   RecordConfiguration configuration;
@@ -163,8 +163,8 @@ RecordConfiguration DescribeForRecord(const RunOptions& options, World& world,
   return configuration;
 }
 
-/// Puts this thread under the scheduling that is asked for; nothing where none is.
-/// @throws Refused where motors are to be driven and it is not in force.
+/// Puts this thread under the scheduling that the options ask for, if any.
+/// @throws Refused  when motors are to be driven and the scheduling is not in force.
 std::optional<RealtimeGrant> Schedule(const RunOptions& options, std::int64_t period_ns) {
   const bool needed = options.drives_motors() && !options.without_realtime;
   if (!options.realtime) {
@@ -180,7 +180,7 @@ std::optional<RealtimeGrant> Schedule(const RunOptions& options, std::int64_t pe
   return grant;
 }
 
-/// What the options and the parts of a run say of it.
+/// Begins a summary with what the options and the parts of the run say.
 RunSummary BeginSummary(const RunOptions& options, const RunParts& parts,
                         const RunDescription& description) {
   RunSummary summary;
@@ -202,7 +202,7 @@ RunSummary BeginSummary(const RunOptions& options, const RunParts& parts,
   return summary;
 }
 
-/// What became of the run.
+/// Adds the outcome of the run to the summary.
 void EndSummary(const Play& play, const Telemetry& telemetry, RunSummary& summary) {
   summary.cycles = play.loop().record().cycles;
   summary.runs = play.procedure().runs();
@@ -215,7 +215,7 @@ void EndSummary(const Play& play, const Telemetry& telemetry, RunSummary& summar
   summary.unpublished_messages = telemetry.unpublished();
 }
 
-/// Completes the record.
+/// Completes the flight record.
 void StopRecorder(FlightRecorder& recorder, RunSummary& summary) {
   recorder.Stop(summary.reason.empty()
                     ? ToString(summary.outcome)
@@ -227,7 +227,7 @@ void StopRecorder(FlightRecorder& recorder, RunSummary& summary) {
 
 void Say(const RunSummary& summary, const RunOptions& options) {
   if (!options.json.empty()) WriteFile(ToJson(summary), options.json);
-  // Standard output belongs to whoever asked for frames or JSON there.
+  // Standard output is kept free for frames or JSON, where they were asked for there.
   std::FILE* out = options.json == "-" || options.dry_run() ? stderr : stdout;
   fmt::print(out, "{}", ToText(summary));
 }

@@ -9,7 +9,7 @@
 
 namespace tumbler {
 
-/// What is said of a run as a whole.
+/// A run as a whole, for the message run_t.
 struct RunDescription {
   std::string motion;
   std::string bus;
@@ -20,12 +20,13 @@ struct RunDescription {
   double speed = 1;
   std::vector<std::string> joints;    ///< In the order of the records.
   std::vector<std::string> nodes;     ///< Of the sequence.
-  std::vector<std::string> branches;  ///< That the operator may name.
+  std::vector<std::string> branches;  ///< The branches that the operator may name.
   Machine machine;
   std::string scheduling;
 };
 
-/// What the motion and the drives say of a run: its motion, rates, joints, nodes and branches.
+/// The part of a description that follows from motion and drives: motion, rates, joints, nodes and
+/// branches.
 [[nodiscard]] RunDescription DescribeMotion(const SequenceGraph<float>& graph,
                                             const DrivesConfig& drives);
 
