@@ -11,8 +11,8 @@
 
 namespace tumbler {
 
-/// Hybrid dynamics of the shipped robot (three passive root coordinates, two prescribed legs), with
-/// or without two feet's worth of ground: what is measured.
+/// The measured case: hybrid dynamics of the shipped robot (three passive root coordinates, two
+/// prescribed legs), in the air or with two spheres of a foot on the ground.
 class DynamicsCase {
  public:
   explicit DynamicsCase(bool on_the_ground)
@@ -33,14 +33,14 @@ class DynamicsCase {
     }
   }
 
-  /// g at the next of some states.
+  /// Evaluates g at the next of some states.
   void Solve() {
     DynamicsState& s = states_[next_++ % states_.size()];
     dynamics_.SetState(s.q, s.qd);
     if (in_contact_) contact_.Apply(dynamics_);
     dynamics_.Solve(s.qdd, s.tau);
   }
-  /// dg at the state of the last Solve.
+  /// Evaluates dg at the state of the last Solve.
   void Differentiate() {
     if (in_contact_) contact_.Differentiate(dynamics_);
     dynamics_.Differentiate(derivatives_);

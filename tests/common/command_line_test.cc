@@ -23,7 +23,7 @@ void Parse(CommandLine& line, std::vector<std::string> arguments) {
   line.Parse(static_cast<int>(argv.size()), argv.data());
 }
 
-/// What is said of a command line that cannot be used; empty where it can.
+/// The message about a command line that cannot be used; empty if it can.
 std::string Complaint(CommandLine& line, const std::vector<std::string>& arguments) {
   try {
     Parse(line, arguments);

@@ -22,7 +22,7 @@ Message RandomMessage(std::mt19937& random, std::size_t size_max) {
 TEST(MessageRing, IsAQueueOfMessagesOfAnyLength) {
   std::vector<std::uint8_t> storage(256);
   MessageRing ring(storage);
-  std::deque<Message> expected;  // An independent queue.
+  std::deque<Message> expected;  // an independent queue with the same content
   std::mt19937 random(1);
   std::array<std::uint8_t, 256> out;
   std::size_t used = 0, refused = 0, taken = 0;

@@ -138,7 +138,7 @@ TEST(SimulatedBus, OneShotFramesThatLoseArbitrationAreGone) {
   EXPECT_EQ(Ids(Drain(listener)), (List{1}));
   EXPECT_EQ(loser.statistics().dropped_transmit, 1);
   EXPECT_EQ(loser.transmit_depth(), 0);
-  // Waiting for a busy bus is not losing arbitration.
+  // A frame that waits for a busy bus has not lost arbitration.
   ASSERT_EQ(winner.Send(Frame(1)), Status::kOk);
   bus.AdvanceTo(bus.now_ns() + 1000);
   ASSERT_EQ(loser.Send(Frame(2)), Status::kOk);
@@ -169,8 +169,8 @@ TEST(SimulatedBus, SameIdentifierWithDifferentDataCollides) {
     } else {
       EXPECT_EQ(bus.statistics().collisions, 1);
       EXPECT_EQ(a.transmit_depth() + b.transmit_depth(), 0);
-      // They differ within the first data byte, 1 + 11 + 3 + 4 + 8 bits and a few stuff bits in;
-      // the error frame adds 12 + 8, the intermission 3.
+      // The frames differ within the first data byte, after at most 1 + 11 + 3 + 4 + 8 bits and a
+      // few stuff bits. The error frame adds 12 + 8 bits, the intermission 3.
       EXPECT_GE(bus.statistics().bits, 19 + 23);
       EXPECT_LE(bus.statistics().bits, 27 + 5 + 23);
     }
@@ -212,7 +212,7 @@ TEST(SimulatedBus, WithNobodyToAcknowledgeTheBusStaysBusyAndTheQueueFills) {
   EXPECT_EQ(bus.statistics().frames, 0);
   EXPECT_GT(bus.statistics().unacknowledged, 100);
   EXPECT_TRUE(Drain(listener).empty());
-  // As soon as another node is there, the old frames go out: what stale setpoints do on a real bus.
+  // As soon as another node is there, the old frames go out, like stale setpoints on a real bus.
   auto& other = bus.Attach();
   bus.AdvanceTo(60'000'000);
   EXPECT_EQ(Ids(Drain(other)), (List{1, 1, 1}));
@@ -335,7 +335,7 @@ TEST(SimulatedBus, LoadIsTheShareOfTimeThatFramesTake) {
   EXPECT_EQ(bus.statistics().busy_ns, length);
 }
 
-/// A random but reproducible run with every feature in it; returns what a logger saw.
+/// A random but reproducible run with every feature in it. @returns the frames that a logger saw.
 std::vector<ReceivedFrame> RandomRun(std::uint64_t seed, std::int64_t step_ns) {
   std::mt19937_64 random(seed);
   SimulatedBus bus;
@@ -508,7 +508,8 @@ TEST(ErrorCounters, AnErrorPassiveNodeLetsOthersGoFirst) {
     ASSERT_LT(bus.now_ns(), 700'000);
     bus.AdvanceTo(bus.now_ns() + 1000);
   }
-  // In mid-error-frame: both wait for its end, and the less urgent one begins 8 bits earlier.
+  // Now an error frame is under way. Both wait for its end, and the less urgent one begins 8 bits
+  // earlier.
   ASSERT_EQ(b.Send(Frame(9)), Status::kOk);
   bus.AdvanceTo(10 * kMs);
   EXPECT_EQ(Ids(Drain(c)), (List{9, 1}));
@@ -524,7 +525,7 @@ TEST(BusFaults, BitErrorsHaveTheirRateAndNoFrameIsLost) {
   bus.SetFaults(Script(BusFaultKind::kBitErrors, 1e-4));
   for (int i = 0; i < 3000; ++i) ASSERT_EQ(a.Send(Frame(1)), Status::kOk);
   bus.AdvanceTo(2000 * kMs);
-  // Whatever is broken is sent again; what is broken at its last bit comes twice.
+  // Every broken frame is sent again. A frame that is broken at its last bit comes twice.
   const auto received = static_cast<std::int64_t>(Drain(b).size());
   EXPECT_EQ(a.statistics().sent, 3000);
   EXPECT_GE(received, 3000);

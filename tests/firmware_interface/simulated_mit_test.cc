@@ -48,7 +48,8 @@ class Rig {
       drive_ports.push_back(&bus.Attach(drive, SimulatedMitDrive::PortConfig()));
   }
 
-  /// One control cycle: replies of the last one, setpoints, and a millisecond of bus and physics.
+  /// One control cycle: the replies to the last one, setpoints, and a millisecond of bus and
+  /// physics.
   void Tick(DriveRequest request, bool silent = false) {
     ReceivedFrame received;
     while (port->Receive(received) == Status::kOk) {
@@ -109,8 +110,7 @@ TEST(SimulatedDrives, EnableFollowAndReportOverOneBus) {
   rig.setpoints[0] = {0.5F, 0, 0, 200, 4};
   rig.setpoints[1] = {-1.0F, 0, 0, 200, 4};
   for (int i = 0; i < 1000; ++i) rig.Tick(DriveRequest::kEnable);
-  // The rest position is off by the rounding of position, velocity and torque, of which kp makes an
-  // angle.
+  // The rest position is off by the rounding of position, velocity and torque, divided by kp.
   EXPECT_NEAR(rig.q[0], 0.5, 1e-3);
   EXPECT_NEAR(rig.q[1], -1.0, 1e-3);
   EXPECT_NEAR(rig.hosts[0].feedback().position_rad, rig.q[0], 1e-3);
@@ -140,8 +140,8 @@ TEST(SimulatedDrives, WithOneReplyIdentifierOneShotRepliesAreLostWhenTheyMeet) {
   SimulatedMitConfig first = Exact(0);
   SimulatedMitConfig second = Exact(1);
   first.mit.reply_id = second.mit.reply_id = 0;  // The firmware's default.
-  // The second command ends one frame later than the first; turnarounds that differ by as much make
-  // the replies ready at the same moment.
+  // The second command ends one frame later than the first. With turnarounds that differ by as
+  // much, both replies are ready at the same moment.
   SimulatedBus bus;
   first.turnaround_ns = 300'000;
   second.turnaround_ns = 300'000 - FrameBits(MitMagicFrame(second.mit, MitMagic::kExit)) * 1000;
@@ -215,7 +215,7 @@ TEST(SimulatedDrives, GoLimpWhenTheHostFallsSilentAndResumeByThemselves) {
   EXPECT_NE(rig.torques[0], 0);
 }
 
-/// One drive that is fed by hand, without a bus load.
+/// One drive that is given single frames, on a bus without other load.
 class OneDrive {
  public:
   explicit OneDrive(const SimulatedMitConfig& config) : drive(config), host(&bus.Attach()) {

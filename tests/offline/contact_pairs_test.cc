@@ -86,7 +86,7 @@ struct Scene {
     }
     return s.tau;
   }
-  /// Of shape 0 with what it can touch.
+  /// Near points of shape 0 with the shape that it can touch.
   NearPoints<Space> Near(const DynamicsState& s) {
     dynamics.SetState(s.q, s.qd);
     const auto posed = [&](const ContactShape<Space>& own) {
@@ -105,7 +105,7 @@ struct Scene {
   DynamicsState state;
 };
 
-/// What touches what: shapes of kinds a and b; b on an obstacle (-1) or on that body.
+/// Two shapes that touch, of kinds a and b: b is an obstacle (-1) or on that body.
 struct Touch {
   ShapeKind a, b;
   int body = -1;
@@ -132,8 +132,8 @@ std::string NameOf(const Touch& touch) {
          (touch.body < 0 ? "" : " of body " + std::to_string(touch.body));
 }
 
-/// The hand touches at a depth in the layer: what it touches, or the base, is moved along the
-/// normal until it does.
+/// Makes the hand touch at a depth in the layer: the thing that it touches, or the base, is moved
+/// along the normal until it does.
 template <class Space>
 Scene<Space> RandomScene(std::mt19937_64& random, const Touch& touch) {
   using Vector = typename Space::Vector;
@@ -239,7 +239,7 @@ TYPED_TEST(ContactPairsIn, HaveExactDerivativesThroughDynamics) {
 }
 
 TYPED_TEST(ContactPairsIn, AreActionAndReaction) {
-  // Without outer forces the momentum of the whole does not change, whatever touches inside.
+  // Without outer forces the momentum of the whole robot does not change, whatever its parts touch.
   using Space = TypeParam;
   std::mt19937_64 random(92);
   for (const Touch& touch : AllTouches<Space>()) {
@@ -525,7 +525,7 @@ class Simulation {
   std::size_t n_;
 };
 
-/// The linear spring and damper: the smoothing at its edge is too thin to matter.
+/// A law that is the linear spring and damper: its smoothing at the edge is too thin to matter.
 ContactLaw LinearLaw(double stiffness, double damping, double layer) {
   ContactLaw law;
   law.stiffness_n_per_m = stiffness;
@@ -571,7 +571,7 @@ TYPED_TEST(ContactPairsIn, ABallOnALinearLayerFollowsTheDampedOscillatorUntilItL
     ASSERT_NEAR(radius + layer - y[kUp], depth(t), 2e-6) << t;
     ASSERT_NEAR(-y[tree.dofs.size() + kUp], rate(t), 3e-4) << t;
   }
-  // Ballistic from there on, although still within the layer.
+  // From there on the flight is ballistic, although still within the layer.
   const double x_1 = depth(lift_off), v_1 = rate(lift_off);
   EXPECT_GT(x_1, 1e-4);
   while (y[kUp] < radius + layer) simulation.Step(y, h);

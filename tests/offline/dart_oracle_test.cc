@@ -98,7 +98,7 @@ TEST(DartOracle, AgreesOnEnergyAndMassCentre) {
     }
     dynamics.SetState(s.q, s.qd);
     const double kinetic = skeleton->computeKineticEnergy();
-    // Not its computePotentialEnergy(), which puts every body's mass at the origin of its frame.
+    // DART's computePotentialEnergy() puts every body's mass at the origin of its frame.
     const double potential = skeleton->getMass() * 9.81 * skeleton->getCOM().z();
     EXPECT_NEAR(dynamics.KineticEnergy(), kinetic, 1e-12 * (1 + kinetic));
     EXPECT_NEAR(dynamics.PotentialEnergy(), potential, 1e-11 * (1 + std::abs(potential)));
@@ -115,7 +115,7 @@ dart::dynamics::SkeletonPtr InDart(const Tree<Spatial>& tree) {
   std::vector<dart::dynamics::BodyNode*> bodies;
   for (const Dof<Spatial>& dof : tree.dofs) {
     dart::dynamics::BodyNode* const parent = dof.parent < 0 ? nullptr : bodies[Index(dof.parent)];
-    // A name of its own for each: DART would say that it makes one.
+    // Each gets another name, because DART prints a message when it has to make one.
     const std::string name = "dof" + std::to_string(bodies.size());
     const dart::dynamics::BodyNode::AspectProperties body_properties(name);
     dart::dynamics::Joint* joint = nullptr;

@@ -49,7 +49,7 @@ std::string NameOf(const Kinds& kinds) {
          names[static_cast<int>(kinds.b)] + (kinds.rounded ? ", rounded" : "");
 }
 
-/// Every pair of the contact model: what a robot can have against what can lie in its way.
+/// All pairs of the contact model: every shape of a robot with every kind of obstacle.
 std::vector<Kinds> AllPairs() {
   std::vector<Kinds> pairs;
   for (const ShapeKind a : {ShapeKind::kSphere, ShapeKind::kCapsule, ShapeKind::kBox}) {
@@ -105,8 +105,8 @@ TYPED_TEST(NearPointsIn, ShapesAreNamedByTheirCore) {
   }
 }
 
-/// Optimality of a convex problem has a certificate: the planes through x_a and x_b across the
-/// normal hold all of a on one side and all of b on the other.
+/// The optimum of a convex problem has a certificate: the planes through x_a and x_b across the
+/// normal have all of a on one side and all of b on the other.
 TYPED_TEST(NearPointsIn, ArePartedByPlanesThroughThemSoThatNoOtherPointsAreNearer) {
   std::mt19937_64 random(71);
   for (const Kinds& kinds : AllPairs()) {
@@ -137,7 +137,8 @@ TYPED_TEST(NearPointsIn, ArePartedByPlanesThroughThemSoThatNoOtherPointsAreNeare
   }
 }
 
-/// Every active set tried, each by a general least squares solver; the nearest feasible pair wins.
+/// Near points by brute force: tries every active set with a general least squares solver, and
+/// takes the nearest feasible pair.
 template <class Space>
 std::pair<typename Space::Vector, typename Space::Vector> NearestByTryingAll(
     const PosedShape<Space>& a, const PosedShape<Space>& b) {
@@ -249,7 +250,7 @@ TYPED_TEST(NearPointsIn, HaveTheDerivativesOfTheKuhnTuckerSystem) {
     while (compared < 1000) {
       const auto pair = RandomPair<Space>(random, kinds);
       const auto near = pair.Near();
-      // Where cores nearly touch the normal turns within the reach of a difference.
+      // Where cores nearly touch, the normal turns too fast for differences.
       if (near.overlap || std::abs(near.core_distance_m) < 0.02) continue;
       ASSERT_TRUE(near.unique);
       const auto derivative = DifferentiateNearPoints(pair.a.Posed(), pair.b.Posed(), near);

@@ -1,5 +1,5 @@
-// Robots from URDF text: the numbers that come out, against sums by hand. Refusals of bad files are
-// in bad_input_test.cc.
+// Robots from URDF text, compared with sums by hand. Refusals of bad files are in
+// bad_input_test.cc.
 
 #include "offline/model/robot.h"
 
@@ -30,7 +30,7 @@ PlanarRobot Parse(const std::string& text, RootKind root = RootKind::kPlanarXz) 
   return ParsePlanarRobot(text, "robot.urdf", root);
 }
 
-/// What ParsePlanarRobot says against the text; empty when it takes it.
+/// The message with which ParsePlanarRobot refuses the text; empty when it takes it.
 std::string Refusal(const std::string& text) {
   try {
     Parse(text);
@@ -372,7 +372,8 @@ TEST(UrdfSource, KnowsLinesOfElements) {
 
 TEST(UrdfSource, ElementsInElementsAreRefusedBeforeTheyExhaustTheStack) {
   constexpr int kDepth = 1'000'000;
-  // What stands before must not be taken for an end: of what it is not inside of, or none at all.
+  // The text before must not be taken for the end of something: it is inside of nothing, or no end
+  // at all.
   for (const std::string before :
        {"<robot name=\"a\">", "<robot name=\"/>\">", "<robot name='>\"'>", "<1 \"><robot>",
         "<!-- </x></x> --><robot>", "<![CDATA[</x>]]><robot>", "<?xml version=\"1.0\"?>\r\n<robot>",

@@ -103,7 +103,8 @@ Point CentreOf(const Poses& poses, std::size_t link) {
   return At(poses[link], {link == 1 ? kLeg / 2 : -kLeg / 2, 0});
 }
 
-/// Second difference over a few milliseconds: as smooth as a compliant contact would make it.
+/// The second derivative by differences over a few milliseconds, which makes it as smooth as a
+/// compliant contact would.
 template <typename Function>
 Point Acceleration(Function f, double t) {
   const double h = 8e-3;
@@ -193,7 +194,7 @@ ReportData SampleMotion() {
     data.samples.push_back(SampleAt(i / 200.0));
   }
 
-  // A search of random starts, of which the best are polished, as an optimiser's log would have it.
+  // The evaluations of a search over random starts, and of local solves from the best of them.
   std::mt19937_64 random(7);
   std::lognormal_distribution<double> start(-0.6, 1.1);
   std::uniform_real_distribution<double> unit(0, 1);

@@ -18,7 +18,8 @@ namespace {
 
 using Dynamics = HybridDynamics<Spatial>;
 
-/// A force on a point of a body: constant in world axes, the point moving with the body.
+/// A force on a point of a body. The force is constant in world axes, and the point moves with the
+/// body.
 struct PointForce {
   int body = 0;
   Eigen::Vector3d point, force;  // in the body's frame; in world axes
@@ -163,7 +164,7 @@ TEST(SpatialDynamics, DerivativesAgreeWithCentralDifferencesOnRandomTreesWithFor
   }
 }
 
-/// The same robot in space, its plane that of x and z.
+/// The same robot in space. Its plane is that of x and z.
 Tree<Spatial> InSpace(const Tree<Plane>& plane) {
   const auto lift = [](const Eigen::Vector2d& r) { return Eigen::Vector3d(r.x(), 0, r.y()); };
   Tree<Spatial> tree;

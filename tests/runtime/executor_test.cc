@@ -125,7 +125,7 @@ TEST(Executor, PlaysTheSplinesTickByTick) {
   for (const float speed : {1.0F, 0.5F, 0.1F}) {
     ExecutorConfig config;
     config.speed = speed;
-    config.torque_rise_s = 1e-6F;  // Otherwise the splice of the feed-forward is seen.
+    config.torque_rise_s = 1e-6F;  // Otherwise the feed-forward would change slowly at the splice.
     ExecutorRig rig(config, primitive);
     ASSERT_TRUE(rig.Reach(ExecutorState::kHolding));
     rig.Tick(OperatorCommand::kMoveToStart);
@@ -162,8 +162,8 @@ TEST(Executor, PlaysTheSplinesTickByTick) {
 }
 
 TEST(Executor, SharedKnotsChangeNoBitOfASetpoint) {
-  // The second joint gets knots of its own, then those of the first: its own setpoints must be the
-  // splines' either way.
+  // The second joint gets knots of its own, and then those of the first. Either way its setpoints
+  // must be those of its splines.
   std::mt19937 random(9);
   MotionShape shape;
   Primitive<float> shared = RandomPrimitive<float>(shape, random);
@@ -351,9 +351,8 @@ TEST(Executor, MakesUpForAMissedTickInsteadOfPlayingSlower) {
             primitive.joints[0].position.Evaluate(record.primitive_time_s).value);
 }
 
-/// For every tick of a run with random events: no jump in position, velocity or torque beyond what
-/// limits and accelerations allow, and never outside the limits. This is what transitions must not
-/// break.
+/// Checks every tick of a run with random events: position, velocity and torque never jump by more
+/// than limits and accelerations allow, and never leave the limits. No transition may break this.
 struct Watch {
   const Primitive<float>& primitive;
   const ExecutorConfig& config;
@@ -459,8 +458,8 @@ TEST(Executor, ErrorsOfDrivesAreClearedInOneTickByTheOperatorAndNeverOtherwise) 
   EXPECT_EQ(rig.drives[0]->request, DriveRequest::kEnable);
 }
 
-/// Two MIT drives, and a world that answers from a seed: plausible replies, garbage, silence, late
-/// ticks, commands.
+/// Two MIT drives, and a world that answers at random from a seed: plausible replies, garbage,
+/// silence, late ticks, commands.
 class MitWorld {
  public:
   explicit MitWorld(unsigned seed) : primitive(Motion(30)), random(seed) {
@@ -597,7 +596,7 @@ TEST(Executor, RecordedInputsReplayToTheSameBytes) {
       records.push_back(world.output.record);
     }
   }
-  MitWorld replay(999);  // Its own random numbers are not used.
+  MitWorld replay(999);  // The seed does not matter: no random numbers are used.
   std::size_t next = 0;
   for (std::size_t i = 0; i < inputs.size(); ++i) {
     replay.Tick(inputs[i]);

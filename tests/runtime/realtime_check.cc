@@ -29,7 +29,7 @@ class Check {
     }
   }
 
-  /// One run; `stop_at` and `fault_at` are ticks of it, negative for never. Returns whether it
+  /// Makes one run. `stop_at` and `fault_at` are ticks of it; negative: never. @returns whether it
   /// ended as it should.
   bool Run(long stop_at, long fault_at, RunOutcome expected) {
     MitDrive first(configs_[0]);

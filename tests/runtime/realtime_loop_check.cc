@@ -1,6 +1,6 @@
-// The whole control loop but its sleep under RealtimeSanitizer, which aborts when anything in it
-// allocates, locks or makes a blocking system call. Only what has to be instrumented is compiled
-// for it; what it calls, bus, drives and telemetry's ring, is the library as it is.
+// Runs the whole control loop but its sleep under RealtimeSanitizer, which aborts when anything in
+// it allocates, locks or makes a blocking system call. Only the code that has to be instrumented is
+// compiled for it; bus, drives and the ring of the telemetry are those of the ordinary libraries.
 
 #include <unistd.h>
 

@@ -1,4 +1,5 @@
-// The whole loop in real time, as it runs on a robot: telemetry in its own thread, the real clock.
+// Runs the whole loop in real time, as on a robot: with the real clock, and telemetry in its own
+// thread.
 
 #include <gtest/gtest.h>
 #include <sys/resource.h>
@@ -27,7 +28,7 @@ long PageFaults() {
   return usage.ru_minflt + usage.ru_majflt;
 }
 
-/// Guards everything that the loop does but its sleep, in which the simulated world runs.
+/// A clock that guards everything in the loop but its sleep, in which the simulated world runs.
 class GuardingClock final : public Clock {
  public:
   explicit GuardingClock(Clock& clock) : clock_(clock) {}
@@ -75,7 +76,7 @@ TEST(RealtimeLoop, NeitherAllocatesNorLocksNorFaultsForAMinute) {
   std::int64_t done = 0;
   long warm_up_faults = 0;
   for (; done < ticks; ++done) {
-    // One run after another; a machine that stood still for too long is answered by a fault.
+    // One run follows another. When the machine stood still for too long, a run ends in a fault.
     const TickRecord& record = bench.loop->record();
     if (record.state == ExecutorState::kDisarmed && done % 10 == 0) {
       const bool clear = record.first_fault.fault != Fault::kNone;

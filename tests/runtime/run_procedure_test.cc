@@ -128,7 +128,7 @@ class AttendedRun : public ::testing::Test {
   void Tick(int count) {
     for (int i = 0; i < count; ++i) rig.Tick(procedure.Next(rig.output.record));
   }
-  /// @returns false when it never came.
+  /// @returns false when the state never came.
   bool TickUntil(ExecutorState state) {
     for (int i = 0; i < 20000 && rig.output.record.state != state; ++i) Tick(1);
     return rig.output.record.state == state;

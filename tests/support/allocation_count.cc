@@ -15,7 +15,7 @@ void* operator new(std::size_t size) {
   if (void* memory = std::malloc(size)) return memory;  // NOLINT(*-no-malloc)
   throw std::bad_alloc();
 }
-// A sanitizer has one of its own, whose memory must not come to the operator delete below.
+// A sanitizer has this operator too. Memory from there must not come to the operator delete below.
 void* operator new(std::size_t size, const std::nothrow_t& /*tag*/) noexcept {
   ++count;
   return std::malloc(size);  // NOLINT(*-no-malloc)

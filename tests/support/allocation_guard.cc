@@ -21,7 +21,7 @@
 
 namespace tumbler::testing {
 
-// Initial-exec: the dynamic form may itself allocate at first use.
+// The model has to be initial-exec, since the dynamic one may itself allocate at first use.
 [[gnu::tls_model("initial-exec")]] static thread_local int guards = 0;
 
 AllocationGuard::AllocationGuard() noexcept { ++guards; }
@@ -34,7 +34,7 @@ const bool AllocationGuard::kActive = true;
 
 static void Check(const char* function) {
   if (guards == 0) return;
-  guards = 0;  // abort() and the message are free to allocate.
+  guards = 0;  // From now on allocations are allowed: abort() and the message may need them.
   constexpr const char* kText = ": called while an AllocationGuard is alive\n";
   if (write(STDERR_FILENO, function, std::strlen(function)) < 0 ||
       write(STDERR_FILENO, kText, std::strlen(kText)) < 0) {

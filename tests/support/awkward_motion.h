@@ -10,9 +10,9 @@
 
 namespace tumbler::testing {
 
-/// A sequence that is hard to write down: as large as the runtime takes, numbers at both ends of
-/// single precision and both zeros among its coefficients, names that a compiler or a comment could
-/// trip over.
+/// A sequence that is hard to write as a header: it is as large as the runtime takes, has numbers
+/// at both ends of single precision and both zeros among its coefficients, and names that a
+/// compiler or a comment could trip over.
 inline SequenceFile AwkwardMotion() {
   std::mt19937 random(4);
   SequenceFile file;

@@ -15,7 +15,7 @@ FrameRules FaultBench::RulesOf(const Config& config) {
   rules.ticks_made_up_max = 1 + config.executor.late_ticks_max;
   rules.torque_rise_s = static_cast<double>(config.executor.torque_rise_s);
   for (std::size_t i = 0; i < config.drives.drives.size(); ++i) {
-    // What any of the paths that the joint may follow allows.
+    // The widest limits of all paths that the joint may follow.
     JointLimits<double> all;
     all.position_min_rad = 1e9;
     all.position_max_rad = -1e9;
@@ -75,7 +75,7 @@ FaultBench::FaultBench(Config config)
 }
 
 void FaultBench::Judge(std::int64_t time_ns, const CanFrame& frame) {
-  // From 1 s on: a time of zero means that there was none.
+  // Times begin at 1 s, because a time of zero stands for none.
   const LoggedFrame logged{1.0 + static_cast<double>(time_ns) * 1e-9, frame};
   judge.Take(logged);
   if (keep_log) log.push_back(logged);
@@ -110,7 +110,7 @@ const TickRecord& FaultBench::Tick(OperatorCommand command, std::int8_t branch) 
   if (leave_loop != nullptr) leave_loop();
   for (std::size_t i = 0; i < drives.size(); ++i) {
     const auto frames = output.frames[i].frames();
-    // SYNC and the host's heartbeat are for all.
+    // SYNC and the host's heartbeat are for all drives.
     const auto to_drive = std::ranges::count_if(
         frames, [](const CanFrame& frame) { return frame.id != 0x80 && frame.id < 0x700; });
     if (to_drive == 0) ++missing_writes;
@@ -145,10 +145,10 @@ bool FaultBench::Reach(ExecutorState state) {
   Tick(OperatorCommand::kArm);
   if (state == ExecutorState::kArming) return executor.state() == state;
   if (!TickUntil(ExecutorState::kHolding, 500)) return false;
-  for (int i = 0; i < 100; ++i) Tick();  // The feed-forward's first push has died away.
+  for (int i = 0; i < 100; ++i) Tick();  // until the feed-forward's first push has died away
   if (state == ExecutorState::kHolding) return executor.state() == state;
   if (state == ExecutorState::kFault) {
-    Miss(1 + config_.executor.late_ticks_max);  // Shorter than any watchdog.
+    Miss(1 + config_.executor.late_ticks_max);  // This is shorter than any watchdog.
     Tick();
     return executor.state() == state;
   }
@@ -169,7 +169,7 @@ bool FaultBench::Reach(ExecutorState state) {
 
 void FaultBench::Disturb(BusFault fault, std::int64_t duration_ns) {
   std::erase_if(plan_.faults, [this](const BusFault& old) { return old.end_ns < bus.now_ns(); });
-  ++plan_.seed;  // Or the draws would begin anew each time.
+  ++plan_.seed;  // With the same seed the random numbers would begin anew each time.
   fault.start_ns = now_ns();
   fault.end_ns = fault.start_ns + duration_ns;
   plan_.faults.push_back(std::move(fault));

@@ -24,24 +24,25 @@ namespace tumbler::testing {
 class FaultBench {
  public:
   struct Config {
-    DrivesConfig drives;  ///< one for each joint of the primitives
+    DrivesConfig drives;  ///< One drive for each joint of the primitives.
     ExecutorConfig executor;
     SequenceGraph<float> graph;
     std::vector<Primitive<float>> primitives;
-    double offset_rad = 0;       ///< Where the joints are, against the start of the motion.
-    int transmit_capacity = 10;  ///< Frames, of the host's queue.
+    double offset_rad = 0;       ///< Positions of the joints, less the start of the motion.
+    int transmit_capacity = 10;  ///< Of the host's queue [frames].
     std::int64_t plant_step_ns = 250'000;
     bool spoilt_replies = false;  ///< as FrameRules
   };
   explicit FaultBench(Config config);
   [[nodiscard]] static FrameRules RulesOf(const Config& config);
 
-  /// One control period. The reference is good until the next.
+  /// Executes one control period. The reference is valid until the next.
   const TickRecord& Tick(OperatorCommand command = OperatorCommand::kNone, std::int8_t branch = -1);
   /// Lets periods pass without a tick.
   void Miss(int periods) { tick_ += periods; }
   bool TickUntil(ExecutorState state, int ticks_max);
-  /// From the beginning into a state, as ExecutorRig does. False if that failed.
+  /// Brings the executor from the beginning into a state, as ExecutorRig does. @returns false if
+  /// that failed.
   bool Reach(ExecutorState state);
 
   /// Joint i's drive, and what the tests know of its protocol.
@@ -49,7 +50,7 @@ class FaultBench {
     return config_.drives.drives[i].config;
   }
   [[nodiscard]] const ProtocolSide& SideOfDrive(std::size_t i) const { return SideOf(DriveOf(i)); }
-  /// Adds a disturbance from now on. Those that are over are forgotten.
+  /// Adds a disturbance that begins now. Disturbances that are over are forgotten.
   void Disturb(BusFault fault, std::int64_t duration_ns = std::int64_t{1} << 60);
 
   Executor executor;
@@ -58,20 +59,21 @@ class FaultBench {
   SimulatedPort& host;
   std::vector<std::unique_ptr<SimulatedDrive>> drives;
   std::unique_ptr<RotorPlant> plant;
-  SimulatedPort& stranger;  ///< another node, to send what it likes
+  SimulatedPort& stranger;  ///< Another node, with which a test can send any frame.
   FrameJudge judge;
   Status configured = Status::kInvalidArgument;
-  std::optional<Status> receive_status;  ///< What the link is to report instead of its own.
-  /// Called with each tick's frames as they are handed to the bus.
+  std::optional<Status> receive_status;  ///< Reported instead of the link's own status.
+  /// Called with each frame of a tick as it is handed to the bus.
   std::function<void(const CanFrame&)> on_sent;
-  /// Called around what a real loop does in a tick: the executor, and handing over its frames.
+  /// Called around the part of a tick that a real loop has: the executor, and handing over its
+  /// frames.
   void (*enter_loop)() = nullptr;
   void (*leave_loop)() = nullptr;
   /// Called when bus and plant have got to a tick, before it.
   std::function<void()> before_tick;
   bool keep_log = false;
   std::vector<LoggedFrame> log;
-  std::int64_t missing_writes = 0;  ///< ticks in which a drive got no frame
+  std::int64_t missing_writes = 0;  ///< Ticks in which a drive got no frame.
 
   [[nodiscard]] std::int64_t tick() const noexcept { return tick_; }
   [[nodiscard]] std::int64_t now_ns() const noexcept { return tick_ * period_ns_; }

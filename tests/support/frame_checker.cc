@@ -14,7 +14,7 @@ class FrameJudge::Checker {
  public:
   explicit Checker(const FrameRules& rules) : bus_(rules) {
     const std::vector<DriveEntry>& drives = rules.drives.drives;
-    joints_.reserve(drives.size());  // They are referred to.
+    joints_.reserve(drives.size());  // References to them must stay valid.
     for (std::size_t i = 0; i < drives.size(); ++i) {
       const DriveConfig& drive = drives[i].config;
       const ProtocolSide& side = SideOf(drive);

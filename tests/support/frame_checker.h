@@ -21,60 +21,61 @@ struct LoggedFrame {
 /// @throws std::runtime_error  naming the line that is not one of `candump -L`.
 std::vector<LoggedFrame> ParseCandumpLog(std::string_view text);
 
-/// What the frames of a run have to keep to.
+/// The rules for the frames of a run.
 struct FrameRules {
-  DrivesConfig drives;                      ///< in the order of the joints; one protocol for all
-  std::vector<JointLimits<double>> limits;  ///< one a joint
-  double torque_rise_s = 0.01;              ///< feed-forward from zero to its limit
-  int ticks_made_up_max = 3;                ///< steps that a late tick may take at once
-  double start_jump_max_rad = 0.02;         ///< from what a drive measured to its first setpoint
-  double silence_s = 0.1;  ///< after this without a command a drive has to be started up anew
-  /// Times are those of the ticks: of a simulation, not of a wire. Steps are then judged to the
-  /// tick.
+  DrivesConfig drives;                      ///< In the order of the joints, all of one protocol.
+  std::vector<JointLimits<double>> limits;  ///< Of each joint.
+  double torque_rise_s = 0.01;              ///< Shortest time of the feed-forward to its limit.
+  int ticks_made_up_max = 3;                ///< Steps that a late tick may take at once.
+  double start_jump_max_rad = 0.02;  ///< Largest jump from a measurement to the first setpoint.
+  double silence_s = 0.1;  ///< After so long without a command a drive has to be started up anew.
+  /// Whether times are those of the ticks, as in a simulation, and not those on a wire. Then steps
+  /// are judged tick by tick.
   bool exact_time = false;
-  /// Replies may have been spoilt on their way to the host: what is not one is passed over.
+  /// Whether replies may have been spoilt on their way to the host. Frames that are no replies are
+  /// ignored then.
   bool spoilt_replies = false;
 };
 
-/// What was found in a log. A frame *drives* when it asks for torque towards a position or for
-/// feed-forward; without (torque off, neutral, damping, braking) it cannot move a joint.
+/// The findings in a log. A frame *drives* when it asks for torque towards a position or for
+/// feed-forward. Other frames (torque off, neutral, damping, braking) cannot move a joint.
 struct FrameReport {
-  std::vector<std::string> violations;  ///< with line numbers, from 1; empty if all was kept
+  std::vector<std::string> violations;  ///< With line numbers from 1 on; empty if all rules hold.
   struct Joint {
     int commands = 0;
     int driving = 0;
-    int starts = 0;  ///< times that torque was asked for
+    int starts = 0;  ///< Times that torque was asked for.
     int replies = 0;
-    double step_max_rad = 0;       ///< between driving frames
-    double start_jump_rad = 0;     ///< largest, from measurement to first driving frame
-    double last_position_rad = 0;  ///< last driving frame's
+    double step_max_rad = 0;       ///< Largest step between driving frames.
+    double start_jump_rad = 0;     ///< Largest jump from a measurement to the first driving frame.
+    double last_position_rad = 0;  ///< Of the last driving frame.
   };
   std::vector<Joint> joints;
   double first_command_s = 0;
   double last_command_s = 0;
   double last_driving_s = 0;
-  double longest_silence_s = 0;  ///< between commands
-  double rate_hz = 0;            ///< of ticks, where there was no silence
+  double longest_silence_s = 0;  ///< Longest time between commands.
+  double rate_hz = 0;            ///< Of ticks, where there was no silence.
 };
 
-/// What a drive was last told.
+/// The last command to a drive.
 struct DriveOrder {
   enum class Kind : std::uint8_t {
     kNone,
     kOff,       ///< Torque off.
     kPassive,   ///< A setpoint that cannot move the joint: neutral, damping, braking.
-    kSetpoint,  ///< It drives.
+    kSetpoint,  ///< A setpoint that drives.
   };
   Kind kind = Kind::kNone;
-  double position_rad = 0;  ///< at the joint, of kSetpoint
+  double position_rad = 0;  ///< Of kSetpoint, at the joint.
   double velocity_rad_s = 0;
   double torque_nm = 0;
-  double kp_nm_per_rad = 0;  ///< where the protocol carries it
+  double kp_nm_per_rad = 0;  ///< 0 where the protocol does not carry it.
   double kd_nm_s_per_rad = 0;
 };
 
-/// Watches the frames between a host and its drives, of any of the protocols, and knows
-/// nothing else: it decodes as a drive does, without the host's code. It checks that
+/// Judges the frames between a host and its drives, of any of the protocols. It knows nothing else,
+/// and decodes as a drive does, without the host's code. It checks that
 /// - nothing but commands and replies of these drives is on the bus;
 /// - every tick commands every drive, in order; a broken tick is followed by silence or torque off;
 /// - a drive is started up as its protocol has it before it is driven, and anew after torque off or

@@ -51,13 +51,13 @@ void BusJudge::OpenTick(const char* what, double time_s, bool off_before) {
   next_ = 0;
 }
 
-// Whether it is the joint's first command in a tick.
+// Whether this is the joint's first command in a tick.
 bool BusJudge::CheckOrder(std::size_t joint, double time_s, bool torque_off, bool several) {
   const bool first = report_.first_command_s == 0 && report_.last_command_s == 0;
   const double gap_s = first ? 0 : time_s - report_.last_command_s;
   const bool silence = gap_s > rules_.silence_s;
   report_.longest_silence_s = std::max(report_.longest_silence_s, gap_s);
-  // More frames of the joint that had the last one, in the same tick.
+  // Another frame of the joint that had the last one, in the same tick.
   const bool same_tick = several && !first && joint == current_ &&
                          time_s - tick_begin_s_ < 0.5 / rules_.drives.rate_hz;
   if (!same_tick) {
@@ -150,7 +150,7 @@ void JointJudge::Within(const char* what, double value, double min, double max, 
   }
 }
 
-/// Ticks whose steps the joint's command in this tick may take at once.
+/// How many ticks' steps the joint's command in this tick may take at once.
 double JointJudge::TicksSince(double time_s) const {
   const double ticks = (time_s - last_s_) * bus_.rules_.drives.rate_hz;
   const double most = bus_.rules_.ticks_made_up_max;

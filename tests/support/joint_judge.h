@@ -16,7 +16,7 @@ struct WireSteps {
   double torque_nm = 0;
 };
 
-/// What the judge of frames knows of the bus as a whole: whose turn it is, and what was found.
+/// The judge's knowledge of the bus as a whole: whose turn it is, and the findings.
 class BusJudge {
  public:
   explicit BusJudge(const FrameRules& rules);
@@ -43,8 +43,8 @@ class BusJudge {
   int rate_ticks_ = 0;
 };
 
-/// What the judge knows of one joint. A protocol tells it what the frames to and from its drive
-/// mean, between Begin and End for what the host sends.
+/// The judge's knowledge of one joint. A DriveWatch tells it what the frames to and from its drive
+/// mean; for frames of the host it does so between Begin and End.
 class JointJudge {
  public:
   /// @param steps  of the wire, at the shaft.
@@ -55,13 +55,13 @@ class JointJudge {
   bool Begin(double time_s, bool torque_off, bool several);
   void End(double time_s);
 
-  /// What commands mean.
+  /// The meanings of commands.
   void Off();
-  void Start();                           ///< Torque on; nothing if it is already.
-  void Passive(const DriveOrder& order);  ///< It cannot move the joint.
+  void Start();                           ///< Torque on. Changes nothing if it is on already.
+  void Passive(const DriveOrder& order);  ///< A setpoint that cannot move the joint.
   void Setpoint(DriveOrder order, double time_s);
   void FeedForward(double velocity_rad_s, double torque_nm);  ///< Of the setpoint before.
-  /// The position that the drive is about to begin with.
+  /// Checks the position with which the drive is about to begin.
   void CheckJump(double position_rad);
 
   /// A measured position, at the joint.
@@ -95,7 +95,7 @@ class JointJudge {
   std::size_t joint_;
   double direction_, gear_, zero_rad_;
   WireSteps steps_;
-  bool commanded_ = false;  // ever
+  bool commanded_ = false;  // whether there ever was a command
   bool started_ = false;
   bool passive_before_ = false;  // the last setpoint could not move the joint
   bool driven_ = false;          // since it was started
@@ -108,8 +108,8 @@ class JointJudge {
   DriveOrder order_;
 };
 
-/// Reads the frames of one joint's drive, as its protocol has them, for the judge. It decodes by
-/// itself: nothing of the host's code.
+/// Reads the frames of one joint's drive for the judge, by its protocol. It decodes them itself,
+/// without the host's code.
 class DriveWatch {
  public:
   explicit DriveWatch(JointJudge& joint) : joint_(joint) {}
@@ -119,7 +119,7 @@ class DriveWatch {
 
   /// Takes a data frame with an identifier of 11 bits. @returns false if it is not this drive's.
   virtual bool Take(const LoggedFrame& logged) = 0;
-  /// Takes one that is for all drives of the protocol; asked of the first joint's.
+  /// Takes a frame that is for all drives of the protocol. Only the first joint's watch is asked.
   virtual bool TakeCommon(const LoggedFrame& /*logged*/) { return false; }
 
  protected:

@@ -13,9 +13,9 @@
 namespace tumbler {
 
 /// The contacts of the hopping lamp (primitives/robots/lamp.urdf) with the ground z = 0, written
-/// for it alone: what the general contact model is held against. The lamp's measures, its
-/// kinematics, the level ground and the default law are worked out by hand, component by component;
-/// of the project it has the interface, and of the dynamics the angles and their rates.
+/// for this robot alone. The general contact model is compared with them. The lamp's measures, its
+/// kinematics, the level ground and the default law are worked out by hand, component by component.
+/// Only the interface, and the angles and their rates from the dynamics, are shared.
 ///
 /// With c, s the cosine and sine of the pitch, (x, z) the ankle and w the pitch rate, a ball of the
 /// foot at (l, -h) has its centre at a = (l c + h s, l s - h c) from the ankle; the head is at
@@ -31,7 +31,7 @@ class LampContact final : public ContactForces<Plane> {
  public:
   using Dynamics = HybridDynamics<Plane>;
 
-  /// @throws std::invalid_argument for another law than the default one, in cubic smoothing.
+  /// @throws std::invalid_argument  for a law with other smoothing or damping than the default.
   explicit LampContact(const ContactLaw& law)
       : k_(law.stiffness_n_per_m),
         c_(law.damping_n_s_per_m),
@@ -77,7 +77,7 @@ class LampContact final : public ContactForces<Plane> {
         const double fx = -mu_ * (dN * b.T + b.N * b.T_v * dt);
         return Plane::Wrench{b.px * dN - b.pz * fx, {fx, dN}};
       };
-      // Less the wrench carried along; sliding along the ground changes nothing.
+      // The wrench that is carried along is taken off. Sliding along the ground changes nothing.
       stiffness.columns[0] = change(b.px, b.vx, -b.vn);
       stiffness.columns[0].n -= (b.pz + b.radius) * b.N + b.px * b.fx;
       stiffness.columns[0].f += Plane::Vector(b.N, -b.fx);

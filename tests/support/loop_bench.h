@@ -16,8 +16,7 @@
 
 namespace tumbler::testing {
 
-/// Two rotors behind simulated drives on a simulated bus, and everything of a run but the program
-/// round it.
+/// Two rotors behind simulated drives on a simulated bus, with everything of a run but the program.
 class LoopBench {
  public:
   explicit LoopBench(const TelemetryConfig& telemetry_config,
@@ -42,7 +41,7 @@ class LoopBench {
       rotor.drive = simulated.back().get();
       rotor.position_rad = primitive.joints[i].position.control_points()[0] + 0.05F;
       rotors.push_back(rotor);
-      // What moves a free rotor along the path, instead of the random feed-forward.
+      // This feed-forward moves a free rotor along the path. The random one would not.
       std::vector<float> torques(primitive.joints[i].torque.control_points().size(), 0.0F);
       const auto knots = primitive.joints[i].torque.knots();
       Expect(primitive.joints[i].torque.Assign(3, std::vector<float>(knots.begin(), knots.end()),
@@ -54,7 +53,7 @@ class LoopBench {
     UseClock(clock, 0);
   }
 
-  /// Another clock than the virtual one, that lets `plant` run on.
+  /// Uses another clock than the virtual one, which lets `plant` run on.
   void UseClock(Clock& other, std::int64_t start_ns) {
     loop = std::make_unique<ControlLoop>(
         ControlLoop::Parts{executor, host, other, *procedure, mailbox, &telemetry}, 1'000'000,

@@ -81,7 +81,7 @@ inline Tree<Spatial> RandomSpatialTree(std::mt19937_64& random, int max_dofs = 1
     dof.damping_nm_s_per_rad = random() % 2 == 0 ? Uniform(random, 0, 0.5) : 0;
     tree.dofs.push_back(dof);
   }
-  // The body before a lone follower: what follows gives it inertia.
+  // A body before a single follower may be massless, since the follower gives it inertia.
   if (n >= 3 && random() % 2 == 0) {
     Dof<Spatial>& between = tree.dofs[static_cast<std::size_t>(n - 2)];
     tree.dofs.back().parent = n - 2;

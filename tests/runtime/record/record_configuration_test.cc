@@ -61,7 +61,7 @@ TEST(RecordConfiguration, IsReadBackToTheLastBit) {
   EXPECT_EQ(read.drives_file, written.drives_file);
   ASSERT_EQ(read.files.size(), written.files.size());
   EXPECT_EQ(read.files[0].path, written.files[0].path);
-  // Up to there it is of numbers only, without padding.
+  // Up to that member there are only numbers, without padding.
   EXPECT_EQ(std::memcmp(&read.executor, &written.executor, offsetof(ExecutorConfig, collapse)), 0);
   EXPECT_TRUE(read.executor.collapse.configured);
   EXPECT_EQ(read.executor.collapse.position_rad, written.executor.collapse.position_rad);

@@ -21,7 +21,7 @@ const std::string& Recorded() {
   return bytes;
 }
 
-/// The record with the bytes of some blocks changed, and every CRC as if they had been written so.
+/// The record with the bytes of some blocks changed, and with every CRC mended.
 std::string Rewritten(const std::string& record,
                       const std::function<void(BlockKind, std::uint32_t, RecordBytes&)>& change) {
   RecordBytes out;
@@ -47,7 +47,7 @@ ReplayResult ReplayOf(const std::string& bytes) {
   return report;
 }
 
-// Of a tick with two frames received and one sent by each of two joints.
+// Offsets in a tick with two frames received and one sent by each of two joints.
 constexpr std::size_t kReceived = 71;
 constexpr std::size_t kSent = kReceived + 2 * 21;
 constexpr std::size_t kRecord = kSent + 2 * 14;
@@ -68,7 +68,7 @@ TEST(Replay, RewritingARecordChangesNothing) {
 }
 
 TEST(Replay, FindsEveryFlippedBitOfTheOutputsAndNamesTick) {
-  // One bit of each byte of one tick's frames and record, as if it had been recorded so.
+  // Flips one bit of each byte of one tick's frames and record, with CRCs that fit.
   for (std::size_t at = kSent; at < kTickBytes; ++at) {
     std::int64_t tick = -1;
     const std::string bytes = Rewritten(Recorded(), [&](BlockKind, std::uint32_t n, auto& content) {
@@ -82,7 +82,7 @@ TEST(Replay, FindsEveryFlippedBitOfTheOutputsAndNamesTick) {
     const ReplayResult report = Replay(record);
     ASSERT_FALSE(report.identical()) << at;
     EXPECT_EQ(report.ticks, 60) << at;
-    if (!report.difference) {  // An enumerator, a count or an identifier that cannot be.
+    if (!report.difference) {  // The bit made an impossible enumerator, count or identifier.
       EXPECT_THAT(report.gap, HasSubstr("block 62: does not hold a tick")) << at;
       continue;
     }
@@ -102,7 +102,7 @@ TEST(Replay, FindsEveryFlippedBitOfAReply) {
     const ReplayResult report = ReplayOf(bytes);
     ASSERT_TRUE(report.difference) << bit;
     EXPECT_EQ(report.difference->index, 60) << bit;
-    if (bit < 8) continue;  // The sender: then it is nobody's reply.
+    if (bit < 8) continue;  // With another sender it is nobody's reply.
     EXPECT_TRUE(report.difference->field.starts_with("joint joint2: ")) << report.difference->field;
   }
 }
