@@ -6,6 +6,7 @@
 #include <string_view>
 #include <vector>
 
+#include "common/key_table.h"
 #include "common/primitive.h"
 
 namespace tumbler {
@@ -104,5 +105,9 @@ std::string ToToml(const PrimitiveFile& file);
 PrimitiveFile ParsePrimitive(std::string_view text, const std::string& name);
 /// The same of a file.
 PrimitiveFile LoadPrimitive(const std::string& path);
+
+/// The keys of the file for docs/formats.md, and of its certificate for docs/method.md.
+std::vector<KeyTable> PrimitiveKeyTables();
+KeyTable CertificateKeyTable();
 
 }  // namespace tumbler

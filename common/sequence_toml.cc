@@ -12,8 +12,8 @@
 #include <string_view>
 #include <utility>
 
+#include "common/file_keys.h"
 #include "common/primitive_rounding.h"
-#include "common/toml_reader.h"
 
 namespace tumbler {
 
@@ -22,7 +22,9 @@ namespace {
 using Motion = JointMotion<double>;
 using Graph = SequenceGraph<double>;
 
-constexpr std::string_view kFormat = "tumbler-sequence";
+constexpr FileHeader kHeader{"tumbler-sequence", kSequenceFileVersion,
+                             "is '{0}'; a sequence says '{1}'",
+                             "is {0}; this program reads versions up to {1}: use a newer program"};
 constexpr double kPi = std::numbers::pi;
 // Names of quantities that are compared with a hold, rather than with the other primitive, end in
 // one of these.
@@ -43,6 +45,152 @@ std::pair<std::string, std::string> Distinct(double a, double b) {
   return texts;
 }
 
+// ---- Keys
+
+constexpr std::array kNameKeys = {KeyOf<&Graph::name>("name", "").Required()};
+
+constexpr std::array kToleranceKeys = {
+    // The setpoint steps by as much as it is allowed to.
+    KeyOf<&JoinTolerances::joint_position_rad>("joint_position_rad", {0, 0.01},
+                                               "of the setpoints, by the coefficients"),
+    KeyOf<&JoinTolerances::joint_velocity_rad_s>("joint_velocity_rad_s", {0, 0.1}, "likewise"),
+    KeyOf<&JoinTolerances::joint_acceleration_rad_s2>("joint_acceleration_rad_s2", {0, 10},
+                                                      "likewise"),
+    KeyOf<&JoinTolerances::root_z_m>("root_z_m", {0, 1, true},
+                                     "of the robot: the simulated exit of one primitive against "
+                                     "the entry that the next was made for"),
+    KeyOf<&JoinTolerances::root_pitch_rad>("root_pitch_rad", {0, kPi / 2, true},
+                                           "likewise, after the swap and less whole turns")
+        .Allowed("above 0, to pi/2"),
+};
+
+std::string_view JointName(const SequenceFile& file, std::size_t j) {
+  return file.primitives.front().primitive.joints[j].name.view();
+}
+
+std::size_t JointOf(const TomlTable& table, std::string_view key, const SequenceFile& file,
+                    const std::string& name) {
+  std::string names;
+  for (std::size_t j = 0; j < file.primitives.front().primitive.motions().size(); ++j) {
+    if (JointName(file, j) == name) return j;
+    names += (j > 0 ? ", " : "") + std::string(JointName(file, j));
+  }
+  table.Fail(key,
+             fmt::format("'{}' is not a joint of the primitives; their joints: {}", name, names));
+}
+
+void ReadPartners(TomlTable& table, std::string_view key, SequenceFile& file) {
+  auto& partner = file.graph.partner;
+  for (const std::vector<std::string>& pair : table.StringLists(key)) {
+    if (pair.size() != 2) {
+      table.Fail(key,
+                 fmt::format("has an entry of {} names; expected pairs of joints", pair.size()));
+    }
+    const std::size_t a = JointOf(table, key, file, pair[0]);
+    const std::size_t b = JointOf(table, key, file, pair[1]);
+    if (a == b) table.Fail(key, fmt::format("exchanges '{}' with itself", pair[0]));
+    for (const std::size_t j : {a, b}) {
+      if (partner[j] == j) continue;
+      table.Fail(key, fmt::format("names '{}' twice; a joint has one partner", JointName(file, j)));
+    }
+    partner[a] = static_cast<std::uint8_t>(b);
+    partner[b] = static_cast<std::uint8_t>(a);
+  }
+}
+
+constexpr std::array kSwapKeys = {
+    KeyReadBy<SequenceFile>("joints", ReadPartners,
+                            "e.g. `[[\"leg1\", \"leg2\"]]`; joints not named keep their role")
+        .Required()
+        .Allowed("pairs of joints, each joint once"),
+    KeyOf<&SequenceFile::swap_root_pitch_rad>("root_pitch_rad", {-2 * kPi, 2 * kPi},
+                                              "how far the root is turned in a swapped node")
+        .Required()
+        .Allowed("-2 pi to 2 pi"),
+};
+
+struct NodeEntry : SequenceNode {
+  std::string primitive_name;
+  double exit_pitch_tolerance_rad = 0;
+};
+constexpr std::array kNodeKeys = {
+    KeyOf<&NodeEntry::name, NodeEntry>("name", "").Required().Allowed("1 to 48 bytes, unique"),
+    KeyOf<&NodeEntry::primitive_name>("primitive", "")
+        .Required()
+        .Allowed("a name of `[primitives]`"),
+    KeyOf<&NodeEntry::swapped, NodeEntry>("swapped", "with the joints' roles exchanged"),
+    KeyOf<&NodeEntry::safe, NodeEntry>("safe",
+                                       "the robot can stay where this ends: a stop ends here"),
+    KeyOf<&NodeEntry::ends_cycle, NodeEntry>("ends_cycle", "a cycle is complete with this"),
+    KeyOf<&NodeEntry::exit_pitch_tolerance_rad>(
+        "exit_pitch_tolerance_rad", {0, kPi, true},
+        "how far from its recorded exit the root may end in a simulation")
+        .Default("`tolerances.root_pitch_rad`")
+        .Allowed("above 0, to pi"),
+};
+
+int NodeOf(TomlTable& table, std::string_view key, const SequenceFile& file) {
+  const std::string name = table.String(key);
+  const int node = file.graph.FindNode(name);
+  if (node >= 0) return node;
+  std::string names;
+  for (const SequenceNode& known : file.graph.nodes())
+    names += (names.empty() ? "" : ", ") + std::string(known.name.view());
+  table.Fail(key, fmt::format("is '{}', which is no node; allowed: {}", name, names));
+}
+
+constexpr std::array kStartKeys = {
+    KeyReadBy<SequenceFile>(
+        "start",
+        [](TomlTable& table, std::string_view key, SequenceFile& file) {
+          file.graph.start = NodeOf(table, key, file);
+        },
+        "the first one")
+        .Required()
+        .Allowed("a node"),
+};
+
+struct EdgeEntry : SequenceEdge<double> {
+  const SequenceFile* file = nullptr;  // whose nodes it leads from and to
+
+  /// The settle time of the primitive before.
+  [[nodiscard]] double least_settle_s() const { return file->PrimitiveOf(from).primitive.settle_s; }
+};
+constexpr std::array<std::string_view, 3> kWhen = {"always", "branch", "cycles-done"};
+constexpr std::array kEdgeKeys = {
+    KeyReadBy<EdgeEntry>(
+        "from",
+        [](TomlTable& table, std::string_view key, EdgeEntry& edge) {
+          edge.from = NodeOf(table, key, *edge.file);
+        },
+        "")
+        .Required()
+        .Allowed("a node"),
+    KeyReadBy<EdgeEntry>(
+        "to",
+        [](TomlTable& table, std::string_view key, EdgeEntry& edge) {
+          edge.to = NodeOf(table, key, *edge.file);
+        },
+        "")
+        .Required()
+        .Allowed("a node"),
+    KeyOf<&EdgeEntry::settle_s, EdgeEntry>("settle_s", {0, kMaxSettle},
+                                           "how long the last setpoint is held in between")
+        .Default("the primitive's of `from`",
+                 [](EdgeEntry& edge) { edge.settle_s = edge.least_settle_s(); })
+        .Allowed("from that to 60"),
+    KeyOf<&EdgeEntry::when, EdgeEntry>(
+        "when", kWhen,
+        "when nothing else applies; when the operator asks for the branch; when as many cycles as "
+        "were asked for are complete"),
+    KeyOf<&EdgeEntry::branch, EdgeEntry>("branch", "its name")
+        .Required()
+        .Default("required for a branch")
+        .Where([](const EdgeEntry& edge) { return edge.when == EdgeCondition::kBranch; }),
+};
+
+// ---- The file
+
 class SequenceReader {
  public:
   SequenceReader(TomlTable root, const FileReader& read) : root_(std::move(root)), read_(read) {
@@ -50,15 +198,15 @@ class SequenceReader {
   }
 
   SequenceFile Read() {
-    CheckHeader();
-    file_.graph.name = Name<48>(root_, "name");
-    ReadTolerances();
+    ReadHeader(root_, kHeader);
+    ReadKeys(root_, kNameKeys, file_.graph);
+    if (std::optional<TomlTable> table = root_.OptionalTable("tolerances"))
+      ReadKeys(*table, kToleranceKeys, file_.tolerances);
     ReadPrimitives();
     ReadSwap();
     ReadNodes();
     ReadEdges();
-    const std::string start = root_.String("start");
-    file_.graph.start = NodeOf(root_, "start", start);
+    ReadKeys(root_, kStartKeys, file_);
     root_.RejectUnknownKeys();
     CheckNodes();
     CheckGraph();
@@ -67,43 +215,6 @@ class SequenceReader {
   }
 
  private:
-  void CheckHeader() {
-    if (const std::string format = root_.String("format"); format != kFormat) {
-      root_.Fail("format", fmt::format("is '{}'; a sequence says '{}'", format, kFormat));
-    }
-    const std::int64_t version =
-        root_.Integer("version", 1, std::numeric_limits<std::int64_t>::max());
-    if (version > kSequenceFileVersion) {
-      root_.Fail("version",
-                 fmt::format("is {}; this program reads versions up to {}: use a newer program",
-                             version, kSequenceFileVersion));
-    }
-  }
-
-  template <std::size_t kCapacity>
-  static FixedString<kCapacity> Name(TomlTable& table, std::string_view key) {
-    const std::string name = table.String(key);
-    if (name.empty() || !FixedString<kCapacity>::fits(name)) {
-      table.Fail(key, fmt::format("is '{}', {} bytes; allowed: from 1 ... {}", name, name.size(),
-                                  kCapacity));
-    }
-    return FixedString<kCapacity>(name);
-  }
-
-  void ReadTolerances() {
-    std::optional<TomlTable> table = root_.OptionalTable("tolerances");
-    if (!table) return;
-    JoinTolerances& t = file_.tolerances;
-    // The setpoint may jump by as much as these tolerances allow.
-    t.joint_position_rad = table->Number("joint_position_rad", {0, 0.01}, t.joint_position_rad);
-    t.joint_velocity_rad_s =
-        table->Number("joint_velocity_rad_s", {0, 0.1}, t.joint_velocity_rad_s);
-    t.joint_acceleration_rad_s2 =
-        table->Number("joint_acceleration_rad_s2", {0, 10}, t.joint_acceleration_rad_s2);
-    t.root_z_m = table->Number("root_z_m", {0, 1, true}, t.root_z_m);
-    t.root_pitch_rad = table->Number("root_pitch_rad", {0, kPi / 2, true}, t.root_pitch_rad);
-  }
-
   void ReadPrimitives() {
     TomlTable table = root_.Table("primitives");
     const std::vector<std::string> names = table.Keys();
@@ -159,40 +270,7 @@ class SequenceReader {
     std::optional<TomlTable> table = root_.OptionalTable("swap");
     if (!table) return;
     has_swap_ = true;
-    file_.swap_root_pitch_rad = table->Number("root_pitch_rad", {-2 * kPi, 2 * kPi});
-    for (const std::vector<std::string>& pair : table->StringLists("joints")) {
-      if (pair.size() != 2) {
-        table->Fail("joints",
-                    fmt::format("has an entry of {} names; expected pairs of joints", pair.size()));
-      }
-      const std::size_t a = JointOf(*table, pair[0]);
-      const std::size_t b = JointOf(*table, pair[1]);
-      if (a == b) {
-        table->Fail("joints", fmt::format("exchanges '{}' with itself", pair[0]));
-      }
-      for (const std::size_t j : {a, b}) {
-        if (graph.partner[j] == j) continue;
-        table->Fail("joints", fmt::format("names '{}' twice; a joint has one partner",
-                                          JointName(static_cast<int>(j))));
-      }
-      graph.partner[a] = static_cast<std::uint8_t>(b);
-      graph.partner[b] = static_cast<std::uint8_t>(a);
-    }
-  }
-
-  [[nodiscard]] std::string_view JointName(int j) const {
-    return file_.primitives.front().primitive.joints[Index(j)].name.view();
-  }
-
-  std::size_t JointOf(const TomlTable& table, const std::string& name) {
-    std::string names;
-    const std::span<const Motion> motions = file_.primitives.front().primitive.motions();
-    for (std::size_t j = 0; j < motions.size(); ++j) {
-      if (motions[j].name.view() == name) return j;
-      names += (j > 0 ? ", " : "") + std::string(motions[j].name.view());
-    }
-    table.Fail("joints",
-               fmt::format("'{}' is not a joint of the primitives; their joints: {}", name, names));
+    ReadKeys(*table, kSwapKeys, file_);
   }
 
   void ReadNodes() {
@@ -203,41 +281,28 @@ class SequenceReader {
                                      kMaxSequenceNodes));
     }
     for (TomlTable& table : tables) {
-      SequenceNode node;
-      node.name = Name<48>(table, "name");
+      NodeEntry node;
+      node.exit_pitch_tolerance_rad = file_.tolerances.root_pitch_rad;
+      ReadKeys(table, kNodeKeys, node);
       if (graph.FindNode(node.name.view()) >= 0)
         table.Fail("name", fmt::format("'{}' is there twice", node.name.view()));
-      const std::string primitive = table.String("primitive");
       const auto& names = file_.primitive_names;
-      const auto found = std::find(names.begin(), names.end(), primitive);
+      const auto found = std::find(names.begin(), names.end(), node.primitive_name);
       if (found == names.end()) {
-        table.Fail("primitive", fmt::format("is '{}'; allowed: {} (of [primitives])", primitive,
-                                            fmt::join(names, ", ")));
+        table.Fail("primitive", fmt::format("is '{}'; allowed: {} (of [primitives])",
+                                            node.primitive_name, fmt::join(names, ", ")));
       }
       node.primitive = static_cast<int>(found - names.begin());
-      node.swapped = table.Boolean("swapped", false);
       if (node.swapped && !has_swap_) {
         table.Fail("swapped",
                    "is true, but the file does not say which joints are exchanged: "
                    "give it a [swap]");
       }
-      node.safe = table.Boolean("safe", false);
-      node.ends_cycle = table.Boolean("ends_cycle", false);
-      file_.exit_pitch_tolerance_rad.push_back(table.Number(
-          "exit_pitch_tolerance_rad", {0, kPi, true}, file_.tolerances.root_pitch_rad));
+      file_.exit_pitch_tolerance_rad.push_back(node.exit_pitch_tolerance_rad);
       file_.node_lines.push_back(table.LineOf("name"));
       node_keys_.push_back(table.path());
       graph.node_storage[Index(graph.node_count++)] = node;
     }
-  }
-
-  int NodeOf(const TomlTable& table, std::string_view key, const std::string& name) {
-    const int node = file_.graph.FindNode(name);
-    if (node >= 0) return node;
-    std::string names;
-    for (const SequenceNode& known : file_.graph.nodes())
-      names += (names.empty() ? "" : ", ") + std::string(known.name.view());
-    table.Fail(key, fmt::format("is '{}', which is no node; allowed: {}", name, names));
   }
 
   void ReadEdges() {
@@ -247,26 +312,19 @@ class SequenceReader {
       root_.Fail("edge", fmt::format("has {} entries; allowed: at most {}", tables.size(),
                                      kMaxSequenceEdges));
     }
-    constexpr std::array<std::string_view, 3> kWhen = {"always", "branch", "cycles-done"};
     for (TomlTable& table : tables) {
-      SequenceEdge<double> edge;
-      edge.from = NodeOf(table, "from", table.String("from"));
-      edge.to = NodeOf(table, "to", table.String("to"));
-      const double least = file_.PrimitiveOf(edge.from).primitive.settle_s;
-      edge.settle_s = table.Number("settle_s", {0, kMaxSettle}, least);
-      if (edge.settle_s < least) {
-        table.Fail("settle_s", fmt::format("is {}; allowed: from {} (the settle time of '{}') ... "
-                                           "{}",
-                                           MessageNumber(edge.settle_s), MessageNumber(least),
-                                           graph.node(edge.from).name.view(), kMaxSettle));
+      EdgeEntry edge;
+      edge.file = &file_;
+      ReadKeys(table, kEdgeKeys, edge);
+      if (edge.settle_s < edge.least_settle_s()) {
+        table.Fail("settle_s",
+                   fmt::format("is {}; allowed: from {} (the settle time of '{}') ... "
+                               "{}",
+                               MessageNumber(edge.settle_s), MessageNumber(edge.least_settle_s()),
+                               graph.node(edge.from).name.view(), kMaxSettle));
       }
-      const std::string when = table.Choice("when", kWhen, "always");
-      edge.when = when == "always"   ? EdgeCondition::kAlways
-                  : when == "branch" ? EdgeCondition::kBranch
-                                     : EdgeCondition::kCyclesDone;
-      if (edge.when == EdgeCondition::kBranch) {
-        edge.branch = Name<32>(table, "branch");
-      } else if (table.Has("branch")) {
+      const std::string_view when = kWhen[static_cast<std::size_t>(edge.when)];
+      if (edge.when != EdgeCondition::kBranch && table.Has("branch")) {
         table.Fail("branch", fmt::format("belongs to an edge with when = \"branch\"; this one says "
                                          "\"{}\"",
                                          when));
@@ -409,6 +467,19 @@ class SequenceReader {
 
 }  // namespace
 
+std::vector<KeyTable> SequenceKeyTables() {
+  const char* const source = "common/sequence_toml.cc";
+  const KeyRow primitives{"", "`[primitives]`", "required",
+                          fmt::format("1 to {}", kMaxSequencePrimitives),
+                          "name in this file = primitive file, relative to this one's folder"};
+  return {{source, "sequence",
+           Joined({{RowOf(kHeader)}, RowsOf(kNameKeys), RowsOf(kStartKeys), {primitives}})},
+          {source, "swap", RowsOf(kSwapKeys)},
+          {source, "node", RowsOf(kNodeKeys)},
+          {source, "edge", RowsOf(kEdgeKeys)},
+          {source, "tolerances", RowsOf(kToleranceKeys)}};
+}
+
 double NearestTurn(double angle_rad) { return std::remainder(angle_rad, 2 * kPi); }
 
 std::vector<JoinComparison> CompareJoins(const SequenceFile& file) {
@@ -490,7 +561,8 @@ SequenceFile LoadSequence(const std::string& path, const FileReader& read) {
 
 SequenceFile LoadMotion(const std::string& path, const FileReader& read) {
   const std::string text = ReadText(path, read);
-  if (TomlTable::Parse(text, path).String("format", "") == kFormat) return LoadSequence(path, read);
+  if (TomlTable::Parse(text, path).String("format", "") == kHeader.format)
+    return LoadSequence(path, read);
   SequenceFile file;
   file.path = path;
   file.primitives.push_back(ParsePrimitive(text, path));

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "common/key_table.h"
 #include "common/primitive_toml.h"
 #include "common/sequence.h"
 #include "common/toml_reader.h"
@@ -104,6 +105,9 @@ std::vector<std::string> BranchNames(const SequenceGraph<Scalar>& graph) {
   }
   return {names.begin(), names.end()};
 }
+
+/// The keys of the file, for docs/formats.md.
+std::vector<KeyTable> SequenceKeyTables();
 
 /// The sequence in the scalar that the executor uses.
 /// @throws std::invalid_argument  when a primitive does not fit it (see ToRuntime of a primitive).

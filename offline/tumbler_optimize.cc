@@ -20,14 +20,17 @@
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <system_error>
 #include <utility>
+#include <variant>
 #include <vector>
 
 #include "common/command_line.h"
 #include "common/program.h"
 #include "common/toml_reader.h"
 #include "offline/certificate/certificate.h"
+#include "offline/certificate/certificate_text.h"
 #include "offline/problem/task_toml.h"
 #include "offline/report/report.h"
 #include "offline/solver/minima.h"
@@ -416,7 +419,6 @@ nlohmann::ordered_json FiguresOfMinima(const Result& result) {
 nlohmann::ordered_json Figures(const Result& result) {
   const Solution& best = result.best;
   const MotionSummary& summary = result.summary;
-  const Certificate& c = result.file->certificate;
   nlohmann::ordered_json json = {{"name", result.problem().name},
                                  {"seed", result.problem().search.seed},
                                  {"objective", best.rollout.cost},
@@ -427,21 +429,14 @@ nlohmann::ordered_json Figures(const Result& result) {
                                  {"final_pitch_rad", summary.final_pitch_rad},
                                  {"settled_pitch_rad", summary.settled_pitch_rad},
                                  {"settled_error_rad", result.settled_error_rad()},
-                                 {"settled_speed", summary.settled_speed},
-                                 {"gradient_error", c.gradient_error},
-                                 {"gradient_difference_steps_rad", c.gradient_difference_steps_rad},
-                                 {"gradient_errors", c.gradient_errors},
-                                 {"gradient_step_halving_change", c.gradient_step_halving_change},
-                                 {"projected_gradient", c.projected_gradient},
-                                 {"constraint_violation", c.constraint_violation},
-                                 {"step_halving_error_rad", c.step_halving_error_rad},
-                                 {"peak_torque_nm", c.peak_torque_nm},
-                                 {"peak_penetration_m", c.peak_penetration_m},
-                                 {"position_margin_rad", c.position_margin_rad},
-                                 {"velocity_margin_rad_s", c.velocity_margin_rad_s},
-                                 {"acceleration_margin_rad_s2", c.acceleration_margin_rad_s2},
-                                 {"torque_margin_nm", c.torque_margin_nm},
-                                 {"coefficients_hash", c.coefficients_hash}};
+                                 {"settled_speed", summary.settled_speed}};
+  for (const CertificateFigure& figure : FiguresOf(result.file->certificate)) {
+    const std::string_view key = figure.key;
+    // settled_error_rad is the first without its sign, the second comes last.
+    if (key == "settled_pitch_error_rad" || key == "coefficients_hash") continue;
+    std::visit([&](const auto& value) { json[figure.key] = value; }, figure.value);
+  }
+  json["coefficients_hash"] = result.file->certificate.coefficients_hash;
   if (!result.minima.empty()) json["minima"] = FiguresOfMinima(result);
   return json;
 }
@@ -450,20 +445,22 @@ nlohmann::ordered_json Figures(const Result& result) {
 void PrintMotion(std::FILE* people, const Result& result) {
   const MotionSummary& summary = result.summary;
   const Certificate& c = result.file->certificate;
-  fmt::print(
-      people,
-      "{}: objective {:.6g} after {} evaluations, {:.2f} s ({:.2f} s of CPU); {}\n"
-      "  pitch at the end {:.4f} rad, 2 s later {:.4f} rad\n"
-      "  gradient error {:.1e}, projected gradient {:.1e}; with half the step the gradient changes "
-      "by "
-      "{:.1e}, the final pitch by {:.1e} rad\n"
-      "  peak torque {:.2f} N m, margins: {:.2f} N m, {:.2f} rad, {:.2f} rad/s, {:.0f} rad/s^2; "
-      "peak penetration {:.2f} mm\n",
-      result.problem().name, result.best.rollout.cost, result.outcome.evaluations, result.wall_s,
-      result.cpu_s, ToString(result.best.end), summary.final_pitch_rad, summary.settled_pitch_rad,
-      c.gradient_error, c.projected_gradient, c.gradient_step_halving_change,
-      c.step_halving_error_rad, c.peak_torque_nm, c.torque_margin_nm, c.position_margin_rad,
-      c.velocity_margin_rad_s, c.acceleration_margin_rad_s2, 1e3 * c.peak_penetration_m);
+  fmt::print(people,
+             "{}: objective {:.6g} after {} evaluations, {:.2f} s ({:.2f} s of CPU); {}\n"
+             "  pitch at the end {:.4f} rad, 2 s later {:.4f} rad\n{}",
+             result.problem().name, result.best.rollout.cost, result.outcome.evaluations,
+             result.wall_s, result.cpu_s, ToString(result.best.end), summary.final_pitch_rad,
+             summary.settled_pitch_rad,
+             FormatCertificate(
+                 "  gradient error {gradient_error:.1e}, projected gradient "
+                 "{projected_gradient:.1e}; with half the step the gradient changes by "
+                 "{gradient_step_halving_change:.1e}, the final pitch by "
+                 "{step_halving_error_rad:.1e} rad\n"
+                 "  peak torque {peak_torque_nm:.2f} N m, margins: {torque_margin_nm:.2f} N m, "
+                 "{position_margin_rad:.2f} rad, {velocity_margin_rad_s:.2f} rad/s, "
+                 "{acceleration_margin_rad_s2:.0f} rad/s^2; "
+                 "peak penetration {peak_penetration_mm:.2f} mm\n",
+                 c, result.problem().contact.d_on_m));
   if (c.gradient_error > kDoubtfulGradient) {
     fmt::print(
         stderr,

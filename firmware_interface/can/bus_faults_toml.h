@@ -3,7 +3,9 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
+#include "common/key_table.h"
 #include "firmware_interface/can/bus_faults.h"
 
 namespace tumbler {
@@ -15,5 +17,8 @@ BusFaultPlan LoadBusFaults(const std::string& path, std::span<const std::string>
 /// The same of a text. @param name  stands for the file in messages.
 BusFaultPlan ParseBusFaults(std::string_view text, const std::string& name,
                             std::span<const std::string> nodes);
+
+/// The keys of the file and the kinds of faults, for docs/formats.md.
+std::vector<KeyTable> BusFaultsKeyTables();
 
 }  // namespace tumbler

@@ -11,6 +11,7 @@
 
 #include "common/primitive_hash.h"
 #include "common/primitive_limits.h"
+#include "offline/certificate/certificate_text.h"
 #include "offline/dynamics/hybrid_dynamics.h"
 #include "offline/linear/least_squares.h"
 
@@ -448,35 +449,10 @@ ReportData MakeReportData(const Task& task, const SolveOutcome& outcome, const S
                                                   : searched + static_cast<int>(evaluation.count),
                                 evaluation.cost, evaluation.violation, evaluation.global});
   }
-  const Certificate& c = file.certificate;
-  data.certificate = {
-      {"solver", ToString(solution.end)},
-      {"gradient error against central differences",
-       fmt::format(
-           "{:.2e} (relative); {:.2e}, {:.2e}, {:.2e} with steps of {:.0e}, {:.0e}, {:.0e} rad",
-           c.gradient_error, c.gradient_errors[0], c.gradient_errors[1], c.gradient_errors[2],
-           c.gradient_difference_steps_rad[0], c.gradient_difference_steps_rad[1],
-           c.gradient_difference_steps_rad[2])},
-      {"gradient when the step is halved",
-       fmt::format("changes by {:.2e} (relative)", c.gradient_step_halving_change)},
-      {"projected gradient", fmt::format("{:.2e} (cost per rad)", c.projected_gradient)},
-      {"constraint violation", fmt::format("{:.2e} (scaled)", c.constraint_violation)},
-      {"final pitch when the step is halved",
-       fmt::format("changes by {:.2e} rad", c.step_halving_error_rad)},
-      {"pitch 2 s after the end",
-       fmt::format("off its target by {:.2e} rad", c.settled_pitch_error_rad)},
-      {"peak torque", fmt::format("{:.3f} N m", c.peak_torque_nm)},
-      {"margin to the torque limit", fmt::format("{:.3f} N m (dense samples)", c.torque_margin_nm)},
-      {"margin to the position limits", fmt::format("{:.3f} rad (all t)", c.position_margin_rad)},
-      {"margin to the velocity limit",
-       fmt::format("{:.3f} rad/s (all t)", c.velocity_margin_rad_s)},
-      {"margin to the acceleration limit",
-       fmt::format("{:.1f} rad/s² (all t)", c.acceleration_margin_rad_s2)},
-      {"peak penetration", fmt::format("{:.2f} mm of {:.2f} mm", 1e3 * c.peak_penetration_m,
-                                       1e3 * problem.contact.d_on_m)},
-      {"coefficients", c.coefficients_hash},
-      {"robot", file.provenance.robot_hash},
-      {"task", file.provenance.task_hash}};
+  data.certificate = CertificateLines(file.certificate, problem.contact.d_on_m);
+  data.certificate.emplace(data.certificate.begin(), "solver", ToString(solution.end));
+  data.certificate.emplace_back("robot", file.provenance.robot_hash);
+  data.certificate.emplace_back("task", file.provenance.task_hash);
   return data;
 }
 

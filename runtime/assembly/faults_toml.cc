@@ -4,16 +4,46 @@
 
 #include <array>
 #include <optional>
-#include <vector>
 
-#include "common/toml_reader.h"
+#include "common/file_keys.h"
 
 namespace tumbler {
 
 namespace {
 
-constexpr std::int64_t kFaultsFileVersion = 1;
-constexpr std::int64_t kMostTicks = 1'000'000;
+constexpr FileHeader kHeader{"tumbler-faults", 1};
+
+constexpr std::array kLimitKeys = {
+    KeyOf<&ExecutorConfig::stale_ticks_max>("stale_ticks_max", {1, 1000}, "ticks without a reply"),
+    KeyOf<&ExecutorConfig::sequence_errors_max>(
+        "sequence_errors_max", {1, 1000}, "count of [replies out of order](runtime.md#faults)"),
+    KeyOf<&ExecutorConfig::late_ticks_max>("late_ticks_max", {0, 1000},
+                                           "missed periods that are made up for"),
+    KeyOf<&ExecutorConfig::arming_ticks_max>("arming_ticks_max", {1, 1'000'000},
+                                             "ticks until every drive is enabled")
+        .Default("0.5 s"),
+};
+
+/// `[collapse]`, and the joints that it has to name.
+struct CollapseEntry : CollapseConfig {
+  std::span<const FaultsJoint> joints;
+};
+
+void ReadPose(TomlTable& table, std::string_view key, CollapseEntry& collapse) {
+  TomlTable pose = table.Table(key);
+  for (std::size_t i = 0; i < collapse.joints.size(); ++i) {
+    const FaultsJoint& joint = collapse.joints[i];
+    collapse.position_rad[i] = static_cast<float>(
+        pose.Number(joint.name, {joint.position_min_rad, joint.position_max_rad, false}));
+  }
+}
+
+constexpr std::array kCollapseKeys = {
+    KeyOf<&CollapseConfig::stiffness, CollapseEntry>("stiffness", {0.01, 1}, "share of kp"),
+    KeyReadBy<CollapseEntry>("position_rad", ReadPose, "table of joint and position, of all joints")
+        .Required()
+        .Allowed("inside the limits of every primitive"),
+};
 
 Reaction ReadReaction(TomlTable& table, std::string_view key) {
   static constexpr auto kNames = [] {
@@ -60,38 +90,15 @@ void ReadRow(TomlTable& table, const FaultInfo& info, FaultTable& reactions) {
   }
 }
 
-CollapseConfig ReadCollapse(TomlTable& table, std::span<const FaultsJoint> joints,
-                            CollapseConfig collapse) {
-  collapse.stiffness = static_cast<float>(
-      table.Number("stiffness", {0.01, 1, false}, static_cast<double>(collapse.stiffness)));
-  TomlTable pose = table.Table("position_rad");
-  for (std::size_t i = 0; i < joints.size(); ++i) {
-    collapse.position_rad[i] = static_cast<float>(pose.Number(
-        joints[i].name, {joints[i].position_min_rad, joints[i].position_max_rad, false}));
-  }
-  collapse.configured = true;
-  return collapse;
-}
-
 void Read(TomlTable& file, std::span<const FaultsJoint> joints, ExecutorConfig& config) {
   ExecutorConfig read = config;
-  const std::string format = file.String("format");
-  if (format != "tumbler-faults") {
-    file.Fail("format", fmt::format("is '{}'; allowed: tumbler-faults", format));
-  }
-  file.Integer("version", kFaultsFileVersion, kFaultsFileVersion);
-  if (auto limits = file.OptionalTable("limits")) {
-    const auto read_limit = [&limits](const char* key, std::int64_t min, std::int64_t max,
-                                      int& value) {
-      value = static_cast<int>(limits->Integer(key, min, max, value));
-    };
-    read_limit("stale_ticks_max", 1, 1000, read.stale_ticks_max);
-    read_limit("sequence_errors_max", 1, 1000, read.sequence_errors_max);
-    read_limit("late_ticks_max", 0, 1000, read.late_ticks_max);
-    read_limit("arming_ticks_max", 1, kMostTicks, read.arming_ticks_max);
-  }
-  if (auto collapse = file.OptionalTable("collapse")) {
-    read.collapse = ReadCollapse(*collapse, joints, read.collapse);
+  ReadHeader(file, kHeader);
+  if (auto limits = file.OptionalTable("limits")) ReadKeys(*limits, kLimitKeys, read);
+  if (auto table = file.OptionalTable("collapse")) {
+    CollapseEntry collapse{read.collapse, joints};
+    ReadKeys(*table, kCollapseKeys, collapse);
+    read.collapse = collapse;
+    read.collapse.configured = true;
   }
   if (auto reactions = file.OptionalTable("reactions")) {
     for (const FaultInfo& info : kFaultTable) {
@@ -113,6 +120,19 @@ std::string FaultsKey(std::string_view name) {
     if (c == ' ' || c == '-') c = '_';
   }
   return key;
+}
+
+std::vector<KeyTable> FaultsKeyTables() {
+  std::string reactions;
+  for (const ReactionInfo& info : kReactionTable) reactions += fmt::format("`\"{}\"`, ", info.name);
+  const KeyRow reaction{"`[reactions]`", "FAULT", "see there",
+                        reactions + "or a table of state and reaction",
+                        "a reaction alone holds in every state"};
+  return {{"runtime/assembly/faults_toml.cc", "faults",
+           Joined({{RowOf(kHeader)},
+                   RowsOf(kLimitKeys, "`[limits]`"),
+                   RowsOf(kCollapseKeys, "`[collapse]`"),
+                   {reaction}})}};
 }
 
 void LoadFaults(const std::string& path, std::span<const FaultsJoint> joints,

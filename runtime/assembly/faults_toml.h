@@ -3,7 +3,9 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
+#include "common/key_table.h"
 #include "runtime/core/executor_config.h"
 
 namespace tumbler {
@@ -29,5 +31,8 @@ void ParseFaults(std::string_view text, const std::string& name,
 
 /// The key of a name of the tables: `over-temperature` is `over_temperature`.
 [[nodiscard]] std::string FaultsKey(std::string_view name);
+
+/// The keys of the file, for docs/formats.md.
+std::vector<KeyTable> FaultsKeyTables();
 
 }  // namespace tumbler

@@ -16,6 +16,7 @@
 #include "common/primitive_limits.h"
 #include "common/primitive_rounding.h"
 #include "common/toml_reader.h"
+#include "tests/support/docs_tables.h"
 
 namespace tumbler {
 namespace {
@@ -819,6 +820,11 @@ TEST(PrimitiveToRuntime, RefusesWhatRoundingWouldDistort) {
   file = Example();
   file.primitive.entry_tolerance_rad = 1e-300;
   EXPECT_THROW(ToRuntime(file.primitive), std::invalid_argument);
+}
+
+TEST(PrimitiveToml, TheTablesOfTheDocumentsAreThoseOfTheCode) {
+  testing::ExpectTables("docs/formats.md", PrimitiveKeyTables());
+  testing::ExpectTables("docs/method.md", std::vector<KeyTable>{CertificateKeyTable()});
 }
 
 }  // namespace

@@ -12,6 +12,7 @@
 
 #include "common/primitive_hash.h"
 #include "common/toml_reader.h"
+#include "tests/support/docs_tables.h"
 #include "tests/support/sequence_files.h"
 
 namespace tumbler {
@@ -355,6 +356,10 @@ TEST(SequenceToml, PrimitivesOfOtherJointsOrRobotsAreRefused) {
 
 TEST(SequenceToml, AMissingFileIsNamed) {
   EXPECT_THROW(LoadSequence("/nowhere/gait.toml"), FileError);
+}
+
+TEST(SequenceToml, TheTablesOfTheDocumentAreThoseOfTheCode) {
+  testing::ExpectTables("docs/formats.md", SequenceKeyTables());
 }
 
 }  // namespace

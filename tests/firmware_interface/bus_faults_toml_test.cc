@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "common/toml_reader.h"
+#include "tests/support/docs_tables.h"
 #include "tests/support/files.h"
 
 namespace tumbler {
@@ -100,6 +101,10 @@ TEST(BusFaultsToml, WhatIsWrongIsNamedWithFileLineKeyAndWhatIsAllowed) {
   EXPECT_THROW(ParseBusFaults("format = \"tumbler-bus-faults\"\nversion = 2\n", "b.toml", kNodes),
                FileError);
   EXPECT_THROW(LoadBusFaults("/nonexistent/b.toml", kNodes), FileError);
+}
+
+TEST(BusFaultsToml, TheTablesOfTheDocumentAreThoseOfTheCode) {
+  testing::ExpectTables("docs/formats.md", BusFaultsKeyTables());
 }
 
 }  // namespace

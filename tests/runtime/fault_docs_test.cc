@@ -1,39 +1,23 @@
-// Holds the tables of docs/runtime.md to those of the code. With TUMBLER_UPDATE_DOCS=1 in the
-// environment it writes them instead.
+// Holds the tables of docs/runtime.md to those of the code.
 
 #include <gtest/gtest.h>
 
-#include <cstdlib>
-#include <fstream>
-#include <sstream>
 #include <string>
-#include <string_view>
-#include <utility>
 #include <vector>
 
 #include "runtime/core/faults.h"
+#include "tests/support/docs_tables.h"
 #include "tests/support/executor_rig.h"
-#include "tests/support/files.h"
 #include "tests/support/motions.h"
 
 namespace tumbler {
 namespace {
 
-const std::string kFile = testing::SourcePath("docs/runtime.md");
-
-std::string Row(const std::vector<std::string>& cells) {
-  std::string row = "|";
-  for (const std::string& cell : cells) row += " " + cell + " |";
-  return row + "\n";
-}
-std::string Head(const std::vector<std::string>& cells) {
-  std::string rule = "|";
-  for (std::size_t i = 0; i < cells.size(); ++i) rule += "---|";
-  return Row(cells) + rule + "\n";
-}
+using testing::MarkdownHead;
+using testing::MarkdownRow;
 
 std::string States() {
-  std::string text = Head({"state", "setpoints", "leads to"});
+  std::string text = MarkdownHead({"state", "setpoints", "leads to"});
   for (const StateInfo& state : kStateTable) {
     std::string next;
     for (const TransitionInfo& transition : kTransitionTable) {
@@ -41,25 +25,26 @@ std::string States() {
       next += (next.empty() ? "" : "; ") + std::string(ToString(transition.to)) + " (" +
               transition.when + ")";
     }
-    text += Row({state.name, state.setpoints, next});
+    text += MarkdownRow({state.name, state.setpoints, next});
   }
   return text;
 }
 
 std::string Faults() {
-  std::string text = Head({"fault", "seen when", "value, limit", "limit set by"});
+  std::string text = MarkdownHead({"fault", "seen when", "value, limit", "limit set by"});
   for (const FaultInfo& fault : kFaultTable) {
     if (fault.fault == Fault::kNone) continue;
     const std::string key = fault.limit_key;
-    text += Row({fault.name, fault.seen_when, fault.value, key.empty() ? "" : "`" + key + "`"});
+    text +=
+        MarkdownRow({fault.name, fault.seen_when, fault.value, key.empty() ? "" : "`" + key + "`"});
   }
   return text;
 }
 
 std::string Reactions() {
-  std::string text = Head({"reaction", "what the drives are sent"});
+  std::string text = MarkdownHead({"reaction", "what the drives are sent"});
   for (const ReactionInfo& reaction : kReactionTable)
-    text += Row({reaction.name, reaction.meaning});
+    text += MarkdownRow({reaction.name, reaction.meaning});
   return text;
 }
 
@@ -69,7 +54,7 @@ std::string Answers() {
     if (state.state != ExecutorState::kDisarmed) head.emplace_back(state.name);
   }
   head.emplace_back("why");
-  std::string text = Head(head);
+  std::string text = MarkdownHead(head);
   const FaultTable table;
   for (const FaultInfo& fault : kFaultTable) {
     if (fault.fault == Fault::kNone) continue;
@@ -79,32 +64,17 @@ std::string Answers() {
       cells.emplace_back(ToString(table(fault.fault, state.state)));
     }
     cells.emplace_back(fault.why);
-    text += Row(cells);
+    text += MarkdownRow(cells);
   }
   return text;
 }
 
 TEST(FaultDocs, TheTablesOfTheDocumentAreThoseOfTheCode) {
-  const std::string before = testing::ReadFile(kFile);
-  std::string after = before;
-  for (const auto& [name, table] :
-       {std::pair{"states", States()}, std::pair{"faults", Faults()},
-        std::pair{"reactions", Reactions()}, std::pair{"answers", Answers()}}) {
-    const std::string begin =
-        std::string("<!-- generated from runtime/core/faults.h: ") + name + " -->\n";
-    const std::string end = "<!-- end -->\n";
-    const std::size_t first = after.find(begin);
-    ASSERT_NE(first, std::string::npos) << kFile << " has no line " << begin;
-    const std::size_t last = after.find(end, first);
-    ASSERT_NE(last, std::string::npos) << kFile << " has no line " << end << " after " << begin;
-    after.replace(first + begin.size(), last - first - begin.size(), table);
-  }
-  if (std::getenv("TUMBLER_UPDATE_DOCS") != nullptr) {
-    testing::WriteFile(kFile, after);
-    return;
-  }
-  EXPECT_EQ(before, after) << "write them with TUMBLER_UPDATE_DOCS=1 build/release/tests/"
-                              "fault_docs_test";
+  const std::string source = "runtime/core/faults.h";
+  testing::ExpectTables("docs/runtime.md", {{source, "states", States()},
+                                            {source, "faults", Faults()},
+                                            {source, "reactions", Reactions()},
+                                            {source, "answers", Answers()}});
 }
 
 /// Whether the table knows of this change of state.

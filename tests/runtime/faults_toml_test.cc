@@ -3,10 +3,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <set>
 #include <string>
 #include <vector>
 
 #include "common/toml_reader.h"
+#include "tests/support/docs_tables.h"
 #include "tests/support/files.h"
 
 namespace tumbler {
@@ -155,6 +157,21 @@ TEST(FaultsToml, OtherFormatsAndVersionsAreRefused) {
   EXPECT_THROW(ParseFaults("format = \"tumbler-faults\"\nversion = 2\n", "f.toml", kJoints, config),
                FileError);
   EXPECT_THROW(LoadFaults("/nonexistent/f.toml", kJoints, config), FileError);
+}
+
+TEST(FaultsToml, TheTablesOfTheDocumentAreThoseOfTheCode) {
+  testing::ExpectTables("docs/formats.md", FaultsKeyTables());
+}
+
+TEST(FaultsToml, EveryLimitOfAFaultIsAKey) {
+  std::set<std::string> keys;
+  for (const KeyTable& table : FaultsKeyTables()) {
+    for (const KeyRow& row : table.rows) keys.insert(row.table + " " + row.key);
+  }
+  for (const FaultInfo& fault : kFaultTable) {
+    const std::string key = fault.limit_key;
+    EXPECT_TRUE(key.empty() || keys.contains("`[limits]` `" + key + "`")) << fault.name;
+  }
 }
 
 }  // namespace

@@ -1,0 +1,272 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <type_traits>
+#include <variant>
+#include <vector>
+
+#include "common/fixed_string.h"
+#include "common/key_table.h"
+#include "common/toml_reader.h"
+#include "common/toml_writer.h"
+
+namespace tumbler {
+
+/// The keys of a file, each described once: what reads it, what writes it and its table in
+/// docs/formats.md come from the same list.
+///
+///   constexpr std::array kStopKeys = {
+///       KeyOf<&Stop::stiffness_nm_per_rad>("stiffness_nm_per_rad", {0, 1e4}, "of the spring"),
+///       KeyOf<&Stop::damping_nm_s_per_rad>("damping_nm_s_per_rad", {0, 50}, "of the damper")};
+///
+///   Stop stop;
+///   ReadKeys(table, kStopKeys, stop);
+///
+/// A key that is not in the file leaves the member as it is: the default is that of the struct, or
+/// whatever the member held before. Keys are read in the order of the list.
+
+/// What there is to say of a key, whatever holds its value.
+struct KeyText {
+  std::string_view name;  ///< With its unit at the end.
+  Range allowed = Range::Any();
+  std::span<const std::string_view> choices;  ///< Names of the values 0, 1, ... of an enumeration.
+  const char* meaning = "";
+  bool required = false;
+  const char* default_text = nullptr;  ///< For people, where the struct's own default is not it.
+  const char* allowed_text = nullptr;  ///< For people, where the range does not say it (all).
+};
+
+/// A whole number of any type, or an enumeration, wherever it is.
+struct IntegerValue {
+  void* at;
+  std::int64_t (*get)(const void*);
+  void (*set)(void*, std::int64_t);
+};
+/// A FixedString of any capacity; in the file it is not empty.
+struct NameValue {
+  void* at;
+  std::size_t capacity;
+  std::string_view (*get)(const void*);
+  void (*set)(void*, std::string_view);
+};
+/// Seconds in the file, nanoseconds in the struct.
+struct SecondsValue {
+  std::int64_t* nanoseconds;
+};
+/// A text of several lines.
+struct LongTextValue {
+  std::string* text;
+};
+/// What a key stands for, in one struct. A span is an array of exactly its size.
+using KeyValue = std::variant<double*, float*, IntegerValue, bool*, std::string*, NameValue,
+                              SecondsValue, LongTextValue, std::optional<double>*,
+                              std::span<double>, std::vector<double>*, std::vector<std::string>*>;
+
+/// A key of a table whose values go into an `S`. Made by `KeyOf` and its kin below.
+template <class S>
+struct FileKey {
+  using Reader = void (*)(TomlTable& table, std::string_view key, S& settings);
+
+  KeyText text;
+  KeyValue (*value)(S&) = nullptr;
+  Reader reader = nullptr;              ///< Instead of `value`, for what no list can say.
+  Range (*range)(const S&) = nullptr;   ///< Instead of `text.allowed`.
+  void (*prepare)(S&) = nullptr;        ///< Sets the default, from the keys before.
+  bool (*applies)(const S&) = nullptr;  ///< Else the key is none of this table.
+
+  /// There is no default.
+  [[nodiscard]] constexpr FileKey Required() const {
+    FileKey key = *this;
+    key.text.required = true;
+    return key;
+  }
+  /// A default that is not the struct's: what people are told, and what sets it.
+  [[nodiscard]] constexpr FileKey Default(const char* for_people, void (*set)(S&) = nullptr) const {
+    FileKey key = *this;
+    key.text.default_text = for_people;
+    key.prepare = set;
+    return key;
+  }
+  /// More than a constant range: what people are told, and the range that the keys before leave.
+  [[nodiscard]] constexpr FileKey Allowed(const char* for_people,
+                                          Range (*of)(const S&) = nullptr) const {
+    FileKey key = *this;
+    key.text.allowed_text = for_people;
+    key.range = of;
+    return key;
+  }
+  /// Only where this holds, of the keys before; elsewhere the key is an unknown one.
+  [[nodiscard]] constexpr FileKey Where(bool (*holds)(const S&)) const {
+    FileKey key = *this;
+    key.applies = holds;
+    return key;
+  }
+};
+
+namespace file_keys_detail {
+
+template <class M>
+struct MemberOf;
+template <class T, class C>
+struct MemberOf<T C::*> {
+  using Class = C;
+  using Type = T;
+};
+template <auto kMember>
+using ClassOf = typename MemberOf<decltype(kMember)>::Class;
+
+inline KeyValue ValueOf(double& value) { return &value; }
+inline KeyValue ValueOf(float& value) { return &value; }
+inline KeyValue ValueOf(std::string& value) { return &value; }
+inline KeyValue ValueOf(std::optional<double>& value) { return &value; }
+inline KeyValue ValueOf(std::vector<double>& value) { return &value; }
+inline KeyValue ValueOf(std::vector<std::string>& value) { return &value; }
+template <std::size_t kCount>
+KeyValue ValueOf(std::array<double, kCount>& value) {
+  return std::span<double>(value);
+}
+template <std::size_t kCapacity>
+KeyValue ValueOf(FixedString<kCapacity>& value) {
+  using Name = FixedString<kCapacity>;
+  return NameValue{&value, kCapacity,
+                   [](const void* at) { return static_cast<const Name*>(at)->view(); },
+                   [](void* at, std::string_view name) { *static_cast<Name*>(at) = Name(name); }};
+}
+template <class T>
+KeyValue IntegerOf(T& value) {
+  return IntegerValue{
+      &value, [](const void* at) { return static_cast<std::int64_t>(*static_cast<const T*>(at)); },
+      [](void* at, std::int64_t to) { *static_cast<T*>(at) = static_cast<T>(to); }};
+}
+template <class T>
+requires(std::is_integral_v<T> || std::is_enum_v<T>) KeyValue ValueOf(T& value) {
+  if constexpr (std::is_same_v<T, bool>) {
+    return &value;
+  } else {
+    return IntegerOf(value);
+  }
+}
+
+void Read(TomlTable& table, const KeyText& text, const KeyValue& value);
+void Write(TomlWriter& writer, const KeyText& text, const KeyValue& value);
+/// @param value  the default; null: the texts say it.
+KeyRow RowOf(const KeyText& text, const KeyValue* value, std::string_view table);
+
+}  // namespace file_keys_detail
+
+/// The key of a member: a number, a text or truth; an array of numbers; a name (FixedString).
+/// @tparam S  the class of the member, or one derived from it.
+template <auto kMember, class S = file_keys_detail::ClassOf<kMember>>
+constexpr FileKey<S> KeyOf(std::string_view name, Range allowed, const char* meaning) {
+  FileKey<S> key;
+  key.text.name = name;
+  key.text.allowed = allowed;
+  key.text.meaning = meaning;
+  key.value = [](S& settings) { return file_keys_detail::ValueOf(settings.*kMember); };
+  return key;
+}
+template <auto kMember, class S = file_keys_detail::ClassOf<kMember>>
+constexpr FileKey<S> KeyOf(std::string_view name, const char* meaning) {
+  return KeyOf<kMember, S>(name, Range::Any(), meaning);
+}
+/// The same of an enumeration whose values 0, 1, ... have these names, or of a bool.
+template <auto kMember, class S = file_keys_detail::ClassOf<kMember>, std::size_t kCount>
+constexpr FileKey<S> KeyOf(std::string_view name,
+                           const std::array<std::string_view, kCount>& choices,
+                           const char* meaning) {
+  FileKey<S> key = KeyOf<kMember, S>(name, Range::Any(), meaning);
+  key.text.choices = choices;
+  key.value = [](S& settings) { return file_keys_detail::IntegerOf(settings.*kMember); };
+  return key;
+}
+/// Seconds, of a member in nanoseconds.
+template <auto kMember, class S = file_keys_detail::ClassOf<kMember>>
+constexpr FileKey<S> SecondsOf(std::string_view name, Range allowed, const char* meaning) {
+  FileKey<S> key = KeyOf<kMember, S>(name, allowed, meaning);
+  key.value = [](S& settings) -> KeyValue { return SecondsValue{&(settings.*kMember)}; };
+  return key;
+}
+/// A text of several lines.
+template <auto kMember, class S = file_keys_detail::ClassOf<kMember>>
+constexpr FileKey<S> LongTextOf(std::string_view name, const char* meaning) {
+  FileKey<S> key = KeyOf<kMember, S>(name, meaning);
+  key.value = [](S& settings) -> KeyValue { return LongTextValue{&(settings.*kMember)}; };
+  return key;
+}
+/// A key that a function reads, which is told the key. Its default and what is allowed are said to
+/// people by `Default` and `Allowed`.
+template <class S>
+constexpr FileKey<S> KeyReadBy(std::string_view name, typename FileKey<S>::Reader reader,
+                               const char* meaning) {
+  FileKey<S> key;
+  key.text.name = name;
+  key.text.meaning = meaning;
+  key.reader = reader;
+  return key;
+}
+
+/// The keys with none that may be left out.
+template <class S, std::size_t kCount>
+constexpr std::array<FileKey<S>, kCount> AllRequired(std::array<FileKey<S>, kCount> keys) {
+  for (FileKey<S>& key : keys) key.text.required = true;
+  return keys;
+}
+
+/// Reads the keys in their order. @throws FileError about the first that is wrong, or missing and
+/// required.
+template <class S, std::size_t kCount>
+void ReadKeys(TomlTable& table, const std::array<FileKey<S>, kCount>& keys,
+              std::type_identity_t<S>& settings) {
+  for (const FileKey<S>& key : keys) {
+    if (key.applies != nullptr && !key.applies(settings)) continue;
+    if (key.prepare != nullptr) key.prepare(settings);
+    if (key.reader != nullptr) {
+      key.reader(table, key.text.name, settings);
+      continue;
+    }
+    KeyText text = key.text;
+    if (key.range != nullptr) text.allowed = key.range(settings);
+    file_keys_detail::Read(table, text, key.value(settings));
+  }
+}
+
+/// Writes the keys in their order. @throws std::invalid_argument about what TOML does not hold.
+template <class S, std::size_t kCount>
+void WriteKeys(TomlWriter& writer, const std::array<FileKey<S>, kCount>& keys,
+               std::type_identity_t<S> settings) {
+  for (const FileKey<S>& key : keys) file_keys_detail::Write(writer, key.text, key.value(settings));
+}
+
+/// The rows of the keys in docs/formats.md.
+/// @param table     in Markdown, said before each.
+/// @param defaults  what a key that is left out stands for.
+template <class S, std::size_t kCount>
+std::vector<KeyRow> RowsOf(const std::array<FileKey<S>, kCount>& keys, std::string_view table = "",
+                           std::type_identity_t<S> defaults = {}) {
+  std::vector<KeyRow> rows;
+  for (const FileKey<S>& key : keys) {
+    std::optional<KeyValue> value;
+    if (key.value != nullptr) value = key.value(defaults);
+    rows.push_back(file_keys_detail::RowOf(key.text, value ? &*value : nullptr, table));
+  }
+  return rows;
+}
+
+/// What a file says it is: its keys `format` and `version`, the first that are read.
+struct FileHeader {
+  const char* format;
+  int version;
+  /// Problems in messages, {0} being the file's value and {1} the one above.
+  const char* other_format = "is '{0}'; allowed: {1}";
+  const char* newer_version = nullptr;  ///< Null: no other version is read.
+};
+/// @throws FileError when the file is something else.
+void ReadHeader(TomlTable& file, const FileHeader& header);
+KeyRow RowOf(const FileHeader& header);
+
+}  // namespace tumbler

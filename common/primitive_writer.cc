@@ -1,0 +1,90 @@
+#include <fmt/format.h>
+
+#include <cstdint>
+#include <limits>
+#include <stdexcept>
+#include <string>
+
+#include "common/primitive_keys.h"
+#include "common/primitive_toml.h"
+#include "common/toml_writer.h"
+
+namespace tumbler {
+namespace {
+
+using Motion = JointMotion<double>;
+using Spline = Motion::Spline;
+
+SplineEntry EntryOf(const Spline& spline) {
+  return {spline.degree(),
+          {spline.knots().begin(), spline.knots().end()},
+          {spline.control_points().begin(), spline.control_points().end()}};
+}
+
+void WriteJoint(TomlWriter& writer, const Motion& motion) {
+  writer.Line("\n[[joint]]");
+  WriteKeys(writer, kJointKeys, motion);
+  writer.Line("[joint.limits]");
+  WriteKeys(writer, kJointLimitKeys, motion.limits);
+  writer.Line("[joint.position]");
+  WriteKeys(writer, kPositionKeys, EntryOf(motion.position));
+  writer.Line("[joint.torque]  # feed-forward");
+  WriteKeys(writer, kTorqueKeys, EntryOf(motion.torque));
+}
+
+void WriteProvenance(TomlWriter& writer, const Provenance& provenance) {
+  if (provenance.seed > static_cast<std::uint64_t>(std::numeric_limits<std::int64_t>::max())) {
+    throw std::invalid_argument(
+        fmt::format("seed is {}; allowed: below 2^63, the integers of TOML", provenance.seed));
+  }
+  writer.Line("\n[provenance]");
+  WriteKeys(writer, kProvenanceKeys, provenance);
+  if (!provenance.start_file.empty()) WriteKeys(writer, kStartFileKeys, provenance);
+  WriteKeys(writer, kSourceTextKeys, provenance);
+}
+
+std::string Write(const PrimitiveFile& file) {
+  TomlWriter writer("a primitive");
+  writer.Line(
+      "# A motion primitive: B-spline paths of a robot's joints, and what was verified about "
+      "them.");
+  writer.Line(
+      "# Written by a program; a changed number makes the hashes disagree and the file is "
+      "refused.");
+  writer.Line(fmt::format("format = \"{}\"", kPrimitiveHeader.format));
+  writer.Line(fmt::format("version = {}", kPrimitiveHeader.version));
+  WriteKeys(writer, kPrimitiveKeys, file.primitive);
+  for (const Motion& motion : file.primitive.motions()) WriteJoint(writer, motion);
+  writer.Line("\n[entry]");
+  WriteKeys(writer, kPoseKeys, file.entry);
+  writer.Line("\n[exit]");
+  WriteKeys(writer, kPoseKeys, file.exit);
+  for (const ContactInterval& contact : file.contacts) {
+    writer.Line("\n[[contact]]");
+    WriteKeys(writer, kContactKeys, contact);
+  }
+  writer.Line("\n[certificate]");
+  WriteKeys(writer, kCertificateFileKeys, file.certificate);
+  WriteProvenance(writer, file.provenance);
+  return writer.Take();
+}
+
+}  // namespace
+
+std::string ToToml(const PrimitiveFile& file) {
+  const int count = file.primitive.joint_count;
+  if (count < 1 || count > kMaxJoints) {
+    throw std::invalid_argument(
+        fmt::format("a primitive has {} joints; allowed: from 1 ... {}", count, kMaxJoints));
+  }
+  std::string text = Write(file);
+  try {
+    // What no program would load is not worth writing.
+    ParsePrimitive(text, std::string(file.primitive.name.view()));
+  } catch (const FileError& error) {
+    throw std::invalid_argument(fmt::format("the primitive is inconsistent: {}", error.what()));
+  }
+  return text;
+}
+
+}  // namespace tumbler

@@ -1,0 +1,65 @@
+#include "offline/certificate/certificate_text.h"
+
+#include <fmt/args.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <span>
+#include <type_traits>
+
+#include "common/certificate_keys.h"
+
+namespace tumbler {
+
+std::vector<CertificateFigure> FiguresOf(const Certificate& certificate) {
+  Certificate copy = certificate;  // which keys could write to
+  std::vector<CertificateFigure> figures;
+  for (const CertificateKey& described : kCertificateKeys) {
+    CertificateFigure& figure = figures.emplace_back();
+    figure.key = described.key.text.name.data();  // a literal
+    const KeyValue value = described.key.value(copy);
+    if (const auto* const* number = std::get_if<double*>(&value)) {
+      figure.value = **number;
+    } else if (const auto* numbers = std::get_if<std::span<double>>(&value)) {
+      figure.value = std::vector<double>(numbers->begin(), numbers->end());
+    } else {
+      figure.value = *std::get<std::string*>(value);
+    }
+  }
+  return figures;
+}
+
+std::string FormatCertificate(const char* text, const Certificate& certificate, double d_on_m) {
+  const std::vector<CertificateFigure> figures = FiguresOf(certificate);
+  fmt::dynamic_format_arg_store<fmt::format_context> arguments;
+  for (const CertificateFigure& figure : figures) {
+    if (const auto* numbers = std::get_if<std::vector<double>>(&figure.value)) {
+      arguments.push_back(fmt::arg(figure.key, fmt::join(*numbers, ", ")));
+    } else if (const auto* number = std::get_if<double>(&figure.value)) {
+      arguments.push_back(fmt::arg(figure.key, *number));
+    } else {
+      arguments.push_back(fmt::arg(figure.key, std::get<std::string>(figure.value)));
+    }
+  }
+  arguments.push_back(fmt::arg("peak_penetration_mm", 1e3 * certificate.peak_penetration_m));
+  arguments.push_back(fmt::arg("layer_mm", 1e3 * d_on_m));
+  return fmt::vformat(text, arguments);
+}
+
+std::vector<std::pair<std::string, std::string>> CertificateLines(const Certificate& certificate,
+                                                                  double d_on_m) {
+  std::vector<const CertificateKey*> shown;
+  for (const CertificateKey& described : kCertificateKeys) {
+    if (described.page_line > 0) shown.push_back(&described);
+  }
+  std::sort(shown.begin(), shown.end(), [](const CertificateKey* a, const CertificateKey* b) {
+    return a->page_line < b->page_line;
+  });
+  std::vector<std::pair<std::string, std::string>> lines;
+  lines.reserve(shown.size());
+  for (const CertificateKey* described : shown)
+    lines.emplace_back(described->label, FormatCertificate(described->text, certificate, d_on_m));
+  return lines;
+}
+
+}  // namespace tumbler
