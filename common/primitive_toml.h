@@ -14,8 +14,11 @@ namespace tumbler {
 /// The version that this build writes, and the newest one that it reads.
 inline constexpr int kPrimitiveFileVersion = 1;
 
-/// A pose of the robot at rest: where a motion starts, or where it leaves the robot 2 s after its
-/// end. The joints are at the ends of their splines.
+/// How long after a motion's end its exit is, with the joints held [s].
+inline constexpr double kExitAfter_s = 2;
+
+/// A pose of the robot at rest: where a motion starts, or where it leaves the robot `kExitAfter_s`
+/// after its end. The joints are at the ends of their splines.
 struct PrimitivePose {
   double root_x_m = 0;  ///< Of the root link's frame, world axes.
   double root_z_m = 0;

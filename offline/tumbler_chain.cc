@@ -17,6 +17,7 @@
 #include "common/sequence_toml.h"
 #include "common/toml_reader.h"
 #include "offline/chain/chain.h"
+#include "offline/motion_report/motion_report.h"
 
 namespace tumbler {
 namespace {
@@ -64,7 +65,7 @@ ExitStatus Check(const Arguments& arguments) {
     throw FileError(file.path, file.edge_lines[static_cast<std::size_t>(first_bad->edge)],
                     fmt::format("edge[{}]", first_bad->edge), Describe(file, *first_bad));
   }
-  RequireSameGround(file);
+  RequireSameGround(SimulatedMotion(file));
   fmt::print("{}: {} nodes, {} joins, all fit; limits hold for all t\n", file.graph.name.view(),
              file.graph.node_count, file.graph.edge_count);
   return ExitStatus::kDone;
@@ -112,8 +113,9 @@ ExitStatus Simulate(const Arguments& arguments) {
   std::error_code error;
   if (std::filesystem::equivalent(arguments.json, arguments.sequence, error))
     throw FileError(arguments.json, 0, "", "is an input; results need a file of their own");
-  const SequenceFile file = LoadSequence(arguments.sequence);
-  const ChainOutcome outcome = SimulateChain(file, arguments.options);
+  const SimulatedMotion motion(LoadSequence(arguments.sequence));
+  const SequenceFile& file = motion.file();
+  const ChainOutcome outcome = SimulateChain(motion, arguments.options);
   std::FILE* const people = arguments.json == "-" ? stderr : stdout;
   fmt::print(people, "{:>9} {:<22} {:>10} {:>10} {:>9} {:<8} {:>7} {:>7} {:>9} {:>8}\n",
              "start [s]", "node", "entry err", "exit err", "speed", "posture", "[N m]", "[mm]",
@@ -137,7 +139,7 @@ ExitStatus Simulate(const Arguments& arguments) {
   }
   if (!arguments.report.empty()) {
     fmt::print(people, "report {}\n",
-               WriteReport(MakeChainReport(file, arguments.options), arguments.report));
+               WriteReport(MakeChainReport(motion, arguments.options), arguments.report));
   }
   if (arguments.json == "-") {
     fmt::print("{}\n", ToJson(file, outcome).dump(2));

@@ -31,6 +31,7 @@
 #include "common/toml_reader.h"
 #include "offline/certificate/certificate.h"
 #include "offline/certificate/certificate_text.h"
+#include "offline/motion_report/motion_report.h"
 #include "offline/problem/task_toml.h"
 #include "offline/report/report.h"
 #include "offline/solver/minima.h"
@@ -241,7 +242,7 @@ class Progress {
 /// True when the robot never touches what the task puts in its way: the contact model, and with it
 /// the motion, was not tried at all.
 bool MissesEveryObstacle(const Problem& problem, const Solution& best) {
-  return !problem.obstacles.empty() && !best.rollout.any_contact;
+  return !problem.scene.obstacles.empty() && !best.rollout.any_contact;
 }
 
 /// Why nothing was found, and what to do about it.
@@ -264,15 +265,15 @@ std::string Cause(const Problem& problem, const Solution& best) {
         "the best motion drives a contact {:.1f} mm deep, through the {:.1f} mm layer to the core; "
         "use a "
         "larger contact.stiffness_n_per_m or contact.d_on_m, or more search.max_samples",
-        1e3 * best.rollout.peak_penetration_m, 1e3 * problem.contact.d_on_m);
+        1e3 * best.rollout.peak_penetration_m, 1e3 * problem.scene.contact.d_on_m);
   }
   return ToString(best.end);
 }
 
 /// What contact is made of, and what it asks of the integration.
 void PrintContact(const Problem& problem, const std::string& task_file) {
-  if (problem.obstacles.empty()) return;
-  const ContactLaw& law = problem.contact;
+  if (problem.scene.obstacles.empty()) return;
+  const ContactLaw& law = problem.scene.contact;
   fmt::print(stderr,
              "contact: k {:.4g} N/m, c {:.4g} N s/m, d_on {:.3g} mm, d_off {:.3g} mm, mu {:.3g}, "
              "v_max {:.3g} m/s; step {:.3g} ms, advisable up to {:.3g} ms\n",
@@ -343,7 +344,7 @@ Task Load(const Arguments& arguments, const std::string& path) {
 }
 
 void PrintNotes(const Task& task) {
-  for (const IgnoredShape& shape : task.problem.robot.ignored_shapes) {
+  for (const IgnoredShape& shape : task.problem.scene.robot.ignored_shapes) {
     fmt::print(stderr, "{}:{}: link '{}': note: {}: contact ignores it\n", task.robot_file,
                shape.line, shape.link, shape.reason);
   }
@@ -460,7 +461,7 @@ void PrintMotion(std::FILE* people, const Result& result) {
                  "{position_margin_rad:.2f} rad, {velocity_margin_rad_s:.2f} rad/s, "
                  "{acceleration_margin_rad_s2:.0f} rad/s^2; "
                  "peak penetration {peak_penetration_mm:.2f} mm\n",
-                 c, result.problem().contact.d_on_m));
+                 c, result.problem().scene.contact.d_on_m));
   if (c.gradient_error > kDoubtfulGradient) {
     fmt::print(
         stderr,

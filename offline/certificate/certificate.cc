@@ -11,8 +11,6 @@
 
 #include "common/primitive_hash.h"
 #include "common/primitive_limits.h"
-#include "offline/certificate/certificate_text.h"
-#include "offline/dynamics/hybrid_dynamics.h"
 #include "offline/linear/least_squares.h"
 
 namespace tumbler {
@@ -21,16 +19,12 @@ namespace {
 using Spline = JointMotion<double>::Spline;
 using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-constexpr double kSettledAfter = 2;        ///< [s] after the end, when a motion counts as settled
-constexpr double kSamplesPerSecond = 200;  ///< of a report
 /// Contact that is lost for less than this is one contact: a foot that chatters as it lands.
 constexpr double kContactGap = 0.01;
 /// Feed-forward: fine enough for the swing, too coarse for the spikes of an impact, which no drive
 /// should be asked for.
 constexpr int kTorqueDegree = 3;
 constexpr double kTorquePointsPerSecond = 40;
-
-double Extra(const Problem& problem) { return std::max(0.0, kSettledAfter - problem.settle_s); }
 
 struct TorqueSamples {
   std::vector<double> time_s;
@@ -81,27 +75,12 @@ Spline FitTorque(const Problem& problem, const TorqueSamples& samples, std::size
   return spline;
 }
 
-PrimitivePose PoseOf(const Problem& problem, const std::vector<double>& q) {
-  PrimitivePose pose;
-  if (problem.robot.root_dofs == 3) {
-    pose.root_x_m = q[0];
-    pose.root_z_m = q[1];
-    pose.root_pitch_rad = q[2];
-  }
-  for (const ActuatedJoint& joint : problem.joints) {
-    pose.joint_positions_rad.push_back(q[static_cast<std::size_t>(joint.dof)]);
-  }
-  return pose;
-}
-
-double PitchOf(const Problem& problem, const std::vector<double>& q) {
-  return problem.robot.root_dofs == 3 ? q[2] : 0.0;
-}
-
 double FinalPitch(const Problem& problem, const std::vector<double>& x, double step_s) {
   double pitch = 0;
   Rollout rollout(problem, step_s);
-  rollout.Visit(x, 0, [&](const MotionSample& sample) { pitch = PitchOf(problem, sample.q); });
+  rollout.Visit(x, 0, [&](const MotionSample& sample) {
+    pitch = RootPitchAt(sample.q, problem.scene.robot);
+  });
   return pitch;
 }
 
@@ -121,6 +100,10 @@ std::vector<double> CostGradient(Rollout& rollout, const std::vector<double>& x)
 double Finite(double error) { return std::min(error, 1e9); }
 
 }  // namespace
+
+double SettlingAfter(const Problem& problem) {
+  return std::max(0.0, kExitAfter_s - problem.settle_s);
+}
 
 GradientCheck CompareGradient(const std::function<double(const std::vector<double>&)>& cost,
                               std::vector<double> at, const std::vector<double>& gradient) {
@@ -177,18 +160,18 @@ MotionSummary Summarize(const Problem& problem, const std::vector<double>& x) {
   std::map<std::pair<int, int>, std::vector<ContactInterval>> intervals;
   Rollout rollout(problem, problem.solver.step_s);
   bool first = true;
-  rollout.Visit(x, Extra(problem), [&](const MotionSample& sample) {
+  rollout.Visit(x, SettlingAfter(problem), [&](const MotionSample& sample) {
     const double t = sample.time_s;
-    if (first) summary.entry = PoseOf(problem, sample.q);
+    if (first) summary.entry = PoseAt(sample.q, problem.scene.robot);
     first = false;
-    summary.exit = PoseOf(problem, sample.q);
+    summary.exit = PoseAt(sample.q, problem.scene.robot);
     if (t <= problem.duration_s + 1e-9) {
-      summary.final_pitch_rad = PitchOf(problem, sample.q);
+      summary.final_pitch_rad = RootPitchAt(sample.q, problem.scene.robot);
     }
-    if (t <= problem.duration_s + kSettledAfter + 1e-9) {
-      summary.settled_pitch_rad = PitchOf(problem, sample.q);
+    if (t <= problem.duration_s + kExitAfter_s + 1e-9) {
+      summary.settled_pitch_rad = RootPitchAt(sample.q, problem.scene.robot);
       summary.settled_speed = 0;
-      for (int i = 0; i < problem.robot.root_dofs; ++i) {
+      for (int i = 0; i < problem.scene.robot.root_dofs; ++i) {
         summary.settled_speed =
             std::max(summary.settled_speed, std::abs(sample.qd[static_cast<std::size_t>(i)]));
       }
@@ -206,13 +189,14 @@ MotionSummary Summarize(const Problem& problem, const std::vector<double>& x) {
     for (const ActiveContact<Plane>& contact : sample.contacts) {
       summary.peak_penetration_m = std::max(summary.peak_penetration_m, contact.depth_m);
       if (solved)
-        summary.excess = std::max(summary.excess, contact.depth_m / problem.contact.d_on_m - 1);
+        summary.excess =
+            std::max(summary.excess, contact.depth_m / problem.scene.contact.d_on_m - 1);
       if (t > problem.duration_s + problem.settle_s) continue;
       auto& list = intervals[{contact.shape, contact.obstacle}];
       if (list.empty() || t - list.back().end_s > kContactGap) {
-        list.push_back({problem.robot.shapes[static_cast<std::size_t>(contact.shape)].name,
-                        problem.obstacles[static_cast<std::size_t>(contact.obstacle)].name, t, t,
-                        0});
+        list.push_back({problem.scene.robot.shapes[static_cast<std::size_t>(contact.shape)].name,
+                        problem.scene.obstacles[static_cast<std::size_t>(contact.obstacle)].name, t,
+                        t, 0});
       }
       list.back().end_s = t;
       list.back().peak_normal_force_n =
@@ -224,7 +208,7 @@ MotionSummary Summarize(const Problem& problem, const std::vector<double>& x) {
     summary.entry.joint_positions_rad[j] = problem.joints[j].start_rad;
     summary.exit.joint_positions_rad[j] = problem.joints[j].end_rad;
   }
-  summary.core_reached = summary.peak_penetration_m >= problem.contact.d_on_m;
+  summary.core_reached = summary.peak_penetration_m >= problem.scene.contact.d_on_m;
   for (auto& entry : intervals) {
     summary.contacts.insert(summary.contacts.end(), entry.second.begin(), entry.second.end());
   }
@@ -270,7 +254,7 @@ PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
     JointMotion<double>& motion = primitive.joints[j];
     const ActuatedJoint& joint = problem.joints[j];
     motion.name =
-        FixedString<32>(problem.robot.tree.dofs[static_cast<std::size_t>(joint.dof)].name);
+        FixedString<32>(problem.scene.robot.tree.dofs[static_cast<std::size_t>(joint.dof)].name);
     motion.limits = joint.limits;
     motion.position = PositionSpline(problem, solution.x, j);
     motion.torque = FitTorque(problem, torques, j);
@@ -316,144 +300,6 @@ PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
   provenance.start_file = task.start_file;
   provenance.start_hash = task.start_hash;
   return file;
-}
-
-namespace {
-
-/// The bodies with something to show; each is a drawn link.
-std::vector<int> DrawnBodies(const Problem& problem) {
-  const PlanarRobot& robot = problem.robot;
-  std::vector<int> bodies;
-  for (int j = 0; j < static_cast<int>(robot.tree.dofs.size()); ++j) {
-    const auto of_body = [j](const auto& shape) { return shape.body == j; };
-    if (std::any_of(robot.drawing.begin(), robot.drawing.end(), of_body) ||
-        std::any_of(robot.shapes.begin(), robot.shapes.end(), of_body)) {
-      bodies.push_back(j);
-    }
-  }
-  return bodies;
-}
-
-}  // namespace
-
-ReportData ReportScene(const Problem& problem) {
-  ReportData data;
-  std::vector<int> link_of_body(problem.robot.tree.dofs.size(), -1);
-  for (const int body : DrawnBodies(problem)) {
-    ReportLink link;
-    link.name = problem.robot.body_names[static_cast<std::size_t>(body)];
-    for (const DrawnSegment& segment : problem.robot.drawing) {
-      if (segment.body != body) continue;
-      link.shapes.push_back({segment.from.x(), segment.from.y(), segment.to.x(), segment.to.y(),
-                             segment.radius_m, false});
-    }
-    for (const ContactShape<Plane>& own : problem.robot.shapes) {
-      if (own.body != body) continue;
-      // A bar along the core's longer side, as wide as the other.
-      const Shape<Plane>& shape = own.shape;
-      const int longer = shape.half_extents.x() >= shape.half_extents.y() ? 0 : 1;
-      const double width = shape.half_extents[1 - longer];
-      const Plane::Vector side =
-          shape.rotation *
-          Plane::Vector((shape.half_extents[longer] - width) * Plane::Vector::Unit(longer));
-      const Plane::Vector from = shape.centre - side, to = shape.centre + side;
-      link.shapes.push_back({from.x(), from.y(), to.x(), to.y(), shape.radius_m + width, true});
-    }
-    link_of_body[static_cast<std::size_t>(body)] = static_cast<int>(data.links.size());
-    data.links.push_back(std::move(link));
-  }
-  for (const ActuatedJoint& joint : problem.joints) {
-    data.joint_names.push_back(problem.robot.tree.dofs[static_cast<std::size_t>(joint.dof)].name);
-    data.joint_links.push_back(std::max(0, link_of_body[static_cast<std::size_t>(joint.dof)]));
-    data.torque_limits_nm.push_back(joint.limits.torque_max_nm);
-    data.position_limits_rad.push_back(
-        {joint.limits.position_min_rad, joint.limits.position_max_rad});
-  }
-  for (const Obstacle<Plane>& obstacle : problem.obstacles) {
-    ReportObstacle shown;
-    shown.name = obstacle.name;
-    const Shape<Plane>& shape = obstacle.shape;
-    shown.x_m = shape.centre.x();
-    shown.z_m = shape.centre.y();
-    shown.radius_m = shape.radius_m;
-    if (shape.half_space) {
-      shown.normal_x = shape.normal.x();
-      shown.normal_z = shape.normal.y();
-    } else if (shape.kind() == ShapeKind::kSphere) {
-      shown.kind = ReportObstacle::Kind::kCircle;
-    } else {
-      shown.kind = ReportObstacle::Kind::kBox;
-      shown.normal_x = shape.rotation.c;
-      shown.normal_z = shape.rotation.s;
-      shown.half_x_m = shape.half_extents.x();
-      shown.half_z_m = shape.half_extents.y();
-    }
-    data.obstacles.push_back(shown);
-  }
-  return data;
-}
-
-ReportSample ShownSample(const Problem& problem, const MotionSample& sample) {
-  ReportSample shown;
-  shown.time_s = sample.time_s;
-  shown.root_pitch_rad = PitchOf(problem, sample.q);
-  const Plane::Vector origin = sample.dynamics->origin();
-  for (const int body : DrawnBodies(problem)) {
-    // Pitch unwrapped: the sum of the angles down the tree.
-    double pitch = 0;
-    for (int b = body; b >= 0; b = sample.dynamics->parent(b)) {
-      const Dof<Plane>& dof = problem.robot.tree.dofs[static_cast<std::size_t>(b)];
-      if (dof.kind == JointKind::kRevolute)
-        pitch += dof.axis * sample.q[static_cast<std::size_t>(b)];
-    }
-    const Plane::Vector p = origin + sample.dynamics->position(body);
-    shown.link_poses.push_back({p.x(), p.y(), pitch});
-  }
-  for (std::size_t j = 0; j < problem.joints.size(); ++j) {
-    const auto dof = static_cast<std::size_t>(problem.joints[j].dof);
-    shown.joint_positions_rad.push_back(sample.q[dof]);
-    shown.joint_velocities_rad_s.push_back(sample.qd[dof]);
-    shown.joint_torques_nm.push_back(sample.torque[j]);
-  }
-  for (const ActiveContact<Plane>& contact : sample.contacts) {
-    const Plane::Vector p = origin + contact.point;
-    shown.forces.push_back({p.x(), p.y(), contact.force.x(), contact.force.y(), contact.normal.x(),
-                            contact.normal.y()});
-  }
-  return shown;
-}
-
-ReportData MakeReportData(const Task& task, const SolveOutcome& outcome, const Solution& solution,
-                          const PrimitiveFile& file) {
-  const Problem& problem = task.problem;
-  ReportData data = ReportScene(problem);
-  data.title = problem.name;
-  data.subtitle =
-      fmt::format("{}, seed {}, {} evaluations, objective {:.4g}", file.provenance.tool,
-                  file.provenance.seed, file.provenance.evaluations, file.provenance.objective);
-  data.duration_s = problem.duration_s;
-  double next = 0;
-  Rollout rollout(problem, problem.solver.step_s);
-  rollout.Visit(solution.x, Extra(problem), [&](const MotionSample& sample) {
-    if (sample.time_s < next - 1e-9) return;
-    next += 1 / kSamplesPerSecond;
-    data.samples.push_back(ShownSample(problem, sample));
-  });
-  const auto searched =
-      static_cast<int>(std::count_if(outcome.history.begin(), outcome.history.end(),
-                                     [](const Evaluation& e) { return e.global; }));
-  for (const Evaluation& evaluation : outcome.history) {
-    const bool shown_start = evaluation.global || evaluation.start == solution.start;
-    if (!shown_start || !std::isfinite(evaluation.cost)) continue;
-    data.evaluations.push_back({evaluation.global ? static_cast<int>(evaluation.count)
-                                                  : searched + static_cast<int>(evaluation.count),
-                                evaluation.cost, evaluation.violation, evaluation.global});
-  }
-  data.certificate = CertificateLines(file.certificate, problem.contact.d_on_m);
-  data.certificate.emplace(data.certificate.begin(), "solver", ToString(solution.end));
-  data.certificate.emplace_back("robot", file.provenance.robot_hash);
-  data.certificate.emplace_back("task", file.provenance.task_hash);
-  return data;
 }
 
 }  // namespace tumbler

@@ -7,7 +7,6 @@
 
 #include "common/primitive_toml.h"
 #include "offline/problem/task_toml.h"
-#include "offline/report/report.h"
 #include "offline/solver/solver.h"
 
 namespace tumbler {
@@ -45,6 +44,9 @@ GradientCheck CheckGradient(const Problem& problem, const std::vector<double>& x
 /// what the step leaves out, as GradientCheck is what the differentiation leaves out.
 double GradientStepHalvingChange(const Problem& problem, const std::vector<double>& x);
 
+/// How long a motion is played on past its settle phase [s], until its exit.
+double SettlingAfter(const Problem& problem);
+
 /// What a motion is found to do when it is played on past its end.
 struct MotionSummary {
   PrimitivePose entry;
@@ -67,15 +69,5 @@ MotionSummary Summarize(const Problem& problem, const std::vector<double>& x);
 /// entry, exit, contact timeline, certificate, provenance.
 PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
                                 const Solution& solution);
-
-/// What a report page shows of a robot and what it touches: links, joints and obstacles, no motion.
-ReportData ReportScene(const Problem& problem);
-
-/// One instant of a motion, for the page of that scene.
-ReportSample ShownSample(const Problem& problem, const MotionSample& sample);
-
-/// What the report page shows of a solution.
-ReportData MakeReportData(const Task& task, const SolveOutcome& outcome, const Solution& solution,
-                          const PrimitiveFile& file);
 
 }  // namespace tumbler

@@ -3,21 +3,20 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 #include <memory>
 #include <numbers>
 #include <set>
+#include <span>
 #include <stdexcept>
 #include <string_view>
 #include <utility>
 
 #include "common/toml_reader.h"
-#include "offline/certificate/certificate.h"
-#include "offline/contact/contact_model.h"
-#include "offline/dynamics/hybrid_dynamics.h"
-#include "offline/problem/task_toml.h"
+#include "offline/scene/scene_dynamics.h"
+#include "offline/stepper/even_steps.h"
+#include "offline/stepper/stepper.h"
 
 namespace tumbler {
 namespace {
@@ -28,42 +27,27 @@ constexpr double kImplausible = 1e4;
 /// A robot that does what it was planned to is nearer to it than this [rad]; one that has tipped
 /// over an edge of its feet does not come back.
 constexpr double kFallenPitch = 0.5;
-// Of a report: as smooth as that of one motion for short chains, and no page of tens of megabytes
-// for long ones.
-constexpr double kSamplesPerSecond = 200;
-constexpr double kMaxSamples = 4000;
-/// A primitive played alone is held for as long as its recorded exit is after its end.
-constexpr double kPlanHold = 2;
 constexpr double kPostureTolerance = 0.1;
-
-constexpr int kStages = 4;  // The classical Runge-Kutta scheme.
-constexpr std::array<double, kStages> kA = {0, 0.5, 0.5, 1};
-constexpr std::array<double, kStages> kB = {1. / 6, 1. / 3, 1. / 3, 1. / 6};
 
 std::size_t Index(int i) { return static_cast<std::size_t>(i); }
 
 /// What one primitive's task says of the world, and what the primitive does in it.
 struct World {
-  explicit World(const PrimitiveFile& f)
-      : file(f),
-        problem(TaskOf(f).problem),
-        dynamics(problem.robot.tree),
-        contact(problem.contact, problem.robot.shapes, problem.obstacles) {
+  World(const PrimitiveFile& f, const Problem& p) : file(f), problem(p), robot(p.scene) {
     for (const JointMotion<double>& motion : file.primitive.motions())
-      dof_of_joint.push_back(problem.robot.FindDof(motion.name.view()));
+      dof_of_joint.push_back(Index(problem.scene.robot.FindDof(motion.name.view())));
     for (const ContactInterval& interval : file.contacts) {
-      for (const ContactShape<Plane>& shape : problem.robot.shapes) {
+      for (const ContactShape<Plane>& shape : problem.scene.robot.shapes) {
         if (shape.name == interval.shape) touching_bodies.insert(shape.body);
       }
     }
   }
 
   const PrimitiveFile& file;
-  Problem problem;
-  HybridDynamics<Plane> dynamics;
-  ContactModel<Plane> contact;
-  std::vector<int> dof_of_joint;  // in the order of the primitive's joints
-  std::set<int> touching_bodies;  // that touch anything in the plan
+  const Problem& problem;
+  SceneDynamics robot;
+  std::vector<std::size_t> dof_of_joint;  // in the order of the primitive's joints
+  std::set<int> touching_bodies;          // that touch anything in the plan
 
   /// The root's pitch when the primitive is played alone, from its own entry.
   struct PlannedPitch {
@@ -84,18 +68,15 @@ struct World {
 
 class Simulation {
  public:
-  Simulation(const SequenceFile& file, const ChainOptions& options,
+  Simulation(const SimulatedMotion& motion, const ChainOptions& options,
              const std::function<void(int, const MotionSample&)>& visitor)
-      : file_(file), options_(options), visitor_(visitor) {
-    for (const PrimitiveFile& primitive : file.primitives)
-      worlds_.push_back(std::make_unique<World>(primitive));
-    const World& world = WorldOf(file.graph.start);
-    n_ = world.problem.start_q.size();
-    for (std::size_t i = 0; i < n_; ++i) {
-      if (!world.dynamics.prescribed(static_cast<int>(i))) free_.push_back(i);
-    }
-    root_ = world.problem.robot.root_dofs == 3;
-    for (int node = 0; node < file.graph.node_count; ++node) {
+      : file_(motion.file()),
+        options_(options),
+        visitor_(visitor),
+        root_(motion.scene().robot.root_dofs == 3) {
+    for (std::size_t i = 0; i < file_.primitives.size(); ++i)
+      worlds_.push_back(std::make_unique<World>(file_.primitives[i], motion.ProblemOf(i)));
+    for (int node = 0; node < file_.graph.node_count; ++node) {
       if (WorldOf(node).plan.empty()) Plan(node);
     }
   }
@@ -148,11 +129,12 @@ class Simulation {
     return PlannedRequest(options_.cycles, options_.branch, outcome_.cycles, branched);
   }
 
-  [[nodiscard]] double RootX() const { return root_ ? q_[0] : 0.0; }
-  [[nodiscard]] double RootZ() const { return root_ ? q_[1] : 0.0; }
-  [[nodiscard]] double RootPitch() const { return root_ ? q_[2] : 0.0; }
+  [[nodiscard]] double RootX() const { return root_ ? root_state_[0] : 0.0; }
+  [[nodiscard]] double RootZ() const { return root_ ? root_state_[1] : 0.0; }
+  [[nodiscard]] double RootPitch() const { return root_ ? root_state_[2] : 0.0; }
   [[nodiscard]] double RootSpeed() const {
-    return root_ ? std::max({std::abs(qd_[0]), std::abs(qd_[1]), std::abs(qd_[2])}) : 0.0;
+    const auto& y = root_state_;
+    return root_ ? std::max({std::abs(y[3]), std::abs(y[4]), std::abs(y[5])}) : 0.0;
   }
 
   /// Plays the node's primitive alone, as it was planned.
@@ -161,21 +143,20 @@ class Simulation {
     SetStart(node);
     Passage passage;
     passage.node = node;
-    if (Move(passage)) Hold(passage, kPlanHold);
+    if (Move(passage)) Hold(passage, kExitAfter_s);
     planning_ = false;
     outcome_ = {};
     time_ = 0;
   }
 
   void SetStart(int node) {
-    q_.fill(0);
-    qd_.fill(0);
+    root_state_.fill(0);
     time_ = start_s_ = 0;
     const PrimitivePose& entry = WorldOf(node).file.entry;
     if (root_) {
-      q_[0] = entry.root_x_m;
-      q_[1] = entry.root_z_m;
-      q_[2] = file_.RobotPitch(node, entry.root_pitch_rad);
+      root_state_[0] = entry.root_x_m;
+      root_state_[1] = entry.root_z_m;
+      root_state_[2] = file_.RobotPitch(node, entry.root_pitch_rad);
     }
     start_x_ = RootX();
   }
@@ -231,14 +212,12 @@ class Simulation {
   bool Move(Passage& passage) {
     World& world = WorldOf(passage.node);
     const double duration = world.file.primitive.duration_s;
-    const int steps = StepsOf(world, duration);
+    const EvenSteps steps = StepsOf(world, duration);
     const double start = time_;
-    for (int i = 0; i < steps; ++i) {
-      if (!Step(passage, world, duration / steps, (i + 0.0) / steps * duration,
-                (i + 0.5) / steps * duration, (i + 1.0) / steps * duration)) {
-        return false;
-      }
-      time_ = start + (i + 1.0) / steps * duration;
+    for (int i = 0; i < steps.count; ++i) {
+      const auto time_at = [&](double c) { return (i + c) / steps.count * duration; };
+      if (!Step(passage, world, steps.step_s, time_at)) return false;
+      time_ = start + time_at(1);
     }
     return true;
   }
@@ -246,71 +225,55 @@ class Simulation {
   bool Hold(Passage& passage, double hold_s) {
     World& world = WorldOf(passage.node);
     passage.hold_s = hold_s;
-    const int steps = StepsOf(world, hold_s);
+    const EvenSteps steps = StepsOf(world, hold_s);
     const double start = time_;
-    for (int i = 0; i < steps; ++i) {
-      if (!Step(passage, world, hold_s / steps, kHeld, kHeld, kHeld)) return false;
-      time_ = start + (i + 1.0) / steps * hold_s;
+    for (int i = 0; i < steps.count; ++i) {
+      if (!Step(passage, world, steps.step_s, [](double) { return kHeld; })) return false;
+      time_ = start + (i + 1.0) / steps.count * hold_s;
     }
     return true;
   }
 
-  [[nodiscard]] int StepsOf(const World& world, double duration_s) const {
-    const double step = options_.step_s > 0 ? options_.step_s : world.problem.solver.step_s;
-    return static_cast<int>(std::ceil(duration_s / step - 1e-9));
+  [[nodiscard]] EvenSteps StepsOf(const World& world, double duration_s) const {
+    return {duration_s, options_.step_s > 0 ? options_.step_s : world.problem.solver.step_s};
   }
 
   /// Puts the robot's joints where the node's primitive has them at this time of it.
-  void Prescribe(int node, const World& world, double t) {
+  void Prescribe(int node, World& world, double t) {
+    SceneDynamics& robot = world.robot;
     for (int j = 0; j < world.file.primitive.joint_count; ++j) {
-      const std::size_t dof = Index(world.dof_of_joint[Index(j)]);
+      const std::size_t dof = world.dof_of_joint[Index(j)];
       const auto& path = world.file.primitive.joints[Index(file_.graph.RoleOf(node, j))].position;
       if (t == kHeld) {
-        q_[dof] = path.control_points().back();
-        qd_[dof] = qdd_[dof] = 0;
+        robot.q[dof] = path.control_points().back();
+        robot.qd[dof] = robot.qdd[dof] = 0;
         continue;
       }
       const auto sample = path.Evaluate(t);
-      q_[dof] = sample.value;
-      qd_[dof] = sample.first;
-      qdd_[dof] = sample.second;
+      robot.q[dof] = sample.value;
+      robot.qd[dof] = sample.first;
+      robot.qdd[dof] = sample.second;
     }
   }
 
-  void Accelerations(World& world) {
-    std::fill(tau_.begin(), tau_.end(), 0.0);
-    world.dynamics.SetState({q_.data(), n_}, {qd_.data(), n_});
-    world.contact.Apply(world.dynamics);
-    world.dynamics.Solve({qdd_.data(), n_}, {tau_.data(), n_});
-  }
-
-  /// One step of the free coordinates, from the time t0 of the node to t1.
-  bool Step(Passage& passage, World& world, double h, double t0, double t_mid, double t1) {
-    const std::array<double, kStages> times = {t0, t_mid, t_mid, t1};
-    const auto begin_q = q_;
-    const auto begin_qd = qd_;
-    std::array<double, Plane::kMaxDofs> k_q{}, k_qd{}, sum_q{}, sum_qd{};
-    for (int s = 0; s < kStages; ++s) {
-      for (const std::size_t i : free_) {
-        q_[i] = begin_q[i] + h * kA[Index(s)] * k_q[i];
-        qd_[i] = begin_qd[i] + h * kA[Index(s)] * k_qd[i];
-      }
-      Prescribe(passage.node, world, times[Index(s)]);
-      Accelerations(world);
-      if (s == 0 && !Look(passage, world)) return false;
-      for (const std::size_t i : free_) {
-        k_q[i] = qd_[i];
-        k_qd[i] = qdd_[i];
-        sum_q[i] += kB[Index(s)] * k_q[i];
-        sum_qd[i] += kB[Index(s)] * k_qd[i];
-      }
-    }
-    bool plausible = true;
-    for (const std::size_t i : free_) {
-      q_[i] = begin_q[i] + h * sum_q[i];
-      qd_[i] = begin_qd[i] + h * sum_qd[i];
-      plausible = plausible && std::abs(q_[i]) < kImplausible && std::abs(qd_[i]) < kImplausible;
-    }
+  /// One step of the root. `time_at` makes the time of the node from the part of the step that has
+  /// passed.
+  template <class TimeAt>
+  bool Step(Passage& passage, World& world, double h, const TimeAt& time_at) {
+    SceneDynamics& robot = world.robot;
+    const std::size_t size = 2 * robot.free.size();
+    const bool going = StepRungeKutta<kClassical>(
+        root_state_, size, h, [&](int s, const SceneDynamics::State& y_s, double* k) {
+          robot.SetFree(y_s);
+          Prescribe(passage.node, world, time_at(kClassical.c[Index(s)]));
+          robot.TouchAndSolve();
+          robot.TakeSlope(k);
+          return s > 0 || Look(passage, world);
+        });
+    if (!going) return false;
+    const bool plausible =
+        std::all_of(root_state_.begin(), root_state_.begin() + static_cast<std::ptrdiff_t>(size),
+                    [](double value) { return std::abs(value) < kImplausible; });
     return plausible || Fail(ChainFailure::Cause::kImplausible, passage.node,
                              "the state leaves every plausible range");
   }
@@ -330,30 +293,33 @@ class Simulation {
                               MessageText(off), MessageText(allowed)));
     }
     for (std::size_t j = 0; j < world.dof_of_joint.size(); ++j) {
-      const double torque = std::abs(tau_[Index(world.dof_of_joint[j])]);
+      const double torque = std::abs(world.robot.tau[world.dof_of_joint[j]]);
       passage.peak_torque_nm = std::max(passage.peak_torque_nm, torque);
       passage.torque_margin_nm = std::min(
           passage.torque_margin_nm, world.file.primitive.joints[j].limits.torque_max_nm - torque);
     }
+    const std::span<const ActiveContact<Plane>> contacts = world.robot.contact->active();
     if (visitor_) {
+      const SceneDynamics& robot = world.robot;
+      const auto n = static_cast<std::ptrdiff_t>(robot.n);
       sample_.time_s = time_;
-      sample_.q.assign(q_.begin(), q_.begin() + static_cast<std::ptrdiff_t>(n_));
-      sample_.qd.assign(qd_.begin(), qd_.begin() + static_cast<std::ptrdiff_t>(n_));
+      sample_.q.assign(robot.q.begin(), robot.q.begin() + n);
+      sample_.qd.assign(robot.qd.begin(), robot.qd.begin() + n);
       sample_.torque.clear();
-      for (const int dof : world.dof_of_joint) sample_.torque.push_back(tau_[Index(dof)]);
-      sample_.contacts = world.contact.active();
-      sample_.dynamics = &world.dynamics;
+      for (const std::size_t dof : world.dof_of_joint) sample_.torque.push_back(robot.tau[dof]);
+      sample_.contacts = contacts;
+      sample_.dynamics = &robot.dynamics;
       visitor_(node, sample_);
     }
-    for (const ActiveContact<Plane>& active : world.contact.active()) {
+    for (const ActiveContact<Plane>& active : contacts) {
       passage.peak_penetration_m = std::max(passage.peak_penetration_m, active.depth_m);
-      const ContactShape<Plane>& shape = world.problem.robot.shapes[Index(active.shape)];
-      const std::string& obstacle = world.problem.obstacles[Index(active.obstacle)].name;
-      if (active.depth_m >= world.problem.contact.d_on_m) {
+      const ContactShape<Plane>& shape = world.problem.scene.robot.shapes[Index(active.shape)];
+      const std::string& obstacle = world.problem.scene.obstacles[Index(active.obstacle)].name;
+      if (active.depth_m >= world.problem.scene.contact.d_on_m) {
         return Fail(ChainFailure::Cause::kCore, node,
                     fmt::format("{} is {} mm deep in {}, through the layer of {} mm", shape.name,
                                 MessageText(1e3 * active.depth_m), obstacle,
-                                MessageText(1e3 * world.problem.contact.d_on_m)));
+                                MessageText(1e3 * world.problem.scene.contact.d_on_m)));
       }
       if (world.touching_bodies.count(RoleOfBody(node, world, shape.body)) == 0) {
         return Fail(
@@ -367,9 +333,10 @@ class Simulation {
   /// The body whose part a body of the robot plays in this node.
   [[nodiscard]] int RoleOfBody(int node, const World& world, int body) const {
     const auto& dofs = world.dof_of_joint;
-    const auto joint = std::find(dofs.begin(), dofs.end(), body);
+    const auto joint = std::find(dofs.begin(), dofs.end(), Index(body));
     if (joint == dofs.end()) return body;
-    return dofs[Index(file_.graph.RoleOf(node, static_cast<int>(joint - dofs.begin())))];
+    const int role = file_.graph.RoleOf(node, static_cast<int>(joint - dofs.begin()));
+    return static_cast<int>(dofs[Index(role)]);
   }
 
   static constexpr double kHeld = -1;  // instead of a time: after the motion
@@ -377,11 +344,9 @@ class Simulation {
   const SequenceFile& file_;
   const ChainOptions& options_;
   const std::function<void(int, const MotionSample&)>& visitor_;
+  bool root_;                                   // it moves: what is not on a path
   std::vector<std::unique_ptr<World>> worlds_;  // by primitive
-  std::size_t n_ = 0;
-  std::vector<std::size_t> free_;
-  bool root_ = false;
-  std::array<double, Plane::kMaxDofs> q_{}, qd_{}, qdd_{}, tau_{};
+  SceneDynamics::State root_state_{};
   double time_ = 0;
   double start_s_ = 0;     // of the node
   bool planning_ = false;  // playing a primitive alone
@@ -422,10 +387,10 @@ const char* ToString(ChainFailure::Cause cause) {
   return "unknown";
 }
 
-void RequireSameGround(const SequenceFile& file) {
-  const Problem first = TaskOf(file.primitives.front()).problem;
+void RequireSameGround(const SimulatedMotion& motion) {
+  const SequenceFile& file = motion.file();
   for (std::size_t i = 1; i < file.primitives.size(); ++i) {
-    if (SameGround(first, TaskOf(file.primitives[i]).problem)) continue;
+    if (SameGround(motion.ProblemOf(0).scene, motion.ProblemOf(i).scene)) continue;
     throw FileError(file.path, 0, fmt::format("primitives.{}", file.primitive_names[i]),
                     fmt::format("was made for other [contact] or [[obstacle]] than '{}'; give both "
                                 "tasks the same and make it again",
@@ -433,45 +398,17 @@ void RequireSameGround(const SequenceFile& file) {
   }
 }
 
-ChainOutcome SimulateChain(const SequenceFile& file, const ChainOptions& options,
+ChainOutcome SimulateChain(const SimulatedMotion& motion, const ChainOptions& options,
                            const std::function<void(int, const MotionSample&)>& visitor) {
-  RequireSameGround(file);
+  const SequenceFile& file = motion.file();
+  RequireSameGround(motion);
   if (!options.branch.empty() && !file.graph.HasBranch(options.branch)) {
     const std::vector<std::string> names = BranchNames(file.graph);
     throw std::invalid_argument(fmt::format(
         "the sequence '{}' has no branch '{}'; its branches: {}", file.graph.name.view(),
         options.branch, names.empty() ? "none" : fmt::format("{}", fmt::join(names, ", "))));
   }
-  return Simulation(file, options, visitor).Run();
-}
-
-ReportData MakeChainReport(const SequenceFile& file, const ChainOptions& options) {
-  const Problem problem = TaskOf(file.primitives.front()).problem;
-  const ChainOutcome outcome = SimulateChain(file, options);
-  ReportData data = ReportScene(problem);
-  data.title = file.graph.name.view();
-  data.subtitle = fmt::format("{} passages, {} cycles", outcome.passages.size(), outcome.cycles);
-  data.duration_s = outcome.duration_s;
-  const double spacing = std::max(1 / kSamplesPerSecond, outcome.duration_s / kMaxSamples);
-  double next = 0;
-  SimulateChain(file, options, [&](int, const MotionSample& sample) {
-    if (sample.time_s < next - 1e-9) return;
-    next += spacing;
-    data.samples.push_back(ShownSample(problem, sample));
-  });
-  data.certificate.emplace_back(
-      "chain", outcome.failure ? fmt::format("{} at {:.2f} s: {}", ToString(outcome.failure->cause),
-                                             outcome.failure->time_s, outcome.failure->text)
-                               : "no fall");
-  data.certificate.emplace_back("travelled", fmt::format("{:.3f} m", outcome.travelled_m));
-  for (const Passage& p : outcome.passages) {
-    data.certificate.emplace_back(
-        fmt::format("{} at {:.2f} s", file.graph.node(p.node).name.view(), p.start_s),
-        fmt::format("{}, pitch off by {:.1e} rad, peak torque {:.2f} N m, penetration {:.2f} mm",
-                    ToString(p.posture), p.exit_pitch_error_rad, p.peak_torque_nm,
-                    1e3 * p.peak_penetration_m));
-  }
-  return data;
+  return Simulation(motion, options, visitor).Run();
 }
 
 }  // namespace tumbler

@@ -5,9 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "common/sequence_toml.h"
-#include "offline/report/report.h"
-#include "offline/rollout/rollout.h"
+#include "offline/problem/simulated_motion.h"
+#include "offline/scene/motion_sample.h"
 
 namespace tumbler {
 
@@ -78,7 +77,7 @@ struct ChainOutcome {
 
 /// @throws FileError naming the first primitive whose task has other contacts or obstacles than
 /// that of the first: a sequence is played on one ground.
-void RequireSameGround(const SequenceFile& file);
+void RequireSameGround(const SimulatedMotion& motion);
 
 /// Plays a sequence in the nominal simulation: the dynamics, contacts and obstacles of the
 /// primitives' tasks, joints exactly on their paths, RK4 with a fixed step as in Rollout. It begins
@@ -89,10 +88,7 @@ void RequireSameGround(const SequenceFile& file);
 /// @param visitor  called at every integration step, with the node; may be empty.
 /// @throws FileError when a primitive's texts cannot be used, or as RequireSameGround does;
 /// std::invalid_argument when the branch is not in the sequence, or the sequence would never end.
-ChainOutcome SimulateChain(const SequenceFile& file, const ChainOptions& options,
+ChainOutcome SimulateChain(const SimulatedMotion& motion, const ChainOptions& options,
                            const std::function<void(int, const MotionSample&)>& visitor = {});
-
-/// What a report page shows of a chain: the whole of it, holds and all. Plays it once more.
-ReportData MakeChainReport(const SequenceFile& file, const ChainOptions& options);
 
 }  // namespace tumbler

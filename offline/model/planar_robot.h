@@ -35,6 +35,13 @@ struct PlanarRobot {
   std::vector<DrawnSegment> drawing;
   std::vector<IgnoredShape> ignored_shapes;
 
+  /// The degrees of freedom after the root's are its joints.
+  [[nodiscard]] std::size_t joint_count() const {
+    return tree.dofs.size() - static_cast<std::size_t>(root_dofs);
+  }
+  [[nodiscard]] std::size_t DofOfJoint(std::size_t joint) const {
+    return static_cast<std::size_t>(root_dofs) + joint;
+  }
   /// Index of a joint's degree of freedom, or -1.
   [[nodiscard]] int FindDof(std::string_view joint) const;
 };

@@ -8,31 +8,10 @@
 #include <vector>
 
 #include "common/primitive.h"
-#include "offline/contact/contact_law.h"
-#include "offline/contact/obstacle.h"
-#include "offline/model/planar_robot.h"
+#include "offline/problem/cost_term.h"
+#include "offline/scene/scene.h"
 
 namespace tumbler {
-
-/// A term of the cost on the state at one instant: weight (value - target)^power.
-struct TerminalTerm {
-  enum class When {
-    kEnd,      ///< t_f, where the motion ends.
-    kSettled,  ///< After the settle phase, legs held.
-  };
-  When when = When::kEnd;
-  int dof = 0;
-  bool of_velocity = false;  ///< Else of the position.
-  double target = 0;
-  double weight = 1;
-  int power = 2;  ///< 2, or 1 for a linear term such as those of [AB04, Eq. 34].
-
-  /// How far the pitch is from its target [rad], when this is a target of the pitch; else 0.
-  [[nodiscard]] double TargetError(double value) const {
-    constexpr int kPitch = 2;
-    return power == 2 && weight > 0 && !of_velocity && dof == kPitch ? std::abs(value - target) : 0;
-  }
-};
 
 /// Limits, end conditions and size of the path of one actuated joint.
 struct ActuatedJoint {
@@ -92,10 +71,8 @@ struct SolverSettings {
 /// An optimal control problem of [AB04, Eqs. 1-6] in numbers.
 struct Problem {
   std::string name;
-  PlanarRobot robot;                  ///< With its actuated joints prescribed.
+  Scene scene;                        ///< With the robot's actuated joints prescribed.
   std::vector<ActuatedJoint> joints;  ///< In the order of the robot's degrees of freedom.
-  ContactLaw contact;
-  std::vector<Obstacle<Plane>> obstacles;
   /// The longest integration step that contact allows (`AdvisableStep`); infinite in a flight.
   double advisable_step_s = std::numeric_limits<double>::infinity();
 
@@ -103,8 +80,7 @@ struct Problem {
   double duration_s = 1;
   double settle_s = 0;
   int degree = 5;
-  std::vector<TerminalTerm> terminal;
-  double effort_weight = 0;     ///< Of the integral of |tau|^2 over motion and settle phase.
+  std::vector<CostTerm> cost;
   double target_pitch_rad = 0;  ///< What the settled pitch is compared with.
 
   double entry_tolerance_rad = 0.1;  ///< The runtime starts only this near to the first positions.
@@ -129,10 +105,5 @@ struct Problem {
     return joint;
   }
 };
-
-/// Whether two problems put the robot on the same ground: contact law and obstacles.
-inline bool SameGround(const Problem& a, const Problem& b) {
-  return a.contact == b.contact && a.obstacles == b.obstacles;
-}
 
 }  // namespace tumbler

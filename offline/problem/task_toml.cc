@@ -13,9 +13,9 @@
 
 #include "common/toml_reader.h"
 #include "offline/contact/contact_intent.h"
-#include "offline/contact/contact_model.h"
-#include "offline/dynamics/hybrid_dynamics.h"
 #include "offline/problem/obstacle_toml.h"
+#include "offline/scene/rest_pose.h"
+#include "offline/scene/scene_dynamics.h"
 
 namespace tumbler {
 namespace {
@@ -23,7 +23,6 @@ namespace {
 constexpr int kTaskVersion = 1;
 /// A motion with more pairs of shapes would not be found in any time that somebody waits.
 constexpr std::size_t kMostPairs = 1000;
-constexpr double kPi = 3.141592653589793;
 
 /// A start pose from elsewhere than the task.
 struct StartPose {
@@ -37,7 +36,7 @@ class TaskReader {
  public:
   TaskReader(TomlTable root, PlanarRobot robot, std::optional<StartPose> given)
       : root_(std::move(root)), given_(std::move(given)) {
-    problem_.robot = std::move(robot);
+    scene_.robot = std::move(robot);
   }
 
   Problem Read() {
@@ -47,7 +46,7 @@ class TaskReader {
     }
     problem_.duration_s = root_.Number("duration_s", {0.05, 20});
     problem_.settle_s = root_.Number("settle_s", {0, 5}, 0.0);
-    if (static_cast<int>(problem_.robot.tree.dofs.size()) == problem_.robot.root_dofs)
+    if (static_cast<int>(scene_.robot.tree.dofs.size()) == scene_.robot.root_dofs)
       root_.Fail("robot", "has no joint that moves; allowed: at least one");
     ReadJoints();
     ReadSpline();
@@ -78,9 +77,9 @@ class TaskReader {
     for (const TomlTable* table : {&start, &end}) {
       for (const std::string& name : table->Keys()) RequireJoint(*table, name);
     }
-    for (std::size_t j = static_cast<std::size_t>(problem_.robot.root_dofs);
-         j < problem_.robot.tree.dofs.size(); ++j) {
-      Dof<Plane>& dof = problem_.robot.tree.dofs[j];
+    for (std::size_t j = static_cast<std::size_t>(scene_.robot.root_dofs);
+         j < scene_.robot.tree.dofs.size(); ++j) {
+      Dof<Plane>& dof = scene_.robot.tree.dofs[j];
       if (!start.Has(dof.name)) {
         start.Fail(
             "",
@@ -95,7 +94,7 @@ class TaskReader {
       dof.prescribed = true;
       ActuatedJoint joint;
       joint.dof = static_cast<int>(j);
-      const RobotJointLimits& urdf = problem_.robot.limits[j];
+      const RobotJointLimits& urdf = scene_.robot.limits[j];
       JointLimits<double>& allowed = joint.limits;
       // A joint without limits in the URDF still gets finite ones: a primitive is a promise about
       // all of them.
@@ -144,14 +143,14 @@ class TaskReader {
   }
 
   void RequireJoint(const TomlTable& table, const std::string& name) const {
-    if (problem_.robot.FindDof(name) >= problem_.robot.root_dofs) return;
+    if (scene_.robot.FindDof(name) >= scene_.robot.root_dofs) return;
     table.Fail(name, fmt::format("is not a joint of the robot; its joints: {}", JointNames()));
   }
 
   [[nodiscard]] std::string JointNames() const {
     std::string names;
-    const auto& dofs = problem_.robot.tree.dofs;
-    for (std::size_t j = static_cast<std::size_t>(problem_.robot.root_dofs); j < dofs.size(); ++j) {
+    const auto& dofs = scene_.robot.tree.dofs;
+    for (std::size_t j = static_cast<std::size_t>(scene_.robot.root_dofs); j < dofs.size(); ++j) {
       names += (names.empty() ? "" : ", ") + dofs[j].name;
     }
     return names;
@@ -174,7 +173,7 @@ class TaskReader {
     TomlTable by_joint = spline->Table(kPoints);
     for (const std::string& name : by_joint.Keys()) RequireJoint(by_joint, name);
     for (ActuatedJoint& joint : problem_.joints) {
-      const std::string& name = problem_.robot.tree.dofs[static_cast<std::size_t>(joint.dof)].name;
+      const std::string& name = scene_.robot.tree.dofs[static_cast<std::size_t>(joint.dof)].name;
       joint.control_points = static_cast<int>(by_joint.Integer(name, least, kMaxControlPoints));
     }
   }
@@ -196,33 +195,33 @@ class TaskReader {
       }
     }
     double mass = 0;
-    for (const Dof<Plane>& dof : problem_.robot.tree.dofs) mass += dof.mass_kg;
-    const double gravity = problem_.robot.tree.gravity.norm();
+    for (const Dof<Plane>& dof : scene_.robot.tree.dofs) mass += dof.mass_kg;
+    const double gravity = scene_.robot.tree.gravity.norm();
     ContactIntent intent;
     intent.static_penetration_m = contact.Number("static_penetration_m", {1e-6, 0.1});
     const double shortest = ShortestSettlingTime(intent.static_penetration_m, gravity);
     intent.settling_time_s = contact.Number("settling_time_s", {shortest, 100});
     intent.slip_speed_m_per_s =
         contact.Number("slip_speed_m_per_s", {1e-6, Range::Positive().max, false});
-    problem_.contact = LawFor(intent, mass, gravity, problem_.contact);
+    scene_.contact = LawFor(intent, mass, gravity, scene_.contact);
     return true;
   }
 
   /// How long integration steps may be, and how long they are where the task does not say it.
   void SetStep() {
     double mass = 0;
-    for (const Dof<Plane>& dof : problem_.robot.tree.dofs) mass += dof.mass_kg;
+    for (const Dof<Plane>& dof : scene_.robot.tree.dofs) mass += dof.mass_kg;
     std::vector<double> end = problem_.start_q;
     for (const ActuatedJoint& joint : problem_.joints)
       end[static_cast<std::size_t>(joint.dof)] = joint.end_rad;
     double effective = std::numeric_limits<double>::infinity();
     for (const std::vector<double>& q : {problem_.start_q, end}) {
-      effective = std::min(
-          effective, SmallestEffectiveMass<Plane>(problem_.robot.tree, problem_.robot.shapes, q));
+      effective = std::min(effective,
+                           SmallestEffectiveMass<Plane>(scene_.robot.tree, scene_.robot.shapes, q));
     }
-    if (problem_.obstacles.empty() || !std::isfinite(effective)) return;
+    if (scene_.obstacles.empty() || !std::isfinite(effective)) return;
     problem_.advisable_step_s =
-        AdvisableStep(problem_.contact, effective, mass * problem_.robot.tree.gravity.norm());
+        AdvisableStep(scene_.contact, effective, mass * scene_.robot.tree.gravity.norm());
     const auto given = [this](const char* table, const char* key) {
       std::optional<TomlTable> found = root_.OptionalTable(table);
       return found && found->Has(key);
@@ -240,7 +239,7 @@ class TaskReader {
   void ReadContact() {
     std::optional<TomlTable> contact = root_.OptionalTable("contact");
     if (!contact) return;
-    ContactLaw& law = problem_.contact;
+    ContactLaw& law = scene_.contact;
     constexpr Range kSlipSpeed{1e-6, Range::Positive().max, false};
     double least_layer = 1e-6;
     const bool by_intent = ReadIntent(*contact);
@@ -275,17 +274,17 @@ class TaskReader {
     std::vector<TomlTable> tables = root_.Tables("obstacle");
     for (TomlTable& table : tables) {
       const Obstacle<Plane> obstacle = ReadObstacle(table);
-      for (const Obstacle<Plane>& other : problem_.obstacles) {
+      for (const Obstacle<Plane>& other : scene_.obstacles) {
         if (other.name == obstacle.name)
           table.Fail("name",
                      fmt::format("'{}' is there twice; each obstacle needs a name of its own",
                                  obstacle.name));
       }
-      problem_.obstacles.push_back(obstacle);
+      scene_.obstacles.push_back(obstacle);
     }
-    if (problem_.robot.shapes.empty() && !problem_.obstacles.empty()) {
+    if (scene_.robot.shapes.empty() && !scene_.obstacles.empty()) {
       std::string why;
-      for (const IgnoredShape& shape : problem_.robot.ignored_shapes)
+      for (const IgnoredShape& shape : scene_.robot.ignored_shapes)
         why += fmt::format("; {} (line {})", shape.reason, shape.line);
       root_.Fail(
           "obstacle",
@@ -293,65 +292,35 @@ class TaskReader {
                       "spheres, cylinders or boxes, or fly: obstacle = []",
                       why));
     }
-    const std::size_t pairs = problem_.robot.shapes.size() * problem_.obstacles.size();
+    const std::size_t pairs = scene_.robot.shapes.size() * scene_.obstacles.size();
     if (pairs > kMostPairs) {
       root_.Fail(
           "obstacle",
           fmt::format("{} obstacles and {} collision shapes of the robot are {} pairs to "
                       "look at in every step; allowed: up to {}",
-                      problem_.obstacles.size(), problem_.robot.shapes.size(), pairs, kMostPairs));
+                      scene_.obstacles.size(), scene_.robot.shapes.size(), pairs, kMostPairs));
     }
   }
 
   void ReadCosts() {
-    constexpr std::array<std::string_view, 3> kTerms = {"terminal", "terminal-linear", "effort"};
-    constexpr std::array<std::string_view, 2> kWhen = {"end", "settled"};
+    std::vector<CostTerm>& cost = problem_.cost;
     for (TomlTable& table : root_.Tables("cost")) {
-      const std::string term = table.Choice("term", kTerms, "");
-      const double weight = table.Number("weight", {-1e9, 1e9});
-      if (term == "effort") {
-        if (weight < 0) {
-          table.Fail("weight",
-                     fmt::format("is {}; allowed for effort: >= 0", MessageNumber(weight)));
-        }
-        problem_.effort_weight += weight;
-        continue;
-      }
-      TerminalTerm terminal;
-      terminal.weight = weight;
-      terminal.when = table.Choice("when", kWhen, "end") == "end" ? TerminalTerm::When::kEnd
-                                                                  : TerminalTerm::When::kSettled;
-      if (problem_.robot.root_dofs == 0) {
-        table.Fail("term", fmt::format("is '{}', about the root's coordinates, and this root is "
-                                       "fixed; allowed: effort",
-                                       term));
-      }
-      constexpr std::array<std::string_view, 6> kOf = {"x",      "z",      "pitch",
-                                                       "x_rate", "z_rate", "pitch_rate"};
-      const std::string of = table.Choice("of", kOf, "");
-      std::string position = of;
-      if (of.ends_with("_rate")) {
-        terminal.of_velocity = true;
-        position = of.substr(0, of.size() - 5);
-      }
-      constexpr std::array<std::string_view, 3> kRoot = {"x", "z", "pitch"};
-      const auto found = std::find(kRoot.begin(), kRoot.end(), position);
-      terminal.dof = static_cast<int>(found - kRoot.begin());
-      if (term == "terminal") {
-        if (weight < 0) {
-          table.Fail("weight",
-                     fmt::format("is {}; allowed for a square: >= 0", MessageNumber(weight)));
-        }
-        terminal.target = table.Number("target", {-1e3, 1e3}, 0.0);
-        if (!terminal.of_velocity && terminal.dof == 2) problem_.target_pitch_rad = terminal.target;
+      const CostTerm term = ReadCostTerm(table, scene_.robot);
+      if (term.targets_pitch()) problem_.target_pitch_rad = term.target;
+      // Integrals that differ in their weights alone are one.
+      const auto same = std::find_if(cost.begin(), cost.end(), [&term](const CostTerm& other) {
+        CostTerm alike = other;
+        alike.weight = term.weight;
+        return term.when == CostTerm::When::kThroughout && alike == term;
+      });
+      if (same != cost.end()) {
+        same->weight += term.weight;
       } else {
-        terminal.power = 1;
+        cost.push_back(term);
       }
-      problem_.terminal.push_back(terminal);
     }
-    const bool any = problem_.effort_weight > 0 ||
-                     std::any_of(problem_.terminal.begin(), problem_.terminal.end(),
-                                 [](const TerminalTerm& term) { return term.weight != 0; });
+    const bool any = std::any_of(cost.begin(), cost.end(),
+                                 [](const CostTerm& term) { return term.weight != 0; });
     if (!any) {
       const bool empty = root_.Tables("cost").empty();
       root_.Fail("cost", fmt::format("asks for nothing, as it {}; allowed: at least one term with "
@@ -401,13 +370,13 @@ class TaskReader {
   }
 
   void ReadStart(TomlTable& start) {
-    const std::size_t n = problem_.robot.tree.dofs.size();
+    const std::size_t n = scene_.robot.tree.dofs.size();
     problem_.start_q.assign(n, 0.0);
     for (const ActuatedJoint& joint : problem_.joints) {
       problem_.start_q[static_cast<std::size_t>(joint.dof)] = joint.start_rad;
     }
     if (given_) CheckGivenJoints(start);
-    if (problem_.robot.root_dofs == 0) return;
+    if (scene_.robot.root_dofs == 0) return;
     const double x = start.Number("x_m", {-1e3, 1e3}, 0.0);
     const double pitch = start.Number("pitch_rad", {-1e3, 1e3}, 0.0);
     const bool placed = start.Has("z_m");
@@ -428,15 +397,15 @@ class TaskReader {
       problem_.start_q[2] = pose.root_pitch_rad;
       return;
     }
+    problem_.start_q[0] = x;
+    problem_.start_q[1] = z;
+    problem_.start_q[2] = pitch;
     if (placed) {
-      problem_.start_q[0] = x;
-      problem_.start_q[1] = z;
-      problem_.start_q[2] = pitch;
       CheckNotBuried(start, z);
       return;
     }
     try {
-      problem_.start_q = RestPose(problem_, x, pitch);
+      problem_.start_q = RestPose(scene_, problem_.start_q);
     } catch (const std::runtime_error& error) {
       start.Fail("", fmt::format("{}; change the joints or the pitch, or give z_m to start from a "
                                  "pose that is not at rest",
@@ -446,24 +415,23 @@ class TaskReader {
 
   /// No shape starts deeper in an obstacle than the compliant layer is thick.
   void CheckNotBuried(TomlTable& start, double z_m) {
-    HybridDynamics<Plane> dynamics(problem_.robot.tree);
-    ContactModel<Plane> contact(problem_.contact, problem_.robot.shapes, problem_.obstacles);
-    dynamics.SetState(problem_.start_q, std::vector<double>(problem_.start_q.size()));
-    contact.Apply(dynamics);
+    SceneDynamics robot(scene_);
+    std::copy(problem_.start_q.begin(), problem_.start_q.end(), robot.q.begin());
+    robot.Touch();
     const ActiveContact<Plane>* deepest = nullptr;
-    for (const ActiveContact<Plane>& active : contact.active()) {
+    for (const ActiveContact<Plane>& active : robot.contact->active()) {
       if (deepest == nullptr || active.depth_m > deepest->depth_m) deepest = &active;
     }
-    const double layer = problem_.contact.d_on_m;
+    const double layer = scene_.contact.d_on_m;
     if (deepest == nullptr || deepest->depth_m < layer) return;
     start.Fail("z_m",
                fmt::format("is {}: there collision shape {} is {} m inside '{}'; allowed: "
                            "where none is inside an obstacle; without z_m the robot is put "
                            "on the ground",
                            MessageNumber(z_m),
-                           contact.shapes()[static_cast<std::size_t>(deepest->shape)].name,
+                           scene_.robot.shapes[static_cast<std::size_t>(deepest->shape)].name,
                            MessageNumber(deepest->depth_m - layer),
-                           contact.obstacles()[static_cast<std::size_t>(deepest->obstacle)].name));
+                           scene_.obstacles[static_cast<std::size_t>(deepest->obstacle)].name));
   }
 
   /// The joints of the given pose are those of the task, where the task starts them.
@@ -471,7 +439,7 @@ class TaskReader {
     TomlTable joints = start.Table("joints_rad");
     const std::span<const JointMotion<double>> motions = given_->primitive->motions();
     for (const ActuatedJoint& joint : problem_.joints) {
-      const std::string& name = problem_.robot.tree.dofs[static_cast<std::size_t>(joint.dof)].name;
+      const std::string& name = scene_.robot.tree.dofs[static_cast<std::size_t>(joint.dof)].name;
       const auto motion = std::find_if(motions.begin(), motions.end(),
                                        [&](const auto& m) { return m.name.view() == name; });
       if (motion == motions.end()) {
@@ -493,6 +461,7 @@ class TaskReader {
   TomlTable root_;
   std::optional<StartPose> given_;
   Problem problem_;
+  Scene& scene_ = problem_.scene;
 };
 
 PlanarRobot RobotOf(TomlTable& root, const std::string& text, const std::string& file) {
@@ -566,7 +535,7 @@ Task LoadTask(const std::string& path, const PrimitiveFile& before,
       task_text, path, robot_text, robot_path,
       StartPose{&before.exit, &before.primitive,
                 fmt::format("the exit of '{}' ({})", before.primitive.name.view(), before_path)});
-  if (!SameGround(task.problem, TaskOf(before).problem)) {
+  if (!SameGround(task.problem.scene, TaskOf(before).problem.scene)) {
     throw FileError(before_path, 0, "provenance.task_toml",
                     fmt::format("has other [contact] or [[obstacle]] than the task {}: the robot "
                                 "would not stay where it was left; give both the same",
@@ -590,65 +559,6 @@ Task TaskOf(const PrimitiveFile& file) {
   task.start_file = from.start_file;
   task.start_hash = from.start_hash;
   return task;
-}
-
-std::vector<double> RestPose(const Problem& problem, double x_m, double pitch_rad) {
-  HybridDynamics<Plane> dynamics(problem.robot.tree);
-  ContactModel<Plane> contact(problem.contact, problem.robot.shapes, problem.obstacles);
-  const auto n = static_cast<std::size_t>(dynamics.size());
-  std::vector<double> q = problem.start_q, qd(n), qdd(n), tau(n);
-  q[0] = x_m;
-  q[2] = pitch_rad;
-  // The height at which the lowest sphere just reaches the layer, by bisection on the deepest
-  // contact.
-  const auto touches = [&](double z) {
-    q[1] = z;
-    std::fill(qd.begin(), qd.end(), 0.0);
-    dynamics.SetState(q, qd);
-    contact.Apply(dynamics);
-    return !contact.active().empty();
-  };
-  constexpr double kReach = 10;
-  double low = -kReach, high = kReach;
-  if (touches(high)) {
-    const ActiveContact<Plane>& inside = contact.active().front();
-    throw std::runtime_error(fmt::format(
-        "with its root {} m high the robot is still {:.4g} m inside '{}', so it cannot be lowered "
-        "on it (a half-space lies behind its normal)",
-        high, inside.depth_m - problem.contact.d_on_m,
-        problem.obstacles[static_cast<std::size_t>(inside.obstacle)].name));
-  }
-  for (int i = 0; i < 60; ++i) (touches(0.5 * (low + high)) ? low : high) = 0.5 * (low + high);
-  q[1] = high;
-  constexpr double kStep = 1e-4;
-  constexpr double kTime = 5;
-  for (int step = 0; step < static_cast<int>(kTime / kStep); ++step) {
-    dynamics.SetState(q, qd);
-    contact.Apply(dynamics);
-    std::fill(qdd.begin(), qdd.end(), 0.0);
-    std::fill(tau.begin(), tau.end(), 0.0);
-    dynamics.Solve(qdd, tau);
-    double speed = 0, acceleration = 0;
-    for (std::size_t i = 0; i < 3; ++i) {
-      speed = std::max(speed, std::abs(qd[i]));
-      acceleration = std::max(acceleration, std::abs(qdd[i]));
-    }
-    if (step > 0 && speed < 1e-7 && acceleration < 1e-5) return q;
-    for (std::size_t i = 0; i < 3; ++i) {
-      qd[i] += kStep * qdd[i];
-      qd[i] *= 1 - 5 * kStep;  // Numerical air: it shortens the rocking, and is gone at rest.
-      q[i] += kStep * qd[i];
-    }
-    // Fallen over, fallen past all obstacles, or not a number.
-    if (!(std::abs(q[2] - pitch_rad) <= kPi / 2 && std::abs(q[1]) <= 2 * kReach &&
-          std::isfinite(q[0]))) {
-      break;
-    }
-  }
-  throw std::runtime_error(fmt::format(
-      "the robot does not come to rest at its start: it ends at x {:.4g} m, z {:.4g} m, "
-      "pitch {:.4g} rad",
-      q[0], q[1], q[2]));
 }
 
 }  // namespace tumbler

@@ -45,10 +45,4 @@ Task ParseTask(const std::string& task_text, const std::string& task_name,
 /// primitive's entry, whatever it was taken from.
 Task TaskOf(const PrimitiveFile& file);
 
-/// Lowers the robot on the obstacles with its joints held, root at the given x and pitch, until it
-/// is at rest.
-/// @returns all positions at rest. @throws std::runtime_error when it has not come to rest within 5
-/// s, with where it was.
-std::vector<double> RestPose(const Problem& problem, double x_m, double pitch_rad);
-
 }  // namespace tumbler

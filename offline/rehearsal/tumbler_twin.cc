@@ -135,8 +135,8 @@ std::int64_t UtimeNow() {
 ExitStatus Run(const Options& options) {
   TwinSources sources;
   if (!options.config.empty()) sources = ReadTwinSources(options.config);
-  const SequenceFile motion =
-      LoadMotion(FileOf(options.motion, sources.motion, "motion", "MOTION"));
+  const SimulatedMotion motion(
+      LoadMotion(FileOf(options.motion, sources.motion, "motion", "MOTION")));
   const DrivesConfig drives =
       LoadDrives(FileOf(options.drives, sources.drives, "drives", "--drives"));
   SimulatedRobotConfig config;
@@ -158,8 +158,8 @@ ExitStatus Run(const Options& options) {
         truth.Observe(robot);
       },
       options.pace);
-  fmt::print("{} with {} drives on {}, held\n", motion.graph.name.view(), robot.joint_count(),
-             options.interface);
+  fmt::print("{} with {} drives on {}, held\n", motion.file().graph.name.view(),
+             robot.joint_count(), options.interface);
   std::fflush(stdout);
   CatchSignals();
 

@@ -1,37 +1,14 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <cstdint>
 #include <memory>
 #include <span>
 
 #include "offline/problem/problem.h"
 #include "offline/rollout/rollout.h"
+#include "offline/stepper/integrator.h"
 
 namespace tumbler {
-
-/// How ForwardSensitivity integrates.
-struct ForwardSettings {
-  enum class Scheme {
-    kFixed,     ///< The classical Runge-Kutta method of order 4, in the same steps as Rollout.
-    kAdaptive,  ///< Dormand and Prince's 5(4) pair [DP80]; the error norm is of states *and*
-                ///< sensitivities. A norm of the states alone would leave the gradient with an
-                ///< error that nobody watches.
-  };
-  Scheme scheme = Scheme::kFixed;
-  double step_s = 1e-3;  ///< The fixed step; the longest of the adaptive ones, which must not
-                         ///< jump over a contact: a foot at 3 m/s crosses a 4 mm layer in 1.3 ms.
-  double tolerance = 1e-10;       ///< Adaptive: of each of the equations, relative to 1 + its size.
-  double shortest_step_s = 1e-7;  ///< Adaptive: taken whatever the error, and counted.
-};
-
-/// What the last integration took.
-struct IntegrationStatistics {
-  std::int64_t evaluations = 0;  ///< Of the right side with dg, rejected steps included.
-  std::int64_t steps = 0;        ///< Accepted.
-  std::int64_t rejected = 0;
-  std::int64_t forced = 0;  ///< At the shortest step, with an error above the tolerance.
-};
 
 /// Cost and gradient as the paper has them, [AB04, section V]: the states of Eq. 8 and their
 /// derivatives in every parameter are integrated together, with dg (Eq. 9) at every stage,
@@ -44,16 +21,15 @@ struct IntegrationStatistics {
 ///
 /// With the fixed scheme the gradient is that of the discrete computation, as Rollout's is: the two
 /// agree to rounding, and share nothing but g and dg. The adaptive scheme is the independent
-/// reference for the error of a fixed step. The price grows with the number of parameters.
+/// reference for the error of a fixed step; it watches the error of states *and* sensitivities, as
+/// that of the states alone would leave the gradient with an error that nobody watches. The price
+/// grows with the number of parameters.
 ///
 /// Not thread-safe: one object per thread. No heap in the integration, save in the returned
 /// vectors.
-///
-/// [DP80] J. R. Dormand, P. J. Prince, A Family of Embedded Runge-Kutta Formulae, J. Comp. Appl.
-/// Math. 6(1), 1980.
 class ForwardSensitivity {
  public:
-  ForwardSensitivity(const Problem& problem, const ForwardSettings& settings);
+  ForwardSensitivity(const Problem& problem, const StepSettings& settings);
   ~ForwardSensitivity();
   ForwardSensitivity(ForwardSensitivity&&) noexcept;
 

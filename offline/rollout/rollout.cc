@@ -6,31 +6,36 @@
 #include <limits>
 #include <stdexcept>
 
-#include "offline/contact/contact_model.h"
-#include "offline/dynamics/hybrid_dynamics.h"
 #include "offline/rollout/forward_sensitivity.h"
+#include "offline/scene/scene_dynamics.h"
+#include "offline/stepper/even_steps.h"
+#include "offline/stepper/stepper.h"
 
 namespace tumbler {
 namespace {
 
 using Spline = JointMotion<double>::Spline;
-using Dynamics = HybridDynamics<Plane>;
-using Derivatives = Dynamics::Derivatives;
-constexpr int kMaxDofs = Dynamics::kMaxDofs;
+using Derivatives = HybridDynamics<Plane>::Derivatives;
+constexpr int kMaxDofs = SceneDynamics::kMaxDofs;
 
 /// A state beyond this (m, rad, and their rates) is a failed rollout: no tumbler gets near it.
 constexpr double kImplausible = 1e4;
 
-// The classical Runge-Kutta scheme.
-constexpr int kStages = 4;
-constexpr std::array<double, kStages> kA = {0, 0.5, 0.5, 1};  // y_s = y + h a_s k_{s-1}
-constexpr std::array<double, kStages> kB = {1. / 6, 1. / 3, 1. / 3, 1. / 6};
-constexpr std::array<int, kStages> kHalfSteps = {0, 1, 1, 2};  // c_s in halves of a step
+constexpr const Tableau& kScheme = kClassical;
+constexpr int kStages = static_cast<int>(kScheme.stages);
 
 constexpr std::size_t Index(int i) { return static_cast<std::size_t>(i); }
 
-constexpr std::size_t kStates = std::size_t{2} * kMaxDofs;  // positions and velocities
-using State = std::array<double, kStates>;
+/// c_s of the scheme in halves of a step: the times for which there are controls.
+constexpr std::array<int, kStages> kHalfSteps = [] {
+  std::array<int, kStages> half_steps{};
+  for (std::size_t s = 0; s < kScheme.stages; ++s)
+    half_steps[s] = static_cast<int>(2 * kScheme.c[s]);
+  return half_steps;
+}();
+
+using State = SceneDynamics::State;
+constexpr std::size_t kStates = std::tuple_size_v<State>;
 
 std::vector<double> Knots(const Problem& problem, int control_points) {
   std::vector<double> knots(Index(control_points + problem.degree + 1));
@@ -45,6 +50,11 @@ std::vector<double> Knots(const Problem& problem, int control_points) {
 struct ControlWeights {
   int first = 0;
   std::array<std::array<double, Spline::kMaxDegree + 1>, 3> w{};
+};
+
+/// A term of the cost that is an integral, and what it has come to so far, without its weight.
+struct RunningTerm : CostTerm {
+  double integral = 0;
 };
 
 /// Path of one actuated joint at one time, or the cotangent of it.
@@ -77,31 +87,17 @@ Spline PositionSpline(const Problem& problem, std::span<const double> x, std::si
 struct Rollout::Implementation {
   Implementation(const Problem& p, double step_s, std::unique_ptr<ContactForces<Plane>> own_contact)
       : problem(p),
-        dynamics(p.robot.tree),
-        contact(std::move(own_contact)),
-        n(dynamics.size()),
+        forward(MakeForward(p, step_s, own_contact != nullptr)),
+        robot(p.scene, std::move(own_contact)),
+        nf(static_cast<int>(robot.free.size())),
         na(static_cast<int>(p.joints.size())),
-        parameters(p.parameter_count()) {
-    const bool general = contact == nullptr;
-    if (general)
-      contact = std::make_unique<ContactModel<Plane>>(p.contact, p.robot.shapes, p.obstacles);
-    if (p.solver.gradient == SolverSettings::Gradient::kForward) {
-      if (!general)
-        throw std::invalid_argument("the forward gradient has the general contact model only");
-      forward = std::make_unique<ForwardSensitivity>(
-          p, ForwardSettings{ForwardSettings::Scheme::kFixed, step_s});
-    }
-    for (int j = 0; j < n; ++j) {
-      if (!dynamics.prescribed(j)) free.push_back(j);
-    }
-    nf = static_cast<int>(free.size());
+        nd(nf + na),
+        parameters(p.parameter_count()),
+        motion(p.duration_s, step_s, 1),
+        settling(p.settle_s, step_s),
+        steps(motion.count + settling.count),
+        half_steps(Index(2 * motion.count + 1)) {
     for (const ActuatedJoint& joint : p.joints) actuated.push_back(joint.dof);
-    nd = nf + na;
-    motion_steps = std::max(1, static_cast<int>(std::ceil(p.duration_s / step_s - 1e-9)));
-    settle_steps = static_cast<int>(std::ceil(p.settle_s / step_s - 1e-9));
-    motion_h = p.duration_s / motion_steps;
-    settle_h = settle_steps > 0 ? p.settle_s / settle_steps : step_s;
-    half_steps = Index(2 * motion_steps + 1);
     for (int j = 0; j < na; ++j) {
       const int size = p.joints[Index(j)].control_points;
       first_parameter.push_back(p.first_parameter(Index(j)));
@@ -111,13 +107,26 @@ struct Rollout::Implementation {
       if (same == j) AddWeights(size);
     }
     controls.resize(half_steps * Index(na));
-    const std::size_t steps = Index(motion_steps + settle_steps);
-    order = free;
+    order = robot.free;
     order.insert(order.end(), actuated.begin(), actuated.end());
     stage_size = 3 * nd * nd;
     lane_gradient.resize(Index(parameters));
-    stage_torque.resize(steps * kStages * Index(na));
-    core_slope.resize(steps * Index(nd));
+    stage_torque.resize(Index(steps * kStages * na));
+    for (const CostTerm& term : p.cost) {
+      if (term.when != CostTerm::When::kThroughout) continue;
+      running.push_back({term});
+      running_of_state = running_of_state || term.of_state();
+    }
+    core_slope.resize(Index(steps * nd));
+  }
+
+  static std::unique_ptr<ForwardSensitivity> MakeForward(const Problem& p, double step_s,
+                                                         bool own_contact) {
+    if (p.solver.gradient == SolverSettings::Gradient::kAdjoint) return nullptr;
+    if (own_contact)
+      throw std::invalid_argument("the forward gradient has the general contact model only");
+    return std::make_unique<ForwardSensitivity>(p,
+                                                StepSettings{StepSettings::Scheme::kFixed, step_s});
   }
 
   /// Appends the weights of splines of one size at all half steps.
@@ -127,8 +136,8 @@ struct Rollout::Implementation {
                       std::vector<double>(Index(control_points))) != Status::kOk) {
       throw std::invalid_argument("spline degree and size do not fit together");
     }
-    for (int k = 0; k <= 2 * motion_steps; ++k) {
-      const Spline::Weights w = spline.EvaluateWeights(0.5 * k * motion_h);
+    for (int k = 0; k <= 2 * motion.count; ++k) {
+      const Spline::Weights w = spline.EvaluateWeights(0.5 * k * motion.step_s);
       weights.push_back({w.first, w.w});
     }
   }
@@ -161,39 +170,43 @@ struct Rollout::Implementation {
     }
   }
 
-  /// Full state from the free part y = (q_p, qd_p) and the controls at half step k.
-  void Expand(const double* y, int half_step) {
-    for (int i = 0; i < nf; ++i) {
-      q[Index(free[Index(i)])] = y[i];
-      qd[Index(free[Index(i)])] = y[nf + i];
-    }
-    const bool moving = half_step <= 2 * motion_steps;
+  /// Length of a step.
+  [[nodiscard]] double LengthOf(int step) const {
+    return step < motion.count ? motion.step_s : settling.step_s;
+  }
+  /// The half step of a stage. The last stage of the motion's last step still belongs to the
+  /// motion; beyond, legs are held.
+  [[nodiscard]] int HalfStepOf(int step, int s) const {
+    return step < motion.count ? 2 * step + kHalfSteps[Index(s)] : 2 * motion.count + 1;
+  }
+
+  /// Puts the actuated joints where they are at a half step.
+  void SetJoints(int half_step) {
+    const bool moving = half_step <= 2 * motion.count;
     const std::size_t k = moving ? Index(half_step) : half_steps - 1;
     for (int j = 0; j < na; ++j) {
       const Control& c = controls[k * Index(na) + Index(j)];
       const std::size_t dof = Index(actuated[Index(j)]);
-      q[dof] = c.q;
-      qd[dof] = moving ? c.qd : 0;
-      qdd[dof] = moving ? c.qdd : 0;
+      robot.q[dof] = c.q;
+      robot.qd[dof] = moving ? c.qd : 0;
+      robot.qdd[dof] = moving ? c.qdd : 0;
     }
   }
 
-  void Evaluate(const double* y, int half_step) {
-    Expand(y, half_step);
-    std::fill(tau.begin(), tau.end(), 0.0);
-    dynamics.SetState({q.data(), Index(n)}, {qd.data(), Index(n)});
-    contact->Apply(dynamics);
-    dynamics.Solve({qdd.data(), Index(n)}, {tau.data(), Index(n)});
+  void Evaluate(const State& y, int half_step) {
+    robot.SetFree(y);
+    SetJoints(half_step);
+    robot.TouchAndSolve();
   }
 
   /// dg in factored form, as the rows that PullBackStage takes products with, in `order`: R^T for
   /// the free degrees of freedom, input^T for the actuated ones, then D_q^T and D_qd^T.
   void StoreStage(double* out) {
-    contact->Differentiate(dynamics);
-    dynamics.DifferentiateFactored(derivatives);
+    robot.contact->Differentiate(robot.dynamics);
+    robot.dynamics.DifferentiateFactored(derivatives);
     const auto& input = derivatives.input;
-    for (const int i : free) {  // R_pp^T = -input_pp, R_ap^T = -input_ap^T = input_pa.
-      for (const int k : free) *out++ = -input[Index(i)][Index(k)];
+    for (const int i : robot.free) {  // R_pp^T = -input_pp, R_ap^T = -input_ap^T = input_pa.
+      for (const int k : robot.free) *out++ = -input[Index(i)][Index(k)];
       for (const int k : actuated) *out++ = input[Index(i)][Index(k)];
     }
     for (const int j : actuated) {
@@ -206,50 +219,39 @@ struct Rollout::Implementation {
     }
   }
 
-  /// Value of a terminal term and its derivative in the state.
-  static double TermValue(const TerminalTerm& term, double value, double* slope) {
-    const double e = value - term.target;
-    if (term.power == 1) {
-      *slope = term.weight;
-      return term.weight * e;
-    }
-    *slope = 2 * term.weight * e;
-    return term.weight * e * e;
+  /// The state y with the joints at their ends, where terms at an instant look.
+  CostPoint InstantAt(const State& y) {
+    robot.SetFree(y);
+    SetJoints(2 * motion.count + 1);
+    return {robot.q, robot.qd, {}};
   }
 
-  void AddTerminal(TerminalTerm::When when, const double* y, RolloutResult& result) const {
-    double slope = 0;
-    for (const TerminalTerm& term : problem.terminal) {
+  void AddInstant(CostTerm::When when, const State& y, RolloutResult& result) {
+    const CostPoint here = InstantAt(y);
+    for (const CostTerm& term : problem.cost) {
       if (term.when != when) continue;
-      const double value = y[StateIndex(term)];
-      result.cost += TermValue(term, value, &slope);
-      result.target_error_rad = std::max(result.target_error_rad, term.TargetError(value));
+      result.cost = term.Accumulate(result.cost, term.weight, here);
+      result.target_error_rad = std::max(result.target_error_rad, term.TargetError(here));
     }
-  }
-  [[nodiscard]] int StateIndex(const TerminalTerm& term) const {
-    const int i = static_cast<int>(std::find(free.begin(), free.end(), term.dof) - free.begin());
-    return term.of_velocity ? nf + i : i;
   }
 
   enum class Scheme { kRungeKutta, kRecordedRungeKutta, kSemiImplicitEuler };
 
   RolloutResult Forward(std::span<const double> x, Scheme scheme) {
     SetControls(x);
-    const int steps = motion_steps + settle_steps;
     const bool record = scheme == Scheme::kRecordedRungeKutta;
     if (record && stages.empty()) {
       stages.resize(Index(steps) * kStages * Index(stage_size));
+      if (running_of_state) running_states.resize(Index(steps) * kStages * 2 * robot.n);
     }
     RolloutResult result;
     result.peak_torque_nm.assign(Index(na), 0);
     result.torque_excess.assign(Index(na), 0);
-    State y{};
-    for (int i = 0; i < nf; ++i) y[Index(i)] = problem.start_q[Index(free[Index(i)])];
-    effort = 0;
+    State y = robot.AtRest(problem.start_q);
+    for (RunningTerm& term : running) term.integral = 0;
     core_sum = 0;
     for (int step = 0; step < steps; ++step) {
-      if (step == motion_steps)
-        AddTerminal(TerminalTerm::When::kEnd, y.data(), result), end_state = y;
+      if (step == motion.count) AddInstant(CostTerm::When::kEnd, y, result), end_state = y;
       if (scheme == Scheme::kSemiImplicitEuler) {
         StepEuler(step, y, result);
       } else {
@@ -261,10 +263,10 @@ struct Rollout::Implementation {
         return result;
       }
     }
-    if (settle_steps == 0) AddTerminal(TerminalTerm::When::kEnd, y.data(), result), end_state = y;
-    AddTerminal(TerminalTerm::When::kSettled, y.data(), result);
+    if (settling.count == 0) AddInstant(CostTerm::When::kEnd, y, result), end_state = y;
+    AddInstant(CostTerm::When::kSettled, y, result);
     settled_state = y;
-    result.cost += problem.effort_weight * effort;
+    for (const RunningTerm& term : running) result.cost += term.weight * term.integral;
     SetTorqueExcess(result);
     return result;
   }
@@ -277,54 +279,65 @@ struct Rollout::Implementation {
   }
 
   void StepRungeKutta(int step, bool record, State& y, RolloutResult& result) {
-    const double h = step < motion_steps ? motion_h : settle_h;
-    State ys{}, k{}, sum{};
-    for (int s = 0; s < kStages; ++s) {
-      for (int i = 0; i < 2 * nf; ++i) ys[Index(i)] = y[Index(i)] + h * kA[Index(s)] * k[Index(i)];
-      // The last stage of the motion's last step still belongs to the motion; beyond, legs are
-      // held.
-      Evaluate(ys.data(),
-               step < motion_steps ? 2 * step + kHalfSteps[Index(s)] : 2 * motion_steps + 1);
-      for (int i = 0; i < nf; ++i) {
-        k[Index(i)] = ys[Index(nf + i)];
-        k[Index(nf + i)] = qdd[Index(free[Index(i)])];
-      }
-      for (int i = 0; i < 2 * nf; ++i) sum[Index(i)] += kB[Index(s)] * k[Index(i)];
+    const double h = LengthOf(step);
+    tumbler::StepRungeKutta<kScheme>(y, Index(2 * nf), h, [&](int s, const State& y_s, double* k) {
+      Evaluate(y_s, HalfStepOf(step, s));
+      robot.TakeSlope(k);
       const std::size_t stage = Index(step * kStages + s);
-      AddEffort(h * kB[Index(s)], &stage_torque[stage * Index(na)]);
+      const CostPoint here = TakeTorques(stage);
+      AddRunning(h * kScheme.b[Index(s)], here);
       if (s == 0) Inspect(step, record, result);
-      if (record) StoreStage(&stages[stage * Index(stage_size)]);
-    }
-    for (int i = 0; i < 2 * nf; ++i) y[Index(i)] += h * sum[Index(i)];
+      if (record) StoreStage(&stages[stage * Index(stage_size)]), StoreRunning(stage);
+      return true;
+    });
   }
 
   void StepEuler(int step, State& y, RolloutResult& result) {
-    const double h = step < motion_steps ? motion_h : settle_h;
-    Evaluate(y.data(), step < motion_steps ? 2 * step : 2 * motion_steps + 1);
-    for (int i = 0; i < nf; ++i) {
-      y[Index(nf + i)] += h * qdd[Index(free[Index(i)])];
-      y[Index(i)] += h * y[Index(nf + i)];
-    }
-    AddEffort(h, &stage_torque[Index(step * kStages * na)]);
-    Inspect(step, false, result);
+    const double h = LengthOf(step);
+    StepSemiImplicitEuler(y, Index(nf), h, [&](int, const State& y_s, double* k) {
+      Evaluate(y_s, HalfStepOf(step, 0));
+      robot.TakeSlope(k);
+      AddRunning(h, TakeTorques(Index(step * kStages)));
+      Inspect(step, false, result);
+      return true;
+    });
   }
 
-  /// Takes the torques of the stage that was just evaluated, of weight dt in the integral.
-  void AddEffort(double dt, double* torques) {
-    for (int j = 0; j < na; ++j) {
-      const double torque = tau[Index(actuated[Index(j)])];
-      effort += dt * torque * torque;
-      torques[j] = torque;
-    }
+  /// Takes the torques of the stage that was just evaluated. @returns what the cost sees there.
+  CostPoint TakeTorques(std::size_t stage) {
+    double* const torques = &stage_torque[stage * Index(na)];
+    for (int j = 0; j < na; ++j) torques[j] = robot.tau[Index(actuated[Index(j)])];
+    return {robot.q, robot.qd, {torques, Index(na)}};
+  }
+
+  /// Adds a stage of weight dt in time to the integrals.
+  void AddRunning(double dt, const CostPoint& here) {
+    for (RunningTerm& term : running) term.integral = term.Accumulate(term.integral, dt, here);
+  }
+
+  /// Keeps positions and velocities of the stage that was just evaluated, where the integrals
+  /// depend on them.
+  void StoreRunning(std::size_t stage) {
+    if (!running_of_state) return;
+    double* const out = &running_states[stage * 2 * robot.n];
+    std::copy_n(robot.q.begin(), robot.n, out);
+    std::copy_n(robot.qd.begin(), robot.n, out + robot.n);
+  }
+  /// What the cost saw at a recorded stage.
+  [[nodiscard]] CostPoint RecordedAt(std::size_t stage) const {
+    const std::span<const double> torques(&stage_torque[stage * Index(na)], Index(na));
+    if (!running_of_state) return {{}, {}, torques};
+    const double* const states = &running_states[stage * 2 * robot.n];
+    return {{states, robot.n}, {states + robot.n, robot.n}, torques};
   }
 
   /// Takes what counts at the start of a step, just evaluated: peaks of torque and penetration.
   void Inspect(int step, bool record, RolloutResult& result) {
     for (int j = 0; j < na; ++j) {
       double& peak = result.peak_torque_nm[Index(j)];
-      peak = std::max(peak, std::abs(tau[Index(actuated[Index(j)])]));
+      peak = std::max(peak, std::abs(robot.tau[Index(actuated[Index(j)])]));
     }
-    for (const ActiveContact<Plane>& a : contact->active()) {
+    for (const ActiveContact<Plane>& a : robot.contact->active()) {
       result.any_contact = true;
       result.peak_penetration_m = std::max(result.peak_penetration_m, a.depth_m);
     }
@@ -335,9 +348,9 @@ struct Rollout::Implementation {
   /// positions.
   void AddCore(double* slopes) {
     if (slopes != nullptr) std::fill_n(slopes, nd, 0.0);
-    const double layer = (1 - problem.solver.core_margin) * problem.contact.d_on_m;
+    const double layer = (1 - problem.solver.core_margin) * problem.scene.contact.d_on_m;
     const double rho = problem.solver.sharpness;
-    for (const ActiveContact<Plane>& a : contact->active()) {
+    for (const ActiveContact<Plane>& a : robot.contact->active()) {
       const double exponent = rho * (a.depth_m / layer - 1);
       if (exponent < kNegligibleExponent) continue;
       // Beyond 600 nothing is left to compare with.
@@ -345,14 +358,13 @@ struct Rollout::Implementation {
       core_sum += weight;
       if (slopes == nullptr || exponent > 600) continue;
       std::array<double, kMaxDofs> J{};
-      contact->AddDepthSlopes(dynamics, a, weight / layer, J);
+      robot.contact->AddDepthSlopes(robot.dynamics, a, weight / layer, J);
       for (int i = 0; i < nd; ++i) slopes[i] += J[Index(order[Index(i)])];
     }
   }
 
   /// Smooth maximum over the starts of all steps, [KS79]: never below the true one.
   void SetTorqueExcess(RolloutResult& result) {
-    const int steps = motion_steps + settle_steps;
     const double rho = problem.solver.sharpness;
     result.core_excess = core_sum > 0 ? std::max(-1.0, std::log(core_sum) / rho) : -1;
     for (int j = 0; j < na; ++j) {
@@ -425,9 +437,8 @@ struct Rollout::Implementation {
   template <class Matrix>
   void PullBack(Matrix& gradient) {
     lane_gradient.assign(Index(parameters), Lanes::Zero());
-    const int steps = motion_steps + settle_steps;
-    AddTerminalSlope(TerminalTerm::When::kSettled, settled_state.data());
-    if (settle_steps == 0) AddTerminalSlope(TerminalTerm::When::kEnd, end_state.data());
+    AddInstantSlopes(CostTerm::When::kSettled, settled_state);
+    if (settling.count == 0) AddInstantSlopes(CostTerm::When::kEnd, end_state);
     std::array<Lanes, kStates> total;
     for (int step = steps - 1; step >= 0; --step) {
       std::copy_n(pullback.adjoint.begin(), 2 * nf, total.begin());
@@ -436,7 +447,7 @@ struct Rollout::Implementation {
         for (int i = 0; i < 2 * nf; ++i) total[Index(i)] += pullback.y_bar[Index(i)];
       }
       std::copy_n(total.begin(), 2 * nf, pullback.adjoint.begin());
-      if (step == motion_steps) AddTerminalSlope(TerminalTerm::When::kEnd, end_state.data());
+      if (step == motion.count) AddInstantSlopes(CostTerm::When::kEnd, end_state);
     }
     AddToParameters();
     for (int lane = 0; lane < kLanes; ++lane) {
@@ -446,24 +457,40 @@ struct Rollout::Implementation {
     }
   }
 
-  void AddTerminalSlope(TerminalTerm::When when, const double* y) {
-    if (pullback.lanes[0].output != 0) return;  // The cost is the first of all lanes.
-    for (const TerminalTerm& term : problem.terminal) {
+  /// The cost is the first of all lanes.
+  [[nodiscard]] bool has_cost() const { return pullback.lanes[0].output == 0; }
+
+  void AddInstantSlopes(CostTerm::When when, const State& y) {
+    if (!has_cost()) return;
+    const CostPoint here = InstantAt(y);
+    for (const CostTerm& term : problem.cost) {
       if (term.when != when) continue;
-      double slope = 0;
-      TermValue(term, y[StateIndex(term)], &slope);
-      pullback.adjoint[Index(StateIndex(term))][0] += slope;
+      SceneDynamics::Numbers by_q{}, by_qd{};
+      term.AddSlopes(term.weight, here, {by_q, by_qd, {}});
+      for (int i = 0; i < nf; ++i) {
+        const std::size_t dof = Index(robot.free[Index(i)]);
+        pullback.adjoint[Index(i)][0] += by_q[dof];
+        pullback.adjoint[Index(nf + i)][0] += by_qd[dof];
+      }
     }
   }
 
-  /// Derivatives of the outputs in the torque of joint j at a stage.
-  Lanes TorqueSlopes(int step, int s, int j, double h) const {
+  /// Adds the derivatives of the integrals of the cost, weighted, at a recorded stage.
+  void AddRunningSlopes(int step, int s, const CostSlopes& slopes) const {
+    const CostPoint there = RecordedAt(Index(step * kStages + s));
+    for (const RunningTerm& term : running)
+      term.AddSlopes(term.weight * LengthOf(step) * kScheme.b[Index(s)], there, slopes);
+  }
+
+  /// Derivatives of the outputs in the torque of joint j at a stage; `of_cost` is that of the cost.
+  Lanes TorqueSlopes(int step, int s, int j, double of_cost) const {
     Lanes slopes = Lanes::Zero();
-    const double torque = stage_torque[Index((step * kStages + s) * na + j)];
+    const std::size_t stage = Index(step * kStages + s);
+    const double torque = stage_torque[stage * Index(na) + Index(j)];
     for (int i = 0; i < kLanes; ++i) {
       const Lane& lane = pullback.lanes[Index(i)];
       if (lane.output == 0) {
-        slopes[i] = problem.effort_weight * h * kB[Index(s)] * 2 * torque;
+        slopes[i] = of_cost;
       } else if (lane.output == 1 + j && s == 0) {
         const double weight =
             std::exp(problem.solver.sharpness * (std::abs(torque) / lane.limit - lane.peak));
@@ -475,15 +502,16 @@ struct Rollout::Implementation {
 
   /// From the adjoint of a step and y_bar of the stage after this one to y_bar of this one.
   void PullBackStage(int step, int s) {
-    const double h = step < motion_steps ? motion_h : settle_h;
-    // k_bar = h b_s lambda + h a_{s+1} y_bar_{s+1}
+    const double h = LengthOf(step);
+    // k_bar = h b_s lambda + h a_{s+1,s} y_bar_{s+1}
     std::array<Lanes, kStates> k_bar;
-    const double b = h * kB[Index(s)];
-    const double a = s + 1 < kStages ? h * kA[Index(s + 1)] : 0;
+    const double b = h * kScheme.b[Index(s)];
+    const double a = s + 1 < kStages ? h * kScheme.a[Index(s + 1)][Index(s)] : 0;
     for (int i = 0; i < 2 * nf; ++i)
       k_bar[Index(i)] = b * pullback.adjoint[Index(i)] + a * pullback.y_bar[Index(i)];
     // The stage's record is a matrix with rows of one length: see StoreStage.
-    const double* record = &stages[Index(step * kStages + s) * Index(stage_size)];
+    const std::size_t stage = Index(step * kStages + s);
+    const double* record = &stages[stage * Index(stage_size)];
     const auto row_times = [&](int row, const std::array<Lanes, kMaxDofs>& v) {
       const double* entry = record + Index(row * nd);
       Lanes sum = entry[0] * v[0];
@@ -492,7 +520,13 @@ struct Rollout::Implementation {
     };
     std::array<Lanes, kMaxDofs> r, w;  // cotangents of g's outputs, and R^T r
     for (int i = 0; i < nf; ++i) r[Index(i)] = k_bar[Index(nf + i)];
-    for (int j = 0; j < na; ++j) r[Index(nf + j)] = TorqueSlopes(step, s, j, h);
+    // Derivatives of the integrals of the cost at the stage itself.
+    std::array<double, kMaxJoints> by_torque{};
+    SceneDynamics::Numbers by_q, by_qd;
+    const bool by_state = running_of_state && has_cost();
+    if (by_state) by_q.fill(0), by_qd.fill(0);
+    if (has_cost()) AddRunningSlopes(step, s, {by_q, by_qd, by_torque});
+    for (int j = 0; j < na; ++j) r[Index(nf + j)] = TorqueSlopes(step, s, j, by_torque[Index(j)]);
     for (int i = 0; i < nf; ++i) w[Index(i)] = row_times(i, r);
     for (int j = 0; j < na; ++j) w[Index(nf + j)] = r[Index(nf + j)];
     for (int i = 0; i < nf; ++i) {
@@ -508,18 +542,34 @@ struct Rollout::Implementation {
     const double core_scale = core != nullptr ? 1 / core_sum : 0;
     for (int i = 0; core != nullptr && i < nf; ++i)
       pullback.y_bar[Index(i)][core_lane] += core_scale * core[i];
-    if (step >= motion_steps) return;
+    const bool moving = step < motion.count;
     // Stages at the same time have the same weights.
-    if (const int half_step = 2 * step + kHalfSteps[Index(s)]; half_step != pullback.half_step) {
+    if (const int half_step = HalfStepOf(step, s); moving && half_step != pullback.half_step) {
       AddToParameters();
       pullback.half_step = half_step;
     }
-    for (int j = 0; j < na; ++j) {
+    for (int j = 0; moving && j < na; ++j) {
       auto& control = pullback.controls[Index(j)];
       control[0] += row_times(nd + nf + j, w);
       control[1] += row_times(2 * nd + nf + j, w);
       control[2] += row_times(nf + j, r);
       if (core != nullptr) control[0][core_lane] += core_scale * core[nf + j];
+    }
+    if (by_state) AddStateSlopes(by_q, by_qd, moving);
+  }
+
+  /// What positions and velocities at a stage mean for the integrals of the cost.
+  void AddStateSlopes(const SceneDynamics::Numbers& by_q, const SceneDynamics::Numbers& by_qd,
+                      bool moving) {
+    for (int i = 0; i < nf; ++i) {
+      const std::size_t dof = Index(robot.free[Index(i)]);
+      pullback.y_bar[Index(i)][0] += by_q[dof];
+      pullback.y_bar[Index(nf + i)][0] += by_qd[dof];
+    }
+    for (int j = 0; moving && j < na; ++j) {
+      const std::size_t dof = Index(actuated[Index(j)]);
+      pullback.controls[Index(j)][0][0] += by_q[dof];
+      pullback.controls[Index(j)][1][0] += by_qd[dof];
     }
   }
 
@@ -540,16 +590,15 @@ struct Rollout::Implementation {
   }
 
   Problem problem;
-  Dynamics dynamics;
-  std::unique_ptr<ContactForces<Plane>> contact;
-  int n, na, nf = 0, nd = 0;
+  std::unique_ptr<ForwardSensitivity> forward;  // none: the adjoint
+  SceneDynamics robot;
+  int nf, na, nd;  // free, actuated and all degrees of freedom
   int parameters;
-  std::vector<int> free;      // degrees of freedom of y's positions
   std::vector<int> actuated;  // degree of freedom of each joint
-  std::vector<int> order;     // `free`, then `actuated`
-  int motion_steps, settle_steps;
-  double motion_h, settle_h;
-  std::size_t half_steps = 0;           // of the motion, both ends included
+  std::vector<int> order;     // the free ones, then `actuated`
+  EvenSteps motion, settling;
+  int steps;                            // of both
+  std::size_t half_steps;               // of the motion, both ends included
   std::vector<ControlWeights> weights;  // by size of spline, then half step
   std::vector<std::size_t> weights_of;  // which size each joint has
   std::vector<int> first_parameter;     // of each joint
@@ -559,13 +608,13 @@ struct Rollout::Implementation {
   double core_sum = 0;
   std::vector<double> stages;  // by stage: see StoreStage
   int stage_size = 0;
-  std::unique_ptr<ForwardSensitivity> forward;  // none: the adjoint
   Pullback pullback;
   std::vector<Lanes> lane_gradient;
   Derivatives derivatives;
-  std::array<double, kMaxDofs> q{}, qd{}, qdd{}, tau{};
   State end_state{}, settled_state{};
-  double effort = 0;  // integral of |tau|^2 so far
+  std::vector<RunningTerm> running;
+  bool running_of_state = false;       // whether any of these depends on more than torques
+  std::vector<double> running_states;  // by stage, where there are any: see StoreRunning
 };
 
 Rollout::Rollout(const Problem& problem, double step_s,
@@ -605,39 +654,31 @@ RolloutResult Rollout::Run(
 void Rollout::Visit(std::span<const double> x, double extra_s,
                     const std::function<void(const MotionSample&)>& visitor) {
   Implementation& m = *implementation_;
+  const SceneDynamics& robot = m.robot;
   m.SetControls(x);
-  const int extra_steps = static_cast<int>(std::ceil(extra_s / m.settle_h - 1e-9));
-  State y{}, ys{}, k{}, sum{};
-  for (int i = 0; i < m.nf; ++i) y[Index(i)] = m.problem.start_q[Index(m.free[Index(i)])];
+  State y = robot.AtRest(m.problem.start_q);
   MotionSample sample;
-  sample.dynamics = &m.dynamics;
-  const int steps = m.motion_steps + m.settle_steps + extra_steps;
+  sample.dynamics = &robot.dynamics;
+  const auto visit = [&](int step) {
+    sample.time_s = step < m.motion.count
+                        ? step * m.motion.step_s
+                        : m.problem.duration_s + (step - m.motion.count) * m.settling.step_s;
+    sample.q.assign(robot.q.begin(), robot.q.begin() + static_cast<std::ptrdiff_t>(robot.n));
+    sample.qd.assign(robot.qd.begin(), robot.qd.begin() + static_cast<std::ptrdiff_t>(robot.n));
+    sample.torque.clear();
+    for (const int dof : m.actuated) sample.torque.push_back(robot.tau[Index(dof)]);
+    sample.contacts = robot.contact->active();
+    visitor(sample);
+  };
+  const int steps = m.steps + EvenSteps(extra_s, m.settling.step_s).count;
   for (int step = 0; step <= steps; ++step) {
-    const bool moving = step < m.motion_steps;
-    const double h = moving ? m.motion_h : m.settle_h;
-    sum.fill(0);
-    for (int s = 0; s < kStages; ++s) {
-      for (int i = 0; i < 2 * m.nf; ++i)
-        ys[Index(i)] = y[Index(i)] + h * kA[Index(s)] * k[Index(i)];
-      m.Evaluate(ys.data(), moving ? 2 * step + kHalfSteps[Index(s)] : 2 * m.motion_steps + 1);
-      if (s == 0) {
-        sample.time_s = moving ? step * m.motion_h
-                               : m.problem.duration_s + (step - m.motion_steps) * m.settle_h;
-        sample.q.assign(m.q.begin(), m.q.begin() + m.n);
-        sample.qd.assign(m.qd.begin(), m.qd.begin() + m.n);
-        sample.torque.clear();
-        for (const ActuatedJoint& joint : m.problem.joints)
-          sample.torque.push_back(m.tau[Index(joint.dof)]);
-        sample.contacts = m.contact->active();
-        visitor(sample);
-      }
-      for (int i = 0; i < m.nf; ++i) {
-        k[Index(i)] = ys[Index(m.nf + i)];
-        k[Index(m.nf + i)] = m.qdd[Index(m.free[Index(i)])];
-      }
-      for (int i = 0; i < 2 * m.nf; ++i) sum[Index(i)] += kB[Index(s)] * k[Index(i)];
-    }
-    for (int i = 0; i < 2 * m.nf; ++i) y[Index(i)] += h * sum[Index(i)];
+    StepRungeKutta<kScheme>(y, Index(2 * m.nf), m.LengthOf(step),
+                            [&](int s, const State& y_s, double* k) {
+                              m.Evaluate(y_s, m.HalfStepOf(step, s));
+                              if (s == 0) visit(step);
+                              robot.TakeSlope(k);
+                              return true;
+                            });
   }
 }
 

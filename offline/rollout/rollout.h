@@ -8,6 +8,7 @@
 
 #include "offline/contact/contact_forces.h"
 #include "offline/problem/problem.h"
+#include "offline/scene/motion_sample.h"
 
 namespace tumbler {
 
@@ -27,15 +28,6 @@ struct RolloutResult {
   double core_excess = -1;  ///< Smooth maximum of penetration over the usable part of the layer,
                             ///< less 1; an upper bound.
   std::vector<double> peak_torque_nm;
-};
-
-/// One instant of a motion, for export and pictures.
-struct MotionSample {
-  double time_s = 0;
-  std::vector<double> q, qd;                        ///< All degrees of freedom.
-  std::vector<double> torque;                       ///< Of the actuated joints.
-  std::span<const ActiveContact<Plane>> contacts;   ///< Valid during the call only.
-  const HybridDynamics<Plane>* dynamics = nullptr;  ///< At this state; valid during the call only.
 };
 
 /// Integrates [AB04, Eq. 8] by single shooting and differentiates the result exactly.

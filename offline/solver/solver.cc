@@ -114,7 +114,7 @@ double Rank(const Problem& problem, const RolloutResult& result) {
     rank += problem.search.torque_penalty * above * above;
   }
   rank += problem.search.core_penalty *
-          std::max(0.0, result.peak_penetration_m / problem.contact.d_on_m - 1);
+          std::max(0.0, result.peak_penetration_m / problem.scene.contact.d_on_m - 1);
   return rank;
 }
 
@@ -167,7 +167,7 @@ WorstConstraint FindWorst(const Problem& problem, const std::vector<LinearRow>& 
     if (value > worst.value) worst = {value, name()};
   };
   const auto joint_name = [&](std::size_t j) {
-    return problem.robot.tree.dofs[static_cast<std::size_t>(problem.joints[j].dof)].name;
+    return problem.scene.robot.tree.dofs[static_cast<std::size_t>(problem.joints[j].dof)].name;
   };
   for (const LinearRow& row : rows) {
     consider(row.b + std::inner_product(row.a.begin(), row.a.end(), x.begin(), 0.0),
@@ -259,7 +259,7 @@ class LocalSolve {
     const WorstConstraint worst = FindWorst(problem_, rows_, best.x, result_);
     best.constraint_violation = worst.value;
     best.worst_constraint = worst.name;
-    best.core_reached = result_.peak_penetration_m >= problem_.contact.d_on_m;
+    best.core_reached = result_.peak_penetration_m >= problem_.scene.contact.d_on_m;
     if (end == SolveEnd::kConverged && best.constraint_violation > kNoViolation)
       end = SolveEnd::kInfeasible;
     best.end = end;
@@ -473,7 +473,7 @@ std::vector<LinearRow> DerivativeLimitRows(const Problem& problem) {
       for (std::size_t k = 0; k < points; ++k) {
         upper[k].name =
             std::string(d == 1 ? "velocity of " : "acceleration of ") +
-            problem.robot.tree.dofs[static_cast<std::size_t>(problem.joints[j].dof)].name;
+            problem.scene.robot.tree.dofs[static_cast<std::size_t>(problem.joints[j].dof)].name;
         upper[k].a.assign(n, 0.0);
         upper[k].b = constant.control_points(d)[k] / limit[d];
       }

@@ -145,11 +145,9 @@ bool MeetsItsPurpose(const Problem& problem, const std::vector<double>& x) {
     q = sample.q;
     qd = sample.qd;
   });
-  const auto target =
-      std::find_if(problem.terminal.begin(), problem.terminal.end(), [](const TerminalTerm& term) {
-        return term.power == 2 && term.dof == 2 && !term.of_velocity;
-      });
-  if (target == problem.terminal.end())
+  const auto target = std::find_if(problem.cost.begin(), problem.cost.end(),
+                                   [](const CostTerm& term) { return term.targets_pitch(); });
+  if (target == problem.cost.end())
     return q[2] - problem.start_q[2] > std::numbers::pi - 0.05 && q[0] < problem.start_q[0];
   return std::abs(q[2] - target->target) < 0.05 && std::abs(qd[2]) < 0.2;
 }
@@ -182,7 +180,7 @@ FoundMotion PrintMotion(const std::filesystem::path& task, int seeds, const std:
 }
 
 /// The cost's gradient beside the optimum, where it is not zero, by the paper's equations.
-Eigen::RowVectorXd GradientOf(const FoundMotion& motion, const ForwardSettings& settings,
+Eigen::RowVectorXd GradientOf(const FoundMotion& motion, const StepSettings& settings,
                               IntegrationStatistics* statistics = nullptr) {
   std::vector<double> x = motion.x;
   for (std::size_t i = 0; i < x.size(); ++i) x[i] += i % 2 == 0 ? 1e-3 : -1e-3;
@@ -201,15 +199,14 @@ void PrintStepErrors(const std::vector<FoundMotion>& motions) {
       "ms | adaptive (1e-8) | adaptive steps, tried and kept |\n|---|---|---|---|---|---|\n");
   for (const FoundMotion& motion : motions) {
     if (motion.x.empty()) continue;
-    using Scheme = ForwardSettings::Scheme;
+    using Scheme = StepSettings::Scheme;
     IntegrationStatistics statistics;
     const Eigen::RowVectorXd reference =
         GradientOf(motion, {Scheme::kAdaptive, 1e-3, 1e-10}, &statistics);
     std::printf("| %s |", motion.name.c_str());
-    for (const ForwardSettings& settings :
-         {ForwardSettings{Scheme::kFixed, 1e-3}, ForwardSettings{Scheme::kFixed, 0.5e-3},
-          ForwardSettings{Scheme::kFixed, 0.25e-3},
-          ForwardSettings{Scheme::kAdaptive, 1e-3, 1e-8}}) {
+    for (const StepSettings& settings :
+         {StepSettings{Scheme::kFixed, 1e-3}, StepSettings{Scheme::kFixed, 0.5e-3},
+          StepSettings{Scheme::kFixed, 0.25e-3}, StepSettings{Scheme::kAdaptive, 1e-3, 1e-8}}) {
       std::printf(" %.1e |", (GradientOf(motion, settings) - reference).cwiseAbs().maxCoeff() /
                                  reference.cwiseAbs().maxCoeff());
     }
@@ -266,7 +263,7 @@ int Main(int argc, char** argv) {
     problem.joints[0].control_points = 11;
     const double simulated = problem.duration_s + problem.settle_s;
     const std::vector<double> x = RandomMotion(problem, 1);
-    ForwardSensitivity forward(problem, {ForwardSettings::Scheme::kFixed, kStep});
+    ForwardSensitivity forward(problem, {StepSettings::Scheme::kFixed, kStep});
     Gradient gradient(forward.output_count(), forward.parameter_count());
     const double both = Best([&] { forward.Run(x, gradient); });
     Print("the paper's " + std::to_string(forward.state_equations()) + " state and " +

@@ -44,7 +44,7 @@ int Main(std::string_view what) {
   if (what == "forward") {
     Problem problem = HandstandProblem();
     problem.joints[0].control_points = 11;
-    ForwardSensitivity forward(problem, {ForwardSettings::Scheme::kFixed, kStep});
+    ForwardSensitivity forward(problem, {StepSettings::Scheme::kFixed, kStep});
     Gradient gradient(forward.output_count(), forward.parameter_count());
     CountedForward(forward, RandomMotion(problem, 1), gradient);
     std::printf("%.0f\n", 4 * (problem.duration_s + problem.settle_s) / kStep);

@@ -20,7 +20,7 @@ class LampHop {
   [[nodiscard]] SolveOutcome Find(bool general) const {
     SolveOptions options;
     if (!general)
-      options.contact = [this] { return std::make_unique<LampContact>(problem_.contact); };
+      options.contact = [this] { return std::make_unique<LampContact>(problem_.scene.contact); };
     return Solve(problem_, options);
   }
 

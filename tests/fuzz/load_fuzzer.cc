@@ -47,8 +47,8 @@ void CheckTree(const Tree<Plane>& tree) {
 }
 
 void CheckProblem(const Problem& problem) {
-  CheckTree(problem.robot.tree);
-  const std::size_t n = problem.robot.tree.dofs.size();
+  CheckTree(problem.scene.robot.tree);
+  const std::size_t n = problem.scene.robot.tree.dofs.size();
   TUMBLER_REQUIRE(problem.start_q.size() == n && AllFinite(problem.start_q));
   TUMBLER_REQUIRE(!problem.joints.empty());
   for (const ActuatedJoint& joint : problem.joints) {
@@ -63,7 +63,7 @@ void CheckProblem(const Problem& problem) {
     TUMBLER_REQUIRE(limits.torque_max_nm > 0 && limits.torque_max_nm <= 1000);
     TUMBLER_REQUIRE(joint.free_points() >= 1 && joint.control_points > problem.degree);
   }
-  const ContactLaw& law = problem.contact;
+  const ContactLaw& law = problem.scene.contact;
   TUMBLER_REQUIRE(std::isfinite(law.stiffness_n_per_m) && law.stiffness_n_per_m > 0);
   TUMBLER_REQUIRE(std::isfinite(law.damping_n_s_per_m) && law.damping_n_s_per_m >= 0);
   TUMBLER_REQUIRE(0 <= law.d_off_m && law.d_off_m < law.d_on_m && law.d_on_m <= 1);
@@ -73,11 +73,11 @@ void CheckProblem(const Problem& problem) {
        {problem.solver.step_s, problem.solver.screen_step_s, problem.search.step_s}) {
     TUMBLER_REQUIRE(step >= 1e-5 && step <= 1e-2);
   }
-  for (const TerminalTerm& term : problem.terminal) {
+  for (const CostTerm& term : problem.cost) {
     TUMBLER_REQUIRE(std::isfinite(term.weight) && std::isfinite(term.target));
     TUMBLER_REQUIRE(term.dof >= 0 && static_cast<std::size_t>(term.dof) < n);
   }
-  TUMBLER_REQUIRE(problem.robot.shapes.size() * problem.obstacles.size() <= 1000);
+  TUMBLER_REQUIRE(problem.scene.robot.shapes.size() * problem.scene.obstacles.size() <= 1000);
 }
 
 /// Runs `read`; a refusal must be one that a person can use.

@@ -48,8 +48,8 @@ const std::string kFolder = testing::SourcePath("primitives/");
 
 #ifdef TUMBLER_HAS_SIMULATION
 /// The motion whose robot a twin file is about.
-const SequenceFile& Gait() {
-  static const SequenceFile gait = LoadMotion(kFolder + "gait.toml");
+const SimulatedMotion& Gait() {
+  static const SimulatedMotion gait(LoadMotion(kFolder + "gait.toml"));
   return gait;
 }
 #endif

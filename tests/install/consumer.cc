@@ -57,7 +57,7 @@ bool Use(const char* task_file, const char* drives_file) {
     motors.push_back(MakeSimulatedDrive(entry));
     motors.back()->AttachTo(bus);
   }
-  Twin twin(file, TwinConfig{}, bus, {motors[0].get(), motors[1].get()});
+  Twin twin(task.problem.scene, file.entry, TwinConfig{}, bus, {motors[0].get(), motors[1].get()});
   Executor executor;
   if (executor.Configure(ExecutorConfig{}, primitive, hosts.drives()) != Status::kOk) return false;
 

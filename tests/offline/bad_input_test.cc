@@ -88,7 +88,7 @@ TEST_F(BadInputFolder, TheTaskAndTheRobotThatTheOthersAreMadeFromAreGood) {
       Replaced(GoodTaskWith("good.urdf"), "duration_s = 1.2", "duration_s = 0.3\n"));
   const Task task = LoadTask(folder.task_file());
   EXPECT_EQ(task.problem.joints.size(), 2U);
-  EXPECT_EQ(task.problem.robot.shapes.size(), 6U);
+  EXPECT_EQ(task.problem.scene.robot.shapes.size(), 6U);
 }
 
 TEST_F(BadInputFolder, EveryFileEndsTheOptimiserWithItsMessageAndChangesNothing) {

@@ -15,7 +15,7 @@ INSTANTIATE_TEST_SUITE_P(Seeds, BumpRoll, ::testing::Values(1, 2, 3));
 
 TEST_P(BumpRoll, GoesOverTheBumpAndLeavesItBehind) {
   Find("bump_roll.toml");
-  const Shape<Plane>& bump = problem_.obstacles[1].shape;
+  const Shape<Plane>& bump = problem_.scene.obstacles[1].shape;
   bool touched = false;
   double leftmost_start = 1, rightmost_end = -10, turned = 0;
   Rollout rollout(problem_, problem_.solver.step_s);
@@ -24,7 +24,7 @@ TEST_P(BumpRoll, GoesOverTheBumpAndLeavesItBehind) {
       touched |= ObstacleOf(contact) == "bump";
     turned = sample.q[2] - M_PI / 2;
     double leftmost = 10, rightmost = -10;
-    for (const ContactShape<Plane>& own : problem_.robot.shapes) {
+    for (const ContactShape<Plane>& own : problem_.scene.robot.shapes) {
       const Plane::Vector p = sample.dynamics->origin() + sample.dynamics->position(own.body) +
                               sample.dynamics->rotation(own.body) * own.shape.centre;
       leftmost = std::min(leftmost, p.x());

@@ -181,9 +181,9 @@ TEST(MakePrimitiveFile, RefutesASolutionThatClaimsToKeepItsLimitsAndDoesNot) {
       certified([&](Problem& p, Solution&) { p.joints[0].limits.torque_max_nm = torque / 2; }), 1,
       1e-6);
   EXPECT_GT(certified([](Problem& p, Solution&) {
-              p.contact.d_on_m *= 0.5;  // A softer contact, which the motion goes through.
-              p.contact.d_off_m *= 0.5;
-              p.contact.stiffness_n_per_m *= 0.02;
+              p.scene.contact.d_on_m *= 0.5;  // A softer contact, which the motion goes through.
+              p.scene.contact.d_off_m *= 0.5;
+              p.scene.contact.stiffness_n_per_m *= 0.02;
             }),
             0.01)
       << "penetration";

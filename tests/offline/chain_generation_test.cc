@@ -50,7 +50,7 @@ SequenceFile FindTheGait() {
 void GoesTwentyCycles(const SequenceFile& gait) {
   ChainOptions options;
   options.cycles = 20;
-  const ChainOutcome outcome = SimulateChain(gait, options);
+  const ChainOutcome outcome = SimulateChain(SimulatedMotion(gait), options);
   ASSERT_FALSE(outcome.failure) << ToString(outcome.failure->cause) << ": "
                                 << outcome.failure->text;
   EXPECT_EQ(outcome.cycles, 20);
@@ -72,7 +72,7 @@ void RollsOutOfTheHandstandInEitherRole(const SequenceFile& gait) {
     ChainOptions options;
     options.cycles = cycles;
     options.branch = "roll";
-    const ChainOutcome outcome = SimulateChain(gait, options);
+    const ChainOutcome outcome = SimulateChain(SimulatedMotion(gait), options);
     ASSERT_FALSE(outcome.failure) << outcome.failure->text;
     const Passage& roll = outcome.passages.back();
     EXPECT_EQ(gait.PrimitiveOf(roll.node).primitive.name.view(), "roll");
@@ -102,7 +102,7 @@ void AMotionSpoiltIsAFallThatIsSeen(SequenceFile file) {
     for (std::size_t i = 3; i + 3 < points.size(); ++i) points[i] *= 0.5;
     ASSERT_EQ(motion.position.Assign(motion.position.degree(), knots, points), Status::kOk);
   }
-  const ChainOutcome outcome = SimulateChain(file, {});
+  const ChainOutcome outcome = SimulateChain(SimulatedMotion(file), {});
   ASSERT_TRUE(outcome.failure);
   EXPECT_EQ(outcome.failure->node, 0);
   EXPECT_GT(outcome.failure->time_s, 0);
@@ -128,7 +128,7 @@ TEST(Gait, AsShippedStaysInsideItsTorqueLimits) {
   ChainOptions options;
   options.cycles = 20;
   options.branch = "roll";
-  for (const Passage& passage : SimulateChain(gait, options).passages)
+  for (const Passage& passage : SimulateChain(SimulatedMotion(gait), options).passages)
     EXPECT_GT(passage.torque_margin_nm, 0) << gait.graph.node(passage.node).name.view();
 }
 

@@ -13,6 +13,7 @@
 #include "common/primitive_hash.h"
 #include "common/toml_reader.h"
 #include "offline/certificate/certificate.h"
+#include "offline/motion_report/motion_report.h"
 #include "tests/support/files.h"
 #include "tests/support/program.h"
 #include "tests/support/sequence_files.h"
@@ -103,7 +104,7 @@ ChainOptions Cycles(int cycles, const std::string& branch = "") {
 
 TEST(SimulateChain, PlaysWhatTheRolloutOfThePrimitiveDoes) {
   const SequenceFile file = Load(Sway());
-  const ChainOutcome outcome = SimulateChain(file, Cycles(1));
+  const ChainOutcome outcome = SimulateChain(SimulatedMotion(file), Cycles(1));
   ASSERT_FALSE(outcome.failure) << outcome.failure->text;
   ASSERT_EQ(outcome.passages.size(), 2U);
   EXPECT_EQ(outcome.cycles, 1);
@@ -132,7 +133,7 @@ TEST(SimulateChain, CarriesTheStateThroughJoinsAndHolds) {
   std::vector<MotionSample> samples;
   std::vector<int> nodes;
   const ChainOutcome outcome =
-      SimulateChain(file, Cycles(3), [&](int node, const MotionSample& sample) {
+      SimulateChain(SimulatedMotion(file), Cycles(3), [&](int node, const MotionSample& sample) {
         samples.push_back(sample);
         nodes.push_back(node);
       });
@@ -159,8 +160,8 @@ TEST(SimulateChain, ExchangedRolesAreTheSameMotionTurned) {
   const auto keep = [](std::vector<MotionSample>& list) {
     return [&list](int, const MotionSample& sample) { list.push_back(sample); };
   };
-  SimulateChain(plain, Cycles(1), keep(a));
-  SimulateChain(swapped, Cycles(1), keep(b));
+  SimulateChain(SimulatedMotion(plain), Cycles(1), keep(a));
+  SimulateChain(SimulatedMotion(swapped), Cycles(1), keep(b));
   ASSERT_EQ(a.size(), b.size());
   for (std::size_t k = 0; k < a.size(); ++k) {
     ASSERT_NEAR(b[k].q[0], a[k].q[0], 1e-9);
@@ -184,8 +185,8 @@ TEST(SimulateChain, DoesNotTakeTheRobotsSymmetryForGranted) {
   SequenceFile swapped = Load(Sway("swapped = true\n"), files);
   for (SequenceFile* file : {&plain, &swapped}) file->tolerances = {1, 1, 1, 1, 1};
   for (SequenceFile* file : {&plain, &swapped}) file->exit_pitch_tolerance_rad = {1, 1};
-  const ChainOutcome a = SimulateChain(plain, Cycles(1));
-  const ChainOutcome b = SimulateChain(swapped, Cycles(1));
+  const ChainOutcome a = SimulateChain(SimulatedMotion(plain), Cycles(1));
+  const ChainOutcome b = SimulateChain(SimulatedMotion(swapped), Cycles(1));
   ASSERT_EQ(a.passages.size(), b.passages.size());
   EXPECT_GT(std::abs(a.passages[0].exit_pitch_error_rad - b.passages[0].exit_pitch_error_rad),
             1e-5);
@@ -195,8 +196,8 @@ TEST(SimulateChain, HalvingTheStepChangesLittle) {
   const SequenceFile file = Load(Sway());
   ChainOptions fine = Cycles(2);
   fine.step_s = 0.5e-3;
-  const ChainOutcome a = SimulateChain(file, Cycles(2));
-  const ChainOutcome b = SimulateChain(file, fine);
+  const ChainOutcome a = SimulateChain(SimulatedMotion(file), Cycles(2));
+  const ChainOutcome b = SimulateChain(SimulatedMotion(file), fine);
   EXPECT_NE(a.travelled_m, b.travelled_m);
   EXPECT_NEAR(a.travelled_m, b.travelled_m, 1e-5);
 }
@@ -208,7 +209,7 @@ TEST(SimulateChain, CountsCyclesAndTakesTheBranchWhenTheyAreDone) {
   const SequenceFile file = Load(text);
   const auto nodes = [&file](const ChainOptions& options) {
     std::string names;
-    const ChainOutcome outcome = SimulateChain(file, options);
+    const ChainOutcome outcome = SimulateChain(SimulatedMotion(file), options);
     for (const Passage& passage : outcome.passages)
       names += std::string(file.graph.node(passage.node).name.view()) + " ";
     return names + (outcome.failure ? outcome.failure->text : "");
@@ -216,18 +217,19 @@ TEST(SimulateChain, CountsCyclesAndTakesTheBranchWhenTheyAreDone) {
   EXPECT_EQ(nodes(Cycles(2)), "there back there back ");
   EXPECT_EQ(nodes(Cycles(2, "go")), "there back there back away ");
   EXPECT_EQ(nodes(Cycles(0, "go")), "there back away ");
-  EXPECT_THROW(SimulateChain(file, Cycles(2, "gone")), std::invalid_argument);
-  EXPECT_THROW(SimulateChain(file, Cycles(0)), std::invalid_argument) << "it would never end";
+  EXPECT_THROW(SimulateChain(SimulatedMotion(file), Cycles(2, "gone")), std::invalid_argument);
+  EXPECT_THROW(SimulateChain(SimulatedMotion(file), Cycles(0)), std::invalid_argument)
+      << "it would never end";
 }
 
 TEST(SimulateChain, WithoutAnEndOfACycleALoopIsRefused) {
   const SequenceFile file = Load(Replaced(Sway(), "ends_cycle = true\n", ""));
-  EXPECT_THROW(SimulateChain(file, Cycles(1)), std::invalid_argument);
+  EXPECT_THROW(SimulateChain(SimulatedMotion(file), Cycles(1)), std::invalid_argument);
 }
 
 /// What ended a chain of the primitives as they were changed.
 ChainFailure FailureOf(const std::vector<PrimitiveFile>& files) {
-  const ChainOutcome outcome = SimulateChain(Load(Sway(), files), Cycles(1));
+  const ChainOutcome outcome = SimulateChain(SimulatedMotion(Load(Sway(), files)), Cycles(1));
   EXPECT_TRUE(outcome.failure);
   return outcome.failure.value_or(ChainFailure{});
 }
@@ -247,7 +249,7 @@ TEST(SimulateChain, ARobotFarFromThePlanHasFallenAndIsSeenAtOnce) {
   files[1].entry.root_pitch_rad += 0.6;  // The plan begins tilted, the chain arrives level.
   SequenceFile file = Load(Sway(), files);
   file.tolerances.root_pitch_rad = 1;
-  const ChainOutcome outcome = SimulateChain(file, Cycles(1));
+  const ChainOutcome outcome = SimulateChain(SimulatedMotion(file), Cycles(1));
   ASSERT_TRUE(outcome.failure);
   EXPECT_EQ(outcome.failure->cause, ChainFailure::Cause::kFallen);
   EXPECT_EQ(outcome.failure->node, 1);
@@ -275,7 +277,8 @@ TEST(SimulateChain, ATouchThatIsNotInThePlanIsAFailure) {
   EXPECT_EQ(failure.time_s, 0) << "it stands on it";
   EXPECT_THAT(failure.text, AllOf(HasSubstr("leg2_link/"), HasSubstr("touches ground")));
   // In the exchanged role it is the other leg.
-  const ChainOutcome swapped = SimulateChain(Load(Sway("swapped = true\n"), files), Cycles(1));
+  const ChainOutcome swapped =
+      SimulateChain(SimulatedMotion(Load(Sway("swapped = true\n"), files)), Cycles(1));
   ASSERT_TRUE(swapped.failure);
   EXPECT_THAT(swapped.failure->text, HasSubstr("leg1_link/"));
 }
@@ -291,7 +294,7 @@ TEST(SimulateChain, PrimitivesOfDifferentGroundsAreRefused) {
   auto files = ThereAndBack();
   Soften(files[1]);
   try {
-    SimulateChain(Load(Sway(), files), Cycles(1));
+    SimulateChain(SimulatedMotion(Load(Sway(), files)), Cycles(1));
     FAIL();
   } catch (const FileError& error) {
     EXPECT_THAT(error.what(), AllOf(HasSubstr("primitives.back: was made for other [contact]"),
@@ -353,14 +356,14 @@ TEST(ChainCli, SimulatesAndReportsInJson) {
 
 TEST(SimulateChain, ItsReportShowsTheWholeChain) {
   const SequenceFile file = Load(Sway());
-  const ReportData data = MakeChainReport(file, Cycles(1));
+  const ReportData data = MakeChainReport(SimulatedMotion(file), Cycles(1));
   EXPECT_EQ(data.duration_s, 5);
   ASSERT_GT(data.samples.size(), 990U);
   EXPECT_NEAR(data.samples.back().time_s, 5, 0.01);
   EXPECT_EQ(data.links.size(), 3U);
   EXPECT_NEAR(data.samples[500].joint_positions_rad[0], -1.2, 1e-9) << "held at the end of `there`";
   EXPECT_NEAR(data.samples.back().joint_positions_rad[0], -kPi / 2, 1e-9);
-  const ReportData longer = MakeChainReport(file, Cycles(10));
+  const ReportData longer = MakeChainReport(SimulatedMotion(file), Cycles(10));
   EXPECT_LE(longer.samples.size(), 4001U);
   EXPECT_NEAR(longer.samples.back().time_s, 50, 0.05);
 }

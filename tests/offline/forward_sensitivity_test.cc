@@ -18,8 +18,8 @@ namespace {
 
 using Gradient = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-constexpr ForwardSettings kFixed{};
-constexpr ForwardSettings kAdaptive{ForwardSettings::Scheme::kAdaptive};
+constexpr StepSettings kFixed{};
+constexpr StepSettings kAdaptive{StepSettings::Scheme::kAdaptive};
 
 /// Eleven parameters, and an impact of all four feet.
 Problem ElevenParameters() {
@@ -34,7 +34,7 @@ struct Outcome {
   Gradient gradient;
 };
 
-Outcome Forward(const Problem& problem, const std::vector<double>& x, ForwardSettings settings) {
+Outcome Forward(const Problem& problem, const std::vector<double>& x, StepSettings settings) {
   ForwardSensitivity forward(problem, settings);
   Outcome out{{}, Gradient(forward.output_count(), forward.parameter_count())};
   out.result = forward.Run(x, out.gradient);
@@ -100,7 +100,7 @@ TEST_P(EveryTask, AgreesWithTheAdjointThroughItsContacts) {
     problem.solver.gradient = SolverSettings::Gradient::kAdjoint;
     const Outcome adjoint = Adjoint(problem, x, kFixed.step_s);
     ASSERT_TRUE(adjoint.result.finite);
-    EXPECT_TRUE(problem.obstacles.empty() || adjoint.result.any_contact);
+    EXPECT_TRUE(problem.scene.obstacles.empty() || adjoint.result.any_contact);
     EXPECT_NEAR(forward.result.cost, adjoint.result.cost,
                 1e-10 * std::max(1.0, std::abs(adjoint.result.cost)));
     EXPECT_NEAR(forward.result.peak_penetration_m, adjoint.result.peak_penetration_m, 1e-12);
@@ -132,7 +132,7 @@ TEST(ForwardSensitivity, AgreesWithTheAdjointThroughImpactsForUnevenJoints) {
   for (const std::uint64_t seed : {3U, 4U, 5U}) {
     for (const double step_s : {2e-3, 0.7e-3}) {
       const std::vector<double> x = RandomMotion(problem, seed);
-      const Outcome forward = Forward(problem, x, {ForwardSettings::Scheme::kFixed, step_s});
+      const Outcome forward = Forward(problem, x, {StepSettings::Scheme::kFixed, step_s});
       const Outcome adjoint = Adjoint(problem, x, step_s);
       for (Eigen::Index row = 0; row < 3; ++row)
         EXPECT_LT(RowError(forward, adjoint, row), 1e-10) << "seed " << seed << " row " << row;
@@ -142,7 +142,7 @@ TEST(ForwardSensitivity, AgreesWithTheAdjointThroughImpactsForUnevenJoints) {
 
 /// Central differences of what `Forward` computes.
 Eigen::RowVectorXd Differences(const Problem& problem, std::vector<double> x, double h,
-                               ForwardSettings settings) {
+                               StepSettings settings) {
   Eigen::RowVectorXd out(static_cast<Eigen::Index>(x.size()));
   for (std::size_t k = 0; k < x.size(); ++k) {
     const double middle = x[k];
@@ -159,7 +159,7 @@ Eigen::RowVectorXd Differences(const Problem& problem, std::vector<double> x, do
 TEST(ForwardSensitivity, BothSchemesAgreeWithCentralDifferencesOfThemselves) {
   const Problem problem = ElevenParameters();
   const std::vector<double> x = RandomMotion(problem, 6);
-  for (const ForwardSettings& settings : {kFixed, kAdaptive}) {
+  for (const StepSettings& settings : {kFixed, kAdaptive}) {
     const Outcome forward = Forward(problem, x, settings);
     double best = 1;
     for (const double h : {1e-5, 1e-6}) {
@@ -176,12 +176,12 @@ TEST(ForwardSensitivity, FixedStepsConvergeToTheAdaptiveReference) {
   const Problem problem = ElevenParameters();
   const std::vector<double> x = RandomMotion(problem, 7);
   const Outcome reference = Forward(problem, x, kAdaptive);
-  const ForwardSettings finer{ForwardSettings::Scheme::kAdaptive, 0.3e-3, 1e-12};
+  const StepSettings finer{StepSettings::Scheme::kAdaptive, 0.3e-3, 1e-12};
   EXPECT_LT(RowError(Forward(problem, x, finer), reference, 0), 1e-6);
   double before = 1;
   for (const double step_s : {1e-3, 0.25e-3, 0.0625e-3}) {
     const double error =
-        RowError(Forward(problem, x, {ForwardSettings::Scheme::kFixed, step_s}), reference, 0);
+        RowError(Forward(problem, x, {StepSettings::Scheme::kFixed, step_s}), reference, 0);
     EXPECT_LT(error, before / 3) << step_s;
     before = error;
   }
@@ -191,16 +191,15 @@ TEST(ForwardSensitivity, FixedStepsConvergeToTheAdaptiveReference) {
 TEST(ForwardSensitivity, InFreeFallTheMassCentreFallsAndItsGradientVanishes) {
   Problem problem = HandstandProblem();
   problem.joints[0].control_points = 11;
-  problem.obstacles.clear();
+  problem.scene.obstacles.clear();
   problem.settle_s = 0;
-  problem.effort_weight = 0;
   problem.joints[0].end_rad = 0.9;
   const std::vector<double> x = RandomMotion(problem, 8);
   // The mass centre relative to the root's frame at pitch 0, for the legs' angles; from the tree.
   const auto centre = [&](double leg1, double leg2) {
     Eigen::Vector2d sum = Eigen::Vector2d::Zero();
     double mass = 0;
-    for (const Dof<Plane>& dof : problem.robot.tree.dofs) {
+    for (const Dof<Plane>& dof : problem.scene.robot.tree.dofs) {
       if (dof.massless) continue;
       const bool is_leg = dof.prescribed;
       const double angle = dof.name == "leg1" ? leg1 : leg2;
@@ -212,11 +211,11 @@ TEST(ForwardSensitivity, InFreeFallTheMassCentreFallsAndItsGradientVanishes) {
     }
     return Eigen::Vector2d(sum / mass);
   };
-  const auto linear = [&](int dof, ForwardSettings settings) {
-    problem.terminal = {{TerminalTerm::When::kEnd, dof, false, 0, 1, 1}};
+  const auto linear = [&](int dof, StepSettings settings) {
+    problem.cost = {LinearTerm(CostTerm::When::kEnd, dof, false, 1)};
     return Forward(problem, x, settings);
   };
-  for (const ForwardSettings& settings : {kFixed, kAdaptive}) {
+  for (const StepSettings& settings : {kFixed, kAdaptive}) {
     const Outcome horizontal = linear(0, settings), vertical = linear(1, settings),
                   pitch = linear(2, settings);
     const Eigen::Rotation2Dd turn(pitch.result.cost);
@@ -245,17 +244,17 @@ TEST(ForwardSensitivity, TheRunningCostOfASlidingMassIsItsIntegral) {
   slide.prescribed = true;
   slide.direction = {1, 0};
   slide.mass_kg = 1.5;
-  problem.robot.tree.dofs = {slide};
-  problem.robot.tree.gravity = {0, -9.81};
+  problem.scene.robot.tree.dofs = {slide};
+  problem.scene.robot.tree.gravity = {0, -9.81};
   ActuatedJoint joint;
   joint.control_points = 10;
   joint.end_rad = 0.4;
   problem.joints = {joint};
   problem.start_q = {0};
   problem.duration_s = 0.8;
-  problem.effort_weight = 0.7;
+  problem.cost = {EffortTerm(0.7)};
   const std::vector<double> x = {0.3, -0.2, 0.5, 0.1};
-  const Outcome forward = Forward(problem, x, {ForwardSettings::Scheme::kAdaptive, 0.1, 1e-13});
+  const Outcome forward = Forward(problem, x, {StepSettings::Scheme::kAdaptive, 0.1, 1e-13});
   // Gauss-Legendre with four points is exact for qdd^2, of degree six on each of five segments.
   const double r = std::sqrt(6.0 / 5), s30 = std::sqrt(30.0);
   const std::array<double, 4> node = {-std::sqrt((3 + 2 * r) / 7), -std::sqrt((3 - 2 * r) / 7),
@@ -265,7 +264,7 @@ TEST(ForwardSensitivity, TheRunningCostOfASlidingMassIsItsIntegral) {
   const auto spline = PositionSpline(problem, x, 0);
   double cost = 0;
   std::array<double, 4> gradient{};
-  const double factor = problem.effort_weight * slide.mass_kg * slide.mass_kg;
+  const double factor = problem.cost[0].weight * slide.mass_kg * slide.mass_kg;
   const double half = 0.5 * problem.duration_s / 5;
   for (int segment = 0; segment < 5; ++segment) {
     for (std::size_t i = 0; i < 4; ++i) {
@@ -308,7 +307,7 @@ TEST(ForwardSensitivity, TheSensitivitiesShortenTheStepsOfTheSameMotion) {
     const Eigen::VectorXd points = basis.colPivHouseholderQr().solve(value);
     for (std::size_t i = 0; i < 6; ++i) x[6 * j + i] = points[static_cast<Eigen::Index>(i + 3)];
   }
-  ForwardSettings settings = kAdaptive;
+  StepSettings settings = kAdaptive;
   settings.tolerance = 1e-7;
   settings.step_s = 0.02;
   ForwardSensitivity states(plain, settings), both(problem, settings);
@@ -337,8 +336,8 @@ TEST(ForwardSensitivity, AllocatesNoMoreForManyStepsThanForFew) {
   const std::vector<double> x = RandomMotion(problem, 11);
   Gradient gradient(3, 11);
   std::vector<std::size_t> taken;
-  for (const ForwardSettings& settings :
-       {ForwardSettings{ForwardSettings::Scheme::kFixed, 2e-3}, kFixed, kAdaptive}) {
+  for (const StepSettings& settings :
+       {StepSettings{StepSettings::Scheme::kFixed, 2e-3}, kFixed, kAdaptive}) {
     ForwardSensitivity forward(problem, settings);
     const std::size_t before = testing::AllocationCount();
     forward.Run(x, gradient);

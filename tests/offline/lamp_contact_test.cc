@@ -34,7 +34,7 @@ struct Outputs {
 };
 
 Outputs Evaluate(const Problem& problem, ContactForces<Plane>& contact, const DynamicsState& s) {
-  HybridDynamics<Plane> dynamics(problem.robot.tree);
+  HybridDynamics<Plane> dynamics(problem.scene.robot.tree);
   std::vector<double> qdd = s.qdd, tau(s.tau.size());
   dynamics.SetState(s.q, s.qd);
   contact.Apply(dynamics);
@@ -72,8 +72,9 @@ double Difference(const std::vector<double>& a, const std::vector<double>& b) {
 
 TEST(LampContact, AndTheGeneralModelGiveTheSameMotionAndDerivatives) {
   const Problem problem = LampProblem();
-  ContactModel<Plane> general(problem.contact, problem.robot.shapes, problem.obstacles);
-  LampContact specific(problem.contact);
+  ContactModel<Plane> general(problem.scene.contact, problem.scene.robot.shapes,
+                              problem.scene.obstacles);
+  LampContact specific(problem.scene.contact);
   std::mt19937_64 random(7);
   std::set<std::size_t> counts;
   int sticking = 0, sliding = 0, pulling = 0, fading = 0, head = 0;
@@ -81,11 +82,11 @@ TEST(LampContact, AndTheGeneralModelGiveTheSameMotionAndDerivatives) {
     DynamicsState s = RandomState(random, 5, 0.1);
     if (i % 3 != 0) s.q[2] = Uniform(random, -0.1, 0.1);  // Else anyhow: also on its head.
     const Eigen::Vector2d up(0, 1);
-    HybridDynamics<Plane> dynamics(problem.robot.tree);
+    HybridDynamics<Plane> dynamics(problem.scene.robot.tree);
     s.q[1] = 0;
     dynamics.SetState(s.q, s.qd);
     double lowest = 1;
-    for (const ContactShape<Plane>& shape : problem.robot.shapes) {
+    for (const ContactShape<Plane>& shape : problem.scene.robot.shapes) {
       const Eigen::Vector2d centre =
           dynamics.position(shape.body) + dynamics.rotation(shape.body) * shape.shape.centre;
       lowest = std::min(lowest, up.dot(centre) - shape.shape.radius_m);
@@ -103,11 +104,12 @@ TEST(LampContact, AndTheGeneralModelGiveTheSameMotionAndDerivatives) {
       EXPECT_LT((a.contacts[k].force - b.contacts[k].force).norm(), 1e-10);
       EXPECT_LT((a.contacts[k].point - b.contacts[k].point).norm(), 1e-15);
       const Eigen::Vector2d force = a.contacts[k].force;
-      const double used = std::abs(force.x()) / (problem.contact.mu * force.y());
+      const double used = std::abs(force.x()) / (problem.scene.contact.mu * force.y());
       pulling += force.y() == 0;
       sticking += used < 0.99;
       sliding += used > 0.99999;
-      fading += a.contacts[k].depth_m < problem.contact.d_on_m - problem.contact.d_off_m;
+      fading +=
+          a.contacts[k].depth_m < problem.scene.contact.d_on_m - problem.scene.contact.d_off_m;
       head += a.contacts[k].shape == 2;
     }
     counts.insert(a.contacts.size());
@@ -128,7 +130,7 @@ SolveOutcome Hop(Problem problem, std::uint64_t seed, bool specific) {
   SolveOptions options;
   options.threads = 2;
   if (specific)
-    options.contact = [&problem] { return std::make_unique<LampContact>(problem.contact); };
+    options.contact = [&problem] { return std::make_unique<LampContact>(problem.scene.contact); };
   return Solve(problem, options);
 }
 
@@ -158,7 +160,7 @@ TEST_P(EitherContactModel, LeadsToTheSameHopInEveryCoefficient) {
 TEST(LampContact, CannotBeJoinedWithTheForwardGradient) {
   Problem problem = LampProblem();
   problem.solver.gradient = SolverSettings::Gradient::kForward;
-  EXPECT_THROW(Rollout(problem, 1e-3, std::make_unique<LampContact>(problem.contact)),
+  EXPECT_THROW(Rollout(problem, 1e-3, std::make_unique<LampContact>(problem.scene.contact)),
                std::invalid_argument);
 }
 

@@ -20,7 +20,7 @@ TEST_P(LampHop, LeavesTheGroundAndLandsAtRestFurtherOn) {
   double touched_s = 0, longest_s = 0, x_m = 0;
   rollout.Visit(best_.x, 2, [&](const MotionSample& sample) {
     for (const ActiveContact<Plane>& contact : sample.contacts) {
-      EXPECT_EQ(problem_.robot.shapes[static_cast<std::size_t>(contact.shape)].body, 2)
+      EXPECT_EQ(problem_.scene.robot.shapes[static_cast<std::size_t>(contact.shape)].body, 2)
           << "the foot alone touches the ground";
       touched_s = sample.time_s;
     }

@@ -69,11 +69,11 @@ void ExpectThePapersSetting(const Motion& motion) {
   EXPECT_EQ(forward.state_equations(), 7);
   EXPECT_EQ(forward.gradient_equations(), 77);
   EXPECT_EQ(problem.settle_s, 0) << "the paper's motions end with their cost";
-  EXPECT_EQ(problem.contact.mu, 0.3);
-  EXPECT_EQ(problem.contact.damping_law, ContactDamping::kSigned);
-  EXPECT_EQ(problem.contact.smoothing, ContactSmoothing::kCubic);
+  EXPECT_EQ(problem.scene.contact.mu, 0.3);
+  EXPECT_EQ(problem.scene.contact.damping_law, ContactDamping::kSigned);
+  EXPECT_EQ(problem.scene.contact.smoothing, ContactSmoothing::kCubic);
   EXPECT_LT(motion.file.certificate.gradient_error, 1e-5);
-  EXPECT_LT(motion.file.certificate.peak_penetration_m, problem.contact.d_on_m);
+  EXPECT_LT(motion.file.certificate.peak_penetration_m, problem.scene.contact.d_on_m);
 }
 
 TEST(PaperTasks, TheHandstandEndsUpright) {

@@ -30,9 +30,9 @@ const SequenceFile& Gait() {
 }
 
 /// Somebody who watches the gait's robot, and is shown poses.
-class Scene {
+class Watcher {
  public:
-  explicit Scene(const PostureConfig& config = {}) : watch_(Gait(), config, StartOf(Gait())) {}
+  explicit Watcher(const PostureConfig& config = {}) : watch_(Gait(), config, StartOf(Gait())) {}
 
   /// Rests in this pose for a while.
   void Rest(double pitch_rad, double z_m, double leg1_rad, double leg2_rad,
@@ -72,13 +72,13 @@ class Scene {
 
 constexpr double kHome_m = 0.219, kUp_m = 0.369, kFlat_m = 0.057;
 
-void StandUp(Scene& scene) { scene.Rest(M_PI / 2, kUp_m, 0, 0); }
-void LieFlat(Scene& scene, const DrivesPosture& drives = kOn) {
+void StandUp(Watcher& scene) { scene.Rest(M_PI / 2, kUp_m, 0, 0); }
+void LieFlat(Watcher& scene, const DrivesPosture& drives = kOn) {
   scene.Rest(0, kFlat_m, 0, 0, drives);
 }
 
 TEST(Posture, APassageThroughTheGaitIsARestInEachOfItsPosesAndNoFall) {
-  Scene scene;
+  Watcher scene;
   scene.Rest(0, kHome_m, -M_PI / 2, M_PI / 2);
   scene.Move();
   StandUp(scene);
@@ -104,7 +104,7 @@ TEST(Posture, APassageThroughTheGaitIsARestInEachOfItsPosesAndNoFall) {
 }
 
 TEST(Posture, RestInAPoseOfNoMotionIsAFallOnceTheDrivesWereEnabled) {
-  Scene scene;
+  Watcher scene;
   LieFlat(scene, kLetGo);
   EXPECT_EQ(scene.watch().falls(), 0) << "nobody has driven it yet";
   scene.Move();
@@ -119,24 +119,24 @@ TEST(Posture, RestInAPoseOfNoMotionIsAFallOnceTheDrivesWereEnabled) {
 
 TEST(Posture, EachOfPitchHeightAndJointsTellsAPoseFromAnother) {
   for (const bool of_pitch : {true, false}) {
-    Scene scene;
+    Watcher scene;
     scene.Rest(M_PI / 2 + (of_pitch ? 0.12 : 0.08), kUp_m, 0, 0);
     EXPECT_EQ(scene.watch().falls(), of_pitch ? 1 : 0);
   }
   for (const bool of_height : {true, false}) {
-    Scene scene;
+    Watcher scene;
     scene.Rest(M_PI / 2, kUp_m + (of_height ? 0.1 : 0.07), 0, 0);
     EXPECT_EQ(scene.watch().falls(), of_height ? 1 : 0);
   }
   for (const bool of_joint : {true, false}) {
-    Scene scene;
+    Watcher scene;
     scene.Rest(M_PI / 2, kUp_m, 0, of_joint ? -0.35 : -0.25);
     EXPECT_EQ(scene.watch().falls(), of_joint ? 1 : 0);
   }
 }
 
 TEST(Posture, PassingThroughRestForAMomentIsNeitherRestNorFall) {
-  Scene scene;
+  Watcher scene;
   for (int i = 0; i < 10; ++i) {
     scene.Rest(1.0, 0.3, 0, 0, kOn, 250);
     scene.Move(kOn, 5);
@@ -145,7 +145,7 @@ TEST(Posture, PassingThroughRestForAMomentIsNeitherRestNorFall) {
 }
 
 TEST(Posture, AFallCountsOnceUntilTheRobotIsInAKnownPoseAgainOrHeld) {
-  Scene scene;
+  Watcher scene;
   LieFlat(scene);
   scene.Move();
   LieFlat(scene);
@@ -162,7 +162,7 @@ TEST(Posture, AFallCountsOnceUntilTheRobotIsInAKnownPoseAgainOrHeld) {
 }
 
 TEST(Posture, ARobotLetGoInAKnownPoseMayCollapseAndOneThatLosesItsTorqueMayNot) {
-  Scene let_go;
+  Watcher let_go;
   StandUp(let_go);
   StandUp(let_go);
   let_go.Rest(M_PI / 2, kUp_m, 0, 0, kLetGo, 10);
@@ -170,21 +170,21 @@ TEST(Posture, ARobotLetGoInAKnownPoseMayCollapseAndOneThatLosesItsTorqueMayNot) 
   LieFlat(let_go, kLetGo);
   EXPECT_EQ(let_go.watch().falls(), 0);
 
-  Scene rocking;
+  Watcher rocking;
   StandUp(rocking);
   rocking.Move();
   rocking.Move(kLetGo);
   LieFlat(rocking, kLetGo);
   EXPECT_EQ(rocking.watch().falls(), 0) << "upright, but not at rest";
 
-  Scene watchdog;
+  Watcher watchdog;
   StandUp(watchdog);
   watchdog.Rest(M_PI / 2, kUp_m, 0, 0, kTaken, 10);
   watchdog.Move(kTaken);
   LieFlat(watchdog, kTaken);
   EXPECT_EQ(watchdog.watch().falls(), 1);
 
-  Scene in_mid_motion;
+  Watcher in_mid_motion;
   in_mid_motion.Rest(0.8, 0.3, 0, 0, kOn, 100);
   in_mid_motion.Move();
   in_mid_motion.Move(kLetGo);
@@ -195,14 +195,14 @@ TEST(Posture, ARobotLetGoInAKnownPoseMayCollapseAndOneThatLosesItsTorqueMayNot) 
 TEST(Posture, ALinkThatMustNotTouchFellsTheRobotAtOnce) {
   PostureConfig config;
   config.clear_links = {"middle"};
-  Scene scene(config);
+  Watcher scene(config);
   scene.Move();
   scene.Touch("leg1_link");
   EXPECT_EQ(scene.watch().falls(), 0);
   scene.Touch("middle");
   ASSERT_EQ(scene.watch().falls(), 1);
   EXPECT_EQ(scene.watch().events().back().cause, "middle touches ground");
-  Scene tolerant;
+  Watcher tolerant;
   tolerant.Move();
   tolerant.Touch("middle");
   EXPECT_EQ(tolerant.watch().falls(), 0);

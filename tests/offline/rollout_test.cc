@@ -81,9 +81,8 @@ TEST_P(GradientAtStep, AgreesWithCentralDifferencesThroughImpacts) {
 TEST_P(GradientAtStep, AgreesForTheLinearTerminalCostOfTheRoll) {
   Problem problem = HandstandProblem();  // [AB04, Eq. 34]: 50 q1(t_f) - q3(t_f).
   problem.settle_s = 0;
-  problem.effort_weight = 0;
-  problem.terminal = {{TerminalTerm::When::kEnd, 0, false, 0, 50, 1},
-                      {TerminalTerm::When::kEnd, 2, false, 0, -1, 1}};
+  problem.cost = {LinearTerm(CostTerm::When::kEnd, 0, false, 50),
+                  LinearTerm(CostTerm::When::kEnd, 2, false, -1)};
   for (const double error : GradientErrors(problem, RandomMotion(problem, 4), GetParam()))
     EXPECT_LT(error, kTolerance);
 }
@@ -106,18 +105,18 @@ TEST_P(GradientAtStep, AgreesForElevenParametersOfWhichTheJointsHaveFiveAndSix) 
 }
 
 TEST(Rollout, GradientHoldsForEveryKindOfTerminalTermAlone) {
-  for (const auto when : {TerminalTerm::When::kEnd, TerminalTerm::When::kSettled}) {
+  for (const auto when : {CostTerm::When::kEnd, CostTerm::When::kSettled}) {
     for (const bool of_velocity : {false, true}) {
-      for (const int power : {1, 2}) {
+      for (const auto kind : {CostTerm::Kind::kLinear, CostTerm::Kind::kSquare}) {
         for (const int dof : {0, 1, 2}) {
           // A robot that has come to rest has no gradient to compare: end in the middle of it.
           Problem problem = HandstandProblem(9);
           problem.duration_s = 0.5;
           problem.settle_s = 0.03;
-          problem.effort_weight = 0;
-          problem.terminal = {{when, dof, of_velocity, 0.3, 2.0, power}};
+          problem.cost = {{kind, when, 2.0, dof, of_velocity, 0.3}};
           EXPECT_LT(GradientErrors(problem, RandomMotion(problem, 6), 2e-3)[0], kTolerance)
-              << "dof " << dof << (of_velocity ? " velocity" : " position") << " power " << power;
+              << "dof " << dof << (of_velocity ? " velocity" : " position")
+              << (kind == CostTerm::Kind::kSquare ? " squared" : "");
         }
       }
     }
@@ -126,18 +125,17 @@ TEST(Rollout, GradientHoldsForEveryKindOfTerminalTermAlone) {
 
 TEST(Rollout, GradientOfEffortAloneIsThatOfTheIntegral) {
   Problem problem = HandstandProblem();
-  problem.terminal.clear();
-  problem.effort_weight = 0.5;
+  problem.cost = {EffortTerm(0.5)};
   EXPECT_LT(GradientErrors(problem, RandomMotion(problem, 7), 1e-3)[0], kTolerance);
 }
 
 TEST(Rollout, GradientHoldsWithRoundObstaclesDampingAndRotors) {
   Problem problem = DroppedHandstand();
   for (const std::size_t leg : {3U, 4U}) {
-    problem.robot.tree.dofs[leg].damping_nm_s_per_rad = 0.1;
-    problem.robot.tree.dofs[leg].rotor_inertia_kg_m2 = 2e-3;
+    problem.scene.robot.tree.dofs[leg].damping_nm_s_per_rad = 0.1;
+    problem.scene.robot.tree.dofs[leg].rotor_inertia_kg_m2 = 2e-3;
   }
-  problem.obstacles.push_back({"bump", Shape<Plane>::Sphere({0.19, -0.08}, 0.1)});
+  problem.scene.obstacles.push_back({"bump", Shape<Plane>::Sphere({0.19, -0.08}, 0.1)});
   bool touched = false;
   Rollout(problem, 1e-3).Visit(RandomMotion(problem, 8), 0, [&](const MotionSample& sample) {
     for (const ActiveContact<Plane>& contact : sample.contacts) touched |= contact.obstacle == 1;
@@ -186,18 +184,16 @@ TEST(Rollout, GivesTheSameBitsEveryTimeAndWithOrWithoutTheGradient) {
 
 TEST(Rollout, VisitShowsTheMotionWhoseCostRunReturns) {
   Problem problem = DroppedHandstand();
-  problem.effort_weight = 0;
   const std::vector<double> x = RandomMotion(problem, 13);
   for (const int dof : {0, 1, 2}) {
     for (const bool of_velocity : {false, true}) {
-      for (const auto when : {TerminalTerm::When::kEnd, TerminalTerm::When::kSettled}) {
+      for (const auto when : {CostTerm::When::kEnd, CostTerm::When::kSettled}) {
         // A linear cost of weight one is the state itself.
-        problem.terminal = {{when, dof, of_velocity, 0, 1, 1}};
+        problem.cost = {LinearTerm(when, dof, of_velocity, 1)};
         Rollout rollout(problem, 1e-3);
         const RolloutResult result = rollout.Run(x);
-        const double instant = when == TerminalTerm::When::kEnd
-                                   ? problem.duration_s
-                                   : problem.duration_s + problem.settle_s;
+        const double instant = when == CostTerm::When::kEnd ? problem.duration_s
+                                                            : problem.duration_s + problem.settle_s;
         double seen = 1e300;
         double nearest = 1e300;
         std::vector<double> peak(2, 0);
@@ -260,7 +256,7 @@ TEST(Rollout, TheSmoothPenetrationMaximumIsNotBelowTheTrueOneAndCloseToIt) {
     problem.start_q[1] = 0.2125 + drop_m;
     Rollout rollout(problem, 1e-3);
     const RolloutResult result = rollout.Run(RandomMotion(problem, 15));
-    const double excess = result.peak_penetration_m / (0.9 * problem.contact.d_on_m) - 1;
+    const double excess = result.peak_penetration_m / (0.9 * problem.scene.contact.d_on_m) - 1;
     EXPECT_GT(excess, -1);
     EXPECT_GE(result.core_excess, excess);
     EXPECT_LE(result.core_excess, excess + std::log(4 * 1400.0) / problem.solver.sharpness);
@@ -282,7 +278,7 @@ TEST(Rollout, TheEstimateConvergesToTheRunWithTheFirstOrder) {
   // Smooth: in flight, where no contact makes the motion sensitive.
   Problem problem = HandstandProblem();
   problem.start_q[1] += 20;
-  problem.effort_weight = 1e-2;
+  problem.cost.back() = EffortTerm(1e-2);
   const std::vector<double> x = RandomMotion(problem, 4);
   const double exact = Rollout(problem, 0.5e-3).Run(x).cost;
   const double coarse = std::abs(Rollout(problem, 0.4e-3).Estimate(x).cost - exact);
@@ -293,10 +289,9 @@ TEST(Rollout, TheEstimateConvergesToTheRunWithTheFirstOrder) {
 
 TEST(Rollout, HalvingTheStepConvergesWithTheFourthOrderInFlight) {
   Problem problem = HandstandProblem();
-  problem.obstacles.clear();
+  problem.scene.obstacles.clear();
   problem.settle_s = 0;  // The legs' acceleration may jump where the motion ends.
-  problem.terminal = {{TerminalTerm::When::kEnd, 2, false, 0, 1, 1}};
-  problem.effort_weight = 0;
+  problem.cost = {LinearTerm(CostTerm::When::kEnd, 2, false, 1)};
   // One polynomial, so that nothing is rough inside a step.
   for (ActuatedJoint& joint : problem.joints) joint.control_points = 6;
   problem.joints[0].end_rad = 0.5;

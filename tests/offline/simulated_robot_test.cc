@@ -20,8 +20,8 @@ namespace {
 constexpr std::int64_t kMs = 1'000'000;
 constexpr double kMass = 1.8, kGravity = 9.81;
 
-const SequenceFile& Gait() {
-  static const SequenceFile gait = LoadMotion(testing::SourcePath("primitives/gait.toml"));
+const SimulatedMotion& Gait() {
+  static const SimulatedMotion gait(LoadMotion(testing::SourcePath("primitives/gait.toml")));
   return gait;
 }
 DrivesConfig Drives() {
@@ -61,9 +61,9 @@ struct Rig {
 /// High above the ground, where nothing but gravity and pushes act.
 SimulatedRobotConfig Aloft() {
   SimulatedRobotConfig config;
-  PrimitivePose start = StartOf(Gait());
+  PrimitivePose start = StartOf(Gait().file());
   start.root_z_m = 50;
-  config.twin.start = start;
+  config.start = start;
   return config;
 }
 

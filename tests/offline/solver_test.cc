@@ -182,7 +182,7 @@ void ExpectWithinLimits(const Problem& problem, const Solution& solution) {
       EXPECT_LE(std::abs(sample.torque[j]), problem.joints[j].limits.torque_max_nm);
     for (const auto& contact : sample.contacts) deepest = std::max(deepest, contact.depth_m);
   });
-  EXPECT_LT(deepest, problem.contact.d_on_m);
+  EXPECT_LT(deepest, problem.scene.contact.d_on_m);
 }
 
 TEST(Solve, KeepsEveryLimitAlsoWhenLimitsAreTight) {

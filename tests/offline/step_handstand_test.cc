@@ -24,8 +24,9 @@ TEST_P(StepHandstand, StandsOnTheStepAndStays) {
       if (sample.time_s < end + 1) continue;
       // From a second after the end on, nothing but the feet of leg 2 touches, and they the step.
       EXPECT_EQ(ObstacleOf(contact), "step") << sample.time_s;
-      EXPECT_EQ(problem_.robot.shapes[static_cast<std::size_t>(contact.shape)].name.substr(0, 4),
-                "leg2");
+      EXPECT_EQ(
+          problem_.scene.robot.shapes[static_cast<std::size_t>(contact.shape)].name.substr(0, 4),
+          "leg2");
     }
     if (sample.time_s > end + 1) {
       EXPECT_NEAR(sample.q[2], M_PI / 2, 0.1) << sample.time_s;

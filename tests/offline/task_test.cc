@@ -30,8 +30,9 @@ Problem Parse(const std::string& task) {
 /// The acceleration of every coordinate with the joints held.
 std::vector<double> Accelerations(const Problem& problem, const std::vector<double>& q,
                                   double* normal_force_n) {
-  HybridDynamics<Plane> dynamics(problem.robot.tree);
-  ContactModel<Plane> contact(problem.contact, problem.robot.shapes, problem.obstacles);
+  HybridDynamics<Plane> dynamics(problem.scene.robot.tree);
+  ContactModel<Plane> contact(problem.scene.contact, problem.scene.robot.shapes,
+                              problem.scene.obstacles);
   std::vector<double> qd(q.size()), qdd(q.size()), tau(q.size());
   dynamics.SetState(q, qd);
   contact.Apply(dynamics);
@@ -52,8 +53,9 @@ TEST(Task, ShippedOneHoldsWhatItsTextSays) {
   EXPECT_EQ(problem.joints[0].limits.velocity_max_rad_s, 20) << "the URDF's";
   EXPECT_EQ(problem.joints[0].limits.acceleration_max_rad_s2, 400) << "the task's";
   EXPECT_EQ(problem.parameter_count(), 12);
-  EXPECT_EQ(problem.terminal.size(), 2U);
-  EXPECT_EQ(problem.effort_weight, 1e-4);
+  ASSERT_EQ(problem.cost.size(), 3U);
+  EXPECT_EQ(problem.cost[2].kind, CostTerm::Kind::kEffort);
+  EXPECT_EQ(problem.cost[2].weight, 1e-4);
   EXPECT_DOUBLE_EQ(problem.target_pitch_rad, M_PI / 2);
 }
 
@@ -69,10 +71,10 @@ const char* const kIntent =
 
 TEST(Task, ContactByIntentDoesWhatItSays) {
   const Problem problem = Parse(WithContact(kIntent));
-  const ContactLaw& law = problem.contact;
+  const ContactLaw& law = problem.scene.contact;
   // A block of the robot's mass on one contact: its rest and the decay of its bounce.
   Tree<Plane> tree;
-  tree.gravity = problem.robot.tree.gravity;
+  tree.gravity = problem.scene.robot.tree.gravity;
   Dof<Plane> up;
   up.kind = JointKind::kPrismatic;
   up.direction = {0, 1};
@@ -111,10 +113,10 @@ TEST(Task, ContactByIntentDoesWhatItSays) {
 TEST(Task, LayerAndFrictionMayBeGivenBesideTheIntent) {
   const Problem problem =
       Parse(WithContact(std::string(kIntent) + "d_on_m = 0.01\nd_off_m = 0.005\nmu = 0.7\n"));
-  EXPECT_EQ(problem.contact.d_on_m, 0.01);
-  EXPECT_EQ(problem.contact.d_off_m, 0.005);
-  EXPECT_EQ(problem.contact.mu, 0.7);
-  EXPECT_NEAR(problem.contact.stiffness_n_per_m, 1.8 * 9.81 / 2e-3, 1e-9);
+  EXPECT_EQ(problem.scene.contact.d_on_m, 0.01);
+  EXPECT_EQ(problem.scene.contact.d_off_m, 0.005);
+  EXPECT_EQ(problem.scene.contact.mu, 0.7);
+  EXPECT_NEAR(problem.scene.contact.stiffness_n_per_m, 1.8 * 9.81 / 2e-3, 1e-9);
 }
 
 TEST(Task, TheStepFollowsFromContactWhereItIsNotGiven) {
@@ -228,7 +230,7 @@ pitch_rad = 0.3
   const auto top = [&](std::size_t i, double x) {  // the height of the obstacle above x
     double z = 3;
     for (int k = 0; k < 200; ++k)
-      z -= FindNearPoint<Plane>(problem.obstacles[i].shape, {x, z}, 0).d;
+      z -= FindNearPoint<Plane>(problem.scene.obstacles[i].shape, {x, z}, 0).d;
     return z;
   };
   EXPECT_NEAR(top(1, 2), 0.2, 1e-12);
@@ -262,8 +264,8 @@ TEST(Task, LimitsOfAJointTightenThoseOfAll) {
   EXPECT_EQ(problem.joints[1].limits.velocity_max_rad_s, 5);
   EXPECT_EQ(problem.joints[0].limits.torque_max_nm, 8);
   EXPECT_EQ(problem.joints[1].limits.torque_max_nm, 2);
-  EXPECT_EQ(problem.robot.tree.dofs[3].rotor_inertia_kg_m2, 0.001);
-  EXPECT_EQ(problem.robot.tree.dofs[4].rotor_inertia_kg_m2, 0.002);
+  EXPECT_EQ(problem.scene.robot.tree.dofs[3].rotor_inertia_kg_m2, 0.001);
+  EXPECT_EQ(problem.scene.robot.tree.dofs[4].rotor_inertia_kg_m2, 0.002);
 }
 
 TEST(Task, LimitsOfAJointAreNoLooserThanThoseOfAll) {
@@ -280,13 +282,14 @@ TEST(Task, LimitsOfAJointAreNoLooserThanThoseOfAll) {
 
 TEST(Task, ANormalOfAnyLengthIsAUnitVectorAfterwards) {
   const Problem problem = Parse(Replaced(ShippedTask(), "normal = [0.0, 1.0]", "normal = [0, 20]"));
-  EXPECT_DOUBLE_EQ(problem.obstacles[0].shape.normal.norm(), 1);
+  EXPECT_DOUBLE_EQ(problem.scene.obstacles[0].shape.normal.norm(), 1);
 }
 
 TEST(Task, EffortTermsAddUp) {
   const Problem problem = Parse(
       Replaced(ShippedTask(), "[contact]", "[[cost]]\nterm = \"effort\"\nweight = 2\n[contact]"));
-  EXPECT_DOUBLE_EQ(problem.effort_weight, 2 + 1e-4);
+  ASSERT_EQ(problem.cost.size(), 3U);
+  EXPECT_DOUBLE_EQ(problem.cost[2].weight, 2 + 1e-4);
 }
 
 TEST(Task, RobotsPathIsRelativeToTheTasksFolder) {
@@ -327,7 +330,7 @@ TEST(RestPose, StandsOnOneLegUpsideDownAsTheHandstandEnds) {
     EXPECT_NEAR(qdd, 0, 1e-4);
   // Half the middle link, a leg, and a foot's radius above the ground, and the layer that it hardly
   // sinks into.
-  EXPECT_NEAR(problem.start_q[1], 0.15 + 0.2 + 0.01 + problem.contact.d_on_m, 0.002);
+  EXPECT_NEAR(problem.start_q[1], 0.15 + 0.2 + 0.01 + problem.scene.contact.d_on_m, 0.002);
 }
 
 TEST(RestPose, AGivenHeightIsTakenAsItIs) {

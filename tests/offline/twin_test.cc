@@ -73,7 +73,7 @@ struct Rig {
       pointers.push_back(drives.back().get());
     }
     const PrimitiveFile file = FileOf(task, shift_x_m);
-    twin = std::make_unique<Twin>(file, config, bus, pointers);
+    twin = std::make_unique<Twin>(TaskOf(file).problem.scene, file.entry, config, bus, pointers);
   }
   void Command(std::size_t drive, const MitCommand& command) {
     ASSERT_EQ(host.Send(EncodeMitCommand(drives[drive]->config().mit, command)), Status::kOk);
@@ -149,7 +149,7 @@ double MechanicalEnergy(const TwinState& s) {
 /// What the contacts' springs hold: the integral of the force of slow compression.
 double SpringEnergy(const TwinState& s) {
   static const ContactLaw law =
-      ParseTask(StandingTask(), "task.toml", ShippedRobot(), "robot.urdf").problem.contact;
+      ParseTask(StandingTask(), "task.toml", ShippedRobot(), "robot.urdf").problem.scene.contact;
   const Robot robot = RobotOf(s);
   double energy = 0;
   for (std::size_t i = 0; i < robot.spheres.size(); ++i) {
@@ -331,15 +331,15 @@ TEST(TwinTime, HalvingTheStepHardlyChangesTheMotion) {
 
 TEST(TwinSetUp, NeedsADriveForEveryJointAndAPositiveStep) {
   SimulatedBus bus;
-  PrimitiveFile file = FileOf(StandingTask());
-  EXPECT_THROW(Twin(file, {}, bus, {}), std::invalid_argument);
+  const PrimitiveFile file = FileOf(StandingTask());
+  const Scene scene = TaskOf(file).problem.scene;
+  EXPECT_THROW(Twin(scene, file.entry, {}, bus, {}), std::invalid_argument);
   SimulatedMitConfig config;
   SimulatedMitDrive drive(config);
   TwinConfig no_step;
   no_step.step_ns = 0;
-  EXPECT_THROW(Twin(file, no_step, bus, {&drive, &drive}), std::invalid_argument);
-  file.provenance.robot_urdf = "<robot/>";
-  EXPECT_THROW(Twin(file, {}, bus, {&drive, &drive}), std::runtime_error);
+  EXPECT_THROW(Twin(scene, file.entry, no_step, bus, {&drive, &drive}), std::invalid_argument);
+  EXPECT_THROW(Twin(scene, PrimitivePose{}, {}, bus, {&drive, &drive}), std::invalid_argument);
 }
 
 }  // namespace

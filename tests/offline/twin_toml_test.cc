@@ -23,8 +23,8 @@ using ::testing::StartsWith;
 const std::string kShipped = testing::SourcePath("primitives/robots/tumbler_twin.toml");
 const std::string kHead = "format = \"tumbler-twin\"\nversion = 1\n";
 
-const SequenceFile& Gait() {
-  static const SequenceFile gait = LoadMotion(testing::SourcePath("primitives/gait.toml"));
+const SimulatedMotion& Gait() {
+  static const SimulatedMotion gait(LoadMotion(testing::SourcePath("primitives/gait.toml")));
   return gait;
 }
 SimulatedRobotConfig Parse(const std::string& text) {
@@ -46,8 +46,8 @@ TEST(TwinToml, TheShippedFileIsTheDefaultsWrittenOut) {
   EXPECT_EQ(shipped.twin.held, none.twin.held);
   EXPECT_EQ(shipped.twin.stop_stiffness_nm_per_rad, none.twin.stop_stiffness_nm_per_rad);
   EXPECT_EQ(shipped.twin.stop_damping_nm_s_per_rad, none.twin.stop_damping_nm_s_per_rad);
-  EXPECT_EQ(shipped.twin.start->root_z_m, StartOf(Gait()).root_z_m);
-  EXPECT_EQ(shipped.twin.start->joint_positions_rad, StartOf(Gait()).joint_positions_rad);
+  EXPECT_EQ(shipped.start->root_z_m, StartOf(Gait().file()).root_z_m);
+  EXPECT_EQ(shipped.start->joint_positions_rad, StartOf(Gait().file()).joint_positions_rad);
   ASSERT_EQ(shipped.motors.size(), 2U);
   for (std::size_t j = 0; j < 2; ++j) {
     EXPECT_EQ(shipped.motors[j].torque_max_nm, 8);
@@ -107,14 +107,14 @@ TEST(TwinToml, AJointsOwnMotorGoesBeforeThatOfAll) {
 TEST(TwinToml, ARobotThatStartsOtherwiseIsLoweredOnTheGround) {
   const SimulatedRobotConfig config =
       Parse("[start]\nx_m = 0.3\npitch_rad = 1.6\njoints_rad = { leg1 = 0.0, leg2 = 0.0 }\n");
-  EXPECT_NEAR(config.twin.start->root_z_m, 0.369, 0.002);
-  EXPECT_NEAR(config.twin.start->root_pitch_rad, M_PI / 2, 0.01) << "it came to rest";
-  EXPECT_NEAR(config.twin.start->root_x_m, 0.3, 0.02);
+  EXPECT_NEAR(config.start->root_z_m, 0.369, 0.002);
+  EXPECT_NEAR(config.start->root_pitch_rad, M_PI / 2, 0.01) << "it came to rest";
+  EXPECT_NEAR(config.start->root_x_m, 0.3, 0.02);
   const SimulatedRobotConfig aloft = Parse("[start]\nz_m = 2.0\npitch_rad = 1.0\nheld = false\n");
-  EXPECT_EQ(aloft.twin.start->root_z_m, 2);
-  EXPECT_EQ(aloft.twin.start->root_pitch_rad, 1);
+  EXPECT_EQ(aloft.start->root_z_m, 2);
+  EXPECT_EQ(aloft.start->root_pitch_rad, 1);
   EXPECT_FALSE(aloft.twin.held);
-  EXPECT_EQ(aloft.twin.start->joint_positions_rad, StartOf(Gait()).joint_positions_rad);
+  EXPECT_EQ(aloft.start->joint_positions_rad, StartOf(Gait().file()).joint_positions_rad);
 }
 
 TEST(TwinToml, AWrongFileIsRefusedWithFileLineKeyValueAndWhatIsAllowed) {

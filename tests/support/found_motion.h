@@ -28,7 +28,7 @@ class FoundMotion : public ::testing::TestWithParam<int> {
     EXPECT_LT(CheckGradient(problem_, best_.x).relative_error(), 1e-4);
   }
   [[nodiscard]] std::string ObstacleOf(const ActiveContact<Plane>& contact) const {
-    return problem_.obstacles[static_cast<std::size_t>(contact.obstacle)].name;
+    return problem_.scene.obstacles[static_cast<std::size_t>(contact.obstacle)].name;
   }
   Problem problem_;
   Solution best_;

@@ -11,13 +11,24 @@
 
 namespace tumbler {
 
+inline CostTerm SquareTerm(CostTerm::When when, int dof, bool of_velocity, double target,
+                           double weight) {
+  return {CostTerm::Kind::kSquare, when, weight, dof, of_velocity, target};
+}
+inline CostTerm LinearTerm(CostTerm::When when, int dof, bool of_velocity, double weight) {
+  return {CostTerm::Kind::kLinear, when, weight, dof, of_velocity};
+}
+inline CostTerm EffortTerm(double weight) {
+  return {CostTerm::Kind::kEffort, CostTerm::When::kThroughout, weight};
+}
+
 /// The shipped robot standing at home on flat ground, its legs to end as in a handstand: 1.2 s of
 /// motion, 0.2 s of settling, the paper's terminal cost with an effort term.
 inline Problem HandstandProblem(int control_points = 12) {
   constexpr double kPi = std::numbers::pi;
   Problem problem;
   problem.name = "handstand";
-  problem.robot = LoadTumbler();
+  problem.scene.robot = LoadTumbler();
   JointLimits<double> limits;
   limits.position_min_rad = -2.9;
   limits.position_max_rad = 2.9;
@@ -26,13 +37,12 @@ inline Problem HandstandProblem(int control_points = 12) {
   limits.torque_max_nm = 8;
   problem.joints = {{3, limits, -kPi / 2, 0, control_points},
                     {4, limits, kPi / 2, 0, control_points}};
-  problem.obstacles = {{"ground", Shape<Plane>::HalfSpace({0, 0}, {0, 1})}};
+  problem.scene.obstacles = {{"ground", Shape<Plane>::HalfSpace({0, 0}, {0, 1})}};
   problem.start_q = {0, 0.2125, 0, -kPi / 2, kPi / 2};
   problem.duration_s = 1.2;
   problem.settle_s = 0.2;
-  problem.terminal = {{TerminalTerm::When::kSettled, 2, false, kPi / 2, 1, 2},
-                      {TerminalTerm::When::kEnd, 2, true, 0, 0.01, 2}};
-  problem.effort_weight = 1e-3;
+  problem.cost = {SquareTerm(CostTerm::When::kSettled, 2, false, kPi / 2, 1),
+                  SquareTerm(CostTerm::When::kEnd, 2, true, 0, 0.01), EffortTerm(1e-3)};
   return problem;
 }
 

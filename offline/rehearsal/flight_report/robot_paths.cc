@@ -3,16 +3,12 @@
 #include <algorithm>
 #include <map>
 
-#include "offline/certificate/certificate.h"
 #include "offline/chain/chain.h"
 #include "offline/dynamics/hybrid_dynamics.h"
-#include "offline/problem/task_toml.h"
+#include "offline/motion_report/shown_scene.h"
 
 namespace tumbler {
 namespace {
-
-/// As long as the recorded exit of a primitive is after its end.
-constexpr double kHold_s = 2;
 
 std::vector<double> Between(const std::vector<double>& a, const std::vector<double>& b,
                             double share) {
@@ -26,12 +22,12 @@ std::vector<double> Between(const std::vector<double>& a, const std::vector<doub
 struct RobotPaths::Implementation {
   explicit Implementation(const SequenceFile& motion_in)
       : motion(motion_in),
-        problem(TaskOf(motion.primitives.front()).problem),
+        problem(motion.ProblemOf(0)),
         scene(ReportScene(problem)),
-        dynamics(problem.robot.tree) {}
+        dynamics(problem.scene.robot.tree) {}
 
-  SequenceFile motion;
-  Problem problem;
+  SimulatedMotion motion;
+  const Problem& problem;
   ReportData scene;
   HybridDynamics<Plane> dynamics;
   std::map<int, std::vector<ReportSample>> plans;
@@ -50,9 +46,10 @@ ReportSample RobotPaths::Pose(const std::array<double, 3>& root,
   MotionSample sample;
   sample.q = m.problem.start_q;
   sample.qd.assign(sample.q.size(), 0);
-  if (m.problem.robot.root_dofs == 3) std::copy(root.begin(), root.end(), sample.q.begin());
-  for (std::size_t j = 0; j < m.problem.joints.size(); ++j) {
-    sample.q[static_cast<std::size_t>(m.problem.joints[j].dof)] = joints_rad[j];
+  const PlanarRobot& robot = m.problem.scene.robot;
+  if (robot.root_dofs == 3) std::copy(root.begin(), root.end(), sample.q.begin());
+  for (std::size_t j = 0; j < robot.joint_count(); ++j) {
+    sample.q[robot.DofOfJoint(j)] = joints_rad[j];
   }
   sample.torque.assign(m.problem.joints.size(), 0);
   m.dynamics.SetState(sample.q, sample.qd);
@@ -64,14 +61,11 @@ const std::vector<ReportSample>& RobotPaths::PlanOf(int node) {
   Implementation& m = *implementation_;
   const auto found = m.plans.find(node);
   if (found != m.plans.end()) return found->second;
-  SequenceFile alone = m.motion;
-  alone.graph.start = node;
-  alone.graph.edge_count = 0;
   ChainOptions options;
   options.cycles = 1;
-  options.last_hold_s = kHold_s;
+  options.last_hold_s = kExitAfter_s;
   std::vector<ReportSample>& plan = m.plans[node];
-  SimulateChain(alone, options, [&m, &plan](int, const MotionSample& sample) {
+  SimulateChain(m.motion.Alone(node), options, [&m, &plan](int, const MotionSample& sample) {
     ReportSample shown = ShownSample(m.problem, sample);
     shown.forces.clear();
     if (plan.empty() || shown.time_s > plan.back().time_s) plan.push_back(std::move(shown));

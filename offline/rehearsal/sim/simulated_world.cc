@@ -21,9 +21,7 @@ class SimulatedWorld final : public World {
   SimulatedWorld(const SequenceFile& file, const DrivesConfig& drives,
                  const SimulatedWorldConfig& config)
       : file_(file),
-        robot_(
-            file, drives,
-            config.twin_file.empty() ? SimulatedRobotConfig{} : LoadTwin(config.twin_file, file)),
+        robot_(MakeRobot(SimulatedMotion(file), drives, config.twin_file)),
         host_(robot_.bus().Attach()),
         truth_(
             {.log_file = config.truth_log, .lcm_url = config.lcm_url, .sink = config.truth_sink}),
@@ -83,6 +81,12 @@ class SimulatedWorld final : public World {
   }
 
  private:
+  static SimulatedRobot MakeRobot(const SimulatedMotion& motion, const DrivesConfig& drives,
+                                  const std::string& twin_file) {
+    return {motion, drives,
+            twin_file.empty() ? SimulatedRobotConfig{} : LoadTwin(twin_file, motion)};
+  }
+
   const SequenceFile& file_;
   SimulatedRobot robot_;
   SimulatedPort& host_;

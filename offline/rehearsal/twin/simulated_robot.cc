@@ -51,9 +51,10 @@ PrimitivePose StartOf(const SequenceFile& motion) {
   return start;
 }
 
-SimulatedRobot::SimulatedRobot(const SequenceFile& motion, const DrivesConfig& drives,
+SimulatedRobot::SimulatedRobot(const SimulatedMotion& simulated, const DrivesConfig& drives,
                                const SimulatedRobotConfig& config)
     : bus_(drives.bit_rate) {
+  const SequenceFile& motion = simulated.file();
   const Primitive<double>& first = motion.PrimitiveOf(motion.graph.start).primitive;
   std::vector<SimulatedDrive*> pointers;
   for (std::size_t j = 0; j < first.motions().size(); ++j) {
@@ -71,10 +72,9 @@ SimulatedRobot::SimulatedRobot(const SequenceFile& motion, const DrivesConfig& d
     drives_.back()->AttachTo(bus_);
     pointers.push_back(drives_.back().get());
   }
-  TwinConfig twin = config.twin;
-  if (!twin.start) twin.start = StartOf(motion);
-  twin_ = std::make_unique<Twin>(motion.PrimitiveOf(motion.graph.start), twin, bus_, pointers);
-  posture_ = std::make_unique<PostureWatch>(motion, config.posture, *twin.start);
+  const PrimitivePose start = config.start.value_or(StartOf(motion));
+  twin_ = std::make_unique<Twin>(simulated.scene(), start, config.twin, bus_, pointers);
+  posture_ = std::make_unique<PostureWatch>(motion, config.posture, start);
 }
 
 void SimulatedRobot::AdvanceTo(std::int64_t time_ns) {

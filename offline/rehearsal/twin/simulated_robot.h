@@ -7,10 +7,10 @@
 #include <string>
 #include <vector>
 
-#include "common/sequence_toml.h"
 #include "firmware_interface/can/simulated_bus.h"
 #include "firmware_interface/drives/drives_toml.h"
 #include "firmware_interface/drives/simulated_drive.h"
+#include "offline/problem/simulated_motion.h"
 #include "offline/rehearsal/twin/posture.h"
 #include "offline/rehearsal/twin/twin.h"
 
@@ -35,7 +35,8 @@ struct JointMotor {
 /// Everything about a simulated robot that its motion and its drives do not say.
 struct SimulatedRobotConfig {
   TwinConfig twin;
-  std::vector<JointMotor> motors;  ///< In the motion's order; those missing are as above.
+  std::optional<PrimitivePose> start;  ///< Where it begins, at rest; the motion's start by default.
+  std::vector<JointMotor> motors;      ///< In the motion's order; those missing are as above.
   PostureConfig posture;
 };
 
@@ -43,10 +44,11 @@ struct SimulatedRobotConfig {
 /// somebody who watches whether it falls.
 class SimulatedRobot {
  public:
-  /// @param motion  whose robot and ground it is; it starts where the motion starts.
+  /// @param motion  whose robot and ground it is.
   /// @param drives  one for each joint of the motion, found by name; others are left out.
-  /// @throws std::invalid_argument  when a joint has no drive, or a value is not possible.
-  SimulatedRobot(const SequenceFile& motion, const DrivesConfig& drives,
+  /// @throws std::invalid_argument  when a joint has no drive, or a value is not possible;
+  /// FileError when the texts of the primitive that the motion starts with cannot be used.
+  SimulatedRobot(const SimulatedMotion& motion, const DrivesConfig& drives,
                  const SimulatedRobotConfig& config);
 
   [[nodiscard]] SimulatedBus& bus() { return bus_; }

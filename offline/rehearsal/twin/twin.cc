@@ -4,110 +4,82 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "offline/contact/contact_model.h"
-#include "offline/dynamics/hybrid_dynamics.h"
-#include "offline/problem/task_toml.h"
+#include "offline/scene/scene_dynamics.h"
+#include "offline/stepper/stepper.h"
 
 namespace tumbler {
 namespace {
 
 constexpr std::size_t Index(int i) { return static_cast<std::size_t>(i); }
 
-/// The same tree with every joint driven by a torque.
-Tree<Plane> Unprescribed(Tree<Plane> tree) {
-  for (Dof<Plane>& dof : tree.dofs) dof.prescribed = false;
-  return tree;
+int BodyOf(const PlanarRobot& robot, const std::string& link) {
+  const std::vector<std::string>& names = robot.body_names;
+  // Of the root's degrees of freedom the last one moves the link.
+  for (std::size_t i = names.size(); i-- > 0;) {
+    if (names[i] == link && !robot.tree.dofs[i].massless) return static_cast<int>(i);
+  }
+  throw std::invalid_argument("the robot has no link '" + link + "'");
+}
+
+int ObstacleOf(const Scene& scene, const std::string& name) {
+  for (std::size_t i = 0; i < scene.obstacles.size(); ++i) {
+    if (scene.obstacles[i].name == name) return static_cast<int>(i);
+  }
+  throw std::invalid_argument("there is no obstacle '" + name + "'");
+}
+
+/// The scene with the twin's own contact law, obstacles, masses and losses, and with every joint
+/// driven by a torque.
+Scene Changed(Scene scene, const TwinConfig& config) {
+  if (config.contact) scene.contact = *config.contact;
+  for (const Obstacle<Plane>& obstacle : config.obstacles) scene.obstacles.push_back(obstacle);
+  std::vector<Dof<Plane>>& dofs = scene.robot.tree.dofs;
+  for (const auto& [link, factor] : config.mass_factor) {
+    Dof<Plane>& dof = dofs[Index(BodyOf(scene.robot, link))];
+    dof.mass_kg *= factor;
+    dof.inertia_kg_m2 *= factor;
+  }
+  for (Dof<Plane>& dof : dofs) dof.prescribed = false;
+  for (std::size_t j = 0; j < scene.robot.joint_count(); ++j) {
+    const JointLosses losses = j < config.joints.size() ? config.joints[j] : JointLosses{};
+    Dof<Plane>& dof = dofs[scene.robot.DofOfJoint(j)];
+    dof.damping_nm_s_per_rad += losses.viscous_friction_nm_s_per_rad;
+    if (losses.rotor_inertia_kg_m2) dof.rotor_inertia_kg_m2 = *losses.rotor_inertia_kg_m2;
+  }
+  return scene;
 }
 
 }  // namespace
 
 struct Twin::Implementation {
-  Implementation(const PrimitiveFile& file, const TwinConfig& c, SimulatedBus& b,
-                 std::vector<SimulatedDrive*> d)
+  Implementation(const Scene& nominal, const PrimitivePose& start, const TwinConfig& c,
+                 SimulatedBus& b, std::vector<SimulatedDrive*> d)
       : config(c),
-        problem(Changed(TaskOf(file).problem, c)),
-        tree(WithMotors(Unprescribed(problem.robot.tree), problem, c)),
-        dynamics(tree),
-        contact(problem.contact, problem.robot.shapes, problem.obstacles),
+        scene(Changed(nominal, c)),
+        robot(scene),
         bus(b),
         drives(std::move(d)),
-        q(problem.start_q),
-        qd(q.size()),
-        qdd(q.size()),
-        tau(q.size()),
-        force(q.size()),
+        start_state(robot.AtRest(PositionsIn(start, scene.robot))),
+        y(start_state),
         held(c.held) {
-    if (drives.size() != problem.joints.size()) {
+    if (drives.size() != scene.robot.joint_count()) {
       throw std::invalid_argument("a twin needs one drive for each joint of its primitive");
     }
     if (config.step_ns <= 0) throw std::invalid_argument("the twin's step must be positive");
-    config.joints.resize(problem.joints.size());
-    if (config.start) SetPose(*config.start, problem.start_q);
-    q = problem.start_q;
-    for (const Push& push : config.pushes) push_bodies.push_back(BodyOf(problem, push.link));
+    config.joints.resize(drives.size());
+    for (const Push& push : config.pushes) push_bodies.push_back(BodyOf(scene.robot, push.link));
     for (const FrictionPatch& patch : config.patches) {
-      patch_obstacles.push_back(ObstacleOf(problem, patch.obstacle));
+      patch_obstacles.push_back(ObstacleOf(scene, patch.obstacle));
     }
     Drive();
-  }
-
-  static int BodyOf(const Problem& problem, const std::string& link) {
-    const std::vector<std::string>& names = problem.robot.body_names;
-    // Of the root's degrees of freedom the last one moves the link.
-    for (std::size_t i = names.size(); i-- > 0;) {
-      if (names[i] == link && !problem.robot.tree.dofs[i].massless) return static_cast<int>(i);
-    }
-    throw std::invalid_argument("the robot has no link '" + link + "'");
-  }
-  static int ObstacleOf(const Problem& problem, const std::string& name) {
-    for (std::size_t i = 0; i < problem.obstacles.size(); ++i) {
-      if (problem.obstacles[i].name == name) return static_cast<int>(i);
-    }
-    throw std::invalid_argument("there is no obstacle '" + name + "'");
-  }
-  void SetPose(const PrimitivePose& pose, std::vector<double>& position) const {
-    if (pose.joint_positions_rad.size() != problem.joints.size()) {
-      throw std::invalid_argument("the start pose needs every joint");
-    }
-    if (problem.robot.root_dofs == 3) {
-      position[0] = pose.root_x_m;
-      position[1] = pose.root_z_m;
-      position[2] = pose.root_pitch_rad;
-    }
-    for (std::size_t j = 0; j < problem.joints.size(); ++j) {
-      position[Index(problem.joints[j].dof)] = pose.joint_positions_rad[j];
-    }
-  }
-
-  /// The task with the twin's own contact law, obstacles and masses.
-  static Problem Changed(Problem problem, const TwinConfig& config) {
-    if (config.contact) problem.contact = *config.contact;
-    for (const Obstacle<Plane>& obstacle : config.obstacles) problem.obstacles.push_back(obstacle);
-    for (const auto& [link, factor] : config.mass_factor) {
-      Dof<Plane>& dof = problem.robot.tree.dofs[Index(BodyOf(problem, link))];
-      dof.mass_kg *= factor;
-      dof.inertia_kg_m2 *= factor;
-    }
-    return problem;
-  }
-
-  static Tree<Plane> WithMotors(Tree<Plane> tree, const Problem& problem,
-                                const TwinConfig& config) {
-    for (std::size_t j = 0; j < problem.joints.size(); ++j) {
-      const JointLosses losses = j < config.joints.size() ? config.joints[j] : JointLosses{};
-      Dof<Plane>& dof = tree.dofs[Index(problem.joints[j].dof)];
-      dof.damping_nm_s_per_rad += losses.viscous_friction_nm_s_per_rad;
-      if (losses.rotor_inertia_kg_m2) dof.rotor_inertia_kg_m2 = *losses.rotor_inertia_kg_m2;
-    }
-    return tree;
   }
 
   /// Lets every drive measure its joint and act for one step.
   void Drive() {
     bool all_enabled = !drives.empty();
     for (std::size_t j = 0; j < drives.size(); ++j) {
-      const std::size_t dof = Index(problem.joints[j].dof);
-      tau[dof] = drives[j]->Step(time_ns, q[dof], qd[dof]);
+      const std::size_t dof = scene.robot.DofOfJoint(j);
+      drive_torque[dof] = drives[j]->Step(time_ns, q(dof), qd(dof));
       all_enabled = all_enabled && drives[j]->enabled();
     }
     if (!all_enabled) return;
@@ -121,7 +93,7 @@ struct Twin::Implementation {
     static const ContactLaw creep{.v_max_m_per_s = 0.05};
     double torque = -config.joints[j].dry_friction_nm *
                     EvaluateFrictionGain(creep, velocity * velocity).gain * velocity;
-    const RobotJointLimits& limits = problem.robot.limits[Index(problem.joints[j].dof)];
+    const RobotJointLimits& limits = scene.robot.limits[scene.robot.DofOfJoint(j)];
     const double k = config.stop_stiffness_nm_per_rad;
     const double c = config.stop_damping_nm_s_per_rad;
     if (position > limits.upper_rad) {
@@ -133,12 +105,13 @@ struct Twin::Implementation {
   }
 
   [[nodiscard]] int BodyOfContact(const ActiveContact<Plane>& active) const {
-    return problem.robot.shapes[Index(active.shape)].body;
+    return scene.robot.shapes[Index(active.shape)].body;
   }
 
   /// Makes the friction of each contact that of the patch which it is on.
   void ApplyPatches() {
-    for (const ActiveContact<Plane>& active : contact.active()) {
+    HybridDynamics<Plane>& dynamics = robot.dynamics;
+    for (const ActiveContact<Plane>& active : robot.contact->active()) {
       const double x = dynamics.origin().x() + active.point.x();
       const FrictionPatch* on = nullptr;
       for (std::size_t p = 0; p < config.patches.size(); ++p) {
@@ -150,13 +123,14 @@ struct Twin::Implementation {
       const int body = BodyOfContact(active);
       const Plane::Vector v = dynamics.velocity(body).At(active.point);
       const Plane::Vector v_t = v - v.dot(active.normal) * active.normal;
-      const double more = (on->mu - problem.contact.mu) * std::abs(active.normal_force_n) *
-                          EvaluateFrictionGain(problem.contact, v_t.squaredNorm()).gain;
+      const double more = (on->mu - scene.contact.mu) * std::abs(active.normal_force_n) *
+                          EvaluateFrictionGain(scene.contact, v_t.squaredNorm()).gain;
       dynamics.AddWrench(body, Plane::ForceAt(active.point, -more * v_t));
     }
   }
 
   void ApplyPushes() {
+    HybridDynamics<Plane>& dynamics = robot.dynamics;
     push_n = {};
     for (std::size_t p = 0; p < config.pushes.size(); ++p) {
       const Push& push = config.pushes[p];
@@ -174,53 +148,51 @@ struct Twin::Implementation {
     }
   }
 
-  void Accelerations(const std::vector<double>& position, const std::vector<double>& velocity) {
-    dynamics.SetState(position, velocity);
-    contact.Apply(dynamics);
+  void Slope(const SceneDynamics::State& state, double* k) {
+    robot.SetFree(state);
+    robot.Touch();
     ApplyPatches();
     ApplyPushes();
-    force = tau;
+    robot.tau = drive_torque;
     for (std::size_t j = 0; j < drives.size(); ++j) {
-      const std::size_t dof = Index(problem.joints[j].dof);
-      force[dof] += Resistance(j, position[dof], velocity[dof]);
+      const std::size_t dof = scene.robot.DofOfJoint(j);
+      robot.tau[dof] += Resistance(j, robot.q[dof], robot.qd[dof]);
     }
-    dynamics.Solve(qdd, force);
+    robot.Solve();
+    robot.TakeSlope(k);
   }
 
-  /// Two-stage Runge-Kutta (midpoint): the step is set by the drives' loops and far below what the
-  /// contact needs.
-  void Integrate(double h) {
-    Accelerations(q, qd);
+  void NoteContacts() {
     normal_force = 0;
     touching.clear();
-    for (const ActiveContact<Plane>& a : contact.active()) {
+    for (const ActiveContact<Plane>& a : robot.contact->active()) {
       peak_penetration = std::max(peak_penetration, a.depth_m);
       normal_force += a.normal_force_n;
       touching.push_back(a);
     }
-    std::vector<double>& qm = scratch_q;
-    std::vector<double>& vm = scratch_v;
-    qm = q;
-    vm = qd;
-    for (std::size_t i = 0; i < q.size(); ++i) {
-      qm[i] += 0.5 * h * qd[i];
-      vm[i] += 0.5 * h * qdd[i];
-    }
-    Accelerations(qm, vm);
-    for (std::size_t i = 0; i < q.size(); ++i) {
-      q[i] += h * vm[i];
-      qd[i] += h * qdd[i];
-    }
   }
 
+  /// By the midpoint rule: the step is set by the drives' loops and far below what the contact
+  /// needs.
+  void Integrate(double h) {
+    StepRungeKutta<kMidpoint>(y, 2 * robot.n, h,
+                              [this](int s, const SceneDynamics::State& state, double* k) {
+                                Slope(state, k);
+                                if (s == 0) NoteContacts();
+                                return true;
+                              });
+  }
+
+  [[nodiscard]] double q(std::size_t dof) const { return y[dof]; }
+  [[nodiscard]] double qd(std::size_t dof) const { return y[robot.n + dof]; }
+
   TwinConfig config;
-  Problem problem;
-  Tree<Plane> tree;
-  HybridDynamics<Plane> dynamics;
-  ContactModel<Plane> contact;
+  Scene scene;
+  SceneDynamics robot;
   SimulatedBus& bus;
   std::vector<SimulatedDrive*> drives;
-  std::vector<double> q, qd, qdd, tau, force, scratch_q, scratch_v;
+  SceneDynamics::State start_state, y;
+  SceneDynamics::Numbers drive_torque{};
   std::vector<int> push_bodies, patch_obstacles;
   std::vector<ActiveContact<Plane>> touching;
   std::array<double, 2> push_n{};
@@ -231,9 +203,10 @@ struct Twin::Implementation {
   double normal_force = 0;
 };
 
-Twin::Twin(const PrimitiveFile& file, const TwinConfig& config, SimulatedBus& bus,
-           std::vector<SimulatedDrive*> drives)
-    : implementation_(std::make_unique<Implementation>(file, config, bus, std::move(drives))) {}
+Twin::Twin(const Scene& scene, const PrimitivePose& start, const TwinConfig& config,
+           SimulatedBus& bus, std::vector<SimulatedDrive*> drives)
+    : implementation_(
+          std::make_unique<Implementation>(scene, start, config, bus, std::move(drives))) {}
 Twin::~Twin() = default;
 
 void Twin::AdvanceTo(std::int64_t time_ns) {
@@ -255,18 +228,19 @@ TwinState Twin::state() const {
   state.time_ns = m.time_ns;
   state.held = m.held;
   state.push_n = m.push_n;
-  if (m.problem.robot.root_dofs == 3) {
-    state.root_x_m = m.q[0];
-    state.root_z_m = m.q[1];
-    state.root_pitch_rad = m.q[2];
-    state.root_vx_m_s = m.qd[0];
-    state.root_vz_m_s = m.qd[1];
-    state.root_pitch_rate_rad_s = m.qd[2];
+  if (m.scene.robot.root_dofs == 3) {
+    state.root_x_m = m.q(0);
+    state.root_z_m = m.q(1);
+    state.root_pitch_rad = m.q(2);
+    state.root_vx_m_s = m.qd(0);
+    state.root_vz_m_s = m.qd(1);
+    state.root_pitch_rate_rad_s = m.qd(2);
   }
-  for (const ActuatedJoint& joint : m.problem.joints) {
-    state.joint_positions_rad.push_back(m.q[Index(joint.dof)]);
-    state.joint_velocities_rad_s.push_back(m.qd[Index(joint.dof)]);
-    state.joint_torques_nm.push_back(m.tau[Index(joint.dof)]);
+  for (std::size_t j = 0; j < m.scene.robot.joint_count(); ++j) {
+    const std::size_t dof = m.scene.robot.DofOfJoint(j);
+    state.joint_positions_rad.push_back(m.q(dof));
+    state.joint_velocities_rad_s.push_back(m.qd(dof));
+    state.joint_torques_nm.push_back(m.drive_torque[dof]);
   }
   state.peak_penetration_m = m.peak_penetration;
   state.normal_force_n = m.normal_force;
@@ -277,16 +251,15 @@ std::vector<TwinContact> Twin::contacts() const {
   const Implementation& m = *implementation_;
   std::vector<TwinContact> contacts;
   for (const ActiveContact<Plane>& active : m.touching) {
-    contacts.push_back({m.problem.robot.body_names[Index(m.BodyOfContact(active))],
-                        m.problem.obstacles[Index(active.obstacle)].name, active.normal_force_n});
+    contacts.push_back({m.scene.robot.body_names[Index(m.BodyOfContact(active))],
+                        m.scene.obstacles[Index(active.obstacle)].name, active.normal_force_n});
   }
   return contacts;
 }
 
 void Twin::PutBack() {
   Implementation& m = *implementation_;
-  m.q = m.problem.start_q;
-  std::fill(m.qd.begin(), m.qd.end(), 0.0);
+  m.y = m.start_state;
   m.touching.clear();
   m.normal_force = 0;
   m.held = m.config.held;

@@ -11,9 +11,7 @@
 #include "common/primitive_toml.h"
 #include "firmware_interface/can/simulated_bus.h"
 #include "firmware_interface/drives/simulated_drive.h"
-#include "offline/contact/contact_law.h"
-#include "offline/contact/obstacle.h"
-#include "offline/dynamics/plane.h"
+#include "offline/scene/scene.h"
 
 namespace tumbler {
 
@@ -42,23 +40,22 @@ struct FrictionPatch {
   double to_x_m = std::numeric_limits<double>::infinity();
 };
 
-/// How the simulated robot is run, and where it differs from the one that the motion was made for.
+/// How the simulated robot is run, and where it differs from the one of its scene.
 struct TwinConfig {
   /// Of physics and drive law; a drive's current loop runs at 20 to 40 kHz.
   std::int64_t step_ns = 50'000;
   /// Somebody holds the robot, joints and all, until every drive is enabled: limp legs do not
   /// stand.
   bool held = true;
-  std::optional<PrimitivePose> start;  ///< At rest; without it the primitive's entry.
-  std::vector<JointLosses> joints;     ///< In the primitive's order; those missing are as above.
+  std::vector<JointLosses> joints;  ///< In the robot's order; those missing are as above.
 
   /// The legs' stops at the URDF's position limits: a spring that never pulls, and a damper in it.
   double stop_stiffness_nm_per_rad = 500;  ///< A leg at 10 rad/s goes 0.04 rad into it; 0: none.
   double stop_damping_nm_s_per_rad = 2;
 
-  std::optional<ContactLaw> contact;                        ///< The task's by default.
+  std::optional<ContactLaw> contact;                        ///< The scene's by default.
   std::vector<std::pair<std::string, double>> mass_factor;  ///< Link, factor of mass and inertia.
-  std::vector<Obstacle<Plane>> obstacles;                   ///< Besides those of the task.
+  std::vector<Obstacle<Plane>> obstacles;                   ///< Besides those of the scene.
   std::vector<FrictionPatch> patches;
   std::vector<Push> pushes;
 };
@@ -85,14 +82,14 @@ struct TwinState {
 };
 
 /// The robot's physics (contact and all) behind simulated drives on a simulated bus. Robot and
-/// ground are those of a primitive file's task, but for what the configuration changes. The one
-/// place that sees both the dynamics and the firmware interface.
+/// ground are those of a scene, but for what the configuration changes. The one place that sees
+/// both the dynamics and the firmware interface.
 class Twin {
  public:
-  /// @param drives  one for each joint of the primitive, in its order; they must outlive the twin.
-  /// @throws FileError when the primitive's robot or task text cannot be used;
-  /// std::invalid_argument about a link or obstacle that is not there.
-  Twin(const PrimitiveFile& file, const TwinConfig& config, SimulatedBus& bus,
+  /// @param start   where it begins, at rest.
+  /// @param drives  one for each joint of the robot, in its order; they must outlive the twin.
+  /// @throws std::invalid_argument about a link or obstacle that is not there.
+  Twin(const Scene& scene, const PrimitivePose& start, const TwinConfig& config, SimulatedBus& bus,
        std::vector<SimulatedDrive*> drives);
   ~Twin();
   Twin(const Twin&) = delete;

@@ -12,7 +12,7 @@
 
 #include "common/toml_reader.h"
 #include "offline/problem/obstacle_toml.h"
-#include "offline/problem/task_toml.h"
+#include "offline/scene/rest_pose.h"
 
 namespace tumbler {
 namespace {
@@ -33,17 +33,15 @@ std::string Join(const std::vector<std::string>& names) {
 
 class TwinReader {
  public:
-  TwinReader(TomlTable root, const SequenceFile& motion)
-      : root_(std::move(root)),
-        motion_(motion),
-        problem_(TaskOf(motion.PrimitiveOf(motion.graph.start)).problem) {
-    const Primitive<double>& first = motion.PrimitiveOf(motion.graph.start).primitive;
+  TwinReader(TomlTable root, const SimulatedMotion& motion)
+      : root_(std::move(root)), motion_(motion.file()), scene_(motion.scene()) {
+    const Primitive<double>& first = motion_.PrimitiveOf(motion_.graph.start).primitive;
     for (const JointMotion<double>& joint : first.motions())
       joints_.emplace_back(joint.name.view());
-    for (std::size_t i = 0; i < problem_.robot.body_names.size(); ++i) {
-      if (!problem_.robot.tree.dofs[i].massless) links_.push_back(problem_.robot.body_names[i]);
+    for (std::size_t i = 0; i < scene_.robot.body_names.size(); ++i) {
+      if (!scene_.robot.tree.dofs[i].massless) links_.push_back(scene_.robot.body_names[i]);
     }
-    for (const Obstacle<Plane>& obstacle : problem_.obstacles) obstacles_.push_back(obstacle.name);
+    for (const Obstacle<Plane>& obstacle : scene_.obstacles) obstacles_.push_back(obstacle.name);
   }
 
   SimulatedRobotConfig Read() {
@@ -155,13 +153,13 @@ class TwinReader {
   void ReadContact() {
     std::optional<TomlTable> table = root_.OptionalTable("contact");
     if (!table) return;
-    ContactLaw law = problem_.contact;
+    ContactLaw law = scene_.contact;
     law.stiffness_n_per_m =
         table->Number("stiffness_n_per_m", {0, 1e8, true}, law.stiffness_n_per_m);
     law.damping_n_s_per_m = table->Number("damping_n_s_per_m", {0, 1e6}, law.damping_n_s_per_m);
     law.mu = table->Number("mu", {0, 10}, law.mu);
     law.v_max_m_per_s = table->Number("v_max_m_per_s", {1e-6, 1e3}, law.v_max_m_per_s);
-    problem_.contact = law;
+    scene_.contact = law;
     config_.twin.contact = law;
   }
 
@@ -179,7 +177,7 @@ class TwinReader {
         config_.twin.patches.push_back(patch);
       }
       obstacles_.push_back(obstacle.name);
-      problem_.obstacles.push_back(obstacle);
+      scene_.obstacles.push_back(obstacle);
       config_.twin.obstacles.push_back(obstacle);
     }
   }
@@ -236,27 +234,20 @@ class TwinReader {
   /// Without a height, a robot that does not start in the motion's own pose is lowered until it
   /// rests.
   void ReadStart(TomlTable& start) {
-    if (problem_.robot.root_dofs == 3 && moved_ && !placed_) {
-      for (std::size_t j = 0; j < joints_.size(); ++j) {
-        problem_.start_q[static_cast<std::size_t>(problem_.joints[j].dof)] =
-            pose_.joint_positions_rad[j];
-      }
+    if (scene_.robot.root_dofs == 3 && moved_ && !placed_) {
       try {
-        const std::vector<double> q = RestPose(problem_, pose_.root_x_m, pose_.root_pitch_rad);
-        pose_.root_x_m = q[0];
-        pose_.root_z_m = q[1];
-        pose_.root_pitch_rad = q[2];
+        pose_ = PoseAt(RestPose(scene_, PositionsIn(pose_, scene_.robot)), scene_.robot);
       } catch (const std::runtime_error& error) {
         start.Fail("",
                    fmt::format("{}; change the joints or the pitch, or give z_m", error.what()));
       }
     }
-    config_.twin.start = pose_;
+    config_.start = pose_;
   }
 
   TomlTable root_;
   const SequenceFile& motion_;
-  Problem problem_;
+  Scene scene_;  // as it becomes
   std::vector<std::string> joints_, links_, obstacles_;
   PrimitivePose pose_;
   bool placed_ = false;
@@ -277,12 +268,12 @@ TwinSources ReadTwinSources(const std::string& path) {
   return {file("motion"), file("drives")};
 }
 
-SimulatedRobotConfig LoadTwin(const std::string& path, const SequenceFile& motion) {
+SimulatedRobotConfig LoadTwin(const std::string& path, const SimulatedMotion& motion) {
   return TwinReader(TomlTable::ParseFile(path), motion).Read();
 }
 
 SimulatedRobotConfig ParseTwin(std::string_view text, const std::string& name,
-                               const SequenceFile& motion) {
+                               const SimulatedMotion& motion) {
   return TwinReader(TomlTable::Parse(text, name), motion).Read();
 }
 

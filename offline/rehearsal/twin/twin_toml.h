@@ -3,7 +3,6 @@
 #include <string>
 #include <string_view>
 
-#include "common/sequence_toml.h"
 #include "offline/rehearsal/twin/simulated_robot.h"
 
 namespace tumbler {
@@ -21,8 +20,8 @@ TwinSources ReadTwinSources(const std::string& path);
 /// Reads a twin file (docs/formats.md; `primitives/robots/tumbler_twin.toml` is a commented
 /// example), whose joints, links and obstacles are those of `motion`.
 /// @throws FileError with file, line, key, value and allowed range.
-SimulatedRobotConfig LoadTwin(const std::string& path, const SequenceFile& motion);
+SimulatedRobotConfig LoadTwin(const std::string& path, const SimulatedMotion& motion);
 SimulatedRobotConfig ParseTwin(std::string_view text, const std::string& name,
-                               const SequenceFile& motion);
+                               const SimulatedMotion& motion);
 
 }  // namespace tumbler

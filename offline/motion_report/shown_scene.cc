@@ -1,0 +1,115 @@
+#include "offline/motion_report/shown_scene.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "offline/dynamics/hybrid_dynamics.h"
+
+namespace tumbler {
+namespace {
+
+/// The bodies with something to show; each is a drawn link.
+std::vector<int> DrawnBodies(const Problem& problem) {
+  const PlanarRobot& robot = problem.scene.robot;
+  std::vector<int> bodies;
+  for (int j = 0; j < static_cast<int>(robot.tree.dofs.size()); ++j) {
+    const auto of_body = [j](const auto& shape) { return shape.body == j; };
+    if (std::any_of(robot.drawing.begin(), robot.drawing.end(), of_body) ||
+        std::any_of(robot.shapes.begin(), robot.shapes.end(), of_body)) {
+      bodies.push_back(j);
+    }
+  }
+  return bodies;
+}
+
+}  // namespace
+
+ReportData ReportScene(const Problem& problem) {
+  ReportData data;
+  std::vector<int> link_of_body(problem.scene.robot.tree.dofs.size(), -1);
+  for (const int body : DrawnBodies(problem)) {
+    ReportLink link;
+    link.name = problem.scene.robot.body_names[static_cast<std::size_t>(body)];
+    for (const DrawnSegment& segment : problem.scene.robot.drawing) {
+      if (segment.body != body) continue;
+      link.shapes.push_back({segment.from.x(), segment.from.y(), segment.to.x(), segment.to.y(),
+                             segment.radius_m, false});
+    }
+    for (const ContactShape<Plane>& own : problem.scene.robot.shapes) {
+      if (own.body != body) continue;
+      // A bar along the core's longer side, as wide as the other.
+      const Shape<Plane>& shape = own.shape;
+      const int longer = shape.half_extents.x() >= shape.half_extents.y() ? 0 : 1;
+      const double width = shape.half_extents[1 - longer];
+      const Plane::Vector side =
+          shape.rotation *
+          Plane::Vector((shape.half_extents[longer] - width) * Plane::Vector::Unit(longer));
+      const Plane::Vector from = shape.centre - side, to = shape.centre + side;
+      link.shapes.push_back({from.x(), from.y(), to.x(), to.y(), shape.radius_m + width, true});
+    }
+    link_of_body[static_cast<std::size_t>(body)] = static_cast<int>(data.links.size());
+    data.links.push_back(std::move(link));
+  }
+  for (const ActuatedJoint& joint : problem.joints) {
+    data.joint_names.push_back(
+        problem.scene.robot.tree.dofs[static_cast<std::size_t>(joint.dof)].name);
+    data.joint_links.push_back(std::max(0, link_of_body[static_cast<std::size_t>(joint.dof)]));
+    data.torque_limits_nm.push_back(joint.limits.torque_max_nm);
+    data.position_limits_rad.push_back(
+        {joint.limits.position_min_rad, joint.limits.position_max_rad});
+  }
+  for (const Obstacle<Plane>& obstacle : problem.scene.obstacles) {
+    ReportObstacle shown;
+    shown.name = obstacle.name;
+    const Shape<Plane>& shape = obstacle.shape;
+    shown.x_m = shape.centre.x();
+    shown.z_m = shape.centre.y();
+    shown.radius_m = shape.radius_m;
+    if (shape.half_space) {
+      shown.normal_x = shape.normal.x();
+      shown.normal_z = shape.normal.y();
+    } else if (shape.kind() == ShapeKind::kSphere) {
+      shown.kind = ReportObstacle::Kind::kCircle;
+    } else {
+      shown.kind = ReportObstacle::Kind::kBox;
+      shown.normal_x = shape.rotation.c;
+      shown.normal_z = shape.rotation.s;
+      shown.half_x_m = shape.half_extents.x();
+      shown.half_z_m = shape.half_extents.y();
+    }
+    data.obstacles.push_back(shown);
+  }
+  return data;
+}
+
+ReportSample ShownSample(const Problem& problem, const MotionSample& sample) {
+  ReportSample shown;
+  shown.time_s = sample.time_s;
+  shown.root_pitch_rad = RootPitchAt(sample.q, problem.scene.robot);
+  const Plane::Vector origin = sample.dynamics->origin();
+  for (const int body : DrawnBodies(problem)) {
+    // Pitch unwrapped: the sum of the angles down the tree.
+    double pitch = 0;
+    for (int b = body; b >= 0; b = sample.dynamics->parent(b)) {
+      const Dof<Plane>& dof = problem.scene.robot.tree.dofs[static_cast<std::size_t>(b)];
+      if (dof.kind == JointKind::kRevolute)
+        pitch += dof.axis * sample.q[static_cast<std::size_t>(b)];
+    }
+    const Plane::Vector p = origin + sample.dynamics->position(body);
+    shown.link_poses.push_back({p.x(), p.y(), pitch});
+  }
+  for (std::size_t j = 0; j < problem.joints.size(); ++j) {
+    const auto dof = static_cast<std::size_t>(problem.joints[j].dof);
+    shown.joint_positions_rad.push_back(sample.q[dof]);
+    shown.joint_velocities_rad_s.push_back(sample.qd[dof]);
+    shown.joint_torques_nm.push_back(sample.torque[j]);
+  }
+  for (const ActiveContact<Plane>& contact : sample.contacts) {
+    const Plane::Vector p = origin + contact.point;
+    shown.forces.push_back({p.x(), p.y(), contact.force.x(), contact.force.y(), contact.normal.x(),
+                            contact.normal.y()});
+  }
+  return shown;
+}
+
+}  // namespace tumbler

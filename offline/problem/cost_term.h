@@ -1,0 +1,102 @@
+#pragma once
+
+#include <cmath>
+#include <cstddef>
+#include <span>
+
+#include "common/toml_reader.h"
+#include "offline/model/planar_robot.h"
+
+namespace tumbler {
+
+/// An instant of a motion, as the cost sees it.
+struct CostPoint {
+  std::span<const double> q;       ///< Of all degrees of freedom [m, rad].
+  std::span<const double> qd;      ///< [m/s, rad/s].
+  std::span<const double> torque;  ///< Of the actuated joints [N m]; none of a term at an instant.
+};
+
+/// Derivatives of the cost by all that a CostPoint holds.
+struct CostSlopes {
+  std::span<double> q;
+  std::span<double> qd;
+  std::span<double> torque;
+};
+
+/// One term of the cost: its weight times a quantity of the motion. Everything that there is to a
+/// kind of term is here and in cost_term.cc: its keys in a task, its value and its slopes. Rollouts
+/// and their gradients take every term alike.
+struct CostTerm {
+  enum class Kind {
+    kSquare,  ///< (value - target)^2 of a coordinate of the root.
+    kLinear,  ///< value - target, as in [AB04, Eq. 34].
+    kEffort,  ///< |tau|^2.
+  };
+  enum class When {
+    kEnd,         ///< At t_f, where the motion ends.
+    kSettled,     ///< After the settle phase, legs held.
+    kThroughout,  ///< The integral over motion and settle phase.
+  };
+  Kind kind = Kind::kSquare;
+  When when = When::kEnd;
+  double weight = 1;
+  int dof = 0;               ///< Of a coordinate.
+  bool of_velocity = false;  ///< Else of its position.
+  double target = 0;         ///< Of a coordinate.
+
+  bool operator==(const CostTerm&) const = default;
+
+  /// Whether the quantity depends on positions or velocities.
+  [[nodiscard]] bool of_state() const { return kind != Kind::kEffort; }
+  /// Whether this is a target of the root's pitch.
+  [[nodiscard]] bool targets_pitch() const {
+    constexpr int kPitch = 2;
+    return kind == Kind::kSquare && !of_velocity && dof == kPitch;
+  }
+
+  /// How far the pitch is from its target, when this wants it there; else 0.
+  [[nodiscard]] double TargetError(const CostPoint& at) const {
+    return targets_pitch() && weight > 0 ? std::abs(OffTarget(at)) : 0;
+  }
+
+  /// `sum`, plus `scale` times the quantity or its integrand; the weight is left to the caller.
+  [[nodiscard]] double Accumulate(double sum, double scale, const CostPoint& at) const {
+    switch (kind) {
+      case Kind::kEffort:
+        for (const double torque : at.torque) sum += scale * torque * torque;
+        return sum;
+      case Kind::kSquare:
+        return sum + scale * OffTarget(at) * OffTarget(at);
+      case Kind::kLinear:
+        return sum + scale * OffTarget(at);
+    }
+    return sum;
+  }
+  /// Adds the derivatives of what Accumulate adds.
+  void AddSlopes(double scale, const CostPoint& at, const CostSlopes& slopes) const {
+    switch (kind) {
+      case Kind::kEffort:
+        for (std::size_t j = 0; j < at.torque.size(); ++j)
+          slopes.torque[j] += scale * 2 * at.torque[j];
+        return;
+      case Kind::kSquare:
+        (of_velocity ? slopes.qd : slopes.q)[coordinate()] += scale * 2 * OffTarget(at);
+        return;
+      case Kind::kLinear:
+        (of_velocity ? slopes.qd : slopes.q)[coordinate()] += scale;
+        return;
+    }
+  }
+
+ private:
+  [[nodiscard]] std::size_t coordinate() const { return static_cast<std::size_t>(dof); }
+  [[nodiscard]] double OffTarget(const CostPoint& at) const {
+    return (of_velocity ? at.qd : at.q)[coordinate()] - target;
+  }
+};
+
+/// Reads a `[[cost]]` of a task (docs/formats.md).
+/// @throws FileError with file, line, key, value and allowed range.
+CostTerm ReadCostTerm(TomlTable& table, const PlanarRobot& robot);
+
+}  // namespace tumbler

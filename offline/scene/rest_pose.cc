@@ -1,0 +1,82 @@
+#include "offline/scene/rest_pose.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <stdexcept>
+
+#include "offline/scene/scene_dynamics.h"
+
+namespace tumbler {
+namespace {
+
+constexpr double kReach_m = 10;
+constexpr double kStep_s = 1e-4;
+constexpr double kTime_s = 5;
+/// Numerical air: it shortens the rocking, and is gone at rest.
+constexpr double kAir_per_s = 5;
+constexpr std::size_t kRoot = 3;  // x, z and pitch
+constexpr std::size_t kZ = 1, kPitch = 2;
+
+/// The height at which the lowest shape just reaches the layer of contact, by bisection.
+double LowestHeight(SceneDynamics& robot, const Scene& scene) {
+  const auto touches = [&robot](double z) {
+    robot.q[kZ] = z;
+    robot.Touch();
+    return !robot.contact->active().empty();
+  };
+  double low = -kReach_m, high = kReach_m;
+  if (touches(high)) {
+    const ActiveContact<Plane>& inside = robot.contact->active().front();
+    throw std::runtime_error(fmt::format(
+        "with its root {} m high the robot is still {:.4g} m inside '{}', so it cannot be lowered "
+        "on it (a half-space lies behind its normal)",
+        high, inside.depth_m - scene.contact.d_on_m,
+        scene.obstacles[static_cast<std::size_t>(inside.obstacle)].name));
+  }
+  for (int i = 0; i < 60; ++i) (touches(0.5 * (low + high)) ? low : high) = 0.5 * (low + high);
+  return high;
+}
+
+bool AtRest(const SceneDynamics& robot) {
+  double speed = 0, acceleration = 0;
+  for (std::size_t i = 0; i < kRoot; ++i) {
+    speed = std::max(speed, std::abs(robot.qd[i]));
+    acceleration = std::max(acceleration, std::abs(robot.qdd[i]));
+  }
+  return speed < 1e-7 && acceleration < 1e-5;
+}
+
+}  // namespace
+
+std::vector<double> RestPose(const Scene& scene, std::vector<double> q) {
+  SceneDynamics robot(scene);
+  const double pitch = q[kPitch];
+  std::copy(q.begin(), q.end(), robot.q.begin());
+  robot.q[kZ] = LowestHeight(robot, scene);
+  SceneDynamics::State y = robot.AtRest(robot.q);
+  for (int step = 0; step < static_cast<int>(kTime_s / kStep_s); ++step) {
+    const auto slope = [&](int, const SceneDynamics::State& y_s, double* k) {
+      robot.SetFree(y_s);
+      robot.TouchAndSolve();
+      robot.TakeSlope(k);
+      return step == 0 || !AtRest(robot);
+    };
+    const bool moved = StepSemiImplicitEuler(y, kRoot, kStep_s, slope, kAir_per_s);
+    std::copy_n(y.begin(), kRoot, q.begin());
+    if (!moved) return q;
+    // Fallen over, fallen past all obstacles, or not a number.
+    if (!(std::abs(q[kPitch] - pitch) <= std::numbers::pi / 2 && std::abs(q[kZ]) <= 2 * kReach_m &&
+          std::isfinite(q[0]))) {
+      break;
+    }
+  }
+  throw std::runtime_error(fmt::format(
+      "the robot does not come to rest at its start: it ends at x {:.4g} m, z {:.4g} m, "
+      "pitch {:.4g} rad",
+      q[0], q[kZ], q[kPitch]));
+}
+
+}  // namespace tumbler

@@ -1,0 +1,35 @@
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "common/primitive_toml.h"
+#include "offline/contact/contact_law.h"
+#include "offline/contact/obstacle.h"
+#include "offline/dynamics/plane.h"
+#include "offline/model/planar_robot.h"
+
+namespace tumbler {
+
+/// What is simulated: a robot, the obstacles that it can touch, and the law of their contacts. A
+/// task describes one; its primitive carries the description along (`TaskOf`).
+struct Scene {
+  PlanarRobot robot;  ///< Joints that follow a path are prescribed; the others are free.
+  ContactLaw contact;
+  std::vector<Obstacle<Plane>> obstacles;  ///< The ground, and what stands on it.
+};
+
+/// Whether two scenes have the same ground: contact law and obstacles.
+bool SameGround(const Scene& a, const Scene& b);
+
+/// Positions of all degrees of freedom of a robot in this pose.
+/// @throws std::invalid_argument when the pose has not one position for each joint.
+std::vector<double> PositionsIn(const PrimitivePose& pose, const PlanarRobot& robot);
+
+/// The pose of a robot at these positions of all its degrees of freedom.
+PrimitivePose PoseAt(std::span<const double> q, const PlanarRobot& robot);
+
+/// The pitch of its root; 0 where that is fixed.
+double RootPitchAt(std::span<const double> q, const PlanarRobot& robot);
+
+}  // namespace tumbler

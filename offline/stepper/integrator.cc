@@ -1,0 +1,45 @@
+#include "offline/stepper/integrator.h"
+
+#include <Eigen/Core>
+
+namespace tumbler {
+namespace {
+
+using Row = Eigen::Map<Eigen::ArrayXd>;
+using ConstRow = Eigen::Map<const Eigen::ArrayXd>;
+
+}  // namespace
+
+Integrator::Integrator(const StepSettings& settings, std::size_t equations)
+    : settings_(settings),
+      tableau_(settings.scheme == StepSettings::Scheme::kFixed ? kClassical : kDormandPrince),
+      state_(equations),
+      stage_state_(equations),
+      next_(equations) {
+  for (std::size_t s = 0; s < tableau_.stages; ++s) slopes_[s].resize(equations);
+}
+
+void Integrator::Combine(double h, const Tableau::Row& w, std::size_t count,
+                         std::vector<double>& out) const {
+  const auto size = static_cast<Eigen::Index>(state_.size());
+  Row sum(out.data(), size);
+  sum = ConstRow(state_.data(), size);
+  for (std::size_t k = 0; k < count; ++k) {
+    if (w[k] != 0) sum += (h * w[k]) * ConstRow(slopes_[k].data(), size);
+  }
+}
+
+double Integrator::StepError(double h) const {
+  double worst = 0;
+  for (std::size_t i = 0; i < state_.size(); ++i) {
+    double error = 0;
+    for (std::size_t s = 0; s < tableau_.stages; ++s) error += tableau_.error[s] * slopes_[s][i];
+    const double size = 1 + std::max(std::abs(state_[i]), std::abs(next_[i]));
+    const double scaled = std::abs(h * error) / (settings_.tolerance * size);
+    // std::max would pass over one that is not a number.
+    worst = std::isfinite(scaled) ? std::max(worst, scaled) : 1e10;
+  }
+  return worst;
+}
+
+}  // namespace tumbler

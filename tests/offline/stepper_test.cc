@@ -1,0 +1,149 @@
+#include "offline/stepper/stepper.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <vector>
+
+#include "offline/stepper/even_steps.h"
+#include "offline/stepper/integrator.h"
+
+namespace tumbler {
+namespace {
+
+using State = MechanicalState<2>;
+
+/// Two pendulums of 1 rad/s and 2 rad/s, without friction; q = cos(w t).
+constexpr State kStart = {1, 1, 0, 0};
+bool Slope(int /*stage*/, const State& y, double* k) {
+  k[0] = y[2];
+  k[1] = y[3];
+  k[2] = -y[0];
+  k[3] = -4 * y[1];
+  return true;
+}
+
+/// How far the pendulums are from where they should be after 1 s of equal steps.
+template <class Step>
+double ErrorOf(int steps, Step&& step) {
+  State y = kStart;
+  for (int i = 0; i < steps; ++i) step(y, 1.0 / steps);
+  return std::abs(y[0] - std::cos(1)) + std::abs(y[1] - std::cos(2)) +
+         std::abs(y[2] + std::sin(1)) + std::abs(y[3] + 2 * std::sin(2));
+}
+
+/// By how many powers of two the error shrinks when the step is halved.
+template <class Step>
+double OrderOf(Step&& step) {
+  return std::log2(ErrorOf(64, step) / ErrorOf(128, step));
+}
+
+TEST(Stepper, SchemesHaveTheOrdersThatTheyPromise) {
+  EXPECT_NEAR(OrderOf([](State& y, double h) { StepRungeKutta<kClassical>(y, 4, h, Slope); }), 4,
+              0.1);
+  EXPECT_NEAR(OrderOf([](State& y, double h) { StepRungeKutta<kMidpoint>(y, 4, h, Slope); }), 2,
+              0.1);
+  EXPECT_NEAR(OrderOf([](State& y, double h) { StepSemiImplicitEuler(y, 2, h, Slope); }), 1, 0.1);
+}
+
+TEST(Stepper, StagesAreAskedForInOrderAndTheFirstIsTheStateItself) {
+  State y = kStart;
+  std::vector<int> stages;
+  StepRungeKutta<kClassical>(y, 4, 0.1, [&](int s, const State& y_s, double* k) {
+    if (s == 0) {
+      EXPECT_EQ(y_s, kStart);
+    }
+    stages.push_back(s);
+    return Slope(s, y_s, k);
+  });
+  EXPECT_EQ(stages, (std::vector<int>{0, 1, 2, 3}));
+}
+
+TEST(Stepper, AStepThatIsGivenUpLeavesTheStateAsItWas) {
+  for (const int at : {0, 2}) {
+    State y = kStart;
+    EXPECT_FALSE(StepRungeKutta<kClassical>(y, 4, 0.1, [&](int s, const State& y_s, double* k) {
+      return Slope(s, y_s, k) && s != at;
+    }));
+    EXPECT_EQ(y, kStart);
+  }
+  State y = kStart;
+  EXPECT_FALSE(StepSemiImplicitEuler(y, 2, 0.1, [](int, const State&, double*) { return false; }));
+  EXPECT_EQ(y, kStart);
+}
+
+TEST(Stepper, WhatIsBeyondTheCoordinatesIsNotTouched) {
+  State y = {1, 0, 7, 8};  // One coordinate: q, v, and two numbers that are none of it.
+  StepRungeKutta<kClassical>(y, 2, 0.1, [](int, const State& y_s, double* k) {
+    k[0] = y_s[1];
+    k[1] = -y_s[0];
+    return true;
+  });
+  EXPECT_NEAR(y[0], std::cos(0.1), 1e-6);
+  EXPECT_EQ(y[2], 7);
+  EXPECT_EQ(y[3], 8);
+}
+
+TEST(Stepper, NumericalAirSlowsDown) {
+  State y = {0, 0, 1, 0};
+  const auto coast = [](int, const State&, double* k) {
+    k[2] = k[3] = 0;
+    return true;
+  };
+  for (int i = 0; i < 1000; ++i) StepSemiImplicitEuler(y, 2, 1e-3, coast, 5);
+  EXPECT_NEAR(y[2], std::exp(-5), 1e-4);
+}
+
+TEST(EvenSteps, AreAsLongAsAllowedAndEndWithTheSpan) {
+  EXPECT_EQ(EvenSteps(1, 0.3).count, 4);
+  EXPECT_EQ(EvenSteps(1, 0.3).step_s, 0.25);
+  EXPECT_EQ(EvenSteps(0.3, 0.1).count, 3) << "0.3 / 0.1 is above 3 by rounding";
+  EXPECT_EQ(EvenSteps(0, 0.1).count, 0);
+  EXPECT_EQ(EvenSteps(0, 0.1).step_s, 0.1);
+  EXPECT_EQ(EvenSteps(0.01, 0.1, 1).count, 1);
+}
+
+/// The first pendulum, for an integrator.
+void LongSlope(double /*t*/, const std::vector<double>& z, std::vector<double>& out) {
+  out = {z[1], -z[0]};
+}
+double ErrorAfterASecond(const StepSettings& settings, IntegrationStatistics* taken = nullptr) {
+  Integrator integrator(settings, 2);
+  integrator.state() = {1, 0};
+  EXPECT_TRUE(integrator.Integrate(
+      0, 1, LongSlope, [] {}, [](const auto&) { return true; }));
+  if (taken != nullptr) *taken = integrator.statistics();
+  return std::abs(integrator.state()[0] - std::cos(1));
+}
+
+TEST(Integrator, ChoosesItsStepsByTheirError) {
+  IntegrationStatistics rough, fine;
+  EXPECT_LT(ErrorAfterASecond({StepSettings::Scheme::kAdaptive, 1, 1e-4}, &rough), 1e-3);
+  EXPECT_LT(ErrorAfterASecond({StepSettings::Scheme::kAdaptive, 1, 1e-12}, &fine), 1e-11);
+  EXPECT_LT(rough.steps, fine.steps);
+  EXPECT_EQ(fine.forced, 0);
+}
+
+TEST(Integrator, FixedStepsAreThoseOfTheStepper) {
+  Integrator integrator({StepSettings::Scheme::kFixed, 0.1}, 2);
+  integrator.state() = {1, 0};
+  int looks = 0;
+  integrator.Integrate(
+      0, 1, LongSlope, [&] { ++looks; }, [](const auto&) { return true; });
+  State y = kStart;
+  for (int i = 0; i < 10; ++i) StepRungeKutta<kClassical>(y, 4, 0.1, Slope);
+  EXPECT_NEAR(integrator.state()[0], y[0], 1e-15);
+  EXPECT_EQ(looks, 10);
+  EXPECT_EQ(integrator.statistics().evaluations, 40);
+}
+
+TEST(Integrator, StopsWhereTheStateIsNotPlausible) {
+  Integrator integrator({StepSettings::Scheme::kFixed, 0.1}, 2);
+  integrator.state() = {1, 0};
+  EXPECT_FALSE(integrator.Integrate(
+      0, 1, LongSlope, [] {}, [](const auto& z) { return z[0] > 0.9; }));
+  EXPECT_EQ(integrator.statistics().steps, 5) << "cos(0.5) is below 0.9";
+}
+
+}  // namespace
+}  // namespace tumbler
