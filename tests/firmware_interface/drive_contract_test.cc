@@ -78,9 +78,8 @@ std::vector<Case> Cases() {
     }
     return cases;
   }
-  const std::string robots = testing::SourcePath("primitives/robots/");
   for (const testing::TestedProtocol& protocol : testing::EveryProtocol()) {
-    cases.push_back(load(robots + protocol.drives, 0));
+    cases.push_back(load(testing::SourcePath(protocol.drives), 0));
     cases.back().name = protocol.name;
     // Mounted the other way round, behind a gear, with a zero elsewhere.
     Case geared = cases.back();

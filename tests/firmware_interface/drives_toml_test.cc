@@ -8,6 +8,7 @@
 #include <sstream>
 
 #include "common/toml_reader.h"
+#include "firmware_interface/drives/drive_traffic.h"
 #include "tests/support/files.h"
 
 namespace tumbler {
@@ -87,6 +88,34 @@ TEST(DrivesToml, ShippedFilesDescribeTheTumblerInEveryProtocol) {
       EXPECT_EQ(drive.watchdog_s, 0.025);
     }
   }
+}
+
+TEST(DrivesToml, TheExampleOfEveryProtocolHasTheDrivesThatTheCoreHas) {
+  DriveProtocols::ForEach([](auto protocol) {
+    using Protocol = decltype(protocol);
+    SCOPED_TRACE(Protocol::kId);
+    const DrivesConfig config =
+        LoadDrives(testing::SourcePath("primitives/robots/" + std::string(Protocol::kExample)));
+    ASSERT_EQ(config.drives.size(), 2U);
+    for (int i = 0; i < 2; ++i) {
+      const DriveEntry& entry = config.drives[static_cast<std::size_t>(i)];
+      EXPECT_EQ(entry.joint, "leg" + std::to_string(i + 1));
+      ASSERT_TRUE(std::holds_alternative<typename Protocol::Config>(entry.config));
+      const auto& read = std::get<typename Protocol::Config>(entry.config);
+      const typename Protocol::Config example = Protocol::Example(i);
+      EXPECT_EQ(Protocol::TrafficOf(entry, read, 1000).host_sends,
+                Protocol::TrafficOf(entry, example, 1000).host_sends);
+      // What is asked for goes out in the same bytes.
+      typename Protocol::Host first(read);
+      typename Protocol::Host second(example);
+      for (int tick = 0; tick < 10; ++tick) {
+        FrameBatch one, other;
+        ASSERT_EQ(first.Encode(DriveRequest::kEnable, {0.1F, 0, 0, 10, 1}, one), Status::kOk);
+        ASSERT_EQ(second.Encode(DriveRequest::kEnable, {0.1F, 0, 0, 10, 1}, other), Status::kOk);
+        EXPECT_TRUE(std::ranges::equal(one.frames(), other.frames()));
+      }
+    }
+  });
 }
 
 TEST(DrivesToml, OneFileHoldsAnyMixtureOfProtocols) {

@@ -17,9 +17,7 @@
 
 #include "firmware_interface/can/frame_length.h"
 #include "firmware_interface/drives/drive_bank.h"
-#include "firmware_interface/drives/simulated_cansimple.h"
-#include "firmware_interface/drives/simulated_cia402.h"
-#include "firmware_interface/drives/simulated_mit.h"
+#include "firmware_interface/drives/make_simulated.h"
 
 namespace {
 
@@ -34,42 +32,33 @@ void Require(bool condition, const char* what) {
   std::abort();
 }
 
-/// The hosts and the simulated drives of three protocols, each on a bus of its own.
+/// The host and the simulated drive of every protocol, each on a bus of its own.
 struct World {
+  static constexpr std::size_t kCount = DriveProtocols::kCount;
+
   World() {
-    MitConfig mit;
-    mit.joint = {-1, 2, 0.3F};
-    CanSimpleConfig can;
-    can.node_id = 1;
-    can.joint = {-1, 2, 0.3F};
-    Cia402Config cia402;
-    cia402.rated_torque_nm = 6;
-    cia402.joint = {-1, 2, 0.3F};
-    configs = {mit, can, cia402};
-    for (const DriveConfig& config : configs) {
+    std::size_t i = 0;
+    DriveProtocols::ForEach([&](auto protocol) {
+      auto config = decltype(protocol)::Example(0);
+      config.joint = {-1, 2, 0.3F};
+      DriveEntry entry;
+      entry.config = config;
+      entry.kp_nm_per_rad = 200;
+      entry.kd_nm_s_per_rad = 4;
+      configs[i] = config;
       Require(bank.Add(config) == Status::kOk, "a configuration is not valid");
-    }
-    SimulatedMitConfig mit_drive;
-    mit_drive.mit = mit;
-    SimulatedCanSimpleConfig can_drive;
-    can_drive.can = can;
-    can_drive.watchdog_s = 0.025;
-    SimulatedCia402Config cia402_drive;
-    cia402_drive.node = cia402;
-    drives[0] = std::make_unique<SimulatedMitDrive>(mit_drive);
-    drives[1] = std::make_unique<SimulatedCanSimpleDrive>(can_drive);
-    drives[2] = std::make_unique<SimulatedCia402Drive>(cia402_drive);
-    for (std::size_t i = 0; i < 3; ++i) {
+      drives[i] = MakeSimulatedDrive(entry);
       ports[i] = &buses[i].Attach();
       drives[i]->AttachTo(buses[i]);
-    }
+      ++i;
+    });
   }
 
-  std::array<DriveConfig, 3> configs;
+  std::array<DriveConfig, kCount> configs;
   DriveBank bank;
-  std::array<SimulatedBus, 3> buses;
-  std::array<SimulatedPort*, 3> ports{};
-  std::array<std::unique_ptr<SimulatedDrive>, 3> drives;
+  std::array<SimulatedBus, kCount> buses;
+  std::array<SimulatedPort*, kCount> ports{};
+  std::array<std::unique_ptr<SimulatedDrive>, kCount> drives;
   std::int64_t now_ns = 0;
   double position_rad = 0;
 };
@@ -185,7 +174,7 @@ void EncodeAndCheck(World& world, std::size_t i, DriveRequest request,
 
 void Advance(World& world, std::int64_t time_ns) {
   world.now_ns += time_ns;
-  for (std::size_t i = 0; i < 3; ++i) {
+  for (std::size_t i = 0; i < World::kCount; ++i) {
     world.buses[i].AdvanceTo(world.now_ns);
     const double torque = world.drives[i]->Step(world.now_ns, world.position_rad, 0.1);
     Require(std::isfinite(torque) && std::abs(world.drives[i]->torque_nm()) <= kTorqueMax_nm,
@@ -202,8 +191,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   for (std::size_t at = 0; at + kStepBytes <= size; at += kStepBytes) {
     const std::uint8_t* step = data + at;
     const CanFrame frame = FrameOf(step);
-    const std::size_t i = step[0] >> 4 & 0x3;
-    if (i == 3) {
+    const std::size_t i = (step[0] >> 4) % (World::kCount + 1);
+    if (i == World::kCount) {
       CheckCodecs(frame);
       continue;
     }

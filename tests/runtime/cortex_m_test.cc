@@ -32,6 +32,7 @@
 #include "runtime/embedded/playback.h"
 #include "runtime/linux/dry_run_bus.h"
 #include "runtime/record/flight_record.h"
+#include "tests/support/example_drives.h"
 #include "tests/support/files.h"
 #include "tests/support/program.h"
 #include "tests/support/task_files.h"
@@ -39,6 +40,8 @@
 namespace tumbler {
 namespace {
 
+using testing::ExampleDrives;
+using testing::ExampleOfEveryProtocol;
 using testing::MatchesOf;
 using testing::Program;
 using testing::ReadFile;
@@ -53,22 +56,6 @@ constexpr double kInstructionsMax = 4000;
 /// Bytes of stack that a tick may use, and Configure with all that is above it.
 constexpr int kTickStackMax = 1024;
 constexpr int kSetUpStackMax = 2048;
-
-struct Protocol {
-  std::string name;
-  std::string file;
-};
-const std::vector<Protocol>& Protocols() {
-  static const std::vector<Protocol> protocols = [] {
-    std::vector<Protocol> all;
-    DriveProtocols::ForEach([&all](auto protocol) {
-      using Listed = decltype(protocol);
-      all.push_back({std::string(Listed::kId), std::string(Listed::kExample)});
-    });
-    return all;
-  }();
-  return protocols;
-}
 
 struct Machine {
   const char* name;  // as in the presets
@@ -99,9 +86,9 @@ struct Played {
 /// The world between drives and executor.
 using Trouble = std::function<void(RecordedTick&)>;
 
-Played PlayHere(const Protocol& protocol, const Trouble& trouble = {}) {
+Played PlayHere(const ExampleDrives& drives, const Trouble& trouble = {}) {
   const Sequence<float>& gait = Gait();
-  const DrivesConfig config = LoadDrives(testing::SourcePath("primitives/robots/") + protocol.file);
+  const DrivesConfig config = LoadDrives(testing::SourcePath(drives.file));
   std::vector<DryRunBus::Node> nodes;
   for (std::size_t i = 0; i < config.drives.size(); ++i) {
     // Somewhere else than at the start, so that there is a way to it.
@@ -111,7 +98,7 @@ Played PlayHere(const Protocol& protocol, const Trouble& trouble = {}) {
   }
   DryRunBus bus("none", config.bit_rate, std::move(nodes), nullptr);
   Playback playback;
-  if (playback.Configure(protocol.name, kCycles, gait.graph.FindBranch(kBranch), gait.graph,
+  if (playback.Configure(drives.protocol, kCycles, gait.graph.FindBranch(kBranch), gait.graph,
                          {gait.primitives.data(),
                           static_cast<std::size_t>(gait.primitive_count)}) != Status::kOk) {
     throw std::logic_error("the executor does not take the gait");
@@ -194,12 +181,12 @@ Emulation Emulate(const Machine& machine, const std::vector<std::string>& argume
   return emulation;
 }
 
-Emulation Emulate(const Machine& machine, const Protocol& protocol, const Played& run) {
+Emulation Emulate(const Machine& machine, const ExampleDrives& drives, const Played& run) {
   const testing::TemporaryFolder folder;
   WriteFile(folder / "recording", run.recording);
   return Emulate(
       machine,
-      {protocol.name, std::to_string(kCycles), kBranch, folder / "recording", folder / "output"},
+      {drives.protocol, std::to_string(kCycles), kBranch, folder / "recording", folder / "output"},
       folder / "output");
 }
 
@@ -329,15 +316,15 @@ class CallGraph {
   std::set<std::string> open_;
 };
 
-class CortexM : public ::testing::TestWithParam<std::tuple<Machine, Protocol>> {};
+class CortexM : public ::testing::TestWithParam<std::tuple<Machine, ExampleDrives>> {};
 
 TEST_P(CortexM, SendsTheBytesThatThisMachineSendsForTheWholeGait) {
-  const auto& [machine, protocol] = GetParam();
-  const Played run = PlayHere(protocol);
+  const auto& [machine, drives] = GetParam();
+  const Played run = PlayHere(drives);
   ASSERT_EQ(run.nodes, (std::set<std::string>{"handstand", "downstand", "handstand, swapped",
                                               "downstand, swapped", "roll"}));
   ASSERT_EQ(run.faults, 0);
-  const Emulation emulation = Emulate(machine, protocol, run);
+  const Emulation emulation = Emulate(machine, drives, run);
   ASSERT_EQ(emulation.status, 0) << emulation.text;
   EXPECT_EQ(FirstDifference(run, emulation.output), "");
 
@@ -349,7 +336,8 @@ TEST_P(CortexM, SendsTheBytesThatThisMachineSendsForTheWholeGait) {
   fmt::print(
       "Cortex-{}, {}: {} ticks the same; stack: {} bytes at set-up, {} below the loop; "
       "instructions a tick:\n",
-      machine.name, protocol.name, run.tick_ends.size(), figures.set_up_stack, figures.tick_stack);
+      machine.name, drives.protocol, run.tick_ends.size(), figures.set_up_stack,
+      figures.tick_stack);
   for (const auto& [state, counts] : figures.states) {
     fmt::print("  {:<16} {:6} ticks, mean {:5.0f}, most {:5.0f}\n", state, counts.ticks,
                counts.mean, counts.most);
@@ -358,7 +346,7 @@ TEST_P(CortexM, SendsTheBytesThatThisMachineSendsForTheWholeGait) {
 }
 
 TEST_P(CortexM, SendsTheBytesThatThisMachineSendsWhateverTheWorldDoes) {
-  const auto& [machine, protocol] = GetParam();
+  const auto& [machine, drives] = GetParam();
   std::uint32_t faults = 0;
   std::set<ExecutorState> states;
   for (const unsigned seed : {1U, 2U, 3U, 4U}) {
@@ -366,10 +354,10 @@ TEST_P(CortexM, SendsTheBytesThatThisMachineSendsWhateverTheWorldDoes) {
     std::mt19937 random(seed);
     int ticks = 0;
     const Played run =
-        PlayHere(protocol, [&](RecordedTick& tick) { Disturb(tick, ++ticks, random); });
+        PlayHere(drives, [&](RecordedTick& tick) { Disturb(tick, ++ticks, random); });
     faults |= run.faults;
     states.insert(run.states.begin(), run.states.end());
-    const Emulation emulation = Emulate(machine, protocol, run);
+    const Emulation emulation = Emulate(machine, drives, run);
     ASSERT_EQ(emulation.status, 0) << emulation.text;
     EXPECT_EQ(FirstDifference(run, emulation.output), "");
     const Figures figures = ReadFigures(emulation.text);
@@ -413,17 +401,17 @@ Played FromRecord(const std::string& bytes) {
 }
 
 TEST_P(CortexM, RepeatsAFlightRecordOfTheRobotInSimulation) {
-  const auto& [machine, protocol] = GetParam();
+  const auto& [machine, drives] = GetParam();
   const testing::TemporaryFolder folder;
   Program program({testing::ProgramPath("tumbler-run"), "sim",
                    testing::SourcePath("primitives/gait.toml"), "--drives",
-                   testing::SourcePath("primitives/robots/") + protocol.file, "--cycles",
-                   std::to_string(kCycles), "--branch", kBranch, "--record", folder / "gait.rec"});
+                   testing::SourcePath(drives.file), "--cycles", std::to_string(kCycles),
+                   "--branch", kBranch, "--record", folder / "gait.rec"});
   ASSERT_EQ(program.Wait(), 0) << program.text();
   const Played run = FromRecord(ReadFile(folder / "gait.rec"));
   ASSERT_GT(run.tick_ends.size(), 20'000U);
   ASSERT_EQ(run.faults, 0);
-  const Emulation emulation = Emulate(machine, protocol, run);
+  const Emulation emulation = Emulate(machine, drives, run);
   ASSERT_EQ(emulation.status, 0) << emulation.text;
   EXPECT_EQ(FirstDifference(run, emulation.output), "");
 }
@@ -493,7 +481,7 @@ TEST_P(CortexMFirmware, SaysWhatIsWrongAndFails) {
 }
 
 TEST(CortexMComparison, NamesTheFirstDifference) {
-  const Played run = PlayHere(Protocols()[0]);
+  const Played run = PlayHere(ExampleOfEveryProtocol()[0]);
   EXPECT_EQ(FirstDifference(run, run.output), "");
   const std::size_t tick = 5000;
   std::string other = run.output;
@@ -509,10 +497,10 @@ TEST(CortexMComparison, NamesTheFirstDifference) {
 
 INSTANTIATE_TEST_SUITE_P(Qemu, CortexM,
                          ::testing::Combine(::testing::ValuesIn(kMachines),
-                                            ::testing::ValuesIn(Protocols())),
+                                            ::testing::ValuesIn(ExampleOfEveryProtocol())),
                          [](const auto& instance) {
                            return fmt::format("{}_{}", std::get<0>(instance.param).name,
-                                              std::get<1>(instance.param).name);
+                                              std::get<1>(instance.param).protocol);
                          });
 INSTANTIATE_TEST_SUITE_P(Qemu, CortexMFirmware, ::testing::ValuesIn(kMachines),
                          [](const auto& instance) { return std::string(instance.param.name); });

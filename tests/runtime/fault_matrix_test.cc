@@ -35,7 +35,7 @@ constexpr double kKp = 200, kKd = 4;
 
 /// The shipped drives; one of them mounted the other way round, behind a gear.
 DrivesConfig DrivesOf(const TestedProtocol& protocol) {
-  DrivesConfig drives = LoadDrives(testing::SourcePath("primitives/robots/") + protocol.drives);
+  DrivesConfig drives = LoadDrives(testing::SourcePath(protocol.drives));
   for (DriveEntry& entry : drives.drives) protocol.side->Hasten(entry.config);
   std::visit(
       [](auto& config) {

@@ -290,7 +290,7 @@ std::int64_t Ticks() {
 class GaitSoak : public ::testing::TestWithParam<testing::TestedProtocol> {};
 
 TEST_P(GaitSoak, BreaksNoRuleAllocatesNothingAndIsTheSameEachTime) {
-  const std::string file = testing::SourcePath("primitives/robots/") + GetParam().drives;
+  const std::string file = testing::SourcePath(GetParam().drives);
   const std::int64_t ticks = Ticks();
   for (const bool collapse : {false, true}) {
     const Outcome once = Soak(file, 2004, collapse).Run(ticks);

@@ -15,6 +15,7 @@
 #include <tumbler/truth_t.hpp>
 #include <vector>
 
+#include "tests/support/example_drives.h"
 #include "tests/support/files.h"
 #include "tests/support/program.h"
 
@@ -65,14 +66,14 @@ class SimTwin : public ::testing::Test {
 constexpr const char* kPushedOver =
     "[[push]]\nlink = \"middle\"\nstart_s = 3.5\nduration_s = 0.2\nforce_n = [8.0, 0.0]\n";
 
-TEST_F(SimTwin, TheGaitStandsWithEachOfTheThreeProtocols) {
-  for (const std::string drives : {"", "_cansimple", "_cia402"}) {
-    const Outcome outcome = RunGait({"--cycles", "5", "--branch", "roll", "--drives",
-                                     kPrimitives + "robots/tumbler_drives" + drives + ".toml",
-                                     "--twin", kPrimitives + "robots/tumbler_twin.toml"});
+TEST_F(SimTwin, TheGaitStandsWithEveryProtocol) {
+  for (const testing::ExampleDrives& drives : testing::ExampleOfEveryProtocol()) {
+    const Outcome outcome =
+        RunGait({"--cycles", "5", "--branch", "roll", "--drives", testing::SourcePath(drives.file),
+                 "--twin", kPrimitives + "robots/tumbler_twin.toml"});
     EXPECT_EQ(outcome.exit_code, 0) << outcome.text;
     EXPECT_THAT(outcome.text, HasSubstr("12 motions, 5 complete cycles; the robot where it should"))
-        << drives;
+        << drives.protocol;
     EXPECT_TRUE(outcome.json["falls"].empty());
   }
 }

@@ -7,7 +7,8 @@ const std::vector<TestedProtocol>& EveryProtocol() {
     std::vector<TestedProtocol> all;
     DriveProtocols::ForEach([&all](auto listed) {
       using Protocol = decltype(listed);
-      all.push_back({std::string(Protocol::kId), std::string(Protocol::kExample),
+      all.push_back({std::string(Protocol::kId),
+                     "primitives/robots/" + std::string(Protocol::kExample),
                      &SideOf(SideTag<Protocol>{})});
     });
     return all;

@@ -11,6 +11,7 @@
 
 #include "firmware_interface/can/frame.h"
 #include "firmware_interface/drives/protocols.h"
+#include "tests/support/frame_samples.h"
 #include "tests/support/joint_judge.h"
 
 namespace tumbler::testing {
@@ -71,6 +72,9 @@ class ProtocolSide {
   virtual void SpoilSetpoint(CanFrame& frame) const = 0;
   virtual void SpoilReply(CanFrame& frame) const = 0;
   virtual void SpoilTorque(CanFrame& frame) const = 0;
+
+  /// Adds one frame of each kind, of random values, for holding the .dbc file against the codec.
+  virtual void AddSamples(FrameSamples& samples) const = 0;
 };
 
 /// What the test side of a protocol is found by: `SideOf(SideTag<MitProtocol>{})`.
@@ -88,7 +92,7 @@ struct SideTag {
 /// A protocol as tests take it for a parameter.
 struct TestedProtocol {
   std::string name;    ///< of its files
-  std::string drives;  ///< The commented drives file of the tumbler, from primitives/robots/.
+  std::string drives;  ///< Its example, from the project's folder.
   const ProtocolSide* side = nullptr;
 };
 /// Every protocol that is listed in drives/protocols.h.

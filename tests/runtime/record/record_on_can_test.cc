@@ -19,6 +19,7 @@
 #include "firmware_interface/drives/drives_toml.h"
 #include "runtime/linux/candump.h"
 #include "tests/support/can_interface.h"
+#include "tests/support/example_drives.h"
 #include "tests/support/files.h"
 #include "tests/support/program.h"
 #include "tests/support/recorded_run.h"
@@ -69,15 +70,14 @@ class RecordOnCan : public ::testing::Test {
     for (std::size_t i = 0; i < 2; ++i) {
       start_rad_.push_back(file.primitive.joints[i].position.control_points()[0]);
     }
-    WriteDrives("");
+    WriteDrives(testing::ExampleOfEveryProtocol()[0]);
   }
 
   [[nodiscard]] std::string Path(const std::string& name) const { return folder_ / name; }
 
   /// The example file's drives, for this test's joints, at a rate that the guest can keep.
-  void WriteDrives(const std::string& suffix) const {
-    std::string text =
-        ReadFile(testing::SourcePath("primitives/robots/tumbler_drives") + suffix + ".toml");
+  void WriteDrives(const testing::ExampleDrives& example) const {
+    std::string text = ReadFile(testing::SourcePath(example.file));
     const auto replace = [&text](const std::string& what, const std::string& with) {
       ASSERT_NE(text.find(what), std::string::npos) << what;
       text = ReplacedAll(text, what, with);
@@ -86,7 +86,7 @@ class RecordOnCan : public ::testing::Test {
     replace("\"leg2\"", "\"joint2\"");
     replace("rate_hz = 1000.0", "rate_hz = 25.0");
     replace("watchdog_s = 0.025", "watchdog_s = 0.2");
-    if (suffix == "_cansimple") {  // What drives send by themselves is for a kHz.
+    if (example.protocol == "cansimple") {  // What drives send by themselves is for a kHz.
       replace("heartbeat_s = 0.01", "heartbeat_s = 0.1");
       replace("estimates_s = 0.001", "estimates_s = 0.04");
       replace("torques_s = 0.01", "torques_s = 0.1");
@@ -235,12 +235,13 @@ TEST_F(RecordOnCan, KilledInMidMotionItLeavesARecordThatReplaysUpToThere) {
 }
 
 TEST_F(RecordOnCan, ADryRunOfAReplaySendsNothingAndAnArmedOnePlaysTheRecordedSetpoints) {
-  for (const std::string protocol : {"", "_cansimple", "_cia402"}) {
-    SCOPED_TRACE("protocol" + protocol);
+  for (const testing::ExampleDrives& example : testing::ExampleOfEveryProtocol()) {
+    SCOPED_TRACE(example.protocol);
     int attempt = 0;
     testing::InSteadyTime([&] {
-      WriteDrives(protocol);
-      const std::string record = Path("first" + protocol + std::to_string(attempt++) + ".rec");
+      WriteDrives(example);
+      const std::string record =
+          Path("first_" + example.protocol + std::to_string(attempt++) + ".rec");
       const VirtualCan can;
       auto drives = StartDrives(can.name());
       const auto run = StartRun(can.name(), record);

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "runtime/record/record_blocks.h"
+#include "tests/support/example_drives.h"
 #include "tests/support/files.h"
 #include "tests/support/program.h"
 #include "tests/support/recorded_run.h"
@@ -37,11 +38,10 @@ class RecordPrograms : public ::testing::Test {
 };
 
 class RecordOfProtocol : public RecordPrograms,
-                         public ::testing::WithParamInterface<const char*> {};
+                         public ::testing::WithParamInterface<testing::ExampleDrives> {};
 
 TEST_P(RecordOfProtocol, ReplaysIdentically) {
-  const std::string drives =
-      testing::SourcePath("primitives/robots/tumbler_drives") + GetParam() + ".toml";
+  const std::string drives = testing::SourcePath(GetParam().file);
   const Outcome run = Run("tumbler-run sim " + testing::SourcePath("primitives/gait.toml") +
                           " --cycles 1 --branch roll --drives " + drives + " --record " + record_);
   ASSERT_EQ(run.exit_code, 0) << run.text;
@@ -56,10 +56,8 @@ TEST_P(RecordOfProtocol, ReplaysIdentically) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Protocols, RecordOfProtocol,
-                         ::testing::Values("", "_cansimple", "_cia402"), [](const auto& test) {
-                           const std::string suffix = test.param;
-                           return suffix.empty() ? std::string("mit") : suffix.substr(1);
-                         });
+                         ::testing::ValuesIn(testing::ExampleOfEveryProtocol()),
+                         [](const auto& test) { return test.param.protocol; });
 
 TEST_F(RecordPrograms, ARecordIsOneOfTheRunThatWasPlayedWhateverBecomesOfItsFiles) {
   std::filesystem::copy_file(kHandstand, folder_ / "motion.toml");

@@ -112,6 +112,15 @@ class Watch final : public DriveWatch {
   double input_rad_ = 0;
 };
 
+/// Encodes for node 1. @returns the frame, with `value` as decoding it gives it.
+template <typename Value>
+CanFrame Made(Value& value) {
+  const CanFrame frame = EncodeCanSimple(1, value);
+  value = {};
+  FrameSamples::Expect(DecodeCanSimple(1, frame, value));
+  return frame;
+}
+
 class CanSimple final : public ProtocolSide {
  public:
   [[nodiscard]] ProtocolNature nature() const override { return {}; }
@@ -160,7 +169,58 @@ class CanSimple final : public ProtocolSide {
   void SpoilReply(CanFrame& frame) const override { SpoilSetpoint(frame); }
   void SpoilTorque(CanFrame& frame) const override { frame.data[7] = 0x7f; }
 
+  void AddSamples(FrameSamples& samples) const override {
+    AddSamplesOfTheDrive(samples);
+    const auto number = [&samples](float most) { return samples.Number(-most, most); };
+    CanSimpleControllerMode mode{samples.Whole(0, 3), samples.Whole(0, 7)};
+    const CanFrame mode_frame = Made(mode);
+    samples.Add("SET_CONTROLLER_MODE", mode_frame,
+                {{"control", mode.control}, {"input", mode.input}});
+    CanSimpleInputVel velocity{number(50), number(9)};
+    const CanFrame velocity_frame = Made(velocity);
+    samples.Add("SET_INPUT_VEL", velocity_frame,
+                {{"velocity", velocity.velocity_rev_s}, {"torque", velocity.torque_nm}});
+    CanSimpleInputPos position{number(1e3F), number(40), number(40)};
+    const CanFrame position_frame = Made(position);
+    samples.Add("SET_INPUT_POS", position_frame,
+                {{"position", position.position_rev},
+                 {"velocity", position.velocity_rev_s},
+                 {"torque", position.torque_nm}});
+    CanSimpleAxisState state{samples.Whole(0, 20)};
+    const CanFrame state_frame = Made(state);
+    samples.Add("SET_AXIS_STATE", state_frame, {{"state", state.state}});
+    samples.Add("ESTOP", EncodeCanSimpleEstop(1), {});
+    samples.Add("CLEAR_ERRORS", EncodeCanSimpleClearErrors(1), {{"identify", 0}});
+  }
+
  private:
+  static void AddSamplesOfTheDrive(FrameSamples& samples) {
+    const auto number = [&samples](float most) { return samples.Number(-most, most); };
+    CanSimpleHeartbeat heartbeat{samples.Word(), samples.Byte(), samples.Byte(),
+                                 samples.Whole(0, 1) == 1};
+    const CanFrame heartbeat_frame = Made(heartbeat);
+    samples.Add("HEARTBEAT", heartbeat_frame,
+                {{"error", heartbeat.error},
+                 {"state", heartbeat.state},
+                 {"procedure_result", heartbeat.procedure_result},
+                 {"trajectory_done", heartbeat.trajectory_done ? 1.0 : 0.0}});
+    CanSimpleErrors errors{samples.Word(), samples.Word()};
+    const CanFrame errors_frame = Made(errors);
+    samples.Add("GET_ERROR", errors_frame,
+                {{"active", errors.active}, {"disarm_reason", errors.disarm_reason}});
+    CanSimpleEstimates estimates{number(1e3F), number(50)};
+    const CanFrame estimates_frame = Made(estimates);
+    samples.Add("GET_ENCODER_ESTIMATES", estimates_frame,
+                {{"position", estimates.position_rev}, {"velocity", estimates.velocity_rev_s}});
+    CanSimpleTemperature temperature{samples.Number(-20, 120), samples.Number(-20, 120)};
+    const CanFrame temperature_frame = Made(temperature);
+    samples.Add("GET_TEMPERATURE", temperature_frame,
+                {{"fet", temperature.fet_c}, {"motor", temperature.motor_c}});
+    CanSimpleTorques torques{number(9), number(9)};
+    const CanFrame torques_frame = Made(torques);
+    samples.Add("GET_TORQUES", torques_frame,
+                {{"target", torques.target_nm}, {"estimate", torques.estimate_nm}});
+  }
   static const CanSimpleConfig& Of(const DriveConfig& drive) {
     return std::get<CanSimpleConfig>(drive);
   }

@@ -160,7 +160,49 @@ class Cia402 final : public ProtocolSide {
   void SpoilReply(CanFrame& frame) const override { SpoilSetpoint(frame); }
   void SpoilTorque(CanFrame& frame) const override { frame.data[5] = 0x7f; }
 
+  void AddSamples(FrameSamples& samples) const override {
+    AddSamplesOfCanOpen(samples);
+    const Cia402Command command{static_cast<std::uint16_t>(samples.Whole(0, 255)),
+                                samples.Signed()};
+    samples.Add("RPDO1", EncodeCia402(1, command),
+                {{"controlword", command.controlword}, {"target", command.position}});
+    const auto torque = static_cast<std::int16_t>(samples.Signed());
+    const Cia402FeedForward feed_forward{samples.Signed(), torque};
+    // The torque counts thousandths, the file shows per cent.
+    samples.Add("RPDO2", EncodeCia402(1, feed_forward),
+                {{"velocity_offset", feed_forward.velocity}, {"torque_offset", torque / 10.0}});
+    const Cia402Status status{static_cast<std::uint16_t>(samples.Whole(0, 65535)),
+                              samples.Signed()};
+    samples.Add("TPDO1", EncodeCia402(1, status),
+                {{"statusword", status.statusword}, {"position", status.position}});
+    const Cia402Motion motion{samples.Signed(), torque};
+    samples.Add("TPDO2", EncodeCia402(1, motion),
+                {{"velocity", motion.velocity}, {"torque", torque / 10.0}});
+  }
+
  private:
+  static void AddSamplesOfCanOpen(FrameSamples& samples) {
+    samples.Add("NMT", EncodeNmt(NmtCommand::kStart, 1), {{"command", 1}, {"node", 1}});
+    samples.Add("NMT", EncodeNmt(NmtCommand::kPreOperational, 0), {{"command", 128}, {"node", 0}});
+    samples.Add("SYNC", EncodeSync(), {});
+    samples.Add("HEARTBEAT", EncodeNodeState(1, NmtState::kPreOperational), {{"state", 127}});
+    samples.Add("HOST_HEARTBEAT", EncodeNodeState(127, NmtState::kOperational), {{"state", 5}});
+    const CanOpenEmergency emergency{
+        static_cast<std::uint16_t>(samples.Whole(0, 65535)), samples.Byte(), {}};
+    samples.Add("EMCY", EncodeEmergency(1, emergency),
+                {{"code", emergency.code}, {"error_register", emergency.error_register}});
+    const SdoRequest request{true, static_cast<std::uint16_t>(samples.Whole(0, 65535)),
+                             samples.Byte(), 4, samples.Word()};
+    samples.Add("SDO_REQUEST", EncodeSdoRequest(1, request),
+                {{"specifier", 0x23},
+                 {"index", request.index},
+                 {"sub", request.sub},
+                 {"value", request.value}});
+    const SdoReply abort{SdoReply::Kind::kAborted, request.index, request.sub, 0, samples.Word()};
+    samples.Add(
+        "SDO_REPLY", EncodeSdoReply(1, abort),
+        {{"specifier", 0x80}, {"index", abort.index}, {"sub", abort.sub}, {"value", abort.value}});
+  }
   static const Cia402Config& Of(const DriveConfig& drive) { return std::get<Cia402Config>(drive); }
 };
 

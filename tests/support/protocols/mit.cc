@@ -131,6 +131,36 @@ class Mit final : public ProtocolSide {
     frame.data[6] = static_cast<std::uint8_t>(frame.data[6] | 0x0fU);
   }
 
+  void AddSamples(FrameSamples& samples) const override {
+    const MitConfig mit;
+    MitCommand command{samples.Number(-14, 14), samples.Number(-55, 55), samples.Number(0, 520),
+                       samples.Number(0, 5.2F), samples.Number(-19, 19)};
+    const CanFrame sent = EncodeMitCommand(mit, command);
+    FrameSamples::Expect(DecodeMitCommand(mit, sent, command));
+    samples.Add("MIT_COMMAND", sent,
+                {{"position", command.position_rad},
+                 {"velocity", command.velocity_rad_s},
+                 {"kp", command.kp_nm_per_rad},
+                 {"kd", command.kd_nm_s_per_rad},
+                 {"torque", command.torque_nm}});
+    MitReply reply;
+    reply.sender = 1;
+    reply.position_rad = samples.Number(-12, 12);
+    reply.velocity_rad_s = samples.Number(-49, 49);
+    reply.torque_nm = samples.Number(-17, 17);
+    reply.temperature_c = samples.Number(-100, 120);
+    reply.error = static_cast<std::uint8_t>(samples.Whole(0, 6));
+    const CanFrame answer = EncodeMitReply(mit, reply);
+    FrameSamples::Expect(DecodeMitReply(mit, answer, reply));
+    samples.Add("MIT_REPLY", answer,
+                {{"sender", reply.sender},
+                 {"position", reply.position_rad},
+                 {"velocity", reply.velocity_rad_s},
+                 {"torque", reply.torque_nm},
+                 {"temperature", reply.temperature_c},
+                 {"error", reply.error}});
+  }
+
  private:
   static const MitConfig& Of(const DriveConfig& drive) { return std::get<MitConfig>(drive); }
 };
