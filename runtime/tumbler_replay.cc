@@ -19,6 +19,8 @@
 #include "runtime/record/recorded_assembly.h"
 #include "runtime/record/replay.h"
 #include "runtime/record/run_trace.h"
+#include "runtime/record/trace_drawing.h"
+#include "runtime/record/tracking.h"
 #include "runtime/run/record_play.h"
 #include "runtime/run/run_summary.h"
 

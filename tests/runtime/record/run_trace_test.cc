@@ -9,6 +9,8 @@
 
 #include "firmware_interface/drives/logged_position.h"
 #include "runtime/record/record_export.h"
+#include "runtime/record/trace_drawing.h"
+#include "runtime/record/tracking.h"
 #include "tests/support/recorded_run.h"
 
 namespace tumbler {

@@ -1,0 +1,13 @@
+#pragma once
+
+#include <string>
+
+#include "runtime/record/run_trace.h"
+
+namespace tumbler {
+
+/// Draws setpoints, replies and errors of one run or two, a column for each joint.
+/// @throws RecordError naming the file that cannot be written.
+void WriteSvg(const RunTrace& first, const RunTrace* second, const std::string& path);
+
+}  // namespace tumbler
