@@ -16,9 +16,10 @@
 
 #include "common/command_line.h"
 #include "common/program.h"
+#include "runtime/core/tick.h"
 #include "runtime/linux/operator_mailbox.h"
+#include "runtime/telemetry/channels.h"
 #include "runtime/telemetry/live_view.h"
-#include "runtime/telemetry/telemetry.h"
 
 namespace tumbler {
 namespace {
@@ -144,8 +145,6 @@ ExitStatus Request(Remote& remote, std::int8_t command, const std::string& branc
     fmt::print("{}: taken at tick {}\n", name, answer.tick);
     return ExitStatus::kDone;
   }
-  RefusalDetail report;
-  report.refusal = refusal;
   fmt::print(
       stderr, "tumbler-ctl: {} refused: {} (state {})\n", name,
       refusal == Refusal::kNoSuchBranch ? fmt::format("no branch '{}'", branch) : ToString(refusal),

@@ -19,9 +19,9 @@
 #include "common/command_line.h"
 #include "common/program.h"
 #include "runtime/core/faults.h"
+#include "runtime/telemetry/channels.h"
 #include "runtime/telemetry/live_view.h"
 #include "runtime/telemetry/state_csv.h"
-#include "runtime/telemetry/telemetry.h"
 
 namespace tumbler {
 namespace {

@@ -56,28 +56,28 @@ struct Options {
 };
 
 ExitStatus ReplayOffline(FlightRecord& record) {
-  const ReplayResult report = Replay(record);
-  const std::string compared = fmt::format("{} ticks, {} frames in, {} frames out", report.ticks,
-                                           report.frames_in, report.frames_out);
-  if (report.difference) {
-    const ReplayDifference& d = *report.difference;
+  const ReplayResult result = Replay(record);
+  const std::string compared = fmt::format("{} ticks, {} frames in, {} frames out", result.ticks,
+                                           result.frames_in, result.frames_out);
+  if (result.difference) {
+    const ReplayDifference& d = *result.difference;
     fmt::print("different at tick {} (byte {} of the record): {}: recorded {}, replayed {}\n",
                d.tick, record.tick_offset(), d.field, d.recorded, d.replayed);
     fmt::print("identical before: {}\n", compared);
-  } else if (!report.gap.empty()) {
-    fmt::print("cannot be replayed further: {}\nidentical before: {}\n", report.gap, compared);
+  } else if (!result.gap.empty()) {
+    fmt::print("cannot be replayed further: {}\nidentical before: {}\n", result.gap, compared);
   } else {
     fmt::print("identical: {}\n", compared);
     if (record.cut_off() || !record.end()) {
       for (const std::string& remark : record.Remarks()) fmt::print("{}\n", remark);
     }
   }
-  return report.identical() ? ExitStatus::kDone : ExitStatus::kAmiss;
+  return result.identical() ? ExitStatus::kDone : ExitStatus::kAmiss;
 }
 
 /// Prints a comparison of two runs. @returns whether their setpoints are the same.
-bool ReportComparison(const RunTrace& recorded, const RunTrace& played, const Options& options,
-                      std::FILE* out) {
+bool PrintComparison(const RunTrace& recorded, const RunTrace& played, const Options& options,
+                     std::FILE* out) {
   fmt::print(out, "{}{}{}", Describe(recorded), Describe(played),
              DescribeDifference(recorded, played));
   if (!options.svg.empty()) {
@@ -101,7 +101,7 @@ ExitStatus CompareRecords(FlightRecord& record, const Options& options) {
   const MappedFile file(options.against);
   FlightRecord other(file.bytes(), options.against);
   const RunTrace played = LoadTrace(other);
-  const bool same = ReportComparison(LoadTrace(record), played, options, stdout);
+  const bool same = PrintComparison(LoadTrace(record), played, options, stdout);
   return same ? ExitStatus::kDone : ExitStatus::kAmiss;
 }
 
@@ -171,7 +171,7 @@ ExitStatus PlayOnBus(FlightRecord& record, const Options& options) {
   const MappedFile file(file_name);
   FlightRecord again(file.bytes(), options.record_to.empty() ? "played" : options.record_to);
   const RunTrace trace = LoadTrace(again);
-  const bool same = ReportComparison(recorded, trace, options, out);
+  const bool same = PrintComparison(recorded, trace, options, out);
   switch (played.outcome) {
     case RunOutcome::kRefused:
       return ExitStatus::kRefused;

@@ -9,7 +9,7 @@
 #include <lcm/lcm-cpp.hpp>
 #include <tumbler/command_t.hpp>
 
-#include "runtime/telemetry/telemetry.h"
+#include "runtime/telemetry/channels.h"
 
 namespace tumbler {
 

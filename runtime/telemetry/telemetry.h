@@ -1,39 +1,13 @@
 #pragma once
 
-#include <atomic>
 #include <cstdint>
 #include <memory>
 #include <string>
 
-#include "runtime/core/tick.h"
-#include "runtime/linux/operator_mailbox.h"
 #include "runtime/telemetry/run_description.h"
+#include "runtime/telemetry/timed_record.h"
 
 namespace tumbler {
-
-/// The operator's last request and what became of it.
-struct RequestAnswer {
-  std::uint32_t id = 0;
-  OperatorRequest request = OperatorRequest::kNone;
-  Refusal refusal = Refusal::kNone;
-};
-
-/// A tick's record, and what the loop adds to it.
-struct TimedRecord {
-  std::int64_t time_ns = 0;   ///< Deadline of the tick, on the clock of the loop.
-  std::int64_t number = 0;    ///< Of this record: 0, 1, 2, ...
-  float wake_up_ns = 0;       ///< From the deadline to running.
-  float tick_ns = 0;          ///< From running to all sent.
-  std::int32_t bus_bits = 0;  ///< Of the frames received and sent, each as long as frames can be.
-  RequestAnswer request;
-  TickRecord record;
-};
-
-/// Channels of the messages in `runtime/lcm`.
-inline constexpr const char* kStateChannel = "TUMBLER_STATE";
-inline constexpr const char* kEventChannel = "TUMBLER_EVENT";
-inline constexpr const char* kRunChannel = "TUMBLER_RUN";
-inline constexpr const char* kCommandChannel = "TUMBLER_COMMAND";
 
 /// Where telemetry goes; an empty name leaves that output out.
 struct TelemetryConfig {

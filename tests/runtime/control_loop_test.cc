@@ -21,6 +21,7 @@
 #include "firmware_interface/drives/simulated_mit.h"
 #include "runtime/linux/dry_run_bus.h"
 #include "runtime/run/run_summary.h"
+#include "runtime/telemetry/channels.h"
 #include "runtime/telemetry/sentences.h"
 #include "tests/support/files.h"
 #include "tests/support/loop_bench.h"

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "runtime/linux/operator_mailbox.h"
+#include "runtime/telemetry/channels.h"
 #include "runtime/telemetry/lcm_commands.h"
 #include "runtime/telemetry/telemetry.h"
 

@@ -16,6 +16,7 @@
 #include <tumbler/state_t.hpp>
 #include <vector>
 
+#include "runtime/telemetry/channels.h"
 #include "runtime/telemetry/telemetry.h"
 #include "tests/support/files.h"
 #include "tests/support/program.h"

@@ -16,7 +16,6 @@
 #include "runtime/record/flight_record.h"
 #include "runtime/record/recorded_assembly.h"
 #include "runtime/telemetry/sentences.h"
-#include "runtime/telemetry/telemetry.h"
 
 namespace tumbler {
 namespace {

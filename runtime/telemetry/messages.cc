@@ -1,0 +1,162 @@
+#include "runtime/telemetry/messages.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "runtime/core/faults.h"
+#include "runtime/telemetry/sentences.h"
+
+namespace tumbler {
+
+void FillState(const TimedRecord& timed, state_t& message) {
+  const TickRecord& record = timed.record;
+  message.tick = record.tick;
+  message.time_ns = timed.time_ns;
+  message.number = timed.number;
+  message.request_id = timed.request.id;
+  message.request = static_cast<std::int8_t>(timed.request.request);
+  message.request_refusal = static_cast<std::int8_t>(timed.request.refusal);
+  message.wake_up_us = timed.wake_up_ns * 1e-3F;
+  message.tick_us = timed.tick_ns * 1e-3F;
+  message.bus_bits = timed.bus_bits;
+  message.primitive_time_s = record.primitive_time_s;
+  message.node = record.node;
+  message.cycles = record.cycles;
+  message.state = static_cast<std::int8_t>(record.state);
+  message.reaction = static_cast<std::int8_t>(record.reaction);
+  message.command = static_cast<std::int8_t>(record.command);
+  message.refusal = static_cast<std::int8_t>(record.refusal.refusal);
+  message.faults = static_cast<std::int32_t>(record.faults);
+  message.fault = static_cast<std::int8_t>(record.first_fault.fault);
+  message.fault_joint = record.first_fault.joint;
+  message.fault_tick = record.first_fault.tick;
+  message.fault_state = static_cast<std::int8_t>(record.first_fault.state);
+  message.fault_value = record.first_fault.value;
+  message.fault_limit = record.first_fault.limit;
+  message.joint_count = record.joint_count;
+  message.joints.resize(record.joint_count);
+  for (std::size_t i = 0; i < record.joint_count; ++i) {
+    const JointRecord& joint = record.joints[i];
+    joint_state_t& out = message.joints[i];
+    out.planned_position_rad = joint.planned.position_rad;
+    out.planned_velocity_rad_s = joint.planned.velocity_rad_s;
+    out.planned_torque_nm = joint.planned.torque_nm;
+    out.planned_acceleration_rad_s2 = joint.planned_acceleration_rad_s2;
+    out.limited_position_rad = joint.limited.position_rad;
+    out.limited_velocity_rad_s = joint.limited.velocity_rad_s;
+    out.limited_torque_nm = joint.limited.torque_nm;
+    out.encoded_position_rad = joint.encoded.position_rad;
+    out.encoded_velocity_rad_s = joint.encoded.velocity_rad_s;
+    out.encoded_torque_nm = joint.encoded.torque_nm;
+    out.measured_position_rad = joint.measured.position_rad;
+    out.measured_velocity_rad_s = joint.measured.velocity_rad_s;
+    out.measured_torque_nm = joint.measured.torque_nm;
+    out.temperature_c = joint.temperature_c;
+    out.reply_age_ticks = joint.reply_age_ticks;
+    out.drive_state = static_cast<std::int8_t>(joint.drive_state);
+    out.reply_status = static_cast<std::int8_t>(joint.reply_status);
+    out.drive_error = joint.drive_error;
+    out.limit_active = joint.limit_active ? 1 : 0;
+  }
+}
+
+EventWatch::EventWatch(std::vector<std::string> joints, std::vector<std::string> nodes)
+    : joints_(std::move(joints)), nodes_(std::move(nodes)) {}
+
+std::optional<event_t> EventWatch::Next(const TimedRecord& timed) {
+  const TickRecord& record = timed.record;
+  std::string text;
+  if (record.faults != last_faults_ && record.first_fault.fault != Fault::kNone &&
+      last_faults_ == 0) {
+    text = Describe(record.first_fault, joints_);
+  } else if (record.faults != last_faults_) {
+    text = record.faults == 0 ? "faults cleared" : "further fault";
+  } else if (record.refusal.refusal != last_refusal_ && record.refusal.refusal != Refusal::kNone) {
+    text =
+        fmt::format("{} refused: {}", ToString(record.command), Describe(record.refusal, joints_));
+  } else if (timed.request.id != last_request_id_ && timed.request.refusal != Refusal::kNone) {
+    text = fmt::format("{} refused: {}", ToString(timed.request.request),
+                       ToString(timed.request.refusal));
+  } else if (record.node != last_node_ && record.state == ExecutorState::kRunning) {
+    const auto node = static_cast<std::size_t>(record.node);
+    text = node < nodes_.size() ? nodes_[node] : fmt::format("node {}", record.node);
+  }
+  if (record.state == ExecutorState::kRunning) last_node_ = record.node;
+  std::optional<event_t> event;
+  if (record.state != last_state_ || !text.empty()) {
+    event.emplace();
+    event->tick = record.tick;
+    event->time_ns = timed.time_ns;
+    event->from_state = ToString(last_state_);
+    event->to_state = ToString(record.state);
+    event->text = text;
+  }
+  last_state_ = record.state;
+  last_faults_ = record.faults;
+  last_request_id_ = timed.request.id;
+  last_refusal_ = record.refusal.refusal;
+  return event;
+}
+
+RunMessage::RunMessage(const RunDescription& about) : bit_rate_(about.bit_rate) {
+  message_.version = TUMBLER_VERSION;
+  message_.motion = about.motion;
+  message_.bus = about.bus;
+  message_.mode = about.mode;
+  message_.attended = about.attended ? 1 : 0;
+  message_.rate_hz = about.rate_hz;
+  message_.speed = about.speed;
+  message_.joints = about.joints;
+  message_.joint_count = static_cast<std::int32_t>(about.joints.size());
+  message_.nodes = about.nodes;
+  message_.node_count = static_cast<std::int32_t>(about.nodes.size());
+  message_.branches = about.branches;
+  message_.branch_count = static_cast<std::int32_t>(about.branches.size());
+  message_.kernel = about.machine.kernel;
+  message_.cpu = about.machine.cpu;
+  message_.adapter = about.machine.adapter;
+  message_.scheduling = about.scheduling;
+  message_.reply_age_max_ticks = -1;
+}
+
+void RunMessage::Count(const TimedRecord& timed) {
+  const auto period_ns = static_cast<float>(1e9 / std::max(message_.rate_hz, 1e-3));
+  message_.ticks = timed.number + 1;
+  message_.missed_ticks = timed.record.tick - timed.number;
+  if (timed.wake_up_ns > period_ns / 2) ++message_.late_ticks;
+  wake_up_.Add(static_cast<std::int64_t>(timed.wake_up_ns));
+  tick_.Add(static_cast<std::int64_t>(timed.tick_ns));
+  bits_ += timed.bus_bits;
+  for (std::size_t i = 0; i < timed.record.joint_count; ++i) {
+    message_.reply_age_max_ticks =
+        std::max(message_.reply_age_max_ticks, timed.record.joints[i].reply_age_ticks);
+  }
+}
+
+const run_t& RunMessage::At(std::int64_t time_ns, std::int64_t lost, std::int64_t unpublished) {
+  const auto us = [](const DurationHistogram& durations, double share) {
+    return static_cast<float>(durations.PercentileNs(share)) * 1e-3F;
+  };
+  const double elapsed_s = static_cast<double>(time_ns - message_.time_ns) * 1e-9;
+  const double capacity = elapsed_s * bit_rate_;
+  message_.bus_load = capacity > 0 ? static_cast<float>(static_cast<double>(bits_) / capacity) : 0;
+  bits_ = 0;
+  message_.time_ns = time_ns;
+  message_.wake_up_p50_us = us(wake_up_, 0.5);
+  message_.wake_up_p99_us = us(wake_up_, 0.99);
+  message_.wake_up_p99_9_us = us(wake_up_, 0.999);
+  message_.wake_up_p99_99_us = us(wake_up_, 0.9999);
+  message_.wake_up_max_us = static_cast<float>(wake_up_.max_ns()) * 1e-3F;
+  message_.tick_p50_us = us(tick_, 0.5);
+  message_.tick_p99_us = us(tick_, 0.99);
+  message_.tick_p99_9_us = us(tick_, 0.999);
+  message_.tick_p99_99_us = us(tick_, 0.9999);
+  message_.tick_max_us = static_cast<float>(tick_.max_ns()) * 1e-3F;
+  message_.lost_records = lost;
+  message_.unpublished = unpublished;
+  return message_;
+}
+
+}  // namespace tumbler

@@ -1,0 +1,59 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <tumbler/event_t.hpp>
+#include <tumbler/run_t.hpp>
+#include <tumbler/state_t.hpp>
+
+#include "runtime/linux/histogram.h"
+#include "runtime/telemetry/run_description.h"
+#include "runtime/telemetry/timed_record.h"
+
+namespace tumbler {
+
+/// Sets every field of the message of one tick.
+void FillState(const TimedRecord& timed, state_t& message);
+
+/// Tells from the records of a run, one after the other, what is an event.
+class EventWatch {
+ public:
+  /// @param joints, nodes  their names, for the texts.
+  EventWatch(std::vector<std::string> joints, std::vector<std::string> nodes);
+
+  /// The event of this tick: another state, a fault, a refusal, or the next node of the sequence.
+  [[nodiscard]] std::optional<event_t> Next(const TimedRecord& timed);
+
+ private:
+  std::vector<std::string> joints_;
+  std::vector<std::string> nodes_;
+  ExecutorState last_state_ = ExecutorState::kDisarmed;
+  std::uint32_t last_faults_ = 0;
+  std::uint32_t last_request_id_ = 0;
+  Refusal last_refusal_ = Refusal::kNone;
+  std::int8_t last_node_ = -1;
+};
+
+/// What is said of a run as a whole, with the figures of the records so far.
+class RunMessage {
+ public:
+  explicit RunMessage(const RunDescription& about);
+
+  void SetScheduling(const std::string& scheduling) { message_.scheduling = scheduling; }
+  /// Takes one record into the figures.
+  void Count(const TimedRecord& timed);
+  /// The message at this time. Its bus load is that since the message before.
+  [[nodiscard]] const run_t& At(std::int64_t time_ns, std::int64_t lost, std::int64_t unpublished);
+
+ private:
+  run_t message_{};
+  int bit_rate_;
+  std::int64_t bits_ = 0;  ///< On the bus since the message before.
+  DurationHistogram wake_up_;
+  DurationHistogram tick_;
+};
+
+}  // namespace tumbler
