@@ -104,11 +104,7 @@ class RunOnCan : public ::testing::Test {
   }
   /// candump, of which only the lines of complete frames are read.
   void StartCandump(const std::string& interface) {
-    candump_ = std::make_unique<Program>(std::vector<std::string>{
-        "/bin/sh", "-c", "exec candump -r 4000000 -L -D " + interface + " >" + Path("candump")});
-    ASSERT_TRUE(Eventually([&] {
-      return ReadFile("/proc/net/can/rcvlist_all").find(interface + " ") != std::string::npos;
-    })) << "candump does not listen";
+    candump_ = testing::StartCandump(interface, Path("candump"));
   }
   [[nodiscard]] std::vector<LoggedFrame> Log() const {
     const std::string text = ReadFile(Path("candump"));

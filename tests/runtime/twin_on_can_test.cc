@@ -78,11 +78,7 @@ class TwinOnCan : public ::testing::Test {
     ASSERT_TRUE(twin_->WaitFor("2 drives on " + interface)) << twin_->text();
   }
   void StartCandump(const std::string& interface) {
-    candump_ = std::make_unique<Program>(std::vector<std::string>{
-        "/bin/sh", "-c", "exec candump -r 4000000 -L -D " + interface + " >" + Path("candump")});
-    ASSERT_TRUE(testing::Eventually([&] {
-      return ReadFile("/proc/net/can/rcvlist_all").find(interface + " ") != std::string::npos;
-    })) << "candump does not listen";
+    candump_ = testing::StartCandump(interface, Path("candump"));
   }
   [[nodiscard]] std::unique_ptr<Program> StartGait(const std::string& interface,
                                                    const std::vector<std::string>& more) const {

@@ -13,10 +13,16 @@
 #include <cerrno>
 #include <chrono>
 #include <cstdlib>
+#include <memory>
 #include <mutex>
+#include <sstream>
 #include <stdexcept>
 #include <string>
 #include <thread>
+#include <vector>
+
+#include "tests/support/files.h"
+#include "tests/support/program.h"
 
 namespace tumbler::testing {
 
@@ -157,5 +163,26 @@ class SerialCan {
   std::string heard_;
   std::thread reader_;
 };
+
+/// How many receivers take every frame of an interface: programs such as candump, and routes of
+/// cangw.
+inline int ReceiversOn(const std::string& interface) {
+  std::istringstream lines(ReadFile("/proc/net/can/rcvlist_all"));
+  int receivers = 0;
+  for (std::string word; lines >> word;) receivers += word == interface ? 1 : 0;
+  return receivers;
+}
+
+/// candump of an interface, which writes to a file and listens when this returns.
+/// @throws std::runtime_error when it does not within 20 s.
+inline std::unique_ptr<Program> StartCandump(const std::string& interface, const std::string& log) {
+  const int before = ReceiversOn(interface);
+  auto candump = std::make_unique<Program>(std::vector<std::string>{
+      "/bin/sh", "-c", "exec candump -r 4000000 -L -D " + interface + " >" + log});
+  if (!Eventually([&] { return ReceiversOn(interface) > before; })) {
+    throw std::runtime_error("candump does not listen on " + interface);
+  }
+  return candump;
+}
 
 }  // namespace tumbler::testing

@@ -109,12 +109,7 @@ class RecordOnCan : public ::testing::Test {
   }
   [[nodiscard]] std::unique_ptr<Program> StartCandump(const std::string& interface,
                                                       const std::string& log) const {
-    auto candump = std::make_unique<Program>(std::vector<std::string>{
-        "/bin/sh", "-c", "exec candump -r 4000000 -L -D " + interface + " >" + Path(log)});
-    EXPECT_TRUE(Eventually([&] {
-      return ReadFile("/proc/net/can/rcvlist_all").find(interface + " ") != std::string::npos;
-    })) << "candump does not listen";
-    return candump;
+    return testing::StartCandump(interface, Path(log));
   }
   static std::string Output(const std::vector<std::string>& arguments, int expected_status = 0) {
     Program program(arguments);
