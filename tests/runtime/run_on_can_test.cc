@@ -1,7 +1,7 @@
 // tumbler-run on a kernel's CAN interfaces, against simulated drives in another process, watched by
 // candump. What counts is what was on the bus: the frames are judged by FrameChecker.
 //
-// The guest's clock is coarse (README of scripts/guest: nothing below 10 ms means anything), hence
+// The guest's clock is coarse (nothing below 10 ms means anything), hence
 // 25 ticks a second and drives that wait 0.2 s before they let go.
 
 #include <gmock/gmock.h>
