@@ -8,16 +8,16 @@
 
 namespace tumbler {
 
-/// A figure of the certificate, for all who show it: the primitive file, the report page, JSON and
-/// docs/method.md.
+/// A figure of the certificate. The primitive file, the report page, JSON and docs/method.md take
+/// it from here.
 struct CertificateKey {
   FileKey<Certificate> key;  ///< Its meaning says how the figure is obtained.
-  int page_line = 0;         ///< Which line of the report page is about it, from 1 on; 0: none.
-  const char* label = "";    ///< Of that line ...
-  const char* text = "";     ///< ... and its text, for FormatCertificate of offline/certificate.
+  int page_line = 0;       ///< Number of the figure's line on the report page, from 1 on; 0: none.
+  const char* label = "";  ///< Name of the figure on that line.
+  const char* text = "";   ///< Text of that line, for FormatCertificate of offline/certificate.
 };
 
-/// In the file's order.
+/// All figures, in the order of the file.
 inline constexpr std::array kCertificateKeys = {
     CertificateKey{KeyOf<&Certificate::coefficients_hash>(
                        "coefficients_hash", "FNV-1a of everything that the runtime plays"),
@@ -93,7 +93,7 @@ inline constexpr std::array kCertificateKeys = {
                    8, "margin to the torque limit", "{torque_margin_nm:.3f} N m (dense samples)"},
 };
 
-/// The same for ReadKeys and WriteKeys.
+/// The keys alone, for ReadKeys and WriteKeys.
 inline constexpr auto kCertificateFileKeys = [] {
   std::array<FileKey<Certificate>, kCertificateKeys.size()> keys;
   for (std::size_t i = 0; i < keys.size(); ++i) keys[i] = kCertificateKeys[i].key;

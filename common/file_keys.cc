@@ -11,7 +11,7 @@
 namespace tumbler {
 namespace {
 
-/// A whole number; the ends of a range may be beyond all of them.
+/// The number without its fraction. A number beyond all whole numbers becomes the last one.
 std::int64_t Whole(double value) {
   constexpr double kBeyond = 9223372036854775808.0;  // 2^63
   if (value >= kBeyond) return std::numeric_limits<std::int64_t>::max();
@@ -19,7 +19,7 @@ std::int64_t Whole(double value) {
   return static_cast<std::int64_t>(value);
 }
 
-/// Takes the value of a key that is there, or has to be.
+/// Reads the value of a key that is there, or has to be.
 class ValueReader {
  public:
   ValueReader(TomlTable& table, const KeyText& text) : table_(table), text_(text) {}
@@ -90,7 +90,7 @@ class ValueWriter {
   std::string_view name_;
 };
 
-/// A number as docs/formats.md has it: 0.001, 1e-5, 16 384, 1e6.
+/// A number in the style of docs/formats.md: 0.001, 1e-5, 16 384, 1e6.
 std::string Shown(double value) {
   const double exponent = std::log10(std::abs(value));
   if (exponent >= 5 && exponent == std::round(exponent))
@@ -122,7 +122,7 @@ std::string Shown(const Range& range) {
 
 std::string Quoted(std::string_view text) { return fmt::format("`\"{}\"`", text); }
 
-/// A default.
+/// Writes a default for docs/formats.md.
 class ValueShower {
  public:
   explicit ValueShower(const KeyText& text) : text_(text) {}

@@ -17,8 +17,8 @@
 
 namespace tumbler {
 
-/// The keys of a file, each described once: what reads it, what writes it and its table in
-/// docs/formats.md come from the same list.
+/// The keys of a file, each described once. The reader, the writer and the table in docs/formats.md
+/// come from the same list.
 ///
 ///   constexpr std::array kStopKeys = {
 ///       KeyOf<&Stop::stiffness_nm_per_rad>("stiffness_nm_per_rad", {0, 1e4}, "of the spring"),
@@ -27,27 +27,27 @@ namespace tumbler {
 ///   Stop stop;
 ///   ReadKeys(table, kStopKeys, stop);
 ///
-/// A key that is not in the file leaves the member as it is: the default is that of the struct, or
-/// whatever the member held before. Keys are read in the order of the list.
+/// A key that is not in the file leaves the member as it is. So the default is that of the struct,
+/// or the value that the member had before. Keys are read in the order of the list.
 
-/// What there is to say of a key, whatever holds its value.
+/// The description of a key, whatever type its value has.
 struct KeyText {
   std::string_view name;  ///< With its unit at the end.
   Range allowed = Range::Any();
   std::span<const std::string_view> choices;  ///< Names of the values 0, 1, ... of an enumeration.
   const char* meaning = "";
   bool required = false;
-  const char* default_text = nullptr;  ///< For people, where the struct's own default is not it.
-  const char* allowed_text = nullptr;  ///< For people, where the range does not say it (all).
+  const char* default_text = nullptr;  ///< For people, where it is not the struct's own default.
+  const char* allowed_text = nullptr;  ///< For people, where the range does not say everything.
 };
 
-/// A whole number of any type, or an enumeration, wherever it is.
+/// A whole number of any type, or an enumeration, at any place.
 struct IntegerValue {
   void* at;
   std::int64_t (*get)(const void*);
   void (*set)(void*, std::int64_t);
 };
-/// A FixedString of any capacity; in the file it is not empty.
+/// A FixedString of any capacity. In the file it must not be empty.
 struct NameValue {
   void* at;
   std::size_t capacity;
@@ -62,37 +62,41 @@ struct SecondsValue {
 struct LongTextValue {
   std::string* text;
 };
-/// What a key stands for, in one struct. A span is an array of exactly its size.
+/// The place of a key's value in one struct. A span stands for an array of exactly its size.
 using KeyValue = std::variant<double*, float*, IntegerValue, bool*, std::string*, NameValue,
                               SecondsValue, LongTextValue, std::optional<double>*,
                               std::span<double>, std::vector<double>*, std::vector<std::string>*>;
 
-/// A key of a table whose values go into an `S`. Made by `KeyOf` and its kin below.
+/// A key of a table whose values go into an `S`. `KeyOf` and its kin below make it.
 template <class S>
 struct FileKey {
   using Reader = void (*)(TomlTable& table, std::string_view key, S& settings);
 
   KeyText text;
   KeyValue (*value)(S&) = nullptr;
-  Reader reader = nullptr;              ///< Instead of `value`, for what no list can say.
-  Range (*range)(const S&) = nullptr;   ///< Instead of `text.allowed`.
-  void (*prepare)(S&) = nullptr;        ///< Sets the default, from the keys before.
-  bool (*applies)(const S&) = nullptr;  ///< Else the key is none of this table.
+  Reader reader = nullptr;              ///< Reads a key that no list can describe; else `value`.
+  Range (*range)(const S&) = nullptr;   ///< The range, where it depends on the keys before.
+  void (*prepare)(S&) = nullptr;        ///< Sets the default, where it depends on the keys before.
+  bool (*applies)(const S&) = nullptr;  ///< Whether the table has this key; null: always.
 
-  /// There is no default.
+  /// This key without a default: it has to be there.
   [[nodiscard]] constexpr FileKey Required() const {
     FileKey key = *this;
     key.text.required = true;
     return key;
   }
-  /// A default that is not the struct's: what people are told, and what sets it.
+  /// This key with another default than the struct's.
+  /// @param for_people  the default in words.
+  /// @param set         sets it, from the keys before.
   [[nodiscard]] constexpr FileKey Default(const char* for_people, void (*set)(S&) = nullptr) const {
     FileKey key = *this;
     key.text.default_text = for_people;
     key.prepare = set;
     return key;
   }
-  /// More than a constant range: what people are told, and the range that the keys before leave.
+  /// This key with more than a constant range.
+  /// @param for_people  the allowed values in words.
+  /// @param of          the range that the keys before leave.
   [[nodiscard]] constexpr FileKey Allowed(const char* for_people,
                                           Range (*of)(const S&) = nullptr) const {
     FileKey key = *this;
@@ -100,7 +104,7 @@ struct FileKey {
     key.range = of;
     return key;
   }
-  /// Only where this holds, of the keys before; elsewhere the key is an unknown one.
+  /// This key only where a condition on the keys before holds. Elsewhere it is an unknown key.
   [[nodiscard]] constexpr FileKey Where(bool (*holds)(const S&)) const {
     FileKey key = *this;
     key.applies = holds;
@@ -154,12 +158,13 @@ requires(std::is_integral_v<T> || std::is_enum_v<T>) KeyValue ValueOf(T& value) 
 
 void Read(TomlTable& table, const KeyText& text, const KeyValue& value);
 void Write(TomlWriter& writer, const KeyText& text, const KeyValue& value);
-/// @param value  the default; null: the texts say it.
+/// @param value  the default; null: `text` has it.
 KeyRow RowOf(const KeyText& text, const KeyValue* value, std::string_view table);
 
 }  // namespace file_keys_detail
 
-/// The key of a member: a number, a text or truth; an array of numbers; a name (FixedString).
+/// The key of a member that is a number, a text, a bool, an array of numbers, or a name
+/// (FixedString).
 /// @tparam S  the class of the member, or one derived from it.
 template <auto kMember, class S = file_keys_detail::ClassOf<kMember>>
 constexpr FileKey<S> KeyOf(std::string_view name, Range allowed, const char* meaning) {
@@ -174,7 +179,7 @@ template <auto kMember, class S = file_keys_detail::ClassOf<kMember>>
 constexpr FileKey<S> KeyOf(std::string_view name, const char* meaning) {
   return KeyOf<kMember, S>(name, Range::Any(), meaning);
 }
-/// The same of an enumeration whose values 0, 1, ... have these names, or of a bool.
+/// The key of a member that is an enumeration whose values 0, 1, ... have these names, or a bool.
 template <auto kMember, class S = file_keys_detail::ClassOf<kMember>, std::size_t kCount>
 constexpr FileKey<S> KeyOf(std::string_view name,
                            const std::array<std::string_view, kCount>& choices,
@@ -184,22 +189,21 @@ constexpr FileKey<S> KeyOf(std::string_view name,
   key.value = [](S& settings) { return file_keys_detail::IntegerOf(settings.*kMember); };
   return key;
 }
-/// Seconds, of a member in nanoseconds.
+/// The key in seconds of a member in nanoseconds.
 template <auto kMember, class S = file_keys_detail::ClassOf<kMember>>
 constexpr FileKey<S> SecondsOf(std::string_view name, Range allowed, const char* meaning) {
   FileKey<S> key = KeyOf<kMember, S>(name, allowed, meaning);
   key.value = [](S& settings) -> KeyValue { return SecondsValue{&(settings.*kMember)}; };
   return key;
 }
-/// A text of several lines.
+/// The key of a member that is a text of several lines.
 template <auto kMember, class S = file_keys_detail::ClassOf<kMember>>
 constexpr FileKey<S> LongTextOf(std::string_view name, const char* meaning) {
   FileKey<S> key = KeyOf<kMember, S>(name, meaning);
   key.value = [](S& settings) -> KeyValue { return LongTextValue{&(settings.*kMember)}; };
   return key;
 }
-/// A key that a function reads, which is told the key. Its default and what is allowed are said to
-/// people by `Default` and `Allowed`.
+/// A key that a function reads. `Default` and `Allowed` describe it for people.
 template <class S>
 constexpr FileKey<S> KeyReadBy(std::string_view name, typename FileKey<S>::Reader reader,
                                const char* meaning) {
@@ -210,15 +214,15 @@ constexpr FileKey<S> KeyReadBy(std::string_view name, typename FileKey<S>::Reade
   return key;
 }
 
-/// The keys with none that may be left out.
+/// These keys, all of them required.
 template <class S, std::size_t kCount>
 constexpr std::array<FileKey<S>, kCount> AllRequired(std::array<FileKey<S>, kCount> keys) {
   for (FileKey<S>& key : keys) key.text.required = true;
   return keys;
 }
 
-/// Reads the keys in their order. @throws FileError about the first that is wrong, or missing and
-/// required.
+/// Reads the keys in their order.
+/// @throws FileError  about the first key that is wrong, or is missing although it is required.
 template <class S, std::size_t kCount>
 void ReadKeys(TomlTable& table, const std::array<FileKey<S>, kCount>& keys,
               std::type_identity_t<S>& settings) {
@@ -235,16 +239,17 @@ void ReadKeys(TomlTable& table, const std::array<FileKey<S>, kCount>& keys,
   }
 }
 
-/// Writes the keys in their order. @throws std::invalid_argument about what TOML does not hold.
+/// Writes the keys in their order. @throws std::invalid_argument  about a value that TOML cannot
+/// hold.
 template <class S, std::size_t kCount>
 void WriteKeys(TomlWriter& writer, const std::array<FileKey<S>, kCount>& keys,
                std::type_identity_t<S> settings) {
   for (const FileKey<S>& key : keys) file_keys_detail::Write(writer, key.text, key.value(settings));
 }
 
-/// The rows of the keys in docs/formats.md.
-/// @param table     in Markdown, said before each.
-/// @param defaults  what a key that is left out stands for.
+/// The rows of these keys for docs/formats.md.
+/// @param table     their table, in Markdown, which stands before each key.
+/// @param defaults  holds the defaults.
 template <class S, std::size_t kCount>
 std::vector<KeyRow> RowsOf(const std::array<FileKey<S>, kCount>& keys, std::string_view table = "",
                            std::type_identity_t<S> defaults = {}) {
@@ -257,15 +262,15 @@ std::vector<KeyRow> RowsOf(const std::array<FileKey<S>, kCount>& keys, std::stri
   return rows;
 }
 
-/// What a file says it is: its keys `format` and `version`, the first that are read.
+/// The kind of a file: its keys `format` and `version`, which are read first.
 struct FileHeader {
   const char* format;
   int version;
-  /// Problems in messages, {0} being the file's value and {1} the one above.
+  /// Problems in messages, where {0} is the file's value and {1} the one above.
   const char* other_format = "is '{0}'; allowed: {1}";
   const char* newer_version = nullptr;  ///< Null: no other version is read.
 };
-/// @throws FileError when the file is something else.
+/// @throws FileError  when the file is of another kind.
 void ReadHeader(TomlTable& file, const FileHeader& header);
 KeyRow RowOf(const FileHeader& header);
 

@@ -7,9 +7,9 @@
 
 namespace tumbler {
 
-/// What docs/formats.md says of a key (in Markdown), or of several.
+/// A row of docs/formats.md about one key or several, in Markdown.
 struct KeyRow {
-  std::string table;  ///< Said before the key; may be empty.
+  std::string table;  ///< Stands before the key; may be empty.
   std::string key;
   std::string absent;  ///< The default, or that there is none.
   std::string allowed;
@@ -19,9 +19,9 @@ struct KeyRow {
 /// A table of docs/formats.md.
 struct KeyTable {
   std::string source;  ///< The file that describes the keys, relative to the project's folder.
-  std::string name;    ///< Of the table, for files with several.
+  std::string name;    ///< Of the table, where a file has several.
   std::vector<KeyRow> rows;
-  /// Of the columns; one without a head is left out.
+  /// Heads of the columns; a column without a head is left out.
   std::array<const char*, 4> heads = {"key", "default", "allowed", "meaning"};
 };
 

@@ -90,7 +90,7 @@ inline constexpr auto kProvenanceKeys = AllRequired(std::array{
     KeyOf<&Provenance::robot_hash>("robot_hash", "of the texts below"),
     KeyOf<&Provenance::task_hash>("task_hash", "of the texts below"),
 });
-/// Of a motion that starts at the exit of another; both or neither.
+/// Keys of a motion that starts at the exit of another one: the file has both or neither.
 inline constexpr auto kStartFileKeys = AllRequired(std::array{
     KeyOf<&Provenance::start_file>(
         "start_file", "the primitive at whose exit it starts (`--start-from`), else left out"),

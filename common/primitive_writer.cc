@@ -79,7 +79,7 @@ std::string ToToml(const PrimitiveFile& file) {
   }
   std::string text = Write(file);
   try {
-    // What no program would load is not worth writing.
+    // A text that no program would load must not be written.
     ParsePrimitive(text, std::string(file.primitive.name.view()));
   } catch (const FileError& error) {
     throw std::invalid_argument(fmt::format("the primitive is inconsistent: {}", error.what()));

@@ -45,12 +45,12 @@ std::pair<std::string, std::string> Distinct(double a, double b) {
   return texts;
 }
 
-// ---- Keys
+// ---- Keys ---------------------------------------------------------------------------------------
 
 constexpr std::array kNameKeys = {KeyOf<&Graph::name>("name", "").Required()};
 
 constexpr std::array kToleranceKeys = {
-    // The setpoint steps by as much as it is allowed to.
+    // The setpoint may jump by as much as these tolerances allow.
     KeyOf<&JoinTolerances::joint_position_rad>("joint_position_rad", {0, 0.01},
                                                "of the setpoints, by the coefficients"),
     KeyOf<&JoinTolerances::joint_velocity_rad_s>("joint_velocity_rad_s", {0, 0.1}, "likewise"),
@@ -151,9 +151,9 @@ constexpr std::array kStartKeys = {
 };
 
 struct EdgeEntry : SequenceEdge<double> {
-  const SequenceFile* file = nullptr;  // whose nodes it leads from and to
+  const SequenceFile* file = nullptr;  // has the nodes
 
-  /// The settle time of the primitive before.
+  /// The settle time of the primitive that `from` plays: the least that an edge may have.
   [[nodiscard]] double least_settle_s() const { return file->PrimitiveOf(from).primitive.settle_s; }
 };
 constexpr std::array<std::string_view, 3> kWhen = {"always", "branch", "cycles-done"};
@@ -189,7 +189,7 @@ constexpr std::array kEdgeKeys = {
         .Where([](const EdgeEntry& edge) { return edge.when == EdgeCondition::kBranch; }),
 };
 
-// ---- The file
+// ---- The file -----------------------------------------------------------------------------------
 
 class SequenceReader {
  public:

@@ -7,22 +7,22 @@
 
 namespace tumbler {
 
-/// Writes the text of a TOML file, line by line. What it writes reads back exactly: doubles bit for
+/// Writes the text of a TOML file, line by line. Everything reads back exactly: doubles bit for
 /// bit, texts byte for byte. All members but `Line` throw std::invalid_argument, naming the key,
 /// when TOML cannot hold a value.
 class TomlWriter {
  public:
-  /// @param holder  what the file is in messages, e.g. `a primitive`.
+  /// @param holder  the name for the file in messages, e.g. `a primitive`.
   explicit TomlWriter(std::string holder) : holder_(std::move(holder)) {}
 
   void Line(std::string_view line) { (text_ += line) += '\n'; }
   void Number(std::string_view key, double value);
   void Numbers(std::string_view key, std::span<const double> values);
   void Text(std::string_view key, std::string_view value);
-  /// A text of several lines, so that it can be read in place.
+  /// A text of several lines, written so that people can read it in the file.
   void LongText(std::string_view key, std::string_view value);
 
-  /// What was written; the writer is then empty.
+  /// Returns the text written so far, and empties the writer.
   std::string Take() { return std::move(text_); }
 
  private:

@@ -16,7 +16,7 @@ namespace {
 
 constexpr FileHeader kHeader{"tumbler-bus-faults", 1};
 
-/// In the order of BusFaultKind: what a file calls it, and what happens.
+/// The name of a BusFaultKind in files, and what happens.
 struct KindName {
   std::string_view name;
   const char* meaning;
@@ -41,7 +41,7 @@ constexpr std::array kPlanKeys = {
                                "what probabilities leave open, the same on every machine"),
 };
 
-/// A `[[fault]]`, and the nodes that it may name.
+/// A table `[[fault]]`, with the nodes that it may name.
 struct FaultEntry : BusFault {
   std::span<const std::string> nodes;
   std::optional<double> duration_s;

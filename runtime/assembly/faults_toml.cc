@@ -24,7 +24,7 @@ constexpr std::array kLimitKeys = {
         .Default("0.5 s"),
 };
 
-/// `[collapse]`, and the joints that it has to name.
+/// The table `[collapse]`, with the joints that it has to name.
 struct CollapseEntry : CollapseConfig {
   std::span<const FaultsJoint> joints;
 };
@@ -55,7 +55,7 @@ Reaction ReadReaction(TomlTable& table, std::string_view key) {
   for (const ReactionInfo& info : kReactionTable) {
     if (name == info.name) return info.reaction;
   }
-  return Reaction::kIgnore;  // Not reached: Choice takes no other.
+  return Reaction::kIgnore;  // This is never reached, since Choice takes no other name.
 }
 
 void SetOne(TomlTable& table, std::string_view key, Fault fault, ExecutorState state,
@@ -67,7 +67,7 @@ void SetOne(TomlTable& table, std::string_view key, Fault fault, ExecutorState s
                                     ToString(state)));
 }
 
-/// `fault = "damp"` for all states, or `fault = { running = "damp" }`.
+/// Reads `fault = "damp"`, which is for all states, or `fault = { running = "damp" }`.
 void ReadRow(TomlTable& table, const FaultInfo& info, FaultTable& reactions) {
   const std::string key = FaultsKey(info.name);
   if (!table.Has(key)) return;
@@ -75,7 +75,7 @@ void ReadRow(TomlTable& table, const FaultInfo& info, FaultTable& reactions) {
     const Reaction reaction = ReadReaction(table, key);
     for (const StateInfo& state : kStateTable) {
       if (state.state == ExecutorState::kDisarmed) continue;
-      // While arming nothing is driven yet: whatever is to be done then is torque off.
+      // While arming nothing is driven yet, so every reaction is torque off there.
       const bool arming = state.state == ExecutorState::kArming && reaction != Reaction::kIgnore;
       SetOne(table, key, info.fault, state.state, arming ? Reaction::kDisable : reaction,
              reactions);

@@ -10,26 +10,26 @@
 
 namespace tumbler {
 
-/// A joint as the file may name it, with the positions that every primitive allows it (in any
-/// role).
+/// A joint that the file may name, with the positions that every primitive allows it (in any role).
 struct FaultsJoint {
   std::string name;
   double position_min_rad = 0;
   double position_max_rad = 0;
 };
 
-/// Reads a faults file (`primitives/robots/tumbler_faults.toml` is a commented example) over the
-/// defaults that `config` holds: its `reactions`, `collapse`, and the limits that `kFaultTable`
-/// names. Checked: every value and its range, unknown keys, entries that `FaultTable` does not
-/// take, and a pose for every joint where a reaction is collapse.
-/// @param joints  in the order of the executor's.
-/// @throws FileError with file, line, key and allowed range; `config` is then unchanged.
+/// Reads a faults file (`primitives/robots/tumbler_faults.toml` is a commented example) into
+/// `config`, in place of the defaults there: `reactions`, `collapse`, and the limits that
+/// `kFaultTable` names. Checks every value and its range, and refuses unknown keys, entries that
+/// `FaultTable` does not take, and a collapse without a position for every joint.
+/// @param joints  in the order of the executor.
+/// @throws FileError  with file, line, key and allowed range; `config` is then unchanged.
 void LoadFaults(const std::string& path, std::span<const FaultsJoint> joints,
                 ExecutorConfig& config);
+/// The same of a text. @param name  stands for the file in messages.
 void ParseFaults(std::string_view text, const std::string& name,
                  std::span<const FaultsJoint> joints, ExecutorConfig& config);
 
-/// The key of a name of the tables: `over-temperature` is `over_temperature`.
+/// The key for a name of the tables: `over_temperature` for `over-temperature`.
 [[nodiscard]] std::string FaultsKey(std::string_view name);
 
 /// The keys of the file, for docs/formats.md.

@@ -1,4 +1,4 @@
-// Keys that are described once: how they are read, written and shown.
+// The descriptions of keys: reading, writing and documenting by them.
 
 #include "common/file_keys.h"
 

@@ -30,7 +30,7 @@ inline std::string MarkdownHead(const std::vector<std::string>& cells) {
   return MarkdownRow(cells) + rule + "\n";
 }
 
-/// Neighbours of which the same is said share a row.
+/// The table in Markdown. Neighbouring keys with the same text share a row.
 inline std::string Markdown(const KeyTable& table) {
   std::vector<KeyRow> rows;
   for (const KeyRow& row : table.rows) {
@@ -79,7 +79,7 @@ inline void ExpectTables(const std::string& path, const std::vector<DocsTable>& 
                            << " as the code has them";
 }
 
-/// The same of keys.
+/// The same for tables of keys.
 inline void ExpectTables(const std::string& path, const std::vector<KeyTable>& tables) {
   std::vector<DocsTable> documented;
   for (const KeyTable& table : tables)
