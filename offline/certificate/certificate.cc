@@ -19,10 +19,10 @@ namespace {
 using Spline = JointMotion<double>::Spline;
 using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-/// Contact that is lost for less than this is one contact: a foot that chatters as it lands.
+/// Contact that is lost for less than this [s] counts as one contact: a foot chatters as it lands.
 constexpr double kContactGap = 0.01;
-/// Feed-forward: fine enough for the swing, too coarse for the spikes of an impact, which no drive
-/// should be asked for.
+/// The spline of the feed-forward torque is fine enough for the swing, and too coarse for the
+/// spikes of an impact, which no drive should be asked for.
 constexpr int kTorqueDegree = 3;
 constexpr double kTorquePointsPerSecond = 40;
 
@@ -44,7 +44,7 @@ TorqueSamples SampleTorques(const Problem& problem, const std::vector<double>& x
   return samples;
 }
 
-/// Least-squares spline through the plan's torques, its control points within the limit.
+/// The least-squares spline through the plan's torques, with its control points within the limit.
 Spline FitTorque(const Problem& problem, const TorqueSamples& samples, std::size_t joint) {
   const int n =
       std::clamp(static_cast<int>(std::lround(kTorquePointsPerSecond * problem.duration_s)),
@@ -96,7 +96,7 @@ std::vector<double> CostGradient(Rollout& rollout, const std::vector<double>& x)
   return {gradient.row(0).begin(), gradient.row(0).end()};
 }
 
-/// What a file can hold of a relative error.
+/// A relative error as a number that a file can hold: infinity becomes 1e9.
 double Finite(double error) { return std::min(error, 1e9); }
 
 }  // namespace
@@ -127,7 +127,7 @@ GradientCheck CompareGradient(const std::function<double(const std::vector<doubl
       worst =
           std::isfinite(wrong) ? std::max(worst, wrong) : std::numeric_limits<double>::infinity();
     }
-    // A cost that does not depend on the motion has no gradient to be wrong.
+    // The gradient of a cost that does not depend on the motion is zero, and cannot be wrong.
     check.errors[s] = scale > 0 ? worst / scale : worst;
   }
   return check;
@@ -219,8 +219,9 @@ MotionSummary Summarize(const Problem& problem, const std::vector<double>& x) {
 
 namespace {
 
-/// By how much the worst of all limits is exceeded, relative to it (positions in rad), or 0: from
-/// the splines of the primitive and its simulation alone, whatever the solver says of it.
+/// By how much the worst of all limits is exceeded, relative to the limit (positions in rad); 0
+/// when none is. It is computed from the primitive's splines and their simulation alone,
+/// independently of the solver.
 double LargestExcess(const Primitive<double>& primitive, const MotionSummary& summary) {
   double excess = std::max(0.0, summary.excess);
   for (const JointMotion<double>& motion : primitive.motions()) {

@@ -15,8 +15,8 @@ namespace tumbler {
 struct GradientCheck {
   /// Steps of the central differences [rad]: curvature spoils large ones, rounding small ones.
   static constexpr std::array<double, 3> kSteps = {1e-5, 1e-6, 1e-7};
-  /// Of each step: largest component of the difference over the largest component of either
-  /// gradient. Infinite where a difference is not finite.
+  /// For each step: the largest component of the difference, divided by the largest component of
+  /// either gradient. Infinite where a difference is not finite.
   std::array<double, 3> errors{};
 
   /// The best agreement.
@@ -25,43 +25,50 @@ struct GradientCheck {
   }
 };
 
-/// A larger gradient error than this is worth a warning. Where the cost is smooth the differences
-/// agree to 1e-6 and better, and SLSQP's line search takes its slope from the gradient: a
-/// thousandth says that the cost does not follow its own slope over 1e-5 rad, because a cliff is
-/// near, such as a contact that is made or missed by a hair.
+/// A larger gradient error than this is worth a warning. Where the cost is smooth, the differences
+/// agree to 1e-6 and better. An error of a thousandth says that the cost does not follow its own
+/// slope over 1e-5 rad, because a cliff is near, such as a contact that is made or missed by a
+/// hair; and SLSQP's line search relies on that slope.
 inline constexpr double kDoubtfulGradient = 1e-3;
 
 /// Compares a gradient with central differences of three steps.
 GradientCheck CompareGradient(const std::function<double(const std::vector<double>&)>& cost,
                               std::vector<double> at, const std::vector<double>& gradient);
 
-/// The same for the gradient of a problem's cost. The point is `x` moved by 0.001 rad in every
-/// parameter, alternating in sign: at the optimum itself the gradient is zero, and a relative error
-/// says nothing.
+/// Compares the gradient of a problem's cost near `x`: each parameter is moved by 0.001 rad, with
+/// alternating sign. At the optimum itself the gradient is zero, and a relative error would say
+/// nothing.
 GradientCheck CheckGradient(const Problem& problem, const std::vector<double>& x);
 
-/// Relative change of the cost's gradient at the same point when the integration step is halved:
-/// what the step leaves out, as GradientCheck is what the differentiation leaves out.
+/// Relative change of the cost's gradient, at the point of CheckGradient, when the integration step
+/// is halved. It measures the error of the step, as GradientCheck does that of the differentiation.
 double GradientStepHalvingChange(const Problem& problem, const std::vector<double>& x);
 
 /// How long a motion is played on past its settle phase [s], until its exit.
 double SettlingAfter(const Problem& problem);
 
-/// What a motion is found to do when it is played on past its end.
+/// Figures of a motion that is played on past its end, with the joints held.
 struct MotionSummary {
   PrimitivePose entry;
-  PrimitivePose exit;            ///< 2 s after the end, legs held.
-  double final_pitch_rad = 0;    ///< At the end of the motion.
-  double settled_pitch_rad = 0;  ///< 2 s after the end, legs held.
-  double settled_speed = 0;      ///< Largest of root velocities then [m/s, rad/s].
-  double peak_torque_nm = 0;     ///< Of any joint, at every integration step.
-  double torque_margin_nm = 0;   ///< Smallest limit less |torque|, likewise.
-  /// Largest of |torque| over its limit and of penetration over the compliant layer, less 1, in
-  /// the motion and its settle phase: what the solver is answerable for.
+  /// The pose 2 s after the end.
+  PrimitivePose exit;
+  /// The root's pitch at the end of the motion.
+  double final_pitch_rad = 0;
+  /// The root's pitch 2 s after the end.
+  double settled_pitch_rad = 0;
+  /// The largest of the root's velocities 2 s after the end [m/s, rad/s].
+  double settled_speed = 0;
+  /// The largest |torque| of any joint at any integration step.
+  double peak_torque_nm = 0;
+  /// The smallest limit less |torque| of any joint at any integration step.
+  double torque_margin_nm = 0;
+  /// The largest of |torque| / limit and penetration / thickness of the compliant layer, less 1, in
+  /// the motion and its settle phase. The solver has to keep it at 0 or below.
   double excess = -1;
   double peak_penetration_m = 0;
   std::vector<ContactInterval> contacts;
-  bool core_reached = false;  ///< A contact went through the whole compliant layer.
+  /// Whether a contact went through the whole compliant layer.
+  bool core_reached = false;
 };
 MotionSummary Summarize(const Problem& problem, const std::vector<double>& x);
 

@@ -14,16 +14,16 @@ struct CertificateFigure {
   const char* key;
   std::variant<double, std::vector<double>, std::string> value;
 };
-/// All of them, in the file's order.
+/// All figures of a certificate, in the file's order.
 std::vector<CertificateFigure> FiguresOf(const Certificate& certificate);
 
-/// A text with figures of a certificate: `{KEY:SPEC}`, in fmt's syntax, is the figure of that key,
-/// of several numbers with commas in between. Besides, in millimetres: `peak_penetration_mm`, and
-/// `layer_mm`, the thickness of the compliant layer.
-/// @param d_on_m  of the contact law.
+/// Fills figures of a certificate into a text. `{KEY:SPEC}`, in fmt's syntax, stands for the figure
+/// of that key; several numbers are separated by commas. Two more keys give millimetres:
+/// `peak_penetration_mm`, and `layer_mm`, the thickness of the compliant layer.
+/// @param d_on_m  thickness of the compliant layer [m].
 std::string FormatCertificate(const char* text, const Certificate& certificate, double d_on_m);
 
-/// What the report page shows of a certificate, line by line: of what, and the figures.
+/// The lines that a report page shows of a certificate: for each a label and its figures.
 std::vector<std::pair<std::string, std::string>> CertificateLines(const Certificate& certificate,
                                                                   double d_on_m);
 

@@ -24,14 +24,14 @@ namespace {
 constexpr double kPi = std::numbers::pi;
 /// A state beyond this (m, rad, and their rates) is a failed simulation.
 constexpr double kImplausible = 1e4;
-/// A robot that does what it was planned to is nearer to it than this [rad]; one that has tipped
+/// A root whose pitch is further than this [rad] from the plan has fallen: a robot that has tipped
 /// over an edge of its feet does not come back.
 constexpr double kFallenPitch = 0.5;
 constexpr double kPostureTolerance = 0.1;
 
 std::size_t Index(int i) { return static_cast<std::size_t>(i); }
 
-/// What one primitive's task says of the world, and what the primitive does in it.
+/// The scene of one primitive, and what the primitive does in it when it is played as planned.
 struct World {
   World(const PrimitiveFile& f, const Problem& p) : file(f), problem(p), robot(p.scene) {
     for (const JointMotion<double>& motion : file.primitive.motions())
@@ -166,7 +166,7 @@ class Simulation {
     return false;
   }
 
-  /// Pitch less what a pose of the node's primitive says, to the nearest turn.
+  /// The root's pitch less a planned one of the node's primitive, without whole turns [rad].
   [[nodiscard]] double PitchError(int node, double planned_rad) const {
     return root_ ? NearestTurn(RootPitch() - file_.RobotPitch(node, planned_rad)) : 0.0;
   }
@@ -238,7 +238,7 @@ class Simulation {
     return {duration_s, options_.step_s > 0 ? options_.step_s : world.problem.solver.step_s};
   }
 
-  /// Puts the robot's joints where the node's primitive has them at this time of it.
+  /// Puts the robot's joints where the node's primitive has them at its time t.
   void Prescribe(int node, World& world, double t) {
     SceneDynamics& robot = world.robot;
     for (int j = 0; j < world.file.primitive.joint_count; ++j) {
@@ -256,8 +256,7 @@ class Simulation {
     }
   }
 
-  /// One step of the root. `time_at` makes the time of the node from the part of the step that has
-  /// passed.
+  /// One step of the root. `time_at` gives the time of the node for a part of the step, 0 to 1.
   template <class TimeAt>
   bool Step(Passage& passage, World& world, double h, const TimeAt& time_at) {
     SceneDynamics& robot = world.robot;
@@ -278,7 +277,7 @@ class Simulation {
                              "the state leaves every plausible range");
   }
 
-  /// Takes note of the state at the start of a step.
+  /// Takes the state at the start of a step into the figures of the passage.
   bool Look(Passage& passage, World& world) {
     const int node = passage.node;
     if (planning_) {
@@ -330,7 +329,7 @@ class Simulation {
     return true;
   }
 
-  /// The body whose part a body of the robot plays in this node.
+  /// The body of the plan whose role a body of the robot has in this node.
   [[nodiscard]] int RoleOfBody(int node, const World& world, int body) const {
     const auto& dofs = world.dof_of_joint;
     const auto joint = std::find(dofs.begin(), dofs.end(), Index(body));
@@ -339,7 +338,7 @@ class Simulation {
     return static_cast<int>(dofs[Index(role)]);
   }
 
-  static constexpr double kHeld = -1;  // instead of a time: after the motion
+  static constexpr double kHeld = -1;  // stands for the time after the motion
 
   const SequenceFile& file_;
   const ChainOptions& options_;

@@ -12,41 +12,53 @@ namespace tumbler {
 
 /// How a sequence is played in simulation.
 struct ChainOptions {
-  int cycles = 20;     ///< End after so many (see NextEdge) ...
-  std::string branch;  ///< ... or, if there is a name here, go on from then on until this branch.
-  /// How long the last node is held [s]. Recorded exits are where the robot is after so long.
+  /// The chain ends after so many cycles (see NextEdge), unless a branch is named.
+  int cycles = 20;
+  /// When a branch is named, the chain goes on after its cycles until it can take this branch.
+  std::string branch;
+  /// How long the last node is held. The exit recorded in a primitive is where the robot is after
+  /// 2 s.
   double last_hold_s = 2;
-  double step_s = 0;  ///< Integration step; 0: that of each primitive's task.
+  /// Integration step; 0: the step of each primitive's task.
+  double step_s = 0;
 };
 
-/// Where the root stands, roughly.
+/// The inclination of the root, roughly.
 enum class Posture {
   kUpright,   ///< Within 0.1 rad of a right angle to the ground.
-  kLevel,     ///< Within 0.1 rad of parallel to it.
+  kLevel,     ///< Within 0.1 rad of parallel to the ground.
   kInclined,  ///< Neither.
 };
 const char* ToString(Posture posture);
 
-/// One node, as it was played: the motion and the hold after it.
+/// One node as it was played: the motion, and the hold after it.
 struct Passage {
   int node = 0;
   double start_s = 0;
   double hold_s = 0;
-  /// Where the robot begins, less the entry pose that the primitive was made for. Pitch without
-  /// whole turns and, like that of the exit, in the role that the node plays.
+  /// The root's pose at the start, less the entry pose of the primitive. Errors of pitch leave out
+  /// whole turns and are in the role that the node plays.
   double entry_z_error_m = 0;
   double entry_pitch_error_rad = 0;
-  double entry_speed = 0;  ///< Largest of the root's velocities then [m/s, rad/s].
-  /// Where it is at the end of the hold, less the exit pose recorded in the primitive.
+  /// The largest of the root's velocities at the start [m/s, rad/s].
+  double entry_speed = 0;
+  /// The root's pose at the end of the hold, less the exit pose recorded in the primitive.
   double exit_z_error_m = 0;
   double exit_pitch_error_rad = 0;
+  /// The largest of the root's velocities at the end of the hold [m/s, rad/s].
   double exit_speed = 0;
-  Posture posture = Posture::kInclined;  ///< At the end of the hold.
-  double peak_torque_nm = 0;             ///< Of any joint, at every integration step.
-  double torque_margin_nm = 0;  ///< Smallest limit less |torque|; a real drive would saturate at 0.
-  double peak_penetration_m = 0;  ///< Into the compliant layer.
-  double travelled_m = 0;         ///< Of the root, along x.
-  double turned_rad = 0;          ///< Of the root, whole turns included.
+  /// The posture at the end of the hold.
+  Posture posture = Posture::kInclined;
+  /// The largest |torque| of any joint at any integration step.
+  double peak_torque_nm = 0;
+  /// The smallest limit less |torque|. A real drive would saturate at 0.
+  double torque_margin_nm = 0;
+  /// The deepest penetration into the compliant layer.
+  double peak_penetration_m = 0;
+  /// How far the root moved along x.
+  double travelled_m = 0;
+  /// How far the root turned, whole turns included.
+  double turned_rad = 0;
 };
 
 /// Why a chain ended before its time.
@@ -62,29 +74,32 @@ struct ChainFailure {
   Cause cause = Cause::kImplausible;
   int node = 0;
   double time_s = 0;
-  std::string text;  ///< What it was, with amounts.
+  /// The cause for people, with amounts.
+  std::string text;
 };
 const char* ToString(ChainFailure::Cause cause);
 
-/// What became of it.
+/// The outcome of a chain.
 struct ChainOutcome {
-  std::vector<Passage> passages;  ///< Complete ones, and the one that failed.
+  /// All complete passages, and the one that failed.
+  std::vector<Passage> passages;
   std::optional<ChainFailure> failure;
-  int cycles = 0;  ///< Complete ones.
+  /// Number of complete cycles.
+  int cycles = 0;
   double duration_s = 0;
   double travelled_m = 0;
 };
 
-/// @throws FileError naming the first primitive whose task has other contacts or obstacles than
-/// that of the first: a sequence is played on one ground.
+/// Checks that all primitives were made for the same ground, because a sequence is played on one.
+/// @throws FileError naming the first primitive whose task has another contact law or other
+/// obstacles than the first.
 void RequireSameGround(const SimulatedMotion& motion);
 
 /// Plays a sequence in the nominal simulation: the dynamics, contacts and obstacles of the
 /// primitives' tasks, joints exactly on their paths, RK4 with a fixed step as in Rollout. It begins
-/// at rest in the entry pose of the first node; from then on the state is carried from primitive to
-/// primitive, through the holds between them, and never reset. It is the robot itself that is
-/// simulated: in a swapped node its joints follow each other's paths, and nothing assumes that it
-/// looks the same.
+/// at rest in the entry pose of the first node. From then on the state is carried from primitive to
+/// primitive, through the holds between them, and never reset. In a swapped node the joints follow
+/// each other's paths; the simulated robot stays as it is and need not be symmetric.
 /// @param visitor  called at every integration step, with the node; may be empty.
 /// @throws FileError when a primitive's texts cannot be used, or as RequireSameGround does;
 /// std::invalid_argument when the branch is not in the sequence, or the sequence would never end.

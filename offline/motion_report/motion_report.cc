@@ -12,8 +12,8 @@ namespace tumbler {
 namespace {
 
 constexpr double kSamplesPerSecond = 200;
-/// Of a chain: as smooth as one motion when it is short, and no page of tens of megabytes when it
-/// is long.
+/// Most samples of a chain: a short one is as smooth as a single motion, and a long one does not
+/// make a page of tens of megabytes.
 constexpr double kMaxSamples = 4000;
 
 }  // namespace

@@ -6,12 +6,13 @@
 
 namespace tumbler {
 
-/// What the report page shows of a solution: the motion until its exit, the solver's progress, the
+/// The data of a solution's report page: the motion until its exit, the solver's progress, and the
 /// certificate.
 ReportData MakeReportData(const Task& task, const SolveOutcome& outcome, const Solution& solution,
                           const PrimitiveFile& file);
 
-/// What a report page shows of a chain: the whole of it, holds and all. Plays it again.
+/// The data of a chain's report page: all of its motions and holds. The chain is played again for
+/// them.
 ReportData MakeChainReport(const SimulatedMotion& motion, const ChainOptions& options);
 
 }  // namespace tumbler

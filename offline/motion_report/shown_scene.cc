@@ -8,7 +8,7 @@
 namespace tumbler {
 namespace {
 
-/// The bodies with something to show; each is a drawn link.
+/// The bodies that have something to show. Each is drawn as a link.
 std::vector<int> DrawnBodies(const Problem& problem) {
   const PlanarRobot& robot = problem.scene.robot;
   std::vector<int> bodies;
@@ -37,7 +37,7 @@ ReportData ReportScene(const Problem& problem) {
     }
     for (const ContactShape<Plane>& own : problem.scene.robot.shapes) {
       if (own.body != body) continue;
-      // A bar along the core's longer side, as wide as the other.
+      // The shape is drawn as a bar along the longer side of its core, as wide as the shorter.
       const Shape<Plane>& shape = own.shape;
       const int longer = shape.half_extents.x() >= shape.half_extents.y() ? 0 : 1;
       const double width = shape.half_extents[1 - longer];
@@ -88,7 +88,7 @@ ReportSample ShownSample(const Problem& problem, const MotionSample& sample) {
   shown.root_pitch_rad = RootPitchAt(sample.q, problem.scene.robot);
   const Plane::Vector origin = sample.dynamics->origin();
   for (const int body : DrawnBodies(problem)) {
-    // Pitch unwrapped: the sum of the angles down the tree.
+    // The angles down the tree add up to a pitch that keeps whole turns.
     double pitch = 0;
     for (int b = body; b >= 0; b = sample.dynamics->parent(b)) {
       const Dof<Plane>& dof = problem.scene.robot.tree.dofs[static_cast<std::size_t>(b)];

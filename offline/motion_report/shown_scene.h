@@ -6,10 +6,10 @@
 
 namespace tumbler {
 
-/// What a report page shows of a robot and what it touches: links, joints and obstacles, no motion.
+/// The data of a report page without a motion: the robot's links and joints, and the obstacles.
 ReportData ReportScene(const Problem& problem);
 
-/// One instant of a motion, for the page of that scene.
+/// The data of one instant of a motion, for the page of ReportScene.
 ReportSample ShownSample(const Problem& problem, const MotionSample& sample);
 
 }  // namespace tumbler

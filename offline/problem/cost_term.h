@@ -11,21 +11,24 @@ namespace tumbler {
 
 /// An instant of a motion, as the cost sees it.
 struct CostPoint {
-  std::span<const double> q;       ///< Of all degrees of freedom [m, rad].
-  std::span<const double> qd;      ///< [m/s, rad/s].
-  std::span<const double> torque;  ///< Of the actuated joints [N m]; none of a term at an instant.
+  /// Positions of all degrees of freedom [m, rad].
+  std::span<const double> q;
+  /// Velocities of all degrees of freedom [m/s, rad/s].
+  std::span<const double> qd;
+  /// Torques of the actuated joints [N m]. Empty for terms at a single instant, which have none.
+  std::span<const double> torque;
 };
 
-/// Derivatives of the cost by all that a CostPoint holds.
+/// The derivatives of the cost in everything that a CostPoint holds.
 struct CostSlopes {
   std::span<double> q;
   std::span<double> qd;
   std::span<double> torque;
 };
 
-/// One term of the cost: its weight times a quantity of the motion. Everything that there is to a
-/// kind of term is here and in cost_term.cc: its keys in a task, its value and its slopes. Rollouts
-/// and their gradients take every term alike.
+/// One term of the cost: its weight times a quantity of the motion. This header and cost_term.cc
+/// describe each kind of term completely: its keys in a task, its value and its slopes. Rollouts
+/// and their gradients treat all terms alike.
 struct CostTerm {
   enum class Kind {
     kSquare,  ///< (value - target)^2 of a coordinate of the root.
@@ -40,9 +43,12 @@ struct CostTerm {
   Kind kind = Kind::kSquare;
   When when = When::kEnd;
   double weight = 1;
-  int dof = 0;               ///< Of a coordinate.
-  bool of_velocity = false;  ///< Else of its position.
-  double target = 0;         ///< Of a coordinate.
+  /// The degree of freedom that a term in a coordinate is about.
+  int dof = 0;
+  /// Whether that term takes the velocity of the coordinate, or else its position.
+  bool of_velocity = false;
+  /// What a term in a coordinate subtracts from it [m, rad, m/s or rad/s].
+  double target = 0;
 
   bool operator==(const CostTerm&) const = default;
 
@@ -54,12 +60,13 @@ struct CostTerm {
     return kind == Kind::kSquare && !of_velocity && dof == kPitch;
   }
 
-  /// How far the pitch is from its target, when this wants it there; else 0.
+  /// How far the pitch is from its target [rad]. 0 unless this term draws it there.
   [[nodiscard]] double TargetError(const CostPoint& at) const {
     return targets_pitch() && weight > 0 ? std::abs(OffTarget(at)) : 0;
   }
 
-  /// `sum`, plus `scale` times the quantity or its integrand; the weight is left to the caller.
+  /// Returns `sum`, plus `scale` times the quantity or its integrand. The weight is left to the
+  /// caller.
   [[nodiscard]] double Accumulate(double sum, double scale, const CostPoint& at) const {
     switch (kind) {
       case Kind::kEffort:
@@ -72,7 +79,7 @@ struct CostTerm {
     }
     return sum;
   }
-  /// Adds the derivatives of what Accumulate adds.
+  /// Adds the derivatives of what Accumulate adds to `slopes`.
   void AddSlopes(double scale, const CostPoint& at, const CostSlopes& slopes) const {
     switch (kind) {
       case Kind::kEffort:

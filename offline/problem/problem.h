@@ -19,73 +19,104 @@ struct ActuatedJoint {
   JointLimits<double> limits;
   double start_rad = 0;
   double end_rad = 0;
-  int control_points = 12;  ///< At least 6: the first and last three are fixed by the ends.
+  /// At least 6: the start fixes the first three, the end the last three.
+  int control_points = 12;
 
   [[nodiscard]] int free_points() const { return control_points - 6; }
 };
 
-/// How global search is done: random splines, ranked by cost alone.
+/// Settings of the global search. It draws random splines in batches, ranks them by their cost, and
+/// stops when enough of them stand out from the rest or enough have been tried.
 struct SearchSettings {
   std::uint64_t seed = 1;
-  int batch = 150;         ///< Random starts at a time, until ...
-  int promising = 3;       ///< ... so many stand out from the rest (in rank, and none of them ends
-                           ///< further than `basin_rad` from its target pitch) ...
-  int max_samples = 3000;  ///< ... or so many have been tried.
-  int refine = 4;          ///< How many of the best go to the local solver. When none of them leads
-                           ///< anywhere, as many again stand out and are refined, and so on.
-  int modes =
-      3;  ///< Half-sine modes of a random departure from the straight line from start to end.
-  double spread_rad = 3.2;    ///< Largest amplitude of the first mode; mode m has it divided by m.
-  double torque_penalty = 1;  ///< Weight of (|tau| / limit - 1)^2 in the ranking.
-  double core_penalty =
-      0.1;  ///< Weight of penetration beyond the compliant layer, in layers, in the ranking.
-  double basin_rad = 0.5;  ///< A motion that ends this far from its target pitch rests otherwise:
-                           ///< a local solver would not bring it there.
-  double step_s = 2e-3;    ///< Of the semi-implicit Euler method: ranking needs little accuracy.
+  /// Number of random splines in a batch.
+  int batch = 150;
+  /// The search stops when this many splines stand out from the rest in rank, and each of them ends
+  /// within `basin_rad` of its target pitch.
+  int promising = 3;
+  /// The search stops after this many splines in any case.
+  int max_samples = 3000;
+  /// Number of the best splines that go to the local solver. When they do not lead to enough
+  /// solutions, the search goes on until `promising` more splines stand out, hands on as many of
+  /// the best again, and so on.
+  int refine = 4;
+  /// A random spline departs from the straight line between start and end by this many half-sine
+  /// modes.
+  int modes = 3;
+  /// Largest amplitude of the first mode. Mode m has it divided by m.
+  double spread_rad = 3.2;
+  /// Weight of (|tau| / limit - 1)^2 in the rank.
+  double torque_penalty = 1;
+  /// Weight in the rank of penetration beyond the compliant layer, in thicknesses of the layer.
+  double core_penalty = 0.1;
+  /// A motion that ends further than this from its target pitch comes to rest in another pose, and
+  /// the local solver would not bring it back.
+  double basin_rad = 0.5;
+  /// Step of the semi-implicit Euler method. Ranking needs little accuracy.
+  double step_s = 2e-3;
 };
 
-/// How the local solver (SLSQP) is run.
+/// Settings of the local solver (SLSQP). Every start that the search hands over is screened by a
+/// few evaluations with a long step; the best of them are then solved with the final step.
 struct SolverSettings {
-  /// How gradients are computed; to rounding both give the same.
+  /// The method that computes gradients. Both give the same to rounding.
   enum class Gradient {
-    kAdjoint,  ///< Backwards through the steps: the price hardly depends on the number of
-               ///< parameters.
-    kForward,  ///< The paper's gradient equations, integrated with the states [AB04, section V].
+    /// Backwards through the steps. The price hardly depends on the number of parameters.
+    kAdjoint,
+    /// The paper's gradient equations, integrated with the states [AB04, section V].
+    kForward,
   };
   Gradient gradient = Gradient::kAdjoint;
-  double step_s = 1e-3;              ///< Integration step of cost and gradient.
-  double screen_step_s = 2e-3;       ///< The same for screening, which comes first.
-  int screen_evaluations = 24;       ///< Of cost and gradient, for each start of the search.
-  int finalists = 1;                 ///< How many of those go on ...
-  int max_evaluations = 90;          ///< ... to this many evaluations in all.
-  double relative_tolerance = 1e-7;  ///< Of the cost.
-  /// Of the torque limit, kept free for what happens between samples: a tenth of a step of 1 ms
-  /// finds up to 0.8 % of the limit more through a hard landing.
+  /// Integration step of cost and gradient.
+  double step_s = 1e-3;
+  /// Integration step while starts are screened.
+  double screen_step_s = 2e-3;
+  /// Evaluations of cost and gradient with which each start is screened.
+  int screen_evaluations = 24;
+  /// Number of solutions with the final step that are wanted.
+  int finalists = 1;
+  /// Most evaluations of cost and gradient for each finalist, screening included.
+  int max_evaluations = 90;
+  /// The solver stops when the cost changes by less than this part of itself.
+  double relative_tolerance = 1e-7;
+  /// The part of the torque limit that is kept free for torques between samples. With a tenth of a
+  /// step of 1 ms, a hard landing shows up to 0.8 % of the limit more.
   double torque_margin = 0.02;
-  double core_margin = 0.1;  ///< Part of the compliant layer that a motion leaves unused, so that a
-                             ///< slightly different start does not reach the core.
-  double sharpness = 60;  ///< Of the smooth maxima (Kreisselmeier-Steinhauser) that stand for the
-                          ///< limits of torque and penetration.
+  /// The part of the compliant layer that a motion leaves unused, so that a slightly different
+  /// start does not reach the core.
+  double core_margin = 0.1;
+  /// Sharpness of the smooth maxima (Kreisselmeier-Steinhauser) that stand for the limits of torque
+  /// and penetration.
+  double sharpness = 60;
 };
 
 /// An optimal control problem of [AB04, Eqs. 1-6] in numbers.
 struct Problem {
   std::string name;
-  Scene scene;                        ///< With the robot's actuated joints prescribed.
-  std::vector<ActuatedJoint> joints;  ///< In the order of the robot's degrees of freedom.
-  /// The longest integration step that contact allows (`AdvisableStep`); infinite in a flight.
+  /// Its robot's actuated joints are prescribed.
+  Scene scene;
+  /// In the order of the robot's degrees of freedom.
+  std::vector<ActuatedJoint> joints;
+  /// The longest integration step that contact allows (`AdvisableStep`). Infinite without
+  /// obstacles.
   double advisable_step_s = std::numeric_limits<double>::infinity();
 
-  std::vector<double> start_q;  ///< All degrees of freedom; at rest.
+  /// Positions of all degrees of freedom at the start [m, rad], where the robot is at rest.
+  std::vector<double> start_q;
+  /// Length of the motion.
   double duration_s = 1;
+  /// Length of the settle phase after it, in which the joints are held.
   double settle_s = 0;
+  /// Degree of the splines.
   int degree = 5;
   std::vector<CostTerm> cost;
-  double target_pitch_rad = 0;  ///< What the settled pitch is compared with.
+  /// The settled pitch is compared with this.
+  double target_pitch_rad = 0;
 
-  double entry_tolerance_rad = 0.1;  ///< The runtime starts only this near to the first positions.
-  double following_tolerance_rad =
-      0.35;  ///< ... and calls it a fault when a joint is further behind.
+  /// The runtime starts the motion only when every joint is this near to its first position.
+  double entry_tolerance_rad = 0.1;
+  /// The runtime calls it a fault when a joint is further than this from its setpoint.
+  double following_tolerance_rad = 0.35;
 
   SearchSettings search;
   SolverSettings solver;

@@ -9,9 +9,9 @@
 
 namespace tumbler {
 
-/// A motion as simulations need it: with the problem, and with it the scene, that each of its
-/// primitives was made for. The texts of a primitive are parsed when its problem is first asked
-/// for, and once: copies share what has been parsed.
+/// A motion for simulation: a sequence, and the problem (with its scene) that each of its
+/// primitives was made for. The texts of a primitive are parsed once, when its problem is first
+/// asked for; copies share what has been parsed.
 ///
 /// Not thread-safe.
 class SimulatedMotion {
@@ -20,10 +20,10 @@ class SimulatedMotion {
 
   [[nodiscard]] const SequenceFile& file() const { return file_; }
 
-  /// Of a primitive, by its index; `TaskOf` it.
+  /// The problem of a primitive, given by its index.
   /// @throws FileError when the texts of the primitive cannot be used.
   [[nodiscard]] const Problem& ProblemOf(std::size_t primitive) const;
-  /// Of the primitive that a node plays.
+  /// The problem of the primitive that a node plays.
   [[nodiscard]] const Problem& ProblemAt(int node) const;
   /// The scene in which the motion starts.
   [[nodiscard]] const Scene& scene() const { return ProblemAt(file_.graph.start).scene; }

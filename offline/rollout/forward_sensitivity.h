@@ -10,8 +10,8 @@
 
 namespace tumbler {
 
-/// Cost and gradient as the paper has them, [AB04, section V]: the states of Eq. 8 and their
-/// derivatives in every parameter are integrated together, with dg (Eq. 9) at every stage,
+/// Cost and gradient by the paper's method [AB04, section V]. The states of Eq. 8 and their
+/// derivatives in every parameter are integrated together, with dg (Eq. 9) at every stage:
 ///
 ///   y' = f(y, a(t)),   S' = A S + B,    y = (q_p, qd_p, running cost),  S = dy/dp,
 ///   A = df/dy,  B = df/d(q_a, qd_a, qdd_a) d(q_a, qd_a, qdd_a)/dp.
@@ -21,12 +21,11 @@ namespace tumbler {
 ///
 /// With the fixed scheme the gradient is that of the discrete computation, as Rollout's is: the two
 /// agree to rounding, and share nothing but g and dg. The adaptive scheme is the independent
-/// reference for the error of a fixed step; it watches the error of states *and* sensitivities, as
-/// that of the states alone would leave the gradient with an error that nobody watches. The price
-/// grows with the number of parameters.
+/// reference for the error of a fixed step. It bounds the error of states *and* sensitivities:
+/// bounding that of the states alone would leave the error of the gradient open. The price grows
+/// with the number of parameters.
 ///
-/// Not thread-safe: one object per thread. No heap in the integration, save in the returned
-/// vectors.
+/// Not thread-safe: one object per thread. In the integration, only the returned vectors allocate.
 class ForwardSensitivity {
  public:
   ForwardSensitivity(const Problem& problem, const StepSettings& settings);
@@ -34,12 +33,15 @@ class ForwardSensitivity {
   ForwardSensitivity(ForwardSensitivity&&) noexcept;
 
   [[nodiscard]] int parameter_count() const;
-  [[nodiscard]] int output_count() const;        ///< As Rollout's.
-  [[nodiscard]] int state_equations() const;     ///< Rows of y.
-  [[nodiscard]] int gradient_equations() const;  ///< Entries of S.
+  /// Number of outputs with a gradient, as Rollout's.
+  [[nodiscard]] int output_count() const;
+  /// Number of rows of y.
+  [[nodiscard]] int state_equations() const;
+  /// Number of entries of S.
+  [[nodiscard]] int gradient_equations() const;
 
-  /// As Rollout::Run. Torques and penetration are looked at where steps start, so with the adaptive
-  /// scheme at other times than with the fixed one.
+  /// Like Rollout::Run. Torques and penetration are sampled where steps start, hence at other times
+  /// with the adaptive scheme than with the fixed one.
   RolloutResult Run(
       std::span<const double> x,
       Eigen::Ref<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> gradient);

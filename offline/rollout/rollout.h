@@ -12,21 +12,27 @@
 
 namespace tumbler {
 
-/// A penetration whose share in the smooth maximum is e to less than this adds nothing to it.
+/// The smooth maximum of penetration leaves out contacts whose share in it would be e to the power
+/// of less than this.
 inline constexpr double kNegligibleExponent = -40;
 
-/// What a rollout says of one choice of parameters.
+/// The result of a rollout with one choice of parameters.
 struct RolloutResult {
   double cost = 0;
-  bool finite = true;  ///< False when the state left every plausible range; cost is then infinite.
+  /// False when the state left every plausible range. The cost is then infinite.
+  bool finite = true;
   bool any_contact = false;
-  double peak_penetration_m = 0;  ///< Into the layer.
-  double target_error_rad = 0;    ///< Largest distance from the target of a term of the cost in the
-                                  ///< square of the pitch; 0 where there is none.
-  std::vector<double>
-      torque_excess;  ///< Of each joint: smooth maximum of |tau| / limit, less 1; an upper bound.
-  double core_excess = -1;  ///< Smooth maximum of penetration over the usable part of the layer,
-                            ///< less 1; an upper bound.
+  /// Deepest penetration into the compliant layer.
+  double peak_penetration_m = 0;
+  /// Largest distance of the pitch from the target of a cost term in the pitch's square. 0 when
+  /// there is no such term.
+  double target_error_rad = 0;
+  /// For each joint, the smooth maximum of |tau| / limit, less 1. An upper bound of the true one.
+  std::vector<double> torque_excess;
+  /// The smooth maximum of penetration over the usable part of the layer, less 1. An upper bound of
+  /// the true one.
+  double core_excess = -1;
+  /// For each joint, the largest |tau|.
   std::vector<double> peak_torque_nm;
 };
 
@@ -35,16 +41,16 @@ struct RolloutResult {
 /// The scheme is the classical Runge-Kutta method of order 4 with a fixed step, and the gradient is
 /// the derivative of that very computation, by the discrete adjoint: the price of a gradient hardly
 /// depends on the number of parameters, and it agrees with differences of the cost to rounding.
-/// Motion and settle phase are divided into whole steps no longer than the one asked for. A task
-/// may ask for the paper's forward gradient instead (ForwardSensitivity, with the same steps).
+/// Motion and settle phase are each divided into equal steps no longer than the one asked for. A
+/// task may ask for the paper's forward gradient instead (ForwardSensitivity, with the same steps).
 ///
-/// Not thread-safe: one object per thread. No heap after the first gradient, save in the returned
-/// vectors.
+/// Not thread-safe: one object per thread. After the first gradient, only the returned vectors
+/// allocate.
 class Rollout {
  public:
-  /// @param contact in place of the general contact model of the problem; null: that.
+  /// @param contact  replaces the general contact model of the problem; null: the general model.
   /// @throws std::invalid_argument when `contact` is given and the problem asks for the paper's
-  /// forward gradient, which has the general model.
+  /// forward gradient, which knows only the general model.
   Rollout(const Problem& problem, double step_s,
           std::unique_ptr<ContactForces<Plane>> contact = nullptr);
   ~Rollout();
@@ -54,11 +60,11 @@ class Rollout {
   /// Number of outputs with a gradient: the cost, the torque excess of each joint, the core excess.
   [[nodiscard]] int output_count() const;
 
-  /// Cost and torques for the parameters x: the free control points [rad] of the first joint, of
-  /// the second, ...
+  /// Cost, torques and penetration for the parameters x: the free control points [rad] of the first
+  /// joint, then those of the second, and so on.
   RolloutResult Run(std::span<const double> x);
 
-  /// The same with gradients, one row for each output, one column for each parameter.
+  /// The same, with gradients: one row for each output, one column for each parameter.
   /// @throws std::invalid_argument when `gradient` has another shape.
   RolloutResult Run(
       std::span<const double> x,
@@ -68,8 +74,8 @@ class Rollout {
   /// of the price, and good enough to tell promising motions from others.
   RolloutResult Estimate(std::span<const double> x);
 
-  /// Visits the motion step by step from 0 to duration + settle + `extra_s`, legs held at their
-  /// ends after duration.
+  /// Visits the motion step by step, from 0 to the end of the settle phase and `extra_s` beyond.
+  /// After the motion itself the joints are held at their ends.
   void Visit(std::span<const double> x, double extra_s,
              const std::function<void(const MotionSample&)>& visitor);
 
@@ -78,7 +84,7 @@ class Rollout {
   std::unique_ptr<Implementation> implementation_;
 };
 
-/// All control points of joint j for the parameters x: fixed start, free points, fixed end.
+/// All control points of a joint for the parameters x: fixed start, free points, fixed end [rad].
 std::vector<double> ControlPoints(const Problem& problem, std::span<const double> x,
                                   std::size_t joint);
 

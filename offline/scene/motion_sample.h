@@ -11,10 +11,14 @@ namespace tumbler {
 /// One instant of a simulated motion, for export and pictures.
 struct MotionSample {
   double time_s = 0;
-  std::vector<double> q, qd;                        ///< All degrees of freedom.
-  std::vector<double> torque;                       ///< Of the actuated joints.
-  std::span<const ActiveContact<Plane>> contacts;   ///< Valid during the call only.
-  const HybridDynamics<Plane>* dynamics = nullptr;  ///< At this state; valid during the call only.
+  /// Positions [m, rad] and velocities [m/s, rad/s] of all degrees of freedom.
+  std::vector<double> q, qd;
+  /// Torques of the actuated joints [N m].
+  std::vector<double> torque;
+  /// Valid during the call only.
+  std::span<const ActiveContact<Plane>> contacts;
+  /// The dynamics in this state. Valid during the call only.
+  const HybridDynamics<Plane>* dynamics = nullptr;
 };
 
 }  // namespace tumbler

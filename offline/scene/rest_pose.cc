@@ -15,12 +15,12 @@ namespace {
 constexpr double kReach_m = 10;
 constexpr double kStep_s = 1e-4;
 constexpr double kTime_s = 5;
-/// Numerical air: it shortens the rocking, and is gone at rest.
+/// Numerical air resistance. It shortens the rocking and has no effect at rest.
 constexpr double kAir_per_s = 5;
 constexpr std::size_t kRoot = 3;  // x, z and pitch
 constexpr std::size_t kZ = 1, kPitch = 2;
 
-/// The height at which the lowest shape just reaches the layer of contact, by bisection.
+/// The height of the root at which the lowest shape just reaches the compliant layer, by bisection.
 double LowestHeight(SceneDynamics& robot, const Scene& scene) {
   const auto touches = [&robot](double z) {
     robot.q[kZ] = z;
@@ -67,7 +67,7 @@ std::vector<double> RestPose(const Scene& scene, std::vector<double> q) {
     const bool moved = StepSemiImplicitEuler(y, kRoot, kStep_s, slope, kAir_per_s);
     std::copy_n(y.begin(), kRoot, q.begin());
     if (!moved) return q;
-    // Fallen over, fallen past all obstacles, or not a number.
+    // It fell over, or past all obstacles, or its position is not a number.
     if (!(std::abs(q[kPitch] - pitch) <= std::numbers::pi / 2 && std::abs(q[kZ]) <= 2 * kReach_m &&
           std::isfinite(q[0]))) {
       break;

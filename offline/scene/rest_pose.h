@@ -6,12 +6,14 @@
 
 namespace tumbler {
 
-/// Lowers the robot on the obstacles with its joints held, until it is at rest. Its joints, and x
-/// and pitch of its root, are those of `q`, the positions of all degrees of freedom; how high it is
-/// there does not matter.
-/// @pre its root is planar, its joints are prescribed.
-/// @returns all positions at rest. @throws std::runtime_error when it has not come to rest within 5
-/// s, with where it was.
+/// Finds the pose in which the robot rests on the obstacles. A simulation puts the robot just above
+/// them, lets it go, and holds its joints until nothing moves any more.
+/// @param q  positions of all degrees of freedom [m, rad]. The joints keep theirs. The root begins
+///           with its x and pitch, which change as the robot settles; its height is not used.
+/// @pre The root is planar, and all joints are prescribed.
+/// @returns positions of all degrees of freedom at rest.
+/// @throws std::runtime_error  when the robot cannot be put above the obstacles, or is not at rest
+///                             after 5 s. The message says where it is then.
 std::vector<double> RestPose(const Scene& scene, std::vector<double> q);
 
 }  // namespace tumbler

@@ -14,22 +14,24 @@ namespace tumbler {
 /// What is simulated: a robot, the obstacles that it can touch, and the law of their contacts. A
 /// task describes one; its primitive carries the description along (`TaskOf`).
 struct Scene {
-  PlanarRobot robot;  ///< Joints that follow a path are prescribed; the others are free.
+  /// Joints that follow a path are prescribed; the others are free.
+  PlanarRobot robot;
   ContactLaw contact;
-  std::vector<Obstacle<Plane>> obstacles;  ///< The ground, and what stands on it.
+  /// The ground, and what stands on it.
+  std::vector<Obstacle<Plane>> obstacles;
 };
 
 /// Whether two scenes have the same ground: contact law and obstacles.
 bool SameGround(const Scene& a, const Scene& b);
 
-/// Positions of all degrees of freedom of a robot in this pose.
-/// @throws std::invalid_argument when the pose has not one position for each joint.
+/// Positions of all degrees of freedom of a robot in this pose [m, rad].
+/// @throws std::invalid_argument when the pose does not have one position for each joint.
 std::vector<double> PositionsIn(const PrimitivePose& pose, const PlanarRobot& robot);
 
 /// The pose of a robot at these positions of all its degrees of freedom.
 PrimitivePose PoseAt(std::span<const double> q, const PlanarRobot& robot);
 
-/// The pitch of its root; 0 where that is fixed.
+/// The pitch of the robot's root at these positions [rad]. 0 when the root is fixed.
 double RootPitchAt(std::span<const double> q, const PlanarRobot& robot);
 
 }  // namespace tumbler

@@ -13,22 +13,29 @@
 
 namespace tumbler {
 
-/// The equations of motion of a scene, [AB04, Eqs. 7 and 8]: whoever integrates them puts the
-/// robot's prescribed joints on their paths, and gets the accelerations of the free degrees of
-/// freedom, whose positions and velocities are the state.
+/// The equations of motion of a scene [AB04, Eqs. 7 and 8]. The caller puts the prescribed joints
+/// on their paths and gets the accelerations of the free degrees of freedom. Positions and
+/// velocities of the free ones are the state that it integrates.
 ///
-/// Order of calls: SetFree, and q, qd, qdd of what is prescribed; Touch; wrenches from elsewhere
-/// (`dynamics.AddWrench`), and tau of what is free; Solve. No heap after construction.
+/// Order of calls:
+/// 1. SetFree, and set q, qd and qdd of the prescribed degrees of freedom;
+/// 2. Touch;
+/// 3. add wrenches from elsewhere (`dynamics.AddWrench`), and set tau of the free ones;
+/// 4. Solve.
+///
+/// No heap after construction.
 struct SceneDynamics {
   static constexpr int kMaxDofs = HybridDynamics<Plane>::kMaxDofs;
-  using Numbers = std::array<double, kMaxDofs>;  ///< By degree of freedom.
-  using State = MechanicalState<kMaxDofs>;       ///< Of the free ones, in their order.
+  /// One number for each degree of freedom.
+  using Numbers = std::array<double, kMaxDofs>;
+  /// The state of the free degrees of freedom, in their order.
+  using State = MechanicalState<kMaxDofs>;
 
-  /// @param own_contact  in place of the general contact model; null: that.
+  /// @param own_contact  replaces the general contact model; null: the general model.
   explicit SceneDynamics(const Scene& scene,
                          std::unique_ptr<ContactForces<Plane>> own_contact = nullptr);
 
-  /// Positions of the free degrees of freedom, then their velocities: those of a State.
+  /// Sets positions and velocities of the free degrees of freedom from the numbers of a State.
   void SetFree(const double* y) {
     const double* velocity = y + free.size();
     for (const int dof : free) {
@@ -37,7 +44,7 @@ struct SceneDynamics {
     }
   }
   void SetFree(const State& y) { SetFree(y.data()); }
-  /// The state of which SetFree makes these positions, at rest.
+  /// The state at rest at these positions of all degrees of freedom.
   [[nodiscard]] State AtRest(std::span<const double> positions) const {
     State y{};
     for (std::size_t i = 0; i < free.size(); ++i)
@@ -45,20 +52,20 @@ struct SceneDynamics {
     return y;
   }
 
-  /// Where all bodies are, and what touches: contacts and their wrenches.
+  /// Places all bodies, finds the contacts and applies their wrenches.
   void Touch() {
     dynamics.SetState({q.data(), n}, {qd.data(), n});
     contact->Apply(dynamics);
   }
-  /// qdd of what is free, tau of what is prescribed.
+  /// Computes qdd of the free degrees of freedom and tau of the prescribed ones.
   void Solve() { dynamics.Solve({qdd.data(), n}, {tau.data(), n}); }
-  /// Both, with no other force than those of contact.
+  /// Touch and Solve, without forces other than those of contact.
   void TouchAndSolve() {
     tau.fill(0);
     Touch();
     Solve();
   }
-  /// The slope of a State, after Solve: velocities, then accelerations.
+  /// Writes the derivative of the State after Solve: velocities, then accelerations.
   void TakeSlope(double* k) const {
     double* acceleration = k + free.size();
     for (const int dof : free) {
@@ -69,8 +76,10 @@ struct SceneDynamics {
 
   HybridDynamics<Plane> dynamics;
   std::unique_ptr<ContactForces<Plane>> contact;
-  std::size_t n;          ///< Degrees of freedom.
-  std::vector<int> free;  ///< Those that are not prescribed.
+  /// Number of degrees of freedom.
+  std::size_t n;
+  /// The degrees of freedom that are not prescribed.
+  std::vector<int> free;
   Numbers q{}, qd{}, qdd{}, tau{};
 };
 

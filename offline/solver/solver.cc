@@ -19,11 +19,12 @@ using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowM
 /// A constraint counts as active within this distance of zero (scaled).
 constexpr double kActive = 1e-5;
 
-/// Limits are kept a millionth inside, so that what the solver's rounding leaves still proves them.
+/// The solver is given limits that are tighter by a millionth, so that its result keeps the true
+/// ones despite rounding.
 constexpr double kInside = 1 - 1e-6;
 
 /// A small counter-based generator, SplitMix64 [Steele, Lea, Flood 2014]: sample i of a seed is the
-/// same whoever draws it. The standard library's distributions would differ between
+/// same in whichever thread it is drawn. The standard library's distributions would differ between
 /// implementations.
 class SplitMix64 {
  public:
@@ -104,8 +105,8 @@ std::vector<double> RandomStart(const Problem& problem, const std::vector<Linear
   return line;
 }
 
-/// What the global search ranks by: the cost, and a penalty that keeps motions which the solver
-/// would have to bend far.
+/// The rank of a motion in the global search: its cost, and penalties for limits that it exceeds,
+/// as the solver would have to bend it far to keep them.
 double Rank(const Problem& problem, const RolloutResult& result) {
   if (!result.finite) return std::numeric_limits<double>::infinity();
   double rank = result.cost;
@@ -121,9 +122,9 @@ double Rank(const Problem& problem, const RolloutResult& result) {
 /// A random motion of the global search.
 struct Sample {
   double rank = std::numeric_limits<double>::infinity();
-  bool astray = false;     ///< Ends far from its target.
-  bool confirmed = false;  ///< Its rank is by the local solver's own method.
-  bool screened = false;   ///< Has had its local solve.
+  bool astray = false;     ///< Whether it ends far from its target.
+  bool confirmed = false;  ///< Whether its rank was computed by the local solver's own method.
+  bool screened = false;   ///< Whether it has had its local solve.
 
   void Look(const Problem& problem, const RolloutResult& result) {
     rank = confirmed ? std::max(rank, Rank(problem, result)) : Rank(problem, result);
@@ -132,9 +133,9 @@ struct Sample {
   [[nodiscard]] bool StandsOut(double limit) const { return rank < limit && !astray; }
 };
 
-/// What stands out has a rank below this: below the median by more than half of its size, and
-/// nearer to the best than to the median. Most samples end in one of the flat basins (the robot at
-/// rest on its feet, or fallen), which is where the median lies.
+/// Samples with a rank below this stand out: they are below the median by more than half of its
+/// size, and nearer to the best than to the median. Most samples end in one of the flat basins (the
+/// robot at rest on its feet, or fallen), and the median lies there.
 double PromisingRank(const std::vector<Sample>& samples) {
   if (samples.empty()) return -std::numeric_limits<double>::infinity();
   std::vector<double> sorted(samples.size());
@@ -193,9 +194,9 @@ double Violation(const Problem& problem, const std::vector<LinearRow>& rows,
   return FindWorst(problem, rows, x, result).value;
 }
 
-/// Largest component of g + A^T lambda, lambda >= 0, over the active constraints' gradients A: what
-/// is left of the Kuhn-Tucker condition. Multipliers that come out negative are dropped and the
-/// rest solved again.
+/// The residual of the Kuhn-Tucker condition: the largest component of g + A^T lambda, lambda >= 0,
+/// where the rows of A are the gradients of the active constraints. Constraints with negative
+/// multipliers are dropped, and the others are solved again.
 double ProjectedGradient(const Eigen::VectorXd& g, std::vector<Eigen::VectorXd> active) {
   Eigen::VectorXd residual = g;
   while (!active.empty()) {
@@ -212,8 +213,7 @@ double ProjectedGradient(const Eigen::VectorXd& g, std::vector<Eigen::VectorXd> 
   return residual.size() == 0 ? 0 : residual.lpNorm<Eigen::Infinity>();
 }
 
-/// What one SLSQP run needs in NLopt's callbacks: one rollout per point, shared by cost and
-/// constraints.
+/// One SLSQP run, with NLopt's callbacks. Cost and constraints share one rollout for each point.
 class LocalSolve {
  public:
   LocalSolve(const Problem& problem, int max_evaluations, Rollout& rollout,
@@ -311,9 +311,9 @@ class LocalSolve {
     return end;
   }
 
-  /// SLSQP asks for the cost alone along a line, and for the gradient where it has settled. That is
-  /// the first point tried, as a rule: so the first one gets its gradient at once, and the others
-  /// only when asked.
+  /// SLSQP asks for the cost alone along a line, and for the gradient at the point of the line that
+  /// it takes. As a rule it takes the first one: hence the first point gets its gradient at once,
+  /// and the others only when it is asked for.
   void Evaluate(std::span<const double> x, bool with_gradient) {
     const bool known = x_.size() == x.size() && std::equal(x.begin(), x.end(), x_.begin());
     const bool first_of_line = settled_;
@@ -353,7 +353,7 @@ class LocalSolve {
         gradient[i] = self.scale_ * self.outputs_(0, static_cast<Eigen::Index>(i));
       }
       return self.scale_ * self.result_.cost;
-    } catch (...) {  // NLopt would lose it: kept, and thrown again after the run.
+    } catch (...) {  // NLopt would lose the exception. It is kept and thrown after the run.
       self.failure_ = std::current_exception();
       self.opt_->force_stop();
       return std::numeric_limits<double>::infinity();
@@ -509,8 +509,8 @@ Solution SolveFrom(const Problem& problem, std::span<const double> start, int ma
 
 namespace {
 
-/// Everything that Solve does, and keeps between its stages. What is found depends on the problem
-/// and its seed alone: threads share out the work of a stage, and never decide what comes next.
+/// The stages of Solve, and what it keeps between them. The result depends on the problem and its
+/// seed alone: threads share the work of a stage, and never decide what comes next.
 class Campaign {
  public:
   Campaign(const Problem& problem, const SolveOptions& options)
@@ -518,7 +518,7 @@ class Campaign {
 
   SolveOutcome Run() {
     // A screened motion can still turn out to lie in one of the flat basins, or fall back into one
-    // when its limits are met. Then there is more to search, as long as there are samples.
+    // when its limits are met. Then the search goes on, as long as there are samples.
     int promising = 0;
     do {
       promising = std::max(promising, CountPromising(samples_)) + problem_.search.promising;
@@ -545,7 +545,7 @@ class Campaign {
   }
   static std::size_t Index(int i) { return static_cast<std::size_t>(i); }
 
-  /// Draws samples until so many are promising.
+  /// Draws samples until this many are promising.
   void Draw(int promising) {
     std::vector<Rollout> estimates = MakeRollouts(problem_.search.step_s);
     std::vector<Rollout> rollouts = MakeRollouts(problem_.solver.screen_step_s);
@@ -563,7 +563,7 @@ class Campaign {
         best_rank_ = std::min(best_rank_, samples_[i].rank);
         if (options_.progress) options_.progress({true, 0, ++sampled_, best_rank_, 0});
       });
-      // What looks good by the estimate is looked at again by the local solver's own method.
+      // Samples that the estimate finds good are ranked again by the local solver's own method.
       std::vector<std::size_t> good;
       const double limit = PromisingRank(samples_);
       for (std::size_t i = 0; i < samples_.size(); ++i) {
@@ -579,8 +579,8 @@ class Campaign {
     }
   }
 
-  /// A short local solve from each of the best samples that have had none: most show early whether
-  /// they lead anywhere.
+  /// Runs a short local solve from each of the best samples that have had none. Most show early
+  /// whether they lead to a solution.
   void Screen() {
     std::vector<std::size_t> order;
     for (std::size_t i = 0; i < samples_.size(); ++i) {
@@ -608,8 +608,8 @@ class Campaign {
 
   enum class Candidates { kStandingOut, kAll };
 
-  /// The rest of the budget, with the final step, for the best until enough of them hold and stand
-  /// out.
+  /// Solves the best motions with the final step and the rest of their budget, until enough of them
+  /// keep all limits and stand out.
   void Finish(Candidates candidates) {
     std::vector<Rollout> rollouts = MakeRollouts(problem_.solver.step_s);
     while (missing() > 0 && tries_left() > 0 && !interrupted()) {
@@ -632,7 +632,7 @@ class Campaign {
     }
   }
 
-  /// How many finished motions are still wanted.
+  /// Number of finished motions that are still wanted.
   [[nodiscard]] int missing() const {
     const double limit = PromisingRank(samples_);
     const auto done =
@@ -641,7 +641,7 @@ class Campaign {
         });
     return std::max(0, problem_.solver.finalists - static_cast<int>(done));
   }
-  /// How many motions may still be finished: no task is worth more.
+  /// Number of motions that may still be finished. It bounds the time that a hopeless task takes.
   [[nodiscard]] int tries_left() const {
     const auto tried = std::count_if(solutions_.begin(), solutions_.end(),
                                      [](const Solution& solution) { return solution.finished; });
@@ -678,7 +678,7 @@ class Campaign {
            solution.rollout.target_error_rad <= problem_.search.basin_rad;
   }
 
-  /// Goes on from where the solution is.
+  /// Continues the local solve from where the solution is.
   void SolveOn(Solution& solution, int budget, Rollout& rollout) {
     const int start = solution.start;
     const int before = solution.evaluations;

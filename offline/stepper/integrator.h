@@ -14,38 +14,47 @@ namespace tumbler {
 /// How an Integrator goes through time.
 struct StepSettings {
   enum class Scheme {
-    kFixed,     ///< The classical Runge-Kutta method of order 4, in EvenSteps.
-    kAdaptive,  ///< Dormand and Prince's 5(4) pair; the error of each number of the state decides
-                ///< how long a step is.
+    /// The classical Runge-Kutta method of order 4, in EvenSteps.
+    kFixed,
+    /// The 5(4) pair of Dormand and Prince. The errors of all numbers of the state decide how long
+    /// a step is.
+    kAdaptive,
   };
   Scheme scheme = Scheme::kFixed;
-  double step_s = 1e-3;  ///< The fixed step; the longest of the adaptive ones, which must not
-                         ///< jump over a contact: a foot at 3 m/s crosses a 4 mm layer in 1.3 ms.
-  double tolerance = 1e-10;       ///< Adaptive: of each of the equations, relative to 1 + its size.
-  double shortest_step_s = 1e-7;  ///< Adaptive: taken whatever the error, and counted.
+  /// The length of fixed steps, and the longest of adaptive ones. An adaptive step must not jump
+  /// over a contact: a foot at 3 m/s crosses a layer of 4 mm in 1.3 ms.
+  double step_s = 1e-3;
+  /// Adaptive: the largest error of each number z of the state in a step, divided by 1 + |z|.
+  double tolerance = 1e-10;
+  /// Adaptive: a step of this length is taken whatever its error, and counted as forced.
+  double shortest_step_s = 1e-7;
 };
 
-/// What an integration took.
+/// How many evaluations and steps an integration took.
 struct IntegrationStatistics {
-  std::int64_t evaluations = 0;  ///< Of the right side, rejected steps included.
-  std::int64_t steps = 0;        ///< Accepted.
+  /// Evaluations of the right side, those of rejected steps included.
+  std::int64_t evaluations = 0;
+  /// Accepted steps.
+  std::int64_t steps = 0;
+  /// Rejected steps.
   std::int64_t rejected = 0;
-  std::int64_t forced = 0;  ///< At the shortest step, with an error above the tolerance.
+  /// Steps of the shortest length that were accepted with an error above the tolerance.
+  std::int64_t forced = 0;
 };
 
 /// Integrates z' = f(t, z) of many equations, such as states together with their derivatives in
 /// every parameter. No heap after construction. Not thread-safe.
 ///
-/// What is integrated is given to Integrate:
+/// The caller gives Integrate three functions:
 ///   slope(t, z, out)   writes f(t, z);
-///   look()             is called at the start of every step, right after its slope there: what
-///                      that has left behind is of the start;
-///   plausible(z)       says of every accepted step whether to go on.
+///   look()             is called at the start of every step, right after the slope there, so that
+///                      whatever the slope has left behind belongs to the start of the step;
+///   plausible(z)       says after every accepted step whether to go on.
 class Integrator {
  public:
   Integrator(const StepSettings& settings, std::size_t equations);
 
-  /// z; whoever integrates sets it first.
+  /// The state z. The caller sets it before Integrate.
   [[nodiscard]] std::vector<double>& state() { return state_; }
   [[nodiscard]] const std::vector<double>& state() const { return state_; }
   [[nodiscard]] const IntegrationStatistics& statistics() const { return statistics_; }
@@ -87,7 +96,7 @@ class Integrator {
     while (t < finish) {
       look();
       for (;;) {
-        // A last step that leaves a crumb would be followed by one of rounding's length.
+        // A step that ends just before `finish` would be followed by one as short as rounding.
         const bool last = t + 1.001 * h >= finish;
         if (last) h = finish - t;
         const double t_end = last ? finish : t + h;
@@ -105,7 +114,7 @@ class Integrator {
         h = std::max(factor * h, settings_.shortest_step_s);
       }
       state_.swap(next_);
-      slopes_[0].swap(slopes_[tableau_.stages - 1]);  // The first of the next is the last of this.
+      slopes_[0].swap(slopes_[tableau_.stages - 1]);  // The last stage is the next step's first.
       ++statistics_.steps;
       if (!plausible(state_)) return false;
     }
@@ -118,7 +127,7 @@ class Integrator {
     slope(t, z, slopes_[stage]);
   }
 
-  /// Stages after the first, then `next_`.
+  /// Evaluates the stages after the first, then computes `next_`.
   template <class Slope>
   void TakeStep(Slope& slope, double t, double h, double t_end) {
     for (std::size_t s = 1; s < tableau_.stages; ++s) {
@@ -132,7 +141,7 @@ class Integrator {
   /// z + h sum_k w_k slopes_k over the first `count` stages.
   void Combine(double h, const Tableau::Row& w, std::size_t count, std::vector<double>& out) const;
 
-  /// Largest estimated error of the step just taken, in tolerances.
+  /// Largest estimated error of the step just taken, as a multiple of the tolerance.
   [[nodiscard]] double StepError(double h) const;
 
   StepSettings settings_;

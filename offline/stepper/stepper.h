@@ -7,19 +7,20 @@
 
 namespace tumbler {
 
-/// Single steps of few equations y' = f(t, y), without heap. Long states, and steps whose length
-/// follows from their error, are those of the `Integrator`.
+/// Single steps of a few equations y' = f(t, y), without heap. `Integrator` is for long states and
+/// for steps whose length follows from their error.
 ///
-/// What is integrated is a callable `slope(s, y_s, k)`, which is asked for k = f(t_s, y_s) at every
-/// stage s of a step, and may look around there: what a simulation takes note of at the start of a
-/// step, it does at stage 0, where y_s is y. It returns whether to go on.
+/// The caller gives the equations as `slope(s, y_s, k)`, which is called at every stage s of a
+/// step, sets k = f(t_s, y_s), and returns whether to go on. At stage 0, y_s is y: there a
+/// simulation may also record what holds at the start of the step.
 
 /// The state of a mechanical system of n coordinates: n positions, then their n velocities.
 template <std::size_t kCapacity>
 using MechanicalState = std::array<double, 2 * kCapacity>;
 
 /// One step of the first `size` numbers of y by an explicit Runge-Kutta scheme whose stages are
-/// chained; stage s is at the time t + c_s h. @returns false, with y as it was, when `slope` does.
+/// chained. Stage s is at the time t + c_s h.
+/// @returns false, with y unchanged, when `slope` returns false.
 template <const Tableau& kScheme, std::size_t kCapacity, class Slope>
 inline bool StepRungeKutta(std::array<double, kCapacity>& y, std::size_t size, double h,
                            Slope&& slope) {
@@ -38,10 +39,10 @@ inline bool StepRungeKutta(std::array<double, kCapacity>& y, std::size_t size, d
 }
 
 /// One step of a mechanical system of n coordinates by the semi-implicit Euler method: the
-/// velocities first, then the positions with the new velocities. One stage, of order 1, and stable
-/// where oscillations are.
-/// @param air_per_s  numerical air: velocities fade by this part of themselves.
-/// @returns false, with y as it was, when `slope` does.
+/// velocities first, then the positions with the new velocities. It has one stage, is of order 1,
+/// and is stable for oscillations.
+/// @param air_per_s  numerical air resistance: velocities fade at this rate [1/s].
+/// @returns false, with y unchanged, when `slope` returns false.
 template <std::size_t kCapacity, class Slope>
 inline bool StepSemiImplicitEuler(std::array<double, kCapacity>& y, std::size_t n, double h,
                                   Slope&& slope, double air_per_s = 0) {

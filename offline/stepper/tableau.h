@@ -13,15 +13,17 @@ struct Tableau {
   using Row = std::array<double, kMaxStages>;
 
   std::size_t stages;
-  /// The last stage is at the end of the step, and may stand for the first of the next.
+  /// Whether the last stage is at the end of the step and serves as the first of the next step.
   bool first_same_as_last;
-  double order;  ///< Of the error estimate, plus one.
+  /// Order of the error estimate, plus one.
+  double order;
   Row c;
   std::array<Row, kMaxStages> a;
   Row b;
-  Row error;  ///< b less the weights of an embedded scheme of lower order; 0: there is none.
+  /// b less the weights of an embedded scheme of lower order. All 0: there is none.
+  Row error;
 
-  /// Whether each stage needs the slope of the stage before it alone.
+  /// Whether each stage needs only the slope of the stage before it.
   [[nodiscard]] constexpr bool chained() const {
     for (std::size_t s = 0; s < stages; ++s) {
       for (std::size_t r = 0; r + 1 < s; ++r) {
