@@ -39,8 +39,8 @@ struct Curve {
   const char* colour = "";
 };
 
-/// As many points as there are pixels to show them: the lowest and the highest of each group of
-/// neighbours.
+/// About as many points as there are pixels to show them: the lowest and the highest point of each
+/// group of neighbours.
 std::vector<Point> Thinned(const std::vector<Point>& points) {
   constexpr std::size_t kGroups = 1000;
   const std::size_t size = points.size() / kGroups;
@@ -57,7 +57,7 @@ std::vector<Point> Thinned(const std::vector<Point>& points) {
       if (high == last || (*point)[1] > (*high)[1]) high = point;
     }
     if (low == last) {
-      thinned.push_back(*first);  // NaN: nothing was measured.
+      thinned.push_back(*first);  // It is NaN, since nothing was measured.
       continue;
     }
     thinned.push_back(*std::min(low, high));

@@ -8,11 +8,12 @@
 
 namespace tumbler {
 
-/// How well one joint followed, in one run.
+/// Figures of how well one joint followed its setpoints in one run.
 struct TrackingFigures {
   std::int64_t setpoints = 0;
-  std::int64_t missing_replies = 0;  ///< The last setpoint is not expected to be answered.
-  double error_rms_rad = 0;          ///< Of reply less setpoint.
+  /// Setpoints without a reply. The last setpoint is left out: it need not be answered.
+  std::int64_t missing_replies = 0;
+  double error_rms_rad = 0;  ///< RMS of reply less setpoint.
   double error_max_rad = 0;
   double delay_p50_s = 0;
   double delay_p99_s = 0;

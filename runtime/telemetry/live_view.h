@@ -21,15 +21,15 @@ class LiveView {
 
   [[nodiscard]] const std::optional<state_t>& state() const noexcept { return state_; }
   [[nodiscard]] const std::optional<run_t>& run() const noexcept { return run_; }
-  /// How many states did not arrive that were sent between the first and the last that did.
+  /// Number of states that did not arrive, of those sent between the first and the last that did.
   [[nodiscard]] std::int64_t lost() const noexcept { return lost_; }
 
-  /// Several lines of at most 100 columns: state, motion, joints, faults, bus, latency, last
+  /// Several lines of at most 100 columns: state, motion, joints, faults, bus, latency and the last
   /// events.
   [[nodiscard]] std::string Screen() const;
   /// The same in one line, for logs.
   [[nodiscard]] std::string Line() const;
-  /// One JSON object, units in the keys.
+  /// The same as one JSON object, with units in the keys.
   [[nodiscard]] std::string Json() const;
 
  private:

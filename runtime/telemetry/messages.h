@@ -15,10 +15,10 @@
 
 namespace tumbler {
 
-/// Sets every field of the message of one tick.
+/// Sets every field of the message about one tick.
 void FillState(const TimedRecord& timed, state_t& message);
 
-/// Tells from the records of a run, one after the other, what is an event.
+/// Finds the events of a run. It is shown every record, in order.
 class EventWatch {
  public:
   /// @param joints, nodes  their names, for the texts.
@@ -37,21 +37,22 @@ class EventWatch {
   std::int8_t last_node_ = -1;
 };
 
-/// What is said of a run as a whole, with the figures of the records so far.
+/// The message about a run as a whole, with figures of all its records so far.
 class RunMessage {
  public:
   explicit RunMessage(const RunDescription& about);
 
   void SetScheduling(const std::string& scheduling) { message_.scheduling = scheduling; }
-  /// Takes one record into the figures.
+  /// Adds one record to the figures.
   void Count(const TimedRecord& timed);
-  /// The message at this time. Its bus load is that since the message before.
+  /// The message at this time. Its bus load counts from the message before.
+  /// @param lost, unpublished  as Telemetry counts them.
   [[nodiscard]] const run_t& At(std::int64_t time_ns, std::int64_t lost, std::int64_t unpublished);
 
  private:
   run_t message_{};
   int bit_rate_;
-  std::int64_t bits_ = 0;  ///< On the bus since the message before.
+  std::int64_t bits_ = 0;  ///< Bits on the bus since the message before.
   DurationHistogram wake_up_;
   DurationHistogram tick_;
 };

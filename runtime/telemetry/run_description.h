@@ -9,17 +9,17 @@
 
 namespace tumbler {
 
-/// A run as a whole, for the message run_t.
+/// The description of a run as a whole, for the message run_t.
 struct RunDescription {
   std::string motion;
   std::string bus;
   std::string mode;  ///< `armed`, `dry run` or `simulated`
   bool attended = false;
-  double rate_hz = 1000;     ///< Of the loop.
-  int bit_rate = 1'000'000;  ///< Of the bus [bit/s].
+  double rate_hz = 1000;     ///< Rate of the loop.
+  int bit_rate = 1'000'000;  ///< Bit rate of the bus [bit/s].
   double speed = 1;
   std::vector<std::string> joints;    ///< In the order of the records.
-  std::vector<std::string> nodes;     ///< Of the sequence.
+  std::vector<std::string> nodes;     ///< Names of the sequence's nodes.
   std::vector<std::string> branches;  ///< The branches that the operator may name.
   Machine machine;
   std::string scheduling;

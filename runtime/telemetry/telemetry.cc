@@ -114,14 +114,14 @@ struct Telemetry::Implementation {
   std::atomic<bool> stop{false};
   std::thread thread;
 
-  // Used by the draining side only.
+  // Only the draining side uses these.
   std::optional<lcm::LogFile> log;
   std::unique_ptr<lcm::LCM> live;
   std::unique_ptr<std::FILE, CloseFile> trace;
   state_t message;
   EventWatch events;
   RunMessage run;
-  std::int64_t next_run_ns = 0;  // time of the next run_t on the loop's clock
+  std::int64_t next_run_ns = 0;  // time of the next run_t, on the loop's clock
   std::int64_t last_time_ns = 0;
   std::vector<std::uint8_t> buffer;
   std::string row;

@@ -9,20 +9,21 @@
 
 namespace tumbler {
 
-/// Where telemetry goes; an empty name leaves that output out.
+/// The outputs of telemetry. An empty name leaves that output out.
 struct TelemetryConfig {
   std::string log_file;    ///< LCM log, for lcm-logplayer and lcm-spy.
   std::string lcm_url;     ///< Live LCM, e.g. `udpm://239.255.76.67:7667?ttl=0`.
   std::string trace_file;  ///< CSV, one row a tick.
   RunDescription run;
-  std::int64_t utime_at_zero_us =
-      0;  ///< Log time of loop time 0: 0 for virtual time, else microseconds since 1970.
+  /// The log's time at time 0 of the loop: 0 for virtual time, else microseconds since 1970.
+  std::int64_t utime_at_zero_us = 0;
 };
 
-/// Takes records out of the control loop and writes them. LCM allocates and may block for
-/// milliseconds, so the loop only ever pushes into a ring; everything else happens in whoever
-/// drains it: a thread of its own (Start), or the caller between ticks (Drain), which in virtual
-/// time loses nothing and makes the log reproducible.
+/// Takes records out of the control loop and writes them.
+///
+/// LCM allocates and may block for milliseconds, so the loop only pushes records into a ring. They
+/// are written either by a thread that drains the ring (Start), or by the caller between ticks
+/// (Drain). In virtual time the latter loses nothing and makes the log reproducible.
 class Telemetry {
  public:
   /// @throws std::runtime_error naming the file or URL that cannot be opened.
@@ -31,18 +32,19 @@ class Telemetry {
   Telemetry(const Telemetry&) = delete;
   Telemetry& operator=(const Telemetry&) = delete;
 
-  /// From the loop: never blocks. A record that does not fit is counted as lost.
+  /// Puts a record into the ring, from the loop. It never blocks, and counts a record for which
+  /// there is no room as lost.
   void Push(const TimedRecord& record) noexcept;
 
-  /// Writes what the ring holds. Not while a thread is started.
+  /// Writes the records in the ring. Must not be called between Start and Stop.
   void Drain();
-  /// How the loop's thread is scheduled, once that is known. Before the first record: its thread
-  /// does not look at it earlier.
+  /// Sets how the loop's thread is scheduled, when that is known only after construction. Must be
+  /// called before the first Push, since the draining thread does not read it earlier.
   void SetScheduling(const std::string& scheduling);
-  /// Drains in a thread until Stop.
+  /// Starts a thread that drains the ring until Stop.
   void Start();
-  /// Ends the thread, writes the rest and flushes. @throws std::runtime_error if a file could not
-  /// be written whole.
+  /// Ends the thread, writes the remaining records and flushes.
+  /// @throws std::runtime_error  when a file could not be written whole.
   void Stop();
 
   [[nodiscard]] std::int64_t lost() const noexcept;  ///< Records that the ring had no room for.

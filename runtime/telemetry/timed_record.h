@@ -14,13 +14,14 @@ struct RequestAnswer {
   Refusal refusal = Refusal::kNone;
 };
 
-/// A tick's record, and what the loop adds to it.
+/// The record of a tick, with times and the operator's request, which the loop adds.
 struct TimedRecord {
-  std::int64_t time_ns = 0;   ///< Deadline of the tick, on the clock of the loop.
-  std::int64_t number = 0;    ///< Of this record: 0, 1, 2, ...
-  float wake_up_ns = 0;       ///< From the deadline to running.
-  float tick_ns = 0;          ///< From running to all sent.
-  std::int32_t bus_bits = 0;  ///< Of the frames received and sent, each as long as frames can be.
+  std::int64_t time_ns = 0;  ///< Deadline of the tick, on the clock of the loop.
+  std::int64_t number = 0;   ///< Number of this record: 0, 1, 2, ...
+  float wake_up_ns = 0;      ///< Time from the deadline until the loop runs.
+  float tick_ns = 0;         ///< Time from then until all frames are sent.
+  /// Bits of the frames received and sent, each counted with the most stuff bits that it can have.
+  std::int32_t bus_bits = 0;
   RequestAnswer request;
   TickRecord record;
 };
