@@ -11,7 +11,7 @@ class SmallSystem {
  public:
   explicit SmallSystem(const SmallMatrix& regular);
 
-  /// x in A x = right.
+  /// Returns the x that solves A x = right.
   [[nodiscard]] SmallVector Solve(const SmallVector& right) const;
 
  private:

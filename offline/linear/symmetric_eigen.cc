@@ -20,10 +20,11 @@ SymmetricEigen<SmallMatrix> DecomposeSymmetric(const SmallMatrix& symmetric) {
 
 template <>
 SymmetricEigen<Eigen::Matrix3d> DecomposeSymmetric(const Eigen::Matrix3d& symmetric) {
-  return Decompose(symmetric);  // Eigen reduces 3 x 3 in closed form.
+  return Decompose(symmetric);  // Eigen reduces a matrix of 3 x 3 in closed form.
 }
 
-// As a small matrix: a solver for 2 x 2 alone would take as long to compile as all of this file.
+// A matrix of 2 x 2 becomes a small matrix, because a solver for 2 x 2 alone would take as long to
+// compile as the rest of this file.
 template <>
 SymmetricEigen<Eigen::Matrix2d> DecomposeSymmetric(const Eigen::Matrix2d& symmetric) {
   const SymmetricEigen<SmallMatrix> eigen = Decompose<SmallMatrix>(symmetric);

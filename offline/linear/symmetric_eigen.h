@@ -16,8 +16,8 @@ struct SymmetricEigen {
   Vector values;
   Matrix vectors;
 
-  /// The least of all least squares solutions of A x = right. Eigenvalues below 1e-8 of the largest
-  /// count as zero.
+  /// The shortest of all least squares solutions x of A x = right. Eigenvalues below 1e-8 of the
+  /// largest, in magnitude, count as zero.
   [[nodiscard]] Vector LeastSolution(const Vector& right) const {
     const double smallest = 1e-8 * values.cwiseAbs().maxCoeff();
     Vector sum = Vector::Zero(right.size());
@@ -30,8 +30,8 @@ struct SymmetricEigen {
   }
 };
 
-/// The eigenvalues and eigenvectors of a symmetric matrix: a `SmallMatrix`, or one of 2 x 2 or
-/// 3 x 3. Only its lower triangle is read. No heap.
+/// Computes the eigenvalues and eigenvectors of a symmetric matrix, which is a `SmallMatrix`, or
+/// has 2 x 2 or 3 x 3 numbers. Only its lower triangle is read. No heap.
 template <class Matrix>
 SymmetricEigen<Matrix> DecomposeSymmetric(const Matrix& symmetric);
 

@@ -13,10 +13,10 @@ namespace {
 using Kind = CostTerm::Kind;
 using When = CostTerm::When;
 
-/// How a task names the kinds, in their order.
+/// The names of the kinds in a task, in the order of Kind.
 constexpr std::array<std::string_view, 3> kKinds = {"terminal", "terminal-linear", "effort"};
 
-/// The coordinate of the root that a term at an instant is of, and which instant.
+/// Reads the coordinate of the root and the instant that a term is about.
 void ReadCoordinate(TomlTable& table, const PlanarRobot& robot, CostTerm& term) {
   constexpr std::array<std::string_view, 2> kWhen = {"end", "settled"};
   term.when = table.Choice("when", kWhen, "end") == "end" ? When::kEnd : When::kSettled;

@@ -20,8 +20,8 @@ constexpr double kImplausible = 1e4;
 
 constexpr std::size_t Index(int i) { return static_cast<std::size_t>(i); }
 
-/// Smooth maximum of one joint's |tau| / limit and its derivative, sample by sample [KS79]:
-/// sum and slope are scaled by exp(-rho largest).
+/// A smooth maximum of |value| / limit and its derivative [KS79], of values that come one by one.
+/// `sum` and `slope` are scaled by exp(-rho largest).
 struct SmoothMaximum {
   double largest = -std::numeric_limits<double>::infinity();
   double sum = 0;
@@ -36,7 +36,7 @@ struct SmoothMaximum {
     const double value = std::abs(torque) / limit;
     Row total(slope.data(), static_cast<Eigen::Index>(slope.size()));
     if (value > largest) {
-      const double shrink = std::exp(rho * (largest - value));  // Zero at first.
+      const double shrink = std::exp(rho * (largest - value));  // zero for the first value
       sum *= shrink;
       total *= shrink;
       largest = value;
@@ -67,7 +67,7 @@ struct ForwardSensitivity::Implementation {
     for (SmoothMaximum& maximum : smooth) maximum.slope.resize(Index(parameters));
   }
 
-  // A state z holds y, then the rows of S, one after the other.
+  /// A row of S in a state z. The state holds y, then the rows of S, one after the other.
   double* Sensitivity(std::vector<double>& z, int row) const {
     return z.data() + Index(rows + row * parameters);
   }
@@ -101,7 +101,7 @@ struct ForwardSensitivity::Implementation {
     }
   }
 
-  /// The row of S' (or of dtau/dp) that belongs to g's output i: A S + B.
+  /// Writes A S + B for g's output i: a row of S', or of dtau/dp.
   void Differentiate(std::size_t i, bool moving, const std::vector<double>& z, double* out) {
     Row row(out, parameters);
     row.setZero();
@@ -126,8 +126,8 @@ struct ForwardSensitivity::Implementation {
     }
   }
 
-  /// Adds the derivative, by the parameters, of what has these derivatives by the positions (of
-  /// order 0) or velocities (of order 1) of a state.
+  /// Adds the derivatives of a quantity in the parameters to `out`.
+  /// @param by     its derivatives in the positions (order 0) or the velocities (order 1).
   void AddByState(const SceneDynamics::Numbers& by, int order, bool moving,
                   const std::vector<double>& z, double* out) const {
     Row row(out, parameters);
@@ -148,7 +148,8 @@ struct ForwardSensitivity::Implementation {
     }
   }
 
-  /// z' at time t; leaves torques and their slopes behind.
+  /// Writes z' at time t to `slope`. Torques and their derivatives stay in `robot.tau` and
+  /// `torque_slope`.
   void Evaluate(double t, bool moving, const std::vector<double>& z, std::vector<double>& slope) {
     SetPaths(t, moving);
     robot.SetFree(z.data());
@@ -171,7 +172,7 @@ struct ForwardSensitivity::Implementation {
     }
   }
 
-  /// The running cost's row of y' and S'.
+  /// Writes the rows of y' and S' of the running cost.
   void EvaluateCost(const CostPoint& here, bool moving, const std::vector<double>& z,
                     std::vector<double>& slope) const {
     double* const out = Sensitivity(slope, 2 * nf);
@@ -198,7 +199,7 @@ struct ForwardSensitivity::Implementation {
     }
   }
 
-  /// After the first stage of a step: what is looked at where steps start.
+  /// Takes the start of a step, just evaluated, into the peaks and smooth maxima.
   void Observe(bool moving, RolloutResult& result) {
     for (int j = 0; j < na; ++j) {
       const double torque = robot.tau[Index(problem.joints[Index(j)].dof)];
@@ -227,8 +228,8 @@ struct ForwardSensitivity::Implementation {
                        [](double value) { return std::abs(value) < kImplausible; });
   }
 
-  /// One phase, in which the paths are smooth: the motion, or the joints held after it. False when
-  /// the state left every plausible range.
+  /// Integrates one phase, in which the paths are smooth: the motion, or the joints held after it.
+  /// @returns false when the state left every plausible range.
   bool Integrate(double begin, double duration, bool moving, RolloutResult& result) {
     return integrator.Integrate(
         begin, duration,
@@ -287,7 +288,7 @@ struct ForwardSensitivity::Implementation {
       const SmoothMaximum& maximum = smooth[Index(j)];
       if (maximum.sum == 0) continue;
       const double excess = maximum.largest - 1 + std::log(maximum.sum) / problem.solver.sharpness;
-      if (j == na && excess < -1) continue;  // Far from the core; as in Rollout.
+      if (j == na && excess < -1) continue;  // It is far from the core. Rollout does the same.
       (j < na ? result.torque_excess[Index(j)] : result.core_excess) = excess;
       Row(outputs.data() + Index((1 + j) * parameters), parameters) =
           ConstRow(maximum.slope.data(), parameters) / maximum.sum;
@@ -299,11 +300,11 @@ struct ForwardSensitivity::Implementation {
   SceneDynamics robot;
   int nf, na;
   int parameters;
-  int rows;  // of y and S
+  int rows;  // those of y, and of S
   std::vector<int> first_parameter;
   std::vector<Spline> splines;
   std::array<Spline::Weights, kMaxJoints> weights;  // at paths_time
-  double paths_time = 0;                            // -1 after the motion
+  double paths_time = 0;                            // -1: after the motion
   Integrator integrator;
   std::vector<double> torque_slope;  // by joint, then parameter
   std::vector<double> depth_slope;   // by parameter

@@ -26,7 +26,7 @@ constexpr int kStages = static_cast<int>(kScheme.stages);
 
 constexpr std::size_t Index(int i) { return static_cast<std::size_t>(i); }
 
-/// c_s of the scheme in halves of a step: the times for which there are controls.
+/// c_s of the scheme in halves of a step. There are controls for these times.
 constexpr std::array<int, kStages> kHalfSteps = [] {
   std::array<int, kStages> half_steps{};
   for (std::size_t s = 0; s < kScheme.stages; ++s)
@@ -46,18 +46,18 @@ std::vector<double> Knots(const Problem& problem, int control_points) {
   return knots;
 }
 
-/// The three weights rows that all splines of one size share at one time.
+/// The weights of control points in q, qd and qdd at one time. All splines of one size share them.
 struct ControlWeights {
   int first = 0;
   std::array<std::array<double, Spline::kMaxDegree + 1>, 3> w{};
 };
 
-/// A term of the cost that is an integral, and what it has come to so far, without its weight.
+/// A term of the cost that is an integral. `integral` is its value so far, without its weight.
 struct RunningTerm : CostTerm {
   double integral = 0;
 };
 
-/// Path of one actuated joint at one time, or the cotangent of it.
+/// The path of one actuated joint at one time, or its cotangent.
 struct Control {
   double q = 0, qd = 0, qdd = 0;
 };
@@ -68,8 +68,8 @@ std::vector<double> ControlPoints(const Problem& problem, std::span<const double
                                   std::size_t joint) {
   const ActuatedJoint& actuated = problem.joints[joint];
   const auto free = x.subspan(Index(problem.first_parameter(joint)), Index(actuated.free_points()));
-  std::vector<double> points(
-      3, actuated.start_rad);  // Rest: three equal points fix q, and qd = qdd = 0.
+  // Three equal points fix q and make qd = qdd = 0, so that the joint is at rest.
+  std::vector<double> points(3, actuated.start_rad);
   points.insert(points.end(), free.begin(), free.end());
   points.insert(points.end(), 3, actuated.end_rad);
   return points;
@@ -170,12 +170,11 @@ struct Rollout::Implementation {
     }
   }
 
-  /// Length of a step.
   [[nodiscard]] double LengthOf(int step) const {
     return step < motion.count ? motion.step_s : settling.step_s;
   }
   /// The half step of a stage. The last stage of the motion's last step still belongs to the
-  /// motion; beyond, legs are held.
+  /// motion. All stages after it share one more half step, in which the joints are held.
   [[nodiscard]] int HalfStepOf(int step, int s) const {
     return step < motion.count ? 2 * step + kHalfSteps[Index(s)] : 2 * motion.count + 1;
   }
@@ -199,13 +198,13 @@ struct Rollout::Implementation {
     robot.TouchAndSolve();
   }
 
-  /// dg in factored form, as the rows that PullBackStage takes products with, in `order`: R^T for
-  /// the free degrees of freedom, input^T for the actuated ones, then D_q^T and D_qd^T.
+  /// Stores dg in factored form, as the rows that PullBackStage multiplies with, in `order`: R^T
+  /// for the free degrees of freedom, input^T for the actuated ones, then D_q^T and D_qd^T.
   void StoreStage(double* out) {
     robot.contact->Differentiate(robot.dynamics);
     robot.dynamics.DifferentiateFactored(derivatives);
     const auto& input = derivatives.input;
-    for (const int i : robot.free) {  // R_pp^T = -input_pp, R_ap^T = -input_ap^T = input_pa.
+    for (const int i : robot.free) {  // R_pp^T = -input_pp, R_ap^T = -input_ap^T = input_pa
       for (const int k : robot.free) *out++ = -input[Index(i)][Index(k)];
       for (const int k : actuated) *out++ = input[Index(i)][Index(k)];
     }
@@ -219,7 +218,7 @@ struct Rollout::Implementation {
     }
   }
 
-  /// The state y with the joints at their ends, where terms at an instant look.
+  /// The state y with the joints at their ends. Terms at an instant are evaluated there.
   CostPoint InstantAt(const State& y) {
     robot.SetFree(y);
     SetJoints(2 * motion.count + 1);
@@ -273,7 +272,7 @@ struct Rollout::Implementation {
 
   [[nodiscard]] bool Plausible(const State& y) const {
     for (int i = 0; i < 2 * nf; ++i) {
-      if (!(std::abs(y[Index(i)]) < kImplausible)) return false;  // Nor is a NaN.
+      if (!(std::abs(y[Index(i)]) < kImplausible)) return false;  // NaN is implausible, too.
     }
     return true;
   }
@@ -303,27 +302,28 @@ struct Rollout::Implementation {
     });
   }
 
-  /// Takes the torques of the stage that was just evaluated. @returns what the cost sees there.
+  /// Stores the torques of the stage that was just evaluated.
+  /// @returns the stage as the cost sees it.
   CostPoint TakeTorques(std::size_t stage) {
     double* const torques = &stage_torque[stage * Index(na)];
     for (int j = 0; j < na; ++j) torques[j] = robot.tau[Index(actuated[Index(j)])];
     return {robot.q, robot.qd, {torques, Index(na)}};
   }
 
-  /// Adds a stage of weight dt in time to the integrals.
+  /// Adds a stage to the integrals, with weight dt.
   void AddRunning(double dt, const CostPoint& here) {
     for (RunningTerm& term : running) term.integral = term.Accumulate(term.integral, dt, here);
   }
 
-  /// Keeps positions and velocities of the stage that was just evaluated, where the integrals
-  /// depend on them.
+  /// Stores positions and velocities of the stage that was just evaluated, if any integral depends
+  /// on them.
   void StoreRunning(std::size_t stage) {
     if (!running_of_state) return;
     double* const out = &running_states[stage * 2 * robot.n];
     std::copy_n(robot.q.begin(), robot.n, out);
     std::copy_n(robot.qd.begin(), robot.n, out + robot.n);
   }
-  /// What the cost saw at a recorded stage.
+  /// A recorded stage as the cost saw it.
   [[nodiscard]] CostPoint RecordedAt(std::size_t stage) const {
     const std::span<const double> torques(&stage_torque[stage * Index(na)], Index(na));
     if (!running_of_state) return {{}, {}, torques};
@@ -331,7 +331,7 @@ struct Rollout::Implementation {
     return {{states, robot.n}, {states + robot.n, robot.n}, torques};
   }
 
-  /// Takes what counts at the start of a step, just evaluated: peaks of torque and penetration.
+  /// Takes the start of a step, just evaluated, into the peaks of torque and penetration.
   void Inspect(int step, bool record, RolloutResult& result) {
     for (int j = 0; j < na; ++j) {
       double& peak = result.peak_torque_nm[Index(j)];
@@ -344,8 +344,8 @@ struct Rollout::Implementation {
     AddCore(record ? &core_slope[Index(step * nd)] : nullptr);
   }
 
-  /// Adds the active contacts to the sum of [KS79] for the penetration, and its slopes by the
-  /// positions.
+  /// Adds the active contacts to the sum of [KS79] for the penetration, and writes the derivatives
+  /// of what it adds in the positions to `slopes`.
   void AddCore(double* slopes) {
     if (slopes != nullptr) std::fill_n(slopes, nd, 0.0);
     const double layer = (1 - problem.solver.core_margin) * problem.scene.contact.d_on_m;
@@ -353,7 +353,7 @@ struct Rollout::Implementation {
     for (const ActiveContact<Plane>& a : robot.contact->active()) {
       const double exponent = rho * (a.depth_m / layer - 1);
       if (exponent < kNegligibleExponent) continue;
-      // Beyond 600 nothing is left to compare with.
+      // exp overflows soon after 600, and a contact that deep outweighs all others anyway.
       const double weight = std::exp(std::min(exponent, 600.0));
       core_sum += weight;
       if (slopes == nullptr || exponent > 600) continue;
@@ -363,7 +363,8 @@ struct Rollout::Implementation {
     }
   }
 
-  /// Smooth maximum over the starts of all steps, [KS79]: never below the true one.
+  /// Sets the smooth maxima over the starts of all steps [KS79]. They are never below the true
+  /// ones.
   void SetTorqueExcess(RolloutResult& result) {
     const double rho = problem.solver.sharpness;
     result.core_excess = core_sum > 0 ? std::max(-1.0, std::log(core_sum) / rho) : -1;
@@ -383,8 +384,8 @@ struct Rollout::Implementation {
     }
   }
 
-  /// The discrete adjoint of Forward, kLanes outputs at a time: row 0 is the cost, row 1 + j the
-  /// torque excess of joint j.
+  /// The discrete adjoint of Forward, kLanes outputs at a time. Row 0 of the gradient is the cost,
+  /// row 1 + j the torque excess of joint j, and the last row the core excess.
   template <class Matrix>
   void Backward(const RolloutResult& result, Matrix& gradient) {
     gradient.setZero();
@@ -406,7 +407,7 @@ struct Rollout::Implementation {
     if (lanes > 0) PullBack(gradient);
   }
 
-  /// Several outputs on their way back through the steps: each number has a lane for each.
+  /// The number of outputs that go back through the steps together, each in its own lane.
   static constexpr int kLanes = 4;
   using Lanes = Eigen::Array<double, kLanes, 1>;
   struct Lane {
@@ -420,11 +421,11 @@ struct Rollout::Implementation {
     }
     std::array<Lane, kLanes> lanes;
     std::array<Lanes, kStates> adjoint, y_bar;
-    int half_step = 0;  // which `controls` belong to
+    int half_step = 0;  // the one that `controls` belong to
     std::array<std::array<Lanes, 3>, kMaxDofs> controls;
   };
 
-  /// False for a joint without a limit.
+  /// @returns false for a joint without a limit.
   bool SetTorqueLane(const RolloutResult& result, int joint, Lane& lane) const {
     lane.limit = problem.joints[Index(joint)].limits.torque_max_nm;
     if (!std::isfinite(lane.limit)) return false;
@@ -457,7 +458,7 @@ struct Rollout::Implementation {
     }
   }
 
-  /// The cost is the first of all lanes.
+  /// The cost, when it is among the outputs, has the first lane.
   [[nodiscard]] bool has_cost() const { return pullback.lanes[0].output == 0; }
 
   void AddInstantSlopes(CostTerm::When when, const State& y) {
@@ -475,14 +476,15 @@ struct Rollout::Implementation {
     }
   }
 
-  /// Adds the derivatives of the integrals of the cost, weighted, at a recorded stage.
+  /// Adds the derivatives of the cost's weighted integrals in a recorded stage.
   void AddRunningSlopes(int step, int s, const CostSlopes& slopes) const {
     const CostPoint there = RecordedAt(Index(step * kStages + s));
     for (const RunningTerm& term : running)
       term.AddSlopes(term.weight * LengthOf(step) * kScheme.b[Index(s)], there, slopes);
   }
 
-  /// Derivatives of the outputs in the torque of joint j at a stage; `of_cost` is that of the cost.
+  /// The derivatives of the outputs in the torque of joint j at a stage.
+  /// @param of_cost  the derivative of the cost.
   Lanes TorqueSlopes(int step, int s, int j, double of_cost) const {
     Lanes slopes = Lanes::Zero();
     const std::size_t stage = Index(step * kStages + s);
@@ -500,7 +502,7 @@ struct Rollout::Implementation {
     return slopes;
   }
 
-  /// From the adjoint of a step and y_bar of the stage after this one to y_bar of this one.
+  /// Computes y_bar of a stage from the adjoint of its step and y_bar of the stage after it.
   void PullBackStage(int step, int s) {
     const double h = LengthOf(step);
     // k_bar = h b_s lambda + h a_{s+1,s} y_bar_{s+1}
@@ -509,7 +511,7 @@ struct Rollout::Implementation {
     const double a = s + 1 < kStages ? h * kScheme.a[Index(s + 1)][Index(s)] : 0;
     for (int i = 0; i < 2 * nf; ++i)
       k_bar[Index(i)] = b * pullback.adjoint[Index(i)] + a * pullback.y_bar[Index(i)];
-    // The stage's record is a matrix with rows of one length: see StoreStage.
+    // The record of the stage is a matrix with rows of nd numbers (StoreStage).
     const std::size_t stage = Index(step * kStages + s);
     const double* record = &stages[stage * Index(stage_size)];
     const auto row_times = [&](int row, const std::array<Lanes, kMaxDofs>& v) {
@@ -518,9 +520,9 @@ struct Rollout::Implementation {
       for (int i = 1; i < nd; ++i) sum += entry[i] * v[Index(i)];
       return sum;
     };
-    std::array<Lanes, kMaxDofs> r, w;  // cotangents of g's outputs, and R^T r
+    std::array<Lanes, kMaxDofs> r, w;  // the cotangents of g's outputs, and R^T r
     for (int i = 0; i < nf; ++i) r[Index(i)] = k_bar[Index(nf + i)];
-    // Derivatives of the integrals of the cost at the stage itself.
+    // The integrals of the cost also depend on the stage directly.
     std::array<double, kMaxJoints> by_torque{};
     SceneDynamics::Numbers by_q, by_qd;
     const bool by_state = running_of_state && has_cost();
@@ -543,7 +545,7 @@ struct Rollout::Implementation {
     for (int i = 0; core != nullptr && i < nf; ++i)
       pullback.y_bar[Index(i)][core_lane] += core_scale * core[i];
     const bool moving = step < motion.count;
-    // Stages at the same time have the same weights.
+    // Stages at the same time have the same weights, so their controls are summed first.
     if (const int half_step = HalfStepOf(step, s); moving && half_step != pullback.half_step) {
       AddToParameters();
       pullback.half_step = half_step;
@@ -558,7 +560,7 @@ struct Rollout::Implementation {
     if (by_state) AddStateSlopes(by_q, by_qd, moving);
   }
 
-  /// What positions and velocities at a stage mean for the integrals of the cost.
+  /// Adds the derivatives of the cost's integrals in positions and velocities of a stage.
   void AddStateSlopes(const SceneDynamics::Numbers& by_q, const SceneDynamics::Numbers& by_qd,
                       bool moving) {
     for (int i = 0; i < nf; ++i) {
@@ -573,7 +575,7 @@ struct Rollout::Implementation {
     }
   }
 
-  /// Takes the cotangents of the controls to those of the parameters.
+  /// Adds the cotangents of the controls to those of the parameters, and clears them.
   void AddToParameters() {
     for (int j = 0; j < na; ++j) {
       const ControlWeights& w = WeightsOf(j, Index(pullback.half_step));
@@ -590,31 +592,31 @@ struct Rollout::Implementation {
   }
 
   Problem problem;
-  std::unique_ptr<ForwardSensitivity> forward;  // none: the adjoint
+  std::unique_ptr<ForwardSensitivity> forward;  // null: gradients are by the adjoint
   SceneDynamics robot;
-  int nf, na, nd;  // free, actuated and all degrees of freedom
+  int nf, na, nd;  // numbers of free, actuated and all degrees of freedom
   int parameters;
   std::vector<int> actuated;  // degree of freedom of each joint
   std::vector<int> order;     // the free ones, then `actuated`
   EvenSteps motion, settling;
-  int steps;                            // of both
+  int steps;                            // of motion and settle phase
   std::size_t half_steps;               // of the motion, both ends included
   std::vector<ControlWeights> weights;  // by size of spline, then half step
-  std::vector<std::size_t> weights_of;  // which size each joint has
+  std::vector<std::size_t> weights_of;  // for each joint, the index of its size in `weights`
   std::vector<int> first_parameter;     // of each joint
   std::vector<Control> controls;        // by half step, then joint
   std::vector<double> stage_torque;     // by stage, then joint
-  std::vector<double> core_slope;       // by step, then in `order`: see AddCore
+  std::vector<double> core_slope;       // of AddCore: by step, then in `order`
   double core_sum = 0;
-  std::vector<double> stages;  // by stage: see StoreStage
+  std::vector<double> stages;  // of StoreStage: by stage
   int stage_size = 0;
   Pullback pullback;
   std::vector<Lanes> lane_gradient;
   Derivatives derivatives;
   State end_state{}, settled_state{};
   std::vector<RunningTerm> running;
-  bool running_of_state = false;       // whether any of these depends on more than torques
-  std::vector<double> running_states;  // by stage, where there are any: see StoreRunning
+  bool running_of_state = false;       // whether any of `running` depends on more than torques
+  std::vector<double> running_states;  // of StoreRunning: by stage
 };
 
 Rollout::Rollout(const Problem& problem, double step_s,
