@@ -1,5 +1,5 @@
-// tumbler-chain: whether the primitives of a sequence fit together, and what becomes of them one
-// after the other.
+// tumbler-chain: checks whether the primitives of a sequence fit together, and plays the sequence
+// in simulation.
 
 #include <fmt/format.h>
 
@@ -29,7 +29,7 @@ struct Arguments {
   std::string report;
 };
 
-/// A table of what was compared at every edge: of each quantity, the largest of all joints.
+/// Prints a table of what was compared at every edge: for each quantity, the largest of all joints.
 ExitStatus Check(const Arguments& arguments) {
   const SequenceFile file = ReadSequence(arguments.sequence);
   const std::vector<JoinComparison> comparisons = CompareJoins(file);
@@ -38,7 +38,7 @@ ExitStatus Check(const Arguments& arguments) {
   const JoinComparison* first_bad = nullptr;
   for (int e = 0; e < file.graph.edge_count; ++e) {
     const auto& edge = file.graph.edge(e);
-    std::vector<const JoinComparison*> rows;  // the largest of each quantity, in their order
+    std::vector<const JoinComparison*> rows;  // the largest of each quantity, in order
     for (const JoinComparison& c : comparisons) {
       if (c.edge != e) continue;
       if (first_bad == nullptr && !c.fits()) first_bad = &c;
@@ -71,7 +71,7 @@ ExitStatus Check(const Arguments& arguments) {
   return ExitStatus::kDone;
 }
 
-/// The margin of a node that was not played is infinite, which JSON has no number for.
+/// The number, or null, since JSON has no infinity: the margin of a node that was not played.
 nlohmann::ordered_json FiniteOrNull(double value) {
   return std::isfinite(value) ? nlohmann::ordered_json(value) : nlohmann::ordered_json(nullptr);
 }

@@ -19,7 +19,7 @@
 namespace tumbler {
 namespace {
 
-/// Writes a file that appears under its name whole or not at all.
+/// Writes a file, which appears under its name only when it is whole.
 void WriteWhole(const std::string& path, const std::string& text) {
   const std::string temporary = fmt::format("{}.{}.tmp", path, getpid());
   std::error_code error;

@@ -1,5 +1,5 @@
-// tumbler-twin: a process that is the robot: simulated drives, in front of the physics, on a
-// SocketCAN interface.
+// tumbler-twin: simulates the robot, with its drives on a SocketCAN interface and the physics
+// behind them.
 
 #include <fmt/format.h>
 
@@ -118,7 +118,7 @@ void WriteJson(const Options& options, const SimulatedRobot& robot) {
   if (!stream) throw std::runtime_error(fmt::format("{}: cannot be written", options.json));
 }
 
-/// `given`, or else what the twin file names.
+/// Returns `given`, or, when that is empty, the file that the twin file names.
 std::string FileOf(const std::string& given, const std::string& named, const char* what,
                    const char* option) {
   if (!given.empty()) return given;

@@ -123,7 +123,7 @@ PageJson TicksToJson(const RunData& run, const std::vector<std::size_t>& shown) 
   return json;
 }
 
-/// A robot's motion as the page's scripts move it.
+/// A robot's motion in the form that the page's scripts draw.
 PageJson RobotToJson(const RunData& run, const std::vector<ReportSample>& all,
                      const FlightReportOptions& options) {
   std::vector<ReportSample> samples;
@@ -165,8 +165,8 @@ PageJson RobotToJson(const RunData& run, const std::vector<ReportSample>& all,
   return json;
 }
 
-/// Counts of latencies on a logarithmic axis: bin b begins at 10^(b / 20) us. Less than 1 us is in
-/// bin 0 too.
+/// Counts of latencies on a logarithmic axis. Bin b begins at 10^(b / 20) us, and bin 0 also has
+/// the latencies below 1 us.
 PageJson LatencyToJson(const RunLatency& latency) {
   std::map<int, std::int64_t> bins;
   for (const std::int64_t value_ns : latency.values_ns) {

@@ -10,8 +10,8 @@
 
 namespace tumbler {
 
-/// Where the links of a motion's robot are: by the joints' and the root's positions, and in the
-/// plan of each node. A sequence is played on one ground with one robot.
+/// Computes where the links of a motion's robot are: for given positions of root and joints, and in
+/// the plan of each node. A sequence is played on one ground with one robot.
 class RobotPaths {
  public:
   /// @throws FileError when the texts of a primitive cannot be used.
@@ -19,18 +19,18 @@ class RobotPaths {
   ~RobotPaths();
   RobotPaths(RobotPaths&&) noexcept;
 
-  /// Links, joints, limits and ground; no samples.
+  /// The links, joints, limits and the ground, without samples.
   [[nodiscard]] const ReportData& scene() const;
 
-  /// The robot with its root at x, z, pitch and its joints, in the scene's order, at these
-  /// positions.
+  /// The robot at these positions: x, z and pitch of the root, and the joints in the scene's order.
   ReportSample Pose(const std::array<double, 3>& root, std::span<const double> joints_rad);
 
-  /// A node's primitive played alone in the nominal simulation, from its entry, and held for 2 s
-  /// after its end; at every step, as the robot plays it (roles exchanged where the node has them).
-  /// Time 0 is its start. Computed once.
+  /// The plan of a node, at every step. Its primitive is played alone in the nominal simulation,
+  /// from its entry at time 0, and held for 2 s after its end. Where the node exchanges the roles
+  /// of legs, so does the plan. It is computed once.
   const std::vector<ReportSample>& PlanOf(int node);
-  /// The same at one time, between the steps; at the ends beyond them.
+  /// The plan of a node at one time, between its steps. Before its start and after its end it
+  /// stands still.
   ReportSample PlanAt(int node, double time_s);
 
  private:
@@ -38,7 +38,7 @@ class RobotPaths {
   std::unique_ptr<Implementation> implementation_;
 };
 
-/// The same pose elsewhere: moved along x, and with whole turns of pitch added.
+/// Moves a pose along x, and turns it by `turn_rad`, which is whole turns.
 void Place(ReportSample& sample, double dx_m, double turn_rad);
 
 }  // namespace tumbler

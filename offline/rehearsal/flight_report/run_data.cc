@@ -23,7 +23,7 @@ namespace {
 constexpr double kTurn_rad = 2 * std::numbers::pi;
 /// Time between two samples of a run's plan. A display shows no finer motion.
 constexpr double kPlanSpacing_s = 0.005;
-/// A smaller force is no push.
+/// A force below this does not count as a push.
 constexpr double kPush_n = 1e-9;
 
 double Seconds(std::int64_t ns) { return static_cast<double>(ns) / 1e9; }
@@ -32,7 +32,7 @@ bool InMotion(ExecutorState state) {
   return state == ExecutorState::kRunning || state == ExecutorState::kSettling;
 }
 
-/// Whether a setpoint of the position has an effect in this tick.
+/// Whether the setpoints of position take effect in this tick.
 bool Controlled(const RunTick& tick) {
   return tick.state != ExecutorState::kDisarmed && tick.state != ExecutorState::kArming &&
          !(tick.state == ExecutorState::kFault && tick.reaction >= Reaction::kDamp);
@@ -335,8 +335,8 @@ class RunReader {
     }
   }
 
-  /// The primitive's own time at tick i [s]: at less speed slower than the clock's; past its end
-  /// while the end is held; and the time at which it was broken off after that.
+  /// The primitive's own time at tick i [s]. It advances with the speed of the run, goes on past
+  /// the primitive's end while that is held, and stands still once the motion was broken off.
   [[nodiscard]] double PlanTime(std::size_t i) {
     for (std::size_t k = last_running_; k <= i; ++k) {
       if (run_.ticks[k].state == ExecutorState::kRunning) last_running_ = k;

@@ -38,7 +38,7 @@ struct RunBand {
 
 /// One tick of a run, without its joints.
 struct RunTick {
-  double time_s = 0;  ///< Of its deadline.
+  double time_s = 0;  ///< Time of its deadline.
   std::int64_t tick = 0;
   ExecutorState state = ExecutorState::kDisarmed;
   Reaction reaction = Reaction::kIgnore;
@@ -50,33 +50,33 @@ struct RunTick {
 struct RunLatency {
   std::string name;
   std::string meaning;
-  std::vector<std::int64_t> values_ns;  ///< Sorted.
+  std::vector<std::int64_t> values_ns;  ///< In increasing order.
 
   /// The smallest value that a share of all values does not exceed [ns]; 0 without values.
   [[nodiscard]] std::int64_t PercentileNs(double share) const;
 };
 
-/// A run for the page, with every tick; or a primitive, of which only the plan is there.
+/// The data of a run for the page, with every tick; or of a primitive, which has only a plan.
 ///
 /// Time 0 is where the first motion begins (state running), so that runs can be laid over each
 /// other. In a run without a motion it is the first tick.
 struct RunData {
-  std::string name;       ///< Of the file.
-  bool recorded = false;  ///< Whether this is a run, or a primitive.
+  std::string name;       ///< Name of the file.
+  bool recorded = false;  ///< Whether this is a run, not a primitive.
   std::vector<std::pair<std::string, std::string>> facts;  ///< For people: name, value with unit.
-  ReportData scene;  ///< The robot and its ground; no samples.
+  ReportData scene;  ///< The robot and its ground, without samples.
   std::string robot_hash;
   double period_s = 0;
 
   std::vector<RunTick> ticks;            ///< Empty for a primitive.
   std::vector<JointRecord> joint_ticks;  ///< Joint j of tick i at i * joint count + j.
-  std::vector<RunEvent> events;          ///< By time.
+  std::vector<RunEvent> events;          ///< In the order of time.
   std::vector<RunBand> bands;
   std::vector<RunLatency> latencies;
 
-  /// The planned motion of the robot: in each node the nominal simulation of its primitive, placed
-  /// along x where the node before ended, and at rest between nodes. For a primitive, joint values
-  /// are those of the splines, and torques the feed-forward.
+  /// The planned motion of the robot. In each node it is the nominal simulation of the primitive,
+  /// which begins at the x where the node before ended; between nodes the robot rests. For a
+  /// primitive, joint values are those of the splines, and torques the feed-forward.
   std::vector<ReportSample> plan;
   /// The true motion of the simulated robot; empty where it is not known.
   std::vector<ReportSample> truth;
@@ -85,18 +85,19 @@ struct RunData {
   [[nodiscard]] const JointRecord& joint(std::size_t tick, std::size_t joint) const {
     return joint_ticks[tick * joint_count() + joint];
   }
-  /// The measured position less the limited setpoint that it answers [rad]; none while the position
+  /// The measured position less the limited setpoint that it answers [rad]. None while the position
   /// is not controlled, or before the first reply.
   [[nodiscard]] std::optional<double> FollowingError(std::size_t tick, std::size_t joint) const;
 };
 
 /// Reads a flight record.
-/// @param truth_log  LCM log with TUMBLER_TRUTH of that run, in place of the truth in the record;
-/// empty: none.
+/// @param truth_log  LCM log with TUMBLER_TRUTH of that run, which replaces the truth in the
+/// record;
+///                   empty: the record's.
 /// @throws RecordError, FileError or std::runtime_error  naming the file.
 RunData ReadRun(const std::string& path, const std::string& truth_log);
 
-/// Reads a primitive: its plan, played alone. @throws FileError.
+/// Reads a primitive, and computes its plan when it is played alone. @throws FileError.
 RunData ReadPlan(const std::string& path);
 
 /// The differences of one quantity of a joint between two runs, at the same ticks since their

@@ -30,7 +30,7 @@ class SimulatedWorld final : public World {
         file.RobotPitch(file.graph.start, file.PrimitiveOf(file.graph.start).entry.root_pitch_rad);
     const auto advance = [this](std::int64_t time_ns) { robot_.AdvanceTo(time_ns); };
     if (!config.bus_faults.empty()) {
-      std::vector<std::string> nodes;  // In the order in which they were attached.
+      std::vector<std::string> nodes;  // in the order in which they were attached
       for (const DriveEntry& entry : drives.drives) nodes.push_back(entry.joint);
       nodes.emplace_back("host");
       robot_.bus().SetFaults(LoadBusFaults(config.bus_faults, nodes));

@@ -4,8 +4,8 @@
 
 namespace tumbler {
 
-/// The bus `sim` of tumbler-run: the robot of a motion as a `SimulatedRobot`, or as a twin file has
-/// it.
+/// The bus `sim` of tumbler-run. It has the robot of the motion as a `SimulatedRobot`, with the
+/// settings of a twin file where one is given.
 Simulation MakeSimulation();
 
 }  // namespace tumbler

@@ -25,14 +25,14 @@ struct PostureConfig {
   std::vector<std::string> clear_links;
 };
 
-/// The robot has come to rest, or fallen.
+/// A rest or a fall of the robot.
 struct PostureEvent {
   enum class Kind { kRest, kFall };
   Kind kind = Kind::kRest;
   std::int64_t time_ns = 0;
   double root_x_m = 0, root_z_m = 0, root_pitch_rad = 0;
-  std::string pose;   ///< Of a rest: the name of the known pose; empty where it is none.
-  std::string cause;  ///< Of a fall, in words.
+  std::string pose;   ///< The known pose in which the robot rests; empty: it rests otherwise.
+  std::string cause;  ///< The cause of a fall, in words.
 };
 
 /// One line about an event for people, without its time.
@@ -44,8 +44,8 @@ struct DrivesPosture {
   bool let_go = false;  ///< Whether the host, not a watchdog or an error, has disabled all drives.
 };
 
-/// Watches a robot from outside, without knowing what it was told: whether it rests, in which of
-/// the poses that its motion begins and ends in, and whether it fell.
+/// Watches a robot from outside, without knowing its commands. It tells whether the robot rests, in
+/// which of the poses in which its motion begins or ends, and whether it fell.
 ///
 /// The robot falls when, after all drives were enabled,
 ///  - it comes to rest in a pose (height, pitch less whole turns, joints) in which no node of the

@@ -9,7 +9,7 @@
 namespace tumbler {
 namespace {
 
-/// How often the robot is looked at: falls and rests last longer.
+/// Time between two looks at the robot's posture. Falls and rests last longer.
 constexpr std::int64_t kLook_ns = 1'000'000;
 
 const DriveEntry& DriveOf(const DrivesConfig& drives, const std::string& joint) {

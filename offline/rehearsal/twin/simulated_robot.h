@@ -16,45 +16,52 @@
 
 namespace tumbler {
 
-/// The motor of a joint, seen at the joint.
+/// The motor of a joint. All quantities are at the joint, behind the gear.
 struct JointMotor {
-  std::optional<double> torque_max_nm;  ///< The motion's largest torque limit by default.
-  /// Above the base speed the torque in the direction of motion falls, to zero at the other.
+  /// None: the largest torque limit in the motion.
+  std::optional<double> torque_max_nm;
+  /// Above the base speed, the torque in the direction of motion falls. It is zero at the no-load
+  /// speed.
   double base_speed_rad_s = std::numeric_limits<double>::infinity();
   double no_load_speed_rad_s = std::numeric_limits<double>::infinity();
-  int encoder_counts_per_turn = 16384;  ///< Of the drive's shaft; 14 bits are common. 0: exact.
-  double answer_delay_s = 20e-6;        ///< See SimulatedMotorConfig::turnaround_ns.
-  double torque_time_constant_s = 0;    ///< Of the current loop.
+  /// Counts for a turn of the drive's shaft; 14 bits are common. 0: the position is exact.
+  int encoder_counts_per_turn = 16384;
+  /// Sets SimulatedMotorConfig::turnaround_ns.
+  double answer_delay_s = 20e-6;
+  /// Time constant of the current loop.
+  double torque_time_constant_s = 0;
   double ambient_c = 25;
-  /// Steady excess temperature per torque squared. Copper losses of 0.35 W/(N m)^2 through 2 K/W,
-  /// as of a geared motor of 0.5 kg that gives 9 N m for long.
+  /// Excess temperature per torque squared, when it is steady. The default stands for copper losses
+  /// of 0.35 W/(N m)^2 through 2 K/W: a geared motor of 0.5 kg that gives 9 N m for long.
   double heating_k_per_nm2 = 0.7;
   double thermal_time_constant_s = 300;
 };
 
-/// Everything about a simulated robot that its motion and its drives do not say.
+/// Settings of a simulated robot, beyond its motion and its drives.
 struct SimulatedRobotConfig {
   TwinConfig twin;
-  std::optional<PrimitivePose> start;  ///< Where it begins, at rest; the motion's start by default.
-  std::vector<JointMotor> motors;      ///< In the motion's order; those missing are as above.
+  /// The pose in which the robot begins, at rest. None: the start of the motion.
+  std::optional<PrimitivePose> start;
+  /// In the order of the motion's joints. Joints without an entry have the defaults.
+  std::vector<JointMotor> motors;
   PostureConfig posture;
 };
 
-/// A robot as its bus sees it: simulated drives in front of the twin, all on one simulated bus, and
-/// somebody who watches whether it falls.
+/// A robot as its bus sees it: simulated drives in front of a twin, all on one simulated bus. A
+/// PostureWatch sees whether it falls.
 class SimulatedRobot {
  public:
-  /// @param motion  whose robot and ground it is.
+  /// @param motion  has the robot and the ground.
   /// @param drives  one for each joint of the motion, found by name; others are left out.
-  /// @throws std::invalid_argument  when a joint has no drive, or a value is not possible;
-  /// FileError when the texts of the primitive that the motion starts with cannot be used.
+  /// @throws std::invalid_argument  when a joint has no drive, or a value is not possible.
+  /// @throws FileError              when the texts of the motion's first primitive cannot be used.
   SimulatedRobot(const SimulatedMotion& motion, const DrivesConfig& drives,
                  const SimulatedRobotConfig& config);
 
   [[nodiscard]] SimulatedBus& bus() { return bus_; }
-  /// Moves everything on to this time.
+  /// Advances bus, drives and robot to this time.
   void AdvanceTo(std::int64_t time_ns);
-  /// Picks the robot up and puts it where it began.
+  /// Puts the robot back into the pose in which it began.
   void PutBack();
 
   [[nodiscard]] std::int64_t now_ns() const { return now_ns_; }
@@ -62,7 +69,7 @@ class SimulatedRobot {
   [[nodiscard]] std::vector<TwinContact> contacts() const { return twin_->contacts(); }
   [[nodiscard]] const PostureWatch& posture() const { return *posture_; }
   [[nodiscard]] const std::vector<std::string>& joints() const { return joints_; }
-  /// Of a joint, in the motion's order.
+  /// The drive of a joint, in the motion's order.
   [[nodiscard]] const SimulatedDrive& drive(std::size_t joint) const { return *drives_[joint]; }
   [[nodiscard]] std::size_t joint_count() const { return drives_.size(); }
 
@@ -75,7 +82,8 @@ class SimulatedRobot {
   std::int64_t now_ns_ = 0;
 };
 
-/// Where the robot of a motion stands before it: the entry of its first node, in the robot's terms.
+/// The pose of the robot before a motion: the entry of its first node. Where that node exchanges
+/// the roles of legs, the pose is that of the robot, not of the roles.
 PrimitivePose StartOf(const SequenceFile& motion);
 
 }  // namespace tumbler

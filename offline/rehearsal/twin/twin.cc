@@ -14,7 +14,7 @@ constexpr std::size_t Index(int i) { return static_cast<std::size_t>(i); }
 
 int BodyOf(const PlanarRobot& robot, const std::string& link) {
   const std::vector<std::string>& names = robot.body_names;
-  // Of the root's degrees of freedom the last one moves the link.
+  // All degrees of freedom of the root have the name of its link, and the last one moves it.
   for (std::size_t i = names.size(); i-- > 0;) {
     if (names[i] == link && !robot.tree.dofs[i].massless) return static_cast<int>(i);
   }
@@ -87,9 +87,9 @@ struct Twin::Implementation {
     if (enabled_ns < 0) enabled_ns = time_ns;
   }
 
-  /// Torque of dry friction and of the stop at the joint's limit.
+  /// The torque of dry friction and of the stop at the joint's limit.
   [[nodiscard]] double Resistance(std::size_t j, double position, double velocity) const {
-    // Full friction from here on; below it a joint creeps rather than sticks, as feet do.
+    // Friction is full above this velocity. Below it a joint creeps rather than sticks, as feet do.
     static const ContactLaw creep{.v_max_m_per_s = 0.05};
     double torque = -config.joints[j].dry_friction_nm *
                     EvaluateFrictionGain(creep, velocity * velocity).gain * velocity;
@@ -108,7 +108,7 @@ struct Twin::Implementation {
     return scene.robot.shapes[Index(active.shape)].body;
   }
 
-  /// Makes the friction of each contact that of the patch which it is on.
+  /// Gives every contact on a patch the friction of the patch.
   void ApplyPatches() {
     HybridDynamics<Plane>& dynamics = robot.dynamics;
     for (const ActiveContact<Plane>& active : robot.contact->active()) {
@@ -172,8 +172,8 @@ struct Twin::Implementation {
     }
   }
 
-  /// By the midpoint rule: the step is set by the drives' loops and far below what the contact
-  /// needs.
+  /// Takes a step by the midpoint rule. The order suffices because the drives' loops need a step
+  /// that is far shorter than contact would need.
   void Integrate(double h) {
     StepRungeKutta<kMidpoint>(y, 2 * robot.n, h,
                               [this](int s, const SceneDynamics::State& state, double* k) {
@@ -197,7 +197,7 @@ struct Twin::Implementation {
   std::vector<ActiveContact<Plane>> touching;
   std::array<double, 2> push_n{};
   std::int64_t time_ns = 0;
-  std::int64_t enabled_ns = -1;  // when all drives first were
+  std::int64_t enabled_ns = -1;  // when all drives were first enabled; -1: not yet
   bool held;
   double peak_penetration = 0;
   double normal_force = 0;

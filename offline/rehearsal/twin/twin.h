@@ -15,11 +15,14 @@
 
 namespace tumbler {
 
-/// What resists in a joint.
+/// Friction and rotor inertia of a joint.
 struct JointLosses {
-  double viscous_friction_nm_s_per_rad = 0.02;  ///< Bearing and gear, on top of the URDF's damping.
-  double dry_friction_nm = 0;  ///< >= 0: Coulomb's, at full strength above 0.05 rad/s.
-  std::optional<double> rotor_inertia_kg_m2;  ///< Seen through the gear; the task's by default.
+  /// Friction of bearing and gear. It adds to the damping in the URDF.
+  double viscous_friction_nm_s_per_rad = 0.02;
+  /// Coulomb friction, >= 0. It has its full strength above 0.05 rad/s.
+  double dry_friction_nm = 0;
+  /// The rotor's inertia seen through the gear. None: the inertia in the task.
+  std::optional<double> rotor_inertia_kg_m2;
 };
 
 /// A force that somebody exerts on the robot for a while.
@@ -27,12 +30,13 @@ struct Push {
   std::string link;
   double start_s = 0;
   double duration_s = 0;
-  bool since_enabled = false;       ///< Counted from when all drives were first enabled.
-  std::array<double, 2> force_n{};  ///< x, z in the world
-  std::array<double, 2> point_m{};  ///< x, z in the link's frame
+  bool since_enabled = false;       ///< Whether `start_s` counts from when all drives were enabled.
+  std::array<double, 2> force_n{};  ///< x and z in the world.
+  std::array<double, 2> point_m{};  ///< x and z in the link's frame.
 };
 
-/// Part of an obstacle's surface with a friction of its own. Where several are, the last counts.
+/// Part of an obstacle's surface with a friction of its own. Where patches overlap, the last one
+/// counts.
 struct FrictionPatch {
   std::string obstacle;
   double mu = 0;  ///< Coefficient of friction, >= 0.
@@ -40,22 +44,28 @@ struct FrictionPatch {
   double to_x_m = std::numeric_limits<double>::infinity();
 };
 
-/// How the simulated robot is run, and where it differs from the one of its scene.
+/// Settings of a simulated robot: how it is simulated, and where it differs from its scene.
 struct TwinConfig {
-  /// Of physics and drive law; a drive's current loop runs at 20 to 40 kHz.
+  /// Step of the physics and of the drives' control law. The current loop of a drive runs at 20 to
+  /// 40 kHz.
   std::int64_t step_ns = 50'000;
-  /// Somebody holds the robot, joints and all, until every drive is enabled: limp legs do not
+  /// Whether the robot and its joints are held until every drive is enabled: limp legs do not
   /// stand.
   bool held = true;
-  std::vector<JointLosses> joints;  ///< In the robot's order; those missing are as above.
+  /// In the order of the robot's joints. Joints without an entry have the defaults.
+  std::vector<JointLosses> joints;
 
-  /// The legs' stops at the URDF's position limits: a spring that never pulls, and a damper in it.
-  double stop_stiffness_nm_per_rad = 500;  ///< A leg at 10 rad/s goes 0.04 rad into it; 0: none.
+  /// At the URDF's position limits, a joint meets a stop: a spring that never pulls, with a damper.
+  /// A leg at 10 rad/s goes 0.04 rad into it. 0: no stop.
+  double stop_stiffness_nm_per_rad = 500;
   double stop_damping_nm_s_per_rad = 2;
 
-  std::optional<ContactLaw> contact;                        ///< The scene's by default.
-  std::vector<std::pair<std::string, double>> mass_factor;  ///< Link, factor of mass and inertia.
-  std::vector<Obstacle<Plane>> obstacles;                   ///< Besides those of the scene.
+  /// None: the contact law of the scene.
+  std::optional<ContactLaw> contact;
+  /// Links, each with the factor of its mass and inertia.
+  std::vector<std::pair<std::string, double>> mass_factor;
+  /// These add to the obstacles of the scene.
+  std::vector<Obstacle<Plane>> obstacles;
   std::vector<FrictionPatch> patches;
   std::vector<Push> pushes;
 };
@@ -67,7 +77,7 @@ struct TwinContact {
   double normal_force_n = 0;
 };
 
-/// What is true of the simulated robot now, beyond what its drives report.
+/// The true state of a simulated robot, of which its drives report only a part.
 struct TwinState {
   std::int64_t time_ns = 0;
   bool held = false;
@@ -75,33 +85,34 @@ struct TwinState {
   double root_vx_m_s = 0, root_vz_m_s = 0, root_pitch_rate_rad_s = 0;
   std::vector<double> joint_positions_rad;
   std::vector<double> joint_velocities_rad_s;
-  std::vector<double> joint_torques_nm;  ///< as the drives gave them
-  double peak_penetration_m = 0;         ///< since the start
-  double normal_force_n = 0;             ///< sum over contacts
-  std::array<double, 2> push_n{};        ///< sum of all pushes that act: x, z
+  std::vector<double> joint_torques_nm;  ///< The torques that the drives exert.
+  double peak_penetration_m = 0;         ///< Since the start.
+  double normal_force_n = 0;             ///< Sum over all contacts.
+  std::array<double, 2> push_n{};        ///< Sum of all pushes that act: x, z.
 };
 
-/// The robot's physics (contact and all) behind simulated drives on a simulated bus. Robot and
-/// ground are those of a scene, but for what the configuration changes. The one place that sees
-/// both the dynamics and the firmware interface.
+/// The physics of a robot, contact included, behind simulated drives on a simulated bus. Robot and
+/// ground are those of a scene, apart from what the configuration changes. The twin is the only
+/// place that sees both the dynamics and the firmware interface.
 class Twin {
  public:
-  /// @param start   where it begins, at rest.
-  /// @param drives  one for each joint of the robot, in its order; they must outlive the twin.
-  /// @throws std::invalid_argument about a link or obstacle that is not there.
+  /// @param start   the pose in which the robot begins, at rest.
+  /// @param drives  one for each joint of the robot, in its order. They must outlive the twin.
+  /// @throws std::invalid_argument  when the configuration names a link or an obstacle that is not
+  ///                                there, a drive is missing, or the step is not positive.
   Twin(const Scene& scene, const PrimitivePose& start, const TwinConfig& config, SimulatedBus& bus,
        std::vector<SimulatedDrive*> drives);
   ~Twin();
   Twin(const Twin&) = delete;
   Twin& operator=(const Twin&) = delete;
 
-  /// Moves bus, drives and robot on to this time.
+  /// Advances bus, drives and robot to this time.
   void AdvanceTo(std::int64_t time_ns);
   [[nodiscard]] TwinState state() const;
-  /// Of the last step.
+  /// The contacts in the last step.
   [[nodiscard]] std::vector<TwinContact> contacts() const;
-  /// Somebody picks the robot up and puts it where it began, held until all drives are enabled
-  /// if it was held then.
+  /// Puts the robot back into the pose in which it began. If it was held then, it is held again
+  /// until all drives are enabled.
   void PutBack();
 
  private:
