@@ -1,10 +1,10 @@
-// One table of what the offline side costs beside what others take for the same work, and one of
-// what the fixed step leaves out of the gradient, in Markdown. usage: comparison_table
-// [INSTRUCTIONS [SEEDS]]
-//   INSTRUCTIONS  what scripts/count-instructions printed; without it that column is empty
-//   SEEDS         how many for each motion found from nothing; default 10
-// scripts/compare makes both. Times are of the processor, one thread; the best of several runs for
-// short computations, the median over seeds for whole motions.
+// Prints two tables in Markdown: the times and instructions of the offline side beside those of
+// other software for the same work, and the error that the fixed step leaves in the gradient.
+// scripts/compare runs it. usage: comparison_table [INSTRUCTIONS [SEEDS]]
+//   INSTRUCTIONS  the output of scripts/count-instructions; without it that column is empty
+//   SEEDS         number of seeds for each motion that is found from nothing; default 10
+// Times are processor times of one thread: the best of several runs for short computations, the
+// median over seeds for whole motions.
 
 #include <ctime>
 
@@ -31,9 +31,9 @@ namespace {
 
 using Gradient = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-/// What others take. Unless said otherwise: measured on one thread of an AMD Zen 4 with g++ 12.2
-/// -O3 -march=native, the same five-joint tumbler without contact; ns and, in brackets,
-/// instructions a call (callgrind, x86-64-v3).
+/// Figures of other software. Unless they say otherwise, they are for the same five-joint tumbler
+/// without contact: times on one thread of an AMD Zen 4 with g++ 12.2 -O3 -march=native and, in
+/// brackets, instructions of a call (callgrind, x86-64-v3).
 struct Peer {
   const char* work;
   const char* figures;
@@ -73,7 +73,7 @@ double CpuSeconds() {
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
-/// Best time of one call [s], of several batches of about 20 ms.
+/// The time of one call [s]: the best of several batches of about 20 ms.
 template <class Work>
 double Best(Work work) {
   int batch = 1;
@@ -92,7 +92,7 @@ double Best(Work work) {
   return best;
 }
 
-/// Instructions a call, by the names that scripts/count-instructions gives them.
+/// The instructions of a call, by the names in the output of scripts/count-instructions.
 std::map<std::string, long> ReadInstructions(const char* path) {
   std::map<std::string, long> counts;
   std::ifstream file(path);
@@ -102,7 +102,7 @@ std::map<std::string, long> ReadInstructions(const char* path) {
   }
   std::string line;
   while (std::getline(file, line)) {
-    // NAME, blanks, COUNT, blanks, BOUND: names hold single blanks only.
+    // A line is NAME, blanks, COUNT, blanks, BOUND. Names have single blanks only.
     const std::size_t gap = line.find("  ");
     if (gap == std::string::npos || gap == 0) continue;
     if (const long count = std::strtol(line.c_str() + gap, nullptr, 10); count > 0)
@@ -130,15 +130,16 @@ T Median(std::vector<T> values) {
   return *middle;
 }
 
-/// A motion that was found.
+/// A motion that was found for a task.
 struct FoundMotion {
   std::string name;
   Problem problem;
   std::vector<double> x;
 };
 
-/// Whether the motion did what it is for, joints held for 2 s after its end: within 0.05 rad of the
-/// target of its pitch and at rest; without one, half a turn further and to the left.
+/// Whether a motion serves its purpose, when joints are held for 2 s after its end. The robot then
+/// is at rest within 0.05 rad of the target of its pitch. Without a target it is half a turn
+/// further, and to the left.
 bool MeetsItsPurpose(const Problem& problem, const std::vector<double>& x) {
   std::vector<double> q, qd;
   Rollout(problem, problem.solver.step_s).Visit(x, 2.0, [&](const MotionSample& sample) {
@@ -152,7 +153,8 @@ bool MeetsItsPurpose(const Problem& problem, const std::vector<double>& x) {
   return std::abs(q[2] - target->target) < 0.05 && std::abs(qd[2]) < 0.2;
 }
 
-/// Finds a task's motion from nothing, with several seeds. @returns the first seed's.
+/// Finds a task's motion from nothing with several seeds, and prints the figures.
+/// @returns the motion of the first seed.
 FoundMotion PrintMotion(const std::filesystem::path& task, int seeds, const std::string& name,
                         const char* others) {
   Problem problem = LoadTask(task.string()).problem;
@@ -179,7 +181,7 @@ FoundMotion PrintMotion(const std::filesystem::path& task, int seeds, const std:
   return first;
 }
 
-/// The cost's gradient beside the optimum, where it is not zero, by the paper's equations.
+/// The gradient of the cost by the paper's equations, beside the optimum, where it is not zero.
 Eigen::RowVectorXd GradientOf(const FoundMotion& motion, const StepSettings& settings,
                               IntegrationStatistics* statistics = nullptr) {
   std::vector<double> x = motion.x;
@@ -191,7 +193,8 @@ Eigen::RowVectorXd GradientOf(const FoundMotion& motion, const StepSettings& set
   return gradient.row(0);
 }
 
-/// What a fixed step leaves out of the gradient: its distance from that of the adaptive scheme.
+/// Prints the error that the fixed step leaves in the gradient: its distance from the gradient of
+/// the adaptive scheme.
 void PrintStepErrors(const std::vector<FoundMotion>& motions) {
   std::printf(
       "\n| gradient beside the optimum, off that of adaptive steps (1e-10) by | 1 ms | 0.5 ms | "

@@ -1,5 +1,6 @@
-// Time of hybrid dynamics g and of its derivative dg for the shipped robot; DART's hybrid dynamics
-// (articulated bodies in three dimensions, no derivative) in the same run, as a known reference.
+// Measures the time of hybrid dynamics g and of its derivative dg for the shipped robot. DART's
+// hybrid dynamics (articulated bodies in three dimensions, no derivative) is measured in the same
+// run, as a known reference.
 
 #include <benchmark/benchmark.h>
 

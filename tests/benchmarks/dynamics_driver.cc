@@ -1,6 +1,7 @@
-// What scripts/count-instructions measures of dynamics and rollout: calls the counted function of
-// the given name and prints how many times (for a rollout, the number of its Runge-Kutta stages).
-// usage: dynamics_driver g|dg|ground_g|ground_dg|cost|gradient|long_gradient|forward
+// The program in which scripts/count-instructions counts dynamics and rollouts. It calls the
+// counted function of the given name and prints how many times (for a rollout, the number of its
+// Runge-Kutta stages). usage: dynamics_driver
+// g|dg|ground_g|ground_dg|cost|gradient|long_gradient|forward
 
 #include <cstdio>
 #include <string_view>

@@ -1,5 +1,5 @@
-// Time of finding the lamp's hop from nothing, with a contact model written for the lamp alone and
-// with the general one.
+// Measures the time of finding the lamp's hop from nothing, with a contact model written for the
+// lamp alone and with the general one.
 
 #include <benchmark/benchmark.h>
 

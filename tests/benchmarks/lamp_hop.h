@@ -10,8 +10,8 @@
 
 namespace tumbler {
 
-/// The hop of the lamp as shipped, from nothing, with the general contact model or with the one
-/// written for the lamp alone. With this seed both go the same way, within rounding.
+/// Finds the hop of the shipped lamp from nothing, with the general contact model or with the one
+/// written for the lamp alone. With this seed both take the same way, within rounding.
 class LampHop {
  public:
   LampHop() : problem_(LoadTask(testing::SourcePath("primitives/tasks/lamp_hop.toml")).problem) {

@@ -1,7 +1,7 @@
-// Runs a two-joint primitive of the shape that the optimiser writes (paths of degree 5 with 12
-// points, feed-forward of degree 3 with 48) through its ticks with drives that follow perfectly;
-// the program that scripts/count-instructions runs under callgrind. Prints the number of running
-// ticks. usage: tick_driver shared|distinct mit|cansimple|cia402
+// The program in which scripts/count-instructions counts ticks. It plays a two-joint primitive of
+// the shape that the optimiser writes (paths of degree 5 with 12 points, feed-forward of degree 3
+// with 48), with drives that follow perfectly, and prints the number of running ticks.
+// usage: tick_driver shared|distinct mit|cansimple|cia402
 //   distinct  the second joint's splines have knots of their own
 
 #include <cstdio>
@@ -18,7 +18,7 @@
 namespace tumbler {
 namespace {
 
-/// The tick of a running executor, and nothing else: what is counted.
+/// The part that is counted: the tick of a running executor, and nothing else.
 [[gnu::noinline]] void CountedTick(Executor& executor, const TickInput& input, TickOutput& output) {
   executor.Tick(input, output);
 }
@@ -28,7 +28,7 @@ int Main(bool distinct_knots, const std::string& drives_file) {
   testing::MotionShape shape;
   shape.torque_points = 48;
   Primitive<float> primitive = testing::RandomPrimitive<float>(shape, random);
-  if (distinct_knots) {  // The second joint's splines on knots of their own.
+  if (distinct_knots) {  // The second joint's splines get knots of their own.
     testing::MotionShape other = shape;
     other.control_points = 14;
     other.torque_points = 40;

@@ -1,4 +1,4 @@
-// Writes the header that motion_header_test is compiled with: awkward_header OUT.
+// Writes the header with which motion_header_test is compiled. usage: awkward_header OUT
 
 #include <fstream>
 

@@ -32,7 +32,7 @@ Spline RandomSpline(std::mt19937_64& random, int degree) {
   return spline;
 }
 
-/// The Cox-de Boor recursion as it stands in the textbook, independent of the code under test.
+/// The Cox-de Boor recursion as in textbooks, independent of the code under test.
 double CoxDeBoor(std::span<const double> u, int i, int p, double t) {
   const auto at = [&u](int k) { return u[static_cast<std::size_t>(k)]; };
   if (p == 0) return at(i) <= t && t < at(i + 1) ? 1.0 : 0.0;
@@ -142,7 +142,7 @@ TEST(BSpline, NeverExtrapolates) {
 }
 
 TEST(BSpline, ReproducesAPolynomialOfItsDegreeExactly) {
-  // Points at the Greville abscissae reproduce the straight line q = t for any knots.
+  // Points at the Greville abscissae give the straight line q = t for any knots.
   std::vector<double> knots(16);
   ASSERT_EQ(Spline::ClampedUniformKnots(5, 10, 1.5, knots), Status::kOk);
   std::vector<double> points(10);
@@ -203,8 +203,8 @@ TEST(BSpline, FloatAgreesWithDoubleToRounding) {
   }
 }
 
-/// FNV-1a over the bits of value and derivatives on a grid from before the start to beyond the end.
-/// All numbers are small multiples of powers of two, so that nothing but the evaluation rounds.
+/// FNV-1a over the bits of value and derivatives, on a grid from before the start to beyond the
+/// end. All numbers are small multiples of powers of two, so that only the evaluation rounds.
 std::uint64_t HashOfEvaluations(int degree, int n) {
   BSpline<float, 64> spline;
   std::vector<float> knots(static_cast<std::size_t>(degree), 0.0F);
@@ -228,10 +228,10 @@ std::uint64_t HashOfEvaluations(int degree, int n) {
 }
 
 TEST(BSpline, EvaluationsAreTheSameBitsOnEveryMachine) {
-  // Committed values: whatever changes them changes what existing primitives command.
+  // A change of these values changes the commands of existing primitives.
   EXPECT_EQ(HashOfEvaluations(5, 12), 6908937886072031836U);
   EXPECT_EQ(HashOfEvaluations(3, 48), 16997609321788628839U);
-  EXPECT_EQ(HashOfEvaluations(4, 20), 5257233694944414290U);  // A degree without unrolled code.
+  EXPECT_EQ(HashOfEvaluations(4, 20), 5257233694944414290U);  // Degree 4 has no unrolled code.
 }
 
 }  // namespace

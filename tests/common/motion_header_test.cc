@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "awkward_motion_header.h"  // Written by awkward_header.
+#include "awkward_motion_header.h"  // awkward_header wrote it.
 #include "common/primitive_hash.h"
 #include "tests/support/awkward_motion.h"
 

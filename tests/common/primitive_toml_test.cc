@@ -35,7 +35,7 @@ Spline MakeSpline(int degree, const std::vector<double>& interior_knots, double 
   return spline;
 }
 
-/// Fills in everything that follows from the motions.
+/// Sets everything in the file that follows from the motions.
 void Complete(PrimitiveFile& file) {
   file.entry.joint_positions_rad.clear();
   file.exit.joint_positions_rad.clear();
@@ -52,7 +52,7 @@ void Complete(PrimitiveFile& file) {
   file.provenance.task_hash = HashOfText(file.provenance.task_toml);
 }
 
-/// Two joints with numbers that are easy to find in the text.
+/// A primitive of two joints with numbers that are easy to find in the text.
 PrimitiveFile Example() {
   PrimitiveFile file;
   Primitive<double>& primitive = file.primitive;
@@ -174,7 +174,7 @@ void ExpectSame(const PrimitiveFile& a, const PrimitiveFile& b) {
   EXPECT_EQ(p.task_toml, q.task_toml);
 }
 
-/// Any finite double, all exponents alike: denormals and both zeros included.
+/// A random finite double. All exponents are equally likely, denormals and both zeros included.
 double AnyFinite(std::mt19937_64& random) {
   if (random() % 16 == 0)
     return random() % 2 == 0 ? -0.0 : std::bit_cast<double>(random() % 1000 + 1);
@@ -186,7 +186,7 @@ double AnyFinite(std::mt19937_64& random) {
 
 double AnyNonNegative(std::mt19937_64& random) { return std::abs(AnyFinite(random)); }
 
-/// Any double within [-limit, limit], of any magnitude.
+/// A random double within [-limit, limit], of any magnitude.
 double AnyWithin(std::mt19937_64& random, double limit) {
   for (;;) {
     const double value = AnyFinite(random);
@@ -326,7 +326,7 @@ TEST(PrimitiveToml, LoadsAFileAndNamesAMissingOne) {
 }
 
 TEST(PrimitiveToml, HashOfTextIsFnv1a) {
-  // Vectors of the reference implementation (Fowler, Noll, Vo; test_fnv.c).
+  // These vectors are those of the reference implementation (Fowler, Noll, Vo; test_fnv.c).
   EXPECT_EQ(HashOfText(""), "fnv1a64:cbf29ce484222325");
   EXPECT_EQ(HashOfText("a"), "fnv1a64:af63dc4c8601ec8c");
   EXPECT_EQ(HashOfText("foobar"), "fnv1a64:85944171f73967e8");
@@ -373,7 +373,7 @@ TEST(PrimitiveToml, MarginsAreDistancesOfTheControlPolygonToTheLimits) {
   const LimitMargins margins = MarginsOf(Example().primitive);
   EXPECT_DOUBLE_EQ(margins.position_rad, 1.0 - 0.3125);
   EXPECT_DOUBLE_EQ(margins.torque_nm, 0.5);
-  // The fastest control point is the first joint's, (0.3125 - 0.125) * 5 / (1.25 - 0).
+  // The fastest control point is of the first joint: (0.3125 - 0.125) * 5 / (1.25 - 0).
   EXPECT_NEAR(margins.velocity_rad_s, 10.0 - 5 * 0.1875 / 1.25, 1e-12);
 }
 
@@ -677,7 +677,7 @@ TEST(PrimitiveToml, NeverLoadsATruncatedFile) {
     }
   }
   EXPECT_EQ(loaded, 0);
-  // The last bytes one by one: only the line feed at the very end may go.
+  // The last bytes are cut off one by one. Only the line feed at the very end may be missing.
   for (std::size_t size = text.size() - 20; size + 1 < text.size(); ++size) {
     EXPECT_THROW(ParsePrimitive(text.substr(0, size), "cut.toml"), FileError) << size;
   }
@@ -692,14 +692,14 @@ TEST(PrimitiveToml, SurvivesRandomDamage) {
     for (std::size_t k = 1 + random() % 3; k > 0; --k)
       text[random() % text.size()] = static_cast<char>(random());
     try {
-      // What is accepted must be consistent in itself: it can be written and read again.
+      // An accepted text must be consistent in itself: it can be written and read again.
       ParsePrimitive(ToToml(ParsePrimitive(text, "damaged.toml")), "again.toml");
       ++accepted;
     } catch (const FileError&) {
     }
   }
-  // Comments, certificate figures that nothing can check, and names of files are about a third of
-  // the text.
+  // About a third of the text is comments, figures of the certificate that nothing can check, and
+  // names of files.
   EXPECT_LT(accepted, 1500);
 }
 
@@ -765,7 +765,7 @@ TEST(PrimitiveToRuntime, ResultHoldsItsOwnLimitsAndWidensThemByRoundingOnly) {
     for (int i = 1; i < 9; ++i) interior.push_back(1.2 * i / 9);
     motion.position = MakeSpline(5, interior, 1.2, points);
     motion.torque = MakeSpline(0, {}, 1.2, {0.1});
-    // Every limit is active, as an optimum has it.
+    // Every limit is active, as in an optimum.
     const auto magnitude = [&motion](int d) {
       const auto bounds = motion.position.Bounds(d);
       return std::max(std::abs(bounds.min), std::abs(bounds.max));
@@ -790,13 +790,13 @@ TEST(PrimitiveToRuntime, ResultHoldsItsOwnLimitsAndWidensThemByRoundingOnly) {
       if (now > static_cast<float>(magnitude(d))) ++widened;
     }
   }
-  EXPECT_GT(widened, 20);  // Otherwise nothing above was put to the test.
+  EXPECT_GT(widened, 20);  // With fewer, the checks above tested nothing.
 }
 
 TEST(PrimitiveToRuntime, RefusesWhatRoundingWouldDistort) {
   PrimitiveFile file = Example();
   auto& motion = file.primitive.joints[0];
-  // Knots 1e-9 s apart are the same time to a float.
+  // As floats, knots 1e-9 s apart are equal.
   motion.position =
       MakeSpline(5, {0.5, 0.5 + 1e-9}, 1.25, {0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1});
   try {
@@ -805,7 +805,7 @@ TEST(PrimitiveToRuntime, RefusesWhatRoundingWouldDistort) {
   } catch (const std::invalid_argument& error) {
     EXPECT_THAT(error.what(), AllOf(HasSubstr("joint 'left'"), HasSubstr("same time")));
   }
-  // Knots 1 us apart leave two or three digits of an acceleration.
+  // With knots 1 us apart, an acceleration has two or three right digits.
   motion.position =
       MakeSpline(3, {0.7, 0.700001, 0.700002}, 1.25, {1.3, 1.3, 1.3, 1.3000003, 1.3, 1.3, 1.3});
   const auto bounds = motion.position.Bounds(2);

@@ -61,7 +61,7 @@ TEST(RingBuffer, AgreesWithADequeUnderRandomUse) {
   }
 }
 
-// Large enough that a torn or early read would show: all words of an element are equal.
+// An element so large that a torn or early read would show, since all its words are equal.
 struct Wide {
   std::uint64_t words[9];
 };

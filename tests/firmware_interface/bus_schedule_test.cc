@@ -23,7 +23,7 @@ TEST(BusSchedule, TwoDrivesAtOneKilohertzTakeFiftyFourPercent) {
 }
 
 TEST(BusSchedule, KeepsRoomInEachTickForOneErrorAndTheFrameAgain) {
-  // By hand: 540 + 31 + 135 = 706 bits a tick, 1e6 / 706 = 1416.4 Hz.
+  // A tick has 540 + 31 + 135 = 706 bits, so that 1e6 / 706 = 1416.4 Hz are possible.
   const BusSchedule schedule = TwoDrives(1416);
   EXPECT_TRUE(schedule.feasible());
   EXPECT_NEAR(schedule.ceiling_hz(), 1416.43, 0.01);

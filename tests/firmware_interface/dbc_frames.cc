@@ -1,6 +1,6 @@
-// Writes frames of every kind that the codecs make, from random values, and what the codecs read
-// from them, for every protocol: see tests/support/frame_samples.h.
-// tests/firmware_interface/dbc_check.py holds the .dbc files against it.
+// Writes random frames of every kind that the codecs of each protocol make, with the values that
+// the codecs read from them (tests/support/frame_samples.h). tests/firmware_interface/dbc_check.py
+// compares the .dbc files with them.
 
 #include <string>
 #include <string_view>

@@ -1,11 +1,11 @@
-// What every drive owes its user, whatever its protocol: the same tests run against each simulated
-// drive and, with
+// The contract that every drive keeps, whatever its protocol. The same tests run against each
+// simulated drive and, with
 //
 //   drive_contract_test --bus can0 --drives drives.toml --joint leg1 [--arm]
 //
-// against a real one. Without --arm no test enables it. With it the joint turns by up to 0.2 rad to
-// either side of where it stands: let it move freely. Tests that need to break something (raise an
-// error, turn the joint by hand) run in simulation only.
+// against a real one. Without --arm no test enables the drive. With --arm the joint turns by up to
+// 0.2 rad to either side of its position and must be free to move. Tests that have to break
+// something (raise an error, turn the joint by hand) run in simulation only.
 
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -41,7 +41,7 @@ struct Options {
 };
 
 Options& TheOptions() {
-  static Options options;  // GoogleTest makes the cases before a test can be given anything.
+  static Options options;  // static, because the cases of GoogleTest cannot be given arguments
   return options;
 }
 
@@ -52,7 +52,8 @@ struct Case {
   testing::WireSteps steps;
   double rate_hz = 1000;
 
-  /// How far rounding to the wire goes, at the shaft: half a step, and of a position a float's.
+  /// The largest error at the shaft that rounding to the wire makes: half a step and, for a
+  /// position, the rounding of a float.
   [[nodiscard]] double position_resolution_rad() const {
     return 0.5001 * steps.position_rad + 1e-6;
   }
@@ -81,7 +82,7 @@ std::vector<Case> Cases() {
   for (const testing::TestedProtocol& protocol : testing::EveryProtocol()) {
     cases.push_back(load(testing::SourcePath(protocol.drives), 0));
     cases.back().name = protocol.name;
-    // Mounted the other way round, behind a gear, with a zero elsewhere.
+    // This drive is mounted the other way round, behind a gear, with its zero elsewhere.
     Case geared = cases.back();
     geared.name += "_geared";
     std::visit(
@@ -96,7 +97,7 @@ std::vector<Case> Cases() {
   return cases;
 }
 
-/// A drive, its host and the bus between them.
+/// A drive, its host, and the bus between them.
 class World {
  public:
   World() = default;
@@ -173,7 +174,7 @@ class DriveContract : public ::testing::TestWithParam<Case> {
     ReceivedFrame received;
     while (world_->bus().Receive(received) == Status::kOk) host().Decode(received.frame);
   }
-  /// One tick of a control loop; how the drive took the setpoint.
+  /// Makes one tick of a control loop. @returns how the drive took the setpoint.
   Status TryTick(DriveRequest request, const DriveSetpoint& setpoint) {
     Listen();
     FrameBatch batch;
@@ -205,7 +206,7 @@ class DriveContract : public ::testing::TestWithParam<Case> {
     return TickUntil([&] { return host().state() == state; }, time_s, request, setpoint);
   }
 
-  /// A setpoint that holds the joint there.
+  /// A setpoint that holds the joint at a position.
   [[nodiscard]] DriveSetpoint Hold(float position_rad) const {
     DriveSetpoint setpoint;
     setpoint.position_rad = position_rad;
@@ -230,7 +231,7 @@ class DriveContract : public ::testing::TestWithParam<Case> {
   double period_s_ = 0.001;
 };
 
-// On a real bus the motor turns only where the user has said so.
+// On a real bus the motor turns only when the user has allowed it.
 #define NEEDS_ARM() \
   if (TheOptions().real() && !TheOptions().arm) GTEST_SKIP() << "drives the motor: add --arm"
 #define NEEDS_SIMULATION() \
@@ -284,7 +285,7 @@ TEST_P(DriveContract, ArmsWhereItStandsThroughEnablingOnly) {
   NEEDS_ARM();
   ASSERT_TRUE(FindDrive());
   const float start = host().feedback().position_rad;
-  // What the executor wants lies elsewhere; until the drive is enabled it must not be gone for.
+  // The executor's setpoint is elsewhere. The drive must not move to it before it is enabled.
   const DriveSetpoint elsewhere = Hold(start + 0.2F);
   bool enabling = false;
   for (double t = 0; t < 2 && host().state() != DriveState::kEnabled; t += period_s_) {
@@ -320,7 +321,7 @@ TEST_P(DriveContract, SetpointReachesTheDriveWithinItsResolution) {
     ASSERT_NEAR(encoded.torque_nm, asked.torque_nm,
                 GetParam().torque_resolution_nm() * ratio + 1e-6);
     if (simulated_ == nullptr) continue;
-    // With synchronous PDOs it takes the next tick's SYNC, and a period of interpolation.
+    // With synchronous PDOs this takes the SYNC of the next tick, and a period of interpolation.
     Tick(DriveRequest::kEnable, asked);
     Tick(DriveRequest::kEnable, asked);
     ASSERT_TRUE(simulated_->drive->target_rad().has_value());
@@ -362,7 +363,7 @@ TEST_P(DriveContract, NothingBeyondItsRangesIsEverEncoded) {
       DriveSetpoint asked = Hold(sign * value);
       asked.velocity_rad_s = sign * value;
       asked.torque_nm = sign * value;
-      FrameBatch batch;  // It is not sent: a drive may well take such a jump for an error.
+      FrameBatch batch;  // It is not sent, since a drive may take such a jump for an error.
       ASSERT_EQ(host().Encode(DriveRequest::kEnable, asked, batch), Status::kOk);
       const DriveSetpoint encoded = host().encoded_setpoint();
       const float position = joint().ToDrivePosition(encoded.position_rad);
@@ -406,7 +407,7 @@ TEST_P(DriveContract, EnablesAgainAfterDisabling) {
     ASSERT_TRUE(Arm()) << i;
     const DriveSetpoint hold = HoldHere();
     Ticks(0.05, DriveRequest::kEnable, hold);
-    // Without waiting for the drive to confirm.
+    // The host does not wait for the drive to confirm.
     Ticks(0.001 * i, DriveRequest::kDisable);
   }
   const DriveSetpoint hold = HoldHere();
@@ -461,7 +462,7 @@ TEST_P(DriveContract, ReportsAnErrorAndDoesNotClearItByItself) {
   stays(1, DriveRequest::kEnable);
   stays(0.5, DriveRequest::kDisable);
   stays(1, DriveRequest::kEnable);
-  // The operator's order.
+  // The operator orders it.
   Tick(DriveRequest::kClearErrors);
   const bool cleared =
       TickUntil([&] { return host().state() != DriveState::kFault; }, 0.5, DriveRequest::kDisable);
@@ -492,7 +493,7 @@ TEST_P(DriveContract, LeftAloneItsWatchdogTakesOverInTheStatedTime) {
   } else {
     world_->Advance(2 * watchdog_s + 0.3);
   }
-  // The host is back, and asks for what it asked for before.
+  // The host is back, and repeats its last request.
   Ticks(0.3, DriveRequest::kEnable, hold);
   Listen();
   if (nature().latches_watchdog) {
@@ -528,7 +529,7 @@ INSTANTIATE_TEST_SUITE_P(Drives, DriveContract, ::testing::ValuesIn(Cases()),
 }  // namespace tumbler
 
 int main(int argc, char** argv) {
-  // GoogleTest makes the cases in InitGoogleTest: what they are made of has to be known by then.
+  // GoogleTest makes the cases in InitGoogleTest, so the options have to be read before.
   std::vector<char*> rest{argv[0]};
   tumbler::Options& options = tumbler::TheOptions();
   for (int i = 1; i < argc; ++i) {

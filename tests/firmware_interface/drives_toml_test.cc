@@ -65,8 +65,8 @@ TEST(DrivesToml, ShippedFilesDescribeTheTumblerInEveryProtocol) {
   EXPECT_EQ(second.heartbeat_ticks_max, 26) << "two and a half heartbeats of 10 ms";
   EXPECT_EQ(second.estimates_per_tick_max, 2) << "one a tick, and one for drift";
   EXPECT_EQ(second.range.torque_nm.max, 18);
-  // Two of each: setpoint and estimate each tick, heartbeat and torques every 10th, temperature
-  // every 100th; 135 bits each.
+  // Each of the two drives has setpoint and estimate in each tick, heartbeat and torques in every
+  // 10th, and temperature in every 100th. Each frame has 135 bits.
   EXPECT_EQ(can.WorstCaseTickBits(), static_cast<int>(std::ceil(2 * 135 * (2 + 0.2 + 0.01))));
 
   const DrivesConfig cia402 = LoadDrives(kShippedCia402);
@@ -78,7 +78,7 @@ TEST(DrivesToml, ShippedFilesDescribeTheTumblerInEveryProtocol) {
   EXPECT_EQ(first.watchdog_reaction, 1);
   EXPECT_EQ(first.velocity_units_per_turn_s, 65536);
   EXPECT_TRUE(first.feed_forward);
-  // SYNC 55 bits, PDOs of 6 bytes 115, heartbeats of 1 byte 65.
+  // SYNC has 55 bits, PDOs of 6 bytes have 115, heartbeats of 1 byte have 65.
   EXPECT_EQ(cia402.WorstCaseTickBits(),
             static_cast<int>(std::ceil(55 + 65 / 8.0 + 2 * (115 * 3.25 + 65 / 100.0))));
   for (const DrivesConfig& config : {can, cia402}) {
@@ -105,7 +105,7 @@ TEST(DrivesToml, TheExampleOfEveryProtocolHasTheDrivesThatTheCoreHas) {
       const typename Protocol::Config example = Protocol::Example(i);
       EXPECT_EQ(Protocol::TrafficOf(entry, read, 1000).host_sends,
                 Protocol::TrafficOf(entry, example, 1000).host_sends);
-      // What is asked for goes out in the same bytes.
+      // The same requests go out in the same bytes.
       typename Protocol::Host first(read);
       typename Protocol::Host second(example);
       for (int tick = 0; tick < 10; ++tick) {
@@ -119,7 +119,7 @@ TEST(DrivesToml, TheExampleOfEveryProtocolHasTheDrivesThatTheCoreHas) {
 }
 
 TEST(DrivesToml, OneFileHoldsAnyMixtureOfProtocols) {
-  // The second MIT drive in place of the second ODrive.
+  // The second MIT drive takes the place of the second ODrive.
   const std::string can = ShippedText(kShippedCanSimple);
   const std::string mit = ShippedText();
   const std::string mixed =

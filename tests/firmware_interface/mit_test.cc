@@ -23,8 +23,8 @@ CanFrame CommandFrame(std::array<std::uint8_t, 8> data) {
 
 TEST(MitCodec, CommandsHaveTheBytesOfTheProtocol) {
   const MitConfig config;
-  // Codes worked out by hand: p 0x8000, v 0x800, kp 200 / 500 * 4095 = 1638 = 0x666, kd 4 / 5 *
-  // 4095 = 3276 = 0xccc, t 0x800: zero lies half a step below, and rounds up.
+  // The codes are worked out by hand: p 0x8000, v 0x800, kp 200 / 500 * 4095 = 1638 = 0x666,
+  // kd 4 / 5 * 4095 = 3276 = 0xccc, t 0x800. Zero lies half a step below, and rounds up.
   const CanFrame frame = EncodeMitCommand(config, {0, 0, 200, 4, 0});
   EXPECT_EQ(frame, CommandFrame({0x80, 0x00, 0x80, 0x06, 0x66, 0xcc, 0xc8, 0x00}));
   EXPECT_EQ(EncodeMitCommand(config, {-12.5F, -50, 0, 0, -18}), CommandFrame({}));
@@ -67,7 +67,7 @@ TEST(MitCodec, MagicFramesAreThoseOfTheProtocol) {
 }
 
 TEST(MitCodec, EveryCodeOfEveryFieldRoundTrips) {
-  MitRanges odd;  // Ranges that are neither symmetric nor round.
+  MitRanges odd;  // Its ranges are neither symmetric nor round.
   odd.position_rad = {-95.5F, 95.5F};
   odd.velocity_rad_s = {-25.64F, 25.64F};
   odd.torque_nm = {-9.7F, 31.3F};
@@ -115,7 +115,7 @@ TEST(MitCodec, RoundsToTheNearestCodeWithoutBias) {
       ASSERT_LE(std::abs(error), 0.505 * step);
       sum += error;
     }
-    // Truncation would give half a step; the mean of so many uniform errors has a standard
+    // Truncation would give half a step. The mean of this many uniform errors has a standard
     // deviation of 0.001 steps.
     EXPECT_LT(std::abs(sum / kTrials), 0.01 * step);
   };
@@ -140,7 +140,7 @@ TEST(MitCodec, ClampsAndIsDefinedForEveryFloat) {
 TEST(MitCodec, NoSetpointIsEverAMagicFrame) {
   const MitConfig config;
   const MitRanges& r = config.command;
-  // The codes next to full scale, in every combination, with every torque code.
+  // These are the codes next to full scale, in every combination, with every torque code.
   for (int dp = 0; dp < 3; ++dp) {
     for (int low = 0; low < 8; ++low) {
       for (int t = 0; t <= 0xfff; ++t) {
@@ -159,7 +159,7 @@ TEST(MitCodec, NoSetpointIsEverAMagicFrame) {
         ASSERT_FALSE(DecodeMitMagic(config, frame, magic));
         MitCommand decoded;
         ASSERT_EQ(DecodeMitCommand(config, frame, decoded), Status::kOk);
-        // The guard costs at most one step of position, and only where it is needed.
+        // The guard costs at most one step of position, and only when it is needed.
         const bool guarded = dp == 0 && low == 0 && t >= 0xffc && t <= 0xffe;
         ASSERT_EQ(frame.data[0] << 8 | frame.data[1], 0xffff - dp - (guarded ? 1 : 0));
       }
@@ -244,7 +244,7 @@ TEST(MitCodec, DecodersTakeExactlyTheirFrames) {
                    : (random() % 2 == 0 ? 1U : static_cast<std::uint32_t>(random() % 0x800));
     frame.extended = random() % 8 == 0;
     frame.remote = random() % 8 == 0;
-    frame.size = static_cast<std::uint8_t>(random() % 10);  // 9 is out of range on purpose.
+    frame.size = static_cast<std::uint8_t>(random() % 10);  // 9 is out of range on purpose
     for (auto& byte : frame.data) byte = static_cast<std::uint8_t>(random());
     if (random() % 2 == 0) frame.data[0] = 1;
     const bool plain = !frame.extended && !frame.remote;

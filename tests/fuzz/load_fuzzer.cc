@@ -1,8 +1,9 @@
-// Feeds anything to what reads a task and a robot. Either it is refused with a FileError that says
-// why, or what was read holds what everything behind the loader takes for granted.
+// Feeds arbitrary bytes to the loaders of a task and a robot. Either they refuse the input with a
+// FileError that says why, or the result has all the properties that the code behind the loaders
+// relies on.
 //
-// Linked with libFuzzer it looks for inputs by itself (scripts/fuzz); linked with replay.cc it runs
-// those of the corpus, as one of the normal tests.
+// Linked with libFuzzer, the program looks for inputs by itself (scripts/fuzz). Linked with
+// replay.cc, it runs the inputs of the corpus, as one of the normal tests.
 
 #include <algorithm>
 #include <cmath>
@@ -22,7 +23,7 @@
 namespace tumbler {
 namespace {
 
-/// Between the task and the robot, where an input has both.
+/// Separates the task from the robot in an input with both.
 constexpr std::string_view kSeam = "\n#### ROBOT ####\n";
 
 void Require(bool holds, const char* what) {
@@ -80,7 +81,7 @@ void CheckProblem(const Problem& problem) {
   TUMBLER_REQUIRE(problem.scene.robot.shapes.size() * problem.scene.obstacles.size() <= 1000);
 }
 
-/// Runs `read`; a refusal must be one that a person can use.
+/// Runs `read`. A refusal must be one that a person can use.
 template <class Read>
 void ReadOrRefuse(const Read& read) {
   try {
@@ -112,7 +113,8 @@ void LoadInSpace(const std::string& text) {
 }  // namespace
 }  // namespace tumbler
 
-/// A task, the seam and a robot; or one of the two, which then meets the good other one.
+/// An input is a task, the seam and a robot; or one of the two, which is read with a good other
+/// one.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   static const std::string good_task = tumbler::testing::GoodTask();
   static const std::string good_robot = tumbler::testing::GoodRobot();

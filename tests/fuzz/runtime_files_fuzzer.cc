@@ -1,7 +1,7 @@
-// Feeds anything to the loaders of what the runtime reads: primitives, sequences, drives, faults,
-// bus faults and, where there is a simulation, twin files. Each looks at every input: all but one
-// refuse it by its first line. Either it is refused with a FileError that says why, or what was
-// read holds what everything behind the loader takes for granted.
+// Feeds arbitrary bytes to the loaders of the runtime's files: primitives, sequences, drives,
+// faults, bus faults and, where there is a simulation, twin files. Each loader gets every input,
+// and all but one refuse it by its first line. Either a loader refuses the input with a FileError
+// that says why, or the result has all the properties that the code behind the loader relies on.
 
 #include <cmath>
 #include <cstdint>
@@ -32,7 +32,7 @@ void Require(bool holds, const char* what) {
 }
 #define TUMBLER_REQUIRE(condition) Require(condition, #condition)
 
-/// Runs `read`; a refusal must be one that a person can use.
+/// Runs `read`. A refusal must be one that a person can use.
 template <class Read>
 void ReadOrRefuse(const Read& read) {
   try {
@@ -47,7 +47,7 @@ void ReadOrRefuse(const Read& read) {
 const std::string kFolder = testing::SourcePath("primitives/");
 
 #ifdef TUMBLER_HAS_SIMULATION
-/// The motion whose robot a twin file is about.
+/// The motion with the robot that a twin file is about.
 const SimulatedMotion& Gait() {
   static const SimulatedMotion gait(LoadMotion(kFolder + "gait.toml"));
   return gait;

@@ -1,6 +1,6 @@
-// Uses one thing of every installed library: a task and its dynamics, a primitive from text and
-// back, its splines, a drive's frame on a simulated bus, the executor's configuration and the clock
-// of the Linux shell.
+// Uses something of every installed library: a task and its dynamics, a primitive as text, its
+// splines, a drive's frame on a simulated bus, the executor's configuration, and the clock of the
+// Linux shell.
 
 #include <cmath>
 #include <cstdio>
@@ -24,7 +24,7 @@ namespace {
 
 using namespace tumbler;
 
-/// The straight path from start to end of every joint: not a good motion, but a legal one.
+/// The straight path from start to end of every joint. It is not a good motion, but a valid one.
 Solution StraightLine(const Problem& problem, Rollout& rollout) {
   Solution solution;
   for (const ActuatedJoint& joint : problem.joints) {

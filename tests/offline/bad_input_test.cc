@@ -1,6 +1,5 @@
-// Every mistake that a task or a robot can hold ends the program with a message that names file,
-// line, key and what is allowed, and with nothing written. Mistakes are data: see
-// tests/data/bad_inputs.
+// Every mistake in a task or a robot ends the program with a message that names file, line, key and
+// what is allowed, and nothing is written. The mistakes are in tests/data/bad_inputs.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -74,7 +73,7 @@ TEST_F(BadInputFolder, HasNearly200AndNoTwoAreTheSame) {
     EXPECT_TRUE(names.insert(input.name).second) << input.name << " is listed twice";
     EXPECT_TRUE(texts.insert(input.text).second || input.text.empty())
         << input.name << " has the text of another";
-    // The name and the line tell two files apart in any case; what is wrong must do so by itself.
+    // Names and lines differ in any case, so the problem in the message must differ, too.
     const std::size_t place = input.message.find(": ");
     ASSERT_NE(place, std::string::npos) << input.name;
     EXPECT_TRUE(said.insert(input.message.substr(place)).second)
@@ -118,7 +117,8 @@ TEST_F(BadInputFolder, TheChecksOfARobotSayTheSame) {
     Program program({testing::ProgramPath("tumbler-model"), "check", folder_ / input.name});
     const int status = program.Wait();
     const std::string text = WithoutFolder(program.text());
-    // What a robot in general may have, but none of a task, is a remark in the table of its parts.
+    // Where robots in general may have something that those of tasks may not, the table of the
+    // robot's parts has a remark about it.
     if (status == 0) {
       EXPECT_THAT(text, HasSubstr("tumbler-optimize does not take it: " + input.message + "\n"));
     } else {
@@ -132,7 +132,7 @@ struct Place {
   std::size_t offset, length;
 };
 
-/// Where a number stands behind one of `before`, with one of the characters `behind` after it.
+/// The places of numbers between one of the texts `before` and one of the characters `behind`.
 std::vector<Place> FindNumbers(const std::string& text, const std::vector<std::string>& before,
                                const std::string& behind) {
   std::vector<Place> places;
@@ -155,7 +155,7 @@ int LineAt(const std::string& text, std::size_t offset) {
                                          text.begin() + static_cast<std::ptrdiff_t>(offset), '\n'));
 }
 
-/// The shipped task with every number that a task can hold.
+/// The shipped task with every number that a task can have.
 std::string TaskWithEveryNumber() {
   std::string text = ShippedTask();
   text = Replaced(text, "pitch_rad = 0.0", "pitch_rad = 0.0\nx_m = 0.0\nz_m = 0.25", "[start]");
@@ -206,7 +206,7 @@ TEST(BadInputEverywhere, NoNumberOfATaskMayBeNanOrInfinite) {
 TEST(BadInputEverywhere, NoNumberOfARobotMayBeNanOrInfiniteOrHaveSomethingBehindIt) {
   const std::string text = ShippedRobot();
   std::vector<Place> places = FindNumbers(text, {"=\""}, "\" ");
-  places.erase(places.begin());  // That of <?xml version?>.
+  places.erase(places.begin());  // The first number is that of <?xml version?>.
   ASSERT_GE(places.size(), 50U);
   for (const Place& place : places) {
     for (const std::string value : {"nan", "-inf", "1.0abc"}) {

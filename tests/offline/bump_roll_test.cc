@@ -1,4 +1,4 @@
-// A roll over a bump, found from nothing.
+// Finds a roll over a bump from nothing.
 
 #include <gtest/gtest.h>
 

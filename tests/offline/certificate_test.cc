@@ -1,4 +1,4 @@
-// What a primitive file says of its motion, against computations of its own.
+// Compares the certificate in a primitive file with independent computations.
 
 #include "offline/certificate/certificate.h"
 
@@ -40,7 +40,8 @@ TEST(CheckGradient, FindsTheRolloutsGradientRightAtEveryStep) {
 }
 
 TEST(CompareGradient, SeesAWrongGradient) {
-  // f(x, y) = sin(x) y^2, its gradient right and wrong in one component by 1 %, and in sign.
+  // The function is sin(x) y^2. Its gradient is given rightly, with an error of 1 % in one
+  // component, and with a wrong sign.
   const std::vector<double> at = {0.3, 2.0};
   const auto f = [](const std::vector<double>& x) { return std::sin(x[0]) * x[1] * x[1]; };
   const std::vector<double> right = {std::cos(0.3) * 4, 2 * std::sin(0.3) * 2};
@@ -51,11 +52,11 @@ TEST(CompareGradient, SeesAWrongGradient) {
 }
 
 TEST(CompareGradient, SaysForEachStepHowFarItIsOff) {
-  // Central differences of x^3 at 1 are 3 + h^2: below rounding for the small steps.
+  // The central difference of x^3 at 1 is 3 + h^2. For small steps h^2 is below rounding.
   const auto cube = [](const std::vector<double>& x) { return x[0] * x[0] * x[0]; };
   const GradientCheck check = CompareGradient(cube, {1.0}, {3.3});
   for (const double error : check.errors) EXPECT_NEAR(error, 0.3 / 3.3, 1e-6);
-  // A step in the cost within the largest of the difference steps only.
+  // The cost jumps where only the largest difference step reaches.
   const auto cliff = [](const std::vector<double>& x) { return x[0] + (x[0] > 1.000005 ? 1 : 0); };
   const GradientCheck near = CompareGradient(cliff, {1.0}, {1.0});
   EXPECT_GT(near.errors[0], 0.9);
@@ -96,7 +97,7 @@ TEST(MakePrimitiveFile, WritesWhatLoadsAgainBitForBit) {
 }
 
 TEST(MakePrimitiveFile, WritesWhatLoadsAgainForAnyNumberOfControlPoints) {
-  // At the ends a sum over basis functions rounds by an amount that depends on the knots.
+  // At the ends, a sum over basis functions rounds by an amount that depends on the knots.
   for (int points = 7; points <= 20; ++points) {
     Task task = TheSolution().task;
     Solution straight;
@@ -118,7 +119,7 @@ TEST(MakePrimitiveFile, CarriesTheTextsThatItWasMadeFrom) {
   EXPECT_EQ(s.file.provenance.task_toml, QuickTask());
   EXPECT_EQ(s.file.provenance.robot_urdf, ShippedRobot());
   EXPECT_EQ(s.file.provenance.task_hash, HashOfText(QuickTask()));
-  // And they make the same problem: the same parameters cost the same.
+  // They also make the same problem, since the same parameters have the same cost.
   const Provenance& from = s.file.provenance;
   const Problem again =
       ParseTask(from.task_toml, from.task_file, from.robot_urdf, from.robot_file).problem;
@@ -142,7 +143,7 @@ TEST(MakePrimitiveFile, RefutesASolutionThatClaimsToKeepItsLimitsAndDoesNot) {
   EXPECT_EQ(s.file.certificate.constraint_violation, 0);
   const auto certified = [&s](const std::function<void(Problem&, Solution&)>& mutate) {
     Task task = s.task;
-    Solution lie = s.best;  // Converged and without violation, it says.
+    Solution lie = s.best;  // It claims to be converged and without violation.
     lie.end = SolveEnd::kConverged;
     lie.constraint_violation = 0;
     mutate(task.problem, lie);
@@ -157,8 +158,8 @@ TEST(MakePrimitiveFile, RefutesASolutionThatClaimsToKeepItsLimitsAndDoesNot) {
               }),
               0.25, 1e-12)
       << "position";
-  // With a limit at half of the largest value, the excess is once that limit; the largest one of
-  // control points is no less than that of the motion.
+  // With a limit of half the largest value, the excess is 1 times the limit. The largest value of
+  // the control points is at least that of the motion.
   double velocity = 0, acceleration = 0, torque = 0;
   for (double t = 0; t <= s.task.problem.duration_s; t += 1e-3) {
     const auto sample = s.file.primitive.joints[0].position.Evaluate(t);
@@ -181,7 +182,7 @@ TEST(MakePrimitiveFile, RefutesASolutionThatClaimsToKeepItsLimitsAndDoesNot) {
       certified([&](Problem& p, Solution&) { p.joints[0].limits.torque_max_nm = torque / 2; }), 1,
       1e-6);
   EXPECT_GT(certified([](Problem& p, Solution&) {
-              p.scene.contact.d_on_m *= 0.5;  // A softer contact, which the motion goes through.
+              p.scene.contact.d_on_m *= 0.5;  // The motion goes through so thin a layer.
               p.scene.contact.d_off_m *= 0.5;
               p.scene.contact.stiffness_n_per_m *= 0.02;
             }),
@@ -226,7 +227,7 @@ TEST(MakePrimitiveFile, PlaysThePathOfTheParameters) {
     const PrimitivePose pose{sample.q[0], sample.q[1], sample.q[2], {sample.q[3], sample.q[4]}};
     if (first) entry = pose;
     first = false;
-    exit = pose;  // In the end of 2 s after the motion.
+    exit = pose;  // The last pose is that of 2 s after the motion.
     if (sample.time_s > problem.duration_s + 1e-9) return;
     for (std::size_t j = 0; j < 2; ++j) {
       worst = std::max(worst,

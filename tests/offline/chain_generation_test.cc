@@ -1,5 +1,5 @@
-// The gait's chain, from nothing: every motion found, each from the simulated exit of the one
-// before, and then the gait and the roll out of a handstand.
+// Finds the gait's chain from nothing: every motion, each from the simulated exit of the one
+// before. Then plays the gait, and the roll out of a handstand.
 
 #include <gtest/gtest.h>
 
@@ -36,7 +36,7 @@ PrimitiveFile Find(const Task& task) {
   return MakePrimitiveFile(task, outcome, outcome.solutions.at(0));
 }
 
-/// Handstand, downstand and roll, and the shipped sequence of them.
+/// Finds handstand, downstand and roll, and returns the shipped sequence of them.
 SequenceFile FindTheGait() {
   const PrimitiveFile handstand = Find(LoadTask(TaskFile("handstand")));
   const auto after_it = [&handstand](const std::string& name) {
@@ -61,7 +61,7 @@ void GoesTwentyCycles(const SequenceFile& gait) {
     EXPECT_EQ(passage.posture, i % 2 == 0 ? Posture::kUpright : Posture::kLevel) << i;
     EXPECT_EQ(gait.graph.node(passage.node).swapped, i % 4 >= 2) << i;
     turned += passage.turned_rad;
-    // At rest within 0.05 rad of the target: a quarter turn further each time.
+    // The robot is at rest within 0.05 rad of the target, a quarter turn further each time.
     EXPECT_NEAR(turned, kPi / 2 * static_cast<double>(i + 1), 0.05) << i;
     EXPECT_LT(passage.exit_speed, 0.05) << i;
   }
@@ -85,8 +85,8 @@ void RollsOutOfTheHandstandInEitherRole(const SequenceFile& gait) {
 void EveryMotionStartsAtTheSimulatedExitOfTheOneBefore(const SequenceFile& gait) {
   for (const JoinComparison& join : CompareJoins(gait)) {
     const auto& edge = gait.graph.edge(join.edge);
-    // The first handstand starts from the ideal rest; a downstand ends there but for what is left
-    // of its own rocking. The others start where the handstand ends, to the last bit.
+    // The first handstand starts from the ideal rest, and a downstand ends there except for the
+    // remains of its rocking. The others start where the handstand ends, to the last bit.
     const bool from_handstand = gait.PrimitiveOf(edge.from).primitive.name.view() == "handstand";
     EXPECT_NEAR(join.difference, 0, from_handstand ? 1e-12 : join.tolerance)
         << Describe(gait, join);
@@ -118,7 +118,7 @@ void Holds(const SequenceFile& gait) {
   AMotionSpoiltIsAFallThatIsSeen(gait);
 }
 
-// One case each, because finding the motions takes most of its time.
+// The gait is a single case, because finding the motions takes most of the time.
 TEST(Gait, IsFoundFromNothingAndHolds) { Holds(FindTheGait()); }
 
 TEST(Gait, AsShippedHolds) { Holds(LoadSequence(Primitives() + "gait.toml")); }

@@ -1,5 +1,5 @@
-// Sequences in simulation: against the rollouts that the primitives were made with, and against
-// symmetry; and what is said when a chain does not hold.
+// Sequences in simulation, compared with the rollouts that the primitives were made with and with
+// chains in exchanged roles; and the messages about chains that do not hold.
 
 #include "offline/chain/chain.h"
 
@@ -33,7 +33,8 @@ using testing::TaskFolder;
 
 constexpr double kPi = std::numbers::pi;
 
-/// Straight lines from start to end, on both feet: no search, and slow enough to stay there.
+/// A primitive whose joints follow straight lines from start to end. It needs no search, and is
+/// slow enough for the robot to stay on both feet.
 PrimitiveFile StraightLine(const Task& task) {
   const Problem& problem = task.problem;
   Solution solution;
@@ -59,7 +60,8 @@ std::string TaskBack() {
   return Replaced(text, "name = \"handstand\"", "name = \"back\"");
 }
 
-/// The legs from home to another shape on both feet, and back from where that leaves the robot.
+/// Two primitives on both feet: the legs move from home to another shape, and back from where the
+/// first motion leaves the robot.
 const std::vector<PrimitiveFile>& ThereAndBack() {
   static const std::vector<PrimitiveFile> files = [] {
     const PrimitiveFile there =
@@ -82,7 +84,7 @@ std::string Head(const std::string& start) {
          "\"\n[primitives]\nthere = \"there.toml\"\nback = \"back.toml\"\n"
          "[swap]\njoints = [[\"leg1\", \"leg2\"]]\nroot_pitch_rad = 3.141592653589793\n";
 }
-/// There and back for ever, in one role.
+/// A sequence there and back for ever, in one role.
 std::string Sway(const std::string& role = "") {
   return Head("there") + Node("there", "there", role) +
          Node("back", "back", role + "ends_cycle = true\n") +
@@ -109,7 +111,7 @@ TEST(SimulateChain, PlaysWhatTheRolloutOfThePrimitiveDoes) {
   ASSERT_EQ(outcome.passages.size(), 2U);
   EXPECT_EQ(outcome.cycles, 1);
   EXPECT_NEAR(outcome.duration_s, 2 * (0.5 + 2), 1e-12);
-  // Each was made with this hold; the second starts where the first one's simulation ended.
+  // Each was made with this hold, and the second starts where the simulation of the first ended.
   for (std::size_t i = 0; i < 2; ++i) {
     const Passage& passage = outcome.passages[i];
     const PrimitiveFile& made = ThereAndBack()[i];
@@ -143,7 +145,7 @@ TEST(SimulateChain, CarriesTheStateThroughJoinsAndHolds) {
     const double h = samples[k].time_s - samples[k - 1].time_s;
     ASSERT_GT(h, 0);
     ASSERT_LT(h, 1.001e-3);
-    for (std::size_t i = 0; i < 5; ++i) {  // Trapezoidal rule: no jump anywhere.
+    for (std::size_t i = 0; i < 5; ++i) {  // By the trapezoidal rule there is no jump anywhere.
       const double moved = 0.5 * h * (samples[k].qd[i] + samples[k - 1].qd[i]);
       ASSERT_NEAR(samples[k].q[i] - samples[k - 1].q[i], moved, 1e-4) << samples[k].time_s;
     }
@@ -174,7 +176,7 @@ TEST(SimulateChain, ExchangedRolesAreTheSameMotionTurned) {
 }
 
 TEST(SimulateChain, DoesNotTakeTheRobotsSymmetryForGranted) {
-  // One leg heavier: turned, it is another robot.
+  // With one leg heavier, the robot turned round is another robot.
   std::vector<PrimitiveFile> files = ThereAndBack();
   for (PrimitiveFile& file : files) {
     file.provenance.robot_urdf =
@@ -227,7 +229,7 @@ TEST(SimulateChain, WithoutAnEndOfACycleALoopIsRefused) {
   EXPECT_THROW(SimulateChain(SimulatedMotion(file), Cycles(1)), std::invalid_argument);
 }
 
-/// What ended a chain of the primitives as they were changed.
+/// The failure that ended a chain of these changed primitives.
 ChainFailure FailureOf(const std::vector<PrimitiveFile>& files) {
   const ChainOutcome outcome = SimulateChain(SimulatedMotion(Load(Sway(), files)), Cycles(1));
   EXPECT_TRUE(outcome.failure);
@@ -246,7 +248,7 @@ TEST(SimulateChain, AnExitElsewhereThanRecordedIsAFailure) {
 
 TEST(SimulateChain, ARobotFarFromThePlanHasFallenAndIsSeenAtOnce) {
   auto files = ThereAndBack();
-  files[1].entry.root_pitch_rad += 0.6;  // The plan begins tilted, the chain arrives level.
+  files[1].entry.root_pitch_rad += 0.6;  // The plan begins tilted, but the chain arrives level.
   SequenceFile file = Load(Sway(), files);
   file.tolerances.root_pitch_rad = 1;
   const ChainOutcome outcome = SimulateChain(SimulatedMotion(file), Cycles(1));
@@ -276,14 +278,14 @@ TEST(SimulateChain, ATouchThatIsNotInThePlanIsAFailure) {
   EXPECT_EQ(failure.cause, ChainFailure::Cause::kTouch);
   EXPECT_EQ(failure.time_s, 0) << "it stands on it";
   EXPECT_THAT(failure.text, AllOf(HasSubstr("leg2_link/"), HasSubstr("touches ground")));
-  // In the exchanged role it is the other leg.
+  // In the exchanged role it concerns the other leg.
   const ChainOutcome swapped =
       SimulateChain(SimulatedMotion(Load(Sway("swapped = true\n"), files)), Cycles(1));
   ASSERT_TRUE(swapped.failure);
   EXPECT_THAT(swapped.failure->text, HasSubstr("leg1_link/"));
 }
 
-/// The ground of the task that the primitive was made for.
+/// Softens the ground of the task that the primitive was made for.
 void Soften(PrimitiveFile& file) {
   std::string& task = file.provenance.task_toml;
   task = Replaced(task, "stiffness_n_per_m = ", "stiffness_n_per_m = 1.0e2  # ");

@@ -44,8 +44,8 @@ TEST_P(EveryLaw, DerivativesOfTheNormalForceAgreeWithDifferences) {
           (EvaluateNormalForce(law, d + h, v).N - EvaluateNormalForce(law, d - h, v).N) / (2 * h);
       const double by_v =
           (EvaluateNormalForce(law, d, v + h).N - EvaluateNormalForce(law, d, v - h).N) / (2 * h);
-      // Second derivatives jump at d_on, d_off and lift-off; there a difference is off by h times
-      // the jump.
+      // Second derivatives jump at d_on, d_off and lift-off, and a difference there is wrong by h
+      // times the jump.
       EXPECT_NEAR(f.N_d, by_d, 1e-6 * std::abs(by_d) + 20);
       EXPECT_NEAR(f.N_v, by_v, 1e-6 * std::abs(by_v) + 1e-3);
     }
@@ -99,11 +99,11 @@ TEST(ContactLaw, FrictionIsContinuousWithItsDerivativeAtTheSlipSpeedAndAtRest) {
   EXPECT_NEAR(below.gain, above.gain, 1e-9);
   EXPECT_NEAR(below.gain_s2, above.gain_s2, 1e-5);
   EXPECT_EQ(EvaluateFrictionGain(law, 0).gain, 1.5 / law.v_max_m_per_s);
-  // Full Coulomb friction beyond the slip speed: |gain v_t| = 1.
+  // Above the slip speed there is full Coulomb friction: |gain v_t| = 1.
   EXPECT_NEAR(EvaluateFrictionGain(law, 4.0).gain * 2.0, 1, 1e-15);
 }
 
-/// A ball dropped on the ground, legless: highest point after the bounce.
+/// Drops a ball on the ground. @returns its highest point after the bounce.
 double PeakAfterBounce(const ContactLaw& law, double drop_m, double* peak_energy) {
   Tree<Plane> tree;
   tree.gravity = {0, -9.81};
@@ -134,7 +134,7 @@ double PeakAfterBounce(const ContactLaw& law, double drop_m, double* peak_energy
     v += h / 6 * (k1 + 2 * k2 + 2 * k3 + k4);
     if (v > 0) bounced = true;
     if (bounced) peak = std::max(peak, q);
-    // Once clear of the layer all energy is gravity's and motion's.
+    // Outside the layer there is only kinetic energy and that of gravity.
     if (q > 0.03 + law.d_on_m)
       *peak_energy = std::max(*peak_energy, 9.81 * q + v * v / 2 - start_energy);
     if (bounced && v < 0) break;
@@ -162,8 +162,8 @@ TEST(Contact, APassiveBounceNeverGainsEnergy) {
 }
 
 TEST(Contact, ThePrintedLawGainsEnergyOnApproachWhichIsWhyItIsNotTheDefault) {
-  // As printed the damper acts against the spring both on approach and on rebound, so it does pull
-  // the body in.
+  // In the printed law the damper acts against the spring both on approach and on rebound, so it
+  // does pull the body in.
   ContactLaw law;
   law.damping_law = ContactDamping::kPrinted;
   EXPECT_LT(EvaluateNormalForce(law, 0.002, -1.0).N, EvaluateNormalForce(law, 0.002, 0.0).N);
@@ -193,12 +193,12 @@ TEST_P(EveryLaw, DynamicsThroughContactHaveExactDerivatives) {
     outputs(s);
     bool plausible = !contact.active().empty();
     for (const auto& a : contact.active())
-      plausible = plausible && a.depth_m < 0.02;  // No robot gets deeper.
+      plausible = plausible && a.depth_m < 0.02;  // no robot gets deeper
     if (!plausible) continue;
     DynamicsDerivatives<Plane> d;
     contact.Differentiate(dynamics);
     dynamics.Differentiate(d);
-    // The law is C1, not C2: where a switch lies within reach of the step, differences of two sizes
+    // The law is C1, not C2. Where a switch lies within reach of the step, differences of two sizes
     // disagree, and neither is a reference.
     double worst = 0;
     bool smooth = true;

@@ -1,5 +1,5 @@
-// tumbler-export as a user meets it. The compiled values are held against the loader's in
-// motion_header_test and, for the shipped gait, in cortex_m_test.
+// tumbler-export as a user meets it. motion_header_test and, for the shipped gait, cortex_m_test
+// compare the compiled values with those of the loader.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -79,7 +79,7 @@ TEST(TumblerExport, RefusesFilesThatCannotBeReadOrWritten) {
               AllOf(HasSubstr(nowhere), HasSubstr("cannot be written")));
   EXPECT_THAT(Export(nowhere, Header(folder)).text, HasSubstr(nowhere));
   EXPECT_EQ(Export(nowhere, Header(folder)).exit_code, 1);
-  EXPECT_EQ(Export(folder.file(), folder.file().parent_path()).exit_code, 1);  // A folder.
+  EXPECT_EQ(Export(folder.file(), folder.file().parent_path()).exit_code, 1);  // It is a folder.
   for (const auto& entry : std::filesystem::directory_iterator(folder.file().parent_path()))
     EXPECT_EQ(entry.path().extension(), ".toml") << entry.path();
 }

@@ -1,5 +1,5 @@
-// What the report of runs makes of records: held against the records themselves, the simulated
-// robot's own log and the primitives. And the program as a user meets it.
+// The report of runs, compared with the flight records themselves, the simulated robot's own log
+// and the primitives; and the program as a user meets it.
 
 #include "offline/rehearsal/flight_report/flight_report.h"
 
@@ -42,7 +42,7 @@ using testing::RunInShell;
 const std::string kHandstand = testing::SourcePath("primitives/handstand.toml");
 const std::string kGait = testing::SourcePath("primitives/gait.toml");
 
-/// Runs of the simulated robot, recorded once for all tests of this process.
+/// Flight records of the simulated robot, made once for all tests of this process.
 struct Records {
   Records() {
     const auto simulate = [](const std::string& arguments, int exit_code) {
@@ -100,7 +100,7 @@ TEST(FlightReport, EveryNumberOfAShownTickIsTheRecordsBitForBit) {
 
   const PageJson json =
       FlightReportJson({ReadRun(Recorded().handstand, "")}, {.ticks_max = 200'000});
-  // What is read is what the page will have, text and back.
+  // The page, too, reads the numbers from text.
   const PageJson ticks = PageJson::parse(json.dump())["runs"][0]["ticks"];
   ASSERT_EQ(ticks["times_s"].size(), entries.size());
   int compared = 0;
@@ -184,7 +184,7 @@ TEST(FlightReport, TheTruthIsWhatTheDrivesMeasuredToTheirResolutionAndOneTick) {
                                        truth.joint_positions_rad[j]));
     }
   }
-  // Joints move at up to 10 rad/s, a measurement is up to a tick old.
+  // Joints move at up to 10 rad/s, and a measurement is up to a tick old.
   EXPECT_LT(apart, 0.012);
   EXPECT_GT(apart, 0);
 }
@@ -197,7 +197,7 @@ TEST(FlightReport, LinksAreWhereTheRobotsGeometryPutsThem) {
       const auto [x, z, pitch] = sample.link_poses[0];
       EXPECT_NEAR(pitch, sample.root_pitch_rad, 1e-12);
       for (std::size_t j = 0; j < 2; ++j) {
-        const double side = j == 0 ? 0.15 : -0.15;  // The hinges: half of 0.30 m.
+        const double side = j == 0 ? 0.15 : -0.15;  // The hinges are 0.30 m apart.
         EXPECT_NEAR(sample.link_poses[j + 1][0], x + side * std::cos(pitch), 1e-3);
         EXPECT_NEAR(sample.link_poses[j + 1][1], z + side * std::sin(pitch), 1e-3);
       }
@@ -221,20 +221,20 @@ TEST(FlightReport, ThePlannedRobotGoesFromEntryToExitAndOnFromThere) {
   const double after = handstand.primitive.duration_s + 2;
   EXPECT_NEAR(at(after).root_pitch_rad, handstand.exit.root_pitch_rad, 1e-3);
   EXPECT_NEAR(at(after).link_poses[0][0], handstand.exit.root_x_m, 1e-3);
-  for (std::size_t i = 1; i < run.plan.size(); ++i) {  // Nothing jumps, at nodes neither.
+  for (std::size_t i = 1; i < run.plan.size(); ++i) {  // Nothing jumps, not even between nodes.
     const double dt = run.plan[i].time_s - run.plan[i - 1].time_s;
     EXPECT_LT(std::abs(run.plan[i].link_poses[0][0] - run.plan[i - 1].link_poses[0][0]),
               3 * dt + 1e-3);
     EXPECT_LT(std::abs(run.plan[i].root_pitch_rad - run.plan[i - 1].root_pitch_rad),
               15 * dt + 0.02);
   }
-  // Handstand, downstand, handstand and a roll: three half turns and three halves more.
+  // Handstand, downstand, handstand and a roll make three quarter turns and three more.
   EXPECT_NEAR(run.plan.back().root_pitch_rad, 3 * std::numbers::pi, 0.03);
   EXPECT_NEAR(run.truth.back().root_pitch_rad, 3 * std::numbers::pi, 0.03);
 }
 
 TEST(FlightReport, ThePlannedJointsOfTheRobotAreThoseOfTheRecord) {
-  const RunData run = ReadRun(Recorded().gait, "");  // Roles are exchanged on its way.
+  const RunData run = ReadRun(Recorded().gait, "");  // The gait exchanges roles on its way.
   std::size_t i = 0;
   int compared = 0;
   for (const ReportSample& plan : run.plan) {
@@ -283,7 +283,7 @@ TEST(FlightReport, AFaultIsAnEventAtItsTickAndEndsTheNode) {
   EXPECT_DOUBLE_EQ(run.bands[0].to_s, run.ticks[index].time_s);
   EXPECT_THAT(TextsOf(run, RunEvent::Kind::kState), Contains("fault: damp"));
   EXPECT_THAT(TextsOf(run, RunEvent::Kind::kTruth), Contains("the robot has fallen"));
-  // The motors only resist motion from then on: there is no position to follow.
+  // From then on the motors only resist motion, so that there is no position to follow.
   EXPECT_FALSE(run.FollowingError(index + 5, 1));
 }
 
@@ -294,7 +294,7 @@ TEST(FlightReport, DifferencesAreTheLargestOfAllCommonTicks) {
     EXPECT_EQ(difference.max, 0) << difference.quantity;
     EXPECT_GT(difference.ticks, 1000);
   }
-  std::map<std::int64_t, double> position_of_a;  // By nanoseconds since the motion began.
+  std::map<std::int64_t, double> position_of_a;  // by nanoseconds since the motion began
   for (std::size_t i = 0; i < a.ticks.size(); ++i) {
     position_of_a[std::llround(a.ticks[i].time_s * 1e9)] =
         double{a.joint(i, 1).measured.position_rad};
@@ -353,8 +353,8 @@ TEST(FlightReport, LatenciesCountEveryTickAndFrame) {
 }
 
 TEST(FlightReport, WhatTheOperatorAskedIsAnEventAndLatenciesAreThoseThatTheLoopCounts) {
-  // The recorded handstand with other notes of the loop: from its 500th tick on a request, and in
-  // every tick other times.
+  // The recorded handstand gets other notes of the loop: a request from its 500th tick on, and
+  // other times in every tick.
   const std::string bytes = ReadFile(Recorded().handstand);
   RecordBytes changed;
   AppendRecordHeader(changed);
@@ -472,7 +472,7 @@ class ReportProgram : public ::testing::Test {
   [[nodiscard]] Outcome Report(const std::string& arguments) const {
     return RunInShell("tumbler-report " + arguments + " --out " + out_);
   }
-  /// Refused with this in its message, and nothing written.
+  /// Expects a refusal with this in its message, and nothing written.
   void ExpectRefused(const std::string& arguments, const std::string& part) const {
     const Outcome outcome = Report(arguments);
     EXPECT_EQ(outcome.exit_code, 1) << outcome.text;

@@ -21,7 +21,7 @@ using Gradient = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::Ro
 constexpr StepSettings kFixed{};
 constexpr StepSettings kAdaptive{StepSettings::Scheme::kAdaptive};
 
-/// Eleven parameters, and an impact of all four feet.
+/// A problem with eleven parameters, and an impact of all four feet.
 Problem ElevenParameters() {
   Problem problem = HandstandProblem();
   problem.joints[0].control_points = 11;
@@ -48,7 +48,7 @@ Outcome Adjoint(Problem problem, const std::vector<double>& x, double step_s) {
   return out;
 }
 
-/// Largest difference of two rows over the largest component of the second.
+/// The largest difference of two rows, divided by the largest component of the second.
 double RowError(const Outcome& a, const Outcome& b, Eigen::Index row) {
   return (a.gradient.row(row) - b.gradient.row(row)).cwiseAbs().maxCoeff() /
          b.gradient.row(row).cwiseAbs().maxCoeff();
@@ -96,7 +96,7 @@ TEST_P(EveryTask, AgreesWithTheAdjointThroughItsContacts) {
   for (const std::uint64_t seed : {1U, 2U}) {
     const std::vector<double> x = RandomMotion(problem, seed, 0.8);
     const Outcome forward = Forward(problem, x, kFixed);
-    // The adjoint whatever the task asks for.
+    // This is the adjoint, whatever the task asks for.
     problem.solver.gradient = SolverSettings::Gradient::kAdjoint;
     const Outcome adjoint = Adjoint(problem, x, kFixed.step_s);
     ASSERT_TRUE(adjoint.result.finite);
@@ -104,9 +104,9 @@ TEST_P(EveryTask, AgreesWithTheAdjointThroughItsContacts) {
     EXPECT_NEAR(forward.result.cost, adjoint.result.cost,
                 1e-10 * std::max(1.0, std::abs(adjoint.result.cost)));
     EXPECT_NEAR(forward.result.peak_penetration_m, adjoint.result.peak_penetration_m, 1e-12);
-    // Equal but for rounding, which impacts amplify: to 3e-10 over two seconds and a bump, to 1e-8
-    // where a falling lamp grazes the ground. How much they do is seen in a motion that is the same
-    // but for rounding.
+    // The two are equal except for rounding, which impacts amplify: to 3e-10 over two seconds and a
+    // bump, to 1e-8 where a falling lamp grazes the ground. A motion that is the same except for
+    // rounding shows how much they amplify it.
     std::vector<double> rounded = x;
     for (double& value : rounded) value += 1e-15;
     const Outcome other = Adjoint(problem, rounded, kFixed.step_s);
@@ -140,7 +140,7 @@ TEST(ForwardSensitivity, AgreesWithTheAdjointThroughImpactsForUnevenJoints) {
   }
 }
 
-/// Central differences of what `Forward` computes.
+/// The gradient by central differences of the cost that `Forward` computes.
 Eigen::RowVectorXd Differences(const Problem& problem, std::vector<double> x, double h,
                                StepSettings settings) {
   Eigen::RowVectorXd out(static_cast<Eigen::Index>(x.size()));
@@ -195,7 +195,7 @@ TEST(ForwardSensitivity, InFreeFallTheMassCentreFallsAndItsGradientVanishes) {
   problem.settle_s = 0;
   problem.joints[0].end_rad = 0.9;
   const std::vector<double> x = RandomMotion(problem, 8);
-  // The mass centre relative to the root's frame at pitch 0, for the legs' angles; from the tree.
+  // The mass centre in the root's frame, for these angles of the legs, from the tree.
   const auto centre = [&](double leg1, double leg2) {
     Eigen::Vector2d sum = Eigen::Vector2d::Zero();
     double mass = 0;
@@ -226,7 +226,7 @@ TEST(ForwardSensitivity, InFreeFallTheMassCentreFallsAndItsGradientVanishes) {
     EXPECT_NEAR(horizontal.result.cost + offset.x(), at_start.x(), 1e-9);
     EXPECT_NEAR(vertical.result.cost + offset.y(),
                 problem.start_q[1] + at_start.y() - 0.5 * 9.81 * 1.2 * 1.2, 1e-9);
-    // d(x, z)/dp = -d(turn) at_end: perpendicular to the offset.
+    // d(x, z)/dp = -d(turn) at_end is perpendicular to the offset.
     EXPECT_GT(pitch.gradient.row(0).cwiseAbs().maxCoeff(), 0.01) << "a turn that depends on x";
     EXPECT_LT((horizontal.gradient - offset.y() * pitch.gradient).row(0).cwiseAbs().maxCoeff(),
               1e-9);
@@ -235,7 +235,8 @@ TEST(ForwardSensitivity, InFreeFallTheMassCentreFallsAndItsGradientVanishes) {
 }
 
 TEST(ForwardSensitivity, TheRunningCostOfASlidingMassIsItsIntegral) {
-  // tau = m qdd without gravity's pull: the running cost is w m^2 integral qdd^2, a quadratic form.
+  // Without gravity's pull tau = m qdd, so the running cost is w m^2 integral qdd^2, a quadratic
+  // form.
   Problem problem;
   problem.name = "slide";
   Dof<Plane> slide;
@@ -255,7 +256,8 @@ TEST(ForwardSensitivity, TheRunningCostOfASlidingMassIsItsIntegral) {
   problem.cost = {EffortTerm(0.7)};
   const std::vector<double> x = {0.3, -0.2, 0.5, 0.1};
   const Outcome forward = Forward(problem, x, {StepSettings::Scheme::kAdaptive, 0.1, 1e-13});
-  // Gauss-Legendre with four points is exact for qdd^2, of degree six on each of five segments.
+  // Gauss-Legendre with four points is exact for qdd^2, whose degree is six on each of five
+  // segments.
   const double r = std::sqrt(6.0 / 5), s30 = std::sqrt(30.0);
   const std::array<double, 4> node = {-std::sqrt((3 + 2 * r) / 7), -std::sqrt((3 - 2 * r) / 7),
                                       std::sqrt((3 - 2 * r) / 7), std::sqrt((3 + 2 * r) / 7)};
@@ -286,8 +288,8 @@ TEST(ForwardSensitivity, TheRunningCostOfASlidingMassIsItsIntegral) {
 }
 
 TEST(ForwardSensitivity, TheSensitivitiesShortenTheStepsOfTheSameMotion) {
-  // One polynomial per joint has no parameters; the same path on more knots has twelve. A norm of
-  // the states alone would take the same steps for both.
+  // One polynomial for each joint has no parameters; the same path on more knots has twelve. A norm
+  // of the states alone would take the same steps for both.
   Problem plain = HandstandProblem(6);
   plain.start_q[1] += 0.05;
   Problem problem = HandstandProblem(12);

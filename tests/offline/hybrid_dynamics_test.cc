@@ -12,7 +12,7 @@ namespace {
 
 using Dynamics = HybridDynamics<Plane>;
 
-/// Outputs of hybrid dynamics: acceleration where free, torque where prescribed.
+/// The outputs of hybrid dynamics: accelerations of free, torques of prescribed degrees of freedom.
 std::vector<double> Outputs(Dynamics& dynamics, DynamicsState s,
                             const std::vector<Plane::Wrench>& wrenches = {}) {
   dynamics.SetState(s.q, s.qd);
@@ -109,7 +109,7 @@ TEST(HybridDynamics, DerivativesAgreeWithCentralDifferencesOnRandomTrees) {
           if (kind == 2) (tree.dofs[k].prescribed ? t.qdd : t.tau)[k] += step;
           return Outputs(dynamics, t);
         };
-        // Fourth order: its error stays below the tolerance.
+        // A difference of fourth order has an error below the tolerance.
         const auto p1 = shifted(h), m1 = shifted(-h), p2 = shifted(2 * h), m2 = shifted(-2 * h);
         for (std::size_t i = 0; i < n; ++i) {
           const double difference = (8 * (p1[i] - m1[i]) - (p2[i] - m2[i])) / (12 * h);
@@ -177,7 +177,7 @@ TEST(HybridDynamics, FreeFlightKeepsMomentum) {
   const Plane::Wrench end = dynamics.Momentum();
   EXPECT_NEAR(end.f.x(), begin.f.x(), 1e-9);
   EXPECT_NEAR(end.f.y(), begin.f.y() - m * g * 0.5, 1e-9);
-  // About the world's origin gravity has the moment -m g x(t), x(t) = x0 + vx t.
+  // About the world's origin, gravity has the moment -m g x(t) with x(t) = x0 + vx t.
   const double vx = begin.f.x() / m;
   (void)x_start;
   dynamics.SetState(q, qd);

@@ -1,4 +1,4 @@
-// The general contact model on the hopping lamp, held against one written for the lamp alone.
+// Compares the general contact model, on the hopping lamp, with one written for the lamp alone.
 
 #include "tests/support/lamp_contact.h"
 
@@ -26,7 +26,7 @@ Problem LampProblem() {
   return LoadTask(testing::SourcePath("primitives/tasks/lamp_hop.toml")).problem;
 }
 
-/// Outputs of hybrid dynamics and all derivatives, with contact.
+/// The outputs of hybrid dynamics with contact, and all their derivatives.
 struct Outputs {
   std::vector<double> values;
   std::vector<double> derivatives;
@@ -59,7 +59,7 @@ Outputs Evaluate(const Problem& problem, ContactForces<Plane>& contact, const Dy
   return out;
 }
 
-/// Largest difference over the largest number.
+/// The largest difference, divided by the largest number.
 double Difference(const std::vector<double>& a, const std::vector<double>& b) {
   EXPECT_EQ(a.size(), b.size());
   double difference = 0, size = 1;
@@ -80,7 +80,7 @@ TEST(LampContact, AndTheGeneralModelGiveTheSameMotionAndDerivatives) {
   int sticking = 0, sliding = 0, pulling = 0, fading = 0, head = 0;
   for (int i = 0; i < 3000; ++i) {
     DynamicsState s = RandomState(random, 5, 0.1);
-    if (i % 3 != 0) s.q[2] = Uniform(random, -0.1, 0.1);  // Else anyhow: also on its head.
+    if (i % 3 != 0) s.q[2] = Uniform(random, -0.1, 0.1);  // else any pitch, even on its head
     const Eigen::Vector2d up(0, 1);
     HybridDynamics<Plane> dynamics(problem.scene.robot.tree);
     s.q[1] = 0;
@@ -91,7 +91,7 @@ TEST(LampContact, AndTheGeneralModelGiveTheSameMotionAndDerivatives) {
           dynamics.position(shape.body) + dynamics.rotation(shape.body) * shape.shape.centre;
       lowest = std::min(lowest, up.dot(centre) - shape.shape.radius_m);
     }
-    s.q[1] = Uniform(random, -0.003, 0.024) - lowest;  // Now and then just above the layer.
+    s.q[1] = Uniform(random, -0.003, 0.024) - lowest;  // sometimes just above the layer
     if (i % 2 == 0) {
       for (double& v : s.qd) v *= 0.02;
     }
@@ -122,8 +122,8 @@ TEST(LampContact, AndTheGeneralModelGiveTheSameMotionAndDerivatives) {
   EXPECT_TRUE(counts.contains(0) && counts.contains(1) && counts.contains(2));
 }
 
-/// What the shipped task leads to with one model or the other. A solve that stops at a tolerance
-/// stops anywhere within it, so both go on until rounding ends them.
+/// Solves the shipped task with one of the models. A solve that stops at a tolerance stops anywhere
+/// within it, so both go on until rounding ends them.
 SolveOutcome Hop(Problem problem, std::uint64_t seed, bool specific) {
   problem.search.seed = seed;
   problem.solver.relative_tolerance = 1e-14;
@@ -134,7 +134,7 @@ SolveOutcome Hop(Problem problem, std::uint64_t seed, bool specific) {
   return Solve(problem, options);
 }
 
-// Seeds of three different hops at which both solves converge: see docs/method.md.
+// The seeds lead to three different hops, and both solves converge (docs/method.md).
 class EitherContactModel : public ::testing::TestWithParam<int> {};
 INSTANTIATE_TEST_SUITE_P(LampContact, EitherContactModel, ::testing::Values(3, 4, 6));
 
@@ -152,7 +152,7 @@ TEST_P(EitherContactModel, LeadsToTheSameHopInEveryCoefficient) {
   ASSERT_EQ(a.x.size(), b.x.size());
   for (std::size_t k = 0; k < a.x.size(); ++k) EXPECT_NEAR(a.x[k], b.x[k], 1e-6) << k;
   EXPECT_NEAR(a.rollout.cost, b.rollout.cost, 1e-9);
-  // Not on the same way, as rounding grows on it, but on one as long.
+  // The two ways differ, as rounding grows along them, but they are equally long.
   EXPECT_NEAR(static_cast<double>(general.evaluations) / static_cast<double>(specific.evaluations),
               1, 0.1);
 }

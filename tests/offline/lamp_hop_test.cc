@@ -1,4 +1,4 @@
-// A hop of a robot that is not the tumbler, found from nothing.
+// Finds a hop from nothing, of a robot that is not the tumbler.
 
 #include <gtest/gtest.h>
 

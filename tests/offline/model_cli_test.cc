@@ -25,7 +25,8 @@ using testing::Replaced;
 using testing::ShippedRobot;
 using Outcome = testing::ModelOutcome;
 
-/// The robot of the figures that several engines agree on: legs 0.25 m long, boxes 40 mm thick.
+/// The robot for which several engines agree on the figures. Its legs are 0.25 m long, its boxes
+/// 40 mm thick.
 std::string BoxTumbler() {
   const auto inertial = [](double mass, double length, double x) {
     const double across = mass * (length * length + 0.04 * 0.04) / 12;
@@ -96,7 +97,7 @@ TEST(ModelHybrid, GravityCanBeAnotherOne) {
 }
 
 TEST(ModelHybrid, ARootsCoordinateMayBePrescribedToo) {
-  // Held at rest, the robot weighs 1.8 kg on z, and as much as its first moment on pitch.
+  // Held at rest, the robot loads z with 1.8 kg and pitch with its first moment.
   const std::vector<double> out =
       Numbers(ModelRunner(BoxTumbler())("hybrid", "--prescribed leg_b,x,leg_a,pitch,z",
                                         "0 0 0 0 0  0 0 0 0 0  0 0 0 0 0")

@@ -1,4 +1,4 @@
-// What tumbler-model computes, held against DART, which reads the same random URDFs with its own
+// Compares the results of tumbler-model with DART, which reads the same random URDFs with its own
 // loader.
 
 #include <fmt/format.h>
@@ -43,13 +43,13 @@ struct JointOfFile {
   std::string name;
   bool moves = true;
   double damping = 0;
-  bool prescribed_only = false;  ///< Moves no mass.
+  bool prescribed_only = false;  ///< It moves no mass, so it cannot be free.
 };
 
-/// A URDF with everything that changes how it must be read, and what a caller needs to know of it.
+/// A URDF with everything that readers have to pay attention to, and its content.
 struct RandomFile {
   std::string links, joints;          ///< The elements.
-  std::vector<JointOfFile> in_order;  ///< Joints as the file has them.
+  std::vector<JointOfFile> in_order;  ///< The joints in the order of the file.
   std::vector<std::string> link_names;
   std::vector<std::string> massless;  ///< Links without inertia of their own.
 
@@ -75,7 +75,7 @@ std::string RandomInertial(std::mt19937_64& random) {
 }
 
 RandomFile MakeRandomFile(std::mt19937_64& random) {
-  const int n = 2 + static_cast<int>(random() % 10);  // links
+  const int n = 2 + static_cast<int>(random() % 10);  // number of links
   const auto chance = [&random](int one_in) {
     return random() % static_cast<unsigned>(one_in) == 0;
   };
@@ -89,7 +89,7 @@ RandomFile MakeRandomFile(std::mt19937_64& random) {
     tree[i].fixed = i > 1 && chance(4);
     tree[i].has_mass = !chance(4);
   }
-  // Backwards: whether a link, or what it carries, has mass.
+  // Going backwards tells whether a link, or anything that it carries, has mass.
   for (std::size_t i = tree.size(); i-- > 0;) {
     tree[i].carries = tree[i].carries || tree[i].has_mass;
     if (i > 0 && tree[i].carries) tree[static_cast<std::size_t>(tree[i].parent)].carries = true;
@@ -106,14 +106,14 @@ RandomFile MakeRandomFile(std::mt19937_64& random) {
     if (!link.has_mass) file.massless.push_back(name);
     if (i == 0) continue;
     JointOfFile joint;
-    joint.name = fmt::format("joint_{}", (i * 7919) % 97);  // no order in the names
+    joint.name = fmt::format("joint_{}", (i * 7919) % 97);  // The names are in no order.
     joint.moves = !link.fixed;
     joint.prescribed_only = !link.carries;
     const char* const type = link.fixed  ? "fixed"
                              : chance(3) ? "prismatic"
                              : chance(2) ? "continuous"
                                          : "revolute";
-    // Two joints in one line with nothing in between would leave the motion undetermined.
+    // Two joints along one line, with no mass between them, would leave the motion undetermined.
     std::string inside = RandomOrigin(random);
     if (tree[static_cast<std::size_t>(link.parent)].has_mass && chance(3))
       inside = chance(2) ? "" : "<origin xyz='0 0 0'/>";
@@ -144,7 +144,7 @@ RandomFile MakeRandomFile(std::mt19937_64& random) {
   return file;
 }
 
-/// The joints that hold the root link, as elements of a URDF, and their names.
+/// The joints that connect the root link to the world: elements of a URDF, and their names.
 struct RootChain {
   std::string urdf;
   std::vector<std::string> names;
@@ -190,7 +190,7 @@ RootChain MakeRoot(const std::string& kind, const std::string& link) {
 class DartRobot {
  public:
   struct Force {
-    Eigen::Vector3d force, point;  ///< World axes; in the link's frame.
+    Eigen::Vector3d force, point;  ///< The force is in world axes, the point in the link's frame.
     std::string link;
   };
 
@@ -201,7 +201,7 @@ class DartRobot {
     if (!skeleton_) throw std::runtime_error("DART does not read the robot");
     skeleton_->setGravity({0, 0, -9.81});
     for (const auto* names : {&file.massless, &root.massless}) {
-      for (const std::string& link : *names) {  // DART gives them 1 kg.
+      for (const std::string& link : *names) {  // DART has given them 1 kg.
         dart::dynamics::Inertia none;
         none.setMass(0);
         none.setMoment(0, 0, 0, 0, 0, 0);
@@ -237,8 +237,8 @@ class DartRobot {
     return skeleton_->getBodyNode(link)->getWorldTransform();
   }
 
-  /// Accelerations of the free coordinates, then torques of the prescribed ones. `input` is the
-  /// acceleration of a prescribed coordinate, or the force on a free one.
+  /// The accelerations of the free coordinates, then the torques of the prescribed ones.
+  /// @param input  the acceleration of each prescribed coordinate, and the force on each free one.
   std::vector<double> Solve(const std::vector<double>& q, const std::vector<double>& qd,
                             const std::vector<double>& input, const std::vector<bool>& prescribed,
                             const std::vector<Force>& forces) {
@@ -269,7 +269,7 @@ class DartRobot {
   std::vector<dart::dynamics::Joint*> joints_;
 };
 
-/// A random question to the program: its line, and what DART needs to answer it.
+/// A random question: the line for the program, and the same numbers for DART.
 struct Question {
   std::vector<double> q, qd, input;
   std::vector<DartRobot::Force> forces;
@@ -302,7 +302,7 @@ Question Ask(std::mt19937_64& random, DartRobot& dart, const std::vector<bool>& 
   return question;
 }
 
-/// Which coordinates of a robot are prescribed, at random.
+/// Chooses at random which coordinates of a robot are prescribed.
 std::vector<bool> ChoosePrescribed(std::mt19937_64& random, const RandomFile& file,
                                    std::size_t root_dofs) {
   std::vector<bool> prescribed(root_dofs, false);

@@ -1,5 +1,5 @@
-// tumbler-optimize as a user meets it: what it writes, when it writes nothing, interrupts, and that
-// results depend on task and seed alone.
+// tumbler-optimize as a user meets it: its outputs, the cases in which it writes nothing,
+// interrupts, and that results depend on task and seed alone.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -34,7 +34,8 @@ Program Optimize(const TaskFolder& folder, std::vector<std::string> more) {
   return Program(more);
 }
 
-/// The quick task with so many starts, each hard to finish, that it runs until it is stopped.
+/// The quick task with so many starts, all of them hard to finish, that it runs until it is
+/// stopped.
 std::string EndlessLocalSolves() {
   std::string text = Replaced(QuickTask(), "batch = 8\nmax_samples = 8\nrefine = 2",
                               "batch = 30\nmax_samples = 30\nrefine = 30");
@@ -66,7 +67,7 @@ TEST(OptimizeCli, WritesAPrimitiveAReportAndFiguresThatAgree) {
 }
 
 TEST(OptimizeCli, AGradientThatTheCostDoesNotFollowIsWarnedOfWithItsCause) {
-  // Friction with so little creep is too stiff for a step of 1 ms.
+  // Friction with this little creep is too stiff for a step of 1 ms.
   const TaskFolder folder(Replaced(QuickTask(), "v_max_m_per_s = 0.05", "v_max_m_per_s = 1.0e-4"));
   Program program = Optimize(folder, {"--out", folder / "motion.toml"});
   ASSERT_EQ(program.Wait(), 0) << program.text();
@@ -156,8 +157,7 @@ TEST(OptimizeCli, WrongCommandLinesAreRefused) {
   EXPECT_EQ(folder.Listing(), before);
 }
 
-// Permission bits do not bind the super-user, so the places that cannot be written are of kinds
-// that bind everybody.
+// Permission bits do not bind the super-user, so these are places where nobody can write.
 TEST(OptimizeCli, OutputThatCannotBeWrittenIsFoundBeforeTheWork) {
   const TaskFolder folder(EndlessSearch());
   testing::WriteFile(folder / "file", "keep me");
@@ -198,7 +198,7 @@ TEST(OptimizeCli, ReplacesTheFileBehindASymbolicLinkAndKeepsTheLink) {
 
 TEST(OptimizeCli, FailureOfOneOutputLeavesNoOther) {
   const TaskFolder folder(QuickTask());
-  // The page's own name is taken by a folder, which shows only when the page is renamed.
+  // A folder has the name of the page, which shows only when the page is renamed.
   std::filesystem::create_directories(folder / "report/index.html/x");
   const auto before = folder.Listing();
   Program program = Optimize(folder, {"--out", folder / "motion.toml", "--json",
@@ -209,7 +209,7 @@ TEST(OptimizeCli, FailureOfOneOutputLeavesNoOther) {
 }
 
 TEST(OptimizeCli, AnEndThatNoSpeedLimitAllowsIsRefusedByTheLimitsName) {
-  // From home to the handstand in 0.06 s at 20 rad/s: 1.2 rad at most, and 1.57 are asked for.
+  // From home to the handstand are 1.57 rad. In 0.06 s at 20 rad/s only 1.2 rad are possible.
   const TaskFolder folder(
       Replaced(testing::ShippedTask(), "duration_s = 1.2", "duration_s = 0.06"));
   const auto before = folder.Listing();

@@ -1,5 +1,5 @@
-// The three motions of [AB04, section V], each found from nothing by the program itself, with the
-// costs as printed, eleven parameters and the paper's gradient equations.
+// The program finds the three motions of [AB04, section V] from nothing, with the costs as printed,
+// eleven parameters and the paper's gradient equations.
 
 #include <gtest/gtest.h>
 
@@ -20,11 +20,11 @@ namespace {
 using testing::Program;
 using testing::TaskFolder;
 
-/// A solved task, and what its file does when it is played.
+/// A solved task, and figures of its file when it is played.
 struct Motion {
   Problem problem;
   PrimitiveFile file;
-  std::vector<double> start, end;  ///< All positions.
+  std::vector<double> start, end;  ///< Positions of all degrees of freedom.
   double effort = 0;               ///< Integral of |tau|^2, by Simpson's rule.
   int contact_changes = 0;         ///< How often the set of touching feet and ends changes.
 };
@@ -61,7 +61,7 @@ Motion Solved(const std::string& name) {
   return motion;
 }
 
-/// What all three have in common.
+/// The setting that all three tasks have in common.
 void ExpectThePapersSetting(const Motion& motion) {
   const Problem& problem = motion.problem;
   EXPECT_EQ(problem.solver.gradient, SolverSettings::Gradient::kForward);
@@ -114,7 +114,7 @@ TEST(PaperTasks, TheDownstandEndsOnBothFeetOnTheOtherSide) {
 }
 
 TEST(PaperTasks, ThePrintedDampingDoesNotEvenStandStill) {
-  // (13) with the magnitude of the velocity: why the tasks have the signed one.
+  // Eq. (13) with the magnitude of the velocity shows why the tasks have the signed one.
   const std::string text =
       testing::ReadFile(testing::SourcePath("primitives/tasks/paper/handstand.toml"));
   EXPECT_THROW(ParseTask(testing::Replaced(text, "\"signed\"", "\"printed\""), "task.toml",

@@ -1,4 +1,4 @@
-// Whether a robot rests, where, and whether it fell, told from what it does.
+// PostureWatch tells from a robot's motion whether it rests, in which pose, and whether it fell.
 
 #include "offline/rehearsal/twin/posture.h"
 
@@ -21,7 +21,7 @@ using ::testing::IsEmpty;
 
 constexpr std::int64_t kMs = 1'000'000;
 constexpr DrivesPosture kOn{true, false};
-constexpr DrivesPosture kTaken{false, false};  // by a watchdog
+constexpr DrivesPosture kTaken{false, false};  // a watchdog took the torque away
 constexpr DrivesPosture kLetGo{false, true};
 
 const SequenceFile& Gait() {
@@ -29,12 +29,12 @@ const SequenceFile& Gait() {
   return gait;
 }
 
-/// Somebody who watches the gait's robot, and is shown poses.
+/// A watch on the gait's robot, to which tests show poses.
 class Watcher {
  public:
   explicit Watcher(const PostureConfig& config = {}) : watch_(Gait(), config, StartOf(Gait())) {}
 
-  /// Rests in this pose for a while.
+  /// Shows this pose, at rest, for a while.
   void Rest(double pitch_rad, double z_m, double leg1_rad, double leg2_rad,
             const DrivesPosture& drives = kOn, int ms = 400) {
     state_.root_pitch_rad = pitch_rad;
@@ -91,7 +91,7 @@ TEST(Posture, APassageThroughTheGaitIsARestInEachOfItsPosesAndNoFall) {
   scene.Move();
   scene.Rest(2 * M_PI, kHome_m, -M_PI / 2, M_PI / 2);
   scene.Move();
-  scene.Rest(2 * M_PI + M_PI / 2, kUp_m, 0, 0);  // whole turns do not count
+  scene.Rest(2 * M_PI + M_PI / 2, kUp_m, 0, 0);  // Whole turns do not count.
   std::vector<std::string> poses;
   for (const PostureEvent& event : scene.watch().events()) {
     EXPECT_EQ(event.kind, PostureEvent::Kind::kRest);

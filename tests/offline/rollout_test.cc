@@ -23,9 +23,9 @@ std::vector<double> Outputs(const RolloutResult& result) {
   return out;
 }
 
-/// For each output, the largest difference between the gradient and central differences over the
-/// parameters, relative to the gradient's largest component; the best of several difference steps,
-/// since one that is right for every output does not exist.
+/// For each output, the largest difference between the gradient and central differences over all
+/// parameters, relative to the largest component of the gradient. It is the best of several
+/// difference steps, since no single step is right for every output.
 std::vector<double> GradientErrors(const Problem& problem, const std::vector<double>& x,
                                    double step_s) {
   Rollout rollout(problem, step_s);
@@ -51,7 +51,7 @@ std::vector<double> GradientErrors(const Problem& problem, const std::vector<dou
       }
     }
     for (std::size_t i = 0; i < outputs; ++i) best[i] = std::min(best[i], worst[i]);
-    if (*std::max_element(best.begin(), best.end()) < kTolerance) break;  // Time is dear.
+    if (*std::max_element(best.begin(), best.end()) < kTolerance) break;  // This saves time.
   }
   return best;
 }
@@ -60,7 +60,7 @@ bool SameBits(double a, double b) {
   return std::bit_cast<std::uint64_t>(a) == std::bit_cast<std::uint64_t>(b);
 }
 
-/// Lands from a small drop, so that the gradient goes through an impact of all four feet.
+/// A handstand after a small drop, so that the gradient goes through an impact of all four feet.
 Problem DroppedHandstand(int control_points = 12) {
   Problem problem = HandstandProblem(control_points);
   problem.start_q[1] += 0.05;
@@ -79,7 +79,7 @@ TEST_P(GradientAtStep, AgreesWithCentralDifferencesThroughImpacts) {
 }
 
 TEST_P(GradientAtStep, AgreesForTheLinearTerminalCostOfTheRoll) {
-  Problem problem = HandstandProblem();  // [AB04, Eq. 34]: 50 q1(t_f) - q3(t_f).
+  Problem problem = HandstandProblem();  // with the cost of [AB04, Eq. 34]: 50 q1(t_f) - q3(t_f)
   problem.settle_s = 0;
   problem.cost = {LinearTerm(CostTerm::When::kEnd, 0, false, 50),
                   LinearTerm(CostTerm::When::kEnd, 2, false, -1)};
@@ -109,7 +109,7 @@ TEST(Rollout, GradientHoldsForEveryKindOfTerminalTermAlone) {
     for (const bool of_velocity : {false, true}) {
       for (const auto kind : {CostTerm::Kind::kLinear, CostTerm::Kind::kSquare}) {
         for (const int dof : {0, 1, 2}) {
-          // A robot that has come to rest has no gradient to compare: end in the middle of it.
+          // A robot at rest has no gradient to compare, so the motion ends before that.
           Problem problem = HandstandProblem(9);
           problem.duration_s = 0.5;
           problem.settle_s = 0.03;
@@ -168,7 +168,7 @@ TEST(Rollout, GivesTheSameBitsEveryTimeAndWithOrWithoutTheGradient) {
     const std::vector<double> x = RandomMotion(problem, seed);
     const RolloutResult plain = first.Run(x);
     const RolloutResult with_gradient = first.Run(x, once);
-    first.Run(RandomMotion(problem, 99), again);  // No memory of what came before.
+    first.Run(RandomMotion(problem, 99), again);  // This must leave no trace.
     const RolloutResult repeated = first.Run(x, again);
     EXPECT_TRUE((once.array() == again.array()).all());
     const RolloutResult other = second.Run(x, again);
@@ -217,7 +217,7 @@ TEST(Rollout, VisitShowsTheMotionWhoseCostRunReturns) {
 
 TEST(Rollout, VisitFollowsTheSplinesAndThenHolds) {
   Problem problem = HandstandProblem();
-  problem.joints[0].control_points = 15;  // Another number than the second joint's.
+  problem.joints[0].control_points = 15;  // The second joint has another number.
   const std::vector<double> x = RandomMotion(problem, 14);
   Rollout rollout(problem, 1e-3);
   const auto first = PositionSpline(problem, x, 0);
@@ -275,7 +275,7 @@ TEST(Rollout, GradientOfThePenetrationHoldsWhereTheLayerIsCrossed) {
 }
 
 TEST(Rollout, TheEstimateConvergesToTheRunWithTheFirstOrder) {
-  // Smooth: in flight, where no contact makes the motion sensitive.
+  // The motion is smooth in flight, where no contact makes it sensitive.
   Problem problem = HandstandProblem();
   problem.start_q[1] += 20;
   problem.cost.back() = EffortTerm(1e-2);
@@ -290,9 +290,9 @@ TEST(Rollout, TheEstimateConvergesToTheRunWithTheFirstOrder) {
 TEST(Rollout, HalvingTheStepConvergesWithTheFourthOrderInFlight) {
   Problem problem = HandstandProblem();
   problem.scene.obstacles.clear();
-  problem.settle_s = 0;  // The legs' acceleration may jump where the motion ends.
+  problem.settle_s = 0;  // Where the motion ends, the legs' acceleration may jump.
   problem.cost = {LinearTerm(CostTerm::When::kEnd, 2, false, 1)};
-  // One polynomial, so that nothing is rough inside a step.
+  // With one polynomial nothing is rough inside a step.
   for (ActuatedJoint& joint : problem.joints) joint.control_points = 6;
   problem.joints[0].end_rad = 0.5;
   const std::vector<double> x;

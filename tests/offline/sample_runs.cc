@@ -9,7 +9,7 @@
 namespace tumbler {
 namespace {
 
-constexpr int kBefore = 20;  // Ticks before time 0.
+constexpr int kBefore = 20;  // number of ticks before time 0
 constexpr int kTicks = 200;
 
 ExecutorState StateAt(int i) {

@@ -1,4 +1,5 @@
-// A robot with its drives and whatever a twin file does to it, against mechanics and heat flow.
+// A simulated robot with its drives and every setting of a twin file, compared with mechanics and
+// heat flow.
 
 #include "offline/rehearsal/twin/simulated_robot.h"
 
@@ -30,7 +31,7 @@ DrivesConfig Drives() {
   return drives;
 }
 
-/// The robot, and a host that speaks MIT to it.
+/// The robot, and a host that speaks the MIT protocol with it.
 struct Rig {
   explicit Rig(const SimulatedRobotConfig& config = {}, const DrivesConfig& drives_in = Drives())
       : drives(drives_in), robot(Gait(), drives, config), host(robot.bus().Attach()) {}
@@ -45,7 +46,7 @@ struct Rig {
   [[nodiscard]] const MitConfig& Mit(std::size_t joint) const {
     return std::get<MitConfig>(drives.drives[joint].config);
   }
-  /// Both legs held where they are told, from now on.
+  /// Holds both legs at these angles from now on.
   void HoldAt(float leg1_rad, float leg2_rad) {
     Send(0, {.position_rad = leg1_rad, .kp_nm_per_rad = 200, .kd_nm_s_per_rad = 4});
     Send(1, {.position_rad = leg2_rad, .kp_nm_per_rad = 200, .kd_nm_s_per_rad = 4});
@@ -58,7 +59,7 @@ struct Rig {
   SimulatedPort& host;
 };
 
-/// High above the ground, where nothing but gravity and pushes act.
+/// A robot high above the ground, where only gravity and pushes act.
 SimulatedRobotConfig Aloft() {
   SimulatedRobotConfig config;
   PrimitivePose start = StartOf(Gait().file());
@@ -91,8 +92,8 @@ TEST(SimulatedRobot, IsHeldUntilAllDrivesAreEnabledAndPutBackWhenItIsPickedUp) {
 
 TEST(SimulatedRobot, APushGivesTheMomentumOfItsForceTimesItsDuration) {
   SimulatedRobotConfig config = Aloft();
-  // At the mass centre of the robot, which is 0.1 m below the hinges by 0.8 of 1.8 kg; so the
-  // robot, its legs held stiffly, hardly turns.
+  // The push acts at the robot's mass centre, where the legs (0.8 of 1.8 kg, 0.1 m below the
+  // hinges) pull it. So the robot, whose legs are held stiffly, hardly turns.
   Push push{.link = "middle",
             .start_s = 0.1,
             .duration_s = 0.05,
@@ -128,7 +129,7 @@ TEST(SimulatedRobot, APushOffTheMassCentreTurnsIt) {
   }
 }
 
-/// How far a push along the ground slides the standing robot.
+/// How far the standing robot slides when it is pushed along the ground.
 double Slide(SimulatedRobotConfig config) {
   config.twin.pushes.push_back({.link = "middle",
                                 .start_s = 0.2,
@@ -169,7 +170,7 @@ TEST(SimulatedRobot, TheContactLawAndFurtherObstaclesAreThoseOfTheConfiguration)
 
   SimulatedRobotConfig wall;
   wall.twin.contact = law;
-  // 0.04 m beyond the feet; what slides on ice stops there.
+  // The wall is 0.04 m beyond the feet, and a robot that slides on ice stops there.
   wall.twin.obstacles.push_back(
       {"wall", Shape<Plane>::Box({0.3 + 0.01 + 0.15 - 0.21, 0.05}, {}, {0.02, 0.05})});
   const double stopped = Slide(wall);
@@ -196,7 +197,7 @@ TEST(SimulatedRobot, TheGroundCarriesTheWeightOfTheConfiguredMasses) {
   }
 }
 
-/// Rate of leg 1, in the air, a while after a kick that is over.
+/// The rate of leg 1 in the air, a while after a kick has ended.
 double RateAfterKick(const SimulatedRobotConfig& config) {
   Rig rig(config);
   rig.Send(0, {.torque_nm = 1.0F});

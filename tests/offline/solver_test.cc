@@ -1,5 +1,5 @@
-// The local and global solver: bounds that hold for all t, solutions that are what they claim, and
-// failures that are named.
+// The local and the global solver: bounds hold for all t, solutions are what they claim, and
+// failures have names.
 
 #include "offline/solver/solver.h"
 
@@ -40,8 +40,7 @@ double Value(const LinearRow& row, const std::vector<double>& x) {
   return row.b + std::inner_product(row.a.begin(), row.a.end(), x.begin(), 0.0);
 }
 
-/// The problem as it is, with another start and end for the joints, and limits that differ by
-/// joint.
+/// The handstand problem with another start and end of the joints, and limits that differ by joint.
 Problem Uneven(int degree, int points) {
   std::string text = Replaced(ShippedTask(), "degree = 5", "degree = " + std::to_string(degree));
   text = Replaced(text, "control_points = 12", "control_points = " + std::to_string(points));
@@ -58,7 +57,7 @@ TEST(DerivativeLimitRows, AreTheControlPointsOfTheSplinesDerivativesOverTheLimit
     const std::vector<LinearRow> rows = DerivativeLimitRows(problem);
     for (int trial = 0; trial < 20; ++trial) {
       const std::vector<double> x = RandomParameters(problem, random);
-      // All |control point| / limit - 1 that the splines have, and all that the rows say.
+      // Every |control point| / limit - 1, by the splines and by the rows.
       std::map<std::string, std::vector<double>> expected, said;
       for (std::size_t j = 0; j < problem.joints.size(); ++j) {
         const auto spline = PositionSpline(problem, x, j);
@@ -67,7 +66,7 @@ TEST(DerivativeLimitRows, AreTheControlPointsOfTheSplinesDerivativesOverTheLimit
         for (int d = 1; d <= 2; ++d) {
           const double limit = d == 1 ? limits.velocity_max_rad_s : limits.acceleration_max_rad_s2;
           const auto values = spline.control_points(d);
-          // Those at the ends are fixed by rest: zero, whatever x.
+          // At the ends, where the joint rests, they are zero for every x.
           const std::size_t fixed = d == 1 ? 2 : 1;
           for (std::size_t k = 0; k < values.size(); ++k) {
             if (k < fixed || k + fixed >= values.size()) {
@@ -87,7 +86,7 @@ TEST(DerivativeLimitRows, AreTheControlPointsOfTheSplinesDerivativesOverTheLimit
         ASSERT_EQ(list.size(), other.size()) << name << " degree " << degree;
         std::sort(list.begin(), list.end());
         std::sort(other.begin(), other.end());
-        // The solver keeps limits a millionth inside.
+        // The solver's limits are tighter by a millionth.
         for (std::size_t i = 0; i < list.size(); ++i)
           EXPECT_NEAR(list[i], other[i], 3e-6 * (1 + std::abs(list[i]))) << name;
       }
@@ -108,7 +107,8 @@ TEST(DerivativeLimitRows, BelongToTheParametersOfTheirOwnJoint) {
       EXPECT_EQ(row.a[i], 0) << row.name << " parameter " << i;
     }
   }
-  // Velocity: n - 1 points, two at each end at rest; acceleration: n - 2 points, one at each end.
+  // The velocity has n - 1 points, of which rest fixes two at each end; the acceleration has n - 2,
+  // of which it fixes one at each end.
   EXPECT_EQ(count["velocity of leg1"], 2 * 4);
   EXPECT_EQ(count["acceleration of leg1"], 2 * 5);
   EXPECT_EQ(count["velocity of leg2"], 2 * 9);
@@ -161,7 +161,7 @@ TEST(Solve, KeepsTheLimitsOfJointsWithDifferentNumbersOfParameters) {
   }
 }
 
-/// Every limit, recomputed from the splines and a rollout of its own.
+/// Checks every limit by the splines and a rollout of its own.
 void ExpectWithinLimits(const Problem& problem, const Solution& solution) {
   for (std::size_t j = 0; j < problem.joints.size(); ++j) {
     const JointLimits<double>& limits = problem.joints[j].limits;
@@ -186,7 +186,8 @@ void ExpectWithinLimits(const Problem& problem, const Solution& solution) {
 }
 
 TEST(Solve, KeepsEveryLimitAlsoWhenLimitsAreTight) {
-  // Tight enough that the free optimum breaks them: the raised pitch wants fast legs.
+  // The limits are so tight that the free optimum breaks them, since a raised pitch needs fast
+  // legs.
   std::string text = Replaced(QuickTask(), "target = 0.0", "target = 0.3");
   text = Replaced(text, "acceleration_max_rad_s2 = 400.0",
                   "acceleration_max_rad_s2 = 60.0\nvelocity_max_rad_s = 3.0\ntorque_max_nm = "
@@ -200,8 +201,8 @@ TEST(Solve, KeepsEveryLimitAlsoWhenLimitsAreTight) {
 }
 
 TEST(Solve, NeverCallsAMotionFeasibleThatBreaksALimit) {
-  // A range of durations from hopeless to easy: whatever the solver's own verdict, `feasible` is
-  // the truth.
+  // Durations go from hopeless to easy. `feasible` must be true of the motion, whatever the solver
+  // itself reports.
   int feasible = 0, infeasible = 0;
   for (const char* duration : {"0.06", "0.08", "0.12", "0.2", "0.5"}) {
     SCOPED_TRACE(duration);
@@ -222,7 +223,7 @@ TEST(Solve, NeverCallsAMotionFeasibleThatBreaksALimit) {
 }
 
 TEST(Solve, NamesTheLimitThatStandsAgainstTheEnd) {
-  // 1.57 rad in 0.06 s: at 20 rad/s, 1.2 rad are the most.
+  // 1.57 rad are asked for, but in 0.06 s at 20 rad/s only 1.2 rad are possible.
   const Problem problem =
       ProblemOf(Replaced(ShippedTask(), "duration_s = 1.2", "duration_s = 0.06"));
   for (const Solution& solution : Solve(problem, {}).solutions) {
@@ -233,8 +234,8 @@ TEST(Solve, NamesTheLimitThatStandsAgainstTheEnd) {
   }
 }
 
-/// A robot without gravity's play: its root fixed, one leg swinging. With effort as the only cost
-/// the problem is convex in the limit of small angles.
+/// A robot with a fixed root and one swinging leg. With effort as the only cost the problem is
+/// convex in the limit of small angles.
 Problem FixedRootSwing() {
   std::string text = Replaced(QuickTask(), "planar-xz", "fixed");
   text = Replaced(text, "pitch_rad = 0.0", "", "[start]");
@@ -264,7 +265,7 @@ TEST(SolveFrom, ConvergesToOneOptimumFromAnywhereWhenTheProblemIsAsGoodAsQuadrat
     EXPECT_LT(solution.rollout.cost, solution.start_cost);
     EXPECT_LT(solution.projected_gradient, 1e-3);
     costs.push_back(solution.rollout.cost);
-    // Nothing near is better.
+    // No neighbour is better.
     for (std::size_t i = 0; i < solution.x.size(); ++i) {
       for (const double step : {-0.02, 0.02}) {
         std::vector<double> near = solution.x;
@@ -314,7 +315,7 @@ TEST(Solve, AnInterruptThatIsAlreadyThereGivesSolutionsThatAreWhole) {
   const SolveOutcome outcome = Solve(problem, options);
   EXPECT_TRUE(outcome.interrupted);
   for (const Solution& solution : outcome.solutions) {
-    // Whatever passes for usable must have parameters.
+    // A solution that counts as feasible must have parameters.
     if (!solution.feasible()) continue;
     ASSERT_EQ(solution.x.size(), static_cast<std::size_t>(problem.parameter_count()));
     ExpectWithinLimits(problem, solution);

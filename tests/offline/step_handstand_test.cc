@@ -1,4 +1,4 @@
-// A handstand onto a step, found from nothing.
+// Finds a handstand onto a step from nothing.
 
 #include <gtest/gtest.h>
 
@@ -22,7 +22,8 @@ TEST_P(StepHandstand, StandsOnTheStepAndStays) {
     for (const ActiveContact<Plane>& contact : sample.contacts) {
       if (sample.time_s < 0.01) began_on_ground |= ObstacleOf(contact) == "ground";
       if (sample.time_s < end + 1) continue;
-      // From a second after the end on, nothing but the feet of leg 2 touches, and they the step.
+      // From a second after the end on, only the feet of leg 2 touch anything, and that is the
+      // step.
       EXPECT_EQ(ObstacleOf(contact), "step") << sample.time_s;
       EXPECT_EQ(
           problem_.scene.robot.shapes[static_cast<std::size_t>(contact.shape)].name.substr(0, 4),
