@@ -1,5 +1,5 @@
-// A motion that starts where another one leaves the robot: the start pose, what is refused, and
-// that the primitive is whole by itself.
+// A motion that starts where another one leaves the robot: its start pose, the refusals, and that
+// its primitive needs no other file.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -25,7 +25,7 @@ using testing::ShippedRobot;
 using testing::TaskFolder;
 using testing::WriteFile;
 
-/// Both legs moved a little, from home.
+/// A motion of both legs, a little away from home.
 struct Before {
   Task task = ParseTask(QuickTask(), "task.toml", ShippedRobot(), "robot.urdf");
   SolveOutcome outcome = Solve(task.problem, {});
@@ -36,7 +36,7 @@ const PrimitiveFile& TheOneBefore() {
   return before.file;
 }
 
-/// The way back, from the shape in which that ends.
+/// A task back home, from the shape in which that motion ends.
 std::string TaskBack() {
   std::string text =
       Replaced(QuickTask(), "leg1 = -1.5707963267948966, leg2 = 1.5707963267948966", "START");
@@ -79,14 +79,14 @@ TEST(StartFrom, ThePrimitiveIsWholeByItself) {
       ParsePrimitive(ToToml(MakePrimitiveFile(task, outcome, best)), "back.toml");
   EXPECT_EQ(file.provenance.start_file, "before.toml");
   EXPECT_EQ(file.provenance.start_hash, TheOneBefore().certificate.coefficients_hash);
-  // The file alone gives the same problem again: its entry, not the task's pose, is the start.
+  // The file alone gives the same problem again. Its entry, not the pose in the task, is the start.
   const Problem again = TaskOf(file).problem;
   EXPECT_EQ(again.start_q, task.problem.start_q);
   EXPECT_EQ(Rollout(again, again.solver.step_s).Run(best.x).cost, file.provenance.objective);
   const MotionSummary summary = Summarize(again, best.x);
   EXPECT_EQ(summary.exit.root_x_m, file.exit.root_x_m);
   EXPECT_EQ(summary.exit.root_pitch_rad, file.exit.root_pitch_rad);
-  // And once more, as if somebody made the next primitive from it.
+  // So it does when the next primitive is made from it.
   EXPECT_EQ(ToToml(MakePrimitiveFile(TaskOf(file), outcome, best)), ToToml(file));
 }
 
@@ -133,12 +133,12 @@ TEST(StartFrom, TheProgramRecordsItAndNamesWhatDoesNotFit) {
   const PrimitiveFile back = LoadPrimitive(folder / "back.toml");
   EXPECT_EQ(back.entry.root_x_m, TheOneBefore().exit.root_x_m);
   EXPECT_EQ(back.provenance.start_file, folder / "before.toml");
-  // It ends at home, where the same task does not start.
+  // It ends at home, and the same task does not start there.
   const auto [status, text] = run("back.toml", "further.toml");
   EXPECT_EQ(status, 1);
   EXPECT_THAT(text, AllOf(HasSubstr("start.joints_rad.leg1"), HasSubstr("'back'")));
   EXPECT_FALSE(std::filesystem::exists(folder / "further.toml"));
-  // What it starts from is not to be overwritten.
+  // The motion that it starts from must not be overwritten.
   EXPECT_EQ(run("before.toml", "before.toml").first, 1);
   EXPECT_EQ(ReadFile(folder / "before.toml"), ToToml(TheOneBefore()));
 }

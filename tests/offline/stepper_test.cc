@@ -13,7 +13,7 @@ namespace {
 
 using State = MechanicalState<2>;
 
-/// Two pendulums of 1 rad/s and 2 rad/s, without friction; q = cos(w t).
+/// The start of two pendulums of 1 rad/s and 2 rad/s, without friction: q = cos(w t).
 constexpr State kStart = {1, 1, 0, 0};
 bool Slope(int /*stage*/, const State& y, double* k) {
   k[0] = y[2];
@@ -23,7 +23,7 @@ bool Slope(int /*stage*/, const State& y, double* k) {
   return true;
 }
 
-/// How far the pendulums are from where they should be after 1 s of equal steps.
+/// The error of the pendulums after 1 s of equal steps.
 template <class Step>
 double ErrorOf(int steps, Step&& step) {
   State y = kStart;
@@ -32,7 +32,7 @@ double ErrorOf(int steps, Step&& step) {
          std::abs(y[2] + std::sin(1)) + std::abs(y[3] + 2 * std::sin(2));
 }
 
-/// By how many powers of two the error shrinks when the step is halved.
+/// The number of powers of two by which the error shrinks when the step is halved.
 template <class Step>
 double OrderOf(Step&& step) {
   return std::log2(ErrorOf(64, step) / ErrorOf(128, step));
@@ -73,7 +73,7 @@ TEST(Stepper, AStepThatIsGivenUpLeavesTheStateAsItWas) {
 }
 
 TEST(Stepper, WhatIsBeyondTheCoordinatesIsNotTouched) {
-  State y = {1, 0, 7, 8};  // One coordinate: q, v, and two numbers that are none of it.
+  State y = {1, 0, 7, 8};  // one coordinate: q, v, and two numbers that do not belong to it
   StepRungeKutta<kClassical>(y, 2, 0.1, [](int, const State& y_s, double* k) {
     k[0] = y_s[1];
     k[1] = -y_s[0];
@@ -103,7 +103,7 @@ TEST(EvenSteps, AreAsLongAsAllowedAndEndWithTheSpan) {
   EXPECT_EQ(EvenSteps(0.01, 0.1, 1).count, 1);
 }
 
-/// The first pendulum, for an integrator.
+/// The slope of the first pendulum, for an integrator.
 void LongSlope(double /*t*/, const std::vector<double>& z, std::vector<double>& out) {
   out = {z[1], -z[0]};
 }

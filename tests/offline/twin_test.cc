@@ -1,4 +1,4 @@
-// The simulated robot against mechanics: energy, weight, and time.
+// The simulated robot, compared with mechanics: energy, weight, and time.
 
 #include "offline/rehearsal/twin/twin.h"
 
@@ -30,7 +30,7 @@ std::string AloftTask() {
   return Replaced(ShippedTask(), "pitch_rad = 0.0", "pitch_rad = 0.0\nz_m = 100.0", "[start]");
 }
 
-/// As much of a primitive as a twin looks at.
+/// A primitive file with the parts that a twin reads.
 PrimitiveFile FileOf(const std::string& task, double shift_x_m = 0) {
   PrimitiveFile file;
   file.provenance.task_toml = task;
@@ -48,14 +48,14 @@ PrimitiveFile FileOf(const std::string& task, double shift_x_m = 0) {
   return file;
 }
 
-/// Nobody holds it.
+/// The settings of a twin that nobody holds.
 TwinConfig LetGo() {
   TwinConfig config;
   config.held = false;
   return config;
 }
 
-/// A twin with two drives and a host that speaks to them.
+/// A twin with two drives, and their host.
 struct Rig {
   /// @param shift_x_m  how far from the task's own start the motion begins.
   explicit Rig(const std::string& task, const TwinConfig& config = LetGo(), double shift_x_m = 0)
@@ -94,19 +94,20 @@ struct Rig {
   std::unique_ptr<Twin> twin;
 };
 
-/// The shipped robot by hand: point, angle and their rates of each rod, from the state.
+/// A rod of the shipped robot, computed from the state independently: its point and angle, and
+/// their rates.
 struct Rod {
   double x, z, angle, vx, vz, rate;
 };
 
-/// A point at distance r along a direction of this angle from a moving point.
+/// A point at distance r from a moving point, in the direction of an angle.
 Rod Along(const Rod& from, double angle, double rate, double r) {
   return {from.x + r * std::cos(angle),         from.z + r * std::sin(angle),         angle,
           from.vx - r * rate * std::sin(angle), from.vz + r * rate * std::cos(angle), rate};
 }
 
 struct Robot {
-  Rod middle, leg1, leg2;  ///< Mass centres.
+  Rod middle, leg1, leg2;  ///< Their points are the mass centres.
   std::array<Rod, 6> spheres;
 };
 
@@ -123,7 +124,7 @@ Robot RobotOf(const TwinState& s) {
         s.root_pitch_rate_rad_s + s.joint_velocities_rad_s[static_cast<std::size_t>(leg)];
     const Rod hinge = Along(centre, s.root_pitch_rad, s.root_pitch_rate_rad_s, side * 0.15);
     (leg == 0 ? robot.leg1 : robot.leg2) = Along(hinge, angle, rate, side * 0.1);
-    robot.spheres[sphere++] = hinge;  // The middle link's ends.
+    robot.spheres[sphere++] = hinge;  // These are the ends of the middle link.
     const Rod end = Along(hinge, angle, rate, side * 0.2);
     for (const double across : {0.04, -0.04})
       robot.spheres[sphere++] = Along(end, angle + M_PI / 2, rate, across);
@@ -136,7 +137,7 @@ double RodEnergy(const Rod& rod, double mass, double inertia) {
          0.5 * inertia * rod.rate * rod.rate;
 }
 
-/// Kinetic and potential energy in the field of gravity, rotors included.
+/// Kinetic energy, with that of the rotors, and potential energy in the field of gravity.
 double MechanicalEnergy(const TwinState& s) {
   const Robot robot = RobotOf(s);
   double energy = RodEnergy(robot.middle, 1.0, 7.5e-3) +
@@ -146,7 +147,7 @@ double MechanicalEnergy(const TwinState& s) {
   return energy;
 }
 
-/// What the contacts' springs hold: the integral of the force of slow compression.
+/// The energy in the springs of the contacts: the integral of the force of slow compression.
 double SpringEnergy(const TwinState& s) {
   static const ContactLaw law =
       ParseTask(StandingTask(), "task.toml", ShippedRobot(), "robot.urdf").problem.scene.contact;
@@ -224,7 +225,7 @@ TEST(TwinMechanics, BearingFrictionTakesEnergyAway) {
 }
 
 TEST(TwinMechanics, ACollapseOntoTheGroundNeverGainsEnergy) {
-  // Limp from the start: the legs fold, the robot lands on its middle link.
+  // The legs are limp from the start. They fold, and the robot lands on its middle link.
   std::string task = Replaced(StandingTask(), "leg1 = -1.5707963267948966", "leg1 = -1.3");
   task = Replaced(task, "leg2 = 1.5707963267948966", "leg2 = 1.2");
   Rig rig(task);
@@ -264,7 +265,7 @@ TEST(TwinMechanics, TheStartIsThePrimitivesEntry) {
   EXPECT_EQ(s.time_ns, 0);
   EXPECT_NEAR(s.joint_positions_rad[0], -M_PI / 2, 1e-12);
   EXPECT_NEAR(s.joint_positions_rad[1], M_PI / 2, 1e-12);
-  // Feet 0.2 m below the hinges, 10 mm spheres, in a layer 10 mm high.
+  // The feet are spheres of 10 mm, 0.2 m below the hinges, in a layer of 10 mm.
   EXPECT_GT(s.root_z_m, 0.21);
   EXPECT_LT(s.root_z_m, 0.22);
   EXPECT_NEAR(s.root_pitch_rad, 0, 1e-6);

@@ -1,4 +1,4 @@
-// Twin files: what they say, and what is said of wrong ones.
+// Twin files: their content, and the messages about wrong ones.
 
 #include "offline/rehearsal/twin/twin_toml.h"
 
@@ -68,7 +68,7 @@ TEST(TwinToml, TheShippedFileIsTheDefaultsWrittenOut) {
   EXPECT_EQ(sources.drives, testing::SourcePath("primitives/robots/tumbler_drives.toml"));
 }
 
-/// What stands behind the hashes at the end of the shipped file, to be tried.
+/// Takes the suggestions at the end of the shipped file, which are comments, as part of it.
 TEST(TwinToml, TheShippedFilesSuggestionsAreValid) {
   std::ifstream stream(kShipped);
   std::string text, line;
@@ -119,7 +119,7 @@ TEST(TwinToml, ARobotThatStartsOtherwiseIsLoweredOnTheGround) {
 
 TEST(TwinToml, AWrongFileIsRefusedWithFileLineKeyValueAndWhatIsAllowed) {
   const struct {
-    const char* text;  ///< After the two lines of the head.
+    const char* text;  ///< Follows the two lines of the head.
     const char* line;
     const char* key;
     const char* value;
@@ -185,7 +185,7 @@ TEST(TwinToml, AWrongFileIsRefusedWithFileLineKeyValueAndWhatIsAllowed) {
 }
 
 TEST(TwinToml, AStartThatComesToNoRestIsNamedWithItsLine) {
-  // Whatever its height, it is in the ground or in the lid.
+  // At any height, the robot is in the ground or in the lid.
   const std::string text = kHead +
                            "[start]\npitch_rad = 1.5\n[[obstacle]]\nname = \"lid\"\n"
                            "point_m = [0, 5]\nnormal = [0, -1]\n";

@@ -175,7 +175,7 @@ TEST(ControlLoop, ALostLinkEndsInAFault) {
   EXPECT_GT(bench.loop->statistics().send_failures, 0);
 }
 
-/// A clock that sometimes wakes late, as a busy computer does.
+/// A clock that sometimes wakes late, as on a busy computer.
 class LateClock final : public Clock {
  public:
   explicit LateClock(VirtualClock& clock) : clock_(clock) {}
@@ -389,7 +389,7 @@ TEST(CandumpLine, IsWhatCandumpWrites) {
 }
 
 TEST(DryRunBus, CompletesARunWithoutAnyHardware) {
-  LoopBench bench({});  // For its primitive and parts; its bus stays unused.
+  LoopBench bench({});  // Only its primitive and parts are used, not its bus.
   std::vector<DryRunBus::Node> nodes;
   for (std::size_t i = 0; i < 2; ++i) {
     nodes.push_back({std::make_unique<SimulatedMitDrive>(bench.simulated[i]->config()),

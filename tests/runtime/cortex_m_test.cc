@@ -1,9 +1,8 @@
-// The core on Cortex-M4F and M7 under QEMU against the same source on this machine: the whole
-// shipped gait (two cycles and the roll) tick by tick, every byte that leaves the executor
-// compared.
+// Compares the core on Cortex-M4F and M7 under QEMU with the same source on this machine: every
+// byte that leaves the executor, in every tick of the whole shipped gait (two cycles and the roll).
 //
-// This machine plays the motion, as the loader gives it, with simulated drives, and records the
-// frames that they send. The firmware plays it, as `tumbler-export` wrote it, against that
+// This machine plays the motion that the loader gives, with simulated drives, and records the
+// frames that they send. The firmware plays the motion that `tumbler-export` wrote, against that
 // recording. `ctest -R CortexM -V` prints sizes, stack and instructions.
 
 #include <fmt/format.h>
@@ -50,16 +49,16 @@ using testing::WriteFile;
 constexpr int kCycles = 2;
 constexpr const char* kBranch = "roll";
 
-/// More instructions than this are not spent on a tick of two joints.
+/// The most instructions that a tick of two joints may take.
 constexpr double kInstructionsMax = 4000;
 
-/// Bytes of stack that a tick may use, and Configure with all that is above it.
+/// The most bytes of stack that a tick may use; and Configure, with its callers.
 constexpr int kTickStackMax = 1024;
 constexpr int kSetUpStackMax = 2048;
 
 struct Machine {
-  const char* name;  // as in the presets
-  const char* qemu;  // its -machine
+  const char* name;  // of its preset
+  const char* qemu;  // for QEMU's option -machine
 };
 constexpr std::array kMachines{Machine{"m4f", "mps2-an386"}, Machine{"m7", "mps2-an500"}};
 
@@ -73,17 +72,17 @@ const Sequence<float>& Gait() {
   return *gait;
 }
 
-/// What one run on this machine heard and sent.
+/// The inputs and outputs of one run on this machine.
 struct Played {
   std::string recording;
   std::string output;
-  std::vector<std::size_t> tick_ends;  ///< Of each tick, in `output`.
-  std::set<std::string> nodes;         ///< That were played.
+  std::vector<std::size_t> tick_ends;  ///< The end of each tick in `output`.
+  std::set<std::string> nodes;         ///< The nodes that were played.
   std::set<ExecutorState> states;
   std::uint32_t faults = 0;
 };
 
-/// The world between drives and executor.
+/// Changes a tick's input, in place of the world between drives and executor.
 using Trouble = std::function<void(RecordedTick&)>;
 
 Played PlayHere(const ExampleDrives& drives, const Trouble& trouble = {}) {
@@ -91,7 +90,7 @@ Played PlayHere(const ExampleDrives& drives, const Trouble& trouble = {}) {
   const DrivesConfig config = LoadDrives(testing::SourcePath(drives.file));
   std::vector<DryRunBus::Node> nodes;
   for (std::size_t i = 0; i < config.drives.size(); ++i) {
-    // Somewhere else than at the start, so that there is a way to it.
+    // The joint is not at the start, so that it has to move there.
     const float start = gait.primitives[0].joints[i].position.control_points()[0];
     nodes.push_back({MakeSimulatedDrive(config.drives[i]),
                      static_cast<double>(start) + (i == 0 ? 0.4 : -0.25)});
@@ -135,8 +134,8 @@ Played PlayHere(const ExampleDrives& drives, const Trouble& trouble = {}) {
   return run;
 }
 
-/// What can happen between drives and executor, rarely enough that runs get somewhere: lost
-/// frames, wrong bits, foreign frames, late ticks, a bus that takes no frames or goes off.
+/// Disturbs a tick as the world can do: by lost frames, wrong bits, foreign frames, a late tick, a
+/// bus that takes no frames or goes off. It does so rarely enough for runs to get far.
 void Disturb(RecordedTick& tick, int number, std::mt19937& random) {
   if (number < 1000) return;
   const auto once_in = [&random](int n) {
@@ -165,8 +164,8 @@ struct Emulation {
   std::string output;
 };
 
-/// Runs the firmware. SysTick's 25 MHz are seen by a program of which every instruction takes
-/// 1.024 us (-icount shift=10), so that it counts 25.6 an instruction.
+/// Runs the firmware. Every instruction takes 1.024 us (-icount shift=10), in which SysTick, at
+/// 25 MHz, counts 25.6.
 Emulation Emulate(const Machine& machine, const std::vector<std::string>& arguments,
                   const std::string& output) {
   std::string semihosting = "enable=on,target=native,arg=tumbler-playback";
@@ -190,7 +189,7 @@ Emulation Emulate(const Machine& machine, const ExampleDrives& drives, const Pla
       folder / "output");
 }
 
-/// Where two outputs first differ, in words; empty where they do not.
+/// Describes where two outputs first differ; empty when they do not differ.
 std::string FirstDifference(const Played& run, const std::string& other) {
   const auto [here, there] =
       std::mismatch(run.output.begin(), run.output.end(), other.begin(), other.end());
@@ -234,19 +233,20 @@ std::string FirstDifference(const Played& run, const std::string& other) {
 struct Figures {
   struct State {
     int ticks = 0;
-    double mean = 0;  ///< Instructions a tick.
+    double mean = 0;  ///< Mean number of instructions of a tick.
     double most = 0;
   };
   std::map<std::string, State> states;
-  // Bytes of stack: from the start to the end of Configure, and below the loop that calls Tick.
+  // Both in bytes: the stack from the start to the end of Configure, and that below the loop that
+  // calls Tick.
   int set_up_stack = 0;
   int tick_stack = 0;
 };
 
 Figures ReadFigures(const std::string& text) {
   Figures figures;
-  // By QEMU's command line, 1.024 us at 25 MHz; a loop of known length confirms it, with the few
-  // instructions around it.
+  // This follows from QEMU's command line: 1.024 us at 25 MHz. A loop of known length, with the few
+  // instructions around it, confirms it.
   constexpr double per_instruction = 25.6;
   const auto loop = MatchesOf("10000 instructions took ([0-9]+) counts", text);
   if (loop.empty()) {
@@ -267,10 +267,10 @@ Figures ReadFigures(const std::string& text) {
   return figures;
 }
 
-/// The deepest stack below a function, from what the compiler wrote of every function and call.
+/// Finds the deepest stack below a function, from the compiler's files on functions and calls.
 class CallGraph {
  public:
-  /// Of all objects in a folder.
+  /// Reads the graph of all objects in a folder.
   explicit CallGraph(const std::filesystem::path& folder) {
     for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
       if (entry.path().extension() != ".ci") continue;
@@ -286,7 +286,7 @@ class CallGraph {
         calls_[match[1]].insert(match[2]);
       }
     }
-    // The one kind of indirect call in the core: of a drive.
+    // The only indirect calls in the core are those of a drive.
     const std::string method =
         "^(.*:)?_ZNK?7tumbler[0-9]+[A-Za-z0-9_]+Drive"
         "(6Encode|6Decode|16encoded_setpoint|8feedback|5state)E";
@@ -295,7 +295,8 @@ class CallGraph {
     }
   }
 
-  /// @throws std::runtime_error on recursion.
+  /// The deepest stack [bytes] of a function and those that it calls.
+  /// @throws std::runtime_error  on recursion.
   int DepthOf(const std::string& function) {
     if (!open_.insert(function).second) throw std::runtime_error(function + " is recursive");
     int below = 0;
@@ -309,7 +310,7 @@ class CallGraph {
   [[nodiscard]] std::size_t drive_methods() { return calls_["__indirect_call"].size(); }
 
  private:
-  /// Assumed of functions that only exist compiled: memcpy, memcmp, conversions of 64 bits.
+  /// Assumed for functions of libraries: memcpy, memcmp, conversions of 64 bits.
   static constexpr int kLibraryFrame = 96;
   std::map<std::string, int> frames_;
   std::map<std::string, std::set<std::string>> calls_;
@@ -365,12 +366,12 @@ TEST_P(CortexM, SendsTheBytesThatThisMachineSendsWhateverTheWorldDoes) {
     for (const auto& [state, counts] : figures.states)
       EXPECT_LE(counts.most, kInstructionsMax) << state;
   }
-  // The disturbances led somewhere.
+  // The disturbances must have had effects.
   EXPECT_GE(std::popcount(faults), 2);
   EXPECT_TRUE(states.contains(ExecutorState::kFault));
 }
 
-/// What a flight record of tumbler-run holds, as if this machine had played it.
+/// The content of a flight record of tumbler-run, as if this machine had played it.
 Played FromRecord(const std::string& bytes) {
   FlightRecord record({reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()},
                       "gait.rec");
@@ -425,7 +426,7 @@ TEST_P(CortexMFirmware, HasNoHeapNoExceptionsNoRunTimeTypesAndNoMathLibrary) {
   std::istringstream lines(nm.text());
   for (std::string line; std::getline(lines, line);)
     symbols.insert(line.substr(line.find_last_of(' ') + 1));
-  ASSERT_TRUE(symbols.contains("memcpy"));  // So the list is one of symbols.
+  ASSERT_TRUE(symbols.contains("memcpy"));  // This shows that it is a list of symbols.
   for (const std::string& symbol : symbols) {
     EXPECT_THAT(MatchesOf("malloc|calloc|realloc|free|sbrk|^_Zn[wa]|^__cxa|^_Unwind|personality|"
                           "^_ZTI|^_ZTS|printf|sqrt|^sin|^cos|^pow|^exp|^log|_impure",
@@ -443,7 +444,7 @@ TEST_P(CortexMFirmware, FitsASmallBoard) {
   int bss = 0;
   numbers >> text >> data >> bss;
   fmt::print("Cortex-{}: text {}, data {}, bss {} bytes\n", GetParam().name, text, data, bss);
-  EXPECT_GT(text, 50'000);  // Three primitives alone are more.
+  EXPECT_GT(text, 50'000);  // Three primitives alone have more.
   EXPECT_LT(text + data, 128 * 1024);
   EXPECT_LT(data + bss, 16 * 1024);
 }
@@ -485,7 +486,7 @@ TEST(CortexMComparison, NamesTheFirstDifference) {
   EXPECT_EQ(FirstDifference(run, run.output), "");
   const std::size_t tick = 5000;
   std::string other = run.output;
-  // The second joint: after the head and the first one with its frame.
+  // The second joint follows the head, and the first joint with its frame.
   const std::size_t joint = kPlaybackHeadBytes + kPlaybackJointBytes + RecordedTick::kFrameBytes;
   other[run.tick_ends[tick - 1] + joint + 17] ^= 1;
   other.back() = static_cast<char>(other.back() ^ 1);

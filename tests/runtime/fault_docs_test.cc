@@ -1,4 +1,4 @@
-// Holds the tables of docs/runtime.md to those of the code.
+// Compares the tables of docs/runtime.md with those of the code.
 
 #include <gtest/gtest.h>
 
@@ -77,7 +77,7 @@ TEST(FaultDocs, TheTablesOfTheDocumentAreThoseOfTheCode) {
                                             {source, "answers", Answers()}});
 }
 
-/// Whether the table knows of this change of state.
+/// Whether the table has this change of state.
 bool IsStated(ExecutorState from, ExecutorState to) {
   if (from == to || to == ExecutorState::kDisarmed) return true;
   if (to == ExecutorState::kFault) return from != ExecutorState::kDisarmed;
@@ -94,14 +94,14 @@ TEST(FaultDocs, TheExecutorMakesEveryStatedTransitionAndNoOther) {
   shape.settle_s = 0.01;
   shape.amplitude_rad = 0.02;
   const Primitive<float> motion = testing::RandomPrimitive<float>(shape, random);
-  // Two nodes after each other, so that settling leads to running, too.
+  // There are two nodes in a row, so that settling leads to running, too.
   SequenceGraph<float> graph = GraphOf(motion);
   graph.node_count = 2;
   graph.node_storage[1] = graph.node_storage[0];
   graph.edge_count = 1;
   graph.edge_storage[0].to = 1;
   graph.edge_storage[0].settle_s = 0.005F;
-  Primitive<float> circle = motion;  // ends where it begins
+  Primitive<float> circle = motion;  // It ends where it begins.
   for (std::size_t i = 0; i < 2; ++i) {
     auto& path = circle.joints[i].position;
     std::vector<float> points(path.control_points().begin(), path.control_points().end());
@@ -128,7 +128,7 @@ TEST(FaultDocs, TheExecutorMakesEveryStatedTransitionAndNoOther) {
     if (wish == OperatorCommand::kDisarm && random() % 4 != 0) wish = OperatorCommand::kRun;
     if (random() % 2000 == 0) rig.input.tick += 7;
     const TickRecord& record = rig.Tick(wish);
-    // Two in one tick: what the tick found, and what its frames brought about.
+    // A tick can change the state twice: by the faults that it finds, and by its frames.
     ASSERT_TRUE(IsStated(before, record.state)) << ToString(before) << ToString(record.state);
     ASSERT_TRUE(IsStated(record.state, rig.executor.state()))
         << ToString(record.state) << ToString(rig.executor.state());

@@ -1,6 +1,6 @@
 // Every fault in every state with every protocol, on the simulated bus with simulated drives. Each
-// case lets something go wrong in the world, and looks at the frames: the fault is found, answered
-// as the table states, and nothing on the wire breaks the rules of tests/support/frame_checker.h.
+// case makes something go wrong in the world and checks the frames: the fault is found, the
+// reaction is that of the table, and no frame breaks the rules of tests/support/frame_checker.h.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -33,7 +33,7 @@ using Kind = DriveOrder::Kind;
 
 constexpr double kKp = 200, kKd = 4;
 
-/// The shipped drives; one of them mounted the other way round, behind a gear.
+/// The shipped drives, with one of them mounted the other way round, behind a gear.
 DrivesConfig DrivesOf(const TestedProtocol& protocol) {
   DrivesConfig drives = LoadDrives(testing::SourcePath(protocol.drives));
   for (DriveEntry& entry : drives.drives) protocol.side->Hasten(entry.config);
@@ -47,7 +47,7 @@ DrivesConfig DrivesOf(const TestedProtocol& protocol) {
   return drives;
 }
 
-/// Two nodes after each other, the second beginning where the first ends.
+/// Two nodes in a row. The second begins where the first ends.
 struct Motion {
   SequenceGraph<float> graph;
   std::vector<Primitive<float>> primitives;
@@ -72,7 +72,7 @@ Motion MakeMotion() {
     if (path.Assign(5, knots, points) != Status::kOk) throw std::logic_error("path");
     second.limits.position_min_rad += shift;
     second.limits.position_max_rad += shift;
-    // Braking takes a while.
+    // With this limit, braking takes a while.
     first.limits.acceleration_max_rad_s2 *= 0.6F;
   }
   motion.graph = GraphOf(motion.primitives[0]);
@@ -89,10 +89,10 @@ struct Case {
   TestedProtocol protocol = EveryProtocol().front();
   Fault fault = Fault::kNone;
   ExecutorState state = ExecutorState::kDisarmed;
-  std::optional<Reaction> reaction;  ///< Configured; otherwise the default.
+  std::optional<Reaction> reaction;  ///< The configured one; none: the default.
 };
 
-/// What cannot happen, whatever the world does.
+/// Whether a fault can happen in a state at all.
 bool IsPossible(const DriveConfig& drive, Fault fault, ExecutorState state) {
   const testing::ProtocolSide& side = testing::SideOf(drive);
   switch (fault) {
@@ -109,9 +109,9 @@ bool IsPossible(const DriveConfig& drive, Fault fault, ExecutorState state) {
     case Fault::kEntryMissed:
       return state == ExecutorState::kSettling;
     case Fault::kFollowingError:
-      return state != ExecutorState::kArming;  // Nothing is to be followed yet.
+      return state != ExecutorState::kArming;  // There is no setpoint to follow yet.
     case Fault::kLateTick:
-      return state != ExecutorState::kFault;  // It is the one that led there.
+      return state != ExecutorState::kFault;  // This very fault led there.
     default:
       return true;
   }
@@ -128,13 +128,13 @@ ExecutorConfig ConfigOf(const Case& c, const Motion& motion) {
     config.joints[i].kd_nm_s_per_rad = static_cast<float>(kKd);
     config.joints[i].damping_nm_s_per_rad = 3;
   }
-  // It takes MIT drives five ticks to arm.
+  // MIT drives need five ticks to arm.
   if (c.state == ExecutorState::kArming) config.sequence_errors_max = 2;
   if (c.fault == Fault::kArmingTimeout) {
     config.arming_ticks_max = 30;
     config.stale_ticks_max = 100;
   }
-  if (c.fault == Fault::kBusOff) {  // The way there is error-passive, which may be seen first.
+  if (c.fault == Fault::kBusOff) {  // Error-passive comes before it, and may be seen first.
     for (const StateInfo& state : kStateTable) {
       static_cast<void>(config.reactions.Set(Fault::kErrorPassive, state.state, Reaction::kIgnore));
     }
@@ -149,12 +149,12 @@ class World {
  public:
   explicit World(const Case& c) : case_(c), motion_(MakeMotion()), bench(BenchConfig()) {}
 
-  /// Into the state of the case. @returns false if that failed.
+  /// Brings the executor into the state of the case. @returns false when that failed.
   bool Reach() {
     if (case_.state == ExecutorState::kArming && case_.fault != Fault::kArmingTimeout) {
       if (!bench.Reach(ExecutorState::kDisarmed)) return false;
-      // So that arming lasts: what enables the first drive does not arrive. Where there is no such
-      // frame it is short.
+      // The frame that enables the first drive is lost, so that arming lasts. Where there is no
+      // such frame, arming is short.
       if (EnableId(0) != 0) bench.Disturb(Of(BusFaultKind::kLoss, 1, EnableId(0)));
       bench.Tick(OperatorCommand::kArm);
       return bench.executor.state() == case_.state;
@@ -162,7 +162,7 @@ class World {
     return bench.Reach(case_.state);
   }
 
-  /// Makes the fault happen from now on. @returns ticks after which it must have been found.
+  /// Makes the fault happen from now on. @returns the ticks after which it must have been found.
   int Provoke() {
     SimulatedDrive& drive = *bench.drives[1];
     const std::int64_t ms = 1'000'000;
@@ -172,7 +172,7 @@ class World {
         return bench.config().executor.stale_ticks_max + 2;
       case Fault::kWrongSequence:
         bench.Disturb(Of(BusFaultKind::kDuplicate, 0, PositionId(1)));
-        if (!Rhythm().answers) {  // There twice in a tick may be drift.
+        if (!Rhythm().answers) {  // Two replies in a tick may come from drift there.
           bench.Disturb(Of(BusFaultKind::kDuplicate, 0, PositionId(1)));
         }
         return 9;
@@ -181,7 +181,7 @@ class World {
         return 4;
       case Fault::kDriveError:
         drive.RaiseError(Side().nature().error);
-        return 13;  // CANSimple says so with its heartbeat.
+        return 13;  // CANSimple reports it with its heartbeat.
       case Fault::kHeartbeatLost:
         bench.Disturb(Of(BusFaultKind::kLoss, 0, Side().HeartbeatId(bench.DriveOf(1))));
         return 60;
@@ -192,7 +192,7 @@ class World {
         bench.Disturb(Of(BusFaultKind::kShort), 30 * ms);
         return 3;
       case Fault::kErrorPassive: {
-        // 17 tries that fail at once: 24 bits each, and 8 for each.
+        // 17 attempts fail in a row, with 24 bits and 8 more for each.
         BusFault noise = Of(BusFaultKind::kBitErrors);
         bench.Disturb(noise, 409'000);
         return 3;
@@ -249,7 +249,7 @@ class World {
   [[nodiscard]] std::uint32_t EnableId(std::size_t joint) const {
     return Side().EnableId(bench.DriveOf(joint));
   }
-  /// Of the drives, whose configurations are alike.
+  /// The rhythm of replies of both drives, whose configurations are alike.
   [[nodiscard]] ReplyRhythm Rhythm() const {
     DriveBank bank;
     static_cast<void>(bank.Add(bench.DriveOf(0)));
@@ -262,7 +262,7 @@ class World {
     if (id != 0) fault.ids = {id};
     return fault;
   }
-  /// The second joint is somewhere else than it was told to be, and stays there.
+  /// Moves the second joint away from its setpoint, where it stays.
   void Displace(double by_rad) {
     RotorPlant::Rotor& rotor = bench.plant->rotors()[1];
     rotor.position_rad =
@@ -276,7 +276,7 @@ class World {
     config.primitives = motion_.primitives;
     config.executor = ConfigOf(case_, motion_);
     config.offset_rad = case_.state == ExecutorState::kMovingToStart ? 0.09 : 0.01;
-    // Full before the replies are missed.
+    // The queue must be full before missing replies are noticed.
     constexpr int kSmall = 6;
     const bool small =
         case_.fault == Fault::kTransmitQueueFull && config.drives.HostFramesMax() <= kSmall;
@@ -293,12 +293,12 @@ class World {
   FaultBench bench;
 };
 
-/// What an order allows a robot to do, most first.
+/// The freedom that an order gives a robot: a larger number is more freedom.
 int Freedom(const DriveOrder& order) {
   return order.kind == Kind::kSetpoint ? 2 : order.kind == Kind::kPassive ? 1 : 0;
 }
 
-/// Whether the frames are what a reaction means. kIgnore stands for any.
+/// Expects the frames of a reaction. kIgnore stands for any frames.
 void ExpectOrders(const FaultBench& bench, const TestedProtocol& protocol, Reaction reaction) {
   const bool with_gains = protocol.side->nature().carries_gains;
   for (std::size_t i = 0; i < 2; ++i) {
@@ -330,7 +330,7 @@ void ExpectOrders(const FaultBench& bench, const TestedProtocol& protocol, React
 
 class FaultMatrix : public ::testing::TestWithParam<Case> {
  protected:
-  /// Ticks until the fault is there or should have been. @returns the record in which it was found.
+  /// Ticks until the fault is found, or should have been. @returns the record of that tick.
   TickRecord Await(World& world) {
     const int ticks_max = world.Provoke();
     ticks_ = 0;
@@ -341,7 +341,7 @@ class FaultMatrix : public ::testing::TestWithParam<Case> {
     return world.bench.output.record;
   }
   [[nodiscard]] static std::uint32_t Bit() { return 1U << static_cast<unsigned>(GetParam().fault); }
-  /// Whether the fault is a stop that leads to holding, which is no fault.
+  /// Whether the reaction is a stop that ends in holding, which is no fault state.
   [[nodiscard]] static bool IsPlainStop(const FaultTable& table) {
     const Case& c = GetParam();
     const bool at_rest = c.state == ExecutorState::kHolding || c.state == ExecutorState::kStopping;
@@ -359,7 +359,7 @@ class FaultMatrix : public ::testing::TestWithParam<Case> {
   int ticks_ = 0;
 };
 
-/// The fault was found as what it is, and the frames are the reaction that the table states.
+/// Expects that the fault was found as itself, and that the frames are the reaction of the table.
 void FaultMatrix::ExpectAnswer(const FaultBench& bench, const TickRecord& before,
                                const TickRecord& found) const {
   const Case& c = GetParam();
@@ -377,13 +377,13 @@ void FaultMatrix::ExpectAnswer(const FaultBench& bench, const TickRecord& before
   ASSERT_NE(found.faults & Bit(), 0U)
       << "not found in " << ticks_ << " ticks; faults " << found.faults << ", first "
       << ToString(found.first_fault.fault);
-  // A stop that takes less time than the fault needs to be found has ended in holding.
+  // A stop that is over before the fault is found has ended in holding.
   const bool held_meanwhile = c.state == ExecutorState::kStopping &&
                               found.first_fault.state == ExecutorState::kHolding && ticks_ > 1;
   ExpectLatched(bench, before, found, held_meanwhile ? ExecutorState::kHolding : c.state);
 }
 
-/// @param state  in which the fault was found.
+/// Expects the latched fault and its reaction. @param state  the one in which the fault was found.
 void FaultMatrix::ExpectLatched(const FaultBench& bench, const TickRecord& before,
                                 const TickRecord& found, ExecutorState state) {
   const Case& c = GetParam();
@@ -395,15 +395,14 @@ void FaultMatrix::ExpectLatched(const FaultBench& bench, const TickRecord& befor
     EXPECT_EQ(ToString(found.first_fault.state), std::string(ToString(state)));
     EXPECT_EQ(found.first_fault.reaction, table(c.fault, state));
   }
-  // What else was found in the same tick can only make it stronger.
+  // Other faults found in the same tick can only make the reaction stronger.
   Reaction stated = std::max(before.reaction, table(c.fault, state));
   for (const FaultInfo& info : kFaultTable) {
     const std::uint32_t other = 1U << static_cast<unsigned>(info.fault);
     if (info.fault == c.fault || (found.faults & other & ~before.faults) == 0) continue;
     stated = std::max(stated, table(info.fault, ExecutorState::kFault));
   }
-  // A drive that has an error, or is not enabled yet, is beyond orders: what counts is that it is
-  // not driven.
+  // A drive that has an error, or is not enabled yet, takes no orders. It must not be driven.
   const bool of_a_drive = c.fault == Fault::kDriveError &&
                           !c.protocol.side->nature().follows_in_error &&
                           Reaction::kDisable != stated;
@@ -412,8 +411,8 @@ void FaultMatrix::ExpectLatched(const FaultBench& bench, const TickRecord& befor
   }
 }
 
-/// What follows never gives a joint more freedom; who is to hold comes to rest, and who is to be
-/// without torque is.
+/// Expects that no later tick gives a joint more freedom. Joints that hold come to rest, and joints
+/// that are to be without torque have none.
 void FaultMatrix::ExpectNeverMoreFreedom(World& world, const TickRecord& found, bool plain_stop) {
   FaultBench& bench = world.bench;
   std::array<int, 2> freedom{Freedom(bench.judge.last_order(0)),
@@ -438,7 +437,7 @@ void FaultMatrix::ExpectNeverMoreFreedom(World& world, const TickRecord& found, 
     EXPECT_NEAR(order.velocity_rad_s, 0, 0.02) << "joint " << j << " has come to rest";
     EXPECT_NEAR(order.position_rad, position_rad[j], 1e-6) << "joint " << j;
   }
-  // By order or by its watchdog.
+  // The order or the watchdog has taken its torque away.
   if (bench.output.record.reaction != Reaction::kDisable) return;
   for (int i = 0; i < 40; ++i) world.Tick();
   for (const auto& drive : bench.drives) {
@@ -508,7 +507,7 @@ std::string CaseName(const ::testing::TestParamInfo<Case>& info) {
 
 INSTANTIATE_TEST_SUITE_P(All, FaultMatrix, ::testing::ValuesIn(AllCases()), CaseName);
 
-/// The frames of a good run, to be spoilt: the judge of the matrix has to notice.
+/// The frames of a good run. Tests spoil one, and the judge of the matrix must notice.
 class Judge : public ::testing::TestWithParam<TestedProtocol> {
  protected:
   Judge() : bench_(ConfigOfBench()) {
@@ -519,7 +518,7 @@ class Judge : public ::testing::TestWithParam<TestedProtocol> {
       if (bench_.log[i].frame.id == SetpointId()) at_ = i;
     }
     EXPECT_THAT(bench_.judge.report().violations, IsEmpty());
-    at_ -= 40;  // not the last tick
+    at_ -= 40;  // so that it is not the last tick
     while (bench_.log[at_].frame.id != SetpointId()) --at_;
     log_ = bench_.log;
   }
@@ -545,7 +544,7 @@ class Judge : public ::testing::TestWithParam<TestedProtocol> {
 
   FaultBench bench_;
   std::vector<LoggedFrame> log_;
-  std::size_t at_ = 0;  // of a setpoint of joint 1
+  std::size_t at_ = 0;  // the index of a setpoint of joint 1
 };
 
 TEST_P(Judge, FindsNothingInAGoodRun) { EXPECT_EQ(Violations(), ""); }
@@ -595,8 +594,8 @@ TEST_P(Judge, NoticesAFirstSetpointFarFromWhereTheDriveIs) {
 INSTANTIATE_TEST_SUITE_P(All, Judge, ::testing::ValuesIn(EveryProtocol()),
                          [](const auto& given) { return given.param.name; });
 
-/// Motions that do not keep to what they state: what the last gate is for. The judge knows the
-/// stated limits only.
+/// Motions that break the limits that they state. The last gate is there for them. The judge knows
+/// only the stated limits.
 class Gate : public ::testing::TestWithParam<std::tuple<TestedProtocol, int>> {};
 
 TEST_P(Gate, KeepsEveryStatedLimitWhateverThePlan) {
@@ -677,7 +676,7 @@ TEST(Arming, DoesNotJumpWhenTheJointIsTurnedMeanwhile) {
   }
 }
 
-/// Not so with MIT drives, for one: they do not say in which mode they are.
+/// MIT drives are an exception: they do not report their mode.
 TEST(Dropout, ADriveThatSomebodyElseSwitchesOffIsADriveError) {
   int protocols = 0;
   for (const TestedProtocol& protocol : EveryProtocol()) {

@@ -45,13 +45,13 @@ Primitive<float> Motion() {
   return RandomPrimitive<float>(shape, random);
 }
 
-/// Joints 0.3 rad from the start, so that the move takes a while.
+/// Puts the joints 0.3 rad from the start, so that the move takes a while.
 void Displace(ExecutorRig& rig) {
   for (auto& drive : rig.drives) drive->reply.position_rad -= 0.05F;
 }
 
-/// Makes `fault` happen; joint 1 where one is concerned. @returns ticks that it takes until it must
-/// be seen.
+/// Makes `fault` happen, at joint 1 if it concerns a joint.
+/// @returns the number of ticks after which it must have been found.
 int Provoke(Fault fault, ExecutorRig& rig, const ExecutorConfig& config) {
   testing::ScriptedDrive& drive = *rig.drives[1];
   switch (fault) {
@@ -97,7 +97,7 @@ int Provoke(Fault fault, ExecutorRig& rig, const ExecutorConfig& config) {
       rig.input.tick += config.late_ticks_max + 1;
       return 1;
     case Fault::kEntryMissed:
-      return 0;  // Belongs to a transition: executor_sequence_test.cc.
+      return 0;  // It belongs to a transition, which executor_sequence_test.cc tests.
     case Fault::kNonFinite:
       drive.reply.velocity_rad_s = std::numeric_limits<float>::quiet_NaN();
       return 1;
@@ -111,23 +111,23 @@ int Provoke(Fault fault, ExecutorRig& rig, const ExecutorConfig& config) {
   return 1;
 }
 
-/// Faults that cannot happen in a state, whatever the world does.
+/// Whether a fault can happen in a state at all.
 bool IsPossible(Fault fault, ExecutorState state) {
   if (fault == Fault::kArmingTimeout) return state == ExecutorState::kArming;
-  // Nothing follows yet in arming, and what is damped need not follow; it is kFault by a late tick
-  // while running.
+  // In arming there is nothing to follow yet, and a damped joint need not follow. The state kFault
+  // comes from a late tick while running.
   if (fault == Fault::kFollowingError)
     return state != ExecutorState::kArming && state != ExecutorState::kFault;
   if (fault == Fault::kLateTick)
-    return state != ExecutorState::kFault;  // It is the one that led there.
-  // A stop that brakes is a state of its own, and in stopping there is nothing left to do.
+    return state != ExecutorState::kFault;  // This very fault led there.
+  // All others are possible, also in stopping.
   return true;
 }
 
 TEST(FaultTable, AnswersEveryFaultInEveryStateAsStated) {
-  // disarmed, arming, holding, moving to start, running, settling, stopping, fault: the first
-  // letter of each reaction, x for disable. The states in which the robot is in mid-swing or its
-  // pose is not known any more are damped, a dead link is torque off.
+  // Each text has the first letters of the reactions, x for disable, in the states disarmed,
+  // arming, holding, moving to start, running, settling, stopping and fault. Where the robot is in
+  // mid-swing or its pose is unknown, joints are damped; a dead link is torque off.
   const std::vector<std::pair<Fault, std::string>> stated = {
       {Fault::kStaleReply, "ixhhdhhd"},     {Fault::kWrongSequence, "ixhhdhhd"},
       {Fault::kFollowingError, "ixdddddd"}, {Fault::kDriveError, "ixdddddd"},
@@ -207,7 +207,7 @@ class FaultMatrix : public ::testing::TestWithParam<std::tuple<Fault, ExecutorSt
   static void ExpectOrders(ExecutorRig& rig, const ExecutorConfig& config);
 };
 
-/// The detail is that of the provoked fault.
+/// Expects the detail of the provoked fault.
 void FaultMatrix::ExpectCause(const FaultDetail& detail, std::int64_t seen_at, Reaction answer) {
   const auto [fault, state, reaction] = GetParam();
   EXPECT_EQ(detail.fault, fault);
@@ -227,7 +227,7 @@ void FaultMatrix::ExpectCause(const FaultDetail& detail, std::int64_t seen_at, R
   }
 }
 
-/// What the drives are told is what the reaction means; every drive, every tick.
+/// Expects the reaction in the setpoints of every drive, in every tick.
 void FaultMatrix::ExpectOrders(ExecutorRig& rig, const ExecutorConfig& config) {
   rig.Tick();
   for (const auto& drive : rig.drives) {
@@ -260,8 +260,8 @@ void FaultMatrix::ExpectOrders(ExecutorRig& rig, const ExecutorConfig& config) {
   }
 }
 
-/// The core of the matrix: for each configured reaction the executor does what the table says, and
-/// nothing else.
+/// The core of the matrix: for each configured reaction the executor does what the table states,
+/// and nothing else.
 TEST_P(FaultMatrix, TheExecutorDoesWhatTheTableSays) {
   const auto [fault, state, reaction] = GetParam();
   const Primitive<float> motion = Motion();
@@ -330,7 +330,7 @@ std::vector<std::tuple<Fault, ExecutorState, Reaction>> PossibleCases() {
   return cases;
 }
 
-/// A readable name: fault, state and reaction without their blanks.
+/// A readable name, made of fault, state and reaction without their blanks.
 std::string CaseName(
     const ::testing::TestParamInfo<std::tuple<Fault, ExecutorState, Reaction>>& info) {
   std::string name = std::string(ToString(std::get<0>(info.param))) + "_" +
@@ -348,7 +348,7 @@ TEST(Faults, LatchUntilTheOperatorClearsThemWhileDisarmed) {
   ASSERT_TRUE(rig.Reach(ExecutorState::kHolding));
   rig.drives[0]->reply.error = 3;
   rig.Tick();
-  rig.drives[0]->reply.error = 0;  // The cause goes away; the fault does not.
+  rig.drives[0]->reply.error = 0;  // The cause goes away, but the fault stays.
   for (int i = 0; i < 100; ++i) rig.Tick();
   EXPECT_EQ(rig.executor.state(), ExecutorState::kFault);
   EXPECT_EQ(rig.Tick(OperatorCommand::kClearFaults).refusal.refusal, Refusal::kWrongState);
@@ -391,7 +391,7 @@ TEST(Faults, OneRepeatedReplyIsNoneAndASustainedRepetitionIs) {
                   i % every == 0 ? ReplyStatus::kRepeated : ReplyStatus::kOk);
       }
     }
-    // Every third one is just as many as are taken back.
+    // With every third reply wrong, the right ones just make up for them.
     EXPECT_EQ(rig.output.record.first_fault.fault, every < 3 ? Fault::kWrongSequence : Fault::kNone)
         << every;
   }
@@ -478,7 +478,7 @@ TEST(Collapse, FoldsIntoThePoseWithinTheLimitsFromWhereverItWasAndStaysThere) {
     for (std::int64_t i = 0; i < at; ++i) rig.Tick();
     std::array<JointSetpoint, 2> last{rig.output.record.joints[0].limited,
                                       rig.output.record.joints[1].limited};
-    rig.input.tick += 10;  // A late tick; its own step may be three periods.
+    rig.input.tick += 10;  // The tick is late. Its own step may be three periods.
     rig.Tick();
     ASSERT_EQ(rig.output.record.reaction, Reaction::kCollapse);
     int ticks = 0;
@@ -537,7 +537,7 @@ TEST(Collapse, LeavesAJointAloneWhoseDriveIsNotEnabled) {
       config.reactions.Set(Fault::kDriveError, ExecutorState::kHolding, Reaction::kCollapse));
   ExecutorRig rig(config, motion);
   ASSERT_TRUE(rig.Reach(ExecutorState::kHolding));
-  rig.drives[0]->stuck = true;  // It has dropped out.
+  rig.drives[0]->stuck = true;  // The drive has dropped out.
   const float before = rig.output.record.joints[0].limited.position_rad;
   for (int i = 0; i < 500; ++i) rig.Tick();
   EXPECT_EQ(rig.output.record.reaction, Reaction::kCollapse);

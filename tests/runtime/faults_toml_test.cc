@@ -58,7 +58,7 @@ TEST(FaultsToml, EveryFaultCanBeSetInEveryStateByItsName) {
       const FaultTable defaults;
       const bool disabled = defaults(fault.fault, state.state) == Reaction::kDisable;
       const bool arming = state.state == ExecutorState::kArming;
-      if (arming && fault.fault == Fault::kOperatorStop) continue;  // leaves nothing to change to
+      if (arming && fault.fault == Fault::kOperatorStop) continue;  // It has no other reaction.
       const Reaction reaction = arming     ? Reaction::kIgnore
                                 : disabled ? Reaction::kDamp
                                            : Reaction::kDisable;

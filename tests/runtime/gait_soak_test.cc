@@ -1,7 +1,7 @@
-// The shipped gait in virtual time for very many ticks, with everything going wrong at random, each
-// protocol: no frame breaks a rule, no tick leaves a drive out, nothing allocates, and the same run
-// made twice sends the same bytes. TUMBLER_SOAK_TICKS sets the number of ticks: 100 000 by default,
-// 1 000 000 for the full one.
+// The shipped gait in virtual time with each protocol, for very many ticks in which everything goes
+// wrong at random. No frame breaks a rule, no tick leaves a drive out, nothing allocates, and the
+// same run made twice sends the same bytes. TUMBLER_SOAK_TICKS sets the number of ticks: 100 000 by
+// default, 1 000 000 for the full test.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -113,7 +113,7 @@ class Soak {
     return config;
   }
 
-  // Not a distribution of the library: those differ between libraries.
+  // This is no distribution of the standard library, as they differ between libraries.
   std::uint64_t Draw(std::uint64_t below) { return random_() % below; }
   void Mix(std::uint64_t byte) { outcome_.hash = (outcome_.hash ^ byte) * 1099511628211ULL; }
 
@@ -155,7 +155,7 @@ class Soak {
       case 3:
         fault.kind = BusFaultKind::kReorder;
         break;
-      case 4:  // What is flipped in the set-up of a drive is not what this is about.
+      case 4:  // Bits flipped while a drive is set up are not the subject here.
         if (!running) return;
         fault.kind = BusFaultKind::kFlip;
         fault.probability *= 0.2;
@@ -212,8 +212,8 @@ class Soak {
     bench_.Disturb(fault, duration_ns);
   }
 
-  // Someone who wants the gait to go on: repairs, clears, arms, goes to the start, runs; and stops
-  // or branches now and then.
+  // An operator who wants the gait to go on: repairs, clears, arms, moves to the start and runs,
+  // and sometimes stops or branches.
   OperatorCommand Operator() {
     const TickRecord& last = bench_.output.record;
     ++ticks_in_state_;
@@ -261,7 +261,7 @@ class Soak {
       SimulatedDrive& drive = *bench_.drives[i];
       drive.set_temperature(30);
       if (!bench_.SideOfDrive(i).nature().clears_errors) {
-        drive.RaiseError(0);  // Switched off and on: the protocol has no order for it.
+        drive.RaiseError(0);  // It is switched off and on, as the protocol has no order for that.
       }
       bench_.plant->rotors()[i].position_rad = home_rad_[i];
       bench_.plant->rotors()[i].velocity_rad_s = 0;
@@ -300,7 +300,7 @@ TEST_P(GaitSoak, BreaksNoRuleAllocatesNothingAndIsTheSameEachTime) {
     EXPECT_EQ(once.frames, again.frames);
     EXPECT_EQ(once.hash, again.hash);
     EXPECT_NE(once.hash, Soak(file, 2005, collapse).Run(ticks / 20).hash);
-    // It has to have been a run at all.
+    // The gait must have run at all.
     EXPECT_GT(once.running, ticks / 50);
     EXPECT_GT(once.disturbances, ticks / 2000);
     std::int64_t kinds = 0, all = 0;

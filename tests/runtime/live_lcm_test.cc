@@ -1,5 +1,5 @@
-// Live LCM by UDP multicast. CTest starts this program inside a network namespace of its own, whose
-// only interface is the loopback: no packet leaves the machine.
+// Live LCM by UDP multicast. CTest starts this program inside a network namespace of its own that
+// has only the loopback interface, so no packet leaves the machine.
 
 #include <gtest/gtest.h>
 
@@ -77,7 +77,7 @@ TEST(Telemetry, PublishesEveryRecordLive) {
   config.lcm_url = kUrl;
   Telemetry telemetry(config);
   telemetry.Start();
-  constexpr std::int64_t kRecords = 50;  // Few enough for any socket buffer.
+  constexpr std::int64_t kRecords = 50;  // few enough for any socket buffer
   for (std::int64_t i = 0; i < kRecords; ++i) {
     TimedRecord timed;
     timed.record.tick = i;

@@ -1,8 +1,8 @@
-// tumbler-run on a kernel's CAN interfaces, against simulated drives in another process, watched by
-// candump. What counts is what was on the bus: the frames are judged by FrameChecker.
+// tumbler-run on the CAN interfaces of a kernel, with simulated drives in another process. candump
+// logs the bus, and FrameChecker judges the frames.
 //
-// The guest's clock is coarse (nothing below 10 ms means anything), hence
-// 25 ticks a second and drives that wait 0.2 s before they let go.
+// The guest's clock is coarse (times below 10 ms mean nothing), hence 25 ticks a second and drives
+// that wait 0.2 s before they let go.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -58,7 +58,7 @@ class RunOnCan : public ::testing::Test {
     shape.duration_s = 1.6;
     shape.amplitude_rad = 0.2;
     PrimitiveFile file = testing::RandomPrimitiveFile(shape, 70);
-    file.primitive.following_tolerance_rad = 0.5;  // three late ticks at full speed
+    file.primitive.following_tolerance_rad = 0.5;  // allows three late ticks at full speed
     file.certificate.coefficients_hash = HashOfCoefficients(file.primitive);
     WriteFile(Path("motion.toml"), ToToml(file));
     for (std::size_t i = 0; i < 2; ++i) {
@@ -67,7 +67,7 @@ class RunOnCan : public ::testing::Test {
     }
     rules_.silence_s = kWatchdog_s;
   }
-  /// Ends what an earlier attempt left running.
+  /// Ends the programs that an earlier attempt left running.
   void Reset() {
     candump_.reset();
     drives_.reset();
@@ -76,7 +76,7 @@ class RunOnCan : public ::testing::Test {
   }
 
   [[nodiscard]] std::string Path(const std::string& name) const { return folder_ / name; }
-  /// The example file's drives, for this test's joints, rate and watchdogs.
+  /// Writes the example's drives file, for the joints, rate and watchdogs of this test.
   void WriteDrives(int bit_rate) {
     std::string text = ReadFile(testing::SourcePath("primitives/robots/tumbler_drives.toml"));
     const auto replace = [&text](const std::string& what, const std::string& with) {
@@ -94,7 +94,8 @@ class RunOnCan : public ::testing::Test {
     ASSERT_EQ(rules_.drives.drives[1].watchdog_s, kWatchdog_s);
   }
 
-  /// Simulated drives, away from the motion's start, whose rotors stop soon once they are let go.
+  /// Starts simulated drives. They are away from the motion's start, and their rotors stop soon
+  /// when they are let go.
   void StartDrives(const std::string& interface) {
     drives_ = std::make_unique<Program>(std::vector<std::string>{
         testing::ProgramPath("tumbler-drives"), interface, Path("drives.toml"), "--friction", "1",
@@ -102,7 +103,7 @@ class RunOnCan : public ::testing::Test {
         "joint2=" + std::to_string(start_rad_[1] - 0.05)});
     ASSERT_TRUE(drives_->WaitFor("2 drives on " + interface)) << drives_->text();
   }
-  /// candump, of which only the lines of complete frames are read.
+  /// Starts candump. Only its lines with complete frames are read.
   void StartCandump(const std::string& interface) {
     candump_ = testing::StartCandump(interface, Path("candump"));
   }
@@ -127,12 +128,12 @@ class RunOnCan : public ::testing::Test {
   [[nodiscard]] std::unique_ptr<Program> StartArmed(const std::string& interface) const {
     return Start(interface, {"--arm", "--without-realtime", "--json", Path("run.json")});
   }
-  /// Waits until a run is in the midst of its motion: it has been driven for almost a second.
+  /// Waits until a run is in the midst of its motion, when it has driven for almost a second.
   void AwaitMotion(int driving_frames = 24) const {
     ASSERT_TRUE(Eventually([&] { return Judge().joints[0].driving >= driving_frames; }))
         << ReadFile(Path("candump"));
   }
-  /// What every log has to keep to, and that after a moment nothing more was driven.
+  /// Expects that a log breaks no rule, and that after a moment nothing was driven any more.
   static void ExpectKept(const FrameReport& report) {
     EXPECT_THAT(report.violations, IsEmpty());
     for (const FrameReport::Joint& joint : report.joints) EXPECT_GE(joint.driving, 20);
@@ -170,8 +171,8 @@ TEST_F(RunOnCan, ADryRunSendsNothingAndAnArmedRunSendsTheFramesThatItPrinted) {
       EXPECT_NEAR(joint.replies, joint.commands, 2) << "every command is answered";
     }
 
-    // The motion itself does not depend on where the joints were: its frames are the printed ones,
-    // but for what a late tick leaves out.
+    // The motion itself does not depend on where the joints were. Its frames are the printed ones,
+    // except for those that a late tick leaves out.
     std::vector<CanFrame> expected;
     const std::vector<LoggedFrame> dry_log = ParseCandumpLog(dry.text());
     const FrameReport dry_report = CheckFrames(dry_log, rules_);
@@ -236,7 +237,7 @@ TEST_F(RunOnCan, AnInterfaceThatIsRemovedEndsTheRun) {
     EXPECT_THAT(run->text(), HasSubstr("(running); reaction: disable"));
     ExpectKept(Judge());
     EXPECT_EQ(Judge().joints[0].commands, removed.joints[0].commands);
-    // A new one under the same name is served by the drives, and can be driven.
+    // The drives serve a new interface of the same name, and they can be driven.
     can.Create();
     ASSERT_TRUE(drives_->WaitFor("is back"));
     StartCandump(can.name());
@@ -257,8 +258,8 @@ TEST_F(RunOnCan, ABusThatTakesNoFramesEndsTheRunAndNothingThatWaitedGoesOutLater
     AwaitMotion();
     can.Throttle(200);  // fewer than two frames a second
     EXPECT_EQ(run->Wait(), kFault);
-    // The stall is the fault; that the interface is restarted to discard what waits may be seen
-    // with it.
+    // The stall is the fault. The restart of the interface, which discards waiting frames, may be
+    // seen with it.
     EXPECT_THAT(run->text(), HasSubstr("transmit queue full: would block"));
     EXPECT_THAT(run->text(), HasSubstr("(running); reaction: disable"));
     const std::size_t before = Log().size();
@@ -283,7 +284,7 @@ TEST_F(RunOnCan, BusOffEndsTheRunAndNothingIsDrivenAfterRecovery) {
     SerialCan can;
     const VirtualCan bench;
     WriteDrives(500'000);
-    // The drives' bus and the adapter's are one, as if wired together.
+    // The bus of the drives and that of the adapter are one, as if wired together.
     Shell("cangw -A -s " + can.name() + " -d " + bench.name() + " -e && cangw -A -s " +
           bench.name() + " -d " + can.name() + " -e");
     StartDrives(bench.name());
@@ -349,7 +350,7 @@ TEST_F(RunOnCan, WhenItIsKilledTheDrivesWatchdogsTakeOverAndARestartDoesNotJump)
     const std::unique_ptr<Program> again = StartArmed(can.name());
     EXPECT_EQ(again->Wait(), 0) << again->text();
     const FrameReport report = Judge();
-    ExpectKept(report);  // the first setpoint is where the drive is, among the rest
+    ExpectKept(report);  // One of the rules is that the first setpoint is where the drive is.
     EXPECT_GT(report.longest_silence_s, 0.4);
     for (std::size_t i = 0; i < 2; ++i) {
       EXPECT_EQ(report.joints[i].starts, 2);

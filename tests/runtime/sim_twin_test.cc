@@ -1,5 +1,5 @@
-// tumbler-run on the simulated robot of a twin file, and tumbler-twin as far as it needs no
-// interface: a user's view.
+// tumbler-run on the simulated robot of a twin file, and tumbler-twin where it needs no interface,
+// as a user meets them.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -38,7 +38,7 @@ class SimTwin : public ::testing::Test {
   struct Outcome : testing::Outcome {
     nlohmann::json json;
   };
-  /// The gait in virtual time.
+  /// Runs the gait in virtual time.
   [[nodiscard]] Outcome RunGait(const std::vector<std::string>& more) const {
     std::vector<std::string> arguments{"tumbler-run", "sim", kPrimitives + "gait.toml", "--json",
                                        Path("run.json")};

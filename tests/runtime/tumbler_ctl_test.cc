@@ -1,5 +1,5 @@
-// tumbler-ctl with a tumbler-run at the pace of the clock, by UDP multicast inside a network
-// namespace of the test's own (see CMakeLists.txt).
+// tumbler-ctl with a tumbler-run at the pace of the clock. They talk by UDP multicast inside a
+// network namespace of the test's own (CMakeLists.txt).
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -42,18 +42,18 @@ std::string State() {
   return nlohmann::json::parse(status.text)["state"];
 }
 
-/// Waits until the run is in one of these states. @returns the last that was seen.
+/// Waits until the run is in one of these states. @returns the last state that was seen.
 std::string WaitForState(const std::vector<std::string>& wanted) {
   std::string state;
-  for (int i = 0; i < 80; ++i) {  // A quarter of a second each.
+  for (int i = 0; i < 80; ++i) {  // Each try takes a quarter of a second.
     state = State();
     if (std::find(wanted.begin(), wanted.end(), state) != wanted.end()) break;
   }
   return state;
 }
 
-/// The shipped gait, attended. Ticks are slow: what is tested is not how well the machine keeps
-/// time.
+/// The shipped gait in an attended run. Ticks are slow, so that the test does not depend on how
+/// well the machine keeps time.
 class TumblerCtl : public ::testing::Test {
  protected:
   TumblerCtl() {

@@ -1,4 +1,4 @@
-// tumbler-log as a user meets it, with logs that tumbler-run wrote and ones that are spoilt.
+// tumbler-log as a user meets it, with logs of tumbler-run and with damaged ones.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -47,7 +47,8 @@ class TumblerLog : public ::testing::Test {
     text_ = outcome.text;
     return outcome.exit_code;
   }
-  /// Copies the log but for some messages. @param keep  of channel and number on it.
+  /// Copies the messages of the log that `keep` wants.
+  /// @param keep  is given the channel, and the number of the message on it.
   template <typename Keep>
   static void Copy(const std::string& name, Keep keep) {
     lcm::LogFile from(Path("run.lcm"), "r");

@@ -34,7 +34,7 @@ class TumblerRun : public ::testing::Test {
   [[nodiscard]] static Outcome Run(const std::string& arguments) {
     return testing::RunInShell("tumbler-run " + arguments);
   }
-  /// The example drive file with this program's joints, and `from` replaced by `to`.
+  /// Writes the example's drives file with the joints of this test, and `from` replaced by `to`.
   void WriteDrives(const std::string& from = "", const std::string& to = "") const {
     std::string text =
         testing::ReadFile(testing::SourcePath("primitives/robots/tumbler_drives.toml"));
@@ -42,7 +42,7 @@ class TumblerRun : public ::testing::Test {
     text = Replaced(text, "\"leg2\"", "\"joint2\"");
     Write("drives.toml", Replaced(text, from, to));
   }
-  /// On an interface that no machine has.
+  /// Runs on an interface that no machine has.
   [[nodiscard]] Outcome RunOnMissingInterface(const std::string& more = "") const {
     return Run("can9 " + Path("motion.toml") + " --drives " + Path("drives.toml") + more);
   }

@@ -1,8 +1,8 @@
-// Two processes on a kernel's CAN interface: tumbler-run, and tumbler-twin, which is the robot.
-// What counts is what was true of the robot, and the frames on the bus, which candump logs and
-// FrameChecker judges.
+// Two processes on the CAN interface of a kernel: tumbler-run, and tumbler-twin, which simulates
+// the robot. The tests check the robot's true state, and the frames on the bus, which candump logs
+// and FrameChecker judges.
 //
-// A gait needs at least 100 ticks a second, and the guest may stand still for 50 ms: here both
+// A gait needs at least 100 ticks a second, but the guest may stand still for 50 ms. So both
 // programs count four seconds of the clock as one of the robot (--pace). No time is asserted.
 
 #include <gmock/gmock.h>
@@ -45,8 +45,8 @@ using testing::VirtualCan;
 
 const std::string kPrimitives = testing::SourcePath("primitives/");
 constexpr double kPace = 0.25;
-constexpr int kFault = 3;  // of tumbler-run
-constexpr int kFell = 4;   // of tumbler-twin
+constexpr int kFault = 3;  // exit code of tumbler-run
+constexpr int kFell = 4;   // exit code of tumbler-twin
 constexpr int kKilled = 1000 + SIGKILL;
 
 class TwinOnCan : public ::testing::Test {
@@ -103,21 +103,22 @@ class TwinOnCan : public ::testing::Test {
     const std::string text = ReadFile(Path("candump"));
     return CheckFrames(ParseCandumpLog(text.substr(0, text.rfind('\n') + 1)), rules_);
   }
-  /// Ends the twin. @returns its exit status; what it wrote is in `truth_`.
+  /// Ends the twin, whose output is then in `truth_`. @returns its exit status.
   int EndTwin() {
     twin_->Signal(SIGINT);
     const int status = twin_->Wait();
     truth_ = nlohmann::json::parse(ReadFile(Path("truth.json")));
     return status;
   }
-  /// In the robot's time.
+  /// Sleeps for a time of the robot.
   static void Sleep(double time_s) { usleep(static_cast<useconds_t>(1e6 * time_s / kPace)); }
-  /// A robot that is let go begins its handstand at once, and takes 1.2 s for it.
+  /// Waits until the robot is in the midst of the handstand, which it begins when it is let go and
+  /// which takes 1.2 s.
   void AwaitMidHandstand() const {
     ASSERT_TRUE(twin_->WaitFor("let go")) << twin_->text();
     Sleep(0.7);
   }
-  /// Once more from the start, with a robot that stands there.
+  /// Runs once more from the start, with a robot that stands there, and expects success.
   void ExpectToSucceedAgain(const std::string& interface) {
     const std::unique_ptr<Program> again = StartRun(interface, "handstand.toml", {"--hold-s", "4"});
     EXPECT_EQ(again->Wait(), 0) << again->text();
@@ -137,7 +138,7 @@ class TwinOnCan : public ::testing::Test {
   nlohmann::json truth_;
 };
 
-/// The poses in which it came to rest, in order, with their pitch.
+/// The poses in which the robot came to rest, in order, with their pitch.
 std::vector<std::pair<std::string, double>> RestsOf(const nlohmann::json& truth) {
   std::vector<std::pair<std::string, double>> rests;
   for (const auto& event : truth["events"]) {
@@ -168,7 +169,7 @@ TEST_F(TwinOnCan, HandstandAndDownstandAlternateAndTheRobotIsUprightAndLevelInTu
                                             "as after downstand, swapped"};
     for (std::size_t i = 0; i < 4; ++i) {
       EXPECT_EQ(rests[i].first, poses[i]);
-      // A quarter of a turn each: upright, level and turned round, upside down, level again.
+      // Each is a quarter turn further: upright, level and turned round, upside down, level again.
       EXPECT_NEAR(rests[i].second, (static_cast<double>(i) + 1) * M_PI / 2, 0.02);
     }
     const FrameReport report = Judge();

@@ -10,13 +10,13 @@ namespace {
 
 const std::string kFolder = "tests/data/bad_inputs/";
 
-/// A line of an edit: its sign, and the text behind it.
+/// A line of an edit: its sign, and the text after the sign.
 struct EditLine {
   char sign;
   std::string text;
 };
 
-/// `\n` and `\xHH` as the bytes that they stand for.
+/// The text with `\n` and `\xHH` replaced by the bytes that they stand for.
 std::string Unescaped(const std::string& text) {
   std::string bytes;
   for (std::size_t i = 0; i < text.size(); ++i) {
@@ -49,7 +49,7 @@ class Editor {
   }
 
  private:
-  /// The lines of one sign that come next, joined.
+  /// Takes the next lines of one sign, joined.
   std::string Take(char sign) {
     std::string joined;
     for (bool first = true; Is(sign); first = false) {
@@ -88,7 +88,7 @@ class Editor {
         end = last.empty() ? text_.size() : EndOf(last, end);
       }
       const bool replaces = Is('+') || Is('*');
-      if (!replaces && text_[end] == '\n') ++end;  // Nothing is left of the line.
+      if (!replaces && text_[end] == '\n') ++end;  // The whole line goes.
       Put(begin, end, TakeNewText());
     } else if (Is('+') || Is('*')) {
       const std::size_t line = below ? EndOf("\n", at_) : 0;

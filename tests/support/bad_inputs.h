@@ -6,23 +6,23 @@
 
 namespace tumbler::testing {
 
-/// A task or a robot with one mistake, and what is said of it.
+/// A task or a robot with one mistake, and the message about it.
 struct BadInput {
-  std::string name;     ///< of its file, such as `duration_zero.toml`
-  std::string text;     ///< the whole file
-  std::string message;  ///< without folders; `good.toml` is the good task with this robot
+  std::string name;     ///< Name of its file, such as `duration_zero.toml`.
+  std::string text;     ///< The whole file.
+  std::string message;  ///< Without folders. `good.toml` is the good task with this robot.
   [[nodiscard]] bool is_task() const { return name.ends_with(".toml"); }
 };
 
-/// The task and the robot that the others are made from.
+/// The task and the robot from which the others are made.
 [[nodiscard]] std::string GoodTask();
 [[nodiscard]] std::string GoodRobot();
 
-/// All of `tests/data/bad_inputs/mistakes.txt`, which explains itself.
+/// All mistakes of `tests/data/bad_inputs/mistakes.txt`, which describes its own format.
 /// @throws std::runtime_error  naming the input whose edits do not fit the good file.
 [[nodiscard]] std::vector<BadInput> BadInputs();
 
-/// Writes the good two and all bad ones into a folder that is there.
+/// Writes the good task and robot and all bad ones into an existing folder.
 void WriteBadInputs(const std::filesystem::path& folder);
 
 }  // namespace tumbler::testing

@@ -11,8 +11,8 @@
 
 namespace tumbler::testing {
 
-/// The text of the element with this id, up to its first tag; of each such element joined when ids
-/// repeat.
+/// The text of the element with this id, up to its first tag. When several elements have the id,
+/// their texts are joined.
 inline std::string TextOf(const std::string& dom, const std::string& id) {
   const std::size_t at = dom.find("id=\"" + id + "\"");
   if (at == std::string::npos) return "no element " + id;
@@ -29,8 +29,8 @@ inline std::size_t Count(const std::string& text, const std::string& part) {
 }
 
 /// The document of a page with this fragment in its address, after its scripts and then `probe`
-/// ran; what the probe passes to `say` is the text of element `probe`.
-/// @param directory  of the page, for files of the test.
+/// have run. Everything that the probe passes to `say` is the text of element `probe`.
+/// @param directory  the folder of the page. The test also writes there.
 inline std::string BrowsePage(const std::string& page, const std::string& directory,
                               const std::string& fragment, const std::string& probe = "",
                               int width = 1200) {

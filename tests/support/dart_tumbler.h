@@ -17,7 +17,7 @@ namespace tumbler {
 /// The joints of `LoadTumblerInDart`, in the order of the robot's degrees of freedom.
 inline constexpr std::array<const char*, 5> kDartJoints = {"x", "z", "pitch", "leg1", "leg2"};
 
-/// The shipped robot as DART's own loader reads it, with the root's joints written into the URDF.
+/// The shipped robot, read by DART's own loader from a URDF with the joints of the root.
 inline dart::dynamics::SkeletonPtr LoadTumblerInDart() {
   const std::string path = testing::SourcePath("primitives/robots/tumbler.urdf");
   std::string urdf = ReadTextFile(path);

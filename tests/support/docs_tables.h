@@ -11,7 +11,7 @@
 
 namespace tumbler::testing {
 
-/// A table of a document that comes from the code. In the document it is between the lines
+/// A table of a document that is made from the code. In the document it is between the lines
 /// `<!-- generated from SOURCE: NAME -->` and `<!-- end -->`.
 struct DocsTable {
   std::string source;
@@ -55,7 +55,7 @@ inline std::string Markdown(const KeyTable& table) {
   return text;
 }
 
-/// Fails unless the document has exactly these tables; with TUMBLER_UPDATE_DOCS=1 in the
+/// Fails unless the document has exactly these tables. With TUMBLER_UPDATE_DOCS=1 in the
 /// environment it writes them into the document instead.
 /// @param path  relative to the project's folder.
 inline void ExpectTables(const std::string& path, const std::vector<DocsTable>& tables) {

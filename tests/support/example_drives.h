@@ -8,13 +8,13 @@
 
 namespace tumbler::testing {
 
-/// The commented drives file of the tumbler that a protocol comes with.
+/// The commented drives file of the tumbler for a protocol.
 struct ExampleDrives {
-  std::string protocol;  ///< by the name of its files
-  std::string file;      ///< from the project's folder
+  std::string protocol;  ///< The name of the protocol's source files.
+  std::string file;      ///< Relative to the project's folder.
 };
 
-/// That of every protocol which is listed in drives/protocols.h.
+/// The example of every protocol that is listed in drives/protocols.h.
 inline std::vector<ExampleDrives> ExampleOfEveryProtocol() {
   std::vector<ExampleDrives> examples;
   DriveProtocols::ForEach([&examples](auto protocol) {

@@ -16,29 +16,29 @@ namespace tumbler::testing {
 /// Path of a program of the build under test, such as `tumbler-run`.
 [[nodiscard]] std::string ProgramPath(const std::string& name);
 
-/// All bytes of a file. @throws std::runtime_error  when it cannot be read.
+/// Reads all bytes of a file. @throws std::runtime_error  when it cannot be read.
 [[nodiscard]] std::string ReadFile(const std::filesystem::path& path);
-/// @throws std::runtime_error  when it cannot be written.
+/// Writes a file. @throws std::runtime_error  when it cannot be written.
 void WriteFile(const std::filesystem::path& path, const std::string& text);
 
-/// The text with the first `from` after the first `after` replaced; both must be there.
+/// The text with the first `from` after the first `after` replaced. Both must be there.
 [[nodiscard]] std::string Replaced(std::string text, const std::string& from, const std::string& to,
                                    const std::string& after = "");
-/// The text with every `from` replaced, of which there may be none.
+/// The text with every `from` replaced. There may be none.
 [[nodiscard]] std::string ReplacedAll(std::string text, const std::string& from,
                                       const std::string& to);
-/// The number of the line, from 1, in which the first `part` begins; it must be there.
+/// The number of the line, from 1 on, in which the first `part` begins. It must be there.
 [[nodiscard]] int LineOf(const std::string& text, const std::string& part);
 
-/// What each match of a POSIX extended regular expression consists of: the whole, then its groups,
-/// empty where one took no part.
+/// All matches of a POSIX extended regular expression. Each is the whole match, then its groups; a
+/// group that took no part is empty.
 [[nodiscard]] std::vector<std::vector<std::string>> MatchesOf(const std::string& pattern,
                                                               const std::string& text);
 
-/// The same bytes, as readers of binary data take them. They live as long as the text.
+/// The bytes of a text, for readers of binary data. They live as long as the text.
 [[nodiscard]] std::span<const std::uint8_t> AsBytes(const std::string& text);
 
-/// An empty folder of its own, until the end of the scope.
+/// A new empty folder, which is removed at the end of the scope.
 class TemporaryFolder {
  public:
   TemporaryFolder();
@@ -48,7 +48,7 @@ class TemporaryFolder {
 
   [[nodiscard]] const std::filesystem::path& path() const { return path_; }
   [[nodiscard]] std::string operator/(const std::string& name) const;
-  /// Every file and folder in it, relative to it.
+  /// Every file and folder in it, as paths relative to it.
   [[nodiscard]] std::set<std::string> Listing() const;
 
  private:

@@ -12,7 +12,7 @@
 
 namespace tumbler {
 
-/// The best motion for a task as it is shipped, found from nothing; the parameter is the seed.
+/// The best motion for a shipped task, found from nothing. The parameter is the seed.
 class FoundMotion : public ::testing::TestWithParam<int> {
  protected:
   /// Solves a shipped task with the parameter as seed.

@@ -11,17 +11,17 @@
 
 namespace tumbler::testing {
 
-/// Frames of random values, written to standard output with what the codecs read from them:
-/// `DBC MESSAGE IDENTIFIER HEX signal=value ...`, a frame a line.
+/// Frames of random values, written to standard output with the values that the codecs read from
+/// them. A line for each frame: `DBC MESSAGE IDENTIFIER HEX signal=value ...`.
 class FrameSamples {
  public:
   using Signals = std::initializer_list<std::pair<const char*, double>>;
 
-  /// @param dbc  file that describes the frames from now on, without its ending.
+  /// @param dbc  name of the file that describes the frames from now on, without its ending.
   void Describe(std::string dbc) { dbc_ = std::move(dbc); }
-  /// Adds a frame; numbers as the .dbc file shows them.
+  /// Adds a frame. @param signals  have numbers as the .dbc file shows them.
   void Add(const char* message, const CanFrame& frame, Signals signals);
-  /// Ends the program unless the codec takes what it has made.
+  /// Ends the program unless the codec has decoded its own frame.
   static void Expect(Status status);
 
   float Number(float min, float max) {

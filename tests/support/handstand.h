@@ -22,8 +22,8 @@ inline CostTerm EffortTerm(double weight) {
   return {CostTerm::Kind::kEffort, CostTerm::When::kThroughout, weight};
 }
 
-/// The shipped robot standing at home on flat ground, its legs to end as in a handstand: 1.2 s of
-/// motion, 0.2 s of settling, the paper's terminal cost with an effort term.
+/// A problem in which the shipped robot stands at home on flat ground and its legs end as in a
+/// handstand: 1.2 s of motion, 0.2 s of settling, the paper's terminal cost with an effort term.
 inline Problem HandstandProblem(int control_points = 12) {
   constexpr double kPi = std::numbers::pi;
   Problem problem;
@@ -46,8 +46,8 @@ inline Problem HandstandProblem(int control_points = 12) {
   return problem;
 }
 
-/// Parameters of a smooth random motion: the straight line from start to end, plus a few half
-/// sines.
+/// Parameters of a smooth random motion, which is the straight line from start to end plus a few
+/// half sines.
 inline std::vector<double> RandomMotion(const Problem& problem, std::uint64_t seed,
                                         double amplitude_rad = 1.2) {
   std::mt19937_64 random(seed);

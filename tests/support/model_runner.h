@@ -11,18 +11,18 @@
 
 namespace tumbler::testing {
 
-/// What a run of tumbler-model printed.
+/// The output of a run of tumbler-model.
 struct ModelOutcome {
   int status = -1;
   std::string out, err;
 };
 
-/// A folder with a robot, in which tumbler-model runs.
+/// Runs tumbler-model in a folder with a robot.
 class ModelRunner {
  public:
   explicit ModelRunner(const std::string& robot) { WriteFile(folder_ / "robot.urdf", robot); }
 
-  /// `tumbler-model COMMAND robot.urdf ARGUMENTS` in a shell, with this on its standard input.
+  /// Runs `tumbler-model COMMAND robot.urdf ARGUMENTS` in a shell, with this on its standard input.
   [[nodiscard]] ModelOutcome operator()(const std::string& command, const std::string& arguments,
                                         const std::string& input = "") const {
     WriteFile(folder_ / "in", input);

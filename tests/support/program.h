@@ -18,11 +18,12 @@ class Program {
   Program(const Program&) = delete;
   Program& operator=(const Program&) = delete;
 
-  /// Reads until the output holds `part`. @returns false when the program ended without it, or
-  /// said nothing for 30 s.
+  /// Reads until the output has `part`. @returns false when the program ended without it, or
+  /// printed nothing for 30 s.
   bool WaitFor(const std::string& part);
   void Signal(int signal) const;
-  /// @returns the exit status; 1000 and the signal's number if a signal ended it.
+  /// Waits for the end. @returns the exit status; 1000 plus the signal's number if a signal ended
+  /// it.
   int Wait();
   [[nodiscard]] const std::string& text() const { return text_; }
 
@@ -36,19 +37,19 @@ class Program {
   std::string text_;
 };
 
-/// What became of a program.
+/// The outcome of a program.
 struct Outcome {
-  int exit_code = -1;  ///< as `Program::Wait` has it
+  int exit_code = -1;  ///< As `Program::Wait` returns it.
   std::string text;    ///< Standard output and error.
 };
 
 /// Runs a program of the build under test to its end.
-/// @param arguments  its name first, such as `tumbler-run`.
+/// @param arguments  the program's name first, such as `tumbler-run`.
 Outcome RunProgram(std::vector<std::string> arguments);
 /// Runs a command line in a shell that finds the programs of the build under test.
 Outcome RunInShell(const std::string& command_line);
 
-/// Polls until the condition holds. @returns whether it came to hold within 20 s.
+/// Polls until the condition holds. @returns whether it did within 20 s.
 bool Eventually(const std::function<bool()>& condition);
 
 }  // namespace tumbler::testing

@@ -16,19 +16,19 @@
 
 namespace tumbler::testing {
 
-/// What differs between protocols by their nature, and is documented.
+/// Documented differences that lie in the nature of the protocols.
 struct ProtocolNature {
-  bool carries_gains = false;    ///< With every setpoint; otherwise they are the drive's own.
+  bool carries_gains = false;    ///< Setpoints carry gains; otherwise the drive has its own.
   bool clears_errors = true;     ///< There is an order to clear the drive's errors.
   bool latches_watchdog = true;  ///< After the host's silence the drive stays off.
   bool says_temperature = true;
-  bool follows_in_error = false;  ///< What the host orders goes out while a drive has an error.
-  std::uint32_t error = 2;        ///< A code that its drives may have.
+  bool follows_in_error = false;  ///< The host's orders go out even while a drive has an error.
+  std::uint32_t error = 2;        ///< An error code that its drives may have.
 };
 
-/// The tests' view of a protocol, from the wire and without the host's code: what every test "with
-/// every protocol" needs to know of one. Each is in tests/support/protocols/, in a file that has
-/// the name of the protocol's own.
+/// A protocol as tests see it: from the wire, without the code of the host. Everything that the
+/// tests "with every protocol" have to know of one is here. The protocols are in
+/// tests/support/protocols/, in files with the names of their source files.
 class ProtocolSide {
  public:
   ProtocolSide() = default;
@@ -42,45 +42,46 @@ class ProtocolSide {
   [[nodiscard]] virtual std::unique_ptr<DriveWatch> Watch(const DriveConfig& drive,
                                                           JointJudge& joint) const = 0;
 
-  /// Identifiers of a drive's frames: with its measured positions, its heartbeat (0: it has none),
-  /// the setpoint's position, and its feed-forward torque.
+  /// Identifiers of a drive's frames with its measured positions, its heartbeat (0: there is none),
+  /// the position of the setpoint, and the feed-forward torque.
   [[nodiscard]] virtual std::uint32_t PositionId(const DriveConfig& drive) const = 0;
   [[nodiscard]] virtual std::uint32_t HeartbeatId(const DriveConfig& /*drive*/) const { return 0; }
   [[nodiscard]] virtual std::uint32_t SetpointId(const DriveConfig& drive) const = 0;
   [[nodiscard]] virtual std::uint32_t TorqueId(const DriveConfig& drive) const {
     return SetpointId(drive);
   }
-  /// Of the frame without which the drive is not enabled; 0: one that is lost costs a tick or so.
+  /// Identifier of the frame without which the drive is not enabled. 0: there is none, and a lost
+  /// frame only delays by about a tick.
   [[nodiscard]] virtual std::uint32_t EnableId(const DriveConfig& /*drive*/) const { return 0; }
 
-  /// The host's order to take the torque away.
+  /// The host's order for torque off.
   [[nodiscard]] virtual CanFrame TorqueOff(const DriveConfig& drive) const = 0;
-  /// What somebody else may send so that the drive drops out and says so; nothing where it does not
-  /// say.
+  /// A frame of somebody else that makes the drive drop out and report it. None if it does not
+  /// report that.
   [[nodiscard]] virtual std::optional<CanFrame> DropOut(const DriveConfig& /*drive*/) const {
     return std::nullopt;
   }
-  /// A measured position that is not a number; nothing where the wire has none.
+  /// A measured position that is not a number. None if the wire cannot carry one.
   [[nodiscard]] virtual std::optional<CanFrame> NotANumber(const DriveConfig& /*drive*/) const {
     return std::nullopt;
   }
-  /// Has the drive say often what it says rarely, for short tests.
+  /// Makes rare reports of the drive frequent, for short tests.
   virtual void Hasten(DriveConfig& /*drive*/) const {}
 
-  /// Spoils a setpoint's position, a reply's, by 0.05 to 1 rad; a feed-forward torque, beyond its
-  /// limit.
+  /// Spoil the position of a setpoint or of a reply by 0.05 to 1 rad, or put the feed-forward
+  /// torque beyond its limit.
   virtual void SpoilSetpoint(CanFrame& frame) const = 0;
   virtual void SpoilReply(CanFrame& frame) const = 0;
   virtual void SpoilTorque(CanFrame& frame) const = 0;
 
-  /// Adds one frame of each kind, of random values, for holding the .dbc file against the codec.
+  /// Adds one frame of each kind, with random values, to compare the .dbc file with the codec.
   virtual void AddSamples(FrameSamples& samples) const = 0;
 };
 
-/// What the test side of a protocol is found by: `SideOf(SideTag<MitProtocol>{})`.
+/// Selects the test side of a protocol: `SideOf(SideTag<MitProtocol>{})`.
 template <typename Protocol>
 struct SideTag {
-// Each protocol defines the function for itself alone, which g++ takes for a mistake.
+// Each protocol defines its own overload elsewhere, which g++ takes for a mistake.
 #pragma GCC diagnostic push
 #ifndef __clang__
 #pragma GCC diagnostic ignored "-Wnon-template-friend"
@@ -89,10 +90,10 @@ struct SideTag {
 #pragma GCC diagnostic pop
 };
 
-/// A protocol as tests take it for a parameter.
+/// A protocol as the parameter of a test.
 struct TestedProtocol {
-  std::string name;    ///< of its files
-  std::string drives;  ///< Its example, from the project's folder.
+  std::string name;    ///< The name of its source files.
+  std::string drives;  ///< Its example drives file, relative to the project's folder.
   const ProtocolSide* side = nullptr;
 };
 /// Every protocol that is listed in drives/protocols.h.

@@ -25,7 +25,7 @@ typename Space::Rotation RandomRotation(std::mt19937_64& random) {
   }
 }
 
-/// A shape of that kind with sizes from 20 to 120 mm, turned at random. A rounded box is a box with
+/// A shape of this kind with sizes from 20 to 120 mm, turned at random. A rounded box is a box with
 /// a radius.
 template <class Space>
 Shape<Space> RandomShape(std::mt19937_64& random, ShapeKind kind, bool rounded = false) {

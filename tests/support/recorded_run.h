@@ -18,7 +18,7 @@
 
 namespace tumbler::testing {
 
-/// The configuration of a run on two MIT drives, with every number somewhere else than its default.
+/// The configuration of a run on two MIT drives, in which no number has its default.
 inline RecordConfiguration SmallConfiguration() {
   MotionShape shape;
   shape.duration_s = 0.05;
@@ -100,7 +100,7 @@ inline void RecordRun(const RecordConfiguration& configuration, FlightRecorder& 
   }
 }
 
-/// The bytes of such a record, complete.
+/// The bytes of the complete record of such a run.
 inline std::string RecordedBytes(const RecordConfiguration& configuration,
                                  std::int64_t ticks_max = 100'000) {
   const TemporaryFolder folder;

@@ -16,8 +16,8 @@
 
 namespace tumbler::testing {
 
-/// A random motion of two joints between given ends at rest; its root ends where the next takes it
-/// up.
+/// A random motion of two joints between given ends at rest. Its root ends where the next motion
+/// begins.
 inline PrimitiveFile MotionBetween(const std::string& name, std::array<double, 2> start,
                                    std::array<double, 2> end, double start_pitch_rad,
                                    double end_pitch_rad, unsigned seed) {
@@ -47,7 +47,7 @@ inline PrimitiveFile MotionBetween(const std::string& name, std::array<double, 2
   return file;
 }
 
-/// Hashes and margins as the motions have them now.
+/// Sets hashes and margins from the motions as they are now.
 inline void Complete(PrimitiveFile& file) {
   file.certificate.coefficients_hash = HashOfCoefficients(file.primitive);
   const LimitMargins margins = MarginsOf(file.primitive);
@@ -56,8 +56,8 @@ inline void Complete(PrimitiveFile& file) {
   file.certificate.acceleration_margin_rad_s2 = margins.acceleration_rad_s2;
 }
 
-/// `up` from (-1, 1) level to (0, 0) upright, `down` on to (1, -1) upside down, `out` from upright
-/// to (2, 2).
+/// The primitives of a gait: `up` from (-1, 1) level to (0, 0) upright, `down` from there to (1,
+/// -1) upside down, and `out` from upright to (2, 2).
 inline std::vector<PrimitiveFile> GaitPrimitives() {
   constexpr double kPi = std::numbers::pi;
   return {MotionBetween("up", {-1, 1}, {0, 0}, 0, kPi / 2, 1),
@@ -65,7 +65,7 @@ inline std::vector<PrimitiveFile> GaitPrimitives() {
           MotionBetween("out", {0, 0}, {2, 2}, kPi / 2, kPi, 3)};
 }
 
-/// A gait of them, with an end.
+/// A gait of these primitives, with an end.
 inline std::string GaitText() {
   return R"(format = "tumbler-sequence"
 version = 1

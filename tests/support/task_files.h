@@ -14,7 +14,7 @@ inline std::string ShippedRobot() {
   return ReadFile(testing::SourcePath("primitives/robots/tumbler.urdf"));
 }
 
-/// The shipped task made small: on both feet, the legs move a little, and the pitch is to stay. It
+/// The shipped task made small: on both feet, the legs move a little and the pitch has to stay. It
 /// is solved in a fraction of a second.
 inline std::string QuickTask() {
   std::string text = ShippedTask();
@@ -28,7 +28,7 @@ inline std::string QuickTask() {
                   "[solver]\nscreen_evaluations = 10\nfinalists = 2\nmax_evaluations = 25");
 }
 
-/// The same with a global search that goes on until it is stopped.
+/// The same task with a global search that goes on until it is stopped.
 inline std::string EndlessSearch() {
   return Replaced(QuickTask(), "batch = 8\nmax_samples = 8",
                   "batch = 1000000\nmax_samples = 1000000");

@@ -8,7 +8,7 @@
 
 namespace tumbler {
 
-/// The shipped robot, its legs prescribed.
+/// The shipped robot with prescribed legs.
 inline PlanarRobot LoadTumbler() {
   const std::string path = testing::SourcePath("primitives/robots/tumbler.urdf");
   PlanarRobot robot = ParsePlanarRobot(ReadTextFile(path), path, RootKind::kPlanarXz);

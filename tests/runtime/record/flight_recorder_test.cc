@@ -66,7 +66,7 @@ TEST_F(FlightRecorderTest, WritesTheSameBytesWithAThreadOfItsOwn) {
 
 TEST_F(FlightRecorderTest, DoesNotAllocateInTheLoop) {
   if (!testing::AllocationGuard::kActive) GTEST_SKIP() << "the sanitizer owns malloc";
-  config_.ring_bytes = 4096;  // The ring is full after a few ticks: that, too, is not to allocate.
+  config_.ring_bytes = 4096;  // A full ring, after a few ticks, must not allocate either.
   FlightRecorder recorder(config_);
   std::vector<ReceivedFrame> received(TickEntry::kReceivedMax / 8);
   TickInput input;
@@ -87,7 +87,7 @@ TEST_F(FlightRecorderTest, DoesNotAllocateInTheLoop) {
 TEST_F(FlightRecorderTest, CountsSaysAndMarksTicksThatTheRingHasNoRoomFor) {
   config_.ring_bytes = 4096;
   FlightRecorder recorder(config_);
-  // Drained only at tick 50 and at the end.
+  // The recorder is drained only at tick 50 and at the end.
   testing::RecordRun(configuration_, recorder, [&](std::int64_t tick) {
     if (tick == 50) recorder.Drain();
   });
@@ -114,14 +114,14 @@ TEST_F(FlightRecorderTest, CountsSaysAndMarksTicksThatTheRingHasNoRoomFor) {
   EXPECT_THAT(record.damages(), IsEmpty());
   EXPECT_EQ(record.end()->lost, recorder.lost());
 
-  // What cannot be replayed is not called identical.
+  // A record that cannot be replayed is not called identical.
   const ReplayResult report = Replay(record);
   EXPECT_FALSE(report.identical());
   EXPECT_THAT(report.gap, HasSubstr("ticks were not recorded"));
   EXPECT_EQ(report.ticks, record.lost()[0].first_index);
 }
 
-/// No file of this process may become longer, until the end of the scope.
+/// Until the end of the scope, no file of this process can become longer than this.
 class FileSizeLimit {
  public:
   explicit FileSizeLimit(std::size_t bytes) {
@@ -141,7 +141,7 @@ class FileSizeLimit {
 
 TEST_F(FlightRecorderTest, StopsAndSaysSoWhenTheDiskIsFullAndKeepsWhatIsWhole) {
   const std::string whole = testing::RecordedBytes(configuration_);
-  // At several places within a block and between blocks.
+  // The disk is full at several places, within a block and between blocks.
   for (const std::size_t room :
        {whole.size() - 1, whole.size() - 3000, whole.size() / 2 + 1111, whole.size() / 2 + 1300}) {
     said_.clear();
@@ -193,7 +193,7 @@ TEST_F(FlightRecorderTest, KeepsTheTruthBetweenTheTicks) {
       [&recorder](std::int64_t tick) {
         const std::array<std::uint8_t, 3> truth = {1, 2, static_cast<std::uint8_t>(tick)};
         if (tick % 5 == 0) recorder.PushTruth(truth);
-        recorder.PushTruth(std::vector<std::uint8_t>(kTickEntryBytesMax + 1));  // Too long.
+        recorder.PushTruth(std::vector<std::uint8_t>(kTickEntryBytesMax + 1));  // too long
         recorder.Drain();
       },
       23);
@@ -203,7 +203,7 @@ TEST_F(FlightRecorderTest, KeepsTheTruthBetweenTheTicks) {
   const auto entry = std::make_unique<TickEntry>();
   std::int64_t ticks = 0;
   while (record.Next(*entry)) {
-    // Before a tick lies the truth after the one before it.
+    // Each tick is preceded by the truth after the tick before it.
     const bool expected = ticks > 0 && (ticks - 1) % 5 == 0;
     ASSERT_EQ(record.truths().size(), expected ? 1U : 0U) << ticks;
     if (expected) {

@@ -60,7 +60,7 @@ TEST_F(RecordExport, WritesEveryFrameByTime) {
 
 TEST_F(RecordExport, IsReadByTheToolsOfCanUtils) {
   ExportCandump(*record_, folder_ / "out.log");
-  // log2asc reads with the parser that canplayer uses; asc2log counts from the present.
+  // log2asc reads with canplayer's parser, and asc2log counts times from the present.
   const std::string command = "log2asc -I " + (folder_ / "out.log") + " sim | asc2log >" +
                               (folder_ / "again.log") + " 2>/dev/null";
   ASSERT_EQ(std::system(command.c_str()), 0);

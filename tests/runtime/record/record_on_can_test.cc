@@ -1,4 +1,4 @@
-// Flight records of runs on a kernel's CAN interfaces: against candump as the witness, through
+// Flight records of runs on the CAN interfaces of a kernel: compared with candump, played by
 // canplayer, on a disk that fills up, and after kill -9.
 
 #include <gmock/gmock.h>
@@ -37,7 +37,7 @@ using testing::ReplacedAll;
 using testing::VirtualCan;
 using testing::WriteFile;
 
-/// Lines without their times.
+/// The lines of a log without their times.
 std::vector<std::string> FramesOf(const std::string& log) {
   std::vector<std::string> frames;
   for (std::size_t at = 0; at < log.size();) {
@@ -49,7 +49,7 @@ std::vector<std::string> FramesOf(const std::string& log) {
   return frames;
 }
 
-/// How many of each line there are.
+/// The number of occurrences of each line.
 std::map<std::string, int> CountsOf(const std::vector<std::string>& lines) {
   std::map<std::string, int> counts;
   for (const std::string& line : lines) ++counts[line];
@@ -64,7 +64,7 @@ class RecordOnCan : public ::testing::Test {
     shape.duration_s = 1.6;
     shape.amplitude_rad = 0.2;
     PrimitiveFile file = testing::RandomPrimitiveFile(shape, 70);
-    file.primitive.following_tolerance_rad = 0.5;  // three late ticks at full speed
+    file.primitive.following_tolerance_rad = 0.5;  // allows three late ticks at full speed
     file.certificate.coefficients_hash = HashOfCoefficients(file.primitive);
     WriteFile(Path("motion.toml"), ToToml(file));
     for (std::size_t i = 0; i < 2; ++i) {
@@ -75,7 +75,8 @@ class RecordOnCan : public ::testing::Test {
 
   [[nodiscard]] std::string Path(const std::string& name) const { return folder_ / name; }
 
-  /// The example file's drives, for this test's joints, at a rate that the guest can keep.
+  /// Writes the example's drives file, for the joints of this test and a rate that the guest can
+  /// keep.
   void WriteDrives(const testing::ExampleDrives& example) const {
     std::string text = ReadFile(testing::SourcePath(example.file));
     const auto replace = [&text](const std::string& what, const std::string& with) {
@@ -86,7 +87,7 @@ class RecordOnCan : public ::testing::Test {
     replace("\"leg2\"", "\"joint2\"");
     replace("rate_hz = 1000.0", "rate_hz = 25.0");
     replace("watchdog_s = 0.025", "watchdog_s = 0.2");
-    if (example.protocol == "cansimple") {  // What drives send by themselves is for a kHz.
+    if (example.protocol == "cansimple") {  // Its drives send by themselves, as for 1 kHz.
       replace("heartbeat_s = 0.01", "heartbeat_s = 0.1");
       replace("estimates_s = 0.001", "estimates_s = 0.04");
       replace("torques_s = 0.01", "torques_s = 0.1");
@@ -137,13 +138,13 @@ TEST_F(RecordOnCan, AnArmedRunOnARealBusReplaysIdenticallyAndHoldsTheFramesThatC
     EXPECT_TRUE(Replay(record).starts_with("identical: "));
 
     Output({ProgramPath("tumbler-record"), record, "--candump", Path("record.log")});
-    usleep(300'000);  // The last replies.
+    usleep(300'000);  // The last replies need this time.
     const std::string theirs = ReadFile(Path("candump.log"));
     const std::string ours = ReadFile(Path("record.log"));
     std::vector<std::string> their_frames = FramesOf(theirs.substr(0, theirs.rfind('\n')));
     const std::vector<std::string> our_frames = FramesOf(ours.substr(0, ours.rfind('\n')));
     ASSERT_GT(our_frames.size(), 200U);
-    // Every line is one that candump wrote, byte for byte but for the time; it may have seen
+    // candump wrote every line, too, byte for byte except for the time. It may also have seen
     // replies to the last tick, which nobody took any more.
     const auto their_counts = CountsOf(their_frames);
     for (const auto& [line, count] : CountsOf(our_frames)) {
@@ -153,7 +154,7 @@ TEST_F(RecordOnCan, AnArmedRunOnARealBusReplaysIdenticallyAndHoldsTheFramesThatC
     }
     EXPECT_LE(their_frames.size(), our_frames.size() + 4);
     EXPECT_EQ(our_frames[0], their_frames[0]);
-    // Times are of the same clock, and nearly the same.
+    // Both times are of the same clock, and nearly equal.
     std::int64_t skipped = 0;
     const auto our_log = ParseCandump(ours, "ours", skipped);
     const auto their_log =
@@ -170,7 +171,7 @@ TEST_F(RecordOnCan, CanplayerPlaysAnExportedRecord) {
   Output({ProgramPath("tumbler-record"), Path("small.rec"), "--candump", log});
   const VirtualCan can;
   const auto candump = StartCandump(can.name(), "played.log");
-  Output({"/usr/bin/canplayer", "-I", log, can.name() + "=sim"});  // at the pace of the log
+  Output({"/usr/bin/canplayer", "-I", log, can.name() + "=sim"});  // It plays at the log's pace.
   const std::string exported = ReadFile(log);
   const std::vector<std::string> sent = FramesOf(exported.substr(0, exported.rfind('\n')));
   std::vector<std::string> seen;
@@ -242,7 +243,7 @@ TEST_F(RecordOnCan, ADryRunOfAReplaySendsNothingAndAnArmedOnePlaysTheRecordedSet
       const auto run = StartRun(can.name(), record);
       ASSERT_EQ(run->Wait(), 0) << run->text();
 
-      // Elsewhere, with drives that stand elsewhere.
+      // The replay runs on another interface, where the drives are in other positions.
       const VirtualCan bench;
       const auto candump = StartCandump(bench.name(), "bench.log");
       std::ofstream(Path("bench.log"), std::ios::trunc);

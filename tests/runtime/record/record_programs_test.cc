@@ -98,7 +98,7 @@ TEST_F(RecordPrograms, AChangedByteWithAMatchingCrcIsNamedWithTickAndField) {
   int ticks = 0;
   for (Block block; reader.Next(block);) {
     RecordBytes content(block.content.begin(), block.content.end());
-    // Of tick 1000: the lowest bit of the position that leg2 replied.
+    // In tick 1000, this flips the lowest bit of the position in leg2's reply.
     if (block.kind == BlockKind::kTick && ticks++ == 1000) content[71 + 21 + 8 + 5 + 2] ^= 1;
     AppendBlock(block.kind, block.number, content, changed);
   }
@@ -116,7 +116,7 @@ TEST_F(RecordPrograms, KilledInMidRunItLeavesARecordThatReplaysUpToThere) {
   {
     Program run({testing::ProgramPath("tumbler-run"), "sim", kHandstand, "--realtime", "--record",
                  record_});
-    // About a second of ticks.
+    // The loop waits until the record has about a second of ticks.
     for (int i = 0; i < 2000; ++i) {
       std::error_code error;
       const auto size = std::filesystem::file_size(record_, error);

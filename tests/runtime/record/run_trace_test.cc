@@ -45,7 +45,7 @@ TEST(RunTrace, FiguresAreThoseOfTheSamples) {
   EXPECT_NEAR(figures.delay_max_s, 0.0004, 1e-12);
   samples[1].reply_rad.reset();
   samples[1].delay_s.reset();
-  samples[3].reply_rad.reset();  // The last one's answer need not have come yet.
+  samples[3].reply_rad.reset();  // The last setpoint need not have a reply yet.
   figures = FiguresOf(samples);
   EXPECT_EQ(figures.missing_replies, 1);
   EXPECT_NEAR(figures.error_max_rad, 0.3, 1e-12);
@@ -74,14 +74,14 @@ TEST(RunTrace, OfARecordFollowsTheMotionAndItsReplies) {
   for (std::size_t i = 0; i < 2; ++i) {
     const auto& spline = assembly.parts().sequence->primitives[0].joints[i].position;
     const std::vector<TraceSample>& samples = trace.samples[i];
-    // 56 ticks of motion at speed 0.9, 10 of settling, 11 of holding, and those between.
+    // There are 56 ticks of motion at speed 0.9, 10 of settling, 11 of holding, and those between.
     EXPECT_NEAR(static_cast<double>(samples.size()), 78, 3);
     EXPECT_EQ(samples[0].tick, 0);
     for (std::size_t k = 0; k < 50; ++k) {
       const auto expected = spline.Evaluate(0.9F * 0.001F * static_cast<float>(k));
       EXPECT_NEAR(samples[k].setpoint_rad, expected.value, 1e-4);
     }
-    // The drives here go where they are sent at once: what is left is rounding.
+    // The drives here are at their setpoints at once, so that only rounding is left.
     const TrackingFigures figures = FiguresOf(samples);
     EXPECT_EQ(figures.missing_replies, 0);
     EXPECT_LT(figures.error_max_rad, 6e-4);
@@ -103,7 +103,7 @@ TEST(RunTrace, OfTheFramesAloneSaysTheSame) {
   const auto frames = ParseCandump(testing::ReadFile(folder / "run.log"), "run.log", skipped);
   const RunTrace of_frames = TraceOf(frames, DefaultDrives({"joint1", "joint2"}), "run.log");
   for (std::size_t i = 0; i < 2; ++i) {
-    // The log has the way to the start as well; the ends are the same.
+    // The log also has the way to the start, so the ends are compared.
     const auto& a = of_record.samples[i];
     const auto& b = of_frames.samples[i];
     ASSERT_GT(b.size(), a.size());
@@ -134,7 +134,7 @@ TEST(RunTrace, OfFramesOfOtherDrivesIsRefused) {
 TEST(RunTrace, DrawsEveryCurveAndNoPeakIsLost) {
   const testing::TemporaryFolder folder;
   std::vector<double> errors(10'000, 0.0);
-  errors[3333] = 1;  // One tick of ten thousand, in a drawing of a thousand points.
+  errors[3333] = 1;  // one tick of ten thousand, in a drawing of a thousand points
   RunTrace trace{"a & <b>", {"knee"}, {Samples(errors)}};
   WriteSvg(trace, &trace, folder / "out.svg");
   const std::string svg = testing::ReadFile(folder / "out.svg");

@@ -26,7 +26,7 @@ class Watch final : public DriveWatch {
       case 0x03:
       case 0x15:
       case 0x1c:
-        return true;  // The drive's.
+        return true;  // The drive has sent it.
       case 0x09:
         joint().Reply(Position(frame));
         return true;
@@ -67,7 +67,7 @@ class Watch final : public DriveWatch {
   void Begin(double time_s, bool torque_off) {
     const bool was_started = joint().started();
     const bool first = joint().Begin(time_s, torque_off, true);
-    // The input before was not for starting up.
+    // The input before it was not meant for starting up.
     if (first && has_input_ && !was_started) joint().FailUnstarted();
   }
   [[nodiscard]] double Position(const CanFrame& frame) {
@@ -102,17 +102,17 @@ class Watch final : public DriveWatch {
     has_input_ = true;
     input_rad_ = order.position_rad;
     if (velocity_mode_) joint().Fail("a position in velocity mode");
-    // What an idle drive hears is kept for later: it is judged when closed loop is asked for.
+    // An idle drive only keeps its input, which is judged when closed loop is asked for.
     if (joint().started()) joint().Setpoint(order, logged.time_s);
   }
 
   CanSimpleConfig can_;
   bool velocity_mode_ = false;
-  bool has_input_ = false;  // that closed loop would begin with
+  bool has_input_ = false;  // whether there is an input with which closed loop would begin
   double input_rad_ = 0;
 };
 
-/// Encodes for node 1. @returns the frame, with `value` as decoding it gives it.
+/// Encodes for node 1. @returns the frame. `value` is then what decoding gives.
 template <typename Value>
 CanFrame Made(Value& value) {
   const CanFrame frame = EncodeCanSimple(1, value);
@@ -164,7 +164,7 @@ class CanSimple final : public ProtocolSide {
   }
 
   void SpoilSetpoint(CanFrame& frame) const override {
-    frame.data[2] = static_cast<std::uint8_t>(frame.data[2] ^ 0x40U);  // of the mantissa
+    frame.data[2] = static_cast<std::uint8_t>(frame.data[2] ^ 0x40U);  // a bit of the mantissa
   }
   void SpoilReply(CanFrame& frame) const override { SpoilSetpoint(frame); }
   void SpoilTorque(CanFrame& frame) const override { frame.data[7] = 0x7f; }

@@ -33,7 +33,7 @@ class Watch final : public DriveWatch {
       case 0x280:
       case 0x580:
       case 0x700:
-        return true;  // The drive's.
+        return true;  // The drive has sent it.
       case 0x180:
         joint().Reply(Position(frame));
         return true;
@@ -74,7 +74,7 @@ class Watch final : public DriveWatch {
         if (!switched_on_) joint().FailUnstarted();
         joint().Start();
       }
-      // With the feed-forward of the tick before, unless the second frame says otherwise.
+      // The feed-forward is that of the tick before, unless the second frame changes it.
       order.velocity_rad_s = joint().order().velocity_rad_s;
       order.torque_nm = joint().last_torque_nm();
       joint().Setpoint(order, logged.time_s);
@@ -103,8 +103,8 @@ class Watch final : public DriveWatch {
   }
 
   Cia402Config node_;
-  bool switched_on_ = false;         // the last controlword was the one before operation
-  bool takes_feed_forward_ = false;  // the last controlword was operation's
+  bool switched_on_ = false;         // whether the last controlword was the one before operation
+  bool takes_feed_forward_ = false;  // whether the last controlword was that of operation
 };
 
 class Cia402 final : public ProtocolSide {
@@ -168,7 +168,7 @@ class Cia402 final : public ProtocolSide {
                 {{"controlword", command.controlword}, {"target", command.position}});
     const auto torque = static_cast<std::int16_t>(samples.Signed());
     const Cia402FeedForward feed_forward{samples.Signed(), torque};
-    // The torque counts thousandths, the file shows per cent.
+    // The torque counts thousandths, but the file shows per cent.
     samples.Add("RPDO2", EncodeCia402(1, feed_forward),
                 {{"velocity_offset", feed_forward.velocity}, {"torque_offset", torque / 10.0}});
     const Cia402Status status{static_cast<std::uint16_t>(samples.Whole(0, 65535)),
