@@ -169,12 +169,11 @@ KeyRow RowOf(const KeyText& text, const KeyValue* value, std::string_view table)
   KeyRow row;
   row.table = table;
   row.key = fmt::format("`{}`", text.name);
+  const std::string shown = value != nullptr ? std::visit(ValueShower(text), *value) : "";
   if (text.default_text != nullptr) {
-    row.absent = text.default_text;
-  } else if (text.required) {
-    row.absent = "required";
-  } else if (value != nullptr) {
-    row.absent = std::visit(ValueShower(text), *value);
+    row.absent = fmt::format(fmt::runtime(text.default_text), shown);
+  } else {
+    row.absent = text.required ? "required" : shown;
   }
   if (text.allowed_text != nullptr) {
     row.allowed = text.allowed_text;
@@ -193,9 +192,12 @@ KeyRow RowOf(const KeyText& text, const KeyValue* value, std::string_view table)
 }  // namespace file_keys_detail
 
 void ReadHeader(TomlTable& file, const FileHeader& header) {
-  const std::string format = file.String("format");
-  if (format != header.format)
+  if (header.other_format == nullptr) {
+    const std::array<std::string_view, 1> formats = {header.format};
+    file.Choice("format", formats, "");
+  } else if (const std::string format = file.String("format"); format != header.format) {
     file.Fail("format", fmt::format(fmt::runtime(header.other_format), format, header.format));
+  }
   if (header.newer_version == nullptr) {
     file.Integer("version", header.version, header.version);
     return;

@@ -86,7 +86,7 @@ struct FileKey {
     return key;
   }
   /// This key with another default than the struct's.
-  /// @param for_people  the default in words.
+  /// @param for_people  the default in words, where {} is the struct's.
   /// @param set         sets it, from the keys before.
   [[nodiscard]] constexpr FileKey Default(const char* for_people, void (*set)(S&) = nullptr) const {
     FileKey key = *this;
@@ -203,7 +203,8 @@ constexpr FileKey<S> LongTextOf(std::string_view name, const char* meaning) {
   key.value = [](S& settings) -> KeyValue { return LongTextValue{&(settings.*kMember)}; };
   return key;
 }
-/// A key that a function reads. `Default` and `Allowed` describe it for people.
+/// A key that a function reads, where it is there or required. `Default` and `Allowed` describe it
+/// for people.
 template <class S>
 constexpr FileKey<S> KeyReadBy(std::string_view name, typename FileKey<S>::Reader reader,
                                const char* meaning) {
@@ -230,7 +231,7 @@ void ReadKeys(TomlTable& table, const std::array<FileKey<S>, kCount>& keys,
     if (key.applies != nullptr && !key.applies(settings)) continue;
     if (key.prepare != nullptr) key.prepare(settings);
     if (key.reader != nullptr) {
-      key.reader(table, key.text.name, settings);
+      if (key.text.required || table.Has(key.text.name)) key.reader(table, key.text.name, settings);
       continue;
     }
     KeyText text = key.text;
@@ -266,9 +267,11 @@ std::vector<KeyRow> RowsOf(const std::array<FileKey<S>, kCount>& keys, std::stri
 struct FileHeader {
   const char* format;
   int version;
-  /// Problems in messages, where {0} is the file's value and {1} the one above.
+  /// The problem of another format, where {0} is the file's value and {1} the one above. Null: the
+  /// same words as of a choice.
   const char* other_format = "is '{0}'; allowed: {1}";
-  const char* newer_version = nullptr;  ///< Null: no other version is read.
+  /// The problem of a newer version, likewise. Null: no other version is read.
+  const char* newer_version = nullptr;
 };
 /// @throws FileError  when the file is of another kind.
 void ReadHeader(TomlTable& file, const FileHeader& header);

@@ -65,7 +65,6 @@ void ReadKind(TomlTable& table, std::string_view key, FaultEntry& fault) {
 }
 
 void ReadNode(TomlTable& table, std::string_view key, FaultEntry& fault) {
-  if (!IsOfAnInterface(fault) && !table.Has(key)) return;
   const std::string name = table.String(key);
   const auto node = std::ranges::find(fault.nodes, name);
   if (node == fault.nodes.end())
@@ -74,7 +73,6 @@ void ReadNode(TomlTable& table, std::string_view key, FaultEntry& fault) {
 }
 
 void ReadIds(TomlTable& table, std::string_view key, FaultEntry& fault) {
-  if (!table.Has(key)) return;
   for (const double id : table.Numbers(key, {0, 0x1fff'ffff})) {
     if (id != std::floor(id))
       table.Fail(key, fmt::format("holds {}; identifiers are whole numbers", id));
@@ -84,15 +82,19 @@ void ReadIds(TomlTable& table, std::string_view key, FaultEntry& fault) {
 }
 
 constexpr Range kDelay_s{0, 10, true};
+constexpr const char* kNode = "`\"host\"` or a joint";
 constexpr std::array kFaultKeys = {
     KeyReadBy<FaultEntry>("kind", ReadKind, "").Required().Allowed("see below"),
     SecondsOf<&BusFault::start_ns, FaultEntry>("start_s", {0, 1e6}, "simulated time"),
     KeyOf<&FaultEntry::duration_s>("duration_s", {0, 1e6, true}, "likewise").Default("to the end"),
-    KeyReadBy<FaultEntry>("node", ReadNode,
-                          "of `loss` to `flip` the receiver; required from `disconnect` on")
+    KeyReadBy<FaultEntry>("node", ReadNode, "of `loss` to `flip`, the receiver")
         .Default("every one")
-        .Allowed("`\"host\"` or a joint")
-        .Where([](const FaultEntry& fault) { return !IsOnTheWire(fault); }),
+        .Allowed(kNode)
+        .Where([](const FaultEntry& fault) { return IsOfFrames(fault) && !IsOnTheWire(fault); }),
+    KeyReadBy<FaultEntry>("node", ReadNode, "from `disconnect` on")
+        .Required()
+        .Allowed(kNode)
+        .Where(IsOfAnInterface),
     KeyReadBy<FaultEntry>("ids", ReadIds,
                           "frames with these identifiers; of `loss` to `bit-errors`")
         .Default("all")

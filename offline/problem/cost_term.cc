@@ -2,10 +2,10 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <array>
-#include <string>
 #include <string_view>
+
+#include "common/file_keys.h"
 
 namespace tumbler {
 namespace {
@@ -13,53 +13,65 @@ namespace {
 using Kind = CostTerm::Kind;
 using When = CostTerm::When;
 
-/// The names of the kinds in a task, in the order of Kind.
-constexpr std::array<std::string_view, 3> kKinds = {"terminal", "terminal-linear", "effort"};
+/// A `[[cost]]` as the file has it.
+struct CostEntry : CostTerm {
+  int of = 0;  ///< Which of `kCoordinates`.
+};
 
-/// Reads the coordinate of the root and the instant that a term is about.
-void ReadCoordinate(TomlTable& table, const PlanarRobot& robot, CostTerm& term) {
-  constexpr std::array<std::string_view, 2> kWhen = {"end", "settled"};
-  term.when = table.Choice("when", kWhen, "end") == "end" ? When::kEnd : When::kSettled;
-  if (robot.root_dofs == 0) {
-    table.Fail("term", fmt::format("is '{}', about the root's coordinates, and this root is "
-                                   "fixed; allowed: effort",
-                                   kKinds[static_cast<std::size_t>(term.kind)]));
-  }
-  constexpr std::array<std::string_view, 6> kOf = {"x",      "z",      "pitch",
-                                                   "x_rate", "z_rate", "pitch_rate"};
-  const std::string of = table.Choice("of", kOf, "");
-  const auto index = static_cast<int>(std::find(kOf.begin(), kOf.end(), of) - kOf.begin());
-  term.dof = index % 3;
-  term.of_velocity = index >= 3;
-}
+constexpr std::array<std::string_view, 3> kKinds = {"terminal", "terminal-linear", "effort"};
+constexpr std::array kTermKeys = {
+    KeyOf<&CostTerm::kind, CostEntry>(
+        "term", kKinds, "weight (value - target)^2; weight value; weight integral of \\|tau\\|^2")
+        .Required(),
+    KeyOf<&CostTerm::weight, CostEntry>("weight", {-1e9, 1e9}, "")
+        .Required()
+        .Allowed("-1e9 to 1e9; not negative for `terminal` and `effort`"),
+};
+
+/// Positions of the root, then their rates.
+constexpr std::array<std::string_view, 6> kCoordinates = {"x",      "z",      "pitch",
+                                                          "x_rate", "z_rate", "pitch_rate"};
+constexpr std::array<std::string_view, 2> kWhen = {"end", "settled"};
+constexpr std::array kCoordinateKeys = {
+    KeyOf<&CostTerm::when, CostEntry>("when", kWhen,
+                                      "of terminal terms: of the motion, or of the settle phase"),
+    KeyOf<&CostEntry::of>("of", kCoordinates, "value of the root")
+        .Required()
+        .Default("required for terminal terms"),
+    KeyOf<&CostTerm::target, CostEntry>("target", {-1e3, 1e3}, "of `terminal`")
+        .Where([](const CostEntry& term) { return term.kind == Kind::kSquare; }),
+};
 
 }  // namespace
 
 CostTerm ReadCostTerm(TomlTable& table, const PlanarRobot& robot) {
-  CostTerm term;
-  const std::string name = table.Choice("term", kKinds, "");
-  term.kind = static_cast<Kind>(std::find(kKinds.begin(), kKinds.end(), name) - kKinds.begin());
-  term.weight = table.Number("weight", {-1e9, 1e9});
+  CostEntry term;
+  ReadKeys(table, kTermKeys, term);
   const auto require_positive = [&](const char* what) {
     if (term.weight >= 0) return;
     table.Fail("weight",
                fmt::format("is {}; allowed for {}: >= 0", MessageNumber(term.weight), what));
   };
-  switch (term.kind) {
-    case Kind::kEffort:
-      term.when = When::kThroughout;
-      require_positive("effort");
-      break;
-    case Kind::kSquare:
-      ReadCoordinate(table, robot, term);
-      require_positive("a square");
-      term.target = table.Number("target", {-1e3, 1e3}, 0.0);
-      break;
-    case Kind::kLinear:
-      ReadCoordinate(table, robot, term);
-      break;
+  if (term.kind == Kind::kEffort) {
+    term.when = When::kThroughout;
+    require_positive("effort");
+    return term;
   }
+  if (robot.root_dofs == 0) {
+    table.Fail("term", fmt::format("is '{}', about the root's coordinates, and this root is "
+                                   "fixed; allowed: effort",
+                                   kKinds[static_cast<std::size_t>(term.kind)]));
+  }
+  ReadKeys(table, kCoordinateKeys, term);
+  term.dof = term.of % 3;
+  term.of_velocity = term.of >= 3;
+  if (term.kind == Kind::kSquare) require_positive("a square");
   return term;
+}
+
+KeyTable CostKeyTable() {
+  return {"offline/problem/cost_term.cc", "cost",
+          Joined({RowsOf(kTermKeys), RowsOf(kCoordinateKeys)})};
 }
 
 }  // namespace tumbler

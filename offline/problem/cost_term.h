@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <span>
 
+#include "common/key_table.h"
 #include "common/toml_reader.h"
 #include "offline/model/planar_robot.h"
 
@@ -105,5 +106,8 @@ struct CostTerm {
 /// Reads a `[[cost]]` of a task (docs/formats.md).
 /// @throws FileError with file, line, key, value and allowed range.
 CostTerm ReadCostTerm(TomlTable& table, const PlanarRobot& robot);
+
+/// Its keys, for docs/formats.md.
+KeyTable CostKeyTable();
 
 }  // namespace tumbler

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "common/key_table.h"
 #include "common/toml_reader.h"
 #include "offline/contact/obstacle.h"
 #include "offline/dynamics/plane.h"
@@ -10,5 +11,8 @@ namespace tumbler {
 /// caller.
 /// @throws FileError  with file, line, key, value and allowed range.
 Obstacle<Plane> ReadObstacle(TomlTable& table);
+
+/// Its keys, for docs/formats.md.
+KeyTable ObstacleKeyTable();
 
 }  // namespace tumbler

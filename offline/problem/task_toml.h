@@ -1,7 +1,9 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
+#include "common/key_table.h"
 #include "common/primitive_toml.h"
 #include "offline/problem/problem.h"
 
@@ -44,5 +46,8 @@ Task ParseTask(const std::string& task_text, const std::string& task_name,
 /// The task that a primitive was made from, by the texts that it carries. The start pose is the
 /// primitive's entry, whatever it was taken from.
 Task TaskOf(const PrimitiveFile& file);
+
+/// The keys of the file, for docs/formats.md.
+std::vector<KeyTable> TaskKeyTables();
 
 }  // namespace tumbler

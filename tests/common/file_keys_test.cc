@@ -52,7 +52,7 @@ constexpr std::array kKeys = {
                    return Range{0, lamp.height_m, true};
                  }),
     SecondsOf<&Lamp::period_ns>("period_s", {1e-6, 1e-3}, "")
-        .Default("by its colour",
+        .Default("{}; red and blue differ",
                  [](Lamp& lamp) { lamp.period_ns = lamp.colour == Colour::kRed ? 7 : 8; }),
     KeyOf<&Lamp::at_m>("at_m", Range::Any(), ""),
     KeyOf<&Lamp::steps>("steps", {1e-6}, ""),
@@ -185,7 +185,7 @@ TEST(FileKeys, TheTableForPeopleHasDefaultsAndRanges) {
             "| `[lamp]` `lit` | false | | |\n"
             "| `[lamp]` `colour` | `\"blue\"` | `\"red\"`, `\"blue\"` | |\n"
             "| `[lamp]` `limit_nm` | none | above 0, to the height | |\n"
-            "| `[lamp]` `period_s` | by its colour | 1e-6 to 0.001 | |\n"
+            "| `[lamp]` `period_s` | 5e-5; red and blue differ | 1e-6 to 0.001 | |\n"
             "| `[lamp]` `at_m` | none | | |\n"
             "| `[lamp]` `steps` | none | 1e-6 or more | |\n"
             "| `[lamp]` `rooms`, `note`, `poem` | none | | |\n");

@@ -12,6 +12,7 @@
 #include "offline/contact/near_point.h"
 #include "offline/dynamics/hybrid_dynamics.h"
 #include "offline/problem/task_toml.h"
+#include "tests/support/docs_tables.h"
 #include "tests/support/task_files.h"
 
 namespace tumbler {
@@ -339,6 +340,10 @@ TEST(RestPose, AGivenHeightIsTakenAsItIs) {
   EXPECT_EQ(problem.start_q[0], -1);
   EXPECT_EQ(problem.start_q[1], 2.5);
   EXPECT_EQ(problem.start_q[2], 0.3);
+}
+
+TEST(Task, TheTablesOfTheDocumentAreThoseOfTheCode) {
+  testing::ExpectTables("docs/formats.md", TaskKeyTables());
 }
 
 }  // namespace

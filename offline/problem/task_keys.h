@@ -1,0 +1,147 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "common/file_keys.h"
+#include "offline/problem/problem.h"
+
+namespace tumbler {
+
+/// The keys of a task, but for those that depend on the robot's joints: those are read in
+/// task_toml.cc, `[contact]` in contact_toml.cc, `[[obstacle]]` in obstacle_toml.cc.
+
+inline constexpr FileHeader kTaskHeader{"tumbler-task", 1, nullptr,
+                                        "is {0}; this program reads tasks up to version {1}"};
+
+struct TaskRobot {
+  std::string robot;
+  bool fixed = false;  ///< Its root link; else it moves in the x-z plane.
+};
+inline constexpr std::array<std::string_view, 2> kTaskRoots = {"planar-xz", "fixed"};
+inline constexpr std::array kTaskRobotKeys = {
+    KeyOf<&TaskRobot::robot>("robot", "URDF, relative to the task's folder")
+        .Required()
+        .Allowed("a file"),
+    KeyOf<&TaskRobot::fixed>("root", kTaskRoots, "how the root link is held"),
+};
+
+inline constexpr std::array kTaskTimeKeys = {
+    KeyOf<&Problem::duration_s>("duration_s", {0.05, 20}, "of the motion").Required(),
+    KeyOf<&Problem::settle_s>("settle_s", {0, 5}, "joints held after it, part of the problem"),
+};
+
+/// Where the root link's frame starts.
+struct TaskStart {
+  double x_m = 0;
+  double pitch_rad = 0;
+  std::optional<double> z_m;
+};
+inline constexpr Range kTaskPlace{-1e3, 1e3};
+inline constexpr std::array kTaskStartKeys = {
+    KeyOf<&TaskStart::x_m>("x_m", kTaskPlace,
+                           "of the root link's frame (planar root only, like the next two)"),
+    KeyOf<&TaskStart::pitch_rad>("pitch_rad", kTaskPlace, ""),
+    KeyOf<&TaskStart::z_m>(
+        "z_m", kTaskPlace,
+        "without it the robot is put on the ground and left to come to rest, pitch included")
+        .Allowed("-1000 to 1000, no shape inside an obstacle"),
+};
+
+/// What a joint is allowed: first what the URDF says, then less and less.
+struct TaskLimits : JointLimits<double> {
+  TaskLimits() { acceleration_max_rad_s2 = 1000; }
+  double rotor_inertia_kg_m2 = 0;
+};
+inline constexpr std::array kTaskLimitKeys = {
+    KeyOf<&TaskLimits::position_min_rad, TaskLimits>("position_min_rad", "")
+        .Default("the URDF's, else -100")
+        .Allowed("within the URDF's",
+                 [](const TaskLimits& limits) {
+                   return Range{limits.position_min_rad, limits.position_max_rad};
+                 }),
+    KeyOf<&TaskLimits::position_max_rad, TaskLimits>("position_max_rad", "")
+        .Default("the URDF's, else 100")
+        .Allowed("within the URDF's",
+                 [](const TaskLimits& limits) {
+                   return Range{limits.position_min_rad, limits.position_max_rad};
+                 }),
+    KeyOf<&TaskLimits::velocity_max_rad_s, TaskLimits>("velocity_max_rad_s", "")
+        .Default("the URDF's, else 100")
+        .Allowed("above 0, to the default",
+                 [](const TaskLimits& limits) {
+                   return Range{0, limits.velocity_max_rad_s, true};
+                 }),
+    KeyOf<&TaskLimits::acceleration_max_rad_s2, TaskLimits>("acceleration_max_rad_s2",
+                                                            {0, 1e5, true}, "URDF has none"),
+    KeyOf<&TaskLimits::torque_max_nm, TaskLimits>("torque_max_nm", "")
+        .Default("the URDF's effort, else 1000")
+        .Allowed("above 0, to the default",
+                 [](const TaskLimits& limits) {
+                   return Range{0, limits.torque_max_nm, true};
+                 }),
+    KeyOf<&TaskLimits::rotor_inertia_kg_m2>("rotor_inertia_kg_m2", {0, 10},
+                                            "of the motor, seen through its gear"),
+};
+
+inline constexpr std::array kTaskToleranceKeys = {
+    KeyOf<&Problem::entry_tolerance_rad>(
+        "entry_rad", {0, 3, true},
+        "a run starts only with every joint this near to its first position"),
+    KeyOf<&Problem::following_tolerance_rad>(
+        "following_rad", {0, 3, true},
+        "a joint further from its setpoint while running is a fault"),
+};
+
+inline constexpr Range kTaskStep_s{1e-5, 1e-2};
+inline constexpr std::array kSearchKeys = {
+    KeyOf<&SearchSettings::seed>("seed", Range::NonNegative(), "`--seed` replaces it"),
+    KeyOf<&SearchSettings::batch>("batch", {1, 1e6}, "random starts at a time, until ..."),
+    KeyOf<&SearchSettings::promising>("promising", {1, 1000}, "... so many stand out ..."),
+    KeyOf<&SearchSettings::max_samples>("max_samples", {1, 1e6}, "... or so many were tried"),
+    KeyOf<&SearchSettings::refine>("refine", {1, 1000},
+                                   "of the best go to the local solver; when none leads anywhere, "
+                                   "the search goes on"),
+    KeyOf<&SearchSettings::modes>("modes", {1, 20}, "half-sine modes of a random path"),
+    KeyOf<&SearchSettings::spread_rad>("spread_rad", {0, 20}, "amplitude of the first mode"),
+    KeyOf<&SearchSettings::basin_rad>(
+        "basin_rad", {1e-3, 1e3},
+        "a motion that ends further from a target of its pitch does not stand out"),
+    KeyOf<&SearchSettings::torque_penalty>("torque_penalty", {0, 1e6}, "in the ranking"),
+    KeyOf<&SearchSettings::core_penalty>("core_penalty", {0, 1e6}, "in the ranking"),
+    KeyOf<&SearchSettings::step_s>("step_s", kTaskStep_s, "step of the semi-implicit Euler method")
+        .Default("{}, at most 1.5 times the advisable one"),
+};
+
+inline constexpr std::array<std::string_view, 2> kGradients = {"adjoint", "forward"};
+inline constexpr std::array kSolverKeys = {
+    KeyOf<&SolverSettings::step_s>("step_s", kTaskStep_s,
+                                   "integration step; a warning says when it is longer than "
+                                   "contact [allows](method.md#contact-by-intent)")
+        .Default("{}, at most the advisable one"),
+    KeyOf<&SolverSettings::screen_step_s>("screen_step_s", kTaskStep_s, "the same for screening")
+        .Default("the larger of {} (at most twice the advisable one) and `step_s`",
+                 [](SolverSettings& solver) {
+                   solver.screen_step_s = std::max(solver.step_s, solver.screen_step_s);
+                 }),
+    KeyOf<&SolverSettings::screen_evaluations>("screen_evaluations", {1, 1e5},
+                                               "of cost and gradient, for each start"),
+    KeyOf<&SolverSettings::finalists>("finalists", {1, 1000}, "how many of those go on ..."),
+    KeyOf<&SolverSettings::max_evaluations>("max_evaluations", {1, 1e5}, "... to this many in all"),
+    KeyOf<&SolverSettings::relative_tolerance>("relative_tolerance", {0, 1, true}, "of the cost"),
+    KeyOf<&SolverSettings::gradient>("gradient", kGradients,
+                                     "how gradients are computed: backwards through the steps, or "
+                                     "by the paper's gradient equations"),
+    KeyOf<&SolverSettings::torque_margin>(
+        "torque_margin", {0, 0.5},
+        "of the torque limit, kept free for what happens between samples"),
+    KeyOf<&SolverSettings::core_margin>("core_margin", {0, 0.9},
+                                        "part of the compliant layer that a motion leaves unused"),
+    KeyOf<&SolverSettings::sharpness>("sharpness", {1, 1e4},
+                                      "of the smooth maxima of torque and penetration"),
+};
+
+}  // namespace tumbler
