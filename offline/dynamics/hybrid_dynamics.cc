@@ -165,11 +165,9 @@ void HybridDynamics<Space>::SolveFree(double* x) const {
   }
 }
 
+/// Psi-dot and Psi-double-dot of [SRW22] are S_rate and S_rate2.
 template <class Space>
-void HybridDynamics<Space>::DifferentiateInverse(typename Derivatives::Block& d_q,
-                                                 typename Derivatives::Block& d_qd) {
-  // Accelerations and forces at the solution; Psi-dot and Psi-double-dot of [SRW22] are S_rate and
-  // S_rate2.
+void HybridDynamics<Space>::MoveBodiesAtSolution() {
   Motion base;
   base.v = -gravity_;
   for (int j = 0; j < n_; ++j) {
@@ -191,6 +189,12 @@ void HybridDynamics<Space>::DifferentiateInverse(typename Derivatives::Block& d_
       body.force = body.own * body.a + Space::Cross(body.v, body.momentum) - body.external;
     }
   }
+}
+
+template <class Space>
+void HybridDynamics<Space>::DifferentiateInverse(typename Derivatives::Block& d_q,
+                                                 typename Derivatives::Block& d_qd) {
+  MoveBodiesAtSolution();
   for (const auto& [i, j] : unrelated_) {
     d_q[Index(i)][Index(j)] = d_q[Index(j)][Index(i)] = 0;
     d_qd[Index(i)][Index(j)] = d_qd[Index(j)][Index(i)] = 0;
@@ -245,7 +249,12 @@ void HybridDynamics<Space>::DifferentiateInverse(typename Derivatives::Block& d_
     }
     touched |= 1U << up;
   }
-  if (!any_pair_) return;
+  if (any_pair_) AddPairs(d_q, d_qd);
+}
+
+template <class Space>
+void HybridDynamics<Space>::AddPairs(typename Derivatives::Block& d_q,
+                                     typename Derivatives::Block& d_qd) const {
   for (int i = 0; i < n_; ++i) {
     for (int k = 0; k < n_; ++k) {
       d_q[Index(i)][Index(k)] += pair_q_[Index(i)][Index(k)];

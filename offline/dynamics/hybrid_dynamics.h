@@ -182,7 +182,11 @@ class HybridDynamics {
   static constexpr std::size_t Index(int i) { return static_cast<std::size_t>(i); }
   void FactorFreeInertia();
   void SolveFree(double* x) const;
+  /// Accelerations, forces and bias maps of the bodies at Solve's solution.
+  void MoveBodiesAtSolution();
   void DifferentiateInverse(typename Derivatives::Block& d_q, typename Derivatives::Block& d_qd);
+  /// Adds what AddPairDerivative summed up.
+  void AddPairs(typename Derivatives::Block& d_q, typename Derivatives::Block& d_qd) const;
   void DifferentiateByInput(typename Derivatives::Block& input) const;
 
   int n_ = 0;

@@ -7,7 +7,6 @@
 #include <array>
 #include <charconv>
 #include <cmath>
-#include <functional>
 #include <limits>
 #include <optional>
 #include <set>
@@ -246,9 +245,8 @@ void CheckJoint(const TiXmlElement& joint, const ElementChecker& check) {
   }
 }
 
-}  // namespace
-
-UrdfSource::UrdfSource(const std::string& text, const std::string& file) {
+/// @throws FileError when the text is not XML.
+void ParseXml(const std::string& text, const std::string& file, TiXmlDocument& document) {
   if (const std::size_t at = text.find('\0'); at != std::string::npos) {
     const auto lines =
         std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(at), '\n');
@@ -265,43 +263,65 @@ UrdfSource::UrdfSource(const std::string& text, const std::string& file) {
                     fmt::format("not valid XML: {}",
                                 text.empty() ? "the file is empty" : "there is no element in it"));
   }
-  TiXmlDocument document;
   document.Parse(text.c_str(), nullptr, TIXML_ENCODING_UTF8);
   if (document.Error()) {
     throw FileError(file, static_cast<std::uint32_t>(std::max(document.ErrorRow(), 0)), "",
                     fmt::format("not valid XML: {}", document.ErrorDesc()));
   }
+}
+
+/// @throws FileError when the document is not a URDF.
+const TiXmlElement& RobotOf(const TiXmlDocument& document, const std::string& file) {
   const TiXmlElement* robot = document.RootElement();
   if (robot == nullptr || robot->ValueStr() != "robot") {
     throw FileError(file, robot == nullptr ? 0U : RowOf(*robot), "",
                     "not a URDF: the outermost element must be <robot>");
   }
-
-  const char* robot_name = robot->Attribute("name");
-  if (robot_name == nullptr || *robot_name == '\0')
+  const char* name = robot->Attribute("name");
+  if (name == nullptr || *name == '\0')
     throw FileError(file, RowOf(*robot), "robot", "has no name; give it the attribute name");
+  return *robot;
+}
 
-  const auto collect = [](const TiXmlElement& whole) {
-    Lines lines{{"", RowOf(whole)}};
-    const std::function<void(const TiXmlElement&)> visit = [&](const TiXmlElement& parent) {
-      for (const TiXmlElement* e = parent.FirstChildElement(); e != nullptr;
-           e = e->NextSiblingElement()) {
-        lines.emplace(e->ValueStr(), RowOf(*e));  // Of several elements the first counts.
-        visit(*e);
-      }
-    };
-    visit(whole);
-    return lines;
-  };
+/// Adds the lines of all elements below `parent`. Of several elements of a name the first counts.
+template <class Lines>
+void AddLines(const TiXmlElement& parent, Lines& lines) {
+  for (const TiXmlElement* e = parent.FirstChildElement(); e != nullptr;
+       e = e->NextSiblingElement()) {
+    lines.emplace(e->ValueStr(), RowOf(*e));
+    AddLines(*e, lines);
+  }
+}
 
-  struct Edge {
-    std::string joint, parent, child;
-    const TiXmlElement* parent_element;
-    const TiXmlElement* child_element;
+/// A joint by the links that it connects.
+struct Edge {
+  std::string joint, parent, child;
+  const TiXmlElement* parent_element;
+  const TiXmlElement* child_element;
+};
+
+Edge ReadEdge(const std::string& name, const TiXmlElement& joint, const ElementChecker& check) {
+  Edge edge;
+  edge.joint = name;
+  const auto end = [&](const char* which, const TiXmlElement*& element) {
+    element = &check.Required(joint, which);
+    const char* link = element->Attribute("link");
+    return std::string(link == nullptr ? "" : link);
   };
+  edge.parent = end("parent", edge.parent_element);
+  edge.child = end("child", edge.child_element);
+  return edge;
+}
+
+}  // namespace
+
+UrdfSource::UrdfSource(const std::string& text, const std::string& file) {
+  TiXmlDocument document;
+  ParseXml(text, file, document);
+  const TiXmlElement& robot = RobotOf(document, file);
   std::vector<Edge> edges;
   std::vector<std::string> link_order;
-  for (const TiXmlElement* e = robot->FirstChildElement(); e != nullptr;
+  for (const TiXmlElement* e = robot.FirstChildElement(); e != nullptr;
        e = e->NextSiblingElement()) {
     const std::string& kind = e->ValueStr();
     if (kind != "link" && kind != "joint") continue;
@@ -309,8 +329,10 @@ UrdfSource::UrdfSource(const std::string& text, const std::string& file) {
     const std::string name = attribute == nullptr ? "" : attribute;
     const ElementChecker check(file, fmt::format("{} '{}'", kind, name));
     if (name.empty()) check.Fail(*e, "has no name; give it the attribute name");
+    Lines lines{{"", RowOf(*e)}};
+    AddLines(*e, lines);
     Index& index = kind == "link" ? links_ : joints_;
-    if (const auto [other, is_new] = index.emplace(name, collect(*e)); !is_new) {
+    if (const auto [other, is_new] = index.emplace(name, std::move(lines)); !is_new) {
       check.Fail(*e, fmt::format("the name is taken by line {}", other->second.at("")));
     }
     if (kind == "link") {
@@ -318,20 +340,11 @@ UrdfSource::UrdfSource(const std::string& text, const std::string& file) {
       if (link_order.size() > kMostLinks)
         check.Fail(*e, fmt::format("the robot has more than {} links", kMostLinks));
       CheckLink(*e, check);
-      continue;
+    } else {
+      joint_order_.push_back(name);
+      CheckJoint(*e, check);
+      edges.push_back(ReadEdge(name, *e, check));
     }
-    joint_order_.push_back(name);
-    CheckJoint(*e, check);
-    Edge edge;
-    edge.joint = name;
-    const auto end = [&](const char* which, const TiXmlElement*& element) {
-      element = &check.Required(*e, which);
-      const char* link = element->Attribute("link");
-      return std::string(link == nullptr ? "" : link);
-    };
-    edge.parent = end("parent", edge.parent_element);
-    edge.child = end("child", edge.child_element);
-    edges.push_back(std::move(edge));
   }
 
   std::map<std::string, const Edge*> carried_by;
@@ -351,9 +364,18 @@ UrdfSource::UrdfSource(const std::string& text, const std::string& file) {
                              edge.child, other->second->joint));
     }
   }
+  std::map<std::string, std::string> parents;
+  for (const auto& [link, edge] : carried_by) parents.emplace(link, edge->parent);
+  CheckTree(link_order, parents, file);
+  if (link_order.empty()) throw FileError(file, RowOf(robot), "robot", "has no link");
+}
+
+void UrdfSource::CheckTree(const std::vector<std::string>& links,
+                           const std::map<std::string, std::string>& parents,
+                           const std::string& file) const {
   std::string root;
-  for (const std::string& link : link_order) {
-    if (carried_by.count(link) != 0) continue;
+  for (const std::string& link : links) {
+    if (parents.count(link) != 0) continue;
     if (!root.empty()) {
       throw FileError(file, LineOfLink(link, ""), fmt::format("link '{}'", link),
                       fmt::format("no joint carries it, and none carries '{}'; a robot has one "
@@ -364,19 +386,18 @@ UrdfSource::UrdfSource(const std::string& text, const std::string& file) {
   }
   // From each link the way up the tree must lead to the root.
   std::set<std::string> below_root;
-  for (const std::string& link : link_order) {
+  for (const std::string& link : links) {
     std::string at = link;
     std::set<std::string> seen;
-    while (carried_by.count(at) != 0 && below_root.count(at) == 0) {
+    while (parents.count(at) != 0 && below_root.count(at) == 0) {
       if (!seen.insert(at).second) {
         throw FileError(file, LineOfLink(at, ""), fmt::format("link '{}'", at),
                         "the joints above it lead back to itself; allowed: a tree");
       }
-      at = carried_by.at(at)->parent;
+      at = parents.at(at);
     }
     below_root.merge(seen);
   }
-  if (root.empty()) throw FileError(file, RowOf(*robot), "robot", "has no link");
 }
 
 std::uint32_t UrdfSource::LineOf(const Index& index, const std::string& name,

@@ -35,6 +35,10 @@ class UrdfSource {
   using Index = std::map<std::string, Lines, std::less<>>;
   static std::uint32_t LineOf(const Index& index, const std::string& name,
                               std::string_view element);
+  /// @param parents  the link that carries each link; the root has none.
+  /// @throws FileError unless there is at most one root, and every link leads up to it.
+  void CheckTree(const std::vector<std::string>& links,
+                 const std::map<std::string, std::string>& parents, const std::string& file) const;
 
   Index links_;
   Index joints_;
