@@ -8,26 +8,6 @@
 #include "offline/dynamics/spatial.h"
 
 namespace tumbler {
-namespace {
-
-/// The vertices of a core, or its centre where it has none.
-template <class Space>
-std::vector<typename Space::Vector> Vertices(const Shape<Space>& shape) {
-  using Vector = typename Space::Vector;
-  std::vector<Vector> vertices = {shape.centre};
-  for (int i = 0; i < Shape<Space>::kDimension; ++i) {
-    if (shape.half_extents[i] == 0) continue;
-    const Vector side = shape.rotation * Vector(shape.half_extents[i] * Vector::Unit(i));
-    const std::vector<Vector> middles = std::exchange(vertices, {});
-    for (const Vector& middle : middles) {
-      vertices.push_back(middle + side);
-      vertices.push_back(middle - side);
-    }
-  }
-  return vertices;
-}
-
-}  // namespace
 
 /// F = N u - mu |N| gain v_t and its change for changes of distance, normal and velocity, with
 /// v_d = v . u and v_t = v - v_d u.
@@ -65,7 +45,7 @@ ContactModel<Space>::ContactModel(const ContactLaw& law, std::vector<ContactShap
       spheres_.push_back({index(s), shape.body, shape.shape.centre, shape.shape.radius_m});
       continue;
     }
-    for (const Vector& vertex : Vertices(shape.shape)) {
+    for (const Vector& vertex : CoreVertices(shape.shape)) {
       vertices_.push_back({index(s), shape.body, vertex, shape.shape.radius_m});
     }
     for (std::size_t o = 0; o < obstacles_.size(); ++o) {

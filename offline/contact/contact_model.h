@@ -7,7 +7,6 @@
 #include "offline/contact/contact_forces.h"
 #include "offline/contact/contact_law.h"
 #include "offline/contact/contact_shape.h"
-#include "offline/contact/near_point.h"
 #include "offline/contact/near_points.h"
 #include "offline/contact/obstacle.h"
 

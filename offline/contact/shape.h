@@ -1,7 +1,8 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <array>
+#include <utility>
+#include <vector>
 
 namespace tumbler {
 
@@ -65,6 +66,24 @@ struct Shape {
     return shape;
   }
 };
+
+/// The vertices of a shape's core: its corners, ends or centre.
+/// @pre the shape is no half-space.
+template <class Space>
+std::vector<typename Space::Vector> CoreVertices(const Shape<Space>& shape) {
+  using Vector = typename Space::Vector;
+  std::vector<Vector> vertices = {shape.centre};
+  for (int i = 0; i < Shape<Space>::kDimension; ++i) {
+    if (shape.half_extents[i] == 0) continue;
+    const Vector side = shape.rotation * Vector(shape.half_extents[i] * Vector::Unit(i));
+    const std::vector<Vector> middles = std::exchange(vertices, {});
+    for (const Vector& middle : middles) {
+      vertices.push_back(middle + side);
+      vertices.push_back(middle - side);
+    }
+  }
+  return vertices;
+}
 
 /// A shape in world axes, where its body has put it.
 template <class Space>

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "offline/contact/outline.h"
 #include "offline/dynamics/hybrid_dynamics.h"
 
 namespace tumbler {
@@ -59,25 +60,14 @@ ReportData ReportScene(const Problem& problem) {
         {joint.limits.position_min_rad, joint.limits.position_max_rad});
   }
   for (const Obstacle<Plane>& obstacle : problem.scene.obstacles) {
+    const Outline outline = OutlineOf(obstacle.shape);
     ReportObstacle shown;
     shown.name = obstacle.name;
-    const Shape<Plane>& shape = obstacle.shape;
-    shown.x_m = shape.centre.x();
-    shown.z_m = shape.centre.y();
-    shown.radius_m = shape.radius_m;
-    if (shape.half_space) {
-      shown.normal_x = shape.normal.x();
-      shown.normal_z = shape.normal.y();
-    } else if (shape.kind() == ShapeKind::kSphere) {
-      shown.kind = ReportObstacle::Kind::kCircle;
-    } else {
-      shown.kind = ReportObstacle::Kind::kBox;
-      shown.normal_x = shape.rotation.c;
-      shown.normal_z = shape.rotation.s;
-      shown.half_x_m = shape.half_extents.x();
-      shown.half_z_m = shape.half_extents.y();
-    }
-    data.obstacles.push_back(shown);
+    for (const Plane::Vector& corner : outline.corners)
+      shown.corners_m.push_back({corner.x(), corner.y()});
+    shown.radius_m = outline.radius_m;
+    data.obstacles.push_back(std::move(shown));
+    if (!data.ground_z_m) data.ground_z_m = LevelHeight(obstacle.shape);
   }
   return data;
 }

@@ -49,16 +49,6 @@ std::string HtmlText(std::string_view text) {
   return safe;
 }
 
-PageJson ObstacleToJson(const ReportObstacle& obstacle) {
-  const bool circle = obstacle.kind == ReportObstacle::Kind::kCircle;
-  const bool box = obstacle.kind == ReportObstacle::Kind::kBox;
-  return {{"name", obstacle.name},   {"kind", circle ? "circle" : box ? "box" : "half-space"},
-          {"x", obstacle.x_m},       {"z", obstacle.z_m},
-          {"nx", obstacle.normal_x}, {"nz", obstacle.normal_z},
-          {"hx", obstacle.half_x_m}, {"hz", obstacle.half_z_m},
-          {"r", obstacle.radius_m}};
-}
-
 }  // namespace
 
 PageJson SceneToJson(const ReportData& data) {
@@ -91,8 +81,10 @@ PageJson SceneToJson(const ReportData& data) {
     json["joints"].push_back(joint);
   }
   for (const ReportObstacle& obstacle : data.obstacles) {
-    json["obstacles"].push_back(ObstacleToJson(obstacle));
+    json["obstacles"].push_back(
+        {{"name", obstacle.name}, {"corners", obstacle.corners_m}, {"r", obstacle.radius_m}});
   }
+  if (data.ground_z_m) json["ground_z"] = *data.ground_z_m;
   return json;
 }
 

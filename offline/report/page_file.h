@@ -20,7 +20,7 @@ std::string FillPage(const std::string& page, std::string_view title, const Page
 std::string WritePage(const std::string& page, const std::string& directory);
 
 /// The robot and its surroundings as the page's scripts draw them: `links` (name, shapes), `joints`
-/// (name, link, limits) and `obstacles`.
+/// (name, link, limits), `obstacles` (name, corners, r), and `ground_z` where ground is level.
 /// @throws std::invalid_argument naming the field as WriteReport does.
 PageJson SceneToJson(const ReportData& data);
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -49,14 +50,12 @@ struct ReportEvaluation {
   bool global = false;  ///< Whether it belongs to the global search, or to the local solver.
 };
 
-/// The ground or an obstacle, with its label.
+/// The ground or an obstacle, with its label: a convex polygon with a radius swept around it. One
+/// corner makes a disc, two make a bar with round ends.
 struct ReportObstacle {
   std::string name;
-  enum class Kind { kHalfSpace, kCircle, kBox } kind = Kind::kHalfSpace;
-  double x_m = 0, z_m = 0;            ///< A point of the half-space's surface, or the centre.
-  double normal_x = 0, normal_z = 1;  ///< Out of the half-space; along the box's first side.
-  double half_x_m = 0, half_z_m = 0;  ///< Half the box's sides, without the rounding.
-  double radius_m = 0;                ///< Of the circle, or of the box's rounding.
+  std::vector<std::array<double, 2>> corners_m;  ///< x, z, counter-clockwise.
+  double radius_m = 0;
 };
 
 /// Everything that the page shows. Names, values and limits of joints are in one order.
@@ -72,6 +71,7 @@ struct ReportData {
   /// The first is the root: its path is drawn, and a camera follows it.
   std::vector<ReportLink> links;
   std::vector<ReportObstacle> obstacles;
+  std::optional<double> ground_z_m;  ///< Of level ground, which is marked in metres.
   /// At least two, evenly spaced, about 200 a second.
   std::vector<ReportSample> samples;
   /// May be empty. Leave out evaluations that failed: all values must be finite.

@@ -117,17 +117,20 @@ void CheckScene(const ReportData& data) {
   for (std::size_t k = 0; k < data.obstacles.size(); ++k) {
     const ReportObstacle& obstacle = data.obstacles[k];
     const std::string name = fmt::format("obstacles[{}]", k);
-    CheckFinite(obstacle.x_m, name + ".x_m");
-    CheckFinite(obstacle.z_m, name + ".z_m");
+    if (obstacle.corners_m.empty())
+      RefuseField(name + ".corners_m", "is empty, must have at least one");
+    for (std::size_t c = 0; c < obstacle.corners_m.size(); ++c) {
+      CheckFinite(obstacle.corners_m[c][0], fmt::format("{}.corners_m[{}][0]", name, c));
+      CheckFinite(obstacle.corners_m[c][1], fmt::format("{}.corners_m[{}][1]", name, c));
+    }
     CheckFinite(obstacle.radius_m, name + ".radius_m");
-    CheckFinite(obstacle.half_x_m, name + ".half_x_m");
-    CheckFinite(obstacle.half_z_m, name + ".half_z_m");
-    if (obstacle.kind != ReportObstacle::Kind::kCircle) {
-      CheckUnit(obstacle.normal_x, obstacle.normal_z, name);
-    } else if (obstacle.radius_m <= 0) {
+    if (obstacle.radius_m < 0) {
+      RefuseField(name + ".radius_m", fmt::format("is {}, must be at least 0", obstacle.radius_m));
+    } else if (obstacle.radius_m == 0 && obstacle.corners_m.size() < 3) {
       RefuseField(name + ".radius_m", fmt::format("is {}, must be above 0", obstacle.radius_m));
     }
   }
+  if (data.ground_z_m) CheckFinite(*data.ground_z_m, "ground_z_m");
 }
 
 }  // namespace tumbler

@@ -7,7 +7,7 @@
 #include <map>
 
 #include "offline/contact/contact_model.h"
-#include "offline/contact/near_point.h"
+#include "offline/contact/near_points.h"
 #include "offline/dynamics/hybrid_dynamics.h"
 #include "tests/support/allocation_guard.h"
 #include "tests/support/random_shape.h"

@@ -302,18 +302,10 @@ TEST_F(ReportInBrowser, ARobotWithoutJointsLimitsForcesOrSolverHasAPageToo) {
   data.title = "falling ball";
   data.duration_s = 0.2;
   data.links = {{"ball", {{0, 0, 0, 0, 0.1, false}}}};
-  ReportObstacle post;
-  post.kind = ReportObstacle::Kind::kCircle;
-  post.radius_m = 0.05;
-  ReportObstacle step;
-  step.kind = ReportObstacle::Kind::kBox;
-  step.x_m = 0.5;
-  step.half_x_m = 0.3;
-  step.half_z_m = 0.01;
-  step.radius_m = 0.02;
-  step.normal_x = 0;
-  step.normal_z = 1;  // turned by a quarter
-  data.obstacles = {post, step};
+  data.obstacles = {{"post", {{0, 0}}, 0.05},
+                    {"bar", {{-1, 0}, {-0.5, 0}}, 0.25},
+                    {"step", {{0.5, -0.25}, {0.75, -0.25}, {0.75, 0.25}, {0.5, 0.25}}, 0.125},
+                    {"wedge", {{1, 0}, {2, 0}, {2, 1}}}};
   for (const double t : {0.0, 0.1, 0.2}) {
     ReportSample sample;
     sample.time_s = t;
@@ -322,12 +314,17 @@ TEST_F(ReportInBrowser, ARobotWithoutJointsLimitsForcesOrSolverHasAPageToo) {
   }
   const std::string dom = Browse(data, "t=0.1", R"(
     say(timePlots.map((plot) => plot.spec.title).join(', '), byId('progress').hidden, byId('certificate').hidden,
-      ['x', 'width', 'height', 'rx', 'transform'].map((name) =>
-        document.querySelector('rect.obstacle').getAttribute(name)).join(';'));)");
+      data.obstacles.length);
+    for (const o of byId('stage').querySelectorAll('.obstacle')) say(o.textContent, o.getAttribute('d'));)");
   EXPECT_EQ(TextOf(dom, "time"), "0.100 s");
   EXPECT_EQ(TextOf(dom, "probe"),
-            "Contact force, Root pitch, Root position true true "
-            "-0.32;0.64;0.06;0.02;matrix(0 1 -1 0 0.5 0)\n");
+            "Contact force, Root pitch, Root position true true 4\n"
+            "post M-0.05 0A0.05 0.05 0 0 1 0.05 0A0.05 0.05 0 0 1 -0.05 0z\n"
+            "bar M-1 0.25A0.25 0.25 0 0 1 -1 -0.25L-0.5 -0.25A0.25 0.25 0 0 1 -0.5 0.25z\n"
+            "step M0.375 -0.25A0.125 0.125 0 0 1 0.5 -0.375L0.75 -0.375"
+            "A0.125 0.125 0 0 1 0.875 -0.25L0.875 0.25A0.125 0.125 0 0 1 0.75 0.375L0.5 0.375"
+            "A0.125 0.125 0 0 1 0.375 0.25z\n"
+            "wedge M1 0L2 0L2 1z\n");
   EXPECT_EQ(TextOf(dom, "errors"), "");
   EXPECT_THAT(dom, Not(HasSubstr("=\"NaN")));
   EXPECT_THAT(dom, Not(HasSubstr(">settling</text>")));

@@ -132,7 +132,9 @@ TEST_F(Report, HoldsEveryNumberOfItsDataExactly) {
   EXPECT_EQ(page["certificate"], json(data.certificate));
   ASSERT_EQ(page["obstacles"].size(), 1U);
   EXPECT_EQ(page["obstacles"][0]["name"], "ground");
-  EXPECT_EQ(page["obstacles"][0]["kind"], "half-space");
+  EXPECT_EQ(page["obstacles"][0]["corners"], json(data.obstacles[0].corners_m));
+  EXPECT_EQ(page["obstacles"][0]["r"], 0);
+  EXPECT_EQ(page["ground_z"], 0);
 }
 
 TEST_F(Report, SaysWhichLinkEachJointMovesAndThatThereAreNoLimits) {
@@ -202,12 +204,11 @@ TEST_F(Report, RefusesEveryNumberThatIsNotFiniteByItsName) {
       {"links[1].shapes[0].x2_m", [](ReportData& d) { return &d.links[1].shapes[0].x2_m; }},
       {"links[1].shapes[0].z2_m", [](ReportData& d) { return &d.links[1].shapes[0].z2_m; }},
       {"links[2].shapes[1].radius_m", [](ReportData& d) { return &d.links[2].shapes[1].radius_m; }},
-      {"obstacles[0].x_m", [](ReportData& d) { return &d.obstacles[0].x_m; }},
-      {"obstacles[0].z_m", [](ReportData& d) { return &d.obstacles[0].z_m; }},
-      {"obstacles[0].normal_x", [](ReportData& d) { return &d.obstacles[0].normal_x; }},
-      {"obstacles[0].normal_z", [](ReportData& d) { return &d.obstacles[0].normal_z; }},
-      {"obstacles[0].half_x_m", [](ReportData& d) { return &d.obstacles[0].half_x_m; }},
-      {"obstacles[0].half_z_m", [](ReportData& d) { return &d.obstacles[0].half_z_m; }},
+      {"obstacles[0].corners_m[1][0]",
+       [](ReportData& d) { return &d.obstacles[0].corners_m[1][0]; }},
+      {"obstacles[0].corners_m[3][1]",
+       [](ReportData& d) { return &d.obstacles[0].corners_m[3][1]; }},
+      {"ground_z_m", [](ReportData& d) { return &*d.ground_z_m; }},
       {"obstacles[0].radius_m", [](ReportData& d) { return &d.obstacles[0].radius_m; }},
       {"samples[7].time_s", [](ReportData& d) { return &d.samples[7].time_s; }},
       {"samples[7].root_pitch_rad", [](ReportData& d) { return &d.samples[7].root_pitch_rad; }},
@@ -273,9 +274,12 @@ TEST_F(Report, RefusesSizesIndicesAndTimesThatDoNotFit) {
        [](ReportData& d) { d.samples[10].time_s = d.samples[9].time_s; }},
       {"samples[9].forces[0].normal: has length 0, must have length 1",
        [](ReportData& d) { d.samples[9].forces[0].normal_z = 0; }},
-      {"obstacles[0].normal: has length 2", [](ReportData& d) { d.obstacles[0].normal_z = 2; }},
+      {"obstacles[0].corners_m: is empty, must have at least one",
+       [](ReportData& d) { d.obstacles[0].corners_m.clear(); }},
       {"obstacles[0].radius_m: is 0, must be above 0",
-       [](ReportData& d) { d.obstacles[0].kind = ReportObstacle::Kind::kCircle; }},
+       [](ReportData& d) { d.obstacles[0].corners_m.resize(1); }},
+      {"obstacles[0].radius_m: is -1, must be at least 0",
+       [](ReportData& d) { d.obstacles[0].radius_m = -1; }},
   };
   const ReportData good = SampleMotion();
   for (const auto& [message, spoil] : faults) {

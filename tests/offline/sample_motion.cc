@@ -189,7 +189,8 @@ ReportData SampleMotion() {
         {-kLeg, -kFootSide, -kLeg, -kFootSide, kFootRadius, true},
         {-kLeg, kFootSide, -kLeg, kFootSide, kFootRadius, true}}},
   };
-  data.obstacles = {{"ground", ReportObstacle::Kind::kHalfSpace}};
+  data.obstacles = {{"ground", {{-1000, 0}, {-1000, -1000}, {1000, -1000}, {1000, 0}}}};
+  data.ground_z_m = 0;
   for (int i = 0; i <= std::lround(200 * (kDuration + kSettling)); ++i) {
     data.samples.push_back(SampleAt(i / 200.0));
   }

@@ -61,31 +61,31 @@ class RobotDrawing {
   }
 }
 
-// Ground and obstacles, far beyond every view.
-function drawObstacles(parent, data) {
-  const far = 1000;
-  for (const o of data.obstacles) {
-    let shape;
-    if (o.kind === 'circle') {
-      shape = element('circle', {class: 'obstacle', cx: o.x, cy: o.z, r: o.r}, parent);
-    } else if (o.kind === 'box') {
-      const [x, z] = [o.hx + o.r, o.hz + o.r];
-      shape = element('rect', {class: 'obstacle', x: -x, y: -z, width: 2 * x, height: 2 * z, rx: o.r,
-        transform: `matrix(${o.nx} ${o.nz} ${-o.nz} ${o.nx} ${o.x} ${o.z})`}, parent);
-    } else {
-      const [tx, tz] = [o.nz * far, -o.nx * far];
-      const [dx, dz] = [-o.nx * far, -o.nz * far];
-      shape = element('path', {class: 'obstacle', d: `M${o.x - tx} ${o.z - tz}L${o.x + tx} ${o.z + tz}` +
-        `L${o.x + tx + dx} ${o.z + tz + dz}L${o.x - tx + dx} ${o.z - tz + dz}z`}, parent);
-    }
-    element('title', {}, shape, o.name);
+// The path around a convex polygon, its corners counter-clockwise in x and z, with a radius swept around it.
+function outlinePath(corners, r) {
+  const arc = (x, z) => `A${r} ${r} 0 0 1 ${x} ${z}`;
+  if (corners.length === 1) {
+    const [x, z] = corners[0];
+    return `M${x - r} ${z}${arc(x + r, z)}${arc(x - r, z)}z`;
   }
+  // From a side of the polygon out to the outline.
+  const out = corners.map(([x, z], k) => {
+    const [toX, toZ] = corners[(k + 1) % corners.length];
+    const length = Math.hypot(toX - x, toZ - z);
+    return [(r * (toZ - z)) / length, (-r * (toX - x)) / length];
+  });
+  const points = corners.map(([x, z], k) => {
+    const [before, after] = [out[(k || corners.length) - 1], out[k]];
+    return `${x + before[0]} ${z + before[1]}${r > 0 ? arc(x + after[0], z + after[1]) : ''}`;
+  });
+  return `M${points.join('L')}z`;
 }
 
-// The height of level ground, if there is any.
-function levelGround(data) {
-  const found = data.obstacles.find((o) => o.kind === 'half-space' && o.nz > 0.999999);
-  return found ? found.z : undefined;
+function drawObstacles(parent, data) {
+  for (const o of data.obstacles) {
+    const shape = element('path', {class: 'obstacle', d: outlinePath(o.corners, o.r)}, parent);
+    element('title', {}, shape, o.name);
+  }
 }
 
 function niceBelow(value) {
@@ -127,7 +127,7 @@ class Stage {
 
     const boxes = [motion, ...others.map((other) => other.motion)]
       .flatMap((m) => m.times.map((_, i) => m.box(m.posesOfSample(i))));
-    this.ground = levelGround(data);
+    this.ground = data.ground_z;  // undefined without level ground
     this.bounds = [0, 1, 2, 3].map((c) => {
       const side = boxes.map((b) => b[c]);
       return c < 2 ? side.reduce((a, b) => Math.min(a, b)) : side.reduce((a, b) => Math.max(a, b));
