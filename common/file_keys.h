@@ -32,7 +32,7 @@ namespace tumbler {
 
 /// The description of a key, whatever type its value has.
 struct KeyText {
-  std::string_view name;  ///< With its unit at the end.
+  std::string_view name;  ///< The key, with its unit at the end.
   Range allowed = Range::Any();
   std::span<const std::string_view> choices;  ///< Names of the values 0, 1, ... of an enumeration.
   const char* meaning = "";

@@ -19,7 +19,7 @@ struct KeyRow {
 /// A table of docs/formats.md.
 struct KeyTable {
   std::string source;  ///< The file that describes the keys, relative to the project's folder.
-  std::string name;    ///< Of the table, where a file has several.
+  std::string name;    ///< Name of the table, where a file describes several.
   std::vector<KeyRow> rows;
   /// Heads of the columns; a column without a head is left out.
   std::array<const char*, 4> heads = {"key", "default", "allowed", "meaning"};

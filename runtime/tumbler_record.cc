@@ -1,4 +1,4 @@
-// tumbler-record: says what a flight record holds, and exports it for other tools.
+// tumbler-record: describes the content of a flight record, and exports it for other tools.
 
 #include <fmt/format.h>
 

@@ -47,10 +47,10 @@ struct SimulatedPortStatistics {
   std::int64_t sent = 0;              ///< Frames that another node acknowledged.
   std::int64_t received = 0;          ///< Frames put into the receive queue or given to the node.
   std::int64_t dropped_received = 0;  ///< Frames lost because the receive queue was full.
-  std::int64_t dropped_transmit =
-      0;                      ///< Frames lost in one-shot mode, by bus-off, or with the link.
-  std::int64_t errors = 0;    ///< Error frames while sending.
-  std::int64_t bus_offs = 0;  ///< Times that the controller went bus-off.
+  /// Frames lost in one-shot mode, by bus-off, or with the link.
+  std::int64_t dropped_transmit = 0;
+  std::int64_t errors = 0;             ///< Error frames while sending.
+  std::int64_t bus_offs = 0;           ///< Times that the controller went bus-off.
   std::int64_t rejected_transmit = 0;  ///< Calls of Send that were answered with kWouldBlock.
   int max_transmit_depth = 0;          ///< The most frames that the transmit queue held.
   int max_receive_depth = 0;           ///< The most frames that the receive queue held.

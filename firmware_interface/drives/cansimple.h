@@ -94,8 +94,8 @@ struct CanSimpleTorques {
   float estimate_nm = 0;
 };
 
-inline constexpr std::uint8_t kCanSimpleNodeMax =
-    0x3e;  ///< 0x3f stands for a drive without number.
+/// The largest number of a node. 0x3f stands for a drive without number.
+inline constexpr std::uint8_t kCanSimpleNodeMax = 0x3e;
 
 /// The identifier of a command to or message from a node. @pre node <= kCanSimpleNodeMax.
 [[nodiscard]] constexpr std::uint32_t CanSimpleId(std::uint8_t node,

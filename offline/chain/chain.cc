@@ -343,7 +343,7 @@ class Simulation {
   const SequenceFile& file_;
   const ChainOptions& options_;
   const std::function<void(int, const MotionSample&)>& visitor_;
-  bool root_;                                   // it moves: what is not on a path
+  bool root_;                                   // whether the root is free
   std::vector<std::unique_ptr<World>> worlds_;  // by primitive
   SceneDynamics::State root_state_{};
   double time_ = 0;

@@ -48,7 +48,7 @@ struct CostTerm {
   int dof = 0;
   /// Whether that term takes the velocity of the coordinate, or else its position.
   bool of_velocity = false;
-  /// What a term in a coordinate subtracts from it [m, rad, m/s or rad/s].
+  /// A term in a coordinate takes the coordinate less this [m, rad, m/s or rad/s].
   double target = 0;
 
   bool operator==(const CostTerm&) const = default;

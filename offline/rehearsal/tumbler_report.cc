@@ -1,4 +1,4 @@
-// tumbler-report: shows what was planned, commanded, measured and true in runs, on one page.
+// tumbler-report: shows planned, commanded, measured and true motion of runs on one page.
 
 #include <fmt/format.h>
 

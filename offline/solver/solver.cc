@@ -487,8 +487,8 @@ std::vector<LinearRow> DerivativeLimitRows(const Problem& problem) {
         }
       }
       for (const LinearRow& row : upper) {
-        if (std::all_of(row.a.begin(), row.a.end(), [](double a) { return a == 0; }))
-          continue;  // Fixed by the ends.
+        // The ends fix this control point, so no parameter changes it.
+        if (std::all_of(row.a.begin(), row.a.end(), [](double a) { return a == 0; })) continue;
         LinearRow lower = row;
         for (double& a : lower.a) a = -a;
         lower.b = -row.b - 1;

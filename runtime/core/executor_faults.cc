@@ -99,8 +99,8 @@ void Executor::DetectDriveFaults(int index) noexcept {
 
 void Executor::Latch(Fault fault, int joint, float value, float limit) noexcept {
   const std::uint32_t bit = 1U << static_cast<unsigned>(fault);
-  if ((faults_ & bit) != 0)
-    return;  // This fault has been answered. Only another fault can make the reaction stronger.
+  // A latched fault has been answered. Only another fault can make the reaction stronger.
+  if ((faults_ & bit) != 0) return;
   const Reaction reaction = config_.reactions(fault, state_);
   if (reaction == Reaction::kIgnore) return;
   faults_ |= bit;

@@ -17,8 +17,8 @@ using TruthSink = std::function<void(std::span<const std::uint8_t>)>;
 
 /// The options of `tumbler-run sim`. An empty name leaves the file or output out.
 struct SimulatedWorldConfig {
-  std::string
-      twin_file;  ///< File about the real robot (docs/formats.md); without it, the motion's.
+  /// File about the real robot (docs/formats.md). Without it the robot is that of the motion.
+  std::string twin_file;
   std::string bus_faults;  ///< File that disturbs the bus (docs/formats.md).
   std::string truth_log;   ///< LCM log to which truth_t goes.
   std::string lcm_url;     ///< URL at which truth_t is published live.

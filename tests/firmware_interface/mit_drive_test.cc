@@ -220,8 +220,8 @@ TEST_F(MitDriveTest, LeavesOtherFramesAlone) {
   MitReply reply;
   reply.sender = 2;
   EXPECT_FALSE(drive.Decode(EncodeMitReply(other, reply)));
-  other.reply_id =
-      17;  // The same identifier, as firmware has by default: told apart by the sender.
+  // With the same identifier, as firmware has it by default, only the sender tells them apart.
+  other.reply_id = 17;
   EXPECT_FALSE(drive.Decode(EncodeMitReply(other, reply)));
   EXPECT_EQ(drive.state(), DriveState::kUnknown);
 }

@@ -161,8 +161,8 @@ TEST(SimulatedDrives, WithOneReplyIdentifierOneShotRepliesAreLostWhenTheyMeet) {
 TEST(SimulatedDrives, NothingIsAllocatedOnceBusAndDrivesAreMade) {
   Rig rig;
   {
-    const testing::AllocationGuard
-        guard;  // Aborts at an allocation; its own test shows that it bites.
+    // The guard aborts at an allocation. Its own test shows that it does.
+    const testing::AllocationGuard guard;
     for (int i = 0; i < 200; ++i) {
       rig.Tick(i < 100 ? DriveRequest::kDisable : DriveRequest::kEnable);
     }

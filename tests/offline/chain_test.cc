@@ -312,7 +312,7 @@ TEST(SimulateChain, GroundTooSoftIsACoreThatIsReached) {
   EXPECT_THAT(failure.text, HasSubstr("through the layer of"));
 }
 
-// ---- The program
+// ---- The program --------------------------------------------------------------------------------
 
 testing::Outcome Chain(std::vector<std::string> arguments) {
   arguments.insert(arguments.begin(), "tumbler-chain");

@@ -193,7 +193,7 @@ TEST_P(EveryLaw, DynamicsThroughContactHaveExactDerivatives) {
     outputs(s);
     bool plausible = !contact.active().empty();
     for (const auto& a : contact.active())
-      plausible = plausible && a.depth_m < 0.02;  // no robot gets deeper
+      plausible = plausible && a.depth_m < 0.02;  // No robot gets deeper.
     if (!plausible) continue;
     DynamicsDerivatives<Plane> d;
     contact.Differentiate(dynamics);

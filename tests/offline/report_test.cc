@@ -28,7 +28,7 @@ using testing::MatchesOf;
 using testing::ReadFile;
 using ::testing::StartsWith;
 
-/// What a browser takes for the content of the page's data element: all up to the first `</script`.
+/// The content of the page's data element as a browser finds it: all up to the first `</script`.
 std::string DataElement(const std::string& page) {
   const std::string start = "<script type=\"application/json\" id=\"data\">";
   const std::size_t from = page.find(start) + start.size();

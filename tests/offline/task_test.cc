@@ -1,4 +1,4 @@
-// Task files: what defaults and tightened limits come to, and the pose from which a robot starts.
+// Task files: the effect of defaults and tightened limits, and the pose from which a robot starts.
 // Refusals of bad files are in bad_input_test.cc.
 
 #include <gmock/gmock.h>

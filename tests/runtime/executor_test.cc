@@ -204,8 +204,8 @@ TEST(Executor, ArmsAtTheMeasuredPositionEvenWhileAJointIsMovedByHand) {
   ASSERT_TRUE(rig.TickUntil(ExecutorState::kHolding, 100));
   const float held = rig.drives[0]->setpoint.position_rad;
   EXPECT_EQ(held, rig.drives[0]->reply.position_rad);
-  rig.drives[0]->reply.position_rad +=
-      0.1F;  // Now it is pushed: the hold must not give way to the measurement.
+  // Now the joint is pushed. The hold must not give way to the measurement.
+  rig.drives[0]->reply.position_rad += 0.1F;
   for (int i = 0; i < 50; ++i) rig.Tick();
   EXPECT_EQ(rig.drives[0]->setpoint.position_rad, held);
 }
@@ -253,8 +253,8 @@ TEST(Executor, RefusesToRunAwayFromTheStart) {
   rig.Tick(OperatorCommand::kMoveToStart);
   ASSERT_TRUE(rig.TickUntil(ExecutorState::kHolding));
   rig.follow = false;
-  rig.drives[1]->reply.position_rad +=
-      0.06F;  // The entry tolerance is 0.05 rad, the following tolerance 0.2 rad.
+  // The entry tolerance is 0.05 rad, the following tolerance 0.2 rad.
+  rig.drives[1]->reply.position_rad += 0.06F;
   const RefusalDetail refusal = rig.Tick(OperatorCommand::kRun).refusal;
   EXPECT_EQ(refusal.refusal, Refusal::kOutsideStartSet);
   EXPECT_EQ(refusal.joint, 1);
@@ -313,8 +313,8 @@ TEST(Executor, MovesToTheStartWithinItsShareOfTheLimits) {
 
 TEST(Executor, FinishesAMotionOnTheLimitedSetpointNotOnThePlannedOne) {
   Primitive<float> primitive = Motion(15);
-  for (auto& joint : primitive.joints)
-    joint.limits.velocity_max_rad_s *= 0.3F;  // The gate has to hold it back.
+  // The gate has to hold the motion back.
+  for (auto& joint : primitive.joints) joint.limits.velocity_max_rad_s *= 0.3F;
   primitive.following_tolerance_rad = 10;
   ExecutorRig rig({}, primitive);
   ASSERT_TRUE(rig.Reach(ExecutorState::kRunning));

@@ -118,8 +118,8 @@ bool IsPossible(Fault fault, ExecutorState state) {
   // comes from a late tick while running.
   if (fault == Fault::kFollowingError)
     return state != ExecutorState::kArming && state != ExecutorState::kFault;
-  if (fault == Fault::kLateTick)
-    return state != ExecutorState::kFault;  // This very fault led there.
+  // The fault itself led to the state kFault.
+  if (fault == Fault::kLateTick) return state != ExecutorState::kFault;
   // All others are possible, also in stopping.
   return true;
 }

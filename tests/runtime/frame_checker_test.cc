@@ -42,8 +42,8 @@ FrameRules Rules() {
 
 /// The position at which a joint is, and is asked to be, in a tick.
 double Position(int tick) {
-  return tick < kStartUp ? 0
-                         : 0.3 * std::sin(0.1 * (tick - kStartUp));  // at rest until it is driven
+  // The joint is at rest until it is driven.
+  return tick < kStartUp ? 0 : 0.3 * std::sin(0.1 * (tick - kStartUp));
 }
 
 /// The two frames of a drive in one tick of a good run.

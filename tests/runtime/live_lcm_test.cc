@@ -71,8 +71,7 @@ TEST(Telemetry, PublishesEveryRecordLive) {
   lcm::LCM subscriber(kUrl);
   std::vector<std::int64_t> ticks;
   lcm::Subscription* subscription = subscriber.subscribeFunction(kStateChannel, &Collect, &ticks);
-  subscription->setQueueCapacity(
-      0);  // Unlimited: LCM drops all but 30 unhandled messages otherwise.
+  subscription->setQueueCapacity(0);  // 0 is unlimited. By default LCM keeps 30 messages.
   TelemetryConfig config;
   config.lcm_url = kUrl;
   Telemetry telemetry(config);
