@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <filesystem>
 #include <fstream>
 #include <sstream>
 
@@ -115,6 +116,24 @@ TEST(DrivesToml, TheExampleOfEveryProtocolHasTheDrivesThatTheCoreHas) {
         EXPECT_TRUE(std::ranges::equal(one.frames(), other.frames()));
       }
     }
+  });
+}
+
+TEST(DrivesToml, EveryProtocolHasAPageThatSaysWhatIsTrueOfIt) {
+  DriveProtocols::ForEach([](auto protocol) {
+    using Protocol = decltype(protocol);
+    const std::string page = testing::ReadFile(
+        testing::SourcePath("docs/protocols/" + std::string(Protocol::kId) + ".md"));
+    const std::string example = "primitives/robots/" + std::string(Protocol::kExample);
+    EXPECT_THAT(page,
+                HasSubstr("`protocol = \"" + std::string(Protocol::kName) + "\"`; `" + example));
+    EXPECT_THAT(
+        page,
+        HasSubstr("| two drives at 1 kHz, worst case | " +
+                  std::to_string(LoadDrives(testing::SourcePath(example)).WorstCaseTickBits()) +
+                  " bits a tick |"));
+    EXPECT_TRUE(std::filesystem::exists(
+        testing::SourcePath("firmware_interface/dbc/" + std::string(Protocol::kDbc))));
   });
 }
 
