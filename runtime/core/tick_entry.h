@@ -10,6 +10,7 @@
 #include "common/status.h"
 #include "firmware_interface/can/frame.h"
 #include "firmware_interface/drives/drive.h"
+#include "runtime/core/joint_fields.h"
 #include "runtime/core/tick.h"
 
 namespace tumbler {
@@ -67,25 +68,9 @@ struct TickEntry {
 template <typename Joint, typename Visit>
 constexpr void VisitFields(Joint& joint, Visit&& visit) noexcept requires
     std::is_same_v<std::remove_const_t<Joint>, JointRecord> {
-  visit("planned.position_rad", joint.planned.position_rad);
-  visit("planned.velocity_rad_s", joint.planned.velocity_rad_s);
-  visit("planned.torque_nm", joint.planned.torque_nm);
-  visit("planned_acceleration_rad_s2", joint.planned_acceleration_rad_s2);
-  visit("limited.position_rad", joint.limited.position_rad);
-  visit("limited.velocity_rad_s", joint.limited.velocity_rad_s);
-  visit("limited.torque_nm", joint.limited.torque_nm);
-  visit("encoded.position_rad", joint.encoded.position_rad);
-  visit("encoded.velocity_rad_s", joint.encoded.velocity_rad_s);
-  visit("encoded.torque_nm", joint.encoded.torque_nm);
-  visit("measured.position_rad", joint.measured.position_rad);
-  visit("measured.velocity_rad_s", joint.measured.velocity_rad_s);
-  visit("measured.torque_nm", joint.measured.torque_nm);
-  visit("temperature_c", joint.temperature_c);
-  visit("reply_age_ticks", joint.reply_age_ticks);
-  visit("drive_state", joint.drive_state);
-  visit("reply_status", joint.reply_status);
-  visit("drive_error", joint.drive_error);
-  visit("limit_active", joint.limit_active);
+  ForEachJointField([&](const JointField& field, auto in_record, auto /*in_message*/) {
+    visit(field.name, in_record(joint));
+  });
 }
 
 /// The same of a tick's record, without its joints.
@@ -115,7 +100,6 @@ constexpr void VisitFields(Record& record, Visit&& visit) noexcept requires
 }
 
 // A member that is added there has to be added above, or it would neither be recorded nor compared.
-static_assert(sizeof(JointRecord) == 72, "VisitFields has to name every member of JointRecord");
 static_assert(sizeof(TickRecord) - kMaxJoints * sizeof(JointRecord) == 72,
               "VisitFields has to name every member of TickRecord");
 static_assert(sizeof(TickInput) == 16 + sizeof(std::span<const ReceivedFrame>),

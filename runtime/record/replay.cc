@@ -55,10 +55,13 @@ FieldBits BitsOfFields(const Record& record) {
 
 enum class Fields { kMeasured, kAll };
 
-/// Whether a field of a joint's record comes from its drive.
-bool IsMeasured(std::string_view name) {
-  return name.starts_with("measured.") || name == "temperature_c" || name == "reply_age_ticks" ||
-         name == "drive_state" || name == "drive_error";
+/// Whether this is a field of a joint's record that comes from its drive.
+bool IsFromDrive(std::string_view name) {
+  bool from_drive = false;
+  ForEachJointField([&](const JointField& field, auto /*in_record*/, auto /*in_message*/) {
+    if (field.name == name) from_drive = field.origin == JointField::Origin::kDrive;
+  });
+  return from_drive;
 }
 
 template <typename Record>
@@ -83,7 +86,7 @@ bool FindDifference(const Record& recorded, const Record& replayed, Fields field
     if (a.bits[i] == b.bits[i]) continue;
     difference.recorded = TextOfField(recorded, i, difference.field);
     difference.replayed = TextOfField(replayed, i, difference.field);
-    if (fields == Fields::kAll || IsMeasured(difference.field)) return true;
+    if (fields == Fields::kAll || IsFromDrive(difference.field)) return true;
   }
   return false;
 }

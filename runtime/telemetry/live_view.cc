@@ -7,9 +7,11 @@
 #include <cmath>
 #include <cstdlib>
 #include <nlohmann/json.hpp>
+#include <type_traits>
 
 #include "firmware_interface/drives/drive.h"
 #include "runtime/core/faults.h"
+#include "runtime/core/joint_fields.h"
 #include "runtime/telemetry/sentences.h"
 
 namespace tumbler {
@@ -164,16 +166,16 @@ std::string LiveView::Json() const {
       s.faults == 0 ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(FaultText());
   json["joints"] = nlohmann::ordered_json::array();
   for (std::size_t i = 0; i < s.joints.size(); ++i) {
-    const joint_state_t& j = s.joints[i];
-    json["joints"].push_back({{"name", JointName(i)},
-                              {"setpoint_rad", j.limited_position_rad},
-                              {"measured_rad", j.measured_position_rad},
-                              {"measured_rad_s", j.measured_velocity_rad_s},
-                              {"measured_nm", j.measured_torque_nm},
-                              {"temperature_c", j.temperature_c},
-                              {"reply_age_ticks", j.reply_age_ticks},
-                              {"drive", DriveStateName(j.drive_state)},
-                              {"drive_error", j.drive_error}});
+    nlohmann::ordered_json joint = {{"name", JointName(i)}};
+    ForEachJointField([&](const JointField& field, auto in_record, auto in_message) {
+      if (field.status == nullptr) return;
+      if constexpr (std::is_same_v<JointFieldType<decltype(in_record)>, DriveState>) {
+        joint[field.status] = DriveStateName(in_message(s.joints[i]));
+      } else {
+        joint[field.status] = in_message(s.joints[i]);
+      }
+    });
+    json["joints"].push_back(joint);
   }
   return json.dump(2) + '\n';
 }

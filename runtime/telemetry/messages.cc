@@ -3,9 +3,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <type_traits>
 #include <utility>
 
 #include "runtime/core/faults.h"
+#include "runtime/core/joint_fields.h"
 #include "runtime/telemetry/sentences.h"
 
 namespace tumbler {
@@ -38,27 +40,10 @@ void FillState(const TimedRecord& timed, state_t& message) {
   message.joint_count = record.joint_count;
   message.joints.resize(record.joint_count);
   for (std::size_t i = 0; i < record.joint_count; ++i) {
-    const JointRecord& joint = record.joints[i];
-    joint_state_t& out = message.joints[i];
-    out.planned_position_rad = joint.planned.position_rad;
-    out.planned_velocity_rad_s = joint.planned.velocity_rad_s;
-    out.planned_torque_nm = joint.planned.torque_nm;
-    out.planned_acceleration_rad_s2 = joint.planned_acceleration_rad_s2;
-    out.limited_position_rad = joint.limited.position_rad;
-    out.limited_velocity_rad_s = joint.limited.velocity_rad_s;
-    out.limited_torque_nm = joint.limited.torque_nm;
-    out.encoded_position_rad = joint.encoded.position_rad;
-    out.encoded_velocity_rad_s = joint.encoded.velocity_rad_s;
-    out.encoded_torque_nm = joint.encoded.torque_nm;
-    out.measured_position_rad = joint.measured.position_rad;
-    out.measured_velocity_rad_s = joint.measured.velocity_rad_s;
-    out.measured_torque_nm = joint.measured.torque_nm;
-    out.temperature_c = joint.temperature_c;
-    out.reply_age_ticks = joint.reply_age_ticks;
-    out.drive_state = static_cast<std::int8_t>(joint.drive_state);
-    out.reply_status = static_cast<std::int8_t>(joint.reply_status);
-    out.drive_error = joint.drive_error;
-    out.limit_active = joint.limit_active ? 1 : 0;
+    ForEachJointField([&](const JointField& /*field*/, auto in_record, auto in_message) {
+      auto& member = in_message(message.joints[i]);
+      member = static_cast<std::remove_cvref_t<decltype(member)>>(in_record(record.joints[i]));
+    });
   }
 }
 

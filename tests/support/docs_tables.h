@@ -55,13 +55,22 @@ inline std::string Markdown(const KeyTable& table) {
   return text;
 }
 
-/// Fails unless the document has exactly these tables. With TUMBLER_UPDATE_DOCS=1 in the
-/// environment it writes them into the document instead.
+/// Fails unless the file has exactly this text. With TUMBLER_UPDATE_DOCS=1 in the environment it
+/// writes the text into the file instead.
 /// @param path  relative to the project's folder.
+inline void ExpectText(const std::string& path, const std::string& text) {
+  const std::string file = SourcePath(path);
+  if (std::getenv("TUMBLER_UPDATE_DOCS") != nullptr) {
+    WriteFile(file, text);
+    return;
+  }
+  EXPECT_EQ(ReadFile(file), text) << "scripts/docs-tables writes " << path << " as the code has it";
+}
+
+/// The same for tables in a document.
 inline void ExpectTables(const std::string& path, const std::vector<DocsTable>& tables) {
   const std::string file = SourcePath(path);
-  const std::string before = ReadFile(file);
-  std::string after = before;
+  std::string after = ReadFile(file);
   for (const DocsTable& table : tables) {
     const std::string begin = "<!-- generated from " + table.source + ": " + table.name + " -->\n";
     const std::string end = "<!-- end -->\n";
@@ -71,12 +80,7 @@ inline void ExpectTables(const std::string& path, const std::vector<DocsTable>& 
     ASSERT_NE(last, std::string::npos) << file << " has no line " << end << " after " << begin;
     after.replace(first + begin.size(), last - first - begin.size(), table.markdown);
   }
-  if (std::getenv("TUMBLER_UPDATE_DOCS") != nullptr) {
-    WriteFile(file, after);
-    return;
-  }
-  EXPECT_EQ(before, after) << "scripts/docs-tables writes the tables of " << path
-                           << " as the code has them";
+  ExpectText(path, after);
 }
 
 /// The same for tables of keys.

@@ -1,0 +1,109 @@
+// Holds the message of a joint, the table's columns and docs/formats.md to the description of a
+// joint's fields.
+
+#include "runtime/core/joint_fields.h"
+
+#include <gtest/gtest.h>
+
+#include <string>
+#include <tumbler/state_t.hpp>
+#include <type_traits>
+#include <utility>
+
+#include "runtime/telemetry/messages.h"
+#include "runtime/telemetry/state_csv.h"
+#include "tests/support/docs_tables.h"
+
+namespace tumbler {
+namespace {
+
+/// The type that holds every value of this one in a message.
+template <typename Type>
+std::string LcmType() {
+  if constexpr (std::is_same_v<Type, float>) return "float";
+  if constexpr (std::is_same_v<Type, bool>) return "boolean";
+  if constexpr (std::is_enum_v<Type>) return "int8_t";
+  if constexpr (std::is_same_v<Type, std::int32_t>) return "int32_t";
+  if constexpr (std::is_same_v<Type, std::uint32_t>) return "int64_t";
+}
+
+std::string Message() {
+  std::string text =
+      "package tumbler;\n\n"
+      "// One joint in one tick, at the joint (after gear, direction and zero).\n"
+      "struct joint_state_t\n{\n";
+  std::string said;
+  ForEachJointField([&](const JointField& field, auto in_record, auto /*in_message*/) {
+    std::string type = LcmType<JointFieldType<decltype(in_record)>>();
+    type.resize(8, ' ');
+    text += "    " + type + field.column + ";";
+    if (said != field.meaning) text += std::string("  // ") + field.meaning;
+    said = field.meaning;
+    text += "\n";
+  });
+  return text + "}\n";
+}
+
+std::string Table() {
+  std::string text = testing::MarkdownHead({"field", "bytes", "unit", "meaning", "status"});
+  ForEachJointField([&](const JointField& field, auto in_record, auto /*in_message*/) {
+    text += testing::MarkdownRow(
+        {"`" + std::string(field.column) + "`",
+         std::to_string(sizeof(JointFieldType<decltype(in_record)>)), field.unit, field.meaning,
+         field.status == nullptr ? "" : "`" + std::string(field.status) + "`"});
+  });
+  return text;
+}
+
+TEST(JointFields, TheTablesOfTheDocumentAndTheMessageAreThoseOfTheCode) {
+  testing::ExpectText("runtime/lcm/joint_state_t.lcm", Message());
+  testing::ExpectTables("docs/formats.md", std::vector<testing::DocsTable>{
+                                               {"runtime/core/joint_fields.h", "fields", Table()}});
+}
+
+/// A tick of one joint that has another value in every field, and its message.
+struct FilledTick {
+  FilledTick() {
+    timed.record.joint_count = 1;
+    int value = 0;
+    ForEachJointField([&](const JointField& /*field*/, auto in_record, auto /*in_message*/) {
+      using Type = JointFieldType<decltype(in_record)>;
+      in_record(timed.record.joints[0]) = static_cast<Type>(++value);
+    });
+    timed.record.joints[0].drive_error = 0xffffffffU;
+    FillState(timed, message);
+  }
+
+  TimedRecord timed;
+  state_t message;
+};
+
+TEST(JointFields, AMessageHoldsEachOfThemUnchanged) {
+  const FilledTick tick;
+  ForEachJointField([&](const JointField& field, auto in_record, auto in_message) {
+    EXPECT_EQ(static_cast<double>(in_record(tick.timed.record.joints[0])),
+              static_cast<double>(in_message(tick.message.joints[0])))
+        << field.name;
+  });
+  EXPECT_EQ(tick.message.joints[0].planned_velocity_rad_s, 2.0F);
+  EXPECT_EQ(tick.message.joints[0].measured_torque_nm, 13.0F);
+  EXPECT_EQ(tick.message.joints[0].drive_error, 0xffffffffLL);
+}
+
+TEST(JointFields, AColumnOfTheTableStaysWhereReadersOfItExpectIt) {
+  const std::string header = StateCsvHeader({"leg"});
+  EXPECT_EQ(header.substr(header.find(",bus_bits") + 9),
+            ",leg_planned_position_rad,leg_planned_velocity_rad_s,leg_planned_torque_nm"
+            ",leg_limited_position_rad,leg_limited_velocity_rad_s,leg_limited_torque_nm"
+            ",leg_encoded_position_rad,leg_encoded_velocity_rad_s,leg_encoded_torque_nm"
+            ",leg_measured_position_rad,leg_measured_velocity_rad_s,leg_measured_torque_nm"
+            ",leg_planned_acceleration_rad_s2,leg_temperature_c,leg_reply_age_ticks"
+            ",leg_drive_state,leg_reply_status,leg_drive_error,leg_limit_active");
+  std::string row;
+  AppendStateCsvRow(FilledTick().message, row);
+  EXPECT_EQ(row.substr(row.find(",1,2,3,")),
+            ",1,2,3,5,6,7,8,9,10,11,12,13,4,14,15,16,17,4294967295,1\n");
+}
+
+}  // namespace
+}  // namespace tumbler
