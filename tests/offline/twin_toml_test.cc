@@ -11,6 +11,7 @@
 #include <string>
 
 #include "common/toml_reader.h"
+#include "tests/support/docs_tables.h"
 #include "tests/support/files.h"
 
 namespace tumbler {
@@ -117,6 +118,12 @@ TEST(TwinToml, ARobotThatStartsOtherwiseIsLoweredOnTheGround) {
   EXPECT_EQ(aloft.start->joint_positions_rad, StartOf(Gait().file()).joint_positions_rad);
 }
 
+TEST(TwinToml, TheSlipSpeedOfContactHasTheRangeThatItHasInATask) {
+  EXPECT_EQ(Parse("[contact]\nv_max_m_per_s = 2000.0\n").twin.contact->v_max_m_per_s, 2000);
+  EXPECT_THAT(ErrorOf(kHead + "[contact]\nv_max_m_per_s = 0.0\n"),
+              HasSubstr("contact.v_max_m_per_s: is 0; allowed: >= 1e-06"));
+}
+
 TEST(TwinToml, AWrongFileIsRefusedWithFileLineKeyValueAndWhatIsAllowed) {
   const struct {
     const char* text;  ///< Follows the two lines of the head.
@@ -191,6 +198,10 @@ TEST(TwinToml, AStartThatComesToNoRestIsNamedWithItsLine) {
                            "point_m = [0, 5]\nnormal = [0, -1]\n";
   EXPECT_THAT(ErrorOf(text),
               AllOf(StartsWith("twin.toml:3: start: "), HasSubstr("'lid'"), HasSubstr("give z_m")));
+}
+
+TEST(TwinToml, TheTablesOfTheDocumentAreThoseOfTheCode) {
+  testing::ExpectTables("docs/formats.md", TwinKeyTables());
 }
 
 }  // namespace

@@ -3,33 +3,20 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <filesystem>
 #include <stdexcept>
 #include <utility>
 #include <vector>
 
-#include "common/toml_reader.h"
+#include "common/file_keys.h"
+#include "offline/problem/contact_toml.h"
 #include "offline/problem/obstacle_toml.h"
+#include "offline/rehearsal/twin/twin_keys.h"
 #include "offline/scene/rest_pose.h"
 
 namespace tumbler {
 namespace {
-
-constexpr int kTwinVersion = 1;
-constexpr Range kPlace{-1e3, 1e3};
-
-void CheckKind(TomlTable& root) {
-  const std::string format = root.String("format");
-  if (format != "tumbler-twin")
-    root.Fail("format", fmt::format("is '{}'; allowed: 'tumbler-twin'", format));
-  root.Integer("version", kTwinVersion, kTwinVersion);
-}
-
-std::string Join(const std::vector<std::string>& names) {
-  return names.empty() ? "none" : fmt::format("{}", fmt::join(names, ", "));
-}
 
 class TwinReader {
  public:
@@ -45,73 +32,33 @@ class TwinReader {
   }
 
   SimulatedRobotConfig Read() {
-    CheckKind(root_);
-    static_cast<void>(root_.String("motion", ""));
-    static_cast<void>(root_.String("drives", ""));
+    ReadHeader(root_, kTwinHeader);
+    TwinSources files;
+    ReadKeys(root_, kTwinFileKeys, files);
     TwinConfig& twin = config_.twin;
-    twin.step_ns = std::llround(
-        1e9 * root_.Number("step_s", {1e-6, 1e-3}, 1e-9 * static_cast<double>(twin.step_ns)));
+    ReadKeys(root_, kTwinStepKeys, twin);
     ReadMotors();
     ReadLinks();
     ReadContact();
     ReadObstacles();
     ReadPatches();
     ReadPushes();
-    if (std::optional<TomlTable> stop = root_.OptionalTable("stop")) {
-      double& k = twin.stop_stiffness_nm_per_rad;
-      double& c = twin.stop_damping_nm_s_per_rad;
-      k = stop->Number("stiffness_nm_per_rad", {0, 1e4}, k);
-      c = stop->Number("damping_nm_s_per_rad", {0, 50}, c);
-    }
+    if (std::optional<TomlTable> stop = root_.OptionalTable("stop"))
+      ReadKeys(*stop, kStopKeys, twin);
     if (std::optional<TomlTable> fall = root_.OptionalTable("fall")) {
-      config_.posture.rest_s = fall->Number("rest_s", {0.01, 10}, config_.posture.rest_s);
-      if (fall->Has("clear_links")) {
-        config_.posture.clear_links = fall->Strings("clear_links");
-        for (const std::string& link : config_.posture.clear_links)
-          RequireOneOf(*fall, "clear_links", link, "link", links_);
-      }
+      ReadKeys(*fall, kFallKeys, config_.posture);
+      for (const std::string& link : config_.posture.clear_links)
+        RequireOneOf(*fall, "clear_links", link, "link", links_);
     }
     // Last, since it may let the robot come to rest on all of the above.
     std::optional<TomlTable> start = root_.OptionalTable("start");
-    if (start) {
-      twin.held = start->Boolean("held", twin.held);
-      TakeStartKeys(*start);
-    }
+    if (start) TakeStartKeys(*start);
     root_.RejectUnknownKeys();
     if (start) ReadStart(*start);
     return std::move(config_);
   }
 
  private:
-  static void RequireOneOf(const TomlTable& table, std::string_view key, const std::string& name,
-                           const char* what, const std::vector<std::string>& names) {
-    if (std::find(names.begin(), names.end(), name) != names.end()) return;
-    table.Fail(key, fmt::format("'{}' is not a {} here; allowed: {}", name, what, Join(names)));
-  }
-
-  void ReadMotor(TomlTable& table, JointMotor& motor, JointLosses& losses) {
-    if (table.Has("torque_max_nm"))
-      motor.torque_max_nm = table.Number("torque_max_nm", {1e-3, 1e4});
-    if (table.Has("base_speed_rad_s"))
-      motor.base_speed_rad_s = table.Number("base_speed_rad_s", {0, 1e4, true});
-    if (table.Has("no_load_speed_rad_s"))
-      motor.no_load_speed_rad_s = table.Number("no_load_speed_rad_s", {0, 1e4, true});
-    motor.encoder_counts_per_turn = static_cast<int>(
-        table.Integer("encoder_counts_per_turn", 0, 1 << 26, motor.encoder_counts_per_turn));
-    motor.answer_delay_s = table.Number("answer_delay_s", {0, 0.1}, motor.answer_delay_s);
-    motor.torque_time_constant_s =
-        table.Number("torque_time_constant_s", {0, 0.1}, motor.torque_time_constant_s);
-    motor.ambient_c = table.Number("ambient_c", {-50, 150}, motor.ambient_c);
-    motor.heating_k_per_nm2 = table.Number("heating_k_per_nm2", {0, 1e4}, motor.heating_k_per_nm2);
-    motor.thermal_time_constant_s =
-        table.Number("thermal_time_constant_s", {0.1, 1e5}, motor.thermal_time_constant_s);
-    if (table.Has("rotor_inertia_kg_m2"))
-      losses.rotor_inertia_kg_m2 = table.Number("rotor_inertia_kg_m2", {0, 10});
-    losses.viscous_friction_nm_s_per_rad = table.Number("viscous_friction_nm_s_per_rad", {0, 10},
-                                                        losses.viscous_friction_nm_s_per_rad);
-    losses.dry_friction_nm = table.Number("dry_friction_nm", {0, 5}, losses.dry_friction_nm);
-  }
-
   void ReadMotors() {
     std::vector<JointMotor>& motors = config_.motors;
     std::vector<JointLosses>& losses = config_.twin.joints;
@@ -123,10 +70,12 @@ class TwinReader {
       if (all->IsTable(key)) RequireOneOf(*all, key, key, "joint", joints_);
     }
     for (std::size_t j = 0; j < joints_.size(); ++j) {
-      ReadMotor(*all, motors[j], losses[j]);
+      MotorEntry motor;
+      ReadKeys(*all, kMotorKeys, motor);
       std::optional<TomlTable> own = all->OptionalTable(joints_[j]);
-      if (own) ReadMotor(*own, motors[j], losses[j]);
-      const JointMotor& motor = motors[j];
+      if (own) ReadKeys(*own, kMotorKeys, motor);
+      motors[j] = motor;
+      losses[j] = motor;
       if (std::isfinite(motor.base_speed_rad_s) != std::isfinite(motor.no_load_speed_rad_s) ||
           (std::isfinite(motor.base_speed_rad_s) &&
            !(motor.no_load_speed_rad_s > motor.base_speed_rad_s))) {
@@ -154,11 +103,7 @@ class TwinReader {
     std::optional<TomlTable> table = root_.OptionalTable("contact");
     if (!table) return;
     ContactLaw law = scene_.contact;
-    law.stiffness_n_per_m =
-        table->Number("stiffness_n_per_m", {0, 1e8, true}, law.stiffness_n_per_m);
-    law.damping_n_s_per_m = table->Number("damping_n_s_per_m", {0, 1e6}, law.damping_n_s_per_m);
-    law.mu = table->Number("mu", {0, 10}, law.mu);
-    law.v_max_m_per_s = table->Number("v_max_m_per_s", {1e-6, 1e3}, law.v_max_m_per_s);
+    ReadContactForces(*table, law);
     scene_.contact = law;
     config_.twin.contact = law;
   }
@@ -170,12 +115,9 @@ class TwinReader {
         table.Fail("name", fmt::format("'{}' is there already; allowed: a name besides {}",
                                        obstacle.name, Join(obstacles_)));
       }
-      if (table.Has("mu")) {
-        FrictionPatch patch;
-        patch.obstacle = obstacle.name;
-        patch.mu = table.Number("mu", {0, 10});
-        config_.twin.patches.push_back(patch);
-      }
+      TwinObstacle own;
+      ReadKeys(table, kTwinObstacleKeys, own);
+      if (own.mu) config_.twin.patches.push_back({obstacle.name, *own.mu});
       obstacles_.push_back(obstacle.name);
       scene_.obstacles.push_back(obstacle);
       config_.twin.obstacles.push_back(obstacle);
@@ -184,31 +126,18 @@ class TwinReader {
 
   void ReadPatches() {
     for (TomlTable& table : root_.OptionalTables("patch")) {
-      FrictionPatch patch;
-      patch.obstacle = table.String("obstacle");
-      RequireOneOf(table, "obstacle", patch.obstacle, "obstacle", obstacles_);
-      patch.mu = table.Number("mu", {0, 10});
-      patch.from_x_m = table.Number("from_x_m", kPlace);
-      patch.to_x_m = table.Number("to_x_m", {patch.from_x_m, kPlace.max, true});
+      PatchEntry patch;
+      patch.obstacles = &obstacles_;
+      ReadKeys(table, kPatchKeys, patch);
       config_.twin.patches.push_back(patch);
     }
   }
 
   void ReadPushes() {
-    constexpr std::array<std::string_view, 2> kSince = {"start", "enabled"};
     for (TomlTable& table : root_.OptionalTables("push")) {
-      Push push;
-      push.link = table.String("link");
-      RequireOneOf(table, "link", push.link, "link", links_);
-      push.start_s = table.Number("start_s", {0, 1e6});
-      push.since_enabled = table.Choice("since", kSince, "enabled") == "enabled";
-      push.duration_s = table.Number("duration_s", {0, 1e6, true});
-      const std::vector<double> force = table.Numbers("force_n", {-1e4, 1e4}, 2);
-      push.force_n = {force[0], force[1]};
-      if (table.Has("point_m")) {
-        const std::vector<double> point = table.Numbers("point_m", kPlace, 2);
-        push.point_m = {point[0], point[1]};
-      }
+      PushEntry push;
+      push.links = &links_;
+      ReadKeys(table, kPushKeys, push);
       config_.twin.pushes.push_back(push);
     }
   }
@@ -216,10 +145,13 @@ class TwinReader {
   /// So that an unknown key is named before the robot is put anywhere.
   void TakeStartKeys(TomlTable& start) {
     pose_ = StartOf(motion_);
-    pose_.root_x_m = start.Number("x_m", kPlace, pose_.root_x_m);
-    pose_.root_pitch_rad = start.Number("pitch_rad", kPlace, pose_.root_pitch_rad);
-    placed_ = start.Has("z_m");
-    pose_.root_z_m = start.Number("z_m", kPlace, pose_.root_z_m);
+    TwinStart root{config_.twin.held, pose_.root_x_m, pose_.root_pitch_rad, std::nullopt};
+    ReadKeys(start, kTwinStartKeys, root);
+    config_.twin.held = root.held;
+    pose_.root_x_m = root.x_m;
+    pose_.root_pitch_rad = root.pitch_rad;
+    pose_.root_z_m = root.z_m.value_or(pose_.root_z_m);
+    placed_ = root.z_m.has_value();
     if (std::optional<TomlTable> joints = start.OptionalTable("joints_rad")) {
       for (const std::string& name : joints->Keys())
         RequireOneOf(*joints, name, name, "joint", joints_);
@@ -257,15 +189,30 @@ class TwinReader {
 
 }  // namespace
 
+std::vector<KeyTable> TwinKeyTables() {
+  const char* const source = "offline/rehearsal/twin/twin_keys.h";
+  const KeyRow joints{"", "`joints_rad`", "the motion's", "table of joints, -100 to 100", ""};
+  return {{source, "twin",
+           Joined({{RowOf(kTwinHeader)}, RowsOf(kTwinFileKeys), RowsOf(kTwinStepKeys)})},
+          {source, "start", Joined({RowsOf(kTwinStartKeys), {joints}})},
+          {source, "motor", RowsOf(kMotorKeys)},
+          {source, "stop", RowsOf(kStopKeys)},
+          {source, "obstacle", RowsOf(kTwinObstacleKeys)},
+          {source, "patch", RowsOf(kPatchKeys)},
+          {source, "push", RowsOf(kPushKeys)},
+          {source, "fall", RowsOf(kFallKeys)}};
+}
+
 TwinSources ReadTwinSources(const std::string& path) {
   TomlTable root = TomlTable::ParseFile(path);
-  CheckKind(root);
+  ReadHeader(root, kTwinHeader);
+  TwinSources files;
+  ReadKeys(root, kTwinFileKeys, files);
   const std::filesystem::path folder = std::filesystem::path(path).parent_path();
-  const auto file = [&](const char* key) {
-    const std::string name = root.String(key, "");
+  const auto beside = [&folder](const std::string& name) {
     return name.empty() ? name : (folder / name).string();
   };
-  return {file("motion"), file("drives")};
+  return {beside(files.motion), beside(files.drives)};
 }
 
 SimulatedRobotConfig LoadTwin(const std::string& path, const SimulatedMotion& motion) {

@@ -2,7 +2,9 @@
 
 #include <string>
 #include <string_view>
+#include <vector>
 
+#include "common/key_table.h"
 #include "offline/rehearsal/twin/simulated_robot.h"
 
 namespace tumbler {
@@ -23,5 +25,8 @@ TwinSources ReadTwinSources(const std::string& path);
 SimulatedRobotConfig LoadTwin(const std::string& path, const SimulatedMotion& motion);
 SimulatedRobotConfig ParseTwin(std::string_view text, const std::string& name,
                                const SimulatedMotion& motion);
+
+/// The keys of the file, for docs/formats.md.
+std::vector<KeyTable> TwinKeyTables();
 
 }  // namespace tumbler

@@ -1,0 +1,171 @@
+#pragma once
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/file_keys.h"
+#include "offline/rehearsal/twin/simulated_robot.h"
+#include "offline/rehearsal/twin/twin_toml.h"
+
+namespace tumbler {
+
+/// The keys of the twin's file, for its reader. Tables whose keys are names of joints or links are
+/// read in twin_toml.cc, `[contact]` and `[[obstacle]]` by the task's readers.
+
+inline constexpr FileHeader kTwinHeader{"tumbler-twin", 1, "is '{0}'; allowed: '{1}'"};
+
+inline constexpr std::array kTwinFileKeys = {
+    KeyOf<&TwinSources::motion>("motion",
+                                "primitive or sequence, relative to this file's folder; for "
+                                "`tumbler-twin` where the command line names none")
+        .Allowed("a file"),
+    KeyOf<&TwinSources::drives>("drives", "drives, likewise; `tumbler-run sim` takes them too")
+        .Allowed("a file"),
+};
+
+inline constexpr std::array kTwinStepKeys = {
+    SecondsOf<&TwinConfig::step_ns>("step_s", {1e-6, 1e-3},
+                                    "of the physics and of the drives' law"),
+};
+
+/// Where the robot starts; what the file leaves out is the motion's.
+struct TwinStart {
+  bool held = TwinConfig{}.held;
+  double x_m = 0;
+  double pitch_rad = 0;
+  std::optional<double> z_m;
+};
+inline constexpr Range kTwinPlace{-1e3, 1e3};
+inline constexpr std::array kTwinStartKeys = {
+    KeyOf<&TwinStart::held>("held", "held by hand, joints and all, until every drive is enabled"),
+    KeyOf<&TwinStart::x_m>("x_m", kTwinPlace, "of the root link's frame").Default("the motion's"),
+    KeyOf<&TwinStart::pitch_rad>("pitch_rad", kTwinPlace, "of the root link's frame")
+        .Default("the motion's"),
+    KeyOf<&TwinStart::z_m>("z_m", kTwinPlace,
+                           "without it a robot with another pitch or other joints is lowered until "
+                           "it rests, pitch included")
+        .Default("the motion's, or where it rests"),
+};
+
+/// What `[motor]` and `[motor.JOINT]` say of a joint.
+struct MotorEntry : JointMotor, JointLosses {};
+inline constexpr Range kMotorSpeed{0, 1e4, true};
+inline constexpr std::array kMotorKeys = {
+    KeyOf<&MotorEntry::torque_max_nm, MotorEntry>("torque_max_nm", {1e-3, 1e4}, "current limit")
+        .Default("the motion's largest limit"),
+    KeyOf<&MotorEntry::base_speed_rad_s, MotorEntry>(
+        "base_speed_rad_s", kMotorSpeed,
+        "above the first the torque in the direction of motion falls, to zero at the second")
+        .Default("none")
+        .Allowed("above 0, to 10 000; both or neither"),
+    KeyOf<&MotorEntry::no_load_speed_rad_s, MotorEntry>(
+        "no_load_speed_rad_s", kMotorSpeed,
+        "above the first the torque in the direction of motion falls, to zero at the second")
+        .Default("none")
+        .Allowed("above 0, to 10 000; both or neither"),
+    KeyOf<&MotorEntry::encoder_counts_per_turn, MotorEntry>("encoder_counts_per_turn", {0, 1 << 26},
+                                                            "of the drive's shaft; 0: exact"),
+    KeyOf<&MotorEntry::answer_delay_s, MotorEntry>("answer_delay_s", {0, 0.1},
+                                                   "from the end of a frame to its answer"),
+    KeyOf<&MotorEntry::torque_time_constant_s, MotorEntry>("torque_time_constant_s", {0, 0.1},
+                                                           "of the current loop, first order"),
+    KeyOf<&MotorEntry::rotor_inertia_kg_m2, MotorEntry>("rotor_inertia_kg_m2", {0, 10},
+                                                        "seen through the gear")
+        .Default("the task's"),
+    KeyOf<&MotorEntry::viscous_friction_nm_s_per_rad, MotorEntry>(
+        "viscous_friction_nm_s_per_rad", {0, 10}, "besides the URDF's damping"),
+    KeyOf<&MotorEntry::dry_friction_nm, MotorEntry>(
+        "dry_friction_nm", {0, 5}, "full above 0.05 rad/s, as smooth below it as the ground's"),
+    KeyOf<&MotorEntry::ambient_c, MotorEntry>(
+        "ambient_c", {-50, 150}, "the winding approaches ambient + heating torque^2, first order"),
+    KeyOf<&MotorEntry::heating_k_per_nm2, MotorEntry>("heating_k_per_nm2", {0, 1e4}, "likewise"),
+    KeyOf<&MotorEntry::thermal_time_constant_s, MotorEntry>("thermal_time_constant_s", {0.1, 1e5},
+                                                            "likewise"),
+};
+
+inline constexpr std::array kStopKeys = {
+    KeyOf<&TwinConfig::stop_stiffness_nm_per_rad>("stiffness_nm_per_rad", {0, 1e4}, ""),
+    KeyOf<&TwinConfig::stop_damping_nm_s_per_rad>("damping_nm_s_per_rad", {0, 50}, ""),
+};
+
+inline constexpr Range kTwinFriction{0, 10};
+/// What a twin says of its own obstacles, besides what a task says of one.
+struct TwinObstacle {
+  std::optional<double> mu;
+};
+inline constexpr std::array kTwinObstacleKeys = {
+    KeyOf<&TwinObstacle::mu>("mu", kTwinFriction, "friction of its own"),
+};
+
+/// The names as a message lists them.
+inline std::string Join(const std::vector<std::string>& names) {
+  return names.empty() ? "none" : fmt::format("{}", fmt::join(names, ", "));
+}
+inline void RequireOneOf(const TomlTable& table, std::string_view key, const std::string& name,
+                         const char* what, const std::vector<std::string>& names) {
+  if (std::find(names.begin(), names.end(), name) != names.end()) return;
+  table.Fail(key, fmt::format("'{}' is not a {} here; allowed: {}", name, what, Join(names)));
+}
+
+/// A table `[[patch]]`, with the obstacles that it may name.
+struct PatchEntry : FrictionPatch {
+  const std::vector<std::string>* obstacles = nullptr;
+};
+inline void ReadPatchObstacle(TomlTable& table, std::string_view key, PatchEntry& patch) {
+  patch.obstacle = table.String(key);
+  RequireOneOf(table, key, patch.obstacle, "obstacle", *patch.obstacles);
+}
+inline constexpr std::array kPatchKeys = {
+    KeyReadBy<PatchEntry>("obstacle", ReadPatchObstacle, "")
+        .Required()
+        .Allowed("of the task or of this file"),
+    KeyOf<&FrictionPatch::mu, PatchEntry>("mu", kTwinFriction, "").Required(),
+    KeyOf<&FrictionPatch::from_x_m, PatchEntry>("from_x_m", kTwinPlace, "in the world").Required(),
+    KeyOf<&FrictionPatch::to_x_m, PatchEntry>("to_x_m", "in the world")
+        .Required()
+        .Allowed("above `from_x_m`, to 1000",
+                 [](const PatchEntry& patch) {
+                   return Range{patch.from_x_m, kTwinPlace.max, true};
+                 }),
+};
+
+/// A table `[[push]]`, with the links that it may name. It counts from when all drives are enabled,
+/// if nothing else is said.
+struct PushEntry : Push {
+  PushEntry() { since_enabled = true; }
+  const std::vector<std::string>* links = nullptr;
+};
+inline void ReadPushLink(TomlTable& table, std::string_view key, PushEntry& push) {
+  push.link = table.String(key);
+  RequireOneOf(table, key, push.link, "link", *push.links);
+}
+inline constexpr std::array<std::string_view, 2> kSince = {"start", "enabled"};
+inline constexpr std::array kPushKeys = {
+    KeyReadBy<PushEntry>("link", ReadPushLink, "").Required().Allowed("a link of the robot"),
+    KeyOf<&PushEntry::start_s, PushEntry>("start_s", {0, 1e6}, "").Required(),
+    KeyOf<&PushEntry::since_enabled, PushEntry>(
+        "since", kSince,
+        "counted from the start of the simulation, or from when all drives were first enabled"),
+    KeyOf<&PushEntry::duration_s, PushEntry>("duration_s", {0, 1e6, true}, "").Required(),
+    KeyOf<&PushEntry::force_n, PushEntry>("force_n", {-1e4, 1e4}, "x, z in the world")
+        .Required()
+        .Allowed("two numbers, -10 000 to 10 000"),
+    KeyOf<&PushEntry::point_m, PushEntry>("point_m", kTwinPlace, "x, z in the link's frame")
+        .Default("the frame's origin")
+        .Allowed("two numbers, -1000 to 1000"),
+};
+
+inline constexpr std::array kFallKeys = {
+    KeyOf<&PostureConfig::rest_s>("rest_s", {0.01, 10},
+                                  "how long the robot has to be still to be at rest"),
+    KeyOf<&PostureConfig::clear_links>("clear_links", "links that must not touch anything")
+        .Allowed("links of the robot"),
+};
+
+}  // namespace tumbler
