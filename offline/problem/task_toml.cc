@@ -207,10 +207,11 @@ class TaskReader {
     for (TomlTable& table : tables) {
       const Obstacle<Plane> obstacle = ReadObstacle(table);
       for (const Obstacle<Plane>& other : scene_.obstacles) {
-        if (other.name == obstacle.name)
+        if (other.name == obstacle.name) {
           table.Fail("name",
                      fmt::format("'{}' is there twice; each obstacle needs a name of its own",
                                  obstacle.name));
+        }
       }
       scene_.obstacles.push_back(obstacle);
     }
