@@ -33,8 +33,8 @@ struct SimulatedMotorConfig {
 };
 
 /// The drive side of a protocol, with a motor: a node of a simulated bus that turns setpoints into
-/// torque. The behaviour of each protocol's drives is in simulated_mit.h, simulated_cansimple.h and
-/// simulated_cia402.h.
+/// torque. The behaviour of each protocol's drives is in a header of its own,
+/// simulated_NAME.h.
 class SimulatedDrive : public SimulatedNode {
  public:
   /// Puts the drive on the bus, with the kind of controller that such drives have. May be called

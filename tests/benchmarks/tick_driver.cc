@@ -1,7 +1,7 @@
 // The program in which scripts/count-instructions counts ticks. It plays a two-joint primitive of
 // the shape that the optimiser writes (paths of degree 5 with 12 points, feed-forward of degree 3
 // with 48), with drives that follow perfectly, and prints the number of running ticks.
-// usage: tick_driver shared|distinct mit|cansimple|cia402
+// usage: tick_driver shared|distinct PROTOCOL
 //   distinct  the second joint's splines have knots of their own
 
 #include <cstdio>
@@ -92,8 +92,10 @@ int Main(bool distinct_knots, const std::string& drives_file) {
 int main(int argc, char** argv) {
   const std::string knots = argc > 1 ? argv[1] : "shared";
   const std::string protocol = argc > 2 ? argv[2] : "mit";
-  const std::string suffix = protocol == "mit" ? "" : "_" + protocol;
-  return tumbler::Main(
-      knots == "distinct",
-      tumbler::testing::SourcePath("primitives/robots/tumbler_drives") + suffix + ".toml");
+  std::string example;
+  tumbler::DriveProtocols::ForEach([&](auto listed) {
+    if (protocol == decltype(listed)::kId) example = decltype(listed)::kExample;
+  });
+  return tumbler::Main(knots == "distinct",
+                       tumbler::testing::SourcePath("primitives/robots/" + example));
 }

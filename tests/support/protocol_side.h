@@ -76,6 +76,8 @@ class ProtocolSide {
 
   /// Adds one frame of each kind, with random values, to compare the .dbc file with the codec.
   virtual void AddSamples(FrameSamples& samples) const = 0;
+  /// What is wrong with how the protocol's codec takes a frame of any content, or null.
+  [[nodiscard]] virtual const char* CodecProblem(const CanFrame& frame) const = 0;
 };
 
 /// Selects the test side of a protocol: `SideOf(SideTag<MitProtocol>{})`.

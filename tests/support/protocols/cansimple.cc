@@ -6,6 +6,7 @@
 #include <limits>
 #include <numbers>
 
+#include "tests/support/codec_check.h"
 #include "tests/support/protocol_side.h"
 
 namespace tumbler::testing {
@@ -191,6 +192,19 @@ class CanSimple final : public ProtocolSide {
     samples.Add("SET_AXIS_STATE", state_frame, {{"state", state.state}});
     samples.Add("ESTOP", EncodeCanSimpleEstop(1), {});
     samples.Add("CLEAR_ERRORS", EncodeCanSimpleClearErrors(1), {{"identify", 0}});
+  }
+  [[nodiscard]] const char* CodecProblem(const CanFrame& frame) const override {
+    const auto problem = [&frame](auto value) {
+      using Value = decltype(value);
+      return RoundTripProblem<Value>(
+          frame, [](const CanFrame& f, Value& v) { return DecodeCanSimple(1, f, v); },
+          [](const Value& v) { return EncodeCanSimple(1, v); });
+    };
+    return FirstProblem({problem(CanSimpleHeartbeat{}), problem(CanSimpleErrors{}),
+                         problem(CanSimpleAxisState{}), problem(CanSimpleEstimates{}),
+                         problem(CanSimpleControllerMode{}), problem(CanSimpleInputPos{}),
+                         problem(CanSimpleInputVel{}), problem(CanSimpleTemperature{}),
+                         problem(CanSimpleTorques{})});
   }
 
  private:

@@ -4,6 +4,7 @@
 
 #include <numbers>
 
+#include "tests/support/codec_check.h"
 #include "tests/support/protocol_side.h"
 
 namespace tumbler::testing {
@@ -178,6 +179,29 @@ class Cia402 final : public ProtocolSide {
     const Cia402Motion motion{samples.Signed(), torque};
     samples.Add("TPDO2", EncodeCia402(1, motion),
                 {{"velocity", motion.velocity}, {"torque", torque / 10.0}});
+  }
+  [[nodiscard]] const char* CodecProblem(const CanFrame& frame) const override {
+    const auto problem = [&frame](auto value) {
+      using Value = decltype(value);
+      return RoundTripProblem<Value>(
+          frame, [](const CanFrame& f, Value& v) { return DecodeCia402(1, f, v); },
+          [](const Value& v) { return EncodeCia402(1, v); });
+    };
+    return FirstProblem(
+        {problem(Cia402Command{}), problem(Cia402FeedForward{}), problem(Cia402Status{}),
+         problem(Cia402Motion{}),
+         RoundTripProblem<SdoRequest>(
+             frame, [](const CanFrame& f, SdoRequest& v) { return DecodeSdoRequest(1, f, v); },
+             [](const SdoRequest& v) { return EncodeSdoRequest(1, v); }),
+         RoundTripProblem<SdoReply>(
+             frame, [](const CanFrame& f, SdoReply& v) { return DecodeSdoReply(1, f, v); },
+             [](const SdoReply& v) { return EncodeSdoReply(1, v); }),
+         RoundTripProblem<CanOpenEmergency>(
+             frame, [](const CanFrame& f, CanOpenEmergency& v) { return DecodeEmergency(1, f, v); },
+             [](const CanOpenEmergency& v) { return EncodeEmergency(1, v); }),
+         RoundTripProblem<NmtState>(
+             frame, [](const CanFrame& f, NmtState& v) { return DecodeNodeState(1, f, v); },
+             [](const NmtState& v) { return EncodeNodeState(1, v); })});
   }
 
  private:

@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "tests/support/codec_check.h"
 #include "tests/support/protocol_side.h"
 
 namespace tumbler::testing {
@@ -159,6 +160,17 @@ class Mit final : public ProtocolSide {
                  {"torque", reply.torque_nm},
                  {"temperature", reply.temperature_c},
                  {"error", reply.error}});
+  }
+  [[nodiscard]] const char* CodecProblem(const CanFrame& frame) const override {
+    const MitConfig mit;
+    MitReply reply;
+    if (DecodeMitReply(mit, frame, reply) == Status::kOk &&
+        !(std::isfinite(reply.position_rad) && std::isfinite(reply.torque_nm))) {
+      return "a reply decodes to no number";
+    }
+    return RoundTripProblem<MitCommand>(
+        frame, [&mit](const CanFrame& f, MitCommand& v) { return DecodeMitCommand(mit, f, v); },
+        [&mit](const MitCommand& v) { return EncodeMitCommand(mit, v); });
   }
 
  private:
