@@ -56,7 +56,7 @@ class Watch final : public DriveWatch {
       if (!joint().bus().rules().spoilt_replies) joint().Fail("not a reply");
       return;
     }
-    const unsigned code = frame.data[1] << 8 | frame.data[2];
+    const unsigned code = unsigned{frame.data[1]} << 8 | frame.data[2];
     joint().Reply(joint().Position(Value(code, mit_.reply.position_rad, 65535)));
   }
 
