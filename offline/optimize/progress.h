@@ -1,0 +1,31 @@
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+
+#include "offline/problem/problem.h"
+#include "offline/solver/solver.h"
+
+namespace tumbler {
+
+/// Progress on standard error: one line that rewrites itself on a terminal, plain lines in a pipe.
+class Progress {
+ public:
+  /// @param problem  has to outlive this.
+  explicit Progress(const Problem& problem);
+
+  void operator()(const Evaluation& evaluation);
+  /// Ends the line that rewrites itself.
+  void Finish();
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  const Problem& problem_;
+  bool terminal_;
+  bool global_ = true;
+  bool open_line_ = false;
+  std::int64_t local_ = 0;
+  Clock::time_point stage_start_ = Clock::now(), shown_{};
+};
+
+}  // namespace tumbler

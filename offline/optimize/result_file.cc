@@ -1,0 +1,109 @@
+#include "offline/optimize/result_file.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <fstream>
+#include <system_error>
+
+#include "common/toml_reader.h"
+
+namespace tumbler {
+namespace {
+
+std::string SystemMessage(int error) { return std::generic_category().message(error); }
+
+[[noreturn]] void FailWrite(const std::string& path, const std::string& why) {
+  throw FileError(path, 0, "", fmt::format("cannot be written: {}", why));
+}
+
+/// A file system mounted read-only, and the super-user's rights, show only when something is
+/// written.
+void ProbeFolder(const std::filesystem::path& folder, const std::string& path) {
+  const std::filesystem::path probe = folder / fmt::format(".tumbler-optimize.{}.tmp", getpid());
+  errno = 0;
+  std::ofstream stream(probe);
+  const int why = errno;
+  if (!stream) FailWrite(path, fmt::format("{}: {}", folder.string(), SystemMessage(why)));
+  stream.close();
+  std::error_code error;
+  std::filesystem::remove(probe, error);
+}
+
+}  // namespace
+
+PendingFile::PendingFile(const std::string& path, const std::string& text)
+    : path_(std::filesystem::weakly_canonical(path)),
+      temporary_(fmt::format("{}.{}.tmp", path_.string(), getpid())) {
+  errno = 0;
+  std::ofstream stream(temporary_, std::ios::binary);
+  stream << text;
+  stream.close();
+  if (stream) return;
+  const std::string why = SystemMessage(errno);
+  Discard();
+  FailWrite(path, why);
+}
+
+void PendingFile::Commit() {
+  std::error_code error;
+  std::filesystem::rename(temporary_, path_, error);
+  if (error) FailWrite(path_.string(), error.message());
+}
+
+void PendingFile::Discard() {
+  std::error_code error;
+  std::filesystem::remove(temporary_, error);
+}
+
+void CheckWritable(const std::string& path) {
+  std::error_code error;
+  const std::filesystem::path target = std::filesystem::weakly_canonical(path, error);
+  if (error) FailWrite(path, error.message());
+  if (std::filesystem::is_directory(target, error))
+    throw FileError(path, 0, "", "is a directory, not a file");
+  const bool exists = std::filesystem::exists(target, error);
+  if (exists && !std::filesystem::is_regular_file(target, error)) {
+    throw FileError(path, 0, "",
+                    "is not a regular file, and it would be replaced by one; leave the option out "
+                    "to write none");
+  }
+  const std::filesystem::path parent = std::filesystem::absolute(target).parent_path();
+  if (!std::filesystem::is_directory(parent, error))
+    FailWrite(path, fmt::format("the folder {} does not exist", parent.string()));
+  if (exists && access(target.c_str(), W_OK) != 0) FailWrite(path, SystemMessage(errno));
+  ProbeFolder(parent, path);
+}
+
+void CheckFolderWritable(const std::string& path) {
+  std::error_code error;
+  std::filesystem::path existing = std::filesystem::absolute(path);
+  while (!std::filesystem::exists(existing, error) && existing != existing.root_path())
+    existing = existing.parent_path();
+  if (!std::filesystem::is_directory(existing, error))
+    FailWrite(path, fmt::format("{} is not a folder", existing.string()));
+  ProbeFolder(existing, path);
+}
+
+void CheckDistinct(const std::vector<std::string>& inputs,
+                   const std::vector<std::string>& outputs) {
+  const auto same = [](const std::string& a, const std::string& b) {
+    std::error_code error;
+    return std::filesystem::weakly_canonical(a, error) ==
+               std::filesystem::weakly_canonical(b, error) ||
+           std::filesystem::equivalent(a, b, error);
+  };
+  for (std::size_t i = 0; i < outputs.size(); ++i) {
+    for (const std::string& input : inputs) {
+      if (same(outputs[i], input))
+        throw FileError(outputs[i], 0, "", "is an input; results need a file of their own");
+    }
+    for (std::size_t k = 0; k < i; ++k) {
+      if (same(outputs[i], outputs[k]))
+        throw FileError(outputs[i], 0, "", "is named for two results; each needs its own file");
+    }
+  }
+}
+
+}  // namespace tumbler

@@ -1,0 +1,125 @@
+#include "offline/optimize/result_text.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <string>
+
+#include "offline/certificate/certificate_text.h"
+
+namespace tumbler {
+namespace {
+
+/// What contact is made of, and what it asks of the integration.
+void PrintContact(const Problem& problem, const std::string& task_file) {
+  if (problem.scene.obstacles.empty()) return;
+  const ContactLaw& law = problem.scene.contact;
+  fmt::print(stderr,
+             "contact: k {:.4g} N/m, c {:.4g} N s/m, d_on {:.3g} mm, d_off {:.3g} mm, mu {:.3g}, "
+             "v_max {:.3g} m/s; step {:.3g} ms, advisable up to {:.3g} ms\n",
+             law.stiffness_n_per_m, law.damping_n_s_per_m, 1e3 * law.d_on_m, 1e3 * law.d_off_m,
+             law.mu, law.v_max_m_per_s, 1e3 * problem.solver.step_s,
+             1e3 * problem.advisable_step_s);
+  if (problem.solver.step_s > problem.advisable_step_s) {
+    fmt::print(stderr,
+               "{}: solver.step_s: warning: is {:.3g} s, longer than the {:.3g} s that this "
+               "contact law allows; leave it out, or make contact softer\n",
+               task_file, problem.solver.step_s, problem.advisable_step_s);
+  }
+}
+
+/// Why differences of the cost do not follow its gradient, and what to do about it.
+const char* GradientCause(const Certificate& certificate) {
+  // A cliff changes differences across it, hardly the gradient at one point.
+  return certificate.gradient_step_halving_change > 0.5
+             ? "the step is too long for the contact, which amplifies every change; use a smaller "
+               "solver.step_s, a larger contact.v_max_m_per_s or a smaller "
+               "contact.stiffness_n_per_m"
+             : "the cost has a cliff near this motion, such as a contact that is made or missed by "
+               "a "
+               "hair, so that a small disturbance may end elsewhere; use another --seed or a "
+               "larger "
+               "contact.d_on_m";
+}
+
+}  // namespace
+
+void PrintNotes(const Task& task) {
+  for (const IgnoredShape& shape : task.problem.scene.robot.ignored_shapes) {
+    fmt::print(stderr, "{}:{}: link '{}': note: {}: contact ignores it\n", task.robot_file,
+               shape.line, shape.link, shape.reason);
+  }
+  PrintContact(task.problem, task.task_file);
+}
+
+void PrintMotion(std::FILE* people, const TaskResult& result) {
+  const MotionSummary& summary = result.summary;
+  const Certificate& c = result.file->certificate;
+  fmt::print(people,
+             "{}: objective {:.6g} after {} evaluations, {:.2f} s ({:.2f} s of CPU); {}\n"
+             "  pitch at the end {:.4f} rad, 2 s later {:.4f} rad\n{}",
+             result.problem().name, result.best.rollout.cost, result.outcome.evaluations,
+             result.wall_s, result.cpu_s, ToString(result.best.end), summary.final_pitch_rad,
+             summary.settled_pitch_rad,
+             FormatCertificate(
+                 "  gradient error {gradient_error:.1e}, projected gradient "
+                 "{projected_gradient:.1e}; with half the step the gradient changes by "
+                 "{gradient_step_halving_change:.1e}, the final pitch by "
+                 "{step_halving_error_rad:.1e} rad\n"
+                 "  peak torque {peak_torque_nm:.2f} N m, margins: {torque_margin_nm:.2f} N m, "
+                 "{position_margin_rad:.2f} rad, {velocity_margin_rad_s:.2f} rad/s, "
+                 "{acceleration_margin_rad_s2:.0f} rad/s^2; "
+                 "peak penetration {peak_penetration_mm:.2f} mm\n",
+                 c, result.problem().scene.contact.d_on_m));
+  if (c.gradient_error > kDoubtfulGradient) {
+    fmt::print(
+        stderr,
+        "warning: gradient and differences of the cost disagree by {:.1e} (above {:.0e}): {}\n",
+        c.gradient_error, kDoubtfulGradient, GradientCause(c));
+  }
+}
+
+void PrintMinima(std::FILE* people, const TaskResult& result) {
+  std::size_t starts = 0;
+  for (const LocalMinimum& minimum : result.minima) starts += minimum.starts.size();
+  fmt::print(people,
+             "{}: {} starts solved to the end led to {} minima (apart by more than {} rad)\n",
+             result.problem().name, starts, result.minima.size(), kSameMotionRad);
+  fmt::print(people, "  {:>4} {:>6} {:>12} {:>10} {:>9} {:>11} {:>11}  {}\n", "#", "starts", "cost",
+             "violation", "pitch end", "peak torque", "evaluations", "ended");
+  for (std::size_t i = 0; i < result.minima.size(); ++i) {
+    const LocalMinimum& minimum = result.minima[i];
+    const Solution& solution = result.outcome.solutions[minimum.solution];
+    const MotionSummary& summary = result.minima_summaries[i];
+    const bool held = solution.feasible();
+    fmt::print(people, "  {:>4} {:>6} {:>12.6g} {:>10.1e} {:>9.4f} {:>11.3f} {:>11}  {}{}\n", i + 1,
+               minimum.starts.size(), solution.rollout.cost, solution.constraint_violation,
+               summary.final_pitch_rad, summary.peak_torque_nm, solution.evaluations,
+               ToString(solution.end),
+               held                    ? ""
+               : solution.core_reached ? ", no motion: a contact reached the core"
+                                       : ", no motion: " + solution.worst_constraint);
+  }
+}
+
+void PrintRanking(std::FILE* people, const std::vector<const TaskResult*>& order) {
+  std::size_t width = 4;
+  for (const TaskResult* result : order) width = std::max(width, result->problem().name.size());
+  fmt::print(people, "{:>4}  {:<{}} {:>12} {:>8} {:>11} {:>11} {:>13}\n", "rank", "task", width,
+             "cost", "time s", "evaluations", "peak torque", "settled error");
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    const TaskResult& result = *order[i];
+    fmt::print(people, "{:>4}  {:<{}} ", i + 1, result.problem().name, width);
+    if (result.file) {
+      fmt::print(people, "{:>12.6g} {:>8.2f} {:>11} {:>11.3f} {:>13.4f}\n",
+                 result.best.rollout.cost, result.wall_s, result.outcome.evaluations,
+                 result.summary.peak_torque_nm, result.settled_error_rad());
+    } else {
+      fmt::print(people, "{:>12} {:>8.2f} {:>11}  {}\n", "none", result.wall_s,
+                 result.outcome.evaluations,
+                 result.usable ? "interrupted" : "no motion: " + result.cause);
+    }
+  }
+}
+
+}  // namespace tumbler

@@ -1,0 +1,23 @@
+#pragma once
+
+#include <cstdio>
+#include <vector>
+
+#include "offline/optimize/task_result.h"
+
+namespace tumbler {
+
+/// What is said of a task on standard error before it is worked on.
+void PrintNotes(const Task& task);
+
+/// What is said of a motion, and on standard error of a gradient that cannot be trusted.
+/// @pre the result has a file.
+void PrintMotion(std::FILE* people, const TaskResult& result);
+
+/// The table of minima.
+void PrintMinima(std::FILE* people, const TaskResult& result);
+
+/// The table that ranks tasks, in this order.
+void PrintRanking(std::FILE* people, const std::vector<const TaskResult*>& order);
+
+}  // namespace tumbler

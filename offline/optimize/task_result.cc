@@ -1,0 +1,110 @@
+#include "offline/optimize/task_result.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <ctime>
+#include <utility>
+
+#include "offline/optimize/progress.h"
+
+namespace tumbler {
+namespace {
+
+double CpuSeconds() {
+  timespec now{};
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+/// True when the robot never touches what the task puts in its way: the contact model, and with it
+/// the motion, was not tried at all.
+bool MissesEveryObstacle(const Problem& problem, const Solution& best) {
+  return !problem.scene.obstacles.empty() && !best.rollout.any_contact;
+}
+
+/// Why nothing was found, and what to do about it.
+std::string Cause(const Problem& problem, const Solution& best) {
+  if (!best.rollout.finite)
+    return "the best motion leaves every plausible range; use a smaller solver.step_s";
+  if (MissesEveryObstacle(problem, best)) {
+    return "no contact was ever active: the robot touches no obstacle; check start.z_m and the "
+           "obstacles (a flight needs none: obstacle = [])";
+  }
+  if (best.constraint_violation > kNoViolation) {
+    return fmt::format(
+        "the best motion exceeds a limit: {} by {:.1f} % ({}); give it more duration_s, looser "
+        "limits or "
+        "more search.max_samples",
+        best.worst_constraint, 100 * best.constraint_violation, ToString(best.end));
+  }
+  if (best.core_reached) {
+    return fmt::format(
+        "the best motion drives a contact {:.1f} mm deep, through the {:.1f} mm layer to the core; "
+        "use a "
+        "larger contact.stiffness_n_per_m or contact.d_on_m, or more search.max_samples",
+        1e3 * best.rollout.peak_penetration_m, 1e3 * problem.scene.contact.d_on_m);
+  }
+  return ToString(best.end);
+}
+
+}  // namespace
+
+TaskResult WorkOn(Task task, const WorkSettings& settings) {
+  const auto wall_start = std::chrono::steady_clock::now();
+  const double cpu_start = CpuSeconds();
+  TaskResult result;
+  result.task = std::move(task);
+  const Problem& problem = result.problem();
+  Progress progress(problem);
+  SolveOptions options;
+  options.threads = settings.threads;
+  options.interrupt = settings.interrupt;
+  options.progress = [&progress](const Evaluation& evaluation) { progress(evaluation); };
+  result.outcome = Solve(problem, options);
+  progress.Finish();
+
+  if (!result.outcome.solutions.empty()) result.best = result.outcome.solutions.front();
+  const Solution& best = result.best;
+  result.usable = !best.x.empty() && best.feasible() && !MissesEveryObstacle(problem, best);
+  if (!result.usable) result.cause = Cause(problem, best);
+  if (settings.minima) {
+    result.minima = DistinctMinima(result.outcome.solutions);
+    for (const LocalMinimum& minimum : result.minima) {
+      result.minima_summaries.push_back(
+          Summarize(problem, result.outcome.solutions[minimum.solution].x));
+    }
+  }
+  if (result.usable && (!result.outcome.interrupted || settings.keep_best)) {
+    result.summary = Summarize(problem, best.x);
+    PrimitiveFile file = MakePrimitiveFile(result.task, result.outcome, best);
+    // The certificate computes for itself, and has the last word.
+    if (file.certificate.constraint_violation <= kNoViolation) {
+      result.file = std::move(file);
+    } else {
+      result.usable = false;
+      result.cause = fmt::format(
+          "the certificate finds a limit exceeded by {:.1e}, which the solver does not; this is a "
+          "mistake of the program, please report it",
+          file.certificate.constraint_violation);
+    }
+  }
+  result.wall_s =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - wall_start).count();
+  result.cpu_s = CpuSeconds() - cpu_start;
+  return result;
+}
+
+std::vector<const TaskResult*> Ranked(const std::vector<TaskResult>& results) {
+  std::vector<const TaskResult*> order;
+  for (const TaskResult& result : results) order.push_back(&result);
+  std::stable_sort(order.begin(), order.end(), [](const TaskResult* a, const TaskResult* b) {
+    if (a->usable != b->usable) return a->usable;
+    return a->usable ? a->best.rollout.cost < b->best.rollout.cost
+                     : a->best.constraint_violation < b->best.constraint_violation;
+  });
+  return order;
+}
+
+}  // namespace tumbler
