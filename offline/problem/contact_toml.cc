@@ -14,7 +14,7 @@ namespace {
 
 constexpr Range kSlipSpeed{1e-6, Range::Positive().max};
 
-/// What contact is to do to a robot under this gravity.
+/// The intended effect of contact on a robot under this gravity.
 struct IntentEntry : ContactIntent {
   double gravity_m_per_s2 = 9.81;
 };
@@ -54,7 +54,7 @@ constexpr std::array kLayerKeys = {
         .Default("{}; by intent 3 penetrations")
         .Allowed("1e-6 (by intent: above the penetration) to 1",
                  [](const LayerEntry& layer) {
-                   // By intent: thinner, and the robot would rest on the core.
+                   // In a thinner layer, the robot would rest on the core.
                    return layer.by_intent ? Range{layer.d_on_m / 3, 1, true} : Range{1e-6, 1};
                  }),
     KeyOf<&LayerEntry::d_off_m, LayerEntry>("d_off_m", {0, 1},
@@ -83,7 +83,7 @@ bool HasAny(const TomlTable& table, const std::array<FileKey<S>, kCount>& keys) 
   return any;
 }
 
-/// The law from what it is to do.
+/// Reads the law from its intended effect.
 void ReadIntent(TomlTable& table, double mass_kg, double gravity_m_per_s2, ContactLaw& law) {
   for (const FileKey<ContactLaw>& direct : kForceKeys) {
     if (!table.Has(direct.text.name)) continue;
@@ -110,7 +110,7 @@ void ReadContact(TomlTable& table, double mass_kg, double gravity_m_per_s2, Cont
   LayerEntry layer{law, by_intent};
   ReadKeys(table, kLayerKeys, layer);
   law = layer;
-  // Zero width would make the force jump in its derivative.
+  // With zero width, the derivative of the force would jump.
   if (law.d_off_m > law.d_on_m * (1 - 1e-6)) {
     table.Fail("d_off_m", fmt::format("is {}; allowed: from 0 to below d_on_m, which is {}",
                                       MessageNumber(law.d_off_m), MessageNumber(law.d_on_m)));

@@ -8,12 +8,12 @@
 
 namespace tumbler {
 
-/// Reads the `[contact]` of a task over the law that `law` holds (docs/formats.md).
-/// @param mass_kg, gravity_m_per_s2  of the robot, for a law that is given by what it is to do.
-/// @throws FileError with file, line, key, value and allowed range.
+/// Reads the `[contact]` of a task (docs/formats.md) into `law`, whose values are the defaults.
+/// @param mass_kg, gravity_m_per_s2  of the robot, for a law that is given by its intended effect.
+/// @throws FileError  with file, line, key, value and allowed range.
 void ReadContact(TomlTable& table, double mass_kg, double gravity_m_per_s2, ContactLaw& law);
 
-/// The same of the forces alone: spring, damper and friction.
+/// Reads only the keys of the forces: spring, damper and friction.
 void ReadContactForces(TomlTable& table, ContactLaw& law);
 
 /// The keys, for docs/formats.md.

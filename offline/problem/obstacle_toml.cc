@@ -12,7 +12,7 @@
 namespace tumbler {
 namespace {
 
-// Each kind of obstacle: its keys, and the shape that they describe.
+// For each kind of obstacle, its keys and the shape that they describe.
 
 constexpr Range kPlace{-1e3, 1e3};
 constexpr Range kSize{0, 1e3, true};
@@ -127,7 +127,7 @@ constexpr ObstacleKind KindOf(std::string_view name) {
   return {name, Read<Kind, kKeys>, Rows<Kind, kKeys>};
 }
 
-/// The first is the default.
+/// All kinds. The first is the default.
 constexpr std::array kKinds = {
     KindOf<HalfSpace, kHalfSpaceKeys>("half-space"),
     KindOf<Ball, kBallKeys>("cylinder"),
@@ -141,10 +141,10 @@ constexpr auto kKindNames = [] {
   return names;
 }();
 
-/// What every obstacle has.
+/// The values that every obstacle has.
 struct Entry {
   std::string name;
-  std::size_t kind = 0;  ///< Of kKinds.
+  std::size_t kind = 0;  ///< Index of kKinds.
 };
 
 constexpr std::array kEntryKeys = {

@@ -11,15 +11,15 @@
 
 namespace tumbler {
 
-/// The keys of a task, but for those that depend on the robot's joints: those are read in
-/// task_toml.cc, `[contact]` in contact_toml.cc, `[[obstacle]]` in obstacle_toml.cc.
+/// The keys of a task. Keys that depend on the robot's joints are in task_toml.cc, those of
+/// `[contact]` in contact_toml.cc, and those of `[[obstacle]]` in obstacle_toml.cc.
 
 inline constexpr FileHeader kTaskHeader{"tumbler-task", 1, nullptr,
                                         "is {0}; this program reads tasks up to version {1}"};
 
 struct TaskRobot {
   std::string robot;
-  bool fixed = false;  ///< Its root link; else it moves in the x-z plane.
+  bool fixed = false;  ///< Whether its root link is fixed, or else moves in the x-z plane.
 };
 inline constexpr std::array<std::string_view, 2> kTaskRoots = {"planar-xz", "fixed"};
 inline constexpr std::array kTaskRobotKeys = {
@@ -34,7 +34,7 @@ inline constexpr std::array kTaskTimeKeys = {
     KeyOf<&Problem::settle_s>("settle_s", {0, 5}, "joints held after it, part of the problem"),
 };
 
-/// Where the root link's frame starts.
+/// The place at which the root link's frame starts.
 struct TaskStart {
   double x_m = 0;
   double pitch_rad = 0;
@@ -51,7 +51,7 @@ inline constexpr std::array kTaskStartKeys = {
         .Allowed("-1000 to 1000, no shape inside an obstacle"),
 };
 
-/// What a joint is allowed: first what the URDF says, then less and less.
+/// The limits of a joint. They begin as those of the URDF, and the task tightens them.
 struct TaskLimits : JointLimits<double> {
   TaskLimits() { acceleration_max_rad_s2 = 1000; }
   double rotor_inertia_kg_m2 = 0;

@@ -22,15 +22,15 @@
 namespace tumbler {
 namespace {
 
-/// A motion with more pairs of shapes would not be found in any time that somebody waits.
+/// The most pairs of obstacle and collision shape. With more, finding a motion would take too long.
 constexpr std::size_t kMostPairs = 1000;
 
-/// A start pose from elsewhere than the task.
+/// A start pose that does not come from the task.
 struct StartPose {
   const PrimitivePose* pose;
-  const Primitive<double>* primitive;  // whose joints the pose is of
-  std::string from;                    // for messages
-  bool own = false;                    // the entry of a primitive made from this very task
+  const Primitive<double>* primitive;  // has the joints of the pose
+  std::string from;                    // names it in messages
+  bool own = false;                    // whether it is the entry of a primitive made from this task
 };
 
 void RequireJoint(const TomlTable& table, const std::string& name, const Problem& problem) {
@@ -55,9 +55,9 @@ constexpr std::array kNameKeys = {
         .Allowed("1 to 48 bytes"),
 };
 
-/// One number for all joints, or a table of joints.
+/// Reads one number for all joints, or a table of joints.
 void ReadControlPoints(TomlTable& table, std::string_view key, Problem& problem) {
-  // Three fixed points at each end and one free one between them; and enough points for the
+  // There are three fixed points at each end and a free one between them, and enough for the
   // degree.
   const int least = std::max(7, problem.degree + 1);
   if (!table.IsTable(key)) {
@@ -142,8 +142,8 @@ class TaskReader {
       ActuatedJoint joint;
       joint.dof = static_cast<int>(j);
       const RobotJointLimits& urdf = scene_.robot.limits[j];
-      // A joint without limits in the URDF still gets finite ones: a primitive is a promise about
-      // all of them.
+      // A joint without limits in the URDF still gets finite ones, because a primitive proves all
+      // limits.
       TaskLimits allowed;
       allowed.position_min_rad = std::max(urdf.lower_rad, -100.0);
       allowed.position_max_rad = std::min(urdf.upper_rad, 100.0);
@@ -169,7 +169,7 @@ class TaskReader {
     }
   }
 
-  /// How long integration steps may be, and how long they are where the task does not say it.
+  /// Sets the advisable integration step, and the steps that the task leaves out.
   void SetStep() {
     std::vector<double> end = problem_.start_q;
     for (const ActuatedJoint& joint : problem_.joints)
@@ -189,7 +189,7 @@ class TaskReader {
     const double step = std::max(problem_.advisable_step_s, 1e-5);
     SolverSettings& solver = problem_.solver;
     if (!given("solver", "step_s")) solver.step_s = std::min(solver.step_s, step);
-    // Rough, but not past where the methods of screening and search are stable.
+    // These steps may be rough, but must keep the methods of screening and search stable.
     if (!given("solver", "screen_step_s"))
       solver.screen_step_s = std::max(solver.step_s, std::min(solver.screen_step_s, 2 * step));
     if (!given("search", "step_s"))
@@ -240,7 +240,7 @@ class TaskReader {
     for (TomlTable& table : root_.Tables("cost")) {
       const CostTerm term = ReadCostTerm(table, scene_.robot);
       if (term.targets_pitch()) problem_.target_pitch_rad = term.target;
-      // Integrals that differ in their weights alone are one.
+      // Integrals that differ only in their weights become one.
       const auto same = std::find_if(cost.begin(), cost.end(), [&term](const CostTerm& other) {
         CostTerm alike = other;
         alike.weight = term.weight;
@@ -272,7 +272,7 @@ class TaskReader {
     if (scene_.robot.root_dofs == 0) return;
     TaskStart root;
     ReadKeys(start, kTaskStartKeys, root);
-    root_.RejectUnknownKeys();  // Now: a misspelt one is often why the pose comes to no rest.
+    root_.RejectUnknownKeys();  // A misspelt key is often the reason why the pose does not rest.
     if (given_) {
       const PrimitivePose& pose = *given_->pose;
       if (const double apart = std::abs(pose.root_pitch_rad - root.pitch_rad);
@@ -304,7 +304,7 @@ class TaskReader {
     }
   }
 
-  /// No shape starts deeper in an obstacle than the compliant layer is thick.
+  /// Checks that no shape starts deeper in an obstacle than the compliant layer is thick.
   void CheckNotBuried(TomlTable& start, double z_m) {
     SceneDynamics robot(scene_);
     std::copy(problem_.start_q.begin(), problem_.start_q.end(), robot.q.begin());
@@ -325,7 +325,7 @@ class TaskReader {
                            scene_.obstacles[static_cast<std::size_t>(deepest->obstacle)].name));
   }
 
-  /// The joints of the given pose are those of the task, where the task starts them.
+  /// Checks that the joints of the given pose are those of the task, and are where the task starts.
   void CheckGivenJoints(TomlTable& start) {
     TomlTable joints = start.Table("joints_rad");
     const std::span<const JointMotion<double>> motions = given_->primitive->motions();
@@ -373,7 +373,7 @@ Task Parse(const std::string& task_text, const std::string& task_name,
           ""};
 }
 
-/// The URDF that a task names, beside the task.
+/// The path of the URDF that a task names, relative to the task's folder.
 std::string RobotPath(const std::string& task_text, const std::string& path) {
   TomlTable root = TomlTable::Parse(task_text, path);
   ReadHeader(root, kTaskHeader);

@@ -16,35 +16,39 @@ struct Task {
   std::string task_text;
   std::string robot_file;
   std::string robot_text;
-  std::string start_file;  ///< The primitive whose exit is the start pose; empty: the task's own.
-  std::string start_hash;  ///< Its coefficients_hash.
+  /// The primitive whose exit is the start pose. Empty: the task's own start pose.
+  std::string start_file;
+  /// The `coefficients_hash` of that primitive.
+  std::string start_hash;
 };
 
-/// How far apart a joint may be where one primitive leaves it and the task starts it: rounding of a
-/// decimal text, no more. The executor holds the joint there; it does not travel.
+/// The largest distance [rad] between a joint's position at the exit of one primitive and at the
+/// start of the task. It allows for the rounding of decimal texts only, because the executor holds
+/// the joint where it is and does not move it to the start.
 inline constexpr double kStartJointTolerance = 1e-6;
 
-/// The same for the root's pitch. It only tells a start in the task's shape from one in another
-/// (upside down, or with leg roles exchanged): the pose itself is taken as it is.
+/// The largest distance [rad] between the root's pitch at the exit of one primitive and at the
+/// start of the task. It only tells the task's shape from another (upside down, or with the roles
+/// of the legs exchanged). The pose itself is taken as it is.
 inline constexpr double kStartPitchTolerance = 0.3;
 
 /// Reads a task file and the URDF that it names (relative to the task's folder), and finds the
-/// start pose. The format is described in docs/formats.md. @throws FileError with file, line, key,
-/// value and allowed range.
+/// start pose. The format is described in docs/formats.md.
+/// @throws FileError  with file, line, key, value and allowed range.
 Task LoadTask(const std::string& path);
 
 /// The same, but the motion starts where `before` leaves the robot (its simulated exit: root and
 /// joints at rest) rather than in the task's ideal pose.
-/// @throws FileError besides, naming joint, quantity and amount, when the exit is not the shape in
-/// which the task starts, or was made for another robot or ground.
+/// @throws FileError  also when the exit is not the shape in which the task starts, or was made for
+///                    another robot or ground. It names joint, quantity and amount.
 Task LoadTask(const std::string& path, const PrimitiveFile& before, const std::string& before_path);
 
-/// The same from texts: `robot_text` stands for the file that the task names.
+/// The same as the first, from texts. `robot_text` stands for the file that the task names.
 Task ParseTask(const std::string& task_text, const std::string& task_name,
                const std::string& robot_text, const std::string& robot_name);
 
-/// The task that a primitive was made from, by the texts that it carries. The start pose is the
-/// primitive's entry, whatever it was taken from.
+/// The task that a primitive was made from, parsed from the texts in the primitive. The start pose
+/// is the primitive's entry, wherever that came from.
 Task TaskOf(const PrimitiveFile& file);
 
 /// The keys of the file, for docs/formats.md.

@@ -15,8 +15,8 @@
 
 namespace tumbler {
 
-/// The keys of the twin's file, for its reader. Tables whose keys are names of joints or links are
-/// read in twin_toml.cc, `[contact]` and `[[obstacle]]` by the task's readers.
+/// The keys of the twin's file. twin_toml.cc reads the tables whose keys are names of joints or
+/// links, and the task's readers read `[contact]` and `[[obstacle]]`.
 
 inline constexpr FileHeader kTwinHeader{"tumbler-twin", 1, "is '{0}'; allowed: '{1}'"};
 
@@ -34,7 +34,7 @@ inline constexpr std::array kTwinStepKeys = {
                                     "of the physics and of the drives' law"),
 };
 
-/// Where the robot starts; what the file leaves out is the motion's.
+/// The place at which the robot starts. Values that the file leaves out are those of the motion.
 struct TwinStart {
   bool held = TwinConfig{}.held;
   double x_m = 0;
@@ -53,7 +53,7 @@ inline constexpr std::array kTwinStartKeys = {
         .Default("the motion's, or where it rests"),
 };
 
-/// What `[motor]` and `[motor.JOINT]` say of a joint.
+/// The values of `[motor]` and `[motor.JOINT]` for a joint.
 struct MotorEntry : JointMotor, JointLosses {};
 inline constexpr Range kMotorSpeed{0, 1e4, true};
 inline constexpr std::array kMotorKeys = {
@@ -95,7 +95,7 @@ inline constexpr std::array kStopKeys = {
 };
 
 inline constexpr Range kTwinFriction{0, 10};
-/// What a twin says of its own obstacles, besides what a task says of one.
+/// The values that an obstacle of a twin has besides those of a task's obstacle.
 struct TwinObstacle {
   std::optional<double> mu;
 };
@@ -103,7 +103,7 @@ inline constexpr std::array kTwinObstacleKeys = {
     KeyOf<&TwinObstacle::mu>("mu", kTwinFriction, "friction of its own"),
 };
 
-/// The names as a message lists them.
+/// A list of names for messages.
 inline std::string Join(const std::vector<std::string>& names) {
   return names.empty() ? "none" : fmt::format("{}", fmt::join(names, ", "));
 }
@@ -135,8 +135,8 @@ inline constexpr std::array kPatchKeys = {
                  }),
 };
 
-/// A table `[[push]]`, with the links that it may name. It counts from when all drives are enabled,
-/// if nothing else is said.
+/// A table `[[push]]`, with the links that it may name. By default its time counts from when all
+/// drives are enabled.
 struct PushEntry : Push {
   PushEntry() { since_enabled = true; }
   const std::vector<std::string>* links = nullptr;

@@ -50,7 +50,7 @@ class TwinReader {
       for (const std::string& link : config_.posture.clear_links)
         RequireOneOf(*fall, "clear_links", link, "link", links_);
     }
-    // Last, since it may let the robot come to rest on all of the above.
+    // The start comes last, since it may let the robot come to rest on everything read before.
     std::optional<TomlTable> start = root_.OptionalTable("start");
     if (start) TakeStartKeys(*start);
     root_.RejectUnknownKeys();
@@ -142,7 +142,8 @@ class TwinReader {
     }
   }
 
-  /// So that an unknown key is named before the robot is put anywhere.
+  /// Reads the keys of the start before the robot is put there, so that unknown keys are refused
+  /// first.
   void TakeStartKeys(TomlTable& start) {
     pose_ = StartOf(motion_);
     TwinStart root{config_.twin.held, pose_.root_x_m, pose_.root_pitch_rad, std::nullopt};
@@ -163,8 +164,8 @@ class TwinReader {
     moved_ = start.Has("pitch_rad") || start.Has("joints_rad");
   }
 
-  /// Without a height, a robot that does not start in the motion's own pose is lowered until it
-  /// rests.
+  /// Sets the start pose. A robot that does not start in the motion's own pose, and has no height,
+  /// is lowered until it rests.
   void ReadStart(TomlTable& start) {
     if (scene_.robot.root_dofs == 3 && moved_ && !placed_) {
       try {
@@ -179,7 +180,7 @@ class TwinReader {
 
   TomlTable root_;
   const SequenceFile& motion_;
-  Scene scene_;  // as it becomes
+  Scene scene_;  // as the file changes it
   std::vector<std::string> joints_, links_, obstacles_;
   PrimitivePose pose_;
   bool placed_ = false;
