@@ -104,6 +104,12 @@ struct FileKey {
     key.range = of;
     return key;
   }
+  /// This key with a function that reads it, where it is there or required.
+  [[nodiscard]] constexpr FileKey ReadBy(Reader read) const {
+    FileKey key = *this;
+    key.reader = read;
+    return key;
+  }
   /// This key only where a condition on the keys before holds. Elsewhere it is an unknown key.
   [[nodiscard]] constexpr FileKey Where(bool (*holds)(const S&)) const {
     FileKey key = *this;
@@ -203,8 +209,8 @@ constexpr FileKey<S> LongTextOf(std::string_view name, const char* meaning) {
   key.value = [](S& settings) -> KeyValue { return LongTextValue{&(settings.*kMember)}; };
   return key;
 }
-/// A key that a function reads, where it is there or required. `Default` and `Allowed` describe it
-/// for people.
+/// A key without a member, which a function reads where it is there or required. `Default` and
+/// `Allowed` describe it for people.
 template <class S>
 constexpr FileKey<S> KeyReadBy(std::string_view name, typename FileKey<S>::Reader reader,
                                const char* meaning) {

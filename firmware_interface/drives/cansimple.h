@@ -262,6 +262,7 @@ struct CanSimpleProtocol {
                                double& shaft_rad) noexcept;
 
   static Config Read(DriveTable& table);
+  static KeyTable Keys();
   static DriveTraffic TrafficOf(const DriveEntry& entry, const Config& config, double rate_hz);
   static OwnedDrive Simulate(const DriveEntry& entry, const Config& config,
                              const SimulatedMotorConfig& motor);

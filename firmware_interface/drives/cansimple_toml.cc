@@ -1,8 +1,9 @@
 #include <fmt/format.h>
 
+#include <array>
 #include <cmath>
 #include <cstdint>
-#include <utility>
+#include <string_view>
 
 #include "firmware_interface/drives/cansimple.h"
 #include "firmware_interface/drives/drive_keys.h"
@@ -10,27 +11,54 @@
 
 namespace tumbler {
 
+namespace {
+
+// What the wire carries.
+constexpr double kPositionMax_rad = 1e6;
+constexpr double kVelocityMax_rad_s = 205.88;  // 32.767 turns/s
+constexpr double kTorqueMax_nm = 32.767;
+
+constexpr std::array kCanSimpleKeys = {
+    KeyOf<&CanSimpleConfig::node_id>("node_id", {0, kCanSimpleNodeMax}, "").Required(),
+};
+
+constexpr const char* kPeriod = "period of what the drive is set to send";
+
+template <auto kMember>
+void ReadPeriodOrNone(TomlTable& table, std::string_view key, CanSimpleMessages& messages) {
+  const double period = table.Number(key, {0, 60});
+  if (period > 0 && period < 0.001) {
+    table.Fail(key, fmt::format("is {}; allowed: 0 (not sent) or from 0.001 ... 60",
+                                MessageNumber(period)));
+  }
+  messages.*kMember = period;
+}
+template <auto kMember>
+constexpr FileKey<CanSimpleMessages> PeriodOrNoneOf(std::string_view name) {
+  return KeyOf<kMember>(name, kPeriod)
+      .Allowed("0 (not sent), 0.001 to 60")
+      .ReadBy(ReadPeriodOrNone<kMember>);
+}
+
+constexpr std::array kMessageKeys = {
+    KeyOf<&CanSimpleMessages::heartbeat_s>("heartbeat_s", {0.001, 1}, kPeriod),
+    KeyOf<&CanSimpleMessages::estimates_s>("estimates_s", {0.001, 0.1}, kPeriod)
+        .Allowed("0.001 to 0.1, at most 4 ticks"),
+    PeriodOrNoneOf<&CanSimpleMessages::torques_s>("torques_s"),
+    PeriodOrNoneOf<&CanSimpleMessages::temperature_s>("temperature_s"),
+};
+
+}  // namespace
+
 CanSimpleConfig CanSimpleProtocol::Read(DriveTable& table) {
-  constexpr double kPositionMax_rad = 1e6;
-  constexpr double kVelocityMax_rad_s = 205.88;  // 32.767 turns/s
-  constexpr double kTorqueMax_nm = 32.767;
   TomlTable& keys = table.keys;
   CanSimpleConfig can;
-  can.node_id = static_cast<std::uint8_t>(keys.Integer("node_id", 0, kCanSimpleNodeMax));
+  ReadKeys(keys, kCanSimpleKeys, can);
   can.joint = ReadJoint(keys);
   can.range = ReadShaftRanges(keys, kPositionMax_rad, kVelocityMax_rad_s, kTorqueMax_nm);
   ReadOwnGains(table);
   CanSimpleMessages& messages = can.messages;
-  messages.heartbeat_s = keys.Number("heartbeat_s", {0.001, 1, false}, messages.heartbeat_s);
-  messages.estimates_s = keys.Number("estimates_s", {0.001, 0.1, false}, messages.estimates_s);
-  for (const auto& [key, period] : {std::pair{"torques_s", &messages.torques_s},
-                                    std::pair{"temperature_s", &messages.temperature_s}}) {
-    *period = keys.Number(key, {0, 60, false}, *period);
-    if (*period > 0 && *period < 0.001) {
-      keys.Fail(key, fmt::format("is {}; allowed: 0 (not sent) or from 0.001 ... 60",
-                                 MessageNumber(*period)));
-    }
-  }
+  ReadKeys(keys, kMessageKeys, messages);
   // A drive whose measurement is older than a few ticks counts as silent.
   const double estimate_ticks = messages.estimates_s * table.rate_hz;
   if (estimate_ticks > 4) {
@@ -43,6 +71,14 @@ CanSimpleConfig CanSimpleProtocol::Read(DriveTable& table) {
       static_cast<int>(std::ceil(2.5 * messages.heartbeat_s * table.rate_hz)) + 1;
   can.estimates_per_tick_max = static_cast<int>(std::ceil(1 / estimate_ticks)) + 1;
   return can;
+}
+
+KeyTable CanSimpleProtocol::Keys() {
+  const KeyRow range{"`[drive.range]`", "`velocity_rad_s`, `torque_nm`", "required",
+                     fmt::format("+-{}, +-{}", kVelocityMax_rad_s, kTorqueMax_nm),
+                     "what the feed-forwards carry"};
+  return {"firmware_interface/drives/cansimple_toml.cc", "cansimple",
+          Joined({RowsOf(kCanSimpleKeys), RowsOf(kMessageKeys), {range}})};
 }
 
 DriveTraffic CanSimpleProtocol::TrafficOf(const DriveEntry& /*entry*/,

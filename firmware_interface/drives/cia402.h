@@ -267,6 +267,7 @@ struct Cia402Protocol {
                                double& shaft_rad) noexcept;
 
   static Config Read(DriveTable& table);
+  static KeyTable Keys();
   static void CheckBeside(const DriveEntry& drive, const DriveEntry& earlier,
                           const TomlTable& table);
   static DriveTraffic TrafficOf(const DriveEntry& entry, const Config& config, double rate_hz);

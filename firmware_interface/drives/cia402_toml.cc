@@ -19,36 +19,61 @@ constexpr double kTwoPi = 6.2831853071795864769;
 constexpr double kInt32 = 2147483520.0;  // the largest float below 2^31
 constexpr double kRounded = 0.999999;    // The drive computes with floats.
 
-/// Reads the units, and the ranges, which with these units have to fit 32 and 16 bits.
-/// @returns the increments in a turn, as the file has them.
-double ReadUnits(TomlTable& keys, Cia402Config& cia402) {
-  const double units = keys.Number("position_units_per_turn", {1, 1e9, false});
-  const double velocity_units =
-      keys.Number("velocity_units_per_turn_s", {0.001, 1e9, false}, units);
-  const double rated_nm = keys.Number("rated_torque_nm", {0.001, 10'000, false});
-  cia402.position_units_per_turn = static_cast<float>(units);
-  cia402.velocity_units_per_turn_s = static_cast<float>(velocity_units);
-  cia402.rated_torque_nm = static_cast<float>(rated_nm);
-  cia402.range = ReadShaftRanges(keys, std::min(kInt32 / units * kTwoPi * kRounded, 1e6),
-                                 std::min(kInt32 / velocity_units * kTwoPi * kRounded, 1e6),
-                                 std::min(32.767 * rated_nm * kRounded, 1e6));
-  return units;
-}
+/// The keys of a drive as the file has them.
+struct Cia402Entry : Cia402Config {
+  double position_units = 0;  ///< Per turn.
+  double velocity_units = 0;  ///< Per turn and second.
+  double rated_nm = 0;
+  double heartbeat_s = 1e-3 * heartbeat_ms;
+};
 
-/// Reads the drive's settings: heartbeat, reactions and reports.
-void ReadSetUp(TomlTable& keys, double units, Cia402Config& cia402) {
-  static constexpr std::array<std::string_view, 4> kReactions = {"none", "fault", "disable",
-                                                                 "quick-stop"};
-  cia402.heartbeat_ms = static_cast<std::uint16_t>(
-      std::llround(1000 * keys.Number("heartbeat_s", {0.001, 10, false}, 0.1)));
-  const std::string reaction = keys.Choice("watchdog_reaction", kReactions, "fault");
-  cia402.watchdog_reaction = static_cast<std::int16_t>(
-      std::find(kReactions.begin(), kReactions.end(), reaction) - kReactions.begin());
-  cia402.quick_stop_option = static_cast<std::int16_t>(keys.Integer("quick_stop_option", 1, 7, 6));
-  cia402.feed_forward = keys.Boolean("feed_forward", true);
-  cia402.status_every = static_cast<std::uint8_t>(keys.Integer("status_every", 1, 240, 4));
-  cia402.following_window_rad = static_cast<float>(
-      keys.Number("following_window_rad", {0, kInt32 / units * kTwoPi * kRounded, false}, 0));
+constexpr std::array kNumberKeys = {
+    KeyOf<&Cia402Entry::node_id, Cia402Entry>("node_id", {1, 126}, "").Required(),
+    KeyOf<&Cia402Entry::host_id, Cia402Entry>("host_id", {1, kCanOpenNodeMax},
+                                              "number of the host's heartbeat")
+        .Allowed("1 to 127, the same in all drives"),
+};
+
+constexpr std::array kUnitKeys = {
+    KeyOf<&Cia402Entry::position_units>("position_units_per_turn", {1, 1e9},
+                                        "of 607Ah, 6064h, at the shaft")
+        .Required(),
+    KeyOf<&Cia402Entry::velocity_units>("velocity_units_per_turn_s", {0.001, 1e9},
+                                        "of 606Ch, 60B1h; 60 where they count rpm")
+        .Default("as position",
+                 [](Cia402Entry& drive) { drive.velocity_units = drive.position_units; }),
+    KeyOf<&Cia402Entry::rated_nm>("rated_torque_nm", {0.001, 10'000},
+                                  "6076h; ranges reach at most 32.767 times as far")
+        .Required(),
+};
+
+constexpr std::array<std::string_view, 4> kReactions = {"none", "fault", "disable", "quick-stop"};
+constexpr std::array kSetUpKeys = {
+    KeyOf<&Cia402Entry::heartbeat_s>("heartbeat_s", {0.001, 10}, "of the drive: 1017h"),
+    KeyOf<&Cia402Entry::watchdog_reaction, Cia402Entry>("watchdog_reaction", kReactions, "6007h"),
+    KeyOf<&Cia402Entry::quick_stop_option, Cia402Entry>("quick_stop_option", {1, 7}, "605Ah"),
+    KeyOf<&Cia402Entry::feed_forward, Cia402Entry>("feed_forward",
+                                                   "velocity and torque offsets, in a second PDO"),
+    KeyOf<&Cia402Entry::status_every, Cia402Entry>("status_every", {1, 240},
+                                                   "SYNCs to a report of velocity and torque"),
+    KeyOf<&Cia402Entry::following_window_rad, Cia402Entry>("following_window_rad",
+                                                           "6065h, at the shaft")
+        .Allowed("0 (the drive's own) or above",
+                 [](const Cia402Entry& drive) {
+                   return Range{0, kInt32 / drive.position_units * kTwoPi * kRounded};
+                 }),
+};
+
+/// Reads the units, and the ranges, which with these units have to fit 32 and 16 bits.
+void ReadUnits(TomlTable& keys, Cia402Entry& drive) {
+  ReadKeys(keys, kUnitKeys, drive);
+  drive.position_units_per_turn = static_cast<float>(drive.position_units);
+  drive.velocity_units_per_turn_s = static_cast<float>(drive.velocity_units);
+  drive.rated_torque_nm = static_cast<float>(drive.rated_nm);
+  drive.range =
+      ReadShaftRanges(keys, std::min(kInt32 / drive.position_units * kTwoPi * kRounded, 1e6),
+                      std::min(kInt32 / drive.velocity_units * kTwoPi * kRounded, 1e6),
+                      std::min(32.767 * drive.rated_nm * kRounded, 1e6));
 }
 
 /// Reads the control loop's period, and the time-out for the host's heartbeat, which the drive
@@ -64,7 +89,8 @@ void ReadTimes(DriveTable& table, Cia402Config& cia402) {
                                "10, 100, ... us, e.g. 1000, 500, 400 or 250 Hz",
                                MessageNumber(table.rate_hz), MessageNumber(period_us)));
   }
-  const double watchdog_s = table.keys.Number("watchdog_s", {0, 10, false});
+  ReadWatchdog(table.keys, table.entry);
+  const double watchdog_s = table.entry.watchdog_s;
   if (watchdog_s > 0 && watchdog_s * table.rate_hz < 3) {
     table.keys.Fail("watchdog_s",
                     fmt::format("is {}; allowed: 0 (none) or at least 3 periods of the "
@@ -78,20 +104,27 @@ void ReadTimes(DriveTable& table, Cia402Config& cia402) {
 
 Cia402Config Cia402Protocol::Read(DriveTable& table) {
   TomlTable& keys = table.keys;
-  Cia402Config cia402;
-  cia402.node_id = static_cast<std::uint8_t>(keys.Integer("node_id", 1, 126));
-  cia402.host_id =
-      static_cast<std::uint8_t>(keys.Integer("host_id", 1, kCanOpenNodeMax, kCanOpenNodeMax));
+  Cia402Entry cia402;
+  ReadKeys(keys, kNumberKeys, cia402);
   cia402.joint = ReadJoint(keys);
-  const double units = ReadUnits(keys, cia402);
+  ReadUnits(keys, cia402);
   ReadOwnGains(table);
-  ReadSetUp(keys, units, cia402);
+  ReadKeys(keys, kSetUpKeys, cia402);
+  cia402.heartbeat_ms = static_cast<std::uint16_t>(std::llround(1000 * cia402.heartbeat_s));
   if (cia402.host_id == cia402.node_id) {
     keys.Fail("host_id",
               fmt::format("is {}, as node_id; the host has a number of its own", cia402.host_id));
   }
   ReadTimes(table, cia402);
   return cia402;
+}
+
+KeyTable Cia402Protocol::Keys() {
+  KeyRow watchdog = WatchdogRow();
+  watchdog.allowed = "0, or from 3 ticks on; the same in all drives";
+  watchdog.meaning = "of the host's heartbeat: 1016h";
+  return {"firmware_interface/drives/cia402_toml.cc", "cia402",
+          Joined({RowsOf(kNumberKeys), RowsOf(kUnitKeys), RowsOf(kSetUpKeys), {watchdog}})};
 }
 
 void Cia402Protocol::CheckBeside(const DriveEntry& drive, const DriveEntry& earlier,

@@ -2,8 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <array>
 #include <cstdint>
-#include <vector>
 
 namespace tumbler {
 
@@ -12,11 +12,104 @@ namespace {
 /// Largest magnitude of a range's end.
 constexpr double kLargest = 1e6;
 
-}  // namespace
-
-float NumberAsFloat(TomlTable& table, std::string_view key, Range range) {
-  return static_cast<float>(table.Number(key, range));
+void ReadDirection(TomlTable& table, std::string_view key, JointMap& joint) {
+  const std::int64_t direction = table.Integer(key, -1, 1);
+  if (direction == 0) table.Fail(key, "is 0; allowed: 1 or -1");
+  joint.direction = static_cast<float>(direction);
 }
+
+constexpr std::array kJointKeys = {
+    KeyOf<&JointMap::direction>("direction", "-1 where the drive turns against the joint")
+        .Allowed("1, -1")
+        .ReadBy(ReadDirection),
+    KeyOf<&JointMap::gear_ratio>("gear_ratio", {0.001, 1000},
+                                 "turns of the drive's shaft per turn of the joint"),
+    KeyOf<&JointMap::zero_offset_rad>("zero_offset_rad", {-1000, 1000},
+                                      "the joint's angle when the drive reads zero"),
+};
+
+/// Ranges at the shaft, and what the wire carries at most.
+struct ShaftRangesEntry : ShaftRanges {
+  double position_max = 0;
+  double velocity_max = 0;
+  double torque_max = 0;
+};
+
+template <auto kMember, auto kMost>
+void ReadShaftRange(TomlTable& table, std::string_view key, ShaftRangesEntry& ranges) {
+  const DriveRange ends = ReadRange(table, key, false);
+  const double most = ranges.*kMost;
+  // Ends are floats: a number that rounds to the last one that fits is let pass.
+  if (!ends.ContainsZeroWithin(static_cast<float>(most))) {
+    table.Fail(key, fmt::format("is [{}, {}]; the protocol carries at most +-{} at the shaft",
+                                MessageNumber(static_cast<double>(ends.min)),
+                                MessageNumber(static_cast<double>(ends.max)), MessageNumber(most)));
+  }
+  ranges.*kMember = ends;
+}
+
+template <auto kMember, auto kMost>
+constexpr FileKey<ShaftRangesEntry> ShaftRangeOf(std::string_view name) {
+  return KeyReadBy<ShaftRangesEntry>(name, ReadShaftRange<kMember, kMost>, "at the drive's shaft")
+      .Required()
+      .Allowed("[min, max] around 0");
+}
+
+constexpr std::array kShaftRangeKeys = {
+    ShaftRangeOf<&ShaftRanges::position_rad, &ShaftRangesEntry::position_max>("position_rad"),
+    ShaftRangeOf<&ShaftRanges::velocity_rad_s, &ShaftRangesEntry::velocity_max>("velocity_rad_s"),
+    ShaftRangeOf<&ShaftRanges::torque_nm, &ShaftRangesEntry::torque_max>("torque_nm"),
+};
+
+/// Gains at the joint, and what a protocol carries of them at the drive's shaft.
+struct GainsEntry {
+  float kp_nm_per_rad = 0;
+  float kd_nm_s_per_rad = 0;
+  JointMap joint;
+  const DriveRange* kp_carried = nullptr;  ///< Null: none.
+  const DriveRange* kd_carried = nullptr;
+};
+
+template <auto kMember, auto kCarried>
+void ReadGain(TomlTable& table, std::string_view key, GainsEntry& gains) {
+  const DriveRange* const carried = gains.*kCarried;
+  const Range allowed = carried != nullptr ? Range::NonNegative() : Range{0, 1e6, true};
+  const auto gain = static_cast<float>(table.Number(key, allowed));
+  if (carried != nullptr && gains.joint.ToDriveGain(gain) > carried->max) {
+    table.Fail(key, fmt::format(
+                        "is {}; the drive carries at most {} at the joint",
+                        MessageNumber(static_cast<double>(gain)),
+                        MessageNumber(static_cast<double>(gains.joint.ToJointGain(carried->max)))));
+  }
+  gains.*kMember = gain;
+}
+
+template <auto kMember, auto kCarried>
+constexpr FileKey<GainsEntry> GainOf(std::string_view name) {
+  return KeyReadBy<GainsEntry>(name, ReadGain<kMember, kCarried>,
+                               "gains at the joint: sent, or what the drive's own amount to")
+      .Required()
+      .Allowed("0 to what the protocol carries; above 0 where it carries none");
+}
+
+constexpr std::array kGainKeys = {
+    GainOf<&GainsEntry::kp_nm_per_rad, &GainsEntry::kp_carried>("kp_nm_per_rad"),
+    GainOf<&GainsEntry::kd_nm_s_per_rad, &GainsEntry::kd_carried>("kd_nm_s_per_rad"),
+};
+
+void ReadGains(DriveTable& table, GainsEntry gains) {
+  ReadKeys(table.keys, kGainKeys, gains);
+  table.entry.kp_nm_per_rad = gains.kp_nm_per_rad;
+  table.entry.kd_nm_s_per_rad = gains.kd_nm_s_per_rad;
+}
+
+constexpr std::array kWatchdogKeys = {
+    KeyOf<&DriveEntry::watchdog_s>("watchdog_s", {0, 10},
+                                   "what the drive's time-out is set to; 0: it has none")
+        .Required(),
+};
+
+}  // namespace
 
 DriveRange ReadRange(TomlTable& table, std::string_view key, bool from_zero) {
   const std::vector<double> ends = table.Numbers(key, {-kLargest, kLargest, false}, 2);
@@ -32,49 +125,33 @@ DriveRange ReadRange(TomlTable& table, std::string_view key, bool from_zero) {
   return {static_cast<float>(ends[0]), static_cast<float>(ends[1])};
 }
 
-float ReadGain(TomlTable& table, std::string_view key, const DriveRange& range,
-               const JointMap& joint) {
-  const float gain = NumberAsFloat(table, key, Range::NonNegative());
-  if (joint.ToDriveGain(gain) > range.max) {
-    table.Fail(key, fmt::format("is {}; the drive carries at most {} at the joint",
-                                MessageNumber(static_cast<double>(gain)),
-                                MessageNumber(static_cast<double>(joint.ToJointGain(range.max)))));
-  }
-  return gain;
-}
-
 JointMap ReadJoint(TomlTable& table) {
   JointMap joint;
-  const std::int64_t direction = table.Integer("direction", -1, 1, 1);
-  if (direction == 0) table.Fail("direction", "is 0; allowed: 1 or -1");
-  joint.direction = static_cast<float>(direction);
-  joint.gear_ratio = static_cast<float>(table.Number("gear_ratio", {0.001, 1000, false}, 1));
-  joint.zero_offset_rad =
-      static_cast<float>(table.Number("zero_offset_rad", {-1000, 1000, false}, 0));
+  ReadKeys(table, kJointKeys, joint);
   return joint;
 }
+std::vector<KeyRow> JointRows() { return RowsOf(kJointKeys); }
 
 ShaftRanges ReadShaftRanges(TomlTable& table, double position_max, double velocity_max,
                             double torque_max) {
+  ShaftRangesEntry ranges;
+  ranges.position_max = position_max;
+  ranges.velocity_max = velocity_max;
+  ranges.torque_max = torque_max;
   TomlTable range = table.Table("range");
-  const auto read = [&range](std::string_view key, double most) {
-    const DriveRange ends = ReadRange(range, key, false);
-    // Ends are floats: a number that rounds to the last one that fits is let pass.
-    if (!ends.ContainsZeroWithin(static_cast<float>(most))) {
-      range.Fail(key,
-                 fmt::format("is [{}, {}]; the protocol carries at most +-{} at the shaft",
-                             MessageNumber(static_cast<double>(ends.min)),
-                             MessageNumber(static_cast<double>(ends.max)), MessageNumber(most)));
-    }
-    return ends;
-  };
-  return {read("position_rad", position_max), read("velocity_rad_s", velocity_max),
-          read("torque_nm", torque_max)};
+  ReadKeys(range, kShaftRangeKeys, ranges);
+  return ranges;
 }
+std::vector<KeyRow> ShaftRangeRows() { return RowsOf(kShaftRangeKeys, "`[drive.range]`"); }
 
-void ReadOwnGains(DriveTable& table) {
-  table.entry.kp_nm_per_rad = NumberAsFloat(table.keys, "kp_nm_per_rad", {0, 1e6, true});
-  table.entry.kd_nm_s_per_rad = NumberAsFloat(table.keys, "kd_nm_s_per_rad", {0, 1e6, true});
+void ReadCarriedGains(DriveTable& table, const JointMap& joint, const DriveRange& kp,
+                      const DriveRange& kd) {
+  ReadGains(table, {0, 0, joint, &kp, &kd});
 }
+void ReadOwnGains(DriveTable& table) { ReadGains(table, {}); }
+std::vector<KeyRow> GainRows() { return RowsOf(kGainKeys); }
+
+void ReadWatchdog(TomlTable& table, DriveEntry& drive) { ReadKeys(table, kWatchdogKeys, drive); }
+KeyRow WatchdogRow() { return RowsOf(kWatchdogKeys).front(); }
 
 }  // namespace tumbler

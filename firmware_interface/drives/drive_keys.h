@@ -1,7 +1,10 @@
 #pragma once
 
 #include <string_view>
+#include <vector>
 
+#include "common/file_keys.h"
+#include "common/key_table.h"
 #include "common/toml_reader.h"
 #include "firmware_interface/drives/drive_entry.h"
 #include "firmware_interface/drives/drive_range.h"
@@ -14,29 +17,48 @@ struct DriveTable {
   TomlTable& keys;    ///< The drive's table.
   TomlTable& bus;     ///< The bus's table, for messages about what does not go with the protocol.
   double rate_hz;     ///< Of the control loop.
-  DriveEntry& entry;  ///< Gets the gains.
+  DriveEntry& entry;  ///< Gets the gains, and the time-out where the protocol reads it.
 };
 
-// Readers of keys that protocols have in common. All of them throw FileError.
+// Keys that protocols have in common: their readers, which throw FileError, and their rows in
+// docs/formats.md.
 
 /// `direction`, `gear_ratio`, `zero_offset_rad`.
 JointMap ReadJoint(TomlTable& table);
+std::vector<KeyRow> JointRows();
 
 /// A range [min, max] around zero, or from zero on for gains.
 DriveRange ReadRange(TomlTable& table, std::string_view key, bool from_zero);
 
+/// The key of such a range.
+/// @tparam kFromZero  whether it is that of a gain.
+template <auto kMember, bool kFromZero = false>
+constexpr auto RangeOf(std::string_view name, const char* meaning) {
+  using Ranges = file_keys_detail::ClassOf<kMember>;
+  return KeyReadBy<Ranges>(
+             name,
+             [](TomlTable& table, std::string_view key, Ranges& ranges) {
+               ranges.*kMember = ReadRange(table, key, kFromZero);
+             },
+             meaning)
+      .Allowed(kFromZero ? "[0, max]" : "[min, max] around 0");
+}
+
 /// `range`: the ranges of setpoints at the drive's shaft, none wider than the wire carries.
 ShaftRanges ReadShaftRanges(TomlTable& table, double position_max, double velocity_max,
                             double torque_max);
+std::vector<KeyRow> ShaftRangeRows();
 
-/// A gain at the joint that the drive can carry at its shaft.
-float ReadGain(TomlTable& table, std::string_view key, const DriveRange& range,
-               const JointMap& joint);
-
-/// `kp_nm_per_rad`, `kd_nm_s_per_rad`: the gains to which the drive was tuned, for protocols that
-/// do not carry gains.
+/// `kp_nm_per_rad`, `kd_nm_s_per_rad`: gains at the joint that the drive can carry at its shaft.
+/// @param kp, kd  what it can carry.
+void ReadCarriedGains(DriveTable& table, const JointMap& joint, const DriveRange& kp,
+                      const DriveRange& kd);
+/// The same keys for protocols that do not carry gains: those to which the drive was tuned.
 void ReadOwnGains(DriveTable& table);
+std::vector<KeyRow> GainRows();
 
-float NumberAsFloat(TomlTable& table, std::string_view key, Range range);
+/// `watchdog_s`. All drives have it; a protocol that checks it reads it first.
+void ReadWatchdog(TomlTable& table, DriveEntry& drive);
+KeyRow WatchdogRow();
 
 }  // namespace tumbler

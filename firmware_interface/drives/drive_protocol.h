@@ -16,6 +16,7 @@ class TomlTable;
 struct DriveEntry;            // drive_entry.h
 struct DriveTable;            // drive_keys.h
 struct DriveTraffic;          // drive_traffic.h
+struct KeyTable;              // common/key_table.h
 struct OwnedDrive;            // make_simulated.h
 struct SimulatedMotorConfig;  // simulated_drive.h
 
@@ -69,6 +70,8 @@ concept DriveProtocol = requires(const typename P::Config& config, const CanFram
   // (The types that these return are incomplete here, which only decltype allows.)
   /// Reads the protocol's keys of a drive, and its gains. @throws FileError.
   requires std::same_as<decltype(P::Read(table)), typename P::Config>;
+  /// These keys, for the protocol's page in docs/protocols/.
+  requires std::same_as<decltype(P::Keys()), KeyTable>;
   /// The drive's frames on the bus of a control loop at this rate [Hz].
   requires std::same_as<decltype(P::TrafficOf(entry, config, double{})), DriveTraffic>;
   /// The drive's side, with this motor at its shaft. @throws std::invalid_argument.

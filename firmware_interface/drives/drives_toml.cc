@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <stdexcept>
@@ -17,7 +18,49 @@ namespace tumbler {
 
 namespace {
 
-constexpr std::int64_t kDrivesFileVersion = 1;
+constexpr FileHeader kHeader{"tumbler-drives", 1,
+                             "is not '{1}': this is not a drive configuration"};
+
+constexpr std::array kBusKeys = {
+    KeyOf<&DrivesConfig::bit_rate>("bit_rate", {10'000, 1'000'000},
+                                   "bit/s, as set on the interface")
+        .Required(),
+    KeyOf<&DrivesConfig::rate_hz>(
+        "rate_hz", {10, 10'000},
+        "of the control loop; the frames of a cycle have to fit in the worst case")
+        .Required(),
+};
+
+/// What a drive's table begins with.
+struct DriveHead {
+  std::string joint;
+  std::string protocol;
+};
+
+void ReadJointName(TomlTable& table, std::string_view key, DriveHead& drive) {
+  drive.joint = table.String(key);
+  if (drive.joint.empty() || !FixedString<32>::fits(drive.joint))
+    table.Fail(key, fmt::format("is '{}'; allowed: 1 to 32 bytes", drive.joint));
+}
+void ReadProtocol(TomlTable& table, std::string_view key, DriveHead& drive) {
+  if (!table.Has(key)) table.Fail(key, "is missing and has no default");
+  drive.protocol = table.Choice(key, DriveProtocols::kNames, "");
+}
+
+constexpr std::array kHeadKeys = {
+    KeyReadBy<DriveHead>("joint", ReadJointName, "name in the URDF")
+        .Required()
+        .Allowed("1 to 32 bytes, unique"),
+    KeyReadBy<DriveHead>("protocol", ReadProtocol, "")
+        .Required()
+        .Allowed("that of a page in [protocols/](protocols/)"),
+};
+
+constexpr std::array kTemperatureKeys = {
+    KeyOf<&DriveEntry::temperature_max_c>("temperature_max_c", {0, 200, true},
+                                          "above it the run stops")
+        .Required(),
+};
 
 DriveTraffic TrafficOf(const DriveEntry& drive, double rate_hz) {
   return DriveProtocols::With(drive.config, [&](auto protocol, const auto& config) {
@@ -27,18 +70,16 @@ DriveTraffic TrafficOf(const DriveEntry& drive, double rate_hz) {
 
 DriveEntry ReadDrive(TomlTable& table, TomlTable& bus_table, const DrivesConfig& bus) {
   DriveEntry drive;
-  drive.joint = table.String("joint");
-  if (drive.joint.empty() || !FixedString<32>::fits(drive.joint)) {
-    table.Fail("joint", fmt::format("is '{}'; allowed: 1 to 32 bytes", drive.joint));
-  }
-  if (!table.Has("protocol")) table.Fail("protocol", "is missing and has no default");
-  const std::string name = table.Choice("protocol", DriveProtocols::kNames, "");
+  DriveHead head;
+  ReadKeys(table, kHeadKeys, head);
+  drive.joint = head.joint;
   DriveTable of_drive{table, bus_table, bus.rate_hz, drive};
   DriveProtocols::ForEach([&](auto protocol) {
-    if (name == decltype(protocol)::kName) drive.config = decltype(protocol)::Read(of_drive);
+    using Protocol = decltype(protocol);
+    if (head.protocol == Protocol::kName) drive.config = Protocol::Read(of_drive);
   });
-  drive.temperature_max_c = NumberAsFloat(table, "temperature_max_c", {0, 200, true});
-  drive.watchdog_s = table.Number("watchdog_s", {0, 10, false});
+  ReadKeys(table, kTemperatureKeys, drive);
+  ReadWatchdog(table, drive);
   if (Validate(drive.config) != Status::kOk) {
     table.Fail("", "does not describe a drive of this protocol");
   }
@@ -87,14 +128,10 @@ void RejectDuplicates(const DriveEntry& drive, const DriveEntry& earlier, double
 }
 
 DrivesConfig Read(TomlTable root) {
-  if (root.String("format") != "tumbler-drives") {
-    root.Fail("format", "is not 'tumbler-drives': this is not a drive configuration");
-  }
-  root.Integer("version", kDrivesFileVersion, kDrivesFileVersion);
+  ReadHeader(root, kHeader);
   DrivesConfig config;
   TomlTable bus = root.Table("bus");
-  config.bit_rate = static_cast<int>(bus.Integer("bit_rate", 10'000, 1'000'000));
-  config.rate_hz = bus.Number("rate_hz", {10, 10'000, false});
+  ReadKeys(bus, kBusKeys, config);
   std::vector<TomlTable> tables = root.Tables("drive");
   if (tables.empty() || tables.size() > kMaxJoints) {
     root.Fail("drive",
@@ -191,6 +228,20 @@ std::string DrivesConfig::DescribeSchedule() const {
       text += fmt::format(" every {} ticks", MessageNumber(frames.period_ticks));
   }
   return text;
+}
+
+KeyTable DrivesKeyTable() {
+  const KeyRow drives{"", "`[[drive]]`", "required", fmt::format("1 to {}", kMaxJoints), "with:"};
+  return {"firmware_interface/drives/drives_toml.cc", "drives",
+          Joined({{RowOf(kHeader)},
+                  RowsOf(kBusKeys, "`[bus]`"),
+                  {drives},
+                  RowsOf(kHeadKeys),
+                  JointRows(),
+                  GainRows(),
+                  RowsOf(kTemperatureKeys),
+                  {WatchdogRow()},
+                  ShaftRangeRows()})};
 }
 
 DrivesConfig LoadDrives(const std::string& path) { return Read(TomlTable::ParseFile(path)); }

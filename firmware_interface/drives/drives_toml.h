@@ -5,6 +5,7 @@
 #include <string_view>
 #include <vector>
 
+#include "common/key_table.h"
 #include "firmware_interface/drives/drive_bank.h"
 #include "firmware_interface/drives/drive_entry.h"
 
@@ -48,6 +49,9 @@ struct DrivesConfig {
 DrivesConfig LoadDrives(const std::string& path);
 /// The same of a text. @param name  stands for the file in messages.
 DrivesConfig ParseDrives(std::string_view text, const std::string& name);
+
+/// The keys that drives of all protocols have, for docs/formats.md.
+KeyTable DrivesKeyTable();
 
 /// The drives of these joints, in this order.
 /// @param name  of the drives file, for messages.

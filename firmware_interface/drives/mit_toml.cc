@@ -12,53 +12,59 @@ namespace tumbler {
 
 namespace {
 
-MitRanges ReadRanges(TomlTable& table) {
-  MitRanges ranges;
-  ranges.position_rad = ReadRange(table, "position_rad", false);
-  ranges.velocity_rad_s = ReadRange(table, "velocity_rad_s", false);
-  ranges.kp_nm_per_rad = ReadRange(table, "kp_nm_per_rad", true);
-  ranges.kd_nm_s_per_rad = ReadRange(table, "kd_nm_s_per_rad", true);
-  ranges.torque_nm = ReadRange(table, "torque_nm", false);
-  return ranges;
-}
+constexpr std::array kIdKeys = {
+    KeyOf<&MitConfig::command_id>("command_id", {1, 0xff}, "the drive's CAN_ID").Required(),
+    KeyOf<&MitConfig::reply_id>("reply_id", {0, 0x7ff}, "the drive's CAN_MASTER")
+        .Required()
+        .Allowed("0 to 0x7ff"),
+};
 
-/// Reads the ranges of replies, where they differ from those of commands.
-MitRanges ReadReplyRanges(TomlTable& table, MitRanges ranges) {
-  if (table.Has("position_rad")) ranges.position_rad = ReadRange(table, "position_rad", false);
-  if (table.Has("velocity_rad_s")) {
-    ranges.velocity_rad_s = ReadRange(table, "velocity_rad_s", false);
-  }
-  if (table.Has("torque_nm")) ranges.torque_nm = ReadRange(table, "torque_nm", false);
-  return ranges;
-}
+constexpr std::array<std::string_view, 2> kTemperatures = {"signed", "offset-40"};
+constexpr std::array kTemperatureKeys = {
+    KeyOf<&MitConfig::temperature_encoding>("temperature_encoding", kTemperatures,
+                                            "of the reply's seventh byte"),
+};
+
+constexpr const char* kAtShaft = "at the drive's shaft";
+constexpr std::array kRangeKeys = AllRequired(std::array{
+    RangeOf<&MitRanges::position_rad>("position_rad", kAtShaft),
+    RangeOf<&MitRanges::velocity_rad_s>("velocity_rad_s", kAtShaft),
+    RangeOf<&MitRanges::kp_nm_per_rad, true>("kp_nm_per_rad", kAtShaft),
+    RangeOf<&MitRanges::kd_nm_s_per_rad, true>("kd_nm_s_per_rad", kAtShaft),
+    RangeOf<&MitRanges::torque_nm>("torque_nm", kAtShaft),
+});
+
+constexpr const char* kReplies = "where replies differ from commands";
+constexpr std::array kReplyRangeKeys = {
+    RangeOf<&MitRanges::position_rad>("position_rad", kReplies).Default("that of `range`"),
+    RangeOf<&MitRanges::velocity_rad_s>("velocity_rad_s", kReplies).Default("that of `range`"),
+    RangeOf<&MitRanges::torque_nm>("torque_nm", kReplies).Default("that of `range`"),
+};
 
 }  // namespace
 
 MitConfig MitProtocol::Read(DriveTable& table) {
-  static constexpr std::array<std::string_view, 2> kTemperatures = {"signed", "offset-40"};
   TomlTable& keys = table.keys;
   MitConfig mit;
-  mit.command_id = static_cast<std::uint16_t>(keys.Integer("command_id", 1, 0xff));
-  mit.reply_id = static_cast<std::uint16_t>(keys.Integer("reply_id", 0, 0x7ff));
+  ReadKeys(keys, kIdKeys, mit);
   mit.joint = ReadJoint(keys);
   TomlTable range = keys.Table("range");
-  mit.command = ReadRanges(range);
+  ReadKeys(range, kRangeKeys, mit.command);
   mit.reply = mit.command;
-  if (auto reply = keys.OptionalTable("reply_range")) {
-    mit.reply = ReadReplyRanges(*reply, mit.command);
-  }
-  mit.temperature_encoding =
-      keys.Choice("temperature_encoding", kTemperatures, "signed") == "signed"
-          ? MitTemperature::kSigned
-          : MitTemperature::kOffset40;
-  table.entry.kp_nm_per_rad = ReadGain(keys, "kp_nm_per_rad", mit.command.kp_nm_per_rad, mit.joint);
-  table.entry.kd_nm_s_per_rad =
-      ReadGain(keys, "kd_nm_s_per_rad", mit.command.kd_nm_s_per_rad, mit.joint);
+  if (auto reply = keys.OptionalTable("reply_range")) ReadKeys(*reply, kReplyRangeKeys, mit.reply);
+  ReadKeys(keys, kTemperatureKeys, mit);
+  ReadCarriedGains(table, mit.joint, mit.command.kp_nm_per_rad, mit.command.kd_nm_s_per_rad);
   if (mit.reply_id == mit.command_id) {
     keys.Fail("reply_id", fmt::format("is {}, as command_id; a drive's two identifiers must differ",
                                       mit.reply_id));
   }
   return mit;
+}
+
+KeyTable MitProtocol::Keys() {
+  return {"firmware_interface/drives/mit_toml.cc", "mit",
+          Joined({RowsOf(kIdKeys), RowsOf(kTemperatureKeys), RowsOf(kRangeKeys, "`[drive.range]`"),
+                  RowsOf(kReplyRangeKeys, "`[drive.reply_range]`")})};
 }
 
 DriveTraffic MitProtocol::TrafficOf(const DriveEntry& /*entry*/, const MitConfig& config,

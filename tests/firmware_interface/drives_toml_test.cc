@@ -10,6 +10,7 @@
 
 #include "common/toml_reader.h"
 #include "firmware_interface/drives/drive_traffic.h"
+#include "tests/support/docs_tables.h"
 #include "tests/support/files.h"
 
 namespace tumbler {
@@ -134,6 +135,15 @@ TEST(DrivesToml, EveryProtocolHasAPageThatSaysWhatIsTrueOfIt) {
                   " bits a tick |"));
     EXPECT_TRUE(std::filesystem::exists(
         testing::SourcePath("firmware_interface/dbc/" + std::string(Protocol::kDbc))));
+  });
+}
+
+TEST(DrivesToml, TheTablesOfTheDocumentsAreThoseOfTheCode) {
+  testing::ExpectTables("docs/formats.md", {DrivesKeyTable()});
+  DriveProtocols::ForEach([](auto protocol) {
+    using Protocol = decltype(protocol);
+    testing::ExpectTables("docs/protocols/" + std::string(Protocol::kId) + ".md",
+                          {Protocol::Keys()});
   });
 }
 
