@@ -16,7 +16,7 @@ endif()
 foreach(folder ${tumbler_header_folders})
   install(DIRECTORY ${folder} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/tumbler FILES_MATCHING PATTERN "*.h")
 endforeach()
-# Robots and tasks, and the message types for whoever listens to the telemetry.
+# Robots and tasks, and the message types for programs that listen to the telemetry.
 install(DIRECTORY primitives DESTINATION ${CMAKE_INSTALL_DATADIR}/tumbler)
 install(DIRECTORY firmware_interface/dbc DESTINATION ${CMAKE_INSTALL_DATADIR}/tumbler)
 install(DIRECTORY runtime/lcm DESTINATION ${CMAKE_INSTALL_DATADIR}/tumbler FILES_MATCHING PATTERN "*.lcm")

@@ -1,4 +1,4 @@
-# How every target of the project is compiled, and the functions that declare them.
+# Options for every target of the project, and the functions that declare targets.
 
 # Warnings are errors for our own code only; they are never exported.
 add_library(tumbler_warnings INTERFACE)

@@ -1,11 +1,11 @@
-# How tests are compiled and registered, and which are left out where a tool is missing. What tests share is in
-# tests/support.
+# The functions that compile and register tests, or leave them out when a tool is missing. tests/support has the code
+# that tests share.
 include(GoogleTest)
 
 option(TUMBLER_REQUIRE_ALL_TESTS "Stop where a tool of a test is missing, instead of leaving the test out" OFF)
 
-# tumbler_tool(browser FOUND ${TUMBLER_CHROMIUM} PACKAGES chromium): what tests may say that they NEED. It is there if
-# FOUND has a true value; the packages bring it.
+# tumbler_tool(browser FOUND ${TUMBLER_CHROMIUM} PACKAGES chromium) declares a tool that tests can NEED. It is installed
+# if FOUND has a true value; otherwise the packages bring it.
 function(tumbler_tool name)
   cmake_parse_arguments(ARG "" "" "FOUND;PACKAGES" ${ARGN})
   set(missing "")
@@ -15,8 +15,8 @@ function(tumbler_tool name)
   set_property(GLOBAL PROPERTY TUMBLER_MISSING_${name} "${missing}")
 endfunction()
 
-# tumbler_left_out(left_out report_browser_test browser): whether one of the tools is missing. Then a test of this name
-# stands in CTest's list as skipped, and says what it needs.
+# tumbler_left_out(left_out report_browser_test browser) tells whether one of the tools is missing. If so, CTest's list
+# has a skipped test of this name, which names the packages that it needs.
 function(tumbler_left_out result name)
   set(packages)
   foreach(tool ${ARGN})
@@ -37,7 +37,7 @@ function(tumbler_left_out result name)
   endif()
 endfunction()
 
-# Says which tests were left out, after all of them were declared.
+# Reports which tests were left out, after all of them were declared.
 function(tumbler_report_left_out)
   get_property(left_out GLOBAL PROPERTY TUMBLER_LEFT_OUT)
   if(left_out)
@@ -61,8 +61,8 @@ function(tumbler_test_program name)
   target_link_libraries(${name} PRIVATE ${ARG_LINK} tumbler_test_support tumbler_test_optimisation tumbler_warnings)
 endfunction()
 
-# tumbler_googletest(live_lcm_test LINK ...): the same with GoogleTest and its main. OWN_HEADERS: a library brings flags
-# that do not go with the headers that are parsed once for all tests.
+# tumbler_googletest(live_lcm_test LINK ...) does the same with GoogleTest and its main. OWN_HEADERS: a library brings
+# flags that do not fit the headers that are parsed once for all tests.
 function(tumbler_googletest name)
   cmake_parse_arguments(ARG "OWN_HEADERS" "" "SOURCES;LINK" ${ARGN})
   tumbler_test_program(${name} SOURCES ${ARG_SOURCES} LINK ${ARG_LINK} GTest::gtest GTest::gmock GTest::gtest_main)
@@ -71,8 +71,8 @@ function(tumbler_googletest name)
   endif()
 endfunction()
 
-# tumbler_test(bspline_test LINK tumbler::common ...): the same, and registers each of its cases with CTest. PROGRAMS
-# are those of the project that it runs, NEEDS the tools without which it is left out.
+# tumbler_test(bspline_test LINK tumbler::common ...) does the same, and registers each of its cases with CTest.
+# PROGRAMS are the project's programs that it runs, NEEDS the tools without which it is left out.
 function(tumbler_test name)
   cmake_parse_arguments(ARG "OWN_HEADERS" "" "SOURCES;LINK;LABELS;PROGRAMS;NEEDS" ${ARGN})
   tumbler_left_out(left_out ${name} ${ARG_NEEDS})

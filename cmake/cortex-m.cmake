@@ -1,4 +1,4 @@
-# Toolchain: a bare Cortex-M with a floating-point unit, by Debian's gcc-arm-none-eabi. The presets cortex-m4f and
+# The toolchain for a bare Cortex-M with a floating-point unit: Debian's gcc-arm-none-eabi. The presets cortex-m4f and
 # cortex-m7 set TUMBLER_CORTEX_M.
 set(CMAKE_SYSTEM_NAME Generic)
 set(CMAKE_SYSTEM_PROCESSOR arm)
@@ -16,7 +16,7 @@ else()
   message(FATAL_ERROR "TUMBLER_CORTEX_M is '${TUMBLER_CORTEX_M}': m4f (Cortex-M4F) or m7 (Cortex-M7) is needed")
 endif()
 string(APPEND cortex_m_flags " -mthumb -mfloat-abi=hard -ffunction-sections -fdata-sections")
-# Beside every object, who calls whom and how much stack each takes (*.ci).
+# The compiler writes the call graph and the stack of each function beside every object (*.ci).
 string(APPEND cortex_m_flags " -fcallgraph-info=su")
 set(CMAKE_C_FLAGS_INIT "${cortex_m_flags}")
 set(CMAKE_CXX_FLAGS_INIT "${cortex_m_flags} -fno-exceptions -fno-rtti -fno-threadsafe-statics")

@@ -1,7 +1,8 @@
-# What tests need besides the project, GoogleTest and a shell (DART: offline/), and the Debian packages that bring it.
+# The tools that tests need besides the project, GoogleTest and a shell, and their Debian packages. (DART is in
+# offline/.)
 
-# tumbler_compiles(RESULT COMPILER FLAG...): whether a compiler makes a program with a header of the C++ library. Asked
-# once, and again when the compiler was not found before.
+# tumbler_compiles(RESULT COMPILER FLAG...) tells whether a compiler makes a program with a header of the C++ library.
+# It tries once, and again when the compiler was not found before.
 function(tumbler_compiles result compiler)
   if(NOT ${result} AND ${compiler})
     set(source ${CMAKE_BINARY_DIR}/CMakeFiles/compiles.cc)
