@@ -1,4 +1,4 @@
-// tumbler-optimize: from a task file to a primitive file.
+// tumbler-optimize: makes a primitive file from a task file.
 
 #include <fmt/format.h>
 
@@ -34,11 +34,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// The one thing that a signal handler can reach.
+// A signal handler can only reach what is static.
 std::atomic<bool> interrupt_requested = false;
 extern "C" void HandleInterrupt(int /*signal*/) { interrupt_requested = true; }
 
-/// The first SIGINT asks for an end; a second one ends the program at once.
+/// Makes the first SIGINT request an end, and the second one end the program at once.
 void CatchInterrupt() {
   struct sigaction action {};
   action.sa_handler = HandleInterrupt;
@@ -54,11 +54,11 @@ struct Arguments {
   std::string json;
   std::optional<std::int64_t> seed;
   int threads = 1;
-  int minima = 0;  ///< How many starts are solved to the end for the table; 0: no table.
+  int minima = 0;  ///< Number of starts that are solved to their end for the table; 0: no table.
   bool keep_best = false;
 };
 
-/// The shipped tasks converge after 100 (roll) to 1200 (handstand) evaluations.
+/// Evaluations with which a solve converges. The shipped tasks need 100 (roll) to 1200 (handstand).
 constexpr int kEvaluationsToConverge = 2000;
 
 Task Load(const Arguments& arguments, const std::string& path) {
@@ -68,8 +68,8 @@ Task Load(const Arguments& arguments, const std::string& path) {
   Problem& problem = task.problem;
   if (arguments.seed) problem.search.seed = static_cast<std::uint64_t>(*arguments.seed);
   if (arguments.minima > 0) {
-    // So many motions are solved, each from a start of its own and until it converges: what ends
-    // early is no minimum, and two that end early never look the same.
+    // This many motions are solved, each from a start of its own and until it converges. A motion
+    // that ends early is no minimum, and two that end early never look the same.
     problem.solver.max_evaluations =
         std::max(problem.solver.max_evaluations, kEvaluationsToConverge);
     problem.solver.finalists = arguments.minima;
@@ -151,8 +151,8 @@ ExitStatus OptimizeOne(const Arguments& arguments) {
   return interrupted ? ExitStatus::kInterrupted : ExitStatus::kDone;
 }
 
-// Several tasks one after the other, and a table that ranks them. The primitive of each is
-// DIR/NAME.toml, its report REPORT/NAME.
+// The following functions work on several tasks one after the other, and print a table that ranks
+// them. The primitive of each task is DIR/NAME.toml, its report REPORT/NAME.
 
 std::string PrimitiveOf(const Task& task, const Arguments& arguments) {
   return (fs::path(arguments.out) / (task.problem.name + ".toml")).string();
@@ -161,7 +161,7 @@ std::string ReportOf(const Task& task, const Arguments& arguments) {
   return (fs::path(arguments.report) / task.problem.name).string();
 }
 
-/// Loads tasks whose names can be those of their files.
+/// Loads the tasks, and checks that their names can be names of files.
 std::vector<Task> LoadSeveral(const Arguments& arguments) {
   std::vector<Task> tasks;
   std::map<std::string, std::string> file_of_name;
@@ -183,7 +183,7 @@ std::vector<Task> LoadSeveral(const Arguments& arguments) {
   return tasks;
 }
 
-/// Finds out before the first task is worked on whether all results can be written.
+/// Checks before the first task is worked on whether all results can be written.
 void CheckResults(const std::vector<Task>& tasks, const Arguments& arguments) {
   std::vector<std::string> inputs, outputs;
   for (const std::string& folder : {arguments.out, arguments.report}) {
@@ -204,7 +204,7 @@ void CheckResults(const std::vector<Task>& tasks, const Arguments& arguments) {
   CheckDistinct(inputs, outputs);
 }
 
-/// Writes the primitive and the report of a motion, and says so.
+/// Writes the primitive and the report of a motion, and prints their names.
 void WriteMotion(std::FILE* people, const TaskResult& result, const Arguments& arguments) {
   const std::string text = ToToml(*result.file);
   ParsePrimitive(text, "the new primitive");  // What is written is what will be read.
@@ -288,7 +288,8 @@ ExitStatus Main(int argc, char** argv) {
               "task's own start pose");
   line.Option("--out", arguments.out,
               "Write the primitive here; for several tasks the folder, for NAME.toml of each");
-  // Read by hand: as a number, one that is too large would count as the largest that fits.
+  // The seed is read as text. As a number, one that is too large would become the largest that
+  // fits.
   line.Option(
       "--seed", "INT", [&arguments](const std::string& text) { arguments.seed = ReadSeed(text); },
       "Seed of the global search, instead of the task's");

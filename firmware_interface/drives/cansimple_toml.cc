@@ -13,7 +13,7 @@ namespace tumbler {
 
 namespace {
 
-// What the wire carries.
+// The largest magnitudes that the wire carries.
 constexpr double kPositionMax_rad = 1e6;
 constexpr double kVelocityMax_rad_s = 205.88;  // 32.767 turns/s
 constexpr double kTorqueMax_nm = 32.767;

@@ -28,7 +28,7 @@ constexpr std::array kJointKeys = {
                                       "the joint's angle when the drive reads zero"),
 };
 
-/// Ranges at the shaft, and what the wire carries at most.
+/// Ranges at the shaft, and the largest that the wire carries.
 struct ShaftRangesEntry : ShaftRanges {
   double position_max = 0;
   double velocity_max = 0;
@@ -39,7 +39,7 @@ template <auto kMember, auto kMost>
 void ReadShaftRange(TomlTable& table, std::string_view key, ShaftRangesEntry& ranges) {
   const DriveRange ends = ReadRange(table, key, false);
   const double most = ranges.*kMost;
-  // Ends are floats: a number that rounds to the last one that fits is let pass.
+  // Ends are floats, so a number that rounds to the largest float that fits is allowed.
   if (!ends.ContainsZeroWithin(static_cast<float>(most))) {
     table.Fail(key, fmt::format("is [{}, {}]; the protocol carries at most +-{} at the shaft",
                                 MessageNumber(static_cast<double>(ends.min)),
@@ -61,7 +61,7 @@ constexpr std::array kShaftRangeKeys = {
     ShaftRangeOf<&ShaftRanges::torque_nm, &ShaftRangesEntry::torque_max>("torque_nm"),
 };
 
-/// Gains at the joint, and what a protocol carries of them at the drive's shaft.
+/// Gains at the joint, and the gains at the drive's shaft that a protocol carries.
 struct GainsEntry {
   float kp_nm_per_rad = 0;
   float kd_nm_s_per_rad = 0;

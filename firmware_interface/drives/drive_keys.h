@@ -12,11 +12,11 @@
 
 namespace tumbler {
 
-/// A drive of a file, as a protocol reads it.
+/// The table of a drive in a file, for the reader of its protocol.
 struct DriveTable {
   TomlTable& keys;    ///< The drive's table.
-  TomlTable& bus;     ///< The bus's table, for messages about what does not go with the protocol.
-  double rate_hz;     ///< Of the control loop.
+  TomlTable& bus;     ///< The bus's table, for messages about values that the protocol excludes.
+  double rate_hz;     ///< Rate of the control loop.
   DriveEntry& entry;  ///< Gets the gains, and the time-out where the protocol reads it.
 };
 

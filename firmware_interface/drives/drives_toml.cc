@@ -31,7 +31,7 @@ constexpr std::array kBusKeys = {
         .Required(),
 };
 
-/// What a drive's table begins with.
+/// The values that are read first from a drive's table.
 struct DriveHead {
   std::string joint;
   std::string protocol;
@@ -86,7 +86,7 @@ DriveEntry ReadDrive(TomlTable& table, TomlTable& bus_table, const DrivesConfig&
   return drive;
 }
 
-/// What goes wrong when two drives share an identifier, for messages.
+/// The consequence of two drives sharing an identifier, for messages.
 const char* Consequence(bool ours_to_drive, bool theirs_to_drive) {
   if (ours_to_drive && theirs_to_drive) return "both drives would obey";
   if (!ours_to_drive && !theirs_to_drive) return "replies would collide on the bus";

@@ -11,7 +11,7 @@ namespace tumbler {
 /// Progress on standard error: one line that rewrites itself on a terminal, plain lines in a pipe.
 class Progress {
  public:
-  /// @param problem  has to outlive this.
+  /// @param problem  must outlive this object.
   explicit Progress(const Problem& problem);
 
   void operator()(const Evaluation& evaluation);

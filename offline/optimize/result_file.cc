@@ -18,8 +18,8 @@ std::string SystemMessage(int error) { return std::generic_category().message(er
   throw FileError(path, 0, "", fmt::format("cannot be written: {}", why));
 }
 
-/// A file system mounted read-only, and the super-user's rights, show only when something is
-/// written.
+/// Writes a file to find out whether the folder can be written: permissions tell nothing about a
+/// file system that is mounted read-only, or to the super-user.
 void ProbeFolder(const std::filesystem::path& folder, const std::string& path) {
   const std::filesystem::path probe = folder / fmt::format(".tumbler-optimize.{}.tmp", getpid());
   errno = 0;

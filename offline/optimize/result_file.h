@@ -6,18 +6,18 @@
 
 namespace tumbler {
 
-/// A file that appears under its name only when it is whole, and only when Commit is called: a
-/// reader never sees half of one, and what fails before leaves nothing behind.
+/// A file that appears under its name only when it is whole, and only by Commit. So a reader never
+/// sees a part of it, and a failure before leaves nothing behind.
 class PendingFile {
  public:
   /// An existing file is replaced where it is, also behind a symbolic link.
-  /// @throws FileError when it cannot be written.
+  /// @throws FileError  when it cannot be written.
   PendingFile(const std::string& path, const std::string& text);
   ~PendingFile() { Discard(); }
   PendingFile(const PendingFile&) = delete;
   PendingFile& operator=(const PendingFile&) = delete;
 
-  /// @throws FileError when it cannot be put in place.
+  /// Puts the file in place. @throws FileError  when that fails.
   void Commit();
 
  private:
@@ -27,13 +27,13 @@ class PendingFile {
   std::filesystem::path temporary_;
 };
 
-/// Find out before the work whether its result can be written: a file, or a folder, which is made
-/// when it is needed, not before. @throws FileError when it cannot.
+/// These check before the work whether its result can be written: a file, or files in a folder. The
+/// folder is not made yet. @throws FileError  when they cannot be written.
 void CheckWritable(const std::string& path);
 void CheckFolderWritable(const std::string& path);
 
-/// No result may take the place of what it is made from, or of another result.
-/// @throws FileError about the first that would.
+/// Checks that no result would replace one of the inputs, or another result.
+/// @throws FileError  about the first that would.
 void CheckDistinct(const std::vector<std::string>& inputs, const std::vector<std::string>& outputs);
 
 }  // namespace tumbler

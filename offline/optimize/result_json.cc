@@ -47,7 +47,7 @@ nlohmann::ordered_json Figures(const TaskResult& result) {
                                  {"settled_speed", summary.settled_speed}};
   for (const CertificateFigure& figure : FiguresOf(result.file->certificate)) {
     const std::string_view key = figure.key;
-    // settled_error_rad is the first without its sign, the second comes last.
+    // settled_error_rad has the first key's magnitude, and the second key comes last.
     if (key == "settled_pitch_error_rad" || key == "coefficients_hash") continue;
     std::visit([&](const auto& value) { json[figure.key] = value; }, figure.value);
   }

@@ -7,11 +7,11 @@
 
 namespace tumbler {
 
-/// The figures of a task that has a motion (docs/formats.md).
+/// The JSON of a task that has a motion (docs/formats.md).
 /// @pre the result has a file.
 std::string ToJson(const TaskResult& result);
 
-/// Those of several tasks, in this order; of a task without a motion, why it has none.
+/// The JSON of several tasks, in this order. A task without a motion has the cause instead.
 std::string ToJson(const std::vector<const TaskResult*>& order);
 
 }  // namespace tumbler

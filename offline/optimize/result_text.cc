@@ -10,7 +10,7 @@
 namespace tumbler {
 namespace {
 
-/// What contact is made of, and what it asks of the integration.
+/// Prints the contact law, and the integration step that it needs.
 void PrintContact(const Problem& problem, const std::string& task_file) {
   if (problem.scene.obstacles.empty()) return;
   const ContactLaw& law = problem.scene.contact;
@@ -28,9 +28,9 @@ void PrintContact(const Problem& problem, const std::string& task_file) {
   }
 }
 
-/// Why differences of the cost do not follow its gradient, and what to do about it.
+/// The reason why differences of the cost do not follow its gradient, and the remedy.
 const char* GradientCause(const Certificate& certificate) {
-  // A cliff changes differences across it, hardly the gradient at one point.
+  // A cliff changes the differences across it, but hardly the gradient at one point.
   return certificate.gradient_step_halving_change > 0.5
              ? "the step is too long for the contact, which amplifies every change; use a smaller "
                "solver.step_s, a larger contact.v_max_m_per_s or a smaller "

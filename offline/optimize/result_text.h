@@ -7,17 +7,17 @@
 
 namespace tumbler {
 
-/// What is said of a task on standard error before it is worked on.
+/// Prints notes about a task on standard error, before it is worked on.
 void PrintNotes(const Task& task);
 
-/// What is said of a motion, and on standard error of a gradient that cannot be trusted.
+/// Prints a motion, and on standard error a warning about a gradient that cannot be trusted.
 /// @pre the result has a file.
 void PrintMotion(std::FILE* people, const TaskResult& result);
 
-/// The table of minima.
+/// Prints the table of minima.
 void PrintMinima(std::FILE* people, const TaskResult& result);
 
-/// The table that ranks tasks, in this order.
+/// Prints the table that ranks tasks, in this order.
 void PrintRanking(std::FILE* people, const std::vector<const TaskResult*>& order);
 
 }  // namespace tumbler

@@ -18,13 +18,13 @@ double CpuSeconds() {
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
-/// True when the robot never touches what the task puts in its way: the contact model, and with it
-/// the motion, was not tried at all.
+/// True when the robot never touches any obstacle of the task, so that the motion says nothing
+/// about contact.
 bool MissesEveryObstacle(const Problem& problem, const Solution& best) {
   return !problem.scene.obstacles.empty() && !best.rollout.any_contact;
 }
 
-/// Why nothing was found, and what to do about it.
+/// The reason why nothing was found, and the remedy.
 std::string Cause(const Problem& problem, const Solution& best) {
   if (!best.rollout.finite)
     return "the best motion leaves every plausible range; use a smaller solver.step_s";
@@ -79,7 +79,7 @@ TaskResult WorkOn(Task task, const WorkSettings& settings) {
   if (result.usable && (!result.outcome.interrupted || settings.keep_best)) {
     result.summary = Summarize(problem, best.x);
     PrimitiveFile file = MakePrimitiveFile(result.task, result.outcome, best);
-    // The certificate computes for itself, and has the last word.
+    // The certificate computes independently of the solver, and decides.
     if (file.certificate.constraint_violation <= kNoViolation) {
       result.file = std::move(file);
     } else {

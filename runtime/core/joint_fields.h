@@ -8,15 +8,15 @@
 
 namespace tumbler {
 
-/// What there is to say of a field of a joint's record, wherever the field goes.
+/// The description of a field of a joint's record.
 struct JointField {
   enum class Origin : std::uint8_t { kExecutor, kDrive };
 
-  const char* name;    ///< Of the member of JointRecord, e.g. `planned.position_rad`.
-  const char* column;  ///< The same in messages and tables: `planned_position_rad`.
-  const char* unit;    ///< Empty where there is none.
+  const char* name;    ///< Name of the member of JointRecord, e.g. `planned.position_rad`.
+  const char* column;  ///< Name in messages and tables, e.g. `planned_position_rad`.
+  const char* unit;    ///< Empty: there is none.
   const char* meaning;
-  Origin origin = Origin::kExecutor;  ///< Who says it.
+  Origin origin = Origin::kExecutor;  ///< Where the value comes from.
   const char* status = nullptr;       ///< Its key in `tumbler-ctl status --json`; null: not there.
 };
 
@@ -24,9 +24,8 @@ struct JointField {
 /// of the members of JointRecord. `in_record(joint)` is the member of a JointRecord, and
 /// `in_message(message)` that of a `joint_state_t`.
 ///
-/// A field is described here and nowhere else. From here it gets into flight records and their
-/// comparison, messages, tables, the status and docs/formats.md; a test holds joint_state_t.lcm to
-/// it.
+/// A field is described only here. Flight records and their comparison, messages, tables, the
+/// status and docs/formats.md take it from here, and a test compares joint_state_t.lcm with it.
 template <typename Visit>
 constexpr void ForEachJointField(Visit&& visit) noexcept {
   using enum JointField::Origin;

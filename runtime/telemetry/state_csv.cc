@@ -11,8 +11,8 @@
 namespace tumbler {
 namespace {
 
-/// Calls `visit(field, in_message)` for every column of a joint: what is planned, limited, encoded
-/// and measured comes before all else.
+/// Calls `visit(field, in_message)` for every column of a joint. Planned, limited, encoded and
+/// measured values come first.
 template <typename Visit>
 void ForEachColumn(const Visit& visit) {
   for (const bool of_part : {true, false}) {

@@ -1,9 +1,11 @@
-// Sends any frames at any time to both sides of every drive protocol. The input is a series of
-// steps of 16 bytes: what to do, and a frame; the numbers of a setpoint come from the same bytes.
+// Sends arbitrary frames at arbitrary times to both sides of every drive protocol. The input is a
+// series of steps of 16 bytes: an action, and a frame. The numbers of a setpoint come from the same
+// bytes.
 //
-// The sanitizers watch, and besides: host frames are valid, have 11 bits and are those of their
-// drive; nothing beyond a drive's ranges is encoded; a simulated drive's torque stays within its
-// limit; a value that was decoded is the same after encoding and decoding it again.
+// Besides the errors that sanitizers find, it checks that host frames are valid, have identifiers
+// of 11 bits and are those of their drive; that nothing beyond a drive's ranges is encoded; that a
+// simulated drive's torque stays within its limit; and that a value that was decoded is the same
+// after encoding and decoding it again.
 
 #include <algorithm>
 #include <array>
@@ -112,7 +114,7 @@ void EncodeAndCheck(World& world, std::size_t i, DriveRequest request,
   const ShaftRanges ranges = CommandRanges(world.configs[i]);
   const DriveSetpoint encoded = host.encoded_setpoint();
   const bool setpoints = encoded.velocity_rad_s != 0 || encoded.torque_nm != 0;
-  if (request != DriveRequest::kEnable || !setpoints) return;  // Else it is what was measured.
+  if (request != DriveRequest::kEnable || !setpoints) return;  // It may encode the measurement.
   Require(IsWithin(joint.ToDriveVelocity(encoded.velocity_rad_s), ranges.velocity_rad_s),
           "a velocity beyond its range");
   Require(IsWithin(joint.ToDriveTorque(encoded.torque_nm), ranges.torque_nm),

@@ -1,4 +1,4 @@
-// The page of runs in a headless browser without a network: what its scripts show of the data.
+// The page of runs in a headless browser without a network: how its scripts show the data.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-// Keys of obstacles. What is said of wrong ones is in bad_input_test.cc.
+// Keys of obstacles. bad_input_test.cc has the messages about wrong ones.
 
 #include "offline/problem/obstacle_toml.h"
 

@@ -1,4 +1,4 @@
-// Outlines of shapes, as pages draw them, against the shapes themselves.
+// Compares the outlines of shapes, as pages draw them, with the shapes themselves.
 
 #include "offline/contact/outline.h"
 

@@ -1,4 +1,4 @@
-// The report's page in a headless browser without a network: what its scripts show of the data. The
+// The report's page in a headless browser without a network: how its scripts show the data. The
 // page's own error handler writes script errors into the document. A test may add a script that
 // works the page and writes what it finds.
 

@@ -1,5 +1,5 @@
-// Holds the message of a joint, the table's columns and docs/formats.md to the description of a
-// joint's fields.
+// Compares the message of a joint, the table's columns and docs/formats.md with the description of
+// a joint's fields.
 
 #include "runtime/core/joint_fields.h"
 
@@ -17,7 +17,7 @@
 namespace tumbler {
 namespace {
 
-/// The type that holds every value of this one in a message.
+/// The type of messages that holds every value of this type.
 template <typename Type>
 std::string LcmType() {
   if constexpr (std::is_same_v<Type, float>) return "float";

@@ -164,8 +164,8 @@ class SerialCan {
   std::thread reader_;
 };
 
-/// How many receivers take every frame of an interface: programs such as candump, and routes of
-/// cangw.
+/// The number of receivers that take every frame of an interface: programs such as candump, and
+/// routes of cangw.
 inline int ReceiversOn(const std::string& interface) {
   std::istringstream lines(ReadFile("/proc/net/can/rcvlist_all"));
   int receivers = 0;
@@ -173,8 +173,8 @@ inline int ReceiversOn(const std::string& interface) {
   return receivers;
 }
 
-/// candump of an interface, which writes to a file and listens when this returns.
-/// @throws std::runtime_error when it does not within 20 s.
+/// Starts candump on an interface, writing to a file. It listens when this returns.
+/// @throws std::runtime_error  when it does not listen within 20 s.
 inline std::unique_ptr<Program> StartCandump(const std::string& interface, const std::string& log) {
   const int before = ReceiversOn(interface);
   auto candump = std::make_unique<Program>(std::vector<std::string>{

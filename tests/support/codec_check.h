@@ -8,9 +8,9 @@
 
 namespace tumbler::testing {
 
-/// What is wrong with how a codec takes a frame of any content: a value that was decoded has to be
-/// the same after encoding and decoding it again. Null if nothing is wrong, or if the frame does
-/// not decode.
+/// Checks how a codec takes a frame of any content: a value that was decoded has to be the same
+/// after encoding and decoding it again.
+/// @returns the problem; null when there is none, or the frame does not decode.
 template <typename Value, typename Decode, typename Encode>
 const char* RoundTripProblem(const CanFrame& frame, Decode decode, Encode encode) {
   Value first{};
@@ -22,7 +22,7 @@ const char* RoundTripProblem(const CanFrame& frame, Decode decode, Encode encode
   return encode(second) == again ? nullptr : "encoding what was decoded changes it";
 }
 
-/// The first that is not null.
+/// Returns the first problem that is not null.
 inline const char* FirstProblem(std::initializer_list<const char*> problems) {
   for (const char* problem : problems) {
     if (problem != nullptr) return problem;
