@@ -2,8 +2,8 @@
 
 namespace tumbler {
 
-/// The exit statuses of all programs. The help of each program says which of them it has, and what
-/// they mean there.
+/// The exit statuses of all programs. The help of each program lists those that it has, with their
+/// meaning there.
 enum class ExitStatus : int {
   kDone = 0,
   /// Wrong usage, or a file, interface or peer that cannot be used. Nothing was changed.

@@ -35,8 +35,8 @@ struct ContactInterval {
   double peak_normal_force_n = 0;
 };
 
-/// What was verified about the motion when it was made. Proofs hold for all t; maxima are of dense
-/// samples.
+/// The figures that were verified when the motion was made. Proofs hold for all t; maxima are those
+/// of dense samples.
 struct Certificate {
   /// HashOfCoefficients of the primitive.
   std::string coefficients_hash;
@@ -65,7 +65,7 @@ struct Certificate {
   double torque_margin_nm = 0;            ///< Smallest distance to a limit, from dense samples.
 };
 
-/// Where the file comes from; enough to make it again.
+/// The origin of the file. It has everything that is needed to make the file again.
 struct Provenance {
   std::string tool;  ///< Program and version.
   std::uint64_t seed = 0;
@@ -75,7 +75,7 @@ struct Provenance {
   std::string task_file;         ///< A name for people; `task_toml` is what counts.
   std::string robot_hash;        ///< HashOfText of `robot_urdf`.
   std::string task_hash;         ///< HashOfText of `task_toml`.
-  /// The primitive at whose exit this one starts; empty where it starts as its task says.
+  /// The primitive at whose exit this one starts; empty: it starts in the pose of its task.
   std::string start_file;
   /// The `coefficients_hash` of that primitive; empty when `start_file` is.
   std::string start_hash;
@@ -86,7 +86,7 @@ struct Provenance {
   std::string task_toml;
 };
 
-/// A primitive with all that its file says about it.
+/// The whole content of a primitive file.
 struct PrimitiveFile {
   Primitive<double> primitive;
   PrimitivePose entry;

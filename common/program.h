@@ -16,15 +16,14 @@ class UsageError : public std::runtime_error {
       : std::runtime_error(option + ": " + problem) {}
 };
 
-/// Thrown when something that was asked for, e.g. a run, may not be done. The message says why, and
-/// what to do.
+/// Thrown when a request, e.g. for a run, may not be carried out. The message has the reason and
+/// the remedy.
 class Refused : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
 
-/// Thrown when somebody asks for help instead of work, which is no error. The message is the help's
-/// text.
+/// Thrown when the command line asks for help, which is no error. The message is the help's text.
 class HelpWanted : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;

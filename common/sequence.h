@@ -109,7 +109,7 @@ struct SequenceGraph {
   }
 };
 
-/// What the operator wants of a running sequence.
+/// The operator's request to a running sequence.
 struct SequenceRequest {
   int cycles = 0;                ///< End after this many cycles; 0: do not end by cycles.
   std::string_view branch = {};  ///< Take this branch as soon as a node offers it; empty: none.
@@ -176,7 +176,7 @@ template <typename Scalar>
   return graph;
 }
 
-/// A graph with its primitives: all that an executor plays from.
+/// A graph with its primitives. An executor needs no more to play it.
 template <typename Scalar>
 struct Sequence {
   SequenceGraph<Scalar> graph;

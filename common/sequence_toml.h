@@ -15,7 +15,7 @@ namespace tumbler {
 /// The version that this build reads.
 inline constexpr int kSequenceFileVersion = 1;
 
-/// How far apart the end of one primitive and the start of the next may be.
+/// The largest differences between the end of one primitive and the start of the next.
 struct JoinTolerances {
   // Between the splines of each joint. They meet exactly where both tasks give the same number; the
   // tolerance allows for its last digits.
@@ -28,17 +28,17 @@ struct JoinTolerances {
   double root_pitch_rad = 0.02;
 };
 
-/// A sequence with all that its file says about it.
+/// The whole content of a sequence file, with its primitives.
 struct SequenceFile {
   SequenceGraph<double> graph;
   std::vector<PrimitiveFile> primitives;     ///< In the order of the graph's indices.
-  std::vector<std::string> primitive_names;  ///< The names that the file gives them, likewise.
+  std::vector<std::string> primitive_names;  ///< Their names in the file, in the same order.
   JoinTolerances tolerances;
   double swap_root_pitch_rad = 0;  ///< How far the root is turned where roles are exchanged.
   /// For each node, how far the root's pitch may end from the recorded exit in a simulation.
   std::vector<double> exit_pitch_tolerance_rad;
 
-  std::string path;                       ///< Of the file, for messages.
+  std::string path;                       ///< Path of the file, for messages.
   std::vector<std::uint32_t> node_lines;  ///< Line of each node in the file, for messages.
   std::vector<std::uint32_t> edge_lines;  ///< Line of each edge in the file, for messages.
 
@@ -92,8 +92,8 @@ SequenceFile ReadSequence(const std::string& path, const FileReader& read = {});
 /// @throws FileError  besides, about the first edge where something does not fit.
 SequenceFile LoadSequence(const std::string& path, const FileReader& read = {});
 
-/// What a runtime plays: a sequence file as by LoadSequence, or a primitive file as a sequence of
-/// this primitive alone. @throws FileError likewise.
+/// Loads a motion for a runtime: a sequence file as LoadSequence does, or a primitive file as a
+/// sequence of this primitive alone. @throws FileError  as LoadSequence.
 SequenceFile LoadMotion(const std::string& path, const FileReader& read = {});
 
 /// Names of the branches that an operator may ask for, each once, in alphabetical order.

@@ -114,7 +114,7 @@ std::string KeyAdvice(std::string_view key, const toml::table& table,
   const std::string* nearest = nullptr;
   std::size_t least = std::max<std::size_t>(1, key.size() / 3) + 1;
   for (const std::string& candidate : free) {
-    // Somebody left out the unit, or half of the word.
+    // The unit, or half of the word, was left out.
     const bool begins =
         candidate.starts_with(key) && (key.size() >= 3 || candidate[key.size()] == '_');
     const std::size_t distance = begins ? 0 : Distance(key.substr(0, 64), candidate);
@@ -147,7 +147,7 @@ const char* TypeName(const toml::node& node) {
   }
 }
 
-/// A parsed file, and what was asked of it.
+/// A parsed file, and the keys that were asked for.
 struct Document {
   std::string file;
   toml::table root;
@@ -175,7 +175,7 @@ class TomlTable::Place {
 
   /// Notes that this table can hold the key.
   void Know(std::string_view key) const { document_->known[table_].emplace(key); }
-  /// `allowed` says what to put there when the key is missing.
+  /// @param allowed  for the message when the key is missing.
   const toml::node& Take(std::string_view key, const std::string& allowed) const;
   [[nodiscard]] double ToNumber(const toml::node& node, std::string_view key, Range range) const;
   [[noreturn]] void FailType(std::string_view key, const toml::node& node,

@@ -123,12 +123,12 @@ ExitStatus OptimizeOne(const Arguments& arguments) {
   }
 
   const std::string text = ToToml(*result.file);
-  ParsePrimitive(text, "the new primitive");  // What is written is what will be read.
+  ParsePrimitive(text, "the new primitive");  // The text must read back.
   std::optional<ReportData> report;
   if (!arguments.report.empty())
     report = MakeReportData(result.task, result.outcome, result.best, *result.file);
   if (interrupt_requested && !arguments.keep_best) return drop();
-  std::signal(SIGINT, SIG_IGN);  // What is written from here on is written whole.
+  std::signal(SIGINT, SIG_IGN);  // From here on, files are written whole.
   const bool interrupted = interrupt_requested;
   if (interrupted)
     fmt::print(stderr, "interrupted: the best motion so far is kept, as --keep-best asks\n");
@@ -207,7 +207,7 @@ void CheckResults(const std::vector<Task>& tasks, const Arguments& arguments) {
 /// Writes the primitive and the report of a motion, and prints their names.
 void WriteMotion(std::FILE* people, const TaskResult& result, const Arguments& arguments) {
   const std::string text = ToToml(*result.file);
-  ParsePrimitive(text, "the new primitive");  // What is written is what will be read.
+  ParsePrimitive(text, "the new primitive");  // The text must read back.
   PrintMotion(people, result);
   if (!arguments.report.empty()) {
     const ReportData report =

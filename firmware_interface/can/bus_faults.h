@@ -6,7 +6,7 @@
 
 namespace tumbler {
 
-/// What can be wrong with a simulated bus. "Receiver", "sender" and "node" are the one that
+/// The kinds of faults of a simulated bus. "Receiver", "sender" and "node" stand for the node that
 /// `BusFault::node` names.
 enum class BusFaultKind : std::uint8_t {
   kLoss,        ///< The receiver misses the frame after it was acknowledged, as in an overrun.
@@ -35,8 +35,8 @@ struct BusFault {
   std::int64_t delay_ns = 0;       ///< kDelay: how long; kReorder: how long a frame waits at most.
 };
 
-/// A script of faults. Random numbers from the seed decide what probabilities leave open, the same
-/// on every machine.
+/// A script of faults. Random numbers decide about faults with a probability. They follow from the
+/// seed and are the same on every machine.
 struct BusFaultPlan {
   std::uint64_t seed = 1;
   std::vector<BusFault> faults;

@@ -5,7 +5,7 @@
 
 namespace tumbler {
 
-/// What the kernel says of a CAN interface (rtnetlink), for checks before a loop starts.
+/// The state of a CAN interface by the kernel (rtnetlink), for checks before a loop starts.
 struct CanLink {
   int index = 0;
   bool is_can = false;  ///< Whether it is a CAN interface; all below is for CAN interfaces only.

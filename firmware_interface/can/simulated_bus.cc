@@ -500,7 +500,7 @@ void SimulatedBus::ReceiveFrom(const ReceivedFrame& received) noexcept {
   }
 }
 
-// Passes a frame from the wire to a port, with what the script does to it on the way.
+// Passes a frame from the wire to a port. The script may change it on the way.
 void SimulatedBus::Pass(SimulatedPort& port, ReceivedFrame received) noexcept {
   const bool overtakes = !port.held_.empty() && port.held_.front().until_next;
   bool lost = false, until_next = false;

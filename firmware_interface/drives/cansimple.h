@@ -16,7 +16,7 @@ namespace tumbler {
 ///
 /// Classic CAN, 11-bit identifiers of 6 bits node and 5 bits command, little-endian payloads;
 /// positions in turns of the shaft, velocities in turns a second. The drive sends heartbeats,
-/// estimates and what else it is set to by itself.
+/// estimates and other messages, as it is set up, by itself.
 ///
 /// Watchdog. ODrive firmware feeds it with any frame that carries the node's number, even with
 /// requests for telemetry and unknown commands. So a host that goes on polling would keep a drive

@@ -9,7 +9,7 @@
 
 namespace tumbler {
 
-/// What the executor asks of one drive in one tick. All values are those of the joint, not of the
+/// The executor's order to one drive in one tick. All values are those of the joint, not of the
 /// drive's shaft. The drive's law is torque = kp (position - q) + kd (velocity - qdot) + torque.
 ///
 /// Some protocols carry no gains, because the drive has its own. There kp > 0 means that the
@@ -30,7 +30,7 @@ struct DriveSetpoint {
   }
 };
 
-/// What a drive last said of itself. Position, velocity and torque are those of the joint.
+/// The last report of a drive. Position, velocity and torque are those of the joint.
 struct DriveFeedback {
   float position_rad = 0;
   float velocity_rad_s = 0;
@@ -53,14 +53,14 @@ enum class DriveRequest : std::uint8_t {
   kClearErrors,
 };
 
-/// What a drive is doing, as far as its replies tell.
+/// The state of a drive, as far as its replies show it.
 enum class DriveState : std::uint8_t {
   kUnknown,  ///< No reply yet.
   kDisabled,
   kEnabling,  ///< The start-up sequence is under way.
   kEnabled,   ///< The next setpoint will be followed.
   kFault,     ///< The drive reports an error.
-  kLost,      ///< The drive's heartbeat has stopped: what it does now is not known.
+  kLost,      ///< The drive's heartbeat has stopped, and its state is not known.
 };
 
 /// When a drive sends its measured positions.

@@ -32,7 +32,7 @@ struct DrivesConfig {
   [[nodiscard]] int WorstCaseTickBits() const;
   /// Worst-case share of the bus that is in use, 0 ... 1.
   [[nodiscard]] double WorstCaseLoad() const;
-  /// 11-bit identifiers of all frames that the host sends, and of all that it wants.
+  /// The 11-bit identifiers of all frames that the host sends, and of all that it takes.
   [[nodiscard]] std::vector<std::uint16_t> HostSends() const;
   [[nodiscard]] std::vector<std::uint16_t> HostReceives() const;
   /// The most frames that the host sends in one tick, starting up included.

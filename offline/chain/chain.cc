@@ -31,7 +31,7 @@ constexpr double kPostureTolerance = 0.1;
 
 std::size_t Index(int i) { return static_cast<std::size_t>(i); }
 
-/// The scene of one primitive, and what the primitive does in it when it is played as planned.
+/// The scene of one primitive, and the plan of the primitive in it.
 struct World {
   World(const PrimitiveFile& f, const Problem& p) : file(f), problem(p), robot(p.scene) {
     for (const JointMotion<double>& motion : file.primitive.motions())

@@ -10,9 +10,9 @@
 
 namespace tumbler {
 
-/// How a sequence is played in simulation.
+/// Options for playing a sequence in simulation.
 struct ChainOptions {
-  /// The chain ends after so many cycles (see NextEdge), unless a branch is named.
+  /// The chain ends after this many cycles (see NextEdge), unless a branch is named.
   int cycles = 20;
   /// When a branch is named, the chain goes on after its cycles until it can take this branch.
   std::string branch;

@@ -9,7 +9,7 @@
 
 namespace tumbler {
 
-/// What contact is to do to a robot, instead of k, c and v_max of the law.
+/// The intended effect of contact on a robot. It stands for k, c and v_max of the law.
 struct ContactIntent {
   /// x_s: how deep the robot sinks with all its weight on one contact. On n contacts it sinks by
   /// 1/n of this.
@@ -26,7 +26,7 @@ struct ContactIntent {
 ///   c <= 2 sqrt(k m)   <=>   t_s >= 4 sqrt(x_s / g)
 double ShortestSettlingTime(double static_penetration_m, double gravity_m_per_s2);
 
-/// The law that does what `intent` asks for a robot of mass m under gravity g. Friction and the
+/// The law that has the effect `intent` on a robot of mass m under gravity g. Friction and the
 /// form of the law are those of `law`.
 ///
 ///   k = m g / x_s          rest where k x_s = m g

@@ -202,7 +202,7 @@ class HybridDynamics {
   std::array<std::array<double, kMaxDofs>, kMaxDofs> L_;  // Cholesky factor; diagonal inverted
   std::uint32_t touched_ = 0;                             // bodies with a wrench derivative
   bool any_pair_ = false;
-  typename Derivatives::Block pair_q_, pair_qd_;  // what pairs add to the derivative of tau
+  typename Derivatives::Block pair_q_, pair_qd_;  // the share of pairs in the derivative of tau
   std::vector<std::pair<int, int>> unrelated_;    // bodies of which neither carries the other
 };
 

@@ -11,13 +11,13 @@
 
 namespace tumbler {
 
-/// What is simulated: a robot, the obstacles that it can touch, and the law of their contacts. A
-/// task describes one; its primitive carries the description along (`TaskOf`).
+/// A scene for simulation: a robot, the obstacles that it can touch, and the law of their contacts.
+/// A task describes a scene, and its primitive carries the description along (`TaskOf`).
 struct Scene {
   /// Joints that follow a path are prescribed; the others are free.
   PlanarRobot robot;
   ContactLaw contact;
-  /// The ground, and what stands on it.
+  /// The ground, and everything that stands on it.
   std::vector<Obstacle<Plane>> obstacles;
 };
 

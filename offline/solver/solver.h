@@ -68,8 +68,8 @@ struct Solution {
   }
 };
 
-/// How `Solve` is run. None of this changes the result, unless it is interrupted or `contact` says
-/// otherwise.
+/// Options of `Solve`. They do not change the result, unless it is interrupted or `contact` gives
+/// another contact model.
 struct SolveOptions {
   int threads = 1;
   /// Set it from any thread to stop early; may be null.
@@ -80,7 +80,7 @@ struct SolveOptions {
   std::function<std::unique_ptr<ContactForces<Plane>>()> contact;
 };
 
-/// What `Solve` found.
+/// The result of `Solve`.
 struct SolveOutcome {
   /// One for each start, best first: feasible before infeasible, then by cost. Empty when
   /// interrupted before the first batch of the search was done.

@@ -11,7 +11,7 @@
 
 namespace tumbler {
 
-/// How an Integrator goes through time.
+/// The scheme and the steps of an Integrator.
 struct StepSettings {
   enum class Scheme {
     /// The classical Runge-Kutta method of order 4, in EvenSteps.

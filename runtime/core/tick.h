@@ -92,7 +92,7 @@ enum class ReplyStatus : std::uint8_t {
 };
 [[nodiscard]] const char* ToString(ReplyStatus status) noexcept;
 
-/// What a drive measured of its joint.
+/// The measurement of a joint by its drive.
 struct JointMeasurement {
   float position_rad = 0;
   float velocity_rad_s = 0;

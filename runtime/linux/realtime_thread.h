@@ -26,7 +26,7 @@ struct RealtimeConfig {
   int cpu = -1;
 };
 
-/// What the kernel has granted to the calling thread.
+/// The settings that the kernel has granted to the calling thread.
 struct RealtimeGrant {
   bool scheduled = false;      ///< Whether scheduling and processor are as asked for.
   bool memory_locked = false;  ///< Whether mlockall is in force: no page fault in the loop.

@@ -11,7 +11,7 @@
 
 namespace tumbler {
 
-/// How a recorded run is played on a bus.
+/// Options for playing a recorded run on a bus.
 struct RecordPlayOptions {
   std::string bus;        ///< The SocketCAN interface.
   std::string primitive;  ///< Played instead of the recorded motion; empty: the recorded one.
@@ -30,12 +30,12 @@ struct RecordedWish {
 /// The wishes of the operator of a recorded run while the motion was played, in order.
 [[nodiscard]] std::vector<RecordedWish> WishesOf(FlightRecord& record);
 
-/// The record's configuration, changed as the options say.
+/// The record's configuration with the changes of the options.
 /// @throws FileError; std::runtime_error about options that do not fit the record.
 [[nodiscard]] RecordConfiguration ConfigurationToPlay(const RecordConfiguration& recorded,
                                                       const RecordPlayOptions& options);
 
-/// How the play of a record ended.
+/// The outcome of playing a record.
 struct PlayedRecord {
   RunOutcome outcome = RunOutcome::kPending;
   std::string reason;  ///< A sentence about a fault or a refusal.

@@ -32,7 +32,7 @@ Exit codes:
   4    the motion was completed, but the simulated robot fell, or is not where the primitive says 2 s later
   130  stopped by Ctrl-C or a message)";
 
-/// Declares the options about what is played, and on what.
+/// Declares the options about the motion and the machine that plays it.
 /// @param scheduling  gets the name given to --scheduling.
 void DeclareMachine(CommandLine& line, RunOptions& options, std::string& scheduling) {
   line.Option("BUS", options.bus, "`sim` or a SocketCAN interface");

@@ -180,7 +180,7 @@ std::optional<RealtimeGrant> Schedule(const RunOptions& options, std::int64_t pe
   return grant;
 }
 
-/// Begins a summary with what the options and the parts of the run say.
+/// Begins a summary with the facts from the options and the parts of the run.
 RunSummary BeginSummary(const RunOptions& options, const RunParts& parts,
                         const RunDescription& description) {
   RunSummary summary;

@@ -20,7 +20,7 @@ class World {
   [[nodiscard]] virtual bool real_time() const = 0;
   /// Called after every tick.
   virtual void Observe(const ControlLoop& loop) = 0;
-  /// Called when the run is over: adds what this world knows of it.
+  /// Called when the run is over. Adds the facts about it that only this world knows.
   virtual void Summarize(RunSummary& summary) = 0;
 };
 

@@ -45,7 +45,7 @@ class ReportInBrowser : public ::testing::Test {
   ~ReportInBrowser() override { std::filesystem::remove_all(directory_); }
 
   /// The document of the page with this fragment in its address, after its scripts and then `probe`
-  /// ran; what the probe passes to `say` is the text of element `probe`.
+  /// ran. Everything that the probe passes to `say` is the text of element `probe`.
   std::string Browse(const ReportData& data, const std::string& fragment,
                      const std::string& probe = "", int width = 1200) {
     return testing::BrowsePage(WriteReport(data, directory_), directory_, fragment, probe, width);

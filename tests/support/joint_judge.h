@@ -71,7 +71,7 @@ class JointJudge {
   void Fail(const std::string& what);
   void FailUnstarted();
 
-  /// Of the shaft, at the joint.
+  /// Values of the shaft converted to the joint.
   [[nodiscard]] double Position(double shaft_rad) const;
   [[nodiscard]] double Velocity(double shaft_rad_s) const;
   [[nodiscard]] double Torque(double shaft_nm) const;
@@ -82,7 +82,7 @@ class JointJudge {
   [[nodiscard]] bool passive_before() const { return passive_before_; }
   [[nodiscard]] double last_torque_nm() const { return last_torque_nm_; }
   [[nodiscard]] const DriveOrder& order() const { return order_; }
-  /// At the joint, as far as the judge allows for them.
+  /// The steps at the joint, as far as the judge allows for them.
   [[nodiscard]] const WireSteps& steps() const { return steps_; }
 
  private:

@@ -76,7 +76,7 @@ class ProtocolSide {
 
   /// Adds one frame of each kind, with random values, to compare the .dbc file with the codec.
   virtual void AddSamples(FrameSamples& samples) const = 0;
-  /// What is wrong with how the protocol's codec takes a frame of any content, or null.
+  /// Checks how the protocol's codec takes a frame of any content. @returns the problem, or null.
   [[nodiscard]] virtual const char* CodecProblem(const CanFrame& frame) const = 0;
 };
 
