@@ -7,12 +7,12 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
-#include <nlohmann/json.hpp>
 #include <string>
 #include <system_error>
 #include <vector>
 
 #include "common/command_line.h"
+#include "common/json.h"
 #include "common/program.h"
 #include "common/sequence_toml.h"
 #include "common/toml_reader.h"
@@ -72,39 +72,37 @@ ExitStatus Check(const Arguments& arguments) {
 }
 
 /// The number, or null, since JSON has no infinity: the margin of a node that was not played.
-nlohmann::ordered_json FiniteOrNull(double value) {
-  return std::isfinite(value) ? nlohmann::ordered_json(value) : nlohmann::ordered_json(nullptr);
-}
+Json FiniteOrNull(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
 
-nlohmann::ordered_json ToJson(const SequenceFile& file, const ChainOutcome& outcome) {
-  nlohmann::ordered_json json = {{"sequence", file.graph.name.view()},
-                                 {"cycles", outcome.cycles},
-                                 {"duration_s", outcome.duration_s},
-                                 {"travelled_m", outcome.travelled_m},
-                                 {"failure", nullptr}};
+Json ToJson(const SequenceFile& file, const ChainOutcome& outcome) {
+  Json json = {{"sequence", file.graph.name.view()},
+               {"cycles", outcome.cycles},
+               {"duration_s", outcome.duration_s},
+               {"travelled_m", outcome.travelled_m},
+               {"failure", nullptr}};
   if (outcome.failure) {
     json["failure"] = {{"cause", ToString(outcome.failure->cause)},
                        {"node", file.graph.node(outcome.failure->node).name.view()},
                        {"time_s", outcome.failure->time_s},
                        {"text", outcome.failure->text}};
   }
-  json["passages"] = nlohmann::ordered_json::array();
+  json["passages"] = Json::Array();
   for (const Passage& p : outcome.passages) {
-    json["passages"].push_back({{"node", file.graph.node(p.node).name.view()},
-                                {"start_s", p.start_s},
-                                {"hold_s", p.hold_s},
-                                {"entry_z_error_m", p.entry_z_error_m},
-                                {"entry_pitch_error_rad", p.entry_pitch_error_rad},
-                                {"entry_speed", p.entry_speed},
-                                {"exit_z_error_m", p.exit_z_error_m},
-                                {"exit_pitch_error_rad", p.exit_pitch_error_rad},
-                                {"exit_speed", p.exit_speed},
-                                {"posture", ToString(p.posture)},
-                                {"peak_torque_nm", p.peak_torque_nm},
-                                {"torque_margin_nm", FiniteOrNull(p.torque_margin_nm)},
-                                {"peak_penetration_m", p.peak_penetration_m},
-                                {"travelled_m", p.travelled_m},
-                                {"turned_rad", p.turned_rad}});
+    json["passages"].Append({{"node", file.graph.node(p.node).name.view()},
+                             {"start_s", p.start_s},
+                             {"hold_s", p.hold_s},
+                             {"entry_z_error_m", p.entry_z_error_m},
+                             {"entry_pitch_error_rad", p.entry_pitch_error_rad},
+                             {"entry_speed", p.entry_speed},
+                             {"exit_z_error_m", p.exit_z_error_m},
+                             {"exit_pitch_error_rad", p.exit_pitch_error_rad},
+                             {"exit_speed", p.exit_speed},
+                             {"posture", ToString(p.posture)},
+                             {"peak_torque_nm", p.peak_torque_nm},
+                             {"torque_margin_nm", FiniteOrNull(p.torque_margin_nm)},
+                             {"peak_penetration_m", p.peak_penetration_m},
+                             {"travelled_m", p.travelled_m},
+                             {"turned_rad", p.turned_rad}});
   }
   return json;
 }
@@ -142,11 +140,11 @@ ExitStatus Simulate(const Arguments& arguments) {
                WriteReport(MakeChainReport(motion, arguments.options), arguments.report));
   }
   if (arguments.json == "-") {
-    fmt::print("{}\n", ToJson(file, outcome).dump(2));
+    fmt::print("{}\n", ToJson(file, outcome).Dump(2));
   } else if (!arguments.json.empty()) {
     std::FILE* const out = std::fopen(arguments.json.c_str(), "w");
     if (out == nullptr) throw FileError(arguments.json, 0, "", "cannot be written");
-    fmt::print(out, "{}\n", ToJson(file, outcome).dump(2));
+    fmt::print(out, "{}\n", ToJson(file, outcome).Dump(2));
     if (std::fclose(out) != 0) throw FileError(arguments.json, 0, "", "cannot be written whole");
   }
   if (!outcome.failure) return ExitStatus::kDone;

@@ -155,7 +155,7 @@ ExitStatus Request(Remote& remote, std::int8_t command, const std::string& branc
 ExitStatus Status(Remote& remote, bool json) {
   remote.WaitForState();
   remote.Wait(1.5, [&] { return remote.view().run().has_value(); });
-  fmt::print("{}", json ? remote.view().Json() : remote.view().Screen());
+  fmt::print("{}", json ? remote.view().ToJson() : remote.view().Screen());
   return remote.view().state()->faults == 0 ? ExitStatus::kDone : ExitStatus::kFault;
 }
 

@@ -1,50 +1,50 @@
 #include "offline/optimize/result_json.h"
 
-#include <nlohmann/json.hpp>
 #include <string_view>
 #include <utility>
 #include <variant>
 
+#include "common/json.h"
 #include "offline/certificate/certificate_text.h"
 
 namespace tumbler {
 namespace {
 
-nlohmann::ordered_json FiguresOfMinima(const TaskResult& result) {
-  auto minima = nlohmann::ordered_json::array();
+Json FiguresOfMinima(const TaskResult& result) {
+  auto minima = Json::Array();
   for (std::size_t i = 0; i < result.minima.size(); ++i) {
     const LocalMinimum& minimum = result.minima[i];
     const Solution& solution = result.outcome.solutions[minimum.solution];
     const MotionSummary& summary = result.minima_summaries[i];
-    minima.push_back({{"objective", solution.rollout.cost},
-                      {"feasible", solution.feasible()},
-                      {"constraint_violation", solution.constraint_violation},
-                      {"final_pitch_rad", summary.final_pitch_rad},
-                      {"settled_pitch_rad", summary.settled_pitch_rad},
-                      {"peak_torque_nm", summary.peak_torque_nm},
-                      {"projected_gradient", solution.projected_gradient},
-                      {"evaluations", solution.evaluations},
-                      {"end", ToString(solution.end)},
-                      {"starts", minimum.starts}});
+    minima.Append({{"objective", solution.rollout.cost},
+                   {"feasible", solution.feasible()},
+                   {"constraint_violation", solution.constraint_violation},
+                   {"final_pitch_rad", summary.final_pitch_rad},
+                   {"settled_pitch_rad", summary.settled_pitch_rad},
+                   {"peak_torque_nm", summary.peak_torque_nm},
+                   {"projected_gradient", solution.projected_gradient},
+                   {"evaluations", solution.evaluations},
+                   {"end", ToString(solution.end)},
+                   {"starts", minimum.starts}});
   }
   return minima;
 }
 
 /// The figures of a task that has a motion.
-nlohmann::ordered_json Figures(const TaskResult& result) {
+Json Figures(const TaskResult& result) {
   const Solution& best = result.best;
   const MotionSummary& summary = result.summary;
-  nlohmann::ordered_json json = {{"name", result.problem().name},
-                                 {"seed", result.problem().search.seed},
-                                 {"objective", best.rollout.cost},
-                                 {"evaluations", result.outcome.evaluations},
-                                 {"wall_s", result.wall_s},
-                                 {"cpu_s", result.cpu_s},
-                                 {"end", ToString(best.end)},
-                                 {"final_pitch_rad", summary.final_pitch_rad},
-                                 {"settled_pitch_rad", summary.settled_pitch_rad},
-                                 {"settled_error_rad", result.settled_error_rad()},
-                                 {"settled_speed", summary.settled_speed}};
+  Json json = {{"name", result.problem().name},
+               {"seed", result.problem().search.seed},
+               {"objective", best.rollout.cost},
+               {"evaluations", result.outcome.evaluations},
+               {"wall_s", result.wall_s},
+               {"cpu_s", result.cpu_s},
+               {"end", ToString(best.end)},
+               {"final_pitch_rad", summary.final_pitch_rad},
+               {"settled_pitch_rad", summary.settled_pitch_rad},
+               {"settled_error_rad", result.settled_error_rad()},
+               {"settled_speed", summary.settled_speed}};
   for (const CertificateFigure& figure : FiguresOf(result.file->certificate)) {
     const std::string_view key = figure.key;
     // settled_error_rad has the first key's magnitude, and the second key comes last.
@@ -57,30 +57,29 @@ nlohmann::ordered_json Figures(const TaskResult& result) {
 }
 
 /// The figures of a task that is ranked.
-nlohmann::ordered_json RankedFigures(const TaskResult& result) {
-  nlohmann::ordered_json entry = {{"task", result.task.task_file},
-                                  {"found", result.file.has_value()}};
+Json RankedFigures(const TaskResult& result) {
+  Json entry = {{"task", result.task.task_file}, {"found", result.file.has_value()}};
   if (result.file) {
-    entry.update(Figures(result));
+    entry.Merge(Figures(result));
     return entry;
   }
-  entry.update({{"name", result.problem().name},
-                {"cause", result.usable ? "interrupted" : result.cause},
-                {"evaluations", result.outcome.evaluations},
-                {"wall_s", result.wall_s},
-                {"cpu_s", result.cpu_s}});
+  entry.Merge({{"name", result.problem().name},
+               {"cause", result.usable ? "interrupted" : result.cause},
+               {"evaluations", result.outcome.evaluations},
+               {"wall_s", result.wall_s},
+               {"cpu_s", result.cpu_s}});
   if (!result.minima.empty()) entry["minima"] = FiguresOfMinima(result);
   return entry;
 }
 
 }  // namespace
 
-std::string ToJson(const TaskResult& result) { return Figures(result).dump(2) + "\n"; }
+std::string ToJson(const TaskResult& result) { return Figures(result).Dump(2) + "\n"; }
 
 std::string ToJson(const std::vector<const TaskResult*>& order) {
-  auto ranking = nlohmann::ordered_json::array();
-  for (const TaskResult* result : order) ranking.push_back(RankedFigures(*result));
-  return nlohmann::ordered_json{{"ranking", ranking}}.dump(2) + "\n";
+  auto ranking = Json::Array();
+  for (const TaskResult* result : order) ranking.Append(RankedFigures(*result));
+  return Json{{"ranking", ranking}}.Dump(2) + "\n";
 }
 
 }  // namespace tumbler

@@ -8,13 +8,13 @@
 #include <cstdio>
 #include <fstream>
 #include <iostream>
-#include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "common/command_line.h"
+#include "common/json.h"
 #include "common/program.h"
 #include "common/sequence_toml.h"
 #include "firmware_interface/drives/drive_server.h"
@@ -73,7 +73,6 @@ void CatchSignals() {
 }
 
 std::string JsonOf(const Options& options, const SimulatedRobot& robot) {
-  using Json = nlohmann::ordered_json;
   const TwinState state = robot.state();
   Json json;
   json["bus"] = options.interface;
@@ -83,28 +82,28 @@ std::string JsonOf(const Options& options, const SimulatedRobot& robot) {
   json["root_z_m"] = state.root_z_m;
   json["root_pitch_rad"] = state.root_pitch_rad;
   json["peak_penetration_m"] = state.peak_penetration_m;
-  json["joints"] = Json::array();
+  json["joints"] = Json::Array();
   for (std::size_t j = 0; j < robot.joint_count(); ++j) {
     const SimulatedDrive& drive = robot.drive(j);
-    json["joints"].push_back({{"name", robot.joints()[j]},
-                              {"position_rad", state.joint_positions_rad[j]},
-                              {"temperature_c", drive.temperature_c()},
-                              {"frames_heard", drive.frames_received()},
-                              {"setpoints", drive.setpoints_received()},
-                              {"watchdog_expiries", drive.watchdog_expiries()}});
+    json["joints"].Append({{"name", robot.joints()[j]},
+                           {"position_rad", state.joint_positions_rad[j]},
+                           {"temperature_c", drive.temperature_c()},
+                           {"frames_heard", drive.frames_received()},
+                           {"setpoints", drive.setpoints_received()},
+                           {"watchdog_expiries", drive.watchdog_expiries()}});
   }
-  json["events"] = Json::array();
+  json["events"] = Json::Array();
   for (const PostureEvent& event : robot.posture().events()) {
     const bool fall = event.kind == PostureEvent::Kind::kFall;
-    json["events"].push_back({{"event", fall ? "fall" : "rest"},
-                              {"time_s", static_cast<double>(event.time_ns) / 1e9},
-                              {"pose", event.pose},
-                              {"cause", event.cause},
-                              {"root_x_m", event.root_x_m},
-                              {"root_z_m", event.root_z_m},
-                              {"root_pitch_rad", event.root_pitch_rad}});
+    json["events"].Append({{"event", fall ? "fall" : "rest"},
+                           {"time_s", static_cast<double>(event.time_ns) / 1e9},
+                           {"pose", event.pose},
+                           {"cause", event.cause},
+                           {"root_x_m", event.root_x_m},
+                           {"root_z_m", event.root_z_m},
+                           {"root_pitch_rad", event.root_pitch_rad}});
   }
-  return json.dump(2) + '\n';
+  return json.Dump(2) + '\n';
 }
 
 void WriteJson(const Options& options, const SimulatedRobot& robot) {

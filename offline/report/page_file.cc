@@ -15,8 +15,8 @@ namespace {
 
 /// The JSON as text that may stand in a script element. An HTML parser looks for `</script` and
 /// `<!--` even inside strings, so every `<` is escaped.
-std::string ScriptText(const PageJson& json) {
-  const std::string text = json.dump(-1, ' ', false, PageJson::error_handler_t::replace);
+std::string ScriptText(const Json& json) {
+  const std::string text = json.Dump(-1);
   std::string safe;
   safe.reserve(text.size());
   for (const char c : text) {
@@ -51,25 +51,23 @@ std::string HtmlText(std::string_view text) {
 
 }  // namespace
 
-PageJson SceneToJson(const ReportData& data) {
+Json SceneToJson(const ReportData& data) {
   CheckScene(data);
-  PageJson json = {{"links", PageJson::array()},
-                   {"joints", PageJson::array()},
-                   {"obstacles", PageJson::array()}};
+  Json json = {{"links", Json::Array()}, {"joints", Json::Array()}, {"obstacles", Json::Array()}};
   for (const ReportLink& link : data.links) {
-    PageJson shapes = PageJson::array();
+    Json shapes = Json::Array();
     for (const ReportShape& shape : link.shapes) {
-      shapes.push_back({{"x1", shape.x1_m},
-                        {"z1", shape.z1_m},
-                        {"x2", shape.x2_m},
-                        {"z2", shape.z2_m},
-                        {"r", shape.radius_m},
-                        {"collides", shape.collides}});
+      shapes.Append({{"x1", shape.x1_m},
+                     {"z1", shape.z1_m},
+                     {"x2", shape.x2_m},
+                     {"z2", shape.z2_m},
+                     {"r", shape.radius_m},
+                     {"collides", shape.collides}});
     }
-    json["links"].push_back({{"name", link.name}, {"shapes", shapes}});
+    json["links"].Append({{"name", link.name}, {"shapes", shapes}});
   }
   for (std::size_t k = 0; k < data.joint_names.size(); ++k) {
-    PageJson joint = {
+    Json joint = {
         {"name", data.joint_names[k]},
         {"link", data.joint_links.empty() ? static_cast<int>(k) + 1 : data.joint_links[k]},
         {"torque_limit_nm", nullptr},
@@ -78,27 +76,27 @@ PageJson SceneToJson(const ReportData& data) {
     if (!data.position_limits_rad.empty()) {
       joint["position_limits_rad"] = data.position_limits_rad[k];
     }
-    json["joints"].push_back(joint);
+    json["joints"].Append(joint);
   }
   for (const ReportObstacle& obstacle : data.obstacles) {
-    json["obstacles"].push_back(
+    json["obstacles"].Append(
         {{"name", obstacle.name}, {"corners", obstacle.corners_m}, {"r", obstacle.radius_m}});
   }
   if (data.ground_z_m) json["ground_z"] = *data.ground_z_m;
   return json;
 }
 
-PageJson LinkPath(const std::vector<ReportSample>& samples, std::size_t link) {
-  PageJson x = PageJson::array(), z = PageJson::array(), pitch = PageJson::array();
+Json LinkPath(const std::vector<ReportSample>& samples, std::size_t link) {
+  Json x = Json::Array(), z = Json::Array(), pitch = Json::Array();
   for (const ReportSample& sample : samples) {
-    x.push_back(sample.link_poses[link][0]);
-    z.push_back(sample.link_poses[link][1]);
-    pitch.push_back(sample.link_poses[link][2]);
+    x.Append(sample.link_poses[link][0]);
+    z.Append(sample.link_poses[link][1]);
+    pitch.Append(sample.link_poses[link][2]);
   }
   return {{"x_m", x}, {"z_m", z}, {"pitch_rad", pitch}};
 }
 
-std::string FillPage(const std::string& page, std::string_view title, const PageJson& data) {
+std::string FillPage(const std::string& page, std::string_view title, const Json& data) {
   constexpr std::string_view kTitle = "{{title}}";
   constexpr std::string_view kData = "{{data}}";
   const std::size_t title_at = page.find(kTitle);

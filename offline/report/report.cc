@@ -25,52 +25,51 @@ void Check(const ReportData& data) {
 
 /// A column of JSON: one number of every sample.
 template <typename Read>
-PageJson Column(const ReportData& data, Read read) {
-  PageJson column = PageJson::array();
-  for (const ReportSample& sample : data.samples) column.push_back(read(sample));
+Json Column(const ReportData& data, Read read) {
+  Json column = Json::Array();
+  for (const ReportSample& sample : data.samples) column.Append(read(sample));
   return column;
 }
 
-PageJson ForcesToJson(const ReportSample& sample) {
-  PageJson forces = PageJson::array();
+Json ForcesToJson(const ReportSample& sample) {
+  Json forces = Json::Array();
   for (const ReportSample::Force& force : sample.forces) {
-    forces.push_back({{"x", force.x_m},
-                      {"z", force.z_m},
-                      {"fx", force.fx_n},
-                      {"fz", force.fz_n},
-                      {"nx", force.normal_x},
-                      {"nz", force.normal_z}});
+    forces.Append({{"x", force.x_m},
+                   {"z", force.z_m},
+                   {"fx", force.fx_n},
+                   {"fz", force.fz_n},
+                   {"nx", force.normal_x},
+                   {"nz", force.normal_z}});
   }
   return forces;
 }
 
-PageJson ToJson(const ReportData& data) {
-  PageJson json = {
-      {"title", data.title}, {"subtitle", data.subtitle}, {"duration_s", data.duration_s}};
+Json ToJson(const ReportData& data) {
+  Json json = {{"title", data.title}, {"subtitle", data.subtitle}, {"duration_s", data.duration_s}};
   json["times_s"] = Column(data, [](const auto& s) { return s.time_s; });
   json["root_pitch_rad"] = Column(data, [](const auto& s) { return s.root_pitch_rad; });
-  json.update(SceneToJson(data));
+  json.Merge(SceneToJson(data));
   for (std::size_t k = 0; k < data.links.size(); ++k) {
-    json["links"][k].update(LinkPath(data.samples, k));
+    json["links"][k].Merge(LinkPath(data.samples, k));
   }
   for (std::size_t k = 0; k < data.joint_names.size(); ++k) {
-    PageJson& joint = json["joints"][k];
+    Json& joint = json["joints"][k];
     joint["position_rad"] = Column(data, [k](const auto& s) { return s.joint_positions_rad[k]; });
     joint["velocity_rad_s"] =
         Column(data, [k](const auto& s) { return s.joint_velocities_rad_s[k]; });
     joint["torque_nm"] = Column(data, [k](const auto& s) { return s.joint_torques_nm[k]; });
   }
   json["forces"] = Column(data, ForcesToJson);
-  json["evaluations"] = PageJson::array();
+  json["evaluations"] = Json::Array();
   for (const ReportEvaluation& evaluation : data.evaluations) {
-    json["evaluations"].push_back({{"evaluation", evaluation.evaluation},
-                                   {"cost", evaluation.cost},
-                                   {"violation", evaluation.violation},
-                                   {"global", evaluation.global}});
+    json["evaluations"].Append({{"evaluation", evaluation.evaluation},
+                                {"cost", evaluation.cost},
+                                {"violation", evaluation.violation},
+                                {"global", evaluation.global}});
   }
-  json["certificate"] = PageJson::array();
+  json["certificate"] = Json::Array();
   for (const auto& [name, value] : data.certificate) {
-    json["certificate"].push_back(PageJson::array({name, value}));
+    json["certificate"].Append(Json::Array({name, value}));
   }
   return json;
 }

@@ -6,17 +6,16 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <string_view>
 #include <type_traits>
+#include <utility>
 
-#include <nlohmann/json.hpp>
-
+#include "common/json.h"
 #include "common/primitive_hash.h"
 
 namespace tumbler {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 constexpr const char* kFormat = "tumbler-record";
 
@@ -66,18 +65,18 @@ void VisitNumbers(Config& config, const Visit& visit) {
 
 template <typename Config>
 Json ToJson(const Config& config) {
-  Json json = Json::object();
+  Json json = Json::Object();
   // A float is written as the double of the same value, whose text reads back exactly.
   VisitNumbers(config, [&json](const char* key, const auto& value) { json[key] = value; });
   return json;
 }
 
 Json ToJson(const FaultTable& table) {
-  Json json = Json::object();
+  Json json = Json::Object();
   for (std::size_t f = 1; f < kFaultCount; ++f) {
-    Json row = Json::array();
+    Json row = Json::Array();
     for (std::size_t s = 0; s < kExecutorStateCount; ++s) {
-      row.push_back(ToString(table(static_cast<Fault>(f), static_cast<ExecutorState>(s))));
+      row.Append(ToString(table(static_cast<Fault>(f), static_cast<ExecutorState>(s))));
     }
     json[ToString(static_cast<Fault>(f))] = row;
   }
@@ -89,8 +88,8 @@ Json ToJson(const FaultTable& table) {
 }
 
 const Json& Member(const Json& json, const std::string& key) {
-  const auto found = json.is_object() ? json.find(key) : json.end();
-  if (!json.is_object() || found == json.end()) Fail(key, "is missing");
+  const Json* const found = json.Find(key);
+  if (found == nullptr) Fail(key, "is missing");
   return *found;
 }
 
@@ -99,20 +98,17 @@ void Take(const Json& json, const std::string& key, T& value) {
   const Json& member = Member(json, key);
   if constexpr (std::is_same_v<T, bool>) {
     if (!member.is_boolean()) Fail(key, "is not true or false");
-    value = member.get<bool>();
+    value = member.boolean();
   } else if constexpr (std::is_same_v<T, std::string>) {
-    if (!member.is_string()) Fail(key, "is not a text");
-    value = member.get<std::string>();
+    if (!member.is_text()) Fail(key, "is not a text");
+    value = member.text();
   } else if constexpr (std::is_integral_v<T>) {
-    constexpr std::int64_t kMin = std::numeric_limits<T>::min();
-    constexpr auto kMax = static_cast<std::uint64_t>(std::numeric_limits<T>::max());
-    const bool fits = member.is_number_unsigned()  ? member.get<std::uint64_t>() <= kMax
-                      : member.is_number_integer() ? member.get<std::int64_t>() >= kMin
-                                                   : false;
-    if (!fits) Fail(key, fmt::format("is not an integer of {} bits", 8 * sizeof(T)));
-    value = member.get<T>();
+    const std::optional<std::int64_t> integer = member.integer();
+    if (!integer || !std::in_range<T>(*integer))
+      Fail(key, fmt::format("is not an integer of {} bits", 8 * sizeof(T)));
+    value = static_cast<T>(*integer);
   } else {
-    const double number = member.is_number() ? member.get<double>() : NAN;
+    const double number = member.is_number() ? member.number() : NAN;
     if (!(std::abs(number) <= std::numeric_limits<float>::max())) Fail(key, "is not a number");
     value = static_cast<T>(number);
   }
@@ -126,9 +122,9 @@ void TakeNumbers(const Json& json, Config& config) {
 void TakeTexts(const Json& json, const std::string& key, std::vector<std::string>& texts) {
   const Json& member = Member(json, key);
   if (!member.is_array()) Fail(key, "is not an array");
-  for (const Json& text : member) {
-    if (!text.is_string()) Fail(key, "has an entry that is not a text");
-    texts.push_back(text.get<std::string>());
+  for (const Json& text : member.elements()) {
+    if (!text.is_text()) Fail(key, "has an entry that is not a text");
+    texts.push_back(text.text());
   }
 }
 
@@ -142,7 +138,10 @@ void TakeReactions(const Json& json, FaultTable& table) {
     for (std::size_t s = 0; s < kExecutorStateCount; ++s) {
       std::size_t r = 0;
       while (r < kReactionCount && row[s] != ToString(static_cast<Reaction>(r))) ++r;
-      if (r == kReactionCount) Fail(key, fmt::format("has a reaction that is none: {}", row[s]));
+      if (r == kReactionCount) {
+        Fail(key, fmt::format("has a reaction that is none: {}",
+                              row[s].is_text() ? row[s].text() : row[s].Dump(-1)));
+      }
       table.Set(static_cast<Fault>(f), static_cast<ExecutorState>(s), static_cast<Reaction>(r));
     }
   }
@@ -178,9 +177,9 @@ RecordBytes EncodeConfiguration(const RecordConfiguration& configuration) {
   json["motion_file"] = configuration.motion_file;
   json["drives_file"] = configuration.drives_file;
   json["executor"] = ToJson(configuration.executor);
-  json["executor"]["joints"] = Json::array();
+  json["executor"]["joints"] = Json::Array();
   for (const JointConfig& joint : configuration.executor.joints) {
-    json["executor"]["joints"].push_back(ToJson(joint));
+    json["executor"]["joints"].Append(ToJson(joint));
   }
   json["executor"]["reactions"] = ToJson(configuration.executor.reactions);
   const CollapseConfig& collapse = configuration.executor.collapse;
@@ -189,16 +188,15 @@ RecordBytes EncodeConfiguration(const RecordConfiguration& configuration) {
                                     {"position_rad", collapse.position_rad}};
   }
   json["run_sequence"] = ToJson(configuration.procedure);
-  json["files"] = Json::array();
+  json["files"] = Json::Array();
   for (const LoadedFile& file : configuration.files) {
-    json["files"].push_back(
+    json["files"].Append(
         {{"path", file.path}, {"bytes", file.text.size()}, {"hash", HashOfText(file.text)}});
   }
   RecordBytes bytes;
   std::uint32_t number = 0;
   // JSON is UTF-8, and names of files need not be. The blocks of the files have the exact names.
-  AppendBlock(BlockKind::kConfiguration, number++,
-              BytesOf(json.dump(1, ' ', false, Json::error_handler_t::replace)), bytes);
+  AppendBlock(BlockKind::kConfiguration, number++, BytesOf(json.Dump(1)), bytes);
   for (const LoadedFile& file : configuration.files) {
     AppendBlock(BlockKind::kFile, number++, EncodeFile(file.path, file.text), bytes);
   }
@@ -206,8 +204,9 @@ RecordBytes EncodeConfiguration(const RecordConfiguration& configuration) {
 }
 
 RecordConfiguration ParseConfiguration(std::string_view text) {
-  const Json json = Json::parse(text, nullptr, false);
-  if (json.is_discarded()) throw RecordError("configuration: is not JSON");
+  const std::optional<Json> parsed = Json::Parse(text);
+  if (!parsed) throw RecordError("configuration: is not JSON");
+  const Json& json = *parsed;
   std::string format;
   Take(json, "format", format);
   if (format != kFormat) Fail("format", fmt::format("is '{}', not '{}'", format, kFormat));
@@ -239,21 +238,21 @@ RecordConfiguration ParseConfiguration(std::string_view text) {
     TakeNumbers(joints[i], configuration.executor.joints[i]);
   }
   TakeReactions(Member(executor, "reactions"), configuration.executor.reactions);
-  if (executor.contains("collapse")) {
+  if (const Json* const poses = executor.Find("collapse")) {
     CollapseConfig& collapse = configuration.executor.collapse;
-    const Json& pose = Member(executor["collapse"], "position_rad");
+    const Json& pose = Member(*poses, "position_rad");
     if (!pose.is_array() || pose.size() != kMaxJoints) Fail("position_rad", "has not 8 entries");
     collapse.configured = true;
-    Take(executor["collapse"], "stiffness", collapse.stiffness);
+    Take(*poses, "stiffness", collapse.stiffness);
     for (std::size_t i = 0; i < kMaxJoints; ++i) {
       if (!pose[i].is_number()) Fail("position_rad", "has an entry that is not a number");
-      collapse.position_rad[i] = pose[i].get<float>();
+      collapse.position_rad[i] = static_cast<float>(pose[i].number());
     }
   }
   TakeNumbers(Member(json, "run_sequence"), configuration.procedure);
   const Json& files = Member(json, "files");
   if (!files.is_array()) Fail("files", "is not an array");
-  for (const Json& file : files) {
+  for (const Json& file : files.elements()) {
     Take(file, "path", configuration.files.emplace_back().path);
   }
   return configuration;

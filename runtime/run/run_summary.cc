@@ -1,11 +1,11 @@
 #include "runtime/run/run_summary.h"
+#include "common/json.h"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <nlohmann/json.hpp>
 #include <utility>
 
 namespace tumbler {
@@ -26,8 +26,6 @@ const char* ToString(RunOutcome outcome) noexcept {
 }
 
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 double Microseconds(std::int64_t ns) { return static_cast<double>(ns) * 1e-3; }
 
@@ -97,10 +95,10 @@ Json TimingJson(const LoopStatistics& statistics, const Machine& machine,
     entry["p99_9_us"] = Microseconds(durations->PercentileNs(0.999));
     entry["p99_99_us"] = Microseconds(durations->PercentileNs(0.9999));
     entry["max_us"] = Microseconds(durations->max_ns());
-    entry["histogram_us_count"] = Json::array();  // [lower end of a bin of 1 us, how many]
+    entry["histogram_us_count"] = Json::Array();  // [lower end of a bin of 1 us, how many]
     for (std::size_t bin = 0; bin < durations->bins().size(); ++bin) {
       if (durations->bins()[bin] > 0)
-        entry["histogram_us_count"].push_back({bin, durations->bins()[bin]});
+        entry["histogram_us_count"].Append({bin, durations->bins()[bin]});
     }
   }
   const ReplyAgeHistogram& age = statistics.reply_age_ticks;
@@ -144,7 +142,7 @@ std::string TimingToJson(const LoopStatistics& statistics, const Machine& machin
   json["ticks"] = statistics.ticks;
   json["missed_ticks"] = statistics.missed_ticks;
   json["late_ticks"] = statistics.late_ticks;
-  return json.dump(2) + '\n';
+  return json.Dump(2) + '\n';
 }
 
 std::string ToText(const RunSummary& summary) {
@@ -224,9 +222,9 @@ std::string ToJson(const RunSummary& summary) {
     json["root_pitch_2_s_later_rad"] = maybe(last.pitch_later_rad);
     json["standing_2_s_later"] = stands ? Json(*stands) : Json(nullptr);
     json["cycles"] = summary.cycles;
-    json["passages"] = Json::array();
+    json["passages"] = Json::Array();
     for (const Passage& passage : summary.passages) {
-      json["passages"].push_back(
+      json["passages"].Append(
           {{"node", passage.node},
            {"root_pitch_planned_rad", passage.expected_pitch_rad},
            {"root_pitch_at_end_rad", passage.pitch_at_end_rad},
@@ -235,15 +233,15 @@ std::string ToJson(const RunSummary& summary) {
     }
   }
   if (summary.simulated) {
-    json["falls"] = Json::array();
+    json["falls"] = Json::Array();
     for (const Fall& fall : summary.falls)
-      json["falls"].push_back({{"time_s", fall.time_s}, {"what", fall.what}});
+      json["falls"].Append({{"time_s", fall.time_s}, {"what", fall.what}});
   }
-  json["joints"] = Json::array();
+  json["joints"] = Json::Array();
   for (std::size_t i = 0; i < summary.joints.size(); ++i) {
-    json["joints"].push_back({{"name", summary.joints[i]},
-                              {"peak_torque_nm", s.peak_torque_nm[i]},
-                              {"following_error_max_rad", s.following_error_max_rad[i]}});
+    json["joints"].Append({{"name", summary.joints[i]},
+                           {"peak_torque_nm", s.peak_torque_nm[i]},
+                           {"following_error_max_rad", s.following_error_max_rad[i]}});
   }
   json["ticks"] = s.ticks;
   json["running_ticks"] = s.run_ticks;
@@ -280,7 +278,7 @@ std::string ToJson(const RunSummary& summary) {
   json["unrecorded_ticks"] = summary.unrecorded_ticks;
   json["record_problem"] = summary.record_problem;
   json["files"] = summary.files;
-  return json.dump(2) + '\n';
+  return json.Dump(2) + '\n';
 }
 
 ExitStatus StatusOf(const RunSummary& summary) {

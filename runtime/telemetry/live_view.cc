@@ -6,9 +6,9 @@
 #include <array>
 #include <cmath>
 #include <cstdlib>
-#include <nlohmann/json.hpp>
 #include <type_traits>
 
+#include "common/json.h"
 #include "firmware_interface/drives/drive.h"
 #include "runtime/core/faults.h"
 #include "runtime/core/joint_fields.h"
@@ -139,8 +139,8 @@ std::string LiveView::Screen() const {
   return text;
 }
 
-std::string LiveView::Json() const {
-  nlohmann::ordered_json json;
+std::string LiveView::ToJson() const {
+  Json json;
   if (!state_) return "null\n";
   const state_t& s = *state_;
   if (run_) {
@@ -162,11 +162,10 @@ std::string LiveView::Json() const {
   json["node"] = NodeName();
   json["cycles"] = s.cycles;
   json["primitive_time_s"] = s.primitive_time_s;
-  json["fault"] =
-      s.faults == 0 ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(FaultText());
-  json["joints"] = nlohmann::ordered_json::array();
+  json["fault"] = s.faults == 0 ? Json(nullptr) : Json(FaultText());
+  json["joints"] = Json::Array();
   for (std::size_t i = 0; i < s.joints.size(); ++i) {
-    nlohmann::ordered_json joint = {{"name", JointName(i)}};
+    Json joint = {{"name", JointName(i)}};
     ForEachJointField([&](const JointField& field, auto in_record, auto in_message) {
       if (field.status == nullptr) return;
       if constexpr (std::is_same_v<JointFieldType<decltype(in_record)>, DriveState>) {
@@ -175,9 +174,9 @@ std::string LiveView::Json() const {
         joint[field.status] = in_message(s.joints[i]);
       }
     });
-    json["joints"].push_back(joint);
+    json["joints"].Append(joint);
   }
-  return json.dump(2) + '\n';
+  return json.Dump(2) + '\n';
 }
 
 }  // namespace tumbler

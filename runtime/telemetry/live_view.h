@@ -30,7 +30,7 @@ class LiveView {
   /// The same in one line, for logs.
   [[nodiscard]] std::string Line() const;
   /// The same as one JSON object, with units in the keys.
-  [[nodiscard]] std::string Json() const;
+  [[nodiscard]] std::string ToJson() const;
 
  private:
   [[nodiscard]] std::string JointName(std::size_t joint) const;

@@ -7,9 +7,9 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <nlohmann/json.hpp>
 #include <numbers>
 
+#include "common/json.h"
 #include "common/primitive_hash.h"
 #include "common/toml_reader.h"
 #include "offline/certificate/certificate.h"
@@ -347,13 +347,13 @@ TEST(ChainCli, SimulatesAndReportsInJson) {
   const std::string file = folder.file().parent_path() / "figures.json";
   const auto [status, text] = Chain({"simulate", folder.file(), "--cycles", "2", "--json", file});
   ASSERT_EQ(status, 0) << text;
-  const auto json = nlohmann::json::parse(ReadFile(file));
-  EXPECT_EQ(json.at("cycles"), 2);
-  EXPECT_TRUE(json.at("failure").is_null());
-  ASSERT_EQ(json.at("passages").size(), 4U);
-  EXPECT_EQ(json.at("passages")[1].at("node"), "back");
-  EXPECT_EQ(json.at("passages")[1].at("posture"), "level");
-  EXPECT_LT(json.at("passages")[3].at("peak_torque_nm").get<double>(), 8);
+  const auto json = Json::Parse(ReadFile(file)).value();
+  EXPECT_EQ(json["cycles"], 2);
+  EXPECT_TRUE(json["failure"].is_null());
+  ASSERT_EQ(json["passages"].size(), 4U);
+  EXPECT_EQ(json["passages"][1]["node"], "back");
+  EXPECT_EQ(json["passages"][1]["posture"], "level");
+  EXPECT_LT(json["passages"][3]["peak_torque_nm"].number(), 8);
 }
 
 TEST(SimulateChain, ItsReportShowsTheWholeChain) {

@@ -19,6 +19,7 @@
 #include <string>
 #include <vector>
 
+#include "common/json.h"
 #include "common/primitive_toml.h"
 #include "runtime/linux/operator_mailbox.h"
 #include "runtime/record/flight_record.h"
@@ -98,23 +99,22 @@ TEST(FlightReport, EveryNumberOfAShownTickIsTheRecordsBitForBit) {
         &entry;
   }
 
-  const PageJson json =
-      FlightReportJson({ReadRun(Recorded().handstand, "")}, {.ticks_max = 200'000});
+  const Json json = FlightReportJson({ReadRun(Recorded().handstand, "")}, {.ticks_max = 200'000});
   // The page, too, reads the numbers from text.
-  const PageJson ticks = PageJson::parse(json.dump())["runs"][0]["ticks"];
+  const Json ticks = Json::Parse(json.Dump(-1)).value()["runs"][0]["ticks"];
   ASSERT_EQ(ticks["times_s"].size(), entries.size());
   int compared = 0;
   for (std::size_t i = 0; i < entries.size(); ++i) {
-    const TickEntry& entry = *by_time.at(ticks["times_s"][i].get<double>());
+    const TickEntry& entry = *by_time.at(ticks["times_s"][i].number());
     EXPECT_EQ(ticks["states"][i], ToString(entry.record.state));
     for (std::size_t j = 0; j < 2; ++j) {
       const JointRecord& joint = entry.record.joints[j];
-      const PageJson& shown = ticks["joints"][j];
+      const Json& shown = ticks["joints"][j];
       const auto same = [&](const char* kind, const char* quantity, float value, bool there) {
-        const PageJson& number = shown[kind][quantity][i];
+        const Json& number = shown[kind][quantity][i];
         ++compared;
         if (!there) return number.is_null();
-        return std::bit_cast<std::uint32_t>(number.get<float>()) ==
+        return std::bit_cast<std::uint32_t>(static_cast<float>(number.number())) ==
                std::bit_cast<std::uint32_t>(value);
       };
       const bool on = entry.record.state != ExecutorState::kDisarmed;
@@ -410,16 +410,17 @@ TEST(FlightReport, APrimitiveAloneIsItsSplinesAndNothingElse) {
     }
   }
   EXPECT_NEAR(plan.plan.back().root_pitch_rad, file.exit.root_pitch_rad, 1e-3);
-  const PageJson json = FlightReportJson({plan});
+  const Json json = FlightReportJson({plan});
   EXPECT_TRUE(json["runs"][0]["ticks"].is_null());
   EXPECT_TRUE(json["runs"][0]["truth"].is_null());
 }
 
 TEST(FlightReport, OfALongRunTheTicksThatStandOutAreShown) {
   const RunData run = ReadRun(Recorded().gait, "");
-  const PageJson ticks = FlightReportJson({run}, {.ticks_max = 100})["runs"][0]["ticks"];
+  const Json ticks = FlightReportJson({run}, {.ticks_max = 100})["runs"][0]["ticks"];
   EXPECT_LT(ticks["times_s"].size(), 600U);
-  std::vector<double> times = ticks["times_s"].get<std::vector<double>>();
+  std::vector<double> times;
+  for (const Json& time_s : ticks["times_s"].elements()) times.push_back(time_s.number());
   EXPECT_TRUE(std::is_sorted(times.begin(), times.end()));
   for (std::size_t j = 0; j < 2; ++j) {
     double largest = 0, largest_s = 0;
@@ -443,16 +444,16 @@ TEST(FlightReport, OfAPartEveryTickIsShownAndNothingElse) {
   FlightReportOptions options;
   options.from_s = 0.5;
   options.to_s = 1.5;
-  const PageJson shown = FlightReportJson({run}, options)["runs"][0];
+  const Json shown = FlightReportJson({run}, options)["runs"][0];
   EXPECT_EQ(shown["ticks"]["times_s"].size(), 1001U);
-  EXPECT_DOUBLE_EQ(shown["ticks"]["times_s"].front().get<double>(), 0.5);
-  EXPECT_DOUBLE_EQ(shown["ticks"]["times_s"].back().get<double>(), 1.5);
+  EXPECT_DOUBLE_EQ(shown["ticks"]["times_s"].elements().front().number(), 0.5);
+  EXPECT_DOUBLE_EQ(shown["ticks"]["times_s"].elements().back().number(), 1.5);
   EXPECT_EQ(shown["bands"].size(), 1U);
-  for (const PageJson& event : shown["events"]) {
-    EXPECT_TRUE(options.Shows(event["time_s"].get<double>())) << event;
+  for (const Json& event : shown["events"].elements()) {
+    EXPECT_TRUE(options.Shows(event["time_s"].number())) << event;
   }
-  EXPECT_GE(shown["truth"]["times_s"].front().get<double>(), 0.5);
-  EXPECT_LE(shown["truth"]["times_s"].back().get<double>(), 1.5);
+  EXPECT_GE(shown["truth"]["times_s"].elements().front().number(), 0.5);
+  EXPECT_LE(shown["truth"]["times_s"].elements().back().number(), 1.5);
 }
 
 TEST(FlightReport, RunsOfDifferentRobotsAreRefused) {

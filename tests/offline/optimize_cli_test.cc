@@ -7,10 +7,10 @@
 #include <cmath>
 #include <csignal>
 #include <filesystem>
-#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
+#include "common/json.h"
 #include "common/primitive_toml.h"
 #include "tests/support/files.h"
 #include "tests/support/program.h"
@@ -52,15 +52,15 @@ TEST(OptimizeCli, WritesAPrimitiveAReportAndFiguresThatAgree) {
   const PrimitiveFile file = LoadPrimitive(folder / "motion.toml");
   EXPECT_EQ(file.provenance.task_toml, QuickTask());
   EXPECT_TRUE(std::filesystem::exists(folder / "a/b/index.html"));
-  const auto figures = nlohmann::json::parse(ReadFile(folder / "figures.json"));
-  EXPECT_EQ(figures.at("coefficients_hash"), file.certificate.coefficients_hash);
-  EXPECT_EQ(figures.at("seed"), 1);
-  EXPECT_EQ(figures.at("objective"), file.provenance.objective);
-  EXPECT_EQ(figures.at("peak_torque_nm"), file.certificate.peak_torque_nm);
-  EXPECT_EQ(figures.at("gradient_errors"), file.certificate.gradient_errors);
-  EXPECT_EQ(figures.at("gradient_step_halving_change"),
-            file.certificate.gradient_step_halving_change);
-  EXPECT_THAT(file.certificate.gradient_errors, ::testing::Contains(figures.at("gradient_error")));
+  const auto figures = Json::Parse(ReadFile(folder / "figures.json")).value();
+  EXPECT_EQ(figures["coefficients_hash"], file.certificate.coefficients_hash);
+  EXPECT_EQ(figures["seed"], 1);
+  EXPECT_EQ(figures["objective"], file.provenance.objective);
+  EXPECT_EQ(figures["peak_torque_nm"], file.certificate.peak_torque_nm);
+  EXPECT_EQ(figures["gradient_errors"], file.certificate.gradient_errors);
+  EXPECT_EQ(figures["gradient_step_halving_change"], file.certificate.gradient_step_halving_change);
+  EXPECT_THAT(file.certificate.gradient_errors,
+              ::testing::Contains(figures["gradient_error"].number()));
   EXPECT_EQ(folder.Listing(),
             (std::set<std::string>{"a", "a/b", "a/b/index.html", "figures.json", "motion.toml",
                                    "robots", "robots/tumbler.urdf", "tasks", "tasks/task.toml"}));
@@ -236,21 +236,21 @@ TEST(OptimizeCliSeveral, TasksAreRankedFeasibleFirstAndThenByCost) {
   Program program = Optimize(folder, {folder / "tasks/hopeless.toml", folder / "tasks/near.toml",
                                       "--out", folder / "found", "--json", folder / "all.json"});
   EXPECT_EQ(program.Wait(), 2) << "not every task has a motion\n" << program.text();
-  const auto ranking = nlohmann::json::parse(ReadFile(folder / "all.json")).at("ranking");
+  const auto ranking = Json::Parse(ReadFile(folder / "all.json")).value()["ranking"];
   ASSERT_EQ(ranking.size(), 3U);
-  EXPECT_EQ(ranking[0].at("name"), "near");
-  EXPECT_EQ(ranking[1].at("name"), "far");
-  EXPECT_EQ(ranking[2].at("name"), "hopeless");
-  EXPECT_LT(ranking[0].at("objective"), ranking[1].at("objective"));
-  EXPECT_EQ(ranking[2].at("found"), false);
-  EXPECT_THAT(ranking[2].at("cause").get<std::string>(), HasSubstr("of leg"));
+  EXPECT_EQ(ranking[0]["name"], "near");
+  EXPECT_EQ(ranking[1]["name"], "far");
+  EXPECT_EQ(ranking[2]["name"], "hopeless");
+  EXPECT_LT(ranking[0]["objective"].number(), ranking[1]["objective"].number());
+  EXPECT_EQ(ranking[2]["found"], false);
+  EXPECT_THAT(ranking[2]["cause"].text(), HasSubstr("of leg"));
   for (const char* name : {"near", "far"}) {
     const PrimitiveFile file = LoadPrimitive(folder / ("found/" + std::string(name) + ".toml"));
     EXPECT_EQ(file.primitive.name.view(), name);
     const auto& entry = ranking[name == std::string("near") ? 0 : 1];
-    EXPECT_EQ(entry.at("coefficients_hash"), file.certificate.coefficients_hash);
-    EXPECT_EQ(entry.at("peak_torque_nm"), file.certificate.peak_torque_nm);
-    EXPECT_EQ(entry.at("settled_error_rad"), std::abs(file.certificate.settled_pitch_error_rad));
+    EXPECT_EQ(entry["coefficients_hash"], file.certificate.coefficients_hash);
+    EXPECT_EQ(entry["peak_torque_nm"], file.certificate.peak_torque_nm);
+    EXPECT_EQ(entry["settled_error_rad"], std::abs(file.certificate.settled_pitch_error_rad));
   }
   EXPECT_FALSE(std::filesystem::exists(folder / "found/hopeless.toml"));
   const std::string& text = program.text();
@@ -301,21 +301,22 @@ TEST(OptimizeCliSeveral, ResultsRankingAndMinimaAreTheSameForAnyNumberOfThreads)
     Program program = Optimize(folder, {folder / "tasks/near.toml", "--minima", "3", "--out", out,
                                         "--json", out + ".json", "--threads", threads});
     EXPECT_EQ(program.Wait(), 0) << program.text();
-    auto figures = nlohmann::ordered_json::parse(ReadFile(out + ".json"));
-    for (auto& entry : figures.at("ranking")) {
-      EXPECT_GE(entry.at("minima").size(), 1U);
+    auto figures = Json::Parse(ReadFile(out + ".json")).value();
+    Json& ranking = figures["ranking"];
+    for (std::size_t i = 0; i < ranking.size(); ++i) {
+      Json& entry = ranking[i];
+      EXPECT_GE(entry["minima"].size(), 1U);
       std::size_t starts = 0;
-      for (const auto& minimum : entry.at("minima")) starts += minimum.at("starts").size();
+      for (const Json& minimum : entry["minima"].elements()) starts += minimum["starts"].size();
       EXPECT_GE(starts, 3U) << "so many starts are solved to the end";
-      EXPECT_EQ(entry.at("minima")[0].at("objective"), entry.at("objective"));
-      entry.erase("wall_s");
-      entry.erase("cpu_s");
+      EXPECT_EQ(entry["minima"][0]["objective"], entry["objective"]);
+      entry["wall_s"] = entry["cpu_s"] = nullptr;
     }
     const std::size_t table = program.text().find(" starts solved to the end led to ");
     EXPECT_NE(table, std::string::npos) << program.text();
     const std::size_t end = program.text().find("objective", table);
     return std::vector<std::string>{ReadFile(out + "/far.toml"), ReadFile(out + "/near.toml"),
-                                    figures.dump(2), program.text().substr(table, end - table)};
+                                    figures.Dump(2), program.text().substr(table, end - table)};
   };
   const std::vector<std::string> one = run("1");
   EXPECT_EQ(run("2"), one);

@@ -8,10 +8,10 @@
 #include <csignal>
 #include <cstdio>
 #include <memory>
-#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
+#include "common/json.h"
 #include "tests/support/files.h"
 #include "tests/support/program.h"
 
@@ -39,7 +39,7 @@ Outcome Ctl(std::vector<std::string> arguments) {
 std::string State() {
   const Outcome status = Ctl({"status", "--json"});
   if (status.text.empty() || status.text[0] != '{') return status.text;
-  return nlohmann::json::parse(status.text)["state"];
+  return Json::Parse(status.text).value()["state"].text();
 }
 
 /// Waits until the run is in one of these states. @returns the last state that was seen.

@@ -16,10 +16,10 @@
 #include <functional>
 #include <iterator>
 #include <memory>
-#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
+#include "common/json.h"
 #include "common/primitive_toml.h"
 #include "firmware_interface/drives/drives_toml.h"
 #include "tests/support/can_interface.h"
@@ -107,7 +107,7 @@ class TwinOnCan : public ::testing::Test {
   int EndTwin() {
     twin_->Signal(SIGINT);
     const int status = twin_->Wait();
-    truth_ = nlohmann::json::parse(ReadFile(Path("truth.json")));
+    truth_ = Json::Parse(ReadFile(Path("truth.json"))).value();
     return status;
   }
   /// Sleeps for a time of the robot.
@@ -135,19 +135,19 @@ class TwinOnCan : public ::testing::Test {
   FrameRules rules_;
   std::unique_ptr<Program> twin_;
   std::unique_ptr<Program> candump_;
-  nlohmann::json truth_;
+  Json truth_;
 };
 
 /// The poses in which the robot came to rest, in order, with their pitch.
-std::vector<std::pair<std::string, double>> RestsOf(const nlohmann::json& truth) {
+std::vector<std::pair<std::string, double>> RestsOf(const Json& truth) {
   std::vector<std::pair<std::string, double>> rests;
-  for (const auto& event : truth["events"]) {
-    const std::string pose = event["pose"];
+  for (const Json& event : truth["events"].elements()) {
+    const std::string pose = event["pose"].text();
     // Between two motions a robot that rocks on its feet may rest more than once.
-    if (event["event"] != "rest" || (!rests.empty() && rests.back().first == pose) ||
+    if (event["event"].text() != "rest" || (!rests.empty() && rests.back().first == pose) ||
         pose == "as before handstand")
       continue;
-    rests.emplace_back(pose, event["root_pitch_rad"]);
+    rests.emplace_back(pose, event["root_pitch_rad"].number());
   }
   return rests;
 }

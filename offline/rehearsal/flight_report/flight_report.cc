@@ -21,7 +21,7 @@ namespace {
 constexpr int kBinsPerDecade = 20;
 
 /// The double whose shortest text reads back as this float; null for NaN and infinities.
-PageJson Number(float value) {
+Json Number(float value) {
   if (!std::isfinite(value)) return nullptr;
   std::array<char, 32> text{};
   const auto end = std::to_chars(text.data(), text.data() + text.size(), value).ptr;
@@ -30,8 +30,8 @@ PageJson Number(float value) {
   return number;
 }
 
-PageJson Number(const std::optional<double>& value) {
-  return value ? Number(static_cast<float>(*value)) : PageJson(nullptr);
+Json Number(const std::optional<double>& value) {
+  return value ? Number(static_cast<float>(*value)) : Json(nullptr);
 }
 
 /// The indices of the ticks that the page shows, in order.
@@ -72,33 +72,32 @@ std::vector<std::size_t> ShownTicks(const RunData& run, const FlightReportOption
 
 using Read = float (*)(const JointRecord&);
 
-PageJson TicksToJson(const RunData& run, const std::vector<std::size_t>& shown) {
-  PageJson json = {
-      {"times_s", PageJson::array()}, {"states", PageJson::array()}, {"joints", PageJson::array()}};
+Json TicksToJson(const RunData& run, const std::vector<std::size_t>& shown) {
+  Json json = {{"times_s", Json::Array()}, {"states", Json::Array()}, {"joints", Json::Array()}};
   for (const std::size_t i : shown) {
-    json["times_s"].push_back(run.ticks[i].time_s);
-    json["states"].push_back(ToString(run.ticks[i].state));
+    json["times_s"].Append(run.ticks[i].time_s);
+    json["states"].Append(ToString(run.ticks[i].state));
   }
   for (std::size_t j = 0; j < run.joint_count(); ++j) {
     // With the torque off nothing is planned or commanded, although the record carries setpoints.
     const auto column = [&](Read read) {
-      PageJson values = PageJson::array();
+      Json values = Json::Array();
       for (const std::size_t i : shown) {
         const bool off = run.ticks[i].state == ExecutorState::kDisarmed;
-        values.push_back(off ? PageJson(nullptr) : Number(read(run.joint(i, j))));
+        values.Append(off ? Json(nullptr) : Number(read(run.joint(i, j))));
       }
       return values;
     };
     // Nothing was measured before the first reply.
     const auto measured = [&](Read read) {
-      PageJson values = PageJson::array();
+      Json values = Json::Array();
       for (const std::size_t i : shown) {
         const JointRecord& joint = run.joint(i, j);
-        values.push_back(joint.reply_age_ticks < 0 ? PageJson(nullptr) : Number(read(joint)));
+        values.Append(joint.reply_age_ticks < 0 ? Json(nullptr) : Number(read(joint)));
       }
       return values;
     };
-    PageJson joint;
+    Json joint;
     joint["plan"] = {
         {"position_rad", column([](const auto& r) { return r.planned.position_rad; })},
         {"velocity_rad_s", column([](const auto& r) { return r.planned.velocity_rad_s; })},
@@ -111,21 +110,21 @@ PageJson TicksToJson(const RunData& run, const std::vector<std::size_t>& shown) 
         {"position_rad", measured([](const auto& r) { return r.measured.position_rad; })},
         {"velocity_rad_s", measured([](const auto& r) { return r.measured.velocity_rad_s; })},
         {"torque_nm", measured([](const auto& r) { return r.measured.torque_nm; })}};
-    joint["following_error_rad"] = PageJson::array();
-    joint["reply_age_ticks"] = PageJson::array();
+    joint["following_error_rad"] = Json::Array();
+    joint["reply_age_ticks"] = Json::Array();
     for (const std::size_t i : shown) {
-      joint["following_error_rad"].push_back(Number(run.FollowingError(i, j)));
+      joint["following_error_rad"].Append(Number(run.FollowingError(i, j)));
       const std::int32_t age = run.joint(i, j).reply_age_ticks;
-      joint["reply_age_ticks"].push_back(age < 0 ? PageJson(nullptr) : PageJson(age));
+      joint["reply_age_ticks"].Append(age < 0 ? Json(nullptr) : Json(age));
     }
-    json["joints"].push_back(joint);
+    json["joints"].Append(joint);
   }
   return json;
 }
 
 /// A robot's motion in the form that the page's scripts draw.
-PageJson RobotToJson(const RunData& run, const std::vector<ReportSample>& all,
-                     const FlightReportOptions& options) {
+Json RobotToJson(const RunData& run, const std::vector<ReportSample>& all,
+                 const FlightReportOptions& options) {
   std::vector<ReportSample> samples;
   std::copy_if(all.begin(), all.end(), std::back_inserter(samples),
                [&options](const ReportSample& sample) { return options.Shows(sample.time_s); });
@@ -137,29 +136,30 @@ PageJson RobotToJson(const RunData& run, const std::vector<ReportSample>& all,
   }
   for (std::size_t i = 0; i < shown.size(); ++i) CheckSample(run.scene, shown, i);
   const auto rounded = [](double value) { return Number(static_cast<float>(value)); };
-  PageJson json = {{"times_s", PageJson::array()},
-                   {"root_pitch_rad", PageJson::array()},
-                   {"links", PageJson::array()},
-                   {"joints", PageJson::array()}};
+  Json json = {{"times_s", Json::Array()},
+               {"root_pitch_rad", Json::Array()},
+               {"links", Json::Array()},
+               {"joints", Json::Array()}};
   for (const ReportSample& sample : shown) {
-    json["times_s"].push_back(sample.time_s);
-    json["root_pitch_rad"].push_back(rounded(sample.root_pitch_rad));
+    json["times_s"].Append(sample.time_s);
+    json["root_pitch_rad"].Append(rounded(sample.root_pitch_rad));
   }
   for (std::size_t k = 0; k < run.scene.links.size(); ++k) {
-    PageJson path = LinkPath(shown, k);
-    for (auto& [name, column] : path.items()) {
-      for (PageJson& value : column) value = rounded(value.get<double>());
+    Json path = LinkPath(shown, k);
+    for (const char* const name : {"x_m", "z_m", "pitch_rad"}) {
+      Json& column = path[name];
+      for (std::size_t i = 0; i < column.size(); ++i) column[i] = rounded(column[i].number());
     }
-    json["links"].push_back(path);
+    json["links"].Append(path);
   }
   for (std::size_t j = 0; j < run.joint_count(); ++j) {
-    PageJson position = PageJson::array(), velocity = PageJson::array(), torque = PageJson::array();
+    Json position = Json::Array(), velocity = Json::Array(), torque = Json::Array();
     for (const ReportSample& sample : shown) {
-      position.push_back(rounded(sample.joint_positions_rad[j]));
-      velocity.push_back(rounded(sample.joint_velocities_rad_s[j]));
-      torque.push_back(rounded(sample.joint_torques_nm[j]));
+      position.Append(rounded(sample.joint_positions_rad[j]));
+      velocity.Append(rounded(sample.joint_velocities_rad_s[j]));
+      torque.Append(rounded(sample.joint_torques_nm[j]));
     }
-    json["joints"].push_back(
+    json["joints"].Append(
         {{"position_rad", position}, {"velocity_rad_s", velocity}, {"torque_nm", torque}});
   }
   return json;
@@ -167,39 +167,38 @@ PageJson RobotToJson(const RunData& run, const std::vector<ReportSample>& all,
 
 /// Counts of latencies on a logarithmic axis. Bin b begins at 10^(b / 20) us, and bin 0 also has
 /// the latencies below 1 us.
-PageJson LatencyToJson(const RunLatency& latency) {
+Json LatencyToJson(const RunLatency& latency) {
   std::map<int, std::int64_t> bins;
   for (const std::int64_t value_ns : latency.values_ns) {
     const double us = static_cast<double>(std::max<std::int64_t>(value_ns, 1)) / 1000;
     ++bins[std::max(0, static_cast<int>(std::floor(kBinsPerDecade * std::log10(us) + 1e-9)))];
   }
-  PageJson json = {{"name", latency.name},
-                   {"meaning", latency.meaning},
-                   {"count", latency.values_ns.size()},
-                   {"bins_per_decade", kBinsPerDecade},
-                   {"bins", PageJson::array()},
-                   {"percentiles_us", PageJson::array()}};
-  for (const auto& [bin, count] : bins) json["bins"].push_back({bin, count});
+  Json json = {{"name", latency.name},
+               {"meaning", latency.meaning},
+               {"count", latency.values_ns.size()},
+               {"bins_per_decade", kBinsPerDecade},
+               {"bins", Json::Array()},
+               {"percentiles_us", Json::Array()}};
+  for (const auto& [bin, count] : bins) json["bins"].Append({bin, count});
   for (const auto& [name, share] : {std::pair("p50", 0.5), std::pair("p99", 0.99),
                                     std::pair("p99.9", 0.999), std::pair("max", 1.0)}) {
-    json["percentiles_us"].push_back(
-        {name, static_cast<double>(latency.PercentileNs(share)) / 1000});
+    json["percentiles_us"].Append({name, static_cast<double>(latency.PercentileNs(share)) / 1000});
   }
   return json;
 }
 
-PageJson RunToJson(const RunData& run, const FlightReportOptions& options) {
-  PageJson json = {{"name", run.name},
-                   {"recorded", run.recorded},
-                   {"period_s", run.period_s},
-                   {"facts", PageJson::array()},
-                   {"ticks", nullptr},
-                   {"plan", RobotToJson(run, run.plan, options)},
-                   {"truth", RobotToJson(run, run.truth, options)},
-                   {"bands", PageJson::array()},
-                   {"events", PageJson::array()},
-                   {"latencies", PageJson::array()}};
-  for (const auto& [name, value] : run.facts) json["facts"].push_back({name, value});
+Json RunToJson(const RunData& run, const FlightReportOptions& options) {
+  Json json = {{"name", run.name},
+               {"recorded", run.recorded},
+               {"period_s", run.period_s},
+               {"facts", Json::Array()},
+               {"ticks", nullptr},
+               {"plan", RobotToJson(run, run.plan, options)},
+               {"truth", RobotToJson(run, run.truth, options)},
+               {"bands", Json::Array()},
+               {"events", Json::Array()},
+               {"latencies", Json::Array()}};
+  for (const auto& [name, value] : run.facts) json["facts"].Append({name, value});
   const std::vector<std::size_t> shown = ShownTicks(run, options);
   if (run.recorded && shown.size() < 2) {
     throw std::runtime_error(fmt::format(
@@ -216,16 +215,16 @@ PageJson RunToJson(const RunData& run, const FlightReportOptions& options) {
   json["tick_count"] = run.ticks.size();
   for (const RunBand& band : run.bands) {
     if (band.to_s < options.from_s || band.from_s > options.to_s) continue;
-    json["bands"].push_back(
+    json["bands"].Append(
         {{"from_s", band.from_s}, {"to_s", band.to_s}, {"node", band.node}, {"name", band.name}});
   }
   for (const RunEvent& event : run.events) {
     if (!options.Shows(event.time_s)) continue;
-    json["events"].push_back(
+    json["events"].Append(
         {{"time_s", event.time_s}, {"kind", ToString(event.kind)}, {"text", event.text}});
   }
   for (const RunLatency& latency : run.latencies) {
-    if (!latency.values_ns.empty()) json["latencies"].push_back(LatencyToJson(latency));
+    if (!latency.values_ns.empty()) json["latencies"].Append(LatencyToJson(latency));
   }
   return json;
 }
@@ -242,23 +241,23 @@ void RequireSameRobot(const std::vector<RunData>& runs) {
 
 }  // namespace
 
-PageJson FlightReportJson(const std::vector<RunData>& runs, const FlightReportOptions& options) {
+Json FlightReportJson(const std::vector<RunData>& runs, const FlightReportOptions& options) {
   if (runs.empty()) throw std::invalid_argument("report: runs: is empty, must have at least one");
   RequireSameRobot(runs);
-  PageJson json = {{"scene", SceneToJson(runs.front().scene)},
-                   {"runs", PageJson::array()},
-                   {"differences", PageJson::array()}};
-  for (const RunData& run : runs) json["runs"].push_back(RunToJson(run, options));
+  Json json = {{"scene", SceneToJson(runs.front().scene)},
+               {"runs", Json::Array()},
+               {"differences", Json::Array()}};
+  for (const RunData& run : runs) json["runs"].Append(RunToJson(run, options));
   for (std::size_t k = 1; k < runs.size(); ++k) {
     for (const RunDifference& difference : Compare(runs.front(), runs[k])) {
-      json["differences"].push_back({{"run", k},
-                                     {"joint", difference.joint},
-                                     {"quantity", difference.quantity},
-                                     {"unit", difference.unit},
-                                     {"ticks", difference.ticks},
-                                     {"max", difference.max},
-                                     {"max_at_s", difference.max_at_s},
-                                     {"rms", difference.rms}});
+      json["differences"].Append({{"run", k},
+                                  {"joint", difference.joint},
+                                  {"quantity", difference.quantity},
+                                  {"unit", difference.unit},
+                                  {"ticks", difference.ticks},
+                                  {"max", difference.max},
+                                  {"max_at_s", difference.max_at_s},
+                                  {"rms", difference.rms}});
     }
   }
   return json;
@@ -266,7 +265,7 @@ PageJson FlightReportJson(const std::vector<RunData>& runs, const FlightReportOp
 
 std::string WriteFlightReport(const std::vector<RunData>& runs, const std::string& directory,
                               const FlightReportOptions& options) {
-  const PageJson json = FlightReportJson(runs, options);
+  const Json json = FlightReportJson(runs, options);
   std::string title;
   for (const RunData& run : runs) title += (title.empty() ? "" : ", ") + run.name;
   return WritePage(FillPage(FlightReportPage(), title + " - run report", json), directory);

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "common/json.h"
 #include "offline/rehearsal/flight_report/run_data.h"
 #include "offline/report/page_file.h"
 
@@ -27,8 +28,7 @@ struct FlightReportOptions {
 /// @throws std::runtime_error  naming the file that shows another robot than the first, or that has
 /// nothing in the interval that is shown.
 /// @throws std::invalid_argument  naming a field that is not finite.
-PageJson FlightReportJson(const std::vector<RunData>& runs,
-                          const FlightReportOptions& options = {});
+Json FlightReportJson(const std::vector<RunData>& runs, const FlightReportOptions& options = {});
 
 /// Writes `DIR/index.html`, one page that needs no network, and creates DIR where it is missing.
 /// @returns the page's path.
