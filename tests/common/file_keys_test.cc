@@ -131,6 +131,64 @@ TEST(FileKeys, AKeyThatDoesNotApplyIsUnknown) {
               HasSubstr("lamp.toml:3: bulbs: is not a key that this file can hold"));
 }
 
+struct Clock {
+  double hour_h = 9;
+  int told = 0;  ///< How often the function below was called.
+};
+void ReadHour(TomlTable& table, std::string_view key, Clock& clock) {
+  clock.hour_h = table.Number(key, {1, 12}) + 12;
+  ++clock.told;
+}
+constexpr std::array kClockKeys = {
+    KeyOf<&Clock::hour_h>("hour_h", "").ReadBy(ReadHour).Allowed("1 to 12"),
+    KeyReadBy<Clock>("alarm_h", ReadHour, "").Default("none").Allowed("1 to 12"),
+};
+
+TEST(FileKeys, AFunctionReadsAKeyWhereItIsThereOrRequired) {
+  const auto read = [](const std::string& text, const auto& keys) {
+    Clock clock;
+    TomlTable table = TomlTable::Parse(text, "clock.toml");
+    ReadKeys(table, keys, clock);
+    table.RejectUnknownKeys();
+    return clock;
+  };
+  EXPECT_EQ(read("", kClockKeys).told, 0);
+  EXPECT_EQ(read("hour_h = 3\n", kClockKeys).hour_h, 15);
+  EXPECT_EQ(read("hour_h = 3\nalarm_h = 4\n", kClockKeys).told, 2);
+  EXPECT_THROW(read("hour_h = 3\n", AllRequired(kClockKeys)), FileError);
+  EXPECT_EQ(testing::Markdown({"", "", RowsOf(kClockKeys)}),
+            "| key | default | allowed | meaning |\n|---|---|---|---|\n"
+            "| `hour_h` | 9 | 1 to 12 | |\n"
+            "| `alarm_h` | none | 1 to 12 | |\n");
+}
+
+TEST(FileKeys, AFileOfAnotherKindIsRefusedInTheWordsOfItsHeader) {
+  const auto error = [](const std::string& text, const FileHeader& header) -> std::string {
+    TomlTable table = TomlTable::Parse(text, "clock.toml");
+    try {
+      ReadHeader(table, header);
+    } catch (const FileError& refused) {
+      return refused.what();
+    }
+    return "no error";
+  };
+  const FileHeader clock{"clock", 2};
+  EXPECT_EQ(error("format = 'clock'\nversion = 2\n", clock), "no error");
+  EXPECT_EQ(error("format = 'lamp'\n", clock), "clock.toml:1: format: is 'lamp'; allowed: clock");
+  EXPECT_EQ(error("version = 2\n", clock),
+            "clock.toml:1: format: is missing and has no default; allowed: a string");
+  EXPECT_EQ(error("format = 'clock'\nversion = 3\n", clock),
+            "clock.toml:2: version: is 3; allowed: from 2 ... 2");
+  const FileHeader of_choice{"clock", 2, nullptr, "is {0}; this reads {1}"};
+  EXPECT_EQ(error("format = 'clock'\nversion = 1\n", of_choice), "no error");
+  EXPECT_EQ(error("format = 'lamp'\n", of_choice),
+            "clock.toml:1: format: is 'lamp'; allowed: clock");
+  EXPECT_EQ(error("version = 2\n", of_choice),
+            "clock.toml:1: format: is missing and has no default; allowed: clock");
+  EXPECT_EQ(error("format = 'clock'\nversion = 3\n", of_choice),
+            "clock.toml:2: version: is 3; this reads 2");
+}
+
 struct Letter {
   FixedString<8> name;
   double weight_kg = 0.1;
