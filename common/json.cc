@@ -19,7 +19,8 @@ namespace {
 
 using Library = nlohmann::ordered_json;
 
-/// No data of ours is deeper, and copying or destroying a value takes a stack as deep as it is.
+/// The deepest nesting. No data of ours is deeper, and copying or destroying a value takes a stack
+/// that is as deep.
 constexpr std::size_t kDeepest = 100;
 
 [[noreturn]] void FailKind(const char* expected) {

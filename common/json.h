@@ -110,7 +110,7 @@ class Json {
   friend std::ostream& operator<<(std::ostream& stream, const Json& json);
 
  private:
-  /// What the templates hand to a constructor that is compiled once.
+  /// A value that the templates hand to a constructor that is compiled once.
   struct Scalar {
     enum Kind : std::uint8_t { kBoolean, kWhole, kLarge, kReal } kind = kBoolean;
     bool boolean = false;

@@ -45,8 +45,8 @@ enum class Refusal : std::uint8_t {
   kDriveError,     ///< A drive reports an error [its code].
   kTooHot,         ///< [degrees C]
   kOutsideLimits,  ///< A joint is measured outside its position limits [rad].
-  kNotAtStart,     ///< A joint's commanded position is not the primitive's first: move to the start
-                   ///< [rad].
+  /// A joint's commanded position is not the primitive's first one [rad]: move to the start.
+  kNotAtStart,
   kOutsideStartSet,  ///< A joint is measured too far from the primitive's first position [rad].
   kNoSuchBranch,     ///< The sequence has no branch of this number [the number].
   kNoHeartbeat,      ///< A drive's heartbeat has stopped [ticks since the last].

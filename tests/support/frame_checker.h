@@ -84,7 +84,8 @@ struct DriveOrder {
 /// - position, velocity and feed-forward are within limits, to the rounding of the wire, and so are
 ///   their steps;
 /// - no drive's zero is set, no emergency stop is sent, no drive that runs is set up.
-/// Reserves what it needs for a few violations; does not allocate as long as there are none.
+///
+/// It reserves memory for a few violations, and allocates nothing as long as there are none.
 class FrameJudge {
  public:
   explicit FrameJudge(const FrameRules& rules);
