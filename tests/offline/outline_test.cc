@@ -10,7 +10,6 @@
 #include <random>
 #include <vector>
 
-#include "offline/contact/near_points.h"
 #include "tests/support/random_shape.h"
 
 namespace tumbler {

@@ -9,7 +9,7 @@
 #include "common/toml_reader.h"
 #include "offline/contact/contact_intent.h"
 #include "offline/contact/contact_model.h"
-#include "offline/contact/near_points.h"
+#include "offline/contact/shape.h"
 #include "offline/dynamics/hybrid_dynamics.h"
 #include "offline/problem/task_toml.h"
 #include "tests/support/docs_tables.h"
