@@ -18,10 +18,10 @@ struct CostEntry : CostTerm {
   int of = 0;  ///< Which of `kCoordinates`.
 };
 
-constexpr std::array<std::string_view, 3> kKinds = {"terminal", "terminal-linear", "effort"};
 constexpr std::array kTermKeys = {
     KeyOf<&CostTerm::kind, CostEntry>(
-        "term", kKinds, "weight (value - target)^2; weight value; weight integral of \\|tau\\|^2")
+        "term", CostTerm::kKindNames,
+        "weight (value - target)^2; weight value; weight integral of \\|tau\\|^2")
         .Required(),
     KeyOf<&CostTerm::weight, CostEntry>("weight", {-1e9, 1e9}, "")
         .Required()
@@ -60,7 +60,7 @@ CostTerm ReadCostTerm(TomlTable& table, const PlanarRobot& robot) {
   if (robot.root_dofs == 0) {
     table.Fail("term", fmt::format("is '{}', about the root's coordinates, and this root is "
                                    "fixed; allowed: effort",
-                                   kKinds[static_cast<std::size_t>(term.kind)]));
+                                   CostTerm::kKindNames[static_cast<std::size_t>(term.kind)]));
   }
   ReadKeys(table, kCoordinateKeys, term);
   term.dof = term.of % 3;

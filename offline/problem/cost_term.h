@@ -1,8 +1,10 @@
 #pragma once
 
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <span>
+#include <string_view>
 
 #include "common/key_table.h"
 #include "common/toml_reader.h"
@@ -36,6 +38,9 @@ struct CostTerm {
     kLinear,  ///< value - target, as in [AB04, Eq. 34].
     kEffort,  ///< |tau|^2.
   };
+  /// The names of the kinds in a task, in their order.
+  static constexpr std::array<std::string_view, 3> kKindNames = {"terminal", "terminal-linear",
+                                                                 "effort"};
   enum class When {
     kEnd,         ///< At t_f, where the motion ends.
     kSettled,     ///< After the settle phase, legs held.

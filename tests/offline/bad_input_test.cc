@@ -90,6 +90,19 @@ TEST_F(BadInputFolder, TheTaskAndTheRobotThatTheOthersAreMadeFromAreGood) {
   EXPECT_EQ(task.problem.scene.robot.shapes.size(), 6U);
 }
 
+/// The message with the names that a key may have in the place of {TABLE.KEY}.
+std::string WithNames(std::string message) {
+  for (const KeyTable& table : TaskKeyTables()) {
+    for (const KeyRow& row : table.rows) {
+      const std::string place = "{" + table.name + "." + WithoutAll(row.key, "`") + "}";
+      const std::size_t at = message.find(place);
+      if (at == std::string::npos) continue;
+      message.replace(at, place.size(), WithoutAll(WithoutAll(row.allowed, "`"), "\""));
+    }
+  }
+  return message;
+}
+
 TEST_F(BadInputFolder, EveryFileEndsTheOptimiserWithItsMessageAndChangesNothing) {
   const auto before = FilesOf(folder_.path());
   for (const BadInput& input : BadInputs()) {
@@ -103,7 +116,8 @@ TEST_F(BadInputFolder, EveryFileEndsTheOptimiserWithItsMessageAndChangesNothing)
     std::string text = WithoutFolder(program.text());
     if (!input.is_task()) text = WithoutAll(text, folder / "tasks/");
     const bool of_task = !input.is_task() && input.message.starts_with("good");
-    const std::string message = of_task ? Replaced(input.message, "good", "task") : input.message;
+    const std::string message =
+        WithNames(of_task ? Replaced(input.message, "good", "task") : input.message);
     EXPECT_THAT(text, EndsWith("error: " + message + "\n"));
     EXPECT_EQ(folder.Listing(), listing) << "files were left behind";
   }
