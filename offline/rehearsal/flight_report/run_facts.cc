@@ -1,0 +1,88 @@
+#include "offline/rehearsal/flight_report/run_facts.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <string>
+#include <utility>
+
+namespace tumbler {
+namespace {
+
+void AddFact(RunData& run, const std::string& name, std::string value) {
+  run.facts.emplace_back(name, std::move(value));
+}
+
+void DescribeJoint(RunData& run, std::size_t j) {
+  double error = 0, error_s = 0, torque = 0, torque_s = 0;
+  std::int32_t age = 0;
+  for (std::size_t i = 0; i < run.ticks.size(); ++i) {
+    const JointRecord& joint = run.joint(i, j);
+    const auto following = run.FollowingError(i, j);
+    if (following && !(std::abs(*following) <= error)) {
+      error = std::abs(*following);
+      error_s = run.ticks[i].time_s;
+    }
+    const double measured = std::abs(double{joint.measured.torque_nm});
+    if (joint.reply_age_ticks >= 0 && measured > torque) {
+      torque = measured;
+      torque_s = run.ticks[i].time_s;
+    }
+    age = std::max(age, joint.reply_age_ticks);
+  }
+  const std::string& name = run.scene.joint_names[j];
+  AddFact(run, name + ": following error at most",
+          fmt::format("{:.5f} rad at {:.3f} s", error, error_s));
+  AddFact(run, name + ": measured torque at most",
+          fmt::format("{:.3f} N·m at {:.3f} s", torque, torque_s));
+  AddFact(run, name + ": oldest reply", fmt::format("{} ticks", age));
+}
+
+void DescribeTruth(RunData& run) {
+  if (run.truth.empty()) return;
+  double pitch = 0, pitch_s = 0;
+  std::size_t k = 0;
+  for (const ReportSample& truth : run.truth) {
+    while (k + 1 < run.plan.size() && run.plan[k + 1].time_s <= truth.time_s) ++k;
+    const bool playing =
+        std::any_of(run.bands.begin(), run.bands.end(), [&truth](const RunBand& band) {
+          return truth.time_s >= band.from_s && truth.time_s <= band.to_s;
+        });
+    const double apart = std::abs(truth.root_pitch_rad - run.plan[k].root_pitch_rad);
+    if (playing && apart > pitch) {
+      pitch = apart;
+      pitch_s = truth.time_s;
+    }
+  }
+  AddFact(run, "true root pitch off the plan by at most",
+          fmt::format("{:.4f} rad at {:.3f} s, in motion", pitch, pitch_s));
+}
+
+}  // namespace
+
+void AddFacts(RunData& run, const FlightRecord& record, std::string_view motion_name) {
+  const RecordConfiguration& c = record.configuration();
+  AddFact(run, "outcome", record.end() ? record.end()->outcome : "the recording was interrupted");
+  AddFact(run, "motion", std::string(motion_name) + " (" + c.motion_file + ")");
+  AddFact(run, "bus",
+          fmt::format("{}{}{}", c.bus, c.dry_run ? ", dry run" : "",
+                      c.virtual_time ? ", virtual time" : ""));
+  AddFact(
+      run, "rate, speed",
+      fmt::format("{:.6g} Hz, {:.3g}", 1 / run.period_s, static_cast<double>(c.executor.speed)));
+  AddFact(run, "ticks",
+          fmt::format("{} over {:.3f} s", run.ticks.size(),
+                      run.ticks.back().time_s - run.ticks.front().time_s));
+  for (std::size_t j = 0; j < run.joint_count(); ++j) DescribeJoint(run, j);
+  DescribeTruth(run);
+  AddFact(run, "made by", c.program);
+  AddFact(run, "on", c.kernel);
+  for (const Damage& damage : record.damages()) {
+    AddFact(run, "damaged", fmt::format("byte {}: {}", damage.offset, damage.what));
+  }
+  if (record.cut_off()) AddFact(run, "cut off", fmt::format("after byte {}", record.offset()));
+}
+
+}  // namespace tumbler
