@@ -34,6 +34,15 @@ std::string Mutate(const std::string& text, const std::string& from, const std::
   return text.substr(0, at) + to + text.substr(at + from.size());
 }
 
+std::string NamesOfProtocols() {
+  std::string names;
+  for (const std::string_view name : DriveProtocols::kNames) {
+    if (!names.empty()) names += ", ";
+    names += name;
+  }
+  return names;
+}
+
 TEST(DrivesToml, ShippedFileDescribesTheTumbler) {
   const DrivesConfig config = LoadDrives(kShipped);
   EXPECT_EQ(config.bit_rate, 1'000'000);
@@ -346,7 +355,7 @@ INSTANTIATE_TEST_SUITE_P(
         Refusal{"Protocol",
                 "protocol = \"mit\"",
                 "protocol = \"odrive\"",
-                {"drive[0].protocol: is 'odrive'; allowed: mit, canopen-csp, cansimple"}},
+                {"drive[0].protocol: is 'odrive'; allowed: " + NamesOfProtocols()}},
         Refusal{"NoProtocol", "protocol = \"mit\"", "", {"drive[0].protocol: is missing"}},
         Refusal{"CommandIdZero",
                 "command_id = 1 ",
