@@ -4,6 +4,11 @@
 add_library(tumbler_warnings INTERFACE)
 target_compile_options(tumbler_warnings INTERFACE -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Werror)
 
+# In a unity build every source of ours is an included file to the compiler, whose types might then be another file's too.
+if(CMAKE_UNITY_BUILD AND CMAKE_CXX_COMPILER_ID STREQUAL GNU)
+  target_compile_options(tumbler_warnings INTERFACE -Wno-subobject-linkage)
+endif()
+
 # -ffp-contract=off: a fused multiply-add rounds once instead of twice, so its use would make results
 # depend on the processor and the compiler; setpoints and primitives are to be bit-identical everywhere.
 add_library(tumbler_options INTERFACE)
@@ -24,9 +29,16 @@ if(TUMBLER_BUILD_FUZZERS)
   target_compile_options(tumbler_options INTERFACE -fsanitize=fuzzer-no-link)
 endif()
 
+# What runs once a command, for a moment, is compiled to less speed in less time: files, command lines, pages.
+add_library(tumbler_brief_work INTERFACE)
+if(NOT TUMBLER_FREESTANDING)
+  target_compile_options(tumbler_brief_work INTERFACE $<$<CONFIG:Release>:-O1>)
+endif()
+
 # tumbler_library(common SOURCES a.cc ... LINK Eigen3::Eigen ...) declares tumbler_common, alias tumbler::common.
+# BRIEF_WORK: none of it is a computation that anybody waits for, or part of the loop.
 function(tumbler_library name)
-  cmake_parse_arguments(ARG "" "" "SOURCES;LINK;LINK_PRIVATE" ${ARGN})
+  cmake_parse_arguments(ARG "BRIEF_WORK" "" "SOURCES;LINK;LINK_PRIVATE" ${ARGN})
   add_library(tumbler_${name} STATIC ${ARG_SOURCES})
   add_library(tumbler::${name} ALIAS tumbler_${name})
   set_target_properties(tumbler_${name} PROPERTIES EXPORT_NAME ${name})
@@ -37,6 +49,9 @@ function(tumbler_library name)
     $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}> $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}/tumbler>)
   target_link_libraries(tumbler_${name} PUBLIC tumbler_options ${ARG_LINK}
                         PRIVATE $<BUILD_INTERFACE:tumbler_warnings> ${ARG_LINK_PRIVATE})
+  if(ARG_BRIEF_WORK)
+    target_link_libraries(tumbler_${name} PRIVATE $<BUILD_INTERFACE:tumbler_brief_work>)
+  endif()
   set_property(GLOBAL APPEND PROPERTY TUMBLER_LIBRARIES tumbler_${name})
 endfunction()
 
@@ -44,6 +59,6 @@ endfunction()
 function(tumbler_executable name)
   cmake_parse_arguments(ARG "" "" "SOURCES;LINK" ${ARGN})
   add_executable(${name} ${ARG_SOURCES})
-  target_link_libraries(${name} PRIVATE ${ARG_LINK} tumbler_warnings)
+  target_link_libraries(${name} PRIVATE ${ARG_LINK} tumbler_warnings tumbler_brief_work)
   install(TARGETS ${name} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
 endfunction()

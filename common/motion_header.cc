@@ -48,7 +48,7 @@ std::string DefaultNamespace(std::string_view motion) {
 
 /// The text as a C++ string literal. Escapes are octal, because those end after three digits,
 /// whatever follows.
-std::string Quoted(std::string_view text) {
+std::string StringLiteral(std::string_view text) {
   std::string out = "\"";
   for (const char c : text) {
     if (c < ' ' || c > '~' || c == '?') {  // ?\?/ would be a trigraph to some compilers.
@@ -81,9 +81,10 @@ void AppendFloats(std::string& out, const char* name, std::span<const float> val
   out += "};\n";
 }
 
-using Spline = JointMotion<float>::Spline;
+using RuntimeSpline = JointMotion<float>::Spline;
 
-void AppendSpline(std::string& out, const char* member, std::size_t joint, const Spline& spline) {
+void AppendSpline(std::string& out, const char* member, std::size_t joint,
+                  const RuntimeSpline& spline) {
   out += fmt::format("  {{\n");
   AppendFloats(out, "knots", spline.knots());
   AppendFloats(out, "points", spline.control_points());
@@ -95,8 +96,9 @@ void AppendSpline(std::string& out, const char* member, std::size_t joint, const
 
 /// Throws unless all control points of the spline and its derivatives are finite: the compiler
 /// could not make them constants.
-void RequireFinite(const JointMotion<float>& motion, const Spline& spline, const char* what) {
-  for (int d = 0; d <= Spline::kMaxDerivative; ++d) {
+void RequireFinite(const JointMotion<float>& motion, const RuntimeSpline& spline,
+                   const char* what) {
+  for (int d = 0; d <= RuntimeSpline::kMaxDerivative; ++d) {
     for (const float point : spline.control_points(d)) {
       if (point - point == 0) continue;
       throw std::invalid_argument(
@@ -111,7 +113,7 @@ std::string PrimitiveText(const Primitive<float>& primitive) {
   auto line = [out = std::back_inserter(out)](auto format, const auto&... values) {
     fmt::format_to(out, fmt::runtime(format), values...);
   };
-  line("  p.name = tumbler::FixedString<48>({});\n", Quoted(primitive.name.view()));
+  line("  p.name = tumbler::FixedString<48>({});\n", StringLiteral(primitive.name.view()));
   line("  p.duration_s = {};\n", Exact(primitive.duration_s));
   line("  p.settle_s = {};\n", Exact(primitive.settle_s));
   line("  p.entry_tolerance_rad = {};\n", Exact(primitive.entry_tolerance_rad));
@@ -120,7 +122,8 @@ std::string PrimitiveText(const Primitive<float>& primitive) {
   for (std::size_t j = 0; j < primitive.motions().size(); ++j) {
     const JointMotion<float>& motion = primitive.joints[j];
     const JointLimits<float>& limits = motion.limits;
-    line("  p.joints[{}].name = tumbler::FixedString<32>({});\n", j, Quoted(motion.name.view()));
+    line("  p.joints[{}].name = tumbler::FixedString<32>({});\n", j,
+         StringLiteral(motion.name.view()));
     RequireFinite(motion, motion.position, "position");
     RequireFinite(motion, motion.torque, "feed-forward");
     AppendSpline(out, "position", j, motion.position);
@@ -149,12 +152,12 @@ std::string GraphText(const SequenceGraph<float>& graph) {
   auto line = [out = std::back_inserter(out)](auto format, const auto&... values) {
     fmt::format_to(out, fmt::runtime(format), values...);
   };
-  line("  g.name = tumbler::FixedString<48>({});\n", Quoted(graph.name.view()));
+  line("  g.name = tumbler::FixedString<48>({});\n", StringLiteral(graph.name.view()));
   line("  g.start = {};\n  g.node_count = {};\n", graph.start, graph.node_count);
   for (int i = 0; i < graph.node_count; ++i) {
     const SequenceNode& node = graph.node(i);
     line("  g.node_storage[{}] = {{tumbler::FixedString<48>({}), {}, {}, {}, {}}};\n", i,
-         Quoted(node.name.view()), node.primitive, node.swapped, node.safe, node.ends_cycle);
+         StringLiteral(node.name.view()), node.primitive, node.swapped, node.safe, node.ends_cycle);
   }
   line("  g.edge_count = {};\n", graph.edge_count);
   for (int i = 0; i < graph.edge_count; ++i) {
@@ -162,7 +165,8 @@ std::string GraphText(const SequenceGraph<float>& graph) {
     line(
         "  g.edge_storage[{}] = {{{}, {}, {}, tumbler::EdgeCondition::{}, "
         "tumbler::FixedString<32>({})}};\n",
-        i, edge.from, edge.to, Exact(edge.settle_s), NameOf(edge.when), Quoted(edge.branch.view()));
+        i, edge.from, edge.to, Exact(edge.settle_s), NameOf(edge.when),
+        StringLiteral(edge.branch.view()));
   }
   for (std::size_t j = 0; j < graph.partner.size(); ++j)
     line("  g.partner[{}] = {};\n", j, graph.partner[j]);
@@ -187,11 +191,11 @@ std::string ToHeader(const SequenceFile& file, const std::string& source_text,
   std::string out = fmt::format(
       "// Written by tumbler-export; do not edit.\n"
       "//   source {}, {}\n",
-      Quoted(source), HashOfText(source_text));
+      StringLiteral(source), HashOfText(source_text));
   for (std::size_t i = 0; i < file.primitives.size(); ++i) {
-    out +=
-        fmt::format("//   primitive {}: {}, coefficients {}\n", i, Quoted(file.primitive_names[i]),
-                    file.primitives[i].certificate.coefficients_hash);
+    out += fmt::format("//   primitive {}: {}, coefficients {}\n", i,
+                       StringLiteral(file.primitive_names[i]),
+                       file.primitives[i].certificate.coefficients_hash);
   }
   out += fmt::format(
       "#pragma once\n\n"
@@ -200,7 +204,7 @@ std::string ToHeader(const SequenceFile& file, const std::string& source_text,
       "namespace {} {{\n\n"
       "inline constexpr std::string_view kSource = {};\n"
       "inline constexpr std::string_view kSourceHash = {};\n\n",
-      name, Quoted(source), Quoted(HashOfText(source_text)));
+      name, StringLiteral(source), StringLiteral(HashOfText(source_text)));
   out += fmt::format("inline constexpr std::array<tumbler::Primitive<float>, {}> kPrimitives = {{",
                      file.primitives.size());
   for (std::size_t i = 0; i < file.primitives.size(); ++i)

@@ -16,7 +16,6 @@ namespace tumbler {
 namespace {
 
 using Motion = JointMotion<double>;
-using Spline = Motion::Spline;
 
 // How far rounding to float may push a velocity or acceleration beyond its limit, as a share of the
 // limit. With knots 10 ms apart float carries accelerations to about 0.1 rad/s^2; more than this
@@ -36,7 +35,8 @@ float RoundedLimit(double value) {
   return static_cast<float>(std::clamp(value, -kLargest, kLargest));
 }
 
-JointMotion<float>::Spline Rounded(const Motion& motion, const Spline& spline, const char* what) {
+JointMotion<float>::Spline Rounded(const Motion& motion, const Motion::Spline& spline,
+                                   const char* what) {
   std::vector<float> knots(spline.knots().size());
   std::transform(spline.knots().begin(), spline.knots().end(), knots.begin(),
                  [](double x) { return Rounded(x); });

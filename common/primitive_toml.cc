@@ -19,7 +19,6 @@ namespace tumbler {
 namespace {
 
 using Motion = JointMotion<double>;
-using Spline = Motion::Spline;
 
 // A drive's velocity loop can follow a path with continuous acceleration.
 constexpr int kPositionSmoothness = 2;
@@ -27,13 +26,6 @@ constexpr int kPositionSmoothness = 2;
 // Margins are differences of numbers of 1 to 1000. A program that adds them in another order agrees
 // to this.
 constexpr double kMarginTolerance = 1e-9;
-
-// Two numbers for a message, with as many digits as it takes to look different if they are.
-std::pair<std::string, std::string> Distinct(double a, double b) {
-  std::pair<std::string, std::string> texts{MessageNumber(a), MessageNumber(b)};
-  if (texts.first == texts.second && a != b) texts = {ExactDecimal(a), ExactDecimal(b)};
-  return texts;
-}
 
 // Throws unless the knots are as BSpline requires them, with a message for each way of being wrong.
 void CheckKnots(const TomlTable& table, std::span<const double> knots, int degree,
@@ -70,8 +62,8 @@ void CheckKnots(const TomlTable& table, std::span<const double> knots, int degre
 // `continuity` is the number of derivatives that must be continuous, or -1 if the value itself may
 // jump.
 template <std::size_t kCount>
-Spline ReadSpline(TomlTable table, const std::array<FileKey<SplineEntry>, kCount>& keys,
-                  int continuity, double duration_s) {
+Motion::Spline ReadSpline(TomlTable table, const std::array<FileKey<SplineEntry>, kCount>& keys,
+                          int continuity, double duration_s) {
   SplineEntry entry;
   ReadKeys(table, keys, entry);
   const auto count = static_cast<int>(entry.coefficients.size());
@@ -87,7 +79,7 @@ Spline ReadSpline(TomlTable table, const std::array<FileKey<SplineEntry>, kCount
   }
   CheckKnots(table, entry.knots_s, entry.degree, std::max(entry.degree - continuity, 1),
              duration_s);
-  Spline spline;
+  Motion::Spline spline;
   const Status status = spline.Assign(entry.degree, entry.knots_s, entry.coefficients);
   if (status != Status::kOk) {
     table.Fail("", fmt::format("does not describe a spline: {}", ToString(status)));
@@ -99,7 +91,7 @@ JointLimits<double> ReadLimits(TomlTable table) {
   JointLimits<double> limits;
   ReadKeys(table, kJointLimitKeys, limits);
   if (!(limits.position_min_rad < limits.position_max_rad)) {
-    const auto [max, min] = Distinct(limits.position_max_rad, limits.position_min_rad);
+    const auto [max, min] = DistinctNumbers(limits.position_max_rad, limits.position_min_rad);
     table.Fail("position_max_rad",
                fmt::format("is {}; allowed: above position_min_rad, which is {}", max, min));
   }
@@ -113,7 +105,7 @@ void CheckLimits(TomlTable& joint, const Motion& motion) {
       if (point >= bound.min && point <= bound.max) continue;
       const bool is_torque = bound.points.data() == motion.torque.control_points(0).data();
       const double limit = point > bound.max ? bound.max : bound.min;
-      const auto [value, allowed] = Distinct(point, limit);
+      const auto [value, allowed] = DistinctNumbers(point, limit);
       joint.Table(is_torque ? "torque" : "position")
           .Fail(is_torque ? "coefficients_nm" : "coefficients_rad",
                 fmt::format(
@@ -169,7 +161,7 @@ PrimitivePose ReadPose(TomlTable table, const Primitive<double>& primitive, bool
     const std::span<const double> points = motion.position.control_points();
     const double expected = at_end ? points.back() : points.front();
     if (pose.joint_positions_rad[i] == expected) continue;
-    const auto [value, allowed] = Distinct(pose.joint_positions_rad[i], expected);
+    const auto [value, allowed] = DistinctNumbers(pose.joint_positions_rad[i], expected);
     table.Fail("joint_positions_rad",
                fmt::format("joint '{}' is at {} rad; its spline {} at {} rad", motion.name.view(),
                            value, at_end ? "ends" : "starts", allowed));
@@ -181,7 +173,7 @@ ContactInterval ReadContact(TomlTable& table) {
   ContactInterval contact;
   ReadKeys(table, kContactKeys, contact);
   if (contact.end_s < contact.start_s) {
-    const auto [end, start] = Distinct(contact.end_s, contact.start_s);
+    const auto [end, start] = DistinctNumbers(contact.end_s, contact.start_s);
     table.Fail("end_s", fmt::format("is {}; allowed: >= start_s, which is {}", end, start));
   }
   return contact;
@@ -200,7 +192,7 @@ void CheckHash(const TomlTable& table, std::string_view key, const std::string& 
 
 void CheckMargin(const TomlTable& table, std::string_view key, double stored, double actual) {
   if (std::abs(stored - actual) <= kMarginTolerance) return;
-  const auto [value, expected] = Distinct(stored, actual);
+  const auto [value, expected] = DistinctNumbers(stored, actual);
   table.Fail(key,
              fmt::format("is {}, but the coefficients leave a margin of {}; make the file again",
                          value, expected));

@@ -13,9 +13,8 @@ namespace tumbler {
 namespace {
 
 using Motion = JointMotion<double>;
-using Spline = Motion::Spline;
 
-SplineEntry EntryOf(const Spline& spline) {
+SplineEntry EntryOf(const Motion::Spline& spline) {
   return {spline.degree(),
           {spline.knots().begin(), spline.knots().end()},
           {spline.control_points().begin(), spline.control_points().end()}};

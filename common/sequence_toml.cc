@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "common/file_keys.h"
+#include "common/index.h"
 #include "common/primitive_rounding.h"
 
 namespace tumbler {
@@ -32,17 +33,8 @@ constexpr std::string_view kBeforeHold = " before the hold";
 constexpr std::string_view kAfterHold = " after the hold";
 constexpr double kMaxSettle = 60;  // [s]; a longer time is a typing error
 
-std::size_t Index(int i) { return static_cast<std::size_t>(i); }
-
 std::string ReadText(const std::string& path, const FileReader& read) {
   return read ? read(path) : ReadTextFile(path);
-}
-
-// Two numbers for a message, with as many digits as it takes to look different if they are.
-std::pair<std::string, std::string> Distinct(double a, double b) {
-  std::pair<std::string, std::string> texts{MessageNumber(a), MessageNumber(b)};
-  if (texts.first == texts.second && a != b) texts = {ExactDecimal(a), ExactDecimal(b)};
-  return texts;
 }
 
 // ---- Keys ---------------------------------------------------------------------------------------
@@ -438,7 +430,7 @@ class SequenceReader {
       for (std::size_t i = 0; i < points.size(); ++i) {
         if (points[i] >= bound.min && points[i] <= bound.max) continue;
         const double limit = points[i] > bound.max ? bound.max : bound.min;
-        const auto [value, allowed] = Distinct(points[i], limit);
+        const auto [value, allowed] = DistinctNumbers(points[i], limit);
         // The curve depends on control point i of derivative d between these knots.
         const std::span<const double> knots = bound.spline.knots();
         const double from = knots[i + Index(bound.derivative)];
@@ -527,7 +519,7 @@ std::vector<JoinComparison> CompareJoins(const SequenceFile& file) {
 
 std::string Describe(const SequenceFile& file, const JoinComparison& c) {
   const SequenceEdge<double>& edge = file.graph.edge(c.edge);
-  const auto [exit, entry] = Distinct(c.exit, c.entry);
+  const auto [exit, entry] = DistinctNumbers(c.exit, c.entry);
   const auto primitive = [&](int node) -> const std::string& {
     return file.primitive_names[Index(file.graph.node(node).primitive)];
   };

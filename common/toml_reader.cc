@@ -34,6 +34,12 @@ std::string ExactDecimal(double value) {
 
 std::string MessageNumber(double value) { return fmt::format("{:.6g}", value); }
 
+std::pair<std::string, std::string> DistinctNumbers(double a, double b) {
+  std::pair<std::string, std::string> texts{MessageNumber(a), MessageNumber(b)};
+  if (texts.first == texts.second && a != b) texts = {ExactDecimal(a), ExactDecimal(b)};
+  return texts;
+}
+
 std::string ReadTextFile(const std::string& path) {
   std::error_code error;
   if (std::filesystem::is_directory(path, error))

@@ -9,6 +9,7 @@
 #include <stdexcept>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 namespace tumbler {
@@ -107,5 +108,8 @@ std::string ExactDecimal(double value);
 
 /// A number for messages, with up to 6 significant digits.
 std::string MessageNumber(double value);
+
+/// Two numbers for a message, with as many digits as it takes to look different if they are.
+std::pair<std::string, std::string> DistinctNumbers(double a, double b);
 
 }  // namespace tumbler

@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "common/command_line.h"
+#include "common/index.h"
 #include "common/program.h"
 #include "common/toml_reader.h"
 #include "offline/dynamics/hybrid_dynamics.h"
@@ -43,8 +44,6 @@ struct Arguments {
   std::vector<double> gravity;
   bool derivatives = false;
 };
-
-std::size_t Index(int i) { return static_cast<std::size_t>(i); }
 
 Robot LoadRobot(const Arguments& arguments) {
   RootKind root = RootKind::kPlanarXz;

@@ -8,7 +8,6 @@ namespace tumbler {
 
 namespace {
 
-constexpr double kTwoPi = 6.2831853071795864769;
 constexpr std::uint8_t kSuccess = 0, kBusy = 1, kDisarmed = 3;
 
 std::int64_t Nanoseconds(double seconds) { return std::llround(seconds * 1e9); }

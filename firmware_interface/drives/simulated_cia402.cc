@@ -11,7 +11,6 @@ namespace tumbler {
 
 namespace {
 
-constexpr double kTwoPi = 6.2831853071795864769;
 constexpr double kRest_rad_s = 0.05;
 
 // SDO abort codes (CiA 301).

@@ -2,12 +2,16 @@
 
 #include <cstdint>
 #include <limits>
+#include <numbers>
 #include <optional>
 
 #include "firmware_interface/can/simulated_bus.h"
 #include "firmware_interface/drives/joint_map.h"
 
 namespace tumbler {
+
+/// A turn of a shaft [rad].
+inline constexpr double kTwoPi = 2 * std::numbers::pi;
 
 /// The motor of a simulated drive. All values are those at the drive's shaft, as data sheets give
 /// them.

@@ -13,6 +13,7 @@
 #include <string_view>
 #include <utility>
 
+#include "common/index.h"
 #include "common/toml_reader.h"
 #include "offline/scene/scene_dynamics.h"
 #include "offline/stepper/even_steps.h"
@@ -28,8 +29,6 @@ constexpr double kImplausible = 1e4;
 /// over an edge of its feet does not come back.
 constexpr double kFallenPitch = 0.5;
 constexpr double kPostureTolerance = 0.1;
-
-std::size_t Index(int i) { return static_cast<std::size_t>(i); }
 
 /// The scene of one primitive, and the plan of the primitive in it.
 struct World {

@@ -169,4 +169,7 @@ struct Plane {
   static Wrench BiasOfRate(const Bias& /*bias*/, const Rate& /*u*/) { return {}; }
 };
 
+/// What the x-z plane keeps of a vector in space.
+inline Eigen::Vector2d InPlane(const Eigen::Vector3d& r) { return {r.x(), r.z()}; }
+
 }  // namespace tumbler

@@ -11,10 +11,6 @@
 namespace tumbler {
 namespace {
 
-/// A direction counts as along y, or across it, when it is off by less than this angle [rad]. So
-/// much comes from the digits of a file, and is not meant.
-constexpr double kPlaneTolerance = 1e-6;
-
 const char* const kShortCylinder =
     "is a cylinder shorter than wide, which no capsule stands for; use a sphere or a box";
 
@@ -22,8 +18,6 @@ const char* const kShortCylinder =
 struct Unusable : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
-
-Eigen::Vector2d InPlane(const Eigen::Vector3d& r) { return {r.x(), r.z()}; }
 
 /// The rotation of the plane that takes x to `direction`.
 Plane::Rotation Towards(const Eigen::Vector2d& direction) {

@@ -12,6 +12,10 @@ struct Plane;
 struct Robot;
 struct Spatial;
 
+/// A direction counts as along y, or across it, when it is off by less than this angle [rad]. So
+/// much comes from the digits of a file, and is not meant.
+inline constexpr double kPlaneTolerance = 1e-6;
+
 /// A collision shape of the file that the contact model does not use, and the reason.
 struct IgnoredShape {
   std::string link;

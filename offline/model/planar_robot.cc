@@ -12,12 +12,6 @@
 namespace tumbler {
 namespace {
 
-/// A joint axis counts as in the plane when it leaves it by less than this angle [rad]. So much
-/// comes from the digits of a file, and is not meant.
-constexpr double kPlaneTolerance = 1e-6;
-
-Eigen::Vector2d InPlane(const Eigen::Vector3d& r) { return {r.x(), r.z()}; }
-
 [[noreturn]] void FailLink(const Robot& robot, const std::string& link,
                            const std::string& problem) {
   const RobotLink* const about = robot.FindLink(link);

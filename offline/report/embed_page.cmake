@@ -19,12 +19,12 @@ file(WRITE ${OUTPUT} "// Made by offline/report/embed_page.cmake.
 
 namespace tumbler {
 namespace {
-constexpr unsigned char kBytes[] = {
+constexpr unsigned char k${FUNCTION}[] = {
 ${bytes}
 };
 }  // namespace
 
-std::string ${FUNCTION}() { return {std::begin(kBytes), std::end(kBytes)}; }
+std::string ${FUNCTION}() { return {std::begin(k${FUNCTION}), std::end(k${FUNCTION})}; }
 
 }  // namespace tumbler
 ")

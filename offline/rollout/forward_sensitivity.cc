@@ -6,6 +6,7 @@
 #include <limits>
 #include <vector>
 
+#include "common/index.h"
 #include "offline/scene/scene_dynamics.h"
 
 namespace tumbler {
@@ -14,11 +15,6 @@ namespace {
 using Spline = JointMotion<double>::Spline;
 using Row = Eigen::Map<Eigen::ArrayXd>;
 using ConstRow = Eigen::Map<const Eigen::ArrayXd>;
-
-/// A state beyond this (m, rad, and their rates) is a failed rollout, as in Rollout.
-constexpr double kImplausible = 1e4;
-
-constexpr std::size_t Index(int i) { return static_cast<std::size_t>(i); }
 
 /// A smooth maximum of |value| / limit and its derivative [KS79], of values that come one by one.
 /// `sum` and `slope` are scaled by exp(-rho largest).
@@ -225,7 +221,7 @@ struct ForwardSensitivity::Implementation {
 
   [[nodiscard]] bool Plausible(const std::vector<double>& z) const {
     return std::all_of(z.begin(), z.begin() + 2 * nf,
-                       [](double value) { return std::abs(value) < kImplausible; });
+                       [](double value) { return std::abs(value) < kImplausibleState; });
   }
 
   /// Integrates one phase, in which the paths are smooth: the motion, or the joints held after it.

@@ -6,6 +6,7 @@
 #include <limits>
 #include <stdexcept>
 
+#include "common/index.h"
 #include "offline/rollout/forward_sensitivity.h"
 #include "offline/scene/scene_dynamics.h"
 #include "offline/stepper/even_steps.h"
@@ -18,13 +19,8 @@ using Spline = JointMotion<double>::Spline;
 using Derivatives = HybridDynamics<Plane>::Derivatives;
 constexpr int kMaxDofs = SceneDynamics::kMaxDofs;
 
-/// A state beyond this (m, rad, and their rates) is a failed rollout: no tumbler gets near it.
-constexpr double kImplausible = 1e4;
-
 constexpr const Tableau& kScheme = kClassical;
 constexpr int kStages = static_cast<int>(kScheme.stages);
-
-constexpr std::size_t Index(int i) { return static_cast<std::size_t>(i); }
 
 /// c_s of the scheme in halves of a step. There are controls for these times.
 constexpr std::array<int, kStages> kHalfSteps = [] {
@@ -272,7 +268,7 @@ struct Rollout::Implementation {
 
   [[nodiscard]] bool Plausible(const State& y) const {
     for (int i = 0; i < 2 * nf; ++i) {
-      if (!(std::abs(y[Index(i)]) < kImplausible)) return false;  // NaN is implausible, too.
+      if (!(std::abs(y[Index(i)]) < kImplausibleState)) return false;  // NaN is implausible, too.
     }
     return true;
   }

@@ -12,6 +12,9 @@
 
 namespace tumbler {
 
+/// A state beyond this (m, rad, and their rates) is a failed rollout: no tumbler gets near it.
+inline constexpr double kImplausibleState = 1e4;
+
 /// The smooth maximum of penetration leaves out contacts whose share in it would be e to the power
 /// of less than this.
 inline constexpr double kNegligibleExponent = -40;

@@ -10,6 +10,7 @@
 #include <string>
 #include <tuple>
 
+#include "common/index.h"
 #include "offline/dynamics/hybrid_dynamics.h"
 #include "tests/support/dart_tumbler.h"
 #include "tests/support/random_robot.h"
@@ -17,8 +18,6 @@
 
 namespace tumbler {
 namespace {
-
-std::size_t Index(int i) { return static_cast<std::size_t>(i); }
 
 /// Compares `trials` random states with random forces at random points of random bodies.
 /// @param prescribed  which joints have their acceleration given.

@@ -4,13 +4,12 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "common/index.h"
 #include "offline/scene/scene_dynamics.h"
 #include "offline/stepper/stepper.h"
 
 namespace tumbler {
 namespace {
-
-constexpr std::size_t Index(int i) { return static_cast<std::size_t>(i); }
 
 int BodyOf(const PlanarRobot& robot, const std::string& link) {
   const std::vector<std::string>& names = robot.body_names;
