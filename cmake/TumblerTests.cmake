@@ -72,9 +72,13 @@ function(tumbler_googletest name)
 endfunction()
 
 # tumbler_test(bspline_test LINK tumbler::common ...) does the same, and registers each of its cases with CTest.
-# PROGRAMS are the project's programs that it runs, NEEDS the tools without which it is left out.
+# PROGRAMS are the project's programs that it runs, NEEDS the tools without which it is left out. SECONDS is about how
+# long its longest case takes, where that is long: such tests begin first, or all would wait for them in the end.
 function(tumbler_test name)
-  cmake_parse_arguments(ARG "OWN_HEADERS" "" "SOURCES;LINK;LABELS;PROGRAMS;NEEDS" ${ARGN})
+  cmake_parse_arguments(ARG "OWN_HEADERS" "SECONDS" "SOURCES;LINK;LABELS;PROGRAMS;NEEDS" ${ARGN})
+  if(NOT ARG_SECONDS)
+    set(ARG_SECONDS 0)
+  endif()
   tumbler_left_out(left_out ${name} ${ARG_NEEDS})
   if(left_out)
     return()
@@ -88,5 +92,5 @@ function(tumbler_test name)
   if(ARG_PROGRAMS)
     add_dependencies(${name} ${ARG_PROGRAMS})
   endif()
-  gtest_discover_tests(${name} PROPERTIES TIMEOUT 300 LABELS "${ARG_LABELS}" DISCOVERY_TIMEOUT 60)
+  gtest_discover_tests(${name} PROPERTIES TIMEOUT 300 LABELS "${ARG_LABELS}" COST ${ARG_SECONDS} DISCOVERY_TIMEOUT 60)
 endfunction()
