@@ -361,7 +361,7 @@ TEST(ModelOracle, AgreesWithDartOnRandomFiles) {
 
 TEST(ModelOracle, DerivativesAreThoseOfDartWithForcesThatStayAndPointsThatMove) {
   std::mt19937_64 random(82);
-  for (int robot = 0; robot < 24; ++robot) {
+  for (unsigned robot = 0; robot < 24; ++robot) {
     const RandomFile file = MakeRandomFile(random);
     const std::string root = std::vector<std::string>{"planar-xz", "fixed", "floating"}[robot % 3U];
     SCOPED_TRACE(fmt::format("robot {} {}\n{}", robot, root, file.Urdf()));

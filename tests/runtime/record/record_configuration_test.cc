@@ -5,6 +5,7 @@
 
 #include <cstddef>
 #include <cstring>
+#include <fstream>
 #include <string>
 #include <string_view>
 
