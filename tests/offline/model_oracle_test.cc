@@ -324,7 +324,7 @@ std::string Options(const std::string& root, const DartRobot& dart,
 
 TEST(ModelOracle, AgreesWithDartOnRandomFiles) {
   std::mt19937_64 random(81);
-  for (int robot = 0; robot < 120; ++robot) {
+  for (unsigned robot = 0; robot < 120; ++robot) {
     const RandomFile file = MakeRandomFile(random);
     const std::string root = std::vector<std::string>{"planar-xz", "fixed", "floating"}[robot % 3U];
     SCOPED_TRACE(fmt::format("robot {} {}\n{}", robot, root, file.Urdf()));
