@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "offline/linear/least_squares.h"
+#include "offline/solver/random_starts.h"
 
 namespace tumbler {
 namespace {
@@ -22,27 +23,6 @@ constexpr double kActive = 1e-5;
 /// The solver is given limits that are tighter by a millionth, so that its result keeps the true
 /// ones despite rounding.
 constexpr double kInside = 1 - 1e-6;
-
-/// A small counter-based generator, SplitMix64 [Steele, Lea, Flood 2014]: sample i of a seed is the
-/// same in whichever thread it is drawn. The standard library's distributions would differ between
-/// implementations.
-class SplitMix64 {
- public:
-  SplitMix64(std::uint64_t seed, std::uint64_t stream) : state_(seed * 0x9E3779B97F4A7C15U) {
-    state_ = Next() ^ (stream * 0xD1B54A32D192ED03U);
-  }
-  std::uint64_t Next() {
-    std::uint64_t z = state_ += 0x9E3779B97F4A7C15U;
-    z = (z ^ (z >> 30U)) * 0xBF58476D1CE4E5B9U;
-    z = (z ^ (z >> 27U)) * 0x94D049BB133111EBU;
-    return z ^ (z >> 31U);
-  }
-  /// Uniform in [-1, 1).
-  double Symmetric() { return static_cast<double>(Next() >> 11U) * 0x1.0p-52 - 1.0; }
-
- private:
-  std::uint64_t state_;
-};
 
 /// Runs work(index, thread) for indices 0 ... count - 1 on several threads; each index exactly
 /// once.
@@ -64,45 +44,6 @@ void ParallelFor(int count, int threads, const std::function<void(int, int)>& wo
   run(0);
   for (std::thread& other : others) other.join();
   if (failure) std::rethrow_exception(failure);
-}
-
-/// A random smooth departure from the straight line between start and end: half-sine modes over the
-/// free control points, mode m with an amplitude uniform in +-spread / m, inside the position
-/// limits, and shrunk towards the line until the velocity and acceleration limits (`rows`) hold.
-/// Low modes move the robot; independent control points mostly shake it (measured: 14 times fewer
-/// samples near a handstand).
-std::vector<double> RandomStart(const Problem& problem, const std::vector<LinearRow>& rows,
-                                std::uint64_t sample) {
-  SplitMix64 random(problem.search.seed, sample);
-  std::vector<double> line, departure;
-  std::vector<double> amplitude(static_cast<std::size_t>(problem.search.modes));
-  for (const ActuatedJoint& joint : problem.joints) {
-    for (std::size_t m = 0; m < amplitude.size(); ++m) {
-      amplitude[m] = problem.search.spread_rad * random.Symmetric() / static_cast<double>(m + 1);
-    }
-    const int free = joint.free_points();
-    for (int i = 0; i < free; ++i) {
-      const double s = (i + 1.0) / (free + 1.0);
-      const double straight = joint.start_rad + s * (joint.end_rad - joint.start_rad);
-      double value = straight;
-      for (std::size_t m = 0; m < amplitude.size(); ++m) {
-        value += amplitude[m] * std::sin(M_PI * static_cast<double>(m + 1) * s);
-      }
-      line.push_back(straight);
-      departure.push_back(
-          std::clamp(value, joint.limits.position_min_rad, joint.limits.position_max_rad) -
-          straight);
-    }
-  }
-  double scale = 1;
-  for (const LinearRow& row : rows) {
-    const double at_line =
-        row.b + std::inner_product(row.a.begin(), row.a.end(), line.begin(), 0.0);
-    const double slope = std::inner_product(row.a.begin(), row.a.end(), departure.begin(), 0.0);
-    if (slope > 0 && at_line < 0) scale = std::min(scale, -at_line / slope);
-  }
-  for (std::size_t i = 0; i < line.size(); ++i) line[i] += scale * departure[i];
-  return line;
 }
 
 /// The rank of a motion in the global search: its cost, and penalties for limits that it exceeds,
@@ -279,6 +220,8 @@ class LocalSolve {
     }
     opt.set_lower_bounds(lower);
     opt.set_upper_bounds(upper);
+    // NLopt refuses a start that is outside of its bounds by a rounding, which sums come to be.
+    for (std::size_t i = 0; i < n; ++i) x[i] = std::clamp(x[i], lower[i], upper[i]);
     opt.set_min_objective(&LocalSolve::Objective, this);
     const std::size_t constraints = rows_.size() + problem_.joints.size() + 1;
     opt.add_inequality_mconstraint(&LocalSolve::Constraints, this,
@@ -514,7 +457,7 @@ namespace {
 class Campaign {
  public:
   Campaign(const Problem& problem, const SolveOptions& options)
-      : problem_(problem), options_(options), rows_(DerivativeLimitRows(problem)) {}
+      : problem_(problem), options_(options), starts_(problem) {}
 
   SolveOutcome Run() {
     // A screened motion can still turn out to lie in one of the flat basins, or fall back into one
@@ -557,7 +500,7 @@ class Campaign {
       ParallelFor(count, options_.threads, [&](int k, int thread) {
         if (interrupted()) return;
         const auto i = Index(first + k);
-        const std::vector<double> x = RandomStart(problem_, rows_, i);
+        const std::vector<double> x = starts_.Draw(i);
         samples_[i].Look(problem_, estimates[Index(thread)].Estimate(x));
         const std::lock_guard<std::mutex> lock(mutex_);
         best_rank_ = std::min(best_rank_, samples_[i].rank);
@@ -573,7 +516,7 @@ class Campaign {
       ParallelFor(static_cast<int>(good.size()), options_.threads, [&](int k, int thread) {
         if (interrupted()) return;
         const std::size_t i = good[Index(k)];
-        const std::vector<double> x = RandomStart(problem_, rows_, i);
+        const std::vector<double> x = starts_.Draw(i);
         samples_[i].Look(problem_, rollouts[Index(thread)].Run(x));
       });
     }
@@ -600,7 +543,7 @@ class Campaign {
     ParallelFor(static_cast<int>(order.size()), options_.threads, [&](int k, int thread) {
       Solution& solution = solutions_[first + Index(k)];
       solution.start = static_cast<int>(first) + k;
-      solution.x = RandomStart(problem_, rows_, order[Index(k)]);
+      solution.x = starts_.Draw(order[Index(k)]);
       SolveOn(solution, budget, rollouts[Index(thread)]);
     });
     for (const std::size_t i : order) samples_[i].screened = true;
@@ -708,7 +651,7 @@ class Campaign {
 
   const Problem& problem_;
   const SolveOptions& options_;
-  std::vector<LinearRow> rows_;
+  RandomStarts starts_;
   std::mutex mutex_;
   std::vector<Sample> samples_;
   double best_rank_ = std::numeric_limits<double>::infinity();

@@ -13,6 +13,7 @@
 #include <random>
 
 #include "offline/problem/task_toml.h"
+#include "offline/solver/random_starts.h"
 #include "tests/support/task_files.h"
 
 namespace tumbler {
@@ -275,6 +276,68 @@ TEST(SolveFrom, ConvergesToOneOptimumFromAnywhereWhenTheProblemIsAsGoodAsQuadrat
     }
   }
   for (const double cost : costs) EXPECT_NEAR(cost, costs[0], 1e-4 * costs[0]);
+}
+
+/// How far the joints' paths of the first samples depart from the straight line, on average [rad].
+double MeanDeparture(const Problem& problem) {
+  const RandomStarts starts(problem);
+  double sum = 0;
+  constexpr int kSamples = 100;
+  for (std::uint64_t i = 0; i < kSamples; ++i) {
+    const std::vector<double> x = starts.Draw(i);
+    double largest = 0;
+    for (std::size_t j = 0; j < problem.joints.size(); ++j) {
+      const ActuatedJoint& joint = problem.joints[j];
+      const auto path = PositionSpline(problem, x, j);
+      for (int k = 0; k <= 100; ++k) {
+        const double straight = joint.start_rad + k * (joint.end_rad - joint.start_rad) / 100;
+        largest = std::max(largest,
+                           std::abs(path.Evaluate(k * problem.duration_s / 100).value - straight));
+      }
+    }
+    sum += largest / kSamples;
+  }
+  return sum;
+}
+
+TEST(RandomStarts, AreAsLargeForAnyNumberOfControlPoints) {
+  const double usual = MeanDeparture(Uneven(5, 12));
+  EXPECT_GT(usual, 0.3);
+  for (const int points : {24, 40, 64}) {
+    const double departure = MeanDeparture(Uneven(5, points));
+    EXPECT_GT(departure, 0.85 * usual) << points;
+    EXPECT_LT(departure, 1.15 * usual) << points;
+  }
+}
+
+TEST(RandomStarts, KeepAllLimitsOfPaths) {
+  for (const int points : {9, 12, 30, 64}) {
+    const Problem problem = Uneven(5, points);
+    const std::vector<LinearRow> rows = DerivativeLimitRows(problem);
+    const RandomStarts starts(problem);
+    for (std::uint64_t i = 0; i < 50; ++i) {
+      const std::vector<double> x = starts.Draw(i);
+      for (const LinearRow& row : rows) EXPECT_LT(Value(row, x), 1e-9) << points << " " << row.name;
+      for (std::size_t p = 0; p < x.size(); ++p) {
+        const JointLimits<double>& limits =
+            problem.joints[problem.joint_of_parameter(static_cast<int>(p))].limits;
+        EXPECT_GE(x[p], limits.position_min_rad);
+        EXPECT_LE(x[p], limits.position_max_rad);
+      }
+    }
+  }
+}
+
+TEST(SolveFrom, TakesAStartThatIsOutsideOfItsLimitsByARounding) {
+  const Problem problem = FixedRootSwing();
+  Rollout rollout(problem, problem.solver.step_s);
+  std::vector<double> x(static_cast<std::size_t>(problem.parameter_count()), 0.0);
+  const JointLimits<double>& limits = problem.joints[0].limits;
+  x[0] = std::nextafter(limits.position_max_rad, HUGE_VAL);
+  x[1] = std::nextafter(limits.position_min_rad, -HUGE_VAL);
+  const Solution solution = SolveFrom(problem, x, 50, rollout, {}, nullptr);
+  EXPECT_NE(solution.end, SolveEnd::kFailed);
+  EXPECT_LT(solution.rollout.cost, solution.start_cost);
 }
 
 TEST(Solve, SaysWhetherAnythingWasTouched) {

@@ -1,0 +1,136 @@
+#include "offline/solver/random_starts.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "common/index.h"
+#include "offline/rollout/rollout.h"
+
+namespace tumbler {
+namespace {
+
+/// The number of control points for which search settings were chosen.
+constexpr int kCoarsePoints = 12;
+
+/// A small counter-based generator, SplitMix64 [Steele, Lea, Flood 2014]: sample i of a seed is the
+/// same in whichever thread it is drawn. The standard library's distributions would differ between
+/// implementations.
+class SplitMix64 {
+ public:
+  SplitMix64(std::uint64_t seed, std::uint64_t stream) : state_(seed * 0x9E3779B97F4A7C15U) {
+    state_ = Next() ^ (stream * 0xD1B54A32D192ED03U);
+  }
+  std::uint64_t Next() {
+    std::uint64_t z = state_ += 0x9E3779B97F4A7C15U;
+    z = (z ^ (z >> 30U)) * 0xBF58476D1CE4E5B9U;
+    z = (z ^ (z >> 27U)) * 0x94D049BB133111EBU;
+    return z ^ (z >> 31U);
+  }
+  /// Uniform in [-1, 1).
+  double Symmetric() { return static_cast<double>(Next() >> 11U) * 0x1.0p-52 - 1.0; }
+
+ private:
+  std::uint64_t state_;
+};
+
+Problem Coarse(Problem problem) {
+  for (ActuatedJoint& joint : problem.joints)
+    joint.control_points = std::min(joint.control_points, kCoarsePoints);
+  return problem;
+}
+
+/// The straight line from start to end, as parameters.
+std::vector<double> StraightLine(const Problem& problem) {
+  std::vector<double> line;
+  for (const ActuatedJoint& joint : problem.joints) {
+    const int free = joint.free_points();
+    for (int i = 0; i < free; ++i) {
+      const double s = (i + 1.0) / (free + 1.0);
+      line.push_back(joint.start_rad + s * (joint.end_rad - joint.start_rad));
+    }
+  }
+  return line;
+}
+
+/// Half-sine modes on top of the line, within the position limits.
+std::vector<double> RandomPath(const Problem& problem, const std::vector<double>& line,
+                               std::uint64_t sample) {
+  SplitMix64 random(problem.search.seed, sample);
+  std::vector<double> path = line;
+  std::vector<double> amplitude(static_cast<std::size_t>(problem.search.modes));
+  std::size_t at = 0;
+  for (const ActuatedJoint& joint : problem.joints) {
+    for (std::size_t m = 0; m < amplitude.size(); ++m) {
+      amplitude[m] = problem.search.spread_rad * random.Symmetric() / static_cast<double>(m + 1);
+    }
+    const int free = joint.free_points();
+    for (int i = 0; i < free; ++i, ++at) {
+      const double s = (i + 1.0) / (free + 1.0);
+      for (std::size_t m = 0; m < amplitude.size(); ++m) {
+        path[at] += amplitude[m] * std::sin(M_PI * static_cast<double>(m + 1) * s);
+      }
+      path[at] = std::clamp(path[at], joint.limits.position_min_rad, joint.limits.position_max_rad);
+    }
+  }
+  return path;
+}
+
+/// The path, shrunk towards the line until the rows hold; those that the line itself breaks are
+/// left alone.
+std::vector<double> Shrunk(const Problem& problem, const std::vector<LinearRow>& rows,
+                           std::vector<double> line, const std::vector<double>& path) {
+  std::vector<double> departure(line.size());
+  std::transform(path.begin(), path.end(), line.begin(), departure.begin(), std::minus<>());
+  double scale = 1;
+  for (const LinearRow& row : rows) {
+    const double at_line =
+        row.b + std::inner_product(row.a.begin(), row.a.end(), line.begin(), 0.0);
+    const double slope = std::inner_product(row.a.begin(), row.a.end(), departure.begin(), 0.0);
+    if (slope > 0 && at_line < 0) scale = std::min(scale, -at_line / slope);
+  }
+  for (std::size_t i = 0; i < line.size(); ++i) {
+    const JointLimits<double>& limits =
+        problem.joints[problem.joint_of_parameter(static_cast<int>(i))].limits;
+    line[i] = std::clamp(line[i] + scale * departure[i], limits.position_min_rad,
+                         limits.position_max_rad);
+  }
+  return line;
+}
+
+}  // namespace
+
+std::vector<double> WithControlPointsOf(const Problem& problem, const Problem& from,
+                                        std::span<const double> x) {
+  std::vector<double> refined;
+  const std::vector<double> line = StraightLine(problem);
+  for (std::size_t j = 0; j < problem.joints.size(); ++j) {
+    const auto path = PositionSpline(from, x, j);
+    const auto spline = PositionSpline(problem, line, j);
+    const auto knots = spline.knots();
+    // The first and last three points are those of the ends.
+    for (int i = 3; i < problem.joints[j].control_points - 3; ++i) {
+      double abscissa = 0;
+      for (int k = 1; k <= problem.degree; ++k) abscissa += knots[Index(i + k)];
+      refined.push_back(path.Evaluate(abscissa / problem.degree).value);
+    }
+  }
+  return refined;
+}
+
+RandomStarts::RandomStarts(const Problem& problem)
+    : problem_(problem),
+      rows_(DerivativeLimitRows(problem)),
+      coarse_(Coarse(problem)),
+      coarse_rows_(DerivativeLimitRows(coarse_)) {}
+
+std::vector<double> RandomStarts::Draw(std::uint64_t sample) const {
+  const std::vector<double> coarse_line = StraightLine(coarse_);
+  const std::vector<double> coarse =
+      Shrunk(coarse_, coarse_rows_, coarse_line, RandomPath(coarse_, coarse_line, sample));
+  if (coarse_.parameter_count() == problem_.parameter_count()) return coarse;
+  return Shrunk(problem_, rows_, StraightLine(problem_),
+                WithControlPointsOf(problem_, coarse_, coarse));
+}
+
+}  // namespace tumbler
