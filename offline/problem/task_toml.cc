@@ -25,6 +25,10 @@ namespace {
 /// The most pairs of obstacle and collision shape. With more, finding a motion would take too long.
 constexpr std::size_t kMostPairs = 1000;
 
+/// The most integration steps of a rollout. A gradient keeps about 1 kB of each, and each thread has
+/// a rollout of its own.
+constexpr double kMostSteps = 2e5;
+
 /// A start pose that does not come from the task.
 struct StartPose {
   const PrimitivePose* pose;
@@ -113,6 +117,7 @@ class TaskReader {
     ReadStart(start);
     root_.RejectUnknownKeys();
     SetStep();
+    CheckSteps();
     return std::move(problem_);
   }
 
@@ -194,6 +199,27 @@ class TaskReader {
       solver.screen_step_s = std::max(solver.step_s, std::min(solver.screen_step_s, 2 * step));
     if (!given("search", "step_s"))
       problem_.search.step_s = std::min(problem_.search.step_s, 1.5 * step);
+  }
+
+  /// Checks that a rollout has no more steps than memory and patience allow: a gradient keeps what
+  /// it needs of each.
+  void CheckSteps() {
+    const double time = problem_.duration_s + problem_.settle_s;
+    const auto check = [&](const char* name, const char* key, double step_s) {
+      const double steps = time / step_s;
+      if (steps <= kMostSteps) return;
+      std::optional<TomlTable> table = root_.OptionalTable(name);
+      const std::string problem = fmt::format(
+          "is {} s, which is {:.0f} steps for the {} s of duration_s and settle_s; allowed: up to "
+          "{:.0f} steps, so {} s or more here",
+          MessageNumber(step_s), steps, MessageNumber(time), kMostSteps,
+          MessageNumber(time / kMostSteps));
+      if (table) table->Fail(key, problem);
+      root_.Fail(fmt::format("{}.{}", name, key), problem);
+    };
+    check("solver", "step_s", problem_.solver.step_s);
+    check("solver", "screen_step_s", problem_.solver.screen_step_s);
+    check("search", "step_s", problem_.search.step_s);
   }
 
   [[nodiscard]] double Mass() const {
