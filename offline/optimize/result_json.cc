@@ -30,6 +30,23 @@ Json FiguresOfMinima(const TaskResult& result) {
   return minima;
 }
 
+Json FiguresOf(const SecondLook& look) {
+  auto purpose = Json::Array();
+  for (const PurposeFigure& figure : look.purpose) {
+    purpose.Append({{"of", figure.name},
+                    {"unit", figure.unit},
+                    {"target", figure.target},
+                    {"result", figure.result},
+                    {"tolerance", figure.tolerance},
+                    {"met", figure.met()}});
+  }
+  return {{"step_s", look.step_s},
+          {"peak_torque_nm", look.peak_torque_nm},
+          {"torque_excess", look.torque_excess},
+          {"peak_penetration_m", look.peak_penetration_m},
+          {"purpose", purpose}};
+}
+
 /// The figures of a task that has a motion.
 Json Figures(const TaskResult& result) {
   const Solution& best = result.best;
@@ -52,6 +69,7 @@ Json Figures(const TaskResult& result) {
     std::visit([&](const auto& value) { json[figure.key] = value; }, figure.value);
   }
   json["coefficients_hash"] = result.file->certificate.coefficients_hash;
+  json["second_look"] = FiguresOf(result.look);
   if (!result.minima.empty()) json["minima"] = FiguresOfMinima(result);
   return json;
 }

@@ -42,6 +42,24 @@ const char* GradientCause(const Certificate& certificate) {
                "contact.d_on_m";
 }
 
+/// Prints targets and results beside each other, and warns of a limit that only the finer step
+/// shows to be exceeded.
+void PrintSecondLook(std::FILE* people, const SecondLook& look) {
+  fmt::print(people, "  with a step of {:.3g} ms: peak torque {:.2f} N m, penetration {:.2f} mm\n",
+             1e3 * look.step_s, look.peak_torque_nm, 1e3 * look.peak_penetration_m);
+  for (const PurposeFigure& figure : look.purpose) {
+    fmt::print(people, "    {}: asked {:.4f}, got {:.4f} {} (within {:.3g})\n", figure.name,
+               figure.target, figure.result, figure.unit, figure.tolerance);
+  }
+  if (look.torque_excess > 0) {
+    fmt::print(stderr,
+               "warning: with a step of {:.3g} ms a torque is {:.1f} % above its limit; the solver "
+               "does not see it with its own step: use a smaller solver.step_s or a larger "
+               "solver.torque_margin\n",
+               1e3 * look.step_s, 100 * look.torque_excess);
+  }
+}
+
 }  // namespace
 
 void PrintNotes(const Task& task) {
@@ -71,6 +89,7 @@ void PrintMotion(std::FILE* people, const TaskResult& result) {
                  "{acceleration_margin_rad_s2:.0f} rad/s^2; "
                  "peak penetration {peak_penetration_mm:.2f} mm\n",
                  c, result.problem().scene.contact.d_on_m));
+  PrintSecondLook(people, result.look);
   if (c.gradient_error > kDoubtfulGradient) {
     fmt::print(
         stderr,

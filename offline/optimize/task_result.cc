@@ -79,8 +79,16 @@ TaskResult WorkOn(Task task, const WorkSettings& settings) {
   if (result.usable && (!result.outcome.interrupted || settings.keep_best)) {
     result.summary = Summarize(problem, best.x);
     PrimitiveFile file = MakePrimitiveFile(result.task, result.outcome, best);
-    // The certificate computes independently of the solver, and decides.
-    if (file.certificate.constraint_violation <= kNoViolation) {
+    result.look = LookAgain(problem, best.x);
+    if (!result.look.purpose_met()) {
+      result.usable = false;
+      result.cause = fmt::format(
+          "the best motion keeps all limits, and misses what the task is for, as a simulation with "
+          "a step of {:.3g} ms shows: {}; give it more duration_s, a larger weight of that term or "
+          "more search.max_samples, use another --seed, or allow it by the term's tolerance",
+          1e3 * result.look.step_s, result.look.Missed());
+    } else if (file.certificate.constraint_violation <= kNoViolation) {
+      // The certificate computes independently of the solver, and decides.
       result.file = std::move(file);
     } else {
       result.usable = false;

@@ -8,6 +8,7 @@
 
 #include "common/primitive_toml.h"
 #include "offline/certificate/certificate.h"
+#include "offline/certificate/second_look.h"
 #include "offline/problem/task_toml.h"
 #include "offline/solver/minima.h"
 #include "offline/solver/solver.h"
@@ -20,6 +21,7 @@ struct TaskResult {
   SolveOutcome outcome;
   Solution best;
   MotionSummary summary;  ///< Figures of `best`, if it has a motion.
+  SecondLook look;        ///< At `best`, if it has a motion.
   bool usable = false;    ///< Whether `best` is a motion that can be written.
   std::string cause;      ///< The reason when it is not usable.
   std::vector<LocalMinimum> minima;

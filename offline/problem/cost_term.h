@@ -41,6 +41,9 @@ struct CostTerm {
   /// The names of the kinds in a task, in their order.
   static constexpr std::array<std::string_view, 3> kKindNames = {"terminal", "terminal-linear",
                                                                  "effort"};
+  /// Positions of the root, then their rates, as in a task.
+  static constexpr std::array<std::string_view, 6> kCoordinateNames = {
+      "x", "z", "pitch", "x_rate", "z_rate", "pitch_rate"};
   enum class When {
     kEnd,         ///< At t_f, where the motion ends.
     kSettled,     ///< After the settle phase, legs held.
@@ -55,6 +58,21 @@ struct CostTerm {
   bool of_velocity = false;
   /// A term in a coordinate takes the coordinate less this [m, rad, m/s or rad/s].
   double target = 0;
+  /// A motion whose value is farther than this from the target does not serve its purpose. The cost
+  /// does not depend on it.
+  double tolerance = kAngleTolerance_rad;
+
+  /// Defaults: 3 degrees; a foot's radius of the shipped robot; and a speed that friction ends
+  /// within a few centimetres.
+  static constexpr double kAngleTolerance_rad = 0.05, kLengthTolerance_m = 0.02,
+                          kRateTolerance = 0.1;
+
+  /// The root's coordinate as a task names it.
+  [[nodiscard]] std::string_view coordinate_name() const { return kCoordinateNames[of()]; }
+  [[nodiscard]] const char* unit() const {
+    constexpr std::array kUnits = {"m", "m", "rad", "m/s", "m/s", "rad/s"};
+    return kUnits[of()];
+  }
 
   bool operator==(const CostTerm&) const = default;
 
@@ -102,6 +120,7 @@ struct CostTerm {
   }
 
  private:
+  [[nodiscard]] std::size_t of() const { return coordinate() + (of_velocity ? 3 : 0); }
   [[nodiscard]] std::size_t coordinate() const { return static_cast<std::size_t>(dof); }
   [[nodiscard]] double OffTarget(const CostPoint& at) const {
     return (of_velocity ? at.qd : at.q)[coordinate()] - target;

@@ -80,6 +80,31 @@ TEST(OptimizeCli, AGradientThatTheCostDoesNotFollowIsWarnedOfWithItsCause) {
   EXPECT_THAT(quiet.text(), Not(HasSubstr("warning")));
 }
 
+TEST(OptimizeCli, AMotionThatMissesWhatItsCostAsksForIsNotWritten) {
+  // The legs end almost where they start, so that the robot cannot stay upright.
+  const TaskFolder folder(Replaced(QuickTask(), "target = 0.0", "target = 1.5"));
+  Program program =
+      Optimize(folder, {"--out", folder / "motion.toml", "--json", folder / "figures.json"});
+  ASSERT_EQ(program.Wait(), 2) << program.text();
+  EXPECT_THAT(program.text(), HasSubstr("misses what the task is for"));
+  EXPECT_THAT(program.text(), HasSubstr("pitch, settled: asked 1.5, got "));
+  EXPECT_THAT(program.text(), HasSubstr("pitch, 2 s later: asked 1.5, got "));
+  EXPECT_FALSE(std::filesystem::exists(folder / "motion.toml"));
+  EXPECT_FALSE(std::filesystem::exists(folder / "figures.json"));
+}
+
+TEST(OptimizeCli, TargetsAndResultsStandBesideEachOtherOnTerminalAndInJson) {
+  const TaskFolder folder(Replaced(QuickTask(), "target = 0.0", "target = 0.0\ntolerance = 0.04"));
+  Program program = Optimize(folder, {"--json", folder / "figures.json"});
+  ASSERT_EQ(program.Wait(), 0) << program.text();
+  EXPECT_THAT(program.text(), HasSubstr("pitch, settled: asked 0.0000, got "));
+  EXPECT_THAT(program.text(), HasSubstr("(within 0.04)"));
+  const auto figures = Json::Parse(ReadFile(folder / "figures.json")).value();
+  EXPECT_EQ(figures["second_look"]["purpose"][0]["of"], "pitch, settled");
+  EXPECT_EQ(figures["second_look"]["purpose"][0]["tolerance"], 0.04);
+  EXPECT_EQ(figures["second_look"]["purpose"][0]["met"], true);
+}
+
 TEST(OptimizeCli, WithoutOutputOptionsItWritesNothing) {
   const TaskFolder folder(QuickTask());
   const auto before = folder.Listing();
@@ -228,7 +253,8 @@ std::string Named(const std::string& name, const std::string& task = QuickTask()
 }
 
 TEST(OptimizeCliSeveral, TasksAreRankedFeasibleFirstAndThenByCost) {
-  const TaskFolder folder(Named("far", Replaced(QuickTask(), "target = 0.0", "target = 0.4")));
+  const TaskFolder folder(
+      Named("far", Replaced(QuickTask(), "target = 0.0", "target = 0.4\ntolerance = 1.0")));
   testing::WriteFile(
       folder / "tasks/hopeless.toml",
       Named("hopeless", Replaced(testing::ShippedTask(), "duration_s = 1.2", "duration_s = 0.06")));
@@ -294,7 +320,8 @@ TEST(OptimizeCliSeveral, ResultsRankingAndMinimaAreTheSameForAnyNumberOfThreads)
   // A coarse tolerance, so that local solves converge soon.
   const std::string quick =
       Replaced(QuickTask(), "[solver]", "[solver]\nrelative_tolerance = 1e-3");
-  const TaskFolder folder(Named("far", Replaced(quick, "target = 0.0", "target = 0.4")));
+  const TaskFolder folder(
+      Named("far", Replaced(quick, "target = 0.0", "target = 0.4\ntolerance = 1.0")));
   testing::WriteFile(folder / "tasks/near.toml", Named("near", quick));
   const auto run = [&folder](const std::string& threads) {
     const std::string out = folder / ("of" + threads);

@@ -1,0 +1,103 @@
+#include "offline/certificate/second_look.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "common/index.h"
+#include "common/primitive_toml.h"
+#include "offline/certificate/certificate.h"
+
+namespace tumbler {
+namespace {
+
+/// The state of all degrees of freedom at one instant.
+struct Instant {
+  std::vector<double> q, qd;
+  void Take(const MotionSample& sample) {
+    q = sample.q;
+    qd = sample.qd;
+  }
+};
+
+bool AsksForValue(const CostTerm& term) {
+  return term.kind == CostTerm::Kind::kSquare && term.weight > 0;
+}
+
+PurposeFigure FigureOf(const CostTerm& term, const Instant& at, const char* when) {
+  return {fmt::format("{}, {}", term.coordinate_name(), when), term.unit(), term.target,
+          (term.of_velocity ? at.qd : at.q)[Index(term.dof)], term.tolerance};
+}
+
+}  // namespace
+
+bool PurposeFigure::met() const { return std::abs(result - target) <= tolerance; }
+
+bool SecondLook::purpose_met() const {
+  return finite && std::ranges::all_of(purpose, &PurposeFigure::met);
+}
+
+std::string SecondLook::Missed() const {
+  if (!finite) return "the motion leaves every plausible range";
+  std::string text;
+  for (const PurposeFigure& figure : purpose) {
+    if (figure.met()) continue;
+    text +=
+        fmt::format("{}{}: asked {:.4g}, got {:.4g} {} (within {:.3g})", text.empty() ? "" : "; ",
+                    figure.name, figure.target, figure.result, figure.unit, figure.tolerance);
+  }
+  return text;
+}
+
+bool EndsAtRest(const Problem& problem) {
+  return problem.settle_s > 0 && !problem.scene.obstacles.empty() &&
+         std::ranges::any_of(problem.cost, [](const CostTerm& term) {
+           return AsksForValue(term) && term.when == CostTerm::When::kSettled && term.of_velocity &&
+                  term.target == 0;
+         });
+}
+
+SecondLook LookAgain(const Problem& problem, const std::vector<double>& x) {
+  SecondLook look;
+  look.step_s = problem.solver.step_s / kSecondLookRefinement;
+  Instant end, settled, later;
+  double speed = 0;
+  const double settled_s = problem.duration_s + problem.settle_s;
+  Rollout rollout(problem, look.step_s);
+  rollout.Visit(x, SettlingAfter(problem), [&](const MotionSample& sample) {
+    const double t = sample.time_s;
+    if (t <= problem.duration_s + 1e-9) end.Take(sample);
+    if (t <= settled_s + 1e-9) {
+      settled.Take(sample);
+      for (std::size_t j = 0; j < problem.joints.size(); ++j) {
+        const double torque = std::abs(sample.torque[j]);
+        look.peak_torque_nm = std::max(look.peak_torque_nm, torque);
+        look.torque_excess =
+            std::max(look.torque_excess, torque / problem.joints[j].limits.torque_max_nm - 1);
+      }
+      for (const ActiveContact<Plane>& contact : sample.contacts)
+        look.peak_penetration_m = std::max(look.peak_penetration_m, contact.depth_m);
+    }
+    later.Take(sample);
+  });
+  for (int i = 0; i < problem.scene.robot.root_dofs; ++i)
+    speed = std::max(speed, std::abs(later.qd[Index(i)]));
+  const auto is_number = [](double value) { return std::isfinite(value); };
+  look.finite = std::ranges::all_of(later.q, is_number) && std::ranges::all_of(later.qd, is_number);
+
+  const bool rests = EndsAtRest(problem);
+  for (const CostTerm& term : problem.cost) {
+    if (!AsksForValue(term)) continue;
+    const bool at_end = term.when == CostTerm::When::kEnd;
+    look.purpose.push_back(
+        FigureOf(term, at_end ? end : settled, at_end ? "at the end" : "settled"));
+    if (rests && !at_end && !term.of_velocity)
+      look.purpose.push_back(FigureOf(term, later, "2 s later"));
+  }
+  if (rests)
+    look.purpose.push_back({"speed of the root, 2 s later", "m/s, rad/s", 0, speed, kRestSpeed});
+  return look;
+}
+
+}  // namespace tumbler

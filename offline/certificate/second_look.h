@@ -1,0 +1,55 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "offline/problem/problem.h"
+
+namespace tumbler {
+
+/// What one term of a task's cost asks for, and what the motion gives.
+struct PurposeFigure {
+  /// Coordinate and instant, such as "pitch, settled".
+  std::string name;
+  const char* unit = "";
+  double target = 0;
+  double result = 0;
+  double tolerance = 0;
+  /// A result that is not a number misses.
+  [[nodiscard]] bool met() const;
+};
+
+/// How much finer the second look integrates than the solver does.
+inline constexpr double kSecondLookRefinement = 16;
+/// A robot moves slower than this where it is at rest [m/s, rad/s].
+inline constexpr double kRestSpeed = 0.05;
+
+/// A motion looked at again, by a rollout with a step 16 times finer than the one that found it.
+/// What the solver's own step hides, such as the spike of an impact between two of its steps or a
+/// landing that holds in its arithmetic only, shows here.
+struct SecondLook {
+  double step_s = 0;
+  /// What the `terminal` terms of the cost with a weight ask for. Where the motion is to end at
+  /// rest, also where the robot is 2 s later: each position asked for at the end of the settle
+  /// phase, and the speed.
+  std::vector<PurposeFigure> purpose;
+  /// Largest |torque| of any joint up to the end of the settle phase.
+  double peak_torque_nm = 0;
+  /// Largest of |torque| / limit, less 1, of any joint up to there. Above 0, a limit is exceeded.
+  double torque_excess = -1;
+  double peak_penetration_m = 0;
+  bool finite = true;
+
+  [[nodiscard]] bool purpose_met() const;
+  /// What was missed, as text: "pitch, settled: asked 1.5708, got 0.0012 rad (within 0.05)".
+  [[nodiscard]] std::string Missed() const;
+};
+
+/// Whether a task's motion is to end at rest: it has a settle phase, its cost asks for a velocity of
+/// 0 at the end of it, and there is something to rest on.
+bool EndsAtRest(const Problem& problem);
+
+/// @param x  parameters of the motion.
+SecondLook LookAgain(const Problem& problem, const std::vector<double>& x);
+
+}  // namespace tumbler
