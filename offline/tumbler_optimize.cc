@@ -277,7 +277,8 @@ ExitStatus Main(int argc, char** argv) {
   Arguments arguments;
   CommandLine line(
       "Finds a motion for a task and writes it as a primitive.\n"
-      "Exit status: 0 found; 1 bad input; 2 no motion was found (of any task) that keeps the limits "
+      "Exit status: 0 found; 1 bad input; 2 no motion was found (of any task) that keeps the "
+      "limits "
       "and reaches the targets of its cost; 130 interrupted.");
   line.Option("TASK", arguments.tasks,
               "Task file (TOML); several are worked on one by one, and ranked")

@@ -45,8 +45,8 @@ struct SecondLook {
   [[nodiscard]] std::string Missed() const;
 };
 
-/// Whether a task's motion is to end at rest: it has a settle phase, its cost asks for a velocity of
-/// 0 at the end of it, and there is something to rest on.
+/// Whether a task's motion is to end at rest: it has a settle phase, its cost asks for a velocity
+/// of 0 at the end of it, and there is something to rest on.
 bool EndsAtRest(const Problem& problem);
 
 /// @param x  parameters of the motion.

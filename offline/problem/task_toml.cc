@@ -25,8 +25,8 @@ namespace {
 /// The most pairs of obstacle and collision shape. With more, finding a motion would take too long.
 constexpr std::size_t kMostPairs = 1000;
 
-/// The most integration steps of a rollout. A gradient keeps about 1 kB of each, and each thread has
-/// a rollout of its own.
+/// The most integration steps of a rollout. A gradient keeps about 1 kB of each, and each thread
+/// has a rollout of its own.
 constexpr double kMostSteps = 2e5;
 
 /// A start pose that does not come from the task.
