@@ -8,11 +8,11 @@ namespace tumbler {
 std::vector<RunDifference> Compare(const RunData& a, const RunData& b) {
   std::vector<RunDifference> differences;
   if (!a.recorded || !b.recorded || std::abs(a.period_s - b.period_s) > 1e-9) return differences;
-  using Read = float (*)(const JointRecord&);
+  using ReadQuantity = float (*)(const JointRecord&);
   struct Quantity {
     const char* name;
     const char* unit;
-    Read read;
+    ReadQuantity read;
   };
   const auto quantities = {
       Quantity{"measured position", "rad",
