@@ -8,6 +8,7 @@
 #include "common/index.h"
 #include "common/primitive_toml.h"
 #include "offline/certificate/certificate.h"
+#include "offline/scene/self_clearance.h"
 
 namespace tumbler {
 namespace {
@@ -64,6 +65,9 @@ SecondLook LookAgain(const Problem& problem, const std::vector<double>& x) {
   Instant end, settled, later;
   double speed = 0;
   const double settled_s = problem.duration_s + problem.settle_s;
+  const PlanarRobot& robot = problem.scene.robot;
+  const std::vector<ContactPair> own_pairs = SeparatePairs(robot);
+  SelfClearance nearest;
   Rollout rollout(problem, look.step_s);
   rollout.Visit(x, SettlingAfter(problem), [&](const MotionSample& sample) {
     const double t = sample.time_s;
@@ -78,6 +82,11 @@ SecondLook LookAgain(const Problem& problem, const std::vector<double>& x) {
       }
       for (const ActiveContact<Plane>& contact : sample.contacts)
         look.peak_penetration_m = std::max(look.peak_penetration_m, contact.depth_m);
+      const SelfClearance own = FindSelfClearance(robot, own_pairs, *sample.dynamics);
+      if (own.distance_m < nearest.distance_m) {
+        nearest = own;
+        look.self_clearance_time_s = t;
+      }
     }
     later.Take(sample);
   });
@@ -85,6 +94,12 @@ SecondLook LookAgain(const Problem& problem, const std::vector<double>& x) {
     speed = std::max(speed, std::abs(later.qd[Index(i)]));
   const auto is_number = [](double value) { return std::isfinite(value); };
   look.finite = std::ranges::all_of(later.q, is_number) && std::ranges::all_of(later.qd, is_number);
+
+  look.self_clearance_m = nearest.distance_m;
+  if (std::isfinite(nearest.distance_m)) {
+    look.self_clearance_of = fmt::format("{} and {}", robot.shapes[Index(nearest.pair.a)].name,
+                                         robot.shapes[Index(nearest.pair.b)].name);
+  }
 
   const bool rests = EndsAtRest(problem);
   for (const CostTerm& term : problem.cost) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -38,6 +39,11 @@ struct SecondLook {
   /// Largest of |torque| / limit, less 1, of any joint up to there. Above 0, a limit is exceeded.
   double torque_excess = -1;
   double peak_penetration_m = 0;
+  /// The nearest that two of the robot's own shapes come to each other up to there, in the plane of
+  /// motion; see SeparatePairs. Negative where they overlap, infinite without such shapes.
+  double self_clearance_m = std::numeric_limits<double>::infinity();
+  double self_clearance_time_s = 0;
+  std::string self_clearance_of;  ///< "leg1_link/0 and leg2_link/1"
   bool finite = true;
 
   [[nodiscard]] bool purpose_met() const;

@@ -40,11 +40,17 @@ Json FiguresOf(const SecondLook& look) {
                     {"tolerance", figure.tolerance},
                     {"met", figure.met()}});
   }
-  return {{"step_s", look.step_s},
-          {"peak_torque_nm", look.peak_torque_nm},
-          {"torque_excess", look.torque_excess},
-          {"peak_penetration_m", look.peak_penetration_m},
-          {"purpose", purpose}};
+  Json figures = {{"step_s", look.step_s},
+                  {"peak_torque_nm", look.peak_torque_nm},
+                  {"torque_excess", look.torque_excess},
+                  {"peak_penetration_m", look.peak_penetration_m},
+                  {"purpose", purpose}};
+  if (!look.self_clearance_of.empty()) {
+    figures["self_clearance_m"] = look.self_clearance_m;
+    figures["self_clearance_time_s"] = look.self_clearance_time_s;
+    figures["self_clearance_of"] = look.self_clearance_of;
+  }
+  return figures;
 }
 
 /// The figures of a task that has a motion.

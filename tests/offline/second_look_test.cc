@@ -85,6 +85,35 @@ TEST(SecondLook, AMotionThatIsNotToEndAtRestIsNotAskedToRest) {
     EXPECT_THAT(figure.name, ::testing::Not(HasSubstr("later")));
 }
 
+TEST(SecondLook, FindsTheLegsNearestApproachThatGeometryByHandFinds) {
+  // Both legs are 0.2 m long and hang on joints 0.3 m apart; at home they are parallel, and each
+  // foot has spheres of 10 mm 40 mm to either side.
+  const Problem problem = ProblemOf(QuickTask());
+  std::vector<double> x;
+  for (const ActuatedJoint& joint : problem.joints)
+    x.insert(x.end(), static_cast<std::size_t>(joint.free_points()), joint.start_rad);
+  const SecondLook look = LookAgain(problem, x);
+  // The legs end 1.2 and 1.3 rad from straight out, which is where the feet are farthest apart;
+  // while they hang straight down, the inner spheres are 0.3 - 2 * 0.04 - 2 * 0.01 apart.
+  EXPECT_NEAR(look.self_clearance_m, 0.2, 1e-6);
+  EXPECT_THAT(look.self_clearance_of,
+              ::testing::AllOf(HasSubstr("leg1_link"), HasSubstr("leg2_link")));
+}
+
+TEST(SecondLook, SeesLegsThatPassThroughEachOther) {
+  Problem problem = ProblemOf(QuickTask());
+  std::vector<double> x;
+  for (std::size_t j = 0; j < problem.joints.size(); ++j) {
+    // Both legs swing inwards, until they cross.
+    const double inwards = problem.joints[j].start_rad > 0 ? 2.6 : -2.6;
+    x.insert(x.end(), static_cast<std::size_t>(problem.joints[j].free_points()), inwards);
+  }
+  const SecondLook look = LookAgain(problem, x);
+  EXPECT_LT(look.self_clearance_m, 0);
+  EXPECT_GT(look.self_clearance_time_s, 0);
+  EXPECT_LT(look.self_clearance_time_s, problem.duration_s);
+}
+
 TEST(SecondLook, AResultThatIsNotANumberMisses) {
   PurposeFigure figure{"pitch, settled", "rad", 0, std::numeric_limits<double>::quiet_NaN(), 10};
   EXPECT_FALSE(figure.met());
