@@ -36,8 +36,9 @@ enum class OperatorRequest : std::uint8_t {
   return "unknown request";
 }
 
-/// A request with everything that belongs to it, small enough for one atomic word.
-struct OperatorWish {
+/// A request with everything that belongs to it, small enough for one atomic word and aligned like
+/// one: clang calls a library for an atomic value that might lie across two words.
+struct alignas(8) OperatorWish {
   std::uint32_t id = 0;  ///< The answer carries it too; 0 where nobody waits for an answer.
   OperatorRequest request = OperatorRequest::kNone;
   std::int8_t branch = -1;   ///< The branch's number for kBranch.
