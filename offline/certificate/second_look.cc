@@ -87,6 +87,12 @@ SecondLook LookAgain(const Problem& problem, const std::vector<double>& x) {
         nearest = own;
         look.self_clearance_time_s = t;
       }
+    } else {
+      for (std::size_t j = 0; j < problem.joints.size(); ++j) {
+        look.held_torque_excess =
+            std::max(look.held_torque_excess,
+                     std::abs(sample.torque[j]) / problem.joints[j].limits.torque_max_nm - 1);
+      }
     }
     later.Take(sample);
   });
@@ -105,9 +111,14 @@ SecondLook LookAgain(const Problem& problem, const std::vector<double>& x) {
   for (const CostTerm& term : problem.cost) {
     if (!AsksForValue(term)) continue;
     const bool at_end = term.when == CostTerm::When::kEnd;
-    look.purpose.push_back(
-        FigureOf(term, at_end ? end : settled, at_end ? "at the end" : "settled"));
-    if (rests && !at_end && !term.of_velocity)
+    // A robot that still rocks when the settle phase ends has done what was asked when it then
+    // comes to rest.
+    const bool rest = rests && !at_end && term.of_velocity && term.target == 0;
+    if (!rest) {
+      look.purpose.push_back(
+          FigureOf(term, at_end ? end : settled, at_end ? "at the end" : "settled"));
+    }
+    if (rests && !at_end && (rest || !term.of_velocity))
       look.purpose.push_back(FigureOf(term, later, "2 s later"));
   }
   if (rests)

@@ -32,12 +32,14 @@ struct SecondLook {
   double step_s = 0;
   /// What the `terminal` terms of the cost with a weight ask for. Where the motion is to end at
   /// rest, also where the robot is 2 s later: each position asked for at the end of the settle
-  /// phase, and the speed.
+  /// phase, and the speed. A velocity of 0 asked for there is judged 2 s later only.
   std::vector<PurposeFigure> purpose;
   /// Largest |torque| of any joint up to the end of the settle phase.
   double peak_torque_nm = 0;
   /// Largest of |torque| / limit, less 1, of any joint up to there. Above 0, a limit is exceeded.
   double torque_excess = -1;
+  /// The same of the 2 s after it, in which the joints are held.
+  double held_torque_excess = -1;
   double peak_penetration_m = 0;
   /// The nearest that two of the robot's own shapes come to each other up to there, in the plane of
   /// motion; see SeparatePairs. Negative where they overlap, infinite without such shapes.

@@ -43,6 +43,7 @@ Json FiguresOf(const SecondLook& look) {
   Json figures = {{"step_s", look.step_s},
                   {"peak_torque_nm", look.peak_torque_nm},
                   {"torque_excess", look.torque_excess},
+                  {"held_torque_excess", look.held_torque_excess},
                   {"peak_penetration_m", look.peak_penetration_m},
                   {"purpose", purpose}};
   if (!look.self_clearance_of.empty()) {

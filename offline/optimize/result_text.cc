@@ -62,6 +62,14 @@ void PrintSecondLook(std::FILE* people, const SecondLook& look) {
                "each other; use another --seed or tighter position limits\n",
                look.self_clearance_of, -1e3 * look.self_clearance_m, look.self_clearance_time_s);
   }
+  if (look.held_torque_excess > 0) {
+    fmt::print(
+        stderr,
+        "warning: to hold the joints in the 2 s after the motion takes a torque {:.0f} % above "
+        "its limit, which the solver does not look at: the robot will not stay as planned; "
+        "use a longer settle_s\n",
+        100 * look.held_torque_excess);
+  }
   if (look.torque_excess > 0) {
     fmt::print(stderr,
                "warning: with a step of {:.3g} ms a torque is {:.1f} % above its limit; the solver "

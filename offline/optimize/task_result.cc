@@ -84,8 +84,9 @@ TaskResult WorkOn(Task task, const WorkSettings& settings) {
       result.usable = false;
       result.cause = fmt::format(
           "the best motion keeps all limits, and misses what the task is for, as a simulation with "
-          "a step of {:.3g} ms shows: {}; give it more duration_s, a larger weight of that term or "
-          "more search.max_samples, use another --seed, or allow it by the term's tolerance",
+          "a step of {:.3g} ms shows: {}; use another --seed, give it another duration_s or a "
+          "larger "
+          "weight of that term, or allow it by the term's tolerance",
           1e3 * result.look.step_s, result.look.Missed());
     } else if (file.certificate.constraint_violation <= kNoViolation) {
       // The certificate computes independently of the solver, and decides.
