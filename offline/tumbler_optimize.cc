@@ -116,6 +116,10 @@ ExitStatus OptimizeOne(const Arguments& arguments) {
     return ExitStatus::kInterrupted;
   };
   if (result.outcome.interrupted) {
+    if (!result.file && arguments.keep_best && !result.cause.empty() && !result.best.x.empty()) {
+      fmt::print(stderr, "interrupted: {}\nno file was written\n", result.cause);
+      return ExitStatus::kInterrupted;
+    }
     if (!result.file) return drop();
   } else if (!result.usable) {
     fmt::print(stderr, "no motion was found: {}\nno file was written\n", result.cause);

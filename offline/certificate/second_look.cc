@@ -1,6 +1,7 @@
 #include "offline/certificate/second_look.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
@@ -36,19 +37,25 @@ PurposeFigure FigureOf(const CostTerm& term, const Instant& at, const char* when
 bool PurposeFigure::met() const { return std::abs(result - target) <= tolerance; }
 
 bool SecondLook::purpose_met() const {
-  return finite && std::ranges::all_of(purpose, &PurposeFigure::met);
+  return finite && torque_excess <= kTorqueExcessMax && peak_penetration_m < layer_m &&
+         std::ranges::all_of(purpose, &PurposeFigure::met);
 }
 
 std::string SecondLook::Missed() const {
   if (!finite) return "the motion leaves every plausible range";
-  std::string text;
+  std::vector<std::string> reasons;
   for (const PurposeFigure& figure : purpose) {
     if (figure.met()) continue;
-    text +=
-        fmt::format("{}{}: asked {:.4g}, got {:.4g} {} (within {:.3g})", text.empty() ? "" : "; ",
-                    figure.name, figure.target, figure.result, figure.unit, figure.tolerance);
+    reasons.push_back(fmt::format("{}: asked {:.6g}, got {:.6g} {} (within {:.3g})", figure.name,
+                                  figure.target, figure.result, figure.unit, figure.tolerance));
   }
-  return text;
+  if (!(torque_excess <= kTorqueExcessMax))
+    reasons.push_back(fmt::format("a torque is {:.0f} % above its limit", 100 * torque_excess));
+  if (!(peak_penetration_m < layer_m)) {
+    reasons.push_back(fmt::format("a contact goes {:.2f} mm deep, through the layer of {:.2f} mm",
+                                  1e3 * peak_penetration_m, 1e3 * layer_m));
+  }
+  return fmt::format("{}", fmt::join(reasons, "; "));
 }
 
 bool EndsAtRest(const Problem& problem) {
@@ -62,8 +69,10 @@ bool EndsAtRest(const Problem& problem) {
 SecondLook LookAgain(const Problem& problem, const std::vector<double>& x) {
   SecondLook look;
   look.step_s = problem.solver.step_s / kSecondLookRefinement;
+  look.layer_m = problem.scene.contact.d_on_m;
   Instant end, settled, later;
   double speed = 0;
+  const double last_s = problem.duration_s + problem.settle_s + SettlingAfter(problem);
   const double settled_s = problem.duration_s + problem.settle_s;
   const PlanarRobot& robot = problem.scene.robot;
   const std::vector<ContactPair> own_pairs = SeparatePairs(robot);
@@ -95,9 +104,9 @@ SecondLook LookAgain(const Problem& problem, const std::vector<double>& x) {
       }
     }
     later.Take(sample);
+    for (int i = 0; t >= last_s - kRestWatched_s && i < robot.root_dofs; ++i)
+      speed = std::max(speed, std::abs(sample.qd[Index(i)]));
   });
-  for (int i = 0; i < problem.scene.robot.root_dofs; ++i)
-    speed = std::max(speed, std::abs(later.qd[Index(i)]));
   const auto is_number = [](double value) { return std::isfinite(value); };
   look.finite = std::ranges::all_of(later.q, is_number) && std::ranges::all_of(later.qd, is_number);
 
@@ -108,21 +117,25 @@ SecondLook LookAgain(const Problem& problem, const std::vector<double>& x) {
   }
 
   const bool rests = EndsAtRest(problem);
+  // A settle phase of 2 s or more ends where the second look does.
+  const bool goes_on = SettlingAfter(problem) > 0;
   for (const CostTerm& term : problem.cost) {
     if (!AsksForValue(term)) continue;
     const bool at_end = term.when == CostTerm::When::kEnd;
     // A robot that still rocks when the settle phase ends has done what was asked when it then
     // comes to rest.
-    const bool rest = rests && !at_end && term.of_velocity && term.target == 0;
+    const bool rest = rests && goes_on && !at_end && term.of_velocity && term.target == 0;
     if (!rest) {
       look.purpose.push_back(
           FigureOf(term, at_end ? end : settled, at_end ? "at the end" : "settled"));
     }
-    if (rests && !at_end && (rest || !term.of_velocity))
+    if (rests && goes_on && !at_end && (rest || !term.of_velocity))
       look.purpose.push_back(FigureOf(term, later, "2 s later"));
   }
-  if (rests)
-    look.purpose.push_back({"speed of the root, 2 s later", "m/s, rad/s", 0, speed, kRestSpeed});
+  if (rests) {
+    look.purpose.push_back({fmt::format("speed of the root, {}", goes_on ? "2 s later" : "settled"),
+                            "m/s, rad/s", 0, speed, kRestSpeed});
+  }
   return look;
 }
 

@@ -22,8 +22,13 @@ struct PurposeFigure {
 
 /// How much finer the second look integrates than the solver does.
 inline constexpr double kSecondLookRefinement = 16;
-/// A robot moves slower than this where it is at rest [m/s, rad/s].
-inline constexpr double kRestSpeed = 0.05;
+/// No coordinate of the root of a robot at rest moves faster than this [m/s, rad/s], in the last
+/// kRestWatched_s: so long that the answer does not depend on the phase in which it rocks.
+inline constexpr double kRestSpeed = 0.1;
+inline constexpr double kRestWatched_s = 0.25;
+/// A torque that exceeds its limit by up to this part is warned of; beyond it the motion is
+/// refused.
+inline constexpr double kTorqueExcessMax = 0.1;
 
 /// A motion looked at again, by a rollout with a step 16 times finer than the one that found it.
 /// What the solver's own step hides, such as the spike of an impact between two of its steps or a
@@ -46,10 +51,14 @@ struct SecondLook {
   double self_clearance_m = std::numeric_limits<double>::infinity();
   double self_clearance_time_s = 0;
   std::string self_clearance_of;  ///< "leg1_link/0 and leg2_link/1"
+  /// Thickness of the compliant layer, which no contact may go through.
+  double layer_m = std::numeric_limits<double>::infinity();
   bool finite = true;
 
+  /// Whether the motion can be written: every target is met, no torque exceeds its limit by more
+  /// than kTorqueExcessMax, and no contact goes through the layer.
   [[nodiscard]] bool purpose_met() const;
-  /// What was missed, as text: "pitch, settled: asked 1.5708, got 0.0012 rad (within 0.05)".
+  /// What stands against it, as text: "pitch, settled: asked 1.5708, got 0.0012 rad (within 0.05)".
   [[nodiscard]] std::string Missed() const;
 };
 

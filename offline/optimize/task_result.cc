@@ -84,7 +84,8 @@ TaskResult WorkOn(Task task, const WorkSettings& settings) {
       result.usable = false;
       result.cause = fmt::format(
           "the best motion keeps all limits, and misses what the task is for, as a simulation with "
-          "a step of {:.3g} ms shows: {}; use another --seed, give it another duration_s or a "
+          "a step of {:.3g} ms shows: {}; use another --seed or more solver.finalists, give it "
+          "another duration_s or a "
           "larger "
           "weight of that term, or allow it by the term's tolerance",
           1e3 * result.look.step_s, result.look.Missed());

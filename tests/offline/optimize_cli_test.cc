@@ -431,7 +431,9 @@ TEST(OptimizeCliInterrupt, KeepBestDuringTheSearchEndsWithoutACrash) {
       EXPECT_EQ(LoadPrimitive(out).certificate.constraint_violation, 0);
       EXPECT_THAT(program.text(), HasSubstr("is kept"));
     } else {
-      EXPECT_THAT(program.text(), HasSubstr("no motion within the limits was found so far"));
+      EXPECT_THAT(program.text(),
+                  ::testing::AnyOf(HasSubstr("no motion within the limits was found so far"),
+                                   HasSubstr("misses what the task is for")));
     }
   }
 }

@@ -152,6 +152,30 @@ TEST(SecondLook, ShowsWhatTheStepOfTheShippedMotionsHides) {
   EXPECT_NEAR(roll.self_clearance_m, -0.0193, 1e-4);
 }
 
+TEST(SecondLook, RefusesATorqueFarAboveItsLimitAndAContactThroughTheLayer) {
+  SecondLook look;
+  look.layer_m = 0.006;
+  look.torque_excess = 0.05;
+  look.peak_penetration_m = 0.0059;
+  EXPECT_TRUE(look.purpose_met());
+  look.torque_excess = 0.66;
+  EXPECT_FALSE(look.purpose_met());
+  EXPECT_EQ(look.Missed(), "a torque is 66 % above its limit");
+  look.torque_excess = -0.1;
+  look.peak_penetration_m = 0.00646;
+  EXPECT_FALSE(look.purpose_met());
+  EXPECT_EQ(look.Missed(), "a contact goes 6.46 mm deep, through the layer of 6.00 mm");
+}
+
+TEST(SecondLook, ASettlePhaseThatIsLongerThanTheLookGoesOnIsJudgedAtItsEndOnly) {
+  const Problem problem = ProblemOf(Replaced(QuickTask(), "settle_s = 0.1", "settle_s = 3.0"));
+  std::vector<std::string> names;
+  for (const PurposeFigure& figure : LookAgain(problem, Straight(problem)).purpose)
+    names.push_back(figure.name);
+  EXPECT_THAT(names, ::testing::ElementsAre("pitch, settled", "pitch_rate, settled",
+                                            "speed of the root, settled"));
+}
+
 TEST(SecondLook, AResultThatIsNotANumberMisses) {
   PurposeFigure figure{"pitch, settled", "rad", 0, std::numeric_limits<double>::quiet_NaN(), 10};
   EXPECT_FALSE(figure.met());
