@@ -10,6 +10,7 @@
 #include <type_traits>
 #include <utility>
 
+#include "common/index.h"
 #include "common/status.h"
 
 namespace tumbler {
@@ -278,7 +279,6 @@ class BSpline {
   // NOLINTNEXTLINE(modernize-use-using): g++ takes the attribute in no other place.
   typedef Scalar Lanes __attribute__((vector_size(4 * sizeof(Scalar))));
 
-  static constexpr std::size_t Index(int i) noexcept { return static_cast<std::size_t>(i); }
   [[nodiscard]] constexpr Scalar Knot(int i) const noexcept { return knots_[Index(i)]; }
 
   /// Equation (2) applied to the points of derivative d - 1.

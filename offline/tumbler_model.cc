@@ -376,8 +376,8 @@ class HybridPrinter {
     if (robot_.root == RootKind::kFloating && j == kYaw && std::abs(std::cos(q_[kRoll])) < 1e-4) {
       throw StateError(fmt::format(
           "roll = {:.9g} rad is too near to +-pi/2, where yaw turns about the axis of pitch and "
-          "the "
-          "root's coordinates are singular; expected |cos(roll)| above about 1e-6: describe this "
+          "the root's coordinates are singular; expected |cos(roll)| above about 1e-6: describe "
+          "this "
           "attitude with another frame of the root link",
           q_[kRoll]));
     }
@@ -454,16 +454,14 @@ ExitStatus Main(int argc, char** argv) {
       "               floating: x y z pitch roll yaw), then movable joints in the file's order\n"
       "  qdd_a        accelerations of the prescribed ones, in that order\n"
       "  and any number of forces: fx fy fz px py pz LINK, a force [N] on the named link at a "
-      "point "
-      "[m],\n"
+      "point [m],\n"
       "               both in world axes\n"
       "One line of results each, 17 digits: accelerations of the free ones, then forces or torques "
       "of the\n"
       "prescribed ones. With --derivatives three matrices follow on the line, row by row: the "
       "partial\n"
       "derivatives of these results (rows) by q, by qd, and by the inputs (columns, all "
-      "coordinates "
-      "in order;\n"
+      "coordinates in order;\n"
       "the input of a free one is the force or torque on it, that of a prescribed one its "
       "acceleration).\n"
       "Forces stay constant in world axes then, and their points move with the links.\n"

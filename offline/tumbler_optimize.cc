@@ -109,17 +109,13 @@ ExitStatus OptimizeOne(const Arguments& arguments) {
   CatchInterrupt();
   const TaskResult result = WorkOn(std::move(task), SettingsOf(arguments));
   if (arguments.minima > 0) PrintMinima(people, result);
-  const auto drop = [&arguments] {
+  const auto drop = [&] {
     fmt::print(stderr, "interrupted: {}; no file was written\n",
-               !arguments.keep_best ? "the best motion so far is dropped (--keep-best keeps it)"
-                                    : "no motion within the limits was found so far");
+               arguments.keep_best ? "no motion was found so far: " + result.cause
+                                   : "the best motion so far is dropped (--keep-best keeps it)");
     return ExitStatus::kInterrupted;
   };
   if (result.outcome.interrupted) {
-    if (!result.file && arguments.keep_best && !result.cause.empty() && !result.best.x.empty()) {
-      fmt::print(stderr, "interrupted: {}\nno file was written\n", result.cause);
-      return ExitStatus::kInterrupted;
-    }
     if (!result.file) return drop();
   } else if (!result.usable) {
     fmt::print(stderr, "no motion was found: {}\nno file was written\n", result.cause);
@@ -282,8 +278,7 @@ ExitStatus Main(int argc, char** argv) {
   CommandLine line(
       "Finds a motion for a task and writes it as a primitive.\n"
       "Exit status: 0 found; 1 bad input; 2 no motion was found (of any task) that keeps the "
-      "limits "
-      "and reaches the targets of its cost; 130 interrupted.");
+      "limits and reaches the targets of its cost; 130 interrupted.");
   line.Option("TASK", arguments.tasks,
               "Task file (TOML); several are worked on one by one, and ranked")
       .Required();

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <numbers>
 #include <string>
 #include <string_view>
 
@@ -15,7 +16,7 @@ namespace tumbler {
 
 namespace {
 
-constexpr double kTwoPi = 6.2831853071795864769;
+constexpr double kTwoPi = 2 * std::numbers::pi;
 constexpr double kInt32 = 2147483520.0;  // the largest float below 2^31
 constexpr double kRounded = 0.999999;    // The drive computes with floats.
 

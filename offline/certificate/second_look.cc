@@ -36,12 +36,12 @@ PurposeFigure FigureOf(const CostTerm& term, const Instant& at, const char* when
 
 bool PurposeFigure::met() const { return std::abs(result - target) <= tolerance; }
 
-bool SecondLook::purpose_met() const {
+bool SecondLook::acceptable() const {
   return finite && torque_excess <= kTorqueExcessMax && peak_penetration_m < layer_m &&
          std::ranges::all_of(purpose, &PurposeFigure::met);
 }
 
-std::string SecondLook::Missed() const {
+std::string SecondLook::Objections() const {
   if (!finite) return "the motion leaves every plausible range";
   std::vector<std::string> reasons;
   for (const PurposeFigure& figure : purpose) {
@@ -83,12 +83,8 @@ SecondLook LookAgain(const Problem& problem, const std::vector<double>& x) {
     if (t <= problem.duration_s + 1e-9) end.Take(sample);
     if (t <= settled_s + 1e-9) {
       settled.Take(sample);
-      for (std::size_t j = 0; j < problem.joints.size(); ++j) {
-        const double torque = std::abs(sample.torque[j]);
-        look.peak_torque_nm = std::max(look.peak_torque_nm, torque);
-        look.torque_excess =
-            std::max(look.torque_excess, torque / problem.joints[j].limits.torque_max_nm - 1);
-      }
+      for (const double torque : sample.torque)
+        look.peak_torque_nm = std::max(look.peak_torque_nm, std::abs(torque));
       for (const ActiveContact<Plane>& contact : sample.contacts)
         look.peak_penetration_m = std::max(look.peak_penetration_m, contact.depth_m);
       const SelfClearance own = FindSelfClearance(robot, own_pairs, *sample.dynamics);
@@ -96,12 +92,11 @@ SecondLook LookAgain(const Problem& problem, const std::vector<double>& x) {
         nearest = own;
         look.self_clearance_time_s = t;
       }
-    } else {
-      for (std::size_t j = 0; j < problem.joints.size(); ++j) {
-        look.held_torque_excess =
-            std::max(look.held_torque_excess,
-                     std::abs(sample.torque[j]) / problem.joints[j].limits.torque_max_nm - 1);
-      }
+    }
+    double& excess = t <= settled_s + 1e-9 ? look.torque_excess : look.held_torque_excess;
+    for (std::size_t j = 0; j < problem.joints.size(); ++j) {
+      excess =
+          std::max(excess, std::abs(sample.torque[j]) / problem.joints[j].limits.torque_max_nm - 1);
     }
     later.Take(sample);
     for (int i = 0; t >= last_s - kRestWatched_s && i < robot.root_dofs; ++i)

@@ -57,9 +57,9 @@ struct SecondLook {
 
   /// Whether the motion can be written: every target is met, no torque exceeds its limit by more
   /// than kTorqueExcessMax, and no contact goes through the layer.
-  [[nodiscard]] bool purpose_met() const;
+  [[nodiscard]] bool acceptable() const;
   /// What stands against it, as text: "pitch, settled: asked 1.5708, got 0.0012 rad (within 0.05)".
-  [[nodiscard]] std::string Missed() const;
+  [[nodiscard]] std::string Objections() const;
 };
 
 /// Whether a task's motion is to end at rest: it has a settle phase, its cost asks for a velocity

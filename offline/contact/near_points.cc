@@ -3,6 +3,7 @@
 #include <cmath>
 #include <optional>
 
+#include "common/index.h"
 #include "offline/dynamics/plane.h"
 #include "offline/dynamics/spatial.h"
 #include "offline/linear/small_system.h"
@@ -275,7 +276,6 @@ class KuhnTuckerSystem {
   static constexpr int kDimension = NearPoints<Space>::kDimension;
   static constexpr int kX = 2 * kDimension;  // x_a and x_b
   static_assert(2 * kX <= kMaxSmallSize, "every coordinate of both cores may be at a bound");
-  static constexpr std::size_t Index(int i) { return static_cast<std::size_t>(i); }
 
   struct Row {
     bool of_a;

@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/index.h"
 #include "offline/dynamics/tree.h"
 
 namespace tumbler {
@@ -179,7 +180,6 @@ class HybridDynamics {
     WrenchDerivative wrench_derivative;  // of the body; valid where touched
     WrenchDerivative contact;            // of the subtree
   };
-  static constexpr std::size_t Index(int i) { return static_cast<std::size_t>(i); }
   void FactorFreeInertia();
   void SolveFree(double* x) const;
   /// Accelerations, forces and bias maps of the bodies at Solve's solution.

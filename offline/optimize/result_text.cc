@@ -36,10 +36,8 @@ const char* GradientCause(const Certificate& certificate) {
                "solver.step_s, a larger contact.v_max_m_per_s or a smaller "
                "contact.stiffness_n_per_m"
              : "the cost has a cliff near this motion, such as a contact that is made or missed by "
-               "a "
-               "hair, so that a small disturbance may end elsewhere; use another --seed or a "
-               "larger "
-               "contact.d_on_m";
+               "a hair, so that a small disturbance may end elsewhere; use another --seed or a "
+               "larger contact.d_on_m";
 }
 
 /// Prints targets and results beside each other, and warns of a limit that only the finer step

@@ -26,6 +26,7 @@ bool MissesEveryObstacle(const Problem& problem, const Solution& best) {
 
 /// The reason why nothing was found, and the remedy.
 std::string Cause(const Problem& problem, const Solution& best) {
+  if (best.evaluations == 0) return "no random motion had been improved yet";
   if (!best.rollout.finite)
     return "the best motion leaves every plausible range; use a smaller solver.step_s";
   if (MissesEveryObstacle(problem, best)) {
@@ -35,15 +36,13 @@ std::string Cause(const Problem& problem, const Solution& best) {
   if (best.constraint_violation > kNoViolation) {
     return fmt::format(
         "the best motion exceeds a limit: {} by {:.1f} % ({}); give it more duration_s, looser "
-        "limits or "
-        "more search.max_samples",
+        "limits or more search.max_samples",
         best.worst_constraint, 100 * best.constraint_violation, ToString(best.end));
   }
   if (best.core_reached) {
     return fmt::format(
         "the best motion drives a contact {:.1f} mm deep, through the {:.1f} mm layer to the core; "
-        "use a "
-        "larger contact.stiffness_n_per_m or contact.d_on_m, or more search.max_samples",
+        "use a larger contact.stiffness_n_per_m or contact.d_on_m, or more search.max_samples",
         1e3 * best.rollout.peak_penetration_m, 1e3 * problem.scene.contact.d_on_m);
   }
   return ToString(best.end);
@@ -80,15 +79,14 @@ TaskResult WorkOn(Task task, const WorkSettings& settings) {
     result.summary = Summarize(problem, best.x);
     PrimitiveFile file = MakePrimitiveFile(result.task, result.outcome, best);
     result.look = LookAgain(problem, best.x);
-    if (!result.look.purpose_met()) {
+    if (!result.look.acceptable()) {
       result.usable = false;
       result.cause = fmt::format(
-          "the best motion keeps all limits, and misses what the task is for, as a simulation with "
-          "a step of {:.3g} ms shows: {}; use another --seed or more solver.finalists, give it "
-          "another duration_s or a "
-          "larger "
-          "weight of that term, or allow it by the term's tolerance",
-          1e3 * result.look.step_s, result.look.Missed());
+          "a simulation of the best motion with a step of {:.3g} ms shows that it is not what the "
+          "task asks for: {}; use another --seed or another duration_s; for a target that is "
+          "missed, a larger weight or tolerance of its term; for torque or penetration, a smaller "
+          "solver.step_s",
+          1e3 * result.look.step_s, result.look.Objections());
     } else if (file.certificate.constraint_violation <= kNoViolation) {
       // The certificate computes independently of the solver, and decides.
       result.file = std::move(file);

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <array>
-#include <optional>
 #include <string_view>
 
 #include "common/file_keys.h"
@@ -17,7 +16,6 @@ using When = CostTerm::When;
 /// A `[[cost]]` as the file has it.
 struct CostEntry : CostTerm {
   int of = 0;  ///< Which of `kCoordinateNames`.
-  std::optional<double> given_tolerance;
 };
 
 constexpr std::array kTermKeys = {
@@ -30,6 +28,14 @@ constexpr std::array kTermKeys = {
         .Allowed("-1e9 to 1e9; not negative for `terminal` and `effort`"),
 };
 
+/// The default of the tolerance is that of the coordinate's unit.
+void SetTolerance(CostEntry& term) {
+  constexpr int kPitch = 2;
+  term.tolerance = term.of > kPitch    ? CostTerm::kRateTolerance
+                   : term.of == kPitch ? CostTerm::kAngleTolerance_rad
+                                       : CostTerm::kLengthTolerance_m;
+}
+
 constexpr std::array<std::string_view, 2> kWhen = {"end", "settled"};
 constexpr std::array kCoordinateKeys = {
     KeyOf<&CostTerm::when, CostEntry>("when", kWhen,
@@ -39,10 +45,10 @@ constexpr std::array kCoordinateKeys = {
         .Default("required for terminal terms"),
     KeyOf<&CostTerm::target, CostEntry>("target", {-1e3, 1e3}, "of `terminal`")
         .Where([](const CostEntry& term) { return term.kind == Kind::kSquare; }),
-    KeyOf<&CostEntry::given_tolerance>("tolerance", {0, 1e3, true},
-                                       "of `terminal`: a value farther from the target misses the "
-                                       "purpose, and no primitive is written")
-        .Default("0.05 rad, 0.02 m, 0.1 rad/s or m/s")
+    KeyOf<&CostTerm::tolerance, CostEntry>("tolerance", {0, 1e3, true},
+                                           "of `terminal`: a value farther from the target misses "
+                                           "the purpose, and no primitive is written")
+        .Default("0.05 rad, 0.02 m, 0.1 rad/s or m/s", SetTolerance)
         .Where([](const CostEntry& term) { return term.kind == Kind::kSquare; }),
 };
 
@@ -69,13 +75,6 @@ CostTerm ReadCostTerm(TomlTable& table, const PlanarRobot& robot) {
   ReadKeys(table, kCoordinateKeys, term);
   term.dof = term.of % 3;
   term.of_velocity = term.of >= 3;
-  if (!term.given_tolerance) {
-    term.tolerance = term.of_velocity ? CostTerm::kRateTolerance
-                     : term.dof == 2  ? CostTerm::kAngleTolerance_rad
-                                      : CostTerm::kLengthTolerance_m;
-  } else {
-    term.tolerance = *term.given_tolerance;
-  }
   if (term.kind == Kind::kSquare) require_positive("a square");
   return term;
 }

@@ -84,8 +84,8 @@ ExitStatus Main(int argc, char** argv) {
   Arguments arguments;
   CommandLine line(
       "Shows runs and plans on one page: plan, command, measurement and truth of every joint on "
-      "one "
-      "time axis, the robots of plan and truth, faults and transitions, latencies, and how runs "
+      "one time axis, the robots of plan and truth, faults and transitions, latencies, and how "
+      "runs "
       "differ.\nExit status: 0 written; 1 wrong usage, or a file that cannot be used: nothing is "
       "written then.",
       "tumbler-report");

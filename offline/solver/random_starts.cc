@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <numeric>
+#include <span>
 
 #include "common/index.h"
 #include "offline/rollout/rollout.h"
@@ -98,8 +100,10 @@ std::vector<double> Shrunk(const Problem& problem, const std::vector<LinearRow>&
   return line;
 }
 
-}  // namespace
-
+/// The motion of `x` with the control points of another problem, whose joints, times and degree are
+/// the same. Control point i becomes the path at the i-th Greville abscissa [Schoenberg 1967]:
+/// paths approach the given ones with the square of the distance of knots.
+/// @param x  parameters of `from`.
 std::vector<double> WithControlPointsOf(const Problem& problem, const Problem& from,
                                         std::span<const double> x) {
   std::vector<double> refined;
@@ -117,6 +121,8 @@ std::vector<double> WithControlPointsOf(const Problem& problem, const Problem& f
   }
   return refined;
 }
+
+}  // namespace
 
 RandomStarts::RandomStarts(const Problem& problem)
     : problem_(problem),

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstdint>
-#include <span>
 #include <vector>
 
 #include "offline/problem/problem.h"
@@ -37,13 +36,5 @@ class RandomStarts {
   Problem coarse_;  ///< With at most 12 control points for each joint.
   std::vector<LinearRow> coarse_rows_;
 };
-
-/// The motion of `x` with the control points of another problem, whose joints, times and degree are
-/// the same. Control point i becomes the path at the i-th Greville abscissa [Schoenberg 1967].
-/// Paths approach the given ones with the square of the distance of knots, and leave no bound on
-/// position or velocity that those keep.
-/// @param x  parameters of `from`.
-std::vector<double> WithControlPointsOf(const Problem& problem, const Problem& from,
-                                        std::span<const double> x);
 
 }  // namespace tumbler

@@ -9,6 +9,7 @@
 #include <numeric>
 #include <thread>
 
+#include "common/index.h"
 #include "offline/linear/least_squares.h"
 #include "offline/solver/random_starts.h"
 
@@ -486,7 +487,6 @@ class Campaign {
     }
     return rollouts;
   }
-  static std::size_t Index(int i) { return static_cast<std::size_t>(i); }
 
   /// Draws samples until this many are promising.
   void Draw(int promising) {

@@ -49,23 +49,23 @@ TEST(SecondLook, HoldsEachTargetBesideItsResultAlsoTwoSecondsLater) {
   EXPECT_THAT(names,
               ::testing::ElementsAre("pitch, settled", "pitch, 2 s later", "pitch_rate, 2 s later",
                                      "speed of the root, 2 s later"));
-  EXPECT_TRUE(look.purpose_met()) << look.Missed();
-  EXPECT_EQ(look.Missed(), "");
+  EXPECT_TRUE(look.acceptable()) << look.Objections();
+  EXPECT_EQ(look.Objections(), "");
 }
 
 TEST(SecondLook, AMotionThatHardlyMovesTheRobotMissesATargetFarAway) {
   const Problem problem = ProblemOf(Replaced(QuickTask(), "target = 0.0", "target = 1.5"));
   const SecondLook look = LookAgain(problem, Straight(problem));
-  EXPECT_FALSE(look.purpose_met());
-  EXPECT_THAT(look.Missed(), HasSubstr("pitch, settled: asked 1.5, got "));
-  EXPECT_THAT(look.Missed(), HasSubstr("rad (within 0.05)"));
+  EXPECT_FALSE(look.acceptable());
+  EXPECT_THAT(look.Objections(), HasSubstr("pitch, settled: asked 1.5, got "));
+  EXPECT_THAT(look.Objections(), HasSubstr("rad (within 0.05)"));
 }
 
 TEST(SecondLook, AToleranceOfTheTaskDecides) {
   const auto met = [](const std::string& tolerance) {
     const Problem problem =
         ProblemOf(Replaced(QuickTask(), "target = 0.0", "target = 1.5\ntolerance = " + tolerance));
-    return LookAgain(problem, Straight(problem)).purpose_met();
+    return LookAgain(problem, Straight(problem)).acceptable();
   };
   EXPECT_FALSE(met("1.3"));
   EXPECT_TRUE(met("1.7"));
@@ -78,7 +78,7 @@ TEST(SecondLook, TermsWithoutWeightOrTargetAskForNothing) {
   const SecondLook look = LookAgain(problem, Straight(problem));
   ASSERT_EQ(look.purpose.size(), 2U);
   EXPECT_EQ(look.purpose[0].name, "pitch_rate, 2 s later");
-  EXPECT_TRUE(look.purpose_met()) << look.Missed();
+  EXPECT_TRUE(look.acceptable()) << look.Objections();
 }
 
 TEST(SecondLook, AMotionThatIsNotToEndAtRestIsNotAskedToRest) {
@@ -134,7 +134,7 @@ SecondLook LookAtShipped(const std::string& name) {
 TEST(SecondLook, ShippedMotionsDoWhatTheirTasksAskFor) {
   for (const char* name : {"handstand", "downstand", "roll"}) {
     const SecondLook look = LookAtShipped(name);
-    EXPECT_TRUE(look.purpose_met()) << name << ": " << look.Missed();
+    EXPECT_TRUE(look.acceptable()) << name << ": " << look.Objections();
   }
 }
 
@@ -157,14 +157,14 @@ TEST(SecondLook, RefusesATorqueFarAboveItsLimitAndAContactThroughTheLayer) {
   look.layer_m = 0.006;
   look.torque_excess = 0.05;
   look.peak_penetration_m = 0.0059;
-  EXPECT_TRUE(look.purpose_met());
+  EXPECT_TRUE(look.acceptable());
   look.torque_excess = 0.66;
-  EXPECT_FALSE(look.purpose_met());
-  EXPECT_EQ(look.Missed(), "a torque is 66 % above its limit");
+  EXPECT_FALSE(look.acceptable());
+  EXPECT_EQ(look.Objections(), "a torque is 66 % above its limit");
   look.torque_excess = -0.1;
   look.peak_penetration_m = 0.00646;
-  EXPECT_FALSE(look.purpose_met());
-  EXPECT_EQ(look.Missed(), "a contact goes 6.46 mm deep, through the layer of 6.00 mm");
+  EXPECT_FALSE(look.acceptable());
+  EXPECT_EQ(look.Objections(), "a contact goes 6.46 mm deep, through the layer of 6.00 mm");
 }
 
 TEST(SecondLook, ASettlePhaseThatIsLongerThanTheLookGoesOnIsJudgedAtItsEndOnly) {
