@@ -18,6 +18,7 @@ Json FiguresOfMinima(const TaskResult& result) {
     const MotionSummary& summary = result.minima_summaries[i];
     minima.Append({{"objective", solution.rollout.cost},
                    {"feasible", solution.feasible()},
+                   {"objections", result.minima_objections[i]},
                    {"constraint_violation", solution.constraint_violation},
                    {"final_pitch_rad", summary.final_pitch_rad},
                    {"settled_pitch_rad", summary.settled_pitch_rad},

@@ -128,11 +128,12 @@ void PrintMinima(std::FILE* people, const TaskResult& result) {
     const Solution& solution = result.outcome.solutions[minimum.solution];
     const MotionSummary& summary = result.minima_summaries[i];
     const bool held = solution.feasible();
+    const std::string& objections = result.minima_objections[i];
     fmt::print(people, "  {:>4} {:>6} {:>12.6g} {:>10.1e} {:>9.4f} {:>11.3f} {:>11}  {}{}\n", i + 1,
                minimum.starts.size(), solution.rollout.cost, solution.constraint_violation,
                summary.final_pitch_rad, summary.peak_torque_nm, solution.evaluations,
                ToString(solution.end),
-               held                    ? ""
+               held                    ? (objections.empty() ? "" : ", refused: " + objections)
                : solution.core_reached ? ", no motion: a contact reached the core"
                                        : ", no motion: " + solution.worst_constraint);
   }

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <chrono>
 #include <ctime>
+#include <map>
+#include <mutex>
 #include <utility>
 
 #include "offline/optimize/progress.h"
@@ -48,6 +50,69 @@ std::string Cause(const Problem& problem, const Solution& best) {
   return ToString(best.end);
 }
 
+/// The second looks at the solutions of a problem, each of which is done once. Safe for use from
+/// several threads.
+class Looks {
+ public:
+  explicit Looks(const Problem& problem) : problem_(problem) {}
+  SecondLook At(const Solution& solution) {
+    {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      if (const auto known = of_start_.find(solution.start); known != of_start_.end())
+        return known->second;
+    }
+    SecondLook look = LookAgain(problem_, solution.x);
+    const std::lock_guard<std::mutex> lock(mutex_);
+    return of_start_.emplace(solution.start, std::move(look)).first->second;
+  }
+
+ private:
+  const Problem& problem_;
+  std::mutex mutex_;
+  std::map<int, SecondLook> of_start_;
+};
+
+/// Whether the solver's figures speak for a motion.
+bool KeepsLimits(const Problem& problem, const Solution& solution) {
+  return !solution.x.empty() && solution.feasible() && !MissesEveryObstacle(problem, solution);
+}
+
+/// Makes the file of the best motion, or says why there is none.
+void MakeFile(TaskResult& result, Looks& looks) {
+  const Solution& best = result.best;
+  result.summary = Summarize(result.problem(), best.x);
+  result.look = looks.At(best);
+  if (!result.look.acceptable()) {
+    result.cause = fmt::format(
+        "a simulation of the best motion with a step of {:.3g} ms shows that it is not what the "
+        "task asks for: {}; use another --seed or another duration_s; for a target that is "
+        "missed, a larger weight or tolerance of its term; for torque or penetration, a smaller "
+        "solver.step_s",
+        1e3 * result.look.step_s, result.look.Objections());
+    return;
+  }
+  PrimitiveFile file = MakePrimitiveFile(result.task, result.outcome, best);
+  // The certificate computes independently of the solver, and decides.
+  if (file.certificate.constraint_violation <= kNoViolation) {
+    result.file = std::move(file);
+    return;
+  }
+  result.cause = fmt::format(
+      "the certificate finds a limit exceeded by {:.1e}, which the solver does not; this is a "
+      "mistake of the program, please report it",
+      file.certificate.constraint_violation);
+}
+
+void ListMinima(TaskResult& result, Looks& looks) {
+  result.minima = DistinctMinima(result.outcome.solutions);
+  for (const LocalMinimum& minimum : result.minima) {
+    const Solution& solution = result.outcome.solutions[minimum.solution];
+    result.minima_summaries.push_back(Summarize(result.problem(), solution.x));
+    const SecondLook look = solution.feasible() ? looks.At(solution) : SecondLook{};
+    result.minima_objections.push_back(look.acceptable() ? "" : look.Objections());
+  }
+}
+
 }  // namespace
 
 TaskResult WorkOn(Task task, const WorkSettings& settings) {
@@ -61,42 +126,30 @@ TaskResult WorkOn(Task task, const WorkSettings& settings) {
   options.threads = settings.threads;
   options.interrupt = settings.interrupt;
   options.progress = [&progress](const Evaluation& evaluation) { progress(evaluation); };
+  Looks looks(problem);
+  const auto accept = [&](const Solution& solution) { return looks.At(solution).acceptable(); };
+  // For the table of minima, every start is one of those that were asked for.
+  if (!settings.minima) options.accept = accept;
   result.outcome = Solve(problem, options);
   progress.Finish();
 
-  if (!result.outcome.solutions.empty()) result.best = result.outcome.solutions.front();
-  const Solution& best = result.best;
-  result.usable = !best.x.empty() && best.feasible() && !MissesEveryObstacle(problem, best);
-  if (!result.usable) result.cause = Cause(problem, best);
-  if (settings.minima) {
-    result.minima = DistinctMinima(result.outcome.solutions);
-    for (const LocalMinimum& minimum : result.minima) {
-      result.minima_summaries.push_back(
-          Summarize(problem, result.outcome.solutions[minimum.solution].x));
-    }
+  const std::vector<Solution>& solutions = result.outcome.solutions;
+  const bool wanted = !result.outcome.interrupted || settings.keep_best;
+  const auto found = std::ranges::find_if(solutions, [&](const Solution& solution) {
+    return KeepsLimits(problem, solution) && (!wanted || accept(solution));
+  });
+  if (found != solutions.end()) {
+    result.best = *found;
+  } else if (!solutions.empty()) {
+    result.best = solutions.front();
   }
-  if (result.usable && (!result.outcome.interrupted || settings.keep_best)) {
-    result.summary = Summarize(problem, best.x);
-    PrimitiveFile file = MakePrimitiveFile(result.task, result.outcome, best);
-    result.look = LookAgain(problem, best.x);
-    if (!result.look.acceptable()) {
-      result.usable = false;
-      result.cause = fmt::format(
-          "a simulation of the best motion with a step of {:.3g} ms shows that it is not what the "
-          "task asks for: {}; use another --seed or another duration_s; for a target that is "
-          "missed, a larger weight or tolerance of its term; for torque or penetration, a smaller "
-          "solver.step_s",
-          1e3 * result.look.step_s, result.look.Objections());
-    } else if (file.certificate.constraint_violation <= kNoViolation) {
-      // The certificate computes independently of the solver, and decides.
-      result.file = std::move(file);
-    } else {
-      result.usable = false;
-      result.cause = fmt::format(
-          "the certificate finds a limit exceeded by {:.1e}, which the solver does not; this is a "
-          "mistake of the program, please report it",
-          file.certificate.constraint_violation);
-    }
+  if (settings.minima) ListMinima(result, looks);
+  result.usable = KeepsLimits(problem, result.best);
+  if (!result.usable) {
+    result.cause = Cause(problem, result.best);
+  } else if (wanted) {
+    MakeFile(result, looks);
+    result.usable = result.file.has_value();
   }
   result.wall_s =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - wall_start).count();

@@ -26,6 +26,8 @@ struct TaskResult {
   std::string cause;      ///< The reason when it is not usable.
   std::vector<LocalMinimum> minima;
   std::vector<MotionSummary> minima_summaries;
+  /// What the second look objects to, for each of the minima; empty where it accepts the motion.
+  std::vector<std::string> minima_objections;
   std::optional<PrimitiveFile> file;
   double wall_s = 0;
   double cpu_s = 0;

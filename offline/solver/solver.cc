@@ -571,6 +571,9 @@ class Campaign {
         const int budget = std::max(1, problem_.solver.max_evaluations - solution.evaluations);
         SolveOn(solution, budget, rollouts[Index(thread)]);
         solution.finished = true;
+        const bool counts = candidates == Candidates::kAll || StandsOut(solution, limit);
+        if (options_.accept && solution.feasible() && counts && !interrupted())
+          solution.refused = !options_.accept(solution);
       });
     }
   }
@@ -580,7 +583,8 @@ class Campaign {
     const double limit = PromisingRank(samples_);
     const auto done =
         std::count_if(solutions_.begin(), solutions_.end(), [&](const Solution& solution) {
-          return solution.finished && solution.feasible() && StandsOut(solution, limit);
+          return solution.finished && solution.feasible() && !solution.refused &&
+                 StandsOut(solution, limit);
         });
     return std::max(0, problem_.solver.finalists - static_cast<int>(done));
   }
@@ -609,6 +613,7 @@ class Campaign {
   static bool Better(const Solution& a, const Solution& b) {
     if (a.finished != b.finished) return a.finished;
     if (a.feasible() != b.feasible()) return a.feasible();
+    if (a.refused != b.refused) return b.refused;
     return a.feasible() ? a.rollout.cost < b.rollout.cost
                         : a.constraint_violation < b.constraint_violation;
   }

@@ -60,6 +60,8 @@ struct Solution {
   std::string worst_constraint;
   /// Whether a contact went through the whole compliant layer. The contact model ends there.
   bool core_reached = false;
+  /// Whether it keeps all limits and `SolveOptions::accept` refused it.
+  bool refused = false;
 
   /// Whether all limits hold, and the contact model with them.
   [[nodiscard]] bool feasible() const {
@@ -68,22 +70,25 @@ struct Solution {
   }
 };
 
-/// Options of `Solve`. They do not change the result, unless it is interrupted or `contact` gives
-/// another contact model.
+/// Options of `Solve`. They do not change the result, unless it is interrupted, `contact` gives
+/// another contact model, or `accept` refuses a motion.
 struct SolveOptions {
   int threads = 1;
   /// Set it from any thread to stop early; may be null.
   std::atomic<bool>* interrupt = nullptr;
   /// Called after evaluations, from any thread but by one at a time; may be empty.
   std::function<void(const Evaluation&)> progress;
+  /// Judges a finished motion that keeps all limits, from any thread and by several at a time;
+  /// empty: takes every one. The search goes on in place of a motion that it refuses.
+  std::function<bool(const Solution&)> accept;
   /// Makes the contact forces of a rollout, one for each thread; empty: the general model.
   std::function<std::unique_ptr<ContactForces<Plane>>()> contact;
 };
 
 /// The result of `Solve`.
 struct SolveOutcome {
-  /// One for each start, best first: feasible before infeasible, then by cost. Empty when
-  /// interrupted before the first batch of the search was done.
+  /// One for each start, best first: feasible before refused before infeasible, then by cost. Empty
+  /// when interrupted before the first batch of the search was done.
   std::vector<Solution> solutions;
   /// In the order of stage, start and count: the same for any number of threads.
   std::vector<Evaluation> history;

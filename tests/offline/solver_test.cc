@@ -370,6 +370,32 @@ TEST(Solve, ThreadsChangeNothing) {
   }
 }
 
+TEST(Solve, GoesOnInPlaceOfAMotionThatIsRefused) {
+  const Problem problem = ProblemOf(QuickTask());
+  const Solution first = Solve(problem, {}).solutions.front();
+  ASSERT_TRUE(first.feasible());
+  SolveOptions options;
+  options.accept = [&first](const Solution& solution) { return solution.x != first.x; };
+  const std::vector<Solution> solutions = Solve(problem, options).solutions;
+  EXPECT_TRUE(solutions.front().finished);
+  EXPECT_TRUE(solutions.front().feasible());
+  EXPECT_FALSE(solutions.front().refused);
+  EXPECT_NE(solutions.front().x, first.x);
+  const auto refused = std::ranges::find_if(solutions, &Solution::refused);
+  ASSERT_NE(refused, solutions.end());
+  EXPECT_EQ(refused->x, first.x);
+}
+
+TEST(Solve, EndsWhenEveryMotionIsRefused) {
+  const Problem problem = ProblemOf(QuickTask());
+  SolveOptions options;
+  options.accept = [](const Solution&) { return false; };
+  const std::vector<Solution> solutions = Solve(problem, options).solutions;
+  const auto count = [&](auto member) { return std::ranges::count_if(solutions, member); };
+  EXPECT_GT(count(&Solution::refused), 1);
+  EXPECT_LE(count(&Solution::finished), problem.solver.finalists + problem.search.refine);
+}
+
 TEST(Solve, AnInterruptThatIsAlreadyThereGivesSolutionsThatAreWhole) {
   const Problem problem = ProblemOf(QuickTask());
   std::atomic<bool> interrupt = true;
