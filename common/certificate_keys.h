@@ -19,9 +19,6 @@ struct CertificateKey {
 
 /// All figures, in the order of the file.
 inline constexpr std::array kCertificateKeys = {
-    CertificateKey{KeyOf<&Certificate::coefficients_hash>(
-                       "coefficients_hash", "FNV-1a of everything that the runtime plays"),
-                   13, "coefficients", "{coefficients_hash}"},
     CertificateKey{
         KeyOf<&Certificate::gradient_error>(
             "gradient_error", Range::NonNegative(),

@@ -193,9 +193,8 @@ std::string ToHeader(const SequenceFile& file, const std::string& source_text,
       "//   source {}, {}\n",
       StringLiteral(source), HashOfText(source_text));
   for (std::size_t i = 0; i < file.primitives.size(); ++i) {
-    out += fmt::format("//   primitive {}: {}, coefficients {}\n", i,
-                       StringLiteral(file.primitive_names[i]),
-                       file.primitives[i].certificate.coefficients_hash);
+    out += fmt::format("//   primitive {}: {}, content {}\n", i,
+                       StringLiteral(file.primitive_names[i]), ContentHash(file.primitives[i]));
   }
   out += fmt::format(
       "#pragma once\n\n"

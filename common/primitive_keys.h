@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <string>
 #include <vector>
 
 #include "common/certificate_keys.h"
@@ -14,6 +15,14 @@ namespace tumbler {
 /// has those of `[certificate]`.
 
 inline constexpr FileHeader kPrimitiveHeader{"tumbler-primitive", kPrimitiveFileVersion};
+
+/// The key of the file's ContentHash, which is of everything but this key.
+struct ContentHashEntry {
+  std::string content_hash;
+};
+inline constexpr auto kContentHashKeys = AllRequired(std::array{
+    KeyOf<&ContentHashEntry::content_hash>("content_hash", "of everything else in the file"),
+});
 
 inline constexpr auto kPrimitiveKeys = AllRequired(std::array{
     KeyOf<&Primitive<double>::name>("name", ""),
@@ -94,7 +103,13 @@ inline constexpr auto kProvenanceKeys = AllRequired(std::array{
 inline constexpr auto kStartFileKeys = AllRequired(std::array{
     KeyOf<&Provenance::start_file>(
         "start_file", "the primitive at whose exit it starts (`--start-from`), else left out"),
-    KeyOf<&Provenance::start_hash>("start_hash", "that one's `coefficients_hash`, likewise"),
+    KeyOf<&Provenance::start_hash>("start_hash", "that one's `content_hash`, likewise"),
+});
+/// The key of a motion that was changed by hand and signed: the file has it or not.
+inline constexpr auto kEditedKeys = AllRequired(std::array{
+    KeyOf<&Provenance::edited>(
+        "edited",
+        "why the file was changed by hand after it was made (`tumbler-sign`), else left out"),
 });
 inline constexpr auto kSourceTextKeys = AllRequired(std::array{
     LongTextOf<&Provenance::robot_urdf>(

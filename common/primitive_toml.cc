@@ -179,30 +179,34 @@ ContactInterval ReadContact(TomlTable& table) {
   return contact;
 }
 
+/// What to do with a file that is not as it was written.
+constexpr const char* kRemedy =
+    "the file was changed after it was written, and what was verified may not hold any more; make "
+    "it "
+    "again with tumbler-optimize, or sign the change with tumbler-sign";
+
 void CheckHash(const TomlTable& table, std::string_view key, const std::string& stored,
                const std::string& actual, std::string_view of) {
   if (stored == actual) return;
-  table.Fail(
-      key,
-      fmt::format(
-          "is '{}', but {} in this file hash to '{}': the file was changed after it was written; "
-          "make it again",
-          stored, of, actual));
+  table.Fail(key, fmt::format("is '{}', but {} in this file hash to '{}': {}", stored, of, actual,
+                              kRemedy));
 }
 
 void CheckMargin(const TomlTable& table, std::string_view key, double stored, double actual) {
   if (std::abs(stored - actual) <= kMarginTolerance) return;
   const auto [value, expected] = DistinctNumbers(stored, actual);
-  table.Fail(key,
-             fmt::format("is {}, but the coefficients leave a margin of {}; make the file again",
-                         value, expected));
+  table.Fail(key, fmt::format("is {}, but the coefficients leave a margin of {}: {}", value,
+                              expected, kRemedy));
 }
 
-Certificate ReadCertificate(TomlTable table, const Primitive<double>& primitive) {
+/// Whether what follows from the rest of the file has to agree with it. It does not in a file that
+/// was changed by hand, and is to be signed.
+enum class Derived { kChecked, kIgnored };
+
+Certificate ReadCertificate(TomlTable table, const Primitive<double>& primitive, Derived derived) {
   Certificate certificate;
   ReadKeys(table, kCertificateFileKeys, certificate);
-  CheckHash(table, "coefficients_hash", certificate.coefficients_hash,
-            HashOfCoefficients(primitive), "the joints and their limits");
+  if (derived == Derived::kIgnored) return certificate;
   const LimitMargins margins = MarginsOf(primitive);
   CheckMargin(table, "position_margin_rad", certificate.position_margin_rad, margins.position_rad);
   CheckMargin(table, "velocity_margin_rad_s", certificate.velocity_margin_rad_s,
@@ -212,7 +216,7 @@ Certificate ReadCertificate(TomlTable table, const Primitive<double>& primitive)
   return certificate;
 }
 
-Provenance ReadProvenance(TomlTable table) {
+Provenance ReadProvenance(TomlTable table, Derived derived) {
   Provenance provenance;
   ReadKeys(table, kProvenanceKeys, provenance);
   if (table.Has("start_file") || table.Has("start_hash")) {
@@ -223,7 +227,13 @@ Provenance ReadProvenance(TomlTable table) {
                  "such key");
     }
   }
+  if (table.Has("edited")) {
+    ReadKeys(table, kEditedKeys, provenance);
+    if (provenance.edited.empty())
+      table.Fail("edited", "is empty; allowed: why the file was changed, or no such key");
+  }
   ReadKeys(table, kSourceTextKeys, provenance);
+  if (derived == Derived::kIgnored) return provenance;
   CheckHash(table, "robot_hash", provenance.robot_hash, HashOfText(provenance.robot_urdf),
             "the bytes of robot_urdf");
   CheckHash(table, "task_hash", provenance.task_hash, HashOfText(provenance.task_toml),
@@ -231,7 +241,11 @@ Provenance ReadProvenance(TomlTable table) {
   return provenance;
 }
 
-PrimitiveFile Read(TomlTable root) {
+std::string ContentHashOf(const TomlTable& root) {
+  return HashOfText(root.CanonicalText(kContentHashKeys[0].text.name));
+}
+
+void CheckVersion(TomlTable& root) {
   if (const std::string format = root.String("format"); format != kPrimitiveHeader.format) {
     root.Fail("format",
               fmt::format("is '{}'; a primitive says '{}'", format, kPrimitiveHeader.format));
@@ -239,20 +253,34 @@ PrimitiveFile Read(TomlTable root) {
   const std::int64_t version = root.Integer("version", std::numeric_limits<std::int64_t>::min(),
                                             std::numeric_limits<std::int64_t>::max());
   if (version > kPrimitiveFileVersion) {
+    root.Fail("version", fmt::format("is {}; this program reads version {}: use a newer program",
+                                     version, kPrimitiveFileVersion));
+  }
+  if (version < kPrimitiveFileVersion) {
     root.Fail("version",
-              fmt::format("is {}; this program reads versions up to {}: use a newer program",
+              fmt::format("is {}; this program reads version {}, whose hash is of the whole file: "
+                          "make the file again with tumbler-optimize",
                           version, kPrimitiveFileVersion));
   }
-  if (version < 1) root.Fail("version", fmt::format("is {}; the first version is 1", version));
+}
+
+PrimitiveFile Read(TomlTable root, Derived derived = Derived::kChecked) {
+  CheckVersion(root);
+  ContentHashEntry hash;
+  ReadKeys(root, kContentHashKeys, hash);
   PrimitiveFile file;
   file.primitive = ReadMotions(root);
   file.entry = ReadPose(root.Table("entry"), file.primitive, false);
   file.exit = ReadPose(root.Table("exit"), file.primitive, true);
   for (TomlTable& contact : root.OptionalTables("contact"))
     file.contacts.push_back(ReadContact(contact));
-  file.certificate = ReadCertificate(root.Table("certificate"), file.primitive);
-  file.provenance = ReadProvenance(root.Table("provenance"));
+  file.certificate = ReadCertificate(root.Table("certificate"), file.primitive, derived);
+  file.provenance = ReadProvenance(root.Table("provenance"), derived);
   root.RejectUnknownKeys();
+  if (derived == Derived::kChecked) {
+    CheckHash(root, kContentHashKeys[0].text.name, hash.content_hash, ContentHashOf(root),
+              "all keys and values");
+  }
   return file;
 }
 
@@ -264,11 +292,37 @@ PrimitiveFile ParsePrimitive(std::string_view text, const std::string& name) {
 
 PrimitiveFile LoadPrimitive(const std::string& path) { return Read(TomlTable::ParseFile(path)); }
 
+std::string SignEdited(std::string_view text, const std::string& name, const std::string& reason) {
+  if (reason.empty()) throw std::invalid_argument("the reason of the change is empty");
+  const TomlTable root = TomlTable::Parse(text, name);
+  PrimitiveFile file = Read(root, Derived::kIgnored);
+  if (TomlTable copy = root; copy.String(kContentHashKeys[0].text.name) == ContentHashOf(root)) {
+    root.Fail(kContentHashKeys[0].text.name,
+              "is that of the file: nothing was changed, and there is nothing to sign");
+  }
+  const LimitMargins margins = MarginsOf(file.primitive);
+  file.certificate.position_margin_rad = margins.position_rad;
+  file.certificate.velocity_margin_rad_s = margins.velocity_rad_s;
+  file.certificate.acceleration_margin_rad_s2 = margins.acceleration_rad_s2;
+  Provenance& provenance = file.provenance;
+  provenance.robot_hash = HashOfText(provenance.robot_urdf);
+  provenance.task_hash = HashOfText(provenance.task_toml);
+  provenance.edited += provenance.edited.empty() ? reason : "; " + reason;
+  return ToToml(file);
+}
+
+std::string MakerOf(const Provenance& provenance) {
+  return provenance.edited.empty()
+             ? provenance.tool
+             : fmt::format("{}, changed by hand since: {}", provenance.tool, provenance.edited);
+}
+
 std::vector<KeyTable> PrimitiveKeyTables() {
   const char* const source = "common/primitive_keys.h";
   return {{source,
            "primitive",
            Joined({{RowOf(kPrimitiveHeader)},
+                   RowsOf(kContentHashKeys),
                    RowsOf(kPrimitiveKeys),
                    RowsOf(kJointKeys, "`[[joint]]`"),
                    RowsOf(kJointLimitKeys, "`[joint.limits]`"),
@@ -279,6 +333,7 @@ std::vector<KeyTable> PrimitiveKeyTables() {
                    {{"", "`[certificate]`", "", "", "see [method.md](method.md#certificate)"}},
                    RowsOf(kProvenanceKeys, "`[provenance]`"),
                    RowsOf(kStartFileKeys, "`[provenance]`"),
+                   RowsOf(kEditedKeys, "`[provenance]`"),
                    RowsOf(kSourceTextKeys, "`[provenance]`")}),
            {"key", "", "allowed", "meaning"}}};
 }

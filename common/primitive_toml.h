@@ -11,8 +11,8 @@
 
 namespace tumbler {
 
-/// The version that this build writes, and the newest one that it reads.
-inline constexpr int kPrimitiveFileVersion = 1;
+/// The version that this build writes, and the only one that it reads.
+inline constexpr int kPrimitiveFileVersion = 2;
 
 /// How long after a motion's end its exit is, with the joints held [s].
 inline constexpr double kExitAfter_s = 2;
@@ -38,8 +38,6 @@ struct ContactInterval {
 /// The figures that were verified when the motion was made. Proofs hold for all t; maxima are those
 /// of dense samples.
 struct Certificate {
-  /// HashOfCoefficients of the primitive.
-  std::string coefficients_hash;
   /// The least of `gradient_errors`; 1e9 where the differences are not finite.
   double gradient_error = 0;
   /// Steps of the central differences with which the analytic gradient was compared, through
@@ -77,8 +75,11 @@ struct Provenance {
   std::string task_hash;         ///< HashOfText of `task_toml`.
   /// The primitive at whose exit this one starts; empty: it starts in the pose of its task.
   std::string start_file;
-  /// The `coefficients_hash` of that primitive; empty when `start_file` is.
+  /// The ContentHash of that primitive; empty when `start_file` is.
   std::string start_hash;
+  /// Why the file was changed by hand after it was made, in the words of those who signed it;
+  /// empty: it was not. What was verified was verified before the change.
+  std::string edited;
   /// The whole text of the robot's URDF.
   std::string robot_urdf;
   /// The whole text of the task. A simulation takes contact and obstacles from it, and its start
@@ -96,18 +97,35 @@ struct PrimitiveFile {
   Provenance provenance;
 };
 
+/// The hash that a primitive's file has of everything in it: HashOfText of the CanonicalText of its
+/// TOML without the key `content_hash`. It identifies the primitive.
+/// @throws std::invalid_argument  as ToToml.
+std::string ContentHash(const PrimitiveFile& file);
+
 /// The file's text. Every double reads back bit for bit, and ParsePrimitive accepts the text.
 /// @throws std::invalid_argument  when a value is not finite or the parts do not fit together.
 std::string ToToml(const PrimitiveFile& file);
 
 /// Reads and checks a whole primitive: version, structure, finite values, splines that share
-/// duration and fit their capacity, limits that hold for all t by the control points, hashes that
-/// match, a certificate whose margins are those of the coefficients.
+/// duration and fit their capacity, limits that hold for all t by the control points, a certificate
+/// whose margins are those of the coefficients, and hashes that match, so that nothing was changed
+/// since the file was written.
 /// @param name  stands for the file in messages.
 /// @throws FileError  with file, line, key, value and allowed range.
 PrimitiveFile ParsePrimitive(std::string_view text, const std::string& name);
 /// The same of a file.
 PrimitiveFile LoadPrimitive(const std::string& path);
+
+/// The text of a primitive file that was changed by hand, with margins and hashes as they follow
+/// from what it says now. Everything that ParsePrimitive checks has to hold, apart from these.
+/// Comments are lost. The rest of the certificate stays, and is no longer about this motion.
+/// @param reason  goes into `provenance.edited`, behind the reasons that are there.
+/// @throws FileError              as ParsePrimitive, and when nothing was changed.
+/// @throws std::invalid_argument  when the reason is empty or is not UTF-8 text.
+std::string SignEdited(std::string_view text, const std::string& name, const std::string& reason);
+
+/// What made the motion, for people: the tool, and why the file was changed by hand where it was.
+std::string MakerOf(const Provenance& provenance);
 
 /// The keys of the file for docs/formats.md, and of its certificate for docs/method.md.
 std::vector<KeyTable> PrimitiveKeyTables();

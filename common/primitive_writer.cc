@@ -5,6 +5,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "common/primitive_hash.h"
 #include "common/primitive_keys.h"
 #include "common/primitive_toml.h"
 #include "common/toml_writer.h"
@@ -39,19 +40,22 @@ void WriteProvenance(TomlWriter& writer, const Provenance& provenance) {
   writer.Line("\n[provenance]");
   WriteKeys(writer, kProvenanceKeys, provenance);
   if (!provenance.start_file.empty()) WriteKeys(writer, kStartFileKeys, provenance);
+  if (!provenance.edited.empty()) WriteKeys(writer, kEditedKeys, provenance);
   WriteKeys(writer, kSourceTextKeys, provenance);
 }
 
-std::string Write(const PrimitiveFile& file) {
+/// The file's text with this hash, whatever the file's own is.
+std::string WriteWith(const std::string& content_hash, const PrimitiveFile& file) {
   TomlWriter writer("a primitive");
   writer.Line(
       "# A motion primitive: B-spline paths of a robot's joints, and what was verified about "
       "them.");
   writer.Line(
-      "# Written by a program; a changed number makes the hashes disagree and the file is "
+      "# Written by a program; a changed number or word makes the hashes disagree and the file is "
       "refused.");
   writer.Line(fmt::format("format = \"{}\"", kPrimitiveHeader.format));
   writer.Line(fmt::format("version = {}", kPrimitiveHeader.version));
+  WriteKeys(writer, kContentHashKeys, {content_hash});
   WriteKeys(writer, kPrimitiveKeys, file.primitive);
   for (const Motion& motion : file.primitive.motions()) WriteJoint(writer, motion);
   writer.Line("\n[entry]");
@@ -70,13 +74,19 @@ std::string Write(const PrimitiveFile& file) {
 
 }  // namespace
 
+std::string ContentHash(const PrimitiveFile& file) {
+  const std::string name(file.primitive.name.view());
+  return HashOfText(
+      TomlTable::Parse(WriteWith("", file), name).CanonicalText(kContentHashKeys[0].text.name));
+}
+
 std::string ToToml(const PrimitiveFile& file) {
   const int count = file.primitive.joint_count;
   if (count < 1 || count > kMaxJoints) {
     throw std::invalid_argument(
         fmt::format("a primitive has {} joints; allowed: from 1 ... {}", count, kMaxJoints));
   }
-  std::string text = Write(file);
+  std::string text = WriteWith(ContentHash(file), file);
   try {
     // A text that no program would load must not be written.
     ParsePrimitive(text, std::string(file.primitive.name.view()));

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cerrno>
 #include <charconv>
 #include <cmath>
@@ -150,6 +151,40 @@ const char* TypeName(const toml::node& node) {
       return "a boolean";
     default:
       return "a date or time";
+  }
+}
+
+std::string CanonicalNumber(double value) {
+  constexpr double kEnd = 0x1p63;  // of the integers
+  const bool whole = value > -kEnd && value < kEnd && value == std::trunc(value);
+  if (whole && !(value == 0 && std::signbit(value)))
+    return fmt::format("{}", static_cast<std::int64_t>(value));
+  return fmt::format("0x{:016x}", std::bit_cast<std::uint64_t>(value));
+}
+
+/// Appends the lines of a value for TomlTable::CanonicalText.
+void AppendCanonical(std::string& text, const std::string& path, const toml::node& node) {
+  const auto line = [&text, &path](const std::string& value) {
+    text += fmt::format("{} = {}\n", path, value);
+  };
+  if (const auto* table = node.as_table()) {
+    line(fmt::format("{{{}}}", table->size()));
+    for (const auto& [key, value] : *table)
+      AppendCanonical(text, fmt::format("{}.{}", path, key.str()), value);
+  } else if (const auto* array = node.as_array()) {
+    line(fmt::format("[{}]", array->size()));
+    for (std::size_t i = 0; i < array->size(); ++i)
+      AppendCanonical(text, fmt::format("{}[{}]", path, i), *array->get(i));
+  } else if (const auto* integer = node.as_integer()) {
+    line(fmt::format("{}", integer->get()));
+  } else if (const auto* real = node.as_floating_point()) {
+    line(CanonicalNumber(real->get()));
+  } else if (const auto* string = node.as_string()) {
+    line(fmt::format("{}:{}", string->get().size(), string->get()));
+  } else if (const auto* boolean = node.as_boolean()) {
+    line(boolean->get() ? "true" : "false");
+  } else {
+    line(TypeName(node));  // No key of our files holds a date or a time.
   }
 }
 
@@ -429,6 +464,14 @@ std::vector<std::string> TomlTable::Keys() const {
   names.reserve(keys.size());
   for (auto& entry : keys) names.push_back(std::move(entry.second));
   return names;
+}
+
+std::string TomlTable::CanonicalText(std::string_view without) const {
+  std::string text;
+  for (const auto& [key, node] : place_->table()) {
+    if (key.str() != without) AppendCanonical(text, std::string(key.str()), node);
+  }
+  return text;
 }
 
 void TomlTable::RejectUnknownKeys() const {

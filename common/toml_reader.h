@@ -81,6 +81,15 @@ class TomlTable {
   /// as those of joints.
   [[nodiscard]] std::vector<std::string> Keys() const;
 
+  /// Everything in this table as a text that does not depend on comments, white space, the order of
+  /// keys or the notation of numbers: a line `PATH = VALUE` for each key and each entry of an
+  /// array, keys in the order of their bytes. The VALUE of a whole number below 2^63 is in decimal,
+  /// and that of any other number 0x and the 16 hexadecimal digits of its double (IEEE 754); a text
+  /// has its length in bytes before it, as in 3:abc; an array is [N] and a table {N}, for N
+  /// entries.
+  /// @param without  a key of this table that is left out.
+  [[nodiscard]] std::string CanonicalText(std::string_view without) const;
+
   [[nodiscard]] const std::string& file() const;
   [[nodiscard]] const std::string& path() const;  ///< E.g. `contact.ground`; empty at the top.
 

@@ -20,9 +20,9 @@
 
 #include "common/command_line.h"
 #include "common/program.h"
+#include "common/result_file.h"
 #include "common/toml_reader.h"
 #include "offline/motion_report/motion_report.h"
-#include "offline/optimize/result_file.h"
 #include "offline/optimize/result_json.h"
 #include "offline/optimize/result_text.h"
 #include "offline/optimize/task_result.h"

@@ -266,7 +266,6 @@ PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
   file.contacts = summary.contacts;
 
   Certificate& certificate = file.certificate;
-  certificate.coefficients_hash = HashOfCoefficients(primitive);
   const GradientCheck check = CheckGradient(problem, solution.x);
   certificate.gradient_error = Finite(check.relative_error());
   certificate.gradient_difference_steps_rad = GradientCheck::kSteps;

@@ -46,6 +46,7 @@ ReportData MakeReportData(const Task& task, const SolveOutcome& outcome, const S
   }
   data.certificate = CertificateLines(file.certificate, problem.scene.contact.d_on_m);
   data.certificate.emplace(data.certificate.begin(), "solver", ToString(solution.end));
+  data.certificate.emplace_back("primitive", ContentHash(file));
   data.certificate.emplace_back("robot", file.provenance.robot_hash);
   data.certificate.emplace_back("task", file.provenance.task_hash);
   return data;

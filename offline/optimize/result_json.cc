@@ -72,11 +72,10 @@ Json Figures(const TaskResult& result) {
                {"settled_speed", summary.settled_speed}};
   for (const CertificateFigure& figure : FiguresOf(result.file->certificate)) {
     const std::string_view key = figure.key;
-    // settled_error_rad has the first key's magnitude, and the second key comes last.
-    if (key == "settled_pitch_error_rad" || key == "coefficients_hash") continue;
+    if (key == "settled_pitch_error_rad") continue;  // settled_error_rad has its magnitude.
     std::visit([&](const auto& value) { json[figure.key] = value; }, figure.value);
   }
-  json["coefficients_hash"] = result.file->certificate.coefficients_hash;
+  json["content_hash"] = ContentHash(*result.file);
   json["second_look"] = FiguresOf(result.look);
   if (!result.minima.empty()) json["minima"] = FiguresOfMinima(result);
   return json;

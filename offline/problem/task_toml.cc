@@ -466,7 +466,7 @@ Task LoadTask(const std::string& path, const PrimitiveFile& before,
                                 path));
   }
   task.start_file = before_path;
-  task.start_hash = before.certificate.coefficients_hash;
+  task.start_hash = ContentHash(before);
   return task;
 }
 

@@ -18,7 +18,7 @@ struct Task {
   std::string robot_text;
   /// The primitive whose exit is the start pose. Empty: the task's own start pose.
   std::string start_file;
-  /// The `coefficients_hash` of that primitive.
+  /// The ContentHash of that primitive.
   std::string start_hash;
 };
 

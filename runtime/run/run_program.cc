@@ -73,6 +73,13 @@ ExitStatus TestLatency(const RunOptions& options) {
 /// @param options  gets the drives file that a twin file names.
 RunParts LoadParts(RunOptions& options, const Simulation* simulation, const FileReader& read) {
   RunParts parts = LoadRunMotion(options.motion, read);
+  for (const PrimitiveFile& file : parts.file.primitives) {
+    if (file.provenance.edited.empty()) continue;
+    fmt::print(
+        stderr,
+        "{}: warning: primitive '{}' was changed by hand after it was made and verified: {}\n",
+        options.motion, file.primitive.name.view(), file.provenance.edited);
+  }
   if (simulation != nullptr && options.drives.empty() && !options.twin.empty())
     options.drives = simulation->drives_file_of(options.twin);
   CheckOptions(options, parts.sequence->graph);

@@ -78,7 +78,7 @@ TEST(StartFrom, ThePrimitiveIsWholeByItself) {
   const PrimitiveFile file =
       ParsePrimitive(ToToml(MakePrimitiveFile(task, outcome, best)), "back.toml");
   EXPECT_EQ(file.provenance.start_file, "before.toml");
-  EXPECT_EQ(file.provenance.start_hash, TheOneBefore().certificate.coefficients_hash);
+  EXPECT_EQ(file.provenance.start_hash, ContentHash(TheOneBefore()));
   // The file alone gives the same problem again. Its entry, not the pose in the task, is the start.
   const Problem again = TaskOf(file).problem;
   EXPECT_EQ(again.start_q, task.problem.start_q);

@@ -59,7 +59,6 @@ class RunOnCan : public ::testing::Test {
     shape.amplitude_rad = 0.2;
     PrimitiveFile file = testing::RandomPrimitiveFile(shape, 70);
     file.primitive.following_tolerance_rad = 0.5;  // allows three late ticks at full speed
-    file.certificate.coefficients_hash = HashOfCoefficients(file.primitive);
     WriteFile(Path("motion.toml"), ToToml(file));
     for (std::size_t i = 0; i < 2; ++i) {
       rules_.limits.push_back(file.primitive.joints[i].limits);

@@ -19,7 +19,6 @@ inline PrimitiveFile RandomPrimitiveFile(const MotionShape& shape, unsigned seed
     file.entry.joint_positions_rad.push_back(motion.position.control_points().front());
     file.exit.joint_positions_rad.push_back(motion.position.control_points().back());
   }
-  file.certificate.coefficients_hash = HashOfCoefficients(file.primitive);
   const LimitMargins margins = MarginsOf(file.primitive);
   file.certificate.position_margin_rad = margins.position_rad;
   file.certificate.velocity_margin_rad_s = margins.velocity_rad_s;

@@ -49,7 +49,6 @@ inline PrimitiveFile MotionBetween(const std::string& name, std::array<double, 2
 
 /// Sets hashes and margins from the motions as they are now.
 inline void Complete(PrimitiveFile& file) {
-  file.certificate.coefficients_hash = HashOfCoefficients(file.primitive);
   const LimitMargins margins = MarginsOf(file.primitive);
   file.certificate.position_margin_rad = margins.position_rad;
   file.certificate.velocity_margin_rad_s = margins.velocity_rad_s;

@@ -101,7 +101,7 @@ RunData ReadPlan(const std::string& path) {
   run.facts = {{"outcome", "a plan, not a run"},
                {"motion", name + " (" + path + ")"},
                {"duration", fmt::format("{:.3f} s", primitive.duration_s)},
-               {"made by", file.provenance.tool}};
+               {"made by", MakerOf(file.provenance)}};
   return run;
 }
 

@@ -65,7 +65,6 @@ class RecordOnCan : public ::testing::Test {
     shape.amplitude_rad = 0.2;
     PrimitiveFile file = testing::RandomPrimitiveFile(shape, 70);
     file.primitive.following_tolerance_rad = 0.5;  // allows three late ticks at full speed
-    file.certificate.coefficients_hash = HashOfCoefficients(file.primitive);
     WriteFile(Path("motion.toml"), ToToml(file));
     for (std::size_t i = 0; i < 2; ++i) {
       start_rad_.push_back(file.primitive.joints[i].position.control_points()[0]);
@@ -291,7 +290,6 @@ TEST_F(RecordOnCan, AReplayPlaysAPrimitiveInsteadAndRefusesDrivesOfOtherJoints) 
     shape.amplitude_rad = 0.1;
     PrimitiveFile other = testing::RandomPrimitiveFile(shape, 71);
     other.primitive.following_tolerance_rad = 0.5;
-    other.certificate.coefficients_hash = HashOfCoefficients(other.primitive);
     std::ofstream(Path("other.toml")) << ToToml(other);
     const std::string played =
         Output({ProgramPath("tumbler-replay"), run_record, "--bus", can.name(), "--arm",

@@ -1,4 +1,4 @@
-#include "offline/optimize/result_file.h"
+#include "common/result_file.h"
 
 #include <fmt/format.h>
 #include <unistd.h>
@@ -21,7 +21,7 @@ std::string SystemMessage(int error) { return std::generic_category().message(er
 /// Writes a file to find out whether the folder can be written: permissions tell nothing about a
 /// file system that is mounted read-only, or to the super-user.
 void ProbeFolder(const std::filesystem::path& folder, const std::string& path) {
-  const std::filesystem::path probe = folder / fmt::format(".tumbler-optimize.{}.tmp", getpid());
+  const std::filesystem::path probe = folder / fmt::format(".tumbler.{}.tmp", getpid());
   errno = 0;
   std::ofstream stream(probe);
   const int why = errno;

@@ -1,0 +1,41 @@
+// tumbler-sign: makes a primitive that was changed by hand loadable again, and says in it that it
+// was.
+
+#include <fmt/format.h>
+
+#include <cstdio>
+#include <string>
+
+#include "common/command_line.h"
+#include "common/primitive_toml.h"
+#include "common/program.h"
+#include "common/result_file.h"
+#include "common/toml_reader.h"
+
+namespace tumbler {
+namespace {
+
+ExitStatus Main(int argc, char** argv) {
+  std::string primitive;
+  std::string reason;
+  CommandLine line(
+      "Signs a primitive that was changed by hand: margins and hashes become those of what it "
+      "says\n"
+      "now, and its key provenance.edited says why it was changed. What the certificate says of\n"
+      "contact, torque and gradient stays that of the motion before the change.\n"
+      "Exit status: 0 signed; 1 bad input, and nothing changed.");
+  line.Option("PRIMITIVE", primitive, "Primitive file (TOML), which is replaced").Required();
+  line.Option("--because", reason, "Why it was changed, for those who will play it").Required();
+  line.RejectEmptyValues();
+  line.Parse(argc, argv);
+  CheckWritable(primitive);
+  const std::string text = SignEdited(ReadTextFile(primitive), primitive, reason);
+  PendingFile(primitive, text).Commit();
+  fmt::print("{}: signed as changed by hand: {}\n", primitive, reason);
+  return ExitStatus::kDone;
+}
+
+}  // namespace
+}  // namespace tumbler
+
+int main(int argc, char** argv) { return tumbler::RunProgram("error", argc, argv, tumbler::Main); }
