@@ -56,7 +56,8 @@ inline constexpr std::array kCertificateKeys = {
         5, "final pitch when the step is halved", "changes by {step_halving_error_rad:.2e} rad"},
     CertificateKey{KeyOf<&Certificate::settled_pitch_error_rad>(
                        "settled_pitch_error_rad",
-                       "pitch 2 s after the end, joints held, less the pitch that was asked for"),
+                       "pitch 2 s after the end, joints held, less the pitch that was asked for; "
+                       "0 where none was"),
                    6, "pitch 2 s after the end",
                    "off its target by {settled_pitch_error_rad:.2e} rad"},
     CertificateKey{

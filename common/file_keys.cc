@@ -69,11 +69,17 @@ class ValueReader {
 
 class ValueWriter {
  public:
-  ValueWriter(TomlWriter& writer, std::string_view name) : writer_(writer), name_(name) {}
+  ValueWriter(TomlWriter& writer, const KeyText& text)
+      : writer_(writer), name_(text.name), choices_(text.choices) {}
 
   void operator()(double* value) const { writer_.Number(name_, *value); }
   void operator()(const IntegerValue& value) const {
-    writer_.Line(fmt::format("{} = {}", name_, value.get(value.at)));
+    const std::int64_t number = value.get(value.at);
+    if (choices_.empty()) {
+      writer_.Line(fmt::format("{} = {}", name_, number));
+    } else {
+      writer_.Text(name_, choices_[static_cast<std::size_t>(number)]);
+    }
   }
   void operator()(std::string* value) const { writer_.Text(name_, *value); }
   void operator()(const LongTextValue& value) const { writer_.LongText(name_, *value.text); }
@@ -88,6 +94,7 @@ class ValueWriter {
  private:
   TomlWriter& writer_;
   std::string_view name_;
+  std::span<const std::string_view> choices_;
 };
 
 /// A number in the style of docs/formats.md: 0.001, 1e-5, 16 384, 1e6.
@@ -162,7 +169,7 @@ void Read(TomlTable& table, const KeyText& text, const KeyValue& value) {
 }
 
 void Write(TomlWriter& writer, const KeyText& text, const KeyValue& value) {
-  std::visit(ValueWriter(writer, text.name), value);
+  std::visit(ValueWriter(writer, text), value);
 }
 
 KeyRow RowOf(const KeyText& text, const KeyValue* value, std::string_view table) {

@@ -89,6 +89,21 @@ inline constexpr auto kContactKeys = AllRequired(std::array{
     KeyOf<&ContactInterval::peak_normal_force_n>("peak_normal_force_n", Range::NonNegative(), ""),
 });
 
+inline constexpr auto kPurposeKeys = AllRequired(std::array{
+    KeyOf<&PurposeTarget::of, PurposeFigure>(
+        "of", PurposeTarget::kOfNames,
+        "what the task asks for: a value of the root; `speed`: to end at rest, no rate of the root "
+        "faster in the last 0.25 s"),
+    KeyOf<&PurposeTarget::when, PurposeFigure>(
+        "when", PurposeTarget::kWhenNames,
+        "at the end of the motion, of the settle phase, or 2 s after the motion"),
+    KeyOf<&PurposeTarget::target, PurposeFigure>("target", ""),
+    KeyOf<&PurposeTarget::tolerance, PurposeFigure>("tolerance", Range::Positive(),
+                                                    "farther from the target misses it"),
+    KeyOf<&PurposeFigure::result>(
+        "result", "of the plan, simulated with a 16th of the step with which it was found"),
+});
+
 inline constexpr auto kProvenanceKeys = AllRequired(std::array{
     KeyOf<&Provenance::tool>("tool", "program and version"),
     KeyOf<&Provenance::seed>("seed", Range::NonNegative(), ""),

@@ -274,6 +274,8 @@ PrimitiveFile Read(TomlTable root, Derived derived = Derived::kChecked) {
   file.exit = ReadPose(root.Table("exit"), file.primitive, true);
   for (TomlTable& contact : root.OptionalTables("contact"))
     file.contacts.push_back(ReadContact(contact));
+  for (TomlTable& purpose : root.OptionalTables("purpose"))
+    ReadKeys(purpose, kPurposeKeys, file.purpose.emplace_back());
   file.certificate = ReadCertificate(root.Table("certificate"), file.primitive, derived);
   file.provenance = ReadProvenance(root.Table("provenance"), derived);
   root.RejectUnknownKeys();
@@ -330,6 +332,7 @@ std::vector<KeyTable> PrimitiveKeyTables() {
                    RowsOf(kTorqueKeys, "`[joint.torque]`"),
                    RowsOf(kPoseKeys, "`[entry]`, `[exit]`"),
                    RowsOf(kContactKeys, "`[[contact]]`"),
+                   RowsOf(kPurposeKeys, "`[[purpose]]`"),
                    {{"", "`[certificate]`", "", "", "see [method.md](method.md#certificate)"}},
                    RowsOf(kProvenanceKeys, "`[provenance]`"),
                    RowsOf(kStartFileKeys, "`[provenance]`"),

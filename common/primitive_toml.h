@@ -8,6 +8,7 @@
 
 #include "common/key_table.h"
 #include "common/primitive.h"
+#include "common/purpose.h"
 
 namespace tumbler {
 
@@ -93,6 +94,9 @@ struct PrimitiveFile {
   PrimitivePose entry;
   PrimitivePose exit;
   std::vector<ContactInterval> contacts;
+  /// What the motion is for, as a simulation with a shorter step judged it; empty: its task asks
+  /// for no value.
+  std::vector<PurposeFigure> purpose;
   Certificate certificate;
   Provenance provenance;
 };

@@ -66,6 +66,10 @@ std::string WriteWith(const std::string& content_hash, const PrimitiveFile& file
     writer.Line("\n[[contact]]");
     WriteKeys(writer, kContactKeys, contact);
   }
+  for (const PurposeFigure& figure : file.purpose) {
+    writer.Line("\n[[purpose]]");
+    WriteKeys(writer, kPurposeKeys, figure);
+  }
   writer.Line("\n[certificate]");
   WriteKeys(writer, kCertificateFileKeys, file.certificate);
   WriteProvenance(writer, file.provenance);

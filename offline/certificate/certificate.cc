@@ -277,7 +277,8 @@ PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
   certificate.step_halving_error_rad =
       std::abs(FinalPitch(problem, solution.x, problem.solver.step_s) -
                FinalPitch(problem, solution.x, problem.solver.step_s / 2));
-  certificate.settled_pitch_error_rad = summary.settled_pitch_rad - problem.target_pitch_rad;
+  if (problem.target_pitch_rad)
+    certificate.settled_pitch_error_rad = summary.settled_pitch_rad - *problem.target_pitch_rad;
   certificate.peak_torque_nm = summary.peak_torque_nm;
   certificate.peak_penetration_m = summary.peak_penetration_m;
   const LimitMargins margins = MarginsOf(primitive);

@@ -27,14 +27,12 @@ bool AsksForValue(const CostTerm& term) {
   return term.kind == CostTerm::Kind::kSquare && term.weight > 0;
 }
 
-PurposeFigure FigureOf(const CostTerm& term, const Instant& at, const char* when) {
-  return {fmt::format("{}, {}", term.coordinate_name(), when), term.unit(), term.target,
-          (term.of_velocity ? at.qd : at.q)[Index(term.dof)], term.tolerance};
+PurposeFigure FigureOf(const CostTerm& term, const Instant& at, PurposeTarget::When when) {
+  return {{term.of(), when, term.target, term.tolerance},
+          (term.of_velocity ? at.qd : at.q)[Index(term.dof)]};
 }
 
 }  // namespace
-
-bool PurposeFigure::met() const { return std::abs(result - target) <= tolerance; }
 
 bool SecondLook::acceptable() const {
   return finite && torque_excess <= kTorqueExcessMax && peak_penetration_m < layer_m &&
@@ -46,8 +44,7 @@ std::string SecondLook::Objections() const {
   std::vector<std::string> reasons;
   for (const PurposeFigure& figure : purpose) {
     if (figure.met()) continue;
-    reasons.push_back(fmt::format("{}: asked {:.6g}, got {:.6g} {} (within {:.3g})", figure.name,
-                                  figure.target, figure.result, figure.unit, figure.tolerance));
+    reasons.push_back(fmt::format("{}: {}", figure.name(), figure.AskedAndGot(figure.result)));
   }
   if (!(torque_excess <= kTorqueExcessMax))
     reasons.push_back(fmt::format("a torque is {:.0f} % above its limit", 100 * torque_excess));
@@ -111,6 +108,7 @@ SecondLook LookAgain(const Problem& problem, const std::vector<double>& x) {
                                          robot.shapes[Index(nearest.pair.b)].name);
   }
 
+  using enum PurposeTarget::When;
   const bool rests = EndsAtRest(problem);
   // A settle phase of 2 s or more ends where the second look does.
   const bool goes_on = SettlingAfter(problem) > 0;
@@ -121,15 +119,14 @@ SecondLook LookAgain(const Problem& problem, const std::vector<double>& x) {
     // comes to rest.
     const bool rest = rests && goes_on && !at_end && term.of_velocity && term.target == 0;
     if (!rest) {
-      look.purpose.push_back(
-          FigureOf(term, at_end ? end : settled, at_end ? "at the end" : "settled"));
+      look.purpose.push_back(FigureOf(term, at_end ? end : settled, at_end ? kEnd : kSettled));
     }
     if (rests && goes_on && !at_end && (rest || !term.of_velocity))
-      look.purpose.push_back(FigureOf(term, later, "2 s later"));
+      look.purpose.push_back(FigureOf(term, later, kLater));
   }
   if (rests) {
-    look.purpose.push_back({fmt::format("speed of the root, {}", goes_on ? "2 s later" : "settled"),
-                            "m/s, rad/s", 0, speed, kRestSpeed});
+    look.purpose.push_back(
+        {{PurposeTarget::Of::kSpeed, goes_on ? kLater : kSettled, 0, kRestSpeed}, speed});
   }
   return look;
 }

@@ -4,28 +4,13 @@
 #include <string>
 #include <vector>
 
+#include "common/purpose.h"
 #include "offline/problem/problem.h"
 
 namespace tumbler {
 
-/// What one term of a task's cost asks for, and what the motion gives.
-struct PurposeFigure {
-  /// Coordinate and instant, such as "pitch, settled".
-  std::string name;
-  const char* unit = "";
-  double target = 0;
-  double result = 0;
-  double tolerance = 0;
-  /// A result that is not a number misses.
-  [[nodiscard]] bool met() const;
-};
-
 /// How much finer the second look integrates than the solver does.
 inline constexpr double kSecondLookRefinement = 16;
-/// No coordinate of the root of a robot at rest moves faster than this [m/s, rad/s], in the last
-/// kRestWatched_s: so long that the answer does not depend on the phase in which it rocks.
-inline constexpr double kRestSpeed = 0.1;
-inline constexpr double kRestWatched_s = 0.25;
 /// A torque that exceeds its limit by up to this part is warned of; beyond it the motion is
 /// refused.
 inline constexpr double kTorqueExcessMax = 0.1;

@@ -45,7 +45,13 @@ ReportData MakeReportData(const Task& task, const SolveOutcome& outcome, const S
                                 evaluation.cost, evaluation.violation, evaluation.global});
   }
   data.certificate = CertificateLines(file.certificate, problem.scene.contact.d_on_m);
+  if (!problem.target_pitch_rad) {
+    std::erase_if(data.certificate,
+                  [](const auto& line) { return line.first.starts_with("pitch 2 s after"); });
+  }
   data.certificate.emplace(data.certificate.begin(), "solver", ToString(solution.end));
+  for (const PurposeFigure& figure : file.purpose)
+    data.certificate.emplace_back(figure.name(), figure.AskedAndGot(figure.result));
   data.certificate.emplace_back("primitive", ContentHash(file));
   data.certificate.emplace_back("robot", file.provenance.robot_hash);
   data.certificate.emplace_back("task", file.provenance.task_hash);

@@ -34,8 +34,8 @@ Json FiguresOfMinima(const TaskResult& result) {
 Json FiguresOf(const SecondLook& look) {
   auto purpose = Json::Array();
   for (const PurposeFigure& figure : look.purpose) {
-    purpose.Append({{"of", figure.name},
-                    {"unit", figure.unit},
+    purpose.Append({{"of", figure.name()},
+                    {"unit", figure.unit()},
                     {"target", figure.target},
                     {"result", figure.result},
                     {"tolerance", figure.tolerance},
@@ -68,8 +68,8 @@ Json Figures(const TaskResult& result) {
                {"end", ToString(best.end)},
                {"final_pitch_rad", summary.final_pitch_rad},
                {"settled_pitch_rad", summary.settled_pitch_rad},
-               {"settled_error_rad", result.settled_error_rad()},
                {"settled_speed", summary.settled_speed}};
+  if (const auto error = result.settled_error_rad()) json["settled_error_rad"] = *error;
   for (const CertificateFigure& figure : FiguresOf(result.file->certificate)) {
     const std::string_view key = figure.key;
     if (key == "settled_pitch_error_rad") continue;  // settled_error_rad has its magnitude.

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <optional>
 #include <string>
 
 #include "offline/certificate/certificate_text.h"
@@ -50,8 +51,7 @@ void PrintSecondLook(std::FILE* people, const SecondLook& look) {
                look.self_clearance_of, 1e3 * look.self_clearance_m, look.self_clearance_time_s);
   }
   for (const PurposeFigure& figure : look.purpose) {
-    fmt::print(people, "    {}: asked {:.4f}, got {:.4f} {} (within {:.3g})\n", figure.name,
-               figure.target, figure.result, figure.unit, figure.tolerance);
+    fmt::print(people, "    {}: {}\n", figure.name(), figure.AskedAndGot(figure.result));
   }
   if (look.self_clearance_m < 0) {
     fmt::print(stderr,
@@ -91,11 +91,13 @@ void PrintMotion(std::FILE* people, const TaskResult& result) {
   const MotionSummary& summary = result.summary;
   const Certificate& c = result.file->certificate;
   fmt::print(people,
-             "{}: objective {:.6g} after {} evaluations, {:.2f} s ({:.2f} s of CPU); {}\n"
-             "  pitch at the end {:.4f} rad, 2 s later {:.4f} rad\n{}",
+             "{}: objective {:.6g} after {} evaluations, {:.2f} s ({:.2f} s of CPU); {}\n{}{}",
              result.problem().name, result.best.rollout.cost, result.outcome.evaluations,
-             result.wall_s, result.cpu_s, ToString(result.best.end), summary.final_pitch_rad,
-             summary.settled_pitch_rad,
+             result.wall_s, result.cpu_s, ToString(result.best.end),
+             result.problem().target_pitch_rad
+                 ? fmt::format("  pitch at the end {:.4f} rad, 2 s later {:.4f} rad\n",
+                               summary.final_pitch_rad, summary.settled_pitch_rad)
+                 : "",
              FormatCertificate(
                  "  gradient error {gradient_error:.1e}, projected gradient "
                  "{projected_gradient:.1e}; with half the step the gradient changes by "
@@ -148,9 +150,10 @@ void PrintRanking(std::FILE* people, const std::vector<const TaskResult*>& order
     const TaskResult& result = *order[i];
     fmt::print(people, "{:>4}  {:<{}} ", i + 1, result.problem().name, width);
     if (result.file) {
-      fmt::print(people, "{:>12.6g} {:>8.2f} {:>11} {:>11.3f} {:>13.4f}\n",
-                 result.best.rollout.cost, result.wall_s, result.outcome.evaluations,
-                 result.summary.peak_torque_nm, result.settled_error_rad());
+      const std::optional<double> error = result.settled_error_rad();
+      fmt::print(people, "{:>12.6g} {:>8.2f} {:>11} {:>11.3f} {:>13}\n", result.best.rollout.cost,
+                 result.wall_s, result.outcome.evaluations, result.summary.peak_torque_nm,
+                 error ? fmt::format("{:.4f}", *error) : "-");
     } else {
       fmt::print(people, "{:>12} {:>8.2f} {:>11}  {}\n", "none", result.wall_s,
                  result.outcome.evaluations,

@@ -92,6 +92,7 @@ void MakeFile(TaskResult& result, Looks& looks) {
     return;
   }
   PrimitiveFile file = MakePrimitiveFile(result.task, result.outcome, best);
+  file.purpose = result.look.purpose;
   // The certificate computes independently of the solver, and decides.
   if (file.certificate.constraint_violation <= kNoViolation) {
     result.file = std::move(file);

@@ -33,9 +33,11 @@ struct TaskResult {
   double cpu_s = 0;
 
   [[nodiscard]] const Problem& problem() const { return task.problem; }
-  /// The distance of the pitch from the task's target, 2 s after the motion [rad].
-  [[nodiscard]] double settled_error_rad() const {
-    return std::abs(summary.settled_pitch_rad - problem().target_pitch_rad);
+  /// The distance of the pitch from the task's target, 2 s after the motion [rad]; none where the
+  /// task has no such target.
+  [[nodiscard]] std::optional<double> settled_error_rad() const {
+    if (!problem().target_pitch_rad) return std::nullopt;
+    return std::abs(summary.settled_pitch_rad - *problem().target_pitch_rad);
   }
 };
 

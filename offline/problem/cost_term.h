@@ -7,6 +7,7 @@
 #include <string_view>
 
 #include "common/key_table.h"
+#include "common/purpose.h"
 #include "common/toml_reader.h"
 #include "offline/model/planar_robot.h"
 
@@ -67,11 +68,9 @@ struct CostTerm {
   static constexpr double kAngleTolerance_rad = 0.05, kLengthTolerance_m = 0.02,
                           kRateTolerance = 0.1;
 
-  /// The root's coordinate as a task names it.
-  [[nodiscard]] std::string_view coordinate_name() const { return kCoordinateNames[of()]; }
-  [[nodiscard]] const char* unit() const {
-    constexpr std::array kUnits = {"m", "m", "rad", "m/s", "m/s", "rad/s"};
-    return kUnits[of()];
+  /// The root's coordinate or its rate. PurposeTarget has them in the same order.
+  [[nodiscard]] PurposeTarget::Of of() const {
+    return static_cast<PurposeTarget::Of>(dof + (of_velocity ? 3 : 0));
   }
 
   bool operator==(const CostTerm&) const = default;
@@ -120,7 +119,6 @@ struct CostTerm {
   }
 
  private:
-  [[nodiscard]] std::size_t of() const { return coordinate() + (of_velocity ? 3 : 0); }
   [[nodiscard]] std::size_t coordinate() const { return static_cast<std::size_t>(dof); }
   [[nodiscard]] double OffTarget(const CostPoint& at) const {
     return (of_velocity ? at.qd : at.q)[coordinate()] - target;

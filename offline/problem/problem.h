@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -110,8 +111,8 @@ struct Problem {
   /// Degree of the splines.
   int degree = 5;
   std::vector<CostTerm> cost;
-  /// The settled pitch is compared with this.
-  double target_pitch_rad = 0;
+  /// The settled pitch is compared with this; none where the cost asks for no pitch.
+  std::optional<double> target_pitch_rad;
 
   /// The runtime starts the motion only when every joint is this near to its first position.
   double entry_tolerance_rad = 0.1;

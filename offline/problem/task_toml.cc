@@ -265,7 +265,7 @@ class TaskReader {
     std::vector<CostTerm>& cost = problem_.cost;
     for (TomlTable& table : root_.Tables("cost")) {
       const CostTerm term = ReadCostTerm(table, scene_.robot);
-      if (term.targets_pitch()) problem_.target_pitch_rad = term.target;
+      if (term.targets_pitch() && term.weight > 0) problem_.target_pitch_rad = term.target;
       // Integrals that differ only in their weights become one.
       const auto same = std::find_if(cost.begin(), cost.end(), [&term](const CostTerm& other) {
         CostTerm alike = other;

@@ -29,7 +29,8 @@ Exit codes:
   1    wrong usage, or a file or interface that cannot be used
   2    refused: a check before arming or running failed
   3    a fault during the run
-  4    the motion was completed, but the simulated robot fell, or is not where the primitive says 2 s later
+  4    the motion was completed, but the simulated robot fell, missed a target of the motion's purpose, or has another
+       pitch than the plan 2 s later
   130  stopped by Ctrl-C or a message)";
 
 /// Declares the options about the motion and the machine that plays it.

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <utility>
 
 namespace tumbler {
@@ -47,39 +48,117 @@ std::int64_t Older(const ReplyAgeHistogram& age) {
 
 }  // namespace
 
-std::optional<bool> Passage::standing() const {
-  if (!pitch_later_rad || !pitch_rate_later_rad_s) return std::nullopt;
-  return std::abs(*pitch_later_rad - expected_pitch_rad) <= tolerance_rad &&
-         std::abs(*pitch_rate_later_rad_s) <= kRateTolerance_rad_s;
+std::optional<bool> JudgedTarget::met() const {
+  if (!result) return std::nullopt;
+  return target.MetBy(*result);
 }
 
+std::optional<bool> Passage::purpose_met() const {
+  std::optional<bool> all = true;
+  for (const JudgedTarget& judged : purpose) {
+    const std::optional<bool> met = judged.met();
+    if (met == false) return false;
+    if (!met) all.reset();
+  }
+  return all;
+}
+
+std::optional<bool> Passage::as_planned() const {
+  if (!pitch_later_rad) return std::nullopt;
+  return std::abs(*pitch_later_rad - expected_pitch_rad) <= tolerance_rad;
+}
+
+bool Passage::is_to_stand() const {
+  const auto asks_for = [this](PurposeTarget::Of of) {
+    return std::any_of(purpose.begin(), purpose.end(),
+                       [of](const JudgedTarget& judged) { return judged.target.of == of; });
+  };
+  return asks_for(PurposeTarget::Of::kPitch) && asks_for(PurposeTarget::Of::kSpeed);
+}
+
+bool Passage::amiss() const { return purpose_met() == false || as_planned() == false; }
+
 namespace {
+
+bool SpeaksOfPitch(const Passage& passage) {
+  return std::any_of(
+      passage.purpose.begin(), passage.purpose.end(),
+      [](const JudgedTarget& judged) { return judged.target.of == PurposeTarget::Of::kPitch; });
+}
+
+/// Where the last motion left the robot, in words.
+const char* Verdict(const Passage& passage) {
+  if (passage.purpose_met() == false)
+    return passage.is_to_stand() ? "NOT standing as asked" : "NOT as asked";
+  if (!*passage.as_planned()) return "NOT where it should be";
+  if (!passage.purpose_met()) return "as planned";
+  return passage.is_to_stand() ? "still standing" : "as planned";
+}
 
 void AppendPassages(const RunSummary& summary, std::string& text) {
   if (summary.passages.empty()) return;
   if (summary.passages.size() > 1) {
-    const auto missed =
-        std::count_if(summary.passages.begin(), summary.passages.end(),
-                      [](const Passage& passage) { return !passage.standing().value_or(true); });
+    const auto amiss = std::count_if(summary.passages.begin(), summary.passages.end(),
+                                     std::mem_fn(&Passage::amiss));
     text += fmt::format("  {} motions, {} complete cycles; {}\n", summary.passages.size(),
                         summary.cycles,
-                        missed == 0 ? "the robot where it should be after each"
-                                    : fmt::format("NOT where it should be after {}", missed));
+                        amiss == 0 ? "the robot where it should be after each"
+                                   : fmt::format("NOT where it should be after {}", amiss));
   }
   const Passage& last = summary.passages.back();
+  if (!last.free_root) return;
   text += summary.passages.size() > 1 ? fmt::format("  last, {}: ", last.node) : std::string("  ");
-  text += fmt::format("root pitch: {:.4f} rad at the end", last.pitch_at_end_rad);
-  if (last.pitch_later_rad) {
-    text += fmt::format(", {:.4f} rad {:.0f} s later (planned {:.4f}): {}", *last.pitch_later_rad,
-                        Passage::kLater_s, last.expected_pitch_rad,
-                        *last.standing() ? "still standing" : "NOT where it should be");
+  if (SpeaksOfPitch(last)) {
+    text += fmt::format("root pitch: {:.4f} rad at the end", last.pitch_at_end_rad);
+    if (last.pitch_later_rad) {
+      text += fmt::format(", {:.4f} rad {:.0f} s later (planned {:.4f}): {}", *last.pitch_later_rad,
+                          Passage::kLater_s, last.expected_pitch_rad, Verdict(last));
+    }
+  } else if (last.pitch_later_rad) {
+    text += fmt::format("root turned {:.4f} rad off its plan {:.0f} s later (within {:.3g}): {}",
+                        *last.pitch_later_rad - last.expected_pitch_rad, Passage::kLater_s,
+                        last.tolerance_rad, Verdict(last));
+  } else {
+    text += "ended before it could come to rest";
   }
   text += '\n';
+  for (const JudgedTarget& judged : last.purpose) {
+    if (!judged.result) continue;
+    text += fmt::format("    {}: {}{}\n", judged.target.name(),
+                        judged.target.AskedAndGot(*judged.result), *judged.met() ? "" : ": MISSED");
+  }
 }
 
 }  // namespace
 
 namespace {
+
+template <class T>
+Json Maybe(const std::optional<T>& value) {
+  return value ? Json(*value) : Json(nullptr);
+}
+
+Json JsonOf(const Passage& passage) {
+  auto purpose = Json::Array();
+  for (const JudgedTarget& judged : passage.purpose) {
+    purpose.Append({{"of", judged.target.name()},
+                    {"unit", judged.target.unit()},
+                    {"target", judged.target.target},
+                    {"result", Maybe(judged.result)},
+                    {"tolerance", judged.target.tolerance},
+                    {"met", Maybe(judged.met())}});
+  }
+  Json json = {{"node", passage.node},
+               {"purpose", purpose},
+               {"purpose_met", Maybe(passage.purpose_met())},
+               {"as_planned_later", Maybe(passage.as_planned())}};
+  if (SpeaksOfPitch(passage)) {
+    json["root_pitch_planned_rad"] = passage.expected_pitch_rad;
+    json["root_pitch_at_end_rad"] = passage.pitch_at_end_rad;
+    json["root_pitch_later_rad"] = Maybe(passage.pitch_later_rad);
+  }
+  return json;
+}
 
 Json TimingJson(const LoopStatistics& statistics, const Machine& machine,
                 const std::string& scheduling) {
@@ -211,26 +290,19 @@ std::string ToJson(const RunSummary& summary) {
   json["speed"] = summary.speed;
   json["rate_hz"] = summary.rate_hz;
   json["dry_run"] = summary.dry_run;
-  const auto maybe = [](const std::optional<double>& value) {
-    return value ? Json(*value) : Json(nullptr);
-  };
   if (!summary.passages.empty()) {
     const Passage& last = summary.passages.back();
-    const std::optional<bool> stands = last.standing();
-    json["root_pitch_planned_rad"] = last.expected_pitch_rad;
-    json["root_pitch_at_end_rad"] = last.pitch_at_end_rad;
-    json["root_pitch_2_s_later_rad"] = maybe(last.pitch_later_rad);
-    json["standing_2_s_later"] = stands ? Json(*stands) : Json(nullptr);
+    json["purpose_met"] = Maybe(last.purpose_met());
+    json["as_planned_2_s_later"] = Maybe(last.as_planned());
+    if (SpeaksOfPitch(last)) {
+      json["root_pitch_planned_rad"] = last.expected_pitch_rad;
+      json["root_pitch_at_end_rad"] = last.pitch_at_end_rad;
+      json["root_pitch_2_s_later_rad"] = Maybe(last.pitch_later_rad);
+    }
+    if (last.is_to_stand()) json["standing_2_s_later"] = Maybe(last.purpose_met());
     json["cycles"] = summary.cycles;
     json["passages"] = Json::Array();
-    for (const Passage& passage : summary.passages) {
-      json["passages"].Append(
-          {{"node", passage.node},
-           {"root_pitch_planned_rad", passage.expected_pitch_rad},
-           {"root_pitch_at_end_rad", passage.pitch_at_end_rad},
-           {"root_pitch_later_rad", maybe(passage.pitch_later_rad)},
-           {"root_pitch_rate_later_rad_s", maybe(passage.pitch_rate_later_rad_s)}});
-    }
+    for (const Passage& passage : summary.passages) json["passages"].Append(JsonOf(passage));
   }
   if (summary.simulated) {
     json["falls"] = Json::Array();
@@ -257,7 +329,7 @@ std::string ToJson(const RunSummary& summary) {
   json["send_failures"] = s.send_failures;
   json["worst_case_bits_per_tick"] = summary.worst_case_tick_bits;
   json["worst_case_bus_load"] = summary.worst_case_load;
-  json["measured_bus_load"] = maybe(summary.measured_load);
+  json["measured_bus_load"] = Maybe(summary.measured_load);
   if (summary.interface) {
     const SocketCanStatistics& i = summary.interface->statistics;
     json["interface"] = {{"frames_confirmed", i.confirmed},
@@ -284,9 +356,8 @@ std::string ToJson(const RunSummary& summary) {
 ExitStatus StatusOf(const RunSummary& summary) {
   switch (summary.outcome) {
     case RunOutcome::kCompleted:
-      return !summary.falls.empty() ||
-                     std::any_of(summary.passages.begin(), summary.passages.end(),
-                                 [](const Passage& p) { return !p.standing().value_or(true); })
+      return !summary.falls.empty() || std::any_of(summary.passages.begin(), summary.passages.end(),
+                                                   std::mem_fn(&Passage::amiss))
                  ? ExitStatus::kAmiss
                  : ExitStatus::kDone;
     case RunOutcome::kRefused:

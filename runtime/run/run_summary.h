@@ -6,32 +6,48 @@
 #include <vector>
 
 #include "common/exit_status.h"
+#include "common/purpose.h"
 #include "firmware_interface/can/socketcan_bus.h"
 #include "runtime/linux/realtime_thread.h"
 #include "runtime/run/control_loop.h"
 
 namespace tumbler {
 
-/// The simulated robot after a node of the sequence. "Later" is two seconds after the end of the
-/// motion, or when the next node began.
+/// A target of a motion's purpose, and what the simulated robot gives.
+struct JudgedTarget {
+  PurposeTarget target;
+  std::optional<double> result;  ///< Absent when the run ended before its instant.
+  [[nodiscard]] std::optional<bool> met() const;
+};
+
+/// The simulated robot in and after a node of the sequence. "Later" is two seconds after the end of
+/// the motion, or when the next node began.
 struct Passage {
   std::string node;
+  /// What the motion is for, in the coordinates of its task: as if it had begun where its primitive
+  /// begins.
+  std::vector<JudgedTarget> purpose;
+  bool free_root = true;  ///< Whether the root moves in the plane, or else is fixed.
   /// The root's pitch by the exits and entries of the primitives.
   double expected_pitch_rad = 0;
   /// The root's pitch at the end of the motion, before it settled.
   double pitch_at_end_rad = 0;
   /// The root's pitch later; absent when the run ended before.
   std::optional<double> pitch_later_rad;
-  std::optional<double> pitch_rate_later_rad_s;
-  /// How far the pitch may be off later; the sequence may allow more.
+  /// How far the pitch may be off the plan later; the sequence may allow more.
   double tolerance_rad = 0.05;
   static constexpr double kLater_s = 2;
-  /// A root that turns slower than this is at rest.
-  static constexpr double kRateTolerance_rad_s = 0.05;
 
-  /// Whether the robot was at rest later, with the pitch that it should have; absent when the run
-  /// ended before.
-  [[nodiscard]] std::optional<bool> standing() const;
+  /// Whether every target was met; absent when the run ended before one could be judged and none
+  /// was missed.
+  [[nodiscard]] std::optional<bool> purpose_met() const;
+  /// Whether the pitch later was that of the plan; absent when the run ended before.
+  [[nodiscard]] std::optional<bool> as_planned() const;
+  /// Whether the motion is to end at rest with a pitch that its task asks for. Only of such a
+  /// motion can one say that the robot stands: when its purpose is met.
+  [[nodiscard]] bool is_to_stand() const;
+  /// Whether a target was missed, or the plan.
+  [[nodiscard]] bool amiss() const;
 };
 
 /// A fall of a simulated robot.
@@ -94,7 +110,7 @@ std::string ToText(const RunSummary& summary);
 /// The same as one JSON object, units in the keys, ending with a line feed.
 std::string ToJson(const RunSummary& summary);
 /// The exit status of tumbler-run. It is kAmiss when the motion was completed, but the simulated
-/// robot fell or is not where the primitive says.
+/// robot fell, missed what the motion is for, or is not where the primitive says.
 ExitStatus StatusOf(const RunSummary& summary);
 
 }  // namespace tumbler

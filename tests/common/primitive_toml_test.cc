@@ -79,6 +79,8 @@ PrimitiveFile Example() {
   file.entry.root_z_m = 0.15;
   file.exit.root_pitch_rad = 1.5;
   file.contacts = {{"leg2/0", "ground", 0.0, 1.25, 31.5}, {"leg1/1", "ground", 0.0, 0.4375, 12.0}};
+  file.purpose = {{{PurposeTarget::Of::kX, PurposeTarget::When::kEnd, 0.25, 0.03125}, 0.26},
+                  {{PurposeTarget::Of::kSpeed, PurposeTarget::When::kLater, 0.0, 0.1}, 0.01}};
   file.certificate.peak_torque_nm = 1.5;
   file.certificate.settled_pitch_error_rad = -0.001;
   file.provenance.tool = "test 1.0";
@@ -150,6 +152,14 @@ void ExpectSame(const PrimitiveFile& a, const PrimitiveFile& b) {
     ExpectSameBits(a.contacts[i].start_s, b.contacts[i].start_s);
     ExpectSameBits(a.contacts[i].end_s, b.contacts[i].end_s);
     ExpectSameBits(a.contacts[i].peak_normal_force_n, b.contacts[i].peak_normal_force_n);
+  }
+  ASSERT_EQ(a.purpose.size(), b.purpose.size());
+  for (std::size_t i = 0; i < a.purpose.size(); ++i) {
+    EXPECT_EQ(a.purpose[i].of, b.purpose[i].of);
+    EXPECT_EQ(a.purpose[i].when, b.purpose[i].when);
+    ExpectSameBits(a.purpose[i].target, b.purpose[i].target);
+    ExpectSameBits(a.purpose[i].tolerance, b.purpose[i].tolerance);
+    ExpectSameBits(a.purpose[i].result, b.purpose[i].result);
   }
   const Certificate& c = a.certificate;
   const Certificate& d = b.certificate;
@@ -715,6 +725,15 @@ INSTANTIATE_TEST_SUITE_P(
                 "start_s = 0.0\nend_s = 0.4375",
                 "start_s = 0.5\nend_s = 0.4375",
                 {"contact[1].end_s: is 0.4375; allowed: >= start_s, which is 0.5"}},
+        Refusal{"PurposeOfNothing",
+                "of = \"speed\"",
+                "of = \"haste\"",
+                {"purpose[1].of: is 'haste'; allowed: x, z, pitch, x_rate, z_rate, pitch_rate, "
+                 "speed"}},
+        Refusal{"PurposeWithoutTolerance",
+                "tolerance = 0.03125",
+                "tolerance = 0.0",
+                {"purpose[0].tolerance: is 0; allowed: > 0"}},
         Refusal{"NegativeForce",
                 "peak_normal_force_n = 31.5",
                 "peak_normal_force_n = -31.5",

@@ -97,7 +97,7 @@ TEST(OptimizeCli, TargetsAndResultsStandBesideEachOtherOnTerminalAndInJson) {
   const TaskFolder folder(Replaced(QuickTask(), "target = 0.0", "target = 0.0\ntolerance = 0.04"));
   Program program = Optimize(folder, {"--json", folder / "figures.json"});
   ASSERT_EQ(program.Wait(), 0) << program.text();
-  EXPECT_THAT(program.text(), HasSubstr("pitch, settled: asked 0.0000, got "));
+  EXPECT_THAT(program.text(), HasSubstr("pitch, settled: asked 0, got "));
   EXPECT_THAT(program.text(), HasSubstr("(within 0.04)"));
   const auto figures = Json::Parse(ReadFile(folder / "figures.json")).value();
   EXPECT_EQ(figures["second_look"]["purpose"][0]["of"], "pitch, settled");

@@ -45,7 +45,7 @@ TEST(SecondLook, HoldsEachTargetBesideItsResultAlsoTwoSecondsLater) {
   const Problem problem = ProblemOf(QuickTask());
   const SecondLook look = LookAgain(problem, Straight(problem));
   std::vector<std::string> names;
-  for (const PurposeFigure& figure : look.purpose) names.push_back(figure.name);
+  for (const PurposeFigure& figure : look.purpose) names.push_back(figure.name());
   EXPECT_THAT(names,
               ::testing::ElementsAre("pitch, settled", "pitch, 2 s later", "pitch_rate, 2 s later",
                                      "speed of the root, 2 s later"));
@@ -77,7 +77,7 @@ TEST(SecondLook, TermsWithoutWeightOrTargetAskForNothing) {
   const Problem problem = ProblemOf(text);
   const SecondLook look = LookAgain(problem, Straight(problem));
   ASSERT_EQ(look.purpose.size(), 2U);
-  EXPECT_EQ(look.purpose[0].name, "pitch_rate, 2 s later");
+  EXPECT_EQ(look.purpose[0].name(), "pitch_rate, 2 s later");
   EXPECT_TRUE(look.acceptable()) << look.Objections();
 }
 
@@ -86,7 +86,7 @@ TEST(SecondLook, AMotionThatIsNotToEndAtRestIsNotAskedToRest) {
       Replaced(QuickTask(), "when = \"settled\"\nweight = 1.0", "when = \"end\"\nweight = 1.0"));
   EXPECT_FALSE(EndsAtRest(problem));
   for (const PurposeFigure& figure : LookAgain(problem, Straight(problem)).purpose)
-    EXPECT_THAT(figure.name, ::testing::Not(HasSubstr("later")));
+    EXPECT_THAT(figure.name(), ::testing::Not(HasSubstr("later")));
 }
 
 TEST(SecondLook, FindsTheLegsNearestApproachThatGeometryByHandFinds) {
@@ -132,9 +132,17 @@ SecondLook LookAtShipped(const std::string& name) {
 }
 
 TEST(SecondLook, ShippedMotionsDoWhatTheirTasksAskFor) {
-  for (const char* name : {"handstand", "downstand", "roll"}) {
+  for (const std::string name : {"handstand", "downstand", "roll"}) {
     const SecondLook look = LookAtShipped(name);
     EXPECT_TRUE(look.acceptable()) << name << ": " << look.Objections();
+    const PrimitiveFile file = LoadPrimitive(testing::SourcePath("primitives/" + name + ".toml"));
+    ASSERT_EQ(file.purpose.size(), look.purpose.size()) << name;
+    for (std::size_t i = 0; i < look.purpose.size(); ++i) {
+      EXPECT_EQ(file.purpose[i].name(), look.purpose[i].name()) << name;
+      EXPECT_EQ(file.purpose[i].target, look.purpose[i].target) << name;
+      EXPECT_EQ(file.purpose[i].tolerance, look.purpose[i].tolerance) << name;
+      EXPECT_NEAR(file.purpose[i].result, look.purpose[i].result, 1e-6) << name;
+    }
   }
 }
 
@@ -171,13 +179,16 @@ TEST(SecondLook, ASettlePhaseThatIsLongerThanTheLookGoesOnIsJudgedAtItsEndOnly) 
   const Problem problem = ProblemOf(Replaced(QuickTask(), "settle_s = 0.1", "settle_s = 3.0"));
   std::vector<std::string> names;
   for (const PurposeFigure& figure : LookAgain(problem, Straight(problem)).purpose)
-    names.push_back(figure.name);
+    names.push_back(figure.name());
   EXPECT_THAT(names, ::testing::ElementsAre("pitch, settled", "pitch_rate, settled",
                                             "speed of the root, settled"));
 }
 
 TEST(SecondLook, AResultThatIsNotANumberMisses) {
-  PurposeFigure figure{"pitch, settled", "rad", 0, std::numeric_limits<double>::quiet_NaN(), 10};
+  PurposeFigure figure;
+  figure.tolerance = 10;
+  EXPECT_TRUE(figure.met());
+  figure.result = std::numeric_limits<double>::quiet_NaN();
   EXPECT_FALSE(figure.met());
 }
 

@@ -57,7 +57,8 @@ TEST(Task, ShippedOneHoldsWhatItsTextSays) {
   ASSERT_EQ(problem.cost.size(), 3U);
   EXPECT_EQ(problem.cost[2].kind, CostTerm::Kind::kEffort);
   EXPECT_EQ(problem.cost[2].weight, 1e-4);
-  EXPECT_DOUBLE_EQ(problem.target_pitch_rad, M_PI / 2);
+  ASSERT_TRUE(problem.target_pitch_rad.has_value());
+  EXPECT_DOUBLE_EQ(*problem.target_pitch_rad, M_PI / 2);
 }
 
 /// The shipped task with its contact law, or part of it, replaced.

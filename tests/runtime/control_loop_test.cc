@@ -20,7 +20,6 @@
 #include "firmware_interface/drives/rotor_plant.h"
 #include "firmware_interface/drives/simulated_mit.h"
 #include "runtime/linux/dry_run_bus.h"
-#include "runtime/run/run_summary.h"
 #include "runtime/telemetry/channels.h"
 #include "runtime/telemetry/sentences.h"
 #include "tests/support/files.h"
@@ -404,34 +403,6 @@ TEST(DryRunBus, CompletesARunWithoutAnyHardware) {
   EXPECT_EQ(bench.procedure->outcome(), RunOutcome::kCompleted)
       << Describe(loop.record().first_fault, {"leg1", "leg2"});
   EXPECT_EQ(loop.statistics().run_ticks, bench.executor.run_ticks() + 1);
-}
-
-TEST(Passage, SaysOnlyWhatWasSeen) {
-  Passage report;
-  report.expected_pitch_rad = 1.57;
-  report.pitch_at_end_rad = 1.5;
-  EXPECT_FALSE(report.standing().has_value());
-  report.pitch_later_rad = 1.53;
-  EXPECT_FALSE(report.standing().has_value());
-  report.pitch_rate_later_rad_s = 0.01;
-  EXPECT_TRUE(*report.standing());
-  report.pitch_rate_later_rad_s = -0.3;
-  EXPECT_FALSE(*report.standing());
-  report.pitch_rate_later_rad_s = 0;
-  report.pitch_later_rad = 0.1;
-  EXPECT_FALSE(*report.standing());
-}
-
-TEST(StatusOfARun, SaysWhenTheMotionWasCompletedButTheRobotIsElsewhere) {
-  RunSummary report;
-  report.outcome = RunOutcome::kCompleted;
-  EXPECT_EQ(StatusOf(report), ExitStatus::kDone);
-  report.passages.push_back({"handstand", 1.57, 1.5, 1.56, 0.0});
-  EXPECT_EQ(StatusOf(report), ExitStatus::kDone);
-  report.passages[0].pitch_later_rad = 3.1;
-  EXPECT_EQ(StatusOf(report), ExitStatus::kAmiss);
-  report.outcome = RunOutcome::kFault;
-  EXPECT_EQ(StatusOf(report), ExitStatus::kFault);
 }
 
 }  // namespace

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "common/json.h"
+#include "common/primitive_toml.h"
 #include "tests/support/example_drives.h"
 #include "tests/support/files.h"
 #include "tests/support/program.h"
@@ -65,6 +66,28 @@ class SimTwin : public ::testing::Test {
 
 constexpr const char* kPushedOver =
     "[[push]]\nlink = \"middle\"\nstart_s = 3.5\nduration_s = 0.2\nforce_n = [8.0, 0.0]\n";
+
+/// The shipped handstand, signed after a change.
+std::string ChangedHandstand(const std::string& from, const std::string& to) {
+  const std::string text = testing::ReadFile(kPrimitives + "handstand.toml");
+  return SignEdited(testing::Replaced(text, from, to), "handstand.toml", "a test");
+}
+
+TEST_F(SimTwin, ARobotThatDoesAsPlannedButNotAsAskedDoesNotStand) {
+  const std::string other =
+      Write("other.toml", ChangedHandstand("when = \"later\"\ntarget = 1.5707963267948966",
+                                           "when = \"later\"\ntarget = 0.5"));
+  const testing::Outcome run = testing::RunProgram({"tumbler-run", "sim", other});
+  EXPECT_EQ(run.exit_code, 4) << run.text;
+  EXPECT_THAT(run.text, HasSubstr("NOT standing as asked"));
+  EXPECT_THAT(run.text, HasSubstr("    pitch, 2 s later: asked 0.5, got 1.57"));
+  EXPECT_THAT(run.text, HasSubstr("rad (within 0.05): MISSED"));
+  EXPECT_THAT(run.text, Not(HasSubstr("still standing")));
+  const testing::Outcome shipped =
+      testing::RunProgram({"tumbler-run", "sim", kPrimitives + "handstand.toml"});
+  EXPECT_EQ(shipped.exit_code, 0);
+  EXPECT_THAT(shipped.text, HasSubstr("still standing"));
+}
 
 TEST_F(SimTwin, TheGaitStandsWithEveryProtocol) {
   for (const testing::ExampleDrives& drives : testing::ExampleOfEveryProtocol()) {

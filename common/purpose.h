@@ -1,0 +1,58 @@
+#pragma once
+
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <string>
+#include <string_view>
+
+namespace tumbler {
+
+/// What a motion is for: a value that its task's cost asks for at one instant, of the robot's root.
+struct PurposeTarget {
+  enum class Of : std::uint8_t {
+    kX,
+    kZ,
+    kPitch,
+    kXRate,
+    kZRate,
+    kPitchRate,
+    kSpeed,  ///< The largest |rate| of the root in the last kRestWatched_s: the motion ends at
+             ///< rest.
+  };
+  enum class When : std::uint8_t {
+    kEnd,      ///< At the end of the motion.
+    kSettled,  ///< At the end of the settle phase.
+    kLater,    ///< 2 s after the end of the motion (kExitAfter_s).
+  };
+  /// Their names in files, in their order.
+  static constexpr std::array<std::string_view, 7> kOfNames = {
+      "x", "z", "pitch", "x_rate", "z_rate", "pitch_rate", "speed"};
+  static constexpr std::array<std::string_view, 3> kWhenNames = {"end", "settled", "later"};
+
+  Of of = Of::kPitch;
+  When when = When::kEnd;
+  double target = 0;     ///< [m, rad, m/s, rad/s]
+  double tolerance = 0;  ///< A result farther from the target than this misses it.
+
+  /// For people, such as "pitch, settled" or "speed of the root, 2 s later".
+  [[nodiscard]] std::string name() const;
+  [[nodiscard]] const char* unit() const;
+  /// A result that is not a number misses.
+  [[nodiscard]] bool MetBy(double result) const { return std::abs(result - target) <= tolerance; }
+  /// For people: "asked 1.5708, got 1.57037 rad (within 0.05)".
+  [[nodiscard]] std::string AskedAndGot(double result) const;
+};
+
+/// A target, and what the motion's plan gives.
+struct PurposeFigure : PurposeTarget {
+  double result = 0;
+  [[nodiscard]] bool met() const { return MetBy(result); }
+};
+
+/// No coordinate of the root of a robot at rest moves faster than this [m/s, rad/s], in the last
+/// kRestWatched_s: so long that the answer does not depend on the phase in which it rocks.
+inline constexpr double kRestSpeed = 0.1;
+inline constexpr double kRestWatched_s = 0.25;
+
+}  // namespace tumbler

@@ -1,0 +1,100 @@
+#include "offline/rehearsal/sim/purpose_judge.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <string>
+
+namespace tumbler {
+
+PurposeJudge::PurposeJudge(const SequenceFile& file, bool free_root)
+    : file_(file), free_root_(free_root) {
+  expected_pitch_rad_ =
+      file.RobotPitch(file.graph.start, file.PrimitiveOf(file.graph.start).entry.root_pitch_rad);
+}
+
+void PurposeJudge::Observe(const TickRecord& record, std::int64_t time_ns, const TwinState& truth) {
+  Watch(time_ns, truth);
+  const ExecutorState state = record.state;
+  if (last_ == ExecutorState::kRunning && state == ExecutorState::kSettling)
+    Begin(static_cast<int>(record.node), time_ns, truth);
+  const bool next = last_ == ExecutorState::kSettling && state == ExecutorState::kRunning;
+  if (!passages_.empty() && state != ExecutorState::kDisarmed) {
+    Passage& passage = passages_.back();
+    const double since_end_s = 1e-9 * static_cast<double>(time_ns - end_ns_);
+    for (JudgedTarget& judged : passage.purpose) {
+      if (!judged.result && (next || since_end_s >= InstantOf(judged.target)))
+        judged.result = ResultOf(judged.target, truth);
+    }
+    if (!passage.pitch_later_rad && (next || since_end_s >= Passage::kLater_s))
+      passage.pitch_later_rad = truth.root_pitch_rad;
+  }
+  if (last_ != ExecutorState::kRunning && state == ExecutorState::kRunning)
+    start_x_m_ = truth.root_x_m;
+  last_ = state;
+}
+
+/// Keeps the speeds of the last kRestWatched_s.
+void PurposeJudge::Watch(std::int64_t time_ns, const TwinState& truth) {
+  const double speed = std::max({std::abs(truth.root_vx_m_s), std::abs(truth.root_vz_m_s),
+                                 std::abs(truth.root_pitch_rate_rad_s)});
+  speeds_.emplace_back(time_ns, speed);
+  while (speeds_.front().first < time_ns - std::llround(1e9 * kRestWatched_s)) speeds_.pop_front();
+}
+
+/// Begins with the passage of a node whose motion has just ended.
+void PurposeJudge::Begin(int node, std::int64_t time_ns, const TwinState& truth) {
+  const PrimitiveFile& primitive = file_.PrimitiveOf(node);
+  const double tolerance_rad = file_.exit_pitch_tolerance_rad[static_cast<std::size_t>(node)];
+  entry_ = primitive.entry;
+  settle_s_ = primitive.primitive.settle_s;
+  turned_rad_ = expected_pitch_rad_ - entry_.root_pitch_rad;
+  expected_pitch_rad_ += primitive.exit.root_pitch_rad - entry_.root_pitch_rad;
+  end_ns_ = time_ns;
+  Passage& passage = passages_.emplace_back();
+  passage.node = std::string(file_.graph.node(node).name.view());
+  passage.free_root = free_root_;
+  passage.expected_pitch_rad = expected_pitch_rad_;
+  passage.pitch_at_end_rad = truth.root_pitch_rad;
+  passage.tolerance_rad = std::max(passage.tolerance_rad, tolerance_rad);
+  for (const PurposeFigure& figure : primitive.purpose)
+    passage.purpose.push_back({figure, std::nullopt});
+}
+
+/// When a target is due, after the end of the motion [s].
+double PurposeJudge::InstantOf(const PurposeTarget& target) const {
+  switch (target.when) {
+    case PurposeTarget::When::kEnd:
+      return 0;
+    case PurposeTarget::When::kSettled:
+      return settle_s_;
+    case PurposeTarget::When::kLater:
+      return Passage::kLater_s;
+  }
+  return 0;
+}
+
+/// The robot's value, in the coordinates of the task: there the motion begins at the entry.
+double PurposeJudge::ResultOf(const PurposeTarget& target, const TwinState& truth) const {
+  switch (target.of) {
+    case PurposeTarget::Of::kX:
+      return truth.root_x_m - start_x_m_ + entry_.root_x_m;
+    case PurposeTarget::Of::kZ:
+      return truth.root_z_m;
+    case PurposeTarget::Of::kPitch:
+      return truth.root_pitch_rad - turned_rad_;
+    case PurposeTarget::Of::kXRate:
+      return truth.root_vx_m_s;
+    case PurposeTarget::Of::kZRate:
+      return truth.root_vz_m_s;
+    case PurposeTarget::Of::kPitchRate:
+      return truth.root_pitch_rate_rad_s;
+    case PurposeTarget::Of::kSpeed:
+      return std::max_element(speeds_.begin(), speeds_.end(),
+                              [](const auto& a, const auto& b) { return a.second < b.second; })
+          ->second;
+  }
+  return 0;
+}
+
+}  // namespace tumbler

@@ -1,0 +1,50 @@
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <utility>
+#include <vector>
+
+#include "common/sequence_toml.h"
+#include "offline/rehearsal/twin/twin.h"
+#include "runtime/core/tick.h"
+#include "runtime/run/run_summary.h"
+
+namespace tumbler {
+
+/// Judges what a simulated robot does against what its motions are for, node after node: each
+/// target of a primitive's purpose at its instant, and the pitch 2 s after the motion against the
+/// plan's. A motion that another one follows earlier is judged when that one begins.
+class PurposeJudge {
+ public:
+  /// @param file       the sequence, which has to outlive the judge.
+  /// @param free_root  whether the root moves in the plane.
+  PurposeJudge(const SequenceFile& file, bool free_root);
+
+  /// To be called in every tick.
+  void Observe(const TickRecord& record, std::int64_t time_ns, const TwinState& truth);
+
+  /// The passages so far. What has not been seen yet is absent.
+  [[nodiscard]] const std::vector<Passage>& passages() const { return passages_; }
+
+ private:
+  void Watch(std::int64_t time_ns, const TwinState& truth);
+  void Begin(int node, std::int64_t time_ns, const TwinState& truth);
+  [[nodiscard]] double InstantOf(const PurposeTarget& target) const;
+  [[nodiscard]] double ResultOf(const PurposeTarget& target, const TwinState& truth) const;
+
+  const SequenceFile& file_;
+  bool free_root_;
+  ExecutorState last_ = ExecutorState::kDisarmed;
+  double expected_pitch_rad_ = 0;
+  std::deque<std::pair<std::int64_t, double>> speeds_;  // time, largest rate of the root
+  // Of the last motion that ended:
+  double turned_rad_ = 0;  // The robot's pitch is that of the task plus this.
+  double settle_s_ = 0;
+  PrimitivePose entry_;
+  std::int64_t end_ns_ = 0;
+  double start_x_m_ = 0;  // where the last motion that began did
+  std::vector<Passage> passages_;
+};
+
+}  // namespace tumbler

@@ -1,0 +1,128 @@
+// PurposeJudge compares what a simulated robot does with what its motions are for.
+
+#include "offline/rehearsal/sim/purpose_judge.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <numbers>
+#include <string>
+#include <vector>
+
+#include "tests/support/sequence_files.h"
+
+namespace tumbler {
+namespace {
+
+using Of = PurposeTarget::Of;
+using When = PurposeTarget::When;
+using testing::SequenceFolder;
+
+constexpr double kPi = std::numbers::pi;
+constexpr double kMotion_s = 1;
+
+/// A gait whose first primitive is to be upright and at rest, 0.1 m to the right of its start.
+class Judge : public ::testing::Test {
+ protected:
+  static std::vector<PrimitiveFile> Primitives() {
+    std::vector<PrimitiveFile> files = testing::GaitPrimitives();
+    files[0].primitive.settle_s = 0.5;
+    files[0].entry.root_x_m = 0.5;
+    files[0].purpose = {{{Of::kPitchRate, When::kEnd, 0, 0.1}, 0},
+                        {{Of::kPitch, When::kSettled, kPi / 2, 0.05}, 0},
+                        {{Of::kX, When::kLater, 0.6, 0.02}, 0},
+                        {{Of::kSpeed, When::kLater, 0, kRestSpeed}, 0}};
+    return files;
+  }
+
+  /// Lets a tick pass.
+  void Tick(ExecutorState state, const std::string& node, double time_s) {
+    TickRecord record;
+    record.state = state;
+    record.node = static_cast<decltype(record.node)>(file_.graph.FindNode(node));
+    truth_.time_ns = std::llround(1e9 * time_s);
+    judge_.Observe(record, truth_.time_ns, truth_);
+  }
+  /// Plays the node from this time on, and lets it settle and hold for so long in all.
+  void Play(const std::string& node, double start_s, double after_s) {
+    const int ticks = 100;
+    Tick(ExecutorState::kRunning, node, start_s);
+    truth_.root_x_m += 0.1;
+    truth_.root_pitch_rad += kPi / 2;
+    truth_.root_pitch_rate_rad_s = 0.05;
+    Tick(ExecutorState::kRunning, node, start_s + kMotion_s - 0.01);
+    for (int i = 0; i <= after_s * ticks; ++i) {
+      const double t = static_cast<double>(i) / ticks;
+      if (t > 0.2) truth_.root_pitch_rate_rad_s = 0;
+      if (disturb_) disturb_(t);
+      Tick(t < 0.5 ? ExecutorState::kSettling : ExecutorState::kHolding, node,
+           start_s + kMotion_s + t);
+    }
+  }
+  [[nodiscard]] const std::vector<JudgedTarget>& purpose() const {
+    return judge_.passages().at(0).purpose;
+  }
+
+  const SequenceFolder folder_{testing::GaitText(), Primitives()};
+  const SequenceFile file_ = LoadSequence(folder_.file());
+  PurposeJudge judge_{file_, true};
+  TwinState truth_;
+  std::function<void(double)> disturb_;  ///< Changes the truth so long after a motion.
+};
+
+TEST_F(Judge, TakesEachResultAtItsInstantAndPlaceAlongXFromTheEntry) {
+  truth_.root_x_m = 7;
+  disturb_ = [this](double t) {
+    if (t > 0.55) truth_.root_pitch_rad = kPi / 2 + 0.01;
+  };
+  Play("up", 3, 2.5);
+  ASSERT_EQ(judge_.passages().size(), 1U);
+  ASSERT_EQ(purpose().size(), 4U);
+  EXPECT_EQ(purpose()[0].result, 0.05);
+  EXPECT_EQ(purpose()[1].result, kPi / 2) << "what happens later does not count";
+  EXPECT_NEAR(*purpose()[2].result, 0.6, 1e-12) << "it went 0.1 m from where it was";
+  EXPECT_EQ(purpose()[3].result, 0);
+  EXPECT_EQ(judge_.passages()[0].purpose_met(), true);
+  EXPECT_NEAR(*judge_.passages()[0].pitch_later_rad, kPi / 2 + 0.01, 1e-12);
+  EXPECT_TRUE(judge_.passages()[0].is_to_stand());
+}
+
+TEST_F(Judge, ARobotThatRocksIsNotAtRestInWhateverPhaseItIsSeen) {
+  disturb_ = [this](double t) { truth_.root_pitch_rate_rad_s = t < 1.9 ? 0.2 : 0; };
+  Play("up", 0, 2.5);
+  EXPECT_EQ(purpose()[3].result, 0.2) << "0.1 s before";
+  EXPECT_EQ(judge_.passages()[0].purpose_met(), false);
+}
+
+TEST_F(Judge, WhatTheRunDidNotReachIsAbsent) {
+  Play("up", 0, 1.0);
+  EXPECT_TRUE(purpose()[1].result.has_value());
+  EXPECT_FALSE(purpose()[2].result.has_value());
+  EXPECT_FALSE(purpose()[3].result.has_value());
+  EXPECT_FALSE(judge_.passages()[0].purpose_met().has_value());
+}
+
+TEST_F(Judge, AMotionThatAnotherFollowsEarlierIsJudgedWhenThatBegins) {
+  Play("up", 0, 0.4);
+  EXPECT_FALSE(purpose()[2].result.has_value());
+  Tick(ExecutorState::kRunning, "down", kMotion_s + 0.41);
+  EXPECT_NEAR(*purpose()[2].result, 0.6, 1e-12);
+  EXPECT_TRUE(judge_.passages()[0].purpose_met().has_value());
+}
+
+TEST_F(Judge, ASwappedMotionIsJudgedInTheCoordinatesOfItsTask) {
+  Play("up", 0, 0.4);
+  Play("down", 2, 0.4);
+  Play("up, swapped", 4, 2.5);
+  ASSERT_EQ(judge_.passages().size(), 3U);
+  const Passage& passage = judge_.passages()[2];
+  EXPECT_NEAR(truth_.root_pitch_rad, 1.5 * kPi, 1e-9);
+  EXPECT_NEAR(*passage.purpose[1].result, kPi / 2, 1e-9);
+  EXPECT_NEAR(*passage.purpose[2].result, 0.6, 1e-9);
+  EXPECT_EQ(passage.purpose_met(), true);
+  EXPECT_EQ(passage.as_planned(), true);
+}
+
+}  // namespace
+}  // namespace tumbler

@@ -1,0 +1,105 @@
+// What a run says of the robot when it is over.
+
+#include "runtime/run/run_summary.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <optional>
+#include <string>
+
+#include "common/json.h"
+
+namespace tumbler {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+JudgedTarget Pitch(std::optional<double> result) {
+  return {{PurposeTarget::Of::kPitch, PurposeTarget::When::kLater, 1.57, 0.05}, result};
+}
+JudgedTarget Rest(std::optional<double> result) {
+  return {{PurposeTarget::Of::kSpeed, PurposeTarget::When::kLater, 0, kRestSpeed}, result};
+}
+
+TEST(Passage, SaysOnlyWhatWasSeen) {
+  Passage report;
+  report.expected_pitch_rad = 1.57;
+  report.purpose = {Pitch(std::nullopt), Rest(std::nullopt)};
+  EXPECT_FALSE(report.purpose_met().has_value());
+  EXPECT_FALSE(report.as_planned().has_value());
+  EXPECT_FALSE(report.amiss());
+  report.purpose = {Pitch(1.53), Rest(std::nullopt)};
+  EXPECT_FALSE(report.purpose_met().has_value()) << "whether it rests was not seen";
+  report.purpose = {Pitch(1.53), Rest(0.01)};
+  EXPECT_EQ(report.purpose_met(), true);
+  report.purpose = {Pitch(1.53), Rest(0.3)};
+  EXPECT_EQ(report.purpose_met(), false) << "it still moves";
+  report.purpose = {Pitch(0.1), Rest(std::nullopt)};
+  EXPECT_EQ(report.purpose_met(), false);
+  EXPECT_TRUE(report.amiss());
+}
+
+RunSummary SummaryOf(const Passage& passage) {
+  RunSummary report;
+  report.outcome = RunOutcome::kCompleted;
+  report.passages.push_back(passage);
+  return report;
+}
+
+TEST(Passage, ARobotStandsOnlyWhenItsPurposeIsMetAtRestWhateverItsPlanEndedIn) {
+  Passage report;
+  report.expected_pitch_rad = report.pitch_at_end_rad = 1.56;
+  report.pitch_later_rad = 1.56;
+  report.purpose = {Pitch(1.56), Rest(0.01)};
+  EXPECT_THAT(ToText(SummaryOf(report)),
+              AllOf(HasSubstr("root pitch: 1.5600 rad at the end, 1.5600 rad 2 s later (planned "
+                              "1.5600): still standing\n"),
+                    HasSubstr("    pitch, 2 s later: asked 1.57, got 1.56 rad (within 0.05)\n")));
+  EXPECT_EQ(Json::Parse(ToJson(SummaryOf(report))).value()["standing_2_s_later"], true);
+  // The plan fell, and the robot with it.
+  report.expected_pitch_rad = report.pitch_at_end_rad = 3.1;
+  report.pitch_later_rad = 3.1;
+  report.purpose = {Pitch(3.1), Rest(0.01)};
+  EXPECT_EQ(report.as_planned(), true);
+  const std::string text = ToText(SummaryOf(report));
+  EXPECT_THAT(text, HasSubstr(": NOT standing as asked\n"));
+  EXPECT_THAT(text, HasSubstr("asked 1.57, got 3.1 rad (within 0.05): MISSED\n"));
+  EXPECT_EQ(StatusOf(SummaryOf(report)), ExitStatus::kAmiss);
+  EXPECT_EQ(Json::Parse(ToJson(SummaryOf(report))).value()["standing_2_s_later"], false);
+}
+
+TEST(Passage, OfAMotionWithoutATargetOfThePitchNothingSpeaksOfPitchOrOfStanding) {
+  Passage report;
+  report.pitch_later_rad = 0.01;
+  report.purpose = {{{PurposeTarget::Of::kX, PurposeTarget::When::kLater, 0.2, 0.02}, 0.009},
+                    Rest(0.01)};
+  const std::string text = ToText(SummaryOf(report));
+  EXPECT_THAT(text, AllOf(HasSubstr("NOT as asked"),
+                          HasSubstr("x, 2 s later: asked 0.2, got 0.009 m (within 0.02): MISSED"),
+                          Not(HasSubstr("pitch")), Not(HasSubstr("stand"))));
+  EXPECT_THAT(ToJson(SummaryOf(report)), AllOf(Not(HasSubstr("pitch")), Not(HasSubstr("stand"))));
+  EXPECT_EQ(StatusOf(SummaryOf(report)), ExitStatus::kAmiss);
+  report.purpose[0].result = 0.195;
+  EXPECT_THAT(ToText(SummaryOf(report)), AllOf(HasSubstr("as planned"), Not(HasSubstr("NOT"))));
+  EXPECT_EQ(StatusOf(SummaryOf(report)), ExitStatus::kDone);
+}
+
+TEST(StatusOfARun, SaysWhenTheMotionWasCompletedButTheRobotIsElsewhere) {
+  RunSummary report;
+  report.outcome = RunOutcome::kCompleted;
+  EXPECT_EQ(StatusOf(report), ExitStatus::kDone);
+  Passage& passage = report.passages.emplace_back();
+  passage.expected_pitch_rad = 1.57;
+  passage.pitch_later_rad = 1.56;
+  EXPECT_EQ(StatusOf(report), ExitStatus::kDone);
+  passage.pitch_later_rad = 3.1;
+  EXPECT_EQ(StatusOf(report), ExitStatus::kAmiss);
+  report.outcome = RunOutcome::kFault;
+  EXPECT_EQ(StatusOf(report), ExitStatus::kFault);
+}
+
+}  // namespace
+}  // namespace tumbler
