@@ -7,8 +7,6 @@
 #include <fstream>
 #include <system_error>
 
-#include "common/toml_reader.h"
-
 namespace tumbler {
 namespace {
 
@@ -86,24 +84,46 @@ void CheckFolderWritable(const std::string& path) {
   ProbeFolder(existing, path);
 }
 
+namespace {
+
+/// Whether two names are of the same file, or would be when it is made. A name is looked up from
+/// the working folder, since one of a file that is not there is else taken as it is written.
+bool SameFile(const std::string& a, const std::string& b) {
+  std::error_code error;
+  const bool device =
+      (std::filesystem::exists(a, error) && !error && !std::filesystem::is_regular_file(a, error) &&
+       !std::filesystem::is_directory(a, error));
+  if (device) return false;
+  const auto place = [](const std::string& name) {
+    std::error_code ignored;
+    return std::filesystem::weakly_canonical(std::filesystem::absolute(name, ignored), ignored);
+  };
+  return place(a) == place(b) || std::filesystem::equivalent(a, b, error);
+}
+
+}  // namespace
+
 void CheckDistinct(const std::vector<std::string>& inputs,
                    const std::vector<std::string>& outputs) {
-  const auto same = [](const std::string& a, const std::string& b) {
-    std::error_code error;
-    return std::filesystem::weakly_canonical(a, error) ==
-               std::filesystem::weakly_canonical(b, error) ||
-           std::filesystem::equivalent(a, b, error);
-  };
+  const auto is_file = [](const std::string& name) { return !name.empty() && name != "-"; };
   for (std::size_t i = 0; i < outputs.size(); ++i) {
+    if (!is_file(outputs[i])) continue;
     for (const std::string& input : inputs) {
-      if (same(outputs[i], input))
+      if (is_file(input) && SameFile(outputs[i], input))
         throw FileError(outputs[i], 0, "", "is an input; results need a file of their own");
     }
     for (std::size_t k = 0; k < i; ++k) {
-      if (same(outputs[i], outputs[k]))
+      if (is_file(outputs[k]) && SameFile(outputs[i], outputs[k]))
         throw FileError(outputs[i], 0, "", "is named for two results; each needs its own file");
     }
   }
+}
+
+FileReader NotingReader(std::vector<std::string>& inputs) {
+  return [&inputs](const std::string& path) {
+    inputs.push_back(path);
+    return ReadTextFile(path);
+  };
 }
 
 }  // namespace tumbler

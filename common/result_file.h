@@ -4,6 +4,8 @@
 #include <string>
 #include <vector>
 
+#include "common/toml_reader.h"
+
 namespace tumbler {
 
 /// A file that appears under its name only when it is whole, and only by Commit. So a reader never
@@ -32,8 +34,13 @@ class PendingFile {
 void CheckWritable(const std::string& path);
 void CheckFolderWritable(const std::string& path);
 
-/// Checks that no result would replace one of the inputs, or another result.
+/// Checks that no result would replace one of the inputs, or another result, by whatever names they
+/// go. To be called before anything is changed. An empty name and `-`, which is standard output,
+/// are no files; devices can be named more than once.
 /// @throws FileError  about the first that would.
 void CheckDistinct(const std::vector<std::string>& inputs, const std::vector<std::string>& outputs);
+
+/// A reader for loaders that appends the name of each file to `inputs`, which has to outlive it.
+FileReader NotingReader(std::vector<std::string>& inputs);
 
 }  // namespace tumbler

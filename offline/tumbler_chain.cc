@@ -8,12 +8,12 @@
 #include <cstdio>
 #include <filesystem>
 #include <string>
-#include <system_error>
 #include <vector>
 
 #include "common/command_line.h"
 #include "common/json.h"
 #include "common/program.h"
+#include "common/result_file.h"
 #include "common/sequence_toml.h"
 #include "common/toml_reader.h"
 #include "offline/chain/chain.h"
@@ -108,10 +108,12 @@ Json ToJson(const SequenceFile& file, const ChainOutcome& outcome) {
 }
 
 ExitStatus Simulate(const Arguments& arguments) {
-  std::error_code error;
-  if (std::filesystem::equivalent(arguments.json, arguments.sequence, error))
-    throw FileError(arguments.json, 0, "", "is an input; results need a file of their own");
-  const SimulatedMotion motion(LoadSequence(arguments.sequence));
+  std::vector<std::string> inputs;
+  const SimulatedMotion motion(LoadSequence(arguments.sequence, NotingReader(inputs)));
+  std::vector<std::string> outputs = {arguments.json};
+  if (!arguments.report.empty())
+    outputs.push_back((std::filesystem::path(arguments.report) / "index.html").string());
+  CheckDistinct(inputs, outputs);
   const SequenceFile& file = motion.file();
   const ChainOutcome outcome = SimulateChain(motion, arguments.options);
   std::FILE* const people = arguments.json == "-" ? stderr : stdout;

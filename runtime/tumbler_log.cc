@@ -18,6 +18,7 @@
 
 #include "common/command_line.h"
 #include "common/program.h"
+#include "common/result_file.h"
 #include "runtime/core/faults.h"
 #include "runtime/telemetry/channels.h"
 #include "runtime/telemetry/live_view.h"
@@ -126,6 +127,7 @@ Contents Read(const std::string& path, std::FILE* table, bool events) {
 }
 
 ExitStatus Convert(const std::string& path, const std::string& csv) {
+  CheckDistinct({path}, {csv});
   File table;
   std::string part;
   std::FILE* out = nullptr;

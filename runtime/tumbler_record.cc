@@ -7,6 +7,7 @@
 
 #include "common/command_line.h"
 #include "common/program.h"
+#include "common/result_file.h"
 #include "runtime/record/flight_record.h"
 #include "runtime/record/record_export.h"
 
@@ -30,6 +31,7 @@ struct Options {
 };
 
 ExitStatus Run(const Options& options) {
+  CheckDistinct({options.record}, {options.candump, options.csv, options.lcm});
   const MappedFile file(options.record);
   FlightRecord record(file.bytes(), options.record);
   const bool exports = !(options.candump + options.csv + options.lcm).empty();

@@ -13,6 +13,7 @@
 
 #include "common/command_line.h"
 #include "common/program.h"
+#include "common/result_file.h"
 #include "firmware_interface/drives/drives_toml.h"
 #include "runtime/linux/candump.h"
 #include "runtime/record/flight_record.h"
@@ -188,6 +189,8 @@ ExitStatus PlayOnBus(FlightRecord& record, const Options& options) {
 }
 
 ExitStatus Run(const Options& options) {
+  CheckDistinct({options.record, options.against, options.play.drives, options.play.primitive},
+                {options.svg, options.record_to});
   const MappedFile file(options.record);
   if (StartOf(file.bytes()) == RecordStart::kNotARecord) {
     return ReadLog({reinterpret_cast<const char*>(file.bytes().data()), file.bytes().size()},

@@ -3,12 +3,14 @@
 #include <fmt/format.h>
 
 #include <cstdio>
+#include <filesystem>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
 #include "common/command_line.h"
 #include "common/program.h"
+#include "common/result_file.h"
 #include "offline/rehearsal/flight_report/flight_report.h"
 #include "runtime/record/flight_record.h"
 
@@ -31,6 +33,9 @@ bool IsRecord(const std::string& path) {
 }
 
 ExitStatus Report(const Arguments& arguments) {
+  std::vector<std::string> inputs = arguments.files;
+  inputs.insert(inputs.end(), arguments.truths.begin(), arguments.truths.end());
+  CheckDistinct(inputs, {(std::filesystem::path(arguments.out) / "index.html").string()});
   std::vector<RunData> runs;
   std::size_t truths = 0;
   for (const std::string& path : arguments.files) {

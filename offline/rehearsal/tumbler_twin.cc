@@ -16,6 +16,7 @@
 #include "common/command_line.h"
 #include "common/json.h"
 #include "common/program.h"
+#include "common/result_file.h"
 #include "common/sequence_toml.h"
 #include "firmware_interface/drives/drive_server.h"
 #include "firmware_interface/drives/drives_toml.h"
@@ -134,10 +135,13 @@ std::int64_t UtimeNow() {
 ExitStatus Run(const Options& options) {
   TwinSources sources;
   if (!options.config.empty()) sources = ReadTwinSources(options.config);
+  std::vector<std::string> inputs = {options.config};
   const SimulatedMotion motion(
-      LoadMotion(FileOf(options.motion, sources.motion, "motion", "MOTION")));
-  const DrivesConfig drives =
-      LoadDrives(FileOf(options.drives, sources.drives, "drives", "--drives"));
+      LoadMotion(FileOf(options.motion, sources.motion, "motion", "MOTION"), NotingReader(inputs)));
+  const std::string drives_file = FileOf(options.drives, sources.drives, "drives", "--drives");
+  inputs.push_back(drives_file);
+  const DrivesConfig drives = LoadDrives(drives_file);
+  CheckDistinct(inputs, {options.truth, options.json});
   SimulatedRobotConfig config;
   if (!options.config.empty()) config = LoadTwin(options.config, motion);
   SimulatedRobot robot(motion, drives, config);

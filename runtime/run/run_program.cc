@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "common/program.h"
+#include "common/result_file.h"
 #include "runtime/assembly/assembly.h"
 #include "runtime/assembly/file_keeper.h"
 #include "runtime/assembly/run_checks.h"
@@ -93,6 +94,14 @@ RunParts LoadParts(RunOptions& options, const Simulation* simulation, const File
   CheckRanges(*parts.sequence, parts.drives);
   CheckSchedule(parts.drives);
   return parts;
+}
+
+/// Checks that no output would replace another one, or a file that the run reads.
+void CheckOutputs(const RunOptions& options, const FileKeeper& read) {
+  std::vector<std::string> inputs = {options.drives, options.faults, options.bus_faults,
+                                     options.twin};
+  for (const LoadedFile& file : read.files()) inputs.push_back(file.path);
+  CheckDistinct(inputs, {options.log, options.json, options.trace, options.record, options.truth});
 }
 
 /// The number of the branch that --branch names; -1 without one.
@@ -242,6 +251,7 @@ void Say(const RunSummary& summary, const RunOptions& options) {
 ExitStatus Run(RunOptions options, const Simulation* simulation) {
   FileKeeper files;
   Assembly assembly(LoadParts(options, simulation, files.reader()));
+  CheckOutputs(options, files);
   const RunParts& parts = assembly.parts();
   const SequenceGraph<float>& graph = parts.sequence->graph;
   const RunSettings settings = SettingsOf(options, graph);

@@ -88,7 +88,7 @@ TEST(TumblerExport, NeverOverwritesItsInput) {
   const SequenceFolder folder(testing::GaitText());
   const Outcome outcome = Export(folder.file(), folder.file());
   EXPECT_EQ(outcome.exit_code, 1);
-  EXPECT_THAT(outcome.text, HasSubstr("is the input"));
+  EXPECT_THAT(outcome.text, HasSubstr("is an input"));
   EXPECT_EQ(ReadFile(folder.file()), testing::GaitText());
 }
 

@@ -1,0 +1,115 @@
+// No program lets a result replace one of its inputs, or another result, by whatever name it is
+// called.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "tests/support/files.h"
+#include "tests/support/program.h"
+
+namespace tumbler {
+namespace {
+
+using ::testing::HasSubstr;
+using testing::Outcome;
+using testing::ReadFile;
+using testing::SourcePath;
+using testing::WriteFile;
+
+/// A folder with the gait, and with a flight record and a log of its handstand.
+class Outputs : public ::testing::Test {
+ protected:
+  Outputs() {
+    for (const char* name : {"gait.toml", "handstand.toml", "downstand.toml", "roll.toml"})
+      WriteFile(folder_ / name, ReadFile(SourcePath(std::string("primitives/") + name)));
+    WriteFile(folder_ / "twin.toml", "format = \"tumbler-twin\"\nversion = 1\n");
+    WriteFile(folder_ / "drives.toml",
+              ReadFile(SourcePath("primitives/robots/tumbler_drives.toml")));
+    const Outcome run = In("tumbler-run sim handstand.toml --record x.rec --log x.lcm --hold-s 0");
+    EXPECT_EQ(run.exit_code, 0) << run.text;
+    EXPECT_EQ(In("tumbler-record x.rec --candump x.log").exit_code, 0);
+    std::filesystem::create_hard_link(std::string(folder_ / "x.rec"), folder_ / "hard.rec");
+    std::filesystem::create_symlink("x.rec", folder_ / "soft.rec");
+  }
+  /// Runs a command line in the folder.
+  [[nodiscard]] Outcome In(const std::string& command_line) const {
+    return testing::RunInShell("cd '" + std::string(folder_ / "") + "' && " + command_line);
+  }
+  /// All files of the folder and their content.
+  [[nodiscard]] std::map<std::string, std::string> Content() const {
+    std::map<std::string, std::string> content;
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(folder_ / "")) {
+      if (entry.is_regular_file()) content[entry.path().string()] = ReadFile(entry.path().string());
+    }
+    return content;
+  }
+
+  testing::TemporaryFolder folder_;
+};
+
+TEST_F(Outputs, NeverReplaceAnInput) {
+  const std::map<std::string, std::string> before = Content();
+  const std::string task = SourcePath("primitives/tasks/downstand.toml");
+  for (const std::string& command_line : {
+           std::string("tumbler-record x.rec --csv x.rec"),
+           std::string("tumbler-record x.rec --lcm ./x.rec"),
+           std::string("tumbler-record x.rec --candump \"$PWD/x.rec\""),
+           std::string("tumbler-record x.rec --csv hard.rec"),
+           std::string("tumbler-record x.rec --csv soft.rec"),
+           std::string("tumbler-record soft.rec --csv x.rec"),
+           std::string("tumbler-log x.lcm --csv ./x.lcm"),
+           std::string("tumbler-replay x.rec --against hard.rec --svg x.rec"),
+           std::string("tumbler-replay x.rec --against soft.rec --svg soft.rec"),
+           std::string("tumbler-replay x.log --drives drives.toml --svg drives.toml"),
+           std::string("tumbler-replay x.log --drives drives.toml --svg x.log"),
+           std::string("tumbler-run sim handstand.toml --json ./handstand.toml"),
+           std::string("tumbler-run sim gait.toml --cycles 1 --trace handstand.toml"),
+           std::string("tumbler-run sim handstand.toml --twin twin.toml --truth twin.toml"),
+           std::string("tumbler-run sim handstand.toml --drives drives.toml --log drives.toml"),
+           std::string("tumbler-chain simulate gait.toml --json gait.toml"),
+           std::string("tumbler-chain simulate gait.toml --json downstand.toml"),
+           std::string("tumbler-export gait.toml --header handstand.toml"),
+           "tumbler-optimize " + task + " --start-from handstand.toml --out ./handstand.toml",
+           std::string("tumbler-twin can9 handstand.toml --drives drives.toml --json "
+                       "./handstand.toml"),
+       }) {
+    const Outcome outcome = In(command_line);
+    EXPECT_EQ(outcome.exit_code, 1) << command_line;
+    EXPECT_THAT(outcome.text, HasSubstr("is an input; results need a file of their own"))
+        << command_line;
+    ASSERT_EQ(Content(), before) << command_line;
+  }
+}
+
+TEST_F(Outputs, NeverReplaceAnotherOutput) {
+  const std::map<std::string, std::string> before = Content();
+  const std::string task = SourcePath("primitives/tasks/handstand.toml");
+  for (const std::string& command_line : {
+           std::string("tumbler-record x.rec --csv new --lcm new"),
+           std::string("tumbler-record x.rec --csv new --candump ./new"),
+           std::string("tumbler-run sim handstand.toml --json j --trace j"),
+           std::string("tumbler-run sim handstand.toml --record j --log \"$PWD/j\""),
+           "tumbler-optimize " + task + " --out q --json ./q",
+           "tumbler-optimize " + task + " --json \"$PWD/q\" --out q",
+           std::string("tumbler-twin can9 handstand.toml --drives drives.toml --json j --truth j"),
+       }) {
+    const Outcome outcome = In(command_line);
+    EXPECT_EQ(outcome.exit_code, 1) << command_line;
+    EXPECT_THAT(outcome.text, HasSubstr("is named for two results; each needs its own file"))
+        << command_line;
+    ASSERT_EQ(Content(), before) << command_line;
+  }
+}
+
+TEST_F(Outputs, ADeviceTakesAsManyResultsAsOneLikes) {
+  EXPECT_EQ(In("tumbler-record x.rec --csv /dev/null --candump /dev/null").exit_code, 0);
+  EXPECT_EQ(In("tumbler-run sim handstand.toml --json - --trace /dev/null").exit_code, 0);
+}
+
+}  // namespace
+}  // namespace tumbler
