@@ -23,6 +23,7 @@
 #include "offline/dynamics/hybrid_dynamics.h"
 #include "offline/model/planar_robot.h"
 #include "offline/model/robot.h"
+#include "offline/model/urdf_source.h"
 
 namespace tumbler {
 namespace {
@@ -50,7 +51,14 @@ Robot LoadRobot(const Arguments& arguments) {
   for (const auto& [name, kind] : kRoots) {
     if (arguments.root == name) root = kind;
   }
-  return ParseRobot(ReadTextFile(arguments.robot), arguments.robot, root);
+  const std::string text = ReadTextFile(arguments.robot);
+  Robot robot = ParseRobot(text, arguments.robot, root);
+  const UrdfSource source(text, arguments.robot);
+  for (const RoundedAngle& angle : source.rounded_angles()) {
+    fmt::print(stderr, "{}:{}: {}: note: {}\n", arguments.robot, angle.line, angle.key,
+               Describe(angle));
+  }
+  return robot;
 }
 
 void FlushOutput() {

@@ -101,7 +101,7 @@ std::vector<RootCoordinate> RootCoordinates(RootKind root) {
 class Builder {
  public:
   Builder(const std::string& text, std::string file, RootKind root)
-      : file_(std::move(file)), source_(text, file_), model_(ParseUrdf(text, file_)) {
+      : file_(std::move(file)), source_(text, file_), model_(ParseUrdf(source_.text(), file_)) {
     robot_.file = file_;
     robot_.name = model_->getName();
     robot_.root = root;

@@ -8,6 +8,7 @@
 #include <charconv>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <optional>
 #include <set>
 #include <utility>
@@ -313,7 +314,46 @@ Edge ReadEdge(const std::string& name, const TiXmlElement& joint, const ElementC
   return edge;
 }
 
+/// In words, such as `-3 pi/2`, for a multiple of pi/2 other than 0.
+std::string RightAnglesInWords(int count) {
+  const int whole = count % 2 == 0 ? count / 2 : count;
+  const std::string factor = whole == 1 ? "" : whole == -1 ? "-" : fmt::format("{} ", whole);
+  return factor + (count % 2 == 0 ? "pi" : "pi/2");
+}
+
+/// Replaces each angle of the origins below an element that is a rounded multiple of pi/2.
+/// @param key  of the link or joint that holds them.
+void TakeRightAngles(TiXmlElement& element, const std::string& key,
+                     std::vector<RoundedAngle>& rounded) {
+  constexpr double kRightAngle = std::numbers::pi / 2;
+  // With 13 digits or more, nobody has rounded.
+  constexpr double kExact_rad = 1e-12;
+  const char* rpy = element.ValueStr() == "origin" ? element.Attribute("rpy") : nullptr;
+  if (rpy != nullptr) {
+    std::vector<double> angles = ToNumbers(rpy).value();  // They were checked.
+    const std::size_t before = rounded.size();
+    for (double& angle : angles) {
+      const double count = std::round(angle / kRightAngle);
+      const double off = std::abs(angle - count * kRightAngle);
+      if (count == 0 || off > kRoundedBy_rad || off <= kExact_rad) continue;
+      rounded.push_back({RowOf(element), key, angle, RightAnglesInWords(static_cast<int>(count))});
+      angle = count * kRightAngle;
+    }
+    if (rounded.size() > before) {
+      element.SetAttribute("rpy", fmt::format("{} {} {}", ExactDecimal(angles[0]),
+                                              ExactDecimal(angles[1]), ExactDecimal(angles[2]))
+                                      .c_str());
+    }
+  }
+  for (TiXmlElement* e = element.FirstChildElement(); e != nullptr; e = e->NextSiblingElement())
+    TakeRightAngles(*e, key, rounded);
+}
+
 }  // namespace
+
+std::string Describe(const RoundedAngle& angle) {
+  return fmt::format("origin rpy {} is taken as {}", ExactDecimal(angle.given), angle.taken_as);
+}
 
 UrdfSource::UrdfSource(const std::string& text, const std::string& file) {
   TiXmlDocument document;
@@ -368,6 +408,20 @@ UrdfSource::UrdfSource(const std::string& text, const std::string& file) {
   for (const auto& [link, edge] : carried_by) parents.emplace(link, edge->parent);
   CheckTree(link_order, parents, file);
   if (link_order.empty()) throw FileError(file, RowOf(robot), "robot", "has no link");
+
+  for (TiXmlElement* e = document.RootElement()->FirstChildElement(); e != nullptr;
+       e = e->NextSiblingElement()) {
+    if (e->ValueStr() == "link" || e->ValueStr() == "joint") {
+      TakeRightAngles(*e, fmt::format("{} '{}'", e->ValueStr(), e->Attribute("name")),
+                      rounded_angles_);
+    }
+  }
+  text_ = text;
+  if (!rounded_angles_.empty()) {
+    TiXmlPrinter printer;
+    document.Accept(&printer);
+    text_ = printer.Str();
+  }
 }
 
 void UrdfSource::CheckTree(const std::vector<std::string>& links,

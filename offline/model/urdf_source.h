@@ -8,6 +8,18 @@
 
 namespace tumbler {
 
+/// An angle of an `<origin rpy>` that was written with few digits, and is taken as what was meant.
+struct RoundedAngle {
+  std::uint32_t line = 0;
+  std::string key;       ///< Of the link or joint, such as `joint 'leg1'`.
+  double given = 0;      ///< [rad]
+  std::string taken_as;  ///< A multiple of pi/2 other than 0, such as `pi/2` or `-3 pi/2`.
+};
+/// For people: "origin rpy 1.5708 is taken as pi/2".
+std::string Describe(const RoundedAngle& angle);
+/// How far an angle may be from a multiple of pi/2 to be taken as one [rad]: 1.5708 and 3.1416 are.
+inline constexpr double kRoundedBy_rad = 1e-4;
+
 /// The text of a URDF, for the things that urdfdom neither keeps nor checks: the lines of elements,
 /// the order of joints, and mistakes that it accepts in silence or reports without a line.
 class UrdfSource {
@@ -27,6 +39,10 @@ class UrdfSource {
   [[nodiscard]] std::uint32_t LineOfLink(const std::string& link, std::string_view element) const;
   [[nodiscard]] std::uint32_t LineOfJoint(const std::string& joint, std::string_view element) const;
 
+  /// The text for a parser: the file's, with each of `rounded_angles` as it is taken.
+  [[nodiscard]] const std::string& text() const { return text_; }
+  [[nodiscard]] const std::vector<RoundedAngle>& rounded_angles() const { return rounded_angles_; }
+
   /// Names of all joints in the order of the file.
   [[nodiscard]] const std::vector<std::string>& joint_order() const { return joint_order_; }
 
@@ -40,6 +56,8 @@ class UrdfSource {
   void CheckTree(const std::vector<std::string>& links,
                  const std::map<std::string, std::string>& parents, const std::string& file) const;
 
+  std::string text_;
+  std::vector<RoundedAngle> rounded_angles_;
   Index links_;
   Index joints_;
   std::vector<std::string> joint_order_;

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "offline/certificate/certificate_text.h"
+#include "offline/model/urdf_source.h"
 
 namespace tumbler {
 namespace {
@@ -80,6 +81,11 @@ void PrintSecondLook(std::FILE* people, const SecondLook& look) {
 }  // namespace
 
 void PrintNotes(const Task& task) {
+  const UrdfSource robot(task.robot_text, task.robot_file);
+  for (const RoundedAngle& angle : robot.rounded_angles()) {
+    fmt::print(stderr, "{}:{}: {}: note: {}\n", task.robot_file, angle.line, angle.key,
+               Describe(angle));
+  }
   for (const IgnoredShape& shape : task.problem.scene.robot.ignored_shapes) {
     fmt::print(stderr, "{}:{}: link '{}': note: {}: contact ignores it\n", task.robot_file,
                shape.line, shape.link, shape.reason);

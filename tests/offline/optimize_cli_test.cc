@@ -148,6 +148,22 @@ TEST(OptimizeCli, TheResultDependsOnTaskAndSeedAlone) {
   EXPECT_NE(PathsOf(ParsePrimitive(seeded.first, "")), PathsOf(ParsePrimitive(first.first, "")));
 }
 
+TEST(OptimizeCli, ARightAngleOfFewDigitsIsNotedAndGivesTheSameMotion) {
+  const TaskFolder exact(QuickTask());
+  const TaskFolder rounded(
+      QuickTask(), Replaced(testing::ShippedRobot(), "0 1.5707963267948966 0", "0 1.5708 0"));
+  Program of_exact = Optimize(exact, {"--out", exact / "motion.toml"});
+  ASSERT_EQ(of_exact.Wait(), 0) << of_exact.text();
+  EXPECT_THAT(of_exact.text(), Not(HasSubstr("is taken as")));
+  Program of_rounded = Optimize(rounded, {"--out", rounded / "motion.toml"});
+  ASSERT_EQ(of_rounded.Wait(), 0) << of_rounded.text();
+  EXPECT_THAT(of_rounded.text(),
+              HasSubstr("tumbler.urdf:18: link 'middle': note: origin rpy 1.5708 "
+                        "is taken as pi/2"));
+  EXPECT_EQ(PathsOf(LoadPrimitive(exact / "motion.toml")),
+            PathsOf(LoadPrimitive(rounded / "motion.toml")));
+}
+
 TEST(OptimizeCli, SeedOnTheCommandLineReplacesTheTasks) {
   const TaskFolder of_task(Replaced(QuickTask(), "seed = 1", "seed = 5"));
   Program by_task = Optimize(of_task, {"--out", of_task / "motion.toml"});

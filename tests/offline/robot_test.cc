@@ -2,6 +2,7 @@
 // bad_input_test.cc.
 
 #include "offline/model/robot.h"
+#include "offline/model/urdf_source.h"
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>
@@ -279,6 +280,35 @@ TEST(Robot, AnAxisOutOfThePlaneIsRefusedOfAPlanarRobotOnly) {
   const Robot robot = ParseInSpace(text, RootKind::kPlanarXz);
   EXPECT_LT((robot.tree.dofs[3].axis - Eigen::Vector3d(1, 0, 0)).norm(), 1e-15);
   EXPECT_THAT(Refusal(text), HasSubstr("joint 'turn': its axis in the robot's frame is (1, "));
+}
+
+TEST(Robot, AnAngleWrittenWithFewDigitsIsTheMultipleOfARightAngleThatWasMeant) {
+  const auto with = [](const std::string& rpy) {
+    return RobotText(Link("base") + Link("a") +
+                     Joint("turn", "revolute", "base", "a",
+                           "<origin rpy='" + rpy + "'/><axis xyz='1 0 0'/>" + kLimit));
+  };
+  const Robot exact = ParseInSpace(with("0 0 1.5707963267948966"), RootKind::kPlanarXz);
+  for (const char* rounded : {"0 0 1.5708", "0 0 1.5707", "0 0 1.570796"}) {
+    const Robot robot = ParseInSpace(with(rounded), RootKind::kPlanarXz);
+    EXPECT_EQ(robot.tree.dofs[3].axis, exact.tree.dofs[3].axis) << rounded;
+    EXPECT_NO_THROW(ReduceToPlane(robot)) << rounded;
+    const UrdfSource source(with(rounded), "robot.urdf");
+    ASSERT_EQ(source.rounded_angles().size(), 1U) << rounded;
+    EXPECT_EQ(source.rounded_angles()[0].key, "joint 'turn'");
+    EXPECT_EQ(source.rounded_angles()[0].taken_as, "pi/2");
+  }
+  const std::string several = with("-4.7124 3.14159 0.00005");
+  const UrdfSource source(several, "robot.urdf");
+  ASSERT_EQ(source.rounded_angles().size(), 2U) << "nobody has rounded to 5e-5";
+  EXPECT_EQ(Describe(source.rounded_angles()[0]), "origin rpy -4.7124 is taken as -3 pi/2");
+  EXPECT_EQ(Describe(source.rounded_angles()[1]), "origin rpy 3.14159 is taken as pi");
+  EXPECT_EQ(source.rounded_angles()[0].line,
+            static_cast<std::uint32_t>(LineOf(several, "-4.7124")));
+  for (const char* as_given : {"0 0 1.5707963267948966", "0 0 1.571", "0 0 1.5706", "0 0 0"}) {
+    EXPECT_TRUE(UrdfSource(with(as_given), "robot.urdf").rounded_angles().empty()) << as_given;
+    EXPECT_EQ(UrdfSource(with(as_given), "robot.urdf").text(), with(as_given));
+  }
 }
 
 TEST(Robot, WhatNoRealRobotHasIsFoundWithItsLineAndRefusedOfAPlanarOne) {
