@@ -93,11 +93,17 @@ TEST(OptimizeCli, AMotionThatMissesWhatItsCostAsksForIsNotWritten) {
   EXPECT_FALSE(std::filesystem::exists(folder / "figures.json"));
 }
 
-TEST(OptimizeCli, TargetsAndResultsStandBesideEachOtherOnTerminalAndInJson) {
+TEST(OptimizeCli, TargetsAndResultsStandBesideEachOtherOnTerminalAndPageAndInJson) {
   const TaskFolder folder(Replaced(QuickTask(), "target = 0.0", "target = 0.0\ntolerance = 0.04"));
-  Program program = Optimize(folder, {"--json", folder / "figures.json"});
+  Program program = Optimize(folder, {"--json", folder / "figures.json", "--report",
+                                      folder / "page", "--out", folder / "motion.toml"});
   ASSERT_EQ(program.Wait(), 0) << program.text();
   EXPECT_THAT(program.text(), HasSubstr("pitch, settled: asked 0, got "));
+  const std::vector<PurposeFigure> purpose = LoadPrimitive(folder / "motion.toml").purpose;
+  ASSERT_EQ(purpose.size(), 4U);
+  EXPECT_THAT(
+      ReadFile(folder / "page/index.html"),
+      HasSubstr("[\"pitch, settled\",\"" + purpose[0].AskedAndGot(purpose[0].result) + "\"]"));
   EXPECT_THAT(program.text(), HasSubstr("(within 0.04)"));
   const auto figures = Json::Parse(ReadFile(folder / "figures.json")).value();
   EXPECT_EQ(figures["second_look"]["purpose"][0]["of"], "pitch, settled");
@@ -112,6 +118,17 @@ TEST(OptimizeCli, WithoutOutputOptionsItWritesNothing) {
   EXPECT_EQ(program.Wait(), 0) << program.text();
   EXPECT_THAT(program.text(), HasSubstr("\"content_hash\""));
   EXPECT_EQ(folder.Listing(), before);
+}
+
+TEST(OptimizeCli, OfATaskWithoutATargetOfThePitchNothingSpeaksOfThatTarget) {
+  const TaskFolder folder(Replaced(QuickTask(), "of = \"pitch\"", "of = \"x\"\ntolerance = 10.0"));
+  Program program =
+      Optimize(folder, {"--json", folder / "figures.json", "--report", folder / "page"});
+  ASSERT_EQ(program.Wait(), 0) << program.text();
+  EXPECT_THAT(program.text(), HasSubstr("x, settled: asked 0, got "));
+  EXPECT_THAT(program.text(), Not(HasSubstr("pitch at the end")));
+  EXPECT_THAT(ReadFile(folder / "figures.json"), Not(HasSubstr("settled_error_rad")));
+  EXPECT_THAT(ReadFile(folder / "page/index.html"), Not(HasSubstr("pitch 2 s after the end")));
 }
 
 /// The control points of all paths.
