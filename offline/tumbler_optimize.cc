@@ -83,9 +83,10 @@ WorkSettings SettingsOf(const Arguments& arguments) {
 }
 
 void Flush(std::FILE* stream) {
-  if (std::fflush(stream) != 0)
+  if (std::fflush(stream) != 0) {
     throw std::runtime_error(
         fmt::format("standard output: {}", std::generic_category().message(errno)));
+  }
 }
 
 ExitStatus OptimizeOne(const Arguments& arguments) {

@@ -182,15 +182,17 @@ MotionSummary Summarize(const Problem& problem, const std::vector<double>& x) {
       summary.peak_torque_nm = std::max(summary.peak_torque_nm, torque);
       summary.torque_margin_nm =
           std::min(summary.torque_margin_nm, problem.joints[j].limits.torque_max_nm - torque);
-      if (solved)
+      if (solved) {
         summary.excess =
             std::max(summary.excess, torque / problem.joints[j].limits.torque_max_nm - 1);
+      }
     }
     for (const ActiveContact<Plane>& contact : sample.contacts) {
       summary.peak_penetration_m = std::max(summary.peak_penetration_m, contact.depth_m);
-      if (solved)
+      if (solved) {
         summary.excess =
             std::max(summary.excess, contact.depth_m / problem.scene.contact.d_on_m - 1);
+      }
       if (t > problem.duration_s + problem.settle_s) continue;
       auto& list = intervals[{contact.shape, contact.obstacle}];
       if (list.empty() || t - list.back().end_s > kContactGap) {

@@ -34,5 +34,11 @@ struct SymmetricEigen {
 /// has 2 x 2 or 3 x 3 numbers. Only its lower triangle is read. No heap.
 template <class Matrix>
 SymmetricEigen<Matrix> DecomposeSymmetric(const Matrix& symmetric);
+template <>
+SymmetricEigen<SmallMatrix> DecomposeSymmetric(const SmallMatrix& symmetric);
+template <>
+SymmetricEigen<Eigen::Matrix2d> DecomposeSymmetric(const Eigen::Matrix2d& symmetric);
+template <>
+SymmetricEigen<Eigen::Matrix3d> DecomposeSymmetric(const Eigen::Matrix3d& symmetric);
 
 }  // namespace tumbler

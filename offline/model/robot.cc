@@ -221,9 +221,10 @@ class Builder {
                   "dynamics");
       }
     }
-    if (joint.mimic != nullptr)
+    if (joint.mimic != nullptr) {
       FailJoint(joint.name,
                 "mimics another joint; mimic joints are not supported: leave <mimic> out", "mimic");
+    }
     AddDof(dof, about);
     // At q = 0 the new frame has the robot's axes. The rotation of the link's own frame is kept in
     // X_child.

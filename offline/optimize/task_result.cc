@@ -160,6 +160,7 @@ TaskResult WorkOn(Task task, const WorkSettings& settings) {
 
 std::vector<const TaskResult*> Ranked(const std::vector<TaskResult>& results) {
   std::vector<const TaskResult*> order;
+  order.reserve(results.size());
   for (const TaskResult& result : results) order.push_back(&result);
   std::stable_sort(order.begin(), order.end(), [](const TaskResult* a, const TaskResult* b) {
     if (a->usable != b->usable) return a->usable;

@@ -220,7 +220,7 @@ struct ForwardSensitivity::Implementation {
   }
 
   [[nodiscard]] bool Plausible(const std::vector<double>& z) const {
-    return std::all_of(z.begin(), z.begin() + 2 * nf,
+    return std::all_of(z.begin(), z.begin() + 2L * nf,
                        [](double value) { return std::abs(value) < kImplausibleState; });
   }
 

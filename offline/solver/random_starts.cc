@@ -132,7 +132,7 @@ RandomStarts::RandomStarts(const Problem& problem)
 
 std::vector<double> RandomStarts::Draw(std::uint64_t sample) const {
   const std::vector<double> coarse_line = StraightLine(coarse_);
-  const std::vector<double> coarse =
+  std::vector<double> coarse =
       Shrunk(coarse_, coarse_rows_, coarse_line, RandomPath(coarse_, coarse_line, sample));
   if (coarse_.parameter_count() == problem_.parameter_count()) return coarse;
   return Shrunk(problem_, rows_, StraightLine(problem_),

@@ -108,8 +108,8 @@ struct Telemetry::Implementation {
     void operator()(std::FILE* file) const noexcept { std::fclose(file); }
   };
 
-  TelemetryConfig config;
   RingBuffer<TimedRecord, kRingCapacity> ring;
+  TelemetryConfig config;
   std::atomic<std::int64_t> lost{0};
   std::atomic<bool> stop{false};
   std::thread thread;

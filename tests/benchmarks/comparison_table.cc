@@ -16,6 +16,7 @@
 #include <fstream>
 #include <map>
 #include <numbers>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -97,10 +98,7 @@ double Best(Work work) {
 std::map<std::string, long> ReadInstructions(const char* path) {
   std::map<std::string, long> counts;
   std::ifstream file(path);
-  if (!file) {
-    std::fprintf(stderr, "comparison_table: cannot read %s\n", path);
-    std::exit(1);
-  }
+  if (!file) throw std::runtime_error(std::string("cannot read ") + path);
   std::string line;
   while (std::getline(file, line)) {
     // A line is NAME, blanks, COUNT, blanks, BOUND. Names have single blanks only.
@@ -215,8 +213,7 @@ void PrintStepErrors(const std::vector<FoundMotion>& motions) {
       std::printf(" %.1e |", (GradientOf(motion, settings) - reference).cwiseAbs().maxCoeff() /
                                  reference.cwiseAbs().maxCoeff());
     }
-    std::printf(" %lld, %lld |\n", static_cast<long long>(statistics.steps + statistics.rejected),
-                static_cast<long long>(statistics.steps));
+    std::printf(" %ld, %ld |\n", statistics.steps + statistics.rejected, statistics.steps);
   }
 }
 

@@ -27,14 +27,14 @@ namespace {
 
 using ::testing::AllOf;
 using ::testing::HasSubstr;
-using Spline = JointMotion<double>::Spline;
+using MotionSpline = JointMotion<double>::Spline;
 
-Spline MakeSpline(int degree, const std::vector<double>& interior_knots, double duration,
-                  const std::vector<double>& points) {
+MotionSpline MakeSpline(int degree, const std::vector<double>& interior_knots, double duration,
+                        const std::vector<double>& points) {
   std::vector<double> knots(static_cast<std::size_t>(degree) + 1, 0.0);
   knots.insert(knots.end(), interior_knots.begin(), interior_knots.end());
   knots.insert(knots.end(), static_cast<std::size_t>(degree) + 1, duration);
-  Spline spline;
+  MotionSpline spline;
   EXPECT_EQ(spline.Assign(degree, knots, points), Status::kOk);
   return spline;
 }
@@ -111,7 +111,7 @@ void ExpectSameBits(std::span<const double> a, std::span<const double> b) {
   for (std::size_t i = 0; i < a.size(); ++i) ExpectSameBits(a[i], b[i]);
 }
 
-void ExpectSame(const Spline& a, const Spline& b) {
+void ExpectSame(const MotionSpline& a, const MotionSpline& b) {
   EXPECT_EQ(a.degree(), b.degree());
   ExpectSameBits(a.knots(), b.knots());
   ExpectSameBits(a.control_points(), b.control_points());
@@ -228,8 +228,8 @@ std::string AnyText(std::mt19937_64& random) {
   return text;
 }
 
-Spline AnySpline(std::mt19937_64& random, int min_degree, int max_interior_multiplicity,
-                 double duration, double magnitude) {
+MotionSpline AnySpline(std::mt19937_64& random, int min_degree, int max_interior_multiplicity,
+                       double duration, double magnitude) {
   std::uniform_real_distribution<double> unit(0.0, 1.0);
   const int degree =
       min_degree + static_cast<int>(random() % static_cast<unsigned>(8 - min_degree));

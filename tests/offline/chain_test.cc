@@ -51,7 +51,7 @@ PrimitiveFile StraightLine(const Task& task) {
 std::string TaskThere() {
   return Replaced(QuickTask(), "name = \"handstand\"", "name = \"there\"");
 }
-std::string TaskBack() {
+std::string SecondTask() {
   std::string text =
       Replaced(QuickTask(), "leg1 = -1.5707963267948966, leg2 = 1.5707963267948966", "START");
   text = Replaced(text, "leg1 = -1.2, leg2 = 1.3",
@@ -66,7 +66,7 @@ const std::vector<PrimitiveFile>& ThereAndBack() {
   static const std::vector<PrimitiveFile> files = [] {
     const PrimitiveFile there =
         StraightLine(ParseTask(TaskThere(), "task.toml", ShippedRobot(), "robot.urdf"));
-    const TaskFolder folder(TaskBack());
+    const TaskFolder folder(SecondTask());
     return std::vector{there, StraightLine(LoadTask(folder.task_file(), there, "there.toml"))};
   }();
   return files;

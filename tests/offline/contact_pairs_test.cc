@@ -174,13 +174,6 @@ Scene<Space> RandomScene(std::mt19937_64& random, const Touch& touch) {
 
 template <class Space>
 class ContactPairsIn : public ::testing::Test {};
-struct NameOfSpace {
-  template <class Space>
-  static std::string GetName(int /*index*/) {
-    return std::is_same_v<Space, Plane> ? "Plane" : "Space";
-  }
-};
-using Spaces = ::testing::Types<Plane, Spatial>;
 TYPED_TEST_SUITE(ContactPairsIn, Spaces, NameOfSpace);
 
 TYPED_TEST(ContactPairsIn, HaveExactDerivativesThroughDynamics) {

@@ -3,11 +3,11 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
-#include <Eigen/QR>
 #include <array>
 #include <cmath>
 #include <filesystem>
 
+#include "offline/linear/least_squares.h"
 #include "offline/problem/task_toml.h"
 #include "tests/support/allocation_count.h"
 #include "tests/support/files.h"
@@ -306,7 +306,7 @@ TEST(ForwardSensitivity, TheSensitivitiesShortenTheStepsOfTheSameMotion) {
       for (int k = 0; k <= 5; ++k) basis(i, w.first + k) = w.w[0][static_cast<std::size_t>(k)];
       value[i] = path.Evaluate(t).value;
     }
-    const Eigen::VectorXd points = basis.colPivHouseholderQr().solve(value);
+    const Eigen::VectorXd points = SolveLeastSquares(basis, value);
     for (std::size_t i = 0; i < 6; ++i) x[6 * j + i] = points[static_cast<Eigen::Index>(i + 3)];
   }
   StepSettings settings = kAdaptive;

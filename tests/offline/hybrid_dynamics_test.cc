@@ -10,10 +10,10 @@
 namespace tumbler {
 namespace {
 
-using Dynamics = HybridDynamics<Plane>;
+using PlanarDynamics = HybridDynamics<Plane>;
 
 /// The outputs of hybrid dynamics: accelerations of free, torques of prescribed degrees of freedom.
-std::vector<double> Outputs(Dynamics& dynamics, DynamicsState s,
+std::vector<double> Outputs(PlanarDynamics& dynamics, DynamicsState s,
                             const std::vector<Plane::Wrench>& wrenches = {}) {
   dynamics.SetState(s.q, s.qd);
   for (std::size_t j = 0; j < wrenches.size(); ++j)
@@ -51,7 +51,7 @@ TEST(HybridDynamics, GivesTheValuePublishedByThreeOtherEngines) {
     }
     tree.dofs.push_back(dof);
   }
-  Dynamics dynamics(tree);
+  PlanarDynamics dynamics(tree);
   const std::vector<double> out = Outputs(
       dynamics, {{.1, .2, .3, .4, .5}, {1, 2, 3, 4, 5}, {0, 0, 0, .1, .2}, std::vector<double>(5)});
   EXPECT_NEAR(out[0], 0.208891784734129, 1e-12);
@@ -67,16 +67,16 @@ TEST(HybridDynamics, ForwardAndInverseDynamicsUndoEachOther) {
     Tree<Plane> tree = RandomTree(random);
     const std::size_t n = tree.dofs.size();
     DynamicsState s = RandomState(random, n);
-    Dynamics hybrid(tree);
+    PlanarDynamics hybrid(tree);
     hybrid.SetState(s.q, s.qd);
     hybrid.Solve(s.qdd, s.tau);  // now qdd and tau belong together
     for (Dof<Plane>& dof : tree.dofs) dof.prescribed = true;
     std::vector<double> tau(n), qdd = s.qdd;
-    Dynamics inverse(tree);
+    PlanarDynamics inverse(tree);
     inverse.SetState(s.q, s.qd);
     inverse.Solve(qdd, tau);
     for (Dof<Plane>& dof : tree.dofs) dof.prescribed = false;
-    Dynamics forward(tree);
+    PlanarDynamics forward(tree);
     std::vector<double> found(n);
     forward.SetState(s.q, s.qd);
     forward.Solve(found, s.tau);
@@ -93,7 +93,7 @@ TEST(HybridDynamics, DerivativesAgreeWithCentralDifferencesOnRandomTrees) {
     const Tree<Plane> tree = RandomTree(random);
     const std::size_t n = tree.dofs.size();
     const DynamicsState s = RandomState(random, n);
-    Dynamics dynamics(tree);
+    PlanarDynamics dynamics(tree);
     const std::vector<double> value = Outputs(dynamics, s);
     DynamicsDerivatives<Plane> d;
     dynamics.Differentiate(d);
@@ -124,7 +124,7 @@ TEST(HybridDynamics, DerivativesAgreeWithCentralDifferencesOnRandomTrees) {
 
 TEST(HybridDynamics, FreeFlightKeepsMomentum) {
   PlanarRobot robot = LoadTumbler();
-  Dynamics dynamics(robot.tree);
+  PlanarDynamics dynamics(robot.tree);
   std::mt19937_64 random(23);
   std::vector<double> q(5), qd(5), qdd(5), tau(5);
   for (std::size_t i = 0; i < 5; ++i) {
@@ -185,7 +185,7 @@ TEST(HybridDynamics, FreeFlightKeepsMomentum) {
   {
     PlanarRobot sideways = LoadTumbler();
     sideways.tree.gravity = {-1, 0};
-    Dynamics probe(sideways.tree);
+    PlanarDynamics probe(sideways.tree);
     probe.SetState(q, qd);
     x_end = probe.PotentialEnergy() / m;
   }
@@ -196,7 +196,7 @@ TEST(HybridDynamics, FreeFlightKeepsMomentum) {
 TEST(HybridDynamics, DoesNotDependOnWhereTheRobotIs) {
   std::mt19937_64 random(24);
   PlanarRobot robot = LoadTumbler();
-  Dynamics dynamics(robot.tree);
+  PlanarDynamics dynamics(robot.tree);
   DynamicsState s = RandomState(random, 5);
   const std::vector<double> here = Outputs(dynamics, s);
   s.q[0] += 1e6;

@@ -19,11 +19,11 @@ namespace {
 using ::testing::HasSubstr;
 using testing::LineOf;
 using testing::Lines;
+using testing::ModelOutcome;
 using testing::ModelRunner;
 using testing::Numbers;
 using testing::Replaced;
 using testing::ShippedRobot;
-using Outcome = testing::ModelOutcome;
 
 /// The robot for which several engines agree on the figures. Its legs are 0.25 m long, its boxes
 /// 40 mm thick.
@@ -51,7 +51,7 @@ const char* const kBoxState = "0.1 0.2 0.3 0.4 0.5  1 2 3 4 5  0.1 0.2";
 const char* const kLegs = "--prescribed leg_a,leg_b";
 
 TEST(ModelHybrid, GivesTheValuePublishedByThreeOtherEngines) {
-  const Outcome run = ModelRunner(BoxTumbler())("hybrid", kLegs, kBoxState);
+  const ModelOutcome run = ModelRunner(BoxTumbler())("hybrid", kLegs, kBoxState);
   EXPECT_EQ(run.status, 0) << run.err;
   EXPECT_EQ(run.err, "");
   const std::vector<double> out = Numbers(run.out);
@@ -64,20 +64,20 @@ TEST(ModelHybrid, GivesTheValuePublishedByThreeOtherEngines) {
 TEST(ModelHybrid, SkipsCommentsAndBlankLinesAndTakesAnEmptyInput) {
   const ModelRunner model(BoxTumbler());
   const std::string state = kBoxState;
-  const Outcome plain = model("hybrid", kLegs, state + "\n");
-  const Outcome run = model(
+  const ModelOutcome plain = model("hybrid", kLegs, state + "\n");
+  const ModelOutcome run = model(
       "hybrid", kLegs,
       "# states\n\n  \t\r\n" + state + "\r\n   # another\n+" + state + " # the same\n" + state);
   EXPECT_EQ(run.status, 0) << run.err;
   EXPECT_EQ(run.out, plain.out + plain.out + plain.out);
-  const Outcome none = model("hybrid", kLegs, "");
+  const ModelOutcome none = model("hybrid", kLegs, "");
   EXPECT_EQ(none.status, 0);
   EXPECT_EQ(none.out, "");
   EXPECT_EQ(none.err, "");
 }
 
 TEST(ModelHybrid, PrintsDigitsThatReadBackToTheSameNumber) {
-  const Outcome run = ModelRunner(BoxTumbler())("hybrid", kLegs, kBoxState);
+  const ModelOutcome run = ModelRunner(BoxTumbler())("hybrid", kLegs, kBoxState);
   std::string again;
   for (const double x : Numbers(run.out)) again += fmt::format("{:.17g} ", x);
   again.back() = '\n';
@@ -132,7 +132,7 @@ TEST(ModelHybrid, AMalformedLineIsNamedAndWhatCameBeforeItIsPrinted) {
             "value 26, the link of force 2, is 'leg_c'; expected one of: body, leg_a_link, "
             "leg_b_link"},
            {"0.1 0.2 0.3 0.4 0.5 1e200 2 1e200 4 5 0.1 0.2", "not a finite number"}}) {
-    const Outcome run =
+    const ModelOutcome run =
         model("hybrid", kLegs, "# first\n" + state + "\n" + wrong.line + "\n" + state + "\n");
     EXPECT_EQ(run.status, 1) << wrong.line;
     EXPECT_EQ(run.out, before) << wrong.line;
@@ -143,10 +143,10 @@ TEST(ModelHybrid, AMalformedLineIsNamedAndWhatCameBeforeItIsPrinted) {
 
 TEST(ModelHybrid, StandardStreamsThatFailAreErrors) {
   const ModelRunner model(BoxTumbler());
-  const Outcome full = model("hybrid", std::string(kLegs) + " >/dev/full", kBoxState);
+  const ModelOutcome full = model("hybrid", std::string(kLegs) + " >/dev/full", kBoxState);
   EXPECT_EQ(full.status, 1);
   EXPECT_THAT(full.err, HasSubstr("standard output: "));
-  const Outcome folder = model("hybrid", std::string(kLegs) + " </", "");
+  const ModelOutcome folder = model("hybrid", std::string(kLegs) + " </", "");
   EXPECT_EQ(folder.status, 1);
   EXPECT_THAT(folder.err, HasSubstr("standard input: cannot be read"));
 }
@@ -164,7 +164,7 @@ TEST(ModelHybrid, BadArgumentsAreNamed) {
            {"--root hanging", "hanging"},
            {"--gravity 0 0", "--gravity"},
            {"--gravity 0 0 nan", "--gravity"}}) {
-    const Outcome run = model("hybrid", wrong.arguments, kBoxState);
+    const ModelOutcome run = model("hybrid", wrong.arguments, kBoxState);
     EXPECT_EQ(run.status, 1) << wrong.arguments;
     EXPECT_EQ(run.out, "") << wrong.arguments;
     EXPECT_THAT(run.err, HasSubstr(wrong.says)) << wrong.arguments;
@@ -174,11 +174,11 @@ TEST(ModelHybrid, BadArgumentsAreNamed) {
 TEST(ModelHybrid, TheFloatingRootsSingularityIsNamedAndVerticalPitchIsNone) {
   const ModelRunner model(BoxTumbler());
   const std::string rest = " 0 0 0 0 0 0 0 0\n";
-  const Outcome steep =
+  const ModelOutcome steep =
       model("hybrid", "--root floating", "1 2 3 1.5707963267948966 0 0.3 0.4 0.5" + rest);
   EXPECT_EQ(steep.status, 0) << steep.err;
   EXPECT_NEAR(Numbers(steep.out).at(2), -9.81, 1e-12);
-  const Outcome singular =
+  const ModelOutcome singular =
       model("hybrid", "--root floating", "1 2 3 0.2 -1.5707963267948966 0.3 0.4 0.5" + rest);
   EXPECT_EQ(singular.status, 1);
   EXPECT_EQ(singular.out, "");
@@ -190,15 +190,15 @@ TEST(ModelHybrid, ADegreeOfFreedomWithoutInertiaMustBePrescribed) {
                                     "<link name='tip'/>\n<joint name='wrist' type='continuous'>"
                                     "<parent link='body'/><child link='tip'/></joint>\n</robot>");
   const ModelRunner model(text);
-  const Outcome free = model("hybrid", kLegs, "");
+  const ModelOutcome free = model("hybrid", kLegs, "");
   EXPECT_EQ(free.status, 1);
   EXPECT_THAT(free.err, HasSubstr(fmt::format("robot.urdf:{}: link 'tip': degree of freedom "
                                               "'wrist' moves no mass",
                                               LineOf(text, "<link name='tip'"))));
-  const Outcome given = model("hybrid", "--prescribed wrist", "0 0 0 0 0 0  0 0 0 0 0 0  1");
+  const ModelOutcome given = model("hybrid", "--prescribed wrist", "0 0 0 0 0 0  0 0 0 0 0 0  1");
   EXPECT_EQ(given.status, 0) << given.err;
   EXPECT_EQ(Numbers(given.out).back(), 0);
-  const Outcome check = model("check", "");
+  const ModelOutcome check = model("check", "");
   EXPECT_EQ(check.status, 0);
   EXPECT_THAT(check.out, HasSubstr("'wrist' moves no mass: it can only be prescribed"));
 }
@@ -206,7 +206,7 @@ TEST(ModelHybrid, ADegreeOfFreedomWithoutInertiaMustBePrescribed) {
 TEST(ModelCheck, ShowsCoordinatesMassesAndWhatIsIgnored) {
   const std::string text =
       Replaced(ShippedRobot(), "<sphere radius=\"0.03\"/>", "<mesh filename=\"a.stl\"/>");
-  const Outcome run = ModelRunner(text)("check", "");
+  const ModelOutcome run = ModelRunner(text)("check", "");
   EXPECT_EQ(run.status, 0) << run.err;
   EXPECT_THAT(run.out, HasSubstr("robot 'tumbler', root link 'middle' free in the x-z plane"));
   EXPECT_THAT(run.out, HasSubstr("degrees of freedom: 5"));
@@ -218,7 +218,7 @@ TEST(ModelCheck, ShowsCoordinatesMassesAndWhatIsIgnored) {
                                              "middle/0 is a mesh: contact ignores it",
                                              LineOf(text, "<link name=\"middle\""))));
   EXPECT_THAT(run.out, HasSubstr("tumbler-optimize takes it"));
-  const Outcome floating = ModelRunner(text)("check", "--root floating");
+  const ModelOutcome floating = ModelRunner(text)("check", "--root floating");
   EXPECT_EQ(floating.status, 0);
   EXPECT_THAT(floating.out, HasSubstr("degrees of freedom: 8"));
   EXPECT_THAT(floating.out, HasSubstr("tumbler-optimize does not take it"));
@@ -226,7 +226,7 @@ TEST(ModelCheck, ShowsCoordinatesMassesAndWhatIsIgnored) {
 
 TEST(ModelCheck, WarnsOfInertiaThatNoBodyHasWithLinkAndLine) {
   const std::string text = Replaced(ShippedRobot(), "iyy=\"7.5e-3", "iyy=\"9.5e-3");
-  const Outcome run = ModelRunner(text)("check", "--root floating");
+  const ModelOutcome run = ModelRunner(text)("check", "--root floating");
   EXPECT_EQ(run.status, 0) << run.err;
   EXPECT_THAT(run.out, HasSubstr(fmt::format("robot.urdf:{}: link 'middle': warning: inertia is "
                                              "that of no body",
@@ -249,7 +249,7 @@ TEST(ModelCheck, RefusesWhatIsNoRobotWithFileLineAndElement) {
            {"</robot>", "<link name='alone'/></robot>", "no joint carries it"}}) {
     const std::string text = Replaced(ShippedRobot(), wrong.from, wrong.to);
     for (const char* command : {"check", "hybrid"}) {
-      const Outcome run = ModelRunner(text)(command, "--root floating");
+      const ModelOutcome run = ModelRunner(text)(command, "--root floating");
       EXPECT_EQ(run.status, 1) << wrong.to;
       EXPECT_EQ(run.out, "") << wrong.to;
       EXPECT_THAT(run.err, HasSubstr(fmt::format("robot.urdf:{}: ", LineOf(text, wrong.to))));

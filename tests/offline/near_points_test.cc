@@ -2,9 +2,9 @@
 
 #include <gtest/gtest.h>
 
-#include <Eigen/QR>
 #include <map>
 
+#include "offline/linear/least_squares.h"
 #include "tests/support/allocation_guard.h"
 #include "tests/support/random_shape.h"
 
@@ -88,13 +88,6 @@ std::vector<typename Space::Vector> Vertices(const PosedShape<Space>& shape) {
 
 template <class Space>
 class NearPointsIn : public ::testing::Test {};
-struct NameOfSpace {
-  template <class Space>
-  static std::string GetName(int /*index*/) {
-    return std::is_same_v<Space, Plane> ? "Plane" : "Space";
-  }
-};
-using Spaces = ::testing::Types<Plane, Spatial>;
 TYPED_TEST_SUITE(NearPointsIn, Spaces, NameOfSpace);
 
 TYPED_TEST(NearPointsIn, ShapesAreNamedByTheirCore) {
@@ -168,7 +161,7 @@ std::pair<typename Space::Vector, typename Space::Vector> NearestByTryingAll(
       F.col(static_cast<Eigen::Index>(k)) = M.col(free[k]);
     if (!free.empty()) {
       const Eigen::VectorXd rest = -(a.centre - b.centre + M * y);
-      const Eigen::VectorXd z = F.completeOrthogonalDecomposition().solve(rest);
+      const Eigen::VectorXd z = SolveLeastSquares(F, rest);
       for (std::size_t k = 0; k < free.size(); ++k) y[free[k]] = z[static_cast<Eigen::Index>(k)];
     }
     if ((y.cwiseAbs().array() > h.array() + 1e-13).any()) continue;
@@ -284,7 +277,7 @@ TYPED_TEST(NearPointsIn, HaveTheDerivativesOfTheKuhnTuckerSystem) {
     EXPECT_LT(at_a_switch, 20) << NameOf(kinds);
   }
   const auto expect_met = [&](ShapeKind a, ShapeKind b, long free_a, long free_b) {
-    const std::string pair = NameOf({a, b});
+    const std::string pair = NameOf(Kinds{a, b});
     EXPECT_GT((met[pair][{free_a, free_b}]), 20)
         << pair << ": near points inside " << free_a << "- and " << free_b << "-dimensional faces";
   };

@@ -9,30 +9,26 @@
 #include <string>
 #include <vector>
 
-#include "common/sequence_toml.h"
 #include "offline/rehearsal/twin/simulated_robot.h"
-#include "tests/support/files.h"
+#include "tests/support/shipped_gait.h"
 
 namespace tumbler {
 namespace {
 
+using testing::Gait;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
+using testing::kMs;
 
-constexpr std::int64_t kMs = 1'000'000;
 constexpr DrivesPosture kOn{true, false};
 constexpr DrivesPosture kTaken{false, false};  // a watchdog took the torque away
 constexpr DrivesPosture kLetGo{false, true};
 
-const SequenceFile& Gait() {
-  static const SequenceFile gait = LoadMotion(testing::SourcePath("primitives/gait.toml"));
-  return gait;
-}
-
 /// A watch on the gait's robot, to which tests show poses.
 class Watcher {
  public:
-  explicit Watcher(const PostureConfig& config = {}) : watch_(Gait(), config, StartOf(Gait())) {}
+  explicit Watcher(const PostureConfig& config = {})
+      : watch_(Gait().file(), config, StartOf(Gait().file())) {}
 
   /// Shows this pose, at rest, for a while.
   void Rest(double pitch_rad, double z_m, double leg1_rad, double leg2_rad,

@@ -11,20 +11,18 @@
 #include <string>
 #include <vector>
 
-#include "common/sequence_toml.h"
 #include "firmware_interface/drives/mit.h"
 #include "tests/support/files.h"
+#include "tests/support/shipped_gait.h"
 
 namespace tumbler {
 namespace {
 
-constexpr std::int64_t kMs = 1'000'000;
-constexpr double kMass = 1.8, kGravity = 9.81;
+using testing::Gait;
+using testing::kGravity;
+using testing::kMass;
+using testing::kMs;
 
-const SimulatedMotion& Gait() {
-  static const SimulatedMotion gait(LoadMotion(testing::SourcePath("primitives/gait.toml")));
-  return gait;
-}
 DrivesConfig Drives() {
   DrivesConfig drives = LoadDrives(testing::SourcePath("primitives/robots/tumbler_drives.toml"));
   for (DriveEntry& entry : drives.drives) entry.watchdog_s = 0;
@@ -32,8 +30,9 @@ DrivesConfig Drives() {
 }
 
 /// The robot, and a host that speaks the MIT protocol with it.
-struct Rig {
-  explicit Rig(const SimulatedRobotConfig& config = {}, const DrivesConfig& drives_in = Drives())
+struct RobotRig {
+  explicit RobotRig(const SimulatedRobotConfig& config = {},
+                    const DrivesConfig& drives_in = Drives())
       : drives(drives_in), robot(Gait(), drives, config), host(robot.bus().Attach()) {}
 
   void Send(std::size_t joint, const MitCommand& command) {
@@ -69,7 +68,7 @@ SimulatedRobotConfig Aloft() {
 }
 
 TEST(SimulatedRobot, IsHeldUntilAllDrivesAreEnabledAndPutBackWhenItIsPickedUp) {
-  Rig rig(Aloft());
+  RobotRig rig(Aloft());
   rig.robot.AdvanceTo(500 * kMs);
   EXPECT_TRUE(rig.robot.state().held);
   EXPECT_EQ(rig.robot.state().root_z_m, 50);
@@ -101,7 +100,7 @@ TEST(SimulatedRobot, APushGivesTheMomentumOfItsForceTimesItsDuration) {
             .force_n = {36, 0},
             .point_m = {0, -0.1 * 0.8 / 1.8}};
   config.twin.pushes.push_back(push);
-  Rig rig(config);
+  RobotRig rig(config);
   rig.robot.AdvanceTo(200 * kMs);
   rig.HoldHome();
   rig.robot.AdvanceTo(299 * kMs);
@@ -122,7 +121,7 @@ TEST(SimulatedRobot, APushOffTheMassCentreTurnsIt) {
                                   .since_enabled = true,
                                   .force_n = {0, 10},
                                   .point_m = {side * 0.15, 0}});
-    Rig rig(config);
+    RobotRig rig(config);
     rig.HoldHome();
     rig.robot.AdvanceTo(100 * kMs);
     EXPECT_GT(side * rig.robot.state().root_pitch_rate_rad_s, 0.5);
@@ -137,7 +136,7 @@ double Slide(SimulatedRobotConfig config) {
                                 .since_enabled = true,
                                 .force_n = {2, 0},
                                 .point_m = {0, -0.15}});
-  Rig rig(config);
+  RobotRig rig(config);
   rig.HoldHome();
   rig.robot.AdvanceTo(1000 * kMs);
   return rig.robot.state().root_x_m;
@@ -183,7 +182,7 @@ TEST(SimulatedRobot, TheGroundCarriesTheWeightOfTheConfiguredMasses) {
   heavy.twin.mass_factor = {{"middle", 1.5}, {"leg1_link", 2.0}};
   for (const auto& [config, mass] :
        {std::pair{SimulatedRobotConfig{}, kMass}, std::pair{heavy, 1.5 + 0.8 + 0.4}}) {
-    Rig rig(config);
+    RobotRig rig(config);
     rig.HoldHome();
     rig.robot.AdvanceTo(2000 * kMs);
     EXPECT_NEAR(rig.robot.state().normal_force_n, mass * kGravity, 0.02 * mass * kGravity);
@@ -199,7 +198,7 @@ TEST(SimulatedRobot, TheGroundCarriesTheWeightOfTheConfiguredMasses) {
 
 /// The rate of leg 1 in the air, a while after a kick has ended.
 double RateAfterKick(const SimulatedRobotConfig& config) {
-  Rig rig(config);
+  RobotRig rig(config);
   rig.Send(0, {.torque_nm = 1.0F});
   rig.Magic(MitMagic::kEnter);
   rig.robot.AdvanceTo(20 * kMs);
@@ -233,7 +232,7 @@ TEST(SimulatedRobot, ARotorOfMoreInertiaIsSlower) {
 
 TEST(SimulatedRobot, ALegStopsAtItsLimitAndComesBackNoFasterThanItCame) {
   SimulatedRobotConfig config = Aloft();
-  Rig rig(config);
+  RobotRig rig(config);
   rig.Send(0, {.torque_nm = -3.0F});
   rig.Magic(MitMagic::kEnter);
   double lowest = 0, incoming = 0, outgoing = 0;
@@ -256,7 +255,7 @@ TEST(SimulatedRobot, TorqueIsLimitedToTheMotionsUnlessTheMotorSaysOtherwise) {
     SimulatedRobotConfig config = Aloft();
     config.motors.resize(2);
     if (limit > 0) config.motors[0].torque_max_nm = limit;
-    Rig rig(config);
+    RobotRig rig(config);
     rig.Send(0, {.torque_nm = 17});
     rig.Magic(MitMagic::kEnter);
     rig.robot.AdvanceTo(5 * kMs);
@@ -277,7 +276,7 @@ TEST(SimulatedRobot, AGearBetweenDriveAndJointChangesNothingAtTheJoint) {
     MitConfig& mit = std::get<MitConfig>(drives.drives[0].config);
     mit.joint.direction = ratio < 0 ? -1.0F : 1.0F;
     mit.joint.gear_ratio = std::abs(ratio);
-    Rig rig(config, drives);
+    RobotRig rig(config, drives);
     rig.Send(0, {.torque_nm = 17 / ratio});
     rig.Magic(MitMagic::kEnter);
     rig.robot.AdvanceTo(60 * kMs);

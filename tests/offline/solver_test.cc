@@ -26,7 +26,7 @@ using testing::Replaced;
 using testing::ShippedRobot;
 using testing::ShippedTask;
 
-Problem ProblemOf(const std::string& task) {
+Problem Parsed(const std::string& task) {
   return ParseTask(task, "task.toml", ShippedRobot(), "robot.urdf").problem;
 }
 
@@ -48,7 +48,7 @@ Problem Uneven(int degree, int points) {
   text = Replaced(text, "[[cost]]",
                   "[limits.leg1]\nvelocity_max_rad_s = 7.0\n[limits.leg2]\nacceleration_max_rad_s2 "
                   "= 90.0\n[[cost]]");
-  return ProblemOf(text);
+  return Parsed(text);
 }
 
 TEST(DerivativeLimitRows, AreTheControlPointsOfTheSplinesDerivativesOverTheLimits) {
@@ -96,7 +96,7 @@ TEST(DerivativeLimitRows, AreTheControlPointsOfTheSplinesDerivativesOverTheLimit
 }
 
 TEST(DerivativeLimitRows, BelongToTheParametersOfTheirOwnJoint) {
-  const Problem problem = ProblemOf(
+  const Problem problem = Parsed(
       Replaced(ShippedTask(), "control_points = 12", "control_points = { leg1 = 9, leg2 = 14 }"));
   ASSERT_EQ(problem.parameter_count(), 11);
   std::map<std::string, int> count;
@@ -143,7 +143,7 @@ TEST(DerivativeLimitRows, BoundVelocityAndAccelerationForAllTime) {
 }
 
 TEST(Solve, KeepsTheLimitsOfJointsWithDifferentNumbersOfParameters) {
-  Problem problem = ProblemOf(
+  Problem problem = Parsed(
       Replaced(ShippedTask(), "control_points = 12", "control_points = { leg1 = 11, leg2 = 12 }"));
   problem.joints[0].limits.position_min_rad = -1.9;
   problem.joints[1].limits.position_max_rad = 1.8;
@@ -193,7 +193,7 @@ TEST(Solve, KeepsEveryLimitAlsoWhenLimitsAreTight) {
   text = Replaced(text, "acceleration_max_rad_s2 = 400.0",
                   "acceleration_max_rad_s2 = 60.0\nvelocity_max_rad_s = 3.0\ntorque_max_nm = "
                   "2.5\nposition_max_rad = 1.7");
-  const Problem problem = ProblemOf(text);
+  const Problem problem = Parsed(text);
   const SolveOutcome outcome = Solve(problem, {});
   ASSERT_FALSE(outcome.solutions.empty());
   const Solution& best = outcome.solutions.front();
@@ -207,8 +207,8 @@ TEST(Solve, NeverCallsAMotionFeasibleThatBreaksALimit) {
   int feasible = 0, infeasible = 0;
   for (const char* duration : {"0.06", "0.08", "0.12", "0.2", "0.5"}) {
     SCOPED_TRACE(duration);
-    const Problem problem = ProblemOf(
-        Replaced(QuickTask(), "duration_s = 0.5", "duration_s = " + std::string(duration)));
+    const Problem problem =
+        Parsed(Replaced(QuickTask(), "duration_s = 0.5", "duration_s = " + std::string(duration)));
     for (const Solution& solution : Solve(problem, {}).solutions) {
       if (solution.feasible()) {
         ++feasible;
@@ -225,8 +225,7 @@ TEST(Solve, NeverCallsAMotionFeasibleThatBreaksALimit) {
 
 TEST(Solve, NamesTheLimitThatStandsAgainstTheEnd) {
   // 1.57 rad are asked for, but in 0.06 s at 20 rad/s only 1.2 rad are possible.
-  const Problem problem =
-      ProblemOf(Replaced(ShippedTask(), "duration_s = 1.2", "duration_s = 0.06"));
+  const Problem problem = Parsed(Replaced(ShippedTask(), "duration_s = 1.2", "duration_s = 0.06"));
   for (const Solution& solution : Solve(problem, {}).solutions) {
     EXPECT_FALSE(solution.feasible());
     EXPECT_GT(solution.constraint_violation, 0.01);
@@ -244,7 +243,7 @@ Problem FixedRootSwing() {
   text.erase(cost, text.find("[contact]") - cost);
   const std::size_t obstacle = text.find("[[obstacle]]");
   text.erase(obstacle, text.find("[search]") - obstacle);
-  return ProblemOf("obstacle = []\ncost = [{ term = \"effort\", weight = 1.0 }]\n" + text);
+  return Parsed("obstacle = []\ncost = [{ term = \"effort\", weight = 1.0 }]\n" + text);
 }
 
 TEST(SolveFrom, ConvergesToOneOptimumFromAnywhereWhenTheProblemIsAsGoodAsQuadratic) {
@@ -343,13 +342,13 @@ TEST(SolveFrom, TakesAStartThatIsOutsideOfItsLimitsByARounding) {
 TEST(Solve, SaysWhetherAnythingWasTouched) {
   const std::string aloft =
       Replaced(QuickTask(), "pitch_rad = 0.0", "pitch_rad = 0.0\nz_m = 0.0", "[start]");
-  const Problem far = ProblemOf(Replaced(aloft, "point_m = [0.0, 0.0]", "point_m = [0.0, -500.0]"));
+  const Problem far = Parsed(Replaced(aloft, "point_m = [0.0, 0.0]", "point_m = [0.0, -500.0]"));
   EXPECT_FALSE(Solve(far, {}).solutions.front().rollout.any_contact);
-  EXPECT_TRUE(Solve(ProblemOf(QuickTask()), {}).solutions.front().rollout.any_contact);
+  EXPECT_TRUE(Solve(Parsed(QuickTask()), {}).solutions.front().rollout.any_contact);
 }
 
 TEST(Solve, ThreadsChangeNothing) {
-  const Problem problem = ProblemOf(QuickTask());
+  const Problem problem = Parsed(QuickTask());
   const SolveOutcome one = Solve(problem, {});
   for (const int threads : {2, 5}) {
     SolveOptions options;
@@ -371,7 +370,7 @@ TEST(Solve, ThreadsChangeNothing) {
 }
 
 TEST(Solve, GoesOnInPlaceOfAMotionThatIsRefused) {
-  const Problem problem = ProblemOf(QuickTask());
+  const Problem problem = Parsed(QuickTask());
   const Solution first = Solve(problem, {}).solutions.front();
   ASSERT_TRUE(first.feasible());
   SolveOptions options;
@@ -387,7 +386,7 @@ TEST(Solve, GoesOnInPlaceOfAMotionThatIsRefused) {
 }
 
 TEST(Solve, EndsWhenEveryMotionIsRefused) {
-  const Problem problem = ProblemOf(QuickTask());
+  const Problem problem = Parsed(QuickTask());
   SolveOptions options;
   options.accept = [](const Solution&) { return false; };
   const std::vector<Solution> solutions = Solve(problem, options).solutions;
@@ -397,7 +396,7 @@ TEST(Solve, EndsWhenEveryMotionIsRefused) {
 }
 
 TEST(Solve, AnInterruptThatIsAlreadyThereGivesSolutionsThatAreWhole) {
-  const Problem problem = ProblemOf(QuickTask());
+  const Problem problem = Parsed(QuickTask());
   std::atomic<bool> interrupt = true;
   SolveOptions options;
   options.interrupt = &interrupt;

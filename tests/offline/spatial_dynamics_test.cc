@@ -16,7 +16,7 @@
 namespace tumbler {
 namespace {
 
-using Dynamics = HybridDynamics<Spatial>;
+using SpatialDynamics = HybridDynamics<Spatial>;
 
 /// A force on a point of a body. The force is constant in world axes, and the point moves with the
 /// body.
@@ -93,16 +93,16 @@ TEST(SpatialDynamics, ForwardAndInverseDynamicsUndoEachOther) {
     Tree<Spatial> tree = RandomSpatialTree(random);
     const std::size_t n = tree.dofs.size();
     DynamicsState s = RandomState(random, n);
-    Dynamics hybrid(tree);
+    SpatialDynamics hybrid(tree);
     hybrid.SetState(s.q, s.qd);
     hybrid.Solve(s.qdd, s.tau);  // now qdd and tau belong together
     for (auto& dof : tree.dofs) dof.prescribed = true;
     std::vector<double> tau(n), qdd = s.qdd;
-    Dynamics inverse(tree);
+    SpatialDynamics inverse(tree);
     inverse.SetState(s.q, s.qd);
     inverse.Solve(qdd, tau);
     for (auto& dof : tree.dofs) dof.prescribed = false;
-    Dynamics forward(tree);
+    SpatialDynamics forward(tree);
     std::vector<double> found(n);
     forward.SetState(s.q, s.qd);
     forward.Solve(found, s.tau);
@@ -124,7 +124,7 @@ TEST(SpatialDynamics, DerivativesAgreeWithCentralDifferencesOnRandomTreesWithFor
       forces.push_back(
           {static_cast<int>(random() % n), RandomVector(random, 0.3), RandomVector(random, 20)});
     }
-    Dynamics dynamics(tree);
+    SpatialDynamics dynamics(tree);
     const std::vector<double> value = Outputs(dynamics, s, forces);
     for (const PointForce& f : forces) {
       const Eigen::Vector3d p = dynamics.position(f.body) + dynamics.rotation(f.body) * f.point;
@@ -137,7 +137,7 @@ TEST(SpatialDynamics, DerivativesAgreeWithCentralDifferencesOnRandomTreesWithFor
       }
       dynamics.AddWrenchDerivative(f.body, stiffness, {});
     }
-    Dynamics::Derivatives d;
+    SpatialDynamics::Derivatives d;
     dynamics.Differentiate(d);
     double scale = 1;
     for (const double v : value) scale = std::max(scale, std::abs(v));
@@ -196,13 +196,13 @@ TEST(SpatialDynamics, APlanarRobotGivesTheSameNumbersAsInThePlane) {
     const std::size_t n = tree.dofs.size();
     const DynamicsState s = RandomState(random, n);
     HybridDynamics<Plane> plane(tree);
-    Dynamics space(InSpace(tree));
+    SpatialDynamics space(InSpace(tree));
     const std::vector<double> flat = Outputs(plane, s), full = Outputs(space, s);
     double scale = 1;
     for (const double v : flat) scale = std::max(scale, std::abs(v));
     for (std::size_t i = 0; i < n; ++i) EXPECT_NEAR(flat[i], full[i], 1e-12 * scale) << trial;
     HybridDynamics<Plane>::Derivatives d;
-    Dynamics::Derivatives D;
+    SpatialDynamics::Derivatives D;
     plane.Differentiate(d);
     space.Differentiate(D);
     double d_scale = scale;
@@ -253,7 +253,7 @@ TEST(SpatialDynamics, FreeFlightKeepsMomentumAndEnergy) {
   double mass = 0;
   for (const auto& dof : tree.dofs) mass += dof.mass_kg;
   const std::size_t n = tree.dofs.size();
-  Dynamics dynamics(tree);
+  SpatialDynamics dynamics(tree);
   std::vector<double> q(n), qd(n), tau(n);
   for (std::size_t i = 0; i < n; ++i) {
     q[i] = Uniform(random, -0.5, 0.5);
@@ -270,7 +270,7 @@ TEST(SpatialDynamics, FreeFlightKeepsMomentumAndEnergy) {
     for (int k = 0; k < 3; ++k) {
       Tree<Spatial> probe = tree;
       probe.gravity = -Eigen::Vector3d::Unit(k);
-      Dynamics weigh(probe);
+      SpatialDynamics weigh(probe);
       weigh.SetState(q, qd);
       centre[k] = weigh.PotentialEnergy() / mass;
     }
@@ -310,7 +310,7 @@ TEST(SpatialDynamics, FreeFlightKeepsMomentumAndEnergy) {
 TEST(SpatialDynamics, ATumbleThroughVerticalPitchIsRegularAndTheSingularityIsFound) {
   std::mt19937_64 random(67);
   const Tree<Spatial> tree = FloatingRobot(random);
-  Dynamics dynamics(tree);
+  SpatialDynamics dynamics(tree);
   DynamicsState s = RandomState(random, tree.dofs.size());
   const double quarter = std::acos(0.0);
   for (const double pitch : {quarter, -quarter, 2 * quarter}) {
@@ -335,7 +335,7 @@ TEST(SpatialDynamics, ABodyWithoutInertiaIsFoundUndetermined) {
   tree.dofs[0].inertia_kg_m2 = Eigen::Matrix3d::Identity();
   tree.dofs[1].parent = 0;
   tree.dofs[1].massless = true;
-  Dynamics dynamics(tree);
+  SpatialDynamics dynamics(tree);
   DynamicsState s{{0, 0}, {0, 0}, {0, 0}, {0, 0}};
   dynamics.SetState(s.q, s.qd);
   dynamics.Solve(s.qdd, s.tau);
@@ -346,8 +346,8 @@ TEST(SpatialDynamics, AsManyDegreesOfFreedomAsFitAllocateNothing) {
   std::mt19937_64 random(68);
   Tree<Spatial> tree;
   while (tree.dofs.size() != Spatial::kMaxDofs) tree = RandomSpatialTree(random, 40);
-  Dynamics dynamics(tree);
-  Dynamics::Derivatives derivatives;
+  SpatialDynamics dynamics(tree);
+  SpatialDynamics::Derivatives derivatives;
   DynamicsState s = RandomState(random, tree.dofs.size());
   const testing::AllocationGuard guard;
   dynamics.SetState(s.q, s.qd);

@@ -12,18 +12,18 @@
 #include "firmware_interface/drives/simulated_mit.h"
 #include "offline/contact/contact_law.h"
 #include "offline/problem/task_toml.h"
+#include "tests/support/shipped_gait.h"
 #include "tests/support/task_files.h"
 
 namespace tumbler {
 namespace {
 
+using testing::kGravity;
+using testing::kMass;
+using testing::kMs;
 using testing::Replaced;
 using testing::ShippedRobot;
 using testing::ShippedTask;
-
-constexpr std::int64_t kMs = 1'000'000;
-constexpr double kGravity = 9.81;
-constexpr double kMass = 1.8;
 
 std::string StandingTask() { return ShippedTask(); }
 std::string AloftTask() {

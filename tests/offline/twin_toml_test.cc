@@ -13,21 +13,19 @@
 #include "common/toml_reader.h"
 #include "tests/support/docs_tables.h"
 #include "tests/support/files.h"
+#include "tests/support/shipped_gait.h"
 
 namespace tumbler {
 namespace {
 
 using ::testing::AllOf;
+using testing::Gait;
 using ::testing::HasSubstr;
 using ::testing::StartsWith;
 
 const std::string kShipped = testing::SourcePath("primitives/robots/tumbler_twin.toml");
 const std::string kHead = "format = \"tumbler-twin\"\nversion = 1\n";
 
-const SimulatedMotion& Gait() {
-  static const SimulatedMotion gait(LoadMotion(testing::SourcePath("primitives/gait.toml")));
-  return gait;
-}
 SimulatedRobotConfig Parse(const std::string& text) {
   return ParseTwin(kHead + text, "twin.toml", Gait());
 }

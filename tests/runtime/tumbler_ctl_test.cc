@@ -14,6 +14,7 @@
 #include "common/json.h"
 #include "tests/support/files.h"
 #include "tests/support/program.h"
+#include "tests/support/steady_time.h"
 
 namespace tumbler {
 namespace {
@@ -87,31 +88,33 @@ TEST_F(TumblerCtl, RejectsWhatItDoesNotKnow) {
 }
 
 TEST_F(TumblerCtl, StartsBranchesFinishesAndStartsAgain) {
-  const std::unique_ptr<Program> run = Play();
-  ASSERT_EQ(WaitForState({"disarmed"}), "disarmed") << run->text();
-  EXPECT_THAT(Ctl({"status"}).text, HasSubstr("attended"));
-  const Outcome early = Ctl({"branch", "roll"});
-  EXPECT_EQ(early.exit_code, 2) << early.text;
-  EXPECT_THAT(early.text, HasSubstr("not possible in this state"));
-  EXPECT_EQ(State(), "disarmed") << "nothing moves by itself";
+  testing::InSteadyTime([this] {
+    const std::unique_ptr<Program> run = Play();
+    ASSERT_EQ(WaitForState({"disarmed"}), "disarmed") << run->text();
+    EXPECT_THAT(Ctl({"status"}).text, HasSubstr("attended"));
+    const Outcome early = Ctl({"branch", "roll"});
+    EXPECT_EQ(early.exit_code, 2) << early.text;
+    EXPECT_THAT(early.text, HasSubstr("not possible in this state"));
+    EXPECT_EQ(State(), "disarmed") << "nothing moves by itself";
 
-  const Outcome start = Ctl({"start"});
-  EXPECT_EQ(start.exit_code, 0) << start.text;
-  ASSERT_NE(WaitForState({"running", "settling"}), "disarmed");
-  EXPECT_EQ(Ctl({"start"}).exit_code, 2);
-  const Outcome wrong = Ctl({"branch", "rol"});
-  EXPECT_EQ(wrong.exit_code, 2);
-  EXPECT_THAT(wrong.text, HasSubstr("no branch 'rol'"));
-  EXPECT_EQ(Ctl({"branch", "roll"}).exit_code, 0);
-  ASSERT_EQ(WaitForState({"disarmed"}), "disarmed") << "the roll ends the sequence";
+    const Outcome start = Ctl({"start"});
+    EXPECT_EQ(start.exit_code, 0) << start.text;
+    ASSERT_NE(WaitForState({"running", "settling"}), "disarmed");
+    EXPECT_EQ(Ctl({"start"}).exit_code, 2);
+    const Outcome wrong = Ctl({"branch", "rol"});
+    EXPECT_EQ(wrong.exit_code, 2);
+    EXPECT_THAT(wrong.text, HasSubstr("no branch 'rol'"));
+    EXPECT_EQ(Ctl({"branch", "roll"}).exit_code, 0);
+    ASSERT_EQ(WaitForState({"disarmed"}), "disarmed") << "the roll ends the sequence";
 
-  EXPECT_EQ(Ctl({"start"}).exit_code, 0);
-  ASSERT_NE(WaitForState({"running", "settling"}), "disarmed");
-  EXPECT_EQ(Ctl({"stop"}).exit_code, 0);
-  ASSERT_EQ(WaitForState({"disarmed"}), "disarmed");
-  run->Signal(SIGINT);
-  EXPECT_EQ(run->Wait(), 130) << run->text();
-  EXPECT_THAT(run->text(), HasSubstr("2 runs"));
+    EXPECT_EQ(Ctl({"start"}).exit_code, 0);
+    ASSERT_NE(WaitForState({"running", "settling"}), "disarmed");
+    EXPECT_EQ(Ctl({"stop"}).exit_code, 0);
+    ASSERT_EQ(WaitForState({"disarmed"}), "disarmed");
+    run->Signal(SIGINT);
+    EXPECT_EQ(run->Wait(), 130) << run->text();
+    EXPECT_THAT(run->text(), HasSubstr("2 runs"));
+  });
 }
 
 TEST_F(TumblerCtl, WatchesALinePerSecondInAPipe) {

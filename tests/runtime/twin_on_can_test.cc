@@ -45,8 +45,8 @@ using testing::VirtualCan;
 
 const std::string kPrimitives = testing::SourcePath("primitives/");
 constexpr double kPace = 0.25;
-constexpr int kFault = 3;  // exit code of tumbler-run
-constexpr int kFell = 4;   // exit code of tumbler-twin
+constexpr int kRunFault = 3;  // exit code of tumbler-run
+constexpr int kFell = 4;      // exit code of tumbler-twin
 constexpr int kKilled = 1000 + SIGKILL;
 
 class TwinOnCan : public ::testing::Test {
@@ -207,7 +207,7 @@ TEST_F(TwinOnCan, ARobotThatGoesAwayInMidHandstandEndsTheRunAndAnotherOneIsDrive
     AwaitMidHandstand();
     twin_->Signal(SIGKILL);
     EXPECT_EQ(twin_->Wait(), kKilled);
-    EXPECT_EQ(run->Wait(), kFault);
+    EXPECT_EQ(run->Wait(), kRunFault);
     EXPECT_THAT(run->text(), HasSubstr("stale reply"));
     EXPECT_THAT(run->text(), HasSubstr("(running); reaction: damp"));
     StartTwin(can.name());
@@ -227,7 +227,7 @@ TEST_F(TwinOnCan, AnInterfaceThatGoesDownInMidHandstandFellsTheRobotAndIsStarted
     can.Down();
     Sleep(0.4);
     can.Up();
-    EXPECT_EQ(run->Wait(), kFault);
+    EXPECT_EQ(run->Wait(), kRunFault);
     EXPECT_THAT(run->text(), HasSubstr("interface down: link down"));
     EXPECT_THAT(run->text(), HasSubstr("(running); reaction: disable"));
     ASSERT_TRUE(twin_->WaitFor("FELL")) << twin_->text();

@@ -1,12 +1,24 @@
 #pragma once
 
+#include <gtest/gtest.h>
+
 #include <random>
+#include <string>
 #include <type_traits>
 
 #include "offline/contact/shape.h"
 #include "tests/support/random_robot.h"
 
 namespace tumbler {
+
+/// What tests of both algebras are made for, and how they are called there.
+using Spaces = ::testing::Types<Plane, Spatial>;
+struct NameOfSpace {
+  template <class Space>
+  static std::string GetName(int /*index*/) {
+    return std::is_same_v<Space, Plane> ? "Plane" : "Space";
+  }
+};
 
 template <class Space>
 typename Space::Vector RandomPoint(std::mt19937_64& random, double size) {

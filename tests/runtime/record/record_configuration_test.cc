@@ -29,7 +29,7 @@ std::string JsonOf(const RecordConfiguration& configuration) {
 }
 
 /// The message with which a text is refused.
-std::string Refusal(const std::string& json) {
+std::string WhyRefused(const std::string& json) {
   try {
     static_cast<void>(ParseConfiguration(json));
   } catch (const RecordError& error) {
@@ -83,20 +83,22 @@ TEST(RecordConfiguration, IsReadBackToTheLastBit) {
 
 TEST(RecordConfiguration, IsRefusedWithTheKeyThatIsWrong) {
   const std::string good = JsonOf(testing::SmallConfiguration());
-  EXPECT_EQ(Refusal(good), "accepted");
-  EXPECT_THAT(Refusal(good.substr(0, good.size() / 2)), HasSubstr("is not JSON"));
-  EXPECT_THAT(Refusal("[]"), HasSubstr("format: is missing"));
-  EXPECT_THAT(Refusal(Replaced(good, "tumbler-record", "other")), HasSubstr("format: is 'other'"));
-  EXPECT_THAT(Refusal(Replaced(good, "\"speed\"", "\"spied\"")), HasSubstr("speed: is missing"));
-  EXPECT_THAT(Refusal(Replaced(good, "\"period_ns\": 1000000", "\"period_ns\": 0")),
+  EXPECT_EQ(WhyRefused(good), "accepted");
+  EXPECT_THAT(WhyRefused(good.substr(0, good.size() / 2)), HasSubstr("is not JSON"));
+  EXPECT_THAT(WhyRefused("[]"), HasSubstr("format: is missing"));
+  EXPECT_THAT(WhyRefused(Replaced(good, "tumbler-record", "other")),
+              HasSubstr("format: is 'other'"));
+  EXPECT_THAT(WhyRefused(Replaced(good, "\"speed\"", "\"spied\"")), HasSubstr("speed: is missing"));
+  EXPECT_THAT(WhyRefused(Replaced(good, "\"period_ns\": 1000000", "\"period_ns\": 0")),
               HasSubstr("period_ns: is not above 0"));
-  EXPECT_THAT(Refusal(Replaced(good, "\"stale_ticks_max\": 6", "\"stale_ticks_max\": 3000000000")),
-              HasSubstr("stale_ticks_max: is not an integer of 32 bits"));
-  EXPECT_THAT(Refusal(Replaced(good, "\"cycles\": 1", "\"cycles\": 1.5")),
+  EXPECT_THAT(
+      WhyRefused(Replaced(good, "\"stale_ticks_max\": 6", "\"stale_ticks_max\": 3000000000")),
+      HasSubstr("stale_ticks_max: is not an integer of 32 bits"));
+  EXPECT_THAT(WhyRefused(Replaced(good, "\"cycles\": 1", "\"cycles\": 1.5")),
               HasSubstr("cycles: is not an integer"));
-  EXPECT_THAT(Refusal(Replaced(good, "\"damp\"", "\"dump\"")),
+  EXPECT_THAT(WhyRefused(Replaced(good, "\"damp\"", "\"dump\"")),
               HasSubstr("a reaction that is none"));
-  EXPECT_THAT(Refusal(Replaced(good, "\"dry_run\": false", "\"dry_run\": 0")),
+  EXPECT_THAT(WhyRefused(Replaced(good, "\"dry_run\": false", "\"dry_run\": 0")),
               HasSubstr("dry_run: is not true or false"));
 }
 
