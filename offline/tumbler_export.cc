@@ -27,6 +27,7 @@ void Export(const std::string& motion, const std::string& header, const std::str
                                 : texts.emplace(path, ReadTextFile(path)).first->second;
   });
   std::vector<std::string> inputs;
+  inputs.reserve(texts.size());
   for (const auto& [path, text] : texts) inputs.push_back(path);
   CheckDistinct(inputs, {header});
   std::string out;
