@@ -42,13 +42,16 @@ class Json {
   /// An object where every entry is a list of two that begins with a text: {{"a", 1}, {"b", 2}};
   /// otherwise an array.
   Json(std::initializer_list<Json> entries);
-  /// An array of the values in a vector, an array or the like.
+  /// An array of the values in a vector, an array or the like. Not of what consists of its own
+  /// kind, as a path does.
   template <typename Range>
-  requires(!std::convertible_to<Range, std::string_view> &&
-           requires(const Range& range) {
-             {Json(*range.begin())};
-             range.end();
-           }) Json(const Range& range)
+  requires(
+      !std::convertible_to<Range, std::string_view> &&
+      !std::same_as<std::remove_cvref_t<decltype(*std::declval<const Range&>().begin())>, Range> &&
+      requires(const Range& range) {
+        {Json(*range.begin())};
+        range.end();
+      }) Json(const Range& range)
       : Json(Array()) {
     for (const auto& value : range) Append(value);
   }

@@ -95,10 +95,9 @@ TEST_P(EveryDegree, WeightsAreTheLinearMapFromControlPointsToTheSample) {
       const Spline::Weights weights = spline.EvaluateWeights(t);
       double sums[3] = {0, 0, 0};
       for (std::size_t d = 0; d < 3; ++d) {
-        for (int k = 0; k <= GetParam(); ++k) {
-          sums[d] += weights.w[d][static_cast<std::size_t>(k)] *
-                     spline.control_points()[static_cast<std::size_t>(weights.first + k)];
-        }
+        const auto first = static_cast<std::size_t>(weights.first);
+        for (std::size_t k = 0; k <= static_cast<std::size_t>(GetParam()); ++k)
+          sums[d] += weights.w[d][k] * spline.control_points()[first + k];
       }
       const Spline::Sample sample = spline.Evaluate(t);
       EXPECT_NEAR(sums[0], sample.value, 1e-12);

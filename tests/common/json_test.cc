@@ -6,10 +6,12 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <filesystem>
 #include <limits>
 #include <sstream>
 #include <stdexcept>
 #include <string>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -109,6 +111,11 @@ TEST(Json, NumbersAreComparedByValue) {
   std::ostringstream stream;
   stream << Json({1, 2});
   EXPECT_EQ(stream.str(), "[1,2]");
+}
+
+TEST(Json, IsNotMadeOfAPathUnasked) {
+  EXPECT_FALSE((std::is_convertible_v<std::filesystem::path, Json>));
+  EXPECT_TRUE((std::is_convertible_v<std::vector<int>, Json>));
 }
 
 }  // namespace

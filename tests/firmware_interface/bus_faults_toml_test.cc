@@ -46,7 +46,8 @@ TEST(BusFaultsToml, EveryKindHasItsName) {
       {"stall", BusFaultKind::kStall},       {"link-down", BusFaultKind::kLinkDown},
       {"link-gone", BusFaultKind::kLinkGone}};
   for (const auto& [name, kind] : kinds) {
-    std::string text = kHead + "[[fault]]\nkind = \"" + name + "\"\n";
+    std::string text = kHead;
+    text.append("[[fault]]\nkind = \"").append(name).append("\"\n");
     if (kind == BusFaultKind::kDelay) text += "delay_s = 0.002\n";
     if (kind == BusFaultKind::kBitErrors) text += "rate = 0.5\n";
     if (kind > BusFaultKind::kShort) text += "node = \"leg2\"\n";

@@ -139,7 +139,7 @@ class Cia402Pair : public ::testing::Test {
     while (port.Receive(received) == Status::kOk) host.Decode(received.frame);
     FrameBatch batch;
     EXPECT_EQ(host.Encode(request, setpoint, batch), Status::kOk);
-    const std::vector<CanFrame> frames(batch.frames().begin(), batch.frames().end());
+    std::vector<CanFrame> frames(batch.frames().begin(), batch.frames().end());
     for (const CanFrame& frame : frames) {
       const bool sent = drop(frame) || port.Send(frame) == Status::kOk;
       EXPECT_TRUE(sent);

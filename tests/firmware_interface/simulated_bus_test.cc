@@ -31,6 +31,7 @@ std::vector<ReceivedFrame> Drain(CanBus& port) {
 
 std::vector<std::uint32_t> Ids(const std::vector<ReceivedFrame>& frames) {
   std::vector<std::uint32_t> ids;
+  ids.reserve(frames.size());
   for (const auto& received : frames) ids.push_back(received.frame.id);
   return ids;
 }
@@ -419,7 +420,7 @@ TEST(ErrorCounters, AShortTakesTheSenderThroughPassiveToBusOffAndOthersToPassive
   ASSERT_EQ(a.Send(Frame(1)), Status::kOk);
   ASSERT_EQ(a.Send(Frame(2)), Status::kOk);
   std::vector<CanControllerState> seen{CanControllerState::kErrorActive};
-  for (int us = 0; us < 2000; ++us) {
+  for (std::int64_t us = 0; us < 2000; ++us) {
     bus.AdvanceTo(us * 1000);
     if (a.controller_state() != seen.back()) seen.push_back(a.controller_state());
   }

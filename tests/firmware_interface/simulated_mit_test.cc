@@ -383,7 +383,8 @@ TEST(SimulatedMitDrive, ItsTorqueFollowsInTheFirstOrderWhereTheCurrentLoopHasATi
   const double end = static_cast<double>(one.drive.last_setpoint().torque_nm);
   EXPECT_NEAR(begun, end * (1 - std::exp(-0.5)), 1e-9);
   double torque = 0;
-  for (int us = 50; us <= 4000; us += 50) torque = one.drive.Step(start_ns + us * 1000, 0, 0);
+  for (std::int64_t us = 50; us <= 4000; us += 50)
+    torque = one.drive.Step(start_ns + us * 1000, 0, 0);
   EXPECT_NEAR(torque, end + (begun - end) * std::exp(-2.0), 1e-9);
   EXPECT_EQ(one.drive.Step(start_ns + 4'000'000, 0, 0), torque) << "no time, no change";
 }

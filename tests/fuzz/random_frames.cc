@@ -11,6 +11,8 @@
 #include "firmware_interface/drives/drive_entry.h"
 #include "firmware_interface/drives/drive_traffic.h"
 
+// The target may be in the same unity source.
+// NOLINTNEXTLINE(readability-redundant-declaration)
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size);
 
 int main(int argc, char** argv) {

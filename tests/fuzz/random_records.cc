@@ -11,6 +11,8 @@
 
 #include "tests/support/recorded_run.h"
 
+// The target may be in the same unity source.
+// NOLINTNEXTLINE(readability-redundant-declaration)
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size);
 
 int main(int argc, char** argv) {
@@ -24,12 +26,14 @@ int main(int argc, char** argv) {
     const auto place = [&random, &bytes] { return random() % bytes.size(); };
     // Changes are made behind the texts more often than in them, although most bytes are in the
     // texts.
-    const std::size_t texts = whole.size() - 12 * 400;
+    constexpr std::size_t kTicks = 12 * std::size_t{400};
+    const std::size_t texts = whole.size() - kTicks;
     for (std::size_t i = 1 + random() % 4; i > 0; --i) {
-      const std::size_t at = random() % 2 == 0 ? place() : texts + random() % (12 * 400);
+      const std::size_t at = random() % 2 == 0 ? place() : texts + random() % kTicks;
       switch (random() % 5) {
         case 0:
-          bytes[at % bytes.size()] ^= static_cast<char>(1 << (random() % 8));
+          bytes[at % bytes.size()] =
+              static_cast<char>(bytes[at % bytes.size()] ^ (1 << (random() % 8)));
           break;
         case 1:
           bytes[at % bytes.size()] = static_cast<char>(random());

@@ -9,6 +9,8 @@
 
 #include "common/toml_reader.h"
 
+// The target may be in the same unity source.
+// NOLINTNEXTLINE(readability-redundant-declaration)
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size);
 
 int main(int argc, char** argv) {

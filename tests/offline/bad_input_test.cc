@@ -45,9 +45,10 @@ std::map<std::string, std::filesystem::file_time_type> FilesOf(
     const std::filesystem::path& folder) {
   std::map<std::string, std::filesystem::file_time_type> files;
   for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
-    if (entry.is_regular_file())
+    if (entry.is_regular_file()) {
       files.emplace(std::filesystem::relative(entry.path(), folder).string(),
                     entry.last_write_time());
+    }
   }
   return files;
 }

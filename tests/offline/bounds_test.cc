@@ -27,8 +27,8 @@ std::vector<double> Suspects(const Spline& spline, int d) {
   std::array<Spline, 5> derivative{spline};
   for (std::size_t k = 1; k < derivative.size(); ++k)
     derivative[k] = derivative[k - 1].Derivative();
-  const Spline& slope = derivative[static_cast<std::size_t>(d + 1)];
-  const Spline& curvature = derivative[static_cast<std::size_t>(d + 2)];
+  const Spline& slope = derivative[static_cast<std::size_t>(d) + 1];
+  const Spline& curvature = derivative[static_cast<std::size_t>(d) + 2];
   constexpr int kPerSpan = 16;
   std::vector<double> times;
   const auto knots = spline.knots();
@@ -214,8 +214,8 @@ std::vector<LinearRow> RowsAtTheKnots(const Problem& problem) {
           for (int k = 0; k <= problem.degree; ++k) {
             const int i = w.first + k - 3;
             if (i < 0 || i >= joint.free_points()) continue;
-            row.a[static_cast<std::size_t>(problem.first_parameter(j) + i)] =
-                sign * w.w[d][static_cast<std::size_t>(k)] / limit;
+            row.a[static_cast<std::size_t>(problem.first_parameter(j)) +
+                  static_cast<std::size_t>(i)] = sign * w.w[d][static_cast<std::size_t>(k)] / limit;
           }
           rows.push_back(row);
         }

@@ -109,7 +109,7 @@ TEST(DartOracle, AgreesOnEnergyAndMassCentre) {
 
 /// The tree in DART. Rotor inertia and damping are left out: DART treats damping implicitly.
 dart::dynamics::SkeletonPtr InDart(const Tree<Spatial>& tree) {
-  const dart::dynamics::SkeletonPtr skeleton = dart::dynamics::Skeleton::create();
+  dart::dynamics::SkeletonPtr skeleton = dart::dynamics::Skeleton::create();
   skeleton->setGravity(tree.gravity);
   std::vector<dart::dynamics::BodyNode*> bodies;
   for (const Dof<Spatial>& dof : tree.dofs) {

@@ -41,7 +41,7 @@ Outcome Forward(const Problem& problem, const std::vector<double>& x, StepSettin
   return out;
 }
 
-Outcome Adjoint(Problem problem, const std::vector<double>& x, double step_s) {
+Outcome Adjoint(const Problem& problem, const std::vector<double>& x, double step_s) {
   Rollout rollout(problem, step_s);
   Outcome out{{}, Gradient(rollout.output_count(), rollout.parameter_count())};
   out.result = rollout.Run(x, out.gradient);

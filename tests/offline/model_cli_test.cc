@@ -132,8 +132,9 @@ TEST(ModelHybrid, AMalformedLineIsNamedAndWhatCameBeforeItIsPrinted) {
             "value 26, the link of force 2, is 'leg_c'; expected one of: body, leg_a_link, "
             "leg_b_link"},
            {"0.1 0.2 0.3 0.4 0.5 1e200 2 1e200 4 5 0.1 0.2", "not a finite number"}}) {
-    const ModelOutcome run =
-        model("hybrid", kLegs, "# first\n" + state + "\n" + wrong.line + "\n" + state + "\n");
+    std::string input = "# first\n";
+    input.append(state).append("\n").append(wrong.line).append("\n").append(state).append("\n");
+    const ModelOutcome run = model("hybrid", kLegs, input);
     EXPECT_EQ(run.status, 1) << wrong.line;
     EXPECT_EQ(run.out, before) << wrong.line;
     EXPECT_THAT(run.err, HasSubstr("standard input:3: ")) << wrong.line;

@@ -156,10 +156,11 @@ RootChain MakeRoot(const std::string& kind, const std::string& link) {
     std::string name, type, axis;
   };
   std::vector<Coordinate> chain;
-  if (kind == "planar-xz")
+  if (kind == "planar-xz") {
     chain = {{"x", "prismatic", "1 0 0"},
              {"z", "prismatic", "0 0 1"},
              {"pitch", "continuous", "0 -1 0"}};
+  }
   if (kind == "floating") {
     chain = {{"x", "prismatic", "1 0 0"},     {"y", "prismatic", "0 1 0"},
              {"z", "prismatic", "0 0 1"},     {"pitch", "continuous", "0 -1 0"},

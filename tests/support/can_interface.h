@@ -36,6 +36,7 @@ inline void RequireCan() {
 
 /// Runs a command of the shell. Its output is shown only if it fails.
 inline void Shell(const std::string& command) {
+  // NOLINTNEXTLINE(concurrency-mt-unsafe): no other thread changes the environment.
   if (std::system(("PATH=$PATH:/usr/sbin:/sbin; " + command).c_str()) != 0) {
     throw std::runtime_error("failed: " + command);
   }
@@ -50,6 +51,7 @@ class VirtualCan {
     Create();
   }
   ~VirtualCan() {
+    // NOLINTNEXTLINE(concurrency-mt-unsafe)
     static_cast<void>(!std::system(("ip link del " + name_ + " 2>/dev/null").c_str()));
   }
   VirtualCan(const VirtualCan&) = delete;
@@ -105,6 +107,7 @@ class SerialCan {
   }
   ~SerialCan() {
     draining_ = true;
+    // NOLINTNEXTLINE(concurrency-mt-unsafe)
     static_cast<void>(!std::system(("ip link set " + name_ + " down").c_str()));
     close(terminal_);
     ending_ = true;

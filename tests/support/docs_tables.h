@@ -49,9 +49,10 @@ inline std::string Markdown(const KeyTable& table) {
     return kept;
   };
   std::string text = MarkdownHead(shown({table.heads.begin(), table.heads.end()}));
-  for (const KeyRow& row : rows)
+  for (const KeyRow& row : rows) {
     text += MarkdownRow(shown({row.table.empty() ? row.key : row.table + " " + row.key, row.absent,
                                row.allowed, row.meaning}));
+  }
   return text;
 }
 
@@ -60,6 +61,7 @@ inline std::string Markdown(const KeyTable& table) {
 /// @param path  relative to the project's folder.
 inline void ExpectText(const std::string& path, const std::string& text) {
   const std::string file = SourcePath(path);
+  // NOLINTNEXTLINE(concurrency-mt-unsafe): no other thread changes the environment.
   if (std::getenv("TUMBLER_UPDATE_DOCS") != nullptr) {
     WriteFile(file, text);
     return;
@@ -86,6 +88,7 @@ inline void ExpectTables(const std::string& path, const std::vector<DocsTable>& 
 /// The same for tables of keys.
 inline void ExpectTables(const std::string& path, const std::vector<KeyTable>& tables) {
   std::vector<DocsTable> documented;
+  documented.reserve(tables.size());
   for (const KeyTable& table : tables)
     documented.push_back({table.source, table.name, Markdown(table)});
   ExpectTables(path, documented);

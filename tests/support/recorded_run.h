@@ -92,8 +92,8 @@ inline void RecordRun(const RecordConfiguration& configuration, FlightRecorder& 
         if (DecodeMitCommand(mit, frame, command) == Status::kOk && command.kp_nm_per_rad > 0) {
           drives[i].position_rad = command.position_rad;
         }
-        received.push_back(
-            {EncodeMitReply(mit, drives[i]), now_ns + 300'000 + 100'000 * static_cast<int>(i)});
+        received.push_back({EncodeMitReply(mit, drives[i]),
+                            now_ns + 300'000 + 100'000 * static_cast<std::int64_t>(i)});
       }
     }
     if (tick_done) tick_done(tick);
