@@ -89,13 +89,22 @@ inline constexpr std::array kCertificateKeys = {
     CertificateKey{KeyOf<&Certificate::torque_margin_nm>(
                        "torque_margin_nm", "smallest limit less torque, at every integration step"),
                    8, "margin to the torque limit", "{torque_margin_nm:.3f} N m (dense samples)"},
+    CertificateKey{
+        KeyOf<&Certificate::self_clearance_m>(
+            "self_clearance_m",
+            "smallest [distance between the robot's own shapes](#self-contact), at every "
+            "integration step of motion and settle phase; missing where it has none that "
+            "are to stay apart"),
+        13, "nearest approach of own shapes", "{self_clearance_mm:.1f} mm"},
 };
 
-/// The keys alone, for ReadKeys and WriteKeys.
+/// The keys alone, for ReadKeys and WriteKeys. All but the last are required.
 inline constexpr auto kCertificateFileKeys = [] {
   std::array<FileKey<Certificate>, kCertificateKeys.size()> keys;
   for (std::size_t i = 0; i < keys.size(); ++i) keys[i] = kCertificateKeys[i].key;
-  return AllRequired(keys);
+  keys = AllRequired(keys);
+  keys.back().text.required = false;
+  return keys;
 }();
 
 }  // namespace tumbler

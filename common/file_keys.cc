@@ -82,6 +82,10 @@ class ValueWriter {
     }
   }
   void operator()(std::string* value) const { writer_.Text(name_, *value); }
+  /// A number that is not there is not written.
+  void operator()(std::optional<double>* value) const {
+    if (*value) writer_.Number(name_, **value);
+  }
   void operator()(const LongTextValue& value) const { writer_.LongText(name_, *value.text); }
   void operator()(const NameValue& value) const { writer_.Text(name_, value.get(value.at)); }
   void operator()(std::span<double> value) const { writer_.Numbers(name_, value); }

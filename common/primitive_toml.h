@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -62,6 +63,9 @@ struct Certificate {
   double velocity_margin_rad_s = 0;       ///< Likewise.
   double acceleration_margin_rad_s2 = 0;  ///< Likewise.
   double torque_margin_nm = 0;            ///< Smallest distance to a limit, from dense samples.
+  /// Smallest distance between two of the robot's own shapes, from dense samples. None where it has
+  /// none that are to stay apart, and in files from before this figure.
+  std::optional<double> self_clearance_m;
 };
 
 /// The origin of the file. It has everything that is needed to make the file again.

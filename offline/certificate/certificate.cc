@@ -157,7 +157,10 @@ double GradientStepHalvingChange(const Problem& problem, const std::vector<doubl
 MotionSummary Summarize(const Problem& problem, const std::vector<double>& x) {
   MotionSummary summary;
   summary.torque_margin_nm = std::numeric_limits<double>::infinity();
-  std::map<std::pair<int, int>, std::vector<ContactInterval>> intervals;
+  // By shape, and obstacle or other shape.
+  std::map<std::array<int, 3>, std::vector<ContactInterval>> intervals;
+  const SelfContact& own = problem.scene.self_contact;
+  SelfDistances distances(problem.scene.robot, own.pairs);
   Rollout rollout(problem, problem.solver.step_s);
   bool first = true;
   rollout.Visit(x, SettlingAfter(problem), [&](const MotionSample& sample) {
@@ -177,6 +180,12 @@ MotionSummary Summarize(const Problem& problem, const std::vector<double>& x) {
       }
     }
     const bool solved = t <= problem.duration_s + problem.settle_s + 1e-9;
+    if (solved && !own.pairs.empty()) {
+      const double distance = distances.Nearest(sample.q).distance_m;
+      summary.self_clearance_m = std::min(summary.self_clearance_m.value_or(distance), distance);
+      if (distance < own.clearance_m - kClearanceTolerance_m)
+        summary.excess = std::max(summary.excess, (own.clearance_m - distance) / kClearanceScale_m);
+    }
     for (std::size_t j = 0; j < problem.joints.size(); ++j) {
       const double torque = std::abs(sample.torque[j]);
       summary.peak_torque_nm = std::max(summary.peak_torque_nm, torque);
@@ -194,11 +203,10 @@ MotionSummary Summarize(const Problem& problem, const std::vector<double>& x) {
             std::max(summary.excess, contact.depth_m / problem.scene.contact.d_on_m - 1);
       }
       if (t > problem.duration_s + problem.settle_s) continue;
-      auto& list = intervals[{contact.shape, contact.obstacle}];
+      auto& list = intervals[{contact.shape, contact.obstacle, contact.other_shape}];
       if (list.empty() || t - list.back().end_s > kContactGap) {
         list.push_back({problem.scene.robot.shapes[static_cast<std::size_t>(contact.shape)].name,
-                        problem.scene.obstacles[static_cast<std::size_t>(contact.obstacle)].name, t,
-                        t, 0});
+                        TouchedName(problem.scene, contact), t, t, 0});
       }
       list.back().end_s = t;
       list.back().peak_normal_force_n =
@@ -283,6 +291,7 @@ PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
     certificate.settled_pitch_error_rad = summary.settled_pitch_rad - *problem.target_pitch_rad;
   certificate.peak_torque_nm = summary.peak_torque_nm;
   certificate.peak_penetration_m = summary.peak_penetration_m;
+  certificate.self_clearance_m = summary.self_clearance_m;
   const LimitMargins margins = MarginsOf(primitive);
   certificate.position_margin_rad = margins.position_rad;
   certificate.velocity_margin_rad_s = margins.velocity_rad_s;

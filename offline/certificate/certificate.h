@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <functional>
+#include <optional>
 #include <vector>
 
 #include "common/primitive_toml.h"
@@ -44,6 +45,9 @@ GradientCheck CheckGradient(const Problem& problem, const std::vector<double>& x
 /// is halved. It measures the error of the step, as GradientCheck does that of the differentiation.
 double GradientStepHalvingChange(const Problem& problem, const std::vector<double>& x);
 
+/// Shapes that are nearer than the clearance by less than this are not: so much is rounding.
+inline constexpr double kClearanceTolerance_m = 1e-6;
+
 /// How long a motion is played on past its settle phase [s], until its exit.
 double SettlingAfter(const Problem& problem);
 
@@ -62,8 +66,12 @@ struct MotionSummary {
   double peak_torque_nm = 0;
   /// The smallest limit less |torque| of any joint at any integration step.
   double torque_margin_nm = 0;
+  /// The smallest distance between the robot's own shapes that are to stay apart, in the motion and
+  /// its settle phase; none without such shapes.
+  std::optional<double> self_clearance_m;
   /// The largest of |torque| / limit and penetration / thickness of the compliant layer, less 1, in
-  /// the motion and its settle phase. The solver has to keep it at 0 or below.
+  /// the motion and its settle phase, and of what lacks to the clearance of the robot's own shapes,
+  /// in units of kClearanceScale_m. The solver has to keep it at 0 or below.
   double excess = -1;
   double peak_penetration_m = 0;
   std::vector<ContactInterval> contacts;

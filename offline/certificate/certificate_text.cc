@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <optional>
 #include <span>
 #include <type_traits>
 
@@ -15,11 +16,15 @@ std::vector<CertificateFigure> FiguresOf(const Certificate& certificate) {
   Certificate copy = certificate;  // which keys could write to
   std::vector<CertificateFigure> figures;
   for (const CertificateKey& described : kCertificateKeys) {
+    const KeyValue value = described.key.value(copy);
+    const auto* const* optional = std::get_if<std::optional<double>*>(&value);
+    if (optional != nullptr && !**optional) continue;
     CertificateFigure& figure = figures.emplace_back();
     figure.key = described.key.text.name.data();  // a literal
-    const KeyValue value = described.key.value(copy);
     if (const auto* const* number = std::get_if<double*>(&value)) {
       figure.value = **number;
+    } else if (optional != nullptr) {
+      figure.value = ***optional;
     } else if (const auto* numbers = std::get_if<std::span<double>>(&value)) {
       figure.value = std::vector<double>(numbers->begin(), numbers->end());
     } else {
@@ -43,14 +48,21 @@ std::string FormatCertificate(const char* text, const Certificate& certificate, 
   }
   arguments.push_back(fmt::arg("peak_penetration_mm", 1e3 * certificate.peak_penetration_m));
   arguments.push_back(fmt::arg("layer_mm", 1e3 * d_on_m));
+  if (certificate.self_clearance_m)
+    arguments.push_back(fmt::arg("self_clearance_mm", 1e3 * *certificate.self_clearance_m));
   return fmt::vformat(text, arguments);
 }
 
 std::vector<std::pair<std::string, std::string>> CertificateLines(const Certificate& certificate,
                                                                   double d_on_m) {
+  const std::vector<CertificateFigure> figures = FiguresOf(certificate);
   std::vector<const CertificateKey*> shown;
   for (const CertificateKey& described : kCertificateKeys) {
-    if (described.page_line > 0) shown.push_back(&described);
+    const bool present =
+        std::ranges::any_of(figures, [&described](const CertificateFigure& figure) {
+          return described.key.text.name == figure.key;
+        });
+    if (present && described.page_line > 0) shown.push_back(&described);
   }
   std::sort(shown.begin(), shown.end(), [](const CertificateKey* a, const CertificateKey* b) {
     return a->page_line < b->page_line;

@@ -14,12 +14,13 @@ struct CertificateFigure {
   const char* key;
   std::variant<double, std::vector<double>, std::string> value;
 };
-/// All figures of a certificate, in the file's order.
+/// All figures that a certificate has, in the file's order.
 std::vector<CertificateFigure> FiguresOf(const Certificate& certificate);
 
 /// Fills figures of a certificate into a text. `{KEY:SPEC}`, in fmt's syntax, stands for the figure
-/// of that key; several numbers are separated by commas. Two more keys give millimetres:
-/// `peak_penetration_mm`, and `layer_mm`, the thickness of the compliant layer.
+/// of that key; several numbers are separated by commas. More keys give millimetres:
+/// `peak_penetration_mm`, `layer_mm`, the thickness of the compliant layer, and `self_clearance_mm`
+/// where the certificate has this figure.
 /// @param d_on_m  thickness of the compliant layer [m].
 std::string FormatCertificate(const char* text, const Certificate& certificate, double d_on_m);
 

@@ -36,6 +36,7 @@ PurposeFigure FigureOf(const CostTerm& term, const Instant& at, PurposeTarget::W
 
 bool SecondLook::acceptable() const {
   return finite && torque_excess <= kTorqueExcessMax && peak_penetration_m < layer_m &&
+         self_clearance_m >= clearance_m - kClearanceTolerance_m &&
          std::ranges::all_of(purpose, &PurposeFigure::met);
 }
 
@@ -52,6 +53,12 @@ std::string SecondLook::Objections() const {
     reasons.push_back(fmt::format("a contact goes {:.2f} mm deep, through the layer of {:.2f} mm",
                                   1e3 * peak_penetration_m, 1e3 * layer_m));
   }
+  if (!(self_clearance_m >= clearance_m - kClearanceTolerance_m)) {
+    reasons.push_back(fmt::format(
+        "the robot's own shapes {} {} {:.1f} mm at {:.3f} s, and have to stay {:.3g} mm apart",
+        self_clearance_of, self_clearance_m < 0 ? "overlap by" : "come as near as",
+        1e3 * std::abs(self_clearance_m), self_clearance_time_s, 1e3 * clearance_m));
+  }
   return fmt::format("{}", fmt::join(reasons, "; "));
 }
 
@@ -63,16 +70,16 @@ bool EndsAtRest(const Problem& problem) {
          });
 }
 
-SecondLook LookAgain(const Problem& problem, const std::vector<double>& x) {
+SecondLook LookAgain(const Problem& problem, const std::vector<double>& x, double refinement) {
   SecondLook look;
-  look.step_s = problem.solver.step_s / kSecondLookRefinement;
+  look.step_s = problem.solver.step_s / refinement;
   look.layer_m = problem.scene.contact.d_on_m;
   Instant end, settled, later;
   double speed = 0;
   const double last_s = problem.duration_s + problem.settle_s + SettlingAfter(problem);
   const double settled_s = problem.duration_s + problem.settle_s;
   const PlanarRobot& robot = problem.scene.robot;
-  const std::vector<ContactPair> own_pairs = SeparatePairs(robot);
+  SelfDistances distances(robot, problem.scene.self_contact.pairs);
   SelfClearance nearest;
   Rollout rollout(problem, look.step_s);
   rollout.Visit(x, SettlingAfter(problem), [&](const MotionSample& sample) {
@@ -84,7 +91,7 @@ SecondLook LookAgain(const Problem& problem, const std::vector<double>& x) {
         look.peak_torque_nm = std::max(look.peak_torque_nm, std::abs(torque));
       for (const ActiveContact<Plane>& contact : sample.contacts)
         look.peak_penetration_m = std::max(look.peak_penetration_m, contact.depth_m);
-      const SelfClearance own = FindSelfClearance(robot, own_pairs, *sample.dynamics);
+      const SelfClearance own = distances.Nearest(sample.q);
       if (own.distance_m < nearest.distance_m) {
         nearest = own;
         look.self_clearance_time_s = t;
@@ -103,10 +110,8 @@ SecondLook LookAgain(const Problem& problem, const std::vector<double>& x) {
   look.finite = std::ranges::all_of(later.q, is_number) && std::ranges::all_of(later.qd, is_number);
 
   look.self_clearance_m = nearest.distance_m;
-  if (std::isfinite(nearest.distance_m)) {
-    look.self_clearance_of = fmt::format("{} and {}", robot.shapes[Index(nearest.pair.a)].name,
-                                         robot.shapes[Index(nearest.pair.b)].name);
-  }
+  look.clearance_m = problem.scene.self_contact.clearance_m;
+  if (std::isfinite(nearest.distance_m)) look.self_clearance_of = NameOf(robot, nearest.pair);
 
   using enum PurposeTarget::When;
   const bool rests = EndsAtRest(problem);

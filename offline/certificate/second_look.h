@@ -31,17 +31,19 @@ struct SecondLook {
   /// The same of the 2 s after it, in which the joints are held.
   double held_torque_excess = -1;
   double peak_penetration_m = 0;
-  /// The nearest that two of the robot's own shapes come to each other up to there, in the plane of
-  /// motion; see SeparatePairs. Negative where they overlap, infinite without such shapes.
+  /// The nearest that two of the robot's own shapes that are to stay apart come to each other up to
+  /// there (`Scene::self_contact`). Negative where they overlap, infinite without such shapes.
   double self_clearance_m = std::numeric_limits<double>::infinity();
   double self_clearance_time_s = 0;
   std::string self_clearance_of;  ///< "leg1_link/0 and leg2_link/1"
+  double clearance_m = 0;         ///< The least that the task allows.
   /// Thickness of the compliant layer, which no contact may go through.
   double layer_m = std::numeric_limits<double>::infinity();
   bool finite = true;
 
   /// Whether the motion can be written: every target is met, no torque exceeds its limit by more
-  /// than kTorqueExcessMax, and no contact goes through the layer.
+  /// than kTorqueExcessMax, no contact goes through the layer, and the robot's own shapes stay
+  /// apart.
   [[nodiscard]] bool acceptable() const;
   /// What stands against it, as text: "pitch, settled: asked 1.5708, got 0.0012 rad (within 0.05)".
   [[nodiscard]] std::string Objections() const;
@@ -51,7 +53,9 @@ struct SecondLook {
 /// of 0 at the end of it, and there is something to rest on.
 bool EndsAtRest(const Problem& problem);
 
-/// @param x  parameters of the motion.
-SecondLook LookAgain(const Problem& problem, const std::vector<double>& x);
+/// @param x           parameters of the motion.
+/// @param refinement  the solver's step in units of the one used here.
+SecondLook LookAgain(const Problem& problem, const std::vector<double>& x,
+                     double refinement = kSecondLookRefinement);
 
 }  // namespace tumbler

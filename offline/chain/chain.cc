@@ -32,7 +32,8 @@ constexpr double kPostureTolerance = 0.1;
 
 /// The scene of one primitive, and the plan of the primitive in it.
 struct World {
-  World(const PrimitiveFile& f, const Problem& p) : file(f), problem(p), robot(p.scene) {
+  World(const PrimitiveFile& f, const Problem& p)
+      : file(f), problem(p), robot(p.scene), distances(p.scene.robot, p.scene.self_contact.pairs) {
     for (const JointMotion<double>& motion : file.primitive.motions())
       dof_of_joint.push_back(Index(problem.scene.robot.FindDof(motion.name.view())));
     for (const ContactInterval& interval : file.contacts) {
@@ -45,6 +46,7 @@ struct World {
   const PrimitiveFile& file;
   const Problem& problem;
   SceneDynamics robot;
+  SelfDistances distances;
   std::vector<std::size_t> dof_of_joint;  // in the order of the primitive's joints
   std::set<int> touching_bodies;          // that touch anything in the plan
 
@@ -296,6 +298,13 @@ class Simulation {
       passage.torque_margin_nm = std::min(
           passage.torque_margin_nm, world.file.primitive.joints[j].limits.torque_max_nm - torque);
     }
+    const SelfClearance own = world.distances.Nearest({world.robot.q.data(), world.robot.n});
+    if (own.distance_m < 0) {
+      return Fail(ChainFailure::Cause::kOverlap, node,
+                  fmt::format("the robot's own shapes {} overlap by {} mm",
+                              NameOf(world.problem.scene.robot, own.pair),
+                              MessageText(-1e3 * own.distance_m)));
+    }
     const std::span<const ActiveContact<Plane>> contacts = world.robot.contact->active();
     if (visitor_) {
       const SceneDynamics& robot = world.robot;
@@ -312,7 +321,7 @@ class Simulation {
     for (const ActiveContact<Plane>& active : contacts) {
       passage.peak_penetration_m = std::max(passage.peak_penetration_m, active.depth_m);
       const ContactShape<Plane>& shape = world.problem.scene.robot.shapes[Index(active.shape)];
-      const std::string& obstacle = world.problem.scene.obstacles[Index(active.obstacle)].name;
+      const std::string& obstacle = TouchedName(world.problem.scene, active);
       if (active.depth_m >= world.problem.scene.contact.d_on_m) {
         return Fail(ChainFailure::Cause::kCore, node,
                     fmt::format("{} is {} mm deep in {}, through the layer of {} mm", shape.name,
@@ -375,6 +384,8 @@ const char* ToString(ChainFailure::Cause cause) {
       return "core";
     case ChainFailure::Cause::kTouch:
       return "touch";
+    case ChainFailure::Cause::kOverlap:
+      return "overlap";
     case ChainFailure::Cause::kFallen:
       return "fallen";
     case ChainFailure::Cause::kExit:

@@ -2,7 +2,10 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cmath>
 #include <stdexcept>
+#include <utility>
 
 #include "offline/dynamics/plane.h"
 #include "offline/dynamics/spatial.h"
@@ -91,6 +94,45 @@ ContactShapes<Space> ConvertAll(const Robot& robot, const Convert& convert) {
   return out;
 }
 
+/// Half of the width of a shape along y.
+double HalfWidth(const RobotShape& shape) {
+  const Eigen::Matrix3d axes = shape.pose.linear();
+  switch (shape.kind) {
+    case RobotShape::Kind::kSphere:
+      return shape.radius_m;
+    case RobotShape::Kind::kCylinder:
+      return std::abs(axes(1, 2)) * shape.length_m / 2 +
+             std::hypot(axes(1, 0), axes(1, 1)) * shape.radius_m;
+    case RobotShape::Kind::kBox:
+      return axes.row(1).cwiseAbs().dot(shape.size_m) / 2;
+    case RobotShape::Kind::kMesh:
+      break;
+  }
+  throw Unusable("is a mesh");
+}
+
+void AddOwnShapes(const std::vector<RobotShape>& from, bool drawn, std::vector<OwnShape>& shapes) {
+  const std::size_t known = shapes.size();
+  for (const RobotShape& shape : from) {
+    OwnShape own{shape.name, shape.link, shape.body, {}, 0, 0, drawn};
+    try {
+      own.shape = InThePlane(shape);
+      const double half_width = HalfWidth(shape);
+      own.y_min_m = shape.pose.translation().y() - half_width;
+      own.y_max_m = shape.pose.translation().y() + half_width;
+    } catch (const Unusable&) {
+      continue;
+    }
+    if (drawn) own.name.insert(own.link.size(), "/visual");
+    const auto end = shapes.begin() + static_cast<std::ptrdiff_t>(known);
+    const bool copy = drawn && std::any_of(shapes.begin(), end, [&own](const OwnShape& other) {
+                        return other.body == own.body && other.shape == own.shape &&
+                               other.y_min_m == own.y_min_m && other.y_max_m == own.y_max_m;
+                      });
+    if (!copy) shapes.push_back(std::move(own));
+  }
+}
+
 }  // namespace
 
 ContactShapes<Spatial> SpatialContactShapes(const Robot& robot) {
@@ -99,6 +141,13 @@ ContactShapes<Spatial> SpatialContactShapes(const Robot& robot) {
 
 ContactShapes<Plane> PlanarContactShapes(const Robot& robot) {
   return ConvertAll<Plane>(robot, InThePlane);
+}
+
+std::vector<OwnShape> PlanarOwnShapes(const Robot& robot) {
+  std::vector<OwnShape> shapes;
+  AddOwnShapes(robot.collision_shapes, false, shapes);
+  AddOwnShapes(robot.visual_shapes, true, shapes);
+  return shapes;
 }
 
 }  // namespace tumbler

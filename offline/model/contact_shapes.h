@@ -5,10 +5,10 @@
 #include <vector>
 
 #include "offline/contact/contact_shape.h"
+#include "offline/dynamics/plane.h"
 
 namespace tumbler {
 
-struct Plane;
 struct Robot;
 struct Spatial;
 
@@ -30,6 +30,17 @@ struct ContactShapes {
   std::vector<IgnoredShape> ignored;
 };
 
+/// A shape that a body of the robot fills, for its distance from the robot's other bodies.
+struct OwnShape {
+  std::string name;    ///< `LINK/INDEX`; of a shape that is only drawn, `LINK/visual/INDEX`.
+  std::string link;    ///< The link of the file.
+  int body = 0;        ///< Index of the degree of freedom that moves it; -1 is the world.
+  Shape<Plane> shape;  ///< Its outline in the body's x-z plane.
+  /// Where it is across the plane. The robot moves in the plane, so this never changes.
+  double y_min_m = 0, y_max_m = 0;
+  bool drawn_only = false;  ///< Whether it is a visual shape, and no collision shape is the same.
+};
+
 /// The shapes in space. Spheres and boxes stay as they are. A cylinder becomes the capsule of the
 /// same radius and the same overall length, with rounded ends. Ignored are cylinders that are
 /// shorter than wide, which have no such capsule, meshes, and shapes that are fixed to the world.
@@ -39,5 +50,9 @@ ContactShapes<Spatial> SpatialContactShapes(const Robot& robot);
 /// length along y; a capsule for another cylinder; a rectangle for a box with a side along y. Other
 /// boxes are ignored.
 ContactShapes<Plane> PlanarContactShapes(const Robot& robot);
+
+/// What the robot's bodies fill: the outlines of its collision shapes, those fixed to the world
+/// included, and of the visual shapes that have an outline and are no copy of a collision shape.
+std::vector<OwnShape> PlanarOwnShapes(const Robot& robot);
 
 }  // namespace tumbler

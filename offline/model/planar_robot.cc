@@ -134,6 +134,7 @@ PlanarRobot ReduceToPlane(const Robot& robot) {
   ContactShapes<Plane> contact = PlanarContactShapes(robot);
   out.shapes = std::move(contact.shapes);
   out.ignored_shapes = std::move(contact.ignored);
+  out.own_shapes = PlanarOwnShapes(robot);
   for (const RobotShape& shape : robot.visual_shapes) {
     DrawnSegment segment;
     if (shape.body >= 0 && Draw(shape, segment)) out.drawing.push_back(segment);

@@ -32,6 +32,7 @@ struct PlanarRobot {
   std::vector<std::string> body_names;      ///< Link of each degree of freedom.
   std::vector<RobotJointLimits> limits;     ///< Of each degree of freedom; the root's are infinite.
   std::vector<ContactShape<Plane>> shapes;  ///< For contact.
+  std::vector<OwnShape> own_shapes;         ///< For the robot's distance from itself.
   std::vector<DrawnSegment> drawing;
   std::vector<IgnoredShape> ignored_shapes;
 

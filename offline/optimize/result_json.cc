@@ -51,6 +51,7 @@ Json FiguresOf(const SecondLook& look) {
     figures["self_clearance_m"] = look.self_clearance_m;
     figures["self_clearance_time_s"] = look.self_clearance_time_s;
     figures["self_clearance_of"] = look.self_clearance_of;
+    figures["clearance_m"] = look.clearance_m;
   }
   return figures;
 }

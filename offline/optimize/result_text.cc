@@ -48,18 +48,12 @@ void PrintSecondLook(std::FILE* people, const SecondLook& look) {
   fmt::print(people, "  with a step of {:.3g} ms: peak torque {:.2f} N m, penetration {:.2f} mm\n",
              1e3 * look.step_s, look.peak_torque_nm, 1e3 * look.peak_penetration_m);
   if (!look.self_clearance_of.empty()) {
-    fmt::print(people, "  own shapes: {} come as near as {:.1f} mm, at {:.3f} s\n",
-               look.self_clearance_of, 1e3 * look.self_clearance_m, look.self_clearance_time_s);
+    fmt::print(people, "  own shapes: {} come as near as {:.1f} mm, at {:.3f} s (allowed {:.3g})\n",
+               look.self_clearance_of, 1e3 * look.self_clearance_m, look.self_clearance_time_s,
+               1e3 * look.clearance_m);
   }
   for (const PurposeFigure& figure : look.purpose) {
     fmt::print(people, "    {}: {}\n", figure.name(), figure.AskedAndGot(figure.result));
-  }
-  if (look.self_clearance_m < 0) {
-    fmt::print(stderr,
-               "warning: the robot's own shapes {} overlap by {:.1f} mm at {:.3f} s: the optimiser "
-               "does not keep them apart, and a robot can only do that whose links pass beside "
-               "each other; use another --seed or tighter position limits\n",
-               look.self_clearance_of, -1e3 * look.self_clearance_m, look.self_clearance_time_s);
   }
   if (look.held_torque_excess > 0) {
     fmt::print(

@@ -50,6 +50,9 @@ struct SearchSettings {
   double torque_penalty = 1;
   /// Weight in the rank of penetration beyond the compliant layer, in thicknesses of the layer.
   double core_penalty = 0.1;
+  /// Weight in the rank of what lacks to the clearance of the robot's own shapes, in units of
+  /// kClearanceScale_m.
+  double clearance_penalty = 0.1;
   /// A motion that ends further than this from its target pitch comes to rest in another pose, and
   /// the local solver would not bring it back.
   double basin_rad = 0.5;
@@ -86,8 +89,8 @@ struct SolverSettings {
   /// The part of the compliant layer that a motion leaves unused, so that a slightly different
   /// start does not reach the core.
   double core_margin = 0.1;
-  /// Sharpness of the smooth maxima (Kreisselmeier-Steinhauser) that stand for the limits of torque
-  /// and penetration.
+  /// Sharpness of the smooth maxima (Kreisselmeier-Steinhauser) that stand for the limits of
+  /// torque, penetration and clearance.
   double sharpness = 60;
 };
 

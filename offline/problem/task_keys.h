@@ -12,7 +12,8 @@
 namespace tumbler {
 
 /// The keys of a task. Keys that depend on the robot's joints are in task_toml.cc, those of
-/// `[contact]` in contact_toml.cc, and those of `[[obstacle]]` in obstacle_toml.cc.
+/// `[contact]` in contact_toml.cc, those of `[[obstacle]]` in obstacle_toml.cc, and those of
+/// `[self_contact]` in self_contact_toml.cc.
 
 inline constexpr FileHeader kTaskHeader{"tumbler-task", 1, nullptr,
                                         "is {0}; this program reads tasks up to version {1}"};
@@ -112,6 +113,7 @@ inline constexpr std::array kSearchKeys = {
         "a motion that ends further from a target of its pitch does not stand out"),
     KeyOf<&SearchSettings::torque_penalty>("torque_penalty", {0, 1e6}, "in the ranking"),
     KeyOf<&SearchSettings::core_penalty>("core_penalty", {0, 1e6}, "in the ranking"),
+    KeyOf<&SearchSettings::clearance_penalty>("clearance_penalty", {0, 1e6}, "in the ranking"),
     KeyOf<&SearchSettings::step_s>("step_s", kTaskStep_s, "step of the semi-implicit Euler method")
         .Default("{}, at most 1.5 times the advisable one"),
 };
@@ -141,7 +143,8 @@ inline constexpr std::array kSolverKeys = {
     KeyOf<&SolverSettings::core_margin>("core_margin", {0, 0.9},
                                         "part of the compliant layer that a motion leaves unused"),
     KeyOf<&SolverSettings::sharpness>("sharpness", {1, 1e4},
-                                      "of the smooth maxima of torque and penetration"),
+                                      "of the smooth maxima of torque, penetration and "
+                                      "clearance"),
 };
 
 }  // namespace tumbler

@@ -15,6 +15,7 @@
 #include "offline/contact/contact_intent.h"
 #include "offline/problem/contact_toml.h"
 #include "offline/problem/obstacle_toml.h"
+#include "offline/problem/self_contact_toml.h"
 #include "offline/problem/task_keys.h"
 #include "offline/scene/rest_pose.h"
 #include "offline/scene/scene_dynamics.h"
@@ -106,6 +107,7 @@ class TaskReader {
     if (std::optional<TomlTable> table = root_.OptionalTable("contact"))
       ReadContact(*table, Mass(), scene_.robot.tree.gravity.norm(), scene_.contact);
     ReadObstacles();
+    ReadSelfContacts();
     ReadCosts();
     if (std::optional<TomlTable> table = root_.OptionalTable("tolerances"))
       ReadKeys(*table, kTaskToleranceKeys, problem_);
@@ -261,6 +263,15 @@ class TaskReader {
     }
   }
 
+  void ReadSelfContacts() {
+    std::vector<std::vector<double>> ends(2, std::vector<double>(scene_.robot.tree.dofs.size()));
+    for (const ActuatedJoint& joint : problem_.joints) {
+      ends[0][Index(joint.dof)] = joint.start_rad;
+      ends[1][Index(joint.dof)] = joint.end_rad;
+    }
+    ReadSelfContact(root_, ends, scene_);
+  }
+
   void ReadCosts() {
     std::vector<CostTerm>& cost = problem_.cost;
     for (TomlTable& table : root_.Tables("cost")) {
@@ -347,8 +358,7 @@ class TaskReader {
                            "on the ground",
                            MessageNumber(z_m),
                            scene_.robot.shapes[static_cast<std::size_t>(deepest->shape)].name,
-                           MessageNumber(deepest->depth_m - layer),
-                           scene_.obstacles[static_cast<std::size_t>(deepest->obstacle)].name));
+                           MessageNumber(deepest->depth_m - layer), TouchedName(scene_, *deepest)));
   }
 
   /// Checks that the joints of the given pose are those of the task, and are where the task starts.
@@ -433,6 +443,7 @@ std::vector<KeyTable> TaskKeyTables() {
           CostKeyTable(),
           ContactKeyTable(),
           ObstacleKeyTable(),
+          SelfContactKeyTable(),
           {source, "tolerances", RowsOf(kTaskToleranceKeys)},
           {source, "search", RowsOf(kSearchKeys)},
           {source, "solver", RowsOf(kSolverKeys)}};

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <array>
 #include <chrono>
 #include <csignal>
 #include <cstdio>
@@ -79,6 +80,7 @@ std::string JsonOf(const Options& options, const SimulatedRobot& robot) {
   json["bus"] = options.interface;
   json["time_s"] = static_cast<double>(state.time_ns) / 1e9;
   json["falls"] = robot.posture().falls();
+  json["overlaps"] = robot.posture().overlaps();
   json["root_x_m"] = state.root_x_m;
   json["root_z_m"] = state.root_z_m;
   json["root_pitch_rad"] = state.root_pitch_rad;
@@ -95,8 +97,8 @@ std::string JsonOf(const Options& options, const SimulatedRobot& robot) {
   }
   json["events"] = Json::Array();
   for (const PostureEvent& event : robot.posture().events()) {
-    const bool fall = event.kind == PostureEvent::Kind::kFall;
-    json["events"].Append({{"event", fall ? "fall" : "rest"},
+    constexpr std::array kNames = {"rest", "fall", "overlap"};  // of PostureEvent::Kind
+    json["events"].Append({{"event", kNames[static_cast<std::size_t>(event.kind)]},
                            {"time_s", static_cast<double>(event.time_ns) / 1e9},
                            {"pose", event.pose},
                            {"cause", event.cause},
@@ -187,7 +189,8 @@ ExitStatus Run(const Options& options) {
     for (; told < events.size(); ++told) DriveServer::Say(Describe(events[told]));
   }
   WriteJson(options, robot);
-  return robot.posture().falls() > 0 ? ExitStatus::kAmiss : ExitStatus::kDone;
+  return robot.posture().falls() + robot.posture().overlaps() > 0 ? ExitStatus::kAmiss
+                                                                  : ExitStatus::kDone;
 }
 
 ExitStatus Main(int argc, char** argv) {

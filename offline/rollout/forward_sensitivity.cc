@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "common/index.h"
+#include "offline/rollout/clearance_constraint.h"
 #include "offline/scene/scene_dynamics.h"
 
 namespace tumbler {
@@ -54,12 +55,13 @@ struct ForwardSensitivity::Implementation {
         parameters(p.parameter_count()),
         rows(2 * nf + 1),
         splines(Index(na)),
+        clearance(p, settings.step_s),
         integrator(settings, Index(rows) * Index(1 + parameters)),
         smooth(Index(na + 1)) {
     for (int j = 0; j < na; ++j) first_parameter.push_back(p.first_parameter(Index(j)));
     torque_slope.resize(Index(na * parameters));
     depth_slope.resize(Index(parameters));
-    outputs.resize(Index((2 + na) * parameters));
+    outputs.resize(Index((3 + na) * parameters));
     for (SmoothMaximum& maximum : smooth) maximum.slope.resize(Index(parameters));
   }
 
@@ -265,6 +267,8 @@ struct ForwardSensitivity::Implementation {
     };
     if (!std::all_of(x.begin(), x.end(), [](double value) { return std::isfinite(value); }))
       return fail();
+    result.clearance_excess =
+        clearance.Evaluate(x, std::span<double>(outputs).last(Index(parameters)));
     for (int j = 0; j < na; ++j) splines[Index(j)] = PositionSpline(problem, x, Index(j));
     for (SmoothMaximum& maximum : smooth) maximum.Reset();
     paths_time = std::numeric_limits<double>::quiet_NaN();
@@ -299,6 +303,7 @@ struct ForwardSensitivity::Implementation {
   int rows;  // those of y, and of S
   std::vector<int> first_parameter;
   std::vector<Spline> splines;
+  ClearanceConstraint clearance;
   std::array<Spline::Weights, kMaxJoints> weights;  // at paths_time
   double paths_time = 0;                            // -1: after the motion
   Integrator integrator;
@@ -315,7 +320,7 @@ ForwardSensitivity::~ForwardSensitivity() = default;
 ForwardSensitivity::ForwardSensitivity(ForwardSensitivity&&) noexcept = default;
 
 int ForwardSensitivity::parameter_count() const { return implementation_->parameters; }
-int ForwardSensitivity::output_count() const { return 2 + implementation_->na; }
+int ForwardSensitivity::output_count() const { return 3 + implementation_->na; }
 int ForwardSensitivity::state_equations() const { return implementation_->rows; }
 int ForwardSensitivity::gradient_equations() const {
   return static_cast<int>(implementation_->integrator.state().size()) - implementation_->rows;

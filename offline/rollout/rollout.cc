@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "common/index.h"
+#include "offline/rollout/clearance_constraint.h"
 #include "offline/rollout/forward_sensitivity.h"
 #include "offline/scene/scene_dynamics.h"
 #include "offline/stepper/even_steps.h"
@@ -91,6 +92,8 @@ struct Rollout::Implementation {
         parameters(p.parameter_count()),
         motion(p.duration_s, step_s, 1),
         settling(p.settle_s, step_s),
+        clearance(p, step_s),
+        clearance_gradient(Index(parameters)),
         steps(motion.count + settling.count),
         half_steps(Index(2 * motion.count + 1)) {
     for (const ActuatedJoint& joint : p.joints) actuated.push_back(joint.dof);
@@ -242,6 +245,8 @@ struct Rollout::Implementation {
     RolloutResult result;
     result.peak_torque_nm.assign(Index(na), 0);
     result.torque_excess.assign(Index(na), 0);
+    result.clearance_excess =
+        clearance.Evaluate(x, record ? std::span<double>(clearance_gradient) : std::span<double>());
     State y = robot.AtRest(problem.start_q);
     for (RunningTerm& term : running) term.integral = 0;
     core_sum = 0;
@@ -381,10 +386,12 @@ struct Rollout::Implementation {
   }
 
   /// The discrete adjoint of Forward, kLanes outputs at a time. Row 0 of the gradient is the cost,
-  /// row 1 + j the torque excess of joint j, and the last row the core excess.
+  /// row 1 + j the torque excess of joint j, the next row the core excess, and the last row the
+  /// clearance excess, whose gradient is known already.
   template <class Matrix>
   void Backward(const RolloutResult& result, Matrix& gradient) {
     gradient.setZero();
+    for (int k = 0; k < parameters; ++k) gradient(na + 2, k) = clearance_gradient[Index(k)];
     pullback = {};
     int lanes = 0;
     for (int output = 0; output <= na + 1; ++output) {
@@ -595,6 +602,8 @@ struct Rollout::Implementation {
   std::vector<int> actuated;  // degree of freedom of each joint
   std::vector<int> order;     // the free ones, then `actuated`
   EvenSteps motion, settling;
+  ClearanceConstraint clearance;
+  std::vector<double> clearance_gradient;
   int steps;                            // of motion and settle phase
   std::size_t half_steps;               // of the motion, both ends included
   std::vector<ControlWeights> weights;  // by size of spline, then half step
@@ -622,7 +631,7 @@ Rollout::~Rollout() = default;
 Rollout::Rollout(Rollout&&) noexcept = default;
 
 int Rollout::parameter_count() const { return implementation_->parameters; }
-int Rollout::output_count() const { return 2 + implementation_->na; }
+int Rollout::output_count() const { return 3 + implementation_->na; }
 
 RolloutResult Rollout::Run(std::span<const double> x) {
   return implementation_->Forward(x, Implementation::Scheme::kRungeKutta);

@@ -35,6 +35,8 @@ struct RolloutResult {
   /// The smooth maximum of penetration over the usable part of the layer, less 1. An upper bound of
   /// the true one.
   double core_excess = -1;
+  /// The same of the clearance between the robot's own shapes, see ClearanceConstraint.
+  double clearance_excess = -1;
   /// For each joint, the largest |tau|.
   std::vector<double> peak_torque_nm;
 };
@@ -60,7 +62,8 @@ class Rollout {
   Rollout(Rollout&&) noexcept;
 
   [[nodiscard]] int parameter_count() const;
-  /// Number of outputs with a gradient: the cost, the torque excess of each joint, the core excess.
+  /// Number of outputs with a gradient: the cost, the torque excess of each joint, the core excess,
+  /// the clearance excess.
   [[nodiscard]] int output_count() const;
 
   /// Cost, torques and penetration for the parameters x: the free control points [rad] of the first

@@ -33,8 +33,7 @@ double LowestHeight(SceneDynamics& robot, const Scene& scene) {
     throw std::runtime_error(fmt::format(
         "with its root {} m high the robot is still {:.4g} m inside '{}', so it cannot be lowered "
         "on it (a half-space lies behind its normal)",
-        high, inside.depth_m - scene.contact.d_on_m,
-        scene.obstacles[static_cast<std::size_t>(inside.obstacle)].name));
+        high, inside.depth_m - scene.contact.d_on_m, TouchedName(scene, inside)));
   }
   for (int i = 0; i < 60; ++i) (touches(0.5 * (low + high)) ? low : high) = 0.5 * (low + high);
   return high;

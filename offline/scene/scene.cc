@@ -2,7 +2,14 @@
 
 #include <stdexcept>
 
+#include "common/index.h"
+
 namespace tumbler {
+
+const std::string& TouchedName(const Scene& scene, const ActiveContact<Plane>& contact) {
+  if (contact.obstacle < 0) return scene.robot.shapes[Index(contact.other_shape)].name;
+  return scene.obstacles[Index(contact.obstacle)].name;
+}
 
 bool SameGround(const Scene& a, const Scene& b) {
   return a.contact == b.contact && a.obstacles == b.obstacles;

@@ -1,13 +1,16 @@
 #pragma once
 
 #include <span>
+#include <string>
 #include <vector>
 
 #include "common/primitive_toml.h"
+#include "offline/contact/contact_forces.h"
 #include "offline/contact/contact_law.h"
 #include "offline/contact/obstacle.h"
 #include "offline/dynamics/plane.h"
 #include "offline/model/planar_robot.h"
+#include "offline/scene/self_clearance.h"
 
 namespace tumbler {
 
@@ -19,7 +22,12 @@ struct Scene {
   ContactLaw contact;
   /// The ground, and everything that stands on it.
   std::vector<Obstacle<Plane>> obstacles;
+  /// What the robot has to keep apart of itself. No force acts between its own shapes.
+  SelfContact self_contact;
 };
+
+/// The name of what a contact's shape touches: an obstacle, or another shape of the robot.
+const std::string& TouchedName(const Scene& scene, const ActiveContact<Plane>& contact);
 
 /// Whether two scenes have the same ground: contact law and obstacles.
 bool SameGround(const Scene& a, const Scene& b);

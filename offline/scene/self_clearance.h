@@ -1,28 +1,114 @@
 #pragma once
 
+#include <array>
+#include <cstdint>
 #include <limits>
+#include <span>
+#include <string>
 #include <vector>
 
-#include "offline/contact/contact_shape.h"
-#include "offline/dynamics/hybrid_dynamics.h"
 #include "offline/dynamics/plane.h"
 #include "offline/model/planar_robot.h"
 
 namespace tumbler {
 
-/// The pairs of a robot's contact shapes that have to stay apart: those on different bodies that no
-/// joint connects. Shapes of neighbours meet at their joint by design.
-std::vector<ContactPair> SeparatePairs(const PlanarRobot& robot);
-
-/// The nearest two of a robot's own shapes, in the plane of motion.
-struct SelfClearance {
-  /// Negative where the shapes overlap. Infinite for a robot without such pairs.
-  double distance_m = std::numeric_limits<double>::infinity();
-  ContactPair pair;  ///< Indices into the robot's shapes.
+/// Two of a robot's own shapes.
+struct OwnPair {
+  int a = 0, b = 0;  ///< Indices of PlanarRobot::own_shapes.
+  bool operator==(const OwnPair&) const = default;
 };
 
-/// @param dynamics  the robot's, in the state that is looked at.
-SelfClearance FindSelfClearance(const PlanarRobot& robot, const std::vector<ContactPair>& pairs,
-                                const HybridDynamics<Plane>& dynamics);
+/// A distance that falls short of the clearance by this much counts as an excess of 1.
+inline constexpr double kClearanceScale_m = 0.01;
+
+/// Which of a robot's own shapes have to stay apart, and how far.
+struct SelfContact {
+  double clearance_m = 0.005;
+  std::vector<OwnPair> pairs;
+};
+
+/// Whether drawn shapes count as well as collision shapes.
+enum class OwnShapes { kAll, kCollision, kNone };
+
+/// The pairs of a robot's own shapes that have to stay apart. Left out are
+/// - those on one body;
+/// - those that pass beside each other, as their extents along y are the clearance or more apart;
+/// - on the two bodies of a joint, those that are nearer than the clearance in half of the joint's
+///   range or more, since they meet at the joint by construction, and those whose distance the
+///   joint does not change. The joint is looked at in 65 positions; the range of one without limits
+///   is a turn, or 1 m to either side.
+std::vector<OwnPair> SeparatePairs(const PlanarRobot& robot, OwnShapes shapes, double clearance_m);
+
+/// "leg1_link/0 and leg2_link/visual/1"
+std::string NameOf(const PlanarRobot& robot, const OwnPair& pair);
+
+/// The nearest two of a robot's own shapes.
+struct SelfClearance {
+  /// Negative where the shapes overlap: then by how much they have to move to be free of each
+  /// other. Infinite for a robot without pairs.
+  double distance_m = std::numeric_limits<double>::infinity();
+  OwnPair pair;
+};
+
+/// The distances between a robot's own shapes, which depend on its joints alone. Distances are
+/// those in the plane of motion.
+///
+/// No heap after construction.
+class SelfDistances {
+ public:
+  SelfDistances(const PlanarRobot& robot, std::vector<OwnPair> pairs);
+
+  /// A pair that is near, and the derivative of its distance by each degree of freedom.
+  struct Near {
+    OwnPair pair;
+    double distance_m = 0;
+    std::array<double, Plane::kMaxDofs> slopes{};
+  };
+
+  /// The pairs nearer than `limit_m`. Valid until the next call.
+  /// @param q  positions of all degrees of freedom; those of the root do not matter.
+  std::span<const Near> FindNearer(std::span<const double> q, double limit_m);
+
+  /// @param q  likewise.
+  SelfClearance Nearest(std::span<const double> q);
+
+ private:
+  struct Joint {
+    int parent;
+    JointKind kind;
+    double axis;
+    Plane::Vector direction, offset;
+  };
+  struct Body {
+    Plane::Rotation R;
+    Plane::Vector p = Plane::Vector::Zero();
+  };
+  struct Own {
+    Shape<Plane> shape;
+    int body;
+    double reach_m;  // radius of a circle around its centre that holds it
+    Plane::Vector centre;
+  };
+  /// A pair, and the bodies whose joints change its distance: the way from one to the other.
+  struct Pair {
+    OwnPair pair;
+    std::uint32_t moves_a,
+        moves_b;  // bits of degrees of freedom that only a's body hangs on, or b's
+  };
+
+  void SetPositions(std::span<const double> q);
+  [[nodiscard]] const Body& BodyOf(int body) const;
+  /// A distance that the pair is not nearer than.
+  [[nodiscard]] double Bound(const OwnPair& pair) const;
+  [[nodiscard]] PosedShape<Plane> Posed(int shape) const;
+
+  int root_dofs_;
+  std::vector<Joint> joints_;
+  std::vector<Body> bodies_;
+  Body world_;
+  std::vector<Own> shapes_;
+  std::vector<Pair> pairs_;
+  std::vector<Near> near_;
+};
 
 }  // namespace tumbler

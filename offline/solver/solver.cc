@@ -58,6 +58,7 @@ double Rank(const Problem& problem, const RolloutResult& result) {
   }
   rank += problem.search.core_penalty *
           std::max(0.0, result.peak_penetration_m / problem.scene.contact.d_on_m - 1);
+  rank += problem.search.clearance_penalty * std::max(0.0, result.clearance_excess);
   return rank;
 }
 
@@ -121,6 +122,7 @@ WorstConstraint FindWorst(const Problem& problem, const std::vector<LinearRow>& 
              [&] { return "torque of " + joint_name(j); });
   }
   consider(result.core_excess, [] { return std::string("penetration"); });
+  consider(result.clearance_excess, [] { return std::string("clearance of own shapes"); });
   for (std::size_t j = 0, i = 0; j < problem.joints.size(); ++j) {
     const JointLimits<double>& limits = problem.joints[j].limits;
     for (int k = 0; k < problem.joints[j].free_points(); ++k, ++i) {
@@ -224,7 +226,8 @@ class LocalSolve {
     // NLopt refuses a start that is outside of its bounds by a rounding, which sums come to be.
     for (std::size_t i = 0; i < n; ++i) x[i] = std::clamp(x[i], lower[i], upper[i]);
     opt.set_min_objective(&LocalSolve::Objective, this);
-    const std::size_t constraints = rows_.size() + problem_.joints.size() + 1;
+    const bool own = !problem_.scene.self_contact.pairs.empty();
+    const std::size_t constraints = rows_.size() + problem_.joints.size() + (own ? 2 : 1);
     opt.add_inequality_mconstraint(&LocalSolve::Constraints, this,
                                    std::vector<double>(constraints, 1e-8));
     opt.set_ftol_rel(problem_.solver.relative_tolerance);
@@ -314,6 +317,7 @@ class LocalSolve {
       self.opt_->force_stop();
     }
     const std::size_t rows = self.rows_.size();
+    const std::size_t core = rows + self.problem_.joints.size();
     for (std::size_t i = 0; i < m; ++i) {
       if (i < rows) {
         const LinearRow& row = self.rows_[i];
@@ -322,8 +326,9 @@ class LocalSolve {
       } else {
         const RolloutResult& result = self.result_;
         value[i] = !result.finite ? 1.0
-                   : i < m - 1 ? result.torque_excess[i - rows] + self.problem_.solver.torque_margin
-                               : result.core_excess;
+                   : i < core  ? result.torque_excess[i - rows] + self.problem_.solver.torque_margin
+                   : i == core ? result.core_excess
+                               : result.clearance_excess;
         for (std::size_t k = 0; gradient != nullptr && k < n; ++k) {
           gradient[i * n + k] =
               self.outputs_(static_cast<Eigen::Index>(i - rows + 1), static_cast<Eigen::Index>(k));
@@ -355,6 +360,8 @@ class LocalSolve {
       }
     }
     if (result_.core_excess > -kActive)
+      active.emplace_back(outputs_.row(outputs_.rows() - 2).transpose());
+    if (result_.clearance_excess > -kActive)
       active.emplace_back(outputs_.row(outputs_.rows() - 1).transpose());
     return ProjectedGradient(outputs_.row(0).transpose(), std::move(active));
   }

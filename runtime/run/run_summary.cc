@@ -232,8 +232,10 @@ std::string ToText(const RunSummary& summary) {
   if (summary.attended) text += fmt::format("  {} runs\n", summary.runs);
   if (!summary.reason.empty()) text += fmt::format("  {}\n", summary.reason);
   AppendPassages(summary, text);
-  for (const Fall& fall : summary.falls)
-    text += fmt::format("  at {:.3f} s the robot {}\n", fall.time_s, fall.what);
+  for (const std::vector<Mishap>* mishaps : {&summary.falls, &summary.overlaps}) {
+    for (const Mishap& mishap : *mishaps)
+      text += fmt::format("  at {:.3f} s the robot {}\n", mishap.time_s, mishap.what);
+  }
   for (std::size_t i = 0; i < summary.joints.size(); ++i) {
     text += fmt::format("  {}: peak torque {:.3f} N m, following error at most {:.4f} rad\n",
                         summary.joints[i], s.peak_torque_nm[i], s.following_error_max_rad[i]);
@@ -305,9 +307,13 @@ std::string ToJson(const RunSummary& summary) {
     for (const Passage& passage : summary.passages) json["passages"].Append(JsonOf(passage));
   }
   if (summary.simulated) {
-    json["falls"] = Json::Array();
-    for (const Fall& fall : summary.falls)
-      json["falls"].Append({{"time_s", fall.time_s}, {"what", fall.what}});
+    const auto list = [&json](const char* key, const std::vector<Mishap>& mishaps) {
+      json[key] = Json::Array();
+      for (const Mishap& mishap : mishaps)
+        json[key].Append({{"time_s", mishap.time_s}, {"what", mishap.what}});
+    };
+    list("falls", summary.falls);
+    list("overlaps", summary.overlaps);
   }
   json["joints"] = Json::Array();
   for (std::size_t i = 0; i < summary.joints.size(); ++i) {
@@ -356,8 +362,9 @@ std::string ToJson(const RunSummary& summary) {
 ExitStatus StatusOf(const RunSummary& summary) {
   switch (summary.outcome) {
     case RunOutcome::kCompleted:
-      return !summary.falls.empty() || std::any_of(summary.passages.begin(), summary.passages.end(),
-                                                   std::mem_fn(&Passage::amiss))
+      return !summary.falls.empty() || !summary.overlaps.empty() ||
+                     std::any_of(summary.passages.begin(), summary.passages.end(),
+                                 std::mem_fn(&Passage::amiss))
                  ? ExitStatus::kAmiss
                  : ExitStatus::kDone;
     case RunOutcome::kRefused:

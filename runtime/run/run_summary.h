@@ -50,8 +50,8 @@ struct Passage {
   [[nodiscard]] bool amiss() const;
 };
 
-/// A fall of a simulated robot.
-struct Fall {
+/// Something that a simulated robot does and should not.
+struct Mishap {
   double time_s = 0;  ///< of the simulation
   std::string what;
 };
@@ -80,7 +80,8 @@ struct RunSummary {
   std::optional<double> measured_load;        ///< 0 ... 1; on the simulated bus only.
   std::optional<InterfaceSummary> interface;  ///< Of an armed run on an interface.
   std::vector<Passage> passages;              ///< Of a simulated robot; empty otherwise.
-  std::vector<Fall> falls;                    ///< Of a simulated robot.
+  std::vector<Mishap> falls;                  ///< Of a simulated robot.
+  std::vector<Mishap> overlaps;               ///< Of a simulated robot's own shapes, likewise.
   int cycles = 0;                             ///< Complete cycles of the sequence.
   int runs = 1;                               ///< Runs started; more than one only where attended.
   bool attended = false;

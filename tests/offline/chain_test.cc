@@ -6,6 +6,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <numbers>
 
@@ -310,6 +311,27 @@ TEST(SimulateChain, GroundTooSoftIsACoreThatIsReached) {
   const ChainFailure failure = FailureOf(files);
   EXPECT_EQ(failure.cause, ChainFailure::Cause::kCore);
   EXPECT_THAT(failure.text, HasSubstr("through the layer of"));
+}
+
+TEST(SimulateChain, LegsThatGoThroughEachOtherAreAFailure) {
+  auto files = ThereAndBack();
+  // Both legs swing inwards, until they cross.
+  for (int j = 0; j < 2; ++j) {
+    JointMotion<double>& joint = files[0].primitive.joints[static_cast<std::size_t>(j)];
+    const auto points = joint.position.control_points(0);
+    std::vector<double> moved(points.begin(), points.end());
+    const std::array<double, 6> inwards = {0.4, 0.8, 1.05, 1.05, 0.8, 0.4};
+    ASSERT_EQ(moved.size(), 6 + inwards.size());
+    for (std::size_t i = 0; i < inwards.size(); ++i)
+      moved[3 + i] += j == 0 ? -inwards[i] : inwards[i];
+    const auto knots = joint.position.knots();
+    ASSERT_EQ(joint.position.Assign(joint.position.degree(),
+                                    std::vector<double>(knots.begin(), knots.end()), moved),
+              Status::kOk);
+  }
+  const ChainFailure failure = FailureOf(files);
+  EXPECT_EQ(failure.cause, ChainFailure::Cause::kOverlap);
+  EXPECT_THAT(failure.text, AllOf(HasSubstr("leg1_link/"), HasSubstr("overlap by")));
 }
 
 // ---- The program --------------------------------------------------------------------------------

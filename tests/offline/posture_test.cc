@@ -48,6 +48,13 @@ class Watcher {
     state_.time_ns += kMs;
     watch_.Observe(state_, {{link, "ground", 5}}, kOn);
   }
+  /// Lets own shapes overlap by this much; 0: they are apart.
+  void Overlap(double depth_m) {
+    state_.time_ns += kMs;
+    state_.self_overlap_m = depth_m;
+    state_.overlapping = depth_m > 0 ? "leg1_link/0 and leg2_link/1" : "";
+    watch_.Observe(state_, {}, kOn);
+  }
   void Hold() {
     state_.held = true;
     Look(kLetGo, 10);
@@ -202,6 +209,23 @@ TEST(Posture, ALinkThatMustNotTouchFellsTheRobotAtOnce) {
   tolerant.Move();
   tolerant.Touch("middle");
   EXPECT_EQ(tolerant.watch().falls(), 0);
+}
+
+TEST(Posture, OwnShapesThatOverlapAreToldOnceUntilTheyAreApartAgain) {
+  Watcher scene;
+  StandUp(scene);
+  const std::size_t before = scene.watch().events().size();
+  scene.Overlap(0.002);
+  scene.Overlap(0.005);
+  ASSERT_EQ(scene.watch().events().size(), before + 1);
+  const PostureEvent& event = scene.watch().events().back();
+  EXPECT_EQ(event.kind, PostureEvent::Kind::kOverlap);
+  EXPECT_THAT(Describe(event),
+              HasSubstr("GOES THROUGH ITSELF: leg1_link/0 and leg2_link/1 overlap"));
+  scene.Overlap(0);
+  scene.Overlap(0.001);
+  EXPECT_EQ(scene.watch().overlaps(), 2);
+  EXPECT_EQ(scene.watch().falls(), 0);
 }
 
 }  // namespace

@@ -40,6 +40,17 @@ TEST(Scene, APoseAndThePositionsOfAllDegreesOfFreedomAreTheSame) {
   EXPECT_THROW(PositionsIn(PrimitivePose{}, robot), std::invalid_argument);
 }
 
+TEST(Scene, AContactWithAnotherShapeOfTheRobotHasTheNameOfThatShape) {
+  const Scene scene = HandstandProblem().scene;
+  ActiveContact<Plane> contact;
+  contact.shape = 2;
+  contact.obstacle = 0;
+  EXPECT_EQ(TouchedName(scene, contact), "ground");
+  contact.obstacle = -1;
+  contact.other_shape = 4;
+  EXPECT_EQ(TouchedName(scene, contact), "leg2_link/0");
+}
+
 TEST(Scene, ARobotOnAFixedRootHasNoPitch) {
   PlanarRobot robot = HandstandProblem().scene.robot;
   robot.tree.dofs.erase(robot.tree.dofs.begin(), robot.tree.dofs.begin() + 3);

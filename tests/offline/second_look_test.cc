@@ -16,6 +16,7 @@
 #include "offline/problem/simulated_motion.h"
 #include "offline/problem/task_toml.h"
 #include "offline/rollout/rollout.h"
+#include "tests/support/crossing_legs.h"
 #include "tests/support/task_files.h"
 
 namespace tumbler {
@@ -92,7 +93,8 @@ TEST(SecondLook, AMotionThatIsNotToEndAtRestIsNotAskedToRest) {
 TEST(SecondLook, FindsTheLegsNearestApproachThatGeometryByHandFinds) {
   // Both legs are 0.2 m long and hang on joints 0.3 m apart; at home they are parallel, and each
   // foot has spheres of 10 mm 40 mm to either side.
-  const Problem problem = ProblemOf(QuickTask());
+  const Problem problem = ProblemOf(Replaced(
+      QuickTask(), "[[obstacle]]", "[self_contact]\nshapes = \"collision\"\n[[obstacle]]"));
   std::vector<double> x;
   for (const ActuatedJoint& joint : problem.joints)
     x.insert(x.end(), static_cast<std::size_t>(joint.free_points()), joint.start_rad);
@@ -119,7 +121,7 @@ TEST(SecondLook, SeesLegsThatPassThroughEachOther) {
 }
 
 /// The second look at a shipped primitive, from the texts that it carries.
-SecondLook LookAtShipped(const std::string& name) {
+SecondLook LookAtShipped(const std::string& name, double refinement = kSecondLookRefinement) {
   const SimulatedMotion motion(LoadMotion(testing::SourcePath("primitives/" + name + ".toml")));
   const Problem& problem = motion.ProblemOf(0);
   const PrimitiveFile file = LoadPrimitive(testing::SourcePath("primitives/" + name + ".toml"));
@@ -128,7 +130,7 @@ SecondLook LookAtShipped(const std::string& name) {
     const auto points = joint.position.control_points(0);
     x.insert(x.end(), points.begin() + 3, points.end() - 3);
   }
-  return LookAgain(problem, x);
+  return LookAgain(problem, x, refinement);
 }
 
 TEST(SecondLook, ShippedMotionsDoWhatTheirTasksAskFor) {
@@ -146,18 +148,39 @@ TEST(SecondLook, ShippedMotionsDoWhatTheirTasksAskFor) {
   }
 }
 
-TEST(SecondLook, ShowsWhatTheStepOfTheShippedMotionsHides) {
-  // An independent simulation with a step 16 times finer found 8.12 and 8.19 N m, and feet that are
-  // 19.3 mm inside each other. Motions that keep their limits there will end this test.
-  const SecondLook handstand = LookAtShipped("handstand");
-  EXPECT_LT(handstand.torque_excess, 0);
-  EXPECT_GT(handstand.self_clearance_m, 0.1);
-  const SecondLook downstand = LookAtShipped("downstand");
-  EXPECT_NEAR(downstand.peak_torque_nm, 8.12, 0.01);
-  EXPECT_GT(downstand.self_clearance_m, 0.1);
-  const SecondLook roll = LookAtShipped("roll");
-  EXPECT_NEAR(roll.peak_torque_nm, 8.19, 0.01);
-  EXPECT_NEAR(roll.self_clearance_m, -0.0193, 1e-4);
+TEST(SecondLook, ShippedMotionsKeepTorquesAndClearanceAtAStep64TimesFiner) {
+  for (const char* name : {"handstand", "downstand", "roll"}) {
+    const SecondLook look = LookAtShipped(name, 64);
+    EXPECT_LT(look.peak_torque_nm, 8.0) << name;
+    EXPECT_LT(look.torque_excess, 0) << name;
+    EXPECT_GE(look.clearance_m, 0.005) << name;
+    EXPECT_GE(look.self_clearance_m, look.clearance_m) << name << ": " << look.self_clearance_of;
+  }
+}
+
+TEST(SecondLook, RefusesARollWhoseLegsGoThroughEachOther) {
+  const Problem problem = LoadTask(testing::SourcePath("primitives/tasks/roll.toml")).problem;
+  const SecondLook look = LookAgain(problem, CrossingRoll());
+  EXPECT_NEAR(look.self_clearance_m, -0.01928, 1e-5);
+  EXPECT_NEAR(look.self_clearance_time_s, 0.6125, 1e-3);
+  EXPECT_FALSE(look.acceptable());
+  EXPECT_THAT(look.Objections(),
+              HasSubstr("the robot's own shapes leg1_link/1 and leg2_link/0 overlap by 19.3 mm at "
+                        "0.61"));
+}
+
+TEST(SecondLook, RefusesShapesThatComeNearerThanTheClearance) {
+  SecondLook look;
+  look.clearance_m = 0.005;
+  look.self_clearance_m = 0.0051;
+  look.self_clearance_of = "a and b";
+  look.self_clearance_time_s = 0.25;
+  EXPECT_TRUE(look.acceptable());
+  look.self_clearance_m = 0.0049;
+  EXPECT_FALSE(look.acceptable());
+  EXPECT_EQ(look.Objections(),
+            "the robot's own shapes a and b come as near as 4.9 mm at 0.250 s, and have to stay "
+            "5 mm apart");
 }
 
 TEST(SecondLook, RefusesATorqueFarAboveItsLimitAndAContactThroughTheLayer) {

@@ -7,6 +7,7 @@
 #include <array>
 #include <cmath>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "firmware_interface/drives/simulated_mit.h"
@@ -341,6 +342,23 @@ TEST(TwinSetUp, NeedsADriveForEveryJointAndAPositiveStep) {
   no_step.step_ns = 0;
   EXPECT_THROW(Twin(scene, file.entry, no_step, bus, {&drive, &drive}), std::invalid_argument);
   EXPECT_THROW(Twin(scene, PrimitivePose{}, {}, bus, {&drive, &drive}), std::invalid_argument);
+}
+
+TEST(Twin, SaysHowFarTheRobotsOwnShapesOverlap) {
+  Rig rig(AloftTask());
+  rig.HoldHome();
+  rig.twin->AdvanceTo(100 * kMs);
+  EXPECT_EQ(rig.twin->state().self_overlap_m, 0);
+  EXPECT_EQ(rig.twin->state().overlapping, "");
+  // Both legs swing inwards, where they cross.
+  rig.Command(0, {.position_rad = -2.8F, .kp_nm_per_rad = 200, .kd_nm_s_per_rad = 4});
+  rig.Command(1, {.position_rad = 2.8F, .kp_nm_per_rad = 200, .kd_nm_s_per_rad = 4});
+  rig.twin->AdvanceTo(1500 * kMs);
+  const TwinState crossed = rig.twin->state();
+  EXPECT_LT(crossed.joint_positions_rad[0], -2.7);
+  EXPECT_GT(crossed.self_overlap_m, 0.01);
+  EXPECT_NE(crossed.overlapping.find("leg1_link/"), std::string::npos);
+  EXPECT_NE(crossed.overlapping.find(" and leg2_link/"), std::string::npos);
 }
 
 }  // namespace

@@ -87,6 +87,17 @@ TEST(Passage, OfAMotionWithoutATargetOfThePitchNothingSpeaksOfPitchOrOfStanding)
   EXPECT_EQ(StatusOf(SummaryOf(report)), ExitStatus::kDone);
 }
 
+TEST(StatusOfARun, SaysWhenTheSimulatedRobotWentThroughItself) {
+  RunSummary report;
+  report.outcome = RunOutcome::kCompleted;
+  report.simulated = true;
+  report.overlaps.push_back({0.549, "GOES THROUGH ITSELF: leg1_link/1 and leg2_link/0 overlap"});
+  EXPECT_EQ(StatusOf(report), ExitStatus::kAmiss);
+  EXPECT_THAT(ToText(report),
+              ::testing::HasSubstr("at 0.549 s the robot GOES THROUGH ITSELF: leg1_link/1"));
+  EXPECT_THAT(ToJson(report), ::testing::HasSubstr("\"overlaps\""));
+}
+
 TEST(StatusOfARun, SaysWhenTheMotionWasCompletedButTheRobotIsElsewhere) {
   RunSummary report;
   report.outcome = RunOutcome::kCompleted;

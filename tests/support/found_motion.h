@@ -6,6 +6,7 @@
 #include <string>
 
 #include "offline/certificate/certificate.h"
+#include "offline/certificate/second_look.h"
 #include "offline/problem/task_toml.h"
 #include "offline/solver/solver.h"
 #include "tests/support/files.h"
@@ -21,6 +22,10 @@ class FoundMotion : public ::testing::TestWithParam<int> {
     problem_.search.seed = static_cast<std::uint64_t>(GetParam());
     SolveOptions options;
     options.threads = 2;
+    // As the program does.
+    options.accept = [this](const Solution& solution) {
+      return LookAgain(problem_, solution.x).acceptable();
+    };
     const SolveOutcome outcome = Solve(problem_, options);
     ASSERT_FALSE(outcome.solutions.empty());
     best_ = outcome.solutions.front();
@@ -28,7 +33,7 @@ class FoundMotion : public ::testing::TestWithParam<int> {
     EXPECT_LT(CheckGradient(problem_, best_.x).relative_error(), 1e-4);
   }
   [[nodiscard]] std::string ObstacleOf(const ActiveContact<Plane>& contact) const {
-    return problem_.scene.obstacles[static_cast<std::size_t>(contact.obstacle)].name;
+    return TouchedName(problem_.scene, contact);
   }
   Problem problem_;
   Solution best_;

@@ -33,8 +33,11 @@ class SimulatedWorld final : public World {
     summary.passages = judge_.passages();
     summary.measured_load = robot_.bus().load();
     for (const PostureEvent& event : robot_.posture().events()) {
-      if (event.kind != PostureEvent::Kind::kFall) continue;
-      summary.falls.push_back({static_cast<double>(event.time_ns) / 1e9, Describe(event)});
+      const double time_s = static_cast<double>(event.time_ns) / 1e9;
+      if (event.kind == PostureEvent::Kind::kFall)
+        summary.falls.push_back({time_s, Describe(event)});
+      if (event.kind == PostureEvent::Kind::kOverlap)
+        summary.overlaps.push_back({time_s, Describe(event)});
     }
   }
 

@@ -14,6 +14,8 @@ std::string Describe(const PostureEvent& event) {
   if (event.kind == PostureEvent::Kind::kFall) {
     return fmt::format("FELL: {}; {}", event.cause, where);
   }
+  if (event.kind == PostureEvent::Kind::kOverlap)
+    return fmt::format("GOES THROUGH ITSELF: {}; {}", event.cause, where);
   return fmt::format("rests {}; {}", event.pose.empty() ? "in no known pose" : event.pose, where);
 }
 
@@ -95,6 +97,12 @@ void PostureWatch::Observe(const TwinState& state, const std::vector<TwinContact
     slow_since_ns_ = -1;
     return;
   }
+  if (state.self_overlap_m > 0 && !overlapping_) {
+    ++overlaps_;
+    events_.push_back(EventAt(state, PostureEvent::Kind::kOverlap));
+    events_.back().cause = fmt::format("{} overlap", state.overlapping);
+  }
+  overlapping_ = state.self_overlap_m > 0;
   if (drives.all_enabled) watched_ = true;
   if (drives.let_go && !let_go_ && FindPose(state) != nullptr) watched_ = false;
   let_go_ = drives.let_go;

@@ -25,14 +25,14 @@ struct PostureConfig {
   std::vector<std::string> clear_links;
 };
 
-/// A rest or a fall of the robot.
+/// A rest or a fall of the robot, or that its own shapes overlap.
 struct PostureEvent {
-  enum class Kind { kRest, kFall };
+  enum class Kind { kRest, kFall, kOverlap };
   Kind kind = Kind::kRest;
   std::int64_t time_ns = 0;
   double root_x_m = 0, root_z_m = 0, root_pitch_rad = 0;
   std::string pose;   ///< The known pose in which the robot rests; empty: it rests otherwise.
-  std::string cause;  ///< The cause of a fall, in words.
+  std::string cause;  ///< The cause of a fall, or what overlaps, in words.
 };
 
 /// One line about an event for people, without its time.
@@ -54,6 +54,9 @@ struct DrivesPosture {
 /// When the host takes the torque off a robot in a known pose, it lets the robot go, and nothing
 /// counts as a fall any more. After a fall, the robot has to be in a known pose again before it can
 /// fall again.
+///
+/// Own shapes that overlap are an event of their own, once until all of them are apart again: no
+/// robot does that, so that what the simulation shows from then on is no motion of the robot.
 class PostureWatch {
  public:
   PostureWatch(const SequenceFile& motion, const PostureConfig& config, const PrimitivePose& start);
@@ -62,10 +65,12 @@ class PostureWatch {
   void Observe(const TwinState& state, const std::vector<TwinContact>& contacts,
                const DrivesPosture& drives);
 
-  /// All rests and falls so far, in order.
+  /// All events so far, in order.
   [[nodiscard]] const std::vector<PostureEvent>& events() const { return events_; }
   [[nodiscard]] int falls() const { return falls_; }
   [[nodiscard]] bool fallen() const { return fallen_; }
+  /// How often own shapes came to overlap.
+  [[nodiscard]] int overlaps() const { return overlaps_; }
   /// The name of the known pose in which the robot rests now; empty when it moves, or rests in
   /// another pose.
   [[nodiscard]] const std::string& resting_as() const { return resting_as_; }
@@ -85,6 +90,8 @@ class PostureWatch {
   std::vector<KnownPose> poses_;
   std::vector<PostureEvent> events_;
   int falls_ = 0;
+  int overlaps_ = 0;
+  bool overlapping_ = false;
   bool watched_ = false;
   bool fallen_ = false;
   bool let_go_ = false;

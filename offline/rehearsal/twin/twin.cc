@@ -56,6 +56,7 @@ struct Twin::Implementation {
       : config(c),
         scene(Changed(nominal, c)),
         robot(scene),
+        distances(scene.robot, scene.self_contact.pairs),
         bus(b),
         drives(std::move(d)),
         start_state(robot.AtRest(PositionsIn(start, scene.robot))),
@@ -188,6 +189,7 @@ struct Twin::Implementation {
   TwinConfig config;
   Scene scene;
   SceneDynamics robot;
+  mutable SelfDistances distances;  // with room for its work
   SimulatedBus& bus;
   std::vector<SimulatedDrive*> drives;
   SceneDynamics::State start_state, y;
@@ -242,6 +244,11 @@ TwinState Twin::state() const {
     state.joint_torques_nm.push_back(m.drive_torque[dof]);
   }
   state.peak_penetration_m = m.peak_penetration;
+  const SelfClearance own = m.distances.Nearest({m.y.data(), m.robot.n});
+  if (own.distance_m < 0) {
+    state.self_overlap_m = -own.distance_m;
+    state.overlapping = NameOf(m.scene.robot, own.pair);
+  }
   state.normal_force_n = m.normal_force;
   return state;
 }
@@ -251,7 +258,7 @@ std::vector<TwinContact> Twin::contacts() const {
   std::vector<TwinContact> contacts;
   for (const ActiveContact<Plane>& active : m.touching) {
     contacts.push_back({m.scene.robot.body_names[Index(m.BodyOfContact(active))],
-                        m.scene.obstacles[Index(active.obstacle)].name, active.normal_force_n});
+                        TouchedName(m.scene, active), active.normal_force_n});
   }
   return contacts;
 }

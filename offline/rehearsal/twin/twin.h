@@ -73,7 +73,7 @@ struct TwinConfig {
 /// A link of the robot that touches something.
 struct TwinContact {
   std::string link;
-  std::string obstacle;
+  std::string obstacle;  ///< Or the robot's own shape.
   double normal_force_n = 0;
 };
 
@@ -89,6 +89,10 @@ struct TwinState {
   double peak_penetration_m = 0;         ///< Since the start.
   double normal_force_n = 0;             ///< Sum over all contacts.
   std::array<double, 2> push_n{};        ///< Sum of all pushes that act: x, z.
+  /// By how much the robot's own shapes overlap, which the twin does not prevent; 0 where they do
+  /// not. Only those count that are to stay apart.
+  double self_overlap_m = 0;
+  std::string overlapping;  ///< The two shapes that overlap most: "leg1_link/0 and leg2_link/1".
 };
 
 /// The physics of a robot, contact included, behind simulated drives on a simulated bus. Robot and
