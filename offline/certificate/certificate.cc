@@ -12,6 +12,7 @@
 #include "common/primitive_hash.h"
 #include "common/primitive_limits.h"
 #include "offline/linear/least_squares.h"
+#include "offline/rollout/forward_sensitivity.h"
 
 namespace tumbler {
 namespace {
@@ -34,9 +35,13 @@ struct TorqueSamples {
 TorqueSamples SampleTorques(const Problem& problem, const std::vector<double>& x) {
   TorqueSamples samples;
   samples.torque_nm.resize(problem.joints.size());
-  Rollout rollout(problem, problem.solver.step_s);
+  // The fit needs no more samples than the solver's step has.
+  int skip = 0;
+  Rollout rollout(problem, problem.solver.step_s / kRefinement);
   rollout.Visit(x, 0, [&](const MotionSample& sample) {
     if (sample.time_s > problem.duration_s + 1e-9) return;
+    if (skip-- > 0) return;
+    skip = static_cast<int>(kRefinement) - 1;
     samples.time_s.push_back(std::min(sample.time_s, problem.duration_s));
     for (std::size_t j = 0; j < problem.joints.size(); ++j)
       samples.torque_nm[j].push_back(sample.torque[j]);
@@ -75,9 +80,18 @@ Spline FitTorque(const Problem& problem, const TorqueSamples& samples, std::size
   return spline;
 }
 
-double FinalPitch(const Problem& problem, const std::vector<double>& x, double step_s) {
+/// A rollout like those that the solver ended with.
+Rollout OnGrid(Problem problem, const StepGrid& grid) {
+  // On given steps the adjoint gives the derivatives of forward sensitivities to rounding.
+  problem.solver.gradient = SolverSettings::Gradient::kAdjoint;
+  Rollout rollout(problem, problem.solver.step_s);
+  rollout.Use(grid);
+  return rollout;
+}
+
+double FinalPitch(const Problem& problem, const std::vector<double>& x, const StepGrid& grid) {
   double pitch = 0;
-  Rollout rollout(problem, step_s);
+  Rollout rollout = OnGrid(problem, grid);
   rollout.Visit(x, 0, [&](const MotionSample& sample) {
     pitch = RootPitchAt(sample.q, problem.scene.robot);
   });
@@ -135,15 +149,16 @@ GradientCheck CompareGradient(const std::function<double(const std::vector<doubl
 
 GradientCheck CheckGradient(const Problem& problem, const std::vector<double>& x) {
   const std::vector<double> at = BesideTheOptimum(x);
-  Rollout rollout(problem, problem.solver.step_s);
+  Rollout rollout = OnGrid(problem, StepsFor(problem, at));
   return CompareGradient([&rollout](const std::vector<double>& y) { return rollout.Run(y).cost; },
                          at, CostGradient(rollout, at));
 }
 
 double GradientStepHalvingChange(const Problem& problem, const std::vector<double>& x) {
   const std::vector<double> at = BesideTheOptimum(x);
-  Rollout rollout(problem, problem.solver.step_s);
-  Rollout finer(problem, problem.solver.step_s / 2);
+  const StepGrid grid = StepsFor(problem, at);
+  Rollout rollout = OnGrid(problem, grid);
+  Rollout finer = OnGrid(problem, Halved(grid));
   const std::vector<double> gradient = CostGradient(rollout, at);
   const std::vector<double> reference = CostGradient(finer, at);
   double change = 0, scale = 0;
@@ -161,7 +176,7 @@ MotionSummary Summarize(const Problem& problem, const std::vector<double>& x) {
   std::map<std::array<int, 3>, std::vector<ContactInterval>> intervals;
   const SelfContact& own = problem.scene.self_contact;
   SelfDistances distances(problem.scene.robot, own.pairs);
-  Rollout rollout(problem, problem.solver.step_s);
+  Rollout rollout(problem, problem.solver.step_s / kRefinement);
   bool first = true;
   rollout.Visit(x, SettlingAfter(problem), [&](const MotionSample& sample) {
     const double t = sample.time_s;
@@ -251,6 +266,11 @@ double LargestExcess(const Primitive<double>& primitive, const MotionSummary& su
 
 PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
                                 const Solution& solution) {
+  return MakePrimitiveFile(task, outcome, solution, Summarize(task.problem, solution.x));
+}
+
+PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
+                                const Solution& solution, const MotionSummary& summary) {
   const Problem& problem = task.problem;
   PrimitiveFile file;
   Primitive<double>& primitive = file.primitive;
@@ -270,7 +290,6 @@ PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
     motion.position = PositionSpline(problem, solution.x, j);
     motion.torque = FitTorque(problem, torques, j);
   }
-  const MotionSummary summary = Summarize(problem, solution.x);
   file.entry = summary.entry;
   file.exit = summary.exit;
   file.contacts = summary.contacts;
@@ -284,9 +303,9 @@ PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
   certificate.gradient_step_halving_change = Finite(GradientStepHalvingChange(problem, solution.x));
   certificate.projected_gradient = solution.projected_gradient;
   certificate.constraint_violation = LargestExcess(primitive, summary);
-  certificate.step_halving_error_rad =
-      std::abs(FinalPitch(problem, solution.x, problem.solver.step_s) -
-               FinalPitch(problem, solution.x, problem.solver.step_s / 2));
+  const StepGrid grid = StepsFor(problem, solution.x);
+  certificate.step_halving_error_rad = std::abs(FinalPitch(problem, solution.x, grid) -
+                                                FinalPitch(problem, solution.x, Halved(grid)));
   if (problem.target_pitch_rad)
     certificate.settled_pitch_error_rad = summary.settled_pitch_rad - *problem.target_pitch_rad;
   certificate.peak_torque_nm = summary.peak_torque_nm;

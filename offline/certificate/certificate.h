@@ -51,6 +51,10 @@ inline constexpr double kClearanceTolerance_m = 1e-6;
 /// How long a motion is played on past its settle phase [s], until its exit.
 double SettlingAfter(const Problem& problem);
 
+/// How much finer certificate and second look integrate than `solver.step_s` says: by the classical
+/// Runge-Kutta method with equal steps, where the solver takes another method and adaptive steps.
+inline constexpr double kRefinement = 16;
+
 /// Figures of a motion that is played on past its end, with the joints held.
 struct MotionSummary {
   PrimitivePose entry;
@@ -84,5 +88,8 @@ MotionSummary Summarize(const Problem& problem, const std::vector<double>& x);
 /// entry, exit, contact timeline, certificate, provenance.
 PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
                                 const Solution& solution);
+/// The same with the motion's summary, where it is known already.
+PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
+                                const Solution& solution, const MotionSummary& summary);
 
 }  // namespace tumbler

@@ -35,7 +35,7 @@ PurposeFigure FigureOf(const CostTerm& term, const Instant& at, PurposeTarget::W
 }  // namespace
 
 bool SecondLook::acceptable() const {
-  return finite && torque_excess <= kTorqueExcessMax && peak_penetration_m < layer_m &&
+  return finite && torque_excess <= 0 && peak_penetration_m < layer_m &&
          self_clearance_m >= clearance_m - kClearanceTolerance_m &&
          std::ranges::all_of(purpose, &PurposeFigure::met);
 }
@@ -47,8 +47,8 @@ std::string SecondLook::Objections() const {
     if (figure.met()) continue;
     reasons.push_back(fmt::format("{}: {}", figure.name(), figure.AskedAndGot(figure.result)));
   }
-  if (!(torque_excess <= kTorqueExcessMax))
-    reasons.push_back(fmt::format("a torque is {:.0f} % above its limit", 100 * torque_excess));
+  if (!(torque_excess <= 0))
+    reasons.push_back(fmt::format("a torque is {:.2g} % above its limit", 100 * torque_excess));
   if (!(peak_penetration_m < layer_m)) {
     reasons.push_back(fmt::format("a contact goes {:.2f} mm deep, through the layer of {:.2f} mm",
                                   1e3 * peak_penetration_m, 1e3 * layer_m));

@@ -9,12 +9,6 @@
 
 namespace tumbler {
 
-/// How much finer the second look integrates than the solver does.
-inline constexpr double kSecondLookRefinement = 16;
-/// A torque that exceeds its limit by up to this part is warned of; beyond it the motion is
-/// refused.
-inline constexpr double kTorqueExcessMax = 0.1;
-
 /// A motion looked at again, by a rollout with a step 16 times finer than the one that found it.
 /// What the solver's own step hides, such as the spike of an impact between two of its steps or a
 /// landing that holds in its arithmetic only, shows here.
@@ -41,9 +35,8 @@ struct SecondLook {
   double layer_m = std::numeric_limits<double>::infinity();
   bool finite = true;
 
-  /// Whether the motion can be written: every target is met, no torque exceeds its limit by more
-  /// than kTorqueExcessMax, no contact goes through the layer, and the robot's own shapes stay
-  /// apart.
+  /// Whether the motion can be written: every target is met, no torque exceeds its limit, no
+  /// contact goes through the layer, and the robot's own shapes stay apart.
   [[nodiscard]] bool acceptable() const;
   /// What stands against it, as text: "pitch, settled: asked 1.5708, got 0.0012 rad (within 0.05)".
   [[nodiscard]] std::string Objections() const;
@@ -56,6 +49,6 @@ bool EndsAtRest(const Problem& problem);
 /// @param x           parameters of the motion.
 /// @param refinement  the solver's step in units of the one used here.
 SecondLook LookAgain(const Problem& problem, const std::vector<double>& x,
-                     double refinement = kSecondLookRefinement);
+                     double refinement = kRefinement);
 
 }  // namespace tumbler

@@ -63,13 +63,6 @@ void PrintSecondLook(std::FILE* people, const SecondLook& look) {
         "use a longer settle_s\n",
         100 * look.held_torque_excess);
   }
-  if (look.torque_excess > 0) {
-    fmt::print(stderr,
-               "warning: with a step of {:.3g} ms a torque is {:.1f} % above its limit; the solver "
-               "does not see it with its own step: use a smaller solver.step_s or a larger "
-               "solver.torque_margin\n",
-               1e3 * look.step_s, 100 * look.torque_excess);
-  }
 }
 
 }  // namespace

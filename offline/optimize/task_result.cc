@@ -91,7 +91,7 @@ void MakeFile(TaskResult& result, Looks& looks) {
         1e3 * result.look.step_s, result.look.Objections());
     return;
   }
-  PrimitiveFile file = MakePrimitiveFile(result.task, result.outcome, best);
+  PrimitiveFile file = MakePrimitiveFile(result.task, result.outcome, best, result.summary);
   file.purpose = result.look.purpose;
   // The certificate computes independently of the solver, and decides.
   if (file.certificate.constraint_violation <= kNoViolation) {

@@ -71,8 +71,12 @@ struct SolverSettings {
     kForward,
   };
   Gradient gradient = Gradient::kAdjoint;
-  /// Integration step of cost and gradient.
+  /// Equal integration step of what is simulated beside the solver, and of the solver itself with a
+  /// contact model of its caller's. Certificate and second look divide it by 16.
   double step_s = 1e-3;
+  /// Largest error in a step of the adaptive steps with which finalists are solved, of each state
+  /// and each of its derivatives z, divided by 1 + |z|.
+  double tolerance = 1e-6;
   /// Integration step while starts are screened.
   double screen_step_s = 2e-3;
   /// Evaluations of cost and gradient with which each start is screened.
@@ -91,7 +95,7 @@ struct SolverSettings {
   double core_margin = 0.1;
   /// Sharpness of the smooth maxima (Kreisselmeier-Steinhauser) that stand for the limits of
   /// torque, penetration and clearance.
-  double sharpness = 60;
+  double sharpness = 200;
 };
 
 /// An optimal control problem of [AB04, Eqs. 1-6] in numbers.

@@ -121,10 +121,16 @@ inline constexpr std::array kSearchKeys = {
 inline constexpr std::array<std::string_view, 2> kGradients = {"adjoint", "forward"};
 inline constexpr std::array kSolverKeys = {
     KeyOf<&SolverSettings::step_s>("step_s", kTaskStep_s,
-                                   "integration step; a warning says when it is longer than "
+                                   "equal integration step, of which certificate and second look "
+                                   "take a sixteenth; a warning says when it is longer than "
                                    "contact [allows](method.md#contact-by-intent)")
         .Default("{}, at most the advisable one"),
-    KeyOf<&SolverSettings::screen_step_s>("screen_step_s", kTaskStep_s, "the same for screening")
+    KeyOf<&SolverSettings::tolerance>("tolerance", {1e-12, 1e-2},
+                                      "of the error of a state or its derivative z in one of the "
+                                      "solver's [adaptive steps](method.md#steps), divided by 1 + "
+                                      "\\|z\\|"),
+    KeyOf<&SolverSettings::screen_step_s>("screen_step_s", kTaskStep_s,
+                                          "equal step with which starts are screened")
         .Default("the larger of {} (at most twice the advisable one) and `step_s`",
                  [](SolverSettings& solver) {
                    solver.screen_step_s = std::max(solver.step_s, solver.screen_step_s);

@@ -29,7 +29,8 @@ struct SmoothMaximum {
     sum = 0;
     std::fill(slope.begin(), slope.end(), 0.0);
   }
-  void Add(double torque, double limit, double rho, const double* torque_slope) {
+  /// @param share  weight of the value in the sum.
+  void Add(double torque, double limit, double rho, double share, const double* torque_slope) {
     const double value = std::abs(torque) / limit;
     Row total(slope.data(), static_cast<Eigen::Index>(slope.size()));
     if (value > largest) {
@@ -38,7 +39,7 @@ struct SmoothMaximum {
       total *= shrink;
       largest = value;
     }
-    const double weight = std::exp(rho * (value - largest));
+    const double weight = share * std::exp(rho * (value - largest));
     sum += weight;
     total += std::copysign(weight / limit, torque) * ConstRow(torque_slope, total.size());
   }
@@ -55,7 +56,9 @@ struct ForwardSensitivity::Implementation {
         parameters(p.parameter_count()),
         rows(2 * nf + 1),
         splines(Index(na)),
-        clearance(p, settings.step_s),
+        clearance(p, settings.scheme == StepSettings::Scheme::kAdaptive ? p.solver.step_s
+                                                                        : settings.step_s),
+        adaptive(settings.scheme == StepSettings::Scheme::kAdaptive),
         integrator(settings, Index(rows) * Index(1 + parameters)),
         smooth(Index(na + 1)) {
     for (int j = 0; j < na; ++j) first_parameter.push_back(p.first_parameter(Index(j)));
@@ -63,6 +66,9 @@ struct ForwardSensitivity::Implementation {
     depth_slope.resize(Index(parameters));
     outputs.resize(Index((3 + na) * parameters));
     for (SmoothMaximum& maximum : smooth) maximum.slope.resize(Index(parameters));
+    // So many steps need no heap.
+    constexpr std::size_t kUsualSteps = 1U << 15U;
+    if (adaptive) grid.motion.reserve(kUsualSteps), grid.settling.reserve(kUsualSteps);
   }
 
   /// A row of S in a state z. The state holds y, then the rows of S, one after the other.
@@ -199,13 +205,14 @@ struct ForwardSensitivity::Implementation {
 
   /// Takes the start of a step, just evaluated, into the peaks and smooth maxima.
   void Observe(bool moving, RolloutResult& result) {
+    const double share = integrator.last_step_s() / kPeakDuration_s;
     for (int j = 0; j < na; ++j) {
       const double torque = robot.tau[Index(problem.joints[Index(j)].dof)];
       double& peak = result.peak_torque_nm[Index(j)];
       peak = std::max(peak, std::abs(torque));
       const double limit = problem.joints[Index(j)].limits.torque_max_nm;
       if (!std::isfinite(limit)) continue;
-      smooth[Index(j)].Add(torque, limit, problem.solver.sharpness,
+      smooth[Index(j)].Add(torque, limit, problem.solver.sharpness, share,
                            torque_slope.data() + Index(j * parameters));
     }
     for (const ActiveContact<Plane>& active : robot.contact->active()) {
@@ -217,7 +224,8 @@ struct ForwardSensitivity::Implementation {
       robot.contact->AddDepthSlopes(robot.dynamics, active, 1, by_q);
       std::fill(depth_slope.begin(), depth_slope.end(), 0.0);
       AddByState(by_q, 0, moving, integrator.state(), depth_slope.data());
-      smooth.back().Add(active.depth_m, usable, problem.solver.sharpness, depth_slope.data());
+      smooth.back().Add(active.depth_m, usable, problem.solver.sharpness, share,
+                        depth_slope.data());
     }
   }
 
@@ -234,7 +242,11 @@ struct ForwardSensitivity::Implementation {
         [&](double t, const std::vector<double>& z, std::vector<double>& slope) {
           Evaluate(t, moving, z, slope);
         },
-        [&] { Observe(moving, result); }, [&](const auto& z) { return Plausible(z); });
+        [&] { Observe(moving, result); },
+        [&](const auto& z) {
+          if (adaptive) (moving ? grid.motion : grid.settling).push_back(integrator.last_step_s());
+          return Plausible(z);
+        });
   }
 
   void AddInstant(CostTerm::When when, RolloutResult& result) {
@@ -256,6 +268,8 @@ struct ForwardSensitivity::Implementation {
   RolloutResult Run(std::span<const double> x) {
     std::fill(outputs.begin(), outputs.end(), 0.0);
     integrator.ResetStatistics();
+    grid.motion.clear();
+    grid.settling.clear();
     RolloutResult result;
     result.peak_torque_nm.assign(Index(na), 0);
     result.torque_excess.assign(Index(na), -1);
@@ -306,7 +320,9 @@ struct ForwardSensitivity::Implementation {
   ClearanceConstraint clearance;
   std::array<Spline::Weights, kMaxJoints> weights;  // at paths_time
   double paths_time = 0;                            // -1: after the motion
+  bool adaptive;
   Integrator integrator;
+  StepGrid grid;                     // of the last run, if adaptive
   std::vector<double> torque_slope;  // by joint, then parameter
   std::vector<double> depth_slope;   // by parameter
   std::vector<SmoothMaximum> smooth;
@@ -325,8 +341,18 @@ int ForwardSensitivity::state_equations() const { return implementation_->rows; 
 int ForwardSensitivity::gradient_equations() const {
   return static_cast<int>(implementation_->integrator.state().size()) - implementation_->rows;
 }
+const StepGrid& ForwardSensitivity::grid() const { return implementation_->grid; }
 const IntegrationStatistics& ForwardSensitivity::statistics() const {
   return implementation_->integrator.statistics();
+}
+
+StepGrid StepsFor(const Problem& problem, std::span<const double> x) {
+  ForwardSensitivity forward(
+      problem, {StepSettings::Scheme::kAdaptive, kLongestAdaptiveStep_s, problem.solver.tolerance});
+  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> gradient(
+      forward.output_count(), forward.parameter_count());
+  if (forward.Run(x, gradient).finite) return forward.grid();
+  return EvenGrid(problem.duration_s, problem.settle_s, problem.solver.step_s);
 }
 
 RolloutResult ForwardSensitivity::Run(

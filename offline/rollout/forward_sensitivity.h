@@ -7,6 +7,7 @@
 #include "offline/problem/problem.h"
 #include "offline/rollout/rollout.h"
 #include "offline/stepper/integrator.h"
+#include "offline/stepper/step_grid.h"
 
 namespace tumbler {
 
@@ -47,10 +48,21 @@ class ForwardSensitivity {
       Eigen::Ref<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> gradient);
 
   [[nodiscard]] const IntegrationStatistics& statistics() const;
+  /// The steps of the last run, if they are adaptive.
+  [[nodiscard]] const StepGrid& grid() const;
 
  private:
   struct Implementation;
   std::unique_ptr<Implementation> implementation_;
 };
+
+/// The longest step of StepsFor. The tolerance shortens it where a foot comes near the ground.
+inline constexpr double kLongestAdaptiveStep_s = 1e-2;
+
+/// The steps for a Rollout of motions near x: those that bound the error of states and
+/// sensitivities at x by `solver.tolerance`. A Rollout that uses them repeats the computation of
+/// ForwardSensitivity, and its gradient agrees with that one's to rounding. Equal steps of
+/// `solver.step_s` when x leaves every plausible range.
+StepGrid StepsFor(const Problem& problem, std::span<const double> x);
 
 }  // namespace tumbler

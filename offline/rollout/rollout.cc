@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <stdexcept>
 
 #include "common/index.h"
@@ -11,6 +12,7 @@
 #include "offline/rollout/forward_sensitivity.h"
 #include "offline/scene/scene_dynamics.h"
 #include "offline/stepper/even_steps.h"
+#include "offline/stepper/step_grid.h"
 #include "offline/stepper/stepper.h"
 
 namespace tumbler {
@@ -20,16 +22,51 @@ using Spline = JointMotion<double>::Spline;
 using Derivatives = HybridDynamics<Plane>::Derivatives;
 constexpr int kMaxDofs = SceneDynamics::kMaxDofs;
 
-constexpr const Tableau& kScheme = kClassical;
-constexpr int kStages = static_cast<int>(kScheme.stages);
+/// The steps of a scheme through motion and settle phase, and the *points* in time of their stages,
+/// for which the paths of the joints are computed beforehand. Stages at the same time share a
+/// point, also the last stage of a step and the first of the next one.
+struct Timetable {
+  bool classical = true;  // or Dormand and Prince's
+  int stages = 0;         // of a step
+  int points_per_step = 0;
+  std::array<int, Tableau::kMaxStages> point_of_stage{};  // from the first one of the step
+  std::vector<double> length;                             // of the steps [s]
+  std::vector<double> time;                               // of the motion's points [s]
+  int motion_steps = 0;
 
-/// c_s of the scheme in halves of a step. There are controls for these times.
-constexpr std::array<int, kStages> kHalfSteps = [] {
-  std::array<int, kStages> half_steps{};
-  for (std::size_t s = 0; s < kScheme.stages; ++s)
-    half_steps[s] = static_cast<int>(2 * kScheme.c[s]);
-  return half_steps;
-}();
+  Timetable(const Tableau& scheme, const StepGrid& grid, double duration_s)
+      : classical(&scheme == &kClassical),
+        stages(static_cast<int>(scheme.own_stages())),
+        length(grid.motion),
+        motion_steps(static_cast<int>(grid.motion.size())) {
+    length.insert(length.end(), grid.settling.begin(), grid.settling.end());
+    std::array<double, Tableau::kMaxStages> fraction{};  // of the step, for each of its points
+    for (std::size_t s = 1; s < scheme.own_stages(); ++s) {
+      if (scheme.c[s] != scheme.c[s - 1]) fraction[Index(++points_per_step)] = scheme.c[s];
+      point_of_stage[s] = points_per_step;
+    }
+    double begin = 0;
+    for (const double h : grid.motion) {
+      for (int k = 0; k < points_per_step; ++k) time.push_back(begin + fraction[Index(k)] * h);
+      begin += h;
+    }
+    // The sum of the steps may be beyond the spline's end by rounding.
+    for (double& t : time) t = std::min(t, duration_s);
+    time.push_back(duration_s);
+  }
+  [[nodiscard]] int steps() const { return static_cast<int>(length.size()); }
+  [[nodiscard]] bool settles() const { return steps() > motion_steps; }
+  /// The point of all stages after the motion, in which the joints are held.
+  [[nodiscard]] int held() const { return static_cast<int>(time.size()); }
+  /// The last stage of the motion's last step still belongs to the motion.
+  [[nodiscard]] int PointOf(int step, int s) const {
+    return step < motion_steps ? points_per_step * step + point_of_stage[Index(s)] : held();
+  }
+};
+
+/// Exponents of the smooth maximum of penetration are taken less this, so that a contact several
+/// layers deep does not overflow it yet, and one above kNegligibleExponent does not vanish.
+constexpr double kCoreShift = 300;
 
 using State = SceneDynamics::State;
 constexpr std::size_t kStates = std::tuple_size_v<State>;
@@ -90,33 +127,43 @@ struct Rollout::Implementation {
         na(static_cast<int>(p.joints.size())),
         nd(nf + na),
         parameters(p.parameter_count()),
-        motion(p.duration_s, step_s, 1),
-        settling(p.settle_s, step_s),
         clearance(p, step_s),
         clearance_gradient(Index(parameters)),
-        steps(motion.count + settling.count),
-        half_steps(Index(2 * motion.count + 1)) {
+        longest_step_s(step_s),
+        table(kClassical, EvenGrid(p.duration_s, p.settle_s, step_s), p.duration_s) {
     for (const ActuatedJoint& joint : p.joints) actuated.push_back(joint.dof);
-    for (int j = 0; j < na; ++j) {
-      const int size = p.joints[Index(j)].control_points;
-      first_parameter.push_back(p.first_parameter(Index(j)));
-      int same = 0;
-      while (p.joints[Index(same)].control_points != size) ++same;
-      weights_of.push_back(same == j ? weights.size() / half_steps : weights_of[Index(same)]);
-      if (same == j) AddWeights(size);
-    }
-    controls.resize(half_steps * Index(na));
+    for (int j = 0; j < na; ++j) first_parameter.push_back(p.first_parameter(Index(j)));
     order = robot.free;
     order.insert(order.end(), actuated.begin(), actuated.end());
     stage_size = 3 * nd * nd;
     lane_gradient.resize(Index(parameters));
-    stage_torque.resize(Index(steps * kStages * na));
     for (const CostTerm& term : p.cost) {
       if (term.when != CostTerm::When::kThroughout) continue;
       running.push_back({term});
       running_of_state = running_of_state || term.of_state();
     }
-    core_slope.resize(Index(steps * nd));
+    Prepare();
+  }
+
+  /// Makes everything that depends on the timetable.
+  void Prepare() {
+    weights.clear();
+    weights_of.clear();
+    for (int j = 0; j < na; ++j) {
+      const int size = problem.joints[Index(j)].control_points;
+      int same = 0;
+      while (problem.joints[Index(same)].control_points != size) ++same;
+      weights_of.push_back(same == j ? weights.size() / table.time.size()
+                                     : weights_of[Index(same)]);
+      if (same == j) AddWeights(size);
+    }
+    controls.resize(table.time.size() * Index(na));
+    stage_torque.resize(Index(table.steps() * table.stages * na));
+    core_slope.resize(Index(table.steps() * nd));
+    share.resize(Index(table.steps()));
+    for (int step = 0; step < table.steps(); ++step)
+      share[Index(step)] = table.length[Index(std::max(0, step - 1))] / kPeakDuration_s;
+    stages.clear();
   }
 
   static std::unique_ptr<ForwardSensitivity> MakeForward(const Problem& p, double step_s,
@@ -128,21 +175,21 @@ struct Rollout::Implementation {
                                                 StepSettings{StepSettings::Scheme::kFixed, step_s});
   }
 
-  /// Appends the weights of splines of one size at all half steps.
+  /// Appends the weights of splines of one size at all points.
   void AddWeights(int control_points) {
     Spline spline;
     if (spline.Assign(problem.degree, Knots(problem, control_points),
                       std::vector<double>(Index(control_points))) != Status::kOk) {
       throw std::invalid_argument("spline degree and size do not fit together");
     }
-    for (int k = 0; k <= 2 * motion.count; ++k) {
-      const Spline::Weights w = spline.EvaluateWeights(0.5 * k * motion.step_s);
+    for (const double t : table.time) {
+      const Spline::Weights w = spline.EvaluateWeights(t);
       weights.push_back({w.first, w.w});
     }
   }
 
-  [[nodiscard]] const ControlWeights& WeightsOf(int joint, std::size_t half_step) const {
-    return weights[weights_of[Index(joint)] * half_steps + half_step];
+  [[nodiscard]] const ControlWeights& WeightsOf(int joint, std::size_t point) const {
+    return weights[weights_of[Index(joint)] * table.time.size() + point];
   }
 
   void SetControls(std::span<const double> x) {
@@ -155,7 +202,7 @@ struct Rollout::Implementation {
                       : i < 3 + free_points ? x[Index(first_parameter[Index(j)] + i - 3)]
                                             : joint.end_rad;
       }
-      for (std::size_t k = 0; k < half_steps; ++k) {
+      for (std::size_t k = 0; k < table.time.size(); ++k) {
         const ControlWeights& w = WeightsOf(j, k);
         Control sum;
         for (int i = 0; i <= problem.degree; ++i) {
@@ -169,19 +216,10 @@ struct Rollout::Implementation {
     }
   }
 
-  [[nodiscard]] double LengthOf(int step) const {
-    return step < motion.count ? motion.step_s : settling.step_s;
-  }
-  /// The half step of a stage. The last stage of the motion's last step still belongs to the
-  /// motion. All stages after it share one more half step, in which the joints are held.
-  [[nodiscard]] int HalfStepOf(int step, int s) const {
-    return step < motion.count ? 2 * step + kHalfSteps[Index(s)] : 2 * motion.count + 1;
-  }
-
-  /// Puts the actuated joints where they are at a half step.
-  void SetJoints(int half_step) {
-    const bool moving = half_step <= 2 * motion.count;
-    const std::size_t k = moving ? Index(half_step) : half_steps - 1;
+  /// Puts the actuated joints where they are at a point.
+  void SetJoints(int point) {
+    const bool moving = point < table.held();
+    const std::size_t k = Index(moving ? point : point - 1);
     for (int j = 0; j < na; ++j) {
       const Control& c = controls[k * Index(na) + Index(j)];
       const std::size_t dof = Index(actuated[Index(j)]);
@@ -191,9 +229,9 @@ struct Rollout::Implementation {
     }
   }
 
-  void Evaluate(const State& y, int half_step) {
+  void Evaluate(const State& y, int point) {
     robot.SetFree(y);
-    SetJoints(half_step);
+    SetJoints(point);
     robot.TouchAndSolve();
   }
 
@@ -220,7 +258,7 @@ struct Rollout::Implementation {
   /// The state y with the joints at their ends. Terms at an instant are evaluated there.
   CostPoint InstantAt(const State& y) {
     robot.SetFree(y);
-    SetJoints(2 * motion.count + 1);
+    SetJoints(table.held());
     return {robot.q, robot.qd, {}};
   }
 
@@ -236,11 +274,17 @@ struct Rollout::Implementation {
   enum class Scheme { kRungeKutta, kRecordedRungeKutta, kSemiImplicitEuler };
 
   RolloutResult Forward(std::span<const double> x, Scheme scheme) {
+    return table.classical ? Forward<kClassical>(x, scheme) : Forward<kDormandPrince>(x, scheme);
+  }
+
+  template <const Tableau& kScheme>
+  RolloutResult Forward(std::span<const double> x, Scheme scheme) {
     SetControls(x);
     const bool record = scheme == Scheme::kRecordedRungeKutta;
+    const int steps = table.steps();
     if (record && stages.empty()) {
-      stages.resize(Index(steps) * kStages * Index(stage_size));
-      if (running_of_state) running_states.resize(Index(steps) * kStages * 2 * robot.n);
+      stages.resize(Index(steps * table.stages) * Index(stage_size));
+      if (running_of_state) running_states.resize(Index(steps * table.stages) * 2 * robot.n);
     }
     RolloutResult result;
     result.peak_torque_nm.assign(Index(na), 0);
@@ -251,11 +295,11 @@ struct Rollout::Implementation {
     for (RunningTerm& term : running) term.integral = 0;
     core_sum = 0;
     for (int step = 0; step < steps; ++step) {
-      if (step == motion.count) AddInstant(CostTerm::When::kEnd, y, result), end_state = y;
+      if (step == table.motion_steps) AddInstant(CostTerm::When::kEnd, y, result), end_state = y;
       if (scheme == Scheme::kSemiImplicitEuler) {
         StepEuler(step, y, result);
       } else {
-        StepRungeKutta(step, record, y, result);
+        StepRungeKutta<kScheme>(step, record, y, result);
       }
       if (!Plausible(y)) {
         result.finite = false;
@@ -263,7 +307,7 @@ struct Rollout::Implementation {
         return result;
       }
     }
-    if (settling.count == 0) AddInstant(CostTerm::When::kEnd, y, result), end_state = y;
+    if (!table.settles()) AddInstant(CostTerm::When::kEnd, y, result), end_state = y;
     AddInstant(CostTerm::When::kSettled, y, result);
     settled_state = y;
     for (const RunningTerm& term : running) result.cost += term.weight * term.integral;
@@ -278,12 +322,13 @@ struct Rollout::Implementation {
     return true;
   }
 
+  template <const Tableau& kScheme>
   void StepRungeKutta(int step, bool record, State& y, RolloutResult& result) {
-    const double h = LengthOf(step);
+    const double h = table.length[Index(step)];
     tumbler::StepRungeKutta<kScheme>(y, Index(2 * nf), h, [&](int s, const State& y_s, double* k) {
-      Evaluate(y_s, HalfStepOf(step, s));
+      Evaluate(y_s, table.PointOf(step, s));
       robot.TakeSlope(k);
-      const std::size_t stage = Index(step * kStages + s);
+      const std::size_t stage = StageOf(step, s);
       const CostPoint here = TakeTorques(stage);
       AddRunning(h * kScheme.b[Index(s)], here);
       if (s == 0) Inspect(step, record, result);
@@ -293,14 +338,18 @@ struct Rollout::Implementation {
   }
 
   void StepEuler(int step, State& y, RolloutResult& result) {
-    const double h = LengthOf(step);
+    const double h = table.length[Index(step)];
     StepSemiImplicitEuler(y, Index(nf), h, [&](int, const State& y_s, double* k) {
-      Evaluate(y_s, HalfStepOf(step, 0));
+      Evaluate(y_s, table.PointOf(step, 0));
       robot.TakeSlope(k);
-      AddRunning(h, TakeTorques(Index(step * kStages)));
+      AddRunning(h, TakeTorques(StageOf(step, 0)));
       Inspect(step, false, result);
       return true;
     });
+  }
+
+  [[nodiscard]] std::size_t StageOf(int step, int s) const {
+    return Index(step * table.stages + s);
   }
 
   /// Stores the torques of the stage that was just evaluated.
@@ -342,12 +391,13 @@ struct Rollout::Implementation {
       result.any_contact = true;
       result.peak_penetration_m = std::max(result.peak_penetration_m, a.depth_m);
     }
-    AddCore(record ? &core_slope[Index(step * nd)] : nullptr);
+    AddCore(share[Index(step)], record ? &core_slope[Index(step * nd)] : nullptr);
   }
 
   /// Adds the active contacts to the sum of [KS79] for the penetration, and writes the derivatives
   /// of what it adds in the positions to `slopes`.
-  void AddCore(double* slopes) {
+  /// @param part  weight of the step in the sum.
+  void AddCore(double part, double* slopes) {
     if (slopes != nullptr) std::fill_n(slopes, nd, 0.0);
     const double layer = (1 - problem.solver.core_margin) * problem.scene.contact.d_on_m;
     const double rho = problem.solver.sharpness;
@@ -355,20 +405,22 @@ struct Rollout::Implementation {
       const double exponent = rho * (a.depth_m / layer - 1);
       if (exponent < kNegligibleExponent) continue;
       // exp overflows soon after 600, and a contact that deep outweighs all others anyway.
-      const double weight = std::exp(std::min(exponent, 600.0));
+      const double shifted = exponent - kCoreShift;
+      const double weight = part * std::exp(std::min(shifted, 600.0));
       core_sum += weight;
-      if (slopes == nullptr || exponent > 600) continue;
+      if (slopes == nullptr || shifted > 600) continue;
       std::array<double, kMaxDofs> J{};
       robot.contact->AddDepthSlopes(robot.dynamics, a, weight / layer, J);
       for (int i = 0; i < nd; ++i) slopes[i] += J[Index(order[Index(i)])];
     }
   }
 
-  /// Sets the smooth maxima over the starts of all steps [KS79]. They are never below the true
-  /// ones.
+  /// Sets the smooth maxima over the starts of all steps [KS79]: (1 / rho) ln of the integral of
+  /// exp(rho value) dt / kPeakDuration_s, which no step decides.
   void SetTorqueExcess(RolloutResult& result) {
     const double rho = problem.solver.sharpness;
-    result.core_excess = core_sum > 0 ? std::max(-1.0, std::log(core_sum) / rho) : -1;
+    result.core_excess =
+        core_sum > 0 ? std::max(-1.0, (std::log(core_sum) + kCoreShift) / rho) : -1;
     for (int j = 0; j < na; ++j) {
       const double limit = problem.joints[Index(j)].limits.torque_max_nm;
       if (!std::isfinite(limit)) {
@@ -377,9 +429,9 @@ struct Rollout::Implementation {
       }
       const double peak = result.peak_torque_nm[Index(j)] / limit;
       double sum = 0;
-      for (int step = 0; step < steps; ++step) {
-        const double t = std::abs(stage_torque[Index(step * kStages * na + j)]) / limit;
-        sum += std::exp(rho * (t - peak));
+      for (int step = 0; step < table.steps(); ++step) {
+        const double t = std::abs(stage_torque[StageOf(step, 0) * Index(na) + Index(j)]) / limit;
+        sum += share[Index(step)] * std::exp(rho * (t - peak));
       }
       result.torque_excess[Index(j)] = peak - 1 + std::log(sum) / rho;
     }
@@ -389,6 +441,12 @@ struct Rollout::Implementation {
   /// row 1 + j the torque excess of joint j, the next row the core excess, and the last row the
   /// clearance excess, whose gradient is known already.
   template <class Matrix>
+  void Backward(const RolloutResult& result, Matrix& gradient) {
+    if (table.classical) return Backward<kClassical>(result, gradient);
+    Backward<kDormandPrince>(result, gradient);
+  }
+
+  template <const Tableau& kScheme, class Matrix>
   void Backward(const RolloutResult& result, Matrix& gradient) {
     gradient.setZero();
     for (int k = 0; k < parameters; ++k) gradient(na + 2, k) = clearance_gradient[Index(k)];
@@ -402,12 +460,12 @@ struct Rollout::Implementation {
       }
       pullback.lanes[Index(lanes++)].output = output;
       if (lanes == kLanes) {
-        PullBack(gradient);
+        PullBack<kScheme>(gradient);
         pullback = {};
         lanes = 0;
       }
     }
-    if (lanes > 0) PullBack(gradient);
+    if (lanes > 0) PullBack<kScheme>(gradient);
   }
 
   /// The number of outputs that go back through the steps together, each in its own lane.
@@ -419,12 +477,14 @@ struct Rollout::Implementation {
   };
   struct Pullback {
     Pullback() {
-      for (auto* block : {&adjoint, &y_bar}) block->fill(Lanes::Zero());
+      adjoint.fill(Lanes::Zero());
+      for (auto& block : y_bar) block.fill(Lanes::Zero());
       for (auto& control : controls) control.fill(Lanes::Zero());
     }
     std::array<Lane, kLanes> lanes;
-    std::array<Lanes, kStates> adjoint, y_bar;
-    int half_step = 0;  // the one that `controls` belong to
+    std::array<Lanes, kStates> adjoint;
+    std::array<std::array<Lanes, kStates>, Tableau::kMaxStages> y_bar;  // by stage
+    int point = 0;                                                      // of `controls`
     std::array<std::array<Lanes, 3>, kMaxDofs> controls;
   };
 
@@ -438,20 +498,20 @@ struct Rollout::Implementation {
     return true;
   }
 
-  template <class Matrix>
+  template <const Tableau& kScheme, class Matrix>
   void PullBack(Matrix& gradient) {
     lane_gradient.assign(Index(parameters), Lanes::Zero());
     AddInstantSlopes(CostTerm::When::kSettled, settled_state);
-    if (settling.count == 0) AddInstantSlopes(CostTerm::When::kEnd, end_state);
+    if (!table.settles()) AddInstantSlopes(CostTerm::When::kEnd, end_state);
     std::array<Lanes, kStates> total;
-    for (int step = steps - 1; step >= 0; --step) {
+    for (int step = table.steps() - 1; step >= 0; --step) {
       std::copy_n(pullback.adjoint.begin(), 2 * nf, total.begin());
-      for (int s = kStages - 1; s >= 0; --s) {
-        PullBackStage(step, s);
-        for (int i = 0; i < 2 * nf; ++i) total[Index(i)] += pullback.y_bar[Index(i)];
+      for (int s = static_cast<int>(kScheme.own_stages()) - 1; s >= 0; --s) {
+        PullBackStage<kScheme>(step, s);
+        for (int i = 0; i < 2 * nf; ++i) total[Index(i)] += pullback.y_bar[Index(s)][Index(i)];
       }
       std::copy_n(total.begin(), 2 * nf, pullback.adjoint.begin());
-      if (step == motion.count) AddInstantSlopes(CostTerm::When::kEnd, end_state);
+      if (step == table.motion_steps) AddInstantSlopes(CostTerm::When::kEnd, end_state);
     }
     AddToParameters();
     for (int lane = 0; lane < kLanes; ++lane) {
@@ -480,17 +540,17 @@ struct Rollout::Implementation {
   }
 
   /// Adds the derivatives of the cost's weighted integrals in a recorded stage.
-  void AddRunningSlopes(int step, int s, const CostSlopes& slopes) const {
-    const CostPoint there = RecordedAt(Index(step * kStages + s));
-    for (const RunningTerm& term : running)
-      term.AddSlopes(term.weight * LengthOf(step) * kScheme.b[Index(s)], there, slopes);
+  /// @param dt  weight of the stage in the integrals.
+  void AddRunningSlopes(std::size_t stage, double dt, const CostSlopes& slopes) const {
+    const CostPoint there = RecordedAt(stage);
+    for (const RunningTerm& term : running) term.AddSlopes(term.weight * dt, there, slopes);
   }
 
   /// The derivatives of the outputs in the torque of joint j at a stage.
   /// @param of_cost  the derivative of the cost.
   Lanes TorqueSlopes(int step, int s, int j, double of_cost) const {
     Lanes slopes = Lanes::Zero();
-    const std::size_t stage = Index(step * kStages + s);
+    const std::size_t stage = StageOf(step, s);
     const double torque = stage_torque[stage * Index(na) + Index(j)];
     for (int i = 0; i < kLanes; ++i) {
       const Lane& lane = pullback.lanes[Index(i)];
@@ -498,6 +558,7 @@ struct Rollout::Implementation {
         slopes[i] = of_cost;
       } else if (lane.output == 1 + j && s == 0) {
         const double weight =
+            share[Index(step)] *
             std::exp(problem.solver.sharpness * (std::abs(torque) / lane.limit - lane.peak));
         slopes[i] = std::copysign(weight / (lane.sum * lane.limit), torque);
       }
@@ -506,16 +567,22 @@ struct Rollout::Implementation {
   }
 
   /// Computes y_bar of a stage from the adjoint of its step and y_bar of the stage after it.
+  template <const Tableau& kScheme>
   void PullBackStage(int step, int s) {
-    const double h = LengthOf(step);
-    // k_bar = h b_s lambda + h a_{s+1,s} y_bar_{s+1}
+    constexpr int kStages = static_cast<int>(kScheme.own_stages());
+    const double h = table.length[Index(step)];
+    // k_bar = h b_s lambda + h sum_r a_rs y_bar_r
     std::array<Lanes, kStates> k_bar;
     const double b = h * kScheme.b[Index(s)];
-    const double a = s + 1 < kStages ? h * kScheme.a[Index(s + 1)][Index(s)] : 0;
-    for (int i = 0; i < 2 * nf; ++i)
-      k_bar[Index(i)] = b * pullback.adjoint[Index(i)] + a * pullback.y_bar[Index(i)];
+    for (int i = 0; i < 2 * nf; ++i) k_bar[Index(i)] = b * pullback.adjoint[Index(i)];
+    const int last = kScheme.chained() ? std::min(s + 2, kStages) : kStages;
+    for (int r = s + 1; r < last; ++r) {
+      const double a = h * kScheme.a[Index(r)][Index(s)];
+      for (int i = 0; i < 2 * nf; ++i) k_bar[Index(i)] += a * pullback.y_bar[Index(r)][Index(i)];
+    }
+    std::array<Lanes, kStates>& y_bar = pullback.y_bar[Index(s)];
     // The record of the stage is a matrix with rows of nd numbers (StoreStage).
-    const std::size_t stage = Index(step * kStages + s);
+    const std::size_t stage = StageOf(step, s);
     const double* record = &stages[stage * Index(stage_size)];
     const auto row_times = [&](int row, const std::array<Lanes, kMaxDofs>& v) {
       const double* entry = record + Index(row * nd);
@@ -530,13 +597,13 @@ struct Rollout::Implementation {
     SceneDynamics::Numbers by_q, by_qd;
     const bool by_state = running_of_state && has_cost();
     if (by_state) by_q.fill(0), by_qd.fill(0);
-    if (has_cost()) AddRunningSlopes(step, s, {by_q, by_qd, by_torque});
+    if (has_cost()) AddRunningSlopes(stage, b, {by_q, by_qd, by_torque});
     for (int j = 0; j < na; ++j) r[Index(nf + j)] = TorqueSlopes(step, s, j, by_torque[Index(j)]);
     for (int i = 0; i < nf; ++i) w[Index(i)] = row_times(i, r);
     for (int j = 0; j < na; ++j) w[Index(nf + j)] = r[Index(nf + j)];
     for (int i = 0; i < nf; ++i) {
-      pullback.y_bar[Index(i)] = row_times(nd + i, w);
-      pullback.y_bar[Index(nf + i)] = k_bar[Index(i)] + row_times(2 * nd + i, w);
+      y_bar[Index(i)] = row_times(nd + i, w);
+      y_bar[Index(nf + i)] = k_bar[Index(i)] + row_times(2 * nd + i, w);
     }
     const double* core = nullptr;
     int core_lane = 0;
@@ -546,12 +613,12 @@ struct Rollout::Implementation {
     }
     const double core_scale = core != nullptr ? 1 / core_sum : 0;
     for (int i = 0; core != nullptr && i < nf; ++i)
-      pullback.y_bar[Index(i)][core_lane] += core_scale * core[i];
-    const bool moving = step < motion.count;
+      y_bar[Index(i)][core_lane] += core_scale * core[i];
+    const bool moving = step < table.motion_steps;
     // Stages at the same time have the same weights, so their controls are summed first.
-    if (const int half_step = HalfStepOf(step, s); moving && half_step != pullback.half_step) {
+    if (const int point = table.PointOf(step, s); moving && point != pullback.point) {
       AddToParameters();
-      pullback.half_step = half_step;
+      pullback.point = point;
     }
     for (int j = 0; moving && j < na; ++j) {
       auto& control = pullback.controls[Index(j)];
@@ -560,16 +627,16 @@ struct Rollout::Implementation {
       control[2] += row_times(nf + j, r);
       if (core != nullptr) control[0][core_lane] += core_scale * core[nf + j];
     }
-    if (by_state) AddStateSlopes(by_q, by_qd, moving);
+    if (by_state) AddStateSlopes(by_q, by_qd, moving, y_bar);
   }
 
   /// Adds the derivatives of the cost's integrals in positions and velocities of a stage.
   void AddStateSlopes(const SceneDynamics::Numbers& by_q, const SceneDynamics::Numbers& by_qd,
-                      bool moving) {
+                      bool moving, std::array<Lanes, kStates>& y_bar) {
     for (int i = 0; i < nf; ++i) {
       const std::size_t dof = Index(robot.free[Index(i)]);
-      pullback.y_bar[Index(i)][0] += by_q[dof];
-      pullback.y_bar[Index(nf + i)][0] += by_qd[dof];
+      y_bar[Index(i)][0] += by_q[dof];
+      y_bar[Index(nf + i)][0] += by_qd[dof];
     }
     for (int j = 0; moving && j < na; ++j) {
       const std::size_t dof = Index(actuated[Index(j)]);
@@ -581,7 +648,7 @@ struct Rollout::Implementation {
   /// Adds the cotangents of the controls to those of the parameters, and clears them.
   void AddToParameters() {
     for (int j = 0; j < na; ++j) {
-      const ControlWeights& w = WeightsOf(j, Index(pullback.half_step));
+      const ControlWeights& w = WeightsOf(j, Index(pullback.point));
       const int begin = std::max(0, 3 - w.first);
       const int end =
           std::min(problem.degree + 1, 3 + problem.joints[Index(j)].free_points() - w.first);
@@ -601,15 +668,15 @@ struct Rollout::Implementation {
   int parameters;
   std::vector<int> actuated;  // degree of freedom of each joint
   std::vector<int> order;     // the free ones, then `actuated`
-  EvenSteps motion, settling;
   ClearanceConstraint clearance;
   std::vector<double> clearance_gradient;
-  int steps;                            // of motion and settle phase
-  std::size_t half_steps;               // of the motion, both ends included
-  std::vector<ControlWeights> weights;  // by size of spline, then half step
+  double longest_step_s;  // as asked for
+  Timetable table;
+  std::vector<double> share;            // of a step in the smooth maxima
+  std::vector<ControlWeights> weights;  // by size of spline, then point
   std::vector<std::size_t> weights_of;  // for each joint, the index of its size in `weights`
   std::vector<int> first_parameter;     // of each joint
-  std::vector<Control> controls;        // by half step, then joint
+  std::vector<Control> controls;        // by point, then joint
   std::vector<double> stage_torque;     // by stage, then joint
   std::vector<double> core_slope;       // of AddCore: by step, then in `order`
   double core_sum = 0;
@@ -658,6 +725,19 @@ RolloutResult Rollout::Run(
   return result;
 }
 
+void Rollout::Use(const StepGrid& grid) {
+  Implementation& m = *implementation_;
+  const auto covers = [](const std::vector<double>& steps, double span_s) {
+    const double sum = std::accumulate(steps.begin(), steps.end(), 0.0);
+    return std::abs(sum - span_s) <= 1e-9 * (1 + span_s);
+  };
+  if (m.forward) throw std::invalid_argument("the paper's forward gradient takes equal steps");
+  if (!covers(grid.motion, m.problem.duration_s) || !covers(grid.settling, m.problem.settle_s))
+    throw std::invalid_argument("the steps do not add up to motion and settle phase");
+  m.table = Timetable(kDormandPrince, grid, m.problem.duration_s);
+  m.Prepare();
+}
+
 void Rollout::Visit(std::span<const double> x, double extra_s,
                     const std::function<void(const MotionSample&)>& visitor) {
   Implementation& m = *implementation_;
@@ -666,10 +746,7 @@ void Rollout::Visit(std::span<const double> x, double extra_s,
   State y = robot.AtRest(m.problem.start_q);
   MotionSample sample;
   sample.dynamics = &robot.dynamics;
-  const auto visit = [&](int step) {
-    sample.time_s = step < m.motion.count
-                        ? step * m.motion.step_s
-                        : m.problem.duration_s + (step - m.motion.count) * m.settling.step_s;
+  const auto visit = [&] {
     sample.q.assign(robot.q.begin(), robot.q.begin() + static_cast<std::ptrdiff_t>(robot.n));
     sample.qd.assign(robot.qd.begin(), robot.qd.begin() + static_cast<std::ptrdiff_t>(robot.n));
     sample.torque.clear();
@@ -677,15 +754,32 @@ void Rollout::Visit(std::span<const double> x, double extra_s,
     sample.contacts = robot.contact->active();
     visitor(sample);
   };
-  const int steps = m.steps + EvenSteps(extra_s, m.settling.step_s).count;
+  const Timetable& table = m.table;
+  const double settle_step_s = table.settles() ? table.length.back() : m.longest_step_s;
+  const EvenSteps extra(extra_s, settle_step_s);
+  const int steps = table.steps() + extra.count;
+  const auto step_on = [&]<const Tableau & kScheme>(int step, double h) {
+    StepRungeKutta<kScheme>(y, Index(2 * m.nf), h, [&](int s, const State& y_s, double* k) {
+      m.Evaluate(y_s, table.PointOf(step, s));
+      if (s == 0) visit();
+      robot.TakeSlope(k);
+      return true;
+    });
+  };
+  double held_s = 0;  // since the end of the motion
   for (int step = 0; step <= steps; ++step) {
-    StepRungeKutta<kScheme>(y, Index(2 * m.nf), m.LengthOf(step),
-                            [&](int s, const State& y_s, double* k) {
-                              m.Evaluate(y_s, m.HalfStepOf(step, s));
-                              if (s == 0) visit(step);
-                              robot.TakeSlope(k);
-                              return true;
-                            });
+    const double h = step < table.steps() ? table.length[Index(step)] : settle_step_s;
+    sample.time_s = m.problem.duration_s + held_s;
+    if (step < table.motion_steps) {
+      sample.time_s = table.time[Index(table.PointOf(step, 0))];
+    } else {
+      held_s += h;
+    }
+    if (table.classical) {
+      step_on.template operator()<kClassical>(step, h);
+    } else {
+      step_on.template operator()<kDormandPrince>(step, h);
+    }
   }
 }
 

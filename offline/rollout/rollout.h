@@ -9,6 +9,7 @@
 #include "offline/contact/contact_forces.h"
 #include "offline/problem/problem.h"
 #include "offline/scene/motion_sample.h"
+#include "offline/stepper/step_grid.h"
 
 namespace tumbler {
 
@@ -18,6 +19,10 @@ inline constexpr double kImplausibleState = 1e4;
 /// The smooth maximum of penetration leaves out contacts whose share in it would be e to the power
 /// of less than this.
 inline constexpr double kNegligibleExponent = -40;
+
+/// In the smooth maxima of torque and penetration, a peak counts as much as it is high when it
+/// lasts as long as this, and more when it is longer. A landing lasts a few milliseconds.
+inline constexpr double kPeakDuration_s = 1e-4;
 
 /// The result of a rollout with one choice of parameters.
 struct RolloutResult {
@@ -30,10 +35,10 @@ struct RolloutResult {
   /// Largest distance of the pitch from the target of a cost term in the pitch's square. 0 when
   /// there is no such term.
   double target_error_rad = 0;
-  /// For each joint, the smooth maximum of |tau| / limit, less 1. An upper bound of the true one.
+  /// For each joint, the smooth maximum of |tau| / limit, less 1. An upper bound of the true one,
+  /// unless its peak is shorter than kPeakDuration_s.
   std::vector<double> torque_excess;
-  /// The smooth maximum of penetration over the usable part of the layer, less 1. An upper bound of
-  /// the true one.
+  /// The smooth maximum of penetration over the usable part of the layer, less 1, likewise.
   double core_excess = -1;
   /// The same of the clearance between the robot's own shapes, see ClearanceConstraint.
   double clearance_excess = -1;
@@ -43,11 +48,11 @@ struct RolloutResult {
 
 /// Integrates [AB04, Eq. 8] by single shooting and differentiates the result exactly.
 ///
-/// The scheme is the classical Runge-Kutta method of order 4 with a fixed step, and the gradient is
-/// the derivative of that very computation, by the discrete adjoint: the price of a gradient hardly
+/// The scheme is the classical Runge-Kutta method of order 4 with equal steps, until `Use` gives it
+/// other steps, which are those of Dormand and Prince's method of order 5. The gradient is the
+/// derivative of that very computation, by the discrete adjoint: the price of a gradient hardly
 /// depends on the number of parameters, and it agrees with differences of the cost to rounding.
-/// Motion and settle phase are each divided into equal steps no longer than the one asked for. A
-/// task may ask for the paper's forward gradient instead (ForwardSensitivity, with the same steps).
+/// A task may ask for the paper's forward gradient instead (ForwardSensitivity, with equal steps).
 ///
 /// Not thread-safe: one object per thread. After the first gradient, only the returned vectors
 /// allocate.
@@ -75,6 +80,11 @@ class Rollout {
   RolloutResult Run(
       std::span<const double> x,
       Eigen::Ref<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> gradient);
+
+  /// Takes these steps from now on, by the method of Dormand and Prince, for Run.
+  /// @throws std::invalid_argument when they do not add up to the problem's times, or the problem
+  /// asks for the paper's forward gradient.
+  void Use(const StepGrid& grid);
 
   /// Cost, torques and penetration by the semi-implicit Euler method with the same step: a quarter
   /// of the price, and good enough to tell promising motions from others.

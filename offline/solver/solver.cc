@@ -8,9 +8,11 @@
 #include <nlopt.hpp>
 #include <numeric>
 #include <thread>
+#include <type_traits>
 
 #include "common/index.h"
 #include "offline/linear/least_squares.h"
+#include "offline/rollout/adaptive_rollout.h"
 #include "offline/solver/random_starts.h"
 
 namespace tumbler {
@@ -24,6 +26,17 @@ constexpr double kActive = 1e-5;
 /// The solver is given limits that are tighter by a millionth, so that its result keeps the true
 /// ones despite rounding.
 constexpr double kInside = 1 - 1e-6;
+
+/// A local solve has converged when what is left of the Kuhn-Tucker condition is below this part of
+/// the cost's gradient, at its start or its end. Otherwise it only stopped making progress.
+constexpr double kStationary = 1e-3;
+
+/// Violations below this do not compete with the cost.
+constexpr double kLeastViolation = 1e-7;
+
+/// The solver aims at the whole margins of torque and penetration. A motion that keeps this part of
+/// them keeps its limits: where steps are chosen anew, sampled peaks move by a few thousandths.
+constexpr double kKeptMargin = 0.5;
 
 /// Runs work(index, thread) for indices 0 ... count - 1 on several threads; each index exactly
 /// once.
@@ -118,10 +131,12 @@ WorstConstraint FindWorst(const Problem& problem, const std::vector<LinearRow>& 
              [&] { return row.name; });
   }
   for (std::size_t j = 0; j < result.torque_excess.size(); ++j) {
-    consider(result.torque_excess[j] + problem.solver.torque_margin,
+    consider(result.torque_excess[j] + kKeptMargin * problem.solver.torque_margin,
              [&] { return "torque of " + joint_name(j); });
   }
-  consider(result.core_excess, [] { return std::string("penetration"); });
+  const double core_margin = problem.solver.core_margin;
+  consider(result.core_excess - (1 - kKeptMargin) * core_margin / (1 - core_margin),
+           [] { return std::string("penetration"); });
   consider(result.clearance_excess, [] { return std::string("clearance of own shapes"); });
   for (std::size_t j = 0, i = 0; j < problem.joints.size(); ++j) {
     const JointLimits<double>& limits = problem.joints[j].limits;
@@ -158,9 +173,11 @@ double ProjectedGradient(const Eigen::VectorXd& g, std::vector<Eigen::VectorXd> 
 }
 
 /// One SLSQP run, with NLopt's callbacks. Cost and constraints share one rollout for each point.
+/// @tparam Motions  Rollout or AdaptiveRollout.
+template <class Motions>
 class LocalSolve {
  public:
-  LocalSolve(const Problem& problem, int max_evaluations, Rollout& rollout,
+  LocalSolve(const Problem& problem, int max_evaluations, Motions& rollout,
              const SolveOptions& options, std::vector<Evaluation>* history)
       : problem_(problem),
         max_evaluations_(max_evaluations),
@@ -183,22 +200,25 @@ class LocalSolve {
     }
     // |g| of order one half: a first step of SLSQP, which takes the Hessian for the identity, then
     // stays local.
-    scale_ = 0.5 / std::max(outputs_.row(0).lpNorm<Eigen::Infinity>(), 1e-3);
+    const double first_gradient = outputs_.row(0).lpNorm<Eigen::Infinity>();
+    scale_ = 0.5 / std::max(first_gradient, 1e-3);
     best_violation_ = std::numeric_limits<double>::infinity();
     Remember();
     SolveEnd end = SolveEnd::kFailed;
-    double before = std::numeric_limits<double>::infinity();
     // SLSQP 2.7.1 can stop early or far from feasible: it is started again from the best point,
-    // which also resets its Hessian, until that changes nothing.
+    // which also resets its Hessian, until that changes nothing. It starts with steps chosen there.
     while (evaluations_ < max_evaluations_) {
+      EvaluateAnew(best_x_);
+      best_cost_ = result_.cost;
+      best_violation_ = std::max(Violation(problem_, rows_, x_, result_), kLeastViolation);
+      const double before = best_cost_ * scale_ + best_violation_;
       end = RunOnce(best_x_, n);
       if (end == SolveEnd::kInterrupted || end == SolveEnd::kEvaluations) break;
       const double merit = best_cost_ * scale_ + best_violation_;
-      if (!(merit < before - 1e-4 * std::max(1.0, std::abs(before)))) break;
-      before = merit;
+      if (!(merit < before - 1e-3 * std::abs(before))) break;
     }
     best.x = best_x_;
-    Evaluate(best.x, true);
+    EvaluateAnew(best.x);
     best.rollout = result_;
     const WorstConstraint worst = FindWorst(problem_, rows_, best.x, result_);
     best.constraint_violation = worst.value;
@@ -206,9 +226,12 @@ class LocalSolve {
     best.core_reached = result_.peak_penetration_m >= problem_.scene.contact.d_on_m;
     if (end == SolveEnd::kConverged && best.constraint_violation > kNoViolation)
       end = SolveEnd::kInfeasible;
-    best.end = end;
     best.evaluations = evaluations_;
     best.projected_gradient = ProjectGradient(best.x);
+    const double gradient = std::max(first_gradient, outputs_.row(0).lpNorm<Eigen::Infinity>());
+    if (end == SolveEnd::kConverged && best.projected_gradient > kStationary * gradient)
+      end = SolveEnd::kStalled;
+    best.end = end;
     return best;
   }
 
@@ -225,11 +248,10 @@ class LocalSolve {
     opt.set_upper_bounds(upper);
     // NLopt refuses a start that is outside of its bounds by a rounding, which sums come to be.
     for (std::size_t i = 0; i < n; ++i) x[i] = std::clamp(x[i], lower[i], upper[i]);
-    opt.set_min_objective(&LocalSolve::Objective, this);
+    opt.set_min_objective(&Objective, this);
     const bool own = !problem_.scene.self_contact.pairs.empty();
     const std::size_t constraints = rows_.size() + problem_.joints.size() + (own ? 2 : 1);
-    opt.add_inequality_mconstraint(&LocalSolve::Constraints, this,
-                                   std::vector<double>(constraints, 1e-8));
+    opt.add_inequality_mconstraint(&Constraints, this, std::vector<double>(constraints, 1e-8));
     opt.set_ftol_rel(problem_.solver.relative_tolerance);
     opt.set_xtol_rel(1e-9);
     opt.set_maxeval(max_evaluations_ - evaluations_);
@@ -279,10 +301,21 @@ class LocalSolve {
     if (options_.interrupt != nullptr && *options_.interrupt && opt_ != nullptr) opt_->force_stop();
   }
 
+  /// The same, so that the result depends on x alone.
+  void EvaluateAnew(std::span<const double> x) {
+    if constexpr (std::is_same_v<Motions, AdaptiveRollout>) {
+      x_.assign(x.begin(), x.end());
+      result_ = rollout_.RunAnew(x_, outputs_);
+      has_gradient_ = true;
+    } else {
+      Evaluate(x, true);
+    }
+  }
+
   /// Keeps the best point seen: less violation first, and among feasible points the lower cost.
   void Remember() {
     if (!result_.finite) return;
-    const double violation = std::max(Violation(problem_, rows_, x_, result_), 1e-7);
+    const double violation = std::max(Violation(problem_, rows_, x_, result_), kLeastViolation);
     const bool better =
         violation < best_violation_ || (violation == best_violation_ && result_.cost < best_cost_);
     if (!better) return;
@@ -368,7 +401,7 @@ class LocalSolve {
 
   const Problem& problem_;
   int max_evaluations_;
-  Rollout& rollout_;
+  Motions& rollout_;
   const SolveOptions& options_;
   std::vector<Evaluation>* history_;
   std::vector<LinearRow> rows_;
@@ -393,7 +426,7 @@ const char* ToString(SolveEnd end) {
     case SolveEnd::kConverged:
       return "converged";
     case SolveEnd::kStalled:
-      return "stalled within rounding";
+      return "stopped making progress";
     case SolveEnd::kEvaluations:
       return "evaluation budget used up";
     case SolveEnd::kInfeasible:
@@ -455,7 +488,13 @@ std::vector<LinearRow> DerivativeLimitRows(const Problem& problem) {
 Solution SolveFrom(const Problem& problem, std::span<const double> start, int max_evaluations,
                    Rollout& rollout, const SolveOptions& options,
                    std::vector<Evaluation>* history) {
-  return LocalSolve(problem, max_evaluations, rollout, options, history).Run(start);
+  return LocalSolve<Rollout>(problem, max_evaluations, rollout, options, history).Run(start);
+}
+Solution SolveFrom(const Problem& problem, std::span<const double> start, int max_evaluations,
+                   AdaptiveRollout& rollout, const SolveOptions& options,
+                   std::vector<Evaluation>* history) {
+  return LocalSolve<AdaptiveRollout>(problem, max_evaluations, rollout, options, history)
+      .Run(start);
 }
 
 namespace {
@@ -561,7 +600,9 @@ class Campaign {
   /// Solves the best motions with the final step and the rest of their budget, until enough of them
   /// keep all limits and stand out.
   void Finish(Candidates candidates) {
-    std::vector<Rollout> rollouts = MakeRollouts(problem_.solver.step_s);
+    std::vector<AdaptiveRollout> rollouts;
+    for (int t = 0; t < std::max(1, options_.threads); ++t)
+      rollouts.emplace_back(problem_, options_.contact ? options_.contact() : nullptr);
     while (missing() > 0 && tries_left() > 0 && !interrupted()) {
       const double limit = PromisingRank(samples_);
       std::vector<Solution*> next;
@@ -634,7 +675,8 @@ class Campaign {
   }
 
   /// Continues the local solve from where the solution is.
-  void SolveOn(Solution& solution, int budget, Rollout& rollout) {
+  template <class Motions>
+  void SolveOn(Solution& solution, int budget, Motions& rollout) {
     const int start = solution.start;
     const int before = solution.evaluations;
     const double start_cost = solution.start_cost;

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "offline/problem/problem.h"
+#include "offline/rollout/adaptive_rollout.h"
 #include "offline/rollout/rollout.h"
 
 namespace tumbler {
@@ -24,8 +25,8 @@ struct Evaluation {
 
 /// Why a local solve ended.
 enum class SolveEnd {
-  kConverged,    ///< Cost and parameters stopped changing within their tolerance.
-  kStalled,      ///< No further progress is possible within rounding.
+  kConverged,    ///< The Kuhn-Tucker condition holds, to a thousandth of the cost's gradient.
+  kStalled,      ///< The cost stopped falling before that.
   kEvaluations,  ///< The evaluation budget is used up.
   kInfeasible,   ///< The linearised constraints contradict each other, or stay violated.
   kInterrupted,  ///< The caller asked to stop.
@@ -107,6 +108,10 @@ SolveOutcome Solve(const Problem& problem, const SolveOptions& options);
 /// @param history  gets the evaluations appended; may be null.
 Solution SolveFrom(const Problem& problem, std::span<const double> start, int max_evaluations,
                    Rollout& rollout, const SolveOptions& options, std::vector<Evaluation>* history);
+
+Solution SolveFrom(const Problem& problem, std::span<const double> start, int max_evaluations,
+                   AdaptiveRollout& rollout, const SolveOptions& options,
+                   std::vector<Evaluation>* history);
 
 /// A linear constraint a . x + b <= 0 on the parameters x [rad].
 struct LinearRow {

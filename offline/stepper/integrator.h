@@ -59,6 +59,8 @@ class Integrator {
   [[nodiscard]] const std::vector<double>& state() const { return state_; }
   [[nodiscard]] const IntegrationStatistics& statistics() const { return statistics_; }
   void ResetStatistics() { statistics_ = {}; }
+  /// Length of the last step that was accepted; of the first one tried, before that [s].
+  [[nodiscard]] double last_step_s() const { return last_step_s_; }
 
   /// Takes z from `begin` on through a span in which f is smooth. @returns false when the state
   /// was not plausible.
@@ -74,6 +76,7 @@ class Integrator {
   template <class Slope, class Look, class Plausible>
   bool IntegrateFixed(double begin, double span, Slope& slope, Look& look, Plausible& plausible) {
     const EvenSteps steps(span, settings_.step_s, 1);
+    last_step_s_ = steps.step_s;
     for (int step = 0; step < steps.count; ++step) {
       const double t = begin + step * steps.step_s;
       Evaluate(slope, t, state_, 0);
@@ -92,6 +95,7 @@ class Integrator {
     const double finish = begin + span;
     double t = begin;
     double h = std::min(settings_.step_s, span);
+    last_step_s_ = h;
     Evaluate(slope, t, state_, 0);
     while (t < finish) {
       look();
@@ -107,6 +111,7 @@ class Integrator {
         if (error <= 1 || shortest) {
           if (error > 1) ++statistics_.forced;
           t = t_end;
+          last_step_s_ = h;
           h = std::clamp(factor * h, settings_.shortest_step_s, settings_.step_s);
           break;
         }
@@ -149,6 +154,7 @@ class Integrator {
   std::vector<double> state_, stage_state_, next_;
   std::array<std::vector<double>, Tableau::kMaxStages> slopes_;
   IntegrationStatistics statistics_;
+  double last_step_s_ = 0;
 };
 
 }  // namespace tumbler

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 
@@ -18,13 +19,34 @@ namespace tumbler {
 template <std::size_t kCapacity>
 using MechanicalState = std::array<double, 2 * kCapacity>;
 
-/// One step of the first `size` numbers of y by an explicit Runge-Kutta scheme whose stages are
-/// chained. Stage s is at the time t + c_s h.
+/// One step of the first `size` numbers of y by an explicit Runge-Kutta scheme. Stage s is at the
+/// time t + c_s h. A last stage that only serves as the first of the next step is left out.
 /// @returns false, with y unchanged, when `slope` returns false.
 template <const Tableau& kScheme, std::size_t kCapacity, class Slope>
-inline bool StepRungeKutta(std::array<double, kCapacity>& y, std::size_t size, double h,
-                           Slope&& slope) {
-  static_assert(kScheme.chained());
+requires(!kScheme.chained()) inline bool StepRungeKutta(std::array<double, kCapacity>& y,
+                                                        std::size_t size, double h, Slope&& slope) {
+  std::array<double, kCapacity> later;
+  std::array<std::array<double, kCapacity>, Tableau::kMaxStages> k;
+  const auto combine = [&](const Tableau::Row& w, std::size_t count) {
+    for (std::size_t i = 0; i < size; ++i) {
+      double sum = 0;
+      for (std::size_t r = 0; r < count; ++r) sum += w[r] * k[r][i];
+      later[i] = y[i] + h * sum;
+    }
+  };
+  for (std::size_t s = 0; s < kScheme.own_stages(); ++s) {
+    if (s > 0) combine(kScheme.a[s], s);
+    if (!slope(static_cast<int>(s), s == 0 ? y : later, k[s].data())) return false;
+  }
+  combine(kScheme.b, kScheme.own_stages());
+  std::copy_n(later.begin(), size, y.begin());
+  return true;
+}
+
+/// The same by a scheme whose stages are chained, which needs to keep one slope only.
+template <const Tableau& kScheme, std::size_t kCapacity, class Slope>
+requires(kScheme.chained()) inline bool StepRungeKutta(std::array<double, kCapacity>& y,
+                                                       std::size_t size, double h, Slope&& slope) {
   std::array<double, kCapacity> later, k, sum;
   for (std::size_t i = 0; i < size; ++i) sum[i] = 0;
   for (std::size_t s = 0; s < kScheme.stages; ++s) {

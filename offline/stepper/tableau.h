@@ -23,6 +23,10 @@ struct Tableau {
   /// b less the weights of an embedded scheme of lower order. All 0: there is none.
   Row error;
 
+  /// Number of the stages that a step does not share with the next one.
+  [[nodiscard]] constexpr std::size_t own_stages() const {
+    return stages - (first_same_as_last ? 1 : 0);
+  }
   /// Whether each stage needs only the slope of the stage before it.
   [[nodiscard]] constexpr bool chained() const {
     for (std::size_t s = 0; s < stages; ++s) {

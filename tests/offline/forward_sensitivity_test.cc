@@ -6,6 +6,9 @@
 #include <array>
 #include <cmath>
 #include <filesystem>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "offline/linear/least_squares.h"
 #include "offline/problem/task_toml.h"
@@ -52,6 +55,52 @@ Outcome Adjoint(const Problem& problem, const std::vector<double>& x, double ste
 double RowError(const Outcome& a, const Outcome& b, Eigen::Index row) {
   return (a.gradient.row(row) - b.gradient.row(row)).cwiseAbs().maxCoeff() /
          b.gradient.row(row).cwiseAbs().maxCoeff();
+}
+
+TEST(StepsFor, ARolloutWithThemRepeatsTheForwardSensitivitiesToRounding) {
+  Problem problem = ElevenParameters();
+  for (const std::uint64_t seed : {1U, 2U, 3U}) {
+    const std::vector<double> x = RandomMotion(problem, seed);
+    const Outcome forward = Forward(
+        problem, x,
+        {StepSettings::Scheme::kAdaptive, kLongestAdaptiveStep_s, problem.solver.tolerance});
+    Rollout rollout(problem, problem.solver.step_s);
+    rollout.Use(StepsFor(problem, x));
+    Outcome adjoint{{}, Gradient(rollout.output_count(), rollout.parameter_count())};
+    adjoint.result = rollout.Run(x, adjoint.gradient);
+    EXPECT_NEAR(adjoint.result.cost, forward.result.cost, 1e-9 * std::abs(forward.result.cost));
+    EXPECT_LT(RowError(adjoint, forward, 0), 1e-7);
+    for (std::size_t j = 0; j < 2; ++j)
+      EXPECT_NEAR(adjoint.result.torque_excess[j], forward.result.torque_excess[j], 1e-3);
+  }
+}
+
+/// The parameters of a shipped primitive, and its problem.
+std::pair<Problem, std::vector<double>> Shipped(const std::string& name) {
+  const PrimitiveFile file = LoadPrimitive(testing::SourcePath("primitives/" + name + ".toml"));
+  std::vector<double> x;
+  for (const JointMotion<double>& joint : file.primitive.motions()) {
+    const auto points = joint.position.control_points(0);
+    x.insert(x.end(), points.begin() + 3, points.end() - 3);
+  }
+  return {TaskOf(file).problem, x};
+}
+
+TEST(StepsFor, GiveTheGradientOfTheDifferentialEquationsWhereLandingsMisleadAFixedStep) {
+  for (const char* const name : {"handstand", "downstand", "roll"}) {
+    auto [problem, x] = Shipped(name);
+    for (std::size_t i = 0; i < x.size(); ++i) x[i] += i % 2 == 0 ? 1e-3 : -1e-3;
+    const Outcome reference = Forward(problem, x, kAdaptive);
+    const Outcome chosen = Forward(
+        problem, x,
+        {StepSettings::Scheme::kAdaptive, kLongestAdaptiveStep_s, problem.solver.tolerance});
+    EXPECT_LT(RowError(chosen, reference, 0), 1e-3) << name;
+    const StepGrid grid = StepsFor(problem, x);
+    // The classical method evaluates four times a millisecond.
+    EXPECT_LT(6 * (grid.motion.size() + grid.settling.size()),
+              4 * (problem.duration_s + problem.settle_s) / problem.solver.step_s)
+        << name;
+  }
 }
 
 TEST(ForwardSensitivity, HasThePapersSevenStateAndSeventySevenGradientEquations) {

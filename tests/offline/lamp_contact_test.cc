@@ -129,8 +129,13 @@ SolveOutcome Hop(Problem problem, std::uint64_t seed, bool specific) {
   problem.solver.relative_tolerance = 1e-14;
   SolveOptions options;
   options.threads = 2;
-  if (specific)
-    options.contact = [&problem] { return std::make_unique<LampContact>(problem.scene.contact); };
+  // Both models are given, so that both solves take the same equal steps.
+  options.contact = [&problem, specific]() -> std::unique_ptr<ContactForces<Plane>> {
+    const Scene& scene = problem.scene;
+    if (specific) return std::make_unique<LampContact>(scene.contact);
+    return std::make_unique<ContactModel<Plane>>(scene.contact, scene.robot.shapes,
+                                                 scene.obstacles);
+  };
   return Solve(problem, options);
 }
 

@@ -66,18 +66,16 @@ TEST(OptimizeCli, WritesAPrimitiveAReportAndFiguresThatAgree) {
                                    "robots", "robots/tumbler.urdf", "tasks", "tasks/task.toml"}));
 }
 
-TEST(OptimizeCli, AGradientThatTheCostDoesNotFollowIsWarnedOfWithItsCause) {
-  // Friction with this little creep is too stiff for a step of 1 ms.
+TEST(OptimizeCli, AContactTooStiffForAFixedStepHasARightGradient) {
+  // Friction with this little creep is too stiff for a step of 1 ms. The solver's steps are
+  // shorter.
   const TaskFolder folder(Replaced(QuickTask(), "v_max_m_per_s = 0.05", "v_max_m_per_s = 1.0e-4"));
   Program program = Optimize(folder, {"--out", folder / "motion.toml"});
   ASSERT_EQ(program.Wait(), 0) << program.text();
-  EXPECT_THAT(program.text(), HasSubstr("warning: gradient and differences of the cost disagree"));
-  EXPECT_THAT(program.text(), HasSubstr("the step is too long for the contact"));
-  EXPECT_GT(LoadPrimitive(folder / "motion.toml").certificate.gradient_error, 1e-3);
-  const TaskFolder smooth(QuickTask());
-  Program quiet = Optimize(smooth, {});
-  ASSERT_EQ(quiet.Wait(), 0) << quiet.text();
-  EXPECT_THAT(quiet.text(), Not(HasSubstr("warning")));
+  EXPECT_THAT(program.text(), Not(HasSubstr("warning: gradient")));
+  const Certificate certificate = LoadPrimitive(folder / "motion.toml").certificate;
+  EXPECT_LT(certificate.gradient_error, 1e-3);
+  EXPECT_LT(certificate.gradient_step_halving_change, 0.01);
 }
 
 TEST(OptimizeCli, AMotionThatMissesWhatItsCostAsksForIsNotWritten) {

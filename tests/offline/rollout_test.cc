@@ -248,7 +248,7 @@ TEST(Rollout, TheSmoothTorqueMaximumIsNotBelowTheTrueOneAndCloseToIt) {
     for (std::size_t j = 0; j < 2; ++j) {
       const double excess = result.peak_torque_nm[j] / 8 - 1;
       EXPECT_GE(result.torque_excess[j], excess);
-      EXPECT_LE(result.torque_excess[j], excess + std::log(1400.0) / problem.solver.sharpness);
+      EXPECT_LE(result.torque_excess[j], excess + std::log(10 * 1400.0) / problem.solver.sharpness);
     }
   }
 }
@@ -262,8 +262,57 @@ TEST(Rollout, TheSmoothPenetrationMaximumIsNotBelowTheTrueOneAndCloseToIt) {
     const double excess = result.peak_penetration_m / (0.9 * problem.scene.contact.d_on_m) - 1;
     EXPECT_GT(excess, -1);
     EXPECT_GE(result.core_excess, excess);
-    EXPECT_LE(result.core_excess, excess + std::log(4 * 1400.0) / problem.solver.sharpness);
+    EXPECT_LE(result.core_excess, excess + std::log(4 * 10 * 1400.0) / problem.solver.sharpness);
   }
+}
+
+TEST(Rollout, TheStepHardlyMovesTheSmoothMaxima) {
+  const Problem problem = DroppedHandstand();
+  for (const std::uint64_t seed : {15U, 16U, 17U}) {
+    const std::vector<double> x = RandomMotion(problem, seed);
+    const RolloutResult a = Rollout(problem, 0.25e-3).Run(x), b = Rollout(problem, 0.125e-3).Run(x);
+    // A sum over steps without their length would move by ln 2 / sharpness.
+    const double by_count = std::log(2.0) / problem.solver.sharpness;
+    for (std::size_t j = 0; j < 2; ++j)
+      EXPECT_NEAR(a.torque_excess[j], b.torque_excess[j], 0.3 * by_count);
+    EXPECT_NEAR(a.core_excess, b.core_excess, 0.3 * by_count);
+  }
+}
+
+TEST(Rollout, RefusesStepsThatDoNotAddUpToMotionAndSettlePhase) {
+  const Problem problem = DroppedHandstand();
+  Rollout rollout(problem, 1e-3);
+  const StepGrid even = EvenGrid(problem.duration_s, problem.settle_s, 2e-3);
+  EXPECT_NO_THROW(rollout.Use(even));
+  StepGrid shorter = even;
+  shorter.motion.pop_back();
+  EXPECT_THROW(rollout.Use(shorter), std::invalid_argument);
+  StepGrid longer = even;
+  longer.settling.push_back(1e-3);
+  EXPECT_THROW(rollout.Use(longer), std::invalid_argument);
+}
+
+TEST(Rollout, GivenStepsAreThoseOfTheVisit) {
+  const Problem problem = DroppedHandstand();
+  Rollout rollout(problem, 1e-3);
+  StepGrid grid = EvenGrid(problem.duration_s, problem.settle_s, 4e-3);
+  // Every other step gives half of its length to the one before.
+  for (std::size_t i = 1; i < grid.motion.size(); i += 2) {
+    grid.motion[i - 1] += grid.motion[i] / 2;
+    grid.motion[i] /= 2;
+  }
+  rollout.Use(grid);
+  const std::vector<double> x = RandomMotion(problem, 3);
+  const auto path = PositionSpline(problem, x, 0);
+  std::vector<double> times;
+  rollout.Visit(x, 0, [&](const MotionSample& sample) {
+    times.push_back(sample.time_s);
+    EXPECT_NEAR(sample.q[3], path.Evaluate(sample.time_s).value, 1e-12);
+  });
+  ASSERT_EQ(times.size(), grid.motion.size() + grid.settling.size() + 1);
+  EXPECT_NEAR(times[1], 6e-3, 1e-12);
+  EXPECT_NEAR(times[2], 8e-3, 1e-12);
+  EXPECT_NEAR(times.back(), problem.duration_s + problem.settle_s, 1e-9);
 }
 
 TEST(Rollout, GradientOfThePenetrationHoldsWhereTheLayerIsCrossed) {

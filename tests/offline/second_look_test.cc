@@ -121,7 +121,7 @@ TEST(SecondLook, SeesLegsThatPassThroughEachOther) {
 }
 
 /// The second look at a shipped primitive, from the texts that it carries.
-SecondLook LookAtShipped(const std::string& name, double refinement = kSecondLookRefinement) {
+SecondLook LookAtShipped(const std::string& name, double refinement = kRefinement) {
   const SimulatedMotion motion(LoadMotion(testing::SourcePath("primitives/" + name + ".toml")));
   const Problem& problem = motion.ProblemOf(0);
   const PrimitiveFile file = LoadPrimitive(testing::SourcePath("primitives/" + name + ".toml"));
@@ -183,12 +183,15 @@ TEST(SecondLook, RefusesShapesThatComeNearerThanTheClearance) {
             "5 mm apart");
 }
 
-TEST(SecondLook, RefusesATorqueFarAboveItsLimitAndAContactThroughTheLayer) {
+TEST(SecondLook, RefusesATorqueAboveItsLimitAndAContactThroughTheLayer) {
   SecondLook look;
   look.layer_m = 0.006;
-  look.torque_excess = 0.05;
+  look.torque_excess = -0.001;
   look.peak_penetration_m = 0.0059;
   EXPECT_TRUE(look.acceptable());
+  look.torque_excess = 0.015;
+  EXPECT_FALSE(look.acceptable());
+  EXPECT_EQ(look.Objections(), "a torque is 1.5 % above its limit");
   look.torque_excess = 0.66;
   EXPECT_FALSE(look.acceptable());
   EXPECT_EQ(look.Objections(), "a torque is 66 % above its limit");

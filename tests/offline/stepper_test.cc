@@ -59,6 +59,20 @@ TEST(Stepper, StagesAreAskedForInOrderAndTheFirstIsTheStateItself) {
   EXPECT_EQ(stages, (std::vector<int>{0, 1, 2, 3}));
 }
 
+TEST(Stepper, DormandAndPrincesStepIsOfOrderFive) {
+  const auto error_of = [](double h) {
+    State y = {1, 0};  // a pendulum
+    StepRungeKutta<kDormandPrince>(y, 2, h, [](int, const State& y_s, double* k) {
+      k[0] = y_s[1];
+      k[1] = -y_s[0];
+      return true;
+    });
+    return std::abs(y[0] - std::cos(h)) + std::abs(y[1] + std::sin(h));
+  };
+  // The error of one step falls with its sixth power.
+  EXPECT_NEAR(error_of(0.2) / error_of(0.1), 64, 8);
+}
+
 TEST(Stepper, AStepThatIsGivenUpLeavesTheStateAsItWas) {
   for (const int at : {0, 2}) {
     State y = kStart;
