@@ -8,7 +8,6 @@
 
 #include "common/index.h"
 #include "common/primitive_toml.h"
-#include "offline/certificate/certificate.h"
 #include "offline/scene/self_clearance.h"
 
 namespace tumbler {

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "common/purpose.h"
+#include "offline/certificate/certificate.h"
 #include "offline/problem/problem.h"
 
 namespace tumbler {

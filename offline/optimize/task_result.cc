@@ -86,8 +86,8 @@ void MakeFile(TaskResult& result, Looks& looks) {
     result.cause = fmt::format(
         "a simulation of the best motion with a step of {:.3g} ms shows that it is not what the "
         "task asks for: {}; use another --seed or another duration_s; for a target that is "
-        "missed, a larger weight or tolerance of its term; for torque or penetration, a smaller "
-        "solver.step_s",
+        "missed, a larger weight or tolerance of its term; for torque or penetration, a larger "
+        "solver.torque_margin or solver.core_margin",
         1e3 * result.look.step_s, result.look.Objections());
     return;
   }
