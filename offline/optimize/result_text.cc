@@ -34,8 +34,8 @@ void PrintContact(const Problem& problem, const std::string& task_file) {
 const char* GradientCause(const Certificate& certificate) {
   // A cliff changes the differences across it, but hardly the gradient at one point.
   return certificate.gradient_step_halving_change > 0.5
-             ? "the steps are too long for the contact, which amplifies every change; use a smaller "
-               "solver.tolerance, a larger contact.v_max_m_per_s or a smaller "
+             ? "the steps are too long for the contact, which amplifies every change; use a "
+               "smaller solver.tolerance, a larger contact.v_max_m_per_s or a smaller "
                "contact.stiffness_n_per_m"
              : "the cost has a cliff near this motion, such as a contact that is made or missed by "
                "a hair, so that a small disturbance may end elsewhere; use another --seed or a "
