@@ -81,9 +81,7 @@ Spline FitTorque(const Problem& problem, const TorqueSamples& samples, std::size
 }
 
 /// A rollout like those that the solver ended with.
-Rollout OnGrid(Problem problem, const StepGrid& grid) {
-  // On given steps the adjoint gives the derivatives of forward sensitivities to rounding.
-  problem.solver.gradient = SolverSettings::Gradient::kAdjoint;
+Rollout OnGrid(const Problem& problem, const StepGrid& grid) {
   Rollout rollout(problem, problem.solver.step_s);
   rollout.Use(grid);
   return rollout;

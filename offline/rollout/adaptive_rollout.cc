@@ -11,15 +11,14 @@
 namespace tumbler {
 
 struct AdaptiveRollout::Implementation {
-  Implementation(const Problem& problem, std::unique_ptr<ContactForces<Plane>> contact)
-      : paper(problem.solver.gradient == SolverSettings::Gradient::kForward) {
+  Implementation(const Problem& problem, std::unique_ptr<ContactForces<Plane>> contact) {
     if (contact == nullptr) {
-      chooser.emplace(problem, StepSettings{StepSettings::Scheme::kAdaptive, kLongestAdaptiveStep_s,
-                                            problem.solver.tolerance});
+      chooser.emplace(problem, AdaptiveSteps(problem));
       last_gradient.resize(chooser->output_count(), chooser->parameter_count());
     }
     // With the paper's own gradient, every run is one of the forward sensitivities.
-    if (!paper || !chooser) rollout.emplace(problem, problem.solver.step_s, std::move(contact));
+    if (!chooser || problem.solver.gradient == SolverSettings::Gradient::kAdjoint)
+      rollout.emplace(problem, problem.solver.step_s, std::move(contact));
   }
 
   [[nodiscard]] bool near(std::span<const double> x) const {
@@ -37,7 +36,6 @@ struct AdaptiveRollout::Implementation {
     if (rollout) rollout->Use(chooser->grid());
   }
 
-  bool paper;
   std::optional<ForwardSensitivity> chooser;  // none with a contact model of the caller's
   std::optional<Rollout> rollout;
   std::vector<double> chosen_for;  // the parameters that the present steps are for
@@ -69,11 +67,8 @@ RolloutResult AdaptiveRollout::Run(std::span<const double> x) {
 
 RolloutResult AdaptiveRollout::Run(std::span<const double> x, Gradient gradient) {
   Implementation& m = *implementation_;
-  const bool same = std::ranges::equal(x, m.chosen_for);
-  if (!m.chooser || (m.rollout && m.near(x) && !same)) return m.rollout->Run(x, gradient);
-  if (!same) m.Choose(x);
-  gradient = m.last_gradient;
-  return m.last;
+  const bool known = std::ranges::equal(x, m.chosen_for);
+  return m.rollout && m.near(x) && !known ? m.rollout->Run(x, gradient) : RunAnew(x, gradient);
 }
 
 RolloutResult AdaptiveRollout::RunAnew(std::span<const double> x, Gradient gradient) {

@@ -16,7 +16,7 @@ namespace tumbler {
 ///
 /// Steps are chosen anew for a motion farther from the last ones' than kSameSteps_rad in any
 /// parameter. In between they are kept, so that cost and constraints are smooth there, and the
-/// gradient is exactly that of what is computed: SQP converges on it.
+/// gradient is exactly that of what is computed.
 ///
 /// Not thread-safe: one object per thread.
 class AdaptiveRollout {

@@ -346,9 +346,12 @@ const IntegrationStatistics& ForwardSensitivity::statistics() const {
   return implementation_->integrator.statistics();
 }
 
+StepSettings AdaptiveSteps(const Problem& problem) {
+  return {StepSettings::Scheme::kAdaptive, kLongestAdaptiveStep_s, problem.solver.tolerance};
+}
+
 StepGrid StepsFor(const Problem& problem, std::span<const double> x) {
-  ForwardSensitivity forward(
-      problem, {StepSettings::Scheme::kAdaptive, kLongestAdaptiveStep_s, problem.solver.tolerance});
+  ForwardSensitivity forward(problem, AdaptiveSteps(problem));
   Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> gradient(
       forward.output_count(), forward.parameter_count());
   if (forward.Run(x, gradient).finite) return forward.grid();

@@ -59,10 +59,12 @@ class ForwardSensitivity {
 /// The longest step of StepsFor. The tolerance shortens it where a foot comes near the ground.
 inline constexpr double kLongestAdaptiveStep_s = 1e-2;
 
-/// The steps for a Rollout of motions near x: those that bound the error of states and
-/// sensitivities at x by `solver.tolerance`. A Rollout that uses them repeats the computation of
-/// ForwardSensitivity, and its gradient agrees with that one's to rounding. Equal steps of
-/// `solver.step_s` when x leaves every plausible range.
+/// The settings of steps that bound the error of states and sensitivities by `solver.tolerance`.
+StepSettings AdaptiveSteps(const Problem& problem);
+
+/// The steps for a Rollout of motions near x: AdaptiveSteps at x. A Rollout that uses them repeats
+/// the computation of ForwardSensitivity, and its gradient agrees with that one's to rounding.
+/// Equal steps of `solver.step_s` when x leaves every plausible range.
 StepGrid StepsFor(const Problem& problem, std::span<const double> x);
 
 }  // namespace tumbler

@@ -731,9 +731,9 @@ void Rollout::Use(const StepGrid& grid) {
     const double sum = std::accumulate(steps.begin(), steps.end(), 0.0);
     return std::abs(sum - span_s) <= 1e-9 * (1 + span_s);
   };
-  if (m.forward) throw std::invalid_argument("the paper's forward gradient takes equal steps");
   if (!covers(grid.motion, m.problem.duration_s) || !covers(grid.settling, m.problem.settle_s))
     throw std::invalid_argument("the steps do not add up to motion and settle phase");
+  m.forward.reset();  // It takes equal steps.
   m.table = Timetable(kDormandPrince, grid, m.problem.duration_s);
   m.Prepare();
 }

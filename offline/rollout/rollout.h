@@ -81,9 +81,9 @@ class Rollout {
       std::span<const double> x,
       Eigen::Ref<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> gradient);
 
-  /// Takes these steps from now on, by the method of Dormand and Prince, for Run.
-  /// @throws std::invalid_argument when they do not add up to the problem's times, or the problem
-  /// asks for the paper's forward gradient.
+  /// Takes these steps from now on, by the method of Dormand and Prince. Gradients are then those
+  /// of the adjoint, whatever the problem asks for.
+  /// @throws std::invalid_argument when they do not add up to the problem's times.
   void Use(const StepGrid& grid);
 
   /// Cost, torques and penetration by the semi-implicit Euler method with the same step: a quarter

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <utility>
 #include <vector>
 
 #include "offline/stepper/even_steps.h"
@@ -23,12 +22,12 @@ inline StepGrid EvenGrid(double motion_s, double settle_s, double longest_s) {
 
 /// The grid with each step in two halves.
 inline StepGrid Halved(const StepGrid& grid) {
-  StepGrid halved;
-  for (const auto& [from, to] :
-       {std::pair(&grid.motion, &halved.motion), std::pair(&grid.settling, &halved.settling)}) {
-    for (const double h : *from) to->insert(to->end(), 2, h / 2);
-  }
-  return halved;
+  const auto halved = [](const std::vector<double>& steps) {
+    std::vector<double> halves;
+    for (const double h : steps) halves.insert(halves.end(), 2, h / 2);
+    return halves;
+  };
+  return {halved(grid.motion), halved(grid.settling)};
 }
 
 }  // namespace tumbler

@@ -212,9 +212,8 @@ void PrintStepErrors(const std::vector<FoundMotion>& motions) {
       std::printf(" %.1e |", (GradientOf(motion, settings) - reference).cwiseAbs().maxCoeff() /
                                  reference.cwiseAbs().maxCoeff());
     }
-    const Eigen::RowVectorXd solved = GradientOf(
-        motion, {Scheme::kAdaptive, kLongestAdaptiveStep_s, motion.problem.solver.tolerance},
-        &statistics);
+    const Eigen::RowVectorXd solved =
+        GradientOf(motion, AdaptiveSteps(motion.problem), &statistics);
     // A Rollout with these steps tries none in vain, and evaluates six stages of each.
     std::printf(" %.1e: %ld |\n",
                 (solved - reference).cwiseAbs().maxCoeff() / reference.cwiseAbs().maxCoeff(),

@@ -12,18 +12,11 @@
 #include "common/primitive_hash.h"
 #include "common/primitive_limits.h"
 #include "common/primitive_rounding.h"
+#include "tests/support/motion_cost.h"
 #include "tests/support/task_files.h"
 
 namespace tumbler {
 namespace {
-
-/// The cost that the solver reports for a motion.
-double CostOf(const Problem& problem, const std::vector<double>& x) {
-  AdaptiveRollout rollout(problem);
-  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> gradient(
-      rollout.output_count(), rollout.parameter_count());
-  return rollout.RunAnew(x, gradient).cost;
-}
 
 using testing::QuickTask;
 using testing::Replaced;
@@ -131,7 +124,7 @@ TEST(MakePrimitiveFile, CarriesTheTextsThatItWasMadeFrom) {
   const Provenance& from = s.file.provenance;
   const Problem again =
       ParseTask(from.task_toml, from.task_file, from.robot_urdf, from.robot_file).problem;
-  EXPECT_EQ(CostOf(again, s.best.x), s.file.provenance.objective);
+  EXPECT_EQ(testing::CostOf(again, s.best.x), s.file.provenance.objective);
 }
 
 TEST(MakePrimitiveFile, MarginsAreThoseOfTheCoefficients) {

@@ -61,9 +61,7 @@ TEST(StepsFor, ARolloutWithThemRepeatsTheForwardSensitivitiesToRounding) {
   Problem problem = ElevenParameters();
   for (const std::uint64_t seed : {1U, 2U, 3U}) {
     const std::vector<double> x = RandomMotion(problem, seed);
-    const Outcome forward = Forward(
-        problem, x,
-        {StepSettings::Scheme::kAdaptive, kLongestAdaptiveStep_s, problem.solver.tolerance});
+    const Outcome forward = Forward(problem, x, AdaptiveSteps(problem));
     Rollout rollout(problem, problem.solver.step_s);
     rollout.Use(StepsFor(problem, x));
     Outcome adjoint{{}, Gradient(rollout.output_count(), rollout.parameter_count())};
@@ -91,9 +89,7 @@ TEST(StepsFor, GiveTheGradientOfTheDifferentialEquationsWhereLandingsMisleadAFix
     auto [problem, x] = Shipped(name);
     for (std::size_t i = 0; i < x.size(); ++i) x[i] += i % 2 == 0 ? 1e-3 : -1e-3;
     const Outcome reference = Forward(problem, x, kAdaptive);
-    const Outcome chosen = Forward(
-        problem, x,
-        {StepSettings::Scheme::kAdaptive, kLongestAdaptiveStep_s, problem.solver.tolerance});
+    const Outcome chosen = Forward(problem, x, AdaptiveSteps(problem));
     EXPECT_LT(RowError(chosen, reference, 0), 1e-3) << name;
     const StepGrid grid = StepsFor(problem, x);
     // The classical method evaluates four times a millisecond.

@@ -8,9 +8,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <random>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/index.h"
@@ -35,7 +37,7 @@ using testing::QuickTask;
 using testing::Replaced;
 using testing::ShippedRobot;
 
-constexpr double kPi = 3.141592653589793;
+constexpr double kPi = std::numbers::pi;
 
 std::set<std::string> NamesOf(const PlanarRobot& robot, const std::vector<OwnPair>& pairs) {
   std::set<std::string> names;
@@ -244,15 +246,17 @@ TEST(ClearanceConstraint, IsViolatedByLegsThatGoThroughEachOther) {
   EXPECT_EQ(ClearanceConstraint(problem, 1e-3).Evaluate(Between(problem, 0)), -1);
 }
 
-/// The same with a smooth maximum that sees shapes from farther away.
-Problem SoftRollProblem() {
+/// The same with a smooth maximum of this sharpness: the lower, the farther it sees.
+Problem RollProblem(double sharpness) {
   Problem problem = RollProblem();
-  problem.solver.sharpness = 60;
+  problem.solver.sharpness = sharpness;
   return problem;
 }
+const double kShippedSharpness = SolverSettings().sharpness;
 
 TEST(ClearanceConstraint, IsNeverBelowTheTrueMaximumAndHardlyDependsOnTheStep) {
-  const Problem problem = SoftRollProblem();
+  const Problem problem = RollProblem();
+  int seen = 0;
   for (const double share : {0.92, 0.94, 0.96, 0.98, 1.0}) {
     const std::vector<double> x = Between(problem, share);
     SelfDistances distances(problem.scene.robot, problem.scene.self_contact.pairs);
@@ -264,20 +268,31 @@ TEST(ClearanceConstraint, IsNeverBelowTheTrueMaximumAndHardlyDependsOnTheStep) {
       q[4] = leg2.Evaluate(1e-4 * k).value;
       nearest = std::min(nearest, distances.Nearest(q).distance_m);
     }
-    const double value = ClearanceConstraint(problem, 1e-3).Evaluate(x);
     const double truth =
         std::max(-1.0, (problem.scene.self_contact.clearance_m - nearest) / kClearanceScale_m);
     ASSERT_GT(truth, -0.6) << "else too far away to count";
-    EXPECT_GE(value, truth) << share;
-    EXPECT_LT(value, truth + 0.15) << share;
-    EXPECT_NEAR(value, ClearanceConstraint(problem, 0.25e-3).Evaluate(x), 2e-3) << share;
+    for (const double sharpness : {60.0, kShippedSharpness}) {
+      const Problem sharp = RollProblem(sharpness);
+      const double value = ClearanceConstraint(sharp, 1e-3).Evaluate(x);
+      if (truth < kNegligibleExponent / sharpness) {
+        EXPECT_EQ(value, -1) << share << ": it is beyond what the maximum sees";
+        continue;
+      }
+      ++seen;
+      EXPECT_GE(value, truth) << share;
+      EXPECT_LT(value, truth + 0.15) << share;
+      EXPECT_NEAR(value, ClearanceConstraint(sharp, 0.25e-3).Evaluate(x), 2e-3) << share;
+    }
   }
+  EXPECT_GE(seen, 7) << "all five with the soft one, and the near ones with the sharp one";
 }
 
 TEST(ClearanceConstraint, ItsGradientAgreesWithDifferences) {
-  const Problem problem = SoftRollProblem();
-  ClearanceConstraint constraint(problem, 1e-3);
-  for (const double share : {0.92, 0.95, 0.98, 1.0}) {
+  for (const auto& [sharpness, share] :
+       {std::pair(60.0, 0.92), std::pair(60.0, 0.95), std::pair(60.0, 0.98), std::pair(60.0, 1.0),
+        std::pair(kShippedSharpness, 0.98), std::pair(kShippedSharpness, 1.0)}) {
+    const Problem problem = RollProblem(sharpness);
+    ClearanceConstraint constraint(problem, 1e-3);
     std::vector<double> x = Between(problem, share);
     std::vector<double> gradient(x.size());
     ASSERT_GT(constraint.Evaluate(x, gradient), -1) << share;

@@ -9,19 +9,12 @@
 #include "common/toml_reader.h"
 #include "offline/certificate/certificate.h"
 #include "tests/support/files.h"
+#include "tests/support/motion_cost.h"
 #include "tests/support/program.h"
 #include "tests/support/task_files.h"
 
 namespace tumbler {
 namespace {
-
-/// The cost that the solver reports for a motion.
-double CostOf(const Problem& problem, const std::vector<double>& x) {
-  AdaptiveRollout rollout(problem);
-  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> gradient(
-      rollout.output_count(), rollout.parameter_count());
-  return rollout.RunAnew(x, gradient).cost;
-}
 
 using ::testing::AllOf;
 using ::testing::HasSubstr;
@@ -90,7 +83,7 @@ TEST(StartFrom, ThePrimitiveIsWholeByItself) {
   // The file alone gives the same problem again. Its entry, not the pose in the task, is the start.
   const Problem again = TaskOf(file).problem;
   EXPECT_EQ(again.start_q, task.problem.start_q);
-  EXPECT_EQ(CostOf(again, best.x), file.provenance.objective);
+  EXPECT_EQ(testing::CostOf(again, best.x), file.provenance.objective);
   const MotionSummary summary = Summarize(again, best.x);
   EXPECT_EQ(summary.exit.root_x_m, file.exit.root_x_m);
   EXPECT_EQ(summary.exit.root_pitch_rad, file.exit.root_pitch_rad);
