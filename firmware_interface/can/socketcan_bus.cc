@@ -540,7 +540,6 @@ bool SocketCanBus::TakeMessage(std::size_t index, ReceivedFrame& received) noexc
   }
   if (!frame.extended && std::ranges::find(config_.send_ids, frame.id) != config_.send_ids.end()) {
     ++statistics_.foreign_commands;
-    return false;
   }
   ++statistics_.received;
   received = {frame, time_ns};

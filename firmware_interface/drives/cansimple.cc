@@ -379,6 +379,20 @@ bool CanSimpleDrive::Decode(const CanFrame& frame) noexcept {
   }
 }
 
+bool CanSimpleDrive::IsCommand(const CanFrame& frame) const noexcept {
+  if (frame.extended || frame.remote || frame.id >> 5 != config_.node_id) return false;
+  switch (static_cast<CanSimpleCommand>(frame.id & 0x1f)) {
+    case CanSimpleCommand::kSetAxisState:
+    case CanSimpleCommand::kSetControllerMode:
+    case CanSimpleCommand::kSetInputPos:
+    case CanSimpleCommand::kSetInputVel:
+    case CanSimpleCommand::kClearErrors:
+      return true;
+    default:
+      return false;
+  }
+}
+
 bool CanSimpleProtocol::CommandedPosition(const CanSimpleConfig& config, const CanFrame& frame,
                                           double& shaft_rad) noexcept {
   CanSimpleInputPos command;

@@ -527,6 +527,18 @@ bool Cia402Drive::Decode(const CanFrame& frame) noexcept {
   }
 }
 
+bool Cia402Drive::IsCommand(const CanFrame& frame) const noexcept {
+  if (frame.extended || frame.remote) return false;
+  if (frame.id == canopen_id::kNmt || frame.id == canopen_id::kSync ||
+      frame.id == canopen_id::kHeartbeat + config_.host_id) {
+    return true;
+  }
+  if ((frame.id & 0x7f) != config_.node_id) return false;
+  const std::uint32_t function = frame.id & ~0x7fU;
+  return function == canopen_id::kRpdo1 || function == canopen_id::kRpdo2 ||
+         function == canopen_id::kSdoRequest;
+}
+
 bool Cia402Protocol::CommandedPosition(const Cia402Config& config, const CanFrame& frame,
                                        double& shaft_rad) noexcept {
   Cia402Command command;

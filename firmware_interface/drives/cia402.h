@@ -180,6 +180,7 @@ class Cia402Drive final : public Drive {
   Status Encode(DriveRequest request, const DriveSetpoint& setpoint,
                 FrameBatch& batch) noexcept override;
   bool Decode(const CanFrame& frame) noexcept override;
+  [[nodiscard]] bool IsCommand(const CanFrame& frame) const noexcept override;
 
   [[nodiscard]] DriveSetpoint encoded_setpoint() const noexcept override { return encoded_; }
   [[nodiscard]] DriveFeedback feedback() const noexcept override { return feedback_; }

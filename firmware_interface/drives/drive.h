@@ -125,6 +125,11 @@ class Drive {
   /// counted. Heartbeats, errors and temperatures do not.
   virtual bool Decode(const CanFrame& frame) noexcept = 0;
 
+  /// Whether a frame is one that only the host may send to this drive, or to it and others. A bus
+  /// never gives a host its own frames back. So when such a frame is received, somebody else
+  /// commands the drive.
+  [[nodiscard]] virtual bool IsCommand(const CanFrame& frame) const noexcept = 0;
+
   /// The setpoint of the last Encode as the drive will see it, after rounding on the wire. Values
   /// that the protocol does not carry are zero. Until the setpoint is followed, the position is the
   /// measured one.

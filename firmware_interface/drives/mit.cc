@@ -393,6 +393,10 @@ bool MitDrive::Decode(const CanFrame& frame) noexcept {
   return true;
 }
 
+bool MitDrive::IsCommand(const CanFrame& frame) const noexcept {
+  return IsFrameOf(frame, config_.command_id);
+}
+
 bool MitProtocol::CommandedPosition(const MitConfig& config, const CanFrame& frame,
                                     double& shaft_rad) noexcept {
   MitCommand command;

@@ -172,6 +172,7 @@ class MitDrive final : public Drive {
   Status Encode(DriveRequest request, const DriveSetpoint& setpoint,
                 FrameBatch& batch) noexcept override;
   bool Decode(const CanFrame& frame) noexcept override;
+  [[nodiscard]] bool IsCommand(const CanFrame& frame) const noexcept override;
 
   /// After a magic or neutral frame: the measured position, everything else zero.
   [[nodiscard]] DriveSetpoint encoded_setpoint() const noexcept override { return encoded_; }

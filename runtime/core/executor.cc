@@ -123,17 +123,21 @@ void Executor::TakeReplies(const TickInput& input, int elapsed) noexcept {
   // Drives mostly answer in their order. So the drive after the one that took a frame is asked
   // first.
   int first = 0;
+  foreign_joint_ = -1;
   for (const ReceivedFrame& received : input.received) {
+    bool taken = false;
     for (int n = 0, i = first; n < joint_count_; ++n) {
       Joint& joint = joints_[static_cast<std::size_t>(i)];
       const int next = i + 1 < joint_count_ ? i + 1 : 0;
       if (joint.drive->Decode(received.frame)) {
         joint.replies.Count();
         first = next;
+        taken = true;
         break;
       }
       i = next;
     }
+    if (!taken && foreign_joint_ < 0) NoteForeignCommand(received.frame);
   }
   for (Joint& joint : joints()) {
     if (joint.replies.EndTick(elapsed, config_.stale_ticks_max)) {

@@ -106,6 +106,7 @@ class Executor {
   void DetectFaults(const TickInput& input, std::int64_t elapsed) noexcept;
   void DetectLinkFaults(const TickInput& input) noexcept;
   void DetectDriveFaults(int index) noexcept;
+  void NoteForeignCommand(const CanFrame& frame) noexcept;
   void Latch(Fault fault, int joint, float value, float limit) noexcept;
 
   // Commands: executor_commands.cc.
@@ -146,6 +147,8 @@ class Executor {
   bool finish_ = false;       ///< Whether to end at the next safe node.
   bool keep_torque_ = false;  ///< Whether a hold keeps the last feed-forward of the primitive.
   Reaction reaction_ = Reaction::kIgnore;
+  int foreign_joint_ = -1;  ///< Whose drive somebody else has commanded since the last tick; or -1.
+  std::uint32_t foreign_id_ = 0;  ///< Of that frame.
   std::uint32_t faults_ = 0;
   FaultDetail first_fault_;
   RefusalDetail refusal_;

@@ -23,6 +23,9 @@ void Executor::DetectFaults(const TickInput& input, std::int64_t elapsed) noexce
       input.controller >= CanControllerState::kErrorPassive) {
     DetectLinkFaults(input);
   }
+  if (foreign_joint_ >= 0) {
+    Latch(Fault::kForeignCommand, foreign_joint_, static_cast<float>(foreign_id_), 0);
+  }
   // All checks of a tick see the same reaction. A fault found now changes it for the next tick.
   const bool follows = state_ != ExecutorState::kArming && reaction_ <= Reaction::kHold;
   const float following_tolerance_rad = primitive_->following_tolerance_rad;
@@ -94,6 +97,15 @@ void Executor::DetectDriveFaults(int index) noexcept {
   if (joint.measured.error != 0 || joint.drive_state == DriveState::kFault ||
       (driven && joint.was_enabled && !stays)) {
     Latch(Fault::kDriveError, index, static_cast<float>(joint.measured.error), 0);
+  }
+}
+
+void Executor::NoteForeignCommand(const CanFrame& frame) noexcept {
+  for (int i = 0; i < joint_count_; ++i) {
+    if (!joints_[static_cast<std::size_t>(i)].drive->IsCommand(frame)) continue;
+    foreign_joint_ = i;
+    foreign_id_ = frame.id;
+    return;
   }
 }
 

@@ -41,8 +41,9 @@ enum class Fault : std::uint8_t {
   kNonFinite,
   kArmingTimeout,
   kEntryMissed,
+  kForeignCommand,
 };
-inline constexpr std::size_t kFaultCount = 18;  ///< Including kNone.
+inline constexpr std::size_t kFaultCount = 19;  ///< Including kNone.
 
 /// The answers to a fault, mildest first.
 enum class Reaction : std::uint8_t {
@@ -193,6 +194,10 @@ inline constexpr std::array<FaultInfo, kFaultCount> kFaults{{
     {Fault::kEntryMissed, "entry missed",
      "a joint is not within the next primitive's entry tolerance at a splice", "rad", "",
      {I, X, H, H, D, H, H, H}, "it rests where the motion before has brought it"},
+    {Fault::kForeignCommand, "foreign command",
+     "a drive was sent a frame that only this program is to send: somebody else commands it",
+     "identifier, or 0", "", {I, X, D, D, D, D, D, D},
+     "of two that pull at a joint one has to give way, and the other cannot be asked"},
 }};
 // clang-format on
 }  // namespace fault_table_detail

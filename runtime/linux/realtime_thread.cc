@@ -11,6 +11,7 @@
 #include <cmath>
 #include <cstddef>
 #include <system_error>
+#include <thread>
 
 namespace tumbler {
 namespace {
@@ -101,6 +102,12 @@ RealtimeGrant EnterRealtime(const RealtimeConfig& config) {
       "{}{}{}", scheduled == 0 ? name : "time-shared", grant.memory_locked ? ", memory locked" : "",
       config.cpu >= 0 && pinned == 0 ? fmt::format(", processor {}", config.cpu) : "");
   TouchStack();
+  return grant;
+}
+
+RealtimeGrant TryRealtime(const RealtimeConfig& config) {
+  RealtimeGrant grant;
+  std::thread([&grant, &config] { grant = EnterRealtime(config); }).join();
   return grant;
 }
 

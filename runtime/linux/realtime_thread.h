@@ -41,4 +41,7 @@ struct RealtimeGrant {
 /// the policy.
 RealtimeGrant EnterRealtime(const RealtimeConfig& config = {});
 
+/// What EnterRealtime would be granted, found out on a thread of its own. The memory stays locked.
+RealtimeGrant TryRealtime(const RealtimeConfig& config = {});
+
 }  // namespace tumbler

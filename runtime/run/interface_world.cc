@@ -7,6 +7,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "firmware_interface/can/interface_lock.h"
 #include "firmware_interface/can/socketcan_bus.h"
 #include "firmware_interface/drives/make_simulated.h"
 #include "runtime/assembly/run_checks.h"
@@ -31,17 +32,25 @@ void OpenInterface(SocketCanBus& bus, const InterfaceName& name, const DrivesCon
 
 class RealWorld final : public World {
  public:
-  RealWorld(const InterfaceName& name, const DrivesConfig& drives) {
-    SocketCanConfig config;
-    config.discard_stale_frames = true;
-    config.send_ids = drives.HostSends();
-    config.receive_ids = drives.HostReceives();
-    config.in_flight_max = std::clamp(4 * drives.HostFramesMax(), 8, SocketCanConfig::kMaxInFlight);
-    OpenInterface(bus_, name, drives, config);
-    if (name.pace != 1 && bus_.link().bit_rate != 0) {
+  /// Refuses what can be refused, without touching the bus.
+  RealWorld(const InterfaceName& name, const DrivesConfig& drives) : name_(name), drives_(drives) {
+    const std::string problem = lock_.Take(name.interface);
+    if (!problem.empty()) throw Refused(problem);
+    SocketCanBus probe;
+    OpenInterface(probe, name, drives, {});
+    if (name.pace != 1 && probe.link().bit_rate != 0) {
       throw Refused(fmt::format("{} is a real bus, and real robots know one pace: leave out --pace",
                                 name.interface));
     }
+  }
+  void Open() override {
+    SocketCanConfig config;
+    config.discard_stale_frames = true;
+    config.send_ids = drives_.HostSends();
+    config.receive_ids = drives_.HostReceives();
+    config.in_flight_max =
+        std::clamp(4 * drives_.HostFramesMax(), 8, SocketCanConfig::kMaxInFlight);
+    OpenInterface(bus_, name_, drives_, config);
     if (bus_.link().has_queue && !bus_.can_discard()) {
       fmt::print(stderr,
                  "warning: without CAP_NET_ADMIN, frames that wait when the bus fails cannot be "
@@ -58,6 +67,9 @@ class RealWorld final : public World {
   }
 
  private:
+  InterfaceName name_;
+  DrivesConfig drives_;
+  InterfaceLock lock_;
   SocketCanBus bus_;
   MonotonicClock clock_;
 };

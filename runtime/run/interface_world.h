@@ -16,9 +16,10 @@ struct InterfaceName {
   double pace = 1;          ///< Seconds of the robot in a second of the clock; 1 on a real bus.
 };
 
-/// The world of the interface in real time, for the one program that drives its motors.
-/// @throws Refused  when the interface runs at another bit rate than the drives, or a real bus is
-/// asked to keep another pace than the clock's.
+/// The world of the interface in real time, for the one program that drives its motors: it holds
+/// the interface's lock.
+/// @throws Refused  when another program holds the lock, the interface runs at another bit rate
+/// than the drives, or a real bus is asked to keep another pace than the clock's.
 /// @throws std::runtime_error  when the interface cannot be used.
 std::unique_ptr<World> MakeInterfaceWorld(const InterfaceName& name, const DrivesConfig& drives);
 

@@ -54,8 +54,10 @@ RecordConfiguration DescribeForRecord(const RecordConfiguration& configuration,
 }
 
 /// Puts this thread under the scheduling that the options ask for, if any.
+/// @param enter  EnterRealtime, or TryRealtime to learn of a refusal before anything is touched.
 /// @throws Refused  when motors are to be driven and real time is neither in force nor given up.
-void Schedule(const RecordPlayOptions& options, std::int64_t period_ns) {
+void Schedule(const RecordPlayOptions& options, std::int64_t period_ns,
+              RealtimeGrant (*enter)(const RealtimeConfig&)) {
   if (!options.arm) return;
   if (!options.realtime) {
     if (options.without_realtime) return;
@@ -63,7 +65,7 @@ void Schedule(const RecordPlayOptions& options, std::int64_t period_ns) {
   }
   RealtimeConfig scheduling;
   scheduling.period_ns = period_ns;
-  const RealtimeGrant grant = EnterRealtime(scheduling);
+  const RealtimeGrant grant = enter(scheduling);
   if (!grant.in_force() && !options.without_realtime) throw Refused(grant.problems);
 }
 
@@ -158,6 +160,7 @@ PlayedRecord PlayRecord(const RecordConfiguration& configuration,
   const RunParts& parts = assembly.parts();
   CheckRanges(*parts.sequence, parts.drives);
   CheckSchedule(parts.drives);
+  Schedule(options, configuration.period_ns, TryRealtime);
   const InterfaceName name{options.bus, configuration.drives_file};
   const std::unique_ptr<World> world =
       options.arm ? MakeInterfaceWorld(name, parts.drives)
@@ -165,9 +168,10 @@ PlayedRecord PlayRecord(const RecordConfiguration& configuration,
   const std::unique_ptr<FlightRecorder> recorder = OpenRecorder(
       record_file, DescribeForRecord(configuration, options, *world), "tumbler-replay");
 
+  world->Open();
   Play play(assembly, *world, {nullptr, recorder.get()});
   CatchInterrupts();
-  Schedule(options, configuration.period_ns);
+  Schedule(options, configuration.period_ns, EnterRealtime);
   WishReplayer replayer(wishes);
   play.Run(configuration.procedure, configuration.period_ns,
            [&replayer](const ControlLoop& loop) { replayer.Observe(loop.record()); });

@@ -180,15 +180,17 @@ RecordConfiguration DescribeForRecord(const RunOptions& options, World& world,
 }
 
 /// Puts this thread under the scheduling that the options ask for, if any.
+/// @param enter  EnterRealtime, or TryRealtime to learn of a refusal before anything is touched.
 /// @throws Refused  when motors are to be driven and the scheduling is not in force.
-std::optional<RealtimeGrant> Schedule(const RunOptions& options, std::int64_t period_ns) {
+std::optional<RealtimeGrant> Schedule(const RunOptions& options, std::int64_t period_ns,
+                                      RealtimeGrant (*enter)(const RealtimeConfig&)) {
   const bool needed = options.drives_motors() && !options.without_realtime;
   if (!options.realtime) {
     if (!needed) return std::nullopt;
     throw Refused(
         "driving motors takes --realtime (or --without-realtime, and patience with late ticks)");
   }
-  RealtimeGrant grant = EnterRealtime(options.SchedulingAt(period_ns));
+  RealtimeGrant grant = enter(options.SchedulingAt(period_ns));
   if (!grant.in_force()) {
     if (needed) throw Refused(grant.problems + "; or accept late ticks with --without-realtime");
     fmt::print(stderr, "warning: {}\n", grant.problems);
@@ -264,6 +266,11 @@ ExitStatus Run(RunOptions options, const Simulation* simulation) {
         options.motion));
   }
 
+  const auto period_ns =
+      static_cast<std::int64_t>(std::llround(1e9 / (parts.drives.rate_hz * options.pace)));
+  if (options.drives_motors() && !options.without_realtime)
+    static_cast<void>(Schedule(options, period_ns, TryRealtime));
+
   std::unique_ptr<FlightRecorder> recorder;
   const std::unique_ptr<World> world =
       MakeWorld(options, simulation, parts, [&recorder](std::span<const std::uint8_t> truth) {
@@ -273,8 +280,6 @@ ExitStatus Run(RunOptions options, const Simulation* simulation) {
   Telemetry telemetry(TelemetryOf(options, description, *world));
   std::optional<LcmCommands> commands;
   if (!options.lcm_url.empty()) commands.emplace(options.lcm_url, InterruptMailbox(), graph);
-  const auto period_ns =
-      static_cast<std::int64_t>(std::llround(1e9 / (parts.drives.rate_hz * options.pace)));
   const RunProcedureConfig procedure_config = ProcedureConfigOf(settings, parts.drives);
   if (!options.record.empty()) {
     RecordConfiguration configuration = DescribeForRecord(options, *world, description, files);
@@ -284,10 +289,11 @@ ExitStatus Run(RunOptions options, const Simulation* simulation) {
     recorder = OpenRecorder(options.record, configuration, "tumbler-run");
   }
 
+  world->Open();
   Play play(assembly, *world, {&telemetry, recorder.get()});
   CatchInterrupts();
   RunSummary summary = BeginSummary(options, parts, description);
-  summary.realtime = Schedule(options, period_ns);
+  summary.realtime = Schedule(options, period_ns, EnterRealtime);
   telemetry.SetScheduling(summary.realtime ? summary.realtime->scheduling : "time-shared");
   play.Run(procedure_config, period_ns);
   telemetry.Stop();

@@ -14,6 +14,9 @@ class World {
   World(const World&) = delete;
   World& operator=(const World&) = delete;
   virtual ~World() = default;
+  /// Called once, after everything that can refuse the run and before `bus()` is used. Only here is
+  /// a bus touched that others may be using. @throws std::runtime_error.
+  virtual void Open() {}
   virtual CanBus& bus() = 0;
   virtual Clock& clock() = 0;
   /// Whether time is real, not virtual, so that telemetry needs a thread of its own.

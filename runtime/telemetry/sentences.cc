@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <cstdint>
+
 #include "common/status.h"
 
 namespace tumbler {
@@ -68,6 +70,10 @@ std::string Describe(const FaultDetail& detail, const std::vector<std::string>& 
     case Fault::kDriveError:
       text += detail.value == 0 ? ": it is not enabled any more"
                                 : fmt::format(": code {}", detail.value);
+      break;
+    case Fault::kForeignCommand:
+      text += fmt::format(": a frame of somebody else with identifier {:#05x}",
+                          static_cast<std::uint32_t>(detail.value));
       break;
     default:
       text +=

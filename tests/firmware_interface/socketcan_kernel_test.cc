@@ -148,9 +148,10 @@ TEST(SocketCanBusInKernel, ReceivesWantedIdentifiersOnlyAndCountsCommandsOfOther
       ASSERT_EQ(other.Send(frame), Status::kOk);
     }
     const std::vector<ReceivedFrame> received = ReceiveAll(bus);
-    ASSERT_EQ(received.size(), 2U);
+    ASSERT_EQ(received.size(), 3U);
     EXPECT_EQ(received[0].frame, Frame(17, 5));
-    EXPECT_EQ(received[1].frame, Frame(18));
+    EXPECT_EQ(received[1].frame, Frame(2));
+    EXPECT_EQ(received[2].frame, Frame(18));
     EXPECT_EQ(bus.statistics().confirmed, 1);
     EXPECT_EQ(bus.statistics().foreign_commands, 1);
   });

@@ -228,6 +228,10 @@ class World {
       case Fault::kEntryMissed:
         before_each_ = [this] { Displace(0.1); };
         return 250;
+      case Fault::kForeignCommand:
+        static_cast<void>(
+            bench.stranger.SendAfter(900'000, Side().StrangersCommand(bench.DriveOf(1))));
+        return 3;
       case Fault::kNone:
         break;
     }
@@ -686,6 +690,10 @@ TEST(Dropout, ADriveThatSomebodyElseSwitchesOffIsADriveError) {
     config.graph = motion.graph;
     config.primitives = motion.primitives;
     config.executor = ConfigOf({}, motion);
+    for (const StateInfo& state : kStateTable) {  // The order itself is not looked for here.
+      static_cast<void>(
+          config.executor.reactions.Set(Fault::kForeignCommand, state.state, Reaction::kIgnore));
+    }
     FaultBench bench(std::move(config));
     ASSERT_TRUE(bench.Reach(ExecutorState::kHolding));
     const std::optional<CanFrame> off = protocol.side->DropOut(bench.DriveOf(1));

@@ -34,7 +34,7 @@ constexpr std::array kFaults{
     Fault::kBusOff,        Fault::kErrorPassive,  Fault::kInterfaceDown,
     Fault::kInterfaceGone, Fault::kLinkFailed,    Fault::kTransmitQueueFull,
     Fault::kLateTick,      Fault::kOperatorStop,  Fault::kNonFinite,
-    Fault::kArmingTimeout};
+    Fault::kArmingTimeout, Fault::kForeignCommand};
 constexpr std::array kReactions{Reaction::kIgnore, Reaction::kHold, Reaction::kCollapse,
                                 Reaction::kDamp, Reaction::kDisable};
 
@@ -104,6 +104,9 @@ int Provoke(Fault fault, ExecutorRig& rig, const ExecutorConfig& config) {
     case Fault::kArmingTimeout:
       drive.stuck = true;
       return config.arming_ticks_max + 1;
+    case Fault::kForeignCommand:
+      rig.foreign_id = 101 + 0x100;  // a command to drive 1
+      return 1;
     case Fault::kOperatorStop:
     case Fault::kNone:
       break;
@@ -129,15 +132,25 @@ TEST(FaultTable, AnswersEveryFaultInEveryStateAsStated) {
   // arming, holding, moving to start, running, settling, stopping and fault. Where the robot is in
   // mid-swing or its pose is unknown, joints are damped; a dead link is torque off.
   const std::vector<std::pair<Fault, std::string>> stated = {
-      {Fault::kStaleReply, "ixhhdhhd"},     {Fault::kWrongSequence, "ixhhdhhd"},
-      {Fault::kFollowingError, "ixdddddd"}, {Fault::kDriveError, "ixdddddd"},
-      {Fault::kHeartbeatLost, "ixhhdhhd"},  {Fault::kOverTemperature, "ixdddddd"},
-      {Fault::kBusOff, "ixxxxxxx"},         {Fault::kErrorPassive, "ixhhdhhd"},
-      {Fault::kInterfaceDown, "ixxxxxxx"},  {Fault::kInterfaceGone, "ixxxxxxx"},
-      {Fault::kLinkFailed, "ixxxxxxx"},     {Fault::kTransmitQueueFull, "ixxxxxxx"},
-      {Fault::kLateTick, "ixhhdhhh"},       {Fault::kOperatorStop, "ixhhhhhh"},
-      {Fault::kNonFinite, "ixdddddd"},      {Fault::kArmingTimeout, "ixxxxxxx"},
-      {Fault::kEntryMissed, "ixhhdhhh"},    {Fault::kNone, "iiiiiiii"}};
+      {Fault::kStaleReply, "ixhhdhhd"},
+      {Fault::kWrongSequence, "ixhhdhhd"},
+      {Fault::kFollowingError, "ixdddddd"},
+      {Fault::kDriveError, "ixdddddd"},
+      {Fault::kHeartbeatLost, "ixhhdhhd"},
+      {Fault::kOverTemperature, "ixdddddd"},
+      {Fault::kBusOff, "ixxxxxxx"},
+      {Fault::kErrorPassive, "ixhhdhhd"},
+      {Fault::kInterfaceDown, "ixxxxxxx"},
+      {Fault::kInterfaceGone, "ixxxxxxx"},
+      {Fault::kLinkFailed, "ixxxxxxx"},
+      {Fault::kTransmitQueueFull, "ixxxxxxx"},
+      {Fault::kLateTick, "ixhhdhhh"},
+      {Fault::kOperatorStop, "ixhhhhhh"},
+      {Fault::kNonFinite, "ixdddddd"},
+      {Fault::kArmingTimeout, "ixxxxxxx"},
+      {Fault::kEntryMissed, "ixhhdhhh"},
+      {Fault::kForeignCommand, "ixdddddd"},
+      {Fault::kNone, "iiiiiiii"}};
   ASSERT_EQ(stated.size(), kFaultCount);
   const FaultTable table;
   for (const auto& [fault, row] : stated) {
@@ -217,13 +230,16 @@ void FaultMatrix::ExpectCause(const FaultDetail& detail, std::int64_t seen_at, R
   const bool of_a_joint = fault == Fault::kStaleReply || fault == Fault::kWrongSequence ||
                           fault == Fault::kHeartbeatLost || fault == Fault::kFollowingError ||
                           fault == Fault::kDriveError || fault == Fault::kOverTemperature ||
-                          fault == Fault::kNonFinite;
+                          fault == Fault::kNonFinite || fault == Fault::kForeignCommand;
   if (of_a_joint) {
     EXPECT_EQ(detail.joint, 1);
   }
   if (fault == Fault::kOverTemperature) {
     EXPECT_EQ(detail.value, 95);
     EXPECT_EQ(detail.limit, 80);
+  }
+  if (fault == Fault::kForeignCommand) {
+    EXPECT_EQ(detail.value, 101 + 0x100);
   }
 }
 

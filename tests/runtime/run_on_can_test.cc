@@ -396,6 +396,48 @@ TEST_F(RunOnCan, DrivesThatFallSilentEndTheRunInDamping) {
   });
 }
 
+TEST_F(RunOnCan, ASecondProgramIsRefusedAndTheFirstOneDoesNotNotice) {
+  testing::InSteadyTime([this] {
+    Reset();
+    VirtualCan can;
+    can.Throttle(1'000'000);  // With a queue, the interface is taken down and up at the start.
+    StartDrives(can.name());
+    StartCandump(can.name());
+    const std::unique_ptr<Program> first = StartArmed(can.name());
+    AwaitMotion();
+    for (const std::string mode : {"--without-realtime", "--realtime", "--json=no/such/folder"}) {
+      const std::unique_ptr<Program> second = Start(can.name(), {"--arm", mode});
+      EXPECT_EQ(second->Wait(), 2) << second->text();
+      EXPECT_THAT(second->text(), ::testing::AnyOf(HasSubstr("(tumbler-run) drives the motors on"),
+                                                   HasSubstr("driving motors takes --realtime"),
+                                                   HasSubstr("is not in force")));
+    }
+    const std::unique_ptr<Program> second = StartArmed(can.name());
+    EXPECT_EQ(second->Wait(), 2) << second->text();
+    EXPECT_THAT(second->text(), HasSubstr("(tumbler-run) drives the motors on " + can.name()));
+    EXPECT_EQ(first->Wait(), 0) << first->text();
+    EXPECT_THAT(first->text(), HasSubstr("completed"));
+    ExpectKept(Judge());
+    EXPECT_EQ(StartArmed(can.name())->Wait(), 0) << "the lock ends with its holder";
+  });
+}
+
+TEST_F(RunOnCan, AFrameOfSomebodyElseThatCommandsADriveIsAFault) {
+  testing::InSteadyTime([this] {
+    Reset();
+    const VirtualCan can;
+    StartDrives(can.name());
+    StartCandump(can.name());
+    const std::unique_ptr<Program> run = StartArmed(can.name());
+    AwaitMotion();
+    Shell("cansend " + can.name() + " 002#7FFF7FF0000007FF");  // no gains and no torque
+    EXPECT_EQ(run->Wait(), kFault);
+    EXPECT_THAT(run->text(), HasSubstr("foreign command of joint joint2: a frame of somebody else "
+                                       "with identifier 0x002"));
+    EXPECT_THAT(run->text(), HasSubstr("(running); reaction: damp"));
+  });
+}
+
 TEST_F(RunOnCan, TwoInterruptsBrakeHoldAndLetGo) {
   testing::InSteadyTime([this] {
     Reset();

@@ -47,6 +47,11 @@ class ExecutorRig {
       if (obeys) drive.reply.position_rad = drive.setpoint.position_rad;
       for (int n = silent[i] ? 0 : replies[i]; n > 0; --n) received_.push_back({drive.Answer(), 0});
     }
+    if (foreign_id != 0) {
+      CanFrame frame;
+      frame.id = foreign_id;
+      received_.push_back({frame, 0});
+    }
     input.received = received_;
     input.command = command;
     executor.Tick(input, output);
@@ -98,6 +103,7 @@ class ExecutorRig {
   std::vector<std::unique_ptr<ScriptedDrive>> drives;
   std::array<bool, kMaxJoints> silent{};
   std::array<int, kMaxJoints> replies{1, 1, 1, 1, 1, 1, 1, 1};  ///< Of each drive in each tick.
+  std::uint32_t foreign_id = 0;  ///< Of a frame of somebody else in each tick; 0: there is none.
   bool follow = true;
   TickInput input;
   TickOutput output;

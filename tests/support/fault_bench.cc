@@ -89,7 +89,11 @@ const TickRecord& FaultBench::Tick(OperatorCommand command, std::int8_t branch) 
   Status status = Status::kOk;
   while (received_.size() < 512 && (status = host.Receive(received)) == Status::kOk) {
     received_.push_back(received);
-    Judge(now_ns(), received.frame);
+    // The judge takes every command for the host's.
+    const bool of_stranger = std::ranges::any_of(bank_.drives(), [&received](const Drive* drive) {
+      return drive->IsCommand(received.frame);
+    });
+    if (!of_stranger) Judge(now_ns(), received.frame);
   }
   TickInput input;
   input.tick = tick_;

@@ -56,6 +56,8 @@ class ProtocolSide {
 
   /// The host's order for torque off.
   [[nodiscard]] virtual CanFrame TorqueOff(const DriveConfig& drive) const = 0;
+  /// A command of somebody else, after which the drive goes on as the host tells it.
+  [[nodiscard]] virtual CanFrame StrangersCommand(const DriveConfig& drive) const = 0;
   /// A frame of somebody else that makes the drive drop out and report it. None if it does not
   /// report that.
   [[nodiscard]] virtual std::optional<CanFrame> DropOut(const DriveConfig& /*drive*/) const {

@@ -30,6 +30,10 @@ class ScriptedDrive final : public Drive {
     heard_ = true;
     return true;
   }
+  /// Commands have the identifier of replies plus 0x100.
+  [[nodiscard]] bool IsCommand(const CanFrame& frame) const noexcept override {
+    return frame.id == id_ + 0x100;
+  }
   [[nodiscard]] DriveSetpoint encoded_setpoint() const noexcept override { return setpoint; }
   [[nodiscard]] DriveFeedback feedback() const noexcept override { return feedback_; }
   [[nodiscard]] DriveState state() const noexcept override {

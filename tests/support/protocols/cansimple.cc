@@ -145,6 +145,9 @@ class CanSimple final : public ProtocolSide {
   [[nodiscard]] std::uint32_t EnableId(const DriveConfig& drive) const override {
     return Of(drive).node_id * 32U + 0x07;
   }
+  [[nodiscard]] CanFrame StrangersCommand(const DriveConfig& drive) const override {
+    return EncodeCanSimple(Of(drive).node_id, CanSimpleInputVel{});
+  }
   [[nodiscard]] CanFrame TorqueOff(const DriveConfig& drive) const override {
     CanFrame frame;
     frame.id = EnableId(drive);

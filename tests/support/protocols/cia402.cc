@@ -142,6 +142,9 @@ class Cia402 final : public ProtocolSide {
   [[nodiscard]] std::uint32_t EnableId(const DriveConfig& drive) const override {
     return SetpointId(drive);
   }
+  [[nodiscard]] CanFrame StrangersCommand(const DriveConfig& drive) const override {
+    return EncodeCia402(Of(drive).node_id, Cia402FeedForward{});
+  }
   [[nodiscard]] CanFrame TorqueOff(const DriveConfig& drive) const override {
     CanFrame frame;
     frame.id = SetpointId(drive);

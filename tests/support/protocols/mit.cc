@@ -114,6 +114,9 @@ class Mit final : public ProtocolSide {
   [[nodiscard]] std::uint32_t SetpointId(const DriveConfig& drive) const override {
     return Of(drive).command_id;
   }
+  [[nodiscard]] CanFrame StrangersCommand(const DriveConfig& drive) const override {
+    return EncodeMitCommand(Of(drive), {});
+  }
   [[nodiscard]] CanFrame TorqueOff(const DriveConfig& drive) const override {
     CanFrame frame;
     frame.id = SetpointId(drive);
