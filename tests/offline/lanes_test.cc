@@ -1,0 +1,319 @@
+// Robots in lanes: every lane gets the bits of one robot, whatever the vectors, and the physics are
+// those of the scene's own dynamics.
+
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <memory>
+#include <numbers>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "common/primitive_toml.h"
+#include "offline/ensemble/lane_kernel.h"
+#include "offline/ensemble/lane_scene.h"
+#include "offline/problem/task_toml.h"
+#include "offline/scene/scene_dynamics.h"
+#include "tests/support/files.h"
+#include "tests/support/handstand.h"
+
+#define TUMBLER_LANES_NAMESPACE lanes_test
+#include "offline/ensemble/lane_dynamics.h"
+
+namespace tumbler {
+namespace {
+
+constexpr std::size_t kLanes = Packet::kLanes;
+
+template <class T>
+bool SameBits(const T& a, const T& b) {
+  return std::memcmp(&a, &b, sizeof(T)) == 0;
+}
+
+PrimitiveFile Handstand() {
+  return LoadPrimitive(testing::SourcePath("primitives/handstand.toml"));
+}
+
+/// The robot of the handstand with everything about it changed at random.
+LaneRobot<double> RandomRobot(const LaneScene& scene, std::mt19937_64& random) {
+  LaneRobot<double> robot = scene.robot;
+  const auto vary = [&](double& value) { value *= Uniform(random, 0.8, 1.2); };
+  for (std::size_t b = 0; b <= scene.model.joints; ++b) {
+    auto& body = robot.bodies[b];
+    for (double* value : {&body.offset_x, &body.mass, &body.centre_x, &body.inertia}) vary(*value);
+    body.centre_z = Uniform(random, -0.01, 0.01);
+  }
+  for (std::size_t j = 0; j < scene.model.joints; ++j) {
+    auto& joint = robot.joints[j];
+    for (double* value : {&joint.rotor_inertia, &joint.viscous_friction, &joint.torque_max,
+                          &joint.kp, &joint.kd, &joint.feed_forward})
+      vary(*value);
+    joint.dry_friction = Uniform(random, 0, 0.2);
+    joint.upper = 2.0;  // so that stops are met
+    joint.zero_error = Uniform(random, -0.01, 0.01);
+    joint.delay = Uniform(random, 0, 1e-3);
+  }
+  for (double* value : {&robot.mu, &robot.stiffness, &robot.damping, &robot.v_max}) vary(*value);
+  const double slope = Uniform(random, -0.05, 0.05);
+  robot.grounds[0].normal_x = -std::sin(slope);
+  robot.grounds[0].normal_z = std::cos(slope);
+  return robot;
+}
+
+LaneState<double> EntryState(const PrimitiveFile& file) {
+  LaneState<double> state{};
+  state.q[0] = file.entry.root_x_m;
+  state.q[1] = file.entry.root_z_m;
+  state.q[2] = file.entry.root_pitch_rad;
+  for (std::size_t j = 0; j < file.entry.joint_positions_rad.size(); ++j)
+    state.q[3 + j] = file.entry.joint_positions_rad[j];
+  return state;
+}
+
+std::vector<LaneSetpoint<double>> SetpointsOf(const Primitive<double>& primitive, double more_s) {
+  std::vector<LaneSetpoint<double>> setpoints;
+  for (int k = 0; k < static_cast<int>((primitive.duration_s + more_s) * 1000); ++k) {
+    for (const JointMotion<double>& joint : primitive.motions()) {
+      const double t = 1e-3 * k;
+      const auto at = joint.position.Evaluate(t);
+      setpoints.push_back({at.value, t < primitive.duration_s ? at.first : 0,
+                           static_cast<double>(joint.torque.Evaluate(t).value)});
+    }
+  }
+  return setpoints;
+}
+
+std::vector<LaneSetpoint<Packet>> InAllLanes(const std::vector<LaneSetpoint<double>>& setpoints) {
+  std::vector<LaneSetpoint<Packet>> packets;
+  for (const LaneSetpoint<double>& s : setpoints)
+    packets.push_back({Packet::Of(s.position), Packet::Of(s.velocity), Packet::Of(s.third)});
+  return packets;
+}
+
+TEST(Lanes, EveryLaneOfEveryKernelGetsTheBitsOfOneRobotAlone) {
+  const PrimitiveFile file = Handstand();
+  const LaneScene scene = MakeLaneScene(TaskOf(file).problem.scene, {});
+  const auto setpoints = SetpointsOf(file.primitive, 0.5);
+  const auto in_lanes = InAllLanes(setpoints);
+  std::mt19937_64 random(1);
+  std::array<LaneRobot<double>, kLanes> robots;
+  std::array<LaneState<double>, kLanes> alone;
+  std::array<LaneWatch<double>, kLanes> seen{};
+  for (LaneRobot<double>& robot : robots) robot = RandomRobot(scene, random);
+  alone.fill(EntryState(file));
+  const auto packed_robots = PackLanes<LaneRobot>(robots);
+  const auto packed_start = PackLanes<LaneState>(alone);
+  bool fell = false, stopped = false;
+  for (std::size_t lane = 0; lane < kLanes; ++lane) {
+    HeldSetpoints<double> held{};
+    OneRobotKernel().drive(scene.model, robots[lane], {}, setpoints, held, alone[lane], seen[lane]);
+    ASSERT_TRUE(std::isfinite(alone[lane].q[2]));
+    fell = fell || std::abs(alone[lane].q[2] - 1.57) > 0.5;
+    stopped = stopped || seen[lane].torque[1] >= robots[lane].joints[1].torque_max;
+  }
+  EXPECT_TRUE(fell && stopped) << "the robots ought to meet limits and to differ";
+  ASSERT_FALSE(PacketKernels().empty());
+  for (const LaneKernel<Packet>* kernel : PacketKernels()) {
+    LaneState<Packet> state = packed_start;
+    HeldSetpoints<Packet> held{};
+    LaneWatch<Packet> watch{};
+    kernel->drive(scene.model, packed_robots, {}, in_lanes, held, state, watch);
+    for (std::size_t lane = 0; lane < kLanes; ++lane) {
+      EXPECT_TRUE(SameBits(LaneOf<LaneState>(state, lane), alone[lane])) << kernel->name << lane;
+      EXPECT_TRUE(SameBits(LaneOf<LaneWatch>(watch, lane), seen[lane])) << kernel->name << lane;
+    }
+  }
+}
+
+TEST(Lanes, PrescribedMotionsHaveTheSameBitsInEveryLaneToo) {
+  const PrimitiveFile file = Handstand();
+  const LaneScene scene = MakeLaneScene(TaskOf(file).problem.scene, {});
+  std::vector<LaneSetpoint<double>> setpoints;
+  for (int k = 0; k < 4000; ++k) {
+    for (const JointMotion<double>& joint : file.primitive.motions()) {
+      const auto at = joint.position.Evaluate(2.5e-4 * k);
+      setpoints.push_back({at.value, at.first, at.second});
+    }
+  }
+  std::mt19937_64 random(2);
+  std::array<LaneRobot<double>, kLanes> robots;
+  std::array<LaneState<double>, kLanes> states;
+  for (LaneRobot<double>& robot : robots) robot = RandomRobot(scene, random);
+  states.fill(EntryState(file));
+  for (const LaneKernel<Packet>* kernel : PacketKernels()) {
+    LaneState<Packet> state = PackLanes<LaneState>(states);
+    LaneWatch<Packet> watch{};
+    std::vector<Packet> torques(setpoints.size());
+    kernel->prescribe(scene.model, PackLanes<LaneRobot>(robots), 2.5e-4, InAllLanes(setpoints),
+                      state, watch, torques);
+    for (std::size_t lane = 0; lane < kLanes; ++lane) {
+      LaneState<double> alone = states[lane];
+      LaneWatch<double> seen{};
+      std::vector<double> own(setpoints.size());
+      OneRobotKernel().prescribe(scene.model, robots[lane], 2.5e-4, setpoints, alone, seen, own);
+      EXPECT_TRUE(SameBits(LaneOf<LaneState>(state, lane), alone)) << kernel->name << lane;
+      for (std::size_t k = 0; k < own.size(); k += 97)
+        ASSERT_EQ(torques[k].lane(lane), own[k]) << kernel->name << lane;
+    }
+  }
+}
+
+/// The scene of the handstand with its legs free or prescribed, and what lanes have of it.
+struct BothDynamics {
+  explicit BothDynamics(bool prescribed) {
+    scene = HandstandProblem().scene;
+    scene.contact.smoothing = prescribed ? ContactSmoothing::kQuintic : ContactSmoothing::kCubic;
+    for (std::size_t j = 0; j < 2; ++j) {
+      Dof<Plane>& dof = scene.robot.tree.dofs[3 + j];
+      dof.prescribed = prescribed;
+      dof.rotor_inertia_kg_m2 = 1e-3;
+      dof.damping_nm_s_per_rad = 0.03;
+    }
+    lanes = MakeLaneScene(scene, {.viscous_friction_nm_s_per_rad = 0});
+    one = std::make_unique<SceneDynamics>(scene);
+  }
+  /// A random state near the ground, in both.
+  LaneState<double> Place(std::mt19937_64& random) {
+    LaneState<double> state{};
+    state.q = {Uniform(random, -3, 3), Uniform(random, 0.15, 0.35), Uniform(random, -4, 4),
+               Uniform(random, -2.9, 2.9), Uniform(random, -2.9, 2.9)};
+    for (std::size_t i = 0; i < 5; ++i) {
+      state.v[i] = Uniform(random, -3, 3);
+      one->q[i] = state.q[i];
+      one->qd[i] = state.v[i];
+    }
+    one->Touch();
+    return state;
+  }
+  Scene scene;
+  LaneScene lanes;
+  std::unique_ptr<SceneDynamics> one;
+};
+
+TEST(Lanes, AccelerationsAreThoseOfTheSceneDynamics) {
+  BothDynamics both(false);
+  LaneDynamics<double> lanes(both.lanes.model, both.lanes.robot);
+  std::mt19937_64 random(3);
+  int touching = 0;
+  for (int trial = 0; trial < 500; ++trial) {
+    const LaneState<double> state = both.Place(random);
+    LaneDynamics<double>::Numbers tau{}, qdd{};
+    both.one->tau.fill(0);
+    for (std::size_t i = 3; i < 5; ++i) both.one->tau[i] = tau[i] = Uniform(random, -8, 8);
+    both.one->Solve();
+    lanes.Accelerate(state, tau, qdd);
+    double force = 0;
+    for (const auto& contact : both.one->contact->active()) force += contact.normal_force_n;
+    touching += force > 0 ? 1 : 0;
+    EXPECT_NEAR(lanes.normal_force(), force, 1e-9 * (1 + force));
+    for (std::size_t i = 0; i < 5; ++i)
+      EXPECT_NEAR(qdd[i], both.one->qdd[i], 1e-9 * (1 + std::abs(both.one->qdd[i]) + force)) << i;
+  }
+  EXPECT_GT(touching, 100);
+}
+
+TEST(Lanes, TorquesOfPrescribedJointsAreThoseOfTheSceneDynamics) {
+  BothDynamics both(true);
+  LaneDynamics<double> lanes(both.lanes.model, both.lanes.robot);
+  std::mt19937_64 random(4);
+  for (int trial = 0; trial < 500; ++trial) {
+    const LaneState<double> state = both.Place(random);
+    LaneDynamics<double>::Numbers tau{}, qdd{};
+    both.one->tau.fill(0);
+    for (std::size_t i = 3; i < 5; ++i) both.one->qdd[i] = qdd[i] = Uniform(random, -300, 300);
+    both.one->Solve();
+    lanes.AcceleratePrescribed(state, tau, qdd);
+    const double scale = 1 + lanes.normal_force();
+    for (std::size_t i = 0; i < 3; ++i)
+      EXPECT_NEAR(qdd[i], both.one->qdd[i], 1e-8 * (scale + std::abs(qdd[i]))) << i;
+    for (std::size_t i = 3; i < 5; ++i) EXPECT_NEAR(tau[i], both.one->tau[i], 1e-8 * scale) << i;
+  }
+}
+
+TEST(Lanes, ANominalRobotEndsWhereTheShippedPlanEndsAtAFineStep) {
+  const PrimitiveFile file = Handstand();
+  const LaneScene scene =
+      MakeLaneScene(TaskOf(file).problem.scene, {.viscous_friction_nm_s_per_rad = 0});
+  const double step_s = 2e-5;
+  std::vector<LaneSetpoint<double>> setpoints;
+  for (int k = 0; k * step_s < file.primitive.duration_s + 2; ++k) {
+    for (const JointMotion<double>& joint : file.primitive.motions()) {
+      const auto at = joint.position.Evaluate(step_s * k);
+      const bool moves = step_s * k < file.primitive.duration_s;
+      setpoints.push_back({at.value, moves ? at.first : 0, moves ? at.second : 0});
+    }
+  }
+  LaneState<double> state = EntryState(file);
+  LaneWatch<double> watch{};
+  std::vector<double> torques(setpoints.size());
+  OneRobotKernel().prescribe(scene.model, scene.robot, step_s, setpoints, state, watch, torques);
+  EXPECT_NEAR(state.q[0], file.exit.root_x_m, 1e-3);
+  EXPECT_NEAR(state.q[1], file.exit.root_z_m, 1e-4);
+  EXPECT_NEAR(state.q[2], file.exit.root_pitch_rad, 2e-3);
+}
+
+TEST(Lanes, ASetpointActsFromItsTickAndTheJointsDelayOn) {
+  BothDynamics both(false);
+  LaneRobot<double> robot = both.lanes.robot;
+  robot.gravity_z = 0;
+  for (auto& joint : robot.joints) joint.kp = joint.kd = joint.viscous_friction = 0;
+  const auto velocity_after_a_tick = [&](double delay_s) {
+    for (auto& joint : robot.joints) joint.delay = delay_s;
+    LaneState<double> state{};
+    state.q[1] = 5;
+    HeldSetpoints<double> held{};
+    LaneWatch<double> watch{};
+    const std::vector<LaneSetpoint<double>> tick = {{0, 0, 1.0}, {0, 0, 0.0}};
+    OneRobotKernel().drive(both.lanes.model, robot, {.tick_s = 1e-3, .per_tick = 4}, tick, held,
+                           state, watch);
+    EXPECT_EQ(held[0].third, 1.0);
+    return state.v[3];
+  };
+  const double at_once = velocity_after_a_tick(0);
+  EXPECT_GT(at_once, 0.1);
+  EXPECT_NEAR(velocity_after_a_tick(0.5e-3), at_once / 2, 0.01 * at_once);
+  EXPECT_EQ(velocity_after_a_tick(1e-3), 0);
+}
+
+TEST(Lanes, SinesAndCosinesAreThoseOfTheMathematicalLibraryToRounding) {
+  std::mt19937_64 random(5);
+  for (int trial = 0; trial < 20000; ++trial) {
+    const double angle = Uniform(random, -1, 1) * std::pow(10.0, Uniform(random, -3, 4));
+    const SineAndCosine<double> both(angle);
+    ASSERT_NEAR(both.sine, std::sin(angle), 3e-16) << angle;
+    ASSERT_NEAR(both.cosine, std::cos(angle), 3e-16) << angle;
+  }
+  for (int quarter = -8; quarter <= 8; ++quarter) {
+    const SineAndCosine<double> both(quarter * std::numbers::pi / 2);
+    EXPECT_NEAR(both.sine, std::sin(quarter * std::numbers::pi / 2), 1e-15);
+    EXPECT_NEAR(both.cosine, std::cos(quarter * std::numbers::pi / 2), 1e-15);
+  }
+}
+
+std::string RefusalOf(const Scene& scene) {
+  try {
+    MakeLaneScene(scene, {});
+  } catch (const std::invalid_argument& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(Lanes, AScenePartThatLanesDoNotHaveIsRefusedByName) {
+  Scene scene = HandstandProblem().scene;
+  EXPECT_EQ(RefusalOf(scene), "");
+  scene.obstacles.push_back({"stone", Shape<Plane>::Sphere({0, 0}, 0.1)});
+  EXPECT_NE(RefusalOf(scene).find("'stone' is no half-space"), std::string::npos);
+  scene.obstacles.pop_back();
+  scene.contact.damping_law = ContactDamping::kSigned;
+  EXPECT_NE(RefusalOf(scene).find("contact law"), std::string::npos);
+  scene.contact.damping_law = ContactDamping::kNoPull;
+  scene.robot.tree.dofs[4].kind = JointKind::kPrismatic;
+  EXPECT_NE(RefusalOf(scene).find("'leg2' is prismatic"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace tumbler
