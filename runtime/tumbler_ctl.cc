@@ -19,6 +19,7 @@
 #include "runtime/core/tick.h"
 #include "runtime/linux/operator_mailbox.h"
 #include "runtime/telemetry/channels.h"
+#include "runtime/telemetry/lcm_link.h"
 #include "runtime/telemetry/live_view.h"
 
 namespace tumbler {
@@ -75,6 +76,8 @@ class Remote {
                       "224.0.0.0/4 dev IFACE`)",
                       url));
     }
+    if (lcm_.getFileno() < 0)
+      throw std::runtime_error(fmt::format("{}: no LCM server answers there", url));
     Subscribe<state_t>(kStateChannel);
     Subscribe<event_t>(kEventChannel);
     Subscribe<run_t>(kRunChannel);
@@ -89,7 +92,7 @@ class Remote {
       const auto left =
           std::chrono::duration_cast<std::chrono::milliseconds>(until - SteadyClock::now()).count();
       if (left <= 0 || interrupted != 0) return false;
-      lcm_.handleTimeout(static_cast<int>(std::min<long>(left, 100)));
+      HandleLcm(lcm_, static_cast<int>(std::min<long>(left, 100)));
     }
     return true;
   }
@@ -122,9 +125,15 @@ class Remote {
     lcm_.subscribeFunction(channel, &Remote::Handle<Message>, this)->setQueueCapacity(0);
   }
   template <typename Message>
-  static void Handle(const lcm::ReceiveBuffer* /*buffer*/, const std::string& /*channel*/,
-                     const Message* message, Remote* self) {
-    self->view_.Take(*message);
+  static void Handle(const lcm::ReceiveBuffer* buffer, const std::string& /*channel*/,
+                     Remote* self) {
+    Message message;
+    try {
+      if (message.decode(buffer->data, 0, static_cast<int>(buffer->data_size)) < 0) return;
+    } catch (const std::exception&) {
+      return;  // LCM's readers throw at lengths that cannot be.
+    }
+    self->view_.Take(message);
   }
   [[nodiscard]] std::runtime_error Silent() const {
     return std::runtime_error(

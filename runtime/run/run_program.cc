@@ -299,6 +299,7 @@ ExitStatus Run(RunOptions options, const Simulation* simulation) {
   telemetry.Stop();
 
   EndSummary(play, telemetry, summary);
+  if (commands) summary.unreadable_messages = commands->unreadable();
   if (recorder != nullptr) StopRecorder(*recorder, summary);
   world->Summarize(summary);
   Say(summary, options);

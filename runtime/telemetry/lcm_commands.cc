@@ -3,13 +3,14 @@
 #include <fmt/format.h>
 
 #include <atomic>
+#include <chrono>
 #include <stdexcept>
 #include <thread>
 
 #include <lcm/lcm-cpp.hpp>
-#include <tumbler/command_t.hpp>
 
 #include "runtime/telemetry/channels.h"
+#include "runtime/telemetry/lcm_link.h"
 
 namespace tumbler {
 
@@ -20,25 +21,56 @@ static_assert(command_t::FINISH == static_cast<int>(OperatorRequest::kFinish));
 static_assert(command_t::STOP == static_cast<int>(OperatorRequest::kStop));
 static_assert(command_t::DISARM == static_cast<int>(OperatorRequest::kDisarm));
 
+bool ReadCommand(std::span<const std::uint8_t> bytes, command_t& message) {
+  // Fingerprint, id, command and the length of the text, which counts its closing zero.
+  constexpr std::size_t kLengthAt = 8 + 8 + 1;
+  constexpr std::size_t kTextAt = kLengthAt + 4;
+  constexpr std::size_t kTextMax = 256;
+  if (bytes.size() <= kTextAt || bytes.size() > kTextAt + kTextMax) return false;
+  std::size_t length = 0;
+  for (std::size_t i = kLengthAt; i < kTextAt; ++i) length = length << 8 | bytes[i];
+  if (length != bytes.size() - kTextAt || bytes.back() != 0) return false;
+  command_t read;
+  const auto size = static_cast<int>(bytes.size());
+  if (read.decode(bytes.data(), 0, size) != size) return false;
+  message = read;
+  return true;
+}
+
 struct LcmCommands::Implementation {
   Implementation(const std::string& url, OperatorMailbox& mailbox_in,
                  const SequenceGraph<float>& graph_in)
       : lcm(url), mailbox(mailbox_in), graph(graph_in) {
     if (!lcm.good()) throw std::runtime_error(fmt::format("{}: LCM cannot use this URL", url));
+    if (lcm.getFileno() < 0)
+      throw std::runtime_error(fmt::format("{}: no LCM server answers there", url));
     // UndefinedBehaviorSanitizer objects to the overload for member functions.
     lcm.subscribeFunction(kCommandChannel, &Implementation::Handle, this);
     thread = std::thread([this] {
       constexpr int kPatience_ms = 100;  // the longest that the destructor has to wait
-      while (!stop && lcm.handleTimeout(kPatience_ms) >= 0) {
+      while (!stop) {
+        if (HandleLcm(lcm, kPatience_ms) >= 0) continue;
+        // A link that breaks at once again must not keep a processor busy.
+        std::this_thread::sleep_for(std::chrono::milliseconds(kPatience_ms));
       }
     });
   }
 
-  static void Handle(const lcm::ReceiveBuffer* /*buffer*/, const std::string& /*channel*/,
-                     const command_t* message, Implementation* self) {
+  static void Handle(const lcm::ReceiveBuffer* buffer, const std::string& /*channel*/,
+                     Implementation* self) {
+    command_t message;
+    if (!ReadCommand({static_cast<const std::uint8_t*>(buffer->data), buffer->data_size},
+                     message) ||
+        !self->Take(message)) {
+      ++self->unreadable;
+    }
+  }
+
+  /// @returns false when there is no such request.
+  bool Take(const command_t& message) {
     OperatorWish wish;
-    wish.id = static_cast<std::uint32_t>(message->id);
-    switch (message->command) {
+    wish.id = static_cast<std::uint32_t>(message.id);
+    switch (message.command) {
       case command_t::START:
       case command_t::CLEAR_FAULTS:
       case command_t::FINISH:
@@ -47,18 +79,20 @@ struct LcmCommands::Implementation {
         break;
       case command_t::BRANCH:
         // An unknown name becomes number -1, which the executor refuses for all to see.
-        wish.branch = static_cast<std::int8_t>(self->graph.FindBranch(message->branch));
+        wish.branch = static_cast<std::int8_t>(graph.FindBranch(message.branch));
         break;
       default:
-        return;  // Other commands are ignored. There is none to arm or to move.
+        return false;  // There is none to arm or to move.
     }
-    wish.request = static_cast<OperatorRequest>(message->command);
-    self->mailbox.Put(wish);
+    wish.request = static_cast<OperatorRequest>(message.command);
+    mailbox.Put(wish);
+    return true;
   }
 
   lcm::LCM lcm;
   OperatorMailbox& mailbox;
   SequenceGraph<float> graph;
+  std::atomic<std::int64_t> unreadable{0};
   std::atomic<bool> stop{false};
   std::thread thread;
 };
@@ -71,5 +105,7 @@ LcmCommands::~LcmCommands() {
   implementation_->stop = true;
   implementation_->thread.join();
 }
+
+std::int64_t LcmCommands::unreadable() const { return implementation_->unreadable; }
 
 }  // namespace tumbler

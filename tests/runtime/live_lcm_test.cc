@@ -62,6 +62,54 @@ TEST(LcmCommands, PutsRequestsIntoTheMailboxAndNothingElse) {
   EXPECT_EQ(take_after(command_t::STOP, 1000), OperatorRequest::kStop) << "it still listens";
 }
 
+TEST(LcmCommands, GoesOnAfterDatagramsThatAreNoRequests) {
+  OperatorMailbox mailbox;
+  const SequenceGraph<float> graph;
+  const LcmCommands commands(kUrl, mailbox, graph);
+  lcm::LCM remote(kUrl);
+  ASSERT_TRUE(remote.good());
+  command_t message;
+  message.id = 7;
+  message.command = command_t::STOP;
+  message.branch = "a text of 20 letters";
+  std::vector<std::uint8_t> good(static_cast<std::size_t>(message.getEncodedSize()));
+  message.encode(good.data(), 0, message.getEncodedSize());
+  std::int64_t sent = 0;
+  const auto publish = [&](const std::vector<std::uint8_t>& bytes) {
+    remote.publish(kCommandChannel, bytes.data(), static_cast<unsigned>(bytes.size()));
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));  // few enough for the socket buffer
+    ++sent;
+  };
+  for (std::size_t size = 1; size < good.size(); ++size) {
+    publish({good.begin(), good.begin() + static_cast<std::ptrdiff_t>(size)});
+  }
+  for (const std::uint32_t length : {0U, 1U, 20U, 22U, 0x7fffffffU, 0x80000000U, 0xffffffffU}) {
+    std::vector<std::uint8_t> bytes = good;
+    for (std::size_t i = 0; i < 4; ++i) {
+      bytes[17 + i] = static_cast<std::uint8_t>(length >> (24 - 8 * i));
+    }
+    publish(bytes);
+  }
+  for (int i = 0; i < 500 && commands.unreadable() < sent; ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  EXPECT_EQ(commands.unreadable(), sent);
+  EXPECT_EQ(mailbox.Take().request, OperatorRequest::kNone);
+  remote.publish(kCommandChannel, &message);
+  OperatorWish taken;
+  for (int i = 0; i < 1000 && taken.request == OperatorRequest::kNone; ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    taken = mailbox.Take();
+  }
+  EXPECT_EQ(taken.request, OperatorRequest::kStop) << "it still listens";
+}
+
+TEST(LcmCommands, SaysThatThereIsNoServer) {
+  OperatorMailbox mailbox;
+  EXPECT_THROW(LcmCommands("tcpq://127.0.0.1:7711", mailbox, SequenceGraph<float>()),
+               std::runtime_error);
+}
+
 void Collect(const lcm::ReceiveBuffer* /*buffer*/, const std::string& /*channel*/,
              const state_t* state, std::vector<std::int64_t>* ticks) {
   ticks->push_back(state->tick);
