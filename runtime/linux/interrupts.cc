@@ -28,6 +28,8 @@ void CatchInterrupts() {
   action.sa_handler = OnInterrupt;
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
+  sigaction(SIGHUP, &action, nullptr);  // The terminal of the run is gone, or its connection.
+  std::signal(SIGPIPE, SIG_IGN);        // A reader of the output that ends must not end the run.
 }
 
 }  // namespace tumbler

@@ -50,7 +50,12 @@ bool ControlLoop::Tick(std::int64_t deadline_ns,
   const std::size_t count = Receive(awake_ns);
   OperatorWish wish = parts_.mailbox.Take();
   // When a request is sent again because its answer was lost, it counts once.
-  if (wish.id != 0 && wish.id == timed_.request.id) wish = {};
+  // The wish to quit may have come with it, from somebody else.
+  if (wish.id != 0 && wish.id == timed_.request.id) {
+    const bool quit = wish.quit;
+    wish = {};
+    wish.quit = quit;
+  }
   const OperatorCommand command = Ask(wish);
   const TickInput input{
       tick,        {received_.data(), count},    receive_status_, send_status_, command,

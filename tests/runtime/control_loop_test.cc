@@ -317,6 +317,19 @@ TEST(ControlLoop, AnswersEachRequestOnceWithWhatBecameOfIt) {
   EXPECT_LT(more, 20000) << "it is over";
 }
 
+TEST(ControlLoop, ARequestThatIsSentAgainDoesNotTakeAnInterruptWithIt) {
+  RunProcedureConfig config;
+  config.attended = true;
+  LoopBench bench({}, config);
+  bench.mailbox.Put({1, OperatorRequest::kStop});
+  for (int i = 0; i < 20; ++i) ASSERT_TRUE(bench.loop->Step());
+  bench.mailbox.Put({1, OperatorRequest::kStop});              // again, in the tick
+  bench.mailbox.Put({0, OperatorRequest::kFinish, -1, true});  // of the interrupt
+  int more = 0;
+  while (bench.loop->Step() && more < 1000) ++more;
+  EXPECT_LT(more, 1000) << "it is over";
+}
+
 TEST(MeasureWakeUps, CountsEveryPeriodOnce) {
   VirtualClock virtual_clock([](std::int64_t) {});
   LateClock clock(virtual_clock);

@@ -4,12 +4,14 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <csignal>
 #include <filesystem>
 #include <string>
 
 #include "tests/support/files.h"
 #include "tests/support/primitive_file.h"
 #include "tests/support/program.h"
+#include "tests/support/steady_time.h"
 
 namespace tumbler {
 namespace {
@@ -117,6 +119,27 @@ TEST_F(TumblerRun, AnswersWhatABusFaultsFileDoesToItAsTheFaultsFileSays) {
   const Outcome real = Run("can9 " + Path("motion.toml") + " --drives x.toml" + script);
   EXPECT_EQ(real.exit_code, 1);
   EXPECT_THAT(real.text, HasSubstr("--bus-faults"));
+}
+
+TEST_F(TumblerRun, EndsInOrderWhenItIsTerminatedOrItsTerminalIsGone) {
+  Write("drives.toml",
+        Replaced(testing::ReadFile(testing::SourcePath("primitives/robots/tumbler_drives.toml")),
+                 "rate_hz = 1000.0", "rate_hz = 100.0"));
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
+    testing::InSteadyTime([&] {
+      const std::string trace = Path("trace.csv");
+      std::filesystem::remove(trace);
+      testing::Program run({testing::ProgramPath("tumbler-run"), "sim",
+                            testing::SourcePath("primitives/handstand.toml"), "--drives",
+                            Path("drives.toml"), "--realtime", "--hold-s", "60", "--trace", trace});
+      ASSERT_TRUE(testing::Eventually([&] {
+        return std::filesystem::exists(trace) && std::filesystem::file_size(trace) > 20'000;
+      }));
+      run.Signal(signal);
+      EXPECT_EQ(run.Wait(), 130) << signal << run.text();
+      EXPECT_THAT(run.text(), HasSubstr("stopped by the operator"));
+    });
+  }
 }
 
 TEST_F(TumblerRun, NamesAPrimitiveThatIsMissingOrBroken) {
