@@ -160,7 +160,7 @@ void Executor::Enter(ExecutorState state) noexcept {
   if (state == ExecutorState::kDisarmed) reaction_ = Reaction::kIgnore;
   if (state == ExecutorState::kArming) {
     for (Joint& joint : joints()) {
-      joint.was_enabled = false;
+      joint.was_off = joint.was_enabled = false;
       joint.replies.ForgetSequenceErrors();
     }
   }
@@ -236,8 +236,13 @@ void Executor::Advance(const TickRecord& record) noexcept {
   switch (state_) {
     case ExecutorState::kArming: {
       int waiting = -1;
-      for (int i = 0; i < joint_count_ && waiting < 0; ++i) {
-        if (joints_[static_cast<std::size_t>(i)].drive_state != DriveState::kEnabled) waiting = i;
+      for (int i = joint_count_ - 1; i >= 0; --i) {
+        // A drive that has been let go may say that it is enabled until it says something new. So
+        // only a drive that was seen off has been enabled by this arming.
+        Joint& joint = joints_[static_cast<std::size_t>(i)];
+        joint.was_off = joint.was_off || joint.drive_state == DriveState::kDisabled ||
+                        joint.drive_state == DriveState::kEnabling;
+        if (joint.drive_state != DriveState::kEnabled || !joint.was_off) waiting = i;
       }
       if (waiting < 0) {
         Enter(ExecutorState::kHolding);

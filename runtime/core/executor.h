@@ -75,6 +75,7 @@ class Executor {
     DriveFeedback measured;
     DriveState drive_state = DriveState::kUnknown;
     ReplyWatch replies;
+    bool was_off = false;      ///< Whether the drive was seen not to be enabled since arming began.
     bool was_enabled = false;  ///< Whether the drive has been enabled since arming.
     float move_from_rad = 0;
     Basis position_basis;

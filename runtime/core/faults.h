@@ -110,7 +110,7 @@ inline constexpr std::array<StateInfo, kExecutorStateCount> kStateTable{{
 
 inline constexpr std::array<TransitionInfo, 12> kTransitionTable{{
     {ExecutorState::kDisarmed, ExecutorState::kArming, "`kArm`, unless refused"},
-    {ExecutorState::kArming, ExecutorState::kHolding, "every drive is enabled"},
+    {ExecutorState::kArming, ExecutorState::kHolding, "every drive was seen off, and then enabled"},
     {ExecutorState::kHolding, ExecutorState::kMovingToStart, "`kMoveToStart`, unless refused"},
     {ExecutorState::kHolding, ExecutorState::kRunning, "`kRun`, unless refused"},
     {ExecutorState::kMovingToStart, ExecutorState::kHolding, "arrived"},

@@ -710,6 +710,30 @@ TEST(Dropout, ADriveThatSomebodyElseSwitchesOffIsADriveError) {
   EXPECT_GE(protocols, 2);
 }
 
+TEST(Arming, EndsOnlyWhenEveryDriveIsEnabledHoweverSoonItFollowsTorqueOff) {
+  for (const TestedProtocol& protocol : EveryProtocol()) {
+    for (int pause = 0; pause < 20; ++pause) {
+      FaultBench::Config config;
+      const Motion motion = MakeMotion();
+      config.drives = LoadDrives(testing::SourcePath(protocol.drives));  // heartbeats 0.1 s apart
+      config.graph = motion.graph;
+      config.primitives = motion.primitives;
+      config.executor = ConfigOf({}, motion);
+      FaultBench bench(std::move(config));
+      ASSERT_TRUE(bench.Reach(ExecutorState::kHolding));
+      bench.Tick(OperatorCommand::kDisarm);
+      for (int i = 0; i < pause; ++i) bench.Tick();
+      bench.Tick(OperatorCommand::kArm);
+      while (bench.executor.state() == ExecutorState::kArming) bench.Tick();
+      ASSERT_EQ(bench.executor.state(), ExecutorState::kHolding) << protocol.name;
+      for (const auto& drive : bench.drives) {
+        EXPECT_TRUE(drive->enabled()) << protocol.name << " after " << pause << " ticks";
+      }
+      EXPECT_THAT(bench.judge.report().violations, IsEmpty()) << protocol.name;
+    }
+  }
+}
+
 TEST(FaultMatrixSize, IsAtLeastFiveHundredCases) { EXPECT_GE(AllCases().size(), 500U); }
 
 }  // namespace
