@@ -67,8 +67,11 @@ CanSimpleConfig CanSimpleProtocol::Read(DriveTable& table) {
                           "allowed: raise encoder_msg_rate of the drive",
                           MessageNumber(messages.estimates_s), MessageNumber(estimate_ticks)));
   }
+  // Two that get lost on the wire, and an adapter that pauses, are borne.
+  constexpr double kPause_s = 0.01;
   can.heartbeat_ticks_max =
-      static_cast<int>(std::ceil(2.5 * messages.heartbeat_s * table.rate_hz)) + 1;
+      static_cast<int>(std::ceil((3.5 * messages.heartbeat_s + kPause_s) * table.rate_hz - 1e-6)) +
+      1;
   can.estimates_per_tick_max = static_cast<int>(std::ceil(1 / estimate_ticks)) + 1;
   return can;
 }

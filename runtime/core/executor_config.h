@@ -51,8 +51,9 @@ struct ExecutorConfig {
   /// A drive without a reply for more ticks than this is a fault. A lost reply is ordinary on CAN,
   /// five in a row are not.
   int stale_ticks_max = 5;
-  /// The limit of a count that a tick with replies out of order raises by 2, and a tick in order
-  /// lowers by 1. A repeated frame is ordinary on CAN, one in every third tick is not.
+  /// The limit of a count that a tick with more replies than are owed raises by 2, and any other
+  /// tick with replies lowers by 1. A repeated frame is ordinary on CAN, one in every third tick is
+  /// not.
   int sequence_errors_max = 10;
   /// How many missed periods are made up for. More are the fault kLateTick.
   int late_ticks_max = 2;

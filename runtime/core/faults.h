@@ -152,8 +152,8 @@ inline constexpr std::array<FaultInfo, kFaultCount> kFaults{{
      "ticks", "stale_ticks_max", {I, X, H, H, D, H, H, D},
      "at rest the last setpoint is still right; in mid-swing nobody knows where the joint is"},
     {Fault::kWrongSequence, "wrong sequence",
-     "replies are repeated, or come together with those of earlier ticks: a count that a tick out "
-     "of order raises by 2 and one in order lowers by 1",
+     "more replies come than are owed by the last `stale_ticks_max` ticks: a count that such a tick "
+     "raises by 2 and any other with replies lowers by 1",
      "count", "sequence_errors_max", {I, X, H, H, D, H, H, D}, "as a stale reply: what is measured is not from now"},
     {Fault::kFollowingError, "following error",
      "measured less setpoint exceeds the primitive's following tolerance", "rad", "",

@@ -64,7 +64,7 @@ constexpr void ForEachJointField(Visit&& visit) noexcept {
                 "0 unknown, 1 disabled, 2 enabling, 3 enabled, 4 fault, 5 heartbeat lost", kDrive,
                 "drive");
   TUMBLER_FIELD(reply_status, "",
-                "0 ok, 1 no new data, 2 repeated, 3 ok, some lost, 4 wrong sequence");
+                "0 ok, 1 no new data, 2 repeated, 3 ok, some lost, 4 ok, some late");
   TUMBLER_FIELD(drive_error, "", "the drive's own code (32 bits without sign), 0 none", kDrive,
                 "drive_error");
   TUMBLER_FIELD(limit_active, "", "planned was outside a limit");

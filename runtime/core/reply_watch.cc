@@ -10,9 +10,10 @@ void ReplyWatch::Judge(int elapsed, int stale_ticks_max) noexcept {
   if (replies == 0) {
     status = ReplyStatus::kNoNewData;
     in_order_ = 0;
-    unanswered_ = std::min(unanswered_ + 1, kMost);
+    unanswered_ = std::min(unanswered_ + 1, stale_ticks_max);
   } else if (!rhythm_.answers) {
-    if (replies > rhythm_.per_tick_max * elapsed) {
+    // One of `per_tick_max` is for drift, which adds up to no more over silent ticks.
+    if (replies > rhythm_.per_tick_max * elapsed + (rhythm_.per_tick_max - 1) * unanswered_) {
       status = ReplyStatus::kRepeated;
     } else if (before == ReplyStatus::kNoNewData) {
       status = ReplyStatus::kOkSomeLost;
@@ -23,12 +24,13 @@ void ReplyWatch::Judge(int elapsed, int stale_ticks_max) noexcept {
     // Replies that have not come by now are lost.
     if (++in_order_ > stale_ticks_max) unanswered_ = in_order_ = 0;
   } else {
+    // Replies keep their order, so the last of them tells of now, whatever came late before it.
     const int surplus = replies - 1;
-    status = surplus > unanswered_ ? ReplyStatus::kRepeated : ReplyStatus::kWrongSequence;
+    status = surplus > unanswered_ ? ReplyStatus::kRepeated : ReplyStatus::kOkSomeLate;
     in_order_ = 0;
     unanswered_ = std::max(unanswered_ - surplus, 0);
   }
-  if (status == ReplyStatus::kRepeated || status == ReplyStatus::kWrongSequence) {
+  if (status == ReplyStatus::kRepeated) {
     sequence_errors_ = std::min(sequence_errors_ + 2, kMost);
   } else if (replies != 0 && sequence_errors_ > 0) {
     --sequence_errors_;

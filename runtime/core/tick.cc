@@ -12,8 +12,8 @@ const char* ToString(ReplyStatus status) noexcept {
       return "repeated";
     case ReplyStatus::kOkSomeLost:
       return "ok, some lost";
-    case ReplyStatus::kWrongSequence:
-      return "wrong sequence";
+    case ReplyStatus::kOkSomeLate:
+      return "ok, some late";
   }
   return "unknown reply status";
 }

@@ -84,11 +84,11 @@ struct TickInput {
 /// (`ReplyRhythm`). Two things cannot be noticed: a repeated reply in the place of a lost one, and
 /// a repeated one within the rate of a drive that sends by its own clock.
 enum class ReplyStatus : std::uint8_t {
-  kOk,             ///< New, and as many as there should be.
-  kNoNewData,      ///< No reply.
-  kRepeated,       ///< More replies than setpoints are unanswered.
-  kOkSomeLost,     ///< New, after ticks without a reply.
-  kWrongSequence,  ///< Replies of earlier ticks came together with a newer one.
+  kOk,          ///< New, and as many as there should be.
+  kNoNewData,   ///< No reply.
+  kRepeated,    ///< More replies than setpoints are unanswered.
+  kOkSomeLost,  ///< New, after ticks without a reply.
+  kOkSomeLate,  ///< New, together with replies of earlier ticks that had not come.
 };
 [[nodiscard]] const char* ToString(ReplyStatus status) noexcept;
 

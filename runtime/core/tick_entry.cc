@@ -100,7 +100,7 @@ class Reader {
 };
 
 constexpr DriveState LastOf(DriveState /*any*/) noexcept { return DriveState::kLost; }
-constexpr ReplyStatus LastOf(ReplyStatus /*any*/) noexcept { return ReplyStatus::kWrongSequence; }
+constexpr ReplyStatus LastOf(ReplyStatus /*any*/) noexcept { return ReplyStatus::kOkSomeLate; }
 
 template <typename Enum>
 constexpr bool IsUpTo(Enum value, Enum last) noexcept {

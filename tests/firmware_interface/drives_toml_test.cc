@@ -73,7 +73,7 @@ TEST(DrivesToml, ShippedFilesDescribeTheTumblerInEveryProtocol) {
   ASSERT_EQ(can.drives.size(), 2U);
   const auto& second = std::get<CanSimpleConfig>(can.drives[1].config);
   EXPECT_EQ(second.node_id, 2);
-  EXPECT_EQ(second.heartbeat_ticks_max, 26) << "two and a half heartbeats of 10 ms";
+  EXPECT_EQ(second.heartbeat_ticks_max, 46) << "three and a half heartbeats of 10 ms, and 10 ms";
   EXPECT_EQ(second.estimates_per_tick_max, 2) << "one a tick, and one for drift";
   EXPECT_EQ(second.range.torque_nm.max, 18);
   // Each of the two drives has setpoint and estimate in each tick, heartbeat and torques in every

@@ -175,7 +175,7 @@ class World {
         if (!Rhythm().answers) {  // Two replies in a tick may come from drift there.
           bench.Disturb(Of(BusFaultKind::kDuplicate, 0, PositionId(1)));
         }
-        return 9;
+        return Rhythm().answers ? 9 : 16;  // After silent ticks more of them are in order there.
       case Fault::kFollowingError:
         before_each_ = [this] { Displace(0.4); };
         return 4;

@@ -14,6 +14,7 @@
 #include <string>
 
 #include "common/sequence_toml.h"
+#include "runtime/telemetry/sentences.h"
 #include "tests/support/allocation_guard.h"
 #include "tests/support/fault_bench.h"
 #include "tests/support/files.h"
@@ -28,6 +29,19 @@ using ::testing::IsEmpty;
 std::optional<AllocationGuard>& Guard() {
   static std::optional<AllocationGuard> guard;
   return guard;
+}
+
+/// The shipped gait on these drives.
+FaultBench::Config GaitConfig(const std::string& drives_file) {
+  const SequenceFile file = LoadMotion(testing::SourcePath("primitives/gait.toml"));
+  const Sequence<float> sequence = ToRuntime(file);
+  FaultBench::Config config;
+  config.drives = LoadDrives(drives_file);
+  config.graph = sequence.graph;
+  config.primitives.assign(sequence.primitives.begin(),
+                           sequence.primitives.begin() + sequence.primitive_count);
+  config.plant_step_ns = 200'000;
+  return config;
 }
 
 struct Outcome {
@@ -89,14 +103,7 @@ class Soak {
 
  private:
   static FaultBench::Config ConfigOf(const std::string& drives_file, bool collapse) {
-    const SequenceFile file = LoadMotion(testing::SourcePath("primitives/gait.toml"));
-    const Sequence<float> sequence = ToRuntime(file);
-    FaultBench::Config config;
-    config.drives = LoadDrives(drives_file);
-    config.graph = sequence.graph;
-    config.primitives.assign(sequence.primitives.begin(),
-                             sequence.primitives.begin() + sequence.primitive_count);
-    config.plant_step_ns = 200'000;
+    FaultBench::Config config = GaitConfig(drives_file);
     config.spoilt_replies = true;
     if (collapse) {
       config.executor.collapse.configured = true;
@@ -321,6 +328,46 @@ TEST_P(GaitSoak, BreaksNoRuleAllocatesNothingAndIsTheSameEachTime) {
         static_cast<long long>(once.starts), static_cast<long long>(once.disturbances),
         static_cast<long long>(all), seen.c_str());
   }
+}
+
+TEST_P(GaitSoak, BearsRepliesThatAnAdapterBringsLateOrInBunchesOrNotAtAll) {
+  FaultBench::Config config = GaitConfig(testing::SourcePath(GetParam().drives));
+  config.executor.cycles = 10;
+  config.executor.stale_ticks_max = 10;  // A gap may meet with a reply that is lost.
+  FaultBench bench(std::move(config));
+  ASSERT_EQ(bench.configured, Status::kOk);
+  BusFault late;
+  late.kind = BusFaultKind::kDelay;
+  late.node = 0;
+  late.probability = 0.2;
+  late.delay_ns = 1'000'000;
+  BusFault lost = late;
+  lost.kind = BusFaultKind::kLoss;
+  lost.probability = 0.01;
+  BusFault gap = late;
+  gap.probability = 1;
+  gap.delay_ns = 5'000'000;
+  bench.Disturb(late);
+  bench.Disturb(lost);
+  ASSERT_TRUE(bench.Reach(ExecutorState::kHolding));
+  bench.Tick(OperatorCommand::kMoveToStart);
+  ASSERT_TRUE(bench.TickUntil(ExecutorState::kHolding, 5000));
+  bench.Tick(OperatorCommand::kRun);
+  std::int64_t together = 0, ticks = 0;
+  while (bench.executor.state() == ExecutorState::kRunning ||
+         bench.executor.state() == ExecutorState::kSettling) {
+    if (++ticks % 1000 == 0) bench.Disturb(gap, 1'000'000);
+    const TickRecord& record = bench.Tick();
+    together += record.joints[0].reply_status == ReplyStatus::kOkSomeLate ? 1 : 0;
+  }
+  EXPECT_EQ(bench.executor.state(), ExecutorState::kHolding)
+      << Describe(bench.output.record.first_fault, {"leg1", "leg2"});
+  EXPECT_EQ(bench.output.record.cycles, 10);
+  EXPECT_GT(ticks, 50'000);
+  if (GetParam().name == "mit") {
+    EXPECT_GT(together, ticks / 10);
+  }
+  EXPECT_THAT(bench.judge.report().violations, IsEmpty());
 }
 
 INSTANTIATE_TEST_SUITE_P(Protocols, GaitSoak, ::testing::ValuesIn(testing::EveryProtocol()),
