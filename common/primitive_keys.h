@@ -120,6 +120,12 @@ inline constexpr auto kStartFileKeys = AllRequired(std::array{
         "start_file", "the primitive at whose exit it starts (`--start-from`), else left out"),
     KeyOf<&Provenance::start_hash>("start_hash", "that one's `content_hash`, likewise"),
 });
+/// Keys of a motion that was solved from the paths of another one: the file has both or neither.
+inline constexpr auto kGuessFileKeys = AllRequired(std::array{
+    KeyOf<&Provenance::guess_file>(
+        "guess_file", "the primitive whose paths it was solved from (`--guess`), else left out"),
+    KeyOf<&Provenance::guess_hash>("guess_hash", "that one's `content_hash`, likewise"),
+});
 /// The key of a motion that was changed by hand and signed: the file has it or not.
 inline constexpr auto kEditedKeys = AllRequired(std::array{
     KeyOf<&Provenance::edited>(

@@ -227,6 +227,14 @@ Provenance ReadProvenance(TomlTable table, Derived derived) {
                  "such key");
     }
   }
+  if (table.Has("guess_file") || table.Has("guess_hash")) {
+    ReadKeys(table, kGuessFileKeys, provenance);
+    if (provenance.guess_file.empty()) {
+      table.Fail("guess_file",
+                 "is empty; allowed: the file whose paths this motion was solved from, or no such "
+                 "key");
+    }
+  }
   if (table.Has("edited")) {
     ReadKeys(table, kEditedKeys, provenance);
     if (provenance.edited.empty())
@@ -336,6 +344,7 @@ std::vector<KeyTable> PrimitiveKeyTables() {
                    {{"", "`[certificate]`", "", "", "see [method.md](method.md#certificate)"}},
                    RowsOf(kProvenanceKeys, "`[provenance]`"),
                    RowsOf(kStartFileKeys, "`[provenance]`"),
+                   RowsOf(kGuessFileKeys, "`[provenance]`"),
                    RowsOf(kEditedKeys, "`[provenance]`"),
                    RowsOf(kSourceTextKeys, "`[provenance]`")}),
            {"key", "", "allowed", "meaning"}}};

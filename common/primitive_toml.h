@@ -82,6 +82,10 @@ struct Provenance {
   std::string start_file;
   /// The ContentHash of that primitive; empty when `start_file` is.
   std::string start_hash;
+  /// The primitive from whose paths the solver started; empty: from a random search.
+  std::string guess_file;
+  /// The ContentHash of that primitive; empty when `guess_file` is.
+  std::string guess_hash;
   /// Why the file was changed by hand after it was made, in the words of those who signed it;
   /// empty: it was not. What was verified was verified before the change.
   std::string edited;

@@ -40,6 +40,7 @@ void WriteProvenance(TomlWriter& writer, const Provenance& provenance) {
   writer.Line("\n[provenance]");
   WriteKeys(writer, kProvenanceKeys, provenance);
   if (!provenance.start_file.empty()) WriteKeys(writer, kStartFileKeys, provenance);
+  if (!provenance.guess_file.empty()) WriteKeys(writer, kGuessFileKeys, provenance);
   if (!provenance.edited.empty()) WriteKeys(writer, kEditedKeys, provenance);
   WriteKeys(writer, kSourceTextKeys, provenance);
 }

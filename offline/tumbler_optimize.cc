@@ -28,6 +28,7 @@
 #include "offline/optimize/task_result.h"
 #include "offline/problem/task_toml.h"
 #include "offline/report/report.h"
+#include "offline/solver/guess.h"
 
 namespace tumbler {
 namespace {
@@ -49,6 +50,7 @@ void CatchInterrupt() {
 struct Arguments {
   std::vector<std::string> tasks;
   std::string start_from;
+  std::string guess;
   std::string out;
   std::string report;
   std::string json;
@@ -66,6 +68,12 @@ Task Load(const Arguments& arguments, const std::string& path) {
                   ? LoadTask(path)
                   : LoadTask(path, LoadPrimitive(arguments.start_from), arguments.start_from);
   Problem& problem = task.problem;
+  if (!arguments.guess.empty()) {
+    const PrimitiveFile file = LoadPrimitive(arguments.guess);
+    task.guess = GuessFrom(problem, file, arguments.guess);
+    task.guess_file = arguments.guess;
+    task.guess_hash = ContentHash(file);
+  }
   if (arguments.seed) problem.search.seed = static_cast<std::uint64_t>(*arguments.seed);
   if (arguments.minima > 0) {
     // This many motions are solved, each from a start of its own and until it converges. A motion
@@ -92,7 +100,9 @@ void Flush(std::FILE* stream) {
 ExitStatus OptimizeOne(const Arguments& arguments) {
   std::vector<std::string> inputs = {arguments.tasks.front()};
   Task task = Load(arguments, arguments.tasks.front());
-  if (!arguments.start_from.empty()) inputs.push_back(arguments.start_from);
+  for (const std::string& path : {arguments.start_from, arguments.guess}) {
+    if (!path.empty()) inputs.push_back(path);
+  }
   inputs.push_back(task.robot_file);
   std::vector<std::string> files;
   for (const std::string& path : {arguments.out, arguments.json}) {
@@ -225,6 +235,8 @@ void WriteMotion(std::FILE* people, const TaskResult& result, const Arguments& a
 ExitStatus OptimizeSeveral(const Arguments& arguments) {
   if (!arguments.start_from.empty())
     throw std::invalid_argument("--start-from: is for one task; give the tasks one at a time");
+  if (!arguments.guess.empty())
+    throw std::invalid_argument("--guess: is for one task; give the tasks one at a time");
   std::vector<Task> tasks = LoadSeveral(arguments);
   CheckResults(tasks, arguments);
   for (const Task& task : tasks) PrintNotes(task);
@@ -261,6 +273,11 @@ ExitStatus OptimizeSeveral(const Arguments& arguments) {
 }
 
 ExitStatus Optimize(const Arguments& arguments) {
+  if (!arguments.guess.empty() && (arguments.minima > 0 || arguments.seed)) {
+    throw UsageError("--guess",
+                     fmt::format("takes the place of the search that {} is about; leave one out",
+                                 arguments.seed ? "--seed" : "--minima"));
+  }
   return arguments.tasks.size() == 1 ? OptimizeOne(arguments) : OptimizeSeveral(arguments);
 }
 
@@ -286,6 +303,9 @@ ExitStatus Main(int argc, char** argv) {
   line.Option("--start-from", arguments.start_from,
               "Start where this primitive leaves the robot (its simulated exit), not in the "
               "task's own start pose");
+  line.Option("--guess", arguments.guess,
+              "Solve from the paths of this primitive, and near them, without a search: of another "
+              "task, robot, ground, duration or number of control points");
   line.Option("--out", arguments.out,
               "Write the primitive here; for several tasks the folder, for NAME.toml of each");
   // The seed is read as text. As a number, one that is too large would become the largest that

@@ -328,6 +328,8 @@ PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
   provenance.task_hash = HashOfText(task.task_text);
   provenance.start_file = task.start_file;
   provenance.start_hash = task.start_hash;
+  provenance.guess_file = task.guess_file;
+  provenance.guess_hash = task.guess_hash;
   return file;
 }
 

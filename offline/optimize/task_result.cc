@@ -123,15 +123,19 @@ TaskResult WorkOn(Task task, const WorkSettings& settings) {
   result.task = std::move(task);
   const Problem& problem = result.problem();
   Progress progress(problem);
+  const bool guessed = !result.task.guess.empty();
   SolveOptions options;
   options.threads = settings.threads;
   options.interrupt = settings.interrupt;
-  options.progress = [&progress](const Evaluation& evaluation) { progress(evaluation); };
+  // A guess is solved before anybody would look at its progress.
+  if (!guessed)
+    options.progress = [&progress](const Evaluation& evaluation) { progress(evaluation); };
   Looks looks(problem);
   const auto accept = [&](const Solution& solution) { return looks.At(solution).acceptable(); };
   // For the table of minima, every start is one of those that were asked for.
   if (!settings.minima) options.accept = accept;
-  result.outcome = Solve(problem, options);
+  result.outcome =
+      guessed ? SolveFromGuess(problem, result.task.guess, options) : Solve(problem, options);
   progress.Finish();
 
   const std::vector<Solution>& solutions = result.outcome.solutions;

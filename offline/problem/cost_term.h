@@ -88,6 +88,14 @@ struct CostTerm {
     return targets_pitch() && weight > 0 ? std::abs(OffTarget(at)) : 0;
   }
 
+  /// Whether the term is a square at an instant that draws the motion to its target.
+  [[nodiscard]] bool draws() const { return kind == Kind::kSquare && weight > 0; }
+  /// The square root of what such a term adds to the cost, with the sign of how far the motion is
+  /// off its target.
+  [[nodiscard]] double Residual(const CostPoint& at) const {
+    return std::sqrt(weight) * OffTarget(at);
+  }
+
   /// Returns `sum`, plus `scale` times the quantity or its integrand. The weight is left to the
   /// caller.
   [[nodiscard]] double Accumulate(double sum, double scale, const CostPoint& at) const {

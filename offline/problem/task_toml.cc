@@ -406,7 +406,10 @@ Task Parse(const std::string& task_text, const std::string& task_name,
           robot_name,
           robot_text,
           "",
-          ""};
+          "",
+          "",
+          "",
+          {}};
 }
 
 /// The path of the URDF that a task names, relative to the task's folder.
@@ -493,6 +496,8 @@ Task TaskOf(const PrimitiveFile& file) {
                               fmt::format("the entry of '{}'", file.primitive.name.view()), true});
   task.start_file = from.start_file;
   task.start_hash = from.start_hash;
+  task.guess_file = from.guess_file;
+  task.guess_hash = from.guess_hash;
   return task;
 }
 

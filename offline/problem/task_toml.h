@@ -20,6 +20,12 @@ struct Task {
   std::string start_file;
   /// The ContentHash of that primitive.
   std::string start_hash;
+  /// The primitive from whose paths the solver starts. Empty: from a random search.
+  std::string guess_file;
+  /// The ContentHash of that primitive.
+  std::string guess_hash;
+  /// The parameters of those paths (GuessFrom).
+  std::vector<double> guess;
 };
 
 /// The largest distance [rad] between a joint's position at the exit of one primitive and at the

@@ -3,10 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <stdexcept>
 #include <utility>
 #include <vector>
-
-#include "offline/rollout/forward_sensitivity.h"
 
 namespace tumbler {
 
@@ -28,8 +27,9 @@ struct AdaptiveRollout::Implementation {
   }
 
   /// Chooses steps for x. Result and gradient stay in `last` and `last_gradient`.
-  void Choose(std::span<const double> x) {
-    last = chooser->Run(x, last_gradient);
+  /// @param gauss_newton  is filled, if it is not null.
+  void Choose(std::span<const double> x, GaussNewton* gauss_newton = nullptr) {
+    last = chooser->Run(x, last_gradient, gauss_newton);
     chosen_for.clear();
     if (!last.finite) return;
     chosen_for.assign(x.begin(), x.end());
@@ -75,6 +75,15 @@ RolloutResult AdaptiveRollout::RunAnew(std::span<const double> x, Gradient gradi
   Implementation& m = *implementation_;
   if (!m.chooser) return m.rollout->Run(x, gradient);
   if (!std::ranges::equal(x, m.chosen_for)) m.Choose(x);
+  gradient = m.last_gradient;
+  return m.last;
+}
+
+RolloutResult AdaptiveRollout::RunAnew(std::span<const double> x, Gradient gradient,
+                                       GaussNewton& gauss_newton) {
+  Implementation& m = *implementation_;
+  if (!m.chooser) throw std::logic_error("this contact model has no sensitivities");
+  m.Choose(x, &gauss_newton);
   gradient = m.last_gradient;
   return m.last;
 }

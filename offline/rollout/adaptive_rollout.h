@@ -5,6 +5,7 @@
 #include <span>
 
 #include "offline/problem/problem.h"
+#include "offline/rollout/forward_sensitivity.h"
 #include "offline/rollout/rollout.h"
 
 namespace tumbler {
@@ -39,6 +40,9 @@ class AdaptiveRollout {
   RolloutResult Run(std::span<const double> x, Gradient gradient);
   /// The same with steps chosen for x, so that the result depends on nothing else.
   RolloutResult RunAnew(std::span<const double> x, Gradient gradient);
+  /// The same, with what Gauss and Newton's method asks for.
+  /// @throws std::logic_error with a contact model of the caller's, which has no sensitivities.
+  RolloutResult RunAnew(std::span<const double> x, Gradient gradient, GaussNewton& gauss_newton);
 
  private:
   struct Implementation;

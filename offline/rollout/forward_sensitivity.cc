@@ -64,8 +64,12 @@ struct ForwardSensitivity::Implementation {
     for (int j = 0; j < na; ++j) first_parameter.push_back(p.first_parameter(Index(j)));
     torque_slope.resize(Index(na * parameters));
     depth_slope.resize(Index(parameters));
+    residual_slope.resize(Index(parameters));
     outputs.resize(Index((3 + na) * parameters));
     for (SmoothMaximum& maximum : smooth) maximum.slope.resize(Index(parameters));
+    for (const CostTerm& term : p.cost) {
+      if (term.kind == CostTerm::Kind::kEffort) effort_weight += term.weight;
+    }
     // So many steps need no heap.
     constexpr std::size_t kUsualSteps = 1U << 15U;
     if (adaptive) grid.motion.reserve(kUsualSteps), grid.settling.reserve(kUsualSteps);
@@ -206,6 +210,10 @@ struct ForwardSensitivity::Implementation {
   /// Takes the start of a step, just evaluated, into the peaks and smooth maxima.
   void Observe(bool moving, RolloutResult& result) {
     const double share = integrator.last_step_s() / kPeakDuration_s;
+    for (int j = 0; gauss_newton != nullptr && effort_weight > 0 && j < na; ++j) {
+      AddSquare(2 * effort_weight * integrator.last_step_s(),
+                torque_slope.data() + Index(j * parameters));
+    }
     for (int j = 0; j < na; ++j) {
       const double torque = robot.tau[Index(problem.joints[Index(j)].dof)];
       double& peak = result.peak_torque_nm[Index(j)];
@@ -258,14 +266,37 @@ struct ForwardSensitivity::Implementation {
       if (term.when != when) continue;
       result.cost += term.weight * term.Accumulate(0, 1, here);
       result.target_error_rad = std::max(result.target_error_rad, term.TargetError(here));
+      if (term.draws()) result.residuals.push_back(term.Residual(here));
       SceneDynamics::Numbers by_q{}, by_qd{};
       term.AddSlopes(term.weight, here, {by_q, by_qd, {}});
       AddByState(by_q, 0, false, z, outputs.data());
       AddByState(by_qd, 1, false, z, outputs.data());
+      if (gauss_newton == nullptr || !term.draws()) continue;
+      SceneDynamics::Numbers of_term{};
+      of_term[Index(term.dof)] = std::sqrt(term.weight);
+      std::fill(residual_slope.begin(), residual_slope.end(), 0.0);
+      AddByState(of_term, term.of_velocity ? 1 : 0, false, z, residual_slope.data());
+      AddSquare(2, residual_slope.data());
+      Eigen::MatrixXd& slopes = gauss_newton->residual_slopes;
+      slopes.conservativeResize(slopes.rows() + 1, parameters);
+      slopes.row(slopes.rows() - 1) =
+          Eigen::Map<const Eigen::RowVectorXd>(residual_slope.data(), parameters);
+    }
+  }
+
+  /// Adds weight slope slope^T to the lower triangle of the Gauss-Newton matrix.
+  void AddSquare(double weight, const double* slope) const {
+    const Eigen::Map<const Eigen::VectorXd> v(slope, parameters);
+    for (int k = 0; k < parameters; ++k) {
+      gauss_newton->matrix.col(k).tail(parameters - k) += (weight * v[k]) * v.tail(parameters - k);
     }
   }
 
   RolloutResult Run(std::span<const double> x) {
+    if (gauss_newton != nullptr) {
+      gauss_newton->matrix.setZero(parameters, parameters);
+      gauss_newton->residual_slopes.resize(0, parameters);
+    }
     std::fill(outputs.begin(), outputs.end(), 0.0);
     integrator.ResetStatistics();
     grid.motion.clear();
@@ -322,11 +353,14 @@ struct ForwardSensitivity::Implementation {
   double paths_time = 0;                            // -1: after the motion
   bool adaptive;
   Integrator integrator;
-  StepGrid grid;                     // of the last run, if adaptive
-  std::vector<double> torque_slope;  // by joint, then parameter
-  std::vector<double> depth_slope;   // by parameter
+  StepGrid grid;                       // of the last run, if adaptive
+  std::vector<double> torque_slope;    // by joint, then parameter
+  std::vector<double> depth_slope;     // by parameter
+  std::vector<double> residual_slope;  // by parameter
   std::vector<SmoothMaximum> smooth;
-  std::vector<double> outputs;  // gradient of each output, by rows
+  std::vector<double> outputs;          // gradient of each output, by rows
+  double effort_weight = 0;             // of all terms together
+  GaussNewton* gauss_newton = nullptr;  // gets that of this run; null: is not asked for
   HybridDynamics<Plane>::Derivatives derivatives;
 };
 
@@ -360,8 +394,15 @@ StepGrid StepsFor(const Problem& problem, std::span<const double> x) {
 
 RolloutResult ForwardSensitivity::Run(
     std::span<const double> x,
-    Eigen::Ref<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> gradient) {
+    Eigen::Ref<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> gradient,
+    GaussNewton* gauss_newton) {
+  implementation_->gauss_newton = gauss_newton;
   RolloutResult result = implementation_->Run(x);
+  if (gauss_newton != nullptr) {
+    Eigen::MatrixXd& matrix = gauss_newton->matrix;
+    for (Eigen::Index k = 1; k < matrix.cols(); ++k)
+      matrix.col(k).head(k) = matrix.row(k).head(k).transpose();
+  }
   gradient =
       Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(
           implementation_->outputs.data(), output_count(), parameter_count());

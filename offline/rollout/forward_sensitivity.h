@@ -11,6 +11,15 @@
 
 namespace tumbler {
 
+/// What Gauss and Newton's method knows of a cost's second derivatives.
+struct GaussNewton {
+  /// Those of the cost's squares, effort included, without those of what is squared. Integrals are
+  /// summed over the starts of steps.
+  Eigen::MatrixXd matrix;
+  /// The derivatives of RolloutResult::residuals, one row for each.
+  Eigen::MatrixXd residual_slopes;
+};
+
 /// Cost and gradient by the paper's method [AB04, section V]. The states of Eq. 8 and their
 /// derivatives in every parameter are integrated together, with dg (Eq. 9) at every stage:
 ///
@@ -43,9 +52,11 @@ class ForwardSensitivity {
 
   /// Like Rollout::Run. Torques and penetration are sampled where steps start, hence at other times
   /// with the adaptive scheme than with the fixed one.
+  /// @param gauss_newton  is filled, if it is not null.
   RolloutResult Run(
       std::span<const double> x,
-      Eigen::Ref<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> gradient);
+      Eigen::Ref<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> gradient,
+      GaussNewton* gauss_newton = nullptr);
 
   [[nodiscard]] const IntegrationStatistics& statistics() const;
   /// The steps of the last run, if they are adaptive.

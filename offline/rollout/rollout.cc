@@ -268,6 +268,7 @@ struct Rollout::Implementation {
       if (term.when != when) continue;
       result.cost = term.Accumulate(result.cost, term.weight, here);
       result.target_error_rad = std::max(result.target_error_rad, term.TargetError(here));
+      if (term.draws()) result.residuals.push_back(term.Residual(here));
     }
   }
 

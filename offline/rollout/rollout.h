@@ -35,6 +35,9 @@ struct RolloutResult {
   /// Largest distance of the pitch from the target of a cost term in the pitch's square. 0 when
   /// there is no such term.
   double target_error_rad = 0;
+  /// The residuals of the cost's terms that draw the motion to a target (CostTerm::Residual), those
+  /// at the end of the motion first.
+  std::vector<double> residuals;
   /// For each joint, the smooth maximum of |tau| / limit, less 1. An upper bound of the true one,
   /// unless its peak is shorter than kPeakDuration_s.
   std::vector<double> torque_excess;

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "offline/problem/problem.h"
-#include "offline/solver/solver.h"
+#include "offline/solver/constraints.h"
 
 namespace tumbler {
 

@@ -1,6 +1,7 @@
 #include "offline/solver/solver.h"
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <limits>
@@ -11,21 +12,13 @@
 #include <type_traits>
 
 #include "common/index.h"
-#include "offline/linear/least_squares.h"
 #include "offline/rollout/adaptive_rollout.h"
+#include "offline/solver/constraints.h"
 #include "offline/solver/random_starts.h"
+#include "offline/solver/solve_near.h"
 
 namespace tumbler {
 namespace {
-
-using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-
-/// A constraint counts as active within this distance of zero (scaled).
-constexpr double kActive = 1e-5;
-
-/// The solver is given limits that are tighter by a millionth, so that its result keeps the true
-/// ones despite rounding.
-constexpr double kInside = 1 - 1e-6;
 
 /// A local solve has converged when what is left of the Kuhn-Tucker condition is below this part of
 /// the cost's gradient, at its start or its end. Otherwise it only stopped making progress.
@@ -33,10 +26,6 @@ constexpr double kStationary = 1e-3;
 
 /// Violations below this do not compete with the cost.
 constexpr double kLeastViolation = 1e-7;
-
-/// The solver aims at the whole margins of torque and penetration. A motion that keeps this part of
-/// them keeps its limits: where steps are chosen anew, sampled peaks move by a few thousandths.
-constexpr double kKeptMargin = 0.5;
 
 /// Runs work(index, thread) for indices 0 ... count - 1 on several threads; each index exactly
 /// once.
@@ -111,67 +100,6 @@ int CountPromising(const std::vector<Sample>& samples) {
                     [limit](const Sample& sample) { return sample.StandsOut(limit); }));
 }
 
-/// The largest constraint, and zero or more when it is violated. `rows` are those of
-/// DerivativeLimitRows.
-struct WorstConstraint {
-  double value = 0;
-  std::string name;
-};
-WorstConstraint FindWorst(const Problem& problem, const std::vector<LinearRow>& rows,
-                          std::span<const double> x, const RolloutResult& result) {
-  WorstConstraint worst;
-  const auto consider = [&worst](double value, const auto& name) {
-    if (value > worst.value) worst = {value, name()};
-  };
-  const auto joint_name = [&](std::size_t j) {
-    return problem.scene.robot.tree.dofs[static_cast<std::size_t>(problem.joints[j].dof)].name;
-  };
-  for (const LinearRow& row : rows) {
-    consider(row.b + std::inner_product(row.a.begin(), row.a.end(), x.begin(), 0.0),
-             [&] { return row.name; });
-  }
-  for (std::size_t j = 0; j < result.torque_excess.size(); ++j) {
-    consider(result.torque_excess[j] + kKeptMargin * problem.solver.torque_margin,
-             [&] { return "torque of " + joint_name(j); });
-  }
-  const double core_margin = problem.solver.core_margin;
-  consider(result.core_excess - (1 - kKeptMargin) * core_margin / (1 - core_margin),
-           [] { return std::string("penetration"); });
-  consider(result.clearance_excess, [] { return std::string("clearance of own shapes"); });
-  for (std::size_t j = 0, i = 0; j < problem.joints.size(); ++j) {
-    const JointLimits<double>& limits = problem.joints[j].limits;
-    for (int k = 0; k < problem.joints[j].free_points(); ++k, ++i) {
-      consider(std::max(x[i] - limits.position_max_rad, limits.position_min_rad - x[i]),
-               [&] { return "position of " + joint_name(j); });
-    }
-  }
-  return worst;
-}
-
-double Violation(const Problem& problem, const std::vector<LinearRow>& rows,
-                 std::span<const double> x, const RolloutResult& result) {
-  return FindWorst(problem, rows, x, result).value;
-}
-
-/// The residual of the Kuhn-Tucker condition: the largest component of g + A^T lambda, lambda >= 0,
-/// where the rows of A are the gradients of the active constraints. Constraints with negative
-/// multipliers are dropped, and the others are solved again.
-double ProjectedGradient(const Eigen::VectorXd& g, std::vector<Eigen::VectorXd> active) {
-  Eigen::VectorXd residual = g;
-  while (!active.empty()) {
-    Eigen::MatrixXd A(g.size(), static_cast<Eigen::Index>(active.size()));
-    for (std::size_t i = 0; i < active.size(); ++i) A.col(static_cast<Eigen::Index>(i)) = active[i];
-    const Eigen::VectorXd lambda = SolveLeastSquares(A, -g);
-    Eigen::Index lowest = 0;
-    if (lambda.minCoeff(&lowest) >= 0) {
-      residual = g + A * lambda;
-      break;
-    }
-    active.erase(active.begin() + lowest);
-  }
-  return residual.size() == 0 ? 0 : residual.lpNorm<Eigen::Infinity>();
-}
-
 /// One SLSQP run, with NLopt's callbacks. Cost and constraints share one rollout for each point.
 /// @tparam Motions  Rollout or AdaptiveRollout.
 template <class Motions>
@@ -185,7 +113,7 @@ class LocalSolve {
         options_(options),
         history_(history),
         rows_(DerivativeLimitRows(problem)),
-        outputs_(Matrix::Zero(rollout.output_count(), rollout.parameter_count())) {}
+        outputs_(OutputGradients::Zero(rollout.output_count(), rollout.parameter_count())) {}
 
   Solution Run(std::span<const double> start) {
     const std::size_t n = start.size();
@@ -210,7 +138,7 @@ class LocalSolve {
     while (evaluations_ < max_evaluations_) {
       EvaluateAnew(best_x_);
       best_cost_ = result_.cost;
-      best_violation_ = std::max(Violation(problem_, rows_, x_, result_), kLeastViolation);
+      best_violation_ = std::max(LargestViolation(problem_, rows_, x_, result_), kLeastViolation);
       const double before = best_cost_ * scale_ + best_violation_;
       end = RunOnce(best_x_, n);
       if (end == SolveEnd::kInterrupted || end == SolveEnd::kEvaluations) break;
@@ -227,7 +155,7 @@ class LocalSolve {
     if (end == SolveEnd::kConverged && best.constraint_violation > kNoViolation)
       end = SolveEnd::kInfeasible;
     best.evaluations = evaluations_;
-    best.projected_gradient = ProjectGradient(best.x);
+    best.projected_gradient = ProjectedGradient(problem_, rows_, best.x, result_, outputs_);
     const double gradient = std::max(first_gradient, outputs_.row(0).lpNorm<Eigen::Infinity>());
     if (end == SolveEnd::kConverged && best.projected_gradient > kStationary * gradient)
       end = SolveEnd::kStalled;
@@ -293,7 +221,7 @@ class LocalSolve {
     result_ = has_gradient_ ? rollout_.Run(x_, outputs_) : rollout_.Run(x_);
     if (known) return;
     ++evaluations_;
-    const double violation = Violation(problem_, rows_, x_, result_);
+    const double violation = LargestViolation(problem_, rows_, x_, result_);
     const Evaluation evaluation{false, 0, evaluations_, result_.cost, violation};
     if (history_ != nullptr) history_->push_back(evaluation);
     if (options_.progress) options_.progress(evaluation);
@@ -315,7 +243,8 @@ class LocalSolve {
   /// Keeps the best point seen: less violation first, and among feasible points the lower cost.
   void Remember() {
     if (!result_.finite) return;
-    const double violation = std::max(Violation(problem_, rows_, x_, result_), kLeastViolation);
+    const double violation =
+        std::max(LargestViolation(problem_, rows_, x_, result_), kLeastViolation);
     const bool better =
         violation < best_violation_ || (violation == best_violation_ && result_.cost < best_cost_);
     if (!better) return;
@@ -350,18 +279,14 @@ class LocalSolve {
       self.opt_->force_stop();
     }
     const std::size_t rows = self.rows_.size();
-    const std::size_t core = rows + self.problem_.joints.size();
+    const std::vector<double> simulated = SimulatedConstraints(self.problem_, self.result_);
     for (std::size_t i = 0; i < m; ++i) {
       if (i < rows) {
         const LinearRow& row = self.rows_[i];
         value[i] = row.b + std::inner_product(row.a.begin(), row.a.end(), x, 0.0);
         if (gradient != nullptr) std::copy(row.a.begin(), row.a.end(), gradient + i * n);
       } else {
-        const RolloutResult& result = self.result_;
-        value[i] = !result.finite ? 1.0
-                   : i < core  ? result.torque_excess[i - rows] + self.problem_.solver.torque_margin
-                   : i == core ? result.core_excess
-                               : result.clearance_excess;
+        value[i] = self.result_.finite ? simulated[i - rows] : 1.0;
         for (std::size_t k = 0; gradient != nullptr && k < n; ++k) {
           gradient[i * n + k] =
               self.outputs_(static_cast<Eigen::Index>(i - rows + 1), static_cast<Eigen::Index>(k));
@@ -370,42 +295,13 @@ class LocalSolve {
     }
   }
 
-  double ProjectGradient(const std::vector<double>& x) {
-    const Eigen::Index n = static_cast<Eigen::Index>(x.size());
-    std::vector<Eigen::VectorXd> active;
-    for (std::size_t i = 0; i < x.size(); ++i) {
-      const std::size_t joint = problem_.joint_of_parameter(static_cast<int>(i));
-      const JointLimits<double>& limits = problem_.joints[joint].limits;
-      const auto k = static_cast<Eigen::Index>(i);
-      if (x[i] > limits.position_max_rad - kActive)
-        active.emplace_back(Eigen::VectorXd::Unit(n, k));
-      if (x[i] < limits.position_min_rad + kActive)
-        active.emplace_back(-Eigen::VectorXd::Unit(n, k));
-    }
-    for (const LinearRow& row : rows_) {
-      if (row.b + std::inner_product(row.a.begin(), row.a.end(), x.begin(), 0.0) > -kActive) {
-        active.emplace_back(Eigen::Map<const Eigen::VectorXd>(row.a.data(), n));
-      }
-    }
-    for (std::size_t j = 0; j < result_.torque_excess.size(); ++j) {
-      if (result_.torque_excess[j] > -problem_.solver.torque_margin - kActive) {
-        active.emplace_back(outputs_.row(static_cast<Eigen::Index>(j + 1)).transpose());
-      }
-    }
-    if (result_.core_excess > -kActive)
-      active.emplace_back(outputs_.row(outputs_.rows() - 2).transpose());
-    if (result_.clearance_excess > -kActive)
-      active.emplace_back(outputs_.row(outputs_.rows() - 1).transpose());
-    return ProjectedGradient(outputs_.row(0).transpose(), std::move(active));
-  }
-
   const Problem& problem_;
   int max_evaluations_;
   Motions& rollout_;
   const SolveOptions& options_;
   std::vector<Evaluation>* history_;
   std::vector<LinearRow> rows_;
-  Matrix outputs_;
+  OutputGradients outputs_;
   std::vector<double> x_;
   RolloutResult result_;
   bool has_gradient_ = false;  // whether outputs_ belongs to x_
@@ -439,52 +335,6 @@ const char* ToString(SolveEnd end) {
   return "unknown";
 }
 
-std::vector<LinearRow> DerivativeLimitRows(const Problem& problem) {
-  std::vector<LinearRow> rows;
-  const std::size_t n = static_cast<std::size_t>(problem.parameter_count());
-  const std::vector<double> zero(n, 0.0);
-  for (std::size_t j = 0; j < problem.joints.size(); ++j) {
-    const JointLimits<double>& limits = problem.joints[j].limits;
-    const auto first = static_cast<std::size_t>(problem.first_parameter(j));
-    const auto free = static_cast<std::size_t>(problem.joints[j].free_points());
-    const double limit[3] = {0, kInside * limits.velocity_max_rad_s,
-                             kInside * limits.acceleration_max_rad_s2};
-    const auto constant = PositionSpline(problem, zero, j);
-    for (int d = 1; d <= 2; ++d) {
-      if (!std::isfinite(limit[d])) continue;
-      const std::size_t points = constant.control_points(d).size();
-      std::vector<LinearRow> upper(points);
-      for (std::size_t k = 0; k < points; ++k) {
-        upper[k].name =
-            std::string(d == 1 ? "velocity of " : "acceleration of ") +
-            problem.scene.robot.tree.dofs[static_cast<std::size_t>(problem.joints[j].dof)].name;
-        upper[k].a.assign(n, 0.0);
-        upper[k].b = constant.control_points(d)[k] / limit[d];
-      }
-      for (std::size_t i = 0; i < free; ++i) {
-        std::vector<double> unit = zero;
-        unit[first + i] = 1;
-        const auto moved = PositionSpline(problem, unit, j);
-        for (std::size_t k = 0; k < points; ++k) {
-          upper[k].a[first + i] =
-              (moved.control_points(d)[k] - constant.control_points(d)[k]) / limit[d];
-        }
-      }
-      for (const LinearRow& row : upper) {
-        // The ends fix this control point, so no parameter changes it.
-        if (std::all_of(row.a.begin(), row.a.end(), [](double a) { return a == 0; })) continue;
-        LinearRow lower = row;
-        for (double& a : lower.a) a = -a;
-        lower.b = -row.b - 1;
-        rows.push_back(row);
-        rows.back().b -= 1;
-        rows.push_back(std::move(lower));
-      }
-    }
-  }
-  return rows;
-}
-
 Solution SolveFrom(const Problem& problem, std::span<const double> start, int max_evaluations,
                    Rollout& rollout, const SolveOptions& options,
                    std::vector<Evaluation>* history) {
@@ -498,6 +348,19 @@ Solution SolveFrom(const Problem& problem, std::span<const double> start, int ma
 }
 
 namespace {
+
+/// When SolveFromGuess ends: first, as soon as a step promises less than a tenth of the cost; if
+/// that is not good enough, a thousandth.
+constexpr std::array kEnoughOfGuess = {0.1, 1e-3};
+
+/// The order of solutions, best first.
+bool Better(const Solution& a, const Solution& b) {
+  if (a.finished != b.finished) return a.finished;
+  if (a.feasible() != b.feasible()) return a.feasible();
+  if (a.refused != b.refused) return b.refused;
+  return a.feasible() ? a.rollout.cost < b.rollout.cost
+                      : a.constraint_violation < b.constraint_violation;
+}
 
 /// The stages of Solve, and what it keeps between them. The result depends on the problem and its
 /// seed alone: threads share the work of a stage, and never decide what comes next.
@@ -658,14 +521,6 @@ class Campaign {
     return outcome;
   }
 
-  static bool Better(const Solution& a, const Solution& b) {
-    if (a.finished != b.finished) return a.finished;
-    if (a.feasible() != b.feasible()) return a.feasible();
-    if (a.refused != b.refused) return b.refused;
-    return a.feasible() ? a.rollout.cost < b.rollout.cost
-                        : a.constraint_violation < b.constraint_violation;
-  }
-
   /// Whether a motion is better than the flat basins, and near enough to its limits.
   [[nodiscard]] bool StandsOut(const Solution& solution, double promising_rank) const {
     constexpr double kNear = 0.2;
@@ -718,6 +573,37 @@ class Campaign {
 
 SolveOutcome Solve(const Problem& problem, const SolveOptions& options) {
   return Campaign(problem, options).Run();
+}
+
+SolveOutcome SolveFromGuess(const Problem& problem, std::span<const double> guess,
+                            const SolveOptions& options) {
+  SolveOutcome outcome;
+  AdaptiveRollout rollout(problem);
+  std::vector<double> start(guess.begin(), guess.end());
+  int stage = 0;
+  for (const double enough : kEnoughOfGuess) {
+    const int budget = problem.solver.max_evaluations - static_cast<int>(outcome.evaluations);
+    if (budget <= 0) break;
+    std::vector<Evaluation> history;
+    Solution solution = SolveNear(problem, start, budget, enough, rollout, options, &history);
+    for (Evaluation& evaluation : history) {
+      evaluation.start = stage;
+      outcome.history.push_back(evaluation);
+    }
+    outcome.evaluations += solution.evaluations;
+    solution.start = stage++;
+    solution.finished = true;
+    outcome.interrupted = options.interrupt != nullptr && *options.interrupt;
+    if (options.accept && solution.feasible() && !outcome.interrupted)
+      solution.refused = !options.accept(solution);
+    start = solution.x;
+    outcome.solutions.push_back(std::move(solution));
+    if (outcome.interrupted ||
+        (outcome.solutions.back().feasible() && !outcome.solutions.back().refused))
+      break;
+  }
+  std::stable_sort(outcome.solutions.begin(), outcome.solutions.end(), Better);
+  return outcome;
 }
 
 }  // namespace tumbler

@@ -102,6 +102,13 @@ struct SolveOutcome {
 /// from the best few of them.
 SolveOutcome Solve(const Problem& problem, const SolveOptions& options);
 
+/// Finds the motion near a guess: by SolveNear from there, without a search. It ends as soon as a
+/// step promises little more; when the result is refused, or keeps a limit not, it is solved on
+/// with the rest of `solver.max_evaluations`.
+/// @param guess  parameters of the problem.
+SolveOutcome SolveFromGuess(const Problem& problem, std::span<const double> guess,
+                            const SolveOptions& options);
+
 /// Runs SLSQP from one start. Its variables are the parameters [rad], which are of order one
 /// already. The cost is divided by its gradient at the start, and every constraint by its limit,
 /// because NLopt's SLSQP fails on large gradients.
@@ -112,16 +119,5 @@ Solution SolveFrom(const Problem& problem, std::span<const double> start, int ma
 Solution SolveFrom(const Problem& problem, std::span<const double> start, int max_evaluations,
                    AdaptiveRollout& rollout, const SolveOptions& options,
                    std::vector<Evaluation>* history);
-
-/// A linear constraint a . x + b <= 0 on the parameters x [rad].
-struct LinearRow {
-  std::string name;
-  std::vector<double> a;
-  double b = 0;
-};
-
-/// The velocity and acceleration limits for all t, by the control points: rows divided by their
-/// limits. Position limits are plain bounds of the parameters, and no rows.
-std::vector<LinearRow> DerivativeLimitRows(const Problem& problem);
 
 }  // namespace tumbler

@@ -13,7 +13,7 @@
 
 #include "common/primitive_rounding.h"
 #include "common/primitive_toml.h"
-#include "offline/solver/solver.h"
+#include "offline/solver/constraints.h"
 #include "tests/support/handstand.h"
 
 namespace tumbler {

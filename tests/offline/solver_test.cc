@@ -13,6 +13,7 @@
 #include <random>
 
 #include "offline/problem/task_toml.h"
+#include "offline/solver/constraints.h"
 #include "offline/solver/random_starts.h"
 #include "tests/support/task_files.h"
 

@@ -144,5 +144,32 @@ TEST(StartFrom, TheProgramRecordsItAndNamesWhatDoesNotFit) {
   EXPECT_EQ(ReadFile(folder / "before.toml"), ToToml(TheOneBefore()));
 }
 
+TEST(Guess, TheProgramSolvesFromItAndRecordsIt) {
+  const TaskFolder folder(Replaced(QuickTask(), "duration_s = 0.5", "duration_s = 0.55"));
+  WriteFile(folder / "known.toml", ToToml(TheOneBefore()));
+  const auto run = [&folder](std::vector<std::string> options) {
+    std::vector<std::string> line = {testing::ProgramPath("tumbler-optimize"), folder.task_file(),
+                                     "--guess", folder / "known.toml"};
+    line.insert(line.end(), options.begin(), options.end());
+    Program program(line);
+    const int status = program.Wait();
+    return std::pair(status, program.text());
+  };
+  ASSERT_EQ(run({"--out", folder / "new.toml"}).first, 0);
+  const PrimitiveFile made = LoadPrimitive(folder / "new.toml");
+  EXPECT_EQ(made.provenance.guess_file, folder / "known.toml");
+  EXPECT_EQ(made.provenance.guess_hash, ContentHash(TheOneBefore()));
+  EXPECT_LT(made.provenance.evaluations, 30) << "a search alone would take 8, and 2 solves 50";
+  // The file alone gives the same file again.
+  EXPECT_EQ(TaskOf(made).guess_hash, made.provenance.guess_hash);
+
+  const auto [status, text] = run({"--seed", "3"});
+  EXPECT_EQ(status, 1);
+  EXPECT_THAT(text, AllOf(HasSubstr("--guess"), HasSubstr("--seed")));
+  // What it starts from must not be overwritten.
+  EXPECT_EQ(run({"--out", folder / "known.toml"}).first, 1);
+  EXPECT_EQ(ReadFile(folder / "known.toml"), ToToml(TheOneBefore()));
+}
+
 }  // namespace
 }  // namespace tumbler

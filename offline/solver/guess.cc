@@ -1,0 +1,149 @@
+#include "offline/solver/guess.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <span>
+#include <stdexcept>
+
+#include "common/index.h"
+#include "common/toml_reader.h"
+#include "offline/linear/least_squares.h"
+
+namespace tumbler {
+namespace {
+
+using Path = JointMotion<double>::Spline;
+
+/// Knots nearer than this part of the duration are one.
+constexpr double kSameKnot = 1e-9;
+
+/// The old knots in the new time, those that are also new ones exactly so. None when one of them is
+/// no new knot.
+std::optional<std::vector<double>> KnotsAmong(const Path& path, std::span<const double> knots,
+                                              double duration_s) {
+  const double scale = duration_s / (path.end_s() - path.start_s());
+  std::vector<double> found;
+  for (const double knot : path.knots()) {
+    const double time = (knot - path.start_s()) * scale;
+    const auto near = std::ranges::find_if(
+        knots, [&](double other) { return std::abs(other - time) <= kSameKnot * duration_s; });
+    if (near == knots.end()) return std::nullopt;
+    found.push_back(*near);
+  }
+  return found;
+}
+
+/// The control points over the new knots, by the Oslo algorithm: point i is the polar form of the
+/// old polynomial around new knot i, at the new knots i + 1 ... i + degree.
+/// @param old_knots  of the path, all of them among the new ones.
+std::vector<double> InsertKnots(const Path& path, std::span<const double> old_knots,
+                                std::span<const double> knots) {
+  const int p = path.degree();
+  const int n = static_cast<int>(knots.size()) - p - 1;
+  std::vector<double> points;
+  for (int i = 0; i < n; ++i) {
+    const auto after = std::upper_bound(old_knots.begin(), old_knots.end(), knots[Index(i)]);
+    const int span = static_cast<int>(after - old_knots.begin()) - 1;
+    std::vector<double> d(path.control_points().begin() + span - p,
+                          path.control_points().begin() + span + 1);
+    for (int r = 1; r <= p; ++r) {
+      const double t = knots[Index(i + r)];
+      for (int k = p; k >= r; --k) {
+        const double low = old_knots[Index(span - p + k)];
+        const double high = old_knots[Index(span + k - r + 1)];
+        const double share = (t - low) / (high - low);
+        d[Index(k)] = (1 - share) * d[Index(k - 1)] + share * d[Index(k)];
+      }
+    }
+    points.push_back(d.back());
+  }
+  return points;
+}
+
+/// Makes the free points of `nearest` those with the least squares of its differences to a path.
+void Fit(const Path& path, Path& nearest) {
+  const auto knots = nearest.knots();
+  std::vector<double> points(nearest.control_points().begin(), nearest.control_points().end());
+  const int free = static_cast<int>(points.size()) - 6;
+  constexpr int kSamplesPerPoint = 16;
+  const int samples =
+      kSamplesPerPoint * static_cast<int>(std::max(points.size(), path.control_points().size()));
+  const double scale = (path.end_s() - path.start_s()) / nearest.end_s();
+  Eigen::MatrixXd A = Eigen::MatrixXd::Zero(samples, free);
+  Eigen::VectorXd b(samples);
+  for (int k = 0; k < samples; ++k) {
+    const double t = nearest.end_s() * (k + 0.5) / samples;
+    b[k] = path.Evaluate(path.start_s() + scale * t).value;
+    const Path::Weights w = nearest.EvaluateWeights(t);
+    for (int i = 0; i <= nearest.degree(); ++i) {
+      const int point = w.first + i;
+      if (point >= 3 && point < 3 + free) {
+        A(k, point - 3) = w.w[0][Index(i)];
+      } else {
+        b[k] -= w.w[0][Index(i)] * points[Index(point)];
+      }
+    }
+  }
+  const Eigen::VectorXd fit = SolveLeastSquares(A, b);
+  std::copy(fit.begin(), fit.end(), points.begin() + 3);
+  if (nearest.Assign(nearest.degree(), std::vector<double>(knots.begin(), knots.end()), points) !=
+      Status::kOk)
+    throw std::logic_error("the fit of a path is not a spline");
+}
+
+/// 0 at 0 and 1 at 1, with no first and second derivative there.
+double Fade(double s) { return s * s * s * (10 - s * (15 - 6 * s)); }
+
+}  // namespace
+
+Path Resampled(const Path& path, int degree, int control_points, double duration_s) {
+  std::vector<double> knots(Index(control_points + degree + 1));
+  std::vector<double> points(Index(control_points), path.control_points().back());
+  std::fill_n(points.begin(), 3, path.control_points().front());
+  if (control_points < 7 ||
+      Path::ClampedUniformKnots(degree, control_points, duration_s, knots) != Status::kOk)
+    throw std::invalid_argument("a path cannot have these control points, degree and duration");
+  Path result;
+  std::optional<std::vector<double>> old_knots;
+  if (path.degree() == degree) old_knots = KnotsAmong(path, knots, duration_s);
+  if (old_knots) points = InsertKnots(path, *old_knots, knots);
+  if (result.Assign(degree, knots, points) != Status::kOk)
+    throw std::invalid_argument("a path cannot have these control points, degree and duration");
+  if (!old_knots) Fit(path, result);
+  return result;
+}
+
+std::vector<double> GuessFrom(const Problem& problem, const PrimitiveFile& file,
+                              const std::string& file_name) {
+  std::vector<double> guess;
+  const std::span<const JointMotion<double>> motions = file.primitive.motions();
+  for (const ActuatedJoint& joint : problem.joints) {
+    const std::string& name = problem.scene.robot.tree.dofs[Index(joint.dof)].name;
+    const auto motion = std::ranges::find_if(
+        motions, [&](const JointMotion<double>& m) { return m.name.view() == name; });
+    if (motion == motions.end()) {
+      throw FileError(file_name, 0, "joint",
+                      fmt::format("has no joint '{}', which the task moves; a guess needs a path "
+                                  "for every joint of the task",
+                                  name));
+    }
+    const Path path =
+        Resampled(motion->position, problem.degree, joint.control_points, problem.duration_s);
+    const auto points = path.control_points();
+    const double at_start = joint.start_rad - points.front();
+    const double at_end = joint.end_rad - points.back();
+    for (int i = 3; i < joint.control_points - 3; ++i) {
+      double abscissa = 0;  // of Greville
+      for (int k = 1; k <= problem.degree; ++k) abscissa += path.knots()[Index(i + k)];
+      const double share = Fade(abscissa / (problem.degree * problem.duration_s));
+      guess.push_back(points[Index(i)] + (1 - share) * at_start + share * at_end);
+    }
+  }
+  return guess;
+}
+
+}  // namespace tumbler

@@ -1,0 +1,31 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "common/primitive_toml.h"
+#include "offline/problem/problem.h"
+
+namespace tumbler {
+
+/// A path with other control points, and stretched to another duration: that of the clamped uniform
+/// spline which is nearest to it.
+///
+/// Where the new knots contain the old ones and the degree is the same, the knots are inserted
+/// [Cohen, Lyche, Riesenfeld 1980], and the new spline is the same path to rounding. This is so
+/// from n control points to n + k (n - degree): 12, 19, 26 ... for degree 5. Otherwise the squares
+/// of the differences at even times are least, with the first and the last three points as the ends
+/// at rest need them.
+/// @param control_points  7 or more, and more than `degree`.
+JointMotion<double>::Spline Resampled(const JointMotion<double>::Spline& path, int degree,
+                                      int control_points, double duration_s);
+
+/// The parameters of the problem whose paths are those of a primitive: of another task, robot,
+/// ground, duration or number of control points. Joints are matched by their names. Where the
+/// problem starts or ends elsewhere, the difference fades in or out smoothly along the path.
+/// @param file_name  of the primitive, for messages.
+/// @throws FileError  when the primitive lacks a joint of the problem.
+std::vector<double> GuessFrom(const Problem& problem, const PrimitiveFile& file,
+                              const std::string& file_name);
+
+}  // namespace tumbler

@@ -1,0 +1,249 @@
+// Starts from the paths of a known motion: paths over other control points, and motions that are
+// solved again after the robot, the ground or the duration has changed.
+
+#include "offline/solver/guess.h"
+
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <string>
+#include <vector>
+
+#include "common/toml_reader.h"
+#include "offline/certificate/second_look.h"
+#include "offline/problem/task_toml.h"
+#include "offline/solver/solve_near.h"
+#include "tests/support/handstand.h"
+#include "tests/support/task_files.h"
+
+namespace tumbler {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using testing::Replaced;
+using testing::ShippedRobot;
+using testing::ShippedTask;
+
+using Path = JointMotion<double>::Spline;
+
+/// A path of 12 control points that moves much.
+Path SomePath() {
+  const Problem problem = HandstandProblem();
+  return PositionSpline(problem, RandomMotion(problem, 5), 0);
+}
+
+double LargestDifference(const Path& a, const Path& b) {
+  double largest = 0;
+  for (int k = 0; k <= 1000; ++k) {
+    const double s = k / 1000.0;
+    largest = std::max(largest,
+                       std::abs(a.Evaluate(s * a.end_s()).value - b.Evaluate(s * b.end_s()).value));
+  }
+  return largest;
+}
+
+TEST(Resampled, IsTheSamePathWhereTheNewKnotsContainTheOldOnes) {
+  const Path path = SomePath();
+  for (const int points : {12, 19, 26, 33, 40, 61}) {
+    const Path finer = Resampled(path, 5, points, path.end_s());
+    ASSERT_EQ(finer.control_points().size(), static_cast<std::size_t>(points));
+    for (int k = 0; k <= 500; ++k) {
+      const double t = k * path.end_s() / 500;
+      const Path::Sample a = path.Evaluate(t), b = finer.Evaluate(t);
+      EXPECT_NEAR(a.value, b.value, 1e-13) << points;
+      EXPECT_NEAR(a.first, b.first, 1e-11) << points;
+      EXPECT_NEAR(a.second, b.second, 1e-8) << points;
+    }
+  }
+}
+
+TEST(Resampled, StretchesThePathToAnotherDuration) {
+  const Path path = SomePath();
+  for (const int points : {12, 19, 26}) {
+    const Path longer = Resampled(path, 5, points, 1.1 * path.end_s());
+    EXPECT_DOUBLE_EQ(longer.end_s(), 1.1 * path.end_s());
+    EXPECT_LT(LargestDifference(path, longer), 1e-13);
+  }
+}
+
+double SumOfSquares(const Path& a, const Path& b) {
+  double sum = 0;
+  for (int k = 0; k < 2000; ++k) {
+    const double t = (k + 0.5) * a.end_s() / 2000;
+    const double difference = a.Evaluate(t).value - b.Evaluate(t).value;
+    sum += difference * difference;
+  }
+  return sum;
+}
+
+TEST(Resampled, HasTheLeastSquaresOfDifferencesWhereTheKnotsDiffer) {
+  const Path path = SomePath();
+  for (const int points : {10, 13, 24, 64}) {
+    const Path other = Resampled(path, 5, points, path.end_s());
+    EXPECT_LT(LargestDifference(path, other), points == 10 ? 0.2 : 0.03) << points;
+    // At rest at both ends, like the path.
+    const auto c = other.control_points();
+    for (std::size_t i = 0; i < 3; ++i) {
+      EXPECT_EQ(c[i], path.control_points().front());
+      EXPECT_EQ(c[c.size() - 1 - i], path.control_points().back());
+    }
+    const std::vector<double> knots(other.knots().begin(), other.knots().end());
+    const double least = SumOfSquares(path, other);
+    for (std::size_t i = 3; i + 3 < c.size(); ++i) {
+      for (const double step : {-0.01, 0.01}) {
+        std::vector<double> moved(c.begin(), c.end());
+        moved[i] += step;
+        Path worse;
+        ASSERT_EQ(worse.Assign(5, knots, moved), Status::kOk);
+        EXPECT_GT(SumOfSquares(path, worse), least) << points << " " << i;
+      }
+    }
+  }
+}
+
+/// The shipped handstand, and the task that it was made from.
+const PrimitiveFile& Known() {
+  static const PrimitiveFile file = LoadPrimitive(testing::SourcePath("primitives/handstand.toml"));
+  return file;
+}
+Task KnownTask(const std::string& from = "", const std::string& to = "") {
+  const std::string& text = Known().provenance.task_toml;
+  return ParseTask(from.empty() ? text : Replaced(text, from, to), "task.toml",
+                   Known().provenance.robot_urdf, "robot.urdf");
+}
+
+std::vector<double> FreePoints(const Primitive<double>& primitive) {
+  std::vector<double> points;
+  for (const JointMotion<double>& motion : primitive.motions()) {
+    const auto all = motion.position.control_points();
+    points.insert(points.end(), all.begin() + 3, all.end() - 3);
+  }
+  return points;
+}
+
+TEST(Guess, IsThePrimitiveItselfForItsOwnTask) {
+  EXPECT_THAT(GuessFrom(KnownTask().problem, Known(), "known.toml"),
+              ::testing::Pointwise(::testing::DoubleNear(1e-12), FreePoints(Known().primitive)));
+}
+
+TEST(Guess, FadesFromOneEndToTheOther) {
+  const Task task = KnownTask("joints_rad = { leg1 = 0.0, leg2 = 0.0 }",
+                              "joints_rad = { leg1 = 0.2, leg2 = 0.0 }");
+  const std::vector<double> own = FreePoints(Known().primitive);
+  const std::vector<double> guess = GuessFrom(task.problem, Known(), "known.toml");
+  ASSERT_EQ(guess.size(), own.size());
+  for (std::size_t i = 0; i < guess.size(); ++i) {
+    const double moved = guess[i] - own[i];
+    if (i >= guess.size() / 2) {
+      EXPECT_NEAR(moved, 0, 1e-12) << "the other leg ends where it did";
+    } else {
+      EXPECT_GT(moved, 0);
+      EXPECT_LT(moved, 0.2);
+      EXPECT_GT(moved, i > 0 ? guess[i - 1] - own[i - 1] : 0);
+    }
+  }
+}
+
+TEST(Guess, NeedsAPathForEveryJoint) {
+  PrimitiveFile other = Known();
+  other.primitive.joints[1].name = FixedString<32>("tail");
+  try {
+    GuessFrom(KnownTask().problem, other, "other.toml");
+    FAIL() << "accepted";
+  } catch (const FileError& error) {
+    EXPECT_THAT(error.what(), AllOf(HasSubstr("other.toml"), HasSubstr("has no joint 'leg2'")));
+  }
+}
+
+/// A number after each occurrence of a text, times a factor.
+std::string Scaled(std::string text, const std::string& before, double factor) {
+  for (std::size_t at = text.find(before); at != std::string::npos; at = text.find(before, at)) {
+    at += before.size();
+    char* end = nullptr;
+    const double value = std::strtod(text.c_str() + at, &end);
+    text.replace(at, static_cast<std::size_t>(end - text.c_str()) - at,
+                 fmt::format("{}", value * factor));
+  }
+  return text;
+}
+
+struct Change {
+  const char* name;
+  double mass = 1, friction = 1, duration = 1;
+};
+
+class SolveFromGuessAfter : public ::testing::TestWithParam<Change> {};
+INSTANTIATE_TEST_SUITE_P(Changes, SolveFromGuessAfter,
+                         ::testing::Values(Change{"Heavier", 1.1}, Change{"Lighter", 0.9},
+                                           Change{"Rougher", 1, 1.1}, Change{"Smoother", 1, 0.9},
+                                           Change{"Longer", 1, 1, 1.1},
+                                           Change{"Shorter", 1, 1, 0.9}),
+                         [](const auto& change) { return change.param.name; });
+
+TEST_P(SolveFromGuessAfter, FindsTheSameMotionAgainWithinAFewEvaluations) {
+  const Change& change = GetParam();
+  std::string urdf = Known().provenance.robot_urdf;
+  for (const char* key : {"mass value=\"", "ixx=\"", "iyy=\"", "izz=\""})
+    urdf = Scaled(urdf, key, change.mass);
+  std::string text = Scaled(Known().provenance.task_toml, "mu = ", change.friction);
+  text = Scaled(text, "duration_s = ", change.duration);
+  const Problem problem = ParseTask(text, "task.toml", urdf, "robot.urdf").problem;
+
+  SolveOptions options;
+  options.accept = [&](const Solution& solution) {
+    return LookAgain(problem, solution.x).acceptable();
+  };
+  const SolveOutcome outcome =
+      SolveFromGuess(problem, GuessFrom(problem, Known(), "known.toml"), options);
+  ASSERT_FALSE(outcome.solutions.empty());
+  const Solution& best = outcome.solutions.front();
+  EXPECT_TRUE(best.feasible() && !best.refused);
+  // A random search and the solve from there take more than a thousand.
+  EXPECT_LE(outcome.evaluations, 30);
+  for (std::size_t j = 0; j < problem.joints.size(); ++j) {
+    EXPECT_LT(
+        LargestDifference(PositionSpline(problem, best.x, j), Known().primitive.joints[j].position),
+        0.4)
+        << "no other motion is this near";
+  }
+}
+
+TEST(SolveNear, StaysInItsBasinThoughAnotherIsNear) {
+  // Around the handstand, the robot falls when a control point moves by a few hundredths of a
+  // radian: a cost of 25 where the handstand has a thousandth.
+  const Problem problem = KnownTask().problem;
+  AdaptiveRollout rollout(problem);
+  std::vector<double> start = FreePoints(Known().primitive);
+  for (std::size_t i = 0; i < start.size(); ++i) start[i] += i % 2 == 0 ? 2e-3 : -2e-3;
+  std::vector<Evaluation> history;
+  const Solution solution = SolveNear(problem, start, 30, 1e-4, rollout, {}, &history);
+  EXPECT_TRUE(solution.feasible());
+  EXPECT_LE(solution.rollout.cost, solution.start_cost);
+  EXPECT_LT(solution.rollout.cost, 1.1 * Known().provenance.objective);
+  EXPECT_EQ(history.size(), static_cast<std::size_t>(solution.evaluations));
+}
+
+TEST(SolveNear, KeepsTheLimitsOfPathsFromAStartThatBreaksThem) {
+  constexpr double kLimit = 80;
+  const Problem problem =
+      KnownTask("acceleration_max_rad_s2 = 400.0", "acceleration_max_rad_s2 = 80.0").problem;
+  AdaptiveRollout rollout(problem);
+  const Solution solution =
+      SolveNear(problem, FreePoints(Known().primitive), 20, 1e-3, rollout, {}, nullptr);
+  double largest_before = 0;
+  for (std::size_t j = 0; j < problem.joints.size(); ++j) {
+    for (const double c : Known().primitive.joints[j].position.control_points(2))
+      largest_before = std::max(largest_before, std::abs(c));
+    for (const double c : PositionSpline(problem, solution.x, j).control_points(2))
+      EXPECT_LE(std::abs(c), kLimit);
+  }
+  EXPECT_GT(largest_before, 1.05 * kLimit) << "or there was nothing to mend";
+}
+
+}  // namespace
+}  // namespace tumbler
