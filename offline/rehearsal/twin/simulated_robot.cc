@@ -39,6 +39,16 @@ SimulatedMotorConfig AtShaft(const JointMotor& motor, double torque_max_nm, cons
 
 }  // namespace
 
+double LargestTorqueLimit(const SequenceFile& motion, std::size_t joint) {
+  double torque_max_nm = 0;
+  for (int node = 0; node < motion.graph.node_count; ++node) {
+    const auto role = static_cast<std::size_t>(motion.graph.RoleOf(node, static_cast<int>(joint)));
+    torque_max_nm = std::max(torque_max_nm,
+                             motion.PrimitiveOf(node).primitive.joints[role].limits.torque_max_nm);
+  }
+  return torque_max_nm;
+}
+
 PrimitivePose StartOf(const SequenceFile& motion) {
   const int node = motion.graph.start;
   const PrimitivePose& entry = motion.PrimitiveOf(node).entry;
@@ -58,12 +68,7 @@ SimulatedRobot::SimulatedRobot(const SimulatedMotion& simulated, const DrivesCon
   const Primitive<double>& first = motion.PrimitiveOf(motion.graph.start).primitive;
   std::vector<SimulatedDrive*> pointers;
   for (std::size_t j = 0; j < first.motions().size(); ++j) {
-    double torque_max_nm = 0;
-    for (int node = 0; node < motion.graph.node_count; ++node) {
-      const auto role = static_cast<std::size_t>(motion.graph.RoleOf(node, static_cast<int>(j)));
-      torque_max_nm = std::max(
-          torque_max_nm, motion.PrimitiveOf(node).primitive.joints[role].limits.torque_max_nm);
-    }
+    const double torque_max_nm = LargestTorqueLimit(motion, j);
     joints_.emplace_back(first.joints[j].name.view());
     const DriveEntry& entry = DriveOf(drives, joints_.back());
     const JointMotor motor = j < config.motors.size() ? config.motors[j] : JointMotor{};
@@ -73,7 +78,8 @@ SimulatedRobot::SimulatedRobot(const SimulatedMotion& simulated, const DrivesCon
     pointers.push_back(drives_.back().get());
   }
   const PrimitivePose start = config.start.value_or(StartOf(motion));
-  twin_ = std::make_unique<Twin>(simulated.scene(), start, config.twin, bus_, pointers);
+  twin_ = std::make_unique<Twin>(config.scene ? *config.scene : simulated.scene(), start,
+                                 config.twin, bus_, pointers);
   posture_ = std::make_unique<PostureWatch>(motion, config.posture, start);
 }
 

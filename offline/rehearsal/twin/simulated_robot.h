@@ -40,6 +40,9 @@ struct JointMotor {
 /// Settings of a simulated robot, beyond its motion and its drives.
 struct SimulatedRobotConfig {
   TwinConfig twin;
+  /// The robot and its ground, which the configuration of the twin changes. None: those of the
+  /// motion. Joints and obstacles are as many, in the same order.
+  std::optional<Scene> scene;
   /// The pose in which the robot begins, at rest. None: the start of the motion.
   std::optional<PrimitivePose> start;
   /// In the order of the motion's joints. Joints without an entry have the defaults.
@@ -81,6 +84,9 @@ class SimulatedRobot {
   std::unique_ptr<PostureWatch> posture_;
   std::int64_t now_ns_ = 0;
 };
+
+/// The largest torque limit that a joint has in any node of the motion [N m].
+double LargestTorqueLimit(const SequenceFile& motion, std::size_t joint);
 
 /// The pose of the robot before a motion: the entry of its first node. Where that node exchanges
 /// the roles of legs, the pose is that of the robot, not of the roles.

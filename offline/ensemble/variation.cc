@@ -1,0 +1,120 @@
+#include "offline/ensemble/variation.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <random>
+
+#include "common/index.h"
+
+namespace tumbler {
+namespace {
+
+constexpr std::size_t kFirstBody = 2;  // of the root's degrees of freedom the last one moves it
+
+/// Normal numbers. Those of the standard library differ between libraries.
+class Normal {
+ public:
+  Normal(std::uint64_t seed, std::uint64_t index) : random_(Mixed(seed, index)) {}
+
+  /// By Marsaglia's polar method.
+  double Draw() {
+    while (true) {
+      const double u = 2 * Unit() - 1, v = 2 * Unit() - 1;
+      const double s = u * u + v * v;
+      if (s < 1 && s > 0) return u * std::sqrt(-2 * std::log(s) / s);
+    }
+  }
+
+ private:
+  /// SplitMix64 of both, so that neighbours in seed or index have nothing in common.
+  static std::uint64_t Mixed(std::uint64_t seed, std::uint64_t index) {
+    std::uint64_t z = seed * 0x9e3779b97f4a7c15U + index + 1;
+    for (int i = 0; i < 2; ++i) {
+      z += 0x9e3779b97f4a7c15U;
+      z = (z ^ (z >> 30U)) * 0xbf58476d1ce4e5b9U;
+      z = (z ^ (z >> 27U)) * 0x94d049bb133111ebU;
+      z ^= z >> 31U;
+    }
+    return z;
+  }
+  double Unit() { return static_cast<double>(random_() >> 11U) * 0x1p-53; }
+
+  std::mt19937_64 random_;
+};
+
+/// Draws departures and notes them.
+struct Drawer {
+  Normal normal;
+  double scale;
+  std::vector<RobotVariation::Deviate>& deviates;
+
+  double Shift(double spread, const std::string& name) {
+    if (spread == 0) return 0;
+    const double sigma = scale * normal.Draw();
+    deviates.push_back({name, sigma});
+    return spread * sigma;
+  }
+  double Factor(double spread, const std::string& name) {
+    if (spread == 0) return 1;
+    while (true) {
+      const double sigma = scale * normal.Draw();
+      if (1 + spread * sigma < 0.05) continue;
+      deviates.push_back({name, sigma});
+      return 1 + spread * sigma;
+    }
+  }
+};
+
+}  // namespace
+
+RobotVariation DrawRobot(const PlanarRobot& robot, const Spreads& spreads, double scale,
+                         std::uint64_t seed, std::uint64_t index) {
+  RobotVariation v;
+  Drawer draw{Normal(seed, index), scale, v.deviates};
+  for (std::size_t dof = kFirstBody; dof < robot.body_names.size(); ++dof) {
+    const std::string of = " of " + robot.body_names[dof];
+    RobotVariation::Link& link = v.links.emplace_back();
+    link.mass = draw.Factor(spreads.mass, "mass" + of);
+    link.inertia = draw.Factor(spreads.inertia, "inertia" + of);
+    link.length = draw.Factor(spreads.length, "length" + of);
+    link.mass_centre_m = draw.Shift(spreads.mass_centre_m, "mass centre" + of);
+  }
+  for (std::size_t j = 0; j < robot.joint_count(); ++j) {
+    const std::string of = " of " + robot.tree.dofs[robot.DofOfJoint(j)].name;
+    RobotVariation::Joint& joint = v.joints.emplace_back();
+    joint.gain = draw.Factor(spreads.gain, "gains" + of);
+    joint.torque_limit = draw.Factor(spreads.torque_limit, "torque limit" + of);
+  }
+  v.friction = draw.Factor(spreads.friction, "friction");
+  v.stiffness = draw.Factor(spreads.stiffness, "stiffness");
+  v.damping = draw.Factor(spreads.damping, "damping");
+  v.slope_rad = draw.Shift(spreads.slope_rad, "slope");
+  return v;
+}
+
+Scene Varied(Scene scene, const RobotVariation& v) {
+  PlanarRobot& robot = scene.robot;
+  const auto link_of = [&v](int body) -> const RobotVariation::Link& {
+    return v.links[Index(body) - kFirstBody];
+  };
+  for (std::size_t i = kFirstBody; i < robot.tree.dofs.size(); ++i) {
+    Dof<Plane>& dof = robot.tree.dofs[i];
+    const RobotVariation::Link& link = v.links[i - kFirstBody];
+    dof.mass_kg *= link.mass;
+    dof.inertia_kg_m2 *= link.mass * link.inertia;
+    dof.mass_centre.x() = link.length * dof.mass_centre.x() + link.mass_centre_m;
+    if (i > kFirstBody) dof.offset.x() *= link_of(dof.parent).length;
+  }
+  for (ContactShape<Plane>& shape : robot.shapes)
+    shape.shape.centre.x() *= link_of(shape.body).length;
+  scene.contact.mu *= v.friction;
+  scene.contact.stiffness_n_per_m *= v.stiffness;
+  scene.contact.damping_n_s_per_m *= v.damping;
+  const double c = std::cos(v.slope_rad), s = std::sin(v.slope_rad);
+  const Plane::Vector g = robot.tree.gravity;
+  robot.tree.gravity = {c * g.x() + s * g.y(), c * g.y() - s * g.x()};
+  return scene;
+}
+
+}  // namespace tumbler

@@ -1,0 +1,62 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "offline/scene/scene.h"
+
+namespace tumbler {
+
+/// By how much robots differ from the model: standard deviations, each >= 0. Factors are of the
+/// model's value.
+struct Spreads {
+  double mass = 0.05;        ///< Factor of each link's mass and inertia.
+  double inertia = 0;        ///< Factor of each link's inertia, besides.
+  double mass_centre_m = 0;  ///< Of each link's centre of mass, along the link's x.
+  double length = 0;         ///< Factor of each link's x: joints, contacts and centre of mass.
+  double friction = 0.2;     ///< Factor of mu.
+  double stiffness = 0.2;    ///< Factor of the ground's stiffness.
+  double damping = 0.2;      ///< Factor of the ground's damping.
+  double gain = 0;           ///< Factor of each joint's kp and kd.
+  double torque_limit = 0;   ///< Factor of each motor's torque limit.
+  double slope_rad = 0;      ///< Of the ground, upwards to the right.
+
+  bool operator==(const Spreads&) const = default;
+};
+
+/// One robot in numbers: by how much it departs from the model.
+struct RobotVariation {
+  struct Link {
+    double mass = 1, inertia = 1, length = 1;  ///< Factors.
+    double mass_centre_m = 0;
+  };
+  struct Joint {
+    double gain = 1, torque_limit = 1;  ///< Factors.
+  };
+  std::vector<Link> links;    ///< In the order of the robot's bodies, the root first.
+  std::vector<Joint> joints;  ///< In the robot's order.
+  double friction = 1, stiffness = 1, damping = 1;
+  double slope_rad = 0;
+
+  /// A departure by itself, in standard deviations.
+  struct Deviate {
+    std::string name;  ///< e.g. "mass of leg1_link"
+    double sigma = 0;
+  };
+  std::vector<Deviate> deviates;  ///< Of every spread that is not 0, in a fixed order.
+};
+
+/// Draws robot number `index` of a study. The result depends on nothing but the arguments.
+///
+/// Every quantity is normal and independent of the others. A factor below 0.05 is drawn again.
+/// @param scale  multiplies every standard deviation.
+RobotVariation DrawRobot(const PlanarRobot& robot, const Spreads& spreads, double scale,
+                         std::uint64_t seed, std::uint64_t index);
+
+/// The scene with this robot and its ground. The slope is that of gravity: the ground stays where
+/// it is. Joints' gains and torque limits are no part of a scene.
+Scene Varied(Scene scene, const RobotVariation& variation);
+
+}  // namespace tumbler
