@@ -538,7 +538,10 @@ bool SocketCanBus::TakeMessage(std::size_t index, ReceivedFrame& received) noexc
     Confirm(frame, time_ns);
     return false;
   }
-  if (!frame.extended && std::ranges::find(config_.send_ids, frame.id) != config_.send_ids.end()) {
+  const auto has = [&frame](const std::vector<std::uint16_t>& ids) {
+    return !frame.extended && std::ranges::find(ids, frame.id) != ids.end();
+  };
+  if (has(config_.send_ids) && !has(config_.receive_ids)) {
     ++statistics_.foreign_commands;
   }
   ++statistics_.received;

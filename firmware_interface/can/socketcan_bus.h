@@ -50,8 +50,8 @@ struct SocketCanStatistics {
   std::int64_t refused = 0;    ///< Frames not taken: stalled, queue full, bus off or down.
   std::int64_t stalls = 0;     ///< Times that confirmations, or room in the queue, did not come.
   std::int64_t received = 0;   ///< Frames of others.
-  /// Of `received`, frames with an identifier of `send_ids`, so that another program or node
-  /// commands the same drives.
+  /// Of `received`, frames with an identifier of `send_ids` and not of `receive_ids`, so that
+  /// another program or node commands the same drives.
   std::int64_t foreign_commands = 0;
   std::int64_t dropped = 0;  ///< Frames lost by the kernel because the receive buffer was full.
   std::int64_t error_frames = 0;

@@ -52,7 +52,7 @@ std::uint8_t EncodeTemperature(float celsius, MitTemperature encoding) noexcept 
 }  // namespace
 
 Status MitConfig::Validate() const noexcept {
-  if (command_id < 1 || command_id > 0xff || reply_id > 0x7ff || command_id == reply_id) {
+  if (command_id < 1 || command_id > 0xff || reply_id > 0x7ff) {
     return Status::kInvalidArgument;
   }
   if (!AreValidRanges(command) || !AreValidRanges(reply)) return Status::kInvalidArgument;
@@ -80,21 +80,27 @@ struct Codes {
   std::uint16_t p = 0, v = 0, kp = 0, kd = 0, t = 0;
 };
 
+// The last byte of the first magic frame.
+constexpr int FirstMagic(MitDialect dialect) noexcept {
+  return static_cast<int>(dialect == MitDialect::kDamiao ? MitMagic::kClear : MitMagic::kEnter);
+}
+
 // Changes the one pattern that would be a magic frame.
-void AvoidMagic(Codes& codes) noexcept {
+void AvoidMagic(MitDialect dialect, Codes& codes) noexcept {
   if (codes.p == 0xffff && codes.v == 0xfff && codes.kp == 0xfff && codes.kd == 0xfff &&
-      codes.t >= 0xffc && codes.t <= 0xffe) {
+      codes.t >= FirstMagic(dialect) + 0xf00 && codes.t <= 0xffe) {
     codes.p = 0xfffe;
   }
 }
 
-Codes Quantise(const MitRanges& ranges, const MitCommand& command) noexcept {
+Codes Quantise(const MitConfig& config, const MitCommand& command) noexcept {
+  const MitRanges& ranges = config.command;
   Codes codes{MitQuantise(command.position_rad, ranges.position_rad, 16),
               MitQuantise(command.velocity_rad_s, ranges.velocity_rad_s, 12),
               MitQuantise(command.kp_nm_per_rad, ranges.kp_nm_per_rad, 12),
               MitQuantise(command.kd_nm_s_per_rad, ranges.kd_nm_s_per_rad, 12),
               MitQuantise(command.torque_nm, ranges.torque_nm, 12)};
-  AvoidMagic(codes);
+  AvoidMagic(config.dialect, codes);
   return codes;
 }
 
@@ -129,7 +135,7 @@ CanFrame EncodeMitCommand(const MitConfig& config, const MitCommand& command) no
   CanFrame frame;
   frame.id = config.command_id;
   frame.size = 8;
-  Pack(Quantise(config.command, command), frame.data);
+  Pack(Quantise(config, command), frame.data);
   return frame;
 }
 
@@ -162,14 +168,40 @@ CanFrame EncodeMitReply(const MitConfig& config, const MitReply& reply) noexcept
     frame.data[6] = EncodeTemperature(reply.temperature_c, config.temperature_encoding);
     frame.data[7] = reply.error;
   }
+  if (config.dialect == MitDialect::kDamiao) {
+    const int status = reply.error != 0 ? reply.error : (reply.enabled ? 1 : 0);
+    frame.size = 8;
+    frame.data[0] = Low(status << 4 | (reply.sender & 0xf));
+    frame.data[6] = frame.data[7] =
+        EncodeTemperature(reply.temperature_c, config.temperature_encoding);
+  }
   return frame;
 }
 
 namespace {
 
 bool IsReplyOf(const MitConfig& config, const CanFrame& frame) noexcept {
-  return IsFrameOf(frame, config.reply_id) && frame.size >= 6 &&
-         frame.data[0] == Low(config.command_id);
+  if (!IsFrameOf(frame, config.reply_id) || frame.size < 6) return false;
+  const int difference = frame.data[0] ^ Low(config.command_id);
+  return config.dialect == MitDialect::kDamiao ? frame.size == 8 && (difference & 0xf) == 0
+                                               : difference == 0;
+}
+
+// What the bytes of a reply say that the dialects have each in their own place.
+struct ReplyHealth {
+  int temperature_c = 0;
+  bool has_temperature = false;
+  bool enabled = true;
+  std::uint8_t error = 0;
+};
+ReplyHealth HealthOf(const MitConfig& config, const CanFrame& frame) noexcept {
+  if (frame.size < 8) return {};
+  const int first = DegreesOf(frame.data[6], config.temperature_encoding);
+  if (config.dialect == MitDialect::kMiniCheetah) return {first, true, true, frame.data[7]};
+  const int second = DegreesOf(frame.data[7], config.temperature_encoding);
+  const auto status = static_cast<std::uint8_t>(frame.data[0] >> 4);
+  return {first > second ? first : second, true, status == 1,
+          status > 1 ? status : std::uint8_t{0}};
 }
 
 // Codes of the fields of (2) that every reply has.
@@ -188,15 +220,15 @@ ReplyCodes UnpackReply(const CanFrame& frame) noexcept {
 Status DecodeMitReply(const MitConfig& config, const CanFrame& frame, MitReply& reply) noexcept {
   if (!IsReplyOf(config, frame)) return Status::kInvalidArgument;
   const ReplyCodes codes = UnpackReply(frame);
-  reply.sender = frame.data[0];
+  reply.sender = Low(config.command_id);
   reply.position_rad = MitDequantise(codes.p, config.reply.position_rad, 16);
   reply.velocity_rad_s = MitDequantise(codes.v, config.reply.velocity_rad_s, 12);
   reply.torque_nm = MitDequantise(codes.t, config.reply.torque_nm, 12);
+  const ReplyHealth health = HealthOf(config, frame);
+  reply.enabled = health.enabled;
   reply.size = frame.size;
-  reply.temperature_c =
-      frame.size == 8 ? static_cast<float>(DegreesOf(frame.data[6], config.temperature_encoding))
-                      : 0;
-  reply.error = frame.size == 8 ? frame.data[7] : std::uint8_t{0};
+  reply.temperature_c = static_cast<float>(health.temperature_c);
+  reply.error = health.error;
   return Status::kOk;
 }
 
@@ -214,7 +246,7 @@ bool DecodeMitMagic(const MitConfig& config, const CanFrame& frame, MitMagic& ma
   for (std::size_t i = 0; i < 7; ++i) {
     if (frame.data[i] != 0xff) return false;
   }
-  if (frame.data[7] < 0xfc || frame.data[7] > 0xfe) return false;
+  if (frame.data[7] < FirstMagic(config.dialect) || frame.data[7] > 0xfe) return false;
   magic = static_cast<MitMagic>(frame.data[7]);
   return true;
 }
@@ -298,7 +330,7 @@ CanFrame MitDrive::EncodeSetpoint(const DriveSetpoint& setpoint) noexcept {
   }
   const auto code = [&lanes](std::size_t i) { return static_cast<std::uint16_t>(lanes[i]); };
   Codes codes{code(0), code(1), gains_.kp_code, gains_.kd_code, code(2)};
-  AvoidMagic(codes);
+  AvoidMagic(config_.dialect, codes);
   lanes[0] = codes.p;
   const Lanes encoded = ToJoint(range, lanes);
   encoded_ = {encoded[0], encoded[1], encoded[2], gains_.kp_encoded_nm_per_rad,
@@ -324,13 +356,14 @@ DriveState MitDrive::Inferred() const noexcept {
     case Stage::kNeutral:
       return answered_ticks() >= 1 ? DriveState::kEnabled : DriveState::kEnabling;
     case Stage::kFollow:
-      return DriveState::kEnabled;
+      return says_enabled_ ? DriveState::kEnabled : DriveState::kDisabled;
   }
   return DriveState::kUnknown;
 }
 
 DriveState MitDrive::state() const noexcept {
-  if (stage_ == Stage::kFollow && feedback_.error == 0) return DriveState::kEnabled;  // the usual
+  if (stage_ == Stage::kFollow && feedback_.error == 0 && says_enabled_)
+    return DriveState::kEnabled;  // the usual
   if (!heard_) return DriveState::kUnknown;
   return feedback_.error != 0 ? DriveState::kFault : Inferred();
 }
@@ -345,7 +378,7 @@ void MitDrive::NextStage(bool enable) noexcept {
     GoTo(Stage::kClear);
   } else if (stage_ == Stage::kClear) {
     GoTo(Stage::kEnter);
-  } else if (stage_ == Stage::kEnter && answered_ticks_ >= kCertainTicks) {
+  } else if (stage_ == Stage::kEnter && answered_ticks_ >= kCertainTicks && says_enabled_) {
     GoTo(Stage::kNeutral);
   } else if (stage_ == Stage::kNeutral && answered_ticks_ >= 1) {
     GoTo(Stage::kFollow);
@@ -367,7 +400,9 @@ Status MitDrive::Encode(DriveRequest request, const DriveSetpoint& setpoint,
   encoded_.position_rad = feedback_.position_rad;
   CanFrame frame;
   if (stage_ == Stage::kExit) {
-    frame = MitMagicFrame(config_, MitMagic::kExit);
+    const bool clear =
+        request == DriveRequest::kClearErrors && config_.dialect == MitDialect::kDamiao;
+    frame = MitMagicFrame(config_, clear ? MitMagic::kClear : MitMagic::kExit);
   } else if (stage_ == Stage::kEnter) {
     frame = MitMagicFrame(config_, MitMagic::kEnter);
   } else {
@@ -379,22 +414,23 @@ Status MitDrive::Encode(DriveRequest request, const DriveSetpoint& setpoint,
 
 bool MitDrive::Decode(const CanFrame& frame) noexcept {
   if (!valid_ || !IsReplyOf(config_, frame)) return false;
-  const bool full = frame.size == 8;
   const ReplyCodes codes = UnpackReply(frame);
-  const int temperature = full ? DegreesOf(frame.data[6], config_.temperature_encoding) : 0;
+  const ReplyHealth health = HealthOf(config_, frame);
   // Codes wrap modulo 2^16, and so does this difference: it is the way that the shaft has turned.
   // While the motor is off, the code may be taken as it is.
   const std::int32_t way = static_cast<std::int16_t>(codes.p - position_code_);
   position_code_ = stage_ == Stage::kFollow ? position_code_ + way : codes.p;
-  const Lanes joint = ToJoint(reply_range_, {position_code_, codes.v, codes.t, temperature});
-  feedback_ = {joint[0], joint[1], joint[2], joint[3], full, full ? frame.data[7] : 0U};
+  const Lanes joint =
+      ToJoint(reply_range_, {position_code_, codes.v, codes.t, health.temperature_c});
+  feedback_ = {joint[0], joint[1], joint[2], joint[3], health.has_temperature, health.error};
+  says_enabled_ = health.enabled;
   heard_ = true;
   answered_ = true;
   return true;
 }
 
 bool MitDrive::IsCommand(const CanFrame& frame) const noexcept {
-  return IsFrameOf(frame, config_.command_id);
+  return IsFrameOf(frame, config_.command_id) && !IsReplyOf(config_, frame);
 }
 
 bool MitProtocol::CommandedPosition(const MitConfig& config, const CanFrame& frame,

@@ -61,6 +61,16 @@ struct MitRanges {
   MitRange torque_nm{-18.0F, 18.0F};
 };
 
+/// Whose firmware it is, where firmwares differ in what they reply.
+enum class MitDialect : std::uint8_t {
+  kMiniCheetah,  ///< bgkatz, T-Motor AK and clones: replies as in (2).
+  /// Damiao: byte 0 of replies is `status 4 | low bits of the id 4`, bytes 6 and 7 are the
+  /// temperatures of transistors and rotor. Status 0 is disabled, 1 enabled, and from 8 on an error
+  /// (8 over-voltage, 9 under-voltage, 10 over-current, 11 transistors too hot, 12 rotor too hot,
+  /// 13 lost communication, 14 overload). The last byte 0xfb clears errors.
+  kDamiao,
+};
+
 /// How a reply of 8 bytes carries temperature.
 enum class MitTemperature : std::uint8_t {
   kSigned,    ///< Degrees Celsius in two's complement.
@@ -73,8 +83,10 @@ struct MitConfig {
   std::uint16_t command_id = 1;
   /// 0 ... 0x7ff: the drive's CAN_MASTER. Firmware has 0 for every drive by default. Drives send
   /// without retransmission, so replies that share an identifier are lost when they meet: give each
-  /// drive its own.
+  /// drive its own. Some AK firmware answers on the drive's own `command_id` instead: replies are
+  /// told from commands of somebody else by their first byte.
   std::uint16_t reply_id = 17;
+  MitDialect dialect = MitDialect::kMiniCheetah;
   MitRanges command;
   /// Ranges of replies; kp and kd are not used. Newer bgkatz firmware has a wider torque range
   /// here.
@@ -82,8 +94,8 @@ struct MitConfig {
   MitTemperature temperature_encoding = MitTemperature::kSigned;
   JointMap joint;
 
-  /// @retval kInvalidArgument  an id is out of range, both ids are equal, a range is not as
-  ///                           MitRange says, or the joint map is not valid.
+  /// @retval kInvalidArgument  an id is out of range, a range is not as MitRange says, or the
+  ///                           joint map is not valid.
   [[nodiscard]] Status Validate() const noexcept;
 };
 
@@ -102,11 +114,12 @@ struct MitReply {
   float position_rad = 0;
   float velocity_rad_s = 0;
   float torque_nm = 0;
+  bool enabled = true;  ///< Whether the drive says that it is; only Damiao's replies can deny it.
   /// Bytes of the frame, 6, 7 or 8. Only a frame of 8 has the two values that follow.
   std::uint8_t size = 8;
   float temperature_c = 0;
   /// 0: none. Of AK drives: 1 over-temperature, 2 over-current, 3 over-voltage, 4 under-voltage, 5
-  /// encoder, 6 phase.
+  /// encoder, 6 phase. Of Damiao: the status from 2 on.
   std::uint8_t error = 0;
 };
 
@@ -114,6 +127,7 @@ struct MitReply {
 enum class MitMagic : std::uint8_t {
   kEnter = 0xfc,  ///< Enter motor mode.
   kExit = 0xfd,   ///< Leave motor mode. bgkatz firmware obeys once the current is below 1 A.
+  kClear = 0xfb,  ///< Forget errors; Damiao only.
   kZero = 0xfe,   ///< Zero the encoder here. bgkatz firmware obeys outside motor mode only.
 };
 
@@ -149,7 +163,8 @@ Status DecodeMitReply(const MitConfig& config, const CanFrame& frame, MitReply& 
 /// Host side of one MIT drive. It sends one frame in every tick.
 ///
 /// kDisable and kClearErrors send kExit each tick, since the protocol has no order to clear an
-/// error. kEnable runs the start-up sequence, one frame a tick:
+/// error; kClearErrors sends kClear to Damiao's drives. kEnable runs the start-up sequence, one
+/// frame a tick:
 ///   1. one neutral setpoint (no gains, no feed-forward, measured position), because firmware keeps
 ///      the last setpoint that it heard and would act on it as it enters motor mode;
 ///   2. kEnter, until replies were decoded in two ticks since the first of them;
@@ -159,10 +174,11 @@ Status DecodeMitReply(const MitConfig& config, const CanFrame& frame, MitReply& 
 /// Replies do not say in which mode a drive is, so the state is inferred: kEnabled from steps 2 and
 /// 3, kDisabled from replies in two ticks since the first kExit. It takes two, because the first
 /// may be the late answer to the frame before. A drive that restarts by itself while enabled looks
-/// like an enabled one; its following error shows the difference. kFault is reported while the
-/// latest reply carries an error code. Frames still go out as requested then, since only the
-/// executor knows whether cutting the torque is the safe reaction. A setpoint that is not finite
-/// disables the motor; with kDisable the setpoint does not matter.
+/// like an enabled one; its following error shows the difference. Damiao's drives say whether they
+/// are enabled: then step 2 ends when they do, and one that says no later has dropped out. kFault
+/// is reported while the latest reply carries an error code. Frames still go out as requested then,
+/// since only the executor knows whether cutting the torque is the safe reaction. A setpoint that
+/// is not finite disables the motor; with kDisable the setpoint does not matter.
 class MitDrive final : public Drive {
  public:
   /// @pre config.Validate() is kOk; otherwise every Encode returns kInvalidArgument and sends
@@ -220,6 +236,7 @@ class MitDrive final : public Drive {
   int answered_ticks_ = 0;
   bool answered_ = false;           // whether a reply has come since the last Encode
   bool heard_ = false;              // whether a reply ever came
+  bool says_enabled_ = true;        // the last reply; without Damiao's always
   std::int32_t position_code_ = 0;  // of the last reply, beyond 16 bits where it has wrapped
   DriveFeedback feedback_;
   // The gains of the last setpoint: as asked, as codes and as the drive sees them. They are kept,

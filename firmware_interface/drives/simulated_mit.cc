@@ -60,6 +60,7 @@ void SimulatedMitDrive::OnFrame(const ReceivedFrame& received, SimulatedPort& po
   reply.torque_nm = static_cast<float>(torque_nm());
   reply.size = config_.reply_size;
   reply.temperature_c = static_cast<float>(temperature_c());
+  reply.enabled = enabled_;
   reply.error = error_;
   Say(port, EncodeMitReply(config_.mit, reply));
   if (!is_magic) {
@@ -70,6 +71,9 @@ void SimulatedMitDrive::OnFrame(const ReceivedFrame& received, SimulatedPort& po
   } else if (magic == MitMagic::kEnter) {
     if (!enabled_) fed_ns_ = now_ns;
     enabled_ = true;
+  } else if (magic == MitMagic::kClear) {
+    enabled_ = false;
+    error_ = 0;
   } else if (magic == MitMagic::kExit) {
     enabled_ = false;
   } else if (!enabled_) {

@@ -68,6 +68,21 @@ TEST(DrivesToml, ShippedFileDescribesTheTumbler) {
   EXPECT_DOUBLE_EQ(config.WorstCaseLoad(), 0.54);
 }
 
+TEST(DrivesToml, AModelGivesRangesAndDialectWhereTheFileDoesNot) {
+  const std::string shipped = testing::ReadFile(kShipped);
+  const std::string text =
+      Mutate(Mutate(shipped, "reply_id = 17", "model = \"DM4310\"\nreply_id = 1"),
+             "torque_nm = [-18.0, 18.0]", "");
+  const DrivesConfig config = ParseDrives(text, "d.toml");
+  const MitConfig& mit = std::get<MitConfig>(config.drives[0].config);
+  EXPECT_EQ(mit.dialect, MitDialect::kDamiao);
+  EXPECT_EQ(mit.command.torque_nm.max, 10) << "of the model";
+  EXPECT_EQ(mit.reply.torque_nm.min, -10);
+  EXPECT_EQ(mit.command.velocity_rad_s.max, 50) << "the file's own";
+  EXPECT_EQ(mit.reply_id, mit.command_id) << "it answers on its own identifier";
+  EXPECT_EQ(std::get<MitConfig>(config.drives[1].config).dialect, MitDialect::kMiniCheetah);
+}
+
 TEST(DrivesToml, ShippedFilesDescribeTheTumblerInEveryProtocol) {
   const DrivesConfig can = LoadDrives(kShippedCanSimple);
   ASSERT_EQ(can.drives.size(), 2U);
@@ -365,10 +380,18 @@ INSTANTIATE_TEST_SUITE_P(
                 "reply_id = 17",
                 "reply_id = 2048",
                 {"drive[0].reply_id: is 2048; allowed: from 0 ... 2047"}},
-        Refusal{"SameIdTwiceInADrive",
+        Refusal{"ReplyOnTheCommandOfAnother",
                 "reply_id = 17",
-                "reply_id = 1",
-                {"drive[0].reply_id: is 1, as command_id"}},
+                "reply_id = 2",
+                {"drive[1].command_id: is 2, which is the reply_id of joint 'leg1'"}},
+        Refusal{"UnknownModel",
+                "reply_id = 17",
+                "reply_id = 17\nmodel = \"AK8\"",
+                {"drive[0].model: is 'AK8'", "AK60-6", "DM4310"}},
+        Refusal{"NoRangeAndNoModel",
+                "torque_nm = [-18.0, 18.0]",
+                "",
+                {"drive[0].range.torque_nm", "missing"}},
         Refusal{"JointTwice",
                 "joint = \"leg2\"",
                 "joint = \"leg1\"",

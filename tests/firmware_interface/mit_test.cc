@@ -51,6 +51,47 @@ TEST(MitCodec, RepliesHaveTheBytesOfTheProtocol) {
   EXPECT_EQ(EncodeMitReply(config, reply), expected);
 }
 
+TEST(MitCodec, DamiaosRepliesHaveAStatusBesideTheIdentifierAndTwoTemperatures) {
+  MitConfig config;
+  config.dialect = MitDialect::kDamiao;
+  CanFrame frame;
+  frame.id = 17;
+  frame.size = 8;
+  frame.data = {0x11, 0x8c, 0xa3, 0x78, 0x48, 0xe3, 37, 41};
+  MitReply reply;
+  ASSERT_EQ(DecodeMitReply(config, frame, reply), Status::kOk);
+  EXPECT_EQ(reply.sender, 1);
+  EXPECT_NEAR(reply.position_rad, 1.2345F, 4e-4F);
+  EXPECT_EQ(reply.temperature_c, 41) << "the hotter one";
+  EXPECT_TRUE(reply.enabled);
+  EXPECT_EQ(reply.error, 0);
+  frame.data[0] = 0x01;
+  ASSERT_EQ(DecodeMitReply(config, frame, reply), Status::kOk);
+  EXPECT_FALSE(reply.enabled);
+  frame.data[0] = 0xd1;
+  ASSERT_EQ(DecodeMitReply(config, frame, reply), Status::kOk);
+  EXPECT_EQ(reply.error, 13) << "lost communication";
+  frame.data[0] = 0x12;
+  EXPECT_NE(DecodeMitReply(config, frame, reply), Status::kOk) << "of another drive";
+  frame.data[0] = 0x11;
+  frame.size = 6;
+  EXPECT_NE(DecodeMitReply(config, frame, reply), Status::kOk);
+}
+
+TEST(MitCodec, ARepliesFirstByteTellsItFromACommandWithTheSameIdentifier) {
+  MitConfig config;
+  config.reply_id = config.command_id;
+  ASSERT_EQ(config.Validate(), Status::kOk);
+  MitDrive drive(config);
+  const CanFrame reply = EncodeMitReply(config, {1, 0.5F, 0, 0});
+  EXPECT_TRUE(drive.Decode(reply));
+  EXPECT_NEAR(drive.feedback().position_rad, 0.5F, 4e-4F);
+  EXPECT_FALSE(drive.IsCommand(reply));
+  const CanFrame command = EncodeMitCommand(config, {0.5F, 0, 10, 1, 0});
+  EXPECT_FALSE(drive.Decode(command));
+  EXPECT_TRUE(drive.IsCommand(command));
+}
+
 TEST(MitCodec, MagicFramesAreThoseOfTheProtocol) {
   const MitConfig config;
   EXPECT_EQ(MitMagicFrame(config, MitMagic::kEnter),
@@ -278,7 +319,6 @@ TEST(MitConfig, ValidatesEachField) {
   EXPECT_TRUE(refused([](MitConfig& c) { c.command_id = 0; }));
   EXPECT_TRUE(refused([](MitConfig& c) { c.command_id = 256; }));
   EXPECT_TRUE(refused([](MitConfig& c) { c.reply_id = 0x800; }));
-  EXPECT_TRUE(refused([](MitConfig& c) { c.reply_id = c.command_id; }));
   EXPECT_TRUE(refused([](MitConfig& c) { c.command.position_rad = {1, 2}; }));
   EXPECT_TRUE(refused([](MitConfig& c) { c.command.velocity_rad_s = {1, -1}; }));
   EXPECT_TRUE(refused([](MitConfig& c) { c.command.torque_nm = {-1, kInfinity}; }));

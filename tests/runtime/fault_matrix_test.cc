@@ -734,6 +734,39 @@ TEST(Arming, EndsOnlyWhenEveryDriveIsEnabledHoweverSoonItFollowsTorqueOff) {
   }
 }
 
+/// A bench of MIT drives whose configuration `change` has changed.
+template <typename Change>
+FaultBench::Config MitBench(const Change& change) {
+  FaultBench::Config config;
+  const Motion motion = MakeMotion();
+  config.drives = LoadDrives(testing::SourcePath("primitives/robots/tumbler_drives.toml"));
+  for (DriveEntry& entry : config.drives.drives) change(std::get<MitConfig>(entry.config));
+  config.graph = motion.graph;
+  config.primitives = motion.primitives;
+  config.executor = ConfigOf({}, motion);
+  return config;
+}
+
+TEST(MitDialects, ADriveThatAnswersOnItsOwnIdentifierIsDriven) {
+  FaultBench bench(MitBench([](MitConfig& mit) { mit.reply_id = mit.command_id; }));
+  EXPECT_TRUE(bench.Reach(ExecutorState::kRunning));
+  EXPECT_EQ(bench.output.record.faults, 0U);
+}
+
+TEST(MitDialects, DamiaosDrivesAreDrivenAndSayWhenTheyDropOut) {
+  FaultBench bench(MitBench([](MitConfig& mit) { mit.dialect = MitDialect::kDamiao; }));
+  ASSERT_TRUE(bench.Reach(ExecutorState::kRunning));
+  EXPECT_EQ(bench.output.record.faults, 0U);
+  bench.drives[1]->RaiseError(13);
+  for (int i = 0; i < 3; ++i) bench.Tick();
+  EXPECT_EQ(bench.output.record.first_fault.fault, Fault::kDriveError);
+  EXPECT_EQ(bench.output.record.first_fault.value, 13);
+  bench.Tick(OperatorCommand::kDisarm);
+  bench.Tick(OperatorCommand::kClearFaults);
+  for (int i = 0; i < 5; ++i) bench.Tick();
+  EXPECT_EQ(bench.output.record.joints[1].drive_error, 0U) << "the drive has forgotten it";
+}
+
 TEST(FaultMatrixSize, IsAtLeastFiveHundredCases) { EXPECT_GE(AllCases().size(), 500U); }
 
 }  // namespace
