@@ -122,7 +122,7 @@ std::int64_t SimulatedPort::ReadyAt() noexcept {
 }
 
 void SimulatedPort::LoseArbitration() noexcept {
-  if (config_.auto_retransmit) return;
+  if (config_.auto_retransmit || config_.waits_for_bus) return;
   transmit_.Pop();
   ++statistics_.dropped_transmit;
 }

@@ -34,6 +34,9 @@ struct SimulatedPortConfig {
   /// Whether a frame that loses arbitration or meets an error is sent again. If not (one-shot mode,
   /// common in drive firmware), the frame is lost.
   bool auto_retransmit = true;
+  /// In one-shot mode: whether a frame that loses arbitration waits for the bus all the same, and
+  /// only one that meets an error is lost.
+  bool waits_for_bus = false;
   /// Whether the controller only listens, as a logger does that leaves no trace: it hears
   /// everything, acknowledges nothing, and Send answers kInvalidArgument.
   bool listen_only = false;

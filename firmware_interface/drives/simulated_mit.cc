@@ -16,6 +16,7 @@ SimulatedPortConfig SimulatedMitDrive::PortConfig() noexcept {
   config.transmit_capacity = 3;
   config.restart_ns = 0;  // Firmware lets its controller recover from bus-off by itself.
   config.auto_retransmit = false;
+  config.waits_for_bus = true;
   return config;
 }
 

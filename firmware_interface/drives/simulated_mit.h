@@ -18,7 +18,8 @@ struct SimulatedMitConfig : SimulatedMotorConfig {
 /// The drive side of the MIT protocol, as bgkatz's firmware behaves.
 ///
 /// - The drive answers every frame to it, magic ones included, with the state before the frame is
-///   applied. It transmits in one-shot mode, with three mailboxes.
+///   applied. It transmits in one-shot mode, with three mailboxes: a frame that meets an error is
+///   lost, one that loses arbitration waits.
 /// - The drive takes setpoints outside motor mode too, and acts on the last one when it enters
 ///   motor mode.
 /// - In motor mode, torque = kp (p - q) + kd (v - qdot) + t, limited. After `watchdog_s` without a

@@ -767,6 +767,71 @@ TEST(MitDialects, DamiaosDrivesAreDrivenAndSayWhenTheyDropOut) {
   EXPECT_EQ(bench.output.record.joints[1].drive_error, 0U) << "the drive has forgotten it";
 }
 
+TEST(ManyDrives, OneToEightAreArmedWhateverTheOrderOfTheirIdentifiersIs) {
+  enum class Order { kRepliesAbove, kRepliesBelow, kRepliesReversed, kOwnIdentifier };
+  for (int count = 1; count <= 8; ++count) {
+    for (const Order order : {Order::kRepliesAbove, Order::kRepliesBelow, Order::kRepliesReversed,
+                              Order::kOwnIdentifier}) {
+      std::mt19937 random(5);
+      testing::MotionShape shape;
+      shape.joint_count = count;
+      shape.amplitude_rad = 0.25;
+      FaultBench::Config config;
+      config.primitives = {testing::RandomPrimitive<float>(shape, random)};
+      config.graph = GraphOf(config.primitives[0]);
+      std::vector<std::string> joints;
+      for (int i = 0; i < count; ++i) joints.push_back("joint" + std::to_string(i + 1));
+      config.drives = DefaultDrives(joints);
+      config.drives.rate_hz = count <= 2 ? 1000 : 400;
+      config.executor.period_s = static_cast<float>(1 / config.drives.rate_hz);
+      for (int i = 0; i < count; ++i) {
+        auto& mit = std::get<MitConfig>(config.drives.drives[static_cast<std::size_t>(i)].config);
+        const auto number = static_cast<std::uint16_t>(i);
+        if (order == Order::kRepliesBelow) {
+          mit.command_id = static_cast<std::uint16_t>(0x20 + number);
+          mit.reply_id = static_cast<std::uint16_t>(1 + number);
+        } else if (order == Order::kRepliesReversed) {
+          mit.reply_id = static_cast<std::uint16_t>(40 - number);
+        } else if (order == Order::kOwnIdentifier) {
+          mit.reply_id = mit.command_id;
+        }
+      }
+      FaultBench bench(std::move(config));
+      ASSERT_EQ(bench.configured, Status::kOk);
+      EXPECT_TRUE(bench.Reach(ExecutorState::kRunning))
+          << count << " drives, order " << static_cast<int>(order) << ": "
+          << ToString(bench.output.record.refusal.refusal) << " "
+          << ToString(bench.output.record.first_fault.fault);
+    }
+  }
+}
+
+TEST(ManyDrives, OfThreeProtocolsOnOneBusAreArmed) {
+  std::mt19937 random(5);
+  testing::MotionShape shape;
+  shape.joint_count = 3;
+  shape.amplitude_rad = 0.25;
+  FaultBench::Config config;
+  config.primitives = {testing::RandomPrimitive<float>(shape, random)};
+  config.graph = GraphOf(config.primitives[0]);
+  std::uint8_t node = 1;
+  for (const TestedProtocol& protocol : EveryProtocol()) {
+    const DrivesConfig shipped = LoadDrives(testing::SourcePath(protocol.drives));
+    DriveEntry entry = shipped.drives[0];
+    entry.joint = "joint" + std::to_string(config.drives.drives.size() + 1);
+    if (auto* mit = std::get_if<MitConfig>(&entry.config)) mit->command_id = 0x40;
+    if (auto* mit = std::get_if<MitConfig>(&entry.config)) mit->reply_id = 0x41;
+    if (auto* can = std::get_if<CanSimpleConfig>(&entry.config)) can->node_id = 9;
+    if (auto* csp = std::get_if<Cia402Config>(&entry.config)) csp->node_id = ++node;
+    config.drives.drives.push_back(entry);
+  }
+  FaultBench bench(std::move(config));
+  ASSERT_EQ(bench.configured, Status::kOk);
+  EXPECT_TRUE(bench.Reach(ExecutorState::kRunning))
+      << ToString(bench.output.record.refusal.refusal) << " "
+      << ToString(bench.output.record.first_fault.fault);
+}
+
 TEST(FaultMatrixSize, IsAtLeastFiveHundredCases) { EXPECT_GE(AllCases().size(), 500U); }
 
 }  // namespace
