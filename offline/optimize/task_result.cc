@@ -58,18 +58,18 @@ class Looks {
   SecondLook At(const Solution& solution) {
     {
       const std::lock_guard<std::mutex> lock(mutex_);
-      if (const auto known = of_start_.find(solution.start); known != of_start_.end())
+      if (const auto known = of_motion_.find(solution.x); known != of_motion_.end())
         return known->second;
     }
     SecondLook look = LookAgain(problem_, solution.x);
     const std::lock_guard<std::mutex> lock(mutex_);
-    return of_start_.emplace(solution.start, std::move(look)).first->second;
+    return of_motion_.emplace(solution.x, std::move(look)).first->second;
   }
 
  private:
   const Problem& problem_;
   std::mutex mutex_;
-  std::map<int, SecondLook> of_start_;
+  std::map<std::vector<double>, SecondLook> of_motion_;
 };
 
 /// Whether the solver's figures speak for a motion.

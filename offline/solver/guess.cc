@@ -12,6 +12,7 @@
 #include "common/index.h"
 #include "common/toml_reader.h"
 #include "offline/linear/least_squares.h"
+#include "offline/rollout/rollout.h"
 
 namespace tumbler {
 namespace {
@@ -114,6 +115,18 @@ Path Resampled(const Path& path, int degree, int control_points, double duration
   if (result.Assign(degree, knots, points) != Status::kOk)
     throw std::invalid_argument("a path cannot have these control points, degree and duration");
   if (!old_knots) Fit(path, result);
+  return result;
+}
+
+std::vector<double> WithControlPointsOf(const Problem& problem, const Problem& other,
+                                        std::span<const double> x) {
+  std::vector<double> result;
+  for (std::size_t j = 0; j < problem.joints.size(); ++j) {
+    const Path path = Resampled(PositionSpline(other, x, j), problem.degree,
+                                problem.joints[j].control_points, problem.duration_s);
+    const auto points = path.control_points();
+    result.insert(result.end(), points.begin() + 3, points.end() - 3);
+  }
   return result;
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <span>
 #include <string>
 #include <vector>
 
@@ -19,6 +20,11 @@ namespace tumbler {
 /// @param control_points  7 or more, and more than `degree`.
 JointMotion<double>::Spline Resampled(const JointMotion<double>::Spline& path, int degree,
                                       int control_points, double duration_s);
+
+/// The parameters of `problem` for the motion that x is in another problem with the same joints,
+/// degree, ends and duration, and other control points.
+std::vector<double> WithControlPointsOf(const Problem& problem, const Problem& other,
+                                        std::span<const double> x);
 
 /// The parameters of the problem whose paths are those of a primitive: of another task, robot,
 /// ground, duration or number of control points. Joints are matched by their names. Where the

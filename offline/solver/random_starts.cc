@@ -4,16 +4,9 @@
 #include <cmath>
 #include <functional>
 #include <numeric>
-#include <span>
-
-#include "common/index.h"
-#include "offline/rollout/rollout.h"
 
 namespace tumbler {
 namespace {
-
-/// The number of control points for which search settings were chosen.
-constexpr int kCoarsePoints = 12;
 
 /// A small counter-based generator, SplitMix64 [Steele, Lea, Flood 2014]: sample i of a seed is the
 /// same in whichever thread it is drawn. The standard library's distributions would differ between
@@ -35,12 +28,6 @@ class SplitMix64 {
  private:
   std::uint64_t state_;
 };
-
-Problem Coarse(Problem problem) {
-  for (ActuatedJoint& joint : problem.joints)
-    joint.control_points = std::min(joint.control_points, kCoarsePoints);
-  return problem;
-}
 
 /// The straight line from start to end, as parameters.
 std::vector<double> StraightLine(const Problem& problem) {
@@ -100,43 +87,14 @@ std::vector<double> Shrunk(const Problem& problem, const std::vector<LinearRow>&
   return line;
 }
 
-/// The motion of `x` with the control points of another problem, whose joints, times and degree are
-/// the same. Control point i becomes the path at the i-th Greville abscissa [Schoenberg 1967]:
-/// paths approach the given ones with the square of the distance of knots.
-/// @param x  parameters of `from`.
-std::vector<double> WithControlPointsOf(const Problem& problem, const Problem& from,
-                                        std::span<const double> x) {
-  std::vector<double> refined;
-  const std::vector<double> line = StraightLine(problem);
-  for (std::size_t j = 0; j < problem.joints.size(); ++j) {
-    const auto path = PositionSpline(from, x, j);
-    const auto spline = PositionSpline(problem, line, j);
-    const auto knots = spline.knots();
-    // The first and last three points are those of the ends.
-    for (int i = 3; i < problem.joints[j].control_points - 3; ++i) {
-      double abscissa = 0;
-      for (int k = 1; k <= problem.degree; ++k) abscissa += knots[Index(i + k)];
-      refined.push_back(path.Evaluate(abscissa / problem.degree).value);
-    }
-  }
-  return refined;
-}
-
 }  // namespace
 
 RandomStarts::RandomStarts(const Problem& problem)
-    : problem_(problem),
-      rows_(DerivativeLimitRows(problem)),
-      coarse_(Coarse(problem)),
-      coarse_rows_(DerivativeLimitRows(coarse_)) {}
+    : problem_(problem), rows_(DerivativeLimitRows(problem)) {}
 
 std::vector<double> RandomStarts::Draw(std::uint64_t sample) const {
-  const std::vector<double> coarse_line = StraightLine(coarse_);
-  std::vector<double> coarse =
-      Shrunk(coarse_, coarse_rows_, coarse_line, RandomPath(coarse_, coarse_line, sample));
-  if (coarse_.parameter_count() == problem_.parameter_count()) return coarse;
-  return Shrunk(problem_, rows_, StraightLine(problem_),
-                WithControlPointsOf(problem_, coarse_, coarse));
+  const std::vector<double> line = StraightLine(problem_);
+  return Shrunk(problem_, rows_, line, RandomPath(problem_, line, sample));
 }
 
 }  // namespace tumbler

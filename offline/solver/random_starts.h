@@ -15,10 +15,9 @@ namespace tumbler {
 /// towards the line until the velocity and acceleration limits hold. Low modes move the robot;
 /// independent control points mostly shake it (measured: 14 times fewer samples near a handstand).
 ///
-/// Half sines have a slope at their ends, where the robot is at rest. So the more control points
-/// there are, the shorter is the time in which it would have to come up to that slope, and the more
-/// the limits would shrink the motion. Hence a joint with more than 12 control points gets the path
-/// that it would have with 12: starts are as large for any number of points.
+/// Half sines have a slope at their ends, where the robot is at rest. The more control points there
+/// are, the shorter is the time in which it has to come up to that slope, and the more the limits
+/// shrink the motion. Solve therefore searches with few control points.
 ///
 /// Safe for use from several threads.
 class RandomStarts {
@@ -33,8 +32,6 @@ class RandomStarts {
  private:
   Problem problem_;
   std::vector<LinearRow> rows_;
-  Problem coarse_;  ///< With at most 12 control points for each joint.
-  std::vector<LinearRow> coarse_rows_;
 };
 
 }  // namespace tumbler

@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <mutex>
 #include <nlopt.hpp>
 #include <numeric>
@@ -14,6 +15,7 @@
 #include "common/index.h"
 #include "offline/rollout/adaptive_rollout.h"
 #include "offline/solver/constraints.h"
+#include "offline/solver/guess.h"
 #include "offline/solver/random_starts.h"
 #include "offline/solver/solve_near.h"
 
@@ -349,7 +351,7 @@ Solution SolveFrom(const Problem& problem, std::span<const double> start, int ma
 
 namespace {
 
-/// When SolveFromGuess ends: first, as soon as a step promises less than a tenth of the cost; if
+/// When a refinement ends: first, as soon as a step promises less than a tenth of the cost; if
 /// that is not good enough, a thousandth.
 constexpr std::array kEnoughOfGuess = {0.1, 1e-3};
 
@@ -569,40 +571,108 @@ class Campaign {
   std::vector<std::vector<Evaluation>> histories_;  // by start
 };
 
+/// Solves on from a motion that is nearly good, in one stage or two, until it is good enough.
+class Refinement {
+ public:
+  Refinement(const Problem& problem, const SolveOptions& options)
+      : problem_(problem), options_(options), rollout_(problem) {
+    options_.progress = nullptr;  // Several may run at a time, each for a moment.
+  }
+
+  Solution Run(std::span<const double> guess, int start) {
+    Solution solution;
+    solution.x.assign(guess.begin(), guess.end());
+    int evaluations = 0;
+    for (const double enough : kEnoughOfGuess) {
+      const int budget = problem_.solver.max_evaluations - evaluations;
+      if (budget <= 0) break;
+      std::vector<Evaluation> history;
+      const double start_cost = solution.start_cost;
+      solution = SolveNear(problem_, solution.x, budget, enough, rollout_, options_, &history);
+      for (Evaluation& evaluation : history) {
+        evaluation.start = start;
+        evaluation.count += evaluations;
+        history_.push_back(evaluation);
+      }
+      if (evaluations > 0) solution.start_cost = start_cost;
+      evaluations += solution.evaluations;
+      solution.evaluations = evaluations;
+      solution.start = start;
+      solution.finished = true;
+      const bool interrupted = options_.interrupt != nullptr && *options_.interrupt;
+      if (options_.accept && solution.feasible() && !interrupted)
+        solution.refused = !options_.accept(solution);
+      if (interrupted || (solution.feasible() && !solution.refused)) break;
+    }
+    return solution;
+  }
+  [[nodiscard]] std::vector<Evaluation>& history() { return history_; }
+
+ private:
+  const Problem& problem_;
+  SolveOptions options_;
+  AdaptiveRollout rollout_;
+  std::vector<Evaluation> history_;
+};
+
+/// The number of control points with which motions are searched for. The settings of the search
+/// were chosen for it.
+constexpr int kSearchPoints = 12;
+
+Problem WithFewPoints(Problem problem) {
+  for (ActuatedJoint& joint : problem.joints)
+    joint.control_points = std::min(joint.control_points, kSearchPoints);
+  return problem;
+}
+
+/// Finds a motion with few control points, and refines what is good enough of it.
+SolveOutcome SolveWithManyPoints(const Problem& problem, const SolveOptions& options) {
+  const Problem coarse = WithFewPoints(problem);
+  std::mutex mutex;
+  std::map<int, std::pair<Solution, std::vector<Evaluation>>> refined;  // by start
+  const auto refine = [&](const Solution& solution) {
+    Refinement refinement(problem, options);
+    Solution fine =
+        refinement.Run(WithControlPointsOf(problem, coarse, solution.x), solution.start);
+    const bool good = fine.feasible() && !fine.refused;
+    const std::lock_guard<std::mutex> lock(mutex);
+    refined[solution.start] = {std::move(fine), std::move(refinement.history())};
+    return good;
+  };
+  SolveOptions searching = options;
+  searching.accept = refine;
+  SolveOutcome outcome = Campaign(coarse, searching).Run();
+  // What keeps its limits was refined to be judged. When nothing did, the best one shows why.
+  if (refined.empty() && !outcome.solutions.empty()) refine(outcome.solutions.front());
+  outcome.solutions.clear();
+  for (auto& [start, fine] : refined) {
+    outcome.evaluations += fine.first.evaluations;
+    outcome.history.insert(outcome.history.end(), fine.second.begin(), fine.second.end());
+    outcome.solutions.push_back(std::move(fine.first));
+  }
+  std::stable_sort(outcome.solutions.begin(), outcome.solutions.end(), Better);
+  return outcome;
+}
+
 }  // namespace
 
 SolveOutcome Solve(const Problem& problem, const SolveOptions& options) {
-  return Campaign(problem, options).Run();
+  const bool few = std::ranges::all_of(problem.joints, [](const ActuatedJoint& joint) {
+    return joint.control_points <= kSearchPoints;
+  });
+  // A contact model of the caller's has no sensitivities, which a refinement needs.
+  if (few || options.contact) return Campaign(problem, options).Run();
+  return SolveWithManyPoints(problem, options);
 }
 
 SolveOutcome SolveFromGuess(const Problem& problem, std::span<const double> guess,
                             const SolveOptions& options) {
+  Refinement refinement(problem, options);
   SolveOutcome outcome;
-  AdaptiveRollout rollout(problem);
-  std::vector<double> start(guess.begin(), guess.end());
-  int stage = 0;
-  for (const double enough : kEnoughOfGuess) {
-    const int budget = problem.solver.max_evaluations - static_cast<int>(outcome.evaluations);
-    if (budget <= 0) break;
-    std::vector<Evaluation> history;
-    Solution solution = SolveNear(problem, start, budget, enough, rollout, options, &history);
-    for (Evaluation& evaluation : history) {
-      evaluation.start = stage;
-      outcome.history.push_back(evaluation);
-    }
-    outcome.evaluations += solution.evaluations;
-    solution.start = stage++;
-    solution.finished = true;
-    outcome.interrupted = options.interrupt != nullptr && *options.interrupt;
-    if (options.accept && solution.feasible() && !outcome.interrupted)
-      solution.refused = !options.accept(solution);
-    start = solution.x;
-    outcome.solutions.push_back(std::move(solution));
-    if (outcome.interrupted ||
-        (outcome.solutions.back().feasible() && !outcome.solutions.back().refused))
-      break;
-  }
-  std::stable_sort(outcome.solutions.begin(), outcome.solutions.end(), Better);
+  outcome.solutions.push_back(refinement.Run(guess, 0));
+  outcome.evaluations = outcome.solutions.front().evaluations;
+  outcome.history = std::move(refinement.history());
+  outcome.interrupted = options.interrupt != nullptr && *options.interrupt;
   return outcome;
 }
 

@@ -99,12 +99,13 @@ struct SolveOutcome {
 };
 
 /// Finds a motion without a guess: by a global search over random splines, then by SLSQP (NLopt)
-/// from the best few of them.
+/// from the best few of them. A joint with more than 12 control points is searched for with 12, and
+/// what is found is refined with all of them (SolveNear).
 SolveOutcome Solve(const Problem& problem, const SolveOptions& options);
 
 /// Finds the motion near a guess: by SolveNear from there, without a search. It ends as soon as a
-/// step promises little more; when the result is refused, or keeps a limit not, it is solved on
-/// with the rest of `solver.max_evaluations`.
+/// step promises little more. When a motion is then refused or breaks a limit, it is solved on with
+/// the rest of `solver.max_evaluations`.
 /// @param guess  parameters of the problem.
 SolveOutcome SolveFromGuess(const Problem& problem, std::span<const double> guess,
                             const SolveOptions& options);
