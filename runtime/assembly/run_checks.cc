@@ -61,4 +61,24 @@ void CheckSchedule(const DrivesConfig& drives) {
   }
 }
 
+void CheckWatchdogs(const DrivesConfig& drives, bool may_be_none) {
+  constexpr double kTicks = 3;
+  const double least_s = kTicks / drives.rate_hz;
+  for (const DriveEntry& drive : drives.drives) {
+    if (drive.watchdog_s == 0 && !may_be_none) {
+      throw Refused(
+          fmt::format("joint {}: the drive has no watchdog (watchdog_s = 0), so that nothing stops "
+                      "it when this program or its computer does not; set one in the drive, or "
+                      "accept that with --without-watchdog",
+                      drive.joint));
+    }
+    if (drive.watchdog_s > 0 && drive.watchdog_s < least_s * (1 - 1e-9)) {
+      throw Refused(fmt::format(
+          "joint {}: watchdog_s is {:.6g}, but a tick takes {:.6g} s: the drive would be let go "
+          "between setpoints; allowed: at least three ticks, {:.6g} s",
+          drive.joint, drive.watchdog_s, 1 / drives.rate_hz, least_s));
+    }
+  }
+}
+
 }  // namespace tumbler

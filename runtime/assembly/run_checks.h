@@ -14,4 +14,10 @@ void CheckRanges(const Sequence<float>& sequence, const DrivesConfig& drives);
 /// @throws Refused  when the rate leaves no room for an error.
 void CheckSchedule(const DrivesConfig& drives);
 
+/// Checks that each drive's watchdog bears three ticks of the loop, since one that expires between
+/// setpoints lets the drive go again and again.
+/// @param may_be_none  whether drives without a watchdog are allowed.
+/// @throws Refused naming the joint.
+void CheckWatchdogs(const DrivesConfig& drives, bool may_be_none);
+
 }  // namespace tumbler

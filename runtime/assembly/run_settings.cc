@@ -24,6 +24,7 @@ ExecutorConfig ExecutorConfigOf(const RunSettings& settings, const DrivesConfig&
   config.cycles = settings.cycles;
   config.branch = settings.branch;
   config.period_s = static_cast<float>(1 / drives.rate_hz);
+  config.start_way_max_rad = static_cast<float>(settings.start_within_rad);
   config.speed = static_cast<float>(settings.speed);
   config.arming_ticks_max = static_cast<int>(std::ceil(0.5 * drives.rate_hz));
   for (std::size_t i = 0; i < drives.drives.size(); ++i) {

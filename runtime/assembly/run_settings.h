@@ -11,11 +11,12 @@ namespace tumbler {
 
 /// The choices for one run, beside its files.
 struct RunSettings {
-  double speed = 1;       ///< 0.1 ... 1; see ExecutorConfig.
-  int cycles = 0;         ///< Of a sequence; see ExecutorConfig.
-  int branch = -1;        ///< Number of the branch after these cycles; see ExecutorConfig.
-  double hold_s = 2;      ///< Hold after the motion has settled.
-  bool attended = false;  ///< See RunProcedureConfig.
+  double speed = 1;             ///< 0.1 ... 1; see ExecutorConfig.
+  int cycles = 0;               ///< Of a sequence; see ExecutorConfig.
+  int branch = -1;              ///< Number of the branch after these cycles; see ExecutorConfig.
+  double hold_s = 2;            ///< Hold after the motion has settled.
+  bool attended = false;        ///< See RunProcedureConfig.
+  double start_within_rad = 1;  ///< ExecutorConfig::start_way_max_rad.
 };
 
 /// The executor's settings for the joint of this drive: gains and temperature limit.

@@ -106,6 +106,9 @@ RefusalDetail Executor::CheckArm() const noexcept {
       return {position, below ? joint.limits.position_min_rad : joint.limits.position_max_rad,
               Refusal::kOutsideLimits, name};
     }
+    const float way = Magnitude(position - FirstMotion(i).position.control_points()[0]);
+    if (!(way <= config_.start_way_max_rad))
+      return {way, config_.start_way_max_rad, Refusal::kFarFromStart, name};
   }
   return {};
 }

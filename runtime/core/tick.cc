@@ -56,6 +56,9 @@ const char* ToString(Refusal refusal) noexcept {
       return "a drive does not reply";
     case Refusal::kNoHeartbeat:
       return "a drive's heartbeat has stopped";
+    case Refusal::kFarFromStart:
+      return "a joint is far from the motion's start: is it the right joint, with the right zero? "
+             "(tumbler-run --start-within)";
     case Refusal::kDriveError:
       return "a drive reports an error";
     case Refusal::kTooHot:

@@ -50,6 +50,7 @@ enum class Refusal : std::uint8_t {
   kOutsideStartSet,  ///< A joint is measured too far from the primitive's first position [rad].
   kNoSuchBranch,     ///< The sequence has no branch of this number [the number].
   kNoHeartbeat,      ///< A drive's heartbeat has stopped [ticks since the last].
+  kFarFromStart,     ///< A joint is measured farther from the motion's start than is allowed [rad].
 };
 
 [[nodiscard]] const char* ToString(OperatorCommand command) noexcept;

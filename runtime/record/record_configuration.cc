@@ -18,12 +18,14 @@ namespace tumbler {
 namespace {
 
 constexpr const char* kFormat = "tumbler-record";
+/// A limit that runs did not have before it was added.
+constexpr const char* kStartWay = "start_way_max_rad";
 
 // A member that is added to these types has to be added to Visit below, or a replay would lack it.
 static_assert(sizeof(JointConfig) == 16);
 static_assert(sizeof(CollapseConfig) == 8 + kMaxJoints * sizeof(float));
 static_assert(sizeof(ExecutorConfig) ==
-              40 + kMaxJoints * sizeof(JointConfig) + sizeof(FaultTable) + sizeof(CollapseConfig));
+              44 + kMaxJoints * sizeof(JointConfig) + sizeof(FaultTable) + sizeof(CollapseConfig));
 static_assert(sizeof(RunProcedureConfig) == 56);
 
 /// Calls `visit(key, value)` for every number of a configuration.
@@ -47,6 +49,7 @@ void VisitNumbers(Config& config, const Visit& visit) {
   visit("sequence_errors_max", config.sequence_errors_max);
   visit("late_ticks_max", config.late_ticks_max);
   visit("arming_ticks_max", config.arming_ticks_max);
+  visit(kStartWay, config.start_way_max_rad);
   visit("cycles", config.cycles);
   visit("branch", config.branch);
 }
@@ -116,7 +119,9 @@ void Take(const Json& json, const std::string& key, T& value) {
 
 template <typename Config>
 void TakeNumbers(const Json& json, Config& config) {
-  VisitNumbers(config, [&json](const char* key, auto& value) { Take(json, key, value); });
+  VisitNumbers(config, [&json](const char* key, auto& value) {
+    if (std::string_view(key) != kStartWay || json.Find(key) != nullptr) Take(json, key, value);
+  });
 }
 
 void TakeTexts(const Json& json, const std::string& key, std::vector<std::string>& texts) {

@@ -160,6 +160,7 @@ PlayedRecord PlayRecord(const RecordConfiguration& configuration,
   const RunParts& parts = assembly.parts();
   CheckRanges(*parts.sequence, parts.drives);
   CheckSchedule(parts.drives);
+  CheckWatchdogs(parts.drives, !options.arm);
   Schedule(options, configuration.period_ns, TryRealtime);
   const InterfaceName name{options.bus, configuration.drives_file};
   const std::unique_ptr<World> world =

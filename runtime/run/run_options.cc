@@ -53,6 +53,8 @@ void DeclareMachine(CommandLine& line, RunOptions& options, std::string& schedul
             "SCHED_FIFO and locked memory; a simulation then runs at the pace of the clock");
   line.Flag("--without-realtime", options.without_realtime,
             "arm a real bus even though they are not in force");
+  line.Flag("--without-watchdog", options.without_watchdog,
+            "arm drives that have no watchdog (watchdog_s = 0)");
   line.Option("--scheduling", scheduling,
               "of --realtime: fifo (SCHED_FIFO) or deadline (SCHED_DEADLINE)")
       .OneOf({"fifo", "deadline"})
@@ -84,6 +86,10 @@ void DeclareRun(CommandLine& line, RunOptions& options) {
               "robot in a second of the clock")
       .Within(0.05, 1.0)
       .ShowDefault();
+  line.Option("--start-within", options.start_within_rad,
+              "refuse to arm when a joint is farther than this from the start of the motion [rad]")
+      .Within(0.0, 1e6)
+      .ShowDefault();
   line.Option("--hold-s", options.hold_s, "how long to hold after settling [s]")
       .Within(0.0, 3600.0)
       .ShowDefault();
@@ -114,6 +120,7 @@ void CheckTogether(const RunOptions& options) {
   // The checks of ranges let "nan" through: it is neither below nor above anything.
   for (const auto& [name, value] : {std::pair{"--speed", options.speed},
                                     {"--hold-s", options.hold_s},
+                                    {"--start-within", options.start_within_rad},
                                     {"--pace", options.pace},
                                     {"--rate-hz", options.rate_hz},
                                     {"--latency-test", options.latency_test_s}}) {

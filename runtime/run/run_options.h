@@ -19,6 +19,8 @@ struct RunOptions {
   bool arm = false;
   bool realtime = false;
   bool without_realtime = false;
+  bool without_watchdog = false;
+  double start_within_rad = 1;
   RealtimeConfig scheduling;
   double latency_test_s = 0;
   double rate_hz = 1000;  ///< Of the loop in the latency test.

@@ -93,6 +93,7 @@ RunParts LoadParts(RunOptions& options, const Simulation* simulation, const File
   }
   CheckRanges(*parts.sequence, parts.drives);
   CheckSchedule(parts.drives);
+  CheckWatchdogs(parts.drives, !options.drives_motors() || options.without_watchdog);
   return parts;
 }
 
@@ -116,8 +117,8 @@ int BranchNumber(const RunOptions& options, const SequenceGraph<float>& graph) {
 }
 
 RunSettings SettingsOf(const RunOptions& options, const SequenceGraph<float>& graph) {
-  return {options.speed, options.cycles, BranchNumber(options, graph), options.hold_s,
-          options.attended};
+  return {options.speed,  options.cycles,   BranchNumber(options, graph),
+          options.hold_s, options.attended, options.start_within_rad};
 }
 
 /// Makes the world of the run.

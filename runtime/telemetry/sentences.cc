@@ -42,6 +42,7 @@ const char* UnitOf(Refusal refusal) {
     case Refusal::kOutsideLimits:
     case Refusal::kNotAtStart:
     case Refusal::kOutsideStartSet:
+    case Refusal::kFarFromStart:
       return " rad";
     default:
       return "";

@@ -220,6 +220,22 @@ TEST(Executor, RefusesToArmWithItsReason) {
     EXPECT_EQ(refusal.joint, 1);
     EXPECT_EQ(rig.executor.state(), ExecutorState::kDisarmed);
   }
+  ExecutorConfig near;
+  near.start_way_max_rad = 0.5F;
+  Primitive<float> wide = primitive;
+  wide.joints[1].limits.position_min_rad = -10;
+  wide.joints[1].limits.position_max_rad = 10;
+  for (const float way : {-0.6F, -0.4F, 0.4F, 0.6F}) {
+    ExecutorRig rig(near, wide);
+    rig.drives[1]->reply.position_rad += way;
+    rig.Tick();
+    const RefusalDetail refusal = rig.Tick(OperatorCommand::kArm).refusal;
+    EXPECT_EQ(refusal.refusal, std::abs(way) > 0.5F ? Refusal::kFarFromStart : Refusal::kNone);
+    if (refusal.refusal == Refusal::kNone) continue;
+    EXPECT_EQ(refusal.joint, 1);
+    EXPECT_NEAR(refusal.value, 0.6F, 1e-5F);
+    EXPECT_EQ(refusal.limit, 0.5F);
+  }
   const auto refusal_after = [&](auto change) {
     ExecutorRig rig({}, primitive);
     change(*rig.drives[1]);

@@ -124,7 +124,7 @@ TEST_F(TumblerRun, AnswersWhatABusFaultsFileDoesToItAsTheFaultsFileSays) {
 TEST_F(TumblerRun, EndsInOrderWhenItIsTerminatedOrItsTerminalIsGone) {
   Write("drives.toml",
         Replaced(testing::ReadFile(testing::SourcePath("primitives/robots/tumbler_drives.toml")),
-                 "rate_hz = 1000.0", "rate_hz = 100.0"));
+                 "rate_hz = 1000.0", "rate_hz = 200.0"));
   for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
     testing::InSteadyTime([&] {
       const std::string trace = Path("trace.csv");
@@ -193,6 +193,27 @@ TEST_F(TumblerRun, RefusesARateThatLeavesNoRoomForAnErrorAndShowsTheArithmetic) 
   EXPECT_THAT(outcome.text, HasSubstr("540 bits a tick at worst; at 1500 Hz 81.0 % of 1000000"));
   EXPECT_THAT(outcome.text, HasSubstr("allowed 76.5 %"));
   EXPECT_THAT(outcome.text, HasSubstr("lower rate_hz to at most 1416"));
+}
+
+TEST_F(TumblerRun, RefusesAWatchdogThatDoesNotBearThreeTicks) {
+  WriteDrives("rate_hz = 1000.0", "rate_hz = 25.0");
+  const Outcome outcome = Run("sim " + Path("motion.toml") + " --drives " + Path("drives.toml"));
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_THAT(outcome.text,
+              HasSubstr("joint joint1: watchdog_s is 0.025, but a tick takes 0.04 s"));
+  EXPECT_THAT(outcome.text, HasSubstr("at least three ticks, 0.12 s"));
+}
+
+TEST_F(TumblerRun, DoesNotArmADriveWithoutAWatchdogUnlessTold) {
+  WriteDrives("watchdog_s = 0.025 ", "watchdog_s = 0 ");
+  const Outcome refused = RunOnMissingInterface(" --arm --without-realtime");
+  EXPECT_EQ(refused.exit_code, 2);
+  EXPECT_THAT(refused.text, HasSubstr("joint joint1: the drive has no watchdog"));
+  const Outcome accepted = RunOnMissingInterface(" --arm --without-realtime --without-watchdog");
+  EXPECT_EQ(accepted.exit_code, 1) << "there is no such interface";
+  EXPECT_THAT(accepted.text, Not(HasSubstr("watchdog")));
+  EXPECT_THAT(RunOnMissingInterface().text, Not(HasSubstr("watchdog")))
+      << "a dry run drives nothing";
 }
 
 TEST_F(TumblerRun, RefusesAMotionBeyondTheRangesOfADrive) {
