@@ -9,6 +9,7 @@
 #include <cstdio>
 #include <functional>
 #include <lcm/lcm-cpp.hpp>
+#include <map>
 #include <random>
 #include <stdexcept>
 #include <string>
@@ -69,7 +70,8 @@ class Screen {
 
 class Remote {
  public:
-  explicit Remote(const std::string& url) : url_(url), lcm_(url) {
+  /// @param robot  its name; empty where there is only one.
+  Remote(const std::string& url, const std::string& robot) : url_(url), robot_(robot), lcm_(url) {
     if (!lcm_.good()) {
       throw std::runtime_error(
           fmt::format("{}: LCM cannot use this URL (udpm needs a multicast route: `ip route add "
@@ -96,8 +98,25 @@ class Remote {
     }
     return true;
   }
+  /// Waits for the state of the one robot that is meant.
   void WaitForState() {
+    if (selected_ == 0 && !Wait(2, [this] { return !robots_.empty(); })) throw Silent();
+    if (selected_ == 0 && robot_.empty()) Wait(0.1, [] { return false; });
+    if (selected_ == 0 &&
+        !Wait(robot_.empty() && robots_.size() == 1 ? 0 : 1, [this] { return Select(); })) {
+      throw std::runtime_error(
+          robot_.empty()
+              ? fmt::format("{} robots answer on {}: {}; say which one with --robot",
+                            robots_.size(), url_, Robots())
+              : fmt::format("no robot '{}' answers on {}, but {}", robot_, url_, Robots()));
+    }
     if (!Wait(2, [this] { return view_.state().has_value(); })) throw Silent();
+  }
+  /// Looks for another run of the robot after one that is over.
+  void LookAgain() {
+    selected_ = 0;
+    robots_.clear();
+    Wait(0.5, [this] { return !robots_.empty() && Select(); });
   }
 
   /// Sends a request again and again until it is answered, since a datagram may get lost.
@@ -107,10 +126,12 @@ class Remote {
     command_t message;
     // The number has to differ from that of any other request.
     message.id = std::uniform_int_distribution<std::uint32_t>(1)(random_);
+    message.run = selected_;
     message.command = command;
     message.branch = branch;
     const auto answered = [&] { return view_.state()->request_id == message.id; };
     for (int i = 0; i < 10 && !answered(); ++i) {
+      message.seen = view_.state()->number;
       lcm_.publish(kCommandChannel, &message);
       Wait(0.2, answered);
     }
@@ -133,7 +154,30 @@ class Remote {
     } catch (const std::exception&) {
       return;  // LCM's readers throw at lengths that cannot be.
     }
-    self->view_.Take(message);
+    self->Note(message);
+    if (self->selected_ != 0 && message.run == self->selected_) self->view_.Take(message);
+  }
+  void Note(const state_t& message) { robots_.try_emplace(message.run); }
+  void Note(const run_t& message) { robots_[message.run] = message.robot; }
+  void Note(const event_t& /*message*/) {}
+  /// Chooses the only run, or that of the robot that was named. @returns whether there is one.
+  bool Select() {
+    if (robot_.empty()) {
+      if (robots_.size() == 1) selected_ = robots_.begin()->first;
+      return selected_ != 0;
+    }
+    for (const auto& [run, robot] : robots_) {
+      if (robot == robot_) selected_ = run;
+    }
+    return selected_ != 0;
+  }
+  /// The robots that answer, by their names.
+  [[nodiscard]] std::string Robots() const {
+    std::string names;
+    for (const auto& [run, robot] : robots_) {
+      names += fmt::format("{}'{}'", names.empty() ? "" : ", ", robot);
+    }
+    return names;
   }
   [[nodiscard]] std::runtime_error Silent() const {
     return std::runtime_error(
@@ -141,10 +185,36 @@ class Remote {
   }
 
   std::string url_;
+  std::string robot_;
+  std::map<std::int64_t, std::string> robots_;  // the runs that were heard, with their robots
+  std::int64_t selected_ = 0;                   // the run that is meant; 0: not known yet
   lcm::LCM lcm_;
   LiveView view_;
   std::random_device random_;
 };
+
+/// Waits until a run that was started is armed, or refused after all.
+ExitStatus Armed(Remote& remote) {
+  constexpr double kPatience_s = 10;  // Drives may have to be set up first.
+  Refusal last = Refusal::kNone;
+  auto refused_at = SteadyClock::now();
+  const bool decided = remote.Wait(kPatience_s, [&] {
+    const state_t& state = *remote.view().state();
+    if (state.state != state_t::STATE_DISARMED) return true;
+    const auto now = SteadyClock::now();
+    if (state.refusal != 0) {
+      last = static_cast<Refusal>(state.refusal);
+      refused_at = now;
+    }
+    return last != Refusal::kNone && now - refused_at > std::chrono::milliseconds(500);
+  });
+  if (!decided || last == Refusal::kNone ||
+      remote.view().state()->state != state_t::STATE_DISARMED) {
+    return ExitStatus::kDone;
+  }
+  fmt::print(stderr, "tumbler-ctl: the run was refused: {}\n", ToString(last));
+  return ExitStatus::kRefused;
+}
 
 ExitStatus Request(Remote& remote, std::int8_t command, const std::string& branch) {
   const char* name = ToString(static_cast<OperatorRequest>(command));
@@ -152,7 +222,7 @@ ExitStatus Request(Remote& remote, std::int8_t command, const std::string& branc
   const auto refusal = static_cast<Refusal>(answer.request_refusal);
   if (refusal == Refusal::kNone) {
     fmt::print("{}: taken at tick {}\n", name, answer.tick);
-    return ExitStatus::kDone;
+    return command == command_t::START ? Armed(remote) : ExitStatus::kDone;
   }
   fmt::print(
       stderr, "tumbler-ctl: {} refused: {} (state {})\n", name,
@@ -181,6 +251,7 @@ ExitStatus Watch(Remote& remote) {
     if (view.state()->number != number) heard = SteadyClock::now();
     number = view.state()->number;
     const double silent_s = std::chrono::duration<double>(SteadyClock::now() - heard).count();
+    if (silent_s > 1) remote.LookAgain();
     const std::string silence =
         silent_s > 1 ? fmt::format("NOTHING RECEIVED for {:.0f} s", silent_s) : "";
     if (terminal) {
@@ -195,6 +266,7 @@ ExitStatus Watch(Remote& remote) {
 
 ExitStatus Main(int argc, char** argv) {
   std::string url = "udpm://239.255.76.67:7667?ttl=0";
+  std::string robot;
   std::string branch;
   bool json = false;
   CommandLine line("Asks a running tumbler-run for something, or shows what it does.",
@@ -203,6 +275,7 @@ ExitStatus Main(int argc, char** argv) {
   line.RequireSubcommand();
   line.AllowOptionsAfterSubcommand();
   line.Option("--lcm-url", url, "where tumbler-run publishes").ShowDefault();
+  line.Option("--robot", robot, "the robot's name, where several publish there");
   line.Subcommand("start", "begin a run");
   line.Subcommand("branch", "take a branch").Option("NAME", branch, "of it").Required();
   line.Subcommand("finish", "end at the next safe node");
@@ -216,7 +289,7 @@ ExitStatus Main(int argc, char** argv) {
   action.sa_handler = OnInterrupt;
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
-  Remote remote(url);
+  Remote remote(url, robot);
   const std::string name = line.given_subcommand();
   if (name == "status") return Status(remote, json);
   if (name == "watch") return Watch(remote);

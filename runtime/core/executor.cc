@@ -157,7 +157,15 @@ void Executor::Enter(ExecutorState state) noexcept {
     keep_torque_ = false;
   }
   if (state == ExecutorState::kRunning || state == ExecutorState::kArming) primitive_time_s_ = 0;
-  if (state == ExecutorState::kDisarmed) reaction_ = Reaction::kIgnore;
+  if (state == ExecutorState::kDisarmed) {
+    reaction_ = Reaction::kIgnore;
+    for (Joint& joint : joints()) {
+      if (!joint.was_enabled) continue;
+      joint.left_rad = joint.commanded.position_rad;
+      joint.was_left = true;
+      joint.was_enabled = false;
+    }
+  }
   if (state == ExecutorState::kArming) {
     for (Joint& joint : joints()) {
       joint.was_off = joint.was_enabled = false;

@@ -78,6 +78,8 @@ class Executor {
     bool was_off = false;      ///< Whether the drive was seen not to be enabled since arming began.
     bool was_enabled = false;  ///< Whether the drive has been enabled since arming.
     float move_from_rad = 0;
+    float left_rad = 0;     ///< The last setpoint before torque off.
+    bool was_left = false;  ///< Whether there was one.
     Basis position_basis;
     Basis torque_basis;
 

@@ -107,7 +107,10 @@ RefusalDetail Executor::CheckArm() const noexcept {
               Refusal::kOutsideLimits, name};
     }
     const float way = Magnitude(position - FirstMotion(i).position.control_points()[0]);
-    if (!(way <= config_.start_way_max_rad))
+    // Where a run has left the joint, nobody has exchanged joints or lost a zero since.
+    const bool left_here =
+        joint.was_left && Magnitude(position - joint.left_rad) <= config_.start_way_max_rad;
+    if (!(way <= config_.start_way_max_rad) && !left_here)
       return {way, config_.start_way_max_rad, Refusal::kFarFromStart, name};
   }
   return {};

@@ -59,8 +59,9 @@ struct ExecutorConfig {
   int late_ticks_max = 2;
   /// The time in which all drives have to be enabled.
   int arming_ticks_max = 500;
-  /// Arming is refused when a joint is measured farther than this from the start of the motion. It
-  /// may be that another joint moves than the one that is meant.
+  /// Arming is refused when a joint is measured farther than this both from the start of the motion
+  /// and from where the run before has left it. It may be that another joint moves than the one
+  /// that is meant.
   float start_way_max_rad = 1e9F;
   /// Of a sequence: play this many cycles, and then take this branch (a number of
   /// `SequenceGraph::FindBranch`; -1: none). With 0 cycles the branch is taken at the first chance;

@@ -2,6 +2,9 @@
 
 #include <fmt/format.h>
 
+#include <unistd.h>
+
+#include <array>
 #include <cmath>
 #include <stdexcept>
 #include <utility>
@@ -102,6 +105,8 @@ void DeclareRun(CommandLine& line, RunOptions& options) {
   line.Option("--log", options.log, "write every tick to this LCM log");
   line.Option("--lcm-url", options.lcm_url,
               "publish live and take commands there, e.g. udpm://239.255.76.67:7667?ttl=0");
+  line.Option("--robot", options.robot,
+              "the robot's name in messages, for tumbler-ctl --robot; by default this computer's");
   line.Option("--json", options.json,
               "write the summary as JSON to this file, or - for standard output");
   line.Option("--trace", options.trace, "write every tick to this CSV file");
@@ -152,6 +157,10 @@ RunOptions ReadRunOptions(int argc, char** argv) {
   DeclareRun(line, options);
   options.command_line.assign(argv, argv + argc);
   line.Parse(argc, argv);
+  if (options.robot.empty()) {
+    std::array<char, 65> name{};
+    if (gethostname(name.data(), name.size() - 1) == 0) options.robot = name.data();
+  }
   if (scheduling == "deadline") options.scheduling.scheduling = Scheduling::kDeadline;
   CheckTogether(options);
   return options;

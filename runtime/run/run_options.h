@@ -32,6 +32,7 @@ struct RunOptions {
   std::string branch;
   std::string log;
   std::string lcm_url;
+  std::string robot;  ///< Its name in messages; that of this computer unless given.
   std::string json;
   std::string trace;
   std::string twin;

@@ -9,6 +9,7 @@
 #include <iostream>
 #include <memory>
 #include <optional>
+#include <random>
 #include <span>
 #include <stdexcept>
 #include <string>
@@ -140,8 +141,14 @@ std::unique_ptr<World> MakeWorld(const RunOptions& options, const Simulation* si
   return MakeInterfaceWorld(name, parts.drives);
 }
 
-RunDescription DescribeRun(const RunOptions& options, const RunParts& parts) {
+RunDescription DescribeRun(const RunOptions& options, const RunParts& parts, const World& world) {
   RunDescription run = DescribeMotion(parts.sequence->graph, parts.drives);
+  // Runs in virtual time write the same bytes each time, and nobody can ask them for anything.
+  if (world.real_time()) {
+    std::random_device random;
+    run.number = static_cast<std::int64_t>(std::uint64_t{random()} << 31 | random() | 1);
+  }
+  run.robot = options.robot;
   run.bus = options.bus;
   run.mode = options.simulated() ? "simulated" : options.dry_run() ? "dry run" : "armed";
   run.attended = options.attended;
@@ -277,10 +284,16 @@ ExitStatus Run(RunOptions options, const Simulation* simulation) {
       MakeWorld(options, simulation, parts, [&recorder](std::span<const std::uint8_t> truth) {
         if (recorder != nullptr) recorder->PushTruth(truth);
       });
-  const RunDescription description = DescribeRun(options, parts);
+  const RunDescription description = DescribeRun(options, parts, *world);
   Telemetry telemetry(TelemetryOf(options, description, *world));
   std::optional<LcmCommands> commands;
-  if (!options.lcm_url.empty()) commands.emplace(options.lcm_url, InterruptMailbox(), graph);
+  if (!options.lcm_url.empty()) {
+    constexpr double kAgeMax_s = 2;
+    commands.emplace(
+        options.lcm_url, InterruptMailbox(), graph,
+        CommandAddress{description.number, static_cast<std::int64_t>(std::ceil(
+                                               kAgeMax_s * 1e9 / static_cast<double>(period_ns)))});
+  }
   const RunProcedureConfig procedure_config = ProcedureConfigOf(settings, parts.drives);
   if (!options.record.empty()) {
     RecordConfiguration configuration = DescribeForRecord(options, *world, description, files);
@@ -296,11 +309,16 @@ ExitStatus Run(RunOptions options, const Simulation* simulation) {
   RunSummary summary = BeginSummary(options, parts, description);
   summary.realtime = Schedule(options, period_ns, EnterRealtime);
   telemetry.SetScheduling(summary.realtime ? summary.realtime->scheduling : "time-shared");
-  play.Run(procedure_config, period_ns);
+  play.Run(procedure_config, period_ns, [&commands](const ControlLoop& loop) {
+    if (commands) commands->NoteTick(loop.statistics().ticks - 1);
+  });
   telemetry.Stop();
 
   EndSummary(play, telemetry, summary);
-  if (commands) summary.unreadable_messages = commands->unreadable();
+  if (commands) {
+    summary.unreadable_messages = commands->unreadable();
+    summary.refused_messages = commands->refused();
+  }
   if (recorder != nullptr) StopRecorder(*recorder, summary);
   world->Summarize(summary);
   Say(summary, options);

@@ -272,6 +272,10 @@ std::string ToText(const RunSummary& summary) {
   }
   text += fmt::format("\n  telemetry: {} records lost, {} messages not published\n",
                       summary.lost_records, summary.unpublished_messages);
+  if (summary.refused_messages > 0) {
+    text += fmt::format("  {} requests to another run, or too old, were refused\n",
+                        summary.refused_messages);
+  }
   if (summary.unreadable_messages > 0) {
     text += fmt::format("  {} received messages were no requests of an operator\n",
                         summary.unreadable_messages);
@@ -357,6 +361,7 @@ std::string ToJson(const RunSummary& summary) {
   json["lost_records"] = summary.lost_records;
   json["unpublished_messages"] = summary.unpublished_messages;
   json["unreadable_messages"] = summary.unreadable_messages;
+  json["refused_messages"] = summary.refused_messages;
   json["recorded_ticks"] = summary.recorded_ticks;
   json["unrecorded_ticks"] = summary.unrecorded_ticks;
   json["record_problem"] = summary.record_problem;

@@ -90,6 +90,7 @@ struct RunSummary {
   std::int64_t lost_records = 0;
   std::int64_t unpublished_messages = 0;
   std::int64_t unreadable_messages = 0;  ///< Received by LCM, and no request.
+  std::int64_t refused_messages = 0;     ///< Requests to another run, or too old.
   std::int64_t recorded_ticks = 0;       ///< Ticks in the flight record, where there is one.
   std::int64_t unrecorded_ticks = 0;     ///< Ticks that are not in it.
   std::string record_problem;            ///< Why recording stopped early; empty otherwise.

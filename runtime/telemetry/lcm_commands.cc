@@ -22,8 +22,8 @@ static_assert(command_t::STOP == static_cast<int>(OperatorRequest::kStop));
 static_assert(command_t::DISARM == static_cast<int>(OperatorRequest::kDisarm));
 
 bool ReadCommand(std::span<const std::uint8_t> bytes, command_t& message) {
-  // Fingerprint, id, command and the length of the text, which counts its closing zero.
-  constexpr std::size_t kLengthAt = 8 + 8 + 1;
+  // Fingerprint, id, run, seen, command and the length of the text, which counts its closing zero.
+  constexpr std::size_t kLengthAt = 8 + 8 + 8 + 8 + 1;
   constexpr std::size_t kTextAt = kLengthAt + 4;
   constexpr std::size_t kTextMax = 256;
   if (bytes.size() <= kTextAt || bytes.size() > kTextAt + kTextMax) return false;
@@ -39,8 +39,8 @@ bool ReadCommand(std::span<const std::uint8_t> bytes, command_t& message) {
 
 struct LcmCommands::Implementation {
   Implementation(const std::string& url, OperatorMailbox& mailbox_in,
-                 const SequenceGraph<float>& graph_in)
-      : lcm(url), mailbox(mailbox_in), graph(graph_in) {
+                 const SequenceGraph<float>& graph_in, const CommandAddress& address_in)
+      : lcm(url), mailbox(mailbox_in), graph(graph_in), address(address_in) {
     if (!lcm.good()) throw std::runtime_error(fmt::format("{}: LCM cannot use this URL", url));
     if (lcm.getFileno() < 0)
       throw std::runtime_error(fmt::format("{}: no LCM server answers there", url));
@@ -68,6 +68,17 @@ struct LcmCommands::Implementation {
 
   /// @returns false when there is no such request.
   bool Take(const command_t& message) {
+    constexpr std::int64_t kAhead = 100;  // The tick is noted after its record was handed over.
+    const std::int64_t latest = number;
+    if (message.run != address.run || message.seen > latest + kAhead ||
+        message.seen < latest - address.age_max) {
+      if (refused++ == 0) {
+        fmt::print(
+            stderr, "warning: a request is {}, and was refused; further ones are counted only\n",
+            message.run != address.run ? "for another run, such as that of a log" : "too old");
+      }
+      return true;
+    }
     OperatorWish wish;
     wish.id = static_cast<std::uint32_t>(message.id);
     switch (message.command) {
@@ -92,14 +103,17 @@ struct LcmCommands::Implementation {
   lcm::LCM lcm;
   OperatorMailbox& mailbox;
   SequenceGraph<float> graph;
+  CommandAddress address;
+  std::atomic<std::int64_t> number{0};
+  std::atomic<std::int64_t> refused{0};
   std::atomic<std::int64_t> unreadable{0};
   std::atomic<bool> stop{false};
   std::thread thread;
 };
 
 LcmCommands::LcmCommands(const std::string& url, OperatorMailbox& mailbox,
-                         const SequenceGraph<float>& graph)
-    : implementation_(std::make_unique<Implementation>(url, mailbox, graph)) {}
+                         const SequenceGraph<float>& graph, const CommandAddress& address)
+    : implementation_(std::make_unique<Implementation>(url, mailbox, graph, address)) {}
 
 LcmCommands::~LcmCommands() {
   implementation_->stop = true;
@@ -107,5 +121,7 @@ LcmCommands::~LcmCommands() {
 }
 
 std::int64_t LcmCommands::unreadable() const { return implementation_->unreadable; }
+std::int64_t LcmCommands::refused() const { return implementation_->refused; }
+void LcmCommands::NoteTick(std::int64_t number) noexcept { implementation_->number = number; }
 
 }  // namespace tumbler

@@ -87,6 +87,8 @@ std::optional<event_t> EventWatch::Next(const TimedRecord& timed) {
 
 RunMessage::RunMessage(const RunDescription& about) : bit_rate_(about.bit_rate) {
   message_.version = TUMBLER_VERSION;
+  message_.run = about.number;
+  message_.robot = about.robot;
   message_.motion = about.motion;
   message_.bus = about.bus;
   message_.mode = about.mode;

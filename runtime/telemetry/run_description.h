@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -11,6 +12,8 @@ namespace tumbler {
 
 /// The description of a run as a whole, for the message run_t.
 struct RunDescription {
+  std::int64_t number = 0;  ///< Drawn by each run in real time, so that requests can name it.
+  std::string robot;        ///< Its name.
   std::string motion;
   std::string bus;
   std::string mode;  ///< `armed`, `dry run` or `simulated`

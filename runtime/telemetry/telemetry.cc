@@ -82,11 +82,15 @@ struct Telemetry::Implementation {
     while (ring.Pop(timed)) {
       ++written;
       FillState(timed, message);
+      message.run = config.run.number;
       run.Count(timed);
       last_time_ns = timed.time_ns;
       if (log || live) {
         Emit(kStateChannel, message, timed.time_ns);
-        if (const auto event = events.Next(timed)) Emit(kEventChannel, *event, timed.time_ns);
+        if (auto event = events.Next(timed)) {
+          event->run = config.run.number;
+          Emit(kEventChannel, *event, timed.time_ns);
+        }
         if (timed.time_ns >= next_run_ns) {
           EmitRun(timed.time_ns);
           next_run_ns = timed.time_ns + kRunPeriod_ns;

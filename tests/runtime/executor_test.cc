@@ -236,6 +236,15 @@ TEST(Executor, RefusesToArmWithItsReason) {
     EXPECT_NEAR(refusal.value, 0.6F, 1e-5F);
     EXPECT_EQ(refusal.limit, 0.5F);
   }
+  {
+    ExecutorRig rig(near, wide);
+    ASSERT_TRUE(rig.Reach(ExecutorState::kRunning));
+    rig.Tick(OperatorCommand::kDisarm);
+    rig.drives[1]->reply.position_rad = rig.drives[1]->setpoint.position_rad + 0.1F;
+    rig.Tick();
+    EXPECT_EQ(rig.Tick(OperatorCommand::kArm).refusal.refusal, Refusal::kNone)
+        << "it was left there";
+  }
   const auto refusal_after = [&](auto change) {
     ExecutorRig rig({}, primitive);
     change(*rig.drives[1]);

@@ -20,6 +20,7 @@ namespace tumbler {
 namespace {
 
 constexpr const char* kUrl = "udpm://239.255.76.67:7667?ttl=0";
+constexpr std::int64_t kRun = 1'234'567;
 
 TEST(LcmCommands, PutsRequestsIntoTheMailboxAndNothingElse) {
   OperatorMailbox mailbox;
@@ -27,12 +28,13 @@ TEST(LcmCommands, PutsRequestsIntoTheMailboxAndNothingElse) {
   graph.edge_count = 2;
   graph.edge_storage[1].when = EdgeCondition::kBranch;
   graph.edge_storage[1].branch = FixedString<32>("roll");
-  const LcmCommands commands(kUrl, mailbox, graph);
+  const LcmCommands commands(kUrl, mailbox, graph, {kRun, 2000});
   lcm::LCM remote(kUrl);
   ASSERT_TRUE(remote.good());
   const auto wish_after = [&](std::int8_t code, int patience, const std::string& branch = "") {
     command_t message;
     message.id = 4'000'000'000;
+    message.run = kRun;
     message.command = code;
     message.branch = branch;
     remote.publish(kCommandChannel, &message);
@@ -65,11 +67,12 @@ TEST(LcmCommands, PutsRequestsIntoTheMailboxAndNothingElse) {
 TEST(LcmCommands, GoesOnAfterDatagramsThatAreNoRequests) {
   OperatorMailbox mailbox;
   const SequenceGraph<float> graph;
-  const LcmCommands commands(kUrl, mailbox, graph);
+  const LcmCommands commands(kUrl, mailbox, graph, {kRun, 2000});
   lcm::LCM remote(kUrl);
   ASSERT_TRUE(remote.good());
   command_t message;
   message.id = 7;
+  message.run = kRun;
   message.command = command_t::STOP;
   message.branch = "a text of 20 letters";
   std::vector<std::uint8_t> good(static_cast<std::size_t>(message.getEncodedSize()));
@@ -86,7 +89,7 @@ TEST(LcmCommands, GoesOnAfterDatagramsThatAreNoRequests) {
   for (const std::uint32_t length : {0U, 1U, 20U, 22U, 0x7fffffffU, 0x80000000U, 0xffffffffU}) {
     std::vector<std::uint8_t> bytes = good;
     for (std::size_t i = 0; i < 4; ++i) {
-      bytes[17 + i] = static_cast<std::uint8_t>(length >> (24 - 8 * i));
+      bytes[33 + i] = static_cast<std::uint8_t>(length >> (24 - 8 * i));
     }
     publish(bytes);
   }
@@ -104,9 +107,42 @@ TEST(LcmCommands, GoesOnAfterDatagramsThatAreNoRequests) {
   EXPECT_EQ(taken.request, OperatorRequest::kStop) << "it still listens";
 }
 
+TEST(LcmCommands, RefusesRequestsToAnotherRunAndThoseThatAreTooOld) {
+  OperatorMailbox mailbox;
+  LcmCommands commands(kUrl, mailbox, SequenceGraph<float>(), {kRun, 2000});
+  commands.NoteTick(5000);
+  lcm::LCM remote(kUrl);
+  ASSERT_TRUE(remote.good());
+  command_t message;
+  message.command = command_t::START;
+  std::int64_t refused = 0;
+  const auto ask = [&](std::int64_t run, std::int64_t seen) {
+    ++message.id;
+    message.run = run;
+    message.seen = seen;
+    remote.publish(kCommandChannel, &message);
+    OperatorWish taken;
+    for (int i = 0;
+         i < 1000 && taken.request == OperatorRequest::kNone && commands.refused() == refused;
+         ++i) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+      taken = mailbox.Take();
+    }
+    refused = commands.refused();
+    return taken.request;
+  };
+  EXPECT_EQ(ask(kRun, 4990), OperatorRequest::kStart);
+  EXPECT_EQ(ask(kRun + 1, 4990), OperatorRequest::kNone) << "as when a log is played again";
+  EXPECT_EQ(ask(0, 4990), OperatorRequest::kNone);
+  EXPECT_EQ(ask(kRun, 2999), OperatorRequest::kNone) << "too old";
+  EXPECT_EQ(ask(kRun, 3000), OperatorRequest::kStart);
+  EXPECT_EQ(ask(kRun, 100'000), OperatorRequest::kNone) << "of a time to come";
+  EXPECT_EQ(refused, 4);
+}
+
 TEST(LcmCommands, SaysThatThereIsNoServer) {
   OperatorMailbox mailbox;
-  EXPECT_THROW(LcmCommands("tcpq://127.0.0.1:7711", mailbox, SequenceGraph<float>()),
+  EXPECT_THROW(LcmCommands("tcpq://127.0.0.1:7711", mailbox, SequenceGraph<float>(), {}),
                std::runtime_error);
 }
 

@@ -62,10 +62,20 @@ class TumblerCtl : public ::testing::Test {
     text = Replaced(text, "rate_hz = 1000.0", "rate_hz = 100.0");
     WriteFile(drives_, ReplacedAll(text, "watchdog_s = 0.025", "watchdog_s = 1.0"));
   }
-  [[nodiscard]] std::unique_ptr<Program> Play() const {
-    return std::make_unique<Program>(std::vector<std::string>{
-        testing::ProgramPath("tumbler-run"), "sim", kGait, "--realtime", "--lcm-url", kUrl,
-        "--hold-s", "0.2", "--attended", "--drives", drives_});
+  [[nodiscard]] std::unique_ptr<Program> Play(const std::vector<std::string>& more = {}) const {
+    std::vector<std::string> arguments{testing::ProgramPath("tumbler-run"),
+                                       "sim",
+                                       kGait,
+                                       "--realtime",
+                                       "--lcm-url",
+                                       kUrl,
+                                       "--hold-s",
+                                       "0.2",
+                                       "--attended",
+                                       "--drives",
+                                       drives_};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return std::make_unique<Program>(arguments);
   }
 
  private:
@@ -114,6 +124,40 @@ TEST_F(TumblerCtl, StartsBranchesFinishesAndStartsAgain) {
     run->Signal(SIGINT);
     EXPECT_EQ(run->Wait(), 130) << run->text();
     EXPECT_THAT(run->text(), HasSubstr("2 runs"));
+  });
+}
+
+TEST_F(TumblerCtl, AsksTheRobotThatItsOptionNamesWhereThereAreTwo) {
+  testing::InSteadyTime([this] {
+    const std::unique_ptr<Program> left = Play({"--robot", "left"});
+    ASSERT_EQ(WaitForState({"disarmed"}), "disarmed") << left->text();
+    const std::unique_ptr<Program> right = Play({"--robot", "right"});
+    const auto of = [](const std::string& robot) {
+      const Outcome status = Ctl({"status", "--json", "--robot", robot});
+      if (status.text.empty() || status.text[0] != '{') return status.text;
+      return Json::Parse(status.text).value()["state"].text();
+    };
+    ASSERT_TRUE(testing::Eventually([&] { return of("right") == "disarmed"; }));
+    const Outcome unclear = Ctl({"start"});
+    EXPECT_EQ(unclear.exit_code, 1);
+    EXPECT_THAT(unclear.text, HasSubstr("2 robots answer"));
+    EXPECT_THAT(unclear.text, HasSubstr("'left'"));
+    EXPECT_THAT(unclear.text, HasSubstr("'right'"));
+    EXPECT_THAT(Ctl({"start", "--robot", "middle"}).text, HasSubstr("no robot 'middle' answers"));
+    EXPECT_EQ(Ctl({"start", "--robot", "right"}).exit_code, 0);
+    EXPECT_NE(of("right"), "disarmed");
+    EXPECT_EQ(of("left"), "disarmed");
+  });
+}
+
+TEST_F(TumblerCtl, SaysThatTheRunItStartedWasRefused) {
+  testing::InSteadyTime([this] {
+    const std::unique_ptr<Program> run = Play({"--start-within", "0"});
+    ASSERT_EQ(WaitForState({"disarmed"}), "disarmed") << run->text();
+    const Outcome start = Ctl({"start"});
+    EXPECT_EQ(start.exit_code, 2);
+    EXPECT_THAT(start.text,
+                HasSubstr("the run was refused: a joint is far from the motion's start"));
   });
 }
 
