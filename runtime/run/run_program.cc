@@ -147,8 +147,8 @@ RunDescription DescribeRun(const RunOptions& options, const RunParts& parts, con
   if (world.real_time()) {
     std::random_device random;
     run.number = static_cast<std::int64_t>(std::uint64_t{random()} << 31 | random() | 1);
+    run.robot = options.robot;
   }
-  run.robot = options.robot;
   run.bus = options.bus;
   run.mode = options.simulated() ? "simulated" : options.dry_run() ? "dry run" : "armed";
   run.attended = options.attended;
