@@ -30,11 +30,13 @@ inline constexpr std::array kCertificateKeys = {
     CertificateKey{KeyOf<&Certificate::gradient_difference_steps_rad>(
         "gradient_difference_steps_rad", Range::NonNegative(),
         "analytic gradient of the whole rollout against central differences of the cost at three "
-        "steps, near the optimum (at it, the gradient is zero), through contact")},
+        "steps along four directions, near the optimum (at it, the gradient is zero), through "
+        "contact")},
     CertificateKey{KeyOf<&Certificate::gradient_errors>(
         "gradient_errors", Range::NonNegative(),
         "analytic gradient of the whole rollout against central differences of the cost at three "
-        "steps, near the optimum (at it, the gradient is zero), through contact")},
+        "steps along four directions, near the optimum (at it, the gradient is zero), through "
+        "contact")},
     CertificateKey{KeyOf<&Certificate::gradient_step_halving_change>(
                        "gradient_step_halving_change", Range::NonNegative(),
                        "relative change of the gradient at that point when the step is halved"),

@@ -6,9 +6,11 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <random>
 #include <stdexcept>
 #include <utility>
 
+#include "common/index.h"
 #include "common/primitive_hash.h"
 #include "common/primitive_limits.h"
 #include "offline/linear/least_squares.h"
@@ -26,28 +28,6 @@ constexpr double kContactGap = 0.01;
 /// spikes of an impact, which no drive should be asked for.
 constexpr int kTorqueDegree = 3;
 constexpr double kTorquePointsPerSecond = 40;
-
-struct TorqueSamples {
-  std::vector<double> time_s;
-  std::vector<std::vector<double>> torque_nm;  // by joint
-};
-
-TorqueSamples SampleTorques(const Problem& problem, const std::vector<double>& x) {
-  TorqueSamples samples;
-  samples.torque_nm.resize(problem.joints.size());
-  // The fit needs no more samples than the solver's step has.
-  int skip = 0;
-  Rollout rollout(problem, problem.solver.step_s / kRefinement);
-  rollout.Visit(x, 0, [&](const MotionSample& sample) {
-    if (sample.time_s > problem.duration_s + 1e-9) return;
-    if (skip-- > 0) return;
-    skip = static_cast<int>(kRefinement) - 1;
-    samples.time_s.push_back(std::min(sample.time_s, problem.duration_s));
-    for (std::size_t j = 0; j < problem.joints.size(); ++j)
-      samples.torque_nm[j].push_back(sample.torque[j]);
-  });
-  return samples;
-}
 
 /// The least-squares spline through the plan's torques, with its control points within the limit.
 Spline FitTorque(const Problem& problem, const TorqueSamples& samples, std::size_t joint) {
@@ -111,6 +91,20 @@ std::vector<double> CostGradient(Rollout& rollout, const std::vector<double>& x)
 /// A relative error as a number that a file can hold: infinity becomes 1e9.
 double Finite(double error) { return std::min(error, 1e9); }
 
+/// The directions along which a gradient of n components is compared: each component alone where
+/// there are few, else a few with all components in them, each forwards or backwards at random. A
+/// component that is wrong alone is as wrong along each of those.
+std::vector<std::vector<double>> DifferenceDirections(std::size_t n) {
+  constexpr std::size_t kFew = 4;
+  std::vector<std::vector<double>> directions(std::min(n, kFew), std::vector<double>(n));
+  std::mt19937 random(1);  // Its numbers are the same everywhere.
+  for (std::size_t k = 0; k < directions.size(); ++k) {
+    for (std::size_t i = 0; i < n; ++i)
+      directions[k][i] = n <= kFew ? (i == k ? 1 : 0) : (random() % 2 == 0 ? 1 : -1);
+  }
+  return directions;
+}
+
 }  // namespace
 
 double SettlingAfter(const Problem& problem) {
@@ -118,23 +112,31 @@ double SettlingAfter(const Problem& problem) {
 }
 
 GradientCheck CompareGradient(const std::function<double(const std::vector<double>&)>& cost,
-                              std::vector<double> at, const std::vector<double>& gradient) {
+                              const std::vector<double>& at, const std::vector<double>& gradient) {
   double largest = 0;
   for (const double component : gradient) largest = std::max(largest, std::abs(component));
+  const std::vector<std::vector<double>> directions = DifferenceDirections(at.size());
   GradientCheck check;
   for (std::size_t s = 0; s < check.errors.size(); ++s) {
-    const double step = GradientCheck::kSteps[s];
     double worst = 0, scale = largest;
-    for (std::size_t i = 0; i < at.size(); ++i) {
-      const double middle = at[i];
-      at[i] = middle + step;
-      const double above = cost(at);
-      at[i] = middle - step;
-      const double below = cost(at);
-      at[i] = middle;
-      const double difference = (above - below) / (2 * step);
-      scale = std::max(scale, std::abs(difference));
-      const double wrong = std::abs(difference - gradient[i]);
+    for (const std::vector<double>& direction : directions) {
+      double slope = 0, moved = 0;
+      for (std::size_t i = 0; i < at.size(); ++i) {
+        slope += direction[i] * gradient[i];
+        moved += std::abs(direction[i]);
+      }
+      // The whole displacement has the length of the step.
+      const double step = GradientCheck::kSteps[s] / std::sqrt(moved);
+      const auto cost_at = [&](double distance) {
+        std::vector<double> x = at;
+        for (std::size_t i = 0; i < at.size(); ++i) {
+          if (direction[i] != 0) x[i] += distance * direction[i];
+        }
+        return cost(x);
+      };
+      const double difference = (cost_at(step) - cost_at(-step)) / (2 * step);
+      scale = std::max(scale, std::abs(difference) / moved);
+      const double wrong = std::abs(difference - slope);
       // std::max would pass over one that is not a number.
       worst =
           std::isfinite(wrong) ? std::max(worst, wrong) : std::numeric_limits<double>::infinity();
@@ -167,77 +169,99 @@ double GradientStepHalvingChange(const Problem& problem, const std::vector<doubl
   return scale > 0 ? change / scale : change;
 }
 
-MotionSummary Summarize(const Problem& problem, const std::vector<double>& x) {
-  MotionSummary summary;
-  summary.torque_margin_nm = std::numeric_limits<double>::infinity();
-  // By shape, and obstacle or other shape.
-  std::map<std::array<int, 3>, std::vector<ContactInterval>> intervals;
-  const SelfContact& own = problem.scene.self_contact;
-  SelfDistances distances(problem.scene.robot, own.pairs);
-  Rollout rollout(problem, problem.solver.step_s / kRefinement);
-  bool first = true;
-  rollout.Visit(x, SettlingAfter(problem), [&](const MotionSample& sample) {
-    const double t = sample.time_s;
-    if (first) summary.entry = PoseAt(sample.q, problem.scene.robot);
-    first = false;
-    summary.exit = PoseAt(sample.q, problem.scene.robot);
-    if (t <= problem.duration_s + 1e-9) {
-      summary.final_pitch_rad = RootPitchAt(sample.q, problem.scene.robot);
+MotionSummarizer::MotionSummarizer(const Problem& problem, double refinement)
+    : problem_(problem), every_(static_cast<int>(refinement)) {
+  summary_.torque_margin_nm = std::numeric_limits<double>::infinity();
+  summary_.torques.torque_nm.resize(problem.joints.size());
+}
+
+void MotionSummarizer::Take(const MotionSample& sample, double own_distance_m) {
+  const PlanarRobot& robot = problem_.scene.robot;
+  const double t = sample.time_s;
+  if (count_ == 0) summary_.entry = PoseAt(sample.q, robot);
+  summary_.exit = PoseAt(sample.q, robot);
+  if (t <= problem_.duration_s + 1e-9) {
+    summary_.final_pitch_rad = RootPitchAt(sample.q, robot);
+    if (count_ % every_ == 0) TakeTorques(sample);
+  }
+  ++count_;
+  if (t <= problem_.duration_s + kExitAfter_s + 1e-9) {
+    summary_.settled_pitch_rad = RootPitchAt(sample.q, robot);
+    summary_.settled_speed = 0;
+    for (int i = 0; i < robot.root_dofs; ++i)
+      summary_.settled_speed = std::max(summary_.settled_speed, std::abs(sample.qd[Index(i)]));
+  }
+  const bool solved = t <= problem_.duration_s + problem_.settle_s + 1e-9;
+  const SelfContact& own = problem_.scene.self_contact;
+  if (solved && !own.pairs.empty()) {
+    summary_.self_clearance_m =
+        std::min(summary_.self_clearance_m.value_or(own_distance_m), own_distance_m);
+    if (own_distance_m < own.clearance_m - kClearanceTolerance_m) {
+      summary_.excess =
+          std::max(summary_.excess, (own.clearance_m - own_distance_m) / kClearanceScale_m);
     }
-    if (t <= problem.duration_s + kExitAfter_s + 1e-9) {
-      summary.settled_pitch_rad = RootPitchAt(sample.q, problem.scene.robot);
-      summary.settled_speed = 0;
-      for (int i = 0; i < problem.scene.robot.root_dofs; ++i) {
-        summary.settled_speed =
-            std::max(summary.settled_speed, std::abs(sample.qd[static_cast<std::size_t>(i)]));
-      }
+  }
+  for (std::size_t j = 0; j < problem_.joints.size(); ++j) {
+    const double torque = std::abs(sample.torque[j]);
+    const double limit = problem_.joints[j].limits.torque_max_nm;
+    summary_.peak_torque_nm = std::max(summary_.peak_torque_nm, torque);
+    summary_.torque_margin_nm = std::min(summary_.torque_margin_nm, limit - torque);
+    if (solved) summary_.excess = std::max(summary_.excess, torque / limit - 1);
+  }
+  TakeContacts(sample, solved);
+}
+
+void MotionSummarizer::TakeTorques(const MotionSample& sample) {
+  summary_.torques.time_s.push_back(std::min(sample.time_s, problem_.duration_s));
+  for (std::size_t j = 0; j < problem_.joints.size(); ++j)
+    summary_.torques.torque_nm[j].push_back(sample.torque[j]);
+}
+
+void MotionSummarizer::TakeContacts(const MotionSample& sample, bool solved) {
+  const double t = sample.time_s;
+  for (const ActiveContact<Plane>& contact : sample.contacts) {
+    summary_.peak_penetration_m = std::max(summary_.peak_penetration_m, contact.depth_m);
+    if (solved) {
+      summary_.excess =
+          std::max(summary_.excess, contact.depth_m / problem_.scene.contact.d_on_m - 1);
     }
-    const bool solved = t <= problem.duration_s + problem.settle_s + 1e-9;
-    if (solved && !own.pairs.empty()) {
-      const double distance = distances.Nearest(sample.q).distance_m;
-      summary.self_clearance_m = std::min(summary.self_clearance_m.value_or(distance), distance);
-      if (distance < own.clearance_m - kClearanceTolerance_m)
-        summary.excess = std::max(summary.excess, (own.clearance_m - distance) / kClearanceScale_m);
+    if (t > problem_.duration_s + problem_.settle_s) continue;
+    auto& list = intervals_[{contact.shape, contact.obstacle, contact.other_shape}];
+    if (list.empty() || t - list.back().end_s > kContactGap) {
+      list.push_back({problem_.scene.robot.shapes[Index(contact.shape)].name,
+                      TouchedName(problem_.scene, contact), t, t, 0});
     }
-    for (std::size_t j = 0; j < problem.joints.size(); ++j) {
-      const double torque = std::abs(sample.torque[j]);
-      summary.peak_torque_nm = std::max(summary.peak_torque_nm, torque);
-      summary.torque_margin_nm =
-          std::min(summary.torque_margin_nm, problem.joints[j].limits.torque_max_nm - torque);
-      if (solved) {
-        summary.excess =
-            std::max(summary.excess, torque / problem.joints[j].limits.torque_max_nm - 1);
-      }
-    }
-    for (const ActiveContact<Plane>& contact : sample.contacts) {
-      summary.peak_penetration_m = std::max(summary.peak_penetration_m, contact.depth_m);
-      if (solved) {
-        summary.excess =
-            std::max(summary.excess, contact.depth_m / problem.scene.contact.d_on_m - 1);
-      }
-      if (t > problem.duration_s + problem.settle_s) continue;
-      auto& list = intervals[{contact.shape, contact.obstacle, contact.other_shape}];
-      if (list.empty() || t - list.back().end_s > kContactGap) {
-        list.push_back({problem.scene.robot.shapes[static_cast<std::size_t>(contact.shape)].name,
-                        TouchedName(problem.scene, contact), t, t, 0});
-      }
-      list.back().end_s = t;
-      list.back().peak_normal_force_n =
-          std::max(list.back().peak_normal_force_n, contact.normal_force_n);
-    }
-  });
+    list.back().end_s = t;
+    list.back().peak_normal_force_n =
+        std::max(list.back().peak_normal_force_n, contact.normal_force_n);
+  }
+}
+
+MotionSummary MotionSummarizer::Finish() {
   // The splines start and end exactly where the task says; a sum over basis functions rounds.
-  for (std::size_t j = 0; j < problem.joints.size(); ++j) {
-    summary.entry.joint_positions_rad[j] = problem.joints[j].start_rad;
-    summary.exit.joint_positions_rad[j] = problem.joints[j].end_rad;
+  for (std::size_t j = 0; j < problem_.joints.size(); ++j) {
+    summary_.entry.joint_positions_rad[j] = problem_.joints[j].start_rad;
+    summary_.exit.joint_positions_rad[j] = problem_.joints[j].end_rad;
   }
-  summary.core_reached = summary.peak_penetration_m >= problem.scene.contact.d_on_m;
-  for (auto& entry : intervals) {
-    summary.contacts.insert(summary.contacts.end(), entry.second.begin(), entry.second.end());
+  summary_.core_reached = summary_.peak_penetration_m >= problem_.scene.contact.d_on_m;
+  for (auto& entry : intervals_) {
+    summary_.contacts.insert(summary_.contacts.end(), entry.second.begin(), entry.second.end());
   }
-  std::stable_sort(summary.contacts.begin(), summary.contacts.end(),
+  std::stable_sort(summary_.contacts.begin(), summary_.contacts.end(),
                    [](const auto& a, const auto& b) { return a.start_s < b.start_s; });
-  return summary;
+  return std::move(summary_);
+}
+
+MotionSummary Summarize(const Problem& problem, const std::vector<double>& x) {
+  MotionSummarizer summarizer(problem, kRefinement);
+  SelfDistances distances(problem.scene.robot, problem.scene.self_contact.pairs);
+  const double settled_s = problem.duration_s + problem.settle_s + 1e-9;
+  Rollout rollout(problem, problem.solver.step_s / kRefinement);
+  rollout.Visit(x, SettlingAfter(problem), [&](const MotionSample& sample) {
+    const bool counts = sample.time_s <= settled_s;
+    summarizer.Take(sample, counts ? distances.Nearest(sample.q).distance_m : 0);
+  });
+  return summarizer.Finish();
 }
 
 namespace {
@@ -278,7 +302,6 @@ PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
   primitive.entry_tolerance_rad = problem.entry_tolerance_rad;
   primitive.following_tolerance_rad = problem.following_tolerance_rad;
   primitive.joint_count = static_cast<int>(problem.joints.size());
-  const TorqueSamples torques = SampleTorques(problem, solution.x);
   for (std::size_t j = 0; j < problem.joints.size(); ++j) {
     JointMotion<double>& motion = primitive.joints[j];
     const ActuatedJoint& joint = problem.joints[j];
@@ -286,7 +309,7 @@ PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
         FixedString<32>(problem.scene.robot.tree.dofs[static_cast<std::size_t>(joint.dof)].name);
     motion.limits = joint.limits;
     motion.position = PositionSpline(problem, solution.x, j);
-    motion.torque = FitTorque(problem, torques, j);
+    motion.torque = FitTorque(problem, summary.torques, j);
   }
   file.entry = summary.entry;
   file.exit = summary.exit;

@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <array>
 #include <functional>
+#include <map>
 #include <optional>
 #include <vector>
 
 #include "common/primitive_toml.h"
 #include "offline/problem/task_toml.h"
+#include "offline/scene/motion_sample.h"
 #include "offline/solver/solver.h"
 
 namespace tumbler {
@@ -16,8 +18,9 @@ namespace tumbler {
 struct GradientCheck {
   /// Steps of the central differences [rad]: curvature spoils large ones, rounding small ones.
   static constexpr std::array<double, 3> kSteps = {1e-5, 1e-6, 1e-7};
-  /// For each step: the largest component of the difference, divided by the largest component of
-  /// either gradient. Infinite where a difference is not finite.
+  /// For each step: the largest difference along any direction, divided by the largest component of
+  /// the gradient (of either, where they are compared component by component). Infinite where a
+  /// difference is not finite.
   std::array<double, 3> errors{};
 
   /// The best agreement.
@@ -32,9 +35,11 @@ struct GradientCheck {
 /// hair; and SLSQP's line search relies on that slope.
 inline constexpr double kDoubtfulGradient = 1e-3;
 
-/// Compares a gradient with central differences of three steps.
+/// Compares a gradient with central differences of three steps: along each component where there
+/// are up to four, else along four directions in which every component goes forwards or backwards
+/// by the step.
 GradientCheck CompareGradient(const std::function<double(const std::vector<double>&)>& cost,
-                              std::vector<double> at, const std::vector<double>& gradient);
+                              const std::vector<double>& at, const std::vector<double>& gradient);
 
 /// Compares the gradient of a problem's cost near `x`: each parameter is moved by 0.001 rad, with
 /// alternating sign. At the optimum itself the gradient is zero, and a relative error would say
@@ -54,6 +59,12 @@ double SettlingAfter(const Problem& problem);
 /// How much finer certificate and second look integrate than `solver.step_s` says: by the classical
 /// Runge-Kutta method with equal steps, where the solver takes another method and adaptive steps.
 inline constexpr double kRefinement = 16;
+
+/// The torques of a motion, at the solver's steps.
+struct TorqueSamples {
+  std::vector<double> time_s;
+  std::vector<std::vector<double>> torque_nm;  ///< By joint.
+};
 
 /// Figures of a motion that is played on past its end, with the joints held.
 struct MotionSummary {
@@ -81,7 +92,35 @@ struct MotionSummary {
   std::vector<ContactInterval> contacts;
   /// Whether a contact went through the whole compliant layer.
   bool core_reached = false;
+  /// The plan's torques, from which the feed-forward is fitted.
+  TorqueSamples torques;
 };
+
+/// Makes a MotionSummary of a motion's samples.
+class MotionSummarizer {
+ public:
+  /// @param problem     must outlive this object.
+  /// @param refinement  how many samples there are in a step of the solver.
+  MotionSummarizer(const Problem& problem, double refinement);
+  /// Takes the samples in their order, from the start of the motion to SettlingAfter its end.
+  /// @param own_distance_m  of the robot's own shapes that are to stay apart; it does not count
+  ///                        after the settle phase.
+  void Take(const MotionSample& sample, double own_distance_m);
+  MotionSummary Finish();
+
+ private:
+  void TakeTorques(const MotionSample& sample);
+  void TakeContacts(const MotionSample& sample, bool solved);
+
+  const Problem& problem_;
+  int every_;
+  int count_ = 0;
+  MotionSummary summary_;
+  // By shape, and obstacle or other shape.
+  std::map<std::array<int, 3>, std::vector<ContactInterval>> intervals_;
+};
+
+/// @param x  parameters of the motion.
 MotionSummary Summarize(const Problem& problem, const std::vector<double>& x);
 
 /// Makes the primitive: splines, a feed-forward torque fitted to the plan's within the limits,

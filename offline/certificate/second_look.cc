@@ -69,70 +69,109 @@ bool EndsAtRest(const Problem& problem) {
          });
 }
 
-SecondLook LookAgain(const Problem& problem, const std::vector<double>& x, double refinement) {
-  SecondLook look;
-  look.step_s = problem.solver.step_s / refinement;
-  look.layer_m = problem.scene.contact.d_on_m;
-  Instant end, settled, later;
-  double speed = 0;
-  const double last_s = problem.duration_s + problem.settle_s + SettlingAfter(problem);
-  const double settled_s = problem.duration_s + problem.settle_s;
-  const PlanarRobot& robot = problem.scene.robot;
-  SelfDistances distances(robot, problem.scene.self_contact.pairs);
-  SelfClearance nearest;
-  Rollout rollout(problem, look.step_s);
-  rollout.Visit(x, SettlingAfter(problem), [&](const MotionSample& sample) {
+namespace {
+
+/// Makes a SecondLook of a motion's samples.
+class Looker {
+ public:
+  Looker(const Problem& problem, double step_s)
+      : problem_(problem),
+        settled_s_(problem.duration_s + problem.settle_s),
+        last_s_(settled_s_ + SettlingAfter(problem)) {
+    look_.step_s = step_s;
+    look_.layer_m = problem.scene.contact.d_on_m;
+  }
+
+  /// @param own  the distance of the robot's own shapes; infinite after the settle phase.
+  void Take(const MotionSample& sample, const SelfClearance& own) {
     const double t = sample.time_s;
-    if (t <= problem.duration_s + 1e-9) end.Take(sample);
-    if (t <= settled_s + 1e-9) {
-      settled.Take(sample);
+    if (t <= problem_.duration_s + 1e-9) end_.Take(sample);
+    const bool solved = t <= settled_s_ + 1e-9;
+    if (solved) {
+      settled_.Take(sample);
       for (const double torque : sample.torque)
-        look.peak_torque_nm = std::max(look.peak_torque_nm, std::abs(torque));
+        look_.peak_torque_nm = std::max(look_.peak_torque_nm, std::abs(torque));
       for (const ActiveContact<Plane>& contact : sample.contacts)
-        look.peak_penetration_m = std::max(look.peak_penetration_m, contact.depth_m);
-      const SelfClearance own = distances.Nearest(sample.q);
-      if (own.distance_m < nearest.distance_m) {
-        nearest = own;
-        look.self_clearance_time_s = t;
+        look_.peak_penetration_m = std::max(look_.peak_penetration_m, contact.depth_m);
+    }
+    if (own.distance_m < nearest_.distance_m) {
+      nearest_ = own;
+      look_.self_clearance_time_s = t;
+    }
+    double& excess = solved ? look_.torque_excess : look_.held_torque_excess;
+    for (std::size_t j = 0; j < problem_.joints.size(); ++j) {
+      excess = std::max(excess,
+                        std::abs(sample.torque[j]) / problem_.joints[j].limits.torque_max_nm - 1);
+    }
+    later_.Take(sample);
+    for (int i = 0; t >= last_s_ - kRestWatched_s && i < problem_.scene.robot.root_dofs; ++i)
+      speed_ = std::max(speed_, std::abs(sample.qd[Index(i)]));
+  }
+
+  SecondLook Finish() {
+    const auto is_number = [](double value) { return std::isfinite(value); };
+    look_.finite =
+        std::ranges::all_of(later_.q, is_number) && std::ranges::all_of(later_.qd, is_number);
+    look_.self_clearance_m = nearest_.distance_m;
+    look_.clearance_m = problem_.scene.self_contact.clearance_m;
+    if (std::isfinite(nearest_.distance_m))
+      look_.self_clearance_of = NameOf(problem_.scene.robot, nearest_.pair);
+    JudgePurpose();
+    return std::move(look_);
+  }
+
+ private:
+  void JudgePurpose() {
+    using enum PurposeTarget::When;
+    const bool rests = EndsAtRest(problem_);
+    // A settle phase of 2 s or more ends where the second look does.
+    const bool goes_on = SettlingAfter(problem_) > 0;
+    for (const CostTerm& term : problem_.cost) {
+      if (!AsksForValue(term)) continue;
+      const bool at_end = term.when == CostTerm::When::kEnd;
+      // A robot that still rocks when the settle phase ends has done what was asked when it then
+      // comes to rest.
+      const bool rest = rests && goes_on && !at_end && term.of_velocity && term.target == 0;
+      if (!rest) {
+        look_.purpose.push_back(FigureOf(term, at_end ? end_ : settled_, at_end ? kEnd : kSettled));
       }
+      if (rests && goes_on && !at_end && (rest || !term.of_velocity))
+        look_.purpose.push_back(FigureOf(term, later_, kLater));
     }
-    double& excess = t <= settled_s + 1e-9 ? look.torque_excess : look.held_torque_excess;
-    for (std::size_t j = 0; j < problem.joints.size(); ++j) {
-      excess =
-          std::max(excess, std::abs(sample.torque[j]) / problem.joints[j].limits.torque_max_nm - 1);
+    if (rests) {
+      look_.purpose.push_back(
+          {{PurposeTarget::Of::kSpeed, goes_on ? kLater : kSettled, 0, kRestSpeed}, speed_});
     }
-    later.Take(sample);
-    for (int i = 0; t >= last_s - kRestWatched_s && i < robot.root_dofs; ++i)
-      speed = std::max(speed, std::abs(sample.qd[Index(i)]));
+  }
+
+  const Problem& problem_;
+  double settled_s_, last_s_;
+  SecondLook look_;
+  SelfClearance nearest_;
+  Instant end_, settled_, later_;
+  double speed_ = 0;
+};
+
+}  // namespace
+
+FineLook LookFinely(const Problem& problem, const std::vector<double>& x, double refinement) {
+  const double step_s = problem.solver.step_s / refinement;
+  const double settled_s = problem.duration_s + problem.settle_s + 1e-9;
+  Looker looker(problem, step_s);
+  MotionSummarizer summarizer(problem, refinement);
+  SelfDistances distances(problem.scene.robot, problem.scene.self_contact.pairs);
+  Rollout rollout(problem, step_s);
+  rollout.Visit(x, SettlingAfter(problem), [&](const MotionSample& sample) {
+    const SelfClearance own =
+        sample.time_s <= settled_s ? distances.Nearest(sample.q) : SelfClearance{};
+    looker.Take(sample, own);
+    summarizer.Take(sample, own.distance_m);
   });
-  const auto is_number = [](double value) { return std::isfinite(value); };
-  look.finite = std::ranges::all_of(later.q, is_number) && std::ranges::all_of(later.qd, is_number);
+  return {looker.Finish(), summarizer.Finish()};
+}
 
-  look.self_clearance_m = nearest.distance_m;
-  look.clearance_m = problem.scene.self_contact.clearance_m;
-  if (std::isfinite(nearest.distance_m)) look.self_clearance_of = NameOf(robot, nearest.pair);
-
-  using enum PurposeTarget::When;
-  const bool rests = EndsAtRest(problem);
-  // A settle phase of 2 s or more ends where the second look does.
-  const bool goes_on = SettlingAfter(problem) > 0;
-  for (const CostTerm& term : problem.cost) {
-    if (!AsksForValue(term)) continue;
-    const bool at_end = term.when == CostTerm::When::kEnd;
-    // A robot that still rocks when the settle phase ends has done what was asked when it then
-    // comes to rest.
-    const bool rest = rests && goes_on && !at_end && term.of_velocity && term.target == 0;
-    if (!rest) {
-      look.purpose.push_back(FigureOf(term, at_end ? end : settled, at_end ? kEnd : kSettled));
-    }
-    if (rests && goes_on && !at_end && (rest || !term.of_velocity))
-      look.purpose.push_back(FigureOf(term, later, kLater));
-  }
-  if (rests) {
-    look.purpose.push_back(
-        {{PurposeTarget::Of::kSpeed, goes_on ? kLater : kSettled, 0, kRestSpeed}, speed});
-  }
-  return look;
+SecondLook LookAgain(const Problem& problem, const std::vector<double>& x, double refinement) {
+  return LookFinely(problem, x, refinement).look;
 }
 
 }  // namespace tumbler

@@ -47,6 +47,15 @@ struct SecondLook {
 /// of 0 at the end of it, and there is something to rest on.
 bool EndsAtRest(const Problem& problem);
 
+/// The second look and the summary of a motion, from one simulation.
+struct FineLook {
+  SecondLook look;
+  MotionSummary summary;
+};
+FineLook LookFinely(const Problem& problem, const std::vector<double>& x,
+                    double refinement = kRefinement);
+
+/// The second look alone.
 /// @param x           parameters of the motion.
 /// @param refinement  the solver's step in units of the one used here.
 SecondLook LookAgain(const Problem& problem, const std::vector<double>& x,

@@ -55,13 +55,13 @@ std::string Cause(const Problem& problem, const Solution& best) {
 class Looks {
  public:
   explicit Looks(const Problem& problem) : problem_(problem) {}
-  SecondLook At(const Solution& solution) {
+  FineLook At(const Solution& solution) {
     {
       const std::lock_guard<std::mutex> lock(mutex_);
       if (const auto known = of_motion_.find(solution.x); known != of_motion_.end())
         return known->second;
     }
-    SecondLook look = LookAgain(problem_, solution.x);
+    FineLook look = LookFinely(problem_, solution.x);
     const std::lock_guard<std::mutex> lock(mutex_);
     return of_motion_.emplace(solution.x, std::move(look)).first->second;
   }
@@ -69,7 +69,7 @@ class Looks {
  private:
   const Problem& problem_;
   std::mutex mutex_;
-  std::map<std::vector<double>, SecondLook> of_motion_;
+  std::map<std::vector<double>, FineLook> of_motion_;
 };
 
 /// Whether the solver's figures speak for a motion.
@@ -80,8 +80,9 @@ bool KeepsLimits(const Problem& problem, const Solution& solution) {
 /// Makes the file of the best motion, or says why there is none.
 void MakeFile(TaskResult& result, Looks& looks) {
   const Solution& best = result.best;
-  result.summary = Summarize(result.problem(), best.x);
-  result.look = looks.At(best);
+  FineLook fine = looks.At(best);
+  result.summary = std::move(fine.summary);
+  result.look = std::move(fine.look);
   if (!result.look.acceptable()) {
     result.cause = fmt::format(
         "a simulation of the best motion with a step of {:.3g} ms shows that it is not what the "
@@ -108,8 +109,9 @@ void ListMinima(TaskResult& result, Looks& looks) {
   result.minima = DistinctMinima(result.outcome.solutions);
   for (const LocalMinimum& minimum : result.minima) {
     const Solution& solution = result.outcome.solutions[minimum.solution];
-    result.minima_summaries.push_back(Summarize(result.problem(), solution.x));
-    const SecondLook look = solution.feasible() ? looks.At(solution) : SecondLook{};
+    FineLook fine = looks.At(solution);
+    result.minima_summaries.push_back(std::move(fine.summary));
+    const SecondLook look = solution.feasible() ? std::move(fine.look) : SecondLook{};
     result.minima_objections.push_back(look.acceptable() ? "" : look.Objections());
   }
 }
@@ -131,7 +133,9 @@ TaskResult WorkOn(Task task, const WorkSettings& settings) {
   if (!guessed)
     options.progress = [&progress](const Evaluation& evaluation) { progress(evaluation); };
   Looks looks(problem);
-  const auto accept = [&](const Solution& solution) { return looks.At(solution).acceptable(); };
+  const auto accept = [&](const Solution& solution) {
+    return looks.At(solution).look.acceptable();
+  };
   // For the table of minima, every start is one of those that were asked for.
   if (!settings.minima) options.accept = accept;
   result.outcome =

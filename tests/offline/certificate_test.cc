@@ -52,6 +52,26 @@ TEST(CompareGradient, SeesAWrongGradient) {
   EXPECT_NEAR(CompareGradient(f, at, {0, 0}).relative_error(), 1, 1e-6);
 }
 
+TEST(CompareGradient, SeesOneWrongComponentAmongManyAtItsFullSize) {
+  const std::size_t n = 30;
+  const auto f = [](const std::vector<double>& x) {
+    double sum = 0;
+    for (std::size_t i = 0; i < x.size(); ++i) sum += static_cast<double>(i + 1) * std::sin(x[i]);
+    return sum;
+  };
+  const std::vector<double> at(n, 0.1);
+  std::vector<double> gradient;
+  for (std::size_t i = 0; i < n; ++i)
+    gradient.push_back(static_cast<double>(i + 1) * std::cos(0.1));
+  EXPECT_LT(CompareGradient(f, at, gradient).relative_error(), 1e-7);
+  for (std::size_t i = 0; i < n; ++i) {
+    std::vector<double> wrong = gradient;
+    wrong[i] += 0.01 * gradient.back();
+    EXPECT_NEAR(CompareGradient(f, at, wrong).relative_error(), 0.01, 2e-4) << i;
+  }
+  EXPECT_GT(CompareGradient(f, at, std::vector<double>(n)).relative_error(), 0.3);
+}
+
 TEST(CompareGradient, SaysForEachStepHowFarItIsOff) {
   // The central difference of x^3 at 1 is 3 + h^2. For small steps h^2 is below rounding.
   const auto cube = [](const std::vector<double>& x) { return x[0] * x[0] * x[0]; };
