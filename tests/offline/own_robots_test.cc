@@ -1,0 +1,108 @@
+// Robots that are not shipped: every search ends either with a motion that does what its task asks
+// for, or with status 2 and the reason, and nothing written.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "common/primitive_toml.h"
+#include "tests/support/files.h"
+#include "tests/support/program.h"
+
+namespace tumbler {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using testing::Program;
+using testing::ReadFile;
+using testing::Replaced;
+
+struct Ending {
+  int status = 0;
+  std::string text;
+  bool written = false;
+  PrimitiveFile file;
+};
+
+/// The ending of a task in tests/data, with another text.
+Ending Optimize(const std::string& task, const std::string& seed) {
+  const testing::TemporaryFolder folder;
+  const std::string robots = testing::SourcePath("tests/data/robots");
+  testing::WriteFile(folder / "task.toml", Replaced(task, "../robots", robots));
+  const std::string out = folder / "motion.toml";
+  Program program({testing::ProgramPath("tumbler-optimize"), folder / "task.toml", "--seed", seed,
+                   "--out", out});
+  Ending ending;
+  ending.status = program.Wait();
+  ending.text = program.text();
+  ending.written = std::filesystem::exists(out);
+  if (ending.written) ending.file = LoadPrimitive(out);
+  return ending;
+}
+
+void ExpectMotionOrReason(const Ending& ending) {
+  if (ending.status == 0) {
+    ASSERT_TRUE(ending.written);
+    EXPECT_FALSE(ending.file.purpose.empty());
+    EXPECT_TRUE(std::ranges::all_of(ending.file.purpose, &PurposeFigure::met));
+    return;
+  }
+  EXPECT_EQ(ending.status, 2) << ending.text;
+  EXPECT_FALSE(ending.written);
+  EXPECT_THAT(ending.text,
+              AllOf(HasSubstr("no motion was found: "), HasSubstr("no file was written")));
+}
+
+std::string TaskText(const std::string& name) {
+  return ReadFile(testing::SourcePath("tests/data/tasks/" + name));
+}
+
+class OwnRobots : public ::testing::TestWithParam<std::string> {};
+INSTANTIATE_TEST_SUITE_P(Seeds, OwnRobots, ::testing::Values("7", "11"));
+
+TEST_P(OwnRobots, AHopOfThreeMotorsEndsWithTheHopOrTheReason) {
+  ExpectMotionOrReason(
+      Optimize(Replaced(TaskText("hop.toml"), "promising = 4", "promising = 4\nmax_samples = 300"),
+               GetParam()));
+}
+
+TEST_P(OwnRobots, AStepOfFourMotorsEndsWithTheStepOrTheReason) {
+  const std::string quick =
+      Replaced(TaskText("step.toml"), "max_samples = 1000", "max_samples = 100");
+  ExpectMotionOrReason(
+      Optimize(Replaced(quick, "max_evaluations = 200", "max_evaluations = 60"), GetParam()));
+}
+
+TEST(OwnRobot, AHopOf200MillimetresIsFound) {
+  const Ending ending = Optimize(TaskText("hop.toml"), "7");
+  ASSERT_EQ(ending.status, 0) << ending.text;
+  EXPECT_NEAR(ending.file.exit.root_x_m - ending.file.entry.root_x_m, 0.2, 0.02);
+  EXPECT_NEAR(ending.file.exit.root_pitch_rad, 0, 0.05);
+}
+
+TEST(OwnRobot, ATargetThatCannotBeMetEndsWithItsName) {
+  std::string far = Replaced(TaskText("hop.toml"), "target = 0.2", "target = 5.0");
+  far = Replaced(far, "promising = 4", "promising = 4\nmax_samples = 150");
+  const Ending ending =
+      Optimize(Replaced(far, "max_evaluations = 200", "max_evaluations = 40"), "1");
+  EXPECT_EQ(ending.status, 2);
+  EXPECT_FALSE(ending.written);
+  EXPECT_THAT(ending.text,
+              AllOf(HasSubstr("no motion was found: "), HasSubstr("x, settled: asked 5, got")));
+}
+
+TEST(OwnRobot, AnAcrobotThatLiesFlatHasNotStoodUp) {
+  const Ending ending = Optimize(TaskText("acrobot.toml"), "1");
+  EXPECT_EQ(ending.status, 2);
+  EXPECT_FALSE(ending.written);
+  EXPECT_THAT(ending.text, AllOf(HasSubstr("no motion was found: "),
+                                 HasSubstr("pitch, settled: asked 1.5708, got")));
+}
+
+}  // namespace
+}  // namespace tumbler
