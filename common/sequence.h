@@ -27,9 +27,10 @@ enum class EdgeCondition : std::uint8_t {
 /// A node of the graph: one playing of a primitive.
 struct SequenceNode {
   FixedString<48> name;
-  int primitive = 0;        ///< Index of the primitive that is played.
-  bool swapped = false;     ///< Whether joints exchange their roles while it is played.
-  bool safe = false;        ///< Whether the robot can stay where the primitive leaves it.
+  int primitive = 0;     ///< Index of the primitive that is played.
+  bool swapped = false;  ///< Whether joints exchange their roles while it is played.
+  bool safe =
+      false;  ///< Whether the robot can stay, without torque, where the primitive leaves it.
   bool ends_cycle = false;  ///< Whether a cycle is complete at the end of this node.
 };
 

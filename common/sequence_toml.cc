@@ -111,8 +111,8 @@ constexpr std::array kNodeKeys = {
         .Required()
         .Allowed("a name of `[primitives]`"),
     KeyOf<&NodeEntry::swapped, NodeEntry>("swapped", "with the joints' roles exchanged"),
-    KeyOf<&NodeEntry::safe, NodeEntry>("safe",
-                                       "the robot can stay where this ends: a stop ends here"),
+    KeyOf<&NodeEntry::safe, NodeEntry>(
+        "safe", "the robot can stay where this ends without torque: a run may end here"),
     KeyOf<&NodeEntry::ends_cycle, NodeEntry>("ends_cycle", "a cycle is complete with this"),
     KeyOf<&NodeEntry::exit_pitch_tolerance_rad>(
         "exit_pitch_tolerance_rad", {0, kPi, true},

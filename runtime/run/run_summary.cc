@@ -232,6 +232,8 @@ std::string ToText(const RunSummary& summary) {
   if (summary.attended) text += fmt::format("  {} runs\n", summary.runs);
   if (!summary.reason.empty()) text += fmt::format("  {}\n", summary.reason);
   AppendPassages(summary, text);
+  if (!summary.after_torque_off.empty())
+    text += fmt::format("  without torque, 3 s later: the robot {}\n", summary.after_torque_off);
   for (const std::vector<Mishap>* mishaps : {&summary.falls, &summary.overlaps}) {
     for (const Mishap& mishap : *mishaps)
       text += fmt::format("  at {:.3f} s the robot {}\n", mishap.time_s, mishap.what);
@@ -321,6 +323,7 @@ std::string ToJson(const RunSummary& summary) {
         json[key].Append({{"time_s", mishap.time_s}, {"what", mishap.what}});
     };
     list("falls", summary.falls);
+    json["after_torque_off"] = summary.after_torque_off;
     list("overlaps", summary.overlaps);
   }
   json["joints"] = Json::Array();

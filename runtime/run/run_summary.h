@@ -81,9 +81,11 @@ struct RunSummary {
   std::optional<InterfaceSummary> interface;  ///< Of an armed run on an interface.
   std::vector<Passage> passages;              ///< Of a simulated robot; empty otherwise.
   std::vector<Mishap> falls;                  ///< Of a simulated robot.
-  std::vector<Mishap> overlaps;               ///< Of a simulated robot's own shapes, likewise.
-  int cycles = 0;                             ///< Complete cycles of the sequence.
-  int runs = 1;                               ///< Runs started; more than one only where attended.
+  /// What becomes of a simulated robot in the 3 s after torque off; empty for others.
+  std::string after_torque_off;
+  std::vector<Mishap> overlaps;  ///< Of a simulated robot's own shapes, likewise.
+  int cycles = 0;                ///< Complete cycles of the sequence.
+  int runs = 1;                  ///< Runs started; more than one only where attended.
   bool attended = false;
   std::optional<RealtimeGrant> realtime;
   Machine machine;

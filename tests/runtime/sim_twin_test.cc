@@ -10,12 +10,19 @@
 #include <fstream>
 #include <iterator>
 #include <lcm/lcm-cpp.hpp>
+#include <memory>
+#include <random>
 #include <string>
 #include <tumbler/truth_t.hpp>
 #include <vector>
 
 #include "common/json.h"
 #include "common/primitive_toml.h"
+#include "offline/rehearsal/sim/simulated_world.h"
+#include "runtime/assembly/assembly.h"
+#include "runtime/assembly/run_settings.h"
+#include "runtime/linux/interrupts.h"
+#include "runtime/run/play.h"
 #include "tests/support/example_drives.h"
 #include "tests/support/files.h"
 #include "tests/support/program.h"
@@ -212,6 +219,40 @@ TEST_F(SimTwin, TumblerTwinSaysWhichFileItLacks) {
   outcome = RunTwin({"--help"});
   EXPECT_EQ(outcome.exit_code, 0);
   EXPECT_THAT(outcome.text, HasSubstr("Exit codes:"));
+}
+
+/// Runs the shipped gait in virtual time with an interrupt at a tick. @returns what became of it.
+RunSummary Interrupted(std::int64_t at_tick) {
+  RunParts parts = LoadRunMotion(testing::SourcePath("primitives/gait.toml"));
+  parts.drives = LoadDrivesOf(JointsOf(parts.file), "", {});
+  Assembly assembly(std::move(parts));
+  RunSettings settings;
+  settings.cycles = 100;
+  settings.hold_s = 0.1;
+  EXPECT_EQ(assembly.Configure(ExecutorConfigOf(settings, assembly.parts().drives)), Status::kOk);
+  const std::unique_ptr<World> world =
+      MakeSimulation().make_world(assembly.parts().file, assembly.parts().drives, {});
+  Play play(assembly, *world, {});
+  play.Run(ProcedureConfigOf(settings, assembly.parts().drives), 1'000'000,
+           [at_tick](const ControlLoop& loop) {
+             if (loop.statistics().ticks == at_tick)
+               InterruptMailbox().Put({0, OperatorRequest::kFinish, -1, true});
+           });
+  RunSummary summary;
+  summary.outcome = play.procedure().outcome();
+  world->Summarize(summary);
+  return summary;
+}
+
+TEST_F(SimTwin, AnInterruptAtAnyTimeEndsTheRunWhereTheRobotStaysWithoutTorque) {
+  std::mt19937 random(12);
+  for (int i = 0; i < 30; ++i) {
+    const std::int64_t tick = std::uniform_int_distribution<std::int64_t>(20, 9000)(random);
+    const RunSummary summary = Interrupted(tick);
+    EXPECT_EQ(summary.outcome, RunOutcome::kStopped) << "tick " << tick;
+    EXPECT_TRUE(summary.falls.empty()) << "tick " << tick;
+    EXPECT_THAT(summary.after_torque_off, ::testing::StartsWith("stays")) << "tick " << tick;
+  }
 }
 
 }  // namespace

@@ -39,6 +39,7 @@ class SimulatedWorld final : public World {
       if (event.kind == PostureEvent::Kind::kOverlap)
         summary.overlaps.push_back({time_s, Describe(event)});
     }
+    summary.after_torque_off = LeaveAlone();
   }
 
  private:
@@ -64,6 +65,17 @@ class SimulatedWorld final : public World {
     } else {
       clock_ = std::make_unique<VirtualClock>(advance);
     }
+  }
+
+  /// Lets the robot be for a while after the run, without torque, and says what becomes of it.
+  std::string LeaveAlone() {
+    constexpr std::int64_t kStep_ns = 1'000'000;
+    constexpr int kSteps = 3000;
+    const int falls = robot_.posture().falls();
+    for (int i = 0; i < kSteps; ++i) robot_.AdvanceTo(robot_.now_ns() + kStep_ns);
+    if (robot_.posture().falls() > falls) return "falls";
+    const std::string& pose = robot_.posture().resting_as();
+    return pose.empty() ? "does not stay where it was" : "stays, " + pose;
   }
 
   SimulatedRobot robot_;
