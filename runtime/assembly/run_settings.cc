@@ -65,6 +65,7 @@ RunProcedureConfig ProcedureConfigOf(const RunSettings& settings, const DrivesCo
   config.start_ticks_max = ticks(1);
   config.stop_hold_ticks = ticks(0.5);
   config.fault_ticks = ticks(1);
+  if (settings.lower) config.lower_ticks = ticks(2.5);
   config.attended = settings.attended;
   return config;
 }

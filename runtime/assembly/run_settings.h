@@ -16,6 +16,7 @@ struct RunSettings {
   int branch = -1;              ///< Number of the branch after these cycles; see ExecutorConfig.
   double hold_s = 2;            ///< Hold after the motion has settled.
   bool attended = false;        ///< See RunProcedureConfig.
+  bool lower = false;           ///< Whether to lower the robot before torque off.
   double start_within_rad = 1;  ///< ExecutorConfig::start_way_max_rad.
 };
 

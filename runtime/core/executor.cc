@@ -10,6 +10,9 @@ namespace {
 /// A motion counts as finished when the limited setpoint is this near to the planned one.
 constexpr float kFinished_rad = 1e-4F;
 
+/// The time in which a robot is lowered.
+constexpr float kLower_s = 2;
+
 }  // namespace
 
 Status Executor::Configure(const ExecutorConfig& config, const SequenceGraph<float>& graph,
@@ -158,6 +161,8 @@ void Executor::Enter(ExecutorState state) noexcept {
   }
   if (state == ExecutorState::kRunning || state == ExecutorState::kArming) primitive_time_s_ = 0;
   if (state == ExecutorState::kDisarmed) {
+    lowering_ = false;
+    lowering_ticks_ = 0;
     reaction_ = Reaction::kIgnore;
     for (Joint& joint : joints()) {
       if (!joint.was_enabled) continue;
@@ -179,6 +184,11 @@ void Executor::Enter(ExecutorState state) noexcept {
 void Executor::Send(int elapsed, TickOutput& output) noexcept {
   const bool armed = state_ != ExecutorState::kDisarmed && reaction_ != Reaction::kDisable;
   const bool damped = reaction_ == Reaction::kDamp;
+  float lowered = 1;  // share of stiffness and feed-forward that is left
+  if (lowering_) {
+    lowering_ticks_ += elapsed;
+    lowered = std::max(0.0F, 1 - static_cast<float>(lowering_ticks_) * config_.period_s / kLower_s);
+  }
   DriveRequest request = DriveRequest::kEnable;
   if (!armed) {
     request = unarmed_request_;
@@ -201,6 +211,10 @@ void Executor::Send(int elapsed, TickOutput& output) noexcept {
       setpoint.torque_nm = 0;
       setpoint.kp_nm_per_rad = 0;
       setpoint.kd_nm_s_per_rad = damped ? config.damping_nm_s_per_rad : 0.0F;
+    }
+    if (lowering_) {
+      setpoint.kp_nm_per_rad *= lowered;
+      setpoint.torque_nm *= lowered;
     }
     FrameBatch& batch = output.frames[index];
     batch.Clear();

@@ -148,6 +148,8 @@ class Executor {
   int wanted_branch_ = -1;    ///< The branch that the operator has asked for, until it is taken.
   bool branched_ = false;     ///< Whether the configured branch has been taken.
   bool finish_ = false;       ///< Whether to end at the next safe node.
+  bool lowering_ = false;     ///< Whether the robot is being lowered.
+  int lowering_ticks_ = 0;    ///< For how long.
   bool keep_torque_ = false;  ///< Whether a hold keeps the last feed-forward of the primitive.
   Reaction reaction_ = Reaction::kIgnore;
   int foreign_joint_ = -1;  ///< Whose drive somebody else has commanded since the last tick; or -1.

@@ -71,6 +71,11 @@ void Executor::Obey(const TickInput& input) noexcept {
       }
       wanted_branch_ = input.branch;
       return;
+    case OperatorCommand::kLower:
+      if (state_ != ExecutorState::kHolding && state_ != ExecutorState::kFault)
+        return refuse(Refusal::kWrongState);
+      lowering_ = true;
+      return;
   }
   refuse(Refusal::kWrongState);  // The command is none of the enumerators.
 }
@@ -123,7 +128,7 @@ const JointMotion<float>& Executor::FirstMotion(int joint) const noexcept {
 }
 
 RefusalDetail Executor::CheckMove() const noexcept {
-  if (state_ != ExecutorState::kHolding) return {0, 0, Refusal::kWrongState, -1};
+  if (state_ != ExecutorState::kHolding || lowering_) return {0, 0, Refusal::kWrongState, -1};
   for (int i = 0; i < joint_count_; ++i) {
     // The gate would pull the command inside the limits at once, however far outside the joint is.
     const JointLimits<float>& limits = FirstMotion(i).limits;
@@ -138,7 +143,7 @@ RefusalDetail Executor::CheckMove() const noexcept {
 }
 
 RefusalDetail Executor::CheckRun() const noexcept {
-  if (state_ != ExecutorState::kHolding) return {0, 0, Refusal::kWrongState, -1};
+  if (state_ != ExecutorState::kHolding || lowering_) return {0, 0, Refusal::kWrongState, -1};
   const float tolerance = primitives_[static_cast<std::size_t>(graph_.node(graph_.start).primitive)]
                               .entry_tolerance_rad;
   for (int i = 0; i < joint_count_; ++i) {

@@ -27,7 +27,8 @@ void Executor::DetectFaults(const TickInput& input, std::int64_t elapsed) noexce
     Latch(Fault::kForeignCommand, foreign_joint_, static_cast<float>(foreign_id_), 0);
   }
   // All checks of a tick see the same reaction. A fault found now changes it for the next tick.
-  const bool follows = state_ != ExecutorState::kArming && reaction_ <= Reaction::kHold;
+  const bool follows =
+      state_ != ExecutorState::kArming && reaction_ <= Reaction::kHold && !lowering_;
   const float following_tolerance_rad = primitive_->following_tolerance_rad;
   for (int i = 0; i < joint_count_; ++i) {
     const auto index = static_cast<std::size_t>(i);

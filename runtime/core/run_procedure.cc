@@ -13,6 +13,13 @@ OperatorCommand RunProcedure::Finish(RunOutcome outcome) noexcept {
   return Go(Phase::kDisarm, OperatorCommand::kDisarm);
 }
 
+OperatorCommand RunProcedure::LetDown(RunOutcome outcome) noexcept {
+  if (config_.lower_ticks == 0 || lowered_) return Finish(outcome);
+  if (outcome_ == RunOutcome::kPending) outcome_ = outcome;
+  lowered_ = true;
+  return Go(Phase::kLower, OperatorCommand::kLower);
+}
+
 Refusal RunProcedure::RequestStart(const TickRecord& last) noexcept {
   if (phase_ != Phase::kWait) return Refusal::kWrongState;
   if (last.first_fault.fault != Fault::kNone) return Refusal::kFaultLatched;
@@ -34,19 +41,20 @@ OperatorCommand RunProcedure::Next(const TickRecord& last) noexcept TUMBLER_NONB
     finish_ = finishing_ = stop_ = disarm_ = false;
     if (quit_) return Finish(RunOutcome::kStopped);
     if (!start_) return OperatorCommand::kNone;
-    start_ = false;
+    start_ = lowered_ = false;
     ++runs_;
     outcome_ = RunOutcome::kPending;
     refusal_ = {};
     Go(Phase::kArm, OperatorCommand::kNone);
   }
   if (disarm_) return Finish(RunOutcome::kStopped);
-  if (last.first_fault.fault != Fault::kNone && phase_ != Phase::kFault) {
+  const bool after_fault = phase_ == Phase::kLower && outcome_ == RunOutcome::kFault;
+  if (last.first_fault.fault != Fault::kNone && phase_ != Phase::kFault && !after_fault) {
     if (outcome_ == RunOutcome::kPending) outcome_ = RunOutcome::kFault;
     return Go(Phase::kFault, OperatorCommand::kNone);
   }
   if (finish_ && phase_ != Phase::kRun) stop_ = true;
-  if (stop_ && phase_ != Phase::kStop && phase_ != Phase::kFault) {
+  if (stop_ && phase_ != Phase::kStop && phase_ != Phase::kFault && phase_ != Phase::kLower) {
     if (last.state == ExecutorState::kDisarmed) return Finish(RunOutcome::kStopped);
     outcome_ = RunOutcome::kStopped;
     return Go(Phase::kStop, OperatorCommand::kStop);
@@ -99,10 +107,13 @@ OperatorCommand RunProcedure::GoOn(const TickRecord& last) noexcept {
         return OperatorCommand::kNone;
       }
       if (outcome_ == RunOutcome::kCompleted || ticks_ >= config_.stop_hold_ticks)
-        return Finish(outcome_);
+        return LetDown(outcome_);
       return OperatorCommand::kNone;
     case Phase::kFault:
-      if (ticks_ >= config_.fault_ticks) return Finish(outcome_);
+      if (ticks_ >= config_.fault_ticks) return LetDown(outcome_);
+      return OperatorCommand::kNone;
+    case Phase::kLower:
+      if (ticks_ >= config_.lower_ticks) return Finish(outcome_);
       return OperatorCommand::kNone;
     case Phase::kWait:
     case Phase::kDisarm:

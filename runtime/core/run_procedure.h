@@ -19,6 +19,8 @@ struct RunProcedureConfig {
   std::int64_t stop_hold_ticks = 500;
   /// How long the reaction to a fault is carried out before torque off.
   std::int64_t fault_ticks = 1000;
+  /// How long the robot is lowered before torque off; 0: it is not.
+  std::int64_t lower_ticks = 0;
   /// How long the drives are told torque off at the end, in case a frame is lost.
   std::int64_t disarmed_ticks = 10;
   /// Whether somebody attends. Then each run waits, disarmed, for RequestStart, and there may be
@@ -81,6 +83,7 @@ class RunProcedure {
     kHold,
     kStop,
     kFault,
+    kLower,
     kDisarm,
     kDone
   };
@@ -88,6 +91,9 @@ class RunProcedure {
   /// The next command of a run that nothing interrupts.
   OperatorCommand GoOn(const TickRecord& last) noexcept;
   OperatorCommand Go(Phase phase, OperatorCommand command) noexcept;
+  /// Lowers the robot and takes the torque off.
+  OperatorCommand LetDown(RunOutcome outcome) noexcept;
+  /// Takes the torque off.
   OperatorCommand Finish(RunOutcome outcome) noexcept;
 
   RunProcedureConfig config_;
@@ -100,6 +106,7 @@ class RunProcedure {
   bool finishing_ = false;  // whether the executor has been told to finish
   bool stop_ = false;
   bool disarm_ = false;
+  bool lowered_ = false;  // whether the robot was lowered in this run
   RunOutcome outcome_ = RunOutcome::kPending;
   RefusalDetail refusal_;
 };

@@ -33,6 +33,9 @@ enum class OperatorCommand : std::uint8_t {
   kFinish,
   /// In running and settling: takes `TickInput::branch` as soon as a node offers it.
   kBranch,
+  /// In holding, and after a fault: stiffness and feed-forward fade away, so that the robot sinks
+  /// instead of dropping when the torque is taken off.
+  kLower,
 };
 
 /// Why a command was not followed. A refusal changes nothing.

@@ -18,15 +18,16 @@ namespace tumbler {
 namespace {
 
 constexpr const char* kFormat = "tumbler-record";
-/// A limit that runs did not have before it was added.
+/// Numbers that runs did not have before they were added.
 constexpr const char* kStartWay = "start_way_max_rad";
+constexpr const char* kLowerTicks = "lower_ticks";
 
 // A member that is added to these types has to be added to Visit below, or a replay would lack it.
 static_assert(sizeof(JointConfig) == 16);
 static_assert(sizeof(CollapseConfig) == 8 + kMaxJoints * sizeof(float));
 static_assert(sizeof(ExecutorConfig) ==
               44 + kMaxJoints * sizeof(JointConfig) + sizeof(FaultTable) + sizeof(CollapseConfig));
-static_assert(sizeof(RunProcedureConfig) == 56);
+static_assert(sizeof(RunProcedureConfig) == 64);
 
 /// Calls `visit(key, value)` for every number of a configuration.
 template <typename Config, typename Visit>
@@ -62,6 +63,7 @@ void VisitNumbers(Config& config, const Visit& visit) {
   visit("start_ticks_max", config.start_ticks_max);
   visit("stop_hold_ticks", config.stop_hold_ticks);
   visit("fault_ticks", config.fault_ticks);
+  visit(kLowerTicks, config.lower_ticks);
   visit("disarmed_ticks", config.disarmed_ticks);
   visit("attended", config.attended);
 }
@@ -120,7 +122,9 @@ void Take(const Json& json, const std::string& key, T& value) {
 template <typename Config>
 void TakeNumbers(const Json& json, Config& config) {
   VisitNumbers(config, [&json](const char* key, auto& value) {
-    if (std::string_view(key) != kStartWay || json.Find(key) != nullptr) Take(json, key, value);
+    const std::string_view name = key;
+    const bool added = name == kStartWay || name == kLowerTicks;
+    if (!added || json.Find(key) != nullptr) Take(json, key, value);
   });
 }
 

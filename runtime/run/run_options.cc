@@ -89,6 +89,9 @@ void DeclareRun(CommandLine& line, RunOptions& options) {
               "robot in a second of the clock")
       .Within(0.05, 1.0)
       .ShowDefault();
+  line.Flag("--lower", options.lower,
+            "before torque off let the stiffness fade away in 2 s, so that a robot that does not "
+            "stand without torque sinks instead of dropping");
   line.Option("--start-within", options.start_within_rad,
               "refuse to arm when a joint is farther than this from the start of the motion [rad]")
       .Within(0.0, 1e6)

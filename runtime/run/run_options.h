@@ -20,6 +20,7 @@ struct RunOptions {
   bool realtime = false;
   bool without_realtime = false;
   bool without_watchdog = false;
+  bool lower = false;
   double start_within_rad = 1;
   RealtimeConfig scheduling;
   double latency_test_s = 0;

@@ -118,8 +118,15 @@ int BranchNumber(const RunOptions& options, const SequenceGraph<float>& graph) {
 }
 
 RunSettings SettingsOf(const RunOptions& options, const SequenceGraph<float>& graph) {
-  return {options.speed,  options.cycles,   BranchNumber(options, graph),
-          options.hold_s, options.attended, options.start_within_rad};
+  RunSettings settings;
+  settings.speed = options.speed;
+  settings.cycles = options.cycles;
+  settings.branch = BranchNumber(options, graph);
+  settings.hold_s = options.hold_s;
+  settings.attended = options.attended;
+  settings.lower = options.lower;
+  settings.start_within_rad = options.start_within_rad;
+  return settings;
 }
 
 /// Makes the world of the run.

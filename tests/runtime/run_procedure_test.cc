@@ -40,6 +40,13 @@ class RunSequenceTest : public ::testing::Test {
     EXPECT_EQ(rig.executor.state(), ExecutorState::kDisarmed);
     for (const auto& drive : rig.drives) EXPECT_EQ(drive->request, DriveRequest::kDisable);
   }
+  void SetUpAnew(const RunProcedureConfig& config) {
+    procedure = RunProcedure(config);
+    rig.silent = {};
+    rig.Tick(OperatorCommand::kClearFaults);
+    rig.Tick();
+    ticks = {};
+  }
   int& Ticks(ExecutorState state) { return ticks[static_cast<std::size_t>(state)]; }
 
   ExecutorRig rig{{}, Motion()};
@@ -53,6 +60,35 @@ TEST_F(RunSequenceTest, CompletesARun) {
   EXPECT_EQ(Ticks(ExecutorState::kRunning), rig.executor.run_ticks() + 1);
   EXPECT_GE(Ticks(ExecutorState::kHolding), 50);
   EXPECT_GE(Ticks(ExecutorState::kDisarmed), 10);
+}
+
+TEST_F(RunSequenceTest, LowersTheRobotBeforeTorqueOffWhenItIsTo) {
+  RunProcedureConfig config = Short();
+  config.lower_ticks = 2500;
+  for (const bool fault : {false, true}) {
+    SetUpAnew(config);
+    float least_kp = 1e9F, last_kp = 1e9F;
+    int lowering = 0;
+    Play([&] {
+      if (fault && rig.output.record.state == ExecutorState::kHolding && procedure.runs() == 1 &&
+          Ticks(ExecutorState::kSettling) > 0) {
+        rig.silent[1] = true;  // A stale reply while holding is answered by a hold.
+      }
+      if (rig.drives[0]->request != DriveRequest::kEnable) return;
+      const float kp = rig.drives[0]->setpoint.kp_nm_per_rad;
+      if (kp < 200 && Ticks(ExecutorState::kSettling) > 0) {
+        ++lowering;
+        EXPECT_LE(kp, last_kp) << "it only becomes softer";
+        EXPECT_GE(last_kp - kp, 0);
+        EXPECT_LE(std::min(last_kp, 200.0F) - kp, 0.11F) << "slowly";
+      }
+      last_kp = kp;
+      least_kp = std::min(least_kp, kp);
+    });
+    EXPECT_EQ(procedure.outcome(), fault ? RunOutcome::kFault : RunOutcome::kCompleted);
+    EXPECT_GE(lowering, 2400) << fault;
+    EXPECT_EQ(least_kp, 0);
+  }
 }
 
 TEST_F(RunSequenceTest, WaitsForRepliesAndGivesUpInTheEnd) {
