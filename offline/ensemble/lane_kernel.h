@@ -24,6 +24,7 @@ template <class S>
 struct LaneWatch {
   S depth{};                                      ///< Largest, in thicknesses of the layer.
   std::array<S, LaneModel::kMaxJoints> torque{};  ///< Largest |torque| of each motor [N m].
+  S root_speed{};  ///< Largest of the root's velocities [m/s, rad/s].
 };
 
 /// The simulation of robots in lanes, compiled for one kind of vectors. All kinds give the same

@@ -57,6 +57,8 @@ void DriveLanes(const LaneModel& model, const LaneRobot<P>& given, const LaneSte
         state.v[d] += h * qdd[d];
         state.q[d] += h * state.v[d];
       }
+      for (std::size_t d = 0; d < 3; ++d)
+        watch.root_speed = Max(watch.root_speed, Max(state.v[d], -state.v[d]));
     }
     held = tick;
   }

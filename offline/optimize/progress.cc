@@ -33,6 +33,12 @@ void Progress::operator()(const Evaluation& e) {
       now - shown_ < (terminal_ ? std::chrono::milliseconds(100) : std::chrono::milliseconds(1000)))
     return;
   shown_ = now;
+  if (problem_.robust) {
+    Show(e.global ? fmt::format("search  {} random motions  best is {:.3g} off", e.count, e.cost)
+                  : fmt::format("improve start {}  motion {:6d}  mean loss of its robots {:.4f}",
+                                e.start + 1, e.count, e.cost));
+    return;
+  }
   const double elapsed = std::chrono::duration<double>(now - stage_start_).count();
   const double left = done > 0 ? elapsed / done * (total - done) : 0;
   const std::string text =
@@ -43,6 +49,10 @@ void Progress::operator()(const Evaluation& e) {
                 "solve   start {} of {}  evaluation {:4d}  cost {:.6g}  violation {:.1e}  at "
                 "most {:.1f} s left",
                 e.start + 1, problem_.search.refine, e.count, e.cost, e.violation, left);
+  Show(text);
+}
+
+void Progress::Show(const std::string& text) {
   if (terminal_) {
     fmt::print(stderr, "\r\x1b[K{}", text);
     std::fflush(stderr);

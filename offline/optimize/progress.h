@@ -2,6 +2,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <string>
 
 #include "offline/problem/problem.h"
 #include "offline/solver/solver.h"
@@ -20,6 +21,8 @@ class Progress {
 
  private:
   using Clock = std::chrono::steady_clock;
+  void Show(const std::string& text);
+
   const Problem& problem_;
   bool terminal_;
   bool global_ = true;

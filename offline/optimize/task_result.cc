@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "offline/optimize/progress.h"
+#include "offline/robust/robust_search.h"
 
 namespace tumbler {
 namespace {
@@ -138,8 +139,9 @@ TaskResult WorkOn(Task task, const WorkSettings& settings) {
   };
   // For the table of minima, every start is one of those that were asked for.
   if (!settings.minima) options.accept = accept;
-  result.outcome =
-      guessed ? SolveFromGuess(problem, result.task.guess, options) : Solve(problem, options);
+  result.outcome = guessed          ? SolveFromGuess(problem, result.task.guess, options)
+                   : problem.robust ? SolveRobust(problem, options)
+                                    : Solve(problem, options);
   progress.Finish();
 
   const std::vector<Solution>& solutions = result.outcome.solutions;

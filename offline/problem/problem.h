@@ -10,6 +10,7 @@
 
 #include "common/primitive.h"
 #include "offline/problem/cost_term.h"
+#include "offline/problem/robust_settings.h"
 #include "offline/scene/scene.h"
 
 namespace tumbler {
@@ -128,6 +129,8 @@ struct Problem {
 
   SearchSettings search;
   SolverSettings solver;
+  /// What the motion has to survive; none: it is found for the model alone.
+  std::optional<RobustSettings> robust;
 
   /// Parameters are the free control points of the first joint, then those of the second, ...
   [[nodiscard]] int parameter_count() const { return first_parameter(joints.size()); }

@@ -15,6 +15,7 @@
 #include "offline/contact/contact_intent.h"
 #include "offline/problem/contact_toml.h"
 #include "offline/problem/obstacle_toml.h"
+#include "offline/problem/robust_toml.h"
 #include "offline/problem/self_contact_toml.h"
 #include "offline/problem/task_keys.h"
 #include "offline/scene/rest_pose.h"
@@ -115,6 +116,7 @@ class TaskReader {
       ReadKeys(*table, kSearchKeys, problem_.search);
     if (std::optional<TomlTable> table = root_.OptionalTable("solver"))
       ReadKeys(*table, kSolverKeys, problem_.solver);
+    problem_.robust = ReadRobust(root_, problem_);
     TomlTable start = root_.Table("start");
     ReadStart(start);
     root_.RejectUnknownKeys();
@@ -448,6 +450,7 @@ std::vector<KeyTable> TaskKeyTables() {
           ObstacleKeyTable(),
           SelfContactKeyTable(),
           {source, "tolerances", RowsOf(kTaskToleranceKeys)},
+          RobustKeyTable(),
           {source, "search", RowsOf(kSearchKeys)},
           {source, "solver", RowsOf(kSolverKeys)}};
 }

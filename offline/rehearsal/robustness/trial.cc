@@ -32,7 +32,13 @@ void Judge(const PurposeJudge& judge, const PostureWatch& posture, TrialOutcome&
     if (!passage.amiss()) continue;
     outcome.verdict = TrialOutcome::Verdict::kAmiss;
     outcome.in = passage.node;
-    outcome.reason = passage.purpose_met() == false ? "not as asked" : "not as planned";
+    outcome.reason = "the pitch later is not the planned one";
+    for (const JudgedTarget& judged : passage.purpose) {
+      if (judged.met() != false) continue;
+      const PurposeFigure figure{judged.target, *judged.result};
+      outcome.reason = figure.name() + ": " + figure.AskedAndGot(*judged.result);
+      break;
+    }
     break;
   }
   for (const PostureEvent& event : posture.events()) {

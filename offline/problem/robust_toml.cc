@@ -1,0 +1,76 @@
+#include "offline/problem/robust_toml.h"
+
+#include <fmt/format.h>
+
+#include <array>
+#include <stdexcept>
+
+#include "common/file_keys.h"
+
+namespace tumbler {
+namespace {
+
+struct RobustEntry : Spreads, LaneDrive, RobustSettings {
+  RobustEntry() : Spreads(), LaneDrive(RobustSettings{}.drive), RobustSettings() {}
+};
+
+constexpr Range kPart{0, 1};
+
+constexpr std::array kRobustKeys = {
+    KeyOf<&Spreads::mass, RobustEntry>("mass", kPart, "factor of each link's mass and inertia"),
+    KeyOf<&Spreads::inertia, RobustEntry>("inertia", kPart,
+                                          "factor of each link's inertia, besides"),
+    KeyOf<&Spreads::mass_centre_m, RobustEntry>("mass_centre_m", kPart,
+                                                "each link's centre of mass, along its x"),
+    KeyOf<&Spreads::length, RobustEntry>("length", kPart, "factor of each link's x"),
+    KeyOf<&Spreads::friction, RobustEntry>("friction", kPart, "factor of `contact.mu`"),
+    KeyOf<&Spreads::stiffness, RobustEntry>("stiffness", kPart, "factor of the contact's"),
+    KeyOf<&Spreads::damping, RobustEntry>("damping", kPart, "likewise"),
+    KeyOf<&Spreads::gain, RobustEntry>("gain", kPart, "factor of each joint's kp and kd"),
+    KeyOf<&Spreads::torque_limit, RobustEntry>("torque_limit", kPart,
+                                               "factor of each joint's torque limit"),
+    KeyOf<&Spreads::slope_rad, RobustEntry>("slope_rad", kPart, "of the ground"),
+    KeyOf<&LaneDrive::kp, RobustEntry>("kp_nm_per_rad", {0, 1e4},
+                                       "of every joint's drive, as in the drives file"),
+    KeyOf<&LaneDrive::kd, RobustEntry>("kd_nm_s_per_rad", {0, 1e3}, "likewise"),
+    KeyOf<&RobustSettings::samples, RobustEntry>("samples", {8, 10'000'000},
+                                                 "random motions, played on the model"),
+    KeyOf<&RobustSettings::starts, RobustEntry>("starts", {1, 1000},
+                                                "of these are improved with 16 robots"),
+    KeyOf<&RobustSettings::improved, RobustEntry>("improved", {1, 1000},
+                                                  "of these are improved with 32 robots"),
+    KeyOf<&RobustSettings::polish_robots, RobustEntry>("polish_robots", {8, 100'000},
+                                                       "with which the best is improved at last"),
+    KeyOf<&RobustSettings::polish_scale, RobustEntry>("polish_scale", {0, 10}, "of their spreads"),
+    KeyOf<&RobustSettings::generations, RobustEntry>("generations", {1, 100'000},
+                                                     "of the last improvement"),
+};
+
+}  // namespace
+
+std::optional<RobustSettings> ReadRobust(TomlTable& root, const Problem& problem) {
+  std::optional<TomlTable> table = root.OptionalTable("robust");
+  if (!table) return std::nullopt;
+  RobustEntry entry;
+  ReadKeys(*table, kRobustKeys, entry);
+  RobustSettings settings = entry;
+  settings.spreads = entry;
+  settings.drive = entry;
+  if (!problem.target_pitch_rad) {
+    root.Fail("robust",
+              "judges a motion by the pitch at which robots end; the task asks for none: give it a "
+              "[[cost]] with term \"terminal\" of \"pitch\" when \"settled\"");
+  }
+  try {
+    static_cast<void>(MakeLaneScene(problem.scene, settings.drive));
+  } catch (const std::invalid_argument& error) {
+    root.Fail("robust", fmt::format("cannot simulate this task in lanes: {}", error.what()));
+  }
+  return settings;
+}
+
+KeyTable RobustKeyTable() {
+  return {"offline/problem/robust_toml.cc", "robust", RowsOf(kRobustKeys)};
+}
+
+}  // namespace tumbler

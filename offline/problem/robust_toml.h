@@ -1,0 +1,20 @@
+#pragma once
+
+#include <optional>
+
+#include "common/key_table.h"
+#include "common/toml_reader.h"
+#include "offline/problem/problem.h"
+
+namespace tumbler {
+
+/// Reads the table `[robust]` of a task, if there is one.
+/// @param problem  the task without it.
+/// @throws FileError  also when the task has no pitch to end at, or something that lanes do not
+///                    have.
+std::optional<RobustSettings> ReadRobust(TomlTable& root, const Problem& problem);
+
+/// The keys of the table, for docs/formats.md.
+KeyTable RobustKeyTable();
+
+}  // namespace tumbler

@@ -1,0 +1,484 @@
+#include "offline/robust/robust_search.h"
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cmath>
+#include <limits>
+#include <mutex>
+#include <optional>
+#include <thread>
+#include <utility>
+
+#include "common/index.h"
+#include "offline/ensemble/lane_kernel.h"
+#include "offline/robust/cma_es.h"
+#include "offline/scene/self_clearance.h"
+#include "offline/solver/random_starts.h"
+
+namespace tumbler {
+namespace {
+
+constexpr std::size_t kLanes = Packet::kLanes;
+constexpr double kTick_s = 1e-3;  // of the runtime that will play the motion
+constexpr std::size_t kPitch = 2;
+/// How long a robot stands before the motion, so that it rests on its own ground.
+constexpr double kBefore_s = 0.5;
+/// How long after the settle phase the robot has to be at rest, and how long that is watched.
+constexpr double kLater_s = 0.9;
+constexpr double kWatched_s = 0.4;
+/// Thinning of the feed-forward: half the width of a triangle [ticks], as wide as the knots of a
+/// primitive's torque.
+constexpr int kSmoothing_ticks = 12;
+constexpr int kPopulation = 16;
+/// Random motions that go on from the model to 16 robots.
+constexpr std::size_t kKept = 1000;
+/// A candidate worth this keeps no limit of its path, and is not simulated.
+constexpr double kUnplayable = 4;
+/// A loss from which on robots mostly fall, and one that cannot be told from 0.
+constexpr double kHopeless = 0.9;
+constexpr double kPerfect = 1e-3;
+constexpr int kHopelessAfter = 20;  // generations
+
+int Ticks(double time_s) { return static_cast<int>(std::lround(time_s / kTick_s)); }
+
+/// Calls work(i) for 0 <= i < count on so many threads.
+template <class Work>
+void InParallel(int count, int threads, const Work& work) {
+  std::atomic<int> next{0};
+  const auto loop = [&] {
+    for (int i = next++; i < count; i = next++) work(i);
+  };
+  std::vector<std::thread> workers;
+  for (int t = 1; t < std::min(threads, count); ++t) workers.emplace_back(loop);
+  loop();
+  for (std::thread& worker : workers) worker.join();
+}
+
+/// Robots in packets, as they stand before the motion.
+struct Ensemble {
+  std::vector<LaneRobot<Packet>> robots;
+  std::vector<LaneState<Packet>> states;
+  HeldSetpoints<Packet> held{};
+};
+
+/// What the plan of a motion, the model with joints that follow exactly, takes.
+struct Plan {
+  std::vector<double> feed_forward;  ///< For each tick of the motion and joint.
+  double excess = 0;                 ///< Of torque and of penetration.
+};
+
+/// A motion with its loss.
+struct Candidate {
+  std::vector<double> x;
+  double loss = 0;
+};
+
+class RobustSearch {
+ public:
+  RobustSearch(const Problem& problem, const SolveOptions& options)
+      : problem_(problem),
+        robust_(*problem.robust),
+        options_(options),
+        kernel_(*PacketKernels().front()),
+        rows_(DerivativeLimitRows(problem)),
+        ticks_(Ticks(problem.duration_s)),
+        joints_(problem.joints.size()) {
+    lanes_ = LanesOf(RobotVariation{});
+    target_rad_ = *problem.target_pitch_rad;
+    for (const CostTerm& term : problem.cost) {
+      if (term.targets_pitch() && term.when == CostTerm::When::kSettled)
+        tolerance_rad_ = term.tolerance;
+    }
+  }
+
+  std::vector<Candidate> Run() {
+    std::vector<Candidate> best = Improve(RandomMotions(), robust_.starts, 0.12,
+                                          MakeEnsemble(16, 1), robust_.generations / 3);
+    best = Improve(best, robust_.improved, 0.05, MakeEnsemble(32, 1.25), robust_.generations / 2);
+    std::vector<Candidate> polished =
+        Improve(best, 1, 0.03, MakeEnsemble(robust_.polish_robots, robust_.polish_scale),
+                robust_.generations);
+    polished.insert(polished.end(), best.begin(), best.end());
+    return polished;
+  }
+
+  [[nodiscard]] std::int64_t evaluations() const { return evaluations_; }
+  [[nodiscard]] std::vector<Evaluation>& history() { return history_; }
+  [[nodiscard]] bool interrupted() const {
+    return options_.interrupt != nullptr && *options_.interrupt;
+  }
+
+ private:
+  using Setpoints = std::vector<LaneSetpoint<Packet>>;
+
+  /// The scene in lanes, for the model or a robot.
+  LaneScene LanesOf(const RobotVariation& variation) const {
+    const bool model = variation.links.empty();
+    LaneScene lanes =
+        MakeLaneScene(model ? problem_.scene : Varied(problem_.scene, variation), robust_.drive);
+    for (std::size_t j = 0; j < problem_.joints.size(); ++j) {
+      auto& joint = lanes.robot.joints[j];
+      joint.torque_max = problem_.joints[j].limits.torque_max_nm;
+      if (model) continue;
+      joint.torque_max *= variation.joints[j].torque_limit;
+      joint.kp *= variation.joints[j].gain;
+      joint.kd *= variation.joints[j].gain;
+    }
+    return lanes;
+  }
+
+  [[nodiscard]] LaneState<double> Start() const {
+    LaneState<double> state{};
+    std::copy(problem_.start_q.begin(), problem_.start_q.end(), state.q.begin());
+    return state;
+  }
+
+  /// Robots of an ensemble of its own for each size and scale.
+  Ensemble MakeEnsemble(int robots, double scale) const {
+    Ensemble ensemble;
+    for (std::size_t j = 0; j < joints_; ++j)
+      ensemble.held[j] = {Packet::Of(problem_.joints[j].start_rad), Packet::Of(0), Packet::Of(0)};
+    Setpoints hold;
+    for (int k = 0; k < Ticks(kBefore_s); ++k)
+      hold.insert(hold.end(), ensemble.held.begin(), ensemble.held.begin() + joints_);
+    const std::uint64_t seed = problem_.search.seed * 1000 + static_cast<std::uint64_t>(robots);
+    for (int first = 0; first < robots; first += static_cast<int>(kLanes)) {
+      std::array<LaneRobot<double>, kLanes> each;
+      std::array<LaneState<double>, kLanes> states;
+      for (std::size_t lane = 0; lane < kLanes; ++lane) {
+        const std::uint64_t index = static_cast<std::uint64_t>(first) + lane;
+        each[lane] =
+            LanesOf(DrawRobot(problem_.scene.robot, robust_.spreads, scale, seed, index)).robot;
+        states[lane] = Start();
+      }
+      LaneState<Packet> state = PackLanes<LaneState>(states);
+      HeldSetpoints<Packet> held = ensemble.held;
+      LaneWatch<Packet> watch;
+      ensemble.robots.push_back(PackLanes<LaneRobot>(each));
+      kernel_.drive(lanes_.model, ensemble.robots.back(), {}, hold, held, state, watch);
+      ensemble.states.push_back(state);
+    }
+    return ensemble;
+  }
+
+  /// How far the path leaves its limits and the clearance; 0 where it keeps them.
+  [[nodiscard]] double PathExcess(const std::vector<double>& x, SelfDistances& distances) const {
+    double excess = 0;
+    for (std::size_t j = 0; j < joints_; ++j) {
+      const JointLimits<double>& limits = problem_.joints[j].limits;
+      for (int i = 0; i < problem_.joints[j].free_points(); ++i) {
+        const double q = x[Index(problem_.first_parameter(j) + i)];
+        excess += std::max({0.0, q - limits.position_max_rad, limits.position_min_rad - q});
+      }
+    }
+    for (const LinearRow& row : rows_) {
+      double sum = row.b;
+      for (std::size_t i = 0; i < x.size(); ++i) sum += row.a[i] * x[i];
+      excess += std::max(0.0, sum);
+    }
+    if (excess > 0) return kUnplayable + excess;
+    const SelfContact& own = problem_.scene.self_contact;
+    if (own.pairs.empty()) return 0;
+    const auto splines = SplinesOf(x);
+    std::vector<double> q = problem_.start_q;
+    double nearest = std::numeric_limits<double>::infinity();
+    for (int k = 0; k <= ticks_; k += 5) {
+      for (std::size_t j = 0; j < joints_; ++j)
+        q[Index(problem_.joints[j].dof)] = splines[j].Evaluate(k * kTick_s).value;
+      nearest = std::min(nearest, distances.Nearest(q).distance_m);
+    }
+    const double lacks = own.clearance_m + 5e-4 - nearest;
+    return lacks > 0 ? 0.2 + lacks * 20 : 0;
+  }
+
+  [[nodiscard]] std::vector<JointMotion<double>::Spline> SplinesOf(
+      const std::vector<double>& x) const {
+    std::vector<JointMotion<double>::Spline> splines;
+    for (std::size_t j = 0; j < joints_; ++j) splines.push_back(PositionSpline(problem_, x, j));
+    return splines;
+  }
+
+  /// Puts a motion into one lane, or all, of setpoints that are `step_s` apart.
+  template <class Put>
+  void Sample(const std::vector<double>& x, std::size_t count, double step_s,
+              const Put& put) const {
+    const auto splines = SplinesOf(x);
+    for (std::size_t k = 0; k < count; ++k) {
+      const double t = static_cast<double>(k) * step_s;
+      for (std::size_t j = 0; j < joints_; ++j) {
+        auto at = splines[j].Evaluate(t);
+        if (t >= problem_.duration_s) at.first = at.second = 0;
+        put(k * joints_ + j, at);
+      }
+    }
+  }
+
+  /// The plans of up to a packet of motions.
+  std::vector<Plan> Plans(const std::vector<std::vector<double>>& motions) const {
+    constexpr int kSteps = 4;  // in a tick
+    const double step_s = kTick_s / kSteps;
+    const auto count = Index((ticks_ + Ticks(problem_.settle_s)) * kSteps);
+    Setpoints setpoints(count * joints_);
+    for (std::size_t lane = 0; lane < kLanes; ++lane) {
+      Sample(motions[std::min(lane, motions.size() - 1)], count, step_s,
+             [&](std::size_t i, const auto& at) {
+               setpoints[i].position.set_lane(lane, at.value);
+               setpoints[i].velocity.set_lane(lane, at.first);
+               setpoints[i].third.set_lane(lane, at.second);
+             });
+    }
+    std::array<LaneRobot<double>, kLanes> robots;
+    std::array<LaneState<double>, kLanes> states;
+    for (std::size_t lane = 0; lane < kLanes; ++lane) {
+      robots[lane] = lanes_.robot;
+      // The plan knows the URDF's friction alone.
+      for (std::size_t j = 0; j < joints_; ++j)
+        robots[lane].joints[j].viscous_friction -= robust_.drive.viscous_friction_nm_s_per_rad;
+      states[lane] = Start();
+    }
+    LaneState<Packet> state = PackLanes<LaneState>(states);
+    LaneWatch<Packet> watch;
+    std::vector<Packet> torques(setpoints.size());
+    kernel_.prescribe(lanes_.model, PackLanes<LaneRobot>(robots), step_s, setpoints, state, watch,
+                      torques);
+    std::vector<Plan> plans(motions.size());
+    for (std::size_t m = 0; m < motions.size(); ++m) {
+      plans[m].excess = std::max(0.0, watch.depth.lane(m) - 0.85);
+      for (std::size_t j = 0; j < joints_; ++j) {
+        const double limit = 0.95 * problem_.joints[j].limits.torque_max_nm;
+        plans[m].excess += std::max(0.0, watch.torque[j].lane(m) / limit - 1);
+      }
+      plans[m].feed_forward = Smoothed(torques, m, kSteps);
+    }
+    return plans;
+  }
+
+  /// The torques of a lane, one for each tick and joint, averaged over their neighbours.
+  [[nodiscard]] std::vector<double> Smoothed(const std::vector<Packet>& torques, std::size_t lane,
+                                             int steps) const {
+    const int count = static_cast<int>(torques.size() / joints_);
+    std::vector<double> smoothed;
+    for (int k = 0; k <= ticks_; ++k) {
+      for (std::size_t j = 0; j < joints_; ++j) {
+        double sum = 0, weights = 0;
+        for (int m = -kSmoothing_ticks; m <= kSmoothing_ticks; ++m) {
+          const int step = (k + m) * steps;
+          if (step < 0 || step >= count) continue;
+          const double weight = kSmoothing_ticks + 1 - std::abs(m);
+          sum += weight * torques[Index(step) * joints_ + j].lane(lane);
+          weights += weight;
+        }
+        smoothed.push_back(sum / weights);
+      }
+    }
+    return smoothed;
+  }
+
+  /// What a robot's end is worth: see SolveRobust.
+  /// @param speed  the root's largest, in the time that is watched.
+  [[nodiscard]] double LossOf(double settled_rad, double later_rad, double speed) const {
+    const double off = std::isfinite(later_rad) ? std::abs(later_rad - target_rad_) : 1e3;
+    const double settled = std::isfinite(settled_rad) ? std::abs(settled_rad - target_rad_) : 1e3;
+    const double t = 0.96 * tolerance_rad_, w = 1.2 * CostTerm::kRateTolerance;
+    if (off < t && settled < t && speed < w) {
+      return 0.1 * std::pow(settled / tolerance_rad_, 2) + 0.1 * std::pow(speed / w, 2);
+    }
+    if (off < 1.7 * tolerance_rad_ && speed < 1)
+      return 0.35 + 0.15 * std::min(1.0, settled / (2 * tolerance_rad_)) + 0.15 * speed;
+    // A robot that is still near when the settle phase ends falls later, and is better than one
+    // that never came near.
+    return 1 + 0.2 * std::min(1.0, settled / 2) + 0.1 * std::min(1.0, off / 3);
+  }
+
+  /// The mean loss of an ensemble. When all robots of the first packet fall, it is theirs.
+  [[nodiscard]] double Judge(const std::vector<double>& x, const Plan& plan,
+                             const Ensemble& ensemble) const {
+    const int settled = ticks_ + Ticks(problem_.settle_s);
+    Setpoints setpoints(Index(settled + Ticks(kLater_s)) * joints_);
+    Sample(x, setpoints.size() / joints_, kTick_s, [&](std::size_t i, const auto& at) {
+      const std::size_t last = plan.feed_forward.size() - joints_ + i % joints_;
+      setpoints[i] = {Packet::Of(at.value), Packet::Of(at.first),
+                      Packet::Of(plan.feed_forward[std::min(i, last)])};
+    });
+    const std::span<const LaneSetpoint<Packet>> all(setpoints);
+    const std::size_t split = Index(settled) * joints_;
+    const std::size_t watched = setpoints.size() - Index(Ticks(kWatched_s)) * joints_;
+    double sum = 0;
+    for (std::size_t p = 0; p < ensemble.robots.size(); ++p) {
+      LaneState<Packet> state = ensemble.states[p];
+      HeldSetpoints<Packet> held = ensemble.held;
+      LaneWatch<Packet> watch;
+      kernel_.drive(lanes_.model, ensemble.robots[p], {}, all.first(split), held, state, watch);
+      const Packet pitch = state.q[kPitch];
+      kernel_.drive(lanes_.model, ensemble.robots[p], {}, all.subspan(split, watched - split), held,
+                    state, watch);
+      watch = {};
+      kernel_.drive(lanes_.model, ensemble.robots[p], {}, all.subspan(watched), held, state, watch);
+      double packet = 0;
+      for (std::size_t lane = 0; lane < kLanes; ++lane)
+        packet += LossOf(pitch.lane(lane), state.q[kPitch].lane(lane), watch.root_speed.lane(lane));
+      if (p == 0 && packet >= kLanes) return packet / kLanes;
+      sum += packet;
+    }
+    return sum / static_cast<double>(ensemble.robots.size() * kLanes);
+  }
+
+  /// Losses of motions, penalties included.
+  std::vector<double> Evaluate(const std::vector<std::vector<double>>& motions,
+                               const Ensemble& ensemble) {
+    std::vector<double> losses(motions.size());
+    const int packets = static_cast<int>((motions.size() + kLanes - 1) / kLanes);
+    InParallel(packets, options_.threads, [&](int p) {
+      SelfDistances distances(problem_.scene.robot, problem_.scene.self_contact.pairs);
+      std::vector<std::vector<double>> playable;
+      std::vector<std::size_t> which;
+      const std::size_t end = std::min(motions.size(), Index(p + 1) * kLanes);
+      for (std::size_t i = Index(p) * kLanes; i < end; ++i) {
+        losses[i] = PathExcess(motions[i], distances);
+        if (losses[i] >= kUnplayable) continue;
+        playable.push_back(motions[i]);
+        which.push_back(i);
+      }
+      if (playable.empty()) return;
+      const std::vector<Plan> plans = Plans(playable);
+      for (std::size_t m = 0; m < playable.size(); ++m)
+        losses[which[m]] += Judge(playable[m], plans[m], ensemble) + 2 * plans[m].excess;
+    });
+    evaluations_ += static_cast<std::int64_t>(motions.size());
+    return losses;
+  }
+
+  void Tell(bool global, int start, double loss) {
+    const Evaluation evaluation{global, start, evaluations_, loss, 0};
+    history_.push_back(evaluation);
+    if (options_.progress) options_.progress(evaluation);
+  }
+
+  /// Random motions, each in a lane of its own on the model; the best of them on 16 robots.
+  std::vector<Candidate> RandomMotions() {
+    const RandomStarts starts(problem_);
+    const int packets = (robust_.samples + static_cast<int>(kLanes) - 1) / static_cast<int>(kLanes);
+    std::vector<Candidate> all(Index(packets) * kLanes);
+    const Ensemble model = MakeEnsemble(static_cast<int>(kLanes), 0);
+    InParallel(packets, options_.threads, [&](int p) {
+      if (interrupted()) return;
+      PlayRandom(starts, p, model, {all.data() + Index(p) * kLanes, kLanes});
+    });
+    evaluations_ += static_cast<std::int64_t>(all.size());
+    if (interrupted()) return {};
+    Sort(all);
+    Tell(true, 0, all.front().loss);
+    if (all.size() > kKept) all.resize(kKept);
+    std::vector<std::vector<double>> motions;
+    for (const Candidate& candidate : all) motions.push_back(candidate.x);
+    const std::vector<double> losses = Evaluate(motions, MakeEnsemble(16, 1));
+    for (std::size_t i = 0; i < all.size(); ++i) all[i].loss = losses[i];
+    Sort(all);
+    return all;
+  }
+
+  void PlayRandom(const RandomStarts& starts, int packet, const Ensemble& model,
+                  std::span<Candidate> out) const {
+    SelfDistances distances(problem_.scene.robot, problem_.scene.self_contact.pairs);
+    Setpoints setpoints(Index(ticks_ + Ticks(problem_.settle_s)) * joints_);
+    for (std::size_t lane = 0; lane < kLanes; ++lane) {
+      out[lane].x = starts.Draw(static_cast<std::uint64_t>(packet) * kLanes + lane);
+      out[lane].loss = PathExcess(out[lane].x, distances);
+      Sample(out[lane].x, setpoints.size() / joints_, kTick_s, [&](std::size_t i, const auto& at) {
+        setpoints[i].position.set_lane(lane, at.value);
+        setpoints[i].velocity.set_lane(lane, at.first);
+      });
+    }
+    LaneState<Packet> state = model.states.front();
+    HeldSetpoints<Packet> held = model.held;
+    LaneWatch<Packet> watch;
+    // Ranking needs little accuracy.
+    kernel_.drive(lanes_.model, model.robots.front(), {.per_tick = 2}, setpoints, held, state,
+                  watch);
+    for (std::size_t lane = 0; lane < kLanes; ++lane) {
+      const double off = std::abs(state.q[kPitch].lane(lane) - target_rad_) +
+                         0.1 * std::min(5.0, std::abs(state.v[kPitch].lane(lane)));
+      out[lane].loss += std::isfinite(off) ? off : 1e3;
+    }
+  }
+
+  static void Sort(std::vector<Candidate>& candidates) {
+    std::stable_sort(candidates.begin(), candidates.end(),
+                     [](const Candidate& a, const Candidate& b) { return a.loss < b.loss; });
+  }
+
+  /// The best of `from`, improved.
+  std::vector<Candidate> Improve(const std::vector<Candidate>& from, int count, double sigma,
+                                 const Ensemble& ensemble, int generations) {
+    std::vector<Candidate> improved;
+    ++stage_;
+    double rival = kHopeless;  // the best of the stage so far
+    for (int start = 0; start < count && start < static_cast<int>(from.size()); ++start) {
+      if (interrupted()) break;
+      improved.push_back(
+          ImproveOne(from[Index(start)], start, sigma, ensemble, generations, rival));
+      rival = std::min(rival, improved.back().loss);
+    }
+    Sort(improved);
+    return improved;
+  }
+
+  Candidate ImproveOne(const Candidate& from, int start, double sigma, const Ensemble& ensemble,
+                       int generations, double rival) {
+    const std::uint64_t seed = problem_.search.seed * 1'000'000 + Index(stage_ * 1000 + start);
+    CmaEs search(from.x, sigma, kPopulation, seed);
+    Candidate best{from.x, Evaluate({from.x}, ensemble).front()};
+    for (int g = 0; g < generations && !interrupted(); ++g) {
+      if (best.loss < kPerfect) break;
+      if (g >= kHopelessAfter && best.loss > std::min(kHopeless, 3 * rival + 0.1)) break;
+      const std::vector<std::vector<double>> motions = search.Ask();
+      const std::vector<double> losses = Evaluate(motions, ensemble);
+      const auto least = std::min_element(losses.begin(), losses.end());
+      if (*least < best.loss)
+        best = {motions[static_cast<std::size_t>(least - losses.begin())], *least};
+      search.Tell(losses);
+      Tell(false, start, best.loss);
+      if (search.sigma() < 1e-5) break;
+    }
+    return best;
+  }
+
+  const Problem& problem_;
+  const RobustSettings& robust_;
+  const SolveOptions& options_;
+  const LaneKernel<Packet>& kernel_;
+  std::vector<LinearRow> rows_;
+  int ticks_;  // of the motion
+  std::size_t joints_;
+  LaneScene lanes_;
+  double target_rad_ = 0;
+  double tolerance_rad_ = CostTerm::kAngleTolerance_rad;
+  int stage_ = 0;
+  std::int64_t evaluations_ = 0;
+  std::vector<Evaluation> history_;
+};
+
+}  // namespace
+
+SolveOutcome SolveRobust(const Problem& problem, const SolveOptions& options) {
+  RobustSearch search(problem, options);
+  SolveOutcome outcome;
+  const std::vector<Candidate> found = search.Run();
+  outcome.interrupted = search.interrupted();
+  outcome.evaluations = search.evaluations();
+  outcome.history = std::move(search.history());
+  Rollout rollout(problem, problem.solver.step_s / 4);
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    // One evaluation: the figures of the motion as it is.
+    SolveOptions silent;
+    Solution solution = SolveFrom(problem, found[i].x, 1, rollout, silent, nullptr);
+    solution.end = SolveEnd::kStalled;
+    solution.finished = true;
+    solution.start = static_cast<int>(i);
+    outcome.solutions.push_back(std::move(solution));
+  }
+  return outcome;
+}
+
+}  // namespace tumbler

@@ -1,0 +1,25 @@
+#pragma once
+
+#include "offline/solver/solver.h"
+
+namespace tumbler {
+
+/// Finds a motion that robots survive which differ from the problem's (`Problem::robust`), without
+/// a guess, in lanes (`LaneKernel`):
+///
+/// 1. Random motions are played on the model, and the best of them on 16 robots.
+/// 2. CMA-ES improves the best few of these with 16 robots, fewer of them with 32, whose spreads
+/// are
+///    1.25 times as large, and the best with `polish_robots`.
+///
+/// A robot follows the motion through its drives, with the plan's torques as feed-forward. What is
+/// minimised is the mean over the robots of how far they are from standing at the target: less than
+/// 0.2 for one that does what the motion's purpose asks for, 0.35 ... 0.65 for one that is near,
+/// and more than 1 for one that fell; and penalties for limits that the plan itself does not keep.
+///
+/// @returns motions, the most robust first, with the figures that `Solve` gives. `options.accept`
+///          and `options.contact` do not count. The result does not depend on the threads.
+/// @pre problem.robust
+SolveOutcome SolveRobust(const Problem& problem, const SolveOptions& options);
+
+}  // namespace tumbler
