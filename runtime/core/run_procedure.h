@@ -19,13 +19,13 @@ struct RunProcedureConfig {
   std::int64_t stop_hold_ticks = 500;
   /// How long the reaction to a fault is carried out before torque off.
   std::int64_t fault_ticks = 1000;
-  /// How long the robot is lowered before torque off; 0: it is not.
-  std::int64_t lower_ticks = 0;
   /// How long the drives are told torque off at the end, in case a frame is lost.
   std::int64_t disarmed_ticks = 10;
   /// Whether somebody attends. Then each run waits, disarmed, for RequestStart, and there may be
   /// many until RequestQuit. Otherwise there is one run, which starts by itself.
   bool attended = false;
+  /// How long the robot is lowered before torque off; 0: it is not.
+  std::int64_t lower_ticks = 0;
 };
 
 /// How a run ended.
