@@ -326,6 +326,8 @@ void Cia402Drive::TakeReply(const SdoReply& reply) noexcept {
     } else {
       link_ = Link::kRefused;
       refusal_ = reply.value != 0 ? reply.value : kEmergencyGeneric;
+      refused_index_ = reply.index;
+      refused_sub_ = reply.sub;
     }
   } else if (link_ == Link::kReadMode && reply.index == 0x6061) {
     if (reply.kind == SdoReply::Kind::kRead &&
@@ -336,6 +338,8 @@ void Cia402Drive::TakeReply(const SdoReply& reply) noexcept {
     } else if (reply.kind == SdoReply::Kind::kAborted) {
       link_ = Link::kRefused;
       refusal_ = reply.value != 0 ? reply.value : kEmergencyGeneric;
+      refused_index_ = reply.index;
+      refused_sub_ = reply.sub;
       waiting_ = false;
     } else {
       waiting_ = false;  // The drive is not in the mode yet: ask again, while wait_ticks_ goes on.

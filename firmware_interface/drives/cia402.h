@@ -188,6 +188,10 @@ class Cia402Drive final : public Drive {
   [[nodiscard]] HeartbeatAge heartbeat() const noexcept override {
     return {heartbeat_age_, heartbeat_ticks_max_};
   }
+  [[nodiscard]] SetUpRefusal set_up_refusal() const noexcept override {
+    return link_ == Link::kRefused ? SetUpRefusal{refused_index_, refused_sub_, refusal_}
+                                   : SetUpRefusal{};
+  }
   [[nodiscard]] const Cia402Config& config() const noexcept { return config_; }
 
  private:
@@ -228,6 +232,8 @@ class Cia402Drive final : public Drive {
   bool waiting_ = false;  // whether the answer to the last service is still to come
   int wait_ticks_ = 0;
   std::uint32_t refusal_ = 0;
+  std::uint16_t refused_index_ = 0;
+  std::uint8_t refused_sub_ = 0;
 
   Follow follow_ = Follow::kOff;
   int reset_ticks_ = 0;  // ticks left of the attempt to reset a fault

@@ -78,6 +78,13 @@ struct HeartbeatAge {
   int limit_ticks = 0;  ///< At a greater age the state is kLost; 0: the protocol has no heartbeat.
 };
 
+/// What a drive has refused while it was set up: an object of its dictionary. A code of 0: nothing.
+struct SetUpRefusal {
+  std::uint16_t index = 0;
+  std::uint8_t sub = 0;
+  std::uint32_t code = 0;
+};
+
 /// The frames of one tick for one drive.
 class FrameBatch {
  public:
@@ -139,6 +146,7 @@ class Drive {
 
   [[nodiscard]] virtual ReplyRhythm reply_rhythm() const noexcept { return {}; }
   [[nodiscard]] virtual HeartbeatAge heartbeat() const noexcept { return {}; }
+  [[nodiscard]] virtual SetUpRefusal set_up_refusal() const noexcept { return {}; }
 };
 
 }  // namespace tumbler

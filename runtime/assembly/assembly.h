@@ -1,6 +1,7 @@
 #pragma once
 
 #include <memory>
+#include <span>
 
 #include "common/status.h"
 #include "firmware_interface/drives/drive_bank.h"
@@ -20,6 +21,8 @@ class Assembly {
   Status Configure(const ExecutorConfig& config);
 
   [[nodiscard]] Executor& executor() { return *executor_; }
+  /// The drives, in the order of the joints.
+  [[nodiscard]] std::span<Drive* const> drives() const { return bank_->drives(); }
   [[nodiscard]] const RunParts& parts() const { return parts_; }
 
  private:

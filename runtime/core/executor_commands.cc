@@ -89,12 +89,16 @@ RefusalDetail Executor::CheckArm() const noexcept {
     const Joint& joint = joints_[index];
     const auto name = static_cast<std::int8_t>(i);
     const float position = joint.measured.position_rad;
+    // A drive that has refused its set-up reports no position, and is not silent for all that.
+    const std::uint32_t error = joint.drive->feedback().error;
+    const bool never_heard = joint.replies.age_ticks() < 0;
+    if (joint.measured.error != 0 || (never_heard && error != 0) ||
+        joint.drive_state == DriveState::kFault) {
+      return {static_cast<float>(error), 0, Refusal::kDriveError, name};
+    }
     if (joint.replies.age_ticks() < 0 || joint.replies.age_ticks() > config_.stale_ticks_max) {
       return {static_cast<float>(joint.replies.age_ticks()),
               static_cast<float>(config_.stale_ticks_max), Refusal::kNoReply, name};
-    }
-    if (joint.measured.error != 0 || joint.drive_state == DriveState::kFault) {
-      return {static_cast<float>(joint.measured.error), 0, Refusal::kDriveError, name};
     }
     if (joint.drive_state == DriveState::kLost) {
       const HeartbeatAge age = joint.drive->heartbeat();

@@ -6,6 +6,7 @@
 #include <csignal>
 #include <cstdio>
 
+#include "firmware_interface/drives/error_texts.h"
 #include "runtime/linux/interrupts.h"
 #include "runtime/telemetry/sentences.h"
 
@@ -50,9 +51,25 @@ void Play::Run(const RunProcedureConfig& config, std::int64_t period_ns,
 
 std::string Play::Reason(const std::vector<std::string>& joints) const {
   const FaultDetail& fault = loop_->record().first_fault;
-  if (fault.fault != Fault::kNone) return Describe(fault, joints);
-  if (procedure_->outcome() == RunOutcome::kRefused) return Describe(procedure_->refusal(), joints);
-  return "";
+  if (fault.fault != Fault::kNone) {
+    return Describe(fault, joints) +
+           (fault.fault == Fault::kDriveError ? DriveProblem(fault.joint) : "");
+  }
+  if (procedure_->outcome() != RunOutcome::kRefused) return "";
+  const RefusalDetail& refusal = procedure_->refusal();
+  return Describe(refusal, joints) +
+         (refusal.refusal == Refusal::kDriveError ? DriveProblem(refusal.joint) : "");
+}
+
+std::string Play::DriveProblem(int joint) const {
+  const auto index = static_cast<std::size_t>(joint);
+  if (joint < 0 || index >= assembly_.drives().size()) return "";
+  const Drive& drive = *assembly_.drives()[index];
+  const std::string refusal = DescribeSetUpRefusal(drive.set_up_refusal());
+  if (!refusal.empty()) return "; it refused " + refusal;
+  const std::uint32_t error = drive.feedback().error;
+  if (error == 0) return "";
+  return "; it reports " + DescribeDriveError(assembly_.parts().drives.drives[index].config, error);
 }
 
 std::int64_t UtimeAtZero(World& world) {

@@ -43,6 +43,9 @@ class Play {
   [[nodiscard]] std::string Reason(const std::vector<std::string>& joints) const;
 
  private:
+  /// What a drive says of its error, to be added to a sentence; empty if nothing.
+  [[nodiscard]] std::string DriveProblem(int joint) const;
+
   Assembly& assembly_;
   World& world_;
   PlayOutputs outputs_;

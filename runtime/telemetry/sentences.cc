@@ -49,6 +49,14 @@ const char* UnitOf(Refusal refusal) {
   }
 }
 
+/// A drive's code, unless it has more digits than a float.
+std::string CodeOf(float value) {
+  constexpr float kExact = 16'777'216;
+  return value >= 0 && value < kExact
+             ? fmt::format(": code {:#x}", static_cast<std::uint32_t>(value))
+             : "";
+}
+
 }  // namespace
 
 std::string Describe(const FaultDetail& detail, const std::vector<std::string>& joint_names) {
@@ -69,8 +77,7 @@ std::string Describe(const FaultDetail& detail, const std::vector<std::string>& 
       text += fmt::format(": {}", ToString(static_cast<Status>(detail.value)));
       break;
     case Fault::kDriveError:
-      text += detail.value == 0 ? ": it is not enabled any more"
-                                : fmt::format(": code {}", detail.value);
+      text += detail.value == 0 ? ": it is not enabled any more" : CodeOf(detail.value);
       break;
     case Fault::kForeignCommand:
       text += fmt::format(": a frame of somebody else with identifier {:#05x}",
@@ -91,7 +98,7 @@ std::string Describe(const RefusalDetail& detail, const std::vector<std::string>
   if (detail.joint < 0) return text;
   text += fmt::format(" ({}", JointName(detail.joint, joint_names));
   if (detail.refusal == Refusal::kNoReply && detail.value < 0) return text + ": never)";
-  if (detail.refusal == Refusal::kDriveError) return text + fmt::format(": code {})", detail.value);
+  if (detail.refusal == Refusal::kDriveError) return text + CodeOf(detail.value) + ")";
   return text + fmt::format(": {:.4g}{}, limit {:.4g})", detail.value, UnitOf(detail.refusal),
                             detail.limit);
 }

@@ -2,6 +2,7 @@
 // case makes something go wrong in the world and checks the frames: the fault is found, the
 // reaction is that of the table, and no frame breaks the rules of tests/support/frame_checker.h.
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -16,6 +17,7 @@
 #include <tuple>
 #include <vector>
 
+#include "firmware_interface/drives/error_texts.h"
 #include "tests/support/fault_bench.h"
 #include "tests/support/files.h"
 #include "tests/support/motions.h"
@@ -830,6 +832,43 @@ TEST(ManyDrives, OfThreeProtocolsOnOneBusAreArmed) {
   EXPECT_TRUE(bench.Reach(ExecutorState::kRunning))
       << ToString(bench.output.record.refusal.refusal) << " "
       << ToString(bench.output.record.first_fault.fault);
+}
+
+TEST(SetUp, ADriveThatRefusesAnObjectIsNotSilentAndSaysWhich) {
+  FaultBench::Config config;
+  const Motion motion = MakeMotion();
+  config.drives = LoadDrives(testing::SourcePath("primitives/robots/tumbler_drives_cia402.toml"));
+  config.graph = motion.graph;
+  config.primitives = motion.primitives;
+  config.executor = ConfigOf({}, motion);
+  FaultBench bench(std::move(config));
+  const std::uint8_t node = std::get<Cia402Config>(bench.DriveOf(0)).node_id;
+  bench.drives[0]->set_silent(true);
+  SdoRequest refused;
+  bench.on_sent = [&](const CanFrame& frame) {
+    if (DecodeSdoRequest(node, frame, refused) != Status::kOk) return;
+    static_cast<void>(bench.stranger.SendAfter(
+        300'000, EncodeSdoReply(
+                     node, {SdoReply::Kind::kAborted, refused.index, refused.sub, 0, 0x06090011})));
+  };
+  for (int i = 0; i < 50; ++i) bench.Tick();
+  const RefusalDetail refusal = bench.Tick(OperatorCommand::kArm).refusal;
+  EXPECT_EQ(refusal.refusal, Refusal::kDriveError) << ToString(refusal.refusal);
+  EXPECT_EQ(refusal.joint, 0);
+  EXPECT_EQ(DescribeSetUpRefusal({refused.index, refused.sub, 0x06090011}),
+            fmt::format("object {:04x}:{:02x}: 0x06090011, the sub-index does not exist",
+                        refused.index, refused.sub));
+}
+
+TEST(DriveErrors, HaveTheirCodesInHexadecimalAndTheirNames) {
+  MitConfig damiao;
+  damiao.dialect = MitDialect::kDamiao;
+  EXPECT_EQ(DescribeDriveError(MitConfig(), 4), "0x04, under-voltage");
+  EXPECT_EQ(DescribeDriveError(damiao, 13), "0x0d, lost communication");
+  EXPECT_EQ(DescribeDriveError(CanSimpleConfig(), 0x1000100),
+            "0x01000100, dc bus over-voltage, watchdog timer expired");
+  EXPECT_EQ(DescribeDriveError(Cia402Config(), 0x8611), "0x8611, following error");
+  EXPECT_EQ(DescribeDriveError(Cia402Config(), 0x1234), "0x1234");
 }
 
 TEST(FaultMatrixSize, IsAtLeastFiveHundredCases) { EXPECT_GE(AllCases().size(), 500U); }
