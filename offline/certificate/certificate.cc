@@ -256,10 +256,12 @@ MotionSummary Summarize(const Problem& problem, const std::vector<double>& x) {
   MotionSummarizer summarizer(problem, kRefinement);
   SelfDistances distances(problem.scene.robot, problem.scene.self_contact.pairs);
   const double settled_s = problem.duration_s + problem.settle_s + 1e-9;
+  double least_m = std::numeric_limits<double>::infinity();
   Rollout rollout(problem, problem.solver.step_s / kRefinement);
   rollout.Visit(x, SettlingAfter(problem), [&](const MotionSample& sample) {
-    const bool counts = sample.time_s <= settled_s;
-    summarizer.Take(sample, counts ? distances.Nearest(sample.q).distance_m : 0);
+    if (sample.time_s <= settled_s)
+      least_m = std::min(least_m, distances.Nearest(sample.q, least_m).distance_m);
+    summarizer.Take(sample, least_m);
   });
   return summarizer.Finish();
 }

@@ -103,8 +103,8 @@ class MotionSummarizer {
   /// @param refinement  how many samples there are in a step of the solver.
   MotionSummarizer(const Problem& problem, double refinement);
   /// Takes the samples in their order, from the start of the motion to SettlingAfter its end.
-  /// @param own_distance_m  of the robot's own shapes that are to stay apart; it does not count
-  ///                        after the settle phase.
+  /// @param own_distance_m  of the robot's own shapes that are to stay apart: the least so far, to
+  ///                        the end of the settle phase.
   void Take(const MotionSample& sample, double own_distance_m);
   MotionSummary Finish();
 

@@ -82,7 +82,8 @@ class Looker {
     look_.layer_m = problem.scene.contact.d_on_m;
   }
 
-  /// @param own  the distance of the robot's own shapes; infinite after the settle phase.
+  /// @param own  the nearest of the robot's own shapes; infinite where they are not nearer than
+  ///             before, and after the settle phase.
   void Take(const MotionSample& sample, const SelfClearance& own) {
     const double t = sample.time_s;
     if (t <= problem_.duration_s + 1e-9) end_.Take(sample);
@@ -160,12 +161,14 @@ FineLook LookFinely(const Problem& problem, const std::vector<double>& x, double
   Looker looker(problem, step_s);
   MotionSummarizer summarizer(problem, refinement);
   SelfDistances distances(problem.scene.robot, problem.scene.self_contact.pairs);
+  double least_m = std::numeric_limits<double>::infinity();
   Rollout rollout(problem, step_s);
   rollout.Visit(x, SettlingAfter(problem), [&](const MotionSample& sample) {
-    const SelfClearance own =
-        sample.time_s <= settled_s ? distances.Nearest(sample.q) : SelfClearance{};
+    SelfClearance own;
+    if (sample.time_s <= settled_s) own = distances.Nearest(sample.q, least_m);
+    least_m = std::min(least_m, own.distance_m);
     looker.Take(sample, own);
-    summarizer.Take(sample, own.distance_m);
+    summarizer.Take(sample, least_m);
   });
   return {looker.Finish(), summarizer.Finish()};
 }

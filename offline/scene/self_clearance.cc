@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include "common/index.h"
@@ -14,6 +15,9 @@ namespace {
 
 /// The positions of a joint at which its two bodies are looked at.
 constexpr int kPositions = 65;
+/// A pair that is farther apart than what was asked for by up to this is worth its exact distance:
+/// the longer may all pairs be left alone.
+constexpr double kWorthKnowing_m = 0.02;
 /// Distances that differ by less are the same.
 constexpr double kSameDistance_m = 1e-9;
 
@@ -92,6 +96,43 @@ SelfDistances::SelfDistances(const PlanarRobot& robot, std::vector<OwnPair> pair
     pairs_.push_back({pair, a & ~b, b & ~a});
   }
   near_.reserve(pairs_.size());
+  found_at_.reserve(joints_.size());
+  FindSweeps();
+}
+
+void SelfDistances::FindSweeps() {
+  // From the last body on: how far from its joint's axis any of its shapes, and of those that hang
+  // on it, can be.
+  sweep_.assign(joints_.size(), 0.0);
+  for (const Own& own : shapes_) {
+    if (own.body < root_dofs_) continue;
+    double& sweep = sweep_[Index(own.body)];
+    sweep = std::max(sweep, own.shape.centre.norm() + own.reach_m);
+  }
+  for (std::size_t j = joints_.size(); j-- > Index(root_dofs_);) {
+    const int parent = joints_[j].parent;
+    // A joint that slides takes its shapes anywhere.
+    if (joints_[j].kind != JointKind::kRevolute)
+      sweep_[j] = std::numeric_limits<double>::infinity();
+    if (parent < root_dofs_) continue;
+    double& sweep = sweep_[Index(parent)];
+    sweep = std::max(sweep, joints_[j].offset.norm() + sweep_[j]);
+  }
+}
+
+bool SelfDistances::StillApart(std::span<const double> q, double limit_m) const {
+  if (found_at_.empty() || !(apart_m_ > limit_m)) return false;
+  constexpr double kRounding_m = 1e-9;
+  double moved = kRounding_m;
+  for (std::size_t j = Index(root_dofs_); j < joints_.size(); ++j) {
+    if (q[j] != found_at_[j]) moved += sweep_[j] * std::abs(q[j] - found_at_[j]);
+  }
+  return apart_m_ - moved > limit_m;
+}
+
+void SelfDistances::RememberApart(std::span<const double> q, double distance_m) {
+  found_at_.assign(q.begin(), q.end());
+  apart_m_ = distance_m;
 }
 
 const SelfDistances::Body& SelfDistances::BodyOf(int body) const {
@@ -130,11 +171,18 @@ PosedShape<Plane> SelfDistances::Posed(int shape) const {
 
 std::span<const SelfDistances::Near> SelfDistances::FindNearer(std::span<const double> q,
                                                                double limit_m) {
-  SetPositions(q);
   near_.clear();
+  if (StillApart(q, limit_m)) return near_;
+  SetPositions(q);
+  double apart = std::numeric_limits<double>::infinity();
   for (const Pair& pair : pairs_) {
-    if (Bound(pair.pair) >= limit_m) continue;
+    const double bound = Bound(pair.pair);
+    if (bound >= limit_m + kWorthKnowing_m) {
+      apart = std::min(apart, bound);
+      continue;
+    }
     const SignedDistance distance = FindSignedDistance(Posed(pair.pair.a), Posed(pair.pair.b));
+    apart = std::min(apart, distance.d);
     if (distance.d >= limit_m) continue;
     Near& near = near_.emplace_back();
     near.pair = pair.pair;
@@ -150,17 +198,20 @@ std::span<const SelfDistances::Near> SelfDistances::FindNearer(std::span<const d
       near.slopes[j] = sign * distance.u.dot(velocity);
     }
   }
+  RememberApart(q, apart);
   return near_;
 }
 
-SelfClearance SelfDistances::Nearest(std::span<const double> q) {
-  SetPositions(q);
+SelfClearance SelfDistances::Nearest(std::span<const double> q, double limit_m) {
   SelfClearance nearest;
+  if (StillApart(q, limit_m)) return nearest;
+  SetPositions(q);
   for (const Pair& pair : pairs_) {
     if (Bound(pair.pair) >= nearest.distance_m) continue;
     const double d = FindSignedDistance(Posed(pair.pair.a), Posed(pair.pair.b)).d;
     if (d < nearest.distance_m) nearest = {d, pair.pair};
   }
+  RememberApart(q, nearest.distance_m);
   return nearest;
 }
 

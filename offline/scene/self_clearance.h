@@ -69,8 +69,10 @@ class SelfDistances {
   /// @param q  positions of all degrees of freedom; those of the root do not matter.
   std::span<const Near> FindNearer(std::span<const double> q, double limit_m);
 
+  /// The nearest pair, where it may be nearer than `limit_m`; else the default.
   /// @param q  likewise.
-  SelfClearance Nearest(std::span<const double> q);
+  SelfClearance Nearest(std::span<const double> q,
+                        double limit_m = std::numeric_limits<double>::infinity());
 
  private:
   struct Joint {
@@ -96,6 +98,12 @@ class SelfDistances {
         moves_b;  // bits of degrees of freedom that only a's body hangs on, or b's
   };
 
+  void FindSweeps();
+  /// Whether no pair can be nearer than `limit_m`, because the joints have hardly moved since
+  /// distances were last found.
+  [[nodiscard]] bool StillApart(std::span<const double> q, double limit_m) const;
+  /// Keeps what StillApart asks for.
+  void RememberApart(std::span<const double> q, double distance_m);
   void SetPositions(std::span<const double> q);
   [[nodiscard]] const Body& BodyOf(int body) const;
   /// A distance that the pair is not nearer than.
@@ -109,6 +117,10 @@ class SelfDistances {
   std::vector<Own> shapes_;
   std::vector<Pair> pairs_;
   std::vector<Near> near_;
+  // By degree of freedom, how far any of its shapes goes at most when it moves by one [m/rad].
+  std::vector<double> sweep_;
+  std::vector<double> found_at_;  // positions for which distances were last found
+  double apart_m_ = 0;            // no pair was nearer than this there
 };
 
 }  // namespace tumbler

@@ -188,6 +188,38 @@ TEST(SelfDistances, FindTheNearestPairThatGeometryByHandFinds) {
   EXPECT_THAT(NameOf(robot, nearest.pair), AllOf(HasSubstr("leg1_link/"), HasSubstr("leg2_link/")));
 }
 
+TEST(SelfDistances, LeaveOutOnlyWhatCannotBeNearYet) {
+  // Paths in small steps, over which most pairs are left alone most of the time, against an object
+  // that looks at all pairs.
+  const PlanarRobot robot = LoadTumbler();
+  const std::vector<OwnPair> pairs = SeparatePairs(robot, OwnShapes::kAll, 0.005);
+  std::mt19937_64 random(4);
+  for (int path = 0; path < 20; ++path) {
+    SelfDistances distances(robot, pairs), finder(robot, pairs);
+    std::vector<double> q(robot.tree.dofs.size(), 0.0), rate(q.size());
+    for (std::size_t j = 3; j < q.size(); ++j) {
+      q[j] = Uniform(random, -2.5, 2.5);
+      rate[j] = Uniform(random, -0.02, 0.02);
+    }
+    double least = std::numeric_limits<double>::infinity(), true_least = least;
+    for (int k = 0; k < 200; ++k) {
+      for (std::size_t j = 3; j < q.size(); ++j) q[j] += rate[j];
+      SelfDistances fresh(robot, pairs);
+      true_least = std::min(true_least, fresh.Nearest(q).distance_m);
+      least = std::min(least, distances.Nearest(q, least).distance_m);
+      EXPECT_EQ(least, true_least);
+      SelfDistances other(robot, pairs);
+      const auto found = finder.FindNearer(q, 0.007);
+      const auto all = other.FindNearer(q, 0.007);
+      ASSERT_EQ(found.size(), all.size()) << path << " " << k;
+      for (std::size_t i = 0; i < all.size(); ++i) {
+        EXPECT_EQ(found[i].distance_m, all[i].distance_m);
+        EXPECT_EQ(found[i].slopes, all[i].slopes);
+      }
+    }
+  }
+}
+
 TEST(SelfDistances, DerivativesAgreeWithDifferencesAlsoWhereLegsCross) {
   const PlanarRobot robot = LoadTumbler();
   SelfDistances distances(robot, SeparatePairs(robot, OwnShapes::kAll, 0.005));
