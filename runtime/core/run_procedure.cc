@@ -1,6 +1,18 @@
 #include "runtime/core/run_procedure.h"
 
 namespace tumbler {
+namespace {
+
+/// Whether every drive has replied, or reports an error.
+bool WereHeard(const TickRecord& last) noexcept {
+  for (std::size_t i = 0; i < last.joint_count; ++i) {
+    const JointRecord& joint = last.joints[i];
+    if (joint.reply_age_ticks < 0 && joint.drive_state != DriveState::kFault) return false;
+  }
+  return last.joint_count > 0;
+}
+
+}  // namespace
 
 OperatorCommand RunProcedure::Go(Phase phase, OperatorCommand command) noexcept {
   phase_ = phase;
@@ -77,7 +89,9 @@ OperatorCommand RunProcedure::GoOn(const TickRecord& last) noexcept {
         refusal_ = last.refusal;
         return Finish(RunOutcome::kRefused);
       }
-      return OperatorCommand::kArm;
+      // Until every drive was heard, there is nothing to arm, and nothing to refuse either.
+      return ticks_ > config_.reply_ticks_max || WereHeard(last) ? OperatorCommand::kArm
+                                                                 : OperatorCommand::kNone;
     case Phase::kMove:
       // The first record after the command already shows the move.
       if (last.state == ExecutorState::kHolding) return Go(Phase::kStart, OperatorCommand::kRun);

@@ -24,8 +24,8 @@ struct InterfaceName {
 std::unique_ptr<World> MakeInterfaceWorld(const InterfaceName& name, const DrivesConfig& drives);
 
 /// The world of a dry run, in virtual time: nothing is sent to the interface, frames are printed on
-/// standard output as candump logs them, and imagined drives follow perfectly. The interface has to
-/// exist all the same.
+/// standard output as candump logs them, and imagined drives follow perfectly. If the interface is
+/// there, its bit rate has to be that of the drives.
 /// @param start_rad  the imagined positions of the joints at the start, one for each drive.
 std::unique_ptr<World> MakeDryRunWorld(const InterfaceName& name, const DrivesConfig& drives,
                                        const std::vector<double>& start_rad);

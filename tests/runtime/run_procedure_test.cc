@@ -91,6 +91,11 @@ TEST_F(RunSequenceTest, LowersTheRobotBeforeTorqueOffWhenItIsTo) {
   }
 }
 
+TEST_F(RunSequenceTest, AsksForNothingThatIsRefusedInAHealthyRun) {
+  Play([this] { EXPECT_EQ(rig.output.record.refusal.refusal, Refusal::kNone); });
+  EXPECT_EQ(procedure.outcome(), RunOutcome::kCompleted);
+}
+
 TEST_F(RunSequenceTest, WaitsForRepliesAndGivesUpInTheEnd) {
   rig.silent[1] = true;
   Play([] {});
