@@ -182,9 +182,8 @@ namespace {
 
 bool IsReplyOf(const MitConfig& config, const CanFrame& frame) noexcept {
   if (!IsFrameOf(frame, config.reply_id) || frame.size < 6) return false;
-  const int difference = frame.data[0] ^ Low(config.command_id);
-  return config.dialect == MitDialect::kDamiao ? frame.size == 8 && (difference & 0xf) == 0
-                                               : difference == 0;
+  if (config.dialect == MitDialect::kMiniCheetah) return frame.data[0] == Low(config.command_id);
+  return frame.size == 8 && ((frame.data[0] ^ config.command_id) & 0xf) == 0;
 }
 
 // What the bytes of a reply say that the dialects have each in their own place.
@@ -400,9 +399,9 @@ Status MitDrive::Encode(DriveRequest request, const DriveSetpoint& setpoint,
   encoded_.position_rad = feedback_.position_rad;
   CanFrame frame;
   if (stage_ == Stage::kExit) {
-    const bool clear =
-        request == DriveRequest::kClearErrors && config_.dialect == MitDialect::kDamiao;
-    frame = MitMagicFrame(config_, clear ? MitMagic::kClear : MitMagic::kExit);
+    frame = MitMagicFrame(config_, MitMagic::kExit);
+    if (request == DriveRequest::kClearErrors && config_.dialect == MitDialect::kDamiao)
+      frame = MitMagicFrame(config_, MitMagic::kClear);
   } else if (stage_ == Stage::kEnter) {
     frame = MitMagicFrame(config_, MitMagic::kEnter);
   } else {
@@ -415,7 +414,15 @@ Status MitDrive::Encode(DriveRequest request, const DriveSetpoint& setpoint,
 bool MitDrive::Decode(const CanFrame& frame) noexcept {
   if (!valid_ || !IsReplyOf(config_, frame)) return false;
   const ReplyCodes codes = UnpackReply(frame);
-  const ReplyHealth health = HealthOf(config_, frame);
+  ReplyHealth health;
+  if (config_.dialect == MitDialect::kMiniCheetah) {  // the usual
+    health.has_temperature = frame.size == 8;
+    health.temperature_c =
+        health.has_temperature ? DegreesOf(frame.data[6], config_.temperature_encoding) : 0;
+    health.error = health.has_temperature ? frame.data[7] : std::uint8_t{0};
+  } else {
+    health = HealthOf(config_, frame);
+  }
   // Codes wrap modulo 2^16, and so does this difference: it is the way that the shaft has turned.
   // While the motor is off, the code may be taken as it is.
   const std::int32_t way = static_cast<std::int16_t>(codes.p - position_code_);

@@ -128,19 +128,18 @@ void Executor::TakeReplies(const TickInput& input, int elapsed) noexcept {
   int first = 0;
   foreign_joint_ = -1;
   for (const ReceivedFrame& received : input.received) {
-    bool taken = false;
-    for (int n = 0, i = first; n < joint_count_; ++n) {
+    int asked = 0;
+    for (int i = first; asked < joint_count_; ++asked) {
       Joint& joint = joints_[static_cast<std::size_t>(i)];
       const int next = i + 1 < joint_count_ ? i + 1 : 0;
       if (joint.drive->Decode(received.frame)) {
         joint.replies.Count();
         first = next;
-        taken = true;
         break;
       }
       i = next;
     }
-    if (!taken && foreign_joint_ < 0) NoteForeignCommand(received.frame);
+    if (asked == joint_count_ && foreign_joint_ < 0) NoteForeignCommand(received.frame);
   }
   for (Joint& joint : joints()) {
     if (joint.replies.EndTick(elapsed, config_.stale_ticks_max)) {
@@ -160,10 +159,10 @@ void Executor::Enter(ExecutorState state) noexcept {
     keep_torque_ = false;
   }
   if (state == ExecutorState::kRunning || state == ExecutorState::kArming) primitive_time_s_ = 0;
+  if (state == ExecutorState::kDisarmed) reaction_ = Reaction::kIgnore;
   if (state == ExecutorState::kDisarmed) {
     lowering_ = false;
     lowering_ticks_ = 0;
-    reaction_ = Reaction::kIgnore;
     for (Joint& joint : joints()) {
       if (!joint.was_enabled) continue;
       joint.left_rad = joint.commanded.position_rad;
@@ -189,6 +188,8 @@ void Executor::Send(int elapsed, TickOutput& output) noexcept {
     lowering_ticks_ += elapsed;
     lowered = std::max(0.0F, 1 - static_cast<float>(lowering_ticks_) * config_.period_s / kLower_s);
   }
+  // Whether gains and feed-forward are others than those of the configuration and the plan.
+  const bool changed = lowering_ || damped || !armed || reaction_ == Reaction::kCollapse;
   DriveRequest request = DriveRequest::kEnable;
   if (!armed) {
     request = unarmed_request_;
@@ -204,15 +205,15 @@ void Executor::Send(int elapsed, TickOutput& output) noexcept {
     joint.commanded = limited.setpoint;
     DriveSetpoint setpoint{joint.commanded.position_rad, joint.commanded.velocity_rad_s,
                            joint.commanded.torque_nm, config.kp_nm_per_rad, config.kd_nm_s_per_rad};
-    if (reaction_ == Reaction::kCollapse) {
-      setpoint.kp_nm_per_rad *= config_.collapse.stiffness;
-    } else if (damped || !armed) {
-      setpoint.velocity_rad_s = 0;
-      setpoint.torque_nm = 0;
-      setpoint.kp_nm_per_rad = 0;
-      setpoint.kd_nm_s_per_rad = damped ? config.damping_nm_s_per_rad : 0.0F;
-    }
-    if (lowering_) {
+    if (changed) {
+      if (reaction_ == Reaction::kCollapse) {
+        setpoint.kp_nm_per_rad *= config_.collapse.stiffness;
+      } else if (damped || !armed) {
+        setpoint.velocity_rad_s = 0;
+        setpoint.torque_nm = 0;
+        setpoint.kp_nm_per_rad = 0;
+        setpoint.kd_nm_s_per_rad = damped ? config.damping_nm_s_per_rad : 0.0F;
+      }
       setpoint.kp_nm_per_rad *= lowered;
       setpoint.torque_nm *= lowered;
     }
