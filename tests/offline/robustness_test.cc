@@ -118,6 +118,26 @@ TEST(Trials, TheModelItselfStandsAfterTheShippedHandstand) {
   EXPECT_EQ(outcome.motions, 1);
 }
 
+TEST(Trials, RobotsThatTheShippedHandstandLosesStandAfterTheRobustOne) {
+  RobustnessStudy nominal = StudyOf("handstand.toml");
+  RobustnessStudy robust = StudyOf("robust/handstand.toml");
+  robust.drives = testing::SourcePath("primitives/robust/drives.toml");
+  nominal.seed = robust.seed = 31;
+  const RobustnessResult lost = RunStudy(nominal, 8, 1), kept = RunStudy(robust, 8, 1);
+  EXPECT_LE(lost.stands().count, 4);
+  EXPECT_GE(kept.stands().count, 7);
+}
+
+TEST(Trials, TheModelGoesThroughACycleOfTheRobustGait) {
+  RobustnessStudy study = StudyOf("robust/gait.toml");
+  study.drives = testing::SourcePath("primitives/robust/drives.toml");
+  study.scale = 0;
+  study.run.cycles = 1;
+  const TrialOutcome outcome = Trials(study).Play(0);
+  EXPECT_EQ(outcome.verdict, Verdict::kStands) << outcome.in << ": " << outcome.reason;
+  EXPECT_EQ(outcome.motions, 2);
+}
+
 TEST(Trials, ARobotWithoutFrictionFallsAndTheNodeIsNamed) {
   RobustnessStudy study = StudyOf("handstand.toml");
   const testing::TemporaryFolder folder;
