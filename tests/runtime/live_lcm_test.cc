@@ -35,6 +35,7 @@ TEST(LcmCommands, PutsRequestsIntoTheMailboxAndNothingElse) {
     command_t message;
     message.id = 4'000'000'000;
     message.run = kRun;
+    message.seen = 0;
     message.command = code;
     message.branch = branch;
     remote.publish(kCommandChannel, &message);
@@ -73,6 +74,7 @@ TEST(LcmCommands, GoesOnAfterDatagramsThatAreNoRequests) {
   command_t message;
   message.id = 7;
   message.run = kRun;
+  message.seen = 0;
   message.command = command_t::STOP;
   message.branch = "a text of 20 letters";
   std::vector<std::uint8_t> good(static_cast<std::size_t>(message.getEncodedSize()));
