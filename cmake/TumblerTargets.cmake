@@ -35,10 +35,23 @@ if(NOT TUMBLER_FREESTANDING)
   target_compile_options(tumbler_brief_work INTERFACE $<$<CONFIG:Release>:-O1>)
 endif()
 
+# What most sources of a part include is parsed once for all of them: of the standard library, and where there are
+# matrices, of Eigen, too. Sources include all that they use nevertheless; clang-tidy reads them without this.
+option(TUMBLER_PRECOMPILE_HEADERS "Parse the headers that most sources include once for all of them" ON)
+function(tumbler_precompiled_headers name)
+  cmake_parse_arguments(ARG "" "" "LINK;HEADERS" ${ARGN})
+  file(WRITE ${CMAKE_CURRENT_BINARY_DIR}/${name}.cc "")  # A target needs a source.
+  add_library(tumbler_${name} OBJECT ${CMAKE_CURRENT_BINARY_DIR}/${name}.cc)
+  set_target_properties(tumbler_${name} PROPERTIES POSITION_INDEPENDENT_CODE ON)
+  target_link_libraries(tumbler_${name} PRIVATE tumbler_options tumbler_warnings ${ARG_LINK})
+  target_precompile_headers(tumbler_${name} PRIVATE ${ARG_HEADERS})
+endfunction()
+
 # tumbler_library(common SOURCES a.cc ... LINK Eigen3::Eigen ...) declares tumbler_common, alias tumbler::common.
 # BRIEF_WORK: none of it is a computation that anybody waits for, or part of the loop.
+# HEADERS: a name given to tumbler_precompiled_headers.
 function(tumbler_library name)
-  cmake_parse_arguments(ARG "BRIEF_WORK" "" "SOURCES;LINK;LINK_PRIVATE" ${ARGN})
+  cmake_parse_arguments(ARG "BRIEF_WORK" "HEADERS" "SOURCES;LINK;LINK_PRIVATE" ${ARGN})
   add_library(tumbler_${name} STATIC ${ARG_SOURCES})
   add_library(tumbler::${name} ALIAS tumbler_${name})
   set_target_properties(tumbler_${name} PROPERTIES EXPORT_NAME ${name})
@@ -51,6 +64,9 @@ function(tumbler_library name)
                         PRIVATE $<BUILD_INTERFACE:tumbler_warnings> ${ARG_LINK_PRIVATE})
   if(ARG_BRIEF_WORK)
     target_link_libraries(tumbler_${name} PRIVATE $<BUILD_INTERFACE:tumbler_brief_work>)
+  endif()
+  if(ARG_HEADERS AND TUMBLER_PRECOMPILE_HEADERS)
+    target_precompile_headers(tumbler_${name} REUSE_FROM tumbler_${ARG_HEADERS})
   endif()
   set_property(GLOBAL APPEND PROPERTY TUMBLER_LIBRARIES tumbler_${name})
 endfunction()

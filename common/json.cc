@@ -17,7 +17,7 @@ struct Json::Member {
 
 namespace {
 
-using Library = nlohmann::ordered_json;
+using Library = nlohmann::json;  // It parses, and writes numbers and texts.
 
 /// The deepest nesting. No data of ours is deeper, and copying or destroying a value takes a stack
 /// that is as deep.
@@ -220,26 +220,50 @@ void Json::Merge(const Json& other) {
   for (const Member& member : *members) (*this)[member.name] = member.value;
 }
 
-struct Json::ToLibrary {
-  Library operator()(const Json& json) const { return std::visit(*this, json.value_); }
-  Library operator()(const Elements& elements) const {
-    Library array = Library::array();
-    for (const Json& element : elements) array.push_back((*this)(element));
-    return array;
+struct Json::Writer {
+  int indent;
+  std::string text = {};
+  std::size_t depth = 0;
+
+  void Write(const Json& json) { std::visit(*this, json.value_); }
+  void operator()(const Elements& elements) {
+    Enclose('[', ']', elements, [this](const Json& element) { Write(element); });
   }
-  Library operator()(const Members& members) const {
-    Library object = Library::object();
-    for (const Member& member : members) object[member.name] = (*this)(member.value);
-    return object;
+  void operator()(const Members& members) {
+    Enclose('{', '}', members, [this](const Member& member) {
+      (*this)(member.name);
+      text += indent < 0 ? ":" : ": ";
+      Write(member.value);
+    });
   }
   template <typename Scalar>
-  Library operator()(const Scalar& value) const {
-    return value;
+  void operator()(const Scalar& value) {
+    text += Library(value).dump(-1, ' ', false, Library::error_handler_t::replace);
+  }
+
+ private:
+  template <typename Entries, typename WriteEntry>
+  void Enclose(char open, char close, const Entries& entries, const WriteEntry& write) {
+    text += open;
+    ++depth;
+    for (const auto& entry : entries) {
+      if (&entry != &entries.front()) text += ',';
+      BreakLine();
+      write(entry);
+    }
+    --depth;
+    if (!entries.empty()) BreakLine();
+    text += close;
+  }
+  void BreakLine() {
+    if (indent >= 0) (text += '\n').append(depth * static_cast<std::size_t>(indent), ' ');
   }
 };
 
 std::string Json::Dump(int indent) const {
-  return ToLibrary()(*this).dump(indent, ' ', false, Library::error_handler_t::replace);
+  Writer writer{.indent = indent};
+  writer.Write(*this);
+  return std::move(writer.text);
 }
 
 std::optional<Json> Json::Parse(std::string_view text) {

@@ -124,7 +124,7 @@ class Json {
   explicit Json(const Scalar& scalar);
 
   struct Member;
-  struct ToLibrary;
+  struct Writer;
   using Elements = std::vector<Json>;
   using Members = std::vector<Member>;
 
