@@ -459,6 +459,7 @@ struct Rollout::Implementation {
           !SetTorqueLane(result, output - 1, pullback.lanes[Index(lanes)])) {
         continue;
       }
+      if (output > na) pullback.core_lane = lanes;
       pullback.lanes[Index(lanes++)].output = output;
       if (lanes == kLanes) {
         PullBack<kScheme>(gradient);
@@ -483,6 +484,7 @@ struct Rollout::Implementation {
       for (auto& control : controls) control.fill(Lanes::Zero());
     }
     std::array<Lane, kLanes> lanes;
+    int core_lane = -1;  // of the penetration's output; -1: none
     std::array<Lanes, kStates> adjoint;
     std::array<std::array<Lanes, kStates>, Tableau::kMaxStages> y_bar;  // by stage
     int point = 0;                                                      // of `controls`
@@ -548,21 +550,20 @@ struct Rollout::Implementation {
   }
 
   /// The derivatives of the outputs in the torque of joint j at a stage.
-  /// @param of_cost  the derivative of the cost.
+  /// @param of_cost  the derivative of the cost, whose lane is the first; 0 where it is not pulled
+  /// back.
   Lanes TorqueSlopes(int step, int s, int j, double of_cost) const {
     Lanes slopes = Lanes::Zero();
-    const std::size_t stage = StageOf(step, s);
-    const double torque = stage_torque[stage * Index(na) + Index(j)];
+    slopes[0] = of_cost;
+    if (s > 0) return slopes;
+    const double torque = stage_torque[StageOf(step, 0) * Index(na) + Index(j)];
     for (int i = 0; i < kLanes; ++i) {
       const Lane& lane = pullback.lanes[Index(i)];
-      if (lane.output == 0) {
-        slopes[i] = of_cost;
-      } else if (lane.output == 1 + j && s == 0) {
-        const double weight =
-            share[Index(step)] *
-            std::exp(problem.solver.sharpness * (std::abs(torque) / lane.limit - lane.peak));
-        slopes[i] = std::copysign(weight / (lane.sum * lane.limit), torque);
-      }
+      if (lane.output != 1 + j) continue;
+      const double weight =
+          share[Index(step)] *
+          std::exp(problem.solver.sharpness * (std::abs(torque) / lane.limit - lane.peak));
+      slopes[i] = std::copysign(weight / (lane.sum * lane.limit), torque);
     }
     return slopes;
   }
@@ -606,12 +607,8 @@ struct Rollout::Implementation {
       y_bar[Index(i)] = row_times(nd + i, w);
       y_bar[Index(nf + i)] = k_bar[Index(i)] + row_times(2 * nd + i, w);
     }
-    const double* core = nullptr;
-    int core_lane = 0;
-    if (s == 0) {
-      while (core_lane < kLanes && pullback.lanes[Index(core_lane)].output != na + 1) ++core_lane;
-      if (core_lane < kLanes) core = &core_slope[Index(step * nd)];
-    }
+    const int core_lane = pullback.core_lane;
+    const double* const core = s == 0 && core_lane >= 0 ? &core_slope[Index(step * nd)] : nullptr;
     const double core_scale = core != nullptr ? 1 / core_sum : 0;
     for (int i = 0; core != nullptr && i < nf; ++i)
       y_bar[Index(i)][core_lane] += core_scale * core[i];
