@@ -10,21 +10,24 @@ namespace tumbler {
 namespace {
 
 void RequireRoom(std::size_t count, std::size_t room, const char* what) {
-  if (count > room)
+  if (count > room) {
     throw std::invalid_argument(
         fmt::format("there are {} {}; lanes have room for {}", count, what, room));
+  }
 }
 
 void AddBodies(const PlanarRobot& robot, const LaneDrive& drive, LaneScene& lanes) {
-  if (robot.root_dofs != 3)
+  if (robot.root_dofs != 3) {
     throw std::invalid_argument("the robot's root is fixed; lanes need a planar one");
+  }
   RequireRoom(robot.joint_count(), LaneModel::kMaxJoints, "joints");
   lanes.model.joints = robot.joint_count();
   for (std::size_t i = 0; i <= lanes.model.joints; ++i) {
     const Dof<Plane>& dof = robot.tree.dofs[i + 2];
-    if (dof.kind != JointKind::kRevolute)
+    if (dof.kind != JointKind::kRevolute) {
       throw std::invalid_argument(
           fmt::format("the joint '{}' is prismatic; lanes have revolute joints only", dof.name));
+    }
     auto& body = lanes.robot.bodies[i];
     body = {dof.offset.x(),      dof.offset.y(),      dof.mass_kg,
             dof.mass_centre.x(), dof.mass_centre.y(), dof.inertia_kg_m2};
@@ -55,9 +58,10 @@ void AddPoints(const Scene& scene, LaneScene& lanes) {
     }
   }
   for (const Obstacle<Plane>& obstacle : scene.obstacles) {
-    if (!obstacle.shape.half_space)
+    if (!obstacle.shape.half_space) {
       throw std::invalid_argument(fmt::format(
           "the obstacle '{}' is no half-space; lanes have half-spaces only", obstacle.name));
+    }
     RequireRoom(lanes.model.grounds + 1, LaneModel::kMaxGrounds, "half-spaces");
     const Plane::Vector& normal = obstacle.shape.normal;
     lanes.robot.grounds[lanes.model.grounds++] = {normal.x(), normal.y(),
@@ -71,9 +75,10 @@ LaneScene MakeLaneScene(const Scene& scene, const LaneDrive& drive) {
   LaneScene lanes;
   AddBodies(scene.robot, drive, lanes);
   AddPoints(scene, lanes);
-  if (scene.contact.damping_law != ContactDamping::kNoPull)
+  if (scene.contact.damping_law != ContactDamping::kNoPull) {
     throw std::invalid_argument(
         "the contact law pulls or is the printed one; lanes have the one that never pulls");
+  }
   lanes.model.quintic = scene.contact.smoothing == ContactSmoothing::kQuintic;
   LaneRobot<double>& robot = lanes.robot;
   robot.gravity_x = scene.robot.tree.gravity.x();

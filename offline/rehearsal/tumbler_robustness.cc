@@ -74,9 +74,10 @@ ExitStatus Main(int argc, char** argv) {
   CheckDistinct(inputs, {arguments.json});
   if (!arguments.branch.empty()) {
     study.run.branch = motion.graph.FindBranch(arguments.branch);
-    if (study.run.branch < 0)
+    if (study.run.branch < 0) {
       throw UsageError("--branch",
                        fmt::format("{} has no branch '{}'", study.motion, arguments.branch));
+    }
   } else if (motion.graph.edge_count > 0 && study.run.cycles == 0) {
     throw UsageError("--cycles", fmt::format("{} goes on for ever; say how many", study.motion));
   }

@@ -371,6 +371,7 @@ class RobustSearch {
     Tell(true, 0, all.front().loss);
     if (all.size() > kKept) all.resize(kKept);
     std::vector<std::vector<double>> motions;
+    motions.reserve(all.size());
     for (const Candidate& candidate : all) motions.push_back(candidate.x);
     const std::vector<double> losses = Evaluate(motions, MakeEnsemble(16, 1));
     for (std::size_t i = 0; i < all.size(); ++i) all[i].loss = losses[i];

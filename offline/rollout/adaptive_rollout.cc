@@ -65,6 +65,8 @@ RolloutResult AdaptiveRollout::Run(std::span<const double> x) {
   return m.last;
 }
 
+// What is written through is passed by value, as Eigen has it.
+// NOLINTNEXTLINE(performance-unnecessary-value-param)
 RolloutResult AdaptiveRollout::Run(std::span<const double> x, Gradient gradient) {
   Implementation& m = *implementation_;
   const bool known = std::ranges::equal(x, m.chosen_for);

@@ -35,7 +35,7 @@ bool BelongToJoint(const PlanarRobot& robot, const OwnPair& pair, int joint, dou
   const double reach = robot.tree.dofs[Index(joint)].kind == JointKind::kRevolute ? M_PI : 1;
   const double lower = std::isfinite(limits.lower_rad) ? limits.lower_rad : -reach;
   const double upper = std::isfinite(limits.upper_rad) ? limits.upper_rad : reach;
-  SelfDistances distances(robot, {pair});
+  SelfDistances distances(robot, std::span(&pair, 1));
   std::vector<double> q(robot.tree.dofs.size(), 0.0);
   int nearer = 0;
   double least = std::numeric_limits<double>::infinity(), most = -least;
@@ -77,7 +77,7 @@ std::string NameOf(const PlanarRobot& robot, const OwnPair& pair) {
                      robot.own_shapes[Index(pair.b)].name);
 }
 
-SelfDistances::SelfDistances(const PlanarRobot& robot, std::vector<OwnPair> pairs)
+SelfDistances::SelfDistances(const PlanarRobot& robot, std::span<const OwnPair> pairs)
     : root_dofs_(robot.root_dofs), bodies_(robot.tree.dofs.size()) {
   for (const Dof<Plane>& dof : robot.tree.dofs)
     joints_.push_back({dof.parent, dof.kind, dof.axis, dof.direction, dof.offset});

@@ -56,7 +56,7 @@ struct SelfClearance {
 /// No heap after construction.
 class SelfDistances {
  public:
-  SelfDistances(const PlanarRobot& robot, std::vector<OwnPair> pairs);
+  SelfDistances(const PlanarRobot& robot, std::span<const OwnPair> pairs);
 
   /// A pair that is near, and the derivative of its distance by each degree of freedom.
   struct Near {

@@ -1,5 +1,6 @@
 #include "common/primitive_toml.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -40,7 +41,7 @@ MotionSpline MakeSpline(int degree, const std::vector<double>& interior_knots, d
 }
 
 /// Sets everything in the file that follows from the motions.
-void Complete(PrimitiveFile& file) {
+void CompleteExample(PrimitiveFile& file) {
   file.entry.joint_positions_rad.clear();
   file.exit.joint_positions_rad.clear();
   for (const auto& motion : file.primitive.motions()) {
@@ -91,7 +92,7 @@ PrimitiveFile Example() {
   file.provenance.task_file = "task.toml";
   file.provenance.robot_urdf = "<robot name=\"r\">\n\t<link name='a'/>\n</robot>\n";
   file.provenance.task_toml = "[contact]\nstiffness = 1e4\n";
-  Complete(file);
+  CompleteExample(file);
   return file;
 }
 
@@ -296,7 +297,7 @@ PrimitiveFile AnyPrimitive(std::mt19937_64& random) {
   provenance.task_file = AnyText(random);
   provenance.robot_urdf = AnyText(random);
   provenance.task_toml = AnyText(random);
-  Complete(file);
+  CompleteExample(file);
   return file;
 }
 
@@ -316,9 +317,9 @@ TEST(PrimitiveToml, RoundTripsEverySingleByteThatTextsMayHold) {
     PrimitiveFile file = Example();
     const std::string c(1, static_cast<char>(byte));
     file.provenance.robot_urdf = c;
-    file.provenance.task_toml = "a" + c + c + c + "b\n" + c + "\n";
+    file.provenance.task_toml = fmt::format("a{0}{0}{0}b\n{0}\n", c);
     file.provenance.tool = c;
-    Complete(file);
+    CompleteExample(file);
     const PrimitiveFile read = ParsePrimitive(ToToml(file), "bytes.toml");
     EXPECT_EQ(read.provenance.robot_urdf, file.provenance.robot_urdf) << byte;
     EXPECT_EQ(read.provenance.task_toml, file.provenance.task_toml) << byte;
@@ -800,7 +801,7 @@ INSTANTIATE_TEST_SUITE_P(
 TEST(PrimitiveToml, SaysMoreDigitsWhenALimitIsMissedByOneBit) {
   PrimitiveFile file = Example();
   file.primitive.joints[0].limits.position_max_rad = 0.3125;
-  Complete(file);
+  CompleteExample(file);
   EXPECT_NO_THROW(ToToml(file));
   const std::string text = Mutate(ToToml(file), "0.3125,", "0.31250000000000006,");
   try {

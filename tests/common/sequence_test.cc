@@ -11,7 +11,7 @@ namespace {
 
 /// A graph: stand -> walk -> stand ..., where walk ends a cycle and is not safe; stand -> bow when
 /// the operator asks, and stand -> rest when the cycles are done.
-SequenceGraph<float> Example() {
+SequenceGraph<float> ExampleGraph() {
   enum { kStand, kWalk, kBow, kRest };
   SequenceGraph<float> graph;
   const auto node = [&graph](const char* name, bool swapped, bool safe, bool ends_cycle) {
@@ -36,27 +36,27 @@ SequenceGraph<float> Example() {
 }
 
 TEST(NextEdge, GoesOnWithoutRequests) {
-  EXPECT_EQ(NextEdge(Example(), 0, 0, {}), 0);
-  EXPECT_EQ(NextEdge(Example(), 1, 1000, {}), 1) << "no number of cycles was asked for";
+  EXPECT_EQ(NextEdge(ExampleGraph(), 0, 0, {}), 0);
+  EXPECT_EQ(NextEdge(ExampleGraph(), 1, 1000, {}), 1) << "no number of cycles was asked for";
 }
 
-TEST(NextEdge, EndsWhereNothingFollows) { EXPECT_EQ(NextEdge(Example(), 2, 0, {}), -1); }
+TEST(NextEdge, EndsWhereNothingFollows) { EXPECT_EQ(NextEdge(ExampleGraph(), 2, 0, {}), -1); }
 
 TEST(NextEdge, TakesABranchOnlyByItsNameAndOnlyWhereItIs) {
-  EXPECT_EQ(NextEdge(Example(), 0, 0, {.branch = "bow"}), 2);
-  EXPECT_EQ(NextEdge(Example(), 0, 0, {.branch = "bo"}), 0);
-  EXPECT_EQ(NextEdge(Example(), 1, 0, {.branch = "bow"}), 1);
-  EXPECT_TRUE(Example().HasBranch("bow"));
-  EXPECT_FALSE(Example().HasBranch("stand"));
-  EXPECT_FALSE(Example().HasBranch("")) << "edges without a branch have no name";
+  EXPECT_EQ(NextEdge(ExampleGraph(), 0, 0, {.branch = "bow"}), 2);
+  EXPECT_EQ(NextEdge(ExampleGraph(), 0, 0, {.branch = "bo"}), 0);
+  EXPECT_EQ(NextEdge(ExampleGraph(), 1, 0, {.branch = "bow"}), 1);
+  EXPECT_TRUE(ExampleGraph().HasBranch("bow"));
+  EXPECT_FALSE(ExampleGraph().HasBranch("stand"));
+  EXPECT_FALSE(ExampleGraph().HasBranch("")) << "edges without a branch have no name";
 }
 
 TEST(NextEdge, ABranchGoesBeforeTheEndOfTheCycles) {
-  EXPECT_EQ(NextEdge(Example(), 0, 3, {.cycles = 3, .branch = "bow"}), 2);
+  EXPECT_EQ(NextEdge(ExampleGraph(), 0, 3, {.cycles = 3, .branch = "bow"}), 2);
 }
 
 TEST(NextEdge, WithTheCyclesDoneItTakesTheEdgeForThatOrEndsInASafeNode) {
-  const SequenceGraph<float> graph = Example();
+  const SequenceGraph<float> graph = ExampleGraph();
   EXPECT_EQ(NextEdge(graph, 0, 2, {.cycles = 3}), 0);
   EXPECT_EQ(NextEdge(graph, 0, 3, {.cycles = 3}), 3);
   EXPECT_EQ(NextEdge(graph, 0, 4, {.cycles = 3}), 3);
@@ -67,12 +67,12 @@ TEST(NextEdge, WithTheCyclesDoneItTakesTheEdgeForThatOrEndsInASafeNode) {
 }
 
 TEST(NextEdge, AStopEndsAtTheNextSafeNodeWhateverElseIsAskedFor) {
-  EXPECT_EQ(NextEdge(Example(), 0, 3, {.cycles = 3, .branch = "bow", .stop = true}), -1);
-  EXPECT_EQ(NextEdge(Example(), 1, 3, {.cycles = 3, .branch = "bow", .stop = true}), 1);
+  EXPECT_EQ(NextEdge(ExampleGraph(), 0, 3, {.cycles = 3, .branch = "bow", .stop = true}), -1);
+  EXPECT_EQ(NextEdge(ExampleGraph(), 1, 3, {.cycles = 3, .branch = "bow", .stop = true}), 1);
 }
 
 TEST(SequenceGraph, RolesAreExchangedInSwappedNodesOnlyAndTwiceIsBack) {
-  const SequenceGraph<float> graph = Example();
+  const SequenceGraph<float> graph = ExampleGraph();
   for (int j = 0; j < kMaxJoints; ++j) {
     EXPECT_EQ(graph.RoleOf(0, j), j);
     EXPECT_EQ(graph.RoleOf(1, graph.RoleOf(1, j)), j);
@@ -82,9 +82,9 @@ TEST(SequenceGraph, RolesAreExchangedInSwappedNodesOnlyAndTwiceIsBack) {
 }
 
 TEST(SequenceGraph, FindsNodesByTheirNames) {
-  EXPECT_EQ(Example().FindNode("bow"), 2);
-  EXPECT_EQ(Example().FindNode("bo"), -1);
-  EXPECT_EQ(Example().FindNode(""), -1) << "unused places have no name";
+  EXPECT_EQ(ExampleGraph().FindNode("bow"), 2);
+  EXPECT_EQ(ExampleGraph().FindNode("bo"), -1);
+  EXPECT_EQ(ExampleGraph().FindNode(""), -1) << "unused places have no name";
 }
 
 TEST(Sequence, IsAPlainValueOfFixedSize) {

@@ -23,8 +23,6 @@ namespace {
 using testing::ReadFile;
 using testing::SequenceFolder;
 
-constexpr double kPi = std::numbers::pi;
-
 std::string Primitives() { return testing::SourcePath("primitives/"); }
 std::string TaskFile(const std::string& name) { return Primitives() + "tasks/" + name + ".toml"; }
 
@@ -62,7 +60,7 @@ void GoesTwentyCycles(const SequenceFile& gait) {
     EXPECT_EQ(gait.graph.node(passage.node).swapped, i % 4 >= 2) << i;
     turned += passage.turned_rad;
     // The robot is at rest within 0.05 rad of the target, a quarter turn further each time.
-    EXPECT_NEAR(turned, kPi / 2 * static_cast<double>(i + 1), 0.05) << i;
+    EXPECT_NEAR(turned, std::numbers::pi / 2 * static_cast<double>(i + 1), 0.05) << i;
     EXPECT_LT(passage.exit_speed, 0.05) << i;
   }
 }
@@ -77,7 +75,7 @@ void RollsOutOfTheHandstandInEitherRole(const SequenceFile& gait) {
     const Passage& roll = outcome.passages.back();
     EXPECT_EQ(gait.PrimitiveOf(roll.node).primitive.name.view(), "roll");
     EXPECT_EQ(gait.graph.node(roll.node).swapped, cycles == 1);
-    EXPECT_GT(roll.turned_rad, kPi - 0.05) << "a half turn further";
+    EXPECT_GT(roll.turned_rad, std::numbers::pi - 0.05) << "a half turn further";
     EXPECT_LT(roll.travelled_m, -0.1) << "to the left";
   }
 }

@@ -30,6 +30,7 @@ constexpr std::size_t kLanes = Packet::kLanes;
 
 template <class T>
 bool SameBits(const T& a, const T& b) {
+  // NOLINTNEXTLINE(bugprone-suspicious-memory-comparison): bits are what is compared.
   return std::memcmp(&a, &b, sizeof(T)) == 0;
 }
 
@@ -88,6 +89,7 @@ std::vector<LaneSetpoint<double>> SetpointsOf(const Primitive<double>& primitive
 
 std::vector<LaneSetpoint<Packet>> InAllLanes(const std::vector<LaneSetpoint<double>>& setpoints) {
   std::vector<LaneSetpoint<Packet>> packets;
+  packets.reserve(setpoints.size());
   for (const LaneSetpoint<double>& s : setpoints)
     packets.push_back({Packet::Of(s.position), Packet::Of(s.velocity), Packet::Of(s.third)});
   return packets;

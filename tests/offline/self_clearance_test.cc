@@ -230,7 +230,7 @@ TEST(SelfDistances, DerivativesAgreeWithDifferencesAlsoWhereLegsCross) {
     const auto found = distances.FindNearer(q, 0.05);
     const std::vector<SelfDistances::Near> pairs(found.begin(), found.end());
     for (const SelfDistances::Near& pair : pairs) {
-      SelfDistances one(robot, {pair.pair});
+      SelfDistances one(robot, std::span(&pair.pair, 1));
       for (const std::size_t j : {3U, 4U}) {
         const auto at = [&](double step) {
           std::vector<double> moved = q;

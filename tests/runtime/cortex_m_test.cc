@@ -465,7 +465,7 @@ TEST_P(CortexMFirmware, SaysWhatIsWrongAndFails) {
   WriteFile(folder / "recording", "");
   WriteFile(folder / "cut", std::string("\1\0\0\2abc", 7));
   WriteFile(folder / "full", std::string("\1\0\0\377", 4));
-  const auto run = [&](std::vector<std::string> arguments, const char* problem) {
+  const auto run = [&](const std::vector<std::string>& arguments, const char* problem) {
     const Emulation emulation = Emulate(GetParam(), arguments, folder / "output");
     EXPECT_EQ(emulation.status, 1);
     EXPECT_THAT(emulation.text, ::testing::HasSubstr(problem));

@@ -782,6 +782,7 @@ TEST(ManyDrives, OneToEightAreArmedWhateverTheOrderOfTheirIdentifiersIs) {
       config.primitives = {testing::RandomPrimitive<float>(shape, random)};
       config.graph = GraphOf(config.primitives[0]);
       std::vector<std::string> joints;
+      joints.reserve(static_cast<std::size_t>(count));
       for (int i = 0; i < count; ++i) joints.push_back("joint" + std::to_string(i + 1));
       config.drives = DefaultDrives(joints);
       config.drives.rate_hz = count <= 2 ? 1000 : 400;

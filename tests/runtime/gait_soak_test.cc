@@ -290,6 +290,7 @@ class Soak {
 };
 
 std::int64_t Ticks() {
+  // NOLINTNEXTLINE(concurrency-mt-unsafe): no other thread changes the environment.
   const char* given = std::getenv("TUMBLER_SOAK_TICKS");
   return given == nullptr ? 100'000 : std::atoll(given);
 }

@@ -177,9 +177,10 @@ TEST_F(SimTwin, TheTruthIsWrittenAsAnLcmLogOfItsOwn) {
     }
     pushed = pushed || truth.push_x_n == 8;
     fell = fell || truth.fallen != 0;
-    for (const contact_truth_t& contact : truth.contacts)
+    for (const contact_truth_t& contact : truth.contacts) {
       touched = touched || (contact.link == "leg2_link" && contact.obstacle == "ground" &&
                             contact.normal_force_n > 1);
+    }
     ++count;
   }
   EXPECT_TRUE(held && upright && pushed && fell && touched)

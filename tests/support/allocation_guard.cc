@@ -52,9 +52,9 @@ extern "C" {
 void* __libc_malloc(std::size_t size);                     // NOLINT(bugprone-reserved-identifier)
 void* __libc_calloc(std::size_t count, std::size_t size);  // NOLINT(bugprone-reserved-identifier)
 void* __libc_realloc(void* pointer, std::size_t size);     // NOLINT(bugprone-reserved-identifier)
-void* __libc_memalign(std::size_t alignment,
-                      std::size_t size);  // NOLINT(bugprone-reserved-identifier)
-void __libc_free(void* pointer);          // NOLINT(bugprone-reserved-identifier)
+// NOLINTNEXTLINE(bugprone-reserved-identifier)
+void* __libc_memalign(std::size_t alignment, std::size_t size);
+void __libc_free(void* pointer);  // NOLINT(bugprone-reserved-identifier)
 
 void* malloc(std::size_t size) {
   tumbler::testing::Check("malloc");

@@ -202,7 +202,7 @@ TEST(MappedFile, NamesWhatCannotBeRead) {
   EXPECT_THROW(MappedFile("/"), RecordError);
   EXPECT_THROW(MappedFile("/dev/zero"), RecordError);
   const testing::TemporaryFolder folder;
-  std::ofstream(folder / "empty");
+  std::ofstream(folder / "empty").close();
   EXPECT_TRUE(MappedFile(folder / "empty").bytes().empty());
 }
 

@@ -63,6 +63,7 @@ TEST_F(RecordExport, IsReadByTheToolsOfCanUtils) {
   // log2asc reads with canplayer's parser, and asc2log counts times from the present.
   const std::string command = "log2asc -I " + (folder_ / "out.log") + " sim | asc2log >" +
                               (folder_ / "again.log") + " 2>/dev/null";
+  // NOLINTNEXTLINE(concurrency-mt-unsafe): a test of one thread.
   ASSERT_EQ(std::system(command.c_str()), 0);
   std::int64_t skipped = 0;
   const auto ours = ParseCandump(ReadFile(folder_ / "out.log"), "out.log", skipped);

@@ -245,7 +245,7 @@ TEST_F(RecordOnCan, ADryRunOfAReplaySendsNothingAndAnArmedOnePlaysTheRecordedSet
       // The replay runs on another interface, where the drives are in other positions.
       const VirtualCan bench;
       const auto candump = StartCandump(bench.name(), "bench.log");
-      std::ofstream(Path("bench.log"), std::ios::trunc);
+      std::ofstream(Path("bench.log"), std::ios::trunc).close();
       const std::string dry =
           Output({ProgramPath("tumbler-replay"), record, "--bus", bench.name()});
       EXPECT_THAT(dry, HasSubstr("completed on " + bench.name() + " (dry run"));

@@ -42,17 +42,17 @@ std::string Rewritten(const std::string& record,
 
 ReplayResult ReplayOf(const std::string& bytes) {
   FlightRecord record(AsBytes(bytes), "run.rec");
-  const ReplayResult report = Replay(record);
+  ReplayResult report = Replay(record);
   EXPECT_TRUE(record.damages().empty());
   return report;
 }
 
 // Offsets in a tick with two frames received and one sent by each of two joints.
 constexpr std::size_t kReceived = 71;
-constexpr std::size_t kSent = kReceived + 2 * 21;
-constexpr std::size_t kRecord = kSent + 2 * 14;
+constexpr std::size_t kSent = kReceived + 2UL * 21;
+constexpr std::size_t kRecord = kSent + 2UL * 14;
 constexpr std::size_t kJoints = kRecord + 55;
-constexpr std::size_t kTickBytes = kJoints + 2 * 67;
+constexpr std::size_t kTickBytes = kJoints + 2UL * 67;
 constexpr std::uint32_t kTickBlock = 62;  // The sixtieth tick, while the motion is played.
 
 TEST(Replay, OfAnUnchangedRecordIsIdentical) {
@@ -94,7 +94,7 @@ TEST(Replay, FindsEveryFlippedBitOfTheOutputsAndNamesTick) {
 }
 
 TEST(Replay, FindsEveryFlippedBitOfAReply) {
-  for (std::size_t bit = 0; bit < 8 * 8; ++bit) {
+  for (std::size_t bit = 0; bit < 8UL * 8; ++bit) {
     const std::size_t at = kReceived + 21 + 8 + 5 + bit / 8;  // data of the second joint's reply
     const std::string bytes = Rewritten(Recorded(), [&](BlockKind, std::uint32_t n, auto& content) {
       if (n == kTickBlock) content[at] = static_cast<std::uint8_t>(content[at] ^ 1U << (bit % 8));
