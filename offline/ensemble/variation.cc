@@ -77,6 +77,7 @@ Scene Varied(Scene scene, const RobotVariation& v) {
   }
   for (ContactShape<Plane>& shape : robot.shapes)
     shape.shape.centre.x() *= link_of(shape.body).length;
+  for (OwnShape& own : robot.own_shapes) own.shape.centre.x() *= link_of(own.body).length;
   scene.contact.mu *= v.friction;
   scene.contact.stiffness_n_per_m *= v.stiffness;
   scene.contact.damping_n_s_per_m *= v.damping;

@@ -1,5 +1,6 @@
 #include "offline/linear/symmetric_eigen.h"
 
+#include <Eigen/Eigenvalues>
 #include <Eigen/Jacobi>
 #include <limits>
 #include <utility>
@@ -9,12 +10,13 @@ namespace {
 
 /// The cyclic Jacobi method (Golub and Van Loan, Matrix Computations, 4th ed., 8.5.3): rotations
 /// make one entry beside the diagonal zero after the other, sweep after sweep. It converges
-/// quadratically in the end, and small eigenvalues keep their digits. Eigen's own solver would take
-/// as long to compile as all that is built around it.
+/// quadratically in the end, and small eigenvalues keep their digits. For small matrices, without
+/// the heap, Eigen's solver would have to be compiled once more, which takes as long as all around
+/// it.
 template <class Matrix>
 SymmetricEigen<Matrix> Decompose(const Matrix& symmetric) {
-  constexpr int kMostSweeps =
-      50;  // 6 to 8 are usual. Numbers that are not finite would never be done.
+  // 6 to 8 are usual. Numbers that are not finite would never be done.
+  constexpr int kMostSweeps = 50;
   const Eigen::Index n = symmetric.rows();
   Matrix A = symmetric.template selfadjointView<Eigen::Lower>();
   SymmetricEigen<Matrix> eigen{{}, Matrix::Identity(n, n)};
@@ -47,6 +49,12 @@ SymmetricEigen<Matrix> Decompose(const Matrix& symmetric) {
 }
 
 }  // namespace
+
+template <>
+SymmetricEigen<Eigen::MatrixXd> DecomposeSymmetric(const Eigen::MatrixXd& symmetric) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(symmetric);
+  return {solver.eigenvalues(), solver.eigenvectors()};
+}
 
 template <>
 SymmetricEigen<SmallMatrix> DecomposeSymmetric(const SmallMatrix& symmetric) {

@@ -30,10 +30,13 @@ struct SymmetricEigen {
   }
 };
 
-/// Computes the eigenvalues and eigenvectors of a symmetric matrix, which is a `SmallMatrix`, or
-/// has 2 x 2 or 3 x 3 numbers. Only its lower triangle is read. No heap.
+/// Computes the eigenvalues and eigenvectors of a symmetric matrix, which is a `SmallMatrix`, has 2
+/// x 2 or 3 x 3 numbers, or has any size. Only its lower triangle is read. No heap but for any
+/// size.
 template <class Matrix>
 SymmetricEigen<Matrix> DecomposeSymmetric(const Matrix& symmetric);
+template <>
+SymmetricEigen<Eigen::MatrixXd> DecomposeSymmetric(const Eigen::MatrixXd& symmetric);
 template <>
 SymmetricEigen<SmallMatrix> DecomposeSymmetric(const SmallMatrix& symmetric);
 template <>

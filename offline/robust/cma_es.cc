@@ -1,11 +1,11 @@
 #include "offline/robust/cma_es.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <numeric>
 
 #include "common/index.h"
+#include "offline/linear/symmetric_eigen.h"
 
 namespace tumbler {
 
@@ -74,9 +74,9 @@ void CmaEs::Tell(const std::vector<double>& values) {
     covariance_ += c_mu_ * weights_[i] * y * y.transpose();
   }
   sigma_ *= std::exp(c_s_ / damping_ * (path_s_.norm() / expected_norm_ - 1));
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(covariance_);
-  axes_ = eigen.eigenvectors();
-  scales_ = eigen.eigenvalues().cwiseMax(1e-20).cwiseSqrt();
+  const SymmetricEigen<Eigen::MatrixXd> eigen = DecomposeSymmetric(covariance_);
+  axes_ = eigen.vectors;
+  scales_ = eigen.values.cwiseMax(1e-20).cwiseSqrt();
 }
 
 }  // namespace tumbler

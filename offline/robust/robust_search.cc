@@ -2,15 +2,13 @@
 
 #include <algorithm>
 #include <array>
-#include <atomic>
 #include <cmath>
 #include <limits>
-#include <mutex>
 #include <optional>
-#include <thread>
 #include <utility>
 
 #include "common/index.h"
+#include "common/parallel_for.h"
 #include "offline/ensemble/lane_kernel.h"
 #include "offline/robust/cma_es.h"
 #include "offline/scene/self_clearance.h"
@@ -33,6 +31,9 @@ constexpr int kSmoothing_ticks = 12;
 constexpr int kPopulation = 16;
 /// Random motions that go on from the model to 16 robots.
 constexpr std::size_t kKept = 1000;
+/// Parts of the contact's layer and of the torque limit that the plan may use. The certificate and
+/// the second look take finer steps than lanes do, and refuse a motion above the whole.
+constexpr double kLargestDepth = 0.85, kLargestTorque = 0.95;
 /// A candidate worth this keeps no limit of its path, and is not simulated.
 constexpr double kUnplayable = 4;
 /// A loss from which on robots mostly fall, and one that cannot be told from 0.
@@ -41,19 +42,6 @@ constexpr double kPerfect = 1e-3;
 constexpr int kHopelessAfter = 20;  // generations
 
 int Ticks(double time_s) { return static_cast<int>(std::lround(time_s / kTick_s)); }
-
-/// Calls work(i) for 0 <= i < count on so many threads.
-template <class Work>
-void InParallel(int count, int threads, const Work& work) {
-  std::atomic<int> next{0};
-  const auto loop = [&] {
-    for (int i = next++; i < count; i = next++) work(i);
-  };
-  std::vector<std::thread> workers;
-  for (int t = 1; t < std::min(threads, count); ++t) workers.emplace_back(loop);
-  loop();
-  for (std::thread& worker : workers) worker.join();
-}
 
 /// Robots in packets, as they stand before the motion.
 struct Ensemble {
@@ -244,9 +232,9 @@ class RobustSearch {
                       torques);
     std::vector<Plan> plans(motions.size());
     for (std::size_t m = 0; m < motions.size(); ++m) {
-      plans[m].excess = std::max(0.0, watch.depth.lane(m) - 0.85);
+      plans[m].excess = std::max(0.0, watch.depth.lane(m) - kLargestDepth);
       for (std::size_t j = 0; j < joints_; ++j) {
-        const double limit = 0.95 * problem_.joints[j].limits.torque_max_nm;
+        const double limit = kLargestTorque * problem_.joints[j].limits.torque_max_nm;
         plans[m].excess += std::max(0.0, watch.torque[j].lane(m) / limit - 1);
       }
       plans[m].feed_forward = Smoothed(torques, m, kSteps);
@@ -329,7 +317,7 @@ class RobustSearch {
                                const Ensemble& ensemble) {
     std::vector<double> losses(motions.size());
     const int packets = static_cast<int>((motions.size() + kLanes - 1) / kLanes);
-    InParallel(packets, options_.threads, [&](int p) {
+    ParallelFor(packets, options_.threads, [&](int p, int /*thread*/) {
       SelfDistances distances(problem_.scene.robot, problem_.scene.self_contact.pairs);
       std::vector<std::vector<double>> playable;
       std::vector<std::size_t> which;
@@ -361,7 +349,7 @@ class RobustSearch {
     const int packets = (robust_.samples + static_cast<int>(kLanes) - 1) / static_cast<int>(kLanes);
     std::vector<Candidate> all(Index(packets) * kLanes);
     const Ensemble model = MakeEnsemble(static_cast<int>(kLanes), 0);
-    InParallel(packets, options_.threads, [&](int p) {
+    ParallelFor(packets, options_.threads, [&](int p, int /*thread*/) {
       if (interrupted()) return;
       PlayRandom(starts, p, model, {all.data() + Index(p) * kLanes, kLanes});
     });

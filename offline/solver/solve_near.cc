@@ -1,12 +1,12 @@
 #include "offline/solver/solve_near.h"
 
 #include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
 #include "common/index.h"
+#include "offline/linear/symmetric_eigen.h"
 #include "offline/solver/constraints.h"
 #include "offline/solver/quadratic_program.h"
 
@@ -36,10 +36,9 @@ VectorXd Vector(const std::vector<double>& values) {
 
 /// The nearest matrix without negative eigenvalues.
 MatrixXd Convex(const MatrixXd& B) {
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(B);
-  const double least = 1e-10 * eigen.eigenvalues().cwiseAbs().maxCoeff();
-  return eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(least).asDiagonal() *
-         eigen.eigenvectors().transpose();
+  const SymmetricEigen<MatrixXd> eigen = DecomposeSymmetric(B);
+  const double least = 1e-10 * eigen.values.cwiseAbs().maxCoeff();
+  return eigen.vectors * eigen.values.cwiseMax(least).asDiagonal() * eigen.vectors.transpose();
 }
 
 /// A motion, and what is known of it.

@@ -9,10 +9,10 @@
 #include <mutex>
 #include <nlopt.hpp>
 #include <numeric>
-#include <thread>
 #include <type_traits>
 
 #include "common/index.h"
+#include "common/parallel_for.h"
 #include "offline/rollout/adaptive_rollout.h"
 #include "offline/solver/constraints.h"
 #include "offline/solver/guess.h"
@@ -28,28 +28,6 @@ constexpr double kStationary = 1e-3;
 
 /// Violations below this do not compete with the cost.
 constexpr double kLeastViolation = 1e-7;
-
-/// Runs work(index, thread) for indices 0 ... count - 1 on several threads; each index exactly
-/// once.
-void ParallelFor(int count, int threads, const std::function<void(int, int)>& work) {
-  std::atomic<int> next = 0;
-  std::exception_ptr failure;
-  std::mutex failure_mutex;
-  const auto run = [&](int thread) {
-    try {
-      for (int i = next++; i < count; i = next++) work(i, thread);
-    } catch (...) {
-      const std::lock_guard<std::mutex> lock(failure_mutex);
-      failure = std::current_exception();
-      next = count;
-    }
-  };
-  std::vector<std::thread> others;
-  for (int t = 1; t < std::min(threads, count); ++t) others.emplace_back(run, t);
-  run(0);
-  for (std::thread& other : others) other.join();
-  if (failure) std::rethrow_exception(failure);
-}
 
 /// The rank of a motion in the global search: its cost, and penalties for limits that it exceeds,
 /// as the solver would have to bend it far to keep them.

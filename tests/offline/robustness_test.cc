@@ -94,6 +94,13 @@ TEST(Variation, AVariedSceneHasTheRobotInEveryPart) {
   EXPECT_DOUBLE_EQ(after[3].mass_centre.x(), 0.9 * before[3].mass_centre.x() + 0.01);
   EXPECT_DOUBLE_EQ(after[3].offset.x(), 1.1 * before[3].offset.x()) << "the middle link's length";
   EXPECT_DOUBLE_EQ(after[4].mass_kg, before[4].mass_kg);
+  ASSERT_FALSE(scene.robot.own_shapes.empty());
+  for (std::size_t i = 0; i < scene.robot.own_shapes.size(); ++i) {
+    const OwnShape& own = scene.robot.own_shapes[i];
+    const double length = v.links[static_cast<std::size_t>(own.body) - 2].length;
+    EXPECT_DOUBLE_EQ(varied.robot.own_shapes[i].shape.centre.x(), length * own.shape.centre.x())
+        << "the distance from itself is that of the varied robot: " << own.name;
+  }
   EXPECT_DOUBLE_EQ(varied.contact.mu, 0.5 * scene.contact.mu);
   // Uphill to the right, the robot is drawn to the left.
   EXPECT_DOUBLE_EQ(varied.robot.tree.gravity.norm(), scene.robot.tree.gravity.norm());

@@ -39,6 +39,9 @@ TEST(SymmetricEigen, FindsTheEigenvaluesThatAMatrixWasMadeFromInIncreasingOrder)
       const SmallMatrix& V = eigen.vectors;
       EXPECT_LT((V.transpose() * V - SmallMatrix::Identity(n, n)).norm(), 1e-14 * n) << n;
       EXPECT_LT((A * V - V * eigen.values.asDiagonal()).norm(), n * rounding) << n;
+      const Eigen::MatrixXd of_any_size = A;
+      EXPECT_LT((DecomposeSymmetric(of_any_size).values - values).cwiseAbs().maxCoeff(), rounding)
+          << n;
     }
   }
 }

@@ -3,13 +3,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
-#include <exception>
 #include <map>
-#include <mutex>
-#include <thread>
 #include <utility>
+
+#include "common/index.h"
+#include "common/parallel_for.h"
 
 namespace tumbler {
 namespace {
@@ -17,22 +16,6 @@ namespace {
 using Verdict = TrialOutcome::Verdict;
 constexpr Verdict kVerdicts[] = {Verdict::kStands, Verdict::kAmiss, Verdict::kFell,
                                  Verdict::kOverlap, Verdict::kFault};
-
-/// Files as they were when they were first read, for all threads: a study is of one motion, even if
-/// its files change meanwhile.
-class FilesAtFirstSight {
- public:
-  std::string Read(const std::string& path) {
-    const std::lock_guard lock(mutex_);
-    const auto known = texts_.find(path);
-    return known != texts_.end() ? known->second
-                                 : texts_.emplace(path, ReadTextFile(path)).first->second;
-  }
-
- private:
-  std::mutex mutex_;
-  std::map<std::string, std::string> texts_;
-};
 
 }  // namespace
 
@@ -91,31 +74,15 @@ std::vector<Influence> RobustnessResult::Influences() const {
 }
 
 RobustnessResult RunStudy(const RobustnessStudy& study, int count, int threads) {
-  FilesAtFirstSight files;
-  const auto read = [&files](const std::string& path) { return files.Read(path); };
+  const Trials trials(study);
   RobustnessResult result;
+  result.name = trials.name();
   result.study = study;
-  result.trials.resize(static_cast<std::size_t>(count));
-  result.name = Trials(study, read).name();
-  std::atomic<int> next{0};
-  std::exception_ptr error;
-  std::mutex error_mutex;
-  const auto work = [&] {
-    try {
-      Trials trials(study, read);
-      for (int i = next++; i < count; i = next++)
-        result.trials[static_cast<std::size_t>(i)] = trials.Play(static_cast<std::uint64_t>(i));
-    } catch (...) {
-      const std::lock_guard lock(error_mutex);
-      if (error == nullptr) error = std::current_exception();
-      next = count;
-    }
-  };
-  std::vector<std::thread> workers;
-  for (int i = 1; i < std::min(threads, count); ++i) workers.emplace_back(work);
-  work();
-  for (std::thread& worker : workers) worker.join();
-  if (error != nullptr) std::rethrow_exception(error);
+  result.trials.resize(Index(count));
+  std::vector<Trials> of_thread(Index(std::max(1, threads)), trials);
+  ParallelFor(count, threads, [&](int i, int thread) {
+    result.trials[Index(i)] = of_thread[Index(thread)].Play(Index(i));
+  });
   return result;
 }
 

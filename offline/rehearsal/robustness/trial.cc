@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <utility>
 
 #include "common/program.h"
@@ -53,12 +54,9 @@ void Judge(const PurposeJudge& judge, const PostureWatch& posture, TrialOutcome&
 
 }  // namespace
 
-Trials::Trials(const RobustnessStudy& study) : Trials(study, ReadTextFile) {}
-
-Trials::Trials(const RobustnessStudy& study, const FileReader& read)
-    : read_(read), study_(study), motion_(LoadMotion(study.motion, read)) {
+Trials::Trials(const RobustnessStudy& study) : study_(study), motion_(LoadMotion(study.motion)) {
   if (!study.twin.empty()) robot_ = LoadTwin(study.twin, motion_);
-  drives_ = LoadDrivesOf(JointsOf(motion_.file()), study.drives, read);
+  drives_ = LoadDrivesOf(JointsOf(motion_.file()), study.drives, ReadTextFile);
   scene_ = SharedScene(motion_, robot_);
   robot_.motors.resize(drives_.drives.size());
   for (std::size_t j = 0; j < robot_.motors.size(); ++j) {
@@ -74,8 +72,8 @@ TrialOutcome Trials::Play(std::uint64_t index) {
 
   SimulatedRobotConfig config = robot_;
   config.scene = Varied(scene_, variation);
-  RunParts parts = LoadRunMotion(study_.motion, read_);
-  parts.drives = drives_;
+  RunParts parts{motion_.file(), std::make_unique<const Sequence<float>>(ToRuntime(motion_.file())),
+                 drives_};
   for (std::size_t j = 0; j < variation.joints.size(); ++j) {
     const RobotVariation::Joint& joint = variation.joints[j];
     config.motors[j].torque_max_nm = *config.motors[j].torque_max_nm * joint.torque_limit;

@@ -40,14 +40,12 @@ struct TrialOutcome {
   RobotVariation variation;
 };
 
-/// Plays a study's robots, each through the runtime, simulated drives and twin. Loads the files
-/// once. Not thread-safe: one object per thread.
+/// Plays a study's robots, each through the runtime, simulated drives and twin. The files are read
+/// once, for all copies. Not thread-safe: each thread takes a copy.
 class Trials {
  public:
   /// @throws FileError, Refused, std::runtime_error as `tumbler-run sim` does.
   explicit Trials(const RobustnessStudy& study);
-  /// The same with files that were read before; `read` stands for the disk.
-  Trials(const RobustnessStudy& study, const FileReader& read);
 
   /// Plays robot number `index`.
   TrialOutcome Play(std::uint64_t index);
@@ -56,7 +54,6 @@ class Trials {
   [[nodiscard]] std::string name() const;
 
  private:
-  FileReader read_;
   RobustnessStudy study_;
   SimulatedMotion motion_;
   DrivesConfig drives_;
