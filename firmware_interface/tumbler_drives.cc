@@ -13,6 +13,7 @@
 
 #include "common/command_line.h"
 #include "common/program.h"
+#include "firmware_interface/can/bus_faults_toml.h"
 #include "firmware_interface/can/simulated_bus.h"
 #include "firmware_interface/drives/drive_server.h"
 #include "firmware_interface/drives/drives_toml.h"
@@ -32,6 +33,7 @@ Runs until Ctrl-C. An interface that goes down or away is waited for.)";
 struct Options {
   std::string interface;
   std::string drives;
+  std::string bus_faults;
   std::vector<std::string> positions;
   double inertia_kg_m2 = 0.02;
   double friction_nm_s_per_rad = 0.02;
@@ -121,6 +123,12 @@ ExitStatus Serve(const Options& options) {
   Bench bench(options, drives);
   DriveServer server(options.interface, drives, bench.bus(), bench.Drives(),
                      [&bench](std::int64_t time_ns) { bench.AdvanceTo(time_ns); });
+  if (!options.bus_faults.empty()) {
+    std::vector<std::string> nodes;  // in the order in which they were attached
+    for (const DriveEntry& entry : drives.drives) nodes.push_back(entry.joint);
+    nodes.emplace_back("host");
+    bench.bus().SetFaults(LoadBusFaults(options.bus_faults, nodes));
+  }
   fmt::print("{} drives on {}\n", drives.drives.size(), options.interface);
   std::fflush(stdout);
   // While no frame comes, only the watchdogs have to be served.
@@ -136,6 +144,8 @@ ExitStatus Main(int argc, char** argv) {
   line.SetFooter(kFooter);
   line.Option("BUS", options.interface, "SocketCAN interface, e.g. vcan0").Required();
   line.Option("DRIVES", options.drives, "drive configuration (TOML)").Required();
+  line.Option("--bus-faults", options.bus_faults,
+              "what is wrong with the bus between the drives and the interface, and when (TOML)");
   line.Option("--position", options.positions,
               "a joint's angle at the start, JOINT=RAD; may be repeated; 0 without");
   line.Option("--inertia", options.inertia_kg_m2, "of each rotor, at the joint [kg m^2]")

@@ -1,0 +1,455 @@
+#include "runtime/bench/bench_program.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <iostream>
+#include <memory>
+#include <stdexcept>
+
+#include "common/program.h"
+#include "common/result_file.h"
+#include "common/sequence_toml.h"
+#include "firmware_interface/drives/error_texts.h"
+#include "runtime/bench/bench_options.h"
+#include "runtime/linux/interrupts.h"
+
+namespace tumbler {
+namespace {
+
+void SayLine(const std::string& line) {
+  fmt::print("{}\n", line);
+  std::fflush(stdout);
+}
+
+/// The joints of a motion, with the limits and the place of its first node.
+std::vector<BenchJoint> JointsOf(const SequenceFile& motion) {
+  const int node = motion.graph.start;
+  const PrimitiveFile& first = motion.PrimitiveOf(node);
+  std::vector<BenchJoint> joints;
+  for (std::size_t j = 0; j < first.primitive.motions().size(); ++j) {
+    const auto role = static_cast<std::size_t>(motion.graph.RoleOf(node, static_cast<int>(j)));
+    const JointMotion<double>& of_role = first.primitive.joints[role];
+    joints.push_back({std::string(first.primitive.joints[j].name.view()),
+                      of_role.limits.position_min_rad, of_role.limits.position_max_rad,
+                      first.entry.joint_positions_rad[role]});
+  }
+  return joints;
+}
+
+/// An option `JOINT=RAD`.
+std::pair<std::string, double> PositionIn(const std::string& text, const DrivesConfig& drives) {
+  const std::size_t equals = text.find('=');
+  const std::string joint = text.substr(0, equals);
+  const std::string number = equals == std::string::npos ? "" : text.substr(equals + 1);
+  std::size_t used = 0;
+  double angle_rad = 0;
+  try {
+    angle_rad = std::stod(number, &used);
+  } catch (const std::exception&) {
+    used = 0;
+  }
+  if (used == 0 || used != number.size() || !(std::abs(angle_rad) <= 1000))
+    throw UsageError("--position", fmt::format("is {}; allowed: JOINT=RAD, -1000 ... 1000", text));
+  for (const DriveEntry& drive : drives.drives) {
+    if (drive.joint == joint) return {joint, angle_rad};
+  }
+  throw UsageError("--position", fmt::format("is {}, and no drive has the joint {}", text, joint));
+}
+
+/// One run of the program.
+class BenchRun {
+ public:
+  explicit BenchRun(const BenchOptions& options) : options_(options) {
+    // Everything that can refuse comes before the bus.
+    std::vector<std::string> inputs = {options.drives, options.actual, options.bus_faults,
+                                       options.answers};
+    if (!options.motion.empty())
+      joints_ = JointsOf(LoadMotion(options.motion, NotingReader(inputs)));
+    if (!options.drives.empty()) {
+      draft_ = std::make_unique<DrivesDraft>(ReadTextFile(options.drives), options.drives);
+      for (const DriveEntry& drive : draft_->config().drives) CheckJoint(drive.joint);
+    }
+    CheckDistinct(inputs, {options.write, options.json, options.page});
+    for (const std::string& output : {options.write, options.page}) {
+      if (!output.empty()) CheckWritable(output);
+    }
+    if (!options.json.empty() && options.json != "-") CheckWritable(options.json);
+    if (!options.write.empty() && !options.overwrite && std::filesystem::exists(options.write)) {
+      throw std::runtime_error(
+          fmt::format("{}: is there already; --overwrite replaces it", options.write));
+    }
+    CatchInterrupts();
+    OpenWorld();
+  }
+
+  ExitStatus Run() {
+    json_["bus"] = options_.bus;
+    json_["command"] = options_.command;
+    Dispatch();
+    WriteResults();
+    const auto remains = [](const Finding& finding) { return !finding.mended; };
+    if (findings_.empty()) SayLine("Nothing is amiss.");
+    for (const Finding& finding : findings_) {
+      SayLine(fmt::format("{} {}: {}", finding.mended ? "set right" : "REMAINS", finding.kind,
+                          finding.text));
+    }
+    return std::any_of(findings_.begin(), findings_.end(), remains) ? ExitStatus::kAmiss
+                                                                    : ExitStatus::kDone;
+  }
+
+ private:
+  void CheckJoint(const std::string& name) const {
+    if (joints_.empty()) return;
+    for (const BenchJoint& joint : joints_) {
+      if (joint.name == name) return;
+    }
+    throw std::runtime_error(fmt::format("{}: has a drive for joint '{}', and {} has no such joint",
+                                         options_.drives, name, options_.motion));
+  }
+
+  void OpenWorld() {
+    OperatorScript script{options_.answers, options_.yes, nullptr};
+    if (options_.simulated()) {
+      SimulatedBenchConfig config;
+      config.drives = options_.actual.empty() ? draft_->config() : LoadDrives(options_.actual);
+      for (const BenchJoint& joint : joints_)
+        config.positions.emplace_back(joint.name, joint.reference_rad);
+      for (const std::string& text : options_.positions)
+        config.positions.push_back(PositionIn(text, config.drives));
+      config.bus_faults = options_.bus_faults;
+      world_ = MakeSimulatedBench(config);
+      script.hands = world_->hands();
+    } else {
+      world_ = MakeInterfaceBench(options_.bus, draft_ ? &draft_->config() : nullptr,
+                                  options_.moves() && options_.arm);
+    }
+    const bool knows = options_.simulated() && options_.answers.empty() && !options_.ask;
+    operator_ = knows ? MakeSimulatedOperator(*world_->hands()) : MakeAskedOperator(script);
+  }
+
+  void Dispatch();
+  void Scan();
+  void Read();
+  bool TurnsItsJoint(std::size_t drive);
+  void Identify();
+  void JogOne();
+  void Zero();
+  void Check();
+  void Step();
+  void Watchdog();
+  void Latency();
+  void CommissionAll();
+
+  /// Speaks with the drives of the file.
+  BenchSession& Begin() {
+    session_.reset();
+    session_ = std::make_unique<BenchSession>(*world_, draft_->config(), options_.config.bounds);
+    const std::vector<std::size_t> silent = session_->AwaitReplies();
+    if (!silent.empty()) {
+      throw Refused(session_->NameOf(silent.front()) +
+                    " does not reply: is it switched on, and are its identifiers right? "
+                    "(tumbler-bench BUS scan)");
+    }
+    if (options_.clear) session_->ClearErrors();
+    return *session_;
+  }
+  /// The drives that the command is about.
+  [[nodiscard]] std::vector<std::size_t> Chosen() const {
+    std::vector<std::size_t> chosen;
+    for (std::size_t i = 0; i < session_->size(); ++i) {
+      if (options_.joint.empty() || session_->entry(i).joint == options_.joint) chosen.push_back(i);
+    }
+    if (chosen.empty())
+      throw UsageError("JOINT", fmt::format("is {}, which no drive of {} turns", options_.joint,
+                                            options_.drives));
+    return chosen;
+  }
+  [[nodiscard]] std::function<void()> Meanwhile() {
+    return [this] { session_->Tick(); };
+  }
+  void ConfirmMotion(const std::string& what) {
+    if (!operator_->Confirm(what + " Is the way clear?", Meanwhile()))
+      throw Refused("it was not to move");
+  }
+  [[nodiscard]] const BenchJoint& JointOfDrive(std::size_t drive) const {
+    return *std::find_if(joints_.begin(), joints_.end(), [&](const BenchJoint& joint) {
+      return joint.name == session_->entry(drive).joint;
+    });
+  }
+  void Found(const std::vector<Finding>& findings) {
+    for (const Finding& finding : findings) findings_.push_back(finding);
+  }
+  void WriteDraft(const DrivesDraft& draft) const {
+    PendingFile(options_.write, draft.text()).Commit();
+  }
+  void WriteResults();
+
+  BenchOptions options_;
+  std::vector<BenchJoint> joints_;
+  std::unique_ptr<DrivesDraft> draft_;
+  std::unique_ptr<BenchWorld> world_;
+  std::unique_ptr<BenchOperator> operator_;
+  std::unique_ptr<BenchSession> session_;
+  std::vector<Finding> findings_;
+  std::vector<NamedStep> steps_;
+  Json json_;
+};
+
+void BenchRun::Dispatch() {
+  const std::string& command = options_.command;
+  if (command == "scan") return Scan();
+  if (command == "commission") return CommissionAll();
+  Begin();
+  if (command == "read") return Read();
+  if (command == "identify") return Identify();
+  if (command == "jog") return JogOne();
+  if (command == "zero") return Zero();
+  if (command == "check") return Check();
+  if (command == "step") return Step();
+  if (command == "watchdog") return Watchdog();
+  Latency();
+}
+
+void BenchRun::WriteResults() {
+  if (!options_.page.empty()) PendingFile(options_.page, StepPage(steps_)).Commit();
+  if (options_.json.empty()) return;
+  json_["findings"] = ToJson(findings_);
+  const std::string text = json_.Dump(2) + '\n';
+  if (options_.json == "-") {
+    std::cout << text << std::flush;
+  } else {
+    PendingFile(options_.json, text).Commit();
+  }
+}
+
+void BenchRun::Scan() {
+  const std::vector<FoundDrive> found = ScanBus(*world_, options_.config.scan);
+  json_["found"] = Json::Array();
+  for (const FoundDrive& drive : found) {
+    SayLine(Describe(drive));
+    json_["found"].Append(ToJson(drive));
+  }
+  SayLine(fmt::format("{} {} found", found.size(), found.size() == 1 ? "drive" : "drives"));
+  if (draft_) Found(CompareWithDraft(found, draft_->config()));
+  for (Finding& finding : findings_) finding.mended = false;  // Nothing is written.
+}
+
+void BenchRun::Read() {
+  session_->Wait(0.2);  // Temperatures and torques come more seldom than positions.
+  json_["drives"] = Json::Array();
+  for (std::size_t i = 0; i < session_->size(); ++i) {
+    const DriveFeedback feedback = session_->drive(i).feedback();
+    const DriveState state = session_->drive(i).state();
+    const std::string error =
+        feedback.error == 0 ? "" : DescribeDriveError(session_->entry(i).config, feedback.error);
+    std::string line =
+        fmt::format("{}: {:.4f} rad, {:.3f} rad/s, {:.3f} N m", session_->NameOf(i),
+                    feedback.position_rad, feedback.velocity_rad_s, feedback.torque_nm);
+    if (feedback.has_temperature) line += fmt::format(", {:.0f} C", feedback.temperature_c);
+    line += error.empty() ? ", no error" : ", " + error;
+    SayLine(line);
+    Json drive = {{"joint", session_->entry(i).joint},
+                  {"position_rad", feedback.position_rad},
+                  {"velocity_rad_s", feedback.velocity_rad_s},
+                  {"torque_nm", feedback.torque_nm},
+                  {"error", feedback.error}};
+    if (feedback.has_temperature) drive["temperature_c"] = feedback.temperature_c;
+    json_["drives"].Append(drive);
+    if (state != DriveState::kFault) continue;
+    findings_.push_back({"drive-error", session_->entry(i).joint,
+                         fmt::format("{} reports {}{}", session_->NameOf(i), error,
+                                     DescribeSetUpRefusal(session_->drive(i).set_up_refusal()))});
+  }
+}
+
+/// Whether the joint of this drive is the one that turned.
+bool BenchRun::TurnsItsJoint(std::size_t drive) {
+  std::vector<std::string> names;
+  for (std::size_t i = 0; i < session_->size(); ++i) names.push_back(session_->entry(i).joint);
+  const std::string name = session_->NameOf(drive);
+  const std::string turned = operator_->WhichTurned(names, Meanwhile());
+  if (turned == session_->entry(drive).joint) return true;
+  findings_.push_back(
+      {"identifiers-exchanged", name,
+       fmt::format("{} turns {}, and the drives file says {}", name,
+                   turned.empty() ? "nothing" : turned, session_->entry(drive).joint)});
+  return false;
+}
+
+void BenchRun::Identify() {
+  json_["drives"] = Json::Array();
+  for (const std::size_t i : Chosen()) {
+    const std::string name = session_->NameOf(i);
+    const double way_rad = options_.config.bounds.amplitude_rad;
+    ConfirmMotion(fmt::format("{} will turn its joint by {} rad and back.", name, way_rad));
+    const JogResult jog = Jog(*session_, i, {way_rad, false}, operator_.get());
+    for (std::size_t k = 0; k < jog.ways_rad.size(); ++k)
+      SayLine(fmt::format("  {} moved by {:+.4f} rad", session_->NameOf(k), jog.ways_rad[k]));
+    const bool right = TurnsItsJoint(i);
+    json_["drives"].Append({{"drive", name}, {"right", right}, {"ways_rad", jog.ways_rad}});
+  }
+}
+
+void BenchRun::JogOne() {
+  const std::size_t drive = Chosen().front();
+  ConfirmMotion(fmt::format("{} will turn its joint by {} rad and back.", session_->NameOf(drive),
+                            options_.by_rad));
+  const JogResult jog = Jog(*session_, drive, {options_.by_rad, false}, nullptr);
+  SayLine(fmt::format("{} moved by {:+.4f} rad, at most at {:.3f} rad/s, and back",
+                      session_->NameOf(drive), jog.ways_rad[drive], jog.peak_speed_rad_s));
+  json_["way_rad"] = jog.ways_rad[drive];
+  json_["peak_speed_rad_s"] = jog.peak_speed_rad_s;
+}
+
+void BenchRun::Zero() {
+  json_["joints"] = Json::Array();
+  for (const std::size_t i : Chosen()) {
+    const std::string joint = session_->entry(i).joint;
+    const double at_rad =
+        options_.at_rad.empty() ? JointOfDrive(i).reference_rad : options_.at_rad.front();
+    if (!operator_->Place(joint, at_rad, Meanwhile()))
+      throw Refused(joint + " is not where its zero can be found");
+    if (options_.in_drive) {
+      if (!operator_->Confirm(session_->NameOf(i) + " will take this place as its own zero. Go on?",
+                              Meanwhile())) {
+        throw Refused("the drive was to keep its zero");
+      }
+      session_->ZeroEncoder(i);
+    }
+    double offset_rad = double{JointOf(session_->entry(i).config).zero_offset_rad};
+    const double off_rad = at_rad - RestingPosition(*session_, i);
+    offset_rad += off_rad;
+    SayLine(
+        fmt::format("{}: off by {:.4f} rad; zero_offset_rad = {:.6f}", joint, off_rad, offset_rad));
+    json_["joints"].Append(
+        {{"joint", joint}, {"off_rad", off_rad}, {"zero_offset_rad", offset_rad}});
+    draft_->SetNumber(i, "zero_offset_rad", std::round(1e6 * offset_rad) * 1e-6);
+    if (std::abs(off_rad) <= options_.config.tolerances.zero_rad) continue;
+    findings_.push_back(
+        {"zero-off", joint,
+         fmt::format("the zero of {} is off by {:.3f} rad: zero_offset_rad is {:.4f}", joint,
+                     off_rad, offset_rad),
+         !options_.write.empty()});
+  }
+  draft_->Check();
+  if (!options_.write.empty()) WriteDraft(*draft_);
+}
+
+void BenchRun::Check() {
+  for (const std::size_t i : Chosen()) {
+    const std::string name = session_->NameOf(i);
+    const BenchJoint& joint = JointOfDrive(i);
+    const double way_rad = options_.config.bounds.amplitude_rad;
+    ConfirmMotion(fmt::format("{} will turn its joint by {} rad and back.", name, way_rad));
+    static_cast<void>(Jog(*session_, i, {way_rad, false}, operator_.get()));
+    if (!TurnsItsJoint(i)) continue;
+    if (!operator_->Grew(joint.name, Meanwhile())) {
+      findings_.push_back(
+          {"wrong-direction", joint.name,
+           fmt::format("{} turns {} against its axis: direction is {:.0f} in the "
+                       "drives file",
+                       name, joint.name, JointOf(session_->entry(i).config).direction)});
+    }
+    Found(JudgeRanges(name, session_->entry(i), joint));
+    const TurnedResult turned =
+        WatchTurning(*session_, *operator_, i, joint.name, joint.lower_rad, joint.upper_rad);
+    SayLine(fmt::format("{}: from {:.3f} to {:.3f} rad", joint.name, turned.lower_rad,
+                        turned.upper_rad));
+    Found(JudgeWay(joint, turned, options_.config.tolerances));
+  }
+}
+
+void BenchRun::Step() {
+  const std::size_t drive = Chosen().front();
+  const StepConfig& config = options_.config.step;
+  ConfirmMotion(fmt::format("{} will turn its joint by {} rad at once.", session_->NameOf(drive),
+                            config.size_rad));
+  const StepResult step = MeasureStep(*session_, drive, config);
+  steps_.push_back({session_->NameOf(drive), config, step});
+  SayLine(
+      fmt::format("{}: rise {:.1f} ms, overshoot {:.1f} %, settled after {:.0f} ms, {:.4f} rad "
+                  "remain",
+                  session_->NameOf(drive), 1e3 * step.rise_s, 100 * step.overshoot,
+                  1e3 * step.settling_s, step.remaining_rad));
+  json_["step"] = ToJson(step);
+}
+
+void BenchRun::Watchdog() {
+  json_["watchdogs"] = Json::Array();
+  for (const std::size_t i : Chosen()) {
+    const std::string name = session_->NameOf(i);
+    const double expected_s = session_->entry(i).watchdog_s;
+    ConfirmMotion(fmt::format("{} will push with little torque for moments.", name));
+    const WatchdogResult watchdog = ProveWatchdog(*session_, i, expected_s);
+    SayLine(
+        watchdog.let_go
+            ? fmt::format("{}: limp {:.1f} ms after the last setpoint; it still pushed at {:.1f} "
+                          "ms ({} silences)",
+                          name, 1e3 * watchdog.limp_after_s, 1e3 * watchdog.pushed_after_s,
+                          watchdog.silences)
+            : fmt::format("{}: still drives after {:.1f} ms of silence", name,
+                          1e3 * watchdog.pushed_after_s));
+    json_["watchdogs"].Append({{"joint", session_->entry(i).joint},
+                               {"let_go", watchdog.let_go},
+                               {"pushed_after_s", watchdog.pushed_after_s},
+                               {"limp_after_s", watchdog.limp_after_s}});
+    std::vector<Finding> findings =
+        JudgeWatchdog(name, watchdog, expected_s, session_->period_s(), options_.config.tolerances);
+    for (Finding& finding : findings) finding.mended = false;  // Nothing is written.
+    Found(findings);
+  }
+}
+
+void BenchRun::Latency() {
+  const BusTrouble before = world_->trouble();
+  const std::vector<ReplyResult> results = MeasureReplies(*session_, options_.config.replies_s);
+  json_["replies"] = Json::Array();
+  for (std::size_t i = 0; i < results.size(); ++i) {
+    const ReplyResult& replies = results[i];
+    SayLine(fmt::format(
+        "{}: {} {:.3f} ms (median), {:.3f} ms (99 %), {:.3f} ms (max), {} of {} lost",
+        session_->NameOf(i), replies.answers ? "answers after" : "reports every", replies.median_ms,
+        replies.p99_ms, replies.max_ms, replies.lost, replies.asked));
+    Json json = ToJson(replies);
+    json["joint"] = session_->entry(i).joint;
+    json_["replies"].Append(json);
+    Found(JudgeReplies(session_->NameOf(i), replies, session_->period_s(),
+                       options_.config.tolerances));
+  }
+  json_["error_frames"] = world_->trouble().error_frames - before.error_frames;
+}
+
+void BenchRun::CommissionAll() {
+  if (options_.clear) {
+    Begin();
+    session_.reset();
+  }
+  const CommissionResult result =
+      Commission(*world_, *draft_, joints_, *operator_, options_.config,
+                 [this](const DrivesDraft& draft) { WriteDraft(draft); });
+  json_.Merge(ToJson(result));
+  findings_ = result.findings;
+  steps_ = result.steps;
+  SayLine(fmt::format("{} is written.", options_.write));
+}
+
+}  // namespace
+
+ExitStatus RunBench(int argc, char** argv) {
+  const BenchOptions options = ReadBenchOptions(argc, argv);
+  try {
+    return BenchRun(options).Run();
+  } catch (const BenchFault& fault) {
+    fmt::print(stderr, "tumbler-bench: fault: {}; the torque is off\n", fault.what());
+    return ExitStatus::kFault;
+  } catch (const BenchInterrupted&) {
+    fmt::print(stderr, "tumbler-bench: interrupted; the torque is off\n");
+    return ExitStatus::kInterrupted;
+  }
+}
+
+}  // namespace tumbler

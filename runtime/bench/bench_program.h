@@ -1,0 +1,10 @@
+#pragma once
+
+#include "common/exit_status.h"
+
+namespace tumbler {
+
+/// The program tumbler-bench.
+ExitStatus RunBench(int argc, char** argv);
+
+}  // namespace tumbler

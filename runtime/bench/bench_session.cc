@@ -1,0 +1,344 @@
+#include "runtime/bench/bench_session.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "common/program.h"
+#include "firmware_interface/drives/error_texts.h"
+#include "runtime/linux/interrupts.h"
+
+namespace tumbler {
+namespace {
+
+/// A reply that is older than this, or than a few ticks, is missed while a motor is driven.
+constexpr double kSilence_s = 0.05;
+constexpr double kSilenceTicks = 8;
+/// How far beyond the bounds a joint may be found before its motor counts as having run away.
+constexpr double kRunAway_rad = 0.15;
+constexpr double kSecond_ns = 1e9;
+constexpr std::int64_t kLook_ns = 1'000'000;  // between two looks at what has come
+
+std::int64_t Nanoseconds(double seconds) { return std::llround(seconds * kSecond_ns); }
+
+const char* ToText(DriveState state) {
+  switch (state) {
+    case DriveState::kUnknown:
+      return "silent";
+    case DriveState::kDisabled:
+      return "off";
+    case DriveState::kEnabling:
+      return "about to be enabled";
+    case DriveState::kEnabled:
+      return "enabled";
+    case DriveState::kFault:
+      return "in fault";
+    case DriveState::kLost:
+      return "without heartbeat";
+  }
+  return "in an unknown state";
+}
+
+}  // namespace
+
+BenchSession::BenchSession(BenchWorld& world, const DrivesConfig& drives, const BenchBounds& bounds)
+    : world_(world),
+      drives_(drives),
+      bounds_(bounds),
+      period_ns_(Nanoseconds(1 / drives.rate_hz)),
+      deadline_ns_(world.clock().now_ns()),
+      limits_(drives.drives.size()),
+      replies_(drives.drives.size()),
+      heard_ns_(drives.drives.size(), -1),
+      kp_nm_per_rad_(bounds.kp_nm_per_rad),
+      kd_nm_s_per_rad_(bounds.kd_nm_s_per_rad) {
+  for (const DriveEntry& drive : drives.drives) {
+    if (bank_.Add(drive.config) != Status::kOk)
+      throw std::invalid_argument("a drive's configuration is not valid");
+  }
+}
+
+BenchSession::~BenchSession() { OffQuietly(); }
+
+double BenchSession::position_rad(std::size_t drive) const {
+  return double{bank_.drives()[drive]->feedback().position_rad};
+}
+
+std::string BenchSession::NameOf(std::size_t drive) const {
+  const DriveEntry& of = entry(drive);
+  const auto number = DriveProtocols::With(of.config, [](auto /*protocol*/, const auto& config) {
+    if constexpr (requires { config.command_id; }) {
+      return static_cast<int>(config.command_id);
+    } else {
+      return static_cast<int>(config.node_id);
+    }
+  });
+  const auto protocol = DriveProtocols::With(
+      of.config, [](auto described, const auto& /*config*/) { return decltype(described)::kName; });
+  return fmt::format("drive {} {} ({})", protocol, number, of.joint);
+}
+
+SafetyLimits BenchSession::GateOf(std::size_t drive) const {
+  JointLimits<float> joint;
+  joint.position_min_rad =
+      static_cast<float>(std::max(origin_rad_ - bounds_.amplitude_rad, limits_[drive].lower_rad));
+  joint.position_max_rad =
+      static_cast<float>(std::min(origin_rad_ + bounds_.amplitude_rad, limits_[drive].upper_rad));
+  joint.velocity_max_rad_s = static_cast<float>(bounds_.speed_rad_s);
+  joint.torque_max_nm = static_cast<float>(bounds_.torque_nm);
+  SafetyLimits limits =
+      MakeSafetyLimits(joint, static_cast<float>(period_s()), static_cast<float>(period_s()));
+  limits.position_step_rad = std::max(limits.position_step_rad, static_cast<float>(step_rad_));
+  return limits;
+}
+
+void BenchSession::SetGains(double kp_nm_per_rad, double kd_nm_s_per_rad) {
+  kp_nm_per_rad_ = kp_nm_per_rad;
+  kd_nm_s_per_rad_ = kd_nm_s_per_rad;
+}
+
+void BenchSession::SetLimits(std::size_t drive, double lower_rad, double upper_rad) {
+  limits_[drive] = {lower_rad, upper_rad};
+}
+
+void BenchSession::ResetReplies() {
+  for (ReplyTimes& times : replies_) times = {};
+}
+
+void BenchSession::Send(DriveRequest others) {
+  for (std::size_t i = 0; i < size(); ++i) {
+    const bool driven = i == driven_;
+    FrameBatch batch;
+    const DriveSetpoint off;
+    const Status encoded = bank_.drives()[i]->Encode(driven ? DriveRequest::kEnable : others,
+                                                     driven ? setpoint_ : off, batch);
+    if (encoded != Status::kOk) throw BenchFault(NameOf(i) + ": a setpoint cannot be encoded");
+    std::size_t sent = 0;
+    replies_[i].asked_ns.push_back(world_.clock().now_ns());
+    const Status status = world_.bus().SendAll(batch.frames(), sent);
+    if (status == Status::kOk || status == Status::kWouldBlock) continue;
+    throw BenchFault(fmt::format("the bus is lost: {}", ToString(status)));
+  }
+}
+
+void BenchSession::Receive() {
+  ReceivedFrame received;
+  Status status = Status::kOk;
+  while ((status = world_.bus().Receive(received)) == Status::kOk) {
+    for (std::size_t i = 0; i < size(); ++i) {
+      if (!bank_.drives()[i]->Decode(received.frame)) continue;
+      replies_[i].arrived_ns.push_back(received.time_ns);
+      replies_[i].torques_nm.push_back(double{bank_.drives()[i]->feedback().torque_nm});
+      heard_ns_[i] = world_.clock().now_ns();
+    }
+  }
+  if (status != Status::kWouldBlock)
+    throw BenchFault(fmt::format("the bus is lost: {}", ToString(status)));
+}
+
+void BenchSession::SleepPeriod() {
+  const std::int64_t now = world_.clock().now_ns();
+  // After a pause the loop goes on from now: ticks that were missed are not made up for.
+  deadline_ns_ = std::max(deadline_ns_ + period_ns_, now - period_ns_);
+  world_.clock().SleepUntil(deadline_ns_);
+}
+
+void BenchSession::CheckDriven() const {
+  const Drive& drive = *bank_.drives()[driven_];
+  const DriveFeedback feedback = drive.feedback();
+  const std::string name = NameOf(driven_);
+  if (drive.state() == DriveState::kFault) {
+    throw BenchFault(fmt::format("{} reports {}{}", name,
+                                 DescribeDriveError(entry(driven_).config, feedback.error),
+                                 DescribeSetUpRefusal(drive.set_up_refusal())));
+  }
+  if (!following_) return;
+  if (drive.state() != DriveState::kEnabled)
+    throw BenchFault(fmt::format("{} is {} all at once", name, ToText(drive.state())));
+  const double silent_s =
+      static_cast<double>(world_.clock().now_ns() - heard_ns_[driven_]) / kSecond_ns;
+  if (silent_s > std::max(kSilence_s, kSilenceTicks * period_s()))
+    throw BenchFault(fmt::format("{} has not replied for {:.0f} ms", name, 1e3 * silent_s));
+  const double way_rad = std::abs(double{feedback.position_rad} - origin_rad_);
+  if (!(way_rad <= bounds_.amplitude_rad + kRunAway_rad)) {
+    throw BenchFault(
+        fmt::format("{} has run away: it is {:.3f} rad from where it was enabled, and {:.3f} was "
+                    "the most that it was asked for",
+                    name, way_rad, bounds_.amplitude_rad));
+  }
+  if (feedback.has_temperature && feedback.temperature_c > entry(driven_).temperature_max_c)
+    throw BenchFault(fmt::format("{} has {:.0f} C, and {:.0f} are allowed", name,
+                                 feedback.temperature_c, entry(driven_).temperature_max_c));
+}
+
+void BenchSession::Tick() {
+  if (InterruptMailbox().Take().quit) throw BenchInterrupted();
+  Send(DriveRequest::kDisable);
+  SleepPeriod();
+  Receive();
+  if (driven_ != kNone) CheckDriven();
+}
+
+void BenchSession::Wait(double time_s) {
+  const std::int64_t end_ns = now_ns() + Nanoseconds(time_s);
+  while (now_ns() < end_ns) Tick();
+}
+
+std::vector<std::size_t> BenchSession::AwaitReplies() {
+  int patience_ms = 0;
+  for (const DriveEntry& drive : drives_.drives)
+    patience_ms = std::max(patience_ms, FirstReply_ms(drive.config));
+  const std::int64_t end_ns = now_ns() + std::int64_t{patience_ms} * 1'000'000;
+  std::vector<std::size_t> silent;
+  do {
+    Tick();
+    silent.clear();
+    for (std::size_t i = 0; i < size(); ++i) {
+      if (heard_ns_[i] < 0 || drive(i).state() == DriveState::kUnknown) silent.push_back(i);
+    }
+  } while (!silent.empty() && now_ns() < end_ns);
+  return silent;
+}
+
+void BenchSession::ClearErrors() {
+  constexpr double kLong_s = 0.3;
+  const std::int64_t end_ns = now_ns() + Nanoseconds(kLong_s);
+  while (now_ns() < end_ns) {
+    if (InterruptMailbox().Take().quit) throw BenchInterrupted();
+    Send(DriveRequest::kClearErrors);
+    SleepPeriod();
+    Receive();
+  }
+  Wait(kLong_s);
+}
+
+void BenchSession::Enable(std::size_t drive) {
+  constexpr double kPatience_s = 2;
+  const std::int64_t end_ns = now_ns() + Nanoseconds(kPatience_s);
+  Wait(4 * period_s());  // Drives have to be seen off first.
+  driven_ = drive;
+  following_ = false;
+  while (bank_.drives()[drive]->state() != DriveState::kEnabled) {
+    setpoint_ = {};
+    setpoint_.position_rad = bank_.drives()[drive]->feedback().position_rad;
+    setpoint_.kp_nm_per_rad = static_cast<float>(kp_nm_per_rad_);
+    setpoint_.kd_nm_s_per_rad = static_cast<float>(kd_nm_s_per_rad_);
+    Tick();
+    if (now_ns() > end_ns) {
+      const std::string name = NameOf(drive);
+      const char* const state = ToText(bank_.drives()[drive]->state());
+      OffQuietly();
+      throw BenchFault(
+          fmt::format("{} is {} {} s after it was asked to be enabled", name, state, kPatience_s));
+    }
+  }
+  origin_rad_ = position_rad(drive);
+  previous_ = {static_cast<float>(origin_rad_), 0, 0};
+  following_ = true;
+}
+
+void BenchSession::Follow(double position_rad, double velocity_rad_s) {
+  const SafetyLimits gate = GateOf(driven_);
+  JointSetpoint planned{static_cast<float>(position_rad), static_cast<float>(velocity_rad_s), 0};
+  previous_ = LimitSetpoint(gate, planned, previous_, 1).setpoint;
+  // The stiffness exerts no more than the bound, wherever the joint is.
+  const double reach_rad = bounds_.torque_nm / std::max(kp_nm_per_rad_, 1e-9);
+  const double measured_rad = this->position_rad(driven_);
+  setpoint_ = {};
+  setpoint_.position_rad = static_cast<float>(std::clamp(
+      double{previous_.position_rad}, measured_rad - reach_rad, measured_rad + reach_rad));
+  setpoint_.velocity_rad_s = previous_.velocity_rad_s;
+  setpoint_.kp_nm_per_rad = static_cast<float>(kp_nm_per_rad_);
+  setpoint_.kd_nm_s_per_rad = static_cast<float>(kd_nm_s_per_rad_);
+  Tick();
+}
+
+void BenchSession::Push(double torque_nm) {
+  const double bound = bounds_.torque_nm;
+  setpoint_ = {};
+  setpoint_.position_rad = static_cast<float>(position_rad(driven_));
+  setpoint_.torque_nm = static_cast<float>(std::clamp(torque_nm, -bound, bound));
+  Tick();
+}
+
+void BenchSession::ZeroEncoder(std::size_t drive) {
+  const auto* mit = std::get_if<MitConfig>(&entry(drive).config);
+  if (mit == nullptr) {
+    throw Refused(NameOf(drive) + ": its protocol has no command for a zero; leave --in-drive out");
+  }
+  constexpr double kSettle_s = 0.1;
+  Wait(kSettle_s);  // Firmware obeys outside motor mode only.
+  if (world_.bus().Send(MitMagicFrame(*mit, MitMagic::kZero)) != Status::kOk)
+    throw BenchFault(NameOf(drive) + ": the bus does not take the command for its zero");
+  Wait(kSettle_s);
+}
+
+std::int64_t BenchSession::StaySilentUntil(std::int64_t time_ns) {
+  std::int64_t off_ns = -1;
+  while (now_ns() < time_ns) {
+    if (InterruptMailbox().Take().quit) throw BenchInterrupted();
+    world_.clock().SleepUntil(std::min(now_ns() + kLook_ns, time_ns));
+    Receive();
+    if (off_ns < 0 && drive(driven_).state() != DriveState::kEnabled) off_ns = now_ns();
+  }
+  deadline_ns_ = now_ns();
+  return off_ns;
+}
+
+void BenchSession::AskOffOnce() {
+  constexpr double kPatience_s = 0.05;
+  const std::size_t drive = driven_;
+  driven_ = kNone;
+  following_ = false;
+  ResetReplies();
+  Send(DriveRequest::kDisable);
+  const std::int64_t end_ns = now_ns() + Nanoseconds(std::max(kPatience_s, 3 * period_s()));
+  while (now_ns() < end_ns && replies_[drive].arrived_ns.empty()) {
+    world_.clock().SleepUntil(now_ns() + kLook_ns);
+    Receive();
+  }
+  deadline_ns_ = now_ns();
+  driven_ = drive;  // TorqueOff is still to come.
+}
+
+void BenchSession::TorqueOff() {
+  const std::size_t drive = driven_;
+  driven_ = kNone;
+  following_ = false;
+  step_rad_ = 0;
+  kp_nm_per_rad_ = bounds_.kp_nm_per_rad;
+  kd_nm_s_per_rad_ = bounds_.kd_nm_s_per_rad;
+  if (drive == kNone) return;
+  AwaitOff(drive);
+}
+
+void BenchSession::AwaitOff(std::size_t drive) {
+  constexpr double kPatience_s = 1;
+  const std::int64_t end_ns = now_ns() + Nanoseconds(kPatience_s);
+  do {
+    Tick();
+    if (now_ns() <= end_ns) continue;
+    throw BenchFault(fmt::format("{} is {} a second after it was asked to be off", NameOf(drive),
+                                 ToText(bank_.drives()[drive]->state())));
+  } while (bank_.drives()[drive]->state() == DriveState::kEnabled ||
+           bank_.drives()[drive]->state() == DriveState::kEnabling);
+}
+
+void BenchSession::OffQuietly() noexcept {
+  // Enough ticks that a frame or two may be lost. Whatever fails here, the next tick says it again.
+  constexpr int kTicks = 10;
+  driven_ = kNone;
+  following_ = false;
+  for (int tick = 0; tick < kTicks; ++tick) {
+    try {
+      Send(DriveRequest::kDisable);
+      SleepPeriod();
+      Receive();
+    } catch (const BenchFault&) {
+      continue;
+    }
+  }
+}
+
+}  // namespace tumbler

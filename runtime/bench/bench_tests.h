@@ -1,0 +1,97 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "common/json.h"
+#include "runtime/bench/bench_operator.h"
+#include "runtime/bench/bench_session.h"
+
+namespace tumbler {
+
+/// What a bench measures of drives. All of these leave the torque off, and throw what
+/// BenchSession::Tick throws.
+
+/// A small motion of one drive: there and back, as half a turn of a cosine each.
+struct JogConfig {
+  double way_rad = 0.1;  ///< With its sign; at most the amplitude of the bounds.
+  /// Whether to stay where it leads, and not to come back.
+  bool one_way = false;
+};
+struct JogResult {
+  /// How far each drive's joint was from where it began when the motion was farthest [rad].
+  std::vector<double> ways_rad;
+  double peak_speed_rad_s = 0;  ///< Of the driven joint, as its drive reports it.
+};
+/// @param watcher  is told before the motion and at its farthest; null: nobody watches.
+JogResult Jog(BenchSession& session, std::size_t drive, const JogConfig& config,
+              BenchOperator* watcher);
+
+/// Replies of one drive.
+struct ReplyResult {
+  /// Whether the drive answers, so that times are from question to answer. Otherwise it sends by
+  /// its own clock, and times are from one report to the next.
+  bool answers = true;
+  std::int64_t asked = 0;  ///< Questions; of a drive that sends by itself, reports that were due.
+  std::int64_t lost = 0;
+  double median_ms = 0;
+  double p99_ms = 0;
+  double max_ms = 0;
+  [[nodiscard]] double lost_share() const {
+    return asked == 0 ? 0 : static_cast<double>(lost) / static_cast<double>(asked);
+  }
+};
+/// Replies of all drives for a time, with the torque off.
+std::vector<ReplyResult> MeasureReplies(BenchSession& session, double time_s);
+Json ToJson(const ReplyResult& result);
+
+/// The reaction of a drive to the host's silence.
+struct WatchdogResult {
+  bool let_go = false;
+  /// The silence after which the drive still pushed, and after which it was limp [s]. A drive that
+  /// never let go pushed after `pushed_after_s`.
+  double pushed_after_s = 0;
+  double limp_after_s = 0;
+  int silences = 0;  ///< How often the bench was silent.
+};
+/// Enables a drive and stays silent.
+///
+/// A drive that only answers pushes with a small torque meanwhile, and tells in the reply that ends
+/// the silence whether it still does; halving the silence again and again finds when it let go. A
+/// drive that sends by itself says so itself.
+/// @param expected_s  the drives file's time-out; 0: none is expected. The bench is silent for at
+///                    most four times as long, or 0.1 s.
+WatchdogResult ProveWatchdog(BenchSession& session, std::size_t drive, double expected_s);
+
+/// The response of a joint to a step of its position.
+struct StepConfig {
+  double size_rad = 0.05;
+  double time_s = 0.6;  ///< How long it is watched.
+  double kp_nm_per_rad = 5;
+  double kd_nm_s_per_rad = 0.2;
+};
+struct StepResult {
+  std::vector<double> times_s;        ///< Since the step.
+  std::vector<double> positions_rad;  ///< Of the joint, from where it was.
+  double rise_s = 0;         ///< From a tenth to nine tenths of the step; 0: it did not get there.
+  double overshoot = 0;      ///< Share of the step.
+  double settling_s = 0;     ///< Until it stays within a twentieth of the step of where it ends.
+  double remaining_rad = 0;  ///< Step less where it ends.
+};
+StepResult MeasureStep(BenchSession& session, std::size_t drive, const StepConfig& config);
+Json ToJson(const StepResult& result);
+
+/// A joint that is turned by hand while its drive is off.
+struct TurnedResult {
+  bool turned = false;  ///< Whether the operator says so.
+  double lower_rad = 0;
+  double upper_rad = 0;
+};
+TurnedResult WatchTurning(BenchSession& session, BenchOperator& somebody, std::size_t drive,
+                          const std::string& joint, double lower_rad, double upper_rad);
+
+/// The mean of a joint's position over a moment, with the torque off [rad].
+double RestingPosition(BenchSession& session, std::size_t drive);
+
+}  // namespace tumbler

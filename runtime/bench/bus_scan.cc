@@ -1,0 +1,251 @@
+#include "runtime/bench/bus_scan.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <set>
+
+#include "common/program.h"
+#include "runtime/bench/bench_session.h"
+#include "runtime/linux/interrupts.h"
+
+namespace tumbler {
+namespace {
+
+constexpr std::uint8_t kAxisStateMax = 14;  // of ODrive's AxisState
+constexpr int kCanOpenDriveMax = 126;
+
+class Scanner {
+ public:
+  Scanner(BenchWorld& world, const ScanConfig& config) : world_(world), config_(config) {}
+
+  std::vector<FoundDrive> Run() {
+    Listen(config_.listen_s);
+    for (auto& [key, drive] : found_) drive.by_itself = true;
+    if (!config_.passive) {
+      RefuseForeign();
+      for (int round = 0; round < config_.rounds; ++round) AskAll();
+    }
+    std::vector<FoundDrive> drives;
+    for (const auto& [key, drive] : found_) drives.push_back(drive);
+    return drives;
+  }
+
+ private:
+  using Key = std::pair<std::string, int>;
+  /// Whom the questions are for. A reply of an MIT drive can look like any other message.
+  enum class Phase : std::uint8_t { kListen, kCanSimple, kCanOpen, kMit };
+
+  void AskAll() {
+    AskNodes();
+    AskMit();
+    constexpr double kLast_s = 0.05;
+    Listen(kLast_s);
+    phase_ = Phase::kListen;
+  }
+
+  void AskNodes() {
+    phase_ = Phase::kCanSimple;
+    for (int node = 0; node <= kCanSimpleNodeMax; ++node) {
+      if (Has(CanSimpleProtocol::kName, node) || IsTaken(node << 5 | 0x09)) continue;
+      CanFrame ask;
+      ask.id = CanSimpleId(static_cast<std::uint8_t>(node), CanSimpleCommand::kGetEncoderEstimates);
+      ask.remote = true;
+      ask.size = 8;
+      Ask(ask);
+    }
+    phase_ = Phase::kCanOpen;
+    for (int node = 1; node <= kCanOpenDriveMax; ++node) {
+      if (types_.count(node) != 0 || IsTaken(static_cast<int>(canopen_id::kSdoRequest) + node))
+        continue;
+      SdoRequest request;
+      request.write = false;
+      request.index = 0x1000;
+      Ask(EncodeSdoRequest(static_cast<std::uint8_t>(node), request));
+    }
+  }
+
+  void AskMit() {
+    phase_ = Phase::kMit;
+    for (int id = config_.mit_first; id <= config_.mit_last; ++id) {
+      if (Has(MitProtocol::kName, id) || IsTaken(id)) continue;
+      MitConfig drive;
+      drive.command_id = static_cast<std::uint16_t>(id);
+      mit_asked_.insert(id);
+      Ask(MitMagicFrame(drive, MitMagic::kExit));
+    }
+  }
+
+  [[nodiscard]] bool Has(std::string_view protocol, int number) const {
+    return found_.count({std::string(protocol), number}) != 0;
+  }
+  /// Whether an identifier is one of a node that was found, so that no other question may use it.
+  [[nodiscard]] bool IsTaken(int id) const {
+    for (const auto& [key, drive] : found_) {
+      if (drive.protocol == CanSimpleProtocol::kName && id >> 5 == drive.number) return true;
+      if (drive.protocol == Cia402Protocol::kName && id >= 0x80 && (id & 0x7f) == drive.number)
+        return id < static_cast<int>(canopen_id::kSdoRequest);
+    }
+    return id == static_cast<int>(canopen_id::kNmt) || id == static_cast<int>(canopen_id::kSync);
+  }
+
+  void Ask(const CanFrame& frame) {
+    constexpr int kTries = 100;  // of 2 ms: longer than a bus that works keeps anybody waiting
+    for (int attempt = 0; attempt < kTries; ++attempt) {
+      const Status status = world_.bus().Send(frame);
+      Listen(config_.patience_s);
+      if (status == Status::kOk) return;
+      if (status != Status::kWouldBlock)
+        throw BenchFault(fmt::format("the bus is lost: {}", ToString(status)));
+    }
+    throw Refused(
+        "nobody acknowledges: is a drive switched on, does the bit rate agree, and is the bus "
+        "terminated?");
+  }
+
+  void Listen(double time_s) {
+    const std::int64_t end_ns = world_.clock().now_ns() + std::llround(time_s * 1e9);
+    constexpr std::int64_t kGlance_ns = 10'000'000;
+    do {
+      if (InterruptMailbox().Take().quit) throw BenchInterrupted();
+      world_.clock().SleepUntil(std::min(world_.clock().now_ns() + kGlance_ns, end_ns));
+      ReceivedFrame received;
+      Status status = Status::kOk;
+      while ((status = world_.bus().Receive(received)) == Status::kOk) Take(received.frame);
+      if (status != Status::kWouldBlock)
+        throw BenchFault(fmt::format("the bus is lost: {}", ToString(status)));
+    } while (world_.clock().now_ns() < end_ns);
+  }
+
+  FoundDrive& Note(std::string_view protocol, int number) {
+    FoundDrive& drive = found_[{std::string(protocol), number}];
+    drive.protocol = protocol;
+    drive.number = number;
+    return drive;
+  }
+
+  void Take(const CanFrame& frame) {
+    if (frame.extended || frame.remote || frame.id > 0x7ff) return;
+    if (TakeCanOpen(frame) || TakeCanSimple(frame) || TakeMit(frame)) return;
+    // What is heard unasked, and is none of the messages that drives send by themselves.
+    const bool setpoint = frame.size == 8 && frame.id >= 1 && frame.id <= 0xff;
+    if (phase_ == Phase::kListen && mit_asked_.empty() && setpoint) suspects_.push_back(frame);
+  }
+
+  /// Refuses to ask where setpoints were heard: frames that are none of a drive's own messages.
+  void RefuseForeign() {
+    const std::vector<CanFrame> suspects = std::move(suspects_);
+    for (const CanFrame& frame : suspects) {
+      if (TakeCanOpen(frame) || TakeCanSimple(frame)) continue;  // Its node was heard later.
+      throw Refused(fmt::format(
+          "somebody commands drives on this bus (frame 0x{:03x}): end that program first, or only "
+          "listen with --passive",
+          frame.id));
+    }
+  }
+
+  bool TakeCanOpen(const CanFrame& frame) {
+    const auto node = static_cast<std::uint8_t>(frame.id & 0x7f);
+    if (node == 0) return frame.id == canopen_id::kSync;
+    NmtState state{};
+    if (DecodeNodeState(node, frame, state) == Status::kOk && node <= kCanOpenDriveMax) {
+      Note(Cia402Protocol::kName, node);
+      return true;
+    }
+    SdoReply reply;
+    if (DecodeSdoReply(node, frame, reply) == Status::kOk && reply.index == 0x1000) {
+      FoundDrive& drive = Note(Cia402Protocol::kName, node);
+      types_.insert(node);
+      if (reply.kind == SdoReply::Kind::kRead) {
+        const bool drive_profile = (reply.value & 0xffff) == 402;
+        drive.details = fmt::format("device type 0x{:08x}, {}", reply.value,
+                                    drive_profile ? "a drive" : "not of CiA 402");
+      }
+      return true;
+    }
+    return Has(Cia402Protocol::kName, node) && frame.id >= 0x80 && frame.id < 0x780;
+  }
+
+  bool TakeCanSimple(const CanFrame& frame) {
+    const auto node = static_cast<std::uint8_t>(frame.id >> 5);
+    if (node > kCanSimpleNodeMax) return false;
+    if (phase_ == Phase::kMit || frame.size != 8) return Has(CanSimpleProtocol::kName, node);
+    CanSimpleHeartbeat heartbeat;
+    if (DecodeCanSimple(node, frame, heartbeat) == Status::kOk &&
+        heartbeat.state <= kAxisStateMax && frame.data[7] == 0) {
+      Note(CanSimpleProtocol::kName, node).details =
+          fmt::format("axis state {}, error 0x{:x}", heartbeat.state, heartbeat.error);
+      return true;
+    }
+    CanSimpleEstimates estimates;
+    if (phase_ == Phase::kCanSimple && DecodeCanSimple(node, frame, estimates) == Status::kOk &&
+        std::abs(estimates.position_rev) < 1e6F && std::abs(estimates.velocity_rev_s) < 1e4F) {
+      Note(CanSimpleProtocol::kName, node);
+    }
+    return Has(CanSimpleProtocol::kName, node);
+  }
+
+  bool TakeMit(const CanFrame& frame) {
+    if (frame.size < 6 || phase_ != Phase::kMit) return false;
+    const int sender = frame.data[0];
+    if (mit_asked_.count(sender) == 0) return false;
+    FoundDrive& drive = Note(MitProtocol::kName, sender);
+    drive.reply_id = static_cast<int>(frame.id);
+    drive.details = fmt::format("{} bytes", frame.size);
+    if (frame.size == 8 && frame.data[7] != 0 && frame.data[7] < 16)
+      drive.details += fmt::format(", error {}", frame.data[7]);
+    return true;
+  }
+
+  BenchWorld& world_;
+  ScanConfig config_;
+  Phase phase_ = Phase::kListen;
+  std::map<Key, FoundDrive> found_;
+  std::set<int> types_;      // nodes that told their device type, or refused to
+  std::set<int> mit_asked_;  // identifiers
+  std::vector<CanFrame> suspects_;
+};
+
+}  // namespace
+
+std::vector<FoundDrive> ScanBus(BenchWorld& world, const ScanConfig& config) {
+  return Scanner(world, config).Run();
+}
+
+std::string Describe(const FoundDrive& drive) {
+  std::string text = fmt::format("{} {}", drive.protocol, drive.number);
+  if (drive.reply_id) text += fmt::format(", replies on {}", *drive.reply_id);
+  if (!drive.details.empty()) text += ", " + drive.details;
+  if (drive.by_itself) text += ", speaks by itself";
+  return text;
+}
+
+Json ToJson(const FoundDrive& drive) {
+  Json json = {{"protocol", drive.protocol},
+               {"number", drive.number},
+               {"by_itself", drive.by_itself},
+               {"details", drive.details}};
+  if (drive.reply_id) json["reply_id"] = *drive.reply_id;
+  return json;
+}
+
+const FoundDrive* FindDrive(const std::vector<FoundDrive>& found, const DriveEntry& entry) {
+  return DriveProtocols::With(entry.config, [&](auto protocol, const auto& config) {
+    int number = 0;
+    if constexpr (requires { config.command_id; }) {
+      number = config.command_id;
+    } else {
+      number = config.node_id;
+    }
+    const FoundDrive* match = nullptr;
+    for (const FoundDrive& drive : found) {
+      if (drive.protocol == decltype(protocol)::kName && drive.number == number) match = &drive;
+    }
+    return match;
+  });
+}
+
+}  // namespace tumbler

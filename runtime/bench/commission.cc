@@ -1,0 +1,467 @@
+#include "runtime/bench/commission.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <memory>
+
+#include "common/program.h"
+#include "firmware_interface/drives/error_texts.h"
+
+namespace tumbler {
+namespace {
+
+void Report(const std::string& line) {
+  fmt::print("{}\n", line);
+  std::fflush(stdout);
+}
+
+void ReportFinding(const Finding& finding) {
+  Report(fmt::format("  FOUND {}: {}", finding.kind, finding.text));
+}
+
+/// One commissioning.
+class Commissioner {
+ public:
+  Commissioner(BenchWorld& world, DrivesDraft& draft, const std::vector<BenchJoint>& joints,
+               BenchOperator& somebody, const CommissionConfig& config,
+               const std::function<void(const DrivesDraft&)>& keep)
+      : world_(world),
+        draft_(draft),
+        joints_(joints),
+        somebody_(somebody),
+        config_(config),
+        keep_(keep) {}
+
+  CommissionResult Run() {
+    Scan();
+    Begin();
+    CheckHealth();
+    MeasureAllReplies();
+    IdentifyAll();
+    ZeroAll();
+    if (config_.turn_by_hand) TurnAll();
+    ProveAllWatchdogs();
+    StepAll();
+    return std::move(result_);
+  }
+
+ private:
+  void Add(const std::vector<Finding>& findings) {
+    for (const Finding& finding : findings) {
+      ReportFinding(finding);
+      result_.findings.push_back(finding);
+    }
+  }
+  /// Begins with the drives as the draft has them now.
+  void Begin() {
+    session_.reset();
+    session_ = std::make_unique<BenchSession>(world_, draft_.config(), config_.bounds);
+    const std::vector<std::size_t> silent = session_->AwaitReplies();
+    if (silent.empty()) return;
+    throw Refused(session_->NameOf(silent.front()) +
+                  " does not reply: is it switched on, and are its identifiers right?");
+  }
+  void Keep() {
+    draft_.Check();
+    keep_(draft_);
+  }
+  [[nodiscard]] const BenchJoint& JointNamed(const std::string& name) const {
+    const auto found = std::find_if(joints_.begin(), joints_.end(),
+                                    [&](const BenchJoint& joint) { return joint.name == name; });
+    if (found == joints_.end())
+      throw Refused(fmt::format("the motion has no joint '{}' of the drives file", name));
+    return *found;
+  }
+
+  void Scan();
+  void CheckHealth();
+  void MeasureAllReplies();
+  void IdentifyAll();
+  std::string Identify(std::size_t drive, int& direction);
+  void ApplyIdentities(const std::vector<std::string>& turned);
+  void ZeroAll();
+  void TurnAll();
+  void ProveAllWatchdogs();
+  void SetWatchdog(std::size_t drive, const WatchdogResult& watchdog);
+  void StepAll();
+
+  BenchWorld& world_;
+  DrivesDraft& draft_;
+  const std::vector<BenchJoint>& joints_;
+  BenchOperator& somebody_;
+  const CommissionConfig& config_;
+  const std::function<void(const DrivesDraft&)>& keep_;
+  std::unique_ptr<BenchSession> session_;
+  CommissionResult result_;
+};
+
+void Commissioner::Scan() {
+  Report("1. Which drives are there? Nothing moves.");
+  result_.found = ScanBus(world_, config_.scan);
+  for (const FoundDrive& drive : result_.found) Report("  " + Describe(drive));
+  const std::vector<Finding> findings = CompareWithDraft(result_.found, draft_.config());
+  Add(findings);
+  for (const Finding& finding : findings) {
+    if (finding.kind == "missing-drive") throw Refused(finding.text);
+  }
+  for (std::size_t i = 0; i < draft_.config().drives.size(); ++i) {
+    const FoundDrive* found = FindDrive(result_.found, draft_.config().drives[i]);
+    const auto* mit = std::get_if<MitConfig>(&draft_.config().drives[i].config);
+    if (mit != nullptr && found->reply_id && *found->reply_id != mit->reply_id)
+      draft_.SetInteger(i, "reply_id", *found->reply_id);
+  }
+  Keep();
+}
+
+void Commissioner::CheckHealth() {
+  for (std::size_t i = 0; i < session_->size(); ++i) {
+    const DriveFeedback feedback = session_->drive(i).feedback();
+    Report(fmt::format("  {}: at {:.4f} rad{}", session_->NameOf(i), feedback.position_rad,
+                       feedback.has_temperature ? fmt::format(", {:.0f} C", feedback.temperature_c)
+                                                : std::string()));
+    if (feedback.error == 0 && session_->drive(i).state() != DriveState::kFault) continue;
+    throw Refused(fmt::format("{} reports {}{}: clear it first (--clear)", session_->NameOf(i),
+                              DescribeDriveError(session_->entry(i).config, feedback.error),
+                              DescribeSetUpRefusal(session_->drive(i).set_up_refusal())));
+  }
+}
+
+void Commissioner::MeasureAllReplies() {
+  Report(fmt::format("2. How fast and how surely do they reply? {} s, nothing moves.",
+                     config_.replies_s));
+  const BusTrouble before = world_.trouble();
+  result_.replies = MeasureReplies(*session_, config_.replies_s);
+  for (std::size_t i = 0; i < session_->size(); ++i) {
+    const ReplyResult& replies = result_.replies[i];
+    Report(fmt::format(
+        "  {}: {} {:.3f} ms (median), {:.3f} ms (99 %), {:.3f} ms (max), {} of {} "
+        "lost",
+        session_->NameOf(i), replies.answers ? "answers after" : "reports every", replies.median_ms,
+        replies.p99_ms, replies.max_ms, replies.lost, replies.asked));
+    Add(JudgeReplies(session_->NameOf(i), replies, session_->period_s(), config_.tolerances));
+  }
+  const BusTrouble after = world_.trouble();
+  if (after.error_frames > before.error_frames) {
+    Add({{"noisy-bus", "bus",
+          fmt::format("{} error frames in {} s: look at termination, cables and bit timing",
+                      after.error_frames - before.error_frames, config_.replies_s)}});
+  }
+}
+
+std::string Commissioner::Identify(std::size_t drive, int& direction) {
+  const std::string name = session_->NameOf(drive);
+  const auto meanwhile = [this] { session_->Tick(); };
+  if (!somebody_.Confirm(fmt::format("{} will turn its joint by {} rad and back. Is the way clear?",
+                                     name, config_.bounds.amplitude_rad),
+                         meanwhile)) {
+    throw Refused(name + " was not to move");
+  }
+  const JogResult jog = Jog(*session_, drive, {config_.bounds.amplitude_rad, false}, &somebody_);
+  constexpr double kMovedShare = 0.3;
+  const double moved_rad = kMovedShare * config_.bounds.amplitude_rad;
+  for (std::size_t i = 0; i < jog.ways_rad.size(); ++i) {
+    if ((std::abs(jog.ways_rad[i]) > moved_rad) == (i == drive)) continue;
+    throw Refused(
+        i == drive
+            ? fmt::format("{} moved by {:.4f} rad of {}: is its joint free, and is --kp enough?",
+                          name, jog.ways_rad[i], config_.bounds.amplitude_rad)
+            : fmt::format("{} moved by {:.4f} rad, too, when {} was to move", session_->NameOf(i),
+                          jog.ways_rad[i], name));
+  }
+  std::vector<std::string> names;
+  for (const BenchJoint& joint : joints_) names.push_back(joint.name);
+  const std::string turned = somebody_.WhichTurned(names, meanwhile);
+  if (turned.empty())
+    throw Refused(name + " reports a motion, and no joint turned: is its motor mounted?");
+  direction = somebody_.Grew(turned, meanwhile) ? 1 : -1;
+  return turned;
+}
+
+void Commissioner::IdentifyAll() {
+  Report("3. Which joint does each drive turn, and in which direction?");
+  std::vector<std::string> turned;
+  for (std::size_t i = 0; i < session_->size(); ++i) {
+    int direction = 1;
+    turned.push_back(Identify(i, direction));
+    const std::string name = session_->NameOf(i);
+    for (std::size_t k = 0; k < i; ++k) {
+      if (turned[k] == turned[i])
+        throw Refused(fmt::format("{} turns {}, as {} does", name, turned[i], session_->NameOf(k)));
+    }
+    if (turned[i] != session_->entry(i).joint) {
+      Add({{"identifiers-exchanged", name,
+            fmt::format("{} turns {}, and the drives file says {}", name, turned[i],
+                        session_->entry(i).joint),
+            true}});
+    }
+    if (direction < 0) {
+      const float was = JointOf(session_->entry(i).config).direction;
+      Add({{"wrong-direction", turned[i],
+            fmt::format("{} turns {} against its axis: direction is {}, not {}", name, turned[i],
+                        was > 0 ? -1 : 1, was > 0 ? 1 : -1),
+            true}});
+      draft_.SetInteger(i, "direction", was > 0 ? -1 : 1);
+    }
+  }
+  ApplyIdentities(turned);
+  Keep();
+  Begin();
+}
+
+void Commissioner::ApplyIdentities(const std::vector<std::string>& turned) {
+  const std::vector<DriveEntry> was = draft_.config().drives;
+  for (std::size_t i = 0; i < turned.size(); ++i) {
+    if (turned[i] == was[i].joint) continue;
+    draft_.SetJoint(i, turned[i]);
+    // Gains belong to the joint, wherever its drive stands in the file.
+    for (const DriveEntry& of_joint : was) {
+      if (of_joint.joint != turned[i]) continue;
+      draft_.SetNumber(i, "kp_nm_per_rad", double{of_joint.kp_nm_per_rad});
+      draft_.SetNumber(i, "kd_nm_s_per_rad", double{of_joint.kd_nm_s_per_rad});
+    }
+  }
+}
+
+void Commissioner::ZeroAll() {
+  Report("4. Where is each joint's zero? The torque is off.");
+  for (std::size_t i = 0; i < session_->size(); ++i) {
+    const BenchJoint& joint = JointNamed(session_->entry(i).joint);
+    if (!somebody_.Place(joint.name, joint.reference_rad, [this] { session_->Tick(); }))
+      throw Refused(joint.name + " is not where its zero can be found");
+    const double measured_rad = RestingPosition(*session_, i);
+    const double off_rad = joint.reference_rad - measured_rad;
+    Report(fmt::format("  {}: reads {:.4f} rad at {:.4f} rad", session_->NameOf(i), measured_rad,
+                       joint.reference_rad));
+    if (std::abs(off_rad) <= config_.tolerances.zero_rad) continue;
+    const double offset_rad = double{JointOf(session_->entry(i).config).zero_offset_rad} + off_rad;
+    Add({{"zero-off", joint.name,
+          fmt::format("the zero of {} is off by {:.3f} rad: zero_offset_rad is {:.4f}", joint.name,
+                      off_rad, offset_rad),
+          true}});
+    draft_.SetNumber(i, "zero_offset_rad", std::round(1e6 * offset_rad) * 1e-6);
+  }
+  Keep();
+  Begin();
+}
+
+void Commissioner::TurnAll() {
+  Report("5. Does each joint have the way that the motion's limits say? The torque is off.");
+  for (std::size_t i = 0; i < session_->size(); ++i) {
+    const BenchJoint& joint = JointNamed(session_->entry(i).joint);
+    Add(JudgeRanges(session_->NameOf(i), session_->entry(i), joint));
+    const TurnedResult turned =
+        WatchTurning(*session_, somebody_, i, joint.name, joint.lower_rad, joint.upper_rad);
+    Report(fmt::format("  {}: from {:.3f} to {:.3f} rad; the limits are {:.3f} and {:.3f}",
+                       joint.name, turned.lower_rad, turned.upper_rad, joint.lower_rad,
+                       joint.upper_rad));
+    Add(JudgeWay(joint, turned, config_.tolerances));
+  }
+}
+
+void Commissioner::ProveAllWatchdogs() {
+  Report("6. Do the drives let go when the host is silent?");
+  for (std::size_t i = 0; i < session_->size(); ++i) {
+    const std::string name = session_->NameOf(i);
+    const double expected_s = session_->entry(i).watchdog_s;
+    if (!somebody_.Confirm(
+            fmt::format("{} will push with little torque for moments. Is the way clear?", name),
+            [this] { session_->Tick(); })) {
+      throw Refused(name + " was not to move");
+    }
+    const WatchdogResult watchdog = ProveWatchdog(*session_, i, expected_s);
+    result_.watchdogs.push_back(watchdog);
+    Report(
+        watchdog.let_go
+            ? fmt::format("  {}: limp {:.0f} ms after the last setpoint (it pushed at {:.0f} ms)",
+                          name, 1e3 * watchdog.limp_after_s, 1e3 * watchdog.pushed_after_s)
+            : fmt::format("  {}: still drives after {:.0f} ms of silence", name,
+                          1e3 * watchdog.pushed_after_s));
+    const std::vector<Finding> findings =
+        JudgeWatchdog(name, watchdog, expected_s, session_->period_s(), config_.tolerances);
+    Add(findings);
+    if (!findings.empty()) SetWatchdog(i, watchdog);
+  }
+  Keep();
+}
+
+void Commissioner::SetWatchdog(std::size_t drive, const WatchdogResult& watchdog) {
+  if (!std::holds_alternative<Cia402Config>(draft_.config().drives[drive].config)) {
+    draft_.SetNumber(drive, "watchdog_s",
+                     watchdog.let_go ? std::round(1e3 * watchdog.limp_after_s) * 1e-3 : 0.0);
+    return;
+  }
+  // The host tells these drives their time-out, the same for all: it stays what they are told,
+  // unless one does not obey.
+  for (std::size_t i = 0; i < draft_.config().drives.size() && !watchdog.let_go; ++i) {
+    if (std::holds_alternative<Cia402Config>(draft_.config().drives[i].config))
+      draft_.SetNumber(i, "watchdog_s", 0);
+  }
+}
+
+void Commissioner::StepAll() {
+  Report("7. How does each joint answer to a step?");
+  for (std::size_t i = 0; i < session_->size(); ++i) {
+    const std::string name = session_->NameOf(i);
+    if (!somebody_.Confirm(
+            fmt::format("{} will turn its joint by {} rad at once. Is the way clear?", name,
+                        config_.step.size_rad),
+            [this] { session_->Tick(); })) {
+      throw Refused(name + " was not to move");
+    }
+    const StepResult step = MeasureStep(*session_, i, config_.step);
+    result_.steps.push_back({name, config_.step, step});
+    Report(fmt::format("  {}: rise {:.0f} ms, overshoot {:.0f} %, {:.4f} rad remain", name,
+                       1e3 * step.rise_s, 100 * step.overshoot, step.remaining_rad));
+  }
+}
+
+}  // namespace
+
+CommissionResult Commission(BenchWorld& world, DrivesDraft& draft,
+                            const std::vector<BenchJoint>& joints, BenchOperator& somebody,
+                            const CommissionConfig& config,
+                            const std::function<void(const DrivesDraft&)>& keep) {
+  return Commissioner(world, draft, joints, somebody, config, keep).Run();
+}
+
+std::vector<Finding> CompareWithDraft(const std::vector<FoundDrive>& found,
+                                      const DrivesConfig& drives) {
+  std::vector<Finding> findings;
+  for (const DriveEntry& entry : drives.drives) {
+    const FoundDrive* drive = FindDrive(found, entry);
+    if (drive == nullptr) {
+      findings.push_back({"missing-drive", entry.joint,
+                          fmt::format("the drive of {} does not answer: is it switched on, and "
+                                      "are its identifiers right?",
+                                      entry.joint)});
+      continue;
+    }
+    const auto* mit = std::get_if<MitConfig>(&entry.config);
+    if (mit != nullptr && drive->reply_id && *drive->reply_id != mit->reply_id) {
+      findings.push_back({"reply-identifier", entry.joint,
+                          fmt::format("drive mit {} replies on {}, and the drives file says {}",
+                                      drive->number, *drive->reply_id, mit->reply_id),
+                          true});
+    }
+  }
+  for (const FoundDrive& drive : found) {
+    const bool known =
+        std::any_of(drives.drives.begin(), drives.drives.end(),
+                    [&](const DriveEntry& entry) { return FindDrive({drive}, entry) != nullptr; });
+    if (known) continue;
+    findings.push_back({"unknown-drive", fmt::format("{} {}", drive.protocol, drive.number),
+                        fmt::format("{} {} answers, and is not in the drives file", drive.protocol,
+                                    drive.number)});
+  }
+  return findings;
+}
+
+std::vector<Finding> JudgeReplies(const std::string& drive, const ReplyResult& result,
+                                  double period_s, const BenchTolerances& tolerances) {
+  std::vector<Finding> findings;
+  if (result.lost_share() > tolerances.lost_share) {
+    findings.push_back(
+        {"noisy-bus", drive,
+         fmt::format("{} of {} replies of {} are lost, {:.2f} %, and {:.2f} % are borne: look at "
+                     "termination, cables and bit timing",
+                     result.lost, result.asked, drive, 100 * result.lost_share(),
+                     100 * tolerances.lost_share)});
+  }
+  const double late_ms = 1e3 * period_s * tolerances.late_periods;
+  if (result.answers && result.p99_ms > late_ms) {
+    findings.push_back({"late-replies", drive,
+                        fmt::format("1 % of the replies of {} take {:.2f} ms or more, and a period "
+                                    "is {:.2f} ms",
+                                    drive, result.p99_ms, 1e3 * period_s)});
+  }
+  return findings;
+}
+
+std::vector<Finding> JudgeWatchdog(const std::string& drive, const WatchdogResult& result,
+                                   double expected_s, double period_s,
+                                   const BenchTolerances& tolerances) {
+  if (!result.let_go) {
+    const std::string says = expected_s > 0
+                                 ? fmt::format("the drives file says {:.0f} ms", 1e3 * expected_s)
+                                 : std::string("the drives file says so, too");
+    return {{"no-watchdog", drive,
+             fmt::format("{} goes on for ever when the host is silent, {:.0f} ms at least; {}: set "
+                         "its time-out, or arm it with --without-watchdog",
+                         drive, 1e3 * result.pushed_after_s, says)}};
+  }
+  const double slack_s = tolerances.watchdog_share * expected_s + 2 * period_s;
+  const bool late = expected_s < result.pushed_after_s - slack_s;
+  const bool early = expected_s > result.limp_after_s + slack_s;
+  if (!late && !early) return {};
+  return {{"watchdog-differs", drive,
+           fmt::format("{} lets go {:.0f} ms after the last setpoint, and the drives file says "
+                       "{:.0f} ms",
+                       drive, 1e3 * result.limp_after_s, 1e3 * expected_s),
+           true}};
+}
+
+std::vector<Finding> JudgeWay(const BenchJoint& joint, const TurnedResult& turned,
+                              const BenchTolerances& tolerances) {
+  const double lower_off = turned.lower_rad - joint.lower_rad;
+  const double upper_off = turned.upper_rad - joint.upper_rad;
+  if (turned.turned && std::abs(lower_off) <= tolerances.range_rad &&
+      std::abs(upper_off) <= tolerances.range_rad) {
+    return {};
+  }
+  const double share = (turned.upper_rad - turned.lower_rad) / (joint.upper_rad - joint.lower_rad);
+  return {
+      {"wrong-range", joint.name,
+       fmt::format("{} was turned from {:.3f} to {:.3f} rad, {:.2f} times the way of its limits, "
+                   "{:.3f} to {:.3f}: its stops, its zero, or the ranges or gear of its drive "
+                   "are others",
+                   joint.name, turned.lower_rad, turned.upper_rad, share, joint.lower_rad,
+                   joint.upper_rad)}};
+}
+
+std::vector<Finding> JudgeRanges(const std::string& drive, const DriveEntry& entry,
+                                 const BenchJoint& joint) {
+  std::vector<Finding> findings;
+  const JointMap& map = JointOf(entry.config);
+  const auto covers = [&](const DriveRange& range, const char* what) {
+    const float a = map.ToJointPosition(range.min);
+    const float b = map.ToJointPosition(range.max);
+    if (double{std::min(a, b)} <= joint.lower_rad && double{std::max(a, b)} >= joint.upper_rad)
+      return;
+    findings.push_back({"narrow-range", joint.name,
+                        fmt::format("{} {} {:.3f} to {:.3f} rad of the joint, and its limits are "
+                                    "{:.3f} and {:.3f}",
+                                    drive, what, std::min(a, b), std::max(a, b), joint.lower_rad,
+                                    joint.upper_rad)});
+  };
+  covers(CommandRanges(entry.config).position_rad, "can be sent to");
+  covers(ReportedPositions(entry.config), "reports without wrapping");
+  return findings;
+}
+
+Json ToJson(const CommissionResult& result) {
+  Json json;
+  json["found"] = Json::Array();
+  for (const FoundDrive& drive : result.found) json["found"].Append(ToJson(drive));
+  json["replies"] = Json::Array();
+  for (const ReplyResult& replies : result.replies) json["replies"].Append(ToJson(replies));
+  json["watchdogs"] = Json::Array();
+  for (const WatchdogResult& watchdog : result.watchdogs) {
+    json["watchdogs"].Append({{"let_go", watchdog.let_go},
+                              {"pushed_after_s", watchdog.pushed_after_s},
+                              {"limp_after_s", watchdog.limp_after_s},
+                              {"silences", watchdog.silences}});
+  }
+  json["steps"] = Json::Array();
+  for (const NamedStep& step : result.steps) {
+    Json drawn = ToJson(step.result);
+    drawn["drive"] = step.name;
+    json["steps"].Append(drawn);
+  }
+  json["findings"] = ToJson(result.findings);
+  return json;
+}
+
+}  // namespace tumbler

@@ -1,0 +1,95 @@
+#include "runtime/bench/drives_draft.h"
+
+#include <fmt/format.h>
+
+#include <sstream>
+#include <utility>
+#include <vector>
+
+#include "common/toml_reader.h"
+#include "common/toml_writer.h"
+
+namespace tumbler {
+namespace {
+
+std::vector<std::string> LinesOf(const std::string& text) {
+  std::vector<std::string> lines;
+  std::istringstream stream(text);
+  for (std::string line; std::getline(stream, line);) lines.push_back(line);
+  return lines;
+}
+
+std::string Joined(const std::vector<std::string>& lines) {
+  std::string text;
+  for (const std::string& line : lines) (text += line) += '\n';
+  return text;
+}
+
+/// Where the value of a line `key = value  # comment` ends.
+std::size_t EndOfValue(const std::string& line, std::size_t begin) {
+  std::size_t end = begin;
+  for (char quote = 0; end < line.size(); ++end) {
+    const char c = line[end];
+    if (quote != 0) {
+      if (c == '\\' && quote == '"') ++end;
+      if (c == quote) quote = 0;
+    } else if (c == '"' || c == '\'') {
+      quote = c;
+    } else if (c == '#') {
+      break;
+    }
+  }
+  while (end > begin && (line[end - 1] == ' ' || line[end - 1] == '\t' || line[end - 1] == '\r'))
+    --end;
+  return end;
+}
+
+}  // namespace
+
+DrivesDraft::DrivesDraft(std::string text, std::string name)
+    : name_(std::move(name)), text_(std::move(text)), config_(ParseDrives(text_, name_)) {}
+
+void DrivesDraft::Check() { config_ = ParseDrives(text_, name_); }
+
+void DrivesDraft::Set(std::size_t drive, std::string_view key, const std::string& value) {
+  TomlTable root = TomlTable::Parse(text_, name_);
+  const TomlTable table = root.Tables("drive")[drive];
+  std::vector<std::string> lines = LinesOf(text_);
+  // Every drive has its joint, so a new key can stand below.
+  const bool has = table.Has(key);
+  const std::size_t at = table.LineOf(has ? key : "joint") - 1;
+  std::string& line = lines[at];
+  const std::size_t name = line.find_first_not_of(" \t");
+  const std::size_t equals = line.find('=');
+  const std::string_view expected = has ? key : std::string_view("joint");
+  if (name == std::string::npos || equals == std::string::npos ||
+      line.compare(name, expected.size(), expected) != 0) {
+    table.Fail(key, "stands in a table of one line; write it on a line of its own");
+  }
+  if (!has) {
+    lines.insert(lines.begin() + static_cast<std::ptrdiff_t>(at) + 1,
+                 fmt::format("{}{} = {}", line.substr(0, name), key, value));
+  } else {
+    const std::size_t begin = line.find_first_not_of(" \t", equals + 1);
+    line.replace(begin, EndOfValue(line, begin) - begin, value);
+  }
+  text_ = Joined(lines);
+}
+
+void DrivesDraft::SetJoint(std::size_t drive, std::string_view joint) {
+  TomlWriter writer("a drives file");
+  writer.Text("joint", joint);
+  const std::string line = writer.Take();
+  constexpr std::size_t kBegin = std::string_view("joint = ").size();
+  Set(drive, "joint", line.substr(kBegin, line.size() - kBegin - 1));
+}
+
+void DrivesDraft::SetNumber(std::size_t drive, std::string_view key, double value) {
+  Set(drive, key, ExactDecimal(value));
+}
+
+void DrivesDraft::SetInteger(std::size_t drive, std::string_view key, int value) {
+  Set(drive, key, fmt::format("{}", value));
+}
+
+}  // namespace tumbler

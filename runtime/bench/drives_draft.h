@@ -1,0 +1,36 @@
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include "firmware_interface/drives/drives_toml.h"
+
+namespace tumbler {
+
+/// The text of a drives file that changes as its drives become known. Comments and everything that
+/// is not changed stay as they are.
+class DrivesDraft {
+ public:
+  /// @param name  of the file, for messages.
+  /// @throws FileError  when it cannot be read as a drives file.
+  DrivesDraft(std::string text, std::string name);
+
+  [[nodiscard]] const DrivesConfig& config() const { return config_; }
+  [[nodiscard]] const std::string& text() const { return text_; }
+
+  /// Changes keys of the drive of this index, whose order stays. `Check` has to follow.
+  void SetJoint(std::size_t drive, std::string_view joint);
+  void SetNumber(std::size_t drive, std::string_view key, double value);
+  void SetInteger(std::size_t drive, std::string_view key, int value);
+  /// Reads the whole again. @throws FileError  when it cannot be read as a drives file.
+  void Check();
+
+ private:
+  void Set(std::size_t drive, std::string_view key, const std::string& value);
+
+  std::string name_;
+  std::string text_;
+  DrivesConfig config_;
+};
+
+}  // namespace tumbler
