@@ -191,17 +191,18 @@ class AskedOperator final : public BenchOperator {
   bool Place(const std::string& joint, double angle_rad,
              const std::function<void()>& meanwhile) override {
     if (bystander_) bystander_->Place(joint, angle_rad, meanwhile);
-    return Confirm(fmt::format("Put {} to {:.4f} rad ({:.1f} degrees) by hand. Is it there?", joint,
-                               angle_rad, angle_rad * 180 / std::numbers::pi),
-                   meanwhile);
+    Print(fmt::format("Put {} to {:.4f} rad ({:.1f} degrees) by hand. Is it there? [yes/no] ",
+                      joint, angle_rad, angle_rad * 180 / std::numbers::pi));
+    return YesOrNo(meanwhile);
   }
   bool TurnThrough(const std::string& joint, double lower_rad, double upper_rad,
                    const std::function<void()>& meanwhile) override {
     if (bystander_) bystander_->TurnThrough(joint, lower_rad, upper_rad, meanwhile);
-    return Confirm(fmt::format("Turn {} by hand to both ends of its way, {:.3f} and {:.3f} rad. "
-                               "Has it been at both?",
-                               joint, lower_rad, upper_rad),
-                   meanwhile);
+    Print(
+        fmt::format("Turn {} by hand to both ends of its way, {:.3f} and {:.3f} rad. Has it been "
+                    "at both? [yes/no] ",
+                    joint, lower_rad, upper_rad));
+    return YesOrNo(meanwhile);
   }
 
  private:

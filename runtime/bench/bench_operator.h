@@ -41,7 +41,7 @@ class BenchOperator {
 /// The texts of an operator, a line for each answer.
 struct OperatorScript {
   std::string answers;  ///< File with the answers; empty: they come from standard input.
-  bool yes = false;     ///< Whether everything that is only to be confirmed is.
+  bool yes = false;     ///< Whether Confirm is answered at once.
   /// A simulated robot, whose joints turn as it is asked for, and which is described; null: the
   /// robot is real.
   SimulatedHands* hands = nullptr;

@@ -42,7 +42,7 @@ void DeclareBench(CommandLine& line, BenchOptions& options) {
   line.Flag("--arm", options.arm, "let motors turn on an interface");
   line.Option("--answers", options.answers,
               "file with the answers, a line for each question; # begins a comment");
-  line.Flag("--yes", options.yes, "confirm everything that is only to be confirmed");
+  line.Flag("--yes", options.yes, "the way is clear for every motion");
   line.Flag("--ask", options.ask, "sim: ask, instead of answering by what is true");
   line.Flag("--clear", options.clear, "let the drives forget latched errors first");
   line.Option("--json", options.json, "write the results to this file, or - for standard output");

@@ -186,10 +186,15 @@ void BenchSession::Wait(double time_s) {
 }
 
 std::vector<std::size_t> BenchSession::AwaitReplies() {
-  int patience_ms = 0;
-  for (const DriveEntry& drive : drives_.drives)
-    patience_ms = std::max(patience_ms, FirstReply_ms(drive.config));
-  const std::int64_t end_ns = now_ns() + std::int64_t{patience_ms} * 1'000'000;
+  // A set-up whose answers get lost on a noisy bus begins anew, a few times.
+  constexpr int kSetUps = 10;
+  std::int64_t patience_ns = 0;
+  for (const DriveEntry& drive : drives_.drives) {
+    patience_ns = std::max(patience_ns, std::int64_t{FirstReply_ms(drive.config)} * 1'000'000);
+    if (std::holds_alternative<Cia402Config>(drive.config))
+      patience_ns = std::max(patience_ns, kSetUps * Cia402Drive::kAnswerTicks * period_ns_);
+  }
+  const std::int64_t end_ns = now_ns() + patience_ns;
   std::vector<std::size_t> silent;
   do {
     Tick();

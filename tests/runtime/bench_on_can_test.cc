@@ -1,0 +1,202 @@
+// tumbler-bench on the CAN interface of a kernel. Simulated drives in another process are not as
+// the drives file says; with the file that is written, the handstand succeeds on a robot with the
+// same drives.
+//
+// The guest's clock is coarse, hence 100 ticks a second and drives that wait 0.2 s before they let
+// go. The robot and its host count four seconds of the clock as one (--pace).
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <csignal>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "common/json.h"
+#include "firmware_interface/drives/drives_toml.h"
+#include "tests/support/can_interface.h"
+#include "tests/support/example_drives.h"
+#include "tests/support/files.h"
+#include "tests/support/program.h"
+#include "tests/support/steady_time.h"
+
+namespace tumbler {
+namespace {
+
+using ::testing::HasSubstr;
+using testing::Program;
+using testing::Replaced;
+using testing::ReplacedAll;
+using testing::VirtualCan;
+
+const std::string kBenchMotion = testing::SourcePath("primitives/handstand.toml");
+constexpr int kRemains = 4;       // exit status of tumbler-bench
+constexpr int kBenchFault = 3;    // likewise
+constexpr int kBenchEnded = 130;  // likewise
+
+class BenchOnCan : public ::testing::TestWithParam<testing::ExampleDrives> {
+ protected:
+  BenchOnCan() {
+    testing::RequireCan();
+    std::string draft = testing::ReadFile(testing::SourcePath(GetParam().file));
+    draft = Replaced(draft, "rate_hz = 1000.0", "rate_hz = 100.0");
+    draft = ReplacedAll(draft, "watchdog_s = 0.025", "watchdog_s = 0.2");
+    draft = ReplacedAll(draft, "estimates_s = 0.001", "estimates_s = 0.01");
+    const bool cia402 = GetParam().protocol == "cia402";
+    if (cia402)
+      draft = Replaced(draft, "watchdog_reaction = \"fault\"", "watchdog_reaction = \"none\"");
+    std::string actual = Replaced(draft, "joint = \"leg2\"", "joint = \"leg1\"");
+    actual = Replaced(actual, "joint = \"leg1\"", "joint = \"leg2\"");
+    actual = Replaced(actual, "zero_offset_rad = 0.0", "zero_offset_rad = 0.3");
+    const std::string second = "[[drive]]\njoint = \"leg1\"";
+    actual = Replaced(actual, "direction = 1", "direction = -1", second);
+    if (cia402) actual = Replaced(actual, "watchdog_s = 0.2", "watchdog_s = 0.0");
+    actual = Replaced(actual, "watchdog_s = 0.2", "watchdog_s = 0.0", second);
+    testing::WriteFile(Path("draft.toml"), draft);
+    testing::WriteFile(Path("actual.toml"), actual);
+    testing::WriteFile(Path("noise.toml"),
+                       "format = \"tumbler-bus-faults\"\nversion = 1\n"
+                       "[[fault]]\nkind = \"loss\"\nnode = \"host\"\nprobability = " +
+                           std::string(cia402 ? "0.015" : "0.03") + "\n");
+    // What somebody beside the robot would say: the first drive turns leg2, the second leg1 against
+    // its axis, and both are in the pose where their zeros are found.
+    testing::WriteFile(Path("answers"), "leg2\nyes\nleg1\nno\nyes\nyes\n");
+  }
+
+  [[nodiscard]] std::string Path(const std::string& name) const { return folder_ / name; }
+  void StartDrives(const std::string& interface, const std::vector<std::string>& more = {}) {
+    std::vector<std::string> arguments{testing::ProgramPath("tumbler-drives"),
+                                       interface,
+                                       Path("actual.toml"),
+                                       "--friction",
+                                       "0.1",
+                                       "--position",
+                                       "leg1=-1.5707963",
+                                       "--position",
+                                       "leg2=1.5707963"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    drives_ = std::make_unique<Program>(arguments);
+    ASSERT_TRUE(drives_->WaitFor("2 drives on " + interface)) << drives_->text();
+  }
+  void EndDrives() {
+    drives_->Signal(SIGINT);
+    EXPECT_EQ(drives_->Wait(), 0) << drives_->text();
+  }
+  [[nodiscard]] std::unique_ptr<Program> StartBench(const std::string& interface,
+                                                    const std::vector<std::string>& more) const {
+    std::vector<std::string> arguments{testing::ProgramPath("tumbler-bench"),
+                                       interface,
+                                       "--drives",
+                                       Path("draft.toml"),
+                                       "--motion",
+                                       kBenchMotion};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return std::make_unique<Program>(arguments);
+  }
+  /// Plays the handstand on a robot with the drives as they are. @returns tumbler-run's status.
+  int PlayHandstand(const std::string& interface, const std::string& drives, std::string& text) {
+    Program twin({testing::ProgramPath("tumbler-twin"), interface, kBenchMotion, "--drives",
+                  Path("actual.toml"), "--pace", "0.25", "--json", Path("truth.json")});
+    EXPECT_TRUE(twin.WaitFor("2 drives on " + interface)) << twin.text();
+    Program run({testing::ProgramPath("tumbler-run"), interface, kBenchMotion, "--pace", "0.25",
+                 "--drives", Path(drives), "--arm", "--realtime", "--without-watchdog", "--hold-s",
+                 "0.5"});
+    const int status = run.Wait();
+    text = run.text();
+    twin.Signal(SIGINT);
+    twin.Wait();
+    return status;
+  }
+
+  std::unique_ptr<Program> drives_;
+
+ private:
+  testing::TemporaryFolder folder_;
+};
+
+TEST_P(BenchOnCan, ACommissioningFindsWhatIsWrongAndTheHandstandRunsWithTheFileThatItWrites) {
+  testing::InSteadyTime([this] {
+    const VirtualCan can;
+    StartDrives(can.name(), {"--bus-faults", Path("noise.toml")});
+    const std::unique_ptr<Program> bench =
+        StartBench(can.name(), {"commission", "--arm", "--yes", "--answers", Path("answers"),
+                                "--without-turning", "--seconds", "3", "--write",
+                                Path("written.toml"), "--overwrite", "--json", Path("bench.json")});
+    ASSERT_EQ(bench->Wait(), kRemains) << bench->text();
+    for (const char* kind :
+         {"identifiers-exchanged", "wrong-direction", "zero-off", "no-watchdog", "noisy-bus"}) {
+      EXPECT_THAT(bench->text(), HasSubstr(std::string("FOUND ") + kind));
+    }
+    EndDrives();
+    const DrivesConfig written = LoadDrives(Path("written.toml"));
+    const DrivesConfig actual = LoadDrives(Path("actual.toml"));
+    for (std::size_t i = 0; i < 2; ++i) {
+      EXPECT_EQ(written.drives[i].joint, actual.drives[i].joint);
+      EXPECT_EQ(JointOf(written.drives[i].config).direction,
+                JointOf(actual.drives[i].config).direction);
+      EXPECT_NEAR(JointOf(written.drives[i].config).zero_offset_rad,
+                  JointOf(actual.drives[i].config).zero_offset_rad, 0.03F);
+    }
+    std::string text;
+    EXPECT_NE(PlayHandstand(can.name(), "draft.toml", text), 0) << text;
+    EXPECT_EQ(PlayHandstand(can.name(), "written.toml", text), 0) << text;
+    const Json truth = Json::Parse(testing::ReadFile(Path("truth.json"))).value();
+    EXPECT_EQ(truth["falls"], 0) << truth;
+  });
+}
+
+TEST_P(BenchOnCan, AnInterruptInMidMotionTakesTheTorqueOff) {
+  testing::InSteadyTime([this] {
+    const VirtualCan can;
+    StartDrives(can.name());
+    const std::unique_ptr<Program> bench =
+        StartBench(can.name(), {"jog", "leg1", "--arm", "--yes", "--speed", "0.02"});
+    ASSERT_TRUE(drives_->WaitFor(": enabled")) << bench->text();
+    bench->Signal(SIGINT);
+    EXPECT_EQ(bench->Wait(), kBenchEnded) << bench->text();
+    EXPECT_TRUE(drives_->WaitFor(": disabled")) << drives_->text();
+    EndDrives();
+  });
+}
+
+TEST_P(BenchOnCan, WithoutArmNothingMovesAndTwoProgramsDoNotShareAnInterface) {
+  testing::InSteadyTime([this] {
+    const VirtualCan can;
+    StartDrives(can.name());
+    std::unique_ptr<Program> bench = StartBench(can.name(), {"jog", "leg1", "--yes"});
+    EXPECT_EQ(bench->Wait(), 2) << bench->text();
+    EXPECT_THAT(bench->text(), HasSubstr("say so with --arm"));
+    const std::unique_ptr<Program> first = StartBench(can.name(), {"latency", "--seconds", "3600"});
+    ASSERT_TRUE(testing::Eventually([&] { return testing::ReceiversOn(can.name()) > 0; }));
+    bench = StartBench(can.name(), {"scan"});
+    EXPECT_EQ(bench->Wait(), 2) << bench->text();
+    EXPECT_THAT(bench->text(), HasSubstr("(tumbler-bench) drives the motors on"));
+    first->Signal(SIGTERM);
+    EXPECT_EQ(first->Wait(), kBenchEnded) << first->text();
+    EndDrives();
+    EXPECT_THAT(drives_->text(), ::testing::Not(HasSubstr("enabled")));
+  });
+}
+
+TEST_P(BenchOnCan, AnInterfaceThatGoesAwayInMidMotionIsAFault) {
+  testing::InSteadyTime([this] {
+    const VirtualCan can;
+    StartDrives(can.name());
+    const std::unique_ptr<Program> bench =
+        StartBench(can.name(), {"jog", "leg1", "--arm", "--yes", "--speed", "0.02"});
+    ASSERT_TRUE(drives_->WaitFor(": enabled")) << bench->text();
+    can.Down();
+    EXPECT_EQ(bench->Wait(), kBenchFault) << bench->text();
+    can.Up();
+    EndDrives();
+  });
+}
+
+INSTANTIATE_TEST_SUITE_P(EveryProtocol, BenchOnCan,
+                         ::testing::ValuesIn(testing::ExampleOfEveryProtocol()),
+                         [](const auto& example) { return example.param.protocol; });
+
+}  // namespace
+}  // namespace tumbler
