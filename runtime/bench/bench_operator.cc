@@ -28,7 +28,9 @@ void Print(const std::string& text) {
 /// The lines that somebody types, or has written down.
 class Lines {
  public:
-  explicit Lines(const std::string& file) : from_file_(!file.empty()), name_(file) {
+  /// @param patience_ms  the longest time from one call of `meanwhile` to the next.
+  Lines(const std::string& file, int patience_ms)
+      : from_file_(!file.empty()), name_(file), patience_ms_(patience_ms) {
     if (!from_file_) return;
     std::istringstream text(ReadTextFile(file));
     for (std::string line; std::getline(text, line);) {
@@ -56,9 +58,8 @@ class Lines {
     return text.substr(begin, text.find_last_not_of(" \t\r") - begin + 1);
   }
   void Read(const std::function<void()>& meanwhile) {
-    constexpr int kPatience_ms = 1;
     pollfd input{STDIN_FILENO, POLLIN, 0};
-    if (poll(&input, 1, kPatience_ms) <= 0) {
+    if (poll(&input, 1, patience_ms_) <= 0) {
       meanwhile();
       return;
     }
@@ -75,6 +76,7 @@ class Lines {
 
   bool from_file_;
   std::string name_;
+  int patience_ms_;
   std::deque<std::string> lines_;
   std::string partial_;
 };
@@ -147,7 +149,8 @@ class Bystander {
 
 class AskedOperator final : public BenchOperator {
  public:
-  explicit AskedOperator(const OperatorScript& script) : lines_(script.answers), yes_(script.yes) {
+  explicit AskedOperator(const OperatorScript& script)
+      : lines_(script.answers, script.hands == nullptr ? 0 : kVirtual_ms), yes_(script.yes) {
     if (script.hands != nullptr) bystander_.emplace(*script.hands);
   }
 
@@ -178,7 +181,7 @@ class AskedOperator final : public BenchOperator {
     names.emplace_back("none");
     for (;;) {
       Print(fmt::format("Which joint turned? [{}] ", fmt::join(names, "/")));
-      const std::string answer = lines_.Next(meanwhile);
+      std::string answer = lines_.Next(meanwhile);
       if (answer == "none") return "";
       if (std::find(joints.begin(), joints.end(), answer) != joints.end()) return answer;
     }
@@ -214,6 +217,9 @@ class AskedOperator final : public BenchOperator {
       Print("yes or no? ");
     }
   }
+
+  // On hardware, `meanwhile` waits for the next tick. Virtual time need not race.
+  static constexpr int kVirtual_ms = 20;
 
   Lines lines_;
   bool yes_;

@@ -165,18 +165,21 @@ void CheckBench(const BenchOptions& options) {
     throw UsageError("--motion", "is needed: joints, limits and the pose of the start");
   const bool of_one = options.command == "jog" || options.command == "step";
   if (of_one && options.joint.empty()) throw UsageError("JOINT", "is needed: which one?");
-  if (std::abs(options.by_rad) > bounds.amplitude_rad)
+  if (std::abs(options.by_rad) > bounds.amplitude_rad) {
     throw UsageError(
         "--by", fmt::format("is {}; --amplitude allows {}", options.by_rad, bounds.amplitude_rad));
+  }
   const StepConfig& step = options.config.step;
-  if (step.size_rad > bounds.amplitude_rad)
+  if (step.size_rad > bounds.amplitude_rad) {
     throw UsageError(
         "--size", fmt::format("is {}; --amplitude allows {}", step.size_rad, bounds.amplitude_rad));
-  if (bounds.kp_nm_per_rad * step.size_rad > bounds.torque_nm)
+  }
+  if (bounds.kp_nm_per_rad * step.size_rad > bounds.torque_nm) {
     throw UsageError("--kp", fmt::format("is {}, so that a step of {} rad asks for {} N m; "
                                          "--torque allows {}",
                                          bounds.kp_nm_per_rad, step.size_rad,
                                          bounds.kp_nm_per_rad * step.size_rad, bounds.torque_nm));
+  }
   if (options.command == "commission" && options.write.empty())
     throw UsageError("--write", "is needed: where is the drives file to go?");
   if (options.moves() && !options.simulated() && !options.arm) {

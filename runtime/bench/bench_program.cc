@@ -163,9 +163,10 @@ class BenchRun {
     for (std::size_t i = 0; i < session_->size(); ++i) {
       if (options_.joint.empty() || session_->entry(i).joint == options_.joint) chosen.push_back(i);
     }
-    if (chosen.empty())
+    if (chosen.empty()) {
       throw UsageError("JOINT", fmt::format("is {}, which no drive of {} turns", options_.joint,
                                             options_.drives));
+    }
     return chosen;
   }
   [[nodiscard]] std::function<void()> Meanwhile() {

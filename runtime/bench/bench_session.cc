@@ -167,9 +167,10 @@ void BenchSession::CheckDriven() const {
                     "the most that it was asked for",
                     name, way_rad, bounds_.amplitude_rad));
   }
-  if (feedback.has_temperature && feedback.temperature_c > entry(driven_).temperature_max_c)
+  if (feedback.has_temperature && feedback.temperature_c > entry(driven_).temperature_max_c) {
     throw BenchFault(fmt::format("{} has {:.0f} C, and {:.0f} are allowed", name,
                                  feedback.temperature_c, entry(driven_).temperature_max_c));
+  }
 }
 
 void BenchSession::Tick() {
@@ -187,7 +188,7 @@ void BenchSession::Wait(double time_s) {
 
 std::vector<std::size_t> BenchSession::AwaitReplies() {
   // A set-up whose answers get lost on a noisy bus begins anew, a few times.
-  constexpr int kSetUps = 10;
+  constexpr std::int64_t kSetUps = 10;
   std::int64_t patience_ns = 0;
   for (const DriveEntry& drive : drives_.drives) {
     patience_ns = std::max(patience_ns, std::int64_t{FirstReply_ms(drive.config)} * 1'000'000);

@@ -173,7 +173,7 @@ std::string Commissioner::Identify(std::size_t drive, int& direction) {
   }
   std::vector<std::string> names;
   for (const BenchJoint& joint : joints_) names.push_back(joint.name);
-  const std::string turned = somebody_.WhichTurned(names, meanwhile);
+  std::string turned = somebody_.WhichTurned(names, meanwhile);
   if (turned.empty())
     throw Refused(name + " reports a motion, and no joint turned: is its motor mounted?");
   direction = somebody_.Grew(turned, meanwhile) ? 1 : -1;

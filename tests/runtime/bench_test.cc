@@ -1,0 +1,470 @@
+// The parts of tumbler-bench on simulated drives: what they send, what they find, and how they end.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "common/program.h"
+#include "common/toml_reader.h"
+#include "firmware_interface/can/simulated_bus.h"
+#include "firmware_interface/drives/drives_toml.h"
+#include "firmware_interface/drives/make_simulated.h"
+#include "firmware_interface/drives/rotor_plant.h"
+#include "runtime/bench/bench_operator.h"
+#include "runtime/bench/bench_session.h"
+#include "runtime/bench/bench_tests.h"
+#include "runtime/bench/bench_world.h"
+#include "runtime/bench/bus_scan.h"
+#include "runtime/bench/commission.h"
+#include "runtime/bench/drives_draft.h"
+#include "runtime/bench/step_page.h"
+#include "runtime/linux/interrupts.h"
+#include "tests/support/example_drives.h"
+#include "tests/support/files.h"
+#include "tests/support/program.h"
+
+namespace tumbler {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using testing::Replaced;
+
+std::string Example(const testing::ExampleDrives& example) {
+  return testing::ReadFile(testing::SourcePath(example.file));
+}
+
+/// Simulated drives with rotors. Every frame that is sent can be looked at, or kept back.
+class RigWorld final : public BenchWorld, private CanBus {
+ public:
+  explicit RigWorld(const DrivesConfig& drives)
+      : bus_(drives.bit_rate), clock_([this](std::int64_t ns) {
+          plant_->AdvanceTo(ns);
+          if (each_tick) each_tick();
+        }) {
+    std::vector<RotorPlant::Rotor> rotors;
+    for (const DriveEntry& entry : drives.drives) {
+      simulated.push_back(MakeSimulatedDrive(entry));
+      simulated.back()->AttachTo(bus_);
+      RotorPlant::Rotor rotor;
+      rotor.drive = simulated.back().get();
+      rotor.damping_nm_s_per_rad = 0.1;
+      rotors.push_back(rotor);
+    }
+    SimulatedPortConfig host;
+    host.transmit_capacity = 64;
+    host_ = &bus_.Attach(host);
+    plant_ = std::make_unique<RotorPlant>(bus_, rotors);
+  }
+  CanBus& bus() override { return *this; }
+  Clock& clock() override { return clock_; }
+  [[nodiscard]] BusTrouble trouble() const override { return {}; }
+
+  [[nodiscard]] bool AnyEnabled() const {
+    bool any = false;
+    for (const auto& drive : simulated) any = any || drive->enabled();
+    return any;
+  }
+  RotorPlant::Rotor& rotor(std::size_t i) { return plant_->rotors()[i]; }
+  SimulatedBus& wire() { return bus_; }
+
+  std::vector<std::unique_ptr<SimulatedDrive>> simulated;
+  std::vector<CanFrame> sent;
+  std::function<void()> each_tick;
+  /// Changes a received frame; may be empty.
+  std::function<void(CanFrame&)> on_receive;
+
+ private:
+  Status Send(const CanFrame& frame) noexcept override {
+    sent.push_back(frame);
+    return host_->Send(frame);
+  }
+  Status Receive(ReceivedFrame& received) noexcept override {
+    const Status status = host_->Receive(received);
+    if (status == Status::kOk && on_receive) on_receive(received.frame);
+    return status;
+  }
+
+  SimulatedBus bus_;
+  std::unique_ptr<RotorPlant> plant_;
+  SimulatedPort* host_ = nullptr;
+  VirtualClock clock_;
+};
+
+class BenchOf : public ::testing::TestWithParam<testing::ExampleDrives> {
+ protected:
+  BenchOf() : drives_(ParseDrives(Example(GetParam()), "example")), world_(drives_) {}
+
+  /// The positions that frames to the drive ask for, in order.
+  [[nodiscard]] std::vector<double> Asked(std::size_t drive) const {
+    std::vector<double> asked;
+    DriveProtocols::With(drives_.drives[drive].config, [&](auto protocol, const auto& config) {
+      double shaft_rad = 0;
+      for (const CanFrame& frame : world_.sent) {
+        if (decltype(protocol)::CommandedPosition(config, frame, shaft_rad))
+          asked.push_back(shaft_rad);
+      }
+      return 0;
+    });
+    return asked;
+  }
+
+  DrivesConfig drives_;
+  RigWorld world_;
+};
+
+TEST_P(BenchOf, AJogKeepsAmplitudeAndSpeedInEveryFrameAndLeavesTheTorqueOff) {
+  BenchBounds bounds;
+  bounds.amplitude_rad = 0.08;
+  bounds.speed_rad_s = 0.3;
+  {
+    BenchSession session(world_, drives_, bounds);
+    ASSERT_THAT(session.AwaitReplies(), IsEmpty());
+    const JogResult jog = Jog(session, 0, {0.5, false}, nullptr);  // more than is allowed
+    EXPECT_NEAR(jog.ways_rad[0], 0.08, 0.01);
+    EXPECT_NEAR(jog.ways_rad[1], 0, 0.001);
+    EXPECT_FALSE(world_.AnyEnabled());
+  }
+  const std::vector<double> asked = Asked(0);
+  ASSERT_GT(asked.size(), 500U);
+  constexpr double kRounding_rad = 5e-4;
+  for (std::size_t i = 0; i < asked.size(); ++i) {
+    EXPECT_LE(std::abs(asked[i]), 0.08 + kRounding_rad);
+    if (i > 0) {
+      EXPECT_LE(std::abs(asked[i] - asked[i - 1]), 0.3e-3 + kRounding_rad);
+    }
+  }
+  EXPECT_NEAR(world_.rotor(0).position_rad, 0, 0.01);
+}
+
+TEST_P(BenchOf, AnInterruptAtAnyTimeEndsWithTheTorqueOff) {
+  const auto jog = [](BenchSession& session) {
+    static_cast<void>(Jog(session, 0, {0.1, false}, nullptr));
+  };
+  const auto prove = [](BenchSession& session) {
+    static_cast<void>(ProveWatchdog(session, 0, 0.025));
+  };
+  const auto interrupt = [&](int tick, const std::function<void(BenchSession&)>& work) {
+    SCOPED_TRACE(tick);
+    int ticks = 0;
+    const auto run = [&] {
+      BenchSession session(world_, drives_, {});
+      ASSERT_THAT(session.AwaitReplies(), IsEmpty());
+      session.ClearErrors();  // of a silence that an earlier interrupt ended
+      world_.each_tick = [&] {
+        if (++ticks == tick) InterruptMailbox().Put({0, OperatorRequest::kFinish, -1, true});
+      };
+      work(session);
+    };
+    EXPECT_THROW(run(), BenchInterrupted);
+    world_.each_tick = {};
+    EXPECT_FALSE(world_.AnyEnabled());
+  };
+  for (const int tick : {1, 5, 40, 300, 700, 1000, 1150}) interrupt(tick, jog);
+  for (const int tick : {1, 10, 40, 60, 100}) interrupt(tick, prove);
+}
+
+TEST_P(BenchOf, ADriveErrorInMidMotionIsAFaultThatNamesTheDriveAndTheTorqueGoesOff) {
+  int ticks = 0;
+  const auto run = [&] {
+    BenchSession session(world_, drives_, {});
+    ASSERT_THAT(session.AwaitReplies(), IsEmpty());
+    world_.each_tick = [&] {
+      if (++ticks == 200) world_.simulated[1]->RaiseError(GetParam().protocol == "mit" ? 2 : 0x40);
+    };
+    static_cast<void>(Jog(session, 1, {0.1, false}, nullptr));
+  };
+  try {
+    run();
+    FAIL() << "no fault";
+  } catch (const BenchFault& fault) {
+    EXPECT_THAT(fault.what(), HasSubstr("(leg2)"));
+  }
+  world_.each_tick = {};
+  EXPECT_FALSE(world_.simulated[0]->enabled());
+  constexpr std::int64_t kBraking_ns = 300'000'000;  // what a CiA 402 drive does in a fault first
+  world_.clock().SleepUntil(world_.clock().now_ns() + kBraking_ns);
+  EXPECT_EQ(world_.simulated[1]->torque_nm(), 0);
+}
+
+TEST_P(BenchOf, ADriveThatFallsSilentInMidMotionIsAFault) {
+  int ticks = 0;
+  const auto run = [&] {
+    BenchSession session(world_, drives_, {});
+    ASSERT_THAT(session.AwaitReplies(), IsEmpty());
+    world_.each_tick = [&] {
+      if (++ticks == 200) world_.simulated[0]->set_silent(true);
+    };
+    static_cast<void>(Jog(session, 0, {0.1, false}, nullptr));
+  };
+  EXPECT_THROW(run(), BenchFault);
+  world_.each_tick = {};
+  EXPECT_FALSE(world_.simulated[0]->enabled());
+}
+
+TEST_P(BenchOf, AJointThatIsCarriedAwayIsAFault) {
+  int ticks = 0;
+  const auto run = [&] {
+    BenchSession session(world_, drives_, {});
+    ASSERT_THAT(session.AwaitReplies(), IsEmpty());
+    world_.each_tick = [&] {
+      if (++ticks > 200) world_.rotor(0).position_rad = 0.4;
+    };
+    static_cast<void>(Jog(session, 0, {0.1, false}, nullptr));
+  };
+  EXPECT_THROW(run(), BenchFault);
+  world_.each_tick = {};
+  EXPECT_FALSE(world_.AnyEnabled());
+}
+
+TEST_P(BenchOf, TheWatchdogsProofFindsWhenADriveLetsGo) {
+  BenchSession session(world_, drives_, {});
+  ASSERT_THAT(session.AwaitReplies(), IsEmpty());
+  const WatchdogResult watchdog = ProveWatchdog(session, 0, 0.025);
+  EXPECT_TRUE(watchdog.let_go);
+  // CANSimple tells by its next heartbeat.
+  EXPECT_NEAR(watchdog.limp_after_s, 0.025, GetParam().protocol == "cansimple" ? 0.012 : 0.004);
+  EXPECT_LE(watchdog.pushed_after_s, 0.026);
+  EXPECT_THAT(JudgeWatchdog("drive", watchdog, 0.025, 0.001, {}), IsEmpty());
+  EXPECT_EQ(JudgeWatchdog("drive", watchdog, 0.1, 0.001, {}).at(0).kind, "watchdog-differs");
+  EXPECT_GT(world_.simulated[0]->watchdog_expiries(), 0);
+  EXPECT_FALSE(world_.AnyEnabled());
+}
+
+TEST_P(BenchOf, RepliesAreTimedAndLostOnesCounted) {
+  BenchSession session(world_, drives_, {});
+  ASSERT_THAT(session.AwaitReplies(), IsEmpty());
+  std::vector<ReplyResult> replies = MeasureReplies(session, 2);
+  ASSERT_EQ(replies.size(), 2U);
+  EXPECT_EQ(replies[0].lost, 0);
+  EXPECT_EQ(replies[0].answers, GetParam().protocol != "cansimple");
+  EXPECT_LE(replies[0].max_ms, 1.1);
+  EXPECT_THAT(JudgeReplies("drive", replies[0], 0.001, {}), IsEmpty());
+  BusFaultPlan plan;
+  plan.faults.push_back({});
+  plan.faults.back().node = 2;  // the host
+  plan.faults.back().probability = 0.02;
+  world_.wire().SetFaults(plan);
+  replies = MeasureReplies(session, 5);
+  EXPECT_NEAR(replies[0].lost_share(), 0.02, 0.008);
+  EXPECT_EQ(JudgeReplies("drive", replies[0], 0.001, {}).at(0).kind, "noisy-bus");
+}
+
+TEST_P(BenchOf, AStepAnswersAsItsDifferentialEquationDoes) {
+  BenchSession session(world_, drives_, {});
+  ASSERT_THAT(session.AwaitReplies(), IsEmpty());
+  const StepResult step = MeasureStep(session, 0, {});
+  if (GetParam().protocol == "mit") {
+    // 0.02 kg m^2 on 5 N m/rad with 0.2 + 0.1 N m s/rad: natural frequency 15.8 rad/s, damping
+    // ratio 0.474, and so exp(-pi 0.474 / sqrt(1 - 0.474^2)) = 0.184 of overshoot.
+    EXPECT_NEAR(step.overshoot, 0.184, 0.04);
+    EXPECT_NEAR(step.rise_s, 0.1, 0.015);
+  }
+  EXPECT_NEAR(step.remaining_rad, 0, 0.003);
+  const std::string page = StepPage({{"a <drive>", {}, step}});
+  EXPECT_THAT(page, HasSubstr("a &lt;drive&gt;"));
+  EXPECT_THAT(page, HasSubstr("<polyline points=\""));
+}
+
+INSTANTIATE_TEST_SUITE_P(EveryProtocol, BenchOf,
+                         ::testing::ValuesIn(testing::ExampleOfEveryProtocol()),
+                         [](const auto& example) { return example.param.protocol; });
+
+/// Six drives, two of each protocol. The questions to MIT drives would be commands of the CANSimple
+/// node 1, whose identifiers are 32 to 63.
+DrivesConfig MixedDrives() {
+  DrivesConfig mixed;
+  mixed.rate_hz = 200;
+  for (const testing::ExampleDrives& example : testing::ExampleOfEveryProtocol()) {
+    DrivesConfig drives = ParseDrives(Example(example), "example");
+    for (DriveEntry& drive : drives.drives) {
+      drive.joint = example.protocol + drive.joint;
+      if (auto* mit = std::get_if<MitConfig>(&drive.config))
+        mit->command_id = static_cast<std::uint16_t>(mit->command_id + 9);
+      if (auto* cia402 = std::get_if<Cia402Config>(&drive.config)) {
+        cia402->node_id = static_cast<std::uint8_t>(cia402->node_id + 4);
+        cia402->period_us = 5000;
+      }
+      mixed.drives.push_back(drive);
+    }
+  }
+  return mixed;
+}
+
+TEST(BusScan, FindsDrivesOfAllProtocolsOnOneBusAndMovesNone) {
+  const DrivesConfig drives = MixedDrives();
+  RigWorld world(drives);
+  std::vector<FoundDrive> found = ScanBus(world, {});
+  std::vector<std::string> names;
+  for (const FoundDrive& drive : found)
+    names.push_back(drive.protocol + ' ' + std::to_string(drive.number));
+  EXPECT_THAT(names, ElementsAre("canopen-csp 5", "canopen-csp 6", "cansimple 1", "cansimple 2",
+                                 "mit 10", "mit 11"));
+  EXPECT_EQ(found[4].reply_id, 17);
+  EXPECT_THAT(CompareWithDraft(found, drives), IsEmpty());
+  EXPECT_FALSE(world.AnyEnabled());
+  for (std::size_t i = 0; i < drives.drives.size(); ++i)
+    EXPECT_EQ(world.rotor(i).position_rad, 0) << drives.drives[i].joint;
+  // No question was an emergency stop, or anything else that is latched.
+  BenchSession session(world, drives, {});
+  ASSERT_THAT(session.AwaitReplies(), IsEmpty());
+  for (std::size_t i = 0; i < session.size(); ++i)
+    EXPECT_EQ(session.drive(i).state(), DriveState::kDisabled) << session.NameOf(i);
+}
+
+TEST(BusScan, AsksNothingWhenSomebodyCommandsDrives) {
+  const DrivesConfig drives = DefaultDrives({"leg1", "leg2"});
+  RigWorld world(drives);
+  SimulatedPort& other = world.wire().Attach();
+  MitDrive host(std::get<MitConfig>(drives.drives[0].config));
+  world.each_tick = [&] {
+    FrameBatch batch;
+    ASSERT_EQ(host.Encode(DriveRequest::kDisable, {}, batch), Status::kOk);
+    static_cast<void>(other.Send(batch.frames()[0]) == Status::kOk);
+  };
+  EXPECT_THROW(static_cast<void>(ScanBus(world, {})), Refused);
+  EXPECT_THAT(world.sent, IsEmpty());
+  ScanConfig passive;
+  passive.passive = true;
+  EXPECT_THAT(ScanBus(world, passive), IsEmpty());
+}
+
+TEST(BusScan, TellsWhatTheFileDoesNot) {
+  DrivesConfig drives = DefaultDrives({"leg1", "leg2"});
+  std::get<MitConfig>(drives.drives[0].config).reply_id = 0;
+  std::get<MitConfig>(drives.drives[1].config).command_id = 3;
+  RigWorld world(DefaultDrives({"leg1", "leg2"}));
+  std::vector<std::string> kinds;
+  for (const Finding& finding : CompareWithDraft(ScanBus(world, {}), drives))
+    kinds.push_back(finding.kind);
+  EXPECT_THAT(kinds, ElementsAre("reply-identifier", "missing-drive", "unknown-drive"));
+}
+
+TEST(BusScan, OnABusWithoutAnybodySaysThatNobodyAcknowledges) {
+  DrivesConfig none;
+  RigWorld world(none);
+  try {
+    static_cast<void>(ScanBus(world, {}));
+    FAIL() << "not refused";
+  } catch (const Refused& refused) {
+    EXPECT_THAT(refused.what(), HasSubstr("nobody acknowledges"));
+  }
+}
+
+TEST(DrivesDraft, ChangesValuesAndKeepsComments) {
+  const std::string text =
+      testing::ReadFile(testing::SourcePath("primitives/robots/tumbler_drives.toml"));
+  DrivesDraft draft(text, "draft.toml");
+  EXPECT_EQ(draft.text(), text);
+  draft.SetNumber(1, "zero_offset_rad", -0.25);
+  draft.SetInteger(0, "direction", -1);
+  draft.SetJoint(0, "a \"joint\" # of its own");
+  draft.Check();
+  EXPECT_EQ(JointOf(draft.config().drives[1].config).zero_offset_rad, -0.25F);
+  EXPECT_EQ(JointOf(draft.config().drives[0].config).direction, -1);
+  EXPECT_EQ(draft.config().drives[0].joint, "a \"joint\" # of its own");
+  EXPECT_THAT(draft.text(), HasSubstr("# the joint's name in the robot's URDF"));
+  draft.SetJoint(0, "leg1");
+  draft.SetInteger(0, "direction", 1);
+  draft.SetNumber(1, "zero_offset_rad", 0);
+  EXPECT_EQ(draft.text(), text);
+}
+
+TEST(DrivesDraft, AddsAKeyThatIsMissing) {
+  const std::string text =
+      testing::ReadFile(testing::SourcePath("primitives/robots/tumbler_drives.toml"));
+  DrivesDraft draft(Replaced(text, "direction = 1 ", "# no direction "), "draft.toml");
+  draft.SetInteger(0, "direction", -1);
+  draft.Check();
+  EXPECT_EQ(JointOf(draft.config().drives[0].config).direction, -1);
+  EXPECT_EQ(JointOf(draft.config().drives[1].config).direction, 1);
+}
+
+TEST(BenchJudgement, AWayOfAnotherLengthOrAnotherPlaceIsAFinding) {
+  const BenchJoint joint{"leg1", -2.9, 2.9, 0};
+  EXPECT_THAT(JudgeWay(joint, {true, -2.85, 2.95}, {}), IsEmpty());
+  EXPECT_EQ(JudgeWay(joint, {true, -2.6, 3.2}, {}).size(), 1U);
+  EXPECT_THAT(JudgeWay(joint, {true, -1.45, 1.45}, {}).at(0).text, HasSubstr("0.50 times the way"));
+  EXPECT_EQ(JudgeWay(joint, {false, -2.9, 2.9}, {}).size(), 1U);
+}
+
+TEST(BenchJudgement, PositionsThatADriveCannotReachOrReportAreFindings) {
+  DrivesConfig drives = DefaultDrives({"leg1"});
+  auto& mit = std::get<MitConfig>(drives.drives[0].config);
+  mit.joint.gear_ratio = 6;  // 12.5 rad of the shaft are 2.08 rad of the joint
+  EXPECT_EQ(JudgeRanges("drive", drives.drives[0], {"leg1", -2.9, 2.9, 0}).size(), 2U);
+  mit.joint.gear_ratio = 1;
+  EXPECT_THAT(JudgeRanges("drive", drives.drives[0], {"leg1", -2.9, 2.9, 0}), IsEmpty());
+}
+
+class BenchProgram : public ::testing::Test {
+ protected:
+  [[nodiscard]] std::string Path(const std::string& name) const { return folder_ / name; }
+  const std::string drives_ = testing::SourcePath("primitives/robots/tumbler_drives.toml");
+  const std::string motion_ = testing::SourcePath("primitives/handstand.toml");
+
+ private:
+  testing::TemporaryFolder folder_;
+};
+
+TEST_F(BenchProgram, RefusesToMoveMotorsWithoutArm) {
+  const testing::Outcome outcome =
+      testing::RunProgram({"tumbler-bench", "can99", "jog", "leg1", "--drives", drives_});
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_THAT(outcome.text, HasSubstr("say so with --arm"));
+}
+
+TEST_F(BenchProgram, DoesNotReplaceAFileUnlessItIsTold) {
+  testing::WriteFile(Path("written.toml"), "precious");
+  std::vector<std::string> arguments{"tumbler-bench", "sim",     "zero",
+                                     "--drives",      drives_,   "--motion",
+                                     motion_,         "--write", Path("written.toml")};
+  testing::Outcome outcome = testing::RunProgram(arguments);
+  EXPECT_EQ(outcome.exit_code, 1);
+  EXPECT_THAT(outcome.text, HasSubstr("is there already"));
+  EXPECT_EQ(testing::ReadFile(Path("written.toml")), "precious");
+  arguments.emplace_back("--overwrite");
+  outcome = testing::RunProgram(arguments);
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.text;
+  EXPECT_EQ(LoadDrives(Path("written.toml")).drives.size(), 2U);
+}
+
+TEST_F(BenchProgram, WhenAnswersRunOutItStopsAndSaysSo) {
+  testing::WriteFile(Path("answers"), "yes # the way is clear\n");
+  const testing::Outcome outcome = testing::RunProgram(
+      {"tumbler-bench", "sim", "identify", "--drives", drives_, "--answers", Path("answers")});
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_THAT(outcome.text, HasSubstr("has no answer to this"));
+}
+
+TEST_F(BenchProgram, StandardInputAnswersAndTellsWhoTurned) {
+  const testing::Outcome outcome = testing::RunInShell(
+      "printf 'yes\\nleg1\\nyes\\nleg2\\n' | tumbler-bench sim identify --ask --drives " + drives_);
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.text;
+  EXPECT_THAT(outcome.text, HasSubstr("(You see leg1 turn by +0.0"));
+  EXPECT_THAT(outcome.text, HasSubstr("Nothing is amiss."));
+}
+
+TEST_F(BenchProgram, RefusesWhatWouldExceedItsBounds) {
+  for (const std::vector<std::string>& options :
+       std::vector<std::vector<std::string>>{{"jog", "leg1", "--by", "0.2"},
+                                             {"step", "leg1", "--size", "0.2"},
+                                             {"step", "leg1", "--kp", "100"},
+                                             {"jog", "leg1", "--speed", "nan"},
+                                             {"jog", "leg3"},
+                                             {"jog"}}) {
+    std::vector<std::string> arguments{"tumbler-bench", "sim", "--drives", drives_};
+    arguments.insert(arguments.end(), options.begin(), options.end());
+    EXPECT_EQ(testing::RunProgram(arguments).exit_code, 1) << ::testing::PrintToString(options);
+  }
+}
+
+}  // namespace
+}  // namespace tumbler
