@@ -4,6 +4,7 @@ get_property(tumbler_libraries GLOBAL PROPERTY TUMBLER_LIBRARIES)
 install(TARGETS ${tumbler_libraries} tumbler_options EXPORT tumbler-targets
         ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
 install(EXPORT tumbler-targets NAMESPACE tumbler:: DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/tumbler)
+get_property(tumbler_uses_mpi GLOBAL PROPERTY TUMBLER_USES_MPI SET)
 configure_package_config_file(cmake/tumbler-config.cmake.in ${CMAKE_BINARY_DIR}/tumbler-config.cmake
   INSTALL_DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/tumbler)
 write_basic_package_version_file(${CMAKE_BINARY_DIR}/tumbler-config-version.cmake COMPATIBILITY SameMinorVersion)

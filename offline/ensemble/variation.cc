@@ -37,6 +37,18 @@ struct Drawer {
 
 }  // namespace
 
+std::vector<double> RobotVariation::StartPositions() const {
+  std::vector<double> q(3, 0.0);
+  for (const Joint& joint : joints) q.push_back(joint.start_rad);
+  return q;
+}
+
+std::vector<double> RobotVariation::StartRates() const {
+  std::vector<double> v{0, 0, start_pitch_rate_rad_s};
+  for (const Joint& joint : joints) v.push_back(joint.start_rate_rad_s);
+  return v;
+}
+
 RobotVariation DrawRobot(const PlanarRobot& robot, const Spreads& spreads, double scale,
                          std::uint64_t seed, std::uint64_t index) {
   RobotVariation v;
@@ -59,6 +71,16 @@ RobotVariation DrawRobot(const PlanarRobot& robot, const Spreads& spreads, doubl
   v.stiffness = draw.Factor(spreads.stiffness, "stiffness");
   v.damping = draw.Factor(spreads.damping, "damping");
   v.slope_rad = draw.Shift(spreads.slope_rad, "slope");
+  // What is drawn last leaves everything before as it is.
+  v.delay_s = std::abs(draw.Shift(spreads.delay_s, "delay"));
+  for (std::size_t j = 0; j < robot.joint_count(); ++j) {
+    const std::string of = " of " + robot.tree.dofs[robot.DofOfJoint(j)].name;
+    RobotVariation::Joint& joint = v.joints[j];
+    joint.zero_rad = draw.Shift(spreads.zero_rad, "zero" + of);
+    joint.start_rad = draw.Shift(spreads.start_rad, "start" + of);
+    joint.start_rate_rad_s = draw.Shift(spreads.start_rate_rad_s, "start rate" + of);
+  }
+  v.start_pitch_rate_rad_s = draw.Shift(spreads.start_rate_rad_s, "start rate of pitch");
   return v;
 }
 

@@ -22,6 +22,11 @@ struct Spreads {
   double gain = 0;           ///< Factor of each joint's kp and kd.
   double torque_limit = 0;   ///< Factor of each motor's torque limit.
   double slope_rad = 0;      ///< Of the ground, upwards to the right.
+  /// Of what setpoints are late by, besides the frames' own time: the magnitude of a normal number.
+  double delay_s = 0;
+  double zero_rad = 0;          ///< Of what each encoder reads at the joint's zero.
+  double start_rad = 0;         ///< Of each joint's position when the first motion begins.
+  double start_rate_rad_s = 0;  ///< Of the rates of pitch and joints, likewise.
 
   bool operator==(const Spreads&) const = default;
 };
@@ -34,11 +39,20 @@ struct RobotVariation {
   };
   struct Joint {
     double gain = 1, torque_limit = 1;  ///< Factors.
+    double zero_rad = 0;                ///< What the encoder reads more than the true angle.
+    double start_rad = 0, start_rate_rad_s = 0;  ///< Added when the first motion begins.
   };
   std::vector<Link> links;    ///< In the order of the robot's bodies, the root first.
   std::vector<Joint> joints;  ///< In the robot's order.
   double friction = 1, stiffness = 1, damping = 1;
   double slope_rad = 0;
+  double delay_s = 0;                 ///< >= 0
+  double start_pitch_rate_rad_s = 0;  ///< Added when the first motion begins.
+
+  /// What is added to the positions and rates of all degrees of freedom (x, z and pitch of the
+  /// root, then the joints) when the first motion begins.
+  [[nodiscard]] std::vector<double> StartPositions() const;
+  [[nodiscard]] std::vector<double> StartRates() const;
 
   /// A departure by itself, in standard deviations.
   struct Deviate {
@@ -56,7 +70,7 @@ RobotVariation DrawRobot(const PlanarRobot& robot, const Spreads& spreads, doubl
                          std::uint64_t seed, std::uint64_t index);
 
 /// The scene with this robot and its ground. The slope is that of gravity: the ground stays where
-/// it is. Joints' gains and torque limits are no part of a scene.
+/// it is. What joints, delay and the start have of it is no part of a scene.
 Scene Varied(Scene scene, const RobotVariation& variation);
 
 }  // namespace tumbler

@@ -4,74 +4,95 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
-#include <cstdint>
+#include <charconv>
+#include <exception>
+#include <optional>
 #include <string>
+#include <system_error>
 #include <thread>
-#include <utility>
 #include <vector>
 
 #include "common/command_line.h"
 #include "common/program.h"
 #include "common/result_file.h"
+#include "offline/rehearsal/robustness/robustness_page.h"
+#include "offline/rehearsal/robustness/spread_names.h"
 #include "offline/rehearsal/robustness/study.h"
+#include "offline/report/page_file.h"
 
 namespace tumbler {
 namespace {
 
 struct Arguments {
   RobustnessStudy study;
+  WorkPlan plan;
   std::size_t seed = 1;
-  int robots = 100;
-  int threads = 1;
+  bool compare_lanes = false;
   std::string branch;
+  std::string shard;
   std::string json;
+  std::string report;
 };
 
-/// The options that set a spread, with what they are for.
-void DeclareSpreads(CommandLine& line, Spreads& spreads) {
-  const std::array<std::pair<const char*, std::pair<double*, const char*>>, 10> options = {{
-      {"--mass", {&spreads.mass, "Spread of each link's mass and inertia [part of it]"}},
-      {"--inertia", {&spreads.inertia, "Spread of each link's inertia, besides [part of it]"}},
-      {"--mass-centre", {&spreads.mass_centre_m, "Spread of each centre of mass along x [m]"}},
-      {"--length", {&spreads.length, "Spread of each link's length [part of it]"}},
-      {"--friction", {&spreads.friction, "Spread of the ground's friction [part of it]"}},
-      {"--stiffness", {&spreads.stiffness, "Spread of the ground's stiffness [part of it]"}},
-      {"--damping", {&spreads.damping, "Spread of the ground's damping [part of it]"}},
-      {"--gain", {&spreads.gain, "Spread of each joint's gains [part of them]"}},
-      {"--torque-limit", {&spreads.torque_limit, "Spread of each motor's limit [part of it]"}},
-      {"--slope", {&spreads.slope_rad, "Spread of the ground's slope [rad]"}},
-  }};
-  for (const auto& [name, option] : options)
-    line.Option(name, *option.first, option.second).Within(0.0, 1.0).ShowDefault();
-}
-
-ExitStatus Main(int argc, char** argv) {
-  Arguments arguments;
+void Declare(CommandLine& line, Arguments& arguments) {
   RobustnessStudy& study = arguments.study;
-  CommandLine line(
-      "Plays a motion on robots that differ from the model, each through the runtime, simulated\n"
-      "drives and the twin, and tells how many are as asked after every motion. Robot number i of\n"
-      "a seed is the same whatever the number of robots and threads.\n"
-      "Exit status: 0 done, however many stand; 1 bad input.");
+  WorkPlan& plan = arguments.plan;
   line.Option("MOTION", study.motion, "Primitive or sequence file (TOML)").Required();
-  line.Option("--robots", arguments.robots, "How many").Within(1, 10000000).ShowDefault();
+  line.Option("--robots", plan.robots, "How many").Within(1, 10000000).ShowDefault();
   line.Option("--cycles", study.run.cycles, "Of a sequence").Within(0, 100000).ShowDefault();
   line.Option("--branch", arguments.branch, "Take this branch once the cycles are done");
   line.Option("--seed", arguments.seed, "Of the robots").ShowDefault();
   line.Option("--scale", study.scale, "Multiplies every spread").Within(0.0, 10.0).ShowDefault();
-  DeclareSpreads(line, study.spreads);
+  for (const SpreadName& spread : kSpreadNames) {
+    line.Option(spread.option, study.spreads.*spread.member, spread.help)
+        .Within(0.0, spread.max)
+        .ShowDefault();
+  }
   line.Option("--drives", study.drives, "Drives file; without it, the default drives");
   line.Option("--twin", study.twin, "Twin file, for what all robots share");
-  line.Option("--threads", arguments.threads, "0: one for each core").Within(0, 1024).ShowDefault();
+  const auto lanes = line.Flag("--lanes", study.lanes,
+                               "Play robots in lanes, some seventy times as fast as in the twin");
+  line.Flag("--compare-lanes", arguments.compare_lanes,
+            "Play them both ways, and tell on how many the verdicts agree")
+      .Excludes(lanes);
+  line.Option("--threads", plan.threads, "0: one for each core").Within(0, 1024).ShowDefault();
+  line.Option("--checkpoint", plan.checkpoint,
+              "Keep outcomes in this file, and go on from those that are in it");
+  line.Option("--shard", arguments.shard,
+              "I/N: of N parts of the robots, play the I-th, for --checkpoint");
+  line.Option("--merge", plan.merged, "Take outcomes from this checkpoint, too; may be repeated")
+      .TakesOneValueEachTime();
+  line.Option("--report", arguments.report, "Write a page, index.html, into this folder");
   line.Option("--json", arguments.json,
               "Write figures as JSON to this file, or to standard output for -");
-  line.Parse(argc, argv);
-  study.seed = arguments.seed;
+}
 
-  std::vector<std::string> inputs = {study.drives, study.twin};
+void ReadShard(const Arguments& arguments, WorkPlan& plan) {
+  if (arguments.shard.empty()) return;
+  const std::string& text = arguments.shard;
+  const char* const end = text.data() + text.size();
+  const auto first = std::from_chars(text.data(), end, plan.shard);
+  const bool slash = first.ec == std::errc() && first.ptr != end && *first.ptr == '/';
+  const auto second = slash ? std::from_chars(first.ptr + 1, end, plan.shards) : first;
+  if (!slash || second.ec != std::errc() || second.ptr != end || plan.shard < 1 ||
+      plan.shards < plan.shard) {
+    throw UsageError("--shard", fmt::format("'{}' is not I/N with 1 <= I <= N, such as 2/4", text));
+  }
+  if (plan.checkpoint.empty())
+    throw UsageError("--shard", "what is found has to be kept: name a file with --checkpoint");
+}
+
+/// Checks what is asked for against the motion and the files.
+void Check(Arguments& arguments) {
+  RobustnessStudy& study = arguments.study;
+  ReadShard(arguments, arguments.plan);
+  study.seed = arguments.seed;
+  std::vector<std::string> inputs = arguments.plan.merged;
+  for (const std::string& file : {study.drives, study.twin}) {
+    if (!file.empty()) inputs.push_back(file);
+  }
   const SequenceFile motion = LoadMotion(study.motion, NotingReader(inputs));
-  CheckDistinct(inputs, {arguments.json});
+  CheckDistinct(inputs, {arguments.json, arguments.plan.checkpoint});
   if (!arguments.branch.empty()) {
     study.run.branch = motion.graph.FindBranch(arguments.branch);
     if (study.run.branch < 0) {
@@ -81,19 +102,72 @@ ExitStatus Main(int argc, char** argv) {
   } else if (motion.graph.edge_count > 0 && study.run.cycles == 0) {
     throw UsageError("--cycles", fmt::format("{} goes on for ever; say how many", study.motion));
   }
-  const int cores = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
-  const RobustnessResult result =
-      RunStudy(study, arguments.robots, arguments.threads == 0 ? cores : arguments.threads);
-  fmt::print(arguments.json == "-" ? stderr : stdout, "{}", ToText(result));
+  if (!arguments.report.empty()) CheckFolderWritable(arguments.report);
+  if (!arguments.json.empty() && arguments.json != "-") CheckWritable(arguments.json);
+}
+
+void WriteResults(const Arguments& arguments, const RobustnessResult& result,
+                  const std::optional<Agreement>& agreement) {
+  std::FILE* const text_to = arguments.json == "-" ? stderr : stdout;
+  fmt::print(text_to, "{}", ToText(result));
+  if (agreement) fmt::print(text_to, "{}", ToText(*agreement));
+  if (!arguments.report.empty())
+    fmt::print(text_to, "wrote {}\n", WritePage(RobustnessPage(result), arguments.report));
+  if (arguments.json.empty()) return;
+  Json json = ToJson(result);
+  if (agreement) json["lanes_agree"] = ToJson(*agreement);
   if (arguments.json == "-") {
-    fmt::print("{}\n", ToJson(result).Dump(2));
-  } else if (!arguments.json.empty()) {
-    std::FILE* const out = std::fopen(arguments.json.c_str(), "w");
-    if (out == nullptr) throw FileError(arguments.json, 0, "", "cannot be written");
-    fmt::print(out, "{}\n", ToJson(result).Dump(2));
-    if (std::fclose(out) != 0) throw FileError(arguments.json, 0, "", "cannot be written whole");
+    fmt::print("{}\n", json.Dump(2));
+    return;
+  }
+  PendingFile file(arguments.json, json.Dump(2) + "\n");
+  file.Commit();
+}
+
+ExitStatus Play(Arguments& arguments, const Processes& processes) {
+  Check(arguments);
+  WorkPlan& plan = arguments.plan;
+  const int cores = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+  if (plan.threads == 0) plan.threads = cores;
+  const WorkDone work = RunStudy(arguments.study, plan, processes);
+  std::optional<Agreement> agreement;
+  if (arguments.compare_lanes) {
+    RobustnessStudy in_lanes = arguments.study;
+    in_lanes.lanes = true;
+    WorkPlan all;
+    all.robots = plan.robots;
+    all.threads = plan.threads;
+    const WorkDone lanes = RunStudy(in_lanes, all, processes);
+    if (work.result && lanes.result) agreement = Compare(*work.result, *lanes.result);
+  }
+  if (work.result) {
+    WriteResults(arguments, *work.result, agreement);
+  } else if (processes.rank() == 0) {
+    fmt::print("{} of {} robots are known; {} has them\n", work.known, plan.robots,
+               plan.checkpoint);
   }
   return ExitStatus::kDone;
+}
+
+ExitStatus Main(int argc, char** argv) {
+  Arguments arguments;
+  CommandLine line(
+      "Plays a motion on robots that differ from the model, each through the runtime, simulated\n"
+      "drives and the twin, and tells how many are as asked after every motion. Robot number i of\n"
+      "a seed is the same whatever the number of robots, threads, processes (mpirun) and shards.\n"
+      "Exit status: 0 done, however many stand; 1 bad input.");
+  Declare(line, arguments);
+  line.Parse(argc, argv);
+  const Processes processes;
+  try {
+    return Play(arguments, processes);
+  } catch (const std::exception& error) {
+    if (processes.count() > 1) {
+      fmt::print(stderr, "tumbler-robustness: {}\n", error.what());
+      processes.Abort(static_cast<int>(ExitStatus::kUnusable));
+    }
+    throw;
+  }
 }
 
 }  // namespace

@@ -25,6 +25,9 @@ constexpr double kBefore_s = 0.5;
 /// How long after the settle phase the robot has to be at rest, and how long that is watched.
 constexpr double kLater_s = 0.9;
 constexpr double kWatched_s = 0.4;
+/// Steps that do where motions are ranked, and those of the last improvement, which are the twin's
+/// to some 0.5 % of robots.
+constexpr LaneSteps kRough{.per_tick = 2}, kFine{.per_tick = 4};
 /// Thinning of the feed-forward: half the width of a triangle [ticks], as wide as the knots of a
 /// primitive's torque.
 constexpr int kSmoothing_ticks = 12;
@@ -48,6 +51,7 @@ struct Ensemble {
   std::vector<LaneRobot<Packet>> robots;
   std::vector<LaneState<Packet>> states;
   HeldSetpoints<Packet> held{};
+  LaneSteps steps;
 };
 
 /// What the plan of a motion, the model with joints that follow exactly, takes.
@@ -85,7 +89,7 @@ class RobustSearch {
                                           MakeEnsemble(16, 1), robust_.generations / 3);
     best = Improve(best, robust_.improved, 0.05, MakeEnsemble(32, 1.25), robust_.generations / 2);
     std::vector<Candidate> polished =
-        Improve(best, 1, 0.03, MakeEnsemble(robust_.polish_robots, robust_.polish_scale),
+        Improve(best, 1, 0.03, MakeEnsemble(robust_.polish_robots, robust_.polish_scale, kFine),
                 robust_.generations);
     polished.insert(polished.end(), best.begin(), best.end());
     return polished;
@@ -112,8 +116,19 @@ class RobustSearch {
       joint.torque_max *= variation.joints[j].torque_limit;
       joint.kp *= variation.joints[j].gain;
       joint.kd *= variation.joints[j].gain;
+      joint.delay = std::min(joint.delay + variation.delay_s, kTick_s);
+      joint.zero_error = variation.joints[j].zero_rad;
     }
     return lanes;
+  }
+
+  /// What is added to a robot's state when the motion begins.
+  [[nodiscard]] static LaneState<double> DisplacementOf(const RobotVariation& variation) {
+    LaneState<double> by{};
+    const auto q = variation.StartPositions(), v = variation.StartRates();
+    std::copy(q.begin(), q.end(), by.q.begin());
+    std::copy(v.begin(), v.end(), by.v.begin());
+    return by;
   }
 
   [[nodiscard]] LaneState<double> Start() const {
@@ -123,8 +138,9 @@ class RobustSearch {
   }
 
   /// Robots of an ensemble of its own for each size and scale.
-  Ensemble MakeEnsemble(int robots, double scale) const {
+  Ensemble MakeEnsemble(int robots, double scale, const LaneSteps& steps = kRough) const {
     Ensemble ensemble;
+    ensemble.steps = steps;
     for (std::size_t j = 0; j < joints_; ++j)
       ensemble.held[j] = {Packet::Of(problem_.joints[j].start_rad), Packet::Of(0), Packet::Of(0)};
     Setpoints hold;
@@ -133,18 +149,27 @@ class RobustSearch {
     const std::uint64_t seed = problem_.search.seed * 1000 + static_cast<std::uint64_t>(robots);
     for (int first = 0; first < robots; first += static_cast<int>(kLanes)) {
       std::array<LaneRobot<double>, kLanes> each;
-      std::array<LaneState<double>, kLanes> states;
+      std::array<LaneState<double>, kLanes> states, displaced;
       for (std::size_t lane = 0; lane < kLanes; ++lane) {
         const std::uint64_t index = static_cast<std::uint64_t>(first) + lane;
-        each[lane] =
-            LanesOf(DrawRobot(problem_.scene.robot, robust_.spreads, scale, seed, index)).robot;
+        const RobotVariation variation =
+            DrawRobot(problem_.scene.robot, robust_.spreads, scale, seed, index);
+        each[lane] = LanesOf(variation).robot;
         states[lane] = Start();
+        displaced[lane] = DisplacementOf(variation);
       }
       LaneState<Packet> state = PackLanes<LaneState>(states);
       HeldSetpoints<Packet> held = ensemble.held;
       LaneWatch<Packet> watch;
       ensemble.robots.push_back(PackLanes<LaneRobot>(each));
-      kernel_.drive(lanes_.model, ensemble.robots.back(), {}, hold, held, state, watch);
+      kernel_.drive(lanes_.model, ensemble.robots.back(), steps, hold, held, state, watch);
+      const LaneState<Packet> by = PackLanes<LaneState>(displaced);
+      for (std::size_t dof = 0; dof < joints_ + 3; ++dof) {
+        for (std::size_t lane = 0; lane < kLanes; ++lane) {
+          state.q[dof].set_lane(lane, state.q[dof].lane(lane) + by.q[dof].lane(lane));
+          state.v[dof].set_lane(lane, state.v[dof].lane(lane) + by.v[dof].lane(lane));
+        }
+      }
       ensemble.states.push_back(state);
     }
     return ensemble;
@@ -297,12 +322,14 @@ class RobustSearch {
       LaneState<Packet> state = ensemble.states[p];
       HeldSetpoints<Packet> held = ensemble.held;
       LaneWatch<Packet> watch;
-      kernel_.drive(lanes_.model, ensemble.robots[p], {}, all.first(split), held, state, watch);
+      kernel_.drive(lanes_.model, ensemble.robots[p], ensemble.steps, all.first(split), held, state,
+                    watch);
       const Packet pitch = state.q[kPitch];
-      kernel_.drive(lanes_.model, ensemble.robots[p], {}, all.subspan(split, watched - split), held,
-                    state, watch);
+      kernel_.drive(lanes_.model, ensemble.robots[p], ensemble.steps,
+                    all.subspan(split, watched - split), held, state, watch);
       watch = {};
-      kernel_.drive(lanes_.model, ensemble.robots[p], {}, all.subspan(watched), held, state, watch);
+      kernel_.drive(lanes_.model, ensemble.robots[p], ensemble.steps, all.subspan(watched), held,
+                    state, watch);
       double packet = 0;
       for (std::size_t lane = 0; lane < kLanes; ++lane)
         packet += LossOf(pitch.lane(lane), state.q[kPitch].lane(lane), watch.root_speed.lane(lane));
@@ -382,9 +409,7 @@ class RobustSearch {
     LaneState<Packet> state = model.states.front();
     HeldSetpoints<Packet> held = model.held;
     LaneWatch<Packet> watch;
-    // Ranking needs little accuracy.
-    kernel_.drive(lanes_.model, model.robots.front(), {.per_tick = 2}, setpoints, held, state,
-                  watch);
+    kernel_.drive(lanes_.model, model.robots.front(), model.steps, setpoints, held, state, watch);
     for (std::size_t lane = 0; lane < kLanes; ++lane) {
       const double off = std::abs(state.q[kPitch].lane(lane) - target_rad_) +
                          0.1 * std::min(5.0, std::abs(state.v[kPitch].lane(lane)));

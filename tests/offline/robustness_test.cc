@@ -4,12 +4,20 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
+#include <functional>
 #include <optional>
 #include <set>
+#include <stdexcept>
 #include <string>
+#include <vector>
 
 #include "common/json.h"
+#include "common/toml_reader.h"
+#include "offline/rehearsal/robustness/checkpoint.h"
+#include "offline/rehearsal/robustness/lane_trials.h"
+#include "offline/rehearsal/robustness/robustness_page.h"
 #include "tests/support/files.h"
 #include "tests/support/handstand.h"
 #include "tests/support/program.h"
@@ -107,6 +115,26 @@ TEST(Variation, AVariedSceneHasTheRobotInEveryPart) {
   EXPECT_NEAR(varied.robot.tree.gravity.x(), scene.robot.tree.gravity.y() * std::sin(0.1), 1e-12);
 }
 
+TEST(Variation, WhatJointsDelayAndStartHaveOfItLeavesTheRestOfTheRobotAsItIs) {
+  const RobotVariation plain = DrawRobot(Tumbler(), {}, 1, 5, 7);
+  const Spreads more{.delay_s = 1e-4, .zero_rad = 0.01, .start_rad = 0.02, .start_rate_rad_s = 0.5};
+  double late = 0;
+  for (std::uint64_t i = 0; i < 50; ++i) {
+    const RobotVariation v = DrawRobot(Tumbler(), more, 1, 5, i);
+    EXPECT_GE(v.delay_s, 0) << "no setpoint is early";
+    late += v.delay_s / 50;
+    if (i != 7) continue;
+    EXPECT_EQ(v.links[1].mass, plain.links[1].mass);
+    EXPECT_EQ(v.damping, plain.damping);
+    EXPECT_NE(v.joints[0].zero_rad, v.joints[1].zero_rad);
+    EXPECT_EQ(v.StartPositions()[2], 0) << "joints alone are elsewhere";
+    EXPECT_EQ(v.StartPositions()[4], v.joints[1].start_rad);
+    EXPECT_EQ(v.StartRates()[2], v.start_pitch_rate_rad_s);
+    EXPECT_EQ(v.deviates.size(), plain.deviates.size() + 8);
+  }
+  EXPECT_NEAR(late, 0.8e-4, 0.3e-4);
+}
+
 TEST(Share, TheIntervalIsThatOfWilson) {
   const Share share = ShareOf(97, 100);  // [W27]; R's binom.confint gives the same
   EXPECT_NEAR(share.low, 0.9155, 5e-4);
@@ -167,6 +195,192 @@ TEST(Trials, MotorsThatGiveAlmostNothingAreAFaultOrAFall) {
   EXPECT_NE(Trials(study).Play(0).verdict, Verdict::kStands);
 }
 
+/// A study of which about a third does not stand.
+RobustnessStudy HardStudy() {
+  RobustnessStudy study = StudyOf("robust/handstand.toml");
+  study.drives = testing::SourcePath("primitives/robust/drives.toml");
+  study.scale = 2.5;
+  study.seed = 17;
+  return study;
+}
+
+TEST(LaneTrials, LanesAndTwinAgreeOnWhichRobotsStand) {
+  RobustnessStudy study = HardStudy();
+  const RobustnessResult twin = RunStudy(study, 64, 1);
+  study.lanes = true;
+  const RobustnessResult lanes = RunStudy(study, 64, 1);
+  EXPECT_GE(twin.stands().count, 16);
+  EXPECT_LE(twin.stands().count, 60) << "robots have to fall, too, for this to say anything";
+  const Agreement agreement = Compare(twin, lanes);
+  EXPECT_GE(agreement.standing.count, 60) << ToText(agreement);
+}
+
+TEST(LaneTrials, ARobotIsTheSameInWhicheverLaneAndBesideWhomever) {
+  RobustnessStudy study = HardStudy();
+  const LaneTrials lanes(study);
+  const std::array<std::uint64_t, 3> few{9, 3, 21};
+  const std::array<std::uint64_t, 8> many{21, 1, 2, 4, 9, 5, 6, 3};
+  const auto a = lanes.Play(few), b = lanes.Play(many);
+  ASSERT_EQ(a.size(), 3U);
+  EXPECT_EQ(CheckpointLine(9, a[0]), CheckpointLine(9, b[4]));
+  EXPECT_EQ(CheckpointLine(3, a[1]), CheckpointLine(3, b[7]));
+  EXPECT_EQ(CheckpointLine(21, a[2]), CheckpointLine(21, b[0]));
+}
+
+TEST(LaneTrials, AStartThatTurnsTooFastIsAFallInLanesAndTwin) {
+  for (const bool in_lanes : {false, true}) {
+    RobustnessStudy study = HardStudy();
+    study.spreads = {.mass = 0, .friction = 0, .stiffness = 0, .damping = 0};
+    study.lanes = in_lanes;
+    EXPECT_EQ(RunStudy(study, 3, 1).stands().count, 3) << in_lanes;
+    study.spreads.start_rate_rad_s = 10;
+    EXPECT_LE(RunStudy(study, 8, 1).stands().count, 4) << in_lanes;
+  }
+}
+
+TEST(LaneTrials, LateSetpointsAndWrongZerosActInLanesAsInTheTwin) {
+  RobustnessStudy study = HardStudy();
+  study.scale = 1;
+  study.spreads = {.mass = 0, .friction = 0, .stiffness = 0, .damping = 0, .delay_s = 0.002};
+  std::array<int, 2> late{}, wrong{};
+  for (const bool in_lanes : {false, true}) {
+    study.lanes = in_lanes;
+    late[in_lanes ? 1 : 0] = RunStudy(study, 16, 1).stands().count;
+  }
+  study.spreads.delay_s = 0;
+  study.spreads.zero_rad = 0.1;
+  for (const bool in_lanes : {false, true}) {
+    study.lanes = in_lanes;
+    wrong[in_lanes ? 1 : 0] = RunStudy(study, 16, 1).stands().count;
+  }
+  EXPECT_LT(wrong[0], 14);
+  EXPECT_NEAR(late[0], late[1], 2);
+  EXPECT_NEAR(wrong[0], wrong[1], 2);
+}
+
+TEST(LaneTrials, ATwinFileIsRefused) {
+  RobustnessStudy study = HardStudy();
+  const testing::TemporaryFolder folder;
+  study.twin = Written(folder, "twin.toml", "format = \"tumbler-twin\"\nversion = 1\n");
+  EXPECT_THROW(LaneTrials{study}, std::runtime_error);
+}
+
+TEST(DepartureWatch, ARobotThatComesBackHasNotLeft) {
+  const auto seen = [](const std::vector<double>& off_rad) {
+    DepartureWatch watch;
+    ScriptTick tick;
+    tick.node = 2;
+    tick.state = ExecutorState::kRunning;
+    for (const double off : off_rad) watch.Observe(tick, off);
+    return watch;
+  };
+  EXPECT_EQ(seen({0, 0.1, 0.15, 0.1}).node(), -1);
+  EXPECT_EQ(seen({0, 0.1, 0.3, 0.05}).node(), -1);
+  EXPECT_EQ(seen({0, 0.1, 0.3, 0.15}).node(), 2) << "it is not back";
+  EXPECT_EQ(seen({0, 0.1, 0.3, 0.15}).ticks(), 2);
+  EXPECT_EQ(seen({0, 0.3, 0.05, 0.1, -0.4, 2}).ticks(), 4) << "when it left for good counts";
+  EXPECT_EQ(seen({0, std::nan("")}).ticks(), 1);
+}
+
+TEST(Trials, AFallIsAtATimeOfItsMotion) {
+  RobustnessStudy study = StudyOf("handstand.toml");
+  study.seed = 31;
+  int fell = 0;
+  for (const TrialOutcome& trial : RunStudy(study, 4, 1).trials) {
+    if (trial.verdict != Verdict::kFell) continue;
+    ++fell;
+    EXPECT_EQ(trial.in, "handstand");
+    EXPECT_GT(trial.left_s, 0.1);
+    EXPECT_LT(trial.left_s, 4);
+  }
+  EXPECT_GT(fell, 0);
+}
+
+std::string Refusal(const std::function<void()>& work) {
+  try {
+    work();
+  } catch (const FileError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+RobustnessResult Planned(const RobustnessStudy& study, const WorkPlan& plan) {
+  const WorkDone work = RunStudy(study, plan, Processes());
+  EXPECT_TRUE(work.result);
+  return work.result.value_or(RobustnessResult{});
+}
+
+TEST(Checkpoint, AWorkInPartsGivesTheBytesOfTheWhole) {
+  const testing::TemporaryFolder folder;
+  RobustnessStudy study = HardStudy();
+  study.lanes = true;
+  const std::string whole = ToJson(RunStudy(study, 20, 1)).Dump(2);
+  WorkPlan part;
+  part.robots = 20;
+  part.shards = 3;
+  for (part.shard = 1; part.shard <= 3; ++part.shard) {
+    part.checkpoint = folder / ("part" + std::to_string(part.shard));
+    const WorkDone work = RunStudy(study, part, Processes());
+    EXPECT_FALSE(work.result) << "the other parts are not known here";
+    EXPECT_EQ(work.known, part.shard <= 2 ? 7 : 6);
+  }
+  WorkPlan merged;
+  merged.robots = 20;
+  merged.merged = {folder / "part3", folder / "part1", folder / "part2"};
+  EXPECT_EQ(ToJson(Planned(study, merged)).Dump(2), whole);
+  // One part is missing: its robots are played again.
+  merged.merged.pop_back();
+  EXPECT_EQ(ToJson(Planned(study, merged)).Dump(2), whole);
+}
+
+TEST(Checkpoint, WhatIsThereIsNotPlayedAgainAndABrokenLastLineIs) {
+  const testing::TemporaryFolder folder;
+  RobustnessStudy study = HardStudy();
+  study.lanes = true;
+  WorkPlan plan;
+  plan.robots = 12;
+  plan.checkpoint = folder / "robots";
+  const std::string whole = ToJson(Planned(study, plan)).Dump(2);
+  const std::string lines = testing::ReadFile(plan.checkpoint);
+  EXPECT_EQ(ToJson(Planned(study, plan)).Dump(2), whole);
+  EXPECT_EQ(testing::ReadFile(plan.checkpoint), lines) << "nothing had to be added";
+  testing::WriteFile(plan.checkpoint, lines.substr(0, lines.size() - 30));
+  EXPECT_EQ(ToJson(Planned(study, plan)).Dump(2), whole);
+  EXPECT_EQ(testing::ReadFile(plan.checkpoint), lines);
+  // What a file says of a robot is taken from there.
+  testing::WriteFile(plan.checkpoint,
+                     lines.substr(0, lines.find('\n') + 1) +
+                         "{\"robot\":0,\"verdict\":\"overlap\",\"motions\":1,\"in\":\"x\","
+                         "\"reason\":\"y\",\"left_s\":0.5}\n");
+  EXPECT_EQ(Planned(study, plan).trials[0].verdict, Verdict::kOverlap);
+}
+
+TEST(Checkpoint, AFileOfOtherRobotsOrNoneIsRefusedAndLeftAsItIs) {
+  const testing::TemporaryFolder folder;
+  RobustnessStudy study = HardStudy();
+  study.lanes = true;
+  WorkPlan plan;
+  plan.robots = 8;
+  plan.checkpoint = folder / "robots";
+  Planned(study, plan);
+  const std::string lines = testing::ReadFile(plan.checkpoint);
+  RobustnessStudy other = study;
+  other.seed = 18;
+  EXPECT_NE(Refusal([&] { Planned(other, plan); }).find("about other robots"), std::string::npos);
+  other = study;
+  other.spreads.zero_rad = 0.01;
+  EXPECT_NE(Refusal([&] { Planned(other, plan); }).find("about other robots"), std::string::npos);
+  EXPECT_EQ(testing::ReadFile(plan.checkpoint), lines);
+  testing::WriteFile(plan.checkpoint, "some notes");
+  EXPECT_NE(Refusal([&] { Planned(study, plan); }).find("no checkpoint"), std::string::npos);
+  EXPECT_EQ(testing::ReadFile(plan.checkpoint), "some notes");
+  testing::WriteFile(plan.checkpoint, lines.substr(0, lines.find('\n') + 1) + "{\"robot\":1}\n");
+  EXPECT_NE(Refusal([&] { Planned(study, plan); }).find(":2: is not the outcome"),
+            std::string::npos)
+      << Refusal([&] { Planned(study, plan); });
+}
+
 TEST(RobustnessStudy, ThreadsChangeNotAByte) {
   const RobustnessStudy study = StudyOf("handstand.toml");
   const RobustnessResult one = RunStudy(study, 6, 1);
@@ -193,6 +407,131 @@ TEST(RobustnessStudy, WhatFailuresHaveInCommonComesFirst) {
   EXPECT_LT(influences.front().mean_sigma, -1.2);
   EXPECT_GT(influences.front().significance, 3);
   EXPECT_LT(influences[1].significance, 3.5);
+}
+
+TEST(RobustnessStudy, TheMapHasEveryRobotInACellOfItsOwn) {
+  RobustnessResult result;
+  for (std::uint64_t i = 0; i < 400; ++i) {
+    TrialOutcome trial;
+    trial.variation = DrawRobot(Tumbler(), {}, 1, 3, i);
+    if (trial.variation.friction + trial.variation.damping < 1.7) trial.verdict = Verdict::kFell;
+    result.trials.push_back(trial);
+  }
+  const auto map = result.Map();
+  ASSERT_TRUE(map);
+  EXPECT_EQ((std::set<std::string>{map->x, map->y}),
+            (std::set<std::string>{"friction", "damping"}));
+  int robots = 0, stand = 0;
+  for (const auto& row : map->cells) {
+    for (const auto& cell : row) {
+      robots += cell.robots;
+      stand += cell.stand;
+    }
+  }
+  EXPECT_EQ(robots, 400);
+  EXPECT_EQ(stand, result.stands().count);
+  EXPECT_EQ(map->CellOf(-9), 0);
+  EXPECT_EQ(map->CellOf(9), SuccessMap::kCells - 1);
+  EXPECT_EQ(map->CellOf(0), SuccessMap::kCells / 2);
+  EXPECT_NEAR(map->EdgeOf(1), -map->half_width, 1e-12);
+  EXPECT_NEAR(map->EdgeOf(SuccessMap::kCells - 1), map->half_width, 1e-12);
+  EXPECT_EQ(map->CellOf(map->EdgeOf(3) + 1e-9), 3);
+  const auto& low = map->cells[1][1];
+  const auto& high = map->cells[SuccessMap::kCells - 2][SuccessMap::kCells - 2];
+  EXPECT_EQ(low.stand, 0);
+  EXPECT_EQ(high.stand, high.robots);
+}
+
+TEST(RobustnessPage, ShowsShareMapAndEveryRobotAndTakesNamesAsText) {
+  RobustnessResult result;
+  result.name = "<b>&";
+  for (std::uint64_t i = 0; i < 60; ++i) {
+    TrialOutcome trial;
+    trial.variation = DrawRobot(Tumbler(), {}, 1, 3, i);
+    if (trial.variation.friction < 0.85) {
+      trial.verdict = Verdict::kFell;
+      trial.in = "hand<stand";
+      trial.left_s = 0.4;
+    }
+    result.trials.push_back(trial);
+  }
+  const std::string page = RobustnessPage(result);
+  const auto count = [&page](const std::string& part) {
+    int found = 0;
+    for (auto at = page.find(part); at != std::string::npos; at = page.find(part, at + 1)) ++found;
+    return found;
+  };
+  EXPECT_EQ(count("<circle"), 60);
+  EXPECT_EQ(count("opacity=\"0.7\""), result.Count(Verdict::kFell)) << "a stroke for each fall";
+  EXPECT_EQ(count("<rect"), SuccessMap::kCells * SuccessMap::kCells);
+  EXPECT_EQ(count("<b>"), 0);
+  EXPECT_GT(count("&lt;b&gt;&amp;"), 0);
+  EXPECT_GT(count("hand&lt;stand"), 0);
+  EXPECT_EQ(count("<script"), 0);
+  EXPECT_GT(count("friction [standard deviations]"), 0);
+}
+
+/// A study that the program takes, with its JSON on standard output.
+std::string LaneStudy(const std::string& more) {
+  return "tumbler-robustness " + testing::SourcePath("primitives/robust/handstand.toml") +
+         " --lanes --scale 2.5 --seed 17 --robots 2000 --json - " + more + " 2>/dev/null";
+}
+
+TEST(RobustnessProgram, AWorkThatWasKilledAndGoesOnHasTheSameBytes) {
+  const testing::TemporaryFolder folder;
+  const std::string checkpoint = folder / "robots";
+  const testing::Outcome whole = testing::RunInShell(LaneStudy(""));
+  ASSERT_EQ(whole.exit_code, 0);
+  for (int kills = 0; kills < 2; ++kills) {
+    // Ended as soon as there is more in the file than there was.
+    const testing::Outcome killed = testing::RunInShell(
+        "size=$(wc -l < " + checkpoint + " 2>/dev/null || echo 1); " +
+        LaneStudy("--checkpoint " + checkpoint) + " >/dev/null & pid=$!; while [ \"$(wc -l < " +
+        checkpoint + " 2>/dev/null || echo 0)\" -le $size ]; do sleep 0.01; done; kill -9 $pid; " +
+        "wait $pid; echo status $?");
+    EXPECT_NE(killed.text.find("status 137"), std::string::npos) << killed.text;
+  }
+  const testing::Outcome resumed = testing::RunInShell(LaneStudy("--checkpoint " + checkpoint));
+  EXPECT_EQ(resumed.exit_code, 0);
+  EXPECT_EQ(resumed.text, whole.text);
+}
+
+TEST(RobustnessProgram, ProcessesOfMpirunShareTheWorkAndGiveTheSameBytes) {
+  if (!Processes::Supported() || testing::RunInShell("command -v mpirun").exit_code != 0)
+    GTEST_SKIP() << "needs libopenmpi-dev and openmpi-bin";
+  const std::string alone = testing::RunInShell(LaneStudy("--threads 2")).text;
+  ASSERT_NE(alone.find("\"share\""), std::string::npos);
+  for (const std::string processes : {"1", "2"}) {
+    const testing::Outcome together = testing::RunInShell(
+        "OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 mpirun --oversubscribe -n " +
+        processes + " " + LaneStudy(""));
+    EXPECT_EQ(together.exit_code, 0);
+    EXPECT_EQ(together.text, alone) << processes;
+  }
+}
+
+TEST(RobustnessProgram, APartOfTheWorkNeedsAFileAndItsNumbers) {
+  const std::string motion = testing::SourcePath("primitives/robust/handstand.toml");
+  for (const std::string shard : {"0/2", "3/2", "1", "1/", "1/2x", "-1/2"}) {
+    const testing::Outcome outcome =
+        testing::RunProgram({"tumbler-robustness", motion, "--shard=" + shard});
+    EXPECT_EQ(outcome.exit_code, 1);
+    EXPECT_NE(outcome.text.find("--shard"), std::string::npos) << outcome.text;
+  }
+  const testing::Outcome outcome =
+      testing::RunProgram({"tumbler-robustness", motion, "--shard", "1/2"});
+  EXPECT_EQ(outcome.exit_code, 1);
+  EXPECT_NE(outcome.text.find("--checkpoint"), std::string::npos) << outcome.text;
+}
+
+TEST(RobustnessProgram, TellsOnHowManyLanesAndTwinAgreeAndWritesThePage) {
+  const testing::TemporaryFolder folder;
+  const testing::Outcome outcome = testing::RunProgram(
+      {"tumbler-robustness", testing::SourcePath("primitives/robust/handstand.toml"), "--robots",
+       "4", "--compare-lanes", "--report", folder / "page"});
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.text;
+  EXPECT_NE(outcome.text.find("lanes and twin agree whether"), std::string::npos) << outcome.text;
+  EXPECT_NE(testing::ReadFile(folder / "page/index.html").find("<h2>Verdicts"), std::string::npos);
 }
 
 TEST(RobustnessProgram, PrintsShareAndIntervalAndWritesThem) {

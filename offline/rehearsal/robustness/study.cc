@@ -5,17 +5,97 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <memory>
+#include <span>
 #include <utility>
 
 #include "common/index.h"
 #include "common/parallel_for.h"
+#include "offline/rehearsal/robustness/checkpoint.h"
+#include "offline/rehearsal/robustness/lane_trials.h"
+#include "offline/rehearsal/robustness/spread_names.h"
 
 namespace tumbler {
 namespace {
 
 using Verdict = TrialOutcome::Verdict;
-constexpr Verdict kVerdicts[] = {Verdict::kStands, Verdict::kAmiss, Verdict::kFell,
-                                 Verdict::kOverlap, Verdict::kFault};
+
+/// Plays robots of a study, on several threads.
+class Player {
+ public:
+  Player(const RobustnessStudy& study, int threads) : threads_(std::max(1, threads)) {
+    if (study.lanes) {
+      lanes_ = std::make_unique<LaneTrials>(study);
+    } else {
+      of_thread_.assign(Index(threads_), Trials(study));
+    }
+  }
+
+  [[nodiscard]] const Trials& trials() const {
+    return lanes_ ? lanes_->trials() : of_thread_.front();
+  }
+  /// As many robots as keep all threads busy for a second or so.
+  [[nodiscard]] std::size_t batch() const {
+    return Index(threads_) * (lanes_ ? 64 * Packet::kLanes : 8);
+  }
+
+  std::vector<TrialOutcome> Play(std::span<const std::uint64_t> indices) {
+    std::vector<TrialOutcome> outcomes(indices.size());
+    const std::size_t each = lanes_ ? Packet::kLanes : 1;
+    const int parts = static_cast<int>((indices.size() + each - 1) / each);
+    ParallelFor(parts, threads_, [&](int part, int thread) {
+      const std::size_t first = Index(part) * each;
+      if (!lanes_) {
+        outcomes[first] = of_thread_[Index(thread)].Play(indices[first]);
+        return;
+      }
+      const std::size_t count = std::min(each, indices.size() - first);
+      std::vector<TrialOutcome> played = lanes_->Play(indices.subspan(first, count));
+      std::move(played.begin(), played.end(),
+                outcomes.begin() + static_cast<std::ptrdiff_t>(first));
+    });
+    return outcomes;
+  }
+
+ private:
+  int threads_;
+  std::unique_ptr<LaneTrials> lanes_;  // which threads share
+  std::vector<Trials> of_thread_;
+};
+
+/// What the plan's files have, as lines of a checkpoint.
+std::string KnownLines(const WorkPlan& plan, const std::string& identity,
+                       std::optional<Checkpoint>& checkpoint) {
+  Outcomes known;
+  if (!plan.checkpoint.empty()) checkpoint.emplace(plan.checkpoint, identity, known);
+  for (const std::string& path : plan.merged) {
+    for (const auto& [index, outcome] : Checkpoint::Read(path, identity))
+      ReadCheckpointLines(CheckpointLine(index, outcome), path, 1, known);
+  }
+  std::string lines;
+  for (const auto& [index, outcome] : known) lines += CheckpointLine(index, outcome);
+  return lines;
+}
+
+std::string PercentText(const Share& share) {
+  return fmt::format("{:.1f} % (95 %: {:.1f} ... {:.1f} %)", 100 * share.value(), 100 * share.low,
+                     100 * share.high);
+}
+
+Json MapToJson(const SuccessMap& map) {
+  Json json = {{"x", map.x}, {"y", map.y}};
+  for (int i = 1; i < SuccessMap::kCells; ++i) json["edges_sigma"].Append(map.EdgeOf(i));
+  for (const auto& row : map.cells) {
+    Json robots = Json::Array(), stand = Json::Array();
+    for (const SuccessMap::Cell& cell : row) {
+      robots.Append(cell.robots);
+      stand.Append(cell.stand);
+    }
+    json["robots"].Append(robots);
+    json["stand"].Append(stand);
+  }
+  return json;
+}
 
 }  // namespace
 
@@ -49,6 +129,7 @@ std::vector<Influence> RobustnessResult::Influences() const {
   for (std::size_t q = 0; q < quantities; ++q) {
     Influence influence;
     influence.name = trials.front().variation.deviates[q].name;
+    influence.deviate = q;
     double sum = 0, square = 0, all_square = 0;
     for (const TrialOutcome& trial : trials) {
       const double sigma = trial.variation.deviates[q].sigma;
@@ -73,37 +154,176 @@ std::vector<Influence> RobustnessResult::Influences() const {
   return influences;
 }
 
-RobustnessResult RunStudy(const RobustnessStudy& study, int count, int threads) {
-  const Trials trials(study);
-  RobustnessResult result;
-  result.name = trials.name();
+int SuccessMap::CellOf(double sigma) const {
+  const double width = 2 * half_width / (kCells - 2);
+  return std::clamp(static_cast<int>(std::floor((sigma + half_width) / width)) + 1, 0, kCells - 1);
+}
+
+double SuccessMap::EdgeOf(int cell) const {
+  return -half_width + (cell - 1) * 2 * half_width / (kCells - 2);
+}
+
+std::optional<SuccessMap> RobustnessResult::Map() const {
+  const std::vector<Influence> influences = Influences();
+  if (influences.size() < 2) return std::nullopt;
+  SuccessMap map;
+  map.x = influences[0].name;
+  map.y = influences[1].name;
+  map.half_width = 2.1 * (study.scale > 0 ? study.scale : 1);
+  for (const TrialOutcome& trial : trials) {
+    const auto& deviates = trial.variation.deviates;
+    SuccessMap::Cell& cell = map.cells[Index(map.CellOf(deviates[influences[1].deviate].sigma))]
+                                      [Index(map.CellOf(deviates[influences[0].deviate].sigma))];
+    ++cell.robots;
+    if (trial.stands()) ++cell.stand;
+  }
+  return map;
+}
+
+std::vector<Departures> RobustnessResult::Where() const {
+  std::map<std::string, std::pair<std::vector<double>, int>> nodes;
+  for (const TrialOutcome& trial : trials) {
+    if (trial.stands()) continue;
+    auto& [times, others] = nodes[trial.in.empty() ? "before the first" : trial.in];
+    if (trial.left_s < 0) {
+      ++others;
+    } else {
+      times.push_back(trial.left_s);
+    }
+  }
+  std::vector<Departures> where;
+  for (auto& [node, found] : nodes) {
+    auto& [times, others] = found;
+    Departures& departures = where.emplace_back();
+    departures.in = node;
+    departures.left = static_cast<int>(times.size());
+    departures.others = others;
+    if (times.empty()) continue;
+    std::sort(times.begin(), times.end());
+    departures.first_s = times.front();
+    departures.median_s = times[times.size() / 2];
+    departures.last_s = times.back();
+  }
+  return where;
+}
+
+WorkDone RunStudy(const RobustnessStudy& study, const WorkPlan& plan, const Processes& processes) {
+  const std::string identity = IdentityOf(study);
+  std::optional<Checkpoint> checkpoint;
+  Outcomes known;
+  ReadCheckpointLines(
+      processes.FromFirst(processes.rank() == 0 ? KnownLines(plan, identity, checkpoint)
+                                                : std::string()),
+      "checkpoint", 2, known);
+  std::vector<std::uint64_t> all, mine;  // still to be played by all processes, and by this one
+  const auto robots = static_cast<std::uint64_t>(plan.robots);
+  const auto shards = static_cast<std::uint64_t>(plan.shards);
+  for (auto i = static_cast<std::uint64_t>(plan.shard - 1); i < robots; i += shards) {
+    if (known.count(i) > 0) continue;
+    if (all.size() % Index(processes.count()) == Index(processes.rank())) mine.push_back(i);
+    all.push_back(i);
+  }
+  Player player(study, plan.threads);
+  const std::size_t round = player.batch() * Index(processes.count());
+  for (std::size_t done = 0, own = 0; done < all.size(); done += round, own += player.batch()) {
+    const std::size_t first = std::min(own, mine.size());
+    const std::size_t count = std::min(player.batch(), mine.size() - first);
+    const auto indices = std::span<const std::uint64_t>(mine).subspan(first, count);
+    const std::vector<TrialOutcome> outcomes = player.Play(indices);
+    std::string lines;
+    for (std::size_t i = 0; i < count; ++i) lines += CheckpointLine(indices[i], outcomes[i]);
+    for (const std::string& text : processes.ToFirst(lines)) {
+      ReadCheckpointLines(text, "checkpoint", 1, known);
+      if (checkpoint) checkpoint->Add(text);
+    }
+  }
+  WorkDone work;
+  work.known = static_cast<int>(std::distance(known.begin(), known.lower_bound(robots)));
+  if (work.known < plan.robots || processes.rank() > 0) return work;
+  RobustnessResult& result = work.result.emplace();
+  result.name = player.trials().name();
   result.study = study;
-  result.trials.resize(Index(count));
-  std::vector<Trials> of_thread(Index(std::max(1, threads)), trials);
-  ParallelFor(count, threads, [&](int i, int thread) {
-    result.trials[Index(i)] = of_thread[Index(thread)].Play(Index(i));
-  });
-  return result;
+  for (std::uint64_t i = 0; i < robots; ++i) {
+    result.trials.push_back(known.at(i));
+    result.trials.back().variation = player.trials().Draw(i);
+  }
+  return work;
+}
+
+RobustnessResult RunStudy(const RobustnessStudy& study, int count, int threads) {
+  WorkPlan plan;
+  plan.robots = count;
+  plan.threads = threads;
+  return *RunStudy(study, plan, Processes()).result;
+}
+
+Agreement Compare(const RobustnessResult& first, const RobustnessResult& second) {
+  Agreement agreement;
+  int standing = 0, same = 0;
+  for (std::size_t i = 0; i < first.trials.size(); ++i) {
+    const TrialOutcome& a = first.trials[i];
+    const TrialOutcome& b = second.trials[i];
+    if (a.stands() == b.stands()) ++standing;
+    if (a.verdict == b.verdict) {
+      ++same;
+    } else {
+      agreement.differences.push_back({i, a.verdict, b.verdict});
+    }
+  }
+  agreement.standing = ShareOf(standing, static_cast<int>(first.trials.size()));
+  agreement.same_verdicts = ShareOf(same, static_cast<int>(first.trials.size()));
+  return agreement;
+}
+
+std::string ToText(const Agreement& agreement) {
+  std::string text = fmt::format(
+      "lanes and twin agree whether {} of {} robots are as asked: {}\n"
+      "  and on the verdict of {}: {}\n",
+      agreement.standing.count, agreement.standing.of, PercentText(agreement.standing),
+      agreement.same_verdicts.count, PercentText(agreement.same_verdicts));
+  std::map<std::string, int> kinds;
+  for (const Agreement::Difference& d : agreement.differences)
+    ++kinds[fmt::format("twin {}, lanes {}", ToString(d.first), ToString(d.second))];
+  for (const auto& [kind, count] : kinds) text += fmt::format("  {}: {}\n", kind, count);
+  return text;
+}
+
+Json ToJson(const Agreement& agreement) {
+  Json json = {
+      {"robots", agreement.standing.of},          {"agree", agreement.standing.count},
+      {"share", agreement.standing.value()},      {"share_95_low", agreement.standing.low},
+      {"share_95_high", agreement.standing.high}, {"same_verdict", agreement.same_verdicts.count}};
+  Json& differ = json["differ"];
+  differ = Json::Array();
+  for (const Agreement::Difference& d : agreement.differences)
+    differ.Append({{"index", d.index}, {"twin", ToString(d.first)}, {"lanes", ToString(d.second)}});
+  return json;
 }
 
 std::string ToText(const RobustnessResult& result) {
   const Share share = result.stands();
   std::string text = fmt::format(
-      "{}: {} of {} robots are as asked after every motion: {:.1f} % (95 %: {:.1f} ... {:.1f} %)\n"
-      "  spreads times {:.6g}, seed {}{}\n",
-      result.name, share.count, share.of, 100 * share.value(), 100 * share.low, 100 * share.high,
-      result.study.scale, result.study.seed,
+      "{}: {} of {} robots are as asked after every motion: {}\n"
+      "  {}spreads times {:.6g}, seed {}{}\n",
+      result.name, share.count, share.of, PercentText(share),
+      result.study.lanes ? "in lanes, " : "", result.study.scale, result.study.seed,
       result.study.run.cycles > 0 ? fmt::format(", {} cycles", result.study.run.cycles) : "");
+  std::string counts;
   for (const Verdict verdict : kVerdicts) {
     if (verdict == Verdict::kStands || result.Count(verdict) == 0) continue;
-    std::map<std::string, int> nodes;
-    for (const TrialOutcome& trial : result.trials) {
-      if (trial.verdict == verdict) ++nodes[trial.in.empty() ? "before the first" : trial.in];
+    counts += fmt::format("{}{} {}", counts.empty() ? "" : ", ", ToString(verdict),
+                          result.Count(verdict));
+  }
+  if (!counts.empty()) text += fmt::format("  {}\n", counts);
+  for (const Departures& d : result.Where()) {
+    text += fmt::format("    {}:", d.in);
+    if (d.left > 0) {
+      text +=
+          fmt::format(" {} left the model's way {:.2f} ... {:.2f} s after it began (median {:.2f})",
+                      d.left, d.first_s, d.last_s, d.median_s);
     }
-    std::string where;
-    for (const auto& [node, number] : nodes)
-      where += fmt::format("{}{} {}", where.empty() ? "" : ", ", node, number);
-    text += fmt::format("  {} {}: {}\n", ToString(verdict), result.Count(verdict), where);
+    if (d.others > 0) text += fmt::format("{} {} kept to it", d.left > 0 ? "," : "", d.others);
+    text += "\n";
   }
   const std::vector<Influence> influences = result.Influences();
   if (influences.empty()) return text;
@@ -124,21 +344,14 @@ Json ToJson(const RobustnessResult& result) {
                {"seed", result.study.seed},
                {"scale", result.study.scale},
                {"cycles", result.study.run.cycles},
+               {"lanes", result.study.lanes},
                {"robots", share.of},
                {"stand", share.count},
                {"share", share.value()},
                {"share_95_low", share.low},
                {"share_95_high", share.high}};
-  json["spreads"] = {{"mass", spreads.mass},
-                     {"inertia", spreads.inertia},
-                     {"mass_centre_m", spreads.mass_centre_m},
-                     {"length", spreads.length},
-                     {"friction", spreads.friction},
-                     {"stiffness", spreads.stiffness},
-                     {"damping", spreads.damping},
-                     {"gain", spreads.gain},
-                     {"torque_limit", spreads.torque_limit},
-                     {"slope_rad", spreads.slope_rad}};
+  Json& spread_values = json["spreads"];
+  for (const SpreadName& spread : kSpreadNames) spread_values[spread.key] = spreads.*spread.member;
   Json& counts = json["verdicts"];
   for (const Verdict verdict : kVerdicts) counts[ToString(verdict)] = result.Count(verdict);
   Json& influences = json["influences"];
@@ -149,6 +362,17 @@ Json ToJson(const RobustnessResult& result) {
                        {"square_excess", influence.excess},
                        {"significance", influence.significance}});
   }
+  Json& where = json["where"];
+  where = Json::Array();
+  for (const Departures& d : result.Where()) {
+    where.Append({{"in", d.in},
+                  {"left", d.left},
+                  {"kept", d.others},
+                  {"first_s", d.first_s},
+                  {"median_s", d.median_s},
+                  {"last_s", d.last_s}});
+  }
+  if (const std::optional<SuccessMap> map = result.Map()) json["map"] = MapToJson(*map);
   Json& failures = json["not_standing"];
   failures = Json::Array();
   for (std::size_t i = 0; i < result.trials.size(); ++i) {
@@ -158,7 +382,8 @@ Json ToJson(const RobustnessResult& result) {
                   {"verdict", ToString(trial.verdict)},
                   {"motions", trial.motions},
                   {"in", trial.in},
-                  {"reason", trial.reason}};
+                  {"reason", trial.reason},
+                  {"left_s", trial.left_s}};
     for (const auto& [name, sigma] : trial.variation.deviates) robot["sigma"][name] = sigma;
     failures.Append(std::move(robot));
   }

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <memory>
 #include <utility>
+#include <variant>
 
 #include "common/program.h"
 #include "offline/rehearsal/sim/purpose_judge.h"
@@ -26,8 +27,45 @@ Scene SharedScene(const SimulatedMotion& motion, SimulatedRobotConfig& robot) {
   return scene;
 }
 
-/// What the passages and the posture say, once the run is over or the robot fell.
-void Judge(const PurposeJudge& judge, const PostureWatch& posture, TrialOutcome& outcome) {
+/// A robot that is farther off the model's pitch than the first has left it, and is back within the
+/// second [rad].
+constexpr double kLeft_rad = 0.2, kBack_rad = 0.1;
+
+/// A host whose frames reach the bus late.
+class LateHost final : public CanBus {
+ public:
+  LateHost(SimulatedPort& port, double delay_s)
+      : port_(port), delay_ns_(std::llround(1e9 * delay_s)) {}
+  Status Send(const CanFrame& frame) noexcept override { return port_.SendAfter(delay_ns_, frame); }
+  Status Receive(ReceivedFrame& received) noexcept override { return port_.Receive(received); }
+  [[nodiscard]] CanControllerState controller_state() const noexcept override {
+    return port_.controller_state();
+  }
+
+ private:
+  SimulatedPort& port_;
+  std::int64_t delay_ns_;
+};
+
+}  // namespace
+
+void DepartureWatch::Observe(const ScriptTick& model, double pitch_rad) {
+  const bool running = model.state == ExecutorState::kRunning;
+  if (running && !running_) since_ = 0;
+  running_ = running;
+  const double off = std::abs(pitch_rad - model.pitch_rad);
+  if (left_ && off < kBack_rad) left_ = false;
+  if (!left_ && since_ >= 0 && !(off < kLeft_rad)) {
+    left_ = true;
+    node_ = model.node;
+    ticks_ = since_;
+  }
+  if (since_ >= 0) ++since_;
+}
+
+TrialOutcome OutcomeOf(const PurposeJudge& judge, const PostureWatch& posture,
+                       const DepartureWatch& departure, const SequenceFile& file, double tick_s) {
+  TrialOutcome outcome;
   outcome.motions = static_cast<int>(judge.passages().size());
   for (const Passage& passage : judge.passages()) {
     if (!passage.amiss()) continue;
@@ -50,9 +88,12 @@ void Judge(const PurposeJudge& judge, const PostureWatch& posture, TrialOutcome&
     if (outcome.in.empty() && !judge.passages().empty()) outcome.in = judge.passages().back().node;
     break;
   }
+  if (!outcome.stands() && departure.node() >= 0) {
+    outcome.in = std::string(file.graph.node(departure.node()).name.view());
+    outcome.left_s = tick_s * static_cast<double>(departure.ticks());
+  }
+  return outcome;
 }
-
-}  // namespace
 
 Trials::Trials(const RobustnessStudy& study) : study_(study), motion_(LoadMotion(study.motion)) {
   if (!study.twin.empty()) robot_ = LoadTwin(study.twin, motion_);
@@ -63,13 +104,44 @@ Trials::Trials(const RobustnessStudy& study) : study_(study), motion_(LoadMotion
     if (!robot_.motors[j].torque_max_nm)
       robot_.motors[j].torque_max_nm = LargestTorqueLimit(motion_.file(), j);
   }
+  PlayModel();
 }
 
-TrialOutcome Trials::Play(std::uint64_t index) {
-  TrialOutcome outcome;
-  outcome.variation = DrawRobot(scene_.robot, study_.spreads, study_.scale, study_.seed, index);
-  const RobotVariation& variation = outcome.variation;
+RobotVariation Trials::Draw(std::uint64_t index) const {
+  return DrawRobot(scene_.robot, study_.spreads, study_.scale, study_.seed, index);
+}
 
+TrialOutcome Trials::Play(std::uint64_t index) { return PlayVaried(Draw(index), {}); }
+
+void Trials::PlayModel() {
+  script_.tick_s = 1 / drives_.rate_hz;
+  const RobotVariation model = DrawRobot(scene_.robot, study_.spreads, 0, study_.seed, 0);
+  Script script = script_;  // as yet empty: nobody leaves it
+  PlayVaried(model, [&](const ControlLoop& loop, SimulatedRobot& robot) {
+    const TickRecord& record = loop.record();
+    // Once the torque is off there is no more to say.
+    if (record.state == ExecutorState::kDisarmed && !script.delay_s.empty()) return;
+    const TwinState truth = robot.state();
+    ScriptTick& tick = script.ticks.emplace_back();
+    tick.state = record.state;
+    tick.node = record.node;
+    tick.held = truth.held;
+    tick.pitch_rad = truth.root_pitch_rad;
+    for (std::size_t j = 0; j < record.joint_count; ++j)
+      tick.setpoints.push_back(record.joints[j].encoded);
+    if (tick.state != ExecutorState::kRunning) return;
+    // What a drive got last is the setpoint of the tick before.
+    script.delay_s.clear();
+    for (std::size_t j = 0; j < record.joint_count; ++j) {
+      const double ago_s =
+          1e-9 * static_cast<double>(loop.time_ns() - robot.drive(j).last_setpoint_ns());
+      script.delay_s.push_back(script.tick_s - ago_s);
+    }
+  });
+  script_ = std::move(script);
+}
+
+TrialOutcome Trials::PlayVaried(const RobotVariation& variation, const Observer& observe) {
   SimulatedRobotConfig config = robot_;
   config.scene = Varied(scene_, variation);
   RunParts parts{motion_.file(), std::make_unique<const Sequence<float>>(ToRuntime(motion_.file())),
@@ -81,24 +153,42 @@ TrialOutcome Trials::Play(std::uint64_t index) {
     drive.kp_nm_per_rad *= static_cast<float>(joint.gain);
     drive.kd_nm_s_per_rad *= static_cast<float>(joint.gain);
   }
-  SimulatedRobot robot(motion_, parts.drives, config);
+  // The host does not know that an encoder's zero is elsewhere.
+  DrivesConfig true_drives = parts.drives;
+  for (std::size_t j = 0; j < variation.joints.size(); ++j) {
+    const auto zero_rad = static_cast<float>(variation.joints[j].zero_rad);
+    std::visit([zero_rad](auto& drive) { drive.joint.zero_offset_rad -= zero_rad; },
+               true_drives.drives[j].config);
+  }
+  SimulatedRobot robot(motion_, true_drives, config);
   const DrivesConfig drives = parts.drives;
   Assembly assembly(std::move(parts));
   if (assembly.Configure(ExecutorConfigOf(study_.run, drives)) != Status::kOk)
     throw Refused(study_.motion + ": the executor does not take this motion");
 
   PurposeJudge judge(motion_.file(), true);
-  SimulatedPort& host = robot.bus().Attach();
+  DepartureWatch departure;
+  LateHost host(robot.bus().Attach(), variation.delay_s);
   VirtualClock clock([&robot](std::int64_t time_ns) { robot.AdvanceTo(time_ns); });
   RunProcedure procedure(ProcedureConfigOf(study_.run, drives));
   OperatorMailbox mailbox;
   ControlLoop loop({assembly.executor(), host, clock, procedure, mailbox},
                    static_cast<std::int64_t>(std::llround(1e9 / drives.rate_hz)), 0);
-  while (loop.Step()) {
-    judge.Observe(loop.record(), loop.time_ns(), robot.state());
+  bool begun = false;
+  for (std::size_t k = 0; loop.Step(); ++k) {
+    const TwinState truth = robot.state();
+    judge.Observe(loop.record(), loop.time_ns(), truth);
+    if (k < script_.ticks.size()) departure.Observe(script_.ticks[k], truth.root_pitch_rad);
+    if (observe) observe(loop, robot);
+    if (!begun && loop.record().state == ExecutorState::kRunning) {
+      begun = true;
+      robot.Displace(variation.StartPositions(), variation.StartRates());
+    }
     if (robot.posture().falls() > 0) break;
   }
-  Judge(judge, robot.posture(), outcome);
+  TrialOutcome outcome =
+      OutcomeOf(judge, robot.posture(), departure, motion_.file(), script_.tick_s);
+  outcome.variation = variation;
   if (robot.posture().falls() == 0 && procedure.outcome() != RunOutcome::kCompleted) {
     outcome.verdict = TrialOutcome::Verdict::kFault;
     outcome.reason = Describe(loop.record().first_fault, robot.joints());

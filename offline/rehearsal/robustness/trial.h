@@ -1,14 +1,17 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <vector>
 
 #include "firmware_interface/drives/drives_toml.h"
 #include "offline/ensemble/variation.h"
 #include "offline/problem/simulated_motion.h"
+#include "offline/rehearsal/sim/purpose_judge.h"
 #include "offline/rehearsal/twin/simulated_robot.h"
 #include "runtime/assembly/run_settings.h"
+#include "runtime/run/control_loop.h"
 
 namespace tumbler {
 
@@ -22,6 +25,7 @@ struct RobustnessStudy {
   std::uint64_t seed = 1;
   double scale = 1;  ///< Of all spreads.
   Spreads spreads;
+  bool lanes = false;  ///< Whether robots are played in lanes (`LaneTrials`), not in the twin.
 };
 
 /// What became of one robot.
@@ -35,16 +39,60 @@ struct TrialOutcome {
   };
   Verdict verdict = Verdict::kStands;
   int motions = 0;     ///< Motions that ended.
-  std::string in;      ///< The node after which it was first not as asked; empty if none.
+  std::string in;      ///< The node in or after which it was first not as asked; empty if none.
   std::string reason;  ///< In words; empty where it stands.
+  /// When its pitch left the model's for good, since the motion of `in` began [s]; below 0: it did
+  /// not.
+  double left_s = -1;
   RobotVariation variation;
+
+  [[nodiscard]] bool stands() const { return verdict == Verdict::kStands; }
 };
+
+/// What a robot that is the model is told in one tick, and how it was then.
+struct ScriptTick {
+  ExecutorState state = ExecutorState::kDisarmed;
+  std::int8_t node = 0;
+  bool held = true;                      ///< Whether the twin still held the robot.
+  double pitch_rad = 0;                  ///< Of the root.
+  std::vector<JointSetpoint> setpoints;  ///< As encoded on the wire, for each joint.
+};
+
+/// A run of the model, until the torque is off. Setpoints depend on the robot only before the
+/// motion begins, so that other robots are told the same.
+struct Script {
+  double tick_s = 1e-3;
+  std::vector<ScriptTick> ticks;
+  std::vector<double> delay_s;  ///< From a tick to its setpoint's arrival, for each joint.
+};
+
+/// Notes where a robot leaves the model's way for good: where its pitch is last less than a
+/// hand's breadth beside the model's.
+class DepartureWatch {
+ public:
+  /// To be called in every tick of the script, in order.
+  void Observe(const ScriptTick& model, double pitch_rad);
+  /// The node in or after whose motion it left, and when, since that motion began; none: -1.
+  [[nodiscard]] int node() const { return left_ ? node_ : -1; }
+  [[nodiscard]] std::int64_t ticks() const { return left_ ? ticks_ : -1; }
+
+ private:
+  bool running_ = false, left_ = false;
+  std::int64_t since_ = -1;  // ticks since a motion began; -1: none has
+  int node_ = -1;
+  std::int64_t ticks_ = -1;
+};
+
+/// What the judges saw of a run.
+TrialOutcome OutcomeOf(const PurposeJudge& judge, const PostureWatch& posture,
+                       const DepartureWatch& departure, const SequenceFile& file, double tick_s);
 
 /// Plays a study's robots, each through the runtime, simulated drives and twin. The files are read
 /// once, for all copies. Not thread-safe: each thread takes a copy.
 class Trials {
  public:
-  /// @throws FileError, Refused, std::runtime_error as `tumbler-run sim` does.
+  /// Plays the model, too. @throws FileError, Refused, std::runtime_error as `tumbler-run sim`
+  /// does, and Refused when the model itself does not get through without a fault.
   explicit Trials(const RobustnessStudy& study);
 
   /// Plays robot number `index`.
@@ -52,13 +100,29 @@ class Trials {
 
   /// Name of the motion.
   [[nodiscard]] std::string name() const;
+  /// Robot number `index`.
+  [[nodiscard]] RobotVariation Draw(std::uint64_t index) const;
+  [[nodiscard]] const RobustnessStudy& study() const { return study_; }
+  [[nodiscard]] const SimulatedMotion& motion() const { return motion_; }
+  [[nodiscard]] const DrivesConfig& drives() const { return drives_; }
+  /// What all robots share.
+  [[nodiscard]] const SimulatedRobotConfig& robot() const { return robot_; }
+  /// The robot that is the model, and its ground.
+  [[nodiscard]] const Scene& scene() const { return scene_; }
+  [[nodiscard]] const Script& script() const { return script_; }
 
  private:
+  /// Called after every tick.
+  using Observer = std::function<void(const ControlLoop& loop, SimulatedRobot& robot)>;
+  TrialOutcome PlayVaried(const RobotVariation& variation, const Observer& observe);
+  void PlayModel();
+
   RobustnessStudy study_;
   SimulatedMotion motion_;
   DrivesConfig drives_;
   SimulatedRobotConfig robot_;
   Scene scene_;
+  Script script_;
 };
 
 /// "stands", "amiss", "fell", "overlap" or "fault"

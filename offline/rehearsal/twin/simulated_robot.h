@@ -4,6 +4,7 @@
 #include <limits>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -64,6 +65,8 @@ class SimulatedRobot {
   [[nodiscard]] SimulatedBus& bus() { return bus_; }
   /// Advances bus, drives and robot to this time.
   void AdvanceTo(std::int64_t time_ns);
+  /// As Twin::Displace.
+  void Displace(std::span<const double> q, std::span<const double> v) { twin_->Displace(q, v); }
   /// Puts the robot back into the pose in which it began.
   void PutBack();
 

@@ -263,6 +263,18 @@ std::vector<TwinContact> Twin::contacts() const {
   return contacts;
 }
 
+void Twin::Displace(std::span<const double> q, std::span<const double> v) {
+  Implementation& m = *implementation_;
+  const std::size_t joints = m.scene.robot.joint_count();
+  if (m.scene.robot.root_dofs != 3 || q.size() != joints + 3 || v.size() != joints + 3)
+    throw std::invalid_argument("a planar root and each joint need one number for a displacement");
+  for (std::size_t i = 0; i < joints + 3; ++i) {
+    const std::size_t dof = i < 3 ? i : m.scene.robot.DofOfJoint(i - 3);
+    m.y[dof] += q[i];
+    m.y[m.robot.n + dof] += v[i];
+  }
+}
+
 void Twin::PutBack() {
   Implementation& m = *implementation_;
   m.y = m.start_state;

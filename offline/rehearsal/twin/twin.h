@@ -5,6 +5,7 @@
 #include <limits>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -115,6 +116,11 @@ class Twin {
   [[nodiscard]] TwinState state() const;
   /// The contacts in the last step.
   [[nodiscard]] std::vector<TwinContact> contacts() const;
+  /// Moves the robot at once, as a knock does.
+  /// @param q, v  what is added to positions and velocities of all degrees of freedom: x and z of
+  ///              the root, its pitch, and the joints [m, rad, m/s, rad/s].
+  /// @throws std::invalid_argument  when there are not as many, or the root is fixed.
+  void Displace(std::span<const double> q, std::span<const double> v);
   /// Puts the robot back into the pose in which it began. If it was held then, it is held again
   /// until all drives are enabled.
   void PutBack();

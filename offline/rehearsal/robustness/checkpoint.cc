@@ -1,0 +1,160 @@
+#include "offline/rehearsal/robustness/checkpoint.h"
+
+#include <fmt/format.h>
+
+#include <cstdio>
+#include <filesystem>
+#include <optional>
+#include <stdexcept>
+#include <vector>
+
+#include "common/json.h"
+#include "common/primitive_hash.h"
+#include "common/result_file.h"
+#include "common/toml_reader.h"
+#include "offline/rehearsal/robustness/spread_names.h"
+#include "runtime/assembly/run_checks.h"
+
+namespace tumbler {
+namespace {
+
+constexpr const char* kFormat = "tumbler-robots";
+constexpr int kVersion = 1;
+using Verdict = TrialOutcome::Verdict;
+
+std::optional<Verdict> VerdictOf(std::string_view name) {
+  for (const Verdict verdict : kVerdicts) {
+    if (name == ToString(verdict)) return verdict;
+  }
+  return std::nullopt;
+}
+
+bool Equal(const TrialOutcome& a, const TrialOutcome& b) {
+  return a.verdict == b.verdict && a.motions == b.motions && a.in == b.in && a.reason == b.reason &&
+         a.left_s == b.left_s;
+}
+
+/// The lines that are whole.
+std::string_view WholeLines(std::string_view text) {
+  const std::size_t last = text.rfind('\n');
+  return last == std::string_view::npos ? std::string_view() : text.substr(0, last + 1);
+}
+
+void Parse(std::string_view text, const std::string& path, const std::string& identity,
+           Outcomes& outcomes) {
+  const std::size_t end = text.find('\n');
+  const std::optional<Json> head = Json::Parse(text.substr(0, end));
+  const Json* format = head ? head->Find("format") : nullptr;
+  const Json* version = head ? head->Find("version") : nullptr;
+  const Json* study = head ? head->Find("study") : nullptr;
+  if (end == std::string_view::npos || format == nullptr || !(*format == Json(kFormat)) ||
+      version == nullptr || study == nullptr || !study->is_text()) {
+    throw FileError(
+        path, 1, "",
+        "is no checkpoint of tumbler-robustness; name another file, or remove this one");
+  }
+  if (!(*version == Json(kVersion))) {
+    throw FileError(
+        path, 1, "version",
+        fmt::format("is {}, and this build reads {} only", version->Dump(-1), kVersion));
+  }
+  if (study->text() != identity) {
+    throw FileError(
+        path, 1, "study",
+        "is about other robots: motion, drives, seed, spreads or another option differ; "
+        "name another file, or remove this one");
+  }
+  ReadCheckpointLines(text.substr(end + 1), path, 2, outcomes);
+}
+
+}  // namespace
+
+std::string IdentityOf(const RobustnessStudy& study) {
+  std::vector<std::string> inputs;
+  static_cast<void>(LoadMotion(study.motion, NotingReader(inputs)));
+  if (!study.drives.empty()) inputs.push_back(study.drives);
+  if (!study.twin.empty()) inputs.push_back(study.twin);
+  std::string text =
+      fmt::format("{} {} {} {} {} {} {}\n", study.seed, study.scale, study.run.cycles,
+                  study.run.branch, study.lanes, study.drives.empty(), study.twin.empty());
+  for (const SpreadName& spread : kSpreadNames)
+    text += fmt::format("{} {}\n", spread.key, study.spreads.*spread.member);
+  for (const std::string& input : inputs) text += HashOfText(ReadTextFile(input)) + "\n";
+  return HashOfText(text);
+}
+
+std::string CheckpointHead(const std::string& identity) {
+  return Json({{"format", kFormat}, {"version", kVersion}, {"study", identity}}).Dump(-1) + "\n";
+}
+
+std::string CheckpointLine(std::uint64_t index, const TrialOutcome& outcome) {
+  const Json json = {{"robot", index},
+                     {"verdict", ToString(outcome.verdict)},
+                     {"motions", outcome.motions},
+                     {"in", outcome.in},
+                     {"reason", outcome.reason},
+                     {"left_s", outcome.left_s}};
+  return json.Dump(-1) + "\n";
+}
+
+void ReadCheckpointLines(std::string_view text, const std::string& name, int line,
+                         Outcomes& outcomes) {
+  for (; !text.empty(); ++line) {
+    const std::size_t end = text.find('\n');
+    const std::optional<Json> json = Json::Parse(text.substr(0, end));
+    text.remove_prefix(end == std::string_view::npos ? text.size() : end + 1);
+    TrialOutcome outcome;
+    std::optional<std::int64_t> robot;
+    try {
+      if (!json) throw std::out_of_range("");
+      robot = (*json)["robot"].integer();
+      const std::optional<Verdict> verdict = VerdictOf((*json)["verdict"].text());
+      const std::optional<std::int64_t> motions = (*json)["motions"].integer();
+      if (!robot || *robot < 0 || !verdict || !motions) throw std::out_of_range("");
+      outcome.verdict = *verdict;
+      outcome.motions = static_cast<int>(*motions);
+      outcome.in = (*json)["in"].text();
+      outcome.reason = (*json)["reason"].text();
+      outcome.left_s = (*json)["left_s"].number();
+    } catch (const std::logic_error&) {  // a member is missing, or of another kind
+      throw FileError(name, line, "", "is not the outcome of a robot; remove the line");
+    }
+    const auto [at, added] = outcomes.emplace(static_cast<std::uint64_t>(*robot), outcome);
+    if (!added && !Equal(at->second, outcome)) {
+      throw FileError(name, line, "robot",
+                      fmt::format("{} has another outcome elsewhere; remove the files", *robot));
+    }
+  }
+}
+
+Outcomes Checkpoint::Read(const std::string& path, const std::string& identity) {
+  const std::string text = ReadTextFile(path);
+  Outcomes outcomes;
+  Parse(WholeLines(text), path, identity, outcomes);
+  return outcomes;
+}
+
+Checkpoint::Checkpoint(const std::string& path, const std::string& identity, Outcomes& outcomes)
+    : path_(path) {
+  std::string text;
+  if (std::filesystem::exists(path)) text = ReadTextFile(path);
+  const std::string_view whole = WholeLines(text);
+  if (!whole.empty()) {
+    Parse(whole, path, identity, outcomes);
+    if (whole.size() != text.size()) std::filesystem::resize_file(path, whole.size());
+    return;
+  }
+  if (!text.empty() && CheckpointHead(identity).rfind(text, 0) != 0)
+    throw FileError(path, 1, "", "is no checkpoint of tumbler-robustness; name another file");
+  PendingFile file(path, CheckpointHead(identity));
+  file.Commit();
+}
+
+void Checkpoint::Add(const std::string& lines) {
+  std::FILE* const file = std::fopen(path_.c_str(), "a");
+  if (file == nullptr) throw FileError(path_, 0, "", "cannot be written");
+  const bool whole = std::fwrite(lines.data(), 1, lines.size(), file) == lines.size();
+  if (std::fclose(file) != 0 || !whole) throw FileError(path_, 0, "", "cannot be written whole");
+}
+
+}  // namespace tumbler
