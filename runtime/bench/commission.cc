@@ -42,9 +42,13 @@ class Commissioner {
     MeasureAllReplies();
     IdentifyAll();
     ZeroAll();
-    if (config_.turn_by_hand) TurnAll();
+    if (config_.turn_by_hand) {
+      TurnAll();
+      Keep("ways");
+    }
     ProveAllWatchdogs();
     StepAll();
+    Keep("steps");
     return std::move(result_);
   }
 
@@ -64,7 +68,10 @@ class Commissioner {
     throw Refused(session_->NameOf(silent.front()) +
                   " does not reply: is it switched on, and are its identifiers right?");
   }
-  void Keep() {
+  /// Writes the draft, with the parts that are behind it.
+  void Keep(const std::string& part) {
+    done_ += done_.empty() ? part : ", " + part;
+    draft_.SetNote("done so far: " + done_);
     draft_.Check();
     keep_(draft_);
   }
@@ -95,6 +102,7 @@ class Commissioner {
   const CommissionConfig& config_;
   const std::function<void(const DrivesDraft&)>& keep_;
   std::unique_ptr<BenchSession> session_;
+  std::string done_;  // the parts that are behind it
   CommissionResult result_;
 };
 
@@ -113,7 +121,7 @@ void Commissioner::Scan() {
     if (mit != nullptr && found->reply_id && *found->reply_id != mit->reply_id)
       draft_.SetInteger(i, "reply_id", *found->reply_id);
   }
-  Keep();
+  Keep("scan");
 }
 
 void Commissioner::CheckHealth() {
@@ -207,7 +215,7 @@ void Commissioner::IdentifyAll() {
     }
   }
   ApplyIdentities(turned);
-  Keep();
+  Keep("joints and directions");
   Begin();
 }
 
@@ -243,7 +251,7 @@ void Commissioner::ZeroAll() {
           true}});
     draft_.SetNumber(i, "zero_offset_rad", std::round(1e6 * offset_rad) * 1e-6);
   }
-  Keep();
+  Keep("zeros");
   Begin();
 }
 
@@ -284,7 +292,7 @@ void Commissioner::ProveAllWatchdogs() {
     Add(findings);
     if (!findings.empty()) SetWatchdog(i, watchdog);
   }
-  Keep();
+  Keep("watchdogs");
 }
 
 void Commissioner::SetWatchdog(std::size_t drive, const WatchdogResult& watchdog) {

@@ -76,6 +76,15 @@ void DrivesDraft::Set(std::size_t drive, std::string_view key, const std::string
   text_ = Joined(lines);
 }
 
+void DrivesDraft::SetNote(std::string_view note) {
+  constexpr std::string_view kHead = "# tumbler-bench: ";
+  std::vector<std::string> lines = LinesOf(text_);
+  if (!lines.empty() && lines.front().compare(0, kHead.size(), kHead) == 0)
+    lines.erase(lines.begin());
+  lines.insert(lines.begin(), std::string(kHead).append(note));
+  text_ = Joined(lines);
+}
+
 void DrivesDraft::SetJoint(std::size_t drive, std::string_view joint) {
   TomlWriter writer("a drives file");
   writer.Text("joint", joint);

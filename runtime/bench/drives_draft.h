@@ -22,6 +22,8 @@ class DrivesDraft {
   void SetJoint(std::size_t drive, std::string_view joint);
   void SetNumber(std::size_t drive, std::string_view key, double value);
   void SetInteger(std::size_t drive, std::string_view key, int value);
+  /// Says at the head of the text how far it is right, in a comment in place of an earlier one.
+  void SetNote(std::string_view note);
   /// Reads the whole again. @throws FileError  when it cannot be read as a drives file.
   void Check();
 

@@ -361,5 +361,30 @@ TEST(Twin, SaysHowFarTheRobotsOwnShapesOverlap) {
   EXPECT_NE(crossed.overlapping.find(" and leg2_link/"), std::string::npos);
 }
 
+TEST(Twin, InAStandTheRootStaysInTheAirAndALegHangsWhereItsTorqueBalancesItsWeight) {
+  TwinConfig config;
+  config.stand_m = 0.5;
+  Rig rig(StandingTask(), config);
+  const TwinState before = rig.twin->state();
+  EXPECT_TRUE(before.held);
+  rig.Command(0, {.torque_nm = 0.2F});
+  rig.Magic(MitMagic::kEnter);
+  rig.twin->AdvanceTo(8000 * kMs);
+  const TwinState after = rig.twin->state();
+  EXPECT_TRUE(after.held);
+  EXPECT_EQ(after.root_x_m, before.root_x_m);
+  EXPECT_EQ(after.root_z_m, before.root_z_m);
+  EXPECT_EQ(after.root_pitch_rad, before.root_pitch_rad);
+  EXPECT_EQ(after.normal_force_n, 0);
+  // 0.4 kg at 0.1 m from the joint; the drive's torque is rounded on the wire.
+  const double torque_nm = rig.drives[0]->torque_nm();
+  EXPECT_NEAR(torque_nm, 0.2, 0.005);
+  EXPECT_NEAR(after.joint_positions_rad[0],
+              -M_PI / 2 + std::asin(torque_nm / (0.4 * 0.1 * kGravity)), 1e-3);
+  // The other drive's torque is that of the code nearest to zero.
+  EXPECT_NEAR(after.joint_positions_rad[1], M_PI / 2, 0.02);
+  EXPECT_NEAR(after.joint_velocities_rad_s[0], 0, 1e-4);
+}
+
 }  // namespace
 }  // namespace tumbler

@@ -194,6 +194,33 @@ TEST_P(BenchOnCan, AnInterfaceThatGoesAwayInMidMotionIsAFault) {
   });
 }
 
+using BenchOnTwin = BenchOnCan;
+
+TEST_P(BenchOnTwin, ARobotInAStandIsCommissionedWithItsPhysics) {
+  testing::InSteadyTime([this] {
+    const VirtualCan can;
+    testing::WriteFile(Path("stand.toml"),
+                       "format = \"tumbler-twin\"\nversion = 1\n[start]\nstand_m = 0.5\n");
+    Program twin({testing::ProgramPath("tumbler-twin"), can.name(), kBenchMotion, "--drives",
+                  Path("actual.toml"), "--config", Path("stand.toml")});
+    ASSERT_TRUE(twin.WaitFor("2 drives on " + can.name())) << twin.text();
+    const std::unique_ptr<Program> bench =
+        StartBench(can.name(), {"commission", "--arm", "--yes", "--answers", Path("answers"),
+                                "--without-turning", "--seconds", "1", "--write",
+                                Path("written.toml"), "--overwrite"});
+    ASSERT_EQ(bench->Wait(), kRemains) << bench->text();
+    for (const char* kind : {"identifiers-exchanged", "wrong-direction", "zero-off", "no-watchdog"})
+      EXPECT_THAT(bench->text(), HasSubstr(std::string("FOUND ") + kind));
+    twin.Signal(SIGINT);
+    EXPECT_EQ(twin.Wait(), 0) << twin.text();
+    std::string text;
+    EXPECT_EQ(PlayHandstand(can.name(), "written.toml", text), 0) << text;
+  });
+}
+
+INSTANTIATE_TEST_SUITE_P(Mit, BenchOnTwin,
+                         ::testing::Values(testing::ExampleOfEveryProtocol().front()),
+                         [](const auto& example) { return example.param.protocol; });
 INSTANTIATE_TEST_SUITE_P(EveryProtocol, BenchOnCan,
                          ::testing::ValuesIn(testing::ExampleOfEveryProtocol()),
                          [](const auto& example) { return example.param.protocol; });

@@ -118,6 +118,9 @@ TEST_P(BenchSim, ACommissioningFindsWhatIsWrongAndTheHandstandRunsWithTheFileTha
   const DrivesConfig written = LoadDrives(Path("written.toml"));
   const DrivesConfig actual = LoadDrives(Path("actual.toml"));
   ASSERT_EQ(written.drives.size(), 2U);
+  EXPECT_THAT(ReadFile(Path("written.toml")),
+              ::testing::StartsWith("# tumbler-bench: done so far: scan, joints and directions, "
+                                    "zeros, ways, watchdogs, steps\n"));
   for (std::size_t i = 0; i < 2; ++i) {
     const JointMap& found = JointOf(written.drives[i].config);
     const JointMap& real = JointOf(actual.drives[i].config);

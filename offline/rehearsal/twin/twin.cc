@@ -27,8 +27,14 @@ int ObstacleOf(const Scene& scene, const std::string& name) {
   throw std::invalid_argument("there is no obstacle '" + name + "'");
 }
 
+/// The start, lifted by the stand.
+PrimitivePose Lifted(PrimitivePose start, double stand_m) {
+  start.root_z_m += stand_m;
+  return start;
+}
+
 /// The scene with the twin's own contact law, obstacles, masses and losses, and with every joint
-/// driven by a torque.
+/// driven by a torque. In a stand the root stays where it is.
 Scene Changed(Scene scene, const TwinConfig& config) {
   if (config.contact) scene.contact = *config.contact;
   for (const Obstacle<Plane>& obstacle : config.obstacles) scene.obstacles.push_back(obstacle);
@@ -39,6 +45,9 @@ Scene Changed(Scene scene, const TwinConfig& config) {
     dof.inertia_kg_m2 *= factor;
   }
   for (Dof<Plane>& dof : dofs) dof.prescribed = false;
+  if (config.stand_m > 0) {
+    for (std::size_t i = 0; i < Index(scene.robot.root_dofs); ++i) dofs[i].prescribed = true;
+  }
   for (std::size_t j = 0; j < scene.robot.joint_count(); ++j) {
     const JointLosses losses = j < config.joints.size() ? config.joints[j] : JointLosses{};
     Dof<Plane>& dof = dofs[scene.robot.DofOfJoint(j)];
@@ -59,14 +68,20 @@ struct Twin::Implementation {
         distances(scene.robot, scene.self_contact.pairs),
         bus(b),
         drives(std::move(d)),
-        start_state(robot.AtRest(PositionsIn(start, scene.robot))),
+        start_positions(PositionsIn(Lifted(start, c.stand_m), scene.robot)),
+        start_state(robot.AtRest(start_positions)),
         y(start_state),
-        held(c.held) {
+        stands(c.stand_m > 0),
+        held(c.held && !stands) {
     if (drives.size() != scene.robot.joint_count()) {
       throw std::invalid_argument("a twin needs one drive for each joint of its primitive");
     }
     if (config.step_ns <= 0) throw std::invalid_argument("the twin's step must be positive");
     config.joints.resize(drives.size());
+    place.assign(robot.n, -1);
+    for (std::size_t i = 0; i < robot.free.size(); ++i)
+      place[Index(robot.free[i])] = static_cast<int>(i);
+    std::copy(start_positions.begin(), start_positions.end(), robot.q.begin());
     for (const Push& push : config.pushes) push_bodies.push_back(BodyOf(scene.robot, push.link));
     for (const FrictionPatch& patch : config.patches) {
       patch_obstacles.push_back(ObstacleOf(scene, patch.obstacle));
@@ -175,7 +190,7 @@ struct Twin::Implementation {
   /// Takes a step by the midpoint rule. The order suffices because the drives' loops need a step
   /// that is far shorter than contact would need.
   void Integrate(double h) {
-    StepRungeKutta<kMidpoint>(y, 2 * robot.n, h,
+    StepRungeKutta<kMidpoint>(y, 2 * robot.free.size(), h,
                               [this](int s, const SceneDynamics::State& state, double* k) {
                                 Slope(state, k);
                                 if (s == 0) NoteContacts();
@@ -183,8 +198,12 @@ struct Twin::Implementation {
                               });
   }
 
-  [[nodiscard]] double q(std::size_t dof) const { return y[dof]; }
-  [[nodiscard]] double qd(std::size_t dof) const { return y[robot.n + dof]; }
+  [[nodiscard]] double q(std::size_t dof) const {
+    return place[dof] < 0 ? start_positions[dof] : y[Index(place[dof])];
+  }
+  [[nodiscard]] double qd(std::size_t dof) const {
+    return place[dof] < 0 ? 0 : y[robot.free.size() + Index(place[dof])];
+  }
 
   TwinConfig config;
   Scene scene;
@@ -192,13 +211,16 @@ struct Twin::Implementation {
   mutable SelfDistances distances;  // with room for its work
   SimulatedBus& bus;
   std::vector<SimulatedDrive*> drives;
+  std::vector<double> start_positions;  // of all degrees of freedom
   SceneDynamics::State start_state, y;
+  std::vector<int> place;  // of each degree of freedom in the state; -1: the stand holds it
   SceneDynamics::Numbers drive_torque{};
   std::vector<int> push_bodies, patch_obstacles;
   std::vector<ActiveContact<Plane>> touching;
   std::array<double, 2> push_n{};
   std::int64_t time_ns = 0;
   std::int64_t enabled_ns = -1;  // when all drives were first enabled; -1: not yet
+  bool stands;
   bool held;
   double peak_penetration = 0;
   double normal_force = 0;
@@ -227,7 +249,7 @@ TwinState Twin::state() const {
   const Implementation& m = *implementation_;
   TwinState state;
   state.time_ns = m.time_ns;
-  state.held = m.held;
+  state.held = m.held || m.stands;
   state.push_n = m.push_n;
   if (m.scene.robot.root_dofs == 3) {
     state.root_x_m = m.q(0);
@@ -244,7 +266,9 @@ TwinState Twin::state() const {
     state.joint_torques_nm.push_back(m.drive_torque[dof]);
   }
   state.peak_penetration_m = m.peak_penetration;
-  const SelfClearance own = m.distances.Nearest({m.y.data(), m.robot.n});
+  SceneDynamics::Numbers positions{};
+  for (std::size_t dof = 0; dof < m.robot.n; ++dof) positions[dof] = m.q(dof);
+  const SelfClearance own = m.distances.Nearest({positions.data(), m.robot.n});
   if (own.distance_m < 0) {
     state.self_overlap_m = -own.distance_m;
     state.overlapping = NameOf(m.scene.robot, own.pair);
@@ -280,7 +304,7 @@ void Twin::PutBack() {
   m.y = m.start_state;
   m.touching.clear();
   m.normal_force = 0;
-  m.held = m.config.held;
+  m.held = m.config.held && !m.stands;
   m.Drive();
 }
 

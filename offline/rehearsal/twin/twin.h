@@ -53,6 +53,9 @@ struct TwinConfig {
   /// Whether the robot and its joints are held until every drive is enabled: limp legs do not
   /// stand.
   bool held = true;
+  /// Height by which a stand lifts the root link off its start, and holds it there for good, so
+  /// that the joints move freely [m]. The state is held then, whatever the drives do. 0: no stand.
+  double stand_m = 0;
   /// In the order of the robot's joints. Joints without an entry have the defaults.
   std::vector<JointLosses> joints;
 

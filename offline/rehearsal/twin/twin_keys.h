@@ -37,6 +37,7 @@ inline constexpr std::array kTwinStepKeys = {
 /// The place at which the robot starts. Values that the file leaves out are those of the motion.
 struct TwinStart {
   bool held = TwinConfig{}.held;
+  double stand_m = TwinConfig{}.stand_m;
   double x_m = 0;
   double pitch_rad = 0;
   std::optional<double> z_m;
@@ -44,6 +45,9 @@ struct TwinStart {
 inline constexpr Range kTwinPlace{-1e3, 1e3};
 inline constexpr std::array kTwinStartKeys = {
     KeyOf<&TwinStart::held>("held", "held by hand, joints and all, until every drive is enabled"),
+    KeyOf<&TwinStart::stand_m>("stand_m", {0, 10},
+                               "a stand lifts the root link by so much and holds it for good, the "
+                               "joints are free: for commissioning; 0: none"),
     KeyOf<&TwinStart::x_m>("x_m", kTwinPlace, "of the root link's frame").Default("the motion's"),
     KeyOf<&TwinStart::pitch_rad>("pitch_rad", kTwinPlace, "of the root link's frame")
         .Default("the motion's"),

@@ -146,9 +146,11 @@ class TwinReader {
   /// first.
   void TakeStartKeys(TomlTable& start) {
     pose_ = StartOf(motion_);
-    TwinStart root{config_.twin.held, pose_.root_x_m, pose_.root_pitch_rad, std::nullopt};
+    TwinStart root{config_.twin.held, config_.twin.stand_m, pose_.root_x_m, pose_.root_pitch_rad,
+                   std::nullopt};
     ReadKeys(start, kTwinStartKeys, root);
     config_.twin.held = root.held;
+    config_.twin.stand_m = root.stand_m;
     pose_.root_x_m = root.x_m;
     pose_.root_pitch_rad = root.pitch_rad;
     pose_.root_z_m = root.z_m.value_or(pose_.root_z_m);
