@@ -18,5 +18,6 @@ endif()
 string(APPEND cortex_m_flags " -mthumb -mfloat-abi=hard -ffunction-sections -fdata-sections")
 # The compiler writes the call graph and the stack of each function beside every object (*.ci).
 string(APPEND cortex_m_flags " -fcallgraph-info=su")
+set(CMAKE_CXX_COMPILER_LAUNCHER "" CACHE STRING "None: a compiler cache gives objects back without their call graphs" FORCE)
 set(CMAKE_C_FLAGS_INIT "${cortex_m_flags}")
 set(CMAKE_CXX_FLAGS_INIT "${cortex_m_flags} -fno-exceptions -fno-rtti -fno-threadsafe-statics")
