@@ -210,8 +210,9 @@ std::uint64_t HashOfEvaluations(int degree, int n) {
   for (int i = 0; i <= n - degree; ++i)
     knots.push_back((static_cast<float>(i) + 0.25F * static_cast<float>(i % 3)) / 32.0F);
   knots.insert(knots.end(), static_cast<std::size_t>(degree), knots.back());
-  std::vector<float> points;
-  for (int i = 0; i < n; ++i) points.push_back(static_cast<float>(i * 37 % 23) / 8.0F - 1.25F);
+  std::vector<float> points(static_cast<std::size_t>(n));
+  for (int i = 0; i < n; ++i)
+    points[static_cast<std::size_t>(i)] = static_cast<float>(i * 37 % 23) / 8.0F - 1.25F;
   EXPECT_EQ(spline.Assign(degree, knots, points), Status::kOk);
   std::uint64_t hash = 0xcbf29ce484222325U;
   for (int i = -16; static_cast<float>(i - 16) / 1024.0F < knots.back(); ++i) {

@@ -40,7 +40,7 @@ RobustnessStudy StudyOf(const std::string& motion) {
 
 std::string Written(const testing::TemporaryFolder& folder, const std::string& name,
                     const std::string& text) {
-  const std::string path = folder / name;
+  std::string path = folder / name;
   testing::WriteFile(path, text);
   return path;
 }
