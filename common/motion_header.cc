@@ -147,6 +147,20 @@ const char* NameOf(EdgeCondition condition) {
   throw std::invalid_argument("an edge has no condition");
 }
 
+const char* NameOf(RunEnd end) {
+  switch (end) {
+    case RunEnd::kSafe:
+      return "kSafe";
+    case RunEnd::kLower:
+      return "kLower";
+    case RunEnd::kHold:
+      return "kHold";
+    case RunEnd::kTorqueOff:
+      return "kTorqueOff";
+  }
+  throw std::invalid_argument("a sequence has no end");
+}
+
 std::string GraphText(const SequenceGraph<float>& graph) {
   std::string out = "  tumbler::SequenceGraph<float> g;\n";
   auto line = [out = std::back_inserter(out)](auto format, const auto&... values) {
@@ -170,6 +184,7 @@ std::string GraphText(const SequenceGraph<float>& graph) {
   }
   for (std::size_t j = 0; j < graph.partner.size(); ++j)
     line("  g.partner[{}] = {};\n", j, graph.partner[j]);
+  line("  g.end = tumbler::RunEnd::{};\n", NameOf(graph.end));
   return out + "  return g;\n";
 }
 

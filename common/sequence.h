@@ -16,6 +16,21 @@ inline constexpr int kMaxSequencePrimitives = 8;
 inline constexpr int kMaxSequenceNodes = 16;
 inline constexpr int kMaxSequenceEdges = 32;
 
+/// What is done with a robot that would drop without torque, when a run ends. Wherever the graph
+/// has a way, a run that is to end first goes on to a safe node; what is left are stops, faults,
+/// and motions that do not end in a safe node.
+enum class RunEnd : std::uint8_t {
+  /// After a fault that was answered by a hold at the end of a node, the way to the next safe node;
+  /// where there is none, as kHold.
+  kSafe,
+  /// The stiffness fades away slowly. A robot that leans on something sinks; one that balances
+  /// loses
+  /// its balance and drops all the same. Where a drive carries no gains, as kHold.
+  kLower,
+  kHold,       ///< The robot is held until the operator disarms.
+  kTorqueOff,  ///< The torque is taken off where the robot is.
+};
+
 /// When an edge is taken. A node has at most one outgoing edge of each kind, and of kBranch one for
 /// each branch.
 enum class EdgeCondition : std::uint8_t {
@@ -64,6 +79,7 @@ struct SequenceGraph {
   /// The joint with which joint j exchanges roles; j itself where it keeps its own. The map is its
   /// own inverse.
   std::array<std::uint8_t, kMaxJoints> partner{};
+  RunEnd end = RunEnd::kSafe;
 
   [[nodiscard]] constexpr std::span<const SequenceNode> nodes() const noexcept {
     return {node_storage.data(), static_cast<std::size_t>(node_count)};
@@ -164,14 +180,14 @@ template <typename Scalar>
   return always;
 }
 
-/// The graph of a sequence that plays one primitive and ends.
+/// The graph of a sequence that plays one primitive and ends. Nobody has said that the robot stays
+/// there without torque, so its node is not safe.
 template <typename Scalar>
 [[nodiscard]] SequenceGraph<Scalar> GraphOf(const Primitive<Scalar>& primitive) noexcept {
   SequenceGraph<Scalar> graph;
   graph.name = primitive.name;
   graph.node_count = 1;
   graph.node_storage[0].name = primitive.name;
-  graph.node_storage[0].safe = true;
   for (std::size_t j = 0; j < graph.partner.size(); ++j)
     graph.partner[j] = static_cast<std::uint8_t>(j);
   return graph;

@@ -39,7 +39,15 @@ std::string ReadText(const std::string& path, const FileReader& read) {
 
 // ---- Keys ---------------------------------------------------------------------------------------
 
-constexpr std::array kNameKeys = {KeyOf<&Graph::name>("name", "").Required()};
+constexpr std::array<std::string_view, 4> kEnds = {"safe", "lower", "hold", "torque-off"};
+constexpr std::array kNameKeys = {
+    KeyOf<&Graph::name>("name", "").Required(),
+    KeyOf<&Graph::end>("end", kEnds,
+                       "of a run, where the robot would drop without torque: on to the next safe "
+                       "node where there is a way, else as `hold`; its stiffness fades away, with "
+                       "drives that carry gains; held until the operator disarms; torque off where "
+                       "it is"),
+};
 
 constexpr std::array kToleranceKeys = {
     // The setpoint may jump by as much as these tolerances allow.
@@ -575,6 +583,7 @@ Sequence<float> ToRuntime(const SequenceFile& file) {
   graph.node_storage = from.node_storage;
   graph.edge_count = from.edge_count;
   graph.partner = from.partner;
+  graph.end = from.end;
   for (int e = 0; e < from.edge_count; ++e) {
     const SequenceEdge<double>& edge = from.edge(e);
     graph.edge_storage[Index(e)] = {edge.from, edge.to, static_cast<float>(edge.settle_s),

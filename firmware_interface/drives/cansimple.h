@@ -247,6 +247,7 @@ struct CanSimpleProtocol {
   static constexpr std::string_view kExample = "tumbler_drives_cansimple.toml";
   static constexpr std::string_view kDbc = "odrive_cansimple.dbc";
   static constexpr int kFirstReply_ms = 500;
+  static constexpr bool kCarriesGains = false;
 
   static Config Example(int joint) noexcept {
     Config config;

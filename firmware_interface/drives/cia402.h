@@ -257,6 +257,7 @@ struct Cia402Protocol {
   static constexpr std::string_view kExample = "tumbler_drives_cia402.toml";
   static constexpr std::string_view kDbc = "cia402_csp.dbc";
   static constexpr int kFirstReply_ms = 5000;  // Some 40 objects are set first.
+  static constexpr bool kCarriesGains = false;
 
   static Config Example(int joint) noexcept {
     Config config;

@@ -49,6 +49,8 @@ concept DriveProtocol = requires(const typename P::Config& config, const CanFram
   { P::kDbc } -> std::convertible_to<std::string_view>;
   /// The time within which a drive that is switched on has replied, set-up included [ms].
   { P::kFirstReply_ms } -> std::convertible_to<int>;
+  /// Whether setpoints carry the gains of the drive's law, so that it can be made softer.
+  { P::kCarriesGains } -> std::convertible_to<bool>;
 
   /// The configuration of the drive of joint 0, 1, ... in the example.
   { P::Example(int{}) }

@@ -259,6 +259,7 @@ struct MitProtocol {
   static constexpr std::string_view kExample = "tumbler_drives.toml";
   static constexpr std::string_view kDbc = "mit_mini_cheetah.dbc";
   static constexpr int kFirstReply_ms = 500;
+  static constexpr bool kCarriesGains = true;
 
   static Config Example(int joint) noexcept {
     Config config;

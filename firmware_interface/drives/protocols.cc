@@ -30,4 +30,10 @@ int FirstReply_ms(const DriveConfig& config) noexcept {
   });
 }
 
+bool CarriesGains(const DriveConfig& config) noexcept {
+  return DriveProtocols::With(config, [](auto protocol, const auto& /*own*/) -> bool {
+    return decltype(protocol)::kCarriesGains;
+  });
+}
+
 }  // namespace tumbler

@@ -69,5 +69,7 @@ using DriveConfig = DriveProtocols::Config;
 [[nodiscard]] DriveRange ReportedPositions(const DriveConfig& config) noexcept;
 /// The time within which a drive that is switched on has replied, set-up included [ms].
 [[nodiscard]] int FirstReply_ms(const DriveConfig& config) noexcept;
+/// Whether the drive's setpoints carry gains.
+[[nodiscard]] bool CarriesGains(const DriveConfig& config) noexcept;
 
 }  // namespace tumbler

@@ -58,6 +58,8 @@ class SimulatedDrive : public SimulatedNode {
   [[nodiscard]] double torque_nm() const noexcept { return torque_nm_; }
   /// Whether the host's silence has taken the torque away. (Some drives brake first.)
   [[nodiscard]] virtual bool limp() const noexcept = 0;
+  /// Whether the host takes the drive's stiffness away little by little, or has done so.
+  [[nodiscard]] virtual bool softened() const noexcept { return false; }
   /// How many frames came for this drive, and how many of them were setpoints.
   [[nodiscard]] std::int64_t frames_received() const noexcept { return frames_received_; }
   [[nodiscard]] std::int64_t setpoints_received() const noexcept { return setpoints_received_; }

@@ -35,6 +35,17 @@ void SimulatedMitDrive::CheckWatchdog(std::int64_t time_ns) noexcept {
   setpoint_.torque_nm = 0;
 }
 
+void SimulatedMitDrive::NoteStiffness(float kp_nm_per_rad) noexcept {
+  constexpr float kLittle = 0.1F;  // of the largest stiffness
+  const float before = setpoint_.kp_nm_per_rad;
+  if (!enabled_ || kp_nm_per_rad > before) {
+    softened_ = false;
+    stiffest_nm_per_rad_ = kp_nm_per_rad;
+  } else if (kp_nm_per_rad < before) {
+    softened_ = before - kp_nm_per_rad <= kLittle * stiffest_nm_per_rad_;
+  }
+}
+
 double SimulatedMitDrive::Law(std::int64_t time_ns) noexcept {
   CheckWatchdog(time_ns);
   if (!enabled_ || error_ != 0) return 0;
@@ -65,6 +76,7 @@ void SimulatedMitDrive::OnFrame(const ReceivedFrame& received, SimulatedPort& po
   reply.error = error_;
   Say(port, EncodeMitReply(config_.mit, reply));
   if (!is_magic) {
+    NoteStiffness(command.kp_nm_per_rad);
     setpoint_ = command;
     fed_ns_ = now_ns;
     expired_ = false;

@@ -39,6 +39,9 @@ class SimulatedMitDrive final : public SimulatedDrive {
   [[nodiscard]] bool enabled() const noexcept override { return enabled_; }
   [[nodiscard]] std::optional<double> target_rad() const noexcept override;
   [[nodiscard]] bool limp() const noexcept override { return expired_; }
+  [[nodiscard]] bool softened() const noexcept override {
+    return enabled_ && !expired_ && softened_;
+  }
   /// The last setpoint, at the shaft.
   [[nodiscard]] const MitCommand& last_setpoint() const noexcept { return setpoint_; }
   [[nodiscard]] const SimulatedMitConfig& config() const noexcept { return config_; }
@@ -52,11 +55,14 @@ class SimulatedMitDrive final : public SimulatedDrive {
   [[nodiscard]] SimulatedPortConfig port_config() const noexcept override { return PortConfig(); }
   double Law(std::int64_t time_ns) noexcept override;
   void CheckWatchdog(std::int64_t time_ns) noexcept;
+  void NoteStiffness(float kp_nm_per_rad) noexcept;
 
   SimulatedMitConfig config_;
   MitCommand setpoint_;
   bool enabled_ = false;
   bool expired_ = false;
+  bool softened_ = false;
+  float stiffest_nm_per_rad_ = 0;  // since the drive was enabled, or became stiffer
   std::uint8_t error_ = 0;
   double zero_rad_ = 0;      // true angle at which the encoder reads zero
   std::int64_t fed_ns_ = 0;  // time of the last setpoint, or of the start of motor mode

@@ -51,7 +51,8 @@ void LoadFaultsOf(const RunParts& parts, const std::string& path, ExecutorConfig
   LoadFaults(path, joints, config);
 }
 
-RunProcedureConfig ProcedureConfigOf(const RunSettings& settings, const DrivesConfig& drives) {
+RunProcedureConfig ProcedureConfigOf(const RunSettings& settings, const DrivesConfig& drives,
+                                     const SequenceGraph<float>& graph) {
   int first_reply_ms = 0;
   for (const DriveEntry& drive : drives.drives) {
     first_reply_ms = std::max(first_reply_ms, FirstReply_ms(drive.config));
@@ -65,7 +66,18 @@ RunProcedureConfig ProcedureConfigOf(const RunSettings& settings, const DrivesCo
   config.start_ticks_max = ticks(1);
   config.stop_hold_ticks = ticks(0.5);
   config.fault_ticks = ticks(1);
-  if (settings.lower) config.lower_ticks = ticks(2.5);
+  const RunEnd end = settings.end.value_or(graph.end);
+  const bool softens = std::ranges::all_of(
+      drives.drives, [](const DriveEntry& drive) { return CarriesGains(drive.config); });
+  for (int i = 0; i < graph.node_count; ++i) {
+    if (graph.node(i).safe) config.safe_nodes |= 1U << static_cast<unsigned>(i);
+  }
+  config.go_home = end == RunEnd::kSafe && config.safe_nodes != 0;
+  if (end == RunEnd::kLower && softens) {
+    config.lower_ticks = ticks(2.5);
+  } else if (end != RunEnd::kTorqueOff) {
+    config.end_hold_ticks = settings.operated ? -1 : ticks(2);
+  }
   config.attended = settings.attended;
   return config;
 }

@@ -1,7 +1,9 @@
 #pragma once
 
+#include <optional>
 #include <string>
 
+#include "common/sequence.h"
 #include "firmware_interface/drives/drives_toml.h"
 #include "runtime/assembly/run_parts.h"
 #include "runtime/core/executor_config.h"
@@ -11,12 +13,16 @@ namespace tumbler {
 
 /// The choices for one run, beside its files.
 struct RunSettings {
-  double speed = 1;             ///< 0.1 ... 1; see ExecutorConfig.
-  int cycles = 0;               ///< Of a sequence; see ExecutorConfig.
-  int branch = -1;              ///< Number of the branch after these cycles; see ExecutorConfig.
-  double hold_s = 2;            ///< Hold after the motion has settled.
-  bool attended = false;        ///< See RunProcedureConfig.
-  bool lower = false;           ///< Whether to lower the robot before torque off.
+  double speed = 1;       ///< 0.1 ... 1; see ExecutorConfig.
+  int cycles = 0;         ///< Of a sequence; see ExecutorConfig.
+  int branch = -1;        ///< Number of the branch after these cycles; see ExecutorConfig.
+  double hold_s = 2;      ///< Hold after the motion has settled.
+  bool attended = false;  ///< See RunProcedureConfig.
+  /// The end of the run, in place of that of the motion's file.
+  std::optional<RunEnd> end;
+  /// Whether somebody can ask for torque off: time is real. Otherwise a robot that is to be held
+  /// until then is held for 2 s.
+  bool operated = false;
   double start_within_rad = 1;  ///< ExecutorConfig::start_way_max_rad.
 };
 
@@ -32,8 +38,9 @@ struct RunSettings {
 /// @throws FileError; `config` is then unchanged.
 void LoadFaultsOf(const RunParts& parts, const std::string& path, ExecutorConfig& config);
 
-/// The durations of the parts of the run with these drives.
+/// The durations of the parts of the run with these drives, and how it ends.
 [[nodiscard]] RunProcedureConfig ProcedureConfigOf(const RunSettings& settings,
-                                                   const DrivesConfig& drives);
+                                                   const DrivesConfig& drives,
+                                                   const SequenceGraph<float>& graph);
 
 }  // namespace tumbler

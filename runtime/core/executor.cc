@@ -76,15 +76,19 @@ void Executor::FollowEdge(int edge) noexcept {
       branched_ = true;
     }
   }
-  SetNode(graph_.edge(edge).to);
-  const float tolerance = primitive_->entry_tolerance_rad;
+  const int node = graph_.edge(edge).to;
+  const Primitive<float>& next = primitives_[static_cast<std::size_t>(graph_.node(node).primitive)];
+  const float tolerance = next.entry_tolerance_rad;
   for (int i = 0; i < joint_count_; ++i) {
     const Joint& joint = joints_[static_cast<std::size_t>(i)];
-    const float start = joint.motion->position.control_points()[0];
+    const auto role = static_cast<std::size_t>(graph_.RoleOf(node, i));
+    const float start = next.joints[role].position.control_points()[0];
     const float error = Magnitude(joint.measured.position_rad - start);
-    // Negated, so that an error that is not a number is a fault too.
+    // Negated, so that an error that is not a number is a fault too. The robot then still is at the
+    // end of its node.
     if (!(error <= tolerance)) return Latch(Fault::kEntryMissed, i, error, tolerance);
   }
+  SetNode(node);
   Enter(ExecutorState::kRunning);
 }
 
@@ -112,7 +116,7 @@ void Executor::Tick(const TickInput& input, TickOutput& output) noexcept TUMBLER
 
   record.tick = tick_;
   record.primitive_time_s = primitive_time_s_;
-  record.faults = faults_;
+  record.faults = faults_ | earlier_faults_;
   record.reaction = reaction_;
   record.command = input.command;
   record.joint_count = static_cast<std::uint8_t>(joint_count_);

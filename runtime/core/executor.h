@@ -117,6 +117,7 @@ class Executor {
   [[nodiscard]] RefusalDetail CheckArm() const noexcept;
   [[nodiscard]] RefusalDetail CheckMove() const noexcept;
   [[nodiscard]] RefusalDetail CheckRun() const noexcept;
+  [[nodiscard]] RefusalDetail CheckGoHome() const noexcept;
   [[nodiscard]] const JointMotion<float>& FirstMotion(int joint) const noexcept;
 
   // Setpoints: executor_plan.cc.
@@ -155,6 +156,7 @@ class Executor {
   int foreign_joint_ = -1;  ///< Whose drive somebody else has commanded since the last tick; or -1.
   std::uint32_t foreign_id_ = 0;  ///< Of that frame.
   std::uint32_t faults_ = 0;
+  std::uint32_t earlier_faults_ = 0;  ///< Those before kGoHome; as latched as the others.
   FaultDetail first_fault_;
   RefusalDetail refusal_;
   DriveRequest unarmed_request_ = DriveRequest::kDisable;  ///< The request of ticks without torque.

@@ -56,7 +56,7 @@ void Executor::Obey(const TickInput& input) noexcept {
       return;
     case OperatorCommand::kClearFaults:
       if (state_ != ExecutorState::kDisarmed) return refuse(Refusal::kWrongState);
-      faults_ = 0;
+      faults_ = earlier_faults_ = 0;
       first_fault_ = {};
       unarmed_request_ = DriveRequest::kClearErrors;
       return;
@@ -76,6 +76,16 @@ void Executor::Obey(const TickInput& input) noexcept {
         return refuse(Refusal::kWrongState);
       lowering_ = true;
       return;
+    case OperatorCommand::kGoHome:
+      refusal_ = CheckGoHome();
+      if (refusal_.refusal != Refusal::kNone) return;
+      earlier_faults_ |= faults_;
+      faults_ = 0;
+      reaction_ = Reaction::kIgnore;
+      finish_ = true;
+      for (Joint& joint : joints()) joint.replies.ForgetSequenceErrors();
+      Enter(ExecutorState::kSettling);
+      return;
   }
   refuse(Refusal::kWrongState);  // The command is none of the enumerators.
 }
@@ -83,7 +93,7 @@ void Executor::Obey(const TickInput& input) noexcept {
 RefusalDetail Executor::CheckArm() const noexcept {
   if (joint_count_ == 0) return {0, 0, Refusal::kNotConfigured, -1};
   if (state_ != ExecutorState::kDisarmed) return {0, 0, Refusal::kWrongState, -1};
-  if (faults_ != 0) return {0, 0, Refusal::kFaultLatched, -1};
+  if ((faults_ | earlier_faults_) != 0) return {0, 0, Refusal::kFaultLatched, -1};
   for (int i = 0; i < joint_count_; ++i) {
     const auto index = static_cast<std::size_t>(i);
     const Joint& joint = joints_[index];
@@ -141,6 +151,23 @@ RefusalDetail Executor::CheckMove() const noexcept {
       const bool below = position < limits.position_min_rad;
       return {position, below ? limits.position_min_rad : limits.position_max_rad,
               Refusal::kOutsideLimits, static_cast<std::int8_t>(i)};
+    }
+  }
+  return {};
+}
+
+RefusalDetail Executor::CheckGoHome() const noexcept {
+  // The feed-forward at the end of a node is kept in its pose, and in no other.
+  const bool at_end = keep_torque_ && reaction_ == Reaction::kHold && !lowering_;
+  if (state_ != ExecutorState::kFault || !at_end) return {0, 0, Refusal::kWrongState, -1};
+  for (int i = 0; i < joint_count_; ++i) {
+    const Joint& joint = joints_[static_cast<std::size_t>(i)];
+    const auto name = static_cast<std::int8_t>(i);
+    if (joint.drive_state != DriveState::kEnabled || joint.measured.error != 0)
+      return {static_cast<float>(joint.measured.error), 0, Refusal::kDriveError, name};
+    if (joint.replies.age_ticks() > config_.stale_ticks_max) {
+      return {static_cast<float>(joint.replies.age_ticks()),
+              static_cast<float>(config_.stale_ticks_max), Refusal::kNoReply, name};
     }
   }
   return {};

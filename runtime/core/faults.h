@@ -108,7 +108,7 @@ inline constexpr std::array<StateInfo, kExecutorStateCount> kStateTable{{
     {ExecutorState::kFault, "fault", "the reaction to the fault"},
 }};
 
-inline constexpr std::array<TransitionInfo, 12> kTransitionTable{{
+inline constexpr std::array<TransitionInfo, 13> kTransitionTable{{
     {ExecutorState::kDisarmed, ExecutorState::kArming, "`kArm`, unless refused"},
     {ExecutorState::kArming, ExecutorState::kHolding, "every drive was seen off, and then enabled"},
     {ExecutorState::kHolding, ExecutorState::kMovingToStart, "`kMoveToStart`, unless refused"},
@@ -124,6 +124,8 @@ inline constexpr std::array<TransitionInfo, 12> kTransitionTable{{
      "the primitive's settle time is over, and the sequence ends"},
     {ExecutorState::kSettling, ExecutorState::kStopping, "`kStop`"},
     {ExecutorState::kStopping, ExecutorState::kHolding, "at rest"},
+    {ExecutorState::kFault, ExecutorState::kSettling,
+     "`kGoHome`, unless refused: the reaction is hold, in the pose of a node's end"},
 }};
 
 inline constexpr std::array<ReactionInfo, kReactionCount> kReactionTable{{

@@ -12,6 +12,16 @@ bool WereHeard(const TickRecord& last) noexcept {
   return last.joint_count > 0;
 }
 
+/// Whether every drive holds its joint, so that holding on holds the robot.
+bool IsHeld(const TickRecord& last) noexcept {
+  constexpr int kFresh = 5;  // ticks
+  for (std::size_t i = 0; i < last.joint_count; ++i) {
+    const JointRecord& joint = last.joints[i];
+    if (joint.drive_state != DriveState::kEnabled || joint.reply_age_ticks > kFresh) return false;
+  }
+  return last.reaction <= Reaction::kHold;
+}
+
 }  // namespace
 
 OperatorCommand RunProcedure::Go(Phase phase, OperatorCommand command) noexcept {
@@ -25,11 +35,27 @@ OperatorCommand RunProcedure::Finish(RunOutcome outcome) noexcept {
   return Go(Phase::kDisarm, OperatorCommand::kDisarm);
 }
 
-OperatorCommand RunProcedure::LetDown(RunOutcome outcome) noexcept {
-  if (config_.lower_ticks == 0 || lowered_) return Finish(outcome);
+OperatorCommand RunProcedure::LetDown(RunOutcome outcome, const TickRecord& last) noexcept {
   if (outcome_ == RunOutcome::kPending) outcome_ = outcome;
-  lowered_ = true;
-  return Go(Phase::kLower, OperatorCommand::kLower);
+  if (stands_ || lowered_ || last.reaction == Reaction::kDisable) return Finish(outcome);
+  if (config_.lower_ticks > 0) {
+    lowered_ = true;
+    return Go(Phase::kLower, OperatorCommand::kLower);
+  }
+  if (config_.end_hold_ticks != 0 && IsHeld(last)) {
+    finish_ = stop_ = false;  // What was asked for is done. From now on it means torque off.
+    return Go(Phase::kHoldOn, OperatorCommand::kNone);
+  }
+  return Finish(outcome);
+}
+
+/// Notes whether the robot stands without torque where it is. A hold, a stop and a fault leave it
+/// where it was.
+void RunProcedure::NoteStand(const TickRecord& last) noexcept {
+  if (last.state == ExecutorState::kDisarmed) stands_ = true;
+  if (last.state == ExecutorState::kRunning) stands_ = false;
+  if (last.state == ExecutorState::kSettling)
+    stands_ = (config_.safe_nodes >> static_cast<unsigned>(last.node) & 1U) != 0;
 }
 
 Refusal RunProcedure::RequestStart(const TickRecord& last) noexcept {
@@ -48,30 +74,42 @@ OperatorCommand RunProcedure::Next(const TickRecord& last) noexcept TUMBLER_NONB
     return last.state == ExecutorState::kDisarmed ? OperatorCommand::kNone
                                                   : OperatorCommand::kDisarm;
   }
+  NoteStand(last);
   if (phase_ == Phase::kWait) {
     // Requests to a run that is over, or that has not begun, do not count for the next one.
     finish_ = finishing_ = stop_ = disarm_ = false;
     if (quit_) return Finish(RunOutcome::kStopped);
     if (!start_) return OperatorCommand::kNone;
-    start_ = lowered_ = false;
+    start_ = lowered_ = homed_ = false;
     ++runs_;
     outcome_ = RunOutcome::kPending;
     refusal_ = {};
     Go(Phase::kArm, OperatorCommand::kNone);
   }
   if (disarm_) return Finish(RunOutcome::kStopped);
-  const bool after_fault = phase_ == Phase::kLower && outcome_ == RunOutcome::kFault;
+  const bool ending = phase_ == Phase::kLower || phase_ == Phase::kHoldOn || phase_ == Phase::kHome;
+  const bool after_fault = ending && outcome_ == RunOutcome::kFault;
   if (last.first_fault.fault != Fault::kNone && phase_ != Phase::kFault && !after_fault) {
     if (outcome_ == RunOutcome::kPending) outcome_ = RunOutcome::kFault;
     return Go(Phase::kFault, OperatorCommand::kNone);
   }
-  if (finish_ && phase_ != Phase::kRun) stop_ = true;
+  if (phase_ == Phase::kHoldOn) return HoldOn(last);
+  if (finish_ && phase_ != Phase::kRun && phase_ != Phase::kHome) stop_ = true;
   if (stop_ && phase_ != Phase::kStop && phase_ != Phase::kFault && phase_ != Phase::kLower) {
     if (last.state == ExecutorState::kDisarmed) return Finish(RunOutcome::kStopped);
-    outcome_ = RunOutcome::kStopped;
+    if (outcome_ != RunOutcome::kFault) outcome_ = RunOutcome::kStopped;
     return Go(Phase::kStop, OperatorCommand::kStop);
   }
   return GoOn(last);
+}
+
+OperatorCommand RunProcedure::HoldOn(const TickRecord& last) noexcept {
+  if (last.reaction > Reaction::kHold) return Go(Phase::kFault, OperatorCommand::kNone);
+  const bool over = config_.end_hold_ticks > 0 && ticks_ >= config_.end_hold_ticks;
+  // A request in the first moments was meant for the motion.
+  const bool asked = (finish_ || stop_) && ticks_ >= config_.stop_hold_ticks;
+  finish_ = stop_ = false;
+  return over || asked ? Finish(outcome_) : OperatorCommand::kNone;
 }
 
 OperatorCommand RunProcedure::GoOn(const TickRecord& last) noexcept {
@@ -121,14 +159,24 @@ OperatorCommand RunProcedure::GoOn(const TickRecord& last) noexcept {
         return OperatorCommand::kNone;
       }
       if (outcome_ == RunOutcome::kCompleted || ticks_ >= config_.stop_hold_ticks)
-        return LetDown(outcome_);
+        return LetDown(outcome_, last);
       return OperatorCommand::kNone;
     case Phase::kFault:
-      if (ticks_ >= config_.fault_ticks) return LetDown(outcome_);
-      return OperatorCommand::kNone;
+      if (ticks_ < config_.fault_ticks) return OperatorCommand::kNone;
+      if (config_.go_home && !homed_ && !stands_ && last.reaction == Reaction::kHold) {
+        homed_ = true;
+        return Go(Phase::kHome, OperatorCommand::kGoHome);
+      }
+      return LetDown(outcome_, last);
+    case Phase::kHome:
+      if (last.state == ExecutorState::kHolding) return Go(Phase::kStop, OperatorCommand::kStop);
+      if (last.state != ExecutorState::kFault) return OperatorCommand::kNone;
+      if (last.command == OperatorCommand::kGoHome) return LetDown(outcome_, last);  // refused
+      return Go(Phase::kFault, OperatorCommand::kNone);
     case Phase::kLower:
       if (ticks_ >= config_.lower_ticks) return Finish(outcome_);
       return OperatorCommand::kNone;
+    case Phase::kHoldOn:
     case Phase::kWait:
     case Phase::kDisarm:
     case Phase::kDone:

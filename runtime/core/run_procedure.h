@@ -24,8 +24,16 @@ struct RunProcedureConfig {
   /// Whether somebody attends. Then each run waits, disarmed, for RequestStart, and there may be
   /// many until RequestQuit. Otherwise there is one run, which starts by itself.
   bool attended = false;
+  // What is done where the robot does not stand without torque:
   /// How long the robot is lowered before torque off; 0: it is not.
   std::int64_t lower_ticks = 0;
+  /// Where it is not lowered: how long it is held before torque off; -1: until the operator
+  /// disarms, or asks once more to finish or to stop.
+  std::int64_t end_hold_ticks = 0;
+  /// The nodes (bit i: node i of the sequence) after which the robot stays without torque.
+  std::uint32_t safe_nodes = 0;
+  /// Whether to go on to such a node after a fault that was answered by a hold.
+  bool go_home = false;
 };
 
 /// How a run ended.
@@ -39,6 +47,11 @@ enum class RunOutcome : std::uint8_t {
 
 /// Gives the executor the commands of a run, in their order: arm, move to the start, run, settle,
 /// hold, stop, disarm. Where somebody attends, one run may follow another. Pure, like the executor.
+///
+/// The torque is taken off at once only where the robot stands without it: before the motion, and
+/// after a node of `safe_nodes`. Elsewhere the robot is first brought there, lowered or held, as
+/// the configuration says, unless a fault has taken away the means or the operator asks for torque
+/// off.
 class RunProcedure {
  public:
   explicit RunProcedure(const RunProcedureConfig& config) noexcept
@@ -83,16 +96,21 @@ class RunProcedure {
     kHold,
     kStop,
     kFault,
+    kHome,  // on the way to a safe node after a fault
     kLower,
+    kHoldOn,  // held until the operator disarms
     kDisarm,
     kDone
   };
 
   /// The next command of a run that nothing interrupts.
   OperatorCommand GoOn(const TickRecord& last) noexcept;
+  /// Holds the robot until somebody asks for torque off.
+  OperatorCommand HoldOn(const TickRecord& last) noexcept;
   OperatorCommand Go(Phase phase, OperatorCommand command) noexcept;
-  /// Lowers the robot and takes the torque off.
-  OperatorCommand LetDown(RunOutcome outcome) noexcept;
+  /// Takes the torque off, after what has to be done before.
+  OperatorCommand LetDown(RunOutcome outcome, const TickRecord& last) noexcept;
+  void NoteStand(const TickRecord& last) noexcept;
   /// Takes the torque off.
   OperatorCommand Finish(RunOutcome outcome) noexcept;
 
@@ -106,7 +124,9 @@ class RunProcedure {
   bool finishing_ = false;  // whether the executor has been told to finish
   bool stop_ = false;
   bool disarm_ = false;
+  bool stands_ = true;    // whether the robot stands without torque, as far as is known
   bool lowered_ = false;  // whether the robot was lowered in this run
+  bool homed_ = false;    // whether the way home was tried in this run
   RunOutcome outcome_ = RunOutcome::kPending;
   RefusalDetail refusal_;
 };

@@ -36,6 +36,8 @@ const char* ToString(OperatorCommand command) noexcept {
       return "clear faults";
     case OperatorCommand::kFinish:
       return "finish";
+    case OperatorCommand::kGoHome:
+      return "go home";
     case OperatorCommand::kLower:
       return "lower";
     case OperatorCommand::kBranch:

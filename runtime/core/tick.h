@@ -36,6 +36,9 @@ enum class OperatorCommand : std::uint8_t {
   /// In holding, and after a fault: stiffness and feed-forward fade away, so that the robot sinks
   /// instead of dropping when the torque is taken off.
   kLower,
+  /// After a fault that is answered by a hold in the pose at a node's end: goes on to the next safe
+  /// node, as kFinish does. The faults stay latched, and new ones are answered as ever.
+  kGoHome,
 };
 
 /// Why a command was not followed. A refusal changes nothing.

@@ -21,13 +21,16 @@ constexpr const char* kFormat = "tumbler-record";
 /// Numbers that runs did not have before they were added.
 constexpr const char* kStartWay = "start_way_max_rad";
 constexpr const char* kLowerTicks = "lower_ticks";
+constexpr const char* kEndHoldTicks = "end_hold_ticks";
+constexpr const char* kSafeNodes = "safe_nodes";
+constexpr const char* kGoHome = "go_home";
 
 // A member that is added to these types has to be added to Visit below, or a replay would lack it.
 static_assert(sizeof(JointConfig) == 16);
 static_assert(sizeof(CollapseConfig) == 8 + kMaxJoints * sizeof(float));
 static_assert(sizeof(ExecutorConfig) ==
               44 + kMaxJoints * sizeof(JointConfig) + sizeof(FaultTable) + sizeof(CollapseConfig));
-static_assert(sizeof(RunProcedureConfig) == 64);
+static_assert(sizeof(RunProcedureConfig) == 80);
 
 /// Calls `visit(key, value)` for every number of a configuration.
 template <typename Config, typename Visit>
@@ -64,6 +67,9 @@ void VisitNumbers(Config& config, const Visit& visit) {
   visit("stop_hold_ticks", config.stop_hold_ticks);
   visit("fault_ticks", config.fault_ticks);
   visit(kLowerTicks, config.lower_ticks);
+  visit(kEndHoldTicks, config.end_hold_ticks);
+  visit(kSafeNodes, config.safe_nodes);
+  visit(kGoHome, config.go_home);
   visit("disarmed_ticks", config.disarmed_ticks);
   visit("attended", config.attended);
 }
@@ -123,7 +129,8 @@ template <typename Config>
 void TakeNumbers(const Json& json, Config& config) {
   VisitNumbers(config, [&json](const char* key, auto& value) {
     const std::string_view name = key;
-    const bool added = name == kStartWay || name == kLowerTicks;
+    const bool added = name == kStartWay || name == kLowerTicks || name == kEndHoldTicks ||
+                       name == kSafeNodes || name == kGoHome;
     if (!added || json.Find(key) != nullptr) Take(json, key, value);
   });
 }

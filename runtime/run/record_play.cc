@@ -115,6 +115,8 @@ RecordConfiguration ConfigurationToPlay(const RecordConfiguration& recorded,
                                         const RecordPlayOptions& options) {
   RecordConfiguration configuration = recorded;
   configuration.procedure.attended = false;  // One run, which starts by itself.
+  if (std::int64_t& hold = configuration.procedure.end_hold_ticks; hold != 0)
+    hold = options.arm ? -1 : 2'000'000'000 / configuration.period_ns;
   FileKeeper keeper;
   const FileReader read = keeper.reader();
   if (!options.primitive.empty()) {

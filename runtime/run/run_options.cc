@@ -7,6 +7,7 @@
 #include <array>
 #include <cmath>
 #include <stdexcept>
+#include <string_view>
 #include <utility>
 
 #include "common/command_line.h"
@@ -78,7 +79,8 @@ void DeclareMachine(CommandLine& line, RunOptions& options, std::string& schedul
 }
 
 /// Declares the options about how it is played, and about outputs.
-void DeclareRun(CommandLine& line, RunOptions& options) {
+/// @param end  gets the name given to --end.
+void DeclareRun(CommandLine& line, RunOptions& options, std::string& end) {
   line.Flag("--attended", options.attended,
             "wait for `tumbler-ctl start` before each run, until Ctrl-C; needs --lcm-url");
   line.Option("--speed", options.speed, "playback speed; feed-forward is scaled by its square")
@@ -89,9 +91,14 @@ void DeclareRun(CommandLine& line, RunOptions& options) {
               "robot in a second of the clock")
       .Within(0.05, 1.0)
       .ShowDefault();
-  line.Flag("--lower", options.lower,
-            "before torque off let the stiffness fade away in 2 s, so that a robot that does not "
-            "stand without torque sinks instead of dropping");
+  line.Option(
+          "--end", end,
+          "what is done at the end with a robot that would drop without torque: safe (the way "
+          "to a safe node, else hold), lower (the stiffness fades away in 2 s), hold (until told "
+          "to disarm: Ctrl-C, tumbler-ctl disarm) or torque-off; by default what the motion's "
+          "file says, and safe where it says nothing")
+      .OneOf({"safe", "lower", "hold", "torque-off"});
+  line.Flag("--lower", options.lower, "the same as --end lower");
   line.Option("--start-within", options.start_within_rad,
               "refuse to arm when a joint is farther than this from the start of the motion [rad]")
       .Within(0.0, 1e6)
@@ -157,7 +164,8 @@ RunOptions ReadRunOptions(int argc, char** argv) {
   line.SetFooter(kFooter);
   std::string scheduling = "fifo";
   DeclareMachine(line, options, scheduling);
-  DeclareRun(line, options);
+  std::string end;
+  DeclareRun(line, options, end);
   options.command_line.assign(argv, argv + argc);
   line.Parse(argc, argv);
   if (options.robot.empty()) {
@@ -165,6 +173,13 @@ RunOptions ReadRunOptions(int argc, char** argv) {
     if (gethostname(name.data(), name.size() - 1) == 0) options.robot = name.data();
   }
   if (scheduling == "deadline") options.scheduling.scheduling = Scheduling::kDeadline;
+  if (options.lower && !end.empty() && end != "lower")
+    throw std::runtime_error(fmt::format("--lower is --end lower, not {}: leave one out", end));
+  constexpr std::array<std::string_view, 4> kEnds = {"safe", "lower", "hold", "torque-off"};
+  if (options.lower) end = "lower";
+  for (std::size_t i = 0; i < kEnds.size(); ++i) {
+    if (end == kEnds[i]) options.end = static_cast<RunEnd>(i);
+  }
   CheckTogether(options);
   return options;
 }

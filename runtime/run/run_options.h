@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -21,6 +22,7 @@ struct RunOptions {
   bool without_realtime = false;
   bool without_watchdog = false;
   bool lower = false;
+  std::optional<RunEnd> end;  ///< In place of that of the motion's file.
   double start_within_rad = 1;
   RealtimeConfig scheduling;
   double latency_test_s = 0;

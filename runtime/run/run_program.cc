@@ -124,7 +124,8 @@ RunSettings SettingsOf(const RunOptions& options, const SequenceGraph<float>& gr
   settings.branch = BranchNumber(options, graph);
   settings.hold_s = options.hold_s;
   settings.attended = options.attended;
-  settings.lower = options.lower;
+  settings.end = options.end;
+  settings.operated = !options.virtual_time();
   settings.start_within_rad = options.start_within_rad;
   return settings;
 }
@@ -301,13 +302,20 @@ ExitStatus Run(RunOptions options, const Simulation* simulation) {
         CommandAddress{description.number, static_cast<std::int64_t>(std::ceil(
                                                kAgeMax_s * 1e9 / static_cast<double>(period_ns)))});
   }
-  const RunProcedureConfig procedure_config = ProcedureConfigOf(settings, parts.drives);
+  const RunProcedureConfig procedure_config = ProcedureConfigOf(settings, parts.drives, graph);
   if (!options.record.empty()) {
     RecordConfiguration configuration = DescribeForRecord(options, *world, description, files);
     configuration.period_ns = period_ns;
     configuration.executor = executor_config;
     configuration.procedure = procedure_config;
     recorder = OpenRecorder(options.record, configuration, "tumbler-run");
+  }
+
+  if (options.drives_motors() && procedure_config.end_hold_ticks < 0 && !options.attended) {
+    fmt::print(
+        stderr,
+        "note: where the robot would drop without torque, it is held at the end until Ctrl-C "
+        "or `tumbler-ctl disarm` (--end torque-off does without)\n");
   }
 
   world->Open();

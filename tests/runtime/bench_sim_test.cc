@@ -80,7 +80,8 @@ class BenchSim : public ::testing::TestWithParam<testing::ExampleDrives> {
     const std::unique_ptr<World> world =
         MakeSimulation().make_world(assembly.parts().file, real, {});
     Play play(assembly, *world, {});
-    play.Run(ProcedureConfigOf(settings, assembly.parts().drives), 1'000'000);
+    play.Run(ProcedureConfigOf(settings, assembly.parts().drives, assembly.parts().sequence->graph),
+             1'000'000);
     RunSummary summary;
     summary.outcome = play.procedure().outcome();
     world->Summarize(summary);

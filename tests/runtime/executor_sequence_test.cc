@@ -25,8 +25,10 @@ class SequenceTest : public ::testing::Test {
     return ToRuntime(ReadSequence(folder.file()));
   }
 
-  static ExecutorRig MakeRig(int cycles, const std::string& branch = "") {
+  /// @param ups_safe  whether the robot stays without torque after `up`, too.
+  static ExecutorRig MakeRig(int cycles, const std::string& branch = "", bool ups_safe = true) {
     const auto sequence = std::make_unique<Sequence<float>>(Gait());
+    sequence->graph.node_storage[0].safe = sequence->graph.node_storage[2].safe = ups_safe;
     ExecutorConfig config;
     config.cycles = cycles;
     config.branch = sequence->graph.FindBranch(branch);
@@ -188,6 +190,52 @@ TEST_F(SequenceTest, AJointThatIsNotWhereTheNextPrimitiveBeginsIsAFaultAndNotAMo
   EXPECT_EQ(rig.output.record.first_fault.joint, 1);
   EXPECT_NEAR(rig.output.record.first_fault.value, 0.5F * (allowed + followed), 1e-5);
   EXPECT_EQ(rig.output.record.reaction, Reaction::kHold);
+}
+
+TEST_F(SequenceTest, GoesOnToASafeNodeAfterAFaultThatWasAnsweredByAHoldAtANodesEnd) {
+  ExecutorRig rig = MakeRig(0, "", false);
+  Begin(rig);
+  rig.Tick(OperatorCommand::kGoHome);
+  EXPECT_EQ(rig.output.record.refusal.refusal, Refusal::kWrongState) << "nothing is amiss";
+  ASSERT_TRUE(rig.TickUntil(ExecutorState::kSettling));
+  rig.silent[1] = true;
+  ASSERT_TRUE(rig.TickUntil(ExecutorState::kFault, 20));
+  EXPECT_EQ(rig.Tick().reaction, Reaction::kHold);
+  rig.Tick(OperatorCommand::kGoHome);
+  EXPECT_EQ(rig.output.record.refusal.refusal, Refusal::kNoReply) << "the drive is still silent";
+  EXPECT_EQ(rig.output.record.refusal.joint, 1);
+  rig.silent[1] = false;
+  rig.Tick();
+  rig.Tick(OperatorCommand::kGoHome);
+  EXPECT_EQ(rig.output.record.refusal.refusal, Refusal::kNone);
+  ASSERT_EQ(rig.executor.state(), ExecutorState::kSettling);
+  EXPECT_EQ(Play(rig, Nothing), (Nodes{"down"}));
+  EXPECT_EQ(rig.executor.state(), ExecutorState::kHolding);
+  EXPECT_EQ(rig.output.record.first_fault.fault, Fault::kStaleReply) << "it stays latched";
+  EXPECT_NE(rig.output.record.faults, 0);
+  rig.Tick(OperatorCommand::kDisarm);
+  rig.Tick(OperatorCommand::kArm);
+  EXPECT_EQ(rig.output.record.refusal.refusal, Refusal::kFaultLatched);
+  rig.Tick(OperatorCommand::kClearFaults);
+  rig.Tick(OperatorCommand::kArm);
+  EXPECT_EQ(rig.output.record.refusal.refusal, Refusal::kNone);
+}
+
+TEST_F(SequenceTest, AFaultOnTheWayToTheSafeNodeIsAnsweredAsEver) {
+  ExecutorRig rig = MakeRig(0, "", false);
+  Begin(rig);
+  ASSERT_TRUE(rig.TickUntil(ExecutorState::kSettling));
+  rig.input.tick += 100;
+  rig.Tick();
+  ASSERT_EQ(rig.executor.state(), ExecutorState::kFault);
+  rig.Tick(OperatorCommand::kGoHome);
+  ASSERT_TRUE(rig.TickUntil(ExecutorState::kRunning));
+  rig.input.tick += 100;  // The same fault once more, in mid-motion.
+  rig.Tick();
+  EXPECT_EQ(rig.executor.state(), ExecutorState::kFault);
+  EXPECT_EQ(rig.output.record.reaction, Reaction::kDamp);
+  rig.Tick(OperatorCommand::kGoHome);
+  EXPECT_EQ(rig.output.record.refusal.refusal, Refusal::kWrongState);
 }
 
 TEST_F(SequenceTest, RefusesGraphsThatDoNotHoldTogether) {

@@ -120,7 +120,9 @@ class RunOnCan : public ::testing::Test {
                                        "--drives",
                                        Path("drives.toml"),
                                        "--hold-s",
-                                       "0.2"};
+                                       "0.2",
+                                       "--end",
+                                       "torque-off"};
     arguments.insert(arguments.end(), more.begin(), more.end());
     return std::make_unique<Program>(arguments);
   }

@@ -91,6 +91,66 @@ TEST_F(RunSequenceTest, LowersTheRobotBeforeTorqueOffWhenItIsTo) {
   }
 }
 
+TEST_F(RunSequenceTest, HoldsARobotThatWouldDropUntilSomebodyAsksForTorqueOff) {
+  RunProcedureConfig config = Short();
+  config.end_hold_ticks = -1;
+  for (const bool stopped : {false, true}) {
+    SetUpAnew(config);
+    int held = 0;
+    Play([&] {
+      if (stopped && Ticks(ExecutorState::kRunning) == 400 && held == 0) {
+        procedure.RequestStop();
+        procedure.RequestFinish();  // A nervous hand is not taken for the wish to let it drop.
+      }
+      const int before = stopped ? 25 : 50;  // until the robot is held on
+      if (rig.output.record.state == ExecutorState::kHolding &&
+          Ticks(stopped ? ExecutorState::kStopping : ExecutorState::kSettling) > 0) {
+        ++held;
+      }
+      if (held == 5000 + before) procedure.RequestFinish();
+    });
+    EXPECT_EQ(procedure.outcome(), stopped ? RunOutcome::kStopped : RunOutcome::kCompleted);
+    EXPECT_GE(held, 5000);
+    EXPECT_LE(held, 5200);
+  }
+}
+
+TEST_F(RunSequenceTest, HoldsForAWhileWhereNobodyCanAsk) {
+  RunProcedureConfig config = Short();
+  config.end_hold_ticks = 700;
+  SetUpAnew(config);
+  Play([] {});
+  EXPECT_EQ(procedure.outcome(), RunOutcome::kCompleted);
+  EXPECT_GE(Ticks(ExecutorState::kHolding), 750);
+  EXPECT_LE(Ticks(ExecutorState::kHolding), 900);
+}
+
+TEST_F(RunSequenceTest, DoesNotHoldWithADriveThatIsSilentOrHasFailed) {
+  RunProcedureConfig config = Short();
+  config.end_hold_ticks = -1;
+  for (const bool silent : {false, true}) {
+    SetUpAnew(config);
+    Play([&] {
+      if (Ticks(ExecutorState::kSettling) != 5) return;
+      rig.silent[1] = silent;
+      if (!silent) rig.drives[1]->reply.error = 1;
+    });
+    EXPECT_EQ(procedure.outcome(), RunOutcome::kFault);
+    EXPECT_LE(Ticks(ExecutorState::kFault), 60);
+    rig.drives[1]->reply.error = 0;
+  }
+}
+
+TEST_F(RunSequenceTest, TakesTheTorqueOffAtOnceWhereTheRobotStandsWithoutIt) {
+  RunProcedureConfig config = Short();
+  config.end_hold_ticks = -1;
+  config.safe_nodes = 1;
+  SetUpAnew(config);
+  Play([] {});
+  EXPECT_EQ(procedure.outcome(), RunOutcome::kCompleted);
+  EXPECT_LE(Ticks(ExecutorState::kHolding), 120);
+}
+
 TEST_F(RunSequenceTest, AsksForNothingThatIsRefusedInAHealthyRun) {
   Play([this] { EXPECT_EQ(rig.output.record.refusal.refusal, Refusal::kNone); });
   EXPECT_EQ(procedure.outcome(), RunOutcome::kCompleted);

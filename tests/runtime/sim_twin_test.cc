@@ -5,15 +5,18 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <array>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <iterator>
 #include <lcm/lcm-cpp.hpp>
 #include <memory>
 #include <random>
 #include <string>
 #include <tumbler/truth_t.hpp>
+#include <utility>
 #include <vector>
 
 #include "common/json.h"
@@ -222,37 +225,127 @@ TEST_F(SimTwin, TumblerTwinSaysWhichFileItLacks) {
   EXPECT_THAT(outcome.text, HasSubstr("Exit codes:"));
 }
 
-/// Runs the shipped gait in virtual time with an interrupt at a tick. @returns what became of it.
-RunSummary Interrupted(std::int64_t at_tick) {
-  RunParts parts = LoadRunMotion(testing::SourcePath("primitives/gait.toml"));
+/// A run of a shipped motion in virtual time, through the shipped assembly.
+struct Rehearsed {
+  RunSummary summary;
+  Fault fault = Fault::kNone;  // the first one
+  std::int64_t ticks = 0;
+};
+Rehearsed Rehearse(const std::string& motion, RunSettings settings,
+                   const std::function<void(const ControlLoop&)>& each,
+                   const SimulatedWorldConfig& world_config = {}) {
+  RunParts parts = LoadRunMotion(testing::SourcePath("primitives/" + motion));
   parts.drives = LoadDrivesOf(JointsOf(parts.file), "", {});
   Assembly assembly(std::move(parts));
-  RunSettings settings;
-  settings.cycles = 100;
   settings.hold_s = 0.1;
   EXPECT_EQ(assembly.Configure(ExecutorConfigOf(settings, assembly.parts().drives)), Status::kOk);
   const std::unique_ptr<World> world =
-      MakeSimulation().make_world(assembly.parts().file, assembly.parts().drives, {});
+      MakeSimulation().make_world(assembly.parts().file, assembly.parts().drives, world_config);
   Play play(assembly, *world, {});
-  play.Run(ProcedureConfigOf(settings, assembly.parts().drives), 1'000'000,
-           [at_tick](const ControlLoop& loop) {
-             if (loop.statistics().ticks == at_tick)
-               InterruptMailbox().Put({0, OperatorRequest::kFinish, -1, true});
-           });
-  RunSummary summary;
-  summary.outcome = play.procedure().outcome();
-  world->Summarize(summary);
-  return summary;
+  play.Run(ProcedureConfigOf(settings, assembly.parts().drives, assembly.parts().sequence->graph),
+           1'000'000, each);
+  Rehearsed run;
+  run.summary.outcome = play.procedure().outcome();
+  run.fault = play.loop().record().first_fault.fault;
+  run.ticks = play.loop().statistics().ticks;
+  world->Summarize(run.summary);
+  return run;
 }
 
-TEST_F(SimTwin, AnInterruptAtAnyTimeEndsTheRunWhereTheRobotStaysWithoutTorque) {
+void ExpectHome(const Rehearsed& run) {
+  EXPECT_TRUE(run.summary.falls.empty());
+  EXPECT_THAT(run.summary.after_torque_off, ::testing::StartsWith("stays"));
+}
+
+TEST_F(SimTwin, OfAHundredInterruptsAtAnyTimeNoneDropsTheRobot) {
+  constexpr int kInterrupts = 100;
+  constexpr std::int64_t kTwoCycles = 17000;  // ticks, both roles of the legs
   std::mt19937 random(12);
-  for (int i = 0; i < 30; ++i) {
-    const std::int64_t tick = std::uniform_int_distribution<std::int64_t>(20, 9000)(random);
-    const RunSummary summary = Interrupted(tick);
-    EXPECT_EQ(summary.outcome, RunOutcome::kStopped) << "tick " << tick;
-    EXPECT_TRUE(summary.falls.empty()) << "tick " << tick;
-    EXPECT_THAT(summary.after_torque_off, ::testing::StartsWith("stays")) << "tick " << tick;
+  std::array<int, kExecutorStateCount> interrupted{};
+  for (int i = 0; i < kInterrupts; ++i) {
+    const std::int64_t from = 2 + (kTwoCycles - 2) * i / kInterrupts;
+    const std::int64_t to = 2 + (kTwoCycles - 2) * (i + 1) / kInterrupts;
+    const std::int64_t tick = std::uniform_int_distribution<std::int64_t>(from, to - 1)(random);
+    SCOPED_TRACE("interrupted at tick " + std::to_string(tick));
+    RunSettings settings;
+    settings.cycles = 100;
+    ExecutorState state{};
+    const Rehearsed run = Rehearse("gait.toml", settings, [&](const ControlLoop& loop) {
+      if (loop.statistics().ticks != tick) return;
+      state = loop.record().state;
+      InterruptMailbox().Put({0, OperatorRequest::kFinish, -1, true});
+    });
+    ++interrupted[static_cast<std::size_t>(state)];
+    EXPECT_EQ(run.summary.outcome, RunOutcome::kStopped);
+    ExpectHome(run);
+  }
+  EXPECT_GT(interrupted[static_cast<std::size_t>(ExecutorState::kRunning)], 20);
+  EXPECT_GT(interrupted[static_cast<std::size_t>(ExecutorState::kSettling)], 50);
+}
+
+TEST_F(SimTwin, AnInterruptInTheFirstStatesLeavesTheRobotWhereItStood) {
+  for (const ExecutorState wanted :
+       {ExecutorState::kArming, ExecutorState::kHolding, ExecutorState::kMovingToStart}) {
+    SCOPED_TRACE(ToString(wanted));
+    RunSettings settings;
+    settings.cycles = 100;
+    bool sent = false;
+    const Rehearsed run = Rehearse("gait.toml", settings, [&](const ControlLoop& loop) {
+      if (sent || loop.record().state != wanted) return;
+      sent = true;
+      InterruptMailbox().Put({0, OperatorRequest::kFinish, -1, true});
+    });
+    EXPECT_TRUE(sent);
+    EXPECT_EQ(run.summary.outcome, RunOutcome::kStopped);
+    ExpectHome(run);
+  }
+}
+
+TEST_F(SimTwin, ARunOfSomeCyclesEndsAtHomeWithoutTorque) {
+  for (const int cycles : {1, 2, 3}) {
+    RunSettings settings;
+    settings.cycles = cycles;
+    const Rehearsed run = Rehearse("gait.toml", settings, {});
+    EXPECT_EQ(run.summary.outcome, RunOutcome::kCompleted);
+    ExpectHome(run);
+  }
+}
+
+TEST_F(SimTwin, AfterAFaultInTheHandstandTheRobotGoesHomeBeforeTorqueOff) {
+  // No reply is heard for 20 ms, while the robot stands on its hands: a stale reply, and a hold.
+  SimulatedWorldConfig world;
+  world.bus_faults = Write("faults.toml",
+                           "format = \"tumbler-bus-faults\"\nversion = 1\nseed = 1\n"
+                           "[[fault]]\nkind = \"loss\"\nnode = \"host\"\nprobability = 1.0\n"
+                           "start_s = 3.0\nduration_s = 0.02\n");
+  RunSettings settings;
+  settings.cycles = 5;
+  const Rehearsed run = Rehearse("gait.toml", settings, {}, world);
+  EXPECT_EQ(run.summary.outcome, RunOutcome::kFault);
+  EXPECT_EQ(run.fault, Fault::kStaleReply);
+  ExpectHome(run);
+  settings.end = RunEnd::kTorqueOff;
+  EXPECT_THAT(Rehearse("gait.toml", settings, {}, world).summary.after_torque_off,
+              ::testing::StartsWith("drops"))
+      << "where nobody wants it to go home";
+}
+
+TEST_F(SimTwin, SaysWhatBecomesOfARobotThatDoesNotStandWithoutTorque) {
+  const std::vector<std::pair<RunEnd, std::int64_t>> ends = {{RunEnd::kTorqueOff, 0},
+                                                             {RunEnd::kSafe, 2000},
+                                                             {RunEnd::kHold, 2000},
+                                                             {RunEnd::kLower, 2500}};
+  std::int64_t shortest = 0;
+  for (const auto& [end, longer] : ends) {
+    RunSettings settings;
+    settings.end = end;
+    const Rehearsed run = Rehearse("handstand.toml", settings, {});
+    if (end == RunEnd::kTorqueOff) shortest = run.ticks;
+    EXPECT_EQ(run.summary.outcome, RunOutcome::kCompleted);
+    EXPECT_EQ(run.ticks - shortest, longer) << static_cast<int>(end);
+    EXPECT_TRUE(run.summary.falls.empty()) << "it is let go on purpose";
+    EXPECT_THAT(run.summary.after_torque_off, ::testing::MatchesRegex("drops, at 1\\.[4-8].*"))
+        << "a robot that balances is not lowered by softer drives";
   }
 }
 

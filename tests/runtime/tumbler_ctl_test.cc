@@ -120,6 +120,10 @@ TEST_F(TumblerCtl, StartsBranchesFinishesAndStartsAgain) {
     EXPECT_EQ(Ctl({"start"}).exit_code, 0);
     ASSERT_NE(WaitForState({"running", "settling"}), "disarmed");
     EXPECT_EQ(Ctl({"stop"}).exit_code, 0);
+    ASSERT_EQ(WaitForState({"holding", "disarmed"}), "holding") << "it would drop";
+    usleep(1'500'000);
+    EXPECT_EQ(State(), "holding");
+    EXPECT_EQ(Ctl({"disarm"}).exit_code, 0);
     ASSERT_EQ(WaitForState({"disarmed"}), "disarmed");
     run->Signal(SIGINT);
     EXPECT_EQ(run->Wait(), 130) << run->text();

@@ -131,7 +131,8 @@ TEST_F(TumblerRun, EndsInOrderWhenItIsTerminatedOrItsTerminalIsGone) {
       std::filesystem::remove(trace);
       testing::Program run({testing::ProgramPath("tumbler-run"), "sim",
                             testing::SourcePath("primitives/handstand.toml"), "--drives",
-                            Path("drives.toml"), "--realtime", "--hold-s", "60", "--trace", trace});
+                            Path("drives.toml"), "--realtime", "--hold-s", "60", "--end",
+                            "torque-off", "--trace", trace});
       ASSERT_TRUE(testing::Eventually([&] {
         return std::filesystem::exists(trace) && std::filesystem::file_size(trace) > 20'000;
       }));

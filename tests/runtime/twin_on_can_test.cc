@@ -120,7 +120,8 @@ class TwinOnCan : public ::testing::Test {
   }
   /// Runs once more from the start, with a robot that stands there, and expects success.
   void ExpectToSucceedAgain(const std::string& interface) {
-    const std::unique_ptr<Program> again = StartRun(interface, "handstand.toml", {"--hold-s", "4"});
+    const std::unique_ptr<Program> again =
+        StartRun(interface, "handstand.toml", {"--hold-s", "4", "--end", "torque-off"});
     EXPECT_EQ(again->Wait(), 0) << again->text();
     ASSERT_TRUE(twin_->WaitFor("rests as after handstand")) << twin_->text();
     const FrameReport report = Judge();

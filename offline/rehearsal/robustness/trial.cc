@@ -99,6 +99,7 @@ Trials::Trials(const RobustnessStudy& study) : study_(study), motion_(LoadMotion
   if (!study.twin.empty()) robot_ = LoadTwin(study.twin, motion_);
   drives_ = LoadDrivesOf(JointsOf(motion_.file()), study.drives, ReadTextFile);
   scene_ = SharedScene(motion_, robot_);
+  study_.run.end = RunEnd::kTorqueOff;  // What is judged is over by then.
   robot_.motors.resize(drives_.drives.size());
   for (std::size_t j = 0; j < robot_.motors.size(); ++j) {
     if (!robot_.motors[j].torque_max_nm)
@@ -170,7 +171,7 @@ TrialOutcome Trials::PlayVaried(const RobotVariation& variation, const Observer&
   DepartureWatch departure;
   LateHost host(robot.bus().Attach(), variation.delay_s);
   VirtualClock clock([&robot](std::int64_t time_ns) { robot.AdvanceTo(time_ns); });
-  RunProcedure procedure(ProcedureConfigOf(study_.run, drives));
+  RunProcedure procedure(ProcedureConfigOf(study_.run, drives, assembly.parts().sequence->graph));
   OperatorMailbox mailbox;
   ControlLoop loop({assembly.executor(), host, clock, procedure, mailbox},
                    static_cast<std::int64_t>(std::llround(1e9 / drives.rate_hz)), 0);

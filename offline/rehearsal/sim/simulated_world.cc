@@ -1,5 +1,7 @@
 #include "offline/rehearsal/sim/simulated_world.h"
 
+#include <fmt/format.h>
+
 #include <cstdint>
 #include <memory>
 #include <string>
@@ -71,11 +73,16 @@ class SimulatedWorld final : public World {
   std::string LeaveAlone() {
     constexpr std::int64_t kStep_ns = 1'000'000;
     constexpr int kSteps = 3000;
-    const int falls = robot_.posture().falls();
     for (int i = 0; i < kSteps; ++i) robot_.AdvanceTo(robot_.now_ns() + kStep_ns);
-    if (robot_.posture().falls() > falls) return "falls";
-    const std::string& pose = robot_.posture().resting_as();
-    return pose.empty() ? "does not stay where it was" : "stays, " + pose;
+    const PostureWatch& posture = robot_.posture();
+    if (robot_.state().held) return "stays, held as at the start";
+    if (!posture.resting_as().empty()) return "stays, " + posture.resting_as();
+    // A fall from the height of a hand is faster than this.
+    constexpr double kDrop_m_s = 0.75;
+    const double speed_m_s = posture.sinking_max_m_s();
+    return fmt::format("{}, at {:.2f} m/s at most; z {:.3f} m",
+                       speed_m_s > kDrop_m_s ? "drops" : "has sunk", speed_m_s,
+                       robot_.state().root_z_m);
   }
 
   SimulatedRobot robot_;

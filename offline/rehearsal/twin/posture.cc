@@ -103,8 +103,10 @@ void PostureWatch::Observe(const TwinState& state, const std::vector<TwinContact
     events_.back().cause = fmt::format("{} overlap", state.overlapping);
   }
   overlapping_ = state.self_overlap_m > 0;
-  if (drives.all_enabled) watched_ = true;
+  if (drives.all_enabled && !drives.let_go) watched_ = true;
   if (drives.let_go && !let_go_ && FindPose(state) != nullptr) watched_ = false;
+  if (!drives.let_go || !let_go_) sinking_max_m_s_ = 0;
+  if (drives.let_go) sinking_max_m_s_ = std::max(sinking_max_m_s_, -state.root_vz_m_s);
   let_go_ = drives.let_go;
   for (const TwinContact& contact : contacts) {
     if (std::find(config_.clear_links.begin(), config_.clear_links.end(), contact.link) !=

@@ -41,7 +41,9 @@ std::string Describe(const PostureEvent& event);
 /// The state of a robot's drives, for PostureWatch.
 struct DrivesPosture {
   bool all_enabled = false;
-  bool let_go = false;  ///< Whether the host, not a watchdog or an error, has disabled all drives.
+  /// Whether the host, not a watchdog or an error, has disabled all drives, or takes their
+  /// stiffness away little by little.
+  bool let_go = false;
 };
 
 /// Watches a robot from outside, without knowing its commands. It tells whether the robot rests, in
@@ -51,9 +53,9 @@ struct DrivesPosture {
 ///  - it comes to rest in a pose (height, pitch less whole turns, joints) in which no node of the
 ///    motion begins or ends, and in which it was not started; or
 ///  - a link of `clear_links` touches something.
-/// When the host takes the torque off a robot in a known pose, it lets the robot go, and nothing
-/// counts as a fall any more. After a fall, the robot has to be in a known pose again before it can
-/// fall again.
+/// When the host takes the torque off a robot in a known pose, or begins to lower it there, it lets
+/// the robot go, and nothing counts as a fall any more. After a fall, the robot has to be in a
+/// known pose again before it can fall again.
 ///
 /// Own shapes that overlap are an event of their own, once until all of them are apart again: no
 /// robot does that, so that what the simulation shows from then on is no motion of the robot.
@@ -74,6 +76,8 @@ class PostureWatch {
   /// The name of the known pose in which the robot rests now; empty when it moves, or rests in
   /// another pose.
   [[nodiscard]] const std::string& resting_as() const { return resting_as_; }
+  /// The largest downward speed of the root since the robot was let go [m/s]; 0 before.
+  [[nodiscard]] double sinking_max_m_s() const { return sinking_max_m_s_; }
 
  private:
   struct KnownPose {
@@ -97,6 +101,7 @@ class PostureWatch {
   bool let_go_ = false;
   bool resting_ = false;
   std::string resting_as_;
+  double sinking_max_m_s_ = 0;
   std::int64_t slow_since_ns_ = -1;  // -1: the robot moves
 };
 

@@ -92,7 +92,8 @@ void SimulatedRobot::AdvanceTo(std::int64_t time_ns) {
     DrivesPosture drives{true, true};
     for (const auto& drive : drives_) {
       drives.all_enabled = drives.all_enabled && drive->enabled();
-      drives.let_go = drives.let_go && !drive->enabled() && !drive->limp();
+      const bool disabled = !drive->enabled() && !drive->limp();
+      drives.let_go = drives.let_go && (disabled || drive->softened());
     }
     posture_->Observe(twin_->state(), twin_->contacts(), drives);
   }

@@ -103,9 +103,10 @@ class RecordOnCan : public ::testing::Test {
   }
   [[nodiscard]] std::unique_ptr<Program> StartRun(const std::string& interface,
                                                   const std::string& record) const {
-    return std::make_unique<Program>(std::vector<std::string>{
-        ProgramPath("tumbler-run"), interface, Path("motion.toml"), "--drives", Path("drives.toml"),
-        "--hold-s", "0.2", "--arm", "--without-realtime", "--record", record});
+    return std::make_unique<Program>(
+        std::vector<std::string>{ProgramPath("tumbler-run"), interface, Path("motion.toml"),
+                                 "--drives", Path("drives.toml"), "--end", "torque-off", "--hold-s",
+                                 "0.2", "--arm", "--without-realtime", "--record", record});
   }
   [[nodiscard]] std::unique_ptr<Program> StartCandump(const std::string& interface,
                                                       const std::string& log) const {
