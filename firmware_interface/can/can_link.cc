@@ -94,7 +94,11 @@ void TakeControllerData(rtattr* data, CanLink& link) {
       // All ones mean that the driver is told its rate by other means.
       if (timing.bitrate != 0xffffffffU) link.bit_rate = timing.bitrate;
     } else if (type == IFLA_CAN_CTRLMODE) {
-      link.listen_only = (ValueOf<can_ctrlmode>(attribute).flags & CAN_CTRLMODE_LISTENONLY) != 0;
+      const std::uint32_t flags = ValueOf<can_ctrlmode>(attribute).flags;
+      link.listen_only = (flags & CAN_CTRLMODE_LISTENONLY) != 0;
+      link.reports_bus_errors = (flags & CAN_CTRLMODE_BERR_REPORTING) != 0;
+    } else if (type == IFLA_CAN_RESTART_MS) {
+      link.restart_ms = ValueOf<std::uint32_t>(attribute);
     }
   });
 }

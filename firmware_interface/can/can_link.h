@@ -19,6 +19,10 @@ struct CanLink {
   std::int64_t waiting_frames = 0;    ///< Frames in the queue now, whoever left them there.
   std::int64_t bit_rate = 0;          ///< bit/s; 0 where it is unknown, as on vcan.
   bool listen_only = false;           ///< Whether the controller is set up to send nothing.
+  /// Whether the controller reports bus errors one by one (berr-reporting).
+  bool reports_bus_errors = false;
+  /// After how long the kernel restarts a controller that is bus-off [ms]; 0: not by itself.
+  std::int64_t restart_ms = 0;
 };
 
 /// Asks the kernel about an interface. May allocate and block.

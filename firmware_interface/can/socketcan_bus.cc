@@ -489,6 +489,7 @@ void SocketCanBus::TakeError(std::uint32_t kinds, const std::uint8_t* data) noex
   if ((kinds & CAN_ERR_LOSTARB) != 0) ++statistics_.arbitration_lost;
   if ((kinds & CAN_ERR_CRTL) != 0) {
     const std::uint8_t what = data[1];
+    if ((what & CAN_ERR_CRTL_RX_OVERFLOW) != 0) ++statistics_.overflows;
     if ((what & CAN_ERR_CRTL_ACTIVE) != 0) controller_ = CanControllerState::kErrorActive;
     if ((what & (CAN_ERR_CRTL_RX_WARNING | CAN_ERR_CRTL_TX_WARNING)) != 0) {
       controller_ = CanControllerState::kErrorWarning;

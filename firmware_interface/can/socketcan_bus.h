@@ -53,7 +53,8 @@ struct SocketCanStatistics {
   /// Of `received`, frames with an identifier of `send_ids` and not of `receive_ids`, so that
   /// another program or node commands the same drives.
   std::int64_t foreign_commands = 0;
-  std::int64_t dropped = 0;  ///< Frames lost by the kernel because the receive buffer was full.
+  std::int64_t dropped = 0;    ///< Frames lost by the kernel because the receive buffer was full.
+  std::int64_t overflows = 0;  ///< Times that the controller itself lost received frames.
   std::int64_t error_frames = 0;
   std::int64_t unacknowledged = 0;  ///< Error frames that say that nobody acknowledged.
   std::int64_t protocol_errors = 0;

@@ -14,7 +14,9 @@ namespace {
 constexpr FileHeader kHeader{"tumbler-faults", 1};
 
 constexpr std::array kLimitKeys = {
-    KeyOf<&ExecutorConfig::stale_ticks_max>("stale_ticks_max", {1, 1000}, "ticks without a reply"),
+    KeyOf<&ExecutorConfig::stale_ticks_max>(
+        "stale_ticks_max", {1, 1000},
+        "ticks without a reply; by default also 10 ms, where that is longer"),
     KeyOf<&ExecutorConfig::sequence_errors_max>(
         "sequence_errors_max", {1, 1000}, "count of [replies out of order](runtime.md#faults)"),
     KeyOf<&ExecutorConfig::late_ticks_max>("late_ticks_max", {0, 1000},

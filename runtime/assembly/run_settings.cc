@@ -26,6 +26,11 @@ ExecutorConfig ExecutorConfigOf(const RunSettings& settings, const DrivesConfig&
   config.period_s = static_cast<float>(1 / drives.rate_hz);
   config.start_way_max_rad = static_cast<float>(settings.start_within_rad);
   config.speed = static_cast<float>(settings.speed);
+  // Five replies in a row are not lost by chance, and adapters on USB pause for some milliseconds.
+  // Watchdogs of drives take 25 ms and more.
+  constexpr double kPause_s = 0.01;
+  config.stale_ticks_max =
+      std::max(config.stale_ticks_max, static_cast<int>(std::ceil(kPause_s * drives.rate_hz)));
   config.arming_ticks_max = static_cast<int>(std::ceil(0.5 * drives.rate_hz));
   for (std::size_t i = 0; i < drives.drives.size(); ++i) {
     config.joints[i] = JointConfigOf(drives.drives[i]);
@@ -78,6 +83,7 @@ RunProcedureConfig ProcedureConfigOf(const RunSettings& settings, const DrivesCo
   } else if (end != RunEnd::kTorqueOff) {
     config.end_hold_ticks = settings.operated ? -1 : ticks(2);
   }
+  if (settings.clear) config.clear_ticks = ticks(0.5);
   config.attended = settings.attended;
   return config;
 }

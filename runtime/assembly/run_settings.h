@@ -18,6 +18,7 @@ struct RunSettings {
   int branch = -1;        ///< Number of the branch after these cycles; see ExecutorConfig.
   double hold_s = 2;      ///< Hold after the motion has settled.
   bool attended = false;  ///< See RunProcedureConfig.
+  bool clear = false;     ///< Whether the drives are to forget latched errors before arming.
   /// The end of the run, in place of that of the motion's file.
   std::optional<RunEnd> end;
   /// Whether somebody can ask for torque off: time is real. Otherwise a robot that is to be held
@@ -29,7 +30,8 @@ struct RunSettings {
 /// The executor's settings for the joint of this drive: gains and temperature limit.
 [[nodiscard]] JointConfig JointConfigOf(const DriveEntry& entry);
 
-/// The executor's configuration, with the default reactions to faults.
+/// The executor's configuration, with the default reactions to faults. A reply is stale after five
+/// ticks, and after 10 ms where that is longer.
 [[nodiscard]] ExecutorConfig ExecutorConfigOf(const RunSettings& settings,
                                               const DrivesConfig& drives);
 

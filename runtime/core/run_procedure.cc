@@ -81,6 +81,7 @@ OperatorCommand RunProcedure::Next(const TickRecord& last) noexcept TUMBLER_NONB
     if (quit_) return Finish(RunOutcome::kStopped);
     if (!start_) return OperatorCommand::kNone;
     start_ = lowered_ = homed_ = false;
+    clearing_ticks_ = 0;
     ++runs_;
     outcome_ = RunOutcome::kPending;
     refusal_ = {};
@@ -112,6 +113,16 @@ OperatorCommand RunProcedure::HoldOn(const TickRecord& last) noexcept {
   return over || asked ? Finish(outcome_) : OperatorCommand::kNone;
 }
 
+bool RunProcedure::Clear(const TickRecord& last, OperatorCommand& command) noexcept {
+  if (clearing_ticks_ >= config_.clear_ticks || ticks_ > config_.reply_ticks_max) return true;
+  if (clearing_ticks_ == 0) {
+    if (!WereHeard(last)) return false;
+    command = OperatorCommand::kClearFaults;
+  }
+  if (++clearing_ticks_ == config_.clear_ticks) ticks_ = 0;
+  return false;
+}
+
 OperatorCommand RunProcedure::GoOn(const TickRecord& last) noexcept {
   // Only refusals of this procedure's own commands count. The operator may have asked for something
   // else in between.
@@ -122,6 +133,7 @@ OperatorCommand RunProcedure::GoOn(const TickRecord& last) noexcept {
       if (last.state == ExecutorState::kHolding)
         return Go(Phase::kMove, OperatorCommand::kMoveToStart);
       if (last.state != ExecutorState::kDisarmed) return OperatorCommand::kNone;
+      if (OperatorCommand clear = OperatorCommand::kNone; !Clear(last, clear)) return clear;
       if (refused != Refusal::kNone &&
           (refused != Refusal::kNoReply || ticks_ > config_.reply_ticks_max)) {
         refusal_ = last.refusal;

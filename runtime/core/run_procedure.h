@@ -21,6 +21,9 @@ struct RunProcedureConfig {
   std::int64_t fault_ticks = 1000;
   /// How long the drives are told torque off at the end, in case a frame is lost.
   std::int64_t disarmed_ticks = 10;
+  /// How long the drives get to forget latched errors, as soon as all were heard; 0: they are not
+  /// told to.
+  std::int64_t clear_ticks = 0;
   /// Whether somebody attends. Then each run waits, disarmed, for RequestStart, and there may be
   /// many until RequestQuit. Otherwise there is one run, which starts by itself.
   bool attended = false;
@@ -103,6 +106,9 @@ class RunProcedure {
     kDone
   };
 
+  /// Tells the drives to forget their errors. @returns whether there is nothing more to do for
+  /// that.
+  bool Clear(const TickRecord& last, OperatorCommand& command) noexcept;
   /// The next command of a run that nothing interrupts.
   OperatorCommand GoOn(const TickRecord& last) noexcept;
   /// Holds the robot until somebody asks for torque off.
@@ -126,7 +132,8 @@ class RunProcedure {
   bool disarm_ = false;
   bool stands_ = true;    // whether the robot stands without torque, as far as is known
   bool lowered_ = false;  // whether the robot was lowered in this run
-  bool homed_ = false;    // whether the way home was tried in this run
+  std::int64_t clearing_ticks_ = 0;
+  bool homed_ = false;  // whether the way home was tried in this run
   RunOutcome outcome_ = RunOutcome::kPending;
   RefusalDetail refusal_;
 };

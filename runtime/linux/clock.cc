@@ -12,6 +12,12 @@ std::int64_t MonotonicClock::now_ns() const noexcept {
   return static_cast<std::int64_t>(now.tv_sec) * 1'000'000'000 + now.tv_nsec;
 }
 
+std::int64_t MonotonicClock::suspended_ns() const noexcept {
+  timespec boot{};
+  clock_gettime(CLOCK_BOOTTIME, &boot);
+  return static_cast<std::int64_t>(boot.tv_sec) * 1'000'000'000 + boot.tv_nsec - now_ns();
+}
+
 void MonotonicClock::SleepUntil(std::int64_t time_ns) noexcept {
   timespec until{};
   until.tv_sec = static_cast<time_t>(time_ns / 1'000'000'000);

@@ -15,6 +15,8 @@ class Clock {
   virtual ~Clock() = default;
 
   [[nodiscard]] virtual std::int64_t now_ns() const noexcept = 0;
+  /// For how long altogether this clock has stood still, because the computer was suspended.
+  [[nodiscard]] virtual std::int64_t suspended_ns() const noexcept { return 0; }
   /// Returns at or after this time, at once if it has passed.
   virtual void SleepUntil(std::int64_t time_ns) noexcept = 0;
 };
@@ -23,6 +25,8 @@ class Clock {
 class MonotonicClock final : public Clock {
  public:
   [[nodiscard]] std::int64_t now_ns() const noexcept override;
+  /// By CLOCK_BOOTTIME, which goes on; accurate to the time between two readings.
+  [[nodiscard]] std::int64_t suspended_ns() const noexcept override;
   void SleepUntil(std::int64_t time_ns) noexcept override;
 };
 

@@ -1,5 +1,6 @@
 #include "runtime/linux/realtime_thread.h"
 
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <sched.h>
 #include <sys/mman.h>
@@ -103,6 +104,18 @@ RealtimeGrant EnterRealtime(const RealtimeConfig& config) {
       config.cpu >= 0 && pinned == 0 ? fmt::format(", processor {}", config.cpu) : "");
   TouchStack();
   return grant;
+}
+
+CpuAwake::CpuAwake(const char* device) : descriptor_(open(device, O_WRONLY | O_CLOEXEC)) {
+  constexpr std::int32_t kLatency_us = 0;
+  if (descriptor_ < 0 || write(descriptor_, &kLatency_us, sizeof kLatency_us) == sizeof kLatency_us)
+    return;
+  close(descriptor_);
+  descriptor_ = -1;
+}
+
+CpuAwake::~CpuAwake() {
+  if (descriptor_ >= 0) close(descriptor_);
 }
 
 RealtimeGrant TryRealtime(const RealtimeConfig& config) {

@@ -44,4 +44,20 @@ RealtimeGrant EnterRealtime(const RealtimeConfig& config = {});
 /// What EnterRealtime would be granted, found out on a thread of its own. The memory stays locked.
 RealtimeGrant TryRealtime(const RealtimeConfig& config = {});
 
+/// While it lives, keeps the processors out of sleep states that take long to leave: it holds
+/// /dev/cpu_dma_latency at 0 us (kernel Documentation/power/pm_qos_interface.rst). Without the
+/// permission to open that it does nothing.
+class CpuAwake {
+ public:
+  explicit CpuAwake(const char* device = "/dev/cpu_dma_latency");
+  ~CpuAwake();
+  CpuAwake(const CpuAwake&) = delete;
+  CpuAwake& operator=(const CpuAwake&) = delete;
+
+  [[nodiscard]] bool held() const noexcept { return descriptor_ >= 0; }
+
+ private:
+  int descriptor_ = -1;
+};
+
 }  // namespace tumbler

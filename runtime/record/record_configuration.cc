@@ -24,13 +24,14 @@ constexpr const char* kLowerTicks = "lower_ticks";
 constexpr const char* kEndHoldTicks = "end_hold_ticks";
 constexpr const char* kSafeNodes = "safe_nodes";
 constexpr const char* kGoHome = "go_home";
+constexpr const char* kClearTicks = "clear_ticks";
 
 // A member that is added to these types has to be added to Visit below, or a replay would lack it.
 static_assert(sizeof(JointConfig) == 16);
 static_assert(sizeof(CollapseConfig) == 8 + kMaxJoints * sizeof(float));
 static_assert(sizeof(ExecutorConfig) ==
               44 + kMaxJoints * sizeof(JointConfig) + sizeof(FaultTable) + sizeof(CollapseConfig));
-static_assert(sizeof(RunProcedureConfig) == 80);
+static_assert(sizeof(RunProcedureConfig) == 88);
 
 /// Calls `visit(key, value)` for every number of a configuration.
 template <typename Config, typename Visit>
@@ -70,6 +71,7 @@ void VisitNumbers(Config& config, const Visit& visit) {
   visit(kEndHoldTicks, config.end_hold_ticks);
   visit(kSafeNodes, config.safe_nodes);
   visit(kGoHome, config.go_home);
+  visit(kClearTicks, config.clear_ticks);
   visit("disarmed_ticks", config.disarmed_ticks);
   visit("attended", config.attended);
 }
@@ -130,7 +132,7 @@ void TakeNumbers(const Json& json, Config& config) {
   VisitNumbers(config, [&json](const char* key, auto& value) {
     const std::string_view name = key;
     const bool added = name == kStartWay || name == kLowerTicks || name == kEndHoldTicks ||
-                       name == kSafeNodes || name == kGoHome;
+                       name == kSafeNodes || name == kGoHome || name == kClearTicks;
     if (!added || json.Find(key) != nullptr) Take(json, key, value);
   });
 }

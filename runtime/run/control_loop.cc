@@ -29,7 +29,10 @@ bool IsDirect(OperatorRequest request) noexcept {
 }  // namespace
 
 ControlLoop::ControlLoop(const Parts& parts, std::int64_t period_ns, std::int64_t start_ns) noexcept
-    : parts_(parts), period_ns_(period_ns), start_ns_(start_ns) {}
+    : parts_(parts),
+      period_ns_(period_ns),
+      start_ns_(start_ns),
+      suspended_ns_(parts.clock.suspended_ns()) {}
 
 bool ControlLoop::Step() noexcept {
   const std::int64_t deadline_ns = start_ns_ + next_tick_ * period_ns_;
@@ -40,7 +43,14 @@ bool ControlLoop::Step() noexcept {
 bool ControlLoop::Tick(std::int64_t deadline_ns,
                        std::int64_t awake_ns) noexcept TUMBLER_NONBLOCKING {
   const std::int64_t late_ns = awake_ns - deadline_ns;
-  const std::int64_t missed = std::max<std::int64_t>(late_ns / period_ns_, 0);
+  // While the computer was suspended, the clock stood still and the drives went on.
+  const std::int64_t suspended_ns = parts_.clock.suspended_ns() - suspended_ns_;
+  const std::int64_t slept = std::max<std::int64_t>(suspended_ns / period_ns_, 0);
+  if (slept > 0) {
+    suspended_ns_ += suspended_ns;
+    start_ns_ -= slept * period_ns_;
+  }
+  const std::int64_t missed = std::max<std::int64_t>(late_ns / period_ns_, 0) + slept;
   const std::int64_t tick = next_tick_ + missed;
   next_tick_ = tick + 1;
   statistics_.missed_ticks += missed;

@@ -41,8 +41,9 @@ struct LoopStatistics {
 /// tick * period.
 ///
 /// When the loop wakes a whole period or more after the deadline, it skips the missed tick numbers,
-/// and the executor decides what that means (`ExecutorConfig::late_ticks_max`). Step does not
-/// allocate, lock, or block except in the clock's sleep.
+/// and the executor decides what that means (`ExecutorConfig::late_ticks_max`). The periods for
+/// which the computer was suspended count as missed. Step does not allocate, lock, or block except
+/// in the clock's sleep.
 class ControlLoop {
  public:
   struct Parts {
@@ -80,6 +81,7 @@ class ControlLoop {
   Parts parts_;
   std::int64_t period_ns_;
   std::int64_t start_ns_;
+  std::int64_t suspended_ns_;  // of the clock when last seen
   std::int64_t next_tick_ = 0;
   Status receive_status_ = Status::kOk;
   Status send_status_ = Status::kOk;

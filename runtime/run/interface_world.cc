@@ -39,6 +39,12 @@ class RealWorld final : public World {
     if (!problem.empty()) throw Refused(problem);
     SocketCanBus probe;
     OpenInterface(probe, name, drives, {});
+    if (probe.link().listen_only) {
+      throw Refused(fmt::format(
+          "{0} only listens, so that nothing that is sent leaves it: ip link set {0} down; ip link "
+          "set {0} type can listen-only off; ip link set {0} up",
+          name.interface));
+    }
     if (name.pace != 1 && probe.link().bit_rate != 0) {
       throw Refused(fmt::format("{} is a real bus, and real robots know one pace: leave out --pace",
                                 name.interface));

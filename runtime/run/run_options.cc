@@ -73,6 +73,9 @@ void DeclareMachine(CommandLine& line, RunOptions& options, std::string& schedul
   line.Option("--latency-test", options.latency_test_s,
               "measure for so long how late this machine wakes a loop [s]; no BUS, no MOTION")
       .Within(0.01, 1e6);
+  line.Option("--doctor", options.doctor,
+              "say what this machine and this SocketCAN interface lack for driving motors; sends "
+              "nothing; no BUS, no MOTION");
   line.Option("--rate-hz", options.rate_hz, "of --latency-test; a run's rate is its drives'")
       .Within(1.0, 1e5)
       .ShowDefault();
@@ -91,6 +94,10 @@ void DeclareRun(CommandLine& line, RunOptions& options, std::string& end) {
               "robot in a second of the clock")
       .Within(0.05, 1.0)
       .ShowDefault();
+  line.Flag(
+      "--clear", options.clear,
+      "before arming tell the drives to forget latched errors, as after a crash of the program "
+      "or an emergency stop");
   line.Option(
           "--end", end,
           "what is done at the end with a robot that would drop without torque: safe (the way "
@@ -142,10 +149,10 @@ void CheckTogether(const RunOptions& options) {
     if (!std::isfinite(value))
       throw std::runtime_error(fmt::format("{}: is {}, which is not a number to use", name, value));
   }
-  const bool test = options.latency_test_s > 0;
+  const bool test = options.latency_test_s > 0 || !options.doctor.empty();
   if (test && !options.bus.empty()) {
     throw std::runtime_error(
-        "--latency-test has no bus and plays no motion: leave BUS and MOTION out");
+        "--latency-test and --doctor play no motion: leave BUS and MOTION out");
   }
   if (!test && (options.bus.empty() || options.motion.empty()))
     throw std::runtime_error("BUS and MOTION are needed (see --help)");

@@ -22,6 +22,8 @@ struct RunOptions {
   bool without_realtime = false;
   bool without_watchdog = false;
   bool lower = false;
+  bool clear = false;
+  std::string doctor;         ///< The interface to examine; empty: none.
   std::optional<RunEnd> end;  ///< In place of that of the motion's file.
   double start_within_rad = 1;
   RealtimeConfig scheduling;

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
@@ -23,6 +24,7 @@
 #include "runtime/assembly/run_checks.h"
 #include "runtime/assembly/run_settings.h"
 #include "runtime/linux/clock.h"
+#include "runtime/linux/doctor.h"
 #include "runtime/linux/interrupts.h"
 #include "runtime/linux/realtime_thread.h"
 #include "runtime/record/record_configuration.h"
@@ -46,6 +48,16 @@ void WriteFile(const std::string& text, const std::string& path) {
   std::ofstream stream(path);
   stream << text << std::flush;
   if (!stream) throw std::runtime_error(fmt::format("{}: cannot be written", path));
+}
+
+/// Says what machine and interface lack.
+ExitStatus Examine(const RunOptions& options) {
+  const std::vector<Finding> findings = Diagnose(GatherHostFacts(options.doctor));
+  fmt::print("{}", Describe(findings));
+  const bool missing = std::any_of(findings.begin(), findings.end(), [](const Finding& finding) {
+    return finding.level == Finding::Level::kMissing;
+  });
+  return missing ? ExitStatus::kRefused : ExitStatus::kDone;
 }
 
 /// Measures how late this machine wakes a loop that does nothing else.
@@ -125,6 +137,7 @@ RunSettings SettingsOf(const RunOptions& options, const SequenceGraph<float>& gr
   settings.hold_s = options.hold_s;
   settings.attended = options.attended;
   settings.end = options.end;
+  settings.clear = options.clear;
   settings.operated = !options.virtual_time();
   settings.start_within_rad = options.start_within_rad;
   return settings;
@@ -322,7 +335,10 @@ ExitStatus Run(RunOptions options, const Simulation* simulation) {
   Play play(assembly, *world, {&telemetry, recorder.get()});
   CatchInterrupts();
   RunSummary summary = BeginSummary(options, parts, description);
+  std::optional<CpuAwake> awake;
+  if (options.realtime) awake.emplace();
   summary.realtime = Schedule(options, period_ns, EnterRealtime);
+  if (awake && awake->held()) summary.realtime->scheduling += ", processors kept awake";
   telemetry.SetScheduling(summary.realtime ? summary.realtime->scheduling : "time-shared");
   play.Run(procedure_config, period_ns, [&commands](const ControlLoop& loop) {
     if (commands) commands->NoteTick(loop.statistics().ticks - 1);
@@ -344,6 +360,7 @@ ExitStatus Run(RunOptions options, const Simulation* simulation) {
 
 ExitStatus PlayMotion(int argc, char** argv, const Simulation* simulation) {
   const RunOptions options = ReadRunOptions(argc, argv);
+  if (!options.doctor.empty()) return Examine(options);
   return options.latency_test_s > 0 ? TestLatency(options) : Run(options, simulation);
 }
 

@@ -260,10 +260,11 @@ std::string ToText(const RunSummary& summary) {
     const SocketCanStatistics& i = summary.interface->statistics;
     text += fmt::format(
         "\n  interface: {} frames confirmed, the slowest after {:.0f} us, {} discarded, {} stalls; "
-        "{} received frames lost, {} commands of others; {}, {} error frames, {} unacknowledged, "
+        "{} received frames lost, {} overflows of the controller, {} commands of others; {}, {} "
+        "error frames, {} unacknowledged, "
         "{} times bus-off",
         i.confirmed, Microseconds(i.confirm_time_max_ns), i.discarded, i.stalls, i.dropped,
-        i.foreign_commands, ToString(summary.interface->controller), i.error_frames,
+        i.overflows, i.foreign_commands, ToString(summary.interface->controller), i.error_frames,
         i.unacknowledged, i.bus_offs);
     if (summary.interface->in_flight > 0) {
       text += fmt::format(
@@ -355,6 +356,7 @@ std::string ToJson(const RunSummary& summary) {
                          {"frames_in_flight", summary.interface->in_flight},
                          {"stalls", i.stalls},
                          {"received_frames_lost", i.dropped},
+                         {"controller_overflows", i.overflows},
                          {"commands_of_others", i.foreign_commands},
                          {"controller_state", ToString(summary.interface->controller)},
                          {"error_frames", i.error_frames},

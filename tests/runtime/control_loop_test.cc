@@ -189,6 +189,38 @@ class LateClock final : public Clock {
   int sleeps_ = 0;
 };
 
+/// A clock of a computer that is suspended once.
+class SuspendedClock final : public Clock {
+ public:
+  explicit SuspendedClock(VirtualClock& clock) : clock_(clock) {}
+  [[nodiscard]] std::int64_t now_ns() const noexcept override { return clock_.now_ns(); }
+  [[nodiscard]] std::int64_t suspended_ns() const noexcept override { return slept_ns; }
+  void SleepUntil(std::int64_t time_ns) noexcept override { clock_.SleepUntil(time_ns); }
+  std::int64_t slept_ns = 7'000'000'000;  // before the loop began
+
+ private:
+  VirtualClock& clock_;
+};
+
+TEST(ControlLoop, NoticesThatTheComputerWasSuspended) {
+  LoopBench bench({});
+  SuspendedClock clock(bench.clock);
+  ControlLoop loop({bench.executor, bench.host, clock, *bench.procedure, bench.mailbox, nullptr},
+                   1'000'000, 0);
+  while (loop.record().state != ExecutorState::kRunning) ASSERT_TRUE(loop.Step());
+  ASSERT_TRUE(loop.Step());
+  EXPECT_EQ(loop.record().faults, 0);
+  EXPECT_EQ(loop.statistics().missed_ticks, 0);
+  const std::int64_t tick = loop.record().tick;
+  clock.slept_ns += 4'500'000'000;
+  ASSERT_TRUE(loop.Step());
+  EXPECT_EQ(loop.record().first_fault.fault, Fault::kLateTick);
+  EXPECT_EQ(loop.record().tick - tick, 4501);
+  EXPECT_EQ(loop.statistics().missed_ticks, 4500);
+  ASSERT_TRUE(loop.Step());
+  EXPECT_EQ(loop.record().tick - tick, 4502) << "it is counted once";
+}
+
 TEST(ControlLoop, CountsLateAndMissedTicksAndKeepsToTheSchedule) {
   for (const std::int64_t late_ns : {600'000, 1'700'000, 4'200'000}) {
     LoopBench bench({});

@@ -14,6 +14,8 @@
 #include <string>
 
 #include "common/sequence_toml.h"
+#include "firmware_interface/drives/drives_toml.h"
+#include "runtime/assembly/run_settings.h"
 #include "runtime/telemetry/sentences.h"
 #include "tests/support/allocation_guard.h"
 #include "tests/support/fault_bench.h"
@@ -334,7 +336,9 @@ TEST_P(GaitSoak, BreaksNoRuleAllocatesNothingAndIsTheSameEachTime) {
 TEST_P(GaitSoak, BearsRepliesThatAnAdapterBringsLateOrInBunchesOrNotAtAll) {
   FaultBench::Config config = GaitConfig(testing::SourcePath(GetParam().drives));
   config.executor.cycles = 10;
-  config.executor.stale_ticks_max = 10;  // A gap may meet with a reply that is lost.
+  // A gap may meet with a reply that is lost. The default of programs bears that.
+  config.executor.stale_ticks_max =
+      ExecutorConfigOf({}, LoadDrives(testing::SourcePath(GetParam().drives))).stale_ticks_max;
   FaultBench bench(std::move(config));
   ASSERT_EQ(bench.configured, Status::kOk);
   BusFault late;

@@ -151,6 +151,24 @@ TEST_F(RunSequenceTest, TakesTheTorqueOffAtOnceWhereTheRobotStandsWithoutIt) {
   EXPECT_LE(Ticks(ExecutorState::kHolding), 120);
 }
 
+TEST_F(RunSequenceTest, DrivesThatHaveLatchedAnErrorAreClearedOnRequest) {
+  for (const bool clear : {false, true}) {
+    RunProcedureConfig config = Short();
+    if (clear) config.clear_ticks = 15;
+    rig.drives[1]->reply.error = 0;
+    SetUpAnew(config);
+    rig.drives[1]->reply.error = 0x20;
+    int cleared_for = 0;
+    Play([&] {
+      cleared_for +=
+          rig.drives[1]->request == DriveRequest::kClearErrors || cleared_for > 0 ? 1 : 0;
+      if (cleared_for == 10) rig.drives[1]->reply.error = 0;  // It takes its time.
+    });
+    EXPECT_EQ(procedure.outcome(), clear ? RunOutcome::kCompleted : RunOutcome::kRefused);
+    EXPECT_EQ(procedure.refusal().refusal, clear ? Refusal::kNone : Refusal::kDriveError);
+  }
+}
+
 TEST_F(RunSequenceTest, AsksForNothingThatIsRefusedInAHealthyRun) {
   Play([this] { EXPECT_EQ(rig.output.record.refusal.refusal, Refusal::kNone); });
   EXPECT_EQ(procedure.outcome(), RunOutcome::kCompleted);

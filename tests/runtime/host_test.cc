@@ -1,0 +1,183 @@
+// What a computer needs for driving motors: tumbler-run --doctor, scripts/host-setup, and the hold
+// on /dev/cpu_dma_latency.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <functional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "runtime/linux/doctor.h"
+#include "runtime/linux/realtime_thread.h"
+#include "tests/support/files.h"
+#include "tests/support/program.h"
+
+namespace tumbler {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::Not;
+using testing::Outcome;
+using testing::ReadFile;
+
+HostFacts GoodHost() {
+  HostFacts facts;
+  facts.interface = "can0";
+  facts.can_in_kernel = true;
+  CanLink link;
+  link.is_can = link.up = link.confirms_on_the_wire = link.has_queue = true;
+  link.reports_bus_errors = true;
+  link.queue_frames_max = 10;
+  link.bit_rate = 1'000'000;
+  facts.link = link;
+  facts.may_restart_link = facts.may_keep_awake = true;
+  facts.kernel = "PREEMPT_RT";
+  facts.priority_max = 90;
+  facts.locked_bytes_max = -1;
+  facts.governor = "performance";
+  facts.isolated = "3";
+  facts.processors = 4;
+  return facts;
+}
+
+TEST(Doctor, FindsNothingAmissWithAGoodHost) {
+  const std::vector<Finding> findings = Diagnose(GoodHost());
+  EXPECT_GE(findings.size(), 15U);
+  for (const Finding& finding : findings) {
+    EXPECT_EQ(finding.level, Finding::Level::kGood) << finding.what << ": " << finding.state;
+    EXPECT_TRUE(finding.remedy.empty());
+  }
+  EXPECT_THAT(Describe(findings), HasSubstr("0 missing, 0 to improve"));
+}
+
+TEST(Doctor, NamesEachThingThatIsAmissWithWhatToDo) {
+  using Level = Finding::Level;
+  struct Case {
+    const char* what;
+    Level level;
+    const char* remedy;
+    std::function<void(HostFacts&)> spoil;
+  };
+  const std::vector<Case> cases = {
+      {"CAN in the kernel", Level::kMissing, "modprobe can",
+       [](HostFacts& f) { f.can_in_kernel = false; }},
+      {"interface", Level::kMissing, "ip link",
+       [](HostFacts& f) {
+         f.link.reset();
+         f.link_problem = "can0: No such device";
+       }},
+      {"interface", Level::kMissing, "type can", [](HostFacts& f) { f.link->is_can = false; }},
+      {"bit rate", Level::kAdvice, "bitrate 1000000", [](HostFacts& f) { f.link->bit_rate = 0; }},
+      {"state", Level::kMissing, "ip link set can0 up", [](HostFacts& f) { f.link->up = false; }},
+      {"listen-only", Level::kMissing, "listen-only off",
+       [](HostFacts& f) { f.link->listen_only = true; }},
+      {"transmit queue", Level::kMissing, "txqueuelen 10",
+       [](HostFacts& f) { f.link->queue_frames_max = 1000; }},
+      {"waiting frames", Level::kAdvice, "nobody acknowledges",
+       [](HostFacts& f) { f.link->waiting_frames = 7; }},
+      {"bus errors", Level::kAdvice, "berr-reporting on",
+       [](HostFacts& f) { f.link->reports_bus_errors = false; }},
+      {"restart after bus-off", Level::kAdvice, "restart-ms 0",
+       [](HostFacts& f) { f.link->restart_ms = 100; }},
+      {"confirmation", Level::kAdvice, "gs_usb",
+       [](HostFacts& f) { f.link->confirms_on_the_wire = false; }},
+      {"discarding stale frames", Level::kAdvice, "CAP_NET_ADMIN",
+       [](HostFacts& f) { f.may_restart_link = false; }},
+      {"SCHED_FIFO", Level::kMissing, "rtprio", [](HostFacts& f) { f.priority_max = 0; }},
+      {"SCHED_FIFO", Level::kMissing, "rtprio", [](HostFacts& f) { f.priority_max = 79; }},
+      {"locked memory", Level::kMissing, "memlock unlimited",
+       [](HostFacts& f) { f.locked_bytes_max = 8 << 20; }},
+      {"preemption", Level::kAdvice, "PREEMPT_RT", [](HostFacts& f) { f.kernel = "PREEMPT"; }},
+      {"processor sleep", Level::kAdvice, "cpu_dma_latency",
+       [](HostFacts& f) { f.may_keep_awake = false; }},
+      {"governor", Level::kAdvice, "performance", [](HostFacts& f) { f.governor = "powersave"; }},
+      {"isolated processors", Level::kAdvice, "isolcpus=3",
+       [](HostFacts& f) { f.isolated.clear(); }},
+  };
+  for (const Case& c : cases) {
+    SCOPED_TRACE(c.what);
+    HostFacts facts = GoodHost();
+    c.spoil(facts);
+    std::vector<Finding> amiss;
+    for (Finding& finding : Diagnose(facts)) {
+      if (finding.level != Level::kGood) amiss.push_back(std::move(finding));
+    }
+    ASSERT_EQ(amiss.size(), 1U) << Describe(Diagnose(facts));
+    EXPECT_EQ(amiss[0].what, c.what);
+    EXPECT_EQ(amiss[0].level, c.level);
+    EXPECT_THAT(amiss[0].remedy, HasSubstr(c.remedy));
+  }
+}
+
+TEST(Doctor, ExaminesAnInterfaceThatIsNotThereAndAsksForNeitherBusNorMotion) {
+  const Outcome run = testing::RunProgram({"tumbler-run", "--doctor", "nocan7"});
+  EXPECT_EQ(run.exit_code, 2) << run.text;
+  EXPECT_THAT(run.text, HasSubstr("MISSING  interface: nocan7: No such device"));
+  EXPECT_THAT(run.text, HasSubstr("preemption: "));
+  EXPECT_EQ(testing::RunProgram({"tumbler-run", "--doctor", "can0", "sim"}).exit_code, 1);
+}
+
+TEST(CpuAwake, HoldsTheLatencyAtZeroWhereItMay) {
+  const testing::TemporaryFolder folder;
+  const std::string device = folder / "cpu_dma_latency";
+  testing::WriteFile(device, "");
+  {
+    const CpuAwake awake(device.c_str());
+    EXPECT_TRUE(awake.held());
+    EXPECT_EQ(ReadFile(device), std::string(4, '\0'));
+  }
+  EXPECT_FALSE(CpuAwake((folder / "not there").c_str()).held());
+}
+
+class HostSetUp : public ::testing::Test {
+ protected:
+  [[nodiscard]] Outcome Run(const std::string& options) const {
+    return testing::RunInShell(testing::SourcePath("scripts/host-setup") + " --user anna " + options);
+  }
+  [[nodiscard]] std::string Root() const { return folder_ / "root"; }
+  [[nodiscard]] std::string Written(const std::string& file) const {
+    return ReadFile(Root() + file);
+  }
+  testing::TemporaryFolder folder_;
+};
+
+TEST_F(HostSetUp, SaysWhatItWouldWriteAndWritesNothing) {
+  const Outcome run = Run("--dry-run --root " + Root());
+  EXPECT_EQ(run.exit_code, 0) << run.text;
+  for (const char* part :
+       {"limits.d/90-tumbler.conf", "anna - rtprio 90", "anna - memlock unlimited",
+        "rules.d/90-tumbler.rules", "cpu_dma_latency", "tumbler-can0.service",
+        "type can bitrate 1000000 restart-ms 0", "txqueuelen 10", "would run: systemctl"}) {
+    EXPECT_THAT(run.text, HasSubstr(part));
+  }
+  EXPECT_FALSE(std::filesystem::exists(Root()));
+}
+
+TEST_F(HostSetUp, WritesOnceAndThenOnlyWhatChanges) {
+  EXPECT_THAT(Run("--root " + Root()).text, HasSubstr("3 changes"));
+  EXPECT_EQ(Written("/etc/udev/rules.d/90-tumbler.rules"),
+            "# tumbler-run keeps the processors awake while it drives motors.\n"
+            "KERNEL==\"cpu_dma_latency\", OWNER=\"anna\", MODE=\"0600\"\n");
+  EXPECT_THAT(Written("/etc/security/limits.d/90-tumbler.conf"), HasSubstr("anna - rtprio 90\n"));
+  EXPECT_THAT(Run("--root " + Root()).text, HasSubstr("0 changes"));
+  EXPECT_THAT(Run("--bit-rate 500000 --root " + Root()).text, HasSubstr("1 changes"));
+  EXPECT_THAT(Written("/etc/systemd/system/tumbler-can0.service"), HasSubstr("bitrate 500000"));
+}
+
+TEST_F(HostSetUp, RefusesWhatCannotBe) {
+  for (const char* options : {"--bit-rate 5", "--interface 'a b'", "--program /no/such/program",
+                              "--user 'x y'", "--frobnicate", "--root"}) {
+    const Outcome run =
+        Run(std::string(options) + (std::string(options) == "--root" ? "" : " --dry-run"));
+    EXPECT_EQ(run.exit_code, 1) << options << run.text;
+    EXPECT_THAT(run.text, Not(HasSubstr("would write")));
+  }
+}
+
+}  // namespace
+}  // namespace tumbler
