@@ -115,6 +115,7 @@ class Executor {
   // Commands: executor_commands.cc.
   void Obey(const TickInput& input) noexcept;
   [[nodiscard]] RefusalDetail CheckArm() const noexcept;
+  [[nodiscard]] RefusalDetail CheckKnown(int joint) const noexcept;
   [[nodiscard]] RefusalDetail CheckMove() const noexcept;
   [[nodiscard]] RefusalDetail CheckRun() const noexcept;
   [[nodiscard]] RefusalDetail CheckGoHome() const noexcept;

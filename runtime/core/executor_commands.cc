@@ -119,6 +119,7 @@ RefusalDetail Executor::CheckArm() const noexcept {
     if (joint.measured.has_temperature && !(joint.measured.temperature_c <= temperature_max_c)) {
       return {joint.measured.temperature_c, temperature_max_c, Refusal::kTooHot, name};
     }
+    if (const RefusalDetail moved = CheckKnown(i); moved.refusal != Refusal::kNone) return moved;
     if (!joint.IsMeasuredFinite() ||
         !InRange(position, joint.limits.position_min_rad, joint.limits.position_max_rad)) {
       const bool below = position < joint.limits.position_min_rad;
@@ -133,6 +134,23 @@ RefusalDetail Executor::CheckArm() const noexcept {
       return {way, config_.start_way_max_rad, Refusal::kFarFromStart, name};
   }
   return {};
+}
+
+RefusalDetail Executor::CheckKnown(int joint) const noexcept {
+  const auto index = static_cast<std::size_t>(joint);
+  const KnownPosition& last = config_.last_known[index];
+  const Joint& now = joints_[index];
+  // Once this executor has moved the joint, it knows better.
+  if (!last.known || now.was_left || !IsFinite(now.measured.position_rad)) return {};
+  const float off = now.measured.position_rad - last.position_rad;
+  if (Magnitude(off) <= config_.moved_max_rad) return {};
+  constexpr float kShareOfTurn = 0.1F;  // as near to whole turns as this tells turns from a move
+  const float turns = off / last.turn_rad;
+  const auto whole = static_cast<float>(
+      static_cast<std::int32_t>(ClampOrLow(turns, -1e6F, 1e6F) + (turns < 0 ? -0.5F : 0.5F)));
+  const bool lost = whole != 0 && Magnitude(turns - whole) <= kShareOfTurn;
+  return {off, config_.moved_max_rad, lost ? Refusal::kTurnsLost : Refusal::kMoved,
+          static_cast<std::int8_t>(joint)};
 }
 
 const JointMotion<float>& Executor::FirstMotion(int joint) const noexcept {

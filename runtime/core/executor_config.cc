@@ -11,7 +11,7 @@ bool IsValid(const ExecutorConfig& config, int joint_count) noexcept {
   if (!(InRange(config.period_s, 1e-5F, 1.0F) && InRange(config.speed, 0.1F, 1.0F) &&
         InRange(config.move_fraction, 0.001F, 1.0F) && InRange(config.torque_rise_s, 1e-6F, 1e3F) &&
         config.stale_ticks_max >= 1 && config.sequence_errors_max >= 1 &&
-        config.late_ticks_max >= 0 && config.start_way_max_rad >= 0 &&
+        config.late_ticks_max >= 0 && config.start_way_max_rad >= 0 && config.moved_max_rad >= 0 &&
         config.arming_ticks_max >= 1)) {
     return false;
   }
@@ -21,6 +21,8 @@ bool IsValid(const ExecutorConfig& config, int joint_count) noexcept {
   }
   for (int i = 0; i < joint_count; ++i) {
     const JointConfig& joint = config.joints[static_cast<std::size_t>(i)];
+    const KnownPosition& known = config.last_known[static_cast<std::size_t>(i)];
+    if (known.known && !(IsFinite(known.position_rad) && IsPositive(known.turn_rad))) return false;
     if (!(InRange(joint.kp_nm_per_rad, 0, 1e6F) && InRange(joint.kd_nm_s_per_rad, 0, 1e6F) &&
           InRange(joint.damping_nm_s_per_rad, 0, 1e6F) && IsFinite(joint.temperature_max_c))) {
       return false;

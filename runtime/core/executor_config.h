@@ -34,6 +34,15 @@ struct CollapseConfig {
   float stiffness = 0.3F;
 };
 
+/// Where a joint was when it was last known, such as at the end of the run before.
+struct KnownPosition {
+  bool known = false;
+  float position_rad = 0;
+  /// > 0: how far the joint turns while the drive's shaft turns once. A drive that has lost its
+  /// count of turns is off by a multiple of this.
+  float turn_rad = 6.2831853F;
+};
+
 /// The executor's settings. Everything about the motion itself comes with the primitive.
 struct ExecutorConfig {
   /// Of the control tick.
@@ -63,6 +72,10 @@ struct ExecutorConfig {
   /// and from where the run before has left it. It may be that another joint moves than the one
   /// that is meant.
   float start_way_max_rad = 1e9F;
+  /// Arming is refused when a joint that this executor has not moved yet is farther than this from
+  /// where it was last known: it was moved by hand, or its zero has changed.
+  float moved_max_rad = 1e9F;
+  std::array<KnownPosition, kMaxJoints> last_known;
   /// Of a sequence: play this many cycles, and then take this branch (a number of
   /// `SequenceGraph::FindBranch`; -1: none). With 0 cycles the branch is taken at the first chance;
   /// without a branch, the sequence then goes on until a stop.

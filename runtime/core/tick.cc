@@ -60,6 +60,11 @@ const char* ToString(Refusal refusal) noexcept {
       return "a drive does not reply";
     case Refusal::kNoHeartbeat:
       return "a drive's heartbeat has stopped";
+    case Refusal::kTurnsLost:
+      return "a joint is whole turns of its drive away from where it was last known: the drive has "
+             "lost its zero";
+    case Refusal::kMoved:
+      return "a joint is far from where it was last known";
     case Refusal::kFarFromStart:
       return "a joint is far from the motion's start: is it the right joint, with the right zero? "
              "(tumbler-run --start-within)";

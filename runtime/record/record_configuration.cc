@@ -20,6 +20,8 @@ namespace {
 constexpr const char* kFormat = "tumbler-record";
 /// Numbers that runs did not have before they were added.
 constexpr const char* kStartWay = "start_way_max_rad";
+constexpr const char* kMovedMax = "moved_max_rad";
+constexpr const char* kLastKnown = "last_known";
 constexpr const char* kLowerTicks = "lower_ticks";
 constexpr const char* kEndHoldTicks = "end_hold_ticks";
 constexpr const char* kSafeNodes = "safe_nodes";
@@ -28,9 +30,11 @@ constexpr const char* kClearTicks = "clear_ticks";
 
 // A member that is added to these types has to be added to Visit below, or a replay would lack it.
 static_assert(sizeof(JointConfig) == 16);
+static_assert(sizeof(KnownPosition) == 12);
 static_assert(sizeof(CollapseConfig) == 8 + kMaxJoints * sizeof(float));
 static_assert(sizeof(ExecutorConfig) ==
-              44 + kMaxJoints * sizeof(JointConfig) + sizeof(FaultTable) + sizeof(CollapseConfig));
+              48 + kMaxJoints * (sizeof(KnownPosition) + sizeof(JointConfig)) + sizeof(FaultTable) +
+                  sizeof(CollapseConfig));
 static_assert(sizeof(RunProcedureConfig) == 88);
 
 /// Calls `visit(key, value)` for every number of a configuration.
@@ -41,6 +45,14 @@ void VisitNumbers(Config& config, const Visit& visit) {
   visit("kd_nm_s_per_rad", config.kd_nm_s_per_rad);
   visit("damping_nm_s_per_rad", config.damping_nm_s_per_rad);
   visit("temperature_max_c", config.temperature_max_c);
+}
+
+template <typename Config, typename Visit>
+requires std::is_same_v<std::remove_const_t<Config>, KnownPosition>
+void VisitNumbers(Config& config, const Visit& visit) {
+  visit("known", config.known);
+  visit("position_rad", config.position_rad);
+  visit("turn_rad", config.turn_rad);
 }
 
 template <typename Config, typename Visit>
@@ -55,6 +67,7 @@ void VisitNumbers(Config& config, const Visit& visit) {
   visit("late_ticks_max", config.late_ticks_max);
   visit("arming_ticks_max", config.arming_ticks_max);
   visit(kStartWay, config.start_way_max_rad);
+  visit(kMovedMax, config.moved_max_rad);
   visit("cycles", config.cycles);
   visit("branch", config.branch);
 }
@@ -131,8 +144,9 @@ template <typename Config>
 void TakeNumbers(const Json& json, Config& config) {
   VisitNumbers(config, [&json](const char* key, auto& value) {
     const std::string_view name = key;
-    const bool added = name == kStartWay || name == kLowerTicks || name == kEndHoldTicks ||
-                       name == kSafeNodes || name == kGoHome || name == kClearTicks;
+    const bool added = name == kStartWay || name == kMovedMax || name == kLowerTicks ||
+                       name == kEndHoldTicks || name == kSafeNodes || name == kGoHome ||
+                       name == kClearTicks;
     if (!added || json.Find(key) != nullptr) Take(json, key, value);
   });
 }
@@ -206,6 +220,9 @@ RecordBytes EncodeConfiguration(const RecordConfiguration& configuration) {
   for (const JointConfig& joint : configuration.executor.joints) {
     json["executor"]["joints"].Append(ToJson(joint));
   }
+  json["executor"][kLastKnown] = Json::Array();
+  for (const KnownPosition& known : configuration.executor.last_known)
+    json["executor"][kLastKnown].Append(ToJson(known));
   json["executor"]["reactions"] = ToJson(configuration.executor.reactions);
   const CollapseConfig& collapse = configuration.executor.collapse;
   if (collapse.configured) {
@@ -261,6 +278,11 @@ RecordConfiguration ParseConfiguration(std::string_view text) {
   if (!joints.is_array() || joints.size() != kMaxJoints) Fail("joints", "has not 8 entries");
   for (std::size_t i = 0; i < kMaxJoints; ++i) {
     TakeNumbers(joints[i], configuration.executor.joints[i]);
+  }
+  if (const Json* const known = executor.Find(kLastKnown)) {
+    if (!known->is_array() || known->size() != kMaxJoints) Fail(kLastKnown, "has not 8 entries");
+    for (std::size_t i = 0; i < kMaxJoints; ++i)
+      TakeNumbers((*known)[i], configuration.executor.last_known[i]);
   }
   TakeReactions(Member(executor, "reactions"), configuration.executor.reactions);
   if (const Json* const poses = executor.Find("collapse")) {

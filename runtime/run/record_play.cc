@@ -114,6 +114,7 @@ std::vector<RecordedWish> WishesOf(FlightRecord& record) {
 RecordConfiguration ConfigurationToPlay(const RecordConfiguration& recorded,
                                         const RecordPlayOptions& options) {
   RecordConfiguration configuration = recorded;
+  configuration.executor.last_known = {};    // of another day
   configuration.procedure.attended = false;  // One run, which starts by itself.
   if (std::int64_t& hold = configuration.procedure.end_hold_ticks; hold != 0)
     hold = options.arm ? -1 : 2'000'000'000 / configuration.period_ns;

@@ -94,6 +94,18 @@ void DeclareRun(CommandLine& line, RunOptions& options, std::string& end) {
               "robot in a second of the clock")
       .Within(0.05, 1.0)
       .ShowDefault();
+  line.Option(
+          "--moved-within", options.moved_within_rad,
+          "refuse to arm when a joint is farther than this from where it was last known, or whole "
+          "turns of its drive [rad]")
+      .Within(0.0, 1e6)
+      .ShowDefault();
+  line.Option(
+      "--pose", options.pose_file,
+      "the file that keeps where the joints were last; by default one for robot and interface "
+      "below ~/.local/state/tumbler, and none on virtual interfaces");
+  line.Flag("--forget-pose", options.forget_pose,
+            "the joints were moved on purpose, and their zeros are right: arm where they are now");
   line.Flag(
       "--clear", options.clear,
       "before arming tell the drives to forget latched errors, as after a crash of the program "
@@ -143,6 +155,7 @@ void CheckTogether(const RunOptions& options) {
   for (const auto& [name, value] : {std::pair{"--speed", options.speed},
                                     {"--hold-s", options.hold_s},
                                     {"--start-within", options.start_within_rad},
+                                    {"--moved-within", options.moved_within_rad},
                                     {"--pace", options.pace},
                                     {"--rate-hz", options.rate_hz},
                                     {"--latency-test", options.latency_test_s}}) {
@@ -204,6 +217,8 @@ void CheckOptions(const RunOptions& options, const SequenceGraph<float>& graph) 
         "--twin and --truth are about the simulated robot of `sim`; on {} run tumbler-twin",
         options.bus));
   }
+  if (!options.pose_file.empty() && !options.drives_motors())
+    throw std::runtime_error("--pose is for an armed run on an interface");
   if (options.pace != 1 && (options.simulated() || options.dry_run())) {
     throw std::runtime_error("--pace is for an armed run on tumbler-twin");
   }

@@ -23,6 +23,9 @@ struct RunOptions {
   bool without_watchdog = false;
   bool lower = false;
   bool clear = false;
+  double moved_within_rad = 0.5;
+  std::string pose_file;
+  bool forget_pose = false;
   std::string doctor;         ///< The interface to examine; empty: none.
   std::optional<RunEnd> end;  ///< In place of that of the motion's file.
   double start_within_rad = 1;

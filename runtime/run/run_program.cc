@@ -19,6 +19,7 @@
 
 #include "common/program.h"
 #include "common/result_file.h"
+#include "firmware_interface/can/can_link.h"
 #include "runtime/assembly/assembly.h"
 #include "runtime/assembly/file_keeper.h"
 #include "runtime/assembly/run_checks.h"
@@ -29,6 +30,7 @@
 #include "runtime/linux/realtime_thread.h"
 #include "runtime/record/record_configuration.h"
 #include "runtime/run/interface_world.h"
+#include "runtime/run/known_pose.h"
 #include "runtime/run/play.h"
 #include "runtime/run/run_options.h"
 #include "runtime/run/run_summary.h"
@@ -110,12 +112,21 @@ RunParts LoadParts(RunOptions& options, const Simulation* simulation, const File
   return parts;
 }
 
+/// The file that keeps the pose of the robot on this interface; empty: none is kept.
+std::string PoseFileOf(const RunOptions& options) {
+  if (!options.drives_motors() || !options.pose_file.empty()) return options.pose_file;
+  CanLink link;
+  const bool real = ReadCanLink(options.bus, link) == 0 && link.bit_rate != 0;
+  return real ? DefaultPoseFile(options.robot, options.bus) : std::string();
+}
+
 /// Checks that no output would replace another one, or a file that the run reads.
 void CheckOutputs(const RunOptions& options, const FileKeeper& read) {
   std::vector<std::string> inputs = {options.drives, options.faults, options.bus_faults,
                                      options.twin};
   for (const LoadedFile& file : read.files()) inputs.push_back(file.path);
-  CheckDistinct(inputs, {options.log, options.json, options.trace, options.record, options.truth});
+  CheckDistinct(inputs, {options.log, options.json, options.trace, options.record, options.truth,
+                         options.pose_file});
 }
 
 /// The number of the branch that --branch names; -1 without one.
@@ -287,6 +298,11 @@ ExitStatus Run(RunOptions options, const Simulation* simulation) {
   const SequenceGraph<float>& graph = parts.sequence->graph;
   const RunSettings settings = SettingsOf(options, graph);
   ExecutorConfig executor_config = ExecutorConfigOf(settings, parts.drives);
+  const std::string pose_file = PoseFileOf(options);
+  if (!pose_file.empty() && !options.forget_pose) {
+    executor_config.moved_max_rad = static_cast<float>(options.moved_within_rad);
+    executor_config.last_known = ReadKnownPose(pose_file, parts.drives);
+  }
   if (!options.faults.empty()) LoadFaultsOf(parts, options.faults, executor_config);
   if (assembly.Configure(executor_config) != Status::kOk) {
     throw Refused(fmt::format(
@@ -344,6 +360,13 @@ ExitStatus Run(RunOptions options, const Simulation* simulation) {
     if (commands) commands->NoteTick(loop.statistics().ticks - 1);
   });
   telemetry.Stop();
+  if (!pose_file.empty()) {
+    try {
+      WriteKnownPose(pose_file, play.loop().record(), parts.drives);
+    } catch (const std::exception& error) {
+      fmt::print(stderr, "warning: where the joints are is not kept: {}\n", error.what());
+    }
+  }
 
   EndSummary(play, telemetry, summary);
   if (commands) {

@@ -42,6 +42,8 @@ const char* UnitOf(Refusal refusal) {
     case Refusal::kOutsideLimits:
     case Refusal::kNotAtStart:
     case Refusal::kOutsideStartSet:
+    case Refusal::kTurnsLost:
+    case Refusal::kMoved:
     case Refusal::kFarFromStart:
       return " rad";
     default:

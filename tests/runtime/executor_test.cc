@@ -245,6 +245,25 @@ TEST(Executor, RefusesToArmWithItsReason) {
     EXPECT_EQ(rig.Tick(OperatorCommand::kArm).refusal.refusal, Refusal::kNone)
         << "it was left there";
   }
+  for (const auto& [off, expected] : {std::pair{0.4F, Refusal::kNone},
+                                      {-0.4F, Refusal::kNone},
+                                      {0.6F, Refusal::kMoved},
+                                      {-3.0F, Refusal::kMoved},
+                                      {1.0471976F, Refusal::kTurnsLost},
+                                      {-2.0F * 1.0471976F, Refusal::kTurnsLost}}) {
+    ExecutorConfig known;
+    known.moved_max_rad = 0.5F;
+    const float start = wide.joints[1].position.control_points()[0];
+    known.last_known[1] = {true, start - off, 1.0471976F};  // behind a gear of 6
+    ExecutorRig rig(known, wide);
+    rig.Tick();
+    const RefusalDetail refusal = rig.Tick(OperatorCommand::kArm).refusal;
+    EXPECT_EQ(refusal.refusal, expected) << off;
+    if (expected == Refusal::kNone) continue;
+    EXPECT_EQ(refusal.joint, 1);
+    EXPECT_NEAR(refusal.value, off, 1e-5F);
+    EXPECT_EQ(refusal.limit, 0.5F);
+  }
   const auto refusal_after = [&](auto change) {
     ExecutorRig rig({}, primitive);
     change(*rig.drives[1]);

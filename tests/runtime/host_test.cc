@@ -8,12 +8,15 @@
 #include <algorithm>
 #include <filesystem>
 #include <functional>
+#include <stdexcept>
 #include <string>
 #include <utility>
+#include <variant>
 #include <vector>
 
 #include "runtime/linux/doctor.h"
 #include "runtime/linux/realtime_thread.h"
+#include "runtime/run/known_pose.h"
 #include "tests/support/files.h"
 #include "tests/support/program.h"
 
@@ -134,10 +137,47 @@ TEST(CpuAwake, HoldsTheLatencyAtZeroWhereItMay) {
   EXPECT_FALSE(CpuAwake((folder / "not there").c_str()).held());
 }
 
+TEST(KnownPose, IsReadAsItWasWrittenWithTheZeroOfNow) {
+  const testing::TemporaryFolder folder;
+  const std::string file = folder / "state/pose.json";
+  DrivesConfig drives = DefaultDrives({"leg1", "leg2"});
+  EXPECT_FALSE(ReadKnownPose(file, drives)[0].known) << "there is no file yet";
+  TickRecord record;
+  record.joint_count = 2;
+  record.joints[0].measured.position_rad = 0.75F;
+  record.joints[0].reply_age_ticks = 1;
+  record.joints[1].measured.position_rad = -0.5F;  // never heard
+  WriteKnownPose(file, record, drives);
+  std::get<MitConfig>(drives.drives[0].config).joint.zero_offset_rad = 0.25F;
+  const auto known = ReadKnownPose(file, drives);
+  EXPECT_TRUE(known[0].known);
+  EXPECT_FLOAT_EQ(known[0].position_rad, 1.0F) << "the shaft is where it was";
+  EXPECT_FLOAT_EQ(known[0].turn_rad, 6.2831853F);
+  EXPECT_FALSE(known[1].known);
+}
+
+TEST(KnownPose, AFileThatCannotBeUsedIsNamedWithWhatToDo) {
+  const testing::TemporaryFolder folder;
+  const std::string file = folder / "pose.json";
+  const DrivesConfig drives = DefaultDrives({"leg1"});
+  for (const char* text : {"", "{}", "[1]", "{\"format\": \"tumbler-pose\"}",
+                           "{\"format\": \"tumbler-pose\", \"shafts_rad\": {\"leg1\": true}}"}) {
+    testing::WriteFile(file, text);
+    try {
+      static_cast<void>(ReadKnownPose(file, drives));
+      FAIL() << text;
+    } catch (const std::runtime_error& error) {
+      EXPECT_THAT(error.what(), HasSubstr(file));
+      EXPECT_THAT(error.what(), HasSubstr("--forget-pose"));
+    }
+  }
+}
+
 class HostSetUp : public ::testing::Test {
  protected:
   [[nodiscard]] Outcome Run(const std::string& options) const {
-    return testing::RunInShell(testing::SourcePath("scripts/host-setup") + " --user anna " + options);
+    return testing::RunInShell(testing::SourcePath("scripts/host-setup") + " --user anna " +
+                               options);
   }
   [[nodiscard]] std::string Root() const { return folder_ / "root"; }
   [[nodiscard]] std::string Written(const std::string& file) const {

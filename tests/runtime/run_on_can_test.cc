@@ -424,6 +424,92 @@ TEST_F(RunOnCan, ASecondProgramIsRefusedAndTheFirstOneDoesNotNotice) {
   });
 }
 
+TEST_F(RunOnCan, WhoeverStartsSecondIsRefusedAndTheFramesOfTheFirstStayTheSame) {
+  testing::InSteadyTime([this] {
+    // A run by itself, and runs that a run or a replay wants to join, in every order.
+    std::vector<std::vector<std::string>> logs;
+    const std::string record = Path("alone.rec");
+    std::filesystem::remove(record);
+    for (const std::string second : {"none", "run", "replay", "run, before the replay"}) {
+      Reset();
+      const VirtualCan can;
+      StartDrives(can.name());
+      StartCandump(can.name());
+      const bool replays = second.ends_with("the replay");
+      std::vector<std::string> play = {testing::ProgramPath("tumbler-replay"),
+                                       record,
+                                       "--bus",
+                                       can.name(),
+                                       "--arm",
+                                       "--without-realtime"};
+      std::unique_ptr<Program> first;
+      if (replays) {
+        first = std::make_unique<Program>(play);
+      } else {
+        std::vector<std::string> more = {"--arm", "--without-realtime"};
+        if (second == "none") more.insert(more.end(), {"--record", record});
+        first = Start(can.name(), more);
+      }
+      AwaitMotion();
+      if (second == "replay") {
+        Program other(play);
+        EXPECT_EQ(other.Wait(), 2) << other.text();
+        EXPECT_THAT(other.text(), HasSubstr("drives the motors on " + can.name()));
+      } else if (second != "none") {
+        const std::unique_ptr<Program> other = StartArmed(can.name());
+        EXPECT_EQ(other->Wait(), 2) << other->text();
+        EXPECT_THAT(other->text(), HasSubstr("drives the motors on " + can.name()));
+      }
+      EXPECT_EQ(first->Wait(), 0) << first->text();
+      ExpectKept(Judge());
+      // Arming and the way to the start follow the drives' clock; the motion's setpoints do not.
+      std::vector<std::string>& log = logs.emplace_back();
+      for (const LoggedFrame& logged : Log()) {
+        if (logged.frame.id != 1) continue;
+        std::string bytes;
+        for (std::size_t i = 0; i < 2; ++i) bytes += static_cast<char>(logged.frame.data[i]);
+        if (log.empty() || log.back() != bytes) log.push_back(bytes);
+      }
+      constexpr std::size_t kMotion = 30;  // of the 40 ticks of the motion
+      ASSERT_GE(log.size(), kMotion);
+      log.erase(log.begin(), log.end() - kMotion);
+    }
+    for (std::size_t i = 1; i < logs.size(); ++i) EXPECT_EQ(logs[i], logs[0]) << i;
+  });
+}
+
+TEST_F(RunOnCan, ADriveThatHasLostItsTurnsOrWasMovedIsNotArmed) {
+  testing::InSteadyTime([this] {
+    Reset();
+    const VirtualCan can;
+    const std::string pose = Path("pose.json");
+    std::filesystem::remove(pose);
+    StartDrives(can.name());
+    const auto start = [&](const std::vector<std::string>& more) {
+      std::vector<std::string> all = {"--arm", "--without-realtime", "--pose",
+                                      pose,    "--start-within",     "100"};
+      all.insert(all.end(), more.begin(), more.end());
+      return Start(can.name(), all);
+    };
+    EXPECT_EQ(start({})->Wait(), 0);
+    EXPECT_THAT(ReadFile(pose), HasSubstr("joint1"));
+    EXPECT_EQ(start({})->Wait(), 0) << "it is where it was left";
+    WriteFile(pose, "{\"format\": \"tumbler-pose\", \"shafts_rad\": {\"joint2\": " +
+                        std::to_string(start_rad_[1] - 6.2831853) + "}}");
+    const auto lost = start({});
+    EXPECT_EQ(lost->Wait(), 2) << lost->text();
+    EXPECT_THAT(lost->text(), HasSubstr("whole turns of its drive"));
+    EXPECT_THAT(lost->text(), HasSubstr("joint2"));
+    WriteFile(pose, "{\"format\": \"tumbler-pose\", \"shafts_rad\": {\"joint2\": " +
+                        std::to_string(start_rad_[1] - 2) + "}}");
+    const auto moved = start({});
+    EXPECT_EQ(moved->Wait(), 2) << moved->text();
+    EXPECT_THAT(moved->text(), HasSubstr("far from where it was last known"));
+    EXPECT_EQ(start({"--forget-pose"})->Wait(), 0);
+    EXPECT_EQ(start({})->Wait(), 0) << "and its pose is known again";
+  });
+}
+
 TEST_F(RunOnCan, AFrameOfSomebodyElseThatCommandsADriveIsAFault) {
   testing::InSteadyTime([this] {
     Reset();
