@@ -48,6 +48,7 @@ TEST(RecordConfiguration, IsReadBackToTheLastBit) {
   RecordConfiguration written = testing::SmallConfiguration();
   written.procedure.attended = true;
   written.executor.collapse = {true, {0.1F, -2.3F}, 0.7F};
+  written.executor.last_known[1] = {true, -0.1F, 0.7F};
   const RecordConfiguration read = ParseConfiguration(JsonOf(written));
   EXPECT_EQ(read.program, written.program);
   EXPECT_EQ(read.command_line, written.command_line);
@@ -62,8 +63,19 @@ TEST(RecordConfiguration, IsReadBackToTheLastBit) {
   EXPECT_EQ(read.drives_file, written.drives_file);
   ASSERT_EQ(read.files.size(), written.files.size());
   EXPECT_EQ(read.files[0].path, written.files[0].path);
-  // Up to that member there are only numbers, without padding.
-  EXPECT_EQ(std::memcmp(&read.executor, &written.executor, offsetof(ExecutorConfig, collapse)), 0);
+  // But for that array, there are only numbers up to `collapse`, without padding.
+  const auto same = [&](std::size_t from, std::size_t to) {
+    const auto* const a = reinterpret_cast<const char*>(&read.executor);
+    const auto* const b = reinterpret_cast<const char*>(&written.executor);
+    return std::memcmp(a + from, b + from, to - from) == 0;
+  };
+  EXPECT_TRUE(same(0, offsetof(ExecutorConfig, last_known)));
+  EXPECT_TRUE(same(offsetof(ExecutorConfig, cycles), offsetof(ExecutorConfig, collapse)));
+  for (std::size_t i = 0; i < kMaxJoints; ++i) {
+    EXPECT_EQ(read.executor.last_known[i].known, i == 1);
+    EXPECT_EQ(read.executor.last_known[i].position_rad, i == 1 ? -0.1F : 0);
+  }
+  EXPECT_EQ(read.executor.last_known[1].turn_rad, 0.7F);
   EXPECT_TRUE(read.executor.collapse.configured);
   EXPECT_EQ(read.executor.collapse.position_rad, written.executor.collapse.position_rad);
   EXPECT_EQ(read.executor.collapse.stiffness, written.executor.collapse.stiffness);
