@@ -1,4 +1,9 @@
 #include "firmware_interface/drives/simulated_mit.h"
+
+#include <bit>
+#include <cmath>
+
+#include "firmware_interface/drives/damiao_registers.h"
 #include "firmware_interface/drives/drive_entry.h"
 #include "firmware_interface/drives/make_simulated.h"
 
@@ -57,7 +62,37 @@ double SimulatedMitDrive::Law(std::int64_t time_ns) noexcept {
          static_cast<double>(s.torque_nm);
 }
 
+void SimulatedMitDrive::AnswerRegister(const CanFrame& frame, SimulatedPort& port) const noexcept {
+  DamiaoRegister of;
+  if (!DecodeDamiao(frame, of) || of.drive != config_.mit.command_id) return;
+  switch (of.number) {
+    case kDamiaoReplyId:
+      of.value = config_.mit.reply_id;
+      break;
+    case kDamiaoCommandId:
+      of.value = config_.mit.command_id;
+      break;
+    case kDamiaoTimeOut:
+      of.value = static_cast<std::uint32_t>(std::lround(config_.watchdog_s / 50e-6));
+      break;
+    case kDamiaoPositionMax:
+      of.value = std::bit_cast<std::uint32_t>(config_.mit.command.position_rad.max);
+      break;
+    case kDamiaoVelocityMax:
+      of.value = std::bit_cast<std::uint32_t>(config_.mit.command.velocity_rad_s.max);
+      break;
+    case kDamiaoTorqueMax:
+      of.value = std::bit_cast<std::uint32_t>(config_.mit.command.torque_nm.max);
+      break;
+    default:
+      return;
+  }
+  Say(port, EncodeDamiao(config_.mit.reply_id, of));
+}
+
 void SimulatedMitDrive::OnFrame(const ReceivedFrame& received, SimulatedPort& port) noexcept {
+  if (received.frame.id == kDamiaoRegistersId && config_.mit.dialect == MitDialect::kDamiao)
+    return AnswerRegister(received.frame, port);
   const std::int64_t now_ns = received.time_ns;
   MitMagic magic{};
   MitCommand command;

@@ -26,6 +26,7 @@ struct SimulatedMitConfig : SimulatedMotorConfig {
 ///   setpoint gains and feed-forward become zero (the joint is limp) until the next setpoint. Time
 ///   outside motor mode does not count.
 /// - kZero makes the present angle the encoder's zero, outside motor mode only.
+/// - A Damiao drive answers requests for the registers that damiao_registers.h names.
 /// - An error code stops the torque until RaiseError(0) clears it; no frame clears it.
 class SimulatedMitDrive final : public SimulatedDrive {
  public:
@@ -56,6 +57,7 @@ class SimulatedMitDrive final : public SimulatedDrive {
   double Law(std::int64_t time_ns) noexcept override;
   void CheckWatchdog(std::int64_t time_ns) noexcept;
   void NoteStiffness(float kp_nm_per_rad) noexcept;
+  void AnswerRegister(const CanFrame& frame, SimulatedPort& port) const noexcept;
 
   SimulatedMitConfig config_;
   MitCommand setpoint_;

@@ -74,15 +74,19 @@ void DeclareBounds(CommandLine& line, BenchOptions& options) {
       .ShowDefault();
 }
 
-void DeclareScan(CommandLine line, BenchOptions& options) {
-  ScanConfig& scan = options.config.scan;
-  line.Flag("--passive", scan.passive, "only listen");
+void DeclareAsked(CommandLine& line, ScanConfig& scan) {
   line.Option("--listen", scan.listen_s, "how long to listen first [s]")
       .Within(0.05, 60.0)
       .ShowDefault();
   line.Option("--mit-last", scan.mit_last, "MIT drives are asked for from 1 to this CAN_ID")
       .Within(1, 255)
       .ShowDefault();
+}
+
+void DeclareScan(CommandLine line, BenchOptions& options) {
+  ScanConfig& scan = options.config.scan;
+  line.Flag("--passive", scan.passive, "only listen");
+  DeclareAsked(line, scan);
 }
 
 void DeclareStep(CommandLine& line, BenchOptions& options) {
@@ -130,6 +134,7 @@ void DeclareCommands(CommandLine& line, BenchOptions& options) {
   DeclareSeconds(latency, options);
   CommandLine all = line.Subcommand("commission", "the whole way, and the drives file as it is");
   DeclareWrite(all, options);
+  DeclareAsked(all, options.config.scan);
   DeclareSeconds(all, options);
   DeclareStep(all, options);
   all.Flag("--without-turning", options.without_turning,

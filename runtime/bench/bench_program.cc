@@ -15,6 +15,7 @@
 #include "common/sequence_toml.h"
 #include "firmware_interface/drives/error_texts.h"
 #include "runtime/bench/bench_options.h"
+#include "runtime/bench/drive_reading.h"
 #include "runtime/linux/interrupts.h"
 
 namespace tumbler {
@@ -204,8 +205,8 @@ void BenchRun::Dispatch() {
   const std::string& command = options_.command;
   if (command == "scan") return Scan();
   if (command == "commission") return CommissionAll();
-  Begin();
   if (command == "read") return Read();
+  Begin();
   if (command == "identify") return Identify();
   if (command == "jog") return JogOne();
   if (command == "zero") return Zero();
@@ -240,6 +241,12 @@ void BenchRun::Scan() {
 }
 
 void BenchRun::Read() {
+  std::vector<std::vector<DriveReading>> readings;
+  for (const DriveEntry& drive : draft_->config().drives) {
+    readings.push_back(ReadDrive(*world_, drive));
+    Found(JudgeReadings(drive, readings.back()));
+  }
+  Begin();
   session_->Wait(0.2);  // Temperatures and torques come more seldom than positions.
   json_["drives"] = Json::Array();
   for (std::size_t i = 0; i < session_->size(); ++i) {
@@ -247,17 +254,22 @@ void BenchRun::Read() {
     const DriveState state = session_->drive(i).state();
     const std::string error =
         feedback.error == 0 ? "" : DescribeDriveError(session_->entry(i).config, feedback.error);
-    std::string line =
-        fmt::format("{}: {:.4f} rad, {:.3f} rad/s, {:.3f} N m", session_->NameOf(i),
-                    feedback.position_rad, feedback.velocity_rad_s, feedback.torque_nm);
+    const auto* can = std::get_if<CanSimpleConfig>(&session_->entry(i).config);
+    const bool has_torque = can == nullptr || can->messages.torques_s > 0;
+    std::string line = fmt::format("{}: {:.4f} rad, {:.3f} rad/s, {}", session_->NameOf(i),
+                                   feedback.position_rad, feedback.velocity_rad_s,
+                                   has_torque ? fmt::format("{:.3f} N m", feedback.torque_nm)
+                                              : std::string("torque not measured"));
     if (feedback.has_temperature) line += fmt::format(", {:.0f} C", feedback.temperature_c);
     line += error.empty() ? ", no error" : ", " + error;
     SayLine(line);
+    for (const DriveReading& reading : readings[i]) SayLine("  " + Describe(reading));
     Json drive = {{"joint", session_->entry(i).joint},
+                  {"readings", ToJson(readings[i])},
                   {"position_rad", feedback.position_rad},
                   {"velocity_rad_s", feedback.velocity_rad_s},
-                  {"torque_nm", feedback.torque_nm},
                   {"error", feedback.error}};
+    if (has_torque) drive["torque_nm"] = feedback.torque_nm;
     if (feedback.has_temperature) drive["temperature_c"] = feedback.temperature_c;
     json_["drives"].Append(drive);
     if (state != DriveState::kFault) continue;

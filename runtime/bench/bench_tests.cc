@@ -154,6 +154,8 @@ Silence PushAndStaySilent(BenchSession& session, std::size_t drive, double torqu
   if (!times.torques_nm.empty())
     silence.pushed = std::abs(times.torques_nm.front()) > 0.5 * std::abs(torque_nm);
   session.TorqueOff();
+  // Some firmware latches that its host was silent.
+  if (session.drive(drive).state() == DriveState::kFault) session.ClearErrors();
   return silence;
 }
 

@@ -9,6 +9,7 @@
 #include <set>
 
 #include "common/program.h"
+#include "firmware_interface/drives/damiao_registers.h"
 #include "runtime/bench/bench_session.h"
 #include "runtime/linux/interrupts.h"
 
@@ -75,8 +76,37 @@ class Scanner {
       MitConfig drive;
       drive.command_id = static_cast<std::uint16_t>(id);
       mit_asked_.insert(id);
+      last_asked_ = id;
       Ask(MitMagicFrame(drive, MitMagic::kExit));
     }
+    constexpr double kLate_s = 0.05;
+    Listen(kLate_s);
+    for (const auto& [asked, frame] : std::move(unclear_)) {
+      if (!Has(MitProtocol::kName, asked) && AskRegister(asked)) {
+        NoteMit(asked, frame).damiao = true;
+      } else if (mit_asked_.count(frame.data[0]) != 0 && !IsRegister(frame)) {
+        NoteMit(frame.data[0], frame);
+      }
+    }
+    unclear_.clear();
+    for (auto& [key, drive] : found_) {
+      if (drive.protocol == MitProtocol::kName && !drive.damiao)
+        drive.damiao = AskRegister(drive.number);
+    }
+  }
+
+  /// Asks for a register that only Damiao's drives have. @returns whether the drive answered.
+  bool AskRegister(int id) {
+    register_of_.reset();
+    DamiaoRegister of;
+    of.drive = static_cast<std::uint16_t>(id);
+    of.number = kDamiaoCommandId;
+    Ask(EncodeDamiao(kDamiaoRegistersId, of));
+    return register_of_ == id;
+  }
+  static bool IsRegister(const CanFrame& frame) {
+    DamiaoRegister of;
+    return DecodeDamiao(frame, of) && of.number == kDamiaoCommandId && of.value == of.drive;
   }
 
   [[nodiscard]] bool Has(std::string_view protocol, int number) const {
@@ -190,14 +220,25 @@ class Scanner {
 
   bool TakeMit(const CanFrame& frame) {
     if (frame.size < 6 || phase_ != Phase::kMit) return false;
+    if (IsRegister(frame)) {
+      register_of_ = frame.data[0] | frame.data[1] << 8;
+      return true;
+    }
     const int sender = frame.data[0];
-    if (mit_asked_.count(sender) == 0) return false;
-    FoundDrive& drive = Note(MitProtocol::kName, sender);
+    if (sender == last_asked_) {
+      NoteMit(sender, frame);
+    } else if (!Has(MitProtocol::kName, sender) || (sender & 0xf) == (last_asked_ & 0xf)) {
+      // A late reply, or one that has only the low bits of the identifier.
+      unclear_.emplace_back(last_asked_, frame);
+    }
+    return true;
+  }
+
+  FoundDrive& NoteMit(int id, const CanFrame& frame) {
+    FoundDrive& drive = Note(MitProtocol::kName, id);
     drive.reply_id = static_cast<int>(frame.id);
     drive.details = fmt::format("{} bytes", frame.size);
-    if (frame.size == 8 && frame.data[7] != 0 && frame.data[7] < 16)
-      drive.details += fmt::format(", error {}", frame.data[7]);
-    return true;
+    return drive;
   }
 
   BenchWorld& world_;
@@ -207,6 +248,9 @@ class Scanner {
   std::set<int> types_;      // nodes that told their device type, or refused to
   std::set<int> mit_asked_;  // identifiers
   std::vector<CanFrame> suspects_;
+  int last_asked_ = 0;                             // identifier of an MIT drive
+  std::vector<std::pair<int, CanFrame>> unclear_;  // what was asked last, and a reply
+  std::optional<int> register_of_;                 // the drive that answered for a register
 };
 
 }  // namespace
@@ -218,6 +262,7 @@ std::vector<FoundDrive> ScanBus(BenchWorld& world, const ScanConfig& config) {
 std::string Describe(const FoundDrive& drive) {
   std::string text = fmt::format("{} {}", drive.protocol, drive.number);
   if (drive.reply_id) text += fmt::format(", replies on {}", *drive.reply_id);
+  if (drive.damiao) text += ", Damiao";
   if (!drive.details.empty()) text += ", " + drive.details;
   if (drive.by_itself) text += ", speaks by itself";
   return text;
@@ -229,6 +274,8 @@ Json ToJson(const FoundDrive& drive) {
                {"by_itself", drive.by_itself},
                {"details", drive.details}};
   if (drive.reply_id) json["reply_id"] = *drive.reply_id;
+  if (drive.protocol == MitProtocol::kName)
+    json["dialect"] = drive.damiao ? "damiao" : "mini-cheetah";
   return json;
 }
 

@@ -16,6 +16,7 @@ struct FoundDrive {
   std::string protocol;         ///< As in drives files: `mit`, `cansimple`, `canopen-csp`.
   int number = 0;               ///< MIT: CAN_ID; otherwise the node's number.
   std::optional<int> reply_id;  ///< MIT: the identifier of its replies.
+  bool damiao = false;          ///< MIT: whether it has registers as Damiao's drives do.
   bool by_itself = false;       ///< Whether it was heard before anything was asked.
   std::string details;          ///< What else it said, in words; may be empty.
 };
@@ -36,8 +37,9 @@ struct ScanConfig {
 /// - CANSimple: a remote frame for the encoder's estimates of every node;
 /// - CiA 402: reading the device type (1000h) of every node;
 /// - MIT: the frame that leaves motor mode. A drive that somebody else drives would let go; so
-///   nothing is asked when setpoints are heard. Identifiers that belong to a node that was found
-///   are left out, because the frame would be another command there.
+///   nothing is asked when setpoints are heard. Those that answer are asked for a register of
+///   Damiao's, whose replies have but the low bits of the identifier. Identifiers that belong to a
+///   node that was found are left out, because the frame would be another command there.
 ///
 /// @throws Refused  when somebody commands drives, or nobody acknowledges.
 /// @throws BenchInterrupted  (bench_session.h) after Ctrl-C.

@@ -9,6 +9,7 @@
 
 #include "common/program.h"
 #include "firmware_interface/drives/error_texts.h"
+#include "runtime/bench/drive_reading.h"
 
 namespace tumbler {
 namespace {
@@ -120,8 +121,12 @@ void Commissioner::Scan() {
     const auto* mit = std::get_if<MitConfig>(&draft_.config().drives[i].config);
     if (mit != nullptr && found->reply_id && *found->reply_id != mit->reply_id)
       draft_.SetInteger(i, "reply_id", *found->reply_id);
+    if (mit != nullptr && found->damiao != (mit->dialect == MitDialect::kDamiao))
+      draft_.SetText(i, "dialect", found->damiao ? "damiao" : "mini-cheetah");
   }
   Keep("scan");
+  for (const DriveEntry& drive : draft_.config().drives)
+    Add(JudgeReadings(drive, ReadDrive(world_, drive)));
 }
 
 void Commissioner::CheckHealth() {
@@ -223,7 +228,7 @@ void Commissioner::ApplyIdentities(const std::vector<std::string>& turned) {
   const std::vector<DriveEntry> was = draft_.config().drives;
   for (std::size_t i = 0; i < turned.size(); ++i) {
     if (turned[i] == was[i].joint) continue;
-    draft_.SetJoint(i, turned[i]);
+    draft_.SetText(i, "joint", turned[i]);
     // Gains belong to the joint, wherever its drive stands in the file.
     for (const DriveEntry& of_joint : was) {
       if (of_joint.joint != turned[i]) continue;
@@ -354,6 +359,21 @@ std::vector<Finding> CompareWithDraft(const std::vector<FoundDrive>& found,
                                       drive->number, *drive->reply_id, mit->reply_id),
                           true});
     }
+  }
+  for (const DriveEntry& entry : drives.drives) {
+    const FoundDrive* drive = FindDrive(found, entry);
+    const auto* mit = std::get_if<MitConfig>(&entry.config);
+    if (drive == nullptr || mit == nullptr ||
+        drive->damiao == (mit->dialect == MitDialect::kDamiao)) {
+      continue;
+    }
+    findings.push_back({"other-dialect", entry.joint,
+                        fmt::format("drive mit {} {}, and the drives file says {}", drive->number,
+                                    drive->damiao ? "has Damiao's registers"
+                                                  : "has no register "
+                                                    "of Damiao's",
+                                    drive->damiao ? "mini-cheetah" : "damiao"),
+                        true});
   }
   for (const FoundDrive& drive : found) {
     const bool known =

@@ -85,12 +85,12 @@ void DrivesDraft::SetNote(std::string_view note) {
   text_ = Joined(lines);
 }
 
-void DrivesDraft::SetJoint(std::size_t drive, std::string_view joint) {
+void DrivesDraft::SetText(std::size_t drive, std::string_view key, std::string_view value) {
   TomlWriter writer("a drives file");
-  writer.Text("joint", joint);
+  writer.Text(key, value);
   const std::string line = writer.Take();
-  constexpr std::size_t kBegin = std::string_view("joint = ").size();
-  Set(drive, "joint", line.substr(kBegin, line.size() - kBegin - 1));
+  const std::size_t begin = key.size() + std::string_view(" = ").size();
+  Set(drive, key, line.substr(begin, line.size() - begin - 1));
 }
 
 void DrivesDraft::SetNumber(std::size_t drive, std::string_view key, double value) {

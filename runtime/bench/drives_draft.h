@@ -19,7 +19,7 @@ class DrivesDraft {
   [[nodiscard]] const std::string& text() const { return text_; }
 
   /// Changes keys of the drive of this index, whose order stays. `Check` has to follow.
-  void SetJoint(std::size_t drive, std::string_view joint);
+  void SetText(std::size_t drive, std::string_view key, std::string_view value);
   void SetNumber(std::size_t drive, std::string_view key, double value);
   void SetInteger(std::size_t drive, std::string_view key, int value);
   /// Says at the head of the text how far it is right, in a comment in place of an earlier one.

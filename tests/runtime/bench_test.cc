@@ -8,6 +8,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "common/program.h"
@@ -22,6 +23,7 @@
 #include "runtime/bench/bench_world.h"
 #include "runtime/bench/bus_scan.h"
 #include "runtime/bench/commission.h"
+#include "runtime/bench/drive_reading.h"
 #include "runtime/bench/drives_draft.h"
 #include "runtime/bench/step_page.h"
 #include "runtime/linux/interrupts.h"
@@ -319,6 +321,73 @@ TEST(BusScan, FindsDrivesOfAllProtocolsOnOneBusAndMovesNone) {
     EXPECT_EQ(session.drive(i).state(), DriveState::kDisabled) << session.NameOf(i);
 }
 
+TEST(BusScan, TellsDamiaosDrivesByTheirRegistersWhateverTheirIdentifiers) {
+  DrivesConfig drives = DefaultDrives({"leg1", "leg2", "arm"});
+  for (const std::size_t i : {1U, 2U}) {
+    auto& mit = std::get<MitConfig>(drives.drives[i].config);
+    mit.dialect = MitDialect::kDamiao;
+    mit.command_id = i == 1 ? 5 : 0x25;  // Replies carry the same low bits.
+    mit.reply_id = i == 1 ? 0x55 : 0x65;
+  }
+  RigWorld world(drives);
+  const std::vector<FoundDrive> found = ScanBus(world, {});
+  ASSERT_EQ(found.size(), 3U);
+  const std::vector<std::tuple<int, int, bool>> expected = {
+      {1, 17, false}, {5, 0x55, true}, {0x25, 0x65, true}};
+  for (std::size_t i = 0; i < 3; ++i) {
+    EXPECT_EQ(found[i].number, std::get<0>(expected[i]));
+    EXPECT_EQ(found[i].reply_id, std::get<1>(expected[i]));
+    EXPECT_EQ(found[i].damiao, std::get<2>(expected[i]));
+  }
+  EXPECT_THAT(CompareWithDraft(found, drives), IsEmpty());
+  EXPECT_FALSE(world.AnyEnabled());
+  auto& mit = std::get<MitConfig>(drives.drives[1].config);
+  mit.dialect = MitDialect::kMiniCheetah;
+  EXPECT_EQ(CompareWithDraft(found, drives).at(0).kind, "other-dialect");
+}
+
+TEST(DriveReading, ADamiaoDriveTellsItsRangesAndOthersThanTheFilesAreAFinding) {
+  DrivesConfig drives = DefaultDrives({"leg1"});
+  auto& mit = std::get<MitConfig>(drives.drives[0].config);
+  mit.dialect = MitDialect::kDamiao;
+  RigWorld world(drives);
+  const std::vector<DriveReading> readings = ReadDrive(world, drives.drives[0]);
+  std::vector<std::string> texts;
+  for (const DriveReading& reading : readings) texts.push_back(Describe(reading));
+  EXPECT_THAT(
+      texts,
+      ElementsAre("register 7 identifier of replies: 17", "register 8 identifier of commands: 1",
+                  "register 9 time-out: 500 50 us", "register 21 largest position: 12.5 rad",
+                  "register 22 largest velocity: 50 rad/s", "register 23 largest torque: 18 N m"));
+  EXPECT_THAT(JudgeReadings(drives.drives[0], readings), IsEmpty());
+  mit.command.velocity_rad_s = {-40, 40};
+  const std::vector<Finding> findings = JudgeReadings(drives.drives[0], readings);
+  ASSERT_EQ(findings.size(), 1U);
+  EXPECT_EQ(findings[0].kind, "other-range");
+  EXPECT_THAT(findings[0].text, HasSubstr("largest velocity = 50, and range.velocity_rad_s"));
+}
+
+TEST(DriveReading, CanOpenAndCanSimpleDrivesTellWhatTheyHaveAndNothingMoves) {
+  const DrivesConfig drives = MixedDrives();
+  RigWorld world(drives);
+  world.clock().SleepUntil(20'000'000);
+  for (std::size_t i = 0; i < drives.drives.size(); ++i) {
+    std::vector<std::string> texts;
+    for (const DriveReading& reading : ReadDrive(world, drives.drives[i]))
+      texts.push_back(Describe(reading));
+    const DriveConfig& config = drives.drives[i].config;
+    if (std::holds_alternative<MitConfig>(config)) {
+      EXPECT_THAT(texts, IsEmpty());
+    } else if (std::holds_alternative<Cia402Config>(config)) {
+      EXPECT_THAT(texts, ::testing::IsSupersetOf(
+                             {"1000h:00 device type: 0x20192", "6041h:00 statusword: 0x250"}));
+    } else {
+      EXPECT_THAT(texts, ::testing::IsSupersetOf({"active errors: 0x0", "position: 0 turns"}));
+    }
+  }
+  EXPECT_FALSE(world.AnyEnabled());
+}
+
 TEST(BusScan, AsksNothingWhenSomebodyCommandsDrives) {
   const DrivesConfig drives = DefaultDrives({"leg1", "leg2"});
   RigWorld world(drives);
@@ -365,13 +434,13 @@ TEST(DrivesDraft, ChangesValuesAndKeepsComments) {
   EXPECT_EQ(draft.text(), text);
   draft.SetNumber(1, "zero_offset_rad", -0.25);
   draft.SetInteger(0, "direction", -1);
-  draft.SetJoint(0, "a \"joint\" # of its own");
+  draft.SetText(0, "joint", "a \"joint\" # of its own");
   draft.Check();
   EXPECT_EQ(JointOf(draft.config().drives[1].config).zero_offset_rad, -0.25F);
   EXPECT_EQ(JointOf(draft.config().drives[0].config).direction, -1);
   EXPECT_EQ(draft.config().drives[0].joint, "a \"joint\" # of its own");
   EXPECT_THAT(draft.text(), HasSubstr("# the joint's name in the robot's URDF"));
-  draft.SetJoint(0, "leg1");
+  draft.SetText(0, "joint", "leg1");
   draft.SetInteger(0, "direction", 1);
   draft.SetNumber(1, "zero_offset_rad", 0);
   EXPECT_EQ(draft.text(), text);
