@@ -102,7 +102,7 @@ class BenchOnCan : public ::testing::TestWithParam<testing::ExampleDrives> {
     EXPECT_TRUE(twin.WaitFor("2 drives on " + interface)) << twin.text();
     Program run({testing::ProgramPath("tumbler-run"), interface, kBenchMotion, "--pace", "0.25",
                  "--drives", Path(drives), "--arm", "--realtime", "--without-watchdog", "--hold-s",
-                 "0.5"});
+                 "0.5", "--end", "torque-off"});
     const int status = run.Wait();
     text = run.text();
     twin.Signal(SIGINT);
