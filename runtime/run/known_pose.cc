@@ -30,8 +30,9 @@ constexpr std::string_view kFormat = "tumbler-pose";
 }  // namespace
 
 std::string DefaultPoseFile(const std::string& robot, const std::string& interface) {
-  const char* state = std::getenv("XDG_STATE_HOME");
-  const char* home = std::getenv("HOME");
+  // Nobody changes the environment of these programs.
+  const char* state = std::getenv("XDG_STATE_HOME");  // NOLINT(concurrency-mt-unsafe)
+  const char* home = std::getenv("HOME");             // NOLINT(concurrency-mt-unsafe)
   std::filesystem::path folder;
   if (state != nullptr && *state == '/') {
     folder = state;
