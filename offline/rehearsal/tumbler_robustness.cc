@@ -40,6 +40,9 @@ void Declare(CommandLine& line, Arguments& arguments) {
   line.Option("MOTION", study.motion, "Primitive or sequence file (TOML)").Required();
   line.Option("--robots", plan.robots, "How many").Within(1, 10000000).ShowDefault();
   line.Option("--cycles", study.run.cycles, "Of a sequence").Within(0, 100000).ShowDefault();
+  line.Option("--hold", study.run.hold_s, "Hold after the last motion has settled [s]")
+      .Within(0.0, 3600.0)
+      .ShowDefault();
   line.Option("--branch", arguments.branch, "Take this branch once the cycles are done");
   line.Option("--seed", arguments.seed, "Of the robots").ShowDefault();
   line.Option("--scale", study.scale, "Multiplies every spread").Within(0.0, 10.0).ShowDefault();

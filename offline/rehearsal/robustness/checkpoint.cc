@@ -31,7 +31,7 @@ std::optional<Verdict> VerdictOf(std::string_view name) {
 
 bool Equal(const TrialOutcome& a, const TrialOutcome& b) {
   return a.verdict == b.verdict && a.motions == b.motions && a.in == b.in && a.reason == b.reason &&
-         a.left_s == b.left_s;
+         a.left_s == b.left_s && a.rests == b.rests;
 }
 
 /// The lines that are whole.
@@ -74,9 +74,9 @@ std::string IdentityOf(const RobustnessStudy& study) {
   static_cast<void>(LoadMotion(study.motion, NotingReader(inputs)));
   if (!study.drives.empty()) inputs.push_back(study.drives);
   if (!study.twin.empty()) inputs.push_back(study.twin);
-  std::string text =
-      fmt::format("{} {} {} {} {} {} {}\n", study.seed, study.scale, study.run.cycles,
-                  study.run.branch, study.lanes, study.drives.empty(), study.twin.empty());
+  std::string text = fmt::format("{} {} {} {} {} {} {} {}\n", study.seed, study.scale,
+                                 study.run.hold_s, study.run.cycles, study.run.branch, study.lanes,
+                                 study.drives.empty(), study.twin.empty());
   for (const SpreadName& spread : kSpreadNames)
     text += fmt::format("{} {}\n", spread.key, study.spreads.*spread.member);
   for (const std::string& input : inputs) text += HashOfText(ReadTextFile(input)) + "\n";
@@ -93,7 +93,8 @@ std::string CheckpointLine(std::uint64_t index, const TrialOutcome& outcome) {
                      {"motions", outcome.motions},
                      {"in", outcome.in},
                      {"reason", outcome.reason},
-                     {"left_s", outcome.left_s}};
+                     {"left_s", outcome.left_s},
+                     {"rests", outcome.rests}};
   return json.Dump(-1) + "\n";
 }
 
@@ -116,6 +117,7 @@ void ReadCheckpointLines(std::string_view text, const std::string& name, int lin
       outcome.in = (*json)["in"].text();
       outcome.reason = (*json)["reason"].text();
       outcome.left_s = (*json)["left_s"].number();
+      outcome.rests = (*json)["rests"].boolean();
     } catch (const std::logic_error&) {  // a member is missing, or of another kind
       throw FileError(name, line, "", "is not the outcome of a robot; remove the line");
     }

@@ -94,7 +94,7 @@ std::string Where(const RobustnessResult& result) {
   if (where.empty()) return "";
   double last_s = 0.1;
   for (const Departures& d : where) last_s = std::max(last_s, d.last_s);
-  constexpr double kLeft = 220, kWidth = 640, kRow = 34;
+  constexpr double kLeft = 260, kWidth = 570, kRow = 34;
   const double height = kRow * static_cast<double>(where.size()) + 34;
   std::string text = fmt::format(
       "<h2>Where they leave the model's way</h2>\n<p class=dim>Since the motion of the node began. "

@@ -121,6 +121,12 @@ Share RobustnessResult::stands() const {
   return ShareOf(Count(Verdict::kStands), static_cast<int>(trials.size()));
 }
 
+int RobustnessResult::AmissAtRest() const {
+  return static_cast<int>(std::count_if(
+      trials.begin(), trials.end(),
+      [](const TrialOutcome& trial) { return trial.verdict == Verdict::kAmiss && trial.rests; }));
+}
+
 std::vector<Influence> RobustnessResult::Influences() const {
   std::vector<Influence> influences;
   const int failed = static_cast<int>(trials.size()) - Count(Verdict::kStands);
@@ -313,6 +319,8 @@ std::string ToText(const RobustnessResult& result) {
     if (verdict == Verdict::kStands || result.Count(verdict) == 0) continue;
     counts += fmt::format("{}{} {}", counts.empty() ? "" : ", ", ToString(verdict),
                           result.Count(verdict));
+    if (verdict == Verdict::kAmiss)
+      counts += fmt::format(" ({} of them rest at last as after a motion)", result.AmissAtRest());
   }
   if (!counts.empty()) text += fmt::format("  {}\n", counts);
   for (const Departures& d : result.Where()) {
@@ -344,6 +352,7 @@ Json ToJson(const RobustnessResult& result) {
                {"seed", result.study.seed},
                {"scale", result.study.scale},
                {"cycles", result.study.run.cycles},
+               {"hold_s", result.study.run.hold_s},
                {"lanes", result.study.lanes},
                {"robots", share.of},
                {"stand", share.count},
@@ -354,6 +363,7 @@ Json ToJson(const RobustnessResult& result) {
   for (const SpreadName& spread : kSpreadNames) spread_values[spread.key] = spreads.*spread.member;
   Json& counts = json["verdicts"];
   for (const Verdict verdict : kVerdicts) counts[ToString(verdict)] = result.Count(verdict);
+  json["amiss_at_rest"] = result.AmissAtRest();
   Json& influences = json["influences"];
   influences = Json::Array();
   for (const Influence& influence : result.Influences()) {

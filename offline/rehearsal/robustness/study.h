@@ -70,6 +70,8 @@ struct RobustnessResult {
 
   [[nodiscard]] int Count(TrialOutcome::Verdict verdict) const;
   [[nodiscard]] Share stands() const;
+  /// How many are amiss, but rest at last in a pose in which a motion ends.
+  [[nodiscard]] int AmissAtRest() const;
   /// The most telling first. Empty where all stand, or none.
   [[nodiscard]] std::vector<Influence> Influences() const;
   /// Over the two most telling quantities. Empty where there are no two.

@@ -88,6 +88,7 @@ TrialOutcome OutcomeOf(const PurposeJudge& judge, const PostureWatch& posture,
     if (outcome.in.empty() && !judge.passages().empty()) outcome.in = judge.passages().back().node;
     break;
   }
+  outcome.rests = posture.resting_as().rfind("as after ", 0) == 0;
   if (!outcome.stands() && departure.node() >= 0) {
     outcome.in = std::string(file.graph.node(departure.node()).name.view());
     outcome.left_s = tick_s * static_cast<double>(departure.ticks());

@@ -44,6 +44,9 @@ struct TrialOutcome {
   /// When its pitch left the model's for good, since the motion of `in` began [s]; below 0: it did
   /// not.
   double left_s = -1;
+  /// Whether it rested at last in a pose in which a motion ends. One that is amiss and rests may
+  /// have rocked too long.
+  bool rests = false;
   RobotVariation variation;
 
   [[nodiscard]] bool stands() const { return verdict == Verdict::kStands; }

@@ -1,0 +1,52 @@
+// A study of robots that several processes share.
+
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "offline/rehearsal/robustness/processes.h"
+#include "tests/support/files.h"
+#include "tests/support/program.h"
+
+namespace tumbler {
+namespace {
+
+std::string Mpirun(const std::string& processes) {
+  return "OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 mpirun --oversubscribe -n " +
+         processes + " ";
+}
+
+std::string Study(const std::string& more) {
+  return "tumbler-robustness " + testing::SourcePath("primitives/robust/handstand.toml") +
+         " --lanes --scale 2.5 --seed 17 --robots 1300 " + more;
+}
+
+TEST(RobustnessProcesses, OneAndTwoOfThemGiveTheBytesOfTheProgramAlone) {
+  ASSERT_TRUE(Processes::Supported());
+  const testing::TemporaryFolder folder;
+  const std::string alone = testing::RunInShell(Study("--threads 2 --json - 2>/dev/null")).text;
+  ASSERT_NE(alone.find("\"share\""), std::string::npos);
+  for (const std::string processes : {"1", "2"}) {
+    const std::string checkpoint = " --checkpoint " + (folder / processes);
+    const testing::Outcome together =
+        testing::RunInShell(Mpirun(processes) + Study("--json - 2>/dev/null" + checkpoint));
+    EXPECT_EQ(together.exit_code, 0);
+    EXPECT_EQ(together.text, alone) << processes;
+  }
+  // What two processes kept, one can go on from.
+  const testing::Outcome resumed =
+      testing::RunInShell(Study("--json - 2>/dev/null --checkpoint " + (folder / "2")));
+  EXPECT_EQ(resumed.text, alone);
+}
+
+TEST(RobustnessProcesses, AFileThatOnlyTheFirstReadsEndsAllWhenItCannotBeUsed) {
+  const testing::TemporaryFolder folder;
+  testing::WriteFile(folder / "notes", "some notes");
+  const testing::Outcome outcome = testing::RunInShell(Mpirun("2") + "timeout 60 " +
+                                                       Study("--checkpoint " + (folder / "notes")));
+  EXPECT_NE(outcome.exit_code, 0);
+  EXPECT_NE(outcome.text.find("is no checkpoint"), std::string::npos) << outcome.text;
+}
+
+}  // namespace
+}  // namespace tumbler
