@@ -126,6 +126,23 @@ Status ToInterpolationPeriod(std::uint32_t period_us, Cia402Period& period) noex
   return Status::kOk;
 }
 
+namespace {
+
+/// Whether an abort of the set-up says that there is no such object, and there need not be.
+bool MayLack(const Cia402Config& config, const SdoReply& reply) noexcept {
+  constexpr std::uint32_t kNoObject = 0x0602'0000, kNoSubIndex = 0x0609'0011;
+  if (reply.kind != SdoReply::Kind::kAborted ||
+      (reply.value != kNoObject && reply.value != kNoSubIndex)) {
+    return false;
+  }
+  for (std::size_t i = 0; i < kCia402MayLack.size(); ++i) {
+    if (kCia402MayLack[i] == reply.index) return (config.may_lack >> i & 1U) != 0;
+  }
+  return false;
+}
+
+}  // namespace
+
 Status Cia402Config::Validate() const noexcept {
   Cia402Period period;
   if (node_id < 1 || node_id > 126 || host_id < 1 || host_id > kCanOpenNodeMax ||
@@ -133,7 +150,8 @@ Status Cia402Config::Validate() const noexcept {
       ToInterpolationPeriod(period_us, period) != Status::kOk || heartbeat_ms < 1 ||
       heartbeat_ms > 10'000 || watchdog_ms > 10'000 || status_every < 1 || status_every > 240 ||
       watchdog_reaction < 0 || watchdog_reaction > 3 || quick_stop_option < 1 ||
-      quick_stop_option > 7) {
+      quick_stop_option > 7 || may_lack >> kCia402MayLack.size() != 0 ||
+      (watchdog_ms != 0 && (may_lack >> 4 & 1U) != 0)) {
     return Status::kInvalidArgument;
   }
   if (!IsPositive(position_units_per_turn) || !IsPositive(velocity_units_per_turn_s) ||
@@ -321,7 +339,7 @@ void Cia402Drive::TakeReply(const SdoReply& reply) noexcept {
       return;
     }
     waiting_ = false;
-    if (reply.kind == SdoReply::Kind::kWritten) {
+    if (reply.kind == SdoReply::Kind::kWritten || MayLack(config_, reply)) {
       ++step_;
     } else {
       link_ = Link::kRefused;

@@ -93,6 +93,13 @@ inline constexpr std::uint16_t kCia402FollowingError = 1U << 13;
 /// Mode of operation (6060h, 6061h).
 inline constexpr std::int8_t kCia402Csp = 8;
 
+/// Objects of the set-up without which a drive can be driven. Bit i of `Cia402Config::may_lack` is
+/// object i. Without 1006h and 60C2h the drive has to know the loop's period by other means,
+/// without 605Ah it brakes as it was built, without 6065h it has its own following window, and
+/// without 6007h it does not react to the host's silence.
+inline constexpr std::array<std::uint16_t, 5> kCia402MayLack = {0x1006, 0x60c2, 0x605a, 0x6065,
+                                                                0x6007};
+
 /// One drive.
 struct Cia402Config {
   /// 1 ... 126.
@@ -128,6 +135,9 @@ struct Cia402Config {
   bool feed_forward = true;
   /// SYNCs from one TPDO2 to the next, 1 ... 240.
   std::uint8_t status_every = 4;
+  /// Objects of kCia402MayLack that the drive may not have: its answer that there is no such object
+  /// is taken for an answer. 6007h only where `watchdog_ms` is 0.
+  std::uint8_t may_lack = 0;
   /// The drive's following window at the shaft (6065h), >= 0. 0 leaves the drive's own.
   float following_window_rad = 0;
 
@@ -153,8 +163,8 @@ bool Cia402SetUp(const Cia402Config& config, int step, SdoRequest& request) noex
 /// First the drive is set up, whatever the request: NMT pre-operational, the objects of Cia402SetUp
 /// one SDO at a time, NMT start, reading back the mode, until the drive reports. If it does not
 /// answer within kAnswerTicks, the set-up begins anew. A refused object is a fault (error: the
-/// abort code) until kClearErrors. During the set-up the drive gets RPDO1 with controlword 0, so
-/// that every tick writes it.
+/// abort code) until kClearErrors, unless the drive may lack it and says that it does. During the
+/// set-up the drive gets RPDO1 with controlword 0, so that every tick writes it.
 ///
 /// Then each tick sends RPDO1 and RPDO2:
 ///   - kDisable: controlword 0x0000, which takes the torque off in one step from any state;

@@ -48,6 +48,21 @@ constexpr std::array kUnitKeys = {
         .Required(),
 };
 
+/// Reads the objects that the drive may lack, e.g. `60C2h`.
+void ReadMayLack(TomlTable& table, std::string_view key, Cia402Entry& drive) {
+  for (const std::string& name : table.Strings(key)) {
+    const auto found = std::ranges::find_if(
+        kCia402MayLack, [&](std::uint16_t index) { return fmt::format("{:04X}h", index) == name; });
+    if (found == kCia402MayLack.end()) {
+      table.Fail(key, fmt::format("'{}' is no object that a drive may lack; allowed: 1006h, 60C2h, "
+                                  "605Ah, 6065h, 6007h",
+                                  name));
+    }
+    drive.may_lack |=
+        static_cast<std::uint8_t>(1U << static_cast<unsigned>(found - kCia402MayLack.begin()));
+  }
+}
+
 constexpr std::array<std::string_view, 4> kReactions = {"none", "fault", "disable", "quick-stop"};
 constexpr std::array kSetUpKeys = {
     KeyOf<&Cia402Entry::heartbeat_s>("heartbeat_s", {0.001, 10}, "of the drive: 1017h"),
@@ -63,6 +78,11 @@ constexpr std::array kSetUpKeys = {
                  [](const Cia402Entry& drive) {
                    return Range{0, kInt32 / drive.position_units * kTwoPi * kRounded};
                  }),
+    KeyReadBy<Cia402Entry>("may_lack", ReadMayLack,
+                           "objects that the drive may not have, e.g. `[\"60C2h\"]`; 6007h only "
+                           "without a watchdog")
+        .Default("none")
+        .Allowed("1006h, 60C2h, 605Ah, 6065h, 6007h"),
 };
 
 /// Reads the units, and the ranges, which with these units have to fit 32 and 16 bits.
@@ -117,6 +137,11 @@ Cia402Config Cia402Protocol::Read(DriveTable& table) {
               fmt::format("is {}, as node_id; the host has a number of its own", cia402.host_id));
   }
   ReadTimes(table, cia402);
+  if (cia402.watchdog_ms != 0 && (cia402.may_lack >> 4 & 1U) != 0) {
+    keys.Fail("may_lack",
+              "has 6007h, without which the drive does not react to the host's silence: say "
+              "watchdog_s = 0, or leave it out");
+  }
   return cia402;
 }
 

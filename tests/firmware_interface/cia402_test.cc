@@ -219,6 +219,39 @@ TEST_F(Cia402Pair, AnObjectThatIsRefusedIsAFaultWithItsAbortCodeUntilCleared) {
   EXPECT_TRUE(TickUntil(DriveState::kDisabled, 500, DriveRequest::kDisable));
 }
 
+Cia402Config WithoutQuickStopOption() {
+  Cia402Config config;
+  config.may_lack = 1U << 2;
+  return config;
+}
+
+class Cia402Lacking : public Cia402Pair {
+ protected:
+  Cia402Lacking() : Cia402Pair(WithoutQuickStopOption()) {}
+};
+
+TEST_F(Cia402Lacking, AnObjectThatTheDriveMayLackDoesNotStopTheSetUpAndAnyOtherDoes) {
+  ASSERT_EQ(kCia402MayLack[2], 0x605a);
+  drive->Refuse(0x605a);
+  ASSERT_TRUE(TickUntil(DriveState::kDisabled, 500, DriveRequest::kDisable));
+  EXPECT_TRUE(TickUntil(DriveState::kEnabled, 100, DriveRequest::kEnable));
+  EXPECT_EQ(host.feedback().error, 0U);
+  drive->PowerCycle();
+  drive->Refuse(0x60c2);
+  EXPECT_TRUE(TickUntil(DriveState::kFault, 1000, DriveRequest::kDisable));
+  EXPECT_EQ(host.set_up_refusal().index, 0x60c2);
+}
+
+TEST(Cia402MayLack, TheReactionToSilenceOnlyWhereTheDriveWatchesNothing) {
+  Cia402Config config;
+  config.may_lack = 1U << 4;
+  EXPECT_EQ(config.Validate(), Status::kInvalidArgument);
+  config.watchdog_ms = 0;
+  EXPECT_EQ(config.Validate(), Status::kOk);
+  config.may_lack = 1U << 5;
+  EXPECT_EQ(config.Validate(), Status::kInvalidArgument);
+}
+
 TEST_F(Cia402Pair, ADriveThatBootsWhileEnabledIsSetUpAgainAndStaysOff) {
   ASSERT_TRUE(TickUntil(DriveState::kDisabled, 500, DriveRequest::kDisable));
   ASSERT_TRUE(TickUntil(DriveState::kEnabled, 100, DriveRequest::kEnable));

@@ -293,7 +293,18 @@ INSTANTIATE_TEST_SUITE_P(
                         &kShippedCia402,
                         "\"fault\"",
                         "\"limp\"",
-                        {"drive[0].watchdog_reaction: is 'limp'; allowed: none, fault, disable"}}),
+                        {"drive[0].watchdog_reaction: is 'limp'; allowed: none, fault, disable"}},
+        ProtocolRefusal{
+            "Cia402MayLackWhatItNeeds",
+            &kShippedCia402,
+            "watchdog_s = 0.025",
+            "may_lack = [\"1016h\"]\nwatchdog_s = 0.025",
+            {"drive[0].may_lack", "'1016h' is no object that a drive may lack", "60C2h"}},
+        ProtocolRefusal{"Cia402MayLackItsReaction",
+                        &kShippedCia402,
+                        "watchdog_s = 0.025",
+                        "may_lack = [\"60C2h\", \"6007h\"]\nwatchdog_s = 0.025",
+                        {"drive[0].may_lack", "6007h", "watchdog_s = 0"}}),
     [](const auto& instance) { return instance.param.name; });
 
 TEST(DrivesToml, ReadsOptionalKeys) {

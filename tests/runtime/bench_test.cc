@@ -305,6 +305,7 @@ TEST(BusScan, FindsDrivesOfAllProtocolsOnOneBusAndMovesNone) {
   RigWorld world(drives);
   std::vector<FoundDrive> found = ScanBus(world, {});
   std::vector<std::string> names;
+  names.reserve(found.size());
   for (const FoundDrive& drive : found)
     names.push_back(drive.protocol + ' ' + std::to_string(drive.number));
   EXPECT_THAT(names, ElementsAre("canopen-csp 5", "canopen-csp 6", "cansimple 1", "cansimple 2",
@@ -353,6 +354,7 @@ TEST(DriveReading, ADamiaoDriveTellsItsRangesAndOthersThanTheFilesAreAFinding) {
   RigWorld world(drives);
   const std::vector<DriveReading> readings = ReadDrive(world, drives.drives[0]);
   std::vector<std::string> texts;
+  texts.reserve(readings.size());
   for (const DriveReading& reading : readings) texts.push_back(Describe(reading));
   EXPECT_THAT(
       texts,
