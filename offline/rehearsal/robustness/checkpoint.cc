@@ -98,7 +98,7 @@ std::string CheckpointLine(std::uint64_t index, const TrialOutcome& outcome) {
   return json.Dump(-1) + "\n";
 }
 
-void ReadCheckpointLines(std::string_view text, const std::string& name, int line,
+void ReadCheckpointLines(std::string_view text, const std::string& name, std::uint32_t line,
                          Outcomes& outcomes) {
   for (; !text.empty(); ++line) {
     const std::size_t end = text.find('\n');

@@ -24,7 +24,7 @@ std::string CheckpointLine(std::uint64_t index, const TrialOutcome& outcome);
 /// Reads lines of robots. @param name, line  of the file, and of its first line there, for
 /// messages.
 /// @throws FileError  when a line is not one, or contradicts another.
-void ReadCheckpointLines(std::string_view text, const std::string& name, int line,
+void ReadCheckpointLines(std::string_view text, const std::string& name, std::uint32_t line,
                          Outcomes& outcomes);
 
 /// Outcomes in a file, which grows while they are found, so that a work that was ended goes on
