@@ -358,7 +358,7 @@ TEST(ForwardSensitivity, TheSensitivitiesShortenTheStepsOfTheSameMotion) {
   settings.tolerance = 1e-7;
   settings.step_s = 0.02;
   ForwardSensitivity states(plain, settings), both(problem, settings);
-  Gradient none(3, 0), gradient(3, 12);
+  Gradient none(states.output_count(), 0), gradient(both.output_count(), 12);
   const double cost = states.Run({}, none).cost;
   EXPECT_NEAR(both.Run(x, gradient).cost, cost, 1e-4 * std::abs(cost)) << "not the same motion";
   EXPECT_GT(both.statistics().steps, states.statistics().steps * 5 / 4);
@@ -381,7 +381,7 @@ TEST(ForwardSensitivity, ABrokenStartEndsWithoutAGradient) {
 TEST(ForwardSensitivity, AllocatesNoMoreForManyStepsThanForFew) {
   const Problem problem = ElevenParameters();
   const std::vector<double> x = RandomMotion(problem, 11);
-  Gradient gradient(3, 11);
+  Gradient gradient(ForwardSensitivity(problem, kAdaptive).output_count(), 11);
   std::vector<std::size_t> taken;
   for (const StepSettings& settings :
        {StepSettings{StepSettings::Scheme::kFixed, 2e-3}, kFixed, kAdaptive}) {
