@@ -290,6 +290,27 @@ void Say(const RunSummary& summary, const RunOptions& options) {
   fmt::print(out, "{}", ToText(summary));
 }
 
+/// @param pose_file  holds where the joints were in the end of the last run. Empty: not kept.
+ExecutorConfig ConfigOf(const RunOptions& options, const RunSettings& settings,
+                        const RunParts& parts, const std::string& pose_file) {
+  ExecutorConfig config = ExecutorConfigOf(settings, parts.drives);
+  if (!pose_file.empty() && !options.forget_pose) {
+    config.moved_max_rad = static_cast<float>(options.moved_within_rad);
+    config.last_known = ReadKnownPose(pose_file, parts.drives);
+  }
+  if (!options.faults.empty()) LoadFaultsOf(parts, options.faults, config);
+  return config;
+}
+
+/// The run has ended, so that a file that cannot be written is only told.
+void KeepPose(const std::string& file, const TickRecord& last, const DrivesConfig& drives) {
+  try {
+    WriteKnownPose(file, last, drives);
+  } catch (const std::exception& error) {
+    fmt::print(stderr, "warning: where the joints are is not kept: {}\n", error.what());
+  }
+}
+
 ExitStatus Run(RunOptions options, const Simulation* simulation) {
   FileKeeper files;
   Assembly assembly(LoadParts(options, simulation, files.reader()));
@@ -297,13 +318,8 @@ ExitStatus Run(RunOptions options, const Simulation* simulation) {
   const RunParts& parts = assembly.parts();
   const SequenceGraph<float>& graph = parts.sequence->graph;
   const RunSettings settings = SettingsOf(options, graph);
-  ExecutorConfig executor_config = ExecutorConfigOf(settings, parts.drives);
   const std::string pose_file = PoseFileOf(options);
-  if (!pose_file.empty() && !options.forget_pose) {
-    executor_config.moved_max_rad = static_cast<float>(options.moved_within_rad);
-    executor_config.last_known = ReadKnownPose(pose_file, parts.drives);
-  }
-  if (!options.faults.empty()) LoadFaultsOf(parts, options.faults, executor_config);
+  const ExecutorConfig executor_config = ConfigOf(options, settings, parts, pose_file);
   if (assembly.Configure(executor_config) != Status::kOk) {
     throw Refused(fmt::format(
         "{}: the executor does not take this motion: it has to start at rest, last at most "
@@ -360,13 +376,7 @@ ExitStatus Run(RunOptions options, const Simulation* simulation) {
     if (commands) commands->NoteTick(loop.statistics().ticks - 1);
   });
   telemetry.Stop();
-  if (!pose_file.empty()) {
-    try {
-      WriteKnownPose(pose_file, play.loop().record(), parts.drives);
-    } catch (const std::exception& error) {
-      fmt::print(stderr, "warning: where the joints are is not kept: {}\n", error.what());
-    }
-  }
+  if (!pose_file.empty()) KeepPose(pose_file, play.loop().record(), parts.drives);
 
   EndSummary(play, telemetry, summary);
   if (commands) {

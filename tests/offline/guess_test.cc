@@ -239,8 +239,8 @@ TEST(SolveNear, KeepsTheLimitsOfPathsFromAStartThatBreaksThem) {
   for (std::size_t j = 0; j < problem.joints.size(); ++j) {
     for (const double c : Known().primitive.joints[j].position.control_points(2))
       largest_before = std::max(largest_before, std::abs(c));
-    for (const double c : PositionSpline(problem, solution.x, j).control_points(2))
-      EXPECT_LE(std::abs(c), kLimit);
+    const auto path = PositionSpline(problem, solution.x, j);
+    for (const double c : path.control_points(2)) EXPECT_LE(std::abs(c), kLimit);
   }
   EXPECT_GT(largest_before, 1.05 * kLimit) << "or there was nothing to mend";
 }

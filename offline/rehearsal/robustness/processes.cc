@@ -15,7 +15,7 @@ namespace {
 /// The variables with which mpirun of Open MPI, MPICH and Slurm's srun tell a process its place.
 bool StartedTogether() {
   for (const char* name : {"OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "PMIX_RANK"}) {
-    if (std::getenv(name) != nullptr) return true;
+    if (std::getenv(name) != nullptr) return true;  // NOLINT(concurrency-mt-unsafe)
   }
   return false;
 }
@@ -56,9 +56,10 @@ std::vector<std::string> Processes::ToFirst(const std::string& text) const {
   MPI_Gatherv(text.data(), size, MPI_CHAR, all.data(), sizes.data(), places.data(), MPI_CHAR, 0,
               MPI_COMM_WORLD);
   std::vector<std::string> texts;
-  for (std::size_t i = 0; rank_ == 0 && i < sizes.size(); ++i)
+  for (std::size_t i = 0; rank_ == 0 && i < sizes.size(); ++i) {
     texts.push_back(
         all.substr(static_cast<std::size_t>(places[i]), static_cast<std::size_t>(sizes[i])));
+  }
   return texts;
 }
 
