@@ -16,7 +16,7 @@ constexpr const char* kFooter =
     R"(BUS is a SocketCAN interface such as can0, or `sim`: simulated drives on a simulated bus, each with a rotor, on which
 everything can be tried. There the questions are answered by what is true; with --ask you answer them.
 
-Without --arm no motor turns on an interface. Every motion is slow and small: within --amplitude of where the joint was
+Without --arm no motor turns on an interface, and no drive gets another zero of its own. Every motion is slow and small: within --amplitude of where the joint was
 when its drive was enabled, at most --speed fast and, where the drive's protocol carries gains, with at most --torque.
 One drive is enabled at a time, and Ctrl-C takes its torque off at any time. Do it with the motors free of the robot, or
 with the robot held in the air, and with an emergency stop at hand.
@@ -123,8 +123,10 @@ void DeclareCommands(CommandLine& line, BenchOptions& options) {
   CommandLine zero = of_joint("zero", "find a joint's zero in a known pose; nothing moves");
   zero.Option("--at", options.at_rad, "angle of the pose [rad]; without it that of the motion")
       .TakesValues(1, "RAD");
-  zero.Flag("--in-drive", options.in_drive,
-            "MIT: let the drive take this place as its own zero, too");
+  zero.Flag(
+      "--in-drive", options.in_drive,
+      "MIT: let the drive take this place as its own zero, too; needs --write, and --arm on an "
+      "interface");
   DeclareWrite(zero, options);
   of_joint("check", "direction of a joint, by a small motion, and its way, by hand");
   CommandLine step = of_joint("step", "the response of a joint to a step");
@@ -154,6 +156,10 @@ void CheckBench(const BenchOptions& options) {
                                     {"--seconds", options.config.replies_s},
                                     {"--listen", options.config.scan.listen_s}}) {
     if (!std::isfinite(value)) throw UsageError(name, "is not a number to use");
+  }
+  for (const double at_rad : options.at_rad) {
+    if (!(std::abs(at_rad) <= 1000))
+      throw UsageError("--at", fmt::format("is {}; allowed: -1000 ... 1000", at_rad));
   }
   const bool needs_drives = !(options.command == "scan" && !options.simulated());
   if (needs_drives && options.drives.empty() && options.actual.empty())
@@ -187,7 +193,17 @@ void CheckBench(const BenchOptions& options) {
   }
   if (options.command == "commission" && options.write.empty())
     throw UsageError("--write", "is needed: where is the drives file to go?");
+  if (options.in_drive && options.write.empty()) {
+    throw UsageError("--write",
+                     "is needed with --in-drive: the drives file does not hold any longer then");
+  }
   if (options.moves() && !options.simulated() && !options.arm) {
+    if (options.command == "zero") {
+      throw Refused(
+          fmt::format("zero --in-drive changes the zeros of drives on {}: say so with "
+                      "--arm",
+                      options.bus));
+    }
     throw Refused(fmt::format("{} turns motors on {}: say so with --arm, when nobody is in the way",
                               options.command, options.bus));
   }

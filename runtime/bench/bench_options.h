@@ -33,10 +33,11 @@ struct BenchOptions {
   CommissionConfig config;
 
   [[nodiscard]] bool simulated() const { return bus == "sim"; }
-  /// Whether the command turns motors.
+  /// Whether the command turns motors, or changes what drives hold.
   [[nodiscard]] bool moves() const {
     return command == "identify" || command == "jog" || command == "step" ||
-           command == "watchdog" || command == "check" || command == "commission";
+           command == "watchdog" || command == "check" || command == "commission" ||
+           (command == "zero" && in_drive);
   }
 };
 

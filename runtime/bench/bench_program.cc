@@ -138,6 +138,10 @@ class BenchRun {
   bool TurnsItsJoint(std::size_t drive);
   void Identify();
   void JogOne();
+  [[nodiscard]] double ZeroAt(std::size_t drive) const {
+    return options_.at_rad.empty() ? JointOfDrive(drive).reference_rad : options_.at_rad.front();
+  }
+  void CheckInDriveZeros() const;
   void Zero();
   void Check();
   void Step();
@@ -249,6 +253,7 @@ void BenchRun::Read() {
   Begin();
   session_->Wait(0.2);  // Temperatures and torques come more seldom than positions.
   json_["drives"] = Json::Array();
+  for (std::size_t i = 0; i < session_->size(); ++i) session_->RequireHeard(i);
   for (std::size_t i = 0; i < session_->size(); ++i) {
     const DriveFeedback feedback = session_->drive(i).feedback();
     const DriveState state = session_->drive(i).state();
@@ -318,12 +323,25 @@ void BenchRun::JogOne() {
   json_["peak_speed_rad_s"] = jog.peak_speed_rad_s;
 }
 
+/// Refuses, before anything is changed, what would be refused after the first drive's new zero.
+void BenchRun::CheckInDriveZeros() const {
+  DrivesDraft expected = *draft_;
+  for (const std::size_t i : Chosen()) {
+    if (!std::holds_alternative<MitConfig>(session_->entry(i).config)) {
+      throw Refused(session_->NameOf(i) +
+                    ": its protocol has no command for a zero; leave --in-drive out");
+    }
+    expected.SetNumber(i, "zero_offset_rad", ZeroAt(i));
+  }
+  expected.Check();
+}
+
 void BenchRun::Zero() {
   json_["joints"] = Json::Array();
+  if (options_.in_drive) CheckInDriveZeros();
   for (const std::size_t i : Chosen()) {
     const std::string joint = session_->entry(i).joint;
-    const double at_rad =
-        options_.at_rad.empty() ? JointOfDrive(i).reference_rad : options_.at_rad.front();
+    const double at_rad = ZeroAt(i);
     if (!operator_->Place(joint, at_rad, Meanwhile()))
       throw Refused(joint + " is not where its zero can be found");
     if (options_.in_drive) {
@@ -332,6 +350,10 @@ void BenchRun::Zero() {
         throw Refused("the drive was to keep its zero");
       }
       session_->ZeroEncoder(i);
+      SayLine(
+          fmt::format("{} was told to take this place as its own zero: zero_offset_rad of {} "
+                      "in {}, and in every other drives file made before, holds no longer",
+                      session_->NameOf(i), joint, options_.drives));
     }
     double offset_rad = double{JointOf(session_->entry(i).config).zero_offset_rad};
     const double off_rad = at_rad - RestingPosition(*session_, i);
@@ -341,6 +363,11 @@ void BenchRun::Zero() {
     json_["joints"].Append(
         {{"joint", joint}, {"off_rad", off_rad}, {"zero_offset_rad", offset_rad}});
     draft_->SetNumber(i, "zero_offset_rad", std::round(1e6 * offset_rad) * 1e-6);
+    if (options_.in_drive) {
+      // Whatever becomes of the next drive, this one has its new zero.
+      draft_->Check();
+      WriteDraft(*draft_);
+    }
     if (std::abs(off_rad) <= options_.config.tolerances.zero_rad) continue;
     findings_.push_back(
         {"zero-off", joint,
@@ -383,11 +410,8 @@ void BenchRun::Step() {
                             config.size_rad));
   const StepResult step = MeasureStep(*session_, drive, config);
   steps_.push_back({session_->NameOf(drive), config, step});
-  SayLine(
-      fmt::format("{}: rise {:.1f} ms, overshoot {:.1f} %, settled after {:.0f} ms, {:.4f} rad "
-                  "remain",
-                  session_->NameOf(drive), 1e3 * step.rise_s, 100 * step.overshoot,
-                  1e3 * step.settling_s, step.remaining_rad));
+  SayLine(fmt::format("{}: {}", session_->NameOf(drive), Describe(step)));
+  Found(JudgeStep(session_->NameOf(drive), config, step));
   json_["step"] = ToJson(step);
 }
 
@@ -397,23 +421,15 @@ void BenchRun::Watchdog() {
     const std::string name = session_->NameOf(i);
     const double expected_s = session_->entry(i).watchdog_s;
     ConfirmMotion(fmt::format("{} will push with little torque for moments.", name));
-    const WatchdogResult watchdog = ProveWatchdog(*session_, i, expected_s);
-    SayLine(
-        watchdog.let_go
-            ? fmt::format("{}: limp {:.1f} ms after the last setpoint; it still pushed at {:.1f} "
-                          "ms ({} silences)",
-                          name, 1e3 * watchdog.limp_after_s, 1e3 * watchdog.pushed_after_s,
-                          watchdog.silences)
-            : fmt::format("{}: still drives after {:.1f} ms of silence", name,
-                          1e3 * watchdog.pushed_after_s));
+    const WatchdogResult watchdog = ProveWatchdog(*session_, i);
+    SayLine(fmt::format("{}: {}", name, Describe(watchdog)));
     json_["watchdogs"].Append({{"joint", session_->entry(i).joint},
                                {"let_go", watchdog.let_go},
                                {"pushed_after_s", watchdog.pushed_after_s},
-                               {"limp_after_s", watchdog.limp_after_s}});
-    std::vector<Finding> findings =
-        JudgeWatchdog(name, watchdog, expected_s, session_->period_s(), options_.config.tolerances);
-    for (Finding& finding : findings) finding.mended = false;  // Nothing is written.
-    Found(findings);
+                               {"limp_after_s", watchdog.limp_after_s},
+                               {"longest", watchdog.longest}});
+    Found(JudgeWatchdog(name, watchdog, expected_s, session_->period_s(),
+                        options_.config.tolerances));
   }
 }
 

@@ -12,7 +12,7 @@
 namespace tumbler {
 namespace {
 
-/// A reply that is older than this, or than a few ticks, is missed while a motor is driven.
+/// A reply that is older than this, or than a few ticks, is missed.
 constexpr double kSilence_s = 0.05;
 constexpr double kSilenceTicks = 8;
 /// How far beyond the bounds a joint may be found before its motor counts as having run away.
@@ -144,6 +144,25 @@ void BenchSession::SleepPeriod() {
   world_.clock().SleepUntil(deadline_ns_);
 }
 
+double BenchSession::SilenceLimit_s(std::size_t drive) const {
+  double limit_s = std::max(kSilence_s, kSilenceTicks * period_s());
+  if (const auto* can = std::get_if<CanSimpleConfig>(&entry(drive).config))
+    limit_s = std::max(limit_s, kSilenceTicks * can->messages.estimates_s);
+  return limit_s;
+}
+
+void BenchSession::RequireHeard(std::size_t drive) const {
+  if (heard_ns_[drive] < 0) throw BenchFault(NameOf(drive) + " has never replied");
+  const double silent_s =
+      static_cast<double>(world_.clock().now_ns() - heard_ns_[drive]) / kSecond_ns;
+  if (silent_s <= SilenceLimit_s(drive)) return;
+  throw BenchFault(fmt::format("{} has not replied for {:.0f} ms", NameOf(drive), 1e3 * silent_s));
+}
+
+bool BenchSession::Strayed() const {
+  return !(std::abs(position_rad(driven_) - origin_rad_) <= bounds_.amplitude_rad);
+}
+
 void BenchSession::CheckDriven() const {
   const Drive& drive = *bank_.drives()[driven_];
   const DriveFeedback feedback = drive.feedback();
@@ -156,10 +175,7 @@ void BenchSession::CheckDriven() const {
   if (!following_) return;
   if (drive.state() != DriveState::kEnabled)
     throw BenchFault(fmt::format("{} is {} all at once", name, ToText(drive.state())));
-  const double silent_s =
-      static_cast<double>(world_.clock().now_ns() - heard_ns_[driven_]) / kSecond_ns;
-  if (silent_s > std::max(kSilence_s, kSilenceTicks * period_s()))
-    throw BenchFault(fmt::format("{} has not replied for {:.0f} ms", name, 1e3 * silent_s));
+  RequireHeard(driven_);
   const double way_rad = std::abs(double{feedback.position_rad} - origin_rad_);
   if (!(way_rad <= bounds_.amplitude_rad + kRunAway_rad)) {
     throw BenchFault(
@@ -248,13 +264,18 @@ void BenchSession::Follow(double position_rad, double velocity_rad_s) {
   const SafetyLimits gate = GateOf(driven_);
   JointSetpoint planned{static_cast<float>(position_rad), static_cast<float>(velocity_rad_s), 0};
   previous_ = LimitSetpoint(gate, planned, previous_, 1).setpoint;
-  // The stiffness exerts no more than the bound, wherever the joint is.
-  const double reach_rad = bounds_.torque_nm / std::max(kp_nm_per_rad_, 1e-9);
+  // Stiffness and velocity together ask for no more than the bound, wherever the joint is. At least
+  // half of it is left to the stiffness.
+  const double fastest_rad_s = 0.5 * bounds_.torque_nm / std::max(kd_nm_s_per_rad_, 1e-9);
+  const double fast_rad_s =
+      std::clamp(double{previous_.velocity_rad_s}, -fastest_rad_s, fastest_rad_s);
+  const double reach_rad = (bounds_.torque_nm - kd_nm_s_per_rad_ * std::abs(fast_rad_s)) /
+                           std::max(kp_nm_per_rad_, 1e-9);
   const double measured_rad = this->position_rad(driven_);
   setpoint_ = {};
   setpoint_.position_rad = static_cast<float>(std::clamp(
       double{previous_.position_rad}, measured_rad - reach_rad, measured_rad + reach_rad));
-  setpoint_.velocity_rad_s = previous_.velocity_rad_s;
+  setpoint_.velocity_rad_s = static_cast<float>(fast_rad_s);
   setpoint_.kp_nm_per_rad = static_cast<float>(kp_nm_per_rad_);
   setpoint_.kd_nm_s_per_rad = static_cast<float>(kd_nm_s_per_rad_);
   Tick();
@@ -282,11 +303,11 @@ void BenchSession::ZeroEncoder(std::size_t drive) {
 
 std::int64_t BenchSession::StaySilentUntil(std::int64_t time_ns) {
   std::int64_t off_ns = -1;
-  while (now_ns() < time_ns) {
+  while (now_ns() < time_ns && off_ns < 0 && !Strayed()) {
     if (InterruptMailbox().Take().quit) throw BenchInterrupted();
     world_.clock().SleepUntil(std::min(now_ns() + kLook_ns, time_ns));
     Receive();
-    if (off_ns < 0 && drive(driven_).state() != DriveState::kEnabled) off_ns = now_ns();
+    if (drive(driven_).state() != DriveState::kEnabled) off_ns = now_ns();
   }
   deadline_ns_ = now_ns();
   return off_ns;

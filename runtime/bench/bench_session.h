@@ -63,6 +63,12 @@ class BenchSession {
   [[nodiscard]] double period_s() const { return static_cast<double>(period_ns_) * 1e-9; }
   [[nodiscard]] std::int64_t now_ns() const { return world_.clock().now_ns(); }
   [[nodiscard]] BenchWorld& world() { return world_; }
+  /// Refuses a position that is out of date. @throws BenchFault  when the drive has not reported
+  /// its position for SilenceLimit_s.
+  void RequireHeard(std::size_t drive) const;
+  /// The longest time between two positions of a drive: 50 ms, 8 ticks, or 8 of the periods in
+  /// which a drive sends by itself, whichever is longest [s].
+  [[nodiscard]] double SilenceLimit_s(std::size_t drive) const;
   /// The drive in words, such as `drive mit 1 (leg1)`.
   [[nodiscard]] std::string NameOf(std::size_t drive) const;
 
@@ -81,14 +87,19 @@ class BenchSession {
   /// @throws BenchFault  when it does not become enabled, or reports an error.
   void Enable(std::size_t drive);
   /// One tick in which the driven drive is asked for this position and velocity of its joint, as
-  /// far as the bounds and the joint's distance from where it began allow.
+  /// far as the bounds and the joint's distance from where it began allow. Stiffness times the
+  /// distance from the measured position, and damping times the velocity, together stay within the
+  /// torque.
   void Follow(double position_rad, double velocity_rad_s);
   /// One tick in which the driven drive pushes with this torque, within the bounds, and holds
   /// nothing.
   void Push(double torque_nm);
-  /// Leaves the driven drive alone, sending nothing, until a time.
+  /// Leaves the driven drive alone, sending nothing, until a time, or until it is seen not enabled
+  /// or outside the amplitude.
   /// @returns when it was first seen not enabled [ns]; -1: it was not.
   [[nodiscard]] std::int64_t StaySilentUntil(std::int64_t time_ns);
+  /// Whether the driven joint was last seen farther than the amplitude from where it was enabled.
+  [[nodiscard]] bool Strayed() const;
   /// Tells the driven drive once to be off, and waits for the one reply to that, for a moment at
   /// most. It tells of the moment before.
   void AskOffOnce();

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -33,7 +34,9 @@ struct ReplyResult {
   /// Whether the drive answers, so that times are from question to answer. Otherwise it sends by
   /// its own clock, and times are from one report to the next.
   bool answers = true;
-  std::int64_t asked = 0;  ///< Questions; of a drive that sends by itself, reports that were due.
+  /// Questions; of a drive that sends by itself, the reports that were due in the whole time by the
+  /// period in its drives file.
+  std::int64_t asked = 0;
   std::int64_t lost = 0;
   double median_ms = 0;
   double p99_ms = 0;
@@ -54,15 +57,22 @@ struct WatchdogResult {
   double pushed_after_s = 0;
   double limp_after_s = 0;
   int silences = 0;  ///< How often the bench was silent.
+  /// Whether a drive that did not let go was proved for the longest silence, a second. Otherwise
+  /// its joint's way within the amplitude allowed no longer one, and it may let go later.
+  bool longest = false;
 };
 /// Enables a drive and stays silent.
 ///
 /// A drive that only answers pushes with a small torque meanwhile, and tells in the reply that ends
-/// the silence whether it still does; halving the silence again and again finds when it let go. A
-/// drive that sends by itself says so itself.
-/// @param expected_s  the drives file's time-out; 0: none is expected. The bench is silent for at
-///                    most four times as long, or 0.1 s.
-WatchdogResult ProveWatchdog(BenchSession& session, std::size_t drive, double expected_s);
+/// the silence whether it still does. Silences of 10 ms and on, each twice as long as the one
+/// before, find one after which it is limp; halving finds when it let go. It says nothing of its
+/// position meanwhile. So a silence is tried only when its joint, at the same acceleration, stays
+/// within the amplitude. A drive that sends by itself says itself that it let go; when its joint
+/// leaves the amplitude, the silence ends. No silence is longer than a second.
+/// @throws BenchFault  when a drive does not reply after a silence.
+WatchdogResult ProveWatchdog(BenchSession& session, std::size_t drive);
+/// The result in words, without the drive.
+std::string Describe(const WatchdogResult& result);
 
 /// The response of a joint to a step of its position.
 struct StepConfig {
@@ -74,13 +84,15 @@ struct StepConfig {
 struct StepResult {
   std::vector<double> times_s;        ///< Since the step.
   std::vector<double> positions_rad;  ///< Of the joint, from where it was.
-  double rise_s = 0;         ///< From a tenth to nine tenths of the step; 0: it did not get there.
-  double overshoot = 0;      ///< Share of the step.
+  std::optional<double> rise_s;       ///< From a tenth to nine tenths; none: it did not get there.
+  double overshoot = 0;               ///< Share of the step.
   double settling_s = 0;     ///< Until it stays within a twentieth of the step of where it ends.
   double remaining_rad = 0;  ///< Step less where it ends.
 };
 StepResult MeasureStep(BenchSession& session, std::size_t drive, const StepConfig& config);
 Json ToJson(const StepResult& result);
+/// The result in words, without the drive.
+std::string Describe(const StepResult& result);
 
 /// A joint that is turned by hand while its drive is off.
 struct TurnedResult {
@@ -91,7 +103,8 @@ struct TurnedResult {
 TurnedResult WatchTurning(BenchSession& session, BenchOperator& somebody, std::size_t drive,
                           const std::string& joint, double lower_rad, double upper_rad);
 
-/// The mean of a joint's position over a moment, with the torque off [rad].
+/// The mean of a joint's position over a moment, with the torque off [rad]. Every drive that is
+/// looked at, here and in WatchTurning and Jog, has to be heard meanwhile.
 double RestingPosition(BenchSession& session, std::size_t drive);
 
 }  // namespace tumbler

@@ -93,7 +93,7 @@ class Commissioner {
   void ZeroAll();
   void TurnAll();
   void ProveAllWatchdogs();
-  void SetWatchdog(std::size_t drive, const WatchdogResult& watchdog);
+  bool SetWatchdog(std::size_t drive, const WatchdogResult& watchdog);
   void StepAll();
 
   BenchWorld& world_;
@@ -284,34 +284,35 @@ void Commissioner::ProveAllWatchdogs() {
             [this] { session_->Tick(); })) {
       throw Refused(name + " was not to move");
     }
-    const WatchdogResult watchdog = ProveWatchdog(*session_, i, expected_s);
+    const WatchdogResult watchdog = ProveWatchdog(*session_, i);
     result_.watchdogs.push_back(watchdog);
-    Report(
-        watchdog.let_go
-            ? fmt::format("  {}: limp {:.0f} ms after the last setpoint (it pushed at {:.0f} ms)",
-                          name, 1e3 * watchdog.limp_after_s, 1e3 * watchdog.pushed_after_s)
-            : fmt::format("  {}: still drives after {:.0f} ms of silence", name,
-                          1e3 * watchdog.pushed_after_s));
-    const std::vector<Finding> findings =
+    Report(fmt::format("  {}: {}", name, Describe(watchdog)));
+    std::vector<Finding> findings =
         JudgeWatchdog(name, watchdog, expected_s, session_->period_s(), config_.tolerances);
+    // A drive that does not let go stays amiss, whatever the file says of it.
+    const bool written = !findings.empty() && SetWatchdog(i, watchdog);
+    for (Finding& finding : findings) finding.mended = written && watchdog.let_go;
     Add(findings);
-    if (!findings.empty()) SetWatchdog(i, watchdog);
   }
   Keep("watchdogs");
 }
 
-void Commissioner::SetWatchdog(std::size_t drive, const WatchdogResult& watchdog) {
+/// Writes what was proved. @returns whether that was anything.
+bool Commissioner::SetWatchdog(std::size_t drive, const WatchdogResult& watchdog) {
+  if (!watchdog.let_go && !watchdog.longest) return false;
   if (!std::holds_alternative<Cia402Config>(draft_.config().drives[drive].config)) {
     draft_.SetNumber(drive, "watchdog_s",
                      watchdog.let_go ? std::round(1e3 * watchdog.limp_after_s) * 1e-3 : 0.0);
-    return;
+    return true;
   }
   // The host tells these drives their time-out, the same for all: it stays what they are told,
   // unless one does not obey.
-  for (std::size_t i = 0; i < draft_.config().drives.size() && !watchdog.let_go; ++i) {
+  if (watchdog.let_go) return false;
+  for (std::size_t i = 0; i < draft_.config().drives.size(); ++i) {
     if (std::holds_alternative<Cia402Config>(draft_.config().drives[i].config))
       draft_.SetNumber(i, "watchdog_s", 0);
   }
+  return true;
 }
 
 void Commissioner::StepAll() {
@@ -326,8 +327,8 @@ void Commissioner::StepAll() {
     }
     const StepResult step = MeasureStep(*session_, i, config_.step);
     result_.steps.push_back({name, config_.step, step});
-    Report(fmt::format("  {}: rise {:.0f} ms, overshoot {:.0f} %, {:.4f} rad remain", name,
-                       1e3 * step.rise_s, 100 * step.overshoot, step.remaining_rad));
+    Report(fmt::format("  {}: {}", name, Describe(step)));
+    Add(JudgeStep(name, config_.step, step));
   }
 }
 
@@ -394,9 +395,10 @@ std::vector<Finding> JudgeReplies(const std::string& drive, const ReplyResult& r
     findings.push_back(
         {"noisy-bus", drive,
          fmt::format("{} of {} replies of {} are lost, {:.2f} %, and {:.2f} % are borne: look at "
-                     "termination, cables and bit timing",
+                     "termination, cables and bit timing{}",
                      result.lost, result.asked, drive, 100 * result.lost_share(),
-                     100 * tolerances.lost_share)});
+                     100 * tolerances.lost_share,
+                     result.answers ? "" : ", and at the period that its reports are set to")});
   }
   const double late_ms = 1e3 * period_s * tolerances.late_periods;
   if (result.answers && result.p99_ms > late_ms) {
@@ -408,27 +410,36 @@ std::vector<Finding> JudgeReplies(const std::string& drive, const ReplyResult& r
   return findings;
 }
 
+std::vector<Finding> JudgeStep(const std::string& drive, const StepConfig& config,
+                               const StepResult& result) {
+  if (std::abs(result.remaining_rad) <= 0.5 * std::abs(config.size_rad)) return {};
+  return {{"step-not-followed", drive,
+           fmt::format("{:.4f} rad of the step of {} rad of {} remain: is its joint free, and are "
+                       "the gains enough?",
+                       result.remaining_rad, config.size_rad, drive)}};
+}
+
 std::vector<Finding> JudgeWatchdog(const std::string& drive, const WatchdogResult& result,
                                    double expected_s, double period_s,
                                    const BenchTolerances& tolerances) {
-  if (!result.let_go) {
-    const std::string says = expected_s > 0
-                                 ? fmt::format("the drives file says {:.0f} ms", 1e3 * expected_s)
-                                 : std::string("the drives file says so, too");
-    return {{"no-watchdog", drive,
-             fmt::format("{} goes on for ever when the host is silent, {:.0f} ms at least; {}: set "
-                         "its time-out, or arm it with --without-watchdog",
-                         drive, 1e3 * result.pushed_after_s, says)}};
-  }
   const double slack_s = tolerances.watchdog_share * expected_s + 2 * period_s;
+  if (!result.let_go) {
+    const std::string says =
+        expected_s <= 0 ? std::string("the drives file says so, too")
+        : expected_s < result.pushed_after_s - slack_s
+            ? fmt::format("the {:.0f} ms of the drives file are not so", 1e3 * expected_s)
+            : fmt::format("the {:.0f} ms of the drives file are not proved", 1e3 * expected_s);
+    return {{"no-watchdog", drive,
+             fmt::format("{} {}; {}: set its time-out, or arm it with --without-watchdog", drive,
+                         Describe(result), says)}};
+  }
   const bool late = expected_s < result.pushed_after_s - slack_s;
   const bool early = expected_s > result.limp_after_s + slack_s;
   if (!late && !early) return {};
   return {{"watchdog-differs", drive,
            fmt::format("{} lets go {:.0f} ms after the last setpoint, and the drives file says "
                        "{:.0f} ms",
-                       drive, 1e3 * result.limp_after_s, 1e3 * expected_s),
-           true}};
+                       drive, 1e3 * result.limp_after_s, 1e3 * expected_s)}};
 }
 
 std::vector<Finding> JudgeWay(const BenchJoint& joint, const TurnedResult& turned,
@@ -480,6 +491,7 @@ Json ToJson(const CommissionResult& result) {
     json["watchdogs"].Append({{"let_go", watchdog.let_go},
                               {"pushed_after_s", watchdog.pushed_after_s},
                               {"limp_after_s", watchdog.limp_after_s},
+                              {"longest", watchdog.longest},
                               {"silences", watchdog.silences}});
   }
   json["steps"] = Json::Array();

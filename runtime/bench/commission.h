@@ -71,7 +71,10 @@ std::vector<Finding> CompareWithDraft(const std::vector<FoundDrive>& found,
 /// Judges the replies of a drive.
 std::vector<Finding> JudgeReplies(const std::string& drive, const ReplyResult& result,
                                   double period_s, const BenchTolerances& tolerances);
-/// Judges the reaction of a drive to silence.
+/// Judges a step: more than half of it remains.
+std::vector<Finding> JudgeStep(const std::string& drive, const StepConfig& config,
+                               const StepResult& result);
+/// Judges the reaction of a drive to silence. No finding is marked as mended.
 std::vector<Finding> JudgeWatchdog(const std::string& drive, const WatchdogResult& result,
                                    double expected_s, double period_s,
                                    const BenchTolerances& tolerances);

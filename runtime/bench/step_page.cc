@@ -81,8 +81,8 @@ to be.</p>
 )";
   for (const NamedStep& step : steps) {
     const StepResult& result = step.result;
-    const std::string rise = result.rise_s > 0 ? fmt::format("{:.0f} ms", 1e3 * result.rise_s)
-                                               : std::string("did not get there");
+    const std::string rise =
+        result.rise_s ? fmt::format("{:.0f} ms", 1e3 * *result.rise_s) : std::string("not reached");
     page += fmt::format(
         "<h2>{}</h2>\n<p>kp {} N m/rad, kd {} N m s/rad: rise {}, overshoot {:.0f} %, settled "
         "after "

@@ -128,7 +128,10 @@ TEST_P(BenchSim, ACommissioningFindsWhatIsWrongAndTheHandstandRunsWithTheFileTha
     EXPECT_EQ(written.drives[i].joint, actual.drives[i].joint);
     EXPECT_EQ(found.direction, real.direction);
     EXPECT_NEAR(found.zero_offset_rad, real.zero_offset_rad, 0.01F);
-    EXPECT_EQ(written.drives[i].watchdog_s, actual.drives[i].watchdog_s);
+    // An MIT drive whose joint is free cannot push for a second within the amplitude: that it never
+    // lets go is not proved, and the file is left as it was.
+    const bool proved = GetParam().protocol != "mit" || actual.drives[i].watchdog_s > 0;
+    EXPECT_EQ(written.drives[i].watchdog_s, proved ? actual.drives[i].watchdog_s : 0.025);
   }
 
   const RunSummary before = PlayOnActual(Path("draft.toml"), Path("actual.toml"));

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <functional>
@@ -150,9 +151,7 @@ TEST_P(BenchOf, AnInterruptAtAnyTimeEndsWithTheTorqueOff) {
   const auto jog = [](BenchSession& session) {
     static_cast<void>(Jog(session, 0, {0.1, false}, nullptr));
   };
-  const auto prove = [](BenchSession& session) {
-    static_cast<void>(ProveWatchdog(session, 0, 0.025));
-  };
+  const auto prove = [](BenchSession& session) { static_cast<void>(ProveWatchdog(session, 0)); };
   const auto interrupt = [&](int tick, const std::function<void(BenchSession&)>& work) {
     SCOPED_TRACE(tick);
     int ticks = 0;
@@ -229,7 +228,7 @@ TEST_P(BenchOf, AJointThatIsCarriedAwayIsAFault) {
 TEST_P(BenchOf, TheWatchdogsProofFindsWhenADriveLetsGo) {
   BenchSession session(world_, drives_, {});
   ASSERT_THAT(session.AwaitReplies(), IsEmpty());
-  const WatchdogResult watchdog = ProveWatchdog(session, 0, 0.025);
+  const WatchdogResult watchdog = ProveWatchdog(session, 0);
   EXPECT_TRUE(watchdog.let_go);
   // CANSimple tells by its next heartbeat.
   EXPECT_NEAR(watchdog.limp_after_s, 0.025, GetParam().protocol == "cansimple" ? 0.012 : 0.004);
@@ -267,17 +266,133 @@ TEST_P(BenchOf, AStepAnswersAsItsDifferentialEquationDoes) {
     // 0.02 kg m^2 on 5 N m/rad with 0.2 + 0.1 N m s/rad: natural frequency 15.8 rad/s, damping
     // ratio 0.474, and so exp(-pi 0.474 / sqrt(1 - 0.474^2)) = 0.184 of overshoot.
     EXPECT_NEAR(step.overshoot, 0.184, 0.04);
-    EXPECT_NEAR(step.rise_s, 0.1, 0.015);
+    ASSERT_TRUE(step.rise_s);
+    EXPECT_NEAR(*step.rise_s, 0.1, 0.015);
   }
   EXPECT_NEAR(step.remaining_rad, 0, 0.003);
   const std::string page = StepPage({{"a <drive>", {}, step}});
   EXPECT_THAT(page, HasSubstr("a &lt;drive&gt;"));
   EXPECT_THAT(page, HasSubstr("<polyline points=\""));
+  EXPECT_THAT(JudgeStep("drive", {}, step), IsEmpty());
+}
+
+TEST_P(BenchOf, APositionOfADriveThatHasFallenSilentIsAFaultThatNamesIt) {
+  BenchSession session(world_, drives_, {});
+  ASSERT_THAT(session.AwaitReplies(), IsEmpty());
+  static_cast<void>(RestingPosition(session, 1));
+  world_.simulated[1]->set_silent(true);
+  static_cast<void>(RestingPosition(session, 0));
+  try {
+    static_cast<void>(RestingPosition(session, 1));
+    FAIL() << "no fault";
+  } catch (const BenchFault& fault) {
+    EXPECT_THAT(fault.what(), HasSubstr("(leg2) has not replied for"));
+  }
+  // Nor can it be said that its joint has not moved.
+  EXPECT_THROW(static_cast<void>(Jog(session, 0, {0.1, false}, nullptr)), BenchFault);
+}
+
+TEST_P(BenchOf, EveryReplyOfADriveThatDiedIsLostAndThoseAfterItDied) {
+  BenchSession session(world_, drives_, {});
+  ASSERT_THAT(session.AwaitReplies(), IsEmpty());
+  int ticks = 0;
+  world_.each_tick = [&] {
+    if (++ticks == 1000) world_.simulated[1]->set_silent(true);
+  };
+  std::vector<ReplyResult> replies = MeasureReplies(session, 2);
+  EXPECT_EQ(replies[0].lost, 0);
+  EXPECT_NEAR(replies[1].lost_share(), 0.5, 0.01);
+  EXPECT_EQ(JudgeReplies("drive", replies[1], 0.001, {}).at(0).kind, "noisy-bus");
+  session.Wait(0.1);
+  replies = MeasureReplies(session, 1);
+  EXPECT_GT(replies[1].lost_share(), 0.99);
+  EXPECT_EQ(JudgeReplies("drive", replies[1], 0.001, {}).at(0).kind, "noisy-bus");
+}
+
+TEST_P(BenchOf, ADriveThatLosesMostOfItsRepliesSteadilyIsFound) {
+  BenchSession session(world_, drives_, {});
+  ASSERT_THAT(session.AwaitReplies(), IsEmpty());
+  BusFaultPlan plan;
+  plan.faults.push_back({});
+  plan.faults.back().node = 2;  // the host
+  plan.faults.back().probability = 0.7;
+  world_.wire().SetFaults(plan);
+  EXPECT_NEAR(MeasureReplies(session, 5)[0].lost_share(), 0.7, 0.05);
+}
+
+TEST_P(BenchOf, AJointThatIsBlockedHasNoRiseAndIsAFinding) {
+  BenchSession session(world_, drives_, {});
+  ASSERT_THAT(session.AwaitReplies(), IsEmpty());
+  world_.each_tick = [&] {
+    world_.rotor(0).position_rad = 0;
+    world_.rotor(0).velocity_rad_s = 0;
+  };
+  const StepResult step = MeasureStep(session, 0, {});
+  EXPECT_FALSE(step.rise_s);
+  EXPECT_EQ(ToJson(step)["rise_s"].Dump(0), "null");
+  EXPECT_THAT(Describe(step), HasSubstr("not reached"));
+  EXPECT_EQ(JudgeStep("drive", {}, step).at(0).kind, "step-not-followed");
+}
+
+TEST_P(BenchOf, ADriveWithoutWatchdogIsProvedForNoLongerThanItsJointStaysWithinTheAmplitude) {
+  DrivesConfig actual = drives_;
+  actual.drives[0].watchdog_s = 0;
+  if (auto* cia402 = std::get_if<Cia402Config>(&actual.drives[0].config))
+    cia402->watchdog_reaction = 0;
+  RigWorld world(actual);
+  double farthest_rad = 0;
+  world.each_tick = [&] {
+    farthest_rad = std::max(farthest_rad, std::abs(world.rotor(0).position_rad));
+  };
+  BenchSession session(world, actual, {});
+  ASSERT_THAT(session.AwaitReplies(), IsEmpty());
+  const WatchdogResult watchdog = ProveWatchdog(session, 0);
+  EXPECT_FALSE(watchdog.let_go);
+  EXPECT_LE(farthest_rad, 0.1);
+  EXPECT_GE(watchdog.pushed_after_s, GetParam().protocol == "mit" ? 0.05 : 0.999);
+  EXPECT_EQ(watchdog.longest, GetParam().protocol != "mit");
+  const Finding finding = JudgeWatchdog("drive", watchdog, 0.025, 0.001, {}).at(0);
+  EXPECT_EQ(finding.kind, "no-watchdog");
+  EXPECT_FALSE(finding.mended);
+  EXPECT_THAT(finding.text, HasSubstr("still drives after"));
 }
 
 INSTANTIATE_TEST_SUITE_P(EveryProtocol, BenchOf,
                          ::testing::ValuesIn(testing::ExampleOfEveryProtocol()),
                          [](const auto& example) { return example.param.protocol; });
+
+TEST(BenchTorque, StiffnessAndVelocityOfEverySetpointTogetherStayWithinTheBound) {
+  const DrivesConfig drives = DefaultDrives({"leg1"});
+  const auto& mit = std::get<MitConfig>(drives.drives[0].config);
+  BenchBounds bounds;
+  bounds.amplitude_rad = 1;
+  bounds.speed_rad_s = 5;
+  bounds.torque_nm = 0.5;
+  bounds.kp_nm_per_rad = 20;
+  bounds.kd_nm_s_per_rad = 2;
+  RigWorld world(drives);
+  BenchSession session(world, drives, bounds);
+  ASSERT_THAT(session.AwaitReplies(), IsEmpty());
+  session.Enable(0);
+  const double origin_rad = session.position_rad(0);
+  double most_nm = 0;
+  for (int i = 0; i < 600; ++i) {
+    const double measured_rad = session.position_rad(0);
+    const std::size_t before = world.sent.size();
+    session.Follow(origin_rad + (i < 300 ? 0.8 : -0.8), i < 300 ? 5 : -5);
+    for (std::size_t k = before; k < world.sent.size(); ++k) {
+      MitCommand command;
+      if (DecodeMitCommand(mit, world.sent[k], command) != Status::kOk) continue;
+      most_nm = std::max(
+          most_nm,
+          double{command.kp_nm_per_rad} * std::abs(double{command.position_rad} - measured_rad) +
+              double{command.kd_nm_s_per_rad} * std::abs(double{command.velocity_rad_s}));
+    }
+  }
+  session.TorqueOff();
+  EXPECT_LE(most_nm, 0.5 + 0.04);  // steps of 0.4 mrad, 0.025 rad/s, and of the gains
+  EXPECT_GT(most_nm, 0.4);
+}
 
 /// Six drives, two of each protocol. The questions to MIT drives would be commands of the CANSimple
 /// node 1, whose identifiers are 32 to 63.
@@ -505,6 +620,63 @@ TEST_F(BenchProgram, DoesNotReplaceAFileUnlessItIsTold) {
   outcome = testing::RunProgram(arguments);
   EXPECT_EQ(outcome.exit_code, 0) << outcome.text;
   EXPECT_EQ(LoadDrives(Path("written.toml")).drives.size(), 2U);
+}
+
+TEST_F(BenchProgram, NoZeroIsWrittenOfADriveThatHasFallenSilent) {
+  testing::WriteFile(Path("faults.toml"),
+                     "format = \"tumbler-bus-faults\"\nversion = 1\n"
+                     "[[fault]]\nkind = \"disconnect\"\nnode = \"leg1\"\nstart_s = 0.02\n");
+  const std::vector<std::string> bench{"tumbler-bench",     "sim",      "--bus-faults",
+                                       Path("faults.toml"), "--drives", drives_,
+                                       "--motion",          motion_};
+  for (const std::string command : {"zero", "read"}) {
+    std::vector<std::string> arguments = bench;
+    arguments.push_back(command);
+    if (command == "zero") {
+      arguments.emplace_back("--write");
+      arguments.push_back(Path("written.toml"));
+    }
+    const testing::Outcome outcome = testing::RunProgram(arguments);
+    EXPECT_EQ(outcome.exit_code, 3) << outcome.text;
+    EXPECT_THAT(outcome.text, HasSubstr("(leg1) has not replied for"));
+  }
+  EXPECT_FALSE(std::filesystem::exists(Path("written.toml")));
+}
+
+TEST_F(BenchProgram, ADriveGetsAnotherZeroOnlyWhenArmedWithAFileToWriteAndAnAngle) {
+  const auto zero = [&](const std::string& bus, const std::vector<std::string>& more) {
+    std::vector<std::string> arguments{"tumbler-bench", bus,        "zero",
+                                       "--in-drive",    "--drives", drives_};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return testing::RunProgram(arguments);
+  };
+  testing::Outcome outcome = zero("can99", {"--at", "0", "--write", Path("written.toml")});
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_THAT(outcome.text, HasSubstr("say so with --arm"));
+  outcome = zero("sim", {"--at", "0"});
+  EXPECT_EQ(outcome.exit_code, 1);
+  EXPECT_THAT(outcome.text, HasSubstr("--write"));
+  for (const std::string at : {"nan", "inf", "1e5"}) {
+    outcome = zero("sim", {"--at", at, "--write", Path("written.toml")});
+    EXPECT_EQ(outcome.exit_code, 1) << at;
+    EXPECT_THAT(outcome.text, HasSubstr("--at"));
+  }
+  outcome = zero("sim", {"--at", "0.2", "--write", Path("written.toml")});
+  EXPECT_THAT(outcome.text, HasSubstr("holds no longer"));
+  EXPECT_NEAR(JointOf(LoadDrives(Path("written.toml")).drives[1].config).zero_offset_rad, 0.2F,
+              0.01F);
+}
+
+TEST_F(BenchProgram, WhenASecondDriveKeepsItsZeroTheFirstOnesNewZeroIsWritten) {
+  testing::WriteFile(Path("answers"), "yes\nyes\nyes\nno\n");
+  const testing::Outcome outcome = testing::RunProgram(
+      {"tumbler-bench", "sim", "zero", "--in-drive", "--drives", drives_, "--at", "0.2", "--write",
+       Path("written.toml"), "--answers", Path("answers")});
+  EXPECT_EQ(outcome.exit_code, 2) << outcome.text;
+  ASSERT_TRUE(std::filesystem::exists(Path("written.toml"))) << outcome.text;
+  const DrivesConfig written = LoadDrives(Path("written.toml"));
+  EXPECT_NEAR(JointOf(written.drives[0].config).zero_offset_rad, 0.2F, 0.01F);
+  EXPECT_EQ(JointOf(written.drives[1].config).zero_offset_rad, 0);
 }
 
 TEST_F(BenchProgram, WhenAnswersRunOutItStopsAndSaysSo) {
