@@ -235,6 +235,8 @@ TEST_P(BenchOf, TheWatchdogsProofFindsWhenADriveLetsGo) {
   EXPECT_LE(watchdog.pushed_after_s, 0.026);
   EXPECT_THAT(JudgeWatchdog("drive", watchdog, 0.025, 0.001, {}), IsEmpty());
   EXPECT_EQ(JudgeWatchdog("drive", watchdog, 0.1, 0.001, {}).at(0).kind, "watchdog-differs");
+  // Only who writes the file knows whether it has it right.
+  EXPECT_FALSE(JudgeWatchdog("drive", watchdog, 0.1, 0.001, {}).at(0).mended);
   EXPECT_GT(world_.simulated[0]->watchdog_expiries(), 0);
   EXPECT_FALSE(world_.AnyEnabled());
 }
