@@ -22,6 +22,8 @@ bool IsHeld(const TickRecord& last) noexcept {
   return last.reaction <= Reaction::kHold;
 }
 
+bool IsFaulty(const TickRecord& last) noexcept { return last.first_fault.fault != Fault::kNone; }
+
 }  // namespace
 
 OperatorCommand RunProcedure::Go(Phase phase, OperatorCommand command) noexcept {
@@ -44,6 +46,7 @@ OperatorCommand RunProcedure::LetDown(RunOutcome outcome, const TickRecord& last
   }
   if (config_.end_hold_ticks != 0 && IsHeld(last)) {
     finish_ = stop_ = false;  // What was asked for is done. From now on it means torque off.
+    loose_ticks_ = 0;
     return Go(Phase::kHoldOn, OperatorCommand::kNone);
   }
   return Finish(outcome);
@@ -60,7 +63,7 @@ void RunProcedure::NoteStand(const TickRecord& last) noexcept {
 
 Refusal RunProcedure::RequestStart(const TickRecord& last) noexcept {
   if (phase_ != Phase::kWait) return Refusal::kWrongState;
-  if (last.first_fault.fault != Fault::kNone) return Refusal::kFaultLatched;
+  if (IsFaulty(last)) return Refusal::kFaultLatched;
   start_ = true;
   return Refusal::kNone;
 }
@@ -69,6 +72,9 @@ OperatorCommand RunProcedure::Next(const TickRecord& last) noexcept TUMBLER_NONB
   ++ticks_;
   if (phase_ == Phase::kDone) return OperatorCommand::kNone;
   if (phase_ == Phase::kDisarm) {
+    // A fault may come in the very tick that takes the torque off.
+    if (ticks_ == 1 && IsFaulty(last) && running_ && outcome_ != RunOutcome::kRefused)
+      outcome_ = RunOutcome::kFault;
     if (ticks_ >= config_.disarmed_ticks)
       phase_ = config_.attended && !quit_ ? Phase::kWait : Phase::kDone;
     return last.state == ExecutorState::kDisarmed ? OperatorCommand::kNone
@@ -78,23 +84,29 @@ OperatorCommand RunProcedure::Next(const TickRecord& last) noexcept TUMBLER_NONB
   if (phase_ == Phase::kWait) {
     // Requests to a run that is over, or that has not begun, do not count for the next one.
     finish_ = finishing_ = stop_ = disarm_ = false;
+    running_ = false;
     if (quit_) return Finish(RunOutcome::kStopped);
     if (!start_) return OperatorCommand::kNone;
-    start_ = lowered_ = homed_ = false;
+    start_ = lowered_ = homed_ = reacted_ = false;
+    running_ = true;
     clearing_ticks_ = 0;
     ++runs_;
     outcome_ = RunOutcome::kPending;
     refusal_ = {};
     Go(Phase::kArm, OperatorCommand::kNone);
   }
+  if (IsFaulty(last)) outcome_ = RunOutcome::kFault;  // whatever the run was to be before
   if (disarm_) return Finish(RunOutcome::kStopped);
-  const bool ending = phase_ == Phase::kLower || phase_ == Phase::kHoldOn || phase_ == Phase::kHome;
-  const bool after_fault = ending && outcome_ == RunOutcome::kFault;
-  if (last.first_fault.fault != Fault::kNone && phase_ != Phase::kFault && !after_fault) {
-    if (outcome_ == RunOutcome::kPending) outcome_ = RunOutcome::kFault;
+  if (phase_ == Phase::kHoldOn) return HoldOn(last);
+  // The reaction to a fault is waited for once. What ends the run after it goes on to its end.
+  // Lowering goes on through a fault that is answered by a hold.
+  const bool after_fault =
+      (phase_ == Phase::kLower && (reacted_ || last.reaction <= Reaction::kHold)) ||
+      (phase_ == Phase::kHome && reacted_);
+  if (IsFaulty(last) && phase_ != Phase::kFault && !after_fault) {
+    reacted_ = true;
     return Go(Phase::kFault, OperatorCommand::kNone);
   }
-  if (phase_ == Phase::kHoldOn) return HoldOn(last);
   if (finish_ && phase_ != Phase::kRun && phase_ != Phase::kHome) stop_ = true;
   if (stop_ && phase_ != Phase::kStop && phase_ != Phase::kFault && phase_ != Phase::kLower) {
     if (last.state == ExecutorState::kDisarmed) return Finish(RunOutcome::kStopped);
@@ -105,7 +117,9 @@ OperatorCommand RunProcedure::Next(const TickRecord& last) noexcept TUMBLER_NONB
 }
 
 OperatorCommand RunProcedure::HoldOn(const TickRecord& last) noexcept {
-  if (last.reaction > Reaction::kHold) return Go(Phase::kFault, OperatorCommand::kNone);
+  // A fault does not end the hold, and does not begin it anew: a drive may answer again.
+  loose_ticks_ = IsHeld(last) ? 0 : loose_ticks_ + 1;
+  if (loose_ticks_ > 0 && loose_ticks_ >= config_.fault_ticks) return Finish(outcome_);
   const bool over = config_.end_hold_ticks > 0 && ticks_ >= config_.end_hold_ticks;
   // A request in the first moments was meant for the motion.
   const bool asked = (finish_ || stop_) && ticks_ >= config_.stop_hold_ticks;

@@ -55,6 +55,10 @@ enum class RunOutcome : std::uint8_t {
 /// after a node of `safe_nodes`. Elsewhere the robot is first brought there, lowered or held, as
 /// the configuration says, unless a fault has taken away the means or the operator asks for torque
 /// off.
+///
+/// A fault never makes a run longer than its reaction (`fault_ticks`): the hold at the end goes on
+/// counting, requests count as before, and the outcome is kFault, whatever it was until then. Where
+/// a drive does not hold its joint for `fault_ticks` of that hold, the torque is taken off.
 class RunProcedure {
  public:
   explicit RunProcedure(const RunProcedureConfig& config) noexcept
@@ -133,7 +137,10 @@ class RunProcedure {
   bool stands_ = true;    // whether the robot stands without torque, as far as is known
   bool lowered_ = false;  // whether the robot was lowered in this run
   std::int64_t clearing_ticks_ = 0;
-  bool homed_ = false;  // whether the way home was tried in this run
+  bool running_ = true;           // whether what is disarmed is a run, not the wait for one
+  bool homed_ = false;            // whether the way home was tried in this run
+  bool reacted_ = false;          // whether the reaction to a fault was waited for in this run
+  std::int64_t loose_ticks_ = 0;  // of the hold at the end, since every drive held its joint
   RunOutcome outcome_ = RunOutcome::kPending;
   RefusalDetail refusal_;
 };

@@ -237,6 +237,105 @@ TEST_F(RunSequenceTest, AStopAfterAFaultStillIsAFault) {
   EXPECT_EQ(procedure.outcome(), RunOutcome::kFault);
 }
 
+/// The end that a procedure under test has.
+enum class End { kSafe, kHold, kLower, kTorqueOff };
+
+RunProcedureConfig WithEnd(End end, std::int64_t hold_ticks) {
+  RunProcedureConfig config = Short();
+  if (end == End::kSafe || end == End::kHold) config.end_hold_ticks = hold_ticks;
+  if (end == End::kLower) config.lower_ticks = 2000;
+  config.go_home = end == End::kSafe;
+  return config;
+}
+
+TEST_F(RunSequenceTest, AFaultInTheHoldAtTheEndNeitherEndsItNorMakesItLonger) {
+  RunProcedureConfig config = Short();
+  config.end_hold_ticks = 700;
+  SetUpAnew(config);
+  int after = 0;
+  Play([&] {
+    if (Ticks(ExecutorState::kSettling) == 0 ||
+        Ticks(ExecutorState::kHolding) + Ticks(ExecutorState::kFault) < 300) {
+      return;
+    }
+    ++after;
+    rig.silent[1] = after < 30;  // A short silence, after which the drive answers again.
+  });
+  EXPECT_EQ(procedure.outcome(), RunOutcome::kFault);
+  EXPECT_GE(after, 400);
+  EXPECT_LE(after, 700);
+}
+
+TEST_F(RunSequenceTest, WhoAsksOnceMoreInTheHoldIsHeardThoughAFaultIsLatched) {
+  RunProcedureConfig config = Short();
+  config.end_hold_ticks = -1;
+  for (const int request : {0, 1, 2}) {
+    SetUpAnew(config);
+    int after = 0;
+    Play([&] {
+      if (Ticks(ExecutorState::kSettling) == 0 ||
+          Ticks(ExecutorState::kHolding) + Ticks(ExecutorState::kFault) < 300) {
+        return;
+      }
+      ++after;
+      rig.silent[1] = after < 30;
+      if (after != 3000) return;
+      if (request == 0) procedure.RequestFinish();
+      if (request == 1) procedure.RequestStop();
+      if (request == 2) procedure.RequestDisarm();
+    });
+    EXPECT_EQ(procedure.outcome(), RunOutcome::kFault) << request;
+    EXPECT_GE(after, 3000) << request;
+    EXPECT_LE(after, 3020) << request;
+  }
+}
+
+TEST_F(RunSequenceTest, ADriveThatFallsSilentForGoodInTheHoldEndsItAfterTheReaction) {
+  RunProcedureConfig config = Short();
+  config.end_hold_ticks = -1;
+  SetUpAnew(config);
+  int after = 0;
+  Play([&] {
+    if (Ticks(ExecutorState::kSettling) == 0 || Ticks(ExecutorState::kHolding) < 300) return;
+    ++after;
+    rig.silent[1] = true;
+  });
+  EXPECT_EQ(procedure.outcome(), RunOutcome::kFault);
+  EXPECT_LE(after, 100);
+}
+
+TEST_F(RunSequenceTest, EveryEndComesAfterTheLastRequestWhateverFaultsComeWhenever) {
+  std::mt19937 random(7);
+  for (const End end : {End::kSafe, End::kHold, End::kLower, End::kTorqueOff}) {
+    for (int trial = 0; trial < 40; ++trial) {
+      rig.drives[1]->reply.error = 0;
+      SetUpAnew(WithEnd(end, trial % 2 == 0 ? -1 : 600));
+      // The faults begin around the end of the motion, and go on; then somebody asks, twice.
+      const int fault = static_cast<int>(random() % 400);
+      const int silence = static_cast<int>(10 + random() % 60);
+      const int period = static_cast<int>(80 + random() % 300);
+      const int request = static_cast<int>(random() % 2500);
+      int settled = -1;
+      bool faulty = false;
+      Play([&] {
+        if (Ticks(ExecutorState::kSettling) > 0) ++settled;
+        if (settled < 0) return;
+        rig.silent[1] = settled >= fault && (settled - fault) % period < silence;
+        faulty = faulty || rig.output.record.first_fault.fault != Fault::kNone;
+        // The second request comes after the first moments of any hold.
+        if (settled == request || settled == request + 200) procedure.RequestStop();
+      });
+      EXPECT_LE(settled, request + 200 + 2000 + 3 * 40 + 100) << static_cast<int>(end) << trial;
+      const bool latched = rig.output.record.first_fault.fault != Fault::kNone;
+      if (faulty) {
+        EXPECT_EQ(procedure.outcome(), RunOutcome::kFault) << static_cast<int>(end) << trial;
+      } else if (!latched) {
+        EXPECT_NE(procedure.outcome(), RunOutcome::kFault) << static_cast<int>(end) << trial;
+      }
+    }
+  }
+}
+
 class AttendedRun : public ::testing::Test {
  protected:
   static RunProcedureConfig Attended() {

@@ -121,6 +121,18 @@ TEST_F(TumblerRun, AnswersWhatABusFaultsFileDoesToItAsTheFaultsFileSays) {
   EXPECT_THAT(real.text, HasSubstr("--bus-faults"));
 }
 
+TEST_F(TumblerRun, AFaultInTheHoldAtTheEndIsReportedAndTheRunEndsInTime) {
+  Write("late.toml",
+        "format = \"tumbler-bus-faults\"\nversion = 1\n[[fault]]\nkind = \"disconnect\"\n"
+        "node = \"leg1\"\nstart_s = 4.5\nduration_s = 0.03\n");
+  const Outcome outcome =
+      Run("sim " + testing::SourcePath("primitives/handstand.toml") + " --drives " +
+          testing::SourcePath("primitives/robots/tumbler_drives.toml") + " --bus-faults " +
+          Path("late.toml"));
+  EXPECT_EQ(outcome.exit_code, 3) << outcome.text;
+  EXPECT_THAT(outcome.text, HasSubstr("stale reply of joint leg1"));
+}
+
 TEST_F(TumblerRun, EndsInOrderWhenItIsTerminatedOrItsTerminalIsGone) {
   Write("drives.toml",
         Replaced(testing::ReadFile(testing::SourcePath("primitives/robots/tumbler_drives.toml")),
