@@ -210,12 +210,39 @@ TEST_F(HostSetUp, WritesOnceAndThenOnlyWhatChanges) {
 }
 
 TEST_F(HostSetUp, RefusesWhatCannotBe) {
-  for (const char* options : {"--bit-rate 5", "--interface 'a b'", "--program /no/such/program",
-                              "--user 'x y'", "--frobnicate", "--root"}) {
+  for (const char* options :
+       {"--bit-rate 5", "--bit-rate 18446744073710551616", "--bit-rate 01000000", "--bit-rate 08",
+        "--interface 'a b'", "--interface ..", "--interface -x", "--program /no/such/program",
+        "--user 'x y'", "--frobnicate", "--root"}) {
     const Outcome run =
         Run(std::string(options) + (std::string(options) == "--root" ? "" : " --dry-run"));
     EXPECT_EQ(run.exit_code, 1) << options << run.text;
     EXPECT_THAT(run.text, Not(HasSubstr("would write")));
+    EXPECT_THAT(run.text, Not(HasSubstr("line ")));  // as messages of the shell begin
+  }
+}
+
+TEST_F(HostSetUp, WritesTheNameOfADeviceAsSystemdDoes) {
+  EXPECT_THAT(Run("--dry-run --interface can-0 --root " + Root()).text,
+              HasSubstr("BindsTo=sys-subsystem-net-devices-can\\x2d0.device"));
+}
+
+TEST_F(HostSetUp, GivesAProgramTheCapabilitiesThatItLacks) {
+  const std::string program = folder_ / "program";
+  testing::WriteFile(program, "");
+  const std::string getcap = folder_ / "getcap";  // stands in for the system's
+  for (const auto& [has, lacks] : {std::pair("", true), std::pair("cap_net_admin=ep", true),
+                                   std::pair("cap_net_admin,cap_ipc_lock,cap_sys_nice=ep", false),
+                                   std::pair("cap_net_admin,cap_ipc_lock,cap_sys_nice=p", true)}) {
+    testing::WriteFile(getcap, std::string("#!/bin/sh\necho \"$1 ") + has + "\"\n");
+    std::filesystem::permissions(getcap, std::filesystem::perms::owner_all);
+    const Outcome run = testing::RunInShell(
+        "PATH=" + folder_.path().string() + ":$PATH " + testing::SourcePath("scripts/host-setup") +
+        " --dry-run --user anna --root " + Root() + " --program " + program);
+    EXPECT_EQ(run.text.find("would run: setcap cap_net_admin,cap_sys_nice,cap_ipc_lock+ep") !=
+                  std::string::npos,
+              lacks)
+        << run.text;
   }
 }
 
