@@ -12,7 +12,9 @@ namespace tumbler {
 namespace {
 
 std::string Mpirun(const std::string& processes) {
-  return "OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 mpirun --oversubscribe -n " +
+  // Open MPI leaves memory behind, which is not for us to find.
+  return "ASAN_OPTIONS=detect_leaks=0 OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 "
+         "mpirun --oversubscribe -n " +
          processes + " ";
 }
 
