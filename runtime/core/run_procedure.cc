@@ -24,6 +24,12 @@ bool IsHeld(const TickRecord& last) noexcept {
 
 bool IsFaulty(const TickRecord& last) noexcept { return last.first_fault.fault != Fault::kNone; }
 
+/// Whether the fault is more than a stop of the operator, which is latched like one where its
+/// reaction is not a plain hold.
+bool HasFailed(const TickRecord& last) noexcept {
+  return IsFaulty(last) && last.first_fault.fault != Fault::kOperatorStop;
+}
+
 }  // namespace
 
 OperatorCommand RunProcedure::Go(Phase phase, OperatorCommand command) noexcept {
@@ -73,7 +79,7 @@ OperatorCommand RunProcedure::Next(const TickRecord& last) noexcept TUMBLER_NONB
   if (phase_ == Phase::kDone) return OperatorCommand::kNone;
   if (phase_ == Phase::kDisarm) {
     // A fault may come in the very tick that takes the torque off.
-    if (ticks_ == 1 && IsFaulty(last) && running_ && outcome_ != RunOutcome::kRefused)
+    if (ticks_ == 1 && HasFailed(last) && running_ && outcome_ != RunOutcome::kRefused)
       outcome_ = RunOutcome::kFault;
     if (ticks_ >= config_.disarmed_ticks)
       phase_ = config_.attended && !quit_ ? Phase::kWait : Phase::kDone;
@@ -95,7 +101,7 @@ OperatorCommand RunProcedure::Next(const TickRecord& last) noexcept TUMBLER_NONB
     refusal_ = {};
     Go(Phase::kArm, OperatorCommand::kNone);
   }
-  if (IsFaulty(last)) outcome_ = RunOutcome::kFault;  // whatever the run was to be before
+  if (HasFailed(last)) outcome_ = RunOutcome::kFault;  // whatever the run was to be before
   if (disarm_) return Finish(RunOutcome::kStopped);
   if (phase_ == Phase::kHoldOn) return HoldOn(last);
   // The reaction to a fault is waited for once. What ends the run after it goes on to its end.
@@ -105,6 +111,7 @@ OperatorCommand RunProcedure::Next(const TickRecord& last) noexcept TUMBLER_NONB
       (phase_ == Phase::kHome && reacted_);
   if (IsFaulty(last) && phase_ != Phase::kFault && !after_fault) {
     reacted_ = true;
+    if (outcome_ == RunOutcome::kPending) outcome_ = RunOutcome::kFault;
     return Go(Phase::kFault, OperatorCommand::kNone);
   }
   if (finish_ && phase_ != Phase::kRun && phase_ != Phase::kHome) stop_ = true;
