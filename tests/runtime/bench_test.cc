@@ -295,9 +295,9 @@ TEST_P(BenchOf, APositionOfADriveThatHasFallenSilentIsAFaultThatNamesIt) {
 }
 
 TEST_P(BenchOf, EveryReplyOfADriveThatDiedIsLostAndThoseAfterItDied) {
+  int ticks = 0;
   BenchSession session(world_, drives_, {});
   ASSERT_THAT(session.AwaitReplies(), IsEmpty());
-  int ticks = 0;
   world_.each_tick = [&] {
     if (++ticks == 1000) world_.simulated[1]->set_silent(true);
   };
