@@ -24,12 +24,14 @@ enum class RunEnd : std::uint8_t {
   /// where there is none, as kHold.
   kSafe,
   /// The stiffness fades away slowly. A robot that leans on something sinks; one that balances
-  /// loses
-  /// its balance and drops all the same. Where a drive carries no gains, as kHold.
+  /// loses its balance and drops all the same. Where a drive carries no gains, as kHold.
   kLower,
   kHold,       ///< The robot is held until the operator disarms.
   kTorqueOff,  ///< The torque is taken off where the robot is.
 };
+/// Their names in files and options, in this order.
+inline constexpr std::array<std::string_view, 4> kRunEndNames = {"safe", "lower", "hold",
+                                                                 "torque-off"};
 
 /// When an edge is taken. A node has at most one outgoing edge of each kind, and of kBranch one for
 /// each branch.

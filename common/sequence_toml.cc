@@ -39,10 +39,9 @@ std::string ReadText(const std::string& path, const FileReader& read) {
 
 // ---- Keys ---------------------------------------------------------------------------------------
 
-constexpr std::array<std::string_view, 4> kEnds = {"safe", "lower", "hold", "torque-off"};
 constexpr std::array kNameKeys = {
     KeyOf<&Graph::name>("name", "").Required(),
-    KeyOf<&Graph::end>("end", kEnds,
+    KeyOf<&Graph::end>("end", kRunEndNames,
                        "of a run, where the robot would drop without torque: on to the next safe "
                        "node where there is a way, else as `hold`; its stiffness fades away, with "
                        "drives that carry gains; held until the operator disarms; torque off where "

@@ -92,9 +92,9 @@ class BenchRun {
     json_["command"] = options_.command;
     Dispatch();
     WriteResults();
-    const auto remains = [](const Finding& finding) { return !finding.mended; };
+    const auto remains = [](const BenchFinding& finding) { return !finding.mended; };
     if (findings_.empty()) SayLine("Nothing is amiss.");
-    for (const Finding& finding : findings_) {
+    for (const BenchFinding& finding : findings_) {
       SayLine(fmt::format("{} {}: {}", finding.mended ? "set right" : "REMAINS", finding.kind,
                           finding.text));
     }
@@ -186,8 +186,8 @@ class BenchRun {
       return joint.name == session_->entry(drive).joint;
     });
   }
-  void Found(const std::vector<Finding>& findings) {
-    for (const Finding& finding : findings) findings_.push_back(finding);
+  void Found(const std::vector<BenchFinding>& findings) {
+    for (const BenchFinding& finding : findings) findings_.push_back(finding);
   }
   void WriteDraft(const DrivesDraft& draft) const {
     PendingFile(options_.write, draft.text()).Commit();
@@ -200,7 +200,7 @@ class BenchRun {
   std::unique_ptr<BenchWorld> world_;
   std::unique_ptr<BenchOperator> operator_;
   std::unique_ptr<BenchSession> session_;
-  std::vector<Finding> findings_;
+  std::vector<BenchFinding> findings_;
   std::vector<NamedStep> steps_;
   Json json_;
 };
@@ -241,7 +241,7 @@ void BenchRun::Scan() {
   }
   SayLine(fmt::format("{} {} found", found.size(), found.size() == 1 ? "drive" : "drives"));
   if (draft_) Found(CompareWithDraft(found, draft_->config()));
-  for (Finding& finding : findings_) finding.mended = false;  // Nothing is written.
+  for (BenchFinding& finding : findings_) finding.mended = false;  // Nothing is written.
 }
 
 void BenchRun::Read() {

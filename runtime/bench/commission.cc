@@ -19,7 +19,7 @@ void Report(const std::string& line) {
   std::fflush(stdout);
 }
 
-void ReportFinding(const Finding& finding) {
+void ReportFinding(const BenchFinding& finding) {
   Report(fmt::format("  FOUND {}: {}", finding.kind, finding.text));
 }
 
@@ -54,8 +54,8 @@ class Commissioner {
   }
 
  private:
-  void Add(const std::vector<Finding>& findings) {
-    for (const Finding& finding : findings) {
+  void Add(const std::vector<BenchFinding>& findings) {
+    for (const BenchFinding& finding : findings) {
       ReportFinding(finding);
       result_.findings.push_back(finding);
     }
@@ -111,9 +111,9 @@ void Commissioner::Scan() {
   Report("1. Which drives are there? Nothing moves.");
   result_.found = ScanBus(world_, config_.scan);
   for (const FoundDrive& drive : result_.found) Report("  " + Describe(drive));
-  const std::vector<Finding> findings = CompareWithDraft(result_.found, draft_.config());
+  const std::vector<BenchFinding> findings = CompareWithDraft(result_.found, draft_.config());
   Add(findings);
-  for (const Finding& finding : findings) {
+  for (const BenchFinding& finding : findings) {
     if (finding.kind == "missing-drive") throw Refused(finding.text);
   }
   for (std::size_t i = 0; i < draft_.config().drives.size(); ++i) {
@@ -287,11 +287,11 @@ void Commissioner::ProveAllWatchdogs() {
     const WatchdogResult watchdog = ProveWatchdog(*session_, i);
     result_.watchdogs.push_back(watchdog);
     Report(fmt::format("  {}: {}", name, Describe(watchdog)));
-    std::vector<Finding> findings =
+    std::vector<BenchFinding> findings =
         JudgeWatchdog(name, watchdog, expected_s, session_->period_s(), config_.tolerances);
     // A drive that does not let go stays amiss, whatever the file says of it.
     const bool written = !findings.empty() && SetWatchdog(i, watchdog);
-    for (Finding& finding : findings) finding.mended = written && watchdog.let_go;
+    for (BenchFinding& finding : findings) finding.mended = written && watchdog.let_go;
     Add(findings);
   }
   Keep("watchdogs");
@@ -341,9 +341,9 @@ CommissionResult Commission(BenchWorld& world, DrivesDraft& draft,
   return Commissioner(world, draft, joints, somebody, config, keep).Run();
 }
 
-std::vector<Finding> CompareWithDraft(const std::vector<FoundDrive>& found,
-                                      const DrivesConfig& drives) {
-  std::vector<Finding> findings;
+std::vector<BenchFinding> CompareWithDraft(const std::vector<FoundDrive>& found,
+                                           const DrivesConfig& drives) {
+  std::vector<BenchFinding> findings;
   for (const DriveEntry& entry : drives.drives) {
     const FoundDrive* drive = FindDrive(found, entry);
     if (drive == nullptr) {
@@ -388,9 +388,9 @@ std::vector<Finding> CompareWithDraft(const std::vector<FoundDrive>& found,
   return findings;
 }
 
-std::vector<Finding> JudgeReplies(const std::string& drive, const ReplyResult& result,
-                                  double period_s, const BenchTolerances& tolerances) {
-  std::vector<Finding> findings;
+std::vector<BenchFinding> JudgeReplies(const std::string& drive, const ReplyResult& result,
+                                       double period_s, const BenchTolerances& tolerances) {
+  std::vector<BenchFinding> findings;
   if (result.lost_share() > tolerances.lost_share) {
     findings.push_back(
         {"noisy-bus", drive,
@@ -410,8 +410,8 @@ std::vector<Finding> JudgeReplies(const std::string& drive, const ReplyResult& r
   return findings;
 }
 
-std::vector<Finding> JudgeStep(const std::string& drive, const StepConfig& config,
-                               const StepResult& result) {
+std::vector<BenchFinding> JudgeStep(const std::string& drive, const StepConfig& config,
+                                    const StepResult& result) {
   if (std::abs(result.remaining_rad) <= 0.5 * std::abs(config.size_rad)) return {};
   return {{"step-not-followed", drive,
            fmt::format("{:.4f} rad of the step of {} rad of {} remain: is its joint free, and are "
@@ -419,9 +419,9 @@ std::vector<Finding> JudgeStep(const std::string& drive, const StepConfig& confi
                        result.remaining_rad, config.size_rad, drive)}};
 }
 
-std::vector<Finding> JudgeWatchdog(const std::string& drive, const WatchdogResult& result,
-                                   double expected_s, double period_s,
-                                   const BenchTolerances& tolerances) {
+std::vector<BenchFinding> JudgeWatchdog(const std::string& drive, const WatchdogResult& result,
+                                        double expected_s, double period_s,
+                                        const BenchTolerances& tolerances) {
   const double slack_s = tolerances.watchdog_share * expected_s + 2 * period_s;
   if (!result.let_go) {
     const std::string says =
@@ -442,8 +442,8 @@ std::vector<Finding> JudgeWatchdog(const std::string& drive, const WatchdogResul
                        drive, 1e3 * result.limp_after_s, 1e3 * expected_s)}};
 }
 
-std::vector<Finding> JudgeWay(const BenchJoint& joint, const TurnedResult& turned,
-                              const BenchTolerances& tolerances) {
+std::vector<BenchFinding> JudgeWay(const BenchJoint& joint, const TurnedResult& turned,
+                                   const BenchTolerances& tolerances) {
   const double lower_off = turned.lower_rad - joint.lower_rad;
   const double upper_off = turned.upper_rad - joint.upper_rad;
   if (turned.turned && std::abs(lower_off) <= tolerances.range_rad &&
@@ -460,9 +460,9 @@ std::vector<Finding> JudgeWay(const BenchJoint& joint, const TurnedResult& turne
                    joint.upper_rad)}};
 }
 
-std::vector<Finding> JudgeRanges(const std::string& drive, const DriveEntry& entry,
-                                 const BenchJoint& joint) {
-  std::vector<Finding> findings;
+std::vector<BenchFinding> JudgeRanges(const std::string& drive, const DriveEntry& entry,
+                                      const BenchJoint& joint) {
+  std::vector<BenchFinding> findings;
   const JointMap& map = JointOf(entry.config);
   const auto covers = [&](const DriveRange& range, const char* what) {
     const float a = map.ToJointPosition(range.min);

@@ -48,7 +48,7 @@ struct CommissionResult {
   std::vector<ReplyResult> replies;  ///< In the order of the drives file, likewise below.
   std::vector<WatchdogResult> watchdogs;
   std::vector<NamedStep> steps;
-  std::vector<Finding> findings;
+  std::vector<BenchFinding> findings;
 };
 
 /// Goes the whole way with a robot whose drives a draft describes: looks for the drives, measures
@@ -66,24 +66,24 @@ CommissionResult Commission(BenchWorld& world, DrivesDraft& draft,
 
 /// Compares what was found with a drives file: drives that are missing or unknown, and identifiers
 /// of replies.
-std::vector<Finding> CompareWithDraft(const std::vector<FoundDrive>& found,
-                                      const DrivesConfig& drives);
+std::vector<BenchFinding> CompareWithDraft(const std::vector<FoundDrive>& found,
+                                           const DrivesConfig& drives);
 /// Judges the replies of a drive.
-std::vector<Finding> JudgeReplies(const std::string& drive, const ReplyResult& result,
-                                  double period_s, const BenchTolerances& tolerances);
+std::vector<BenchFinding> JudgeReplies(const std::string& drive, const ReplyResult& result,
+                                       double period_s, const BenchTolerances& tolerances);
 /// Judges a step: more than half of it remains.
-std::vector<Finding> JudgeStep(const std::string& drive, const StepConfig& config,
-                               const StepResult& result);
+std::vector<BenchFinding> JudgeStep(const std::string& drive, const StepConfig& config,
+                                    const StepResult& result);
 /// Judges the reaction of a drive to silence. No finding is marked as mended.
-std::vector<Finding> JudgeWatchdog(const std::string& drive, const WatchdogResult& result,
-                                   double expected_s, double period_s,
-                                   const BenchTolerances& tolerances);
+std::vector<BenchFinding> JudgeWatchdog(const std::string& drive, const WatchdogResult& result,
+                                        double expected_s, double period_s,
+                                        const BenchTolerances& tolerances);
 /// Compares the way through which a joint was turned with its limits.
-std::vector<Finding> JudgeWay(const BenchJoint& joint, const TurnedResult& turned,
-                              const BenchTolerances& tolerances);
+std::vector<BenchFinding> JudgeWay(const BenchJoint& joint, const TurnedResult& turned,
+                                   const BenchTolerances& tolerances);
 /// The joint's position that a drive can be asked for and can report, against the joint's limits.
-std::vector<Finding> JudgeRanges(const std::string& drive, const DriveEntry& entry,
-                                 const BenchJoint& joint);
+std::vector<BenchFinding> JudgeRanges(const std::string& drive, const DriveEntry& entry,
+                                      const BenchJoint& joint);
 
 Json ToJson(const CommissionResult& result);
 

@@ -194,9 +194,9 @@ std::vector<DriveReading> ReadDrive(BenchWorld& world, const DriveEntry& entry) 
                                             : std::vector<DriveReading>{};
 }
 
-std::vector<Finding> JudgeReadings(const DriveEntry& entry,
-                                   const std::vector<DriveReading>& readings) {
-  std::vector<Finding> findings;
+std::vector<BenchFinding> JudgeReadings(const DriveEntry& entry,
+                                        const std::vector<DriveReading>& readings) {
+  std::vector<BenchFinding> findings;
   const auto* mit = std::get_if<MitConfig>(&entry.config);
   if (mit == nullptr) return findings;
   const auto compare = [&](std::uint8_t number, double in_file, const char* key) {

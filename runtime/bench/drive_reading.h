@@ -28,8 +28,8 @@ struct DriveReading {
 std::vector<DriveReading> ReadDrive(BenchWorld& world, const DriveEntry& entry);
 
 /// Compares the ranges and the time-out that a Damiao drive holds with the drives file.
-std::vector<Finding> JudgeReadings(const DriveEntry& entry,
-                                   const std::vector<DriveReading>& readings);
+std::vector<BenchFinding> JudgeReadings(const DriveEntry& entry,
+                                        const std::vector<DriveReading>& readings);
 
 /// One value in words.
 std::string Describe(const DriveReading& reading);

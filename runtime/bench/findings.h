@@ -8,7 +8,7 @@
 namespace tumbler {
 
 /// Something that is not as the drives file says, or as it should be.
-struct Finding {
+struct BenchFinding {
   /// A name for programs, such as `identifiers-exchanged`; docs/formats.md lists them.
   std::string kind;
   std::string subject;  ///< A joint, a drive, or `bus`.
@@ -16,9 +16,9 @@ struct Finding {
   bool mended = false;  ///< Whether the drives file that is written has it right.
 };
 
-inline Json ToJson(const std::vector<Finding>& findings) {
+inline Json ToJson(const std::vector<BenchFinding>& findings) {
   Json json = Json::Array();
-  for (const Finding& finding : findings) {
+  for (const BenchFinding& finding : findings) {
     json.Append({{"kind", finding.kind},
                  {"subject", finding.subject},
                  {"text", finding.text},

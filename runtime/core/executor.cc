@@ -163,8 +163,8 @@ void Executor::Enter(ExecutorState state) noexcept {
     keep_torque_ = false;
   }
   if (state == ExecutorState::kRunning || state == ExecutorState::kArming) primitive_time_s_ = 0;
-  if (state == ExecutorState::kDisarmed) reaction_ = Reaction::kIgnore;
   if (state == ExecutorState::kDisarmed) {
+    reaction_ = Reaction::kIgnore;
     lowering_ = false;
     lowering_ticks_ = 0;
     for (Joint& joint : joints()) {

@@ -12,22 +12,23 @@ bool WereHeard(const TickRecord& last) noexcept {
   return last.joint_count > 0;
 }
 
-/// Whether every drive holds its joint, so that holding on holds the robot.
-bool IsHeld(const TickRecord& last) noexcept {
-  constexpr int kFresh = 5;  // ticks
+/// Whether every drive holds its joint, so that holding on holds the robot, by replies of this age
+/// at most.
+bool IsHeld(const TickRecord& last, std::int64_t age_ticks_max) noexcept {
   for (std::size_t i = 0; i < last.joint_count; ++i) {
     const JointRecord& joint = last.joints[i];
-    if (joint.drive_state != DriveState::kEnabled || joint.reply_age_ticks > kFresh) return false;
+    if (joint.drive_state != DriveState::kEnabled || joint.reply_age_ticks > age_ticks_max)
+      return false;
   }
   return last.reaction <= Reaction::kHold;
 }
 
 bool IsFaulty(const TickRecord& last) noexcept { return last.first_fault.fault != Fault::kNone; }
 
-/// Whether the fault is more than a stop of the operator, which is latched like one where its
+/// Whether there is a fault beside the operator's stop, which is latched like one where its
 /// reaction is not a plain hold.
 bool HasFailed(const TickRecord& last) noexcept {
-  return IsFaulty(last) && last.first_fault.fault != Fault::kOperatorStop;
+  return (last.faults & ~(1U << static_cast<unsigned>(Fault::kOperatorStop))) != 0;
 }
 
 }  // namespace
@@ -50,7 +51,8 @@ OperatorCommand RunProcedure::LetDown(RunOutcome outcome, const TickRecord& last
     lowered_ = true;
     return Go(Phase::kLower, OperatorCommand::kLower);
   }
-  if (config_.end_hold_ticks != 0 && IsHeld(last)) {
+  // A pause of replies, which is no fault, is no reason to drop the robot.
+  if (config_.end_hold_ticks != 0 && IsHeld(last, config_.fault_ticks)) {
     finish_ = stop_ = false;  // What was asked for is done. From now on it means torque off.
     loose_ticks_ = 0;
     return Go(Phase::kHoldOn, OperatorCommand::kNone);
@@ -125,7 +127,8 @@ OperatorCommand RunProcedure::Next(const TickRecord& last) noexcept TUMBLER_NONB
 
 OperatorCommand RunProcedure::HoldOn(const TickRecord& last) noexcept {
   // A fault does not end the hold, and does not begin it anew: a drive may answer again.
-  loose_ticks_ = IsHeld(last) ? 0 : loose_ticks_ + 1;
+  constexpr int kFresh_ticks = 5;
+  loose_ticks_ = IsHeld(last, kFresh_ticks) ? 0 : loose_ticks_ + 1;
   if (loose_ticks_ > 0 && loose_ticks_ >= config_.fault_ticks) return Finish(outcome_);
   const bool over = config_.end_hold_ticks > 0 && ticks_ >= config_.end_hold_ticks;
   // A request in the first moments was meant for the motion.

@@ -33,8 +33,8 @@ enum class OperatorCommand : std::uint8_t {
   kFinish,
   /// In running and settling: takes `TickInput::branch` as soon as a node offers it.
   kBranch,
-  /// In holding, and after a fault: stiffness and feed-forward fade away, so that the robot sinks
-  /// instead of dropping when the torque is taken off.
+  /// In holding, and after a fault: stiffness and feed-forward fade away. A robot that leans on
+  /// something sinks then, instead of dropping when the torque is taken off.
   kLower,
   /// After a fault that is answered by a hold in the pose at a node's end: goes on to the next safe
   /// node, as kFinish does. The faults stay latched, and new ones are answered as ever.

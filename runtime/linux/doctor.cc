@@ -2,6 +2,8 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <linux/can.h>
+#include <linux/capability.h>
 #include <sys/resource.h>
 #include <sys/socket.h>
 #include <sys/utsname.h>
@@ -13,11 +15,13 @@
 #include <string_view>
 #include <system_error>
 
+#include "firmware_interface/can/socketcan_bus.h"
+#include "runtime/linux/realtime_thread.h"
+
 namespace tumbler {
 namespace {
 
-constexpr std::int64_t kPriority = 80;  // that of --realtime
-constexpr std::int64_t kQueueMax = 32;  // that SocketCanBus takes
+const int kPriority = RealtimeConfig{}.priority;
 
 std::string LineOf(const std::string& path) {
   std::ifstream stream(path);
@@ -62,19 +66,19 @@ bool CanOpenForWriting(const std::string& path) {
 
 class Report {
  public:
-  void Add(const char* what, std::string state, bool good, Finding::Level otherwise,
+  void Add(const char* what, std::string state, bool good, HostFinding::Level otherwise,
            std::string remedy) {
-    findings_.push_back({good ? Finding::Level::kGood : otherwise, what, std::move(state),
+    findings_.push_back({good ? HostFinding::Level::kGood : otherwise, what, std::move(state),
                          good ? std::string() : std::move(remedy)});
   }
-  std::vector<Finding> Take() { return std::move(findings_); }
+  std::vector<HostFinding> Take() { return std::move(findings_); }
 
  private:
-  std::vector<Finding> findings_;
+  std::vector<HostFinding> findings_;
 };
 
-constexpr auto kAdvice = Finding::Level::kAdvice;
-constexpr auto kMissing = Finding::Level::kMissing;
+constexpr auto kAdvice = HostFinding::Level::kAdvice;
+constexpr auto kMissing = HostFinding::Level::kMissing;
 
 void JudgeLink(const HostFacts& facts, Report& report) {
   const std::string& name = facts.interface;
@@ -101,9 +105,10 @@ void JudgeLink(const HostFacts& facts, Report& report) {
              kMissing,
              fmt::format("ip link set {0} down; ip link set {0} type can listen-only off", name));
   if (!real) return;
-  report.Add("transmit queue", fmt::format("{} frames", link.queue_frames_max),
-             link.queue_frames_max >= 1 && link.queue_frames_max <= kQueueMax, kMissing,
-             fmt::format("ip link set {} txqueuelen 10", name));
+  report.Add(
+      "transmit queue", fmt::format("{} frames", link.queue_frames_max),
+      link.queue_frames_max >= 1 && link.queue_frames_max <= SocketCanConfig::kQueueFramesMax,
+      kMissing, fmt::format("ip link set {} txqueuelen 10", name));
   report.Add("waiting frames", fmt::format("{}", link.waiting_frames), link.waiting_frames == 0,
              kAdvice,
              fmt::format("somebody sends, or nobody acknowledges; before motors get power: ip link "
@@ -133,7 +138,7 @@ void JudgeLink(const HostFacts& facts, Report& report) {
 HostFacts GatherHostFacts(const std::string& interface, const std::string& root) {
   HostFacts facts;
   facts.interface = interface;
-  const int can = socket(AF_CAN, SOCK_RAW | SOCK_CLOEXEC, 1 /* CAN_RAW */);
+  const int can = socket(AF_CAN, SOCK_RAW | SOCK_CLOEXEC, CAN_RAW);
   facts.can_in_kernel = can >= 0;
   if (can >= 0) close(can);
   CanLink link;
@@ -145,10 +150,9 @@ HostFacts GatherHostFacts(const std::string& interface, const std::string& root)
     facts.link_problem = fmt::format("{}: {}", interface, std::generic_category().message(error));
   }
   facts.kernel = Preemption();
-  constexpr unsigned kCapSysNice = 23, kCapIpcLock = 14;
-  facts.priority_max = HasCapability(root, kCapSysNice) ? 99 : LimitOf(RLIMIT_RTPRIO);
+  facts.priority_max = HasCapability(root, CAP_SYS_NICE) ? 99 : LimitOf(RLIMIT_RTPRIO);
   if (facts.priority_max < 0) facts.priority_max = 99;
-  facts.locked_bytes_max = HasCapability(root, kCapIpcLock) ? -1 : LimitOf(RLIMIT_MEMLOCK);
+  facts.locked_bytes_max = HasCapability(root, CAP_IPC_LOCK) ? -1 : LimitOf(RLIMIT_MEMLOCK);
   facts.may_keep_awake = CanOpenForWriting(root + "dev/cpu_dma_latency");
   facts.governor = LineOf(root + "sys/devices/system/cpu/cpu0/cpufreq/scaling_governor");
   facts.isolated = LineOf(root + "sys/devices/system/cpu/isolated");
@@ -156,7 +160,7 @@ HostFacts GatherHostFacts(const std::string& interface, const std::string& root)
   return facts;
 }
 
-std::vector<Finding> Diagnose(const HostFacts& facts) {
+std::vector<HostFinding> Diagnose(const HostFacts& facts) {
   Report report;
   report.Add("CAN in the kernel", facts.can_in_kernel ? "there" : "not there", facts.can_in_kernel,
              kMissing,
@@ -193,14 +197,14 @@ std::vector<Finding> Diagnose(const HostFacts& facts) {
   return report.Take();
 }
 
-std::string Describe(const std::vector<Finding>& findings) {
+std::string Describe(const std::vector<HostFinding>& findings) {
   std::string text;
   int missing = 0, advice = 0;
-  for (const Finding& finding : findings) {
-    const char* mark = finding.level == Finding::Level::kGood ? "ok" : "advice";
-    if (finding.level == Finding::Level::kMissing) mark = "MISSING";
-    missing += finding.level == Finding::Level::kMissing ? 1 : 0;
-    advice += finding.level == Finding::Level::kAdvice ? 1 : 0;
+  for (const HostFinding& finding : findings) {
+    const char* mark = finding.level == HostFinding::Level::kGood ? "ok" : "advice";
+    if (finding.level == HostFinding::Level::kMissing) mark = "MISSING";
+    missing += finding.level == HostFinding::Level::kMissing ? 1 : 0;
+    advice += finding.level == HostFinding::Level::kAdvice ? 1 : 0;
     text += fmt::format("{:8} {}: {}\n", mark, finding.what, finding.state);
     if (!finding.remedy.empty()) text += fmt::format("         {}\n", finding.remedy);
   }

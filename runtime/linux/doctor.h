@@ -31,7 +31,7 @@ struct HostFacts {
                                         const std::string& root = "/");
 
 /// One thing that was examined.
-struct Finding {
+struct HostFinding {
   enum class Level : std::uint8_t {
     kGood,
     kAdvice,   ///< Runs are possible, but not as good as they could be.
@@ -44,9 +44,9 @@ struct Finding {
 };
 
 /// Judges the facts, in the order in which things are set up.
-[[nodiscard]] std::vector<Finding> Diagnose(const HostFacts& facts);
+[[nodiscard]] std::vector<HostFinding> Diagnose(const HostFacts& facts);
 
 /// One line for each finding, and one below it for its remedy.
-[[nodiscard]] std::string Describe(const std::vector<Finding>& findings);
+[[nodiscard]] std::string Describe(const std::vector<HostFinding>& findings);
 
 }  // namespace tumbler

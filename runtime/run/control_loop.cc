@@ -34,6 +34,10 @@ ControlLoop::ControlLoop(const Parts& parts, std::int64_t period_ns, std::int64_
       start_ns_(start_ns),
       suspended_ns_(parts.clock.suspended_ns()) {}
 
+// No computer is suspended and back within less. A reading of the clock may be off by as much as
+// the loop's thread had to wait between its two halves.
+constexpr std::int64_t kShortestSuspension_ns = 100'000'000;
+
 bool ControlLoop::Step() noexcept {
   const std::int64_t deadline_ns = start_ns_ + next_tick_ * period_ns_;
   parts_.clock.SleepUntil(deadline_ns);
@@ -45,8 +49,9 @@ bool ControlLoop::Tick(std::int64_t deadline_ns,
   const std::int64_t late_ns = awake_ns - deadline_ns;
   // While the computer was suspended, the clock stood still and the drives went on.
   const std::int64_t suspended_ns = parts_.clock.suspended_ns() - suspended_ns_;
-  const std::int64_t slept = std::max<std::int64_t>(suspended_ns / period_ns_, 0);
-  if (slept > 0) {
+  std::int64_t slept = 0;
+  if (suspended_ns >= kShortestSuspension_ns) {
+    slept = suspended_ns / period_ns_;
     suspended_ns_ += suspended_ns;
     start_ns_ -= slept * period_ns_;
   }

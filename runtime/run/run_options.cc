@@ -116,8 +116,7 @@ void DeclareRun(CommandLine& line, RunOptions& options, std::string& end) {
           "to a safe node, else hold), lower (the stiffness fades away in 2 s), hold (until told "
           "to disarm: Ctrl-C, tumbler-ctl disarm) or torque-off; by default what the motion's "
           "file says, and safe where it says nothing")
-      .OneOf({"safe", "lower", "hold", "torque-off"});
-  line.Flag("--lower", options.lower, "the same as --end lower");
+      .OneOf({kRunEndNames.begin(), kRunEndNames.end()});
   line.Option("--start-within", options.start_within_rad,
               "refuse to arm when a joint is farther than this from the start of the motion [rad]")
       .Within(0.0, 1e6)
@@ -193,12 +192,8 @@ RunOptions ReadRunOptions(int argc, char** argv) {
     if (gethostname(name.data(), name.size() - 1) == 0) options.robot = name.data();
   }
   if (scheduling == "deadline") options.scheduling.scheduling = Scheduling::kDeadline;
-  if (options.lower && !end.empty() && end != "lower")
-    throw std::runtime_error(fmt::format("--lower is --end lower, not {}: leave one out", end));
-  constexpr std::array<std::string_view, 4> kEnds = {"safe", "lower", "hold", "torque-off"};
-  if (options.lower) end = "lower";
-  for (std::size_t i = 0; i < kEnds.size(); ++i) {
-    if (end == kEnds[i]) options.end = static_cast<RunEnd>(i);
+  for (std::size_t i = 0; i < kRunEndNames.size(); ++i) {
+    if (end == kRunEndNames[i]) options.end = static_cast<RunEnd>(i);
   }
   CheckTogether(options);
   return options;

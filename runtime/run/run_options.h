@@ -21,7 +21,6 @@ struct RunOptions {
   bool realtime = false;
   bool without_realtime = false;
   bool without_watchdog = false;
-  bool lower = false;
   bool clear = false;
   double moved_within_rad = 0.5;
   std::string pose_file;

@@ -54,11 +54,11 @@ void WriteFile(const std::string& text, const std::string& path) {
 
 /// Says what machine and interface lack.
 ExitStatus Examine(const RunOptions& options) {
-  const std::vector<Finding> findings = Diagnose(GatherHostFacts(options.doctor));
+  const std::vector<HostFinding> findings = Diagnose(GatherHostFacts(options.doctor));
   fmt::print("{}", Describe(findings));
-  const bool missing = std::any_of(findings.begin(), findings.end(), [](const Finding& finding) {
-    return finding.level == Finding::Level::kMissing;
-  });
+  const bool missing = std::any_of(
+      findings.begin(), findings.end(),
+      [](const HostFinding& finding) { return finding.level == HostFinding::Level::kMissing; });
   return missing ? ExitStatus::kRefused : ExitStatus::kDone;
 }
 
@@ -372,11 +372,14 @@ ExitStatus Run(RunOptions options, const Simulation* simulation) {
   summary.realtime = Schedule(options, period_ns, EnterRealtime);
   if (awake && awake->held()) summary.realtime->scheduling += ", processors kept awake";
   telemetry.SetScheduling(summary.realtime ? summary.realtime->scheduling : "time-shared");
-  play.Run(procedure_config, period_ns, [&commands](const ControlLoop& loop) {
+  bool armed = false;
+  play.Run(procedure_config, period_ns, [&commands, &armed](const ControlLoop& loop) {
     if (commands) commands->NoteTick(loop.statistics().ticks - 1);
+    armed = armed || loop.record().state == ExecutorState::kHolding;
   });
   telemetry.Stop();
-  if (!pose_file.empty()) KeepPose(pose_file, play.loop().record(), parts.drives);
+  // What was found by a run that was refused is what it was refused for.
+  if (!pose_file.empty() && armed) KeepPose(pose_file, play.loop().record(), parts.drives);
 
   EndSummary(play, telemetry, summary);
   if (commands) {

@@ -353,7 +353,7 @@ TEST_P(BenchOf, ADriveWithoutWatchdogIsProvedForNoLongerThanItsJointStaysWithinT
   EXPECT_LE(farthest_rad, 0.1);
   EXPECT_GE(watchdog.pushed_after_s, GetParam().protocol == "mit" ? 0.05 : 0.999);
   EXPECT_EQ(watchdog.longest, GetParam().protocol != "mit");
-  const Finding finding = JudgeWatchdog("drive", watchdog, 0.025, 0.001, {}).at(0);
+  const BenchFinding finding = JudgeWatchdog("drive", watchdog, 0.025, 0.001, {}).at(0);
   EXPECT_EQ(finding.kind, "no-watchdog");
   EXPECT_FALSE(finding.mended);
   EXPECT_THAT(finding.text, HasSubstr("still drives after"));
@@ -480,7 +480,7 @@ TEST(DriveReading, ADamiaoDriveTellsItsRangesAndOthersThanTheFilesAreAFinding) {
                   "register 22 largest velocity: 50 rad/s", "register 23 largest torque: 18 N m"));
   EXPECT_THAT(JudgeReadings(drives.drives[0], readings), IsEmpty());
   mit.command.velocity_rad_s = {-40, 40};
-  const std::vector<Finding> findings = JudgeReadings(drives.drives[0], readings);
+  const std::vector<BenchFinding> findings = JudgeReadings(drives.drives[0], readings);
   ASSERT_EQ(findings.size(), 1U);
   EXPECT_EQ(findings[0].kind, "other-range");
   EXPECT_THAT(findings[0].text, HasSubstr("largest velocity = 50, and range.velocity_rad_s"));
@@ -530,7 +530,7 @@ TEST(BusScan, TellsWhatTheFileDoesNot) {
   std::get<MitConfig>(drives.drives[1].config).command_id = 3;
   RigWorld world(DefaultDrives({"leg1", "leg2"}));
   std::vector<std::string> kinds;
-  for (const Finding& finding : CompareWithDraft(ScanBus(world, {}), drives))
+  for (const BenchFinding& finding : CompareWithDraft(ScanBus(world, {}), drives))
     kinds.push_back(finding.kind);
   EXPECT_THAT(kinds, ElementsAre("reply-identifier", "missing-drive", "unknown-drive"));
 }

@@ -221,6 +221,23 @@ TEST(ControlLoop, NoticesThatTheComputerWasSuspended) {
   EXPECT_EQ(loop.record().tick - tick, 4502) << "it is counted once";
 }
 
+TEST(ControlLoop, TakesAReadingOfTheClockThatIsOffByAFewTicksForNoSuspension) {
+  LoopBench bench({});
+  SuspendedClock clock(bench.clock);
+  ControlLoop loop({bench.executor, bench.host, clock, *bench.procedure, bench.mailbox, nullptr},
+                   1'000'000, 0);
+  while (loop.record().state != ExecutorState::kRunning) ASSERT_TRUE(loop.Step());
+  const std::int64_t tick = loop.record().tick;
+  const std::int64_t slept_ns = clock.slept_ns;
+  for (const std::int64_t off_ns : {5'000'000, 0, 12'000'000, -7'000'000}) {
+    clock.slept_ns = slept_ns + off_ns;
+    ASSERT_TRUE(loop.Step());
+  }
+  EXPECT_EQ(loop.record().faults, 0);
+  EXPECT_EQ(loop.statistics().missed_ticks, 0);
+  EXPECT_EQ(loop.record().tick - tick, 4);
+}
+
 TEST(ControlLoop, CountsLateAndMissedTicksAndKeepsToTheSchedule) {
   for (const std::int64_t late_ns : {600'000, 1'700'000, 4'200'000}) {
     LoopBench bench({});

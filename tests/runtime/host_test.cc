@@ -49,17 +49,17 @@ HostFacts GoodHost() {
 }
 
 TEST(Doctor, FindsNothingAmissWithAGoodHost) {
-  const std::vector<Finding> findings = Diagnose(GoodHost());
+  const std::vector<HostFinding> findings = Diagnose(GoodHost());
   EXPECT_GE(findings.size(), 15U);
-  for (const Finding& finding : findings) {
-    EXPECT_EQ(finding.level, Finding::Level::kGood) << finding.what << ": " << finding.state;
+  for (const HostFinding& finding : findings) {
+    EXPECT_EQ(finding.level, HostFinding::Level::kGood) << finding.what << ": " << finding.state;
     EXPECT_TRUE(finding.remedy.empty());
   }
   EXPECT_THAT(Describe(findings), HasSubstr("0 missing, 0 to improve"));
 }
 
 TEST(Doctor, NamesEachThingThatIsAmissWithWhatToDo) {
-  using Level = Finding::Level;
+  using Level = HostFinding::Level;
   struct Case {
     const char* what;
     Level level;
@@ -106,8 +106,8 @@ TEST(Doctor, NamesEachThingThatIsAmissWithWhatToDo) {
     SCOPED_TRACE(c.what);
     HostFacts facts = GoodHost();
     c.spoil(facts);
-    std::vector<Finding> amiss;
-    for (Finding& finding : Diagnose(facts)) {
+    std::vector<HostFinding> amiss;
+    for (HostFinding& finding : Diagnose(facts)) {
       if (finding.level != Level::kGood) amiss.push_back(std::move(finding));
     }
     ASSERT_EQ(amiss.size(), 1U) << Describe(Diagnose(facts));

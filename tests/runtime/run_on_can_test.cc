@@ -505,6 +505,7 @@ TEST_F(RunOnCan, ADriveThatHasLostItsTurnsOrWasMovedIsNotArmed) {
     const auto moved = start({});
     EXPECT_EQ(moved->Wait(), 2) << moved->text();
     EXPECT_THAT(moved->text(), HasSubstr("far from where it was last known"));
+    EXPECT_EQ(start({})->Wait(), 2) << "a refusal does not make known where it is";
     EXPECT_EQ(start({"--forget-pose"})->Wait(), 0);
     EXPECT_EQ(start({})->Wait(), 0) << "and its pose is known again";
   });

@@ -52,6 +52,7 @@ class RunSequenceTest : public ::testing::Test {
   ExecutorRig rig{{}, Motion()};
   RunProcedure procedure{Short()};
   std::array<int, kExecutorStateCount> ticks{};
+  int before_settling = 0;  // ticks in holding before the motion
 };
 
 TEST_F(RunSequenceTest, CompletesARun) {
@@ -138,6 +139,43 @@ TEST_F(RunSequenceTest, DoesNotHoldWithADriveThatIsSilentOrHasFailed) {
     EXPECT_EQ(procedure.outcome(), RunOutcome::kFault);
     EXPECT_LE(Ticks(ExecutorState::kFault), 60);
     rig.drives[1]->reply.error = 0;
+  }
+}
+
+TEST_F(RunSequenceTest, APauseOfRepliesThatIsNoFaultDoesNotDropTheRobotWheneverItComes) {
+  RunProcedureConfig config = Short();
+  config.end_hold_ticks = 400;
+  ExecutorConfig patient;
+  patient.stale_ticks_max = 20;
+  for (int begin = 30; begin <= 60; ++begin) {  // The hold after the motion takes 50 ticks.
+    rig = ExecutorRig{patient, Motion()};
+    rig.Reconfigure();
+    SetUpAnew(config);
+    Play([&] {
+      const int held = Ticks(ExecutorState::kSettling) > 0 ? Ticks(ExecutorState::kHolding) : 0;
+      const int since = held - before_settling;
+      if (Ticks(ExecutorState::kSettling) == 0) before_settling = Ticks(ExecutorState::kHolding);
+      rig.silent[1] = held > 0 && since >= begin && since < begin + 8;
+    });
+    EXPECT_EQ(procedure.outcome(), RunOutcome::kCompleted) << begin;
+    EXPECT_GE(Ticks(ExecutorState::kHolding), 450) << begin;
+  }
+}
+
+TEST_F(RunSequenceTest, AFaultAfterALatchedStopOfTheOperatorMakesTheRunFaulty) {
+  ExecutorConfig executor;
+  for (std::size_t state = 0; state < kExecutorStateCount; ++state)
+    executor.reactions.Set(Fault::kOperatorStop, static_cast<ExecutorState>(state),
+                           Reaction::kDamp);
+  for (const bool silent : {false, true}) {
+    rig = ExecutorRig{executor, Motion()};
+    rig.Reconfigure();
+    SetUpAnew(Short());
+    Play([&] {
+      if (Ticks(ExecutorState::kRunning) == 200) procedure.RequestStop();
+      rig.silent[1] = silent && Ticks(ExecutorState::kFault) >= 5;
+    });
+    EXPECT_EQ(procedure.outcome(), silent ? RunOutcome::kFault : RunOutcome::kStopped);
   }
 }
 
