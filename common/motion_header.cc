@@ -83,29 +83,57 @@ void AppendFloats(std::string& out, const char* name, std::span<const float> val
 
 using RuntimeSpline = JointMotion<float>::Spline;
 
-void AppendSpline(std::string& out, const char* member, std::size_t joint,
-                  const RuntimeSpline& spline) {
+void AppendSpline(std::string& out, const std::string& member, const RuntimeSpline& spline) {
   out += fmt::format("  {{\n");
   AppendFloats(out, "knots", spline.knots());
   AppendFloats(out, "points", spline.control_points());
   out += fmt::format(
-      "  p.joints[{}].{} = tumbler::JointMotion<float>::Spline::Constant({}, knots, points);\n  "
+      "  p.{} = tumbler::JointMotion<float>::Spline::Constant({}, knots, points);\n  "
       "}}\n",
-      joint, member, spline.degree());
+      member, spline.degree());
 }
 
 /// Throws unless all control points of the spline and its derivatives are finite: the compiler
 /// could not make them constants.
-void RequireFinite(const JointMotion<float>& motion, const RuntimeSpline& spline,
-                   const char* what) {
+void RequireFinite(const std::string& part, const RuntimeSpline& spline, const char* what) {
   for (int d = 0; d <= RuntimeSpline::kMaxDerivative; ++d) {
     for (const float point : spline.control_points(d)) {
       if (point - point == 0) continue;
       throw std::invalid_argument(
-          fmt::format("joint '{}': derivative {} of its {} does not fit single precision",
-                      motion.name.view(), d, what));
+          fmt::format("{}: derivative {} of its {} does not fit single precision", part, d, what));
     }
   }
+}
+
+/// The floats as an initializer list.
+std::string List(std::span<const float> values) {
+  std::string out;
+  for (const float value : values) out += (out.empty() ? "" : ", ") + Exact(value);
+  return "{" + out + "}";
+}
+
+std::string FeedbackText(const Primitive<float>& primitive) {
+  const Feedback<float>& feedback = primitive.feedback;
+  const std::size_t knots = feedback.knots().size();
+  RequireFinite("the feedback", feedback.angle, "angle");
+  std::string out = fmt::format("  p.feedback.link = tumbler::FixedString<32>({});\n",
+                                StringLiteral(feedback.link.view())) +
+                    fmt::format("  p.feedback.knot_count = {};\n  p.feedback.knots_s = {};\n",
+                                feedback.knot_count, List(feedback.knots()));
+  AppendSpline(out, "feedback.angle", feedback.angle);
+  out += fmt::format(
+      "  p.feedback.error_max_rad = {};\n  p.feedback.start_error_max_rad = {};\n"
+      "  p.feedback.fade_in_s = {};\n  p.feedback.fade_out_s = {};\n",
+      Exact(feedback.error_max_rad), Exact(feedback.start_error_max_rad), Exact(feedback.fade_in_s),
+      Exact(feedback.fade_out_s));
+  for (std::size_t j = 0; j < primitive.motions().size(); ++j) {
+    const JointFeedback<float>& joint = feedback.joints[j];
+    out += fmt::format("  p.feedback.joints[{}] = {{{},\n      {},\n      {},\n      {}, {}}};\n",
+                       j, Exact(joint.chain), List({joint.angle_gain.data(), knots}),
+                       List({joint.rate_gain.data(), knots}), Exact(joint.correction_max_rad),
+                       Exact(joint.correction_rate_max_rad_s));
+  }
+  return out;
 }
 
 std::string PrimitiveText(const Primitive<float>& primitive) {
@@ -124,14 +152,16 @@ std::string PrimitiveText(const Primitive<float>& primitive) {
     const JointLimits<float>& limits = motion.limits;
     line("  p.joints[{}].name = tumbler::FixedString<32>({});\n", j,
          StringLiteral(motion.name.view()));
-    RequireFinite(motion, motion.position, "position");
-    RequireFinite(motion, motion.torque, "feed-forward");
-    AppendSpline(out, "position", j, motion.position);
-    AppendSpline(out, "torque", j, motion.torque);
+    const std::string part = fmt::format("joint '{}'", motion.name.view());
+    RequireFinite(part, motion.position, "position");
+    RequireFinite(part, motion.torque, "feed-forward");
+    AppendSpline(out, fmt::format("joints[{}].position", j), motion.position);
+    AppendSpline(out, fmt::format("joints[{}].torque", j), motion.torque);
     line("  p.joints[{}].limits = {{{}, {}, {}, {}, {}}};\n", j, Exact(limits.position_min_rad),
          Exact(limits.position_max_rad), Exact(limits.velocity_max_rad_s),
          Exact(limits.acceleration_max_rad_s2), Exact(limits.torque_max_nm));
   }
+  if (primitive.feedback.present()) out += FeedbackText(primitive);
   return out + "  return p;\n";
 }
 

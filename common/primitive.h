@@ -40,6 +40,50 @@ struct JointMotion {
   JointLimits<Scalar> limits;
 };
 
+/// The most knots of a feedback's gains.
+inline constexpr int kMaxGainKnots = 16;
+
+/// The part of one joint in a feedback.
+template <typename Scalar>
+struct JointFeedback {
+  /// By how much the link's absolute angle grows with the joint's: +1, -1, or 0 where the joint is
+  /// not between the root and the link.
+  Scalar chain = 0;
+  /// Gain on the error of the link's angle at each knot of the gains [rad/rad].
+  std::array<Scalar, kMaxGainKnots> angle_gain{};
+  /// Gain on the error of its rate, likewise [rad/(rad/s)].
+  std::array<Scalar, kMaxGainKnots> rate_gain{};
+  Scalar correction_max_rad = 0;         ///< Of |correction|.
+  Scalar correction_rate_max_rad_s = 0;  ///< Of the change of the correction in time.
+};
+
+/// How the setpoints of a primitive answer an error of one link's absolute angle. The law is in
+/// `common/feedback.h`.
+template <typename Scalar>
+struct Feedback {
+  using Spline = BSpline<Scalar, kMaxControlPoints>;
+
+  FixedString<32> link;  ///< The link's name in the robot's URDF.
+  int knot_count = 0;    ///< Knots of the gains; 0: the primitive has no feedback.
+  /// Times of the gains' knots [s], increasing, from 0 to the primitive's duration. Between two
+  /// knots a gain is a straight line.
+  std::array<Scalar, kMaxGainKnots> knots_s{};
+  /// The link's angle in the plan [rad], continuously differentiable: root pitch plus the joints of
+  /// its chain. Its values differ from a measured angle by any number of whole turns.
+  Spline angle;
+  Scalar error_max_rad = 0;        ///< Where the error is larger, nothing is corrected.
+  Scalar start_error_max_rad = 0;  ///< The same at the start: then not in the whole motion.
+  Scalar fade_in_s = 0;            ///< The time in which the correction grows to its full share.
+  Scalar fade_out_s = 0;  ///< The time in which it vanishes when the angle is not known any more.
+  std::array<JointFeedback<Scalar>, kMaxJoints> joints;  ///< In the order of the primitive's.
+
+  [[nodiscard]] bool present() const noexcept { return knot_count > 0; }
+  /// The knots in use.
+  [[nodiscard]] std::span<const Scalar> knots() const noexcept {
+    return {knots_s.data(), static_cast<std::size_t>(knot_count)};
+  }
+};
+
 /// A motion primitive: one motion of the robot's actuated joints. The optimiser makes it, its file
 /// stores it, and the executor plays it.
 ///
@@ -66,6 +110,8 @@ struct Primitive {
   /// How many of `joints` are in use, at least 1.
   int joint_count = 0;
   std::array<JointMotion<Scalar>, kMaxJoints> joints;
+  /// How the joints answer what an inertial sensor measures, besides.
+  Feedback<Scalar> feedback;
 
   /// The joints in use.
   [[nodiscard]] std::span<const JointMotion<Scalar>> motions() const noexcept {

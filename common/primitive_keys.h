@@ -73,6 +73,78 @@ inline constexpr auto kTorqueKeys = AllRequired(std::array{
     KeyOf<&SplineEntry::coefficients>("coefficients_nm", "its control points"),
 });
 
+/// The largest gains of a feedback [rad/rad, rad/(rad/s)], of either sign, and the most that it may
+/// correct [rad, rad/s]. More would be another motion.
+inline constexpr double kMaxAngleGain = 20;
+inline constexpr double kMaxRateGain = 5;
+inline constexpr double kMaxCorrection_rad = 1;
+inline constexpr double kMaxCorrectionRate_rad_s = 100;
+
+/// `[feedback]` as the file has it.
+struct FeedbackEntry {
+  std::string link;
+  double error_max_rad = 0;
+  double start_error_max_rad = 0;
+  double fade_in_s = 0;
+  double fade_out_s = 0;
+  std::vector<double> knots_s;
+};
+inline constexpr auto kFeedbackKeys = AllRequired(std::array{
+    KeyOf<&FeedbackEntry::link>("link",
+                                "the link whose absolute angle is fed back: root pitch plus the "
+                                "joints of its chain")
+        .Allowed("a link of `[[feedback.chain]]`"),
+    KeyOf<&FeedbackEntry::error_max_rad>("error_max_rad", {0, 3.14, true},
+                                         "where the error is larger, nothing is corrected"),
+    KeyOf<&FeedbackEntry::start_error_max_rad>(
+        "start_error_max_rad", {0, 3.14, true},
+        "where it is larger at the start, nothing is corrected in the whole motion")
+        .Allowed("above 0, to `error_max_rad`"),
+    KeyOf<&FeedbackEntry::fade_in_s>("fade_in_s", {0, 10, true},
+                                     "in which the correction grows to its full share"),
+    KeyOf<&FeedbackEntry::fade_out_s>("fade_out_s", {0, 10, true},
+                                      "in which it vanishes when the angle is not known any more"),
+    KeyOf<&FeedbackEntry::knots_s>("knots_s", "of the gains, which are straight lines in between")
+        .Allowed("2 to 16 increasing numbers, from 0 to `duration_s`"),
+});
+inline constexpr auto kFeedbackAngleKeys = AllRequired(std::array{
+    KeyOf<&SplineEntry::degree>("degree", {2, JointMotion<double>::Spline::kMaxDegree},
+                                "of the link's angle in the plan"),
+    KeyOf<&SplineEntry::knots_s>("knots_s", "likewise"),
+    KeyOf<&SplineEntry::coefficients>("coefficients_rad", {-100, 100}, "its control points"),
+});
+
+/// A `[[feedback.joint]]` as the file has it.
+struct JointFeedbackEntry {
+  std::string name;
+  std::vector<double> angle_gains;
+  std::vector<double> rate_gains;
+  double correction_max_rad = 0;
+  double correction_rate_max_rad_s = 0;
+};
+inline constexpr auto kJointFeedbackKeys = AllRequired(std::array{
+    KeyOf<&JointFeedbackEntry::name>("name", "of the joint")
+        .Allowed("those of `[[joint]]`, in order"),
+    KeyOf<&JointFeedbackEntry::angle_gains>("angle_gains_rad_per_rad",
+                                            {-kMaxAngleGain, kMaxAngleGain},
+                                            "at each knot: correction per error of the angle"),
+    KeyOf<&JointFeedbackEntry::rate_gains>("rate_gains_rad_per_rad_s",
+                                           {-kMaxRateGain, kMaxRateGain},
+                                           "at each knot: correction per error of its rate"),
+    KeyOf<&JointFeedbackEntry::correction_max_rad>("correction_max_rad", {0, kMaxCorrection_rad},
+                                                   "the most that the setpoint is corrected by"),
+    KeyOf<&JointFeedbackEntry::correction_rate_max_rad_s>("correction_rate_max_rad_s",
+                                                          {0, kMaxCorrectionRate_rad_s, true},
+                                                          "how fast the correction may change"),
+});
+inline constexpr auto kLinkChainKeys = AllRequired(std::array{
+    KeyOf<&LinkChain::link>("link", "of the robot; the root is one, too")
+        .Allowed("1 to 32 bytes, unique"),
+    KeyOf<&LinkChain::joints>("joints", {-1, 1},
+                              "for each joint, by how much the link's angle grows with it")
+        .Allowed("1, -1 or 0"),
+});
+
 inline constexpr auto kPoseKeys = AllRequired(std::array{
     KeyOf<&PrimitivePose::root_x_m>("root_x_m", "of the root link's frame"),
     KeyOf<&PrimitivePose::root_z_m>("root_z_m", "of the root link's frame"),

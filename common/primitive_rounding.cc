@@ -22,9 +22,15 @@ using Motion = JointMotion<double>;
 // says that the knots are too close.
 constexpr double kRoundingAllowance = 1e-3;
 
+[[noreturn]] void FailPart(const std::string& part, const std::string& problem) {
+  throw std::invalid_argument(
+      fmt::format("{} cannot be played in single precision: {}", part, problem));
+}
+
+std::string PartOf(const Motion& motion) { return fmt::format("joint '{}'", motion.name.view()); }
+
 [[noreturn]] void FailRounding(const Motion& motion, const std::string& problem) {
-  throw std::invalid_argument(fmt::format("joint '{}' cannot be played in single precision: {}",
-                                          motion.name.view(), problem));
+  FailPart(PartOf(motion), problem);
 }
 
 float Rounded(double value) { return static_cast<float>(value); }
@@ -35,15 +41,15 @@ float RoundedLimit(double value) {
   return static_cast<float>(std::clamp(value, -kLargest, kLargest));
 }
 
-JointMotion<float>::Spline Rounded(const Motion& motion, const Motion::Spline& spline,
+JointMotion<float>::Spline Rounded(const std::string& part, const Motion::Spline& spline,
                                    const char* what) {
   std::vector<float> knots(spline.knots().size());
   std::transform(spline.knots().begin(), spline.knots().end(), knots.begin(),
                  [](double x) { return Rounded(x); });
   for (std::size_t i = 1; i < knots.size(); ++i) {
     if (knots[i] == knots[i - 1] && spline.knots()[i] != spline.knots()[i - 1]) {
-      FailRounding(motion, fmt::format("knots {} and {} of its {} spline round to the same time",
-                                       i - 1, i, what));
+      FailPart(part, fmt::format("knots {} and {} of its {} spline round to the same time", i - 1,
+                                 i, what));
     }
   }
   std::vector<float> points(spline.control_points().size());
@@ -51,8 +57,7 @@ JointMotion<float>::Spline Rounded(const Motion& motion, const Motion::Spline& s
                  [](double x) { return Rounded(x); });
   JointMotion<float>::Spline result;
   if (result.Assign(spline.degree(), knots, points) != Status::kOk) {
-    FailRounding(motion,
-                 fmt::format("its {} spline holds a number beyond the range of float", what));
+    FailPart(part, fmt::format("its {} spline holds a number beyond the range of float", what));
   }
   return result;
 }
@@ -70,6 +75,42 @@ float Widened(const Motion& motion, const Bound<float>& bound) {
                     MessageNumber(static_cast<double>(bound.max)), bound.unit));
   }
   return widened;
+}
+
+Feedback<float> Rounded(const Primitive<double>& primitive) {
+  const Feedback<double>& feedback = primitive.feedback;
+  Feedback<float> result;
+  if (!feedback.present()) return result;
+  const std::string part = "the feedback";
+  result.link = feedback.link;
+  result.knot_count = feedback.knot_count;
+  result.angle = Rounded(part, feedback.angle, "angle");
+  result.error_max_rad = Rounded(feedback.error_max_rad);
+  result.start_error_max_rad = Rounded(feedback.start_error_max_rad);
+  result.fade_in_s = Rounded(feedback.fade_in_s);
+  result.fade_out_s = Rounded(feedback.fade_out_s);
+  bool keeps = result.error_max_rad > 0 && result.start_error_max_rad > 0 && result.fade_in_s > 0 &&
+               result.fade_out_s > 0;
+  for (std::size_t i = 0; i < feedback.knots().size(); ++i) {
+    result.knots_s[i] = Rounded(feedback.knots_s[i]);
+    if (i > 0 && !(result.knots_s[i] > result.knots_s[i - 1])) {
+      FailPart(part, fmt::format("knots {} and {} of its gains round to the same time", i - 1, i));
+    }
+  }
+  for (std::size_t j = 0; j < primitive.motions().size(); ++j) {
+    const JointFeedback<double>& joint = feedback.joints[j];
+    JointFeedback<float>& rounded = result.joints[j];
+    rounded.chain = Rounded(joint.chain);
+    std::ranges::transform(joint.angle_gain, rounded.angle_gain.begin(),
+                           [](double x) { return Rounded(x); });
+    std::ranges::transform(joint.rate_gain, rounded.rate_gain.begin(),
+                           [](double x) { return Rounded(x); });
+    rounded.correction_max_rad = Rounded(joint.correction_max_rad);
+    rounded.correction_rate_max_rad_s = Rounded(joint.correction_rate_max_rad_s);
+    keeps = keeps && rounded.correction_rate_max_rad_s > 0;
+  }
+  if (!keeps) FailPart(part, "a limit or a fading time rounds to zero");
+  return result;
 }
 
 }  // namespace
@@ -96,8 +137,8 @@ Primitive<float> ToRuntime(const Primitive<double>& primitive) {
     const Motion& motion = primitive.joints[i];
     JointMotion<float>& rounded = result.joints[i];
     rounded.name = motion.name;
-    rounded.position = Rounded(motion, motion.position, "position");
-    rounded.torque = Rounded(motion, motion.torque, "torque");
+    rounded.position = Rounded(PartOf(motion), motion.position, "position");
+    rounded.torque = Rounded(PartOf(motion), motion.torque, "torque");
     rounded.limits = {RoundedLimit(motion.limits.position_min_rad),
                       RoundedLimit(motion.limits.position_max_rad),
                       RoundedLimit(motion.limits.velocity_max_rad_s),
@@ -116,6 +157,7 @@ Primitive<float> ToRuntime(const Primitive<double>& primitive) {
       }
     }
   }
+  result.feedback = Rounded(primitive);
   return result;
 }
 

@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <stdexcept>
 #include <string_view>
 #include <utility>
@@ -148,6 +149,107 @@ Primitive<double> ReadMotions(TomlTable& root) {
   return primitive;
 }
 
+void ReadGainKnots(const TomlTable& table, const FeedbackEntry& entry, double duration_s,
+                   Feedback<double>& feedback) {
+  const std::vector<double>& knots = entry.knots_s;
+  if (knots.size() < 2 || knots.size() > kMaxGainKnots) {
+    table.Fail("knots_s", fmt::format("holds {} numbers; allowed: from 2 ... {}", knots.size(),
+                                      kMaxGainKnots));
+  }
+  for (std::size_t i = 1; i < knots.size(); ++i) {
+    if (knots[i] > knots[i - 1]) continue;
+    table.Fail("knots_s", fmt::format("knot {} is {}; allowed: above knot {}, which is {}", i,
+                                      ExactDecimal(knots[i]), i - 1, ExactDecimal(knots[i - 1])));
+  }
+  if (knots.front() != 0 || knots.back() != duration_s) {
+    table.Fail("knots_s", fmt::format("goes from {} to {}; allowed: from 0 to duration_s, which is "
+                                      "{}",
+                                      ExactDecimal(knots.front()), ExactDecimal(knots.back()),
+                                      ExactDecimal(duration_s)));
+  }
+  feedback.knot_count = static_cast<int>(knots.size());
+  std::copy(knots.begin(), knots.end(), feedback.knots_s.begin());
+}
+
+void ReadGains(const TomlTable& table, std::string_view key, std::span<const double> gains,
+               std::size_t knots, std::array<double, kMaxGainKnots>& into) {
+  if (gains.size() != knots) {
+    table.Fail(key, fmt::format("holds {} numbers; expected {}, one for each of knots_s",
+                                gains.size(), knots));
+  }
+  std::copy(gains.begin(), gains.end(), into.begin());
+}
+
+void ReadJointFeedback(TomlTable& table, const Motion& motion, std::size_t knots,
+                       JointFeedback<double>& joint) {
+  JointFeedbackEntry entry;
+  ReadKeys(table, kJointFeedbackKeys, entry);
+  if (entry.name != motion.name.view()) {
+    table.Fail("name", fmt::format("is '{}'; allowed: '{}' (the joints in the order of [[joint]])",
+                                   entry.name, motion.name.view()));
+  }
+  ReadGains(table, "angle_gains_rad_per_rad", entry.angle_gains, knots, joint.angle_gain);
+  ReadGains(table, "rate_gains_rad_per_rad_s", entry.rate_gains, knots, joint.rate_gain);
+  joint.correction_max_rad = entry.correction_max_rad;
+  joint.correction_rate_max_rad_s = entry.correction_rate_max_rad_s;
+}
+
+LinkChain ReadChain(TomlTable& table, std::size_t joints, std::span<const LinkChain> earlier) {
+  LinkChain chain;
+  ReadKeys(table, kLinkChainKeys, chain);
+  if (chain.link.empty() || !FixedString<32>::fits(chain.link))
+    table.Fail("link", fmt::format("is '{}'; allowed: 1 to 32 bytes", chain.link));
+  for (const LinkChain& other : earlier) {
+    if (other.link == chain.link)
+      table.Fail("link", fmt::format("is '{}', as of an earlier chain", chain.link));
+  }
+  if (chain.joints.size() != joints) {
+    table.Fail("joints", fmt::format("holds {} numbers; expected {}", chain.joints.size(), joints));
+  }
+  for (const double sign : chain.joints) {
+    if (sign != 0 && sign != 1 && sign != -1)
+      table.Fail("joints", fmt::format("holds {}; allowed: 1, -1 or 0", MessageNumber(sign)));
+  }
+  return chain;
+}
+
+void ReadFeedback(TomlTable table, PrimitiveFile& file) {
+  Primitive<double>& primitive = file.primitive;
+  Feedback<double>& feedback = primitive.feedback;
+  FeedbackEntry entry;
+  ReadKeys(table, kFeedbackKeys, entry);
+  if (entry.start_error_max_rad > entry.error_max_rad) {
+    table.Fail(
+        "start_error_max_rad",
+        fmt::format("is {}; allowed: above 0, to error_max_rad, which is {}",
+                    MessageNumber(entry.start_error_max_rad), MessageNumber(entry.error_max_rad)));
+  }
+  feedback.error_max_rad = entry.error_max_rad;
+  feedback.start_error_max_rad = entry.start_error_max_rad;
+  feedback.fade_in_s = entry.fade_in_s;
+  feedback.fade_out_s = entry.fade_out_s;
+  ReadGainKnots(table, entry, primitive.duration_s, feedback);
+  feedback.angle = ReadSpline(table.Table("angle"), kFeedbackAngleKeys, 1, primitive.duration_s);
+  const auto joints = static_cast<std::size_t>(primitive.joint_count);
+  std::vector<TomlTable> tables = table.Tables("joint");
+  if (tables.size() != joints) {
+    table.Fail("joint", fmt::format("has {} entries; expected {}, one for each joint",
+                                    tables.size(), joints));
+  }
+  for (std::size_t j = 0; j < joints; ++j) {
+    ReadJointFeedback(tables[j], primitive.joints[j], entry.knots_s.size(), feedback.joints[j]);
+  }
+  for (TomlTable& chain : table.Tables("chain"))
+    file.chains.push_back(ReadChain(chain, joints, file.chains));
+  const auto found = std::find_if(file.chains.begin(), file.chains.end(),
+                                  [&](const LinkChain& chain) { return chain.link == entry.link; });
+  if (found == file.chains.end()) {
+    table.Fail("link", fmt::format("is '{}'; allowed: a link of [[feedback.chain]]", entry.link));
+  }
+  feedback.link = FixedString<32>(entry.link);
+  for (std::size_t j = 0; j < joints; ++j) feedback.joints[j].chain = found->joints[j];
+}
+
 PrimitivePose ReadPose(TomlTable table, const Primitive<double>& primitive, bool at_end) {
   PrimitivePose pose;
   ReadKeys(table, kPoseKeys, pose);
@@ -278,6 +380,8 @@ PrimitiveFile Read(TomlTable root, Derived derived = Derived::kChecked) {
   ReadKeys(root, kContentHashKeys, hash);
   PrimitiveFile file;
   file.primitive = ReadMotions(root);
+  if (std::optional<TomlTable> feedback = root.OptionalTable("feedback"))
+    ReadFeedback(*feedback, file);
   file.entry = ReadPose(root.Table("entry"), file.primitive, false);
   file.exit = ReadPose(root.Table("exit"), file.primitive, true);
   for (TomlTable& contact : root.OptionalTables("contact"))
@@ -338,6 +442,10 @@ std::vector<KeyTable> PrimitiveKeyTables() {
                    RowsOf(kJointLimitKeys, "`[joint.limits]`"),
                    RowsOf(kPositionKeys, "`[joint.position]`"),
                    RowsOf(kTorqueKeys, "`[joint.torque]`"),
+                   RowsOf(kFeedbackKeys, "`[feedback]`"),
+                   RowsOf(kFeedbackAngleKeys, "`[feedback.angle]`"),
+                   RowsOf(kJointFeedbackKeys, "`[[feedback.joint]]`"),
+                   RowsOf(kLinkChainKeys, "`[[feedback.chain]]`"),
                    RowsOf(kPoseKeys, "`[entry]`, `[exit]`"),
                    RowsOf(kContactKeys, "`[[contact]]`"),
                    RowsOf(kPurposeKeys, "`[[purpose]]`"),

@@ -96,9 +96,19 @@ struct Provenance {
   std::string task_toml;
 };
 
+/// How a link's absolute angle follows from the root's and the joints'.
+struct LinkChain {
+  std::string link;  ///< Its name in the URDF.
+  /// For each joint of the primitive: +1, -1, or 0 where it is not between root and link. The
+  /// link's angle is the root's pitch plus the sum of these times the joints' angles.
+  std::vector<double> joints;
+};
+
 /// The whole content of a primitive file.
 struct PrimitiveFile {
   Primitive<double> primitive;
+  /// The chains of all links that may carry a sensor, where the primitive has feedback; else none.
+  std::vector<LinkChain> chains;
   PrimitivePose entry;
   PrimitivePose exit;
   std::vector<ContactInterval> contacts;

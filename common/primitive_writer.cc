@@ -1,9 +1,11 @@
 #include <fmt/format.h>
 
+#include <cstddef>
 #include <cstdint>
 #include <limits>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 #include "common/primitive_hash.h"
 #include "common/primitive_keys.h"
@@ -30,6 +32,34 @@ void WriteJoint(TomlWriter& writer, const Motion& motion) {
   WriteKeys(writer, kPositionKeys, EntryOf(motion.position));
   writer.Line("[joint.torque]  # feed-forward");
   WriteKeys(writer, kTorqueKeys, EntryOf(motion.torque));
+}
+
+void WriteFeedback(TomlWriter& writer, const PrimitiveFile& file) {
+  const Feedback<double>& feedback = file.primitive.feedback;
+  if (!feedback.present()) return;
+  const auto knots = feedback.knots();
+  const auto gains = [&knots](const auto& gain) {
+    return std::vector<double>(gain.begin(),
+                               gain.begin() + static_cast<std::ptrdiff_t>(knots.size()));
+  };
+  writer.Line("\n[feedback]");
+  WriteKeys(
+      writer, kFeedbackKeys,
+      {std::string(feedback.link.view()), feedback.error_max_rad, feedback.start_error_max_rad,
+       feedback.fade_in_s, feedback.fade_out_s, std::vector<double>(knots.begin(), knots.end())});
+  writer.Line("[feedback.angle]  # of the link, in the plan");
+  WriteKeys(writer, kFeedbackAngleKeys, EntryOf(feedback.angle));
+  for (std::size_t j = 0; j < file.primitive.motions().size(); ++j) {
+    const JointFeedback<double>& joint = feedback.joints[j];
+    writer.Line("[[feedback.joint]]");
+    WriteKeys(writer, kJointFeedbackKeys,
+              {std::string(file.primitive.joints[j].name.view()), gains(joint.angle_gain),
+               gains(joint.rate_gain), joint.correction_max_rad, joint.correction_rate_max_rad_s});
+  }
+  for (const LinkChain& chain : file.chains) {
+    writer.Line("[[feedback.chain]]");
+    WriteKeys(writer, kLinkChainKeys, chain);
+  }
 }
 
 void WriteProvenance(TomlWriter& writer, const Provenance& provenance) {
@@ -59,6 +89,7 @@ std::string WriteWith(const std::string& content_hash, const PrimitiveFile& file
   WriteKeys(writer, kContentHashKeys, {content_hash});
   WriteKeys(writer, kPrimitiveKeys, file.primitive);
   for (const Motion& motion : file.primitive.motions()) WriteJoint(writer, motion);
+  WriteFeedback(writer, file);
   writer.Line("\n[entry]");
   WriteKeys(writer, kPoseKeys, file.entry);
   writer.Line("\n[exit]");
@@ -90,6 +121,11 @@ std::string ToToml(const PrimitiveFile& file) {
   if (count < 1 || count > kMaxJoints) {
     throw std::invalid_argument(
         fmt::format("a primitive has {} joints; allowed: from 1 ... {}", count, kMaxJoints));
+  }
+  if (file.primitive.feedback.knot_count < 0 ||
+      file.primitive.feedback.knot_count > kMaxGainKnots) {
+    throw std::invalid_argument(fmt::format("the feedback has {} knots; allowed: up to {}",
+                                            file.primitive.feedback.knot_count, kMaxGainKnots));
   }
   std::string text = WriteWith(ContentHash(file), file);
   try {

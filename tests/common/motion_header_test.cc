@@ -41,6 +41,25 @@ void ExpectSame(const JointMotion<float>::Spline& a, const JointMotion<float>::S
   for (int d = 0; d <= 2; ++d) EXPECT_EQ(Bits(a.control_points(d)), Bits(b.control_points(d)));
 }
 
+void ExpectSame(const Feedback<float>& a, const Feedback<float>& b) {
+  EXPECT_EQ(a.link.view(), b.link.view());
+  EXPECT_EQ(a.knot_count, b.knot_count);
+  EXPECT_EQ(Bits(a.knots_s), Bits(b.knots_s));
+  ExpectSame(a.angle, b.angle);
+  EXPECT_EQ(Bits(a.error_max_rad), Bits(b.error_max_rad));
+  EXPECT_EQ(Bits(a.start_error_max_rad), Bits(b.start_error_max_rad));
+  EXPECT_EQ(Bits(a.fade_in_s), Bits(b.fade_in_s));
+  EXPECT_EQ(Bits(a.fade_out_s), Bits(b.fade_out_s));
+  for (std::size_t j = 0; j < a.joints.size(); ++j) {
+    EXPECT_EQ(Bits(a.joints[j].chain), Bits(b.joints[j].chain));
+    EXPECT_EQ(Bits(a.joints[j].angle_gain), Bits(b.joints[j].angle_gain));
+    EXPECT_EQ(Bits(a.joints[j].rate_gain), Bits(b.joints[j].rate_gain));
+    EXPECT_EQ(Bits(a.joints[j].correction_max_rad), Bits(b.joints[j].correction_max_rad));
+    EXPECT_EQ(Bits(a.joints[j].correction_rate_max_rad_s),
+              Bits(b.joints[j].correction_rate_max_rad_s));
+  }
+}
+
 void ExpectSame(const Primitive<float>& a, const Primitive<float>& b) {
   EXPECT_EQ(a.name.view(), b.name.view());
   EXPECT_EQ(Bits(a.duration_s), Bits(b.duration_s));
@@ -55,6 +74,7 @@ void ExpectSame(const Primitive<float>& a, const Primitive<float>& b) {
     ExpectSame(a.joints[j].torque, b.joints[j].torque);
     EXPECT_EQ(Bits(a.joints[j].limits), Bits(b.joints[j].limits));
   }
+  ExpectSame(a.feedback, b.feedback);
 }
 
 void ExpectSame(const SequenceGraph<float>& a, const SequenceGraph<float>& b) {

@@ -7,6 +7,7 @@
 
 #include "common/sequence_toml.h"
 #include "tests/support/motions.h"
+#include "tests/support/random_feedback.h"
 
 namespace tumbler::testing {
 
@@ -47,6 +48,9 @@ inline SequenceFile AwkwardMotion() {
   const std::vector<double> points{0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1};
   if (file.primitives[1].primitive.joints[7].position.Assign(7, knots, points) != Status::kOk)
     throw std::logic_error("no spline");
+  AddRandomFeedback(file.primitives[0], kMaxGainKnots, 5);
+  file.primitives[0].primitive.feedback.link = FixedString<32>("li\"nk\n");
+  file.primitives[0].chains[1].link = "li\"nk\n";
   file.primitives[1].primitive.joints[7].limits.position_min_rad = -1;
   file.primitives[1].primitive.joints[7].limits.position_max_rad = 1;
 
