@@ -21,6 +21,19 @@ namespace {
 constexpr FileHeader kHeader{"tumbler-drives", 1,
                              "is not '{1}': this is not a drive configuration"};
 
+void ReadUnfinished(TomlTable& table, std::string_view key, DrivesConfig& config) {
+  config.unfinished = table.String(key);
+  if (config.unfinished.empty()) table.Fail(key, "is empty; say what is missing, or remove it");
+}
+
+constexpr std::array kRootKeys = {
+    KeyReadBy<DrivesConfig>("unfinished", ReadUnfinished,
+                            "what commissioning has left to do; only `tumbler-bench` reads such a "
+                            "file")
+        .Default("none")
+        .Allowed("any text"),
+};
+
 constexpr std::array kBusKeys = {
     KeyOf<&DrivesConfig::bit_rate>("bit_rate", {10'000, 1'000'000},
                                    "bit/s, as set on the interface")
@@ -127,9 +140,16 @@ void RejectDuplicates(const DriveEntry& drive, const DriveEntry& earlier, double
   });
 }
 
-DrivesConfig Read(TomlTable root) {
+DrivesConfig Read(TomlTable root, DrivesUse use) {
   ReadHeader(root, kHeader);
   DrivesConfig config;
+  ReadKeys(root, kRootKeys, config);
+  if (use == DrivesUse::kRun && !config.unfinished.empty()) {
+    root.Fail("unfinished",
+              fmt::format("says '{}', so the file does not describe the robot yet; finish it with "
+                          "tumbler-bench BUS commission, or remove this key when it is done",
+                          config.unfinished));
+  }
   TomlTable bus = root.Table("bus");
   ReadKeys(bus, kBusKeys, config);
   std::vector<TomlTable> tables = root.Tables("drive");
@@ -234,6 +254,7 @@ KeyTable DrivesKeyTable() {
   const KeyRow drives{"", "`[[drive]]`", "required", fmt::format("1 to {}", kMaxJoints), "with:"};
   return {"firmware_interface/drives/drives_toml.cc", "drives",
           Joined({{RowOf(kHeader)},
+                  RowsOf(kRootKeys),
                   RowsOf(kBusKeys, "`[bus]`"),
                   {drives},
                   RowsOf(kHeadKeys),
@@ -244,10 +265,12 @@ KeyTable DrivesKeyTable() {
                   ShaftRangeRows()})};
 }
 
-DrivesConfig LoadDrives(const std::string& path) { return Read(TomlTable::ParseFile(path)); }
+DrivesConfig LoadDrives(const std::string& path) {
+  return Read(TomlTable::ParseFile(path), DrivesUse::kRun);
+}
 
-DrivesConfig ParseDrives(std::string_view text, const std::string& name) {
-  return Read(TomlTable::Parse(text, name));
+DrivesConfig ParseDrives(std::string_view text, const std::string& name, DrivesUse use) {
+  return Read(TomlTable::Parse(text, name), use);
 }
 
 DrivesConfig DrivesOf(const DrivesConfig& given, const std::vector<std::string>& joints,

@@ -24,6 +24,7 @@ struct DrivesConfig {
   int bit_rate = 1'000'000;  ///< Of the bus [bit/s].
   double rate_hz = 1000;     ///< Of the control loop, which is that of setpoints and replies.
   std::vector<DriveEntry> drives;
+  std::string unfinished;  ///< What commissioning has left to do; empty: nothing.
 
   /// All frames of a running robot.
   [[nodiscard]] std::vector<ScheduledFrames> Schedule() const;
@@ -41,6 +42,12 @@ struct DrivesConfig {
   [[nodiscard]] std::string DescribeSchedule() const;
 };
 
+/// What a drives file is read for.
+enum class DrivesUse : std::uint8_t {
+  kRun,        ///< To drive the robot, or to simulate its drives: a file half done is refused.
+  kCommission  ///< To become right.
+};
+
 /// Reads a drives file (`primitives/robots/tumbler_drives*.toml` are commented examples). Checks
 /// every value and its range, and refuses unknown keys, joints and identifiers that occur twice,
 /// gains that the protocol cannot carry, and a rate whose frames do not fit on the bus in the worst
@@ -48,7 +55,8 @@ struct DrivesConfig {
 /// @throws FileError  with file, line, key and allowed range.
 DrivesConfig LoadDrives(const std::string& path);
 /// The same of a text. @param name  stands for the file in messages.
-DrivesConfig ParseDrives(std::string_view text, const std::string& name);
+DrivesConfig ParseDrives(std::string_view text, const std::string& name,
+                         DrivesUse use = DrivesUse::kRun);
 
 /// The keys that drives of all protocols have, for docs/formats.md.
 KeyTable DrivesKeyTable();

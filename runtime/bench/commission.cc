@@ -23,6 +23,14 @@ void ReportFinding(const BenchFinding& finding) {
   Report(fmt::format("  FOUND {}: {}", finding.kind, finding.text));
 }
 
+/// The parts of a commissioning after which the draft is written, in their order.
+std::vector<std::string_view> PartsOf(const CommissionConfig& config) {
+  std::vector<std::string_view> parts{"scan", "joints and directions", "zeros"};
+  if (config.turn_by_hand) parts.emplace_back("ways");
+  parts.insert(parts.end(), {"watchdogs", "steps"});
+  return parts;
+}
+
 /// One commissioning.
 class Commissioner {
  public:
@@ -69,10 +77,19 @@ class Commissioner {
     throw Refused(session_->NameOf(silent.front()) +
                   " does not reply: is it switched on, and are its identifiers right?");
   }
-  /// Writes the draft, with the parts that are behind it.
-  void Keep(const std::string& part) {
-    done_ += done_.empty() ? part : ", " + part;
-    draft_.SetNote("done so far: " + done_);
+  /// Writes the draft, with the parts that are behind it and those that are left.
+  void Keep(std::string_view part) {
+    std::string done;
+    std::string left;
+    bool behind = true;
+    for (const std::string_view one : PartsOf(config_)) {
+      std::string& list = behind ? done : left;
+      list += list.empty() ? "" : ", ";
+      list += one;
+      behind = behind && one != part;
+    }
+    draft_.SetNote("done so far: " + done);
+    draft_.SetUnfinished(left.empty() ? "" : "commissioning has left to do: " + left);
     draft_.Check();
     keep_(draft_);
   }
@@ -103,7 +120,6 @@ class Commissioner {
   const CommissionConfig& config_;
   const std::function<void(const DrivesDraft&)>& keep_;
   std::unique_ptr<BenchSession> session_;
-  std::string done_;  // the parts that are behind it
   CommissionResult result_;
 };
 

@@ -47,9 +47,13 @@ std::size_t EndOfValue(const std::string& line, std::size_t begin) {
 }  // namespace
 
 DrivesDraft::DrivesDraft(std::string text, std::string name)
-    : name_(std::move(name)), text_(std::move(text)), config_(ParseDrives(text_, name_)) {}
+    : name_(std::move(name)), text_(std::move(text)), config_(Parsed()) {}
 
-void DrivesDraft::Check() { config_ = ParseDrives(text_, name_); }
+DrivesConfig DrivesDraft::Parsed() const {
+  return ParseDrives(text_, name_, DrivesUse::kCommission);
+}
+
+void DrivesDraft::Check() { config_ = Parsed(); }
 
 void DrivesDraft::Set(std::size_t drive, std::string_view key, const std::string& value) {
   TomlTable root = TomlTable::Parse(text_, name_);
@@ -82,6 +86,30 @@ void DrivesDraft::SetNote(std::string_view note) {
   if (!lines.empty() && lines.front().compare(0, kHead.size(), kHead) == 0)
     lines.erase(lines.begin());
   lines.insert(lines.begin(), std::string(kHead).append(note));
+  text_ = Joined(lines);
+}
+
+void DrivesDraft::SetUnfinished(std::string_view what) {
+  constexpr std::string_view kKey = "unfinished";
+  const TomlTable root = TomlTable::Parse(text_, name_);
+  std::vector<std::string> lines = LinesOf(text_);
+  std::size_t at = root.LineOf("version");  // The key follows: it has to come before every table.
+  if (root.Has(kKey)) {
+    at = root.LineOf(kKey) - 1;
+    const std::size_t name = lines[at].find_first_not_of(" \t");
+    const bool plain =
+        name != std::string::npos && lines[at].compare(name, kKey.size(), kKey) == 0 &&
+        lines[at].find("\"\"\"") == std::string::npos && lines[at].find("'''") == std::string::npos;
+    if (!plain) root.Fail(kKey, "is a text of several lines, or has its name in quotes");
+    lines.erase(lines.begin() + static_cast<std::ptrdiff_t>(at));
+  }
+  if (!what.empty()) {
+    TomlWriter writer("a drives file");
+    writer.Text(kKey, what);
+    std::string line = writer.Take();
+    if (!line.empty() && line.back() == '\n') line.pop_back();
+    lines.insert(lines.begin() + static_cast<std::ptrdiff_t>(at), line);
+  }
   text_ = Joined(lines);
 }
 

@@ -7,8 +7,8 @@
 
 namespace tumbler {
 
-/// The text of a drives file that changes as its drives become known. Comments and everything that
-/// is not changed stay as they are.
+/// The text of a drives file, done or half done, that changes as its drives become known. Comments
+/// and everything that is not changed stay as they are.
 class DrivesDraft {
  public:
   /// @param name  of the file, for messages.
@@ -24,10 +24,14 @@ class DrivesDraft {
   void SetInteger(std::size_t drive, std::string_view key, int value);
   /// Says at the head of the text how far it is right, in a comment in place of an earlier one.
   void SetNote(std::string_view note);
+  /// Writes the key that keeps the file from being used, in place of an earlier one.
+  /// @param what  is left to do; empty: nothing, and the key goes.
+  void SetUnfinished(std::string_view what);
   /// Reads the whole again. @throws FileError  when it cannot be read as a drives file.
   void Check();
 
  private:
+  [[nodiscard]] DrivesConfig Parsed() const;
   void Set(std::size_t drive, std::string_view key, const std::string& value);
 
   std::string name_;

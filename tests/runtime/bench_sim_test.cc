@@ -122,6 +122,7 @@ TEST_P(BenchSim, ACommissioningFindsWhatIsWrongAndTheHandstandRunsWithTheFileTha
   EXPECT_THAT(ReadFile(Path("written.toml")),
               ::testing::StartsWith("# tumbler-bench: done so far: scan, joints and directions, "
                                     "zeros, ways, watchdogs, steps\n"));
+  EXPECT_EQ(written.unfinished, "");
   for (std::size_t i = 0; i < 2; ++i) {
     const JointMap& found = JointOf(written.drives[i].config);
     const JointMap& real = JointOf(actual.drives[i].config);

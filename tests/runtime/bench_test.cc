@@ -575,6 +575,42 @@ TEST(DrivesDraft, AddsAKeyThatIsMissing) {
   EXPECT_EQ(JointOf(draft.config().drives[1].config).direction, 1);
 }
 
+TEST(DrivesDraft, AHalfDoneFileSaysWhatIsLeftAndOnlyTheBenchReadsIt) {
+  const std::string text =
+      testing::ReadFile(testing::SourcePath("primitives/robots/tumbler_drives.toml"));
+  DrivesDraft draft(text, "draft.toml");
+  draft.SetUnfinished("zero of \"leg2\" # not set");
+  draft.Check();
+  EXPECT_EQ(draft.config().unfinished, "zero of \"leg2\" # not set");
+  try {
+    static_cast<void>(ParseDrives(draft.text(), "d.toml"));
+    FAIL() << "was accepted";
+  } catch (const FileError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("d.toml:4: unfinished: says 'zero of \"leg2\" # not set'"));
+    EXPECT_THAT(error.what(), HasSubstr("finish it with tumbler-bench BUS commission"));
+    EXPECT_THAT(error.what(), HasSubstr("or remove this key"));
+  }
+  // Another draft begins with it; what is left changes, and goes.
+  DrivesDraft again(draft.text(), "draft.toml");
+  again.SetUnfinished("steps");
+  again.Check();
+  EXPECT_EQ(again.config().unfinished, "steps");
+  again.SetUnfinished("");
+  again.Check();
+  EXPECT_EQ(again.text(), text);
+  EXPECT_EQ(ParseDrives(again.text(), "d.toml").drives.size(), 2U);
+}
+
+TEST(DrivesDraft, AnUnfinishedThatCannotBeReplacedLineByLineIsRefused) {
+  const std::string text =
+      testing::ReadFile(testing::SourcePath("primitives/robots/tumbler_drives.toml"));
+  for (const std::string key : {"unfinished = \"\"\"\nzeros\"\"\"", "\"unfinished\" = 'zeros'"}) {
+    DrivesDraft draft(Replaced(text, "version = 1", "version = 1\n" + key), "draft.toml");
+    EXPECT_EQ(draft.config().unfinished, "zeros");
+    EXPECT_THROW(draft.SetUnfinished(""), FileError) << key;
+  }
+}
+
 TEST(BenchJudgement, AWayOfAnotherLengthOrAnotherPlaceIsAFinding) {
   const BenchJoint joint{"leg1", -2.9, 2.9, 0};
   EXPECT_THAT(JudgeWay(joint, {true, -2.85, 2.95}, {}), IsEmpty());
@@ -695,6 +731,25 @@ TEST_F(BenchProgram, StandardInputAnswersAndTellsWhoTurned) {
   EXPECT_EQ(outcome.exit_code, 0) << outcome.text;
   EXPECT_THAT(outcome.text, HasSubstr("(You see leg1 turn by +0.0"));
   EXPECT_THAT(outcome.text, HasSubstr("Nothing is amiss."));
+}
+
+TEST_F(BenchProgram, ACommissioningThatIsInterruptedLeavesAFileThatNothingElseUses) {
+  testing::WriteFile(Path("answers"), "yes\nleg1\nyes\nyes\nleg2\nyes\n");  // none for the zeros
+  const testing::Outcome bench = testing::RunProgram(
+      {"tumbler-bench", "sim", "commission", "--drives", drives_, "--motion", motion_, "--write",
+       Path("written.toml"), "--seconds", "1", "--answers", Path("answers")});
+  EXPECT_EQ(bench.exit_code, 2) << bench.text;
+  const std::string left = "commissioning has left to do: zeros, ways, watchdogs, steps";
+  EXPECT_THAT(testing::ReadFile(Path("written.toml")),
+              HasSubstr("\nunfinished = \"" + left + "\"\n"));
+  const testing::Outcome run =
+      testing::RunProgram({"tumbler-run", "sim", motion_, "--drives", Path("written.toml")});
+  EXPECT_EQ(run.exit_code, 1) << run.text;
+  EXPECT_THAT(run.text, HasSubstr(left));
+  EXPECT_THAT(run.text, HasSubstr("finish it with tumbler-bench BUS commission"));
+  const testing::Outcome again =
+      testing::RunProgram({"tumbler-bench", "sim", "read", "--drives", Path("written.toml")});
+  EXPECT_EQ(again.exit_code, 0) << again.text;
 }
 
 TEST_F(BenchProgram, RefusesWhatWouldExceedItsBounds) {
