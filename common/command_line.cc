@@ -1,11 +1,72 @@
 #include "common/command_line.h"
 
+#include <fmt/format.h>
+
 #include <CLI/CLI.hpp>
+#include <cstring>
 #include <utility>
 
+#include "common/build_version.h"
 #include "common/program.h"
 
 namespace tumbler {
+namespace {
+
+/// A range whose text is the one of the help.
+template <typename Number>
+CLI::Validator RangeOf(Number min, Number max) {
+  return CLI::Range(min, max).description(fmt::format("{} ... {}", min, max));
+}
+
+/// Reads back the text that an option's type and validators make together: `TEXT`,
+/// `INT:1 ... 99` or `TEXT:{fifo,deadline}`.
+void DescribeValue(const std::string& text, OptionDescription& description) {
+  const std::size_t colon = text.find(':');
+  description.value = text.substr(0, colon) == "UINT" ? "INT" : text.substr(0, colon);
+  if (colon == std::string::npos) return;
+  const std::string allowed = text.substr(colon + 1);
+  if (!allowed.starts_with('{')) {
+    description.range = allowed;
+    return;
+  }
+  for (std::size_t begin = 1; begin < allowed.size();) {
+    const std::size_t end = allowed.find_first_of(",}", begin);
+    description.choices.push_back(allowed.substr(begin, end - begin));
+    begin = end + 1;
+  }
+}
+
+OptionDescription DescribeOption(const CLI::Option& option) {
+  OptionDescription description;
+  description.positional = option.get_positional();
+  if (description.positional) {
+    description.names = {option.get_name(true)};
+  } else {
+    for (const std::string& name : option.get_snames()) description.names.push_back("-" + name);
+    for (const std::string& name : option.get_lnames()) description.names.push_back("--" + name);
+  }
+  if (option.get_expected_max() > 0) DescribeValue(option.get_type_name(), description);
+  description.default_value = option.get_default_str();
+  description.help = option.get_description();
+  description.required = option.get_required();
+  description.several = option.get_items_expected_max() == CLI::detail::expected_max_vector_size;
+  return description;
+}
+
+CommandDescription DescribeApp(const CLI::App& app, const std::string& before) {
+  CommandDescription description;
+  description.name = before + app.get_name();
+  description.description = app.get_description();
+  description.footer = app.get_footer();
+  description.options_after_subcommand = app.get_fallthrough();
+  for (const CLI::Option* const option : app.get_options())
+    description.options.push_back(DescribeOption(*option));
+  for (const CLI::App* const sub : app.get_subcommands([](const CLI::App*) { return true; }))
+    description.subcommands.push_back(DescribeApp(*sub, description.name + " "));
+  return description;
+}
+
+}  // namespace
 
 CommandLineOption& CommandLineOption::Required() {
   option_->required();
@@ -18,12 +79,12 @@ CommandLineOption& CommandLineOption::ShowDefault() {
 }
 
 CommandLineOption& CommandLineOption::Within(int min, int max) {
-  option_->check(CLI::Range(min, max));
+  option_->check(RangeOf(min, max));
   return *this;
 }
 
 CommandLineOption& CommandLineOption::Within(double min, double max) {
-  option_->check(CLI::Range(min, max));
+  option_->check(RangeOf(min, max));
   return *this;
 }
 
@@ -53,7 +114,11 @@ CommandLineOption& CommandLineOption::TakesOneValueEachTime() {
 }
 
 CommandLine::CommandLine(const std::string& description, const std::string& program)
-    : CommandLine(std::make_shared<CLI::App>(description, program)) {}
+    : CommandLine(std::make_shared<CLI::App>(description, program)) {
+  app_->set_help_flag("-h,--help", "Print this text");
+  app_->set_version_flag("--version", fmt::format("{} {}", program, BuildVersion()),
+                         "Print version and commit");
+}
 
 CommandLine::CommandLine(std::shared_ptr<CLI::App> app) : app_(std::move(app)) {}
 
@@ -119,14 +184,26 @@ void CommandLine::RejectEmptyValues() {
 }
 
 void CommandLine::Parse(int argc, char** argv) {
+  if (argc == 2 && std::strcmp(argv[1], "--man-page") == 0)
+    throw HelpWanted(ManPage(Describe(), BuildVersion()));
+  if (argc == 2 && std::strcmp(argv[1], "--bash-completion") == 0)
+    throw HelpWanted(BashCompletion(Describe()));
   try {
     app_->parse(argc, argv);
   } catch (const CLI::CallForHelp&) {
-    throw HelpWanted(app_->help());
+    const std::vector<CLI::App*> subs = app_->get_subcommands();
+    throw HelpWanted(
+        HelpText(subs.empty() ? Describe() : DescribeApp(*subs.front(), app_->get_name() + " ")));
+  } catch (const CLI::CallForVersion& version) {
+    throw HelpWanted(version.what() + std::string("\n"));
   } catch (const CLI::ParseError& error) {
     throw UsageError(error.what());
   }
 }
+
+CommandDescription CommandLine::Describe() const { return DescribeApp(*app_, ""); }
+
+bool CommandLine::Given(const std::string& option) const { return app_->count(option) > 0; }
 
 bool CommandLine::given() const { return app_->parsed(); }
 

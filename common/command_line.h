@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "common/command_text.h"
+
 namespace CLI {  // NOLINT(readability-identifier-naming): the library's name
 class App;
 class Option;
@@ -54,11 +56,12 @@ class CommandLineOption {
 ///
 /// A name that begins with dashes is that of an option, any other that of a positional argument.
 /// Positional arguments come in the order in which they are declared. A variable keeps its value
-/// when nothing is given for it, and has to outlive Parse. Every command line has --help.
+/// when nothing is given for it, and has to outlive Parse. Every program has --help and --version,
+/// and --man-page and --bash-completion, which print what packages install.
 class CommandLine {
  public:
-  /// @param program  the name in the help; empty: the name by which the program was called.
-  explicit CommandLine(const std::string& description, const std::string& program = "");
+  /// @param program  its name in all texts.
+  CommandLine(const std::string& description, const std::string& program);
 
   CommandLineOption Option(const std::string& name, std::string& value, const std::string& help);
   CommandLineOption Option(const std::string& name, int& value, const std::string& help);
@@ -88,9 +91,15 @@ class CommandLine {
   /// Forbids empty values for everything that is declared so far.
   void RejectEmptyValues();
 
-  /// Sets the variables. @throws UsageError, HelpWanted (common/program.h).
+  /// Sets the variables.
+  /// @throws UsageError; HelpWanted (common/program.h) when a text is asked for instead.
   void Parse(int argc, char** argv);
 
+  /// What was declared so far.
+  [[nodiscard]] CommandDescription Describe() const;
+
+  /// Whether this option was given. After Parse. @pre it was declared.
+  [[nodiscard]] bool Given(const std::string& option) const;
   /// Whether this subcommand is the one that was given. After Parse.
   [[nodiscard]] bool given() const;
   /// The name of the subcommand that was given. After Parse. @pre one was given.

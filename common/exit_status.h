@@ -13,7 +13,7 @@ enum class ExitStatus : int {
   /// A fault of drives or bus ended the work, or is latched.
   kFault = 3,
   /// The work was done, but its result is not as it should be: the robot fell, parts of a record
-  /// are damaged or missing, runs differ.
+  /// are damaged or missing, a file of a run could not be written whole, runs differ.
   kAmiss = 4,
   /// Ctrl-C or an operator ended the work. The number is 128 and that of SIGINT, as in shells.
   kInterrupted = 130,

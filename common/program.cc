@@ -2,15 +2,20 @@
 
 #include <fmt/format.h>
 
+#include <cerrno>
+#include <csignal>
 #include <cstdio>
 #include <exception>
+#include <system_error>
+
+#include "common/printable.h"
 
 namespace tumbler {
 namespace {
 
 void Say(const std::string& message) {
   std::fflush(stdout);  // So the message comes last where both streams go to one file.
-  std::fputs((message + '\n').c_str(), stderr);
+  std::fputs((Printable(message) + '\n').c_str(), stderr);
 }
 
 ExitStatus RunOrExplain(const std::string& speaker, int argc, char** argv,
@@ -36,7 +41,18 @@ ExitStatus RunOrExplain(const std::string& speaker, int argc, char** argv,
 
 int RunProgram(const std::string& speaker, int argc, char** argv,
                ExitStatus (*run)(int argc, char** argv)) {
-  return static_cast<int>(RunOrExplain(speaker, argc, argv, run));
+  // A file that grows beyond a limit is an error like a full disk, and no reason to leave a part of
+  // it behind.
+  std::signal(SIGXFSZ, SIG_IGN);
+  const ExitStatus status = RunOrExplain(speaker, argc, argv, run);
+  errno = 0;
+  const bool flushed = std::fflush(stdout) == 0;
+  const int why = errno;
+  if (flushed && std::ferror(stdout) == 0) return static_cast<int>(status);
+  // Who reads the output must not take a part for the whole.
+  Say(fmt::format("{}: standard output could not be written whole{}{}", speaker,
+                  why == 0 ? "" : ": ", why == 0 ? "" : std::generic_category().message(why)));
+  return static_cast<int>(status == ExitStatus::kDone ? ExitStatus::kUnusable : status);
 }
 
 }  // namespace tumbler

@@ -23,14 +23,16 @@ class Refused : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-/// Thrown when the command line asks for help, which is no error. The message is the help's text.
+/// Thrown when the command line asks for a text, such as help or version, which is no error. The
+/// message is the help's text.
 class HelpWanted : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
 
 /// The body of every `main`: runs a program, and turns what it throws into a message and an exit
-/// status. Refused becomes kRefused; UsageError and any other exception become kUnusable.
+/// status. Refused becomes kRefused; UsageError and any other exception become kUnusable, and so
+/// does an output that could not be written whole to standard output, e.g. since a disk is full.
 /// @param speaker  the beginning of messages on standard error, e.g. the program's name.
 /// @param run      the program, called with the arguments of `main`.
 int RunProgram(const std::string& speaker, int argc, char** argv,

@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <cstdio>
 #include <fstream>
 #include <system_error>
 
@@ -14,6 +15,22 @@ std::string SystemMessage(int error) { return std::generic_category().message(er
 
 [[noreturn]] void FailWrite(const std::string& path, const std::string& why) {
   throw FileError(path, 0, "", fmt::format("cannot be written: {}", why));
+}
+
+/// Whether it is there and takes text as it comes: a device, a pipe, a socket.
+bool IsDevice(const std::string& path) {
+  std::error_code error;
+  const std::filesystem::file_status status = std::filesystem::status(path, error);
+  return std::filesystem::exists(status) && !std::filesystem::is_regular_file(status) &&
+         !std::filesystem::is_directory(status);
+}
+
+/// The folder itself, or the nearest one above it that is there.
+std::filesystem::path NearestThere(std::filesystem::path folder) {
+  std::error_code error;
+  while (!std::filesystem::exists(folder, error) && folder != folder.root_path())
+    folder = folder.parent_path();
+  return folder;
 }
 
 /// Writes a file to find out whether the folder can be written: permissions tell nothing about a
@@ -29,11 +46,22 @@ void ProbeFolder(const std::filesystem::path& folder, const std::string& path) {
   std::filesystem::remove(probe, error);
 }
 
+/// Checks that a file can be written in the folder, or in the nearest one above it that is there.
+/// @param path  the name for the message.
+void CheckFolderWritable(const std::filesystem::path& folder, const std::string& path) {
+  std::error_code error;
+  const std::filesystem::path existing = NearestThere(folder);
+  if (!std::filesystem::is_directory(existing, error))
+    FailWrite(path, fmt::format("{} is not a folder", existing.string()));
+  ProbeFolder(existing, path);
+}
+
 }  // namespace
 
 PendingFile::PendingFile(const std::string& path, const std::string& text)
     : path_(std::filesystem::weakly_canonical(path)),
       temporary_(fmt::format("{}.{}.tmp", path_.string(), getpid())) {
+  MakeFolderOf(path_.string());
   errno = 0;
   std::ofstream stream(temporary_, std::ios::binary);
   stream << text;
@@ -55,6 +83,29 @@ void PendingFile::Discard() {
   std::filesystem::remove(temporary_, error);
 }
 
+void WriteResult(const std::string& path, const std::string& text) {
+  if (path != "-" && !IsDevice(path)) {
+    PendingFile(path, text).Commit();
+    return;
+  }
+  std::FILE* const file = path == "-" ? stdout : std::fopen(path.c_str(), "w");
+  if (file == nullptr) FailWrite(path, SystemMessage(errno));
+  errno = 0;
+  bool whole = std::fwrite(text.data(), 1, text.size(), file) == text.size();
+  whole = std::fflush(file) == 0 && whole;
+  const int why = errno;
+  if (file != stdout) std::fclose(file);
+  if (!whole) FailWrite(path == "-" ? "standard output" : path, SystemMessage(why));
+}
+
+void MakeFolderOf(const std::string& path) {
+  std::error_code error;
+  const std::filesystem::path folder =
+      std::filesystem::absolute(std::filesystem::weakly_canonical(path)).parent_path();
+  std::filesystem::create_directories(folder, error);
+  if (error) FailWrite(path, fmt::format("{}: {}", folder.string(), error.message()));
+}
+
 void CheckWritable(const std::string& path) {
   std::error_code error;
   const std::filesystem::path target = std::filesystem::weakly_canonical(path, error);
@@ -67,21 +118,16 @@ void CheckWritable(const std::string& path) {
                     "is not a regular file, and it would be replaced by one; leave the option out "
                     "to write none");
   }
-  const std::filesystem::path parent = std::filesystem::absolute(target).parent_path();
-  if (!std::filesystem::is_directory(parent, error))
-    FailWrite(path, fmt::format("the folder {} does not exist", parent.string()));
   if (exists && access(target.c_str(), W_OK) != 0) FailWrite(path, SystemMessage(errno));
-  ProbeFolder(parent, path);
+  CheckFolderWritable(std::filesystem::absolute(target).parent_path(), path);
 }
 
 void CheckFolderWritable(const std::string& path) {
-  std::error_code error;
-  std::filesystem::path existing = std::filesystem::absolute(path);
-  while (!std::filesystem::exists(existing, error) && existing != existing.root_path())
-    existing = existing.parent_path();
-  if (!std::filesystem::is_directory(existing, error))
-    FailWrite(path, fmt::format("{} is not a folder", existing.string()));
-  ProbeFolder(existing, path);
+  CheckFolderWritable(std::filesystem::absolute(path), path);
+}
+
+void CheckResult(const std::string& path) {
+  if (!path.empty() && path != "-" && !IsDevice(path)) CheckWritable(path);
 }
 
 namespace {
@@ -90,10 +136,7 @@ namespace {
 /// the working folder, since one of a file that is not there is else taken as it is written.
 bool SameFile(const std::string& a, const std::string& b) {
   std::error_code error;
-  const bool device =
-      (std::filesystem::exists(a, error) && !error && !std::filesystem::is_regular_file(a, error) &&
-       !std::filesystem::is_directory(a, error));
-  if (device) return false;
+  if (IsDevice(a)) return false;
   const auto place = [](const std::string& name) {
     std::error_code ignored;
     return std::filesystem::weakly_canonical(std::filesystem::absolute(name, ignored), ignored);

@@ -9,7 +9,8 @@
 namespace tumbler {
 
 /// A file that appears under its name only when it is whole, and only by Commit. So a reader never
-/// sees a part of it, and a failure before leaves nothing behind.
+/// sees a part of it, and a failure before leaves nothing behind but the folder, which is made
+/// where there is none.
 class PendingFile {
  public:
   /// An existing file is replaced where it is, also behind a symbolic link.
@@ -29,10 +30,20 @@ class PendingFile {
   std::filesystem::path temporary_;
 };
 
-/// These check before the work whether its result can be written: a file, or files in a folder. The
-/// folder is not made yet. @throws FileError  when they cannot be written.
+/// Writes a result of a program: to standard output for `-`, to a device as it comes, else as a
+/// PendingFile. @throws FileError  when it cannot be written whole.
+void WriteResult(const std::string& path, const std::string& text);
+
+/// Makes the folder of a file that is about to be written, and those above it, where they are not
+/// there. @throws FileError  when that fails.
+void MakeFolderOf(const std::string& path);
+
+/// These check before the work whether its result can be written: a file, or files in a folder. No
+/// folder is made yet. @throws FileError  when they cannot be written.
 void CheckWritable(const std::string& path);
 void CheckFolderWritable(const std::string& path);
+/// The same of what WriteResult will write. Empty: nothing.
+void CheckResult(const std::string& path);
 
 /// Checks that no result would replace one of the inputs, or another result, by whatever names they
 /// go. To be called before anything is changed. An empty name and `-`, which is standard output,

@@ -28,7 +28,11 @@ constexpr const char* kFooter =
 rotor of its own. On the interface their frames are those of motors on a bench.
 
 Prints, with the time of `candump -L`, when a drive is enabled or disabled, and when its watchdog takes over.
-Runs until Ctrl-C. An interface that goes down or away is waited for.)";
+Runs until Ctrl-C. An interface that goes down or away is waited for.
+
+Exit codes:
+  0  ended by Ctrl-C
+  1  wrong usage, or a file or interface that cannot be used)";
 
 struct Options {
   std::string interface;

@@ -22,6 +22,12 @@
 namespace tumbler {
 namespace {
 
+constexpr const char* kExitCodes =
+    R"(Exit codes:
+  0  it fits and goes through
+  1  wrong usage, a file that cannot be used or written, or a join that does not fit
+  4  the robot fell)";
+
 struct Arguments {
   std::string sequence;
   ChainOptions options;
@@ -114,6 +120,8 @@ ExitStatus Simulate(const Arguments& arguments) {
   if (!arguments.report.empty())
     outputs.push_back((std::filesystem::path(arguments.report) / "index.html").string());
   CheckDistinct(inputs, outputs);
+  CheckResult(arguments.json);
+  if (!arguments.report.empty()) CheckFolderWritable(arguments.report);
   const SequenceFile& file = motion.file();
   const ChainOutcome outcome = SimulateChain(motion, arguments.options);
   std::FILE* const people = arguments.json == "-" ? stderr : stdout;
@@ -141,14 +149,7 @@ ExitStatus Simulate(const Arguments& arguments) {
     fmt::print(people, "report {}\n",
                WriteReport(MakeChainReport(motion, arguments.options), arguments.report));
   }
-  if (arguments.json == "-") {
-    fmt::print("{}\n", ToJson(file, outcome).Dump(2));
-  } else if (!arguments.json.empty()) {
-    std::FILE* const out = std::fopen(arguments.json.c_str(), "w");
-    if (out == nullptr) throw FileError(arguments.json, 0, "", "cannot be written");
-    fmt::print(out, "{}\n", ToJson(file, outcome).Dump(2));
-    if (std::fclose(out) != 0) throw FileError(arguments.json, 0, "", "cannot be written whole");
-  }
+  if (!arguments.json.empty()) WriteResult(arguments.json, ToJson(file, outcome).Dump(2) + '\n');
   if (!outcome.failure) return ExitStatus::kDone;
   fmt::print(stderr, "failed: {} at {:.3f} s, in '{}': {}\n", ToString(outcome.failure->cause),
              outcome.failure->time_s, file.graph.node(outcome.failure->node).name.view(),
@@ -158,9 +159,9 @@ ExitStatus Simulate(const Arguments& arguments) {
 
 ExitStatus Main(int argc, char** argv) {
   Arguments arguments;
-  CommandLine line(
-      "Checks a sequence of primitives, and plays it in the nominal simulation.\n"
-      "Exit status: 0 it fits and goes through; 1 bad input, or a join does not fit; 4 it fell.");
+  CommandLine line("Checks a sequence of primitives, and plays it in the nominal simulation.",
+                   "tumbler-chain");
+  line.SetFooter(kExitCodes);
   line.RequireSubcommand();
   CommandLine check = line.Subcommand("check", "Compare both sides of every join");
   CommandLine simulate =

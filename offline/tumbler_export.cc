@@ -18,6 +18,11 @@
 namespace tumbler {
 namespace {
 
+constexpr const char* kExitCodes =
+    R"(Exit codes:
+  0  written
+  1  wrong usage, or a file that cannot be used or written: nothing was written)";
+
 void Export(const std::string& motion, const std::string& header, const std::string& name) {
   // The header's hash has to be that of the text that was proved: each file is read once.
   std::map<std::string, std::string> texts;
@@ -48,8 +53,9 @@ ExitStatus Main(int argc, char** argv) {
   std::string header;
   std::string name;
   CommandLine line(
-      "Writes a primitive or a sequence as a C++ header for the runtime on a microcontroller.\n"
-      "Exit status: 0 written; 1 bad input, and nothing written.");
+      "Writes a primitive or a sequence as a C++ header for the runtime on a microcontroller.",
+      "tumbler-export");
+  line.SetFooter(kExitCodes);
   line.Option("MOTION", motion, "Primitive or sequence file (TOML)").Required();
   line.Option("--header", header, "Write to this file, or to standard output for -").Required();
   line.Option("--namespace", name, "Of the constants; default: motion_ and the motion's name");

@@ -28,6 +28,11 @@
 namespace tumbler {
 namespace {
 
+constexpr const char* kExitCodes =
+    R"(Exit codes:
+  0  usable
+  1  wrong usage, or a file or state that cannot be used)";
+
 using Dynamics = HybridDynamics<Spatial>;
 
 /// A free degree of freedom counts as undetermined when less than this fraction of its inertia is
@@ -447,9 +452,9 @@ ExitStatus Hybrid(const Arguments& arguments) {
 
 ExitStatus Main(int argc, char** argv) {
   Arguments arguments;
-  CommandLine line(
-      "Shows what a robot file (URDF) holds, and evaluates its equations of motion.\n"
-      "Exit status: 0 usable; 1 bad input.");
+  CommandLine line("Shows what a robot file (URDF) holds, and evaluates its equations of motion.",
+                   "tumbler-model");
+  line.SetFooter(kExitCodes);
   line.RequireSubcommand();
   CommandLine check = line.Subcommand(
       "check", "Degrees of freedom, masses, what is not physical, collision shapes without use");

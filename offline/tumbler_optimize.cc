@@ -33,6 +33,13 @@
 namespace tumbler {
 namespace {
 
+constexpr const char* kExitCodes =
+    R"(Exit codes:
+  0    found
+  1    wrong usage, or a file that cannot be used or written: nothing was written
+  2    no motion was found (of one of the tasks) that keeps the limits and reaches the targets of its cost
+  130  interrupted)";
+
 namespace fs = std::filesystem;
 
 // A signal handler can only reach what is static.
@@ -293,10 +300,8 @@ std::int64_t ReadSeed(const std::string& text) {
 
 ExitStatus Main(int argc, char** argv) {
   Arguments arguments;
-  CommandLine line(
-      "Finds a motion for a task and writes it as a primitive.\n"
-      "Exit status: 0 found; 1 bad input; 2 no motion was found (of any task) that keeps the "
-      "limits and reaches the targets of its cost; 130 interrupted.");
+  CommandLine line("Finds a motion for a task and writes it as a primitive.", "tumbler-optimize");
+  line.SetFooter(kExitCodes);
   line.Option("TASK", arguments.tasks,
               "Task file (TOML); several are worked on one by one, and ranked")
       .Required();

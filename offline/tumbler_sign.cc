@@ -15,15 +15,20 @@
 namespace tumbler {
 namespace {
 
+constexpr const char* kExitCodes =
+    R"(Exit codes:
+  0  signed
+  1  wrong usage, or a file that cannot be used or written: nothing was changed)";
+
 ExitStatus Main(int argc, char** argv) {
   std::string primitive;
   std::string reason;
   CommandLine line(
       "Signs a primitive that was changed by hand: margins and hashes become those of what it "
-      "says\n"
-      "now, and its key provenance.edited says why it was changed. What the certificate says of\n"
-      "contact, torque and gradient stays that of the motion before the change.\n"
-      "Exit status: 0 signed; 1 bad input, and nothing changed.");
+      "says now, and its key provenance.edited says why it was changed. What the certificate says "
+      "of contact, torque and gradient stays that of the motion before the change.",
+      "tumbler-sign");
+  line.SetFooter(kExitCodes);
   line.Option("PRIMITIVE", primitive, "Primitive file (TOML), which is replaced").Required();
   line.Option("--because", reason, "Why it was changed, for those who will play it").Required();
   line.RejectEmptyValues();

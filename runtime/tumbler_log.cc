@@ -134,6 +134,7 @@ ExitStatus Convert(const std::string& path, const std::string& csv) {
   if (csv == "-") {
     out = stdout;
   } else if (!csv.empty()) {
+    MakeFolderOf(csv);
     part = csv + ".part";  // The table appears whole or not at all.
     table.reset(std::fopen(part.c_str(), "w"));
     if (table == nullptr) {

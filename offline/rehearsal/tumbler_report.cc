@@ -17,6 +17,11 @@
 namespace tumbler {
 namespace {
 
+constexpr const char* kExitCodes =
+    R"(Exit codes:
+  0  written
+  1  wrong usage, or a file that cannot be used or written: nothing was written)";
+
 /// The most runs on one page. With more of them nobody can read the plots.
 constexpr std::size_t kRunsMax = 6;
 
@@ -90,10 +95,9 @@ ExitStatus Main(int argc, char** argv) {
   CommandLine line(
       "Shows runs and plans on one page: plan, command, measurement and truth of every joint on "
       "one time axis, the robots of plan and truth, faults and transitions, latencies, and how "
-      "runs "
-      "differ.\nExit status: 0 written; 1 wrong usage, or a file that cannot be used: nothing is "
-      "written then.",
+      "runs differ.",
       "tumbler-report");
+  line.SetFooter(kExitCodes);
   line.Option("RECORD|PRIMITIVE", arguments.files,
               "flight records (tumbler-run --record) and primitives, of one robot")
       .Required();

@@ -23,6 +23,11 @@
 namespace tumbler {
 namespace {
 
+constexpr const char* kExitCodes =
+    R"(Exit codes:
+  0  done, however many stand
+  1  wrong usage, or a file that cannot be used or written)";
+
 struct Arguments {
   RobustnessStudy study;
   WorkPlan plan;
@@ -155,10 +160,12 @@ ExitStatus Play(Arguments& arguments, const Processes& processes) {
 ExitStatus Main(int argc, char** argv) {
   Arguments arguments;
   CommandLine line(
-      "Plays a motion on robots that differ from the model, each through the runtime, simulated\n"
-      "drives and the twin, and tells how many are as asked after every motion. Robot number i of\n"
-      "a seed is the same whatever the number of robots, threads, processes (mpirun) and shards.\n"
-      "Exit status: 0 done, however many stand; 1 bad input.");
+      "Plays a motion on robots that differ from the model, each through the runtime, "
+      "simulated drives and the twin, and tells how many are as asked after every motion. Robot "
+      "number i of a seed is the same whatever the number of robots, threads, processes (mpirun) "
+      "and shards.",
+      "tumbler-robustness");
+  line.SetFooter(kExitCodes);
   Declare(line, arguments);
   line.Parse(argc, argv);
   const Processes processes;

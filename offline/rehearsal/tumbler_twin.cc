@@ -7,8 +7,6 @@
 #include <chrono>
 #include <csignal>
 #include <cstdio>
-#include <fstream>
-#include <iostream>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -109,17 +107,6 @@ std::string JsonOf(const Options& options, const SimulatedRobot& robot) {
   return json.Dump(2) + '\n';
 }
 
-void WriteJson(const Options& options, const SimulatedRobot& robot) {
-  if (options.json.empty()) return;
-  if (options.json == "-") {
-    std::cout << JsonOf(options, robot) << std::flush;
-    return;
-  }
-  std::ofstream stream(options.json);
-  stream << JsonOf(options, robot) << std::flush;
-  if (!stream) throw std::runtime_error(fmt::format("{}: cannot be written", options.json));
-}
-
 /// Returns `given`, or, when that is empty, the file that the twin file names.
 std::string FileOf(const std::string& given, const std::string& named, const char* what,
                    const char* option) {
@@ -144,6 +131,7 @@ ExitStatus Run(const Options& options) {
   inputs.push_back(drives_file);
   const DrivesConfig drives = LoadDrives(drives_file);
   CheckDistinct(inputs, {options.truth, options.json});
+  CheckResult(options.json);
   SimulatedRobotConfig config;
   if (!options.config.empty()) config = LoadTwin(options.config, motion);
   SimulatedRobot robot(motion, drives, config);
@@ -188,7 +176,8 @@ ExitStatus Run(const Options& options) {
     const std::vector<PostureEvent>& events = robot.posture().events();
     for (; told < events.size(); ++told) DriveServer::Say(Describe(events[told]));
   }
-  WriteJson(options, robot);
+  if (!options.json.empty()) WriteResult(options.json, JsonOf(options, robot));
+  truth.Finish();
   return robot.posture().falls() + robot.posture().overlaps() > 0 ? ExitStatus::kAmiss
                                                                   : ExitStatus::kDone;
 }

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "common/message_ring.h"
+#include "common/result_file.h"
 
 namespace tumbler {
 namespace {
@@ -36,6 +37,7 @@ struct FlightRecorder::Implementation {  // NOLINT(clang-analyzer-optin.performa
   explicit Implementation(const FlightRecorderConfig& config_in)
       : config(config_in), storage(config_in.ring_bytes), ring(storage) {
     chunk.reserve(kChunkBytes + kTickEntryBytesMax + 4 * kBlockHeaderBytes);
+    MakeFolderOf(config.file);
     descriptor =
         open(config.file.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_APPEND | O_CLOEXEC, 0644);
     if (descriptor < 0) {

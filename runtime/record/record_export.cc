@@ -12,6 +12,7 @@
 
 #include "common/primitive_hash.h"
 #include "common/primitive_toml.h"
+#include "common/result_file.h"
 #include "firmware_interface/can/frame_length.h"
 #include "runtime/linux/candump.h"
 #include "runtime/record/recorded_assembly.h"
@@ -79,6 +80,7 @@ std::int64_t ExportCandump(FlightRecord& record, const std::string& path) {
   struct CloseFile {
     void operator()(std::FILE* file) const noexcept { std::fclose(file); }
   };
+  MakeFolderOf(path);
   const std::unique_ptr<std::FILE, CloseFile> file(std::fopen(path.c_str(), "w"));
   const auto fail = [&path] {
     throw RecordError(

@@ -5,11 +5,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <fstream>
 #include <limits>
 #include <utility>
 #include <vector>
 
+#include "common/result_file.h"
 #include "runtime/record/record_configuration.h"
 
 namespace tumbler {
@@ -192,9 +192,7 @@ void WriteSvg(const RunTrace& first, const RunTrace* second, const std::string& 
     svg += fmt::format("  <tspan fill='{}'>reply: {}</tspan>", kRed, Escaped(second->name));
   }
   svg += "</text>\n</svg>\n";
-  std::ofstream stream(path, std::ios::binary);
-  stream << svg << std::flush;
-  if (!stream) throw RecordError(fmt::format("{}: cannot be written", path));
+  WriteResult(path, svg);
 }
 
 }  // namespace tumbler

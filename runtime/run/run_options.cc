@@ -6,6 +6,7 @@
 
 #include <array>
 #include <cmath>
+#include <initializer_list>
 #include <stdexcept>
 #include <string_view>
 #include <utility>
@@ -174,6 +175,33 @@ void CheckTogether(const RunOptions& options) {
   }
 }
 
+/// Refuses options that this run would ignore: who gives one believes that it does something.
+void RefuseIgnored(const CommandLine& line, const RunOptions& options) {
+  const auto refuse = [&line](std::initializer_list<const char*> names, const std::string& why) {
+    for (const char* const name : names) {
+      if (line.Given(name)) throw UsageError(name, why);
+    }
+  };
+  if (!options.doctor.empty())
+    refuse({"--json", "--latency-test"}, "--doctor has no use for it; leave it out");
+  const bool latency_test = options.latency_test_s > 0;
+  if (latency_test || !options.doctor.empty()) {
+    refuse({"--drives", "--faults", "--bus-faults", "--arm", "--attended", "--speed", "--pace",
+            "--hold-s", "--cycles", "--branch", "--log", "--lcm-url", "--trace", "--record",
+            "--twin", "--truth"},
+           "is about playing a motion, which --latency-test and --doctor do not");
+  }
+  if (!latency_test) {
+    refuse({"--rate-hz"}, "is for --latency-test; a run's rate is rate_hz of its drives file");
+    if (!options.realtime)
+      refuse({"--scheduling", "--priority", "--cpu"}, "says how --realtime schedules; give both");
+  }
+  if (options.simulated()) {
+    refuse({"--arm", "--without-realtime", "--without-watchdog", "--moved-within", "--forget-pose"},
+           "is about motors on an interface; sim drives none");
+  }
+}
+
 }  // namespace
 
 RunOptions ReadRunOptions(int argc, char** argv) {
@@ -196,6 +224,7 @@ RunOptions ReadRunOptions(int argc, char** argv) {
     if (end == kRunEndNames[i]) options.end = static_cast<RunEnd>(i);
   }
   CheckTogether(options);
+  RefuseIgnored(line, options);
   return options;
 }
 
@@ -216,6 +245,10 @@ void CheckOptions(const RunOptions& options, const SequenceGraph<float>& graph) 
     throw std::runtime_error("--pose is for an armed run on an interface");
   if (options.pace != 1 && (options.simulated() || options.dry_run())) {
     throw std::runtime_error("--pace is for an armed run on tumbler-twin");
+  }
+  if (options.cycles != 0 && graph.edge_count == 0) {
+    throw UsageError("--cycles", fmt::format("is for sequences that go round; {} ends by itself",
+                                             options.motion));
   }
   if (options.attended && (options.virtual_time() || options.lcm_url.empty())) {
     throw std::runtime_error(

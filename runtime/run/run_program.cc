@@ -6,8 +6,6 @@
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
-#include <fstream>
-#include <iostream>
 #include <memory>
 #include <optional>
 #include <random>
@@ -17,6 +15,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/printable.h"
 #include "common/program.h"
 #include "common/result_file.h"
 #include "firmware_interface/can/can_link.h"
@@ -40,17 +39,6 @@
 
 namespace tumbler {
 namespace {
-
-/// @param path  `-` for standard output.
-void WriteFile(const std::string& text, const std::string& path) {
-  if (path == "-") {
-    std::cout << text << std::flush;
-    return;
-  }
-  std::ofstream stream(path);
-  stream << text << std::flush;
-  if (!stream) throw std::runtime_error(fmt::format("{}: cannot be written", path));
-}
 
 /// Says what machine and interface lack.
 ExitStatus Examine(const RunOptions& options) {
@@ -76,7 +64,7 @@ ExitStatus TestLatency(const RunOptions& options) {
       static_cast<std::int64_t>(std::ceil(options.latency_test_s * options.rate_hz)));
   const Machine machine = DescribeMachine("");
   if (!options.json.empty())
-    WriteFile(TimingToJson(statistics, machine, realtime.scheduling), options.json);
+    WriteResult(options.json, TimingToJson(statistics, machine, realtime.scheduling));
   std::FILE* out = options.json == "-" ? stderr : stdout;
   fmt::print(out,
              "{} wake-ups at {:.6g} Hz, {} late by more than half a period, {} periods missed\n{}",
@@ -127,6 +115,7 @@ void CheckOutputs(const RunOptions& options, const FileKeeper& read) {
   for (const LoadedFile& file : read.files()) inputs.push_back(file.path);
   CheckDistinct(inputs, {options.log, options.json, options.trace, options.record, options.truth,
                          options.pose_file});
+  CheckResult(options.json);
 }
 
 /// The number of the branch that --branch names; -1 without one.
@@ -283,11 +272,18 @@ void StopRecorder(FlightRecorder& recorder, RunSummary& summary) {
   summary.record_problem = recorder.problem();
 }
 
-void Say(const RunSummary& summary, const RunOptions& options) {
-  if (!options.json.empty()) WriteFile(ToJson(summary), options.json);
+/// Prints the summary. A run that is over is told of whatever could not be written.
+void Say(RunSummary& summary, const RunOptions& options) {
+  if (!options.json.empty()) {
+    try {
+      WriteResult(options.json, ToJson(summary));
+    } catch (const std::exception& error) {
+      summary.unwritten.emplace_back(error.what());
+    }
+  }
   // Standard output is kept free for frames or JSON, where they were asked for there.
   std::FILE* out = options.json == "-" || options.dry_run() ? stderr : stdout;
-  fmt::print(out, "{}", ToText(summary));
+  std::fputs(Printable(ToText(summary)).c_str(), out);
 }
 
 /// @param pose_file  holds where the joints were in the end of the last run. Empty: not kept.
@@ -377,7 +373,11 @@ ExitStatus Run(RunOptions options, const Simulation* simulation) {
     if (commands) commands->NoteTick(loop.statistics().ticks - 1);
     armed = armed || loop.record().state == ExecutorState::kHolding;
   });
-  telemetry.Stop();
+  try {
+    telemetry.Stop();
+  } catch (const std::exception& error) {
+    summary.unwritten.emplace_back(error.what());
+  }
   // What was found by a run that was refused is what it was refused for.
   if (!pose_file.empty() && armed) KeepPose(pose_file, play.loop().record(), parts.drives);
 

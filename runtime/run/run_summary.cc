@@ -289,6 +289,8 @@ std::string ToText(const RunSummary& summary) {
                         summary.record_problem);
   }
   for (const std::string& file : summary.files) text += fmt::format("  wrote {}\n", file);
+  for (const std::string& problem : summary.unwritten)
+    text += fmt::format("  NOT whole: {}\n", problem);
   return text;
 }
 
@@ -371,13 +373,15 @@ std::string ToJson(const RunSummary& summary) {
   json["unrecorded_ticks"] = summary.unrecorded_ticks;
   json["record_problem"] = summary.record_problem;
   json["files"] = summary.files;
+  json["unwritten"] = summary.unwritten;
   return json.Dump(2) + '\n';
 }
 
 ExitStatus StatusOf(const RunSummary& summary) {
   switch (summary.outcome) {
     case RunOutcome::kCompleted:
-      return !summary.falls.empty() || !summary.overlaps.empty() ||
+      return !summary.falls.empty() || !summary.overlaps.empty() || !summary.unwritten.empty() ||
+                     !summary.record_problem.empty() ||
                      std::any_of(summary.passages.begin(), summary.passages.end(),
                                  std::mem_fn(&Passage::amiss))
                  ? ExitStatus::kAmiss

@@ -97,6 +97,7 @@ struct RunSummary {
   std::int64_t unrecorded_ticks = 0;     ///< Ticks that are not in it.
   std::string record_problem;            ///< Why recording stopped early; empty otherwise.
   std::vector<std::string> files;
+  std::vector<std::string> unwritten;  ///< Why files are not whole, e.g. `run.log: ...`.
 };
 
 /// e.g. `completed`; a string literal.
@@ -115,7 +116,8 @@ std::string ToText(const RunSummary& summary);
 /// The same as one JSON object, units in the keys, ending with a line feed.
 std::string ToJson(const RunSummary& summary);
 /// The exit status of tumbler-run. It is kAmiss when the motion was completed, but the simulated
-/// robot fell, missed what the motion is for, or is not where the primitive says.
+/// robot fell, missed what the motion is for, or is not where the primitive says, or a file of the
+/// run is not whole.
 ExitStatus StatusOf(const RunSummary& summary);
 
 }  // namespace tumbler

@@ -13,6 +13,7 @@
 
 #include <lcm/lcm-cpp.hpp>
 
+#include "common/result_file.h"
 #include "common/ring_buffer.h"
 #include "runtime/telemetry/channels.h"
 #include "runtime/telemetry/messages.h"
@@ -27,6 +28,7 @@ struct Telemetry::Implementation {
   explicit Implementation(const TelemetryConfig& config_in)
       : config(config_in), events(config.run.joints, config.run.nodes), run(config.run) {
     if (!config.log_file.empty()) {
+      MakeFolderOf(config.log_file);
       log.emplace(config.log_file, "w");
       if (!log->good()) {
         throw std::runtime_error(fmt::format("{}: cannot be written: {}", config.log_file,
@@ -34,6 +36,7 @@ struct Telemetry::Implementation {
       }
     }
     if (!config.trace_file.empty()) {
+      MakeFolderOf(config.trace_file);
       trace.reset(std::fopen(config.trace_file.c_str(), "w"));
       if (trace == nullptr) {
         throw std::runtime_error(fmt::format("{}: cannot be written: {}", config.trace_file,
@@ -175,13 +178,13 @@ void Telemetry::Stop() {
   if (implementation_->trace != nullptr && std::fflush(implementation_->trace.get()) != 0) {
     implementation_->trace_failed = true;
   }
-  if (implementation_->log_failed) {
+  const std::string& log = implementation_->config.log_file;
+  const std::string& trace = implementation_->config.trace_file;
+  if (implementation_->log_failed && implementation_->trace_failed)
+    throw std::runtime_error(fmt::format("{}, {}: could not be written whole", log, trace));
+  if (implementation_->log_failed || implementation_->trace_failed) {
     throw std::runtime_error(
-        fmt::format("{}: could not be written whole", implementation_->config.log_file));
-  }
-  if (implementation_->trace_failed) {
-    throw std::runtime_error(
-        fmt::format("{}: could not be written whole", implementation_->config.trace_file));
+        fmt::format("{}: could not be written whole", implementation_->log_failed ? log : trace));
   }
 }
 

@@ -14,6 +14,7 @@ namespace {
 
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using ::testing::MatchesRegex;
 
 void Parse(CommandLine& line, std::vector<std::string> arguments) {
   arguments.insert(arguments.begin(), "program");
@@ -98,7 +99,8 @@ TEST(CommandLine, ChoosesAmongNamesThatTheHelpLists) {
   std::string scheduling = "fifo";
   CommandLine line("Plays.", "play");
   line.Option("--scheduling", scheduling, "how").OneOf({"fifo", "deadline"}).ShowDefault();
-  EXPECT_THAT(Help(line), HasSubstr("--scheduling TEXT:{fifo,deadline}=fifo"));
+  EXPECT_THAT(Help(line),
+              HasSubstr("--scheduling TEXT         how [fifo, deadline; default fifo]\n"));
   EXPECT_THAT(Complaint(line, {"--scheduling", "other"}),
               HasSubstr("--scheduling: other not in {fifo,deadline}"));
   Parse(line, {"--scheduling", "DeadLine"});
@@ -112,9 +114,37 @@ TEST(CommandLine, HelpSaysNameRangeDefaultAndFooter) {
   line.SetFooter("And nothing else.");
   const std::string help = Help(line);
   for (const char* part : {"Plays a motion.", "Usage: play [OPTIONS]", "And nothing else.",
-                           "--speed FLOAT:FLOAT in [0.1 - 1]=0.25", "how fast"}) {
+                           "--speed FLOAT             how fast [0.1 ... 1; default 0.25]\n"}) {
     EXPECT_THAT(help, HasSubstr(part));
   }
+}
+
+TEST(CommandLine, AsksForVersionManualPageAndCompletionInsteadOfWork) {
+  std::string motion;
+  CommandLine line("Plays a motion.", "play");
+  line.Option("MOTION", motion, "what").Required();
+  const auto text = [&line](const char* option) -> std::string {
+    try {
+      Parse(line, {option});
+    } catch (const HelpWanted& wanted) {
+      return wanted.what();
+    }
+    return "";
+  };
+  EXPECT_THAT(text("--version"), MatchesRegex("play [0-9]+\\.[0-9]+\\.[0-9]+ \\(commit .+\\)\n"));
+  EXPECT_THAT(text("--man-page"), HasSubstr(".TH PLAY 1"));
+  EXPECT_THAT(text("--bash-completion"), HasSubstr("complete -o default -F _play play\n"));
+}
+
+TEST(CommandLine, TellsWhichOptionsWereGiven) {
+  int cycles = 3;
+  bool arm = false;
+  CommandLine line("Plays.", "play");
+  line.Option("--cycles", cycles, "how often");
+  line.Flag("--arm", arm, "in earnest");
+  Parse(line, {"--cycles", "3"});
+  EXPECT_TRUE(line.Given("--cycles"));
+  EXPECT_FALSE(line.Given("--arm"));
 }
 
 TEST(CommandLine, RefusesAnOptionWithoutTheOneThatItNeedsOrWithOneThatItExcludes) {
@@ -140,7 +170,7 @@ TEST(CommandLine, SubcommandsHaveArgumentsOfTheirOwn) {
   check.Option("FILE", file, "at what").Required();
   EXPECT_THAT(Complaint(line, {}), HasSubstr("subcommand is required"));
   EXPECT_THAT(Complaint(line, {"check"}), HasSubstr("FILE is required"));
-  EXPECT_THAT(Help(line, {"check"}), HasSubstr("Usage: do check [OPTIONS] FILE"));
+  EXPECT_THAT(Help(line, {"check"}), HasSubstr("Usage: do check [OPTIONS] FILE\n"));
   Parse(line, {"check", "a.toml", "--url", "there"});
   EXPECT_TRUE(check.given());
   EXPECT_FALSE(simulate.given());

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cstdio>
+#include <cstdlib>
 #include <stdexcept>
 #include <string>
 
@@ -60,6 +61,37 @@ TEST(RunProgram, HelpIsNoError) {
   EXPECT_EQ(ended.status, 0);
   EXPECT_EQ(ended.out, "Usage: ...\n");
   EXPECT_EQ(ended.error, "");
+}
+
+TEST(RunProgram, ShowsControlCharactersOfNamesAsText) {
+  const Ended ended = EndOf([](int, char**) -> ExitStatus {
+    throw std::runtime_error("a\x1b[31m\u009b.toml: is gone,\n\tü\x7f");
+  });
+  EXPECT_EQ(ended.error, "tumbler-test: a\\x1b[31m\\x9b.toml: is gone,\n\tü\\x7f\n");
+}
+
+/// The status of a process that prints on a device that is always full.
+int StatusOnAFullDisk(ExitStatus (*run)(int argc, char** argv)) {
+  if (std::freopen("/dev/full", "w", stdout) == nullptr) return -1;
+  return RunProgram("tumbler-test", 0, nullptr, run);
+}
+
+TEST(RunProgramDeathTest, AnOutputThatIsNotWrittenWholeIsNoSuccess) {
+  const auto print = [](int, char**) {
+    std::fputs("one line\n", stdout);
+    return ExitStatus::kDone;
+  };
+  EXPECT_EXIT(std::exit(StatusOnAFullDisk(print)), ::testing::ExitedWithCode(1),
+              "standard output could not be written whole: No space left on device");
+  const auto flushed = [](int, char**) {
+    std::fputs("one line\n", stdout);
+    std::fflush(stdout);
+    return ExitStatus::kAmiss;
+  };
+  EXPECT_EXIT(std::exit(StatusOnAFullDisk(flushed)), ::testing::ExitedWithCode(4),
+              "standard output could not be written whole");
+  const auto help = [](int, char**) -> ExitStatus { throw HelpWanted("Usage: ...\n"); };
+  EXPECT_EXIT(std::exit(StatusOnAFullDisk(help)), ::testing::ExitedWithCode(1), "written whole");
 }
 
 }  // namespace

@@ -210,7 +210,7 @@ TEST(OptimizeCli, WrongCommandLinesAreRefused) {
       {{folder.task_file()}, "tasks that are ranked need different names"},
       {{"--nonsense"}, "--nonsense"},
       {{"--out", out, "--json", out}, "is named for two results"},
-      {{"--out", folder / "x/index.html", "--report", folder / "x"}, "the folder"},
+      {{"--out", folder / "x/index.html", "--report", folder / "x"}, "is named for two results"},
       {{"--out", folder.task_file()}, "task.toml: is an input"},
       {{"--json", folder.robot_file()}, "tumbler.urdf: is an input"},
   };
@@ -230,7 +230,7 @@ TEST(OptimizeCli, OutputThatCannotBeWrittenIsFoundBeforeTheWork) {
   testing::WriteFile(folder / "file", "keep me");
   const auto before = folder.Listing();
   const std::string below_a_file = folder / "file/motion.toml";
-  const std::string in_no_folder = folder / "absent/motion.toml";
+  const std::string in_no_folder = "/proc/absent/motion.toml";
   const std::string in_proc = "/proc/tumbler_motion.toml";
   for (const char* option : {"--out", "--json"}) {
     for (const std::string& path : {below_a_file, in_no_folder, in_proc,

@@ -106,6 +106,61 @@ TEST_F(Outputs, NeverReplaceAnotherOutput) {
   }
 }
 
+TEST_F(Outputs, MakeTheFoldersThatTheyNeed) {
+  const std::string task = SourcePath("primitives/tasks/downstand.toml");
+  for (const std::string& command_line : {
+           "tumbler-optimize " + task + " --guess downstand.toml --out a/b/m.toml --json c/m.json",
+           std::string("tumbler-run sim downstand.toml --hold-s 0 --json d/e/j --log f/l --trace "
+                       "g/t --record h/r --truth i/t"),
+           std::string("tumbler-record x.rec --csv k/t --lcm l/l --candump m/c"),
+           std::string("tumbler-log x.lcm --csv n/t"),
+           std::string("tumbler-replay x.rec --against hard.rec --svg o/p/s.svg"),
+           std::string("tumbler-chain simulate gait.toml --cycles 0 --branch roll --json q/j"),
+           std::string("tumbler-export gait.toml --header r/s/gait.h"),
+       }) {
+    const Outcome outcome = In(command_line);
+    EXPECT_EQ(outcome.exit_code, 0) << command_line << '\n' << outcome.text;
+  }
+  for (const char* name : {"a/b/m.toml", "c/m.json", "d/e/j", "f/l", "g/t", "h/r", "i/t", "k/t",
+                           "l/l", "m/c", "n/t", "o/p/s.svg", "q/j", "r/s/gait.h"}) {
+    EXPECT_FALSE(ReadFile(folder_ / name).empty()) << name;
+  }
+}
+
+TEST_F(Outputs, OfAFullDiskTakeNothingFromTheSummaryAndAreNoSuccess) {
+  const auto before = Content();
+  const std::string run = "tumbler-run sim handstand.toml --hold-s 0 ";
+  for (const std::string option : {"--log", "--trace", "--truth", "--json"}) {
+    const Outcome outcome = In(run + option + " /dev/full");
+    EXPECT_EQ(outcome.exit_code, 4) << option;
+    EXPECT_THAT(outcome.text, HasSubstr("completed: handstand on sim")) << option;
+    EXPECT_THAT(outcome.text, HasSubstr("NOT whole: /dev/full")) << option;
+  }
+  const Outcome both = In(run + "--log /dev/full --json -");
+  EXPECT_THAT(both.text,
+              HasSubstr("\"unwritten\": [\n    \"/dev/full: could not be written whole\""));
+  EXPECT_THAT(both.text, HasSubstr("\"exit_code\": 4"));
+  for (const std::string& command_line :
+       {run, std::string("tumbler-record x.rec"), std::string("tumbler-log x.lcm"),
+        std::string("tumbler-chain check gait.toml"), std::string("tumbler-run --help")}) {
+    const Outcome outcome = In(command_line + " > /dev/full");
+    EXPECT_EQ(outcome.exit_code, 1) << command_line;
+    EXPECT_THAT(outcome.text, ::testing::AnyOf(HasSubstr("No space left on device"),
+                                               HasSubstr("could not be written whole")))
+        << command_line;
+  }
+  // A limit of the shell's, in blocks of 512 or 1024 bytes, is a disk that is full later.
+  for (const std::string& command_line :
+       {std::string("tumbler-export gait.toml --header motion.h"),
+        std::string(
+            "tumbler-chain simulate gait.toml --cycles 0 --branch roll --json chain.json")}) {
+    const Outcome outcome = In("ulimit -f 1; " + command_line);
+    EXPECT_EQ(outcome.exit_code, 1) << command_line;
+    EXPECT_THAT(outcome.text, HasSubstr("File too large")) << command_line;
+  }
+  EXPECT_EQ(Content(), before);
+}
+
 TEST_F(Outputs, ADeviceTakesAsManyResultsAsOneLikes) {
   EXPECT_EQ(In("tumbler-record x.rec --csv /dev/null --candump /dev/null").exit_code, 0);
   EXPECT_EQ(In("tumbler-run sim handstand.toml --json - --trace /dev/null").exit_code, 0);

@@ -286,12 +286,12 @@ TEST(Telemetry, DrainsInItsThread) {
 TEST(Telemetry, NamesAFileThatCannotBeWritten) {
   for (const bool log : {true, false}) {
     TelemetryConfig config;
-    (log ? config.log_file : config.trace_file) = "/nowhere/at/all";
+    (log ? config.log_file : config.trace_file) = "/proc/nowhere/at/all";
     try {
       const Telemetry telemetry(config);
       FAIL();
     } catch (const std::runtime_error& error) {
-      EXPECT_NE(std::string(error.what()).find("/nowhere/at/all: cannot be written"),
+      EXPECT_NE(std::string(error.what()).find("/proc/nowhere/at/all: cannot be written"),
                 std::string::npos);
     }
   }

@@ -199,9 +199,9 @@ TEST_F(SimTwin, WrongFilesAndOptionsAreRefusedWithWhatToDo) {
   outcome = RunGait({"--cycles", "1", "--twin", Path("absent.toml")});
   EXPECT_EQ(outcome.exit_code, 1);
   EXPECT_THAT(outcome.text, HasSubstr("absent.toml"));
-  outcome = RunGait({"--cycles", "1", "--truth", "/nonexistent/truth.lcm"});
+  outcome = RunGait({"--cycles", "1", "--truth", "/proc/nonexistent/truth.lcm"});
   EXPECT_EQ(outcome.exit_code, 1);
-  EXPECT_THAT(outcome.text, HasSubstr("/nonexistent/truth.lcm: cannot be written"));
+  EXPECT_THAT(outcome.text, HasSubstr("/proc/nonexistent/truth.lcm: cannot be written"));
   outcome = RunGait({"--cycles", "1", "--pace", "0.5"});
   EXPECT_EQ(outcome.exit_code, 1);
   EXPECT_THAT(outcome.text, HasSubstr("--pace is for an armed run on tumbler-twin"));

@@ -42,6 +42,11 @@ class SimulatedWorld final : public World {
         summary.overlaps.push_back({time_s, Describe(event)});
     }
     summary.after_torque_off = LeaveAlone();
+    try {
+      truth_.Finish();
+    } catch (const std::exception& error) {
+      summary.unwritten.emplace_back(error.what());
+    }
   }
 
  private:

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <cerrno>
+#include <cstdio>
 #include <optional>
 #include <stdexcept>
 #include <system_error>
@@ -10,6 +11,8 @@
 
 #include <lcm/lcm-cpp.hpp>
 #include <tumbler/truth_t.hpp>
+
+#include "common/result_file.h"
 
 namespace tumbler {
 namespace {
@@ -61,6 +64,7 @@ truth_t MessageOf(const SimulatedRobot& robot) {
 struct TruthLog::Implementation {
   explicit Implementation(const TruthLogConfig& config_in) : config(config_in) {
     if (!config.log_file.empty()) {
+      MakeFolderOf(config.log_file);
       log.emplace(config.log_file, "w");
       if (!log->good()) {
         throw std::runtime_error(fmt::format("{}: cannot be written: {}", config.log_file,
@@ -80,6 +84,7 @@ struct TruthLog::Implementation {
   std::vector<std::uint8_t> bytes;
   std::int64_t due_ns = 0;
   std::int64_t written = 0;
+  bool failed = false;  // The log could not be written whole.
 };
 
 TruthLog::TruthLog(const TruthLogConfig& config)
@@ -96,20 +101,28 @@ void TruthLog::Observe(const SimulatedRobot& robot) {
   m.bytes.resize(static_cast<std::size_t>(message.getEncodedSize()));
   const int size = static_cast<int>(m.bytes.size());
   message.encode(m.bytes.data(), 0, size);
-  if (m.log) {
+  if (m.log && !m.failed) {
     lcm::LogEvent event{};
     event.eventnum = m.written++;
     event.timestamp = m.config.utime_at_zero_us + now_ns / 1000;
     event.channel = kTruthChannel;
     event.datalen = size;
     event.data = m.bytes.data();
-    if (m.log->writeEvent(&event) != 0)
-      throw std::runtime_error(fmt::format("{}: cannot be written", m.config.log_file));
+    // The simulation goes on without its log: a robot in motion is not dropped for a full disk.
+    if (m.log->writeEvent(&event) != 0) m.failed = true;
   }
   if (m.config.sink) m.config.sink(m.bytes);
   // A live message that LCM does not take is lost.
   if (m.live) {
     static_cast<void>(m.live->publish(kTruthChannel, m.bytes.data(), static_cast<unsigned>(size)));
+  }
+}
+
+void TruthLog::Finish() {
+  Implementation& m = *implementation_;
+  if (m.log && std::fflush(m.log->getFilePtr()) != 0) m.failed = true;
+  if (m.failed) {
+    throw std::runtime_error(fmt::format("{}: could not be written whole", m.config.log_file));
   }
 }
 

@@ -35,9 +35,11 @@ class TruthLog {
   TruthLog(const TruthLog&) = delete;
   TruthLog& operator=(const TruthLog&) = delete;
 
-  /// Publishes the state, unless less than a period has passed since the last time.
-  /// @throws std::runtime_error  when the file cannot be written.
+  /// Publishes the state, unless less than a period has passed since the last time. A file that
+  /// cannot be written is told by Finish.
   void Observe(const SimulatedRobot& robot);
+  /// Writes what is still to be written. @throws std::runtime_error  when the file is not whole.
+  void Finish();
 
  private:
   struct Implementation;

@@ -229,7 +229,7 @@ TEST_F(FlightRecorderTest, OverwritesNothing) {
     EXPECT_THAT(error.what(), HasSubstr("exists, and a record is never overwritten"));
   }
   EXPECT_EQ(ReadFile(config_.file), "precious");
-  config_.file = folder_ / "absent/run.rec";
+  config_.file = "/proc/absent/run.rec";
   EXPECT_THROW(FlightRecorder{config_}, std::runtime_error);
 }
 

@@ -109,9 +109,9 @@ TEST_F(RecordExport, SummaryNamesWhatThereIs) {
 }
 
 TEST_F(RecordExport, NamesAFileThatCannotBeWritten) {
-  EXPECT_THROW(ExportCandump(*record_, "/absent/out.log"), RecordError);
+  EXPECT_THROW(ExportCandump(*record_, "/proc/absent/out.log"), FileError);
   EXPECT_THROW(ExportCandump(*record_, "/dev/full"), RecordError);
-  EXPECT_THROW(ExportTelemetry(*record_, "/absent/out.csv", ""), std::runtime_error);
+  EXPECT_THROW(ExportTelemetry(*record_, "/proc/absent/out.csv", ""), std::runtime_error);
 }
 
 }  // namespace

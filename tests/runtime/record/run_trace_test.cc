@@ -145,7 +145,7 @@ TEST(RunTrace, DrawsEveryCurveAndNoPeakIsLost) {
   EXPECT_THAT(svg, HasSubstr(" " + std::to_string(top).substr(0, 5)));
   EXPECT_EQ(svg.find("nan"), std::string::npos);
   EXPECT_LT(svg.size(), 300'000U);
-  EXPECT_THROW(WriteSvg(trace, nullptr, "/absent/out.svg"), RecordError);
+  EXPECT_THROW(WriteSvg(trace, nullptr, "/proc/absent/out.svg"), FileError);
 }
 
 TEST(LoggedPosition, IsThatOfTheProtocolAtTheJoint) {

@@ -1,0 +1,45 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace tumbler {
+
+/// What a command line says of one option or positional argument.
+struct OptionDescription {
+  std::vector<std::string> names;    ///< `--help` and `-h`, or the one of a positional argument.
+  std::string value;                 ///< What it takes, such as INT; empty for a flag.
+  std::string range;                 ///< Allowed values, such as `1 ... 99`; empty: not bounded.
+  std::vector<std::string> choices;  ///< Allowed names; empty: any.
+  std::string default_value;         ///< Empty: not told.
+  std::string help;
+  bool positional = false;
+  bool required = false;
+  bool several = false;  ///< Whether it may be given more than once.
+};
+
+/// What a program says of itself. Help, manual page and completion are made of it.
+struct CommandDescription {
+  std::string name;         ///< Of the program; of a subcommand behind the program's.
+  std::string description;  ///< Its first sentence stands alone in lists.
+  std::string footer;       ///< Text below the options.
+  std::vector<OptionDescription> options;
+  std::vector<CommandDescription> subcommands;
+  bool options_after_subcommand = false;  ///< Whether subcommands take its options as well.
+};
+
+/// The first sentence of a text, without its full stop.
+[[nodiscard]] std::string FirstSentence(const std::string& text);
+
+/// The text for --help. Lines that are wider than 100 characters are broken.
+[[nodiscard]] std::string HelpText(const CommandDescription& command);
+
+/// A manual page of section 1, for `man`.
+/// @param version  for the page's foot, such as `0.1.0`.
+[[nodiscard]] std::string ManPage(const CommandDescription& command, const std::string& version);
+
+/// A script that tells bash how the arguments are completed: subcommands, options, names among
+/// which is chosen, and files otherwise.
+[[nodiscard]] std::string BashCompletion(const CommandDescription& command);
+
+}  // namespace tumbler

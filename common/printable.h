@@ -1,0 +1,33 @@
+#pragma once
+
+#include <string>
+#include <string_view>
+
+namespace tumbler {
+
+/// A text as a terminal may show it. Names of files, and those in files and messages, are written
+/// by anybody: control characters other than ends of lines and tabs become `\x1b` and the like, so
+/// that none of them commands the terminal. Everything else, UTF-8 too, stays.
+inline std::string Printable(std::string_view text) {
+  constexpr std::string_view kDigits = "0123456789abcdef";
+  std::string out;
+  out.reserve(text.size());
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const auto byte = static_cast<unsigned char>(text[i]);
+    // U+0080 ... U+009F, which are C2 80 ... C2 9F in UTF-8, are control characters as well.
+    const bool high = byte == 0xC2 && i + 1 < text.size() &&
+                      static_cast<unsigned char>(text[i + 1]) >= 0x80 &&
+                      static_cast<unsigned char>(text[i + 1]) < 0xA0;
+    if (high || (byte < 0x20 && byte != '\n' && byte != '\t') || byte == 0x7F) {
+      const auto shown = high ? static_cast<unsigned char>(text[++i]) : byte;
+      out += "\\x";
+      out += kDigits[shown >> 4U];
+      out += kDigits[shown & 15U];
+    } else {
+      out += text[i];
+    }
+  }
+  return out;
+}
+
+}  // namespace tumbler

@@ -1,0 +1,80 @@
+#include "common/command_text.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <sstream>
+#include <string>
+#include <vector>
+
+namespace tumbler {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+CommandDescription Player() {
+  CommandDescription player;
+  player.name = "tumbler-play";
+  player.description = "Plays a motion. It says `hello' first.";
+  player.footer = ".dots\\and'quotes begin lines";
+  OptionDescription motion;
+  motion.names = {"MOTION"};
+  motion.value = "TEXT";
+  motion.help = "what is played";
+  motion.positional = motion.required = true;
+  OptionDescription mode;
+  mode.names = {"-m", "--mode"};
+  mode.value = "TEXT";
+  mode.choices = {"slow", "fast"};
+  mode.default_value = "slow";
+  mode.help = std::string(90, 'x') + " " + std::string(40, 'y');
+  OptionDescription cpu;
+  cpu.names = {"--cpu"};
+  cpu.value = "INT";
+  cpu.range = "0 ... 7";
+  OptionDescription arm;
+  arm.names = {"--arm"};
+  player.options = {motion, mode, cpu, arm};
+  return player;
+}
+
+TEST(CommandText, HelpTellsWhatIsNeededAllowedAndDefault) {
+  const std::string help = HelpText(Player());
+  for (const char* part : {"Usage: tumbler-play [OPTIONS] MOTION\n", "\n  MOTION ",
+                           "\n  -m, --mode TEXT           xxx", "yyy [slow, fast; default slow]\n",
+                           "\n  --cpu INT                 [0 ... 7]\n", "\n  --arm"}) {
+    EXPECT_THAT(help, HasSubstr(part));
+  }
+}
+
+TEST(CommandText, HelpIsAHundredCharactersWideWhereWordsCanBeSplit) {
+  CommandDescription player = Player();
+  player.options[1].help = "";
+  for (int i = 0; i < 60; ++i) player.options[1].help += "word ";
+  player.description = player.options[1].help;
+  std::istringstream help(HelpText(player));
+  std::size_t widest = 0;
+  for (std::string line; std::getline(help, line);) widest = std::max(widest, line.size());
+  EXPECT_LE(widest, 100);
+  EXPECT_GT(widest, 90);
+}
+
+TEST(CommandText, ManualPageHasNoLineThatTroffTakesForARequestOrAnEscape) {
+  const std::string page = ManPage(Player(), "1.2.3");
+  EXPECT_THAT(page, HasSubstr(".TH TUMBLER\\-PLAY 1 \"\" \"Tumbler 1.2.3\""));
+  EXPECT_THAT(page, HasSubstr("tumbler\\-play \\- Plays a motion\n"));
+  EXPECT_THAT(page, HasSubstr("\\&.dots\\eand\\(aqquotes"));
+  EXPECT_THAT(page, HasSubstr("\\fB\\-m\\fR, \\fB\\-\\-mode\\fR \\fITEXT\\fR"));
+  EXPECT_THAT(page, Not(HasSubstr("\n.dots")));
+}
+
+TEST(CommandText, AFirstSentenceEndsWhereTheNextOneBegins) {
+  EXPECT_EQ(FirstSentence("Plays. Or not."), "Plays");
+  EXPECT_EQ(FirstSentence("Plays\na motion: this one"), "Plays a motion");
+  EXPECT_EQ(FirstSentence("Shows can0.log."), "Shows can0.log");
+}
+
+}  // namespace
+}  // namespace tumbler

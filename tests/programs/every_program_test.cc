@@ -1,0 +1,104 @@
+// What all programs have in common: help, version, wrong usage, manual page and completion.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <regex>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "tests/support/program.h"
+
+namespace tumbler {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::MatchesRegex;
+using testing::Outcome;
+using testing::RunInShell;
+using testing::RunProgram;
+
+std::vector<std::string> AllPrograms() {
+  std::vector<std::string> names;
+  std::istringstream list(TUMBLER_PROGRAMS);
+  for (std::string name; std::getline(list, name, ',');) names.push_back(name);
+  return names;
+}
+
+class EveryProgram : public ::testing::TestWithParam<std::string> {};
+
+TEST_P(EveryProgram, TellsItsNameVersionAndCommit) {
+  const Outcome outcome = RunProgram({GetParam(), "--version"});
+  EXPECT_EQ(outcome.exit_code, 0);
+  EXPECT_THAT(outcome.text, MatchesRegex(GetParam() + " [0-9]+\\.[0-9]+\\.[0-9]+ \\(commit "
+                                                      "(unknown|[0-9a-f]+(, changed)?)\\)\n"));
+}
+
+TEST_P(EveryProgram, ExplainsItselfAndItsExitStatuses) {
+  const Outcome outcome = RunProgram({GetParam(), "--help"});
+  EXPECT_EQ(outcome.exit_code, 0);
+  EXPECT_THAT(outcome.text, HasSubstr("Usage: " + GetParam() + " "));
+  EXPECT_THAT(outcome.text, HasSubstr("\nExit codes:\n  0"));
+  EXPECT_THAT(outcome.text, ::testing::Not(HasSubstr("{")));
+}
+
+TEST_P(EveryProgram, EndsWithStatus1AfterAWrongCommandLine) {
+  for (const std::vector<std::string>& arguments :
+       {std::vector<std::string>{}, {"--nonsense"}, {"a", "b", "c", "d", "e", "f", "g"}}) {
+    std::vector<std::string> all = {GetParam()};
+    all.insert(all.end(), arguments.begin(), arguments.end());
+    const Outcome outcome = RunProgram(all);
+    EXPECT_EQ(outcome.exit_code, 1) << outcome.text;
+    EXPECT_FALSE(outcome.text.empty());
+  }
+}
+
+TEST_P(EveryProgram, HasAManualPageThatTroffTakesWithoutAComplaint) {
+  const Outcome outcome =
+      RunInShell(GetParam() + " --man-page | groff -man -ww -Tascii 2>&1 >/dev/null");
+  EXPECT_EQ(outcome.text, "");
+  const Outcome page = RunInShell(GetParam() + " --man-page | groff -man -Tascii -P-cbou");
+  const std::string help = RunProgram({GetParam(), "--help"}).text;
+  const std::regex option("\n  (-[a-z], )?(--[a-z-]+)");
+  for (std::sregex_iterator match(help.begin(), help.end(), option);
+       match != std::sregex_iterator(); ++match) {
+    EXPECT_THAT(page.text, HasSubstr((*match)[2].str()));
+  }
+}
+
+/// What bash offers for a word: names, a line each.
+std::string Offered(const std::string& program, const std::string& words) {
+  std::string function = "_" + program;
+  std::replace(function.begin(), function.end(), '-', '_');
+  return RunInShell("bash -c 'source <(" + program + " --bash-completion); COMP_WORDS=(" + program +
+                    " " + words + "); COMP_CWORD=$((${#COMP_WORDS[@]}-1)); " + function +
+                    " 2>/dev/null; printf \"%s\\n\" \"${COMPREPLY[@]}\"'")
+      .text;
+}
+
+TEST_P(EveryProgram, CompletesItsOptions) {
+  EXPECT_THAT(Offered(GetParam(), "--vers"), "--version\n");
+  EXPECT_THAT(Offered(GetParam(), "--"), HasSubstr("--help\n"));
+}
+
+TEST(Completion, OffersSubcommandsTheirOptionsAndNamesToChooseFrom) {
+  EXPECT_EQ(Offered("tumbler-ctl", "st"), "start\nstop\nstatus\n");
+  EXPECT_EQ(Offered("tumbler-ctl", "status --js"), "--json\n");
+  EXPECT_EQ(Offered("tumbler-ctl", "start --js"), "\n");
+  EXPECT_EQ(Offered("tumbler-run", "--scheduling d"), "deadline\n");
+  EXPECT_EQ(Offered("tumbler-run", "--scheduling = f"), "fifo\n");
+  EXPECT_EQ(Offered("tumbler-run", "--cpu \"\""), "\n");
+  EXPECT_EQ(Offered("tumbler-bench", "scan --pass"), "--passive\n");
+}
+
+INSTANTIATE_TEST_SUITE_P(Programs, EveryProgram, ::testing::ValuesIn(AllPrograms()),
+                         [](const auto& tested) {
+                           std::string name = tested.param;
+                           name.erase(std::remove(name.begin(), name.end(), '-'), name.end());
+                           return name;
+                         });
+
+}  // namespace
+}  // namespace tumbler
