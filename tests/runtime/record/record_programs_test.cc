@@ -139,7 +139,7 @@ TEST_F(RecordPrograms, KilledInMidRunItLeavesARecordThatReplaysUpToThere) {
 TEST_F(RecordPrograms, AFullDiskEndsTheRecordingAndNotTheRun) {
   const Outcome run = Run(std::string("ulimit -f 200; tumbler-run sim ") + kHandstand +
                           " --hold-s 0.1 --record " + record_);
-  EXPECT_EQ(run.exit_code, 0) << run.text;
+  EXPECT_EQ(run.exit_code, 4) << run.text;
   EXPECT_THAT(run.text, HasSubstr("recording stopped after "));
   EXPECT_THAT(run.text, HasSubstr("File too large"));
   EXPECT_THAT(run.text, HasSubstr("completed: handstand on sim"));
