@@ -10,7 +10,7 @@ namespace tumbler {
 ///   so that  hard p + hard_value <= 0  and  lower <= p <= upper.
 ///
 /// As the subproblem of an SQP step, p is the step, and `soft` are the linearised constraints: some
-/// p always keeps the hard limits, so the program always has a solution.
+/// p always keeps the hard limits, so the program always has a solution. Bounds are finite.
 struct QuadraticProgram {
   Eigen::VectorXd g;
   Eigen::MatrixXd B;  ///< Symmetric, without negative eigenvalues.
@@ -31,8 +31,8 @@ struct QuadraticSolution {
 };
 
 /// Solves it by a primal-dual interior-point method with Mehrotra's predictor and corrector
-/// [Mehrotra 1992; Nocedal and Wright, Numerical Optimization, chapter 16.6], in 10 to 25
-/// factorisations of a matrix with a row for each variable and soft limit. Deterministic.
+/// [Mehrotra 1992; Nocedal and Wright, Numerical Optimization, chapter 16.6], in 17 factorisations
+/// as a rule of a matrix with a row for each variable and soft limit. Deterministic.
 QuadraticSolution Solve(const QuadraticProgram& program);
 
 }  // namespace tumbler
