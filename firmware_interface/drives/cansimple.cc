@@ -8,6 +8,9 @@ namespace tumbler {
 
 namespace {
 
+/// In how many ticks mode and position are sent before the request for closed loop.
+constexpr int kPrepareTicks = 2;
+
 constexpr float kTwoPi = 6.283185307F;
 constexpr float kFeedForwardStep = 0.001F;
 constexpr float kFeedForwardSteps = 1000.0F;
@@ -203,6 +206,7 @@ DriveState CanSimpleDrive::state() const noexcept {
     case Stage::kOff:
       return closed ? DriveState::kEnabled : DriveState::kDisabled;
     case Stage::kRequest:
+    case Stage::kPrepare:
       return DriveState::kEnabling;
     case Stage::kWait:
       return closed ? DriveState::kEnabled : DriveState::kEnabling;
@@ -223,19 +227,29 @@ void CanSimpleDrive::NextStage(bool enable) noexcept {
                      IsFinite(feedback_.position_rad) && heartbeat_.state == kCanSimpleIdle;
   switch (stage_) {
     case Stage::kOff:
+      failed_result_ = 0;
       stage_ = Stage::kRequest;
       break;
     case Stage::kRequest:
       if (!ready) break;
       hold_rad_ = feedback_.position_rad;
-      wait_ticks_ = 0;
-      idle_since_request_ = false;
-      stage_ = Stage::kWait;
+      prepare_ticks_ = 0;
+      stage_ = Stage::kPrepare;
+      break;
+    case Stage::kPrepare:
+      if (!ready) {
+        stage_ = Stage::kRequest;
+      } else if (++prepare_ticks_ == kPrepareTicks) {
+        wait_ticks_ = 0;
+        idle_since_request_ = false;
+        stage_ = Stage::kWait;
+      }
       break;
     case Stage::kWait:
       if (HasError()) {
         stage_ = Stage::kTripped;
       } else if (heartbeat_.state == kCanSimpleClosedLoop) {
+        failed_result_ = 0;
         stage_ = Stage::kFollow;
       } else if (++wait_ticks_ > config_.heartbeat_ticks_max) {
         // When heartbeats after the request still say idle, the request got lost.
@@ -307,12 +321,13 @@ Status CanSimpleDrive::Encode(DriveRequest request, const DriveSetpoint& setpoin
   encoded_.position_rad = feedback_.position_rad;
   if (stage_ == Stage::kFollow) {
     AddSetpoint(setpoint, batch);
-  } else if (stage_ == Stage::kWait) {
-    const bool first = before == Stage::kRequest;
-    if (first) added = batch.Add(EncodeCanSimple(node, CanSimpleControllerMode{}));
+  } else if (stage_ == Stage::kPrepare) {
+    added = batch.Add(EncodeCanSimple(node, CanSimpleControllerMode{}));
     velocity_mode_ = false;
     static_cast<void>(batch.Add(EncodePosition(hold_rad_, 0, 0)));
-    if (first) {
+  } else if (stage_ == Stage::kWait) {
+    static_cast<void>(batch.Add(EncodePosition(hold_rad_, 0, 0)));
+    if (before == Stage::kPrepare) {
       added = batch.Add(EncodeCanSimple(node, CanSimpleAxisState{kCanSimpleClosedLoop}));
     }
   } else {
@@ -342,6 +357,8 @@ bool CanSimpleDrive::Decode(const CanFrame& frame) noexcept {
       if (DecodeCanSimple(node, frame, heartbeat_) == Status::kOk) {
         heartbeat_age_ = 0;
         if (heartbeat_.error == 0) active_error_ = 0;
+        if (heartbeat_.procedure_result > kCanSimpleBusy)
+          failed_result_ = heartbeat_.procedure_result;
         if (stage_ == Stage::kWait && heartbeat_.state == kCanSimpleIdle) {
           idle_since_request_ = true;
         }
@@ -359,6 +376,7 @@ bool CanSimpleDrive::Decode(const CanFrame& frame) noexcept {
       CanSimpleTorques torques;
       if (DecodeCanSimple(node, frame, torques) == Status::kOk) {
         feedback_.torque_nm = torques.estimate_nm * torque_from_nm_;
+        feedback_.has_torque = true;
       }
       return false;
     }

@@ -51,6 +51,9 @@ inline constexpr std::uint32_t kCanSimpleVelocityControl = 2;
 inline constexpr std::uint32_t kCanSimplePositionControl = 3;
 inline constexpr std::uint32_t kCanSimplePassthrough = 1;
 
+/// Procedure results up to this one (success, busy) are no failures.
+inline constexpr std::uint8_t kCanSimpleBusy = 1;
+
 /// Errors (a bit each).
 inline constexpr std::uint32_t kCanSimpleWatchdogExpired = 0x0100'0000;
 inline constexpr std::uint32_t kCanSimpleEstopRequested = 0x0200'0000;
@@ -166,10 +169,12 @@ struct CanSimpleConfig {
 ///
 /// kDisable sends Set_Axis_State(IDLE) in each tick. kEnable
 ///   1. waits, sending IDLE, until the drive has reported state and position and is idle;
-///   2. sends in one tick Set_Controller_Mode(position, passthrough), Set_Input_Pos(measured),
-///      because the drive would act on the last input that it heard, and
-///      Set_Axis_State(CLOSED_LOOP);
-///   3. sends Set_Input_Pos of that same position in each tick, until a heartbeat says closed loop.
+///   2. sends Set_Controller_Mode(position, passthrough) and Set_Input_Pos(measured) in two ticks,
+///      because the drive would act on the last input that it heard;
+///   3. sends Set_Axis_State(CLOSED_LOOP) in the next tick, and Set_Input_Pos of that same position
+///      in each tick, until a heartbeat says closed loop. Many CAN controllers send the frames of
+///      a tick by their identifiers, and this request has the lowest: so it is never sent with what
+///      has to come before it.
 ///      It repeats the request for closed loop only when heartbeats go on saying idle, because a
 ///      running drive that is asked again starts anew;
 ///   4. sends Set_Input_Pos with both feed-forwards, one frame a tick. For kp = 0 it sends
@@ -195,6 +200,9 @@ class CanSimpleDrive final : public Drive {
 
   [[nodiscard]] DriveSetpoint encoded_setpoint() const noexcept override { return encoded_; }
   [[nodiscard]] DriveFeedback feedback() const noexcept override;
+  [[nodiscard]] DriveReport report() const noexcept override {
+    return {failed_result_, disarm_reason_};
+  }
   [[nodiscard]] DriveState state() const noexcept override;
   [[nodiscard]] ReplyRhythm reply_rhythm() const noexcept override {
     return {false, config_.estimates_per_tick_max};
@@ -206,7 +214,7 @@ class CanSimpleDrive final : public Drive {
 
  private:
   static constexpr int kNeverHeard = 1 << 30;
-  enum class Stage : std::uint8_t { kOff, kRequest, kWait, kFollow, kTripped };
+  enum class Stage : std::uint8_t { kOff, kRequest, kPrepare, kWait, kFollow, kTripped };
 
   [[nodiscard]] bool HasError() const noexcept {
     return heartbeat_.error != 0 || active_error_ != 0;
@@ -226,11 +234,15 @@ class CanSimpleDrive final : public Drive {
   bool valid_;
   Stage stage_ = Stage::kOff;
   bool velocity_mode_ = false;  // what the drive was last told
+  int prepare_ticks_ = 0;
   int wait_ticks_ = 0;
   int heartbeat_age_ = kNeverHeard;  // ticks since the last heartbeat
   bool idle_since_request_ = false;
   bool has_estimates_ = false;
   CanSimpleHeartbeat heartbeat_;
+  // The last procedure result that was a failure, since the drive was asked to be enabled, or since
+  // it was. It is kept because the orders that follow a failure succeed.
+  std::uint8_t failed_result_ = 0;
   std::uint32_t active_error_ = 0;
   std::uint32_t disarm_reason_ = 0;
   float hold_rad_ = 0;

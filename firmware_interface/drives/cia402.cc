@@ -521,6 +521,7 @@ bool Cia402Drive::Decode(const CanFrame& frame) noexcept {
       if (link_ < Link::kStart || DecodeCia402(node, frame, motion) != Status::kOk) return false;
       feedback_.velocity_rad_s = static_cast<float>(motion.velocity) * velocity_to_rad_s_;
       feedback_.torque_nm = static_cast<float>(motion.torque) * torque_to_nm_;
+      feedback_.has_torque = true;
       return false;
     }
     case canopen_id::kEmergency: {

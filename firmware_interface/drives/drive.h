@@ -34,8 +34,9 @@ struct DriveSetpoint {
 struct DriveFeedback {
   float position_rad = 0;
   float velocity_rad_s = 0;
-  float torque_nm = 0;
+  float torque_nm = 0;      ///< Zero where `has_torque` is false.
   float temperature_c = 0;  ///< Zero where `has_temperature` is false.
+  bool has_torque = false;  ///< Whether the drive has reported its torque.
   bool has_temperature = false;
   std::uint32_t error = 0;  ///< The drive's own code; zero is none.
 };
@@ -83,6 +84,13 @@ struct SetUpRefusal {
   std::uint16_t index = 0;
   std::uint8_t sub = 0;
   std::uint32_t code = 0;
+};
+
+/// What a drive has said of itself besides its error code. Zero where its protocol has no such
+/// word, or nothing was said.
+struct DriveReport {
+  std::uint8_t procedure_result = 0;  ///< How its last change of state ended.
+  std::uint32_t disarm_reason = 0;    ///< The errors for which it took its torque off last.
 };
 
 /// The frames of one tick for one drive.
@@ -147,6 +155,7 @@ class Drive {
   [[nodiscard]] virtual ReplyRhythm reply_rhythm() const noexcept { return {}; }
   [[nodiscard]] virtual HeartbeatAge heartbeat() const noexcept { return {}; }
   [[nodiscard]] virtual SetUpRefusal set_up_refusal() const noexcept { return {}; }
+  [[nodiscard]] virtual DriveReport report() const noexcept { return {}; }
 };
 
 }  // namespace tumbler

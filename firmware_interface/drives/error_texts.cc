@@ -79,6 +79,25 @@ constexpr std::array kOdrive = {
     CodeText{0x10000000, "thermistor disconnected"},
     CodeText{0x40000000, "calibration error"},
 };
+// ODrive firmware 0.6, byte 5 of the heartbeat. Earlier firmware has flags there.
+constexpr std::array kOdriveResults = {
+    "success",
+    "busy",
+    "cancelled",
+    "disarmed",
+    "no response",
+    "pole pairs and counts per revolution do not fit",
+    "phase resistance out of range",
+    "phase inductance out of range",
+    "unbalanced phases",
+    "invalid motor type",
+    "illegal hall state",
+    "timeout",
+    "homing without endstop",
+    "invalid state",
+    "not calibrated",
+    "not converging",
+};
 // CiA 301 and 402, emergency codes that many drives have.
 constexpr std::array kEmergencies = {
     CodeText{0x1000, "generic error"},
@@ -111,27 +130,63 @@ std::string TextOf(std::span<const CodeText> texts, std::uint32_t code) {
 
 }  // namespace
 
+std::string_view ErrorCodesOf(const DriveConfig& drive) {
+  if (const auto* mit = std::get_if<MitConfig>(&drive))
+    return mit->dialect == MitDialect::kDamiao ? "damiao" : "ak";
+  return std::holds_alternative<CanSimpleConfig>(drive) ? "odrive" : "cia402";
+}
+
+std::vector<std::string> ErrorCodesOf(const DrivesConfig& drives) {
+  std::vector<std::string> codes;
+  for (const DriveEntry& entry : drives.drives) codes.emplace_back(ErrorCodesOf(entry.config));
+  return codes;
+}
+
 std::string DescribeDriveError(const DriveConfig& drive, std::uint32_t code) {
-  if (const auto* mit = std::get_if<MitConfig>(&drive)) {
-    const bool damiao = mit->dialect == MitDialect::kDamiao;
-    return Named("{:#04x}", code, TextOf(damiao ? std::span<const CodeText>(kDamiao) : kAk, code));
-  }
-  if (std::holds_alternative<CanSimpleConfig>(drive)) {
+  return DescribeDriveError(ErrorCodesOf(drive), code);
+}
+
+std::string DescribeDriveError(std::string_view codes, std::uint32_t code) {
+  if (codes == "ak") return Named("{:#04x}", code, TextOf(kAk, code));
+  if (codes == "damiao") return Named("{:#04x}", code, TextOf(kDamiao, code));
+  if (codes == "odrive") {
     std::string names;
     for (const CodeText& bit : kOdrive) {
       if ((code & bit.code) != 0) names += (names.empty() ? "" : ", ") + std::string(bit.text);
     }
     return Named("{:#010x}", code, names);
   }
-  const std::string emergency = TextOf(kEmergencies, code);
+  if (codes != "cia402") return Named("{:#x}", code, "");
   return code > 0xffff ? Named("{:#010x}", code, TextOf(kAborts, code))
-                       : Named("{:#06x}", code, emergency);
+                       : Named("{:#06x}", code, TextOf(kEmergencies, code));
+}
+
+std::string DescribeReport(std::string_view codes, const DriveReport& report) {
+  std::string text;
+  if (report.procedure_result != 0) {
+    const std::size_t index = report.procedure_result;
+    text = fmt::format("procedure result {}", report.procedure_result);
+    if (codes == "odrive" && index < kOdriveResults.size())
+      text += fmt::format(", {}", kOdriveResults[index]);
+  }
+  if (report.disarm_reason != 0) {
+    text += fmt::format("{}disarm reason {}", text.empty() ? "" : "; ",
+                        DescribeDriveError(codes, report.disarm_reason));
+  }
+  return text;
 }
 
 std::string DescribeSetUpRefusal(const SetUpRefusal& refusal) {
   if (refusal.code == 0) return "";
   return fmt::format("object {:04x}:{:02x}: {}", refusal.index, refusal.sub,
                      Named("{:#010x}", refusal.code, TextOf(kAborts, refusal.code)));
+}
+
+std::string DescribeRemarks(const DriveConfig& config, const Drive& drive) {
+  const std::string refusal = DescribeSetUpRefusal(drive.set_up_refusal());
+  const std::string report = DescribeReport(ErrorCodesOf(config), drive.report());
+  return (refusal.empty() ? "" : "; it refused " + refusal) +
+         (report.empty() ? "" : "; its " + report);
 }
 
 }  // namespace tumbler

@@ -429,7 +429,7 @@ bool MitDrive::Decode(const CanFrame& frame) noexcept {
   position_code_ = stage_ == Stage::kFollow ? position_code_ + way : codes.p;
   const Lanes joint =
       ToJoint(reply_range_, {position_code_, codes.v, codes.t, health.temperature_c});
-  feedback_ = {joint[0], joint[1], joint[2], joint[3], health.has_temperature, health.error};
+  feedback_ = {joint[0], joint[1], joint[2], joint[3], true, health.has_temperature, health.error};
   says_enabled_ = health.enabled;
   heard_ = true;
   answered_ = true;

@@ -69,6 +69,11 @@ ExitStatus Report(const Arguments& arguments) {
   }
   for (std::size_t k = 1; k < runs.size(); ++k) {
     for (const RunDifference& d : Compare(runs.front(), runs[k])) {
+      if (d.ticks == 0) {
+        fmt::print("{} less {}: {}, {}: not measured in both\n", runs[k].name, runs.front().name,
+                   d.joint, d.quantity);
+        continue;
+      }
       fmt::print("{} less {}: {}, {}: at most {:.6g} {} at {:.3f} s, rms {:.3g} {}\n", runs[k].name,
                  runs.front().name, d.joint, d.quantity, d.max, d.unit, d.max_at_s, d.rms, d.unit);
     }

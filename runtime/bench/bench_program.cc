@@ -259,12 +259,11 @@ void BenchRun::Read() {
     const DriveState state = session_->drive(i).state();
     const std::string error =
         feedback.error == 0 ? "" : DescribeDriveError(session_->entry(i).config, feedback.error);
-    const auto* can = std::get_if<CanSimpleConfig>(&session_->entry(i).config);
-    const bool has_torque = can == nullptr || can->messages.torques_s > 0;
-    std::string line = fmt::format("{}: {:.4f} rad, {:.3f} rad/s, {}", session_->NameOf(i),
-                                   feedback.position_rad, feedback.velocity_rad_s,
-                                   has_torque ? fmt::format("{:.3f} N m", feedback.torque_nm)
-                                              : std::string("torque not measured"));
+    std::string line =
+        fmt::format("{}: {:.4f} rad, {:.3f} rad/s, {}", session_->NameOf(i), feedback.position_rad,
+                    feedback.velocity_rad_s,
+                    feedback.has_torque ? fmt::format("{:.3f} N m", feedback.torque_nm)
+                                        : std::string("torque not measured"));
     if (feedback.has_temperature) line += fmt::format(", {:.0f} C", feedback.temperature_c);
     line += error.empty() ? ", no error" : ", " + error;
     SayLine(line);
@@ -274,13 +273,14 @@ void BenchRun::Read() {
                   {"position_rad", feedback.position_rad},
                   {"velocity_rad_s", feedback.velocity_rad_s},
                   {"error", feedback.error}};
-    if (has_torque) drive["torque_nm"] = feedback.torque_nm;
+    drive["torque_nm"] = feedback.has_torque ? Json(feedback.torque_nm) : Json(nullptr);
     if (feedback.has_temperature) drive["temperature_c"] = feedback.temperature_c;
     json_["drives"].Append(drive);
     if (state != DriveState::kFault) continue;
-    findings_.push_back({"drive-error", session_->entry(i).joint,
-                         fmt::format("{} reports {}{}", session_->NameOf(i), error,
-                                     DescribeSetUpRefusal(session_->drive(i).set_up_refusal()))});
+    findings_.push_back(
+        {"drive-error", session_->entry(i).joint,
+         fmt::format("{} reports {}{}", session_->NameOf(i), error,
+                     DescribeRemarks(session_->entry(i).config, session_->drive(i)))});
   }
 }
 

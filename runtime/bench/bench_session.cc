@@ -170,11 +170,12 @@ void BenchSession::CheckDriven() const {
   if (drive.state() == DriveState::kFault) {
     throw BenchFault(fmt::format("{} reports {}{}", name,
                                  DescribeDriveError(entry(driven_).config, feedback.error),
-                                 DescribeSetUpRefusal(drive.set_up_refusal())));
+                                 DescribeRemarks(entry(driven_).config, drive)));
   }
   if (!following_) return;
   if (drive.state() != DriveState::kEnabled)
-    throw BenchFault(fmt::format("{} is {} all at once", name, ToText(drive.state())));
+    throw BenchFault(fmt::format("{} is {} all at once{}", name, ToText(drive.state()),
+                                 DescribeRemarks(entry(driven_).config, drive)));
   RequireHeard(driven_);
   const double way_rad = std::abs(double{feedback.position_rad} - origin_rad_);
   if (!(way_rad <= bounds_.amplitude_rad + kRunAway_rad)) {

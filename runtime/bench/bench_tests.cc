@@ -7,6 +7,8 @@
 #include <numbers>
 #include <optional>
 
+#include "common/program.h"
+
 namespace tumbler {
 namespace {
 
@@ -89,6 +91,35 @@ JogResult Jog(BenchSession& session, std::size_t drive, const JogConfig& config,
   }
   session.TorqueOff();
   return result;
+}
+
+DriveIdentity IdentifyDrive(BenchSession& session, BenchOperator& somebody, std::size_t drive,
+                            const std::vector<std::string>& joints) {
+  const std::string name = session.NameOf(drive);
+  const double amplitude_rad = session.bounds().amplitude_rad;
+  const auto meanwhile = [&session] { session.Tick(); };
+  if (!somebody.Confirm(fmt::format("{} will turn its joint by {} rad and back. Is the way clear?",
+                                    name, amplitude_rad),
+                        meanwhile)) {
+    throw Refused(name + " was not to move");
+  }
+  const JogResult jog = Jog(session, drive, {amplitude_rad, false}, &somebody);
+  constexpr double kMovedShare = 0.3;
+  const double moved_rad = kMovedShare * amplitude_rad;
+  for (std::size_t i = 0; i < jog.ways_rad.size(); ++i) {
+    if ((std::abs(jog.ways_rad[i]) > moved_rad) == (i == drive)) continue;
+    throw Refused(
+        i == drive
+            ? fmt::format("{} moved by {:.4f} rad of {}: is its joint free, and is --kp enough?",
+                          name, jog.ways_rad[i], amplitude_rad)
+            : fmt::format("{} moved by {:.4f} rad, too, when {} was to move", session.NameOf(i),
+                          jog.ways_rad[i], name));
+  }
+  DriveIdentity identity{somebody.WhichTurned(joints, meanwhile)};
+  if (identity.joint.empty())
+    throw Refused(name + " reports a motion, and no joint turned: is its motor mounted?");
+  identity.direction = somebody.Grew(identity.joint, meanwhile) ? 1 : -1;
+  return identity;
 }
 
 std::vector<ReplyResult> MeasureReplies(BenchSession& session, double time_s) {

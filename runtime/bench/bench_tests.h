@@ -29,6 +29,19 @@ struct JogResult {
 JogResult Jog(BenchSession& session, std::size_t drive, const JogConfig& config,
               BenchOperator* watcher);
 
+/// Which joint a drive turns, and whether its angle grows with the drive's.
+struct DriveIdentity {
+  std::string joint;
+  int direction = 1;  ///< 1 or -1: as the drives file says, or the other way.
+};
+/// Turns a drive's joint by the amplitude of the bounds and back, compares all encoders, and asks
+/// which of the joints turned, and how.
+/// @throws Refused  when the way is not clear, the drive's encoder shows no such motion, another
+/// one
+///                  shows one, or no joint turned.
+DriveIdentity IdentifyDrive(BenchSession& session, BenchOperator& somebody, std::size_t drive,
+                            const std::vector<std::string>& joints);
+
 /// Replies of one drive.
 struct ReplyResult {
   /// Whether the drive answers, so that times are from question to answer. Otherwise it sends by

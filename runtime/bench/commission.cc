@@ -105,7 +105,6 @@ class Commissioner {
   void CheckHealth();
   void MeasureAllReplies();
   void IdentifyAll();
-  std::string Identify(std::size_t drive, int& direction);
   void ApplyIdentities(const std::vector<std::string>& turned);
   void ZeroAll();
   void TurnAll();
@@ -154,7 +153,7 @@ void Commissioner::CheckHealth() {
     if (feedback.error == 0 && session_->drive(i).state() != DriveState::kFault) continue;
     throw Refused(fmt::format("{} reports {}{}: clear it first (--clear)", session_->NameOf(i),
                               DescribeDriveError(session_->entry(i).config, feedback.error),
-                              DescribeSetUpRefusal(session_->drive(i).set_up_refusal())));
+                              DescribeRemarks(session_->entry(i).config, session_->drive(i))));
   }
 }
 
@@ -180,41 +179,14 @@ void Commissioner::MeasureAllReplies() {
   }
 }
 
-std::string Commissioner::Identify(std::size_t drive, int& direction) {
-  const std::string name = session_->NameOf(drive);
-  const auto meanwhile = [this] { session_->Tick(); };
-  if (!somebody_.Confirm(fmt::format("{} will turn its joint by {} rad and back. Is the way clear?",
-                                     name, config_.bounds.amplitude_rad),
-                         meanwhile)) {
-    throw Refused(name + " was not to move");
-  }
-  const JogResult jog = Jog(*session_, drive, {config_.bounds.amplitude_rad, false}, &somebody_);
-  constexpr double kMovedShare = 0.3;
-  const double moved_rad = kMovedShare * config_.bounds.amplitude_rad;
-  for (std::size_t i = 0; i < jog.ways_rad.size(); ++i) {
-    if ((std::abs(jog.ways_rad[i]) > moved_rad) == (i == drive)) continue;
-    throw Refused(
-        i == drive
-            ? fmt::format("{} moved by {:.4f} rad of {}: is its joint free, and is --kp enough?",
-                          name, jog.ways_rad[i], config_.bounds.amplitude_rad)
-            : fmt::format("{} moved by {:.4f} rad, too, when {} was to move", session_->NameOf(i),
-                          jog.ways_rad[i], name));
-  }
-  std::vector<std::string> names;
-  for (const BenchJoint& joint : joints_) names.push_back(joint.name);
-  std::string turned = somebody_.WhichTurned(names, meanwhile);
-  if (turned.empty())
-    throw Refused(name + " reports a motion, and no joint turned: is its motor mounted?");
-  direction = somebody_.Grew(turned, meanwhile) ? 1 : -1;
-  return turned;
-}
-
 void Commissioner::IdentifyAll() {
   Report("3. Which joint does each drive turn, and in which direction?");
-  std::vector<std::string> turned;
+  std::vector<std::string> turned, names;
+  for (const BenchJoint& joint : joints_) names.push_back(joint.name);
   for (std::size_t i = 0; i < session_->size(); ++i) {
-    int direction = 1;
-    turned.push_back(Identify(i, direction));
+    const DriveIdentity identity = IdentifyDrive(*session_, somebody_, i, names);
+    const int direction = identity.direction;
+    turned.push_back(identity.joint);
     const std::string name = session_->NameOf(i);
     for (std::size_t k = 0; k < i; ++k) {
       if (turned[k] == turned[i])

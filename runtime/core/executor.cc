@@ -1,6 +1,7 @@
 #include "runtime/core/executor.h"
 
 #include <algorithm>
+#include <limits>
 
 #include "runtime/core/numbers.h"
 
@@ -9,6 +10,9 @@ namespace {
 
 /// A motion counts as finished when the limited setpoint is this near to the planned one.
 constexpr float kFinished_rad = 1e-4F;
+
+/// The torque of a drive that has reported none.
+constexpr float kNotMeasured = std::numeric_limits<float>::quiet_NaN();
 
 /// The time in which a robot is lowered.
 constexpr float kLower_s = 2;
@@ -86,7 +90,9 @@ void Executor::FollowEdge(int edge) noexcept {
     const float error = Magnitude(joint.measured.position_rad - start);
     // Negated, so that an error that is not a number is a fault too. The robot then still is at the
     // end of its node.
-    if (!(error <= tolerance)) return Latch(Fault::kEntryMissed, i, error, tolerance);
+    if (!(error <= tolerance))
+      return Latch(Fault::kEntryMissed, i, DetailNumber::Real(error),
+                   DetailNumber::Real(tolerance));
   }
   SetNode(node);
   Enter(ExecutorState::kRunning);
@@ -225,7 +231,7 @@ void Executor::Send(int elapsed, TickOutput& output) noexcept {
     batch.Clear();
     const Status status = joint.drive->Encode(request, setpoint, batch);
     if (limited.non_finite || status != Status::kOk)
-      Latch(Fault::kNonFinite, i, record.planned.position_rad, 0);
+      Latch(Fault::kNonFinite, i, DetailNumber::Real(record.planned.position_rad), {});
 
     const DriveSetpoint encoded = joint.drive->encoded_setpoint();
     if (state_ == ExecutorState::kArming && joint.drive_state != DriveState::kEnabled &&
@@ -237,7 +243,7 @@ void Executor::Send(int elapsed, TickOutput& output) noexcept {
     record.limited = joint.commanded;
     record.encoded = {encoded.position_rad, encoded.velocity_rad_s, encoded.torque_nm};
     record.measured = {joint.measured.position_rad, joint.measured.velocity_rad_s,
-                       joint.measured.torque_nm};
+                       joint.measured.has_torque ? joint.measured.torque_nm : kNotMeasured};
     record.temperature_c = joint.measured.temperature_c;
     record.reply_age_ticks = joint.replies.age_ticks();
     record.drive_state = joint.drive_state;
@@ -274,8 +280,8 @@ void Executor::Advance(const TickRecord& record) noexcept {
       if (waiting < 0) {
         Enter(ExecutorState::kHolding);
       } else if (ticks_in_state_ >= config_.arming_ticks_max) {
-        Latch(Fault::kArmingTimeout, waiting, static_cast<float>(ticks_in_state_),
-              static_cast<float>(config_.arming_ticks_max));
+        Latch(Fault::kArmingTimeout, waiting, DetailNumber::Integer(ticks_in_state_),
+              DetailNumber::Integer(config_.arming_ticks_max));
       }
       break;
     }

@@ -110,7 +110,7 @@ class Executor {
   void DetectLinkFaults(const TickInput& input) noexcept;
   void DetectDriveFaults(int index) noexcept;
   void NoteForeignCommand(const CanFrame& frame) noexcept;
-  void Latch(Fault fault, int joint, float value, float limit) noexcept;
+  void Latch(Fault fault, int joint, DetailNumber value, DetailNumber limit) noexcept;
 
   // Commands: executor_commands.cc.
   void Obey(const TickInput& input) noexcept;

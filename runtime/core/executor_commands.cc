@@ -47,7 +47,7 @@ void Executor::Obey(const TickInput& input) noexcept {
       if (plain) {
         Enter(ExecutorState::kStopping);
       } else {
-        Latch(Fault::kOperatorStop, -1, 0, 0);
+        Latch(Fault::kOperatorStop, -1, {}, {});
       }
       return;
     }
@@ -66,7 +66,7 @@ void Executor::Obey(const TickInput& input) noexcept {
     case OperatorCommand::kBranch:
       if (!InSequence()) return refuse(Refusal::kWrongState);
       if (graph_.BranchName(input.branch).empty()) {
-        refusal_ = {static_cast<float>(input.branch), 0, Refusal::kNoSuchBranch, -1};
+        refusal_ = {DetailNumber::Integer(input.branch), {}, Refusal::kNoSuchBranch, -1};
         return;
       }
       wanted_branch_ = input.branch;
@@ -91,9 +91,9 @@ void Executor::Obey(const TickInput& input) noexcept {
 }
 
 RefusalDetail Executor::CheckArm() const noexcept {
-  if (joint_count_ == 0) return {0, 0, Refusal::kNotConfigured, -1};
-  if (state_ != ExecutorState::kDisarmed) return {0, 0, Refusal::kWrongState, -1};
-  if ((faults_ | earlier_faults_) != 0) return {0, 0, Refusal::kFaultLatched, -1};
+  if (joint_count_ == 0) return {{}, {}, Refusal::kNotConfigured, -1};
+  if (state_ != ExecutorState::kDisarmed) return {{}, {}, Refusal::kWrongState, -1};
+  if ((faults_ | earlier_faults_) != 0) return {{}, {}, Refusal::kFaultLatched, -1};
   for (int i = 0; i < joint_count_; ++i) {
     const auto index = static_cast<std::size_t>(i);
     const Joint& joint = joints_[index];
@@ -104,34 +104,38 @@ RefusalDetail Executor::CheckArm() const noexcept {
     const bool never_heard = joint.replies.age_ticks() < 0;
     if (joint.measured.error != 0 || (never_heard && error != 0) ||
         joint.drive_state == DriveState::kFault) {
-      return {static_cast<float>(error), 0, Refusal::kDriveError, name};
+      return {DetailNumber::Code(error), {}, Refusal::kDriveError, name};
     }
     if (joint.replies.age_ticks() < 0 || joint.replies.age_ticks() > config_.stale_ticks_max) {
-      return {static_cast<float>(joint.replies.age_ticks()),
-              static_cast<float>(config_.stale_ticks_max), Refusal::kNoReply, name};
+      return {DetailNumber::Integer(joint.replies.age_ticks()),
+              DetailNumber::Integer(config_.stale_ticks_max), Refusal::kNoReply, name};
     }
     if (joint.drive_state == DriveState::kLost) {
       const HeartbeatAge age = joint.drive->heartbeat();
-      return {static_cast<float>(age.ticks), static_cast<float>(age.limit_ticks),
+      return {DetailNumber::Integer(age.ticks), DetailNumber::Integer(age.limit_ticks),
               Refusal::kNoHeartbeat, name};
     }
     const float temperature_max_c = config_.joints[index].temperature_max_c;
     if (joint.measured.has_temperature && !(joint.measured.temperature_c <= temperature_max_c)) {
-      return {joint.measured.temperature_c, temperature_max_c, Refusal::kTooHot, name};
+      return {DetailNumber::Real(joint.measured.temperature_c),
+              DetailNumber::Real(temperature_max_c), Refusal::kTooHot, name};
     }
     if (const RefusalDetail moved = CheckKnown(i); moved.refusal != Refusal::kNone) return moved;
     if (!joint.IsMeasuredFinite() ||
         !InRange(position, joint.limits.position_min_rad, joint.limits.position_max_rad)) {
       const bool below = position < joint.limits.position_min_rad;
-      return {position, below ? joint.limits.position_min_rad : joint.limits.position_max_rad,
-              Refusal::kOutsideLimits, name};
+      return {
+          DetailNumber::Real(position),
+          DetailNumber::Real(below ? joint.limits.position_min_rad : joint.limits.position_max_rad),
+          Refusal::kOutsideLimits, name};
     }
     const float way = Magnitude(position - FirstMotion(i).position.control_points()[0]);
     // Where a run has left the joint, nobody has exchanged joints or lost a zero since.
     const bool left_here =
         joint.was_left && Magnitude(position - joint.left_rad) <= config_.start_way_max_rad;
     if (!(way <= config_.start_way_max_rad) && !left_here)
-      return {way, config_.start_way_max_rad, Refusal::kFarFromStart, name};
+      return {DetailNumber::Real(way), DetailNumber::Real(config_.start_way_max_rad),
+              Refusal::kFarFromStart, name};
   }
   return {};
 }
@@ -149,8 +153,8 @@ RefusalDetail Executor::CheckKnown(int joint) const noexcept {
   const auto whole = static_cast<float>(
       static_cast<std::int32_t>(ClampOrLow(turns, -1e6F, 1e6F) + (turns < 0 ? -0.5F : 0.5F)));
   const bool lost = whole != 0 && Magnitude(turns - whole) <= kShareOfTurn;
-  return {off, config_.moved_max_rad, lost ? Refusal::kTurnsLost : Refusal::kMoved,
-          static_cast<std::int8_t>(joint)};
+  return {DetailNumber::Real(off), DetailNumber::Real(config_.moved_max_rad),
+          lost ? Refusal::kTurnsLost : Refusal::kMoved, static_cast<std::int8_t>(joint)};
 }
 
 const JointMotion<float>& Executor::FirstMotion(int joint) const noexcept {
@@ -160,14 +164,15 @@ const JointMotion<float>& Executor::FirstMotion(int joint) const noexcept {
 }
 
 RefusalDetail Executor::CheckMove() const noexcept {
-  if (state_ != ExecutorState::kHolding || lowering_) return {0, 0, Refusal::kWrongState, -1};
+  if (state_ != ExecutorState::kHolding || lowering_) return {{}, {}, Refusal::kWrongState, -1};
   for (int i = 0; i < joint_count_; ++i) {
     // The gate would pull the command inside the limits at once, however far outside the joint is.
     const JointLimits<float>& limits = FirstMotion(i).limits;
     const float position = joints_[static_cast<std::size_t>(i)].commanded.position_rad;
     if (!InRange(position, limits.position_min_rad, limits.position_max_rad)) {
       const bool below = position < limits.position_min_rad;
-      return {position, below ? limits.position_min_rad : limits.position_max_rad,
+      return {DetailNumber::Real(position),
+              DetailNumber::Real(below ? limits.position_min_rad : limits.position_max_rad),
               Refusal::kOutsideLimits, static_cast<std::int8_t>(i)};
     }
   }
@@ -177,22 +182,22 @@ RefusalDetail Executor::CheckMove() const noexcept {
 RefusalDetail Executor::CheckGoHome() const noexcept {
   // The feed-forward at the end of a node is kept in its pose, and in no other.
   const bool at_end = keep_torque_ && reaction_ == Reaction::kHold && !lowering_;
-  if (state_ != ExecutorState::kFault || !at_end) return {0, 0, Refusal::kWrongState, -1};
+  if (state_ != ExecutorState::kFault || !at_end) return {{}, {}, Refusal::kWrongState, -1};
   for (int i = 0; i < joint_count_; ++i) {
     const Joint& joint = joints_[static_cast<std::size_t>(i)];
     const auto name = static_cast<std::int8_t>(i);
     if (joint.drive_state != DriveState::kEnabled || joint.measured.error != 0)
-      return {static_cast<float>(joint.measured.error), 0, Refusal::kDriveError, name};
+      return {DetailNumber::Code(joint.drive->feedback().error), {}, Refusal::kDriveError, name};
     if (joint.replies.age_ticks() > config_.stale_ticks_max) {
-      return {static_cast<float>(joint.replies.age_ticks()),
-              static_cast<float>(config_.stale_ticks_max), Refusal::kNoReply, name};
+      return {DetailNumber::Integer(joint.replies.age_ticks()),
+              DetailNumber::Integer(config_.stale_ticks_max), Refusal::kNoReply, name};
     }
   }
   return {};
 }
 
 RefusalDetail Executor::CheckRun() const noexcept {
-  if (state_ != ExecutorState::kHolding || lowering_) return {0, 0, Refusal::kWrongState, -1};
+  if (state_ != ExecutorState::kHolding || lowering_) return {{}, {}, Refusal::kWrongState, -1};
   const float tolerance = primitives_[static_cast<std::size_t>(graph_.node(graph_.start).primitive)]
                               .entry_tolerance_rad;
   for (int i = 0; i < joint_count_; ++i) {
@@ -201,10 +206,12 @@ RefusalDetail Executor::CheckRun() const noexcept {
     const float start = FirstMotion(i).position.control_points()[0];
     const float commanded_error = Magnitude(joint.commanded.position_rad - start);
     if (!(commanded_error <= kAtStart_rad))
-      return {commanded_error, kAtStart_rad, Refusal::kNotAtStart, name};
+      return {DetailNumber::Real(commanded_error), DetailNumber::Real(kAtStart_rad),
+              Refusal::kNotAtStart, name};
     const float measured_error = Magnitude(joint.measured.position_rad - start);
     if (!(measured_error <= tolerance))
-      return {measured_error, tolerance, Refusal::kOutsideStartSet, name};
+      return {DetailNumber::Real(measured_error), DetailNumber::Real(tolerance),
+              Refusal::kOutsideStartSet, name};
   }
   return {};
 }

@@ -16,15 +16,15 @@ bool IsLinkUp(Status status) noexcept {
 
 void Executor::DetectFaults(const TickInput& input, std::int64_t elapsed) noexcept {
   if (elapsed < 1 || elapsed > 1 + static_cast<std::int64_t>(config_.late_ticks_max)) {
-    Latch(Fault::kLateTick, -1, static_cast<float>(elapsed - 1),
-          static_cast<float>(config_.late_ticks_max));
+    Latch(Fault::kLateTick, -1, DetailNumber::Integer(elapsed - 1),
+          DetailNumber::Integer(config_.late_ticks_max));
   }
   if (input.send_status != Status::kOk || !IsLinkUp(input.receive_status) ||
       input.controller >= CanControllerState::kErrorPassive) {
     DetectLinkFaults(input);
   }
   if (foreign_joint_ >= 0) {
-    Latch(Fault::kForeignCommand, foreign_joint_, static_cast<float>(foreign_id_), 0);
+    Latch(Fault::kForeignCommand, foreign_joint_, DetailNumber::Code(foreign_id_), {});
   }
   // All checks of a tick see the same reaction. A fault found now changes it for the next tick.
   const bool follows =
@@ -39,28 +39,30 @@ void Executor::DetectFaults(const TickInput& input, std::int64_t elapsed) noexce
       joint.was_enabled = true;
     }
     if (joint.replies.sequence_errors() > config_.sequence_errors_max) {
-      Latch(Fault::kWrongSequence, i, static_cast<float>(joint.replies.sequence_errors()),
-            static_cast<float>(config_.sequence_errors_max));
+      Latch(Fault::kWrongSequence, i, DetailNumber::Integer(joint.replies.sequence_errors()),
+            DetailNumber::Integer(config_.sequence_errors_max));
     }
     if (joint.replies.age_ticks() != 0) {
       if (joint.replies.age_ticks() > config_.stale_ticks_max) {
-        Latch(Fault::kStaleReply, i, static_cast<float>(joint.replies.age_ticks()),
-              static_cast<float>(config_.stale_ticks_max));
+        Latch(Fault::kStaleReply, i, DetailNumber::Integer(joint.replies.age_ticks()),
+              DetailNumber::Integer(config_.stale_ticks_max));
       }
       continue;
     }
     if (!joint.IsMeasuredFinite()) {
-      Latch(Fault::kNonFinite, i, joint.measured.position_rad, 0);
+      Latch(Fault::kNonFinite, i, DetailNumber::Real(joint.measured.position_rad), {});
       continue;
     }
     const float temperature_max_c = config_.joints[index].temperature_max_c;
     if (joint.measured.has_temperature && joint.measured.temperature_c > temperature_max_c) {
-      Latch(Fault::kOverTemperature, i, joint.measured.temperature_c, temperature_max_c);
+      Latch(Fault::kOverTemperature, i, DetailNumber::Real(joint.measured.temperature_c),
+            DetailNumber::Real(temperature_max_c));
     }
     // `commanded` is still the setpoint of the tick before, which this reply answers.
     const float error = Magnitude(joint.measured.position_rad - joint.commanded.position_rad);
     if (follows && error > following_tolerance_rad) {
-      Latch(Fault::kFollowingError, i, error, following_tolerance_rad);
+      Latch(Fault::kFollowingError, i, DetailNumber::Real(error),
+            DetailNumber::Real(following_tolerance_rad));
     }
   }
 }
@@ -72,7 +74,7 @@ void Executor::DetectLinkFaults(const TickInput& input) noexcept {
     if (status == Status::kLinkDown) fault = Fault::kInterfaceDown;
     if (status == Status::kLinkGone) fault = Fault::kInterfaceGone;
     if (status == Status::kWouldBlock) fault = Fault::kTransmitQueueFull;
-    Latch(fault, -1, static_cast<float>(status), 0);
+    Latch(fault, -1, DetailNumber::Integer(static_cast<std::int64_t>(status)), {});
   };
   // The failure to send comes first, because it happened in the tick before. A link that was lost
   // since may be its consequence.
@@ -80,8 +82,9 @@ void Executor::DetectLinkFaults(const TickInput& input) noexcept {
   if (!IsLinkUp(input.receive_status)) latch(input.receive_status);
   if (input.controller == CanControllerState::kBusOff) latch(Status::kBusOff);
   if (input.controller == CanControllerState::kErrorPassive) {
-    Latch(Fault::kErrorPassive, -1, static_cast<float>(input.controller),
-          static_cast<float>(CanControllerState::kErrorWarning));
+    Latch(Fault::kErrorPassive, -1,
+          DetailNumber::Integer(static_cast<std::int64_t>(input.controller)),
+          DetailNumber::Integer(static_cast<std::int64_t>(CanControllerState::kErrorWarning)));
   }
 }
 
@@ -89,15 +92,15 @@ void Executor::DetectDriveFaults(int index) noexcept {
   const Joint& joint = joints_[static_cast<std::size_t>(index)];
   if (joint.drive_state == DriveState::kLost) {
     const HeartbeatAge age = joint.drive->heartbeat();
-    Latch(Fault::kHeartbeatLost, index, static_cast<float>(age.ticks),
-          static_cast<float>(age.limit_ticks));
+    Latch(Fault::kHeartbeatLost, index, DetailNumber::Integer(age.ticks),
+          DetailNumber::Integer(age.limit_ticks));
   }
   const bool stays =
       joint.drive_state == DriveState::kEnabled || joint.drive_state == DriveState::kLost;
   const bool driven = reaction_ != Reaction::kDisable;
   if (joint.measured.error != 0 || joint.drive_state == DriveState::kFault ||
       (driven && joint.was_enabled && !stays)) {
-    Latch(Fault::kDriveError, index, static_cast<float>(joint.measured.error), 0);
+    Latch(Fault::kDriveError, index, DetailNumber::Code(joint.drive->feedback().error), {});
   }
 }
 
@@ -110,7 +113,7 @@ void Executor::NoteForeignCommand(const CanFrame& frame) noexcept {
   }
 }
 
-void Executor::Latch(Fault fault, int joint, float value, float limit) noexcept {
+void Executor::Latch(Fault fault, int joint, DetailNumber value, DetailNumber limit) noexcept {
   const std::uint32_t bit = 1U << static_cast<unsigned>(fault);
   // A latched fault has been answered. Only another fault can make the reaction stronger.
   if ((faults_ & bit) != 0) return;

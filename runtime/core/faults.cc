@@ -82,4 +82,38 @@ bool FaultTable::Has(Reaction reaction) const noexcept {
   return false;
 }
 
+DetailUnit UnitOf(Fault fault) noexcept {
+  switch (fault) {
+    case Fault::kNone:
+    case Fault::kOperatorStop:
+      return DetailUnit::kNone;
+    case Fault::kStaleReply:
+    case Fault::kHeartbeatLost:
+    case Fault::kLateTick:
+    case Fault::kArmingTimeout:
+      return DetailUnit::kTicks;
+    case Fault::kWrongSequence:
+      return DetailUnit::kCount;
+    case Fault::kDriveError:
+      return DetailUnit::kCode;
+    case Fault::kForeignCommand:
+      return DetailUnit::kIdentifier;
+    case Fault::kBusOff:
+    case Fault::kInterfaceDown:
+    case Fault::kInterfaceGone:
+    case Fault::kLinkFailed:
+    case Fault::kTransmitQueueFull:
+      return DetailUnit::kStatus;
+    case Fault::kErrorPassive:
+      return DetailUnit::kControllerState;
+    case Fault::kFollowingError:
+    case Fault::kNonFinite:
+    case Fault::kEntryMissed:
+      return DetailUnit::kRadians;
+    case Fault::kOverTemperature:
+      return DetailUnit::kCelsius;
+  }
+  return DetailUnit::kNone;
+}
+
 }  // namespace tumbler

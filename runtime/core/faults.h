@@ -1,8 +1,11 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <bit>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 
 namespace tumbler {
 
@@ -233,11 +236,54 @@ class FaultTable {
   std::array<std::array<Reaction, kExecutorStateCount>, kFaultCount> reactions_;
 };
 
+/// What the numbers of a fault or a refusal are.
+enum class DetailUnit : std::uint8_t {
+  kNone,
+  kTicks,
+  kCount,
+  kCode,             ///< A drive's own code, of 32 bits.
+  kIdentifier,       ///< Of a frame.
+  kStatus,           ///< `Status`
+  kControllerState,  ///< `CanControllerState`
+  kBranch,           ///< The number of a branch.
+  kRadians,
+  kCelsius,
+};
+/// Whether numbers of this unit are integers.
+[[nodiscard]] constexpr bool IsInteger(DetailUnit unit) noexcept {
+  return unit != DetailUnit::kRadians && unit != DetailUnit::kCelsius;
+}
+[[nodiscard]] DetailUnit UnitOf(Fault fault) noexcept;
+
+/// A number of a fault or a refusal: an integer, or a real number, as its unit says. Codes and
+/// identifiers keep all of their 32 bits.
+struct DetailNumber {
+  std::uint32_t bits = 0;  ///< Of an integer, or of a float.
+
+  [[nodiscard]] static constexpr DetailNumber Real(float value) noexcept {
+    return {std::bit_cast<std::uint32_t>(value)};
+  }
+  /// Saturates at the ends of 32 bits with sign.
+  [[nodiscard]] static constexpr DetailNumber Integer(std::int64_t value) noexcept {
+    using Limits = std::numeric_limits<std::int32_t>;
+    return {
+        static_cast<std::uint32_t>(std::clamp<std::int64_t>(value, Limits::min(), Limits::max()))};
+  }
+  [[nodiscard]] static constexpr DetailNumber Code(std::uint32_t value) noexcept { return {value}; }
+
+  [[nodiscard]] constexpr float real() const noexcept { return std::bit_cast<float>(bits); }
+  [[nodiscard]] constexpr std::int32_t integer() const noexcept {
+    return static_cast<std::int32_t>(bits);
+  }
+  [[nodiscard]] constexpr std::uint32_t code() const noexcept { return bits; }
+  [[nodiscard]] friend constexpr bool operator==(DetailNumber a, DetailNumber b) noexcept = default;
+};
+
 /// One fault as it was found.
 struct FaultDetail {
   std::int64_t tick = 0;
-  float value = 0;  ///< The value that was seen, in the unit of the fault.
-  float limit = 0;  ///< The value that would have been allowed, likewise.
+  DetailNumber value;  ///< What was seen, in `UnitOf(fault)`.
+  DetailNumber limit;  ///< What would have been allowed, likewise.
   Fault fault = Fault::kNone;
   std::int8_t joint = -1;  ///< Index of the joint; -1 when the fault concerns all of them.
   ExecutorState state = ExecutorState::kDisarmed;  ///< The state in which it happened.

@@ -55,7 +55,8 @@ constexpr void ForEachJointField(Visit&& visit) noexcept {
                    kDrive, "measured_rad");
   TUMBLER_FIELD_OF(measured, velocity_rad_s, "rad/s",
                    "in the reply to the setpoint of the tick before", kDrive, "measured_rad_s");
-  TUMBLER_FIELD_OF(measured, torque_nm, "N m", "in the reply to the setpoint of the tick before",
+  TUMBLER_FIELD_OF(measured, torque_nm, "N m",
+                   "as the drive reported it last; NaN (empty in CSV, null in JSON): it never has",
                    kDrive, "measured_nm");
   TUMBLER_FIELD(temperature_c, "deg C", "0 where the drive does not say", kDrive, "temperature_c");
   TUMBLER_FIELD(reply_age_ticks, "ticks", "0: replied since the tick before; -1: never", kDrive,

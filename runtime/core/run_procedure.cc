@@ -132,7 +132,9 @@ OperatorCommand RunProcedure::HoldOn(const TickRecord& last) noexcept {
   if (loose_ticks_ > 0 && loose_ticks_ >= config_.fault_ticks) return Finish(outcome_);
   const bool over = config_.end_hold_ticks > 0 && ticks_ >= config_.end_hold_ticks;
   // A request in the first moments was meant for the motion.
-  const bool asked = (finish_ || stop_) && ticks_ >= config_.stop_hold_ticks;
+  const bool wished = finish_ || stop_;
+  const bool asked = wished && ticks_ >= config_.stop_hold_ticks;
+  if (wished && !asked) ++late_requests_;
   finish_ = stop_ = false;
   return over || asked ? Finish(outcome_) : OperatorCommand::kNone;
 }

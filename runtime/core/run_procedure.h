@@ -48,6 +48,15 @@ enum class RunOutcome : std::uint8_t {
   kStopped,  ///< By the operator.
 };
 
+/// The hold at the end of a run, where the robot would drop without torque.
+enum class EndHold : std::uint8_t {
+  kNone,  ///< It is not held so.
+  /// It is, since so short a time that a request to finish or to stop was meant for the motion. The
+  /// motion is over: such a request asks for what is done, and does not drop the robot.
+  kBegun,
+  kOpen,  ///< The next such request takes the torque off.
+};
+
 /// Gives the executor the commands of a run, in their order: arm, move to the start, run, settle,
 /// hold, stop, disarm. Where somebody attends, one run may follow another. Pure, like the executor.
 ///
@@ -89,6 +98,13 @@ class RunProcedure {
   [[nodiscard]] bool done() const noexcept { return phase_ == Phase::kDone; }
   /// The outcome of the present or the last run; kStopped if none was ever started.
   [[nodiscard]] RunOutcome outcome() const noexcept { return outcome_; }
+  [[nodiscard]] EndHold end_hold() const noexcept {
+    if (phase_ != Phase::kHoldOn) return EndHold::kNone;
+    return ticks_ + 1 < config_.stop_hold_ticks ? EndHold::kBegun : EndHold::kOpen;
+  }
+  /// How many requests to finish or to stop were taken for the motion that had just ended
+  /// (`EndHold::kBegun`).
+  [[nodiscard]] int late_requests() const noexcept { return late_requests_; }
   /// How many runs were started.
   [[nodiscard]] int runs() const noexcept { return runs_; }
   [[nodiscard]] const RefusalDetail& refusal() const noexcept { return refusal_; }
@@ -134,6 +150,7 @@ class RunProcedure {
   bool finishing_ = false;  // whether the executor has been told to finish
   bool stop_ = false;
   bool disarm_ = false;
+  int late_requests_ = 0;
   bool stands_ = true;    // whether the robot stands without torque, as far as is known
   bool lowered_ = false;  // whether the robot was lowered in this run
   std::int64_t clearing_ticks_ = 0;

@@ -84,4 +84,31 @@ const char* ToString(Refusal refusal) noexcept {
   return "unknown refusal";
 }
 
+DetailUnit UnitOf(Refusal refusal) noexcept {
+  switch (refusal) {
+    case Refusal::kNone:
+    case Refusal::kWrongState:
+    case Refusal::kNotConfigured:
+    case Refusal::kFaultLatched:
+      return DetailUnit::kNone;
+    case Refusal::kNoReply:
+    case Refusal::kNoHeartbeat:
+      return DetailUnit::kTicks;
+    case Refusal::kDriveError:
+      return DetailUnit::kCode;
+    case Refusal::kNoSuchBranch:
+      return DetailUnit::kBranch;
+    case Refusal::kTooHot:
+      return DetailUnit::kCelsius;
+    case Refusal::kOutsideLimits:
+    case Refusal::kNotAtStart:
+    case Refusal::kOutsideStartSet:
+    case Refusal::kFarFromStart:
+    case Refusal::kTurnsLost:
+    case Refusal::kMoved:
+      return DetailUnit::kRadians;
+  }
+  return DetailUnit::kNone;
+}
+
 }  // namespace tumbler

@@ -63,11 +63,12 @@ enum class Refusal : std::uint8_t {
 
 [[nodiscard]] const char* ToString(OperatorCommand command) noexcept;
 [[nodiscard]] const char* ToString(Refusal refusal) noexcept;
+[[nodiscard]] DetailUnit UnitOf(Refusal refusal) noexcept;
 
-/// A refusal with its numbers, in the unit of the refusal.
+/// A refusal with its numbers, in `UnitOf(refusal)`.
 struct RefusalDetail {
-  float value = 0;
-  float limit = 0;
+  DetailNumber value;
+  DetailNumber limit;
   Refusal refusal = Refusal::kNone;
   std::int8_t joint = -1;
 };
@@ -105,7 +106,7 @@ enum class ReplyStatus : std::uint8_t {
 struct JointMeasurement {
   float position_rad = 0;
   float velocity_rad_s = 0;
-  float torque_nm = 0;
+  float torque_nm = 0;  ///< NaN where the drive has not reported it, as at first.
 };
 
 /// One joint in one tick: planned, limited, as encoded on the wire, and measured.

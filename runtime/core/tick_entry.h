@@ -87,14 +87,14 @@ constexpr void VisitFields(Record& record, Visit&& visit) noexcept requires
   visit("node", record.node);
   visit("cycles", record.cycles);
   visit("first_fault.tick", record.first_fault.tick);
-  visit("first_fault.value", record.first_fault.value);
-  visit("first_fault.limit", record.first_fault.limit);
+  visit("first_fault.value", record.first_fault.value.bits);
+  visit("first_fault.limit", record.first_fault.limit.bits);
   visit("first_fault.fault", record.first_fault.fault);
   visit("first_fault.joint", record.first_fault.joint);
   visit("first_fault.state", record.first_fault.state);
   visit("first_fault.reaction", record.first_fault.reaction);
-  visit("refusal.value", record.refusal.value);
-  visit("refusal.limit", record.refusal.limit);
+  visit("refusal.value", record.refusal.value.bits);
+  visit("refusal.limit", record.refusal.limit.bits);
   visit("refusal.refusal", record.refusal.refusal);
   visit("refusal.joint", record.refusal.joint);
 }

@@ -11,7 +11,26 @@
 #include <system_error>
 #include <utility>
 
+#include "runtime/telemetry/sentences.h"
+
 namespace tumbler {
+namespace {
+
+/// The version since which the integers of faults and refusals are integers.
+constexpr std::uint32_t kIntegerDetails = 3;
+
+/// Makes integers of the floats of an earlier version.
+void TakeFloats(TickRecord& record) {
+  const auto take = [](DetailNumber& number, DetailUnit unit) {
+    number = FromDouble(double{number.real()}, unit);
+  };
+  take(record.first_fault.value, UnitOf(record.first_fault.fault));
+  take(record.first_fault.limit, UnitOf(record.first_fault.fault));
+  take(record.refusal.value, UnitOf(record.refusal.refusal));
+  take(record.refusal.limit, UnitOf(record.refusal.refusal));
+}
+
+}  // namespace
 
 MappedFile::MappedFile(const std::string& path) {
   const auto fail = [&path](int error) {
@@ -115,7 +134,10 @@ bool FlightRecord::Next(TickEntry& entry) {
     switch (block.kind) {
       case BlockKind::kTick:
         tick_offset_ = block.offset;
-        if (DecodeTick(block.content, entry)) return true;
+        if (DecodeTick(block.content, entry)) {
+          if (version() < kIntegerDetails) TakeFloats(entry.record);
+          return true;
+        }
         damaged("does not hold a tick");
         break;
       case BlockKind::kLost: {

@@ -10,8 +10,9 @@
 namespace tumbler {
 
 /// The version of the file format that this build writes.
-inline constexpr std::uint32_t kRecordVersion = 2;
-/// The oldest version that this build reads. Version 1 has no truth.
+inline constexpr std::uint32_t kRecordVersion = 3;
+/// The oldest version that this build reads. Version 1 has no truth; up to version 2 all numbers of
+/// faults and refusals are floats.
 inline constexpr std::uint32_t kRecordVersionMin = 1;
 
 /// The content of a block of a flight record (docs/formats.md has the bytes).

@@ -73,6 +73,15 @@ RunDescription DescribeRun(const RecordConfiguration& configuration) {
   return run;
 }
 
+/// Of the drives of a record; none where its files cannot be used any more.
+std::vector<std::string> ErrorCodesOf(const RecordConfiguration& configuration) {
+  try {
+    return DescribeRun(configuration).error_codes;
+  } catch (const std::exception&) {
+    return {};
+  }
+}
+
 }  // namespace
 
 std::int64_t ExportCandump(FlightRecord& record, const std::string& path) {
@@ -174,7 +183,8 @@ std::string Summary(FlightRecord& record) {
                       static_cast<double>(last_ns - first_ns) * 1e-9, sent, received);
   truths += static_cast<std::int64_t>(record.truths().size());
   if (truths > 0) text += fmt::format("  {} true states of the simulated robot\n", truths);
-  if (fault.fault != Fault::kNone) text += fmt::format("  {}\n", Describe(fault, c.joints));
+  if (fault.fault != Fault::kNone)
+    text += fmt::format("  {}\n", Describe(fault, c.joints, ErrorCodesOf(c)));
   for (const std::string& remark : record.Remarks()) text += fmt::format("  {}\n", remark);
   return text;
 }

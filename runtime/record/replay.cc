@@ -72,6 +72,11 @@ std::string TextOfField(const Record& record, std::size_t wanted, std::string& n
     if (i++ != wanted) return;
     name = field_name;
     text = ToText(field);
+    const bool detail = name.ends_with(".value") || name.ends_with(".limit");
+    if constexpr (std::is_same_v<std::remove_cvref_t<decltype(field)>, std::uint32_t>) {
+      if (detail)
+        text = fmt::format("{} or {} ({:08x})", field, std::bit_cast<float>(field), field);
+    }
   });
   return text;
 }

@@ -175,7 +175,8 @@ void ControlLoop::Count() noexcept {
     limited = limited || joint.limit_active;
     if ((running || record.state == ExecutorState::kSettling) && joint.reply_age_ticks == 0) {
       float& torque = statistics_.peak_torque_nm[i];
-      torque = std::max(torque, std::abs(joint.measured.torque_nm));
+      const float measured = std::abs(joint.measured.torque_nm);
+      if (std::isnan(torque) || measured > torque) torque = measured;
       float& error = statistics_.following_error_max_rad[i];
       error = std::max(error, std::abs(joint.measured.position_rad - last_position_rad_[i]));
     }

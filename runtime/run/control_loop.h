@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 
 #include "common/primitive.h"
 #include "common/realtime.h"
@@ -31,9 +32,17 @@ struct LoopStatistics {
   ReplyAgeHistogram reply_age_ticks;  ///< Of the joints' measurements, in every tick.
 
   /// Figures of the joints while the primitive runs and settles.
-  std::array<float, kMaxJoints> peak_torque_nm{};  ///< Largest |measured torque|.
+  /// Largest |measured torque|; NaN: none was measured.
+  std::array<float, kMaxJoints> peak_torque_nm = NoneMeasured();
   std::array<float, kMaxJoints> following_error_max_rad{};
   std::int64_t limited_ticks = 0;  ///< Ticks in which the last gate changed any joint's setpoint.
+
+ private:
+  static constexpr std::array<float, kMaxJoints> NoneMeasured() noexcept {
+    std::array<float, kMaxJoints> none{};
+    for (float& value : none) value = std::numeric_limits<float>::quiet_NaN();
+    return none;
+  }
 };
 
 /// The periodic part of the runtime. At each deadline it takes the frames that have come, ticks the

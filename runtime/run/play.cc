@@ -50,14 +50,16 @@ void Play::Run(const RunProcedureConfig& config, std::int64_t period_ns,
 }
 
 std::string Play::Reason(const std::vector<std::string>& joints) const {
+  const std::vector<std::string> error_codes = ErrorCodesOf(assembly_.parts().drives);
   const FaultDetail& fault = loop_->record().first_fault;
+  const bool concerns_drive =
+      fault.fault == Fault::kDriveError || fault.fault == Fault::kArmingTimeout;
   if (fault.fault != Fault::kNone) {
-    return Describe(fault, joints) +
-           (fault.fault == Fault::kDriveError ? DriveProblem(fault.joint) : "");
+    return Describe(fault, joints, error_codes) + (concerns_drive ? DriveProblem(fault.joint) : "");
   }
   if (procedure_->outcome() != RunOutcome::kRefused) return "";
   const RefusalDetail& refusal = procedure_->refusal();
-  return Describe(refusal, joints) +
+  return Describe(refusal, joints, error_codes) +
          (refusal.refusal == Refusal::kDriveError ? DriveProblem(refusal.joint) : "");
 }
 
@@ -65,11 +67,11 @@ std::string Play::DriveProblem(int joint) const {
   const auto index = static_cast<std::size_t>(joint);
   if (joint < 0 || index >= assembly_.drives().size()) return "";
   const Drive& drive = *assembly_.drives()[index];
-  const std::string refusal = DescribeSetUpRefusal(drive.set_up_refusal());
-  if (!refusal.empty()) return "; it refused " + refusal;
+  const DriveConfig& config = assembly_.parts().drives.drives[index].config;
   const std::uint32_t error = drive.feedback().error;
-  if (error == 0) return "";
-  return "; it reports " + DescribeDriveError(assembly_.parts().drives.drives[index].config, error);
+  const bool refused = drive.set_up_refusal().code != 0;  // That is its error, then.
+  return (error == 0 || refused ? "" : "; it reports " + DescribeDriveError(config, error)) +
+         DescribeRemarks(config, drive);
 }
 
 std::int64_t UtimeAtZero(World& world) {

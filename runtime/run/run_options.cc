@@ -60,6 +60,16 @@ void DeclareMachine(CommandLine& line, RunOptions& options, std::string& schedul
             "arm a real bus even though they are not in force");
   line.Flag("--without-watchdog", options.without_watchdog,
             "arm drives that have no watchdog (watchdog_s = 0)");
+  line.Flag(
+      "--check-identity", options.check_identity,
+      "with --arm, before arming: each drive turns its joint by at most 0.1 rad, with at most "
+      "1 N m, and back, one at a time; refused unless its encoder alone moves, and it is the "
+      "right joint and direction, which you are asked. The robot has to be held in the air");
+  line.Flag("--prove-watchdog", options.prove_watchdog,
+            "with --arm, before arming: each drive is left alone, pushing with at most 0.2 N m; "
+            "refused unless it lets go in its watchdog_s. The robot has to be held in the air");
+  line.Option("--answers", options.answers,
+              "of --check-identity: a file with a line for each answer, in place of the terminal");
   line.Option("--scheduling", scheduling,
               "of --realtime: fifo (SCHED_FIFO) or deadline (SCHED_DEADLINE)")
       .OneOf({"fifo", "deadline"})
@@ -250,6 +260,17 @@ void CheckOptions(const RunOptions& options, const SequenceGraph<float>& graph) 
     throw UsageError("--cycles", fmt::format("is for sequences that go round; {} ends by itself",
                                              options.motion));
   }
+  if (options.checks_drives() && !options.drives_motors()) {
+    throw std::runtime_error(
+        "--check-identity and --prove-watchdog move the motors: they take an interface and --arm "
+        "(simulated drives: tumbler-bench sim)");
+  }
+  if (options.checks_drives() && options.pace != 1)
+    throw std::runtime_error("--check-identity and --prove-watchdog keep the drives' own pace");
+  if (options.check_identity && options.json == "-")
+    throw std::runtime_error("--check-identity asks on standard output: write --json to a file");
+  if (!options.answers.empty() && !options.check_identity)
+    throw std::runtime_error("--answers is for --check-identity");
   if (options.attended && (options.virtual_time() || options.lcm_url.empty())) {
     throw std::runtime_error(
         "--attended waits for somebody: it takes --lcm-url, and real time (`sim --realtime`, or an "

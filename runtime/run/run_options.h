@@ -22,6 +22,9 @@ struct RunOptions {
   bool without_realtime = false;
   bool without_watchdog = false;
   bool clear = false;
+  bool check_identity = false;
+  bool prove_watchdog = false;
+  std::string answers;  ///< File with the answers to the questions of --check-identity.
   double moved_within_rad = 0.5;
   std::string pose_file;
   bool forget_pose = false;
@@ -53,6 +56,8 @@ struct RunOptions {
   [[nodiscard]] bool dry_run() const { return !simulated() && !arm; }
   /// Whether the run turns motors.
   [[nodiscard]] bool drives_motors() const { return !simulated() && arm; }
+  /// Whether something is proved of the drives before the run arms.
+  [[nodiscard]] bool checks_drives() const { return check_identity || prove_watchdog; }
   /// Whether time is virtual: the run goes as fast as it can.
   [[nodiscard]] bool virtual_time() const { return dry_run() || (simulated() && !realtime); }
   /// The scheduling that was asked for, with this period.

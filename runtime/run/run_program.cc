@@ -1,4 +1,5 @@
 #include "runtime/run/run_program.h"
+#include "runtime/bench/arming_checks.h"
 
 #include <fmt/format.h>
 
@@ -28,6 +29,7 @@
 #include "runtime/linux/interrupts.h"
 #include "runtime/linux/realtime_thread.h"
 #include "runtime/record/record_configuration.h"
+#include "runtime/run/hold_notice.h"
 #include "runtime/run/interface_world.h"
 #include "runtime/run/known_pose.h"
 #include "runtime/run/play.h"
@@ -307,6 +309,31 @@ void KeepPose(const std::string& file, const TickRecord& last, const DrivesConfi
   }
 }
 
+/// The bus of an opened world, for what the bench does with the drives.
+class BenchOfWorld final : public BenchWorld {
+ public:
+  explicit BenchOfWorld(World& world) : world_(world) {}
+  CanBus& bus() override { return world_.bus(); }
+  Clock& clock() override { return world_.clock(); }
+  [[nodiscard]] BusTrouble trouble() const override { return {}; }
+
+ private:
+  World& world_;
+};
+
+/// Proves of the drives what the options ask for. @throws Refused; BenchInterrupted.
+void CheckDrives(const RunOptions& options, const RunParts& parts, World& world) {
+  if (!options.checks_drives()) return;
+  BenchOfWorld bench(world);
+  const std::unique_ptr<BenchOperator> somebody =
+      MakeAskedOperator({options.answers, false, nullptr});
+  ArmingChecks checks;
+  checks.identity = options.check_identity;
+  checks.watchdog = options.prove_watchdog;
+  CheckBeforeArming(bench, parts.drives, JointsOf(parts.file), checks, *somebody,
+                    [](const std::string& line) { fmt::print(stderr, "tumbler-run: {}\n", line); });
+}
+
 ExitStatus Run(RunOptions options, const Simulation* simulation) {
   FileKeeper files;
   Assembly assembly(LoadParts(options, simulation, files.reader()));
@@ -360,8 +387,14 @@ ExitStatus Run(RunOptions options, const Simulation* simulation) {
   }
 
   world->Open();
-  Play play(assembly, *world, {&telemetry, recorder.get()});
   CatchInterrupts();
+  try {
+    CheckDrives(options, parts, *world);
+  } catch (const BenchInterrupted&) {
+    fmt::print(stderr, "tumbler-run: interrupted while the drives were checked: torque off\n");
+    return ExitStatus::kInterrupted;
+  }
+  Play play(assembly, *world, {&telemetry, recorder.get()});
   RunSummary summary = BeginSummary(options, parts, description);
   std::optional<CpuAwake> awake;
   if (options.realtime) awake.emplace();
@@ -369,10 +402,17 @@ ExitStatus Run(RunOptions options, const Simulation* simulation) {
   if (awake && awake->held()) summary.realtime->scheduling += ", processors kept awake";
   telemetry.SetScheduling(summary.realtime ? summary.realtime->scheduling : "time-shared");
   bool armed = false;
-  play.Run(procedure_config, period_ns, [&commands, &armed](const ControlLoop& loop) {
+  std::optional<HoldNotice> notice;
+  if (world->real_time() && !options.dry_run()) {
+    notice.emplace(static_cast<double>(procedure_config.stop_hold_ticks * period_ns) * 1e-9,
+                   [](const std::string& text) { fmt::print(stderr, "tumbler-run: {}\n", text); });
+  }
+  play.Run(procedure_config, period_ns, [&](const ControlLoop& loop) {
+    if (notice) notice->Note(play.procedure());
     if (commands) commands->NoteTick(loop.statistics().ticks - 1);
     armed = armed || loop.record().state == ExecutorState::kHolding;
   });
+  notice.reset();
   try {
     telemetry.Stop();
   } catch (const std::exception& error) {

@@ -239,8 +239,11 @@ std::string ToText(const RunSummary& summary) {
       text += fmt::format("  at {:.3f} s the robot {}\n", mishap.time_s, mishap.what);
   }
   for (std::size_t i = 0; i < summary.joints.size(); ++i) {
-    text += fmt::format("  {}: peak torque {:.3f} N m, following error at most {:.4f} rad\n",
-                        summary.joints[i], s.peak_torque_nm[i], s.following_error_max_rad[i]);
+    const float torque_nm = s.peak_torque_nm[i];
+    text += fmt::format("  {}: {}, following error at most {:.4f} rad\n", summary.joints[i],
+                        std::isnan(torque_nm) ? "torque not measured"
+                                              : fmt::format("peak torque {:.3f} N m", torque_nm),
+                        s.following_error_max_rad[i]);
   }
   text += fmt::format("  ticks: {} ({} running), {} missed, {} late, {} with a limit active\n",
                       s.ticks, s.run_ticks, s.missed_ticks, s.late_ticks, s.limited_ticks);

@@ -10,6 +10,7 @@
 
 #include "common/json.h"
 #include "firmware_interface/drives/drive.h"
+#include "firmware_interface/drives/error_texts.h"
 #include "runtime/core/faults.h"
 #include "runtime/core/joint_fields.h"
 #include "runtime/telemetry/sentences.h"
@@ -31,8 +32,8 @@ FaultDetail FirstFault(const state_t& state) {
   fault.fault = static_cast<Fault>(state.fault);
   fault.joint = state.fault_joint;
   fault.tick = state.fault_tick;
-  fault.value = state.fault_value;
-  fault.limit = state.fault_limit;
+  fault.value = FromDouble(state.fault_value, UnitOf(fault.fault));
+  fault.limit = FromDouble(state.fault_limit, UnitOf(fault.fault));
   fault.state = static_cast<ExecutorState>(state.fault_state);
   fault.reaction = static_cast<Reaction>(state.reaction);
   return fault;
@@ -57,6 +58,12 @@ std::string LiveView::JointName(std::size_t joint) const {
   return run_ && joint < run_->joints.size() ? run_->joints[joint] : fmt::format("joint {}", joint);
 }
 
+std::string LiveView::ErrorText(std::size_t joint) const {
+  const bool named = run_ && joint < run_->error_codes.size();
+  return DescribeDriveError(named ? run_->error_codes[joint] : "",
+                            static_cast<std::uint32_t>(state_->joints[joint].drive_error));
+}
+
 std::string LiveView::NodeName() const {
   const auto node = static_cast<std::size_t>(state_->node);
   return run_ && node < run_->nodes.size() ? run_->nodes[node] : fmt::format("node {}", node);
@@ -64,7 +71,8 @@ std::string LiveView::NodeName() const {
 
 std::string LiveView::FaultText() const {
   if (state_->faults == 0) return "none";
-  return Describe(FirstFault(*state_), run_ ? run_->joints : std::vector<std::string>());
+  if (!run_) return Describe(FirstFault(*state_), {});
+  return Describe(FirstFault(*state_), run_->joints, run_->error_codes);
 }
 
 std::string LiveView::Line() const {
@@ -75,9 +83,11 @@ std::string LiveView::Line() const {
                                  state_->primitive_time_s, state_->cycles);
   for (std::size_t i = 0; i < state_->joints.size(); ++i) {
     const joint_state_t& joint = state_->joints[i];
-    text +=
-        fmt::format("; {} {:.4f} rad, {:.2f} N m, {}", JointName(i), joint.measured_position_rad,
-                    joint.measured_torque_nm, DriveStateName(joint.drive_state));
+    text += fmt::format("; {} {:.4f} rad, {}, {}", JointName(i), joint.measured_position_rad,
+                        std::isnan(joint.measured_torque_nm)
+                            ? "torque not measured"
+                            : fmt::format("{:.2f} N m", joint.measured_torque_nm),
+                        DriveStateName(joint.drive_state));
   }
   return text + fmt::format("; faults: {}", FaultText());
 }
@@ -100,14 +110,15 @@ std::string LiveView::Screen() const {
   for (std::size_t i = 0; i < s.joints.size(); ++i) {
     const joint_state_t& j = s.joints[i];
     text += fmt::format(
-        "{:12.12} {:8.2f}\u00b0  {:8.2f}\u00b0  {:7.2f}\u00b0  {:9.3f} {:8.3f} {:7.1f} {:>6} "
+        "{:12.12} {:8.2f}\u00b0  {:8.2f}\u00b0  {:7.2f}\u00b0  {:9.3f} {:>8} {:7.1f} {:>6} "
         "{:>9}{}\n",
         JointName(i), kDegrees * static_cast<double>(j.limited_position_rad),
         kDegrees * static_cast<double>(j.measured_position_rad),
         kDegrees * static_cast<double>(j.measured_position_rad - j.limited_position_rad),
-        j.measured_velocity_rad_s, j.measured_torque_nm, j.temperature_c, j.reply_age_ticks,
-        DriveStateName(j.drive_state),
-        j.drive_error != 0 ? fmt::format(" error {:#x}", j.drive_error) : "");
+        j.measured_velocity_rad_s,
+        std::isnan(j.measured_torque_nm) ? "none" : fmt::format("{:.3f}", j.measured_torque_nm),
+        j.temperature_c, j.reply_age_ticks, DriveStateName(j.drive_state),
+        j.drive_error != 0 ? " error " + ErrorText(i) : "");
   }
   if (run_) {
     const auto bars = static_cast<std::size_t>(

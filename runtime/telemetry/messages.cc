@@ -35,8 +35,9 @@ void FillState(const TimedRecord& timed, state_t& message) {
   message.fault_joint = record.first_fault.joint;
   message.fault_tick = record.first_fault.tick;
   message.fault_state = static_cast<std::int8_t>(record.first_fault.state);
-  message.fault_value = record.first_fault.value;
-  message.fault_limit = record.first_fault.limit;
+  const DetailUnit unit = UnitOf(record.first_fault.fault);
+  message.fault_value = ToDouble(record.first_fault.value, unit);
+  message.fault_limit = ToDouble(record.first_fault.limit, unit);
   message.joint_count = record.joint_count;
   message.joints.resize(record.joint_count);
   for (std::size_t i = 0; i < record.joint_count; ++i) {
@@ -47,20 +48,20 @@ void FillState(const TimedRecord& timed, state_t& message) {
   }
 }
 
-EventWatch::EventWatch(std::vector<std::string> joints, std::vector<std::string> nodes)
-    : joints_(std::move(joints)), nodes_(std::move(nodes)) {}
+EventWatch::EventWatch(const RunDescription& about)
+    : joints_(about.joints), nodes_(about.nodes), error_codes_(about.error_codes) {}
 
 std::optional<event_t> EventWatch::Next(const TimedRecord& timed) {
   const TickRecord& record = timed.record;
   std::string text;
   if (record.faults != last_faults_ && record.first_fault.fault != Fault::kNone &&
       last_faults_ == 0) {
-    text = Describe(record.first_fault, joints_);
+    text = Describe(record.first_fault, joints_, error_codes_);
   } else if (record.faults != last_faults_) {
     text = record.faults == 0 ? "faults cleared" : "further fault";
   } else if (record.refusal.refusal != last_refusal_ && record.refusal.refusal != Refusal::kNone) {
-    text =
-        fmt::format("{} refused: {}", ToString(record.command), Describe(record.refusal, joints_));
+    text = fmt::format("{} refused: {}", ToString(record.command),
+                       Describe(record.refusal, joints_, error_codes_));
   } else if (timed.request.id != last_request_id_ && timed.request.refusal != Refusal::kNone) {
     text = fmt::format("{} refused: {}", ToString(timed.request.request),
                        ToString(timed.request.refusal));
@@ -95,6 +96,8 @@ RunMessage::RunMessage(const RunDescription& about) : bit_rate_(about.bit_rate) 
   message_.attended = about.attended ? 1 : 0;
   message_.rate_hz = about.rate_hz;
   message_.speed = about.speed;
+  message_.error_codes = about.error_codes;
+  message_.error_codes.resize(about.joints.size());
   message_.joints = about.joints;
   message_.joint_count = static_cast<std::int32_t>(about.joints.size());
   message_.nodes = about.nodes;

@@ -21,8 +21,8 @@ void FillState(const TimedRecord& timed, state_t& message);
 /// Finds the events of a run. It is shown every record, in order.
 class EventWatch {
  public:
-  /// @param joints, nodes  their names, for the texts.
-  EventWatch(std::vector<std::string> joints, std::vector<std::string> nodes);
+  /// @param about  has the names for the texts.
+  explicit EventWatch(const RunDescription& about);
 
   /// The event of this tick: another state, a fault, a refusal, or the next node of the sequence.
   [[nodiscard]] std::optional<event_t> Next(const TimedRecord& timed);
@@ -30,6 +30,7 @@ class EventWatch {
  private:
   std::vector<std::string> joints_;
   std::vector<std::string> nodes_;
+  std::vector<std::string> error_codes_;
   ExecutorState last_state_ = ExecutorState::kDisarmed;
   std::uint32_t last_faults_ = 0;
   std::uint32_t last_request_id_ = 0;

@@ -1,6 +1,7 @@
 #include "runtime/telemetry/run_description.h"
 
 #include "common/sequence_toml.h"
+#include "firmware_interface/drives/error_texts.h"
 
 namespace tumbler {
 
@@ -10,6 +11,7 @@ RunDescription DescribeMotion(const SequenceGraph<float>& graph, const DrivesCon
   run.rate_hz = drives.rate_hz;
   run.bit_rate = drives.bit_rate;
   for (const DriveEntry& entry : drives.drives) run.joints.push_back(entry.joint);
+  run.error_codes = ErrorCodesOf(drives);
   for (const SequenceNode& node : graph.nodes()) run.nodes.emplace_back(node.name.view());
   run.branches = BranchNames(graph);
   return run;

@@ -21,9 +21,10 @@ struct RunDescription {
   double rate_hz = 1000;     ///< Rate of the loop.
   int bit_rate = 1'000'000;  ///< Bit rate of the bus [bit/s].
   double speed = 1;
-  std::vector<std::string> joints;    ///< In the order of the records.
-  std::vector<std::string> nodes;     ///< Names of the sequence's nodes.
-  std::vector<std::string> branches;  ///< The branches that the operator may name.
+  std::vector<std::string> joints;       ///< In the order of the records.
+  std::vector<std::string> error_codes;  ///< Of each joint's drive, as `ErrorCodesOf` gives it.
+  std::vector<std::string> nodes;        ///< Names of the sequence's nodes.
+  std::vector<std::string> branches;     ///< The branches that the operator may name.
   Machine machine;
   std::string scheduling;
 };

@@ -3,8 +3,10 @@
 #include <fmt/format.h>
 
 #include <cstdint>
+#include <limits>
 
 #include "common/status.h"
+#include "firmware_interface/drives/error_texts.h"
 
 namespace tumbler {
 namespace {
@@ -15,53 +17,30 @@ std::string JointName(int joint, const std::vector<std::string>& names) {
                               : fmt::format("joint {}", joint);
 }
 
-const char* UnitOf(Fault fault) {
-  switch (fault) {
-    case Fault::kStaleReply:
-    case Fault::kHeartbeatLost:
-    case Fault::kLateTick:
-    case Fault::kArmingTimeout:
-      return " ticks";
-    case Fault::kFollowingError:
-    case Fault::kEntryMissed:
-      return " rad";
-    case Fault::kOverTemperature:
-      return " C";
-    default:
-      return "";
-  }
+std::string NumberOf(DetailNumber number, DetailUnit unit) {
+  return IsInteger(unit) ? fmt::format("{}", number.integer())
+                         : fmt::format("{:.4g}", number.real());
 }
 
-const char* UnitOf(Refusal refusal) {
-  switch (refusal) {
-    case Refusal::kNoReply:
-    case Refusal::kNoHeartbeat:
-      return " ticks";
-    case Refusal::kTooHot:
-      return " C";
-    case Refusal::kOutsideLimits:
-    case Refusal::kNotAtStart:
-    case Refusal::kOutsideStartSet:
-    case Refusal::kTurnsLost:
-    case Refusal::kMoved:
-    case Refusal::kFarFromStart:
-      return " rad";
-    default:
-      return "";
-  }
+/// `12 ticks, limit 10`
+std::string ValueAndLimit(DetailNumber value, DetailNumber limit, DetailUnit unit) {
+  const char* name = "";
+  if (unit == DetailUnit::kTicks) name = " ticks";
+  if (unit == DetailUnit::kRadians) name = " rad";
+  if (unit == DetailUnit::kCelsius) name = " C";
+  return fmt::format("{}{}, limit {}", NumberOf(value, unit), name, NumberOf(limit, unit));
 }
 
-/// A drive's code, unless it has more digits than a float.
-std::string CodeOf(float value) {
-  constexpr float kExact = 16'777'216;
-  return value >= 0 && value < kExact
-             ? fmt::format(": code {:#x}", static_cast<std::uint32_t>(value))
-             : "";
+std::string CodeOf(DetailNumber number, int joint, std::span<const std::string> error_codes) {
+  const auto index = static_cast<std::size_t>(joint);
+  return ": code " +
+         DescribeDriveError(index < error_codes.size() ? error_codes[index] : "", number.code());
 }
 
 }  // namespace
 
-std::string Describe(const FaultDetail& detail, const std::vector<std::string>& joint_names) {
+std::string Describe(const FaultDetail& detail, const std::vector<std::string>& joint_names,
+                     std::span<const std::string> error_codes) {
   std::string text = ToString(detail.fault);
   if (detail.joint >= 0) text += fmt::format(" of {}", JointName(detail.joint, joint_names));
   switch (detail.fault) {
@@ -76,33 +55,48 @@ std::string Describe(const FaultDetail& detail, const std::vector<std::string>& 
     case Fault::kInterfaceGone:
     case Fault::kLinkFailed:
     case Fault::kTransmitQueueFull:
-      text += fmt::format(": {}", ToString(static_cast<Status>(detail.value)));
+      text += fmt::format(": {}", ToString(static_cast<Status>(detail.value.integer())));
       break;
     case Fault::kDriveError:
-      text += detail.value == 0 ? ": it is not enabled any more" : CodeOf(detail.value);
+      text += detail.value.code() == 0 ? ": it is not enabled any more"
+                                       : CodeOf(detail.value, detail.joint, error_codes);
       break;
     case Fault::kForeignCommand:
-      text += fmt::format(": a frame of somebody else with identifier {:#05x}",
-                          static_cast<std::uint32_t>(detail.value));
+      text +=
+          fmt::format(": a frame of somebody else with identifier {:#05x}", detail.value.code());
       break;
     default:
-      text +=
-          fmt::format(": {:.4g}{}, limit {:.4g}", detail.value, UnitOf(detail.fault), detail.limit);
+      text += ": " + ValueAndLimit(detail.value, detail.limit, UnitOf(detail.fault));
   }
   return text + fmt::format(" at tick {} ({}); reaction: {}", detail.tick, ToString(detail.state),
                             ToString(detail.reaction));
 }
 
-std::string Describe(const RefusalDetail& detail, const std::vector<std::string>& joint_names) {
+std::string Describe(const RefusalDetail& detail, const std::vector<std::string>& joint_names,
+                     std::span<const std::string> error_codes) {
   std::string text = ToString(detail.refusal);
   if (detail.refusal == Refusal::kNoSuchBranch)
-    return text + fmt::format(" (number {})", detail.value);
+    return text + fmt::format(" (number {})", detail.value.integer());
   if (detail.joint < 0) return text;
   text += fmt::format(" ({}", JointName(detail.joint, joint_names));
-  if (detail.refusal == Refusal::kNoReply && detail.value < 0) return text + ": never)";
-  if (detail.refusal == Refusal::kDriveError) return text + CodeOf(detail.value) + ")";
-  return text + fmt::format(": {:.4g}{}, limit {:.4g})", detail.value, UnitOf(detail.refusal),
-                            detail.limit);
+  if (detail.refusal == Refusal::kNoReply && detail.value.integer() < 0) return text + ": never)";
+  if (detail.refusal == Refusal::kDriveError)
+    return text + CodeOf(detail.value, detail.joint, error_codes) + ")";
+  return text + ": " + ValueAndLimit(detail.value, detail.limit, UnitOf(detail.refusal)) + ")";
+}
+
+double ToDouble(DetailNumber number, DetailUnit unit) {
+  if (!IsInteger(unit)) return double{number.real()};
+  const bool has_sign = unit != DetailUnit::kCode && unit != DetailUnit::kIdentifier;
+  return has_sign ? static_cast<double>(number.integer()) : static_cast<double>(number.code());
+}
+
+DetailNumber FromDouble(double number, DetailUnit unit) {
+  if (!IsInteger(unit)) return DetailNumber::Real(static_cast<float>(number));
+  constexpr double kLeast = std::numeric_limits<std::int32_t>::min();
+  constexpr double kMost = std::numeric_limits<std::uint32_t>::max();
+  if (!(number >= kLeast && number <= kMost)) return {};
+  return {static_cast<std::uint32_t>(static_cast<std::int64_t>(number))};
 }
 
 }  // namespace tumbler

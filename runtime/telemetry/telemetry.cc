@@ -26,7 +26,7 @@ struct Telemetry::Implementation {
   static constexpr std::int64_t kRunPeriod_ns = 250'000'000;
 
   explicit Implementation(const TelemetryConfig& config_in)
-      : config(config_in), events(config.run.joints, config.run.nodes), run(config.run) {
+      : config(config_in), events(config.run), run(config.run) {
     if (!config.log_file.empty()) {
       MakeFolderOf(config.log_file);
       log.emplace(config.log_file, "w");

@@ -2,12 +2,16 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <random>
+#include <span>
 #include <utility>
 #include <vector>
 
+#include "firmware_interface/drives/error_texts.h"
 #include "firmware_interface/drives/simulated_cansimple.h"
 #include "firmware_interface/drives/wire.h"
 
@@ -109,7 +113,7 @@ class CanSimpleDriveTest : public ::testing::Test {
   void Enable() {
     Estimate(0.1F);
     Heartbeat(kCanSimpleIdle);
-    for (int i = 0; i < 3; ++i) Tick(DriveRequest::kEnable);
+    for (int i = 0; i < 4; ++i) Tick(DriveRequest::kEnable);
     Heartbeat(kCanSimpleClosedLoop);
     Tick(DriveRequest::kEnable);
     EXPECT_EQ(drive.state(), DriveState::kEnabled);
@@ -125,16 +129,23 @@ TEST_F(CanSimpleDriveTest, AsksForClosedLoopOnceAfterTellingWhereToStay) {
   Estimate(0.25F);
   Heartbeat(kCanSimpleIdle);
   EXPECT_TRUE(IsOnly(Tick(DriveRequest::kEnable), CanSimpleCommand::kSetAxisState));
-  const auto frames = Tick(DriveRequest::kEnable);
-  ASSERT_EQ(frames.size(), 3U);
   CanSimpleControllerMode mode{0, 0};
   CanSimpleInputPos input;
   CanSimpleAxisState state;
-  EXPECT_EQ(DecodeCanSimple(0, frames[0], mode), Status::kOk);
-  EXPECT_EQ(mode.control, kCanSimplePositionControl);
-  EXPECT_EQ(DecodeCanSimple(0, frames[1], input), Status::kOk);
+  for (int i = 0; i < 2; ++i) {
+    const auto frames = Tick(DriveRequest::kEnable);
+    ASSERT_EQ(frames.size(), 2U);
+    EXPECT_EQ(DecodeCanSimple(0, frames[0], mode), Status::kOk);
+    EXPECT_EQ(mode.control, kCanSimplePositionControl);
+    EXPECT_EQ(DecodeCanSimple(0, frames[1], input), Status::kOk);
+    EXPECT_NEAR(input.position_rev, 0.25F, 1e-6F);
+    EXPECT_EQ(drive.state(), DriveState::kEnabling);
+  }
+  const auto frames = Tick(DriveRequest::kEnable);
+  ASSERT_EQ(frames.size(), 2U);
+  EXPECT_EQ(DecodeCanSimple(0, frames[0], input), Status::kOk);
   EXPECT_NEAR(input.position_rev, 0.25F, 1e-6F);
-  EXPECT_EQ(DecodeCanSimple(0, frames[2], state), Status::kOk);
+  EXPECT_EQ(DecodeCanSimple(0, frames[1], state), Status::kOk);
   EXPECT_EQ(state.state, kCanSimpleClosedLoop);
   Estimate(0.3F);  // The joint moves a little; the position that it is held at does not.
   for (int i = 0; i < 50; ++i) {
@@ -230,6 +241,99 @@ TEST_F(CanSimpleDriveTest, TakesTheHotterSensorAndIgnoresOneThatIsNotThere) {
   EXPECT_TRUE(drive.feedback().has_temperature);
   drive.Decode(EncodeCanSimple(0, CanSimpleTemperature{nan, nan}));
   EXPECT_FALSE(drive.feedback().has_temperature);
+}
+
+/// A drive that acts on each frame as it comes, as firmware does: what it would follow at the
+/// moment at which it is enabled.
+struct FirmwareAxis {
+  CanSimpleInputPos input{7, 0, 0};  // of an earlier host
+  CanSimpleControllerMode mode{kCanSimpleVelocityControl, kCanSimplePassthrough};
+  bool closed_loop = false;
+  bool jumped = false;
+
+  void Take(const CanFrame& frame) {
+    CanSimpleAxisState state;
+    if (DecodeCanSimple(0, frame, state) == Status::kOk) {
+      closed_loop = state.state == kCanSimpleClosedLoop;
+    } else if (DecodeCanSimple(0, frame, input) != Status::kOk) {
+      static_cast<void>(DecodeCanSimple(0, frame, mode));
+    }
+    jumped = jumped || (closed_loop && (std::abs(input.position_rev - 0.25F) > 1e-6F ||
+                                        mode.control != kCanSimplePositionControl));
+  }
+};
+
+TEST(CanSimpleStartUp, IsTheSameInWhateverOrderEitherControllerSendsTheFramesOfATick) {
+  // The host's controller may send the lowest identifier first, and the drive's any mailbox.
+  std::array<int, 5> order{0, 1, 2, 3, 4};
+  int orders = 0;
+  do {
+    CanSimpleDrive drive{CanSimpleConfig{}};
+    FirmwareAxis axis;
+    std::vector<DriveState> states;
+    for (int tick = 0; tick < 30; ++tick) {
+      if (tick % 3 == 0) {
+        CanSimpleHeartbeat heartbeat;
+        heartbeat.state = axis.closed_loop ? kCanSimpleClosedLoop : kCanSimpleIdle;
+        const std::array frames{
+            EncodeCanSimple(0, heartbeat), EncodeCanSimple(0, CanSimpleEstimates{0.25F, 0}),
+            EncodeCanSimple(0, CanSimpleErrors{}), EncodeCanSimple(0, CanSimpleTorques{}),
+            EncodeCanSimple(0, CanSimpleTemperature{30, 40})};
+        for (const int i : order) drive.Decode(frames.at(static_cast<std::size_t>(i)));
+      }
+      FrameBatch batch;
+      ASSERT_EQ(drive.Encode(DriveRequest::kEnable, {0.25F * 6.2831853F, 0, 0, 100, 2}, batch),
+                Status::kOk);
+      // Of five numbers in any order, those of the frames that there are also are in any order.
+      const std::span<const CanFrame> sent = batch.frames();
+      for (const int i : order) {
+        if (static_cast<std::size_t>(i) < sent.size()) axis.Take(sent[static_cast<std::size_t>(i)]);
+      }
+      states.push_back(drive.state());
+      ASSERT_FALSE(axis.jumped) << "tick " << tick << ", order " << orders;
+    }
+    EXPECT_TRUE(axis.closed_loop);
+    EXPECT_EQ(states.back(), DriveState::kEnabled);
+    EXPECT_EQ(std::ranges::count(states, DriveState::kEnabling), 6) << "order " << orders;
+    ++orders;
+  } while (std::ranges::next_permutation(order).found);
+  EXPECT_EQ(orders, 120);
+}
+
+TEST_F(CanSimpleDriveTest, KeepsTheProcedureResultOfAFailureThroughTheOrdersThatFollowIt) {
+  const auto heartbeat = [this](std::uint8_t state, std::uint8_t result) {
+    CanSimpleHeartbeat message;
+    message.state = state;
+    message.procedure_result = result;
+    drive.Decode(EncodeCanSimple(0, message));
+  };
+  Estimate(0.1F);
+  heartbeat(kCanSimpleIdle, 0);
+  for (int i = 0; i < 4; ++i) Tick(DriveRequest::kEnable);
+  heartbeat(kCanSimpleIdle, 14);
+  for (int i = 0; i < 300; ++i) {
+    heartbeat(kCanSimpleIdle, 0);
+    Tick(DriveRequest::kEnable);
+  }
+  EXPECT_EQ(drive.report().procedure_result, 14);
+  drive.Decode(EncodeCanSimple(0, CanSimpleErrors{0, kCanSimpleWatchdogExpired}));
+  EXPECT_EQ(DescribeRemarks(CanSimpleConfig{}, drive),
+            "; its procedure result 14, not calibrated; disarm reason 0x01000000, watchdog timer "
+            "expired");
+  EXPECT_EQ(DescribeReport("odrive", {16, 0}), "procedure result 16");
+  Tick(DriveRequest::kDisable);
+  drive.Decode(EncodeCanSimple(0, CanSimpleErrors{}));
+  Enable();
+  EXPECT_EQ(DescribeRemarks(CanSimpleConfig{}, drive), "");
+}
+
+TEST_F(CanSimpleDriveTest, HasNoTorqueUntilTheDriveHasReportedOne) {
+  Estimate(0.1F);
+  Heartbeat(kCanSimpleIdle);
+  EXPECT_FALSE(drive.feedback().has_torque);
+  EXPECT_FALSE(drive.Decode(EncodeCanSimple(0, CanSimpleTorques{0.5F, 0})));
+  EXPECT_TRUE(drive.feedback().has_torque) << "also where it is zero";
+  EXPECT_EQ(drive.feedback().torque_nm, 0);
 }
 
 TEST(SimulatedCanSimple, AnyFrameFeedsItsWatchdogAndOnlyItsHostsSetpointsShould) {

@@ -34,6 +34,7 @@ using testing::VirtualCan;
 const std::string kBenchMotion = testing::SourcePath("primitives/handstand.toml");
 constexpr int kRemains = 4;       // exit status of tumbler-bench
 constexpr int kBenchFault = 3;    // likewise
+constexpr int kBenchRefused = 2;  // likewise, and of tumbler-run
 constexpr int kBenchEnded = 130;  // likewise
 
 class BenchOnCan : public ::testing::TestWithParam<testing::ExampleDrives> {
@@ -115,6 +116,62 @@ class BenchOnCan : public ::testing::TestWithParam<testing::ExampleDrives> {
  private:
   testing::TemporaryFolder folder_;
 };
+
+TEST_P(BenchOnCan, ARunThatIsToProveItsDrivesIsRefusedByTheFirstOneThatIsNotAsTheFileSays) {
+  const std::string really = testing::ReadFile(Path("actual.toml"));
+  testing::InSteadyTime([&] {
+    const VirtualCan can;
+    testing::WriteFile(Path("actual.toml"), really);
+    StartDrives(can.name());
+    const auto run = [&](const std::vector<std::string>& more, std::string& text) {
+      std::vector<std::string> arguments{testing::ProgramPath("tumbler-run"),
+                                         can.name(),
+                                         kBenchMotion,
+                                         "--drives",
+                                         Path("draft.toml"),
+                                         "--arm",
+                                         "--without-realtime",
+                                         "--forget-pose",
+                                         "--hold-s",
+                                         "0",
+                                         "--end",
+                                         "torque-off"};
+      arguments.insert(arguments.end(), more.begin(), more.end());
+      Program program(arguments);
+      const int status = program.Wait();
+      text = program.text();
+      return status;
+    };
+    std::string text;
+    testing::WriteFile(Path("identities"), "yes\nleg2\nyes\n");
+    EXPECT_EQ(run({"--check-identity", "--answers", Path("identities")}, text), kBenchRefused)
+        << text;
+    EXPECT_THAT(text, HasSubstr("(leg1) turns leg2, and the drives file says leg1"));
+    EXPECT_THAT(drives_->text(), ::testing::Not(HasSubstr("leg1: enabled")))
+        << "the drive that really turns leg1 was not to move yet";
+
+    EXPECT_EQ(run({"--prove-watchdog"}, text), kBenchRefused) << text;
+    // Of a CiA 402 host the time-out is the same for all drives.
+    const bool cia402 = GetParam().protocol == "cia402";
+    EXPECT_THAT(text,
+                HasSubstr(cia402 ? "(leg1) still drives after" : "(leg2) still drives after"));
+    EndDrives();
+
+    // Drives that are as the file says.
+    std::filesystem::copy_file(Path("draft.toml"), Path("actual.toml"),
+                               std::filesystem::copy_options::overwrite_existing);
+    if (cia402) return;  // The draft tells these drives to do nothing.
+    StartDrives(can.name());
+    testing::WriteFile(Path("identities"), "yes\nleg1\nyes\nyes\nleg2\nyes\n");
+    EXPECT_EQ(run({"--check-identity", "--prove-watchdog", "--answers", Path("identities")}, text),
+              0)
+        << text;
+    EXPECT_THAT(text, HasSubstr("(leg2) turns leg2, as the drives file says"));
+    EXPECT_THAT(text, HasSubstr("(leg2): limp "));
+    EXPECT_THAT(text, HasSubstr("completed: handstand"));
+    EndDrives();
+  });
+}
 
 TEST_P(BenchOnCan, ACommissioningFindsWhatIsWrongAndTheHandstandRunsWithTheFileThatItWrites) {
   testing::InSteadyTime([this] {

@@ -261,7 +261,7 @@ TEST(ControlLoop, CountsLateAndMissedTicksAndKeepsToTheSchedule) {
     } else {
       EXPECT_EQ(bench.procedure->outcome(), RunOutcome::kFault);
       EXPECT_EQ(loop.record().first_fault.fault, Fault::kLateTick);
-      EXPECT_EQ(loop.record().first_fault.value, 4);
+      EXPECT_EQ(loop.record().first_fault.value.integer(), 4);
     }
   }
 }

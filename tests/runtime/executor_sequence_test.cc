@@ -188,7 +188,7 @@ TEST_F(SequenceTest, AJointThatIsNotWhereTheNextPrimitiveBeginsIsAFaultAndNotAMo
   ASSERT_TRUE(rig.TickUntil(ExecutorState::kFault, 5000));
   EXPECT_EQ(rig.Tick().first_fault.fault, Fault::kEntryMissed);
   EXPECT_EQ(rig.output.record.first_fault.joint, 1);
-  EXPECT_NEAR(rig.output.record.first_fault.value, 0.5F * (allowed + followed), 1e-5);
+  EXPECT_NEAR(rig.output.record.first_fault.value.real(), 0.5F * (allowed + followed), 1e-5);
   EXPECT_EQ(rig.output.record.reaction, Reaction::kHold);
 }
 

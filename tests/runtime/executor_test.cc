@@ -233,8 +233,8 @@ TEST(Executor, RefusesToArmWithItsReason) {
     EXPECT_EQ(refusal.refusal, std::abs(way) > 0.5F ? Refusal::kFarFromStart : Refusal::kNone);
     if (refusal.refusal == Refusal::kNone) continue;
     EXPECT_EQ(refusal.joint, 1);
-    EXPECT_NEAR(refusal.value, 0.6F, 1e-5F);
-    EXPECT_EQ(refusal.limit, 0.5F);
+    EXPECT_NEAR(refusal.value.real(), 0.6F, 1e-5F);
+    EXPECT_EQ(refusal.limit.real(), 0.5F);
   }
   {
     ExecutorRig rig(near, wide);
@@ -261,8 +261,8 @@ TEST(Executor, RefusesToArmWithItsReason) {
     EXPECT_EQ(refusal.refusal, expected) << off;
     if (expected == Refusal::kNone) continue;
     EXPECT_EQ(refusal.joint, 1);
-    EXPECT_NEAR(refusal.value, off, 1e-5F);
-    EXPECT_EQ(refusal.limit, 0.5F);
+    EXPECT_NEAR(refusal.value.real(), off, 1e-5F);
+    EXPECT_EQ(refusal.limit.real(), 0.5F);
   }
   const auto refusal_after = [&](auto change) {
     ExecutorRig rig({}, primitive);
@@ -272,8 +272,8 @@ TEST(Executor, RefusesToArmWithItsReason) {
   };
   const RefusalDetail outside = refusal_after([](auto& drive) { drive.reply.position_rad = 4; });
   EXPECT_EQ(outside.refusal, Refusal::kOutsideLimits);
-  EXPECT_EQ(outside.value, 4);
-  EXPECT_EQ(outside.limit, primitive.joints[1].limits.position_max_rad);
+  EXPECT_EQ(outside.value.real(), 4);
+  EXPECT_EQ(outside.limit.real(), primitive.joints[1].limits.position_max_rad);
   EXPECT_EQ(refusal_after([](auto& drive) { drive.reply.error = 3; }).refusal,
             Refusal::kDriveError);
   EXPECT_EQ(refusal_after([](auto& drive) {
@@ -285,7 +285,7 @@ TEST(Executor, RefusesToArmWithItsReason) {
     drive.reply.temperature_c = 90;
   });
   EXPECT_EQ(hot.refusal, Refusal::kTooHot);
-  EXPECT_EQ(hot.limit, 80);
+  EXPECT_EQ(hot.limit.real(), 80);
 }
 
 TEST(Executor, RefusesToRunAwayFromTheStart) {
@@ -302,8 +302,8 @@ TEST(Executor, RefusesToRunAwayFromTheStart) {
   const RefusalDetail refusal = rig.Tick(OperatorCommand::kRun).refusal;
   EXPECT_EQ(refusal.refusal, Refusal::kOutsideStartSet);
   EXPECT_EQ(refusal.joint, 1);
-  EXPECT_NEAR(refusal.value, 0.06F, 1e-4);
-  EXPECT_EQ(refusal.limit, primitive.entry_tolerance_rad);
+  EXPECT_NEAR(refusal.value.real(), 0.06F, 1e-4);
+  EXPECT_EQ(refusal.limit.real(), primitive.entry_tolerance_rad);
   EXPECT_EQ(rig.executor.state(), ExecutorState::kHolding);
   rig.drives[1]->reply.position_rad -= 0.04F;
   EXPECT_EQ(rig.Tick(OperatorCommand::kRun).refusal.refusal, Refusal::kNone);

@@ -235,11 +235,11 @@ void FaultMatrix::ExpectCause(const FaultDetail& detail, std::int64_t seen_at, R
     EXPECT_EQ(detail.joint, 1);
   }
   if (fault == Fault::kOverTemperature) {
-    EXPECT_EQ(detail.value, 95);
-    EXPECT_EQ(detail.limit, 80);
+    EXPECT_EQ(detail.value.real(), 95);
+    EXPECT_EQ(detail.limit.real(), 80);
   }
   if (fault == Fault::kForeignCommand) {
-    EXPECT_EQ(detail.value, 101 + 0x100);
+    EXPECT_EQ(detail.value.integer(), 101 + 0x100);
   }
 }
 
@@ -460,8 +460,8 @@ TEST(Faults, ADriveThatSendsByItsOwnClockMayDriftButNotFlood) {
   for (int i = 0; i < 7; ++i) rig.Tick();  // In the first one, those of the silent tick may come.
   EXPECT_EQ(rig.output.record.joints[0].reply_status, ReplyStatus::kRepeated);
   EXPECT_EQ(rig.output.record.first_fault.fault, Fault::kWrongSequence);
-  EXPECT_EQ(rig.output.record.first_fault.value, 12);
-  EXPECT_EQ(rig.output.record.first_fault.limit, 10);
+  EXPECT_EQ(rig.output.record.first_fault.value.integer(), 12);
+  EXPECT_EQ(rig.output.record.first_fault.limit.integer(), 10);
 }
 
 TEST(Faults, ALostHeartbeatIsNotADriveErrorAndRefusesArming) {
@@ -471,15 +471,15 @@ TEST(Faults, ALostHeartbeatIsNotADriveErrorAndRefusesArming) {
   const RefusalDetail refusal = rig.Tick(OperatorCommand::kArm).refusal;
   EXPECT_EQ(refusal.refusal, Refusal::kNoHeartbeat);
   EXPECT_EQ(refusal.joint, 1);
-  EXPECT_EQ(refusal.value, 27);
-  EXPECT_EQ(refusal.limit, 26);
+  EXPECT_EQ(refusal.value.integer(), 27);
+  EXPECT_EQ(refusal.limit.integer(), 26);
   rig.drives[1]->heartbeat_age = {};
   ASSERT_TRUE(rig.Reach(ExecutorState::kRunning));
   rig.drives[1]->heartbeat_age = {27, 26};
   const TickRecord& record = rig.Tick();
   EXPECT_EQ(record.faults, 1U << static_cast<unsigned>(Fault::kHeartbeatLost));
-  EXPECT_EQ(record.first_fault.value, 27);
-  EXPECT_EQ(record.first_fault.limit, 26);
+  EXPECT_EQ(record.first_fault.value.integer(), 27);
+  EXPECT_EQ(record.first_fault.limit.integer(), 26);
 }
 
 TEST(Collapse, FoldsIntoThePoseWithinTheLimitsFromWhereverItWasAndStaysThere) {

@@ -5,11 +5,15 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <limits>
 #include <string>
 #include <tumbler/state_t.hpp>
 #include <type_traits>
 #include <utility>
 
+#include "common/json.h"
+#include "runtime/telemetry/live_view.h"
 #include "runtime/telemetry/messages.h"
 #include "runtime/telemetry/state_csv.h"
 #include "tests/support/docs_tables.h"
@@ -103,6 +107,24 @@ TEST(JointFields, AColumnOfTheTableStaysWhereReadersOfItExpectIt) {
   AppendStateCsvRow(FilledTick().message, row);
   EXPECT_EQ(row.substr(row.find(",1,2,3,")),
             ",1,2,3,5,6,7,8,9,10,11,12,13,4,14,15,16,17,4294967295,1\n");
+}
+
+TEST(JointFields, ATorqueThatWasNotMeasuredIsEmptyInTablesAndNullInTheStatus) {
+  FilledTick tick;
+  tick.timed.record.joints[0].measured.torque_nm = std::numeric_limits<float>::quiet_NaN();
+  FillState(tick.timed, tick.message);
+  EXPECT_TRUE(std::isnan(tick.message.joints[0].measured_torque_nm));
+  std::string row;
+  AppendStateCsvRow(tick.message, row);
+  EXPECT_EQ(row.substr(row.find(",1,2,3,")),
+            ",1,2,3,5,6,7,8,9,10,11,12,,4,14,15,16,17,4294967295,1\n");
+  LiveView view;
+  view.Take(tick.message);
+  const Json status = Json::Parse(view.ToJson()).value();
+  EXPECT_TRUE(status["joints"][0]["measured_nm"].is_null());
+  EXPECT_EQ(status["joints"][0]["measured_rad"], 11);
+  EXPECT_NE(view.Line().find("torque not measured"), std::string::npos) << view.Line();
+  EXPECT_EQ(view.Screen().find("nan"), std::string::npos) << view.Screen();
 }
 
 }  // namespace

@@ -116,6 +116,35 @@ TEST_F(RunSequenceTest, HoldsARobotThatWouldDropUntilSomebodyAsksForTorqueOff) {
   }
 }
 
+TEST_F(RunSequenceTest, ARequestAsTheHoldBeginsIsTakenForTheMotionAndTheNextOneTakesTheTorqueOff) {
+  RunProcedureConfig config = Short();
+  config.end_hold_ticks = -1;
+  for (int at = 0; at < 2 * static_cast<int>(config.stop_hold_ticks); ++at) {
+    SetUpAnew(config);
+    int held = 0, asked_at = -1, first_late = 0;
+    bool open = false;
+    Play([&] {
+      if (procedure.end_hold() == EndHold::kNone) return;
+      if (held++ == at) {
+        open = procedure.end_hold() == EndHold::kOpen;
+        procedure.RequestFinish();
+        asked_at = held;
+      } else if (held == asked_at + 1) {
+        first_late = procedure.late_requests();
+      } else if (held == 500) {
+        EXPECT_EQ(procedure.end_hold(), EndHold::kOpen);
+        procedure.RequestStop();
+      }
+    });
+    EXPECT_EQ(open, at + 1 >= config.stop_hold_ticks) << at;
+    // What is said to the operator is what happens.
+    EXPECT_EQ(held, open ? asked_at : 500) << at;
+    EXPECT_EQ(first_late, open ? 0 : 1) << at;
+    EXPECT_EQ(procedure.late_requests(), open ? 0 : 1) << at;
+    EXPECT_EQ(procedure.outcome(), RunOutcome::kCompleted) << at;
+  }
+}
+
 TEST_F(RunSequenceTest, HoldsForAWhileWhereNobodyCanAsk) {
   RunProcedureConfig config = Short();
   config.end_hold_ticks = 700;

@@ -4,12 +4,15 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <chrono>
 #include <csignal>
 #include <filesystem>
 #include <string>
+#include <thread>
 #include <utility>
 #include <vector>
 
+#include "common/json.h"
 #include "tests/support/files.h"
 #include "tests/support/primitive_file.h"
 #include "tests/support/program.h"
@@ -72,7 +75,9 @@ TEST_F(TumblerRun, RejectsWrongCommandLinesWithExitCode1) {
        {std::string(), std::string("sim"), "sim " + motion + " --speed 1.5",
         "sim " + motion + " --speed 0.05", "sim " + motion + " --hold-s -1",
         "sim " + motion + " --speed nan", "sim " + motion + " --hold-s nan",
-        "sim " + motion + " --nonsense", "sim " + motion + " extra"}) {
+        "sim " + motion + " --nonsense", "sim " + motion + " extra",
+        "sim " + motion + " --check-identity", "sim " + motion + " --prove-watchdog",
+        "can9 " + motion + " --drives x.toml --check-identity"}) {
     const Outcome outcome = Run(arguments);
     EXPECT_EQ(outcome.exit_code, 1) << arguments;
     EXPECT_FALSE(outcome.text.empty()) << arguments;
@@ -147,6 +152,28 @@ TEST_F(TumblerRun, AnswersWhatABusFaultsFileDoesToItAsTheFaultsFileSays) {
   EXPECT_THAT(real.text, HasSubstr("--bus-faults"));
 }
 
+TEST_F(TumblerRun, ATorqueThatNoDriveReportsIsNotMeasuredRatherThanZero) {
+  const std::string example =
+      testing::ReadFile(testing::SourcePath("primitives/robots/tumbler_drives_cansimple.toml"));
+  Write("drives.toml", testing::ReplacedAll(example, "torques_s = 0.01\n", ""));
+  const Outcome outcome =
+      Run("sim " + testing::SourcePath("primitives/handstand.toml") + " --drives " +
+          Path("drives.toml") + " --json " + Path("run.json") + " --trace " + Path("run.csv"));
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.text;
+  EXPECT_THAT(outcome.text, HasSubstr("leg1: torque not measured, following error at most"));
+  const Json json = Json::Parse(testing::ReadFile(Path("run.json"))).value();
+  EXPECT_TRUE(json["joints"][0]["peak_torque_nm"].is_null());
+  const std::string csv = testing::ReadFile(Path("run.csv"));
+  EXPECT_THAT(csv, Not(HasSubstr("nan")));
+
+  Write("drives.toml", example);
+  const Outcome measured = Run("sim " + testing::SourcePath("primitives/handstand.toml") +
+                               " --drives " + Path("drives.toml") + " --json " + Path("run.json"));
+  EXPECT_THAT(measured.text, HasSubstr("leg1: peak torque "));
+  const Json figures = Json::Parse(testing::ReadFile(Path("run.json"))).value();
+  EXPECT_GT(figures["joints"][0]["peak_torque_nm"].number(), 0.1);
+}
+
 TEST_F(TumblerRun, AFaultInTheHoldAtTheEndIsReportedAndTheRunEndsInTime) {
   Write("late.toml",
         "format = \"tumbler-bus-faults\"\nversion = 1\n[[fault]]\nkind = \"disconnect\"\n"
@@ -179,6 +206,25 @@ TEST_F(TumblerRun, EndsInOrderWhenItIsTerminatedOrItsTerminalIsGone) {
       EXPECT_THAT(run.text(), HasSubstr("stopped by the operator"));
     });
   }
+}
+
+TEST_F(TumblerRun, SaysWhatCtrlCDoesInTheHoldAtTheEndAndNeverLosesOne) {
+  Write("drives.toml",
+        Replaced(testing::ReadFile(testing::SourcePath("primitives/robots/tumbler_drives.toml")),
+                 "rate_hz = 1000.0", "rate_hz = 200.0"));
+  testing::InSteadyTime([&] {
+    testing::Program run({testing::ProgramPath("tumbler-run"), "sim",
+                          testing::SourcePath("primitives/handstand.toml"), "--drives",
+                          Path("drives.toml"), "--realtime", "--hold-s", "0"});
+    ASSERT_TRUE(run.WaitFor("the robot is held where it would drop without torque"));
+    run.Signal(SIGINT);
+    ASSERT_TRUE(run.WaitFor("the robot is still held, and the next Ctrl-C takes the torque off"))
+        << run.text();
+    std::this_thread::sleep_for(std::chrono::milliseconds(700));
+    run.Signal(SIGINT);
+    EXPECT_EQ(run.Wait(), 0) << run.text();
+    EXPECT_THAT(run.text(), HasSubstr("completed"));
+  });
 }
 
 TEST_F(TumblerRun, NamesAPrimitiveThatIsMissingOrBroken) {

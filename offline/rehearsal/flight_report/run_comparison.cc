@@ -35,8 +35,10 @@ std::vector<RunDifference> Compare(const RunData& a, const RunData& b) {
             b.joint(k, j).reply_age_ticks >= 0) {
           const double apart =
               std::abs(double{quantity.read(b.joint(k, j))} - double{quantity.read(a.joint(i, j))});
-          ++difference.ticks;
-          squares += apart * apart;
+          if (!std::isnan(apart)) {  // A torque may not have been measured.
+            ++difference.ticks;
+            squares += apart * apart;
+          }
           if (apart > difference.max) {
             difference.max = apart;
             difference.max_at_s = a.ticks[i].time_s;

@@ -69,14 +69,14 @@ void RunEvents::AddRequests(const TickEntry& entry, double t) {
   }
   Add(t, RunEvent::Kind::kRequest, text);
   if (record.refusal.refusal != Refusal::kNone) {
-    Add(t, RunEvent::Kind::kRefusal, Describe(record.refusal, joints_));
+    Add(t, RunEvent::Kind::kRefusal, Describe(record.refusal, joints_, error_codes_));
   }
 }
 
 void RunEvents::AddFaults(const TickRecord& record, double t) {
   if (record.first_fault.fault != Fault::kNone && (first_fault_.fault != record.first_fault.fault ||
                                                    first_fault_.tick != record.first_fault.tick)) {
-    Add(t, RunEvent::Kind::kFault, Describe(record.first_fault, joints_));
+    Add(t, RunEvent::Kind::kFault, Describe(record.first_fault, joints_, error_codes_));
   }
   first_fault_ = record.first_fault;
   for (std::size_t f = 1; f < kFaultCount; ++f) {

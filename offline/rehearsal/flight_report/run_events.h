@@ -23,8 +23,10 @@ bool BeginsNode(const RunTick& tick, const RunTick* before);
 class RunEvents {
  public:
   /// Both have to outlive this.
-  RunEvents(const SequenceGraph<double>& graph, const std::vector<std::string>& joints)
-      : graph_(graph), joints_(joints) {}
+  /// @param error_codes  of the joints' drives, as `ErrorCodesOf` gives them.
+  RunEvents(const SequenceGraph<double>& graph, const std::vector<std::string>& joints,
+            std::vector<std::string> error_codes)
+      : graph_(graph), joints_(joints), error_codes_(std::move(error_codes)) {}
 
   /// @param before   the tick before; null for the first.
   /// @param missing  how many ticks between the two were not recorded.
@@ -42,6 +44,7 @@ class RunEvents {
 
   const SequenceGraph<double>& graph_;
   const std::vector<std::string>& joints_;
+  std::vector<std::string> error_codes_;
   std::vector<RunEvent> events_;
   // What was seen last.
   FaultDetail first_fault_;

@@ -16,7 +16,7 @@ void AddFact(RunData& run, const std::string& name, std::string value) {
 }
 
 void DescribeJoint(RunData& run, std::size_t j) {
-  double error = 0, error_s = 0, torque = 0, torque_s = 0;
+  double error = 0, error_s = 0, torque = -1, torque_s = 0;
   std::int32_t age = 0;
   for (std::size_t i = 0; i < run.ticks.size(); ++i) {
     const JointRecord& joint = run.joint(i, j);
@@ -36,7 +36,7 @@ void DescribeJoint(RunData& run, std::size_t j) {
   AddFact(run, name + ": following error at most",
           fmt::format("{:.5f} rad at {:.3f} s", error, error_s));
   AddFact(run, name + ": measured torque at most",
-          fmt::format("{:.3f} N·m at {:.3f} s", torque, torque_s));
+          torque < 0 ? "not measured" : fmt::format("{:.3f} N·m at {:.3f} s", torque, torque_s));
   AddFact(run, name + ": oldest reply", fmt::format("{} ticks", age));
 }
 

@@ -30,7 +30,7 @@ class RunReader {
                            [this](const std::string& path) { return TextOf(path); })),
         assembly_(Assemble(configuration_)),
         paths_(motion_),
-        events_(motion_.graph, configuration_.joints) {
+        events_(motion_.graph, configuration_.joints, ErrorCodesOf(assembly_.parts().drives)) {
     run_.name = record.name();
     run_.recorded = true;
     run_.scene = paths_.scene();

@@ -428,7 +428,7 @@ function fillTables() {
   differences.querySelector('table').hidden = data.differences.length === 0;
   for (const d of data.differences) {
     cellsOf(element('tr', {}, differences.querySelector('tbody')), [runs[d.run].label, d.joint, d.quantity,
-      d.max === 0 ? 'none' : `${significant(d.max)} ${d.unit}`, d.max === 0 ? '' : `${fixed(d.max_at_s, 3)} s`,
+      d.ticks === 0 ? 'not measured' : d.max === 0 ? 'none' : `${significant(d.max)} ${d.unit}`, d.max === 0 ? '' : `${fixed(d.max_at_s, 3)} s`,
       d.max === 0 ? '' : `${significant(d.rms)} ${d.unit}`, String(d.ticks)]);
   }
 

@@ -68,8 +68,9 @@ class Watch final : public DriveWatch {
   void Begin(double time_s, bool torque_off) {
     const bool was_started = joint().started();
     const bool first = joint().Begin(time_s, torque_off, true);
-    // The input before it was not meant for starting up.
-    if (first && has_input_ && !was_started) joint().FailUnstarted();
+    // The input before it was not meant for starting up, unless that follows soon.
+    if (first && has_input_ && !was_started && ++prepared_ticks_ > kPreparedMost)
+      joint().FailUnstarted();
   }
   [[nodiscard]] double Position(const CanFrame& frame) {
     return joint().Position(FloatField(frame, 0) * kTwoPi);
@@ -81,12 +82,17 @@ class Watch final : public DriveWatch {
     if (state == 1) {
       joint().Off();
       has_input_ = false;
+      prepared_ticks_ = 0;
     } else if (state == 8) {
       if (!has_input_ || velocity_mode_) {
         joint().Fail("closed loop without a position to begin with");
       } else {
         joint().CheckJump(input_rad_);
       }
+      // The host's controller may send the frames of a tick in any order.
+      if (!joint().started() && prepared_ticks_ == 0)
+        joint().Fail("closed loop is asked for in the tick of its first position");
+      prepared_ticks_ = 0;
       joint().Start();
     } else {
       joint().Fail(fmt::format("axis state {}", state));
@@ -107,8 +113,11 @@ class Watch final : public DriveWatch {
     if (joint().started()) joint().Setpoint(order, logged.time_s);
   }
 
+  static constexpr int kPreparedMost = 2;
+
   CanSimpleConfig can_;
   bool velocity_mode_ = false;
+  int prepared_ticks_ = 0;  // since the first input to an idle drive
   bool has_input_ = false;  // whether there is an input with which closed loop would begin
   double input_rad_ = 0;
 };

@@ -1,0 +1,118 @@
+// What people read about faults and refusals, and the numbers that messages carry for it.
+
+#include "runtime/telemetry/sentences.h"
+
+#include <gtest/gtest.h>
+
+#include <cstdint>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "common/status.h"
+#include "runtime/telemetry/live_view.h"
+#include "runtime/telemetry/messages.h"
+#include "runtime/telemetry/state_csv.h"
+
+namespace tumbler {
+namespace {
+
+const std::vector<std::string> kJoints{"leg1", "leg2"};
+const std::vector<std::string> kCodes{"odrive", "damiao"};
+
+/// A tick in which a fault was found.
+TimedRecord TickWith(Fault fault, DetailNumber value, DetailNumber limit, std::int8_t joint) {
+  TimedRecord timed;
+  timed.record.joint_count = 2;
+  timed.record.reaction = Reaction::kDamp;
+  timed.record.faults = 1U << static_cast<unsigned>(fault);
+  timed.record.first_fault = {
+      12, value, limit, fault, joint, ExecutorState::kRunning, Reaction::kDamp};
+  return timed;
+}
+
+/// The sentence that somebody far away makes of the message about a tick.
+std::string SentenceFromMessage(const TimedRecord& timed) {
+  state_t state;
+  FillState(timed, state);
+  LiveView view;
+  view.Take(state);
+  RunDescription about;
+  about.joints = kJoints;
+  about.error_codes = kCodes;
+  RunMessage run(about);
+  view.Take(run.At(0, 0, 0));
+  const std::string line = view.Line();
+  return line.substr(line.find("faults: ") + 8);
+}
+
+TEST(Sentences, ADrivesCodeKeepsAllOfIts32BitsAndHasItsNames) {
+  // The nearest float to this code is another code.
+  const std::uint32_t code = 0x41000101;
+  ASSERT_NE(static_cast<std::uint32_t>(static_cast<float>(code)), code);
+  const TimedRecord timed = TickWith(Fault::kDriveError, DetailNumber::Code(code), {}, 0);
+  const std::string sentence = Describe(timed.record.first_fault, kJoints, kCodes);
+  EXPECT_EQ(sentence,
+            "drive error of joint leg1: code 0x41000101, initializing, dc bus over-voltage, "
+            "watchdog timer expired, calibration error at tick 12 (running); reaction: damp");
+  EXPECT_EQ(SentenceFromMessage(timed), sentence);
+  EXPECT_EQ(Describe(timed.record.first_fault, kJoints),
+            "drive error of joint leg1: code 0x41000101 at tick 12 (running); reaction: damp");
+  EXPECT_EQ(
+      Describe(RefusalDetail{DetailNumber::Code(13), {}, Refusal::kDriveError, 1}, kJoints, kCodes),
+      "a drive reports an error (joint leg2: code 0x0d, lost communication)");
+}
+
+TEST(Sentences, TheSmallestAndLargestNumbersComeBackFromAMessageExactly) {
+  using Limits = std::numeric_limits<std::int32_t>;
+  for (const DetailUnit unit :
+       {DetailUnit::kTicks, DetailUnit::kCode, DetailUnit::kIdentifier, DetailUnit::kRadians}) {
+    for (const DetailNumber number :
+         {DetailNumber::Integer(Limits::max()), DetailNumber::Integer(16'777'217),
+          DetailNumber::Real(0.1F), DetailNumber()}) {
+      EXPECT_EQ(FromDouble(ToDouble(number, unit), unit), number) << static_cast<int>(unit);
+    }
+  }
+  EXPECT_EQ(ToDouble(DetailNumber::Code(0xffffffff), DetailUnit::kCode), 4294967295.0);
+  EXPECT_EQ(FromDouble(4294967295.0, DetailUnit::kCode).code(), 0xffffffffU);
+  EXPECT_EQ(ToDouble(DetailNumber::Integer(-1), DetailUnit::kTicks), -1.0);
+  EXPECT_EQ(FromDouble(-1, DetailUnit::kTicks).integer(), -1);
+  EXPECT_EQ(DetailNumber::Integer(std::int64_t{1} << 40).integer(), Limits::max());
+  for (const double nonsense :
+       {std::numeric_limits<double>::quiet_NaN(), 1e300, -1e300, 4294967296.0})
+    EXPECT_EQ(FromDouble(nonsense, DetailUnit::kCode), DetailNumber());
+}
+
+TEST(Sentences, NumbersThatAreCountedAreWrittenAsIntegers) {
+  const TimedRecord late =
+      TickWith(Fault::kLateTick, DetailNumber::Integer(20'000'001), DetailNumber::Integer(2), -1);
+  EXPECT_EQ(Describe(late.record.first_fault, kJoints),
+            "late tick: 20000001 ticks, limit 2 at tick 12 (running); reaction: damp");
+  EXPECT_EQ(SentenceFromMessage(late), Describe(late.record.first_fault, kJoints));
+  const TimedRecord foreign =
+      TickWith(Fault::kForeignCommand, DetailNumber::Code(0x1fffffff), {}, 1);
+  EXPECT_EQ(Describe(foreign.record.first_fault, kJoints),
+            "foreign command of joint leg2: a frame of somebody else with identifier 0x1fffffff at "
+            "tick 12 (running); reaction: damp");
+  const TimedRecord lost = TickWith(
+      Fault::kInterfaceDown, DetailNumber::Integer(static_cast<int>(Status::kLinkDown)), {}, -1);
+  EXPECT_NE(Describe(lost.record.first_fault, kJoints).find(ToString(Status::kLinkDown)),
+            std::string::npos);
+  const TimedRecord off =
+      TickWith(Fault::kFollowingError, DetailNumber::Real(0.51F), DetailNumber::Real(0.5F), 0);
+  EXPECT_EQ(Describe(off.record.first_fault, kJoints),
+            "following error of joint leg1: 0.51 rad, limit 0.5 at tick 12 (running); reaction: "
+            "damp");
+  state_t state;
+  std::string row;
+  FillState(late, state);
+  AppendStateCsvRow(state, row);
+  EXPECT_NE(row.find(",12,20000001,2,"), std::string::npos) << row;
+  row.clear();
+  FillState(off, state);
+  AppendStateCsvRow(state, row);
+  EXPECT_NE(row.find(",12,0.51,0.5,"), std::string::npos) << row;
+}
+
+}  // namespace
+}  // namespace tumbler
