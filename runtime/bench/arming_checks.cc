@@ -12,9 +12,10 @@ namespace {
 
 using SayLineAbout = std::function<void(const std::string&)>;
 
-void RequireHealthy(BenchSession& session) {
+void RequireHealthy(BenchSession& session, bool clear) {
   const std::vector<std::size_t> silent = session.AwaitReplies();
   if (!silent.empty()) throw Refused(session.NameOf(silent.front()) + " does not reply");
+  if (clear) session.ClearErrors();
   for (std::size_t i = 0; i < session.size(); ++i) {
     const Drive& drive = session.drive(i);
     const DriveConfig& config = session.entry(i).config;
@@ -59,7 +60,7 @@ void CheckBeforeArming(BenchWorld& world, const DrivesConfig& drives,
                        BenchOperator& somebody, const SayLineAbout& say) {
   try {
     BenchSession session(world, drives, checks.bounds);
-    RequireHealthy(session);
+    RequireHealthy(session, checks.clear);
     for (std::size_t i = 0; checks.identity && i < session.size(); ++i)
       RequireIdentity(session, i, joints, somebody, say);
     for (std::size_t i = 0; checks.watchdog && i < session.size(); ++i)

@@ -19,6 +19,7 @@ struct ArmingChecks {
   bool identity = false;
   /// Each drive is enabled and left alone, and has to let go in its time-out (ProveWatchdog).
   bool watchdog = false;
+  bool clear = false;  ///< Whether the drives are first told to forget latched errors.
   BenchBounds bounds;  ///< No motion and no torque of the checks is larger.
 };
 

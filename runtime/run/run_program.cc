@@ -330,6 +330,7 @@ void CheckDrives(const RunOptions& options, const RunParts& parts, World& world)
   ArmingChecks checks;
   checks.identity = options.check_identity;
   checks.watchdog = options.prove_watchdog;
+  checks.clear = options.clear;
   CheckBeforeArming(bench, parts.drives, JointsOf(parts.file), checks, *somebody,
                     [](const std::string& line) { fmt::print(stderr, "tumbler-run: {}\n", line); });
 }

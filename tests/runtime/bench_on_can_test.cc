@@ -67,12 +67,13 @@ class BenchOnCan : public ::testing::TestWithParam<testing::ExampleDrives> {
   }
 
   [[nodiscard]] std::string Path(const std::string& name) const { return folder_ / name; }
-  void StartDrives(const std::string& interface, const std::vector<std::string>& more = {}) {
+  void StartDrives(const std::string& interface, const std::vector<std::string>& more = {},
+                   const std::string& friction = "0.1") {
     std::vector<std::string> arguments{testing::ProgramPath("tumbler-drives"),
                                        interface,
                                        Path("actual.toml"),
                                        "--friction",
-                                       "0.1",
+                                       friction,
                                        "--position",
                                        "leg1=-1.5707963",
                                        "--position",
@@ -122,7 +123,7 @@ TEST_P(BenchOnCan, ARunThatIsToProveItsDrivesIsRefusedByTheFirstOneThatIsNotAsTh
   testing::InSteadyTime([&] {
     const VirtualCan can;
     testing::WriteFile(Path("actual.toml"), really);
-    StartDrives(can.name());
+    StartDrives(can.name(), {}, "2");  // so that a push of 0.2 s stays within the amplitude
     const auto run = [&](const std::vector<std::string>& more, std::string& text) {
       std::vector<std::string> arguments{testing::ProgramPath("tumbler-run"),
                                          can.name(),
@@ -132,6 +133,7 @@ TEST_P(BenchOnCan, ARunThatIsToProveItsDrivesIsRefusedByTheFirstOneThatIsNotAsTh
                                          "--arm",
                                          "--without-realtime",
                                          "--forget-pose",
+                                         "--clear",
                                          "--hold-s",
                                          "0",
                                          "--end",
@@ -160,8 +162,8 @@ TEST_P(BenchOnCan, ARunThatIsToProveItsDrivesIsRefusedByTheFirstOneThatIsNotAsTh
     // Drives that are as the file says.
     std::filesystem::copy_file(Path("draft.toml"), Path("actual.toml"),
                                std::filesystem::copy_options::overwrite_existing);
-    if (cia402) return;  // The draft tells these drives to do nothing.
-    StartDrives(can.name());
+    if (cia402) return;                // The draft tells these drives to do nothing.
+    StartDrives(can.name(), {}, "2");  // so that a push of 0.2 s stays within the amplitude
     testing::WriteFile(Path("identities"), "yes\nleg1\nyes\nyes\nleg2\nyes\n");
     EXPECT_EQ(run({"--check-identity", "--prove-watchdog", "--answers", Path("identities")}, text),
               0)

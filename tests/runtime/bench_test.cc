@@ -305,7 +305,7 @@ Checked CheckDrives(RigWorld& world, const DrivesConfig& drives, const ArmingChe
 
 TEST_P(BenchOf, BeforeArmingDrivesThatAreRightAreProvedOneAtATimeWithinTheBounds) {
   ToldOperator somebody;
-  const Checked checked = CheckDrives(world_, drives_, {true, true, {}}, somebody);
+  const Checked checked = CheckDrives(world_, drives_, {true, true, false, {}}, somebody);
   EXPECT_EQ(checked.refusal, "");
   ASSERT_EQ(checked.said.size(), 4U);
   EXPECT_THAT(checked.said[0], HasSubstr("(leg1) turns leg1, as the drives file says"));
@@ -325,7 +325,7 @@ TEST_P(BenchOf, BeforeArmingDrivesThatAreRightAreProvedOneAtATimeWithinTheBounds
 TEST_P(BenchOf, BeforeArmingExchangedDrivesAreRefusedByNameAndNothingElseMoves) {
   ToldOperator somebody;
   somebody.turned = {"leg2", "leg1"};
-  const Checked checked = CheckDrives(world_, drives_, {true, true, {}}, somebody);
+  const Checked checked = CheckDrives(world_, drives_, {true, true, false, {}}, somebody);
   EXPECT_THAT(checked.refusal, HasSubstr("(leg1) turns leg2, and the drives file says leg1"));
   EXPECT_EQ(checked.farthest_rad[1], 0);
   EXPECT_EQ(world_.simulated[0]->watchdog_expiries(), 0) << "no further check";
@@ -334,7 +334,7 @@ TEST_P(BenchOf, BeforeArmingExchangedDrivesAreRefusedByNameAndNothingElseMoves) 
 TEST_P(BenchOf, BeforeArmingAWrongDirectionIsRefusedByNameAndNothingElseMoves) {
   ToldOperator somebody;
   somebody.grew = false;
-  const Checked checked = CheckDrives(world_, drives_, {true, true, {}}, somebody);
+  const Checked checked = CheckDrives(world_, drives_, {true, true, false, {}}, somebody);
   EXPECT_THAT(checked.refusal, HasSubstr("(leg1) turns leg1 against its axis"));
   EXPECT_EQ(checked.farthest_rad[1], 0);
   EXPECT_EQ(world_.simulated[0]->watchdog_expiries(), 0);
@@ -342,16 +342,16 @@ TEST_P(BenchOf, BeforeArmingAWrongDirectionIsRefusedByNameAndNothingElseMoves) {
 
 TEST_P(BenchOf, BeforeArmingOnlyTheRightEncoderMayMove) {
   ToldOperator somebody;
-  const Checked stuck = CheckDrives(world_, drives_, {true, false, {}}, somebody,
+  const Checked stuck = CheckDrives(world_, drives_, {true, false, false, {}}, somebody,
                                     [this] { world_.rotor(0).position_rad = 0; });
   EXPECT_THAT(stuck.refusal, HasSubstr("(leg1) moved by "));
-  const Checked coupled = CheckDrives(world_, drives_, {true, false, {}}, somebody, [this] {
+  const Checked coupled = CheckDrives(world_, drives_, {true, false, false, {}}, somebody, [this] {
     world_.rotor(1).position_rad = world_.rotor(0).position_rad;
   });
   EXPECT_THAT(coupled.refusal, HasSubstr("(leg2) moved by "));
   EXPECT_THAT(coupled.refusal, HasSubstr("too, when "));
   somebody.clear = false;
-  const Checked unclear = CheckDrives(world_, drives_, {true, false, {}}, somebody);
+  const Checked unclear = CheckDrives(world_, drives_, {true, false, false, {}}, somebody);
   EXPECT_THAT(unclear.refusal, HasSubstr("was not to move"));
   EXPECT_EQ(somebody.asked, 0U);
 }
@@ -359,10 +359,16 @@ TEST_P(BenchOf, BeforeArmingOnlyTheRightEncoderMayMove) {
 TEST_P(BenchOf, BeforeArmingADriveThatIsSilentOrReportsAnErrorIsRefused) {
   ToldOperator somebody;
   world_.simulated[1]->set_silent(true);
-  EXPECT_THAT(CheckDrives(world_, drives_, {true, true, {}}, somebody).refusal,
+  EXPECT_THAT(CheckDrives(world_, drives_, {true, true, false, {}}, somebody).refusal,
               HasSubstr("(leg2) does not reply"));
   world_.simulated[1]->set_silent(false);
+  const std::uint32_t code = GetParam().protocol == "cia402" ? 0x8611 : 4;
+  world_.simulated[1]->RaiseError(code);
+  EXPECT_THAT(CheckDrives(world_, drives_, {true, true, false, {}}, somebody).refusal,
+              HasSubstr("(leg2) reports 0x"));
   EXPECT_EQ(somebody.asked, 0U);
+  if (GetParam().protocol == "mit") return;  // These drives cannot be cleared.
+  EXPECT_EQ(CheckDrives(world_, drives_, {true, true, true, {}}, somebody).refusal, "");
 }
 
 TEST_P(BenchOf, BeforeArmingADriveWithoutWatchdogIsRefusedWithTheReason) {
@@ -376,7 +382,7 @@ TEST_P(BenchOf, BeforeArmingADriveWithoutWatchdogIsRefusedWithTheReason) {
     really = Replaced(really, "watchdog_s = 0.025", "watchdog_s = 0.0");
   RigWorld world(ParseDrives(really, "really"));
   ToldOperator somebody;
-  const Checked checked = CheckDrives(world, believed, {false, true, {}}, somebody);
+  const Checked checked = CheckDrives(world, believed, {false, true, false, {}}, somebody);
   EXPECT_THAT(checked.refusal, HasSubstr(GetParam().protocol == "cia402" ? "(leg1)" : "(leg2)"));
   EXPECT_THAT(checked.refusal, HasSubstr("still drives"));
   EXPECT_EQ(somebody.asked, 0U);

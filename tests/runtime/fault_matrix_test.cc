@@ -513,6 +513,137 @@ std::string CaseName(const ::testing::TestParamInfo<Case>& info) {
 
 INSTANTIATE_TEST_SUITE_P(All, FaultMatrix, ::testing::ValuesIn(AllCases()), CaseName);
 
+/// Every fault that can be found on the way to a safe node, after an earlier one that was answered
+/// by a hold.
+class WayHome : public ::testing::TestWithParam<Case> {};
+
+TEST_P(WayHome, IsRefusedWhileAFaultIsAnsweredMoreStronglyAndEndsInTheAnswerToTheNextOne) {
+  World world(GetParam());
+  FaultBench& bench = world.bench;
+  ASSERT_TRUE(world.Reach());
+  bench.Miss(12);
+  world.Tick();
+  ASSERT_EQ(bench.output.record.first_fault.fault, Fault::kLateTick);
+  ASSERT_EQ(bench.output.record.reaction, Reaction::kHold);
+  for (int i = 0; i < 30; ++i) world.Tick();
+  bench.Tick(OperatorCommand::kGoHome);
+  ASSERT_EQ(bench.output.record.refusal.refusal, Refusal::kNone);
+  ASSERT_EQ(bench.output.record.state, ExecutorState::kSettling);
+  const std::uint32_t late = 1U << static_cast<unsigned>(Fault::kLateTick);
+  EXPECT_EQ(bench.output.record.faults, late) << "it stays latched";
+
+  const Fault fault = GetParam().fault;
+  const std::uint32_t both = late | 1U << static_cast<unsigned>(fault);
+  const int patience = world.Provoke();
+  for (int i = 0; i < patience && (bench.output.record.faults & both) != both; ++i) world.Tick();
+  EXPECT_EQ(bench.output.record.faults & both, both);
+  EXPECT_EQ(bench.output.record.first_fault.fault, Fault::kLateTick) << "the cause is the first";
+  const Reaction reaction = FaultTable()(fault, ExecutorState::kSettling);
+  EXPECT_GE(bench.output.record.reaction, reaction);
+  for (int i = 0; i < 30; ++i) world.Tick();
+  EXPECT_EQ(bench.executor.state(), ExecutorState::kFault);
+  EXPECT_GE(bench.output.record.reaction, reaction);
+  if (bench.output.record.reaction != Reaction::kHold) {
+    bench.Tick(OperatorCommand::kGoHome);
+    EXPECT_EQ(bench.output.record.refusal.refusal, Refusal::kWrongState);
+    EXPECT_EQ(bench.executor.state(), ExecutorState::kFault);
+  }
+  bench.Tick(OperatorCommand::kDisarm);
+  bench.Tick(OperatorCommand::kArm);
+  EXPECT_EQ(bench.output.record.refusal.refusal, Refusal::kFaultLatched);
+  EXPECT_THAT(bench.judge.report().violations, IsEmpty());
+}
+
+std::vector<Case> CasesOnTheWayHome() {
+  std::vector<Case> cases;
+  for (const Case& c : AllCases()) {
+    const bool apart = c.fault != Fault::kLateTick && c.fault != Fault::kOperatorStop &&
+                       c.fault != Fault::kEntryMissed;
+    if (apart && c.state == ExecutorState::kSettling && !c.reaction) cases.push_back(c);
+  }
+  return cases;
+}
+
+INSTANTIATE_TEST_SUITE_P(All, WayHome, ::testing::ValuesIn(CasesOnTheWayHome()), CaseName);
+
+/// What a bus with real adapters and other nodes does to a healthy robot, in every state.
+class Nuisance : public ::testing::TestWithParam<std::tuple<TestedProtocol, ExecutorState>> {};
+
+TEST_P(Nuisance, LateAndLostRepliesAndFramesOfOtherNodesAreNoFault) {
+  const auto& [protocol, state] = GetParam();
+  BusFault late;
+  late.kind = BusFaultKind::kDelay;
+  late.node = 0;
+  late.probability = 0.2;
+  late.delay_ns = 1'000'000;
+  BusFault lost;
+  lost.kind = BusFaultKind::kLoss;
+  lost.node = 0;
+  lost.probability = 0.01;
+  for (const BusFault& nuisance : {late, lost}) {
+    const Case healthy{protocol, Fault::kNone, state, std::nullopt};
+    World world(healthy);
+    FaultBench& bench = world.bench;
+    ASSERT_TRUE(bench.Reach(state == ExecutorState::kArming ? ExecutorState::kDisarmed : state));
+    bench.Disturb(nuisance);
+    if (state == ExecutorState::kArming) bench.Tick(OperatorCommand::kArm);
+    for (int i = 0; i < 400; ++i) {
+      CanFrame strange;
+      strange.id = 0x7f1;
+      strange.size = 8;
+      static_cast<void>(bench.stranger.SendAfter(700'000, strange));
+      bench.Tick();
+      ASSERT_EQ(bench.output.record.faults, 0U)
+          << ToString(bench.output.record.first_fault.fault) << " after " << i << " ticks";
+    }
+    if (state == ExecutorState::kArming) {
+      EXPECT_EQ(bench.executor.state(), ExecutorState::kHolding);
+    }
+    EXPECT_EQ(bench.missing_writes, 0);
+  }
+}
+
+std::string NuisanceName(
+    const ::testing::TestParamInfo<std::tuple<TestedProtocol, ExecutorState>>& info) {
+  std::string name = std::get<0>(info.param).name + "_" + ToString(std::get<1>(info.param));
+  std::replace(name.begin(), name.end(), ' ', '_');
+  return name;
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    All, Nuisance,
+    ::testing::Combine(::testing::ValuesIn(EveryProtocol()),
+                       ::testing::Values(ExecutorState::kDisarmed, ExecutorState::kArming,
+                                         ExecutorState::kHolding, ExecutorState::kMovingToStart,
+                                         ExecutorState::kRunning, ExecutorState::kSettling,
+                                         ExecutorState::kStopping)),
+    NuisanceName);
+
+/// After a crash or an emergency stop a drive has latched an error before anybody arms.
+TEST(Latched, ADriveThatReportsAnErrorIsArmedOnlyAfterTheOperatorHasClearedIt) {
+  for (const TestedProtocol& protocol : EveryProtocol()) {
+    const Case healthy{protocol, Fault::kNone, ExecutorState::kDisarmed, std::nullopt};
+    World world(healthy);
+    FaultBench& bench = world.bench;
+    ASSERT_TRUE(bench.Reach(ExecutorState::kDisarmed));
+    bench.drives[1]->RaiseError(protocol.side->nature().error);
+    for (int i = 0; i < 40; ++i) bench.Tick();
+    bench.Tick(OperatorCommand::kArm);
+    EXPECT_EQ(bench.output.record.refusal.refusal, Refusal::kDriveError) << protocol.name;
+    EXPECT_EQ(bench.output.record.refusal.joint, 1);
+    EXPECT_NE(bench.output.record.refusal.value.code(), 0U);
+    EXPECT_EQ(bench.executor.state(), ExecutorState::kDisarmed);
+    if (!protocol.side->nature().clears_errors) continue;
+    bench.Tick(OperatorCommand::kClearFaults);
+    for (int i = 0; i < 40; ++i) bench.Tick();
+    bench.Tick(OperatorCommand::kArm);
+    EXPECT_EQ(bench.output.record.refusal.refusal, Refusal::kNone) << protocol.name;
+    for (int i = 0; i < 400; ++i) bench.Tick();
+    EXPECT_EQ(bench.executor.state(), ExecutorState::kHolding) << protocol.name;
+    EXPECT_THAT(bench.judge.report().violations, IsEmpty());
+  }
+}
+
 /// The frames of a good run. Tests spoil one, and the judge of the matrix must notice.
 class Judge : public ::testing::TestWithParam<TestedProtocol> {
  protected:

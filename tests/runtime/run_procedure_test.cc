@@ -145,6 +145,50 @@ TEST_F(RunSequenceTest, ARequestAsTheHoldBeginsIsTakenForTheMotionAndTheNextOneT
   }
 }
 
+TEST_F(RunSequenceTest, AFaultOnTheWayHomeIsNotAnsweredByASecondWay) {
+  RunProcedureConfig config = Short();
+  config.go_home = true;
+  config.end_hold_ticks = 100;
+  procedure = RunProcedure(config);
+  TickRecord record;
+  record.joint_count = 1;
+  record.joints[0].reply_age_ticks = 0;
+  record.joints[0].drive_state = DriveState::kEnabled;
+  int ways = 0;
+  // What the executor would say: it arms, moves, runs into a fault, goes home and into the next.
+  for (int i = 0; i < 1000 && !procedure.done(); ++i) {
+    const OperatorCommand command = procedure.Next(record);
+    record.command = command;
+    switch (command) {
+      case OperatorCommand::kArm:
+      case OperatorCommand::kMoveToStart:
+        record.state = ExecutorState::kHolding;
+        break;
+      case OperatorCommand::kRun:
+        record.state = ExecutorState::kRunning;
+        break;
+      case OperatorCommand::kGoHome:
+        ++ways;
+        record.state = ExecutorState::kSettling;
+        record.reaction = Reaction::kIgnore;
+        break;
+      case OperatorCommand::kDisarm:
+        record.state = ExecutorState::kDisarmed;
+        break;
+      default:
+        if (record.state != ExecutorState::kRunning && record.state != ExecutorState::kSettling)
+          break;
+        record.state = ExecutorState::kFault;
+        record.reaction = Reaction::kHold;
+        record.faults = 1U << static_cast<unsigned>(Fault::kStaleReply);
+        record.first_fault.fault = Fault::kStaleReply;
+    }
+  }
+  EXPECT_EQ(ways, 1);
+  EXPECT_TRUE(procedure.done());
+  EXPECT_EQ(procedure.outcome(), RunOutcome::kFault);
+}
+
 TEST_F(RunSequenceTest, HoldsForAWhileWhereNobodyCanAsk) {
   RunProcedureConfig config = Short();
   config.end_hold_ticks = 700;
