@@ -244,6 +244,24 @@ TEST(Executor, RefusesToArmWithItsReason) {
     rig.Tick();
     EXPECT_EQ(rig.Tick(OperatorCommand::kArm).refusal.refusal, Refusal::kNone)
         << "it was left there";
+    rig.Tick(OperatorCommand::kDisarm);
+    rig.drives[1]->reply.position_rad += 2;
+    rig.Tick();
+    EXPECT_EQ(rig.Tick(OperatorCommand::kArm).refusal.refusal, Refusal::kFarFromStart)
+        << "somebody has turned it since";
+  }
+  {
+    ExecutorConfig known;
+    known.moved_max_rad = 0.01F;
+    known.last_known[1] = {true, wide.joints[1].position.control_points()[0], 6.2831853F};
+    ExecutorRig rig(known, wide);
+    ASSERT_TRUE(rig.Reach(ExecutorState::kRunning));
+    rig.Tick(OperatorCommand::kDisarm);
+    ASSERT_GT(std::abs(rig.drives[1]->reply.position_rad - known.last_known[1].position_rad),
+              0.01F);
+    rig.Tick();
+    EXPECT_EQ(rig.Tick(OperatorCommand::kArm).refusal.refusal, Refusal::kNone)
+        << "this executor has moved it itself";
   }
   for (const auto& [off, expected] : {std::pair{0.4F, Refusal::kNone},
                                       {-0.4F, Refusal::kNone},
@@ -286,6 +304,61 @@ TEST(Executor, RefusesToArmWithItsReason) {
   });
   EXPECT_EQ(hot.refusal, Refusal::kTooHot);
   EXPECT_EQ(hot.limit.real(), 80);
+}
+
+TEST(Executor, LoweringTakesStiffnessAndFeedForwardAwayInTheSameTwoSeconds) {
+  ExecutorRig rig({}, Motion(12));
+  ASSERT_TRUE(rig.Reach(ExecutorState::kSettling));
+  ASSERT_TRUE(rig.TickUntil(ExecutorState::kHolding));
+  const DriveSetpoint held = rig.drives[1]->setpoint;
+  ASSERT_GT(std::abs(held.torque_nm), 1e-3F) << "the end of the motion needs some";
+  rig.follow = false;
+  EXPECT_EQ(rig.Tick(OperatorCommand::kLower).refusal.refusal, Refusal::kNone);
+  for (int tick = 2; tick <= 2100; ++tick) {
+    rig.Tick();
+    const float left = std::max(0.0F, 1 - static_cast<float>(tick) / 2000);
+    ASSERT_NEAR(rig.drives[1]->setpoint.kp_nm_per_rad, held.kp_nm_per_rad * left, 1e-2F) << tick;
+    ASSERT_NEAR(rig.drives[1]->setpoint.torque_nm, held.torque_nm * left, 1e-4F) << tick;
+  }
+}
+
+TEST(Executor, GoesHomeOnlyFromTheEndOfANodeWithDrivesThatHold) {
+  const Primitive<float> primitive = Motion(12);
+  {
+    ExecutorRig rig({}, primitive);
+    for (auto& drive : rig.drives) drive->reply.position_rad += 0.1F;
+    ASSERT_TRUE(rig.Reach(ExecutorState::kMovingToStart));
+    rig.input.tick += 100;
+    ASSERT_EQ(rig.Tick().reaction, Reaction::kHold);
+    EXPECT_EQ(rig.Tick(OperatorCommand::kGoHome).refusal.refusal, Refusal::kWrongState)
+        << "its feed-forward is not that of this pose";
+  }
+  {
+    ExecutorConfig ignoring;
+    ASSERT_TRUE(
+        ignoring.reactions.Set(Fault::kDriveError, ExecutorState::kFault, Reaction::kIgnore));
+    ExecutorRig rig(ignoring, primitive);
+    ASSERT_TRUE(rig.Reach(ExecutorState::kSettling));
+    rig.input.tick += 100;
+    ASSERT_EQ(rig.Tick().reaction, Reaction::kHold);
+    rig.drives[1]->stuck = true;
+    for (int i = 0; i < 3; ++i) rig.Tick();
+    const RefusalDetail refusal = rig.Tick(OperatorCommand::kGoHome).refusal;
+    EXPECT_EQ(refusal.refusal, Refusal::kDriveError);
+    EXPECT_EQ(refusal.joint, 1);
+  }
+  {
+    ExecutorRig rig({}, primitive);
+    ASSERT_TRUE(rig.Reach(ExecutorState::kSettling));
+    rig.replies[1] = 3;
+    for (int i = 0; i < 100 && rig.output.record.faults == 0; ++i) rig.Tick();
+    ASSERT_EQ(rig.output.record.first_fault.fault, Fault::kWrongSequence);
+    ASSERT_EQ(rig.output.record.reaction, Reaction::kHold);
+    rig.replies[1] = 1;
+    EXPECT_EQ(rig.Tick(OperatorCommand::kGoHome).refusal.refusal, Refusal::kNone);
+    rig.Tick();
+    EXPECT_NE(rig.executor.state(), ExecutorState::kFault) << "what was answered is not found anew";
+  }
 }
 
 TEST(Executor, RefusesToRunAwayFromTheStart) {

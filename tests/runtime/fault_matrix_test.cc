@@ -619,6 +619,26 @@ INSTANTIATE_TEST_SUITE_P(
                                          ExecutorState::kStopping)),
     NuisanceName);
 
+/// A CANSimple drive says its errors and its positions in messages of their own.
+TEST(Latched, ADriveThatReportsAnErrorAndNoPositionIsNotCalledSilent) {
+  for (const TestedProtocol& protocol : EveryProtocol()) {
+    if (protocol.name != std::string("cansimple")) continue;
+    World world(Case{protocol, Fault::kNone, ExecutorState::kDisarmed, std::nullopt});
+    FaultBench& bench = world.bench;
+    BusFault lost;
+    lost.kind = BusFaultKind::kLoss;
+    lost.node = 0;
+    lost.ids = {protocol.side->PositionId(bench.DriveOf(1))};
+    bench.Disturb(lost);
+    bench.drives[1]->RaiseError(protocol.side->nature().error);
+    for (int i = 0; i < 40; ++i) bench.Tick();
+    bench.Tick(OperatorCommand::kArm);
+    EXPECT_EQ(bench.output.record.refusal.refusal, Refusal::kDriveError);
+    EXPECT_EQ(bench.output.record.refusal.joint, 1);
+    EXPECT_NE(bench.output.record.refusal.value.code(), 0U);
+  }
+}
+
 /// After a crash or an emergency stop a drive has latched an error before anybody arms.
 TEST(Latched, ADriveThatReportsAnErrorIsArmedOnlyAfterTheOperatorHasClearedIt) {
   for (const TestedProtocol& protocol : EveryProtocol()) {

@@ -7,6 +7,7 @@
 #include <variant>
 
 #include "common/program.h"
+#include "firmware_interface/drives/error_texts.h"
 #include "offline/rehearsal/sim/purpose_judge.h"
 #include "offline/rehearsal/twin/twin_toml.h"
 #include "runtime/assembly/assembly.h"
@@ -193,7 +194,7 @@ TrialOutcome Trials::PlayVaried(const RobotVariation& variation, const Observer&
   outcome.variation = variation;
   if (robot.posture().falls() == 0 && procedure.outcome() != RunOutcome::kCompleted) {
     outcome.verdict = TrialOutcome::Verdict::kFault;
-    outcome.reason = Describe(loop.record().first_fault, robot.joints());
+    outcome.reason = Describe(loop.record().first_fault, robot.joints(), ErrorCodesOf(drives_));
   }
   return outcome;
 }

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <bit>
 #include <functional>
 #include <memory>
 #include <random>
@@ -65,6 +66,38 @@ TEST(Replay, OfAnUnchangedRecordIsIdentical) {
 
 TEST(Replay, RewritingARecordChangesNothing) {
   EXPECT_EQ(Rewritten(Recorded(), [](auto, auto, auto&) {}), Recorded());
+}
+
+TEST(Replay, TheFloatsOfFaultsInEarlierRecordsAreReadAsTheIntegersThatTheyStandFor) {
+  const auto put = [](RecordBytes& content, std::size_t at, float value) {
+    const auto bits = std::bit_cast<std::uint32_t>(value);
+    for (std::size_t i = 0; i < 4; ++i)
+      content[kRecord + at + i] = static_cast<std::uint8_t>(bits >> (8 * i));
+  };
+  std::string bytes = Rewritten(Recorded(), [&](BlockKind, std::uint32_t n, auto& content) {
+    if (n != kTickBlock) return;
+    put(content, 33, 12);
+    put(content, 37, 10);
+    content[kRecord + 41] = static_cast<std::uint8_t>(Fault::kStaleReply);
+    put(content, 45, 0.25F);
+    put(content, 49, 0.125F);
+    content[kRecord + 53] = static_cast<std::uint8_t>(Refusal::kFarFromStart);
+  });
+  for (const char version : {'\2', '\3'}) {
+    bytes[8] = version;
+    const std::uint32_t crc = Crc32(AsBytes(bytes).first(12));
+    for (std::size_t i = 0; i < 4; ++i) bytes[12 + i] = static_cast<char>(crc >> (8 * i));
+    FlightRecord record(AsBytes(bytes), "run.rec");
+    const auto entry = std::make_unique<TickEntry>();
+    while (record.Next(*entry) && entry->index < 60) {
+    }
+    ASSERT_EQ(entry->index, 60);
+    const FaultDetail& fault = entry->record.first_fault;
+    EXPECT_EQ(fault.value, version == 2 ? DetailNumber::Integer(12) : DetailNumber::Real(12));
+    EXPECT_EQ(fault.limit, version == 2 ? DetailNumber::Integer(10) : DetailNumber::Real(10));
+    EXPECT_EQ(entry->record.refusal.value.real(), 0.25F);
+    EXPECT_EQ(entry->record.refusal.limit.real(), 0.125F);
+  }
 }
 
 TEST(Replay, FindsEveryFlippedBitOfTheOutputsAndNamesTick) {
