@@ -157,6 +157,26 @@ TEST_F(CanSimpleDriveTest, AsksForClosedLoopOnceAfterTellingWhereToStay) {
   }
 }
 
+TEST_F(CanSimpleDriveTest, PreparesNothingWhileTheDriveStillSaysThatItIsOn) {
+  Estimate(0.25F);
+  Heartbeat(kCanSimpleClosedLoop);
+  for (int i = 0; i < 50; ++i)
+    ASSERT_TRUE(IsOnly(Tick(DriveRequest::kEnable), CanSimpleCommand::kSetAxisState));
+  Heartbeat(kCanSimpleIdle);
+  EXPECT_EQ(Tick(DriveRequest::kEnable).size(), 2U);
+}
+
+TEST_F(CanSimpleDriveTest, LeavesADriveAloneThatIsInAnotherStateThanIdleAfterTheRequest) {
+  constexpr std::uint8_t kCalibrating = 3;
+  Estimate(0.25F);
+  Heartbeat(kCanSimpleIdle);
+  for (int i = 0; i < 4; ++i) Tick(DriveRequest::kEnable);
+  for (int i = 0; i < 600; ++i) {
+    if (i % 10 == 0) Heartbeat(kCalibrating);
+    ASSERT_TRUE(IsOnly(Tick(DriveRequest::kEnable), CanSimpleCommand::kSetInputPos)) << i;
+  }
+}
+
 TEST_F(CanSimpleDriveTest, RepeatsARequestThatGotLost) {
   Estimate(0);
   int requests = 0;

@@ -242,6 +242,38 @@ TEST_P(BenchOf, TheWatchdogsProofFindsWhenADriveLetsGo) {
   EXPECT_FALSE(world_.AnyEnabled());
 }
 
+TEST_P(BenchOf, NoOrderLeadsBeyondTheAmplitudeOnEitherSide) {
+  for (const double far_rad : {-1.0, 1.0}) {
+    BenchSession session(world_, drives_, {});
+    ASSERT_THAT(session.AwaitReplies(), IsEmpty());
+    session.Enable(0);
+    const double origin_rad = session.position_rad(0);
+    world_.sent.clear();
+    for (int i = 0; i < 1000; ++i) session.Follow(origin_rad + far_rad, 0);
+    for (const double asked : Asked(0)) {
+      const float zero = JointOf(drives_.drives[0].config).zero_offset_rad;
+      EXPECT_LE(std::abs(asked + double{zero} - origin_rad), 0.1 + 1e-3);
+    }
+    EXPECT_FALSE(Asked(0).empty());
+    session.TorqueOff();
+    world_.rotor(0).position_rad = 0;
+  }
+}
+
+TEST_P(BenchOf, ASilenceEndsWhenTheJointOfADriveWithAClockOfItsOwnLeavesTheAmplitude) {
+  if (GetParam().protocol != "cansimple") return;  // The others say no position meanwhile.
+  BenchSession session(world_, drives_, {});
+  ASSERT_THAT(session.AwaitReplies(), IsEmpty());
+  session.Enable(0);
+  for (int i = 0; i < 20; ++i) session.Follow(session.position_rad(0), 0);
+  world_.each_tick = [this] { world_.rotor(0).position_rad = 0.12; };
+  const std::int64_t begin_ns = session.now_ns();
+  EXPECT_EQ(session.StaySilentUntil(begin_ns + 1'000'000'000), -1) << "the watchdog is slower";
+  EXPECT_LT(session.now_ns() - begin_ns, 20'000'000);
+  world_.each_tick = {};
+  session.TorqueOff();
+}
+
 /// Somebody who sees what a test says, and has the way clear.
 class ToldOperator final : public BenchOperator {
  public:

@@ -306,6 +306,16 @@ TEST(Executor, RefusesToArmWithItsReason) {
   EXPECT_EQ(hot.limit.real(), 80);
 }
 
+TEST(Executor, ATorqueThatNoDriveReportedIsNotANumberInTheRecordAndNoFault) {
+  ExecutorRig rig({}, Motion(12));
+  rig.drives[0]->reply.has_torque = true;
+  rig.drives[0]->reply.torque_nm = 0.5F;
+  ASSERT_TRUE(rig.Reach(ExecutorState::kRunning));
+  EXPECT_EQ(rig.output.record.joints[0].measured.torque_nm, 0.5F);
+  EXPECT_TRUE(std::isnan(rig.output.record.joints[1].measured.torque_nm));
+  EXPECT_EQ(rig.output.record.faults, 0U);
+}
+
 TEST(Executor, LoweringTakesStiffnessAndFeedForwardAwayInTheSameTwoSeconds) {
   ExecutorRig rig({}, Motion(12));
   ASSERT_TRUE(rig.Reach(ExecutorState::kSettling));

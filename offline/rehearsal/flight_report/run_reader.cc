@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "common/sequence_toml.h"
+#include "firmware_interface/drives/error_texts.h"
 #include "firmware_interface/drives/logged_position.h"
 #include "offline/rehearsal/flight_report/robot_paths.h"
 #include "offline/rehearsal/flight_report/run_data.h"
