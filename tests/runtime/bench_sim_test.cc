@@ -140,8 +140,8 @@ TEST_P(BenchSim, ACommissioningFindsWhatIsWrongAndTheHandstandRunsWithTheFileTha
   const RunSummary after = PlayOnActual(Path("written.toml"), Path("actual.toml"));
   EXPECT_EQ(after.outcome, RunOutcome::kCompleted);
   EXPECT_TRUE(after.falls.empty());
-  const Outcome run = testing::RunProgram(
-      {"tumbler-run", "sim", kHandstand, "--drives", Path("written.toml"), "--without-watchdog"});
+  const Outcome run =
+      testing::RunProgram({"tumbler-run", "sim", kHandstand, "--drives", Path("written.toml")});
   EXPECT_EQ(run.exit_code, 0) << run.text;
 }
 
