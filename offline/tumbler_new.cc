@@ -1,0 +1,75 @@
+// tumbler-new: makes the files of a new robot.
+
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <stdexcept>
+#include <string>
+#include <system_error>
+
+#include "common/command_line.h"
+#include "common/program.h"
+#include "common/result_file.h"
+#include "offline/new_robot/new_robot.h"
+
+namespace tumbler {
+namespace {
+
+constexpr const char* kFooter =
+    R"(The folder NAME gets a robot (URDF), two tasks, a sequence, drives and a twin, each with comments, and a page with the
+commands that find the motions and play them in simulation. Change them into those of your robot: docs/own-robot.md.
+
+Exit codes:
+  0  written
+  1  wrong usage, or a folder that is there already or cannot be written: nothing was changed)";
+
+namespace fs = std::filesystem;
+
+void Write(const std::string& name, int joints) {
+  std::error_code error;
+  if (fs::exists(fs::symlink_status(name, error))) {
+    throw std::runtime_error(
+        fmt::format("{}: is there already; nothing in it is replaced: take another name", name));
+  }
+  CheckFolderWritable(name);
+  try {
+    for (const NewFile& file : NewRobot(name, joints))
+      PendingFile((fs::path(name) / file.path).string(), file.text).Commit();
+  } catch (...) {
+    fs::remove_all(name, error);
+    throw;
+  }
+}
+
+ExitStatus Main(int argc, char** argv) {
+  std::string name;
+  int joints = 2;
+  CommandLine line(
+      "Makes the files of a new robot, from which motions are found and played at once.",
+      "tumbler-new");
+  line.SetFooter(kFooter);
+  line.Option("NAME", name, "of the robot, and of the folder that is made").Required();
+  line.Option("--joints", joints, "how many motors its arm has").Within(1, 8).ShowDefault();
+  line.Parse(argc, argv);
+  if (!IsRobotName(name)) {
+    throw UsageError("NAME", fmt::format("is '{}'; allowed: small letters, digits and dashes, a "
+                                         "letter first, at most 32",
+                                         name));
+  }
+  Write(name, joints);
+  fmt::print(
+      "{0}: a robot of {1} motor{2}. Go on with\n"
+      "    cd {0}\n"
+      "    tumbler-optimize tasks/rise.toml --out motions/rise.toml --report report\n"
+      "    tumbler-optimize tasks/lie.toml --start-from motions/rise.toml --out motions/lie.toml\n"
+      "    tumbler-run sim {0}.toml --cycles 2 --twin twin.toml\n",
+      name, joints, joints == 1 ? "" : "s");
+  return ExitStatus::kDone;
+}
+
+}  // namespace
+}  // namespace tumbler
+
+int main(int argc, char** argv) {
+  return tumbler::RunProgram("tumbler-new", argc, argv, tumbler::Main);
+}
