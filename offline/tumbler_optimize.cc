@@ -65,6 +65,7 @@ struct Arguments {
   int threads = 1;
   int minima = 0;  ///< Number of starts that are solved to their end for the table; 0: no table.
   bool keep_best = false;
+  bool quiet = false;
 };
 
 /// Evaluations with which a solve converges. The shipped tasks need 100 (roll) to 1200 (handstand).
@@ -94,7 +95,13 @@ Task Load(const Arguments& arguments, const std::string& path) {
 }
 
 WorkSettings SettingsOf(const Arguments& arguments) {
-  return {arguments.threads, arguments.minima > 0, arguments.keep_best, &interrupt_requested};
+  WorkSettings settings;
+  settings.threads = arguments.threads;
+  settings.minima = arguments.minima > 0;
+  settings.keep_best = arguments.keep_best;
+  settings.quiet = arguments.quiet;
+  settings.interrupt = &interrupt_requested;
+  return settings;
 }
 
 void Flush(std::FILE* stream) {
@@ -331,6 +338,7 @@ ExitStatus Main(int argc, char** argv) {
       .Within(1, 1000);
   line.Flag("--keep-best", arguments.keep_best,
             "When interrupted, still write the best motion so far");
+  line.Flag("--quiet", arguments.quiet, "No progress: only warnings and what was found");
   line.RejectEmptyValues();
   line.Parse(argc, argv);
   return Optimize(arguments);

@@ -16,6 +16,7 @@
 #include <tumbler/command_t.hpp>
 
 #include "common/command_line.h"
+#include "common/printable.h"
 #include "common/program.h"
 #include "runtime/core/tick.h"
 #include "runtime/linux/operator_mailbox.h"
@@ -234,7 +235,7 @@ ExitStatus Request(Remote& remote, std::int8_t command, const std::string& branc
 ExitStatus Status(Remote& remote, bool json) {
   remote.WaitForState();
   remote.Wait(1.5, [&] { return remote.view().run().has_value(); });
-  fmt::print("{}", json ? remote.view().ToJson() : remote.view().Screen());
+  fmt::print("{}", json ? remote.view().ToJson() : Printable(remote.view().Screen()));
   return remote.view().state()->faults == 0 ? ExitStatus::kDone : ExitStatus::kFault;
 }
 
@@ -255,9 +256,9 @@ ExitStatus Watch(Remote& remote) {
     const std::string silence =
         silent_s > 1 ? fmt::format("NOTHING RECEIVED for {:.0f} s", silent_s) : "";
     if (terminal) {
-      Screen::Draw(view.Screen() + (silence.empty() ? "" : "\n" + silence + "\n"));
+      Screen::Draw(Printable(view.Screen()) + (silence.empty() ? "" : "\n" + silence + "\n"));
     } else {
-      fmt::print("{}\n", silence.empty() ? view.Line() : silence);
+      fmt::print("{}\n", silence.empty() ? Printable(view.Line()) : silence);
       std::fflush(stdout);
     }
   }

@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "common/command_line.h"
+#include "common/printable.h"
 #include "common/program.h"
 #include "common/result_file.h"
 #include "runtime/core/faults.h"
@@ -114,8 +115,8 @@ Contents Read(const std::string& path, std::FILE* table, bool events) {
       if (happened && events) {
         fmt::print("{:10.3f} s  tick {:8}  {} -> {}{}{}\n",
                    static_cast<double>(happened->time_ns) * 1e-9, happened->tick,
-                   happened->from_state, happened->to_state, happened->text.empty() ? "" : ": ",
-                   happened->text);
+                   Printable(happened->from_state), Printable(happened->to_state),
+                   happened->text.empty() ? "" : ": ", Printable(happened->text));
       }
     } else {
       ++contents.foreign;
@@ -161,7 +162,7 @@ ExitStatus Convert(const std::string& path, const std::string& csv) {
         fmt::format("{}: cannot be written: {}", csv, std::generic_category().message(errno)));
   }
   std::FILE* text = csv == "-" ? stderr : stdout;
-  if (csv.empty()) fmt::print(text, "\nat the end:\n{}\n", contents.view.Screen());
+  if (csv.empty()) fmt::print(text, "\nat the end:\n{}\n", Printable(contents.view.Screen()));
   const std::int64_t unrecorded = contents.view.run() ? contents.view.run()->lost_records : 0;
   fmt::print(
       text, "{} ticks; {} missing ({} of them never recorded); {} messages damaged, {} of others\n",

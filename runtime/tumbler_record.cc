@@ -6,6 +6,7 @@
 #include <string>
 
 #include "common/command_line.h"
+#include "common/printable.h"
 #include "common/program.h"
 #include "common/result_file.h"
 #include "runtime/record/flight_record.h"
@@ -35,7 +36,7 @@ ExitStatus Run(const Options& options) {
   const MappedFile file(options.record);
   FlightRecord record(file.bytes(), options.record);
   const bool exports = !(options.candump + options.csv + options.lcm).empty();
-  if (!exports) fmt::print("{}", Summary(record));
+  if (!exports) fmt::print("{}", Printable(Summary(record)));
   if (!options.candump.empty()) {
     fmt::print("{}: {} frames\n", options.candump, ExportCandump(record, options.candump));
   }
@@ -47,7 +48,7 @@ ExitStatus Run(const Options& options) {
   }
   if (exports) {
     for (const std::string& remark : record.Remarks()) {
-      fmt::print(stderr, "{}: {}\n", options.record, remark);
+      fmt::print(stderr, "{}\n", Printable(fmt::format("{}: {}", options.record, remark)));
     }
   }
   return record.damages().empty() ? ExitStatus::kDone : ExitStatus::kAmiss;

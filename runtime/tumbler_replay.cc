@@ -197,6 +197,10 @@ ExitStatus Run(const Options& options) {
                    options);
   }
   FlightRecord record(file.bytes(), options.record);
+  if (!options.against.empty() && !options.play.drives.empty()) {
+    throw UsageError("--drives",
+                     "has no use with --against: both records hold their own; leave it out");
+  }
   if (!options.against.empty()) return CompareRecords(record, options);
   if (!options.play.bus.empty()) return PlayOnBus(record, options);
   for (const std::string* option : {&options.play.primitive, &options.play.drives, &options.svg}) {

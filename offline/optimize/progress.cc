@@ -28,10 +28,11 @@ void Progress::operator()(const Evaluation& e) {
       solver.finalists * std::max(0, solver.max_evaluations - solver.screen_evaluations);
   const double total = e.global ? problem_.search.max_samples : screened + finals;
   const double done = e.global ? static_cast<double>(e.count) : static_cast<double>(local_);
-  const bool last = done >= total;
-  if (!last &&
-      now - shown_ < (terminal_ ? std::chrono::milliseconds(100) : std::chrono::milliseconds(1000)))
+  // In a pipe every line stays.
+  if (now - shown_ <
+      (terminal_ ? std::chrono::milliseconds(100) : std::chrono::milliseconds(10'000))) {
     return;
+  }
   shown_ = now;
   if (problem_.robust) {
     Show(e.global ? fmt::format("search  {} random motions  best is {:.3g} off", e.count, e.cost)
@@ -40,15 +41,15 @@ void Progress::operator()(const Evaluation& e) {
     return;
   }
   const double elapsed = std::chrono::duration<double>(now - stage_start_).count();
-  const double left = done > 0 ? elapsed / done * (total - done) : 0;
+  // The counts are those of a search that needs no other candidate; one that does goes on beyond.
+  const std::string left =
+      done < total ? fmt::format("  at most {:.1f} s left", elapsed / done * (total - done)) : "";
   const std::string text =
       e.global
-          ? fmt::format("search  {:6d}/{} evaluations  best rank {:.5g}  at most {:.1f} s left",
-                        e.count, problem_.search.max_samples, e.cost, left)
-          : fmt::format(
-                "solve   start {} of {}  evaluation {:4d}  cost {:.6g}  violation {:.1e}  at "
-                "most {:.1f} s left",
-                e.start + 1, problem_.search.refine, e.count, e.cost, e.violation, left);
+          ? fmt::format("search  {:6d}/{} evaluations  best rank {:.5g}{}", e.count,
+                        problem_.search.max_samples, e.cost, left)
+          : fmt::format("solve   start {} of {}  evaluation {:4d}  cost {:.6g}  violation {:.1e}{}",
+                        e.start + 1, problem_.search.refine, e.count, e.cost, e.violation, left);
   Show(text);
 }
 

@@ -9,7 +9,8 @@
 
 namespace tumbler {
 
-/// Progress on standard error: one line that rewrites itself on a terminal, plain lines in a pipe.
+/// Progress on standard error: one line that rewrites itself on a terminal, plain lines in a pipe,
+/// the first at once and then one every 10 s.
 class Progress {
  public:
   /// @param problem  must outlive this object.

@@ -131,7 +131,7 @@ TaskResult WorkOn(Task task, const WorkSettings& settings) {
   options.threads = settings.threads;
   options.interrupt = settings.interrupt;
   // A guess is solved before anybody would look at its progress.
-  if (!guessed)
+  if (!guessed && !settings.quiet)
     options.progress = [&progress](const Evaluation& evaluation) { progress(evaluation); };
   Looks looks(problem);
   const auto accept = [&](const Solution& solution) {

@@ -45,6 +45,7 @@ struct WorkSettings {
   int threads = 1;
   bool minima = false;     ///< Whether to distinguish the minima.
   bool keep_best = false;  ///< Whether an interrupted search makes a file, too.
+  bool quiet = false;      ///< Whether nothing is said while it works.
   std::atomic<bool>* interrupt = nullptr;
 };
 

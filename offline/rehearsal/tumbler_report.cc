@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "common/command_line.h"
+#include "common/printable.h"
 #include "common/program.h"
 #include "common/result_file.h"
 #include "offline/rehearsal/flight_report/flight_report.h"
@@ -60,11 +61,11 @@ ExitStatus Report(const Arguments& arguments) {
   }
   const std::string page = WriteFlightReport(runs, arguments.out, arguments.options);
   for (const RunData& run : runs) {
-    fmt::print("{}:\n", run.name);
-    for (const auto& [name, value] : run.facts) fmt::print("  {}: {}\n", name, value);
+    fmt::print("{}:\n", Printable(run.name));
+    for (const auto& [name, value] : run.facts) fmt::print("  {}: {}\n", name, Printable(value));
     for (const RunEvent& event : run.events) {
       if (event.kind != RunEvent::Kind::kFault) continue;
-      fmt::print("  fault at {:.3f} s: {}\n", event.time_s, event.text);
+      fmt::print("  fault at {:.3f} s: {}\n", event.time_s, Printable(event.text));
     }
   }
   for (std::size_t k = 1; k < runs.size(); ++k) {

@@ -107,6 +107,9 @@ void Check(Arguments& arguments) {
       throw UsageError("--branch",
                        fmt::format("{} has no branch '{}'", study.motion, arguments.branch));
     }
+  } else if (motion.graph.edge_count == 0 && study.run.cycles != 0) {
+    throw UsageError(
+        "--cycles", fmt::format("is for sequences that go round; {} ends by itself", study.motion));
   } else if (motion.graph.edge_count > 0 && study.run.cycles == 0) {
     throw UsageError("--cycles", fmt::format("{} goes on for ever; say how many", study.motion));
   }

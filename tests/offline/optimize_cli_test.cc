@@ -253,6 +253,20 @@ TEST(OptimizeCli, OutputThatCannotBeWrittenIsFoundBeforeTheWork) {
   EXPECT_TRUE(std::filesystem::is_character_file("/dev/full"));
 }
 
+TEST(OptimizeCli, SaysNothingWhileItWorksWhenItIsToBeQuiet) {
+  const TaskFolder folder(QuickTask());
+  Program told = Optimize(folder, {"--out", folder / "a.toml"});
+  EXPECT_EQ(told.Wait(), 0);
+  EXPECT_THAT(told.text(), HasSubstr("search "));
+  EXPECT_THAT(told.text(), Not(HasSubstr("at most -")));
+  Program quiet = Optimize(folder, {"--out", folder / "b.toml", "--quiet"});
+  EXPECT_EQ(quiet.Wait(), 0);
+  EXPECT_THAT(quiet.text(), Not(HasSubstr("search ")));
+  EXPECT_THAT(quiet.text(), Not(HasSubstr("solve ")));
+  EXPECT_THAT(quiet.text(), HasSubstr("  primitive "));
+  EXPECT_EQ(ReadFile(folder / "a.toml"), ReadFile(folder / "b.toml"));
+}
+
 TEST(OptimizeCli, ReplacesTheFileBehindASymbolicLinkAndKeepsTheLink) {
   const TaskFolder folder(QuickTask());
   testing::WriteFile(folder / "real.toml", "old");

@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "tests/support/files.h"
@@ -157,6 +158,33 @@ TEST_F(Outputs, OfAFullDiskTakeNothingFromTheSummaryAndAreNoSuccess) {
     const Outcome outcome = In("ulimit -f 1; " + command_line);
     EXPECT_EQ(outcome.exit_code, 1) << command_line;
     EXPECT_THAT(outcome.text, HasSubstr("File too large")) << command_line;
+  }
+  EXPECT_EQ(Content(), before);
+}
+
+TEST_F(Outputs, ShowControlCharactersInNamesAsText) {
+  const std::string name = "a\x1b[31mb.toml";
+  std::filesystem::copy_file(std::string(folder_ / "handstand.toml"), folder_ / name);
+  for (const std::string& command_line :
+       {std::string(
+            "tumbler-run sim $'a\\e[31mb.toml' --hold-s 0 --record y.rec --log $'y\\e.lcm'"),
+        std::string("tumbler-record y.rec"), std::string("tumbler-report y.rec --out page"),
+        std::string("tumbler-log $'no\\e.lcm'")}) {
+    const Outcome outcome = In("exec bash -c \"" + command_line + "\"");
+    EXPECT_EQ(outcome.text.find('\x1b'), std::string::npos) << command_line;
+    EXPECT_THAT(outcome.text, HasSubstr("\\x1b")) << command_line << '\n' << outcome.text;
+  }
+}
+
+TEST_F(Outputs, AndOptionsThatWouldBeIgnoredAreRefused) {
+  const auto before = Content();
+  for (const auto& [command_line, says] : std::vector<std::pair<std::string, std::string>>{
+           {"tumbler-robustness handstand.toml --cycles 2", "--cycles: is for sequences"},
+           {"tumbler-replay x.rec --against hard.rec --drives drives.toml --svg s.svg",
+            "--drives: has no use with --against"}}) {
+    const Outcome outcome = In(command_line);
+    EXPECT_EQ(outcome.exit_code, 1) << command_line;
+    EXPECT_THAT(outcome.text, HasSubstr(says));
   }
   EXPECT_EQ(Content(), before);
 }
