@@ -239,7 +239,10 @@ void CanSimpleDrive::NextStage(bool enable) noexcept {
     case Stage::kPrepare:
       if (!ready) {
         stage_ = Stage::kRequest;
-      } else if (++prepare_ticks_ == kPrepareTicks) {
+        break;
+      }
+      hold_rad_ = feedback_.position_rad;  // A joint that nobody holds may be moving.
+      if (++prepare_ticks_ == kPrepareTicks) {
         wait_ticks_ = 0;
         idle_since_request_ = false;
         stage_ = Stage::kWait;

@@ -177,6 +177,24 @@ TEST_F(CanSimpleDriveTest, LeavesADriveAloneThatIsInAnotherStateThanIdleAfterThe
   }
 }
 
+TEST_F(CanSimpleDriveTest, ItsFirstPositionIsWhereAMovingJointIsWhenClosedLoopIsAskedFor) {
+  Heartbeat(kCanSimpleIdle);
+  float measured = 0.1F;
+  for (int i = 0; i < 4; ++i) {
+    measured += 0.01F;
+    Estimate(measured);
+    CanSimpleInputPos input;
+    for (const CanFrame& frame : Tick(DriveRequest::kEnable)) {
+      if (DecodeCanSimple(0, frame, input) != Status::kOk) continue;
+      EXPECT_NEAR(input.position_rev, measured, 1e-5F) << i;
+    }
+  }
+  const auto held = Tick(DriveRequest::kEnable);
+  CanSimpleInputPos input;
+  ASSERT_EQ(DecodeCanSimple(0, held.at(0), input), Status::kOk);
+  EXPECT_NEAR(input.position_rev, measured, 1e-5F);
+}
+
 TEST_F(CanSimpleDriveTest, RepeatsARequestThatGotLost) {
   Estimate(0);
   int requests = 0;

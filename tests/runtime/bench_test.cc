@@ -260,6 +260,19 @@ TEST_P(BenchOf, NoOrderLeadsBeyondTheAmplitudeOnEitherSide) {
   }
 }
 
+TEST_P(BenchOf, APushIsNoHarderThanTheBounds) {
+  if (GetParam().protocol != "mit") return;  // The others' own gains push as well.
+  BenchSession session(world_, drives_, {});
+  ASSERT_THAT(session.AwaitReplies(), IsEmpty());
+  for (const double torque_nm : {6.0, -6.0}) {
+    session.Enable(0);
+    session.Push(torque_nm);
+    session.Push(torque_nm);
+    EXPECT_NEAR(world_.simulated[0]->torque_nm(), std::copysign(1.0, torque_nm), 0.02);
+    session.TorqueOff();
+  }
+}
+
 TEST_P(BenchOf, ASilenceEndsWhenTheJointOfADriveWithAClockOfItsOwnLeavesTheAmplitude) {
   if (GetParam().protocol != "cansimple") return;  // The others say no position meanwhile.
   BenchSession session(world_, drives_, {});

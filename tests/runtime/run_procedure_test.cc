@@ -145,6 +145,22 @@ TEST_F(RunSequenceTest, ARequestAsTheHoldBeginsIsTakenForTheMotionAndTheNextOneT
   }
 }
 
+TEST_F(RunSequenceTest, AFaultInTheVeryTickThatTakesTheTorqueOffIsAFaultOfTheRun) {
+  RunProcedureConfig config = Short();
+  config.end_hold_ticks = -1;
+  SetUpAnew(config);
+  bool asked = false;
+  Play([&] {
+    if (asked || procedure.end_hold() != EndHold::kOpen) return;
+    asked = true;
+    procedure.RequestFinish();
+    rig.input.tick += 100;  // too many periods missed
+  });
+  EXPECT_TRUE(asked);
+  EXPECT_EQ(rig.output.record.first_fault.fault, Fault::kLateTick);
+  EXPECT_EQ(procedure.outcome(), RunOutcome::kFault);
+}
+
 TEST_F(RunSequenceTest, AFaultOnTheWayHomeIsNotAnsweredByASecondWay) {
   RunProcedureConfig config = Short();
   config.go_home = true;

@@ -24,6 +24,17 @@ JudgedTarget Rest(std::optional<double> result) {
   return {{PurposeTarget::Of::kSpeed, PurposeTarget::When::kLater, 0, kRestSpeed}, result};
 }
 
+TEST(RunSummaryOfAnInterface, NamesWhatWasLostInTheSocketAndInTheController) {
+  RunSummary summary;
+  summary.interface.emplace();
+  summary.interface->statistics.dropped = 3;
+  summary.interface->statistics.overflows = 7;
+  EXPECT_THAT(ToText(summary),
+              HasSubstr("3 received frames lost, 7 overflows of the controller, 0 commands of"));
+  EXPECT_THAT(ToJson(summary), AllOf(HasSubstr("\"received_frames_lost\": 3"),
+                                     HasSubstr("\"controller_overflows\": 7")));
+}
+
 TEST(Passage, SaysOnlyWhatWasSeen) {
   Passage report;
   report.expected_pitch_rad = 1.57;
