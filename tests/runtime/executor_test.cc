@@ -364,6 +364,7 @@ TEST(Executor, GoesHomeOnlyFromTheEndOfANodeWithDrivesThatHold) {
     for (int i = 0; i < 100 && rig.output.record.faults == 0; ++i) rig.Tick();
     ASSERT_EQ(rig.output.record.first_fault.fault, Fault::kWrongSequence);
     ASSERT_EQ(rig.output.record.reaction, Reaction::kHold);
+    for (int i = 0; i < 30; ++i) rig.Tick();
     rig.replies[1] = 1;
     EXPECT_EQ(rig.Tick(OperatorCommand::kGoHome).refusal.refusal, Refusal::kNone);
     rig.Tick();
