@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <compare>
 #include <cstdint>
 
 namespace tumbler {
@@ -19,6 +20,22 @@ struct CanFrame {
 
   bool operator==(const CanFrame&) const = default;
 };
+
+/// What frames are told apart by: an identifier of 11 bits and one of 29 with the same value are
+/// two.
+struct CanId {
+  CanId() = default;
+  constexpr CanId(std::uint32_t id, bool is_extended = false) noexcept  // A number has 11 bits.
+      : value(id), extended(is_extended) {}
+
+  std::uint32_t value = 0;
+  bool extended = false;  ///< Whether it has 29 bits.
+
+  auto operator<=>(const CanId&) const = default;
+};
+[[nodiscard]] constexpr CanId IdOf(const CanFrame& frame) noexcept {
+  return {frame.id, frame.extended};
+}
 
 /// A frame as it came from a bus.
 struct ReceivedFrame {

@@ -292,8 +292,10 @@ SocketCanBus::OpenResult SocketCanBus::SetUp(const std::string& interface,
   std::vector<can_filter> filters;
   for (const auto* ids :
        {&config.send_ids, &config.receive_ids}) {  // Own frames come back through filters, too.
-    for (const std::uint16_t id : *ids) {
-      filters.push_back({id, CAN_SFF_MASK | CAN_EFF_FLAG | CAN_RTR_FLAG});
+    for (const CanId& id : *ids) {
+      filters.push_back(
+          {id.value | (id.extended ? CAN_EFF_FLAG : 0U),
+           (id.extended ? CAN_EFF_MASK : CAN_SFF_MASK) | CAN_EFF_FLAG | CAN_RTR_FLAG});
     }
   }
   const auto set = [this](int level, int option, const void* value, std::size_t size) {
@@ -539,8 +541,8 @@ bool SocketCanBus::TakeMessage(std::size_t index, ReceivedFrame& received) noexc
     Confirm(frame, time_ns);
     return false;
   }
-  const auto has = [&frame](const std::vector<std::uint16_t>& ids) {
-    return !frame.extended && std::ranges::find(ids, frame.id) != ids.end();
+  const auto has = [&frame](const std::vector<CanId>& ids) {
+    return std::ranges::find(ids, IdOf(frame)) != ids.end();
   };
   if (has(config_.send_ids) && !has(config_.receive_ids)) {
     ++statistics_.foreign_commands;

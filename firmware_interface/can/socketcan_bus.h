@@ -15,10 +15,10 @@ namespace tumbler {
 
 /// How a SocketCAN interface is to be used.
 struct SocketCanConfig {
-  /// 11-bit identifiers of the frames that are sent, and of those that are wanted. The kernel drops
-  /// all others. If both are empty, every frame is received.
-  std::vector<std::uint16_t> send_ids;
-  std::vector<std::uint16_t> receive_ids;
+  /// Identifiers of the frames that are sent, and of those that are wanted. The kernel drops all
+  /// others, and remote frames. If both are empty, every frame is received.
+  std::vector<CanId> send_ids;
+  std::vector<CanId> receive_ids;
 
   /// How many sent frames may be unconfirmed at once, 1 ... kMaxInFlight. The default is four ticks
   /// of two drives: with more, frames would be sent when they are out of date.

@@ -5,6 +5,8 @@
 #include <string_view>
 #include <vector>
 
+#include "firmware_interface/can/frame.h"
+
 namespace tumbler {
 
 /// Frames of one kind that a drive and its host exchange while the robot runs.
@@ -13,6 +15,7 @@ struct DriveFrames {
   int size = 0;             ///< Bytes of payload.
   double period_ticks = 1;  ///< Ticks of the control loop from one frame to the next, >= 1.
   bool common = false;      ///< Whether one frame serves all drives of the protocol.
+  bool extended = false;    ///< Whether its identifier has 29 bits.
 };
 
 /// The identifiers on the bus that follow from one key of a drives file.
@@ -21,15 +24,15 @@ struct DriveIdentifiers {
   std::uint32_t value = 0;  ///< The key's value.
   bool to_drive = false;    ///< Whether the host sends such frames and the drive obeys them.
   bool common = false;      ///< Whether all drives of the protocol share them.
-  std::vector<std::uint32_t> ids;
+  std::vector<CanId> ids;
 };
 
 /// The frames of one drive on the bus.
 struct DriveTraffic {
   std::vector<DriveFrames> schedule;
   std::vector<DriveIdentifiers> identifiers;  ///< No other drive may have one of them.
-  std::vector<std::uint32_t> host_sends;      ///< Identifiers of all frames that the host sends.
-  std::vector<std::uint32_t> host_receives;   ///< Identifiers of all frames that the host wants.
+  std::vector<CanId> host_sends;              ///< Identifiers of all frames that the host sends.
+  std::vector<CanId> host_receives;           ///< Identifiers of all frames that the host wants.
   int host_frames_max = 1;  ///< The most frames of the host in one tick, starting up included.
 };
 

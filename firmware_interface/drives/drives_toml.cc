@@ -109,15 +109,16 @@ const char* Consequence(bool ours_to_drive, bool theirs_to_drive) {
 void RejectShared(const DriveIdentifiers& ours, const DriveIdentifiers& theirs,
                   const std::string& joint, const TomlTable& table) {
   if (ours.common && theirs.common) return;
-  for (const std::uint32_t id : ours.ids) {
+  for (const CanId& id : ours.ids) {
     if (std::find(theirs.ids.begin(), theirs.ids.end(), id) == theirs.ids.end()) continue;
     const bool whole = ours.ids.size() == 1 && theirs.ids.size() == 1;
     table.Fail(ours.key,
                whole ? fmt::format("is {}, which is the {} of joint '{}'; {}", ours.value,
                                    theirs.key, joint, Consequence(ours.to_drive, theirs.to_drive))
-                     : fmt::format("is {}, so that the frames 0x{:03x} would be those of joint "
+                     : fmt::format("is {}, so that the frames 0x{:0{}x} would be those of joint "
                                    "'{}' ({} = {}), too",
-                                   ours.value, id, joint, theirs.key, theirs.value));
+                                   ours.value, id.value, id.extended ? 8 : 3, joint, theirs.key,
+                                   theirs.value));
   }
 }
 
@@ -179,6 +180,10 @@ DrivesConfig Read(TomlTable root, DrivesUse use) {
 
 }  // namespace
 
+int ScheduledFrames::WorstCaseBits() const {
+  return WorstCaseFrameBits(extended ? CanIdKind::kExtended : CanIdKind::kStandard, size);
+}
+
 std::vector<ScheduledFrames> DrivesConfig::Schedule() const {
   std::vector<ScheduledFrames> schedule;
   for (const DriveEntry& drive : drives) {
@@ -186,10 +191,12 @@ std::vector<ScheduledFrames> DrivesConfig::Schedule() const {
       const auto same = std::find_if(
           schedule.begin(), schedule.end(), [&frames](const ScheduledFrames& scheduled) {
             return scheduled.what == frames.what && scheduled.size == frames.size &&
-                   scheduled.period_ticks == frames.period_ticks;
+                   scheduled.period_ticks == frames.period_ticks &&
+                   scheduled.extended == frames.extended;
           });
       if (same == schedule.end()) {
-        schedule.push_back({std::string(frames.what), 1, frames.size, frames.period_ticks});
+        schedule.push_back(
+            {std::string(frames.what), 1, frames.size, frames.period_ticks, frames.extended});
       } else if (!frames.common) {
         ++same->count;
       }
@@ -200,11 +207,16 @@ std::vector<ScheduledFrames> DrivesConfig::Schedule() const {
 
 int DrivesConfig::WorstCaseTickBits() const {
   double bits = 0;
-  for (const ScheduledFrames& frames : Schedule()) {
-    bits +=
-        frames.count * WorstCaseFrameBits(CanIdKind::kStandard, frames.size) / frames.period_ticks;
-  }
+  for (const ScheduledFrames& frames : Schedule())
+    bits += frames.count * frames.WorstCaseBits() / frames.period_ticks;
   return static_cast<int>(std::ceil(bits));
+}
+
+int DrivesConfig::LongestFrameBits() const {
+  int longest = 0;
+  for (const ScheduledFrames& frames : Schedule())
+    longest = std::max(longest, frames.WorstCaseBits());
+  return longest;
 }
 
 double DrivesConfig::WorstCaseLoad() const { return WorstCaseTickBits() * rate_hz / bit_rate; }
@@ -212,23 +224,22 @@ double DrivesConfig::WorstCaseLoad() const { return WorstCaseTickBits() * rate_h
 namespace {
 
 /// Adds the identifiers that are not in the list yet.
-void AddAll(std::vector<std::uint16_t>& ids, const std::vector<std::uint32_t>& more) {
-  for (const std::uint32_t id : more) {
-    const auto value = static_cast<std::uint16_t>(id);
-    if (std::find(ids.begin(), ids.end(), value) == ids.end()) ids.push_back(value);
+void AddAll(std::vector<CanId>& ids, const std::vector<CanId>& more) {
+  for (const CanId& id : more) {
+    if (std::find(ids.begin(), ids.end(), id) == ids.end()) ids.push_back(id);
   }
 }
 
 }  // namespace
 
-std::vector<std::uint16_t> DrivesConfig::HostSends() const {
-  std::vector<std::uint16_t> ids;
+std::vector<CanId> DrivesConfig::HostSends() const {
+  std::vector<CanId> ids;
   for (const DriveEntry& drive : drives) AddAll(ids, TrafficOf(drive, rate_hz).host_sends);
   return ids;
 }
 
-std::vector<std::uint16_t> DrivesConfig::HostReceives() const {
-  std::vector<std::uint16_t> ids;
+std::vector<CanId> DrivesConfig::HostReceives() const {
+  std::vector<CanId> ids;
   for (const DriveEntry& drive : drives) AddAll(ids, TrafficOf(drive, rate_hz).host_receives);
   return ids;
 }
@@ -244,6 +255,7 @@ std::string DrivesConfig::DescribeSchedule() const {
   for (const ScheduledFrames& frames : Schedule()) {
     text += fmt::format("{}{} {} of {} {}", text.empty() ? "" : ", ", frames.count, frames.what,
                         frames.size, frames.size == 1 ? "byte" : "bytes");
+    if (frames.extended) text += " with 29-bit identifiers";
     if (frames.period_ticks > 1)
       text += fmt::format(" every {} ticks", MessageNumber(frames.period_ticks));
   }

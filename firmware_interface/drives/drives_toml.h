@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "common/key_table.h"
+#include "firmware_interface/can/frame.h"
 #include "firmware_interface/drives/drive_bank.h"
 #include "firmware_interface/drives/drive_entry.h"
 
@@ -17,6 +18,11 @@ struct ScheduledFrames {
   int count = 0;            ///< How many in each period, for all drives together.
   int size = 0;             ///< Bytes of payload.
   double period_ticks = 1;  ///< Ticks of the control loop in a period, >= 1.
+  bool extended = false;    ///< Whether their identifiers have 29 bits.
+
+  /// Bits of one of them on the wire if it were as long as such frames can be, intermission
+  /// included.
+  [[nodiscard]] int WorstCaseBits() const;
 };
 
 /// The drives of a robot and their bus.
@@ -33,9 +39,11 @@ struct DrivesConfig {
   [[nodiscard]] int WorstCaseTickBits() const;
   /// Worst-case share of the bus that is in use, 0 ... 1.
   [[nodiscard]] double WorstCaseLoad() const;
-  /// The 11-bit identifiers of all frames that the host sends, and of all that it takes.
-  [[nodiscard]] std::vector<std::uint16_t> HostSends() const;
-  [[nodiscard]] std::vector<std::uint16_t> HostReceives() const;
+  /// Bits of the longest of these frames.
+  [[nodiscard]] int LongestFrameBits() const;
+  /// The identifiers of all frames that the host sends, and of all that it takes.
+  [[nodiscard]] std::vector<CanId> HostSends() const;
+  [[nodiscard]] std::vector<CanId> HostReceives() const;
   /// The most frames that the host sends in one tick, starting up included.
   [[nodiscard]] int HostFramesMax() const;
   /// The schedule in words: `2 setpoints of 8 bytes, 2 replies of 8 bytes`.

@@ -6,7 +6,6 @@
 #include <cstdio>
 
 #include "firmware_interface/can/bus_schedule.h"
-#include "firmware_interface/can/frame_length.h"
 
 namespace tumbler {
 namespace {
@@ -53,7 +52,7 @@ void CheckSchedule(const DrivesConfig& drives) {
   schedule.bit_rate = drives.bit_rate;
   schedule.rate_hz = drives.rate_hz;
   schedule.tick_bits = drives.WorstCaseTickBits();
-  schedule.longest_frame_bits = WorstCaseFrameBits(CanIdKind::kStandard, 8);
+  schedule.longest_frame_bits = drives.LongestFrameBits();
   fmt::print(stderr, "bus schedule: {}: {}\n", drives.DescribeSchedule(), schedule.Describe());
   if (!schedule.feasible()) {
     throw Refused(fmt::format("{} bits a tick do not fit: lower rate_hz to at most {:.0f}",

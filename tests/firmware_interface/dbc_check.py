@@ -31,8 +31,12 @@ def main(folder):
             break
         data = b"" if data == "-" else bytes.fromhex(data)
         meant = {name: float(value) for name, value in (s.split("=") for s in signals)}
-        if frame.arbitration_id.id != int(identifier) or frame.size != len(data):
-            wrong.append(f"{dbc}: {message} is 0x{int(identifier):x} with {len(data)} bytes")
+        extended = identifier.endswith("x")
+        number = int(identifier.rstrip("x"))
+        meant_id = frame.arbitration_id
+        if (meant_id.id, bool(meant_id.extended)) != (number, extended) or frame.size != len(data):
+            kind = "29-bit " if extended else ""
+            wrong.append(f"{dbc}: {message} is {kind}0x{number:x} with {len(data)} bytes")
         decoded = frame.decode(bytearray(data)) if data else {}
         read = {name: float(value.phys_value) for name, value in decoded.items()}
         if set(read) != set(meant):

@@ -157,6 +157,37 @@ TEST(SocketCanBusInKernel, ReceivesWantedIdentifiersOnlyAndCountsCommandsOfOther
   });
 }
 
+TEST(SocketCanBusInKernel, TellsIdentifiersOf29BitsFromThoseOf11WithTheSameValue) {
+  testing::InSteadyTime([] {
+    const VirtualCan can;
+    SocketCanConfig config;
+    config.send_ids = {CanId(0x21, true)};
+    config.receive_ids = {CanId(0x2921, true), CanId(0x22, true), 0x23};
+    SocketCanBus bus, other;
+    Open(bus, can.name(), config);
+    Open(other, can.name());
+    const auto extended = [](std::uint32_t id) {
+      CanFrame frame = Frame(id);
+      frame.extended = true;
+      return frame;
+    };
+    ASSERT_EQ(bus.Send(extended(0x21)), Status::kOk);
+    for (const CanFrame& frame :
+         {Frame(0x21), Frame(0x22), Frame(0x23), extended(0x21), extended(0x22), extended(0x23),
+          extended(0x2921), extended(0x10002921)}) {
+      ASSERT_EQ(other.Send(frame), Status::kOk);
+    }
+    const std::vector<ReceivedFrame> received = ReceiveAll(bus);
+    ASSERT_EQ(received.size(), 4U);
+    EXPECT_EQ(received[0].frame, Frame(0x23));
+    EXPECT_EQ(received[1].frame, extended(0x21));
+    EXPECT_EQ(received[2].frame, extended(0x22));
+    EXPECT_EQ(received[3].frame, extended(0x2921));
+    EXPECT_EQ(bus.statistics().confirmed, 1);
+    EXPECT_EQ(bus.statistics().foreign_commands, 1);
+  });
+}
+
 TEST(SocketCanBusInKernel, StampsFramesWithTheKernelsReceiveTime) {
   testing::InSteadyTime([] {
     const VirtualCan can;

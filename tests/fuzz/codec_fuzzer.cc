@@ -2,10 +2,9 @@
 // series of steps of 16 bytes: an action, and a frame. The numbers of a setpoint come from the same
 // bytes.
 //
-// Besides the errors that sanitizers find, it checks that host frames are valid, have identifiers
-// of 11 bits and are those of their drive; that nothing beyond a drive's ranges is encoded; that a
-// simulated drive's torque stays within its limit; and that a value that was decoded is the same
-// after encoding and decoding it again.
+// Besides the errors that sanitizers find, it checks that host frames are valid; that nothing
+// beyond a drive's ranges is encoded; that a simulated drive's torque stays within its limit; and
+// that a value that was decoded is the same after encoding and decoding it again.
 
 #include <algorithm>
 #include <array>
@@ -68,9 +67,10 @@ struct World {
 
 CanFrame FrameOf(const std::uint8_t* step) {
   CanFrame frame;
-  frame.id = (std::uint32_t{step[1]} | std::uint32_t{step[2]} << 8) & 0x7ff;
   frame.remote = (step[3] & 0x40) != 0;
   frame.extended = (step[3] & 0x80) != 0;
+  frame.id =
+      (std::uint32_t{step[1]} | std::uint32_t{step[2]} << 8) & (frame.extended ? 0xffffU : 0x7ffU);
   frame.size = static_cast<std::uint8_t>((step[3] & 0xf) % 9);
   std::memcpy(frame.data.data(), step + 4, 8);
   return frame;
@@ -107,7 +107,7 @@ void EncodeAndCheck(World& world, std::size_t i, DriveRequest request,
           "a setpoint is refused without a reason");
   Require(!batch.frames().empty(), "a tick does not write its drive");
   for (const CanFrame& frame : batch.frames()) {
-    Require(IsValid(frame) && !frame.extended && !frame.remote, "a frame of the host is not valid");
+    Require(IsValid(frame) && !frame.remote, "a frame of the host is not valid");
     static_cast<void>(world.ports[i]->Send(frame));
   }
   const JointMap& joint = JointOf(world.configs[i]);

@@ -115,8 +115,9 @@ const TickRecord& FaultBench::Tick(OperatorCommand command, std::int8_t branch) 
   for (std::size_t i = 0; i < drives.size(); ++i) {
     const auto frames = output.frames[i].frames();
     // SYNC and the host's heartbeat are for all drives.
-    const auto to_drive = std::ranges::count_if(
-        frames, [](const CanFrame& frame) { return frame.id != 0x80 && frame.id < 0x700; });
+    const auto to_drive = std::ranges::count_if(frames, [](const CanFrame& frame) {
+      return frame.extended || (frame.id != 0x80 && frame.id < 0x700);
+    });
     if (to_drive == 0) ++missing_writes;
     for (const CanFrame& frame : frames) {
       Judge(now_ns(), frame);

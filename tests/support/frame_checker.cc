@@ -26,10 +26,10 @@ class FrameJudge::Checker {
   void Take(const LoggedFrame& logged) {
     bus_.NextLine();
     const CanFrame& frame = logged.frame;
-    if (!frame.extended && !frame.remote) {
-      if (watches_[0]->TakeCommon(logged)) return;
+    if (!frame.remote) {
+      if (!frame.extended && watches_[0]->TakeCommon(logged)) return;
       for (const std::unique_ptr<DriveWatch>& watch : watches_) {
-        if (watch->Take(logged)) return;
+        if (watch->extended() == frame.extended && watch->Take(logged)) return;
       }
     }
     bus_.Fail(fmt::format("identifier {:X} is none of the drives'", frame.id));

@@ -13,6 +13,7 @@ namespace tumbler::testing {
 
 /// Frames of random values, written to standard output with the values that the codecs read from
 /// them. A line for each frame: `DBC MESSAGE IDENTIFIER HEX signal=value ...`.
+/// An x follows an identifier of 29 bits.
 class FrameSamples {
  public:
   using Signals = std::initializer_list<std::pair<const char*, double>>;

@@ -117,9 +117,12 @@ class DriveWatch {
   DriveWatch& operator=(const DriveWatch&) = delete;
   virtual ~DriveWatch() = default;
 
-  /// Takes a data frame with an identifier of 11 bits. @returns false if it is not this drive's.
+  /// Whether the identifiers of its frames have 29 bits.
+  [[nodiscard]] virtual bool extended() const { return false; }
+  /// Takes a data frame with such an identifier. @returns false if it is not this drive's.
   virtual bool Take(const LoggedFrame& logged) = 0;
-  /// Takes a frame that is for all drives of the protocol. Only the first joint's watch is asked.
+  /// Takes a frame of 11 bits that is for all drives of the protocol. Only the first joint's watch
+  /// is asked.
   virtual bool TakeCommon(const LoggedFrame& /*logged*/) { return false; }
 
  protected:
