@@ -80,6 +80,8 @@ concept DriveProtocol = requires(const typename P::Config& config, const CanFram
   requires std::same_as<decltype(P::Simulate(entry, config, motor)), OwnedDrive>;
 };
 
+/// A protocol may have `ErrorName(code)`: the name of an error that its drives report, or null.
+
 /// A protocol whose drives on one bus have to agree about something. `CheckBeside` throws FileError
 /// about the table of `drive` if the drive does not go with an earlier one of the file.
 template <typename P>

@@ -4,6 +4,7 @@
 
 #include <array>
 #include <span>
+#include <string>
 #include <variant>
 
 namespace tumbler {
@@ -133,6 +134,13 @@ std::string TextOf(std::span<const CodeText> texts, std::uint32_t code) {
 std::string_view ErrorCodesOf(const DriveConfig& drive) {
   if (const auto* mit = std::get_if<MitConfig>(&drive))
     return mit->dialect == MitDialect::kDamiao ? "damiao" : "ak";
+  const std::string_view own =
+      DriveProtocols::With(drive, [](auto protocol, const auto& /*config*/) -> std::string_view {
+        using Protocol = decltype(protocol);
+        if constexpr (requires { Protocol::ErrorName(0U); }) return Protocol::kId;
+        return "";
+      });
+  if (!own.empty()) return own;
   return std::holds_alternative<CanSimpleConfig>(drive) ? "odrive" : "cia402";
 }
 
@@ -156,6 +164,16 @@ std::string DescribeDriveError(std::string_view codes, std::uint32_t code) {
     }
     return Named("{:#010x}", code, names);
   }
+  std::string text;
+  DriveProtocols::ForEach([&](auto protocol) {
+    using Protocol = decltype(protocol);
+    if constexpr (requires { Protocol::ErrorName(code); }) {
+      if (codes != Protocol::kId) return;
+      const char* const name = Protocol::ErrorName(code);
+      text = Named("{:#04x}", code, name == nullptr ? "" : name);
+    }
+  });
+  if (!text.empty()) return text;
   if (codes != "cia402") return Named("{:#x}", code, "");
   return code > 0xffff ? Named("{:#010x}", code, TextOf(kAborts, code))
                        : Named("{:#06x}", code, TextOf(kEmergencies, code));

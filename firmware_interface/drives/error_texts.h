@@ -11,7 +11,8 @@
 
 namespace tumbler {
 
-/// Whose error codes a drive has: `ak`, `damiao`, `odrive` or `cia402`.
+/// Whose error codes a drive has: `ak`, `damiao`, `odrive`, `cia402`, or the `kId` of a protocol
+/// that names its own.
 [[nodiscard]] std::string_view ErrorCodesOf(const DriveConfig& drive);
 /// The same of each drive of a file, in their order.
 [[nodiscard]] std::vector<std::string> ErrorCodesOf(const DrivesConfig& drives);

@@ -5,6 +5,7 @@
 #include <string_view>
 #include <variant>
 
+#include "firmware_interface/drives/akv3.h"
 #include "firmware_interface/drives/cansimple.h"
 #include "firmware_interface/drives/cia402.h"
 #include "firmware_interface/drives/drive_protocol.h"
@@ -56,7 +57,7 @@ struct ProtocolList {
 
 /// All protocols. To add one, name it here and in the list of CMakeLists.txt; everything else about
 /// it stands in files of its own.
-using DriveProtocols = ProtocolList<MitProtocol, Cia402Protocol, CanSimpleProtocol>;
+using DriveProtocols = ProtocolList<MitProtocol, Cia402Protocol, CanSimpleProtocol, AkV3Protocol>;
 
 /// One drive, in any of the protocols.
 using DriveConfig = DriveProtocols::Config;

@@ -329,7 +329,7 @@ void BenchRun::CheckInDriveZeros() const {
   for (const std::size_t i : Chosen()) {
     if (!std::holds_alternative<MitConfig>(session_->entry(i).config)) {
       throw Refused(session_->NameOf(i) +
-                    ": its protocol has no command for a zero; leave --in-drive out");
+                    ": only MIT drives are told to take another zero; leave --in-drive out");
     }
     expected.SetNumber(i, "zero_offset_rad", ZeroAt(i));
   }

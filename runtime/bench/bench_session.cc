@@ -293,7 +293,8 @@ void BenchSession::Push(double torque_nm) {
 void BenchSession::ZeroEncoder(std::size_t drive) {
   const auto* mit = std::get_if<MitConfig>(&entry(drive).config);
   if (mit == nullptr) {
-    throw Refused(NameOf(drive) + ": its protocol has no command for a zero; leave --in-drive out");
+    throw Refused(NameOf(drive) +
+                  ": only MIT drives are told to take another zero; leave --in-drive out");
   }
   constexpr double kSettle_s = 0.1;
   Wait(kSettle_s);  // Firmware obeys outside motor mode only.

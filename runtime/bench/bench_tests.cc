@@ -145,8 +145,12 @@ std::vector<ReplyResult> MeasureReplies(BenchSession& session, double time_s) {
     } else {
       // What came is no yardstick: of a drive that is silent, or that loses every other report, it
       // shows nothing amiss. One report may be under way at each end.
-      const auto* can = std::get_if<CanSimpleConfig>(&session.entry(i).config);
-      const double every_s = can != nullptr ? can->messages.estimates_s : session.period_s();
+      const DriveConfig& drive = session.entry(i).config;
+      const auto* can = std::get_if<CanSimpleConfig>(&drive);
+      const auto* ak = std::get_if<AkV3Config>(&drive);
+      const double every_s = can != nullptr  ? can->messages.estimates_s
+                             : ak != nullptr ? ak->status_s
+                                             : session.period_s();
       const auto arrived = static_cast<std::int64_t>(times.arrived_ns.size());
       result.asked = std::max<std::int64_t>(std::llround(elapsed_s / every_s), 1);
       result.lost =
@@ -168,7 +172,7 @@ Json ToJson(const ReplyResult& result) {
 
 namespace {
 
-/// One silence of a drive that only answers.
+/// One silence of a drive that does not say when it has let go.
 struct Silence {
   double length_s = 0;
   double way_rad = 0;          ///< How far the joint was seen to go while it was pushed.
@@ -185,13 +189,21 @@ Silence PushAndStaySilent(BenchSession& session, std::size_t drive, double torqu
   session.Push(torque_nm);
   const std::int64_t last_ns = session.replies(drive).asked_ns.back();
   static_cast<void>(session.StaySilentUntil(last_ns + BenchNs(length_s)));
+  const ReplyTimes in_silence = session.replies(drive);
   session.AskOffOnce();
+  const ReplyTimes& after = session.replies(drive);
   Silence silence;
-  const ReplyTimes& times = session.replies(drive);
-  silence.length_s = static_cast<double>(times.asked_ns.front() - last_ns) / kNsOfSecond;
   silence.way_rad = std::abs(session.position_rad(drive) - from_rad);
-  if (!times.torques_nm.empty())
-    silence.pushed = std::abs(times.torques_nm.front()) > 0.5 * std::abs(torque_nm);
+  // The answer to the first frame after the silence tells of its end, or else the last report in
+  // it.
+  const bool answers = session.drive(drive).reply_rhythm().answers;
+  const std::vector<double>& told_nm = answers ? after.torques_nm : in_silence.torques_nm;
+  if (!told_nm.empty()) {
+    const std::int64_t end_ns = answers ? after.asked_ns.front() : in_silence.arrived_ns.back();
+    silence.length_s = static_cast<double>(end_ns - last_ns) / kNsOfSecond;
+    silence.pushed =
+        std::abs(answers ? told_nm.front() : told_nm.back()) > 0.5 * std::abs(torque_nm);
+  }
   session.TorqueOff();
   // Some firmware latches that its host was silent.
   if (session.drive(drive).state() == DriveState::kFault) session.ClearErrors();
@@ -213,7 +225,7 @@ std::optional<Silence> TrySilence(BenchSession& session, std::size_t drive, doub
 
 constexpr double kLongestSilence_s = 1;
 
-/// Finds by doubling and halving when a drive that only answers lets go.
+/// Finds by doubling and halving when a drive that does not say so lets go.
 WatchdogResult ProveByPushing(BenchSession& session, std::size_t drive) {
   constexpr double kPush_nm = 0.2;
   constexpr double kFirst_s = 0.01;
@@ -281,9 +293,15 @@ WatchdogResult ProveByWatching(BenchSession& session, std::size_t drive) {
 }  // namespace
 
 WatchdogResult ProveWatchdog(BenchSession& session, std::size_t drive) {
-  const bool only_answers = session.drive(drive).reply_rhythm().answers &&
-                            session.drive(drive).heartbeat().limit_ticks == 0;
-  return only_answers ? ProveByPushing(session, drive) : ProveByWatching(session, drive);
+  // Drives with a heartbeat tell their state in it.
+  if (session.drive(drive).heartbeat().limit_ticks != 0) return ProveByWatching(session, drive);
+  const auto* ak = std::get_if<AkV3Config>(&session.entry(drive).config);
+  if (ak != nullptr && ak->torque_constant_nm_per_a == 0) {
+    throw Refused(session.NameOf(drive) +
+                  ": only the torque tells whether it has let go, and torque_constant_nm_per_a is "
+                  "0; give it first");
+  }
+  return ProveByPushing(session, drive);
 }
 
 std::string Describe(const WatchdogResult& result) {

@@ -10,6 +10,7 @@
 
 #include "common/program.h"
 #include "firmware_interface/drives/damiao_registers.h"
+#include "firmware_interface/drives/error_texts.h"
 #include "runtime/bench/bench_session.h"
 #include "runtime/linux/interrupts.h"
 
@@ -31,18 +32,23 @@ class Scanner {
       for (int round = 0; round < config_.rounds; ++round) AskAll();
     }
     std::vector<FoundDrive> drives;
-    for (const auto& [key, drive] : found_) drives.push_back(drive);
+    for (const auto& [key, drive] : found_) {
+      drives.push_back(drive);
+      if (drive.protocol == AkV3Protocol::kName && !drive.by_itself)
+        drives.back().details += ", silent until it is asked: set it to periodic feedback";
+    }
     return drives;
   }
 
  private:
   using Key = std::pair<std::string, int>;
   /// Whom the questions are for. A reply of an MIT drive can look like any other message.
-  enum class Phase : std::uint8_t { kListen, kCanSimple, kCanOpen, kMit };
+  enum class Phase : std::uint8_t { kListen, kCanSimple, kCanOpen, kMit, kAkV3 };
 
   void AskAll() {
     AskNodes();
     AskMit();
+    AskAkV3();
     constexpr double kLast_s = 0.05;
     Listen(kLast_s);
     phase_ = Phase::kListen;
@@ -92,6 +98,16 @@ class Scanner {
     for (auto& [key, drive] : found_) {
       if (drive.protocol == MitProtocol::kName && !drive.damiao)
         drive.damiao = AskRegister(drive.number);
+    }
+  }
+
+  void AskAkV3() {
+    phase_ = Phase::kAkV3;
+    for (int id = config_.mit_first; id <= config_.mit_last; ++id) {
+      if (Has(AkV3Protocol::kName, id)) continue;
+      AkV3Config drive;
+      drive.node_id = static_cast<std::uint8_t>(id);
+      Ask(EncodeAkV3Command(drive, {}));  // The middle of every range is zero whatever its ends.
     }
   }
 
@@ -158,7 +174,8 @@ class Scanner {
   }
 
   void Take(const CanFrame& frame) {
-    if (frame.extended || frame.remote || frame.id > 0x7ff) return;
+    if (frame.remote) return;
+    if (frame.extended) return TakeAkV3(frame);
     if (TakeCanOpen(frame) || TakeCanSimple(frame) || TakeMit(frame)) return;
     // What is heard unasked, and is none of the messages that drives send by themselves.
     const bool setpoint = frame.size == 8 && frame.id >= 1 && frame.id <= 0xff;
@@ -169,11 +186,12 @@ class Scanner {
   void RefuseForeign() {
     const std::vector<CanFrame> suspects = std::move(suspects_);
     for (const CanFrame& frame : suspects) {
-      if (TakeCanOpen(frame) || TakeCanSimple(frame)) continue;  // Its node was heard later.
+      if (!frame.extended && (TakeCanOpen(frame) || TakeCanSimple(frame)))
+        continue;  // Its node was heard later.
       throw Refused(fmt::format(
-          "somebody commands drives on this bus (frame 0x{:03x}): end that program first, or only "
+          "somebody commands drives on this bus (frame 0x{:0{}x}): end that program first, or only "
           "listen with --passive",
-          frame.id));
+          frame.id, frame.extended ? 8 : 3));
     }
   }
 
@@ -232,6 +250,21 @@ class Scanner {
       unclear_.emplace_back(last_asked_, frame);
     }
     return true;
+  }
+
+  void TakeAkV3(const CanFrame& frame) {
+    if (frame.size != 8) return;
+    AkV3Config drive;
+    drive.node_id = static_cast<std::uint8_t>(frame.id);
+    AkV3Status status;
+    if (DecodeAkV3Status(drive, frame, status) == Status::kOk) {
+      Note(AkV3Protocol::kName, drive.node_id).details =
+          fmt::format("{:.1f} degrees, {}", 0.1 * status.position,
+                      status.error == 0 ? "no error" : DescribeDriveError(drive, status.error));
+    } else if (phase_ == Phase::kListen && mit_asked_.empty() &&
+               frame.id >> 8 <= kAkV3SetpointFunction) {
+      suspects_.push_back(frame);
+    }
   }
 
   FoundDrive& NoteMit(int id, const CanFrame& frame) {

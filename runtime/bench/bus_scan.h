@@ -13,8 +13,8 @@ namespace tumbler {
 
 /// A drive that a scan has found.
 struct FoundDrive {
-  std::string protocol;         ///< As in drives files: `mit`, `cansimple`, `canopen-csp`.
-  int number = 0;               ///< MIT: CAN_ID; otherwise the node's number.
+  std::string protocol;         ///< As in drives files: `mit`, `cansimple`, `canopen-csp`, `ak-v3`.
+  int number = 0;               ///< MIT, AK V3: CAN ID; otherwise the node's number.
   std::optional<int> reply_id;  ///< MIT: the identifier of its replies.
   bool damiao = false;          ///< MIT: whether it has registers as Damiao's drives do.
   bool by_itself = false;       ///< Whether it was heard before anything was asked.
@@ -25,7 +25,7 @@ struct FoundDrive {
 struct ScanConfig {
   double listen_s = 0.5;  ///< How long only to listen.
   bool passive = false;   ///< Whether to do nothing else.
-  int mit_first = 1;      ///< The identifiers at which MIT drives are looked for, 1 ... 255.
+  int mit_first = 1;      ///< The CAN IDs at which MIT and AK V3 drives are looked for, 1 ... 255.
   int mit_last = 127;
   int rounds = 3;             ///< How often silent identifiers are asked.
   double patience_s = 0.002;  ///< Time between two questions.
@@ -39,7 +39,10 @@ struct ScanConfig {
 /// - MIT: the frame that leaves motor mode. A drive that somebody else drives would let go; so
 ///   nothing is asked when setpoints are heard. Those that answer are asked for a register of
 ///   Damiao's, whose replies have but the low bits of the identifier. Identifiers that belong to a
-///   node that was found are left out, because the frame would be another command there.
+///   node that was found are left out, because the frame would be another command there;
+/// - AK V3: a setpoint that asks for no torque. Such drives are heard before, unless they are not
+/// set
+///   to report by themselves, as they have to be.
 ///
 /// @throws Refused  when somebody commands drives, or nobody acknowledges.
 /// @throws BenchInterrupted  (bench_session.h) after Ctrl-C.

@@ -189,9 +189,9 @@ std::vector<DriveReading> ReadDrive(BenchWorld& world, const DriveEntry& entry) 
     return ReadObjects(world, cia402->node_id);
   if (const auto* can = std::get_if<CanSimpleConfig>(&entry.config))
     return ReadMessages(world, can->node_id);
-  const auto& mit = std::get<MitConfig>(entry.config);
-  return mit.dialect == MitDialect::kDamiao ? ReadRegisters(world, mit)
-                                            : std::vector<DriveReading>{};
+  const auto* mit = std::get_if<MitConfig>(&entry.config);
+  return mit != nullptr && mit->dialect == MitDialect::kDamiao ? ReadRegisters(world, *mit)
+                                                               : std::vector<DriveReading>{};
 }
 
 std::vector<BenchFinding> JudgeReadings(const DriveEntry& entry,

@@ -20,7 +20,7 @@ struct DriveReading {
 
 /// Asks a drive for everything that its protocol lets it tell of itself and its set-up, in ways
 /// that move nothing: objects of CiA 402, messages of CANSimple, registers of Damiao. What it does
-/// not answer is left out. Other MIT drives tell nothing.
+/// not answer is left out. Other MIT drives, and AK drives of V3, tell nothing.
 ///
 /// To be called while no session speaks with the drive: answers of Damiao's drives look like their
 /// replies.

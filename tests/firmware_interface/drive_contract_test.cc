@@ -271,7 +271,8 @@ TEST_P(DriveContract, FeedbackIsThatOfTheJoint) {
     Ticks(0.02, DriveRequest::kDisable);
     Listen();
     EXPECT_NEAR(static_cast<double>(host().feedback().position_rad), angle,
-                2 * M_PI / 65536 + 2 * GetParam().position_resolution_rad());
+                2 * M_PI / 65536 + 2 * GetParam().position_resolution_rad() +
+                    GetParam().steps.reported_rad);
   }
   simulated_->rotor().position_rad = 0;
   simulated_->rotor().velocity_rad_s = 3;

@@ -1,5 +1,6 @@
 #include "firmware_interface/drives/drives_toml.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -24,6 +25,7 @@ const std::string kShippedCanSimple =
     testing::SourcePath("primitives/robots/tumbler_drives_cansimple.toml");
 const std::string kShippedCia402 =
     testing::SourcePath("primitives/robots/tumbler_drives_cia402.toml");
+const std::string kShippedAkV3 = testing::SourcePath("primitives/robots/tumbler_drives_akv3.toml");
 
 std::string ShippedText(const std::string& path = kShipped) { return testing::ReadFile(path); }
 
@@ -152,11 +154,11 @@ TEST(DrivesToml, EveryProtocolHasAPageThatSaysWhatIsTrueOfIt) {
     const std::string example = "primitives/robots/" + std::string(Protocol::kExample);
     EXPECT_THAT(page,
                 HasSubstr("`protocol = \"" + std::string(Protocol::kName) + "\"`; `" + example));
-    EXPECT_THAT(
-        page,
-        HasSubstr("| two drives at 1 kHz, worst case | " +
-                  std::to_string(LoadDrives(testing::SourcePath(example)).WorstCaseTickBits()) +
-                  " bits a tick |"));
+    const DrivesConfig drives = LoadDrives(testing::SourcePath(example));
+    const std::string rate =
+        drives.rate_hz == 1000 ? "1 kHz" : fmt::format("{} Hz", drives.rate_hz);
+    EXPECT_THAT(page, HasSubstr(fmt::format("| two drives at {}, worst case | {} bits a tick |",
+                                            rate, drives.WorstCaseTickBits())));
     EXPECT_TRUE(std::filesystem::exists(
         testing::SourcePath("firmware_interface/dbc/" + std::string(Protocol::kDbc))));
   });
@@ -169,6 +171,44 @@ TEST(DrivesToml, TheTablesOfTheDocumentsAreThoseOfTheCode) {
     testing::ExpectTables("docs/protocols/" + std::string(Protocol::kId) + ".md",
                           {Protocol::Keys()});
   });
+}
+
+TEST(DrivesToml, OfAkV3TheModelGivesWhatTheFileDoesNot) {
+  const DrivesConfig drives =
+      ParseDrives(Mutate(ShippedText(kShippedAkV3), "model = \"AK80-9\"",
+                         "model = \"AK60-6\"\ngear_inside = 5\nrange.torque_nm = [-9, 9]"),
+                  "d.toml");
+  const AkV3Config& first = std::get<AkV3Config>(drives.drives[0].config);
+  EXPECT_EQ(first.node_id, 1);
+  EXPECT_EQ(first.pole_pairs, 14);
+  EXPECT_EQ(first.gear_inside, 5);
+  EXPECT_EQ(first.range.torque_nm.max, 9);
+  EXPECT_EQ(first.range.velocity_rad_s.max, 60);
+  EXPECT_EQ(first.range.position_rad.min, -12.56F);
+  const AkV3Config& second = std::get<AkV3Config>(drives.drives[1].config);
+  EXPECT_EQ(second.range.velocity_rad_s.max, 65);
+  EXPECT_EQ(second.status_per_tick_max, 2) << "one a tick, and one for drift";
+  EXPECT_EQ(second.torque_constant_nm_per_a, 0.57F);
+}
+
+TEST(DrivesToml, IdentifiersOf29BitsAreOthersThanThoseOf11AndTakeLonger) {
+  // The MIT drive's identifiers are numbers that the other drive uses in 29 bits.
+  const std::string ak = ShippedText(kShippedAkV3);
+  const std::string mit = ShippedText();
+  const std::string text = ak.substr(0, ak.find("[[drive]]\njoint = \"leg2\"")) +
+                           Mutate(Mutate(mit.substr(mit.find("[[drive]]\njoint = \"leg2\"")),
+                                         "reply_id = 18", "reply_id = 0x301"),
+                                  "command_id = 2", "command_id = 1");
+  const DrivesConfig mixed = ParseDrives(text, "d.toml");
+  EXPECT_EQ(mixed.WorstCaseTickBits(), 2 * 160 + 2 * 135);
+  EXPECT_EQ(mixed.LongestFrameBits(), 160);
+  EXPECT_EQ(LoadDrives(kShipped).LongestFrameBits(), 135);
+  EXPECT_THAT(mixed.HostSends(), ::testing::ElementsAre(CanId(0x801, true), CanId(1)));
+  EXPECT_THAT(mixed.HostReceives(),
+              ::testing::IsSupersetOf({CanId(0x2901, true), CanId(0x301, true), CanId(0x301)}));
+  EXPECT_EQ(mixed.DescribeSchedule(),
+            "1 setpoints of 8 bytes with 29-bit identifiers, 1 reports of 8 bytes with 29-bit "
+            "identifiers, 1 setpoints of 8 bytes, 1 replies of 8 bytes");
 }
 
 TEST(DrivesToml, OneFileHoldsAnyMixtureOfProtocols) {
@@ -209,6 +249,46 @@ TEST_P(ProtocolRefusals, NamesFileLineKeyAndCause) {
 INSTANTIATE_TEST_SUITE_P(
     DrivesToml, ProtocolRefusals,
     ::testing::Values(
+        ProtocolRefusal{"AkV3RateBeyondTheReports",
+                        &kShippedAkV3,
+                        "rate_hz = 500.0",
+                        "rate_hz = 2500.0",
+                        {"drive[0].status_s: is 0.002, 5 ticks", "or lower rate_hz"}},
+        ProtocolRefusal{"AkV3RateBeyondTheBus",
+                        &kShippedAkV3,
+                        "bit_rate = 1_000_000",
+                        "bit_rate = 250_000",
+                        {"bus.rate_hz: is 500", "640 bits", "250000 bit/s allow at most 390 Hz"}},
+        ProtocolRefusal{"AkV3Model",
+                        &kShippedAkV3,
+                        "model = \"AK80-9\"",
+                        "model = \"AK80-8\"",
+                        {"drive[0].model: is 'AK80-8'", "AK10-9, AK60-6, AK80-9"}},
+        ProtocolRefusal{"AkV3WithoutModel",
+                        &kShippedAkV3,
+                        "model = \"AK80-9\"",
+                        "",
+                        {"drive[0].pole_pairs: is missing"}},
+        ProtocolRefusal{"AkV3IdTwice",
+                        &kShippedAkV3,
+                        "drive_id = 2",
+                        "drive_id = 1",
+                        {"drive[1].drive_id: is 1", "the frames 0x00000001", "'leg1'"}},
+        ProtocolRefusal{"AkV3ReportsTooOften",
+                        &kShippedAkV3,
+                        "status_s = 0.002",
+                        "status_s = 0.001",
+                        {"drive[0].status_s: is 0.001; allowed: from 0.002 ... 0.1"}},
+        ProtocolRefusal{"AkV3ReportsTooRare",
+                        &kShippedAkV3,
+                        "status_s = 0.002",
+                        "status_s = 0.01",
+                        {"drive[0].status_s: is 0.01, 5 ticks", "at most 4", "feedback rate"}},
+        ProtocolRefusal{"AkV3GainBeyondTheWire",
+                        &kShippedAkV3,
+                        "kp_nm_per_rad = 200.0",
+                        "kp_nm_per_rad = 501.0",
+                        {"drive[0].kp_nm_per_rad: is 501", "at most 500"}},
         ProtocolRefusal{"CanSimpleNode",
                         &kShippedCanSimple,
                         "node_id = 1 ",

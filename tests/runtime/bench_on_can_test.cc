@@ -42,9 +42,8 @@ class BenchOnCan : public ::testing::TestWithParam<testing::ExampleDrives> {
   BenchOnCan() {
     testing::RequireCan();
     std::string draft = testing::ReadFile(testing::SourcePath(GetParam().file));
-    draft = Replaced(draft, "rate_hz = 1000.0", "rate_hz = 100.0");
+    draft = testing::AtRate(draft, 100);
     draft = ReplacedAll(draft, "watchdog_s = 0.025", "watchdog_s = 0.2");
-    draft = ReplacedAll(draft, "estimates_s = 0.001", "estimates_s = 0.01");
     const bool cia402 = GetParam().protocol == "cia402";
     if (cia402)
       draft = Replaced(draft, "watchdog_reaction = \"fault\"", "watchdog_reaction = \"none\"");

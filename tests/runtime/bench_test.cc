@@ -106,6 +106,10 @@ class BenchOf : public ::testing::TestWithParam<testing::ExampleDrives> {
  protected:
   BenchOf() : drives_(ParseDrives(Example(GetParam()), "example")), world_(drives_) {}
 
+  /// Whether a drive's silence is judged by its torque, because it does not say that it let go.
+  [[nodiscard]] static bool IsPushed() {
+    return GetParam().protocol == "mit" || GetParam().protocol == "akv3";
+  }
   /// The positions that frames to the drive ask for, in order.
   [[nodiscard]] std::vector<double> Asked(std::size_t drive) const {
     std::vector<double> asked;
@@ -169,7 +173,9 @@ TEST_P(BenchOf, AnInterruptAtAnyTimeEndsWithTheTorqueOff) {
     world_.each_tick = {};
     EXPECT_FALSE(world_.AnyEnabled());
   };
-  for (const int tick : {1, 5, 40, 300, 700, 1000, 1150}) interrupt(tick, jog);
+  const double ticks_in_ms = 1e-3 * drives_.rate_hz;
+  for (const int tick : {1, 5, 40, 300, 700, 1000, 1150})
+    interrupt(static_cast<int>(std::ceil(tick * ticks_in_ms)), jog);
   for (const int tick : {1, 10, 40, 60, 100}) interrupt(tick, prove);
 }
 
@@ -234,10 +240,11 @@ TEST_P(BenchOf, TheWatchdogsProofFindsWhenADriveLetsGo) {
   // CANSimple tells by its next heartbeat.
   EXPECT_NEAR(watchdog.limp_after_s, 0.025, GetParam().protocol == "cansimple" ? 0.012 : 0.004);
   EXPECT_LE(watchdog.pushed_after_s, 0.026);
-  EXPECT_THAT(JudgeWatchdog("drive", watchdog, 0.025, 0.001, {}), IsEmpty());
-  EXPECT_EQ(JudgeWatchdog("drive", watchdog, 0.1, 0.001, {}).at(0).kind, "watchdog-differs");
+  const double period_s = session.period_s();
+  EXPECT_THAT(JudgeWatchdog("drive", watchdog, 0.025, period_s, {}), IsEmpty());
+  EXPECT_EQ(JudgeWatchdog("drive", watchdog, 0.1, period_s, {}).at(0).kind, "watchdog-differs");
   // Only who writes the file knows whether it has it right.
-  EXPECT_FALSE(JudgeWatchdog("drive", watchdog, 0.1, 0.001, {}).at(0).mended);
+  EXPECT_FALSE(JudgeWatchdog("drive", watchdog, 0.1, period_s, {}).at(0).mended);
   EXPECT_GT(world_.simulated[0]->watchdog_expiries(), 0);
   EXPECT_FALSE(world_.AnyEnabled());
 }
@@ -412,7 +419,7 @@ TEST_P(BenchOf, BeforeArmingADriveThatIsSilentOrReportsAnErrorIsRefused) {
   EXPECT_THAT(CheckDrives(world_, drives_, {true, true, false, {}}, somebody).refusal,
               HasSubstr("(leg2) reports 0x"));
   EXPECT_EQ(somebody.asked, 0U);
-  if (GetParam().protocol == "mit") return;  // These drives cannot be cleared.
+  if (IsPushed()) return;  // MIT and AK V3 drives cannot be cleared.
   EXPECT_EQ(CheckDrives(world_, drives_, {true, true, true, {}}, somebody).refusal, "");
 }
 
@@ -433,15 +440,33 @@ TEST_P(BenchOf, BeforeArmingADriveWithoutWatchdogIsRefusedWithTheReason) {
   EXPECT_EQ(somebody.asked, 0U);
 }
 
+TEST(WatchdogProof, OfAnAkV3DriveWhoseTorqueIsUnknownIsRefusedWithWhatIsMissing) {
+  DrivesConfig drives = ParseDrives(
+      testing::ReadFile(testing::SourcePath("primitives/robots/tumbler_drives_akv3.toml")), "ak");
+  std::get<AkV3Config>(drives.drives[0].config).torque_constant_nm_per_a = 0;
+  RigWorld world(drives);
+  BenchSession session(world, drives, {});
+  ASSERT_THAT(session.AwaitReplies(), IsEmpty());
+  try {
+    static_cast<void>(ProveWatchdog(session, 0));
+    FAIL() << "not refused";
+  } catch (const Refused& refused) {
+    EXPECT_THAT(refused.what(), HasSubstr("torque_constant_nm_per_a is 0"));
+  }
+  EXPECT_FALSE(world.AnyEnabled());
+}
+
 TEST_P(BenchOf, RepliesAreTimedAndLostOnesCounted) {
   BenchSession session(world_, drives_, {});
   ASSERT_THAT(session.AwaitReplies(), IsEmpty());
   std::vector<ReplyResult> replies = MeasureReplies(session, 2);
   ASSERT_EQ(replies.size(), 2U);
   EXPECT_EQ(replies[0].lost, 0);
-  EXPECT_EQ(replies[0].answers, GetParam().protocol != "cansimple");
-  EXPECT_LE(replies[0].max_ms, 1.1);
-  EXPECT_THAT(JudgeReplies("drive", replies[0], 0.001, {}), IsEmpty());
+  const double period_s = session.period_s();
+  EXPECT_EQ(replies[0].answers,
+            GetParam().protocol != "cansimple" && GetParam().protocol != "akv3");
+  EXPECT_LE(replies[0].max_ms, 1e3 * period_s + 0.1);
+  EXPECT_THAT(JudgeReplies("drive", replies[0], period_s, {}), IsEmpty());
   BusFaultPlan plan;
   plan.faults.push_back({});
   plan.faults.back().node = 2;  // the host
@@ -449,7 +474,7 @@ TEST_P(BenchOf, RepliesAreTimedAndLostOnesCounted) {
   world_.wire().SetFaults(plan);
   replies = MeasureReplies(session, 5);
   EXPECT_NEAR(replies[0].lost_share(), 0.02, 0.008);
-  EXPECT_EQ(JudgeReplies("drive", replies[0], 0.001, {}).at(0).kind, "noisy-bus");
+  EXPECT_EQ(JudgeReplies("drive", replies[0], period_s, {}).at(0).kind, "noisy-bus");
 }
 
 TEST_P(BenchOf, AStepAnswersAsItsDifferentialEquationDoes) {
@@ -491,7 +516,7 @@ TEST_P(BenchOf, EveryReplyOfADriveThatDiedIsLostAndThoseAfterItDied) {
   BenchSession session(world_, drives_, {});
   ASSERT_THAT(session.AwaitReplies(), IsEmpty());
   world_.each_tick = [&] {
-    if (++ticks == 1000) world_.simulated[1]->set_silent(true);
+    if (++ticks == std::lround(1 / session.period_s())) world_.simulated[1]->set_silent(true);
   };
   std::vector<ReplyResult> replies = MeasureReplies(session, 2);
   EXPECT_EQ(replies[0].lost, 0);
@@ -543,8 +568,8 @@ TEST_P(BenchOf, ADriveWithoutWatchdogIsProvedForNoLongerThanItsJointStaysWithinT
   const WatchdogResult watchdog = ProveWatchdog(session, 0);
   EXPECT_FALSE(watchdog.let_go);
   EXPECT_LE(farthest_rad, 0.1);
-  EXPECT_GE(watchdog.pushed_after_s, GetParam().protocol == "mit" ? 0.05 : 0.999);
-  EXPECT_EQ(watchdog.longest, GetParam().protocol != "mit");
+  EXPECT_GE(watchdog.pushed_after_s, IsPushed() ? 0.05 : 0.999);
+  EXPECT_EQ(watchdog.longest, !IsPushed());
   const BenchFinding finding = JudgeWatchdog("drive", watchdog, 0.025, 0.001, {}).at(0);
   EXPECT_EQ(finding.kind, "no-watchdog");
   EXPECT_FALSE(finding.mended);
@@ -588,7 +613,7 @@ TEST(BenchTorque, StiffnessAndVelocityOfEverySetpointTogetherStayWithinTheBound)
   EXPECT_GT(most_nm, 0.4);
 }
 
-/// Six drives, two of each protocol. The questions to MIT drives would be commands of the CANSimple
+/// Two drives of each protocol. The questions to MIT drives would be commands of the CANSimple
 /// node 1, whose identifiers are 32 to 63.
 DrivesConfig MixedDrives() {
   DrivesConfig mixed;
@@ -603,6 +628,7 @@ DrivesConfig MixedDrives() {
         cia402->node_id = static_cast<std::uint8_t>(cia402->node_id + 4);
         cia402->period_us = 5000;
       }
+      if (auto* ak = std::get_if<AkV3Config>(&drive.config)) ak->status_s = 0.005;
       mixed.drives.push_back(drive);
     }
   }
@@ -617,9 +643,11 @@ TEST(BusScan, FindsDrivesOfAllProtocolsOnOneBusAndMovesNone) {
   names.reserve(found.size());
   for (const FoundDrive& drive : found)
     names.push_back(drive.protocol + ' ' + std::to_string(drive.number));
-  EXPECT_THAT(names, ElementsAre("canopen-csp 5", "canopen-csp 6", "cansimple 1", "cansimple 2",
-                                 "mit 10", "mit 11"));
-  EXPECT_EQ(found[4].reply_id, 17);
+  EXPECT_THAT(names, ElementsAre("ak-v3 1", "ak-v3 2", "canopen-csp 5", "canopen-csp 6",
+                                 "cansimple 1", "cansimple 2", "mit 10", "mit 11"));
+  EXPECT_EQ(found[0].details, "0.0 degrees, no error");
+  EXPECT_TRUE(found[0].by_itself);
+  EXPECT_EQ(found[6].reply_id, 17);
   EXPECT_THAT(CompareWithDraft(found, drives), IsEmpty());
   EXPECT_FALSE(world.AnyEnabled());
   for (std::size_t i = 0; i < drives.drives.size(); ++i)
@@ -687,7 +715,7 @@ TEST(DriveReading, CanOpenAndCanSimpleDrivesTellWhatTheyHaveAndNothingMoves) {
     for (const DriveReading& reading : ReadDrive(world, drives.drives[i]))
       texts.push_back(Describe(reading));
     const DriveConfig& config = drives.drives[i].config;
-    if (std::holds_alternative<MitConfig>(config)) {
+    if (std::holds_alternative<MitConfig>(config) || std::holds_alternative<AkV3Config>(config)) {
       EXPECT_THAT(texts, IsEmpty());
     } else if (std::holds_alternative<Cia402Config>(config)) {
       EXPECT_THAT(texts, ::testing::IsSupersetOf(
@@ -714,6 +742,22 @@ TEST(BusScan, AsksNothingWhenSomebodyCommandsDrives) {
   ScanConfig passive;
   passive.passive = true;
   EXPECT_THAT(ScanBus(world, passive), IsEmpty());
+}
+
+TEST(BusScan, AsksNothingWhenSomebodyCommandsDrivesWithIdentifiersOf29Bits) {
+  DrivesConfig drives;
+  RigWorld world(drives);
+  SimulatedPort& other = world.wire().Attach();
+  world.each_tick = [&] {
+    static_cast<void>(other.Send(EncodeAkV3Command(AkV3Config(), {})) == Status::kOk);
+  };
+  try {
+    static_cast<void>(ScanBus(world, {}));
+    FAIL() << "not refused";
+  } catch (const Refused& refused) {
+    EXPECT_THAT(refused.what(), HasSubstr("(frame 0x00000801)"));
+  }
+  EXPECT_THAT(world.sent, IsEmpty());
 }
 
 TEST(BusScan, TellsWhatTheFileDoesNot) {

@@ -17,6 +17,7 @@
 #include <tuple>
 #include <vector>
 
+#include "firmware_interface/can/bus_schedule.h"
 #include "firmware_interface/drives/error_texts.h"
 #include "tests/support/fault_bench.h"
 #include "tests/support/files.h"
@@ -963,14 +964,52 @@ TEST(ManyDrives, OneToEightAreArmedWhateverTheOrderOfTheirIdentifiersIs) {
   }
 }
 
-TEST(ManyDrives, OfThreeProtocolsOnOneBusAreArmed) {
+TEST(ManyDrives, OneToEightOfAkV3AreArmedAtARateThatTheBusBears) {
+  for (int count = 1; count <= 8; ++count) {
+    std::mt19937 random(5);
+    testing::MotionShape shape;
+    shape.joint_count = count;
+    shape.amplitude_rad = 0.25;
+    FaultBench::Config config;
+    config.primitives = {testing::RandomPrimitive<float>(shape, random)};
+    config.graph = GraphOf(config.primitives[0]);
+    // Five fit at 500 Hz, eight at 350 Hz, with room for an error: docs/protocols/akv3.md.
+    config.drives.rate_hz = count <= 5 ? 500 : 350;
+    config.executor.period_s = static_cast<float>(1 / config.drives.rate_hz);
+    for (int i = 0; i < count; ++i) {
+      DriveEntry entry;
+      entry.joint = "joint" + std::to_string(i + 1);
+      AkV3Config drive = AkV3Protocol::Example(i);
+      if (count > 5) drive.status_s = 1 / config.drives.rate_hz;
+      entry.config = drive;
+      entry.kp_nm_per_rad = 200;
+      entry.kd_nm_s_per_rad = 4;
+      config.drives.drives.push_back(entry);
+    }
+    BusSchedule schedule;
+    schedule.rate_hz = config.drives.rate_hz;
+    schedule.tick_bits = config.drives.WorstCaseTickBits();
+    schedule.longest_frame_bits = config.drives.LongestFrameBits();
+    EXPECT_EQ(schedule.tick_bits, 320 * count);
+    EXPECT_TRUE(schedule.feasible()) << schedule.Describe();
+    FaultBench bench(std::move(config));
+    ASSERT_EQ(bench.configured, Status::kOk);
+    EXPECT_TRUE(bench.Reach(ExecutorState::kRunning))
+        << count << " drives: " << ToString(bench.output.record.refusal.refusal) << " "
+        << ToString(bench.output.record.first_fault.fault);
+  }
+}
+
+TEST(ManyDrives, OfEveryProtocolOnOneBusAreArmed) {
   std::mt19937 random(5);
   testing::MotionShape shape;
-  shape.joint_count = 3;
+  shape.joint_count = static_cast<int>(EveryProtocol().size());
   shape.amplitude_rad = 0.25;
   FaultBench::Config config;
   config.primitives = {testing::RandomPrimitive<float>(shape, random)};
   config.graph = GraphOf(config.primitives[0]);
+  config.drives.rate_hz = 500;  // At 1 kHz their frames would not fit on the bus.
+  config.executor.period_s = 0.002F;
   std::uint8_t node = 1;
   for (const TestedProtocol& protocol : EveryProtocol()) {
     const DrivesConfig shipped = LoadDrives(testing::SourcePath(protocol.drives));
@@ -978,8 +1017,14 @@ TEST(ManyDrives, OfThreeProtocolsOnOneBusAreArmed) {
     entry.joint = "joint" + std::to_string(config.drives.drives.size() + 1);
     if (auto* mit = std::get_if<MitConfig>(&entry.config)) mit->command_id = 0x40;
     if (auto* mit = std::get_if<MitConfig>(&entry.config)) mit->reply_id = 0x41;
-    if (auto* can = std::get_if<CanSimpleConfig>(&entry.config)) can->node_id = 9;
-    if (auto* csp = std::get_if<Cia402Config>(&entry.config)) csp->node_id = ++node;
+    if (auto* can = std::get_if<CanSimpleConfig>(&entry.config)) {
+      can->node_id = 9;
+      can->estimates_per_tick_max = 3;  // of 1 ms
+    }
+    if (auto* csp = std::get_if<Cia402Config>(&entry.config)) {
+      csp->node_id = ++node;
+      csp->period_us = 2000;
+    }
     config.drives.drives.push_back(entry);
   }
   FaultBench bench(std::move(config));

@@ -14,6 +14,7 @@ struct WireSteps {
   double position_rad = 0;
   double velocity_rad_s = 0;
   double torque_nm = 0;
+  double reported_rad = 0;  ///< Of measured positions, where these are coarser.
 };
 
 /// The judge's knowledge of the bus as a whole: whose turn it is, and the findings.

@@ -84,11 +84,10 @@ class RecordOnCan : public ::testing::Test {
     };
     replace("\"leg1\"", "\"joint1\"");
     replace("\"leg2\"", "\"joint2\"");
-    replace("rate_hz = 1000.0", "rate_hz = 25.0");
+    text = testing::AtRate(text, 25);
     replace("watchdog_s = 0.025", "watchdog_s = 0.2");
     if (example.protocol == "cansimple") {  // Its drives send by themselves, as for 1 kHz.
       replace("heartbeat_s = 0.01", "heartbeat_s = 0.1");
-      replace("estimates_s = 0.001", "estimates_s = 0.04");
       replace("torques_s = 0.01", "torques_s = 0.1");
     }
     WriteFile(Path("drives.toml"), text);

@@ -1,0 +1,141 @@
+#include <fmt/format.h>
+
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <string_view>
+
+#include "firmware_interface/drives/akv3.h"
+#include "firmware_interface/drives/drive_keys.h"
+#include "firmware_interface/drives/drive_traffic.h"
+
+namespace tumbler {
+
+namespace {
+
+constexpr std::array kIdKeys = {
+    KeyOf<&AkV3Config::node_id>("drive_id", {0, 0xff}, "the drive's CAN ID").Required(),
+};
+
+/// What a model is delivered with: +-12.56 rad, kp 0 ... 500, kd 0 ... 5, and these.
+struct AkV3Model {
+  std::string_view name;
+  float velocity_rad_s;
+  float torque_nm;
+  int pole_pairs;
+  float gear_inside;
+};
+// Ranges: the manual's table as CUBEMARS_AK_V3_LIMITS in src/cubemars/ak_v3/ak_v3_common.py of
+// github.com/bhattner143/exo-actuator-sensor-drivers has it; pole pairs and gears: MOTOR_PARAMS in
+// epicallypowerful/actuation/motor_data.py of github.com/gatech-epic-power/epically-powerful.
+constexpr std::array<AkV3Model, 3> kModels = {{
+    {"AK10-9", 28, 54, 21, 9},
+    {"AK60-6", 60, 12, 14, 6},
+    {"AK80-9", 65, 18, 21, 9},
+}};
+constexpr auto kModelNames = [] {
+  std::array<std::string_view, kModels.size()> names;
+  for (std::size_t i = 0; i < names.size(); ++i) names[i] = kModels[i].name;
+  return names;
+}();
+
+void ReadModel(TomlTable& table, std::string_view key, AkV3Config& config) {
+  const std::string name = table.Choice(key, kModelNames, "");
+  for (const AkV3Model& model : kModels) {
+    if (model.name != name) continue;
+    config.range.velocity_rad_s = {-model.velocity_rad_s, model.velocity_rad_s};
+    config.range.torque_nm = {-model.torque_nm, model.torque_nm};
+    config.pole_pairs = model.pole_pairs;
+    config.gear_inside = model.gear_inside;
+  }
+}
+constexpr std::array kModelKeys = {
+    KeyReadBy<AkV3Config>("model", ReadModel,
+                          "gives `pole_pairs`, `gear_inside` and `[drive.range]` as delivered")
+        .Allowed("[see there](#models)"),
+};
+
+constexpr const char* kOfModel = "that of `model`";
+constexpr std::array kMotorKeys = {
+    KeyOf<&AkV3Config::pole_pairs>("pole_pairs", {1, 100}, "of the motor").Default(kOfModel),
+    KeyOf<&AkV3Config::gear_inside>("gear_inside", {0.1, 1000},
+                                    "turns of the motor per turn of the drive's shaft")
+        .Default(kOfModel),
+};
+
+constexpr std::array kReportKeys = {
+    KeyOf<&AkV3Config::torque_constant_nm_per_a>(
+        "torque_constant_nm_per_a", {0, 1000},
+        "torque at the drive's shaft per ampere reported; 0: the torque is not known"),
+    KeyOf<&AkV3Config::status_s>("status_s", {0.002, 0.1},
+                                 "period of the reports that the drive is set to send")
+        .Allowed("0.002 to 0.1, at most 4 ticks"),
+};
+
+constexpr const char* kAtShaft = "at the drive's shaft";
+constexpr std::array kRangeKeys = {
+    RangeOf<&AkV3Ranges::position_rad>("position_rad", kAtShaft).Default(kOfModel),
+    RangeOf<&AkV3Ranges::velocity_rad_s>("velocity_rad_s", kAtShaft).Default(kOfModel),
+    RangeOf<&AkV3Ranges::kp_nm_per_rad, true>("kp_nm_per_rad", kAtShaft).Default(kOfModel),
+    RangeOf<&AkV3Ranges::kd_nm_s_per_rad, true>("kd_nm_s_per_rad", kAtShaft).Default(kOfModel),
+    RangeOf<&AkV3Ranges::torque_nm>("torque_nm", kAtShaft).Default(kOfModel),
+};
+
+}  // namespace
+
+AkV3Config AkV3Protocol::Read(DriveTable& table) {
+  TomlTable& keys = table.keys;
+  AkV3Config config;
+  ReadKeys(keys, kIdKeys, config);
+  config.joint = ReadJoint(keys);
+  ReadKeys(keys, kModelKeys, config);
+  if (keys.Has("model")) {
+    ReadKeys(keys, kMotorKeys, config);
+    if (auto range = keys.OptionalTable("range")) ReadKeys(*range, kRangeKeys, config.range);
+  } else {
+    ReadKeys(keys, AllRequired(kMotorKeys), config);
+    TomlTable range = keys.Table("range");
+    ReadKeys(range, AllRequired(kRangeKeys), config.range);
+  }
+  ReadKeys(keys, kReportKeys, config);
+  ReadCarriedGains(table, config.joint, config.range.kp_nm_per_rad, config.range.kd_nm_s_per_rad);
+  // A drive whose measurement is older than a few ticks counts as silent.
+  const double ticks = config.status_s * table.rate_hz;
+  if (ticks > 4) {
+    keys.Fail("status_s", fmt::format("is {}, {} ticks of the control loop; at most 4 are allowed: "
+                                      "raise the drive's CAN feedback rate, or lower rate_hz",
+                                      MessageNumber(config.status_s), MessageNumber(ticks)));
+  }
+  config.status_per_tick_max = static_cast<int>(std::ceil(1 / ticks)) + 1;
+  return config;
+}
+
+KeyTable AkV3Protocol::Keys() {
+  return {"firmware_interface/drives/akv3_toml.cc", "akv3",
+          Joined({RowsOf(kIdKeys), RowsOf(kModelKeys), RowsOf(kMotorKeys), RowsOf(kReportKeys),
+                  RowsOf(kRangeKeys, "`[drive.range]`")})};
+}
+
+DriveTraffic AkV3Protocol::TrafficOf(const DriveEntry& /*entry*/, const AkV3Config& config,
+                                     double rate_hz) {
+  DriveTraffic traffic;
+  traffic.schedule = {{"setpoints", 8, 1, false, true},
+                      {"reports", 8, config.status_s * rate_hz, false, true}};
+  const auto id = [&config](std::uint32_t function) {
+    return CanId(AkV3Id(function, config.node_id), true);
+  };
+  DriveIdentifiers all{"drive_id", config.node_id, true, false, {}};
+  for (std::uint32_t function = 0; function <= kAkV3SetpointFunction; ++function)
+    all.ids.push_back(id(function));
+  all.ids.push_back(id(kAkV3StatusFunction));
+  traffic.identifiers = {all};
+  traffic.host_sends = {id(kAkV3SetpointFunction)};
+  // Commands of somebody else, too: the host sends but one of them.
+  traffic.host_receives = {id(kAkV3StatusFunction)};
+  for (std::uint32_t function = 0; function < kAkV3SetpointFunction; ++function)
+    traffic.host_receives.push_back(id(function));
+  traffic.host_frames_max = 1;
+  return traffic;
+}
+
+}  // namespace tumbler

@@ -1,0 +1,118 @@
+#include "firmware_interface/drives/simulated_akv3.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "firmware_interface/drives/drive_entry.h"
+#include "firmware_interface/drives/make_simulated.h"
+
+namespace tumbler {
+
+namespace {
+
+/// A value in steps, truncated as firmware does, and saturated.
+std::int16_t Steps(double value, double limit) {
+  return static_cast<std::int16_t>(std::clamp(value, -limit, limit));
+}
+
+}  // namespace
+
+SimulatedAkV3Drive::SimulatedAkV3Drive(const SimulatedAkV3Config& config)
+    : SimulatedDrive(config, config.akv3.joint),
+      config_(config),
+      period_ns_(std::llround(config.akv3.status_s * 1e9)),
+      due_ns_(config.phase_ns) {
+  Require(config.akv3.Validate() == Status::kOk, "its protocol configuration is not valid");
+  Require(config.watchdog_s >= 0 && config.watchdog_s <= 3600, "watchdog_s must be 0 ... 3600");
+  Require(config.phase_ns >= 0, "phase_ns must be 0 or more");
+}
+
+SimulatedPortConfig SimulatedAkV3Drive::port_config() const noexcept {
+  SimulatedPortConfig config;
+  config.transmit_capacity = 3;
+  config.restart_ns = 0;  // Firmware lets its controller recover from bus-off by itself.
+  return config;
+}
+
+bool SimulatedAkV3Drive::enabled() const noexcept {
+  const AkV3Command& s = setpoint_;
+  const bool any = s.kp_nm_per_rad > 0 || s.kd_nm_s_per_rad > 0 || s.torque_nm != 0;
+  return any && error_ == 0 && !expired_;
+}
+
+std::optional<double> SimulatedAkV3Drive::target_rad() const noexcept {
+  if (!enabled() || setpoint_.kp_nm_per_rad <= 0) return std::nullopt;
+  return ToJoint(static_cast<double>(setpoint_.position_rad));
+}
+
+void SimulatedAkV3Drive::CheckWatchdog(std::int64_t time_ns) noexcept {
+  if (!enabled() || config_.watchdog_s <= 0) return;
+  if (static_cast<double>(time_ns - fed_ns_) <= config_.watchdog_s * 1e9) return;
+  expired_ = true;
+  CountExpiry();
+}
+
+void SimulatedAkV3Drive::NoteStiffness(float kp_nm_per_rad) noexcept {
+  constexpr float kLittle = 0.1F;  // of the largest stiffness
+  const float before = setpoint_.kp_nm_per_rad;
+  if (kp_nm_per_rad > before) {
+    softened_ = false;
+    stiffest_nm_per_rad_ = kp_nm_per_rad;
+  } else if (kp_nm_per_rad < before) {
+    softened_ = before - kp_nm_per_rad <= kLittle * stiffest_nm_per_rad_;
+  }
+}
+
+CanFrame SimulatedAkV3Drive::Report() const noexcept {
+  constexpr double kDegrees = 360 / kTwoPi;
+  const AkV3Config& akv3 = config_.akv3;
+  AkV3Status status;
+  status.position = Steps(Measured(0) * kDegrees / 0.1, 32000);
+  const double motor_rad_s = shaft_velocity_rad_s() * static_cast<double>(akv3.gear_inside);
+  status.speed = Steps(motor_rad_s * 60 / kTwoPi * akv3.pole_pairs / 10, 32000);
+  if (akv3.torque_constant_nm_per_a > 0) {
+    status.current =
+        Steps(torque_nm() / static_cast<double>(akv3.torque_constant_nm_per_a) / 0.01, 6000);
+  }
+  status.temperature = static_cast<std::int8_t>(std::clamp(temperature_c(), -20.0, 127.0));
+  status.error = error_;
+  return EncodeAkV3Status(akv3, status);
+}
+
+double SimulatedAkV3Drive::Law(std::int64_t time_ns) noexcept {
+  CheckWatchdog(time_ns);
+  if (time_ns >= due_ns_) {
+    while (due_ns_ <= time_ns) due_ns_ += period_ns_;
+    Say(Report());
+  }
+  if (!enabled()) return 0;
+  const AkV3Command& s = setpoint_;
+  return static_cast<double>(s.kp_nm_per_rad) *
+             (static_cast<double>(s.position_rad) - Measured(0)) +
+         static_cast<double>(s.kd_nm_s_per_rad) *
+             (static_cast<double>(s.velocity_rad_s) - shaft_velocity_rad_s()) +
+         static_cast<double>(s.torque_nm);
+}
+
+void SimulatedAkV3Drive::OnFrame(const ReceivedFrame& received, SimulatedPort& /*port*/) noexcept {
+  AkV3Command command;
+  if (DecodeAkV3Command(config_.akv3, received.frame, command) != Status::kOk) return;
+  CheckWatchdog(received.time_ns);
+  CountFrame();
+  CountSetpoint(received.time_ns);
+  NoteStiffness(command.kp_nm_per_rad);
+  setpoint_ = command;
+  fed_ns_ = received.time_ns;
+  expired_ = false;
+}
+
+OwnedDrive AkV3Protocol::Simulate(const DriveEntry& entry, const AkV3Config& akv3,
+                                  const SimulatedMotorConfig& motor) {
+  SimulatedAkV3Config config;
+  static_cast<SimulatedMotorConfig&>(config) = motor;
+  config.akv3 = akv3;
+  config.watchdog_s = entry.watchdog_s;
+  return {std::make_unique<SimulatedAkV3Drive>(config)};
+}
+
+}  // namespace tumbler
