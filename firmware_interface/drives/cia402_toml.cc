@@ -4,13 +4,17 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <filesystem>
 #include <numbers>
+#include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "firmware_interface/drives/cia402.h"
 #include "firmware_interface/drives/drive_keys.h"
 #include "firmware_interface/drives/drive_traffic.h"
+#include "firmware_interface/drives/eds.h"
 
 namespace tumbler {
 
@@ -26,6 +30,7 @@ struct Cia402Entry : Cia402Config {
   double velocity_units = 0;  ///< Per turn and second.
   double rated_nm = 0;
   double heartbeat_s = 1e-3 * heartbeat_ms;
+  std::string eds;  ///< Path of its electronic data sheet; empty: none.
 };
 
 constexpr std::array kNumberKeys = {
@@ -83,6 +88,11 @@ constexpr std::array kSetUpKeys = {
                            "without a watchdog")
         .Default("none")
         .Allowed("1006h, 60C2h, 605Ah, 6065h, 6007h"),
+    KeyOf<&Cia402Entry::eds>("eds",
+                             "the drive's EDS or DCF file; says what it lacks, and what of the "
+                             "set-up it would refuse")
+        .Default("none")
+        .Allowed("path, from the folder of this file"),
 };
 
 /// Reads the units, and the ranges, which with these units have to fit 32 and 16 bits.
@@ -121,6 +131,88 @@ void ReadTimes(DriveTable& table, Cia402Config& cia402) {
   cia402.watchdog_ms = static_cast<std::uint16_t>(std::llround(watchdog_s * 1000));
 }
 
+/// What one frame of the set-up or of a PDO needs of an object.
+struct Cia402Need {
+  std::uint16_t index = 0;
+  std::uint8_t sub = 0;
+  int bits = 0;
+  bool written = false;
+  bool mapped = false;
+  std::optional<std::uint32_t> value;  ///< That is written.
+};
+
+/// The objects of the set-up, those of the PDOs that it makes, and the mode that is read back.
+std::vector<Cia402Need> NeedsOf(const Cia402Config& config) {
+  std::vector<Cia402Need> needs;
+  SdoRequest request;
+  for (int step = 0; Cia402SetUp(config, step, request); ++step) {
+    needs.push_back({request.index, request.sub, 8 * request.size, true, false, request.value});
+    // The entries of a mapping name the objects in the PDO, with their lengths.
+    const bool mapping = (request.index >= 0x1600 && request.index < 0x1800) ||
+                         (request.index >= 0x1a00 && request.index < 0x1c00);
+    if (!mapping || request.sub == 0) continue;
+    needs.push_back({static_cast<std::uint16_t>(request.value >> 16),
+                     static_cast<std::uint8_t>(request.value >> 8),
+                     static_cast<int>(request.value & 0xff), request.index < 0x1800, true,
+                     std::nullopt});
+  }
+  needs.push_back({0x6061, 0, 8, false, false, std::nullopt});
+  return needs;
+}
+
+/// What is wrong with an object for a need, or an empty text.
+std::string Problem(const EdsObject& object, const Cia402Need& need) {
+  if (object.bits != need.bits) {
+    return fmt::format("has DataType 0x{:04X}{}, and {} bits are {}", object.type,
+                       object.bits == 0 ? "" : fmt::format(" of {} bits", object.bits), need.bits,
+                       need.written ? "written" : "expected");
+  }
+  if (need.written ? !object.writable() : !object.readable())
+    return fmt::format("has AccessType {}, and it is {}", object.access,
+                       need.written ? "written" : "read");
+  if (need.mapped && !object.mappable) return "has PDOMapping=0, and it is in a PDO";
+  if (!need.value) return "";
+  std::int64_t value = *need.value;
+  if (object.is_signed && value >= std::int64_t{1} << (need.bits - 1))
+    value -= std::int64_t{1} << need.bits;
+  if (value < object.low.value_or(value) || value > object.high.value_or(value)) {
+    return fmt::format("is to be {}, and its limits are {} ... {}", value,
+                       object.low ? fmt::format("{}", *object.low) : "",
+                       object.high ? fmt::format("{}", *object.high) : "");
+  }
+  return "";
+}
+
+/// Compares what is to be written with what the drive has. What it may lack and lacks is noted.
+void ApplyDataSheet(const ElectronicDataSheet& eds, Cia402Entry& cia402, const TomlTable& keys) {
+  const auto fail = [&](const Cia402Need& need, const std::string& what) {
+    keys.Fail("eds", fmt::format("object {:04X}h:{:02X} {}", need.index, need.sub, what));
+  };
+  if (eds.node_id() && *eds.node_id() != cia402.node_id) {
+    keys.Fail("eds", fmt::format("{} is of node {}, and node_id is {}", eds.name(), *eds.node_id(),
+                                 cia402.node_id));
+  }
+  for (const Cia402Need& need : NeedsOf(cia402)) {
+    const std::optional<EdsObject> object = eds.Find(need.index, need.sub);
+    if (object) {
+      const std::string problem = Problem(*object, need);
+      if (!problem.empty())
+        fail(need, fmt::format("{} ({}:{})", problem, eds.name(), object->line));
+      continue;
+    }
+    const auto* const lacked = std::ranges::find(kCia402MayLack, need.index);
+    if (lacked == kCia402MayLack.end())
+      fail(need, fmt::format("is not in {}, and the set-up needs it", eds.name()));
+    if (need.index == 0x6007 && cia402.watchdog_ms != 0) {
+      fail(need, fmt::format("is not in {}, so the drive does not react to the host's silence: say "
+                             "watchdog_s = 0",
+                             eds.name()));
+    }
+    cia402.may_lack |=
+        static_cast<std::uint8_t>(1U << static_cast<unsigned>(lacked - kCia402MayLack.begin()));
+  }
+}
+
 }  // namespace
 
 Cia402Config Cia402Protocol::Read(DriveTable& table) {
@@ -141,6 +233,12 @@ Cia402Config Cia402Protocol::Read(DriveTable& table) {
     keys.Fail("may_lack",
               "has 6007h, without which the drive does not react to the host's silence: say "
               "watchdog_s = 0, or leave it out");
+  }
+  if (!cia402.eds.empty()) {
+    const std::filesystem::path folder = std::filesystem::path(keys.file()).parent_path();
+    const std::string path = (folder / cia402.eds).string();
+    ApplyDataSheet(ElectronicDataSheet::Parse(table.read(path), path, cia402.node_id), cia402,
+                   keys);
   }
   return cia402;
 }

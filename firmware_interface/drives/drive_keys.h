@@ -18,6 +18,7 @@ struct DriveTable {
   TomlTable& bus;     ///< The bus's table, for messages about values that the protocol excludes.
   double rate_hz;     ///< Rate of the control loop.
   DriveEntry& entry;  ///< Gets the gains, and the time-out where the protocol reads it.
+  const FileReader& read;  ///< Reads the files that the table names.
 };
 
 // Keys that protocols have in common: their readers, which throw FileError, and their rows in

@@ -81,12 +81,13 @@ DriveTraffic TrafficOf(const DriveEntry& drive, double rate_hz) {
   });
 }
 
-DriveEntry ReadDrive(TomlTable& table, TomlTable& bus_table, const DrivesConfig& bus) {
+DriveEntry ReadDrive(TomlTable& table, TomlTable& bus_table, const DrivesConfig& bus,
+                     const FileReader& read) {
   DriveEntry drive;
   DriveHead head;
   ReadKeys(table, kHeadKeys, head);
   drive.joint = head.joint;
-  DriveTable of_drive{table, bus_table, bus.rate_hz, drive};
+  DriveTable of_drive{table, bus_table, bus.rate_hz, drive, read};
   DriveProtocols::ForEach([&](auto protocol) {
     using Protocol = decltype(protocol);
     if (head.protocol == Protocol::kName) drive.config = Protocol::Read(of_drive);
@@ -141,7 +142,7 @@ void RejectDuplicates(const DriveEntry& drive, const DriveEntry& earlier, double
   });
 }
 
-DrivesConfig Read(TomlTable root, DrivesUse use) {
+DrivesConfig Read(TomlTable root, DrivesUse use, const FileReader& read) {
   ReadHeader(root, kHeader);
   DrivesConfig config;
   ReadKeys(root, kRootKeys, config);
@@ -159,7 +160,7 @@ DrivesConfig Read(TomlTable root, DrivesUse use) {
               fmt::format("has {} entries; allowed: from 1 ... {}", tables.size(), kMaxJoints));
   }
   for (TomlTable& table : tables) {
-    const DriveEntry drive = ReadDrive(table, bus, config);
+    const DriveEntry drive = ReadDrive(table, bus, config, read);
     for (const DriveEntry& earlier : config.drives) {
       RejectDuplicates(drive, earlier, config.rate_hz, table);
     }
@@ -278,11 +279,12 @@ KeyTable DrivesKeyTable() {
 }
 
 DrivesConfig LoadDrives(const std::string& path) {
-  return Read(TomlTable::ParseFile(path), DrivesUse::kRun);
+  return Read(TomlTable::ParseFile(path), DrivesUse::kRun, ReadTextFile);
 }
 
-DrivesConfig ParseDrives(std::string_view text, const std::string& name, DrivesUse use) {
-  return Read(TomlTable::Parse(text, name), use);
+DrivesConfig ParseDrives(std::string_view text, const std::string& name, DrivesUse use,
+                         const FileReader& read) {
+  return Read(TomlTable::Parse(text, name), use, read);
 }
 
 DrivesConfig DrivesOf(const DrivesConfig& given, const std::vector<std::string>& joints,

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "common/key_table.h"
+#include "common/toml_reader.h"
 #include "firmware_interface/can/frame.h"
 #include "firmware_interface/drives/drive_bank.h"
 #include "firmware_interface/drives/drive_entry.h"
@@ -62,9 +63,11 @@ enum class DrivesUse : std::uint8_t {
 /// case.
 /// @throws FileError  with file, line, key and allowed range.
 DrivesConfig LoadDrives(const std::string& path);
-/// The same of a text. @param name  stands for the file in messages.
+/// The same of a text.
+/// @param name  stands for the file in messages; what it names is found from its folder.
+/// @param read  reads the files that it names.
 DrivesConfig ParseDrives(std::string_view text, const std::string& name,
-                         DrivesUse use = DrivesUse::kRun);
+                         DrivesUse use = DrivesUse::kRun, const FileReader& read = ReadTextFile);
 
 /// The keys that drives of all protocols have, for docs/formats.md.
 KeyTable DrivesKeyTable();

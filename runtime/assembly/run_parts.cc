@@ -31,7 +31,7 @@ std::vector<std::string> JointsOf(const SequenceFile& motion) {
 DrivesConfig LoadDrivesOf(const std::vector<std::string>& joints, const std::string& path,
                           const FileReader& read) {
   if (path.empty()) return DefaultDrives(joints);
-  return DrivesOf(ParseDrives(read(path), path), joints, path);
+  return DrivesOf(ParseDrives(read(path), path, DrivesUse::kRun, read), joints, path);
 }
 
 }  // namespace tumbler

@@ -190,7 +190,7 @@ class BenchRun {
     for (const BenchFinding& finding : findings) findings_.push_back(finding);
   }
   void WriteDraft(const DrivesDraft& draft) const {
-    PendingFile(options_.write, draft.text()).Commit();
+    PendingFile(options_.write, draft.TextFor(options_.write)).Commit();
   }
   void WriteResults();
 

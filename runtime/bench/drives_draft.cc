@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <filesystem>
 #include <sstream>
 #include <utility>
 #include <vector>
@@ -111,6 +112,26 @@ void DrivesDraft::SetUnfinished(std::string_view what) {
     lines.insert(lines.begin() + static_cast<std::ptrdiff_t>(at), line);
   }
   text_ = Joined(lines);
+}
+
+std::string DrivesDraft::TextFor(const std::string& path) const {
+  constexpr std::string_view kKey = "eds";
+  const auto folder_of = [](const std::string& file) {
+    return std::filesystem::absolute(file).parent_path().lexically_normal();
+  };
+  const std::filesystem::path from = folder_of(name_);
+  const std::filesystem::path to = folder_of(path);
+  if (from == to) return text_;
+  DrivesDraft moved = *this;
+  TomlTable root = TomlTable::Parse(text_, name_);
+  std::vector<TomlTable> drives = root.Tables("drive");
+  for (std::size_t i = 0; i < drives.size(); ++i) {
+    if (!drives[i].Has(kKey)) continue;
+    const std::filesystem::path sheet = drives[i].String(kKey);
+    if (sheet.is_relative())
+      moved.SetText(i, kKey, (from / sheet).lexically_normal().lexically_relative(to).string());
+  }
+  return moved.text();
 }
 
 void DrivesDraft::SetText(std::size_t drive, std::string_view key, std::string_view value) {

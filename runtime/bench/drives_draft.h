@@ -27,6 +27,9 @@ class DrivesDraft {
   /// Writes the key that keeps the file from being used, in place of an earlier one.
   /// @param what  is left to do; empty: nothing, and the key goes.
   void SetUnfinished(std::string_view what);
+  /// The text for a file at another place: paths of data sheets (`eds`) lead from there to the
+  /// same.
+  [[nodiscard]] std::string TextFor(const std::string& path) const;
   /// Reads the whole again. @throws FileError  when it cannot be read as a drives file.
   void Check();
 

@@ -100,7 +100,10 @@ void ReadAll(const std::string& text) {
     TUMBLER_REQUIRE(file.graph.node_count >= 1);
     for (const JoinComparison& join : CompareJoins(file)) TUMBLER_REQUIRE(join.fits());
   });
-  ReadOrRefuse([&] { CheckDrives(ParseDrives(text, "file.toml")); });
+  const FileReader none = [](const std::string& path) -> std::string {
+    throw FileError(path, 1, "", "is not there");
+  };
+  ReadOrRefuse([&] { CheckDrives(ParseDrives(text, "file.toml", DrivesUse::kRun, none)); });
   ReadOrRefuse([&] {
     const std::vector<FaultsJoint> joints{{"leg1", -2, 2}, {"leg2", -2, 2}};
     ExecutorConfig config;

@@ -811,6 +811,18 @@ TEST(DrivesDraft, AddsAKeyThatIsMissing) {
   EXPECT_EQ(JointOf(draft.config().drives[1].config).direction, 1);
 }
 
+TEST(DrivesDraft, InAnotherFolderItsDataSheetsAreTheSame) {
+  const std::string text =
+      testing::ReadFile(testing::SourcePath("primitives/robots/tumbler_drives.toml"));
+  DrivesDraft draft(text, "folder/draft.toml");
+  draft.SetText(0, "eds", "sheets/a.eds");  // (No key of this protocol: it is not read again.)
+  draft.SetText(1, "eds", "/elsewhere/b.eds");
+  EXPECT_EQ(draft.TextFor("folder/other.toml"), draft.text());
+  const std::string moved = draft.TextFor("written/other.toml");
+  EXPECT_THAT(moved, HasSubstr("eds = \"../folder/sheets/a.eds\""));
+  EXPECT_THAT(moved, HasSubstr("eds = \"/elsewhere/b.eds\""));
+}
+
 TEST(DrivesDraft, AHalfDoneFileSaysWhatIsLeftAndOnlyTheBenchReadsIt) {
   const std::string text =
       testing::ReadFile(testing::SourcePath("primitives/robots/tumbler_drives.toml"));
