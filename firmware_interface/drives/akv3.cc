@@ -63,8 +63,8 @@ std::uint16_t AkV3Quantise(float value, const DriveRange& range, int bits) noexc
   if (!(value > range.min)) return 0;
   if (value >= range.max) return top;
   const float steps = static_cast<float>(1U << bits);
-  const auto nearest =
-      static_cast<std::uint32_t>((value - range.min) * steps / (range.max - range.min) + 0.5F);
+  const float code = (value - range.min) * steps / (range.max - range.min) + 0.5F;
+  const auto nearest = static_cast<std::uint32_t>(code);
   return nearest < top ? static_cast<std::uint16_t>(nearest) : top;
 }
 
@@ -158,7 +158,8 @@ AkV3Drive::AkV3Drive(const AkV3Config& config) noexcept
 std::uint32_t AkV3Drive::CodeOf(const Field& field, float value) noexcept {
   const float code = value * field.to_code + field.zero_code;
   if (!(code > 0)) return 0;
-  return static_cast<std::uint32_t>((code < field.top ? code : field.top) + 0.5F);
+  const float nearest = (code < field.top ? code : field.top) + 0.5F;
+  return static_cast<std::uint32_t>(nearest);
 }
 
 float AkV3Drive::ValueOf(const Field& field, std::uint32_t code) noexcept {
