@@ -14,7 +14,7 @@ namespace tumbler {
 
 namespace {
 
-constexpr FileHeader kHeader{"tumbler-bus-faults", 1};
+constexpr FileHeader kBusFaultsHeader{"tumbler-bus-faults", 1};
 
 /// The name of a BusFaultKind in files, and what happens.
 struct KindName {
@@ -115,7 +115,7 @@ constexpr std::array kFaultKeys = {
 };
 
 BusFaultPlan Read(TomlTable& file, std::span<const std::string> nodes) {
-  ReadHeader(file, kHeader);
+  ReadHeader(file, kBusFaultsHeader);
   BusFaultPlan plan;
   ReadKeys(file, kPlanKeys, plan);
   for (TomlTable& table : file.Tables("fault")) {
@@ -137,7 +137,7 @@ std::vector<KeyTable> BusFaultsKeyTables() {
   kinds.reserve(kKinds.size());
   for (const KindName& kind : kKinds)
     kinds.push_back({"", fmt::format("`{}`", kind.name), "", "", kind.meaning});
-  return {{source, "bus faults", Joined({{RowOf(kHeader)}, RowsOf(kPlanKeys)})},
+  return {{source, "bus faults", Joined({{RowOf(kBusFaultsHeader)}, RowsOf(kPlanKeys)})},
           {source, "fault", RowsOf(kFaultKeys)},
           {source, "kinds", kinds, {"kind", "", "", "what happens"}}};
 }
