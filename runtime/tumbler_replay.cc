@@ -28,7 +28,7 @@
 namespace tumbler {
 namespace {
 
-constexpr const char* kFooter =
+constexpr const char* kReplayFooter =
     R"(RECORD is a flight record of tumbler-run, or a log of `candump -l`.
 
 Of a record, without --bus or --against: feeds the recorded inputs to an executor with the recorded configuration, and
@@ -215,7 +215,7 @@ ExitStatus Run(const Options& options) {
 ExitStatus Main(int argc, char** argv) {
   Options options;
   CommandLine line("Replays a flight record of tumbler-run.", "tumbler-replay");
-  line.SetFooter(kFooter);
+  line.SetFooter(kReplayFooter);
   line.Option("RECORD", options.record, "flight record, or log of candump").Required();
   CommandLineOption against =
       line.Option("--against", options.against,
