@@ -8,6 +8,7 @@
 
 #include "common/index.h"
 #include "offline/rollout/clearance_constraint.h"
+#include "offline/rollout/smooth_maximum.h"
 #include "offline/scene/scene_dynamics.h"
 
 namespace tumbler {
@@ -17,32 +18,41 @@ using Spline = JointMotion<double>::Spline;
 using Row = Eigen::Map<Eigen::ArrayXd>;
 using ConstRow = Eigen::Map<const Eigen::ArrayXd>;
 
-/// A smooth maximum of |value| / limit and its derivative [KS79], of values that come one by one.
-/// `sum` and `slope` are scaled by exp(-rho largest).
-struct SmoothMaximum {
-  double largest = -std::numeric_limits<double>::infinity();
-  double sum = 0;
-  std::vector<double> slope;
+/// A smooth maximum, and its derivative in the parameters.
+struct MaximumWithSlope {
+  MaximumWithSlope(double sharpness, SmoothMaximum::Of of, std::size_t parameters)
+      : maximum(sharpness, of), slope(parameters) {}
 
   void Reset() {
-    largest = -std::numeric_limits<double>::infinity();
-    sum = 0;
+    maximum.Reset();
     std::fill(slope.begin(), slope.end(), 0.0);
   }
-  /// @param share  weight of the value in the sum.
-  void Add(double torque, double limit, double rho, double share, const double* torque_slope) {
-    const double value = std::abs(torque) / limit;
+  /// Adds a step.
+  /// @param values   the quantity at its stages.
+  /// @param slopes   gives its derivative in the parameters at a stage.
+  /// @param unit     what `slopes` are divided by.
+  template <class Slopes>
+  void Add(std::span<const LookPoint> points, double step_s, std::span<const double> values,
+           Slopes&& slopes, double unit) {
+    std::array<double, Tableau::kMaxStages> by_value{};
+    const double shrink = maximum.Add(points, step_s, values, {by_value.data(), values.size()});
     Row total(slope.data(), static_cast<Eigen::Index>(slope.size()));
-    if (value > largest) {
-      const double shrink = std::exp(rho * (largest - value));  // zero for the first value
-      sum *= shrink;
-      total *= shrink;
-      largest = value;
+    if (shrink != 1) total *= shrink;
+    for (std::size_t s = 0; s < values.size(); ++s) {
+      if (by_value[s] != 0) total += (by_value[s] / unit) * ConstRow(slopes(s), total.size());
     }
-    const double weight = share * std::exp(rho * (value - largest));
-    sum += weight;
-    total += std::copysign(weight / limit, torque) * ConstRow(torque_slope, total.size());
   }
+
+  SmoothMaximum maximum;
+  std::vector<double> slope;  // of the integral, divided as it is
+};
+
+/// What a stage leaves behind for the smooth maxima.
+struct StageRecord {
+  std::vector<double> torque;        // by joint
+  std::vector<double> torque_slope;  // by joint, then parameter
+  double depth = 0;
+  std::vector<double> depth_slope;  // by parameter
 };
 
 }  // namespace
@@ -60,13 +70,20 @@ struct ForwardSensitivity::Implementation {
                                                                         : settings.step_s),
         adaptive(settings.scheme == StepSettings::Scheme::kAdaptive),
         integrator(settings, Index(rows) * Index(1 + parameters)),
-        smooth(Index(na + 1)) {
+        look_points(integrator.tableau(), settings.step_s),
+        depth(p.solver.sharpness, (1 - p.solver.core_margin) * p.scene.contact.d_on_m) {
     for (int j = 0; j < na; ++j) first_parameter.push_back(p.first_parameter(Index(j)));
-    torque_slope.resize(Index(na * parameters));
-    depth_slope.resize(Index(parameters));
+    for (StageRecord& record : records) {
+      record.torque.resize(Index(na));
+      record.torque_slope.resize(Index(na * parameters));
+      record.depth_slope.resize(Index(parameters));
+    }
     residual_slope.resize(Index(parameters));
     outputs.resize(Index((3 + na) * parameters));
-    for (SmoothMaximum& maximum : smooth) maximum.slope.resize(Index(parameters));
+    for (int j = 0; j <= na; ++j)
+      smooth.emplace_back(p.solver.sharpness,
+                          j < na ? SmoothMaximum::Of::kSize : SmoothMaximum::Of::kAboveZero,
+                          Index(parameters));
     for (const CostTerm& term : p.cost) {
       if (term.kind == CostTerm::Kind::kEffort) effort_weight += term.weight;
     }
@@ -156,8 +173,8 @@ struct ForwardSensitivity::Implementation {
     }
   }
 
-  /// Writes z' at time t to `slope`. Torques and their derivatives stay in `robot.tau` and
-  /// `torque_slope`.
+  /// Writes z' at time t to `slope`. Torques, depth and their derivatives stay in the record of the
+  /// stage.
   void Evaluate(double t, bool moving, const std::vector<double>& z, std::vector<double>& slope) {
     SetPaths(t, moving);
     robot.SetFree(z.data());
@@ -165,13 +182,14 @@ struct ForwardSensitivity::Implementation {
     robot.contact->Differentiate(robot.dynamics);
     robot.dynamics.Differentiate(derivatives);
 
-    std::array<double, kMaxJoints> torques;
+    StageRecord& record = records[integrator.stage()];
     for (int j = 0; j < na; ++j) {
       const std::size_t dof = Index(problem.joints[Index(j)].dof);
-      torques[Index(j)] = robot.tau[dof];
-      Differentiate(dof, moving, z, torque_slope.data() + Index(j * parameters));
+      record.torque[Index(j)] = robot.tau[dof];
+      Differentiate(dof, moving, z, record.torque_slope.data() + Index(j * parameters));
     }
-    EvaluateCost({robot.q, robot.qd, {torques.data(), Index(na)}}, moving, z, slope);
+    TakeDepth(moving, z, record);
+    EvaluateCost({robot.q, robot.qd, record.torque}, moving, z, record.torque_slope, slope);
     for (int i = 0; i < nf; ++i) {
       slope[Index(i)] = z[Index(nf + i)];
       slope[Index(nf + i)] = robot.qdd[Index(robot.free[Index(i)])];
@@ -182,7 +200,7 @@ struct ForwardSensitivity::Implementation {
 
   /// Writes the rows of y' and S' of the running cost.
   void EvaluateCost(const CostPoint& here, bool moving, const std::vector<double>& z,
-                    std::vector<double>& slope) const {
+                    const std::vector<double>& torque_slope, std::vector<double>& slope) const {
     double* const out = Sensitivity(slope, 2 * nf);
     Row running(out, parameters);
     running.setZero();
@@ -207,34 +225,59 @@ struct ForwardSensitivity::Implementation {
     }
   }
 
-  /// Takes the start of a step, just evaluated, into the peaks and smooth maxima.
-  void Observe(bool moving, RolloutResult& result) {
-    const double share = integrator.last_step_s() / kPeakDuration_s;
-    for (int j = 0; gauss_newton != nullptr && effort_weight > 0 && j < na; ++j) {
-      AddSquare(2 * effort_weight * integrator.last_step_s(),
-                torque_slope.data() + Index(j * parameters));
+  /// Records the smooth depth of the stage that was just evaluated.
+  void TakeDepth(bool moving, const std::vector<double>& z, StageRecord& record) {
+    const auto active = robot.contact->active();
+    record.depth = depth.Evaluate(active);
+    std::fill(record.depth_slope.begin(), record.depth_slope.end(), 0.0);
+    if (record.depth == 0) return;
+    SceneDynamics::Numbers by_q{};
+    for (std::size_t i = 0; i < active.size(); ++i) {
+      if (depth.slopes()[i] != 0)
+        robot.contact->AddDepthSlopes(robot.dynamics, active[i], depth.slopes()[i], by_q);
     }
+    AddByState(by_q, 0, moving, z, record.depth_slope.data());
+  }
+
+  /// Takes the start of a step, just evaluated, into the peaks.
+  void Inspect(RolloutResult& result) {
     for (int j = 0; j < na; ++j) {
-      const double torque = robot.tau[Index(problem.joints[Index(j)].dof)];
       double& peak = result.peak_torque_nm[Index(j)];
-      peak = std::max(peak, std::abs(torque));
-      const double limit = problem.joints[Index(j)].limits.torque_max_nm;
-      if (!std::isfinite(limit)) continue;
-      smooth[Index(j)].Add(torque, limit, problem.solver.sharpness, share,
-                           torque_slope.data() + Index(j * parameters));
+      peak = std::max(peak, std::abs(robot.tau[Index(problem.joints[Index(j)].dof)]));
     }
     for (const ActiveContact<Plane>& active : robot.contact->active()) {
       result.any_contact = true;
       result.peak_penetration_m = std::max(result.peak_penetration_m, active.depth_m);
-      const double usable = (1 - problem.solver.core_margin) * problem.scene.contact.d_on_m;
-      if (problem.solver.sharpness * (active.depth_m / usable - 1) < kNegligibleExponent) continue;
-      SceneDynamics::Numbers by_q{};
-      robot.contact->AddDepthSlopes(robot.dynamics, active, 1, by_q);
-      std::fill(depth_slope.begin(), depth_slope.end(), 0.0);
-      AddByState(by_q, 0, moving, integrator.state(), depth_slope.data());
-      smooth.back().Add(active.depth_m, usable, problem.solver.sharpness, share,
-                        depth_slope.data());
     }
+  }
+
+  /// Takes the step that was just accepted into the smooth maxima.
+  void Observe() {
+    const Tableau& scheme = integrator.tableau();
+    const std::size_t stages = scheme.own_stages();
+    const double h = integrator.last_step_s();
+    const std::span<const LookPoint> points = look_points.In(h);
+    std::array<double, Tableau::kMaxStages> values{};
+    for (int j = 0; j < na; ++j) {
+      const auto slope_at = [&](std::size_t s) {
+        return records[s].torque_slope.data() + Index(j * parameters);
+      };
+      for (const std::size_t s : {std::size_t{0}, stages - 1}) {
+        if (gauss_newton != nullptr && effort_weight > 0) AddSquare(effort_weight * h, slope_at(s));
+      }
+      const double limit = problem.joints[Index(j)].limits.torque_max_nm;
+      if (!std::isfinite(limit)) continue;
+      for (std::size_t s = 0; s < stages; ++s) values[s] = records[s].torque[Index(j)] / limit;
+      smooth[Index(j)].Add(points, h, {values.data(), stages}, slope_at, limit);
+    }
+    bool touched = false;
+    for (std::size_t s = 0; s < stages; ++s) {
+      values[s] = records[s].depth;
+      touched = touched || values[s] != 0;
+    }
+    const auto slope_at = [&](std::size_t s) { return records[s].depth_slope.data(); };
+    if (touched) smooth.back().Add(points, h, {values.data(), stages}, slope_at, 1);
+    if (scheme.first_same_as_last) std::swap(records.front(), records[scheme.stages - 1]);
   }
 
   [[nodiscard]] bool Plausible(const std::vector<double>& z) const {
@@ -250,8 +293,9 @@ struct ForwardSensitivity::Implementation {
         [&](double t, const std::vector<double>& z, std::vector<double>& slope) {
           Evaluate(t, moving, z, slope);
         },
-        [&] { Observe(moving, result); },
+        [&] { Inspect(result); },
         [&](const auto& z) {
+          Observe();
           if (adaptive) (moving ? grid.motion : grid.settling).push_back(integrator.last_step_s());
           return Plausible(z);
         });
@@ -315,7 +359,7 @@ struct ForwardSensitivity::Implementation {
     result.clearance_excess =
         clearance.Evaluate(x, std::span<double>(outputs).last(Index(parameters)));
     for (int j = 0; j < na; ++j) splines[Index(j)] = PositionSpline(problem, x, Index(j));
-    for (SmoothMaximum& maximum : smooth) maximum.Reset();
+    for (MaximumWithSlope& maximum : smooth) maximum.Reset();
     paths_time = std::numeric_limits<double>::quiet_NaN();
     std::vector<double>& state = integrator.state();
     std::fill(state.begin(), state.end(), 0.0);
@@ -330,13 +374,13 @@ struct ForwardSensitivity::Implementation {
     Row(outputs.data(), parameters) +=
         ConstRow(Sensitivity(integrator.state(), 2 * nf), parameters);
     for (int j = 0; j <= na; ++j) {
-      const SmoothMaximum& maximum = smooth[Index(j)];
-      if (maximum.sum == 0) continue;
-      const double excess = maximum.largest - 1 + std::log(maximum.sum) / problem.solver.sharpness;
+      const SmoothMaximum& maximum = smooth[Index(j)].maximum;
+      if (maximum.sum() == 0) continue;
+      const double excess = maximum.value() + (j == na ? depth.least() : 0) - 1;
       if (j == na && excess < -1) continue;  // It is far from the core. Rollout does the same.
       (j < na ? result.torque_excess[Index(j)] : result.core_excess) = excess;
       Row(outputs.data() + Index((1 + j) * parameters), parameters) =
-          ConstRow(maximum.slope.data(), parameters) / maximum.sum;
+          ConstRow(smooth[Index(j)].slope.data(), parameters) / maximum.sum();
     }
     return result;
   }
@@ -353,14 +397,15 @@ struct ForwardSensitivity::Implementation {
   double paths_time = 0;                            // -1: after the motion
   bool adaptive;
   Integrator integrator;
-  StepGrid grid;                       // of the last run, if adaptive
-  std::vector<double> torque_slope;    // by joint, then parameter
-  std::vector<double> depth_slope;     // by parameter
-  std::vector<double> residual_slope;  // by parameter
-  std::vector<SmoothMaximum> smooth;
-  std::vector<double> outputs;          // gradient of each output, by rows
-  double effort_weight = 0;             // of all terms together
-  GaussNewton* gauss_newton = nullptr;  // gets that of this run; null: is not asked for
+  StepGrid grid;  // of the last run, if adaptive
+  LookPoints look_points;
+  SmoothDepth depth;
+  std::array<StageRecord, Tableau::kMaxStages> records;  // of the present step
+  std::vector<double> residual_slope;                    // by parameter
+  std::vector<MaximumWithSlope> smooth;  // of the joints' torques, then of the depth
+  std::vector<double> outputs;           // gradient of each output, by rows
+  double effort_weight = 0;              // of all terms together
+  GaussNewton* gauss_newton = nullptr;   // gets that of this run; null: is not asked for
   HybridDynamics<Plane>::Derivatives derivatives;
 };
 

@@ -14,7 +14,7 @@ namespace tumbler {
 /// What Gauss and Newton's method knows of a cost's second derivatives.
 struct GaussNewton {
   /// Those of the cost's squares, effort included, without those of what is squared. Integrals are
-  /// summed over the starts of steps.
+  /// summed over the ends of steps.
   Eigen::MatrixXd matrix;
   /// The derivatives of RolloutResult::residuals, one row for each.
   Eigen::MatrixXd residual_slopes;
@@ -50,8 +50,8 @@ class ForwardSensitivity {
   /// Number of entries of S.
   [[nodiscard]] int gradient_equations() const;
 
-  /// Like Rollout::Run. Torques and penetration are sampled where steps start, hence at other times
-  /// with the adaptive scheme than with the fixed one.
+  /// Like Rollout::Run. The largest torque and penetration are those where steps start, hence at
+  /// other times with the adaptive scheme than with the fixed one.
   /// @param gauss_newton  is filled, if it is not null.
   RolloutResult Run(
       std::span<const double> x,

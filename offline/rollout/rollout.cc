@@ -10,6 +10,7 @@
 #include "common/index.h"
 #include "offline/rollout/clearance_constraint.h"
 #include "offline/rollout/forward_sensitivity.h"
+#include "offline/rollout/smooth_maximum.h"
 #include "offline/scene/scene_dynamics.h"
 #include "offline/stepper/even_steps.h"
 #include "offline/stepper/step_grid.h"
@@ -63,10 +64,6 @@ struct Timetable {
     return step < motion_steps ? points_per_step * step + point_of_stage[Index(s)] : held();
   }
 };
-
-/// Exponents of the smooth maximum of penetration are taken less this, so that a contact several
-/// layers deep does not overflow it yet, and one above kNegligibleExponent does not vanish.
-constexpr double kCoreShift = 300;
 
 using State = SceneDynamics::State;
 constexpr std::size_t kStates = std::tuple_size_v<State>;
@@ -130,6 +127,7 @@ struct Rollout::Implementation {
         clearance(p, step_s),
         clearance_gradient(Index(parameters)),
         longest_step_s(step_s),
+        depth(p.solver.sharpness, (1 - p.solver.core_margin) * p.scene.contact.d_on_m),
         table(kClassical, EvenGrid(p.duration_s, p.settle_s, step_s), p.duration_s) {
     for (const ActuatedJoint& joint : p.joints) actuated.push_back(joint.dof);
     for (int j = 0; j < na; ++j) first_parameter.push_back(p.first_parameter(Index(j)));
@@ -159,10 +157,13 @@ struct Rollout::Implementation {
     }
     controls.resize(table.time.size() * Index(na));
     stage_torque.resize(Index(table.steps() * table.stages * na));
-    core_slope.resize(Index(table.steps() * nd));
-    share.resize(Index(table.steps()));
-    for (int step = 0; step < table.steps(); ++step)
-      share[Index(step)] = table.length[Index(std::max(0, step - 1))] / kPeakDuration_s;
+    look_points = LookPoints(table.classical ? kClassical : kDormandPrince,
+                             *std::max_element(table.length.begin(), table.length.end()));
+    torque_slope.resize(stage_torque.size());
+    stage_depth.resize(Index(table.steps() * table.stages));
+    depth_slope.resize(stage_depth.size());
+    core_slope.resize(stage_depth.size() * Index(nd));
+    largest_so_far.resize(Index(table.steps()));
     stages.clear();
   }
 
@@ -294,7 +295,6 @@ struct Rollout::Implementation {
         clearance.Evaluate(x, record ? std::span<double>(clearance_gradient) : std::span<double>());
     State y = robot.AtRest(problem.start_q);
     for (RunningTerm& term : running) term.integral = 0;
-    core_sum = 0;
     for (int step = 0; step < steps; ++step) {
       if (step == table.motion_steps) AddInstant(CostTerm::When::kEnd, y, result), end_state = y;
       if (scheme == Scheme::kSemiImplicitEuler) {
@@ -312,7 +312,7 @@ struct Rollout::Implementation {
     AddInstant(CostTerm::When::kSettled, y, result);
     settled_state = y;
     for (const RunningTerm& term : running) result.cost += term.weight * term.integral;
-    SetTorqueExcess(result);
+    SetExcesses(scheme, result);
     return result;
   }
 
@@ -332,7 +332,8 @@ struct Rollout::Implementation {
       const std::size_t stage = StageOf(step, s);
       const CostPoint here = TakeTorques(stage);
       AddRunning(h * kScheme.b[Index(s)], here);
-      if (s == 0) Inspect(step, record, result);
+      if (s == 0) Inspect(result);
+      TakeDepth(stage, record);
       if (record) StoreStage(&stages[stage * Index(stage_size)]), StoreRunning(stage);
       return true;
     });
@@ -344,7 +345,8 @@ struct Rollout::Implementation {
       Evaluate(y_s, table.PointOf(step, 0));
       robot.TakeSlope(k);
       AddRunning(h, TakeTorques(StageOf(step, 0)));
-      Inspect(step, false, result);
+      Inspect(result);
+      TakeDepth(StageOf(step, 0), false);
       return true;
     });
   }
@@ -383,7 +385,7 @@ struct Rollout::Implementation {
   }
 
   /// Takes the start of a step, just evaluated, into the peaks of torque and penetration.
-  void Inspect(int step, bool record, RolloutResult& result) {
+  void Inspect(RolloutResult& result) {
     for (int j = 0; j < na; ++j) {
       double& peak = result.peak_torque_nm[Index(j)];
       peak = std::max(peak, std::abs(robot.tau[Index(actuated[Index(j)])]));
@@ -392,49 +394,78 @@ struct Rollout::Implementation {
       result.any_contact = true;
       result.peak_penetration_m = std::max(result.peak_penetration_m, a.depth_m);
     }
-    AddCore(share[Index(step)], record ? &core_slope[Index(step * nd)] : nullptr);
   }
 
-  /// Adds the active contacts to the sum of [KS79] for the penetration, and writes the derivatives
-  /// of what it adds in the positions to `slopes`.
-  /// @param part  weight of the step in the sum.
-  void AddCore(double part, double* slopes) {
-    if (slopes != nullptr) std::fill_n(slopes, nd, 0.0);
-    const double layer = (1 - problem.solver.core_margin) * problem.scene.contact.d_on_m;
+  /// Stores the smooth depth of the stage that was just evaluated, and its derivatives in the
+  /// positions.
+  void TakeDepth(std::size_t stage, bool record) {
+    stage_depth[stage] = depth.Evaluate(robot.contact->active());
+    if (!record) return;
+    double* const slopes = &core_slope[stage * Index(nd)];
+    std::fill_n(slopes, nd, 0.0);
+    std::array<double, kMaxDofs> by_q{};
+    bool any = false;
+    for (std::size_t i = 0; i < depth.slopes().size(); ++i) {
+      if (depth.slopes()[i] == 0) continue;
+      any = true;
+      robot.contact->AddDepthSlopes(robot.dynamics, robot.contact->active()[i], depth.slopes()[i],
+                                    by_q);
+    }
+    for (int i = 0; any && i < nd; ++i) slopes[i] = by_q[Index(order[Index(i)])];
+  }
+
+  /// Sets the smooth maxima, and with a gradient to come their derivatives by the torques and
+  /// depths of the stages.
+  void SetExcesses(Scheme scheme, RolloutResult& result) {
     const double rho = problem.solver.sharpness;
-    for (const ActiveContact<Plane>& a : robot.contact->active()) {
-      const double exponent = rho * (a.depth_m / layer - 1);
-      if (exponent < kNegligibleExponent) continue;
-      // exp overflows soon after 600, and a contact that deep outweighs all others anyway.
-      const double shifted = exponent - kCoreShift;
-      const double weight = part * std::exp(std::min(shifted, 600.0));
-      core_sum += weight;
-      if (slopes == nullptr || shifted > 600) continue;
-      std::array<double, kMaxDofs> J{};
-      robot.contact->AddDepthSlopes(robot.dynamics, a, weight / layer, J);
-      for (int i = 0; i < nd; ++i) slopes[i] += J[Index(order[Index(i)])];
+    SmoothMaximum deepest(rho, SmoothMaximum::Of::kAboveZero);
+    AddSteps(
+        scheme, deepest, [&](std::size_t stage) { return stage_depth[stage]; },
+        [&](std::size_t stage) -> double& { return depth_slope[stage]; });
+    result.core_excess = std::max(-1.0, depth.least() + deepest.value() - 1);
+    for (int j = 0; j < na; ++j) {
+      const double limit = problem.joints[Index(j)].limits.torque_max_nm;
+      result.torque_excess[Index(j)] = -1;
+      if (!std::isfinite(limit)) continue;
+      const auto at = [&](std::size_t stage) { return stage * Index(na) + Index(j); };
+      SmoothMaximum largest(rho, SmoothMaximum::Of::kSize);
+      AddSteps(
+          scheme, largest, [&](std::size_t stage) { return stage_torque[at(stage)] / limit; },
+          [&](std::size_t stage) -> double& { return torque_slope[at(stage)]; });
+      result.torque_excess[Index(j)] = largest.value() - 1;
     }
   }
 
-  /// Sets the smooth maxima over the starts of all steps [KS79]: (1 / rho) ln of the integral of
-  /// exp(rho value) dt / kPeakDuration_s, which no step decides.
-  void SetTorqueExcess(RolloutResult& result) {
-    const double rho = problem.solver.sharpness;
-    result.core_excess =
-        core_sum > 0 ? std::max(-1.0, (std::log(core_sum) + kCoreShift) / rho) : -1;
-    for (int j = 0; j < na; ++j) {
-      const double limit = problem.joints[Index(j)].limits.torque_max_nm;
-      if (!std::isfinite(limit)) {
-        result.torque_excess[Index(j)] = -1;
-        continue;
+  /// Adds all steps to a smooth maximum, except for those that are 0.
+  /// @param value  gives the quantity at a stage.
+  /// @param slope  gives the place of the maximum's derivative by it.
+  template <class Value, class Slope>
+  void AddSteps(Scheme scheme, SmoothMaximum& maximum, Value&& value, Slope&& slope) {
+    constexpr LookPoint kStart = {{1}, 1};  // A step of Euler's method has one stage.
+    const bool euler = scheme == Scheme::kSemiImplicitEuler;
+    const bool record = scheme == Scheme::kRecordedRungeKutta;
+    const std::size_t count = euler ? 1 : Index(table.stages);
+    std::array<double, Tableau::kMaxStages> values{}, slopes{};
+    for (int step = 0; step < table.steps(); ++step) {
+      bool some = false;
+      for (std::size_t s = 0; s < count; ++s) {
+        values[s] = value(StageOf(step, static_cast<int>(s)));
+        some = some || values[s] != 0;
       }
-      const double peak = result.peak_torque_nm[Index(j)] / limit;
-      double sum = 0;
-      for (int step = 0; step < table.steps(); ++step) {
-        const double t = std::abs(stage_torque[StageOf(step, 0) * Index(na) + Index(j)]) / limit;
-        sum += share[Index(step)] * std::exp(rho * (t - peak));
-      }
-      result.torque_excess[Index(j)] = peak - 1 + std::log(sum) / rho;
+      slopes.fill(0);
+      const double h = table.length[Index(step)];
+      const std::span<const LookPoint> points =
+          euler ? std::span<const LookPoint>(&kStart, 1) : look_points.In(h);
+      if (some) maximum.Add(points, h, {values.data(), count}, {slopes.data(), record ? count : 0});
+      for (std::size_t s = 0; record && s < count; ++s)
+        slope(StageOf(step, static_cast<int>(s))) = slopes[s];
+      largest_so_far[Index(step)] = maximum.largest();
+    }
+    for (int step = 0; record && maximum.sum() > 0 && step < table.steps(); ++step) {
+      const double since =
+          std::exp(problem.solver.sharpness * (largest_so_far[Index(step)] - maximum.largest()));
+      for (std::size_t s = 0; s < count; ++s)
+        slope(StageOf(step, static_cast<int>(s))) *= since / maximum.sum();
     }
   }
 
@@ -455,8 +486,7 @@ struct Rollout::Implementation {
     int lanes = 0;
     for (int output = 0; output <= na + 1; ++output) {
       if (output > na && !(result.core_excess > -1)) continue;
-      if (output > 0 && output <= na &&
-          !SetTorqueLane(result, output - 1, pullback.lanes[Index(lanes)])) {
+      if (output > 0 && output <= na && !SetTorqueLane(output - 1, pullback.lanes[Index(lanes)])) {
         continue;
       }
       if (output > na) pullback.core_lane = lanes;
@@ -474,8 +504,8 @@ struct Rollout::Implementation {
   static constexpr int kLanes = 4;
   using Lanes = Eigen::Array<double, kLanes, 1>;
   struct Lane {
-    int output = -1;  // none
-    double limit = 0, peak = 0, sum = 1;
+    int output = -1;   // none
+    double limit = 0;  // of the joint whose torque it is of
   };
   struct Pullback {
     Pullback() {
@@ -492,13 +522,9 @@ struct Rollout::Implementation {
   };
 
   /// @returns false for a joint without a limit.
-  bool SetTorqueLane(const RolloutResult& result, int joint, Lane& lane) const {
+  bool SetTorqueLane(int joint, Lane& lane) const {
     lane.limit = problem.joints[Index(joint)].limits.torque_max_nm;
-    if (!std::isfinite(lane.limit)) return false;
-    lane.peak = result.peak_torque_nm[Index(joint)] / lane.limit;
-    lane.sum =
-        std::exp(problem.solver.sharpness * (result.torque_excess[Index(joint)] + 1 - lane.peak));
-    return true;
+    return std::isfinite(lane.limit);
   }
 
   template <const Tableau& kScheme, class Matrix>
@@ -555,15 +581,10 @@ struct Rollout::Implementation {
   Lanes TorqueSlopes(int step, int s, int j, double of_cost) const {
     Lanes slopes = Lanes::Zero();
     slopes[0] = of_cost;
-    if (s > 0) return slopes;
-    const double torque = stage_torque[StageOf(step, 0) * Index(na) + Index(j)];
     for (int i = 0; i < kLanes; ++i) {
       const Lane& lane = pullback.lanes[Index(i)];
-      if (lane.output != 1 + j) continue;
-      const double weight =
-          share[Index(step)] *
-          std::exp(problem.solver.sharpness * (std::abs(torque) / lane.limit - lane.peak));
-      slopes[i] = std::copysign(weight / (lane.sum * lane.limit), torque);
+      if (lane.output == 1 + j)
+        slopes[i] = torque_slope[StageOf(step, s) * Index(na) + Index(j)] / lane.limit;
     }
     return slopes;
   }
@@ -608,8 +629,8 @@ struct Rollout::Implementation {
       y_bar[Index(nf + i)] = k_bar[Index(i)] + row_times(2 * nd + i, w);
     }
     const int core_lane = pullback.core_lane;
-    const double* const core = s == 0 && core_lane >= 0 ? &core_slope[Index(step * nd)] : nullptr;
-    const double core_scale = core != nullptr ? 1 / core_sum : 0;
+    const double core_scale = core_lane >= 0 ? depth_slope[stage] : 0;
+    const double* const core = core_scale != 0 ? &core_slope[stage * Index(nd)] : nullptr;
     for (int i = 0; core != nullptr && i < nf; ++i)
       y_bar[Index(i)][core_lane] += core_scale * core[i];
     const bool moving = step < table.motion_steps;
@@ -669,16 +690,20 @@ struct Rollout::Implementation {
   ClearanceConstraint clearance;
   std::vector<double> clearance_gradient;
   double longest_step_s;  // as asked for
+  SmoothDepth depth;
   Timetable table;
-  std::vector<double> share;            // of a step in the smooth maxima
+  LookPoints look_points{kClassical, 0};
   std::vector<ControlWeights> weights;  // by size of spline, then point
   std::vector<std::size_t> weights_of;  // for each joint, the index of its size in `weights`
   std::vector<int> first_parameter;     // of each joint
   std::vector<Control> controls;        // by point, then joint
   std::vector<double> stage_torque;     // by stage, then joint
-  std::vector<double> core_slope;       // of AddCore: by step, then in `order`
-  double core_sum = 0;
-  std::vector<double> stages;  // of StoreStage: by stage
+  std::vector<double> torque_slope;     // of its smooth maximum, likewise, times the limit
+  std::vector<double> stage_depth;      // by stage
+  std::vector<double> depth_slope;      // of the smooth maximum of the depth: by stage
+  std::vector<double> core_slope;       // of the depth: by stage, then in `order`
+  std::vector<double> largest_so_far;   // of AddSteps: by step
+  std::vector<double> stages;           // of StoreStage: by stage
   int stage_size = 0;
   Pullback pullback;
   std::vector<Lanes> lane_gradient;

@@ -8,6 +8,7 @@
 
 #include "offline/contact/contact_forces.h"
 #include "offline/problem/problem.h"
+#include "offline/rollout/smooth_maximum.h"
 #include "offline/scene/motion_sample.h"
 #include "offline/stepper/step_grid.h"
 
@@ -15,14 +16,6 @@ namespace tumbler {
 
 /// A state beyond this (m, rad, and their rates) is a failed rollout: no tumbler gets near it.
 inline constexpr double kImplausibleState = 1e4;
-
-/// The smooth maximum of penetration leaves out contacts whose share in it would be e to the power
-/// of less than this.
-inline constexpr double kNegligibleExponent = -40;
-
-/// In the smooth maxima of torque and penetration, a peak counts as much as it is high when it
-/// lasts as long as this, and more when it is longer. A landing lasts a few milliseconds.
-inline constexpr double kPeakDuration_s = 1e-4;
 
 /// The result of a rollout with one choice of parameters.
 struct RolloutResult {
@@ -45,7 +38,7 @@ struct RolloutResult {
   double core_excess = -1;
   /// The same of the clearance between the robot's own shapes, see ClearanceConstraint.
   double clearance_excess = -1;
-  /// For each joint, the largest |tau|.
+  /// For each joint, the largest |tau| at the starts of steps.
   std::vector<double> peak_torque_nm;
 };
 

@@ -49,7 +49,9 @@ struct IntegrationStatistics {
 ///   slope(t, z, out)   writes f(t, z);
 ///   look()             is called at the start of every step, right after the slope there, so that
 ///                      whatever the slope has left behind belongs to the start of the step;
-///   plausible(z)       says after every accepted step whether to go on.
+///   plausible(z)       says after every accepted step whether to go on. The slopes asked for since
+///                      look(), by stage, are those of the step, or of tries that were rejected
+///                      before it.
 class Integrator {
  public:
   Integrator(const StepSettings& settings, std::size_t equations);
@@ -59,6 +61,9 @@ class Integrator {
   [[nodiscard]] const std::vector<double>& state() const { return state_; }
   [[nodiscard]] const IntegrationStatistics& statistics() const { return statistics_; }
   void ResetStatistics() { statistics_ = {}; }
+  /// The stage of the step, in the scheme's tableau, whose slope is asked for, or was last.
+  [[nodiscard]] std::size_t stage() const { return stage_; }
+  [[nodiscard]] const Tableau& tableau() const { return tableau_; }
   /// Length of the last step that was accepted; of the first one tried, before that [s].
   [[nodiscard]] double last_step_s() const { return last_step_s_; }
 
@@ -129,6 +134,7 @@ class Integrator {
   template <class Slope>
   void Evaluate(Slope& slope, double t, const std::vector<double>& z, std::size_t stage) {
     ++statistics_.evaluations;
+    stage_ = stage;
     slope(t, z, slopes_[stage]);
   }
 
@@ -154,6 +160,7 @@ class Integrator {
   std::vector<double> state_, stage_state_, next_;
   std::array<std::vector<double>, Tableau::kMaxStages> slopes_;
   IntegrationStatistics statistics_;
+  std::size_t stage_ = 0;
   double last_step_s_ = 0;
 };
 

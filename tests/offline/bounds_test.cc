@@ -249,8 +249,7 @@ TEST_P(BoundsForAllTime, TheHunterCatchesABoundAtTheKnotsOnly) {
   }
 }
 
-TEST(TorqueBound, WithItsMarginCoversTheTorqueOfATenTimesFinerIntegration) {
-  int not_covered_without = 0;
+TEST(TorqueBound, CoversTheTorqueOfATenTimesFinerIntegrationWithoutItsMargin) {
   for (const bool dropped : {false, true}) {
     Problem problem = HandstandProblem();
     if (dropped) problem.start_q[1] += 0.05;  // An impact, where torques change within a step.
@@ -263,12 +262,10 @@ TEST(TorqueBound, WithItsMarginCoversTheTorqueOfATenTimesFinerIntegration) {
       });
       for (std::size_t j = 0; j < 2; ++j) {
         const double fine = peak[j] / problem.joints[j].limits.torque_max_nm - 1;
-        EXPECT_GE(bound.torque_excess[j] + problem.solver.torque_margin, fine) << seed;
-        not_covered_without += bound.torque_excess[j] < fine ? 1 : 0;
+        EXPECT_GE(bound.torque_excess[j], fine) << seed;
       }
     }
   }
-  EXPECT_GT(not_covered_without, 0) << "a margin that nothing needs proves nothing";
 }
 
 }  // namespace
