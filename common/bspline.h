@@ -199,6 +199,11 @@ class BSpline {
     return degree_ == 3 ? Combine<3>(basis, 0) : Combine<-1>(basis, 0);
   }
 
+  /// The first derivative of `Evaluate(basis)` alone. @pre as there.
+  [[nodiscard]] Scalar Slope(const Basis& basis) const noexcept {
+    return degree_ == 3 ? Combine<3>(basis, 1) : Combine<-1>(basis, 1);
+  }
+
   /// Whether this spline has the degree and the knots of `other`.
   [[nodiscard]] bool HasKnotsOf(const BSpline& other) const noexcept {
     return this == &other ||

@@ -64,6 +64,7 @@ template <typename Scalar>
 [[nodiscard]] Scalar WithoutTurns(Scalar angle_rad) noexcept {
   constexpr auto kPi = static_cast<Scalar>(3.14159265358979323846);
   constexpr auto kTurn = static_cast<Scalar>(6.28318530717958647693);
+  if (angle_rad >= -kPi && angle_rad <= kPi) return angle_rad;
   for (int i = 0; i < 100 && angle_rad > kPi; ++i) angle_rad -= kTurn;
   for (int i = 0; i < 100 && angle_rad < -kPi; ++i) angle_rad += kTurn;
   return angle_rad;

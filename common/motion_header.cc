@@ -214,6 +214,7 @@ std::string GraphText(const SequenceGraph<float>& graph) {
   }
   for (std::size_t j = 0; j < graph.partner.size(); ++j)
     line("  g.partner[{}] = {};\n", j, graph.partner[j]);
+  line("  g.swap_pitch_rad = {};\n", Exact(graph.swap_pitch_rad));
   line("  g.end = tumbler::RunEnd::{};\n", NameOf(graph.end));
   return out + "  return g;\n";
 }

@@ -81,6 +81,8 @@ struct SequenceGraph {
   /// The joint with which joint j exchanges roles; j itself where it keeps its own. The map is its
   /// own inverse.
   std::array<std::uint8_t, kMaxJoints> partner{};
+  /// How far the root is turned where roles are exchanged: the robot's pitch less the primitive's.
+  Scalar swap_pitch_rad = 0;
   RunEnd end = RunEnd::kSafe;
 
   [[nodiscard]] constexpr std::span<const SequenceNode> nodes() const noexcept {

@@ -582,6 +582,7 @@ Sequence<float> ToRuntime(const SequenceFile& file) {
   graph.node_storage = from.node_storage;
   graph.edge_count = from.edge_count;
   graph.partner = from.partner;
+  graph.swap_pitch_rad = static_cast<float>(file.swap_root_pitch_rad);
   graph.end = from.end;
   for (int e = 0; e < from.edge_count; ++e) {
     const SequenceEdge<double>& edge = from.edge(e);

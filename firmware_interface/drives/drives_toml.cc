@@ -13,6 +13,7 @@
 #include "firmware_interface/can/frame_length.h"
 #include "firmware_interface/drives/drive_keys.h"
 #include "firmware_interface/drives/drive_traffic.h"
+#include "firmware_interface/sensors/sensor_toml.h"
 
 namespace tumbler {
 
@@ -142,6 +143,23 @@ void RejectDuplicates(const DriveEntry& drive, const DriveEntry& earlier, double
   });
 }
 
+void RejectSharedWithSensor(const DriveEntry& drive, const DrivesConfig& config,
+                            const TomlTable& table) {
+  const XsensMtiConfig& ids = config.sensor->xsens;
+  const DriveTraffic traffic = TrafficOf(drive, config.rate_hz);
+  const auto reject = [&](std::string_view key, std::uint32_t id) {
+    for (const std::vector<CanId>& taken : {traffic.host_sends, traffic.host_receives}) {
+      if (std::find(taken.begin(), taken.end(), CanId(id)) == taken.end()) continue;
+      table.Fail(key, fmt::format("is {}, which is an identifier of the drive of joint '{}'; "
+                                  "allowed: one that nobody else sends",
+                                  id, drive.joint));
+    }
+  };
+  reject("quaternion_id", ids.quaternion_id);
+  reject("rate_id", ids.rate_id);
+  if (config.sensor->time_rate_hz > 0) reject("time_id", ids.time_id);
+}
+
 DrivesConfig Read(TomlTable root, DrivesUse use, const FileReader& read) {
   ReadHeader(root, kHeader);
   DrivesConfig config;
@@ -165,6 +183,10 @@ DrivesConfig Read(TomlTable root, DrivesUse use, const FileReader& read) {
       RejectDuplicates(drive, earlier, config.rate_hz, table);
     }
     config.drives.push_back(drive);
+  }
+  if (auto sensor = root.OptionalTable("sensor")) {
+    config.sensor = ReadSensor(*sensor, config.rate_hz);
+    for (const DriveEntry& drive : config.drives) RejectSharedWithSensor(drive, config, *sensor);
   }
   if (config.WorstCaseLoad() > 1) {
     bus.Fail(
@@ -202,6 +224,13 @@ std::vector<ScheduledFrames> DrivesConfig::Schedule() const {
         ++same->count;
       }
     }
+  }
+  if (sensor) {
+    const auto period = [this](double sensor_hz) { return rate_hz / sensor_hz; };
+    schedule.push_back({"attitudes", 1, XsensMti::kQuaternionBytes, period(sensor->rate_hz)});
+    schedule.push_back({"rates of turn", 1, XsensMti::kRateBytes, period(sensor->rate_hz)});
+    if (sensor->time_rate_hz > 0)
+      schedule.push_back({"sample times", 1, XsensMti::kTimeBytes, period(sensor->time_rate_hz)});
   }
   return schedule;
 }
@@ -242,6 +271,10 @@ std::vector<CanId> DrivesConfig::HostSends() const {
 std::vector<CanId> DrivesConfig::HostReceives() const {
   std::vector<CanId> ids;
   for (const DriveEntry& drive : drives) AddAll(ids, TrafficOf(drive, rate_hz).host_receives);
+  if (sensor) {
+    AddAll(ids, {sensor->xsens.quaternion_id, sensor->xsens.rate_id});
+    if (sensor->time_rate_hz > 0) AddAll(ids, {sensor->xsens.time_id});
+  }
   return ids;
 }
 
@@ -275,7 +308,8 @@ KeyTable DrivesKeyTable() {
                   GainRows(),
                   RowsOf(kTemperatureKeys),
                   {WatchdogRow()},
-                  ShaftRangeRows()})};
+                  ShaftRangeRows(),
+                  SensorRows()})};
 }
 
 DrivesConfig LoadDrives(const std::string& path) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -10,10 +11,11 @@
 #include "firmware_interface/can/frame.h"
 #include "firmware_interface/drives/drive_bank.h"
 #include "firmware_interface/drives/drive_entry.h"
+#include "firmware_interface/sensors/sensor_entry.h"
 
 namespace tumbler {
 
-/// Frames of one kind that the drives of a file cause.
+/// Frames of one kind that the drives and the sensor of a file cause.
 struct ScheduledFrames {
   std::string what;         ///< e.g. `setpoints`
   int count = 0;            ///< How many in each period, for all drives together.
@@ -31,7 +33,8 @@ struct DrivesConfig {
   int bit_rate = 1'000'000;  ///< Of the bus [bit/s].
   double rate_hz = 1000;     ///< Of the control loop, which is that of setpoints and replies.
   std::vector<DriveEntry> drives;
-  std::string unfinished;  ///< What commissioning has left to do; empty: nothing.
+  std::string unfinished;             ///< What commissioning has left to do; empty: nothing.
+  std::optional<SensorEntry> sensor;  ///< The robot's inertial sensor on the same bus.
 
   /// All frames of a running robot.
   [[nodiscard]] std::vector<ScheduledFrames> Schedule() const;

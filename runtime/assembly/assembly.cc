@@ -5,7 +5,8 @@
 #include <span>
 #include <utility>
 
-#include "runtime/assembly/run_checks.h"
+#include "common/program.h"
+#include "runtime/assembly/sensor_settings.h"
 
 namespace tumbler {
 
@@ -18,13 +19,22 @@ Assembly::Assembly(RunParts parts)
       throw Refused(fmt::format("joint {}: its drive cannot be used as configured", entry.joint));
     }
   }
+  if (!parts_.drives.sensor) return;
+  sensor_ = std::make_unique<XsensMti>(parts_.drives.sensor->xsens);
+  // Whether the sensor's link is known is said before anything is touched.
+  (void)SensorSettingsOf(*parts_.drives.sensor, parts_.file, parts_.drives.rate_hz);
 }
 
 Status Assembly::Configure(const ExecutorConfig& config) {
   const Sequence<float>& sequence = *parts_.sequence;
   const std::span<const Primitive<float>> primitives(
       sequence.primitives.data(), static_cast<std::size_t>(sequence.primitive_count));
-  return executor_->Configure(config, sequence.graph, primitives, bank_->drives());
+  ExecutorSensor sensor;
+  if (sensor_ != nullptr) {
+    sensor = {sensor_.get(), SensorSettingsOf(*parts_.drives.sensor, parts_.file,
+                                              1.0 / static_cast<double>(config.period_s))};
+  }
+  return executor_->Configure(config, sequence.graph, primitives, bank_->drives(), sensor);
 }
 
 }  // namespace tumbler

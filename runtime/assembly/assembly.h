@@ -5,6 +5,7 @@
 
 #include "common/status.h"
 #include "firmware_interface/drives/drive_bank.h"
+#include "firmware_interface/sensors/xsens_mti.h"
 #include "runtime/assembly/run_parts.h"
 #include "runtime/core/executor.h"
 
@@ -13,7 +14,9 @@ namespace tumbler {
 /// An executor, together with its motion and the host sides of its drives.
 class Assembly {
  public:
-  /// @throws Refused naming the joint whose drive cannot be used as configured.
+  /// @throws Refused naming the joint whose drive cannot be used as configured, or the sensor's
+  /// link
+  ///         where a primitive with feedback does not know it.
   explicit Assembly(RunParts parts);
 
   /// Makes the executor ready for its first tick.
@@ -28,6 +31,7 @@ class Assembly {
  private:
   RunParts parts_;
   std::unique_ptr<DriveBank> bank_;
+  std::unique_ptr<XsensMti> sensor_;  ///< Null: the drives file has none.
   std::unique_ptr<Executor> executor_;
 };
 

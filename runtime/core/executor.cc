@@ -21,11 +21,12 @@ constexpr float kLower_s = 2;
 
 Status Executor::Configure(const ExecutorConfig& config, const SequenceGraph<float>& graph,
                            std::span<const Primitive<float>> primitives,
-                           std::span<Drive* const> drives) noexcept {
+                           std::span<Drive* const> drives, const ExecutorSensor& sensor) noexcept {
   if (state_ != ExecutorState::kDisarmed) return Status::kWouldBlock;
   const auto count = static_cast<int>(drives.size());
   if (!IsPlayable(config, graph, primitives, count) ||
-      std::ranges::find(drives, nullptr) != drives.end()) {
+      std::ranges::find(drives, nullptr) != drives.end() ||
+      (sensor.device != nullptr && !sensor.settings.IsValid())) {
     return Status::kInvalidArgument;
   }
 
@@ -43,6 +44,9 @@ Status Executor::Configure(const ExecutorConfig& config, const SequenceGraph<flo
     joints_[index].drive = drives[index];
     joints_[index].replies = ReplyWatch(drives[index]->reply_rhythm());
   }
+  sensor_ = sensor.device;
+  sensor_watch_.Configure(sensor.settings, config.period_s);
+  corrects_ = false;
   SetNode(graph_.start);
   return Status::kOk;
 }
@@ -61,6 +65,7 @@ void Executor::SetNode(int node) noexcept {
     joint.shares_position_knots = joint.motion->position.HasKnotsOf(first.position);
     joint.shares_torque_knots = joint.motion->torque.HasKnotsOf(first.torque);
   }
+  if (sensor_ != nullptr) SetFeedback();
 }
 
 int Executor::NextEdgeHere() const noexcept {
@@ -87,7 +92,8 @@ void Executor::FollowEdge(int edge) noexcept {
     const Joint& joint = joints_[static_cast<std::size_t>(i)];
     const auto role = static_cast<std::size_t>(graph_.RoleOf(node, i));
     const float start = next.joints[role].position.control_points()[0];
-    const float error = Magnitude(joint.measured.position_rad - start);
+    // A correction is meant to be there.
+    const float error = Magnitude(joint.measured.position_rad - joint.correction_rad - start);
     // Negated, so that an error that is not a number is a fault too. The robot then still is at the
     // end of its node.
     if (!(error <= tolerance))
@@ -116,6 +122,7 @@ void Executor::Tick(const TickInput& input, TickOutput& output) noexcept TUMBLER
   TickRecord& record = output.record;
   const int node_played = node_;
   Plan(advance, record);
+  if (sensor_ != nullptr) Correct(advance, record);
   record.state = state_;
   Send(advance, output);
   Advance(record);
@@ -138,6 +145,13 @@ void Executor::TakeReplies(const TickInput& input, int elapsed) noexcept {
   int first = 0;
   foreign_joint_ = -1;
   for (const ReceivedFrame& received : input.received) {
+    if (sensor_ != nullptr && sensor_->Owns(received.frame)) {
+      const InertialPart part = sensor_->Decode(received.frame);
+      if (part != InertialPart::kNone) {
+        sensor_watch_.Count(part, sensor_->reading());
+        continue;
+      }
+    }
     int asked = 0;
     for (int i = first; asked < joint_count_; ++asked) {
       Joint& joint = joints_[static_cast<std::size_t>(i)];
@@ -157,6 +171,7 @@ void Executor::TakeReplies(const TickInput& input, int elapsed) noexcept {
     }
     joint.drive_state = joint.drive->state();
   }
+  if (sensor_ != nullptr) sensor_watch_.EndTick(elapsed, sensor_->reading());
 }
 
 void Executor::Enter(ExecutorState state) noexcept {
@@ -169,6 +184,7 @@ void Executor::Enter(ExecutorState state) noexcept {
     keep_torque_ = false;
   }
   if (state == ExecutorState::kRunning || state == ExecutorState::kArming) primitive_time_s_ = 0;
+  starts_ = state == ExecutorState::kRunning;
   if (state == ExecutorState::kDisarmed) {
     reaction_ = Reaction::kIgnore;
     lowering_ = false;
@@ -181,6 +197,7 @@ void Executor::Enter(ExecutorState state) noexcept {
     }
   }
   if (state == ExecutorState::kArming) {
+    sensor_watch_.Trust();
     for (Joint& joint : joints()) {
       joint.was_off = joint.was_enabled = false;
       joint.replies.ForgetSequenceErrors();

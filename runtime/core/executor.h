@@ -14,9 +14,16 @@
 #include "runtime/core/numbers.h"
 #include "runtime/core/reply_watch.h"
 #include "runtime/core/safety.h"
+#include "runtime/core/sensor_watch.h"
 #include "runtime/core/tick.h"
 
 namespace tumbler {
+
+/// The inertial sensor of a robot.
+struct ExecutorSensor {
+  InertialSensor* device = nullptr;  ///< Null: there is none, and nothing is fed back.
+  SensorSettings settings;
+};
 
 /// Plays a sequence of primitives, or a single one, on one to eight drives: a pure function of its
 /// inputs, tick by tick.
@@ -39,17 +46,19 @@ class Executor {
   /// @param primitives  the primitives to which the graph's nodes refer by index. They must outlive
   ///                    the executor unchanged, and all move the same joints in the same order.
   /// @param drives      one for each joint, in that order. They must outlive the executor.
+  /// @param sensor      by which primitives with feedback are played with it; it must outlive the
+  ///                    executor.
   /// @retval kInvalidArgument  a value is outside its documented range, a pointer is null, counts
   ///                           or indices do not agree, or a primitive starts moving faster than
   ///                           one tick of its acceleration limit.
   /// @retval kWouldBlock       not disarmed. Unless kOk is returned nothing was changed.
   Status Configure(const ExecutorConfig& config, const SequenceGraph<float>& graph,
-                   std::span<const Primitive<float>> primitives,
-                   std::span<Drive* const> drives) noexcept;
+                   std::span<const Primitive<float>> primitives, std::span<Drive* const> drives,
+                   const ExecutorSensor& sensor = {}) noexcept;
   /// The same for a single primitive, which must outlive the executor unchanged.
   Status Configure(const ExecutorConfig& config, const Primitive<float>& primitive,
-                   std::span<Drive* const> drives) noexcept {
-    return Configure(config, GraphOf(primitive), {&primitive, 1}, drives);
+                   std::span<Drive* const> drives, const ExecutorSensor& sensor = {}) noexcept {
+    return Configure(config, GraphOf(primitive), {&primitive, 1}, drives, sensor);
   }
 
   /// Executes one control period.
@@ -82,6 +91,10 @@ class Executor {
     bool was_left = false;  ///< Whether there was one.
     Basis position_basis;
     Basis torque_basis;
+    const JointFeedback<float>* feedback = nullptr;  ///< In the present node.
+    float angle_factor = 0;     ///< By how much link less sensor turn while the joint turns.
+    float uncorrected_rad = 0;  ///< The last setpoint without its correction.
+    float correction_rad = 0;
 
     [[nodiscard]] bool IsMeasuredFinite() const noexcept {
       return AreFinite(measured.position_rad, measured.velocity_rad_s, measured.torque_nm,
@@ -130,6 +143,12 @@ class Executor {
   void PlanBrake(int elapsed, TickRecord& record) noexcept;
   void PlanCollapse(int elapsed, TickRecord& record) noexcept;
 
+  // Feedback: executor_feedback.cc. Only with a sensor.
+  void SetFeedback() noexcept;
+  [[nodiscard]] bool MeasureError(bool moving) noexcept;
+  void Fade(bool moving, float time_s) noexcept;
+  void Correct(int elapsed, TickRecord& record) noexcept;
+
   ExecutorConfig config_;
   SequenceGraph<float> graph_;
   std::span<const Primitive<float>> primitives_;
@@ -160,6 +179,18 @@ class Executor {
   std::uint32_t earlier_faults_ = 0;  ///< Those before kGoHome; as latched as the others.
   FaultDetail first_fault_;
   RefusalDetail refusal_;
+  InertialSensor* sensor_ = nullptr;
+  SensorWatch sensor_watch_;
+  bool angle_has_torque_knots_ = false;  ///< Whether the plan's angle has joint 0's of the torque.
+  Basis angle_basis_;
+  int gain_knot_ = 0;             ///< Before the present time in the primitive.
+  float error_rad_ = 0;           ///< Of the fed-back angle, when it was known last.
+  float rate_error_rad_s_ = 0;    ///< Of its rate.
+  float share_ = 0;               ///< Of the feedback that is in force.
+  bool corrects_ = false;         ///< Whether the last setpoint was corrected.
+  bool knows_error_ = false;      ///< Whether the errors above were known in the last tick.
+  bool starts_ = false;           ///< Whether the primitive has just begun.
+  bool plays_open_loop_ = false;  ///< Whether its start was too far from the plan.
   DriveRequest unarmed_request_ = DriveRequest::kDisable;  ///< The request of ticks without torque.
 };
 

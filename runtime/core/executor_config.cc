@@ -76,6 +76,30 @@ bool IsValid(const CollapseConfig& collapse, const Primitive<float>& primitive) 
   return true;
 }
 
+bool IsValid(const Feedback<float>& feedback, const Primitive<float>& primitive) noexcept {
+  if (!feedback.present()) return feedback.knot_count == 0;
+  if (feedback.knot_count < 2 || feedback.knot_count > kMaxGainKnots ||
+      !IsPositive(feedback.error_max_rad) || !IsPositive(feedback.start_error_max_rad) ||
+      !IsPositive(feedback.fade_in_s) || !IsPositive(feedback.fade_out_s)) {
+    return false;
+  }
+  const std::span<const float> knots = feedback.knots();
+  for (std::size_t i = 1; i < knots.size(); ++i) {
+    if (!(IsFinite(knots[i]) && IsFinite(knots[i - 1]) && knots[i] > knots[i - 1])) return false;
+  }
+  for (int j = 0; j < primitive.joint_count; ++j) {
+    const JointFeedback<float>& joint = feedback.joints[static_cast<std::size_t>(j)];
+    const auto finite = [](float x) { return IsFinite(x); };
+    if (!(std::ranges::all_of(joint.angle_gain, finite) &&
+          std::ranges::all_of(joint.rate_gain, finite) && IsFinite(joint.chain) &&
+          InRange(joint.correction_max_rad, 0, 1e3F) &&
+          IsPositive(joint.correction_rate_max_rad_s))) {
+      return false;
+    }
+  }
+  return true;
+}
+
 bool IsValid(const Primitive<float>& primitive, const ExecutorConfig& config) noexcept {
   if (!IsPositive(primitive.duration_s) || primitive.duration_s > 1e4F ||
       !InRange(primitive.settle_s, 0, 1e6F) || !IsPositive(primitive.entry_tolerance_rad) ||
@@ -91,13 +115,14 @@ bool IsValid(const Primitive<float>& primitive, const ExecutorConfig& config) no
 
 bool IsPlayable(const ExecutorConfig& config, const SequenceGraph<float>& graph,
                 std::span<const Primitive<float>> primitives, int joint_count) noexcept {
+  if (!IsFinite(graph.swap_pitch_rad)) return false;
   if (joint_count < 1 || joint_count > kMaxJoints || !IsValid(config, joint_count) ||
       !IsValid(graph, static_cast<int>(primitives.size())) || config.branch >= graph.edge_count) {
     return false;
   }
   return std::ranges::all_of(primitives, [&](const Primitive<float>& primitive) {
     return primitive.joint_count == joint_count && IsValid(primitive, config) &&
-           IsValid(config.collapse, primitive);
+           IsValid(primitive.feedback, primitive) && IsValid(config.collapse, primitive);
   });
 }
 

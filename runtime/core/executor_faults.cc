@@ -26,6 +26,10 @@ void Executor::DetectFaults(const TickInput& input, std::int64_t elapsed) noexce
   if (foreign_joint_ >= 0) {
     Latch(Fault::kForeignCommand, foreign_joint_, DetailNumber::Code(foreign_id_), {});
   }
+  if (sensor_ != nullptr && sensor_watch_.status() != SensorStatus::kOk) {
+    Latch(Fault::kSensorLost, -1,
+          DetailNumber::Integer(static_cast<std::int64_t>(sensor_watch_.status())), {});
+  }
   // All checks of a tick see the same reaction. A fault found now changes it for the next tick.
   const bool follows =
       state_ != ExecutorState::kArming && reaction_ <= Reaction::kHold && !lowering_;

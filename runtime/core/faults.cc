@@ -93,6 +93,7 @@ DetailUnit UnitOf(Fault fault) noexcept {
     case Fault::kArmingTimeout:
       return DetailUnit::kTicks;
     case Fault::kWrongSequence:
+    case Fault::kSensorLost:  // The number of a SensorStatus.
       return DetailUnit::kCount;
     case Fault::kDriveError:
       return DetailUnit::kCode;

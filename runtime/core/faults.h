@@ -45,8 +45,9 @@ enum class Fault : std::uint8_t {
   kArmingTimeout,
   kEntryMissed,
   kForeignCommand,
+  kSensorLost,
 };
-inline constexpr std::size_t kFaultCount = 19;  ///< Including kNone.
+inline constexpr std::size_t kFaultCount = 20;  ///< Including kNone.
 
 /// The answers to a fault, mildest first.
 enum class Reaction : std::uint8_t {
@@ -203,6 +204,9 @@ inline constexpr std::array<FaultInfo, kFaultCount> kFaults{{
      "a drive was sent a frame that only this program is to send: somebody else commands it",
      "identifier, or 0", "", {I, X, D, D, D, D, D, D},
      "of two that pull at a joint one has to give way, and the other cannot be asked"},
+    {Fault::kSensorLost, "sensor lost",
+     "the inertial sensor is [stale or implausible](#the-sensor)", "its status", "",
+     {I, I, I, I, I, I, I, I}, "the gains fade, and the motion goes on as it was planned"},
 }};
 // clang-format on
 }  // namespace fault_table_detail

@@ -69,6 +69,8 @@ constexpr void ForEachJointField(Visit&& visit) noexcept {
   TUMBLER_FIELD(drive_error, "", "the drive's own code (32 bits without sign), 0 none", kDrive,
                 "drive_error");
   TUMBLER_FIELD(limit_active, "", "planned was outside a limit");
+  TUMBLER_FIELD(correction_rad, "rad",
+                "of the position by the feedback, in planned; 0 without a sensor");
 
 #undef TUMBLER_FIELD_OF
 #undef TUMBLER_FIELD

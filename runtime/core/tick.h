@@ -11,6 +11,7 @@
 #include "firmware_interface/drives/drive.h"
 #include "runtime/core/faults.h"
 #include "runtime/core/safety.h"
+#include "runtime/core/sensor_watch.h"
 
 namespace tumbler {
 
@@ -122,6 +123,19 @@ struct JointRecord {
   ReplyStatus reply_status = ReplyStatus::kOk;
   std::uint32_t drive_error = 0;  ///< The drive's own code.
   bool limit_active = false;      ///< Whether `planned` was outside a limit.
+  float correction_rad = 0;       ///< Of the position by the feedback, in `planned`.
+};
+
+/// The inertial sensor in one tick, and what the feedback makes of it.
+struct SensorRecord {
+  float pitch_rad = 0;   ///< Of the sensor's link, by its last report.
+  float rate_rad_s = 0;  ///< Of that pitch.
+  /// Error of the absolute angle that is fed back, and of its rate: the last that were known.
+  float error_rad = 0;
+  float rate_error_rad_s = 0;
+  float share = 0;              ///< Of the feedback that is in force, 0 ... 1.
+  std::int32_t age_ticks = -1;  ///< Ticks since the last report; -1: never.
+  SensorStatus status = SensorStatus::kNone;
 };
 
 /// Everything about one tick. Trivially copyable: it goes into rings and logs as it is.
@@ -137,6 +151,7 @@ struct TickRecord {
   std::int32_t cycles = 0;  ///< Complete cycles since kRun.
   FaultDetail first_fault;  ///< The first since the last clear: the cause, not a consequence.
   RefusalDetail refusal;    ///< Of this tick's command.
+  SensorRecord sensor;      ///< Left as it was where there is no sensor; so are corrections.
   std::array<JointRecord, kMaxJoints> joints;
 };
 

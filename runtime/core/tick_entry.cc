@@ -1,6 +1,7 @@
 #include "runtime/core/tick_entry.h"
 
 #include <bit>
+#include <string_view>
 
 namespace tumbler {
 namespace {
@@ -100,7 +101,13 @@ class Reader {
 };
 
 constexpr DriveState LastOf(DriveState /*any*/) noexcept { return DriveState::kLost; }
+constexpr SensorStatus LastOf(SensorStatus /*any*/) noexcept { return SensorStatus::kInconsistent; }
 constexpr ReplyStatus LastOf(ReplyStatus /*any*/) noexcept { return ReplyStatus::kOkSomeLate; }
+
+/// Whether a field has been there only since there are sensors.
+bool IsOfSensor(std::string_view name) noexcept {
+  return name.starts_with("sensor.") || name == "correction_rad";
+}
 
 template <typename Enum>
 constexpr bool IsUpTo(Enum value, Enum last) noexcept {
@@ -119,7 +126,8 @@ bool HasKnownEnumerators(const TickEntry& entry) noexcept {
       IsUpTo(entry.controller, CanControllerState::kBusOff) &&
       IsUpTo(record.reaction, last_reaction) && IsUpTo(record.first_fault.fault, last_fault) &&
       IsUpTo(record.first_fault.state, last_state) &&
-      IsUpTo(record.first_fault.reaction, last_reaction);
+      IsUpTo(record.first_fault.reaction, last_reaction) &&
+      IsUpTo(record.sensor.status, LastOf(record.sensor.status));
   for (std::size_t i = 0; i < record.joint_count; ++i) {
     VisitFields(record.joints[i], [&known](const char* /*name*/, const auto& field) {
       if constexpr (std::is_enum_v<std::remove_cvref_t<decltype(field)>>) {
@@ -174,7 +182,8 @@ bool HasKnownEnumerators(const TickEntry& entry) noexcept {
   return writer.size();
 }
 
-[[gnu::flatten]] bool DecodeTick(std::span<const std::uint8_t> bytes, TickEntry& entry) noexcept {
+[[gnu::flatten]] bool DecodeTick(std::span<const std::uint8_t> bytes, TickEntry& entry,
+                                 TickFormat format) noexcept {
   Reader reader(bytes);
   std::uint8_t received_count = 0, joint_count = 0;
   reader.Take(entry.index);
@@ -218,7 +227,14 @@ bool HasKnownEnumerators(const TickEntry& entry) noexcept {
     }
     frame_count += count;
   }
-  const auto take = [&reader](const char* /*name*/, auto& field) { reader.Take(field); };
+  if (format == TickFormat::kWithoutSensor) {
+    entry.record.sensor = {};
+    for (JointRecord& joint : entry.record.joints) joint.correction_rad = 0;
+  }
+  const auto take = [&reader, format](const char* name, auto& field) {
+    if (format == TickFormat::kWithoutSensor && IsOfSensor(name)) return;
+    reader.Take(field);
+  };
   VisitFields(entry.record, take);
   reader.Require(entry.record.joint_count == joint_count && notes.sent_count <= frame_count);
   if (!reader.valid()) return false;

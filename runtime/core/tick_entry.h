@@ -97,10 +97,17 @@ constexpr void VisitFields(Record& record, Visit&& visit) noexcept requires
   visit("refusal.limit", record.refusal.limit.bits);
   visit("refusal.refusal", record.refusal.refusal);
   visit("refusal.joint", record.refusal.joint);
+  visit("sensor.pitch_rad", record.sensor.pitch_rad);
+  visit("sensor.rate_rad_s", record.sensor.rate_rad_s);
+  visit("sensor.error_rad", record.sensor.error_rad);
+  visit("sensor.rate_error_rad_s", record.sensor.rate_error_rad_s);
+  visit("sensor.share", record.sensor.share);
+  visit("sensor.age_ticks", record.sensor.age_ticks);
+  visit("sensor.status", record.sensor.status);
 }
 
 // A member that is added there has to be added above, or it would neither be recorded nor compared.
-static_assert(sizeof(TickRecord) - kMaxJoints * sizeof(JointRecord) == 72,
+static_assert(sizeof(TickRecord) - kMaxJoints * sizeof(JointRecord) == 96,
               "VisitFields has to name every member of TickRecord");
 static_assert(sizeof(TickInput) == 16 + sizeof(std::span<const ReceivedFrame>),
               "TickEntry has to have every member of TickInput");
@@ -108,7 +115,7 @@ static_assert(sizeof(TickInput) == 16 + sizeof(std::span<const ReceivedFrame>),
 /// The most bytes that an encoded tick takes.
 inline constexpr std::size_t kTickEntryBytesMax =
     72 + TickEntry::kReceivedMax * 21 +
-    std::size_t{kMaxJoints} * (1 + std::size_t{FrameBatch::kCapacity} * 13) + 96 +
+    std::size_t{kMaxJoints} * (1 + std::size_t{FrameBatch::kCapacity} * 13) + 128 +
     std::size_t{kMaxJoints} * 80;
 
 /// Writes a tick, in time that depends on the number of frames and joints only.
@@ -118,8 +125,15 @@ inline constexpr std::size_t kTickEntryBytesMax =
 std::size_t EncodeTick(std::int64_t index, const TickNotes& notes, const TickInput& input,
                        const TickOutput& output, std::span<std::uint8_t> out) noexcept;
 
+/// What an encoded tick has.
+enum class TickFormat : std::uint8_t {
+  kWithoutSensor,  ///< As in flight records up to version 3.
+  kCurrent,
+};
+
 /// Reads an encoded tick. @returns false when the bytes are not exactly one tick: too few, too
 /// many, or with a count or an enumerator that does not exist. `entry` may be partly written then.
-[[nodiscard]] bool DecodeTick(std::span<const std::uint8_t> bytes, TickEntry& entry) noexcept;
+[[nodiscard]] bool DecodeTick(std::span<const std::uint8_t> bytes, TickEntry& entry,
+                              TickFormat format = TickFormat::kCurrent) noexcept;
 
 }  // namespace tumbler

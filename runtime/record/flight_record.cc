@@ -18,6 +18,8 @@ namespace {
 
 /// The version since which the integers of faults and refusals are integers.
 constexpr std::uint32_t kIntegerDetails = 3;
+/// The first version whose ticks have a sensor.
+constexpr std::uint32_t kSensors = 4;
 
 /// Makes integers of the floats of an earlier version.
 void TakeFloats(TickRecord& record) {
@@ -134,7 +136,8 @@ bool FlightRecord::Next(TickEntry& entry) {
     switch (block.kind) {
       case BlockKind::kTick:
         tick_offset_ = block.offset;
-        if (DecodeTick(block.content, entry)) {
+        if (DecodeTick(block.content, entry,
+                       version() < kSensors ? TickFormat::kWithoutSensor : TickFormat::kCurrent)) {
           if (version() < kIntegerDetails) TakeFloats(entry.record);
           return true;
         }

@@ -10,9 +10,9 @@
 namespace tumbler {
 
 /// The version of the file format that this build writes.
-inline constexpr std::uint32_t kRecordVersion = 3;
+inline constexpr std::uint32_t kRecordVersion = 4;
 /// The oldest version that this build reads. Version 1 has no truth; up to version 2 all numbers of
-/// faults and refusals are floats.
+/// faults and refusals are floats; up to version 3 there is no sensor.
 inline constexpr std::uint32_t kRecordVersionMin = 1;
 
 /// The content of a block of a flight record (docs/formats.md has the bytes).

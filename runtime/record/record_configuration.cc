@@ -163,10 +163,12 @@ void TakeTexts(const Json& json, const std::string& key, std::vector<std::string
 void TakeReactions(const Json& json, FaultTable& table) {
   for (std::size_t f = 1; f < kFaultCount; ++f) {
     const std::string key = ToString(static_cast<Fault>(f));
-    // Runs that were recorded before there was this fault did not look for it.
-    if (static_cast<Fault>(f) == Fault::kForeignCommand && json.Find(key) == nullptr) {
+    // Runs that were recorded before there were these faults did not look for them.
+    const auto fault = static_cast<Fault>(f);
+    if ((fault == Fault::kForeignCommand || fault == Fault::kSensorLost) &&
+        json.Find(key) == nullptr) {
       for (std::size_t s = 0; s < kExecutorStateCount; ++s) {
-        table.Set(Fault::kForeignCommand, static_cast<ExecutorState>(s), Reaction::kIgnore);
+        table.Set(fault, static_cast<ExecutorState>(s), Reaction::kIgnore);
       }
       continue;
     }

@@ -38,6 +38,13 @@ void FillState(const TimedRecord& timed, state_t& message) {
   const DetailUnit unit = UnitOf(record.first_fault.fault);
   message.fault_value = ToDouble(record.first_fault.value, unit);
   message.fault_limit = ToDouble(record.first_fault.limit, unit);
+  message.sensor_status = static_cast<std::int8_t>(record.sensor.status);
+  message.sensor_age_ticks = record.sensor.age_ticks;
+  message.sensor_pitch_rad = record.sensor.pitch_rad;
+  message.sensor_rate_rad_s = record.sensor.rate_rad_s;
+  message.feedback_error_rad = record.sensor.error_rad;
+  message.feedback_rate_error_rad_s = record.sensor.rate_error_rad_s;
+  message.feedback_share = record.sensor.share;
   message.joint_count = record.joint_count;
   message.joints.resize(record.joint_count);
   for (std::size_t i = 0; i < record.joint_count; ++i) {

@@ -61,6 +61,9 @@ std::string Describe(const FaultDetail& detail, const std::vector<std::string>& 
       text += detail.value.code() == 0 ? ": it is not enabled any more"
                                        : CodeOf(detail.value, detail.joint, error_codes);
       break;
+    case Fault::kSensorLost:
+      text += fmt::format(": {}", ToString(static_cast<SensorStatus>(detail.value.integer())));
+      break;
     case Fault::kForeignCommand:
       text +=
           fmt::format(": a frame of somebody else with identifier {:#05x}", detail.value.code());

@@ -43,7 +43,9 @@ std::string StateCsvHeader(const std::vector<std::string>& joint_names) {
       header += fmt::format(",{}_{}", joint, field.column);
     });
   }
-  return header;
+  return header +
+         ",sensor_status,sensor_age_ticks,sensor_pitch_rad,sensor_rate_rad_s,feedback_error_rad,"
+         "feedback_rate_error_rad_s,feedback_share";
 }
 
 void AppendStateCsvRow(const state_t& state, std::string& csv) {
@@ -73,6 +75,9 @@ void AppendStateCsvRow(const state_t& state, std::string& csv) {
       fmt::format_to(out, ",{}", value);
     });
   }
+  fmt::format_to(out, ",{},{},{},{},{},{},{}", state.sensor_status, state.sensor_age_ticks,
+                 state.sensor_pitch_rad, state.sensor_rate_rad_s, state.feedback_error_rad,
+                 state.feedback_rate_error_rad_s, state.feedback_share);
   csv += '\n';
 }
 

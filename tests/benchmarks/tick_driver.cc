@@ -1,9 +1,11 @@
 // The program in which scripts/count-instructions counts ticks. It plays a two-joint primitive of
 // the shape that the optimiser writes (paths of degree 5 with 12 points, feed-forward of degree 3
 // with 48), with drives that follow perfectly, and prints the number of running ticks.
-// usage: tick_driver shared|distinct PROTOCOL
+// usage: tick_driver shared|distinct PROTOCOL [sensor]
 //   distinct  the second joint's splines have knots of their own
+//   sensor    the primitive has feedback, and an inertial sensor reports in every tick
 
+#include <algorithm>
 #include <cstdio>
 #include <random>
 #include <string>
@@ -14,6 +16,7 @@
 #include "runtime/linux/dry_run_bus.h"
 #include "tests/support/files.h"
 #include "tests/support/motions.h"
+#include "tests/support/sensor_motion.h"
 
 namespace tumbler {
 namespace {
@@ -23,7 +26,7 @@ namespace {
   executor.Tick(input, output);
 }
 
-int Main(bool distinct_knots, const std::string& drives_file) {
+int Main(bool distinct_knots, bool with_sensor, const std::string& drives_file) {
   std::mt19937 random(1);
   testing::MotionShape shape;
   shape.torque_points = 48;
@@ -33,6 +36,17 @@ int Main(bool distinct_knots, const std::string& drives_file) {
     other.control_points = 14;
     other.torque_points = 40;
     primitive.joints[1] = testing::RandomPrimitive<float>(other, random).joints[1];
+  }
+  ExecutorSensor sensor;
+  // CANSimple drives have the sensor's usual identifiers.
+  const XsensMtiConfig ids{0x7a1, 0x7a2, 0x7a3};
+  XsensMti mti(ids);
+  if (with_sensor) {
+    primitive.feedback = testing::RandomFeedback(primitive, 8, random);
+    testing::ShareTorqueKnots(primitive, random);
+    sensor.device = &mti;
+    sensor.settings.jump_max_rad = 10;  // The random plan is wilder than a robot.
+    sensor.settings.rate_max_rad_s = 60;
   }
   const DrivesConfig config = LoadDrives(drives_file);
   DriveBank bank;
@@ -44,17 +58,32 @@ int Main(bool distinct_knots, const std::string& drives_file) {
   }
   DryRunBus bus("none", config.bit_rate, std::move(nodes), nullptr);
   Executor executor;
-  if (executor.Configure(ExecutorConfig{}, primitive, bank.drives()) != Status::kOk) return 1;
+  if (executor.Configure(ExecutorConfig{}, primitive, bank.drives(), sensor) != Status::kOk) {
+    return 1;
+  }
 
   TickInput input;
   TickOutput output;
   long running = 0;
+  float largest_share = 0;
   bool moved = false;
   for (int n = 0; n < 20000; ++n) {
     bus.AdvanceTo(std::int64_t{n} * 1'000'000);
     std::vector<ReceivedFrame> frames;
     ReceivedFrame received;
     while (bus.Receive(received) == Status::kOk) frames.push_back(received);
+    if (with_sensor) {
+      // The link is a little off its plan, differently in every tick.
+      const auto& plan = primitive.feedback.angle;
+      const auto at = plan.Evaluate(output.record.primitive_time_s + 1e-3F);
+      const double joint = static_cast<double>(output.record.joints[1].measured.position_rad);
+      const double speed = static_cast<double>(output.record.joints[1].measured.velocity_rad_s);
+      for (const CanFrame& frame :
+           testing::SensorFrames(static_cast<double>(at.value) + 0.01 * (n % 7) - joint,
+                                 static_cast<double>(at.first) - speed, ids)) {
+        frames.push_back({frame, 0});
+      }
+    }
     input.tick = n;
     input.received = frames;
     input.command = OperatorCommand::kNone;
@@ -68,6 +97,7 @@ int Main(bool distinct_knots, const std::string& drives_file) {
     if (state == ExecutorState::kRunning) {
       ++running;
       CountedTick(executor, input, output);
+      largest_share = std::max(largest_share, output.record.sensor.share);
     } else {
       executor.Tick(input, output);
     }
@@ -76,6 +106,10 @@ int Main(bool distinct_knots, const std::string& drives_file) {
         if (bus.Send(frame) != Status::kOk) return 1;
       }
     }
+  }
+  if (with_sensor && largest_share < 1) {
+    std::fprintf(stderr, "the sensor is not believed: %s\n", ToString(output.record.sensor.status));
+    return 1;
   }
   if (output.record.faults != 0 || running == 0) {
     std::fprintf(stderr, "the motion did not finish: fault '%s'\n",
@@ -96,6 +130,7 @@ int main(int argc, char** argv) {
   tumbler::DriveProtocols::ForEach([&](auto listed) {
     if (protocol == decltype(listed)::kId) example = decltype(listed)::kExample;
   });
-  return tumbler::Main(knots == "distinct",
+  const bool sensor = argc > 3 && std::string(argv[3]) == "sensor";
+  return tumbler::Main(knots == "distinct", sensor,
                        tumbler::testing::SourcePath("primitives/robots/" + example));
 }

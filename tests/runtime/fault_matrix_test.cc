@@ -100,6 +100,7 @@ bool IsPossible(const DriveConfig& drive, Fault fault, ExecutorState state) {
   const testing::ProtocolSide& side = testing::SideOf(drive);
   switch (fault) {
     case Fault::kNone:
+    case Fault::kSensorLost:  // Drives alone have no sensor; sensor_feedback_test.cc tests it.
       return false;
     case Fault::kHeartbeatLost:
       return side.HeartbeatId(drive) != 0;
@@ -235,6 +236,7 @@ class World {
         static_cast<void>(
             bench.stranger.SendAfter(900'000, Side().StrangersCommand(bench.DriveOf(1))));
         return 3;
+      case Fault::kSensorLost:
       case Fault::kNone:
         break;
     }

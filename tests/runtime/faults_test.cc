@@ -16,6 +16,7 @@
 
 #include "tests/support/executor_rig.h"
 #include "tests/support/motions.h"
+#include "tests/support/sensor_motion.h"
 
 namespace tumbler {
 namespace {
@@ -29,12 +30,12 @@ constexpr std::array kStates{ExecutorState::kDisarmed,      ExecutorState::kArmi
                              ExecutorState::kMovingToStart, ExecutorState::kSettling,
                              ExecutorState::kStopping,      ExecutorState::kFault};
 constexpr std::array kFaults{
-    Fault::kStaleReply,    Fault::kWrongSequence, Fault::kFollowingError,
-    Fault::kDriveError,    Fault::kHeartbeatLost, Fault::kOverTemperature,
-    Fault::kBusOff,        Fault::kErrorPassive,  Fault::kInterfaceDown,
-    Fault::kInterfaceGone, Fault::kLinkFailed,    Fault::kTransmitQueueFull,
-    Fault::kLateTick,      Fault::kOperatorStop,  Fault::kNonFinite,
-    Fault::kArmingTimeout, Fault::kForeignCommand};
+    Fault::kStaleReply,    Fault::kWrongSequence,  Fault::kFollowingError,
+    Fault::kDriveError,    Fault::kHeartbeatLost,  Fault::kOverTemperature,
+    Fault::kBusOff,        Fault::kErrorPassive,   Fault::kInterfaceDown,
+    Fault::kInterfaceGone, Fault::kLinkFailed,     Fault::kTransmitQueueFull,
+    Fault::kLateTick,      Fault::kOperatorStop,   Fault::kNonFinite,
+    Fault::kArmingTimeout, Fault::kForeignCommand, Fault::kSensorLost};
 constexpr std::array kReactions{Reaction::kIgnore, Reaction::kHold, Reaction::kCollapse,
                                 Reaction::kDamp, Reaction::kDisable};
 
@@ -107,6 +108,9 @@ int Provoke(Fault fault, ExecutorRig& rig, const ExecutorConfig& config) {
     case Fault::kForeignCommand:
       rig.foreign_id = 101 + 0x100;  // a command to drive 1
       return 1;
+    case Fault::kSensorLost:
+      rig.sensor_frames.clear();
+      return rig.sensor.settings.age_ticks_max + 2;
     case Fault::kOperatorStop:
     case Fault::kNone:
       break;
@@ -132,25 +136,16 @@ TEST(FaultTable, AnswersEveryFaultInEveryStateAsStated) {
   // arming, holding, moving to start, running, settling, stopping and fault. Where the robot is in
   // mid-swing or its pose is unknown, joints are damped; a dead link is torque off.
   const std::vector<std::pair<Fault, std::string>> stated = {
-      {Fault::kStaleReply, "ixhhdhhd"},
-      {Fault::kWrongSequence, "ixhhdhhd"},
-      {Fault::kFollowingError, "ixdddddd"},
-      {Fault::kDriveError, "ixdddddd"},
-      {Fault::kHeartbeatLost, "ixhhdhhd"},
-      {Fault::kOverTemperature, "ixdddddd"},
-      {Fault::kBusOff, "ixxxxxxx"},
-      {Fault::kErrorPassive, "ixhhdhhd"},
-      {Fault::kInterfaceDown, "ixxxxxxx"},
-      {Fault::kInterfaceGone, "ixxxxxxx"},
-      {Fault::kLinkFailed, "ixxxxxxx"},
-      {Fault::kTransmitQueueFull, "ixxxxxxx"},
-      {Fault::kLateTick, "ixhhdhhh"},
-      {Fault::kOperatorStop, "ixhhhhhh"},
-      {Fault::kNonFinite, "ixdddddd"},
-      {Fault::kArmingTimeout, "ixxxxxxx"},
-      {Fault::kEntryMissed, "ixhhdhhh"},
-      {Fault::kForeignCommand, "ixdddddd"},
-      {Fault::kNone, "iiiiiiii"}};
+      {Fault::kStaleReply, "ixhhdhhd"},     {Fault::kWrongSequence, "ixhhdhhd"},
+      {Fault::kFollowingError, "ixdddddd"}, {Fault::kDriveError, "ixdddddd"},
+      {Fault::kHeartbeatLost, "ixhhdhhd"},  {Fault::kOverTemperature, "ixdddddd"},
+      {Fault::kBusOff, "ixxxxxxx"},         {Fault::kErrorPassive, "ixhhdhhd"},
+      {Fault::kInterfaceDown, "ixxxxxxx"},  {Fault::kInterfaceGone, "ixxxxxxx"},
+      {Fault::kLinkFailed, "ixxxxxxx"},     {Fault::kTransmitQueueFull, "ixxxxxxx"},
+      {Fault::kLateTick, "ixhhdhhh"},       {Fault::kOperatorStop, "ixhhhhhh"},
+      {Fault::kNonFinite, "ixdddddd"},      {Fault::kArmingTimeout, "ixxxxxxx"},
+      {Fault::kEntryMissed, "ixhhdhhh"},    {Fault::kForeignCommand, "ixdddddd"},
+      {Fault::kSensorLost, "iiiiiiii"},     {Fault::kNone, "iiiiiiii"}};
   ASSERT_EQ(stated.size(), kFaultCount);
   const FaultTable table;
   for (const auto& [fault, row] : stated) {
@@ -284,6 +279,13 @@ TEST_P(FaultMatrix, TheExecutorDoesWhatTheTableSays) {
   const ExecutorConfig config = ConfigOf(motion);
   ExecutorRig rig(config, motion);
   ASSERT_EQ(rig.configured, Status::kOk);
+  XsensMti sensor;
+  if (fault == Fault::kSensorLost) {
+    rig.sensor.device = &sensor;
+    rig.sensor.settings.repeats_max = 0;
+    rig.sensor_frames = testing::SensorFrames(0.1, 0);
+    rig.Reconfigure();
+  }
   if (state == ExecutorState::kMovingToStart) Displace(rig);
   if (state == ExecutorState::kArming) {
     for (auto& drive : rig.drives) drive->start_up_ticks = 30;

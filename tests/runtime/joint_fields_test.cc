@@ -75,6 +75,7 @@ struct FilledTick {
       in_record(timed.record.joints[0]) = static_cast<Type>(++value);
     });
     timed.record.joints[0].drive_error = 0xffffffffU;
+    timed.record.sensor = {3, 4, 5, 6, 7, 2, SensorStatus::kOk};
     FillState(timed, message);
   }
 
@@ -102,11 +103,13 @@ TEST(JointFields, AColumnOfTheTableStaysWhereReadersOfItExpectIt) {
             ",leg_encoded_position_rad,leg_encoded_velocity_rad_s,leg_encoded_torque_nm"
             ",leg_measured_position_rad,leg_measured_velocity_rad_s,leg_measured_torque_nm"
             ",leg_planned_acceleration_rad_s2,leg_temperature_c,leg_reply_age_ticks"
-            ",leg_drive_state,leg_reply_status,leg_drive_error,leg_limit_active");
+            ",leg_drive_state,leg_reply_status,leg_drive_error,leg_limit_active,leg_correction_rad"
+            ",sensor_status,sensor_age_ticks,sensor_pitch_rad,sensor_rate_rad_s"
+            ",feedback_error_rad,feedback_rate_error_rad_s,feedback_share");
   std::string row;
   AppendStateCsvRow(FilledTick().message, row);
   EXPECT_EQ(row.substr(row.find(",1,2,3,")),
-            ",1,2,3,5,6,7,8,9,10,11,12,13,4,14,15,16,17,4294967295,1\n");
+            ",1,2,3,5,6,7,8,9,10,11,12,13,4,14,15,16,17,4294967295,1,20,1,2,3,4,5,6,7\n");
 }
 
 TEST(JointFields, ATorqueThatWasNotMeasuredIsEmptyInTablesAndNullInTheStatus) {
@@ -117,7 +120,7 @@ TEST(JointFields, ATorqueThatWasNotMeasuredIsEmptyInTablesAndNullInTheStatus) {
   std::string row;
   AppendStateCsvRow(tick.message, row);
   EXPECT_EQ(row.substr(row.find(",1,2,3,")),
-            ",1,2,3,5,6,7,8,9,10,11,12,,4,14,15,16,17,4294967295,1\n");
+            ",1,2,3,5,6,7,8,9,10,11,12,,4,14,15,16,17,4294967295,1,20,1,2,3,4,5,6,7\n");
   LiveView view;
   view.Take(tick.message);
   const Json status = Json::Parse(view.ToJson()).value();

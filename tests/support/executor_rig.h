@@ -35,7 +35,9 @@ class ExecutorRig {
   }
 
   /// Configures the executor again, after something about the drives was changed.
-  void Reconfigure() { configured = executor.Configure(config_, graph_, primitives_, pointers_); }
+  void Reconfigure() {
+    configured = executor.Configure(config_, graph_, primitives_, pointers_, sensor);
+  }
 
   /// One tick in which every drive that is not silent answers.
   const TickRecord& Tick(OperatorCommand command = OperatorCommand::kNone) {
@@ -47,6 +49,7 @@ class ExecutorRig {
       if (obeys) drive.reply.position_rad = drive.setpoint.position_rad;
       for (int n = silent[i] ? 0 : replies[i]; n > 0; --n) received_.push_back({drive.Answer(), 0});
     }
+    for (const CanFrame& frame : sensor_frames) received_.push_back({frame, 0});
     if (foreign_id != 0) {
       CanFrame frame;
       frame.id = foreign_id;
@@ -105,6 +108,8 @@ class ExecutorRig {
   std::array<int, kMaxJoints> replies{1, 1, 1, 1, 1, 1, 1, 1};  ///< Of each drive in each tick.
   std::uint32_t foreign_id = 0;  ///< Of a frame of somebody else in each tick; 0: there is none.
   bool follow = true;
+  ExecutorSensor sensor;                ///< Takes effect with Reconfigure.
+  std::vector<CanFrame> sensor_frames;  ///< Sent in every tick.
   TickInput input;
   TickOutput output;
 

@@ -57,6 +57,18 @@ Feedback<Scalar> RandomFeedback(const Primitive<Scalar>& primitive, int knots,
   return feedback;
 }
 
+/// Gives its plan's angle the knots of the feed-forward, as the optimiser does.
+template <typename Scalar>
+void ShareTorqueKnots(Primitive<Scalar>& primitive, std::mt19937& random) {
+  std::uniform_real_distribution<double> number(-1, 1);
+  const auto& torque = primitive.joints[0].torque;
+  std::vector<Scalar> points(torque.control_points().size());
+  double angle = number(random);
+  for (Scalar& c : points) c = static_cast<Scalar>(angle += 0.1 * number(random));
+  if (primitive.feedback.angle.Assign(torque.degree(), torque.knots(), points) != Status::kOk)
+    throw std::logic_error("no spline");
+}
+
 /// Gives the primitive of a file such a feedback, with the chains of the root and the last link.
 inline void AddRandomFeedback(PrimitiveFile& file, int knots, unsigned seed) {
   std::mt19937 random(seed);

@@ -39,6 +39,25 @@ SimulatedMotorConfig AtShaft(const JointMotor& motor, double torque_max_nm, cons
 
 }  // namespace
 
+std::vector<LinkChain> LinkChainsOf(const PlanarRobot& robot) {
+  const auto& dofs = robot.tree.dofs;
+  const auto root = static_cast<std::size_t>(robot.root_dofs);
+  std::vector<LinkChain> chains;
+  if (root > 0)
+    chains.push_back({robot.body_names[root - 1], std::vector<double>(dofs.size() - root)});
+  for (std::size_t d = root; d < dofs.size(); ++d) {
+    LinkChain chain{robot.body_names[d], std::vector<double>(dofs.size() - root)};
+    for (int k = static_cast<int>(d); k >= static_cast<int>(root);
+         k = dofs[static_cast<std::size_t>(k)].parent) {
+      const Dof<Plane>& dof = dofs[static_cast<std::size_t>(k)];
+      if (dof.kind == JointKind::kRevolute)
+        chain.joints[static_cast<std::size_t>(k) - root] = dof.axis;
+    }
+    chains.push_back(chain);
+  }
+  return chains;
+}
+
 double LargestTorqueLimit(const SequenceFile& motion, std::size_t joint) {
   double torque_max_nm = 0;
   for (int node = 0; node < motion.graph.node_count; ++node) {
@@ -78,16 +97,30 @@ SimulatedRobot::SimulatedRobot(const SimulatedMotion& simulated, const DrivesCon
     pointers.push_back(drives_.back().get());
   }
   const PrimitivePose start = config.start.value_or(StartOf(motion));
-  twin_ = std::make_unique<Twin>(config.scene ? *config.scene : simulated.scene(), start,
-                                 config.twin, bus_, pointers);
+  const Scene& scene = config.scene ? *config.scene : simulated.scene();
+  twin_ = std::make_unique<Twin>(scene, start, config.twin, bus_, pointers);
+  if (drives.sensor) {
+    const std::vector<LinkChain> chains = LinkChainsOf(scene.robot);
+    const auto found = std::ranges::find(chains, drives.sensor->link, &LinkChain::link);
+    if (found == chains.end()) {
+      throw std::invalid_argument("the sensor is on link '" + drives.sensor->link +
+                                  "', which the robot does not have");
+    }
+    sensor_chain_ = found->joints;
+    sensor_ = std::make_unique<SimulatedSensor>(*drives.sensor, config.sensor);
+    sensor_->AttachTo(bus_);
+  }
   posture_ = std::make_unique<PostureWatch>(motion, config.posture, start);
 }
 
 void SimulatedRobot::AdvanceTo(std::int64_t time_ns) {
   while (now_ns_ < time_ns) {
+    const std::int64_t now_before = now_ns_;
     const std::int64_t look_ns = (now_ns_ / kLook_ns + 1) * kLook_ns;
     now_ns_ = std::min(look_ns, time_ns);
+    if (sensor_ != nullptr) now_ns_ = std::min(now_ns_, std::max(sensor_->next_ns(), now_before));
     twin_->AdvanceTo(now_ns_);
+    if (sensor_ != nullptr && sensor_->next_ns() <= now_ns_) Measure();
     if (now_ns_ != look_ns) continue;
     DrivesPosture drives{true, true};
     for (const auto& drive : drives_) {
@@ -97,6 +130,17 @@ void SimulatedRobot::AdvanceTo(std::int64_t time_ns) {
     }
     posture_->Observe(twin_->state(), twin_->contacts(), drives);
   }
+}
+
+void SimulatedRobot::Measure() {
+  const TwinState state = twin_->state();
+  double pitch_rad = state.root_pitch_rad;
+  double rate_rad_s = state.root_pitch_rate_rad_s;
+  for (std::size_t j = 0; j < sensor_chain_.size(); ++j) {
+    pitch_rad += sensor_chain_[j] * state.joint_positions_rad[j];
+    rate_rad_s += sensor_chain_[j] * state.joint_velocities_rad_s[j];
+  }
+  sensor_->Measure(pitch_rad, rate_rad_s, state.enabled_ns);
 }
 
 void SimulatedRobot::PutBack() { twin_->PutBack(); }

@@ -11,6 +11,7 @@
 #include "firmware_interface/can/simulated_bus.h"
 #include "firmware_interface/drives/drives_toml.h"
 #include "firmware_interface/drives/simulated_drive.h"
+#include "firmware_interface/sensors/simulated_sensor.h"
 #include "offline/problem/simulated_motion.h"
 #include "offline/rehearsal/twin/posture.h"
 #include "offline/rehearsal/twin/twin.h"
@@ -49,6 +50,8 @@ struct SimulatedRobotConfig {
   /// In the order of the motion's joints. Joints without an entry have the defaults.
   std::vector<JointMotor> motors;
   PostureConfig posture;
+  /// Errors of the drives file's sensor, where there is one.
+  SimulatedSensorConfig sensor;
 };
 
 /// A robot as its bus sees it: simulated drives in front of a twin, all on one simulated bus. A
@@ -63,7 +66,7 @@ class SimulatedRobot {
                  const SimulatedRobotConfig& config);
 
   [[nodiscard]] SimulatedBus& bus() { return bus_; }
-  /// Advances bus, drives and robot to this time.
+  /// Advances bus, drives, sensor and robot to this time.
   void AdvanceTo(std::int64_t time_ns);
   /// As Twin::Displace.
   void Displace(std::span<const double> q, std::span<const double> v) { twin_->Displace(q, v); }
@@ -80,13 +83,21 @@ class SimulatedRobot {
   [[nodiscard]] std::size_t joint_count() const { return drives_.size(); }
 
  private:
+  void Measure();
+
   SimulatedBus bus_;
   std::vector<std::string> joints_;
   std::vector<std::unique_ptr<SimulatedDrive>> drives_;
+  std::unique_ptr<SimulatedSensor> sensor_;  ///< Null: there is none.
+  std::vector<double> sensor_chain_;         ///< By how much its link turns with each joint.
   std::unique_ptr<Twin> twin_;
   std::unique_ptr<PostureWatch> posture_;
   std::int64_t now_ns_ = 0;
 };
+
+/// How the absolute angles of a robot's links follow from its root's pitch and its joints. Links
+/// behind a prismatic joint turn with the one that carries them.
+std::vector<LinkChain> LinkChainsOf(const PlanarRobot& robot);
 
 /// The largest torque limit that a joint has in any node of the motion [N m].
 double LargestTorqueLimit(const SequenceFile& motion, std::size_t joint);

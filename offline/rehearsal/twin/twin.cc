@@ -250,6 +250,7 @@ TwinState Twin::state() const {
   TwinState state;
   state.time_ns = m.time_ns;
   state.held = m.held || m.stands;
+  state.enabled_ns = m.enabled_ns;
   state.push_n = m.push_n;
   if (m.scene.robot.root_dofs == 3) {
     state.root_x_m = m.q(0);

@@ -85,6 +85,7 @@ struct TwinContact {
 struct TwinState {
   std::int64_t time_ns = 0;
   bool held = false;
+  std::int64_t enabled_ns = -1;  ///< When all drives were first enabled; -1: not yet.
   double root_x_m = 0, root_z_m = 0, root_pitch_rad = 0;
   double root_vx_m_s = 0, root_vz_m_s = 0, root_pitch_rate_rad_s = 0;
   std::vector<double> joint_positions_rad;

@@ -165,6 +165,41 @@ inline constexpr std::array kPushKeys = {
         .Allowed("two numbers, -1000 to 1000"),
 };
 
+/// `[sensor]`: errors of the drives file's inertial sensor.
+inline constexpr std::array kTwinSensorKeys = {
+    KeyOf<&SimulatedSensorConfig::noise_rad>("noise_rad", {0, 1},
+                                             "standard deviation of each report's pitch"),
+    KeyOf<&SimulatedSensorConfig::rate_noise_rad_s>("rate_noise_rad_s", {0, 10},
+                                                    "of the rate about each axis"),
+    KeyOf<&SimulatedSensorConfig::bias_rad>("bias_rad", {-3, 3}, "of the pitch"),
+    KeyOf<&SimulatedSensorConfig::rate_bias_rad_s>("rate_bias_rad_s", {-10, 10},
+                                                   "of the rate in the plane"),
+    KeyOf<&SimulatedSensorConfig::delay_s>("delay_s", {0, 1}, "from measuring to sending"),
+    KeyOf<&SimulatedSensorConfig::mount_error_rad>(
+        "mount_error_rad", {-3, 3}, "roll of the sensor on its link, beside `mount_rpy_rad`"),
+    KeyOf<&SimulatedSensorConfig::seed>("seed", {0, 9e15}, "of the noise"),
+};
+
+/// A table `[[sensor_failure]]`. By default its time counts from when all drives are enabled.
+struct SensorFailureEntry : SensorFailure {
+  SensorFailureEntry() { since_enabled = true; }
+};
+inline constexpr std::array<std::string_view, 5> kSensorFaults = {"silent", "frozen", "offset",
+                                                                  "swapped-axis", "late"};
+inline constexpr std::array kSensorFailureKeys = {
+    KeyOf<&SensorFailure::fault, SensorFailureEntry>(
+        "fault", kSensorFaults,
+        "sends nothing; repeats its last report; is turned by an angle in the plane; has y and z "
+        "exchanged; reports late")
+        .Required(),
+    KeyOf<&SensorFailure::start_s, SensorFailureEntry>("start_s", {0, 1e6}, "").Required(),
+    KeyOf<&SensorFailure::since_enabled, SensorFailureEntry>("since", kSince,
+                                                             "what the time counts from"),
+    KeyOf<&SensorFailure::duration_s, SensorFailureEntry>("duration_s", {0, 1e9, true}, ""),
+    KeyOf<&SensorFailure::offset_rad, SensorFailureEntry>("offset_rad", {-3.2, 3.2}, "of `offset`"),
+    KeyOf<&SensorFailure::late_s, SensorFailureEntry>("late_s", {0, 10}, "of `late`"),
+};
+
 inline constexpr std::array kFallKeys = {
     KeyOf<&PostureConfig::rest_s>("rest_s", {0.01, 10},
                                   "how long the robot has to be still to be at rest"),

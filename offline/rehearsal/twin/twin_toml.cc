@@ -43,6 +43,7 @@ class TwinReader {
     ReadObstacles();
     ReadPatches();
     ReadPushes();
+    ReadSensor();
     if (std::optional<TomlTable> stop = root_.OptionalTable("stop"))
       ReadKeys(*stop, kStopKeys, twin);
     if (std::optional<TomlTable> fall = root_.OptionalTable("fall")) {
@@ -142,6 +143,16 @@ class TwinReader {
     }
   }
 
+  void ReadSensor() {
+    if (std::optional<TomlTable> sensor = root_.OptionalTable("sensor"))
+      ReadKeys(*sensor, kTwinSensorKeys, config_.sensor);
+    for (TomlTable& table : root_.OptionalTables("sensor_failure")) {
+      SensorFailureEntry failure;
+      ReadKeys(table, kSensorFailureKeys, failure);
+      config_.sensor.failures.push_back(failure);
+    }
+  }
+
   /// Reads the keys of the start before the robot is put there, so that unknown keys are refused
   /// first.
   void TakeStartKeys(TomlTable& start) {
@@ -203,6 +214,8 @@ std::vector<KeyTable> TwinKeyTables() {
           {source, "obstacle", RowsOf(kTwinObstacleKeys)},
           {source, "patch", RowsOf(kPatchKeys)},
           {source, "push", RowsOf(kPushKeys)},
+          {source, "sensor", RowsOf(kTwinSensorKeys)},
+          {source, "sensor_failure", RowsOf(kSensorFailureKeys)},
           {source, "fall", RowsOf(kFallKeys)}};
 }
 

@@ -166,16 +166,48 @@ TEST(FlightRecord, NamesWhatIsNoRecordOrAnotherVersion) {
   EXPECT_THAT(Read({header.begin(), header.end()}).refusal, HasSubstr("damaged in its first 16"));
 }
 
-TEST(FlightRecord, OpensRecordsOfTheVersionBefore) {
-  std::string bytes = SmallRecord();
+/// The record without what ticks have had only since there are sensors.
+std::string WithoutSensor(const std::string& bytes) {
+  constexpr std::size_t kOfRecord = 25, kOfJoint = 4, kJoint = 71;
+  BlockReader reader(AsBytes(bytes));
+  RecordBytes out(bytes.begin(), bytes.begin() + 16);
+  const auto entry = std::make_unique<TickEntry>();
+  for (Block block; reader.Next(block);) {
+    RecordBytes content(block.content.begin(), block.content.end());
+    RecordEnd end;
+    if (block.kind == BlockKind::kTick && DecodeTick(content, *entry)) {
+      const std::size_t joints = entry->record.joint_count;
+      for (std::size_t j = 0; j < joints; ++j) {
+        const auto last = content.end() - static_cast<std::ptrdiff_t>(j * (kJoint - kOfJoint));
+        content.erase(last - kOfJoint, last);
+      }
+      const auto first_joint =
+          content.end() - static_cast<std::ptrdiff_t>(joints * (kJoint - kOfJoint));
+      content.erase(first_joint - kOfRecord, first_joint);
+    }
+    if (block.kind == BlockKind::kEnd && DecodeEnd(content, end)) {
+      end.crc32 = Crc32(out);
+      content = EncodeEnd(end);
+    }
+    AppendBlock(block.kind, block.number, content, out);
+  }
+  return {out.begin(), out.end()};
+}
+
+TEST(FlightRecord, OpensRecordsOfTheVersionsBefore) {
+  std::string bytes = WithoutSensor(SmallRecord());
   const auto set_version = [&bytes](char version) {
     bytes[8] = version;
     const std::uint32_t crc = Crc32(AsBytes(bytes).first(12));
     for (std::size_t i = 0; i < 4; ++i) bytes[12 + i] = static_cast<char>(crc >> (8 * i));
   };
-  set_version(1);
-  EXPECT_EQ(Read(bytes).indices.size(), 40U);
-  EXPECT_EQ(FlightRecord(AsBytes(bytes), "run.rec").version(), 1U);
+  for (const char version : {'\1', '\2', '\3'}) {
+    set_version(version);
+    const Reading reading = Read(bytes);
+    EXPECT_EQ(reading.indices.size(), 40U);
+    EXPECT_THAT(reading.damages, IsEmpty());
+    EXPECT_EQ(FlightRecord(AsBytes(bytes), "run.rec").version(), static_cast<unsigned>(version));
+  }
   set_version(static_cast<char>(kRecordVersion + 1));
   EXPECT_THAT(Read(bytes).refusal, HasSubstr("another version"));
 }

@@ -52,8 +52,9 @@ ReplayResult ReplayOf(const std::string& bytes) {
 constexpr std::size_t kReceived = 71;
 constexpr std::size_t kSent = kReceived + 2UL * 21;
 constexpr std::size_t kRecord = kSent + 2UL * 14;
-constexpr std::size_t kJoints = kRecord + 55;
-constexpr std::size_t kTickBytes = kJoints + 2UL * 67;
+constexpr std::size_t kJoints = kRecord + 80;
+constexpr std::size_t kJointBytes = 71;
+constexpr std::size_t kTickBytes = kJoints + 2 * kJointBytes;
 constexpr std::uint32_t kTickBlock = 62;  // The sixtieth tick, while the motion is played.
 
 TEST(Replay, OfAnUnchangedRecordIsIdentical) {
@@ -82,6 +83,17 @@ TEST(Replay, TheFloatsOfFaultsInEarlierRecordsAreReadAsTheIntegersThatTheyStandF
     put(content, 45, 0.25F);
     put(content, 49, 0.125F);
     content[kRecord + 53] = static_cast<std::uint8_t>(Refusal::kFarFromStart);
+  });
+  // Earlier ticks have no sensor: 25 bytes of the record, and the last 4 of each joint.
+  bytes = Rewritten(bytes, [](BlockKind kind, std::uint32_t, auto& content) {
+    if (kind != BlockKind::kTick) return;
+    const auto erase_before = [&content](std::size_t from_end, std::size_t count) {
+      const auto end = content.end() - static_cast<std::ptrdiff_t>(from_end);
+      content.erase(end - static_cast<std::ptrdiff_t>(count), end);
+    };
+    erase_before(0, 4);
+    erase_before(kJointBytes - 4, 4);
+    erase_before(2 * (kJointBytes - 4), 25);
   });
   for (const char version : {'\2', '\3'}) {
     bytes[8] = version;
@@ -155,7 +167,7 @@ TEST(Replay, NamesTheFieldThatDiffers) {
   EXPECT_EQ(FieldNamed(kRecord + 21, 0), "cycles");
   EXPECT_EQ(FieldNamed(kRecord + 33, 0), "first_fault.value");
   EXPECT_EQ(FieldNamed(kJoints, 0), "joint joint1: planned.position_rad");
-  EXPECT_EQ(FieldNamed(kJoints + 67 + 40, 0), "joint joint2: measured.position_rad");
+  EXPECT_EQ(FieldNamed(kJoints + kJointBytes + 40, 0), "joint joint2: measured.position_rad");
   EXPECT_EQ(FieldNamed(kJoints + 66, 0), "joint joint1: limit_active");
   EXPECT_EQ(FieldNamed(kSent + 1 + 5 + 3, 0), "joint joint1: frame 0, byte 3");
   EXPECT_EQ(FieldNamed(kSent + 14 + 1, 2), "joint joint2: frame 0, identifier");

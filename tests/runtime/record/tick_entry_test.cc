@@ -192,8 +192,8 @@ TEST(TickEntry, HasTheDocumentedBytes) {
       1, 1, 0, 0, 0x80, 1, 0xcc, 0, 0, 0, 0, 0, 0, 0,     // one frame, extended
   };
   // clang-format on
-  ASSERT_EQ(bytes.size(), expected_start.size() + 55 + 67);
-  bytes.resize(bytes.size() - 55 - 67 + 55 + 4);
+  ASSERT_EQ(bytes.size(), expected_start.size() + 80 + 71);
+  bytes.resize(bytes.size() - 80 - 71 + 80 + 4);
   EXPECT_EQ(std::vector<std::uint8_t>(
                 bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(expected_start.size())),
             expected_start);

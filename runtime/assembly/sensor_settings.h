@@ -1,0 +1,17 @@
+#pragma once
+
+#include "common/sequence_toml.h"
+#include "firmware_interface/sensors/sensor_entry.h"
+#include "runtime/core/sensor_watch.h"
+
+namespace tumbler {
+
+/// The executor's settings for a sensor of a drives file. Where the sensor is on the robot follows
+/// from the chains of the motion's primitives with feedback.
+/// @param rate_hz  of the control loop.
+/// @throws Refused  naming a primitive with feedback that does not know the sensor's link, or two
+/// that do not agree about it.
+[[nodiscard]] SensorSettings SensorSettingsOf(const SensorEntry& entry, const SequenceFile& motion,
+                                              double rate_hz);
+
+}  // namespace tumbler

@@ -1,0 +1,166 @@
+#include "runtime/core/sensor_watch.h"
+
+#include <algorithm>
+
+#include "common/feedback.h"
+#include "runtime/core/numbers.h"
+
+namespace tumbler {
+namespace {
+
+/// The time in which a departure of attitude and rates is forgotten. A bias of the rate by b shows
+/// as b times this, and a step of the attitude as itself.
+constexpr float kForget_s = 0.1F;
+
+/// The share of the largest rate that may be out of the plane: legs twist when they land.
+constexpr float kOutOfPlane = 0.25F;
+
+/// How far the length of a quaternion, squared, may be from one. Rounding on the wire costs 1e-4.
+constexpr float kLength = 0.05F;
+
+/// After so many ticks the promptest report counts as one step of its clock slower, because the
+/// clocks of host and sensor do not run alike: at 1 kHz, 100 ppm.
+constexpr std::int32_t kCreepTicks = 1000;
+
+}  // namespace
+
+const char* ToString(SensorStatus status) noexcept {
+  static constexpr std::array<const char*, kSensorStatusCount> kNames{
+      "none",   "ok",          "no data", "stale",    "late",
+      "frozen", "no rotation", "tilted",  "too fast", "inconsistent"};
+  return kNames[static_cast<std::size_t>(status)];
+}
+
+float AngleOf(float x, float y) noexcept {
+  // arctan of at most one: [Abramowitz and Stegun, Handbook of Mathematical Functions, 4.4.49].
+  constexpr std::array<float, 9> kArctan{1.0F,           -0.3333314528F, 0.1999355085F,
+                                         -0.1420889944F, 0.1065626393F,  -0.0752896400F,
+                                         0.0429096138F,  -0.0161657367F, 0.0028662257F};
+  constexpr float kHalfPi = 1.5707963F;
+  constexpr float kPi = 3.1415927F;
+  const float ax = Magnitude(x);
+  const float ay = Magnitude(y);
+  const float large = ax > ay ? ax : ay;
+  if (!(large > 0)) return 0;
+  const float z = (ax > ay ? ay : ax) / large;
+  const float z2 = z * z;
+  float sum = kArctan[8];
+  for (std::size_t i = 8; i-- > 0;) sum = sum * z2 + kArctan[i];
+  float angle = sum * z;
+  if (ay > ax) angle = kHalfPi - angle;
+  if (x < 0) angle = kPi - angle;
+  return y < 0 ? -angle : angle;
+}
+
+bool SensorSettings::IsValid() const noexcept {
+  if (!(age_ticks_max >= 1 && IsPositive(tilt_sine_max) && IsPositive(rate_max_rad_s) &&
+        IsPositive(jump_max_rad) && IsPositive(late_max_s))) {
+    return false;
+  }
+  for (std::size_t i = 0; i < 3; ++i) {
+    for (std::size_t k = 0; k < 3; ++k) {
+      float dot = 0;
+      for (std::size_t c = 0; c < 3; ++c) dot += mounting[i][c] * mounting[k][c];
+      if (!(Magnitude(dot - (i == k ? 1.0F : 0.0F)) < 1e-3F)) return false;
+    }
+  }
+  const auto& m = mounting;
+  const float turn = m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1]) -
+                     m[0][1] * (m[1][0] * m[2][2] - m[1][2] * m[2][0]) +
+                     m[0][2] * (m[1][0] * m[2][1] - m[1][1] * m[2][0]);
+  return turn > 0 &&
+         std::ranges::all_of(chain, [](float x) { return x == 0 || x == 1 || x == -1; });
+}
+
+void SensorWatch::Configure(const SensorSettings& settings, float period_s) noexcept {
+  *this = {};
+  settings_ = settings;
+  period_s_ = period_s;
+  steps_per_tick_ = static_cast<std::int64_t>(period_s / InertialSensor::kTimeStep_s * 65536);
+}
+
+void SensorWatch::Trust() noexcept {
+  implausible_ = SensorStatus::kOk;
+  parted_rad_ = 0;
+}
+
+void SensorWatch::TakeTime(std::uint32_t time) noexcept {
+  // Differences are taken with wrapping, so that it does not matter what the clocks began with.
+  const auto now = static_cast<std::uint32_t>(host_time_ >> 16);
+  if (!has_promptest_) first_time_ = time - now;
+  const auto behind = static_cast<std::int32_t>(now - (time - first_time_));
+  if (!has_promptest_ || behind < promptest_) promptest_ = behind;
+  has_promptest_ = true;
+  is_late_ =
+      static_cast<float>(behind - promptest_) * InertialSensor::kTimeStep_s > settings_.late_max_s;
+}
+
+void SensorWatch::EndTick(int elapsed, const InertialReading& reading) noexcept {
+  host_time_ += elapsed * steps_per_tick_;
+  creep_ticks_ += elapsed;
+  if (creep_ticks_ >= kCreepTicks) {
+    creep_ticks_ = 0;
+    ++promptest_;
+  }
+  if (age_ticks_ >= 0) age_ticks_ += elapsed;
+  if (has_attitude_ && has_rate_) {
+    has_attitude_ = has_rate_ = false;
+    TakeReport(reading);
+  }
+  status_ = implausible_;
+  if (status_ != SensorStatus::kOk) return;
+  if (age_ticks_ < 0) {
+    status_ = SensorStatus::kNoData;
+  } else if (age_ticks_ > settings_.age_ticks_max) {
+    status_ = SensorStatus::kStale;
+  } else if (is_late_) {
+    status_ = SensorStatus::kLate;
+  }
+}
+
+void SensorWatch::TakeReport(const InertialReading& reading) noexcept {
+  const auto [w, x, y, z] = reading.attitude;
+  const auto& rate = reading.rate_rad_s;
+  const float ww = w * w, xx = x * x, yy = y * y, zz = z * z;
+  // The world's z in the axes of the sensor: the third row of its rotation.
+  const std::array<float, 3> up{2 * (x * z - w * y), 2 * (y * z + w * x), ww - xx - yy + zz};
+  const auto along = [](const std::array<float, 3>& axis, const std::array<float, 3>& vector) {
+    return axis[0] * vector[0] + axis[1] * vector[1] + axis[2] * vector[2];
+  };
+  const auto& axes = settings_.mounting;
+  const float tilt = along(axes[1], up);
+  const float rolls = along(axes[0], rate);
+  const float yaws = along(axes[2], rate);
+  const float pitch_rad = AngleOf(along(axes[2], up), along(axes[0], up));
+  const float rate_rad_s = -along(axes[1], rate);
+
+  const bool fresh = age_ticks_ < 0 || age_ticks_ > settings_.age_ticks_max;
+  const auto ticks = static_cast<float>(age_ticks_);
+  if (fresh) {
+    parted_rad_ = 0;  // What the sensor did meanwhile is not known.
+  } else {
+    const float time_s = ticks * period_s_;
+    const float turned = 0.5F * (rate_rad_s + rate_rad_s_) * time_s;
+    parted_rad_ += WithoutTurns(pitch_rad - pitch_rad_) - turned;
+    parted_rad_ -= parted_rad_ * std::min(time_s / kForget_s, 1.0F);
+  }
+  pitch_rad_ = pitch_rad;
+  rate_rad_s_ = rate_rad_s;
+  age_ticks_ = 0;
+  if (implausible_ != SensorStatus::kOk) return;
+  const float out_max = kOutOfPlane * settings_.rate_max_rad_s;
+  if (settings_.repeats_max > 0 && reading.repeats > settings_.repeats_max) {
+    implausible_ = SensorStatus::kFrozen;
+  } else if (!(Magnitude(ww + xx + yy + zz - 1) <= kLength)) {
+    implausible_ = SensorStatus::kNoRotation;
+  } else if (!(Magnitude(tilt) <= settings_.tilt_sine_max && Magnitude(rolls) <= out_max &&
+               Magnitude(yaws) <= out_max)) {
+    implausible_ = SensorStatus::kTilted;
+  } else if (!(Magnitude(rate_rad_s) <= settings_.rate_max_rad_s)) {
+    implausible_ = SensorStatus::kTooFast;
+  } else if (!(Magnitude(parted_rad_) <= settings_.jump_max_rad)) {
+    implausible_ = SensorStatus::kInconsistent;
+  }
+}
+
+}  // namespace tumbler

@@ -1,0 +1,101 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "common/primitive.h"
+#include "firmware_interface/sensors/inertial_sensor.h"
+
+namespace tumbler {
+
+/// What is thought of an inertial sensor. From kFrozen on it is implausible, and is not believed
+/// again before the next arming.
+enum class SensorStatus : std::uint8_t {
+  kNone,          ///< There is no sensor.
+  kOk,            ///< Its attitude and rate are known.
+  kNoData,        ///< It has not reported yet.
+  kStale,         ///< Its last report is too old.
+  kLate,          ///< Its reports come later than they did, by its own clock.
+  kFrozen,        ///< It repeats the same numbers.
+  kNoRotation,    ///< Its quaternion has not the length of one.
+  kTilted,        ///< It is tilted, or turns, out of the plane in which the robot moves.
+  kTooFast,       ///< It turns faster than is possible.
+  kInconsistent,  ///< Its attitude does not change as its rate says.
+};
+inline constexpr std::size_t kSensorStatusCount = 10;
+[[nodiscard]] const char* ToString(SensorStatus status) noexcept;
+
+/// How a sensor is mounted, and what is believed of it.
+struct SensorSettings {
+  /// The x, y and z of the link's frame, each in the axes of the sensor.
+  std::array<std::array<float, 3>, 3> mounting{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
+  /// For each of the robot's joints, by how much the angle of the sensor's link grows with it: 1,
+  /// -1, or 0 where the joint is not between the root and that link.
+  std::array<float, kMaxJoints> chain{};
+  int age_ticks_max = 5;           ///< An older report is stale.
+  std::uint32_t repeats_max = 20;  ///< More repeated reports in a row are frozen; 0: any number.
+  float tilt_sine_max = 0.3F;      ///< Of the link's y axis, out of the horizontal.
+  float rate_max_rad_s = 35;       ///< Of the turn about each axis; out of the plane, a quarter.
+  float jump_max_rad = 0.06F;      ///< By which the attitude may part from the sum of the rates.
+  float late_max_s = 0.01F;        ///< By which a report may be later than the promptest.
+
+  /// @retval false  a value is not finite or not positive, or the mounting is no rotation.
+  [[nodiscard]] bool IsValid() const noexcept;
+};
+
+/// Judges the reports of an inertial sensor tick by tick, and makes the pitch of its link of them.
+/// Pitch is about -y, as in the robot's model: from +x towards +z. No function of a mathematical
+/// library is used.
+class SensorWatch {
+ public:
+  /// Starts anew. @param settings  are valid.
+  void Configure(const SensorSettings& settings, float period_s) noexcept;
+  /// Forgets what was implausible.
+  void Trust() noexcept;
+
+  /// Notes what a frame has brought.
+  void Count(InertialPart part, const InertialReading& reading) noexcept {
+    if (part == InertialPart::kAttitude) has_attitude_ = true;
+    if (part == InertialPart::kRate) has_rate_ = true;
+    if (part == InertialPart::kTime) TakeTime(reading.time);
+  }
+  /// To be called after the frames of a tick.
+  /// @param elapsed  ticks since the call before, >= 1.
+  void EndTick(int elapsed, const InertialReading& reading) noexcept;
+
+  [[nodiscard]] SensorStatus status() const noexcept { return status_; }
+  /// Of the sensor's link, within -pi ... pi.
+  [[nodiscard]] float pitch_rad() const noexcept { return pitch_rad_; }
+  [[nodiscard]] float rate_rad_s() const noexcept { return rate_rad_s_; }
+  /// Ticks since the last report; -1: there was none.
+  [[nodiscard]] std::int32_t age_ticks() const noexcept { return age_ticks_; }
+  [[nodiscard]] const SensorSettings& settings() const noexcept { return settings_; }
+
+ private:
+  void TakeReport(const InertialReading& reading) noexcept;
+  void TakeTime(std::uint32_t time) noexcept;
+
+  SensorSettings settings_;
+  float period_s_ = 0.001F;
+  SensorStatus status_ = SensorStatus::kNoData;
+  SensorStatus implausible_ = SensorStatus::kOk;  ///< Why it is not believed any more.
+  bool has_attitude_ = false;
+  bool has_rate_ = false;
+  bool is_late_ = false;
+  bool has_promptest_ = false;
+  float pitch_rad_ = 0;
+  float rate_rad_s_ = 0;
+  float parted_rad_ = 0;  ///< What the attitude has changed beyond the sum of the rates, of late.
+  std::int32_t age_ticks_ = -1;
+  /// The host's time, in 2^-16 steps of the sensor's clock; how many of them are a tick.
+  std::int64_t host_time_ = 0;
+  std::int64_t steps_per_tick_ = 0;
+  std::int32_t creep_ticks_ = 0;
+  std::int32_t promptest_ = 0;    ///< The least that the host's time was ahead of a report's.
+  std::uint32_t first_time_ = 0;  ///< Of the first report.
+};
+
+/// The angle of the vector (x, y), as std::atan2(y, x), to 5e-7 rad.
+[[nodiscard]] float AngleOf(float x, float y) noexcept;
+
+}  // namespace tumbler
