@@ -62,7 +62,9 @@ class Looks {
       if (const auto known = of_motion_.find(solution.x); known != of_motion_.end())
         return known->second;
     }
-    FineLook look = LookFinely(problem_, solution.x);
+    Problem problem = problem_;
+    problem.duration_s = solution.duration_s.value_or(problem.duration_s);
+    FineLook look = LookFinely(problem, solution.x);
     const std::lock_guard<std::mutex> lock(mutex_);
     return of_motion_.emplace(solution.x, std::move(look)).first->second;
   }
@@ -130,8 +132,8 @@ TaskResult WorkOn(Task task, const WorkSettings& settings) {
   SolveOptions options;
   options.threads = settings.threads;
   options.interrupt = settings.interrupt;
-  // A guess is solved before anybody would look at its progress.
-  if (!guessed && !settings.quiet)
+  // Of the model's, a guess is solved before anybody would look at its progress.
+  if ((!guessed || problem.robust) && !settings.quiet)
     options.progress = [&progress](const Evaluation& evaluation) { progress(evaluation); };
   Looks looks(problem);
   const auto accept = [&](const Solution& solution) {
@@ -139,9 +141,9 @@ TaskResult WorkOn(Task task, const WorkSettings& settings) {
   };
   // For the table of minima, every start is one of those that were asked for.
   if (!settings.minima) options.accept = accept;
-  result.outcome = guessed          ? SolveFromGuess(problem, result.task.guess, options)
-                   : problem.robust ? SolveRobust(problem, options)
-                                    : Solve(problem, options);
+  result.outcome = problem.robust ? SolveRobust(problem, options, result.task.guess)
+                   : guessed      ? SolveFromGuess(problem, result.task.guess, options)
+                                  : Solve(problem, options);
   progress.Finish();
 
   const std::vector<Solution>& solutions = result.outcome.solutions;
@@ -155,6 +157,7 @@ TaskResult WorkOn(Task task, const WorkSettings& settings) {
     result.best = solutions.front();
   }
   if (settings.minima) ListMinima(result, looks);
+  if (result.best.duration_s) result.task.problem.duration_s = *result.best.duration_s;
   result.usable = KeepsLimits(problem, result.best);
   if (!result.usable) {
     result.cause = Cause(problem, result.best);

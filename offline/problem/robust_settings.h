@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 
 #include "offline/ensemble/lane_scene.h"
 #include "offline/ensemble/variation.h"
@@ -13,6 +14,8 @@ struct RobustSettings {
   Spreads spreads;
   /// The drives of all joints. Torque limits are those of the joints.
   LaneDrive drive{.kp = 100, .kd = 5};
+  /// Between these is the motion's duration found; none: it is the task's.
+  std::optional<double> duration_min_s, duration_max_s;
   /// Random motions that are played on the model.
   int samples = 30000;
   /// Motions that are improved first, each with few robots ...

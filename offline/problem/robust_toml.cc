@@ -40,6 +40,10 @@ constexpr std::array kRobustKeys = {
     KeyOf<&LaneDrive::kp, RobustEntry>("kp_nm_per_rad", {0, 1e4},
                                        "of every joint's drive, as in the drives file"),
     KeyOf<&LaneDrive::kd, RobustEntry>("kd_nm_s_per_rad", {0, 1e3}, "likewise"),
+    KeyOf<&RobustSettings::duration_min_s, RobustEntry>(
+        "duration_min_s", {0.05, 20}, "the motion's duration is found, too: not below this ..."),
+    KeyOf<&RobustSettings::duration_max_s, RobustEntry>(
+        "duration_max_s", {0.05, 20}, "... nor above this; the task's has to lie between them"),
     KeyOf<&RobustSettings::samples, RobustEntry>("samples", {8, 10'000'000},
                                                  "random motions, played on the model"),
     KeyOf<&RobustSettings::starts, RobustEntry>("starts", {1, 1000},
@@ -52,6 +56,22 @@ constexpr std::array kRobustKeys = {
     KeyOf<&RobustSettings::generations, RobustEntry>("generations", {1, 100'000},
                                                      "of the last improvement"),
 };
+
+void CheckDurations(TomlTable& root, const RobustSettings& settings, double duration_s) {
+  const auto &least = settings.duration_min_s, &most = settings.duration_max_s;
+  if (!least && !most) return;
+  TomlTable table = root.Table("robust");
+  if (!least || !most) {
+    table.Fail(least ? "duration_max_s" : "duration_min_s",
+               "is missing; allowed: both bounds of the duration, or none");
+  }
+  if (duration_s < *least || duration_s > *most) {
+    table.Fail(duration_s < *least ? "duration_min_s" : "duration_max_s",
+               fmt::format("is {} s, but the task's duration_s is {} s; allowed: {}",
+                           duration_s < *least ? *least : *most, duration_s,
+                           duration_s < *least ? "up to duration_s" : "duration_s or more"));
+  }
+}
 
 }  // namespace
 
@@ -68,6 +88,7 @@ std::optional<RobustSettings> ReadRobust(TomlTable& root, const Problem& problem
               "judges a motion by the pitch at which robots end; the task asks for none: give it a "
               "[[cost]] with term \"terminal\" of \"pitch\" when \"settled\"");
   }
+  CheckDurations(root, settings, problem.duration_s);
   try {
     static_cast<void>(MakeLaneScene(problem.scene, settings.drive));
   } catch (const std::invalid_argument& error) {

@@ -497,6 +497,8 @@ Task TaskOf(const PrimitiveFile& file) {
   Task task = Parse(from.task_toml, from.task_file, from.robot_urdf, from.robot_file,
                     StartPose{&file.entry, &file.primitive,
                               fmt::format("the entry of '{}'", file.primitive.name.view()), true});
+  // The task may have left it to the search.
+  task.problem.duration_s = file.primitive.duration_s;
   task.start_file = from.start_file;
   task.start_hash = from.start_hash;
   task.guess_file = from.guess_file;

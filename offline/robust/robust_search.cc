@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <optional>
+#include <span>
 #include <utility>
 
 #include "common/index.h"
@@ -42,6 +43,9 @@ constexpr double kUnplayable = 4;
 /// A loss from which on robots mostly fall, and one that cannot be told from 0.
 constexpr double kHopeless = 0.9;
 constexpr double kPerfect = 1e-3;
+/// Change of the logarithm of a free duration with the variable that stands for it, so that this is
+/// of the size of the others.
+constexpr double kStretch = 0.5;
 constexpr int kHopelessAfter = 20;  // generations
 
 int Ticks(double time_s) { return static_cast<int>(std::lround(time_s / kTick_s)); }
@@ -74,7 +78,7 @@ class RobustSearch {
         options_(options),
         kernel_(*PacketKernels().front()),
         rows_(DerivativeLimitRows(problem)),
-        ticks_(Ticks(problem.duration_s)),
+        parameters_(problem.parameter_count()),
         joints_(problem.joints.size()) {
     lanes_ = LanesOf(RobotVariation{});
     target_rad_ = *problem.target_pitch_rad;
@@ -84,15 +88,29 @@ class RobustSearch {
     }
   }
 
-  std::vector<Candidate> Run() {
+  /// @param guess  a motion to begin with, in place of the first two stages; empty: none.
+  std::vector<Candidate> Run(std::span<const double> guess) {
+    if (!guess.empty()) {
+      std::vector<Candidate> given = {{{guess.begin(), guess.end()}, 0}};
+      if (free_duration()) given.front().x.push_back(0);
+      return Polish(given);
+    }
     std::vector<Candidate> best = Improve(RandomMotions(), robust_.starts, 0.12,
                                           MakeEnsemble(16, 1), robust_.generations / 3);
     best = Improve(best, robust_.improved, 0.05, MakeEnsemble(32, 1.25), robust_.generations / 2);
-    std::vector<Candidate> polished =
-        Improve(best, 1, 0.03, MakeEnsemble(robust_.polish_robots, robust_.polish_scale, kFine),
-                robust_.generations);
+    std::vector<Candidate> polished = Polish(best);
     polished.insert(polished.end(), best.begin(), best.end());
     return polished;
+  }
+
+  /// A candidate's motion: the problem's parameters, and how long it takes.
+  [[nodiscard]] std::vector<double> ParametersOf(const Candidate& candidate) const {
+    return {candidate.x.begin(), candidate.x.begin() + parameters_};
+  }
+  [[nodiscard]] double DurationOf(const std::vector<double>& x) const {
+    if (!free_duration()) return problem_.duration_s;
+    const double stretched_s = problem_.duration_s * std::exp(kStretch * x[Index(parameters_)]);
+    return kTick_s * std::round(stretched_s / kTick_s);
   }
 
   [[nodiscard]] std::int64_t evaluations() const { return evaluations_; }
@@ -102,7 +120,19 @@ class RobustSearch {
   }
 
  private:
+  std::vector<Candidate> Polish(const std::vector<Candidate>& from) {
+    return Improve(from, 1, 0.03, MakeEnsemble(robust_.polish_robots, robust_.polish_scale, kFine),
+                   robust_.generations);
+  }
+
   using Setpoints = std::vector<LaneSetpoint<Packet>>;
+
+  [[nodiscard]] bool free_duration() const { return robust_.duration_max_s.has_value(); }
+  [[nodiscard]] int TicksOf(const std::vector<double>& x) const { return Ticks(DurationOf(x)); }
+  /// By how much a motion is faster than one of the problem's duration.
+  [[nodiscard]] double HasteOf(const std::vector<double>& x) const {
+    return problem_.duration_s / DurationOf(x);
+  }
 
   /// The scene in lanes, for the model or a robot.
   LaneScene LanesOf(const RobotVariation& variation) const {
@@ -178,6 +208,11 @@ class RobustSearch {
   /// How far the path leaves its limits and the clearance; 0 where it keeps them.
   [[nodiscard]] double PathExcess(const std::vector<double>& x, SelfDistances& distances) const {
     double excess = 0;
+    const double duration_s = DurationOf(x), haste = HasteOf(x);
+    if (free_duration()) {
+      excess += std::max(
+          {0.0, *robust_.duration_min_s - duration_s, duration_s - *robust_.duration_max_s});
+    }
     for (std::size_t j = 0; j < joints_; ++j) {
       const JointLimits<double>& limits = problem_.joints[j].limits;
       for (int i = 0; i < problem_.joints[j].free_points(); ++i) {
@@ -187,8 +222,9 @@ class RobustSearch {
     }
     for (const LinearRow& row : rows_) {
       double sum = row.b;
-      for (std::size_t i = 0; i < x.size(); ++i) sum += row.a[i] * x[i];
-      excess += std::max(0.0, sum);
+      for (std::size_t i = 0; i < row.a.size(); ++i) sum += row.a[i] * x[i];
+      const double faster = row.derivative == 1 ? haste : haste * haste;
+      excess += std::max(0.0, sum * faster + (faster - 1));
     }
     if (excess > 0) return kUnplayable + excess;
     const SelfContact& own = problem_.scene.self_contact;
@@ -196,15 +232,16 @@ class RobustSearch {
     const auto splines = SplinesOf(x);
     std::vector<double> q = problem_.start_q;
     double nearest = std::numeric_limits<double>::infinity();
-    for (int k = 0; k <= ticks_; k += 5) {
+    for (int k = 0; k <= TicksOf(x); k += 5) {
       for (std::size_t j = 0; j < joints_; ++j)
-        q[Index(problem_.joints[j].dof)] = splines[j].Evaluate(k * kTick_s).value;
+        q[Index(problem_.joints[j].dof)] = splines[j].Evaluate(k * kTick_s * haste).value;
       nearest = std::min(nearest, distances.Nearest(q).distance_m);
     }
     const double lacks = own.clearance_m + 5e-4 - nearest;
     return lacks > 0 ? 0.2 + lacks * 20 : 0;
   }
 
+  /// Of the problem's duration.
   [[nodiscard]] std::vector<JointMotion<double>::Spline> SplinesOf(
       const std::vector<double>& x) const {
     std::vector<JointMotion<double>::Spline> splines;
@@ -217,11 +254,14 @@ class RobustSearch {
   void Sample(const std::vector<double>& x, std::size_t count, double step_s,
               const Put& put) const {
     const auto splines = SplinesOf(x);
+    const double duration_s = DurationOf(x), haste = HasteOf(x);
     for (std::size_t k = 0; k < count; ++k) {
       const double t = static_cast<double>(k) * step_s;
       for (std::size_t j = 0; j < joints_; ++j) {
-        auto at = splines[j].Evaluate(t);
-        if (t >= problem_.duration_s) at.first = at.second = 0;
+        auto at = splines[j].Evaluate(t * haste);
+        at.first *= haste;
+        at.second *= haste * haste;
+        if (t >= duration_s) at.first = at.second = 0;
         put(k * joints_ + j, at);
       }
     }
@@ -231,7 +271,9 @@ class RobustSearch {
   std::vector<Plan> Plans(const std::vector<std::vector<double>>& motions) const {
     constexpr int kSteps = 4;  // in a tick
     const double step_s = kTick_s / kSteps;
-    const auto count = Index((ticks_ + Ticks(problem_.settle_s)) * kSteps);
+    int ticks = 0;
+    for (const std::vector<double>& x : motions) ticks = std::max(ticks, TicksOf(x));
+    const auto count = Index((ticks + Ticks(problem_.settle_s)) * kSteps);
     Setpoints setpoints(count * joints_);
     for (std::size_t lane = 0; lane < kLanes; ++lane) {
       Sample(motions[std::min(lane, motions.size() - 1)], count, step_s,
@@ -262,17 +304,17 @@ class RobustSearch {
         const double limit = kLargestTorque * problem_.joints[j].limits.torque_max_nm;
         plans[m].excess += std::max(0.0, watch.torque[j].lane(m) / limit - 1);
       }
-      plans[m].feed_forward = Smoothed(torques, m, kSteps);
+      plans[m].feed_forward = Smoothed(torques, m, TicksOf(motions[m]), kSteps);
     }
     return plans;
   }
 
   /// The torques of a lane, one for each tick and joint, averaged over their neighbours.
   [[nodiscard]] std::vector<double> Smoothed(const std::vector<Packet>& torques, std::size_t lane,
-                                             int steps) const {
+                                             int ticks, int steps) const {
     const int count = static_cast<int>(torques.size() / joints_);
     std::vector<double> smoothed;
-    for (int k = 0; k <= ticks_; ++k) {
+    for (int k = 0; k <= ticks; ++k) {
       for (std::size_t j = 0; j < joints_; ++j) {
         double sum = 0, weights = 0;
         for (int m = -kSmoothing_ticks; m <= kSmoothing_ticks; ++m) {
@@ -307,7 +349,7 @@ class RobustSearch {
   /// The mean loss of an ensemble. When all robots of the first packet fall, it is theirs.
   [[nodiscard]] double Judge(const std::vector<double>& x, const Plan& plan,
                              const Ensemble& ensemble) const {
-    const int settled = ticks_ + Ticks(problem_.settle_s);
+    const int settled = TicksOf(x) + Ticks(problem_.settle_s);
     Setpoints setpoints(Index(settled + Ticks(kLater_s)) * joints_);
     Sample(x, setpoints.size() / joints_, kTick_s, [&](std::size_t i, const auto& at) {
       const std::size_t last = plan.feed_forward.size() - joints_ + i % joints_;
@@ -394,12 +436,14 @@ class RobustSearch {
     return all;
   }
 
+  /// They take as long as the task says, whether that is free or not.
   void PlayRandom(const RandomStarts& starts, int packet, const Ensemble& model,
                   std::span<Candidate> out) const {
     SelfDistances distances(problem_.scene.robot, problem_.scene.self_contact.pairs);
-    Setpoints setpoints(Index(ticks_ + Ticks(problem_.settle_s)) * joints_);
+    Setpoints setpoints(Index(Ticks(problem_.duration_s) + Ticks(problem_.settle_s)) * joints_);
     for (std::size_t lane = 0; lane < kLanes; ++lane) {
       out[lane].x = starts.Draw(static_cast<std::uint64_t>(packet) * kLanes + lane);
+      if (free_duration()) out[lane].x.push_back(0);
       out[lane].loss = PathExcess(out[lane].x, distances);
       Sample(out[lane].x, setpoints.size() / joints_, kTick_s, [&](std::size_t i, const auto& at) {
         setpoints[i].position.set_lane(lane, at.value);
@@ -463,7 +507,7 @@ class RobustSearch {
   const SolveOptions& options_;
   const LaneKernel<Packet>& kernel_;
   std::vector<LinearRow> rows_;
-  int ticks_;  // of the motion
+  int parameters_;  // of a motion; behind them is its duration, where it is free
   std::size_t joints_;
   LaneScene lanes_;
   double target_rad_ = 0;
@@ -475,18 +519,23 @@ class RobustSearch {
 
 }  // namespace
 
-SolveOutcome SolveRobust(const Problem& problem, const SolveOptions& options) {
+SolveOutcome SolveRobust(const Problem& problem, const SolveOptions& options,
+                         std::span<const double> guess) {
   RobustSearch search(problem, options);
   SolveOutcome outcome;
-  const std::vector<Candidate> found = search.Run();
+  const std::vector<Candidate> found = search.Run(guess);
   outcome.interrupted = search.interrupted();
   outcome.evaluations = search.evaluations();
   outcome.history = std::move(search.history());
-  Rollout rollout(problem, problem.solver.step_s / 4);
   for (std::size_t i = 0; i < found.size(); ++i) {
     // One evaluation: the figures of the motion as it is.
     SolveOptions silent;
-    Solution solution = SolveFrom(problem, found[i].x, 1, rollout, silent, nullptr);
+    Problem of_motion = problem;
+    of_motion.duration_s = search.DurationOf(found[i].x);
+    Rollout rollout(of_motion, problem.solver.step_s / 4);
+    Solution solution =
+        SolveFrom(of_motion, search.ParametersOf(found[i]), 1, rollout, silent, nullptr);
+    solution.duration_s = of_motion.duration_s;
     solution.end = SolveEnd::kStalled;
     solution.finished = true;
     solution.start = static_cast<int>(i);

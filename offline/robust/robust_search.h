@@ -1,5 +1,7 @@
 #pragma once
 
+#include <span>
+
 #include "offline/solver/solver.h"
 
 namespace tumbler {
@@ -19,7 +21,10 @@ namespace tumbler {
 ///
 /// @returns motions, the most robust first, with the figures that `Solve` gives. `options.accept`
 ///          and `options.contact` do not count. The result does not depend on the threads.
+/// @param guess  parameters of the problem: a motion that is only polished, with `polish_robots`.
+///               Empty: none.
 /// @pre problem.robust
-SolveOutcome SolveRobust(const Problem& problem, const SolveOptions& options);
+SolveOutcome SolveRobust(const Problem& problem, const SolveOptions& options,
+                         std::span<const double> guess = {});
 
 }  // namespace tumbler

@@ -58,6 +58,7 @@ std::vector<LinearRow> DerivativeLimitRows(const Problem& problem) {
             problem.scene.robot.tree.dofs[static_cast<std::size_t>(problem.joints[j].dof)].name;
         upper[k].a.assign(n, 0.0);
         upper[k].b = constant.control_points(d)[k] / limit[d];
+        upper[k].derivative = d;
       }
       for (std::size_t i = 0; i < free; ++i) {
         std::vector<double> unit = zero;

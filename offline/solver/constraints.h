@@ -19,6 +19,7 @@ struct LinearRow {
   std::string name;
   std::vector<double> a;
   double b = 0;
+  int derivative = 1;  ///< Of the path, which it bounds.
 };
 
 /// The velocity and acceleration limits for all t, by the control points: rows divided by their

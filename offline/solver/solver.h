@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -43,6 +44,9 @@ inline constexpr double kNoViolation = 1e-6;
 struct Solution {
   /// Parameters of the problem [rad].
   std::vector<double> x;
+  /// How long the motion takes, where the problem leaves that to the search; none: as the problem
+  /// says.
+  std::optional<double> duration_s;
   RolloutResult rollout;
   SolveEnd end = SolveEnd::kFailed;
   /// Whether it was solved with the final step, or only screened with a longer one.

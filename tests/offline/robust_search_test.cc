@@ -3,6 +3,7 @@
 
 #include "offline/robust/robust_search.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -95,6 +96,45 @@ TEST(RobustSearch, AnInterruptEndsItWithWhatItHas) {
   options.interrupt = &interrupt;
   const SolveOutcome outcome = SolveRobust(problem, options);
   EXPECT_TRUE(outcome.interrupted);
+}
+
+TEST(RobustSearch, ADurationThatIsFreeIsFoundWithinItsBoundsWithLimitsKept) {
+  const Problem fixed = ProblemOf(QuickRobustTask());
+  const Problem problem =
+      ProblemOf(QuickRobustTask(fmt::format("duration_min_s = {}\nduration_max_s = {}\n",
+                                            0.8 * fixed.duration_s, 1.2 * fixed.duration_s)));
+  const SolveOutcome outcome = SolveRobust(problem, {});
+  ASSERT_FALSE(outcome.solutions.empty());
+  for (const Solution& solution : outcome.solutions) {
+    ASSERT_TRUE(solution.duration_s);
+    EXPECT_GE(*solution.duration_s, 0.8 * fixed.duration_s - 5e-4);
+    EXPECT_LE(*solution.duration_s, 1.2 * fixed.duration_s + 5e-4);
+    EXPECT_NE(*solution.duration_s, fixed.duration_s) << "it was not searched for";
+    EXPECT_EQ(solution.x.size(), static_cast<std::size_t>(problem.parameter_count()));
+  }
+  EXPECT_TRUE(outcome.solutions.front().feasible());
+  EXPECT_EQ(*SolveRobust(fixed, {}).solutions.front().duration_s, fixed.duration_s);
+}
+
+TEST(RobustSearch, AGuessIsPolishedWithoutASearch) {
+  const Problem problem = ProblemOf(QuickRobustTask());
+  const std::vector<double> guess = SolveRobust(problem, {}).solutions.front().x;
+  const SolveOutcome polished = SolveRobust(problem, {}, guess);
+  EXPECT_EQ(polished.evaluations, 1 + 3 * 16) << "the guess, and three generations of 16";
+  ASSERT_EQ(polished.solutions.size(), 1U);
+  EXPECT_LE(polished.history.back().cost, 0.2);
+}
+
+TEST(RobustTask, BoundsOfTheDurationComeInPairsAroundTheTasksOwn) {
+  const auto refusal = [](const std::string& keys) { return RefusalOf(QuickRobustTask(keys)); };
+  EXPECT_NE(refusal("duration_min_s = 0.1\n").find("duration_max_s: is missing"),
+            std::string::npos);
+  EXPECT_NE(refusal("duration_min_s = 15.0\nduration_max_s = 20.0\n")
+                .find("duration_min_s: is 15 s, but the task's duration_s is"),
+            std::string::npos);
+  EXPECT_NE(refusal("duration_min_s = 0.05\nduration_max_s = 0.06\n")
+                .find("duration_max_s: is 0.06 s, but the task's duration_s is"),
+            std::string::npos);
 }
 
 TEST(RobustTask, TheKeysAreRead) {
