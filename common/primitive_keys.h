@@ -176,6 +176,29 @@ inline constexpr auto kPurposeKeys = AllRequired(std::array{
         "result", "of the plan, simulated with a 16th of the step with which it was found"),
 });
 
+inline constexpr auto kRobustnessKeys = AllRequired(std::array{
+    KeyOf<&RobustnessFigure::motion>(
+        "motion", "what was played: this primitive's name, or that of a sequence with it"),
+    KeyOf<&RobustnessFigure::cycles>("cycles", Range::NonNegative(), "of the sequence, else 0"),
+    KeyOf<&RobustnessFigure::stand>("stand", Range::NonNegative(),
+                                    "robots that were as asked after every motion")
+        .Allowed("up to `robots`"),
+    KeyOf<&RobustnessFigure::robots>("robots", {1, 1e9}, "that were played"),
+    KeyOf<&RobustnessFigure::share_95_low>("share_95_low", {0, 1},
+                                           "confidence interval of `stand` / `robots`"),
+    KeyOf<&RobustnessFigure::share_95_high>("share_95_high", {0, 1},
+                                            "confidence interval of `stand` / `robots`"),
+    KeyOf<&RobustnessFigure::seed>("seed", Range::NonNegative(), "of the robots"),
+    KeyOf<&RobustnessFigure::scale>("scale", {0, 10}, "of the spreads"),
+    KeyOf<&RobustnessFigure::spreads>("spreads", "in which the robots differ"),
+    KeyOf<&RobustnessFigure::hold_s>("hold_s", {0, 3600}, "after the last motion"),
+    KeyOf<&RobustnessFigure::where>("where", RobustnessFigure::kWhereNames,
+                                    "what they were played in"),
+    KeyOf<&RobustnessFigure::drives_file>("drives_file",
+                                          "a name for people; empty: the default drives"),
+    KeyOf<&RobustnessFigure::drives_hash>("drives_hash", "of that file; empty as `drives_file` is"),
+});
+
 inline constexpr auto kProvenanceKeys = AllRequired(std::array{
     KeyOf<&Provenance::tool>("tool", "program and version"),
     KeyOf<&Provenance::seed>("seed", Range::NonNegative(), ""),

@@ -14,6 +14,7 @@
 #include "common/primitive_hash.h"
 #include "common/primitive_keys.h"
 #include "common/primitive_limits.h"
+#include "common/share.h"
 
 namespace tumbler {
 
@@ -318,6 +319,30 @@ Certificate ReadCertificate(TomlTable table, const Primitive<double>& primitive,
   return certificate;
 }
 
+RobustnessFigure ReadRobustness(TomlTable& table) {
+  RobustnessFigure figure;
+  ReadKeys(table, kRobustnessKeys, figure);
+  if (figure.stand > figure.robots) {
+    table.Fail("stand", fmt::format("is {}; allowed: up to robots, which is {}", figure.stand,
+                                    figure.robots));
+  }
+  const Share share = ShareOf(figure.stand, figure.robots);
+  const auto check = [&table](std::string_view key, double stored, double actual) {
+    if (std::abs(stored - actual) <= kMarginTolerance) return;
+    const auto [value, expected] = DistinctNumbers(stored, actual);
+    table.Fail(key, fmt::format("is {}, but the interval of stand and robots ends at {}: {}", value,
+                                expected, kRemedy));
+  };
+  check("share_95_low", figure.share_95_low, share.low);
+  check("share_95_high", figure.share_95_high, share.high);
+  if (figure.drives_file.empty() != figure.drives_hash.empty()) {
+    table.Fail("drives_hash",
+               "and drives_file are both empty, or neither is; allowed: both names "
+               "of the drives file, or both empty for the default drives");
+  }
+  return figure;
+}
+
 Provenance ReadProvenance(TomlTable table, Derived derived) {
   Provenance provenance;
   ReadKeys(table, kProvenanceKeys, provenance);
@@ -389,6 +414,8 @@ PrimitiveFile Read(TomlTable root, Derived derived = Derived::kChecked) {
   for (TomlTable& purpose : root.OptionalTables("purpose"))
     ReadKeys(purpose, kPurposeKeys, file.purpose.emplace_back());
   file.certificate = ReadCertificate(root.Table("certificate"), file.primitive, derived);
+  for (TomlTable& robustness : root.OptionalTables("robustness"))
+    file.robustness.push_back(ReadRobustness(robustness));
   file.provenance = ReadProvenance(root.Table("provenance"), derived);
   root.RejectUnknownKeys();
   if (derived == Derived::kChecked) {
@@ -418,11 +445,21 @@ std::string SignEdited(std::string_view text, const std::string& name, const std
   file.certificate.position_margin_rad = margins.position_rad;
   file.certificate.velocity_margin_rad_s = margins.velocity_rad_s;
   file.certificate.acceleration_margin_rad_s2 = margins.acceleration_rad_s2;
+  file.robustness.clear();  // It was of another motion.
   Provenance& provenance = file.provenance;
   provenance.robot_hash = HashOfText(provenance.robot_urdf);
   provenance.task_hash = HashOfText(provenance.task_toml);
   provenance.edited += provenance.edited.empty() ? reason : "; " + reason;
   return ToToml(file);
+}
+
+std::string ToText(const RobustnessFigure& figure) {
+  return fmt::format("{}{}: {} of {} robots: {}; scale {} ({}), seed {}, {}, {}", figure.motion,
+                     figure.cycles > 0 ? fmt::format(", {} cycles", figure.cycles) : "",
+                     figure.stand, figure.robots, ToText(ShareOf(figure.stand, figure.robots)),
+                     figure.scale, figure.spreads, figure.seed,
+                     figure.where == RobustnessFigure::Where::kLanes ? "in lanes" : "in the twin",
+                     figure.drives_file.empty() ? "default drives" : figure.drives_file);
 }
 
 std::string MakerOf(const Provenance& provenance) {
@@ -450,6 +487,7 @@ std::vector<KeyTable> PrimitiveKeyTables() {
                    RowsOf(kContactKeys, "`[[contact]]`"),
                    RowsOf(kPurposeKeys, "`[[purpose]]`"),
                    {{"", "`[certificate]`", "", "", "see [method.md](method.md#certificate)"}},
+                   RowsOf(kRobustnessKeys, "`[[robustness]]`"),
                    RowsOf(kProvenanceKeys, "`[provenance]`"),
                    RowsOf(kStartFileKeys, "`[provenance]`"),
                    RowsOf(kGuessFileKeys, "`[provenance]`"),

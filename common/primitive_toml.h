@@ -68,6 +68,29 @@ struct Certificate {
   std::optional<double> self_clearance_m;
 };
 
+/// How many robots that differ from the model were as asked after every motion of a study
+/// (`tumbler-robustness --certify`). It was about the motion as it is in this file.
+struct RobustnessFigure {
+  enum class Where { kTwin, kLanes };
+  static constexpr std::array<std::string_view, 2> kWhereNames = {"twin", "lanes"};
+
+  /// The name of what was played: the primitive, or a sequence that it is part of. The figure of a
+  /// sequence is about its other primitives, too, as they were then.
+  std::string motion;
+  int cycles = 0;  ///< Of the sequence; 0 of a primitive.
+  int stand = 0;   ///< As asked after every motion.
+  int robots = 0;
+  double share_95_low = 0;  ///< Of the confidence interval (ShareOf).
+  double share_95_high = 1;
+  std::uint64_t seed = 0;      ///< Of the robots.
+  double scale = 1;            ///< Of all spreads.
+  std::string spreads;         ///< In which they differ: options with their values.
+  double hold_s = 0;           ///< After the last motion.
+  Where where = Where::kTwin;  ///< What robots were played in.
+  std::string drives_file;     ///< A name for people; empty: the default drives.
+  std::string drives_hash;     ///< HashOfText of that file; empty when `drives_file` is.
+};
+
 /// The origin of the file. It has everything that is needed to make the file again.
 struct Provenance {
   std::string tool;  ///< Program and version.
@@ -116,6 +139,8 @@ struct PrimitiveFile {
   /// for no value.
   std::vector<PurposeFigure> purpose;
   Certificate certificate;
+  /// Empty: nobody has looked.
+  std::vector<RobustnessFigure> robustness;
   Provenance provenance;
 };
 
@@ -140,11 +165,15 @@ PrimitiveFile LoadPrimitive(const std::string& path);
 
 /// The text of a primitive file that was changed by hand, with margins and hashes as they follow
 /// from what it says now. Everything that ParsePrimitive checks has to hold, apart from these.
-/// Comments are lost. The rest of the certificate stays, and is no longer about this motion.
+/// Comments are lost. The rest of the certificate stays, and is no longer about this motion;
+/// figures of robots are left out.
 /// @param reason  goes into `provenance.edited`, behind the reasons that are there.
 /// @throws FileError              as ParsePrimitive, and when nothing was changed.
 /// @throws std::invalid_argument  when the reason is empty or is not UTF-8 text.
 std::string SignEdited(std::string_view text, const std::string& name, const std::string& reason);
+
+/// What a figure says, for people: the share with its interval, and of which robots it is.
+std::string ToText(const RobustnessFigure& figure);
 
 /// What made the motion, for people: the tool, and why the file was changed by hand where it was.
 std::string MakerOf(const Provenance& provenance);

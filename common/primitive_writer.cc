@@ -104,6 +104,10 @@ std::string WriteWith(const std::string& content_hash, const PrimitiveFile& file
   }
   writer.Line("\n[certificate]");
   WriteKeys(writer, kCertificateFileKeys, file.certificate);
+  for (const RobustnessFigure& figure : file.robustness) {
+    writer.Line("\n[[robustness]]");
+    WriteKeys(writer, kRobustnessKeys, figure);
+  }
   WriteProvenance(writer, file.provenance);
   return writer.Take();
 }

@@ -72,6 +72,10 @@ ExitStatus Check(const Arguments& arguments) {
                     fmt::format("edge[{}]", first_bad->edge), Describe(file, *first_bad));
   }
   RequireSameGround(SimulatedMotion(file));
+  for (std::size_t i = 0; i < file.primitives.size(); ++i) {
+    for (const RobustnessFigure& figure : file.primitives[i].robustness)
+      fmt::print("{}: robots as asked: {}\n", file.primitive_names[i], ToText(figure));
+  }
   fmt::print("{}: {} nodes, {} joins, all fit; limits hold for all t\n", file.graph.name.view(),
              file.graph.node_count, file.graph.edge_count);
   return ExitStatus::kDone;

@@ -52,6 +52,8 @@ ReportData MakeReportData(const Task& task, const SolveOutcome& outcome, const S
   data.certificate.emplace(data.certificate.begin(), "solver", ToString(solution.end));
   for (const PurposeFigure& figure : file.purpose)
     data.certificate.emplace_back(figure.name(), figure.AskedAndGot(figure.result));
+  for (const RobustnessFigure& figure : file.robustness)
+    data.certificate.emplace_back("robots as asked", ToText(figure));
   data.certificate.emplace_back("primitive", ContentHash(file));
   data.certificate.emplace_back("robot", file.provenance.robot_hash);
   data.certificate.emplace_back("task", file.provenance.task_hash);
@@ -77,6 +79,12 @@ ReportData MakeChainReport(const SimulatedMotion& motion, const ChainOptions& op
       "chain", outcome.failure ? fmt::format("{} at {:.2f} s: {}", ToString(outcome.failure->cause),
                                              outcome.failure->time_s, outcome.failure->text)
                                : "no fall");
+  for (std::size_t i = 0; i < file.primitives.size(); ++i) {
+    for (const RobustnessFigure& figure : file.primitives[i].robustness) {
+      data.certificate.emplace_back(fmt::format("robots as asked ({})", file.primitive_names[i]),
+                                    ToText(figure));
+    }
+  }
   data.certificate.emplace_back("travelled", fmt::format("{:.3f} m", outcome.travelled_m));
   for (const Passage& p : outcome.passages) {
     data.certificate.emplace_back(

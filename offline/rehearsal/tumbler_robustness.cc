@@ -15,6 +15,7 @@
 #include "common/command_line.h"
 #include "common/program.h"
 #include "common/result_file.h"
+#include "offline/rehearsal/robustness/certify.h"
 #include "offline/rehearsal/robustness/robustness_page.h"
 #include "offline/rehearsal/robustness/spread_names.h"
 #include "offline/rehearsal/robustness/study.h"
@@ -33,6 +34,7 @@ struct Arguments {
   WorkPlan plan;
   std::size_t seed = 1;
   bool compare_lanes = false;
+  bool certify = false;
   std::string branch;
   std::string shard;
   std::string json;
@@ -70,6 +72,8 @@ void Declare(CommandLine& line, Arguments& arguments) {
               "I/N: of N parts of the robots, play the I-th, for --checkpoint");
   line.Option("--merge", plan.merged, "Take outcomes from this checkpoint, too; may be repeated")
       .TakesOneValueEachTime();
+  line.Flag("--certify", arguments.certify,
+            "Write the share into the primitive's file, or into those of the sequence");
   line.Option("--report", arguments.report, "Write a page, index.html, into this folder");
   line.Option("--json", arguments.json,
               "Write figures as JSON to this file, or to standard output for -");
@@ -99,7 +103,9 @@ void Check(Arguments& arguments) {
   for (const std::string& file : {study.drives, study.twin}) {
     if (!file.empty()) inputs.push_back(file);
   }
-  const SequenceFile motion = LoadMotion(study.motion, NotingReader(inputs));
+  std::vector<std::string> motions;
+  const SequenceFile motion = LoadMotion(study.motion, NotingReader(motions));
+  inputs.insert(inputs.end(), motions.begin(), motions.end());
   CheckDistinct(inputs, {arguments.json, arguments.plan.checkpoint});
   if (!arguments.branch.empty()) {
     study.run.branch = motion.graph.FindBranch(arguments.branch);
@@ -113,6 +119,13 @@ void Check(Arguments& arguments) {
   } else if (motion.graph.edge_count > 0 && study.run.cycles == 0) {
     throw UsageError("--cycles", fmt::format("{} goes on for ever; say how many", study.motion));
   }
+  if (arguments.certify) {
+    if (!study.twin.empty())
+      throw UsageError("--certify", "a certificate is about the plain twin; leave out --twin");
+    if (!arguments.branch.empty())
+      throw UsageError("--certify", "a certificate has no place for a branch; leave out --branch");
+    for (const std::string& path : motions) CheckWritable(path);
+  }
   if (!arguments.report.empty()) CheckFolderWritable(arguments.report);
   if (!arguments.json.empty() && arguments.json != "-") CheckWritable(arguments.json);
 }
@@ -124,6 +137,10 @@ void WriteResults(const Arguments& arguments, const RobustnessResult& result,
   if (agreement) fmt::print(text_to, "{}", ToText(*agreement));
   if (!arguments.report.empty())
     fmt::print(text_to, "wrote {}\n", WritePage(RobustnessPage(result), arguments.report));
+  if (arguments.certify) {
+    for (const std::string& path : Certify(result))
+      fmt::print(text_to, "wrote the share into {}\n", path);
+  }
   if (arguments.json.empty()) return;
   Json json = ToJson(result);
   if (agreement) json["lanes_agree"] = ToJson(*agreement);

@@ -19,6 +19,7 @@
 #include "common/primitive_hash.h"
 #include "common/primitive_limits.h"
 #include "common/primitive_rounding.h"
+#include "common/share.h"
 #include "common/toml_reader.h"
 #include "tests/support/docs_tables.h"
 #include "tests/support/files.h"
@@ -496,6 +497,69 @@ TEST(PrimitiveToml, AChangeByHandIsReadOnceItIsSignedAndTheFileSaysSo) {
       SignEdited(Mutate(text, "settle_s = 0.375", "settle_s = 0.5"), "p.toml", "calmer");
   EXPECT_EQ(ParsePrimitive(twice, "p.toml").provenance.edited, "a little wider; calmer");
   EXPECT_THROW(ParsePrimitive(Mutate(text, "a little", "a lot"), "p.toml"), FileError);
+}
+
+RobustnessFigure ExampleFigure() {
+  RobustnessFigure figure;
+  figure.motion = "wave";
+  figure.stand = 97;
+  figure.robots = 100;
+  const Share share = ShareOf(97, 100);
+  figure.share_95_low = share.low;
+  figure.share_95_high = share.high;
+  figure.seed = 5;
+  figure.spreads = "--mass 0.05";
+  figure.drives_file = "drives.toml";
+  figure.drives_hash = HashOfText("drives");
+  return figure;
+}
+
+TEST(PrimitiveToml, AFigureOfRobotsIsReadBackAndPartOfTheHash) {
+  PrimitiveFile file = Example();
+  file.robustness = {ExampleFigure()};
+  const PrimitiveFile read = ParsePrimitive(ToToml(file), "p.toml");
+  ASSERT_EQ(read.robustness.size(), 1U);
+  EXPECT_EQ(read.robustness[0].stand, 97);
+  EXPECT_EQ(read.robustness[0].seed, 5U);
+  EXPECT_EQ(read.robustness[0].share_95_low, file.robustness[0].share_95_low);
+  EXPECT_EQ(ToText(read.robustness[0]),
+            "wave: 97 of 100 robots: 97.0 % (95 %: 91.5 ... 99.0 %); scale 1 (--mass 0.05), seed "
+            "5, in the twin, drives.toml");
+  EXPECT_NE(ContentHash(file), ContentHash(Example()));
+  EXPECT_THROW(ParsePrimitive(Mutate(ToToml(file), "seed = 5", "seed = 6"), "p.toml"), FileError);
+}
+
+TEST(PrimitiveToml, AFigureOfRobotsThatContradictsItselfIsRefused) {
+  const auto refusal = [](const RobustnessFigure& figure) {
+    PrimitiveFile file = Example();
+    file.robustness = {figure};
+    try {
+      ToToml(file);
+    } catch (const std::invalid_argument& error) {
+      return std::string(error.what());
+    }
+    return std::string("taken");
+  };
+  EXPECT_EQ(refusal(ExampleFigure()), "taken");
+  RobustnessFigure more = ExampleFigure();
+  more.stand = 101;
+  EXPECT_THAT(refusal(more), HasSubstr("stand: is 101; allowed: up to robots, which is 100"));
+  RobustnessFigure better = ExampleFigure();
+  better.share_95_low = 0.96;
+  EXPECT_THAT(refusal(better), HasSubstr("share_95_low: is 0.96, but the interval of stand"));
+  RobustnessFigure none = ExampleFigure();
+  none.robots = 0;
+  EXPECT_THAT(refusal(none), HasSubstr("robots: is 0"));
+  RobustnessFigure nameless = ExampleFigure();
+  nameless.drives_file = "";
+  EXPECT_THAT(refusal(nameless), HasSubstr("drives_hash"));
+}
+
+TEST(PrimitiveToml, AChangeByHandTakesTheFiguresOfRobotsAway) {
+  PrimitiveFile file = Example();
+  file.robustness = {ExampleFigure()};
+  const std::string edited = Mutate(ToToml(file), "-0.4375", "-0.4376");
+  EXPECT_TRUE(ParsePrimitive(SignEdited(edited, "p.toml", "wider"), "p.toml").robustness.empty());
 }
 
 TEST(PrimitiveToml, SigningTakesNothingThatTheLoaderRefusesForAnotherReason) {

@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <functional>
@@ -14,6 +15,7 @@
 #include <vector>
 
 #include "common/json.h"
+#include "common/primitive_toml.h"
 #include "common/toml_reader.h"
 #include "offline/rehearsal/robustness/checkpoint.h"
 #include "offline/rehearsal/robustness/lane_trials.h"
@@ -548,6 +550,93 @@ TEST(RobustnessProgram, PrintsShareAndIntervalAndWritesThem) {
   EXPECT_EQ((*json)["robots"].number(), 1);
   EXPECT_EQ((*json)["stand"].number(), 1);
   EXPECT_EQ((*json)["spreads"]["mass"].number(), 0.05);
+}
+
+/// A folder with a gait's files, which a program may change.
+std::string CopyOfTheRobustGait(const testing::TemporaryFolder& folder) {
+  for (const std::string name : {"gait", "handstand", "downstand", "roll"}) {
+    Written(folder, name + ".toml",
+            testing::ReadFile(testing::SourcePath("primitives/robust/" + name + ".toml")));
+  }
+  return folder / "gait.toml";
+}
+
+/// What a primitive says of robots, of those with this seed.
+std::vector<RobustnessFigure> FiguresIn(const std::string& path, std::uint64_t seed) {
+  std::vector<RobustnessFigure> figures = LoadPrimitive(path).robustness;
+  std::erase_if(figures, [seed](const RobustnessFigure& figure) { return figure.seed != seed; });
+  return figures;
+}
+
+TEST(RobustnessProgram, ACertificateGetsTheShareAndANewerOneTakesItsPlace) {
+  const testing::TemporaryFolder folder;
+  CopyOfTheRobustGait(folder);
+  const std::string motion = folder / "handstand.toml";
+  const Primitive<double> before = LoadPrimitive(motion).primitive;
+  const auto certify = [&](const std::string& robots, const std::string& seed) {
+    return testing::RunProgram({"tumbler-robustness", motion, "--lanes", "--robots", robots,
+                                "--seed", seed, "--mass", "0.07", "--certify"});
+  };
+  const testing::Outcome first = certify("8", "9001");
+  EXPECT_EQ(first.exit_code, 0) << first.text;
+  EXPECT_NE(first.text.find("wrote the share into " + motion), std::string::npos) << first.text;
+  const std::vector<RobustnessFigure> figures = FiguresIn(motion, 9001);
+  ASSERT_EQ(figures.size(), 1U);
+  EXPECT_EQ(figures[0].robots, 8);
+  EXPECT_EQ(figures[0].cycles, 0);
+  EXPECT_EQ(figures[0].where, RobustnessFigure::Where::kLanes);
+  EXPECT_NE(first.text.find(std::to_string(figures[0].stand) + " of 8 robots"), std::string::npos)
+      << first.text;
+  EXPECT_EQ(figures[0].spreads, "--mass 0.07 --friction 0.2 --stiffness 0.2 --damping 0.2");
+  EXPECT_EQ(certify("16", "9002").exit_code, 0);
+  EXPECT_TRUE(FiguresIn(motion, 9001).empty());
+  ASSERT_EQ(FiguresIn(motion, 9002).size(), 1U);
+  EXPECT_EQ(FiguresIn(motion, 9002)[0].robots, 16);
+  const Primitive<double> after = LoadPrimitive(motion).primitive;
+  for (std::size_t j = 0; j < before.motions().size(); ++j) {
+    const auto points = before.motions()[j].position.control_points();
+    const auto same = after.motions()[j].position.control_points();
+    EXPECT_TRUE(std::equal(points.begin(), points.end(), same.begin(), same.end()));
+  }
+}
+
+TEST(RobustnessProgram, TheShareOfAGaitGoesIntoAllOfItsPrimitivesWhichTheirProgramsShow) {
+  const testing::TemporaryFolder folder;
+  const std::string gait = CopyOfTheRobustGait(folder);
+  const testing::Outcome outcome =
+      testing::RunProgram({"tumbler-robustness", gait, "--lanes", "--robots", "1", "--scale", "0",
+                           "--cycles", "1", "--seed", "9003", "--certify"});
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.text;
+  for (const std::string name : {"handstand", "downstand", "roll"}) {
+    const std::vector<RobustnessFigure> figures = FiguresIn(folder / (name + ".toml"), 9003);
+    ASSERT_EQ(figures.size(), 1U) << name;
+    EXPECT_EQ(figures[0].motion, "robust gait");
+    EXPECT_EQ(figures[0].cycles, 1);
+    EXPECT_EQ(figures[0].stand, 1);
+  }
+  const testing::Outcome chain = testing::RunProgram({"tumbler-chain", "check", gait});
+  EXPECT_EQ(chain.exit_code, 0) << chain.text;
+  EXPECT_NE(chain.text.find("downstand: robots as asked: robust gait, 1 cycles: 1 of 1 robots"),
+            std::string::npos)
+      << chain.text;
+}
+
+TEST(RobustnessProgram, NoCertificateIsWrittenOfWhatItHasNoPlaceFor) {
+  const testing::TemporaryFolder folder;
+  const std::string gait = CopyOfTheRobustGait(folder);
+  const std::string motion = folder / "handstand.toml";
+  const std::string before = testing::ReadFile(motion);
+  for (const std::vector<std::string>& more :
+       {std::vector<std::string>{motion, "--twin",
+                                 testing::SourcePath("primitives/robots/tumbler_twin.toml")},
+        std::vector<std::string>{gait, "--branch", "roll"}}) {
+    std::vector<std::string> command = {"tumbler-robustness", "--robots", "1", "--certify"};
+    command.insert(command.end(), more.begin(), more.end());
+    const testing::Outcome outcome = testing::RunProgram(command);
+    EXPECT_EQ(outcome.exit_code, 1);
+    EXPECT_NE(outcome.text.find("--certify: "), std::string::npos) << outcome.text;
+  }
+  EXPECT_EQ(testing::ReadFile(motion), before);
 }
 
 TEST(RobustnessProgram, AGaitWithoutCyclesIsRefused) {

@@ -77,11 +77,6 @@ std::string KnownLines(const WorkPlan& plan, const std::string& identity,
   return lines;
 }
 
-std::string PercentText(const Share& share) {
-  return fmt::format("{:.1f} % (95 %: {:.1f} ... {:.1f} %)", 100 * share.value(), 100 * share.low,
-                     100 * share.high);
-}
-
 Json MapToJson(const SuccessMap& map) {
   Json json = {{"x", map.x}, {"y", map.y}};
   for (int i = 1; i < SuccessMap::kCells; ++i) json["edges_sigma"].Append(map.EdgeOf(i));
@@ -98,18 +93,6 @@ Json MapToJson(const SuccessMap& map) {
 }
 
 }  // namespace
-
-Share ShareOf(int count, int of) {
-  Share share{count, of};
-  if (of == 0) return share;
-  constexpr double z = 1.959963984540054;
-  const double n = of, p = count / n;
-  const double middle = (p + z * z / (2 * n)) / (1 + z * z / n);
-  const double half = z / (1 + z * z / n) * std::sqrt(p * (1 - p) / n + z * z / (4 * n * n));
-  share.low = count == 0 ? 0 : std::max(0.0, middle - half);
-  share.high = count == of ? 1 : std::min(1.0, middle + half);
-  return share;
-}
 
 int RobustnessResult::Count(Verdict verdict) const {
   return static_cast<int>(
@@ -285,8 +268,8 @@ std::string ToText(const Agreement& agreement) {
   std::string text = fmt::format(
       "lanes and twin agree whether {} of {} robots are as asked: {}\n"
       "  and on the verdict of {}: {}\n",
-      agreement.standing.count, agreement.standing.of, PercentText(agreement.standing),
-      agreement.same_verdicts.count, PercentText(agreement.same_verdicts));
+      agreement.standing.count, agreement.standing.of, ToText(agreement.standing),
+      agreement.same_verdicts.count, ToText(agreement.same_verdicts));
   std::map<std::string, int> kinds;
   for (const Agreement::Difference& d : agreement.differences)
     ++kinds[fmt::format("twin {}, lanes {}", ToString(d.first), ToString(d.second))];
@@ -311,8 +294,8 @@ std::string ToText(const RobustnessResult& result) {
   std::string text = fmt::format(
       "{}: {} of {} robots are as asked after every motion: {}\n"
       "  {}spreads times {:.6g}, seed {}{}\n",
-      result.name, share.count, share.of, PercentText(share),
-      result.study.lanes ? "in lanes, " : "", result.study.scale, result.study.seed,
+      result.name, share.count, share.of, ToText(share), result.study.lanes ? "in lanes, " : "",
+      result.study.scale, result.study.seed,
       result.study.run.cycles > 0 ? fmt::format(", {} cycles", result.study.run.cycles) : "");
   std::string counts;
   for (const Verdict verdict : kVerdicts) {

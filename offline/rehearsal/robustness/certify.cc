@@ -1,0 +1,82 @@
+#include "offline/rehearsal/robustness/certify.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <list>
+
+#include "common/primitive_hash.h"
+#include "common/result_file.h"
+#include "common/sequence_toml.h"
+#include "common/toml_reader.h"
+#include "offline/rehearsal/robustness/spread_names.h"
+
+namespace tumbler {
+namespace {
+
+std::string TextOf(const Spreads& spreads) {
+  std::string text;
+  for (const SpreadName& spread : kSpreadNames) {
+    const double value = spreads.*spread.member;
+    if (value != 0) text += fmt::format("{}{} {}", text.empty() ? "" : " ", spread.option, value);
+  }
+  return text.empty() ? "none" : text;
+}
+
+/// Whether two figures answer the same question.
+bool SameQuestion(const RobustnessFigure& a, const RobustnessFigure& b) {
+  return a.motion == b.motion && a.cycles == b.cycles && a.scale == b.scale &&
+         a.spreads == b.spreads && a.hold_s == b.hold_s && a.where == b.where &&
+         a.drives_file == b.drives_file;
+}
+
+}  // namespace
+
+RobustnessFigure FigureOf(const RobustnessResult& result) {
+  const RobustnessStudy& study = result.study;
+  const Share share = result.stands();
+  RobustnessFigure figure;
+  figure.motion = result.name;
+  figure.cycles = study.run.cycles;
+  figure.stand = share.count;
+  figure.robots = share.of;
+  figure.share_95_low = share.low;
+  figure.share_95_high = share.high;
+  figure.seed = study.seed;
+  figure.scale = study.scale;
+  figure.spreads = TextOf(study.spreads);
+  figure.hold_s = study.run.hold_s;
+  if (study.lanes) figure.where = RobustnessFigure::Where::kLanes;
+  figure.drives_file = study.drives;
+  if (!study.drives.empty()) figure.drives_hash = HashOfText(ReadTextFile(study.drives));
+  return figure;
+}
+
+void PutFigure(const RobustnessFigure& figure, std::vector<RobustnessFigure>& figures) {
+  const auto same = std::find_if(figures.begin(), figures.end(), [&](const RobustnessFigure& old) {
+    return SameQuestion(old, figure);
+  });
+  if (same == figures.end()) {
+    figures.push_back(figure);
+  } else {
+    *same = figure;
+  }
+}
+
+std::vector<std::string> Certify(const RobustnessResult& result) {
+  const RobustnessFigure figure = FigureOf(result);
+  std::vector<std::string> inputs;
+  LoadMotion(result.study.motion, NotingReader(inputs));
+  // The sequence itself has no certificate.
+  if (inputs.back() != result.study.motion) std::erase(inputs, result.study.motion);
+  std::list<PendingFile> files;
+  for (const std::string& path : inputs) {
+    PrimitiveFile file = LoadPrimitive(path);
+    PutFigure(figure, file.robustness);
+    files.emplace_back(path, ToToml(file));
+  }
+  for (PendingFile& file : files) file.Commit();
+  return inputs;
+}
+
+}  // namespace tumbler

@@ -1,0 +1,25 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "common/primitive_toml.h"
+#include "offline/rehearsal/robustness/study.h"
+
+namespace tumbler {
+
+/// The figure of a study, as a primitive's file has it. @throws FileError  when the drives file
+/// cannot be read.
+RobustnessFigure FigureOf(const RobustnessResult& result);
+
+/// Puts a figure among those of a primitive. It takes the place of one with the same question: of
+/// the same motion, robots and drives, however many were played.
+void PutFigure(const RobustnessFigure& figure, std::vector<RobustnessFigure>& figures);
+
+/// Writes the figure of a study into the motion's primitive, or into each primitive of the
+/// sequence: all are ready before the first is replaced. @returns their paths.
+/// @throws FileError  when a file cannot be read or written.
+/// @pre the study has no twin file: a figure has no place for it.
+std::vector<std::string> Certify(const RobustnessResult& result);
+
+}  // namespace tumbler
