@@ -11,11 +11,11 @@
 namespace tumbler {
 namespace {
 
-constexpr std::array<std::string_view, 1> kProtocols = {"xsens-mti"};
+constexpr std::array<std::string_view, 1> kSensorProtocols = {"xsens-mti"};
 
-void ReadProtocol(TomlTable& table, std::string_view key, SensorEntry& /*sensor*/) {
+void ReadSensorProtocol(TomlTable& table, std::string_view key, SensorEntry& /*sensor*/) {
   if (!table.Has(key)) table.Fail(key, "is missing and has no default");
-  table.Choice(key, kProtocols, "");
+  table.Choice(key, kSensorProtocols, "");
 }
 
 void ReadLink(TomlTable& table, std::string_view key, SensorEntry& sensor) {
@@ -24,13 +24,15 @@ void ReadLink(TomlTable& table, std::string_view key, SensorEntry& sensor) {
     table.Fail(key, fmt::format("is '{}'; allowed: 1 to 32 bytes", sensor.link));
 }
 
-constexpr std::array kHeadKeys = {
-    KeyReadBy<SensorEntry>("protocol", ReadProtocol, "").Required().Allowed("`\"xsens-mti\"`"),
+constexpr std::array kSensorHeadKeys = {
+    KeyReadBy<SensorEntry>("protocol", ReadSensorProtocol, "")
+        .Required()
+        .Allowed("`\"xsens-mti\"`"),
     KeyReadBy<SensorEntry>("link", ReadLink, "that carries the sensor, as in the URDF")
         .Required()
         .Allowed("1 to 32 bytes"),
 };
-constexpr std::array kIdKeys = {
+constexpr std::array kSensorIdKeys = {
     KeyOf<&XsensMtiConfig::quaternion_id>("quaternion_id", {0, 0x7ff}, "of the attitude"),
     KeyOf<&XsensMtiConfig::rate_id>("rate_id", {0, 0x7ff}, "of the rate of turn"),
     KeyOf<&XsensMtiConfig::time_id>("time_id", {0, 0x7ff}, "of the sample time"),
@@ -67,8 +69,8 @@ constexpr std::array kSensorKeys = {
 SensorEntry ReadSensor(TomlTable& table, double loop_rate_hz) {
   SensorEntry sensor;
   sensor.rate_hz = loop_rate_hz;
-  ReadKeys(table, kHeadKeys, sensor);
-  ReadKeys(table, kIdKeys, sensor.xsens);
+  ReadKeys(table, kSensorHeadKeys, sensor);
+  ReadKeys(table, kSensorIdKeys, sensor.xsens);
   ReadKeys(table, kSensorKeys, sensor);
   if (sensor.xsens.Validate() != Status::kOk) {
     table.Fail("quaternion_id",
@@ -84,7 +86,7 @@ SensorEntry ReadSensor(TomlTable& table, double loop_rate_hz) {
 }
 
 std::vector<KeyRow> SensorRows() {
-  return Joined({RowsOf(kHeadKeys, "`[sensor]`"), RowsOf(kIdKeys, "`[sensor]`"),
+  return Joined({RowsOf(kSensorHeadKeys, "`[sensor]`"), RowsOf(kSensorIdKeys, "`[sensor]`"),
                  RowsOf(kSensorKeys, "`[sensor]`")});
 }
 

@@ -18,6 +18,7 @@ void Progress::operator()(const Evaluation& e) {
     global_ = e.global;
     stage_start_ = Clock::now();
     local_ = 0;
+    shown_ = {};
   }
   if (!e.global) ++local_;
   const auto now = Clock::now();
@@ -29,8 +30,10 @@ void Progress::operator()(const Evaluation& e) {
   const double total = e.global ? problem_.search.max_samples : screened + finals;
   const double done = e.global ? static_cast<double>(e.count) : static_cast<double>(local_);
   // In a pipe every line stays.
-  if (now - shown_ <
-      (terminal_ ? std::chrono::milliseconds(100) : std::chrono::milliseconds(10'000))) {
+  const bool first_feasible = !e.global && !problem_.robust && !feasible_ && e.violation == 0;
+  feasible_ = feasible_ || first_feasible;
+  if (!first_feasible && now - shown_ < (terminal_ ? std::chrono::milliseconds(100)
+                                                   : std::chrono::milliseconds(10'000))) {
     return;
   }
   shown_ = now;

@@ -10,7 +10,7 @@
 namespace tumbler {
 
 /// Progress on standard error: one line that rewrites itself on a terminal, plain lines in a pipe,
-/// the first at once and then one every 10 s.
+/// the first of each stage and the first without a violation at once, and then one every 10 s.
 class Progress {
  public:
   /// @param problem  must outlive this object.
@@ -28,6 +28,7 @@ class Progress {
   bool terminal_;
   bool global_ = true;
   bool open_line_ = false;
+  bool feasible_ = false;  // whether a motion without a violation was shown
   std::int64_t local_ = 0;
   Clock::time_point stage_start_ = Clock::now(), shown_{};
 };

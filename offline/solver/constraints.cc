@@ -14,7 +14,7 @@ namespace {
 constexpr double kActive = 1e-5;
 
 /// The solver aims at the whole margins of torque and penetration. A motion that keeps this part of
-/// them keeps its limits: where steps are chosen anew, sampled peaks move by a few thousandths.
+/// them keeps its limits: where steps are chosen anew, peaks move by a little.
 constexpr double kKeptMargin = 0.5;
 
 /// The residual with least-squares multipliers. Constraints with negative ones are dropped, and the

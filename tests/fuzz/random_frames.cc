@@ -19,10 +19,10 @@ int main(int argc, char** argv) {
   const long rounds = argc > 1 ? std::atol(argv[1]) : 500;
   const long first = argc > 2 ? std::atol(argv[2]) : 1;
   // Identifiers of the drives there, and some beside them; anything else is ignored by nearly all.
-  std::vector<std::uint32_t> ids = {0x001, 0x011, 0x021, 0x022, 0x023, 0x027, 0x029, 0x02b,
-                                    0x02c, 0x02d, 0x035, 0x038, 0x03c, 0x000, 0x080, 0x081,
-                                    0x181, 0x201, 0x281, 0x301, 0x581, 0x601, 0x701, 0x77f,
-                                    0x7ff, 0x03f, 0x040, 0x000, 0x080, 0x601};
+  std::vector<tumbler::CanId> ids = {0x001, 0x011, 0x021, 0x022, 0x023, 0x027, 0x029, 0x02b,
+                                     0x02c, 0x02d, 0x035, 0x038, 0x03c, 0x000, 0x080, 0x081,
+                                     0x181, 0x201, 0x281, 0x301, 0x581, 0x601, 0x701, 0x77f,
+                                     0x7ff, 0x03f, 0x040, 0x000, 0x080, 0x601};
   tumbler::DriveProtocols::ForEach([&ids](auto protocol) {
     using Protocol = decltype(protocol);
     const auto traffic = Protocol::TrafficOf({}, Protocol::Example(0), 1000);
@@ -38,10 +38,13 @@ int main(int argc, char** argv) {
       if (i % 16 >= 4 && random() % 4 == 0) input[i] = random() % 2 == 0 ? 0x00 : 0xff;
     }
     for (std::size_t at = 0; at < input.size(); at += 16) {
-      const std::uint16_t id = static_cast<std::uint16_t>(ids[random() % ids.size()]);
-      input[at + 1] = static_cast<std::uint8_t>(id);
-      input[at + 2] = static_cast<std::uint8_t>(id >> 8);
-      if (random() % 4 != 0) input[at + 3] = static_cast<std::uint8_t>(random() % 2 == 0 ? 8 : 6);
+      const tumbler::CanId id = ids[random() % ids.size()];
+      input[at + 1] = static_cast<std::uint8_t>(id.value);
+      input[at + 2] = static_cast<std::uint8_t>(id.value >> 8);
+      if (random() % 4 != 0) {
+        const unsigned size = random() % 2 == 0 ? 8 : 6;
+        input[at + 3] = static_cast<std::uint8_t>(size | (id.extended ? 0x80U : 0U));
+      }
     }
     steps += input.size() / 16;
     LLVMFuzzerTestOneInput(input.data(), input.size());

@@ -262,7 +262,7 @@ TEST(LaneTrials, LateSetpointsAndWrongZerosActInLanesAsInTheTwin) {
 
 TEST(LaneTrials, RobotsThatRockTooLongComeToRestInALongerHold) {
   RobustnessStudy study = HardStudy();
-  study.scale = 1;
+  study.scale = 1.5;
   study.seed = 77;
   study.lanes = true;
   const RobustnessResult early = RunStudy(study, 1000, 1);
