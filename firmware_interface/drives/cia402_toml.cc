@@ -167,9 +167,10 @@ std::string Problem(const EdsObject& object, const Cia402Need& need) {
                        object.bits == 0 ? "" : fmt::format(" of {} bits", object.bits), need.bits,
                        need.written ? "written" : "expected");
   }
-  if (need.written ? !object.writable() : !object.readable())
+  if (need.written ? !object.writable() : !object.readable()) {
     return fmt::format("has AccessType {}, and it is {}", object.access,
                        need.written ? "written" : "read");
+  }
   if (need.mapped && !object.mappable) return "has PDOMapping=0, and it is in a PDO";
   if (!need.value) return "";
   std::int64_t value = *need.value;

@@ -80,10 +80,11 @@ struct ForwardSensitivity::Implementation {
     }
     residual_slope.resize(Index(parameters));
     outputs.resize(Index((3 + na) * parameters));
-    for (int j = 0; j <= na; ++j)
+    for (int j = 0; j <= na; ++j) {
       smooth.emplace_back(p.solver.sharpness,
                           j < na ? SmoothMaximum::Of::kSize : SmoothMaximum::Of::kAboveZero,
                           Index(parameters));
+    }
     for (const CostTerm& term : p.cost) {
       if (term.kind == CostTerm::Kind::kEffort) effort_weight += term.weight;
     }

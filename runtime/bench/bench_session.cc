@@ -173,9 +173,10 @@ void BenchSession::CheckDriven() const {
                                  DescribeRemarks(entry(driven_).config, drive)));
   }
   if (!following_) return;
-  if (drive.state() != DriveState::kEnabled)
+  if (drive.state() != DriveState::kEnabled) {
     throw BenchFault(fmt::format("{} is {} all at once{}", name, ToText(drive.state()),
                                  DescribeRemarks(entry(driven_).config, drive)));
+  }
   RequireHeard(driven_);
   const double way_rad = std::abs(double{feedback.position_rad} - origin_rad_);
   if (!(way_rad <= bounds_.amplitude_rad + kRunAway_rad)) {

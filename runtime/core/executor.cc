@@ -96,9 +96,10 @@ void Executor::FollowEdge(int edge) noexcept {
     const float error = Magnitude(joint.measured.position_rad - joint.correction_rad - start);
     // Negated, so that an error that is not a number is a fault too. The robot then still is at the
     // end of its node.
-    if (!(error <= tolerance))
+    if (!(error <= tolerance)) {
       return Latch(Fault::kEntryMissed, i, DetailNumber::Real(error),
                    DetailNumber::Real(tolerance));
+    }
   }
   SetNode(node);
   Enter(ExecutorState::kRunning);

@@ -133,9 +133,10 @@ RefusalDetail Executor::CheckArm() const noexcept {
     // Where a run has left the joint, nobody has exchanged joints or lost a zero since.
     const bool left_here =
         joint.was_left && Magnitude(position - joint.left_rad) <= config_.start_way_max_rad;
-    if (!(way <= config_.start_way_max_rad) && !left_here)
+    if (!(way <= config_.start_way_max_rad) && !left_here) {
       return {DetailNumber::Real(way), DetailNumber::Real(config_.start_way_max_rad),
               Refusal::kFarFromStart, name};
+    }
   }
   return {};
 }
@@ -205,13 +206,15 @@ RefusalDetail Executor::CheckRun() const noexcept {
     const auto name = static_cast<std::int8_t>(i);
     const float start = FirstMotion(i).position.control_points()[0];
     const float commanded_error = Magnitude(joint.commanded.position_rad - start);
-    if (!(commanded_error <= kAtStart_rad))
+    if (!(commanded_error <= kAtStart_rad)) {
       return {DetailNumber::Real(commanded_error), DetailNumber::Real(kAtStart_rad),
               Refusal::kNotAtStart, name};
+    }
     const float measured_error = Magnitude(joint.measured.position_rad - start);
-    if (!(measured_error <= tolerance))
+    if (!(measured_error <= tolerance)) {
       return {DetailNumber::Real(measured_error), DetailNumber::Real(tolerance),
               Refusal::kOutsideStartSet, name};
+    }
   }
   return {};
 }

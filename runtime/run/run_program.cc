@@ -335,6 +335,16 @@ void CheckDrives(const RunOptions& options, const RunParts& parts, World& world)
                     [](const std::string& line) { fmt::print(stderr, "tumbler-run: {}\n", line); });
 }
 
+/// Takes requests by LCM, where the run has it.
+void Listen(const RunOptions& options, const SequenceGraph<float>& graph, std::int64_t run,
+            std::int64_t period_ns, std::optional<LcmCommands>& commands) {
+  if (options.lcm_url.empty()) return;
+  constexpr double kAgeMax_s = 2;
+  const double age_max = std::ceil(kAgeMax_s * 1e9 / static_cast<double>(period_ns));
+  commands.emplace(options.lcm_url, InterruptMailbox(), graph,
+                   CommandAddress{run, static_cast<std::int64_t>(age_max)});
+}
+
 ExitStatus Run(RunOptions options, const Simulation* simulation) {
   FileKeeper files;
   Assembly assembly(LoadParts(options, simulation, files.reader()));
@@ -364,13 +374,7 @@ ExitStatus Run(RunOptions options, const Simulation* simulation) {
   const RunDescription description = DescribeRun(options, parts, *world);
   Telemetry telemetry(TelemetryOf(options, description, *world));
   std::optional<LcmCommands> commands;
-  if (!options.lcm_url.empty()) {
-    constexpr double kAgeMax_s = 2;
-    commands.emplace(
-        options.lcm_url, InterruptMailbox(), graph,
-        CommandAddress{description.number, static_cast<std::int64_t>(std::ceil(
-                                               kAgeMax_s * 1e9 / static_cast<double>(period_ns)))});
-  }
+  Listen(options, graph, description.number, period_ns, commands);
   const RunProcedureConfig procedure_config = ProcedureConfigOf(settings, parts.drives, graph);
   if (!options.record.empty()) {
     RecordConfiguration configuration = DescribeForRecord(options, *world, description, files);

@@ -297,6 +297,26 @@ std::string ToText(const RunSummary& summary) {
   return text;
 }
 
+namespace {
+
+Json JsonOf(const InterfaceSummary& interface) {
+  const SocketCanStatistics& i = interface.statistics;
+  return {{"frames_confirmed", i.confirmed},
+          {"confirm_max_us", Microseconds(i.confirm_time_max_ns)},
+          {"frames_discarded", i.discarded},
+          {"frames_in_flight", interface.in_flight},
+          {"stalls", i.stalls},
+          {"received_frames_lost", i.dropped},
+          {"controller_overflows", i.overflows},
+          {"commands_of_others", i.foreign_commands},
+          {"controller_state", ToString(interface.controller)},
+          {"error_frames", i.error_frames},
+          {"unacknowledged", i.unacknowledged},
+          {"bus_offs", i.bus_offs}};
+}
+
+}  // namespace
+
 std::string ToJson(const RunSummary& summary) {
   const LoopStatistics& s = summary.statistics;
   Json json;
@@ -353,21 +373,7 @@ std::string ToJson(const RunSummary& summary) {
   json["worst_case_bits_per_tick"] = summary.worst_case_tick_bits;
   json["worst_case_bus_load"] = summary.worst_case_load;
   json["measured_bus_load"] = Maybe(summary.measured_load);
-  if (summary.interface) {
-    const SocketCanStatistics& i = summary.interface->statistics;
-    json["interface"] = {{"frames_confirmed", i.confirmed},
-                         {"confirm_max_us", Microseconds(i.confirm_time_max_ns)},
-                         {"frames_discarded", i.discarded},
-                         {"frames_in_flight", summary.interface->in_flight},
-                         {"stalls", i.stalls},
-                         {"received_frames_lost", i.dropped},
-                         {"controller_overflows", i.overflows},
-                         {"commands_of_others", i.foreign_commands},
-                         {"controller_state", ToString(summary.interface->controller)},
-                         {"error_frames", i.error_frames},
-                         {"unacknowledged", i.unacknowledged},
-                         {"bus_offs", i.bus_offs}};
-  }
+  if (summary.interface) json["interface"] = JsonOf(*summary.interface);
   json["lost_records"] = summary.lost_records;
   json["unpublished_messages"] = summary.unpublished_messages;
   json["unreadable_messages"] = summary.unreadable_messages;

@@ -26,6 +26,19 @@ namespace {
   executor.Tick(input, output);
 }
 
+/// What the sensor reports of a link that is a little off its plan, differently in every tick.
+void AddReports(const Primitive<float>& primitive, const TickRecord& last, int tick,
+                const XsensMtiConfig& ids, std::vector<ReceivedFrame>& frames) {
+  const auto at = primitive.feedback.angle.Evaluate(last.primitive_time_s + 1e-3F);
+  const double joint = static_cast<double>(last.joints[1].measured.position_rad);
+  const double speed = static_cast<double>(last.joints[1].measured.velocity_rad_s);
+  for (const CanFrame& frame :
+       testing::SensorFrames(static_cast<double>(at.value) + 0.01 * (tick % 7) - joint,
+                             static_cast<double>(at.first) - speed, ids)) {
+    frames.push_back({frame, 0});
+  }
+}
+
 int Main(bool distinct_knots, bool with_sensor, const std::string& drives_file) {
   std::mt19937 random(1);
   testing::MotionShape shape;
@@ -72,18 +85,7 @@ int Main(bool distinct_knots, bool with_sensor, const std::string& drives_file) 
     std::vector<ReceivedFrame> frames;
     ReceivedFrame received;
     while (bus.Receive(received) == Status::kOk) frames.push_back(received);
-    if (with_sensor) {
-      // The link is a little off its plan, differently in every tick.
-      const auto& plan = primitive.feedback.angle;
-      const auto at = plan.Evaluate(output.record.primitive_time_s + 1e-3F);
-      const double joint = static_cast<double>(output.record.joints[1].measured.position_rad);
-      const double speed = static_cast<double>(output.record.joints[1].measured.velocity_rad_s);
-      for (const CanFrame& frame :
-           testing::SensorFrames(static_cast<double>(at.value) + 0.01 * (n % 7) - joint,
-                                 static_cast<double>(at.first) - speed, ids)) {
-        frames.push_back({frame, 0});
-      }
-    }
+    if (with_sensor) AddReports(primitive, output.record, n, ids, frames);
     input.tick = n;
     input.received = frames;
     input.command = OperatorCommand::kNone;

@@ -361,7 +361,7 @@ TEST(SimulatedAkV3, TwoDrivesKeepTheBusNoBusierThanThePageSays) {
     for (const auto& config : {first, second})
       ASSERT_EQ(host.Send(EncodeAkV3Command(config.akv3, {12, -60, 499, 4.9F, -17})), Status::kOk);
     for (int i = 0; i < 20; ++i) {
-      const std::int64_t t = tick * 2'000'000 + i * 100'000;
+      const std::int64_t t = tick * 2'000'000 + std::int64_t{i} * 100'000;
       bus.AdvanceTo(t);
       a.Step(t, 0, 0);
       b.Step(t, 0, 0);

@@ -41,9 +41,10 @@ std::string WholeSheet() {
     sheet += Variable(fmt::format("{}sub2", pdo), kU8, "rw");
   }
   // Arrays whose parts have no sections of their own.
-  for (const char* mapping : {"1600", "1601", "1A00", "1A01"})
+  for (const char* mapping : {"1600", "1601", "1A00", "1A01"}) {
     sheet += fmt::format(
         "[{}]\nObjectType=0x9\nDataType=0x0007\nAccessType=rw\nCompactSubObj=8\n\n", mapping);
+  }
   sheet += Variable("6007", kI16, "rw");
   sheet += Variable("6040", kU16, "rww", "PDOMapping=1");
   sheet += Variable("6041", kU16, "ro", "PDOMapping=1");

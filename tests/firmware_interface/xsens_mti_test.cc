@@ -17,7 +17,7 @@
 namespace tumbler {
 namespace {
 
-CanFrame Frame(std::uint32_t id, const std::vector<std::uint8_t>& bytes) {
+CanFrame MtiFrame(std::uint32_t id, const std::vector<std::uint8_t>& bytes) {
   CanFrame frame;
   frame.id = id;
   frame.size = static_cast<std::uint8_t>(bytes.size());
@@ -28,30 +28,31 @@ CanFrame Frame(std::uint32_t id, const std::vector<std::uint8_t>& bytes) {
 TEST(XsensMti, DecodesFramesMadeByHand) {
   XsensMti sensor{XsensMtiConfig{}};
   // 0x7fff / 32767 = 1, 0xc000 = -16384, 0x2000 = 8192, 0xffff = -1.
-  EXPECT_EQ(sensor.Decode(Frame(0x021, {0x7f, 0xff, 0xc0, 0x00, 0x20, 0x00, 0xff, 0xff})),
+  EXPECT_EQ(sensor.Decode(MtiFrame(0x021, {0x7f, 0xff, 0xc0, 0x00, 0x20, 0x00, 0xff, 0xff})),
             InertialPart::kAttitude);
   EXPECT_FLOAT_EQ(sensor.reading().attitude[0], 1.0F);
   EXPECT_FLOAT_EQ(sensor.reading().attitude[1], -16384.0F / 32767);
   EXPECT_FLOAT_EQ(sensor.reading().attitude[2], 8192.0F / 32767);
   EXPECT_FLOAT_EQ(sensor.reading().attitude[3], -1.0F / 32767);
   // 0x0200 / 512 = 1 rad/s, 0xfe00 = -512 -> -1, 0x0001 -> 1/512.
-  EXPECT_EQ(sensor.Decode(Frame(0x032, {0x02, 0x00, 0xfe, 0x00, 0x00, 0x01})), InertialPart::kRate);
+  EXPECT_EQ(sensor.Decode(MtiFrame(0x032, {0x02, 0x00, 0xfe, 0x00, 0x00, 0x01})),
+            InertialPart::kRate);
   EXPECT_EQ(sensor.reading().rate_rad_s, (std::array<float, 3>{1, -1, 1.0F / 512}));
-  EXPECT_EQ(sensor.Decode(Frame(0x005, {0x01, 0x02, 0x03, 0x04})), InertialPart::kTime);
+  EXPECT_EQ(sensor.Decode(MtiFrame(0x005, {0x01, 0x02, 0x03, 0x04})), InertialPart::kTime);
   EXPECT_EQ(sensor.reading().time, 0x01020304U);
 }
 
 TEST(XsensMti, TakesNothingOfWhatIsNotItsOwnOrIsMalformed) {
   XsensMti sensor{XsensMtiConfig{}};
   const InertialReading before = sensor.reading();
-  EXPECT_EQ(sensor.Decode(Frame(0x011, {1, 2, 3, 4, 5, 6, 7, 8})), InertialPart::kNone);
-  EXPECT_EQ(sensor.Decode(Frame(0x021, {1, 2, 3, 4, 5, 6, 7})), InertialPart::kOther);
-  EXPECT_EQ(sensor.Decode(Frame(0x032, {1, 2, 3, 4, 5})), InertialPart::kOther);
-  EXPECT_EQ(sensor.Decode(Frame(0x005, {})), InertialPart::kOther);
-  CanFrame extended = Frame(0x021, {1, 2, 3, 4, 5, 6, 7, 8});
+  EXPECT_EQ(sensor.Decode(MtiFrame(0x011, {1, 2, 3, 4, 5, 6, 7, 8})), InertialPart::kNone);
+  EXPECT_EQ(sensor.Decode(MtiFrame(0x021, {1, 2, 3, 4, 5, 6, 7})), InertialPart::kOther);
+  EXPECT_EQ(sensor.Decode(MtiFrame(0x032, {1, 2, 3, 4, 5})), InertialPart::kOther);
+  EXPECT_EQ(sensor.Decode(MtiFrame(0x005, {})), InertialPart::kOther);
+  CanFrame extended = MtiFrame(0x021, {1, 2, 3, 4, 5, 6, 7, 8});
   extended.extended = true;
   EXPECT_EQ(sensor.Decode(extended), InertialPart::kNone);
-  CanFrame remote = Frame(0x032, {1, 2, 3, 4, 5, 6});
+  CanFrame remote = MtiFrame(0x032, {1, 2, 3, 4, 5, 6});
   remote.remote = true;
   EXPECT_EQ(sensor.Decode(remote), InertialPart::kNone);
   EXPECT_EQ(sensor.reading().attitude, before.attitude);
@@ -60,15 +61,15 @@ TEST(XsensMti, TakesNothingOfWhatIsNotItsOwnOrIsMalformed) {
 
 TEST(XsensMti, CountsReportsThatRepeatTheSameNumbers) {
   XsensMti sensor{XsensMtiConfig{}};
-  const CanFrame attitude = Frame(0x021, {0x7f, 0xff, 0, 0, 0, 0, 0, 1});
-  const CanFrame rate = Frame(0x032, {0, 0, 0, 1, 0, 0});
+  const CanFrame attitude = MtiFrame(0x021, {0x7f, 0xff, 0, 0, 0, 0, 0, 1});
+  const CanFrame rate = MtiFrame(0x032, {0, 0, 0, 1, 0, 0});
   for (std::uint32_t i = 0; i < 5; ++i) {
     sensor.Decode(attitude);
     sensor.Decode(rate);
     EXPECT_EQ(sensor.reading().repeats, i);
   }
   sensor.Decode(attitude);
-  sensor.Decode(Frame(0x032, {0, 0, 0, 2, 0, 0}));
+  sensor.Decode(MtiFrame(0x032, {0, 0, 0, 2, 0, 0}));
   EXPECT_EQ(sensor.reading().repeats, 0U) << "the rate is another one";
 }
 

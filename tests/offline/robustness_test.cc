@@ -2,6 +2,7 @@
 
 #include "offline/rehearsal/robustness/study.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -501,11 +502,11 @@ TEST(RobustnessProgram, AWorkThatWasKilledAndGoesOnHasTheSameBytes) {
   ASSERT_EQ(whole.exit_code, 0);
   for (int kills = 0; kills < 2; ++kills) {
     // Ended as soon as there is more in the file than there was.
-    const testing::Outcome killed = testing::RunInShell(
-        "size=$(wc -l < " + checkpoint + " 2>/dev/null || echo 1); " +
-        LaneStudy("--checkpoint " + checkpoint) + " >/dev/null & pid=$!; while [ \"$(wc -l < " +
-        checkpoint + " 2>/dev/null || echo 0)\" -le $size ]; do sleep 0.01; done; kill -9 $pid; " +
-        "wait $pid; echo status $?");
+    const testing::Outcome killed = testing::RunInShell(fmt::format(
+        "size=$(wc -l < {0} 2>/dev/null || echo 1); {1} >/dev/null & pid=$!; "
+        "while [ \"$(wc -l < {0} 2>/dev/null || echo 0)\" -le $size ]; do sleep 0.01; done; "
+        "kill -9 $pid; wait $pid; echo status $?",
+        checkpoint, LaneStudy("--checkpoint " + checkpoint)));
     EXPECT_NE(killed.text.find("status 137"), std::string::npos) << killed.text;
   }
   const testing::Outcome resumed = testing::RunInShell(LaneStudy("--checkpoint " + checkpoint));

@@ -253,9 +253,10 @@ TEST_F(RunSequenceTest, APauseOfRepliesThatIsNoFaultDoesNotDropTheRobotWheneverI
 
 TEST_F(RunSequenceTest, AFaultAfterALatchedStopOfTheOperatorMakesTheRunFaulty) {
   ExecutorConfig executor;
-  for (std::size_t state = 0; state < kExecutorStateCount; ++state)
+  for (std::size_t state = 0; state < kExecutorStateCount; ++state) {
     executor.reactions.Set(Fault::kOperatorStop, static_cast<ExecutorState>(state),
                            Reaction::kDamp);
+  }
   for (const bool silent : {false, true}) {
     rig = ExecutorRig{executor, Motion()};
     rig.Reconfigure();

@@ -28,7 +28,7 @@ using testing::SensorFrames;
 
 constexpr double kPi = std::numbers::pi;
 
-Primitive<float> Motion(unsigned seed) {
+Primitive<float> FedBackMotion(unsigned seed) {
   testing::MotionShape shape;
   shape.duration_s = 0.6;
   shape.settle_s = 0.2;
@@ -53,9 +53,10 @@ double PlanAngle(const Feedback<float>& feedback, double t) {
   const auto points = feedback.angle.control_points();
   if (t >= static_cast<double>(feedback.angle.end_s())) return static_cast<double>(points.back());
   double sum = 0;
-  for (std::size_t i = 0; i < points.size(); ++i)
+  for (std::size_t i = 0; i < points.size(); ++i) {
     sum += static_cast<double>(points[i]) *
            BasisFunction(feedback.angle.knots(), static_cast<int>(i), feedback.angle.degree(), t);
+  }
   return sum;
 }
 double PlanRate(const Feedback<float>& feedback, double t) {
@@ -111,7 +112,7 @@ double OnWire(double x, double steps) { return std::round(x * steps) / steps; }
 
 TEST(Feedback, TheCorrectionIsThatOfTheLawInDoublePrecision) {
   for (unsigned seed = 1; seed <= 8; ++seed) {
-    const Primitive<float> motion = Motion(seed);
+    const Primitive<float> motion = FedBackMotion(seed);
     const Feedback<float>& feedback = motion.feedback;
     ExecutorConfig config;
     if (seed % 2 == 0) config.speed = 0.5F;
@@ -193,7 +194,7 @@ bool SameBits(const DriveSetpoint& a, const DriveSetpoint& b) {
 }
 
 TEST(Feedback, WithoutASensorOrWithoutFeedbackTheOrdersAreThoseOfThePlanAlone) {
-  const Primitive<float> motion = Motion(3);
+  const Primitive<float> motion = FedBackMotion(3);
   Primitive<float> plain = motion;
   plain.feedback = {};
   Rig reference(plain);
@@ -227,7 +228,7 @@ std::vector<CanFrame> WithError(const Rig& rig, const Primitive<float>& motion, 
 }
 
 TEST(Feedback, ASensorThatFallsSilentLetsTheCorrectionFadeAndTheMotionGoOn) {
-  Primitive<float> motion = Motion(4);
+  Primitive<float> motion = FedBackMotion(4);
   for (JointFeedback<float>& joint : motion.feedback.joints) {
     joint.angle_gain.fill(1);
     joint.rate_gain.fill(0);
@@ -258,7 +259,7 @@ TEST(Feedback, ASensorThatFallsSilentLetsTheCorrectionFadeAndTheMotionGoOn) {
 }
 
 TEST(Feedback, TheHoldAfterTheMotionKeepsTheLastGains) {
-  Primitive<float> motion = Motion(5);
+  Primitive<float> motion = FedBackMotion(5);
   for (JointFeedback<float>& joint : motion.feedback.joints) {
     joint.angle_gain.fill(0);
     joint.angle_gain[4] = 0.5F;  // the last knot
@@ -289,7 +290,8 @@ TEST(Feedback, TheHoldAfterTheMotionKeepsTheLastGains) {
 }
 
 TEST(Feedback, AStartFarFromThePlanIsPlayedOpenLoop) {
-  const Primitive<float> motion = Motion(6);  // start_error_max_rad is 0.25, error_max_rad 0.75
+  const Primitive<float> motion =
+      FedBackMotion(6);  // start_error_max_rad is 0.25, error_max_rad 0.75
   for (const double error : {0.2, 0.3}) {
     Rig rig(motion);
     rig.sensor_frames = SensorFrames(PlanAngle(motion.feedback, 0) + error -
@@ -313,7 +315,7 @@ TEST(Feedback, AStartFarFromThePlanIsPlayedOpenLoop) {
 }
 
 TEST(Feedback, AnErrorIsTheSameInANodeWithExchangedRoles) {
-  Primitive<float> motion = Motion(7);
+  Primitive<float> motion = FedBackMotion(7);
   for (JointFeedback<float>& joint : motion.feedback.joints) joint.rate_gain.fill(0.05F);
   SequenceGraph<float> graph = GraphOf(motion);
   graph.node_storage[0].swapped = true;
@@ -351,7 +353,7 @@ TEST(Feedback, NoSensorHoweverHostileTakesASetpointBeyondItsBounds) {
   std::mt19937 random(11);
   std::uniform_int_distribution<int> byte(0, 255), choice(0, 9);
   for (unsigned seed = 1; seed <= 12; ++seed) {
-    Primitive<float> motion = Motion(seed);
+    Primitive<float> motion = FedBackMotion(seed);
     for (JointFeedback<float>& joint : motion.feedback.joints) {
       for (float& gain : joint.angle_gain) gain *= 20;
       for (float& gain : joint.rate_gain) gain *= 20;
@@ -401,7 +403,7 @@ TEST(Feedback, NoSensorHoweverHostileTakesASetpointBeyondItsBounds) {
 }
 
 TEST(Feedback, ALateReplyOfAJointBetweenCountsAsNotKnown) {
-  Primitive<float> motion = Motion(9);
+  Primitive<float> motion = FedBackMotion(9);
   Rig rig(motion);
   rig.sensor_frames = WithError(rig, motion, 0.1);
   float share = 1;
@@ -429,7 +431,7 @@ TEST(Feedback, ALateReplyOfAJointBetweenCountsAsNotKnown) {
 TEST(Feedback, ExecutorsRefuseAFeedbackOrASensorThatMakesNoSense) {
   const auto configured = [](const std::function<void(Primitive<float>&)>& damage,
                              const std::function<void(SensorSettings&)>& settings = {}) {
-    Primitive<float> motion = Motion(2);
+    Primitive<float> motion = FedBackMotion(2);
     if (damage) damage(motion);
     Rig rig(motion);
     if (settings) settings(rig.sensor.settings);

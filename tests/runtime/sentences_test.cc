@@ -17,7 +17,7 @@
 namespace tumbler {
 namespace {
 
-const std::vector<std::string> kJoints{"leg1", "leg2"};
+const std::vector<std::string> kTwoLegs{"leg1", "leg2"};
 const std::vector<std::string> kCodes{"odrive", "damiao"};
 
 /// A tick in which a fault was found.
@@ -38,7 +38,7 @@ std::string SentenceFromMessage(const TimedRecord& timed) {
   LiveView view;
   view.Take(state);
   RunDescription about;
-  about.joints = kJoints;
+  about.joints = kTwoLegs;
   about.error_codes = kCodes;
   RunMessage run(about);
   view.Take(run.At(0, 0, 0));
@@ -51,16 +51,16 @@ TEST(Sentences, ADrivesCodeKeepsAllOfIts32BitsAndHasItsNames) {
   const std::uint32_t code = 0x41000101;
   ASSERT_NE(static_cast<std::uint32_t>(static_cast<float>(code)), code);
   const TimedRecord timed = TickWith(Fault::kDriveError, DetailNumber::Code(code), {}, 0);
-  const std::string sentence = Describe(timed.record.first_fault, kJoints, kCodes);
+  const std::string sentence = Describe(timed.record.first_fault, kTwoLegs, kCodes);
   EXPECT_EQ(sentence,
             "drive error of joint leg1: code 0x41000101, initializing, dc bus over-voltage, "
             "watchdog timer expired, calibration error at tick 12 (running); reaction: damp");
   EXPECT_EQ(SentenceFromMessage(timed), sentence);
-  EXPECT_EQ(Describe(timed.record.first_fault, kJoints),
+  EXPECT_EQ(Describe(timed.record.first_fault, kTwoLegs),
             "drive error of joint leg1: code 0x41000101 at tick 12 (running); reaction: damp");
-  EXPECT_EQ(
-      Describe(RefusalDetail{DetailNumber::Code(13), {}, Refusal::kDriveError, 1}, kJoints, kCodes),
-      "a drive reports an error (joint leg2: code 0x0d, lost communication)");
+  EXPECT_EQ(Describe(RefusalDetail{DetailNumber::Code(13), {}, Refusal::kDriveError, 1}, kTwoLegs,
+                     kCodes),
+            "a drive reports an error (joint leg2: code 0x0d, lost communication)");
 }
 
 TEST(Sentences, TheSmallestAndLargestNumbersComeBackFromAMessageExactly) {
@@ -86,21 +86,21 @@ TEST(Sentences, TheSmallestAndLargestNumbersComeBackFromAMessageExactly) {
 TEST(Sentences, NumbersThatAreCountedAreWrittenAsIntegers) {
   const TimedRecord late =
       TickWith(Fault::kLateTick, DetailNumber::Integer(20'000'001), DetailNumber::Integer(2), -1);
-  EXPECT_EQ(Describe(late.record.first_fault, kJoints),
+  EXPECT_EQ(Describe(late.record.first_fault, kTwoLegs),
             "late tick: 20000001 ticks, limit 2 at tick 12 (running); reaction: damp");
-  EXPECT_EQ(SentenceFromMessage(late), Describe(late.record.first_fault, kJoints));
+  EXPECT_EQ(SentenceFromMessage(late), Describe(late.record.first_fault, kTwoLegs));
   const TimedRecord foreign =
       TickWith(Fault::kForeignCommand, DetailNumber::Code(0x1fffffff), {}, 1);
-  EXPECT_EQ(Describe(foreign.record.first_fault, kJoints),
+  EXPECT_EQ(Describe(foreign.record.first_fault, kTwoLegs),
             "foreign command of joint leg2: a frame of somebody else with identifier 0x1fffffff at "
             "tick 12 (running); reaction: damp");
   const TimedRecord lost = TickWith(
       Fault::kInterfaceDown, DetailNumber::Integer(static_cast<int>(Status::kLinkDown)), {}, -1);
-  EXPECT_NE(Describe(lost.record.first_fault, kJoints).find(ToString(Status::kLinkDown)),
+  EXPECT_NE(Describe(lost.record.first_fault, kTwoLegs).find(ToString(Status::kLinkDown)),
             std::string::npos);
   const TimedRecord off =
       TickWith(Fault::kFollowingError, DetailNumber::Real(0.51F), DetailNumber::Real(0.5F), 0);
-  EXPECT_EQ(Describe(off.record.first_fault, kJoints),
+  EXPECT_EQ(Describe(off.record.first_fault, kTwoLegs),
             "following error of joint leg1: 0.51 rad, limit 0.5 at tick 12 (running); reaction: "
             "damp");
   state_t state;
