@@ -52,9 +52,9 @@ int Ticks(double time_s) { return static_cast<int>(std::lround(time_s / kTick_s)
 
 /// Robots in packets, as they stand before the motion.
 struct Ensemble {
+  HeldSetpoints<Packet> held{};
   std::vector<LaneRobot<Packet>> robots;
   std::vector<LaneState<Packet>> states;
-  HeldSetpoints<Packet> held{};
   LaneSteps steps;
 };
 

@@ -16,6 +16,7 @@
 #include "common/primitive_rounding.h"
 #include "common/primitive_toml.h"
 #include "common/toml_reader.h"
+#include "tests/support/files.h"
 #include "tests/support/primitive_file.h"
 #include "tests/support/random_feedback.h"
 
@@ -23,17 +24,12 @@ namespace tumbler {
 namespace {
 
 using ::testing::HasSubstr;
+using testing::Replaced;
 
 PrimitiveFile WithFeedback(unsigned seed, int knots = 5) {
   PrimitiveFile file = testing::RandomPrimitiveFile({}, seed);
   testing::AddRandomFeedback(file, knots, seed);
   return file;
-}
-
-std::string Replaced(std::string text, const std::string& from, const std::string& to) {
-  const std::size_t at = text.find(from);
-  if (at == std::string::npos) throw std::logic_error("'" + from + "' is not in the text");
-  return text.replace(at, from.size(), to);
 }
 
 // ---- The law ------------------------------------------------------------------------------------

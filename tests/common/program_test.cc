@@ -81,17 +81,17 @@ TEST(RunProgramDeathTest, AnOutputThatIsNotWrittenWholeIsNoSuccess) {
     std::fputs("one line\n", stdout);
     return ExitStatus::kDone;
   };
-  EXPECT_EXIT(std::exit(StatusOnAFullDisk(print)), ::testing::ExitedWithCode(1),
+  EXPECT_EXIT(std::_Exit(StatusOnAFullDisk(print)), ::testing::ExitedWithCode(1),
               "standard output could not be written whole: No space left on device");
   const auto flushed = [](int, char**) {
     std::fputs("one line\n", stdout);
     std::fflush(stdout);
     return ExitStatus::kAmiss;
   };
-  EXPECT_EXIT(std::exit(StatusOnAFullDisk(flushed)), ::testing::ExitedWithCode(4),
+  EXPECT_EXIT(std::_Exit(StatusOnAFullDisk(flushed)), ::testing::ExitedWithCode(4),
               "standard output could not be written whole");
   const auto help = [](int, char**) -> ExitStatus { throw HelpWanted("Usage: ...\n"); };
-  EXPECT_EXIT(std::exit(StatusOnAFullDisk(help)), ::testing::ExitedWithCode(1), "written whole");
+  EXPECT_EXIT(std::_Exit(StatusOnAFullDisk(help)), ::testing::ExitedWithCode(1), "written whole");
 }
 
 }  // namespace
