@@ -70,10 +70,11 @@ template <typename Scalar>
   return angle_rad;
 }
 
-/// The number x, limited to -most ... most.
+/// The number x, limited to -most ... most. @pre most >= 0
 template <typename Scalar>
 [[nodiscard]] Scalar Limited(Scalar x, Scalar most) noexcept {
-  return x < most ? (x > -most ? x : -most) : most;
+  const Scalar below = x < most ? x : most;
+  return below > -most ? below : -most;
 }
 
 /// The correction (2) that a joint is to have.

@@ -1,5 +1,6 @@
 #include "firmware_interface/drives/cansimple.h"
 
+#include <bit>
 #include <numbers>
 
 #include "firmware_interface/drives/wire.h"
@@ -278,9 +279,9 @@ CanFrame CanSimpleDrive::EncodePosition(float joint_rad, float joint_rad_s,
   const std::int16_t torque_code =
       RoundToInt16(torque_codes_.Clamp(joint_nm * torque_to_nm_ * kFeedForwardSteps));
   CanFrame frame = FrameOf(config_.node_id, CanSimpleCommand::kSetInputPos);
-  StoreFloat(frame.data, 0, position);
-  StoreLittle(frame.data, 4, 2, static_cast<std::uint16_t>(velocity_code));
-  StoreLittle(frame.data, 6, 2, static_cast<std::uint16_t>(torque_code));
+  frame.data = StoreWord(std::bit_cast<std::uint32_t>(position) |
+                         std::uint64_t{static_cast<std::uint16_t>(velocity_code)} << 32 |
+                         std::uint64_t{static_cast<std::uint16_t>(torque_code)} << 48);
   encoded_ = {position * position_to_rad_ + zero,
               static_cast<float>(velocity_code) * kFeedForwardStep * position_to_rad_,
               static_cast<float>(torque_code) * kFeedForwardStep * torque_from_nm_, 0, 0};

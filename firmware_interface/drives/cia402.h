@@ -211,13 +211,13 @@ class Cia402Drive final : public Drive {
   [[nodiscard]] std::uint32_t FindError() const noexcept;
   [[nodiscard]] DriveState FindState() const noexcept;
   // To be called when anything has changed on which error and state depend.
-  void Refresh() noexcept {
-    feedback_.error = FindError();
-    state_ = FindState();
-  }
+  void Refresh() noexcept;
   [[nodiscard]] bool IsHeartbeatLost() const noexcept {
     return heartbeat_age_ > heartbeat_ticks_max_;
   }
+  [[nodiscard]] bool IsSteady(const DriveSetpoint& setpoint) const noexcept;
+  Status EncodeChange(DriveRequest request, const DriveSetpoint& setpoint,
+                      FrameBatch& batch) noexcept;
   void AddCommon(FrameBatch& batch) noexcept;
   bool AddService(FrameBatch& batch) noexcept;
   void Restart() noexcept;

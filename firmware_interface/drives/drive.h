@@ -103,6 +103,12 @@ class FrameBatch {
     frames_[static_cast<std::size_t>(count_++)] = frame;
     return Status::kOk;
   }
+  /// Adds a frame that is written where it stays. The caller sets all of it.
+  /// @returns null  where four frames are in it.
+  [[nodiscard]] CanFrame* AddPlace() noexcept {
+    if (count_ == kCapacity) return nullptr;
+    return &frames_[static_cast<std::size_t>(count_++)];
+  }
   void Clear() noexcept { count_ = 0; }
   [[nodiscard]] std::span<const CanFrame> frames() const noexcept {
     return {frames_.data(), static_cast<std::size_t>(count_)};

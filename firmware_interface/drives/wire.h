@@ -63,19 +63,22 @@ constexpr void StoreFloat(std::array<std::uint8_t, 8>& data, std::size_t first,
 /// The nearest integer (halves away from zero), saturated at +-(2^15 - 1). It never wraps, and both
 /// signs reach equally far. NaN gives 0.
 [[nodiscard]] constexpr std::int16_t RoundToInt16(float x) noexcept {
-  if (!(x > -32767.0F)) return x != x ? std::int16_t{0} : std::int16_t{-32767};
-  if (x >= 32767.0F) return 32767;
-  return static_cast<std::int16_t>(x + (x < 0 ? -0.5F : 0.5F));
+  if (__builtin_fabsf(x) < 32767.0F) {
+    return static_cast<std::int16_t>(x + __builtin_copysignf(0.5F, x));
+  }
+  if (x != x) return 0;
+  return x < 0 ? std::int16_t{-32767} : std::int16_t{32767};
 }
 
 /// The same at +-(2^31 - 128), the largest float below 2^31.
 [[nodiscard]] constexpr std::int32_t RoundToInt32(float x) noexcept {
   constexpr float kLargest = 2147483520.0F;
-  if (!(x > -kLargest)) return x != x ? 0 : -2147483520;
-  if (x >= kLargest) return 2147483520;
   // From 2^23 on floats are integers, and adding a half could round to the next one.
-  if (x >= 8388608.0F || x <= -8388608.0F) return static_cast<std::int32_t>(x);
-  return static_cast<std::int32_t>(x + (x < 0 ? -0.5F : 0.5F));
+  if (__builtin_fabsf(x) < 8388608.0F) {
+    return static_cast<std::int32_t>(x + __builtin_copysignf(0.5F, x));
+  }
+  if (!(x > -kLargest)) return x != x ? 0 : -2147483520;
+  return static_cast<std::int32_t>(x < kLargest ? x : kLargest);
 }
 
 /// The range in whole steps of the wire, `per_unit` of them in a unit, rounded towards zero.

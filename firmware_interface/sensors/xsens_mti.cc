@@ -51,7 +51,7 @@ void XsensMti::Configure(const XsensMtiConfig& config) noexcept {
 }
 
 InertialPart XsensMti::Decode(const CanFrame& frame) noexcept {
-  if (!Owns(frame) || frame.extended || frame.remote) return InertialPart::kNone;
+  if (frame.extended || frame.remote) return InertialPart::kNone;
   if (frame.id == ids_[kQuaternion]) {
     if (frame.size != kQuaternionBytes) return InertialPart::kOther;
     const std::uint64_t word = BigWord(frame.data);
@@ -68,6 +68,7 @@ InertialPart XsensMti::Decode(const CanFrame& frame) noexcept {
     rate_ = word;
     return InertialPart::kRate;
   }
+  if (frame.id != ids_[kTime]) return InertialPart::kNone;
   if (frame.size != kTimeBytes) return InertialPart::kOther;
   reading_.time = static_cast<std::uint32_t>(BigWord(frame.data) >> 32U);
   return InertialPart::kTime;

@@ -168,7 +168,7 @@ void Executor::TakeReplies(const TickInput& input, int elapsed) noexcept {
   }
   for (Joint& joint : joints()) {
     if (joint.replies.EndTick(elapsed, config_.stale_ticks_max)) {
-      joint.measured = joint.drive->feedback();
+      joint.Measure(joint.drive->feedback());
     }
     joint.drive_state = joint.drive->state();
   }

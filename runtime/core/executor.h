@@ -82,6 +82,7 @@ class Executor {
     bool shares_torque_knots = false;    ///< Whether the feed-forward has the knots of joint 0's.
     JointSetpoint commanded;             ///< The last limited setpoint.
     DriveFeedback measured;
+    float zero_if_finite = 0;  ///< NaN where a number of `measured` is not finite, else zero.
     DriveState drive_state = DriveState::kUnknown;
     ReplyWatch replies;
     bool was_off = false;      ///< Whether the drive was seen not to be enabled since arming began.
@@ -96,10 +97,12 @@ class Executor {
     float uncorrected_rad = 0;  ///< The last setpoint without its correction.
     float correction_rad = 0;
 
-    [[nodiscard]] bool IsMeasuredFinite() const noexcept {
-      return AreFinite(measured.position_rad, measured.velocity_rad_s, measured.torque_nm,
-                       measured.temperature_c);
+    void Measure(const DriveFeedback& report) noexcept {
+      measured = report;
+      zero_if_finite = ZeroIfFinite(measured.position_rad, measured.velocity_rad_s,
+                                    measured.torque_nm, measured.temperature_c);
     }
+    [[nodiscard]] bool IsMeasuredFinite() const noexcept { return zero_if_finite == 0; }
   };
 
   [[nodiscard]] std::span<Joint> joints() noexcept {
@@ -146,7 +149,7 @@ class Executor {
   // Feedback: executor_feedback.cc. Only with a sensor.
   void SetFeedback() noexcept;
   [[nodiscard]] bool MeasureError(bool moving) noexcept;
-  void Fade(bool moving, float time_s) noexcept;
+  inline void Fade(bool moving, float time_s) noexcept;
   void Correct(int elapsed, TickRecord& record) noexcept;
 
   ExecutorConfig config_;

@@ -7,10 +7,15 @@ namespace tumbler {
 /// Whether x is neither NaN nor infinite.
 [[nodiscard]] constexpr bool IsFinite(float x) noexcept { return 0.0F * x == 0; }
 
-/// Whether all are finite, at the price of one comparison: 0 x is zero if x is finite, else NaN.
+/// Zero if all are finite, else NaN, as 0 x is for each.
+template <typename... Floats>
+[[nodiscard]] constexpr float ZeroIfFinite(Floats... x) noexcept {
+  return ((0.0F * x) + ... + 0.0F);
+}
+/// Whether all are finite, at the price of one comparison.
 template <typename... Floats>
 [[nodiscard]] constexpr bool AreFinite(Floats... x) noexcept {
-  return ((0.0F * x) + ... + 0.0F) == 0;
+  return ZeroIfFinite(x...) == 0;
 }
 
 /// Whether x is within [min, max]; false for NaN.
@@ -27,8 +32,8 @@ template <typename... Floats>
   return y > low ? y : low;
 }
 
-/// |x|, without a library.
-[[nodiscard]] constexpr float Magnitude(float x) noexcept { return x < 0 ? -x : x; }
+/// |x|, without a library: one instruction.
+[[nodiscard]] constexpr float Magnitude(float x) noexcept { return __builtin_fabsf(x); }
 
 /// Smallest integer >= x, for 0 <= x < 2^31.
 [[nodiscard]] constexpr std::int64_t CeilTicks(float x) noexcept {

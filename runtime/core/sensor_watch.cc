@@ -38,8 +38,9 @@ float AngleOf(float x, float y) noexcept {
                                          0.0429096138F,  -0.0161657367F, 0.0028662257F};
   constexpr float kHalfPi = 1.5707963F;
   constexpr float kPi = 3.1415927F;
-  const float ax = Magnitude(x);
-  const float ay = Magnitude(y);
+  // A negative zero stays one, so that the angle of (1, -0) is -0.
+  const float ax = x < 0 ? -x : x;
+  const float ay = y < 0 ? -y : y;
   const float large = ax > ay ? ax : ay;
   if (!(large > 0)) return 0;
   const float z = (ax > ay ? ay : ax) / large;
@@ -75,6 +76,10 @@ bool SensorSettings::IsValid() const noexcept {
 void SensorWatch::Configure(const SensorSettings& settings, float period_s) noexcept {
   *this = {};
   settings_ = settings;
+  for (std::size_t of = 0; of < 3; ++of) {
+    for (std::size_t along = 0; along < 3; ++along)
+      mounting_[of][along] = settings.mounting[along][of];
+  }
   period_s_ = period_s;
   steps_per_tick_ = static_cast<std::int64_t>(period_s / InertialSensor::kTimeStep_s * 65536);
 }
@@ -118,21 +123,19 @@ void SensorWatch::EndTick(int elapsed, const InertialReading& reading) noexcept 
   }
 }
 
+SensorWatch::Lanes SensorWatch::InLink(float x, float y, float z) const noexcept {
+  return mounting_[0] * x + mounting_[1] * y + mounting_[2] * z;
+}
+
 void SensorWatch::TakeReport(const InertialReading& reading) noexcept {
   const auto [w, x, y, z] = reading.attitude;
   const auto& rate = reading.rate_rad_s;
   const float ww = w * w, xx = x * x, yy = y * y, zz = z * z;
   // The world's z in the axes of the sensor: the third row of its rotation.
-  const std::array<float, 3> up{2 * (x * z - w * y), 2 * (y * z + w * x), ww - xx - yy + zz};
-  const auto along = [](const std::array<float, 3>& axis, const std::array<float, 3>& vector) {
-    return axis[0] * vector[0] + axis[1] * vector[1] + axis[2] * vector[2];
-  };
-  const auto& axes = settings_.mounting;
-  const float tilt = along(axes[1], up);
-  const float rolls = along(axes[0], rate);
-  const float yaws = along(axes[2], rate);
-  const float pitch_rad = AngleOf(along(axes[2], up), along(axes[0], up));
-  const float rate_rad_s = -along(axes[1], rate);
+  const Lanes up = InLink(2 * (x * z - w * y), 2 * (y * z + w * x), ww - xx - yy + zz);
+  const Lanes turn = InLink(rate[0], rate[1], rate[2]);
+  const float pitch_rad = AngleOf(up[2], up[0]);
+  const float rate_rad_s = -turn[1];
 
   const bool fresh = age_ticks_ < 0 || age_ticks_ > settings_.age_ticks_max;
   const auto ticks = static_cast<float>(age_ticks_);
@@ -153,8 +156,8 @@ void SensorWatch::TakeReport(const InertialReading& reading) noexcept {
     implausible_ = SensorStatus::kFrozen;
   } else if (!(Magnitude(ww + xx + yy + zz - 1) <= kLength)) {
     implausible_ = SensorStatus::kNoRotation;
-  } else if (!(Magnitude(tilt) <= settings_.tilt_sine_max && Magnitude(rolls) <= out_max &&
-               Magnitude(yaws) <= out_max)) {
+  } else if (!(Magnitude(up[1]) <= settings_.tilt_sine_max && Magnitude(turn[0]) <= out_max &&
+               Magnitude(turn[2]) <= out_max)) {
     implausible_ = SensorStatus::kTilted;
   } else if (!(Magnitude(rate_rad_s) <= settings_.rate_max_rad_s)) {
     implausible_ = SensorStatus::kTooFast;

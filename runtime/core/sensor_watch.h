@@ -72,10 +72,17 @@ class SensorWatch {
   [[nodiscard]] const SensorSettings& settings() const noexcept { return settings_; }
 
  private:
+  // Three numbers in a vector register, with one that does not count; in g++'s and clang's
+  // notation. NOLINTNEXTLINE(modernize-use-using): g++ takes the attribute in no other place.
+  typedef float Lanes __attribute__((vector_size(4 * sizeof(float))));
+
+  /// A vector of the sensor's frame in that of the link.
+  [[nodiscard]] Lanes InLink(float x, float y, float z) const noexcept;
   void TakeReport(const InertialReading& reading) noexcept;
   void TakeTime(std::uint32_t time) noexcept;
 
   SensorSettings settings_;
+  std::array<Lanes, 3> mounting_{};  ///< Its columns: the sensor's axes in those of the link.
   float period_s_ = 0.001F;
   SensorStatus status_ = SensorStatus::kNoData;
   SensorStatus implausible_ = SensorStatus::kOk;  ///< Why it is not believed any more.
