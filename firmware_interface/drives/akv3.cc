@@ -7,22 +7,6 @@ namespace {
 constexpr float kRadPerStep = 0.1F * 3.14159265F / 180;       // of reported positions
 constexpr float kRadPerSPerErpmStep = 10 * 3.14159265F / 30;  // of the motor, by pole pairs
 constexpr float kAmperePerStep = 0.01F;
-constexpr float kLargest = 1e6F;  // Beyond it the arithmetic of codes could overflow.
-
-bool IsFrameOf(const CanFrame& frame, std::uint32_t id) noexcept {
-  return frame.id == id && frame.extended && !frame.remote && frame.size == 8;
-}
-
-bool IsGainRange(const DriveRange& range) noexcept {
-  return range.min == 0 && range.max > 0 && range.max <= kLargest;
-}
-
-bool AreValidRanges(const AkV3Ranges& ranges) noexcept {
-  return ranges.position_rad.ContainsZeroWithin(kLargest) &&
-         ranges.velocity_rad_s.ContainsZeroWithin(kLargest) &&
-         ranges.torque_nm.ContainsZeroWithin(kLargest) && IsGainRange(ranges.kp_nm_per_rad) &&
-         IsGainRange(ranges.kd_nm_s_per_rad);
-}
 
 CanFrame FrameOf(std::uint32_t id) noexcept {
   CanFrame frame;
@@ -32,14 +16,18 @@ CanFrame FrameOf(std::uint32_t id) noexcept {
   return frame;
 }
 
-// Packs (1): the codes as one number of 64 bits, the most significant byte first.
+// The eight bytes of a frame as one number, the most significant byte first.
 void PackWord(std::uint64_t word, std::array<std::uint8_t, 8>& data) noexcept {
   for (std::size_t i = 0; i < 8; ++i) data[i] = static_cast<std::uint8_t>(word >> (56 - 8 * i));
 }
-std::uint64_t UnpackWord(const std::array<std::uint8_t, 8>& data) noexcept {
-  std::uint64_t word = 0;
-  for (const std::uint8_t byte : data) word = word << 8 | byte;
-  return word;
+/// @returns false unless it is a data frame of 8 bytes with this function and of this drive.
+bool UnpackWord(const CanFrame& frame, std::uint32_t function, std::uint8_t drive,
+                std::uint64_t& word) noexcept {
+  if (frame.id != AkV3Id(function, drive) || !frame.extended || frame.remote || frame.size != 8)
+    return false;
+  word = 0;
+  for (const std::uint8_t byte : frame.data) word = word << 8 | byte;
+  return true;
 }
 constexpr std::uint64_t GainsWord(std::uint32_t kp, std::uint32_t kd) noexcept {
   return std::uint64_t{kp} << 52 | std::uint64_t{kd} << 40;
@@ -51,7 +39,7 @@ constexpr std::uint64_t MotionWord(std::uint32_t p, std::uint32_t v, std::uint32
 }  // namespace
 
 Status AkV3Config::Validate() const noexcept {
-  const bool valid = AreValidRanges(range) && pole_pairs >= 1 && pole_pairs <= 100 &&
+  const bool valid = range.AreValid() && pole_pairs >= 1 && pole_pairs <= 100 &&
                      gear_inside >= 0.1F && gear_inside <= 1000 && status_s >= 0.002 &&
                      status_s <= 0.1 && torque_constant_nm_per_a >= 0 &&
                      torque_constant_nm_per_a <= 1000 && status_per_tick_max >= 1;
@@ -73,8 +61,8 @@ float AkV3Dequantise(std::uint16_t code, const DriveRange& range, int bits) noex
          range.min;
 }
 
-CanFrame EncodeAkV3Command(const AkV3Config& config, const AkV3Command& command) noexcept {
-  const AkV3Ranges& range = config.range;
+CanFrame EncodeAkV3Command(const AkV3Config& config, const ImpedanceCommand& command) noexcept {
+  const ImpedanceRanges& range = config.range;
   CanFrame frame = FrameOf(AkV3Id(kAkV3SetpointFunction, config.node_id));
   PackWord(GainsWord(AkV3Quantise(command.kp_nm_per_rad, range.kp_nm_per_rad, 12),
                      AkV3Quantise(command.kd_nm_s_per_rad, range.kd_nm_s_per_rad, 12)) |
@@ -86,14 +74,14 @@ CanFrame EncodeAkV3Command(const AkV3Config& config, const AkV3Command& command)
 }
 
 Status DecodeAkV3Command(const AkV3Config& config, const CanFrame& frame,
-                         AkV3Command& command) noexcept {
-  if (!IsFrameOf(frame, AkV3Id(kAkV3SetpointFunction, config.node_id)))
+                         ImpedanceCommand& command) noexcept {
+  std::uint64_t word = 0;
+  if (!UnpackWord(frame, kAkV3SetpointFunction, config.node_id, word))
     return Status::kInvalidArgument;
-  const std::uint64_t word = UnpackWord(frame.data);
   const auto field = [word](int shift, unsigned mask) {
     return static_cast<std::uint16_t>(word >> shift & mask);
   };
-  const AkV3Ranges& range = config.range;
+  const ImpedanceRanges& range = config.range;
   command = {AkV3Dequantise(field(24, 0xffff), range.position_rad, 16),
              AkV3Dequantise(field(12, 0xfff), range.velocity_rad_s, 12),
              AkV3Dequantise(field(52, 0xfff), range.kp_nm_per_rad, 12),
@@ -113,9 +101,9 @@ CanFrame EncodeAkV3Status(const AkV3Config& config, const AkV3Status& status) no
 
 Status DecodeAkV3Status(const AkV3Config& config, const CanFrame& frame,
                         AkV3Status& status) noexcept {
-  if (!IsFrameOf(frame, AkV3Id(kAkV3StatusFunction, config.node_id)))
+  std::uint64_t word = 0;
+  if (!UnpackWord(frame, kAkV3StatusFunction, config.node_id, word))
     return Status::kInvalidArgument;
-  const std::uint64_t word = UnpackWord(frame.data);
   status.position = static_cast<std::int16_t>(word >> 48);
   status.speed = static_cast<std::int16_t>(word >> 32);
   status.current = static_cast<std::int16_t>(word >> 16);
@@ -138,11 +126,11 @@ AkV3Drive::Field AkV3Drive::MakeField(const DriveRange& range, int bits, float r
 }
 
 AkV3Drive::AkV3Drive(const AkV3Config& config) noexcept
-    : config_(config), valid_(config.Validate() == Status::kOk) {
+    : ConfiguredDrive(config, config.Validate()) {
   if (!valid_) return;
   const JointMap& joint = config.joint;
   const float ratio = joint.direction * joint.gear_ratio;
-  const AkV3Ranges& range = config.range;
+  const ImpedanceRanges& range = config.range;
   position_ = MakeField(range.position_rad, 16, ratio, joint.zero_offset_rad);
   velocity_ = MakeField(range.velocity_rad_s, 12, ratio, 0);
   torque_ = MakeField(range.torque_nm, 12, joint.direction / joint.gear_ratio, 0);
@@ -190,7 +178,7 @@ CanFrame AkV3Drive::EncodeSetpoint(const DriveSetpoint& setpoint) noexcept {
 CanFrame AkV3Drive::EncodeOff() noexcept {
   encoded_ = {};
   encoded_.position_rad = feedback_.position_rad;
-  AkV3Command off;
+  ImpedanceCommand off;
   off.position_rad = config_.joint.ToDrivePosition(feedback_.position_rad);
   return EncodeAkV3Command(config_, off);
 }
@@ -269,7 +257,7 @@ bool AkV3Drive::IsCommand(const CanFrame& frame) const noexcept {
 
 bool AkV3Protocol::CommandedPosition(const AkV3Config& config, const CanFrame& frame,
                                      double& shaft_rad) noexcept {
-  AkV3Command command;
+  ImpedanceCommand command;
   if (DecodeAkV3Command(config, frame, command) != Status::kOk || command.kp_nm_per_rad <= 0)
     return false;
   shaft_rad = double{command.position_rad};

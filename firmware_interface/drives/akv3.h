@@ -4,9 +4,9 @@
 #include <cstdint>
 #include <string_view>
 
-#include "firmware_interface/drives/drive.h"
+#include "firmware_interface/drives/configured_drive.h"
 #include "firmware_interface/drives/drive_protocol.h"
-#include "firmware_interface/drives/drive_range.h"
+#include "firmware_interface/drives/impedance.h"
 #include "firmware_interface/drives/joint_map.h"
 
 namespace tumbler {
@@ -41,20 +41,14 @@ namespace tumbler {
 inline constexpr std::uint32_t kAkV3SetpointFunction = 0x08;
 inline constexpr std::uint32_t kAkV3StatusFunction = 0x29;
 
-/// Ranges of setpoints at the drive's shaft, compiled into its firmware. Velocity and torque differ
-/// between models.
-struct AkV3Ranges {
-  DriveRange position_rad{-12.56F, 12.56F};
-  DriveRange velocity_rad_s{-65.0F, 65.0F};
-  DriveRange kp_nm_per_rad{0.0F, 500.0F};
-  DriveRange kd_nm_s_per_rad{0.0F, 5.0F};
-  DriveRange torque_nm{-18.0F, 18.0F};
-};
+/// Ranges of setpoints of an AK80-9. Velocity and torque differ between models.
+inline constexpr ImpedanceRanges kAkV3Ranges = {
+    {-12.56F, 12.56F}, {-65.0F, 65.0F}, {0.0F, 500.0F}, {0.0F, 5.0F}, {-18.0F, 18.0F}};
 
 /// One drive.
 struct AkV3Config {
   std::uint8_t node_id = 1;  ///< The drive's CAN ID.
-  AkV3Ranges range;
+  ImpedanceRanges range = kAkV3Ranges;
   int pole_pairs = 21;      ///< 1 ... 100, of the motor.
   float gear_inside = 9;    ///< 0.1 ... 1000: turns of the motor per turn of the shaft.
   double status_s = 0.002;  ///< 0.002 ... 0.1: period of the reports that the drive is set to.
@@ -69,15 +63,6 @@ struct AkV3Config {
   /// @retval kInvalidArgument  a value is outside what its comment allows, a range of motion does
   ///                           not contain zero, or one of a gain does not begin there.
   [[nodiscard]] Status Validate() const noexcept;
-};
-
-/// A setpoint at the drive's shaft.
-struct AkV3Command {
-  float position_rad = 0;
-  float velocity_rad_s = 0;
-  float kp_nm_per_rad = 0;
-  float kd_nm_s_per_rad = 0;
-  float torque_nm = 0;
 };
 
 /// A report in the units of the wire.
@@ -104,11 +89,11 @@ struct AkV3Status {
 /// Packs (1), with each field clamped to its range. It always has 8 bytes: a drive would read
 /// missing ones as zeros, which are ends of ranges.
 [[nodiscard]] CanFrame EncodeAkV3Command(const AkV3Config& config,
-                                         const AkV3Command& command) noexcept;
+                                         const ImpedanceCommand& command) noexcept;
 /// @retval kInvalidArgument  no data frame of 8 bytes that is a setpoint for this drive; `command`
 /// is unchanged.
 Status DecodeAkV3Command(const AkV3Config& config, const CanFrame& frame,
-                         AkV3Command& command) noexcept;
+                         ImpedanceCommand& command) noexcept;
 
 /// Packs (2), for simulated drives.
 [[nodiscard]] CanFrame EncodeAkV3Status(const AkV3Config& config,
@@ -132,7 +117,7 @@ Status DecodeAkV3Status(const AkV3Config& config, const CanFrame& frame,
 /// following error shows the difference. kFault is reported while the latest report carries an
 /// error. Frames still go out as requested then, since only the executor knows whether cutting the
 /// torque is the safe reaction. A setpoint that is not finite takes the torque away.
-class AkV3Drive final : public Drive {
+class AkV3Drive final : public ConfiguredDrive<AkV3Config> {
  public:
   /// @pre config.Validate() is kOk; otherwise every Encode returns kInvalidArgument and sends
   /// nothing.
@@ -143,14 +128,10 @@ class AkV3Drive final : public Drive {
   bool Decode(const CanFrame& frame) noexcept override;
   [[nodiscard]] bool IsCommand(const CanFrame& frame) const noexcept override;
 
-  /// With the torque off: the measured position, everything else zero.
-  [[nodiscard]] DriveSetpoint encoded_setpoint() const noexcept override { return encoded_; }
-  [[nodiscard]] DriveFeedback feedback() const noexcept override { return feedback_; }
   [[nodiscard]] DriveState state() const noexcept override;
   [[nodiscard]] ReplyRhythm reply_rhythm() const noexcept override {
     return {false, config_.status_per_tick_max};
   }
-  [[nodiscard]] const AkV3Config& config() const noexcept { return config_; }
 
  private:
   enum class Stage : std::uint8_t { kOff, kBegin, kHold, kFollow };
@@ -173,17 +154,13 @@ class AkV3Drive final : public Drive {
   CanFrame EncodeSetpoint(const DriveSetpoint& setpoint) noexcept;
   CanFrame EncodeOff() noexcept;
 
-  AkV3Config config_;
   Field position_, velocity_, torque_, kp_, kd_;
   float position_step_ = 0, velocity_step_ = 0, torque_step_ = 0;  // of reports, at the joint
-  bool valid_;
   Stage stage_ = Stage::kOff;
   int answered_ticks_ = 0;  // ticks with a report since the stage began, up to the last Encode
   bool answered_ = false;   // whether a report has come since the last Encode
   bool heard_ = false;      // whether one ever came
   float hold_rad_ = 0;
-  DriveFeedback feedback_;
-  DriveSetpoint encoded_;
   // The gains of the last setpoint and their code on the wire. They are kept, because gains hardly
   // ever change.
   float kp_asked_ = 0, kd_asked_ = 0;
@@ -202,14 +179,8 @@ struct AkV3Protocol {
   static constexpr int kFirstReply_ms = 500;
   static constexpr bool kCarriesGains = true;
 
-  static Config Example(int joint) noexcept {
-    Config config;
-    config.node_id = static_cast<std::uint8_t>(joint + 1);
-    return config;
-  }
-  static ShaftRanges CommandRanges(const Config& config) noexcept {
-    return {config.range.position_rad, config.range.velocity_rad_s, config.range.torque_nm};
-  }
+  static Config Example(int joint) noexcept { return OfNode<Config>(joint + 1); }
+  static ShaftRanges CommandRanges(const Config& config) noexcept { return config.range.Shaft(); }
   static DriveRange ReportedPositions(const Config& /*config*/) noexcept {
     constexpr float kEnd_rad = 55.8505F;  // 3200 degrees
     return {-kEnd_rad, kEnd_rad};

@@ -33,18 +33,13 @@ constexpr std::array<AkV3Model, 3> kModels = {{
     {"AK60-6", 60, 12, 14, 6},
     {"AK80-9", 65, 18, 21, 9},
 }};
-constexpr auto kModelNames = [] {
-  std::array<std::string_view, kModels.size()> names;
-  for (std::size_t i = 0; i < names.size(); ++i) names[i] = kModels[i].name;
-  return names;
-}();
+constexpr auto kModelNames = NamesOf(kModels);
 
 void ReadModel(TomlTable& table, std::string_view key, AkV3Config& config) {
   const std::string name = table.Choice(key, kModelNames, "");
   for (const AkV3Model& model : kModels) {
     if (model.name != name) continue;
-    config.range.velocity_rad_s = {-model.velocity_rad_s, model.velocity_rad_s};
-    config.range.torque_nm = {-model.torque_nm, model.torque_nm};
+    TakeModelRanges(model.velocity_rad_s, model.torque_nm, config.range);
     config.pole_pairs = model.pole_pairs;
     config.gear_inside = model.gear_inside;
   }
@@ -72,15 +67,6 @@ constexpr std::array kReportKeys = {
         .Allowed("0.002 to 0.1, at most 4 ticks"),
 };
 
-constexpr const char* kAtShaft = "at the drive's shaft";
-constexpr std::array kRangeKeys = {
-    RangeOf<&AkV3Ranges::position_rad>("position_rad", kAtShaft).Default(kOfModel),
-    RangeOf<&AkV3Ranges::velocity_rad_s>("velocity_rad_s", kAtShaft).Default(kOfModel),
-    RangeOf<&AkV3Ranges::kp_nm_per_rad, true>("kp_nm_per_rad", kAtShaft).Default(kOfModel),
-    RangeOf<&AkV3Ranges::kd_nm_s_per_rad, true>("kd_nm_s_per_rad", kAtShaft).Default(kOfModel),
-    RangeOf<&AkV3Ranges::torque_nm>("torque_nm", kAtShaft).Default(kOfModel),
-};
-
 }  // namespace
 
 AkV3Config AkV3Protocol::Read(DriveTable& table) {
@@ -89,14 +75,9 @@ AkV3Config AkV3Protocol::Read(DriveTable& table) {
   ReadKeys(keys, kIdKeys, config);
   config.joint = ReadJoint(keys);
   ReadKeys(keys, kModelKeys, config);
-  if (keys.Has("model")) {
-    ReadKeys(keys, kMotorKeys, config);
-    if (auto range = keys.OptionalTable("range")) ReadKeys(*range, kRangeKeys, config.range);
-  } else {
-    ReadKeys(keys, AllRequired(kMotorKeys), config);
-    TomlTable range = keys.Table("range");
-    ReadKeys(range, AllRequired(kRangeKeys), config.range);
-  }
+  const bool of_model = keys.Has("model");
+  ReadKeys(keys, of_model ? kMotorKeys : AllRequired(kMotorKeys), config);
+  ReadImpedanceRanges(keys, of_model, config.range);
   ReadKeys(keys, kReportKeys, config);
   ReadCarriedGains(table, config.joint, config.range.kp_nm_per_rad, config.range.kd_nm_s_per_rad);
   // A drive whose measurement is older than a few ticks counts as silent.
@@ -113,7 +94,7 @@ AkV3Config AkV3Protocol::Read(DriveTable& table) {
 KeyTable AkV3Protocol::Keys() {
   return {"firmware_interface/drives/akv3_toml.cc", "akv3",
           Joined({RowsOf(kIdKeys), RowsOf(kModelKeys), RowsOf(kMotorKeys), RowsOf(kReportKeys),
-                  RowsOf(kRangeKeys, "`[drive.range]`")})};
+                  ImpedanceRangeRows()})};
 }
 
 DriveTraffic AkV3Protocol::TrafficOf(const DriveEntry& /*entry*/, const AkV3Config& config,

@@ -177,7 +177,7 @@ Status CanSimpleConfig::Validate() const noexcept {
 }
 
 CanSimpleDrive::CanSimpleDrive(const CanSimpleConfig& config) noexcept
-    : config_(config), valid_(config.Validate() == Status::kOk) {
+    : ConfiguredDrive(config, config.Validate()) {
   if (!valid_) return;
   const float ratio = config.joint.direction * config.joint.gear_ratio;
   position_to_rev_ = ratio / kTwoPi;

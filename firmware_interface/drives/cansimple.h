@@ -5,7 +5,7 @@
 
 #include "common/status.h"
 #include "firmware_interface/can/frame.h"
-#include "firmware_interface/drives/drive.h"
+#include "firmware_interface/drives/configured_drive.h"
 #include "firmware_interface/drives/drive_protocol.h"
 #include "firmware_interface/drives/drive_range.h"
 #include "firmware_interface/drives/joint_map.h"
@@ -187,7 +187,7 @@ struct CanSimpleConfig {
 /// Changes of state are known from heartbeats, so set their period to 10 ms or so. The state is
 /// kFault while the last heartbeat or error message carries an error, and kLost when heartbeats
 /// have stopped.
-class CanSimpleDrive final : public Drive {
+class CanSimpleDrive final : public ConfiguredDrive<CanSimpleConfig> {
  public:
   /// @pre config.Validate() is kOk; otherwise every Encode returns kInvalidArgument and sends
   /// nothing.
@@ -198,7 +198,6 @@ class CanSimpleDrive final : public Drive {
   bool Decode(const CanFrame& frame) noexcept override;
   [[nodiscard]] bool IsCommand(const CanFrame& frame) const noexcept override;
 
-  [[nodiscard]] DriveSetpoint encoded_setpoint() const noexcept override { return encoded_; }
   [[nodiscard]] DriveFeedback feedback() const noexcept override;
   [[nodiscard]] DriveReport report() const noexcept override {
     return {failed_result_, disarm_reason_};
@@ -210,7 +209,6 @@ class CanSimpleDrive final : public Drive {
   [[nodiscard]] HeartbeatAge heartbeat() const noexcept override {
     return {heartbeat_age_, config_.heartbeat_ticks_max};
   }
-  [[nodiscard]] const CanSimpleConfig& config() const noexcept { return config_; }
 
  private:
   static constexpr int kNeverHeard = 1 << 30;
@@ -226,12 +224,10 @@ class CanSimpleDrive final : public Drive {
   void AddSetpoint(const DriveSetpoint& setpoint, FrameBatch& batch) noexcept;
   CanFrame EncodePosition(float joint_rad, float joint_rad_s, float joint_nm) noexcept;
 
-  CanSimpleConfig config_;
   // One multiplication each between joint and wire.
   float position_to_rev_ = 1, position_to_rad_ = 1, torque_to_nm_ = 1, torque_from_nm_ = 1;
   DriveRange position_rev_, velocity_rev_s_;
   DriveRange velocity_codes_, torque_codes_;  // codes of the feed-forwards
-  bool valid_;
   Stage stage_ = Stage::kOff;
   bool velocity_mode_ = false;  // what the drive was last told
   int prepare_ticks_ = 0;
@@ -246,8 +242,6 @@ class CanSimpleDrive final : public Drive {
   std::uint32_t active_error_ = 0;
   std::uint32_t disarm_reason_ = 0;
   float hold_rad_ = 0;
-  DriveFeedback feedback_;
-  DriveSetpoint encoded_;
 };
 
 /// The description of the protocol; see drive_protocol.h.
@@ -261,11 +255,7 @@ struct CanSimpleProtocol {
   static constexpr int kFirstReply_ms = 500;
   static constexpr bool kCarriesGains = false;
 
-  static Config Example(int joint) noexcept {
-    Config config;
-    config.node_id = static_cast<std::uint8_t>(joint + 1);
-    return config;
-  }
+  static Config Example(int joint) noexcept { return OfNode<Config>(joint + 1); }
   static ShaftRanges CommandRanges(const Config& config) noexcept { return config.range; }
   static DriveRange ReportedPositions(const Config& config) noexcept {
     return config.range.position_rad;  // Floats reach as far, at least.

@@ -234,7 +234,7 @@ bool Cia402SetUp(const Cia402Config& config, int step, SdoRequest& request) noex
 }
 
 Cia402Drive::Cia402Drive(const Cia402Config& config) noexcept
-    : config_(config), valid_(config.Validate() == Status::kOk) {
+    : ConfiguredDrive(config, config.Validate()) {
   if (!valid_) return;
   const float ratio = config.joint.direction * config.joint.gear_ratio;
   const float position = config.position_units_per_turn / kTwoPi;

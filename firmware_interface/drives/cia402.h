@@ -6,7 +6,7 @@
 #include "common/status.h"
 #include "firmware_interface/can/frame.h"
 #include "firmware_interface/drives/canopen.h"
-#include "firmware_interface/drives/drive.h"
+#include "firmware_interface/drives/configured_drive.h"
 #include "firmware_interface/drives/drive_protocol.h"
 #include "firmware_interface/drives/drive_range.h"
 #include "firmware_interface/drives/joint_map.h"
@@ -178,7 +178,7 @@ bool Cia402SetUp(const Cia402Config& config, int step, SdoRequest& request) noex
 /// following-error bit is set and the drive enabled (8611h), and after a refused set-up. It is
 /// kLost when the drive's heartbeat has stopped: frames still go out as requested, and kClearErrors
 /// begins the set-up anew.
-class Cia402Drive final : public Drive {
+class Cia402Drive final : public ConfiguredDrive<Cia402Config> {
  public:
   static constexpr int kAnswerTicks = 200;
   static constexpr int kResetTicks = 200;
@@ -192,8 +192,6 @@ class Cia402Drive final : public Drive {
   bool Decode(const CanFrame& frame) noexcept override;
   [[nodiscard]] bool IsCommand(const CanFrame& frame) const noexcept override;
 
-  [[nodiscard]] DriveSetpoint encoded_setpoint() const noexcept override { return encoded_; }
-  [[nodiscard]] DriveFeedback feedback() const noexcept override { return feedback_; }
   [[nodiscard]] DriveState state() const noexcept override { return state_; }
   [[nodiscard]] HeartbeatAge heartbeat() const noexcept override {
     return {heartbeat_age_, heartbeat_ticks_max_};
@@ -202,7 +200,6 @@ class Cia402Drive final : public Drive {
     return link_ == Link::kRefused ? SetUpRefusal{refused_index_, refused_sub_, refusal_}
                                    : SetUpRefusal{};
   }
-  [[nodiscard]] const Cia402Config& config() const noexcept { return config_; }
 
  private:
   enum class Link : std::uint8_t { kReset, kSetUp, kRefused, kStart, kReadMode, kRunning };
@@ -227,8 +224,6 @@ class Cia402Drive final : public Drive {
                FrameBatch& batch) noexcept;
   void TakeReply(const SdoReply& reply) noexcept;
 
-  Cia402Config config_;
-  bool valid_;
   // One multiplication each between joint and wire.
   float position_to_units_ = 1, position_to_rad_ = 1, velocity_to_units_ = 1,
         velocity_to_rad_s_ = 1, torque_to_units_ = 1, torque_to_nm_ = 1;
@@ -253,9 +248,7 @@ class Cia402Drive final : public Drive {
   std::uint16_t statusword_ = 0;
   Cia402State power_ = Cia402State::kNotReady;  // that of the statusword
   std::uint16_t emergency_ = 0;
-  DriveFeedback feedback_;
   DriveState state_ = DriveState::kUnknown;
-  DriveSetpoint encoded_;
 };
 
 /// The description of the protocol; see drive_protocol.h.
@@ -270,8 +263,7 @@ struct Cia402Protocol {
   static constexpr bool kCarriesGains = false;
 
   static Config Example(int joint) noexcept {
-    Config config;
-    config.node_id = static_cast<std::uint8_t>(joint + 1);
+    Config config = OfNode<Config>(joint + 1);
     config.rated_torque_nm = 6;
     return config;
   }

@@ -109,6 +109,16 @@ constexpr std::array kWatchdogKeys = {
         .Required(),
 };
 
+constexpr const char* kOfModel = "that of `model`";
+constexpr const char* kAtShaft = "at the drive's shaft";
+constexpr std::array kImpedanceRangeKeys = {
+    RangeOf<&ImpedanceRanges::position_rad>("position_rad", kAtShaft).Default(kOfModel),
+    RangeOf<&ImpedanceRanges::velocity_rad_s>("velocity_rad_s", kAtShaft).Default(kOfModel),
+    RangeOf<&ImpedanceRanges::kp_nm_per_rad, true>("kp_nm_per_rad", kAtShaft).Default(kOfModel),
+    RangeOf<&ImpedanceRanges::kd_nm_s_per_rad, true>("kd_nm_s_per_rad", kAtShaft).Default(kOfModel),
+    RangeOf<&ImpedanceRanges::torque_nm>("torque_nm", kAtShaft).Default(kOfModel),
+};
+
 }  // namespace
 
 DriveRange ReadRange(TomlTable& table, std::string_view key, bool from_zero) {
@@ -143,6 +153,21 @@ ShaftRanges ReadShaftRanges(TomlTable& table, double position_max, double veloci
   return ranges;
 }
 std::vector<KeyRow> ShaftRangeRows() { return RowsOf(kShaftRangeKeys, "`[drive.range]`"); }
+
+void ReadImpedanceRanges(TomlTable& drive, bool of_model, ImpedanceRanges& ranges) {
+  if (!of_model) {
+    TomlTable range = drive.Table("range");
+    ReadKeys(range, AllRequired(kImpedanceRangeKeys), ranges);
+  } else if (auto range = drive.OptionalTable("range")) {
+    ReadKeys(*range, kImpedanceRangeKeys, ranges);
+  }
+}
+std::vector<KeyRow> ImpedanceRangeRows() { return RowsOf(kImpedanceRangeKeys, "`[drive.range]`"); }
+
+void TakeModelRanges(float velocity_rad_s, float torque_nm, ImpedanceRanges& ranges) {
+  ranges.velocity_rad_s = {-velocity_rad_s, velocity_rad_s};
+  ranges.torque_nm = {-torque_nm, torque_nm};
+}
 
 void ReadCarriedGains(DriveTable& table, const JointMap& joint, const DriveRange& kp,
                       const DriveRange& kd) {

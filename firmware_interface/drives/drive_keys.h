@@ -1,5 +1,7 @@
 #pragma once
 
+#include <array>
+#include <cstddef>
 #include <string_view>
 #include <vector>
 
@@ -8,6 +10,7 @@
 #include "common/toml_reader.h"
 #include "firmware_interface/drives/drive_entry.h"
 #include "firmware_interface/drives/drive_range.h"
+#include "firmware_interface/drives/impedance.h"
 #include "firmware_interface/drives/joint_map.h"
 
 namespace tumbler {
@@ -49,6 +52,22 @@ constexpr auto RangeOf(std::string_view name, const char* meaning) {
 ShaftRanges ReadShaftRanges(TomlTable& table, double position_max, double velocity_max,
                             double torque_max);
 std::vector<KeyRow> ShaftRangeRows();
+
+/// `[range]`: the ranges of a protocol that carries gains. Each of its keys is required, unless
+/// `of_model`, which then stays where a key is missing.
+void ReadImpedanceRanges(TomlTable& drive, bool of_model, ImpedanceRanges& ranges);
+std::vector<KeyRow> ImpedanceRangeRows();
+
+/// The names of models, for the key that chooses one.
+template <typename Model, std::size_t kCount>
+constexpr std::array<std::string_view, kCount> NamesOf(const std::array<Model, kCount>& models) {
+  std::array<std::string_view, kCount> names;
+  for (std::size_t i = 0; i < kCount; ++i) names[i] = models[i].name;
+  return names;
+}
+
+/// Takes the ranges with which drives of a model are delivered, where they differ between models.
+void TakeModelRanges(float velocity_rad_s, float torque_nm, ImpedanceRanges& ranges);
 
 /// `kp_nm_per_rad`, `kd_nm_s_per_rad`: gains at the joint that the drive can carry at its shaft.
 /// @param kp, kd  what it can carry.

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <concepts>
+#include <cstdint>
 #include <string_view>
 
 #include "common/status.h"
@@ -19,6 +20,14 @@ struct DriveTraffic;          // drive_traffic.h
 struct KeyTable;              // common/key_table.h
 struct OwnedDrive;            // make_simulated.h
 struct SimulatedMotorConfig;  // simulated_drive.h
+
+/// A configuration of a protocol whose drives have a number, with this one.
+template <typename Config>
+constexpr Config OfNode(int node) noexcept {
+  Config config;
+  config.node_id = static_cast<std::uint8_t>(node);
+  return config;
+}
 
 /// The description of a drive protocol: a type without objects. Everything that works with every
 /// protocol is made from these descriptions; protocols.h lists them.

@@ -16,6 +16,10 @@ struct DriveRange {
   [[nodiscard]] constexpr bool ContainsZeroWithin(float largest) const noexcept {
     return min >= -largest && min < 0 && max > 0 && max <= largest;
   }
+  /// Whether it begins at exactly zero and ends above, at `largest` at most.
+  [[nodiscard]] constexpr bool BeginsAtZeroWithin(float largest) const noexcept {
+    return min == 0 && max > 0 && max <= largest;
+  }
 };
 
 /// The ranges of one drive's setpoints, at its shaft. Nothing beyond them is ever encoded.

@@ -6,23 +6,11 @@ namespace tumbler {
 
 namespace {
 
-bool IsMotionRange(const MitRange& range) noexcept { return range.ContainsZeroWithin(kMitLargest); }
-
-bool IsGainRange(const MitRange& range) noexcept {
-  return range.min == 0 && range.max > 0 && range.max <= kMitLargest;
-}
-
-bool AreValidRanges(const MitRanges& ranges) noexcept {
-  return IsMotionRange(ranges.position_rad) && IsMotionRange(ranges.velocity_rad_s) &&
-         IsGainRange(ranges.kp_nm_per_rad) && IsGainRange(ranges.kd_nm_s_per_rad) &&
-         IsMotionRange(ranges.torque_nm);
-}
-
 constexpr std::uint8_t Low(int value) noexcept { return static_cast<std::uint8_t>(value & 0xff); }
 
 // The firmware's conversion from float to integer. It truncates, and saturates only where the
 // processor's instruction does.
-std::int32_t FirmwareCode(float value, const MitRange& range, int bits) noexcept {
+std::int32_t FirmwareCode(float value, const DriveRange& range, int bits) noexcept {
   const float steps = static_cast<float>((1 << bits) - 1);
   const float code = (value - range.min) * steps / (range.max - range.min);
   if (!(code > -2147483648.0F)) return code != code ? 0 : std::numeric_limits<std::int32_t>::min();
@@ -55,11 +43,11 @@ Status MitConfig::Validate() const noexcept {
   if (command_id < 1 || command_id > 0xff || reply_id > 0x7ff) {
     return Status::kInvalidArgument;
   }
-  if (!AreValidRanges(command) || !AreValidRanges(reply)) return Status::kInvalidArgument;
+  if (!command.AreValid() || !reply.AreValid()) return Status::kInvalidArgument;
   return joint.Validate();
 }
 
-std::uint16_t MitQuantise(float value, const MitRange& range, int bits) noexcept {
+std::uint16_t MitQuantise(float value, const DriveRange& range, int bits) noexcept {
   const int top = (1 << bits) - 1;
   if (!(value > range.min)) return 0;
   if (value >= range.max) return static_cast<std::uint16_t>(top);
@@ -68,7 +56,7 @@ std::uint16_t MitQuantise(float value, const MitRange& range, int bits) noexcept
   return static_cast<std::uint16_t>(nearest < top ? nearest : top);
 }
 
-float MitDequantise(std::uint16_t code, const MitRange& range, int bits) noexcept {
+float MitDequantise(std::uint16_t code, const DriveRange& range, int bits) noexcept {
   return static_cast<float>(code) * (range.max - range.min) / static_cast<float>((1 << bits) - 1) +
          range.min;
 }
@@ -93,8 +81,8 @@ void AvoidMagic(MitDialect dialect, Codes& codes) noexcept {
   }
 }
 
-Codes Quantise(const MitConfig& config, const MitCommand& command) noexcept {
-  const MitRanges& ranges = config.command;
+Codes Quantise(const MitConfig& config, const ImpedanceCommand& command) noexcept {
+  const ImpedanceRanges& ranges = config.command;
   Codes codes{MitQuantise(command.position_rad, ranges.position_rad, 16),
               MitQuantise(command.velocity_rad_s, ranges.velocity_rad_s, 12),
               MitQuantise(command.kp_nm_per_rad, ranges.kp_nm_per_rad, 12),
@@ -104,7 +92,7 @@ Codes Quantise(const MitConfig& config, const MitCommand& command) noexcept {
   return codes;
 }
 
-MitCommand Dequantise(const MitRanges& ranges, const Codes& codes) noexcept {
+ImpedanceCommand Dequantise(const ImpedanceRanges& ranges, const Codes& codes) noexcept {
   return {MitDequantise(codes.p, ranges.position_rad, 16),
           MitDequantise(codes.v, ranges.velocity_rad_s, 12),
           MitDequantise(codes.kp, ranges.kp_nm_per_rad, 12),
@@ -131,7 +119,7 @@ Codes Unpack(const std::array<std::uint8_t, 8>& data) noexcept {
 
 }  // namespace
 
-CanFrame EncodeMitCommand(const MitConfig& config, const MitCommand& command) noexcept {
+CanFrame EncodeMitCommand(const MitConfig& config, const ImpedanceCommand& command) noexcept {
   CanFrame frame;
   frame.id = config.command_id;
   frame.size = 8;
@@ -140,7 +128,7 @@ CanFrame EncodeMitCommand(const MitConfig& config, const MitCommand& command) no
 }
 
 Status DecodeMitCommand(const MitConfig& config, const CanFrame& frame,
-                        MitCommand& command) noexcept {
+                        ImpedanceCommand& command) noexcept {
   MitMagic magic{};
   if (!IsFrameOf(frame, config.command_id) || frame.size != 8 ||
       DecodeMitMagic(config, frame, magic)) {
@@ -251,11 +239,10 @@ bool DecodeMitMagic(const MitConfig& config, const CanFrame& frame, MitMagic& ma
 }
 
 MitDrive::MitDrive(const MitConfig& config) noexcept
-    : config_(config),
+    : ConfiguredDrive(config, config.Validate()),
       map_(MakeMap(config.joint)),
       command_range_(MakeRange(config.command)),
-      reply_range_(MakeRange(config.reply)),
-      valid_(config.Validate() == Status::kOk) {}
+      reply_range_(MakeRange(config.reply)) {}
 
 MitDrive::LaneMap MitDrive::MakeMap(const JointMap& joint) noexcept {
   const float signed_ratio = joint.direction * joint.gear_ratio;
@@ -266,10 +253,10 @@ MitDrive::LaneMap MitDrive::MakeMap(const JointMap& joint) noexcept {
           {joint.gear_ratio, joint.gear_ratio, 1, 1}};
 }
 
-MitDrive::LaneRange MitDrive::MakeRange(const MitRanges& ranges) noexcept {
-  const MitRange& p = ranges.position_rad;
-  const MitRange& v = ranges.velocity_rad_s;
-  const MitRange& t = ranges.torque_nm;
+MitDrive::LaneRange MitDrive::MakeRange(const ImpedanceRanges& ranges) noexcept {
+  const DriveRange& p = ranges.position_rad;
+  const DriveRange& v = ranges.velocity_rad_s;
+  const DriveRange& t = ranges.torque_nm;
   return {{p.min, v.min, t.min, -0.0F},
           {p.max, v.max, t.max, 1},
           {p.max - p.min, v.max - v.min, t.max - t.min, 1},
@@ -292,7 +279,7 @@ void MitDrive::GoTo(Stage stage) noexcept {
   answered_ticks_ = 0;
 }
 
-MitCommand MitDrive::ToCommand(const DriveSetpoint& setpoint) const noexcept {
+ImpedanceCommand MitDrive::ToCommand(const DriveSetpoint& setpoint) const noexcept {
   const JointMap& joint = config_.joint;
   return {joint.ToDrivePosition(setpoint.position_rad),
           joint.ToDriveVelocity(setpoint.velocity_rad_s), joint.ToDriveGain(setpoint.kp_nm_per_rad),
@@ -302,7 +289,7 @@ MitCommand MitDrive::ToCommand(const DriveSetpoint& setpoint) const noexcept {
 // Encodes a setpoint, and sets `encoded_` to the setpoint that the drive will read from the frame.
 CanFrame MitDrive::EncodeSetpoint(const DriveSetpoint& setpoint) noexcept {
   const JointMap& joint = config_.joint;
-  const MitRanges& ranges = config_.command;
+  const ImpedanceRanges& ranges = config_.command;
   if (setpoint.kp_nm_per_rad != gains_.kp_nm_per_rad ||
       setpoint.kd_nm_s_per_rad != gains_.kd_nm_s_per_rad) {
     gains_.kp_nm_per_rad = setpoint.kp_nm_per_rad;
@@ -442,7 +429,7 @@ bool MitDrive::IsCommand(const CanFrame& frame) const noexcept {
 
 bool MitProtocol::CommandedPosition(const MitConfig& config, const CanFrame& frame,
                                     double& shaft_rad) noexcept {
-  MitCommand command;
+  ImpedanceCommand command;
   if (DecodeMitCommand(config, frame, command) != Status::kOk || command.kp_nm_per_rad <= 0) {
     return false;
   }

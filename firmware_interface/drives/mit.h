@@ -4,9 +4,9 @@
 #include <cstdint>
 #include <string_view>
 
-#include "firmware_interface/drives/drive.h"
+#include "firmware_interface/drives/configured_drive.h"
 #include "firmware_interface/drives/drive_protocol.h"
-#include "firmware_interface/drives/drive_range.h"
+#include "firmware_interface/drives/impedance.h"
 #include "firmware_interface/drives/joint_map.h"
 
 namespace tumbler {
@@ -44,22 +44,9 @@ namespace tumbler {
 /// gains and feed-forward to zero, and resumes by itself with the next setpoint. Clones differ: try
 /// it on the bench.
 
-/// Largest magnitude of a range's end; beyond it the arithmetic of codes could overflow.
-inline constexpr float kMitLargest = 1e6F;
-
-/// The range of a field. Ranges of position, velocity and torque contain zero; those of gains start
-/// at exactly zero.
-using MitRange = DriveRange;
-
-/// Ranges compiled into the drive's firmware. They differ between models, firmware versions and
-/// published tables; verify them on the bench: with wrong ranges a drive obeys, scaled.
-struct MitRanges {
-  MitRange position_rad{-12.5F, 12.5F};
-  MitRange velocity_rad_s{-50.0F, 50.0F};
-  MitRange kp_nm_per_rad{0.0F, 500.0F};
-  MitRange kd_nm_s_per_rad{0.0F, 5.0F};
-  MitRange torque_nm{-18.0F, 18.0F};
-};
+/// Ranges of bgkatz firmware and of an AK80-9.
+inline constexpr ImpedanceRanges kMitRanges = {
+    {-12.5F, 12.5F}, {-50.0F, 50.0F}, {0.0F, 500.0F}, {0.0F, 5.0F}, {-18.0F, 18.0F}};
 
 /// Whose firmware it is, where firmwares differ in what they reply.
 enum class MitDialect : std::uint8_t {
@@ -87,25 +74,17 @@ struct MitConfig {
   /// told from commands of somebody else by their first byte.
   std::uint16_t reply_id = 17;
   MitDialect dialect = MitDialect::kMiniCheetah;
-  MitRanges command;
+  ImpedanceRanges command = kMitRanges;
   /// Ranges of replies; kp and kd are not used. Newer bgkatz firmware has a wider torque range
   /// here.
-  MitRanges reply;
+  ImpedanceRanges reply = kMitRanges;
   MitTemperature temperature_encoding = MitTemperature::kSigned;
   JointMap joint;
 
-  /// @retval kInvalidArgument  an id is out of range, a range is not as MitRange says, or the
+  /// @retval kInvalidArgument  an id is out of range, a range is not as ImpedanceRanges::AreValid
+  /// says, or the
   ///                           joint map is not valid.
   [[nodiscard]] Status Validate() const noexcept;
-};
-
-/// A command at the drive's shaft.
-struct MitCommand {
-  float position_rad = 0;
-  float velocity_rad_s = 0;
-  float kp_nm_per_rad = 0;
-  float kd_nm_s_per_rad = 0;
-  float torque_nm = 0;
 };
 
 /// A reply at the drive's shaft.
@@ -133,20 +112,20 @@ enum class MitMagic : std::uint8_t {
 
 /// The code of `value` in `range`, clamped and rounded to nearest; NaN gives the code of min.
 /// @param bits  12 or 16.
-[[nodiscard]] std::uint16_t MitQuantise(float value, const MitRange& range, int bits) noexcept;
+[[nodiscard]] std::uint16_t MitQuantise(float value, const DriveRange& range, int bits) noexcept;
 /// The value of a code.
-[[nodiscard]] float MitDequantise(std::uint16_t code, const MitRange& range, int bits) noexcept;
+[[nodiscard]] float MitDequantise(std::uint16_t code, const DriveRange& range, int bits) noexcept;
 
 /// Packs (1), with each field clamped to its range. One pattern of a setpoint would read as a magic
 /// frame (all fields at their maximum, torque one to three steps below it): it goes out with the
 /// position one step lower.
 [[nodiscard]] CanFrame EncodeMitCommand(const MitConfig& config,
-                                        const MitCommand& command) noexcept;
+                                        const ImpedanceCommand& command) noexcept;
 /// Unpacks (1) as the drive does.
 /// @retval kInvalidArgument  no data frame of 8 bytes with the drive's command id, or a magic
 /// frame.
 Status DecodeMitCommand(const MitConfig& config, const CanFrame& frame,
-                        MitCommand& command) noexcept;
+                        ImpedanceCommand& command) noexcept;
 
 /// Packs (2) with `reply.size` bytes as firmware does, for simulated drives: truncated and not
 /// clamped, so that values wrap (see above).
@@ -179,7 +158,7 @@ Status DecodeMitReply(const MitConfig& config, const CanFrame& frame, MitReply& 
 /// is reported while the latest reply carries an error code. Frames still go out as requested then,
 /// since only the executor knows whether cutting the torque is the safe reaction. A setpoint that
 /// is not finite disables the motor; with kDisable the setpoint does not matter.
-class MitDrive final : public Drive {
+class MitDrive final : public ConfiguredDrive<MitConfig> {
  public:
   /// @pre config.Validate() is kOk; otherwise every Encode returns kInvalidArgument and sends
   /// nothing.
@@ -190,11 +169,7 @@ class MitDrive final : public Drive {
   bool Decode(const CanFrame& frame) noexcept override;
   [[nodiscard]] bool IsCommand(const CanFrame& frame) const noexcept override;
 
-  /// After a magic or neutral frame: the measured position, everything else zero.
-  [[nodiscard]] DriveSetpoint encoded_setpoint() const noexcept override { return encoded_; }
-  [[nodiscard]] DriveFeedback feedback() const noexcept override { return feedback_; }
   [[nodiscard]] DriveState state() const noexcept override;
-  [[nodiscard]] const MitConfig& config() const noexcept { return config_; }
 
  private:
   enum class Stage : std::uint8_t { kStart, kExit, kClear, kEnter, kNeutral, kFollow };
@@ -204,7 +179,7 @@ class MitDrive final : public Drive {
   void GoTo(Stage stage) noexcept;
   [[nodiscard]] int answered_ticks() const noexcept;
   [[nodiscard]] DriveState Inferred() const noexcept;
-  [[nodiscard]] MitCommand ToCommand(const DriveSetpoint& setpoint) const noexcept;
+  [[nodiscard]] ImpedanceCommand ToCommand(const DriveSetpoint& setpoint) const noexcept;
   CanFrame EncodeSetpoint(const DriveSetpoint& setpoint) noexcept;
 
   // Position, velocity, torque and one more lane side by side, so that the compiler can work on all
@@ -221,15 +196,13 @@ class MitDrive final : public Drive {
     Lanes min, max, width, top;
   };
   static LaneMap MakeMap(const JointMap& joint) noexcept;
-  static LaneRange MakeRange(const MitRanges& ranges) noexcept;
+  static LaneRange MakeRange(const ImpedanceRanges& ranges) noexcept;
   [[nodiscard]] Lanes ToJoint(const LaneRange& range,
                               const std::array<std::int32_t, 4>& codes) const noexcept;
 
-  MitConfig config_;
   LaneMap map_;
   LaneRange command_range_;
   LaneRange reply_range_;
-  bool valid_;
   Stage stage_ = Stage::kStart;
   DriveState before_exit_ = DriveState::kUnknown;
   // Ticks with a reply since the stage's first frame, up to the last Encode.
@@ -238,7 +211,6 @@ class MitDrive final : public Drive {
   bool heard_ = false;              // whether a reply ever came
   bool says_enabled_ = true;        // the last reply; without Damiao's always
   std::int32_t position_code_ = 0;  // of the last reply, beyond 16 bits where it has wrapped
-  DriveFeedback feedback_;
   // The gains of the last setpoint: as asked, as codes and as the drive sees them. They are kept,
   // because gains hardly ever change.
   struct Gains {
@@ -247,7 +219,6 @@ class MitDrive final : public Drive {
     float kp_encoded_nm_per_rad = 0, kd_encoded_nm_s_per_rad = 0;
   };
   Gains gains_;
-  DriveSetpoint encoded_;
 };
 
 /// The description of the protocol; see drive_protocol.h.
@@ -267,9 +238,7 @@ struct MitProtocol {
     config.reply_id = static_cast<std::uint16_t>(joint + 17);
     return config;
   }
-  static ShaftRanges CommandRanges(const Config& config) noexcept {
-    return {config.command.position_rad, config.command.velocity_rad_s, config.command.torque_nm};
-  }
+  static ShaftRanges CommandRanges(const Config& config) noexcept { return config.command.Shaft(); }
   static DriveRange ReportedPositions(const Config& config) noexcept {
     return config.reply.position_rad;
   }

@@ -46,19 +46,14 @@ constexpr std::array<MitModel, 9> kModels = {{
     {"DM8009", MitDialect::kDamiao, 45, 54},
     {"DM10010", MitDialect::kDamiao, 20, 200},
 }};
-constexpr auto kModelNames = [] {
-  std::array<std::string_view, kModels.size()> names;
-  for (std::size_t i = 0; i < names.size(); ++i) names[i] = kModels[i].name;
-  return names;
-}();
+constexpr auto kModelNames = NamesOf(kModels);
 
 void ReadModel(TomlTable& table, std::string_view key, MitConfig& mit) {
   const std::string name = table.Choice(key, kModelNames, "");
   for (const MitModel& model : kModels) {
     if (model.name != name) continue;
     mit.dialect = model.dialect;
-    mit.command.velocity_rad_s = {-model.velocity_rad_s, model.velocity_rad_s};
-    mit.command.torque_nm = {-model.torque_nm, model.torque_nm};
+    TakeModelRanges(model.velocity_rad_s, model.torque_nm, mit.command);
   }
 }
 constexpr std::array kModelKeys = {
@@ -72,21 +67,12 @@ constexpr std::array kTemperatureKeys = {
                                             "of the reply's seventh byte"),
 };
 
-constexpr const char* kOfModel = "that of `model`";
-constexpr const char* kAtShaft = "at the drive's shaft";
-constexpr std::array kRangeKeys = {
-    RangeOf<&MitRanges::position_rad>("position_rad", kAtShaft).Default(kOfModel),
-    RangeOf<&MitRanges::velocity_rad_s>("velocity_rad_s", kAtShaft).Default(kOfModel),
-    RangeOf<&MitRanges::kp_nm_per_rad, true>("kp_nm_per_rad", kAtShaft).Default(kOfModel),
-    RangeOf<&MitRanges::kd_nm_s_per_rad, true>("kd_nm_s_per_rad", kAtShaft).Default(kOfModel),
-    RangeOf<&MitRanges::torque_nm>("torque_nm", kAtShaft).Default(kOfModel),
-};
-
 constexpr const char* kReplies = "where replies differ from commands";
 constexpr std::array kReplyRangeKeys = {
-    RangeOf<&MitRanges::position_rad>("position_rad", kReplies).Default("that of `range`"),
-    RangeOf<&MitRanges::velocity_rad_s>("velocity_rad_s", kReplies).Default("that of `range`"),
-    RangeOf<&MitRanges::torque_nm>("torque_nm", kReplies).Default("that of `range`"),
+    RangeOf<&ImpedanceRanges::position_rad>("position_rad", kReplies).Default("that of `range`"),
+    RangeOf<&ImpedanceRanges::velocity_rad_s>("velocity_rad_s", kReplies)
+        .Default("that of `range`"),
+    RangeOf<&ImpedanceRanges::torque_nm>("torque_nm", kReplies).Default("that of `range`"),
 };
 
 }  // namespace
@@ -98,12 +84,7 @@ MitConfig MitProtocol::Read(DriveTable& table) {
   mit.joint = ReadJoint(keys);
   ReadKeys(keys, kModelKeys, mit);
   ReadKeys(keys, kDialectKeys, mit);
-  if (keys.Has("model")) {
-    if (auto range = keys.OptionalTable("range")) ReadKeys(*range, kRangeKeys, mit.command);
-  } else {
-    TomlTable range = keys.Table("range");
-    ReadKeys(range, AllRequired(kRangeKeys), mit.command);
-  }
+  ReadImpedanceRanges(keys, keys.Has("model"), mit.command);
   mit.reply = mit.command;
   if (auto reply = keys.OptionalTable("reply_range")) ReadKeys(*reply, kReplyRangeKeys, mit.reply);
   ReadKeys(keys, kTemperatureKeys, mit);
@@ -112,10 +93,10 @@ MitConfig MitProtocol::Read(DriveTable& table) {
 }
 
 KeyTable MitProtocol::Keys() {
-  return {"firmware_interface/drives/mit_toml.cc", "mit",
-          Joined({RowsOf(kIdKeys), RowsOf(kModelKeys), RowsOf(kDialectKeys),
-                  RowsOf(kTemperatureKeys), RowsOf(kRangeKeys, "`[drive.range]`"),
-                  RowsOf(kReplyRangeKeys, "`[drive.reply_range]`")})};
+  return {
+      "firmware_interface/drives/mit_toml.cc", "mit",
+      Joined({RowsOf(kIdKeys), RowsOf(kModelKeys), RowsOf(kDialectKeys), RowsOf(kTemperatureKeys),
+              ImpedanceRangeRows(), RowsOf(kReplyRangeKeys, "`[drive.reply_range]`")})};
 }
 
 DriveTraffic MitProtocol::TrafficOf(const DriveEntry& /*entry*/, const MitConfig& config,

@@ -21,7 +21,8 @@ SimulatedAkV3Drive::SimulatedAkV3Drive(const SimulatedAkV3Config& config)
     : SimulatedDrive(config, config.akv3.joint),
       config_(config),
       period_ns_(std::llround(config.akv3.status_s * 1e9)),
-      due_ns_(config.phase_ns) {
+      due_ns_(config.phase_ns),
+      law_(config.watchdog_s) {
   Require(config.akv3.Validate() == Status::kOk, "its protocol configuration is not valid");
   Require(config.watchdog_s >= 0 && config.watchdog_s <= 3600, "watchdog_s must be 0 ... 3600");
   Require(config.phase_ns >= 0, "phase_ns must be 0 or more");
@@ -35,32 +36,18 @@ SimulatedPortConfig SimulatedAkV3Drive::port_config() const noexcept {
 }
 
 bool SimulatedAkV3Drive::enabled() const noexcept {
-  const AkV3Command& s = setpoint_;
-  const bool any = s.kp_nm_per_rad > 0 || s.kd_nm_s_per_rad > 0 || s.torque_nm != 0;
-  return any && error_ == 0 && !expired_;
+  const ImpedanceCommand& s = law_.setpoint();
+  return error_ == 0 && (s.kp_nm_per_rad > 0 || s.kd_nm_s_per_rad > 0 || s.torque_nm != 0);
 }
 
 std::optional<double> SimulatedAkV3Drive::target_rad() const noexcept {
-  if (!enabled() || setpoint_.kp_nm_per_rad <= 0) return std::nullopt;
-  return ToJoint(static_cast<double>(setpoint_.position_rad));
+  const ImpedanceCommand& s = law_.setpoint();
+  if (!enabled() || s.kp_nm_per_rad <= 0) return std::nullopt;
+  return ToJoint(static_cast<double>(s.position_rad));
 }
 
 void SimulatedAkV3Drive::CheckWatchdog(std::int64_t time_ns) noexcept {
-  if (!enabled() || config_.watchdog_s <= 0) return;
-  if (static_cast<double>(time_ns - fed_ns_) <= config_.watchdog_s * 1e9) return;
-  expired_ = true;
-  CountExpiry();
-}
-
-void SimulatedAkV3Drive::NoteStiffness(float kp_nm_per_rad) noexcept {
-  constexpr float kLittle = 0.1F;  // of the largest stiffness
-  const float before = setpoint_.kp_nm_per_rad;
-  if (kp_nm_per_rad > before) {
-    softened_ = false;
-    stiffest_nm_per_rad_ = kp_nm_per_rad;
-  } else if (kp_nm_per_rad < before) {
-    softened_ = before - kp_nm_per_rad <= kLittle * stiffest_nm_per_rad_;
-  }
+  if (enabled() && law_.Expires(time_ns)) CountExpiry();
 }
 
 CanFrame SimulatedAkV3Drive::Report() const noexcept {
@@ -85,25 +72,16 @@ double SimulatedAkV3Drive::Law(std::int64_t time_ns) noexcept {
     while (due_ns_ <= time_ns) due_ns_ += period_ns_;
     Say(Report());
   }
-  if (!enabled()) return 0;
-  const AkV3Command& s = setpoint_;
-  return static_cast<double>(s.kp_nm_per_rad) *
-             (static_cast<double>(s.position_rad) - Measured(0)) +
-         static_cast<double>(s.kd_nm_s_per_rad) *
-             (static_cast<double>(s.velocity_rad_s) - shaft_velocity_rad_s()) +
-         static_cast<double>(s.torque_nm);
+  return enabled() ? law_.Torque(Measured(0), shaft_velocity_rad_s()) : 0;
 }
 
 void SimulatedAkV3Drive::OnFrame(const ReceivedFrame& received, SimulatedPort& /*port*/) noexcept {
-  AkV3Command command;
+  ImpedanceCommand command;
   if (DecodeAkV3Command(config_.akv3, received.frame, command) != Status::kOk) return;
   CheckWatchdog(received.time_ns);
   CountFrame();
   CountSetpoint(received.time_ns);
-  NoteStiffness(command.kp_nm_per_rad);
-  setpoint_ = command;
-  fed_ns_ = received.time_ns;
-  expired_ = false;
+  law_.Take(command, received.time_ns, enabled());
 }
 
 OwnedDrive AkV3Protocol::Simulate(const DriveEntry& entry, const AkV3Config& akv3,

@@ -5,6 +5,7 @@
 
 #include "firmware_interface/drives/akv3.h"
 #include "firmware_interface/drives/simulated_drive.h"
+#include "firmware_interface/drives/simulated_impedance.h"
 
 namespace tumbler {
 
@@ -35,10 +36,10 @@ class SimulatedAkV3Drive final : public SimulatedDrive {
   /// Whether the last setpoint asks for any torque.
   [[nodiscard]] bool enabled() const noexcept override;
   [[nodiscard]] std::optional<double> target_rad() const noexcept override;
-  [[nodiscard]] bool limp() const noexcept override { return expired_; }
-  [[nodiscard]] bool softened() const noexcept override { return enabled() && softened_; }
+  [[nodiscard]] bool limp() const noexcept override { return law_.expired(); }
+  [[nodiscard]] bool softened() const noexcept override { return enabled() && law_.softened(); }
   /// The last setpoint, at the shaft.
-  [[nodiscard]] const AkV3Command& last_setpoint() const noexcept { return setpoint_; }
+  [[nodiscard]] const ImpedanceCommand& last_setpoint() const noexcept { return law_.setpoint(); }
 
   /// A report carries only the low byte of the code.
   void RaiseError(std::uint32_t code) noexcept override {
@@ -49,18 +50,13 @@ class SimulatedAkV3Drive final : public SimulatedDrive {
   [[nodiscard]] SimulatedPortConfig port_config() const noexcept override;
   double Law(std::int64_t time_ns) noexcept override;
   void CheckWatchdog(std::int64_t time_ns) noexcept;
-  void NoteStiffness(float kp_nm_per_rad) noexcept;
   [[nodiscard]] CanFrame Report() const noexcept;
 
   SimulatedAkV3Config config_;
   std::int64_t period_ns_;
   std::int64_t due_ns_;  // time of the next report
-  AkV3Command setpoint_;
-  bool expired_ = false;
-  bool softened_ = false;
-  float stiffest_nm_per_rad_ = 0;  // since the torque came on, or the drive became stiffer
+  SimulatedImpedance law_;
   std::uint8_t error_ = 0;
-  std::int64_t fed_ns_ = 0;  // time of the last setpoint
 };
 
 }  // namespace tumbler

@@ -10,7 +10,7 @@
 namespace tumbler {
 
 SimulatedMitDrive::SimulatedMitDrive(const SimulatedMitConfig& config)
-    : SimulatedDrive(config, config.mit.joint), config_(config) {
+    : SimulatedDrive(config, config.mit.joint), config_(config), law_(config.watchdog_s) {
   Require(config.mit.Validate() == Status::kOk, "its protocol configuration is not valid");
   Require(config.reply_size >= 6 && config.reply_size <= 8, "reply_size must be 6, 7 or 8");
   Require(config.watchdog_s >= 0 && config.watchdog_s <= 3600, "watchdog_s must be 0 ... 3600");
@@ -26,40 +26,19 @@ SimulatedPortConfig SimulatedMitDrive::PortConfig() noexcept {
 }
 
 std::optional<double> SimulatedMitDrive::target_rad() const noexcept {
-  if (!enabled_ || error_ != 0 || setpoint_.kp_nm_per_rad <= 0) return std::nullopt;
-  return ToJoint(static_cast<double>(setpoint_.position_rad) + zero_rad_);
+  const ImpedanceCommand& setpoint = law_.setpoint();
+  if (!enabled_ || error_ != 0 || setpoint.kp_nm_per_rad <= 0) return std::nullopt;
+  return ToJoint(static_cast<double>(setpoint.position_rad) + zero_rad_);
 }
 
 void SimulatedMitDrive::CheckWatchdog(std::int64_t time_ns) noexcept {
-  if (!enabled_ || expired_ || config_.watchdog_s <= 0) return;
-  if (static_cast<double>(time_ns - fed_ns_) <= config_.watchdog_s * 1e9) return;
-  expired_ = true;
-  CountExpiry();
-  setpoint_.kp_nm_per_rad = 0;
-  setpoint_.kd_nm_s_per_rad = 0;
-  setpoint_.torque_nm = 0;
-}
-
-void SimulatedMitDrive::NoteStiffness(float kp_nm_per_rad) noexcept {
-  constexpr float kLittle = 0.1F;  // of the largest stiffness
-  const float before = setpoint_.kp_nm_per_rad;
-  if (!enabled_ || kp_nm_per_rad > before) {
-    softened_ = false;
-    stiffest_nm_per_rad_ = kp_nm_per_rad;
-  } else if (kp_nm_per_rad < before) {
-    softened_ = before - kp_nm_per_rad <= kLittle * stiffest_nm_per_rad_;
-  }
+  if (enabled_ && law_.Expires(time_ns)) CountExpiry();
 }
 
 double SimulatedMitDrive::Law(std::int64_t time_ns) noexcept {
   CheckWatchdog(time_ns);
   if (!enabled_ || error_ != 0) return 0;
-  const auto& s = setpoint_;
-  return static_cast<double>(s.kp_nm_per_rad) *
-             (static_cast<double>(s.position_rad) - Measured(zero_rad_)) +
-         static_cast<double>(s.kd_nm_s_per_rad) *
-             (static_cast<double>(s.velocity_rad_s) - shaft_velocity_rad_s()) +
-         static_cast<double>(s.torque_nm);
+  return law_.Torque(Measured(zero_rad_), shaft_velocity_rad_s());
 }
 
 void SimulatedMitDrive::AnswerRegister(const CanFrame& frame, SimulatedPort& port) const noexcept {
@@ -95,7 +74,7 @@ void SimulatedMitDrive::OnFrame(const ReceivedFrame& received, SimulatedPort& po
     return AnswerRegister(received.frame, port);
   const std::int64_t now_ns = received.time_ns;
   MitMagic magic{};
-  MitCommand command;
+  ImpedanceCommand command;
   const bool is_magic = DecodeMitMagic(config_.mit, received.frame, magic);
   if (!is_magic && DecodeMitCommand(config_.mit, received.frame, command) != Status::kOk) return;
   CountFrame();
@@ -111,13 +90,10 @@ void SimulatedMitDrive::OnFrame(const ReceivedFrame& received, SimulatedPort& po
   reply.error = error_;
   Say(port, EncodeMitReply(config_.mit, reply));
   if (!is_magic) {
-    NoteStiffness(command.kp_nm_per_rad);
-    setpoint_ = command;
-    fed_ns_ = now_ns;
-    expired_ = false;
+    law_.Take(command, now_ns, enabled_);
     CountSetpoint(now_ns);
   } else if (magic == MitMagic::kEnter) {
-    if (!enabled_) fed_ns_ = now_ns;
+    if (!enabled_) law_.Feed(now_ns);
     enabled_ = true;
   } else if (magic == MitMagic::kClear) {
     enabled_ = false;

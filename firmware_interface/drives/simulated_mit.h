@@ -5,6 +5,7 @@
 
 #include "firmware_interface/drives/mit.h"
 #include "firmware_interface/drives/simulated_drive.h"
+#include "firmware_interface/drives/simulated_impedance.h"
 
 namespace tumbler {
 
@@ -39,12 +40,12 @@ class SimulatedMitDrive final : public SimulatedDrive {
 
   [[nodiscard]] bool enabled() const noexcept override { return enabled_; }
   [[nodiscard]] std::optional<double> target_rad() const noexcept override;
-  [[nodiscard]] bool limp() const noexcept override { return expired_; }
+  [[nodiscard]] bool limp() const noexcept override { return law_.expired(); }
   [[nodiscard]] bool softened() const noexcept override {
-    return enabled_ && !expired_ && softened_;
+    return enabled_ && !law_.expired() && law_.softened();
   }
   /// The last setpoint, at the shaft.
-  [[nodiscard]] const MitCommand& last_setpoint() const noexcept { return setpoint_; }
+  [[nodiscard]] const ImpedanceCommand& last_setpoint() const noexcept { return law_.setpoint(); }
   [[nodiscard]] const SimulatedMitConfig& config() const noexcept { return config_; }
 
   /// A reply carries only the low byte of the code.
@@ -56,18 +57,13 @@ class SimulatedMitDrive final : public SimulatedDrive {
   [[nodiscard]] SimulatedPortConfig port_config() const noexcept override { return PortConfig(); }
   double Law(std::int64_t time_ns) noexcept override;
   void CheckWatchdog(std::int64_t time_ns) noexcept;
-  void NoteStiffness(float kp_nm_per_rad) noexcept;
   void AnswerRegister(const CanFrame& frame, SimulatedPort& port) const noexcept;
 
   SimulatedMitConfig config_;
-  MitCommand setpoint_;
+  SimulatedImpedance law_;
   bool enabled_ = false;
-  bool expired_ = false;
-  bool softened_ = false;
-  float stiffest_nm_per_rad_ = 0;  // since the drive was enabled, or became stiffer
   std::uint8_t error_ = 0;
-  double zero_rad_ = 0;      // true angle at which the encoder reads zero
-  std::int64_t fed_ns_ = 0;  // time of the last setpoint, or of the start of motor mode
+  double zero_rad_ = 0;  // true angle at which the encoder reads zero
 };
 
 }  // namespace tumbler

@@ -89,7 +89,7 @@ TEST(AkV3Codec, BothEndsOfEveryRangeSaturate) {
 }
 
 TEST(AkV3Codec, EveryCodeComesBackAsItself) {
-  const AkV3Ranges range;
+  const ImpedanceRanges range = kAkV3Ranges;
   for (unsigned code = 0; code <= 0xffff; ++code) {
     const auto value = static_cast<std::uint16_t>(code);
     ASSERT_EQ(AkV3Quantise(AkV3Dequantise(value, range.position_rad, 16), range.position_rad, 16),
@@ -154,7 +154,7 @@ TEST(AkV3Codec, OnlyItsOwnFramesOf29BitsAnd8BytesAreTaken) {
     EXPECT_FALSE(AkV3Drive(config).Decode(spoilt));
     spoilt = setpoint;
     change(spoilt);
-    AkV3Command command;
+    ImpedanceCommand command;
     EXPECT_EQ(DecodeAkV3Command(config, spoilt, command), Status::kInvalidArgument);
   }
 }
@@ -164,7 +164,7 @@ TEST(AkV3Drive, TorqueOffIsTheFrameThatAsksForNothingInEveryTick) {
   EXPECT_EQ(drive.state(), DriveState::kUnknown);
   for (const DriveRequest request : {DriveRequest::kDisable, DriveRequest::kClearErrors}) {
     const CanFrame off = Encoded(drive, request);
-    AkV3Command command;
+    ImpedanceCommand command;
     ASSERT_EQ(DecodeAkV3Command(drive.config(), off, command), Status::kOk);
     EXPECT_EQ(command.kp_nm_per_rad, 0);
     EXPECT_EQ(command.kd_nm_s_per_rad, 0);
@@ -187,7 +187,7 @@ TEST(AkV3Drive, BeginsWhereItStandsAndOnlyWhileReportsCome) {
     }
     for (int k = 0; k < 3; ++k) ASSERT_TRUE(Report(drive, StatusAt(573)));  // 1.0001 rad
   }
-  AkV3Command command;
+  ImpedanceCommand command;
   const auto tick = [&] {
     return DecodeAkV3Command(drive.config(), Encoded(drive, DriveRequest::kEnable, far), command);
   };
@@ -220,7 +220,7 @@ TEST(AkV3Drive, TheEncodedSetpointIsWhatTheDriveReads) {
     for (int i = 0; i < 1000; ++i) {
       const DriveSetpoint asked{any(random) * 13, any(random) * 60, any(random) * 18,
                                 std::abs(any(random)) * 100, std::abs(any(random))};
-      AkV3Command command;
+      ImpedanceCommand command;
       ASSERT_EQ(DecodeAkV3Command(config, Encoded(drive, DriveRequest::kEnable, asked), command),
                 Status::kOk);
       const DriveSetpoint seen = drive.encoded_setpoint();
@@ -230,11 +230,11 @@ TEST(AkV3Drive, TheEncodedSetpointIsWhatTheDriveReads) {
       ASSERT_NEAR(seen.kp_nm_per_rad, joint.ToJointGain(command.kp_nm_per_rad), 1e-3F);
       ASSERT_NEAR(seen.kd_nm_s_per_rad, joint.ToJointGain(command.kd_nm_s_per_rad), 1e-5F);
       // And it is the nearest that the wire carries.
-      const AkV3Command nearest{
+      const ImpedanceCommand nearest{
           joint.ToDrivePosition(asked.position_rad), joint.ToDriveVelocity(asked.velocity_rad_s),
           joint.ToDriveGain(asked.kp_nm_per_rad), joint.ToDriveGain(asked.kd_nm_s_per_rad),
           joint.ToDriveTorque(asked.torque_nm)};
-      const AkV3Ranges& range = config.range;
+      const ImpedanceRanges& range = config.range;
       ASSERT_NEAR(command.position_rad, range.position_rad.Clamp(nearest.position_rad), 3.9e-4F);
       ASSERT_NEAR(command.velocity_rad_s, range.velocity_rad_s.Clamp(nearest.velocity_rad_s),
                   0.032F);

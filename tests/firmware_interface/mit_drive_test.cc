@@ -15,7 +15,7 @@ enum class Kind { kEnter, kExit, kZero, kSetpoint };
 struct Sent {
   Status status = Status::kOk;
   Kind kind = Kind::kSetpoint;
-  MitCommand command;
+  ImpedanceCommand command;
   CanFrame frame;
 };
 

@@ -108,16 +108,16 @@ TEST(MitCodec, MagicFramesAreThoseOfTheProtocol) {
 }
 
 TEST(MitCodec, EveryCodeOfEveryFieldRoundTrips) {
-  MitRanges odd;  // Its ranges are neither symmetric nor round.
+  ImpedanceRanges odd = kMitRanges;  // Its ranges are neither symmetric nor round.
   odd.position_rad = {-95.5F, 95.5F};
   odd.velocity_rad_s = {-25.64F, 25.64F};
   odd.torque_nm = {-9.7F, 31.3F};
-  for (const MitRanges& ranges : {MitRanges(), odd}) {
+  for (const ImpedanceRanges& ranges : {kMitRanges, odd}) {
     for (int code = 0; code <= 0xffff; ++code) {
       const float value = MitDequantise(static_cast<std::uint16_t>(code), ranges.position_rad, 16);
       ASSERT_EQ(MitQuantise(value, ranges.position_rad, 16), code);
     }
-    for (const MitRange& range :
+    for (const DriveRange& range :
          {ranges.velocity_rad_s, ranges.kp_nm_per_rad, ranges.kd_nm_s_per_rad, ranges.torque_nm}) {
       for (int code = 0; code <= 0xfff; ++code) {
         const float value = MitDequantise(static_cast<std::uint16_t>(code), range, 12);
@@ -133,16 +133,16 @@ TEST(MitCodec, EveryCommandFrameRoundTripsThroughItsValues) {
   for (int trial = 0; trial < 200'000; ++trial) {
     CanFrame frame = CommandFrame({});
     for (auto& byte : frame.data) byte = static_cast<std::uint8_t>(random());
-    MitCommand command;
+    ImpedanceCommand command;
     ASSERT_EQ(DecodeMitCommand(config, frame, command), Status::kOk);
     ASSERT_EQ(EncodeMitCommand(config, command), frame);
   }
 }
 
 TEST(MitCodec, RoundsToTheNearestCodeWithoutBias) {
-  const MitRanges ranges;
+  const ImpedanceRanges ranges = kMitRanges;
   std::mt19937_64 random(2);
-  const auto check = [&random](const MitRange& range, int bits) {
+  const auto check = [&random](const DriveRange& range, int bits) {
     const double step =
         (static_cast<double>(range.max) - static_cast<double>(range.min)) / ((1 << bits) - 1);
     std::uniform_real_distribution<float> any(range.min, range.max);
@@ -168,7 +168,7 @@ TEST(MitCodec, RoundsToTheNearestCodeWithoutBias) {
 }
 
 TEST(MitCodec, ClampsAndIsDefinedForEveryFloat) {
-  const MitRange range{-50, 50};
+  const DriveRange range{-50, 50};
   EXPECT_EQ(MitQuantise(50.1F, range, 12), 0xfff);
   EXPECT_EQ(MitQuantise(kInfinity, range, 12), 0xfff);
   EXPECT_EQ(MitQuantise(-1e30F, range, 12), 0);
@@ -180,7 +180,7 @@ TEST(MitCodec, ClampsAndIsDefinedForEveryFloat) {
 
 TEST(MitCodec, NoSetpointIsEverAMagicFrame) {
   const MitConfig config;
-  const MitRanges& r = config.command;
+  const ImpedanceRanges& r = config.command;
   // These are the codes next to full scale, in every combination, with every torque code.
   for (int dp = 0; dp < 3; ++dp) {
     for (int low = 0; low < 8; ++low) {
@@ -188,7 +188,7 @@ TEST(MitCodec, NoSetpointIsEverAMagicFrame) {
         const auto near_top = [&](int bit) {
           return static_cast<std::uint16_t>((low >> bit & 1) != 0 ? 0xffe : 0xfff);
         };
-        MitCommand command;
+        ImpedanceCommand command;
         command.position_rad =
             MitDequantise(static_cast<std::uint16_t>(0xffff - dp), r.position_rad, 16);
         command.velocity_rad_s = MitDequantise(near_top(0), r.velocity_rad_s, 12);
@@ -198,7 +198,7 @@ TEST(MitCodec, NoSetpointIsEverAMagicFrame) {
         const CanFrame frame = EncodeMitCommand(config, command);
         MitMagic magic{};
         ASSERT_FALSE(DecodeMitMagic(config, frame, magic));
-        MitCommand decoded;
+        ImpedanceCommand decoded;
         ASSERT_EQ(DecodeMitCommand(config, frame, decoded), Status::kOk);
         // The guard costs at most one step of position, and only when it is needed.
         const bool guarded = dp == 0 && low == 0 && t >= 0xffc && t <= 0xffe;
@@ -300,7 +300,7 @@ TEST(MitCodec, DecodersTakeExactlyTheirFrames) {
       ASSERT_LE(std::abs(reply.velocity_rad_s), 50.0F);
       ASSERT_LE(std::abs(reply.torque_nm), 18.0F);
     }
-    MitCommand command;
+    ImpedanceCommand command;
     const bool is_command = plain && frame.id == 1 && frame.size == 8;
     ASSERT_EQ(DecodeMitCommand(config, frame, command) == Status::kOk, is_command);
     commands += is_command ? 1 : 0;

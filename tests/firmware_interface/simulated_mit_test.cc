@@ -234,7 +234,7 @@ class OneDrive {
     return reply;
   }
   MitReply Magic(MitMagic magic) { return Exchange(MitMagicFrame(drive.config().mit, magic)); }
-  MitReply Set(const MitCommand& command) {
+  MitReply Set(const ImpedanceCommand& command) {
     return Exchange(EncodeMitCommand(drive.config().mit, command));
   }
   double Step(double q, double w) { return drive.Step(bus.now_ns(), q, w); }
@@ -252,7 +252,7 @@ TEST(SimulatedMitDrive, AppliesTheImpedanceLawOfWhatItHeard) {
   OneDrive one(config);
   one.Magic(MitMagic::kEnter);
   one.Set({0.4F, 2, 60, 1.5F, -3});
-  const MitCommand& c = one.drive.last_setpoint();
+  const ImpedanceCommand& c = one.drive.last_setpoint();
   const double expected =
       static_cast<double>(c.kp_nm_per_rad) * (static_cast<double>(c.position_rad) - 0.3) +
       static_cast<double>(c.kd_nm_s_per_rad) * (static_cast<double>(c.velocity_rad_s) - 1.2) +

@@ -35,7 +35,7 @@ struct RobotRig {
                     const DrivesConfig& drives_in = Drives())
       : drives(drives_in), robot(Gait(), drives, config), host(robot.bus().Attach()) {}
 
-  void Send(std::size_t joint, const MitCommand& command) {
+  void Send(std::size_t joint, const ImpedanceCommand& command) {
     ASSERT_EQ(host.Send(EncodeMitCommand(Mit(joint), command)), Status::kOk);
   }
   void Magic(MitMagic magic) {

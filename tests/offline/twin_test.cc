@@ -76,7 +76,7 @@ struct Rig {
     const PrimitiveFile file = FileOf(task, shift_x_m);
     twin = std::make_unique<Twin>(TaskOf(file).problem.scene, file.entry, config, bus, pointers);
   }
-  void Command(std::size_t drive, const MitCommand& command) {
+  void Command(std::size_t drive, const ImpedanceCommand& command) {
     ASSERT_EQ(host.Send(EncodeMitCommand(drives[drive]->config().mit, command)), Status::kOk);
   }
   void Magic(MitMagic magic) {

@@ -600,7 +600,7 @@ TEST(BenchTorque, StiffnessAndVelocityOfEverySetpointTogetherStayWithinTheBound)
     const std::size_t before = world.sent.size();
     session.Follow(origin_rad + (i < 300 ? 0.8 : -0.8), i < 300 ? 5 : -5);
     for (std::size_t k = before; k < world.sent.size(); ++k) {
-      MitCommand command;
+      ImpedanceCommand command;
       if (DecodeMitCommand(mit, world.sent[k], command) != Status::kOk) continue;
       most_nm = std::max(
           most_nm,

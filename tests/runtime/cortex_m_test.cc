@@ -288,7 +288,7 @@ class CallGraph {
     }
     // The only indirect calls in the core are those of a drive.
     const std::string method =
-        "^(.*:)?_ZNK?7tumbler[0-9]+[A-Za-z0-9_]+Drive"
+        "^(.*:)?_ZNK?7tumbler[0-9]+[A-Za-z0-9_]+Drive(INS_[A-Za-z0-9_]+E)?"
         "(6Encode|6Decode|16encoded_setpoint|8feedback|5state)E";
     for (const auto& [name, bytes] : frames_) {
       if (!MatchesOf(method, name).empty()) calls_["__indirect_call"].insert(name);

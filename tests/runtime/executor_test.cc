@@ -642,7 +642,7 @@ class MitWorld {
     recorded.input.received = recorded.frames;
     executor.Tick(recorded.input, output);
     for (std::size_t i = 0; i < 2; ++i) {
-      MitCommand command;
+      ImpedanceCommand command;
       for (const CanFrame& frame : output.frames[i].frames()) {
         if (DecodeMitCommand(configs[i], frame, command) == Status::kOk &&
             command.kp_nm_per_rad > 0) {
@@ -681,7 +681,7 @@ TEST(Executor, EveryFrameOnTheWireDecodesToASetpointWithinTheLimitsWhateverComes
       last_tick = world.tick;
       for (std::size_t j = 0; j < 2; ++j) {
         ASSERT_EQ(world.output.frames[j].frames().size(), 1U) << "every tick writes every drive";
-        MitCommand command;
+        ImpedanceCommand command;
         const bool is_setpoint =
             DecodeMitCommand(world.configs[j], world.output.frames[j].frames()[0], command) ==
                 Status::kOk &&

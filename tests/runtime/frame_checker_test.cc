@@ -50,7 +50,7 @@ double Position(int tick) {
 CanFrame Command(const FrameRules& rules, std::size_t joint, int tick) {
   const MitConfig& mit = std::get<MitConfig>(rules.drives.drives[joint].config);
   if (tick == 0) return MitMagicFrame(mit, MitMagic::kExit);
-  MitCommand command;
+  ImpedanceCommand command;
   command.position_rad = mit.joint.ToDrivePosition(static_cast<float>(Position(tick)));
   if (tick == 1) return EncodeMitCommand(mit, command);
   if (tick < kStartUp) return MitMagicFrame(mit, MitMagic::kEnter);
@@ -83,9 +83,9 @@ std::size_t At(int tick, std::size_t joint) { return static_cast<std::size_t>(4 
 class SpoiltLog : public ::testing::Test {
  protected:
   /// Replaces a joint's command in a tick.
-  void Spoil(int tick, std::size_t joint, const std::function<void(MitCommand&)>& change) {
+  void Spoil(int tick, std::size_t joint, const std::function<void(ImpedanceCommand&)>& change) {
     const MitConfig& mit = std::get<MitConfig>(rules_.drives.drives[joint].config);
-    MitCommand command;
+    ImpedanceCommand command;
     ASSERT_EQ(DecodeMitCommand(mit, log_[At(tick, joint)].frame, command), Status::kOk);
     change(command);
     log_[At(tick, joint)].frame = EncodeMitCommand(mit, command);
@@ -158,23 +158,24 @@ TEST_F(SpoiltLog, APositionBeyondItsLimit) {
 }
 
 TEST_F(SpoiltLog, AVelocityBeyondItsLimit) {
-  Spoil(20, 1, [](MitCommand& command) { command.velocity_rad_s = -6.2F; });  // 3.1 at the joint
+  Spoil(20, 1,
+        [](ImpedanceCommand& command) { command.velocity_rad_s = -6.2F; });  // 3.1 at the joint
   EXPECT_THAT(First(), HasSubstr("joint 1: velocity 3.0952"));
 }
 
 TEST_F(SpoiltLog, AFeedForwardBeyondItsLimit) {
-  Spoil(20, 0, [](MitCommand& command) { command.torque_nm = -5.1F; });
+  Spoil(20, 0, [](ImpedanceCommand& command) { command.torque_nm = -5.1F; });
   EXPECT_THAT(First(), HasSubstr("joint 0: torque -5.1"));
 }
 
 TEST_F(SpoiltLog, AStepInPosition) {
-  Spoil(20, 0, [](MitCommand& command) { command.position_rad += 0.2F; });
+  Spoil(20, 0, [](ImpedanceCommand& command) { command.position_rad += 0.2F; });
   EXPECT_THAT(First(), HasSubstr("joint 0: a step of 0.2"));
 }
 
 TEST_F(SpoiltLog, AStepInTorque) {
   rules_.torque_rise_s = 0.2;  // 0.5 N m a tick
-  Spoil(20, 0, [](MitCommand& command) { command.torque_nm = 1.2F; });
+  Spoil(20, 0, [](ImpedanceCommand& command) { command.torque_nm = 1.2F; });
   EXPECT_THAT(First(), HasSubstr("joint 0: a torque step of 1.19"));
 }
 
@@ -209,7 +210,7 @@ TEST_F(SpoiltLog, ASetpointAfterTorqueOff) {
 TEST_F(SpoiltLog, FeedForwardAloneCountsAsDriving) {
   log_[At(20, 0)].frame =
       MitMagicFrame(std::get<MitConfig>(rules_.drives.drives[0].config), MitMagic::kExit);
-  Spoil(21, 0, [](MitCommand& command) {
+  Spoil(21, 0, [](ImpedanceCommand& command) {
     command = {};
     command.torque_nm = 0.5F;
   });
@@ -232,7 +233,7 @@ TEST_F(SpoiltLog, SilenceTorqueOffAndDampingAreAllowed) {
   // A fault in tick 20: damping, a broken tick, silence, torque off.
   for (int tick = 20; tick < 30; ++tick) {
     for (std::size_t joint = 0; joint < 2; ++joint) {
-      Spoil(tick, joint, [](MitCommand& command) {
+      Spoil(tick, joint, [](ImpedanceCommand& command) {
         command.kp_nm_per_rad = 0;
         command.velocity_rad_s = 0;
       });

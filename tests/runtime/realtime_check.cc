@@ -55,7 +55,7 @@ class Check {
       ++ticks_;
       ++visits_[static_cast<std::size_t>(output.record.state)];
       for (std::size_t i = 0; i < 2; ++i) {
-        MitCommand command;
+        ImpedanceCommand command;
         const auto frames = output.frames[i].frames();
         if (!frames.empty() && DecodeMitCommand(configs_[i], frames[0], command) == Status::kOk &&
             command.kp_nm_per_rad > 0) {

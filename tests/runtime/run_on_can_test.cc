@@ -180,7 +180,7 @@ TEST_F(RunOnCan, ADryRunSendsNothingAndAnArmedRunSendsTheFramesThatItPrinted) {
     EXPECT_EQ(dry_report.joints[0].replies, 0);
     EXPECT_NEAR(dry_report.rate_hz, kRate_hz, 0.01);
     for (const LoggedFrame& logged : dry_log) {
-      MitCommand command;
+      ImpedanceCommand command;
       const MitConfig& mit = std::get<MitConfig>(rules_.drives.drives[0].config);
       if (DecodeMitCommand(mit, logged.frame, command) == Status::kOk &&
           command.kp_nm_per_rad > 0 && (expected.empty() || !(expected.back() == logged.frame))) {
@@ -268,7 +268,7 @@ TEST_F(RunOnCan, ABusThatTakesNoFramesEndsTheRunAndNothingThatWaitedGoesOutLater
     usleep(500'000);
     const std::vector<LoggedFrame> log = Log();
     for (std::size_t i = before; i < log.size(); ++i) {
-      MitCommand command;
+      ImpedanceCommand command;
       for (const DriveEntry& entry : rules_.drives.drives) {
         EXPECT_NE(DecodeMitCommand(std::get<MitConfig>(entry.config), log[i].frame, command),
                   Status::kOk)

@@ -88,7 +88,7 @@ inline void RecordRun(const RecordConfiguration& configuration, FlightRecorder& 
     for (std::size_t i = 0; i < 2; ++i) {
       const auto& mit = std::get<MitConfig>(assembly.parts().drives.drives[i].config);
       for (const CanFrame& frame : output.frames[i].frames()) {
-        MitCommand command;
+        ImpedanceCommand command;
         if (DecodeMitCommand(mit, frame, command) == Status::kOk && command.kp_nm_per_rad > 0) {
           drives[i].position_rad = command.position_rad;
         }

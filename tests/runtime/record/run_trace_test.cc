@@ -158,7 +158,7 @@ TEST(LoggedPosition, IsThatOfTheProtocolAtTheJoint) {
 
   MitConfig mit;
   mit.joint = joint;
-  MitCommand command;
+  ImpedanceCommand command;
   command.position_rad = shaft_rad;
   command.kp_nm_per_rad = 10;
   EXPECT_NEAR(CommandedPosition(mit, EncodeMitCommand(mit, command)).value(), joint_rad, 1e-3);

@@ -1,22 +1,13 @@
 #include "firmware_interface/drives/mit.h"
 
-#include <fmt/format.h>
-
-#include <cmath>
-
-#include "tests/support/codec_check.h"
-#include "tests/support/protocol_side.h"
+#include "tests/support/impedance_side.h"
 
 namespace tumbler::testing {
 namespace {
 
-double Value(unsigned code, const DriveRange& range, double top) {
-  return static_cast<double>(range.min) + code * static_cast<double>(range.max - range.min) / top;
-}
-
-class Watch final : public DriveWatch {
+class MitWatch final : public ImpedanceWatch {
  public:
-  Watch(const MitConfig& mit, JointJudge& joint) : DriveWatch(joint), mit_(mit) {}
+  MitWatch(const MitConfig& mit, JointJudge& joint) : ImpedanceWatch(joint), mit_(mit) {}
 
   bool Take(const LoggedFrame& logged) override {
     const CanFrame& frame = logged.frame;
@@ -57,55 +48,32 @@ class Watch final : public DriveWatch {
       return;
     }
     const unsigned code = unsigned{frame.data[1]} << 8 | frame.data[2];
-    joint().Reply(joint().Position(Value(code, mit_.reply.position_rad, 65535)));
+    joint().Reply(joint().Position(ValueOfCode(code, mit_.reply.position_rad, 65535)));
   }
 
   void TakeSetpoint(const LoggedFrame& logged) {
     const auto d = [&logged](std::size_t k) { return unsigned{logged.frame.data[k]}; };
-    const MitRanges& ranges = mit_.command;
+    const ImpedanceRanges& ranges = mit_.command;
     DriveOrder order;
-    order.position_rad = joint().Position(Value(d(0) << 8 | d(1), ranges.position_rad, 65535));
+    order.position_rad =
+        joint().Position(ValueOfCode(d(0) << 8 | d(1), ranges.position_rad, 65535));
     order.velocity_rad_s =
-        joint().Velocity(Value(d(2) << 4 | d(3) >> 4, ranges.velocity_rad_s, 4095));
-    order.kp_nm_per_rad = joint().Gain(Value((d(3) & 0xf) << 8 | d(4), ranges.kp_nm_per_rad, 4095));
+        joint().Velocity(ValueOfCode(d(2) << 4 | d(3) >> 4, ranges.velocity_rad_s, 4095));
+    order.kp_nm_per_rad =
+        joint().Gain(ValueOfCode((d(3) & 0xf) << 8 | d(4), ranges.kp_nm_per_rad, 4095));
     order.kd_nm_s_per_rad =
-        joint().Gain(Value(d(5) << 4 | d(6) >> 4, ranges.kd_nm_s_per_rad, 4095));
-    order.torque_nm = joint().Torque(Value((d(6) & 0xf) << 8 | d(7), ranges.torque_nm, 4095));
-    const WireSteps& steps = joint().steps();
-    const bool drives =
-        order.kp_nm_per_rad > 0 || std::abs(order.torque_nm) > steps.torque_nm ||
-        (order.kd_nm_s_per_rad > 0 && std::abs(order.velocity_rad_s) > steps.velocity_rad_s);
-    if (drives) {
-      joint().Setpoint(order, logged.time_s);
-    } else {
-      joint().Passive(order);
-    }
+        joint().Gain(ValueOfCode(d(5) << 4 | d(6) >> 4, ranges.kd_nm_s_per_rad, 4095));
+    order.torque_nm = joint().Torque(ValueOfCode((d(6) & 0xf) << 8 | d(7), ranges.torque_nm, 4095));
+    TakeOrder(order, logged.time_s);
   }
 
   MitConfig mit_;
 };
 
-class Mit final : public ProtocolSide {
+class Mit final : public ImpedanceSide<MitConfig, MitWatch> {
  public:
-  [[nodiscard]] ProtocolNature nature() const override {
-    ProtocolNature nature;
-    nature.carries_gains = true;
-    nature.clears_errors = false;
-    nature.latches_watchdog = false;
-    nature.follows_in_error = true;
-    return nature;
-  }
   [[nodiscard]] WireSteps StepsOf(const DriveConfig& drive) const override {
-    const MitRanges& ranges = Of(drive).command;
-    const auto step = [](const MitRange& range, int bits) {
-      return static_cast<double>(range.max - range.min) / ((1 << bits) - 1);
-    };
-    return {step(ranges.position_rad, 16), step(ranges.velocity_rad_s, 12),
-            step(ranges.torque_nm, 12)};
-  }
-  [[nodiscard]] std::unique_ptr<DriveWatch> Watch(const DriveConfig& drive,
-                                                  JointJudge& joint) const override {
-    return std::make_unique<testing::Watch>(Of(drive), joint);
+    return StepsOfRanges(Of(drive).command, 1);
   }
 
   [[nodiscard]] std::uint32_t PositionId(const DriveConfig& drive) const override {
@@ -131,22 +99,12 @@ class Mit final : public ProtocolSide {
   void SpoilReply(CanFrame& frame) const override {
     frame.data[1] = static_cast<std::uint8_t>(frame.data[1] ^ 1U);
   }
-  void SpoilTorque(CanFrame& frame) const override {
-    frame.data[6] = static_cast<std::uint8_t>(frame.data[6] | 0x0fU);
-  }
-
   void AddSamples(FrameSamples& samples) const override {
     const MitConfig mit;
-    MitCommand command{samples.Number(-14, 14), samples.Number(-55, 55), samples.Number(0, 520),
-                       samples.Number(0, 5.2F), samples.Number(-19, 19)};
-    const CanFrame sent = EncodeMitCommand(mit, command);
-    FrameSamples::Expect(DecodeMitCommand(mit, sent, command));
-    samples.Add("MIT_COMMAND", sent,
-                {{"position", command.position_rad},
-                 {"velocity", command.velocity_rad_s},
-                 {"kp", command.kp_nm_per_rad},
-                 {"kd", command.kd_nm_s_per_rad},
-                 {"torque", command.torque_nm}});
+    AddSetpoint(
+        samples, "MIT_COMMAND",
+        [&mit](const ImpedanceCommand& v) { return EncodeMitCommand(mit, v); },
+        [&mit](const CanFrame& f, ImpedanceCommand& v) { return DecodeMitCommand(mit, f, v); });
     MitReply reply;
     reply.sender = 1;
     reply.position_rad = samples.Number(-12, 12);
@@ -171,13 +129,11 @@ class Mit final : public ProtocolSide {
         !(std::isfinite(reply.position_rad) && std::isfinite(reply.torque_nm))) {
       return "a reply decodes to no number";
     }
-    return RoundTripProblem<MitCommand>(
-        frame, [&mit](const CanFrame& f, MitCommand& v) { return DecodeMitCommand(mit, f, v); },
-        [&mit](const MitCommand& v) { return EncodeMitCommand(mit, v); });
+    return RoundTripProblem<ImpedanceCommand>(
+        frame,
+        [&mit](const CanFrame& f, ImpedanceCommand& v) { return DecodeMitCommand(mit, f, v); },
+        [&mit](const ImpedanceCommand& v) { return EncodeMitCommand(mit, v); });
   }
-
- private:
-  static const MitConfig& Of(const DriveConfig& drive) { return std::get<MitConfig>(drive); }
 };
 
 }  // namespace
