@@ -1,0 +1,22 @@
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "common/primitive_toml.h"
+
+namespace tumbler {
+
+/// A primitive as Python has it: what its file says, and what the executor makes of it.
+struct LoadedPrimitive {
+  explicit LoadedPrimitive(PrimitiveFile content);
+
+  PrimitiveFile file;
+  /// Null where the primitive does not fit the executor's numbers.
+  std::unique_ptr<const Primitive<float>> runtime;
+  std::string misfit;  ///< The reason then.
+};
+
+using PrimitivePointer = std::shared_ptr<const LoadedPrimitive>;
+
+}  // namespace tumbler

@@ -1,0 +1,72 @@
+"""The names of the module and of its stubs are the same."""
+
+import ast
+import inspect
+import pathlib
+import sys
+
+import support
+import tumbler
+
+PACKAGE = pathlib.Path(tumbler.__file__).parent
+
+
+def stub():
+    return ast.parse((PACKAGE / "__init__.pyi").read_text())
+
+
+def names_of(body):
+    """The public names that statements of a stub define."""
+    names = set()
+    for node in body:
+        if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
+            names.add(node.name)
+        elif isinstance(node, ast.AnnAssign):
+            names.add(node.target.id)
+    return {name for name in names if not name.startswith("_")}
+
+
+def members_of(cls):
+    """The public names of a class that are not those of its bases outside the module."""
+    inherited = {name for base in cls.__mro__[1:] for name in vars(base)}
+    return {name for name in vars(cls) if not name.startswith("_")} - inherited
+
+
+class Stubs(support.WithFolder):
+    def test_name_everything_that_the_module_has_and_nothing_else(self):
+        self.assertEqual(names_of(stub().body), set(tumbler.__all__))
+
+    def test_name_every_member_of_every_class_and_nothing_else(self):
+        classes = {node.name: node for node in stub().body if isinstance(node, ast.ClassDef)}
+        for name, node in classes.items():
+            cls = getattr(tumbler, name)
+            if issubclass(cls, Exception):
+                continue  # Attributes of exceptions are those of objects, which other tests look at.
+            members = members_of(cls)
+            if issubclass(cls, tuple):
+                members = set(cls._fields)
+            self.assertEqual(names_of(node.body), members, name)
+
+    def test_give_functions_the_parameters_that_they_have(self):
+        classes = {node.name: node for node in stub().body if isinstance(node, ast.ClassDef)}
+        functions = [(getattr(tumbler, n.name), n) for n in stub().body if isinstance(n, ast.FunctionDef)]
+        for name, node in classes.items():
+            for member in node.body:
+                decorators = {d.id for d in getattr(member, "decorator_list", []) if isinstance(d, ast.Name)}
+                if isinstance(member, ast.FunctionDef) and "property" not in decorators:
+                    if not member.name.startswith("_"):
+                        functions.append((getattr(getattr(tumbler, name), member.name), member))
+        self.assertGreater(len(functions), 3)
+        for function, node in functions:
+            parameters = [a.arg for a in node.args.args + node.args.kwonlyargs]
+            signature = inspect.getdoc(function).splitlines()[0]
+            found = [part.split(":")[0].strip() for part in signature[signature.index("(") + 1 :].split(", ")]
+            found = [part for part in found if part.isidentifier()]
+            self.assertEqual(parameters, found, signature)
+
+    def test_are_marked_for_checkers_of_types(self):
+        self.assertTrue((PACKAGE / "py.typed").is_file())
+
+
+if __name__ == "__main__":
+    support.main(sys.argv)
