@@ -345,6 +345,14 @@ void Listen(const RunOptions& options, const SequenceGraph<float>& graph, std::i
                    CommandAddress{run, static_cast<std::int64_t>(age_max)});
 }
 
+/// Says what ends a hold at the end that has no time of its own.
+void NoteHoldWithoutEnd(const RunOptions& options, const RunProcedureConfig& procedure) {
+  if (!options.drives_motors() || procedure.end_hold_ticks >= 0 || options.attended) return;
+  fmt::print(stderr,
+             "note: where the robot would drop without torque, it is held at the end until Ctrl-C "
+             "or `tumbler-ctl disarm` (--end torque-off does without)\n");
+}
+
 ExitStatus Run(RunOptions options, const Simulation* simulation) {
   FileKeeper files;
   Assembly assembly(LoadParts(options, simulation, files.reader()));
@@ -384,12 +392,7 @@ ExitStatus Run(RunOptions options, const Simulation* simulation) {
     recorder = OpenRecorder(options.record, configuration, "tumbler-run");
   }
 
-  if (options.drives_motors() && procedure_config.end_hold_ticks < 0 && !options.attended) {
-    fmt::print(
-        stderr,
-        "note: where the robot would drop without torque, it is held at the end until Ctrl-C "
-        "or `tumbler-ctl disarm` (--end torque-off does without)\n");
-  }
+  NoteHoldWithoutEnd(options, procedure_config);
 
   world->Open();
   CatchInterrupts();

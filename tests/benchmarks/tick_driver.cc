@@ -39,8 +39,8 @@ void AddReports(const Primitive<float>& primitive, const TickRecord& last, int t
   }
 }
 
-int Main(bool distinct_knots, bool with_sensor, const std::string& drives_file) {
-  std::mt19937 random(1);
+/// The primitive of two joints, of the shape that the optimiser writes.
+Primitive<float> Motion(bool distinct_knots, std::mt19937& random) {
   testing::MotionShape shape;
   shape.torque_points = 48;
   Primitive<float> primitive = testing::RandomPrimitive<float>(shape, random);
@@ -50,6 +50,21 @@ int Main(bool distinct_knots, bool with_sensor, const std::string& drives_file) 
     other.torque_points = 40;
     primitive.joints[1] = testing::RandomPrimitive<float>(other, random).joints[1];
   }
+  return primitive;
+}
+
+/// What an operator asks for in a state: the way to the start, and then the motion.
+OperatorCommand Next(ExecutorState state, bool& moved) {
+  if (state == ExecutorState::kDisarmed) return OperatorCommand::kArm;
+  if (state != ExecutorState::kHolding) return OperatorCommand::kNone;
+  const OperatorCommand next = moved ? OperatorCommand::kRun : OperatorCommand::kMoveToStart;
+  moved = true;
+  return next;
+}
+
+int Main(bool distinct_knots, bool with_sensor, const std::string& drives_file) {
+  std::mt19937 random(1);
+  Primitive<float> primitive = Motion(distinct_knots, random);
   ExecutorSensor sensor;
   // CANSimple drives have the sensor's usual identifiers.
   const XsensMtiConfig ids{0x7a1, 0x7a2, 0x7a3};
@@ -88,14 +103,9 @@ int Main(bool distinct_knots, bool with_sensor, const std::string& drives_file) 
     if (with_sensor) AddReports(primitive, output.record, n, ids, frames);
     input.tick = n;
     input.received = frames;
-    input.command = OperatorCommand::kNone;
     const ExecutorState state = executor.state();
-    if (state == ExecutorState::kDisarmed) input.command = OperatorCommand::kArm;
     if (state == ExecutorState::kHolding && running > 0) break;
-    if (state == ExecutorState::kHolding) {
-      input.command = moved ? OperatorCommand::kRun : OperatorCommand::kMoveToStart;
-      moved = true;
-    }
+    input.command = Next(state, moved);
     if (state == ExecutorState::kRunning) {
       ++running;
       CountedTick(executor, input, output);
