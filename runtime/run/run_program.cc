@@ -345,6 +345,22 @@ void Listen(const RunOptions& options, const SequenceGraph<float>& graph, std::i
                    CommandAddress{run, static_cast<std::int64_t>(age_max)});
 }
 
+/// Tells the operator from now on when the robot is held at the end.
+void NoteHolds(const RunProcedureConfig& procedure, std::int64_t period_ns,
+               std::optional<HoldNotice>& notice) {
+  notice.emplace(static_cast<double>(procedure.stop_hold_ticks * period_ns) * 1e-9,
+                 [](const std::string& text) { fmt::print(stderr, "tumbler-run: {}\n", text); });
+}
+
+/// Writes the rest of the telemetry. What could not be written stands in the summary.
+void StopTelemetry(Telemetry& telemetry, RunSummary& summary) {
+  try {
+    telemetry.Stop();
+  } catch (const std::exception& error) {
+    summary.unwritten.emplace_back(error.what());
+  }
+}
+
 /// Says what ends a hold at the end that has no time of its own.
 void NoteHoldWithoutEnd(const RunOptions& options, const RunProcedureConfig& procedure) {
   if (!options.drives_motors() || procedure.end_hold_ticks >= 0 || options.attended) return;
@@ -411,21 +427,14 @@ ExitStatus Run(RunOptions options, const Simulation* simulation) {
   telemetry.SetScheduling(summary.realtime ? summary.realtime->scheduling : "time-shared");
   bool armed = false;
   std::optional<HoldNotice> notice;
-  if (world->real_time() && !options.dry_run()) {
-    notice.emplace(static_cast<double>(procedure_config.stop_hold_ticks * period_ns) * 1e-9,
-                   [](const std::string& text) { fmt::print(stderr, "tumbler-run: {}\n", text); });
-  }
+  if (world->real_time() && !options.dry_run()) NoteHolds(procedure_config, period_ns, notice);
   play.Run(procedure_config, period_ns, [&](const ControlLoop& loop) {
     if (notice) notice->Note(play.procedure());
     if (commands) commands->NoteTick(loop.statistics().ticks - 1);
     armed = armed || loop.record().state == ExecutorState::kHolding;
   });
   notice.reset();
-  try {
-    telemetry.Stop();
-  } catch (const std::exception& error) {
-    summary.unwritten.emplace_back(error.what());
-  }
+  StopTelemetry(telemetry, summary);
   // What was found by a run that was refused is what it was refused for.
   if (!pose_file.empty() && armed) KeepPose(pose_file, play.loop().record(), parts.drives);
 
