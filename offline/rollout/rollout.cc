@@ -441,7 +441,7 @@ struct Rollout::Implementation {
   /// @param slope  gives the place of the maximum's derivative by it.
   template <class Value, class Slope>
   void AddSteps(Scheme scheme, SmoothMaximum& maximum, Value&& value, Slope&& slope) {
-    constexpr LookPoint kStart = {{1}, 1};  // A step of Euler's method has one stage.
+    constexpr LookPoint kStart = {{1}, 1, 1};  // A step of Euler's method has one stage.
     const bool euler = scheme == Scheme::kSemiImplicitEuler;
     const bool record = scheme == Scheme::kRecordedRungeKutta;
     const std::size_t count = euler ? 1 : Index(table.stages);

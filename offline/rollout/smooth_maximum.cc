@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 
 namespace tumbler {
 namespace {
@@ -32,10 +33,26 @@ std::size_t PartsOf(double step_s) {
   return static_cast<std::size_t>(std::max(1.0, std::ceil(step_s / kLongestPart_s - 1e-9)));
 }
 
+/// The value at a point, of those at the stages. The classical method's four need no loop.
+double ValueAt(const LookPoint& point, std::span<const double> values) {
+  const auto& weight = point.of_stage;
+  double value = 0;
+  if (values.size() == 4) {
+    value += weight[0] * values[0];
+    value += weight[1] * values[1];
+    value += weight[2] * values[2];
+    value += weight[3] * values[3];
+    return value;
+  }
+  for (std::size_t s = 0; s < values.size(); ++s) value += weight[s] * values[s];
+  return value;
+}
+
 }  // namespace
 
 LookPoints::LookPoints(const Tableau& scheme, double longest_s) : by_count_(PartsOf(longest_s)) {
   for (std::size_t count = 1; count <= by_count_.size(); ++count) {
+    double growth = 0;
     for (std::size_t i = 0; i < count * kGaussPoint.size(); ++i) {
       const std::size_t part = i / kGaussPoint.size(), k = i % kGaussPoint.size();
       const double at = (static_cast<double>(part) + kGaussPoint[k]) / static_cast<double>(count);
@@ -49,8 +66,12 @@ LookPoints::LookPoints(const Tableau& scheme, double longest_s) : by_count_(Part
       } else {
         Interpolate<5>({0, 2, 3, 4, 5}, scheme, at, point.of_stage);
       }
+      double sum = 0;
+      for (const double weight : point.of_stage) sum += std::abs(weight);
+      growth = std::max(growth, sum * (1 + 1e-12));  // for rounding
       by_count_[count - 1].push_back(point);
     }
+    for (LookPoint& point : by_count_[count - 1]) point.growth = growth;
   }
 }
 
@@ -60,23 +81,31 @@ std::span<const LookPoint> LookPoints::In(double step_s) const {
 
 double SmoothMaximum::Add(std::span<const LookPoint> points, double step_s,
                           std::span<const double> values, std::span<double> slopes) {
-  const auto value_at = [&](const LookPoint& point) {
-    double value = 0;
-    for (std::size_t s = 0; s < values.size(); ++s) value += point.of_stage[s] * values[s];
-    return value;
-  };
+  std::fill(slopes.begin(), slopes.end(), 0.0);
+  double highest = 0;
+  for (const double value : values) highest = std::max(highest, std::abs(value));
+  // Most steps are far from the largest.
+  if (rho_ * (highest * points.front().growth) < rho_ * largest_ + 2 * kNegligibleExponent)
+    return 1;
+
   const auto counted = [&](double value) {
     return of_ == Of::kSize ? std::abs(value) : std::max(0.0, value);
   };
-  std::fill(slopes.begin(), slopes.end(), 0.0);
+  std::array<double, 12> at_point;  // as many points as most steps have
   const double before = largest_;
-  for (const LookPoint& point : points) largest_ = std::max(largest_, counted(value_at(point)));
-  const double shrink = std::exp(rho_ * (before - largest_));
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const double value = ValueAt(points[i], values);
+    if (i < at_point.size()) at_point[i] = value;
+    largest_ = std::max(largest_, counted(value));
+  }
+  const double shrink = largest_ == before ? 1 : std::exp(rho_ * (before - largest_));
   sum_ *= shrink;
-  const double unit = std::exp(-rho_ * largest_);
+  const double unit = of_ == Of::kAboveZero ? std::exp(-rho_ * largest_) : 0;
   const double share = step_s / kPeakDuration_s;
-  for (const LookPoint& point : points) {
-    const double value = value_at(point), exponent = rho_ * counted(value);
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const LookPoint& point = points[i];
+    const double value = i < at_point.size() ? at_point[i] : ValueAt(point, values);
+    const double exponent = rho_ * counted(value);
     if (exponent < rho_ * largest_ + 2 * kNegligibleExponent) continue;
     const double power = std::exp(exponent - rho_ * largest_);
     double term = power;
@@ -94,15 +123,21 @@ double SmoothMaximum::Add(std::span<const LookPoint> points, double step_s,
 double SmoothMaximum::value() const { return largest_ + std::log(sum_) / rho_; }
 
 double SmoothDepth::Evaluate(std::span<const ActiveContact<Plane>> active) {
+  slopes_.clear();
+  double highest = -std::numeric_limits<double>::infinity();
+  const auto exponent_of = [&](const ActiveContact<Plane>& contact) {
+    return rho_ * (contact.depth_m / usable_m_ - least());
+  };
+  for (const auto& contact : active) highest = std::max(highest, exponent_of(contact));
+  if (highest < kNegligibleExponent) return 0;  // the usual
   slopes_.assign(active.size(), 0.0);
   // The sum and its terms are scaled by exp(-largest).
-  double largest = 0, others = 0;
-  for (const auto& contact : active)
-    largest = std::max(largest, rho_ * (contact.depth_m / usable_m_ - least()));
+  const double largest = std::max(0.0, highest);
+  double others = 0;
   for (std::size_t i = 0; i < active.size(); ++i) {
-    const double exponent = rho_ * (active[i].depth_m / usable_m_ - least());
+    const double exponent = exponent_of(active[i]);
     if (exponent < kNegligibleExponent) continue;
-    slopes_[i] = std::exp(exponent - largest);
+    slopes_[i] = exponent == largest ? 1 : std::exp(exponent - largest);
     others += slopes_[i];
   }
   const double one = std::exp(-largest);

@@ -23,6 +23,8 @@ inline constexpr double kPeakDuration_s = 1e-4;
 struct LookPoint {
   std::array<double, Tableau::kMaxStages> of_stage{};  ///< Weights of those values.
   double part = 0;                                     ///< Part of the step that it stands for.
+  /// At all points of its step, no value is larger than so many times the largest one of a stage.
+  double growth = 0;
 };
 
 /// The times within a step at which peaks are looked for: those of Gauss's quadrature with three
@@ -95,7 +97,7 @@ class SmoothDepth {
   [[nodiscard]] double least() const { return 1 + kNegligibleExponent / rho_; }
   /// @returns the value, 0 without contacts. The derivatives by the depths are `slopes` then.
   double Evaluate(std::span<const ActiveContact<Plane>> active);
-  /// For each of the contacts of the last Evaluate [1/m].
+  /// For each of the contacts of the last Evaluate [1/m]; none where its value was 0.
   [[nodiscard]] std::span<const double> slopes() const { return slopes_; }
 
  private:
