@@ -135,6 +135,7 @@ TaskResult WorkOn(Task task, const WorkSettings& settings) {
   // Of the model's, a guess is solved before anybody would look at its progress.
   if ((!guessed || problem.robust) && !settings.quiet)
     options.progress = [&progress](const Evaluation& evaluation) { progress(evaluation); };
+  if (settings.progress) options.progress = settings.progress;
   Looks looks(problem);
   const auto accept = [&](const Solution& solution) {
     return looks.At(solution).look.acceptable();

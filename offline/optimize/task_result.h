@@ -2,6 +2,7 @@
 
 #include <atomic>
 #include <cmath>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -45,11 +46,13 @@ struct WorkSettings {
   int threads = 1;
   bool minima = false;     ///< Whether to distinguish the minima.
   bool keep_best = false;  ///< Whether an interrupted search makes a file, too.
-  bool quiet = false;      ///< Whether nothing is said while it works.
+  bool quiet = false;      ///< Whether nothing is said on standard error while it works.
   std::atomic<bool>* interrupt = nullptr;
+  /// Told of every evaluation, as SolveOptions::progress; empty: standard error is.
+  std::function<void(const Evaluation&)> progress;
 };
 
-/// Solves the task and makes the primitive's file, with progress on standard error.
+/// Solves the task and makes the primitive's file.
 TaskResult WorkOn(Task task, const WorkSettings& settings);
 
 /// The results, best first: tasks with a motion before those without, then by cost, or by how far

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <cstdio>
 
 #include "firmware_interface/can/bus_schedule.h"
 
@@ -47,13 +46,13 @@ void CheckRanges(const Sequence<float>& sequence, const DrivesConfig& drives) {
   }
 }
 
-void CheckSchedule(const DrivesConfig& drives) {
+void CheckSchedule(const DrivesConfig& drives, const std::function<void(const std::string&)>& say) {
   BusSchedule schedule;
   schedule.bit_rate = drives.bit_rate;
   schedule.rate_hz = drives.rate_hz;
   schedule.tick_bits = drives.WorstCaseTickBits();
   schedule.longest_frame_bits = drives.LongestFrameBits();
-  fmt::print(stderr, "bus schedule: {}: {}\n", drives.DescribeSchedule(), schedule.Describe());
+  say(fmt::format("bus schedule: {}: {}", drives.DescribeSchedule(), schedule.Describe()));
   if (!schedule.feasible()) {
     throw Refused(fmt::format("{} bits a tick do not fit: lower rate_hz to at most {:.0f}",
                               schedule.tick_bits, std::floor(schedule.ceiling_hz())));

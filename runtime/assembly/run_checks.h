@@ -1,5 +1,8 @@
 #pragma once
 
+#include <functional>
+#include <string>
+
 #include "common/program.h"
 #include "common/sequence.h"
 #include "firmware_interface/drives/drives_toml.h"
@@ -10,9 +13,10 @@ namespace tumbler {
 /// @throws Refused naming joint, limit and range.
 void CheckRanges(const Sequence<float>& sequence, const DrivesConfig& drives);
 
-/// Prints on standard error how much of the bus a tick takes in the worst case.
+/// Checks that the bus has room for every tick.
+/// @param say  gets a sentence about how much of the bus a tick takes in the worst case.
 /// @throws Refused  when the rate leaves no room for an error.
-void CheckSchedule(const DrivesConfig& drives);
+void CheckSchedule(const DrivesConfig& drives, const std::function<void(const std::string&)>& say);
 
 /// Checks that each drive's watchdog bears three ticks of the loop, since one that expires between
 /// setpoints lets the drive go again and again.

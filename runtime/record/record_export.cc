@@ -41,23 +41,6 @@ std::vector<CanFrame> SentFrames(const TickEntry& entry) {
   return frames;
 }
 
-/// The record that the loop gave to telemetry.
-TimedRecord ToTimedRecord(const TickEntry& entry) {
-  TimedRecord timed;
-  timed.time_ns = entry.notes.deadline_ns;
-  timed.number = entry.index;
-  timed.wake_up_ns = static_cast<float>(entry.notes.awake_ns - entry.notes.due_ns);
-  timed.tick_ns = static_cast<float>(entry.notes.done_ns - entry.notes.awake_ns);
-  for (const ReceivedFrame& received : entry.input().received) {
-    timed.bus_bits += LongestBits(received.frame);
-  }
-  for (const CanFrame& frame : SentFrames(entry)) timed.bus_bits += LongestBits(frame);
-  timed.request = {entry.notes.request_id, static_cast<OperatorRequest>(entry.notes.request),
-                   entry.notes.request_refusal};
-  timed.record = entry.record;
-  return timed;
-}
-
 RunDescription DescribeRun(const RecordConfiguration& configuration) {
   const Assembly assembly = Assemble(configuration);
   RunDescription run = DescribeMotion(assembly.parts().sequence->graph, assembly.parts().drives);
@@ -83,6 +66,22 @@ std::vector<std::string> ErrorCodesOf(const RecordConfiguration& configuration) 
 }
 
 }  // namespace
+
+TimedRecord ToTimedRecord(const TickEntry& entry) {
+  TimedRecord timed;
+  timed.time_ns = entry.notes.deadline_ns;
+  timed.number = entry.index;
+  timed.wake_up_ns = static_cast<float>(entry.notes.awake_ns - entry.notes.due_ns);
+  timed.tick_ns = static_cast<float>(entry.notes.done_ns - entry.notes.awake_ns);
+  for (const ReceivedFrame& received : entry.input().received) {
+    timed.bus_bits += LongestBits(received.frame);
+  }
+  for (const CanFrame& frame : SentFrames(entry)) timed.bus_bits += LongestBits(frame);
+  timed.request = {entry.notes.request_id, static_cast<OperatorRequest>(entry.notes.request),
+                   entry.notes.request_refusal};
+  timed.record = entry.record;
+  return timed;
+}
 
 std::int64_t ExportCandump(FlightRecord& record, const std::string& path) {
   const RecordConfiguration& configuration = record.configuration();

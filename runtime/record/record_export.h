@@ -4,8 +4,12 @@
 #include <string>
 
 #include "runtime/record/flight_record.h"
+#include "runtime/telemetry/timed_record.h"
 
 namespace tumbler {
+
+/// The record of a tick that the loop gave to telemetry.
+TimedRecord ToTimedRecord(const TickEntry& entry);
 
 /// Writes all frames of a record by time, as `candump -l` logs them. Sent frames have the time at
 /// which they were handed to the bus, received frames that of their arrival. Times count from 1970,

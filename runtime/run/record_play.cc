@@ -162,7 +162,7 @@ PlayedRecord PlayRecord(const RecordConfiguration& configuration,
   Assembly assembly = Assemble(configuration);
   const RunParts& parts = assembly.parts();
   CheckRanges(*parts.sequence, parts.drives);
-  CheckSchedule(parts.drives);
+  CheckSchedule(parts.drives, [](const std::string& text) { fmt::print(stderr, "{}\n", text); });
   CheckWatchdogs(parts.drives, !options.arm);
   Schedule(options, configuration.period_ns, TryRealtime);
   const InterfaceName name{options.bus, configuration.drives_file};

@@ -97,7 +97,7 @@ RunParts LoadParts(RunOptions& options, const Simulation* simulation, const File
     throw Refused(fmt::format("{} of {}", error.what(), options.motion));
   }
   CheckRanges(*parts.sequence, parts.drives);
-  CheckSchedule(parts.drives);
+  CheckSchedule(parts.drives, [](const std::string& text) { fmt::print(stderr, "{}\n", text); });
   CheckWatchdogs(parts.drives, !options.drives_motors() || options.without_watchdog);
   return parts;
 }

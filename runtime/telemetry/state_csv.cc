@@ -7,8 +7,7 @@
 #include <string_view>
 #include <type_traits>
 
-#include "runtime/core/faults.h"
-#include "runtime/core/joint_fields.h"
+#include "runtime/telemetry/state_columns.h"
 
 namespace tumbler {
 namespace {
@@ -18,53 +17,53 @@ bool IsTorque(const JointField& field) {
   return std::string_view(field.name) == "measured.torque_nm";
 }
 
-/// Calls `visit(field, in_message)` for every column of a joint. Planned, limited, encoded and
-/// measured values come first.
-template <typename Visit>
-void ForEachColumn(const Visit& visit) {
-  for (const bool of_part : {true, false}) {
-    ForEachJointField([&](const JointField& field, auto /*in_record*/, auto in_message) {
-      if ((std::string_view(field.name).find('.') != std::string_view::npos) == of_part) {
-        visit(field, in_message);
-      }
-    });
+/// Appends a value and a comma.
+class AppendColumn {
+ public:
+  explicit AppendColumn(std::string& csv) : out_(std::back_inserter(csv)) {}
+
+  template <typename Value>
+  void operator()(const char* /*name*/, const Value& value) {
+    fmt::format_to(out_, "{},", value);
   }
-}
+  void operator()(const char* /*name*/, const ColumnTime& time) {
+    fmt::format_to(out_, "{:.6f},", static_cast<double>(time.ns) * 1e-9);
+  }
+  void operator()(const char* /*name*/, const ColumnFaultNumber& number) {
+    if (number.integer) {
+      fmt::format_to(out_, "{:.0f},", number.value);
+    } else {
+      fmt::format_to(out_, "{},", static_cast<float>(number.value));
+    }
+  }
+
+ private:
+  std::back_insert_iterator<std::string> out_;
+};
 
 }  // namespace
 
 std::string StateCsvHeader(const std::vector<std::string>& joint_names) {
-  std::string header =
-      "number,tick,time_s,state,node,cycles,primitive_time_s,faults,fault,fault_joint,fault_tick,"
-      "fault_value,fault_limit,command,refusal,request_id,request,request_refusal,wake_up_us,"
-      "tick_us,bus_bits";
+  std::string header;
+  const auto append = [&header](const char* name, const auto& /*value*/) {
+    header += fmt::format("{},", name);
+  };
+  ForEachTickColumn(state_t{}, append);
   for (const std::string& joint : joint_names) {
-    ForEachColumn([&](const JointField& field, auto /*in_message*/) {
-      header += fmt::format(",{}_{}", joint, field.column);
+    ForEachJointColumn([&](const JointField& field, auto /*in_message*/) {
+      header += fmt::format("{}_{},", joint, field.column);
     });
   }
-  return header +
-         ",sensor_status,sensor_age_ticks,sensor_pitch_rad,sensor_rate_rad_s,feedback_error_rad,"
-         "feedback_rate_error_rad_s,feedback_share";
+  ForEachSensorColumn(state_t{}, append);
+  header.pop_back();
+  return header;
 }
 
 void AppendStateCsvRow(const state_t& state, std::string& csv) {
-  auto out = std::back_inserter(csv);
-  const DetailUnit unit = UnitOf(static_cast<Fault>(state.fault));
-  const auto number = [unit](double value) {
-    return IsInteger(unit) ? fmt::format("{:.0f}", value)
-                           : fmt::format("{}", static_cast<float>(value));
-  };
-  fmt::format_to(out, "{},{},{:.6f},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{}",
-                 state.number, state.tick, static_cast<double>(state.time_ns) * 1e-9,
-                 ToString(static_cast<ExecutorState>(state.state)), state.node, state.cycles,
-                 state.primitive_time_s, static_cast<std::uint32_t>(state.faults), state.fault,
-                 state.fault_joint, state.fault_tick, number(state.fault_value),
-                 number(state.fault_limit), state.command, state.refusal, state.request_id,
-                 state.request, state.request_refusal, state.wake_up_us, state.tick_us,
-                 state.bus_bits);
+  AppendColumn append(csv);
+  ForEachTickColumn(state, append);
   for (const joint_state_t& joint : state.joints) {
-    ForEachColumn([&](const JointField& field, auto in_message) {
+    ForEachJointColumn([&](const JointField& field, auto in_message) {
       const auto& value = in_message(joint);
       if constexpr (std::is_floating_point_v<std::remove_cvref_t<decltype(value)>>) {
         if (std::isnan(value) && IsTorque(field)) {
@@ -72,13 +71,11 @@ void AppendStateCsvRow(const state_t& state, std::string& csv) {
           return;
         }
       }
-      fmt::format_to(out, ",{}", value);
+      append(field.column, value);
     });
   }
-  fmt::format_to(out, ",{},{},{},{},{},{},{}", state.sensor_status, state.sensor_age_ticks,
-                 state.sensor_pitch_rad, state.sensor_rate_rad_s, state.feedback_error_rad,
-                 state.feedback_rate_error_rad_s, state.feedback_share);
-  csv += '\n';
+  ForEachSensorColumn(state, append);
+  csv.back() = '\n';
 }
 
 }  // namespace tumbler

@@ -8,5 +8,8 @@ namespace tumbler {
 
 void BindErrors(pybind11::module_& module);
 void BindMotions(pybind11::module_& module);
+void BindRecords(pybind11::module_& module);
+void BindOptimising(pybind11::module_& module);
+void BindRehearsal(pybind11::module_& module);
 
 }  // namespace tumbler

@@ -8,6 +8,7 @@
 #include "common/toml_reader.h"
 #include "offline/rehearsal/python/bindings.h"
 #include "offline/rehearsal/python/file_error_parts.h"
+#include "runtime/record/record_configuration.h"
 
 namespace tumbler {
 namespace {
@@ -19,6 +20,7 @@ constexpr const char* kFileErrorDoc =
     "The whole message says what is wrong and what is allowed. `file`, `line` and `key` say "
     "where:\n"
     "`line` and `key` are None where the error is about no single one.";
+constexpr const char* kRecordErrorDoc = "A flight record that cannot be used.";
 constexpr const char* kRefusedDoc = "What was asked for is not done, although nothing is broken.";
 
 void AddException(py::module_& module, const char* name, const char* doc, PyObject* base) {
@@ -44,6 +46,7 @@ void RaiseFileError(const std::string& message, const std::string& path) {
 
 void BindErrors(py::module_& module) {
   AddException(module, "FileError", kFileErrorDoc, PyExc_ValueError);
+  AddException(module, "RecordError", kRecordErrorDoc, PyExc_ValueError);
   AddException(module, "Refused", kRefusedDoc, PyExc_RuntimeError);
   py::register_exception_translator(
       [](std::exception_ptr pointer) {  // NOLINT(performance-unnecessary-value-param)
@@ -53,6 +56,8 @@ void BindErrors(py::module_& module) {
           RaiseFileError(error.what(), "");
         } catch (const ReadingError& error) {
           RaiseFileError(error.message, error.path);
+        } catch (const RecordError& error) {
+          PyErr_SetString(ClassOf("RecordError").ptr(), error.what());
         } catch (const Refused& error) {
           PyErr_SetString(ClassOf("Refused").ptr(), error.what());
         }

@@ -7,4 +7,7 @@
 PYBIND11_MODULE(_native, module) {
   tumbler::BindErrors(module);
   tumbler::BindMotions(module);
+  tumbler::BindRecords(module);
+  tumbler::BindOptimising(module);
+  tumbler::BindRehearsal(module);
 }

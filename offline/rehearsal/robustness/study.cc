@@ -215,6 +215,7 @@ WorkDone RunStudy(const RobustnessStudy& study, const WorkPlan& plan, const Proc
   Player player(study, plan.threads);
   const std::size_t round = player.batch() * Index(processes.count());
   for (std::size_t done = 0, own = 0; done < all.size(); done += round, own += player.batch()) {
+    if (plan.interrupt != nullptr && *plan.interrupt) break;
     const std::size_t first = std::min(own, mine.size());
     const std::size_t count = std::min(player.batch(), mine.size() - first);
     const auto indices = std::span<const std::uint64_t>(mine).subspan(first, count);
@@ -225,6 +226,7 @@ WorkDone RunStudy(const RobustnessStudy& study, const WorkPlan& plan, const Proc
       ReadCheckpointLines(text, "checkpoint", 1, known);
       if (checkpoint) checkpoint->Add(text);
     }
+    if (plan.progress) plan.progress(static_cast<int>(known.size()));
   }
   WorkDone work;
   work.known = static_cast<int>(std::distance(known.begin(), known.lower_bound(robots)));

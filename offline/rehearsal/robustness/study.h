@@ -1,6 +1,8 @@
 #pragma once
 
 #include <array>
+#include <atomic>
+#include <functional>
 #include <optional>
 #include <string>
 #include <utility>
@@ -77,13 +79,17 @@ struct WorkPlan {
   int shard = 1, shards = 1;
   std::string checkpoint;           ///< File that outcomes are kept in; empty: none.
   std::vector<std::string> merged;  ///< Files of other parts, which are only read.
+  /// Set it from any thread to end after the robots that are being played; may be null.
+  const std::atomic<bool>* interrupt = nullptr;
+  /// Told how many robots are known, now and then; may be empty.
+  std::function<void(int known)> progress;
 };
 
 /// What RunStudy has.
 struct WorkDone {
   int known = 0;  ///< Of the robots in the plan.
-  /// Empty when robots are not known that belong to other shards, and in all processes but the
-  /// first.
+  /// Empty when robots are not known that belong to other shards or were interrupted, and in all
+  /// processes but the first.
   std::optional<RobustnessResult> result;
 };
 

@@ -1,6 +1,7 @@
 """Motions of robots with contact, found, looked at and played in simulation."""
 
 import os
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,6 +13,9 @@ class FileError(ValueError):
     file: str
     line: int | None
     key: str | None
+
+class RecordError(ValueError):
+    """A flight record that cannot be used."""
 
 class Refused(RuntimeError):
     """What was asked for is not done, although nothing is broken."""
@@ -101,4 +105,154 @@ class Sequence:
     @property
     def branches(self) -> tuple[str, ...]: ...
 
+class Task:
+    """What is asked of a motion."""
+
+    @staticmethod
+    def load(path: str | os.PathLike[str]) -> Task: ...
+    @property
+    def name(self) -> str: ...
+    @property
+    def duration_s(self) -> float: ...
+    @property
+    def settle_s(self) -> float: ...
+    @property
+    def seed(self) -> int: ...
+    @property
+    def joints(self) -> tuple[str, ...]: ...
+    @property
+    def parameters(self) -> int: ...
+    @property
+    def robot_file(self) -> str: ...
+    @property
+    def text(self) -> str: ...
+    @property
+    def values(self) -> dict[str, Any]: ...
+
+class Record:
+    """A flight record: every tick of a run, as columns with units in their names."""
+
+    @staticmethod
+    def load(path: str | os.PathLike[str]) -> Record: ...
+    @property
+    def name(self) -> str: ...
+    @property
+    def joints(self) -> tuple[str, ...]: ...
+    @property
+    def period_s(self) -> float: ...
+    @property
+    def remarks(self) -> list[str]: ...
+    @property
+    def complete(self) -> bool: ...
+    @property
+    def summary(self) -> str: ...
+    @property
+    def columns(self) -> dict[str, npt.NDArray[Any]]: ...
+    @property
+    def truth(self) -> dict[str, npt.NDArray[Any]]: ...
+    def __getitem__(self, column: str) -> npt.NDArray[Any]: ...
+
+class Progress(NamedTuple):
+    """One evaluation of a search for a motion: in stage 'search' or 'solve'."""
+
+    stage: str
+    start: int
+    evaluations: int
+    cost: float
+    violation: float
+
+class Outcome:
+    """What came of a task."""
+
+    @property
+    def status(self) -> str: ...
+    @property
+    def reason(self) -> str: ...
+    @property
+    def primitive(self) -> Primitive | None: ...
+    @property
+    def cost(self) -> float | None: ...
+    @property
+    def evaluations(self) -> int: ...
+    @property
+    def wall_s(self) -> float: ...
+    @property
+    def cpu_s(self) -> float: ...
+
+class Run:
+    """A run on the simulated robot."""
+
+    @property
+    def record(self) -> Record: ...
+    @property
+    def outcome(self) -> str: ...
+    @property
+    def reason(self) -> str: ...
+    @property
+    def as_asked(self) -> bool: ...
+    @property
+    def summary(self) -> dict[str, Any]: ...
+
+class RobustnessMap:
+    """What became of robots that are not the model, one in each row."""
+
+    @property
+    def verdicts(self) -> npt.NDArray[np.str_]: ...
+    @property
+    def stands(self) -> npt.NDArray[np.bool_]: ...
+    @property
+    def reasons(self) -> tuple[str, ...]: ...
+    @property
+    def left_s(self) -> npt.NDArray[np.float64]: ...
+    @property
+    def parameters(self) -> list[str]: ...
+    @property
+    def sigma(self) -> npt.NDArray[np.float64]: ...
+    @property
+    def share(self) -> float: ...
+    @property
+    def share_95(self) -> tuple[float, float]: ...
+    @property
+    def summary(self) -> dict[str, Any]: ...
+    def __len__(self) -> int: ...
+
 def check(path: str | os.PathLike[str]) -> str: ...
+def optimise(
+    task: str | os.PathLike[str],
+    *,
+    seed: int | None = None,
+    threads: int = 0,
+    progress: Callable[[Progress], bool | None] | None = None,
+    keep_best: bool = False,
+    start_from: str | os.PathLike[str] | None = None,
+    guess: Primitive | None = None,
+) -> Outcome: ...
+def simulate(
+    motion: str | os.PathLike[str] | Primitive,
+    *,
+    cycles: int = 0,
+    branch: str = "",
+    speed: float = 1.0,
+    hold_s: float = 2.0,
+    twin: str | os.PathLike[str] | None = None,
+    drives: str | os.PathLike[str] | None = None,
+    faults: str | os.PathLike[str] | None = None,
+    bus_faults: str | os.PathLike[str] | None = None,
+    record: str | os.PathLike[str] | None = None,
+) -> Run: ...
+def robustness(
+    motion: str | os.PathLike[str] | Primitive,
+    *,
+    robots: int = 100,
+    cycles: int = 0,
+    branch: str = "",
+    seed: int = 1,
+    scale: float = 1.0,
+    spreads: Mapping[str, float] = {},
+    hold_s: float = 2.0,
+    drives: str | os.PathLike[str] | None = None,
+    twin: str | os.PathLike[str] | None = None,
+    lanes: bool = False,
+    threads: int = 0,
+    progress: Callable[[int], bool | None] | None = None,
+) -> RobustnessMap: ...

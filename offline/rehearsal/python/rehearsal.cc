@@ -1,0 +1,334 @@
+// Motions on simulated robots in Python: one run, and many robots that are not the model.
+
+#include <pybind11/stl.h>
+#include <pybind11/stl/filesystem.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <limits>
+#include <map>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <system_error>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "common/program.h"
+#include "common/share.h"
+#include "offline/rehearsal/python/arrays.h"
+#include "offline/rehearsal/python/bindings.h"
+#include "offline/rehearsal/python/file_error_parts.h"
+#include "offline/rehearsal/python/interruptible.h"
+#include "offline/rehearsal/python/loaded_record.h"
+#include "offline/rehearsal/python/motion_path.h"
+#include "offline/rehearsal/python/simulated_run.h"
+#include "offline/rehearsal/robustness/spread_names.h"
+#include "offline/rehearsal/robustness/study.h"
+
+namespace tumbler {
+namespace {
+
+namespace py = pybind11;
+using FilePath = std::optional<std::filesystem::path>;
+
+std::string NameOf(const FilePath& path) { return path ? path->string() : std::string(); }
+
+/// @throws py::value_error  naming the argument.
+template <typename Number>
+void CheckWithin(const char* name, Number value, Number least, Number most) {
+  if (value >= least && value <= most) return;
+  throw py::value_error(std::string(name) + ": is " +
+                        py::cast<std::string>(py::str(py::cast(value))) + "; allowed: from " +
+                        py::cast<std::string>(py::str(py::cast(least))) + " ... " +
+                        py::cast<std::string>(py::str(py::cast(most))));
+}
+
+/// A simulated run with its flight record.
+struct SimulatedRun {
+  std::shared_ptr<LoadedRecord> record;
+  std::string outcome;
+  std::string reason;
+  bool as_asked = false;
+  std::string json;
+};
+
+/// A folder that is removed in the end.
+class TemporaryFolder {
+ public:
+  TemporaryFolder() : path_(MakeTemporaryFolder()) {}
+  ~TemporaryFolder() {
+    std::error_code ignored;
+    std::filesystem::remove_all(path_, ignored);
+  }
+  TemporaryFolder(const TemporaryFolder&) = delete;
+  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
+  [[nodiscard]] const std::filesystem::path& path() const { return path_; }
+
+ private:
+  std::filesystem::path path_;
+};
+
+SimulatedRun Simulate(const py::object& motion, SimulatedRunPlan plan) {
+  CheckWithin("cycles", plan.settings.cycles, 0, 100000);
+  CheckWithin("speed", plan.settings.speed, 0.1, 1.0);
+  CheckWithin("hold_s", plan.settings.hold_s, 0.0, 3600.0);
+  const MotionPath path(motion);
+  plan.motion = path.path();
+  const TemporaryFolder folder;
+  if (plan.record.empty()) plan.record = (folder.path() / "run.rec").string();
+  return Interruptibly([&](std::atomic<bool>& stop) {
+    return Reading(plan.motion, [&](const std::string& /*path*/) {
+      const RunSummary summary = SimulateRun(plan, stop);
+      SimulatedRun run;
+      run.record = std::make_shared<LoadedRecord>(LoadRecord(plan.record));
+      run.outcome = ToString(summary.outcome);
+      run.reason = summary.reason;
+      run.as_asked = StatusOf(summary) == ExitStatus::kDone;
+      run.json = ToJson(summary);
+      return run;
+    });
+  });
+}
+
+void BindSimulate(py::module_& module) {
+  py::class_<SimulatedRun>(module, "Run", "A run on the simulated robot.")
+      .def_readonly("record", &SimulatedRun::record, "Every tick of it, with the truth.")
+      .def_readonly("outcome", &SimulatedRun::outcome,
+                    "'completed', or how it ended otherwise: 'fault', 'refused'.")
+      .def_readonly("reason", &SimulatedRun::reason, "Of a fault or a refusal; else empty.")
+      .def_readonly("as_asked", &SimulatedRun::as_asked,
+                    "Whether it was completed, and the robot did what the motion is for.")
+      .def_property_readonly(
+          "summary",
+          [](const SimulatedRun& self) {
+            return py::module_::import("json").attr("loads")(self.json);
+          },
+          "The figures that `tumbler-run sim --json` writes.")
+      .def("__repr__",
+           [](const SimulatedRun& self) { return "<tumbler.Run " + self.outcome + ">"; });
+  module.def(
+      "simulate",
+      [](const py::object& motion, int cycles, const std::string& branch, double speed,
+         double hold_s, const FilePath& twin, const FilePath& drives, const FilePath& faults,
+         const FilePath& bus_faults, const FilePath& record) {
+        SimulatedRunPlan plan;
+        plan.drives = NameOf(drives);
+        plan.twin = NameOf(twin);
+        plan.faults = NameOf(faults);
+        plan.bus_faults = NameOf(bus_faults);
+        plan.branch = branch;
+        plan.record = NameOf(record);
+        plan.settings.cycles = cycles;
+        plan.settings.speed = speed;
+        plan.settings.hold_s = hold_s;
+        return Simulate(motion, std::move(plan));
+      },
+      py::arg("motion"), py::kw_only(), py::arg("cycles") = 0, py::arg("branch") = "",
+      py::arg("speed") = 1.0, py::arg("hold_s") = 2.0, py::arg("twin") = py::none(),
+      py::arg("drives") = py::none(), py::arg("faults") = py::none(),
+      py::arg("bus_faults") = py::none(), py::arg("record") = py::none(),
+      "Plays a Primitive, or the file of a primitive or a sequence, through the runtime, "
+      "simulated\n"
+      "drives and the twin, as `tumbler-run sim` does. `record` keeps the flight record in a "
+      "file,\n"
+      "which must not exist. Throws FileError, Refused.");
+}
+
+/// What became of robots that are not the model.
+struct RobustnessMap {
+  RobustnessResult result;
+  std::shared_ptr<const std::vector<double>> sigma;  ///< A row for each robot.
+  std::vector<std::string> parameters;               ///< The columns of `sigma`.
+  std::string json;
+};
+
+RobustnessMap MapOf(RobustnessResult result) {
+  RobustnessMap map;
+  map.json = ToJson(result).Dump(0);
+  std::vector<double> sigma;
+  for (const TrialOutcome& trial : result.trials) {
+    for (const RobotVariation::Deviate& deviate : trial.variation.deviates)
+      sigma.push_back(deviate.sigma);
+  }
+  if (!result.trials.empty()) {
+    for (const RobotVariation::Deviate& deviate : result.trials.front().variation.deviates)
+      map.parameters.push_back(deviate.name);
+  }
+  map.sigma = std::make_shared<const std::vector<double>>(std::move(sigma));
+  map.result = std::move(result);
+  return map;
+}
+
+void SetSpreads(const std::map<std::string, double>& wanted, Spreads& spreads) {
+  for (const auto& [key, value] : wanted) {
+    const auto* const known = std::ranges::find_if(
+        kSpreadNames, [&key = key](const SpreadName& name) { return name.key == key; });
+    if (known == kSpreadNames.end()) {
+      std::string names;
+      for (const SpreadName& name : kSpreadNames)
+        names += (names.empty() ? "" : ", ") + std::string(name.key);
+      throw py::value_error("spreads: '" + key + "' is none; allowed: " + names);
+    }
+    CheckWithin(known->key, value, 0.0, known->max);
+    spreads.*known->member = value;
+  }
+}
+
+/// Plays robots. @param progress  is called with how many are known.
+RobustnessMap MapRobots(const py::object& motion, RobustnessStudy study, WorkPlan plan,
+                        const std::string& branch, const py::object& progress) {
+  CheckWithin("robots", plan.robots, 1, 10000000);
+  CheckWithin("cycles", study.run.cycles, 0, 100000);
+  CheckWithin("scale", study.scale, 0.0, 10.0);
+  CheckWithin("hold_s", study.run.hold_s, 0.0, 3600.0);
+  CheckWithin("threads", plan.threads, 0, 1024);
+  if (plan.threads == 0)
+    plan.threads = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+  const MotionPath path(motion);
+  study.motion = path.path();
+  const SequenceFile file =
+      Reading(study.motion, [](const std::string& p) { return LoadMotion(p); });
+  study.run.branch = BranchOf(file, study.motion, branch, study.run.cycles);
+  ProgressCallback callback(progress);
+  std::optional<RobustnessMap> map = Interruptibly([&](std::atomic<bool>& stop) {
+    plan.interrupt = &stop;
+    if (callback.wanted()) {
+      plan.progress = [&](int known) {
+        if (!callback.Call([known] { return py::int_(known); })) stop = true;
+      };
+    }
+    return Reading(study.motion, [&](const std::string& /*path*/) {
+      WorkDone work = RunStudy(study, plan, Processes());
+      return work.result ? std::optional(MapOf(std::move(*work.result))) : std::nullopt;
+    });
+  });
+  callback.Rethrow();
+  if (!map) throw Refused("the study was stopped before all robots were played");
+  return std::move(*map);
+}
+
+/// An array of what each robot's outcome has.
+template <typename Number, typename Of>
+py::array OfEachRobot(const RobustnessMap& self, const Of& of) {
+  std::vector<Number> values;
+  for (const TrialOutcome& trial : self.result.trials)
+    values.push_back(static_cast<Number>(of(trial)));
+  return ArrayOf(std::move(values));
+}
+
+py::array Verdicts(const RobustnessMap& self) {
+  std::vector<std::string> verdicts;
+  for (const TrialOutcome& trial : self.result.trials)
+    verdicts.emplace_back(ToString(trial.verdict));
+  return py::module_::import("numpy").attr("array")(verdicts, "str");
+}
+
+void BindRobustness(py::module_& module) {
+  py::class_<RobustnessMap>(module, "RobustnessMap",
+                            "What became of robots that are not the model, one in each row.")
+      .def_property_readonly("verdicts", &Verdicts,
+                             "'stands', 'amiss', 'fell', 'overlap' or 'fault' of each robot.")
+      .def_property_readonly(
+          "stands",
+          [](const RobustnessMap& self) {
+            return OfEachRobot<std::uint8_t>(self, [](const auto& t) { return t.stands(); })
+                .view("bool");
+          },
+          "Whether each robot did everything as asked.")
+      .def_property_readonly(
+          "reasons",
+          [](const RobustnessMap& self) {
+            py::list reasons;
+            for (const TrialOutcome& trial : self.result.trials) reasons.append(trial.reason);
+            return py::tuple(reasons);
+          },
+          "In words; empty where it stands.")
+      .def_property_readonly(
+          "left_s",
+          [](const RobustnessMap& self) {
+            return OfEachRobot<double>(self, [](const TrialOutcome& trial) {
+              return trial.left_s < 0 ? std::numeric_limits<double>::quiet_NaN() : trial.left_s;
+            });
+          },
+          "When each robot left the model's way for good [s since its motion began]; NaN: it did "
+          "not.")
+      .def_readonly("parameters", &RobustnessMap::parameters,
+                    "What robots differ in: the names of the columns of `sigma`.")
+      .def_property_readonly(
+          "sigma",
+          [](const RobustnessMap& self) {
+            return ViewOf(std::span<const double>(*self.sigma), self.sigma,
+                          {static_cast<py::ssize_t>(self.result.trials.size()),
+                           static_cast<py::ssize_t>(self.parameters.size())});
+          },
+          "By how much each robot differs in each parameter [standard deviations].")
+      .def_property_readonly(
+          "share", [](const RobustnessMap& self) { return self.result.stands().value(); },
+          "Of the robots that stand.")
+      .def_property_readonly(
+          "share_95",
+          [](const RobustnessMap& self) {
+            const Share share = self.result.stands();
+            return std::pair(share.low, share.high);
+          },
+          "Confidence interval of the share at 95 %.")
+      .def_property_readonly(
+          "summary",
+          [](const RobustnessMap& self) {
+            return py::module_::import("json").attr("loads")(self.json);
+          },
+          "The figures that `tumbler-robustness --json` writes.")
+      .def("__len__", [](const RobustnessMap& self) { return self.result.trials.size(); })
+      .def("__repr__", [](const RobustnessMap& self) {
+        const Share share = self.result.stands();
+        return "<tumbler.RobustnessMap " + std::to_string(share.count) + " of " +
+               std::to_string(share.of) + " stand>";
+      });
+  module.def(
+      "robustness",
+      [](const py::object& motion, int robots, int cycles, const std::string& branch,
+         std::uint64_t seed, double scale, const std::map<std::string, double>& spreads,
+         double hold_s, const FilePath& drives, const FilePath& twin, bool lanes, int threads,
+         const py::object& progress) {
+        RobustnessStudy study;
+        study.run.cycles = cycles;
+        study.run.hold_s = hold_s;
+        study.seed = seed;
+        study.scale = scale;
+        study.drives = NameOf(drives);
+        study.twin = NameOf(twin);
+        study.lanes = lanes;
+        SetSpreads(spreads, study.spreads);
+        WorkPlan plan;
+        plan.robots = robots;
+        plan.threads = threads;
+        return MapRobots(motion, std::move(study), std::move(plan), branch, progress);
+      },
+      py::arg("motion"), py::kw_only(), py::arg("robots") = 100, py::arg("cycles") = 0,
+      py::arg("branch") = "", py::arg("seed") = 1, py::arg("scale") = 1.0,
+      py::arg("spreads") = py::dict(), py::arg("hold_s") = 2.0, py::arg("drives") = py::none(),
+      py::arg("twin") = py::none(), py::arg("lanes") = false, py::arg("threads") = 0,
+      py::arg("progress") = py::none(),
+      "Plays a Primitive, or the file of a primitive or a sequence, on robots that differ from "
+      "the\n"
+      "model, as tumbler-robustness does. `spreads` are standard deviations by their names in its\n"
+      "JSON, in place of the defaults. Robot number i of a seed is the same whatever the number "
+      "of\n"
+      "robots and threads (0: one for each core). `progress` is called now and then with how many\n"
+      "are known; when it returns False the work ends by Refused. Throws FileError, Refused.");
+}
+
+}  // namespace
+
+void BindRehearsal(py::module_& module) {
+  BindSimulate(module);
+  BindRobustness(module);
+}
+
+}  // namespace tumbler
