@@ -22,6 +22,10 @@ endif()
 if(TUMBLER_SANITIZE)
   target_compile_options(tumbler_options INTERFACE -fsanitize=${TUMBLER_SANITIZE}
                          -fno-omit-frame-pointer -fno-sanitize-recover=all)
+  if(CMAKE_CXX_COMPILER_ID MATCHES Clang)
+    target_compile_options(tumbler_options INTERFACE
+                           -fsanitize-ignorelist=${PROJECT_SOURCE_DIR}/cmake/sanitizer_ignored.txt)
+  endif()
   target_link_options(tumbler_options INTERFACE -fsanitize=${TUMBLER_SANITIZE})
 endif()
 
