@@ -28,6 +28,8 @@ Play::Play(Assembly& assembly, World& world, const PlayOutputs& outputs)
   if (!world_.real_time()) return;
   if (outputs_.telemetry != nullptr) outputs_.telemetry->Start();
   if (outputs_.recorder != nullptr) outputs_.recorder->Start();
+  service_ = std::make_unique<ServiceNotice>(ServiceManager::FromEnvironment());
+  service_->Start();
 }
 
 void Play::Run(const RunProcedureConfig& config, std::int64_t period_ns,
@@ -41,12 +43,14 @@ void Play::Run(const RunProcedureConfig& config, std::int64_t period_ns,
                          outputs_.telemetry, outputs_.recorder},
       period_ns, start_ns);
   while (loop_->Step()) {
+    if (service_) service_->NoteTick();
     world_.Observe(*loop_);
     if (each_tick) each_tick(*loop_);
     if (world_.real_time()) continue;
     if (outputs_.telemetry != nullptr) outputs_.telemetry->Drain();
     if (outputs_.recorder != nullptr) outputs_.recorder->Drain();
   }
+  service_.reset();
 }
 
 std::string Play::Reason(const std::vector<std::string>& joints) const {

@@ -8,6 +8,7 @@
 
 #include "runtime/assembly/assembly.h"
 #include "runtime/core/run_procedure.h"
+#include "runtime/linux/service_notice.h"
 #include "runtime/record/flight_recorder.h"
 #include "runtime/record/record_configuration.h"
 #include "runtime/run/control_loop.h"
@@ -25,9 +26,9 @@ struct PlayOutputs {
 /// An assembled run in its world, from the first tick to the last.
 class Play {
  public:
-  /// All of these must outlive the play. In real time this starts the threads of the outputs. So
-  /// make the object before the thread of the loop gets a real-time policy, which they must not
-  /// inherit.
+  /// All of these must outlive the play. In real time this starts the threads of the outputs, and
+  /// the one that tells a service manager of the loop. So make the object before the thread of the
+  /// loop gets a real-time policy, which they must not inherit.
   Play(Assembly& assembly, World& world, const PlayOutputs& outputs);
 
   /// Runs the loop until the procedure is over, with InterruptMailbox for the operator. In virtual
@@ -51,6 +52,7 @@ class Play {
   PlayOutputs outputs_;
   std::unique_ptr<RunProcedure> procedure_;
   std::unique_ptr<ControlLoop> loop_;
+  std::unique_ptr<ServiceNotice> service_;  // until the loop is over
 };
 
 /// Time 0 of the world's clock, in microseconds since 1970; 0 in virtual time.

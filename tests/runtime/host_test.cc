@@ -1,11 +1,17 @@
-// What a computer needs for driving motors: tumbler-run --doctor, scripts/host-setup, and the hold
-// on /dev/cpu_dma_latency.
+// What a computer needs for driving motors: tumbler-run --doctor, scripts/host-setup, the hold on
+// /dev/cpu_dma_latency, and what a service manager is told.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/socket.h>
 #include <sys/stat.h>
+#include <sys/un.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <array>
+#include <cstddef>
+#include <cstdlib>
 #include <filesystem>
 #include <functional>
 #include <stdexcept>
@@ -16,6 +22,7 @@
 
 #include "runtime/linux/doctor.h"
 #include "runtime/linux/realtime_thread.h"
+#include "runtime/linux/service_notice.h"
 #include "runtime/run/known_pose.h"
 #include "tests/support/files.h"
 #include "tests/support/program.h"
@@ -23,7 +30,9 @@
 namespace tumbler {
 namespace {
 
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using ::testing::IsEmpty;
 using ::testing::Not;
 using testing::Outcome;
 using testing::ReadFile;
@@ -135,6 +144,137 @@ TEST(CpuAwake, HoldsTheLatencyAtZeroWhereItMay) {
     EXPECT_EQ(ReadFile(device), std::string(4, '\0'));
   }
   EXPECT_FALSE(CpuAwake((folder / "not there").c_str()).held());
+}
+
+/// The socket of a service manager, played by the test.
+class NotifySocket {
+ public:
+  /// @param name  a file's, or one that begins with '@'.
+  explicit NotifySocket(const std::string& name)
+      : socket_(socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0)) {
+    sockaddr_un address{};
+    address.sun_family = AF_UNIX;
+    std::copy(name.begin(), name.end(), address.sun_path);
+    if (name.front() == '@') address.sun_path[0] = '\0';
+    const auto size = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + name.size() +
+                                             (name.front() == '@' ? 0 : 1));
+    if (bind(socket_, reinterpret_cast<const sockaddr*>(&address), size) != 0) {
+      throw std::runtime_error("no socket " + name);
+    }
+  }
+  ~NotifySocket() { close(socket_); }
+  NotifySocket(const NotifySocket&) = delete;
+  NotifySocket& operator=(const NotifySocket&) = delete;
+
+  /// What has come since it was asked last.
+  [[nodiscard]] std::vector<std::string> Heard() const {
+    std::vector<std::string> all;
+    std::array<char, 256> buffer{};
+    for (;;) {
+      const ssize_t size = recv(socket_, buffer.data(), buffer.size(), MSG_DONTWAIT);
+      if (size < 0) return all;
+      all.emplace_back(buffer.data(), static_cast<std::size_t>(size));
+    }
+  }
+
+ private:
+  int socket_;
+};
+
+TEST(ServiceNotice, IsReadyAfterTheFirstTickAliveWhileThereAreTicksAndSilentWhenTheLoopHangs) {
+  const testing::TemporaryFolder folder;
+  const std::string abstract = "@tumbler-" + std::to_string(getpid());
+  for (const std::string& name : {folder / "notify", abstract}) {
+    const NotifySocket manager(name);
+    {
+      ServiceNotice notice({name, 1'000'000});
+      notice.Look();
+      EXPECT_THAT(manager.Heard(), IsEmpty()) << "no tick yet";
+      notice.NoteTick();
+      notice.Look();
+      EXPECT_THAT(manager.Heard(), ElementsAre("READY=1", "WATCHDOG=1"));
+      for (int i = 0; i < 3; ++i) {
+        notice.NoteTick();
+        notice.NoteTick();
+        notice.Look();
+        EXPECT_THAT(manager.Heard(), ElementsAre("WATCHDOG=1"));
+      }
+      for (int i = 0; i < 10; ++i) notice.Look();
+      EXPECT_THAT(manager.Heard(), IsEmpty()) << "the loop hangs";
+      notice.NoteTick();
+      notice.Look();
+      EXPECT_THAT(manager.Heard(), ElementsAre("WATCHDOG=1")) << "it goes on";
+    }
+    EXPECT_THAT(manager.Heard(), ElementsAre("STOPPING=1"));
+  }
+}
+
+TEST(ServiceNotice, WithoutAWatchdogSaysReadyAndStoppingAndWithoutATickNothing) {
+  const testing::TemporaryFolder folder;
+  const NotifySocket manager(folder / "notify");
+  { const ServiceNotice notice({folder / "notify", 1'000'000}); }
+  EXPECT_THAT(manager.Heard(), IsEmpty()) << "a loop that never ran is neither ready nor over";
+  {
+    ServiceNotice notice({folder / "notify", 0});
+    for (int i = 0; i < 5; ++i) {
+      notice.NoteTick();
+      notice.Look();
+    }
+  }
+  EXPECT_THAT(manager.Heard(), ElementsAre("READY=1", "STOPPING=1"));
+}
+
+TEST(ServiceNotice, ASocketThatIsNotThereOrCannotBeIsNoTrouble) {
+  for (const std::string& name :
+       {std::string(), std::string("/"), std::string("notify"), std::string("/no/such/socket"),
+        "@" + std::string(107, 'x'), "/" + std::string(5000, 'x')}) {
+    ServiceNotice notice({name, 1});
+    notice.Start();
+    notice.NoteTick();
+    notice.Look();
+  }
+}
+
+TEST(ServiceNotice, TakesFromTheEnvironmentAWatchdogThatIsForThisProcess) {
+  const auto with = [](const char* usec, const std::string& pid) {
+    // NOLINTBEGIN(concurrency-mt-unsafe)
+    setenv("NOTIFY_SOCKET", "/run/notify", 1);
+    setenv("WATCHDOG_USEC", usec, 1);
+    setenv("WATCHDOG_PID", pid.c_str(), 1);
+    const ServiceManager manager = ServiceManager::FromEnvironment();
+    for (const char* name : {"NOTIFY_SOCKET", "WATCHDOG_USEC", "WATCHDOG_PID"}) unsetenv(name);
+    // NOLINTEND(concurrency-mt-unsafe)
+    EXPECT_EQ(manager.socket, "/run/notify");
+    return manager.watchdog_us;
+  };
+  EXPECT_EQ(with("250000", std::to_string(getpid())), 250'000);
+  EXPECT_EQ(with("250000", ""), 250'000);
+  EXPECT_EQ(with("250000", std::to_string(getpid() + 1)), 0);
+  EXPECT_EQ(with("250000", "x"), 0);
+  for (const char* nonsense : {"", "0", "-5", "1e6", "250000 ", "99999999999999999999"}) {
+    EXPECT_EQ(with(nonsense, ""), 0) << nonsense;
+  }
+  EXPECT_EQ(ServiceManager::FromEnvironment().socket, "");
+}
+
+TEST(ServiceNotice, AServiceManagerHearsOfARunFromItsFirstTickToItsLast) {
+  const testing::TemporaryFolder folder;
+  const NotifySocket manager(folder / "notify");
+  testing::Program run({"/bin/sh", "-c",
+                        "NOTIFY_SOCKET=" + (folder / "notify") + " WATCHDOG_USEC=200000 exec " +
+                            testing::ProgramPath("tumbler-run") + " sim " +
+                            testing::SourcePath("primitives/handstand.toml") +
+                            " --realtime --end torque-off"});
+  std::vector<std::string> heard;  // The kernel keeps few datagrams that nobody has read.
+  EXPECT_TRUE(testing::Eventually([&] {
+    for (std::string& text : manager.Heard()) heard.push_back(std::move(text));
+    return !heard.empty() && heard.back() == "STOPPING=1";
+  }));
+  EXPECT_EQ(run.Wait(), 0) << run.text();
+  ASSERT_GE(heard.size(), 5U);
+  EXPECT_EQ(heard.front(), "READY=1");
+  EXPECT_EQ(std::count(heard.begin(), heard.end(), "WATCHDOG=1"),
+            static_cast<std::ptrdiff_t>(heard.size()) - 2);
 }
 
 TEST(KnownPose, IsReadAsItWasWrittenWithTheZeroOfNow) {
