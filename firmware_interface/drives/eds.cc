@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
+#include <cstdlib>
 #include <limits>
 #include <vector>
 
@@ -91,6 +92,9 @@ Sections ReadSections(std::string_view text, const std::string& name) {
   return sections;
 }
 
+/// What is larger is none, whatever is added. (No object that is written has more than 32 bits.)
+constexpr std::int64_t kLargestNumber = std::int64_t{1} << 56;
+
 std::optional<std::int64_t> OneNumber(std::string_view text, std::uint8_t node_id) {
   text = Trimmed(text);
   if (InSmallLetters(text) == "$nodeid") return node_id;
@@ -111,8 +115,7 @@ std::optional<std::int64_t> OneNumber(std::string_view text, std::uint8_t node_i
     const int digit = small >= '0' && small <= '9'   ? small - '0'
                       : small >= 'a' && small <= 'f' ? small - 'a' + 10
                                                      : 99;
-    // (No object that is written here has more than 32 bits.)
-    if (digit >= base || number > (std::int64_t{1} << 56)) return std::nullopt;
+    if (digit >= base || number > kLargestNumber) return std::nullopt;
     number = base * number + digit;
   }
   return negative ? -number : number;
@@ -123,7 +126,7 @@ std::optional<std::int64_t> NumberIn(std::string_view text, std::uint8_t node_id
   for (;;) {
     const std::size_t plus = text.find('+');
     const std::optional<std::int64_t> term = OneNumber(text.substr(0, plus), node_id);
-    if (!term) return std::nullopt;
+    if (!term || std::abs(sum) > kLargestNumber) return std::nullopt;
     sum += *term;
     if (plus == std::string_view::npos) return sum;
     text.remove_prefix(plus + 1);

@@ -195,6 +195,27 @@ TEST(Eds, NumbersAreDecimalHexadecimalOctalOrSumsWithTheNode) {
   }
 }
 
+TEST(Eds, ASumThatNoIntegerHoldsIsNoNumber) {
+  // Sixteen times 2^60 - 1 are -16 where integers wrap around.
+  const std::string most = "0xfffffffffffffff";
+  std::string sum = most;
+  for (int i = 1; i < 16; ++i) sum += "+" + most;
+  for (const std::string& text : {sum, "$NODEID+" + sum, "-" + most + "+-" + sum + "+-" + sum}) {
+    EXPECT_THROW(static_cast<void>(ObjectOf(Variable("1017", kU32, "rw", "LowLimit=" + text))),
+                 FileError)
+        << text;
+  }
+}
+
+TEST(Eds, AnArrayWithoutSectionsForItsPartsHasSoManyAndNoMore) {
+  const auto sheet = ElectronicDataSheet::Parse(
+      "[1600]\nObjectType=0x9\nDataType=7\nAccessType=rw\nCompactSubObj=3\n", "t.eds", 1);
+  EXPECT_EQ(sheet.Find(0x1600, 0).value().bits, 8) << "how many there are";
+  for (std::uint8_t sub = 1; sub <= 3; ++sub) EXPECT_EQ(sheet.Find(0x1600, sub).value().bits, 32);
+  EXPECT_FALSE(sheet.Find(0x1600, 4).has_value());
+  EXPECT_FALSE(sheet.Find(0x1600, 255).has_value());
+}
+
 TEST(Eds, CaseBlanksLineEndsCommentsAndAByteOrderMarkDoNotMatter) {
   std::string text = "\xef\xbb\xbf; comment\n\n" + Variable("1017", kU16, "RW", "  lowlimit =  3 ");
   text = With(text, "AccessType", "accessTYPE");

@@ -1,7 +1,8 @@
-// Feeds arbitrary bytes to the loaders of the runtime's files: primitives, sequences, drives,
-// faults, bus faults and, where there is a simulation, twin files. Each loader gets every input,
-// and all but one refuse it by its first line. Either a loader refuses the input with a FileError
-// that says why, or the result has all the properties that the code behind the loader relies on.
+// Feeds arbitrary bytes to the loaders of the runtime's files: primitives, sequences, drives, data
+// sheets of drives, faults, bus faults and, where there is a simulation, twin files. Each loader
+// gets every input, and all but one refuse it by its first line. Either a loader refuses the input
+// with a FileError that says why, or the result has all the properties that the code behind the
+// loader relies on.
 
 #include <cmath>
 #include <cstdint>
@@ -54,6 +55,14 @@ const SimulatedMotion& Gait() {
 }
 #endif
 
+/// The shipped CiA 402 drives; the data sheet of each is the input.
+const std::string& DrivesWithDataSheet() {
+  static const std::string drives = testing::ReplacedAll(
+      ReadTextFile(kFolder + "robots/tumbler_drives_cia402.toml"), "protocol = \"canopen-csp\"",
+      "protocol = \"canopen-csp\"\neds = \"file.toml\"");
+  return drives;
+}
+
 void CheckPrimitive(const PrimitiveFile& file) {
   const Primitive<double>& primitive = file.primitive;
   TUMBLER_REQUIRE(primitive.joint_count >= 1 && primitive.joint_count <= kMaxJoints);
@@ -104,6 +113,13 @@ void ReadAll(const std::string& text) {
     throw FileError(path, 1, "", "is not there");
   };
   ReadOrRefuse([&] { CheckDrives(ParseDrives(text, "file.toml", DrivesUse::kRun, none)); });
+  ReadOrRefuse([&] {
+    const FileReader sheet = [&](const std::string& path) -> std::string {
+      TUMBLER_REQUIRE(path == "file.toml");
+      return text;
+    };
+    CheckDrives(ParseDrives(DrivesWithDataSheet(), "file.toml", DrivesUse::kRun, sheet));
+  });
   ReadOrRefuse([&] {
     const std::vector<FaultsJoint> joints{{"leg1", -2, 2}, {"leg2", -2, 2}};
     ExecutorConfig config;
