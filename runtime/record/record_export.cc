@@ -4,9 +4,14 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cstdint>
 #include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
 #include <limits>
 #include <memory>
+#include <string>
 #include <system_error>
 #include <vector>
 
@@ -39,6 +44,19 @@ std::vector<CanFrame> SentFrames(const TickEntry& entry) {
     }
   }
   return frames;
+}
+
+/// Whether there is a file of this name, and it says something else. (A record may name anything,
+/// so only files of the same length are read.)
+bool IsAnotherNow(const LoadedFile& file) {
+  std::error_code none;
+  if (!std::filesystem::is_regular_file(file.path, none)) return false;
+  const std::uintmax_t size = std::filesystem::file_size(file.path, none);
+  if (none || size != file.text.size()) return !none;
+  std::ifstream stream(file.path, std::ios::binary);
+  if (!stream) return false;
+  const std::string text{std::istreambuf_iterator<char>(stream), {}};
+  return !stream.bad() && text != file.text;
 }
 
 RunDescription DescribeRun(const RecordConfiguration& configuration) {
@@ -175,8 +193,9 @@ std::string Summary(FlightRecord& record) {
   text += fmt::format("  motion {}, speed {:.3g}; drives {}\n", c.motion_file, c.executor.speed,
                       c.drives_file.empty() ? "of the simulation" : c.drives_file);
   for (const LoadedFile& file : c.files) {
-    text += fmt::format("  holds {} ({} bytes, {})\n", file.path, file.text.size(),
-                        HashOfText(file.text));
+    text += fmt::format("  holds {} ({} bytes, {}){}\n", file.path, file.text.size(),
+                        HashOfText(file.text),
+                        IsAnotherNow(file) ? "; the file there is another now" : "");
   }
   text += fmt::format("  {} ticks over {:.3f} s; {} frames sent, {} received\n", ticks,
                       static_cast<double>(last_ns - first_ns) * 1e-9, sent, received);

@@ -18,6 +18,7 @@ namespace tumbler {
 namespace {
 
 using ::testing::HasSubstr;
+using ::testing::Not;
 using testing::Outcome;
 using testing::Program;
 using testing::ReadFile;
@@ -66,6 +67,44 @@ TEST_F(RecordPrograms, ARecordIsOneOfTheRunThatWasPlayedWhateverBecomesOfItsFile
   ASSERT_EQ(run.exit_code, 0) << run.text;
   std::filesystem::remove(folder_ / "motion.toml");
   EXPECT_EQ(Run("tumbler-replay " + record_).exit_code, 0);
+}
+
+TEST_F(RecordPrograms, OfDrivesWithADataSheetHoldsItAndNamesItWhenItIsAnotherNow) {
+  const std::string sheet = ReadFile(testing::SourcePath("tests/data/cia402_drive.eds"));
+  testing::WriteFile(folder_ / "drive.eds", sheet);
+  testing::WriteFile(
+      folder_ / "drives.toml",
+      testing::ReplacedAll(
+          ReadFile(testing::SourcePath("primitives/robots/tumbler_drives_cia402.toml")),
+          "protocol = \"canopen-csp\"", "protocol = \"canopen-csp\"\neds = \"drive.eds\""));
+  const Outcome run = Record("--drives " + (folder_ / "drives.toml"));
+  ASSERT_EQ(run.exit_code, 0) << run.text;
+  const std::string holds = "holds " + (folder_ / "drive.eds") + " (";
+  Outcome info = Run("tumbler-record " + record_);
+  EXPECT_THAT(info.text, HasSubstr(holds + std::to_string(sheet.size()) + " bytes"));
+  EXPECT_THAT(info.text, Not(HasSubstr("another now")));
+  // With a drive whose target position cannot be written, a run is refused. The record holds the
+  // sheet of its day.
+  testing::WriteFile(folder_ / "drive.eds",
+                     testing::Replaced(sheet, "AccessType=rww", "AccessType=ro", "[607A]"));
+  const Outcome refused =
+      Run("tumbler-run sim " + kHandstand + " --drives " + (folder_ / "drives.toml"));
+  EXPECT_EQ(refused.exit_code, 1);
+  EXPECT_THAT(refused.text, HasSubstr("607Ah:00"));
+  EXPECT_THAT(refused.text,
+              HasSubstr("drive.eds:" + std::to_string(testing::LineOf(sheet, "[607A]"))));
+  const Outcome replay = Run("tumbler-replay " + record_);
+  EXPECT_EQ(replay.exit_code, 0) << replay.text;
+  EXPECT_TRUE(replay.text.starts_with("identical: ")) << replay.text;
+  info = Run("tumbler-record " + record_);
+  EXPECT_EQ(info.exit_code, 0);
+  EXPECT_THAT(
+      testing::MatchesOf("holds [^\n]*drive.eds [^\n]*; the file there is another now", info.text),
+      ::testing::SizeIs(1));
+  EXPECT_THAT(testing::MatchesOf("another now", info.text), ::testing::SizeIs(1));
+  std::filesystem::remove(folder_ / "drive.eds");
+  EXPECT_EQ(Run("tumbler-replay " + record_).exit_code, 0);
+  EXPECT_THAT(Run("tumbler-record " + record_).text, Not(HasSubstr("another now")));
 }
 
 TEST_F(RecordPrograms, ADamagedByteIsNamedAndEndsWithStatus4) {
