@@ -515,6 +515,45 @@ TEST(SocketCanBusInKernel, FollowsTheControllerThroughItsErrorStatesToBusOffAndB
   });
 }
 
+TEST(SocketCanBusInKernel, CountsWhatTheControllerItselfLost) {
+  testing::InSteadyTime([] {
+    SerialCan can;
+    SocketCanBus bus;
+    Open(bus, can.name());
+    const auto lost = [&bus](std::int64_t times) {
+      return Eventually([&] {
+        Drain(bus);
+        return bus.statistics().overflows == times;
+      });
+    };
+    can.Say("e1o\r");  // its receive buffer has overflowed
+    EXPECT_TRUE(lost(1)) << bus.statistics().overflows;
+    can.Say("e1o\re1o\r");
+    EXPECT_TRUE(lost(3)) << bus.statistics().overflows;
+    EXPECT_EQ(bus.statistics().error_frames, 3);
+    EXPECT_EQ(bus.statistics().dropped, 0) << "the kernel lost none";
+    EXPECT_EQ(bus.controller_state(), CanControllerState::kErrorActive);
+    EXPECT_EQ(bus.Send(Frame(1)), Status::kOk) << "no error of the link";
+  });
+}
+
+TEST(SocketCanBusInKernel, ReadsThatAControllerOnlyListens) {
+  testing::InSteadyTime([] {
+    SerialCan can;
+    can.Down();
+    Shell("ip link set " + can.name() + " type can listen-only on");
+    can.Up();
+    SocketCanBus bus;
+    Open(bus, can.name());
+    EXPECT_TRUE(bus.link().listen_only);
+    can.Down();
+    Shell("ip link set " + can.name() + " type can listen-only off");
+    can.Up();
+    Open(bus, can.name());
+    EXPECT_FALSE(bus.link().listen_only);
+  });
+}
+
 TEST(SocketCanBusInKernel, AnAdapterThatTakesNothingMoreIsAStall) {
   testing::InSteadyTime([] {
     SerialCan can;

@@ -231,6 +231,10 @@ TEST_P(BenchOnCan, WithoutArmNothingMovesAndTwoProgramsDoNotShareAnInterface) {
     bench = StartBench(can.name(), {"scan"});
     EXPECT_EQ(bench->Wait(), 2) << bench->text();
     EXPECT_THAT(bench->text(), HasSubstr("(tumbler-bench) drives the motors on"));
+    Program run({testing::ProgramPath("tumbler-run"), can.name(), kBenchMotion, "--drives",
+                 Path("draft.toml"), "--arm", "--without-realtime", "--without-watchdog"});
+    EXPECT_EQ(run.Wait(), 2) << run.text();
+    EXPECT_THAT(run.text(), HasSubstr("(tumbler-bench) drives the motors on"));
     first->Signal(SIGTERM);
     EXPECT_EQ(first->Wait(), kBenchEnded) << first->text();
     EndDrives();

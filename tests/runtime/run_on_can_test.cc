@@ -324,6 +324,42 @@ TEST_F(RunOnCan, AnInterfaceAtAnotherBitRateIsRefused) {
   });
 }
 
+TEST_F(RunOnCan, AnInterfaceThatOnlyListensIsRefusedAtArmingAndNothingIsSent) {
+  testing::InSteadyTime([this] {
+    Reset();
+    WriteDrives(500'000);
+    SerialCan can;
+    can.Down();
+    Shell("ip link set " + can.name() + " type can listen-only on");
+    can.Up();
+    const std::unique_ptr<Program> run = StartArmed(can.name());
+    EXPECT_EQ(run->Wait(), 2) << run->text();
+    EXPECT_THAT(run->text(), HasSubstr(can.name() + " only listens"));
+    EXPECT_THAT(run->text(), HasSubstr("type can listen-only off"));
+    EXPECT_EQ(can.heard().find("\rt"), std::string::npos) << can.heard();
+  });
+}
+
+TEST_F(RunOnCan, FramesThatTheControllerLostAreSaidInTheSummary) {
+  testing::InSteadyTime([this] {
+    Reset();
+    SerialCan can;
+    const VirtualCan bench;
+    WriteDrives(500'000);
+    Shell("cangw -A -s " + can.name() + " -d " + bench.name() + " -e && cangw -A -s " +
+          bench.name() + " -d " + can.name() + " -e");
+    StartDrives(bench.name());
+    StartCandump(can.name());
+    const std::unique_ptr<Program> run = StartArmed(can.name());
+    AwaitMotion();
+    can.Say("e1o\re1o\r");
+    EXPECT_EQ(run->Wait(), 0) << run->text();
+    EXPECT_THAT(run->text(), HasSubstr("2 overflows of the controller"));
+    EXPECT_THAT(ReadFile(Path("run.json")), HasSubstr("\"controller_overflows\": 2"));
+    Shell("cangw -F");
+  });
+}
+
 TEST_F(RunOnCan, WhenItIsKilledTheDrivesWatchdogsTakeOverAndARestartDoesNotJump) {
   testing::InSteadyTime([this] {
     Reset();
@@ -426,53 +462,60 @@ TEST_F(RunOnCan, ASecondProgramIsRefusedAndTheFirstOneDoesNotNotice) {
 
 TEST_F(RunOnCan, WhoeverStartsSecondIsRefusedAndTheFramesOfTheFirstStayTheSame) {
   testing::InSteadyTime([this] {
-    // A run by itself, and runs that a run or a replay wants to join, in every order.
+    // A run by itself, and runs and replays that another program wants to join, in every order.
     std::vector<std::vector<std::string>> logs;
     const std::string record = Path("alone.rec");
     std::filesystem::remove(record);
-    for (const std::string second : {"none", "run", "replay", "run, before the replay"}) {
+    struct Order {
+      std::string first, second;
+    };
+    for (const Order& order :
+         {Order{"run", "none"}, Order{"run", "run"}, Order{"run", "replay"}, Order{"run", "bench"},
+          Order{"replay", "run"}, Order{"replay", "replay"}, Order{"replay", "bench"}}) {
+      SCOPED_TRACE(order.first + ", then " + order.second);
       Reset();
       const VirtualCan can;
       StartDrives(can.name());
       StartCandump(can.name());
-      const bool replays = second.ends_with("the replay");
-      std::vector<std::string> play = {testing::ProgramPath("tumbler-replay"),
-                                       record,
-                                       "--bus",
-                                       can.name(),
-                                       "--arm",
-                                       "--without-realtime"};
-      std::unique_ptr<Program> first;
-      if (replays) {
-        first = std::make_unique<Program>(play);
-      } else {
+      const auto start = [&](const std::string& program) -> std::unique_ptr<Program> {
+        if (program == "replay") {
+          return std::make_unique<Program>(
+              std::vector<std::string>{testing::ProgramPath("tumbler-replay"), record, "--bus",
+                                       can.name(), "--arm", "--without-realtime"});
+        }
+        if (program == "bench") {
+          return std::make_unique<Program>(std::vector<std::string>{
+              testing::ProgramPath("tumbler-bench"), can.name(), "jog", "joint1", "--drives",
+              Path("drives.toml"), "--motion", Path("motion.toml"), "--arm", "--yes"});
+        }
         std::vector<std::string> more = {"--arm", "--without-realtime"};
-        if (second == "none") more.insert(more.end(), {"--record", record});
-        first = Start(can.name(), more);
-      }
+        if (order.second == "none") more.insert(more.end(), {"--record", record});
+        return Start(can.name(), more);
+      };
+      const std::unique_ptr<Program> first = start(order.first);
       AwaitMotion();
-      if (second == "replay") {
-        Program other(play);
-        EXPECT_EQ(other.Wait(), 2) << other.text();
-        EXPECT_THAT(other.text(), HasSubstr("drives the motors on " + can.name()));
-      } else if (second != "none") {
-        const std::unique_ptr<Program> other = StartArmed(can.name());
-        EXPECT_EQ(other->Wait(), 2) << other->text();
-        EXPECT_THAT(other->text(), HasSubstr("drives the motors on " + can.name()));
+      if (order.second != "none") {
+        const std::unique_ptr<Program> second = start(order.second);
+        EXPECT_EQ(second->Wait(), 2) << second->text();
+        EXPECT_THAT(second->text(),
+                    HasSubstr("(tumbler-" + order.first + ") drives the motors on " + can.name()));
       }
       EXPECT_EQ(first->Wait(), 0) << first->text();
       ExpectKept(Judge());
       // Arming and the way to the start follow the drives' clock; the motion's setpoints do not.
       std::vector<std::string>& log = logs.emplace_back();
-      for (const LoggedFrame& logged : Log()) {
-        if (logged.frame.id != 1) continue;
-        std::string bytes;
-        for (std::size_t i = 0; i < 2; ++i) bytes += static_cast<char>(logged.frame.data[i]);
-        if (log.empty() || log.back() != bytes) log.push_back(bytes);
+      for (const std::uint32_t id : {1U, 2U}) {
+        std::vector<std::string> frames;
+        for (const LoggedFrame& logged : Log()) {
+          if (logged.frame.id != id) continue;
+          EXPECT_EQ(logged.frame.size, 8);
+          const std::string bytes(logged.frame.data.begin(), logged.frame.data.end());
+          if (frames.empty() || frames.back() != bytes) frames.push_back(bytes);
+        }
+        constexpr std::ptrdiff_t kMotion = 30;  // of the 40 ticks of the motion
+        ASSERT_GE(frames.size(), kMotion);
+        log.insert(log.end(), frames.end() - kMotion, frames.end());
       }
-      constexpr std::size_t kMotion = 30;  // of the 40 ticks of the motion
-      ASSERT_GE(log.size(), kMotion);
-      log.erase(log.begin(), log.end() - kMotion);
     }
     for (std::size_t i = 1; i < logs.size(); ++i) EXPECT_EQ(logs[i], logs[0]) << i;
   });
