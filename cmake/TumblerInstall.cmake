@@ -1,5 +1,6 @@
-# Install and export, so that another project can say find_package(tumbler) and link tumbler::common etc. There are two
-# components, which CPack makes packages of: what runs, and what other projects are compiled with.
+# Install and export, so that another project can say find_package(tumbler) and link tumbler::common etc. There are
+# components, which CPack makes packages of: what runs, what other projects are compiled with, and the Python module
+# where it is built.
 include(CMakePackageConfigHelpers)
 get_property(tumbler_libraries GLOBAL PROPERTY TUMBLER_LIBRARIES)
 install(TARGETS ${tumbler_libraries} tumbler_options EXPORT tumbler-targets
@@ -50,6 +51,9 @@ add_custom_target(tumbler_packaged DEPENDS ${tumbler_libraries})
 if(TARGET tumbler_pages)
   add_dependencies(tumbler_packaged tumbler_pages)
 endif()
+if(TARGET tumbler_python)
+  add_dependencies(tumbler_packaged tumbler_python)
+endif()
 install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR} RENAME copyright COMPONENT programs)
 install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/libtumbler-dev RENAME copyright COMPONENT development)
 install(FILES ${CMAKE_BINARY_DIR}/tumbler.spdx.json DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT programs OPTIONAL)
@@ -57,6 +61,9 @@ set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_DIRECTORY ${CMAKE_BINARY_DIR}/packages)
 set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
 set(CPACK_COMPONENTS_ALL programs development)
+if(TARGET tumbler_python)
+  list(APPEND CPACK_COMPONENTS_ALL python)
+endif()
 set(CPACK_DEB_COMPONENT_INSTALL ON)
 set(CPACK_STRIP_FILES ON)
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
@@ -80,4 +87,10 @@ endif()
 list(JOIN tumbler_dev_packages ", " CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS)
 set(CPACK_COMPONENT_DEVELOPMENT_DESCRIPTION
     "Motions of a tumbling robot, libraries and headers\n For programs that load motions, drive motors or simulate the robot with Tumbler's libraries: find_package(tumbler) in CMake.")
+# The module is compiled for one version of Python.
+set(CPACK_DEBIAN_PYTHON_PACKAGE_NAME python3-tumbler)
+set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
+set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS "python3 (>= 3.11), python3 (<< 3.12), python3-numpy")
+set(CPACK_COMPONENT_PYTHON_DESCRIPTION
+    "Motions of a tumbling robot, in Python\n Finds, evaluates and checks motions, plays them in simulation and on robots that are not the model, and reads flight records, with NumPy's arrays.")
 include(CPack)

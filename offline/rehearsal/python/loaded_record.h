@@ -28,7 +28,9 @@ class ColumnTable {
     if (next_ == columns_.size()) columns_.emplace_back(name, std::vector<Value>());
     std::get<std::vector<Value>>(columns_[next_++].second).push_back(value);
   }
-  void Append(std::string_view name, bool value) { Append(name, std::int8_t{value}); }
+  void Append(std::string_view name, bool value) {
+    Append(name, value ? std::int8_t{1} : std::int8_t{0});
+  }
   void Append(std::string_view name, const ColumnTime& time) {
     Append(name, static_cast<double>(time.ns) * 1e-9);
   }

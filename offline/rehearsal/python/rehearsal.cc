@@ -1,5 +1,6 @@
 // Motions on simulated robots in Python: one run, and many robots that are not the model.
 
+#include <fmt/format.h>
 #include <pybind11/stl.h>
 #include <pybind11/stl/filesystem.h>
 
@@ -43,10 +44,8 @@ std::string NameOf(const FilePath& path) { return path ? path->string() : std::s
 template <typename Number>
 void CheckWithin(const char* name, Number value, Number least, Number most) {
   if (value >= least && value <= most) return;
-  throw py::value_error(std::string(name) + ": is " +
-                        py::cast<std::string>(py::str(py::cast(value))) + "; allowed: from " +
-                        py::cast<std::string>(py::str(py::cast(least))) + " ... " +
-                        py::cast<std::string>(py::str(py::cast(most))));
+  throw py::value_error(
+      fmt::format("{}: is {}; allowed: from {} ... {}", name, value, least, most));
 }
 
 /// A simulated run with its flight record.
@@ -170,10 +169,10 @@ void SetSpreads(const std::map<std::string, double>& wanted, Spreads& spreads) {
     const auto* const known = std::ranges::find_if(
         kSpreadNames, [&key = key](const SpreadName& name) { return name.key == key; });
     if (known == kSpreadNames.end()) {
-      std::string names;
-      for (const SpreadName& name : kSpreadNames)
-        names += (names.empty() ? "" : ", ") + std::string(name.key);
-      throw py::value_error("spreads: '" + key + "' is none; allowed: " + names);
+      std::vector<std::string> names;
+      for (const SpreadName& name : kSpreadNames) names.emplace_back(name.key);
+      throw py::value_error(
+          fmt::format("spreads: '{}' is none; allowed: {}", key, fmt::join(names, ", ")));
     }
     CheckWithin(known->key, value, 0.0, known->max);
     spreads.*known->member = value;
@@ -229,7 +228,7 @@ py::array Verdicts(const RobustnessMap& self) {
   return py::module_::import("numpy").attr("array")(verdicts, "str");
 }
 
-void BindRobustness(py::module_& module) {
+void BindRobustnessMap(py::module_& module) {
   py::class_<RobustnessMap>(module, "RobustnessMap",
                             "What became of robots that are not the model, one in each row.")
       .def_property_readonly("verdicts", &Verdicts,
@@ -290,6 +289,9 @@ void BindRobustness(py::module_& module) {
         return "<tumbler.RobustnessMap " + std::to_string(share.count) + " of " +
                std::to_string(share.of) + " stand>";
       });
+}
+
+void BindRobustness(py::module_& module) {
   module.def(
       "robustness",
       [](const py::object& motion, int robots, int cycles, const std::string& branch,
@@ -328,6 +330,7 @@ void BindRobustness(py::module_& module) {
 
 void BindRehearsal(py::module_& module) {
   BindSimulate(module);
+  BindRobustnessMap(module);
   BindRobustness(module);
 }
 
