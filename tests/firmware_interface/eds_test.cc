@@ -199,8 +199,10 @@ TEST(Eds, ASumThatNoIntegerHoldsIsNoNumber) {
   // Sixteen times 2^60 - 1 are -16 where integers wrap around.
   const std::string most = "0xfffffffffffffff";
   std::string sum = most;
-  for (int i = 1; i < 16; ++i) sum += "+" + most;
-  for (const std::string& text : {sum, "$NODEID+" + sum, "-" + most + "+-" + sum + "+-" + sum}) {
+  for (int i = 1; i < 16; ++i) sum.append("+").append(most);
+  const std::string negative =
+      std::string("-").append(most).append("+-").append(sum).append("+-").append(sum);
+  for (const std::string& text : {sum, "$NODEID+" + sum, negative}) {
     EXPECT_THROW(static_cast<void>(ObjectOf(Variable("1017", kU32, "rw", "LowLimit=" + text))),
                  FileError)
         << text;
