@@ -27,7 +27,7 @@ MotionPath::MotionPath(const pybind11::object& motion) {
   }
   const auto primitive = motion.cast<std::shared_ptr<LoadedPrimitive>>();
   folder_ = MakeTemporaryFolder();
-  path_ = (folder_ / (std::string(primitive->file.primitive.name.view()) + ".toml")).string();
+  path_ = (folder_ / "motion.toml").string();
   try {
     WriteResult(path_, ToToml(primitive->file));
   } catch (...) {

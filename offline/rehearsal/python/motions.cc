@@ -231,7 +231,8 @@ void BindPrimitive(py::module_& module) {
       .def(
           "save",
           [](const LoadedPrimitive& self, const Path& path) {
-            WriteResult(path.string(), ToToml(self.file));
+            // A file of any name: "-" alone would be standard output.
+            WriteResult(path == "-" ? "./-" : path.string(), ToToml(self.file));
           },
           py::arg("path"), "Writes the file whole, or throws and leaves what is there.")
       .def(

@@ -65,10 +65,15 @@ struct OptimiseOptions {
   std::shared_ptr<LoadedPrimitive> guess;
 };
 
-Task TaskFor(const TaskPath& path, const OptimiseOptions& options) {
-  const std::string name = path.string();
+/// @param asked  a path, or a Task.
+Task TaskFor(const py::object& asked, const OptimiseOptions& options) {
+  const bool loaded = py::isinstance<Task>(asked);
+  const std::string name =
+      loaded ? asked.cast<const Task&>().task_file : asked.cast<TaskPath>().string();
   Task task;
-  if (options.start_from) {
+  if (loaded && !options.start_from) {
+    task = asked.cast<const Task&>();
+  } else if (options.start_from) {
     const std::string before = options.start_from->string();
     const PrimitiveFile file = Reading(before, LoadPrimitive);
     task = Reading(name, [&](const std::string& p) { return LoadTask(p, file, before); });
@@ -87,11 +92,11 @@ Task TaskFor(const TaskPath& path, const OptimiseOptions& options) {
   return task;
 }
 
-OptimiseOutcome Optimise(const TaskPath& path, const OptimiseOptions& options,
+OptimiseOutcome Optimise(const py::object& asked, const OptimiseOptions& options,
                          const py::object& progress) {
   if (options.guess && options.seed)
     throw py::value_error("guess: takes the place of the search that seed is about; leave one out");
-  Task task = TaskFor(path, options);
+  Task task = TaskFor(asked, options);
   ProgressCallback callback(progress);
   WorkSettings settings;
   settings.threads = ThreadsOf(options.threads);
@@ -174,7 +179,7 @@ void BindOptimising(py::module_& module) {
       });
   module.def(
       "optimise",
-      [](const TaskPath& task, std::optional<std::int64_t> seed, int threads,
+      [](const py::object& task, std::optional<std::int64_t> seed, int threads,
          const py::object& progress, bool keep_best, std::optional<TaskPath> start_from,
          std::shared_ptr<LoadedPrimitive> guess) {
         return Optimise(task, {seed, threads, keep_best, std::move(start_from), std::move(guess)},
@@ -183,7 +188,8 @@ void BindOptimising(py::module_& module) {
       py::arg("task"), py::kw_only(), py::arg("seed") = py::none(), py::arg("threads") = 0,
       py::arg("progress") = py::none(), py::arg("keep_best") = false,
       py::arg("start_from") = py::none(), py::arg("guess") = py::none(),
-      "Finds a motion for a task file, as tumbler-optimize does. The result depends on task and\n"
+      "Finds a motion for a Task or its file, as tumbler-optimize does. The result depends on task "
+      "and\n"
       "seed alone, not on the threads (0: one for each core). `progress` is called with a "
       "Progress\n"
       "after every evaluation, from any thread; when it returns False the search ends, and with\n"

@@ -2,6 +2,7 @@
 
 import csv
 import gc
+import os
 import sys
 
 import numpy as np
@@ -110,6 +111,12 @@ class Primitives(support.WithFolder):
         primitive.save(path)
         self.assertEqual(tumbler.Primitive.load(path).content_hash, primitive.content_hash)
         self.assertEqual(path.read_text(), primitive.text)
+
+    def test_a_file_of_any_name_can_be_written(self):
+        self.addCleanup(os.chdir, os.getcwd())
+        os.chdir(self.folder)
+        load("handstand.toml").save("-")
+        self.assertEqual(tumbler.check("./-"), "primitive")
 
 
 class FileErrors(support.WithFolder):

@@ -76,7 +76,7 @@ class Optimising(support.WithFolder):
     def test_a_guess_takes_the_place_of_the_search(self):
         stages = []
         outcome = tumbler.optimise(
-            ROLL, guess=self.outcome.primitive, progress=lambda p: stages.append(p.stage)
+            tumbler.Task.load(ROLL), guess=self.outcome.primitive, progress=lambda p: stages.append(p.stage)
         )
         self.assertEqual(outcome.status, "found")
         self.assertNotIn("search", stages)

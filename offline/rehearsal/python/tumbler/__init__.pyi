@@ -218,7 +218,7 @@ class RobustnessMap:
 
 def check(path: str | os.PathLike[str]) -> str: ...
 def optimise(
-    task: str | os.PathLike[str],
+    task: str | os.PathLike[str] | Task,
     *,
     seed: int | None = None,
     threads: int = 0,
