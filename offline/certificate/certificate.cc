@@ -14,6 +14,8 @@
 #include "common/primitive_hash.h"
 #include "common/primitive_limits.h"
 #include "offline/linear/least_squares.h"
+#include "offline/problem/feed_forward_knots.h"
+#include "offline/problem/link_chains.h"
 #include "offline/rollout/forward_sensitivity.h"
 
 namespace tumbler {
@@ -24,21 +26,14 @@ using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowM
 
 /// Contact that is lost for less than this [s] counts as one contact: a foot chatters as it lands.
 constexpr double kContactGap = 0.01;
-/// The spline of the feed-forward torque is fine enough for the swing, and too coarse for the
-/// spikes of an impact, which no drive should be asked for.
-constexpr int kTorqueDegree = 3;
-constexpr double kTorquePointsPerSecond = 40;
-
 /// The least-squares spline through the plan's torques, with its control points within the limit.
 Spline FitTorque(const Problem& problem, const TorqueSamples& samples, std::size_t joint) {
-  const int n =
-      std::clamp(static_cast<int>(std::lround(kTorquePointsPerSecond * problem.duration_s)),
-                 kTorqueDegree + 1, kMaxControlPoints);
-  std::vector<double> knots(static_cast<std::size_t>(n + kTorqueDegree + 1));
+  constexpr int kTorqueDegree = kFeedForwardDegree;
+  const std::vector<double> knots = FeedForwardKnots(problem.duration_s);
+  const int n = static_cast<int>(knots.size()) - kTorqueDegree - 1;
   Spline spline;
   std::vector<double> points(static_cast<std::size_t>(n));
-  if (Spline::ClampedUniformKnots(kTorqueDegree, n, problem.duration_s, knots) != Status::kOk ||
-      spline.Assign(kTorqueDegree, knots, points) != Status::kOk) {
+  if (spline.Assign(kTorqueDegree, knots, points) != Status::kOk) {
     throw std::logic_error("a torque spline could not be set up");
   }
   const auto rows = static_cast<Eigen::Index>(samples.time_s.size());
@@ -313,6 +308,8 @@ PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
     motion.position = PositionSpline(problem, solution.x, j);
     motion.torque = FitTorque(problem, summary.torques, j);
   }
+  primitive.feedback = solution.feedback;
+  if (primitive.feedback.present()) file.chains = LinkChainsOf(problem.scene.robot);
   file.entry = summary.entry;
   file.exit = summary.exit;
   file.contacts = summary.contacts;

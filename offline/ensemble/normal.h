@@ -12,6 +12,9 @@ class Normal {
  public:
   Normal(std::uint64_t seed, std::uint64_t index) : random_(Mixed(seed, index)) {}
 
+  /// A number that is uniform between 0 and 1, of the same random numbers.
+  double DrawUniform() { return Unit(); }
+
   /// By Marsaglia's polar method.
   double Draw() {
     while (true) {

@@ -2,11 +2,26 @@
 
 #include <cstddef>
 #include <optional>
+#include <string>
 
 #include "offline/ensemble/lane_scene.h"
 #include "offline/ensemble/variation.h"
 
 namespace tumbler {
+
+/// The feedback that is found with a motion, and what it is found for: `[robust.feedback]`.
+struct FeedbackSettings {
+  std::string link;                       ///< Whose absolute angle is fed back.
+  int knots = 4;                          ///< Of the gains, at equal distances.
+  double correction_max_rad = 0.3;        ///< Of each joint.
+  double correction_rate_max_rad_s = 10;  ///< Likewise.
+  double noise_rad = 5e-3;                ///< Standard deviation of the measured angle.
+  double rate_noise_rad_s = 0.02;         ///< Of its rate.
+  double bias_rad = 0.01;                 ///< Of the angle, of either sign.
+  double delay_s = 1e-3;                  ///< Of the sensor, beside the frames' own.
+  /// Of the force, for 0.1 s to either side, that robots withstand once they stand.
+  double push_n = 5;
+};
 
 /// What a motion has to survive, and how it is searched for: `[robust]` of a task. The motion is
 /// judged by robots that differ from the model and follow it through their drives.
@@ -27,6 +42,7 @@ struct RobustSettings {
   int polish_robots = 64;
   /// Generations of the last stage; the first has 1/3 of them, the second 1/2.
   int generations = 150;
+  std::optional<FeedbackSettings> feedback;
 };
 
 }  // namespace tumbler

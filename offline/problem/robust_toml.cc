@@ -2,10 +2,14 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <stdexcept>
+#include <string>
+#include <vector>
 
 #include "common/file_keys.h"
+#include "common/primitive_keys.h"
 
 namespace tumbler {
 namespace {
@@ -57,6 +61,38 @@ constexpr std::array kRobustKeys = {
                                                      "of the last improvement"),
 };
 
+constexpr std::array kFeedbackSearchKeys = {
+    KeyOf<&FeedbackSettings::link>("link", "whose absolute angle is fed back")
+        .Required()
+        .Allowed("a link of the robot"),
+    KeyOf<&FeedbackSettings::knots>("knots", {2, kMaxGainKnots},
+                                    "of the gains, at equal distances from start to end"),
+    KeyOf<&FeedbackSettings::correction_max_rad>(
+        "correction_max_rad", {0, kMaxCorrection_rad, true},
+        "the most that a joint's setpoint is corrected by"),
+    KeyOf<&FeedbackSettings::correction_rate_max_rad_s>(
+        "correction_rate_max_rad_s", {0, kMaxCorrectionRate_rad_s, true}, "in a second"),
+    KeyOf<&FeedbackSettings::noise_rad>("noise_rad", {0, 1}, "of the sensor, as in a twin file"),
+    KeyOf<&FeedbackSettings::rate_noise_rad_s>("rate_noise_rad_s", {0, 10}, "likewise"),
+    KeyOf<&FeedbackSettings::bias_rad>("bias_rad", {0, 1}, "likewise, of either sign"),
+    KeyOf<&FeedbackSettings::delay_s>("delay_s", {0, 0.02}, "likewise"),
+    KeyOf<&FeedbackSettings::push_n>(
+        "push_n", {0, 1e4},
+        "force for 0.1 s, to either side, that robots withstand after the motion"),
+};
+
+std::optional<FeedbackSettings> ReadFeedbackSearch(TomlTable& robust, const Problem& problem) {
+  std::optional<TomlTable> table = robust.OptionalTable("feedback");
+  if (!table) return std::nullopt;
+  FeedbackSettings settings;
+  ReadKeys(*table, kFeedbackSearchKeys, settings);
+  const std::vector<std::string>& links = problem.scene.robot.body_names;
+  if (std::ranges::find(links, settings.link) == links.end() || settings.link.empty()) {
+    table->Fail("link", fmt::format("is '{}'; allowed: a link of the robot", settings.link));
+  }
+  return settings;
+}
+
 void CheckDurations(TomlTable& root, const RobustSettings& settings, double duration_s) {
   const auto &least = settings.duration_min_s, &most = settings.duration_max_s;
   if (!least && !most) return;
@@ -83,6 +119,7 @@ std::optional<RobustSettings> ReadRobust(TomlTable& root, const Problem& problem
   RobustSettings settings = entry;
   settings.spreads = entry;
   settings.drive = entry;
+  settings.feedback = ReadFeedbackSearch(*table, problem);
   if (!problem.target_pitch_rad) {
     root.Fail("robust",
               "judges a motion by the pitch at which robots end; the task asks for none: give it a "
@@ -95,6 +132,10 @@ std::optional<RobustSettings> ReadRobust(TomlTable& root, const Problem& problem
     root.Fail("robust", fmt::format("cannot simulate this task in lanes: {}", error.what()));
   }
   return settings;
+}
+
+KeyTable RobustFeedbackKeyTable() {
+  return {"offline/problem/robust_toml.cc", "robust feedback", RowsOf(kFeedbackSearchKeys)};
 }
 
 KeyTable RobustKeyTable() {

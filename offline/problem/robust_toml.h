@@ -16,5 +16,6 @@ std::optional<RobustSettings> ReadRobust(TomlTable& root, const Problem& problem
 
 /// The keys of the table, for docs/formats.md.
 KeyTable RobustKeyTable();
+KeyTable RobustFeedbackKeyTable();
 
 }  // namespace tumbler

@@ -451,6 +451,7 @@ std::vector<KeyTable> TaskKeyTables() {
           SelfContactKeyTable(),
           {source, "tolerances", RowsOf(kTaskToleranceKeys)},
           RobustKeyTable(),
+          RobustFeedbackKeyTable(),
           {source, "search", RowsOf(kSearchKeys)},
           {source, "solver", RowsOf(kSolverKeys)}};
 }

@@ -60,6 +60,13 @@ void Declare(CommandLine& line, Arguments& arguments) {
   }
   line.Option("--drives", study.drives, "Drives file; without it, the default drives");
   line.Option("--twin", study.twin, "Twin file, for what all robots share");
+  line.Option("--push", study.push_n,
+              "Push each robot for 0.1 s, to either side, at a random time in the hold [N]")
+      .Within(0.0, 1000.0)
+      .ShowDefault();
+  line.Flag("--sensor-faults", study.sensor_faults,
+            "Let each robot's sensor fail from a random time on: silent, frozen, offset, swapped "
+            "axes or late, one after the other");
   const auto lanes = line.Flag("--lanes", study.lanes,
                                "Play robots in lanes, some seventy times as fast as in the twin");
   line.Flag("--compare-lanes", arguments.compare_lanes,
@@ -122,6 +129,11 @@ void Check(Arguments& arguments) {
   if (arguments.certify) {
     if (!study.twin.empty())
       throw UsageError("--certify", "a certificate is about the plain twin; leave out --twin");
+    if (study.disturbs()) {
+      throw UsageError("--certify",
+                       "a certificate is about the plain twin; leave out --push and "
+                       "--sensor-faults");
+    }
     if (!arguments.branch.empty())
       throw UsageError("--certify", "a certificate has no place for a branch; leave out --branch");
     for (const std::string& path : motions) CheckWritable(path);

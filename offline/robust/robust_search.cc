@@ -6,12 +6,17 @@
 #include <limits>
 #include <optional>
 #include <span>
+#include <stdexcept>
 #include <utility>
 
 #include "common/index.h"
 #include "common/parallel_for.h"
 #include "offline/ensemble/lane_kernel.h"
+#include "offline/linear/least_squares.h"
+#include "offline/problem/feed_forward_knots.h"
+#include "offline/problem/link_chains.h"
 #include "offline/robust/cma_es.h"
+#include "offline/robust/lane_feedback.h"
 #include "offline/scene/self_clearance.h"
 #include "offline/solver/random_starts.h"
 
@@ -43,10 +48,22 @@ constexpr double kUnplayable = 4;
 /// A loss from which on robots mostly fall, and one that cannot be told from 0.
 constexpr double kHopeless = 0.9;
 constexpr double kPerfect = 1e-3;
+/// The loss of a robot that the runtime stops.
+constexpr double kFaultLoss = 1.3;
 /// Change of the logarithm of a free duration with the variable that stands for it, so that this is
 /// of the size of the others.
 constexpr double kStretch = 0.5;
 constexpr int kHopelessAfter = 20;  // generations
+/// Gains of a feedback, for one of the variables that stand for them.
+constexpr double kAngleGain = 4, kRateGain = 0.4;
+/// For so many random motions one is tried with random gains; the size of the largest of their
+/// variables, and how much smaller the smallest are.
+constexpr int kMotionsForGains = 40;
+constexpr double kLargestGain = 2, kGainRange = 60, kGainSigma = 0.15;
+/// A push, and how long afterwards a robot has to be at rest.
+constexpr double kPush_s = 0.1, kAfterPush_s = 1.6;
+/// Where the fed-back angle is off by more, nothing is corrected, and how fast feedback fades.
+constexpr double kErrorMax_rad = 0.6, kStartErrorMax_rad = 0.2, kFade_s = 0.05;
 
 int Ticks(double time_s) { return static_cast<int>(std::lround(time_s / kTick_s)); }
 
@@ -55,6 +72,7 @@ struct Ensemble {
   HeldSetpoints<Packet> held{};
   std::vector<LaneRobot<Packet>> robots;
   std::vector<LaneState<Packet>> states;
+  std::vector<LaneNoise> noise;  ///< Of the sensors, where there are any.
   LaneSteps steps;
 };
 
@@ -62,6 +80,7 @@ struct Ensemble {
 struct Plan {
   std::vector<double> feed_forward;  ///< For each tick of the motion and joint.
   double excess = 0;                 ///< Of torque and of penetration.
+  Feedback<double> feedback;         ///< Absent where the task asks for none.
 };
 
 /// A motion with its loss.
@@ -81,6 +100,7 @@ class RobustSearch {
         parameters_(problem.parameter_count()),
         joints_(problem.joints.size()) {
     lanes_ = LanesOf(RobotVariation{});
+    model_ = MakeEnsemble(static_cast<int>(kLanes), 0);
     target_rad_ = *problem.target_pitch_rad;
     for (const CostTerm& term : problem.cost) {
       if (term.targets_pitch() && term.when == CostTerm::When::kSettled)
@@ -92,11 +112,14 @@ class RobustSearch {
   std::vector<Candidate> Run(std::span<const double> guess) {
     if (!guess.empty()) {
       std::vector<Candidate> given = {{{guess.begin(), guess.end()}, 0}};
-      if (free_duration()) given.front().x.push_back(0);
-      return Polish(given);
+      given.front().x.resize(variables());
+      if (!robust_.feedback) return Polish(given);
+      return Polish(Improve(FindGains(given.front()), robust_.improved, 0.05,
+                            MakeEnsemble(32, 1.25), robust_.generations / 2));
     }
     std::vector<Candidate> best = Improve(RandomMotions(), robust_.starts, 0.12,
                                           MakeEnsemble(16, 1), robust_.generations / 3);
+    if (robust_.feedback && !best.empty()) best = FindGains(best.front());
     best = Improve(best, robust_.improved, 0.05, MakeEnsemble(32, 1.25), robust_.generations / 2);
     std::vector<Candidate> polished = Polish(best);
     polished.insert(polished.end(), best.begin(), best.end());
@@ -113,6 +136,11 @@ class RobustSearch {
     return kTick_s * std::round(stretched_s / kTick_s);
   }
 
+  /// A candidate's feedback; absent where the task asks for none.
+  [[nodiscard]] Feedback<double> FeedbackOf(const Candidate& candidate) const {
+    return Plans({candidate.x}).front().feedback;
+  }
+
   [[nodiscard]] std::int64_t evaluations() const { return evaluations_; }
   [[nodiscard]] std::vector<Evaluation>& history() { return history_; }
   [[nodiscard]] bool interrupted() const {
@@ -127,6 +155,15 @@ class RobustSearch {
 
   using Setpoints = std::vector<LaneSetpoint<Packet>>;
 
+  /// Of a candidate: the path's parameters, the duration where it is free, and for each joint the
+  /// gains of the feedback, those of the angle before those of the rate.
+  [[nodiscard]] std::size_t variables() const {
+    const std::size_t gains = robust_.feedback ? 2 * joints_ * Index(robust_.feedback->knots) : 0;
+    return first_gain() + gains;
+  }
+  [[nodiscard]] std::size_t first_gain() const {
+    return Index(parameters_) + (free_duration() ? 1 : 0);
+  }
   [[nodiscard]] bool free_duration() const { return robust_.duration_max_s.has_value(); }
   [[nodiscard]] int TicksOf(const std::vector<double>& x) const { return Ticks(DurationOf(x)); }
   /// By how much a motion is faster than one of the problem's duration.
@@ -201,6 +238,11 @@ class RobustSearch {
         }
       }
       ensemble.states.push_back(state);
+      if (!robust_.feedback) continue;
+      const double most_s = robust_.duration_max_s.value_or(problem_.duration_s);
+      const double time_s = most_s + problem_.settle_s + kLater_s + kPush_s + kAfterPush_s;
+      ensemble.noise.emplace_back(*robust_.feedback, Index(Ticks(time_s)) + 1, seed,
+                                  ensemble.noise.size());
     }
     return ensemble;
   }
@@ -306,6 +348,7 @@ class RobustSearch {
       }
       plans[m].feed_forward = Smoothed(torques, m, TicksOf(motions[m]), kSteps);
     }
+    if (robust_.feedback) AddFeedback(motions, plans);
     return plans;
   }
 
@@ -330,6 +373,103 @@ class RobustSearch {
     return smoothed;
   }
 
+  /// The feedbacks of plans. The angle that they keep is that of the model behind its drives.
+  void AddFeedback(const std::vector<std::vector<double>>& motions,
+                   std::vector<Plan>& plans) const {
+    const FeedbackSettings& settings = *robust_.feedback;
+    const std::vector<LinkChain> chains = LinkChainsOf(problem_.scene.robot);
+    const auto chain = std::ranges::find(chains, settings.link, &LinkChain::link);
+    const std::vector<std::vector<double>> angles = AnglesOf(motions, plans, chain->joints);
+    for (std::size_t m = 0; m < motions.size(); ++m) {
+      Feedback<double>& feedback = plans[m].feedback;
+      const double duration_s = DurationOf(motions[m]);
+      feedback.link = FixedString<32>(settings.link);
+      feedback.knot_count = settings.knots;
+      for (int k = 0; k < settings.knots; ++k)
+        feedback.knots_s[Index(k)] = duration_s * k / (settings.knots - 1);
+      feedback.knots_s[Index(settings.knots - 1)] = duration_s;
+      feedback.angle = FitAngle(duration_s, angles[m]);
+      feedback.error_max_rad = kErrorMax_rad;
+      feedback.start_error_max_rad = kStartErrorMax_rad;
+      feedback.fade_in_s = feedback.fade_out_s = kFade_s;
+      const double* x = motions[m].data() + first_gain();
+      for (std::size_t j = 0; j < joints_; ++j) {
+        JointFeedback<double>& joint = feedback.joints[j];
+        joint.chain = chain->joints[j];
+        joint.correction_max_rad = settings.correction_max_rad;
+        joint.correction_rate_max_rad_s = settings.correction_rate_max_rad_s;
+        for (int k = 0; k < settings.knots; ++k)
+          joint.angle_gain[Index(k)] = std::clamp(kAngleGain * *x++, -20.0, 20.0);
+        for (int k = 0; k < settings.knots; ++k)
+          joint.rate_gain[Index(k)] = std::clamp(kRateGain * *x++, -5.0, 5.0);
+      }
+    }
+  }
+
+  /// The absolute angle of a link in every tick of motions, each on the model in a lane of its own;
+  /// and the angle at the end of the settle phase behind them.
+  [[nodiscard]] std::vector<std::vector<double>> AnglesOf(
+      const std::vector<std::vector<double>>& motions, const std::vector<Plan>& plans,
+      const std::vector<double>& chain) const {
+    int longest = 0;
+    for (const std::vector<double>& x : motions) longest = std::max(longest, TicksOf(x));
+    const auto count = Index(longest + Ticks(problem_.settle_s));
+    Setpoints setpoints(count * joints_);
+    for (std::size_t lane = 0; lane < kLanes; ++lane) {
+      const std::size_t m = std::min(lane, motions.size() - 1);
+      const std::vector<double>& forward = plans[m].feed_forward;
+      Sample(motions[m], count, kTick_s, [&](std::size_t i, const auto& at) {
+        setpoints[i].position.set_lane(lane, at.value);
+        setpoints[i].velocity.set_lane(lane, at.first);
+        setpoints[i].third.set_lane(lane,
+                                    forward[std::min(i, forward.size() - joints_ + i % joints_)]);
+      });
+    }
+    LaneState<Packet> state = model_.states.front();
+    HeldSetpoints<Packet> held = model_.held;
+    LaneWatch<Packet> watch;
+    std::vector<std::vector<double>> angles(motions.size());
+    const auto note = [&](std::size_t m) {
+      double angle = state.q[kPitch].lane(m);
+      for (std::size_t j = 0; j < joints_; ++j) angle += chain[j] * state.q[j + 3].lane(m);
+      angles[m].push_back(std::isfinite(angle) ? std::clamp(angle, -50.0, 50.0) : 0);
+    };
+    for (std::size_t k = 0; k < count; ++k) {
+      for (std::size_t m = 0; m < motions.size(); ++m) {
+        if (static_cast<int>(k) <= TicksOf(motions[m])) note(m);
+      }
+      kernel_.drive(lanes_.model, model_.robots.front(), kFine,
+                    std::span(setpoints).subspan(k * joints_, joints_), held, state, watch);
+    }
+    for (std::size_t m = 0; m < motions.size(); ++m) note(m);
+    return angles;
+  }
+
+  /// The spline through angles of every tick, with the knots of the feed-forward, which ends at the
+  /// last of them.
+  static Feedback<double>::Spline FitAngle(double duration_s, const std::vector<double>& angles) {
+    const std::vector<double> knots = FeedForwardKnots(duration_s);
+    std::vector<double> points(knots.size() - kFeedForwardDegree - 1);
+    Feedback<double>::Spline spline;
+    if (spline.Assign(kFeedForwardDegree, knots, points) != Status::kOk)
+      throw std::logic_error("the spline of a link's angle could not be set up");
+    const auto rows = static_cast<Eigen::Index>(angles.size() - 1);
+    const auto columns = static_cast<Eigen::Index>(points.size());
+    Eigen::MatrixXd A = Eigen::MatrixXd::Zero(rows, columns);
+    for (Eigen::Index i = 0; i < rows; ++i) {
+      const auto weights = spline.EvaluateWeights(static_cast<double>(i) * kTick_s);
+      for (int k = 0; k <= kFeedForwardDegree; ++k)
+        A(i, weights.first + k) = weights.w[0][Index(k)];
+    }
+    const Eigen::VectorXd fit =
+        SolveLeastSquares(A, Eigen::Map<const Eigen::VectorXd>(angles.data(), rows));
+    std::copy(fit.begin(), fit.end(), points.begin());
+    points.back() = angles.back();
+    if (spline.Assign(kFeedForwardDegree, knots, points) != Status::kOk)
+      throw std::logic_error("the angles of a link are not finite");
+    return spline;
+  }
+
   /// What a robot's end is worth: see SolveRobust.
   /// @param speed  the root's largest, in the time that is watched.
   [[nodiscard]] double LossOf(double settled_rad, double later_rad, double speed) const {
@@ -349,36 +489,110 @@ class RobustSearch {
   /// The mean loss of an ensemble. When all robots of the first packet fall, it is theirs.
   [[nodiscard]] double Judge(const std::vector<double>& x, const Plan& plan,
                              const Ensemble& ensemble) const {
+    const bool feeds_back = robust_.feedback.has_value();
     const int settled = TicksOf(x) + Ticks(problem_.settle_s);
-    Setpoints setpoints(Index(settled + Ticks(kLater_s)) * joints_);
+    const int later = settled + Ticks(kLater_s);
+    const int end = feeds_back ? later + Ticks(kPush_s) + Ticks(kAfterPush_s) : later;
+    Setpoints setpoints(Index(end) * joints_);
     Sample(x, setpoints.size() / joints_, kTick_s, [&](std::size_t i, const auto& at) {
       const std::size_t last = plan.feed_forward.size() - joints_ + i % joints_;
       setpoints[i] = {Packet::Of(at.value), Packet::Of(at.first),
                       Packet::Of(plan.feed_forward[std::min(i, last)])};
     });
-    const std::span<const LaneSetpoint<Packet>> all(setpoints);
-    const std::size_t split = Index(settled) * joints_;
-    const std::size_t watched = setpoints.size() - Index(Ticks(kWatched_s)) * joints_;
     double sum = 0;
     for (std::size_t p = 0; p < ensemble.robots.size(); ++p) {
-      LaneState<Packet> state = ensemble.states[p];
-      HeldSetpoints<Packet> held = ensemble.held;
-      LaneWatch<Packet> watch;
-      kernel_.drive(lanes_.model, ensemble.robots[p], ensemble.steps, all.first(split), held, state,
-                    watch);
-      const Packet pitch = state.q[kPitch];
-      kernel_.drive(lanes_.model, ensemble.robots[p], ensemble.steps,
-                    all.subspan(split, watched - split), held, state, watch);
-      watch = {};
-      kernel_.drive(lanes_.model, ensemble.robots[p], ensemble.steps, all.subspan(watched), held,
-                    state, watch);
-      double packet = 0;
-      for (std::size_t lane = 0; lane < kLanes; ++lane)
-        packet += LossOf(pitch.lane(lane), state.q[kPitch].lane(lane), watch.root_speed.lane(lane));
+      Play play{ensemble, p, setpoints, ensemble.states[p], ensemble.held, {}, {}, 0, {}};
+      if (feeds_back) {
+        play.feedback.emplace(plan.feedback, ensemble.noise[p], robust_.feedback->delay_s, kTick_s,
+                              joints_);
+      }
+      Advance(play, ensemble.robots[p], settled);
+      const Packet pitch = play.state.q[kPitch];
+      double packet = LossAt(play, ensemble.robots[p], pitch, later);
+      if (feeds_back) packet = 0.5 * (packet + LossAfterPush(play, ensemble.robots[p], later));
       if (p == 0 && packet >= kLanes) return packet / kLanes;
       sum += packet;
     }
     return sum / static_cast<double>(ensemble.robots.size() * kLanes);
+  }
+
+  /// A packet of robots on their way through a motion.
+  struct Play {
+    const Ensemble& ensemble;
+    std::size_t packet;
+    const Setpoints& setpoints;
+    LaneState<Packet> state;
+    HeldSetpoints<Packet> held;
+    LaneWatch<Packet> watch;
+    std::optional<LaneFeedback> feedback;
+    int tick;
+    std::array<bool, kLanes> faulty{};  ///< Whether a joint was too far from its setpoint.
+  };
+
+  /// Plays on up to a tick.
+  void Advance(Play& play, const LaneRobot<Packet>& robots, int end) const {
+    const std::span<const LaneSetpoint<Packet>> all(play.setpoints);
+    if (!play.feedback) {
+      const auto first = Index(play.tick) * joints_, last = Index(end) * joints_;
+      kernel_.drive(lanes_.model, robots, play.ensemble.steps, all.subspan(first, last - first),
+                    play.held, play.state, play.watch);
+    } else {
+      std::array<LaneSetpoint<Packet>, LaneModel::kMaxJoints> tick;
+      for (int k = play.tick; k < end; ++k) {
+        std::copy_n(all.begin() + k * static_cast<int>(joints_), joints_, tick.begin());
+        const std::span<LaneSetpoint<Packet>> corrected(tick.data(), joints_);
+        play.feedback->Correct(play.state, corrected);
+        kernel_.drive(lanes_.model, robots, play.ensemble.steps, corrected, play.held, play.state,
+                      play.watch);
+        NoteFaults(corrected, play);
+      }
+    }
+    play.tick = end;
+  }
+
+  /// Notes which robots the runtime stops now: corrections may lead a joint too far.
+  void NoteFaults(std::span<const LaneSetpoint<Packet>> setpoints, Play& play) const {
+    for (std::size_t j = 0; j < joints_; ++j) {
+      for (std::size_t lane = 0; lane < kLanes; ++lane) {
+        const double error_rad = play.state.q[j + 3].lane(lane) - setpoints[j].position.lane(lane);
+        play.faulty[lane] =
+            play.faulty[lane] || !(std::abs(error_rad) <= problem_.following_tolerance_rad);
+      }
+    }
+  }
+
+  /// Plays on up to a tick, and watches the last of the time until then. @returns the sum of
+  /// losses.
+  [[nodiscard]] double LossAt(Play& play, const LaneRobot<Packet>& robots, const Packet& settled,
+                              int end) const {
+    Advance(play, robots, end - Ticks(kWatched_s));
+    play.watch = {};
+    Advance(play, robots, end);
+    double sum = 0;
+    for (std::size_t lane = 0; lane < kLanes; ++lane) {
+      sum += play.faulty[lane] ? kFaultLoss
+                               : LossOf(settled.lane(lane), play.state.q[kPitch].lane(lane),
+                                        play.watch.root_speed.lane(lane));
+    }
+    return sum;
+  }
+
+  /// The same after a push, which is one on all of a robot's mass, to the right in every other
+  /// pair of lanes.
+  [[nodiscard]] double LossAfterPush(Play& play, const LaneRobot<Packet>& robots, int since) const {
+    LaneRobot<Packet> pushed = robots;
+    for (std::size_t lane = 0; lane < kLanes; ++lane) {
+      double mass_kg = 0;
+      for (std::size_t i = 0; i <= joints_; ++i) mass_kg += robots.bodies[i].mass.lane(lane);
+      const double force_n =
+          lane / 2 % 2 == 0 ? robust_.feedback->push_n : -robust_.feedback->push_n;
+      pushed.gravity_x.set_lane(lane, robots.gravity_x.lane(lane) + force_n / mass_kg);
+    }
+    Advance(play, pushed, since + Ticks(kPush_s));
+    const int end = play.tick + Ticks(kAfterPush_s);
+    Advance(play, robots, end - Ticks(kWatched_s) - 1);
+    const Packet pitch = play.state.q[kPitch];
+    return LossAt(play, robots, pitch, end);
   }
 
   /// Losses of motions, penalties included.
@@ -417,10 +631,9 @@ class RobustSearch {
     const RandomStarts starts(problem_);
     const int packets = (robust_.samples + static_cast<int>(kLanes) - 1) / static_cast<int>(kLanes);
     std::vector<Candidate> all(Index(packets) * kLanes);
-    const Ensemble model = MakeEnsemble(static_cast<int>(kLanes), 0);
     ParallelFor(packets, options_.threads, [&](int p, int /*thread*/) {
       if (interrupted()) return;
-      PlayRandom(starts, p, model, {all.data() + Index(p) * kLanes, kLanes});
+      PlayRandom(starts, p, {all.data() + Index(p) * kLanes, kLanes});
     });
     evaluations_ += static_cast<std::int64_t>(all.size());
     if (interrupted()) return {};
@@ -436,24 +649,83 @@ class RobustSearch {
     return all;
   }
 
+  /// A motion with gains that stay the same from start to end, the best first: the best of random
+  /// ones, improved, and among those none. Gains of zero are too far from good ones for an
+  /// improvement of all variables to get there.
+  std::vector<Candidate> FindGains(const Candidate& of) {
+    const Ensemble ensemble = MakeEnsemble(16, 1);
+    const std::size_t count = 2 * joints_;
+    std::vector<std::vector<double>> gains(Index(std::max(robust_.samples / kMotionsForGains, 8)),
+                                           std::vector<double>(count));
+    for (std::size_t i = 1; i < gains.size(); ++i) {
+      Normal normal(problem_.search.seed, i);
+      const double size = kLargestGain * std::pow(kGainRange, -normal.DrawUniform());
+      for (double& gain : gains[i]) gain = size * normal.Draw();
+    }
+    std::vector<Candidate> all = EvaluateGains(of, gains, ensemble);
+    Sort(all);
+    Tell(true, 0, all.front().loss);
+    std::vector<Candidate> improved;
+    ++stage_;
+    for (int start = 0; start < robust_.improved; ++start) {
+      Candidate best = all[Index(start)];
+      CmaEs search(ConstantGains(best), kGainSigma, kPopulation,
+                   problem_.search.seed * 1'000'000 + Index(stage_ * 1000 + start));
+      for (int g = 0; g < robust_.generations / 3 && !interrupted(); ++g) {
+        const std::vector<Candidate> candidates = EvaluateGains(of, search.Ask(), ensemble);
+        std::vector<double> losses;
+        for (const Candidate& candidate : candidates) {
+          losses.push_back(candidate.loss);
+          if (candidate.loss < best.loss) best = candidate;
+        }
+        search.Tell(losses);
+        Tell(false, start, best.loss);
+      }
+      improved.push_back(best);
+    }
+    Sort(improved);
+    return improved;
+  }
+
+  /// A motion with gains that stay the same: for each joint that of the angle and that of the rate.
+  std::vector<Candidate> EvaluateGains(const Candidate& of,
+                                       const std::vector<std::vector<double>>& gains,
+                                       const Ensemble& ensemble) {
+    const auto knots = Index(robust_.feedback->knots);
+    std::vector<std::vector<double>> motions(gains.size(), of.x);
+    for (std::size_t i = 0; i < gains.size(); ++i) {
+      for (std::size_t k = 0; k < gains[i].size() * knots; ++k)
+        motions[i][first_gain() + k] = gains[i][k / knots];
+    }
+    const std::vector<double> losses = Evaluate(motions, ensemble);
+    std::vector<Candidate> candidates;
+    for (std::size_t i = 0; i < motions.size(); ++i) candidates.push_back({motions[i], losses[i]});
+    return candidates;
+  }
+  [[nodiscard]] std::vector<double> ConstantGains(const Candidate& candidate) const {
+    std::vector<double> gains;
+    for (std::size_t k = first_gain(); k < variables(); k += Index(robust_.feedback->knots))
+      gains.push_back(candidate.x[k]);
+    return gains;
+  }
+
   /// They take as long as the task says, whether that is free or not.
-  void PlayRandom(const RandomStarts& starts, int packet, const Ensemble& model,
-                  std::span<Candidate> out) const {
+  void PlayRandom(const RandomStarts& starts, int packet, std::span<Candidate> out) const {
     SelfDistances distances(problem_.scene.robot, problem_.scene.self_contact.pairs);
     Setpoints setpoints(Index(Ticks(problem_.duration_s) + Ticks(problem_.settle_s)) * joints_);
     for (std::size_t lane = 0; lane < kLanes; ++lane) {
       out[lane].x = starts.Draw(static_cast<std::uint64_t>(packet) * kLanes + lane);
-      if (free_duration()) out[lane].x.push_back(0);
+      out[lane].x.resize(variables());
       out[lane].loss = PathExcess(out[lane].x, distances);
       Sample(out[lane].x, setpoints.size() / joints_, kTick_s, [&](std::size_t i, const auto& at) {
         setpoints[i].position.set_lane(lane, at.value);
         setpoints[i].velocity.set_lane(lane, at.first);
       });
     }
-    LaneState<Packet> state = model.states.front();
-    HeldSetpoints<Packet> held = model.held;
+    LaneState<Packet> state = model_.states.front();
+    HeldSetpoints<Packet> held = model_.held;
     LaneWatch<Packet> watch;
-    kernel_.drive(lanes_.model, model.robots.front(), model.steps, setpoints, held, state, watch);
+    kernel_.drive(lanes_.model, model_.robots.front(), model_.steps, setpoints, held, state, watch);
     for (std::size_t lane = 0; lane < kLanes; ++lane) {
       const double off = std::abs(state.q[kPitch].lane(lane) - target_rad_) +
                          0.1 * std::min(5.0, std::abs(state.v[kPitch].lane(lane)));
@@ -510,6 +782,7 @@ class RobustSearch {
   int parameters_;  // of a motion; behind them is its duration, where it is free
   std::size_t joints_;
   LaneScene lanes_;
+  Ensemble model_;  ///< Of robots that are all the model.
   double target_rad_ = 0;
   double tolerance_rad_ = CostTerm::kAngleTolerance_rad;
   int stage_ = 0;
@@ -536,6 +809,7 @@ SolveOutcome SolveRobust(const Problem& problem, const SolveOptions& options,
     Solution solution =
         SolveFrom(of_motion, search.ParametersOf(found[i]), 1, rollout, silent, nullptr);
     solution.duration_s = of_motion.duration_s;
+    if (problem.robust->feedback) solution.feedback = search.FeedbackOf(found[i]);
     solution.end = SolveEnd::kStalled;
     solution.finished = true;
     solution.start = static_cast<int>(i);

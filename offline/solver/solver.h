@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "common/primitive.h"
 #include "offline/problem/problem.h"
 #include "offline/rollout/adaptive_rollout.h"
 #include "offline/rollout/rollout.h"
@@ -47,6 +48,8 @@ struct Solution {
   /// How long the motion takes, where the problem leaves that to the search; none: as the problem
   /// says.
   std::optional<double> duration_s;
+  /// How the motion answers a sensor, where the problem asks for that.
+  Feedback<double> feedback;
   RolloutResult rollout;
   SolveEnd end = SolveEnd::kFailed;
   /// Whether it was solved with the final step, or only screened with a longer one.

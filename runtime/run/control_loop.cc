@@ -183,6 +183,9 @@ void ControlLoop::Count() noexcept {
     last_position_rad_[i] = joint.limited.position_rad;
   }
   if (limited) ++statistics_.limited_ticks;
+  statistics_.sensor = record.sensor.status;
+  ++statistics_.sensor_ticks[static_cast<std::size_t>(record.sensor.status)];
+  if (record.sensor.share > 0) ++statistics_.feedback_ticks;
 }
 
 LoopStatistics MeasureWakeUps(Clock& clock, OperatorMailbox& mailbox, std::int64_t period_ns,

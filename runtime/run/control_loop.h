@@ -36,6 +36,10 @@ struct LoopStatistics {
   std::array<float, kMaxJoints> peak_torque_nm = NoneMeasured();
   std::array<float, kMaxJoints> following_error_max_rad{};
   std::int64_t limited_ticks = 0;  ///< Ticks in which the last gate changed any joint's setpoint.
+  /// Ticks by what was thought of the inertial sensor (`SensorStatus`), and what is thought of it.
+  std::array<std::int64_t, kSensorStatusCount> sensor_ticks{};
+  SensorStatus sensor = SensorStatus::kNone;
+  std::int64_t feedback_ticks = 0;  ///< Ticks with any feedback in force.
 
  private:
   static constexpr std::array<float, kMaxJoints> NoneMeasured() noexcept {

@@ -247,6 +247,11 @@ std::string ToText(const RunSummary& summary) {
   }
   text += fmt::format("  ticks: {} ({} running), {} missed, {} late, {} with a limit active\n",
                       s.ticks, s.run_ticks, s.missed_ticks, s.late_ticks, s.limited_ticks);
+  if (s.sensor != SensorStatus::kNone) {
+    const std::int64_t known = s.sensor_ticks[static_cast<std::size_t>(SensorStatus::kOk)];
+    text += fmt::format("  sensor: {} at last, ok in {} ticks; feedback in {}\n",
+                        ToString(s.sensor), known, s.feedback_ticks);
+  }
   if (!summary.simulated || summary.realtime) {
     text += DescribeTiming(s, summary.machine,
                            summary.realtime ? summary.realtime->scheduling : "time-shared");
@@ -315,6 +320,15 @@ Json JsonOf(const InterfaceSummary& interface) {
           {"bus_offs", i.bus_offs}};
 }
 
+Json SensorJson(const LoopStatistics& s) {
+  Json json = {{"status", ToString(s.sensor)}, {"feedback_ticks", s.feedback_ticks}};
+  Json& ticks = json["ticks"];
+  for (std::size_t i = 0; i < kSensorStatusCount; ++i) {
+    if (s.sensor_ticks[i] != 0) ticks[ToString(static_cast<SensorStatus>(i))] = s.sensor_ticks[i];
+  }
+  return json;
+}
+
 }  // namespace
 
 std::string ToJson(const RunSummary& summary) {
@@ -363,6 +377,7 @@ std::string ToJson(const RunSummary& summary) {
   json["missed_ticks"] = s.missed_ticks;
   json["late_ticks"] = s.late_ticks;
   json["limited_ticks"] = s.limited_ticks;
+  if (s.sensor != SensorStatus::kNone) json["sensor"] = SensorJson(s);
   json["timing"] = TimingJson(s, summary.machine,
                               summary.realtime ? summary.realtime->scheduling : "time-shared");
   if (summary.attended) json["runs"] = summary.runs;

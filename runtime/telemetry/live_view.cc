@@ -13,6 +13,7 @@
 #include "firmware_interface/drives/error_texts.h"
 #include "runtime/core/faults.h"
 #include "runtime/core/joint_fields.h"
+#include "runtime/core/sensor_watch.h"
 #include "runtime/telemetry/sentences.h"
 
 namespace tumbler {
@@ -25,6 +26,11 @@ const char* DriveStateName(std::int8_t state) {
                                               "enabled", "fault",    "lost"};
   const auto index = static_cast<std::size_t>(state);
   return index < kNames.size() ? kNames[index] : "?";
+}
+
+const char* SensorStatusName(const state_t& state) {
+  const auto index = static_cast<std::size_t>(state.sensor_status);
+  return index < kSensorStatusCount ? ToString(static_cast<SensorStatus>(index)) : "?";
 }
 
 FaultDetail FirstFault(const state_t& state) {
@@ -75,6 +81,12 @@ std::string LiveView::FaultText() const {
   return Describe(FirstFault(*state_), run_->joints, run_->error_codes);
 }
 
+std::string LiveView::SensorText() const {
+  return fmt::format("{}, {:.4f} rad, {:.3f} rad/s, feedback {:.0f} %", SensorStatusName(*state_),
+                     state_->sensor_pitch_rad, state_->sensor_rate_rad_s,
+                     100 * static_cast<double>(state_->feedback_share));
+}
+
 std::string LiveView::Line() const {
   if (!state_) return "nothing received";
   std::string text = fmt::format("{:.3f} s, {}, {} at {:.3f} s, cycle {}",
@@ -89,6 +101,7 @@ std::string LiveView::Line() const {
                             : fmt::format("{:.2f} N m", joint.measured_torque_nm),
                         DriveStateName(joint.drive_state));
   }
+  if (state_->sensor_status != 0) text += fmt::format("; sensor {}", SensorText());
   return text + fmt::format("; faults: {}", FaultText());
 }
 
@@ -104,6 +117,7 @@ std::string LiveView::Screen() const {
   text += fmt::format("state   {:16} {} at {:.3f} s, {} cycles, tick {}, {:.3f} s\n",
                       ToString(static_cast<ExecutorState>(s.state)), NodeName(), s.primitive_time_s,
                       s.cycles, s.tick, static_cast<double>(s.time_ns) * 1e-9);
+  if (s.sensor_status != 0) text += fmt::format("sensor  {}\n", SensorText());
   text += fmt::format("faults  {}\n\n", FaultText());
   text += fmt::format("{:12} {:>10} {:>10} {:>9} {:>9} {:>8} {:>7} {:>6} {:>9}\n", "joint",
                       "setpoint", "measured", "error", "rad/s", "N m", "deg C", "age", "drive");
@@ -174,6 +188,15 @@ std::string LiveView::ToJson() const {
   json["cycles"] = s.cycles;
   json["primitive_time_s"] = s.primitive_time_s;
   json["fault"] = s.faults == 0 ? Json(nullptr) : Json(FaultText());
+  if (s.sensor_status != 0) {
+    json["sensor"] = {{"status", SensorStatusName(s)},
+                      {"age_ticks", s.sensor_age_ticks},
+                      {"pitch_rad", s.sensor_pitch_rad},
+                      {"rate_rad_s", s.sensor_rate_rad_s},
+                      {"feedback_error_rad", s.feedback_error_rad},
+                      {"feedback_rate_error_rad_s", s.feedback_rate_error_rad_s},
+                      {"feedback_share", s.feedback_share}};
+  }
   json["joints"] = Json::Array();
   for (std::size_t i = 0; i < s.joints.size(); ++i) {
     Json joint = {{"name", JointName(i)}};

@@ -35,6 +35,7 @@ class LiveView {
  private:
   [[nodiscard]] std::string JointName(std::size_t joint) const;
   [[nodiscard]] std::string FaultText() const;
+  [[nodiscard]] std::string SensorText() const;
   [[nodiscard]] std::string ErrorText(std::size_t joint) const;
   [[nodiscard]] std::string NodeName() const;
 

@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cmath>
 #include <string>
@@ -15,6 +16,7 @@
 #include "common/toml_reader.h"
 #include "offline/problem/task_toml.h"
 #include "offline/robust/cma_es.h"
+#include "offline/robust/lane_feedback.h"
 #include "tests/support/files.h"
 #include "tests/support/task_files.h"
 
@@ -123,6 +125,101 @@ TEST(RobustSearch, AGuessIsPolishedWithoutASearch) {
   EXPECT_EQ(polished.evaluations, 1 + 3 * 16) << "the guess, and three generations of 16";
   ASSERT_EQ(polished.solutions.size(), 1U);
   EXPECT_LE(polished.history.back().cost, 0.2);
+}
+
+TEST(RobustSearch, AFeedbackIsFoundWithThePath) {
+  const Problem problem =
+      ProblemOf(QuickRobustTask("[robust.feedback]\nlink = \"leg2_link\"\nknots = 3\n"
+                                "correction_max_rad = 0.25\n"));
+  const SolveOutcome outcome = SolveRobust(problem, {});
+  ASSERT_FALSE(outcome.solutions.empty());
+  const Feedback<double>& feedback = outcome.solutions.front().feedback;
+  ASSERT_TRUE(feedback.present());
+  EXPECT_EQ(feedback.link.view(), "leg2_link");
+  EXPECT_EQ(feedback.knot_count, 3);
+  EXPECT_EQ(feedback.knots().back(), problem.duration_s);
+  EXPECT_EQ(feedback.joints[0].chain, 0);
+  EXPECT_EQ(std::abs(feedback.joints[1].chain), 1);
+  EXPECT_EQ(feedback.joints[1].correction_max_rad, 0.25);
+  EXPECT_NE(feedback.joints[0].angle_gain[0], 0);
+  EXPECT_NE(feedback.joints[1].rate_gain[2], 0);
+  const double begins = problem.start_q[2] + feedback.joints[1].chain * problem.joints[1].start_rad;
+  EXPECT_NEAR(feedback.angle.Evaluate(0).value, begins, 0.02) << "the model rests where it starts";
+  const SolveOutcome without = SolveRobust(ProblemOf(QuickRobustTask()), {});
+  EXPECT_FALSE(without.solutions.front().feedback.present());
+}
+
+TEST(RobustSearch, GainsThatAGuessDoesNotHaveAreFoundBeforeItIsPolished) {
+  const std::vector<double> guess =
+      SolveRobust(ProblemOf(QuickRobustTask()), {}).solutions.front().x;
+  const Problem problem = ProblemOf(QuickRobustTask("[robust.feedback]\nlink = \"leg2_link\"\n"));
+  const SolveOutcome polished = SolveRobust(problem, {}, guess);
+  EXPECT_EQ(polished.evaluations, 8 + 1 * 16 + 1 + 1 * 16 + 1 + 3 * 16);
+  ASSERT_EQ(polished.solutions.size(), 1U);
+  EXPECT_EQ(polished.solutions.front().x.size(), guess.size());
+  EXPECT_TRUE(polished.solutions.front().feedback.present());
+}
+
+/// A law for one joint of two, whose gains do not change.
+Feedback<double> LawOf(double angle_gain, double rate_gain) {
+  Feedback<double> law;
+  law.knot_count = 2;
+  law.knots_s = {0, 0.1};
+  const std::vector<double> knots = {0, 0, 0, 0.1, 0.1, 0.1}, points = {1, 1, 1};
+  EXPECT_EQ(law.angle.Assign(2, knots, points), Status::kOk);
+  law.error_max_rad = law.start_error_max_rad = 0.5;
+  law.fade_in_s = law.fade_out_s = 0.01;
+  law.joints[0].chain = 1;
+  law.joints[1].angle_gain = {angle_gain, angle_gain};
+  law.joints[1].rate_gain = {rate_gain, rate_gain};
+  law.joints[1].correction_max_rad = 0.4;
+  law.joints[1].correction_rate_max_rad_s = 1000;
+  return law;
+}
+
+/// The correction of the second joint after a number of ticks, while the plan's angle is 1 and the
+/// measured one is 1 more than the first joint's.
+double CorrectionAfter(int ticks, const Feedback<double>& law, double joint_rad,
+                       double joint_rad_s) {
+  FeedbackSettings settings;
+  settings.noise_rad = settings.rate_noise_rad_s = settings.bias_rad = 0;
+  const LaneNoise noise(settings, 200, 1, 1);
+  LaneFeedback feedback(law, noise, 0.001, 0.001, 2);
+  LaneState<Packet> state{};
+  state.q[2] = Packet::Of(1);
+  state.q[3] = Packet::Of(joint_rad);
+  state.v[3] = Packet::Of(joint_rad_s);
+  double correction = 0;
+  for (int k = 0; k < ticks; ++k) {
+    std::array<LaneSetpoint<Packet>, 2> setpoints{};
+    feedback.Correct(state, setpoints);
+    EXPECT_EQ(setpoints[0].position.lane(3), 0) << "it has no gains";
+    correction = setpoints[1].position.lane(3);
+    EXPECT_EQ(correction, setpoints[1].position.lane(7));
+  }
+  return correction;
+}
+
+TEST(LaneFeedback, CorrectsByGainsWithinLimitsAndFadesInAsTheExecutorDoes) {
+  EXPECT_NEAR(CorrectionAfter(100, LawOf(2, 0), 0.1, 0), 0.2, 1e-12);
+  EXPECT_NEAR(CorrectionAfter(5, LawOf(2, 0), 0.1, 0), 0.1, 1e-12) << "half of the fade";
+  EXPECT_NEAR(CorrectionAfter(150, LawOf(0, -0.05), 0, 2), -0.1, 1e-12);
+  EXPECT_NEAR(CorrectionAfter(100, LawOf(-10, 0), 0.1, 0), -0.4, 1e-12) << "the most";
+  EXPECT_EQ(CorrectionAfter(100, LawOf(2, 0), 0.6, 0), 0) << "too far off";
+}
+
+TEST(RobustTask, TheKeysOfAFeedbackAreReadAndItsLinkHasToBeOne) {
+  const Problem problem = ProblemOf(
+      QuickRobustTask("[robust.feedback]\nlink = \"middle\"\npush_n = 2.0\ndelay_s = 0.002\n"));
+  ASSERT_TRUE(problem.robust->feedback);
+  EXPECT_EQ(problem.robust->feedback->push_n, 2);
+  EXPECT_EQ(problem.robust->feedback->delay_s, 0.002);
+  EXPECT_EQ(problem.robust->feedback->knots, 4);
+  EXPECT_NE(RefusalOf(QuickRobustTask("[robust.feedback]\nlink = \"tail\"\n"))
+                .find("link: is 'tail'; allowed: a link of the robot"),
+            std::string::npos);
+  EXPECT_NE(RefusalOf(QuickRobustTask("[robust.feedback]\npush_n = 2.0\n")).find("link"),
+            std::string::npos);
 }
 
 TEST(RobustTask, BoundsOfTheDurationComeInPairsAroundTheTasksOwn) {

@@ -283,6 +283,46 @@ TEST(LaneTrials, ATwinFileIsRefused) {
   EXPECT_THROW(LaneTrials{study}, std::runtime_error);
 }
 
+TEST(Trials, APushComesInTheHoldAndIsSurvivedOrNot) {
+  RobustnessStudy study = StudyOf("robust/handstand.toml");
+  study.drives = testing::SourcePath("primitives/robust/drives.toml");
+  study.run.hold_s = 6;
+  study.push_n = 0.01;
+  EXPECT_EQ(RunStudy(study, 3, 1).stands().count, 3) << "a breath";
+  study.push_n = 60;
+  const RobustnessResult hard = RunStudy(study, 3, 1);
+  EXPECT_EQ(hard.stands().count, 0);
+  for (const TrialOutcome& trial : hard.trials) EXPECT_GT(trial.left_s, 3) << "in the hold";
+  EXPECT_NE(ToText(hard).find("pushed with 60 N"), std::string::npos);
+  study.run.hold_s = 2;
+  EXPECT_THROW(Trials{study}, std::runtime_error) << "no time for a push";
+  study.run.hold_s = 6;
+  study.lanes = true;
+  EXPECT_THROW(LaneTrials{study}, std::runtime_error) << "lanes have none";
+}
+
+TEST(Trials, SensorsFailOnlyWhereThereAreSome) {
+  RobustnessStudy study = StudyOf("robust/handstand.toml");
+  study.drives = testing::SourcePath("primitives/robust/drives.toml");
+  study.sensor_faults = true;
+  EXPECT_THROW(Trials{study}, std::runtime_error);
+  const testing::TemporaryFolder folder;
+  study.drives = Written(folder, "drives.toml",
+                         testing::ReadFile(study.drives) +
+                             "\n[sensor]\nprotocol = \"xsens-mti\"\nlink = \"middle\"\n");
+  EXPECT_EQ(RunStudy(study, 5, 1).stands().count, 5) << "the motion has no feedback";
+}
+
+TEST(Checkpoint, RobotsThatArePushedAreOtherRobots) {
+  RobustnessStudy study = StudyOf("robust/handstand.toml");
+  const std::string calm = IdentityOf(study);
+  study.push_n = 5;
+  const std::string pushed = IdentityOf(study);
+  study.sensor_faults = true;
+  EXPECT_NE(calm, pushed);
+  EXPECT_NE(pushed, IdentityOf(study));
+}
+
 TEST(DepartureWatch, ARobotThatComesBackHasNotLeft) {
   const auto seen = [](const std::vector<double>& off_rad) {
     DepartureWatch watch;

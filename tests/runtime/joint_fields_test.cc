@@ -130,5 +130,26 @@ TEST(JointFields, ATorqueThatWasNotMeasuredIsEmptyInTablesAndNullInTheStatus) {
   EXPECT_EQ(view.Screen().find("nan"), std::string::npos) << view.Screen();
 }
 
+TEST(SensorFields, TheStatusNamesTheSensorWhereThereIsOne) {
+  FilledTick tick;
+  tick.timed.record.sensor.status = SensorStatus::kStale;
+  tick.timed.record.sensor.pitch_rad = 1.5F;
+  tick.timed.record.sensor.share = 0.25F;
+  FillState(tick.timed, tick.message);
+  LiveView view;
+  view.Take(tick.message);
+  const Json status = Json::Parse(view.ToJson()).value();
+  EXPECT_EQ(status["sensor"]["status"], "stale");
+  EXPECT_EQ(status["sensor"]["pitch_rad"], 1.5);
+  EXPECT_EQ(status["sensor"]["feedback_share"], 0.25);
+  EXPECT_NE(view.Line().find("sensor stale, 1.5000 rad"), std::string::npos) << view.Line();
+  EXPECT_NE(view.Screen().find("feedback 25 %"), std::string::npos) << view.Screen();
+  tick.timed.record.sensor.status = SensorStatus::kNone;
+  FillState(tick.timed, tick.message);
+  view.Take(tick.message);
+  EXPECT_EQ(view.ToJson().find("sensor"), std::string::npos);
+  EXPECT_EQ(view.Line().find("sensor"), std::string::npos);
+}
+
 }  // namespace
 }  // namespace tumbler

@@ -98,6 +98,25 @@ TEST(Passage, OfAMotionWithoutATargetOfThePitchNothingSpeaksOfPitchOrOfStanding)
   EXPECT_EQ(StatusOf(SummaryOf(report)), ExitStatus::kDone);
 }
 
+TEST(SensorOfARun, IsInTextAndJsonWhereThereIsOne) {
+  RunSummary summary;
+  EXPECT_EQ(ToText(summary).find("sensor"), std::string::npos);
+  EXPECT_EQ(ToJson(summary).find("sensor"), std::string::npos);
+  LoopStatistics& statistics = summary.statistics;
+  statistics.sensor = SensorStatus::kFrozen;
+  statistics.sensor_ticks[static_cast<std::size_t>(SensorStatus::kOk)] = 700;
+  statistics.sensor_ticks[static_cast<std::size_t>(SensorStatus::kFrozen)] = 20;
+  statistics.feedback_ticks = 710;
+  EXPECT_NE(ToText(summary).find("sensor: frozen at last, ok in 700 ticks; feedback in 710"),
+            std::string::npos)
+      << ToText(summary);
+  const Json json = Json::Parse(ToJson(summary)).value();
+  EXPECT_EQ(json["sensor"]["status"], "frozen");
+  EXPECT_EQ(json["sensor"]["feedback_ticks"], 710);
+  EXPECT_EQ(json["sensor"]["ticks"]["ok"], 700);
+  EXPECT_EQ(json["sensor"]["ticks"]["frozen"], 20);
+}
+
 TEST(StatusOfARun, SaysWhenTheSimulatedRobotWentThroughItself) {
   RunSummary report;
   report.outcome = RunOutcome::kCompleted;

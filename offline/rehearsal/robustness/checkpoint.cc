@@ -77,6 +77,7 @@ std::string IdentityOf(const RobustnessStudy& study) {
   std::string text = fmt::format("{} {} {} {} {} {} {} {}\n", study.seed, study.scale,
                                  study.run.hold_s, study.run.cycles, study.run.branch, study.lanes,
                                  study.drives.empty(), study.twin.empty());
+  if (study.disturbs()) text += fmt::format("{} {}\n", study.push_n, study.sensor_faults);
   for (const SpreadName& spread : kSpreadNames)
     text += fmt::format("{} {}\n", spread.key, study.spreads.*spread.member);
   for (const std::string& input : inputs) text += HashOfText(ReadTextFile(input)) + "\n";

@@ -75,6 +75,13 @@ LaneState<double> StateAt(const PrimitivePose& pose) {
   return state;
 }
 
+bool HasFeedback(const SequenceFile& file) {
+  for (int node = 0; node < file.graph.node_count; ++node) {
+    if (file.PrimitiveOf(node).primitive.feedback.present()) return true;
+  }
+  return false;
+}
+
 void Displace(LaneState<Packet>& state, std::size_t lane, const RobotVariation& variation) {
   const std::vector<double> q = variation.StartPositions(), v = variation.StartRates();
   for (std::size_t i = 0; i < q.size(); ++i) {
@@ -88,6 +95,12 @@ void Displace(LaneState<Packet>& state, std::size_t lane, const RobotVariation& 
 LaneTrials::LaneTrials(const RobustnessStudy& study) : trials_(study) {
   if (!study.twin.empty())
     throw Refused(study.twin + ": lanes do not simulate what twin files ask for; leave it out");
+  if (study.disturbs())
+    throw Refused(study.motion + ": lanes have no pushes and no sensors that fail; leave them out");
+  if (trials_.drives().sensor && HasFeedback(trials_.motion().file())) {
+    throw Refused(study.motion +
+                  ": lanes have no sensor, by which this motion is played with these drives");
+  }
   const Script& script = trials_.script();
   if (script.delay_s.empty())
     throw Refused(study.motion + ": the model itself does not get as far as this motion");

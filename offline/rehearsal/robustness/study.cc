@@ -295,10 +295,12 @@ std::string ToText(const RobustnessResult& result) {
   const Share share = result.stands();
   std::string text = fmt::format(
       "{}: {} of {} robots are as asked after every motion: {}\n"
-      "  {}spreads times {:.6g}, seed {}{}\n",
+      "  {}spreads times {:.6g}, seed {}{}{}{}\n",
       result.name, share.count, share.of, ToText(share), result.study.lanes ? "in lanes, " : "",
       result.study.scale, result.study.seed,
-      result.study.run.cycles > 0 ? fmt::format(", {} cycles", result.study.run.cycles) : "");
+      result.study.run.cycles > 0 ? fmt::format(", {} cycles", result.study.run.cycles) : "",
+      result.study.push_n > 0 ? fmt::format(", pushed with {:.6g} N", result.study.push_n) : "",
+      result.study.sensor_faults ? ", with sensors that fail" : "");
   std::string counts;
   for (const Verdict verdict : kVerdicts) {
     if (verdict == Verdict::kStands || result.Count(verdict) == 0) continue;
@@ -339,6 +341,8 @@ Json ToJson(const RobustnessResult& result) {
                {"cycles", result.study.run.cycles},
                {"hold_s", result.study.run.hold_s},
                {"lanes", result.study.lanes},
+               {"push_n", result.study.push_n},
+               {"sensor_faults", result.study.sensor_faults},
                {"robots", share.of},
                {"stand", share.count},
                {"share", share.value()},

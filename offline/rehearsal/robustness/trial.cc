@@ -1,13 +1,16 @@
 #include "offline/rehearsal/robustness/trial.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <memory>
 #include <utility>
 #include <variant>
 
+#include "common/index.h"
 #include "common/program.h"
 #include "firmware_interface/drives/error_texts.h"
+#include "offline/ensemble/normal.h"
 #include "offline/rehearsal/sim/purpose_judge.h"
 #include "offline/rehearsal/twin/twin_toml.h"
 #include "runtime/assembly/assembly.h"
@@ -31,6 +34,10 @@ Scene SharedScene(const SimulatedMotion& motion, SimulatedRobotConfig& robot) {
 /// A robot that is farther off the model's pitch than the first has left it, and is back within the
 /// second [rad].
 constexpr double kLeft_rad = 0.2, kBack_rad = 0.1;
+
+/// How long a push is, how long after the last motion it comes at the earliest, when that is
+/// judged, and how long before the end at the latest.
+constexpr double kPush_s = 0.1, kJudged_s = 2.6, kAfterPush_s = 2.5;
 
 /// A host whose frames reach the bus late.
 class LateHost final : public CanBus {
@@ -108,19 +115,64 @@ Trials::Trials(const RobustnessStudy& study) : study_(study), motion_(LoadMotion
       robot_.motors[j].torque_max_nm = LargestTorqueLimit(motion_.file(), j);
   }
   PlayModel();
+  if (study_.sensor_faults && !drives_.sensor) {
+    throw Refused(study_.motion + ": there is no sensor that could fail; name a drives file with " +
+                  "[sensor]");
+  }
+  if (const auto [from_s, to_s] = PushTimes(); study_.push_n != 0 && !(from_s + 0.5 <= to_s)) {
+    throw Refused(study_.motion +
+                  ": the hold is too short for a push at a random time in it; take --hold 8");
+  }
 }
 
 RobotVariation Trials::Draw(std::uint64_t index) const {
   return DrawRobot(scene_.robot, study_.spreads, study_.scale, study_.seed, index);
 }
 
-TrialOutcome Trials::Play(std::uint64_t index) { return PlayVaried(Draw(index), {}); }
+TrialOutcome Trials::Play(std::uint64_t index) {
+  return PlayVaried(Draw(index), ConfigOf(index), {});
+}
+
+SimulatedRobotConfig Trials::ConfigOf(std::uint64_t index) const {
+  constexpr std::array kFaults = {SensorFault::kSilent, SensorFault::kFrozen, SensorFault::kOffset,
+                                  SensorFault::kSwappedAxis, SensorFault::kLate};
+  constexpr std::uint64_t kDisturbances = 0x6469'7374'7572'6264;  // another series than the robots'
+  SimulatedRobotConfig config = robot_;
+  // Every robot's sensor has noise of its own.
+  config.sensor.seed = robot_.sensor.seed * 1'000'003 + index;
+  Normal random(study_.seed ^ kDisturbances, index);
+  const double when = random.DrawUniform(), side = random.DrawUniform();
+  const double failure = random.DrawUniform();
+  if (study_.push_n != 0) {
+    const auto [from_s, to_s] = PushTimes();
+    Push& push = config.twin.pushes.emplace_back();
+    push.link = scene_.robot.body_names[Index(scene_.robot.root_dofs) - 1];
+    push.start_s = from_s + when * (to_s - from_s);
+    push.duration_s = kPush_s;
+    push.force_n = {side < 0.5 ? study_.push_n : -study_.push_n, 0};
+  }
+  if (study_.sensor_faults) {
+    SensorFailure& fault = config.sensor.failures.emplace_back();
+    fault.fault = kFaults[index % kFaults.size()];
+    fault.start_s = failure * static_cast<double>(script_.ticks.size()) * script_.tick_s;
+  }
+  return config;
+}
+
+std::pair<double, double> Trials::PushTimes() const {
+  std::size_t moved = 0;
+  for (std::size_t k = 0; k < script_.ticks.size(); ++k) {
+    if (script_.ticks[k].state == ExecutorState::kRunning) moved = k;
+  }
+  const double end_s = static_cast<double>(script_.ticks.size()) * script_.tick_s;
+  return {static_cast<double>(moved) * script_.tick_s + kJudged_s, end_s - kAfterPush_s};
+}
 
 void Trials::PlayModel() {
   script_.tick_s = 1 / drives_.rate_hz;
   const RobotVariation model = DrawRobot(scene_.robot, study_.spreads, 0, study_.seed, 0);
   Script script = script_;  // as yet empty: nobody leaves it
-  PlayVaried(model, [&](const ControlLoop& loop, SimulatedRobot& robot) {
+  PlayVaried(model, robot_, [&](const ControlLoop& loop, SimulatedRobot& robot) {
     const TickRecord& record = loop.record();
     // Once the torque is off there is no more to say.
     if (record.state == ExecutorState::kDisarmed && !script.delay_s.empty()) return;
@@ -144,8 +196,8 @@ void Trials::PlayModel() {
   script_ = std::move(script);
 }
 
-TrialOutcome Trials::PlayVaried(const RobotVariation& variation, const Observer& observe) {
-  SimulatedRobotConfig config = robot_;
+TrialOutcome Trials::PlayVaried(const RobotVariation& variation, SimulatedRobotConfig config,
+                                const Observer& observe) {
   config.scene = Varied(scene_, variation);
   RunParts parts{motion_.file(), std::make_unique<const Sequence<float>>(ToRuntime(motion_.file())),
                  drives_};
@@ -192,6 +244,11 @@ TrialOutcome Trials::PlayVaried(const RobotVariation& variation, const Observer&
   TrialOutcome outcome =
       OutcomeOf(judge, robot.posture(), departure, motion_.file(), script_.tick_s);
   outcome.variation = variation;
+  // What a motion was for is judged before the push.
+  if (study_.push_n != 0 && outcome.stands() && departure.node() >= 0) {
+    outcome.verdict = TrialOutcome::Verdict::kAmiss;
+    outcome.reason = "it left its pose when it was pushed";
+  }
   if (robot.posture().falls() == 0 && procedure.outcome() != RunOutcome::kCompleted) {
     outcome.verdict = TrialOutcome::Verdict::kFault;
     outcome.reason = Describe(loop.record().first_fault, robot.joints(), ErrorCodesOf(drives_));

@@ -26,6 +26,14 @@ struct RobustnessStudy {
   double scale = 1;  ///< Of all spreads.
   Spreads spreads;
   bool lanes = false;  ///< Whether robots are played in lanes (`LaneTrials`), not in the twin.
+  /// The force that pushes each robot for 0.1 s, to either side, at a random time in the hold after
+  /// the last motion [N]; 0: none does. Robots then have to be back at last, too.
+  double push_n = 0;
+  /// Whether the sensor of each robot fails from a random time on, in one of its ways.
+  bool sensor_faults = false;
+
+  /// Whether anything happens to robots besides what the drives and twin files say.
+  [[nodiscard]] bool disturbs() const { return push_n != 0 || sensor_faults; }
 };
 
 /// What became of one robot.
@@ -95,7 +103,8 @@ TrialOutcome OutcomeOf(const PurposeJudge& judge, const PostureWatch& posture,
 class Trials {
  public:
   /// Plays the model, too. @throws FileError, Refused, std::runtime_error as `tumbler-run sim`
-  /// does, and Refused when the model itself does not get through without a fault.
+  /// does, and Refused when the model itself does not get through without a fault, when the hold is
+  /// too short for a push, or when a sensor is to fail and there is none.
   explicit Trials(const RobustnessStudy& study);
 
   /// Plays robot number `index`.
@@ -117,7 +126,12 @@ class Trials {
  private:
   /// Called after every tick.
   using Observer = std::function<void(const ControlLoop& loop, SimulatedRobot& robot)>;
-  TrialOutcome PlayVaried(const RobotVariation& variation, const Observer& observe);
+  TrialOutcome PlayVaried(const RobotVariation& variation, SimulatedRobotConfig config,
+                          const Observer& observe);
+  /// What all robots share, with what happens to this one.
+  [[nodiscard]] SimulatedRobotConfig ConfigOf(std::uint64_t index) const;
+  /// Between which times in the simulation a push begins.
+  [[nodiscard]] std::pair<double, double> PushTimes() const;
   void PlayModel();
 
   RobustnessStudy study_;

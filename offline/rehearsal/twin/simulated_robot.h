@@ -95,10 +95,6 @@ class SimulatedRobot {
   std::int64_t now_ns_ = 0;
 };
 
-/// How the absolute angles of a robot's links follow from its root's pitch and its joints. Links
-/// behind a prismatic joint turn with the one that carries them.
-std::vector<LinkChain> LinkChainsOf(const PlanarRobot& robot);
-
 /// The largest torque limit that a joint has in any node of the motion [N m].
 double LargestTorqueLimit(const SequenceFile& motion, std::size_t joint);
 
