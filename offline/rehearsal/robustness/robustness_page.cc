@@ -235,11 +235,13 @@ std::string RobustnessPage(const RobustnessResult& result) {
       "motion; the interval at 95 % is {:.1f} to {:.1f} %.</p>\n",
       title, 100 * share.value(), share.count, share.of, 100 * share.low, 100 * share.high);
   page += fmt::format(
-      "<p class=dim>{}; {}standard deviations: {}{}; seed {}{}</p>\n", Escaped(result.study.motion),
+      "<p class=dim>{}; {}standard deviations: {}{}; seed {}{}{}</p>\n",
+      Escaped(result.study.motion),
       result.study.lanes ? "played in lanes; " : "played in the twin; ", SpreadsText(result),
       result.study.scale == 1 ? "" : fmt::format(", times {:.6g}", result.study.scale),
       result.study.seed,
-      result.study.run.cycles > 0 ? fmt::format("; {} cycles", result.study.run.cycles) : "");
+      result.study.run.cycles > 0 ? fmt::format("; {} cycles", result.study.run.cycles) : "",
+      DisturbancesOf(result.study));
   const std::vector<Influence> influences = result.Influences();
   page += Verdicts(result) + Where(result) + InfluenceTable(influences) + Map(result, influences);
   return page + "</body></html>\n";

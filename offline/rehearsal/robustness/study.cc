@@ -291,16 +291,20 @@ Json ToJson(const Agreement& agreement) {
   return json;
 }
 
+std::string DisturbancesOf(const RobustnessStudy& study) {
+  return (study.push_n > 0 ? fmt::format(", pushed with {:.6g} N", study.push_n) : "") +
+         (study.sensor_faults ? ", with sensors that fail" : "");
+}
+
 std::string ToText(const RobustnessResult& result) {
   const Share share = result.stands();
   std::string text = fmt::format(
       "{}: {} of {} robots are as asked after every motion: {}\n"
-      "  {}spreads times {:.6g}, seed {}{}{}{}\n",
+      "  {}spreads times {:.6g}, seed {}{}{}\n",
       result.name, share.count, share.of, ToText(share), result.study.lanes ? "in lanes, " : "",
       result.study.scale, result.study.seed,
       result.study.run.cycles > 0 ? fmt::format(", {} cycles", result.study.run.cycles) : "",
-      result.study.push_n > 0 ? fmt::format(", pushed with {:.6g} N", result.study.push_n) : "",
-      result.study.sensor_faults ? ", with sensors that fail" : "");
+      DisturbancesOf(result.study));
   std::string counts;
   for (const Verdict verdict : kVerdicts) {
     if (verdict == Verdict::kStands || result.Count(verdict) == 0) continue;

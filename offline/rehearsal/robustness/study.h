@@ -113,6 +113,9 @@ struct Agreement {
 /// @pre both have as many robots.
 [[nodiscard]] Agreement Compare(const RobustnessResult& first, const RobustnessResult& second);
 
+/// What happens to a study's robots, in words behind others; empty where nothing does.
+std::string DisturbancesOf(const RobustnessStudy& study);
+
 /// For people: several lines, ending with a line feed.
 std::string ToText(const RobustnessResult& result);
 std::string ToText(const Agreement& agreement);
