@@ -24,8 +24,8 @@
 
 #include "common/json.h"
 #include "common/primitive_toml.h"
-#include "offline/rehearsal/sim/simulated_world.h"
 #include "offline/problem/link_chains.h"
+#include "offline/rehearsal/sim/simulated_world.h"
 #include "offline/rehearsal/twin/simulated_robot.h"
 #include "runtime/assembly/assembly.h"
 #include "runtime/assembly/run_parts.h"
