@@ -111,6 +111,15 @@ void Flush(std::FILE* stream) {
   }
 }
 
+/// The data of the page of a result. @pre the result has a file.
+ReportData PageOf(const TaskResult& result) {
+  ReportData data = MakeReportData(result.task, result.outcome, result.best, *result.file);
+  if (result.minima.empty()) return data;
+  const std::vector<std::vector<std::string>> table = MinimaTable(result);
+  data.minima = {table.front(), {table.begin() + 1, table.end()}};
+  return data;
+}
+
 ExitStatus OptimizeOne(const Arguments& arguments) {
   std::vector<std::string> inputs = {arguments.tasks.front()};
   Task task = Load(arguments, arguments.tasks.front());
@@ -150,8 +159,7 @@ ExitStatus OptimizeOne(const Arguments& arguments) {
   const std::string text = ToToml(*result.file);
   ParsePrimitive(text, "the new primitive");  // The text must read back.
   std::optional<ReportData> report;
-  if (!arguments.report.empty())
-    report = MakeReportData(result.task, result.outcome, result.best, *result.file);
+  if (!arguments.report.empty()) report = PageOf(result);
   if (interrupt_requested && !arguments.keep_best) return drop();
   std::signal(SIGINT, SIG_IGN);  // From here on, files are written whole.
   const bool interrupted = interrupt_requested;
@@ -235,9 +243,8 @@ void WriteMotion(std::FILE* people, const TaskResult& result, const Arguments& a
   ParsePrimitive(text, "the new primitive");  // The text must read back.
   PrintMotion(people, result);
   if (!arguments.report.empty()) {
-    const ReportData report =
-        MakeReportData(result.task, result.outcome, result.best, *result.file);
-    fmt::print(people, "  report {}\n", WriteReport(report, ReportOf(result.task, arguments)));
+    fmt::print(people, "  report {}\n",
+               WriteReport(PageOf(result), ReportOf(result.task, arguments)));
   }
   if (arguments.out.empty()) return;
   fs::create_directories(arguments.out);

@@ -27,13 +27,23 @@ ReportData MakeReportData(const Task& task, const SolveOutcome& outcome, const S
       fmt::format("{}, seed {}, {} evaluations, objective {:.4g}", file.provenance.tool,
                   file.provenance.seed, file.provenance.evaluations, file.provenance.objective);
   data.duration_s = problem.duration_s;
+  data.settle_s = problem.settle_s;
+  data.evaluation_count = file.provenance.evaluations;
+  if (!problem.joints.empty()) data.peak_torque = ReportPeak{};
   double next = 0;
   Rollout rollout(problem, problem.solver.step_s);
   rollout.Visit(solution.x, SettlingAfter(problem), [&](const MotionSample& sample) {
+    for (std::size_t j = 0; j < problem.joints.size(); ++j) {
+      const double torque = std::abs(sample.torque[j]);
+      if (torque > data.peak_torque->torque_nm)
+        data.peak_torque = {static_cast<int>(j), sample.time_s, torque};
+    }
     if (sample.time_s < next - 1e-9) return;
     next += 1 / kSamplesPerSecond;
     data.samples.push_back(ShownSample(problem, sample));
   });
+  // The certificate looks with shorter steps, and the page says what it says.
+  if (data.peak_torque) data.peak_torque->torque_nm = file.certificate.peak_torque_nm;
   const auto searched =
       static_cast<int>(std::count_if(outcome.history.begin(), outcome.history.end(),
                                      [](const Evaluation& e) { return e.global; }));

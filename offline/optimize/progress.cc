@@ -8,20 +8,28 @@
 #include <string>
 
 namespace tumbler {
+namespace {
+
+/// What a stage still takes is not judged by its first moments.
+constexpr double kJudgeAfter_s = 0.5;
+
+}  // namespace
 
 Progress::Progress(const Problem& problem)
     : problem_(problem), terminal_(isatty(STDERR_FILENO) == 1) {}
 
 void Progress::operator()(const Evaluation& e) {
-  if (e.global != global_) {
+  // A search that needs further candidates goes back to its first stage; each has its own time.
+  const std::size_t stage = e.global ? 0 : 1;
+  const auto now = Clock::now();
+  spent_[stage] += now - last_;
+  last_ = now;
+  if (!seen_[stage]) {
     Finish();
-    global_ = e.global;
-    stage_start_ = Clock::now();
-    local_ = 0;
+    seen_[stage] = true;
     shown_ = {};
   }
   if (!e.global) ++local_;
-  const auto now = Clock::now();
   const SolverSettings& solver = problem_.solver;
   const int screened =
       problem_.search.refine * std::min(solver.screen_evaluations, solver.max_evaluations);
@@ -43,16 +51,22 @@ void Progress::operator()(const Evaluation& e) {
                                 e.start + 1, e.count, e.cost));
     return;
   }
-  const double elapsed = std::chrono::duration<double>(now - stage_start_).count();
-  // The counts are those of a search that needs no other candidate; one that does goes on beyond.
+  const double elapsed = std::chrono::duration<double>(spent_[stage]).count();
+  // The counts are those of a search that needs no other candidate; one that does goes on beyond,
+  // and nothing is known of how long.
+  const bool planned = done < total && (e.global || e.start < problem_.search.refine);
   const std::string left =
-      done < total ? fmt::format("  at most {:.1f} s left", elapsed / done * (total - done)) : "";
+      planned && elapsed >= kJudgeAfter_s
+          ? fmt::format("  at most {:.1f} s left", elapsed / done * (total - done))
+          : "";
+  const std::string start = e.start < problem_.search.refine
+                                ? fmt::format("start {} of {}", e.start + 1, problem_.search.refine)
+                                : fmt::format("start {}, in place of another", e.start + 1);
   const std::string text =
-      e.global
-          ? fmt::format("search  {:6d}/{} evaluations  best rank {:.5g}{}", e.count,
-                        problem_.search.max_samples, e.cost, left)
-          : fmt::format("solve   start {} of {}  evaluation {:4d}  cost {:.6g}  violation {:.1e}{}",
-                        e.start + 1, problem_.search.refine, e.count, e.cost, e.violation, left);
+      e.global ? fmt::format("search  {:6d}/{} evaluations  best rank {:.5g}{}", e.count,
+                             problem_.search.max_samples, e.cost, left)
+               : fmt::format("solve   {}  evaluation {:4d}  cost {:.6g}  violation {:.1e}{}", start,
+                             e.count, e.cost, e.violation, left);
   Show(text);
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <chrono>
 #include <cstdint>
 #include <string>
@@ -26,11 +27,13 @@ class Progress {
 
   const Problem& problem_;
   bool terminal_;
-  bool global_ = true;
   bool open_line_ = false;
   bool feasible_ = false;  // whether a motion without a violation was shown
   std::int64_t local_ = 0;
-  Clock::time_point stage_start_ = Clock::now(), shown_{};
+  Clock::time_point last_ = Clock::now(), shown_{};
+  // Of the search, and of the solves from its starts.
+  std::array<Clock::duration, 2> spent_{};
+  std::array<bool, 2> seen_{};
 };
 
 }  // namespace tumbler

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <optional>
 #include <string>
 
@@ -110,27 +111,41 @@ void PrintMotion(std::FILE* people, const TaskResult& result) {
   }
 }
 
+std::vector<std::vector<std::string>> MinimaTable(const TaskResult& result) {
+  std::vector<std::vector<std::string>> rows = {
+      {"#", "starts", "cost", "violation", "pitch end", "peak torque", "evaluations", "ended"}};
+  for (std::size_t i = 0; i < result.minima.size(); ++i) {
+    const LocalMinimum& minimum = result.minima[i];
+    const Solution& solution = result.outcome.solutions[minimum.solution];
+    const MotionSummary& summary = result.minima_summaries[i];
+    const std::string& objections = result.minima_objections[i];
+    const std::string because =
+        solution.feasible()     ? (objections.empty() ? "" : ", refused: " + objections)
+        : solution.core_reached ? ", no motion: a contact reached the core"
+                                : ", no motion: " + solution.worst_constraint;
+    rows.push_back({std::to_string(i + 1), std::to_string(minimum.starts.size()),
+                    fmt::format("{:.6g}", solution.rollout.cost),
+                    fmt::format("{:.1e}", solution.constraint_violation),
+                    fmt::format("{:.4f}", summary.final_pitch_rad),
+                    fmt::format("{:.3f}", summary.peak_torque_nm),
+                    std::to_string(solution.evaluations), ToString(solution.end) + because});
+  }
+  return rows;
+}
+
 void PrintMinima(std::FILE* people, const TaskResult& result) {
   std::size_t starts = 0;
   for (const LocalMinimum& minimum : result.minima) starts += minimum.starts.size();
   fmt::print(people,
              "{}: {} starts solved to the end led to {} minima (apart by more than {} rad)\n",
              result.problem().name, starts, result.minima.size(), kSameMotionRad);
-  fmt::print(people, "  {:>4} {:>6} {:>12} {:>10} {:>9} {:>11} {:>11}  {}\n", "#", "starts", "cost",
-             "violation", "pitch end", "peak torque", "evaluations", "ended");
-  for (std::size_t i = 0; i < result.minima.size(); ++i) {
-    const LocalMinimum& minimum = result.minima[i];
-    const Solution& solution = result.outcome.solutions[minimum.solution];
-    const MotionSummary& summary = result.minima_summaries[i];
-    const bool held = solution.feasible();
-    const std::string& objections = result.minima_objections[i];
-    fmt::print(people, "  {:>4} {:>6} {:>12.6g} {:>10.1e} {:>9.4f} {:>11.3f} {:>11}  {}{}\n", i + 1,
-               minimum.starts.size(), solution.rollout.cost, solution.constraint_violation,
-               summary.final_pitch_rad, summary.peak_torque_nm, solution.evaluations,
-               ToString(solution.end),
-               held                    ? (objections.empty() ? "" : ", refused: " + objections)
-               : solution.core_reached ? ", no motion: a contact reached the core"
-                                       : ", no motion: " + solution.worst_constraint);
+  // The last column is as long as it is.
+  constexpr std::array<int, 8> kWidths = {4, 6, 12, 10, 9, 11, 11, 0};
+  for (const std::vector<std::string>& row : MinimaTable(result)) {
+    std::string text = " ";
+    for (std::size_t k = 0; k + 1 < row.size(); ++k)
+      text += fmt::format(" {:>{}}", row[k], kWidths[k]);
+    fmt::print(people, "{}  {}\n", text, row.back());
   }
 }
 

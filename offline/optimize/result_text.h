@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdio>
+#include <string>
 #include <vector>
 
 #include "offline/optimize/task_result.h"
@@ -13,6 +14,9 @@ void PrintNotes(const Task& task);
 /// Prints a motion, and on standard error a warning about a gradient that cannot be trusted.
 /// @pre the result has a file.
 void PrintMotion(std::FILE* people, const TaskResult& result);
+
+/// The minima as a table of texts, best first; the first row names the columns.
+std::vector<std::vector<std::string>> MinimaTable(const TaskResult& result);
 
 /// Prints the table of minima.
 void PrintMinima(std::FILE* people, const TaskResult& result);

@@ -9,8 +9,21 @@
 namespace tumbler {
 namespace {
 
+void CheckPeak(const ReportData& data) {
+  if (!data.peak_torque) return;
+  const ReportPeak& peak = *data.peak_torque;
+  CheckFinite(peak.time_s, "peak_torque.time_s");
+  CheckFinite(peak.torque_nm, "peak_torque.torque_nm");
+  if (peak.joint < 0 || static_cast<std::size_t>(peak.joint) >= data.joint_names.size()) {
+    RefuseField("peak_torque.joint", fmt::format("is {}, must be the index of a joint, of which "
+                                                 "there are {}",
+                                                 peak.joint, data.joint_names.size()));
+  }
+}
+
 void Check(const ReportData& data) {
   CheckFinite(data.duration_s, "duration_s");
+  CheckFinite(data.settle_s, "settle_s");
   CheckScene(data);
   if (data.samples.size() < 2) {
     RefuseField("samples",
@@ -20,6 +33,14 @@ void Check(const ReportData& data) {
   for (std::size_t k = 0; k < data.evaluations.size(); ++k) {
     CheckFinite(data.evaluations[k].cost, fmt::format("evaluations[{}].cost", k));
     CheckFinite(data.evaluations[k].violation, fmt::format("evaluations[{}].violation", k));
+  }
+  CheckPeak(data);
+  for (std::size_t k = 0; k < data.minima.rows.size(); ++k) {
+    if (data.minima.rows[k].size() != data.minima.columns.size()) {
+      RefuseField(fmt::format("minima.rows[{}]", k),
+                  fmt::format("has {} texts, must have {}", data.minima.rows[k].size(),
+                              data.minima.columns.size()));
+    }
   }
 }
 
@@ -44,8 +65,18 @@ Json ForcesToJson(const ReportSample& sample) {
   return forces;
 }
 
+Json TextsToJson(const std::vector<std::string>& texts) {
+  Json array = Json::Array();
+  for (const std::string& text : texts) array.Append(text);
+  return array;
+}
+
 Json ToJson(const ReportData& data) {
-  Json json = {{"title", data.title}, {"subtitle", data.subtitle}, {"duration_s", data.duration_s}};
+  Json json = {{"title", data.title},
+               {"subtitle", data.subtitle},
+               {"duration_s", data.duration_s},
+               {"settle_s", data.settle_s},
+               {"evaluation_count", data.evaluation_count}};
   json["times_s"] = Column(data, [](const auto& s) { return s.time_s; });
   json["root_pitch_rad"] = Column(data, [](const auto& s) { return s.root_pitch_rad; });
   json.Merge(SceneToJson(data));
@@ -67,6 +98,14 @@ Json ToJson(const ReportData& data) {
                                 {"violation", evaluation.violation},
                                 {"global", evaluation.global}});
   }
+  if (data.peak_torque) {
+    json["peak_torque"] = {{"joint", data.peak_torque->joint},
+                           {"time_s", data.peak_torque->time_s},
+                           {"torque_nm", data.peak_torque->torque_nm}};
+  }
+  json["minima"] = {{"columns", TextsToJson(data.minima.columns)}, {"rows", Json::Array()}};
+  for (const std::vector<std::string>& row : data.minima.rows)
+    json["minima"]["rows"].Append(TextsToJson(row));
   json["certificate"] = Json::Array();
   for (const auto& [name, value] : data.certificate) {
     json["certificate"].Append(Json::Array({name, value}));

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <utility>
@@ -50,6 +51,19 @@ struct ReportEvaluation {
   bool global = false;  ///< Whether it belongs to the global search, or to the local solver.
 };
 
+/// The largest torque of any joint, of all steps of a simulation and not only of the samples.
+struct ReportPeak {
+  int joint = 0;
+  double time_s = 0;
+  double torque_nm = 0;  ///< Its size.
+};
+
+/// A table of texts: the names of the columns, then rows of as many texts.
+struct ReportTable {
+  std::vector<std::string> columns;
+  std::vector<std::vector<std::string>> rows;
+};
+
 /// The ground or an obstacle, with its label: a convex polygon with a radius swept around it. One
 /// corner makes a disc, two make a bar with round ends.
 struct ReportObstacle {
@@ -63,6 +77,7 @@ struct ReportData {
   std::string title;      ///< e.g. `handstand`
   std::string subtitle;   ///< e.g. the tool's version and the seed; no date.
   double duration_s = 0;  ///< Of the motion; samples may go on after it (settling).
+  double settle_s = 0;    ///< How much of what comes after it the task calls settling.
   std::vector<std::string> joint_names;
   /// Index in `links` of the link that each joint moves; empty when joint i moves link i + 1.
   std::vector<int> joint_links;
@@ -76,6 +91,10 @@ struct ReportData {
   std::vector<ReportSample> samples;
   /// May be empty. Leave out evaluations that failed: all values must be finite.
   std::vector<ReportEvaluation> evaluations;
+  /// How many evaluations the whole search took: those that are shown, and those of other starts.
+  std::int64_t evaluation_count = 0;
+  std::optional<ReportPeak> peak_torque;  ///< Empty: that of the samples is shown.
+  ReportTable minima;                     ///< The different motions that were found; may be empty.
   /// Names, and values with their units, in the order in which they are shown.
   std::vector<std::pair<std::string, std::string>> certificate;
 };

@@ -7,6 +7,7 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -117,6 +118,26 @@ TEST_F(FlightReportInBrowser, OfVeryManyEventsTheFaultsAreShown) {
   EXPECT_EQ(TextOf(dom, "probe"), "1 500\ntrue\n1505 more are not shown\n");
 }
 
+TEST_F(FlightReportInBrowser, WhatIsRefusedAgainAndAgainIsOneEventAndHidesNoOther) {
+  const std::size_t others = SampleRun().events.size();
+  RunData run = SampleRun();
+  for (int i = 0; i < 900; ++i) {
+    run.events.push_back({0.001 * i, RunEvent::Kind::kRefusal,
+                          "leg1 is not ready: status word " + std::to_string(i)});
+  }
+  run.events.push_back({1.0, RunEvent::Kind::kRefusal, "leg1 is not ready: status word 7"});
+  std::sort(run.events.begin(), run.events.end(),
+            [](const RunEvent& a, const RunEvent& b) { return a.time_s < b.time_s; });
+  const std::string dom = Browse({run}, "", R"(
+    say([...document.querySelectorAll('#events tr.event-refusal')].map((r) => r.cells[3].textContent).join(' / '));
+    say(document.querySelectorAll('#events tbody tr').length, timeline.svg.querySelectorAll('line.event-refusal').length);
+    say(document.querySelectorAll('#timeline text.event-request').length > 0);)");
+  EXPECT_EQ(TextOf(dom, "probe"),
+            "leg1 is not ready: status word 0 (900 times, until 0.899 s) / "
+            "leg1 is not ready: status word 7\n" +
+                std::to_string(others + 2) + " 2\ntrue\n");
+}
+
 TEST_F(FlightReportInBrowser, NamesHowTheSecondRunDiffersAndHidesWhatIsSwitchedOff) {
   const std::string dom = Browse({SampleRun(), OtherRun()}, "t=0.5", R"(
     say([...document.querySelectorAll('#differences tbody tr')][0].innerText.replace(/\s+/g, ' '));
@@ -222,6 +243,28 @@ TEST_F(FlightReportInBrowser, FitsEveryWidthWithoutCuttingOrScrollingSideways) {
     EXPECT_EQ(TextOf(Browse({SampleRun(), OtherRun()}, "", probe, width), "probe"),
               std::to_string(width) + " true \n");
   }
+}
+
+TEST_F(FlightReportInBrowser, CutsOffNoButtonOnAPhone) {
+  const std::string dom = Browse({SampleRun(), OtherRun()}, "", R"(
+    document.body.style.width = '400px';  // the browser's own window is no narrower than 500
+    const cut = [...document.querySelectorAll('button')].filter((b) => !b.hidden && b.offsetParent)
+      .filter((b) => b.getBoundingClientRect().right > b.parentElement.getBoundingClientRect().right + 0.5);
+    say(document.querySelectorAll('.toolbar button').length > 6, cut.map((b) => b.textContent).join());)",
+                                 500);
+  EXPECT_EQ(TextOf(dom, "probe"), "true \n");
+}
+
+TEST_F(FlightReportInBrowser, ThreeRunsAreAFewPagesOfPaper) {
+  const std::string page = WriteFlightReport({SampleRun(), OtherRun(), OtherRun()}, directory_);
+  const std::string out = directory_ + "/page.pdf";
+  const std::string command =
+      "'" + testing::SourcePath("scripts/screenshot") + "' '" + page + "' '' '" + out + "'";
+  // NOLINTNEXTLINE(concurrency-mt-unsafe): a test of one thread.
+  ASSERT_EQ(std::system(command.c_str()), 0);
+  const std::size_t pages = testing::Count(testing::ReadFile(out), "/Type /Page\n");
+  EXPECT_GE(pages, 2U);
+  EXPECT_LE(pages, 7U);
 }
 
 TEST_F(FlightReportInBrowser, LoadsNothingAndItsOwnPolicyForbidsIt) {

@@ -4,6 +4,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <fmt/format.h>
+
 #include <cmath>
 #include <csignal>
 #include <filesystem>
@@ -12,6 +14,7 @@
 
 #include "common/json.h"
 #include "common/primitive_toml.h"
+#include "offline/optimize/progress.h"
 #include "tests/support/files.h"
 #include "tests/support/program.h"
 #include "tests/support/task_files.h"
@@ -61,9 +64,34 @@ TEST(OptimizeCli, WritesAPrimitiveAReportAndFiguresThatAgree) {
   EXPECT_EQ(figures["gradient_step_halving_change"], file.certificate.gradient_step_halving_change);
   EXPECT_THAT(file.certificate.gradient_errors,
               ::testing::Contains(figures["gradient_error"].number()));
+  // The page has the same.
+  const std::string page = ReadFile(folder / "a/b/index.html");
+  const std::string begin = "<script type=\"application/json\" id=\"data\">";
+  const std::size_t at = page.find(begin) + begin.size();
+  const auto shown = Json::Parse(page.substr(at, page.find("</script>", at) - at)).value();
+  EXPECT_EQ(shown["evaluation_count"], figures["evaluations"]);
+  EXPECT_EQ(shown["peak_torque"]["torque_nm"], figures["peak_torque_nm"]);
+  EXPECT_EQ(shown["settle_s"], 0.1);
   EXPECT_EQ(folder.Listing(),
             (std::set<std::string>{"a", "a/b", "a/b/index.html", "figures.json", "motion.toml",
                                    "robots", "robots/tumbler.urdf", "tasks", "tasks/task.toml"}));
+}
+
+TEST(OptimizeProgress, CountsNoStartBeyondThoseThatArePlannedAndPromisesNoTimeForIt) {
+  Problem problem;
+  problem.search.refine = 4;
+  ::testing::internal::CaptureStderr();
+  Progress progress(problem);
+  progress({true, 0, 1, 0.5, 0});
+  progress({false, 0, 1, 0.5, 1});
+  progress({true, 0, 2, 0.5, 0});  // back to the search, for further candidates
+  progress({false, 5, 1, 0.25, 0});
+  EXPECT_EQ(::testing::internal::GetCapturedStderr(),
+            fmt::format("search       1/{} evaluations  best rank 0.5\n"
+                        "solve   start 1 of 4  evaluation    1  cost 0.5  violation 1.0e+00\n"
+                        "solve   start 6, in place of another  evaluation    1  cost 0.25  "
+                        "violation 0.0e+00\n",
+                        problem.search.max_samples));
 }
 
 TEST(OptimizeCli, AContactTooStiffForAFixedStepHasARightGradient) {

@@ -116,6 +116,30 @@ TEST_F(ReportInBrowser, HasAllItsPartsWithUnits) {
   EXPECT_EQ(TextOf(dom, "errors"), "");
 }
 
+TEST_F(ReportInBrowser, SaysWhatTheSearchSaysAndNotWhatItsSamplesHappenToShow) {
+  ReportData data = SampleMotion();
+  data.settle_s = 0.1;  // of the 0.3 s that are shown
+  data.evaluation_count = 7456;
+  data.peak_torque = ReportPeak{1, 0.7512, 7.78};  // between two samples
+  data.minima = {{"#", "cost"}, {{"1", "0.0004"}, {"2", "0.0007, refused: <b>"}}};
+  const std::string dom = Browse(data, "t=1.25", R"(
+    const fact = (name) => [...byId('facts').children].find((d) => d.firstChild.textContent === name).textContent;
+    for (const name of ['Duration', 'Peak torque', 'Evaluations']) say(fact(name));
+    const phases = []; for (const t of [1.2, 1.25, 1.35]) { seek(t); phases.push(byId('phase').textContent); }
+    say(phases.join());
+    say([...document.querySelectorAll('#minima tr')].map((r) => [...r.cells].map((c) => c.textContent).join('|')).join(' / '));
+    say(getComputedStyle(byId('minima')).display);)");
+  EXPECT_EQ(TextOf(dom, "probe"),
+            "Duration1.200 sthen 0.100 s of settling; shown until 0.300 s later\n"
+            "Peak torque7.78 N·mleg_2 at 0.751 s, 97 % of its limit\n"
+            "Evaluations7456shown: 1500 search, " +
+                std::to_string(data.evaluations.size() - 1500) +
+                " local solver; the others: of other starts, or failed\n"
+                ",settling,held\n"
+                "#|cost / 1|0.0004 / 2|0.0007, refused: &lt;b&gt;\n"
+                "block\n");
+}
+
 TEST_F(ReportInBrowser, DrawsEachLinkWhereThePoseSaysWithUpwardsUp) {
   const ReportData data = SampleMotion();
   const std::string dom = Browse(data, "t=0.6", R"(

@@ -201,6 +201,15 @@ TEST_F(Report, OfTheSameDataIsTheSameToTheByte) {
 TEST_F(Report, RefusesEveryNumberThatIsNotFiniteByItsName) {
   const std::vector<std::pair<std::string, std::function<double*(ReportData&)>>> fields = {
       {"duration_s", [](ReportData& d) { return &d.duration_s; }},
+      {"settle_s", [](ReportData& d) { return &d.settle_s; }},
+      {"peak_torque.time_s",
+       [](ReportData& d) {
+         return &d.peak_torque.emplace(ReportPeak{1, 0, 0}).time_s;
+       }},
+      {"peak_torque.torque_nm",
+       [](ReportData& d) {
+         return &d.peak_torque.emplace(ReportPeak{1, 0, 0}).torque_nm;
+       }},
       {"torque_limits_nm[1]", [](ReportData& d) { return &d.torque_limits_nm[1]; }},
       {"position_limits_rad[0][1]", [](ReportData& d) { return &d.position_limits_rad[0][1]; }},
       {"links[1].shapes[0].x1_m", [](ReportData& d) { return &d.links[1].shapes[0].x1_m; }},
@@ -248,6 +257,14 @@ TEST_F(Report, RefusesEveryNumberThatIsNotFiniteByItsName) {
 TEST_F(Report, RefusesSizesIndicesAndTimesThatDoNotFit) {
   const std::vector<std::pair<std::string, std::function<void(ReportData&)>>> faults = {
       {"samples: has 1 entries, must have at least 2", [](ReportData& d) { d.samples.resize(1); }},
+      {"peak_torque.joint: is 2, must be the index of a joint, of which there are 2",
+       [](ReportData& d) {
+         d.peak_torque = ReportPeak{2, 0.5, 1};
+       }},
+      {"minima.rows[1]: has 1 texts, must have 2",
+       [](ReportData& d) {
+         d.minima = {{"#", "cost"}, {{"1", "0.1"}, {"2"}}};
+       }},
       {"links: is empty", [](ReportData& d) { d.links.clear(); }},
       {"torque_limits_nm: has 1 entries, must have 2",
        [](ReportData& d) { d.torque_limits_nm.pop_back(); }},

@@ -170,6 +170,7 @@ ReportData SampleMotion() {
   data.title = "handstand";
   data.subtitle = "tumbler 0.1.0, robot three_link_tumbler, task handstand.toml, seed 7";
   data.duration_s = kDuration;
+  data.settle_s = kSettling;
   data.joint_names = {"leg_1", "leg_2"};
   data.torque_limits_nm = {8, 8};
   data.position_limits_rad = {{{-2.9, 2.9}, {-2.9, 2.9}}};

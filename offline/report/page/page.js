@@ -14,6 +14,22 @@ function maximum(column, key = (v) => v) {
   return best;
 }
 
+// What follows the motion: the settling that the task asks for, and how long the page shows it.
+const shownAfter = motion.last - data.duration_s;
+const shownLonger = shownAfter > data.settle_s + 1e-9;
+
+function afterwards() {
+  if (!motion.settles) return '';
+  const shown = `${fixed(shownAfter, 3)} s`;
+  if (data.settle_s === 0) return `shown until ${shown} later`;
+  return `then ${fixed(data.settle_s, 3)} s of settling${shownLonger ? `; shown until ${shown} later` : ''}`;
+}
+
+function phaseAfter(t) {
+  if (!motion.settles || t <= data.duration_s) return '';
+  return t <= data.duration_s + data.settle_s + 1e-9 ? 'settling' : 'held';
+}
+
 // Header.
 
 function fillHeader() {
@@ -27,22 +43,29 @@ function fillHeader() {
     if (unit) element('i', {}, dd, ` ${unit}`);
     element('p', {}, item, more || '\u00a0');
   };
-  fact('Duration', fixed(data.duration_s, 3), 's', motion.settles ? `then ${fixed(motion.last - data.duration_s, 3)} s of settling` : '');
+  fact('Duration', fixed(data.duration_s, 3), 's', afterwards());
   const pitch = motion.value(data.root_pitch_rad, motion.clamp(data.duration_s));
   fact('Root pitch at the end', fixed(pitch, 3), 'rad', `${fixed((pitch * 180) / Math.PI, 1)}°`);
   if (data.joints.length > 0) {
-    const peaks = data.joints.map((j) => Math.abs(j.torque_nm[maximum(j.torque_nm, Math.abs)]));
-    const worst = data.joints[maximum(peaks)];
-    const i = maximum(worst.torque_nm, Math.abs);
-    const share = worst.torque_limit_nm === null ? '' : `, ${fixed((100 * Math.max(...peaks)) / worst.torque_limit_nm, 0)} % of its limit`;
-    fact('Peak torque', fixed(Math.max(...peaks), 2), 'N·m', `${worst.name} at ${fixed(motion.times[i], 3)} s${share}`);
+    const peak = data.peak_torque || sampledPeak();
+    const worst = data.joints[peak.joint];
+    const share = worst.torque_limit_nm === null ? '' : `, ${fixed((100 * peak.torque_nm) / worst.torque_limit_nm, 0)} % of its limit`;
+    fact('Peak torque', fixed(peak.torque_nm, 2), 'N·m', `${worst.name} at ${fixed(peak.time_s, 3)} s${share}`);
   }
   const i = maximum(motion.normal);
   fact('Peak normal force', fixed(motion.normal[i], 1), 'N', `at ${fixed(motion.times[i], 3)} s`);
-  if (data.evaluations.length > 0) {
+  if (data.evaluation_count > 0) {
     const global = data.evaluations.filter((e) => e.global).length;
-    fact('Evaluations', String(data.evaluations.length), '', `${global} search, ${data.evaluations.length - global} local solver`);
+    const others = data.evaluation_count - data.evaluations.length;
+    fact('Evaluations', String(data.evaluation_count), '', `shown: ${global} search, ${data.evaluations.length - global} local solver${others > 0 ? '; the others: of other starts, or failed' : ''}`);
   }
+}
+
+// The largest torque at the samples.
+function sampledPeak() {
+  const peaks = data.joints.map((j) => maximum(j.torque_nm, Math.abs));
+  const joint = maximum(peaks.map((i, k) => Math.abs(data.joints[k].torque_nm[i])));
+  return {joint, time_s: motion.times[peaks[joint]], torque_nm: Math.abs(data.joints[joint].torque_nm[peaks[joint]])};
 }
 
 // The figures beside the stage.
@@ -75,7 +98,7 @@ function fillPanel() {
 
 function showPanel(t) {
   byId('time').textContent = `${fixed(t, 3)} s`;
-  byId('phase').textContent = motion.settles && t > data.duration_s ? 'settling' : '';
+  byId('phase').textContent = phaseAfter(t);
   data.joints.forEach((joint, k) => {
     [[joint.position_rad, 3], [joint.velocity_rad_s, 2], [joint.torque_nm, 2]].forEach(([column, digits], c) => {
       cells.joints[k][c].textContent = fixed(motion.value(column, t), digits);
@@ -114,7 +137,7 @@ function fillStrip() {
 
 function fillTimePlots() {
   const host = byId('time-plots');
-  const shade = motion.settles ? {from: data.duration_s, to: motion.last, label: 'settling'} : null;
+  const shade = motion.settles ? {from: data.duration_s, to: data.settle_s > 0 ? Math.min(motion.last, data.duration_s + data.settle_s) : motion.last, label: data.settle_s > 0 ? 'settling' : 'held'} : null;
   const add = (title, unit, yTicks, digits, curves, limits) => {
     const {y, hidden} = rangeWithLimits(curves.map((c) => c.ys), limits.map((l) => l.value));
     timePlots.push(new Plot(host, {
@@ -217,6 +240,16 @@ function fillSolverPlots() {
   byId('progress-note').textContent = 'after each evaluation; the last values stand beside the names';
 }
 
+function fillMinima() {
+  const {columns, rows} = data.minima;
+  byId('minima').hidden = rows.length === 0;
+  byId('minima-note').textContent = 'different motions that the starts led to, best first; the page shows the first that can be used';
+  const table = byId('minima').querySelector('table');
+  const row = (parent, texts, tag) => texts.forEach((text) => element(tag, {}, parent, text));
+  row(element('tr', {}, table.tHead), columns, 'th');
+  for (const texts of rows) row(element('tr', {}, table.tBodies[0]), texts, 'td');
+}
+
 function fillCertificate() {
   byId('certificate').hidden = data.certificate.length === 0;
   for (const [name, value] of data.certificate) {
@@ -298,6 +331,7 @@ fillPanel();
 fillStrip();
 fillTimePlots();
 fillSolverPlots();
+fillMinima();
 fillCertificate();
 listen();
 applyFragment();

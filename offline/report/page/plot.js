@@ -88,10 +88,11 @@ class Plot {
     for (const end of ['pointerup', 'pointercancel']) svg.addEventListener(end, () => { dragging = false; });
   }
 
-  layout(width) {
+  // The height follows from the width where none is given.
+  layout(width, given = null) {
     const {spec, svg} = this;
     this.width = width;
-    const height = this.height = Math.round(Math.min(250, Math.max(190, width * 0.42)));
+    const height = this.height = given ?? Math.round(Math.min(250, Math.max(190, width * 0.42)));
     this.left = 48;
     this.right = width - 10;
     this.top = 16;

@@ -15,7 +15,31 @@ const byTime = (a, b) => a.time_s - b.time_s;
 const foremost = (events, most) => (events.length <= most ? events
   : [...events].sort((a, b) => eventRank[a.kind] - eventRank[b.kind] || byTime(a, b)).slice(0, most).sort(byTime));
 
+// What is said again and again without a pause, up to the numbers in it, is one event that counts them.
+const foldGap = 0.05;  // s
+function folded(events) {
+  const open = new Map();
+  const list = [];
+  for (const event of [...events].sort(byTime)) {
+    const what = `${event.kind} ${event.text.replace(/[\d.\u2212+-]+/g, '#')}`;
+    const before = open.get(what);
+    if (['refusal', 'timing', 'request'].includes(event.kind) && before && event.time_s - before.until_s <= foldGap) {
+      before.count += 1;
+      before.until_s = event.time_s;
+      continue;
+    }
+    const own = {...event, count: 1, until_s: event.time_s};
+    open.set(what, own);
+    list.push(own);
+  }
+  for (const event of list) {
+    if (event.count > 1) event.text += ` (${event.count} times, until ${fixed(event.until_s, 3)} s)`;
+  }
+  return list;
+}
+
 runs.forEach((run, r) => {
+  run.events = folded(run.events);
   run.left = Math.max(0, run.events.length - eventsMax);
   run.events = foremost(run.events, eventsMax);
   run.label = String.fromCharCode(65 + r);
@@ -477,7 +501,8 @@ function layout(event) {
   else if (stage && box.width > 0) stage.layout(box.width, box.height, large);
   for (const plot of [...timePlots, ...latencyPlots]) {
     const width = plot.figure.getBoundingClientRect().width;
-    plot.layout(paper ? 340 : width > 0 ? width : 480);
+    if (paper) plot.layout(250, 165);  // three in a row
+    else plot.layout(width > 0 ? width : 480);
   }
   const width = byId('timeline').getBoundingClientRect().width;
   timeline.layout(paper ? 700 : width > 0 ? width : 900);
