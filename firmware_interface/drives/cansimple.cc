@@ -191,11 +191,9 @@ CanSimpleDrive::CanSimpleDrive(const CanSimpleConfig& config) noexcept
   torque_codes_ = WholeSteps(config.range.torque_nm, kFeedForwardSteps);
 }
 
-DriveFeedback CanSimpleDrive::feedback() const noexcept {
-  DriveFeedback feedback = feedback_;
-  feedback.error = heartbeat_.error != 0 ? heartbeat_.error : active_error_;
-  if (feedback.error == 0 && stage_ == Stage::kTripped) feedback.error = disarm_reason_;
-  return feedback;
+void CanSimpleDrive::NoteError() noexcept {
+  feedback_.error = heartbeat_.error != 0 ? heartbeat_.error : active_error_;
+  if (feedback_.error == 0 && stage_ == Stage::kTripped) feedback_.error = disarm_reason_;
 }
 
 DriveState CanSimpleDrive::state() const noexcept {
@@ -219,26 +217,29 @@ DriveState CanSimpleDrive::state() const noexcept {
   return DriveState::kUnknown;
 }
 
+bool CanSimpleDrive::IsReady() const noexcept {
+  return has_estimates_ && IsStateKnown() && !HasError() && IsFinite(feedback_.position_rad) &&
+         heartbeat_.state == kCanSimpleIdle;
+}
+
 void CanSimpleDrive::NextStage(bool enable) noexcept {
   if (!enable) {
     stage_ = Stage::kOff;
     return;
   }
-  const bool ready = has_estimates_ && IsStateKnown() && !HasError() &&
-                     IsFinite(feedback_.position_rad) && heartbeat_.state == kCanSimpleIdle;
   switch (stage_) {
     case Stage::kOff:
       failed_result_ = 0;
       stage_ = Stage::kRequest;
       break;
     case Stage::kRequest:
-      if (!ready) break;
+      if (!IsReady()) break;
       hold_rad_ = feedback_.position_rad;
       prepare_ticks_ = 0;
       stage_ = Stage::kPrepare;
       break;
     case Stage::kPrepare:
-      if (!ready) {
+      if (!IsReady()) {
         stage_ = Stage::kRequest;
         break;
       }
@@ -340,6 +341,7 @@ Status CanSimpleDrive::Encode(DriveRequest request, const DriveSetpoint& setpoin
       disarm_reason_ = 0;
     }
     added = batch.Add(EncodeCanSimple(node, CanSimpleAxisState{kCanSimpleIdle}));
+    NoteError();
   }
   return usable ? added : Status::kInvalidArgument;
 }
@@ -366,6 +368,7 @@ bool CanSimpleDrive::Decode(const CanFrame& frame) noexcept {
         if (stage_ == Stage::kWait && heartbeat_.state == kCanSimpleIdle) {
           idle_since_request_ = true;
         }
+        NoteError();
       }
       return false;
     case CanSimpleCommand::kGetError: {
@@ -373,6 +376,7 @@ bool CanSimpleDrive::Decode(const CanFrame& frame) noexcept {
       if (DecodeCanSimple(node, frame, errors) == Status::kOk) {
         active_error_ = errors.active;
         disarm_reason_ = errors.disarm_reason;
+        NoteError();
       }
       return false;
     }

@@ -198,7 +198,6 @@ class CanSimpleDrive final : public ConfiguredDrive<CanSimpleConfig> {
   bool Decode(const CanFrame& frame) noexcept override;
   [[nodiscard]] bool IsCommand(const CanFrame& frame) const noexcept override;
 
-  [[nodiscard]] DriveFeedback feedback() const noexcept override;
   [[nodiscard]] DriveReport report() const noexcept override {
     return {failed_result_, disarm_reason_};
   }
@@ -220,6 +219,10 @@ class CanSimpleDrive final : public ConfiguredDrive<CanSimpleConfig> {
   [[nodiscard]] bool IsStateKnown() const noexcept {
     return heartbeat_age_ <= config_.heartbeat_ticks_max;
   }
+  /// Takes the error into the feedback, where anything that it depends on may have changed.
+  void NoteError() noexcept;
+  /// Whether it may be enabled.
+  [[nodiscard]] bool IsReady() const noexcept;
   void NextStage(bool enable) noexcept;
   void AddSetpoint(const DriveSetpoint& setpoint, FrameBatch& batch) noexcept;
   CanFrame EncodePosition(float joint_rad, float joint_rad_s, float joint_nm) noexcept;

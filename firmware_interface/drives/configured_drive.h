@@ -10,7 +10,7 @@ template <typename Config>
 class ConfiguredDrive : public Drive {
  public:
   [[nodiscard]] DriveSetpoint encoded_setpoint() const noexcept final { return encoded_; }
-  [[nodiscard]] DriveFeedback feedback() const noexcept override { return feedback_; }
+  [[nodiscard]] DriveFeedback feedback() const noexcept final { return feedback_; }
   [[nodiscard]] const Config& config() const noexcept { return config_; }
 
  protected:

@@ -539,7 +539,7 @@ class RobustSearch {
     } else {
       std::array<LaneSetpoint<Packet>, LaneModel::kMaxJoints> tick;
       for (int k = play.tick; k < end; ++k) {
-        std::copy_n(all.begin() + k * static_cast<int>(joints_), joints_, tick.begin());
+        std::ranges::copy(all.subspan(Index(k) * joints_, joints_), tick.begin());
         const std::span<LaneSetpoint<Packet>> corrected(tick.data(), joints_);
         play.feedback->Correct(play.state, corrected);
         kernel_.drive(lanes_.model, robots, play.ensemble.steps, corrected, play.held, play.state,
