@@ -1,5 +1,6 @@
 #include "common/result_file.h"
 
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <unistd.h>
 
@@ -81,6 +82,51 @@ void PendingFile::Commit() {
 void PendingFile::Discard() {
   std::error_code error;
   std::filesystem::remove(temporary_, error);
+}
+
+PendingStream::PendingStream(const std::string& path) {
+  CheckWritable(path);
+  path_ = std::filesystem::absolute(std::filesystem::weakly_canonical(path));
+  temporary_ = fmt::format("{}.{}.tmp", path_.string(), getpid());
+  MakeFolderOf(path_.string());
+  constexpr mode_t kAllMayReadAndWrite = 0666;  // less what the user's mask takes away
+  file_ = open(path_.parent_path().c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, kAllMayReadAndWrite);
+  if (file_ >= 0) return;
+  file_ = open(temporary_.c_str(), O_CREAT | O_TRUNC | O_WRONLY | O_CLOEXEC, kAllMayReadAndWrite);
+  if (file_ < 0) FailWrite(path, SystemMessage(errno));
+  named_ = true;
+}
+
+PendingStream::~PendingStream() {
+  if (file_ >= 0) close(file_);
+  std::error_code error;
+  if (named_) std::filesystem::remove(temporary_, error);
+}
+
+void PendingStream::Write(std::string_view bytes) {
+  while (!bytes.empty()) {
+    const ssize_t count = write(file_, bytes.data(), bytes.size());
+    if (count < 0 && errno == EINTR) continue;
+    if (count < 0) FailWrite(path_.string(), SystemMessage(errno));
+    bytes.remove_prefix(static_cast<std::size_t>(count));
+  }
+}
+
+void PendingStream::Commit() {
+  if (!named_) {
+    const std::string nameless = fmt::format("/proc/self/fd/{}", file_);
+    unlink(temporary_.c_str());  // one of a program that was ended here, by the same number
+    if (linkat(AT_FDCWD, nameless.c_str(), AT_FDCWD, temporary_.c_str(), AT_SYMLINK_FOLLOW) != 0)
+      FailWrite(path_.string(), SystemMessage(errno));
+    named_ = true;
+  }
+  const int closed = close(file_);
+  file_ = -1;
+  if (closed != 0) FailWrite(path_.string(), SystemMessage(errno));
+  std::error_code error;
+  std::filesystem::rename(temporary_, path_, error);
+  if (error) FailWrite(path_.string(), error.message());
+  named_ = false;
 }
 
 void WriteResult(const std::string& path, const std::string& text) {

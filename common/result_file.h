@@ -2,6 +2,7 @@
 
 #include <filesystem>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "common/toml_reader.h"
@@ -28,6 +29,30 @@ class PendingFile {
 
   std::filesystem::path path_;
   std::filesystem::path temporary_;
+};
+
+/// The same for a file that is too long to be kept in memory: written bit by bit, it appears by
+/// Commit. Where the file system has files without a name (all usual ones do), a program that is
+/// ended before leaves nothing behind.
+class PendingStream {
+ public:
+  /// @throws FileError  when it cannot be written, or its name is that of something other than a
+  /// regular file.
+  explicit PendingStream(const std::string& path);
+  ~PendingStream();
+  PendingStream(const PendingStream&) = delete;
+  PendingStream& operator=(const PendingStream&) = delete;
+
+  /// Appends bytes. @throws FileError  when that fails, e.g. since the disk is full.
+  void Write(std::string_view bytes);
+  /// Puts the file in place. @throws FileError  when that fails.
+  void Commit();
+
+ private:
+  std::filesystem::path path_;
+  std::filesystem::path temporary_;
+  int file_ = -1;
+  bool named_ = false;  ///< Whether the temporary name is there.
 };
 
 /// Writes a result of a program: to standard output for `-`, to a device as it comes, else as a

@@ -24,6 +24,7 @@
 #include "runtime/telemetry/run_description.h"
 #include "runtime/telemetry/sentences.h"
 #include "runtime/telemetry/telemetry.h"
+#include "runtime/telemetry/truth_csv.h"
 
 namespace tumbler {
 
@@ -59,6 +60,17 @@ bool IsAnotherNow(const LoadedFile& file) {
   return !stream.bad() && text != file.text;
 }
 
+/// Of the drives of a record; none where its files cannot be used any more.
+std::vector<std::string> ErrorCodesOf(const RecordConfiguration& configuration) {
+  try {
+    return DescribeRun(configuration).error_codes;
+  } catch (const std::exception&) {
+    return {};
+  }
+}
+
+}  // namespace
+
 RunDescription DescribeRun(const RecordConfiguration& configuration) {
   const Assembly assembly = Assemble(configuration);
   RunDescription run = DescribeMotion(assembly.parts().sequence->graph, assembly.parts().drives);
@@ -73,17 +85,6 @@ RunDescription DescribeRun(const RecordConfiguration& configuration) {
   run.scheduling = configuration.virtual_time ? "time-shared" : "not recorded";
   return run;
 }
-
-/// Of the drives of a record; none where its files cannot be used any more.
-std::vector<std::string> ErrorCodesOf(const RecordConfiguration& configuration) {
-  try {
-    return DescribeRun(configuration).error_codes;
-  } catch (const std::exception&) {
-    return {};
-  }
-}
-
-}  // namespace
 
 TimedRecord ToTimedRecord(const TickEntry& entry) {
   TimedRecord timed;
@@ -168,6 +169,34 @@ std::int64_t ExportTelemetry(FlightRecord& record, const std::string& csv_path,
   }
   telemetry.Stop();
   return telemetry.written();
+}
+
+std::int64_t ExportTruth(FlightRecord& record, const std::string& csv_path) {
+  const std::vector<std::string>& joints = record.configuration().joints;
+  std::string rows;
+  std::int64_t count = 0;
+  truth_t truth;
+  const auto take = [&] {
+    for (const auto& bytes : record.truths()) {
+      if (!DecodeTruth(bytes, truth)) {
+        throw RecordError(fmt::format("{}: the true state of the robot in it is of another version",
+                                      record.name()));
+      }
+      AppendTruthCsvRow(truth, joints, rows);
+      ++count;
+    }
+  };
+  record.Rewind();
+  const auto entry = std::make_unique<TickEntry>();
+  while (record.Next(*entry)) take();
+  take();
+  if (count == 0) {
+    throw RecordError(fmt::format(
+        "{}: has no true states of the robot; only `tumbler-run sim --record` records them",
+        record.name()));
+  }
+  WriteResult(csv_path, TruthCsvHeader(joints) + '\n' + rows);
+  return count;
 }
 
 std::string Summary(FlightRecord& record) {

@@ -4,12 +4,17 @@
 #include <string>
 
 #include "runtime/record/flight_record.h"
+#include "runtime/telemetry/run_description.h"
 #include "runtime/telemetry/timed_record.h"
 
 namespace tumbler {
 
 /// The record of a tick that the loop gave to telemetry.
 TimedRecord ToTimedRecord(const TickEntry& entry);
+
+/// What telemetry says of the run as a whole.
+/// @throws FileError or RecordError  about a file of the record that cannot be used.
+RunDescription DescribeRun(const RecordConfiguration& configuration);
 
 /// Writes all frames of a record by time, as `candump -l` logs them. Sent frames have the time at
 /// which they were handed to the bus, received frames that of their arrival. Times count from 1970,
@@ -24,6 +29,13 @@ std::int64_t ExportCandump(FlightRecord& record, const std::string& path);
 /// @throws std::runtime_error  naming the file that cannot be written.
 std::int64_t ExportTelemetry(FlightRecord& record, const std::string& csv_path,
                              const std::string& lcm_path);
+
+/// Writes the true states of a simulated robot as a table (runtime/telemetry/truth_csv.h): root,
+/// and the run's joints.
+/// @returns the number of true states.
+/// @throws RecordError  when the record has none, or they are of another version; FileError when
+/// the file cannot be written.
+std::int64_t ExportTruth(FlightRecord& record, const std::string& csv_path);
 
 /// The content of a record in several lines for people.
 std::string Summary(FlightRecord& record);

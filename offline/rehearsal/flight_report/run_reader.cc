@@ -15,6 +15,7 @@
 #include "offline/rehearsal/flight_report/truth.h"
 #include "runtime/record/flight_record.h"
 #include "runtime/record/recorded_assembly.h"
+#include "runtime/telemetry/truth_csv.h"
 
 namespace tumbler {
 namespace {

@@ -9,14 +9,10 @@
 
 #include <lcm/lcm-cpp.hpp>
 
-#include "offline/rehearsal/twin/truth_log.h"
+#include "runtime/telemetry/channels.h"
+#include "runtime/telemetry/truth_csv.h"
 
 namespace tumbler {
-
-bool DecodeTruth(std::span<const std::uint8_t> bytes, truth_t& truth) {
-  const auto size = static_cast<int>(bytes.size());
-  return truth.decode(bytes.data(), 0, size) == size;
-}
 
 std::vector<LoggedTruth> ReadTruthLog(const std::string& path) {
   const auto fail = [&path](const std::string& problem) {

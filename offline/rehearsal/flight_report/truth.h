@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstdint>
-#include <span>
 #include <string>
 #include <vector>
 
@@ -14,9 +13,6 @@ struct LoggedTruth {
   std::int64_t utime_us = 0;  ///< Since 1970, or since the start of a run in virtual time.
   truth_t truth;
 };
-
-/// @returns false when the bytes are not one whole message.
-bool DecodeTruth(std::span<const std::uint8_t> bytes, truth_t& truth);
 
 /// All messages of an LCM log on channel TUMBLER_TRUTH.
 /// @throws std::runtime_error  naming the file, when it cannot be read, has no such message, or has

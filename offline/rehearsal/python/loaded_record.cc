@@ -4,10 +4,10 @@
 
 #include <tumbler/truth_t.hpp>
 
-#include "offline/rehearsal/flight_report/truth.h"
 #include "runtime/record/flight_record.h"
 #include "runtime/record/record_export.h"
 #include "runtime/telemetry/messages.h"
+#include "runtime/telemetry/truth_csv.h"
 
 namespace tumbler {
 namespace {

@@ -13,6 +13,7 @@
 #include <tumbler/truth_t.hpp>
 
 #include "common/result_file.h"
+#include "runtime/telemetry/channels.h"
 
 namespace tumbler {
 namespace {

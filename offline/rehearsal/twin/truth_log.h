@@ -10,9 +10,6 @@
 
 namespace tumbler {
 
-/// Channel of truth_t (`runtime/lcm`).
-inline constexpr const char* kTruthChannel = "TUMBLER_TRUTH";
-
 /// The outputs of a TruthLog. An empty name leaves that output out.
 struct TruthLogConfig {
   std::string log_file;  ///< LCM log.

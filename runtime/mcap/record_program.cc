@@ -1,21 +1,25 @@
-// tumbler-record: describes the content of a flight record, and exports it for other tools.
+#include "runtime/mcap/record_program.h"
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cstdint>
 #include <cstdio>
+#include <optional>
 #include <string>
+#include <vector>
 
 #include "common/command_line.h"
 #include "common/printable.h"
-#include "common/program.h"
 #include "common/result_file.h"
+#include "runtime/mcap/record_mcap.h"
 #include "runtime/record/flight_record.h"
 #include "runtime/record/record_export.h"
 
 namespace tumbler {
 namespace {
 
-constexpr const char* kFooter =
+constexpr const char* kRecordFooter =
     R"(Without an option: what the record holds, whether it is complete, and what is lost or damaged in it.
 A record that was cut off, or is damaged in part, is exported as far as it is whole.
 
@@ -24,18 +28,24 @@ Exit codes:
   1  wrong usage, or a file that cannot be read or written
   4  parts of it are damaged)";
 
-struct Options {
+struct RecordExports {
   std::string record;
   std::string candump;
   std::string csv;
   std::string lcm;
+  std::string mcap;
+  std::string truth;
+
+  [[nodiscard]] std::vector<std::string> All() const { return {candump, csv, lcm, mcap, truth}; }
 };
 
-ExitStatus Run(const Options& options) {
-  CheckDistinct({options.record}, {options.candump, options.csv, options.lcm});
+ExitStatus Export(const RecordExports& options, const PictureSource* pictures) {
+  CheckDistinct({options.record}, options.All());
   const MappedFile file(options.record);
   FlightRecord record(file.bytes(), options.record);
-  const bool exports = !(options.candump + options.csv + options.lcm).empty();
+  const std::vector<std::string> outputs = options.All();
+  const bool exports = std::any_of(outputs.begin(), outputs.end(),
+                                   [](const std::string& path) { return !path.empty(); });
   if (!exports) fmt::print("{}", Printable(Summary(record)));
   if (!options.candump.empty()) {
     fmt::print("{}: {} frames\n", options.candump, ExportCandump(record, options.candump));
@@ -46,6 +56,16 @@ ExitStatus Run(const Options& options) {
       if (!path.empty()) fmt::print("{}: {} ticks\n", path, ticks);
     }
   }
+  if (!options.truth.empty())
+    fmt::print("{}: {} true states\n", options.truth, ExportTruth(record, options.truth));
+  if (!options.mcap.empty()) {
+    std::optional<RecordPicture> picture;
+    if (pictures != nullptr) picture = pictures->of_record(options.record);
+    const std::int64_t ticks =
+        ExportMcap(record, options.mcap, "tumbler-record " TUMBLER_VERSION, picture);
+    fmt::print("{}: {} ticks{}\n", options.mcap, ticks,
+               picture ? "" : ", without the robot, as this build cannot read robot files");
+  }
   if (exports) {
     for (const std::string& remark : record.Remarks()) {
       fmt::print(stderr, "{}\n", Printable(fmt::format("{}: {}", options.record, remark)));
@@ -54,23 +74,26 @@ ExitStatus Run(const Options& options) {
   return record.damages().empty() ? ExitStatus::kDone : ExitStatus::kAmiss;
 }
 
-ExitStatus Main(int argc, char** argv) {
-  Options options;
+}  // namespace
+
+ExitStatus DescribeRecord(int argc, char** argv, const PictureSource* pictures) {
+  RecordExports options;
   CommandLine line("Says what a flight record of tumbler-run holds, and exports it.",
                    "tumbler-record");
-  line.SetFooter(kFooter);
+  line.SetFooter(kRecordFooter);
   line.Option("RECORD", options.record, "flight record (tumbler-run --record)").Required();
   line.Option("--candump", options.candump,
               "write every frame as `candump -l` logs it, for canplayer and others");
   line.Option("--csv", options.csv, "write every tick as CSV, as tumbler-run's --trace does");
   line.Option("--lcm", options.lcm, "write every tick as an LCM log, as tumbler-run's --log");
+  line.Option(
+      "--mcap", options.mcap,
+      "write the run as MCAP for Foxglove and PlotJuggler: moving robot, joints, latencies, "
+      "events");
+  line.Option("--truth-csv", options.truth,
+              "write every true state of a simulated robot as CSV: root and joints");
   line.Parse(argc, argv);
-  return Run(options);
+  return Export(options, pictures);
 }
 
-}  // namespace
 }  // namespace tumbler
-
-int main(int argc, char** argv) {
-  return tumbler::RunProgram("tumbler-record", argc, argv, tumbler::Main);
-}

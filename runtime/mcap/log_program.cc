@@ -1,4 +1,4 @@
-// tumbler-log: shows an LCM log of tumbler-run, and writes its ticks as a table.
+#include "runtime/mcap/log_program.h"
 
 #include <fmt/format.h>
 
@@ -21,6 +21,7 @@
 #include "common/program.h"
 #include "common/result_file.h"
 #include "runtime/core/faults.h"
+#include "runtime/mcap/log_mcap.h"
 #include "runtime/telemetry/channels.h"
 #include "runtime/telemetry/live_view.h"
 #include "runtime/telemetry/state_csv.h"
@@ -28,8 +29,9 @@
 namespace tumbler {
 namespace {
 
-constexpr const char* kFooter =
-    R"(LOG is what `tumbler-run --log` or lcm-logger wrote. Without --csv its events and a summary are printed. The columns of
+constexpr const char* kLogFooter =
+    R"(LOG is what `tumbler-run --log` or lcm-logger wrote. Without --csv and --mcap its events and a summary are
+printed. The columns of
 the table have their units in their names. Ticks that are missing are counted.
 
 Exit codes:
@@ -37,12 +39,12 @@ Exit codes:
   1  wrong usage, or a file that cannot be used
   4  ticks are missing in the log, or messages that cannot be decoded are in it)";
 
-struct CloseFile {
+struct CloseTable {
   void operator()(std::FILE* file) const noexcept { std::fclose(file); }
 };
-using File = std::unique_ptr<std::FILE, CloseFile>;
+using TableFile = std::unique_ptr<std::FILE, CloseTable>;
 
-struct Contents {
+struct LogContents {
   std::int64_t states = 0;
   std::int64_t missing = 0;
   std::int64_t damaged = 0;  ///< Messages on our channels that are not of our types.
@@ -59,13 +61,13 @@ std::optional<Message> Decode(const lcm::LogEvent& event) {
 }
 
 /// Reads a whole log. Where wanted, rows of the table go to `table`, and events to standard output.
-Contents Read(const std::string& path, std::FILE* table, bool events) {
+LogContents ReadLog(const std::string& path, std::FILE* table, bool events) {
   lcm::LogFile log(path, "r");
   if (!log.good()) {
     throw std::runtime_error(
         fmt::format("{}: cannot be read: {}", path, std::generic_category().message(errno)));
   }
-  Contents contents;
+  LogContents contents;
   std::string row;
   std::vector<state_t> waiting;  // rows that wait until the names of the joints are known
   bool header = false;
@@ -127,9 +129,9 @@ Contents Read(const std::string& path, std::FILE* table, bool events) {
   return contents;
 }
 
-ExitStatus Convert(const std::string& path, const std::string& csv) {
-  CheckDistinct({path}, {csv});
-  File table;
+/// @param quiet  whether events and the last state are not printed, even without a table.
+ExitStatus Convert(const std::string& path, const std::string& csv, bool quiet) {
+  TableFile table;
   std::string part;
   std::FILE* out = nullptr;
   if (csv == "-") {
@@ -144,9 +146,9 @@ ExitStatus Convert(const std::string& path, const std::string& csv) {
     }
     out = table.get();
   }
-  Contents contents;
+  LogContents contents;
   try {
-    contents = Read(path, out, csv.empty());
+    contents = ReadLog(path, out, csv.empty() && !quiet);
     if (contents.states == 0) {
       throw std::runtime_error(
           fmt::format("{}: has no message of tumbler-run on channel {}", path, kStateChannel));
@@ -162,7 +164,8 @@ ExitStatus Convert(const std::string& path, const std::string& csv) {
         fmt::format("{}: cannot be written: {}", csv, std::generic_category().message(errno)));
   }
   std::FILE* text = csv == "-" ? stderr : stdout;
-  if (csv.empty()) fmt::print(text, "\nat the end:\n{}\n", Printable(contents.view.Screen()));
+  if (csv.empty() && !quiet)
+    fmt::print(text, "\nat the end:\n{}\n", Printable(contents.view.Screen()));
   const std::int64_t unrecorded = contents.view.run() ? contents.view.run()->lost_records : 0;
   fmt::print(
       text, "{} ticks; {} missing ({} of them never recorded); {} messages damaged, {} of others\n",
@@ -171,20 +174,51 @@ ExitStatus Convert(const std::string& path, const std::string& csv) {
   return contents.missing + contents.damaged > 0 ? ExitStatus::kAmiss : ExitStatus::kDone;
 }
 
-ExitStatus Main(int argc, char** argv) {
-  std::string path;
+struct LogExports {
+  std::string log;
   std::string csv;
-  CommandLine line("Shows an LCM log of tumbler-run, or converts it to CSV.", "tumbler-log");
-  line.SetFooter(kFooter);
-  line.Option("LOG", path, "LCM log").Required();
-  line.Option("--csv", csv, "write a table, one row a tick, to this file; - for standard output");
-  line.Parse(argc, argv);
-  return Convert(path, csv);
+  std::string mcap;
+  std::string motion;
+};
+
+/// Writes the log as MCAP. It is known to be one, with ticks.
+void ConvertToMcap(const LogExports& options, const PictureSource* pictures) {
+  LogMcapConfig config;
+  config.log = options.log;
+  config.mcap = options.mcap;
+  config.program = "tumbler-log " TUMBLER_VERSION;
+  if (!options.motion.empty()) {
+    config.robot_of = [&](const std::vector<std::string>& joints) {
+      return pictures->of_motion(options.motion, joints);
+    };
+  }
+  ExportLogMcap(config);
+  fmt::print(options.csv == "-" ? stderr : stdout, "wrote {}\n", options.mcap);
 }
 
 }  // namespace
-}  // namespace tumbler
 
-int main(int argc, char** argv) {
-  return tumbler::RunProgram("tumbler-log", argc, argv, tumbler::Main);
+ExitStatus ShowLog(int argc, char** argv, const PictureSource* pictures) {
+  LogExports options;
+  CommandLine line("Shows an LCM log of tumbler-run, or converts it to CSV or MCAP.",
+                   "tumbler-log");
+  line.SetFooter(kLogFooter);
+  line.Option("LOG", options.log, "LCM log").Required();
+  line.Option("--csv", options.csv,
+              "write a table, one row a tick, to this file; - for standard output");
+  line.Option("--mcap", options.mcap, "write the run as MCAP for Foxglove and PlotJuggler");
+  line.Option("--motion", options.motion,
+              "with --mcap: the motion that was played, which has the robot that is drawn; a log "
+              "has none");
+  line.Parse(argc, argv);
+  if (!options.motion.empty() && options.mcap.empty())
+    throw UsageError("--motion", "needs --mcap, since nothing else has a robot in it");
+  if (!options.motion.empty() && pictures == nullptr)
+    throw UsageError("--motion", "this build cannot read robot files");
+  CheckDistinct({options.log, options.motion}, {options.csv, options.mcap});
+  const ExitStatus status = Convert(options.log, options.csv, !options.mcap.empty());
+  if (!options.mcap.empty()) ConvertToMcap(options, pictures);
+  return status;
 }
+
+}  // namespace tumbler

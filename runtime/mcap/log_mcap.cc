@@ -1,0 +1,96 @@
+#include "runtime/mcap/log_mcap.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <lcm/lcm-cpp.hpp>
+#include <optional>
+#include <stdexcept>
+#include <tumbler/event_t.hpp>
+#include <tumbler/run_t.hpp>
+#include <tumbler/state_t.hpp>
+#include <tumbler/truth_t.hpp>
+
+#include "runtime/mcap/run_mcap.h"
+#include "runtime/telemetry/channels.h"
+
+namespace tumbler {
+namespace {
+
+/// Calls `take(event)` for every message of a log.
+template <typename Take>
+void ForEachEvent(const std::string& path, const Take& take) {
+  lcm::LogFile log(path, "r");
+  if (!log.good()) throw std::runtime_error(fmt::format("{}: cannot be read", path));
+  while (const lcm::LogEvent* event = log.readNextEvent()) take(*event);
+}
+
+template <typename Message>
+std::optional<Message> MessageIn(const lcm::LogEvent& event, const char* channel) {
+  if (event.channel != channel) return std::nullopt;
+  Message message;
+  if (message.decode(event.data, 0, event.datalen) != event.datalen) return std::nullopt;
+  return message;
+}
+
+/// What has to be known of a log before it is written.
+struct LogFacts {
+  std::optional<run_t> run;  ///< The first one.
+  std::size_t joints = 0;    ///< Of the first state.
+  bool truth = false;        ///< Whether there is any.
+};
+
+LogFacts FactsOf(const std::string& path) {
+  LogFacts facts;
+  ForEachEvent(path, [&facts](const lcm::LogEvent& event) {
+    if (!facts.run) facts.run = MessageIn<run_t>(event, kRunChannel);
+    if (facts.joints == 0) {
+      if (const auto state = MessageIn<state_t>(event, kStateChannel))
+        facts.joints = state->joints.size();
+    }
+    facts.truth = facts.truth || event.channel == kTruthChannel;
+  });
+  return facts;
+}
+
+RunMcapConfig ConfigOf(const LogMcapConfig& log) {
+  const LogFacts facts = FactsOf(log.log);
+  RunMcapConfig config;
+  config.path = log.mcap;
+  config.program = log.program;
+  if (facts.run) {
+    config.joints = facts.run->joints;
+    config.about = {{"logged_by", "tumbler-run " + facts.run->version},
+                    {"bus", facts.run->bus},
+                    {"mode", facts.run->mode},
+                    {"motion", facts.run->motion},
+                    {"rate_hz", fmt::format("{}", facts.run->rate_hz)},
+                    {"kernel", facts.run->kernel}};
+  }
+  for (std::size_t i = config.joints.size(); i < facts.joints; ++i)
+    config.joints.push_back(fmt::format("joint{}", i + 1));
+  if (log.robot_of) {
+    config.robot = log.robot_of(config.joints);
+    config.root = facts.truth ? RunMcapConfig::Root::kTrue : RunMcapConfig::Root::kUnknown;
+  }
+  return config;
+}
+
+}  // namespace
+
+void ExportLogMcap(const LogMcapConfig& config) {
+  RunMcap mcap(ConfigOf(config));
+  ForEachEvent(config.log, [&mcap](const lcm::LogEvent& event) {
+    const auto time_ns =
+        static_cast<std::uint64_t>(std::max<std::int64_t>(event.timestamp, 0)) * 1000;
+    if (const auto state = MessageIn<state_t>(event, kStateChannel)) mcap.Take(time_ns, *state);
+    if (const auto happened = MessageIn<event_t>(event, kEventChannel))
+      mcap.Take(time_ns, *happened);
+    if (const auto run = MessageIn<run_t>(event, kRunChannel)) mcap.Take(time_ns, *run);
+    if (const auto truth = MessageIn<truth_t>(event, kTruthChannel)) mcap.Take(time_ns, *truth);
+  });
+  mcap.Finish();
+}
+
+}  // namespace tumbler

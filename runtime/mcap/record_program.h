@@ -1,0 +1,13 @@
+#pragma once
+
+#include "common/exit_status.h"
+#include "runtime/mcap/picture_source.h"
+
+namespace tumbler {
+
+/// The program tumbler-record: says what a flight record holds, and exports it. Throws as
+/// RunProgram (common/program.h) expects it.
+/// @param pictures  of robots, for MCAP; null where the build has none.
+ExitStatus DescribeRecord(int argc, char** argv, const PictureSource* pictures);
+
+}  // namespace tumbler
