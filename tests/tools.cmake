@@ -57,3 +57,12 @@ if(TUMBLER_CORTEX_M)
   find_program(TUMBLER_QEMU_ARM qemu-system-arm)
   tumbler_tool(qemu FOUND ${TUMBLER_QEMU_ARM} PACKAGES qemu-system-arm)
 endif()
+
+# The reference reader of MCAP and what decodes its messages; scripts/setup has npm install them.
+find_program(TUMBLER_NODE node)
+set(TUMBLER_NODE_MODULES ${PROJECT_SOURCE_DIR}/build/npm/node_modules)
+set(TUMBLER_HAS_MCAP_READER FALSE)
+if(TUMBLER_NODE AND EXISTS ${TUMBLER_NODE_MODULES}/@mcap/core/package.json)
+  set(TUMBLER_HAS_MCAP_READER TRUE)
+endif()
+tumbler_tool(mcap_reader FOUND ${TUMBLER_HAS_MCAP_READER} PACKAGES nodejs npm @mcap/core)
