@@ -174,11 +174,12 @@ void ControlLoop::Count() noexcept {
     statistics_.reply_age_ticks.Add(joint.reply_age_ticks);
     limited = limited || joint.limit_active;
     if ((running || record.state == ExecutorState::kSettling) && joint.reply_age_ticks == 0) {
-      float& torque = statistics_.peak_torque_nm[i];
-      const float measured = std::abs(joint.measured.torque_nm);
-      if (std::isnan(torque) || measured > torque) torque = measured;
-      float& error = statistics_.following_error_max_rad[i];
-      error = std::max(error, std::abs(joint.measured.position_rad - last_position_rad_[i]));
+      const auto note = [](float& largest, float measured) {
+        if (std::isnan(largest) || measured > largest) largest = measured;
+      };
+      note(statistics_.peak_torque_nm[i], std::abs(joint.measured.torque_nm));
+      note(statistics_.following_error_max_rad[i],
+           std::abs(joint.measured.position_rad - last_position_rad_[i]));
     }
     last_position_rad_[i] = joint.limited.position_rad;
   }

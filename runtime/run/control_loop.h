@@ -34,7 +34,8 @@ struct LoopStatistics {
   /// Figures of the joints while the primitive runs and settles.
   /// Largest |measured torque|; NaN: none was measured.
   std::array<float, kMaxJoints> peak_torque_nm = NoneMeasured();
-  std::array<float, kMaxJoints> following_error_max_rad{};
+  /// Largest |measured position less setpoint|; NaN: none was measured.
+  std::array<float, kMaxJoints> following_error_max_rad = NoneMeasured();
   std::int64_t limited_ticks = 0;  ///< Ticks in which the last gate changed any joint's setpoint.
   /// Ticks by what was thought of the inertial sensor (`SensorStatus`), and what is thought of it.
   std::array<std::int64_t, kSensorStatusCount> sensor_ticks{};

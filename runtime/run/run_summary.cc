@@ -7,6 +7,7 @@
 #include <array>
 #include <cmath>
 #include <functional>
+#include <limits>
 #include <utility>
 
 namespace tumbler {
@@ -79,6 +80,33 @@ bool Passage::is_to_stand() const {
 bool Passage::amiss() const { return purpose_met() == false || as_planned() == false; }
 
 namespace {
+
+/// What was measured of a joint while it ran; NaN where nothing was. The replies of a dry run are
+/// imagined.
+struct JointFigures {
+  float peak_torque_nm, following_error_max_rad;
+};
+
+JointFigures FiguresOf(const RunSummary& summary, std::size_t joint) {
+  constexpr float kNothing = std::numeric_limits<float>::quiet_NaN();
+  if (summary.dry_run) return {kNothing, kNothing};
+  return {summary.statistics.peak_torque_nm[joint],
+          summary.statistics.following_error_max_rad[joint]};
+}
+
+/// A line about each joint.
+void AppendJoints(const RunSummary& summary, std::string& text) {
+  if (summary.dry_run) return;
+  for (std::size_t i = 0; i < summary.joints.size(); ++i) {
+    const auto [torque_nm, error_rad] = FiguresOf(summary, i);
+    text += fmt::format("  {}: {}, {}\n", summary.joints[i],
+                        std::isnan(torque_nm) ? "torque not measured"
+                                              : fmt::format("peak torque {:.3f} N m", torque_nm),
+                        std::isnan(error_rad)
+                            ? "following error not measured"
+                            : fmt::format("following error at most {:.4f} rad", error_rad));
+  }
+}
 
 bool SpeaksOfPitch(const Passage& passage) {
   return std::any_of(
@@ -238,13 +266,7 @@ std::string ToText(const RunSummary& summary) {
     for (const Mishap& mishap : *mishaps)
       text += fmt::format("  at {:.3f} s the robot {}\n", mishap.time_s, mishap.what);
   }
-  for (std::size_t i = 0; i < summary.joints.size(); ++i) {
-    const float torque_nm = s.peak_torque_nm[i];
-    text += fmt::format("  {}: {}, following error at most {:.4f} rad\n", summary.joints[i],
-                        std::isnan(torque_nm) ? "torque not measured"
-                                              : fmt::format("peak torque {:.3f} N m", torque_nm),
-                        s.following_error_max_rad[i]);
-  }
+  AppendJoints(summary, text);
   text += fmt::format("  ticks: {} ({} running), {} missed, {} late, {} with a limit active\n",
                       s.ticks, s.run_ticks, s.missed_ticks, s.late_ticks, s.limited_ticks);
   if (s.sensor != SensorStatus::kNone) {
@@ -252,16 +274,18 @@ std::string ToText(const RunSummary& summary) {
     text += fmt::format("  sensor: {} at last, ok in {} ticks; feedback in {}\n",
                         ToString(s.sensor), known, s.feedback_ticks);
   }
-  if (!summary.simulated || summary.realtime) {
+  if ((!summary.simulated && !summary.dry_run) || summary.realtime) {
     text += DescribeTiming(s, summary.machine,
                            summary.realtime ? summary.realtime->scheduling : "time-shared");
   }
   if (summary.realtime && !summary.realtime->in_force())
     text += fmt::format("  NOT in real time: {}\n", summary.realtime->problems);
-  text += fmt::format(
-      "  bus: {} frames sent, {} received, {} not sent; worst case {} bits a tick, {:.1f} %",
-      s.frames_sent, s.frames_received, s.send_failures, summary.worst_case_tick_bits,
-      100 * summary.worst_case_load);
+  text += summary.dry_run
+              ? fmt::format("  bus: {} frames would be sent, and none was", s.frames_sent)
+              : fmt::format("  bus: {} frames sent, {} received, {} not sent", s.frames_sent,
+                            s.frames_received, s.send_failures);
+  text += fmt::format("; worst case {} bits a tick, {:.1f} %", summary.worst_case_tick_bits,
+                      100 * summary.worst_case_load);
   if (summary.measured_load)
     text += fmt::format("; measured {:.1f} %", 100 * *summary.measured_load);
   if (summary.interface) {
@@ -368,9 +392,10 @@ std::string ToJson(const RunSummary& summary) {
   }
   json["joints"] = Json::Array();
   for (std::size_t i = 0; i < summary.joints.size(); ++i) {
+    const JointFigures figures = FiguresOf(summary, i);
     json["joints"].Append({{"name", summary.joints[i]},
-                           {"peak_torque_nm", s.peak_torque_nm[i]},
-                           {"following_error_max_rad", s.following_error_max_rad[i]}});
+                           {"peak_torque_nm", figures.peak_torque_nm},
+                           {"following_error_max_rad", figures.following_error_max_rad}});
   }
   json["ticks"] = s.ticks;
   json["running_ticks"] = s.run_ticks;

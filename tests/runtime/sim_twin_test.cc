@@ -274,9 +274,9 @@ struct Rehearsed {
 };
 Rehearsed Rehearse(const std::string& motion, RunSettings settings,
                    const std::function<void(const ControlLoop&)>& each,
-                   const SimulatedWorldConfig& world_config = {}) {
+                   const SimulatedWorldConfig& world_config = {}, const std::string& drives = "") {
   RunParts parts = LoadRunMotion(testing::SourcePath("primitives/" + motion));
-  parts.drives = LoadDrivesOf(JointsOf(parts.file), "", {});
+  parts.drives = LoadDrivesOf(JointsOf(parts.file), drives, ReadTextFile);
   Assembly assembly(std::move(parts));
   settings.hold_s = 0.1;
   EXPECT_EQ(assembly.Configure(ExecutorConfigOf(settings, assembly.parts().drives)), Status::kOk);
@@ -299,12 +299,28 @@ void ExpectHome(const Rehearsed& run) {
 }
 
 /// Each of ten seeds interrupts ten runs, in ten parts of the gait: a hundred times in all.
-class SimTwinInterrupted : public SimTwin, public ::testing::WithParamInterface<int> {};
+/// A sequence with its drives (none: those of the simulation), and the seed of the interrupts.
+struct Interrupts {
+  std::string name;
+  std::string motion;
+  std::string drives;
+  unsigned seed = 0;
+};
+std::vector<Interrupts> InterruptsOfBothGaits() {
+  std::vector<Interrupts> all;
+  for (unsigned seed = 0; seed < 10; ++seed)
+    all.push_back({"gait_" + std::to_string(seed), "gait.toml", "", seed});
+  for (unsigned seed = 0; seed < 2; ++seed)
+    all.push_back({"robust_gait_" + std::to_string(seed), "robust/gait.toml",
+                   kPrimitives + "robust/drives.toml", seed});
+  return all;
+}
+class SimTwinInterrupted : public SimTwin, public ::testing::WithParamInterface<Interrupts> {};
 
 TEST_P(SimTwinInterrupted, AtAnyTimeNoRobotIsDropped) {
   constexpr int kInterrupts = 10;
   constexpr std::int64_t kTwoCycles = 17000;  // ticks, both roles of the legs
-  std::mt19937 random(static_cast<unsigned>(GetParam()));
+  std::mt19937 random(GetParam().seed);
   std::array<int, kExecutorStateCount> interrupted{};
   for (int i = 0; i < kInterrupts; ++i) {
     const std::int64_t from = 2 + (kTwoCycles - 2) * i / kInterrupts;
@@ -314,11 +330,12 @@ TEST_P(SimTwinInterrupted, AtAnyTimeNoRobotIsDropped) {
     RunSettings settings;
     settings.cycles = 100;
     ExecutorState state{};
-    const Rehearsed run = Rehearse("gait.toml", settings, [&](const ControlLoop& loop) {
+    const auto interrupt = [&](const ControlLoop& loop) {
       if (loop.statistics().ticks != tick) return;
       state = loop.record().state;
       InterruptMailbox().Put({0, OperatorRequest::kFinish, -1, true});
-    });
+    };
+    const Rehearsed run = Rehearse(GetParam().motion, settings, interrupt, {}, GetParam().drives);
     ++interrupted[static_cast<std::size_t>(state)];
     EXPECT_EQ(run.summary.outcome, RunOutcome::kStopped);
     ExpectHome(run);
@@ -326,7 +343,8 @@ TEST_P(SimTwinInterrupted, AtAnyTimeNoRobotIsDropped) {
   EXPECT_GE(interrupted[static_cast<std::size_t>(ExecutorState::kRunning)], 1);
   EXPECT_GE(interrupted[static_cast<std::size_t>(ExecutorState::kSettling)], 3);
 }
-INSTANTIATE_TEST_SUITE_P(Seeds, SimTwinInterrupted, ::testing::Range(0, 10));
+INSTANTIATE_TEST_SUITE_P(Seeds, SimTwinInterrupted, ::testing::ValuesIn(InterruptsOfBothGaits()),
+                         [](const auto& given) { return given.param.name; });
 
 TEST_F(SimTwin, AnInterruptInTheFirstStatesLeavesTheRobotWhereItStood) {
   for (const ExecutorState wanted :

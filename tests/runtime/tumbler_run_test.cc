@@ -257,6 +257,31 @@ TEST_F(TumblerRun, NamesAnInterfaceThatIsNotThereAndADryRunDoesWithout) {
   EXPECT_THAT(dry.text, HasSubstr("can9 001#")) << "its frames are printed all the same";
 }
 
+TEST_F(TumblerRun, TellsNoFiguresOfWhatNobodyMeasured) {
+  WriteDrives();
+  const std::string json = " --json " + Path("run.json");
+  const auto figures = [&](const char* key) {
+    return Json::Parse(testing::ReadFile(Path("run.json"))).value()["joints"][0][key].is_null();
+  };
+  const Outcome dry = RunOnMissingInterface(json);
+  EXPECT_EQ(dry.exit_code, 0) << dry.text;
+  EXPECT_THAT(dry.text, HasSubstr(" frames would be sent, and none was;"));
+  for (const char* imagined : {"torque", "following error", "wake-up", "frame age"})
+    EXPECT_THAT(dry.text, Not(HasSubstr(imagined)));
+  EXPECT_TRUE(figures("peak_torque_nm"));
+  EXPECT_TRUE(figures("following_error_max_rad"));
+
+  Write("silent.toml",
+        "format = \"tumbler-bus-faults\"\nversion = 1\n[[fault]]\nkind = \"loss\"\n"
+        "node = \"host\"\n");
+  const Outcome silent = Run("sim " + testing::SourcePath("primitives/handstand.toml") +
+                             " --bus-faults " + Path("silent.toml") + json);
+  EXPECT_EQ(silent.exit_code, 2) << silent.text;
+  EXPECT_THAT(silent.text, HasSubstr("a drive does not reply (joint leg1: never)"));
+  EXPECT_THAT(silent.text, HasSubstr("leg1: torque not measured, following error not measured"));
+  EXPECT_TRUE(figures("following_error_max_rad"));
+}
+
 TEST_F(TumblerRun, RefusesADriveFileThatLacksAJoint) {
   WriteDrives("\"joint2\"", "\"other2\"");
   const Outcome outcome = RunOnMissingInterface();
