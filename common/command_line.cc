@@ -66,6 +66,19 @@ CommandDescription DescribeApp(const CLI::App& app, const std::string& before) {
   return description;
 }
 
+/// An empty value is a variable of a shell that was not set: not zero, and not what holds without
+/// the option.
+void RejectEmptyValues(CLI::App& app) {
+  for (CLI::Option* const option : app.get_options()) {
+    if (option->get_expected_max() == 0) continue;  // A flag.
+    option->check([](const std::string& value) {
+      return value.empty() ? std::string("is empty") : std::string();
+    });
+  }
+  for (CLI::App* const sub : app.get_subcommands([](const CLI::App*) { return true; }))
+    RejectEmptyValues(*sub);
+}
+
 }  // namespace
 
 CommandLineOption& CommandLineOption::Required() {
@@ -174,20 +187,12 @@ void CommandLine::AllowOptionsAfterSubcommand() { app_->fallthrough(); }
 
 void CommandLine::SetFooter(const std::string& text) { app_->footer(text); }
 
-void CommandLine::RejectEmptyValues() {
-  for (CLI::Option* option : app_->get_options()) {
-    if (option->get_expected_max() == 0) continue;  // A flag.
-    option->check([](const std::string& value) {
-      return value.empty() ? std::string("is empty") : std::string();
-    });
-  }
-}
-
 void CommandLine::Parse(int argc, char** argv) {
   if (argc == 2 && std::strcmp(argv[1], "--man-page") == 0)
     throw HelpWanted(ManPage(Describe(), BuildVersion()));
   if (argc == 2 && std::strcmp(argv[1], "--bash-completion") == 0)
     throw HelpWanted(BashCompletion(Describe()));
+  RejectEmptyValues(*app_);
   try {
     app_->parse(argc, argv);
   } catch (const CLI::CallForHelp&) {

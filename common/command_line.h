@@ -88,10 +88,8 @@ class CommandLine {
 
   /// Sets the text that the help shows below the options.
   void SetFooter(const std::string& text);
-  /// Forbids empty values for everything that is declared so far.
-  void RejectEmptyValues();
 
-  /// Sets the variables.
+  /// Sets the variables. No argument and no option takes an empty value.
   /// @throws UsageError; HelpWanted (common/program.h) when a text is asked for instead.
   void Parse(int argc, char** argv);
 

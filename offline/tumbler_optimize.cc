@@ -346,7 +346,6 @@ ExitStatus Main(int argc, char** argv) {
   line.Flag("--keep-best", arguments.keep_best,
             "When interrupted, still write the best motion so far");
   line.Flag("--quiet", arguments.quiet, "No progress: only warnings and what was found");
-  line.RejectEmptyValues();
   line.Parse(argc, argv);
   return Optimize(arguments);
 }

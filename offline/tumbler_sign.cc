@@ -31,7 +31,6 @@ ExitStatus Main(int argc, char** argv) {
   line.SetFooter(kExitCodes);
   line.Option("PRIMITIVE", primitive, "Primitive file (TOML), which is replaced").Required();
   line.Option("--because", reason, "Why it was changed, for those who will play it").Required();
-  line.RejectEmptyValues();
   line.Parse(argc, argv);
   CheckWritable(primitive);
   const std::string text = SignEdited(ReadTextFile(primitive), primitive, reason);

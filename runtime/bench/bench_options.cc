@@ -218,7 +218,6 @@ BenchOptions ReadBenchOptions(int argc, char** argv) {
   line.SetFooter(kFooter);
   DeclareBench(line, options);
   DeclareBounds(line, options);
-  line.RejectEmptyValues();
   line.AllowOptionsAfterSubcommand();
   DeclareCommands(line, options);
   line.RequireSubcommand();

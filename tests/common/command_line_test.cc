@@ -179,6 +179,24 @@ TEST(CommandLine, SubcommandsHaveArgumentsOfTheirOwn) {
   EXPECT_EQ(url, "there");
 }
 
+TEST(CommandLine, AnEmptyValueIsRefusedEverywhereAndNeverReadAsZeroOrAsNotGiven) {
+  std::string name, file;
+  double angle_rad = 1;
+  std::vector<double> ways;
+  CommandLine line("Does much.", "do");
+  line.Option("--name", name, "of what");
+  CommandLine zero = line.Subcommand("zero", "sets zeros");
+  zero.Option("--at", angle_rad, "angle");
+  zero.Option("--ways", ways, "ways");
+  zero.Option("FILE", file, "at what");
+  EXPECT_EQ(Complaint(line, {"--name", "", "zero"}), "--name: is empty");
+  EXPECT_EQ(Complaint(line, {"zero", "--at", ""}), "--at: is empty");
+  EXPECT_THAT(Complaint(line, {"zero", "--at="}), HasSubstr("--at"));
+  EXPECT_EQ(Complaint(line, {"zero", "--ways", "1", ""}), "--ways: is empty");
+  EXPECT_EQ(Complaint(line, {"zero", ""}), "FILE: is empty");
+  EXPECT_EQ(angle_rad, 1);
+}
+
 TEST(CommandLine, AProgramReadsAValueItselfAndItsComplaintIsTheCommandLines) {
   std::string seed, out;
   CommandLine line("Searches.", "search");
@@ -190,7 +208,6 @@ TEST(CommandLine, AProgramReadsAValueItselfAndItsComplaintIsTheCommandLines) {
       },
       "of the search");
   line.Option("--out", out, "where");
-  line.RejectEmptyValues();
   EXPECT_THAT(Help(line), HasSubstr("--seed INT"));
   EXPECT_EQ(Complaint(line, {"--seed", "0"}), "--seed: is 0");
   EXPECT_EQ(Complaint(line, {"--seed", ""}), "--seed: is empty");
