@@ -170,6 +170,7 @@ void SetSpreads(const std::map<std::string, double>& wanted, Spreads& spreads) {
         kSpreadNames, [&key = key](const SpreadName& name) { return name.key == key; });
     if (known == kSpreadNames.end()) {
       std::vector<std::string> names;
+      names.reserve(kSpreadNames.size());
       for (const SpreadName& name : kSpreadNames) names.emplace_back(name.key);
       throw py::value_error(
           fmt::format("spreads: '{}' is none; allowed: {}", key, fmt::join(names, ", ")));
