@@ -30,4 +30,15 @@ inline std::string Printable(std::string_view text) {
   return out;
 }
 
+/// What is wrong with a name that CommandsTerminal.
+inline constexpr const char* kEscapeInName =
+    "has an escape character, which would command the terminal that shows it; take it out";
+
+/// Whether a terminal that shows the text as it is would be commanded by it: it has an escape
+/// character, or the one of U+009B that stands for the same. Loaders refuse such names and texts.
+inline bool CommandsTerminal(std::string_view text) {
+  return text.find('\x1b') != std::string_view::npos ||
+         text.find("\xC2\x9B") != std::string_view::npos;
+}
+
 }  // namespace tumbler

@@ -12,19 +12,33 @@
 namespace tumbler {
 namespace {
 
+constexpr const char* kWouldReplace =
+    "is not a regular file, and it would be replaced by one; leave the option out to write none";
+
 std::string SystemMessage(int error) { return std::generic_category().message(error); }
 
 [[noreturn]] void FailWrite(const std::string& path, const std::string& why) {
   throw FileError(path, 0, "", fmt::format("cannot be written: {}", why));
 }
 
-/// Whether it is there and takes text as it comes: a device, a pipe, a socket.
+/// The name without symbolic links, of a file that need not be there yet.
+std::filesystem::path Canonical(const std::string& path) {
+  std::error_code error;
+  std::filesystem::path canonical = std::filesystem::weakly_canonical(path, error);
+  if (error) FailWrite(path, error.message());
+  return canonical;
+}
+
+}  // namespace
+
 bool IsDevice(const std::string& path) {
   std::error_code error;
   const std::filesystem::file_status status = std::filesystem::status(path, error);
   return std::filesystem::exists(status) && !std::filesystem::is_regular_file(status) &&
          !std::filesystem::is_directory(status);
 }
+
+namespace {
 
 /// The folder itself, or the nearest one above it that is there.
 std::filesystem::path NearestThere(std::filesystem::path folder) {
@@ -60,9 +74,9 @@ void CheckFolderWritable(const std::filesystem::path& folder, const std::string&
 }  // namespace
 
 PendingFile::PendingFile(const std::string& path, const std::string& text)
-    : path_(std::filesystem::weakly_canonical(path)),
-      temporary_(fmt::format("{}.{}.tmp", path_.string(), getpid())) {
-  MakeFolderOf(path_.string());
+    : path_(Canonical(path)), temporary_(fmt::format("{}.{}.tmp", path_.string(), getpid())) {
+  if (IsDevice(path)) throw FileError(path, 0, "", kWouldReplace);
+  MakeFolders();
   errno = 0;
   std::ofstream stream(temporary_, std::ios::binary);
   stream << text;
@@ -73,15 +87,28 @@ PendingFile::PendingFile(const std::string& path, const std::string& text)
   FailWrite(path, why);
 }
 
+void PendingFile::MakeFolders() {
+  std::error_code error;
+  std::filesystem::path folder = path_.parent_path();
+  for (; !std::filesystem::exists(folder, error) && folder != folder.root_path();
+       folder = folder.parent_path()) {
+    made_.push_back(folder);
+  }
+  MakeFolderOf(path_.string());
+}
+
 void PendingFile::Commit() {
   std::error_code error;
   std::filesystem::rename(temporary_, path_, error);
   if (error) FailWrite(path_.string(), error.message());
+  made_.clear();
 }
 
 void PendingFile::Discard() {
   std::error_code error;
   std::filesystem::remove(temporary_, error);
+  // Only folders without a file go.
+  for (const std::filesystem::path& folder : made_) std::filesystem::remove(folder, error);
 }
 
 PendingStream::PendingStream(const std::string& path) {
@@ -146,23 +173,19 @@ void WriteResult(const std::string& path, const std::string& text) {
 
 void MakeFolderOf(const std::string& path) {
   std::error_code error;
-  const std::filesystem::path folder =
-      std::filesystem::absolute(std::filesystem::weakly_canonical(path)).parent_path();
+  const std::filesystem::path folder = std::filesystem::absolute(Canonical(path)).parent_path();
   std::filesystem::create_directories(folder, error);
   if (error) FailWrite(path, fmt::format("{}: {}", folder.string(), error.message()));
 }
 
 void CheckWritable(const std::string& path) {
   std::error_code error;
-  const std::filesystem::path target = std::filesystem::weakly_canonical(path, error);
-  if (error) FailWrite(path, error.message());
+  const std::filesystem::path target = Canonical(path);
   if (std::filesystem::is_directory(target, error))
     throw FileError(path, 0, "", "is a directory, not a file");
   const bool exists = std::filesystem::exists(target, error);
   if (exists && !std::filesystem::is_regular_file(target, error)) {
-    throw FileError(path, 0, "",
-                    "is not a regular file, and it would be replaced by one; leave the option out "
-                    "to write none");
+    throw FileError(path, 0, "", kWouldReplace);
   }
   if (exists && access(target.c_str(), W_OK) != 0) FailWrite(path, SystemMessage(errno));
   CheckFolderWritable(std::filesystem::absolute(target).parent_path(), path);

@@ -10,12 +10,12 @@
 namespace tumbler {
 
 /// A file that appears under its name only when it is whole, and only by Commit. So a reader never
-/// sees a part of it, and a failure before leaves nothing behind but the folder, which is made
-/// where there is none.
+/// sees a part of it, and a failure before leaves nothing behind: folders, which are made where
+/// there are none, are removed again.
 class PendingFile {
  public:
   /// An existing file is replaced where it is, also behind a symbolic link.
-  /// @throws FileError  when it cannot be written.
+  /// @throws FileError  when it cannot be written, or is a device, whose place no file may take.
   PendingFile(const std::string& path, const std::string& text);
   ~PendingFile() { Discard(); }
   PendingFile(const PendingFile&) = delete;
@@ -25,10 +25,13 @@ class PendingFile {
   void Commit();
 
  private:
+  void MakeFolders();
   void Discard();
 
   std::filesystem::path path_;
   std::filesystem::path temporary_;
+  std::vector<std::filesystem::path>
+      made_;  // those above the file that were not there, inmost first
 };
 
 /// The same for a file that is too long to be kept in memory: written bit by bit, it appears by
@@ -58,6 +61,10 @@ class PendingStream {
 /// Writes a result of a program: to standard output for `-`, to a device as it comes, else as a
 /// PendingFile. @throws FileError  when it cannot be written whole.
 void WriteResult(const std::string& path, const std::string& text);
+
+/// Whether a name is that of a device, a pipe or a socket, which is there and takes text as it
+/// comes: nothing may be put in its place.
+bool IsDevice(const std::string& path);
 
 /// Makes the folder of a file that is about to be written, and those above it, where they are not
 /// there. @throws FileError  when that fails.

@@ -41,11 +41,7 @@ void Export(const std::string& motion, const std::string& header, const std::str
   } catch (const std::invalid_argument& problem) {
     throw FileError(motion, 0, "", problem.what());
   }
-  if (header == "-") {
-    fmt::print("{}", out);
-  } else {
-    PendingFile(header, out).Commit();
-  }
+  WriteResult(header, out);
 }
 
 ExitStatus Main(int argc, char** argv) {

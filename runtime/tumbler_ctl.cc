@@ -2,6 +2,7 @@
 // LCM.
 
 #include <fmt/format.h>
+#include <sys/ioctl.h>
 #include <unistd.h>
 
 #include <chrono>
@@ -239,6 +240,14 @@ ExitStatus Status(Remote& remote, bool json) {
   return remote.view().state()->faults == 0 ? ExitStatus::kDone : ExitStatus::kFault;
 }
 
+/// Columns and rows of the terminal; where it does not say, those of the oldest.
+std::pair<int, int> TerminalSize() {
+  winsize size{};
+  if (ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) != 0 || size.ws_col == 0 || size.ws_row == 0)
+    return {80, 24};
+  return {size.ws_col, size.ws_row};
+}
+
 ExitStatus Watch(Remote& remote) {
   const bool terminal = isatty(STDOUT_FILENO) != 0;
   remote.WaitForState();
@@ -256,7 +265,10 @@ ExitStatus Watch(Remote& remote) {
     const std::string silence =
         silent_s > 1 ? fmt::format("NOTHING RECEIVED for {:.0f} s", silent_s) : "";
     if (terminal) {
-      Screen::Draw(Printable(view.Screen()) + (silence.empty() ? "" : "\n" + silence + "\n"));
+      const auto [columns, rows] = TerminalSize();
+      const std::string first = silence.empty() ? "" : silence + "\n";
+      // The cursor needs the last row, since a line's end there would scroll.
+      Screen::Draw(Fitted(first + Printable(view.Screen(columns)), columns, rows - 1));
     } else {
       fmt::print("{}\n", silence.empty() ? Printable(view.Line()) : silence);
       std::fflush(stdout);

@@ -9,6 +9,7 @@
 #include <stdexcept>
 
 #include "common/primitive.h"
+#include "common/printable.h"
 #include "common/toml_reader.h"
 #include "firmware_interface/can/frame_length.h"
 #include "firmware_interface/drives/drive_keys.h"
@@ -53,6 +54,7 @@ struct DriveHead {
 
 void ReadJointName(TomlTable& table, std::string_view key, DriveHead& drive) {
   drive.joint = table.String(key);
+  if (CommandsTerminal(drive.joint)) table.Fail(key, kEscapeInName);
   if (drive.joint.empty() || !FixedString<32>::fits(drive.joint))
     table.Fail(key, fmt::format("is '{}'; allowed: 1 to 32 bytes", drive.joint));
 }

@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "common/file_keys.h"
+#include "common/printable.h"
 #include "offline/contact/contact_intent.h"
 #include "offline/problem/contact_toml.h"
 #include "offline/problem/obstacle_toml.h"
@@ -50,6 +51,7 @@ void RequireJoint(const TomlTable& table, const std::string& name, const Problem
 
 void ReadName(TomlTable& table, std::string_view key, Problem& problem) {
   problem.name = table.String(key);
+  if (CommandsTerminal(problem.name)) table.Fail(key, kEscapeInName);
   if (problem.name.empty() || !FixedString<48>::fits(problem.name)) {
     table.Fail(key, fmt::format("is '{}'; allowed: from 1 ... 48 characters", problem.name));
   }

@@ -111,11 +111,13 @@ std::string FillPage(const std::string& page, std::string_view title, const Json
 
 std::string WritePage(const std::string& page, const std::string& directory) {
   const std::filesystem::path path = std::filesystem::path(directory) / "index.html";
-  const auto fail = [&path](const std::string& reason) {
+  std::error_code error;
+  const bool made = std::filesystem::create_directories(directory, error);
+  const auto fail = [&](const std::string& reason) {
+    std::error_code none;
+    if (made) std::filesystem::remove(directory, none);
     throw std::runtime_error(fmt::format("cannot write {}: {}", path.string(), reason));
   };
-  std::error_code error;
-  std::filesystem::create_directories(directory, error);
   if (error) fail(error.message());
   const std::filesystem::path partial = path.string() + ".partial";
   {

@@ -6,7 +6,6 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
-#include <iostream>
 #include <memory>
 #include <stdexcept>
 
@@ -221,15 +220,11 @@ void BenchRun::Dispatch() {
 }
 
 void BenchRun::WriteResults() {
-  if (!options_.page.empty()) PendingFile(options_.page, StepPage(steps_)).Commit();
+  if (!options_.page.empty()) WriteResult(options_.page, StepPage(steps_));
   if (options_.json.empty()) return;
   json_["findings"] = ToJson(findings_);
   const std::string text = json_.Dump(2) + '\n';
-  if (options_.json == "-") {
-    std::cout << text << std::flush;
-  } else {
-    PendingFile(options_.json, text).Commit();
-  }
+  WriteResult(options_.json, text);
 }
 
 void BenchRun::Scan() {

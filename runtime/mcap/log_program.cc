@@ -5,6 +5,7 @@
 #include <cerrno>
 #include <cstdint>
 #include <cstdio>
+#include <filesystem>
 #include <lcm/lcm-cpp.hpp>
 #include <memory>
 #include <optional>
@@ -61,7 +62,12 @@ std::optional<Message> Decode(const lcm::LogEvent& event) {
 }
 
 /// Reads a whole log. Where wanted, rows of the table go to `table`, and events to standard output.
-LogContents ReadLog(const std::string& path, std::FILE* table, bool events) {
+/// @param csv  the table's name for messages.
+LogContents ReadLog(const std::string& path, std::FILE* table, const std::string& csv,
+                    bool events) {
+  std::error_code unknown;
+  if (std::filesystem::is_directory(path, unknown))
+    throw FileError(path, 0, "", "is a directory, not a file");
   lcm::LogFile log(path, "r");
   if (!log.good()) {
     throw std::runtime_error(
@@ -73,7 +79,7 @@ LogContents ReadLog(const std::string& path, std::FILE* table, bool events) {
   bool header = false;
   const auto write = [&](const std::string& text) {
     if (std::fwrite(text.data(), 1, text.size(), table) != text.size())
-      throw std::runtime_error("the table could not be written whole");
+      throw std::runtime_error(fmt::format("{}: could not be written whole", csv));
   };
   const auto flush = [&](bool at_end) {
     if (table == nullptr) return;
@@ -137,9 +143,10 @@ ExitStatus Convert(const std::string& path, const std::string& csv, bool quiet) 
   if (csv == "-") {
     out = stdout;
   } else if (!csv.empty()) {
+    CheckResult(csv);
     MakeFolderOf(csv);
-    part = csv + ".part";  // The table appears whole or not at all.
-    table.reset(std::fopen(part.c_str(), "w"));
+    if (!IsDevice(csv)) part = csv + ".part";  // The table appears whole or not at all.
+    table.reset(std::fopen((part.empty() ? csv : part).c_str(), "w"));
     if (table == nullptr) {
       throw std::runtime_error(
           fmt::format("{}: cannot be written: {}", csv, std::generic_category().message(errno)));
@@ -148,7 +155,7 @@ ExitStatus Convert(const std::string& path, const std::string& csv, bool quiet) 
   }
   LogContents contents;
   try {
-    contents = ReadLog(path, out, csv.empty() && !quiet);
+    contents = ReadLog(path, out, csv, csv.empty() && !quiet);
     if (contents.states == 0) {
       throw std::runtime_error(
           fmt::format("{}: has no message of tumbler-run on channel {}", path, kStateChannel));

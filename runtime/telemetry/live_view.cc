@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <cstdlib>
+#include <string_view>
 #include <type_traits>
 
 #include "common/json.h"
@@ -18,6 +19,9 @@
 
 namespace tumbler {
 namespace {
+
+/// Columns of the table with all figures of a joint.
+constexpr int kWideTable = 92;
 
 constexpr double kDegrees = 57.29577951308232;
 
@@ -105,20 +109,23 @@ std::string LiveView::Line() const {
   return text + fmt::format("; faults: {}", FaultText());
 }
 
-std::string LiveView::Screen() const {
-  if (!state_) return "nothing received\n";
+std::string LiveView::JointTable(bool narrow) const {
   const state_t& s = *state_;
   std::string text;
-  if (run_) {
-    text += fmt::format("{} on {} ({}{}), {:.6g} Hz, speed {:.3g}; tumbler {}\n", run_->motion,
-                        run_->bus, run_->mode, run_->attended ? ", attended" : "", run_->rate_hz,
-                        run_->speed, run_->version);
+  if (narrow) {
+    text = fmt::format("{:10} {:>8} {:>9} {:>7} {:>9}\n", "joint", "measured", "error", "N m",
+                       "drive");
+    for (std::size_t i = 0; i < s.joints.size(); ++i) {
+      const joint_state_t& j = s.joints[i];
+      text += fmt::format(
+          "{:10.10} {:7.1f}\u00b0 {:8.2f}\u00b0 {:>7} {:>9}\n", JointName(i),
+          kDegrees * static_cast<double>(j.measured_position_rad),
+          kDegrees * static_cast<double>(j.measured_position_rad - j.limited_position_rad),
+          std::isnan(j.measured_torque_nm) ? "none" : fmt::format("{:.2f}", j.measured_torque_nm),
+          DriveStateName(j.drive_state));
+    }
+    return text;
   }
-  text += fmt::format("state   {:16} {} at {:.3f} s, {} cycles, tick {}, {:.3f} s\n",
-                      ToString(static_cast<ExecutorState>(s.state)), NodeName(), s.primitive_time_s,
-                      s.cycles, s.tick, static_cast<double>(s.time_ns) * 1e-9);
-  if (s.sensor_status != 0) text += fmt::format("sensor  {}\n", SensorText());
-  text += fmt::format("faults  {}\n\n", FaultText());
   text += fmt::format("{:12} {:>10} {:>10} {:>9} {:>9} {:>8} {:>7} {:>6} {:>9}\n", "joint",
                       "setpoint", "measured", "error", "rad/s", "N m", "deg C", "age", "drive");
   for (std::size_t i = 0; i < s.joints.size(); ++i) {
@@ -134,6 +141,24 @@ std::string LiveView::Screen() const {
         j.temperature_c, j.reply_age_ticks, DriveStateName(j.drive_state),
         j.drive_error != 0 ? " error " + ErrorText(i) : "");
   }
+  return text;
+}
+
+std::string LiveView::Screen(int columns) const {
+  if (!state_) return "nothing received\n";
+  const state_t& s = *state_;
+  std::string text;
+  if (run_) {
+    text += fmt::format("{} on {} ({}{}), {:.6g} Hz, speed {:.3g}; tumbler {}\n", run_->motion,
+                        run_->bus, run_->mode, run_->attended ? ", attended" : "", run_->rate_hz,
+                        run_->speed, run_->version);
+  }
+  text += fmt::format("state   {:16} {} at {:.3f} s, {} cycles, tick {}, {:.3f} s\n",
+                      ToString(static_cast<ExecutorState>(s.state)), NodeName(), s.primitive_time_s,
+                      s.cycles, s.tick, static_cast<double>(s.time_ns) * 1e-9);
+  if (s.sensor_status != 0) text += fmt::format("sensor  {}\n", SensorText());
+  text += fmt::format("faults  {}\n\n", FaultText());
+  text += JointTable(columns < kWideTable);
   if (run_) {
     const auto bars = static_cast<std::size_t>(
         std::clamp(std::lround(20 * static_cast<double>(run_->bus_load)), 0L, 20L));
@@ -211,6 +236,47 @@ std::string LiveView::ToJson() const {
     json["joints"].Append(joint);
   }
   return json.Dump(2) + '\n';
+}
+
+namespace {
+
+/// How many bytes of the text its first `columns` characters are, in UTF-8.
+std::size_t BytesOf(std::string_view text, std::size_t columns) {
+  std::size_t at = 0;
+  for (; at < text.size(); ++at) {
+    const bool begins = (static_cast<unsigned char>(text[at]) & 0xC0U) != 0x80U;
+    if (begins && columns-- == 0) break;
+  }
+  return at;
+}
+
+}  // namespace
+
+std::string Fitted(const std::string& text, int columns, int rows) {
+  constexpr std::string_view kIndent = "        ";
+  const auto width = static_cast<std::size_t>(std::max(columns, 20));
+  std::string fitted;
+  bool head = true;
+  int row = 0;
+  for (std::size_t at = 0; at < text.size() && row < rows;) {
+    const std::size_t end = std::min(text.find('\n', at), text.size());
+    std::string_view line = std::string_view(text).substr(at, end - at);
+    at = end + 1;
+    head = head && !line.empty();
+    std::string_view indent;
+    do {
+      const std::size_t part = BytesOf(line, width - indent.size());
+      // A line is broken between words where it has some.
+      const std::size_t space =
+          head && part < line.size() ? line.rfind(' ', part) : std::string_view::npos;
+      const std::size_t taken = space == std::string_view::npos || space == 0 ? part : space;
+      fitted += fmt::format("{}{}\n", indent, line.substr(0, taken));
+      line.remove_prefix(std::min(line.size(), taken + (taken == space ? 1 : 0)));
+      indent = kIndent;
+    } while (head && !line.empty() && ++row < rows);
+    ++row;
+  }
+  return fitted;
 }
 
 }  // namespace tumbler

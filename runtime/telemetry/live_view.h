@@ -25,14 +25,15 @@ class LiveView {
   [[nodiscard]] std::int64_t lost() const noexcept { return lost_; }
 
   /// Several lines of at most 100 columns: state, motion, joints, faults, bus, latency and the last
-  /// events.
-  [[nodiscard]] std::string Screen() const;
+  /// events. On fewer `columns` the table of joints has fewer figures.
+  [[nodiscard]] std::string Screen(int columns = 100) const;
   /// The same in one line, for logs.
   [[nodiscard]] std::string Line() const;
   /// The same as one JSON object, with units in the keys.
   [[nodiscard]] std::string ToJson() const;
 
  private:
+  [[nodiscard]] std::string JointTable(bool narrow) const;
   [[nodiscard]] std::string JointName(std::size_t joint) const;
   [[nodiscard]] std::string FaultText() const;
   [[nodiscard]] std::string SensorText() const;
@@ -45,5 +46,10 @@ class LiveView {
   std::deque<event_t> events_;
   std::int64_t lost_ = 0;
 };
+
+/// A screen's text for a terminal of this size, so that nothing of it scrolls away: the first
+/// lines, up to an empty one, are broken where they are too long, and the others cut. What is last
+/// has to go where there are too few rows.
+std::string Fitted(const std::string& text, int columns, int rows);
 
 }  // namespace tumbler

@@ -2,11 +2,14 @@
 
 #include "runtime/telemetry/sentences.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cstdint>
 #include <limits>
+#include <sstream>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/status.h"
@@ -112,6 +115,40 @@ TEST(Sentences, NumbersThatAreCountedAreWrittenAsIntegers) {
   FillState(off, state);
   AppendStateCsvRow(state, row);
   EXPECT_NE(row.find(",12,0.51,0.5,"), std::string::npos) << row;
+}
+
+TEST(LiveView, StateFaultsAndJointsStayOnASmallTerminal) {
+  const TimedRecord timed = TickWith(Fault::kDriveError, DetailNumber::Code(0x41000101), {}, 0);
+  state_t state;
+  FillState(timed, state);
+  LiveView view;
+  view.Take(state);
+  RunDescription about;
+  about.joints = kTwoLegs;
+  about.error_codes = kCodes;
+  RunMessage run(about);
+  view.Take(run.At(0, 0, 0));
+  for (const auto& [columns, rows] : {std::pair(50, 16), {80, 24}, {60, 14}, {120, 10}}) {
+    const std::string screen = Fitted(view.Screen(columns), columns, rows);
+    std::istringstream lines(screen);
+    int count = 0;
+    for (std::string line; std::getline(lines, line); ++count) {
+      std::size_t characters = 0;
+      for (const char c : line)
+        characters += (static_cast<unsigned char>(c) & 0xC0U) != 0x80U ? 1 : 0;
+      EXPECT_LE(characters, static_cast<std::size_t>(columns)) << line;
+    }
+    EXPECT_LE(count, rows);
+    std::string words;  // of the lines, wherever they were broken
+    std::istringstream split(screen);
+    for (std::string word; split >> word;) words += word + ' ';
+    for (const char* part :
+         {"state ", "faults ", "drive error of joint leg1", "reaction: damp", "leg2 "}) {
+      EXPECT_THAT(words, ::testing::HasSubstr(part)) << columns << " x " << rows << '\n' << screen;
+    }
+  }
+  const std::string wide = Fitted(view.Screen(), 200, 200);
+  EXPECT_EQ(wide, view.Screen());
 }
 
 }  // namespace
