@@ -177,6 +177,7 @@ std::vector<ProtoFile> WellKnownFiles() {
 std::vector<ProtoFile> FoxgloveFiles() {
   std::vector<ProtoFile> files = WellKnownFiles();
   std::vector<std::string> imports;
+  imports.reserve(files.size());
   for (const ProtoFile& file : files) imports.push_back(file.name);
   std::vector<ProtoType> types;
   for (const auto& part : {Geometry(), SolidPrimitives(), OtherPrimitives(), Scenes()})

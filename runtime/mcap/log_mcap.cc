@@ -37,20 +37,26 @@ std::optional<Message> MessageIn(const lcm::LogEvent& event, const char* channel
 /// What has to be known of a log before it is written.
 struct LogFacts {
   std::optional<run_t> run;  ///< The first one.
-  std::size_t joints = 0;    ///< Of the first state.
-  bool truth = false;        ///< Whether there is any.
+  bool states = false;
+  std::size_t joints = 0;  ///< Of the first state.
+  bool truth = false;      ///< Whether there is any.
 };
 
 LogFacts FactsOf(const std::string& path) {
   LogFacts facts;
   ForEachEvent(path, [&facts](const lcm::LogEvent& event) {
     if (!facts.run) facts.run = MessageIn<run_t>(event, kRunChannel);
-    if (facts.joints == 0) {
-      if (const auto state = MessageIn<state_t>(event, kStateChannel))
-        facts.joints = state->joints.size();
+    if (!facts.states) {
+      const auto state = MessageIn<state_t>(event, kStateChannel);
+      facts.states = state.has_value();
+      if (state) facts.joints = state->joints.size();
     }
     facts.truth = facts.truth || event.channel == kTruthChannel;
   });
+  if (!facts.states) {
+    throw std::runtime_error(fmt::format(
+        "{}: no tick is in it when it is read again; MCAP needs a file, not a pipe", path));
+  }
   return facts;
 }
 

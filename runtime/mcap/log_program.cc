@@ -222,6 +222,8 @@ ExitStatus ShowLog(int argc, char** argv, const PictureSource* pictures) {
     throw UsageError("--motion", "needs --mcap, since nothing else has a robot in it");
   if (!options.motion.empty() && pictures == nullptr)
     throw UsageError("--motion", "this build cannot read robot files");
+  if (options.mcap == "-")
+    throw UsageError("--mcap", "needs the name of a file, not standard output");
   CheckDistinct({options.log, options.motion}, {options.csv, options.mcap});
   const ExitStatus status = Convert(options.log, options.csv, !options.mcap.empty());
   if (!options.mcap.empty()) ConvertToMcap(options, pictures);

@@ -11,6 +11,7 @@
 
 #include "common/command_line.h"
 #include "common/printable.h"
+#include "common/program.h"
 #include "common/result_file.h"
 #include "runtime/mcap/record_mcap.h"
 #include "runtime/record/flight_record.h"
@@ -93,6 +94,8 @@ ExitStatus DescribeRecord(int argc, char** argv, const PictureSource* pictures) 
   line.Option("--truth-csv", options.truth,
               "write every true state of a simulated robot as CSV: root and joints");
   line.Parse(argc, argv);
+  if (options.mcap == "-")
+    throw UsageError("--mcap", "needs the name of a file, not standard output");
   return Export(options, pictures);
 }
 

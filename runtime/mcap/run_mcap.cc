@@ -46,7 +46,7 @@ FramePose PoseOf(const PictureRoot& root) {
 
 LogLevel LevelOf(const event_t& event) {
   if (event.to_state == ToString(ExecutorState::kFault)) return LogLevel::kError;
-  return event.text.find("refused") != std::string::npos ? LogLevel::kWarning : LogLevel::kInfo;
+  return event.text.find(" refused: ") != std::string::npos ? LogLevel::kWarning : LogLevel::kInfo;
 }
 
 }  // namespace
