@@ -326,6 +326,41 @@ test("A log with the truth in it shows the robot of the motion where it was, and
     assert.equal(frames["measured/leg1_link"].parent_frame_id, "measured/middle");
   });
 
+/** How far the planned robot's frames are from the true one's at most: metres between roots, angles of all links. */
+function planFromTruth(read) {
+  const now = {};
+  const worst = { root_m: 0, angle_rad: 0, compared: 0 };
+  for (const { message } of read.topics["/tf"]) {
+    for (const transform of message.transforms) now[transform.child_frame_id] = transform;
+    for (const [frame, planned] of Object.entries(now)) {
+      const truth = now[frame.replace("planned/", "true/")];
+      if (!frame.startsWith("planned/") || truth === undefined) continue;
+      const { x, y, z } = planned.translation;
+      worst.root_m = Math.max(worst.root_m,
+        Math.hypot(x - truth.translation.x, y - truth.translation.y, z - truth.translation.z));
+      worst.angle_rad = Math.max(worst.angle_rad, apart(pitchOf(planned.rotation), pitchOf(truth.rotation)));
+      ++worst.compared;
+    }
+  }
+  return worst;
+}
+
+test("The plan is about where the simulated robot goes, also of a robot whose root has no shape", async () => {
+  const motion = fs.readFileSync(source("primitives/handstand.toml"), "utf8");
+  const [middle] = motion.match(/<link name="middle">[^]*?<\/link>/);
+  const bare = middle.replace(/<(visual|collision)>[^]*?<\/\1>/g, "");
+  assert.notEqual(bare, middle);
+  fs.writeFileSync(at("bare.toml"), motion.replace(middle, bare));
+  runWell("tumbler-sign", at("bare.toml"), "--because", "nothing is drawn of the root");
+  runWell("tumbler-run", "sim", at("bare.toml"), "--record", at("bare.rec"));
+  runWell("tumbler-record", at("bare.rec"), "--mcap", at("bare.mcap"));
+  for (const read of [file, await readMcap(at("bare.mcap"))]) {
+    const { root_m, angle_rad, compared } = planFromTruth(read);
+    assert.ok(compared > 1000, `${compared} frames`);
+    assert.ok(root_m < 0.05 && angle_rad < 0.15, `${root_m} m, ${angle_rad} rad`);
+  }
+});
+
 /** The record without its blocks of one kind, which then counts as damaged. */
 function withoutBlocks(record, kind) {
   const kept = [record.subarray(0, 16)];
