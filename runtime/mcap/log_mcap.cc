@@ -67,6 +67,7 @@ RunMcapConfig ConfigOf(const LogMcapConfig& log) {
   config.program = log.program;
   if (facts.run) {
     config.joints = facts.run->joints;
+    config.imagined_drives = facts.run->mode == "dry run";
     config.about = {{"logged_by", "tumbler-run " + facts.run->version},
                     {"bus", facts.run->bus},
                     {"mode", facts.run->mode},

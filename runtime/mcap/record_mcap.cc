@@ -118,6 +118,7 @@ std::int64_t ExportMcap(FlightRecord& record, const std::string& path, const std
   config.program = program;
   config.joints = record.configuration().joints;
   config.about = TextsAbout(record.configuration());
+  config.imagined_drives = record.configuration().dry_run;
   if (picture) {
     config.robot = picture->robot;
     config.root = HasTruth(record)        ? RunMcapConfig::Root::kTrue

@@ -84,7 +84,9 @@ void RunMcap::Take(std::uint64_t time_ns, const state_t& state) {
   for (std::size_t j = 0; j < count; ++j) {
     asked.limited_rad.push_back(double{state.joints[j].limited_position_rad});
     file_.Write(ChannelOf("/joint/" + config_.joints[j], "tumbler.Joint"), time_ns,
-                EncodeJoint(time_ns, state.joints[j], FollowingError(state, j)));
+                EncodeJoint(time_ns, state.joints[j],
+                            !config_.imagined_drives && state.joints[j].reply_age_ticks >= 0,
+                            FollowingError(state, j)));
   }
   asked_.push_back(std::move(asked));
   if (asked_.size() > kAskedTicks) asked_.pop_front();
@@ -94,7 +96,7 @@ void RunMcap::Take(std::uint64_t time_ns, const state_t& state) {
 double RunMcap::FollowingError(const state_t& state, std::size_t joint) const {
   constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
   const joint_state_t& now = state.joints[joint];
-  if (now.reply_age_ticks < 0 || !IsControlled(state)) return kNone;
+  if (config_.imagined_drives || now.reply_age_ticks < 0 || !IsControlled(state)) return kNone;
   const std::int64_t answered = state.tick - 1 - now.reply_age_ticks;
   const auto asked = std::find_if(asked_.begin(), asked_.end(), [answered](const AskedTick& tick) {
     return tick.tick == answered;
@@ -105,7 +107,8 @@ double RunMcap::FollowingError(const state_t& state, std::size_t joint) const {
 }
 
 void RunMcap::TakeMeasured(std::uint64_t time_ns, const state_t& state) {
-  if (!config_.robot || state.joints.size() < config_.joints.size()) return;
+  if (config_.imagined_drives || !config_.robot || state.joints.size() < config_.joints.size())
+    return;
   replied_ = replied_ || std::all_of(state.joints.begin(), state.joints.end(),
                                      [](const joint_state_t& j) { return j.reply_age_ticks >= 0; });
   if (!replied_) return;

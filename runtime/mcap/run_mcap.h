@@ -23,6 +23,8 @@ struct RunMcapConfig {
   std::string program;              ///< That writes the file, with its version.
   std::vector<std::string> joints;  ///< In the order of the states.
   McapWriter::Texts about;          ///< For people: motion, bus, ...
+  /// Whether the drives are imagined, as in a dry run: then nothing was measured.
+  bool imagined_drives = false;
   std::optional<RobotPicture> robot;
   /// On what the measured robot's root is taken to be, as no sensor tells it.
   enum class Root : std::uint8_t { kUnknown, kPlanned, kTrue } root = Root::kUnknown;
@@ -30,7 +32,7 @@ struct RunMcapConfig {
 
 /// Writes a run as MCAP for Foxglove and PlotJuggler (docs/foxglove.md has topics and frames). What
 /// was not measured is not written: the frames of the measured robot are there from the first tick
-/// on in which every joint has replied once.
+/// on in which every joint has replied once, and following errors where a setpoint was answered.
 ///
 /// Times are those at which a message was logged [ns]: since 1970, or since the start of a run in
 /// virtual time.

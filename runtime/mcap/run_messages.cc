@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <limits>
 #include <type_traits>
 #include <utility>
 
@@ -171,14 +172,20 @@ std::string EncodeTick(std::uint64_t time_ns, const state_t& state) {
   return message;
 }
 
-std::string EncodeJoint(std::uint64_t time_ns, const joint_state_t& joint,
+std::string EncodeJoint(std::uint64_t time_ns, const joint_state_t& joint, bool measured,
                         double following_error_rad) {
   std::string message;
   ProtoWriter out(message);
   AppendTime(out, kTimeField, time_ns);
   FieldAppender append(message);
-  ForEachJointColumn(
-      [&](const JointField& field, auto in_message) { append(field.column, in_message(joint)); });
+  ForEachJointColumn([&](const JointField& field, auto in_message) {
+    auto value = in_message(joint);
+    if constexpr (std::is_floating_point_v<decltype(value)>) {
+      if (!measured && field.origin == JointField::Origin::kDrive)
+        value = std::numeric_limits<decltype(value)>::quiet_NaN();
+    }
+    append(field.column, value);
+  });
   append("following_error_rad", following_error_rad);
   return message;
 }

@@ -21,10 +21,12 @@ namespace tumbler {
 [[nodiscard]] std::string EncodeTick(std::uint64_t time_ns, const state_t& state);
 
 /// A message tumbler.Joint.
+/// @param measured             whether its drive has measured anything yet; if not, what would be
+/// measurements is NaN.
 /// @param following_error_rad  the measured position less the setpoint that it answers; NaN where
 /// there is none.
 [[nodiscard]] std::string EncodeJoint(std::uint64_t time_ns, const joint_state_t& joint,
-                                      double following_error_rad);
+                                      bool measured, double following_error_rad);
 
 /// A message tumbler.Run: load of the bus, latencies and losses of a run so far.
 [[nodiscard]] std::string EncodeRun(std::uint64_t time_ns, const run_t& run);

@@ -218,7 +218,7 @@ test("At the end the drawn robot rests on the drawn ground, in the compliant lay
   assert.ok(lowest > top && lowest < top + Number(layer), `lowest point at ${lowest} m, ground at ${top} m`);
 });
 
-test("Ticks and joints have every number of the table", () => {
+test("Ticks and joints have every number of the table, but none that was not measured", () => {
   assert.equal(file.topics["/tick"].length, ticks.length);
   const same = (cell, value, type, where) => {
     if (type === "string") return assert.equal(value, cell, where);
@@ -236,6 +236,10 @@ test("Ticks and joints have every number of the table", () => {
         const column = prefix + field.name;
         assert.ok(columns.delete(column), `the table has no ${column}`);
         if (field.name === "time_s") continue;  // rounded in the table
+        if (ticks[i][`${prefix}reply_age_ticks`] === "-1" && /^measured_|^temperature_c$/.test(field.name)) {
+          assert.ok(Number.isNaN(message[field.name]), `tick ${i}, ${column}, which nobody measured`);
+          continue;
+        }
         same(ticks[i][column], message[field.name], field.type, `tick ${i}, ${column}`);
       }
     }
@@ -371,6 +375,37 @@ function withoutBlocks(record, kind) {
   }
   return Buffer.concat(kept);
 }
+
+/** CRC-32 as in zlib. */
+function crc32(bytes) {
+  let crc = ~0;
+  for (const byte of bytes) {
+    crc ^= byte;
+    for (let bit = 0; bit < 8; ++bit) crc = (crc >>> 1) ^ (crc & 1 ? 0xedb88320 : 0);
+  }
+  return ~crc >>> 0;
+}
+
+test("The imagined drives of a dry run have measured nothing", async () => {
+  // The first block is the configuration; it and its header are given the checksums that they then have.
+  const record = fs.readFileSync(at("gait.rec"));
+  const content = record.subarray(40, 40 + record.readUInt32LE(28));
+  const key = content.indexOf('"dry_run": false');
+  assert.ok(key > 0);
+  content.write('"dry_run": true ', key);
+  record.writeUInt32LE(crc32(content), 32);
+  record.writeUInt32LE(crc32(record.subarray(16, 36)), 36);
+  fs.writeFileSync(at("dry.rec"), record);
+  run("tumbler-record", at("dry.rec"), "--mcap", at("dry.mcap"));
+  const dry = await readMcap(at("dry.mcap"));
+  assert.equal(dry.metadata.run.dry_run, "yes");
+  assert.equal(dry.topics["/tick"].length, ticks.length);
+  assert.equal(dry.topics["/scene/measured"], undefined);
+  assert.ok(!Object.keys(transformsAt(dry, dry.statistics.messageEndTime)).some((frame) => frame.startsWith("measured/")));
+  for (const field of ["following_error_rad", "measured_position_rad", "measured_torque_nm", "temperature_c"]) {
+    assert.ok(dry.topics["/joint/leg1"].every(({ message }) => Number.isNaN(message[field])), field);
+  }
+});
 
 test("Where nothing is known of the true robot, the measured joints are on the planned root", async () => {
   fs.writeFileSync(at("no_truth.rec"), withoutBlocks(fs.readFileSync(at("gait.rec")), 6));
