@@ -135,6 +135,17 @@ test("A gait has the topics and types that the page about them lists", () => {
   assert.deepEqual(file.schemas, expected);
 });
 
+test("The commands of the page work", () => {
+  fs.mkdirSync(at("page"));
+  fs.symlinkSync(source("primitives"), at("page/primitives"));
+  const commands = fs.readFileSync(source("docs/foxglove.md"), "utf8").match(/^ {4}tumbler-.*$/gm);
+  assert.equal(commands.length, 3);
+  const done = spawnSync("sh", ["-ec", commands.join("\n")],
+    { encoding: "utf8", cwd: at("page"), env: { ...process.env, PATH: `${programs}:${process.env.PATH}` } });
+  assert.equal(done.status, 0, done.stdout + done.stderr);
+  assert.deepEqual(fs.readdirSync(at("page")).sort(), ["gait.lcm", "gait.mcap", "gait.rec", "log.mcap", "primitives"]);
+});
+
 test("Foxglove's own types have the fields, numbers and enumerations of Foxglove's own schemas", () => {
   const ours = protobuf.Root.fromJSON(file.types["/tf"].root.toJSON()).lookup("foxglove");
   const names = ours.nestedArray.map((type) => type.name);
