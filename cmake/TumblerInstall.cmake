@@ -79,7 +79,7 @@ set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
 set(tumbler_dev_packages libfmt-dev libtomlplusplus-dev zlib1g-dev liblcm-dev)
 if(TUMBLER_BUILD_OFFLINE)
   list(APPEND tumbler_dev_packages libeigen3-dev libnlopt-dev libnlopt-cxx-dev liburdfdom-dev libtinyxml-dev
-       libconsole-bridge-dev)
+       libconsole-bridge-dev libcpp-httplib-dev)
   if(tumbler_uses_mpi)
     list(APPEND tumbler_dev_packages libopenmpi-dev)
   endif()

@@ -8,5 +8,6 @@ namespace tumbler {
 /// still to be filled in.
 std::string ReportPage();        ///< The page of a motion: page.html.
 std::string FlightReportPage();  ///< The page of runs: run_page.html.
+std::string ViewPage();          ///< The page of a run while it happens, or played: view_page.html.
 
 }  // namespace tumbler

@@ -189,9 +189,11 @@ std::string LiveView::Screen(int columns) const {
   return text;
 }
 
-std::string LiveView::ToJson() const {
+std::string LiveView::ToJson() const { return Value().Dump(2) + '\n'; }
+
+Json LiveView::Value() const {
   Json json;
-  if (!state_) return "null\n";
+  if (!state_) return json;
   const state_t& s = *state_;
   if (run_) {
     json["motion"] = run_->motion;
@@ -235,7 +237,7 @@ std::string LiveView::ToJson() const {
     });
     json["joints"].Append(joint);
   }
-  return json.Dump(2) + '\n';
+  return json;
 }
 
 namespace {

@@ -9,6 +9,8 @@
 #include <tumbler/run_t.hpp>
 #include <tumbler/state_t.hpp>
 
+#include "common/json.h"
+
 namespace tumbler {
 
 /// The last messages of a run, and texts that show them to people. Counts the messages that did not
@@ -29,7 +31,9 @@ class LiveView {
   [[nodiscard]] std::string Screen(int columns = 100) const;
   /// The same in one line, for logs.
   [[nodiscard]] std::string Line() const;
-  /// The same as one JSON object, with units in the keys.
+  /// The same as one JSON object, with units in the keys; null before the first state.
+  [[nodiscard]] Json Value() const;
+  /// The same as text.
   [[nodiscard]] std::string ToJson() const;
 
  private:

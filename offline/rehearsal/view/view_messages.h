@@ -1,0 +1,24 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include <tumbler/event_t.hpp>
+#include <tumbler/run_t.hpp>
+#include <tumbler/state_t.hpp>
+#include <tumbler/truth_t.hpp>
+
+namespace tumbler {
+
+/// Readers of messages in datagrams that anybody may have sent. LCM's own readers make room for as
+/// many elements as a message claims to have, before they look whether it has them.
+///
+/// @returns false, having changed nothing, unless the bytes are exactly one message of at most 64
+/// KiB, with at most 64 elements in each list and, in a state, at most 32 joints and numbers of
+/// states and faults that there are.
+[[nodiscard]] bool ReadMessage(std::span<const std::uint8_t> bytes, state_t& message);
+[[nodiscard]] bool ReadMessage(std::span<const std::uint8_t> bytes, event_t& message);
+[[nodiscard]] bool ReadMessage(std::span<const std::uint8_t> bytes, run_t& message);
+[[nodiscard]] bool ReadMessage(std::span<const std::uint8_t> bytes, truth_t& message);
+
+}  // namespace tumbler

@@ -1,0 +1,94 @@
+"""A browser without a display, driven through two pipes (Chrome DevTools Protocol)."""
+
+import base64
+import json
+import os
+import shutil
+import subprocess
+import tempfile
+import time
+
+CHROMIUM = ["chromium", "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
+            "--disable-background-networking", "--disable-component-update", "--disable-sync",
+            "--disable-dev-shm-usage", "--hide-scrollbars", "--remote-debugging-pipe"]
+
+
+class Browser:
+    def __init__(self, width=1200, height=900):
+        self.profile = tempfile.mkdtemp()
+        read_command, self.commands = os.pipe()
+        answers, write_answer = os.pipe()
+
+        def give_pipes():  # The browser reads commands from file 3 and answers in file 4.
+            os.dup2(read_command, 23)
+            os.dup2(write_answer, 24)
+            os.dup2(23, 3)
+            os.dup2(24, 4)
+
+        self.process = subprocess.Popen(CHROMIUM + [f"--user-data-dir={self.profile}"], preexec_fn=give_pipes,
+                                        close_fds=False, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        os.close(read_command)
+        os.close(write_answer)
+        self.answers = os.fdopen(answers, "rb")
+        self.number = 0
+        self.session = None
+        target = self.send("Target.createTarget", url="about:blank")["targetId"]
+        self.session = self.send("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+        self.resize(width, height)
+
+    def close(self):
+        os.close(self.commands)
+        self.process.kill()
+        self.process.wait()
+        self.answers.close()
+        shutil.rmtree(self.profile, ignore_errors=True)
+
+    def read(self):
+        text = bytearray()
+        while True:
+            byte = self.answers.read(1)
+            if not byte:
+                raise AssertionError("the browser ended")
+            if byte == b"\0":
+                return json.loads(text)
+            text += byte
+
+    def send(self, method, **parameters):
+        self.number += 1
+        message = {"id": self.number, "method": method, "params": parameters}
+        if self.session:
+            message["sessionId"] = self.session
+        os.write(self.commands, json.dumps(message).encode() + b"\0")
+        while True:
+            answer = self.read()
+            if answer.get("id") == self.number:
+                assert "error" not in answer, answer
+                return answer["result"]
+
+    def resize(self, width, height):
+        self.send("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
+
+    def go(self, url):
+        self.send("Page.navigate", url=url)
+        self.until("document.readyState === 'complete' && document.documentElement.dataset.ready === 'true'")
+
+    def value(self, expression):
+        answer = self.send("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
+        assert "exceptionDetails" not in answer, answer
+        return answer["result"].get("value")
+
+    def text(self, identifier):
+        return self.value(f"document.getElementById('{identifier}').textContent")
+
+    def until(self, expression, patience_s=30):
+        """Waits until the expression is true."""
+        end = time.monotonic() + patience_s
+        while time.monotonic() < end:
+            if self.value(expression):
+                return
+            time.sleep(0.05)
+        raise AssertionError(f"never came true: {expression}; the page: {self.value('document.body.innerText')[:1500]}")
+
+    def picture(self, path):
+        with open(path, "wb") as file:
+            file.write(base64.b64decode(self.send("Page.captureScreenshot", format="png")["data"]))
