@@ -3,8 +3,8 @@
 #include <array>
 #include <chrono>
 #include <cstdint>
-#include <string>
 
+#include "common/progress_line.h"
 #include "offline/problem/problem.h"
 #include "offline/solver/solver.h"
 
@@ -19,18 +19,16 @@ class Progress {
 
   void operator()(const Evaluation& evaluation);
   /// Ends the line that rewrites itself.
-  void Finish();
+  void Finish() { line_.Finish(); }
 
  private:
   using Clock = std::chrono::steady_clock;
-  void Show(const std::string& text);
 
   const Problem& problem_;
-  bool terminal_;
-  bool open_line_ = false;
   bool feasible_ = false;  // whether a motion without a violation was shown
   std::int64_t local_ = 0;
-  Clock::time_point last_ = Clock::now(), shown_{};
+  ProgressLine line_;
+  Clock::time_point last_ = Clock::now();
   // Of the search, and of the solves from its starts.
   std::array<Clock::duration, 2> spent_{};
   std::array<bool, 2> seen_{};

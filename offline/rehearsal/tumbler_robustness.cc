@@ -4,7 +4,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <atomic>
 #include <charconv>
+#include <chrono>
+#include <csignal>
 #include <exception>
 #include <optional>
 #include <string>
@@ -14,6 +17,7 @@
 
 #include "common/command_line.h"
 #include "common/program.h"
+#include "common/progress_line.h"
 #include "common/result_file.h"
 #include "offline/rehearsal/robustness/certify.h"
 #include "offline/rehearsal/robustness/robustness_page.h"
@@ -27,7 +31,31 @@ namespace {
 constexpr const char* kExitCodes =
     R"(Exit codes:
   0  done, however many stand
-  1  wrong usage, or a file that cannot be used or written)";
+  1  wrong usage, or a file that cannot be used or written
+  130  interrupted: with --checkpoint, what was found is kept)";
+
+std::atomic<bool> interrupt_requested{false};
+
+/// Told how many robots are known; tells it on, with the time that the others take.
+class KnownRobots {
+ public:
+  explicit KnownRobots(int robots) : robots_(robots) {}
+
+  void operator()(int known) {
+    if (first_ < 0) first_ = known;  // A checkpoint's robots cost no time.
+    if (!line_.Due()) return;
+    const double elapsed_s =
+        std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+    const std::string left = TimeLeft(elapsed_s, known - first_, robots_ - first_);
+    line_.Show(fmt::format("{}/{} robots{}{}", known, robots_, left.empty() ? "" : "  ", left));
+  }
+
+ private:
+  int robots_;
+  int first_ = -1;
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+  ProgressLine line_;
+};
 
 struct Arguments {
   RobustnessStudy study;
@@ -35,6 +63,7 @@ struct Arguments {
   std::size_t seed = 1;
   bool compare_lanes = false;
   bool certify = false;
+  bool quiet = false;
   std::string branch;
   std::string shard;
   std::string json;
@@ -84,6 +113,7 @@ void Declare(CommandLine& line, Arguments& arguments) {
   line.Option("--report", arguments.report, "Write a page, index.html, into this folder");
   line.Option("--json", arguments.json,
               "Write figures as JSON to this file, or to standard output for -");
+  line.Flag("--quiet", arguments.quiet, "No progress: only what was found");
 }
 
 void ReadShard(const Arguments& arguments, WorkPlan& plan) {
@@ -169,7 +199,28 @@ ExitStatus Play(Arguments& arguments, const Processes& processes) {
   WorkPlan& plan = arguments.plan;
   const int cores = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
   if (plan.threads == 0) plan.threads = cores;
-  const WorkDone work = RunStudy(arguments.study, plan, processes);
+  const bool alone = processes.count() == 1;
+  if (alone) {
+    // Of several processes none may end before the others; mpirun ends them all.
+    struct sigaction action {};
+    action.sa_handler = [](int) { interrupt_requested = true; };
+    action.sa_flags = static_cast<int>(SA_RESETHAND);
+    sigaction(SIGINT, &action, nullptr);
+    plan.interrupt = &interrupt_requested;
+  }
+  WorkDone work;
+  {
+    KnownRobots known(plan.robots);
+    if (!arguments.quiet && processes.rank() == 0)
+      plan.progress = [&known](int count) { known(count); };
+    work = RunStudy(arguments.study, plan, processes);
+    plan.progress = nullptr;
+  }
+  if (interrupt_requested && !work.result) {
+    fmt::print(stderr, "interrupted: {} of {} robots are known; {}\n", work.known, plan.robots,
+               plan.checkpoint.empty() ? "nothing was written" : plan.checkpoint + " has them");
+    return ExitStatus::kInterrupted;
+  }
   std::optional<Agreement> agreement;
   if (arguments.compare_lanes) {
     RobustnessStudy in_lanes = arguments.study;

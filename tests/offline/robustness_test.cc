@@ -3,11 +3,14 @@
 #include "offline/rehearsal/robustness/study.h"
 
 #include <fmt/format.h>
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <csignal>
+#include <filesystem>
 #include <functional>
 #include <optional>
 #include <set>
@@ -552,6 +555,29 @@ TEST(RobustnessProgram, AWorkThatWasKilledAndGoesOnHasTheSameBytes) {
   const testing::Outcome resumed = testing::RunInShell(LaneStudy("--checkpoint " + checkpoint));
   EXPECT_EQ(resumed.exit_code, 0);
   EXPECT_EQ(resumed.text, whole.text);
+}
+
+TEST(RobustnessProgram, EndsAtAnInterruptSaysHowFarItCameAndGoesOnFromThere) {
+  const testing::TemporaryFolder folder;
+  const std::string checkpoint = folder / "robots";
+  const std::string study = testing::SourcePath("primitives/robust/handstand.toml") +
+                            " --lanes --seed 17 --checkpoint " + checkpoint;
+  testing::Program endless({"/bin/sh", "-c",
+                            "exec " + testing::ProgramPath("tumbler-robustness") +
+                                " --robots 10000000 --json " + (folder / "x.json") + " " + study});
+  ASSERT_TRUE(testing::Eventually([&] {
+    return std::filesystem::exists(checkpoint) && std::filesystem::file_size(checkpoint) > 10'000;
+  }));
+  endless.Signal(SIGINT);
+  EXPECT_EQ(endless.Wait(), 130) << endless.text();
+  EXPECT_THAT(endless.text(),
+              ::testing::HasSubstr("of 10000000 robots are known; " + checkpoint + " has them\n"));
+  EXPECT_EQ(endless.text().find('\x1b'), std::string::npos) << "no terminal, no escapes";
+  EXPECT_EQ(folder.Listing(), (std::set<std::string>{"robots"}));
+  const testing::Outcome quiet =
+      testing::RunInShell("tumbler-robustness --quiet --robots 32 " + study);
+  EXPECT_EQ(quiet.exit_code, 0) << quiet.text;
+  EXPECT_EQ(quiet.text.find("/32 robots"), std::string::npos) << quiet.text;
 }
 
 TEST(RobustnessProgram, APartOfTheWorkNeedsAFileAndItsNumbers) {
