@@ -48,6 +48,26 @@ double Percentile(const std::vector<double>& sorted, double share) {
   return sorted[std::min(std::max<std::size_t>(rank, 1), sorted.size()) - 1];
 }
 
+/// Holds the joint that is driven at this position until it rests there, since one with little
+/// friction would roll on without torque; at most for 3 s.
+void ComeToRest(BenchSession& session, std::size_t drive, double at_rad) {
+  constexpr double kLongest_s = 3, kWindow_s = 0.3, kWithin_rad = 0.0015;
+  const std::int64_t end_ns = session.now_ns() + BenchNs(kLongest_s);
+  double lower_rad = 0, upper_rad = 0;
+  for (std::int64_t since_ns = end_ns; session.now_ns() < end_ns;) {
+    session.Follow(at_rad, 0);
+    const double here_rad = session.position_rad(drive);
+    lower_rad = std::min(lower_rad, here_rad);
+    upper_rad = std::max(upper_rad, here_rad);
+    if (since_ns == end_ns || upper_rad - lower_rad > kWithin_rad) {
+      since_ns = session.now_ns();
+      lower_rad = upper_rad = here_rad;
+    } else if (session.now_ns() - since_ns >= BenchNs(kWindow_s)) {
+      return;
+    }
+  }
+}
+
 }  // namespace
 
 JogResult Jog(BenchSession& session, std::size_t drive, const JogConfig& config,
@@ -87,7 +107,7 @@ JogResult Jog(BenchSession& session, std::size_t drive, const JogConfig& config,
   if (watcher != nullptr) watcher->NoteFarthest();
   if (!config.one_way) {
     play(origin + config.way_rad, origin);
-    stay(origin);
+    ComeToRest(session, drive, origin);
   }
   session.TorqueOff();
   return result;

@@ -14,7 +14,8 @@ namespace tumbler {
 /// What a bench measures of drives. All of these leave the torque off, and throw what
 /// BenchSession::Tick throws.
 
-/// A small motion of one drive: there and back, as half a turn of a cosine each.
+/// A small motion of one drive: there and back, as half a turn of a cosine each, and held until it
+/// rests.
 struct JogConfig {
   double way_rad = 0.1;  ///< With its sign; at most the amplitude of the bounds.
   /// Whether to stay where it leads, and not to come back.

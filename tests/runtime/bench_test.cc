@@ -152,6 +152,18 @@ TEST_P(BenchOf, AJogKeepsAmplitudeAndSpeedInEveryFrameAndLeavesTheTorqueOff) {
   EXPECT_NEAR(world_.rotor(0).position_rad, 0, 0.01);
 }
 
+TEST_P(BenchOf, AJointWithHardlyAnyFrictionIsAtRestWhenAJogLeavesIt) {
+  for (const std::size_t joint : {0U, 1U}) world_.rotor(joint).damping_nm_s_per_rad = 0.005;
+  BenchSession session(world_, drives_, {});
+  ASSERT_THAT(session.AwaitReplies(), IsEmpty());
+  for (const std::size_t joint : {0U, 1U}) {
+    static_cast<void>(Jog(session, joint, {0.1, false}, nullptr));
+    session.Wait(1);
+    // Half of what would be taken for a motion of its own while the next drive is tried.
+    EXPECT_NEAR(world_.rotor(joint).position_rad, 0, 0.015);
+  }
+}
+
 TEST_P(BenchOf, AnInterruptAtAnyTimeEndsWithTheTorqueOff) {
   const auto jog = [](BenchSession& session) {
     static_cast<void>(Jog(session, 0, {0.1, false}, nullptr));
