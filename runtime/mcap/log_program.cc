@@ -31,9 +31,8 @@ namespace tumbler {
 namespace {
 
 constexpr const char* kLogFooter =
-    R"(LOG is what `tumbler-run --log` or lcm-logger wrote. Without --csv and --mcap its events and a summary are
-printed. The columns of
-the table have their units in their names. Ticks that are missing are counted.
+    R"(LOG is what `tumbler-run --log` or lcm-logger wrote. Without --csv and --mcap its events and a summary are printed.
+The columns of the table have their units in their names. Ticks that are missing are counted.
 
 Exit codes:
   0  everything that was recorded is there
@@ -49,7 +48,7 @@ struct LogContents {
   std::int64_t states = 0;
   std::int64_t missing = 0;
   std::int64_t damaged = 0;  ///< Messages on our channels that are not of our types.
-  std::int64_t foreign = 0;  ///< Messages on other channels.
+  std::int64_t foreign = 0;  ///< Messages on channels that are not ours.
   LiveView view;
 };
 
@@ -126,7 +125,7 @@ LogContents ReadLog(const std::string& path, std::FILE* table, const std::string
                    Printable(happened->from_state), Printable(happened->to_state),
                    happened->text.empty() ? "" : ": ", Printable(happened->text));
       }
-    } else {
+    } else if (event->channel != kTruthChannel) {
       ++contents.foreign;
     }
   }
