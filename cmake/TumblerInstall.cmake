@@ -23,6 +23,7 @@ foreach(folder ${tumbler_header_folders})
 endforeach()
 # Robots and tasks, and the message types for programs that listen to the telemetry.
 install(DIRECTORY primitives DESTINATION ${CMAKE_INSTALL_DATADIR}/tumbler COMPONENT programs)
+install(DIRECTORY docs/schemas DESTINATION ${CMAKE_INSTALL_DATADIR}/tumbler COMPONENT programs)
 install(DIRECTORY firmware_interface/dbc DESTINATION ${CMAKE_INSTALL_DATADIR}/tumbler COMPONENT programs)
 install(DIRECTORY runtime/lcm DESTINATION ${CMAKE_INSTALL_DATADIR}/tumbler COMPONENT programs
         FILES_MATCHING PATTERN "*.lcm")

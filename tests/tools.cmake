@@ -28,6 +28,15 @@ if(TUMBLER_PYTHON AND NOT TUMBLER_HAS_CANMATRIX)
 endif()
 tumbler_tool(canmatrix FOUND ${TUMBLER_HAS_CANMATRIX} PACKAGES python3-canmatrix)
 
+# Compares JSON with its schemas.
+if(TUMBLER_PYTHON AND NOT TUMBLER_HAS_JSONSCHEMA)
+  execute_process(COMMAND ${TUMBLER_PYTHON} -c "import jsonschema" RESULT_VARIABLE status OUTPUT_QUIET ERROR_QUIET)
+  if(status EQUAL 0)
+    set(TUMBLER_HAS_JSONSCHEMA TRUE CACHE INTERNAL "")
+  endif()
+endif()
+tumbler_tool(jsonschema FOUND ${TUMBLER_HAS_JSONSCHEMA} PACKAGES python3-jsonschema)
+
 # candump, canplayer and log2asc; interfaces and network namespaces.
 find_program(TUMBLER_CANDUMP candump)
 tumbler_tool(can_utils FOUND ${TUMBLER_CANDUMP} PACKAGES can-utils)

@@ -1,0 +1,84 @@
+"""The JSON that programs write is what docs/schemas says, with nothing besides."""
+
+import copy
+import json
+import pathlib
+import subprocess
+import sys
+import tempfile
+import unittest
+
+import jsonschema
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+BIN = pathlib.Path(sys.argv.pop(1)).resolve()
+MOTIONS = ROOT / "primitives"
+
+# Program, its arguments, and the status with which it ends.
+RUNS = [
+    ("tumbler-run", f"sim {MOTIONS}/handstand.toml --hold-s 0", 0),
+    ("tumbler-run", f"sim {MOTIONS}/gait.toml --cycles 1 --branch roll --record RECORD", 0),
+    ("tumbler-run", f"sim {MOTIONS}/handstand.toml --bus-faults {ROOT}/tests/data/bus_faults.toml", 3),
+    ("tumbler-run", f"sim {MOTIONS}/handstand.toml --twin WEAK", 3),
+    ("tumbler-run", f"sim {MOTIONS}/robust/handstand.toml --drives {MOTIONS}/robust/drives_sensor.toml", 0),
+    ("tumbler-chain", f"simulate {MOTIONS}/gait.toml --cycles 1", 0),
+    ("tumbler-robustness", f"{MOTIONS}/robust/handstand.toml --robots 400 --lanes --scale 2.5", 0),
+    ("tumbler-robustness", f"{MOTIONS}/robust/handstand.toml --robots 4 --compare-lanes", 0),
+    ("tumbler-robustness", f"{MOTIONS}/gait.toml --cycles 1 --robots 2", 0),
+    ("tumbler-optimize", f"{MOTIONS}/tasks/downstand.toml --start-from {MOTIONS}/handstand.toml", 0),
+    ("tumbler-optimize", "QUICK OTHER --minima 1", None),
+]
+
+
+def validator(program):
+    schema = json.loads((ROOT / f"docs/schemas/{program}.schema.json").read_text())
+    jsonschema.Draft202012Validator.check_schema(schema)
+    return jsonschema.Draft202012Validator(schema)
+
+
+class Schemas(unittest.TestCase):
+    def test_hold_what_programs_write_and_nothing_else(self):
+        with tempfile.TemporaryDirectory() as folder:
+            folder = pathlib.Path(folder)
+            (folder / "weak.toml").write_text(
+                'format = "tumbler-twin"\nversion = 1\n[motor]\ntorque_max_nm = 4.0\n'
+            )
+            task = (MOTIONS / "tasks/handstand.toml").read_text()
+            task = task.replace('"../robots/', f'"{MOTIONS}/robots/')
+            for name in ("handstand", "other"):
+                quick = task.replace('name = "handstand"', f'name = "{name}"')
+                # So few evaluations that hardly any motion is found.
+                quick = quick.replace("[search]", "[search]\nmax_samples = 40\nbatch = 40")
+                (folder / f"{name}.toml").write_text(quick)
+            words = {
+                "RECORD": folder / "run.rec",
+                "WEAK": folder / "weak.toml",
+                "QUICK": folder / "handstand.toml",
+                "OTHER": folder / "other.toml",
+            }
+            for program, arguments, status in RUNS:
+                words_of_it = [str(words.get(word, word)) for word in arguments.split()]
+                out = folder / "out.json"
+                done = subprocess.run(
+                    [BIN / program, *words_of_it, "--json", out], capture_output=True, text=True
+                )
+                if status is not None:
+                    self.assertEqual(done.returncode, status, arguments + done.stdout + done.stderr)
+                written = json.loads(out.read_text())
+                out.unlink()
+                valid = validator(program)
+                errors = [
+                    f"{'/'.join(map(str, e.absolute_path))}: {e.message[:300]}"
+                    for e in valid.iter_errors(written)
+                ]
+                self.assertEqual(errors, [], f"{program} {arguments}")
+                # The schema notices what is missing, and what it does not know.
+                for key in list(written)[:3]:
+                    without = copy.copy(written)
+                    del without[key]
+                    self.assertFalse(valid.is_valid(without), key)
+                self.assertFalse(valid.is_valid({**written, "unheard_of": 1}))
+
+
+if __name__ == "__main__":
+    unittest.main()
