@@ -130,7 +130,10 @@ struct LiveRun::Implementation {
       return robot_name.empty() || other.second.robot == robot_name;
     };
     if (!is_meant(*heard.find(number)) || (robot_name.empty() && heard.size() > 1)) return;
-    if (selected != number) run.Forget();
+    if (selected != number) {
+      run.Forget();
+      asked.reset();
+    }
     selected = number;
   }
 

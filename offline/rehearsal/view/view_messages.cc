@@ -13,6 +13,7 @@ constexpr std::size_t kBytesMax = 65536;
 constexpr std::size_t kElementsMax = 64;
 constexpr std::size_t kJointsMax = 32;
 constexpr std::size_t kFingerprint = 8;
+constexpr std::size_t kWide = 8;  // bytes of a number of 64 bits
 
 /// Goes through the bytes of a message without reading its values.
 class Walk {
@@ -102,16 +103,16 @@ bool ReadMessage(std::span<const std::uint8_t> bytes, state_t& message) {
 
 bool ReadMessage(std::span<const std::uint8_t> bytes, event_t& message) {
   Walk walk(bytes);
-  walk.Skip(3 * 8);
+  walk.Skip(3 * kWide);
   walk.Texts(3);
   return walk.AtEnd() && Decode(bytes, message);
 }
 
 bool ReadMessage(std::span<const std::uint8_t> bytes, run_t& message) {
   Walk walk(bytes);
-  walk.Skip(2 * 8);
+  walk.Skip(2 * kWide);
   walk.Texts(5);
-  walk.Skip(1 + 2 * 8);
+  walk.Skip(1 + 2 * kWide);
   walk.Texts(2 * walk.Count());
   walk.Texts(walk.Count());
   walk.Texts(walk.Count());
@@ -121,18 +122,18 @@ bool ReadMessage(std::span<const std::uint8_t> bytes, run_t& message) {
 
 bool ReadMessage(std::span<const std::uint8_t> bytes, truth_t& message) {
   Walk walk(bytes);
-  walk.Skip(7 * 8 + 2 + 4);
+  walk.Skip(7 * kWide + 2 + 4);
   walk.Texts(1);
-  walk.Skip(3 * 8);
+  walk.Skip(3 * kWide);
   const std::size_t joints = walk.Count();
   for (std::size_t i = 0; i < joints; ++i) {
     walk.Texts(1);
-    walk.Skip(4 * 8 + 2);
+    walk.Skip(4 * kWide + 2);
   }
   const std::size_t contacts = walk.Count();
   for (std::size_t i = 0; i < contacts; ++i) {
     walk.Texts(2);
-    walk.Skip(8);
+    walk.Skip(kWide);
   }
   return walk.AtEnd() && Decode(bytes, message);
 }

@@ -3,13 +3,19 @@
 #include <arpa/inet.h>
 #include <fmt/format.h>
 #include <netinet/in.h>
+#include <poll.h>
 #include <sys/resource.h>
 #include <sys/socket.h>
+#include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <cerrno>
+#include <chrono>
 #include <cstdint>
+#include <mutex>
+#include <set>
 #include <stdexcept>
 #include <system_error>
 #include <thread>
@@ -23,9 +29,11 @@ namespace tumbler {
 namespace {
 
 constexpr int kStreamsMax = 8;
-constexpr std::size_t kThreads = 2 * kStreamsMax;  // so that streams never keep others waiting
+constexpr std::size_t kThreads =
+    std::size_t{2} * kStreamsMax;  // Streams never keep others waiting.
 constexpr rlim_t kFilesMax = 90;
-constexpr int kPatience_s = 2;
+constexpr std::chrono::milliseconds kPatience(2000);
+constexpr std::size_t kRequestMax = 16384;  // bytes, with all headers
 
 bool IsAddress(const std::string& text) {
   std::array<unsigned char, sizeof(in6_addr)> address{};
@@ -42,16 +50,113 @@ std::string InUrl(const std::string& address) {
   return address.find(':') == std::string::npos ? address : '[' + address + ']';
 }
 
-int PortOf(int socket) {
+/// The address and port at one end of a connection.
+void EndOf(int (*get)(int, sockaddr*, socklen_t*), int socket, std::string& ip, int& port) {
   sockaddr_storage address{};
   socklen_t size = sizeof(address);
-  if (getsockname(socket, reinterpret_cast<sockaddr*>(&address), &size) != 0) return -1;
-  if (address.ss_family == AF_INET) return ntohs(reinterpret_cast<sockaddr_in&>(address).sin_port);
-  if (address.ss_family == AF_INET6) {
-    return ntohs(reinterpret_cast<sockaddr_in6&>(address).sin6_port);
+  std::array<char, INET6_ADDRSTRLEN> text{};
+  ip.clear();
+  port = 0;
+  if (get(socket, reinterpret_cast<sockaddr*>(&address), &size) != 0) return;
+  const void* number = nullptr;
+  if (address.ss_family == AF_INET) {
+    const auto& internet = reinterpret_cast<const sockaddr_in&>(address);
+    number = &internet.sin_addr;
+    port = ntohs(internet.sin_port);
+  } else if (address.ss_family == AF_INET6) {
+    const auto& internet = reinterpret_cast<const sockaddr_in6&>(address);
+    number = &internet.sin6_addr;
+    port = ntohs(internet.sin6_port);
   }
-  return -1;
+  if (number != nullptr) ip = inet_ntop(address.ss_family, number, text.data(), text.size());
 }
+
+/// A connection whose request has to be short and to come soon. The library's own reads as many
+/// headers as a client sends.
+class Connection final : public httplib::Stream {
+ public:
+  explicit Connection(int socket) : socket_(socket) {}
+
+  bool is_readable() const override { return true; }
+  bool is_writable() const override { return Wait(POLLOUT, std::chrono::steady_clock::now()); }
+  ssize_t read(char* to, size_t size) override {
+    if (next_ == end_) {
+      if (taken_ == kRequestMax || !Wait(POLLIN, since_)) return -1;
+      const size_t most = std::min(buffer_.size(), kRequestMax - taken_);
+      const ssize_t count = recv(socket_, buffer_.data(), most, MSG_DONTWAIT);
+      if (count <= 0) return count;
+      next_ = 0;
+      end_ = static_cast<size_t>(count);
+      taken_ += end_;
+    }
+    const size_t count = std::min(size, end_ - next_);
+    std::copy_n(buffer_.data() + next_, count, to);
+    next_ += count;
+    return static_cast<ssize_t>(count);
+  }
+  ssize_t write(const char* from, size_t size) override {
+    if (!Wait(POLLOUT, std::chrono::steady_clock::now())) return -1;
+    return send(socket_, from, size, MSG_DONTWAIT | MSG_NOSIGNAL);
+  }
+  void get_remote_ip_and_port(std::string& ip, int& port) const override {
+    EndOf(getpeername, socket_, ip, port);
+  }
+  void get_local_ip_and_port(std::string& ip, int& port) const override {
+    EndOf(getsockname, socket_, ip, port);
+  }
+  socket_t socket() const override { return socket_; }
+
+ private:
+  /// Waits until the connection is ready, at most until kPatience after `since`.
+  bool Wait(short events, std::chrono::steady_clock::time_point since) const {
+    const auto left = std::chrono::duration_cast<std::chrono::milliseconds>(
+        since + kPatience - std::chrono::steady_clock::now());
+    pollfd wait{socket_, events, 0};
+    if (poll(&wait, 1, static_cast<int>(std::max<long>(left.count(), 0))) <= 0) return false;
+    return (wait.revents & events) != 0 && (wait.revents & (POLLERR | POLLHUP | POLLNVAL)) == 0;
+  }
+
+  int socket_;
+  std::chrono::steady_clock::time_point since_ = std::chrono::steady_clock::now();
+  std::array<char, 4096> buffer_{};
+  size_t next_ = 0, end_ = 0;
+  size_t taken_ = 0;
+};
+
+/// The library's server, with one request for each connection, and connections that can be cut.
+class HttpServer final : public httplib::Server {
+ public:
+  /// Cuts all connections, and those to come.
+  void Cut() {
+    const std::lock_guard lock(mutex_);
+    cut_ = true;
+    for (const int socket : open_) shutdown(socket, SHUT_RDWR);
+  }
+
+ private:
+  bool process_and_close_socket(socket_t socket) override {
+    bool good = false;
+    if (Opened(socket)) {
+      Connection connection(socket);
+      bool closed = false;
+      good = process_request(connection, true, closed, nullptr);
+    }
+    const std::lock_guard lock(mutex_);
+    open_.erase(socket);
+    shutdown(socket, SHUT_RDWR);
+    close(socket);
+    return good;
+  }
+  bool Opened(int socket) {
+    const std::lock_guard lock(mutex_);
+    if (!cut_) open_.insert(socket);
+    return !cut_;
+  }
+
+  std::mutex mutex_;
+  std::set<int> open_;
+  bool cut_ = false;
+};
 
 /// Limits open files, and with them connections and what they need of memory.
 void LimitFiles() {
@@ -81,10 +186,6 @@ struct ViewServer::Implementation {
       const int yes = 1;
       setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof(yes));
     });
-    server.set_keep_alive_max_count(1);
-    server.set_keep_alive_timeout(kPatience_s);
-    server.set_read_timeout(kPatience_s);
-    server.set_write_timeout(kPatience_s);
     server.set_payload_max_length(1024);
     server.set_default_headers({{"Cache-Control", "no-store"},
                                 {"Referrer-Policy", "no-referrer"},
@@ -142,10 +243,7 @@ struct ViewServer::Implementation {
   ~Implementation() {
     if (config.feed != nullptr) config.feed->Close();
     server.stop();
-    // Nobody waits for clients that say nothing.
-    for (int file = 0; file < static_cast<int>(kFilesMax); ++file) {
-      if (PortOf(file) == port) shutdown(file, SHUT_RDWR);
-    }
+    server.Cut();  // Nobody waits for clients that say nothing.
     thread.join();
   }
 
@@ -189,7 +287,7 @@ struct ViewServer::Implementation {
   }
 
   ViewServerConfig config;
-  httplib::Server server;
+  HttpServer server;
   int port = 0;
   std::atomic<int> streams{0};
   std::thread thread;

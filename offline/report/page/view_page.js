@@ -141,6 +141,7 @@ function showMessage(message) {
     byId('stage').replaceChildren();
     stage = null;
   }
+  if (message.run !== run) setText('asked', '');
   run = message.run;
   const {frame} = message;
   const stale = frame !== null && message.age_s > staleAfter;
@@ -149,7 +150,7 @@ function showMessage(message) {
     ` (${message.others.map((name) => name || 'without a name').join(', ')}); --robot chooses one. ` : '';
   const unreadable = message.unreadable > 0 ? `${message.unreadable} messages could not be read. ` : '';
   notice(frame === null ? `Nothing is heard yet. ${others}${unreadable}`.trim()
-    : stale ? `Nothing received for ${fixed(message.age_s, 1)} s: what is shown is old. ${others}`.trim() : `${others}${unreadable}`.trim());
+    : stale ? `Nothing received for ${fixed(message.age_s, 1)} s: what is shown is old. ${others}${unreadable}`.trim() : `${others}${unreadable}`.trim());
   for (const id of ['stop', 'disarm']) byId(id).disabled = run === null;
   if (message.asked) setText('asked', `${message.asked.request}: ${message.asked.answer || 'asked'}`);
   byId('no-picture').hidden = Boolean(frame && frame.poses);
