@@ -163,19 +163,23 @@ void WriteSvg(const RunTrace& first, const RunTrace* second, const std::string& 
   constexpr const char* kGrey = "#888";
   constexpr const char* kBlue = "#0060c0";
   constexpr const char* kRed = "#d03020";
-  const auto joints = static_cast<double>(first.joints.size());
-  const double width = kMargin + joints * (kPanelWidth + kGap + kMargin);
-  const double height = kTop + 2 * (kPanelHeight + kGap) + 30;
+  // Two joints stand beside each other, so that the picture fits a page with any number of them.
+  const std::size_t rows = (first.joints.size() + 1) / 2;
+  const double columns = first.joints.size() > 1 ? 2 : 1;
+  constexpr double kRow = 2 * (kPanelHeight + kGap);
+  const double width = kMargin + columns * (kPanelWidth + kGap + kMargin);
+  const double height = kTop + static_cast<double>(rows) * kRow + 30;
   std::string svg = fmt::format(
-      "<svg xmlns='http://www.w3.org/2000/svg' width='{0}' height='{1}' viewBox='0 0 {0} {1}' "
+      "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 {0} {1}' style='max-width:{0}px' "
       "font-family='sans-serif' font-size='12'>\n<style>path{{fill:none;stroke-width:1.3}}"
       ".grid{{stroke:#ddd}}.frame{{fill:none;stroke:#666}}.title{{font-size:14px}}</style>\n"
       "<rect width='{0}' height='{1}' fill='white'/>\n",
       width, height);
   for (std::size_t i = 0; i < first.joints.size(); ++i) {
-    const double x = kMargin + static_cast<double>(i) * (kPanelWidth + kGap + kMargin);
-    Panel position(x, kTop, first.joints[i] + ": position [rad]");
-    Panel error(x, kTop + kPanelHeight + kGap, first.joints[i] + ": reply less setpoint [rad]");
+    const double x = kMargin + static_cast<double>(i % 2) * (kPanelWidth + kGap + kMargin);
+    const double y = kTop + static_cast<double>(i / 2) * kRow;
+    Panel position(x, y, first.joints[i] + ": position [rad]");
+    Panel error(x, y + kPanelHeight + kGap, first.joints[i] + ": reply less setpoint [rad]");
     position.Add(CurveOf(first.samples[i], Quantity::kSetpoint, kGrey));
     position.Add(CurveOf(first.samples[i], Quantity::kReply, kBlue));
     error.Add(CurveOf(first.samples[i], Quantity::kError, kBlue));

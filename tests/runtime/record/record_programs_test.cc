@@ -219,6 +219,11 @@ TEST_F(RecordPrograms, ComparesTwoRunsOfAMotionAndDrawsThem) {
   EXPECT_EQ(same.exit_code, 0) << same.text;
   EXPECT_THAT(same.text, HasSubstr("setpoints differ in 0, by at most 0 rad"));
   EXPECT_THAT(ReadFile(folder_ / "a.svg"), HasSubstr("leg2: reply less setpoint [rad]"));
+  // It takes the width that a page has, and no more than its own.
+  EXPECT_THAT(
+      ReadFile(folder_ / "a.svg"),
+      ::testing::StartsWith("<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 1400 620' "
+                            "style='max-width:1400px' "));
 
   const std::string slow = folder_ / "slow.rec";
   ASSERT_EQ(Run("tumbler-run sim " + kHandstand + " --speed 0.98 --hold-s 0.1 --record " + slow)
