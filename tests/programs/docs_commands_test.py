@@ -72,6 +72,18 @@ class Pages(unittest.TestCase):
                     ran.add(command)
             self.assertGreater(len(ran), 12)
 
+    def test_variables_of_the_environment_are_named(self):
+        page = (ROOT / "docs/architecture.md").read_text()
+        names = set()
+        for folder in ("common", "firmware_interface", "runtime", "offline"):
+            for source in (ROOT / folder).rglob("*.cc"):
+                text = source.read_text()
+                if "std::getenv(" in text:
+                    names |= set(re.findall(r'"([A-Z]+(?:_[A-Z]+)+|HOME)"', text))
+        self.assertGreater(len(names), 5)
+        for name in names:
+            self.assertIn(f"`{name}`", page)
+
 
 if __name__ == "__main__":
     unittest.main()
