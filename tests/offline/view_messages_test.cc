@@ -9,7 +9,11 @@
 #include <limits>
 #include <vector>
 
+#include "common/sequence_toml.h"
+#include "offline/rehearsal/flight_report/robot_paths.h"
+#include "offline/rehearsal/view/viewed_robot.h"
 #include "offline/rehearsal/view/viewed_run.h"
+#include "tests/support/files.h"
 
 namespace tumbler {
 namespace {
@@ -152,6 +156,51 @@ TEST(ViewedRun, KeepsTheLastEventsOnly) {
   }
   EXPECT_EQ(run.Events().size(), 40U);
   EXPECT_DOUBLE_EQ(run.Events()[39]["time_s"].number(), 999);
+}
+
+TEST(ViewedRobot, StandsWhereTheSimulationHasItOrElseThePlan) {
+  ViewedRobot robot(LoadMotion(testing::SourcePath("primitives/gait.toml")));
+  EXPECT_EQ(robot.Scene()["links"].size(), 3U);
+  EXPECT_TRUE(robot.Poses().is_null()) << "before the first state";
+  state_t state = State(1);
+  state.primitive_time_s = 0.5F;
+  state.joints[0].measured_position_rad = 0.25F;
+  robot.Take(state);
+  EXPECT_FALSE(robot.RootIsTrue());
+  const Json planned = robot.Poses();
+  ASSERT_EQ(planned.size(), 3U);
+  RobotPaths paths(LoadMotion(testing::SourcePath("primitives/gait.toml")));
+  const ReportSample plan = paths.PlanAt(0, 0.5);
+  for (std::size_t c = 0; c < 3; ++c) {
+    EXPECT_NEAR(planned[0][c].number(), plan.link_poses[0][c], 1e-4);
+  }
+
+  truth_t truth{};
+  truth.root_x_m = 3;
+  truth.root_z_m = 1;
+  truth.root_pitch_rad = 0.5;
+  robot.Take(truth);
+  EXPECT_TRUE(robot.RootIsTrue());
+  EXPECT_EQ(robot.Poses()[0], Json::Array({3.0, 1.0, 0.5}));
+  truth.root_x_m = std::numeric_limits<double>::quiet_NaN();
+  robot.Take(truth);
+  EXPECT_EQ(robot.Poses()[0], Json::Array({3.0, 1.0, 0.5})) << "no place";
+  for (int i = 0; i < 501; ++i) robot.Take(state);
+  EXPECT_FALSE(robot.RootIsTrue()) << "not told for long";
+  EXPECT_EQ(robot.Poses(), planned);
+
+  state.joints[1].measured_position_rad = std::numeric_limits<float>::quiet_NaN();
+  robot.Take(state);
+  EXPECT_TRUE(robot.Poses().is_null());
+  state.joints[1].measured_position_rad = 0;
+  state.joints[1].reply_age_ticks = -1;
+  robot.Take(state);
+  EXPECT_TRUE(robot.Poses().is_null()) << "never measured";
+  robot.Take(State(2));
+  EXPECT_FALSE(robot.Poses().is_null());
+  state.joints.resize(3);
+  robot.Take(state);
+  EXPECT_TRUE(robot.Poses().is_null()) << "another robot";
 }
 
 }  // namespace

@@ -250,6 +250,16 @@ class Live(unittest.TestCase):
         self.assertEqual(self.state(), "disarmed")
         self.assertEqual(browser.value("document.getElementById('errors').hidden"), True)
 
+    def test_shows_a_run_without_a_picture_and_says_what_is_missing(self):
+        browser = self.page(self.keep(View("--lcm-url", URL)))
+        self.play()
+        browser.until("document.getElementById('phase').textContent.startsWith('disarmed')")
+        browser.until("document.getElementById('joints').textContent.includes('leg2')")
+        self.assertIn("--motion", browser.text("no-picture"))
+        self.assertEqual(browser.value("document.getElementById('no-picture').hidden"), False)
+        self.assertEqual(browser.value("document.querySelectorAll('#stage .robot').length"), 0)
+        self.assertEqual(browser.value("document.getElementById('errors').hidden"), True)
+
     def test_sends_nothing_but_the_two_requests_that_end_a_motion(self):
         view = self.view()
         self.play()
