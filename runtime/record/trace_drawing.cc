@@ -177,7 +177,8 @@ void WriteSvg(const RunTrace& first, const RunTrace* second, const std::string& 
       width, height);
   for (std::size_t i = 0; i < first.joints.size(); ++i) {
     const double x = kMargin + static_cast<double>(i % 2) * (kPanelWidth + kGap + kMargin);
-    const double y = kTop + static_cast<double>(i / 2) * kRow;
+    const std::size_t row = i / 2;
+    const double y = kTop + static_cast<double>(row) * kRow;
     Panel position(x, y, first.joints[i] + ": position [rad]");
     Panel error(x, y + kPanelHeight + kGap, first.joints[i] + ": reply less setpoint [rad]");
     position.Add(CurveOf(first.samples[i], Quantity::kSetpoint, kGrey));
