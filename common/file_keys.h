@@ -248,6 +248,8 @@ void ReadKeys(TomlTable& table, const std::array<FileKey<S>, kCount>& keys,
 
 /// Writes the keys in their order. @throws std::invalid_argument  about a value that TOML cannot
 /// hold.
+// A key's value may be set as well as read, so it is asked for of a copy.
+// NOLINTBEGIN(performance-unnecessary-value-param)
 template <class S, std::size_t kCount>
 void WriteKeys(TomlWriter& writer, const std::array<FileKey<S>, kCount>& keys,
                std::type_identity_t<S> settings) {
@@ -268,6 +270,7 @@ std::vector<KeyRow> RowsOf(const std::array<FileKey<S>, kCount>& keys, std::stri
   }
   return rows;
 }
+// NOLINTEND(performance-unnecessary-value-param)
 
 /// The kind of a file: its keys `format` and `version`, which are read first.
 struct FileHeader {

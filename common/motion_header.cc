@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <iterator>
 #include <memory>
@@ -98,7 +99,7 @@ void AppendSpline(std::string& out, const std::string& member, const RuntimeSpli
 void RequireFinite(const std::string& part, const RuntimeSpline& spline, const char* what) {
   for (int d = 0; d <= RuntimeSpline::kMaxDerivative; ++d) {
     for (const float point : spline.control_points(d)) {
-      if (point - point == 0) continue;
+      if (std::isfinite(point)) continue;
       throw std::invalid_argument(
           fmt::format("{}: derivative {} of its {} does not fit single precision", part, d, what));
     }

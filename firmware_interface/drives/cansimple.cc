@@ -58,7 +58,7 @@ Status TakeWords(std::uint8_t node, const CanFrame& frame, CanSimpleCommand comm
   return Status::kOk;
 }
 
-constexpr bool IsFinite(float x) noexcept { return x - x == 0; }
+constexpr bool IsFinite(float x) noexcept { return 0.0F * x == 0; }
 
 }  // namespace
 

@@ -43,7 +43,7 @@ CanFrame NumberFirst(std::uint32_t id, std::int32_t number, std::int16_t word) n
   return frame;
 }
 
-constexpr bool IsPositive(float x) noexcept { return x > 0 && x - x == 0; }
+constexpr bool IsPositive(float x) noexcept { return x > 0 && 0.0F * x == 0; }
 
 }  // namespace
 

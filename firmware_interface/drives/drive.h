@@ -23,7 +23,7 @@ struct DriveSetpoint {
 
   /// Whether no value is NaN or infinite.
   [[nodiscard]] constexpr bool IsFinite() const noexcept {
-    const auto zero = [](float x) { return x - x; };  // NaN unless x is finite
+    const auto zero = [](float x) { return 0.0F * x; };  // NaN unless x is finite
     return zero(position_rad) + zero(velocity_rad_s) + zero(torque_nm) + zero(kp_nm_per_rad) +
                zero(kd_nm_s_per_rad) ==
            0;

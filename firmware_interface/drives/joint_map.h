@@ -48,7 +48,7 @@ struct JointMap {
 
   /// @retval kInvalidArgument  a value is outside what its comment allows, or not finite.
   [[nodiscard]] constexpr Status Validate() const noexcept {
-    const auto is_finite = [](float x) { return x - x == 0; };
+    const auto is_finite = [](float x) { return 0.0F * x == 0; };
     const bool valid = (direction == 1 || direction == -1) && gear_ratio > 0 &&
                        is_finite(gear_ratio) && is_finite(zero_offset_rad);
     return valid ? Status::kOk : Status::kInvalidArgument;

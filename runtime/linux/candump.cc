@@ -14,6 +14,7 @@ constexpr std::uint32_t kErrorFlag = 1U << 29;  // CAN_ERR_FLAG, which candump p
 template <typename T>
 bool ToNumber(std::string_view text, int base, T& value) {
   const char* const end = text.data() + text.size();
+  // `end` says where it ends. NOLINTNEXTLINE(bugprone-suspicious-stringview-data-usage)
   const auto result = std::from_chars(text.data(), end, value, base);
   return !text.empty() && result.ec == std::errc() && result.ptr == end;
 }

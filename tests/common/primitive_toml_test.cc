@@ -908,6 +908,7 @@ TEST(PrimitiveToml, SurvivesRandomDamage) {
       ParsePrimitive(ToToml(ParsePrimitive(text, "damaged.toml")), "again.toml");
       ++accepted;
     } catch (const FileError&) {
+      continue;  // as most are
     }
   }
   // Only comments and white space may be damaged: about a tenth of the text.

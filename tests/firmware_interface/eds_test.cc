@@ -29,7 +29,6 @@ constexpr int kU8 = 5, kU16 = 6, kU32 = 7, kI8 = 2, kI16 = 3, kI32 = 4;
 /// The data sheet of a drive that has everything that the set-up writes.
 std::string WholeSheet() {
   std::string sheet = "; a drive\n[FileInfo]\nFileName=drive.eds\n\n";
-  const std::string record = "[{}]\nParameterName=a record\nObjectType=0x9\nSubNumber=3\n\n";
   sheet += Variable("1006", kU32, "rw");
   sheet += "[1016]\nObjectType=0x8\nSubNumber=2\n\n" + Variable("1016sub0", kU8, "ro") +
            Variable("1016sub1", kU32, "rw");

@@ -67,8 +67,10 @@ constexpr int kBase = kDimensionOf<Space> == 2 ? 2 : 5;
 /// A state with one contact at a depth within the layer.
 template <class Space>
 struct Scene {
+  // NOLINTBEGIN(performance-unnecessary-value-param): all are moved
   Scene(std::mt19937_64& random, std::vector<ContactShape<Space>> shapes,
         std::vector<Obstacle<Space>> obstacles, std::vector<ContactPair> own)
+      // NOLINTEND(performance-unnecessary-value-param)
       : tree(TwoArms<Space>(random)),
         dynamics(tree),
         contact({}, std::move(shapes), std::move(obstacles), std::move(own)),

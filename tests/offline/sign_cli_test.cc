@@ -60,7 +60,6 @@ TEST_F(EditedPrimitive, EveryProgramRefusesItAndNamesTheWaysOut) {
 }
 
 TEST_F(EditedPrimitive, OnceSignedItIsPlayedWithAWarning) {
-  const std::string edited = ReadFile(file_);
   const Outcome signed_now = RunProgram({"tumbler-sign", file_, "--because", "a stronger motor"});
   ASSERT_EQ(signed_now.exit_code, 0) << signed_now.text;
   EXPECT_THAT(signed_now.text, HasSubstr("signed as changed by hand: a stronger motor"));

@@ -142,8 +142,7 @@ TEST(Feedback, TheCorrectionIsThatOfTheLawInDoublePrecision) {
       if (record.state == ExecutorState::kHolding && before == ExecutorState::kHolding) break;
       const double t = static_cast<double>(record.primitive_time_s);
       const bool moving = record.state == ExecutorState::kRunning;
-      const double e =
-          static_cast<double>(std::remainder(pitch + q - PlanAngle(feedback, t), 2 * kPi));
+      const double e = std::remainder(pitch + q - PlanAngle(feedback, t), 2 * kPi);
       const double e_rate = rate - (moving ? speed * PlanRate(feedback, t) : 0.0);
       share = std::min(1.0, share + 1e-3 / static_cast<double>(feedback.fade_in_s));
       EXPECT_NEAR(static_cast<double>(record.sensor.error_rad), e, 2e-4);

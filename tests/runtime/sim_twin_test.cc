@@ -310,9 +310,10 @@ std::vector<Interrupts> InterruptsOfBothGaits() {
   std::vector<Interrupts> all;
   for (unsigned seed = 0; seed < 10; ++seed)
     all.push_back({"gait_" + std::to_string(seed), "gait.toml", "", seed});
-  for (unsigned seed = 0; seed < 2; ++seed)
+  for (unsigned seed = 0; seed < 2; ++seed) {
     all.push_back({"robust_gait_" + std::to_string(seed), "robust/gait.toml",
                    kPrimitives + "robust/drives.toml", seed});
+  }
   return all;
 }
 class SimTwinInterrupted : public SimTwin, public ::testing::WithParamInterface<Interrupts> {};
