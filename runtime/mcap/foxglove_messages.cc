@@ -8,7 +8,7 @@ namespace {
 
 using enum ProtoKind;
 
-const char* const kTime = "google.protobuf.Timestamp";
+const char* const kTimestamp = "google.protobuf.Timestamp";
 
 ProtoField One(const char* name, ProtoKind kind) { return {name, kind}; }
 ProtoField One(const char* name, const char* type) { return {name, kMessage, type}; }
@@ -36,11 +36,12 @@ std::vector<ProtoType> Geometry() {
       {"Color", {One("r", kDouble), One("g", kDouble), One("b", kDouble), One("a", kDouble)}},
       {"KeyValuePair", {One("key", kString), One("value", kString)}},
       {"FrameTransform",
-       {One("timestamp", kTime), One("parent_frame_id", kString), One("child_frame_id", kString),
-        One("translation", "foxglove.Vector3"), One("rotation", "foxglove.Quaternion")}},
+       {One("timestamp", kTimestamp), One("parent_frame_id", kString),
+        One("child_frame_id", kString), One("translation", "foxglove.Vector3"),
+        One("rotation", "foxglove.Quaternion")}},
       {"FrameTransforms", {Many("transforms", "foxglove.FrameTransform")}},
       {"Log",
-       {One("timestamp", kTime),
+       {One("timestamp", kTimestamp),
         {"level", kEnum, "foxglove.Log.Level"},
         One("message", kString),
         One("name", kString),
@@ -99,12 +100,12 @@ std::vector<ProtoType> OtherPrimitives() {
 std::vector<ProtoType> Scenes() {
   return {
       {"SceneEntityDeletion",
-       {One("timestamp", kTime),
+       {One("timestamp", kTimestamp),
         {"type", kEnum, "foxglove.SceneEntityDeletion.Type"},
         One("id", kString)},
        {{"Type", {"MATCHING_ID", "ALL"}}}},
       {"SceneEntity",
-       {One("timestamp", kTime), One("frame_id", kString), One("id", kString),
+       {One("timestamp", kTimestamp), One("frame_id", kString), One("id", kString),
         One("lifetime", "google.protobuf.Duration"), One("frame_locked", kBool),
         Many("metadata", "foxglove.KeyValuePair"), Many("arrows", "foxglove.ArrowPrimitive"),
         Many("cubes", "foxglove.CubePrimitive"), Many("spheres", "foxglove.SpherePrimitive"),
