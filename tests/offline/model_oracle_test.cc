@@ -320,7 +320,8 @@ std::string Options(const std::string& root, const DartRobot& dart,
     if (prescribed[i]) names.push_back(dart.coordinates()[i]);
   }
   std::reverse(names.begin(), names.end());  // The order on the command line does not count.
-  return fmt::format("--root {} --prescribed '{}'", root, Join(names));
+  if (names.empty()) return fmt::format("--root {}", root);
+  return fmt::format("--root {} --prescribed {}", root, Join(names));
 }
 
 TEST(ModelOracle, AgreesWithDartOnRandomFiles) {
