@@ -48,17 +48,27 @@ std::filesystem::path NearestThere(std::filesystem::path folder) {
   return folder;
 }
 
-/// Writes a file to find out whether the folder can be written: permissions tell nothing about a
-/// file system that is mounted read-only, or to the super-user.
+constexpr mode_t kAllMayReadAndWrite = 0666;  // less what the user's mask takes away
+
+/// Opens a file without a name in the folder, which is gone when it is closed or its program ends.
+/// @returns its descriptor, or -1 with `errno` set; EOPNOTSUPP where the file system has none.
+int OpenNameless(const std::filesystem::path& folder) {
+  return open(folder.c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, kAllMayReadAndWrite);
+}
+
+/// Makes a file to find out whether the folder can be written: permissions tell nothing about a
+/// file system that is mounted read-only, or to the super-user. A program that is ended meanwhile
+/// leaves nothing behind where files may have no name.
 void ProbeFolder(const std::filesystem::path& folder, const std::string& path) {
-  const std::filesystem::path probe = folder / fmt::format(".tumbler.{}.tmp", getpid());
-  errno = 0;
-  std::ofstream stream(probe);
+  int probe = OpenNameless(folder);
+  if (probe < 0 && (errno == EOPNOTSUPP || errno == EISDIR || errno == EINVAL)) {
+    const std::filesystem::path named = folder / fmt::format(".tumbler.{}.tmp", getpid());
+    probe = open(named.c_str(), O_CREAT | O_TRUNC | O_WRONLY | O_CLOEXEC, kAllMayReadAndWrite);
+    if (probe >= 0) unlink(named.c_str());
+  }
   const int why = errno;
-  if (!stream) FailWrite(path, fmt::format("{}: {}", folder.string(), SystemMessage(why)));
-  stream.close();
-  std::error_code error;
-  std::filesystem::remove(probe, error);
+  if (probe < 0) FailWrite(path, fmt::format("{}: {}", folder.string(), SystemMessage(why)));
+  close(probe);
 }
 
 /// Checks that a file can be written in the folder, or in the nearest one above it that is there.
@@ -116,8 +126,7 @@ PendingStream::PendingStream(const std::string& path) {
   path_ = std::filesystem::absolute(std::filesystem::weakly_canonical(path));
   temporary_ = fmt::format("{}.{}.tmp", path_.string(), getpid());
   MakeFolderOf(path_.string());
-  constexpr mode_t kAllMayReadAndWrite = 0666;  // less what the user's mask takes away
-  file_ = open(path_.parent_path().c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, kAllMayReadAndWrite);
+  file_ = OpenNameless(path_.parent_path());
   if (file_ >= 0) return;
   file_ = open(temporary_.c_str(), O_CREAT | O_TRUNC | O_WRONLY | O_CLOEXEC, kAllMayReadAndWrite);
   if (file_ < 0) FailWrite(path, SystemMessage(errno));
@@ -157,18 +166,19 @@ void PendingStream::Commit() {
 }
 
 void WriteResult(const std::string& path, const std::string& text) {
-  if (path != "-" && !IsDevice(path)) {
+  const bool standard = path == "-";
+  if (!standard && !IsDevice(path)) {
     PendingFile(path, text).Commit();
     return;
   }
-  std::FILE* const file = path == "-" ? stdout : std::fopen(path.c_str(), "w");
+  std::FILE* const file = standard ? stdout : std::fopen(path.c_str(), "w");
   if (file == nullptr) FailWrite(path, SystemMessage(errno));
   errno = 0;
   bool whole = std::fwrite(text.data(), 1, text.size(), file) == text.size();
   whole = std::fflush(file) == 0 && whole;
   const int why = errno;
-  if (file != stdout) std::fclose(file);
-  if (!whole) FailWrite(path == "-" ? "standard output" : path, SystemMessage(why));
+  if (!standard) std::fclose(file);
+  if (!whole) FailWrite(standard ? "standard output" : path, SystemMessage(why));
 }
 
 void MakeFolderOf(const std::string& path) {

@@ -5,7 +5,7 @@
 #include "common/program.h"
 #include "firmware_interface/drives/error_texts.h"
 #include "runtime/bench/bench_tests.h"
-#include "runtime/bench/commission.h"
+#include "runtime/bench/findings.h"
 
 namespace tumbler {
 namespace {

@@ -4,6 +4,8 @@
 #include <vector>
 
 #include "common/json.h"
+#include "firmware_interface/drives/drives_toml.h"
+#include "runtime/bench/bench_tests.h"
 
 namespace tumbler {
 
@@ -16,15 +18,40 @@ struct BenchFinding {
   bool mended = false;  ///< Whether the drives file that is written has it right.
 };
 
-inline Json ToJson(const std::vector<BenchFinding>& findings) {
-  Json json = Json::Array();
-  for (const BenchFinding& finding : findings) {
-    json.Append({{"kind", finding.kind},
-                 {"subject", finding.subject},
-                 {"text", finding.text},
-                 {"mended", finding.mended}});
-  }
-  return json;
-}
+/// From when on something counts as a finding.
+struct BenchTolerances {
+  double zero_rad = 0.05;       ///< What hands and eyes are good for.
+  double range_rad = 0.1;       ///< Of each end of a joint's way.
+  double lost_share = 0.001;    ///< Of replies.
+  double late_periods = 1;      ///< 99 % of replies within so many periods of the loop.
+  double watchdog_share = 0.2;  ///< By how much a time-out may differ, besides what was resolved.
+};
+
+/// A joint of the robot, as far as commissioning needs it.
+struct BenchJoint {
+  std::string name;
+  double lower_rad = 0;  ///< Ends of its way.
+  double upper_rad = 0;
+  double reference_rad = 0;  ///< The pose in which its zero is found.
+};
+
+/// Judges the replies of a drive.
+std::vector<BenchFinding> JudgeReplies(const std::string& drive, const ReplyResult& result,
+                                       double period_s, const BenchTolerances& tolerances);
+/// Judges a step: more than half of it remains.
+std::vector<BenchFinding> JudgeStep(const std::string& drive, const StepConfig& config,
+                                    const StepResult& result);
+/// Judges the reaction of a drive to silence. No finding is marked as mended.
+std::vector<BenchFinding> JudgeWatchdog(const std::string& drive, const WatchdogResult& result,
+                                        double expected_s, double period_s,
+                                        const BenchTolerances& tolerances);
+/// Compares the way through which a joint was turned with its limits.
+std::vector<BenchFinding> JudgeWay(const BenchJoint& joint, const TurnedResult& turned,
+                                   const BenchTolerances& tolerances);
+/// The joint's position that a drive can be asked for and can report, against the joint's limits.
+std::vector<BenchFinding> JudgeRanges(const std::string& drive, const DriveEntry& entry,
+                                      const BenchJoint& joint);
+
+Json ToJson(const std::vector<BenchFinding>& findings);
 
 }  // namespace tumbler

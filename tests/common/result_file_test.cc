@@ -1,0 +1,31 @@
+#include "common/result_file.h"
+
+#include <gtest/gtest.h>
+#include <sys/inotify.h>
+#include <unistd.h>
+
+#include <array>
+#include <filesystem>
+
+#include "tests/support/files.h"
+
+namespace tumbler {
+namespace {
+
+// A program that is ended by Ctrl-C between two instructions leaves what is there between them.
+TEST(ResultFile, ACheckOfAFolderLeavesNothingBehindWheneverTheProgramIsEnded) {
+  const testing::TemporaryFolder folder;
+  const int watch = inotify_init1(IN_NONBLOCK | IN_CLOEXEC);
+  ASSERT_GE(watch, 0);
+  ASSERT_GE(inotify_add_watch(watch, folder.path().c_str(), IN_CREATE | IN_MOVED_TO), 0);
+  CheckWritable(folder / "result.json");
+  CheckFolderWritable(folder.path());
+  std::array<char, 4096> events{};
+  EXPECT_LE(read(watch, events.data(), events.size()), 0) << "a name appeared in the folder";
+  std::filesystem::create_directory(folder.path() / "seen");
+  EXPECT_GT(read(watch, events.data(), events.size()), 0) << "the watch sees nothing";
+  close(watch);
+}
+
+}  // namespace
+}  // namespace tumbler
