@@ -9,13 +9,23 @@ import unittest
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 BIN = pathlib.Path(sys.argv.pop(1)).resolve()
-PAGES = ["README.md", "docs/generating.md", "docs/simulation.md", "docs/README.md"]
+PAGES = [
+    "README.md",
+    "docs/generating.md",
+    "docs/simulation.md",
+    "docs/README.md",
+    "docs/commissioning.md",
+    "docs/driving.md",
+    "docs/robustness.md",
+]
 
 # What no test can run as it stands, or another test does.
 ELSEWHERE = {
     r"\bv?can0\b": "needs an interface: tests/runtime/*_on_can_test.cc",
     r"^scripts/": "builds the project",
-    r"TASK\.toml|ROBOT\.urdf": "has a name to be filled in",
+    r"TASK\.toml|ROBOT\.urdf|MOTION|robot_as_it_is": "has a name to be filled in",
+    r"--out (primitives/robust/|handstand_feedback)": "takes minutes: scripts/generate-primitives",
+    r"^cmake ": "builds the project",
     r"--realtime": "runs at the pace of the clock",
     r"^candump": "needs an interface",
 }
@@ -35,6 +45,8 @@ def commands(page):
         if output or not line.startswith("    ") or line.startswith("     "):
             if not block:
                 continue
+        if line.startswith("    # ") and not block:
+            continue
         block += line.strip()
         if block.endswith("\\"):
             block = block[:-1]
@@ -61,7 +73,7 @@ class Pages(unittest.TestCase):
                 for command in commands(page):
                     if command in ran or any(re.search(pattern, command) for pattern in ELSEWHERE):
                         continue
-                    self.assertRegex(command, r"^(build/release/bin/|printf |echo )", page)
+                    self.assertRegex(command, r"^(build/release/bin/|printf |echo |sed )", page)
                     done = subprocess.run(
                         ["bash", "-c", command], cwd=folder, capture_output=True, text=True
                     )
@@ -71,6 +83,35 @@ class Pages(unittest.TestCase):
                     )
                     ran.add(command)
             self.assertGreater(len(ran), 12)
+
+    def test_shares_of_robots_in_lanes_are_those_of_the_page(self):
+        page = (ROOT / "docs/robustness.md").read_text()
+        rows = re.findall(
+            r"^\| `(tumbler-robustness [^`]*)` \| ([\d.]+) % \| ([\d.]+) \.\.\. ([\d.]+) % \| (\d+) \|",
+            page,
+            re.M,
+        )
+        # The others are the same program for longer.
+        quick = [
+            row
+            for row in rows
+            if "--lanes" in row[0]
+            and "--cycles" not in row[0]
+            and int(re.search(r"--robots (\d+)", row[0])[1]) <= 4000
+        ]
+        self.assertGreater(len(quick), 2)
+        for command, share, least, most, fell in quick:
+            said = subprocess.run(
+                [BIN / "tumbler-robustness", *command.split()[1:], "--quiet"],
+                cwd=ROOT,
+                capture_output=True,
+                text=True,
+                check=True,
+            ).stdout
+            self.assertIn(f"{share} % (95 %: {least} ... {most} %)", said, command)
+            self.assertRegex(said, rf"fell {fell}\b", command)
+        first = re.search(r"--seed 11 --lanes --report build/robots\n\nsays that ([\d.]+) %", page)
+        self.assertIn(first[1], [row[1] for row in quick if "--robots 1000 " in row[0]])
 
     def test_variables_of_the_environment_are_named(self):
         page = (ROOT / "docs/architecture.md").read_text()
