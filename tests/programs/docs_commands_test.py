@@ -113,6 +113,23 @@ class Pages(unittest.TestCase):
         first = re.search(r"--seed 11 --lanes --report build/robots\n\nsays that ([\d.]+) %", page)
         self.assertIn(first[1], [row[1] for row in quick if "--robots 1000 " in row[0]])
 
+    def test_every_option_of_every_program_is_named(self):
+        pages = "".join(page.read_text() for page in [ROOT / "README.md", *ROOT.glob("docs/**/*.md")])
+        count = 0
+        for program in sorted(BIN.glob("tumbler-*")):
+            def help_of(*subcommand):
+                return subprocess.run(
+                    [program, *subcommand, "--help"], capture_output=True, text=True, check=True
+                ).stdout
+            whole = help_of()
+            commands = re.findall(r"^  ([a-z]\S*) ", whole.partition("\nCommands:\n")[2], re.M)
+            for said in [whole] + [help_of(command) for command in commands]:
+                for option in re.findall(r"^ +(?:-\w, )?(--[\w-]+)", said, re.M):
+                    count += 1
+                    if option not in ("--help", "--version"):
+                        self.assertRegex(pages, rf"{option}\b", program.name)
+        self.assertGreater(count, 150)
+
     def test_variables_of_the_environment_are_named(self):
         page = (ROOT / "docs/architecture.md").read_text()
         names = set()
