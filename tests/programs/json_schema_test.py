@@ -27,6 +27,14 @@ RUNS = [
     ("tumbler-robustness", f"{MOTIONS}/gait.toml --cycles 1 --robots 2", 0),
     ("tumbler-optimize", f"{MOTIONS}/tasks/downstand.toml --start-from {MOTIONS}/handstand.toml", 0),
     ("tumbler-optimize", "QUICK OTHER --minima 1", None),
+] + [
+    ("tumbler-bench", f"sim {command} --drives {MOTIONS}/robots/{drives}.toml --motion {MOTIONS}/handstand.toml", 0)
+    for drives, commands in {
+        "tumbler_drives": ["scan", "read", "identify", "jog leg1", "zero", "check", "step leg1", "watchdog"],
+        "tumbler_drives_cansimple": ["read", "latency --seconds 1", "commission --seconds 1 --write DRIVES --overwrite"],
+        "tumbler_drives_akv3": ["read", "watchdog", "commission --seconds 1 --write DRIVES --overwrite"],
+    }.items()
+    for command in commands
 ]
 
 
@@ -55,6 +63,7 @@ class Schemas(unittest.TestCase):
                 "WEAK": folder / "weak.toml",
                 "QUICK": folder / "handstand.toml",
                 "OTHER": folder / "other.toml",
+                "DRIVES": folder / "drives.toml",
             }
             for program, arguments, status in RUNS:
                 words_of_it = [str(words.get(word, word)) for word in arguments.split()]
