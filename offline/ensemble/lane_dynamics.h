@@ -147,32 +147,75 @@ class LaneDynamics {
         const auto& ground = r_.grounds[g];
         const S d = ground.normal_x * (state.q[0] + px) + ground.normal_z * (state.q[1] + pz) -
                     ground.distance - point.radius;
-        const S x = r_.d_on - d;
-        if (!Any(S(0) < x)) continue;
-        const S cx = px - point.radius * ground.normal_x;
-        const S cz = pz - point.radius * ground.normal_z;
-        const S vx = b.vx - b.w * (cz - b.z);
-        const S vz = b.vz + b.w * (cx - b.x);
-        const S v_d = vx * ground.normal_x + vz * ground.normal_z;
-        const S v_t = vz * ground.normal_x - vx * ground.normal_z;
-        const S s = Clamp(x * per_width_, S(0), S(1));
-        const S beta =
-            m_.quintic ? s * s * s * (S(10) + s * (S(6) * s - S(15))) : s * s * (S(3) - S(2) * s);
-        const S y = r_.stiffness * x - r_.damping * v_d;
-        const S u = Clamp(y * per_full_, S(0), S(1));
-        const S N = beta * (y * (u * (S(2) - u)));
-        const S slip = Clamp(v_t * per_v_max_, S(-1), S(1));
-        const S F = r_.mu * N * (slip * (S(1.5) - S(0.5) * (slip * slip)));
-        // The tangent is the normal turned by -90 degrees: v_t is along (-normal_z, normal_x).
-        const S fx = N * ground.normal_x + F * ground.normal_z;
-        const S fz = N * ground.normal_z - F * ground.normal_x;
-        b.fx -= fx;
-        b.fz -= fz;
-        b.n -= cx * fz - cz * fx;
-        depth_ = Max(depth_, x * per_d_on_);
-        normal_force_ += N;
+        Push(b, {px, pz, point.radius, d, ground.normal_x, ground.normal_z});
       }
+      for (std::size_t g = 0; g < m_.stones; ++g)
+        Push(b, NearPointOf(r_.stones[g], state, px, pz, point.radius));
     }
+  }
+
+  /// A point with a radius that is near an obstacle.
+  struct Near {
+    S px, pz, radius;  ///< The point, relative to the root's origin.
+    S d;               ///< Distance between the surfaces.
+    S normal_x, normal_z;
+  };
+
+  /// As FindNearPointOfCore (contact/shape.h).
+  Near NearPointOf(const typename LaneRobot<S>::Stone& stone, const LaneState<S>& state,
+                   const S& px, const S& pz, const S& radius) const {
+    const S dx = state.q[0] + px - stone.centre_x;
+    const S dz = state.q[1] + pz - stone.centre_z;
+    const S x = stone.cosine * dx + stone.sine * dz;
+    const S z = stone.cosine * dz - stone.sine * dx;
+    const S rest_x = x - Clamp(x, -stone.half_x, stone.half_x);
+    const S rest_z = z - Clamp(z, -stone.half_z, stone.half_z);
+    const S length = Sqrt(rest_x * rest_x + rest_z * rest_z);
+    const auto outside = S(0) < length;
+    const S per_length = S(1) / Select(outside, length, S(1));
+    // Inside the core the normal leads out through the nearest side.
+    const S depth_x = stone.half_x - Max(x, -x);
+    const S depth_z = stone.half_z - Max(z, -z);
+    const auto by_x = depth_x < depth_z;
+    const S side_x = Select(by_x, Select(x < S(0), S(-1), S(1)), S(0));
+    const S side_z = Select(by_x, S(0), Select(z < S(0), S(-1), S(1)));
+    const S nx = Select(outside, rest_x * per_length, side_x);
+    const S nz = Select(outside, rest_z * per_length, side_z);
+    const S d = Select(outside, length, -Min(depth_x, depth_z)) - stone.radius - radius;
+    return {px,
+            pz,
+            radius,
+            d,
+            stone.cosine * nx - stone.sine * nz,
+            stone.sine * nx + stone.cosine * nz};
+  }
+
+  /// Takes the force of one contact from those of a body.
+  void Push(Body& b, const Near& near) {
+    const S x = r_.d_on - near.d;
+    if (!Any(S(0) < x)) return;
+    const S cx = near.px - near.radius * near.normal_x;
+    const S cz = near.pz - near.radius * near.normal_z;
+    const S vx = b.vx - b.w * (cz - b.z);
+    const S vz = b.vz + b.w * (cx - b.x);
+    const S v_d = vx * near.normal_x + vz * near.normal_z;
+    const S v_t = vz * near.normal_x - vx * near.normal_z;
+    const S s = Clamp(x * per_width_, S(0), S(1));
+    const S beta =
+        m_.quintic ? s * s * s * (S(10) + s * (S(6) * s - S(15))) : s * s * (S(3) - S(2) * s);
+    const S y = r_.stiffness * x - r_.damping * v_d;
+    const S u = Clamp(y * per_full_, S(0), S(1));
+    const S N = beta * (y * (u * (S(2) - u)));
+    const S slip = Clamp(v_t * per_v_max_, S(-1), S(1));
+    const S F = r_.mu * N * (slip * (S(1.5) - S(0.5) * (slip * slip)));
+    // The tangent is the normal turned by -90 degrees: v_t is along (-normal_z, normal_x).
+    const S fx = N * near.normal_x + F * near.normal_z;
+    const S fz = N * near.normal_z - F * near.normal_x;
+    b.fx -= fx;
+    b.fz -= fz;
+    b.n -= cx * fz - cz * fx;
+    depth_ = Max(depth_, x * per_d_on_);
+    normal_force_ += N;
   }
 
   /// The forces at qdd = 0, and the joint-space inertia, of which the rows of the lower triangle

@@ -16,6 +16,7 @@ struct LaneModel {
   static constexpr std::size_t kMaxDofs = kMaxJoints + 3;
   static constexpr std::size_t kMaxPoints = 24;
   static constexpr std::size_t kMaxGrounds = 4;
+  static constexpr std::size_t kMaxStones = 4;
 
   /// The joint i moves body i + 1. Its degree of freedom is 3 + i, after x, z and pitch of the
   /// root.
@@ -25,6 +26,7 @@ struct LaneModel {
   std::size_t points = 0;                        ///< Contact points, each with a radius.
   std::array<std::size_t, kMaxPoints> point_body{};
   std::size_t grounds = 0;  ///< Half-spaces.
+  std::size_t stones = 0;   ///< All other obstacles.
   /// Whether the contact law's smoothing is quintic, not cubic.
   bool quintic = false;
 };
@@ -52,6 +54,13 @@ struct LaneRobot {
   struct Ground {
     S normal_x, normal_z, distance;  ///< normal . p = distance on the surface.
   };
+  /// An obstacle that ends: a box with a radius swept around it, as in Shape. Where its sides are 0
+  /// it is a disc or a capsule.
+  struct Stone {
+    S centre_x, centre_z;
+    S cosine, sine;  ///< Of its pitch.
+    S half_x, half_z, radius;
+  };
   S gravity_x, gravity_z;
   S stiffness, damping, mu, v_max, d_on, d_off;  ///< As in ContactLaw.
   S stop_stiffness, stop_damping;
@@ -59,6 +68,7 @@ struct LaneRobot {
   std::array<Joint, LaneModel::kMaxJoints> joints;
   std::array<Point, LaneModel::kMaxPoints> points;
   std::array<Ground, LaneModel::kMaxGrounds> grounds;
+  std::array<Stone, LaneModel::kMaxStones> stones;
 };
 
 /// Positions and velocities of robots: x and z of the root [m], its pitch [rad], then the joints.

@@ -57,10 +57,30 @@ void AddPoints(const Scene& scene, LaneScene& lanes) {
       lanes.robot.points[lanes.model.points++] = {vertex.x(), vertex.y(), shape.shape.radius_m};
     }
   }
+}
+
+/// An obstacle that is no half-space. Its near point is that of a sphere.
+void AddStone(const PlanarRobot& robot, const Obstacle<Plane>& obstacle, LaneScene& lanes) {
+  for (const ContactShape<Plane>& shape : robot.shapes) {
+    if (shape.shape.kind() == ShapeKind::kSphere) continue;
+    throw std::invalid_argument(
+        fmt::format("the obstacle '{}' is no half-space, and the robot's shape {} is no sphere; "
+                    "lanes have one of the two only",
+                    obstacle.name, shape.name));
+  }
+  RequireRoom(lanes.model.stones + 1, LaneModel::kMaxStones, "obstacles that are no half-spaces");
+  const Shape<Plane>& shape = obstacle.shape;
+  const Plane::Vector axis = shape.rotation * Plane::Vector(Plane::Vector::UnitX());
+  lanes.robot.stones[lanes.model.stones++] = {
+      shape.centre.x(),       shape.centre.y(),       axis.x(),      axis.y(),
+      shape.half_extents.x(), shape.half_extents.y(), shape.radius_m};
+}
+
+void AddObstacles(const Scene& scene, LaneScene& lanes) {
   for (const Obstacle<Plane>& obstacle : scene.obstacles) {
     if (!obstacle.shape.half_space) {
-      throw std::invalid_argument(fmt::format(
-          "the obstacle '{}' is no half-space; lanes have half-spaces only", obstacle.name));
+      AddStone(scene.robot, obstacle, lanes);
+      continue;
     }
     RequireRoom(lanes.model.grounds + 1, LaneModel::kMaxGrounds, "half-spaces");
     const Plane::Vector& normal = obstacle.shape.normal;
@@ -75,6 +95,7 @@ LaneScene MakeLaneScene(const Scene& scene, const LaneDrive& drive) {
   LaneScene lanes;
   AddBodies(scene.robot, drive, lanes);
   AddPoints(scene, lanes);
+  AddObstacles(scene, lanes);
   if (scene.contact.damping_law != ContactDamping::kNoPull) {
     throw std::invalid_argument(
         "the contact law pulls or is the printed one; lanes have the one that never pulls");

@@ -90,6 +90,13 @@ struct alignas(Packet) Vectors {
     for (std::size_t i = 0; i < kParts; ++i) c.part[i] = mask.part[i] ? a.part[i] : b.part[i];
     return c;
   }
+  friend Vectors Sqrt(const Vectors& a) {
+    Vectors c;
+    for (std::size_t i = 0; i < kParts; ++i) {
+      for (std::size_t k = 0; k < kWidth; ++k) c.part[i][k] = __builtin_sqrt(a.part[i][k]);
+    }
+    return c;
+  }
   /// Whether any lane of the mask is set.
   friend bool Any(const Mask& mask) {
     using Two = typename NativeVector<2>::Bits;
@@ -101,6 +108,7 @@ struct alignas(Packet) Vectors {
 
 inline double Select(bool condition, double a, double b) { return condition ? a : b; }
 inline bool Any(bool condition) { return condition; }
+inline double Sqrt(double x) { return __builtin_sqrt(x); }
 
 /// The smaller and the larger of two numbers; the second where they are equal or unordered.
 template <class S>

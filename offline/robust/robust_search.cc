@@ -106,6 +106,12 @@ class RobustSearch {
       if (term.targets_pitch() && term.when == CostTerm::When::kSettled)
         tolerance_rad_ = term.tolerance;
     }
+    for (const CostTerm& term : problem.cost) {
+      const bool place = term.kind == CostTerm::Kind::kSquare && !term.of_velocity &&
+                         term.dof < static_cast<int>(kPitch);
+      if (!place || term.when != CostTerm::When::kSettled || term.weight <= 0) continue;
+      places_.push_back({Index(term.dof), term.target, tolerance_rad_ / term.tolerance});
+    }
   }
 
   /// @param guess  a motion to begin with, in place of the first two stages; empty: none.
@@ -470,11 +476,25 @@ class RobustSearch {
     return spline;
   }
 
+  /// How far robots are from what the task asks for: from the target of the pitch [rad], or from a
+  /// place, in as many radians as the tolerance of the pitch is of the place's.
+  [[nodiscard]] std::array<double, kLanes> OffOf(const LaneState<Packet>& state) const {
+    std::array<double, kLanes> off;
+    for (std::size_t lane = 0; lane < kLanes; ++lane) {
+      off[lane] = std::abs(state.q[kPitch].lane(lane) - target_rad_);
+      for (const Place& place : places_) {
+        const double error_m = state.q[place.dof].lane(lane) - place.target_m;
+        off[lane] = std::max(off[lane], std::abs(error_m) * place.rad_per_m);
+      }
+      if (!std::isfinite(off[lane])) off[lane] = 1e3;
+    }
+    return off;
+  }
+
   /// What a robot's end is worth: see SolveRobust.
-  /// @param speed  the root's largest, in the time that is watched.
-  [[nodiscard]] double LossOf(double settled_rad, double later_rad, double speed) const {
-    const double off = std::isfinite(later_rad) ? std::abs(later_rad - target_rad_) : 1e3;
-    const double settled = std::isfinite(settled_rad) ? std::abs(settled_rad - target_rad_) : 1e3;
+  /// @param settled, off  OffOf when the settle phase ends, and later.
+  /// @param speed         the root's largest, in the time that is watched.
+  [[nodiscard]] double LossOf(double settled, double off, double speed) const {
     const double t = 0.96 * tolerance_rad_, w = 1.2 * CostTerm::kRateTolerance;
     if (off < t && settled < t && speed < w) {
       return 0.1 * std::pow(settled / tolerance_rad_, 2) + 0.1 * std::pow(speed / w, 2);
@@ -507,8 +527,7 @@ class RobustSearch {
                               joints_);
       }
       Advance(play, ensemble.robots[p], settled);
-      const Packet pitch = play.state.q[kPitch];
-      double packet = LossAt(play, ensemble.robots[p], pitch, later);
+      double packet = LossAt(play, ensemble.robots[p], OffOf(play.state), later);
       if (feeds_back) packet = 0.5 * (packet + LossAfterPush(play, ensemble.robots[p], later));
       if (p == 0 && packet >= kLanes) return packet / kLanes;
       sum += packet;
@@ -563,16 +582,16 @@ class RobustSearch {
 
   /// Plays on up to a tick, and watches the last of the time until then. @returns the sum of
   /// losses.
-  [[nodiscard]] double LossAt(Play& play, const LaneRobot<Packet>& robots, const Packet& settled,
-                              int end) const {
+  [[nodiscard]] double LossAt(Play& play, const LaneRobot<Packet>& robots,
+                              const std::array<double, kLanes>& settled, int end) const {
     Advance(play, robots, end - Ticks(kWatched_s));
     play.watch = {};
     Advance(play, robots, end);
+    const std::array<double, kLanes> off = OffOf(play.state);
     double sum = 0;
     for (std::size_t lane = 0; lane < kLanes; ++lane) {
       sum += play.faulty[lane] ? kFaultLoss
-                               : LossOf(settled.lane(lane), play.state.q[kPitch].lane(lane),
-                                        play.watch.root_speed.lane(lane));
+                               : LossOf(settled[lane], off[lane], play.watch.root_speed.lane(lane));
     }
     return sum;
   }
@@ -591,8 +610,7 @@ class RobustSearch {
     Advance(play, pushed, since + Ticks(kPush_s));
     const int end = play.tick + Ticks(kAfterPush_s);
     Advance(play, robots, end - Ticks(kWatched_s) - 1);
-    const Packet pitch = play.state.q[kPitch];
-    return LossAt(play, robots, pitch, end);
+    return LossAt(play, robots, OffOf(play.state), end);
   }
 
   /// Losses of motions, penalties included.
@@ -726,10 +744,10 @@ class RobustSearch {
     HeldSetpoints<Packet> held = model_.held;
     LaneWatch<Packet> watch;
     kernel_.drive(lanes_.model, model_.robots.front(), model_.steps, setpoints, held, state, watch);
+    const std::array<double, kLanes> off = OffOf(state);
     for (std::size_t lane = 0; lane < kLanes; ++lane) {
-      const double off = std::abs(state.q[kPitch].lane(lane) - target_rad_) +
-                         0.1 * std::min(5.0, std::abs(state.v[kPitch].lane(lane)));
-      out[lane].loss += std::isfinite(off) ? off : 1e3;
+      const double loss = off[lane] + 0.1 * std::min(5.0, std::abs(state.v[kPitch].lane(lane)));
+      out[lane].loss += std::isfinite(loss) ? loss : 1e3;
     }
   }
 
@@ -783,6 +801,13 @@ class RobustSearch {
   std::size_t joints_;
   LaneScene lanes_;
   Ensemble model_;  ///< Of robots that are all the model.
+  /// Where the root is to be: a target of its x or z.
+  struct Place {
+    std::size_t dof = 0;
+    double target_m = 0;
+    double rad_per_m = 0;  ///< Tolerance of the pitch for that of the place.
+  };
+  std::vector<Place> places_;
   double target_rad_ = 0;
   double tolerance_rad_ = CostTerm::kAngleTolerance_rad;
   int stage_ = 0;

@@ -15,7 +15,7 @@ namespace tumbler {
 ///    1.25 times as large, and the best with `polish_robots`.
 ///
 /// A robot follows the motion through its drives, with the plan's torques as feed-forward. What is
-/// minimised is the mean over the robots of how far they are from standing at the target: less than
+/// minimised is the mean over the robots of how far they are from resting at the targets: less than
 /// 0.2 for one that does what the motion's purpose asks for, 0.35 ... 0.65 for one that is near,
 /// and more than 1 for one that fell; and penalties for limits that the plan itself does not keep.
 ///

@@ -61,6 +61,7 @@ LaneRobot<double> RandomRobot(const LaneScene& scene, std::mt19937_64& random) {
   const double slope = Uniform(random, -0.05, 0.05);
   robot.grounds[0].normal_x = -std::sin(slope);
   robot.grounds[0].normal_z = std::cos(slope);
+  for (std::size_t k = 0; k < scene.model.stones; ++k) vary(robot.stones[k].half_x);
   return robot;
 }
 
@@ -97,7 +98,10 @@ std::vector<LaneSetpoint<Packet>> InAllLanes(const std::vector<LaneSetpoint<doub
 
 TEST(Lanes, EveryLaneOfEveryKernelGetsTheBitsOfOneRobotAlone) {
   const PrimitiveFile file = Handstand();
-  const LaneScene scene = MakeLaneScene(TaskOf(file).problem.scene, {});
+  Scene with_stone = TaskOf(file).problem.scene;  // under the foot that the robot begins on
+  with_stone.obstacles.push_back(
+      {"stone", Shape<Plane>::Box({-0.2, 0}, {}, Plane::Vector(0.3, 0.004))});
+  const LaneScene scene = MakeLaneScene(with_stone, {});
   const auto setpoints = SetpointsOf(file.primitive, 0.5);
   const auto in_lanes = InAllLanes(setpoints);
   std::mt19937_64 random(1);
@@ -217,6 +221,41 @@ TEST(Lanes, AccelerationsAreThoseOfTheSceneDynamics) {
   EXPECT_GT(touching, 100);
 }
 
+TEST(Lanes, AccelerationsOnObstaclesThatEndAreThoseOfTheSceneDynamics) {
+  BothDynamics both(false);
+  both.scene.obstacles.clear();
+  both.scene.obstacles.push_back(
+      {"box", Shape<Plane>::Box({0.2, -0.3}, Plane::RotationBy(1, 0.2), Plane::Vector(0.3, 0.4))});
+  both.scene.obstacles.push_back({"disc", Shape<Plane>::Sphere({-0.3, 0.2}, 0.2)});
+  both.scene.obstacles.push_back(
+      {"rail", Shape<Plane>::Capsule({0.1, 0.6}, Plane::RotationBy(1, -0.4), 0.3, 0.05)});
+  both.lanes = MakeLaneScene(both.scene, {.viscous_friction_nm_s_per_rad = 0});
+  both.one = std::make_unique<SceneDynamics>(both.scene);
+  LaneDynamics<double> lanes(both.lanes.model, both.lanes.robot);
+  std::mt19937_64 random(5);
+  int touching = 0, inside = 0;
+  for (int trial = 0; trial < 1000; ++trial) {
+    LaneState<double> state = both.Place(random);
+    state.q[0] = both.one->q[0] = Uniform(random, -0.5, 0.5);
+    both.one->Touch();
+    LaneDynamics<double>::Numbers tau{}, qdd{};
+    both.one->tau.fill(0);
+    both.one->Solve();
+    lanes.Accelerate(state, tau, qdd);
+    double force = 0;
+    for (const auto& contact : both.one->contact->active()) {
+      force += contact.normal_force_n;
+      inside += contact.depth_m > 0.05 ? 1 : 0;
+    }
+    touching += force > 0 ? 1 : 0;
+    EXPECT_NEAR(lanes.normal_force(), force, 1e-9 * (1 + force));
+    for (std::size_t i = 0; i < 5; ++i)
+      EXPECT_NEAR(qdd[i], both.one->qdd[i], 1e-9 * (1 + std::abs(both.one->qdd[i]) + force)) << i;
+  }
+  EXPECT_GT(touching, 200);
+  EXPECT_GT(inside, 20);
+}
+
 TEST(Lanes, TorquesOfPrescribedJointsAreThoseOfTheSceneDynamics) {
   BothDynamics both(true);
   LaneDynamics<double> lanes(both.lanes.model, both.lanes.robot);
@@ -308,8 +347,12 @@ TEST(Lanes, AScenePartThatLanesDoNotHaveIsRefusedByName) {
   Scene scene = HandstandProblem().scene;
   EXPECT_EQ(RefusalOf(scene), "");
   scene.obstacles.push_back({"stone", Shape<Plane>::Sphere({0, 0}, 0.1)});
+  EXPECT_EQ(RefusalOf(scene), "");
+  scene.robot.shapes.front().shape.half_extents[0] = 0.01;
   EXPECT_NE(RefusalOf(scene).find("'stone' is no half-space"), std::string::npos);
+  EXPECT_NE(RefusalOf(scene).find("is no sphere"), std::string::npos);
   scene.obstacles.pop_back();
+  EXPECT_EQ(RefusalOf(scene), "");
   scene.contact.damping_law = ContactDamping::kSigned;
   EXPECT_NE(RefusalOf(scene).find("contact law"), std::string::npos);
   scene.contact.damping_law = ContactDamping::kNoPull;

@@ -208,6 +208,18 @@ TEST(LaneFeedback, CorrectsByGainsWithinLimitsAndFadesInAsTheExecutorDoes) {
   EXPECT_EQ(CorrectionAfter(100, LawOf(2, 0), 0.6, 0), 0) << "too far off";
 }
 
+TEST(RobustSearch, ATargetOfTheRootsPlaceIsLookedAt) {
+  const Problem near = ProblemOf(QuickRobustTask());
+  Problem far = near;
+  far.cost.push_back({CostTerm::Kind::kSquare, CostTerm::When::kSettled, 1.0, 0, false, 5.0});
+  far.cost.back().tolerance = CostTerm::kLengthTolerance_m;
+  const SolveOptions options;
+  const double here = SolveRobust(near, options).history.back().cost;
+  const double there = SolveRobust(far, options).history.back().cost;
+  EXPECT_LT(here, 0.5);
+  EXPECT_GT(there, 1) << "robots that stay where they are count as being 5 m away";
+}
+
 TEST(RobustTask, TheKeysOfAFeedbackAreReadAndItsLinkHasToBeOne) {
   const Problem problem = ProblemOf(
       QuickRobustTask("[robust.feedback]\nlink = \"middle\"\npush_n = 2.0\ndelay_s = 0.002\n"));
@@ -256,11 +268,16 @@ TEST(RobustTask, ATaskThatRobotsCannotBeJudgedByIsRefusedWithTheRemedy) {
       "target = 0.1");
   EXPECT_NE(RefusalOf(aimless).find("the task asks for none"), std::string::npos)
       << RefusalOf(aimless);
-  const std::string stone = QuickRobustTask() +
-                            "\n[[obstacle]]\nname = \"stone\"\nkind = \"sphere\"\n"
-                            "centre_m = [3.0, 0.0]\nradius_m = 0.1\n";
-  EXPECT_NE(RefusalOf(stone).find("'stone' is no half-space"), std::string::npos)
-      << RefusalOf(stone);
+  std::string stones = QuickRobustTask();
+  for (int i = 0; i < 5; ++i) {
+    stones += fmt::format(
+        "\n[[obstacle]]\nname = \"stone {0}\"\nkind = \"sphere\"\n"
+        "centre_m = [3.{0}, 0.0]\nradius_m = 0.1\n",
+        i);
+  }
+  EXPECT_NE(RefusalOf(stones).find("there are 5 obstacles that are no half-spaces"),
+            std::string::npos)
+      << RefusalOf(stones);
 }
 
 }  // namespace
