@@ -217,6 +217,13 @@ std::string GraphText(const SequenceGraph<float>& graph) {
     line("  g.partner[{}] = {};\n", j, graph.partner[j]);
   line("  g.swap_pitch_rad = {};\n", Exact(graph.swap_pitch_rad));
   line("  g.end = tumbler::RunEnd::{};\n", NameOf(graph.end));
+  line("  g.beginning_count = {};\n  g.beginning_within_rad = {};\n", graph.beginning_count,
+       Exact(graph.beginning_within_rad));
+  for (int b = 0; b < graph.beginning_count; ++b) {
+    const SequenceBeginning<float>& beginning = graph.beginnings()[static_cast<std::size_t>(b)];
+    line("  g.beginning_storage[{}] = {{{}, {}}};\n", b, beginning.node,
+         Exact(beginning.pitch_rad));
+  }
   return out + "  return g;\n";
 }
 

@@ -61,6 +61,13 @@ struct SequenceEdge {
   FixedString<32> branch;  ///< Name of the branch; empty unless the condition is kBranch.
 };
 
+/// How the robot may lie when a run begins with a node.
+template <typename Scalar>
+struct SequenceBeginning {
+  int node = 0;          ///< Index of the node.
+  Scalar pitch_rad = 0;  ///< Of the root; of the robot, not of the node's roles.
+};
+
 /// The order in which primitives may follow each other. Nodes play primitives, edges are allowed
 /// transitions. Pure data of fixed size; freestanding.
 ///
@@ -84,7 +91,23 @@ struct SequenceGraph {
   /// How far the root is turned where roles are exchanged: the robot's pitch less the primitive's.
   Scalar swap_pitch_rad = 0;
   RunEnd end = RunEnd::kSafe;
+  /// The nodes with which a run may begin, `start` among them, all with the joints where `start`
+  /// has them first. None: a run begins with `start`, however the robot lies.
+  int beginning_count = 0;
+  std::array<SequenceBeginning<Scalar>, kMaxSequenceNodes> beginning_storage;
+  /// How far the measured pitch may be from that of a beginning.
+  Scalar beginning_within_rad = 0;
 
+  [[nodiscard]] constexpr std::span<const SequenceBeginning<Scalar>> beginnings() const noexcept {
+    return {beginning_storage.data(), static_cast<std::size_t>(beginning_count)};
+  }
+  /// Whether a run may begin with this node.
+  [[nodiscard]] constexpr bool MayBegin(int node_index) const noexcept {
+    for (const SequenceBeginning<Scalar>& beginning : beginnings()) {
+      if (beginning.node == node_index) return true;
+    }
+    return node_index == start;
+  }
   [[nodiscard]] constexpr std::span<const SequenceNode> nodes() const noexcept {
     return {node_storage.data(), static_cast<std::size_t>(node_count)};
   }

@@ -149,6 +149,36 @@ constexpr std::array kStartKeys = {
         .Allowed("a node"),
 };
 
+void ReadBeginnings(TomlTable& table, std::string_view key, SequenceFile& file) {
+  Graph& graph = file.graph;
+  const auto add = [&](int node) {
+    const double pitch_rad = file.RobotPitch(node, file.PrimitiveOf(node).entry.root_pitch_rad);
+    graph.beginning_storage[Index(graph.beginning_count++)] = {node, pitch_rad};
+  };
+  add(graph.start);
+  for (const std::string& name : table.Strings(key)) {
+    const int node = graph.FindNode(name);
+    if (node < 0) table.Fail(key, fmt::format("has '{}', which is no node", name));
+    if (graph.MayBegin(node))
+      table.Fail(key, fmt::format("has '{}' twice, or it is `start`, which is always one", name));
+    add(node);
+  }
+}
+
+constexpr std::array kBeginKeys = {
+    KeyReadBy<SequenceFile>("nodes", ReadBeginnings,
+                            "with which a run may begin besides `start`: the robot lies as at "
+                            "their start")
+        .Required()
+        .Allowed("nodes whose joints begin where those of `start` do"),
+    KeyOf<&SequenceFile::begin_link>("link", "the root link, which has the sensor if there is one")
+        .Required()
+        .Allowed("a link of the robot"),
+    KeyOf<&SequenceFile::begin_within_rad>("within_rad", {0, kPi / 2, true},
+                                           "how far the measured pitch may be from that of a node")
+        .Allowed("above 0, to pi/2"),
+};
+
 struct EdgeEntry : SequenceEdge<double> {
   const SequenceFile* file = nullptr;  // has the nodes
 
@@ -206,6 +236,7 @@ class SequenceReader {
     ReadNodes();
     ReadEdges();
     ReadKeys(root_, kStartKeys, file_);
+    ReadBegin();
     root_.RejectUnknownKeys();
     CheckNodes();
     CheckGraph();
@@ -344,6 +375,48 @@ class SequenceReader {
     }
   }
 
+  void ReadBegin() {
+    std::optional<TomlTable> table = root_.OptionalTable("begin");
+    if (!table) return;
+    ReadKeys(*table, kBeginKeys, file_);
+    Graph& graph = file_.graph;
+    graph.beginning_within_rad = file_.begin_within_rad;
+    for (int b = 0; b < graph.beginning_count; ++b) {
+      const SequenceBeginning<double>& beginning = graph.beginning_storage[Index(b)];
+      const std::string_view name = graph.node(beginning.node).name.view();
+      CheckFirstPositions(*table, beginning.node);
+      for (int other = 0; other < b; ++other) {
+        const SequenceBeginning<double>& before = graph.beginning_storage[Index(other)];
+        const double apart_rad = std::abs(NearestTurn(beginning.pitch_rad - before.pitch_rad));
+        if (apart_rad > 2 * file_.begin_within_rad) continue;
+        table->Fail("nodes",
+                    fmt::format("has '{}', which begins {} rad of pitch from '{}': it could not be "
+                                "told which to take; allowed: above twice within_rad, {} rad",
+                                name, MessageNumber(apart_rad), graph.node(before.node).name.view(),
+                                MessageNumber(2 * file_.begin_within_rad)));
+      }
+    }
+  }
+
+  /// Throws unless the joints begin in this node where they do in the start node.
+  void CheckFirstPositions(const TomlTable& table, int node) const {
+    const Graph& graph = file_.graph;
+    const auto first = [&](int of, int j) {
+      const Motion& path = file_.PrimitiveOf(of).primitive.joints[Index(graph.RoleOf(of, j))];
+      return path.position.control_points().front();
+    };
+    for (int j = 0; j < file_.primitives.front().primitive.joint_count; ++j) {
+      const double here = first(node, j), start = first(graph.start, j);
+      const double tolerance = file_.tolerances.joint_position_rad;
+      if (std::abs(here - start) <= tolerance) continue;
+      table.Fail("nodes", fmt::format("has '{}', in which joint '{}' begins at {} rad, and in '{}' "
+                                      "at {} rad; allowed: {} rad apart",
+                                      graph.node(node).name.view(), JointName(file_, Index(j)),
+                                      MessageNumber(here), graph.node(graph.start).name.view(),
+                                      MessageNumber(start), MessageNumber(tolerance)));
+    }
+  }
+
   [[noreturn]] void FailNode(int node, const std::string& problem) const {
     throw FileError(file_.path, file_.node_lines[Index(node)], node_keys_[Index(node)], problem);
   }
@@ -360,6 +433,11 @@ class SequenceReader {
     std::vector<bool> reached(Index(graph.node_count), false);
     std::vector<int> open = {graph.start};
     reached[Index(graph.start)] = true;
+    for (const SequenceBeginning<double>& beginning : graph.beginnings()) {
+      if (reached[Index(beginning.node)]) continue;
+      reached[Index(beginning.node)] = true;
+      open.push_back(beginning.node);
+    }
     while (!open.empty()) {
       const int node = open.back();
       open.pop_back();
@@ -476,6 +554,7 @@ std::vector<KeyTable> SequenceKeyTables() {
           {source, "swap", RowsOf(kSwapKeys)},
           {source, "node", RowsOf(kNodeKeys)},
           {source, "edge", RowsOf(kEdgeKeys)},
+          {source, "begin", RowsOf(kBeginKeys)},
           {source, "tolerances", RowsOf(kToleranceKeys)}};
 }
 
@@ -584,6 +663,12 @@ Sequence<float> ToRuntime(const SequenceFile& file) {
   graph.partner = from.partner;
   graph.swap_pitch_rad = static_cast<float>(file.swap_root_pitch_rad);
   graph.end = from.end;
+  graph.beginning_count = from.beginning_count;
+  graph.beginning_within_rad = static_cast<float>(from.beginning_within_rad);
+  for (std::size_t b = 0; b < from.beginnings().size(); ++b) {
+    graph.beginning_storage[b] = {from.beginnings()[b].node,
+                                  static_cast<float>(from.beginnings()[b].pitch_rad)};
+  }
   for (int e = 0; e < from.edge_count; ++e) {
     const SequenceEdge<double>& edge = from.edge(e);
     graph.edge_storage[Index(e)] = {edge.from, edge.to, static_cast<float>(edge.settle_s),

@@ -35,6 +35,8 @@ struct SequenceFile {
   std::vector<std::string> primitive_names;  ///< Their names in the file, in the same order.
   JoinTolerances tolerances;
   double swap_root_pitch_rad = 0;  ///< How far the root is turned where roles are exchanged.
+  std::string begin_link;          ///< Whose pitch `graph.beginnings()` are about: the root.
+  double begin_within_rad = 0.3;   ///< `graph.beginning_within_rad`; poses of rest are far apart.
   /// For each node, how far the root's pitch may end from the recorded exit in a simulation.
   std::vector<double> exit_pitch_tolerance_rad;
 

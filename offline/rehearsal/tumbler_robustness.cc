@@ -98,6 +98,10 @@ void Declare(CommandLine& line, Arguments& arguments) {
             "axes or late, one after the other");
   const auto lanes = line.Flag("--lanes", study.lanes,
                                "Play robots in lanes, some seventy times as fast as in the twin");
+  line.Flag("--drops", study.drops,
+            "First drop each robot without torque, in a random pose: it has to get up from where "
+            "it lies, by its sensor's pitch where the motion has several beginnings")
+      .Excludes(lanes);
   line.Flag("--compare-lanes", arguments.compare_lanes,
             "Play them both ways, and tell on how many the verdicts agree")
       .Excludes(lanes);
@@ -156,7 +160,14 @@ void Check(Arguments& arguments) {
   } else if (motion.graph.edge_count > 0 && study.run.cycles == 0) {
     throw UsageError("--cycles", fmt::format("{} goes on for ever; say how many", study.motion));
   }
+  if (study.drops && (study.disturbs() || arguments.compare_lanes)) {
+    throw UsageError("--drops",
+                     "is played in the twin, and nothing else happens to robots that are dropped; "
+                     "leave out --push, --sensor-faults and --compare-lanes");
+  }
   if (arguments.certify) {
+    if (study.drops)
+      throw UsageError("--certify", "a certificate has no place for drops; leave out --drops");
     if (!study.twin.empty())
       throw UsageError("--certify", "a certificate is about the plain twin; leave out --twin");
     if (study.disturbs()) {

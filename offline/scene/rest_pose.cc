@@ -50,6 +50,12 @@ bool AtRest(const SceneDynamics& robot) {
 
 }  // namespace
 
+double TouchingHeight(const Scene& scene, const std::vector<double>& q) {
+  SceneDynamics robot(scene);
+  std::copy(q.begin(), q.end(), robot.q.begin());
+  return LowestHeight(robot, scene);
+}
+
 std::vector<double> RestPose(const Scene& scene, std::vector<double> q) {
   SceneDynamics robot(scene);
   const double pitch = q[kPitch];

@@ -6,6 +6,11 @@
 
 namespace tumbler {
 
+/// The height of the root at which the robot just touches the obstacles [m].
+/// @param q  positions of all degrees of freedom [m, rad]; the root's height is not used.
+/// @throws std::runtime_error  when the robot cannot be put above the obstacles.
+double TouchingHeight(const Scene& scene, const std::vector<double>& q);
+
 /// Finds the pose in which the robot rests on the obstacles. A simulation puts the robot just above
 /// them, lets it go, and holds its joints until nothing moves any more.
 /// @param q  positions of all degrees of freedom [m, rad]. The joints keep theirs. The root begins

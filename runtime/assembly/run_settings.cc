@@ -23,6 +23,7 @@ ExecutorConfig ExecutorConfigOf(const RunSettings& settings, const DrivesConfig&
   ExecutorConfig config;
   config.cycles = settings.cycles;
   config.branch = settings.branch;
+  config.begin = settings.begin;
   config.period_s = static_cast<float>(1 / drives.rate_hz);
   config.start_way_max_rad = static_cast<float>(settings.start_within_rad);
   config.speed = static_cast<float>(settings.speed);

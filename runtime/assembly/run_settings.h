@@ -16,6 +16,7 @@ struct RunSettings {
   double speed = 1;       ///< 0.1 ... 1; see ExecutorConfig.
   int cycles = 0;         ///< Of a sequence; see ExecutorConfig.
   int branch = -1;        ///< Number of the branch after these cycles; see ExecutorConfig.
+  int begin = -1;         ///< Node with which the run begins, by the operator; see ExecutorConfig.
   double hold_s = 2;      ///< Hold after the motion has settled.
   bool attended = false;  ///< See RunProcedureConfig.
   bool clear = false;     ///< Whether the drives are to forget latched errors before arming.

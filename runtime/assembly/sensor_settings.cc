@@ -59,6 +59,12 @@ SensorSettings SensorSettingsOf(const SensorEntry& entry, const SequenceFile& mo
   for (std::size_t i = 0; i < 3; ++i) {
     for (std::size_t k = 0; k < 3; ++k) settings.mounting[i][k] = static_cast<float>(rows[i][k]);
   }
+  if (!motion.begin_link.empty() && motion.begin_link != entry.link) {
+    throw Refused(
+        fmt::format("the sensor is on link '{}', and how the robot lies is told by the pitch of "
+                    "'{}' (`link` of [begin] in {}): correct one of them",
+                    entry.link, motion.begin_link, motion.path));
+  }
   const std::vector<double> chain = ChainOf(entry.link, motion);
   for (std::size_t j = 0; j < chain.size(); ++j) settings.chain[j] = static_cast<float>(chain[j]);
   settings.age_ticks_max = std::max(1, static_cast<int>(std::floor(entry.age_max_s * rate_hz)));

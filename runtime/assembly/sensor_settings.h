@@ -10,7 +10,7 @@ namespace tumbler {
 /// from the chains of the motion's primitives with feedback.
 /// @param rate_hz  of the control loop.
 /// @throws Refused  naming a primitive with feedback that does not know the sensor's link, or two
-/// that do not agree about it.
+/// that do not agree about it; and when the sequence is about the pitch of another link.
 [[nodiscard]] SensorSettings SensorSettingsOf(const SensorEntry& entry, const SequenceFile& motion,
                                               double rate_hz);
 

@@ -133,7 +133,8 @@ class Executor {
   [[nodiscard]] RefusalDetail CheckArm() const noexcept;
   [[nodiscard]] RefusalDetail CheckKnown(int joint) const noexcept;
   [[nodiscard]] RefusalDetail CheckMove() const noexcept;
-  [[nodiscard]] RefusalDetail CheckRun() const noexcept;
+  [[nodiscard]] RefusalDetail CheckRun(int& node) const noexcept;
+  [[nodiscard]] RefusalDetail FindBeginning(int& node) const noexcept;
   [[nodiscard]] RefusalDetail CheckGoHome() const noexcept;
   [[nodiscard]] const JointMotion<float>& FirstMotion(int joint) const noexcept;
 

@@ -1,5 +1,6 @@
 // The operator's commands, and their refusals.
 
+#include "common/feedback.h"
 #include "runtime/core/executor.h"
 #include "runtime/core/numbers.h"
 
@@ -9,6 +10,13 @@ namespace {
 /// A run may start when the commanded position is this near to the primitive's first one. A move to
 /// the start ends there, but for the rounding of floats and limits.
 constexpr float kAtStart_rad = 1e-4F;
+
+/// A limp joint leans on its stop, which gives way. Arming takes it this far outside its limits;
+/// its setpoints begin at the limit.
+constexpr float kAtStop_rad = 0.02F;
+
+/// A robot that turns faster than this does not lie yet. Its sensor's noise is a tenth of it.
+constexpr float kLying_rad_s = 0.2F;
 
 }  // namespace
 
@@ -28,15 +36,17 @@ void Executor::Obey(const TickInput& input) noexcept {
       SetNode(graph_.start);
       StartMove();
       return;
-    case OperatorCommand::kRun:
-      refusal_ = CheckRun();
+    case OperatorCommand::kRun: {
+      int node = graph_.start;
+      refusal_ = CheckRun(node);
       if (refusal_.refusal != Refusal::kNone) return;
-      SetNode(graph_.start);
+      SetNode(node);
       cycles_done_ = 0;
       wanted_branch_ = -1;
       branched_ = finish_ = false;
       Enter(ExecutorState::kRunning);
       return;
+    }
     case OperatorCommand::kStop: {
       if (state_ == ExecutorState::kDisarmed || state_ == ExecutorState::kHolding ||
           state_ == ExecutorState::kStopping) {
@@ -121,8 +131,8 @@ RefusalDetail Executor::CheckArm() const noexcept {
               DetailNumber::Real(temperature_max_c), Refusal::kTooHot, name};
     }
     if (const RefusalDetail moved = CheckKnown(i); moved.refusal != Refusal::kNone) return moved;
-    if (!joint.IsMeasuredFinite() ||
-        !InRange(position, joint.limits.position_min_rad, joint.limits.position_max_rad)) {
+    if (!joint.IsMeasuredFinite() || !InRange(position, joint.limits.position_min_rad - kAtStop_rad,
+                                              joint.limits.position_max_rad + kAtStop_rad)) {
       const bool below = position < joint.limits.position_min_rad;
       return {
           DetailNumber::Real(position),
@@ -197,10 +207,39 @@ RefusalDetail Executor::CheckGoHome() const noexcept {
   return {};
 }
 
-RefusalDetail Executor::CheckRun() const noexcept {
+/// Finds the node with which a run begins, by how the robot lies.
+RefusalDetail Executor::FindBeginning(int& node) const noexcept {
+  const bool told = config_.begin >= 0;
+  node = told ? config_.begin : graph_.start;
+  if (sensor_ == nullptr || graph_.beginning_count == 0) return {};
+  const SensorStatus status = sensor_watch_.status();
+  if (status != SensorStatus::kOk) {
+    if (told) return {};  // Where the sensor is silent, somebody else has looked.
+    return {DetailNumber::Integer(static_cast<std::int64_t>(status)),
+            DetailNumber::Integer(static_cast<std::int64_t>(SensorStatus::kOk)),
+            Refusal::kPitchUnknown, -1};
+  }
+  const float rate = Magnitude(sensor_watch_.rate_rad_s());
+  if (!(rate <= kLying_rad_s))
+    return {DetailNumber::Real(rate), DetailNumber::Real(kLying_rad_s), Refusal::kNotAtRest, -1};
+  float nearest = 1e9F;
+  for (const SequenceBeginning<float>& beginning : graph_.beginnings()) {
+    if (told && beginning.node != config_.begin) continue;
+    const float off = Magnitude(WithoutTurns(sensor_watch_.pitch_rad() - beginning.pitch_rad));
+    if (!(off < nearest)) continue;
+    nearest = off;
+    node = beginning.node;
+  }
+  if (nearest <= graph_.beginning_within_rad) return {};
+  return {DetailNumber::Real(nearest), DetailNumber::Real(graph_.beginning_within_rad),
+          Refusal::kLiesOtherwise, -1};
+}
+
+RefusalDetail Executor::CheckRun(int& node) const noexcept {
   if (state_ != ExecutorState::kHolding || lowering_) return {{}, {}, Refusal::kWrongState, -1};
-  const float tolerance = primitives_[static_cast<std::size_t>(graph_.node(graph_.start).primitive)]
-                              .entry_tolerance_rad;
+  if (const RefusalDetail lies = FindBeginning(node); lies.refusal != Refusal::kNone) return lies;
+  const float tolerance =
+      primitives_[static_cast<std::size_t>(graph_.node(node).primitive)].entry_tolerance_rad;
   for (int i = 0; i < joint_count_; ++i) {
     const Joint& joint = joints_[static_cast<std::size_t>(i)];
     const auto name = static_cast<std::int8_t>(i);

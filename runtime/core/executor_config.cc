@@ -34,8 +34,15 @@ bool IsValid(const ExecutorConfig& config, int joint_count) noexcept {
 bool IsValid(const SequenceGraph<float>& graph, int primitive_count) noexcept {
   const auto within = [](int i, int count) { return i >= 0 && i < count; };
   if (graph.node_count > kMaxSequenceNodes || graph.edge_count > kMaxSequenceEdges ||
-      !within(graph.start, graph.node_count) || graph.edge_count < 0) {
+      !within(graph.start, graph.node_count) || graph.edge_count < 0 || graph.beginning_count < 0 ||
+      graph.beginning_count > kMaxSequenceNodes) {
     return false;
+  }
+  for (const SequenceBeginning<float>& beginning : graph.beginnings()) {
+    if (!within(beginning.node, graph.node_count) || !IsFinite(beginning.pitch_rad) ||
+        !InRange(graph.beginning_within_rad, 0, 3.2F)) {
+      return false;
+    }
   }
   for (const SequenceNode& node : graph.nodes()) {
     if (!within(node.primitive, primitive_count)) return false;
@@ -117,7 +124,8 @@ bool IsPlayable(const ExecutorConfig& config, const SequenceGraph<float>& graph,
                 std::span<const Primitive<float>> primitives, int joint_count) noexcept {
   if (!IsFinite(graph.swap_pitch_rad)) return false;
   if (joint_count < 1 || joint_count > kMaxJoints || !IsValid(config, joint_count) ||
-      !IsValid(graph, static_cast<int>(primitives.size())) || config.branch >= graph.edge_count) {
+      !IsValid(graph, static_cast<int>(primitives.size())) || config.branch >= graph.edge_count ||
+      (config.begin >= 0 && !graph.MayBegin(config.begin))) {
     return false;
   }
   return std::ranges::all_of(primitives, [&](const Primitive<float>& primitive) {

@@ -81,6 +81,9 @@ struct ExecutorConfig {
   /// without a branch, the sequence then goes on until a stop.
   int cycles = 0;
   int branch = -1;
+  /// The node with which a run begins, by the operator's word; -1: by the sensor's pitch, where the
+  /// sequence has several beginnings and there is a sensor, and else the start node.
+  int begin = -1;
   std::array<JointConfig, kMaxJoints> joints;
   FaultTable reactions;
   CollapseConfig collapse;

@@ -251,11 +251,13 @@ enum class DetailUnit : std::uint8_t {
   kControllerState,  ///< `CanControllerState`
   kBranch,           ///< The number of a branch.
   kRadians,
+  kRadiansPerSecond,
   kCelsius,
 };
 /// Whether numbers of this unit are integers.
 [[nodiscard]] constexpr bool IsInteger(DetailUnit unit) noexcept {
-  return unit != DetailUnit::kRadians && unit != DetailUnit::kCelsius;
+  return unit != DetailUnit::kRadians && unit != DetailUnit::kRadiansPerSecond &&
+         unit != DetailUnit::kCelsius;
 }
 [[nodiscard]] DetailUnit UnitOf(Fault fault) noexcept;
 

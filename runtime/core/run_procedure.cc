@@ -23,6 +23,13 @@ bool IsHeld(const TickRecord& last, std::int64_t age_ticks_max) noexcept {
   return last.reaction <= Reaction::kHold;
 }
 
+/// Whether it may pass within a moment that a run cannot begin: the robot or its joints still move,
+/// or a report of the sensor is late.
+bool MayPass(Refusal refusal) noexcept {
+  return refusal == Refusal::kOutsideStartSet || refusal == Refusal::kNotAtRest ||
+         refusal == Refusal::kLiesOtherwise || refusal == Refusal::kPitchUnknown;
+}
+
 bool IsFaulty(const TickRecord& last) noexcept { return last.first_fault.fault != Fault::kNone; }
 
 /// Whether there is a fault beside the operator's stop, which is latched like one where its
@@ -174,8 +181,7 @@ OperatorCommand RunProcedure::GoOn(const TickRecord& last) noexcept {
       return OperatorCommand::kNone;
     case Phase::kStart:
       if (last.state == ExecutorState::kRunning) return Go(Phase::kRun, OperatorCommand::kNone);
-      if (refused != Refusal::kNone &&
-          (refused != Refusal::kOutsideStartSet || ticks_ > config_.start_ticks_max)) {
+      if (refused != Refusal::kNone && (!MayPass(refused) || ticks_ > config_.start_ticks_max)) {
         refusal_ = last.refusal;
         return Finish(RunOutcome::kRefused);
       }

@@ -80,6 +80,13 @@ const char* ToString(Refusal refusal) noexcept {
       return "a joint is outside the start set of the primitive";
     case Refusal::kNoSuchBranch:
       return "the sequence has no such branch";
+    case Refusal::kPitchUnknown:
+      return "the sensor does not tell how the robot lies: say it (tumbler-run --from)";
+    case Refusal::kNotAtRest:
+      return "the robot still turns";
+    case Refusal::kLiesOtherwise:
+      return "the robot lies otherwise than at any beginning of the sequence, or than was said "
+             "(tumbler-run --from): the nearest is off by";
   }
   return "unknown refusal";
 }
@@ -98,6 +105,10 @@ DetailUnit UnitOf(Refusal refusal) noexcept {
       return DetailUnit::kCode;
     case Refusal::kNoSuchBranch:
       return DetailUnit::kBranch;
+    case Refusal::kPitchUnknown:
+      return DetailUnit::kCount;
+    case Refusal::kNotAtRest:
+      return DetailUnit::kRadiansPerSecond;
     case Refusal::kTooHot:
       return DetailUnit::kCelsius;
     case Refusal::kOutsideLimits:
@@ -106,6 +117,7 @@ DetailUnit UnitOf(Refusal refusal) noexcept {
     case Refusal::kFarFromStart:
     case Refusal::kTurnsLost:
     case Refusal::kMoved:
+    case Refusal::kLiesOtherwise:
       return DetailUnit::kRadians;
   }
   return DetailUnit::kNone;

@@ -58,8 +58,11 @@ enum class Refusal : std::uint8_t {
   kNoSuchBranch,     ///< The sequence has no branch of this number [the number].
   kNoHeartbeat,      ///< A drive's heartbeat has stopped [ticks since the last].
   kFarFromStart,     ///< A joint is measured farther from the motion's start than is allowed [rad].
-  kTurnsLost,  ///< A joint is whole turns of its drive away from where it was last known [rad].
-  kMoved,      ///< A joint is farther than is allowed from where it was last known [rad].
+  kTurnsLost,      ///< A joint is whole turns of its drive away from where it was last known [rad].
+  kMoved,          ///< A joint is farther than is allowed from where it was last known [rad].
+  kPitchUnknown,   ///< The sensor does not tell how the robot lies [its `SensorStatus`].
+  kNotAtRest,      ///< The robot turns faster than one that lies [rad/s].
+  kLiesOtherwise,  ///< The measured pitch is too far from that of every allowed beginning [rad].
 };
 
 [[nodiscard]] const char* ToString(OperatorCommand command) noexcept;

@@ -27,13 +27,14 @@ constexpr const char* kEndHoldTicks = "end_hold_ticks";
 constexpr const char* kSafeNodes = "safe_nodes";
 constexpr const char* kGoHome = "go_home";
 constexpr const char* kClearTicks = "clear_ticks";
+constexpr const char* kBegin = "begin";
 
 // A member that is added to these types has to be added to Visit below, or a replay would lack it.
 static_assert(sizeof(JointConfig) == 16);
 static_assert(sizeof(KnownPosition) == 12);
 static_assert(sizeof(CollapseConfig) == 8 + kMaxJoints * sizeof(float));
 static_assert(sizeof(ExecutorConfig) ==
-              48 + kMaxJoints * (sizeof(KnownPosition) + sizeof(JointConfig)) + sizeof(FaultTable) +
+              52 + kMaxJoints * (sizeof(KnownPosition) + sizeof(JointConfig)) + sizeof(FaultTable) +
                   sizeof(CollapseConfig));
 static_assert(sizeof(RunProcedureConfig) == 88);
 
@@ -70,6 +71,7 @@ void VisitNumbers(Config& config, const Visit& visit) {
   visit(kMovedMax, config.moved_max_rad);
   visit("cycles", config.cycles);
   visit("branch", config.branch);
+  visit(kBegin, config.begin);
 }
 
 template <typename Config, typename Visit>
@@ -146,7 +148,7 @@ void TakeNumbers(const Json& json, Config& config) {
     const std::string_view name = key;
     const bool added = name == kStartWay || name == kMovedMax || name == kLowerTicks ||
                        name == kEndHoldTicks || name == kSafeNodes || name == kGoHome ||
-                       name == kClearTicks;
+                       name == kClearTicks || name == kBegin;
     if (!added || json.Find(key) != nullptr) Take(json, key, value);
   });
 }

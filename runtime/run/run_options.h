@@ -40,6 +40,7 @@ struct RunOptions {
   double hold_s = 2;
   int cycles = 0;
   std::string branch;
+  std::string from;  ///< Node with which the run begins, by the operator's word.
   std::string log;
   std::string lcm_url;
   std::string robot;  ///< Its name in messages; that of this computer unless given.

@@ -131,11 +131,25 @@ int BranchNumber(const RunOptions& options, const SequenceGraph<float>& graph) {
       names.empty() ? "none" : fmt::format("{}", fmt::join(names, ", "))));
 }
 
+/// The node that --from names; -1 without one.
+int BeginningNumber(const RunOptions& options, const SequenceGraph<float>& graph) {
+  if (options.from.empty()) return -1;
+  const int node = graph.FindNode(options.from);
+  if (node >= 0 && graph.MayBegin(node)) return node;
+  std::vector<std::string_view> names = {graph.node(graph.start).name.view()};
+  for (const SequenceBeginning<float>& beginning : graph.beginnings()) {
+    if (beginning.node != graph.start) names.push_back(graph.node(beginning.node).name.view());
+  }
+  throw std::runtime_error(fmt::format("--from: a run of {} cannot begin with '{}'; allowed: {}",
+                                       options.motion, options.from, fmt::join(names, ", ")));
+}
+
 RunSettings SettingsOf(const RunOptions& options, const SequenceGraph<float>& graph) {
   RunSettings settings;
   settings.speed = options.speed;
   settings.cycles = options.cycles;
   settings.branch = BranchNumber(options, graph);
+  settings.begin = BeginningNumber(options, graph);
   settings.hold_s = options.hold_s;
   settings.attended = options.attended;
   settings.end = options.end;
@@ -157,7 +171,8 @@ std::unique_ptr<World> MakeWorld(const RunOptions& options, const Simulation* si
     return simulation->make_world(
         parts.file, parts.drives,
         {options.twin, options.bus_faults, options.truth, options.lcm_url,
-         options.record.empty() ? TruthSink() : truth_sink, options.realtime});
+         options.record.empty() ? TruthSink() : truth_sink,
+         BeginningNumber(options, parts.sequence->graph), options.realtime});
   }
   const InterfaceName name{options.bus, options.drives, options.pace};
   if (options.dry_run()) return MakeDryRunWorld(name, parts.drives, parts.StartPositions());

@@ -27,6 +27,7 @@ std::string ValueAndLimit(DetailNumber value, DetailNumber limit, DetailUnit uni
   const char* name = "";
   if (unit == DetailUnit::kTicks) name = " ticks";
   if (unit == DetailUnit::kRadians) name = " rad";
+  if (unit == DetailUnit::kRadiansPerSecond) name = " rad/s";
   if (unit == DetailUnit::kCelsius) name = " C";
   return fmt::format("{}{}, limit {}", NumberOf(value, unit), name, NumberOf(limit, unit));
 }

@@ -321,6 +321,38 @@ TEST(SequenceToml, EachWrongFileIsToldWhatIsWrong) {
               HasSubstr("node[2].swapped: is true, but the file does not say which joints"));
 }
 
+TEST(SequenceToml, ARunMayBeginWithSeveralNodesIfTheirJointsBeginAlikeAndTheirPitchesApart) {
+  const SequenceFile file = LoadSequence(testing::SourcePath("primitives/robust/get_up.toml"));
+  const SequenceGraph<double>& graph = file.graph;
+  ASSERT_EQ(graph.beginning_count, 4);
+  EXPECT_EQ(graph.beginnings()[0].node, graph.start);
+  EXPECT_EQ(file.begin_link, "middle");
+  const SequenceBeginning<double>& rise = graph.beginnings()[1];
+  EXPECT_EQ(graph.node(rise.node).name.view(), "rise");
+  EXPECT_EQ(rise.pitch_rad, file.PrimitiveOf(rise.node).entry.root_pitch_rad);
+  const Sequence<float> sequence = ToRuntime(file);
+  EXPECT_EQ(sequence.graph.beginning_count, 4);
+  EXPECT_EQ(sequence.graph.beginnings()[1].pitch_rad, static_cast<float>(rise.pitch_rad));
+  EXPECT_EQ(sequence.graph.beginning_within_rad, 0.4F);
+
+  const auto with = [](const std::string& keys) { return GaitText() + "[begin]\n" + keys; };
+  const std::string link = "link = \"middle\"\n";
+  EXPECT_THAT(Refusal(with(link)), HasSubstr("begin.nodes: is missing"));
+  EXPECT_THAT(Refusal(with("nodes = [\"out\"]\n")), HasSubstr("begin.link: is missing"));
+  EXPECT_THAT(Refusal(with(link + "nodes = [\"our\"]\n")),
+              HasSubstr("begin.nodes: has 'our', which is no node"));
+  EXPECT_THAT(Refusal(with(link + "nodes = [\"up\"]\n")),
+              HasSubstr("'up' twice, or it is `start`"));
+  EXPECT_THAT(Refusal(with(link + "nodes = [\"down\"]\n")),
+              HasSubstr("begin.nodes: has 'down', in which joint 'joint1' begins at"));
+  EXPECT_THAT(Refusal(with(link + "nodes = [\"out\"]\nwithin_rad = 2\n")),
+              HasSubstr("begin.within_rad: is 2; allowed: above 0 ... 1.57"));
+  const std::string again = "[[node]]\nname = \"again\"\nprimitive = \"up\"\nsafe = true\n";
+  EXPECT_THAT(Refusal(GaitText() + again), HasSubstr("no edge leads to 'again'"));
+  EXPECT_THAT(Refusal(GaitText() + again + "[begin]\n" + link + "nodes = [\"again\"]\n"),
+              HasSubstr("has 'again', which begins 0 rad of pitch from 'up'"));
+}
+
 TEST(SequenceToml, AStopThatWouldNeverEndIsRefused) {
   std::string text = GaitText();
   for (const char* node :

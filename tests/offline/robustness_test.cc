@@ -22,6 +22,7 @@
 #include "common/primitive_toml.h"
 #include "common/toml_reader.h"
 #include "offline/rehearsal/robustness/checkpoint.h"
+#include "offline/rehearsal/robustness/drop.h"
 #include "offline/rehearsal/robustness/lane_trials.h"
 #include "offline/rehearsal/robustness/robustness_page.h"
 #include "tests/support/files.h"
@@ -316,6 +317,63 @@ TEST(Trials, SensorsFailOnlyWhereThereAreSome) {
   EXPECT_EQ(RunStudy(study, 5, 1).stands().count, 5) << "the motion has no feedback";
 }
 
+TEST(Drops, AreOfOneSeedApartFromEachOtherWithinTheLimitsAndAboveTheGround) {
+  const SimulatedMotion motion(LoadMotion(StudyOf("robust/get_up.toml").motion));
+  const Scene& scene = motion.scene();
+  double low_rad = 9, high_rad = -9;
+  for (std::uint64_t index = 0; index < 200; ++index) {
+    const Drop drop = DrawDrop(scene, {5, index, 0});
+    const Drop again = DrawDrop(scene, {5, index, 0});
+    EXPECT_EQ(drop.pose.joint_positions_rad, again.pose.joint_positions_rad);
+    EXPECT_EQ(drop.rates, again.rates);
+    EXPECT_NE(drop.pose.root_pitch_rad, DrawDrop(scene, {5, index, 1}).pose.root_pitch_rad);
+    EXPECT_NE(drop.pose.root_pitch_rad, DrawDrop(scene, {6, index, 0}).pose.root_pitch_rad);
+    EXPECT_FALSE(LiesInItself(scene, drop.pose.joint_positions_rad));
+    for (const double joint : drop.pose.joint_positions_rad) EXPECT_LE(std::abs(joint), 2.9);
+    // Its root is an end of nothing: 30 mm of the middle's spheres are the least that is below it.
+    EXPECT_GT(drop.pose.root_z_m, 0.02);
+    low_rad = std::min(low_rad, drop.pose.root_pitch_rad);
+    high_rad = std::max(high_rad, drop.pose.root_pitch_rad);
+  }
+  EXPECT_LT(low_rad, -3);
+  EXPECT_GT(high_rad, 3);
+  EXPECT_TRUE(LiesInItself(scene, {-2.9, 2.8})) << "both legs along the middle, on one side";
+  EXPECT_FALSE(LiesInItself(scene, {-2.9, -2.8})) << "on both sides, each on its stop";
+}
+
+TEST(Drops, RobotsGetUpHoweverTheyLieByTheirSensorAndWithoutItOnlyFromTheStart) {
+  RobustnessStudy study = StudyOf("robust/get_up.toml");
+  study.drives = testing::SourcePath("primitives/robust/drives_sensor.toml");
+  study.twin = testing::SourcePath("primitives/robust/twin_sensor.toml");
+  study.drops = true;
+  study.seed = 3;
+  constexpr int kRobots = 12;
+  const RobustnessResult up = RunStudy(study, kRobots, 1);
+  EXPECT_EQ(up.stands().count, kRobots);
+  int began = 0;
+  for (const TrialOutcome& trial : up.trials) {
+    EXPECT_EQ(trial.motions, 1);
+    EXPECT_GE(trial.drops, 1);
+    if (trial.begun != "stand") ++began;
+  }
+  EXPECT_GT(began, 0);
+  int robots = 0;
+  for (const Lies& lies : up.HowTheyLay()) robots += lies.robots;
+  EXPECT_EQ(robots, kRobots);
+  EXPECT_NE(ToText(up).find("lay at"), std::string::npos);
+  EXPECT_EQ(ToJson(up)["lay"].size(), up.HowTheyLay().size());
+  EXPECT_EQ(ToText(up), ToText(RunStudy(study, kRobots, 2)));
+
+  study.drives = testing::SourcePath("primitives/robust/drives.toml");
+  study.twin.clear();
+  const RobustnessResult blind = RunStudy(study, kRobots, 1);
+  for (int i = 0; i < kRobots; ++i) {
+    const auto index = static_cast<std::size_t>(i);
+    EXPECT_EQ(blind.trials[index].begun, "stand");
+    EXPECT_EQ(blind.trials[index].stands(), up.trials[index].begun == "stand") << i;
+  }
+}
+
 TEST(Checkpoint, RobotsThatArePushedAreOtherRobots) {
   RobustnessStudy study = StudyOf("robust/handstand.toml");
   const std::string calm = IdentityOf(study);
@@ -324,6 +382,8 @@ TEST(Checkpoint, RobotsThatArePushedAreOtherRobots) {
   study.sensor_faults = true;
   EXPECT_NE(calm, pushed);
   EXPECT_NE(pushed, IdentityOf(study));
+  study.drops = true;
+  EXPECT_NE(IdentityOf(study), pushed);
 }
 
 TEST(DepartureWatch, ARobotThatComesBackHasNotLeft) {
@@ -410,10 +470,12 @@ TEST(Checkpoint, WhatIsThereIsNotPlayedAgainAndABrokenLastLineIs) {
   EXPECT_EQ(ToJson(Planned(study, plan)).Dump(2), whole);
   EXPECT_EQ(testing::ReadFile(plan.checkpoint), lines);
   // What a file says of a robot is taken from there.
-  testing::WriteFile(plan.checkpoint,
-                     lines.substr(0, lines.find('\n') + 1) +
-                         "{\"robot\":0,\"verdict\":\"overlap\",\"motions\":1,\"in\":\"x\","
-                         "\"reason\":\"y\",\"left_s\":0.5,\"rests\":false}\n");
+  testing::WriteFile(
+      plan.checkpoint,
+      lines.substr(0, lines.find('\n') + 1) +
+          "{\"robot\":0,\"verdict\":\"overlap\",\"motions\":1,\"in\":\"x\","
+          "\"reason\":\"y\",\"left_s\":0.5,\"rests\":false,\"drops\":0,\"lies_rad\":0,"
+          "\"begun\":\"\"}\n");
   EXPECT_EQ(Planned(study, plan).trials[0].verdict, Verdict::kOverlap);
 }
 

@@ -19,7 +19,7 @@ namespace tumbler {
 namespace {
 
 constexpr const char* kFormat = "tumbler-robots";
-constexpr int kVersion = 1;
+constexpr int kVersion = 2;
 using Verdict = TrialOutcome::Verdict;
 
 std::optional<Verdict> VerdictOf(std::string_view name) {
@@ -31,7 +31,8 @@ std::optional<Verdict> VerdictOf(std::string_view name) {
 
 bool Equal(const TrialOutcome& a, const TrialOutcome& b) {
   return a.verdict == b.verdict && a.motions == b.motions && a.in == b.in && a.reason == b.reason &&
-         a.left_s == b.left_s && a.rests == b.rests;
+         a.left_s == b.left_s && a.rests == b.rests && a.drops == b.drops &&
+         a.lies_rad == b.lies_rad && a.begun == b.begun;
 }
 
 /// The lines that are whole.
@@ -78,6 +79,7 @@ std::string IdentityOf(const RobustnessStudy& study) {
                                  study.run.hold_s, study.run.cycles, study.run.branch, study.lanes,
                                  study.drives.empty(), study.twin.empty());
   if (study.disturbs()) text += fmt::format("{} {}\n", study.push_n, study.sensor_faults);
+  if (study.drops) text += "drops\n";
   for (const SpreadName& spread : kSpreadNames)
     text += fmt::format("{} {}\n", spread.key, study.spreads.*spread.member);
   for (const std::string& input : inputs) text += HashOfText(ReadTextFile(input)) + "\n";
@@ -95,7 +97,10 @@ std::string CheckpointLine(std::uint64_t index, const TrialOutcome& outcome) {
                      {"in", outcome.in},
                      {"reason", outcome.reason},
                      {"left_s", outcome.left_s},
-                     {"rests", outcome.rests}};
+                     {"rests", outcome.rests},
+                     {"drops", outcome.drops},
+                     {"lies_rad", outcome.lies_rad},
+                     {"begun", outcome.begun}};
   return json.Dump(-1) + "\n";
 }
 
@@ -119,6 +124,11 @@ void ReadCheckpointLines(std::string_view text, const std::string& name, std::ui
       outcome.reason = (*json)["reason"].text();
       outcome.left_s = (*json)["left_s"].number();
       outcome.rests = (*json)["rests"].boolean();
+      const std::optional<std::int64_t> drops = (*json)["drops"].integer();
+      if (!drops) throw std::out_of_range("");
+      outcome.drops = static_cast<int>(*drops);
+      outcome.lies_rad = (*json)["lies_rad"].number();
+      outcome.begun = (*json)["begun"].text();
     } catch (const std::logic_error&) {  // a member is missing, or of another kind
       throw FileError(name, line, "", "is not the outcome of a robot; remove the line");
     }

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <map>
 #include <memory>
+#include <numbers>
 #include <span>
 #include <utility>
 
@@ -88,6 +89,19 @@ Json MapToJson(const SuccessMap& map) {
     }
     json["robots"].Append(robots);
     json["stand"].Append(stand);
+  }
+  return json;
+}
+
+Json LiesToJson(const RobustnessResult& result) {
+  Json json = Json::Array();
+  for (const Lies& lies : result.HowTheyLay()) {
+    Json entry = {{"low_rad", lies.low_rad},
+                  {"high_rad", lies.high_rad},
+                  {"robots", lies.robots},
+                  {"stand", lies.stand}};
+    for (const auto& [node, count] : lies.begun) entry["begun"][node] = count;
+    json.Append(std::move(entry));
   }
   return json;
 }
@@ -196,6 +210,33 @@ std::vector<Departures> RobustnessResult::Where() const {
   return where;
 }
 
+std::vector<Lies> RobustnessResult::HowTheyLay() const {
+  std::vector<Lies> classes;
+  if (!study.drops || trials.empty()) return classes;
+  constexpr double kTurn = 2 * std::numbers::pi, kApart_rad = 0.2;
+  std::vector<std::pair<double, const TrialOutcome*>> lies;
+  for (const TrialOutcome& trial : trials) lies.emplace_back(trial.lies_rad, &trial);
+  std::sort(lies.begin(), lies.end());
+  // The circle is cut open where it has a gap, if there is one between the last and the first.
+  std::size_t cut = 0;
+  while (cut + 1 < lies.size() && lies[cut + 1].first - lies[cut].first <= kApart_rad) ++cut;
+  const bool joined = lies.front().first + kTurn - lies.back().first <= kApart_rad;
+  if (joined && cut + 1 < lies.size()) {
+    for (std::size_t i = 0; i <= cut; ++i) lies[i].first += kTurn;
+    std::sort(lies.begin(), lies.end());
+  }
+  for (const auto& [pitch_rad, trial] : lies) {
+    if (classes.empty() || pitch_rad - classes.back().high_rad > kApart_rad)
+      classes.push_back({pitch_rad, pitch_rad, 0, 0, {}});
+    Lies& last = classes.back();
+    last.high_rad = pitch_rad;
+    ++last.robots;
+    if (trial->stands()) ++last.stand;
+    ++last.begun[trial->begun];
+  }
+  return classes;
+}
+
 WorkDone RunStudy(const RobustnessStudy& study, const WorkPlan& plan, const Processes& processes) {
   const std::string identity = IdentityOf(study);
   std::optional<Checkpoint> checkpoint;
@@ -293,7 +334,8 @@ Json ToJson(const Agreement& agreement) {
 
 std::string DisturbancesOf(const RobustnessStudy& study) {
   return (study.push_n > 0 ? fmt::format(", pushed with {:.6g} N", study.push_n) : "") +
-         (study.sensor_faults ? ", with sensors that fail" : "");
+         (study.sensor_faults ? ", with sensors that fail" : "") +
+         (study.drops ? ", dropped in random poses" : "");
 }
 
 std::string ToText(const RobustnessResult& result) {
@@ -324,6 +366,29 @@ std::string ToText(const RobustnessResult& result) {
     if (d.others > 0) text += fmt::format("{} {} kept to it", d.left > 0 ? "," : "", d.others);
     text += "\n";
   }
+  for (const Lies& lies : result.HowTheyLay()) {
+    text += fmt::format("  {:4} lay at {:+.3f} ... {:+.3f} rad of pitch, {} of them as asked:",
+                        lies.robots, lies.low_rad, lies.high_rad, lies.stand);
+    for (const auto& [node, count] : lies.begun)
+      text += fmt::format(" {} {}", count, node.empty() ? "did not begin" : '"' + node + '"');
+    text += "\n";
+  }
+  if (result.study.drops) {
+    std::map<std::string, int> reasons;
+    for (const TrialOutcome& trial : result.trials) {
+      if (!trial.stands()) ++reasons[trial.reason];
+    }
+    for (const auto& [reason, count] : reasons) text += fmt::format("    {:4} {}\n", count, reason);
+    int most = 0, drops = 0;
+    for (const TrialOutcome& trial : result.trials) {
+      most = std::max(most, trial.motions);
+      drops += trial.drops;
+    }
+    text += fmt::format(
+        "  at most {} motion{}; {} drops, of which {} ended with links in each other and do not "
+        "count\n",
+        most, most == 1 ? "" : "s", drops, drops - share.of);
+  }
   const std::vector<Influence> influences = result.Influences();
   if (influences.empty()) return text;
   text += "  what those that do not stand have in common [standard deviations]\n";
@@ -347,6 +412,7 @@ Json ToJson(const RobustnessResult& result) {
                {"lanes", result.study.lanes},
                {"push_n", result.study.push_n},
                {"sensor_faults", result.study.sensor_faults},
+               {"drops", result.study.drops},
                {"robots", share.of},
                {"stand", share.count},
                {"share", share.value()},
@@ -375,6 +441,7 @@ Json ToJson(const RobustnessResult& result) {
                   {"median_s", d.median_s},
                   {"last_s", d.last_s}});
   }
+  if (result.study.drops) json["lay"] = LiesToJson(result);
   if (const std::optional<SuccessMap> map = result.Map()) json["map"] = MapToJson(*map);
   Json& failures = json["not_standing"];
   failures = Json::Array();

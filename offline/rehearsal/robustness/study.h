@@ -3,6 +3,7 @@
 #include <array>
 #include <atomic>
 #include <functional>
+#include <map>
 #include <optional>
 #include <string>
 #include <utility>
@@ -52,6 +53,14 @@ struct Departures {
   double first_s = 0, median_s = 0, last_s = 0;  ///< Of `left`, since the motion began.
 };
 
+/// Robots that were dropped and lay alike: their pitch, less whole turns, with their joints where
+/// the motion begins.
+struct Lies {
+  double low_rad = 0, high_rad = 0;  ///< Of these pitches.
+  int robots = 0, stand = 0;
+  std::map<std::string, int> begun;  ///< How many began with which node; "": none.
+};
+
 /// The result of a study.
 struct RobustnessResult {
   std::string name;
@@ -68,6 +77,8 @@ struct RobustnessResult {
   [[nodiscard]] std::optional<SuccessMap> Map() const;
   /// By node, in the order of their names.
   [[nodiscard]] std::vector<Departures> Where() const;
+  /// Of robots that were dropped: classes of pitches, those of one at most 0.2 rad from the next.
+  [[nodiscard]] std::vector<Lies> HowTheyLay() const;
 };
 
 /// Which of a study's robots are played, and where what became of them is kept.

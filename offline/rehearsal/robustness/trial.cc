@@ -11,6 +11,7 @@
 #include "common/program.h"
 #include "firmware_interface/drives/error_texts.h"
 #include "offline/ensemble/normal.h"
+#include "offline/rehearsal/robustness/drop.h"
 #include "offline/rehearsal/sim/purpose_judge.h"
 #include "offline/rehearsal/twin/twin_toml.h"
 #include "runtime/assembly/assembly.h"
@@ -55,6 +56,59 @@ class LateHost final : public CanBus {
   std::int64_t delay_ns_;
 };
 
+/// Gives a robot its own motors and gains.
+/// @param drives  as the host has them.
+/// @returns the drives as they are.
+DrivesConfig VaryDrives(const RobotVariation& variation, std::vector<JointMotor>& motors,
+                        DrivesConfig& drives) {
+  for (std::size_t j = 0; j < variation.joints.size(); ++j) {
+    const RobotVariation::Joint& joint = variation.joints[j];
+    motors[j].torque_max_nm = *motors[j].torque_max_nm * joint.torque_limit;
+    DriveEntry& drive = drives.drives[j];
+    drive.kp_nm_per_rad *= static_cast<float>(joint.gain);
+    drive.kd_nm_s_per_rad *= static_cast<float>(joint.gain);
+  }
+  // The host does not know that an encoder's zero is elsewhere.
+  DrivesConfig true_drives = drives;
+  for (std::size_t j = 0; j < variation.joints.size(); ++j) {
+    const auto zero_rad = static_cast<float>(variation.joints[j].zero_rad);
+    std::visit([zero_rad](auto& drive) { drive.joint.zero_offset_rad -= zero_rad; },
+               true_drives.drives[j].config);
+  }
+  return true_drives;
+}
+
+/// How long a robot falls and comes to rest before its run begins.
+constexpr double kDropped_s = 3;
+
+/// Begins the run of a robot that was dropped, as an operator does once it lies.
+/// @returns whether it is just being begun.
+bool BeginAfterDrop(const ControlLoop& loop, RunProcedure& procedure) {
+  if (procedure.runs() > 0) {
+    procedure.RequestQuit();  // after this run
+    return false;
+  }
+  return 1e-9 * static_cast<double>(loop.time_ns()) >= kDropped_s &&
+         procedure.RequestStart(loop.record()) == Refusal::kNone;
+}
+
+/// Notes how a robot that was dropped lies before its run, and with which node it begins.
+class LieWatch {
+ public:
+  void Observe(const TickRecord& record, const TwinState& truth) {
+    if (node_ >= 0) return;
+    if (record.state == ExecutorState::kHolding) lies_rad_ = NearestTurn(truth.root_pitch_rad);
+    if (record.state == ExecutorState::kRunning) node_ = record.node;
+  }
+  [[nodiscard]] double lies_rad() const { return lies_rad_; }
+  /// -1: it has not begun.
+  [[nodiscard]] int node() const { return node_; }
+
+ private:
+  double lies_rad_ = 0;
+  int node_ = -1;
+};
+
 }  // namespace
 
 void DepartureWatch::Observe(const ScriptTick& model, double pitch_rad) {
@@ -72,7 +126,8 @@ void DepartureWatch::Observe(const ScriptTick& model, double pitch_rad) {
 }
 
 TrialOutcome OutcomeOf(const PurposeJudge& judge, const PostureWatch& posture,
-                       const DepartureWatch& departure, const SequenceFile& file, double tick_s) {
+                       const DepartureWatch& departure, const SequenceFile& file, double tick_s,
+                       std::int64_t since_ns) {
   TrialOutcome outcome;
   outcome.motions = static_cast<int>(judge.passages().size());
   for (const Passage& passage : judge.passages()) {
@@ -89,7 +144,7 @@ TrialOutcome OutcomeOf(const PurposeJudge& judge, const PostureWatch& posture,
     break;
   }
   for (const PostureEvent& event : posture.events()) {
-    if (event.kind == PostureEvent::Kind::kRest) continue;
+    if (event.kind == PostureEvent::Kind::kRest || event.time_ns < since_ns) continue;
     const bool fell = event.kind == PostureEvent::Kind::kFall;
     outcome.verdict = fell ? TrialOutcome::Verdict::kFell : TrialOutcome::Verdict::kOverlap;
     outcome.reason = event.cause;
@@ -130,7 +185,15 @@ RobotVariation Trials::Draw(std::uint64_t index) const {
 }
 
 TrialOutcome Trials::Play(std::uint64_t index) {
-  return PlayVaried(Draw(index), ConfigOf(index), {});
+  if (!study_.drops) return *PlayVaried(Draw(index), ConfigOf(index), {});
+  for (std::uint64_t attempt = 0; attempt < 100; ++attempt) {
+    std::optional<TrialOutcome> outcome =
+        PlayVaried(Draw(index), ConfigOf(index), {}, DropNumber{study_.seed, index, attempt});
+    if (!outcome) continue;
+    outcome->drops = static_cast<int>(attempt) + 1;
+    return *std::move(outcome);
+  }
+  throw std::runtime_error("the robot lies in itself wherever it is dropped");
 }
 
 SimulatedRobotConfig Trials::ConfigOf(std::uint64_t index) const {
@@ -196,44 +259,50 @@ void Trials::PlayModel() {
   script_ = std::move(script);
 }
 
-TrialOutcome Trials::PlayVaried(const RobotVariation& variation, SimulatedRobotConfig config,
-                                const Observer& observe) {
+std::optional<TrialOutcome> Trials::PlayVaried(const RobotVariation& variation,
+                                               SimulatedRobotConfig config, const Observer& observe,
+                                               std::optional<DropNumber> dropped) {
   config.scene = Varied(scene_, variation);
+  RunSettings settings = study_.run;
+  std::vector<double> rates;
+  if (dropped) {
+    Drop drop = DrawDrop(*config.scene, *dropped);
+    rates = std::move(drop.rates);
+    config.start = std::move(drop.pose);
+    config.twin.held = false;
+    settings.attended = true;        // The run begins once the robot lies.
+    settings.start_within_rad = 10;  // Its joints are anywhere.
+  }
   RunParts parts{motion_.file(), std::make_unique<const Sequence<float>>(ToRuntime(motion_.file())),
                  drives_};
-  for (std::size_t j = 0; j < variation.joints.size(); ++j) {
-    const RobotVariation::Joint& joint = variation.joints[j];
-    config.motors[j].torque_max_nm = *config.motors[j].torque_max_nm * joint.torque_limit;
-    DriveEntry& drive = parts.drives.drives[j];
-    drive.kp_nm_per_rad *= static_cast<float>(joint.gain);
-    drive.kd_nm_s_per_rad *= static_cast<float>(joint.gain);
-  }
-  // The host does not know that an encoder's zero is elsewhere.
-  DrivesConfig true_drives = parts.drives;
-  for (std::size_t j = 0; j < variation.joints.size(); ++j) {
-    const auto zero_rad = static_cast<float>(variation.joints[j].zero_rad);
-    std::visit([zero_rad](auto& drive) { drive.joint.zero_offset_rad -= zero_rad; },
-               true_drives.drives[j].config);
-  }
+  const DrivesConfig true_drives = VaryDrives(variation, config.motors, parts.drives);
   SimulatedRobot robot(motion_, true_drives, config);
   const DrivesConfig drives = parts.drives;
   Assembly assembly(std::move(parts));
-  if (assembly.Configure(ExecutorConfigOf(study_.run, drives)) != Status::kOk)
+  if (assembly.Configure(ExecutorConfigOf(settings, drives)) != Status::kOk)
     throw Refused(study_.motion + ": the executor does not take this motion");
 
   PurposeJudge judge(motion_.file(), true);
   DepartureWatch departure;
   LateHost host(robot.bus().Attach(), variation.delay_s);
   VirtualClock clock([&robot](std::int64_t time_ns) { robot.AdvanceTo(time_ns); });
-  RunProcedure procedure(ProcedureConfigOf(study_.run, drives, assembly.parts().sequence->graph));
+  RunProcedure procedure(ProcedureConfigOf(settings, drives, assembly.parts().sequence->graph));
   OperatorMailbox mailbox;
   ControlLoop loop({assembly.executor(), host, clock, procedure, mailbox},
                    static_cast<std::int64_t>(std::llround(1e9 / drives.rate_hz)), 0);
+  if (dropped) robot.Displace(std::vector<double>(rates.size()), rates);
+  LieWatch lie;
   bool begun = false;
   for (std::size_t k = 0; loop.Step(); ++k) {
     const TwinState truth = robot.state();
     judge.Observe(loop.record(), loop.time_ns(), truth);
-    if (k < script_.ticks.size()) departure.Observe(script_.ticks[k], truth.root_pitch_rad);
+    lie.Observe(loop.record(), truth);
+    if (dropped && BeginAfterDrop(loop, procedure) &&
+        LiesInItself(*config.scene, truth.joint_positions_rad)) {
+      return std::nullopt;
+    }
+    if (!dropped && k < script_.ticks.size())
+      departure.Observe(script_.ticks[k], truth.root_pitch_rad);
     if (observe) observe(loop, robot);
     if (!begun && loop.record().state == ExecutorState::kRunning) {
       begun = true;
@@ -241,8 +310,9 @@ TrialOutcome Trials::PlayVaried(const RobotVariation& variation, SimulatedRobotC
     }
     if (robot.posture().falls() > 0) break;
   }
-  TrialOutcome outcome =
-      OutcomeOf(judge, robot.posture(), departure, motion_.file(), script_.tick_s);
+  // What is limp meets its stops and passes through itself, which is no matter of the run.
+  TrialOutcome outcome = OutcomeOf(judge, robot.posture(), departure, motion_.file(),
+                                   script_.tick_s, dropped ? robot.state().enabled_ns : 0);
   outcome.variation = variation;
   // What a motion was for is judged before the push.
   if (study_.push_n != 0 && outcome.stands() && departure.node() >= 0) {
@@ -251,7 +321,14 @@ TrialOutcome Trials::PlayVaried(const RobotVariation& variation, SimulatedRobotC
   }
   if (robot.posture().falls() == 0 && procedure.outcome() != RunOutcome::kCompleted) {
     outcome.verdict = TrialOutcome::Verdict::kFault;
-    outcome.reason = Describe(loop.record().first_fault, robot.joints(), ErrorCodesOf(drives_));
+    outcome.reason =
+        procedure.outcome() == RunOutcome::kRefused
+            ? Describe(procedure.refusal(), robot.joints(), ErrorCodesOf(drives_))
+            : Describe(loop.record().first_fault, robot.joints(), ErrorCodesOf(drives_));
+  }
+  if (dropped) {
+    outcome.lies_rad = lie.lies_rad();
+    if (lie.node() >= 0) outcome.begun = motion_.file().graph.node(lie.node()).name.view();
   }
   return outcome;
 }

@@ -2,12 +2,14 @@
 
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "firmware_interface/drives/drives_toml.h"
 #include "offline/ensemble/variation.h"
 #include "offline/problem/simulated_motion.h"
+#include "offline/rehearsal/robustness/drop.h"
 #include "offline/rehearsal/sim/purpose_judge.h"
 #include "offline/rehearsal/twin/simulated_robot.h"
 #include "runtime/assembly/run_settings.h"
@@ -31,6 +33,9 @@ struct RobustnessStudy {
   double push_n = 0;
   /// Whether the sensor of each robot fails from a random time on, in one of its ways.
   bool sensor_faults = false;
+  /// Whether each robot is first dropped without torque, in a random pose, and has to get up from
+  /// where it lies.
+  bool drops = false;
 
   /// Whether anything happens to robots besides what the drives and twin files say.
   [[nodiscard]] bool disturbs() const { return push_n != 0 || sensor_faults; }
@@ -55,6 +60,10 @@ struct TrialOutcome {
   /// Whether it rested at last in a pose in which a motion ends. One that is amiss and rests may
   /// have rocked too long.
   bool rests = false;
+  // Of a robot that was dropped:
+  int drops = 0;        ///< How often it was, until it did not lie in itself.
+  double lies_rad = 0;  ///< Its pitch, less whole turns, with its joints where the motion begins.
+  std::string begun;    ///< The node with which its run began; empty: it did not begin.
   RobotVariation variation;
 
   [[nodiscard]] bool stands() const { return verdict == Verdict::kStands; }
@@ -95,8 +104,10 @@ class DepartureWatch {
 };
 
 /// What the judges saw of a run.
+/// @param since_ns  of earlier events of the posture nothing is said.
 TrialOutcome OutcomeOf(const PurposeJudge& judge, const PostureWatch& posture,
-                       const DepartureWatch& departure, const SequenceFile& file, double tick_s);
+                       const DepartureWatch& departure, const SequenceFile& file, double tick_s,
+                       std::int64_t since_ns = 0);
 
 /// Plays a study's robots, each through the runtime, simulated drives and twin. The files are read
 /// once, for all copies. Not thread-safe: each thread takes a copy.
@@ -126,8 +137,11 @@ class Trials {
  private:
   /// Called after every tick.
   using Observer = std::function<void(const ControlLoop& loop, SimulatedRobot& robot)>;
-  TrialOutcome PlayVaried(const RobotVariation& variation, SimulatedRobotConfig config,
-                          const Observer& observe);
+  /// @param dropped  the drop; none: the robot begins as the motion does.
+  /// @returns nothing where it lies in itself after the drop, which no robot does.
+  std::optional<TrialOutcome> PlayVaried(const RobotVariation& variation,
+                                         SimulatedRobotConfig config, const Observer& observe,
+                                         std::optional<DropNumber> dropped = {});
   /// What all robots share, with what happens to this one.
   [[nodiscard]] SimulatedRobotConfig ConfigOf(std::uint64_t index) const;
   /// Between which times in the simulation a push begins.

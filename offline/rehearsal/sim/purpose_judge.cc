@@ -29,8 +29,15 @@ void PurposeJudge::Observe(const TickRecord& record, std::int64_t time_ns, const
     if (!passage.pitch_later_rad && (next || since_end_s >= Passage::kLater_s))
       passage.pitch_later_rad = truth.root_pitch_rad;
   }
-  if (last_ != ExecutorState::kRunning && state == ExecutorState::kRunning)
+  if (last_ != ExecutorState::kRunning && state == ExecutorState::kRunning) {
     start_x_m_ = truth.root_x_m;
+    if (!next && file_.graph.beginning_count > 0) {
+      // How the robot lies decides with which node a run begins.
+      const double entry =
+          file_.RobotPitch(record.node, file_.PrimitiveOf(record.node).entry.root_pitch_rad);
+      expected_pitch_rad_ = truth.root_pitch_rad - NearestTurn(truth.root_pitch_rad - entry);
+    }
+  }
   last_ = state;
 }
 

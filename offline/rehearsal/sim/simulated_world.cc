@@ -18,6 +18,15 @@
 namespace tumbler {
 namespace {
 
+/// The robot of a twin file, or that of the motion. Where nothing else is said of its start, it
+/// lies as at the start of the run's first node.
+SimulatedRobotConfig RobotOf(const SimulatedMotion& motion, const SimulatedWorldConfig& config) {
+  SimulatedRobotConfig robot;
+  if (!config.twin_file.empty()) robot = LoadTwin(config.twin_file, motion);
+  if (!robot.start && config.begin >= 0) robot.start = StartOf(motion.file(), config.begin);
+  return robot;
+}
+
 class SimulatedWorld final : public World {
  public:
   SimulatedWorld(const SequenceFile& file, const DrivesConfig& drives,
@@ -52,9 +61,7 @@ class SimulatedWorld final : public World {
  private:
   SimulatedWorld(const SimulatedMotion& motion, const SequenceFile& file,
                  const DrivesConfig& drives, const SimulatedWorldConfig& config)
-      : robot_(
-            motion, drives,
-            config.twin_file.empty() ? SimulatedRobotConfig{} : LoadTwin(config.twin_file, motion)),
+      : robot_(motion, drives, RobotOf(motion, config)),
         judge_(file, motion.scene().robot.root_dofs > 0),
         host_(robot_.bus().Attach()),
         truth_(

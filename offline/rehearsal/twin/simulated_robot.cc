@@ -50,8 +50,8 @@ double LargestTorqueLimit(const SequenceFile& motion, std::size_t joint) {
   return torque_max_nm;
 }
 
-PrimitivePose StartOf(const SequenceFile& motion) {
-  const int node = motion.graph.start;
+PrimitivePose StartOf(const SequenceFile& motion, int begin) {
+  const int node = begin < 0 ? motion.graph.start : begin;
   const PrimitivePose& entry = motion.PrimitiveOf(node).entry;
   PrimitivePose start = entry;
   start.root_pitch_rad = motion.RobotPitch(node, entry.root_pitch_rad);

@@ -98,8 +98,10 @@ class SimulatedRobot {
 /// The largest torque limit that a joint has in any node of the motion [N m].
 double LargestTorqueLimit(const SequenceFile& motion, std::size_t joint);
 
-/// The pose of the robot before a motion: the entry of its first node. Where that node exchanges
-/// the roles of legs, the pose is that of the robot, not of the roles.
-PrimitivePose StartOf(const SequenceFile& motion);
+/// The pose of the robot before a motion: the entry of its first node, or of another with which a
+/// run may begin. Where that node exchanges the roles of legs, the pose is that of the robot, not
+/// of the roles.
+/// @param begin  the node; -1: the first.
+PrimitivePose StartOf(const SequenceFile& motion, int begin = -1);
 
 }  // namespace tumbler
