@@ -104,5 +104,34 @@ TEST(OwnRobot, AnAcrobotThatLiesFlatHasNotStoodUp) {
                                  HasSubstr("pitch, settled: asked 1.5708, got")));
 }
 
+TEST(Hopper, JumpsOntoItsStepThroughTheRuntimeAndStaysThere) {
+  const std::string folder = testing::SourcePath("primitives/hopper/");
+  const testing::Outcome run = testing::RunProgram(
+      {"tumbler-run", "sim", folder + "hopper.toml", "--twin", folder + "twin.toml"});
+  EXPECT_EQ(run.exit_code, 0) << run.text;
+  EXPECT_THAT(
+      run.text,
+      AllOf(HasSubstr("completed: hopper on sim"), HasSubstr("z, 2 s later: asked 0.07, got 0.07"),
+            ::testing::Not(HasSubstr("MISSED")), ::testing::Not(HasSubstr("FELL"))));
+  for (const char* other : {"handstand", "leg1", "tumbler-drives"})
+    EXPECT_THAT(run.text, ::testing::Not(HasSubstr(other)));
+}
+
+TEST(Hopper, FliesFromTheGroundToTheStep) {
+  const PrimitiveFile file = LoadPrimitive(testing::SourcePath("primitives/hopper/hop_up.toml"));
+  double left_ground_s = 0, reached_step_s = 1e9;
+  for (const ContactInterval& contact : file.contacts) {
+    EXPECT_THAT(contact.shape, ::testing::StartsWith("foot/"));
+    if (contact.obstacle == "ground") {
+      left_ground_s = std::max(left_ground_s, contact.end_s);
+    } else {
+      reached_step_s = std::min(reached_step_s, contact.start_s);
+    }
+  }
+  EXPECT_GT(reached_step_s - left_ground_s, 0.05);
+  EXPECT_NEAR(file.exit.root_x_m - file.entry.root_x_m, 0.23, 0.02);
+  EXPECT_NEAR(file.exit.root_z_m - file.entry.root_z_m, 0.02, 0.002);
+}
+
 }  // namespace
 }  // namespace tumbler
