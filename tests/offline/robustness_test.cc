@@ -341,6 +341,18 @@ TEST(Drops, AreOfOneSeedApartFromEachOtherWithinTheLimitsAndAboveTheGround) {
   EXPECT_FALSE(LiesInItself(scene, {-2.9, -2.8})) << "on both sides, each on its stop";
 }
 
+TEST(Drops, ARobotThatLiesGetsUpAndGoesOnWithTheGait) {
+  RobustnessStudy study = StudyOf("robust/gait.toml");
+  study.drives = testing::SourcePath("primitives/robust/drives_sensor.toml");
+  study.run.cycles = 1;
+  study.drops = true;
+  study.seed = 21;
+  const RobustnessResult result = RunStudy(study, 3, 1);
+  EXPECT_EQ(result.stands().count, 3);
+  for (const TrialOutcome& trial : result.trials)
+    EXPECT_EQ(trial.motions, trial.begun == "handstand" ? 2 : 3) << trial.begun;
+}
+
 TEST(Drops, RobotsGetUpHoweverTheyLieByTheirSensorAndWithoutItOnlyFromTheStart) {
   RobustnessStudy study = StudyOf("robust/get_up.toml");
   study.drives = testing::SourcePath("primitives/robust/drives_sensor.toml");
@@ -683,7 +695,8 @@ TEST(RobustnessProgram, PrintsShareAndIntervalAndWritesThem) {
 
 /// A folder with a gait's files, which a program may change.
 std::string CopyOfTheRobustGait(const testing::TemporaryFolder& folder) {
-  for (const std::string name : {"gait", "handstand", "downstand", "roll"}) {
+  for (const std::string name :
+       {"gait", "handstand", "downstand", "roll", "rise", "rise_from_leg1", "rise_from_leg2"}) {
     Written(folder, name + ".toml",
             testing::ReadFile(testing::SourcePath("primitives/robust/" + name + ".toml")));
   }

@@ -68,7 +68,7 @@ void AddPlan(RunData& run, RobotPaths& paths, int start_node) {
 
 RunData ReadPlan(const std::string& path) {
   const SequenceFile motion = LoadMotion(path);
-  if (motion.graph.edge_count > 0) {
+  if (motion.graph.node_count > 1) {
     throw std::runtime_error(fmt::format(
         "{}: is a sequence, whose plan depends on how it is played: give its primitives, or the "
         "record of a run",
