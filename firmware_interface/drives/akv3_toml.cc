@@ -3,11 +3,13 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <string>
 #include <string_view>
 
 #include "firmware_interface/drives/akv3.h"
 #include "firmware_interface/drives/drive_keys.h"
 #include "firmware_interface/drives/drive_traffic.h"
+#include "firmware_interface/drives/drives_dbc.h"
 
 namespace tumbler {
 
@@ -95,6 +97,21 @@ KeyTable AkV3Protocol::Keys() {
   return {"firmware_interface/drives/akv3_toml.cc", "akv3",
           Joined({RowsOf(kIdKeys), RowsOf(kModelKeys), RowsOf(kMotorKeys), RowsOf(kReportKeys),
                   ImpedanceRangeRows()})};
+}
+
+std::uint32_t AkV3Protocol::DbcId(std::uint32_t of_example, const AkV3Config& config) {
+  return (of_example & ~0xffU) | config.node_id;
+}
+
+DbcLine AkV3Protocol::DbcSignal(std::string_view message, std::string_view signal,
+                                std::string_view line, const AkV3Config& config) {
+  if (message != "AKV3_SETPOINT") return {std::string(line)};
+  constexpr double kSteps12 = 1 << 12, kSteps16 = 1 << 16;
+  if (signal == "position") return {WithScale(line, config.range.position_rad, kSteps16)};
+  if (signal == "velocity") return {WithScale(line, config.range.velocity_rad_s, kSteps12)};
+  if (signal == "kp") return {WithScale(line, config.range.kp_nm_per_rad, kSteps12)};
+  if (signal == "kd") return {WithScale(line, config.range.kd_nm_s_per_rad, kSteps12)};
+  return {WithScale(line, config.range.torque_nm, kSteps12)};
 }
 
 DriveTraffic AkV3Protocol::TrafficOf(const DriveEntry& /*entry*/, const AkV3Config& config,

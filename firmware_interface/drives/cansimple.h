@@ -270,6 +270,7 @@ struct CanSimpleProtocol {
 
   static Config Read(DriveTable& table);
   static KeyTable Keys();
+  static std::uint32_t DbcId(std::uint32_t of_example, const Config& config);
   static DriveTraffic TrafficOf(const DriveEntry& entry, const Config& config, double rate_hz);
   static OwnedDrive Simulate(const DriveEntry& entry, const Config& config,
                              const SimulatedMotorConfig& motor);

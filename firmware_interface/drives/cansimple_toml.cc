@@ -84,6 +84,11 @@ KeyTable CanSimpleProtocol::Keys() {
           Joined({RowsOf(kCanSimpleKeys), RowsOf(kMessageKeys), {range}})};
 }
 
+std::uint32_t CanSimpleProtocol::DbcId(std::uint32_t of_example, const CanSimpleConfig& config) {
+  constexpr std::uint32_t kCommand = 0x1f;
+  return std::uint32_t{config.node_id} << 5 | (of_example & kCommand);
+}
+
 DriveTraffic CanSimpleProtocol::TrafficOf(const DriveEntry& /*entry*/,
                                           const CanSimpleConfig& config, double rate_hz) {
   const CanSimpleMessages& messages = config.messages;

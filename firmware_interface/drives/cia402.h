@@ -280,6 +280,7 @@ struct Cia402Protocol {
   static KeyTable Keys();
   static void CheckBeside(const DriveEntry& drive, const DriveEntry& earlier,
                           const TomlTable& table);
+  static std::uint32_t DbcId(std::uint32_t of_example, const Config& config);
   static DriveTraffic TrafficOf(const DriveEntry& entry, const Config& config, double rate_hz);
   static OwnedDrive Simulate(const DriveEntry& entry, const Config& config,
                              const SimulatedMotorConfig& motor);

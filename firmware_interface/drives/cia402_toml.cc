@@ -267,6 +267,13 @@ void Cia402Protocol::CheckBeside(const DriveEntry& drive, const DriveEntry& earl
   }
 }
 
+std::uint32_t Cia402Protocol::DbcId(std::uint32_t of_example, const Cia402Config& config) {
+  constexpr std::uint32_t kNode = 0x7f, kHeartbeat = 0x700, kSync = 0x80;
+  if (of_example == 0 || of_example == kSync) return of_example;
+  if (of_example == (kHeartbeat | Config{}.host_id)) return kHeartbeat | config.host_id;
+  return (of_example & ~kNode) | config.node_id;
+}
+
 DriveTraffic Cia402Protocol::TrafficOf(const DriveEntry& entry, const Cia402Config& config,
                                        double rate_hz) {
   const std::uint32_t node = config.node_id;

@@ -14,6 +14,7 @@ namespace tumbler {
 
 // Types of drives files and simulations. A microcontroller knows only their names.
 class TomlTable;
+struct DbcLine;               // drives_dbc.h
 struct DriveEntry;            // drive_entry.h
 struct DriveTable;            // drive_keys.h
 struct DriveTraffic;          // drive_traffic.h
@@ -83,12 +84,18 @@ concept DriveProtocol = requires(const typename P::Config& config, const CanFram
   requires std::same_as<decltype(P::Read(table)), typename P::Config>;
   /// These keys, for the protocol's page in docs/protocols/.
   requires std::same_as<decltype(P::Keys()), KeyTable>;
+  /// The identifier that a message of `kDbc` has with this drive, by that in the file; 29-bit ones
+  /// with bit 31 set.
+  requires std::same_as<decltype(P::DbcId(std::uint32_t{}, config)), std::uint32_t>;
   /// The drive's frames on the bus of a control loop at this rate [Hz].
   requires std::same_as<decltype(P::TrafficOf(entry, config, double{})), DriveTraffic>;
   /// The drive's side, with this motor at its shaft. @throws std::invalid_argument.
   requires std::same_as<decltype(P::Simulate(entry, config, motor)), OwnedDrive>;
 };
 
+/// A protocol may have `DbcSignal(message, signal, line, config)`: a line of `kDbc` about a signal
+/// as it is with this drive, or the lines of others in its place.
+///
 /// A protocol may have `ErrorName(code)`: the name of an error that its drives report, or null.
 
 /// A protocol whose drives on one bus have to agree about something. `CheckBeside` throws FileError

@@ -249,6 +249,9 @@ struct MitProtocol {
 
   static Config Read(DriveTable& table);
   static KeyTable Keys();
+  static std::uint32_t DbcId(std::uint32_t of_example, const Config& config);
+  static DbcLine DbcSignal(std::string_view message, std::string_view signal, std::string_view line,
+                           const Config& config);
   static DriveTraffic TrafficOf(const DriveEntry& entry, const Config& config, double rate_hz);
   static OwnedDrive Simulate(const DriveEntry& entry, const Config& config,
                              const SimulatedMotorConfig& motor);

@@ -1,9 +1,11 @@
 #include <array>
 #include <cstdint>
+#include <string>
 #include <string_view>
 
 #include "firmware_interface/drives/drive_keys.h"
 #include "firmware_interface/drives/drive_traffic.h"
+#include "firmware_interface/drives/drives_dbc.h"
 #include "firmware_interface/drives/mit.h"
 
 namespace tumbler {
@@ -97,6 +99,33 @@ KeyTable MitProtocol::Keys() {
       "firmware_interface/drives/mit_toml.cc", "mit",
       Joined({RowsOf(kIdKeys), RowsOf(kModelKeys), RowsOf(kDialectKeys), RowsOf(kTemperatureKeys),
               ImpedanceRangeRows(), RowsOf(kReplyRangeKeys, "`[drive.reply_range]`")})};
+}
+
+std::uint32_t MitProtocol::DbcId(std::uint32_t of_example, const MitConfig& config) {
+  return of_example == Example(0).command_id ? config.command_id : config.reply_id;
+}
+
+DbcLine MitProtocol::DbcSignal(std::string_view message, std::string_view signal,
+                               std::string_view line, const MitConfig& config) {
+  const bool reply = message == "MIT_REPLY";
+  const ImpedanceRanges& ranges = reply ? config.reply : config.command;
+  constexpr double kSteps12 = (1 << 12) - 1, kSteps16 = (1 << 16) - 1;
+  if (signal == "position") return {WithScale(line, ranges.position_rad, kSteps16)};
+  if (signal == "velocity") return {WithScale(line, ranges.velocity_rad_s, kSteps12)};
+  if (signal == "kp") return {WithScale(line, ranges.kp_nm_per_rad, kSteps12)};
+  if (signal == "kd") return {WithScale(line, ranges.kd_nm_s_per_rad, kSteps12)};
+  if (signal == "torque") return {WithScale(line, ranges.torque_nm, kSteps12)};
+  const bool offset = config.temperature_encoding == MitTemperature::kOffset40;
+  const std::string degrees =
+      offset ? "8@0+ (1,-40) [-40|215] \"degC\" HOST" : "8@0- (1,0) [-128|127] \"degC\" HOST";
+  const bool damiao = config.dialect == MitDialect::kDamiao;
+  if (signal == "temperature")
+    return {(damiao ? " SG_ transistors : 55|" : " SG_ temperature : 55|") + degrees};
+  if (!damiao) return {std::string(line)};
+  if (signal == "error") return {" SG_ rotor : 63|" + degrees};
+  return {
+      " SG_ sender : 3|4@0+ (1,0) [0|15] \"\" HOST\n"
+      " SG_ status : 7|4@0+ (1,0) [0|15] \"\" HOST"};
 }
 
 DriveTraffic MitProtocol::TrafficOf(const DriveEntry& /*entry*/, const MitConfig& config,

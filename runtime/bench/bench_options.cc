@@ -110,6 +110,10 @@ void DeclareWrite(CommandLine& line, BenchOptions& options) {
 void DeclareCommands(CommandLine& line, BenchOptions& options) {
   DeclareScan(line.Subcommand("scan", "look for drives of all protocols; nothing moves"), options);
   line.Subcommand("read", "show what the drives of the file report; nothing moves");
+  CommandLine dbc = line.Subcommand(
+      "dbc", "describe the frames of the drives for bus analysers; the bus is not touched");
+  dbc.Option("--write", options.write, "DBC file to write");
+  dbc.Flag("--overwrite", options.overwrite, "replace it when it exists");
   const auto of_joint = [&](const char* name, const char* help) {
     CommandLine command = line.Subcommand(name, help);
     command.Option("JOINT", options.joint, "joint in the drives file");
@@ -193,6 +197,8 @@ void CheckBench(const BenchOptions& options) {
   }
   if (options.command == "commission" && options.write.empty())
     throw UsageError("--write", "is needed: where is the drives file to go?");
+  if (options.command == "dbc" && options.write.empty())
+    throw UsageError("--write", "is needed: where is the description to go?");
   if (options.in_drive && options.write.empty()) {
     throw UsageError("--write",
                      "is needed with --in-drive: the drives file does not hold any longer then");

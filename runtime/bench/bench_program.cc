@@ -12,6 +12,7 @@
 #include "common/program.h"
 #include "common/result_file.h"
 #include "common/sequence_toml.h"
+#include "firmware_interface/drives/drives_dbc.h"
 #include "firmware_interface/drives/error_texts.h"
 #include "runtime/bench/bench_options.h"
 #include "runtime/bench/drive_reading.h"
@@ -82,6 +83,7 @@ class BenchRun {
       throw std::runtime_error(
           fmt::format("{}: is there already; --overwrite replaces it", options.write));
     }
+    if (options_.command == "dbc") return;
     CatchInterrupts();
     OpenWorld();
   }
@@ -131,6 +133,7 @@ class BenchRun {
     operator_ = knows ? MakeSimulatedOperator(*world_->hands()) : MakeAskedOperator(script);
   }
 
+  void DescribeFrames() const;
   void Dispatch();
   void Scan();
   void Read();
@@ -204,8 +207,15 @@ class BenchRun {
   Json json_;
 };
 
+void BenchRun::DescribeFrames() const {
+  PendingFile(options_.write, DrivesDbc(draft_->config())).Commit();
+  SayLine(fmt::format("{} is written, with the frames of {} drives.", options_.write,
+                      draft_->config().drives.size()));
+}
+
 void BenchRun::Dispatch() {
   const std::string& command = options_.command;
+  if (command == "dbc") return DescribeFrames();
   if (command == "scan") return Scan();
   if (command == "commission") return CommissionAll();
   if (command == "read") return Read();

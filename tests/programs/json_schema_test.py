@@ -30,7 +30,7 @@ RUNS = [
 ] + [
     ("tumbler-bench", f"sim {command} --drives {MOTIONS}/robots/{drives}.toml --motion {MOTIONS}/handstand.toml", 0)
     for drives, commands in {
-        "tumbler_drives": ["scan", "read", "identify", "jog leg1", "zero", "check", "step leg1", "watchdog"],
+        "tumbler_drives": ["scan", "dbc --write DRIVES --overwrite", "read", "identify", "jog leg1", "zero", "check", "step leg1", "watchdog"],
         "tumbler_drives_cansimple": ["read", "latency --seconds 1", "commission --seconds 1 --write DRIVES --overwrite"],
         "tumbler_drives_akv3": ["read", "watchdog", "commission --seconds 1 --write DRIVES --overwrite"],
     }.items()
