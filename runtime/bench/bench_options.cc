@@ -147,6 +147,21 @@ void DeclareCommands(CommandLine& line, BenchOptions& options) {
            "leave out turning the joints by hand through their ways");
 }
 
+void CheckStep(const BenchOptions& options) {
+  const BenchBounds& bounds = options.config.bounds;
+  const StepConfig& step = options.config.step;
+  if (step.size_rad > bounds.amplitude_rad) {
+    throw UsageError(
+        "--size", fmt::format("is {}; --amplitude allows {}", step.size_rad, bounds.amplitude_rad));
+  }
+  if (bounds.kp_nm_per_rad * step.size_rad > bounds.torque_nm) {
+    throw UsageError("--kp", fmt::format("is {}, so that a step of {} rad asks for {} N m; "
+                                         "--torque allows {}",
+                                         bounds.kp_nm_per_rad, step.size_rad,
+                                         bounds.kp_nm_per_rad * step.size_rad, bounds.torque_nm));
+  }
+}
+
 void CheckBench(const BenchOptions& options) {
   const BenchBounds& bounds = options.config.bounds;
   // The checks of ranges let "nan" through.
@@ -184,17 +199,7 @@ void CheckBench(const BenchOptions& options) {
     throw UsageError(
         "--by", fmt::format("is {}; --amplitude allows {}", options.by_rad, bounds.amplitude_rad));
   }
-  const StepConfig& step = options.config.step;
-  if (step.size_rad > bounds.amplitude_rad) {
-    throw UsageError(
-        "--size", fmt::format("is {}; --amplitude allows {}", step.size_rad, bounds.amplitude_rad));
-  }
-  if (bounds.kp_nm_per_rad * step.size_rad > bounds.torque_nm) {
-    throw UsageError("--kp", fmt::format("is {}, so that a step of {} rad asks for {} N m; "
-                                         "--torque allows {}",
-                                         bounds.kp_nm_per_rad, step.size_rad,
-                                         bounds.kp_nm_per_rad * step.size_rad, bounds.torque_nm));
-  }
+  if (options.command == "step" || options.command == "commission") CheckStep(options);
   if (options.command == "commission" && options.write.empty())
     throw UsageError("--write", "is needed: where is the drives file to go?");
   if (options.command == "dbc" && options.write.empty())

@@ -446,8 +446,11 @@ void BenchRun::Latency() {
     const ReplyResult& replies = results[i];
     SayLine(fmt::format(
         "{}: {} {:.3f} ms (median), {:.3f} ms (99 %), {:.3f} ms (max), {} of {} lost",
-        session_->NameOf(i), replies.answers ? "answers after" : "reports every", replies.median_ms,
-        replies.p99_ms, replies.max_ms, replies.lost, replies.asked));
+        session_->NameOf(i),
+        !replies.answers   ? "reports every"
+        : replies.at_least ? "answers after at least"
+                           : "answers after",
+        replies.median_ms, replies.p99_ms, replies.max_ms, replies.lost, replies.asked));
     Json json = ToJson(replies);
     json["joint"] = session_->entry(i).joint;
     json_["replies"].Append(json);

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "common/program.h"
 #include "firmware_interface/drives/error_texts.h"
@@ -330,6 +331,39 @@ void BenchSession::AskOffOnce() {
   }
   deadline_ns_ = now_ns();
   driven_ = drive;  // TorqueOff is still to come.
+}
+
+void BenchSession::AskAllOnce(const std::vector<bool>& awaited, double after_s, double at_most_s) {
+  if (InterruptMailbox().Take().quit) throw BenchInterrupted();
+  ResetReplies();
+  Send(DriveRequest::kDisable);
+  std::int64_t end_ns = now_ns() + Nanoseconds(at_most_s);
+  for (bool all_answered = false; now_ns() < end_ns;) {
+    world_.clock().SleepUntil(std::min(now_ns() + kLook_ns, end_ns));
+    Receive();
+    if (all_answered) continue;
+    all_answered = true;
+    for (std::size_t i = 0; i < size(); ++i)
+      all_answered = all_answered && (!awaited[i] || !replies_[i].arrived_ns.empty());
+    if (all_answered) end_ns = std::min(end_ns, now_ns() + Nanoseconds(after_s));
+  }
+  deadline_ns_ = now_ns();
+}
+
+bool BenchSession::ListenUntilQuiet(double quiet_s, double at_most_s) {
+  const std::int64_t end_ns = now_ns() + Nanoseconds(at_most_s);
+  std::int64_t quiet_since_ns = now_ns();
+  std::size_t came = 0;
+  for (;;) {
+    std::size_t now_came = 0;
+    for (const ReplyTimes& times : replies_) now_came += times.arrived_ns.size();
+    if (std::exchange(came, now_came) != now_came) quiet_since_ns = now_ns();
+    deadline_ns_ = now_ns();
+    if (now_ns() - quiet_since_ns >= Nanoseconds(quiet_s)) return true;
+    if (now_ns() >= end_ns) return false;
+    world_.clock().SleepUntil(now_ns() + kLook_ns);
+    Receive();
+  }
 }
 
 void BenchSession::TorqueOff() {

@@ -103,6 +103,13 @@ class BenchSession {
   /// Tells the driven drive once to be off, and waits for the one reply to that, for a moment at
   /// most. It tells of the moment before.
   void AskOffOnce();
+  /// Asks every drive once, all off, and listens without asking again: until every drive that is
+  /// `awaited` has answered and `after_s` more have gone by, or for `at_most_s`. What came is in
+  /// `replies`; it answers this question if nothing earlier was under way.
+  void AskAllOnce(const std::vector<bool>& awaited, double after_s, double at_most_s);
+  /// Listens without asking until nothing has come for a time.
+  /// @returns false when something still came after `at_most_s`.
+  [[nodiscard]] bool ListenUntilQuiet(double quiet_s, double at_most_s);
   /// Ends driving. Ticks until the drive reports that it is off, for a second at most.
   void TorqueOff();
 

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <numbers>
 #include <optional>
 
@@ -16,15 +17,82 @@ constexpr double kNsOfSecond = 1e9;
 
 std::int64_t BenchNs(double seconds) { return std::llround(seconds * kNsOfSecond); }
 
+/// What single questions tell of a drive's answers.
+struct SingleAnswers {
+  std::vector<double> times_ms;  ///< Of the first answer to each question, sorted.
+  std::int64_t repeated = 0;     ///< Answers beyond the first.
+  bool still_under_way = false;  ///< Whether answers take longer than the silences.
+  double silence_ms = 0;         ///< The longest after a question.
+};
+
+/// Asks all drives a few times with a silence after each question.
+std::vector<SingleAnswers> AskSingly(BenchSession& session) {
+  constexpr int kQuestions = 24, kInVain = 3, kTicksBetween = 12;
+  constexpr double kLongest_s = 0.2, kShare = 0.15;
+  // Drives that are off bear any silence, but for the host's heartbeat.
+  double silence_s = kLongest_s;
+  bool heartbeat = false;
+  for (std::size_t i = 0; i < session.size(); ++i) {
+    const DriveEntry& drive = session.entry(i);
+    if (!std::holds_alternative<Cia402Config>(drive.config) || drive.watchdog_s <= 0) continue;
+    heartbeat = true;
+    silence_s = std::min(silence_s, kShare * drive.watchdog_s);
+  }
+  silence_s = std::max(silence_s, 3 * session.period_s());
+  std::vector<SingleAnswers> all(session.size());
+  std::vector<bool> awaited;
+  std::vector<int> in_vain(session.size());
+  for (std::size_t i = 0; i < session.size(); ++i)
+    awaited.push_back(session.drive(i).reply_rhythm().answers);
+  if (std::ranges::none_of(awaited, std::identity{})) return all;
+  bool quiet = true;
+  for (int k = 0; k < kQuestions && quiet; ++k) {
+    if (heartbeat) session.Wait(kTicksBetween * session.period_s());
+    if (heartbeat || k == 0) {
+      const double quiet_s = heartbeat ? silence_s : 2 * silence_s;
+      quiet = session.ListenUntilQuiet(quiet_s, 2.5 * quiet_s);
+    }
+    session.AskAllOnce(awaited, 2 * session.period_s(), silence_s);
+    bool unanswered = false;
+    for (std::size_t i = 0; i < session.size(); ++i)
+      unanswered = unanswered || (awaited[i] && session.replies(i).arrived_ns.empty());
+    // An answer that comes unasked later was not lost.
+    if (unanswered && !heartbeat)
+      static_cast<void>(session.ListenUntilQuiet(2 * silence_s, 4 * silence_s));
+    for (std::size_t i = 0; i < session.size(); ++i) {
+      const ReplyTimes& times = session.replies(i);
+      if (times.arrived_ns.empty()) {
+        if (++in_vain[i] == kInVain) awaited[i] = false;
+        continue;
+      }
+      if (static_cast<double>(times.arrived_ns.front() - times.asked_ns.front()) >
+          kNsOfSecond * silence_s) {
+        quiet = false;
+        continue;
+      }
+      all[i].times_ms.push_back(
+          static_cast<double>(times.arrived_ns.front() - times.asked_ns.front()) * 1e-6);
+      all[i].repeated += static_cast<std::int64_t>(times.arrived_ns.size()) - 1;
+    }
+  }
+  for (SingleAnswers& answers : all) {
+    std::sort(answers.times_ms.begin(), answers.times_ms.end());
+    answers.silence_ms = 1e3 * silence_s;
+    answers.still_under_way = !quiet || answers.times_ms.empty();
+  }
+  return all;
+}
+
 /// The latest question that each answer can belong to, in order, each used once. So an answer that
 /// comes after the next question counts as late, and one that never comes as lost.
-std::vector<double> Latencies(const ReplyTimes& times) {
+/// @param least_ns  what every answer takes at least.
+std::vector<double> Latencies(const ReplyTimes& times, std::int64_t least_ns) {
   std::vector<double> latencies_ms;
   std::size_t ask = times.asked_ns.size();
   for (std::size_t i = times.arrived_ns.size(); i-- > 0;) {
     const auto before = std::lower_bound(times.asked_ns.begin(),
                                          times.asked_ns.begin() + static_cast<std::ptrdiff_t>(ask),
-                                         times.arrived_ns[i]);
+                                         times.arrived_ns[i] - least_ns);
     if (before == times.asked_ns.begin()) break;  // It answers what was asked earlier.
     ask = static_cast<std::size_t>(before - times.asked_ns.begin()) - 1;
     latencies_ms.push_back(static_cast<double>(times.arrived_ns[i] - times.asked_ns[ask]) * 1e-6);
@@ -143,6 +211,8 @@ DriveIdentity IdentifyDrive(BenchSession& session, BenchOperator& somebody, std:
 }
 
 std::vector<ReplyResult> MeasureReplies(BenchSession& session, double time_s) {
+  const std::vector<SingleAnswers> single = AskSingly(session);
+  session.Wait(4 * session.period_s());  // Drives that were left alone for a while are heard again.
   session.ResetReplies();
   const std::int64_t start_ns = session.now_ns();
   session.Wait(time_s);
@@ -152,16 +222,39 @@ std::vector<ReplyResult> MeasureReplies(BenchSession& session, double time_s) {
     const ReplyTimes& times = session.replies(i);
     ReplyResult result;
     result.answers = session.drive(i).reply_rhythm().answers;
-    std::vector<double> sorted = result.answers ? Latencies(times) : Intervals(times);
+    const double period_ms = 1e3 * session.period_s();
+    const double single_ms = Percentile(single[i].times_ms, 0.5);
+    // Single answers differ by less than a period from those that share the bus with others.
+    const double least_ms = result.answers && !single[i].still_under_way
+                                ? std::max(single_ms - 0.5 * period_ms, 0.0)
+                                : 0;
+    std::vector<double> sorted =
+        result.answers ? Latencies(times, BenchNs(1e-3 * least_ms)) : Intervals(times);
     std::sort(sorted.begin(), sorted.end());
+    const auto came = static_cast<std::int64_t>(times.arrived_ns.size());
     result.median_ms = Percentile(sorted, 0.5);
     result.p99_ms = Percentile(sorted, 0.99);
     result.max_ms = sorted.empty() ? 0 : sorted.back();
     if (result.answers) {
-      // The answer to the last question may be under way.
+      // Answers to the last questions may be under way.
       result.asked = static_cast<std::int64_t>(times.asked_ns.size());
       const auto answered = static_cast<std::int64_t>(sorted.size());
-      result.lost = std::max<std::int64_t>(result.asked - answered - 1, 0);
+      const auto under_way = 1 + static_cast<std::int64_t>(least_ms / period_ms);
+      result.lost = std::max<std::int64_t>(result.asked - answered - under_way, 0);
+      result.at_least = came > 0 && single[i].still_under_way;
+      // As many answers as were under way when the time began may be too many.
+      result.repeated = std::max<std::int64_t>(came - result.asked - under_way, 0);
+      if (single[i].repeated > 0) result.repeated = std::max<std::int64_t>(result.repeated, 1);
+      if (result.repeated > 0 && !single[i].still_under_way) {
+        result.median_ms = single_ms;
+        result.p99_ms = Percentile(single[i].times_ms, 0.99);
+        result.max_ms = single[i].times_ms.back();
+        result.lost = 0;
+      }
+      if (result.at_least) {
+        for (double* const time_ms : {&result.median_ms, &result.p99_ms, &result.max_ms})
+          *time_ms = std::max(*time_ms, single[i].silence_ms);
+      }
     } else {
       // What came is no yardstick: of a drive that is silent, or that loses every other report, it
       // shows nothing amiss. One report may be under way at each end.
@@ -171,10 +264,13 @@ std::vector<ReplyResult> MeasureReplies(BenchSession& session, double time_s) {
       const double every_s = can != nullptr  ? can->messages.estimates_s
                              : ak != nullptr ? ak->status_s
                                              : session.period_s();
-      const auto arrived = static_cast<std::int64_t>(times.arrived_ns.size());
       result.asked = std::max<std::int64_t>(std::llround(elapsed_s / every_s), 1);
-      result.lost =
-          arrived == 0 ? result.asked : std::max<std::int64_t>(result.asked - arrived - 1, 0);
+      result.lost = came == 0 ? result.asked : std::max<std::int64_t>(result.asked - came - 1, 0);
+      // A drive's own clock may be faster than the host's by some per cent.
+      constexpr double kFaster = 0.03;
+      const std::int64_t most =
+          result.asked + 1 + std::llround(kFaster * static_cast<double>(result.asked));
+      if (came > most) result.repeated = came - result.asked;
     }
     results.push_back(result);
   }
@@ -185,6 +281,8 @@ Json ToJson(const ReplyResult& result) {
   return {{"measured", result.answers ? "answers" : "intervals"},
           {"asked", result.asked},
           {"lost", result.lost},
+          {"repeated", result.repeated},
+          {"at_least", result.at_least},
           {"median_ms", result.median_ms},
           {"p99_ms", result.p99_ms},
           {"max_ms", result.max_ms}};
@@ -327,7 +425,10 @@ WatchdogResult ProveWatchdog(BenchSession& session, std::size_t drive) {
 std::string Describe(const WatchdogResult& result) {
   if (!result.let_go) {
     return fmt::format("still drives after {:.0f} ms of silence{}", 1e3 * result.pushed_after_s,
-                       result.longest ? "" : ", and --amplitude allows no longer one");
+                       result.longest
+                           ? ""
+                           : ", and --amplitude allows no longer one: raise it where the joint may "
+                             "turn farther");
   }
   return fmt::format(
       "limp {:.1f} ms after the last setpoint; it still pushed at {:.1f} ms ({} silences)",

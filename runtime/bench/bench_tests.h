@@ -52,6 +52,12 @@ struct ReplyResult {
   /// period in its drives file.
   std::int64_t asked = 0;
   std::int64_t lost = 0;
+  /// How many more came than were asked for: somebody on the bus repeats frames. Then losses cannot
+  /// be told from what came, and times are those of single questions.
+  std::int64_t repeated = 0;
+  /// Whether answers were still under way after every silence that was tried, so that nobody knows
+  /// to which question one belongs: the times are the least that they can be.
+  bool at_least = false;
   double median_ms = 0;
   double p99_ms = 0;
   double max_ms = 0;
@@ -60,6 +66,10 @@ struct ReplyResult {
   }
 };
 /// Replies of all drives for a time, with the torque off.
+///
+/// An answer does not say which question it belongs to. So each drive is asked a few times with a
+/// silence after each question first, which tells how many periods its answers take; then it is
+/// asked in every period for the time.
 std::vector<ReplyResult> MeasureReplies(BenchSession& session, double time_s);
 Json ToJson(const ReplyResult& result);
 

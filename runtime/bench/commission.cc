@@ -167,8 +167,11 @@ void Commissioner::MeasureAllReplies() {
     Report(fmt::format(
         "  {}: {} {:.3f} ms (median), {:.3f} ms (99 %), {:.3f} ms (max), {} of {} "
         "lost",
-        session_->NameOf(i), replies.answers ? "answers after" : "reports every", replies.median_ms,
-        replies.p99_ms, replies.max_ms, replies.lost, replies.asked));
+        session_->NameOf(i),
+        !replies.answers   ? "reports every"
+        : replies.at_least ? "answers after at least"
+                           : "answers after",
+        replies.median_ms, replies.p99_ms, replies.max_ms, replies.lost, replies.asked));
     Add(JudgeReplies(session_->NameOf(i), replies, session_->period_s(), config_.tolerances));
   }
   const BusTrouble after = world_.trouble();
@@ -287,10 +290,16 @@ void Commissioner::ProveAllWatchdogs() {
 
 /// Writes what was proved. @returns whether that was anything.
 bool Commissioner::SetWatchdog(std::size_t drive, const WatchdogResult& watchdog) {
-  if (!watchdog.let_go && !watchdog.longest) return false;
+  // A time-out that the drive has outlasted is not to be relied on, though nobody knows what it is.
+  const double expected_s = draft_.config().drives[drive].watchdog_s;
+  const bool disproved =
+      expected_s > 0 && watchdog.pushed_after_s > expected_s + 2 * session_->period_s();
+  if (!watchdog.let_go && !watchdog.longest && !disproved) return false;
   if (!std::holds_alternative<Cia402Config>(draft_.config().drives[drive].config)) {
-    draft_.SetNumber(drive, "watchdog_s",
-                     watchdog.let_go ? std::round(1e3 * watchdog.limp_after_s) * 1e-3 : 0.0);
+    draft_.SetNumber(
+        drive, "watchdog_s",
+        // The last silence that it bore: the host counts on no less.
+        watchdog.let_go ? std::max(std::floor(1e3 * watchdog.pushed_after_s), 1.0) * 1e-3 : 0.0);
     return true;
   }
   // The host tells these drives their time-out, the same for all: it stays what they are told,

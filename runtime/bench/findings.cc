@@ -18,11 +18,19 @@ std::vector<BenchFinding> JudgeReplies(const std::string& drive, const ReplyResu
                      100 * tolerances.lost_share,
                      result.answers ? "" : ", and at the period that its reports are set to")});
   }
+  if (result.repeated > 0) {
+    findings.push_back(
+        {"repeated-replies", drive,
+         fmt::format("{} more replies of {} came than {}: somebody on the bus repeats frames, and "
+                     "losses cannot be told",
+                     result.repeated, drive,
+                     result.answers ? "it was asked for" : "its period in the drives file makes")});
+  }
   const double late_ms = 1e3 * period_s * tolerances.late_periods;
-  if (result.answers && result.p99_ms > late_ms) {
+  if (result.answers && (result.at_least || result.p99_ms > late_ms)) {
     findings.push_back({"late-replies", drive,
                         fmt::format("1 % of the replies of {} take {:.2f} ms or more, and a period "
-                                    "is {:.2f} ms",
+                                    "is {:.2f} ms: look at the adapter's latency",
                                     drive, result.p99_ms, 1e3 * period_s)});
   }
   return findings;

@@ -10,6 +10,7 @@
 #include <memory>
 #include <string>
 #include <tuple>
+#include <utility>
 #include <vector>
 
 #include "common/program.h"
@@ -489,6 +490,69 @@ TEST_P(BenchOf, RepliesAreTimedAndLostOnesCounted) {
   EXPECT_EQ(JudgeReplies("drive", replies[0], period_s, {}).at(0).kind, "noisy-bus");
 }
 
+TEST_P(BenchOf, AnswersThatAreLateByWholePeriodsAreTimedFromTheirOwnQuestion) {
+  BenchSession session(world_, drives_, {});
+  ASSERT_THAT(session.AwaitReplies(), IsEmpty());
+  const std::vector<ReplyResult> prompt = MeasureReplies(session, 1);
+  if (!prompt[0].answers) GTEST_SKIP() << "this drive is not asked";
+  const double period_ms = 1e3 * session.period_s();
+  for (const double late_ms : {0.7 * period_ms, 1.6 * period_ms, 2.5 * period_ms}) {
+    BusFaultPlan plan;
+    plan.faults.push_back({});
+    plan.faults.back().kind = BusFaultKind::kDelay;
+    plan.faults.back().node = 2;  // the host
+    plan.faults.back().delay_ns = std::llround(1e6 * late_ms);
+    world_.wire().SetFaults(plan);
+    session.Wait(0.1);
+    const std::vector<ReplyResult> replies = MeasureReplies(session, 1);
+    for (std::size_t i = 0; i < 2; ++i) {
+      EXPECT_NEAR(replies[i].median_ms, prompt[i].median_ms + late_ms, 0.15) << late_ms;
+      EXPECT_EQ(replies[i].lost, 0);
+      EXPECT_FALSE(replies[i].at_least);
+    }
+    const bool late = prompt[0].p99_ms + late_ms > period_ms;
+    EXPECT_EQ(JudgeReplies("drive", replies[0], session.period_s(), {}).empty(), !late);
+  }
+}
+
+TEST_P(BenchOf, AnswersThatTakeLongerThanEverySilenceAreLateByAtLeastThat) {
+  BenchSession session(world_, drives_, {});
+  ASSERT_THAT(session.AwaitReplies(), IsEmpty());
+  if (!MeasureReplies(session, 0.5)[0].answers) GTEST_SKIP() << "this drive is not asked";
+  BusFaultPlan plan;
+  plan.faults.push_back({});
+  plan.faults.back().kind = BusFaultKind::kDelay;
+  plan.faults.back().node = 2;  // the host
+  plan.faults.back().delay_ns = 400'000'000;
+  world_.wire().SetFaults(plan);
+  session.Wait(1);
+  const ReplyResult replies = MeasureReplies(session, 1)[0];
+  EXPECT_TRUE(replies.at_least);
+  EXPECT_EQ(JudgeReplies("drive", replies, session.period_s(), {}).back().kind, "late-replies");
+}
+
+TEST_P(BenchOf, RepeatedRepliesAreNamedAndDoNotGrowIntoLatencies) {
+  BenchSession session(world_, drives_, {});
+  ASSERT_THAT(session.AwaitReplies(), IsEmpty());
+  const ReplyResult once = MeasureReplies(session, 1)[0];
+  for (const double share : {0.1, 1.0}) {
+    BusFaultPlan plan;
+    plan.faults.push_back({});
+    plan.faults.back().kind = BusFaultKind::kDuplicate;
+    plan.faults.back().node = 2;  // the host
+    plan.faults.back().probability = share;
+    world_.wire().SetFaults(plan);
+    const ReplyResult replies = MeasureReplies(session, 2)[0];
+    EXPECT_GT(replies.repeated, 0);
+    EXPECT_EQ(JudgeReplies("drive", replies, session.period_s(), {}).at(0).kind,
+              "repeated-replies");
+    if (replies.answers) {
+      EXPECT_NEAR(replies.median_ms, once.median_ms, 0.15);
+      EXPECT_LT(replies.max_ms, 1e3 * session.period_s());
+    }
+  }
+}
+
 TEST_P(BenchOf, AStepAnswersAsItsDifferentialEquationDoes) {
   BenchSession session(world_, drives_, {});
   ASSERT_THAT(session.AwaitReplies(), IsEmpty());
@@ -524,11 +588,11 @@ TEST_P(BenchOf, APositionOfADriveThatHasFallenSilentIsAFaultThatNamesIt) {
 }
 
 TEST_P(BenchOf, EveryReplyOfADriveThatDiedIsLostAndThoseAfterItDied) {
-  int ticks = 0;
   BenchSession session(world_, drives_, {});
   ASSERT_THAT(session.AwaitReplies(), IsEmpty());
   world_.each_tick = [&] {
-    if (++ticks == std::lround(1 / session.period_s())) world_.simulated[1]->set_silent(true);
+    if (std::cmp_equal(session.replies(1).asked_ns.size(), std::lround(1 / session.period_s())))
+      world_.simulated[1]->set_silent(true);
   };
   std::vector<ReplyResult> replies = MeasureReplies(session, 2);
   EXPECT_EQ(replies[0].lost, 0);
