@@ -177,7 +177,9 @@ ExitStatus Main(int argc, char** argv) {
       .ShowDefault();
   simulate.Option("--branch", arguments.options.branch,
                   "Take this branch once the cycles are done");
-  simulate.Option("--last-hold", arguments.options.last_hold_s, "Hold after the last node [s]")
+  simulate
+      .Option("--last-hold", arguments.options.last_hold_s,
+              "Hold after the last node [s]; on a bar, at most its settle phase")
       .Within(0.0, 60.0)
       .ShowDefault();
   simulate

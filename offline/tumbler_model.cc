@@ -39,9 +39,9 @@ using Dynamics = HybridDynamics<Spatial>;
 /// left once those before it may move. Fewer than three digits of its acceleration would be right.
 constexpr double kUndetermined = 1e-12;
 
-constexpr std::array kRoots = {std::pair{"planar-xz", RootKind::kPlanarXz},
-                               std::pair{"fixed", RootKind::kFixed},
-                               std::pair{"floating", RootKind::kFloating}};
+constexpr std::array kRoots = {
+    std::pair{"planar-xz", RootKind::kPlanarXz}, std::pair{"fixed", RootKind::kFixed},
+    std::pair{"hinge-y", RootKind::kHingeY}, std::pair{"floating", RootKind::kFloating}};
 
 struct Arguments {
   std::string robot;
@@ -159,6 +159,7 @@ ExitStatus Check(const Arguments& arguments) {
   fmt::print("robot '{}', root link '{}' {}\n", robot.name, robot.links.front().name,
              robot.root == RootKind::kFixed      ? "fixed to the world"
              : robot.root == RootKind::kPlanarXz ? "free in the x-z plane"
+             : robot.root == RootKind::kHingeY   ? "hung from a bar along y"
                                                  : "free in space");
   PrintDegreesOfFreedom(robot);
   PrintMasses(robot);
@@ -174,7 +175,7 @@ ExitStatus Check(const Arguments& arguments) {
         "note");
   }
   if (robot.root == RootKind::kFloating) {
-    fmt::print("tumbler-optimize does not take it: a task's root is planar-xz or fixed\n");
+    fmt::print("tumbler-optimize does not take it: a task's root is planar-xz, fixed or hinge-y\n");
   } else {
     try {
       ReduceToPlane(robot);
@@ -212,6 +213,10 @@ void Prescribe(Robot& robot, const std::string& list) {
       throw std::invalid_argument(
           fmt::format("--prescribed: '{}' is no joint that moves; allowed, separated by commas: {}",
                       name, names));
+    }
+    if (robot.root == RootKind::kHingeY && j < 2) {
+      throw std::invalid_argument(fmt::format(
+          "--prescribed: '{}' is held by the bar and always prescribed; leave it out", name));
     }
     if (robot.tree.dofs[Index(j)].prescribed)
       throw std::invalid_argument(fmt::format("--prescribed: '{}' is there twice", name));
@@ -482,7 +487,7 @@ ExitStatus Main(int argc, char** argv) {
   for (CommandLine command : {check, hybrid}) {
     command.Option("ROBOT", arguments.robot, "Robot file (URDF)").Required();
     command.Option("--root", arguments.root, "How the root link is held")
-        .OneOf({"planar-xz", "fixed", "floating"})
+        .OneOf({"planar-xz", "fixed", "hinge-y", "floating"})
         .ShowDefault();
   }
   hybrid.Option("--prescribed", arguments.prescribed,

@@ -102,8 +102,12 @@ std::vector<std::vector<double>> DifferenceDirections(std::size_t n) {
 
 }  // namespace
 
+double ExitAfter(const Problem& problem) {
+  return problem.scene.robot.hinged() ? problem.settle_s : kExitAfter_s;
+}
+
 double SettlingAfter(const Problem& problem) {
-  return std::max(0.0, kExitAfter_s - problem.settle_s);
+  return std::max(0.0, ExitAfter(problem) - problem.settle_s);
 }
 
 GradientCheck CompareGradient(const std::function<double(const std::vector<double>&)>& cost,
@@ -180,7 +184,7 @@ void MotionSummarizer::Take(const MotionSample& sample, double own_distance_m) {
     if (count_ % every_ == 0) TakeTorques(sample);
   }
   ++count_;
-  if (t <= problem_.duration_s + kExitAfter_s + 1e-9) {
+  if (t <= problem_.duration_s + ExitAfter(problem_) + 1e-9) {
     summary_.settled_pitch_rad = RootPitchAt(sample.q, robot);
     summary_.settled_speed = 0;
     for (int i = 0; i < robot.root_dofs; ++i)

@@ -53,6 +53,10 @@ double GradientStepHalvingChange(const Problem& problem, const std::vector<doubl
 /// Shapes that are nearer than the clearance by less than this are not: so much is rounding.
 inline constexpr double kClearanceTolerance_m = 1e-6;
 
+/// How long after a motion's end its exit is taken [s]: kExitAfter_s, or on a bar, where nothing
+/// comes to rest by itself, when the settle phase ends.
+double ExitAfter(const Problem& problem);
+
 /// How long a motion is played on past its settle phase [s], until its exit.
 double SettlingAfter(const Problem& problem);
 

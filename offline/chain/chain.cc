@@ -15,6 +15,7 @@
 
 #include "common/index.h"
 #include "common/toml_reader.h"
+#include "offline/scene/rest_pose.h"
 #include "offline/scene/scene_dynamics.h"
 #include "offline/stepper/even_steps.h"
 #include "offline/stepper/stepper.h"
@@ -74,7 +75,9 @@ class Simulation {
       : file_(motion.file()),
         options_(options),
         visitor_(visitor),
-        root_(motion.scene().robot.root_dofs == 3) {
+        root_(motion.scene().robot.root_dofs == 3),
+        hinged_(motion.scene().robot.hinged()),
+        bar_(motion.scene().bar) {
     for (std::size_t i = 0; i < file_.primitives.size(); ++i)
       worlds_.push_back(std::make_unique<World>(file_.primitives[i], motion.ProblemOf(i)));
     for (int node = 0; node < file_.graph.node_count; ++node) {
@@ -103,7 +106,7 @@ class Simulation {
         since_cycle = ends_cycle ? 0 : since_cycle + 1;
         edge = NextEdge(file_.graph, node, outcome_.cycles, Request(branched));
         branched = branched || (edge >= 0 && file_.graph.edge(edge).when == EdgeCondition::kBranch);
-        going = Hold(passage, edge < 0 ? options_.last_hold_s : file_.graph.edge(edge).settle_s);
+        going = Hold(passage, edge < 0 ? LastHold(node) : file_.graph.edge(edge).settle_s);
       }
       passage.travelled_m = RootX() - x;
       passage.turned_rad = RootPitch() - pitch;
@@ -130,12 +133,22 @@ class Simulation {
     return PlannedRequest(options_.cycles, options_.branch, outcome_.cycles, branched);
   }
 
-  [[nodiscard]] double RootX() const { return root_ ? root_state_[0] : 0.0; }
-  [[nodiscard]] double RootZ() const { return root_ ? root_state_[1] : 0.0; }
-  [[nodiscard]] double RootPitch() const { return root_ ? root_state_[2] : 0.0; }
+  // On a bar the pitch is all that is free of the root.
+  [[nodiscard]] double RootX() const { return hinged_ ? bar_.x() : root_ ? root_state_[0] : 0.0; }
+  [[nodiscard]] double RootZ() const { return hinged_ ? bar_.y() : root_ ? root_state_[1] : 0.0; }
+  [[nodiscard]] double RootPitch() const {
+    return hinged_ ? root_state_[0] : root_ ? root_state_[2] : 0.0;
+  }
   [[nodiscard]] double RootSpeed() const {
     const auto& y = root_state_;
+    if (hinged_) return std::abs(y[1]);
     return root_ ? std::max({std::abs(y[3]), std::abs(y[4]), std::abs(y[5])}) : 0.0;
+  }
+
+  /// On a bar nothing comes to rest by itself, and the exit is where the settle phase ends.
+  [[nodiscard]] double LastHold(int node) {
+    const double settle_s = WorldOf(node).file.primitive.settle_s;
+    return hinged_ ? std::min(options_.last_hold_s, settle_s) : options_.last_hold_s;
   }
 
   /// Plays the node's primitive alone, as it was planned.
@@ -154,10 +167,13 @@ class Simulation {
     root_state_.fill(0);
     time_ = start_s_ = 0;
     const PrimitivePose& entry = WorldOf(node).file.entry;
-    if (root_) {
+    const double pitch = file_.RobotPitch(node, entry.root_pitch_rad);
+    if (hinged_) {
+      root_state_[0] = pitch;
+    } else if (root_) {
       root_state_[0] = entry.root_x_m;
       root_state_[1] = entry.root_z_m;
-      root_state_[2] = file_.RobotPitch(node, entry.root_pitch_rad);
+      root_state_[2] = pitch;
     }
     start_x_ = RootX();
   }
@@ -198,7 +214,8 @@ class Simulation {
     passage.exit_pitch_error_rad = PitchError(passage.node, exit.root_pitch_rad);
     passage.exit_speed = RootSpeed();
     const double half_turn = std::abs(std::remainder(RootPitch(), kPi));
-    passage.posture = half_turn <= kPostureTolerance             ? Posture::kLevel
+    passage.posture = hinged_                                    ? PostureOnBar(passage.node)
+                      : half_turn <= kPostureTolerance           ? Posture::kLevel
                       : kPi / 2 - half_turn <= kPostureTolerance ? Posture::kUpright
                                                                  : Posture::kInclined;
     const double tolerance = file_.exit_pitch_tolerance_rad[Index(passage.node)];
@@ -206,6 +223,16 @@ class Simulation {
     return Fail(ChainFailure::Cause::kExit, passage.node,
                 fmt::format("root, pitch: {} rad from the recorded exit; allowed: {} rad",
                             MessageText(passage.exit_pitch_error_rad), MessageText(tolerance)));
+  }
+
+  /// Where the robot's centre of mass is, seen from its bar.
+  [[nodiscard]] Posture PostureOnBar(int node) {
+    const SceneDynamics& robot = WorldOf(node).robot;
+    const double turned =
+        std::abs(TurnFromHanging(WorldOf(node).problem.scene, {robot.q.data(), robot.n}));
+    return turned <= kPostureTolerance         ? Posture::kHanging
+           : kPi - turned <= kPostureTolerance ? Posture::kAbove
+                                               : Posture::kInclined;
   }
 
   static std::string MessageText(double value) { return fmt::format("{:.4g}", value); }
@@ -351,7 +378,9 @@ class Simulation {
   const SequenceFile& file_;
   const ChainOptions& options_;
   const std::function<void(int, const MotionSample&)>& visitor_;
-  bool root_;                                   // whether the root is free
+  bool root_;    // whether the root is not fixed
+  bool hinged_;  // on a bar
+  Plane::Vector bar_;
   std::vector<std::unique_ptr<World>> worlds_;  // by primitive
   SceneDynamics::State root_state_{};
   double time_ = 0;
@@ -372,6 +401,10 @@ const char* ToString(Posture posture) {
       return "level";
     case Posture::kInclined:
       return "inclined";
+    case Posture::kHanging:
+      return "hanging";
+    case Posture::kAbove:
+      return "above";
   }
   return "unknown";
 }

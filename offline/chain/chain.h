@@ -23,11 +23,13 @@ struct ChainOptions {
   double step_s = 0;
 };
 
-/// The inclination of the root, roughly.
+/// The inclination of the root, roughly, or where the centre of mass of a robot on a bar is.
 enum class Posture {
   kUpright,   ///< Within 0.1 rad of a right angle to the ground.
   kLevel,     ///< Within 0.1 rad of parallel to the ground.
-  kInclined,  ///< Neither.
+  kInclined,  ///< Neither; or on a bar, neither of the next two.
+  kHanging,   ///< Within 0.1 rad of straight below the bar, seen from there.
+  kAbove,     ///< Likewise above it.
 };
 const char* ToString(Posture posture);
 

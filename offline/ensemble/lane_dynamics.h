@@ -9,7 +9,8 @@
 namespace tumbler {
 inline namespace TUMBLER_LANES_NAMESPACE {
 
-/// The equations of motion of planar robots with a free root and revolute joints, with contact at
+/// The equations of motion of planar robots with a root that is free in the plane or hinged, and
+/// with revolute joints, with contact at
 /// points, for one robot or a packet of them: the physics of `Twin`, in the same coordinates. No
 /// branch depends on a lane's numbers, so a lane gets the bits that it would get alone.
 ///
@@ -58,7 +59,8 @@ class LaneDynamics {
       for (std::size_t j = 3; j < dofs(); ++j) b[i] -= M[j][i] * qdd[j];
     }
     // x and z share the mass and do not couple, so pitch is what is left after them.
-    const S inverse = S(1) / M[0][0];
+    // A bar makes it infinite.
+    const S inverse = m_.hinged ? S(0) : S(1) / M[0][0];
     const S left = M[2][2] - (M[2][0] * M[2][0] + M[2][1] * M[2][1]) * inverse;
     qdd[2] = (b[2] - (M[2][0] * b[0] + M[2][1] * b[1]) * inverse) / left;
     qdd[0] = (b[0] - M[2][0] * qdd[2]) * inverse;
@@ -253,7 +255,7 @@ class LaneDynamics {
     const Body& root = bodies_[0];
     rest_[0] = root.fx;
     rest_[1] = root.fz;
-    rest_[2] = root.n;
+    rest_[2] = root.n + r_.bar_friction * state.v[2];
     M_[0][0] = M_[1][1] = root.m;
     M_[1][0] = S(0);
     M_[2][0] = -root.hz;
@@ -270,7 +272,7 @@ class LaneDynamics {
   /// M = L^T D L: rows of M_ then hold L, and inverse_ the inverse of D.
   void Factor() {
     for (std::size_t k = dofs(); k-- > 0;) {
-      inverse_[k] = S(1) / M_[k][k];
+      inverse_[k] = m_.hinged && k < 2 ? S(0) : S(1) / M_[k][k];  // A bar does not move.
       for (std::size_t i = Carrier(k), below = k; i != below; below = i, i = Carrier(i)) {
         const S a = M_[k][i] * inverse_[k];
         for (std::size_t j = i, last = k; j != last; last = j, j = Carrier(j))

@@ -27,6 +27,8 @@ struct LaneModel {
   std::array<std::size_t, kMaxPoints> point_body{};
   std::size_t grounds = 0;  ///< Half-spaces.
   std::size_t stones = 0;   ///< All other obstacles.
+  /// Whether a bar holds the root's x and z.
+  bool hinged = false;
   /// Whether the contact law's smoothing is quintic, not cubic.
   bool quintic = false;
 };
@@ -62,6 +64,7 @@ struct LaneRobot {
     S half_x, half_z, radius;
   };
   S gravity_x, gravity_z;
+  S bar_friction;  ///< Viscous, of the root's bearing where a bar holds it [N m s/rad].
   S stiffness, damping, mu, v_max, d_on, d_off;  ///< As in ContactLaw.
   S stop_stiffness, stop_damping;
   std::array<Body, LaneModel::kMaxBodies> bodies;

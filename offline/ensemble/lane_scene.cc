@@ -22,6 +22,8 @@ void AddBodies(const PlanarRobot& robot, const LaneDrive& drive, LaneScene& lane
   }
   RequireRoom(robot.joint_count(), LaneModel::kMaxJoints, "joints");
   lanes.model.joints = robot.joint_count();
+  lanes.model.hinged = robot.hinged();
+  lanes.robot.bar_friction = robot.tree.dofs[2].damping_nm_s_per_rad;
   for (std::size_t i = 0; i <= lanes.model.joints; ++i) {
     const Dof<Plane>& dof = robot.tree.dofs[i + 2];
     if (dof.kind != JointKind::kRevolute) {

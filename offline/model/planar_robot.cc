@@ -45,6 +45,7 @@ Dof<Plane> ReduceDof(const Robot& robot, std::size_t j) {
     }
     dof.direction = InPlane(from.direction).normalized();
   }
+  dof.prescribed = from.prescribed;
   dof.massless = from.massless;
   dof.mass_kg = from.mass_kg;
   dof.mass_centre = InPlane(from.mass_centre);
@@ -118,6 +119,7 @@ PlanarRobot ReduceToPlane(const Robot& robot) {
   PlanarRobot out;
   out.name = robot.name;
   out.tree.gravity = InPlane(robot.tree.gravity);
+  out.root = robot.root;
   out.root_dofs = robot.root_dofs;
   for (std::size_t j = 0; j < robot.tree.dofs.size(); ++j) {
     out.tree.dofs.push_back(ReduceDof(robot, j));

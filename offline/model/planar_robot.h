@@ -27,8 +27,9 @@ struct DrawnSegment {
 /// A robot reduced to the x-z plane. Degrees of freedom are those of `Robot`, in the same order.
 struct PlanarRobot {
   std::string name;
-  Tree<Plane> tree;                         ///< No degree of freedom is prescribed yet.
-  int root_dofs = 0;                        ///< 0 (fixed) or 3 (planar).
+  Tree<Plane> tree;                         ///< Only a bar's x and z are prescribed yet.
+  RootKind root = RootKind::kFixed;         ///< Not floating.
+  int root_dofs = 0;                        ///< 0 (fixed) or 3 (planar, hinge).
   std::vector<std::string> body_names;      ///< Link of each degree of freedom.
   std::vector<RobotJointLimits> limits;     ///< Of each degree of freedom; the root's are infinite.
   std::vector<ContactShape<Plane>> shapes;  ///< For contact.
@@ -36,6 +37,9 @@ struct PlanarRobot {
   std::vector<DrawnSegment> drawing;
   std::vector<IgnoredShape> ignored_shapes;
 
+  /// Whether a bar holds the origin of the root's frame, so that of the root only the pitch is
+  /// free.
+  [[nodiscard]] bool hinged() const { return root == RootKind::kHingeY; }
   /// The degrees of freedom after the root's are its joints.
   [[nodiscard]] std::size_t joint_count() const {
     return tree.dofs.size() - static_cast<std::size_t>(root_dofs);
@@ -48,7 +52,7 @@ struct PlanarRobot {
 };
 
 /// The robot in its x-z plane, in which it stays. Only moments of inertia about y count there.
-/// @pre its root is fixed or planar.
+/// @pre its root is not floating.
 /// @throws FileError with file, line and element when a joint's axis leaves the plane (revolute:
 /// +-y, prismatic: in x-z); when a mass, inertia or limit is not physical (`Robot::findings`); when
 /// it has more than Plane::kMaxDofs degrees of freedom, or one that moves no mass.

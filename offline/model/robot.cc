@@ -91,6 +91,7 @@ std::vector<RootCoordinate> RootCoordinates(RootKind root) {
     case RootKind::kFixed:
       return {};
     case RootKind::kPlanarXz:
+    case RootKind::kHingeY:
       return {x, z, pitch};
     case RootKind::kFloating:
       return {x, y, z, pitch, roll, yaw};
@@ -167,6 +168,7 @@ class Builder {
       dof.parent = robot_.root_dofs - 1;
       dof.kind = coordinate.kind;
       (dof.kind == JointKind::kRevolute ? dof.axis : dof.direction) = coordinate.axis;
+      dof.prescribed = root == RootKind::kHingeY && dof.kind == JointKind::kPrismatic;
       AddDof(dof, {model_->getRoot()->name, {}});
       ++robot_.root_dofs;
     }

@@ -59,8 +59,8 @@ struct Robot {
   std::string file;  ///< For messages.
   std::string name;
   RootKind root = RootKind::kFixed;
-  Tree<Spatial> tree;              ///< No degree of freedom is prescribed yet.
-  int root_dofs = 0;               ///< 0 (fixed), 3 (planar), or 6 (floating).
+  Tree<Spatial> tree;              ///< Only a bar's x and z are prescribed yet.
+  int root_dofs = 0;               ///< 0 (fixed), 3 (planar, hinge), or 6 (floating).
   std::vector<RobotJoint> joints;  ///< Of each degree of freedom.
   /// Indices of the degrees of freedom in the order for people: the root's coordinates, then the
   /// joints exactly in the order of the file, even where it has children before parents.

@@ -55,9 +55,13 @@ ReportData MakeReportData(const Task& task, const SolveOutcome& outcome, const S
                                 evaluation.cost, evaluation.violation, evaluation.global});
   }
   data.certificate = CertificateLines(file.certificate, problem.scene.contact.d_on_m);
-  if (!problem.target_pitch_rad) {
+  if (!problem.target_pitch_rad || problem.scene.robot.hinged()) {
     std::erase_if(data.certificate,
                   [](const auto& line) { return line.first.starts_with("pitch 2 s after"); });
+  }
+  if (problem.scene.obstacles.empty()) {
+    std::erase_if(data.certificate,
+                  [](const auto& line) { return line.first.starts_with("peak penetration"); });
   }
   data.certificate.emplace(data.certificate.begin(), "solver", ToString(solution.end));
   for (const PurposeFigure& figure : file.purpose)

@@ -9,6 +9,16 @@
 namespace tumbler {
 namespace {
 
+/// The radius with which a bar is drawn [m]: a little more than that of the root link on it, which
+/// is drawn above it.
+double BarRadius(const PlanarRobot& robot) {
+  double radius_m = 0.01;
+  for (const DrawnSegment& segment : robot.drawing) {
+    if (segment.body < robot.root_dofs) radius_m = std::max(radius_m, segment.radius_m);
+  }
+  return 1.4 * radius_m;
+}
+
 /// The bodies that have something to show. Each is drawn as a link.
 std::vector<int> DrawnBodies(const Problem& problem) {
   const PlanarRobot& robot = problem.scene.robot;
@@ -58,6 +68,10 @@ ReportData ReportScene(const Problem& problem) {
     data.torque_limits_nm.push_back(joint.limits.torque_max_nm);
     data.position_limits_rad.push_back(
         {joint.limits.position_min_rad, joint.limits.position_max_rad});
+  }
+  if (problem.scene.robot.hinged()) {
+    const Plane::Vector& bar = problem.scene.bar;
+    data.obstacles.push_back({"bar", {{bar.x(), bar.y()}}, BarRadius(problem.scene.robot)});
   }
   for (const Obstacle<Plane>& obstacle : problem.scene.obstacles) {
     const Outline outline = OutlineOf(obstacle.shape);

@@ -89,8 +89,9 @@ void PrintMotion(std::FILE* people, const TaskResult& result) {
              result.problem().name, result.best.rollout.cost, result.outcome.evaluations,
              result.wall_s, result.cpu_s, ToString(result.best.end),
              result.problem().target_pitch_rad
-                 ? fmt::format("  pitch at the end {:.4f} rad, 2 s later {:.4f} rad\n",
-                               summary.final_pitch_rad, summary.settled_pitch_rad)
+                 ? fmt::format("  pitch at the end {:.4f} rad, {:.3g} s later {:.4f} rad\n",
+                               summary.final_pitch_rad, ExitAfter(result.problem()),
+                               summary.settled_pitch_rad)
                  : "",
              FormatCertificate(
                  "  gradient error {gradient_error:.1e}, projected gradient "

@@ -75,6 +75,11 @@ CostTerm ReadCostTerm(TomlTable& table, const PlanarRobot& robot) {
   ReadKeys(table, kCoordinateKeys, term);
   term.dof = term.of % 3;
   term.of_velocity = term.of >= 3;
+  if (robot.hinged() && term.dof != 2) {
+    table.Fail("of", fmt::format("is '{}', which the bar holds; allowed for root = \"hinge-y\": "
+                                 "pitch, pitch_rate",
+                                 CostTerm::kCoordinateNames[static_cast<std::size_t>(term.of)]));
+  }
   if (term.kind == Kind::kSquare) require_positive("a square");
   return term;
 }

@@ -126,6 +126,11 @@ std::optional<RobustSettings> ReadRobust(TomlTable& root, const Problem& problem
               "[[cost]] with term \"terminal\" of \"pitch\" when \"settled\"");
   }
   CheckDurations(root, settings, problem.duration_s);
+  if (problem.scene.robot.hinged()) {
+    root.Fail("robust",
+              "simulates in steps that are too coarse for a robot that swings on a bar; allowed: "
+              "with root = \"planar-xz\"");
+  }
   try {
     static_cast<void>(MakeLaneScene(problem.scene, settings.drive));
   } catch (const std::invalid_argument& error) {

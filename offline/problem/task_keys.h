@@ -20,14 +20,17 @@ inline constexpr FileHeader kTaskHeader{"tumbler-task", 1, nullptr,
 
 struct TaskRobot {
   std::string robot;
-  bool fixed = false;  ///< Whether its root link is fixed, or else moves in the x-z plane.
+  RootKind root = RootKind::kPlanarXz;  ///< How its root link is held; not floating.
 };
-inline constexpr std::array<std::string_view, 2> kTaskRoots = {"planar-xz", "fixed"};
+/// Names of the first of RootKind.
+inline constexpr std::array<std::string_view, 3> kTaskRoots = {"planar-xz", "fixed", "hinge-y"};
 inline constexpr std::array kTaskRobotKeys = {
     KeyOf<&TaskRobot::robot>("robot", "URDF, relative to the task's folder")
         .Required()
         .Allowed("a file"),
-    KeyOf<&TaskRobot::fixed>("root", kTaskRoots, "how the root link is held"),
+    KeyOf<&TaskRobot::root>("root", kTaskRoots,
+                            "how the root link is held; `hinge-y`: hung from a bar along y through "
+                            "its frame's origin, which it turns about without a motor"),
 };
 
 inline constexpr std::array kTaskTimeKeys = {
@@ -44,12 +47,25 @@ struct TaskStart {
 inline constexpr Range kTaskPlace{-1e3, 1e3};
 inline constexpr std::array kTaskStartKeys = {
     KeyOf<&TaskStart::x_m>("x_m", kTaskPlace,
-                           "of the root link's frame (planar root only, like the next two)"),
-    KeyOf<&TaskStart::pitch_rad>("pitch_rad", kTaskPlace, ""),
+                           "of the root link's frame, or of its bar (not of a fixed root, like "
+                           "the next two)"),
+    KeyOf<&TaskStart::pitch_rad>("pitch_rad", kTaskPlace,
+                                 "on a bar, up to 0.5 rad from where the robot is at rest, below "
+                                 "or above the bar, and put there"),
     KeyOf<&TaskStart::z_m>(
         "z_m", kTaskPlace,
-        "without it the robot is put on the ground and left to come to rest, pitch included")
+        "without it the robot is put on the ground and left to come to rest, pitch included; a bar "
+        "is at 0 without it")
         .Allowed("-1000 to 1000, no shape inside an obstacle"),
+};
+
+/// What holds a hinged root.
+struct TaskBar {
+  double friction_nm_s_per_rad = 0;
+};
+inline constexpr std::array kTaskBarKeys = {
+    KeyOf<&TaskBar::friction_nm_s_per_rad>("friction_nm_s_per_rad", {0, 100},
+                                           "viscous friction of the root's bearing (`hinge-y`)"),
 };
 
 /// The limits of a joint. They begin as those of the URDF, and the task tightens them.

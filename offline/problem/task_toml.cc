@@ -32,6 +32,12 @@ constexpr std::size_t kMostPairs = 1000;
 /// and the certificate differentiates once more with steps of half the length: 1 GB in all.
 constexpr double kMostSteps = 1e5;
 
+/// The root's pitch among all degrees of freedom.
+constexpr std::size_t kPitch = 2;
+
+/// How far from rest the pitch of a robot on a bar may be asked for [rad].
+constexpr double kStartPitchOnBar = 0.5;
+
 /// A start pose that does not come from the task.
 struct StartPose {
   const PrimitivePose* pose;
@@ -105,6 +111,7 @@ class TaskReader {
     if (static_cast<int>(scene_.robot.tree.dofs.size()) == scene_.robot.root_dofs)
       root_.Fail("robot", "has no joint that moves; allowed: at least one");
     ReadJoints();
+    ReadBar();
     if (std::optional<TomlTable> table = root_.OptionalTable("spline"))
       ReadKeys(*table, kSplineKeys, problem_);
     if (std::optional<TomlTable> table = root_.OptionalTable("contact"))
@@ -235,7 +242,9 @@ class TaskReader {
   }
 
   void ReadObstacles() {
-    std::vector<TomlTable> tables = root_.Tables("obstacle");
+    // What flies says so; what hangs from a bar need not.
+    std::vector<TomlTable> tables =
+        scene_.robot.hinged() ? root_.OptionalTables("obstacle") : root_.Tables("obstacle");
     for (TomlTable& table : tables) {
       const Obstacle<Plane> obstacle = ReadObstacle(table);
       for (const Obstacle<Plane>& other : scene_.obstacles) {
@@ -265,6 +274,16 @@ class TaskReader {
                       "look at in every step; allowed: up to {}",
                       scene_.obstacles.size(), scene_.robot.shapes.size(), pairs, kMostPairs));
     }
+  }
+
+  void ReadBar() {
+    std::optional<TomlTable> table = root_.OptionalTable("bar");
+    if (!table) return;
+    if (!scene_.robot.hinged())
+      root_.Fail("bar", "holds nothing here; allowed: with root = \"hinge-y\", or leave it out");
+    TaskBar bar;
+    ReadKeys(*table, kTaskBarKeys, bar);
+    scene_.robot.tree.dofs[kPitch].damping_nm_s_per_rad = bar.friction_nm_s_per_rad;
   }
 
   void ReadSelfContacts() {
@@ -314,6 +333,7 @@ class TaskReader {
     TaskStart root;
     ReadKeys(start, kTaskStartKeys, root);
     root_.RejectUnknownKeys();  // A misspelt key is often the reason why the pose does not rest.
+    if (scene_.robot.hinged()) scene_.bar = {root.x_m, root.z_m.value_or(0)};
     if (given_) {
       const PrimitivePose& pose = *given_->pose;
       if (const double apart = std::abs(pose.root_pitch_rad - root.pitch_rad);
@@ -324,14 +344,20 @@ class TaskReader {
                                             MessageNumber(pose.root_pitch_rad),
                                             MessageNumber(apart), kStartPitchTolerance));
       }
+      CheckGivenBar(start);
       problem_.start_q[0] = pose.root_x_m;
       problem_.start_q[1] = pose.root_z_m;
-      problem_.start_q[2] = pose.root_pitch_rad;
+      problem_.start_q[kPitch] = pose.root_pitch_rad;
       return;
     }
     problem_.start_q[0] = root.x_m;
     problem_.start_q[1] = root.z_m.value_or(0);
-    problem_.start_q[2] = root.pitch_rad;
+    problem_.start_q[kPitch] = root.pitch_rad;
+    if (scene_.robot.hinged()) {
+      HangAtRest(start);
+      CheckNotBuried(start, scene_.bar.y());
+      return;
+    }
     if (root.z_m) {
       CheckNotBuried(start, *root.z_m);
       return;
@@ -343,6 +369,32 @@ class TaskReader {
                                  "pose that is not at rest",
                                  error.what()));
     }
+  }
+
+  /// Puts a robot on its bar at rest: with its centre of mass straight below or above the bar.
+  void HangAtRest(TomlTable& start) {
+    const double asked = problem_.start_q[kPitch];
+    problem_.start_q[kPitch] = RestingPitch(scene_, problem_.start_q);
+    const double apart = std::abs(problem_.start_q[kPitch] - asked);
+    if (apart <= kStartPitchOnBar) return;
+    start.Fail("pitch_rad",
+               fmt::format("is {} rad, where the robot does not stay: with these "
+                           "joints it is at rest at {:.4g} rad, and half turns from "
+                           "there; allowed: <= {} rad from one of these",
+                           MessageNumber(asked), problem_.start_q[kPitch], kStartPitchOnBar));
+  }
+
+  /// Checks that the given pose hangs from the task's bar.
+  void CheckGivenBar(TomlTable& start) {
+    if (!scene_.robot.hinged()) return;
+    const PrimitivePose& pose = *given_->pose;
+    const double apart = std::hypot(pose.root_x_m - scene_.bar.x(), pose.root_z_m - scene_.bar.y());
+    if (apart <= 1e-9) return;
+    start.Fail(
+        "", fmt::format("has the bar at x {} m, z {} m, but {} has it at x {} m, z {} m; "
+                        "give both the same",
+                        MessageNumber(scene_.bar.x()), MessageNumber(scene_.bar.y()), given_->from,
+                        MessageNumber(pose.root_x_m), MessageNumber(pose.root_z_m)));
   }
 
   /// Checks that no shape starts deeper in an obstacle than the compliant layer is thick.
@@ -402,8 +454,7 @@ Task Parse(const std::string& task_text, const std::string& task_name,
   ReadHeader(root, kTaskHeader);
   TaskRobot named;
   ReadKeys(root, kTaskRobotKeys, named);
-  PlanarRobot robot = ParsePlanarRobot(robot_text, robot_name,
-                                       named.fixed ? RootKind::kFixed : RootKind::kPlanarXz);
+  PlanarRobot robot = ParsePlanarRobot(robot_text, robot_name, named.root);
   return {TaskReader(std::move(root), std::move(robot), std::move(given)).Read(),
           task_name,
           task_text,
@@ -445,6 +496,7 @@ std::vector<KeyTable> TaskKeyTables() {
                    RowsOf(kTaskRobotKeys),
                    RowsOf(kTaskTimeKeys)})},
           {source, "start", Joined({{joints}, RowsOf(kTaskStartKeys)})},
+          {source, "bar", RowsOf(kTaskBarKeys)},
           {source, "spline", RowsOf(kSplineKeys)},
           {source, "limits", RowsOf(kTaskLimitKeys)},
           CostKeyTable(),

@@ -56,6 +56,28 @@ double TouchingHeight(const Scene& scene, const std::vector<double>& q) {
   return LowestHeight(robot, scene);
 }
 
+double TurnFromHanging(const Scene& scene, std::span<const double> q) {
+  HybridDynamics<Plane> dynamics(scene.robot.tree);
+  const std::vector<double> at_rest(q.size());
+  dynamics.SetState(q, at_rest);
+  Plane::Vector moment = Plane::Vector::Zero();  // of the masses, about the bar
+  const Plane::Vector bar = dynamics.position(static_cast<int>(kPitch));
+  for (std::size_t i = kPitch; i < scene.robot.tree.dofs.size(); ++i) {
+    const Dof<Plane>& dof = scene.robot.tree.dofs[i];
+    const int body = static_cast<int>(i);
+    moment +=
+        dof.mass_kg * (dynamics.position(body) + dynamics.rotation(body) * dof.mass_centre - bar);
+  }
+  constexpr double kOnTheBar_kg_m = 1e-9;
+  if (moment.norm() < kOnTheBar_kg_m) return 0;
+  constexpr double kPi = std::numbers::pi;
+  return std::remainder(std::atan2(moment.y(), moment.x()) + kPi / 2, 2 * kPi);
+}
+
+double RestingPitch(const Scene& scene, std::span<const double> q) {
+  return q[kPitch] - std::remainder(TurnFromHanging(scene, q), std::numbers::pi);
+}
+
 std::vector<double> RestPose(const Scene& scene, std::vector<double> q) {
   SceneDynamics robot(scene);
   const double pitch = q[kPitch];

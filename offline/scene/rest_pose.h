@@ -1,5 +1,6 @@
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "offline/scene/scene.h"
@@ -10,6 +11,17 @@ namespace tumbler {
 /// @param q  positions of all degrees of freedom [m, rad]; the root's height is not used.
 /// @throws std::runtime_error  when the robot cannot be put above the obstacles.
 double TouchingHeight(const Scene& scene, const std::vector<double>& q);
+
+/// How far the centre of mass of a robot on a bar has turned about the bar from straight below it
+/// [rad], -pi to pi. 0 where it is on the bar.
+/// @param q  positions of all degrees of freedom [m, rad].
+/// @pre The root is hinged.
+double TurnFromHanging(const Scene& scene, std::span<const double> q);
+
+/// The pitch nearest to that of q at which a robot on a bar is at rest with its joints held [rad]:
+/// its centre of mass is straight below the bar, where it stays, or straight above, where it tips.
+/// @param q, @pre  as above.
+double RestingPitch(const Scene& scene, std::span<const double> q);
 
 /// Finds the pose in which the robot rests on the obstacles. A simulation puts the robot just above
 /// them, lets it go, and holds its joints until nothing moves any more.

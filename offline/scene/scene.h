@@ -20,6 +20,8 @@ struct Scene {
   /// Joints that follow a path are prescribed; the others are free.
   PlanarRobot robot;
   ContactLaw contact;
+  /// x and z of the bar that a robot with a hinge hangs from [m].
+  Plane::Vector bar = Plane::Vector::Zero();
   /// The ground, and everything that stands on it.
   std::vector<Obstacle<Plane>> obstacles;
   /// What the robot has to keep apart of itself. No force acts between its own shapes.
@@ -29,7 +31,7 @@ struct Scene {
 /// The name of what a contact's shape touches: an obstacle, or another shape of the robot.
 const std::string& TouchedName(const Scene& scene, const ActiveContact<Plane>& contact);
 
-/// Whether two scenes have the same ground: contact law and obstacles.
+/// Whether two scenes have the same ground: contact law, obstacles and bar.
 bool SameGround(const Scene& a, const Scene& b);
 
 /// Positions of all degrees of freedom of a robot in this pose [m, rad].

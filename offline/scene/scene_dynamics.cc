@@ -17,6 +17,10 @@ SceneDynamics::SceneDynamics(const Scene& scene, std::unique_ptr<ContactForces<P
   for (int j = 0; j < dynamics.size(); ++j) {
     if (!dynamics.prescribed(j)) free.push_back(j);
   }
+  if (scene.robot.hinged()) {
+    q[0] = scene.bar.x();
+    q[1] = scene.bar.y();
+  }
 }
 
 }  // namespace tumbler

@@ -18,7 +18,8 @@ namespace tumbler {
 /// velocities of the free ones are the state that it integrates.
 ///
 /// Order of calls:
-/// 1. SetFree, and set q, qd and qdd of the prescribed degrees of freedom;
+/// 1. SetFree, and set q, qd and qdd of the prescribed degrees of freedom; a bar's x and z keep
+///    their place without it;
 /// 2. Touch;
 /// 3. add wrenches from elsewhere (`dynamics.AddWrench`), and set tau of the free ones;
 /// 4. Solve.

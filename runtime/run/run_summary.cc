@@ -65,7 +65,7 @@ std::optional<bool> Passage::purpose_met() const {
 }
 
 std::optional<bool> Passage::as_planned() const {
-  if (!pitch_later_rad) return std::nullopt;
+  if (!pitch_later_rad || swings_on) return std::nullopt;
   return std::abs(*pitch_later_rad - expected_pitch_rad) <= tolerance_rad;
 }
 
@@ -74,7 +74,7 @@ bool Passage::is_to_stand() const {
     return std::any_of(purpose.begin(), purpose.end(),
                        [of](const JudgedTarget& judged) { return judged.target.of == of; });
   };
-  return asks_for(PurposeTarget::Of::kPitch) && asks_for(PurposeTarget::Of::kSpeed);
+  return !hinged && asks_for(PurposeTarget::Of::kPitch) && asks_for(PurposeTarget::Of::kSpeed);
 }
 
 bool Passage::amiss() const { return purpose_met() == false || as_planned() == false; }
@@ -136,7 +136,14 @@ void AppendPassages(const RunSummary& summary, std::string& text) {
   const Passage& last = summary.passages.back();
   if (!last.free_root) return;
   text += summary.passages.size() > 1 ? fmt::format("  last, {}: ", last.node) : std::string("  ");
-  if (SpeaksOfPitch(last)) {
+  if (last.swings_on) {
+    text += fmt::format("root pitch: {:.4f} rad at the end", last.pitch_at_end_rad);
+    if (last.purpose_met()) text += *last.purpose_met() ? ", as asked" : ", NOT as asked";
+    if (last.pitch_later_rad) {
+      text += fmt::format("; {:.4f} rad {:.0f} s later, swinging on", *last.pitch_later_rad,
+                          Passage::kLater_s);
+    }
+  } else if (SpeaksOfPitch(last)) {
     text += fmt::format("root pitch: {:.4f} rad at the end", last.pitch_at_end_rad);
     if (last.pitch_later_rad) {
       text += fmt::format(", {:.4f} rad {:.0f} s later (planned {:.4f}): {}", *last.pitch_later_rad,

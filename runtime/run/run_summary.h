@@ -28,6 +28,9 @@ struct Passage {
   /// begins.
   std::vector<JudgedTarget> purpose;
   bool free_root = true;  ///< Whether the root moves in the plane, or else is fixed.
+  bool hinged = false;    ///< Whether it does so on a bar, where no robot stands.
+  /// Whether nothing brings the root to rest after the motion: only the purpose counts then.
+  bool swings_on = false;
   /// The root's pitch by the exits and entries of the primitives.
   double expected_pitch_rad = 0;
   /// The root's pitch at the end of the motion, before it settled.
@@ -41,7 +44,8 @@ struct Passage {
   /// Whether every target was met; absent when the run ended before one could be judged and none
   /// was missed.
   [[nodiscard]] std::optional<bool> purpose_met() const;
-  /// Whether the pitch later was that of the plan; absent when the run ended before.
+  /// Whether the pitch later was that of the plan; absent when the run ended before, and of
+  /// a root that swings on.
   [[nodiscard]] std::optional<bool> as_planned() const;
   /// Whether the motion is to end at rest with a pitch that its task asks for. Only of such a
   /// motion can one say that the robot stands: when its purpose is met.

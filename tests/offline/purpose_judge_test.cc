@@ -66,7 +66,7 @@ class Judge : public ::testing::Test {
 
   const SequenceFolder folder_{testing::GaitText(), Primitives()};
   const SequenceFile file_ = LoadSequence(folder_.file());
-  PurposeJudge judge_{file_, true};
+  PurposeJudge judge_{file_, true, false};
   TwinState truth_;
   std::function<void(double)> disturb_;  ///< Changes the truth so long after a motion.
 };

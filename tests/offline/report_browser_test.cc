@@ -342,7 +342,7 @@ TEST_F(ReportInBrowser, ARobotWithoutJointsLimitsForcesOrSolverHasAPageToo) {
     for (const o of byId('stage').querySelectorAll('.obstacle')) say(o.textContent, o.getAttribute('d'));)");
   EXPECT_EQ(TextOf(dom, "time"), "0.100 s");
   EXPECT_EQ(TextOf(dom, "probe"),
-            "Contact force, Root pitch, Root position true true 4\n"
+            "Root pitch, Root position true true 4\n"
             "post M-0.05 0A0.05 0.05 0 0 1 0.05 0A0.05 0.05 0 0 1 -0.05 0z\n"
             "bar M-1 0.25A0.25 0.25 0 0 1 -1 -0.25L-0.5 -0.25A0.25 0.25 0 0 1 -0.5 0.25z\n"
             "step M0.375 -0.25A0.125 0.125 0 0 1 0.5 -0.375L0.75 -0.375"

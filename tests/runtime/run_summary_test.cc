@@ -98,6 +98,25 @@ TEST(Passage, OfAMotionWithoutATargetOfThePitchNothingSpeaksOfPitchOrOfStanding)
   EXPECT_EQ(StatusOf(SummaryOf(report)), ExitStatus::kDone);
 }
 
+TEST(Passage, OfARobotThatSwingsOnOnlyThePurposeCountsAndNothingStands) {
+  Passage report;
+  report.hinged = report.swings_on = true;
+  report.expected_pitch_rad = 3.14;
+  report.pitch_at_end_rad = 3.13;
+  report.pitch_later_rad = -2.4;
+  report.purpose = {{{PurposeTarget::Of::kPitch, PurposeTarget::When::kSettled, 3.14, 0.1}, 3.12}};
+  EXPECT_FALSE(report.as_planned().has_value());
+  const std::string met = ToText(SummaryOf(report));
+  EXPECT_THAT(met, AllOf(HasSubstr("root pitch: 3.1300 rad at the end, as asked; -2.4000 rad 2 s "
+                                   "later, swinging on\n"),
+                         Not(HasSubstr("stand")), Not(HasSubstr("planned"))));
+  EXPECT_EQ(StatusOf(SummaryOf(report)), ExitStatus::kDone);
+  EXPECT_THAT(ToJson(SummaryOf(report)), Not(HasSubstr("standing")));
+  report.purpose[0].result = 2.9;
+  EXPECT_THAT(ToText(SummaryOf(report)), HasSubstr("rad at the end, NOT as asked; -2.4"));
+  EXPECT_EQ(StatusOf(SummaryOf(report)), ExitStatus::kAmiss);
+}
+
 TEST(SensorOfARun, IsInTextAndJsonWhereThereIsOne) {
   RunSummary summary;
   EXPECT_EQ(ToText(summary).find("sensor"), std::string::npos);

@@ -15,12 +15,14 @@ namespace {
 constexpr std::size_t kLanes = Packet::kLanes;
 /// Own shapes are looked at in every so many ticks: they move by a few millimetres in between.
 constexpr std::size_t kLookAtShapes = 2;
+/// A swing adds up what each step is off by, and above a bar it grows.
+constexpr int kStepsOnBar = 40;
 
 /// One robot with its judges.
 struct Judged {
   Judged(const SequenceFile& file, const PostureConfig& config, const PrimitivePose& start,
          const Scene& scene)
-      : purpose(file, true),
+      : purpose(file, true, scene.robot.hinged()),
         posture(file, config, start),
         distances(scene.robot, scene.self_contact.pairs),
         q(scene.robot.joint_count() + 3) {
@@ -105,6 +107,7 @@ LaneTrials::LaneTrials(const RobustnessStudy& study) : trials_(study) {
   if (script.delay_s.empty())
     throw Refused(study.motion + ": the model itself does not get as far as this motion");
   steps_.tick_s = script.tick_s;
+  if (trials_.scene().robot.hinged()) steps_.per_tick = kStepsOnBar;
   for (std::size_t j = 0; j < trials_.drives().drives.size(); ++j) {
     const DriveEntry& entry = trials_.drives().drives[j];
     LaneDrive& drive = drives_.emplace_back();

@@ -83,7 +83,8 @@ std::string Verdicts(const RobustnessResult& result) {
     text += fmt::format(
         "<tr><td><span style=\"color:{}\">&#9679;</span> {}</td><td class=n>{}</td><td "
         "class=dim>{}</td></tr>\n",
-        ColourOf(verdict), ToString(verdict), result.Count(verdict), Meaning(verdict));
+        ColourOf(verdict), verdict == Verdict::kStands ? "as asked" : ToString(verdict),
+        result.Count(verdict), Meaning(verdict));
   }
   return text + "</table>\n";
 }
@@ -128,7 +129,8 @@ std::string Where(const RobustnessResult& result) {
 std::string InfluenceTable(const std::vector<Influence>& influences) {
   if (influences.empty()) return "";
   std::string text =
-      "<h2>What those that do not stand have in common</h2>\n<p class=dim>Departures in standard "
+      "<h2>What those that are not as asked have in common</h2>\n<p class=dim>Departures in "
+      "standard "
       "deviations of their spread; how much larger their mean square is than among all "
       "robots.</p>\n"
       "<table><tr><th>quantity</th><th>mean</th><th>square</th><th></th></tr>\n";
@@ -160,7 +162,8 @@ std::string Map(const RobustnessResult& result, const std::vector<Influence>& in
   std::string text = fmt::format(
       "<h2>Map over the two most telling quantities</h2>\n<p class=dim>In each cell: how many of "
       "its "
-      "robots stand. Everything else is random. The outer cells have all that is beyond.</p>\n"
+      "robots are as asked. Everything else is random. The outer cells have all that is "
+      "beyond.</p>\n"
       "<svg viewBox=\"0 0 {0:.0f} {1:.0f}\" width=\"{0:.0f}\" height=\"{1:.0f}\" role=\"img\">\n",
       size + kLeft + 10, size + kTop + 54);
   for (int row = 0; row < kCells; ++row) {

@@ -275,6 +275,7 @@ WorkDone RunStudy(const RobustnessStudy& study, const WorkPlan& plan, const Proc
   RobustnessResult& result = work.result.emplace();
   result.name = player.trials().name();
   result.study = study;
+  result.study.spreads = player.trials().study().spreads;
   for (std::uint64_t i = 0; i < robots; ++i) {
     result.trials.push_back(known.at(i));
     result.trials.back().variation = player.trials().Draw(i);
@@ -391,7 +392,7 @@ std::string ToText(const RobustnessResult& result) {
   }
   const std::vector<Influence> influences = result.Influences();
   if (influences.empty()) return text;
-  text += "  what those that do not stand have in common [standard deviations]\n";
+  text += "  what those that are not as asked have in common [standard deviations]\n";
   for (const Influence& influence : influences) {
     text += fmt::format("    {:<24} mean {:+.2f}, square {:+.0f} %{}\n", influence.name,
                         influence.mean_sigma, 100 * influence.excess,

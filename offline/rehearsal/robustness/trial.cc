@@ -163,6 +163,15 @@ Trials::Trials(const RobustnessStudy& study) : study_(study), motion_(LoadMotion
   if (!study.twin.empty()) robot_ = LoadTwin(study.twin, motion_);
   drives_ = LoadDrivesOf(JointsOf(motion_.file()), study.drives, ReadTextFile);
   scene_ = SharedScene(motion_, robot_);
+  if (study_.drops && scene_.robot.hinged()) {
+    throw Refused(study_.motion +
+                  ": its robot hangs from a bar and cannot be dropped; leave out "
+                  "--drops");
+  }
+  if (scene_.obstacles.empty()) {  // Robots cannot differ in a ground that is not there.
+    Spreads& spreads = study_.spreads;
+    spreads.friction = spreads.stiffness = spreads.damping = 0;
+  }
   study_.run.end = RunEnd::kTorqueOff;  // What is judged is over by then.
   robot_.motors.resize(drives_.drives.size());
   for (std::size_t j = 0; j < robot_.motors.size(); ++j) {
@@ -282,7 +291,7 @@ std::optional<TrialOutcome> Trials::PlayVaried(const RobotVariation& variation,
   if (assembly.Configure(ExecutorConfigOf(settings, drives)) != Status::kOk)
     throw Refused(study_.motion + ": the executor does not take this motion");
 
-  PurposeJudge judge(motion_.file(), true);
+  PurposeJudge judge(motion_.file(), true, scene_.robot.hinged());
   DepartureWatch departure;
   LateHost host(robot.bus().Attach(), variation.delay_s);
   VirtualClock clock([&robot](std::int64_t time_ns) { robot.AdvanceTo(time_ns); });

@@ -7,8 +7,8 @@
 
 namespace tumbler {
 
-PurposeJudge::PurposeJudge(const SequenceFile& file, bool free_root)
-    : file_(file), free_root_(free_root) {
+PurposeJudge::PurposeJudge(const SequenceFile& file, bool free_root, bool hinged)
+    : file_(file), free_root_(free_root), hinged_(hinged) {
   expected_pitch_rad_ =
       file.RobotPitch(file.graph.start, file.PrimitiveOf(file.graph.start).entry.root_pitch_rad);
 }
@@ -61,6 +61,8 @@ void PurposeJudge::Begin(int node, std::int64_t time_ns, const TwinState& truth)
   Passage& passage = passages_.emplace_back();
   passage.node = std::string(file_.graph.node(node).name.view());
   passage.free_root = free_root_;
+  passage.hinged = hinged_;
+  passage.swings_on = hinged_ && !primitive.primitive.feedback.present();
   passage.expected_pitch_rad = expected_pitch_rad_;
   passage.pitch_at_end_rad = truth.root_pitch_rad;
   passage.tolerance_rad = std::max(passage.tolerance_rad, tolerance_rad);

@@ -18,8 +18,10 @@ namespace tumbler {
 class PurposeJudge {
  public:
   /// @param file       the sequence, which has to outlive the judge.
-  /// @param free_root  whether the root moves in the plane.
-  PurposeJudge(const SequenceFile& file, bool free_root);
+  /// @param free_root  whether the root moves at all.
+  /// @param hinged     whether it does so on a bar, where a robot without feedback is nowhere at
+  ///                   rest soon, so that only the purpose is judged.
+  PurposeJudge(const SequenceFile& file, bool free_root, bool hinged);
 
   /// To be called in every tick.
   void Observe(const TickRecord& record, std::int64_t time_ns, const TwinState& truth);
@@ -34,7 +36,7 @@ class PurposeJudge {
   [[nodiscard]] double ResultOf(const PurposeTarget& target, const TwinState& truth) const;
 
   const SequenceFile& file_;
-  bool free_root_;
+  bool free_root_, hinged_;
   ExecutorState last_ = ExecutorState::kDisarmed;
   double expected_pitch_rad_ = 0;
   std::deque<std::pair<std::int64_t, double>> speeds_;  // time, largest rate of the root

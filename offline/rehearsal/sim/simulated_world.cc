@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <memory>
 #include <string>
@@ -62,7 +64,8 @@ class SimulatedWorld final : public World {
   SimulatedWorld(const SimulatedMotion& motion, const SequenceFile& file,
                  const DrivesConfig& drives, const SimulatedWorldConfig& config)
       : robot_(motion, drives, RobotOf(motion, config)),
-        judge_(file, motion.scene().robot.root_dofs > 0),
+        hinged_(motion.scene().robot.hinged()),
+        judge_(file, motion.scene().robot.root_dofs > 0, hinged_),
         host_(robot_.bus().Attach()),
         truth_(
             {.log_file = config.truth_log, .lcm_url = config.lcm_url, .sink = config.truth_sink}),
@@ -85,10 +88,16 @@ class SimulatedWorld final : public World {
   std::string LeaveAlone() {
     constexpr std::int64_t kStep_ns = 1'000'000;
     constexpr int kSteps = 3000;
-    for (int i = 0; i < kSteps; ++i) robot_.AdvanceTo(robot_.now_ns() + kStep_ns);
+    double swing_rad_s = 0;  // in the last second
+    for (int i = 0; i < kSteps; ++i) {
+      robot_.AdvanceTo(robot_.now_ns() + kStep_ns);
+      if (i >= kSteps - 1000)
+        swing_rad_s = std::max(swing_rad_s, std::abs(robot_.state().root_pitch_rate_rad_s));
+    }
     const PostureWatch& posture = robot_.posture();
     if (robot_.state().held) return "stays, held as at the start";
     if (!posture.resting_as().empty()) return "stays, " + posture.resting_as();
+    if (hinged_) return fmt::format("swings on its bar, at {:.2f} rad/s at most", swing_rad_s);
     // A fall from the height of a hand is faster than this.
     constexpr double kDrop_m_s = 0.75;
     const double speed_m_s = posture.sinking_max_m_s();
@@ -98,6 +107,7 @@ class SimulatedWorld final : public World {
   }
 
   SimulatedRobot robot_;
+  bool hinged_;
   PurposeJudge judge_;
   SimulatedPort& host_;
   TruthLog truth_;

@@ -34,7 +34,7 @@ PrimitivePose Lifted(PrimitivePose start, double stand_m) {
 }
 
 /// The scene with the twin's own contact law, obstacles, masses and losses, and with every joint
-/// driven by a torque. In a stand the root stays where it is.
+/// driven by a torque. In a stand the root stays where it is, and on a bar its x and z do.
 Scene Changed(Scene scene, const TwinConfig& config) {
   if (config.contact) scene.contact = *config.contact;
   for (const Obstacle<Plane>& obstacle : config.obstacles) scene.obstacles.push_back(obstacle);
@@ -44,13 +44,13 @@ Scene Changed(Scene scene, const TwinConfig& config) {
     dof.mass_kg *= factor;
     dof.inertia_kg_m2 *= factor;
   }
-  for (Dof<Plane>& dof : dofs) dof.prescribed = false;
   if (config.stand_m > 0) {
     for (std::size_t i = 0; i < Index(scene.robot.root_dofs); ++i) dofs[i].prescribed = true;
   }
   for (std::size_t j = 0; j < scene.robot.joint_count(); ++j) {
     const JointLosses losses = j < config.joints.size() ? config.joints[j] : JointLosses{};
     Dof<Plane>& dof = dofs[scene.robot.DofOfJoint(j)];
+    dof.prescribed = false;
     dof.damping_nm_s_per_rad += losses.viscous_friction_nm_s_per_rad;
     if (losses.rotor_inertia_kg_m2) dof.rotor_inertia_kg_m2 = *losses.rotor_inertia_kg_m2;
   }
@@ -213,7 +213,7 @@ struct Twin::Implementation {
   std::vector<SimulatedDrive*> drives;
   std::vector<double> start_positions;  // of all degrees of freedom
   SceneDynamics::State start_state, y;
-  std::vector<int> place;  // of each degree of freedom in the state; -1: the stand holds it
+  std::vector<int> place;  // of each degree of freedom in the state; -1: stand or bar holds it
   SceneDynamics::Numbers drive_torque{};
   std::vector<int> push_bodies, patch_obstacles;
   std::vector<ActiveContact<Plane>> touching;
@@ -294,9 +294,10 @@ void Twin::Displace(std::span<const double> q, std::span<const double> v) {
   if (m.scene.robot.root_dofs != 3 || q.size() != joints + 3 || v.size() != joints + 3)
     throw std::invalid_argument("a planar root and each joint need one number for a displacement");
   for (std::size_t i = 0; i < joints + 3; ++i) {
-    const std::size_t dof = i < 3 ? i : m.scene.robot.DofOfJoint(i - 3);
-    m.y[dof] += q[i];
-    m.y[m.robot.n + dof] += v[i];
+    const int place = m.place[i < 3 ? i : m.scene.robot.DofOfJoint(i - 3)];
+    if (place < 0) continue;
+    m.y[Index(place)] += q[i];
+    m.y[m.robot.free.size() + Index(place)] += v[i];
   }
 }
 

@@ -120,7 +120,7 @@ class Twin {
   [[nodiscard]] TwinState state() const;
   /// The contacts in the last step.
   [[nodiscard]] std::vector<TwinContact> contacts() const;
-  /// Moves the robot at once, as a knock does.
+  /// Moves the robot at once, as a knock does. What a stand or a bar holds stays where it is.
   /// @param q, v  what is added to positions and velocities of all degrees of freedom: x and z of
   ///              the root, its pitch, and the joints [m, rad, m/s, rad/s].
   /// @throws std::invalid_argument  when there are not as many, or the root is fixed.

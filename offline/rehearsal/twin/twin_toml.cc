@@ -166,6 +166,12 @@ class TwinReader {
     pose_.root_pitch_rad = root.pitch_rad;
     pose_.root_z_m = root.z_m.value_or(pose_.root_z_m);
     placed_ = root.z_m.has_value();
+    if (scene_.robot.hinged()) {
+      for (const char* const key : {"x_m", "z_m"}) {
+        if (start.Has(key))
+          start.Fail(key, "moves the robot off its bar, whose place the task has; leave it out");
+      }
+    }
     if (std::optional<TomlTable> joints = start.OptionalTable("joints_rad")) {
       for (const std::string& name : joints->Keys())
         RequireOneOf(*joints, name, name, "joint", joints_);
@@ -175,12 +181,16 @@ class TwinReader {
       }
     }
     moved_ = start.Has("pitch_rad") || start.Has("joints_rad");
+    turned_ = start.Has("pitch_rad");
   }
 
   /// Sets the start pose. A robot that does not start in the motion's own pose, and has no height,
-  /// is lowered until it rests.
+  /// is lowered until it rests; on a bar it hangs at rest unless its pitch is given.
   void ReadStart(TomlTable& start) {
-    if (scene_.robot.root_dofs == 3 && moved_ && !placed_) {
+    if (scene_.robot.hinged()) {
+      if (moved_ && !turned_)
+        pose_.root_pitch_rad = RestingPitch(scene_, PositionsIn(pose_, scene_.robot));
+    } else if (scene_.robot.root_dofs == 3 && moved_ && !placed_) {
       try {
         pose_ = PoseAt(RestPose(scene_, PositionsIn(pose_, scene_.robot)), scene_.robot);
       } catch (const std::runtime_error& error) {
@@ -198,6 +208,7 @@ class TwinReader {
   PrimitivePose pose_;
   bool placed_ = false;
   bool moved_ = false;
+  bool turned_ = false;
   SimulatedRobotConfig config_;
 };
 

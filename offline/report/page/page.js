@@ -14,6 +14,10 @@ function maximum(column, key = (v) => v) {
   return best;
 }
 
+// What the page leaves out where it has nothing to say.
+const touches = data.forces.some((list) => list.length > 0);
+const travels = [data.links[0].x_m, data.links[0].z_m].some((column) => column.some((v) => Math.abs(v - column[0]) > 1e-6));
+
 // What follows the motion: the settling that the task asks for, and how long the page shows it.
 const shownAfter = motion.last - data.duration_s;
 const shownLonger = shownAfter > data.settle_s + 1e-9;
@@ -52,8 +56,10 @@ function fillHeader() {
     const share = worst.torque_limit_nm === null ? '' : `, ${fixed((100 * peak.torque_nm) / worst.torque_limit_nm, 0)} % of its limit`;
     fact('Peak torque', fixed(peak.torque_nm, 2), 'N·m', `${worst.name} at ${fixed(peak.time_s, 3)} s${share}`);
   }
-  const i = maximum(motion.normal);
-  fact('Peak normal force', fixed(motion.normal[i], 1), 'N', `at ${fixed(motion.times[i], 3)} s`);
+  if (touches) {
+    const i = maximum(motion.normal);
+    fact('Peak normal force', fixed(motion.normal[i], 1), 'N', `at ${fixed(motion.times[i], 3)} s`);
+  }
   if (data.evaluation_count > 0) {
     const global = data.evaluations.filter((e) => e.global).length;
     const others = data.evaluation_count - data.evaluations.length;
@@ -84,15 +90,16 @@ function fillPanel() {
   cells.root = row('root', 'hue-root', data.links[0].name);
   cells.contact = row('contact', 'hue-normal', 'sum');
   byId('joints').hidden = data.joints.length === 0;
+  byId('contact').hidden = !touches;
   const legend = byId('legend');
   const entry = (symbol, text) => {
     const item = element('li', {}, legend);
     element('b', {class: symbol}, item);
     element('span', {}, item, text);
   };
-  entry('symbol-arrow', 'contact force on the robot');
-  entry('symbol-trace', `path of ${data.links[0].name}`);
-  entry('symbol-dark', 'collision shape');
+  if (touches) entry('symbol-arrow', 'contact force on the robot');
+  if (travels) entry('symbol-trace', `path of ${data.links[0].name}`);
+  if (data.links.some((link) => link.shapes.some((shape) => shape.collides))) entry('symbol-dark', 'collision shape');
   entry('symbol-hinge', 'motor');
 }
 
@@ -166,13 +173,15 @@ function fillTimePlots() {
     add('Joint torque', 'N·m', niceTicks, 2, curvesOf('torque_nm'),
         limitsOf((j) => (j.torque_limit_nm === null ? [] : [j.torque_limit_nm, -j.torque_limit_nm]), (v) => fixed(v, 1)));
   }
-  add('Contact force', 'N', niceTicks, 1, [
-    {name: 'normal', hue: 'hue-normal', ys: motion.normal},
-    {name: 'friction', hue: 'hue-friction', ys: motion.friction},
-  ], []);
+  if (touches) {
+    add('Contact force', 'N', niceTicks, 1, [
+      {name: 'normal', hue: 'hue-normal', ys: motion.normal},
+      {name: 'friction', hue: 'hue-friction', ys: motion.friction},
+    ], []);
+  }
   const root = data.links[0];
   add('Root pitch', 'rad', angleTicks, 3, [{name: root.name, hue: 'hue-root', ys: data.root_pitch_rad}], []);
-  add('Root position', 'm', niceTicks, 3, [{name: 'x', hue: 'hue-x', ys: root.x_m}, {name: 'z', hue: 'hue-root', ys: root.z_m}], []);
+  if (travels) add('Root position', 'm', niceTicks, 3, [{name: 'x', hue: 'hue-x', ys: root.x_m}, {name: 'z', hue: 'hue-root', ys: root.z_m}], []);
 }
 
 // Plots of the solver's progress.

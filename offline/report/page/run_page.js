@@ -366,8 +366,12 @@ function fillTimePlots() {
   element('small', {}, heading, 'root');
   root.before(heading);
   addTimePlot(root, 'Root pitch', 'rad', angleTicks, 3, rootCurves((robot) => robot.root_pitch_rad));
-  addTimePlot(root, 'Root height', 'm', niceTicks, 3, rootCurves((robot) => robot.links[0].z_m));
-  addTimePlot(root, 'Root along x', 'm', niceTicks, 3, rootCurves((robot) => robot.links[0].x_m));
+  // A root that stays where it is has no more to show.
+  const moves = (column) => column.some((v) => Math.abs(v - column[0]) > 1e-6);
+  for (const [title, key] of [['Root height', 'z_m'], ['Root along x', 'x_m']]) {
+    if (runs.some((run) => ['plan', 'truth'].some((kind) => run[kind] && moves(run[kind].links[0][key]))))
+      addTimePlot(root, title, 'm', niceTicks, 3, rootCurves((robot) => robot.links[0][key]));
+  }
   for (const plot of timePlots) {
     plot.svg.addEventListener('wheel', (event) => {
       if (!event.ctrlKey) return;
