@@ -133,5 +133,32 @@ TEST(Hopper, FliesFromTheGroundToTheStep) {
   EXPECT_NEAR(file.exit.root_z_m - file.entry.root_z_m, 0.02, 0.002);
 }
 
+TEST(Acrobot, SwingsUpThroughTheRuntimeAndArrivesAboveItsBar) {
+  const std::string folder = testing::SourcePath("primitives/acrobot/");
+  const testing::Outcome run = testing::RunProgram(
+      {"tumbler-run", "sim", folder + "acrobot.toml", "--twin", folder + "twin.toml"});
+  EXPECT_EQ(run.exit_code, 0) << run.text;
+  EXPECT_THAT(run.text,
+              AllOf(HasSubstr("completed: acrobot on sim"),
+                    HasSubstr("pitch, settled: asked 3.14159"), ::testing::Not(HasSubstr("MISSED")),
+                    ::testing::Not(HasSubstr("NOT")), ::testing::Not(HasSubstr("FELL"))));
+  for (const char* other : {"handstand", "leg", "stand", "foot", "ground", "contact"})
+    EXPECT_THAT(run.text, ::testing::Not(HasSubstr(other)));
+}
+
+TEST(Acrobot, LanesAndTwinMostlyAgreeAndNothingSpeaksOfAGround) {
+  const std::string folder = testing::SourcePath("primitives/acrobot/");
+  const testing::Outcome study = testing::RunProgram(
+      {"tumbler-robustness", folder + "acrobot.toml", "--drives", folder + "drives.toml",
+       "--robots", "24", "--scale", "0.1", "--compare-lanes", "--quiet"});
+  EXPECT_EQ(study.exit_code, 0) << study.text;
+  const std::string agree = "lanes and twin agree whether ";
+  const std::size_t at = study.text.find(agree);
+  ASSERT_NE(at, std::string::npos) << study.text;
+  EXPECT_GE(std::stoi(study.text.substr(at + agree.size())), 21) << study.text;
+  for (const char* other : {"friction", "stiffness", "damping", "fell", "do not stand"})
+    EXPECT_THAT(study.text, ::testing::Not(HasSubstr(other)));
+}
+
 }  // namespace
 }  // namespace tumbler
