@@ -40,8 +40,9 @@ template <typename P>
 concept DriveProtocol = requires(const typename P::Config& config, const CanFrame& frame,
                                  double& shaft_rad, const DriveEntry& entry, DriveTable& table,
                                  const SimulatedMotorConfig& motor) {
-  /// The configuration of one drive: a value with `joint` and `Validate()`. It may have a member
-  /// `leader`: the first such drive of a bus gets true, and the others get false.
+  /// The configuration of one drive: a value with `joint`, `Validate()`, and the drive's number on
+  /// the bus, `node_id` (`OfNode` makes one; MIT's is `command_id`). It may have a member `leader`:
+  /// the first such drive of a bus gets true, and the others get false.
   requires std::same_as<decltype(P::Config::joint), JointMap>;
   { config.Validate() }
   noexcept->std::same_as<Status>;

@@ -134,14 +134,10 @@ std::string TextOf(std::span<const CodeText> texts, std::uint32_t code) {
 std::string_view ErrorCodesOf(const DriveConfig& drive) {
   if (const auto* mit = std::get_if<MitConfig>(&drive))
     return mit->dialect == MitDialect::kDamiao ? "damiao" : "ak";
-  const std::string_view own =
-      DriveProtocols::With(drive, [](auto protocol, const auto& /*config*/) -> std::string_view {
-        using Protocol = decltype(protocol);
-        if constexpr (requires { Protocol::ErrorName(0U); }) return Protocol::kId;
-        return "";
-      });
-  if (!own.empty()) return own;
-  return std::holds_alternative<CanSimpleConfig>(drive) ? "odrive" : "cia402";
+  if (std::holds_alternative<CanSimpleConfig>(drive)) return "odrive";
+  return DriveProtocols::With(drive, [](auto protocol, const auto& /*config*/) -> std::string_view {
+    return decltype(protocol)::kId;
+  });
 }
 
 std::vector<std::string> ErrorCodesOf(const DrivesConfig& drives) {

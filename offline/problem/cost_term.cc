@@ -57,20 +57,21 @@ constexpr std::array kCoordinateKeys = {
 CostTerm ReadCostTerm(TomlTable& table, const PlanarRobot& robot) {
   CostEntry term;
   ReadKeys(table, kTermKeys, term);
-  const auto require_positive = [&](const char* what) {
+  const std::string_view name = CostTerm::kKindNames[static_cast<std::size_t>(term.kind)];
+  const auto require_positive = [&](std::string_view what) {
     if (term.weight >= 0) return;
     table.Fail("weight",
                fmt::format("is {}; allowed for {}: >= 0", MessageNumber(term.weight), what));
   };
-  if (term.kind == Kind::kEffort) {
+  if (!term.of_root()) {
     term.when = When::kThroughout;
-    require_positive("effort");
+    require_positive(name);
     return term;
   }
   if (robot.root_dofs == 0) {
-    table.Fail("term", fmt::format("is '{}', about the root's coordinates, and this root is "
-                                   "fixed; allowed: effort",
-                                   CostTerm::kKindNames[static_cast<std::size_t>(term.kind)]));
+    table.Fail("term", fmt::format("is '{}', about the root's coordinates, and this root is fixed; "
+                                   "allowed: a term about joints, such as effort",
+                                   name));
   }
   ReadKeys(table, kCoordinateKeys, term);
   term.dof = term.of % 3;

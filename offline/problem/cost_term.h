@@ -75,6 +75,8 @@ struct CostTerm {
 
   bool operator==(const CostTerm&) const = default;
 
+  /// Whether the quantity is a coordinate of the root, or made of one.
+  [[nodiscard]] bool of_root() const { return kind == Kind::kSquare || kind == Kind::kLinear; }
   /// Whether the quantity depends on positions or velocities.
   [[nodiscard]] bool of_state() const { return kind != Kind::kEffort; }
   /// Whether this is a target of the root's pitch.

@@ -5,7 +5,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <concepts>
 #include <map>
+#include <memory>
+#include <numbers>
 #include <set>
 
 #include "common/program.h"
@@ -20,9 +23,40 @@ namespace {
 constexpr std::uint8_t kAxisStateMax = 14;  // of ODrive's AxisState
 constexpr int kCanOpenDriveMax = 126;
 
+/// Protocols with questions and answers of their own in a scan.
+template <typename Protocol>
+constexpr bool kHasOwnQuestions =
+    std::same_as<Protocol, MitProtocol> || std::same_as<Protocol, Cia402Protocol> ||
+    std::same_as<Protocol, CanSimpleProtocol>;
+
+/// A drive of any other protocol that may be on the bus: the host's order for torque off asks for
+/// it.
+struct Candidate {
+  std::string_view protocol;
+  std::string_view error_codes;
+  int number = 0;
+  std::unique_ptr<Drive> host;
+};
+
+std::vector<Candidate> AllCandidates() {
+  std::vector<Candidate> all;
+  DriveProtocols::ForEach([&all](auto listed) {
+    using Protocol = decltype(listed);
+    if constexpr (!kHasOwnQuestions<Protocol>) {
+      for (int number = 0; number <= 0xff; ++number) {
+        const auto config = OfNode<typename Protocol::Config>(number);
+        all.push_back({Protocol::kName, ErrorCodesOf(config), number,
+                       std::make_unique<typename Protocol::Host>(config)});
+      }
+    }
+  });
+  return all;
+}
+
 class Scanner {
  public:
-  Scanner(BenchWorld& world, const ScanConfig& config) : world_(world), config_(config) {}
+  Scanner(BenchWorld& world, const ScanConfig& config)
+      : world_(world), config_(config), candidates_(AllCandidates()) {}
 
   std::vector<FoundDrive> Run() {
     Listen(config_.listen_s);
@@ -34,7 +68,7 @@ class Scanner {
     std::vector<FoundDrive> drives;
     for (const auto& [key, drive] : found_) {
       drives.push_back(drive);
-      if (drive.protocol == AkV3Protocol::kName && !drive.by_itself)
+      if (ShouldSpeakByItself(drive) && !drive.by_itself)
         drives.back().details += ", silent until it is asked: set it to periodic feedback";
     }
     return drives;
@@ -43,12 +77,12 @@ class Scanner {
  private:
   using Key = std::pair<std::string, int>;
   /// Whom the questions are for. A reply of an MIT drive can look like any other message.
-  enum class Phase : std::uint8_t { kListen, kCanSimple, kCanOpen, kMit, kAkV3 };
+  enum class Phase : std::uint8_t { kListen, kCanSimple, kCanOpen, kMit, kCandidates };
 
   void AskAll() {
     AskNodes();
     AskMit();
-    AskAkV3();
+    AskCandidates();
     constexpr double kLast_s = 0.05;
     Listen(kLast_s);
     phase_ = Phase::kListen;
@@ -101,14 +135,24 @@ class Scanner {
     }
   }
 
-  void AskAkV3() {
-    phase_ = Phase::kAkV3;
-    for (int id = config_.mit_first; id <= config_.mit_last; ++id) {
-      if (Has(AkV3Protocol::kName, id)) continue;
-      AkV3Config drive;
-      drive.node_id = static_cast<std::uint8_t>(id);
-      Ask(EncodeAkV3Command(drive, {}));  // The middle of every range is zero whatever its ends.
+  void AskCandidates() {
+    phase_ = Phase::kCandidates;
+    for (const Candidate& candidate : candidates_) {
+      const int number = candidate.number;
+      const bool asked = number >= config_.mit_first && number <= config_.mit_last;
+      if (!asked || Has(candidate.protocol, number)) continue;
+      FrameBatch off;
+      if (candidate.host->Encode(DriveRequest::kDisable, {}, off) != Status::kOk) continue;
+      for (const CanFrame& frame : off.frames()) {
+        if (frame.extended || !IsTaken(static_cast<int>(frame.id))) Ask(frame);
+      }
     }
+  }
+  /// Whether a drive is of a protocol whose drives send without being asked.
+  [[nodiscard]] bool ShouldSpeakByItself(const FoundDrive& drive) const {
+    return std::ranges::any_of(candidates_, [&drive](const Candidate& candidate) {
+      return candidate.protocol == drive.protocol && !candidate.host->reply_rhythm().answers;
+    });
   }
 
   /// Asks for a register that only Damiao's drives have. @returns whether the drive answered.
@@ -175,7 +219,8 @@ class Scanner {
 
   void Take(const CanFrame& frame) {
     if (frame.remote) return;
-    if (frame.extended) return TakeAkV3(frame);
+    if ((frame.extended || phase_ == Phase::kCandidates) && TakeCandidate(frame)) return;
+    if (frame.extended) return SuspectCommand(frame);
     if (TakeCanOpen(frame) || TakeCanSimple(frame) || TakeMit(frame)) return;
     // What is heard unasked, and is none of the messages that drives send by themselves.
     const bool setpoint = frame.size == 8 && frame.id >= 1 && frame.id <= 0xff;
@@ -252,19 +297,25 @@ class Scanner {
     return true;
   }
 
-  void TakeAkV3(const CanFrame& frame) {
-    if (frame.size != 8) return;
-    AkV3Config drive;
-    drive.node_id = static_cast<std::uint8_t>(frame.id);
-    AkV3Status status;
-    if (DecodeAkV3Status(drive, frame, status) == Status::kOk) {
-      Note(AkV3Protocol::kName, drive.node_id).details =
-          fmt::format("{:.1f} degrees, {}", 0.1 * status.position,
-                      status.error == 0 ? "no error" : DescribeDriveError(drive, status.error));
-    } else if (phase_ == Phase::kListen && mit_asked_.empty() &&
-               frame.id >> 8 <= kAkV3SetpointFunction) {
-      suspects_.push_back(frame);
+  /// @returns whether the frame is what one of the candidates measures.
+  bool TakeCandidate(const CanFrame& frame) {
+    for (const Candidate& candidate : candidates_) {
+      if (!candidate.host->Decode(frame)) continue;
+      const DriveFeedback said = candidate.host->feedback();
+      const std::string error =
+          said.error == 0 ? "no error" : DescribeDriveError(candidate.error_codes, said.error);
+      Note(candidate.protocol, candidate.number).details = fmt::format(
+          "{:.1f} degrees, {}", double{said.position_rad} * 180 / std::numbers::pi, error);
+      return true;
     }
+    return false;
+  }
+  void SuspectCommand(const CanFrame& frame) {
+    if (phase_ != Phase::kListen || !mit_asked_.empty() || frame.size != 8) return;
+    const bool command = std::ranges::any_of(candidates_, [&frame](const Candidate& candidate) {
+      return candidate.host->IsCommand(frame);
+    });
+    if (command) suspects_.push_back(frame);
   }
 
   FoundDrive& NoteMit(int id, const CanFrame& frame) {
@@ -276,6 +327,7 @@ class Scanner {
 
   BenchWorld& world_;
   ScanConfig config_;
+  std::vector<Candidate> candidates_;
   Phase phase_ = Phase::kListen;
   std::map<Key, FoundDrive> found_;
   std::set<int> types_;      // nodes that told their device type, or refused to

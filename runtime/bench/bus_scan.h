@@ -25,7 +25,8 @@ struct FoundDrive {
 struct ScanConfig {
   double listen_s = 0.5;  ///< How long only to listen.
   bool passive = false;   ///< Whether to do nothing else.
-  int mit_first = 1;      ///< The CAN IDs at which MIT and AK V3 drives are looked for, 1 ... 255.
+  /// The CAN IDs at which drives are looked for but those of CANSimple and CiA 402, 1 ... 255.
+  int mit_first = 1;
   int mit_last = 127;
   int rounds = 3;             ///< How often silent identifiers are asked.
   double patience_s = 0.002;  ///< Time between two questions.
@@ -40,9 +41,9 @@ struct ScanConfig {
 ///   nothing is asked when setpoints are heard. Those that answer are asked for a register of
 ///   Damiao's, whose replies have but the low bits of the identifier. Identifiers that belong to a
 ///   node that was found are left out, because the frame would be another command there;
-/// - AK V3: a setpoint that asks for no torque. Such drives are heard before, unless they are not
-/// set
-///   to report by themselves, as they have to be.
+/// - every other protocol of drives/protocols.h: the host's order for torque off; of AK V3, that is
+///   a setpoint without gains and torque. AK V3 drives are heard before, unless they are not set to
+///   report by themselves, as they have to be.
 ///
 /// @throws Refused  when somebody commands drives, or nobody acknowledges.
 /// @throws BenchInterrupted  (bench_session.h) after Ctrl-C.

@@ -300,6 +300,25 @@ TEST(ForwardSensitivity, InFreeFallTheMassCentreFallsAndItsGradientVanishes) {
   }
 }
 
+TEST(ForwardSensitivity, EveryKindOfTermHasTheAdjointsIntegralAndGradient) {
+  Problem problem = ElevenParameters();
+  problem.duration_s = 0.5;  // It ends in motion: at rest, the integral of a rate has no gradient.
+  problem.settle_s = 0.03;
+  const std::vector<double> x = RandomMotion(problem, 3);
+  for (std::size_t k = 0; k < CostTerm::kKindNames.size(); ++k) {
+    for (const bool of_velocity : {false, true}) {
+      constexpr int kPitch = 2;
+      problem.cost = {{static_cast<CostTerm::Kind>(k), CostTerm::When::kThroughout, 0.5, kPitch,
+                       of_velocity, 0.3}};
+      const Outcome forward = Forward(problem, x, kFixed);
+      const Outcome adjoint = Adjoint(problem, x, problem.solver.step_s);
+      EXPECT_NEAR(forward.result.cost, adjoint.result.cost, 1e-9 * std::abs(adjoint.result.cost))
+          << CostTerm::kKindNames[k];
+      EXPECT_LT(RowError(forward, adjoint, 0), 1e-7) << CostTerm::kKindNames[k];
+    }
+  }
+}
+
 TEST(ForwardSensitivity, TheRunningCostOfASlidingMassIsItsIntegral) {
   // Without gravity's pull tau = m qdd, so the running cost is w m^2 integral qdd^2, a quadratic
   // form.

@@ -126,10 +126,20 @@ TEST(Rollout, GradientHoldsForEveryKindOfTerminalTermAlone) {
   }
 }
 
-TEST(Rollout, GradientOfEffortAloneIsThatOfTheIntegral) {
-  Problem problem = HandstandProblem();
-  problem.cost = {EffortTerm(0.5)};
-  EXPECT_LT(GradientErrors(problem, RandomMotion(problem, 7), 1e-3)[0], kTolerance);
+TEST(Rollout, GradientOfEveryKindOfTermAloneIsThatOfItsIntegral) {
+  // The integral of a rate is where the motion ends: not at rest, so that there is a gradient.
+  Problem problem = HandstandProblem(9);
+  problem.duration_s = 0.5;
+  problem.settle_s = 0.03;
+  for (std::size_t k = 0; k < CostTerm::kKindNames.size(); ++k) {
+    for (const bool of_velocity : {false, true}) {
+      constexpr int kX = 0;
+      problem.cost = {
+          {static_cast<CostTerm::Kind>(k), CostTerm::When::kThroughout, 0.5, kX, of_velocity, 0.3}};
+      EXPECT_LT(GradientErrors(problem, RandomMotion(problem, 6), 2e-3)[0], kTolerance)
+          << CostTerm::kKindNames[k] << (of_velocity ? " velocity" : " position");
+    }
+  }
 }
 
 TEST(Rollout, GradientHoldsWithRoundObstaclesDampingAndRotors) {

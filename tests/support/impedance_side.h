@@ -41,7 +41,7 @@ class ImpedanceWatch : public DriveWatch {
 template <typename Config, typename Watcher>
 class ImpedanceSide : public ProtocolSide {
  public:
-  [[nodiscard]] ProtocolNature nature() const final {
+  [[nodiscard]] ProtocolNature nature() const override {
     ProtocolNature nature;
     nature.carries_gains = true;
     nature.clears_errors = false;

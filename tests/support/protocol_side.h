@@ -22,6 +22,7 @@ struct ProtocolNature {
   bool clears_errors = true;     ///< There is an order to clear the drive's errors.
   bool latches_watchdog = true;  ///< After the host's silence the drive stays off.
   bool says_temperature = true;
+  bool answers = true;            ///< Each setpoint is answered; else drives report by a clock.
   bool follows_in_error = false;  ///< The host's orders go out even while a drive has an error.
   std::uint32_t error = 2;        ///< An error code that its drives may have.
 };

@@ -75,6 +75,11 @@ class AkV3Watch final : public ImpedanceWatch {
 
 class AkV3 final : public ImpedanceSide<AkV3Config, AkV3Watch> {
  public:
+  [[nodiscard]] ProtocolNature nature() const override {
+    ProtocolNature nature = ImpedanceSide::nature();
+    nature.answers = false;
+    return nature;
+  }
   [[nodiscard]] WireSteps StepsOf(const DriveConfig& drive) const override {
     WireSteps steps = StepsOfRanges(Of(drive).range, 0);
     steps.reported_rad = 0.1 * std::acos(-1.0) / 180;

@@ -133,7 +133,11 @@ CanFrame Made(Value& value) {
 
 class CanSimple final : public ProtocolSide {
  public:
-  [[nodiscard]] ProtocolNature nature() const override { return {}; }
+  [[nodiscard]] ProtocolNature nature() const override {
+    ProtocolNature nature;
+    nature.answers = false;
+    return nature;
+  }
   [[nodiscard]] WireSteps StepsOf(const DriveConfig& /*drive*/) const override {
     return {0, 0.001 * kTwoPi, 0.001};
   }
