@@ -153,6 +153,15 @@ inline constexpr auto kPoseKeys = AllRequired(std::array{
         .Allowed("the ends of their paths"),
 });
 
+inline constexpr auto kDriveGainsKeys = AllRequired(std::array{
+    KeyOf<&DriveGains::kp_nm_per_rad>(
+        "kp_nm_per_rad", {0, 1e4},
+        "of each joint's drive through which the motion was found (`[robust]` of its task); what a "
+        "simulation without a drives file takes. Without this table: joints exactly on their "
+        "paths, hence stiff drives"),
+    KeyOf<&DriveGains::kd_nm_s_per_rad>("kd_nm_s_per_rad", {0, 1e3}, "likewise"),
+});
+
 inline constexpr auto kContactKeys = AllRequired(std::array{
     KeyOf<&ContactInterval::shape>("shape", "`LINK/INDEX` of the collision shape"),
     KeyOf<&ContactInterval::obstacle>("obstacle", "its name in the task"),

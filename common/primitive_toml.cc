@@ -407,6 +407,8 @@ PrimitiveFile Read(TomlTable root, Derived derived = Derived::kChecked) {
   file.primitive = ReadMotions(root);
   if (std::optional<TomlTable> feedback = root.OptionalTable("feedback"))
     ReadFeedback(*feedback, file);
+  if (std::optional<TomlTable> drives = root.OptionalTable("drives"))
+    ReadKeys(*drives, kDriveGainsKeys, file.drives.emplace());
   file.entry = ReadPose(root.Table("entry"), file.primitive, false);
   file.exit = ReadPose(root.Table("exit"), file.primitive, true);
   for (TomlTable& contact : root.OptionalTables("contact"))
@@ -483,6 +485,7 @@ std::vector<KeyTable> PrimitiveKeyTables() {
                    RowsOf(kFeedbackAngleKeys, "`[feedback.angle]`"),
                    RowsOf(kJointFeedbackKeys, "`[[feedback.joint]]`"),
                    RowsOf(kLinkChainKeys, "`[[feedback.chain]]`"),
+                   RowsOf(kDriveGainsKeys, "`[drives]`"),
                    RowsOf(kPoseKeys, "`[entry]`, `[exit]`"),
                    RowsOf(kContactKeys, "`[[contact]]`"),
                    RowsOf(kPurposeKeys, "`[[purpose]]`"),

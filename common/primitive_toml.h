@@ -91,6 +91,14 @@ struct RobustnessFigure {
   std::string drives_hash;     ///< HashOfText of that file; empty when `drives_file` is.
 };
 
+/// The gains of every joint's drive, at the joint.
+struct DriveGains {
+  double kp_nm_per_rad = 0;
+  double kd_nm_s_per_rad = 0;
+
+  bool operator==(const DriveGains&) const = default;
+};
+
 /// The origin of the file. It has everything that is needed to make the file again.
 struct Provenance {
   std::string tool;  ///< Program and version.
@@ -132,6 +140,9 @@ struct PrimitiveFile {
   Primitive<double> primitive;
   /// The chains of all links that may carry a sensor, where the primitive has feedback; else none.
   std::vector<LinkChain> chains;
+  /// Of the drives through which the motion was found; none: for joints that are exactly on their
+  /// paths. A simulation that is given no drives takes these.
+  std::optional<DriveGains> drives;
   PrimitivePose entry;
   PrimitivePose exit;
   std::vector<ContactInterval> contacts;

@@ -90,6 +90,10 @@ std::string WriteWith(const std::string& content_hash, const PrimitiveFile& file
   WriteKeys(writer, kPrimitiveKeys, file.primitive);
   for (const Motion& motion : file.primitive.motions()) WriteJoint(writer, motion);
   WriteFeedback(writer, file);
+  if (file.drives) {
+    writer.Line("\n[drives]  # through which it was found");
+    WriteKeys(writer, kDriveGainsKeys, *file.drives);
+  }
   writer.Line("\n[entry]");
   WriteKeys(writer, kPoseKeys, file.entry);
   writer.Line("\n[exit]");

@@ -651,6 +651,14 @@ SequenceFile LoadMotion(const std::string& path, const FileReader& read) {
   return file;
 }
 
+std::optional<DriveGains> GainsOf(const SequenceFile& file) {
+  if (const auto& gains = file.PrimitiveOf(file.graph.start).drives) return gains;
+  for (const PrimitiveFile& primitive : file.primitives) {
+    if (primitive.drives) return primitive.drives;
+  }
+  return {};
+}
+
 Sequence<float> ToRuntime(const SequenceFile& file) {
   Sequence<float> sequence;
   const Graph& from = file.graph;

@@ -98,6 +98,10 @@ SequenceFile LoadSequence(const std::string& path, const FileReader& read = {});
 /// sequence of this primitive alone. @throws FileError  as LoadSequence.
 SequenceFile LoadMotion(const std::string& path, const FileReader& read = {});
 
+/// The gains of the drives through which a motion was found: those of the first of its primitives
+/// that says so, beginning with the one at the start. None when no primitive does.
+std::optional<DriveGains> GainsOf(const SequenceFile& file);
+
 /// Names of the branches that an operator may ask for, each once, in alphabetical order.
 template <typename Scalar>
 std::vector<std::string> BranchNames(const SequenceGraph<Scalar>& graph) {

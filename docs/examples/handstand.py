@@ -29,7 +29,7 @@ def find():
         if progress.stage == "solve" and progress.violation <= 1e-6:
             costs.append((progress.evaluations, progress.cost))
 
-    outcome = tumbler.optimise(PRIMITIVES / "tasks/handstand.toml", seed=3, progress=note)
+    outcome = tumbler.optimise(PRIMITIVES / "tasks/nominal/handstand.toml", seed=3, progress=note)
     if outcome.primitive is None:
         raise SystemExit(f"no motion was found: {outcome.reason}")
     return outcome, np.array(costs)

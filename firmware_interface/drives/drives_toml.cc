@@ -339,14 +339,25 @@ DrivesConfig DrivesOf(const DrivesConfig& given, const std::vector<std::string>&
   return chosen;
 }
 
-DrivesConfig DefaultDrives(const std::vector<std::string>& joints) {
+DrivesConfig DefaultDrives(const std::vector<std::string>& joints, double kp_nm_per_rad,
+                           double kd_nm_s_per_rad) {
+  const ImpedanceRanges& ranges = MitProtocol::Example(0).command;
+  const double kp_max = static_cast<double>(ranges.kp_nm_per_rad.max);
+  const double kd_max = static_cast<double>(ranges.kd_nm_s_per_rad.max);
+  if (!(kp_nm_per_rad >= 0 && kp_nm_per_rad <= kp_max && kd_nm_s_per_rad >= 0 &&
+        kd_nm_s_per_rad <= kd_max)) {
+    throw std::runtime_error(
+        fmt::format("the default drives carry up to {} N m/rad and {} N m s/rad, not {} and {}: "
+                    "name a drives file",
+                    kp_max, kd_max, kp_nm_per_rad, kd_nm_s_per_rad));
+  }
   DrivesConfig drives;
   for (std::size_t i = 0; i < joints.size(); ++i) {
     DriveEntry entry;
     entry.joint = joints[i];
     entry.config = MitProtocol::Example(static_cast<int>(i));
-    entry.kp_nm_per_rad = 200;
-    entry.kd_nm_s_per_rad = 4;
+    entry.kp_nm_per_rad = static_cast<float>(kp_nm_per_rad);
+    entry.kd_nm_s_per_rad = static_cast<float>(kd_nm_s_per_rad);
     drives.drives.push_back(entry);
   }
   return drives;

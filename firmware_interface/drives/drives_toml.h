@@ -82,7 +82,10 @@ DrivesConfig DrivesOf(const DrivesConfig& given, const std::vector<std::string>&
                       const std::string& name);
 
 /// The drives of a simulation without a drives file: MIT drives with identifiers 1, 2, ... in the
-/// order of the joints, replies on 17, 18, ..., kp 200, kd 4, 1000 Hz, 1 Mbit/s.
-DrivesConfig DefaultDrives(const std::vector<std::string>& joints);
+/// order of the joints, replies on 17, 18, ..., 1000 Hz, 1 Mbit/s.
+/// @param kp_nm_per_rad, kd_nm_s_per_rad  gains at the joint.
+/// @throws std::runtime_error  when a frame of these drives cannot carry the gains.
+DrivesConfig DefaultDrives(const std::vector<std::string>& joints, double kp_nm_per_rad = 200,
+                           double kd_nm_s_per_rad = 4);
 
 }  // namespace tumbler

@@ -341,6 +341,7 @@ PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
   certificate.acceleration_margin_rad_s2 = margins.acceleration_rad_s2;
   certificate.torque_margin_nm = summary.torque_margin_nm;
 
+  if (problem.robust) file.drives = DriveGains{problem.robust->drive.kp, problem.robust->drive.kd};
   Provenance& provenance = file.provenance;
   provenance.tool = fmt::format("tumbler-optimize {}", TUMBLER_VERSION);
   provenance.seed = problem.search.seed;

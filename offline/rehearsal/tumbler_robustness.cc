@@ -87,7 +87,9 @@ void Declare(CommandLine& line, Arguments& arguments) {
         .Within(0.0, spread.max)
         .ShowDefault();
   }
-  line.Option("--drives", study.drives, "Drives file; without it, the default drives");
+  line.Option(
+      "--drives", study.drives,
+      "Drives file; without it, the default drives with the gains that the motion's file says");
   line.Option("--twin", study.twin, "Twin file, for what all robots share");
   line.Option("--push", study.push_n,
               "Push each robot for 0.1 s, to either side, at a random time in the hold [N]")

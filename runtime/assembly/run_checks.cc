@@ -59,6 +59,24 @@ void CheckSchedule(const DrivesConfig& drives, const std::function<void(const st
   }
 }
 
+void CompareGains(const SequenceFile& motion, const DrivesConfig& drives,
+                  const std::function<void(const std::string&)>& say) {
+  const std::optional<DriveGains> found = GainsOf(motion);
+  if (!found) return;
+  for (const DriveEntry& entry : drives.drives) {
+    // Drives files hold single precision.
+    if (entry.kp_nm_per_rad == static_cast<float>(found->kp_nm_per_rad) &&
+        entry.kd_nm_s_per_rad == static_cast<float>(found->kd_nm_s_per_rad)) {
+      continue;
+    }
+    say(
+        fmt::format("joint {}: its drive has {:.6g} N m/rad and {:.6g} N m s/rad; the motion was "
+                    "found for {:.6g} and {:.6g}",
+                    entry.joint, entry.kp_nm_per_rad, entry.kd_nm_s_per_rad, found->kp_nm_per_rad,
+                    found->kd_nm_s_per_rad));
+  }
+}
+
 void CheckWatchdogs(const DrivesConfig& drives, bool may_be_none) {
   constexpr double kTicks = 3;
   const double least_s = kTicks / drives.rate_hz;

@@ -5,6 +5,7 @@
 
 #include "common/program.h"
 #include "common/sequence.h"
+#include "common/sequence_toml.h"
 #include "firmware_interface/drives/drives_toml.h"
 
 namespace tumbler {
@@ -17,6 +18,11 @@ void CheckRanges(const Sequence<float>& sequence, const DrivesConfig& drives);
 /// @param say  gets a sentence about how much of the bus a tick takes in the worst case.
 /// @throws Refused  when the rate leaves no room for an error.
 void CheckSchedule(const DrivesConfig& drives, const std::function<void(const std::string&)>& say);
+
+/// Compares the gains of the drives with those with which the motion was found (GainsOf).
+/// @param say  gets a sentence about each joint whose gains are others.
+void CompareGains(const SequenceFile& motion, const DrivesConfig& drives,
+                  const std::function<void(const std::string&)>& say);
 
 /// Checks that each drive's watchdog bears three ticks of the loop, since one that expires between
 /// setpoints lets the drive go again and again.

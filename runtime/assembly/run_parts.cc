@@ -29,8 +29,11 @@ std::vector<std::string> JointsOf(const SequenceFile& motion) {
 }
 
 DrivesConfig LoadDrivesOf(const std::vector<std::string>& joints, const std::string& path,
-                          const FileReader& read) {
-  if (path.empty()) return DefaultDrives(joints);
+                          const FileReader& read, const std::optional<DriveGains>& gains) {
+  if (path.empty()) {
+    return gains ? DefaultDrives(joints, gains->kp_nm_per_rad, gains->kd_nm_s_per_rad)
+                 : DefaultDrives(joints);
+  }
   return DrivesOf(ParseDrives(read(path), path, DrivesUse::kRun, read), joints, path);
 }
 

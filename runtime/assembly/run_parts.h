@@ -28,8 +28,11 @@ struct RunParts {
 
 /// The drives of these joints, in their order.
 /// @param path  of the drives file; empty: DefaultDrives.
-/// @throws FileError; std::runtime_error naming a joint that has no drive in the file.
+/// @param gains  of these, where the motion says with which it was found (GainsOf).
+/// @throws FileError; std::runtime_error naming a joint that has no drive in the file, or about
+///         gains that the default drives cannot carry.
 [[nodiscard]] DrivesConfig LoadDrivesOf(const std::vector<std::string>& joints,
-                                        const std::string& path, const FileReader& read);
+                                        const std::string& path, const FileReader& read,
+                                        const std::optional<DriveGains>& gains = {});
 
 }  // namespace tumbler

@@ -20,7 +20,8 @@ RunParts LoadParts(const RecordConfiguration& configuration) {
     return TextOf(configuration, path);
   };
   RunParts parts = LoadRunMotion(configuration.motion_file, read);
-  parts.drives = LoadDrivesOf(configuration.joints, configuration.drives_file, read);
+  parts.drives =
+      LoadDrivesOf(configuration.joints, configuration.drives_file, read, GainsOf(parts.file));
   return parts;
 }
 

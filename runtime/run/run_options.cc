@@ -47,7 +47,8 @@ void DeclareMachine(CommandLine& line, RunOptions& options, std::string& schedul
       "--drives", options.drives,
       "drive configuration (TOML). Needed on a real interface; for sim the default is MIT drives "
       "with ids 1, "
-      "2, ... in the order of the joints, replies on 17, 18, ..., kp 200, kd 4, 1000 Hz, 1 Mbit/s");
+      "2, ... in the order of the joints, replies on 17, 18, ..., 1000 Hz, 1 Mbit/s, and the gains "
+      "with which the motion was found; where its file says none, kp 200, kd 4");
   line.Option("--faults", options.faults,
               "reactions to faults and their limits (TOML), where they are not the defaults");
   line.Option("--bus-faults", options.bus_faults,

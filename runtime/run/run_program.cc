@@ -90,13 +90,16 @@ RunParts LoadParts(RunOptions& options, const Simulation* simulation, const File
     options.drives = simulation->drives_file_of(options.twin);
   CheckOptions(options, parts.sequence->graph);
   try {
-    parts.drives = LoadDrivesOf(JointsOf(parts.file), options.drives, read);
+    parts.drives = LoadDrivesOf(JointsOf(parts.file), options.drives, read, GainsOf(parts.file));
   } catch (const FileError&) {
     throw;
   } catch (const std::runtime_error& error) {
     throw Refused(fmt::format("{} of {}", error.what(), options.motion));
   }
   CheckRanges(*parts.sequence, parts.drives);
+  CompareGains(parts.file, parts.drives, [&options](const std::string& text) {
+    fmt::print(stderr, "{}: note: {}\n", options.drives, text);
+  });
   CheckSchedule(parts.drives, [](const std::string& text) { fmt::print(stderr, "{}\n", text); });
   CheckWatchdogs(parts.drives, !options.drives_motors() || options.without_watchdog);
   return parts;

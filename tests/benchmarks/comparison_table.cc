@@ -283,9 +283,9 @@ int Main(int argc, char** argv) {
   std::vector<FoundMotion> motions;
   const auto tasks = std::filesystem::path(testing::SourcePath("primitives/tasks"));
   for (const char* name : {"handstand", "downstand", "roll"}) {
-    const auto task = tasks / (std::string(name) + ".toml");
+    const auto task = tasks / "nominal" / (std::string(name) + ".toml");
     if (!std::filesystem::exists(task)) continue;
-    motions.push_back(PrintMotion(task, seeds, std::string(name) + " from nothing, as shipped",
+    motions.push_back(PrintMotion(task, seeds, std::string(name) + " from nothing, nominal",
                                   std::string(name) == "handstand" ? PeerOf("handstand") : "-"));
   }
   for (const auto& [name, equation] : {std::pair("handstand", "(33)"), std::pair("roll", "(34)"),

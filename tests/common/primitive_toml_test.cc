@@ -468,6 +468,22 @@ INSTANTIATE_TEST_SUITE_P(PrimitiveToml, ShippedPrimitive,
                          ::testing::Values("handstand", "downstand", "roll"),
                          [](const auto& instance) { return std::string(instance.param); });
 
+TEST(PrimitiveToml, TheGainsOfItsDrivesAreKeptWithAllTheirBitsAndBounded) {
+  PrimitiveFile file = Example();
+  EXPECT_EQ(ParsePrimitive(ToToml(file), "p.toml").drives, std::nullopt);
+  file.drives = DriveGains{61.3, 0.1};
+  EXPECT_EQ(ParsePrimitive(ToToml(file), "p.toml").drives, file.drives);
+  for (const DriveGains& gains : {DriveGains{-1, 5}, DriveGains{60, -0.1}, DriveGains{1e5, 5}}) {
+    file.drives = gains;
+    EXPECT_THROW(ToToml(file), std::invalid_argument);
+  }
+  file.drives = DriveGains{60, 5};
+  EXPECT_THROW(ParsePrimitive(Mutate(ToToml(file), "kp_nm_per_rad = 60.0", "kp_nm_per_rad = 61.0"),
+                              "p.toml"),
+               FileError)
+      << "without a new hash";
+}
+
 TEST(PrimitiveToml, TheHashOfTheContentIsThatOfTheCanonicalText) {
   const std::string text = ToToml(Example());
   const std::string canonical = TomlTable::Parse(text, "p.toml").CanonicalText("content_hash");

@@ -165,6 +165,20 @@ TEST(SequenceToml, AJointThatDoesNotMeetIsNamedWithTheAmount) {
                       "0.125 rad at the start of 'down': 0.125 rad apart; allowed: 1e-06 rad")));
 }
 
+TEST(SequenceToml, TheGainsOfASequenceAreThoseOfItsStartElseOfTheFirstMotionThatSaysThem) {
+  auto primitives = GaitPrimitives();
+  EXPECT_EQ(GainsOf(LoadSequence(SequenceFolder(GaitText(), primitives).file())), std::nullopt);
+  primitives[2].drives = DriveGains{80, 5};
+  EXPECT_EQ(GainsOf(LoadSequence(SequenceFolder(GaitText(), primitives).file())),
+            (DriveGains{80, 5}));
+  primitives[0].drives = DriveGains{60, 4};
+  EXPECT_EQ(GainsOf(LoadSequence(SequenceFolder(GaitText(), primitives).file())),
+            (DriveGains{60, 4}));
+  const std::string later = Replaced(GaitText(), "start = \"up\"", "start = \"down\"");
+  primitives[1].drives = DriveGains{70, 3};
+  EXPECT_EQ(GainsOf(LoadSequence(SequenceFolder(later, primitives).file())), (DriveGains{70, 3}));
+}
+
 TEST(SequenceToml, AMotionThatEndsInMovementCannotBeHeld) {
   auto primitives = GaitPrimitives();
   auto& motion = primitives[0].primitive.joints[1];
@@ -322,7 +336,7 @@ TEST(SequenceToml, EachWrongFileIsToldWhatIsWrong) {
 }
 
 TEST(SequenceToml, ARunMayBeginWithSeveralNodesIfTheirJointsBeginAlikeAndTheirPitchesApart) {
-  const SequenceFile file = LoadSequence(testing::SourcePath("primitives/robust/get_up.toml"));
+  const SequenceFile file = LoadSequence(testing::SourcePath("primitives/get_up.toml"));
   const SequenceGraph<double>& graph = file.graph;
   ASSERT_EQ(graph.beginning_count, 4);
   EXPECT_EQ(graph.beginnings()[0].node, graph.start);

@@ -97,7 +97,7 @@ class OwnDbc(unittest.TestCase):
                 self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
 
             run("tumbler-bench", "sim", "dbc", "--drives", drives, "--write", folder / "own.dbc")
-            run("tumbler-run", "sim", ROOT / "primitives/handstand.toml", "--drives", drives, "--record", folder / "run.rec")
+            run("tumbler-run", "sim", ROOT / "primitives/nominal/handstand.toml", "--drives", drives, "--record", folder / "run.rec")
             run("tumbler-record", folder / "run.rec", "--csv", folder / "run.csv", "--candump", folder / "run.log")
             own = canmatrix.formats.loadp_flat(str(folder / "own.dbc"))
             decoded = {}

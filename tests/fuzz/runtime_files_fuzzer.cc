@@ -50,7 +50,7 @@ const std::string kFolder = testing::SourcePath("primitives/");
 #ifdef TUMBLER_HAS_SIMULATION
 /// The motion with the robot that a twin file is about.
 const SimulatedMotion& Gait() {
-  static const SimulatedMotion gait(LoadMotion(kFolder + "gait.toml"));
+  static const SimulatedMotion gait(LoadMotion(kFolder + "nominal/gait.toml"));
   return gait;
 }
 #endif
@@ -101,7 +101,7 @@ void ReadAll(const std::string& text) {
     const FileReader read = [&](const std::string& path) -> std::string {
       if (path == "file.toml") return text;
       for (const char* name : {"handstand.toml", "downstand.toml", "roll.toml"}) {
-        if (path.ends_with(name)) return ReadTextFile(kFolder + name);
+        if (path.ends_with(name)) return ReadTextFile(kFolder + "nominal/" + name);
       }
       throw FileError("file.toml", 0, path, "cannot be read");
     };

@@ -80,7 +80,7 @@ function readCsv(name) {
 const nanoseconds = (seconds) => BigInt(Math.round(Number(seconds) * 1e9));
 
 // One gait on the simulated bus, with the twin's truth.
-const gait = source("primitives/gait.toml");
+const gait = source("primitives/nominal/gait.toml");
 runWell("tumbler-run", "sim", gait, "--cycles", "1", "--branch", "roll", "--record", at("gait.rec"), "--log",
   at("gait.lcm"), "--truth", at("truth.lcm"));
 runWell("tumbler-record", at("gait.rec"), "--mcap", at("gait.mcap"), "--csv", at("gait.csv"), "--truth-csv",
@@ -225,7 +225,7 @@ test("At the end the drawn robot rests on the drawn ground, in the compliant lay
   }
   const [{ message: ground }] = file.topics["/scene/ground"];
   const top = Math.max(...ground.entities[0].triangles[0].points.map((point) => point.z));
-  const [, layer] = fs.readFileSync(source("primitives/tasks/roll.toml"), "utf8").match(/^d_on_m = (\S+)/m);
+  const [, layer] = fs.readFileSync(source("primitives/tasks/nominal/roll.toml"), "utf8").match(/^d_on_m = (\S+)/m);
   assert.ok(lowest > top && lowest < top + Number(layer), `lowest point at ${lowest} m, ground at ${top} m`);
 });
 
@@ -361,7 +361,7 @@ function planFromTruth(read) {
 }
 
 test("The plan is about where the simulated robot goes, also of a robot whose root has no shape", async () => {
-  const motion = fs.readFileSync(source("primitives/handstand.toml"), "utf8");
+  const motion = fs.readFileSync(source("primitives/nominal/handstand.toml"), "utf8");
   const [middle] = motion.match(/<link name="middle">[^]*?<\/link>/);
   const bare = middle.replace(/<(visual|collision)>[^]*?<\/\1>/g, "");
   assert.notEqual(bare, middle);

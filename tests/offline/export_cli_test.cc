@@ -1,4 +1,4 @@
-// tumbler-export as a user meets it. motion_header_test and, for the shipped gait, cortex_m_test
+// tumbler-export as a user meets it. motion_header_test and, for the nominal gait, cortex_m_test
 // compare the compiled values with those of the loader.
 
 #include <gmock/gmock.h>

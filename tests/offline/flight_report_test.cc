@@ -40,8 +40,8 @@ using testing::Outcome;
 using testing::ReadFile;
 using testing::RunInShell;
 
-const std::string kHandstand = testing::SourcePath("primitives/handstand.toml");
-const std::string kGait = testing::SourcePath("primitives/gait.toml");
+const std::string kHandstand = testing::SourcePath("primitives/nominal/handstand.toml");
+const std::string kGait = testing::SourcePath("primitives/nominal/gait.toml");
 
 /// Flight records of the simulated robot, made once for all tests of this process.
 struct Records {

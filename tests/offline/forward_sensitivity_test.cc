@@ -73,9 +73,10 @@ TEST(StepsFor, ARolloutWithThemRepeatsTheForwardSensitivitiesToRounding) {
   }
 }
 
-/// The parameters of a shipped primitive, and its problem.
-std::pair<Problem, std::vector<double>> Shipped(const std::string& name) {
-  const PrimitiveFile file = LoadPrimitive(testing::SourcePath("primitives/" + name + ".toml"));
+/// The parameters of a nominal primitive, and its problem.
+std::pair<Problem, std::vector<double>> Nominal(const std::string& name) {
+  const PrimitiveFile file =
+      LoadPrimitive(testing::SourcePath("primitives/nominal/" + name + ".toml"));
   std::vector<double> x;
   for (const JointMotion<double>& joint : file.primitive.motions()) {
     const auto points = joint.position.control_points(0);
@@ -86,7 +87,7 @@ std::pair<Problem, std::vector<double>> Shipped(const std::string& name) {
 
 TEST(StepsFor, GiveTheGradientOfTheDifferentialEquationsWhereLandingsMisleadAFixedStep) {
   for (const char* const name : {"handstand", "downstand", "roll"}) {
-    auto [problem, x] = Shipped(name);
+    auto [problem, x] = Nominal(name);
     for (std::size_t i = 0; i < x.size(); ++i) x[i] += i % 2 == 0 ? 1e-3 : -1e-3;
     const Outcome reference = Forward(problem, x, kAdaptive);
     const Outcome chosen = Forward(problem, x, AdaptiveSteps(problem));
@@ -102,7 +103,7 @@ TEST(StepsFor, GiveTheGradientOfTheDifferentialEquationsWhereLandingsMisleadAFix
 /// Maxima over the starts of steps would move by up to 3e-3, whatever the tolerance.
 TEST(StepsFor, HardlyMoveTheSmoothMaximaOfAMotion) {
   for (const char* const name : {"handstand", "downstand", "roll"}) {
-    const auto [problem, x] = Shipped(name);
+    const auto [problem, x] = Nominal(name);
     const Outcome reference = Forward(problem, x, kAdaptive);
     struct Case {
       double tolerance, most;

@@ -25,9 +25,9 @@ namespace {
 
 using ::testing::AllOf;
 using ::testing::HasSubstr;
+using testing::NominalTask;
 using testing::Replaced;
 using testing::ShippedRobot;
-using testing::ShippedTask;
 
 using Path = JointMotion<double>::Spline;
 
@@ -108,7 +108,8 @@ TEST(Resampled, HasTheLeastSquaresOfDifferencesWhereTheKnotsDiffer) {
 
 /// The shipped handstand, and the task that it was made from.
 const PrimitiveFile& Known() {
-  static const PrimitiveFile file = LoadPrimitive(testing::SourcePath("primitives/handstand.toml"));
+  static const PrimitiveFile file =
+      LoadPrimitive(testing::SourcePath("primitives/nominal/handstand.toml"));
   return file;
 }
 Task KnownTask(const std::string& from = "", const std::string& to = "") {

@@ -35,7 +35,7 @@ bool SameBits(const T& a, const T& b) {
 }
 
 PrimitiveFile Handstand() {
-  return LoadPrimitive(testing::SourcePath("primitives/handstand.toml"));
+  return LoadPrimitive(testing::SourcePath("primitives/nominal/handstand.toml"));
 }
 
 /// The robot of the handstand with everything about it changed at random.

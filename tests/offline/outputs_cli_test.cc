@@ -27,7 +27,7 @@ class Outputs : public ::testing::Test {
  protected:
   Outputs() {
     for (const char* name : {"gait.toml", "handstand.toml", "downstand.toml", "roll.toml"})
-      WriteFile(folder_ / name, ReadFile(SourcePath(std::string("primitives/") + name)));
+      WriteFile(folder_ / name, ReadFile(SourcePath(std::string("primitives/nominal/") + name)));
     WriteFile(folder_ / "twin.toml", "format = \"tumbler-twin\"\nversion = 1\n");
     WriteFile(folder_ / "drives.toml",
               ReadFile(SourcePath("primitives/robots/tumbler_drives.toml")));
@@ -55,7 +55,7 @@ class Outputs : public ::testing::Test {
 
 TEST_F(Outputs, NeverReplaceAnInput) {
   const std::map<std::string, std::string> before = Content();
-  const std::string task = SourcePath("primitives/tasks/downstand.toml");
+  const std::string task = SourcePath("primitives/tasks/nominal/downstand.toml");
   for (const std::string& command_line : {
            std::string("tumbler-record x.rec --csv x.rec"),
            std::string("tumbler-record x.rec --lcm ./x.rec"),
@@ -89,7 +89,7 @@ TEST_F(Outputs, NeverReplaceAnInput) {
 
 TEST_F(Outputs, NeverReplaceAnotherOutput) {
   const std::map<std::string, std::string> before = Content();
-  const std::string task = SourcePath("primitives/tasks/handstand.toml");
+  const std::string task = SourcePath("primitives/tasks/nominal/handstand.toml");
   for (const std::string& command_line : {
            std::string("tumbler-record x.rec --csv new --lcm new"),
            std::string("tumbler-record x.rec --csv new --candump ./new"),
@@ -108,7 +108,7 @@ TEST_F(Outputs, NeverReplaceAnotherOutput) {
 }
 
 TEST_F(Outputs, MakeTheFoldersThatTheyNeed) {
-  const std::string task = SourcePath("primitives/tasks/downstand.toml");
+  const std::string task = SourcePath("primitives/tasks/nominal/downstand.toml");
   for (const std::string& command_line : {
            "tumbler-optimize " + task + " --guess downstand.toml --out a/b/m.toml --json c/m.json",
            std::string("tumbler-run sim downstand.toml --hold-s 0 --json d/e/j --log f/l --trace "

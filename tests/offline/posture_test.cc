@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "offline/rehearsal/twin/simulated_robot.h"
-#include "tests/support/shipped_gait.h"
+#include "tests/support/nominal_gait.h"
 
 namespace tumbler {
 namespace {

@@ -19,7 +19,7 @@ std::string Mpirun(const std::string& processes) {
 }
 
 std::string Study(const std::string& more) {
-  return "tumbler-robustness " + testing::SourcePath("primitives/robust/handstand.toml") +
+  return "tumbler-robustness " + testing::SourcePath("primitives/handstand.toml") +
          " --lanes --scale 2.5 --seed 17 --robots 1300 " + more;
 }
 

@@ -151,8 +151,8 @@ TEST(Share, TheIntervalIsThatOfWilson) {
   EXPECT_EQ(ShareOf(0, 10).low, 0);
 }
 
-TEST(Trials, TheModelItselfStandsAfterTheShippedHandstand) {
-  RobustnessStudy study = StudyOf("handstand.toml");
+TEST(Trials, TheModelItselfStandsAfterTheNominalHandstand) {
+  RobustnessStudy study = StudyOf("nominal/handstand.toml");
   study.scale = 0;
   Trials trials(study);
   const TrialOutcome outcome = trials.Play(0);
@@ -160,19 +160,17 @@ TEST(Trials, TheModelItselfStandsAfterTheShippedHandstand) {
   EXPECT_EQ(outcome.motions, 1);
 }
 
-TEST(Trials, RobotsThatTheShippedHandstandLosesStandAfterTheRobustOne) {
-  RobustnessStudy nominal = StudyOf("handstand.toml");
-  RobustnessStudy robust = StudyOf("robust/handstand.toml");
-  robust.drives = testing::SourcePath("primitives/robust/drives.toml");
+TEST(Trials, RobotsThatTheNominalHandstandLosesStandAfterTheShippedOne) {
+  RobustnessStudy nominal = StudyOf("nominal/handstand.toml");
+  RobustnessStudy robust = StudyOf("handstand.toml");
   nominal.seed = robust.seed = 31;
   const RobustnessResult lost = RunStudy(nominal, 8, 1), kept = RunStudy(robust, 8, 1);
   EXPECT_LE(lost.stands().count, 4);
   EXPECT_GE(kept.stands().count, 7);
 }
 
-TEST(Trials, TheModelGoesThroughACycleOfTheRobustGait) {
-  RobustnessStudy study = StudyOf("robust/gait.toml");
-  study.drives = testing::SourcePath("primitives/robust/drives.toml");
+TEST(Trials, TheModelGoesThroughACycleOfTheGait) {
+  RobustnessStudy study = StudyOf("gait.toml");
   study.scale = 0;
   study.run.cycles = 1;
   const TrialOutcome outcome = Trials(study).Play(0);
@@ -181,7 +179,7 @@ TEST(Trials, TheModelGoesThroughACycleOfTheRobustGait) {
 }
 
 TEST(Trials, ARobotWithoutFrictionFallsAndTheNodeIsNamed) {
-  RobustnessStudy study = StudyOf("handstand.toml");
+  RobustnessStudy study = StudyOf("nominal/handstand.toml");
   const testing::TemporaryFolder folder;
   study.twin =
       Written(folder, "ice.toml", "format = \"tumbler-twin\"\nversion = 1\n[contact]\nmu = 0.01\n");
@@ -194,7 +192,7 @@ TEST(Trials, ARobotWithoutFrictionFallsAndTheNodeIsNamed) {
 }
 
 TEST(Trials, MotorsThatGiveAlmostNothingAreAFaultOrAFall) {
-  RobustnessStudy study = StudyOf("handstand.toml");
+  RobustnessStudy study = StudyOf("nominal/handstand.toml");
   const testing::TemporaryFolder folder;
   study.twin = Written(folder, "weak.toml",
                        "format = \"tumbler-twin\"\nversion = 1\n[motor]\ntorque_max_nm = 0.3\n");
@@ -204,8 +202,7 @@ TEST(Trials, MotorsThatGiveAlmostNothingAreAFaultOrAFall) {
 
 /// A study of which about a third does not stand.
 RobustnessStudy HardStudy() {
-  RobustnessStudy study = StudyOf("robust/handstand.toml");
-  study.drives = testing::SourcePath("primitives/robust/drives.toml");
+  RobustnessStudy study = StudyOf("handstand.toml");
   study.scale = 2.5;
   study.seed = 17;
   return study;
@@ -288,8 +285,7 @@ TEST(LaneTrials, ATwinFileIsRefused) {
 }
 
 TEST(Trials, APushComesInTheHoldAndIsSurvivedOrNot) {
-  RobustnessStudy study = StudyOf("robust/handstand.toml");
-  study.drives = testing::SourcePath("primitives/robust/drives.toml");
+  RobustnessStudy study = StudyOf("handstand.toml");
   study.run.hold_s = 6;
   study.push_n = 0.01;
   EXPECT_EQ(RunStudy(study, 3, 1).stands().count, 3) << "a breath";
@@ -306,19 +302,19 @@ TEST(Trials, APushComesInTheHoldAndIsSurvivedOrNot) {
 }
 
 TEST(Trials, SensorsFailOnlyWhereThereAreSome) {
-  RobustnessStudy study = StudyOf("robust/handstand.toml");
-  study.drives = testing::SourcePath("primitives/robust/drives.toml");
+  RobustnessStudy study = StudyOf("handstand.toml");
   study.sensor_faults = true;
   EXPECT_THROW(Trials{study}, std::runtime_error);
   const testing::TemporaryFolder folder;
-  study.drives = Written(folder, "drives.toml",
-                         testing::ReadFile(study.drives) +
-                             "\n[sensor]\nprotocol = \"xsens-mti\"\nlink = \"middle\"\n");
+  study.drives =
+      Written(folder, "drives.toml",
+              testing::ReadFile(testing::SourcePath("primitives/robots/tumbler_drives.toml")) +
+                  "\n[sensor]\nprotocol = \"xsens-mti\"\nlink = \"middle\"\n");
   EXPECT_EQ(RunStudy(study, 5, 1).stands().count, 5) << "the motion has no feedback";
 }
 
 TEST(Drops, AreOfOneSeedApartFromEachOtherWithinTheLimitsAndAboveTheGround) {
-  const SimulatedMotion motion(LoadMotion(StudyOf("robust/get_up.toml").motion));
+  const SimulatedMotion motion(LoadMotion(StudyOf("get_up.toml").motion));
   const Scene& scene = motion.scene();
   double low_rad = 9, high_rad = -9;
   for (std::uint64_t index = 0; index < 200; ++index) {
@@ -342,8 +338,8 @@ TEST(Drops, AreOfOneSeedApartFromEachOtherWithinTheLimitsAndAboveTheGround) {
 }
 
 TEST(Drops, ARobotThatLiesGetsUpAndGoesOnWithTheGait) {
-  RobustnessStudy study = StudyOf("robust/gait.toml");
-  study.drives = testing::SourcePath("primitives/robust/drives_sensor.toml");
+  RobustnessStudy study = StudyOf("gait.toml");
+  study.drives = testing::SourcePath("primitives/robots/tumbler_drives_sensor.toml");
   study.run.cycles = 1;
   study.drops = true;
   study.seed = 21;
@@ -354,9 +350,9 @@ TEST(Drops, ARobotThatLiesGetsUpAndGoesOnWithTheGait) {
 }
 
 TEST(Drops, RobotsGetUpHoweverTheyLieByTheirSensorAndWithoutItOnlyFromTheStart) {
-  RobustnessStudy study = StudyOf("robust/get_up.toml");
-  study.drives = testing::SourcePath("primitives/robust/drives_sensor.toml");
-  study.twin = testing::SourcePath("primitives/robust/twin_sensor.toml");
+  RobustnessStudy study = StudyOf("get_up.toml");
+  study.drives = testing::SourcePath("primitives/robots/tumbler_drives_sensor.toml");
+  study.twin = testing::SourcePath("primitives/robots/tumbler_twin_sensor.toml");
   study.drops = true;
   study.seed = 3;
   constexpr int kRobots = 12;
@@ -376,7 +372,7 @@ TEST(Drops, RobotsGetUpHoweverTheyLieByTheirSensorAndWithoutItOnlyFromTheStart) 
   EXPECT_EQ(ToJson(up)["lay"].size(), up.HowTheyLay().size());
   EXPECT_EQ(ToText(up), ToText(RunStudy(study, kRobots, 2)));
 
-  study.drives = testing::SourcePath("primitives/robust/drives.toml");
+  study.drives.clear();
   study.twin.clear();
   const RobustnessResult blind = RunStudy(study, kRobots, 1);
   for (int i = 0; i < kRobots; ++i) {
@@ -387,7 +383,7 @@ TEST(Drops, RobotsGetUpHoweverTheyLieByTheirSensorAndWithoutItOnlyFromTheStart) 
 }
 
 TEST(Checkpoint, RobotsThatArePushedAreOtherRobots) {
-  RobustnessStudy study = StudyOf("robust/handstand.toml");
+  RobustnessStudy study = StudyOf("handstand.toml");
   const std::string calm = IdentityOf(study);
   study.push_n = 5;
   const std::string pushed = IdentityOf(study);
@@ -416,7 +412,7 @@ TEST(DepartureWatch, ARobotThatComesBackHasNotLeft) {
 }
 
 TEST(Trials, AFallIsAtATimeOfItsMotion) {
-  RobustnessStudy study = StudyOf("handstand.toml");
+  RobustnessStudy study = StudyOf("nominal/handstand.toml");
   study.seed = 31;
   int fell = 0;
   for (const TrialOutcome& trial : RunStudy(study, 4, 1).trials) {
@@ -517,7 +513,7 @@ TEST(Checkpoint, AFileOfOtherRobotsOrNoneIsRefusedAndLeftAsItIs) {
 }
 
 TEST(RobustnessStudy, ThreadsChangeNotAByte) {
-  const RobustnessStudy study = StudyOf("handstand.toml");
+  const RobustnessStudy study = StudyOf("nominal/handstand.toml");
   const RobustnessResult one = RunStudy(study, 6, 1);
   const RobustnessResult three = RunStudy(study, 6, 3);
   EXPECT_EQ(ToJson(one).Dump(2), ToJson(three).Dump(2));
@@ -608,7 +604,7 @@ TEST(RobustnessPage, ShowsShareMapAndEveryRobotAndTakesNamesAsText) {
 
 /// A study that the program takes, with its JSON on standard output.
 std::string LaneStudy(const std::string& more) {
-  return "tumbler-robustness " + testing::SourcePath("primitives/robust/handstand.toml") +
+  return "tumbler-robustness " + testing::SourcePath("primitives/handstand.toml") +
          " --lanes --scale 2.5 --seed 17 --robots 2000 --json - " + more + " 2>/dev/null";
 }
 
@@ -634,7 +630,7 @@ TEST(RobustnessProgram, AWorkThatWasKilledAndGoesOnHasTheSameBytes) {
 TEST(RobustnessProgram, EndsAtAnInterruptSaysHowFarItCameAndGoesOnFromThere) {
   const testing::TemporaryFolder folder;
   const std::string checkpoint = folder / "robots";
-  const std::string study = testing::SourcePath("primitives/robust/handstand.toml") +
+  const std::string study = testing::SourcePath("primitives/handstand.toml") +
                             " --lanes --seed 17 --checkpoint " + checkpoint;
   testing::Program endless({"/bin/sh", "-c",
                             "exec " + testing::ProgramPath("tumbler-robustness") +
@@ -655,7 +651,7 @@ TEST(RobustnessProgram, EndsAtAnInterruptSaysHowFarItCameAndGoesOnFromThere) {
 }
 
 TEST(RobustnessProgram, APartOfTheWorkNeedsAFileAndItsNumbers) {
-  const std::string motion = testing::SourcePath("primitives/robust/handstand.toml");
+  const std::string motion = testing::SourcePath("primitives/handstand.toml");
   for (const std::string shard : {"0/2", "3/2", "1", "1/", "1/2x", "-1/2"}) {
     const testing::Outcome outcome =
         testing::RunProgram({"tumbler-robustness", motion, "--shard=" + shard});
@@ -670,9 +666,9 @@ TEST(RobustnessProgram, APartOfTheWorkNeedsAFileAndItsNumbers) {
 
 TEST(RobustnessProgram, TellsOnHowManyLanesAndTwinAgreeAndWritesThePage) {
   const testing::TemporaryFolder folder;
-  const testing::Outcome outcome = testing::RunProgram(
-      {"tumbler-robustness", testing::SourcePath("primitives/robust/handstand.toml"), "--robots",
-       "4", "--compare-lanes", "--report", folder / "page"});
+  const testing::Outcome outcome =
+      testing::RunProgram({"tumbler-robustness", testing::SourcePath("primitives/handstand.toml"),
+                           "--robots", "4", "--compare-lanes", "--report", folder / "page"});
   EXPECT_EQ(outcome.exit_code, 0) << outcome.text;
   EXPECT_NE(outcome.text.find("lanes and twin agree whether"), std::string::npos) << outcome.text;
   EXPECT_NE(testing::ReadFile(folder / "page/index.html").find("<h2>Verdicts"), std::string::npos);
@@ -681,9 +677,9 @@ TEST(RobustnessProgram, TellsOnHowManyLanesAndTwinAgreeAndWritesThePage) {
 TEST(RobustnessProgram, PrintsShareAndIntervalAndWritesThem) {
   const testing::TemporaryFolder folder;
   const std::string json_file = folder / "figures.json";
-  const testing::Outcome outcome =
-      testing::RunProgram({"tumbler-robustness", testing::SourcePath("primitives/handstand.toml"),
-                           "--robots", "1", "--scale", "0", "--json", json_file});
+  const testing::Outcome outcome = testing::RunProgram(
+      {"tumbler-robustness", testing::SourcePath("primitives/nominal/handstand.toml"), "--robots",
+       "1", "--scale", "0", "--json", json_file});
   EXPECT_EQ(outcome.exit_code, 0) << outcome.text;
   EXPECT_NE(outcome.text.find("1 of 1 robots are as asked"), std::string::npos) << outcome.text;
   const std::optional<Json> json = Json::Parse(testing::ReadFile(json_file));
@@ -694,11 +690,11 @@ TEST(RobustnessProgram, PrintsShareAndIntervalAndWritesThem) {
 }
 
 /// A folder with a gait's files, which a program may change.
-std::string CopyOfTheRobustGait(const testing::TemporaryFolder& folder) {
+std::string CopyOfTheGait(const testing::TemporaryFolder& folder) {
   for (const std::string name :
        {"gait", "handstand", "downstand", "roll", "rise", "rise_from_leg1", "rise_from_leg2"}) {
     Written(folder, name + ".toml",
-            testing::ReadFile(testing::SourcePath("primitives/robust/" + name + ".toml")));
+            testing::ReadFile(testing::SourcePath("primitives/" + name + ".toml")));
   }
   return folder / "gait.toml";
 }
@@ -712,7 +708,7 @@ std::vector<RobustnessFigure> FiguresIn(const std::string& path, std::uint64_t s
 
 TEST(RobustnessProgram, ACertificateGetsTheShareAndANewerOneTakesItsPlace) {
   const testing::TemporaryFolder folder;
-  CopyOfTheRobustGait(folder);
+  CopyOfTheGait(folder);
   const std::string motion = folder / "handstand.toml";
   const Primitive<double> before = LoadPrimitive(motion).primitive;
   const auto certify = [&](const std::string& robots, const std::string& seed) {
@@ -744,7 +740,7 @@ TEST(RobustnessProgram, ACertificateGetsTheShareAndANewerOneTakesItsPlace) {
 
 TEST(RobustnessProgram, TheShareOfAGaitGoesIntoAllOfItsPrimitivesWhichTheirProgramsShow) {
   const testing::TemporaryFolder folder;
-  const std::string gait = CopyOfTheRobustGait(folder);
+  const std::string gait = CopyOfTheGait(folder);
   const testing::Outcome outcome =
       testing::RunProgram({"tumbler-robustness", gait, "--lanes", "--robots", "1", "--scale", "0",
                            "--cycles", "1", "--seed", "9003", "--certify"});
@@ -752,20 +748,20 @@ TEST(RobustnessProgram, TheShareOfAGaitGoesIntoAllOfItsPrimitivesWhichTheirProgr
   for (const std::string name : {"handstand", "downstand", "roll"}) {
     const std::vector<RobustnessFigure> figures = FiguresIn(folder / (name + ".toml"), 9003);
     ASSERT_EQ(figures.size(), 1U) << name;
-    EXPECT_EQ(figures[0].motion, "robust gait");
+    EXPECT_EQ(figures[0].motion, "gait");
     EXPECT_EQ(figures[0].cycles, 1);
     EXPECT_EQ(figures[0].stand, 1);
   }
   const testing::Outcome chain = testing::RunProgram({"tumbler-chain", "check", gait});
   EXPECT_EQ(chain.exit_code, 0) << chain.text;
-  EXPECT_NE(chain.text.find("downstand: robots as asked: robust gait, 1 cycles: 1 of 1 robots"),
+  EXPECT_NE(chain.text.find("downstand: robots as asked: gait, 1 cycles: 1 of 1 robots"),
             std::string::npos)
       << chain.text;
 }
 
 TEST(RobustnessProgram, NoCertificateIsWrittenOfWhatItHasNoPlaceFor) {
   const testing::TemporaryFolder folder;
-  const std::string gait = CopyOfTheRobustGait(folder);
+  const std::string gait = CopyOfTheGait(folder);
   const std::string motion = folder / "handstand.toml";
   const std::string before = testing::ReadFile(motion);
   for (const std::vector<std::string>& more :
@@ -782,8 +778,8 @@ TEST(RobustnessProgram, NoCertificateIsWrittenOfWhatItHasNoPlaceFor) {
 }
 
 TEST(RobustnessProgram, AGaitWithoutCyclesIsRefused) {
-  const testing::Outcome outcome =
-      testing::RunProgram({"tumbler-robustness", testing::SourcePath("primitives/gait.toml")});
+  const testing::Outcome outcome = testing::RunProgram(
+      {"tumbler-robustness", testing::SourcePath("primitives/nominal/gait.toml")});
   EXPECT_EQ(outcome.exit_code, 1);
   EXPECT_NE(outcome.text.find("--cycles"), std::string::npos) << outcome.text;
 }

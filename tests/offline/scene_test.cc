@@ -13,7 +13,7 @@
 namespace tumbler {
 namespace {
 
-SequenceFile Gait() { return LoadMotion(testing::SourcePath("primitives/gait.toml")); }
+SequenceFile Gait() { return LoadMotion(testing::SourcePath("primitives/nominal/gait.toml")); }
 
 TEST(Scene, TheSameGroundHasTheSameLawAndObstaclesWhateverTheRobot) {
   const Scene scene = HandstandProblem().scene;

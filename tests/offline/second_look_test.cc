@@ -120,11 +120,13 @@ TEST(SecondLook, SeesLegsThatPassThroughEachOther) {
   EXPECT_LT(look.self_clearance_time_s, problem.duration_s);
 }
 
-/// The second look at a shipped primitive, from the texts that it carries.
-SecondLook LookAtShipped(const std::string& name, double refinement = kRefinement) {
-  const SimulatedMotion motion(LoadMotion(testing::SourcePath("primitives/" + name + ".toml")));
+/// The second look at a nominal primitive, from the texts that it carries.
+SecondLook LookAtNominal(const std::string& name, double refinement = kRefinement) {
+  const SimulatedMotion motion(
+      LoadMotion(testing::SourcePath("primitives/nominal/" + name + ".toml")));
   const Problem& problem = motion.ProblemOf(0);
-  const PrimitiveFile file = LoadPrimitive(testing::SourcePath("primitives/" + name + ".toml"));
+  const PrimitiveFile file =
+      LoadPrimitive(testing::SourcePath("primitives/nominal/" + name + ".toml"));
   std::vector<double> x;
   for (const JointMotion<double>& joint : file.primitive.motions()) {
     const auto points = joint.position.control_points(0);
@@ -133,11 +135,12 @@ SecondLook LookAtShipped(const std::string& name, double refinement = kRefinemen
   return LookAgain(problem, x, refinement);
 }
 
-TEST(SecondLook, ShippedMotionsDoWhatTheirTasksAskFor) {
+TEST(SecondLook, NominalMotionsDoWhatTheirTasksAskFor) {
   for (const std::string name : {"handstand", "downstand", "roll"}) {
-    const SecondLook look = LookAtShipped(name);
+    const SecondLook look = LookAtNominal(name);
     EXPECT_TRUE(look.acceptable()) << name << ": " << look.Objections();
-    const PrimitiveFile file = LoadPrimitive(testing::SourcePath("primitives/" + name + ".toml"));
+    const PrimitiveFile file =
+        LoadPrimitive(testing::SourcePath("primitives/nominal/" + name + ".toml"));
     ASSERT_EQ(file.purpose.size(), look.purpose.size()) << name;
     for (std::size_t i = 0; i < look.purpose.size(); ++i) {
       EXPECT_EQ(file.purpose[i].name(), look.purpose[i].name()) << name;
@@ -148,9 +151,9 @@ TEST(SecondLook, ShippedMotionsDoWhatTheirTasksAskFor) {
   }
 }
 
-TEST(SecondLook, ShippedMotionsKeepTorquesAndClearanceAtAStep64TimesFiner) {
+TEST(SecondLook, NominalMotionsKeepTorquesAndClearanceAtAStep64TimesFiner) {
   for (const char* name : {"handstand", "downstand", "roll"}) {
-    const SecondLook look = LookAtShipped(name, 64);
+    const SecondLook look = LookAtNominal(name, 64);
     EXPECT_LT(look.peak_torque_nm, 8.0) << name;
     EXPECT_LT(look.torque_excess, 0) << name;
     EXPECT_GE(look.clearance_m, 0.005) << name;
@@ -159,7 +162,8 @@ TEST(SecondLook, ShippedMotionsKeepTorquesAndClearanceAtAStep64TimesFiner) {
 }
 
 TEST(SecondLook, RefusesARollWhoseLegsGoThroughEachOther) {
-  const Problem problem = LoadTask(testing::SourcePath("primitives/tasks/roll.toml")).problem;
+  const Problem problem =
+      LoadTask(testing::SourcePath("primitives/tasks/nominal/roll.toml")).problem;
   const SecondLook look = LookAgain(problem, CrossingRoll());
   EXPECT_NEAR(look.self_clearance_m, -0.01928, 1e-5);
   EXPECT_NEAR(look.self_clearance_time_s, 0.6125, 1e-3);

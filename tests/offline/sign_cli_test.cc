@@ -29,7 +29,7 @@ class EditedPrimitive : public ::testing::Test {
  protected:
   EditedPrimitive() {
     for (const char* name : {"gait.toml", "handstand.toml", "downstand.toml"})
-      WriteFile(folder_ / name, ReadFile(SourcePath(std::string("primitives/") + name)));
+      WriteFile(folder_ / name, ReadFile(SourcePath(std::string("primitives/nominal/") + name)));
     WriteFile(file_, Replaced(ReadFile(file_), "\npeak_torque_nm = ", "\npeak_torque_nm = 1"));
   }
 
@@ -38,7 +38,7 @@ class EditedPrimitive : public ::testing::Test {
 };
 
 TEST_F(EditedPrimitive, EveryProgramRefusesItAndNamesTheWaysOut) {
-  const std::string task = SourcePath("primitives/tasks/downstand.toml");
+  const std::string task = SourcePath("primitives/tasks/nominal/downstand.toml");
   const std::vector<std::vector<std::string>> command_lines = {
       {"tumbler-run", "sim", file_},
       {"tumbler-run", "sim", folder_ / "gait.toml"},

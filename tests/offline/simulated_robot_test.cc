@@ -13,7 +13,7 @@
 
 #include "firmware_interface/drives/mit.h"
 #include "tests/support/files.h"
-#include "tests/support/shipped_gait.h"
+#include "tests/support/nominal_gait.h"
 
 namespace tumbler {
 namespace {

@@ -13,7 +13,7 @@
 #include "firmware_interface/drives/simulated_mit.h"
 #include "offline/contact/contact_law.h"
 #include "offline/problem/task_toml.h"
-#include "tests/support/shipped_gait.h"
+#include "tests/support/nominal_gait.h"
 #include "tests/support/task_files.h"
 
 namespace tumbler {
@@ -22,13 +22,13 @@ namespace {
 using testing::kGravity;
 using testing::kMass;
 using testing::kMs;
+using testing::NominalTask;
 using testing::Replaced;
 using testing::ShippedRobot;
-using testing::ShippedTask;
 
-std::string StandingTask() { return ShippedTask(); }
+std::string StandingTask() { return NominalTask(); }
 std::string AloftTask() {
-  return Replaced(ShippedTask(), "pitch_rad = 0.0", "pitch_rad = 0.0\nz_m = 100.0", "[start]");
+  return Replaced(NominalTask(), "pitch_rad = 0.0", "pitch_rad = 0.0\nz_m = 100.0", "[start]");
 }
 
 /// A primitive file with the parts that a twin reads.

@@ -13,7 +13,7 @@
 #include "common/toml_reader.h"
 #include "tests/support/docs_tables.h"
 #include "tests/support/files.h"
-#include "tests/support/shipped_gait.h"
+#include "tests/support/nominal_gait.h"
 
 namespace tumbler {
 namespace {

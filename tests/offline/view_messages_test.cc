@@ -159,7 +159,7 @@ TEST(ViewedRun, KeepsTheLastEventsOnly) {
 }
 
 TEST(ViewedRobot, StandsWhereTheSimulationHasItOrElseThePlan) {
-  ViewedRobot robot(LoadMotion(testing::SourcePath("primitives/gait.toml")));
+  ViewedRobot robot(LoadMotion(testing::SourcePath("primitives/nominal/gait.toml")));
   EXPECT_EQ(robot.Scene()["links"].size(), 3U);
   EXPECT_TRUE(robot.Poses().is_null()) << "before the first state";
   state_t state = State(1);
@@ -169,7 +169,7 @@ TEST(ViewedRobot, StandsWhereTheSimulationHasItOrElseThePlan) {
   EXPECT_FALSE(robot.RootIsTrue());
   const Json planned = robot.Poses();
   ASSERT_EQ(planned.size(), 3U);
-  RobotPaths paths(LoadMotion(testing::SourcePath("primitives/gait.toml")));
+  RobotPaths paths(LoadMotion(testing::SourcePath("primitives/nominal/gait.toml")));
   const ReportSample plan = paths.PlanAt(0, 0.5);
   for (std::size_t c = 0; c < 3; ++c) {
     EXPECT_NEAR(planned[0][c].number(), plan.link_poses[0][c], 1e-4);

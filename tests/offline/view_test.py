@@ -23,7 +23,7 @@ from page_browser import Browser  # noqa: E402  the folder is known only now
 
 GROUP, PORT = "239.255.76.67", 7667
 URL = f"udpm://{GROUP}:{PORT}?ttl=0"
-GAIT = os.path.join(SOURCES, "primitives/gait.toml")
+GAIT = os.path.join(SOURCES, "primitives/nominal/gait.toml")
 STOP, DISARM = 5, 6
 
 

@@ -129,15 +129,15 @@ class Surroundings : public ::testing::Test {
  protected:
   Surroundings() {
     for (const char* name : {"gait.toml", "handstand.toml", "downstand.toml", "roll.toml"})
-      WriteFile(folder_ / name, ReadFile(SourcePath(std::string("primitives/") + name)));
+      WriteFile(folder_ / name, ReadFile(SourcePath(std::string("primitives/nominal/") + name)));
     const std::string drives = ReadFile(SourcePath("primitives/robots/tumbler_drives.toml"));
     WriteFile(folder_ / "drives.toml", drives);
     WriteFile(folder_ / "nul.toml", Replaced(drives, "\"leg1\"", std::string("\"leg1\0\"", 7)));
     WriteFile(folder_ / "huge.toml", Replaced(drives, "rate_hz = 1000.0", "rate_hz = 1e308"));
     WriteFile(folder_ / "tumbler.urdf", ReadFile(SourcePath("primitives/robots/tumbler.urdf")));
     WriteFile(folder_ / "task.toml",
-              Replaced(ReadFile(SourcePath("primitives/tasks/handstand.toml")),
-                       "../robots/tumbler.urdf", "tumbler.urdf"));
+              Replaced(ReadFile(SourcePath("primitives/tasks/nominal/handstand.toml")),
+                       "../../robots/tumbler.urdf", "tumbler.urdf"));
     std::string wide = "\xff\xfe";
     for (const char c : std::string("format = \"x\"\n")) (wide += c) += '\0';
     WriteFile(folder_ / "utf16.toml", wide);

@@ -24,7 +24,7 @@ ELSEWHERE = {
     r"\bv?can0\b": "needs an interface: tests/runtime/*_on_can_test.cc",
     r"^scripts/": "builds the project",
     r"TASK\.toml|ROBOT\.urdf|MOTION|robot_as_it_is": "has a name to be filled in",
-    r"--out (primitives/robust/|handstand_feedback)": "takes minutes: scripts/generate-primitives",
+    r"--out (primitives/|handstand_feedback)": "takes minutes: scripts/generate-primitives",
     r"^cmake ": "builds the project",
     r"--realtime": "runs at the pace of the clock",
     r"^candump": "needs an interface",
@@ -110,7 +110,7 @@ class Pages(unittest.TestCase):
             ).stdout
             self.assertIn(f"{share} % (95 %: {least} ... {most} %)", said, command)
             self.assertRegex(said, rf"fell {fell}\b", command)
-        first = re.search(r"--seed 11 --lanes --report build/robots\n\nsays that ([\d.]+) %", page)
+        first = re.search(r"--seed 11 --lanes \\\n +--report build/robots\n\nsays that ([\d.]+) %", page)
         self.assertIn(first[1], [row[1] for row in quick if "--robots 1000 " in row[0]])
 
     def test_every_option_of_every_program_is_named(self):

@@ -16,19 +16,19 @@ MOTIONS = ROOT / "primitives"
 
 # Program, its arguments, and the status with which it ends.
 RUNS = [
-    ("tumbler-run", f"sim {MOTIONS}/handstand.toml --hold-s 0", 0),
-    ("tumbler-run", f"sim {MOTIONS}/gait.toml --cycles 1 --branch roll --record RECORD", 0),
-    ("tumbler-run", f"sim {MOTIONS}/handstand.toml --bus-faults {ROOT}/tests/data/bus_faults.toml", 3),
-    ("tumbler-run", f"sim {MOTIONS}/handstand.toml --twin WEAK", 3),
-    ("tumbler-run", f"sim {MOTIONS}/robust/handstand.toml --drives {MOTIONS}/robust/drives_sensor.toml", 0),
-    ("tumbler-chain", f"simulate {MOTIONS}/gait.toml --cycles 1", 0),
-    ("tumbler-robustness", f"{MOTIONS}/robust/handstand.toml --robots 400 --lanes --scale 2.5", 0),
-    ("tumbler-robustness", f"{MOTIONS}/robust/handstand.toml --robots 4 --compare-lanes", 0),
-    ("tumbler-robustness", f"{MOTIONS}/gait.toml --cycles 1 --robots 2", 0),
-    ("tumbler-optimize", f"{MOTIONS}/tasks/downstand.toml --start-from {MOTIONS}/handstand.toml", 0),
+    ("tumbler-run", f"sim {MOTIONS}/nominal/handstand.toml --hold-s 0", 0),
+    ("tumbler-run", f"sim {MOTIONS}/nominal/gait.toml --cycles 1 --branch roll --record RECORD", 0),
+    ("tumbler-run", f"sim {MOTIONS}/nominal/handstand.toml --bus-faults {ROOT}/tests/data/bus_faults.toml", 3),
+    ("tumbler-run", f"sim {MOTIONS}/nominal/handstand.toml --twin WEAK", 3),
+    ("tumbler-run", f"sim {MOTIONS}/handstand.toml --drives {MOTIONS}/robots/tumbler_drives_sensor.toml", 0),
+    ("tumbler-chain", f"simulate {MOTIONS}/nominal/gait.toml --cycles 1", 0),
+    ("tumbler-robustness", f"{MOTIONS}/handstand.toml --robots 400 --lanes --scale 2.5", 0),
+    ("tumbler-robustness", f"{MOTIONS}/handstand.toml --robots 4 --compare-lanes", 0),
+    ("tumbler-robustness", f"{MOTIONS}/nominal/gait.toml --cycles 1 --robots 2", 0),
+    ("tumbler-optimize", f"{MOTIONS}/tasks/nominal/downstand.toml --start-from {MOTIONS}/nominal/handstand.toml", 0),
     ("tumbler-optimize", "QUICK OTHER --minima 1", None),
 ] + [
-    ("tumbler-bench", f"sim {command} --drives {MOTIONS}/robots/{drives}.toml --motion {MOTIONS}/handstand.toml", 0)
+    ("tumbler-bench", f"sim {command} --drives {MOTIONS}/robots/{drives}.toml --motion {MOTIONS}/nominal/handstand.toml", 0)
     for drives, commands in {
         "tumbler_drives": ["scan", "dbc --write DRIVES --overwrite", "read", "identify", "jog leg1", "zero", "check", "step leg1", "watchdog"],
         "tumbler_drives_cansimple": ["read", "latency --seconds 1", "commission --seconds 1 --write DRIVES --overwrite"],
@@ -51,8 +51,8 @@ class Schemas(unittest.TestCase):
             (folder / "weak.toml").write_text(
                 'format = "tumbler-twin"\nversion = 1\n[motor]\ntorque_max_nm = 4.0\n'
             )
-            task = (MOTIONS / "tasks/handstand.toml").read_text()
-            task = task.replace('"../robots/', f'"{MOTIONS}/robots/')
+            task = (MOTIONS / "tasks/nominal/handstand.toml").read_text()
+            task = task.replace('"../../robots/', f'"{MOTIONS}/robots/')
             for name in ("handstand", "other"):
                 quick = task.replace('name = "handstand"', f'name = "{name}"')
                 # So few evaluations that hardly any motion is found.

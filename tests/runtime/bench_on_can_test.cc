@@ -31,7 +31,7 @@ using testing::Replaced;
 using testing::ReplacedAll;
 using testing::VirtualCan;
 
-const std::string kBenchMotion = testing::SourcePath("primitives/handstand.toml");
+const std::string kBenchMotion = testing::SourcePath("primitives/nominal/handstand.toml");
 constexpr int kRemains = 4;       // exit status of tumbler-bench
 constexpr int kBenchFault = 3;    // likewise
 constexpr int kBenchRefused = 2;  // likewise, and of tumbler-run

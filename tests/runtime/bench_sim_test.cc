@@ -30,7 +30,7 @@ using testing::ReadFile;
 using testing::Replaced;
 
 constexpr int kAmiss = 4;
-const std::string kHandstand = testing::SourcePath("primitives/handstand.toml");
+const std::string kHandstand = testing::SourcePath("primitives/nominal/handstand.toml");
 constexpr const char* kNoise =
     "format = \"tumbler-bus-faults\"\nversion = 1\nseed = 3\n"
     "[[fault]]\nkind = \"bit-errors\"\nrate = 1e-4\n"

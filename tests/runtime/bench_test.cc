@@ -965,7 +965,7 @@ class BenchProgram : public ::testing::Test {
  protected:
   [[nodiscard]] std::string Path(const std::string& name) const { return folder_ / name; }
   const std::string drives_ = testing::SourcePath("primitives/robots/tumbler_drives.toml");
-  const std::string motion_ = testing::SourcePath("primitives/handstand.toml");
+  const std::string motion_ = testing::SourcePath("primitives/nominal/handstand.toml");
 
  private:
   testing::TemporaryFolder folder_;

@@ -1,5 +1,5 @@
 // Compares the core on Cortex-M4F and M7 under QEMU with the same source on this machine: every
-// byte that leaves the executor, in every tick of the whole shipped gait (two cycles and the roll).
+// byte that leaves the executor, in every tick of the whole nominal gait (two cycles and the roll).
 //
 // This machine plays the motion that the loader gives, with simulated drives, and records the
 // frames that they send. The firmware plays the motion that `tumbler-export` wrote, against that
@@ -19,6 +19,7 @@
 #include <map>
 #include <memory>
 #include <random>
+#include <regex>
 #include <set>
 #include <sstream>
 #include <string>
@@ -68,7 +69,7 @@ std::string Firmware(const Machine& machine) {
 
 const Sequence<float>& Gait() {
   static const auto gait = std::make_unique<const Sequence<float>>(
-      ToRuntime(LoadMotion(testing::SourcePath("primitives/gait.toml"))));
+      ToRuntime(LoadMotion(testing::SourcePath("primitives/nominal/gait.toml"))));
   return *gait;
 }
 
@@ -406,10 +407,15 @@ TEST_P(CortexM, RepeatsAFlightRecordOfTheRobotInSimulation) {
   if (LoadDrives(testing::SourcePath(drives.file)).rate_hz != 1000)
     GTEST_SKIP() << "a tick of the firmware is 1 ms";
   const testing::TemporaryFolder folder;
+  // The firmware's gains are the core's defaults.
+  std::string text = ReadFile(testing::SourcePath(drives.file));
+  text = std::regex_replace(text, std::regex("kp_nm_per_rad = 60\\.0"), "kp_nm_per_rad = 200.0");
+  text = std::regex_replace(text, std::regex("kd_nm_s_per_rad = 5\\.0"), "kd_nm_s_per_rad = 4.0");
+  WriteFile(folder / "drives.toml", text);
   Program program({testing::ProgramPath("tumbler-run"), "sim",
-                   testing::SourcePath("primitives/gait.toml"), "--drives",
-                   testing::SourcePath(drives.file), "--cycles", std::to_string(kCycles),
-                   "--branch", kBranch, "--record", folder / "gait.rec"});
+                   testing::SourcePath("primitives/nominal/gait.toml"), "--drives",
+                   folder / "drives.toml", "--cycles", std::to_string(kCycles), "--branch", kBranch,
+                   "--record", folder / "gait.rec"});
   ASSERT_EQ(program.Wait(), 0) << program.text();
   const Played run = FromRecord(ReadFile(folder / "gait.rec"));
   ASSERT_GT(run.tick_ends.size(), 20'000U);

@@ -1,4 +1,4 @@
-// The shipped gait in virtual time with each protocol, for very many ticks in which everything goes
+// The nominal gait in virtual time with each protocol, for very many ticks in which everything goes
 // wrong at random. No frame breaks a rule, no tick leaves a drive out, nothing allocates, and the
 // same run made twice sends the same bytes. TUMBLER_SOAK_TICKS sets the number of ticks: 100 000 by
 // default, 1 000 000 for the full test.
@@ -33,9 +33,9 @@ std::optional<AllocationGuard>& Guard() {
   return guard;
 }
 
-/// The shipped gait on these drives.
+/// The nominal gait on these drives.
 FaultBench::Config GaitConfig(const std::string& drives_file) {
-  const SequenceFile file = LoadMotion(testing::SourcePath("primitives/gait.toml"));
+  const SequenceFile file = LoadMotion(testing::SourcePath("primitives/nominal/gait.toml"));
   const Sequence<float> sequence = ToRuntime(file);
   FaultBench::Config config;
   config.drives = LoadDrives(drives_file);

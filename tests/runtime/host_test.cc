@@ -20,12 +20,15 @@
 #include <variant>
 #include <vector>
 
+#include "runtime/assembly/run_checks.h"
+#include "runtime/assembly/run_parts.h"
 #include "runtime/linux/doctor.h"
 #include "runtime/linux/realtime_thread.h"
 #include "runtime/linux/service_notice.h"
 #include "runtime/run/known_pose.h"
 #include "tests/support/files.h"
 #include "tests/support/program.h"
+#include "tests/support/sequence_files.h"
 #include "tests/support/steady_time.h"
 
 namespace tumbler {
@@ -272,8 +275,9 @@ TEST(ServiceNotice, AServiceManagerHearsOfARunFromItsFirstTickToItsLast) {
     testing::Program run({"/bin/sh", "-c",
                           "NOTIFY_SOCKET=" + name + " WATCHDOG_USEC=200000 exec " +
                               testing::ProgramPath("tumbler-run") + " sim " +
-                              testing::SourcePath("primitives/handstand.toml") + " --drives " +
-                              (folder / "drives.toml") + " --realtime --end torque-off"});
+                              testing::SourcePath("primitives/nominal/handstand.toml") +
+                              " --drives " + (folder / "drives.toml") +
+                              " --realtime --end torque-off"});
     std::vector<std::string> heard;  // The kernel keeps few datagrams that nobody has read.
     EXPECT_TRUE(testing::Eventually([&] {
       for (std::string& text : manager.Heard()) heard.push_back(std::move(text));
@@ -285,6 +289,43 @@ TEST(ServiceNotice, AServiceManagerHearsOfARunFromItsFirstTickToItsLast) {
     EXPECT_EQ(std::count(heard.begin(), heard.end(), "WATCHDOG=1"),
               static_cast<std::ptrdiff_t>(heard.size()) - 2);
   });
+}
+
+TEST(DrivesOfARun, HaveTheGainsOfTheMotionUnlessAFileSaysOthersWhichIsTold) {
+  const auto gains_of = [](const DrivesConfig& drives) {
+    return std::pair(drives.drives[1].kp_nm_per_rad, drives.drives[1].kd_nm_s_per_rad);
+  };
+  const std::vector<std::string> joints = {"leg1", "leg2"};
+  EXPECT_EQ(gains_of(LoadDrivesOf(joints, "", ReadTextFile)), std::pair(200.0F, 4.0F));
+  const DriveGains found{61.5, 4.5};
+  const DrivesConfig own = LoadDrivesOf(joints, "", ReadTextFile, found);
+  EXPECT_EQ(gains_of(own), std::pair(61.5F, 4.5F));
+  // A frame of the default drives carries up to 500 and 5.
+  EXPECT_THROW(static_cast<void>(LoadDrivesOf(joints, "", ReadTextFile, DriveGains{61.5, 5.5})),
+               std::runtime_error);
+  EXPECT_THROW(static_cast<void>(LoadDrivesOf(joints, "", ReadTextFile, DriveGains{501, 4})),
+               std::runtime_error);
+  const std::string file = testing::SourcePath("primitives/robots/tumbler_drives.toml");
+  const DrivesConfig given = LoadDrivesOf(joints, file, ReadTextFile, found);
+  EXPECT_EQ(gains_of(given), gains_of(LoadDrivesOf(joints, file, ReadTextFile)));
+
+  const testing::SequenceFolder folder(testing::GaitText(), [&found] {
+    auto primitives = testing::GaitPrimitives();
+    primitives[0].drives = found;
+    return primitives;
+  }());
+  std::vector<std::string> said;
+  const auto say = [&said](const std::string& text) { said.push_back(text); };
+  const SequenceFile motion = LoadSequence(folder.file());
+  CompareGains(motion, own, say);
+  EXPECT_TRUE(said.empty());
+  DrivesConfig other = own;
+  other.drives[1].kd_nm_s_per_rad = 4.0F;
+  CompareGains(motion, other, say);
+  ASSERT_EQ(said.size(), 1U);
+  EXPECT_EQ(said[0],
+            "joint leg2: its drive has 61.5 N m/rad and 4 N m s/rad; the motion was found for 61.5 "
+            "and 4.5");
 }
 
 TEST(KnownPose, IsReadAsItWasWrittenWithTheZeroOfNow) {

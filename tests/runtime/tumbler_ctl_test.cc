@@ -30,7 +30,7 @@ using testing::ReplacedAll;
 using testing::WriteFile;
 
 constexpr const char* kUrl = "udpm://239.255.76.67:7667?ttl=0";
-const std::string kGait = testing::SourcePath("primitives/gait.toml");
+const std::string kGait = testing::SourcePath("primitives/nominal/gait.toml");
 
 Outcome Ctl(std::vector<std::string> arguments) {
   arguments.insert(arguments.begin(), "tumbler-ctl");
@@ -54,7 +54,7 @@ std::string WaitForState(const std::vector<std::string>& wanted) {
   return state;
 }
 
-/// The shipped gait in an attended run. Ticks are slow, so that the test does not depend on how
+/// The nominal gait in an attended run. Ticks are slow, so that the test does not depend on how
 /// well the machine keeps time.
 class TumblerCtl : public ::testing::Test {
  protected:

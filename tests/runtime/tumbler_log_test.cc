@@ -28,7 +28,7 @@ using ::testing::HasSubstr;
 using testing::Outcome;
 using testing::RunProgram;
 
-const std::string kMotion = testing::SourcePath("primitives/handstand.toml");
+const std::string kMotion = testing::SourcePath("primitives/nominal/handstand.toml");
 
 class TumblerLog : public ::testing::Test {
  protected:

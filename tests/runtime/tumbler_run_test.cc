@@ -109,7 +109,7 @@ TEST_F(TumblerRun, RefusesOptionsThatItWouldIgnore) {
 }
 
 TEST_F(TumblerRun, RefusesASequenceWithoutEndInVirtualTimeAndABranchThatIsNotThere) {
-  const std::string gait = testing::SourcePath("primitives/gait.toml");
+  const std::string gait = testing::SourcePath("primitives/nominal/gait.toml");
   const Outcome endless = Run("sim " + gait);
   EXPECT_EQ(endless.exit_code, 1);
   EXPECT_THAT(endless.text, HasSubstr("--cycles"));
@@ -118,15 +118,18 @@ TEST_F(TumblerRun, RefusesASequenceWithoutEndInVirtualTimeAndABranchThatIsNotThe
   EXPECT_THAT(branch.text, HasSubstr("its branches: roll"));
 }
 
-TEST_F(TumblerRun, PlaysTheShippedGaitWithBothRolesAndTheRollOverTheSimulatedBus) {
-  const Outcome outcome =
-      Run("sim " + testing::SourcePath("primitives/gait.toml") + " --cycles 3 --branch roll");
-  EXPECT_EQ(outcome.exit_code, 0) << outcome.text;
-  EXPECT_THAT(outcome.text, HasSubstr("8 motions, 3 complete cycles; the robot where it should"));
+TEST_F(TumblerRun, PlaysTheShippedGaitsWithBothRolesAndTheRollOverTheSimulatedBus) {
+  for (const char* gait : {"gait.toml", "nominal/gait.toml"}) {
+    const Outcome outcome =
+        Run("sim " + testing::SourcePath("primitives/") + gait + " --cycles 3 --branch roll");
+    EXPECT_EQ(outcome.exit_code, 0) << outcome.text;
+    EXPECT_THAT(outcome.text, HasSubstr("8 motions, 3 complete cycles; the robot where it should"));
+  }
 }
 
 TEST_F(TumblerRun, AnswersWhatABusFaultsFileDoesToItAsTheFaultsFileSays) {
-  const std::string gait = "sim " + testing::SourcePath("primitives/gait.toml") + " --cycles 1";
+  const std::string gait =
+      "sim " + testing::SourcePath("primitives/nominal/gait.toml") + " --cycles 1";
   const std::string script = " --bus-faults " + testing::SourcePath("tests/data/bus_faults.toml");
   const Outcome shorted = Run(gait + script);
   EXPECT_EQ(shorted.exit_code, 3);
@@ -157,7 +160,7 @@ TEST_F(TumblerRun, ATorqueThatNoDriveReportsIsNotMeasuredRatherThanZero) {
       testing::ReadFile(testing::SourcePath("primitives/robots/tumbler_drives_cansimple.toml"));
   Write("drives.toml", testing::ReplacedAll(example, "torques_s = 0.01\n", ""));
   const Outcome outcome =
-      Run("sim " + testing::SourcePath("primitives/handstand.toml") + " --drives " +
+      Run("sim " + testing::SourcePath("primitives/nominal/handstand.toml") + " --drives " +
           Path("drives.toml") + " --json " + Path("run.json") + " --trace " + Path("run.csv"));
   EXPECT_EQ(outcome.exit_code, 0) << outcome.text;
   EXPECT_THAT(outcome.text, HasSubstr("leg1: torque not measured, following error at most"));
@@ -167,7 +170,7 @@ TEST_F(TumblerRun, ATorqueThatNoDriveReportsIsNotMeasuredRatherThanZero) {
   EXPECT_THAT(csv, Not(HasSubstr("nan")));
 
   Write("drives.toml", example);
-  const Outcome measured = Run("sim " + testing::SourcePath("primitives/handstand.toml") +
+  const Outcome measured = Run("sim " + testing::SourcePath("primitives/nominal/handstand.toml") +
                                " --drives " + Path("drives.toml") + " --json " + Path("run.json"));
   EXPECT_THAT(measured.text, HasSubstr("leg1: peak torque "));
   const Json figures = Json::Parse(testing::ReadFile(Path("run.json"))).value();
@@ -179,7 +182,7 @@ TEST_F(TumblerRun, AFaultInTheHoldAtTheEndIsReportedAndTheRunEndsInTime) {
         "format = \"tumbler-bus-faults\"\nversion = 1\n[[fault]]\nkind = \"disconnect\"\n"
         "node = \"leg1\"\nstart_s = 4.5\nduration_s = 0.03\n");
   const Outcome outcome =
-      Run("sim " + testing::SourcePath("primitives/handstand.toml") + " --drives " +
+      Run("sim " + testing::SourcePath("primitives/nominal/handstand.toml") + " --drives " +
           testing::SourcePath("primitives/robots/tumbler_drives.toml") + " --bus-faults " +
           Path("late.toml"));
   EXPECT_EQ(outcome.exit_code, 3) << outcome.text;
@@ -195,7 +198,7 @@ TEST_F(TumblerRun, EndsInOrderWhenItIsTerminatedOrItsTerminalIsGone) {
       const std::string trace = Path("trace.csv");
       std::filesystem::remove(trace);
       testing::Program run({testing::ProgramPath("tumbler-run"), "sim",
-                            testing::SourcePath("primitives/handstand.toml"), "--drives",
+                            testing::SourcePath("primitives/nominal/handstand.toml"), "--drives",
                             Path("drives.toml"), "--realtime", "--hold-s", "60", "--end",
                             "torque-off", "--trace", trace});
       ASSERT_TRUE(testing::Eventually([&] {
@@ -214,7 +217,7 @@ TEST_F(TumblerRun, SaysWhatCtrlCDoesInTheHoldAtTheEndAndNeverLosesOne) {
                  "rate_hz = 1000.0", "rate_hz = 200.0"));
   testing::InSteadyTime([&] {
     testing::Program run({testing::ProgramPath("tumbler-run"), "sim",
-                          testing::SourcePath("primitives/handstand.toml"), "--drives",
+                          testing::SourcePath("primitives/nominal/handstand.toml"), "--drives",
                           Path("drives.toml"), "--realtime", "--hold-s", "0"});
     ASSERT_TRUE(run.WaitFor("the robot is held where it would drop without torque"));
     run.Signal(SIGINT);
@@ -274,7 +277,7 @@ TEST_F(TumblerRun, TellsNoFiguresOfWhatNobodyMeasured) {
   Write("silent.toml",
         "format = \"tumbler-bus-faults\"\nversion = 1\n[[fault]]\nkind = \"loss\"\n"
         "node = \"host\"\n");
-  const Outcome silent = Run("sim " + testing::SourcePath("primitives/handstand.toml") +
+  const Outcome silent = Run("sim " + testing::SourcePath("primitives/nominal/handstand.toml") +
                              " --bus-faults " + Path("silent.toml") + json);
   EXPECT_EQ(silent.exit_code, 2) << silent.text;
   EXPECT_THAT(silent.text, HasSubstr("a drive does not reply (joint leg1: never)"));

@@ -25,7 +25,7 @@ namespace {
 RunParts LoadPartsOf(SimulatedRunPlan& plan, const Simulation& simulation, const FileReader& read) {
   RunParts parts = LoadRunMotion(plan.motion, read);
   if (plan.drives.empty() && !plan.twin.empty()) plan.drives = simulation.drives_file_of(plan.twin);
-  parts.drives = LoadDrivesOf(JointsOf(parts.file), plan.drives, read);
+  parts.drives = LoadDrivesOf(JointsOf(parts.file), plan.drives, read, GainsOf(parts.file));
   CheckRanges(*parts.sequence, parts.drives);
   CheckSchedule(parts.drives, [](const std::string& /*sentence*/) {});
   CheckWatchdogs(parts.drives, true);

@@ -161,7 +161,8 @@ TrialOutcome OutcomeOf(const PurposeJudge& judge, const PostureWatch& posture,
 
 Trials::Trials(const RobustnessStudy& study) : study_(study), motion_(LoadMotion(study.motion)) {
   if (!study.twin.empty()) robot_ = LoadTwin(study.twin, motion_);
-  drives_ = LoadDrivesOf(JointsOf(motion_.file()), study.drives, ReadTextFile);
+  drives_ =
+      LoadDrivesOf(JointsOf(motion_.file()), study.drives, ReadTextFile, GainsOf(motion_.file()));
   scene_ = SharedScene(motion_, robot_);
   if (study_.drops && scene_.robot.hinged()) {
     throw Refused(study_.motion +

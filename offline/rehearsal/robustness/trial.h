@@ -21,7 +21,7 @@ namespace tumbler {
 /// alone.
 struct RobustnessStudy {
   std::string motion;  ///< Primitive or sequence file.
-  std::string drives;  ///< Drives file; empty: the default drives.
+  std::string drives;  ///< Drives file; empty: DefaultDrives with GainsOf the motion.
   std::string twin;    ///< Twin file for what all robots share; empty: none.
   RunSettings run;     ///< Cycles, branch.
   std::uint64_t seed = 1;

@@ -8,7 +8,7 @@ import numpy as np
 import support
 import tumbler
 
-HANDSTAND = support.PRIMITIVES / "handstand.toml"
+HANDSTAND = support.PRIMITIVES / "nominal/handstand.toml"
 TWIN = support.PRIMITIVES / "robots/tumbler_twin.toml"
 
 
@@ -81,7 +81,7 @@ class Simulations(support.WithFolder):
             np.testing.assert_array_equal(first[name], second[name], name)
 
     def test_play_what_the_program_plays_bit_for_bit(self):
-        gait = support.PRIMITIVES / "gait.toml"
+        gait = support.PRIMITIVES / "nominal/gait.toml"
         run = tumbler.simulate(gait, cycles=1, twin=TWIN)
         record, summary = self.run_of_program(gait, "--cycles", 1, "--twin", TWIN)
         self.assert_same_ticks(run.record.columns, record.columns)
@@ -98,7 +98,7 @@ class Simulations(support.WithFolder):
         self.assertGreater(run.record.truth["root_z_m"].size, 1000)
 
     def test_refuse_what_does_not_suit_the_motion(self):
-        gait = support.PRIMITIVES / "gait.toml"
+        gait = support.PRIMITIVES / "nominal/gait.toml"
         for arguments in (
             {"motion": HANDSTAND, "cycles": 2},
             {"motion": gait},

@@ -11,8 +11,8 @@ import numpy as np
 import support
 import tumbler
 
-ROLL = support.PRIMITIVES / "tasks/roll.toml"
-HANDSTAND = support.PRIMITIVES / "handstand.toml"
+ROLL = support.PRIMITIVES / "tasks/nominal/roll.toml"
+HANDSTAND = support.PRIMITIVES / "nominal/handstand.toml"
 
 
 class Optimising(support.WithFolder):

@@ -28,12 +28,12 @@ class RecordPrograms : public ::testing::Test {
   [[nodiscard]] static Outcome Run(const std::string& command_line) {
     return testing::RunInShell(command_line);
   }
-  /// Plays the shipped handstand and records it.
+  /// Plays the nominal handstand and records it.
   [[nodiscard]] Outcome Record(const std::string& more = "") const {
     return Run("tumbler-run sim " + kHandstand + " --hold-s 0.1 --record " + record_ + " " + more);
   }
 
-  const std::string kHandstand = testing::SourcePath("primitives/handstand.toml");
+  const std::string kHandstand = testing::SourcePath("primitives/nominal/handstand.toml");
   testing::TemporaryFolder folder_;
   std::string record_ = folder_ / "run.rec";
 };
@@ -43,7 +43,7 @@ class RecordOfProtocol : public RecordPrograms,
 
 TEST_P(RecordOfProtocol, ReplaysIdentically) {
   const std::string drives = testing::SourcePath(GetParam().file);
-  const Outcome run = Run("tumbler-run sim " + testing::SourcePath("primitives/gait.toml") +
+  const Outcome run = Run("tumbler-run sim " + testing::SourcePath("primitives/nominal/gait.toml") +
                           " --cycles 1 --branch roll --drives " + drives + " --record " + record_);
   ASSERT_EQ(run.exit_code, 0) << run.text;
   EXPECT_THAT(run.text, HasSubstr("0 not recorded"));

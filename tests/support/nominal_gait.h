@@ -10,12 +10,12 @@ namespace tumbler::testing {
 
 constexpr std::int64_t kMs = 1'000'000;  ///< A millisecond [ns].
 
-/// The shipped robot's mass [kg] and weight per mass [m/s^2].
+/// The tumbler's mass [kg] and weight per mass [m/s^2].
 constexpr double kMass = 1.8, kGravity = 9.81;
 
-/// The shipped gait.
+/// The nominal gait.
 inline const SimulatedMotion& Gait() {
-  static const SimulatedMotion gait(LoadMotion(SourcePath("primitives/gait.toml")));
+  static const SimulatedMotion gait(LoadMotion(SourcePath("primitives/nominal/gait.toml")));
   return gait;
 }
 
