@@ -12,14 +12,17 @@ namespace tumbler {
 /// pitch plus the joints of its chain, and a* the plan's at the same time in the primitive. Then
 ///
 ///   e = a - a*, less whole turns;   e' = da/dt - speed da*/dt                     (1)
-///   w_j = share * clamp(K_j(t) e + D_j(t) e', -m_j, m_j)                          (2)
+///   w_j = share z(|e|) clamp(K_j(t) e + D_j(t) e', -m_j, m_j)                     (2)
 ///   c_j goes towards w_j, by at most r_j in a second                              (3)
 ///
 /// and c_j is added to the position setpoint of joint j, ahead of the last gate. K and D are the
-/// gains, m and r the limits of the correction. The share is 0 when a run begins, grows to 1 in
+/// gains, m and r the limits of the correction. z is a dead zone with a ramp: 0 to `error_min_rad`,
+/// 1 from `error_full_rad` on, a straight line in between. A robot that stands on a flat foot needs
+/// no correction until the foot tips, and a law that catches it then may well shake it before. The
+/// share is 0 when a run begins, grows to 1 in
 /// `fade_in_s` while the angle is known, and falls to 0 in `fade_out_s` while it is not; e and e'
-/// then stay what they were. After the end of the primitive the gains are the last ones, and the
-/// plan's angle is the last one, at rest.
+/// then stay what they were. After the end of the primitive the plan's angle is the last one, at
+/// rest; t goes on, and the gains stay the last ones after their last knot.
 ///
 /// Only positions are corrected: of position, velocity, torque and gains, they are all that every
 /// drive protocol carries and every drive follows. A drive turns the correction into torque by its
@@ -77,7 +80,17 @@ template <typename Scalar>
   return below > -most ? below : -most;
 }
 
+/// How much of the correction an error asks for, from 0 to 1: z of (2).
+template <typename Scalar>
+[[nodiscard]] Scalar ErrorShare(const Feedback<Scalar>& feedback, Scalar error_rad) noexcept {
+  const Scalar size = error_rad < 0 ? -error_rad : error_rad;
+  if (size >= feedback.error_full_rad) return 1;
+  if (size <= feedback.error_min_rad) return 0;
+  return (size - feedback.error_min_rad) / (feedback.error_full_rad - feedback.error_min_rad);
+}
+
 /// The correction (2) that a joint is to have.
+/// @param share  of the whole feedback, times ErrorShare.
 template <typename Scalar>
 [[nodiscard]] Scalar WantedCorrection(const JointFeedback<Scalar>& joint,
                                       const GainPlace<Scalar>& place, Scalar error_rad,

@@ -123,10 +123,11 @@ std::string FeedbackText(const Primitive<float>& primitive) {
                                 feedback.knot_count, List(feedback.knots()));
   AppendSpline(out, "feedback.angle", feedback.angle);
   out += fmt::format(
+      "  p.feedback.error_min_rad = {};\n  p.feedback.error_full_rad = {};\n"
       "  p.feedback.error_max_rad = {};\n  p.feedback.start_error_max_rad = {};\n"
       "  p.feedback.fade_in_s = {};\n  p.feedback.fade_out_s = {};\n",
-      Exact(feedback.error_max_rad), Exact(feedback.start_error_max_rad), Exact(feedback.fade_in_s),
-      Exact(feedback.fade_out_s));
+      Exact(feedback.error_min_rad), Exact(feedback.error_full_rad), Exact(feedback.error_max_rad),
+      Exact(feedback.start_error_max_rad), Exact(feedback.fade_in_s), Exact(feedback.fade_out_s));
   for (std::size_t j = 0; j < primitive.motions().size(); ++j) {
     const JointFeedback<float>& joint = feedback.joints[j];
     out += fmt::format("  p.feedback.joints[{}] = {{{},\n      {},\n      {},\n      {}, {}}};\n",

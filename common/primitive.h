@@ -65,12 +65,16 @@ struct Feedback {
 
   FixedString<32> link;  ///< The link's name in the robot's URDF.
   int knot_count = 0;    ///< Knots of the gains; 0: the primitive has no feedback.
-  /// Times of the gains' knots [s], increasing, from 0 to the primitive's duration. Between two
+  /// Times of the gains' knots [s], increasing, from 0 to the primitive's duration or
+  /// later, which is in the hold after it. Between two
   /// knots a gain is a straight line.
   std::array<Scalar, kMaxGainKnots> knots_s{};
   /// The link's angle in the plan [rad], continuously differentiable: root pitch plus the joints of
   /// its chain. Its values differ from a measured angle by any number of whole turns.
   Spline angle;
+  /// Where the error is smaller, nothing is corrected, and from the second on everything: not more
+  /// than `error_max_rad`, and the first not more than the second.
+  Scalar error_min_rad = 0, error_full_rad = 0;
   Scalar error_max_rad = 0;        ///< Where the error is larger, nothing is corrected.
   Scalar start_error_max_rad = 0;  ///< The same at the start: then not in the whole motion.
   Scalar fade_in_s = 0;            ///< The time in which the correction grows to its full share.

@@ -83,6 +83,8 @@ inline constexpr double kMaxCorrectionRate_rad_s = 100;
 /// `[feedback]` as the file has it.
 struct FeedbackEntry {
   std::string link;
+  double error_min_rad = 0;
+  double error_full_rad = 0;
   double error_max_rad = 0;
   double start_error_max_rad = 0;
   double fade_in_s = 0;
@@ -94,6 +96,13 @@ inline constexpr auto kFeedbackKeys = AllRequired(std::array{
                                 "the link whose absolute angle is fed back: root pitch plus the "
                                 "joints of its chain")
         .Allowed("a link of `[[feedback.chain]]`"),
+    KeyOf<&FeedbackEntry::error_min_rad>("error_min_rad", {0, 3.14},
+                                         "where the error is smaller, nothing is corrected")
+        .Allowed("0 to `error_full_rad`"),
+    KeyOf<&FeedbackEntry::error_full_rad>(
+        "error_full_rad", {0, 3.14},
+        "from this error on, everything is corrected; in between a growing share")
+        .Allowed("0 to `error_max_rad`"),
     KeyOf<&FeedbackEntry::error_max_rad>("error_max_rad", {0, 3.14, true},
                                          "where the error is larger, nothing is corrected"),
     KeyOf<&FeedbackEntry::start_error_max_rad>(
@@ -105,7 +114,7 @@ inline constexpr auto kFeedbackKeys = AllRequired(std::array{
     KeyOf<&FeedbackEntry::fade_out_s>("fade_out_s", {0, 10, true},
                                       "in which it vanishes when the angle is not known any more"),
     KeyOf<&FeedbackEntry::knots_s>("knots_s", "of the gains, which are straight lines in between")
-        .Allowed("2 to 16 increasing numbers, from 0 to `duration_s`"),
+        .Allowed("2 to 16 increasing numbers, from 0 to `duration_s` or later"),
 });
 inline constexpr auto kFeedbackAngleKeys = AllRequired(std::array{
     KeyOf<&SplineEntry::degree>("degree", {2, JointMotion<double>::Spline::kMaxDegree},

@@ -85,6 +85,8 @@ Feedback<float> Rounded(const Primitive<double>& primitive) {
   result.link = feedback.link;
   result.knot_count = feedback.knot_count;
   result.angle = Rounded(part, feedback.angle, "angle");
+  result.error_min_rad = Rounded(feedback.error_min_rad);
+  result.error_full_rad = Rounded(feedback.error_full_rad);
   result.error_max_rad = Rounded(feedback.error_max_rad);
   result.start_error_max_rad = Rounded(feedback.start_error_max_rad);
   result.fade_in_s = Rounded(feedback.fade_in_s);

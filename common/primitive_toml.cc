@@ -162,9 +162,9 @@ void ReadGainKnots(const TomlTable& table, const FeedbackEntry& entry, double du
     table.Fail("knots_s", fmt::format("knot {} is {}; allowed: above knot {}, which is {}", i,
                                       ExactDecimal(knots[i]), i - 1, ExactDecimal(knots[i - 1])));
   }
-  if (knots.front() != 0 || knots.back() != duration_s) {
-    table.Fail("knots_s", fmt::format("goes from {} to {}; allowed: from 0 to duration_s, which is "
-                                      "{}",
+  if (knots.front() != 0 || knots.back() < duration_s) {
+    table.Fail("knots_s", fmt::format("goes from {} to {}; allowed: from 0 to duration_s or later, "
+                                      "which is {}",
                                       ExactDecimal(knots.front()), ExactDecimal(knots.back()),
                                       ExactDecimal(duration_s)));
   }
@@ -225,6 +225,16 @@ void ReadFeedback(TomlTable table, PrimitiveFile& file) {
         fmt::format("is {}; allowed: above 0, to error_max_rad, which is {}",
                     MessageNumber(entry.start_error_max_rad), MessageNumber(entry.error_max_rad)));
   }
+  const auto require_order = [&table](const char* lower, double smaller, const char* upper,
+                                      double larger) {
+    if (smaller <= larger) return;
+    table.Fail(lower, fmt::format("is {}; allowed: 0 to {}, which is {}", MessageNumber(smaller),
+                                  upper, MessageNumber(larger)));
+  };
+  require_order("error_full_rad", entry.error_full_rad, "error_max_rad", entry.error_max_rad);
+  require_order("error_min_rad", entry.error_min_rad, "error_full_rad", entry.error_full_rad);
+  feedback.error_min_rad = entry.error_min_rad;
+  feedback.error_full_rad = entry.error_full_rad;
   feedback.error_max_rad = entry.error_max_rad;
   feedback.start_error_max_rad = entry.start_error_max_rad;
   feedback.fade_in_s = entry.fade_in_s;

@@ -43,10 +43,10 @@ void WriteFeedback(TomlWriter& writer, const PrimitiveFile& file) {
                                gain.begin() + static_cast<std::ptrdiff_t>(knots.size()));
   };
   writer.Line("\n[feedback]");
-  WriteKeys(
-      writer, kFeedbackKeys,
-      {std::string(feedback.link.view()), feedback.error_max_rad, feedback.start_error_max_rad,
-       feedback.fade_in_s, feedback.fade_out_s, std::vector<double>(knots.begin(), knots.end())});
+  WriteKeys(writer, kFeedbackKeys,
+            {std::string(feedback.link.view()), feedback.error_min_rad, feedback.error_full_rad,
+             feedback.error_max_rad, feedback.start_error_max_rad, feedback.fade_in_s,
+             feedback.fade_out_s, std::vector<double>(knots.begin(), knots.end())});
   writer.Line("[feedback.angle]  # of the link, in the plan");
   WriteKeys(writer, kFeedbackAngleKeys, EntryOf(feedback.angle));
   for (std::size_t j = 0; j < file.primitive.motions().size(); ++j) {

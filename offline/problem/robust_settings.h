@@ -1,8 +1,11 @@
 #pragma once
 
+#include <array>
 #include <cstddef>
+#include <cstdint>
 #include <optional>
 #include <string>
+#include <string_view>
 
 #include "offline/ensemble/lane_scene.h"
 #include "offline/ensemble/variation.h"
@@ -11,8 +14,16 @@ namespace tumbler {
 
 /// The feedback that is found with a motion, and what it is found for: `[robust.feedback]`.
 struct FeedbackSettings {
-  std::string link;                       ///< Whose absolute angle is fed back.
-  int knots = 4;                          ///< Of the gains, at equal distances.
+  /// When a feedback acts.
+  enum class Acts : std::uint8_t {
+    kAlways,  ///< In the motion and in the hold after it; its gains are found with the path.
+    kHold     ///< In the hold; its gains are found for the path, when that is known.
+  };
+  static constexpr std::array<std::string_view, 2> kActsNames = {"always", "hold"};
+
+  std::string link;  ///< Whose absolute angle is fed back.
+  Acts acts = Acts::kAlways;
+  int knots = 4;                          ///< Of the gains that always act, at equal distances.
   double correction_max_rad = 0.3;        ///< Of each joint.
   double correction_rate_max_rad_s = 10;  ///< Likewise.
   double noise_rad = 5e-3;                ///< Standard deviation of the measured angle.

@@ -65,8 +65,13 @@ constexpr std::array kFeedbackSearchKeys = {
     KeyOf<&FeedbackSettings::link>("link", "whose absolute angle is fed back")
         .Required()
         .Allowed("a link of the robot"),
-    KeyOf<&FeedbackSettings::knots>("knots", {2, kMaxGainKnots},
-                                    "of the gains, at equal distances from start to end"),
+    KeyOf<&FeedbackSettings::acts>(
+        "acts", FeedbackSettings::kActsNames,
+        "in motion and hold, with gains that are found with the path; or in the hold only, from "
+        "0.2 s after the motion on, with gains that are found for it, and a dead zone"),
+    KeyOf<&FeedbackSettings::knots>(
+        "knots", {2, kMaxGainKnots},
+        "of gains that always act, at equal distances from start to end"),
     KeyOf<&FeedbackSettings::correction_max_rad>(
         "correction_max_rad", {0, kMaxCorrection_rad, true},
         "the most that a joint's setpoint is corrected by"),

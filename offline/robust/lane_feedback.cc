@@ -26,12 +26,13 @@ LaneNoise::LaneNoise(const FeedbackSettings& settings, std::size_t ticks, std::u
 }
 
 LaneFeedback::LaneFeedback(const Feedback<double>& law, const LaneNoise& noise, double delay_s,
-                           double tick_s, std::size_t joints)
+                           double tick_s, std::size_t joints, int first_tick)
     : law_(law),
       noise_(noise),
       tick_s_(tick_s),
       joints_(joints),
       late_ticks_(1 + Index(static_cast<int>(std::lround(delay_s / tick_s)))),
+      tick_(Index(first_tick)),
       waiting_(late_ticks_ + 1) {}
 
 LaneFeedback::Measurement LaneFeedback::Measure(const LaneState<Packet>& state) const {
@@ -62,7 +63,8 @@ void LaneFeedback::Correct(const LaneState<Packet>& state,
   law_.angle.EvaluateBasis(time_s, basis_);
   const double planned_rad = law_.angle.Value(basis_);
   const double planned_rad_s = time_s < end_s ? law_.angle.Slope(basis_) : 0;
-  const GainPlace<double> place = FindGains(law_, time_s, knot_);
+  const double gain_time_s = static_cast<double>(tick_) * tick_s_;
+  const GainPlace<double> place = FindGains(law_, gain_time_s, knot_);
   knot_ = place.knot;
   for (std::size_t i = 0; i < Packet::kLanes; ++i) {
     Lane& lane = lanes_[i];
@@ -78,10 +80,11 @@ void LaneFeedback::Correct(const LaneState<Packet>& state,
     } else {
       lane.share = std::max(0.0, lane.share - tick_s_ / law_.fade_out_s);
     }
+    const double share = lane.share * ErrorShare(law_, lane.error_rad);
     for (std::size_t j = 0; j < joints_; ++j) {
       const JointFeedback<double>& joint = law_.joints[j];
       const double wanted =
-          WantedCorrection(joint, place, lane.error_rad, lane.rate_error_rad_s, lane.share);
+          WantedCorrection(joint, place, lane.error_rad, lane.rate_error_rad_s, share);
       double& correction = lane.correction_rad[j];
       correction = NextCorrection(correction, wanted, joint.correction_rate_max_rad_s, tick_s_);
       setpoints[j].position.set_lane(i, setpoints[j].position.lane(i) + correction);

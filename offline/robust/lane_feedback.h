@@ -34,8 +34,9 @@ class LaneNoise {
 class LaneFeedback {
  public:
   /// All have to outlive this object.
+  /// @param first_tick  of the motion, from which on this is called.
   LaneFeedback(const Feedback<double>& law, const LaneNoise& noise, double delay_s, double tick_s,
-               std::size_t joints);
+               std::size_t joints, int first_tick = 0);
 
   /// Corrects the setpoints of the next tick.
   /// @param state  when the tick begins.

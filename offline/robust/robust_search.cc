@@ -16,6 +16,7 @@
 #include "offline/problem/feed_forward_knots.h"
 #include "offline/problem/link_chains.h"
 #include "offline/robust/cma_es.h"
+#include "offline/robust/hold_feedback.h"
 #include "offline/robust/lane_feedback.h"
 #include "offline/scene/self_clearance.h"
 #include "offline/solver/random_starts.h"
@@ -60,6 +61,10 @@ constexpr double kAngleGain = 4, kRateGain = 0.4;
 /// variables, and how much smaller the smallest are.
 constexpr int kMotionsForGains = 40;
 constexpr double kLargestGain = 2, kGainRange = 60, kGainSigma = 0.15;
+/// When after a motion a feedback of the hold sets in, once the robot has landed, and how long it
+/// takes; and for how many random motions one law is tried.
+constexpr double kHoldBegins_s = 0.2, kHoldRise_s = 0.1;
+constexpr int kMotionsForHold = 75;
 /// A push, and how long afterwards a robot has to be at rest.
 constexpr double kPush_s = 0.1, kAfterPush_s = 1.6;
 /// Where the fed-back angle is off by more, nothing is corrected, and how fast feedback fades.
@@ -119,13 +124,15 @@ class RobustSearch {
     if (!guess.empty()) {
       std::vector<Candidate> given = {{{guess.begin(), guess.end()}, 0}};
       given.front().x.resize(variables());
-      if (!robust_.feedback) return Polish(given);
+      // A feedback of the hold is found for the motion as it is.
+      if (holds()) return given;
+      if (!feeds_back()) return Polish(given);
       return Polish(Improve(FindGains(given.front()), robust_.improved, 0.05,
                             MakeEnsemble(32, 1.25), robust_.generations / 2));
     }
     std::vector<Candidate> best = Improve(RandomMotions(), robust_.starts, 0.12,
                                           MakeEnsemble(16, 1), robust_.generations / 3);
-    if (robust_.feedback && !best.empty()) best = FindGains(best.front());
+    if (feeds_back() && !best.empty()) best = FindGains(best.front());
     best = Improve(best, robust_.improved, 0.05, MakeEnsemble(32, 1.25), robust_.generations / 2);
     std::vector<Candidate> polished = Polish(best);
     polished.insert(polished.end(), best.begin(), best.end());
@@ -143,8 +150,8 @@ class RobustSearch {
   }
 
   /// A candidate's feedback; absent where the task asks for none.
-  [[nodiscard]] Feedback<double> FeedbackOf(const Candidate& candidate) const {
-    return Plans({candidate.x}).front().feedback;
+  [[nodiscard]] Feedback<double> FeedbackOf(const Candidate& candidate) {
+    return holds() ? FindHold(candidate.x) : Plans({candidate.x}).front().feedback;
   }
 
   [[nodiscard]] std::int64_t evaluations() const { return evaluations_; }
@@ -164,11 +171,18 @@ class RobustSearch {
   /// Of a candidate: the path's parameters, the duration where it is free, and for each joint the
   /// gains of the feedback, those of the angle before those of the rate.
   [[nodiscard]] std::size_t variables() const {
-    const std::size_t gains = robust_.feedback ? 2 * joints_ * Index(robust_.feedback->knots) : 0;
+    const std::size_t gains = feeds_back() ? 2 * joints_ * Index(robust_.feedback->knots) : 0;
     return first_gain() + gains;
   }
   [[nodiscard]] std::size_t first_gain() const {
     return Index(parameters_) + (free_duration() ? 1 : 0);
+  }
+  /// Whether the task asks for a feedback with the path, or for one of the hold after it.
+  [[nodiscard]] bool feeds_back() const {
+    return robust_.feedback && robust_.feedback->acts == FeedbackSettings::Acts::kAlways;
+  }
+  [[nodiscard]] bool holds() const {
+    return robust_.feedback && robust_.feedback->acts == FeedbackSettings::Acts::kHold;
   }
   [[nodiscard]] bool free_duration() const { return robust_.duration_max_s.has_value(); }
   [[nodiscard]] int TicksOf(const std::vector<double>& x) const { return Ticks(DurationOf(x)); }
@@ -244,7 +258,7 @@ class RobustSearch {
         }
       }
       ensemble.states.push_back(state);
-      if (!robust_.feedback) continue;
+      if (!feeds_back()) continue;
       const double most_s = robust_.duration_max_s.value_or(problem_.duration_s);
       const double time_s = most_s + problem_.settle_s + kLater_s + kPush_s + kAfterPush_s;
       ensemble.noise.emplace_back(*robust_.feedback, Index(Ticks(time_s)) + 1, seed,
@@ -354,7 +368,7 @@ class RobustSearch {
       }
       plans[m].feed_forward = Smoothed(torques, m, TicksOf(motions[m]), kSteps);
     }
-    if (robust_.feedback) AddFeedback(motions, plans);
+    if (feeds_back()) AddFeedback(motions, plans);
     return plans;
   }
 
@@ -383,33 +397,92 @@ class RobustSearch {
   void AddFeedback(const std::vector<std::vector<double>>& motions,
                    std::vector<Plan>& plans) const {
     const FeedbackSettings& settings = *robust_.feedback;
-    const std::vector<LinkChain> chains = LinkChainsOf(problem_.scene.robot);
-    const auto chain = std::ranges::find(chains, settings.link, &LinkChain::link);
-    const std::vector<std::vector<double>> angles = AnglesOf(motions, plans, chain->joints);
+    const std::vector<double> chain = ChainOf(settings.link);
+    const std::vector<std::vector<double>> angles = AnglesOf(motions, plans, chain);
     for (std::size_t m = 0; m < motions.size(); ++m) {
       Feedback<double>& feedback = plans[m].feedback;
       const double duration_s = DurationOf(motions[m]);
-      feedback.link = FixedString<32>(settings.link);
+      feedback = WithoutGains(duration_s, angles[m], chain);
       feedback.knot_count = settings.knots;
       for (int k = 0; k < settings.knots; ++k)
         feedback.knots_s[Index(k)] = duration_s * k / (settings.knots - 1);
       feedback.knots_s[Index(settings.knots - 1)] = duration_s;
-      feedback.angle = FitAngle(duration_s, angles[m]);
-      feedback.error_max_rad = kErrorMax_rad;
-      feedback.start_error_max_rad = kStartErrorMax_rad;
-      feedback.fade_in_s = feedback.fade_out_s = kFade_s;
       const double* x = motions[m].data() + first_gain();
       for (std::size_t j = 0; j < joints_; ++j) {
         JointFeedback<double>& joint = feedback.joints[j];
-        joint.chain = chain->joints[j];
-        joint.correction_max_rad = settings.correction_max_rad;
-        joint.correction_rate_max_rad_s = settings.correction_rate_max_rad_s;
         for (int k = 0; k < settings.knots; ++k)
           joint.angle_gain[Index(k)] = std::clamp(kAngleGain * *x++, -20.0, 20.0);
         for (int k = 0; k < settings.knots; ++k)
           joint.rate_gain[Index(k)] = std::clamp(kRateGain * *x++, -5.0, 5.0);
       }
     }
+  }
+
+  [[nodiscard]] std::vector<double> ChainOf(const std::string& link) const {
+    const std::vector<LinkChain> chains = LinkChainsOf(problem_.scene.robot);
+    return std::ranges::find(chains, link, &LinkChain::link)->joints;
+  }
+
+  /// The law of the task's feedback but for its gains, along angles of every tick.
+  [[nodiscard]] Feedback<double> WithoutGains(double duration_s, const std::vector<double>& angles,
+                                              const std::vector<double>& chain) const {
+    const FeedbackSettings& settings = *robust_.feedback;
+    Feedback<double> law;
+    law.link = FixedString<32>(settings.link);
+    law.angle = FitAngle(duration_s, angles);
+    law.error_max_rad = kErrorMax_rad;
+    law.start_error_max_rad = kStartErrorMax_rad;
+    law.fade_in_s = law.fade_out_s = kFade_s;
+    for (std::size_t j = 0; j < joints_; ++j) {
+      law.joints[j].chain = chain[j];
+      law.joints[j].correction_max_rad = settings.correction_max_rad;
+      law.joints[j].correction_rate_max_rad_s = settings.correction_rate_max_rad_s;
+    }
+    return law;
+  }
+
+  /// A feedback of the hold after a motion. Until it sets in, the robot lands as without it.
+  [[nodiscard]] Feedback<double> FindHold(const std::vector<double>& x) {
+    const FeedbackSettings& settings = *robust_.feedback;
+    const Plan plan = Plans({x}).front();
+    const std::vector<double> chain = ChainOf(settings.link);
+    const double duration_s = DurationOf(x);
+    const int first = TicksOf(x);
+    HoldStudy study{
+        kernel_,     lanes_.model,
+        kRough,      joints_,
+        {},          {},
+        first,       problem_.settle_s,
+        target_rad_, problem_.following_tolerance_rad,
+        settings,    WithoutGains(duration_s, AnglesOf({x}, {plan}, chain).front(), chain)};
+    study.law.knot_count = 3;
+    study.law.knots_s[1] = duration_s + kHoldBegins_s;
+    study.law.knots_s[2] = duration_s + kHoldBegins_s + kHoldRise_s;
+    Setpoints setpoints(Index(TicksOf(x) + 1) * joints_);
+    Sample(x, setpoints.size() / joints_, kTick_s, [&](std::size_t i, const auto& at) {
+      setpoints[i] = {Packet::Of(at.value), Packet::Of(at.first), Packet::Of(plan.feed_forward[i])};
+    });
+    const auto split = setpoints.begin() + first * static_cast<std::ptrdiff_t>(joints_);
+    study.setpoints.assign(split, setpoints.end());
+    setpoints.erase(split, setpoints.end());
+    const Ensemble ensemble = MakeEnsemble(robust_.polish_robots, robust_.polish_scale, kFine);
+    for (std::size_t p = 0; p < ensemble.robots.size(); ++p) {
+      HeldRobots packet{ensemble.robots[p], ensemble.states[p], ensemble.held};
+      LaneWatch<Packet> watch;
+      kernel_.drive(lanes_.model, packet.robots, kFine, setpoints, packet.held, packet.state,
+                    watch);
+      study.packets.push_back(packet);
+    }
+    ++stage_;
+    return FindHoldFeedback(
+        study,
+        {std::max(robust_.samples / kMotionsForHold, 8), robust_.improved, robust_.generations / 2},
+        problem_.search.seed, options_.threads,
+        [this](int start, std::int64_t tried, double loss) {
+          evaluations_ += tried;
+          Tell(false, start, loss);
+        },
+        [this] { return interrupted(); });
   }
 
   /// The absolute angle of a link in every tick of motions, each on the model in a lane of its own;
@@ -509,10 +582,9 @@ class RobustSearch {
   /// The mean loss of an ensemble. When all robots of the first packet fall, it is theirs.
   [[nodiscard]] double Judge(const std::vector<double>& x, const Plan& plan,
                              const Ensemble& ensemble) const {
-    const bool feeds_back = robust_.feedback.has_value();
     const int settled = TicksOf(x) + Ticks(problem_.settle_s);
     const int later = settled + Ticks(kLater_s);
-    const int end = feeds_back ? later + Ticks(kPush_s) + Ticks(kAfterPush_s) : later;
+    const int end = feeds_back() ? later + Ticks(kPush_s) + Ticks(kAfterPush_s) : later;
     Setpoints setpoints(Index(end) * joints_);
     Sample(x, setpoints.size() / joints_, kTick_s, [&](std::size_t i, const auto& at) {
       const std::size_t last = plan.feed_forward.size() - joints_ + i % joints_;
@@ -522,13 +594,13 @@ class RobustSearch {
     double sum = 0;
     for (std::size_t p = 0; p < ensemble.robots.size(); ++p) {
       Play play{ensemble, p, setpoints, ensemble.states[p], ensemble.held, {}, {}, 0, {}};
-      if (feeds_back) {
+      if (feeds_back()) {
         play.feedback.emplace(plan.feedback, ensemble.noise[p], robust_.feedback->delay_s, kTick_s,
                               joints_);
       }
       Advance(play, ensemble.robots[p], settled);
       double packet = LossAt(play, ensemble.robots[p], OffOf(play.state), later);
-      if (feeds_back) packet = 0.5 * (packet + LossAfterPush(play, ensemble.robots[p], later));
+      if (feeds_back()) packet = 0.5 * (packet + LossAfterPush(play, ensemble.robots[p], later));
       if (p == 0 && packet >= kLanes) return packet / kLanes;
       sum += packet;
     }
@@ -822,9 +894,6 @@ SolveOutcome SolveRobust(const Problem& problem, const SolveOptions& options,
   RobustSearch search(problem, options);
   SolveOutcome outcome;
   const std::vector<Candidate> found = search.Run(guess);
-  outcome.interrupted = search.interrupted();
-  outcome.evaluations = search.evaluations();
-  outcome.history = std::move(search.history());
   for (std::size_t i = 0; i < found.size(); ++i) {
     // One evaluation: the figures of the motion as it is.
     SolveOptions silent;
@@ -834,12 +903,19 @@ SolveOutcome SolveRobust(const Problem& problem, const SolveOptions& options,
     Solution solution =
         SolveFrom(of_motion, search.ParametersOf(found[i]), 1, rollout, silent, nullptr);
     solution.duration_s = of_motion.duration_s;
-    if (problem.robust->feedback) solution.feedback = search.FeedbackOf(found[i]);
+    const auto& feedback = problem.robust->feedback;
+    // A feedback of the hold takes as long to find as a motion: the best one gets it.
+    if (feedback && (i == 0 || feedback->acts == FeedbackSettings::Acts::kAlways)) {
+      solution.feedback = search.FeedbackOf(found[i]);
+    }
     solution.end = SolveEnd::kStalled;
     solution.finished = true;
     solution.start = static_cast<int>(i);
     outcome.solutions.push_back(std::move(solution));
   }
+  outcome.interrupted = search.interrupted();
+  outcome.evaluations = search.evaluations();
+  outcome.history = std::move(search.history());
   return outcome;
 }
 

@@ -188,6 +188,7 @@ class Executor {
   bool angle_has_torque_knots_ = false;  ///< Whether the plan's angle has joint 0's of the torque.
   Basis angle_basis_;
   int gain_knot_ = 0;             ///< Before the present time in the primitive.
+  float held_s_ = 0;              ///< Since the end of the primitive, while its feedback acts.
   float error_rad_ = 0;           ///< Of the fed-back angle, when it was known last.
   float rate_error_rad_s_ = 0;    ///< Of its rate.
   float share_ = 0;               ///< Of the feedback that is in force.

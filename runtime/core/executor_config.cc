@@ -86,6 +86,8 @@ bool IsValid(const CollapseConfig& collapse, const Primitive<float>& primitive) 
 bool IsValid(const Feedback<float>& feedback, const Primitive<float>& primitive) noexcept {
   if (!feedback.present()) return feedback.knot_count == 0;
   if (feedback.knot_count < 2 || feedback.knot_count > kMaxGainKnots ||
+      !InRange(feedback.error_min_rad, 0, feedback.error_full_rad) ||
+      !InRange(feedback.error_full_rad, 0, feedback.error_max_rad) ||
       !IsPositive(feedback.error_max_rad) || !IsPositive(feedback.start_error_max_rad) ||
       !IsPositive(feedback.fade_in_s) || !IsPositive(feedback.fade_out_s)) {
     return false;

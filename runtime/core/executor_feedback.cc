@@ -11,6 +11,8 @@ namespace {
 
 /// How fast a correction vanishes in a primitive without feedback.
 constexpr float kRelease_rad_s = 1;
+/// No gains change any more when a primitive was held for so long.
+constexpr float kLongHold_s = 1e3F;
 
 }  // namespace
 
@@ -90,9 +92,12 @@ void Executor::Correct(int elapsed, TickRecord& record) noexcept {
     if (!corrects_) share_ = 0;
     corrects_ = true;
     GainPlace<float> place;
+    float share = 0;
     if (feedback.present()) {
       Fade(moving, time_s);
-      place = FindGains(feedback, primitive_time_s_, gain_knot_);
+      share = share_ * ErrorShare(feedback, error_rad_);
+      held_s_ = moving ? 0 : std::min(held_s_ + time_s, kLongHold_s);
+      place = FindGains(feedback, primitive_time_s_ + held_s_, gain_knot_);
       gain_knot_ = place.knot;
     }
     for (int i = 0; i < joint_count_; ++i) {
@@ -105,7 +110,7 @@ void Executor::Correct(int elapsed, TickRecord& record) noexcept {
       float wanted = 0;
       float rate_max = kRelease_rad_s;
       if (feedback.present()) {
-        wanted = WantedCorrection(*joint.feedback, place, error_rad_, rate_error_rad_s_, share_);
+        wanted = WantedCorrection(*joint.feedback, place, error_rad_, rate_error_rad_s_, share);
         rate_max = joint.feedback->correction_rate_max_rad_s;
       }
       joint.correction_rad = NextCorrection(joint.correction_rad, wanted, rate_max, time_s);

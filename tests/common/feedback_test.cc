@@ -112,6 +112,23 @@ TEST(FeedbackLaw, TheCorrectionIsTheOneOfItsDefinition) {
   }
 }
 
+TEST(FeedbackLaw, AnErrorAsksForAShareThatGrowsFromTheDeadZoneToItsEnd) {
+  Feedback<double> feedback;
+  EXPECT_EQ(ErrorShare(feedback, 0.0), 1) << "without a dead zone everything is corrected";
+  EXPECT_EQ(ErrorShare(feedback, 1e-300), 1);
+  feedback.error_min_rad = feedback.error_full_rad = 0.1;
+  EXPECT_EQ(ErrorShare(feedback, 0.0999), 0);
+  EXPECT_EQ(ErrorShare(feedback, -0.1), 1) << "a step where there is no ramp";
+  feedback.error_full_rad = 0.3;
+  for (const double sign : {-1.0, 1.0}) {
+    EXPECT_EQ(ErrorShare(feedback, sign * 0.1), 0);
+    EXPECT_NEAR(ErrorShare(feedback, sign * 0.15), 0.25, 1e-15);
+    EXPECT_NEAR(ErrorShare(feedback, sign * 0.2), 0.5, 1e-15);
+    EXPECT_EQ(ErrorShare(feedback, sign * 0.3), 1);
+    EXPECT_EQ(ErrorShare(feedback, sign * 3.0), 1);
+  }
+}
+
 // ---- The file -----------------------------------------------------------------------------------
 
 TEST(FeedbackFile, RoundTripsBitForBit) {
@@ -126,6 +143,8 @@ TEST(FeedbackFile, RoundTripsBitForBit) {
     EXPECT_EQ(a.knot_count, b.knot_count);
     EXPECT_EQ(a.knots_s, b.knots_s);
     EXPECT_TRUE(std::ranges::equal(a.angle.control_points(), b.angle.control_points()));
+    EXPECT_EQ(a.error_min_rad, b.error_min_rad);
+    EXPECT_EQ(a.error_full_rad, b.error_full_rad);
     EXPECT_EQ(a.error_max_rad, b.error_max_rad);
     EXPECT_EQ(a.start_error_max_rad, b.start_error_max_rad);
     EXPECT_EQ(a.fade_in_s, b.fade_in_s);
@@ -152,7 +171,8 @@ TEST(FeedbackFile, WithoutFeedbackTheTextHasNoWordOfIt) {
 TEST(FeedbackFile, TheHashOfThePrimitiveCoversEveryNumberOfIt) {
   const std::string text = ToToml(WithFeedback(4));
   for (const char* const part :
-       {"error_max_rad = 0.7", "fade_in_s = 0.0", "fade_out_s = 0.", "correction_max_rad = 0.2"}) {
+       {"error_min_rad = 0.06", "error_full_rad = 0.1", "error_max_rad = 0.7", "fade_in_s = 0.0",
+        "fade_out_s = 0.", "correction_max_rad = 0.2"}) {
     const std::string edited = Replaced(text, part, std::string(part) + "1");
     EXPECT_THROW(
         {
@@ -175,6 +195,9 @@ TEST(FeedbackFile, IsRefusedWithTheKeyAndTheCause) {
   const std::string text = ToToml(WithFeedback(6));
   const std::vector<Refusal> refusals = {
       {"link = \"last_link\"", "link = \"other\"", "feedback.link: is 'other'"},
+      {"error_min_rad = 0.0625", "error_min_rad = 0.13", "to error_full_rad"},
+      {"error_min_rad = 0.0625", "error_min_rad = -1", "feedback.error_min_rad"},
+      {"error_full_rad = 0.125", "error_full_rad = 0.8", "to error_max_rad"},
       {"error_max_rad = 0.75", "error_max_rad = 4", "feedback.error_max_rad"},
       {"error_max_rad = 0.75", "error_max_rad = nan", "feedback.error_max_rad"},
       {"start_error_max_rad = 0.25", "start_error_max_rad = 0.8", "to error_max_rad"},
@@ -241,6 +264,8 @@ TEST(FeedbackToRuntime, RoundsEveryNumberToTheNearestFloatOrRefusesIt) {
     }
   }
   EXPECT_EQ(rounded.knots().back(), ToRuntime(file.primitive).duration_s);
+  EXPECT_EQ(rounded.error_min_rad, 0.0625F);
+  EXPECT_EQ(rounded.error_full_rad, 0.125F);
   EXPECT_EQ(rounded.error_max_rad, 0.75F);
   EXPECT_EQ(rounded.fade_out_s, 0.1F);
   EXPECT_EQ(rounded.joints[1].chain, 1.0F);

@@ -46,6 +46,8 @@ void ExpectSame(const Feedback<float>& a, const Feedback<float>& b) {
   EXPECT_EQ(a.knot_count, b.knot_count);
   EXPECT_EQ(Bits(a.knots_s), Bits(b.knots_s));
   ExpectSame(a.angle, b.angle);
+  EXPECT_EQ(Bits(a.error_min_rad), Bits(b.error_min_rad));
+  EXPECT_EQ(Bits(a.error_full_rad), Bits(b.error_full_rad));
   EXPECT_EQ(Bits(a.error_max_rad), Bits(b.error_max_rad));
   EXPECT_EQ(Bits(a.start_error_max_rad), Bits(b.start_error_max_rad));
   EXPECT_EQ(Bits(a.fade_in_s), Bits(b.fade_in_s));

@@ -160,6 +160,34 @@ TEST(RobustSearch, GainsThatAGuessDoesNotHaveAreFoundBeforeItIsPolished) {
   EXPECT_TRUE(polished.solutions.front().feedback.present());
 }
 
+TEST(RobustSearch, AFeedbackOfTheHoldLeavesTheMotionAsItIsAndActsAtItsEnd) {
+  const std::vector<double> guess =
+      SolveRobust(ProblemOf(QuickRobustTask()), {}).solutions.front().x;
+  const Problem problem =
+      ProblemOf(QuickRobustTask("[robust.feedback]\nlink = \"leg2_link\"\nacts = \"hold\"\n"));
+  SolveOptions options;
+  const SolveOutcome one = SolveRobust(problem, options, guess);
+  ASSERT_EQ(one.solutions.size(), 1U);
+  EXPECT_EQ(one.solutions.front().x, guess);
+  const Feedback<double>& law = one.solutions.front().feedback;
+  ASSERT_EQ(law.knot_count, 3);
+  EXPECT_NEAR(law.knots_s[1], problem.duration_s + 0.2, 1e-9);
+  EXPECT_NEAR(law.knots_s[2], problem.duration_s + 0.3, 1e-9);
+  for (const JointFeedback<double>& joint : {law.joints[0], law.joints[1]}) {
+    EXPECT_EQ(joint.angle_gain[0], 0);
+    EXPECT_EQ(joint.angle_gain[1], 0);
+    EXPECT_EQ(joint.rate_gain[1], 0);
+  }
+  EXPECT_LE(law.error_min_rad, law.error_full_rad);
+  EXPECT_LE(law.error_full_rad, law.error_max_rad);
+  options.threads = 3;
+  const SolveOutcome three = SolveRobust(problem, options, guess);
+  const Feedback<double>& same = three.solutions.front().feedback;
+  EXPECT_EQ(same.joints[0].angle_gain, law.joints[0].angle_gain);
+  EXPECT_EQ(same.joints[1].rate_gain, law.joints[1].rate_gain);
+  EXPECT_EQ(same.error_min_rad, law.error_min_rad);
+}
+
 /// A law for one joint of two, whose gains do not change.
 Feedback<double> LawOf(double angle_gain, double rate_gain) {
   Feedback<double> law;
@@ -206,6 +234,12 @@ TEST(LaneFeedback, CorrectsByGainsWithinLimitsAndFadesInAsTheExecutorDoes) {
   EXPECT_NEAR(CorrectionAfter(150, LawOf(0, -0.05), 0, 2), -0.1, 1e-12);
   EXPECT_NEAR(CorrectionAfter(100, LawOf(-10, 0), 0.1, 0), -0.4, 1e-12) << "the most";
   EXPECT_EQ(CorrectionAfter(100, LawOf(2, 0), 0.6, 0), 0) << "too far off";
+  Feedback<double> patient = LawOf(2, 0.1);
+  patient.error_min_rad = 0.1;
+  patient.error_full_rad = 0.2;
+  EXPECT_EQ(CorrectionAfter(100, patient, 0.09, 1), 0) << "within the dead zone";
+  EXPECT_NEAR(CorrectionAfter(100, patient, 0.15, 0), 0.15, 1e-12) << "half of the way out";
+  EXPECT_NEAR(CorrectionAfter(100, patient, 0.2, -1), 0.3, 1e-12);
 }
 
 TEST(RobustSearch, ATargetOfTheRootsPlaceIsLookedAt) {

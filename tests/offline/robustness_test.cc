@@ -301,6 +301,18 @@ TEST(Trials, APushComesInTheHoldAndIsSurvivedOrNot) {
   EXPECT_THROW(LaneTrials{study}, std::runtime_error) << "lanes have none";
 }
 
+TEST(Trials, AHandstandWithASensorKeepsStandingWherePushesFellTheOneWithout) {
+  RobustnessStudy study = StudyOf("handstand_sensor.toml");
+  study.drives = testing::SourcePath("primitives/robots/tumbler_drives_sensor.toml");
+  study.twin = testing::SourcePath("primitives/robots/tumbler_twin_sensor.toml");
+  study.run.hold_s = 8;
+  study.push_n = 5;
+  constexpr int kRobots = 6;
+  EXPECT_EQ(RunStudy(study, kRobots, 1).stands().count, kRobots);
+  study.motion = testing::SourcePath("primitives/handstand.toml");
+  EXPECT_LE(RunStudy(study, kRobots, 1).stands().count, 1);
+}
+
 TEST(Trials, SensorsFailOnlyWhereThereAreSome) {
   RobustnessStudy study = StudyOf("handstand.toml");
   study.sensor_faults = true;

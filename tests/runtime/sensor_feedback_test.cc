@@ -147,13 +147,16 @@ TEST(Feedback, TheCorrectionIsThatOfTheLawInDoublePrecision) {
       share = std::min(1.0, share + 1e-3 / static_cast<double>(feedback.fade_in_s));
       EXPECT_NEAR(static_cast<double>(record.sensor.error_rad), e, 2e-4);
       EXPECT_NEAR(static_cast<double>(record.sensor.rate_error_rad_s), e_rate, 2e-3);
+      const auto least = static_cast<double>(feedback.error_min_rad);
+      const auto whole = static_cast<double>(feedback.error_full_rad);
+      const double asked = std::clamp((std::abs(e) - least) / (whole - least), 0.0, 1.0);
       for (std::size_t j = 0; j < 2; ++j) {
         const JointFeedback<float>& joint = feedback.joints[j];
         const auto most = static_cast<double>(joint.correction_max_rad);
-        const double wanted =
-            share * std::clamp(GainByHand(feedback, joint.angle_gain, t) * e +
-                                   GainByHand(feedback, joint.rate_gain, t) * e_rate,
-                               -most, most);
+        const double wanted = share * asked *
+                              std::clamp(GainByHand(feedback, joint.angle_gain, t) * e +
+                                             GainByHand(feedback, joint.rate_gain, t) * e_rate,
+                                         -most, most);
         const double step = static_cast<double>(joint.correction_rate_max_rad_s) * 1e-3;
         correction[j] += std::clamp(wanted - correction[j], -step, step);
         worst = std::max(
@@ -228,6 +231,7 @@ std::vector<CanFrame> WithError(const Rig& rig, const Primitive<float>& motion, 
 
 TEST(Feedback, ASensorThatFallsSilentLetsTheCorrectionFadeAndTheMotionGoOn) {
   Primitive<float> motion = FedBackMotion(4);
+  motion.feedback.error_min_rad = motion.feedback.error_full_rad = 0;
   for (JointFeedback<float>& joint : motion.feedback.joints) {
     joint.angle_gain.fill(1);
     joint.rate_gain.fill(0);
@@ -315,6 +319,7 @@ TEST(Feedback, AStartFarFromThePlanIsPlayedOpenLoop) {
 
 TEST(Feedback, AnErrorIsTheSameInANodeWithExchangedRoles) {
   Primitive<float> motion = FedBackMotion(7);
+  motion.feedback.error_min_rad = motion.feedback.error_full_rad = 0;
   for (JointFeedback<float>& joint : motion.feedback.joints) joint.rate_gain.fill(0.05F);
   SequenceGraph<float> graph = GraphOf(motion);
   graph.node_storage[0].swapped = true;
@@ -448,7 +453,10 @@ TEST(Feedback, ExecutorsRefuseAFeedbackOrASensorThatMakesNoSense) {
       [](auto& m) { m.feedback.joints[0].correction_rate_max_rad_s = 0; },
       [](auto& m) { m.feedback.joints[0].correction_max_rad = -1; },
       [](auto& m) { m.feedback.fade_out_s = 0; },
-      [](auto& m) { m.feedback.error_max_rad = kNan; }};
+      [](auto& m) { m.feedback.error_max_rad = kNan; },
+      [](auto& m) { m.feedback.error_min_rad = kNan; },
+      [](auto& m) { m.feedback.error_min_rad = 0.2F; },
+      [](auto& m) { m.feedback.error_full_rad = 0.8F; }};
   for (std::size_t i = 0; i < damages.size(); ++i)
     EXPECT_EQ(configured(damages[i]), Status::kInvalidArgument) << i;
   EXPECT_EQ(configured({}, [](SensorSettings& s) { s.tilt_sine_max = 0; }),

@@ -40,6 +40,8 @@ Feedback<Scalar> RandomFeedback(const Primitive<Scalar>& primitive, int knots,
                             points) != Status::kOk) {
     throw std::logic_error("no spline");
   }
+  feedback.error_min_rad = Scalar(0.0625);
+  feedback.error_full_rad = Scalar(0.125);
   feedback.error_max_rad = Scalar(0.75);
   feedback.start_error_max_rad = Scalar(0.25);
   feedback.fade_in_s = Scalar(0.05);
