@@ -24,6 +24,7 @@
 #include "runtime/telemetry/channels.h"
 #include "runtime/telemetry/lcm_link.h"
 #include "runtime/telemetry/live_view.h"
+#include "runtime/telemetry/message_readers.h"
 
 namespace tumbler {
 namespace {
@@ -150,14 +151,10 @@ class Remote {
   template <typename Message>
   static void Handle(const lcm::ReceiveBuffer* buffer, const std::string& /*channel*/,
                      Remote* self) {
-    Message message;
-    try {
-      if (message.decode(buffer->data, 0, static_cast<int>(buffer->data_size)) < 0) return;
-    } catch (const std::exception&) {
-      return;  // LCM's readers throw at lengths that cannot be.
-    }
-    self->Note(message);
-    if (self->selected_ != 0 && message.run == self->selected_) self->view_.Take(message);
+    const auto message = ReadMessage<Message>(buffer->data, buffer->data_size);
+    if (!message) return;
+    self->Note(*message);
+    if (self->selected_ != 0 && message->run == self->selected_) self->view_.Take(*message);
   }
   void Note(const state_t& message) { robots_.try_emplace(message.run); }
   void Note(const run_t& message) { robots_[message.run] = message.robot; }

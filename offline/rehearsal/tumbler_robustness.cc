@@ -89,7 +89,8 @@ void Declare(CommandLine& line, Arguments& arguments) {
   }
   line.Option(
       "--drives", study.drives,
-      "Drives file; without it, the default drives with the gains that the motion's file says");
+      "Drives file; without it, that which the twin file names, or the default drives with the "
+      "gains that the motion's file says");
   line.Option("--twin", study.twin, "Twin file, for what all robots share");
   line.Option("--push", study.push_n,
               "Push each robot for 0.1 s, to either side, at a random time in the hold [N]")
@@ -143,7 +144,7 @@ void Check(Arguments& arguments) {
   ReadShard(arguments, arguments.plan);
   study.seed = arguments.seed;
   std::vector<std::string> inputs = arguments.plan.merged;
-  for (const std::string& file : {study.drives, study.twin}) {
+  for (const std::string& file : {DrivesFileOf(study), study.twin}) {
     if (!file.empty()) inputs.push_back(file);
   }
   std::vector<std::string> motions;

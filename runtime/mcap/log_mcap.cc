@@ -14,6 +14,7 @@
 
 #include "runtime/mcap/run_mcap.h"
 #include "runtime/telemetry/channels.h"
+#include "runtime/telemetry/message_readers.h"
 
 namespace tumbler {
 namespace {
@@ -29,9 +30,7 @@ void ForEachEvent(const std::string& path, const Take& take) {
 template <typename Message>
 std::optional<Message> MessageIn(const lcm::LogEvent& event, const char* channel) {
   if (event.channel != channel) return std::nullopt;
-  Message message;
-  if (message.decode(event.data, 0, event.datalen) != event.datalen) return std::nullopt;
-  return message;
+  return ReadMessage<Message>(event.data, static_cast<std::size_t>(event.datalen));
 }
 
 /// What has to be known of a log before it is written.

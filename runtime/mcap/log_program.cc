@@ -25,6 +25,7 @@
 #include "runtime/mcap/log_mcap.h"
 #include "runtime/telemetry/channels.h"
 #include "runtime/telemetry/live_view.h"
+#include "runtime/telemetry/message_readers.h"
 #include "runtime/telemetry/state_csv.h"
 
 namespace tumbler {
@@ -54,10 +55,7 @@ struct LogContents {
 
 template <typename Message>
 std::optional<Message> Decode(const lcm::LogEvent& event) {
-  Message message;
-  const int size = message.decode(event.data, 0, event.datalen);
-  if (size != event.datalen) return std::nullopt;
-  return message;
+  return ReadMessage<Message>(event.data, static_cast<std::size_t>(event.datalen));
 }
 
 /// Reads a whole log. Where wanted, rows of the table go to `table`, and events to standard output.

@@ -8,8 +8,8 @@
 
 #include "runtime/mcap/run_mcap.h"
 #include "runtime/record/record_export.h"
+#include "runtime/telemetry/message_readers.h"
 #include "runtime/telemetry/messages.h"
-#include "runtime/telemetry/truth_csv.h"
 
 namespace tumbler {
 namespace {
@@ -80,7 +80,7 @@ class RecordToMcap {
   void TakeTruths() {
     truth_t truth;
     for (const auto& bytes : record_.truths()) {
-      if (!DecodeTruth(bytes, truth)) {
+      if (!ReadMessage(bytes, truth)) {
         throw RecordError(fmt::format("{}: the true state of the robot in it is of another version",
                                       record_.name()));
       }

@@ -21,6 +21,7 @@
 #include "firmware_interface/can/frame_length.h"
 #include "runtime/linux/candump.h"
 #include "runtime/record/recorded_assembly.h"
+#include "runtime/telemetry/message_readers.h"
 #include "runtime/telemetry/run_description.h"
 #include "runtime/telemetry/sentences.h"
 #include "runtime/telemetry/telemetry.h"
@@ -178,7 +179,7 @@ std::int64_t ExportTruth(FlightRecord& record, const std::string& csv_path) {
   truth_t truth;
   const auto take = [&] {
     for (const auto& bytes : record.truths()) {
-      if (!DecodeTruth(bytes, truth)) {
+      if (!ReadMessage(bytes, truth)) {
         throw RecordError(fmt::format("{}: the true state of the robot in it is of another version",
                                       record.name()));
       }

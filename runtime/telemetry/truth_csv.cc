@@ -7,11 +7,6 @@
 
 namespace tumbler {
 
-bool DecodeTruth(std::span<const std::uint8_t> bytes, truth_t& truth) {
-  const auto size = static_cast<int>(bytes.size());
-  return truth.decode(bytes.data(), 0, size) == size;
-}
-
 std::string TruthCsvHeader(const std::vector<std::string>& joint_names) {
   std::string header;
   ForEachTruthColumn(truth_t{}, [&header](const char* name, const auto& /*value*/) {

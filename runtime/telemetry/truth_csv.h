@@ -1,16 +1,12 @@
 #pragma once
 
 #include <cstdint>
-#include <span>
 #include <string>
 #include <vector>
 
 #include <tumbler/truth_t.hpp>
 
 namespace tumbler {
-
-/// Reads a message truth_t. @returns false when the bytes are not one whole message.
-bool DecodeTruth(std::span<const std::uint8_t> bytes, truth_t& truth);
 
 /// Calls `visit(name, value)` for the numbers of a simulated robot's true state, without its
 /// joints. All are `double` or `std::int32_t`.

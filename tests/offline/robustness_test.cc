@@ -200,6 +200,29 @@ TEST(Trials, MotorsThatGiveAlmostNothingAreAFaultOrAFall) {
   EXPECT_NE(Trials(study).Play(0).verdict, Verdict::kStands);
 }
 
+TEST(Trials, RobotsHaveTheDrivesThatTheTwinFileNamesUnlessOthersAreGiven) {
+  const testing::TemporaryFolder folder;
+  const std::string soft = "primitives/robots/tumbler_drives.toml";
+  std::string limp = testing::ReadFile(testing::SourcePath(soft));
+  const std::string gain = "kp_nm_per_rad = 60";
+  for (std::size_t at = limp.find(gain); at != std::string::npos; at = limp.find(gain, at))
+    limp.replace(at, gain.size(), "kp_nm_per_rad = 2");
+  const std::string head = "format = \"tumbler-twin\"\nversion = 1\n";
+  RobustnessStudy study = StudyOf("handstand.toml");
+  study.scale = 0;
+  study.drives = Written(folder, "limp.toml", limp);
+  study.twin = Written(folder, "bare.toml", head);
+  EXPECT_NE(Trials(study).Play(0).verdict, Verdict::kStands);
+  const std::string given = IdentityOf(study);
+  study.drives = "";
+  EXPECT_EQ(Trials(study).Play(0).verdict, Verdict::kStands);
+  study.twin = Written(folder, "named.toml", head + "drives = \"limp.toml\"\n");
+  EXPECT_NE(Trials(study).Play(0).verdict, Verdict::kStands);
+  EXPECT_NE(IdentityOf(study), given) << "the twin file is another one";
+  study.drives = testing::SourcePath(soft);
+  EXPECT_EQ(Trials(study).Play(0).verdict, Verdict::kStands);
+}
+
 /// A study of which about a third does not stand.
 RobustnessStudy HardStudy() {
   RobustnessStudy study = StudyOf("handstand.toml");
@@ -697,7 +720,7 @@ TEST(RobustnessProgram, PrintsShareAndIntervalAndWritesThem) {
   const std::optional<Json> json = Json::Parse(testing::ReadFile(json_file));
   ASSERT_TRUE(json);
   EXPECT_EQ((*json)["robots"].number(), 1);
-  EXPECT_EQ((*json)["stand"].number(), 1);
+  EXPECT_EQ((*json)["as_asked"].number(), 1);
   EXPECT_EQ((*json)["spreads"]["mass"].number(), 0.05);
 }
 

@@ -17,6 +17,8 @@ import unittest
 import urllib.error
 import urllib.request
 
+import jsonschema
+
 SOURCES, PROGRAMS = sys.argv[1:3]
 sys.path.insert(0, os.path.join(SOURCES, "tests/support"))
 from page_browser import Browser  # noqa: E402  the folder is known only now
@@ -223,7 +225,10 @@ class Live(unittest.TestCase):
         self.fail("tumbler-ctl could not start the run")
 
     def state(self):
-        return json.loads(run("tumbler-ctl", "status", "--json", "--lcm-url", URL).stdout)["state"]
+        status = json.loads(run("tumbler-ctl", "status", "--json", "--lcm-url", URL).stdout)
+        with open(os.path.join(SOURCES, "docs/schemas/tumbler-ctl.schema.json")) as schema:
+            jsonschema.validate(status, json.load(schema))
+        return status["state"]
 
     def test_shows_a_run_as_it_happens_and_its_button_stops_it(self):
         view = self.view()

@@ -108,6 +108,9 @@ class TwinOnCan : public ::testing::Test {
   int EndTwin() {
     twin_->Signal(SIGINT);
     const int status = twin_->Wait();
+    Program valid({"/usr/bin/python3", "-m", "jsonschema", "--instance", Path("truth.json"),
+                   testing::SourcePath("docs/schemas/tumbler-twin.schema.json")});
+    EXPECT_EQ(valid.Wait(), 0) << valid.text();
     truth_ = Json::Parse(ReadFile(Path("truth.json"))).value();
     return status;
   }

@@ -15,7 +15,7 @@
 #include "offline/rehearsal/flight_report/truth.h"
 #include "runtime/record/flight_record.h"
 #include "runtime/record/recorded_assembly.h"
-#include "runtime/telemetry/truth_csv.h"
+#include "runtime/telemetry/message_readers.h"
 
 namespace tumbler {
 namespace {
@@ -99,7 +99,7 @@ class RunReader {
   void KeepTruths() {
     for (const auto& bytes : record_.truths()) {
       truth_t& truth = truths_.emplace_back();
-      if (!DecodeTruth(bytes, truth)) {
+      if (!ReadMessage(bytes, truth)) {
         throw RecordError(
             fmt::format("{}: the true state of the robot in it is of another version", run_.name));
       }

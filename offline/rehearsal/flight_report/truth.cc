@@ -10,7 +10,7 @@
 #include <lcm/lcm-cpp.hpp>
 
 #include "runtime/telemetry/channels.h"
-#include "runtime/telemetry/truth_csv.h"
+#include "runtime/telemetry/message_readers.h"
 
 namespace tumbler {
 
@@ -33,7 +33,7 @@ std::vector<LoggedTruth> ReadTruthLog(const std::string& path) {
     LoggedTruth logged;
     logged.utime_us = event->timestamp;
     const auto* bytes = static_cast<const std::uint8_t*>(event->data);
-    if (!DecodeTruth({bytes, static_cast<std::size_t>(event->datalen)}, logged.truth)) {
+    if (!ReadMessage({bytes, static_cast<std::size_t>(event->datalen)}, logged.truth)) {
       fail(fmt::format("event {} is no message truth_t of this version", event->eventnum));
     }
     truths.push_back(std::move(logged));

@@ -6,8 +6,8 @@
 
 #include "runtime/record/flight_record.h"
 #include "runtime/record/record_export.h"
+#include "runtime/telemetry/message_readers.h"
 #include "runtime/telemetry/messages.h"
-#include "runtime/telemetry/truth_csv.h"
 
 namespace tumbler {
 namespace {
@@ -55,7 +55,7 @@ void AddTruth(const truth_t& truth, ColumnTable& table) {
 void AddTruths(const FlightRecord& record, ColumnTable& table) {
   truth_t truth;
   for (const auto bytes : record.truths()) {
-    if (DecodeTruth(bytes, truth)) AddTruth(truth, table);
+    if (ReadMessage(bytes, truth)) AddTruth(truth, table);
   }
 }
 

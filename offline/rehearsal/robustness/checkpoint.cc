@@ -73,11 +73,12 @@ void Parse(std::string_view text, const std::string& path, const std::string& id
 std::string IdentityOf(const RobustnessStudy& study) {
   std::vector<std::string> inputs;
   static_cast<void>(LoadMotion(study.motion, NotingReader(inputs)));
-  if (!study.drives.empty()) inputs.push_back(study.drives);
+  const std::string drives = DrivesFileOf(study);
+  if (!drives.empty()) inputs.push_back(drives);
   if (!study.twin.empty()) inputs.push_back(study.twin);
   std::string text = fmt::format("{} {} {} {} {} {} {} {}\n", study.seed, study.scale,
                                  study.run.hold_s, study.run.cycles, study.run.branch, study.lanes,
-                                 study.drives.empty(), study.twin.empty());
+                                 drives.empty(), study.twin.empty());
   if (study.disturbs()) text += fmt::format("{} {}\n", study.push_n, study.sensor_faults);
   if (study.drops) text += "drops\n";
   for (const SpreadName& spread : kSpreadNames)

@@ -88,7 +88,7 @@ Json MapToJson(const SuccessMap& map) {
       stand.Append(cell.stand);
     }
     json["robots"].Append(robots);
-    json["stand"].Append(stand);
+    json["as_asked"].Append(stand);
   }
   return json;
 }
@@ -99,7 +99,7 @@ Json LiesToJson(const RobustnessResult& result) {
     Json entry = {{"low_rad", lies.low_rad},
                   {"high_rad", lies.high_rad},
                   {"robots", lies.robots},
-                  {"stand", lies.stand}};
+                  {"as_asked", lies.stand}};
     for (const auto& [node, count] : lies.begun) entry["begun"][node] = count;
     json.Append(std::move(entry));
   }
@@ -415,7 +415,7 @@ Json ToJson(const RobustnessResult& result) {
                {"sensor_faults", result.study.sensor_faults},
                {"drops", result.study.drops},
                {"robots", share.of},
-               {"stand", share.count},
+               {"as_asked", share.count},
                {"share", share.value()},
                {"share_95_low", share.low},
                {"share_95_high", share.high}};
@@ -444,7 +444,7 @@ Json ToJson(const RobustnessResult& result) {
   }
   if (result.study.drops) json["lay"] = LiesToJson(result);
   if (const std::optional<SuccessMap> map = result.Map()) json["map"] = MapToJson(*map);
-  Json& failures = json["not_standing"];
+  Json& failures = json["not_as_asked"];
   failures = Json::Array();
   for (std::size_t i = 0; i < result.trials.size(); ++i) {
     const TrialOutcome& trial = result.trials[i];

@@ -159,10 +159,15 @@ TrialOutcome OutcomeOf(const PurposeJudge& judge, const PostureWatch& posture,
   return outcome;
 }
 
+std::string DrivesFileOf(const RobustnessStudy& study) {
+  if (!study.drives.empty() || study.twin.empty()) return study.drives;
+  return ReadTwinSources(study.twin).drives;
+}
+
 Trials::Trials(const RobustnessStudy& study) : study_(study), motion_(LoadMotion(study.motion)) {
   if (!study.twin.empty()) robot_ = LoadTwin(study.twin, motion_);
-  drives_ =
-      LoadDrivesOf(JointsOf(motion_.file()), study.drives, ReadTextFile, GainsOf(motion_.file()));
+  drives_ = LoadDrivesOf(JointsOf(motion_.file()), DrivesFileOf(study), ReadTextFile,
+                         GainsOf(motion_.file()));
   scene_ = SharedScene(motion_, robot_);
   if (study_.drops && scene_.robot.hinged()) {
     throw Refused(study_.motion +

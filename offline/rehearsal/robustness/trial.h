@@ -21,7 +21,7 @@ namespace tumbler {
 /// alone.
 struct RobustnessStudy {
   std::string motion;  ///< Primitive or sequence file.
-  std::string drives;  ///< Drives file; empty: DefaultDrives with GainsOf the motion.
+  std::string drives;  ///< Drives file; empty: that which the twin file names, if any.
   std::string twin;    ///< Twin file for what all robots share; empty: none.
   RunSettings run;     ///< Cycles, branch.
   std::uint64_t seed = 1;
@@ -40,6 +40,9 @@ struct RobustnessStudy {
   /// Whether anything happens to robots besides what the drives and twin files say.
   [[nodiscard]] bool disturbs() const { return push_n != 0 || sensor_faults; }
 };
+
+/// The drives file of a study's robots; empty: they have DefaultDrives with GainsOf the motion.
+std::string DrivesFileOf(const RobustnessStudy& study);
 
 /// What became of one robot.
 struct TrialOutcome {

@@ -14,11 +14,11 @@
 #include <thread>
 #include <tumbler/command_t.hpp>
 
-#include "offline/rehearsal/view/view_messages.h"
 #include "offline/rehearsal/view/viewed_run.h"
 #include "runtime/core/tick.h"
 #include "runtime/telemetry/channels.h"
 #include "runtime/telemetry/lcm_link.h"
+#include "runtime/telemetry/message_readers.h"
 
 namespace tumbler {
 namespace {

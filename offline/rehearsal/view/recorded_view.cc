@@ -11,8 +11,8 @@
 #include "offline/rehearsal/view/viewed_run.h"
 #include "runtime/record/flight_record.h"
 #include "runtime/record/record_export.h"
+#include "runtime/telemetry/message_readers.h"
 #include "runtime/telemetry/messages.h"
-#include "runtime/telemetry/truth_csv.h"
 
 namespace tumbler {
 namespace {
@@ -60,7 +60,7 @@ Json RecordedView(const std::string& path) {
   for (std::int64_t i = 0; record.Next(*entry); ++i) {
     for (const auto& bytes : record.truths()) {
       truth_t truth;
-      if (DecodeTruth(bytes, truth)) run.Take(truth);
+      if (ReadMessage(bytes, truth)) run.Take(truth);
     }
     const TimedRecord timed = ToTimedRecord(*entry);
     figures.Count(timed);

@@ -121,12 +121,12 @@ class Robustness(support.WithFolder):
         got = tumbler.robustness(HANDSTAND, robots=12, scale=1.0)
         self.assertEqual(len(got), 12)
         self.assertEqual(got.summary, {**program, "motion": got.summary["motion"]})
-        self.assertGreater(program["stand"], 0)
-        self.assertGreater(len(program["not_standing"]), 0)
-        self.assertEqual((got.stands.dtype, int(got.stands.sum())), (np.bool_, program["stand"]))
+        self.assertGreater(program["as_asked"], 0)
+        self.assertGreater(len(program["not_as_asked"]), 0)
+        self.assertEqual((got.stands.dtype, int(got.stands.sum())), (np.bool_, program["as_asked"]))
         self.assertEqual(got.share, program["share"])
         self.assertEqual(got.share_95, (program["share_95_low"], program["share_95_high"]))
-        for robot in program["not_standing"]:
+        for robot in program["not_as_asked"]:
             index = robot["index"]
             self.assertEqual(got.verdicts[index], robot["verdict"])
             self.assertEqual(got.reasons[index], robot["reason"])

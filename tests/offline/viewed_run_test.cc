@@ -1,6 +1,6 @@
-// Messages of telemetry that anybody may have sent, as tumbler-view reads them.
+// What tumbler-view makes of telemetry.
 
-#include "offline/rehearsal/view/view_messages.h"
+#include "offline/rehearsal/view/viewed_run.h"
 
 #include <gtest/gtest.h>
 
@@ -12,107 +12,14 @@
 #include "common/sequence_toml.h"
 #include "offline/rehearsal/flight_report/robot_paths.h"
 #include "offline/rehearsal/view/viewed_robot.h"
-#include "offline/rehearsal/view/viewed_run.h"
 #include "tests/support/files.h"
+#include "tests/support/telemetry_messages.h"
 
 namespace tumbler {
 namespace {
 
-template <typename Message>
-std::vector<std::uint8_t> Bytes(const Message& message) {
-  std::vector<std::uint8_t> bytes(static_cast<std::size_t>(message.getEncodedSize()));
-  message.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
-  return bytes;
-}
-
-state_t State(std::int64_t tick) {
-  state_t state{};
-  state.tick = state.number = tick;
-  state.state = state_t::STATE_RUNNING;
-  state.joint_count = 2;
-  state.joints.resize(2);
-  return state;
-}
-
-run_t About() {
-  run_t run{};
-  run.joint_count = 2;
-  run.joints = {"left", "right"};
-  run.error_codes = {"", ""};
-  run.node_count = 1;
-  run.nodes = {"node"};
-  return run;
-}
-
-truth_t Truth() {
-  truth_t truth{};
-  truth.joint_count = truth.contact_count = 1;
-  truth.joints.resize(1);
-  truth.contacts.resize(1);
-  return truth;
-}
-
-template <typename Message>
-void ExpectOnlyWholeMessages(const Message& message) {
-  std::vector<std::uint8_t> bytes = Bytes(message);
-  Message read{};
-  EXPECT_TRUE(ReadMessage(bytes, read));
-  EXPECT_EQ(Bytes(read), bytes);
-  for (std::size_t size = 0; size < bytes.size(); ++size) {
-    EXPECT_FALSE(ReadMessage(std::span(bytes).first(size), read)) << size;
-  }
-  bytes.push_back(0);
-  EXPECT_FALSE(ReadMessage(bytes, read)) << "a byte too many";
-  EXPECT_FALSE(ReadMessage(std::vector<std::uint8_t>(70'000, 0), read));
-}
-
-TEST(ViewMessages, AreReadOnlyWhenTheyAreWhole) {
-  ExpectOnlyWholeMessages(State(1));
-  ExpectOnlyWholeMessages(About());
-  ExpectOnlyWholeMessages(Truth());
-  event_t event{};
-  event.text = "<b>";
-  ExpectOnlyWholeMessages(event);
-}
-
-/// Every number of 32 bits in a message becomes one that lengths must not be.
-template <typename Message>
-void ExpectNoSurpriseAfterAnyLength(const Message& message) {
-  const std::vector<std::uint8_t> good = Bytes(message);
-  for (const std::uint32_t length : {0x7fffffffU, 0x80000000U, 0xffffffffU, 1'000'000U, 65U}) {
-    for (std::size_t at = 8; at + 4 <= good.size(); ++at) {
-      std::vector<std::uint8_t> bytes = good;
-      for (std::size_t i = 0; i < 4; ++i) {
-        bytes[at + i] = static_cast<std::uint8_t>(length >> (24 - 8 * i));
-      }
-      Message read{};
-      if (ReadMessage(bytes, read)) {
-        EXPECT_EQ(Bytes(read).size(), bytes.size());
-      }
-    }
-  }
-}
-
-TEST(ViewMessages, SurviveAnyLength) {
-  ExpectNoSurpriseAfterAnyLength(State(1));
-  ExpectNoSurpriseAfterAnyLength(About());
-  ExpectNoSurpriseAfterAnyLength(Truth());
-}
-
-TEST(ViewMessages, HaveStatesAndFaultsThatThereAre) {
-  state_t read{};
-  for (const int wrong : {-1, 8, 127, -128}) {
-    state_t state = State(1);
-    state.state = static_cast<std::int8_t>(wrong);
-    EXPECT_FALSE(ReadMessage(Bytes(state), read));
-  }
-  for (const int wrong : {-1, 20, 127}) {
-    state_t state = State(1);
-    state.faults = 1;
-    state.fault = static_cast<std::int8_t>(wrong);
-    EXPECT_FALSE(ReadMessage(Bytes(state), read));
-  }
-}
+using testing::About;
+using testing::State;
 
 TEST(ViewedRun, HasTheErrorToTheSetpointThatAMeasurementAnswers) {
   ViewedRun run(nullptr);

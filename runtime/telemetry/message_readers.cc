@@ -1,4 +1,4 @@
-#include "offline/rehearsal/view/view_messages.h"
+#include "runtime/telemetry/message_readers.h"
 
 #include <cstddef>
 #include <exception>

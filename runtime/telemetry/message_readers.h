@@ -1,7 +1,10 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
+#include <utility>
 
 #include <tumbler/event_t.hpp>
 #include <tumbler/run_t.hpp>
@@ -10,8 +13,9 @@
 
 namespace tumbler {
 
-/// Readers of messages in datagrams that anybody may have sent. LCM's own readers make room for as
-/// many elements as a message claims to have, before they look whether it has them.
+/// Readers of messages that anybody may have sent or edited, in datagrams, logs and records. LCM's
+/// own readers make room for as many elements as a message claims to have, before they look whether
+/// it has them.
 ///
 /// @returns false, having changed nothing, unless the bytes are exactly one message of at most 64
 /// KiB, with at most 64 elements in each list and, in a state, at most 32 joints and numbers of
@@ -20,5 +24,13 @@ namespace tumbler {
 [[nodiscard]] bool ReadMessage(std::span<const std::uint8_t> bytes, event_t& message);
 [[nodiscard]] bool ReadMessage(std::span<const std::uint8_t> bytes, run_t& message);
 [[nodiscard]] bool ReadMessage(std::span<const std::uint8_t> bytes, truth_t& message);
+
+/// The same, of bytes of any kind. @returns nothing where that returns false.
+template <typename Message>
+[[nodiscard]] std::optional<Message> ReadMessage(const void* data, std::size_t size) {
+  std::optional<Message> message(std::in_place);
+  if (!ReadMessage({static_cast<const std::uint8_t*>(data), size}, *message)) message.reset();
+  return message;
+}
 
 }  // namespace tumbler
