@@ -44,6 +44,12 @@ std::string State() {
   return Json::Parse(status.text).value()["state"].text();
 }
 
+/// Expects a request to be carried out.
+void ExpectDone(const std::vector<std::string>& request) {
+  const Outcome answer = Ctl(request);
+  EXPECT_EQ(answer.exit_code, 0) << answer.text;
+}
+
 /// Waits until the run is in one of these states. @returns the last state that was seen.
 std::string WaitForState(const std::vector<std::string>& wanted) {
   std::string state;
@@ -108,23 +114,22 @@ TEST_F(TumblerCtl, StartsBranchesFinishesAndStartsAgain) {
     EXPECT_THAT(early.text, HasSubstr("not possible in this state"));
     EXPECT_EQ(State(), "disarmed") << "nothing moves by itself";
 
-    const Outcome start = Ctl({"start"});
-    EXPECT_EQ(start.exit_code, 0) << start.text;
+    ExpectDone({"start"});
     ASSERT_NE(WaitForState({"running", "settling"}), "disarmed");
     EXPECT_EQ(Ctl({"start"}).exit_code, 2);
     const Outcome wrong = Ctl({"branch", "rol"});
     EXPECT_EQ(wrong.exit_code, 2);
     EXPECT_THAT(wrong.text, HasSubstr("no branch 'rol'"));
-    EXPECT_EQ(Ctl({"branch", "roll"}).exit_code, 0);
+    ExpectDone({"branch", "roll"});
     ASSERT_EQ(WaitForState({"disarmed"}), "disarmed") << "the roll ends the sequence";
 
-    EXPECT_EQ(Ctl({"start"}).exit_code, 0);
+    ExpectDone({"start"});
     ASSERT_NE(WaitForState({"running", "settling"}), "disarmed");
-    EXPECT_EQ(Ctl({"stop"}).exit_code, 0);
+    ExpectDone({"stop"});
     ASSERT_EQ(WaitForState({"holding", "disarmed"}), "holding") << "it would drop";
     usleep(1'500'000);
     EXPECT_EQ(State(), "holding");
-    EXPECT_EQ(Ctl({"disarm"}).exit_code, 0);
+    ExpectDone({"disarm"});
     ASSERT_EQ(WaitForState({"disarmed"}), "disarmed");
     run->Signal(SIGINT);
     EXPECT_EQ(run->Wait(), 130) << run->text();
@@ -149,7 +154,7 @@ TEST_F(TumblerCtl, AsksTheRobotThatItsOptionNamesWhereThereAreTwo) {
     EXPECT_THAT(unclear.text, HasSubstr("'left'"));
     EXPECT_THAT(unclear.text, HasSubstr("'right'"));
     EXPECT_THAT(Ctl({"start", "--robot", "middle"}).text, HasSubstr("no robot 'middle' answers"));
-    EXPECT_EQ(Ctl({"start", "--robot", "right"}).exit_code, 0);
+    ExpectDone({"start", "--robot", "right"});
     EXPECT_NE(of("right"), "disarmed");
     EXPECT_EQ(of("left"), "disarmed");
   });
