@@ -74,9 +74,10 @@ class HoldPlay {
       for (std::size_t lane = 0; lane < kLaneCount; ++lane) {
         const double error_rad = std::abs(state_.q[kPitchRow].lane(lane) - study_.target_rad);
         fell_[lane] = fell_[lane] || !(error_rad < kFallen_rad);
-        if (loss != nullptr)
+        if (loss != nullptr) {
           loss[lane] += (fell_[lane] ? kFallenLoss : LossOf(lane, error_rad, restless)) /
                         static_cast<double>(ticks);
+        }
       }
     }
   }
@@ -149,8 +150,8 @@ double PacketLoss(const HoldStudy& study, const Feedback<double>& law, const Lan
   HoldPlay play(study, law, noise, packet);
   const LaneRobot<Packet>& robots = study.packets[packet].robots;
   std::array<double, kLaneCount> loss{};
-  const double left_s =
-      static_cast<double>(study.setpoints.size() / study.joints) * study.steps.tick_s;
+  const std::size_t left_ticks = study.setpoints.size() / study.joints;
+  const double left_s = static_cast<double>(left_ticks) * study.steps.tick_s;
   play.Advance(left_s + study.settle_s, robots, nullptr, false);
   play.Advance(kAlone_s, robots, loss.data(), true);
   const LaneRobot<Packet> pushed = Pushed(study, packet, errors ? kLeastPush : kLeastLargePush);

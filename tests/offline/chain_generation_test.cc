@@ -156,8 +156,9 @@ TEST(Gait, PrimitivesWereMadeFromTheTasksAndTheRobotBesideThem) {
   for (const std::string name :
        {"handstand", "downstand", "roll", "stand", "rise", "rise_from_leg1", "rise_from_leg2",
         "nominal/handstand", "nominal/downstand", "nominal/roll"}) {
-    const Provenance made = LoadPrimitive(folder + "primitives/" + name + ".toml").provenance;
-    EXPECT_EQ(made.task_file, "primitives/tasks/" + name + ".toml");
+    const Provenance made =
+        LoadPrimitive(fmt::format("{}primitives/{}.toml", folder, name)).provenance;
+    EXPECT_EQ(made.task_file, fmt::format("primitives/tasks/{}.toml", name));
     EXPECT_EQ(made.task_hash, HashOfText(ReadFile(folder + made.task_file))) << name;
     EXPECT_EQ(made.robot_hash, robot) << name;
     EXPECT_EQ(HashOfText(ReadFile(folder + made.robot_file)), robot) << name;
