@@ -1,6 +1,7 @@
 // Finds the gait's chain from nothing: every motion, each from the simulated exit of the one
 // before. Then plays the gait, and the roll out of a handstand.
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
