@@ -103,9 +103,7 @@ Scene Varied(Scene scene, const RobotVariation& v) {
   scene.contact.mu *= v.friction;
   scene.contact.stiffness_n_per_m *= v.stiffness;
   scene.contact.damping_n_s_per_m *= v.damping;
-  const double c = std::cos(v.slope_rad), s = std::sin(v.slope_rad);
-  const Plane::Vector g = robot.tree.gravity;
-  robot.tree.gravity = {c * g.x() + s * g.y(), c * g.y() - s * g.x()};
+  Tilt(robot, v.slope_rad);
   return scene;
 }
 

@@ -144,6 +144,12 @@ PlanarRobot ReduceToPlane(const Robot& robot) {
   return out;
 }
 
+void Tilt(PlanarRobot& robot, double slope_rad) {
+  const double c = std::cos(slope_rad), s = std::sin(slope_rad);
+  const Plane::Vector g = robot.tree.gravity;
+  robot.tree.gravity = {c * g.x() + s * g.y(), c * g.y() - s * g.x()};
+}
+
 PlanarRobot ParsePlanarRobot(const std::string& text, const std::string& file_name, RootKind root) {
   return ReduceToPlane(ParseRobot(text, file_name, root));
 }

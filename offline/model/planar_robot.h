@@ -58,6 +58,10 @@ struct PlanarRobot {
 /// it has more than Plane::kMaxDofs degrees of freedom, or one that moves no mass.
 PlanarRobot ReduceToPlane(const Robot& robot);
 
+/// Puts the robot on ground that rises to the right by this angle, in axes of which x is along the
+/// ground: gravity is turned the other way.
+void Tilt(PlanarRobot& robot, double slope_rad);
+
 /// `ReduceToPlane` of `ParseRobot`. @throws as these do.
 PlanarRobot ParsePlanarRobot(const std::string& text, const std::string& file_name, RootKind root);
 

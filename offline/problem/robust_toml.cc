@@ -91,6 +91,12 @@ std::optional<FeedbackSettings> ReadFeedbackSearch(TomlTable& robust, const Prob
   if (!table) return std::nullopt;
   FeedbackSettings settings;
   ReadKeys(*table, kFeedbackSearchKeys, settings);
+  if (problem.scene.robot.tree.gravity.x() != 0) {
+    table->Fail(
+        "",
+        "keeps an angle against the ground, and a sensor measures it against gravity; leave "
+        "out this table or slope_rad");
+  }
   const std::vector<std::string>& links = problem.scene.robot.body_names;
   if (std::ranges::find(links, settings.link) == links.end() || settings.link.empty()) {
     table->Fail("link", fmt::format("is '{}'; allowed: a link of the robot", settings.link));

@@ -59,6 +59,17 @@ inline constexpr std::array kTaskStartKeys = {
         .Allowed("-1000 to 1000, no shape inside an obstacle"),
 };
 
+/// The lie of the ground.
+struct TaskGround {
+  double slope_rad = 0;
+};
+inline constexpr std::array kTaskGroundKeys = {
+    KeyOf<&TaskGround::slope_rad>(
+        "slope_rad", {-0.7, 0.7},
+        "of the ground, upwards to the right: gravity is turned, and everything else, pitch and "
+        "targets too, is relative to the ground (`planar-xz`)"),
+};
+
 /// What holds a hinged root.
 struct TaskBar {
   double friction_nm_s_per_rad = 0;

@@ -111,6 +111,7 @@ class TaskReader {
     if (static_cast<int>(scene_.robot.tree.dofs.size()) == scene_.robot.root_dofs)
       root_.Fail("robot", "has no joint that moves; allowed: at least one");
     ReadJoints();
+    ReadSlope();
     ReadBar();
     if (std::optional<TomlTable> table = root_.OptionalTable("spline"))
       ReadKeys(*table, kSplineKeys, problem_);
@@ -274,6 +275,17 @@ class TaskReader {
                       "look at in every step; allowed: up to {}",
                       scene_.obstacles.size(), scene_.robot.shapes.size(), pairs, kMostPairs));
     }
+  }
+
+  void ReadSlope() {
+    TaskGround ground;
+    ReadKeys(root_, kTaskGroundKeys, ground);
+    if (ground.slope_rad == 0) return;
+    if (scene_.robot.root_dofs == 0 || scene_.robot.hinged()) {
+      root_.Fail("slope_rad",
+                 "is for robots that stand; allowed: with root = \"planar-xz\", or leave it out");
+    }
+    Tilt(scene_.robot, ground.slope_rad);
   }
 
   void ReadBar() {
@@ -494,7 +506,8 @@ std::vector<KeyTable> TaskKeyTables() {
            Joined({{RowOf(kTaskHeader)},
                    RowsOf(kNameKeys),
                    RowsOf(kTaskRobotKeys),
-                   RowsOf(kTaskTimeKeys)})},
+                   RowsOf(kTaskTimeKeys),
+                   RowsOf(kTaskGroundKeys)})},
           {source, "start", Joined({{joints}, RowsOf(kTaskStartKeys)})},
           {source, "bar", RowsOf(kTaskBarKeys)},
           {source, "spline", RowsOf(kSplineKeys)},
@@ -532,10 +545,11 @@ Task LoadTask(const std::string& path, const PrimitiveFile& before,
       StartPose{&before.exit, &before.primitive,
                 fmt::format("the exit of '{}' ({})", before.primitive.name.view(), before_path)});
   if (!SameGround(task.problem.scene, TaskOf(before).problem.scene)) {
-    throw FileError(before_path, 0, "provenance.task_toml",
-                    fmt::format("has other [contact] or [[obstacle]] than the task {}: the robot "
-                                "would not stay where it was left; give both the same",
-                                path));
+    throw FileError(
+        before_path, 0, "provenance.task_toml",
+        fmt::format("has other [contact], [[obstacle]] or slope than the task {}: the robot "
+                    "would not stay where it was left; give both the same",
+                    path));
   }
   task.start_file = before_path;
   task.start_hash = ContentHash(before);

@@ -18,7 +18,7 @@ constexpr double kTime_s = 5;
 /// Numerical air resistance. It shortens the rocking and has no effect at rest.
 constexpr double kAir_per_s = 5;
 constexpr std::size_t kRoot = 3;  // x, z and pitch
-constexpr std::size_t kZ = 1, kPitch = 2;
+constexpr std::size_t kX = 0, kZ = 1, kPitch = 2;
 
 /// The height of the root at which the lowest shape just reaches the compliant layer, by bisection.
 double LowestHeight(SceneDynamics& robot, const Scene& scene) {
@@ -39,13 +39,24 @@ double LowestHeight(SceneDynamics& robot, const Scene& scene) {
   return high;
 }
 
-bool AtRest(const SceneDynamics& robot) {
-  double speed = 0, acceleration = 0;
+/// Whether nothing moves any more. On a slope, friction that grows with the speed of slipping lets
+/// the robot creep. That counts as rest where dry friction would hold it, and it goes on evenly
+/// (but for the air), below the speed at which friction is fully there.
+bool AtRest(const SceneDynamics& robot, const Scene& scene) {
+  constexpr double kStill = 1e-7, kFree = 1e-5;
+  const Plane::Vector& g = scene.robot.tree.gravity;
+  const bool slope = g.x() != 0 && std::abs(g.x()) < scene.contact.mu * std::abs(g.y());
   for (std::size_t i = 0; i < kRoot; ++i) {
-    speed = std::max(speed, std::abs(robot.qd[i]));
-    acceleration = std::max(acceleration, std::abs(robot.qdd[i]));
+    const double speed = std::abs(robot.qd[i]), acceleration = std::abs(robot.qdd[i]);
+    if (slope && i == kX) {
+      if (!(speed < scene.contact.v_max_m_per_s &&
+            acceleration < kFree + 1.01 * kAir_per_s * speed))
+        return false;
+    } else if (!(speed < kStill && acceleration < kFree)) {
+      return false;
+    }
   }
-  return speed < 1e-7 && acceleration < 1e-5;
+  return true;
 }
 
 }  // namespace
@@ -89,7 +100,7 @@ std::vector<double> RestPose(const Scene& scene, std::vector<double> q) {
       robot.SetFree(y_s);
       robot.TouchAndSolve();
       robot.TakeSlope(k);
-      return step == 0 || !AtRest(robot);
+      return step == 0 || !AtRest(robot, scene);
     };
     const bool moved = StepSemiImplicitEuler(y, kRoot, kStep_s, slope, kAir_per_s);
     std::copy_n(y.begin(), kRoot, q.begin());

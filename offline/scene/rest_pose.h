@@ -24,7 +24,8 @@ double TurnFromHanging(const Scene& scene, std::span<const double> q);
 double RestingPitch(const Scene& scene, std::span<const double> q);
 
 /// Finds the pose in which the robot rests on the obstacles. A simulation puts the robot just above
-/// them, lets it go, and holds its joints until nothing moves any more.
+/// them, lets it go, and holds its joints until nothing moves any more, or, on a slope, until it
+/// only creeps along the ground as the law of friction allows.
 /// @param q  positions of all degrees of freedom [m, rad]. The joints keep theirs. The root begins
 ///           with its x and pitch, which change as the robot settles; its height is not used.
 /// @pre The root is planar, and all joints are prescribed.

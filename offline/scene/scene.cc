@@ -12,7 +12,8 @@ const std::string& TouchedName(const Scene& scene, const ActiveContact<Plane>& c
 }
 
 bool SameGround(const Scene& a, const Scene& b) {
-  return a.contact == b.contact && a.obstacles == b.obstacles && a.bar == b.bar;
+  return a.contact == b.contact && a.obstacles == b.obstacles && a.bar == b.bar &&
+         a.robot.tree.gravity == b.robot.tree.gravity;
 }
 
 std::vector<double> PositionsIn(const PrimitivePose& pose, const PlanarRobot& robot) {

@@ -1,14 +1,30 @@
 #include "runtime/assembly/run_settings.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <stdexcept>
 #include <variant>
 #include <vector>
 
 #include "runtime/assembly/faults_toml.h"
 
 namespace tumbler {
+
+int BeginningNamed(const SequenceGraph<float>& graph, const std::string& name) {
+  if (name.empty()) return -1;
+  const int node = graph.FindNode(name);
+  if (node >= 0 && graph.MayBegin(node)) return node;
+  std::string names(graph.node(graph.start).name.view());
+  for (const SequenceBeginning<float>& beginning : graph.beginnings()) {
+    if (beginning.node != graph.start)
+      names += fmt::format(", {}", graph.node(beginning.node).name.view());
+  }
+  throw std::invalid_argument(fmt::format("a run of {} cannot begin with '{}'; allowed: {}",
+                                          graph.name.view(), name, names));
+}
 
 JointConfig JointConfigOf(const DriveEntry& entry) {
   JointConfig config;

@@ -28,6 +28,10 @@ struct RunSettings {
   double start_within_rad = 1;  ///< ExecutorConfig::start_way_max_rad.
 };
 
+/// The node of that name, with which a run of this motion begins; -1 for an empty name.
+/// @throws std::invalid_argument  when it cannot, with the names that are allowed.
+[[nodiscard]] int BeginningNamed(const SequenceGraph<float>& graph, const std::string& name);
+
 /// The executor's settings for the joint of this drive: gains and temperature limit.
 [[nodiscard]] JointConfig JointConfigOf(const DriveEntry& entry);
 

@@ -136,15 +136,11 @@ int BranchNumber(const RunOptions& options, const SequenceGraph<float>& graph) {
 
 /// The node that --from names; -1 without one.
 int BeginningNumber(const RunOptions& options, const SequenceGraph<float>& graph) {
-  if (options.from.empty()) return -1;
-  const int node = graph.FindNode(options.from);
-  if (node >= 0 && graph.MayBegin(node)) return node;
-  std::vector<std::string_view> names = {graph.node(graph.start).name.view()};
-  for (const SequenceBeginning<float>& beginning : graph.beginnings()) {
-    if (beginning.node != graph.start) names.push_back(graph.node(beginning.node).name.view());
+  try {
+    return BeginningNamed(graph, options.from);
+  } catch (const std::invalid_argument& error) {
+    throw std::runtime_error(fmt::format("--from: {}: {}", options.motion, error.what()));
   }
-  throw std::runtime_error(fmt::format("--from: a run of {} cannot begin with '{}'; allowed: {}",
-                                       options.motion, options.from, fmt::join(names, ", ")));
 }
 
 RunSettings SettingsOf(const RunOptions& options, const SequenceGraph<float>& graph) {

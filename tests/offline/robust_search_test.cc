@@ -266,6 +266,11 @@ TEST(RobustTask, TheKeysOfAFeedbackAreReadAndItsLinkHasToBeOne) {
             std::string::npos);
   EXPECT_NE(RefusalOf(QuickRobustTask("[robust.feedback]\npush_n = 2.0\n")).find("link"),
             std::string::npos);
+  const std::string sloping =
+      testing::Replaced(QuickRobustTask("[robust.feedback]\nlink = \"middle\"\n"),
+                        "root = ", "slope_rad = 0.05\nroot = ");
+  EXPECT_NE(RefusalOf(sloping).find("a sensor measures it against gravity"), std::string::npos)
+      << RefusalOf(sloping);
 }
 
 TEST(RobustTask, BoundsOfTheDurationComeInPairsAroundTheTasksOwn) {

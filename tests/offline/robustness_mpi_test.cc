@@ -1,10 +1,10 @@
-// A study of robots that several processes share.
+// Studies of robots and grids of tasks that several processes share.
 
 #include <gtest/gtest.h>
 
 #include <string>
 
-#include "offline/rehearsal/robustness/processes.h"
+#include "offline/work/processes.h"
 #include "tests/support/files.h"
 #include "tests/support/program.h"
 
@@ -48,6 +48,26 @@ TEST(RobustnessProcesses, AFileThatOnlyTheFirstReadsEndsAllWhenItCannotBeUsed) {
                                                        Study("--checkpoint " + (folder / "notes")));
   EXPECT_NE(outcome.exit_code, 0);
   EXPECT_NE(outcome.text.find("is no checkpoint"), std::string::npos) << outcome.text;
+}
+
+TEST(SweepProcesses, OneAndTwoOfThemGiveTheBytesOfTheProgramAlone) {
+  const testing::TemporaryFolder folder;
+  const auto sweep = [&](const std::string& name) {
+    return "tumbler-sweep " + testing::SourcePath("primitives/tasks/nominal/handstand.toml") +
+           " --over mass=0.98,1.02,30 --guess " +
+           testing::SourcePath("primitives/nominal/handstand.toml") + " --out " + (folder / name) +
+           " --json - 2>/dev/null";
+  };
+  const testing::Outcome alone = testing::RunInShell(sweep("alone"));
+  ASSERT_NE(alone.text.find("\"found\": true"), std::string::npos) << alone.text;
+  for (const std::string processes : {"1", "2"}) {
+    const testing::Outcome together =
+        testing::RunInShell(Mpirun(processes) + "timeout 100 " + sweep(processes));
+    EXPECT_EQ(together.exit_code, 0);
+    EXPECT_EQ(together.text, alone.text) << processes;
+    EXPECT_EQ(testing::ReadFile(folder / (processes + "/handstand-0001.toml")),
+              testing::ReadFile(folder / "alone/handstand-0001.toml"));
+  }
 }
 
 }  // namespace

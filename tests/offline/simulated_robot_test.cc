@@ -5,6 +5,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <memory>
 #include <stdexcept>
@@ -12,6 +13,7 @@
 #include <vector>
 
 #include "firmware_interface/drives/mit.h"
+#include "firmware_interface/sensors/xsens_mti.h"
 #include "tests/support/files.h"
 #include "tests/support/nominal_gait.h"
 
@@ -65,6 +67,25 @@ SimulatedRobotConfig Aloft() {
   start.root_z_m = 50;
   config.start = start;
   return config;
+}
+
+TEST(SimulatedRobot, TheSensorMeasuresAgainstGravityAndNotAgainstAGroundThatRises) {
+  const auto measured_pitch_rad = [](double slope_rad) {
+    SimulatedRobotConfig config = Aloft();
+    config.scene = Gait().scene();
+    Tilt(config.scene->robot, slope_rad);
+    RobotRig rig(config,
+                 LoadDrives(testing::SourcePath("primitives/robots/tumbler_drives_sensor.toml")));
+    XsensMti sensor;
+    rig.robot.AdvanceTo(20 * kMs);
+    ReceivedFrame received;
+    while (rig.host.Receive(received) == Status::kOk) sensor.Decode(received.frame);
+    const std::array<float, 4>& attitude = sensor.reading().attitude;  // about -y
+    return -2 * std::atan2(attitude[2], attitude[0]);
+  };
+  const double flat = measured_pitch_rad(0);
+  EXPECT_NEAR(measured_pitch_rad(0.1) - flat, 0.1, 1e-3);
+  EXPECT_NEAR(measured_pitch_rad(-0.2) - flat, -0.2, 1e-3);
 }
 
 TEST(SimulatedRobot, IsHeldUntilAllDrivesAreEnabledAndPutBackWhenItIsPickedUp) {

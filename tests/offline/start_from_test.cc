@@ -114,11 +114,14 @@ TEST(StartFrom, AnotherRobotIsRefused) {
 }
 
 TEST(StartFrom, AnotherGroundIsRefused) {
-  EXPECT_THAT(Refusal(Replaced(TaskBack(), "mu = ", "mu = 0.4  # "), TheOneBefore()),
-              HasSubstr("before.toml: provenance.task_toml: has other [contact] or [[obstacle]]"));
+  EXPECT_THAT(
+      Refusal(Replaced(TaskBack(), "mu = ", "mu = 0.4  # "), TheOneBefore()),
+      HasSubstr("before.toml: provenance.task_toml: has other [contact], [[obstacle]] or slope"));
   EXPECT_THAT(
       Refusal(Replaced(TaskBack(), "point_m = [0.0, 0.0]", "point_m = [0.0, 0.1]"), TheOneBefore()),
-      HasSubstr("has other [contact] or [[obstacle]]"));
+      HasSubstr("has other [contact], [[obstacle]] or slope"));
+  EXPECT_THAT(Refusal(Replaced(TaskBack(), "root = ", "slope_rad = 0.05\nroot = "), TheOneBefore()),
+              HasSubstr("or slope"));
 }
 
 TEST(StartFrom, TheProgramRecordsItAndNamesWhatDoesNotFit) {

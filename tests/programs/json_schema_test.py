@@ -27,6 +27,8 @@ RUNS = [
     ("tumbler-robustness", f"{MOTIONS}/nominal/gait.toml --cycles 1 --robots 2", 0),
     ("tumbler-optimize", f"{MOTIONS}/tasks/nominal/downstand.toml --start-from {MOTIONS}/nominal/handstand.toml", 0),
     ("tumbler-optimize", "QUICK OTHER --minima 1", None),
+    ("tumbler-sweep", "QUICK --over contact.mu=0.3,0.31 --over mass=1,30 --out LIBRARY --guess "
+        f"{MOTIONS}/nominal/handstand.toml", 0),
 ] + [
     ("tumbler-bench", f"sim {command} --drives {MOTIONS}/robots/{drives}.toml --motion {MOTIONS}/nominal/handstand.toml", 0)
     for drives, commands in {
@@ -64,6 +66,7 @@ class Schemas(unittest.TestCase):
                 "QUICK": folder / "handstand.toml",
                 "OTHER": folder / "other.toml",
                 "DRIVES": folder / "drives.toml",
+                "LIBRARY": folder / "library",
             }
             for program, arguments, status in RUNS:
                 words_of_it = [str(words.get(word, word)) for word in arguments.split()]

@@ -113,10 +113,12 @@ void BindSimulate(py::module_& module) {
            [](const SimulatedRun& self) { return "<tumbler.Run " + self.outcome + ">"; });
   module.def(
       "simulate",
-      [](const py::object& motion, int cycles, const std::string& branch, double speed,
-         double hold_s, const FilePath& twin, const FilePath& drives, const FilePath& faults,
-         const FilePath& bus_faults, const FilePath& record) {
+      [](const py::object& motion, int cycles, const std::string& branch,
+         const std::string& from_node, double speed, double hold_s, const FilePath& twin,
+         const FilePath& drives, const FilePath& faults, const FilePath& bus_faults,
+         const FilePath& record) {
         SimulatedRunPlan plan;
+        plan.from_node = from_node;
         plan.drives = NameOf(drives);
         plan.twin = NameOf(twin);
         plan.faults = NameOf(faults);
@@ -129,14 +131,14 @@ void BindSimulate(py::module_& module) {
         return Simulate(motion, std::move(plan));
       },
       py::arg("motion"), py::kw_only(), py::arg("cycles") = 0, py::arg("branch") = "",
-      py::arg("speed") = 1.0, py::arg("hold_s") = 2.0, py::arg("twin") = py::none(),
-      py::arg("drives") = py::none(), py::arg("faults") = py::none(),
+      py::arg("from_node") = "", py::arg("speed") = 1.0, py::arg("hold_s") = 2.0,
+      py::arg("twin") = py::none(), py::arg("drives") = py::none(), py::arg("faults") = py::none(),
       py::arg("bus_faults") = py::none(), py::arg("record") = py::none(),
       "Plays a Primitive, or the file of a primitive or a sequence, through the runtime, "
       "simulated\n"
-      "drives and the twin, as `tumbler-run sim` does. `record` keeps the flight record in a "
-      "file,\n"
-      "which must not exist. Throws FileError, Refused.");
+      "drives and the twin, as `tumbler-run sim` does. `from_node` is its --from. `record` keeps "
+      "the\n"
+      "flight record in a file, which must not exist. Throws FileError, Refused.");
 }
 
 /// What became of robots that are not the model.

@@ -106,6 +106,11 @@ RunSummary SimulateRun(const SimulatedRunPlan& asked, const std::atomic<bool>& s
   Assembly assembly(LoadPartsOf(plan, simulation, files.reader()));
   const RunParts& parts = assembly.parts();
   plan.settings.branch = BranchOf(parts.file, plan.motion, plan.branch, plan.settings.cycles);
+  try {
+    plan.settings.begin = BeginningNamed(parts.sequence->graph, plan.from_node);
+  } catch (const std::invalid_argument& error) {
+    throw std::invalid_argument(fmt::format("from_node: {}: {}", plan.motion, error.what()));
+  }
   ExecutorConfig executor = ExecutorConfigOf(plan.settings, parts.drives);
   if (!plan.faults.empty()) LoadFaultsOf(parts, plan.faults, executor);
   if (assembly.Configure(executor) != Status::kOk)
@@ -118,6 +123,7 @@ RunSummary SimulateRun(const SimulatedRunPlan& asked, const std::atomic<bool>& s
   SimulatedWorldConfig world_config;
   world_config.twin_file = plan.twin;
   world_config.bus_faults = plan.bus_faults;
+  world_config.begin = plan.settings.begin;
   world_config.truth_sink = [&recorder](std::span<const std::uint8_t> truth) {
     if (recorder != nullptr) recorder->PushTruth(truth);
   };

@@ -17,7 +17,8 @@ struct SimulatedRunPlan {
   std::string faults;      ///< Reactions to faults.
   std::string bus_faults;  ///< Disturbances of the bus.
   std::string branch;      ///< Taken once the cycles are done; empty: none.
-  RunSettings settings;    ///< Its branch follows from `branch`.
+  std::string from_node;   ///< With which the run begins, the robot lying as at its start.
+  RunSettings settings;    ///< Its branch and beginning follow from these.
   std::string record;      ///< Where the flight record goes. The file must not exist.
 };
 
@@ -28,7 +29,8 @@ int BranchOf(const SequenceFile& motion, const std::string& path, const std::str
 
 /// Plays the motion as `tumbler-run sim` does with the same files, in virtual time.
 /// @param stop  ends the run where it is, by an exception that nobody need look at.
-/// @throws FileError, Refused and std::runtime_error  as `tumbler-run` does.
+/// @throws FileError, Refused and std::runtime_error  as `tumbler-run` does, and
+/// std::invalid_argument  as BranchOf and BeginningNamed.
 RunSummary SimulateRun(const SimulatedRunPlan& plan, const std::atomic<bool>& stop);
 
 }  // namespace tumbler

@@ -2,8 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <cstdio>
-#include <filesystem>
 #include <optional>
 #include <stdexcept>
 #include <vector>
@@ -18,8 +16,6 @@
 namespace tumbler {
 namespace {
 
-constexpr const char* kFormat = "tumbler-robots";
-constexpr int kVersion = 2;
 using Verdict = TrialOutcome::Verdict;
 
 std::optional<Verdict> VerdictOf(std::string_view name) {
@@ -33,39 +29,6 @@ bool Equal(const TrialOutcome& a, const TrialOutcome& b) {
   return a.verdict == b.verdict && a.motions == b.motions && a.in == b.in && a.reason == b.reason &&
          a.left_s == b.left_s && a.rests == b.rests && a.drops == b.drops &&
          a.lies_rad == b.lies_rad && a.begun == b.begun;
-}
-
-/// The lines that are whole.
-std::string_view WholeLines(std::string_view text) {
-  const std::size_t last = text.rfind('\n');
-  return last == std::string_view::npos ? std::string_view() : text.substr(0, last + 1);
-}
-
-void Parse(std::string_view text, const std::string& path, const std::string& identity,
-           Outcomes& outcomes) {
-  const std::size_t end = text.find('\n');
-  const std::optional<Json> head = Json::Parse(text.substr(0, end));
-  const Json* format = head ? head->Find("format") : nullptr;
-  const Json* version = head ? head->Find("version") : nullptr;
-  const Json* study = head ? head->Find("study") : nullptr;
-  if (end == std::string_view::npos || format == nullptr || !(*format == Json(kFormat)) ||
-      version == nullptr || study == nullptr || !study->is_text()) {
-    throw FileError(
-        path, 1, "",
-        "is no checkpoint of tumbler-robustness; name another file, or remove this one");
-  }
-  if (!(*version == Json(kVersion))) {
-    throw FileError(
-        path, 1, "version",
-        fmt::format("is {}, and this build reads {} only", version->Dump(-1), kVersion));
-  }
-  if (study->text() != identity) {
-    throw FileError(
-        path, 1, "study",
-        "is about other robots: motion, drives, seed, spreads or another option differ; "
-        "name another file, or remove this one");
-  }
-  ReadCheckpointLines(text.substr(end + 1), path, 2, outcomes);
 }
 
 }  // namespace
@@ -87,8 +50,14 @@ std::string IdentityOf(const RobustnessStudy& study) {
   return HashOfText(text);
 }
 
-std::string CheckpointHead(const std::string& identity) {
-  return Json({{"format", kFormat}, {"version", kVersion}, {"study", identity}}).Dump(-1) + "\n";
+WorkFile::Work CheckpointOf(const std::string& identity) {
+  return {.format = "tumbler-robots",
+          .version = 2,
+          .identity = identity,
+          .program = "tumbler-robustness",
+          .differs =
+              "is about other robots: motion, drives, seed, spreads or another option "
+              "differ"};
 }
 
 std::string CheckpointLine(std::uint64_t index, const TrialOutcome& outcome) {
@@ -139,36 +108,6 @@ void ReadCheckpointLines(std::string_view text, const std::string& name, std::ui
                       fmt::format("{} has another outcome elsewhere; remove the files", *robot));
     }
   }
-}
-
-Outcomes Checkpoint::Read(const std::string& path, const std::string& identity) {
-  const std::string text = ReadTextFile(path);
-  Outcomes outcomes;
-  Parse(WholeLines(text), path, identity, outcomes);
-  return outcomes;
-}
-
-Checkpoint::Checkpoint(const std::string& path, const std::string& identity, Outcomes& outcomes)
-    : path_(path) {
-  std::string text;
-  if (std::filesystem::exists(path)) text = ReadTextFile(path);
-  const std::string_view whole = WholeLines(text);
-  if (!whole.empty()) {
-    Parse(whole, path, identity, outcomes);
-    if (whole.size() != text.size()) std::filesystem::resize_file(path, whole.size());
-    return;
-  }
-  if (!text.empty() && CheckpointHead(identity).rfind(text, 0) != 0)
-    throw FileError(path, 1, "", "is no checkpoint of tumbler-robustness; name another file");
-  PendingFile file(path, CheckpointHead(identity));
-  file.Commit();
-}
-
-void Checkpoint::Add(const std::string& lines) {
-  std::FILE* const file = std::fopen(path_.c_str(), "a");
-  if (file == nullptr) throw FileError(path_, 0, "", "cannot be written");
-  const bool whole = std::fwrite(lines.data(), 1, lines.size(), file) == lines.size();
-  if (std::fclose(file) != 0 || !whole) throw FileError(path_, 0, "", "cannot be written whole");
 }
 
 }  // namespace tumbler

@@ -6,6 +6,7 @@
 #include <string_view>
 
 #include "offline/rehearsal/robustness/trial.h"
+#include "offline/work/work_file.h"
 
 namespace tumbler {
 
@@ -16,9 +17,10 @@ using Outcomes = std::map<std::uint64_t, TrialOutcome>;
 /// and were told. @throws FileError
 std::string IdentityOf(const RobustnessStudy& study);
 
-/// The first line of a checkpoint file, and that of a robot. Each is one JSON object with a line
-/// feed.
-std::string CheckpointHead(const std::string& identity);
+/// The file in which the outcomes of a study are kept as they are found. Its lines have no order.
+WorkFile::Work CheckpointOf(const std::string& identity);
+
+/// The line of a robot: one JSON object with a line feed.
 std::string CheckpointLine(std::uint64_t index, const TrialOutcome& outcome);
 
 /// Reads lines of robots. @param name, line  of the file, and of its first line there, for
@@ -26,24 +28,5 @@ std::string CheckpointLine(std::uint64_t index, const TrialOutcome& outcome);
 /// @throws FileError  when a line is not one, or contradicts another.
 void ReadCheckpointLines(std::string_view text, const std::string& name, std::uint32_t line,
                          Outcomes& outcomes);
-
-/// Outcomes in a file, which grows while they are found, so that a work that was ended goes on
-/// where it was. The file's lines have no order.
-class Checkpoint {
- public:
-  /// Reads a checkpoint. A last line without a line feed was being written when the program ended,
-  /// and does not count.
-  /// @throws FileError  when the file cannot be used, or is about another study.
-  static Outcomes Read(const std::string& path, const std::string& identity);
-
-  /// Opens a file for more lines, and makes it where it is missing; with what `outcomes` gets of
-  /// it. A broken last line is taken away. @throws FileError  as Read.
-  Checkpoint(const std::string& path, const std::string& identity, Outcomes& outcomes);
-  /// Adds lines, which are on disk when this returns. @throws FileError
-  void Add(const std::string& lines);
-
- private:
-  std::string path_;
-};
 
 }  // namespace tumbler

@@ -66,14 +66,15 @@ class Player {
 
 /// What the plan's files have, as lines of a checkpoint.
 std::string KnownLines(const WorkPlan& plan, const std::string& identity,
-                       std::optional<Checkpoint>& checkpoint) {
+                       std::optional<WorkFile>& checkpoint) {
+  const WorkFile::Work work = CheckpointOf(identity);
   Outcomes known;
-  if (!plan.checkpoint.empty()) checkpoint.emplace(plan.checkpoint, identity, known);
-  for (const std::string& path : plan.merged) {
-    for (const auto& [index, outcome] : Checkpoint::Read(path, identity))
-      ReadCheckpointLines(CheckpointLine(index, outcome), path, 1, known);
-  }
   std::string lines;
+  if (!plan.checkpoint.empty()) checkpoint.emplace(plan.checkpoint, work, lines);
+  ReadCheckpointLines(lines, plan.checkpoint, 2, known);
+  for (const std::string& path : plan.merged)
+    ReadCheckpointLines(WorkFile::Read(path, work), path, 2, known);
+  lines.clear();
   for (const auto& [index, outcome] : known) lines += CheckpointLine(index, outcome);
   return lines;
 }
@@ -239,7 +240,7 @@ std::vector<Lies> RobustnessResult::HowTheyLay() const {
 
 WorkDone RunStudy(const RobustnessStudy& study, const WorkPlan& plan, const Processes& processes) {
   const std::string identity = IdentityOf(study);
-  std::optional<Checkpoint> checkpoint;
+  std::optional<WorkFile> checkpoint;
   Outcomes known;
   ReadCheckpointLines(
       processes.FromFirst(processes.rank() == 0 ? KnownLines(plan, identity, checkpoint)

@@ -11,8 +11,8 @@
 
 #include "common/json.h"
 #include "common/share.h"
-#include "offline/rehearsal/robustness/processes.h"
 #include "offline/rehearsal/robustness/trial.h"
+#include "offline/work/processes.h"
 
 namespace tumbler {
 

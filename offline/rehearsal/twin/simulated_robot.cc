@@ -89,6 +89,8 @@ SimulatedRobot::SimulatedRobot(const SimulatedMotion& simulated, const DrivesCon
                                   "', which the robot does not have");
     }
     sensor_chain_ = found->joints;
+    const Plane::Vector& gravity = scene.robot.tree.gravity;
+    if (gravity.x() != 0) slope_rad_ = std::atan2(-gravity.x(), -gravity.y());
     sensor_ = std::make_unique<SimulatedSensor>(*drives.sensor, config.sensor);
     sensor_->AttachTo(bus_);
   }
@@ -116,7 +118,8 @@ void SimulatedRobot::AdvanceTo(std::int64_t time_ns) {
 
 void SimulatedRobot::Measure() {
   const TwinState state = twin_->state();
-  double pitch_rad = state.root_pitch_rad;
+  // A sensor measures against gravity.
+  double pitch_rad = state.root_pitch_rad + slope_rad_;
   double rate_rad_s = state.root_pitch_rate_rad_s;
   for (std::size_t j = 0; j < sensor_chain_.size(); ++j) {
     pitch_rad += sensor_chain_[j] * state.joint_positions_rad[j];

@@ -90,6 +90,7 @@ class SimulatedRobot {
   std::vector<std::unique_ptr<SimulatedDrive>> drives_;
   std::unique_ptr<SimulatedSensor> sensor_;  ///< Null: there is none.
   std::vector<double> sensor_chain_;         ///< By how much its link turns with each joint.
+  double slope_rad_ = 0;                     ///< Of the ground, to which the twin's pitch refers.
   std::unique_ptr<Twin> twin_;
   std::unique_ptr<PostureWatch> posture_;
   std::int64_t now_ns_ = 0;

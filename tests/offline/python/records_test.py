@@ -97,6 +97,16 @@ class Simulations(support.WithFolder):
         self.assert_same_ticks(run.record.columns, self.run_of_program(HANDSTAND)[0].columns)
         self.assertGreater(run.record.truth["root_z_m"].size, 1000)
 
+    def test_begin_where_the_program_begins(self):
+        motion = support.PRIMITIVES / "get_up.toml"
+        run = tumbler.simulate(motion, from_node="rise")
+        record, summary = self.run_of_program(motion, "--from", "rise")
+        self.assert_same_ticks(run.record.columns, record.columns)
+        self.assert_same_ticks(run.record.truth, record.truth)
+        self.assertEqual(run.summary["passages"][0]["node"], "rise")
+        with self.assertRaisesRegex(ValueError, "from_node: .*get_up.toml: .*'nowhere'; allowed: .*rise"):
+            tumbler.simulate(motion, from_node="nowhere")
+
     def test_refuse_what_does_not_suit_the_motion(self):
         gait = support.PRIMITIVES / "nominal/gait.toml"
         for arguments in (

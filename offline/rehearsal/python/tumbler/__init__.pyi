@@ -232,6 +232,7 @@ def simulate(
     *,
     cycles: int = 0,
     branch: str = "",
+    from_node: str = "",
     speed: float = 1.0,
     hold_s: float = 2.0,
     twin: str | os.PathLike[str] | None = None,

@@ -1,4 +1,4 @@
-#include "offline/rehearsal/robustness/processes.h"
+#include "offline/work/processes.h"
 
 #include <cstddef>
 #include <cstdlib>
@@ -75,8 +75,7 @@ Processes::Processes() : together_(StartedTogether()) {
   if (together_) {
     throw std::runtime_error(
         "this build has no MPI, so that each process would do the whole work: install "
-        "libopenmpi-dev "
-        "and configure again, or split the work with --shard");
+        "libopenmpi-dev and configure again, or start the program without mpirun");
   }
 }
 
