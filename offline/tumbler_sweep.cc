@@ -121,9 +121,10 @@ SweepStudy StudyOf(const Arguments& arguments) {
 /// Checks the files before the work.
 void Check(const Arguments& arguments, const SweepStudy& study, const SweepPlan& plan) {
   if (!arguments.guess.empty()) {
-    if (arguments.seed)
+    if (arguments.seed) {
       throw UsageError("--guess",
                        "takes the place of the search that --seed is about; leave one out");
+    }
     static_cast<void>(LoadPrimitive(arguments.guess));
   }
   CheckFolderWritable(plan.folder);

@@ -89,7 +89,7 @@ GridAxis ReadAxis(const std::string& text) {
     if (*count != std::floor(*count) || *count < 2 || *count > TaskGrid::kMostPoints)
       fail(fmt::format("has a count that is no whole number of 2 to {}", TaskGrid::kMostPoints));
     // As one would write them: 0.05, not the 0.05000000000000002 of the sum.
-    for (double k = 0; k < *count; ++k) {
+    for (int k = 0; k < static_cast<int>(*count); ++k) {
       const double value = *from + (*to - *from) * (k / (*count - 1));
       axis.values.push_back(*ToNumber(fmt::format("{:.12g}", value)));
     }
@@ -112,9 +112,10 @@ TaskGrid::TaskGrid(const std::string& task_file, std::vector<GridAxis> axes)
   if (axes_.empty()) throw std::invalid_argument("no quantity is varied; name one with --over");
   for (const GridAxis& axis : axes_) {
     const auto same = [&](const GridAxis& other) { return other.of == axis.of; };
-    if (std::count_if(axes_.begin(), axes_.end(), same) > 1)
+    if (std::count_if(axes_.begin(), axes_.end(), same) > 1) {
       throw std::invalid_argument(
           fmt::format("{} is varied twice; give all its values at once", axis.of));
+    }
     CheckAxis(axis, base_);
     if (static_cast<int>(axis.values.size()) > kMostPoints / size_) {
       throw std::invalid_argument(

@@ -69,13 +69,11 @@ std::size_t PlaceOf(std::string_view text, toml::source_position at) {
   return place;
 }
 
-double ValueOf(const toml::node& node) { return *node.value<double>(); }
-
 }  // namespace
 
 double NumberAt(const std::string& text, const std::string& name, const std::string& path) {
   const toml::table root = ParsedToml(text, name);
-  return ValueOf(NumberNode(root, name, path));
+  return NumberNode(root, name, path).value_or(0.0);
 }
 
 std::string WithNumber(const std::string& text, const std::string& name, const std::string& path,
