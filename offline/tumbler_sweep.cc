@@ -131,7 +131,7 @@ void Check(const Arguments& arguments, const SweepStudy& study, const SweepPlan&
   if (!arguments.json.empty() && arguments.json != "-") CheckWritable(arguments.json);
   std::vector<std::string> files = FilesOf(study, plan);
   files.push_back(arguments.json);
-  CheckDistinct({arguments.task, study.grid.base().robot_file}, files);
+  CheckDistinct({arguments.task, study.grid.base().robot_file, arguments.guess}, files);
 }
 
 ExitStatus Sweep(const Arguments& arguments, const Processes& processes) {

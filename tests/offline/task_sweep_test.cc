@@ -160,6 +160,8 @@ TEST(SweepCli, RefusesWhatItCannotDoBeforeAnyWork) {
   refused({"--over", "mass=1", "--guess", folder / "no.toml"}, "cannot be opened");
   refused({"--over", "mass=1", "--guess", folder / "no.toml", "--seed", "1"}, "--guess");
   refused({"--over", "mass=1", "--json", folder.task_file()}, "task.toml");
+  const std::string guess = testing::SourcePath("primitives/nominal/handstand.toml");
+  refused({"--over", "mass=1", "--json", guess, "--guess", guess}, "nominal/handstand.toml");
   refused({"--over", "mass=1", "--json", folder / "library/library.json"}, "library.json");
 }
 
