@@ -18,6 +18,14 @@ class LampHop {
   LampHop() : problem_(LoadTask(testing::SourcePath("primitives/tasks/lamp_hop.toml")).problem) {
     problem_.search.seed = 4;
   }
+  /// So few evaluations that the hop is hardly begun: enough to say what one costs.
+  static LampHop Begun() {
+    LampHop hop;
+    hop.problem_.search.refine = 1;
+    hop.problem_.solver.screen_evaluations = 20;
+    hop.problem_.solver.max_evaluations = 60;
+    return hop;
+  }
   [[nodiscard]] SolveOutcome Find(bool general) const {
     SolveOptions options;
     // Both models are given, so that both solves take the same equal steps.
