@@ -116,7 +116,7 @@ void Declare(CommandLine& line, Arguments& arguments) {
   line.Option("--merge", plan.merged, "Take outcomes from this checkpoint, too; may be repeated")
       .TakesOneValueEachTime();
   line.Flag("--certify", arguments.certify,
-            "Write the share into the primitive's file, or into those of the sequence");
+            "Write the share into the primitive's file, or into those that the sequence plays");
   line.Option("--report", arguments.report, "Write a page, index.html, into this folder");
   line.Option("--json", arguments.json,
               "Write figures as JSON to this file, or to standard output for -");

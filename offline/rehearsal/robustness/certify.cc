@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <list>
+#include <set>
 
 #include "common/primitive_hash.h"
 #include "common/result_file.h"
@@ -28,6 +29,24 @@ bool SameQuestion(const RobustnessFigure& a, const RobustnessFigure& b) {
   return a.motion == b.motion && a.cycles == b.cycles && a.scale == b.scale &&
          a.spreads == b.spreads && a.hold_s == b.hold_s && a.where == b.where &&
          a.drives_file == b.drives_file;
+}
+
+/// The hashes of the primitives that a study plays: of the nodes to which the start leads without a
+/// branch. A robot that stands begins with the start.
+std::vector<std::string> HashesOfPlayed(const SequenceFile& motion) {
+  std::set<int> reached;
+  std::vector<int> nodes = {motion.graph.start};
+  std::vector<std::string> hashes;
+  while (!nodes.empty()) {
+    const int node = nodes.back();
+    nodes.pop_back();
+    if (!reached.insert(node).second) continue;
+    hashes.push_back(ContentHash(motion.PrimitiveOf(node)));
+    for (const SequenceEdge<double>& edge : motion.graph.edges()) {
+      if (edge.from == node && edge.when != EdgeCondition::kBranch) nodes.push_back(edge.to);
+    }
+  }
+  return hashes;
 }
 
 }  // namespace
@@ -65,18 +84,21 @@ void PutFigure(const RobustnessFigure& figure, std::vector<RobustnessFigure>& fi
 
 std::vector<std::string> Certify(const RobustnessResult& result) {
   const RobustnessFigure figure = FigureOf(result);
-  std::vector<std::string> inputs;
-  LoadMotion(result.study.motion, NotingReader(inputs));
+  std::vector<std::string> inputs, written;
+  const SequenceFile motion = LoadMotion(result.study.motion, NotingReader(inputs));
+  const std::vector<std::string> played = HashesOfPlayed(motion);
   // The sequence itself has no certificate.
   if (inputs.back() != result.study.motion) std::erase(inputs, result.study.motion);
   std::list<PendingFile> files;
   for (const std::string& path : inputs) {
     PrimitiveFile file = LoadPrimitive(path);
+    if (std::ranges::find(played, ContentHash(file)) == played.end()) continue;
     PutFigure(figure, file.robustness);
     files.emplace_back(path, ToToml(file));
+    written.push_back(path);
   }
   for (PendingFile& file : files) file.Commit();
-  return inputs;
+  return written;
 }
 
 }  // namespace tumbler

@@ -16,8 +16,9 @@ RobustnessFigure FigureOf(const RobustnessResult& result);
 /// the same motion, robots and drives, however many were played.
 void PutFigure(const RobustnessFigure& figure, std::vector<RobustnessFigure>& figures);
 
-/// Writes the figure of a study into the motion's primitive, or into each primitive of the
-/// sequence: all are ready before the first is replaced. @returns their paths.
+/// Writes the figure of a study into the motion's primitive, or into each primitive of the sequence
+/// that it plays: not those of branches and of beginnings of robots that lie. All are ready before
+/// the first is replaced. @returns their paths.
 /// @throws FileError  when a file cannot be read or written.
 /// @pre the study has no twin file: a figure has no place for it.
 std::vector<std::string> Certify(const RobustnessResult& result);
