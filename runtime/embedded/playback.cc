@@ -96,7 +96,8 @@ bool Playback::Knows(std::string_view protocol) noexcept {
 
 Status Playback::Configure(std::string_view protocol, int cycles, int branch,
                            const SequenceGraph<float>& graph,
-                           std::span<const Primitive<float>> primitives) noexcept {
+                           std::span<const Primitive<float>> primitives,
+                           bool with_sensor) noexcept {
   if (primitives.empty() || !Knows(protocol)) return Status::kInvalidArgument;
   RunProcedureConfig procedure;
   for (int i = 0; i < primitives[0].joint_count; ++i) {
@@ -112,7 +113,12 @@ Status Playback::Configure(std::string_view protocol, int cycles, int branch,
   ExecutorConfig config;
   config.cycles = cycles;
   config.branch = branch;
-  return executor_.Configure(config, graph, primitives, bank_.drives());
+  if (!with_sensor) return executor_.Configure(config, graph, primitives, bank_.drives());
+  for (JointConfig& joint : config.joints) {
+    joint.kp_nm_per_rad = 60;
+    joint.kd_nm_s_per_rad = joint.damping_nm_s_per_rad = 5;
+  }
+  return executor_.Configure(config, graph, primitives, bank_.drives(), {&sensor_, {}});
 }
 
 TickInput Playback::NextInput(const RecordedTick& tick) noexcept {

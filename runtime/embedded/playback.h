@@ -8,6 +8,7 @@
 
 #include "firmware_interface/can/frame.h"
 #include "firmware_interface/drives/drive_bank.h"
+#include "firmware_interface/sensors/xsens_mti.h"
 #include "runtime/core/executor.h"
 #include "runtime/core/run_procedure.h"
 
@@ -59,10 +60,12 @@ class Playback {
   /// Prepares to play `cycles` cycles and then the branch (see ExecutorConfig). Graph and
   /// primitives have to outlive the playback.
   /// @param protocol  a protocol's name; the drives are those of its example in primitives/robots/.
+  /// @param with_sensor  whether there is the sensor of tumbler_drives_sensor.toml there, and the
+  ///                     drives have the gains of that file, 60 and 5, in place of the core's.
   /// @retval kInvalidArgument  there is no such protocol, or nothing to play.
   Status Configure(std::string_view protocol, int cycles, int branch,
-                   const SequenceGraph<float>& graph,
-                   std::span<const Primitive<float>> primitives) noexcept;
+                   const SequenceGraph<float>& graph, std::span<const Primitive<float>> primitives,
+                   bool with_sensor = false) noexcept;
 
   /// The executor's input of the next tick. It refers to the frames in `tick`.
   [[nodiscard]] TickInput NextInput(const RecordedTick& tick) noexcept;
@@ -73,6 +76,7 @@ class Playback {
 
  private:
   DriveBank bank_;
+  XsensMti sensor_;
   Executor executor_;
   RunProcedure procedure_{RunProcedureConfig{}};
   std::int64_t tick_ = 0;

@@ -1,7 +1,9 @@
 // Firmware that plays the exported motion against a recording of the drives' frames, and writes
 // what it sends, through semihosting:
 //
-//   playback PROTOCOL CYCLES BRANCH|- RECORDING OUTPUT
+//   playback PROTOCOL CYCLES BRANCH|- RECORDING OUTPUT [sensor]
+//
+// With the last word there is a sensor, and the drives have its drives file's gains.
 //
 // Prints how many counts of SysTick each tick took, by state, and how deep the stack became.
 // SysTick counts processor cycles; under QEMU's -icount it counts instructions, and the first line
@@ -71,6 +73,7 @@ struct Arguments {
   int branch = -1;
   const char* recording = nullptr;
   const char* output = nullptr;
+  bool with_sensor = false;
 };
 
 Arguments ReadArguments(std::span<char> line) noexcept {
@@ -104,6 +107,10 @@ Arguments ReadArguments(std::span<char> line) noexcept {
   }
   arguments.recording = words[4];
   arguments.output = words[5];
+  if (next != nullptr) {
+    if (std::string_view(next) != "sensor") Fail("the last word may be sensor, or be left out");
+    arguments.with_sensor = true;
+  }
   return arguments;
 }
 
@@ -128,7 +135,7 @@ int Play() noexcept {
 
   static Playback playback;
   if (playback.Configure(arguments.drives, arguments.cycles, arguments.branch, motion::kGraph,
-                         motion::kPrimitives) != Status::kOk) {
+                         motion::kPrimitives, arguments.with_sensor) != Status::kOk) {
     Fail("the executor does not take the motion");
   }
   const int in = semihosting::OpenForReading(arguments.recording);

@@ -53,6 +53,9 @@ constexpr const char* kBranch = "roll";
 /// The most instructions that a tick of two joints may take.
 constexpr double kInstructionsMax = 4000;
 
+/// The same with feedback and an inertial sensor.
+constexpr double kFeedbackInstructionsMax = 5000;
+
 /// The most bytes of stack that a tick may use; and Configure, with its callers.
 constexpr int kTickStackMax = 1024;
 constexpr int kSetUpStackMax = 2048;
@@ -63,8 +66,8 @@ struct Machine {
 };
 constexpr std::array kMachines{Machine{"m4f", "mps2-an386"}, Machine{"m7", "mps2-an500"}};
 
-std::string Firmware(const Machine& machine) {
-  return testing::BuildPath(fmt::format("cortex-{}/bin/tumbler-playback.elf", machine.name));
+std::string Firmware(const Machine& machine, const std::string& name = "tumbler-playback") {
+  return testing::BuildPath(fmt::format("cortex-{}/bin/{}.elf", machine.name, name));
 }
 
 const Sequence<float>& Gait() {
@@ -81,6 +84,7 @@ struct Played {
   std::set<std::string> nodes;         ///< The nodes that were played.
   std::set<ExecutorState> states;
   std::uint32_t faults = 0;
+  int corrected = 0;  ///< Ticks in which the feedback moved a setpoint.
 };
 
 /// Changes a tick's input, in place of the world between drives and executor.
@@ -168,12 +172,12 @@ struct Emulation {
 /// Runs the firmware. Every instruction takes 1.024 us (-icount shift=10), in which SysTick, at
 /// 25 MHz, counts 25.6.
 Emulation Emulate(const Machine& machine, const std::vector<std::string>& arguments,
-                  const std::string& output) {
+                  const std::string& output, const std::string& firmware = "tumbler-playback") {
   std::string semihosting = "enable=on,target=native,arg=tumbler-playback";
   for (const std::string& argument : arguments) semihosting += ",arg=" + argument;
   Program qemu({"/usr/bin/env", "qemu-system-arm", "-machine", machine.qemu, "-display", "none",
                 "-monitor", "none", "-serial", "none", "-icount", "shift=10,align=off,sleep=off",
-                "-semihosting-config", semihosting, "-kernel", Firmware(machine)});
+                "-semihosting-config", semihosting, "-kernel", Firmware(machine, firmware)});
   Emulation emulation;
   emulation.status = qemu.Wait();
   emulation.text = qemu.text();
@@ -287,10 +291,10 @@ class CallGraph {
         calls_[match[1]].insert(match[2]);
       }
     }
-    // The only indirect calls in the core are those of a drive.
+    // The only indirect calls in the core are those of a drive and of the sensor.
     const std::string method =
-        "^(.*:)?_ZNK?7tumbler[0-9]+[A-Za-z0-9_]+Drive(INS_[A-Za-z0-9_]+E)?"
-        "(6Encode|6Decode|16encoded_setpoint|8feedback|5state)E";
+        "^(.*:)?_ZNK?7tumbler([0-9]+[A-Za-z0-9_]+Drive(INS_[A-Za-z0-9_]+E)?"
+        "(6Encode|6Decode|16encoded_setpoint|8feedback|5state)|8XsensMti6Decode)E";
     for (const auto& [name, bytes] : frames_) {
       if (!MatchesOf(method, name).empty()) calls_["__indirect_call"].insert(name);
     }
@@ -308,7 +312,7 @@ class CallGraph {
     return below + (frame == frames_.end() ? kLibraryFrame : frame->second);
   }
 
-  [[nodiscard]] std::size_t drive_methods() { return calls_["__indirect_call"].size(); }
+  [[nodiscard]] std::size_t methods() { return calls_["__indirect_call"].size(); }
 
  private:
   /// Assumed for functions of libraries: memcpy, memcmp, conversions of 64 bits.
@@ -398,6 +402,11 @@ Played FromRecord(const std::string& bytes) {
     append(run.output, Pack(output, packed));
     run.tick_ends.push_back(run.output.size());
     run.faults |= output.record.faults;
+    for (std::size_t j = 0; j < output.record.joint_count; ++j) {
+      if (output.record.joints[j].correction_rad == 0) continue;
+      ++run.corrected;
+      break;
+    }
   }
   return run;
 }
@@ -426,6 +435,42 @@ TEST_P(CortexM, RepeatsAFlightRecordOfTheRobotInSimulation) {
 }
 
 class CortexMFirmware : public ::testing::TestWithParam<Machine> {};
+
+TEST_P(CortexMFirmware, RepeatsAFlightRecordWithFeedbackAndASensor) {
+  const testing::TemporaryFolder folder;
+  const std::string robots = testing::SourcePath("primitives/robots/");
+  // A push, so that the feedback has something to do.
+  WriteFile(
+      folder / "twin.toml",
+      ReadFile(robots + "tumbler_twin_sensor.toml") +
+          "\n[[push]]\nlink = \"middle\"\nstart_s = 6.0\nduration_s = 0.1\nforce_n = [4.0, 0.0]\n");
+  Program program({testing::ProgramPath("tumbler-run"), "sim",
+                   testing::SourcePath("primitives/gait_sensor.toml"), "--drives",
+                   robots + "tumbler_drives_sensor.toml", "--twin", folder / "twin.toml",
+                   "--cycles", "1", "--branch", kBranch, "--record", folder / "gait.rec"});
+  ASSERT_EQ(program.Wait(), 0) << program.text();
+  const Played run = FromRecord(ReadFile(folder / "gait.rec"));
+  ASSERT_GT(run.tick_ends.size(), 10'000U);
+  ASSERT_GT(run.corrected, 200);
+  ASSERT_EQ(run.faults, 0);
+  WriteFile(folder / "recording", run.recording);
+  const Emulation emulation =
+      Emulate(GetParam(), {"mit", "1", kBranch, folder / "recording", folder / "output", "sensor"},
+              folder / "output", "tumbler-playback-sensor");
+  ASSERT_EQ(emulation.status, 0) << emulation.text;
+  EXPECT_EQ(FirstDifference(run, emulation.output), "");
+  const Figures figures = ReadFigures(emulation.text);
+  EXPECT_LE(figures.tick_stack, kTickStackMax);
+  fmt::print(
+      "Cortex-{}, feedback and sensor: {} ticks the same, {} of them corrected; "
+      "instructions a tick:\n",
+      GetParam().name, run.tick_ends.size(), run.corrected);
+  for (const auto& [state, counts] : figures.states) {
+    fmt::print("  {:<16} {:6} ticks, mean {:5.0f}, most {:5.0f}\n", state, counts.ticks,
+               counts.mean, counts.most);
+    EXPECT_LE(counts.most, kFeedbackInstructionsMax) << state;
+  }
+}
 
 TEST_P(CortexMFirmware, HasNoHeapNoExceptionsNoRunTimeTypesAndNoMathLibrary) {
   Program nm({"/usr/bin/env", "arm-none-eabi-nm", Firmware(GetParam())});
@@ -461,7 +506,7 @@ TEST_P(CortexMFirmware, NeedsABoundedStackOnEveryPathThroughATick) {
   const std::filesystem::path build =
       std::filesystem::path(Firmware(GetParam())).parent_path().parent_path();
   CallGraph graph(build);
-  EXPECT_EQ(graph.drive_methods(), 5 * DriveProtocols::kCount);
+  EXPECT_EQ(graph.methods(), 5 * DriveProtocols::kCount + 1);
   const int depth = graph.DepthOf("_ZN7tumbler8Executor4TickERKNS_9TickInputERNS_10TickOutputE");
   fmt::print("Cortex-{}: a tick needs at most {} bytes of stack\n", GetParam().name, depth);
   EXPECT_GT(depth, 200);
@@ -487,6 +532,7 @@ TEST_P(CortexMFirmware, SaysWhatIsWrongAndFails) {
   run({"mit", "2", "roll", folder / "recording", folder / "no/output"}, "cannot be written");
   run({"mit", "2", "roll", folder / "cut", out}, "the recording is cut off");
   run({"mit", "2", "roll", folder / "full", out}, "too many frames");
+  run({"mit", "2", "roll", folder / "recording", out, "senses"}, "may be sensor");
 }
 
 TEST(CortexMComparison, NamesTheFirstDifference) {
