@@ -32,6 +32,7 @@ constexpr const char* kExitCodes =
     R"(Exit codes:
   0  done, however many stand
   1  wrong usage, or a file that cannot be used or written
+  2  refused: the motion, its drives or the hold do not suit what is asked for
   130  interrupted: with --checkpoint, what was found is kept)";
 
 std::atomic<bool> interrupt_requested{false};

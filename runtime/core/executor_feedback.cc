@@ -121,9 +121,10 @@ void Executor::Correct(int elapsed, TickRecord& record) noexcept {
   SensorRecord& sensor = record.sensor;
   sensor.pitch_rad = sensor_watch_.pitch_rad();
   sensor.rate_rad_s = sensor_watch_.rate_rad_s();
-  sensor.error_rad = error_rad_;
-  sensor.rate_error_rad_s = rate_error_rad_s_;
-  sensor.share = share_;
+  // A primitive without feedback has no angle to keep.
+  sensor.error_rad = feedback.present() ? error_rad_ : 0;
+  sensor.rate_error_rad_s = feedback.present() ? rate_error_rad_s_ : 0;
+  sensor.share = feedback.present() ? share_ : 0;
   sensor.age_ticks = sensor_watch_.age_ticks();
   sensor.status = sensor_watch_.status();
 }

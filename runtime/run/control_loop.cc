@@ -168,12 +168,16 @@ void ControlLoop::Count() noexcept {
   ++statistics_.ticks;
   const bool running = record.state == ExecutorState::kRunning;
   if (running) ++statistics_.run_ticks;
+  // What is measured in the tick of a fault still follows the setpoint before it.
+  const bool moves = running || record.state == ExecutorState::kSettling;
+  const bool follows = moves || (moved_ && record.faults != 0);
+  moved_ = moves;
   bool limited = false;
   for (std::size_t i = 0; i < record.joint_count; ++i) {
     const JointRecord& joint = record.joints[i];
     statistics_.reply_age_ticks.Add(joint.reply_age_ticks);
     limited = limited || joint.limit_active;
-    if ((running || record.state == ExecutorState::kSettling) && joint.reply_age_ticks == 0) {
+    if (follows && joint.reply_age_ticks == 0) {
       const auto note = [](float& largest, float measured) {
         if (std::isnan(largest) || measured > largest) largest = measured;
       };

@@ -103,6 +103,7 @@ class ControlLoop {
   std::array<CanFrame, std::size_t{kMaxJoints} * FrameBatch::kCapacity> to_send_;
   TickOutput output_;
   TimedRecord timed_;                                  // `request` stays that of the last wish
+  bool moved_ = false;                                 // running or settling in the tick before
   std::array<float, kMaxJoints> last_position_rad_{};  // limited positions of the tick before
   LoopStatistics statistics_;
 };

@@ -124,18 +124,26 @@ const char* Verdict(const Passage& passage) {
 }
 
 void AppendPassages(const RunSummary& summary, std::string& text) {
+  if (!summary.broken_off.empty()) text += fmt::format("  {}: broken off\n", summary.broken_off);
   if (summary.passages.empty()) return;
   if (summary.passages.size() > 1) {
-    const auto amiss = std::count_if(summary.passages.begin(), summary.passages.end(),
-                                     std::mem_fn(&Passage::amiss));
-    text += fmt::format("  {} motions, {} complete cycles; {}\n", summary.passages.size(),
-                        summary.cycles,
-                        amiss == 0 ? "the robot where it should be after each"
-                                   : fmt::format("NOT where it should be after {}", amiss));
+    const auto count = [&summary](bool (Passage::*is)() const) {
+      return std::count_if(summary.passages.begin(), summary.passages.end(), std::mem_fn(is));
+    };
+    const auto amiss = count(&Passage::amiss), unjudged = count(&Passage::unjudged);
+    text += fmt::format(
+        "  {} motions, {} complete cycles; {}{}\n", summary.passages.size(), summary.cycles,
+        amiss == 0 ? "the robot where it should be after each"
+                   : fmt::format("NOT where it should be after {}", amiss),
+        unjudged == 0 ? "" : fmt::format(" but {}, which the run's end left unjudged", unjudged));
   }
   const Passage& last = summary.passages.back();
   if (!last.free_root) return;
-  text += summary.passages.size() > 1 ? fmt::format("  last, {}: ", last.node) : std::string("  ");
+  if (!summary.broken_off.empty()) {
+    text += fmt::format("  before, {}: ", last.node);
+  } else {
+    text += summary.passages.size() > 1 ? fmt::format("  last, {}: ", last.node) : "  ";
+  }
   if (last.swings_on) {
     text += fmt::format("root pitch: {:.4f} rad at the end", last.pitch_at_end_rad);
     if (last.purpose_met()) text += *last.purpose_met() ? ", as asked" : ", NOT as asked";
@@ -158,9 +166,13 @@ void AppendPassages(const RunSummary& summary, std::string& text) {
   }
   text += '\n';
   for (const JudgedTarget& judged : last.purpose) {
-    if (!judged.result) continue;
-    text += fmt::format("    {}: {}{}\n", judged.target.name(),
-                        judged.target.AskedAndGot(*judged.result), *judged.met() ? "" : ": MISSED");
+    text += fmt::format("    {}: ", judged.target.name());
+    if (judged.result) {
+      text += fmt::format("{}{}\n", judged.target.AskedAndGot(*judged.result),
+                          *judged.met() ? "" : ": MISSED");
+    } else {
+      text += "not judged, the run ended before\n";
+    }
   }
 }
 
@@ -373,9 +385,11 @@ std::string ToJson(const RunSummary& summary) {
   json["speed"] = summary.speed;
   json["rate_hz"] = summary.rate_hz;
   json["dry_run"] = summary.dry_run;
-  if (!summary.passages.empty()) {
-    const Passage& last = summary.passages.back();
-    json["purpose_met"] = Maybe(last.purpose_met());
+  if (summary.simulated || !summary.passages.empty()) {
+    // Nothing is known of a last motion that was broken off, or never began.
+    const bool ended = !summary.passages.empty() && summary.broken_off.empty();
+    const Passage last = ended ? summary.passages.back() : Passage();
+    json["purpose_met"] = ended ? Maybe(last.purpose_met()) : Json();
     json["as_planned_2_s_later"] = Maybe(last.as_planned());
     if (SpeaksOfPitch(last)) {
       json["root_pitch_planned_rad"] = last.expected_pitch_rad;
@@ -383,6 +397,7 @@ std::string ToJson(const RunSummary& summary) {
       json["root_pitch_2_s_later_rad"] = Maybe(last.pitch_later_rad);
     }
     if (last.is_to_stand()) json["standing_2_s_later"] = Maybe(last.purpose_met());
+    json["broken_off"] = summary.broken_off.empty() ? Json() : Json(summary.broken_off);
     json["cycles"] = summary.cycles;
     json["passages"] = Json::Array();
     for (const Passage& passage : summary.passages) json["passages"].Append(JsonOf(passage));

@@ -52,6 +52,8 @@ struct Passage {
   [[nodiscard]] bool is_to_stand() const;
   /// Whether a target was missed, or the plan.
   [[nodiscard]] bool amiss() const;
+  /// Whether the run ended before all was seen that would say whether the robot is as asked.
+  [[nodiscard]] bool unjudged() const { return !amiss() && !purpose_met(); }
 };
 
 /// Something that a simulated robot does and should not.
@@ -84,7 +86,10 @@ struct RunSummary {
   std::optional<double> measured_load;        ///< 0 ... 1; on the simulated bus only.
   std::optional<InterfaceSummary> interface;  ///< Of an armed run on an interface.
   std::vector<Passage> passages;              ///< Of a simulated robot; empty otherwise.
-  std::vector<Mishap> falls;                  ///< Of a simulated robot.
+  /// The node whose motion had begun when the run ended, and was not played to its end; of a
+  /// simulated robot, else empty.
+  std::string broken_off;
+  std::vector<Mishap> falls;  ///< Of a simulated robot.
   /// What becomes of a simulated robot in the 3 s after torque off; empty for others.
   std::string after_torque_off;
   std::vector<Mishap> overlaps;  ///< Of a simulated robot's own shapes, likewise.

@@ -7,7 +7,9 @@
 #include <cmath>
 #include <functional>
 #include <numbers>
+#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "tests/support/sequence_files.h"
@@ -42,7 +44,7 @@ class Judge : public ::testing::Test {
     record.state = state;
     record.node = static_cast<decltype(record.node)>(file_.graph.FindNode(node));
     truth_.time_ns = std::llround(1e9 * time_s);
-    judge_.Observe(record, truth_.time_ns, truth_);
+    judge_->Observe(record, truth_.time_ns, truth_);
   }
   /// Plays the node from this time on, and lets it settle and hold for so long in all.
   void Play(const std::string& node, double start_s, double after_s) {
@@ -61,12 +63,12 @@ class Judge : public ::testing::Test {
     }
   }
   [[nodiscard]] const std::vector<JudgedTarget>& purpose() const {
-    return judge_.passages().at(0).purpose;
+    return judge_->passages().at(0).purpose;
   }
 
   const SequenceFolder folder_{testing::GaitText(), Primitives()};
   const SequenceFile file_ = LoadSequence(folder_.file());
-  PurposeJudge judge_{file_, true, false};
+  std::optional<PurposeJudge> judge_{std::in_place, file_, true, false};
   TwinState truth_;
   std::function<void(double)> disturb_;  ///< Changes the truth so long after a motion.
 };
@@ -77,22 +79,22 @@ TEST_F(Judge, TakesEachResultAtItsInstantAndPlaceAlongXFromTheEntry) {
     if (t > 0.55) truth_.root_pitch_rad = kPi / 2 + 0.01;
   };
   Play("up", 3, 2.5);
-  ASSERT_EQ(judge_.passages().size(), 1U);
+  ASSERT_EQ(judge_->passages().size(), 1U);
   ASSERT_EQ(purpose().size(), 4U);
   EXPECT_EQ(purpose()[0].result, 0.05);
   EXPECT_EQ(purpose()[1].result, kPi / 2) << "what happens later does not count";
   EXPECT_NEAR(*purpose()[2].result, 0.6, 1e-12) << "it went 0.1 m from where it was";
   EXPECT_EQ(purpose()[3].result, 0);
-  EXPECT_EQ(judge_.passages()[0].purpose_met(), true);
-  EXPECT_NEAR(*judge_.passages()[0].pitch_later_rad, kPi / 2 + 0.01, 1e-12);
-  EXPECT_TRUE(judge_.passages()[0].is_to_stand());
+  EXPECT_EQ(judge_->passages()[0].purpose_met(), true);
+  EXPECT_NEAR(*judge_->passages()[0].pitch_later_rad, kPi / 2 + 0.01, 1e-12);
+  EXPECT_TRUE(judge_->passages()[0].is_to_stand());
 }
 
 TEST_F(Judge, ARobotThatRocksIsNotAtRestInWhateverPhaseItIsSeen) {
   disturb_ = [this](double t) { truth_.root_pitch_rate_rad_s = t < 1.9 ? 0.2 : 0; };
   Play("up", 0, 2.5);
   EXPECT_EQ(purpose()[3].result, 0.2) << "0.1 s before";
-  EXPECT_EQ(judge_.passages()[0].purpose_met(), false);
+  EXPECT_EQ(judge_->passages()[0].purpose_met(), false);
 }
 
 TEST_F(Judge, WhatTheRunDidNotReachIsAbsent) {
@@ -100,7 +102,7 @@ TEST_F(Judge, WhatTheRunDidNotReachIsAbsent) {
   EXPECT_TRUE(purpose()[1].result.has_value());
   EXPECT_FALSE(purpose()[2].result.has_value());
   EXPECT_FALSE(purpose()[3].result.has_value());
-  EXPECT_FALSE(judge_.passages()[0].purpose_met().has_value());
+  EXPECT_FALSE(judge_->passages()[0].purpose_met().has_value());
 }
 
 TEST_F(Judge, AMotionThatAnotherFollowsEarlierIsJudgedWhenThatBegins) {
@@ -108,15 +110,37 @@ TEST_F(Judge, AMotionThatAnotherFollowsEarlierIsJudgedWhenThatBegins) {
   EXPECT_FALSE(purpose()[2].result.has_value());
   Tick(ExecutorState::kRunning, "down", kMotion_s + 0.41);
   EXPECT_NEAR(*purpose()[2].result, 0.6, 1e-12);
-  EXPECT_TRUE(judge_.passages()[0].purpose_met().has_value());
+  EXPECT_TRUE(judge_->passages()[0].purpose_met().has_value());
+}
+
+TEST_F(Judge, ARobotThatHasTurnedAboutBeforeIsJudgedAsOneThatHasNot) {
+  for (const double turns : {1.0, -2.0}) {
+    judge_.emplace(file_, true, false);
+    truth_ = {};
+    truth_.root_pitch_rad = 2 * kPi * turns;
+    Play("up", 0, 2.5);
+    EXPECT_NEAR(*purpose()[1].result, kPi / 2, 1e-9);
+    EXPECT_EQ(judge_->passages()[0].purpose_met(), true);
+    EXPECT_EQ(judge_->passages()[0].as_planned(), true);
+  }
+}
+
+TEST_F(Judge, KnowsTheMotionThatHasBegunAndNotEnded) {
+  EXPECT_EQ(judge_->moving(), "");
+  Play("up", 0, 0.4);
+  EXPECT_EQ(judge_->moving(), "");
+  Tick(ExecutorState::kRunning, "down", 2);
+  EXPECT_EQ(judge_->moving(), "down");
+  Tick(ExecutorState::kHolding, "down", 2.1);
+  EXPECT_EQ(judge_->moving(), "down") << "it was broken off";
 }
 
 TEST_F(Judge, ASwappedMotionIsJudgedInTheCoordinatesOfItsTask) {
   Play("up", 0, 0.4);
   Play("down", 2, 0.4);
   Play("up, swapped", 4, 2.5);
-  ASSERT_EQ(judge_.passages().size(), 3U);
-  const Passage& passage = judge_.passages()[2];
+  ASSERT_EQ(judge_->passages().size(), 3U);
+  const Passage& passage = judge_->passages()[2];
   EXPECT_NEAR(truth_.root_pitch_rad, 1.5 * kPi, 1e-9);
   EXPECT_NEAR(*passage.purpose[1].result, kPi / 2, 1e-9);
   EXPECT_NEAR(*passage.purpose[2].result, 0.6, 1e-9);

@@ -20,6 +20,7 @@
 
 #include "common/json.h"
 #include "common/primitive_toml.h"
+#include "common/program.h"
 #include "common/toml_reader.h"
 #include "offline/rehearsal/robustness/checkpoint.h"
 #include "offline/rehearsal/robustness/drop.h"
@@ -573,6 +574,53 @@ TEST(RobustnessStudy, WhatFailuresHaveInCommonComesFirst) {
   EXPECT_LT(influences.front().mean_sigma, -1.2);
   EXPECT_GT(influences.front().significance, 3);
   EXPECT_LT(influences[1].significance, 3.5);
+}
+
+TEST(RobustnessStudy, WhatHasNoInfluenceIsNotSaidToTellOfFewFailures) {
+  Spreads many;
+  for (double Spreads::*spread :
+       {&Spreads::inertia, &Spreads::length, &Spreads::gain, &Spreads::torque_limit,
+        &Spreads::start_rad, &Spreads::start_rate_rad_s})
+    many.*spread = 1e-9;
+  int studies = 0, wrong = 0;
+  for (std::uint64_t seed = 1; seed <= 100; ++seed) {
+    for (const std::uint64_t failures : {1U, 2U, 5U}) {
+      RobustnessResult result;
+      for (std::uint64_t i = 0; i < 200; ++i) {
+        TrialOutcome trial;
+        trial.variation = DrawRobot(Tumbler(), many, 1, seed, i);
+        if (i < failures) trial.verdict = Verdict::kFell;  // whatever it is like
+        result.trials.push_back(trial);
+      }
+      const auto influences = result.Influences();
+      ++studies;
+      if (std::any_of(influences.begin(), influences.end(),
+                      [](const Influence& influence) { return influence.telling(); }))
+        ++wrong;
+    }
+  }
+  EXPECT_LE(wrong, studies / 50) << "of " << studies;
+}
+
+TEST(RobustnessStudy, WhatCannotBeJudgedInTheHoldIsRefused) {
+  RobustnessStudy study;
+  study.motion = testing::SourcePath("primitives/hopper/hopper.toml");
+  study.run.hold_s = 0;
+  EXPECT_THROW(Trials trials(study), Refused);
+  study.lanes = true;
+  EXPECT_THROW(LaneTrials trials(study), Refused);
+}
+
+TEST(RobustnessStudy, OfRobotsThatWereDroppedNobodySaysThatTheyKeptToTheModelsWay) {
+  RobustnessResult result;
+  result.study.drops = true;
+  TrialOutcome trial;
+  trial.verdict = Verdict::kFell;
+  trial.in = "handstand";
+  result.trials = {trial};
+  EXPECT_NE(ToText(result).find("    handstand: 1\n"), std::string::npos) << ToText(result);
+  EXPECT_EQ(ToText(result).find("kept to it"), std::string::npos);
+  EXPECT_EQ(ToJson(result)["where"].size(), 0U);
 }
 
 TEST(RobustnessStudy, TheMapHasEveryRobotInACellOfItsOwn) {

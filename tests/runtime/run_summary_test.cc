@@ -24,6 +24,13 @@ JudgedTarget Rest(std::optional<double> result) {
   return {{PurposeTarget::Of::kSpeed, PurposeTarget::When::kLater, 0, kRestSpeed}, result};
 }
 
+RunSummary SummaryOf(const Passage& passage) {
+  RunSummary report;
+  report.outcome = RunOutcome::kCompleted;
+  report.passages.push_back(passage);
+  return report;
+}
+
 TEST(RunSummaryOfAnInterface, NamesWhatWasLostInTheSocketAndInTheController) {
   RunSummary summary;
   summary.interface.emplace();
@@ -53,11 +60,37 @@ TEST(Passage, SaysOnlyWhatWasSeen) {
   EXPECT_TRUE(report.amiss());
 }
 
-RunSummary SummaryOf(const Passage& passage) {
-  RunSummary report;
-  report.outcome = RunOutcome::kCompleted;
-  report.passages.push_back(passage);
-  return report;
+TEST(Passage, WhatTheRunsEndLeftUnjudgedIsNotSaidToBeWhereItShouldBe) {
+  RunSummary summary = SummaryOf({});
+  summary.passages[0].purpose = {Pitch(1.57), Rest(0.01)};
+  summary.passages.push_back(summary.passages[0]);
+  summary.passages[1].purpose = {Pitch(1.57), Rest(std::nullopt)};
+  EXPECT_TRUE(summary.passages[1].unjudged());
+  const std::string text = ToText(summary);
+  EXPECT_THAT(text, HasSubstr("the robot where it should be after each but 1, which the run's end "
+                              "left unjudged\n"));
+  EXPECT_THAT(text, HasSubstr("speed of the root, 2 s later: not judged, the run ended before\n"));
+}
+
+TEST(Passage, AMotionThatWasBrokenOffIsNotJudgedByTheOneBefore) {
+  RunSummary summary = SummaryOf({});
+  summary.passages[0].node = "handstand";
+  summary.passages[0].purpose = {Pitch(1.57), Rest(0.01)};
+  summary.passages[0].expected_pitch_rad = 1.57;
+  summary.passages[0].pitch_later_rad = 1.57;
+  summary.broken_off = "downstand";
+  EXPECT_THAT(ToText(summary), AllOf(HasSubstr("  downstand: broken off\n"),
+                                     HasSubstr("  before, handstand: root pitch")));
+  const auto json = Json::Parse(ToJson(summary)).value();
+  EXPECT_EQ(json["broken_off"], "downstand");
+  EXPECT_TRUE(json["purpose_met"].is_null());
+  EXPECT_TRUE(json["as_planned_2_s_later"].is_null());
+  EXPECT_EQ(json.Find("standing_2_s_later"), nullptr);
+  EXPECT_EQ(json["passages"].size(), 1U);
+  summary.passages.clear();  // the first of all was broken off
+  EXPECT_TRUE(Json::Parse(ToJson(summary)).value().Find("purpose_met") == nullptr);
+  summary.simulated = true;
+  EXPECT_TRUE(Json::Parse(ToJson(summary)).value()["purpose_met"].is_null());
 }
 
 TEST(Passage, ARobotStandsOnlyWhenItsPurposeIsMetAtRestWhateverItsPlanEndedIn) {

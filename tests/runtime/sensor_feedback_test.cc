@@ -353,6 +353,41 @@ TEST(Feedback, AnErrorIsTheSameInANodeWithExchangedRoles) {
   EXPECT_GT(std::abs(a[500][1]), 0.01F);
 }
 
+TEST(Feedback, AMotionWithoutItSaysSoAlsoAfterOneWithIt) {
+  const Primitive<float> fed = FedBackMotion(7);
+  Primitive<float> plain = fed;
+  plain.feedback = {};
+  plain.entry_tolerance_rad = 10;  // It begins elsewhere than the one before ends.
+  SequenceGraph<float> graph = GraphOf(fed);
+  graph.node_count = 2;
+  graph.node_storage[1] = graph.node_storage[0];
+  graph.node_storage[1].primitive = 1;
+  graph.edge_count = 1;
+  graph.edge_storage[0] = {0, 1, 0.3F, EdgeCondition::kAlways, {}};
+  Rig rig({}, graph, {fed, plain});
+  ASSERT_EQ(rig.configured, Status::kOk);
+  rig.sensor_frames = WithError(rig, fed, 0.1);
+  int with = 0, without = 0;
+  const auto look = [&](int /*tick*/) {
+    rig.sensor_frames = WithError(rig, fed, 0.1);
+    const TickRecord& record = rig.output.record;
+    if (record.state != ExecutorState::kRunning) return;
+    if (record.node == 0 && record.sensor.share > 0) ++with;
+    if (record.node != 1) return;
+    ++without;
+    EXPECT_EQ(record.sensor.share, 0);
+    EXPECT_EQ(record.sensor.error_rad, 0);
+    EXPECT_EQ(record.sensor.rate_error_rad_s, 0);
+  };
+  (void)Orders(rig, look);
+  for (int n = 0; n < 800; ++n) {
+    rig.Tick();
+    look(n);
+  }
+  EXPECT_GT(with, 100);
+  EXPECT_GT(without, 100);
+}
+
 TEST(Feedback, NoSensorHoweverHostileTakesASetpointBeyondItsBounds) {
   std::mt19937 random(11);
   std::uniform_int_distribution<int> byte(0, 255), choice(0, 9);

@@ -390,6 +390,21 @@ TEST_F(SimTwin, AfterAFaultInTheHandstandTheRobotGoesHomeBeforeTorqueOff) {
       << "where nobody wants it to go home";
 }
 
+TEST_F(SimTwin, AFaultInAMotionLeavesItUnjudgedAndItsOwnErrorIsTheLargest) {
+  const Outcome weak = RunGait(
+      {"--cycles", "1", "--twin", Write("weak.toml", kHead + "[motor]\ntorque_max_nm = 4.0\n")});
+  EXPECT_EQ(weak.exit_code, 3) << weak.text;
+  EXPECT_EQ(weak.json["broken_off"], "handstand");
+  EXPECT_TRUE(weak.json["purpose_met"].is_null());
+  EXPECT_TRUE(weak.json["as_planned_2_s_later"].is_null());
+  EXPECT_EQ(weak.json["passages"].size(), 0U);
+  const auto said = testing::MatchesOf("following error of joint leg([12]): ([0-9.]+) rad",
+                                       weak.json["reason"].text());
+  ASSERT_EQ(said.size(), 1U) << weak.text;
+  const Json& joint = weak.json["joints"][said[0][1] == "1" ? 0 : 1];
+  EXPECT_GE(joint["following_error_max_rad"].number(), std::stod(said[0][2]) - 1e-4);
+}
+
 TEST_F(SimTwin, SaysWhatBecomesOfARobotThatDoesNotStandWithoutTorque) {
   const std::vector<std::pair<RunEnd, std::int64_t>> ends = {{RunEnd::kTorqueOff, 0},
                                                              {RunEnd::kSafe, 2000},

@@ -9,6 +9,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <limits>
 #include <map>
 #include <memory>
@@ -88,7 +89,9 @@ SimulatedRun Simulate(const py::object& motion, SimulatedRunPlan plan) {
       run.record = std::make_shared<LoadedRecord>(LoadRecord(plan.record));
       run.outcome = ToString(summary.outcome);
       run.reason = summary.reason;
-      run.as_asked = StatusOf(summary) == ExitStatus::kDone;
+      run.as_asked = StatusOf(summary) == ExitStatus::kDone &&
+                     std::none_of(summary.passages.begin(), summary.passages.end(),
+                                  std::mem_fn(&Passage::unjudged));
       run.json = ToJson(summary);
       return run;
     });
@@ -102,7 +105,8 @@ void BindSimulate(py::module_& module) {
                     "'completed', or how it ended otherwise: 'fault', 'refused'.")
       .def_readonly("reason", &SimulatedRun::reason, "Of a fault or a refusal; else empty.")
       .def_readonly("as_asked", &SimulatedRun::as_asked,
-                    "Whether it was completed, and the robot did what the motion is for.")
+                    "Whether it was completed, and the robot did what the motions are for; a run\n"
+                    "that ended before that could be judged is not as asked.")
       .def_property_readonly(
           "summary",
           [](const SimulatedRun& self) {

@@ -92,7 +92,7 @@ std::string Verdicts(const RobustnessResult& result) {
 /// Times at which robots left the model's way, one stroke each, a line for each node.
 std::string Where(const RobustnessResult& result) {
   const std::vector<Departures> where = result.Where();
-  if (where.empty()) return "";
+  if (where.empty() || result.study.drops) return "";
   double last_s = 0.1;
   for (const Departures& d : where) last_s = std::max(last_s, d.last_s);
   constexpr double kLeft = 260, kWidth = 570, kRow = 34;
@@ -126,19 +126,19 @@ std::string Where(const RobustnessResult& result) {
   return text + "</svg>\n";
 }
 
-std::string InfluenceTable(const std::vector<Influence>& influences) {
+std::string InfluenceTable(const RobustnessResult& result,
+                           const std::vector<Influence>& influences) {
   if (influences.empty()) return "";
-  std::string text =
+  std::string text = fmt::format(
       "<h2>What those that are not as asked have in common</h2>\n<p class=dim>Departures in "
-      "standard "
-      "deviations of their spread; how much larger their mean square is than among all "
-      "robots.</p>\n"
-      "<table><tr><th>quantity</th><th>mean</th><th>square</th><th></th></tr>\n";
+      "{}; how much larger their mean square is than among all robots.</p>\n"
+      "<table><tr><th>quantity</th><th>mean</th><th>square</th><th></th></tr>\n",
+      UnitOfDepartures(result.study));
   for (const Influence& i : influences) {
     text += fmt::format(
         "<tr><td>{}</td><td class=n>{:+.2f}</td><td class=n>{:+.0f} %</td><td "
         "class=dim>{}</td></tr>\n",
-        Escaped(i.name), i.mean_sigma, 100 * i.excess, i.significance > 3 ? "" : "may be chance");
+        Escaped(i.name), i.mean_sigma, 100 * i.excess, i.telling() ? "" : "may be chance");
   }
   return text + "</table>\n";
 }
@@ -211,10 +211,11 @@ std::string Map(const RobustnessResult& result, const std::vector<Influence>& in
         kTop + (kCells - i) * kSide + 4, map->EdgeOf(i));
   }
   text += fmt::format(
-      "<text x=\"{:.0f}\" y=\"{:.0f}\" text-anchor=\"middle\">{} [standard deviations]</text><text "
-      "transform=\"translate(16 {:.0f}) rotate(-90)\" text-anchor=\"middle\">{} [standard "
-      "deviations]</text>\n</svg>\n",
-      kLeft + size / 2, kTop + size + 40, Escaped(map->x), kTop + size / 2, Escaped(map->y));
+      "<text x=\"{:.0f}\" y=\"{:.0f}\" text-anchor=\"middle\">{} [{}]</text><text "
+      "transform=\"translate(16 {:.0f}) rotate(-90)\" text-anchor=\"middle\">{} "
+      "[{}]</text>\n</svg>\n",
+      kLeft + size / 2, kTop + size + 40, Escaped(map->x), UnitOfDepartures(result.study),
+      kTop + size / 2, Escaped(map->y), UnitOfDepartures(result.study));
   return text;
 }
 
@@ -246,7 +247,8 @@ std::string RobustnessPage(const RobustnessResult& result) {
       result.study.run.cycles > 0 ? fmt::format("; {} cycles", result.study.run.cycles) : "",
       DisturbancesOf(result.study));
   const std::vector<Influence> influences = result.Influences();
-  page += Verdicts(result) + Where(result) + InfluenceTable(influences) + Map(result, influences);
+  page += Verdicts(result) + Where(result) + InfluenceTable(result, influences) +
+          Map(result, influences);
   return page + "</body></html>\n";
 }
 

@@ -107,6 +107,13 @@ Json LiesToJson(const RobustnessResult& result) {
   return json;
 }
 
+/// A normal number as unlikely as a mean square of m normal numbers [Wilson, Hilferty 1931]: with
+/// few of them large squares are usual.
+double NormalDeviateOfMeanSquare(double mean_square, int m) {
+  const double variance = 2.0 / (9.0 * m);
+  return (std::cbrt(mean_square) - (1 - variance)) / std::sqrt(variance);
+}
+
 }  // namespace
 
 int RobustnessResult::Count(Verdict verdict) const {
@@ -145,11 +152,9 @@ std::vector<Influence> RobustnessResult::Influences() const {
     all_square /= static_cast<double>(trials.size());
     influence.mean_sigma = sum / failed;
     influence.excess = square / failed / all_square - 1;
-    // Of normal numbers the mean of m has a standard deviation of 1 / sqrt(m), and the mean square
-    // one of sqrt(2 / m).
-    influence.significance = std::max(std::abs(influence.mean_sigma) / std::sqrt(all_square),
-                                      influence.excess / std::sqrt(2.0)) *
-                             std::sqrt(static_cast<double>(failed));
+    influence.significance = std::max(std::abs(influence.mean_sigma) / std::sqrt(all_square) *
+                                          std::sqrt(static_cast<double>(failed)),
+                                      NormalDeviateOfMeanSquare(1 + influence.excess, failed));
     influences.push_back(influence);
   }
   std::stable_sort(
@@ -334,6 +339,10 @@ Json ToJson(const Agreement& agreement) {
   return json;
 }
 
+std::string UnitOfDepartures(const RobustnessStudy& study) {
+  return study.scale == 1 ? "standard deviations" : "standard deviations before --scale";
+}
+
 std::string DisturbancesOf(const RobustnessStudy& study) {
   return (study.push_n > 0 ? fmt::format(", pushed with {:.6g} N", study.push_n) : "") +
          (study.sensor_faults ? ", with sensors that fail" : "") +
@@ -365,7 +374,11 @@ std::string ToText(const RobustnessResult& result) {
           fmt::format(" {} left the model's way {:.2f} ... {:.2f} s after it began (median {:.2f})",
                       d.left, d.first_s, d.last_s, d.median_s);
     }
-    if (d.others > 0) text += fmt::format("{} {} kept to it", d.left > 0 ? "," : "", d.others);
+    if (result.study.drops) {
+      text += fmt::format(" {}", d.others);
+    } else if (d.others > 0) {
+      text += fmt::format("{} {} kept to it", d.left > 0 ? "," : "", d.others);
+    }
     text += "\n";
   }
   for (const Lies& lies : result.HowTheyLay()) {
@@ -393,11 +406,12 @@ std::string ToText(const RobustnessResult& result) {
   }
   const std::vector<Influence> influences = result.Influences();
   if (influences.empty()) return text;
-  text += "  what those that are not as asked have in common [standard deviations]\n";
+  text += fmt::format("  what those that are not as asked have in common [{}]\n",
+                      UnitOfDepartures(result.study));
   for (const Influence& influence : influences) {
     text += fmt::format("    {:<24} mean {:+.2f}, square {:+.0f} %{}\n", influence.name,
                         influence.mean_sigma, 100 * influence.excess,
-                        influence.significance > 3 ? "" : "  (may be chance)");
+                        influence.telling() ? "" : "  (may be chance)");
   }
   return text;
 }
@@ -435,7 +449,10 @@ Json ToJson(const RobustnessResult& result) {
   }
   Json& where = json["where"];
   where = Json::Array();
-  for (const Departures& d : result.Where()) {
+  // A robot that was dropped does not begin as the model does, whose way it could leave.
+  const std::vector<Departures> departures =
+      result.study.drops ? std::vector<Departures>() : result.Where();
+  for (const Departures& d : departures) {
     where.Append({{"in", d.in},
                   {"left", d.left},
                   {"kept", d.others},

@@ -24,9 +24,10 @@ struct Influence {
   double mean_sigma = 0;
   /// Mean departure squared among those that do not stand, over that among all, less 1.
   double excess = 0;
-  /// How unlikely that is by chance: the larger of both over its own standard deviation. Above 3 it
-  /// is hardly chance.
+  /// How unlikely that is by chance: the larger of both as a standard normal number.
   double significance = 0;
+  /// Whether it is hardly chance, also as the largest of some forty such numbers.
+  [[nodiscard]] bool telling() const { return significance > 3.7; }
 };
 
 /// Robots by two quantities, in cells: how many there are, and how many stand.
@@ -45,7 +46,8 @@ struct SuccessMap {
   [[nodiscard]] double EdgeOf(int cell) const;
 };
 
-/// Where robots that do not stand left the model's way: how many in a node's motion, and when.
+/// Where robots that do not stand left the model's way: how many in a node's motion, and when. The
+/// way of robots that are dropped is not the model's: all of them are among `others`.
 struct Departures {
   std::string in;                                ///< The node.
   int left = 0;                                  ///< Of these the pitch left the model's for good.
@@ -123,6 +125,9 @@ struct Agreement {
 };
 /// @pre both have as many robots.
 [[nodiscard]] Agreement Compare(const RobustnessResult& first, const RobustnessResult& second);
+
+/// The unit of departures in words: of spreads that `--scale` has not multiplied.
+std::string UnitOfDepartures(const RobustnessStudy& study);
 
 /// What happens to a study's robots, in words behind others; empty where nothing does.
 std::string DisturbancesOf(const RobustnessStudy& study);

@@ -1,5 +1,7 @@
 #include "offline/rehearsal/robustness/trial.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -92,6 +94,8 @@ bool BeginAfterDrop(const ControlLoop& loop, RunProcedure& procedure) {
          procedure.RequestStart(loop.record()) == Refusal::kNone;
 }
 
+constexpr const char* kUnjudged = "the run ended before it could be judged";
+
 /// Notes how a robot that was dropped lies before its run, and with which node it begins.
 class LieWatch {
  public:
@@ -142,6 +146,13 @@ TrialOutcome OutcomeOf(const PurposeJudge& judge, const PostureWatch& posture,
       break;
     }
     break;
+  }
+  // What nobody looked at is not as asked.
+  for (const Passage& passage : judge.passages()) {
+    if (!outcome.stands() || !passage.unjudged()) continue;
+    outcome.verdict = TrialOutcome::Verdict::kAmiss;
+    outcome.in = passage.node;
+    outcome.reason = kUnjudged;
   }
   for (const PostureEvent& event : posture.events()) {
     if (event.kind == PostureEvent::Kind::kRest || event.time_ns < since_ns) continue;
@@ -250,7 +261,7 @@ void Trials::PlayModel() {
   script_.tick_s = 1 / drives_.rate_hz;
   const RobotVariation model = DrawRobot(scene_.robot, study_.spreads, 0, study_.seed, 0);
   Script script = script_;  // as yet empty: nobody leaves it
-  PlayVaried(model, robot_, [&](const ControlLoop& loop, SimulatedRobot& robot) {
+  const auto write = [&](const ControlLoop& loop, SimulatedRobot& robot) {
     const TickRecord& record = loop.record();
     // Once the torque is off there is no more to say.
     if (record.state == ExecutorState::kDisarmed && !script.delay_s.empty()) return;
@@ -270,7 +281,15 @@ void Trials::PlayModel() {
           1e-9 * static_cast<double>(loop.time_ns() - robot.drive(j).last_setpoint_ns());
       script.delay_s.push_back(script.tick_s - ago_s);
     }
-  });
+  };
+  const std::optional<TrialOutcome> outcome = PlayVaried(model, robot_, write);
+  if (outcome->reason == kUnjudged) {
+    throw Refused(
+        fmt::format("{}: ends {:.6g} s after the last motion has settled, before a robot "
+                    "can be judged, which is {:.6g} s after the motion; take a longer "
+                    "--hold",
+                    study_.motion, study_.run.hold_s, Passage::kLater_s));
+  }
   script_ = std::move(script);
 }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <optional>
 #include <string>
 
@@ -31,11 +32,13 @@ void PurposeJudge::Observe(const TickRecord& record, std::int64_t time_ns, const
   }
   if (last_ != ExecutorState::kRunning && state == ExecutorState::kRunning) {
     start_x_m_ = truth.root_x_m;
-    if (!next && file_.graph.beginning_count > 0) {
-      // How the robot lies decides with which node a run begins.
+    moving_ = record.node;
+    if (!next) {
+      // How the robot lies decides with which node a run begins, and it may have turned about.
       const double entry =
           file_.RobotPitch(record.node, file_.PrimitiveOf(record.node).entry.root_pitch_rad);
-      expected_pitch_rad_ = truth.root_pitch_rad - NearestTurn(truth.root_pitch_rad - entry);
+      constexpr double kTurn = 2 * std::numbers::pi;
+      expected_pitch_rad_ = entry + kTurn * std::round((truth.root_pitch_rad - entry) / kTurn);
     }
   }
   last_ = state;
@@ -51,6 +54,7 @@ void PurposeJudge::Watch(std::int64_t time_ns, const TwinState& truth) {
 
 /// Begins with the passage of a node whose motion has just ended.
 void PurposeJudge::Begin(int node, std::int64_t time_ns, const TwinState& truth) {
+  moving_ = -1;
   const PrimitiveFile& primitive = file_.PrimitiveOf(node);
   const double tolerance_rad = file_.exit_pitch_tolerance_rad[static_cast<std::size_t>(node)];
   entry_ = primitive.entry;

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <deque>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -28,6 +29,10 @@ class PurposeJudge {
 
   /// The passages so far. What has not been seen yet is absent.
   [[nodiscard]] const std::vector<Passage>& passages() const { return passages_; }
+  /// The node whose motion has begun and has not ended; empty where there is none.
+  [[nodiscard]] std::string moving() const {
+    return moving_ < 0 ? "" : std::string(file_.graph.node(moving_).name.view());
+  }
 
  private:
   void Watch(std::int64_t time_ns, const TwinState& truth);
@@ -38,6 +43,7 @@ class PurposeJudge {
   const SequenceFile& file_;
   bool free_root_, hinged_;
   ExecutorState last_ = ExecutorState::kDisarmed;
+  int moving_ = -1;
   double expected_pitch_rad_ = 0;
   std::deque<std::pair<std::int64_t, double>> speeds_;  // time, largest rate of the root
   // Of the last motion that ended:
