@@ -25,6 +25,8 @@ void Executor::SetFeedback() noexcept {
     joint.angle_factor = joint.feedback->chain - sensor_chain[static_cast<std::size_t>(i)];
   }
   gain_knot_ = 0;
+  // A primitive without feedback has no angle to keep, and the next one with it fades in again.
+  if (!primitive_->feedback.present()) error_rad_ = rate_error_rad_s_ = share_ = 0;
   // The optimiser gives the angle the knots of the feed-forward, whose basis is there already.
   angle_has_torque_knots_ = primitive_->feedback.angle.HasKnotsOf(joints_[0].motion->torque);
 }
@@ -121,10 +123,9 @@ void Executor::Correct(int elapsed, TickRecord& record) noexcept {
   SensorRecord& sensor = record.sensor;
   sensor.pitch_rad = sensor_watch_.pitch_rad();
   sensor.rate_rad_s = sensor_watch_.rate_rad_s();
-  // A primitive without feedback has no angle to keep.
-  sensor.error_rad = feedback.present() ? error_rad_ : 0;
-  sensor.rate_error_rad_s = feedback.present() ? rate_error_rad_s_ : 0;
-  sensor.share = feedback.present() ? share_ : 0;
+  sensor.error_rad = error_rad_;
+  sensor.rate_error_rad_s = rate_error_rad_s_;
+  sensor.share = share_;
   sensor.age_ticks = sensor_watch_.age_ticks();
   sensor.status = sensor_watch_.status();
 }
