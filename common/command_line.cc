@@ -13,9 +13,15 @@ namespace tumbler {
 namespace {
 
 /// A range whose text is the one of the help.
-template <typename Number>
-CLI::Validator RangeOf(Number min, Number max) {
+CLI::Validator RangeOf(double min, double max) {
   return CLI::Range(min, max).description(fmt::format("{} ... {}", min, max));
+}
+CLI::Validator RangeOf(int min, int max) {
+  const auto complain = [range = CLI::Range(min, max)](std::string& text) {
+    const std::string complaint = range(text);
+    return complaint.empty() ? complaint : complaint + ", of whole numbers";
+  };
+  return {complain, fmt::format("{} ... {}", min, max)};
 }
 
 /// Reads back the text that an option's type and validators make together: `TEXT`,

@@ -86,7 +86,8 @@ TEST(CommandLine, NamesTheOptionOfAValueThatCannotBe) {
   line.Option("--speed", speed, "how fast").Within(0.1, 1.0);
   EXPECT_THAT(Complaint(line, {}), HasSubstr("MOTION is required"));
   EXPECT_THAT(Complaint(line, {"m", "--cpu", "1024"}),
-              HasSubstr("--cpu: Value 1024 not in range -1 to 1023"));
+              HasSubstr("--cpu: Value 1024 not in range -1 to 1023, of whole numbers"));
+  EXPECT_THAT(Complaint(line, {"m", "--cpu", "2.0"}), HasSubstr("of whole numbers"));
   EXPECT_THAT(Complaint(line, {"m", "--speed", "2"}), HasSubstr("--speed: Value 2 not in range"));
   EXPECT_THAT(Complaint(line, {"m", "--speed", "fast"}), HasSubstr("--speed"));
   EXPECT_THAT(Complaint(line, {"m", "--speed"}), HasSubstr("--speed"));
