@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <cmath>
 #include <cstring>
 #include <utility>
 
@@ -14,7 +15,24 @@ namespace {
 
 /// A range whose text is the one of the help.
 CLI::Validator RangeOf(double min, double max) {
-  return CLI::Range(min, max).description(fmt::format("{} ... {}", min, max));
+  const auto complain = [min, max](std::string& text) {
+    double value = 0;
+    // NaN is neither below nor above anything.
+    const bool within = CLI::detail::lexical_cast(text, value) && value >= min && value <= max;
+    return within ? "" : fmt::format("Value {} not in range {} to {}", text, min, max);
+  };
+  return {complain, fmt::format("{} ... {}", min, max)};
+}
+
+/// Refuses what is no finite number, without a word in the help.
+CLI::Validator Finite() {
+  return {[](std::string& text) {
+            double value = 0;
+            const bool read = CLI::detail::lexical_cast(text, value);
+            return read && !std::isfinite(value) ? fmt::format("Value {} is no finite number", text)
+                                                 : "";
+          },
+          ""};
 }
 CLI::Validator RangeOf(int min, int max) {
   const auto complain = [range = CLI::Range(min, max)](std::string& text) {
@@ -158,7 +176,7 @@ CommandLineOption CommandLine::Option(const std::string& name, std::size_t& valu
 
 CommandLineOption CommandLine::Option(const std::string& name, double& value,
                                       const std::string& help) {
-  return CommandLineOption(*app_->add_option(name, value, help));
+  return CommandLineOption(*app_->add_option(name, value, help)->check(Finite()));
 }
 
 CommandLineOption CommandLine::Option(const std::string& name, std::vector<std::string>& values,

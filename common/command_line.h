@@ -22,8 +22,7 @@ class CommandLineOption {
   CommandLineOption& Required();
   /// Lets the help show the variable's present value as the default.
   CommandLineOption& ShowDefault();
-  /// Requires a value in [min, max]. Infinities are outside. NaN passes, since it is neither below
-  /// nor above anything.
+  /// Requires a value in [min, max]. Infinities and NaN are outside.
   CommandLineOption& Within(int min, int max);
   CommandLineOption& Within(double min, double max);
   /// Requires one of these names, in capitals or not. The variable gets the name as it is written

@@ -83,9 +83,11 @@ class Remote {
     }
     if (lcm_.getFileno() < 0)
       throw std::runtime_error(fmt::format("{}: no LCM server answers there", url));
-    Subscribe<state_t>(kStateChannel);
-    Subscribe<event_t>(kEventChannel);
-    Subscribe<run_t>(kRunChannel);
+    SubscribeToWholeMessages([this] {
+      Subscribe<state_t>(kStateChannel);
+      Subscribe<event_t>(kEventChannel);
+      Subscribe<run_t>(kRunChannel);
+    });
   }
 
   [[nodiscard]] const LiveView& view() const { return view_; }

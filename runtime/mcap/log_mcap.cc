@@ -14,18 +14,11 @@
 
 #include "runtime/mcap/run_mcap.h"
 #include "runtime/telemetry/channels.h"
+#include "runtime/telemetry/lcm_log.h"
 #include "runtime/telemetry/message_readers.h"
 
 namespace tumbler {
 namespace {
-
-/// Calls `take(event)` for every message of a log.
-template <typename Take>
-void ForEachEvent(const std::string& path, const Take& take) {
-  lcm::LogFile log(path, "r");
-  if (!log.good()) throw std::runtime_error(fmt::format("{}: cannot be read", path));
-  while (const lcm::LogEvent* event = log.readNextEvent()) take(*event);
-}
 
 template <typename Message>
 std::optional<Message> MessageIn(const lcm::LogEvent& event, const char* channel) {
@@ -43,7 +36,7 @@ struct LogFacts {
 
 LogFacts FactsOf(const std::string& path) {
   LogFacts facts;
-  ForEachEvent(path, [&facts](const lcm::LogEvent& event) {
+  ForEachLogEvent(path, [&facts](const lcm::LogEvent& event) {
     if (!facts.run) facts.run = MessageIn<run_t>(event, kRunChannel);
     if (!facts.states) {
       const auto state = MessageIn<state_t>(event, kStateChannel);
@@ -87,7 +80,7 @@ RunMcapConfig ConfigOf(const LogMcapConfig& log) {
 
 void ExportLogMcap(const LogMcapConfig& config) {
   RunMcap mcap(ConfigOf(config));
-  ForEachEvent(config.log, [&mcap](const lcm::LogEvent& event) {
+  ForEachLogEvent(config.log, [&mcap](const lcm::LogEvent& event) {
     const auto time_ns =
         static_cast<std::uint64_t>(std::max<std::int64_t>(event.timestamp, 0)) * 1000;
     if (const auto state = MessageIn<state_t>(event, kStateChannel)) mcap.Take(time_ns, *state);

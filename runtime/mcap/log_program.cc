@@ -24,6 +24,7 @@
 #include "runtime/core/faults.h"
 #include "runtime/mcap/log_mcap.h"
 #include "runtime/telemetry/channels.h"
+#include "runtime/telemetry/lcm_log.h"
 #include "runtime/telemetry/live_view.h"
 #include "runtime/telemetry/message_readers.h"
 #include "runtime/telemetry/state_csv.h"
@@ -38,7 +39,7 @@ The columns of the table have their units in their names. Ticks that are missing
 Exit codes:
   0  everything that was recorded is there
   1  wrong usage, or a file that cannot be used
-  4  ticks are missing in the log, or messages that cannot be decoded are in it)";
+  4  ticks are missing in the log, or events or messages in it are damaged or cut off)";
 
 struct CloseTable {
   void operator()(std::FILE* file) const noexcept { std::fclose(file); }
@@ -50,6 +51,7 @@ struct LogContents {
   std::int64_t missing = 0;
   std::int64_t damaged = 0;  ///< Messages on our channels that are not of our types.
   std::int64_t foreign = 0;  ///< Messages on channels that are not ours.
+  LogReading reading;
   LiveView view;
 };
 
@@ -62,14 +64,6 @@ std::optional<Message> Decode(const lcm::LogEvent& event) {
 /// @param csv  the table's name for messages.
 LogContents ReadLog(const std::string& path, std::FILE* table, const std::string& csv,
                     bool events) {
-  std::error_code unknown;
-  if (std::filesystem::is_directory(path, unknown))
-    throw FileError(path, 0, "", "is a directory, not a file");
-  lcm::LogFile log(path, "r");
-  if (!log.good()) {
-    throw std::runtime_error(
-        fmt::format("{}: cannot be read: {}", path, std::generic_category().message(errno)));
-  }
   LogContents contents;
   std::string row;
   std::vector<state_t> waiting;  // rows that wait until the names of the joints are known
@@ -98,24 +92,24 @@ LogContents ReadLog(const std::string& path, std::FILE* table, const std::string
     write(row);
     waiting.clear();
   };
-  while (const lcm::LogEvent* event = log.readNextEvent()) {
-    if (event->channel == kStateChannel) {
-      const std::optional<state_t> state = Decode<state_t>(*event);
+  contents.reading = ForEachLogEvent(path, [&](const lcm::LogEvent& event) {
+    if (event.channel == kStateChannel) {
+      const std::optional<state_t> state = Decode<state_t>(event);
       if (!state) {
         ++contents.damaged;
-        continue;
+        return;
       }
       if (contents.states == 0) contents.missing = state->number;  // All before the first one are.
       ++contents.states;
       contents.view.Take(*state);
       if (table != nullptr) waiting.push_back(*state);
       flush(false);
-    } else if (event->channel == kRunChannel) {
-      const std::optional<run_t> run = Decode<run_t>(*event);
+    } else if (event.channel == kRunChannel) {
+      const std::optional<run_t> run = Decode<run_t>(event);
       if (run) contents.view.Take(*run);
       contents.damaged += run ? 0 : 1;
-    } else if (event->channel == kEventChannel) {
-      const std::optional<event_t> happened = Decode<event_t>(*event);
+    } else if (event.channel == kEventChannel) {
+      const std::optional<event_t> happened = Decode<event_t>(event);
       contents.damaged += happened ? 0 : 1;
       if (happened && events) {
         fmt::print("{:10.3f} s  tick {:8}  {} -> {}{}{}\n",
@@ -123,10 +117,10 @@ LogContents ReadLog(const std::string& path, std::FILE* table, const std::string
                    Printable(happened->from_state), Printable(happened->to_state),
                    happened->text.empty() ? "" : ": ", Printable(happened->text));
       }
-    } else if (event->channel != kTruthChannel) {
+    } else if (event.channel != kTruthChannel) {
       ++contents.foreign;
     }
-  }
+  });
   flush(true);
   contents.missing += contents.view.lost();
   return contents;
@@ -174,8 +168,14 @@ ExitStatus Convert(const std::string& path, const std::string& csv, bool quiet) 
   fmt::print(
       text, "{} ticks; {} missing ({} of them never recorded); {} messages damaged, {} of others\n",
       contents.states, contents.missing, unrecorded, contents.damaged, contents.foreign);
+  const LogReading& reading = contents.reading;
+  if (reading.lost_bytes > 0) {
+    fmt::print(stderr, "{}: NOT whole: {} bytes are in no whole event, the first at byte {}\n",
+               path, reading.lost_bytes, reading.first_lost);
+  }
   if (!csv.empty() && csv != "-") fmt::print(text, "wrote {}\n", csv);
-  return contents.missing + contents.damaged > 0 ? ExitStatus::kAmiss : ExitStatus::kDone;
+  return contents.missing + contents.damaged + reading.lost_bytes > 0 ? ExitStatus::kAmiss
+                                                                      : ExitStatus::kDone;
 }
 
 struct LogExports {

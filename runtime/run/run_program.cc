@@ -288,13 +288,28 @@ void StopRecorder(FlightRecorder& recorder, RunSummary& summary) {
   summary.record_problem = recorder.problem();
 }
 
+/// Takes those that are not whole out of the list of files that were written. What could not be
+/// written begins with the files' names, as in `a.log, a.csv: could not be written whole`.
+void LeaveOutUnwritten(RunSummary& summary) {
+  std::erase_if(summary.files, [&summary](const std::string& file) {
+    return std::any_of(
+        summary.unwritten.begin(), summary.unwritten.end(), [&file](const std::string& problem) {
+          const std::string names = ", " + problem.substr(0, problem.find(": ")) + ", ";
+          return names.find(", " + file + ", ") != std::string::npos;
+        });
+  });
+}
+
 /// Prints the summary. A run that is over is told of whatever could not be written.
 void Say(RunSummary& summary, const RunOptions& options) {
+  if (!summary.record_problem.empty()) summary.unwritten.push_back(summary.record_problem);
+  LeaveOutUnwritten(summary);
   if (!options.json.empty()) {
     try {
       WriteResult(options.json, ToJson(summary));
     } catch (const std::exception& error) {
       summary.unwritten.emplace_back(error.what());
+      LeaveOutUnwritten(summary);
     }
   }
   // Standard output is kept free for frames or JSON, where they were asked for there.

@@ -45,7 +45,8 @@ struct LcmCommands::Implementation {
     if (lcm.getFileno() < 0)
       throw std::runtime_error(fmt::format("{}: no LCM server answers there", url));
     // UndefinedBehaviorSanitizer objects to the overload for member functions.
-    lcm.subscribeFunction(kCommandChannel, &Implementation::Handle, this);
+    SubscribeToWholeMessages(
+        [this] { lcm.subscribeFunction(kCommandChannel, &Implementation::Handle, this); });
     thread = std::thread([this] {
       constexpr int kPatience_ms = 100;  // the longest that the destructor has to wait
       while (!stop) {

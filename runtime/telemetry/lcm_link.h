@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <lcm/lcm-cpp.hpp>
 
 namespace tumbler {
@@ -9,5 +10,12 @@ namespace tumbler {
 /// longer by what an attempt to mend the link takes.
 /// @returns above 0: a message was handled; 0: none came in time; below 0: the link is broken.
 int HandleLcm(lcm::LCM& lcm, int timeout_ms);
+
+/// Makes subscriptions so that the sockets that LCM opens for them take whole messages only. Ours
+/// are never cut into fragments, and liblcm 1.3 believes what a fragment says of its place: one
+/// datagram of anybody would end the program. A socket is without its filter for some 0.1 ms after
+/// it is opened, since LCM shows nobody its sockets.
+/// @param subscribe  subscribes; the first of its calls opens the sockets.
+void SubscribeToWholeMessages(const std::function<void()>& subscribe);
 
 }  // namespace tumbler

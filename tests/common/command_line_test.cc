@@ -89,6 +89,8 @@ TEST(CommandLine, NamesTheOptionOfAValueThatCannotBe) {
               HasSubstr("--cpu: Value 1024 not in range -1 to 1023, of whole numbers"));
   EXPECT_THAT(Complaint(line, {"m", "--cpu", "2.0"}), HasSubstr("of whole numbers"));
   EXPECT_THAT(Complaint(line, {"m", "--speed", "2"}), HasSubstr("--speed: Value 2 not in range"));
+  EXPECT_THAT(Complaint(line, {"m", "--speed", "nan"}),
+              HasSubstr("--speed: Value nan is no finite"));
   EXPECT_THAT(Complaint(line, {"m", "--speed", "fast"}), HasSubstr("--speed"));
   EXPECT_THAT(Complaint(line, {"m", "--speed"}), HasSubstr("--speed"));
   EXPECT_THAT(Complaint(line, {"m", "more"}), HasSubstr("more"));

@@ -194,5 +194,17 @@ TEST_F(Outputs, ADeviceTakesAsManyResultsAsOneLikes) {
   EXPECT_EQ(In("tumbler-run sim handstand.toml --json - --trace /dev/null").exit_code, 0);
 }
 
+TEST(OutputsCli, AFileOfARunThatIsNotWholeIsNotSaidToBeWritten) {
+  const testing::TemporaryFolder folder;
+  const std::string motion = testing::SourcePath("primitives/nominal/handstand.toml");
+  const testing::Outcome outcome =
+      testing::RunInShell("cd " + folder.path().string() + " && ulimit -f 40 && tumbler-run sim " +
+                          motion + " --record a.rec --log a.lcm --trace a.csv");
+  EXPECT_EQ(outcome.exit_code, 4) << outcome.text;
+  EXPECT_THAT(outcome.text, HasSubstr("NOT whole: a.lcm, a.csv: "));
+  EXPECT_THAT(outcome.text, HasSubstr("NOT whole: a.rec: recording stopped after "));
+  EXPECT_THAT(outcome.text, ::testing::Not(HasSubstr("  wrote ")));
+}
+
 }  // namespace
 }  // namespace tumbler

@@ -1,18 +1,23 @@
 // tumbler-ctl with a tumbler-run at the pace of the clock. They talk by UDP multicast inside a
 // network namespace of the test's own (CMakeLists.txt).
 
+#include <arpa/inet.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <csignal>
+#include <cstdint>
 #include <cstdio>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "common/json.h"
+#include "runtime/telemetry/channels.h"
 #include "tests/support/files.h"
 #include "tests/support/program.h"
 #include "tests/support/steady_time.h"
@@ -169,6 +174,59 @@ TEST_F(TumblerCtl, SaysThatTheRunItStartedWasRefused) {
     EXPECT_THAT(start.text,
                 HasSubstr("the run was refused: a joint is far from the motion's start"));
   });
+}
+
+/// Sends fragments of messages that say to be where there is no room for them.
+void SendFragmentsThatLie() {
+  const int socket = ::socket(AF_INET, SOCK_DGRAM, 0);
+  ASSERT_GE(socket, 0);
+  sockaddr_in to{};
+  to.sin_family = AF_INET;
+  to.sin_port = htons(7667);
+  inet_pton(AF_INET, "239.255.76.67", &to.sin_addr);
+  struct Fragment {
+    std::uint32_t size, offset;
+    std::uint16_t number, count;
+  };
+  for (const char* channel : {kStateChannel, kRunChannel, kEventChannel, kCommandChannel}) {
+    for (const Fragment& lie :
+         {Fragment{1000, 0xffffffff, 0, 1}, Fragment{100, 0, 0, 3}, Fragment{100, 0xffffffff, 1, 3},
+          Fragment{5'000'000, 0, 0, 3}, Fragment{5'000'000, 0xffffffd8, 1, 3}}) {
+      std::string datagram;
+      const auto add = [&datagram](std::uint32_t number, int bytes) {
+        for (int i = bytes; i-- > 0;)
+          datagram += static_cast<char>(number >> (8 * static_cast<unsigned>(i)) & 0xffU);
+      };
+      add(0x4c433033, 4);  // LC03
+      add(3, 4);
+      add(lie.size, 4);
+      add(lie.offset, 4);
+      add(lie.number, 2);
+      add(lie.count, 2);
+      if (lie.number == 0) datagram += std::string(channel) + '\0';
+      datagram += std::string(50, 'a');
+      sendto(socket, datagram.data(), datagram.size(), 0, reinterpret_cast<sockaddr*>(&to),
+             sizeof to);
+    }
+  }
+  close(socket);
+}
+
+TEST_F(TumblerCtl, FragmentsThatLieEndNeitherTheRunNorThoseWhoLookAtItNorARequest) {
+  const auto run = Play();
+  Program watch({testing::ProgramPath("tumbler-ctl"), "watch", "--lcm-url", kUrl});
+  ASSERT_EQ(WaitForState({"disarmed"}), "disarmed");
+  ASSERT_TRUE(watch.WaitFor("disarmed"));
+  for (int i = 0; i < 20; ++i) SendFragmentsThatLie();
+  ExpectDone({"start"});
+  for (int i = 0; i < 20; ++i) SendFragmentsThatLie();
+  EXPECT_TRUE(watch.WaitFor("running")) << watch.text();
+  ExpectDone({"stop"});
+  watch.Signal(SIGINT);
+  EXPECT_EQ(watch.Wait(), 0) << watch.text();
+  run->Signal(SIGKILL);
+  run->Wait();
+  EXPECT_THAT(run->text(), Not(HasSubstr("egmentation")));
 }
 
 TEST_F(TumblerCtl, WatchesALinePerSecondInAPipe) {

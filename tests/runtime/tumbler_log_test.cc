@@ -1,5 +1,6 @@
 // tumbler-log as a user meets it, with logs of tumbler-run and with damaged ones.
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -146,6 +147,39 @@ TEST_F(TumblerLog, CountsMessagesThatAreNotWhatTheirChannelSays) {
   }
   EXPECT_EQ(Log({Path("damaged.lcm"), "--csv", "-"}), 4);
   EXPECT_THAT(text_, HasSubstr("1 messages damaged"));
+}
+
+TEST_F(TumblerLog, SaysWhatIsNotWholeAndGoesOnBehindIt) {
+  const std::string whole = Read("run.lcm");
+  ASSERT_EQ(Log({Path("run.lcm"), "--csv", "-"}), 0);
+  const auto rows = [this] { return std::count(text_.begin(), text_.end(), '\n'); };
+  const auto all = rows();
+  const std::size_t event = whole.find("\xED\xA1\xDA\x01", whole.size() / 2);
+  ASSERT_NE(event, std::string::npos);
+  const auto damaged = [&](const std::string& bytes) {
+    testing::WriteFile(Path("damaged.lcm"), bytes);
+    return Log({Path("damaged.lcm"), "--csv", "-"});
+  };
+  std::string flipped = whole, longer = whole, shorter = whole;
+  flipped[event] = '\x6D';
+  longer[event + 24] = '\0';
+  longer[event + 25] = '\1';
+  longer[event + 26] = '\xff';
+  shorter.erase(event + 40, 60);
+  for (const std::string& bytes : {flipped, longer, shorter}) {
+    EXPECT_EQ(damaged(bytes), 4);
+    EXPECT_THAT(text_, HasSubstr("damaged.lcm: NOT whole: "));
+    EXPECT_GT(rows(), all * 3 / 4) << "what comes behind is there";
+    EXPECT_LT(rows(), all + 2);
+  }
+  EXPECT_EQ(damaged(whole.substr(0, event + 10)), 4) << "cut off";
+  EXPECT_THAT(text_, HasSubstr(fmt::format("NOT whole: 10 bytes are in no whole event, the first "
+                                           "at byte {}",
+                                           event)));
+  EXPECT_EQ(damaged(whole + "rubbish"), 4);
+  EXPECT_THAT(text_, HasSubstr("damaged.lcm: NOT whole: "));
+  EXPECT_EQ(Log({"/dev/zero"}), 1);
+  EXPECT_THAT(text_, HasSubstr("is a device"));
 }
 
 TEST_F(TumblerLog, RefusesWhatItCannotUseAndWritesNothing) {

@@ -10,6 +10,7 @@
 #include <lcm/lcm-cpp.hpp>
 
 #include "runtime/telemetry/channels.h"
+#include "runtime/telemetry/lcm_log.h"
 #include "runtime/telemetry/message_readers.h"
 
 namespace tumbler {
@@ -25,18 +26,21 @@ std::vector<LoggedTruth> ReadTruthLog(const std::string& path) {
     fail(error != 0 ? fmt::format("cannot be read: {}", std::generic_category().message(error))
                     : "is empty");
   }
-  lcm::LogFile log(path, "r");
-  if (!log.good()) fail("cannot be read");
   std::vector<LoggedTruth> truths;
-  while (const lcm::LogEvent* event = log.readNextEvent()) {
-    if (event->channel != kTruthChannel) continue;
+  const LogReading reading = ForEachLogEvent(path, [&](const lcm::LogEvent& event) {
+    if (event.channel != kTruthChannel) return;
     LoggedTruth logged;
-    logged.utime_us = event->timestamp;
-    const auto* bytes = static_cast<const std::uint8_t*>(event->data);
-    if (!ReadMessage({bytes, static_cast<std::size_t>(event->datalen)}, logged.truth)) {
-      fail(fmt::format("event {} is no message truth_t of this version", event->eventnum));
+    logged.utime_us = event.timestamp;
+    const auto* bytes = static_cast<const std::uint8_t*>(event.data);
+    if (!ReadMessage({bytes, static_cast<std::size_t>(event.datalen)}, logged.truth)) {
+      fail(fmt::format("event {} is no message truth_t of this version", event.eventnum));
     }
     truths.push_back(std::move(logged));
+  });
+  if (reading.lost_bytes > 0 && !truths.empty()) {
+    fail(fmt::format(
+        "{} bytes are in no whole event, the first at byte {}; head -c {} of it is whole",
+        reading.lost_bytes, reading.first_lost, reading.first_lost));
   }
   if (truths.empty()) fail(fmt::format("is no LCM log with messages on channel {}", kTruthChannel));
   return truths;

@@ -73,10 +73,12 @@ struct LiveRun::Implementation {
     if (lcm.getFileno() < 0) {
       throw std::runtime_error(fmt::format("{}: no LCM server answers there", url));
     }
-    Subscribe<state_t>(kStateChannel);
-    Subscribe<event_t>(kEventChannel);
-    Subscribe<run_t>(kRunChannel);
-    Subscribe<truth_t>(kTruthChannel);
+    SubscribeToWholeMessages([this] {
+      Subscribe<state_t>(kStateChannel);
+      Subscribe<event_t>(kEventChannel);
+      Subscribe<run_t>(kRunChannel);
+      Subscribe<truth_t>(kTruthChannel);
+    });
     thread = std::thread([this] { Listen(); });
   }
 
