@@ -121,7 +121,8 @@ CommandLineOption& CommandLineOption::Within(int min, int max) {
 }
 
 CommandLineOption& CommandLineOption::Within(double min, double max) {
-  option_->check(RangeOf(min, max));
+  // Asked first, so that a message about what is no finite number names the range, too.
+  option_->transform(RangeOf(min, max));
   return *this;
 }
 

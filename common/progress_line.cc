@@ -36,6 +36,17 @@ void ProgressLine::Finish() {
   open_ = false;
 }
 
+void CountProgress::operator()(int known) {
+  if (first_ < 0) {
+    first_ = known;
+    line_.Hasten();
+  }
+  if (!line_.Due()) return;
+  const double elapsed_s = std::chrono::duration<double>(Clock::now() - start_).count();
+  const std::string left = TimeLeft(elapsed_s, known - first_, parts_ - first_);
+  line_.Show(fmt::format("{}/{} {}{}{}", known, parts_, noun_, left.empty() ? "" : "  ", left));
+}
+
 std::string TimeLeft(double elapsed_s, double done, double total) {
   if (elapsed_s < kJudgeAfter_s || done <= 0 || done >= total) return "";
   return fmt::format("at most {:.1f} s left", elapsed_s / done * (total - done));

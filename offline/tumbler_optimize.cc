@@ -76,12 +76,7 @@ Task Load(const Arguments& arguments, const std::string& path) {
                   ? LoadTask(path)
                   : LoadTask(path, LoadPrimitive(arguments.start_from), arguments.start_from);
   Problem& problem = task.problem;
-  if (!arguments.guess.empty()) {
-    const PrimitiveFile file = LoadPrimitive(arguments.guess);
-    task.guess = GuessFrom(problem, file, arguments.guess);
-    task.guess_file = arguments.guess;
-    task.guess_hash = ContentHash(file);
-  }
+  if (!arguments.guess.empty()) TakeGuess(task, LoadPrimitive(arguments.guess), arguments.guess);
   if (arguments.seed) problem.search.seed = static_cast<std::uint64_t>(*arguments.seed);
   if (arguments.minima > 0) {
     // This many motions are solved, each from a start of its own and until it converges. A motion

@@ -6,16 +6,15 @@
 #include <algorithm>
 #include <atomic>
 #include <charconv>
-#include <chrono>
 #include <csignal>
 #include <cstdint>
-#include <exception>
 #include <limits>
 #include <optional>
 #include <stdexcept>
 #include <string>
 #include <system_error>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "common/command_line.h"
@@ -45,30 +44,6 @@ struct Arguments {
   int threads = 1;
   std::string json;
   bool quiet = false;
-};
-
-/// Told how many points are known; tells it on, with the time that the others take.
-class KnownPoints {
- public:
-  explicit KnownPoints(int points) : points_(points) {}
-
-  void operator()(int known) {
-    if (first_ < 0) {  // What was known before cost no time.
-      first_ = known;
-      line_.Hasten();
-    }
-    if (!line_.Due()) return;
-    const double elapsed_s =
-        std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
-    const std::string left = TimeLeft(elapsed_s, known - first_, points_ - first_);
-    line_.Show(fmt::format("{}/{} points{}{}", known, points_, left.empty() ? "" : "  ", left));
-  }
-
- private:
-  int points_;
-  int first_ = -1;
-  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
-  ProgressLine line_;
 };
 
 void Declare(CommandLine& line, Arguments& arguments) {
@@ -108,11 +83,15 @@ void Declare(CommandLine& line, Arguments& arguments) {
 }
 
 SweepStudy StudyOf(const Arguments& arguments) {
+  if (!arguments.guess.empty() && arguments.seed)
+    throw UsageError("--guess",
+                     "takes the place of the search that --seed is about; leave one out");
+  std::optional<PrimitiveFile> guess;
+  if (!arguments.guess.empty()) guess = LoadPrimitive(arguments.guess);
   std::vector<GridAxis> axes;
   try {
     for (const std::string& text : arguments.over) axes.push_back(ReadAxis(text));
-    return {
-        .grid = TaskGrid(arguments.task, axes), .guess = arguments.guess, .seed = arguments.seed};
+    return {TaskGrid(arguments.task, axes), std::move(guess), arguments.guess, arguments.seed};
   } catch (const std::invalid_argument& error) {
     throw UsageError("--over", error.what());
   }
@@ -120,13 +99,6 @@ SweepStudy StudyOf(const Arguments& arguments) {
 
 /// Checks the files before the work.
 void Check(const Arguments& arguments, const SweepStudy& study, const SweepPlan& plan) {
-  if (!arguments.guess.empty()) {
-    if (arguments.seed) {
-      throw UsageError("--guess",
-                       "takes the place of the search that --seed is about; leave one out");
-    }
-    static_cast<void>(LoadPrimitive(arguments.guess));
-  }
   CheckFolderWritable(plan.folder);
   if (!arguments.json.empty() && arguments.json != "-") CheckWritable(arguments.json);
   std::vector<std::string> files = FilesOf(study, plan);
@@ -152,7 +124,7 @@ ExitStatus Sweep(const Arguments& arguments, const Processes& processes) {
   }
   SweepDone sweep;
   {
-    KnownPoints known(study.grid.size());
+    CountProgress known(study.grid.size(), "points");
     if (!arguments.quiet && processes.rank() == 0)
       plan.progress = [&known](int count) { known(count); };
     sweep = RunSweep(study, plan, processes);
@@ -180,16 +152,9 @@ ExitStatus Main(int argc, char** argv) {
       "tumbler-sweep");
   Declare(line, arguments);
   line.Parse(argc, argv);
-  const Processes processes;
-  try {
+  return RunTogether("tumbler-sweep", [&arguments](const Processes& processes) {
     return Sweep(arguments, processes);
-  } catch (const std::exception& error) {
-    if (processes.count() > 1) {
-      fmt::print(stderr, "tumbler-sweep: {}\n", error.what());
-      processes.Abort(static_cast<int>(ExitStatus::kUnusable));
-    }
-    throw;
-  }
+  });
 }
 
 }  // namespace

@@ -6,9 +6,7 @@
 #include <algorithm>
 #include <atomic>
 #include <charconv>
-#include <chrono>
 #include <csignal>
-#include <exception>
 #include <optional>
 #include <string>
 #include <system_error>
@@ -36,27 +34,6 @@ constexpr const char* kExitCodes =
   130  interrupted: with --checkpoint, what was found is kept)";
 
 std::atomic<bool> interrupt_requested{false};
-
-/// Told how many robots are known; tells it on, with the time that the others take.
-class KnownRobots {
- public:
-  explicit KnownRobots(int robots) : robots_(robots) {}
-
-  void operator()(int known) {
-    if (first_ < 0) first_ = known;  // A checkpoint's robots cost no time.
-    if (!line_.Due()) return;
-    const double elapsed_s =
-        std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
-    const std::string left = TimeLeft(elapsed_s, known - first_, robots_ - first_);
-    line_.Show(fmt::format("{}/{} robots{}{}", known, robots_, left.empty() ? "" : "  ", left));
-  }
-
- private:
-  int robots_;
-  int first_ = -1;
-  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
-  ProgressLine line_;
-};
 
 struct Arguments {
   RobustnessStudy study;
@@ -225,7 +202,7 @@ ExitStatus Play(Arguments& arguments, const Processes& processes) {
   }
   WorkDone work;
   {
-    KnownRobots known(plan.robots);
+    CountProgress known(plan.robots, "robots");
     if (!arguments.quiet && processes.rank() == 0)
       plan.progress = [&known](int count) { known(count); };
     work = RunStudy(arguments.study, plan, processes);
@@ -266,16 +243,9 @@ ExitStatus Main(int argc, char** argv) {
   line.SetFooter(kExitCodes);
   Declare(line, arguments);
   line.Parse(argc, argv);
-  const Processes processes;
-  try {
+  return RunTogether("tumbler-robustness", [&arguments](const Processes& processes) {
     return Play(arguments, processes);
-  } catch (const std::exception& error) {
-    if (processes.count() > 1) {
-      fmt::print(stderr, "tumbler-robustness: {}\n", error.what());
-      processes.Abort(static_cast<int>(ExitStatus::kUnusable));
-    }
-    throw;
-  }
+  });
 }
 
 }  // namespace

@@ -159,4 +159,10 @@ std::vector<double> GuessFrom(const Problem& problem, const PrimitiveFile& file,
   return guess;
 }
 
+void TakeGuess(Task& task, const PrimitiveFile& file, const std::string& file_name) {
+  task.guess = GuessFrom(task.problem, file, file_name);
+  task.guess_file = file_name;
+  task.guess_hash = ContentHash(file);
+}
+
 }  // namespace tumbler

@@ -6,6 +6,7 @@
 
 #include "common/primitive_toml.h"
 #include "offline/problem/problem.h"
+#include "offline/problem/task_toml.h"
 
 namespace tumbler {
 
@@ -33,5 +34,8 @@ std::vector<double> WithControlPointsOf(const Problem& problem, const Problem& o
 /// @throws FileError  when the primitive lacks a joint of the problem.
 std::vector<double> GuessFrom(const Problem& problem, const PrimitiveFile& file,
                               const std::string& file_name);
+
+/// Lets a task be solved from there, and say so. The same parameters and errors.
+void TakeGuess(Task& task, const PrimitiveFile& file, const std::string& file_name);
 
 }  // namespace tumbler

@@ -35,7 +35,7 @@ std::string PrimitiveName(const SweepStudy& study, int point) {
 WorkFile::Work WorkOf(const SweepStudy& study) {
   const Task& base = study.grid.base();
   std::string text = HashOfText(base.task_text) + HashOfText(base.robot_text);
-  if (!study.guess.empty()) text += HashOfText(ReadTextFile(study.guess));
+  if (study.guess) text += ContentHash(*study.guess);
   text += fmt::format(" {}\n", study.seed.value_or(base.problem.search.seed));
   for (const GridAxis& axis : study.grid.axes()) {
     text += axis.of;
@@ -145,12 +145,7 @@ std::optional<Solved> Solve(const SweepStudy& study, const SweepPlan& plan, int 
   Task task;
   try {
     task = study.grid.TaskAt(point);
-    if (!study.guess.empty()) {
-      const PrimitiveFile file = LoadPrimitive(study.guess);
-      task.guess = GuessFrom(task.problem, file, study.guess);
-      task.guess_file = study.guess;
-      task.guess_hash = ContentHash(file);
-    }
+    if (study.guess) TakeGuess(task, *study.guess, study.guess_file);
   } catch (const FileError& error) {  // Each value was checked by itself; these do not go together.
     outcome.cause = error.what();
     return solved;
@@ -277,7 +272,7 @@ Json ToJson(const SweepStudy& study, const std::vector<SweepPoint>& points) {
                {"task", base.task_file},
                {"name", base.problem.name},
                {"seed", study.seed.value_or(base.problem.search.seed)}};
-  if (!study.guess.empty()) json["guess"] = study.guess;
+  if (study.guess) json["guess"] = study.guess_file;
   json["axes"] = Json::Array();
   for (const GridAxis& axis : study.grid.axes())
     json["axes"].Append({{"of", axis.of}, {"values", axis.values}});

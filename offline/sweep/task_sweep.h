@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "common/json.h"
+#include "common/primitive_toml.h"
 #include "offline/sweep/task_grid.h"
 #include "offline/work/processes.h"
 
@@ -16,7 +17,9 @@ namespace tumbler {
 /// What is solved at every point of a grid, each for itself.
 struct SweepStudy {
   TaskGrid grid;
-  std::string guess;                  ///< A primitive that every point starts from; empty: none.
+  /// A primitive that every point starts from, if any, and its file's name.
+  std::optional<PrimitiveFile> guess;
+  std::string guess_file;
   std::optional<std::uint64_t> seed;  ///< Of the search, instead of the task's.
 };
 
@@ -30,8 +33,6 @@ struct SweepPoint {
   double duration_s = 0;
   double peak_torque_nm = 0;  ///< Of the certificate.
   std::int64_t evaluations = 0;
-
-  bool operator==(const SweepPoint&) const = default;
 };
 
 struct SweepPlan {

@@ -1,7 +1,11 @@
 #include "offline/work/processes.h"
 
+#include <fmt/format.h>
+
 #include <cstddef>
+#include <cstdio>
 #include <cstdlib>
+#include <exception>
 #include <numeric>
 #include <stdexcept>
 
@@ -88,5 +92,19 @@ std::vector<std::string> Processes::ToFirst(const std::string& text) const { ret
 void Processes::Abort(int /*status*/) const {}
 
 #endif
+
+ExitStatus RunTogether(const std::string& speaker,
+                       const std::function<ExitStatus(const Processes& processes)>& work) {
+  const Processes processes;
+  try {
+    return work(processes);
+  } catch (const std::exception& error) {
+    if (processes.count() > 1) {
+      fmt::print(stderr, "{}: {}\n", speaker, error.what());
+      processes.Abort(static_cast<int>(ExitStatus::kUnusable));
+    }
+    throw;
+  }
+}
 
 }  // namespace tumbler

@@ -1,7 +1,10 @@
 #pragma once
 
+#include <functional>
 #include <string>
 #include <vector>
+
+#include "common/exit_status.h"
 
 namespace tumbler {
 
@@ -36,5 +39,10 @@ class Processes {
   int rank_ = 0, count_ = 1;
   bool together_ = false;
 };
+
+/// The body of a program whose work processes share: with several, one that fails says why and ends
+/// them all. @param speaker  the beginning of its message.
+ExitStatus RunTogether(const std::string& speaker,
+                       const std::function<ExitStatus(const Processes& processes)>& work);
 
 }  // namespace tumbler

@@ -45,13 +45,14 @@ std::string_view LinesOf(std::string_view text, const std::string& path,
   return text.substr(end + 1);
 }
 
-}  // namespace
-
-std::string WorkFile::Head(const Work& work) {
+/// The first line of a file, with its line feed.
+std::string HeadOf(const WorkFile::Work& work) {
   return Json({{"format", work.format}, {"version", work.version}, {"study", work.identity}})
              .Dump(-1) +
          "\n";
 }
+
+}  // namespace
 
 std::string WorkFile::Read(const std::string& path, const Work& work) {
   const std::string text = ReadTextFile(path);
@@ -67,7 +68,7 @@ WorkFile::WorkFile(const std::string& path, const Work& work, std::string& lines
     if (whole.size() != text.size()) std::filesystem::resize_file(path, whole.size());
     return;
   }
-  const std::string head = Head(work);
+  const std::string head = HeadOf(work);
   if (!text.empty() && head.rfind(text, 0) != 0) {
     throw FileError(path, 1, "",
                     fmt::format("is no checkpoint of {}; name another file", work.program));

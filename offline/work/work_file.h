@@ -30,9 +30,6 @@ class WorkFile {
   /// Adds lines, which are on disk when this returns. @throws FileError
   void Add(const std::string& lines);
 
-  /// The first line of a file, with its line feed.
-  static std::string Head(const Work& work);
-
  private:
   std::string path_;
 };

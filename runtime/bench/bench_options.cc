@@ -4,7 +4,6 @@
 
 #include <cmath>
 #include <stdexcept>
-#include <utility>
 
 #include "common/command_line.h"
 #include "common/program.h"
@@ -164,18 +163,6 @@ void CheckStep(const BenchOptions& options) {
 
 void CheckBench(const BenchOptions& options) {
   const BenchBounds& bounds = options.config.bounds;
-  // The checks of ranges let "nan" through.
-  for (const auto& [name, value] : {std::pair{"--amplitude", bounds.amplitude_rad},
-                                    {"--speed", bounds.speed_rad_s},
-                                    {"--torque", bounds.torque_nm},
-                                    {"--kp", bounds.kp_nm_per_rad},
-                                    {"--kd", bounds.kd_nm_s_per_rad},
-                                    {"--size", options.config.step.size_rad},
-                                    {"--by", options.by_rad},
-                                    {"--seconds", options.config.replies_s},
-                                    {"--listen", options.config.scan.listen_s}}) {
-    if (!std::isfinite(value)) throw UsageError(name, "is not a number to use");
-  }
   for (const double at_rad : options.at_rad) {
     if (!(std::abs(at_rad) <= 1000))
       throw UsageError("--at", fmt::format("is {}; allowed: -1000 ... 1000", at_rad));

@@ -8,6 +8,7 @@
 #include <array>
 #include <atomic>
 #include <charconv>
+#include <chrono>
 #include <cstdint>
 #include <filesystem>
 #include <string>
@@ -54,7 +55,10 @@ void FilterSockets() {
 void SubscribeToWholeMessages(const std::function<void()>& subscribe) {
   std::atomic<bool> done = false;
   std::thread filters([&done] {
-    while (!done) FilterSockets();
+    while (!done) {
+      FilterSockets();
+      std::this_thread::sleep_for(std::chrono::microseconds(50));  // LCM may try for seconds.
+    }
   });
   try {
     subscribe();

@@ -13,8 +13,8 @@ int HandleLcm(lcm::LCM& lcm, int timeout_ms);
 
 /// Makes subscriptions so that the sockets that LCM opens for them take whole messages only. Ours
 /// are never cut into fragments, and liblcm 1.3 believes what a fragment says of its place: one
-/// datagram of anybody would end the program. A socket is without its filter for some 0.1 ms after
-/// it is opened, since LCM shows nobody its sockets.
+/// datagram of anybody would end the program. A socket is without its filter for a moment after it
+/// is opened, since LCM shows nobody its sockets.
 /// @param subscribe  subscribes; the first of its calls opens the sockets.
 void SubscribeToWholeMessages(const std::function<void()>& subscribe);
 

@@ -90,7 +90,7 @@ TEST(CommandLine, NamesTheOptionOfAValueThatCannotBe) {
   EXPECT_THAT(Complaint(line, {"m", "--cpu", "2.0"}), HasSubstr("of whole numbers"));
   EXPECT_THAT(Complaint(line, {"m", "--speed", "2"}), HasSubstr("--speed: Value 2 not in range"));
   EXPECT_THAT(Complaint(line, {"m", "--speed", "nan"}),
-              HasSubstr("--speed: Value nan is no finite"));
+              HasSubstr("--speed: Value nan not in range 0.1 to 1"));
   EXPECT_THAT(Complaint(line, {"m", "--speed", "fast"}), HasSubstr("--speed"));
   EXPECT_THAT(Complaint(line, {"m", "--speed"}), HasSubstr("--speed"));
   EXPECT_THAT(Complaint(line, {"m", "more"}), HasSubstr("more"));

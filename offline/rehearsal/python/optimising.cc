@@ -85,9 +85,7 @@ Task TaskFor(const py::object& asked, const OptimiseOptions& options) {
     task.problem.search.seed = static_cast<std::uint64_t>(*options.seed);
   }
   if (options.guess) {
-    task.guess_file = std::string(options.guess->file.primitive.name.view());
-    task.guess = GuessFrom(task.problem, options.guess->file, task.guess_file);
-    task.guess_hash = ContentHash(options.guess->file);
+    TakeGuess(task, options.guess->file, std::string(options.guess->file.primitive.name.view()));
   }
   return task;
 }
