@@ -39,8 +39,9 @@ if(NOT TUMBLER_FREESTANDING)
   target_compile_options(tumbler_brief_work INTERFACE $<$<CONFIG:Release>:-O1>)
 endif()
 
-# What most sources of a part include is parsed once for all of them: of the standard library, and where there are
-# matrices, of Eigen, too. Sources include all that they use nevertheless; clang-tidy reads them without this.
+# What most sources of a part include is parsed once for all of them. Of matrices this would save nothing: most of their
+# time is spent on templates that each source needs of its own, and g++ compiles what uses such headers with the
+# optimisation of the headers. Sources include all that they use nevertheless; clang-tidy reads them without this.
 option(TUMBLER_PRECOMPILE_HEADERS "Parse the headers that most sources include once for all of them" ON)
 function(tumbler_precompiled_headers name)
   cmake_parse_arguments(ARG "" "" "LINK;HEADERS" ${ARGN})
