@@ -3,8 +3,11 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <charconv>
 #include <cmath>
 #include <cstring>
+#include <limits>
+#include <system_error>
 #include <utility>
 
 #include "common/build_version.h"
@@ -195,6 +198,21 @@ CommandLineOption CommandLine::Option(const std::string& name, const std::string
                                       const std::string& help) {
   CLI::Option* const option = app_->add_option_function<std::string>(name, read, help);
   return CommandLineOption(*option->type_name(value_name));
+}
+
+CommandLineOption CommandLine::Seed(std::optional<std::uint64_t>& seed, const std::string& help) {
+  // It is read as text: as a number, one that is too large would become the largest that fits.
+  const auto read = [&seed](const std::string& text) {
+    std::int64_t number = 0;
+    const char* last = text.data() + text.size();
+    const auto [end, error] = std::from_chars(text.data(), last, number);
+    if (error != std::errc() || end != last || number < 0) {
+      throw UsageError("--seed", fmt::format("is '{}'; allowed: from 0 ... {}", text,
+                                             std::numeric_limits<std::int64_t>::max()));
+    }
+    seed = static_cast<std::uint64_t>(number);
+  };
+  return Option("--seed", "INT", read, help);
 }
 
 CommandLineOption CommandLine::Flag(const std::string& name, bool& value, const std::string& help) {

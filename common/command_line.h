@@ -1,8 +1,10 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -75,6 +77,8 @@ class CommandLine {
   CommandLineOption Option(const std::string& name, const std::string& value_name,
                            const std::function<void(const std::string& text)>& read,
                            const std::string& help);
+  /// The option --seed of a random generator, a number from 0 to 2^63 - 1, which any file can hold.
+  CommandLineOption Seed(std::optional<std::uint64_t>& seed, const std::string& help);
   /// An option without a value, which makes the variable true.
   CommandLineOption Flag(const std::string& name, bool& value, const std::string& help);
 

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <atomic>
 #include <cerrno>
 #include <csignal>
 #include <cstdio>
@@ -12,6 +13,9 @@
 
 namespace tumbler {
 namespace {
+
+// A signal handler can only reach what is static.
+std::atomic<bool> end_requested = false;
 
 void Say(const std::string& message) {
   std::fflush(stdout);  // So the message comes last where both streams go to one file.
@@ -53,6 +57,18 @@ int RunProgram(const std::string& speaker, int argc, char** argv,
   Say(fmt::format("{}: standard output could not be written whole{}{}", speaker,
                   why == 0 ? "" : ": ", why == 0 ? "" : std::generic_category().message(why)));
   return static_cast<int>(status == ExitStatus::kDone ? ExitStatus::kUnusable : status);
+}
+
+std::atomic<bool>& EndOnSignals() {
+  struct sigaction action {};
+  action.sa_handler = [](int /*signal*/) { end_requested = true; };
+  action.sa_flags = static_cast<int>(SA_RESETHAND);
+  for (const int signal : {SIGINT, SIGTERM}) sigaction(signal, &action, nullptr);
+  return end_requested;
+}
+
+void IgnoreEndSignals() {
+  for (const int signal : {SIGINT, SIGTERM}) std::signal(signal, SIG_IGN);
 }
 
 }  // namespace tumbler

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <atomic>
 #include <stdexcept>
 #include <string>
 
@@ -37,5 +38,13 @@ class HelpWanted : public std::runtime_error {
 /// @param run      the program, called with the arguments of `main`.
 int RunProgram(const std::string& speaker, int argc, char** argv,
                ExitStatus (*run)(int argc, char** argv));
+
+/// Makes the first SIGINT or SIGTERM request an end of the program's work, and the same signal once
+/// more end the program at once.
+/// @returns whether an end was requested.
+std::atomic<bool>& EndOnSignals();
+
+/// Lets neither signal do anything from here on, e.g. so that files are written whole.
+void IgnoreEndSignals();
 
 }  // namespace tumbler

@@ -5,11 +5,9 @@
 #include <algorithm>
 #include <atomic>
 #include <cerrno>
-#include <charconv>
-#include <csignal>
+#include <cstdint>
 #include <cstdio>
 #include <filesystem>
-#include <limits>
 #include <map>
 #include <optional>
 #include <stdexcept>
@@ -42,18 +40,6 @@ constexpr const char* kExitCodes =
 
 namespace fs = std::filesystem;
 
-// A signal handler can only reach what is static.
-std::atomic<bool> interrupt_requested = false;
-extern "C" void HandleInterrupt(int /*signal*/) { interrupt_requested = true; }
-
-/// Makes the first SIGINT request an end, and the second one end the program at once.
-void CatchInterrupt() {
-  struct sigaction action {};
-  action.sa_handler = HandleInterrupt;
-  action.sa_flags = static_cast<int>(SA_RESETHAND);
-  sigaction(SIGINT, &action, nullptr);
-}
-
 struct Arguments {
   std::vector<std::string> tasks;
   std::string start_from;
@@ -61,7 +47,7 @@ struct Arguments {
   std::string out;
   std::string report;
   std::string json;
-  std::optional<std::int64_t> seed;
+  std::optional<std::uint64_t> seed;
   int threads = 1;
   int minima = 0;  ///< Number of starts that are solved to their end for the table; 0: no table.
   bool keep_best = false;
@@ -77,7 +63,7 @@ Task Load(const Arguments& arguments, const std::string& path) {
                   : LoadTask(path, LoadPrimitive(arguments.start_from), arguments.start_from);
   Problem& problem = task.problem;
   if (!arguments.guess.empty()) TakeGuess(task, LoadPrimitive(arguments.guess), arguments.guess);
-  if (arguments.seed) problem.search.seed = static_cast<std::uint64_t>(*arguments.seed);
+  if (arguments.seed) problem.search.seed = *arguments.seed;
   if (arguments.minima > 0) {
     // This many motions are solved, each from a start of its own and until it converges. A motion
     // that ends early is no minimum, and two that end early never look the same.
@@ -89,13 +75,13 @@ Task Load(const Arguments& arguments, const std::string& path) {
   return task;
 }
 
-WorkSettings SettingsOf(const Arguments& arguments) {
+WorkSettings SettingsOf(const Arguments& arguments, std::atomic<bool>& end_requested) {
   WorkSettings settings;
   settings.threads = arguments.threads;
   settings.minima = arguments.minima > 0;
   settings.keep_best = arguments.keep_best;
   settings.quiet = arguments.quiet;
-  settings.interrupt = &interrupt_requested;
+  settings.interrupt = &end_requested;
   return settings;
 }
 
@@ -135,8 +121,8 @@ ExitStatus OptimizeOne(const Arguments& arguments) {
   PrintNotes(task);
   std::FILE* const people = arguments.json == "-" ? stderr : stdout;
 
-  CatchInterrupt();
-  const TaskResult result = WorkOn(std::move(task), SettingsOf(arguments));
+  std::atomic<bool>& end_requested = EndOnSignals();
+  const TaskResult result = WorkOn(std::move(task), SettingsOf(arguments, end_requested));
   if (arguments.minima > 0) PrintMinima(people, result);
   const auto drop = [&] {
     fmt::print(stderr, "interrupted: {}; no file was written\n",
@@ -155,9 +141,9 @@ ExitStatus OptimizeOne(const Arguments& arguments) {
   ParsePrimitive(text, "the new primitive");  // The text must read back.
   std::optional<ReportData> report;
   if (!arguments.report.empty()) report = PageOf(result);
-  if (interrupt_requested && !arguments.keep_best) return drop();
-  std::signal(SIGINT, SIG_IGN);  // From here on, files are written whole.
-  const bool interrupted = interrupt_requested;
+  if (end_requested && !arguments.keep_best) return drop();
+  IgnoreEndSignals();  // From here on, files are written whole.
+  const bool interrupted = end_requested;
   if (interrupted)
     fmt::print(stderr, "interrupted: the best motion so far is kept, as --keep-best asks\n");
 
@@ -258,12 +244,12 @@ ExitStatus OptimizeSeveral(const Arguments& arguments) {
   for (const Task& task : tasks) PrintNotes(task);
   std::FILE* const people = arguments.json == "-" ? stderr : stdout;
 
-  CatchInterrupt();
+  std::atomic<bool>& end_requested = EndOnSignals();
   std::vector<TaskResult> results;
   for (Task& task : tasks) {
-    if (interrupt_requested) break;
+    if (end_requested) break;
     fmt::print(stderr, "{}\n", task.task_file);
-    results.push_back(WorkOn(std::move(task), SettingsOf(arguments)));
+    results.push_back(WorkOn(std::move(task), SettingsOf(arguments, end_requested)));
     if (arguments.minima > 0) PrintMinima(people, results.back());
     if (results.back().file) WriteMotion(people, results.back(), arguments);
   }
@@ -278,7 +264,7 @@ ExitStatus OptimizeSeveral(const Arguments& arguments) {
   PrintRanking(people, order);
   Flush(stdout);
   Flush(people);
-  if (interrupt_requested) {
+  if (end_requested) {
     fmt::print(stderr, "interrupted: {} of {} tasks were worked on\n", results.size(),
                tasks.size());
     return ExitStatus::kInterrupted;
@@ -297,16 +283,6 @@ ExitStatus Optimize(const Arguments& arguments) {
   return arguments.tasks.size() == 1 ? OptimizeOne(arguments) : OptimizeSeveral(arguments);
 }
 
-std::int64_t ReadSeed(const std::string& text) {
-  std::int64_t seed = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), seed);
-  if (error != std::errc() || end != text.data() + text.size() || seed < 0) {
-    throw UsageError("--seed", fmt::format("is '{}'; allowed: from 0 ... {}", text,
-                                           std::numeric_limits<std::int64_t>::max()));
-  }
-  return seed;
-}
-
 ExitStatus Main(int argc, char** argv) {
   Arguments arguments;
   CommandLine line("Finds a motion for a task and writes it as a primitive.", "tumbler-optimize");
@@ -322,11 +298,7 @@ ExitStatus Main(int argc, char** argv) {
               "task, robot, ground, duration or number of control points");
   line.Option("--out", arguments.out,
               "Write the primitive here; for several tasks the folder, for NAME.toml of each");
-  // The seed is read as text. As a number, one that is too large would become the largest that
-  // fits.
-  line.Option(
-      "--seed", "INT", [&arguments](const std::string& text) { arguments.seed = ReadSeed(text); },
-      "Seed of the global search, instead of the task's");
+  line.Seed(arguments.seed, "Seed of the global search, instead of the task's");
   line.Option("--threads", arguments.threads, "Threads; the result does not depend on it")
       .Within(1, 256)
       .ShowDefault();

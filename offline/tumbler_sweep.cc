@@ -4,15 +4,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <atomic>
-#include <charconv>
-#include <csignal>
 #include <cstdint>
-#include <limits>
 #include <optional>
 #include <stdexcept>
 #include <string>
-#include <system_error>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -32,8 +27,6 @@ constexpr const char* kExitCodes =
   1    wrong usage, or a file that cannot be used or written
   2    no point has a motion
   130  interrupted: the same command goes on with the points that are not known yet)";
-
-std::atomic<bool> interrupt_requested{false};
 
 struct Arguments {
   std::string task;
@@ -61,19 +54,7 @@ void Declare(CommandLine& line, Arguments& arguments) {
   line.Option(
       "--guess", arguments.guess,
       "Solve every point from the paths of this primitive, and near them, without a search");
-  // The seed is read as text: as a number, one that is too large would become the largest.
-  line.Option(
-      "--seed", "INT",
-      [&arguments](const std::string& text) {
-        std::int64_t seed = 0;
-        const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), seed);
-        if (error != std::errc() || end != text.data() + text.size() || seed < 0) {
-          throw UsageError("--seed", fmt::format("is '{}'; allowed: from 0 ... {}", text,
-                                                 std::numeric_limits<std::int64_t>::max()));
-        }
-        arguments.seed = static_cast<std::uint64_t>(seed);
-      },
-      "Seed of every search, instead of the task's");
+  line.Seed(arguments.seed, "Seed of every search, instead of the task's");
   line.Option("--threads", arguments.threads, "Points at a time; 0: one for each core")
       .Within(0, 1024)
       .ShowDefault();
@@ -116,11 +97,7 @@ ExitStatus Sweep(const Arguments& arguments, const Processes& processes) {
   if (processes.rank() == 0) Check(arguments, study, plan);
   if (processes.count() == 1) {
     // Of several processes none may end before the others; mpirun ends them all.
-    struct sigaction action {};
-    action.sa_handler = [](int) { interrupt_requested = true; };
-    action.sa_flags = static_cast<int>(SA_RESETHAND);
-    sigaction(SIGINT, &action, nullptr);
-    plan.interrupt = &interrupt_requested;
+    plan.interrupt = &EndOnSignals();
   }
   SweepDone sweep;
   {

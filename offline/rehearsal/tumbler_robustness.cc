@@ -4,9 +4,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <atomic>
 #include <charconv>
-#include <csignal>
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <system_error>
@@ -33,12 +32,10 @@ constexpr const char* kExitCodes =
   2  refused: the motion, its drives or the hold do not suit what is asked for
   130  interrupted: with --checkpoint, what was found is kept)";
 
-std::atomic<bool> interrupt_requested{false};
-
 struct Arguments {
   RobustnessStudy study;
   WorkPlan plan;
-  std::size_t seed = 1;
+  std::optional<std::uint64_t> seed;
   bool compare_lanes = false;
   bool certify = false;
   bool quiet = false;
@@ -58,7 +55,7 @@ void Declare(CommandLine& line, Arguments& arguments) {
       .Within(0.0, 3600.0)
       .ShowDefault();
   line.Option("--branch", arguments.branch, "Take this branch once the cycles are done");
-  line.Option("--seed", arguments.seed, "Of the robots").ShowDefault();
+  line.Seed(arguments.seed, "Of the robots; 1 if left out");
   line.Option("--scale", study.scale, "Multiplies every spread").Within(0.0, 10.0).ShowDefault();
   for (const SpreadName& spread : kSpreadNames) {
     line.Option(spread.option, study.spreads.*spread.member, spread.help)
@@ -120,7 +117,7 @@ void ReadShard(const Arguments& arguments, WorkPlan& plan) {
 void Check(Arguments& arguments) {
   RobustnessStudy& study = arguments.study;
   ReadShard(arguments, arguments.plan);
-  study.seed = arguments.seed;
+  study.seed = arguments.seed.value_or(1);
   std::vector<std::string> inputs = arguments.plan.merged;
   for (const std::string& file : {DrivesFileOf(study), study.twin}) {
     if (!file.empty()) inputs.push_back(file);
@@ -194,11 +191,7 @@ ExitStatus Play(Arguments& arguments, const Processes& processes) {
   const bool alone = processes.count() == 1;
   if (alone) {
     // Of several processes none may end before the others; mpirun ends them all.
-    struct sigaction action {};
-    action.sa_handler = [](int) { interrupt_requested = true; };
-    action.sa_flags = static_cast<int>(SA_RESETHAND);
-    sigaction(SIGINT, &action, nullptr);
-    plan.interrupt = &interrupt_requested;
+    plan.interrupt = &EndOnSignals();
   }
   WorkDone work;
   {
@@ -208,7 +201,7 @@ ExitStatus Play(Arguments& arguments, const Processes& processes) {
     work = RunStudy(arguments.study, plan, processes);
     plan.progress = nullptr;
   }
-  if (interrupt_requested && !work.result) {
+  if (plan.interrupt != nullptr && *plan.interrupt && !work.result) {
     fmt::print(stderr, "interrupted: {} of {} robots are known; {}\n", work.known, plan.robots,
                plan.checkpoint.empty() ? "nothing was written" : plan.checkpoint + " has them");
     return ExitStatus::kInterrupted;

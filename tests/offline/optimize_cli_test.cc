@@ -486,13 +486,13 @@ TEST(OptimizeCliInterrupt, DuringTheLocalSolvesNothingIsKeptUnlessAskedFor) {
   EXPECT_EQ(folder.Listing(), before);
 }
 
-TEST(OptimizeCliInterrupt, KeepBestWritesAWholePrimitive) {
+TEST(OptimizeCliInterrupt, KeepBestWritesAWholePrimitiveWhicheverSignalEndsIt) {
   const TaskFolder folder(EndlessLocalSolves());
-  for (const char* threads : {"1", "2"}) {
+  for (const auto& [threads, signal] : {std::pair{"1", SIGINT}, {"2", SIGTERM}}) {
     const std::string out = folder / ("motion" + std::string(threads) + ".toml");
     Program program = Optimize(folder, {"--out", out, "--keep-best", "--threads", threads});
     ASSERT_TRUE(program.WaitFor("violation 0.0e+00")) << program.text();
-    program.Signal(SIGINT);
+    program.Signal(signal);
     EXPECT_EQ(program.Wait(), 130) << program.text();
     EXPECT_THAT(program.text(), HasSubstr("interrupted: the best motion so far is kept"));
     EXPECT_THAT(program.text(), HasSubstr("primitive " + out));

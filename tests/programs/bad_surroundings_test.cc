@@ -99,6 +99,8 @@ const std::vector<BadSurrounding> kBadSurroundings = {
     {"tumbler-run sim handstand.toml --drives huge.toml",
      "huge.toml:7: bus.rate_hz: is 1e+308; allowed: from 10 ... 10000"},
     {"tumbler-run sim handstand.toml --speed nan", "--speed: Value nan not in range 0.1 to 1"},
+    {"tumbler-robustness handstand.toml --robots 2 --seed 99999999999999999999",
+     "--seed: is '99999999999999999999'; allowed: from 0 ... 9223372036854775807"},
     {"tumbler-run sim gait.toml --cycles 1e308", "--cycles: Value 1e308 not in range"},
     {"tumbler-optimize task.toml --threads 99999999999999999999", "--threads: "},
     {"tumbler-chain simulate gait.toml --cycles 99999999999", "--cycles: Value 99999999999"},
