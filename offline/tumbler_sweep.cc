@@ -64,9 +64,10 @@ void Declare(CommandLine& line, Arguments& arguments) {
 }
 
 SweepStudy StudyOf(const Arguments& arguments) {
-  if (!arguments.guess.empty() && arguments.seed)
+  if (!arguments.guess.empty() && arguments.seed) {
     throw UsageError("--guess",
                      "takes the place of the search that --seed is about; leave one out");
+  }
   std::optional<PrimitiveFile> guess;
   if (!arguments.guess.empty()) guess = LoadPrimitive(arguments.guess);
   std::vector<GridAxis> axes;
