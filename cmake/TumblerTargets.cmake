@@ -33,15 +33,17 @@ if(TUMBLER_BUILD_FUZZERS)
   target_compile_options(tumbler_options INTERFACE -fsanitize=fuzzer-no-link)
 endif()
 
-# What runs once a command, for a moment, is compiled to less speed in less time: files, command lines, pages.
+# What runs once a command, for a moment, is compiled to less speed in less time: files, command lines, pages; so is what
+# spends its time in the loops of other libraries.
 add_library(tumbler_brief_work INTERFACE)
 if(NOT TUMBLER_FREESTANDING)
   target_compile_options(tumbler_brief_work INTERFACE $<$<CONFIG:Release>:-O1>)
 endif()
 
 # What most sources of a part include is parsed once for all of them. Of matrices this would save nothing: most of their
-# time is spent on templates that each source needs of its own, and g++ compiles what uses such headers with the
-# optimisation of the headers. Sources include all that they use nevertheless; clang-tidy reads them without this.
+# time is spent on templates that each source needs of its own, and g++ 12 was seen to compile what uses such headers
+# with their optimisation instead of its own. Sources include all that they use nevertheless; clang-tidy reads them
+# without this.
 option(TUMBLER_PRECOMPILE_HEADERS "Parse the headers that most sources include once for all of them" ON)
 function(tumbler_precompiled_headers name)
   cmake_parse_arguments(ARG "" "" "LINK;HEADERS" ${ARGN})
@@ -53,7 +55,7 @@ function(tumbler_precompiled_headers name)
 endfunction()
 
 # tumbler_library(common SOURCES a.cc ... LINK Eigen3::Eigen ...) declares tumbler_common, alias tumbler::common.
-# BRIEF_WORK: none of it is a computation that anybody waits for, or part of the loop.
+# BRIEF_WORK: none of it is a loop of its own that anybody waits for, or part of the control loop.
 # HEADERS: a name given to tumbler_precompiled_headers.
 function(tumbler_library name)
   cmake_parse_arguments(ARG "BRIEF_WORK" "HEADERS" "SOURCES;LINK;LINK_PRIVATE" ${ARGN})

@@ -117,7 +117,7 @@ void ReadShard(const Arguments& arguments, WorkPlan& plan) {
 void Check(Arguments& arguments) {
   RobustnessStudy& study = arguments.study;
   ReadShard(arguments, arguments.plan);
-  study.seed = arguments.seed.value_or(1);
+  if (arguments.seed) study.seed = *arguments.seed;
   std::vector<std::string> inputs = arguments.plan.merged;
   for (const std::string& file : {DrivesFileOf(study), study.twin}) {
     if (!file.empty()) inputs.push_back(file);
