@@ -51,6 +51,9 @@ struct Certificate {
   double gradient_step_halving_change = 0;
   /// Largest component of the cost's gradient that no active constraint holds [cost per rad].
   double projected_gradient = 0;
+  /// The same as a part of what it is made of, at most 1. None: not known, as with motions that are
+  /// found by robots that differ.
+  std::optional<double> kkt_residual;
   /// Largest excess of a limit, relative to the limit (of a position, in rad); 0 when all hold.
   double constraint_violation = 0;
   /// Change of the final pitch when the integration step is halved.

@@ -26,6 +26,8 @@ using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowM
 
 /// Contact that is lost for less than this [s] counts as one contact: a foot chatters as it lands.
 constexpr double kContactGap = 0.01;
+/// A tolerance below this is lost in rounding.
+constexpr double kFinestTolerance = 1e-12;
 /// The least-squares spline through the plan's torques, with its control points within the limit.
 Spline FitTorque(const Problem& problem, const TorqueSamples& samples, std::size_t joint) {
   constexpr int kTorqueDegree = kFeedForwardDegree;
@@ -166,6 +168,18 @@ double GradientStepHalvingChange(const Problem& problem, const std::vector<doubl
     scale = std::max(scale, std::abs(reference[i]));
   }
   return scale > 0 ? change / scale : change;
+}
+
+std::optional<KktResidual> FinerKktResidual(const Problem& problem, const std::vector<double>& x) {
+  if (problem.robust) return std::nullopt;
+  StepSettings settings = AdaptiveSteps(problem);
+  settings.tolerance = std::max(settings.tolerance / 100, kFinestTolerance);
+  ForwardSensitivity rollout(problem, settings);
+  OutputGradients outputs(rollout.output_count(), rollout.parameter_count());
+  GaussNewton model;
+  const RolloutResult result = rollout.Run(x, outputs, &model);
+  if (!result.finite) return std::nullopt;
+  return FindKktResidual(problem, DerivativeLimitRows(problem), x, result, outputs, &model);
 }
 
 MotionSummarizer::MotionSummarizer(const Problem& problem, double refinement)
@@ -325,7 +339,9 @@ PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
   std::transform(check.errors.begin(), check.errors.end(), certificate.gradient_errors.begin(),
                  Finite);
   certificate.gradient_step_halving_change = Finite(GradientStepHalvingChange(problem, solution.x));
-  certificate.projected_gradient = solution.projected_gradient;
+  certificate.projected_gradient = solution.kkt.absolute;
+  if (const auto kkt = FinerKktResidual(problem, solution.x))
+    certificate.kkt_residual = kkt->relative;
   certificate.constraint_violation = LargestExcess(primitive, summary);
   const StepGrid grid = StepsFor(problem, solution.x);
   certificate.step_halving_error_rad = std::abs(FinalPitch(problem, solution.x, grid) -

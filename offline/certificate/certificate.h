@@ -10,6 +10,7 @@
 #include "common/primitive_toml.h"
 #include "offline/problem/task_toml.h"
 #include "offline/scene/motion_sample.h"
+#include "offline/solver/constraints.h"
 #include "offline/solver/solver.h"
 
 namespace tumbler {
@@ -99,6 +100,11 @@ struct MotionSummary {
   /// The plan's torques, from which the feed-forward is fitted.
   TorqueSamples torques;
 };
+
+/// How far a motion is from a minimum, by sensitivities whose steps bound the error 100 times finer
+/// than the solver's do. None for a motion that leaves every plausible range, and for one that was
+/// found by robots that differ, whose cost is another.
+std::optional<KktResidual> FinerKktResidual(const Problem& problem, const std::vector<double>& x);
 
 /// Makes a MotionSummary of a motion's samples.
 class MotionSummarizer {

@@ -10,6 +10,15 @@
 namespace tumbler {
 namespace {
 
+Json FiguresOf(const KktResidual& kkt) {
+  auto multipliers = Json::Array();
+  for (const Multiplier& multiplier : kkt.multipliers)
+    multipliers.Append({{"of", multiplier.name}, {"value", multiplier.value}});
+  Json figures = {{"absolute", kkt.absolute}, {"multipliers", multipliers}};
+  if (kkt.relative) figures["relative"] = *kkt.relative;
+  return figures;
+}
+
 Json FiguresOfMinima(const TaskResult& result) {
   auto minima = Json::Array();
   for (std::size_t i = 0; i < result.minima.size(); ++i) {
@@ -23,7 +32,7 @@ Json FiguresOfMinima(const TaskResult& result) {
                    {"final_pitch_rad", summary.final_pitch_rad},
                    {"settled_pitch_rad", summary.settled_pitch_rad},
                    {"peak_torque_nm", summary.peak_torque_nm},
-                   {"projected_gradient", solution.projected_gradient},
+                   {"kkt", FiguresOf(solution.kkt)},
                    {"evaluations", solution.evaluations},
                    {"end", ToString(solution.end)},
                    {"starts", minimum.starts}});
@@ -76,6 +85,7 @@ Json Figures(const TaskResult& result) {
     if (key == "settled_pitch_error_rad") continue;  // settled_error_rad has its magnitude.
     std::visit([&](const auto& value) { json[figure.key] = value; }, figure.value);
   }
+  json["kkt"] = FiguresOf(best.kkt);
   json["content_hash"] = ContentHash(*result.file);
   json["second_look"] = FiguresOf(result.look);
   if (!result.minima.empty()) json["minima"] = FiguresOfMinima(result);

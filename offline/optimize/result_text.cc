@@ -13,6 +13,9 @@
 namespace tumbler {
 namespace {
 
+/// Of the limits that hold a motion, as many are named as take this many characters.
+constexpr std::size_t kLongestHeld = 120;
+
 /// Prints the contact law, and the integration step that it needs.
 void PrintContact(const Problem& problem, const std::string& task_file) {
   if (problem.scene.obstacles.empty()) return;
@@ -66,6 +69,26 @@ void PrintSecondLook(std::FILE* people, const SecondLook& look) {
   }
 }
 
+/// Prints how far the motion is from a minimum, and what holds it back.
+void PrintMinimum(std::FILE* people, const TaskResult& result) {
+  const KktResidual& kkt = result.best.kkt;
+  const std::optional<double>& finer = result.file->certificate.kkt_residual;
+  if (!kkt.relative || !finer) return;
+  std::string held;
+  for (const Multiplier& multiplier : kkt.multipliers) {
+    if (held.size() > kLongestHeld) {
+      held += ", ...";
+      break;
+    }
+    held += fmt::format("{}{} ({:.1e})", held.empty() ? "; held by " : ", ", multiplier.name,
+                        multiplier.value);
+  }
+  fmt::print(people,
+             "  Kuhn-Tucker residual {:.1e}, with a tolerance 100 times finer {:.1e} (relative; at "
+             "a minimum {:.0e} or less){}\n",
+             *kkt.relative, *finer, result.problem().solver.kkt_residual, held);
+}
+
 }  // namespace
 
 void PrintNotes(const Task& task) {
@@ -104,6 +127,7 @@ void PrintMotion(std::FILE* people, const TaskResult& result) {
                  "peak penetration {peak_penetration_mm:.2f} mm\n",
                  c, result.problem().scene.contact.d_on_m));
   PrintSecondLook(people, result.look);
+  PrintMinimum(people, result);
   if (c.gradient_error > kDoubtfulGradient) {
     fmt::print(
         stderr,

@@ -61,8 +61,9 @@ struct SearchSettings {
   double step_s = 2e-3;
 };
 
-/// Settings of the local solver (SLSQP). Every start that the search hands over is screened by a
-/// few evaluations with a long step; the best of them are then solved with the final step.
+/// Settings of the local solvers. Every start that the search hands over is screened by a few
+/// evaluations of SLSQP with a long step; the best of them are then solved with the final steps
+/// (SolveNear).
 struct SolverSettings {
   /// The method that computes gradients. Both give the same to rounding.
   enum class Gradient {
@@ -72,8 +73,8 @@ struct SolverSettings {
     kForward,
   };
   Gradient gradient = Gradient::kAdjoint;
-  /// Equal integration step of what is simulated beside the solver, and of the solver itself with a
-  /// contact model of its caller's. Certificate and second look divide it by 16.
+  /// Equal integration step of what is simulated beside the solver. Certificate and second look
+  /// divide it by 16.
   double step_s = 1e-3;
   /// Largest error in a step of the adaptive steps with which finalists are solved, of each state
   /// and each of its derivatives z, divided by 1 + |z|.
@@ -85,8 +86,11 @@ struct SolverSettings {
   /// Number of solutions with the final step that are wanted.
   int finalists = 1;
   /// Most evaluations of cost and gradient for each finalist, screening included.
-  int max_evaluations = 90;
-  /// The solver stops when the cost changes by less than this part of itself.
+  int max_evaluations = 300;
+  /// A finalist has converged when its KktResidual::relative is no larger. The smaller it is, the
+  /// smaller `tolerance` has to be.
+  double kkt_residual = 1e-4;
+  /// Screening ends when the cost changes by less than this part of itself.
   double relative_tolerance = 1e-7;
   /// The part of the torque limit that is kept free for torques between samples. With a tenth of a
   /// step of 1 ms, a hard landing shows up to 0.8 % of the limit more.

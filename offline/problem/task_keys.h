@@ -166,7 +166,13 @@ inline constexpr std::array kSolverKeys = {
                                                "of cost and gradient, for each start"),
     KeyOf<&SolverSettings::finalists>("finalists", {1, 1000}, "how many of those go on ..."),
     KeyOf<&SolverSettings::max_evaluations>("max_evaluations", {1, 1e5}, "... to this many in all"),
-    KeyOf<&SolverSettings::relative_tolerance>("relative_tolerance", {0, 1, true}, "of the cost"),
+    KeyOf<&SolverSettings::kkt_residual>(
+        "kkt_residual", {1e-12, 1},
+        "they end at a [Kuhn-Tucker residual](method.md#local-solution) no larger; for less than "
+        "the default, give `tolerance` less, too"),
+    KeyOf<&SolverSettings::relative_tolerance>(
+        "relative_tolerance", {0, 1, true},
+        "screening ends when the cost changes by less than this part of itself"),
     KeyOf<&SolverSettings::gradient>("gradient", kGradients,
                                      "how gradients are computed: backwards through the steps, or "
                                      "by the paper's gradient equations"),

@@ -4,6 +4,8 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <stdexcept>
+#include <utility>
 #include <vector>
 
 #include "common/index.h"
@@ -58,9 +60,10 @@ struct StageRecord {
 }  // namespace
 
 struct ForwardSensitivity::Implementation {
-  Implementation(const Problem& p, const StepSettings& settings)
+  Implementation(const Problem& p, const StepSettings& settings,
+                 std::unique_ptr<ContactForces<Plane>> contact)
       : problem(p),
-        robot(p.scene),
+        robot(p.scene, std::move(contact)),
         nf(static_cast<int>(robot.free.size())),
         na(static_cast<int>(p.joints.size())),
         parameters(p.parameter_count()),
@@ -289,17 +292,18 @@ struct ForwardSensitivity::Implementation {
   /// Integrates one phase, in which the paths are smooth: the motion, or the joints held after it.
   /// @returns false when the state left every plausible range.
   bool Integrate(double begin, double duration, bool moving, RolloutResult& result) {
-    return integrator.Integrate(
-        begin, duration,
-        [&](double t, const std::vector<double>& z, std::vector<double>& slope) {
-          Evaluate(t, moving, z, slope);
-        },
-        [&] { Inspect(result); },
-        [&](const auto& z) {
-          Observe();
-          if (adaptive) (moving ? grid.motion : grid.settling).push_back(integrator.last_step_s());
-          return Plausible(z);
-        });
+    std::vector<double>& steps = moving ? grid.motion : grid.settling;
+    const auto slope_at = [&](double t, const std::vector<double>& z, std::vector<double>& slope) {
+      Evaluate(t, moving, z, slope);
+    };
+    const auto look = [&] { Inspect(result); };
+    const auto goes_on = [&](const auto& z) {
+      Observe();
+      if (adaptive && !repeats) steps.push_back(integrator.last_step_s());
+      return Plausible(z);
+    };
+    return repeats ? integrator.IntegrateThrough(begin, duration, steps, slope_at, look, goes_on)
+                   : integrator.Integrate(begin, duration, slope_at, look, goes_on);
   }
 
   void AddInstant(CostTerm::When when, RolloutResult& result) {
@@ -316,7 +320,13 @@ struct ForwardSensitivity::Implementation {
       term.AddSlopes(term.weight, here, {by_q, by_qd, {}});
       AddByState(by_q, 0, false, z, outputs.data());
       AddByState(by_qd, 1, false, z, outputs.data());
-      if (gauss_newton == nullptr || !term.draws()) continue;
+      if (gauss_newton == nullptr) continue;
+      if (!term.draws()) {
+        AddByState(by_q, 0, false, z, gauss_newton->linear.data());
+        AddByState(by_qd, 1, false, z, gauss_newton->linear.data());
+        continue;
+      }
+      gauss_newton->squares += result.residuals.back() * result.residuals.back();
       SceneDynamics::Numbers of_term{};
       of_term[Index(term.dof)] = std::sqrt(term.weight);
       std::fill(residual_slope.begin(), residual_slope.end(), 0.0);
@@ -341,16 +351,22 @@ struct ForwardSensitivity::Implementation {
     if (gauss_newton != nullptr) {
       gauss_newton->matrix.setZero(parameters, parameters);
       gauss_newton->residual_slopes.resize(0, parameters);
+      gauss_newton->squares = 0;
+      gauss_newton->linear.setZero(parameters);
     }
     std::fill(outputs.begin(), outputs.end(), 0.0);
     integrator.ResetStatistics();
-    grid.motion.clear();
-    grid.settling.clear();
+    const auto forget_steps = [&] {
+      grid.motion.clear();
+      grid.settling.clear();
+    };
+    if (!repeats) forget_steps();
     RolloutResult result;
     result.peak_torque_nm.assign(Index(na), 0);
     result.torque_excess.assign(Index(na), -1);
     const auto fail = [&] {
       std::fill(outputs.begin(), outputs.end(), 0.0);
+      if (!repeats) forget_steps();
       result.finite = false;
       result.cost = std::numeric_limits<double>::infinity();
       return result;
@@ -372,6 +388,7 @@ struct ForwardSensitivity::Implementation {
     if (!Integrate(problem.duration_s, problem.settle_s, false, result)) return fail();
     AddInstant(CostTerm::When::kSettled, result);
     result.cost += integrator.state()[Index(2 * nf)];
+    if (gauss_newton != nullptr) gauss_newton->squares += integrator.state()[Index(2 * nf)];
     Row(outputs.data(), parameters) +=
         ConstRow(Sensitivity(integrator.state(), 2 * nf), parameters);
     for (int j = 0; j <= na; ++j) {
@@ -383,6 +400,20 @@ struct ForwardSensitivity::Implementation {
       Row(outputs.data() + Index((1 + j) * parameters), parameters) =
           ConstRow(smooth[Index(j)].slope.data(), parameters) / maximum.sum();
     }
+    return result;
+  }
+
+  RolloutResult RunInto(std::span<const double> x, Gradient& gradient, GaussNewton* wanted) {
+    gauss_newton = wanted;
+    RolloutResult result = Run(x);
+    if (gauss_newton != nullptr) {
+      Eigen::MatrixXd& matrix = gauss_newton->matrix;
+      for (Eigen::Index k = 1; k < matrix.cols(); ++k)
+        matrix.col(k).head(k) = matrix.row(k).head(k).transpose();
+    }
+    gradient =
+        Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(
+            outputs.data(), 3 + na, parameters);
     return result;
   }
 
@@ -398,7 +429,8 @@ struct ForwardSensitivity::Implementation {
   double paths_time = 0;                            // -1: after the motion
   bool adaptive;
   Integrator integrator;
-  StepGrid grid;  // of the last run, if adaptive
+  StepGrid grid;         // of the last run that chose it, if adaptive
+  bool repeats = false;  // whether this run takes the steps of `grid`
   LookPoints look_points;
   SmoothDepth depth;
   std::array<StageRecord, Tableau::kMaxStages> records;  // of the present step
@@ -410,8 +442,9 @@ struct ForwardSensitivity::Implementation {
   HybridDynamics<Plane>::Derivatives derivatives;
 };
 
-ForwardSensitivity::ForwardSensitivity(const Problem& problem, const StepSettings& settings)
-    : implementation_(std::make_unique<Implementation>(problem, settings)) {}
+ForwardSensitivity::ForwardSensitivity(const Problem& problem, const StepSettings& settings,
+                                       std::unique_ptr<ContactForces<Plane>> contact)
+    : implementation_(std::make_unique<Implementation>(problem, settings, std::move(contact))) {}
 ForwardSensitivity::~ForwardSensitivity() = default;
 ForwardSensitivity::ForwardSensitivity(ForwardSensitivity&&) noexcept = default;
 
@@ -438,21 +471,20 @@ StepGrid StepsFor(const Problem& problem, std::span<const double> x) {
   return EvenGrid(problem.duration_s, problem.settle_s, problem.solver.step_s);
 }
 
-RolloutResult ForwardSensitivity::Run(
-    std::span<const double> x,
-    Eigen::Ref<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> gradient,
-    GaussNewton* gauss_newton) {
-  implementation_->gauss_newton = gauss_newton;
-  RolloutResult result = implementation_->Run(x);
-  if (gauss_newton != nullptr) {
-    Eigen::MatrixXd& matrix = gauss_newton->matrix;
-    for (Eigen::Index k = 1; k < matrix.cols(); ++k)
-      matrix.col(k).head(k) = matrix.row(k).head(k).transpose();
-  }
-  gradient =
-      Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(
-          implementation_->outputs.data(), output_count(), parameter_count());
-  return result;
+// What is written through is passed by value, as Eigen has it.
+// NOLINTBEGIN(performance-unnecessary-value-param)
+RolloutResult ForwardSensitivity::Run(std::span<const double> x, Gradient gradient,
+                                      GaussNewton* gauss_newton) {
+  implementation_->repeats = false;
+  return implementation_->RunInto(x, gradient, gauss_newton);
 }
+
+RolloutResult ForwardSensitivity::RunAgain(std::span<const double> x, Gradient gradient,
+                                           GaussNewton* gauss_newton) {
+  if (implementation_->grid.motion.empty()) throw std::logic_error("there are no steps to repeat");
+  implementation_->repeats = true;
+  return implementation_->RunInto(x, gradient, gauss_newton);
+}
+// NOLINTEND(performance-unnecessary-value-param)
 
 }  // namespace tumbler

@@ -4,6 +4,7 @@
 #include <memory>
 #include <span>
 
+#include "offline/contact/contact_forces.h"
 #include "offline/problem/problem.h"
 #include "offline/rollout/rollout.h"
 #include "offline/stepper/integrator.h"
@@ -18,6 +19,10 @@ struct GaussNewton {
   Eigen::MatrixXd matrix;
   /// The derivatives of RolloutResult::residuals, one row for each.
   Eigen::MatrixXd residual_slopes;
+  /// The part of the cost that is made of those squares.
+  double squares = 0;
+  /// The derivatives of the rest of it.
+  Eigen::VectorXd linear;
 };
 
 /// Cost and gradient by the paper's method [AB04, section V]. The states of Eq. 8 and their
@@ -38,7 +43,12 @@ struct GaussNewton {
 /// Not thread-safe: one object per thread. In the integration, only the returned vectors allocate.
 class ForwardSensitivity {
  public:
-  ForwardSensitivity(const Problem& problem, const StepSettings& settings);
+  using Gradient =
+      Eigen::Ref<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>;
+
+  /// @param contact  replaces the general contact model; null: the general one.
+  ForwardSensitivity(const Problem& problem, const StepSettings& settings,
+                     std::unique_ptr<ContactForces<Plane>> contact = nullptr);
   ~ForwardSensitivity();
   ForwardSensitivity(ForwardSensitivity&&) noexcept;
 
@@ -53,13 +63,17 @@ class ForwardSensitivity {
   /// Like Rollout::Run. The largest torque and penetration are those where steps start, hence at
   /// other times with the adaptive scheme than with the fixed one.
   /// @param gauss_newton  is filled, if it is not null.
-  RolloutResult Run(
-      std::span<const double> x,
-      Eigen::Ref<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> gradient,
-      GaussNewton* gauss_newton = nullptr);
+  RolloutResult Run(std::span<const double> x, Gradient gradient,
+                    GaussNewton* gauss_newton = nullptr);
+  /// The same, with adaptive steps as they were chosen in the last run by Run, whatever their error
+  /// is now: cost, constraints and derivatives are smooth functions of x so.
+  /// @throws std::logic_error when there was no such run, or none that ended.
+  RolloutResult RunAgain(std::span<const double> x, Gradient gradient,
+                         GaussNewton* gauss_newton = nullptr);
 
   [[nodiscard]] const IntegrationStatistics& statistics() const;
-  /// The steps of the last run, if they are adaptive.
+  /// The steps of the last run by Run, if they are adaptive. None when it left every plausible
+  /// range.
   [[nodiscard]] const StepGrid& grid() const;
 
  private:

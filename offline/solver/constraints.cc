@@ -17,22 +17,80 @@ constexpr double kActive = 1e-5;
 /// them keeps its limits: where steps are chosen anew, peaks move by a little.
 constexpr double kKeptMargin = 0.5;
 
-/// The residual with least-squares multipliers. Constraints with negative ones are dropped, and the
-/// others are solved again.
-double Residual(const Eigen::VectorXd& g, std::vector<Eigen::VectorXd> active) {
-  Eigen::VectorXd residual = g;
+/// A constraint that is active.
+struct Active {
+  std::string name;
+  Eigen::VectorXd gradient;
+  double multiplier = 0;
+};
+
+/// Name of an actuated joint.
+const std::string& JointName(const Problem& problem, std::size_t joint) {
+  return problem.scene.robot.tree.dofs[static_cast<std::size_t>(problem.joints[joint].dof)].name;
+}
+
+/// Those at x.
+std::vector<Active> FindActive(const Problem& problem, const std::vector<LinearRow>& rows,
+                               std::span<const double> x, const RolloutResult& result,
+                               const Eigen::Ref<const OutputGradients>& outputs) {
+  const Eigen::Index n = static_cast<Eigen::Index>(x.size());
+  std::vector<Active> active;
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    const std::size_t joint = problem.joint_of_parameter(static_cast<int>(i));
+    const JointLimits<double>& limits = problem.joints[joint].limits;
+    const Eigen::VectorXd unit = Eigen::VectorXd::Unit(n, static_cast<Eigen::Index>(i));
+    const std::string name = "position of " + JointName(problem, joint);
+    if (x[i] > limits.position_max_rad - kActive) active.push_back({name, unit});
+    if (x[i] < limits.position_min_rad + kActive) active.push_back({name, -unit});
+  }
+  for (const LinearRow& row : rows) {
+    if (row.b + std::inner_product(row.a.begin(), row.a.end(), x.begin(), 0.0) > -kActive)
+      active.push_back({row.name, Eigen::Map<const Eigen::VectorXd>(row.a.data(), n)});
+  }
+  const auto consider = [&](double value, const std::string& name, Eigen::Index output) {
+    if (value > -kActive) active.push_back({name, outputs.row(output).transpose()});
+  };
+  for (std::size_t j = 0; j < result.torque_excess.size(); ++j) {
+    consider(result.torque_excess[j] + problem.solver.torque_margin,
+             "torque of " + JointName(problem, j), static_cast<Eigen::Index>(j + 1));
+  }
+  consider(result.core_excess, "penetration", outputs.rows() - 2);
+  consider(result.clearance_excess, "clearance of own shapes", outputs.rows() - 1);
+  return active;
+}
+
+/// What is left of the gradient with least-squares multipliers. Constraints with negative ones are
+/// dropped from `active`, and the others are solved again.
+Eigen::VectorXd Residual(const Eigen::VectorXd& g, std::vector<Active>& active) {
   while (!active.empty()) {
     Eigen::MatrixXd A(g.size(), static_cast<Eigen::Index>(active.size()));
-    for (std::size_t i = 0; i < active.size(); ++i) A.col(static_cast<Eigen::Index>(i)) = active[i];
+    for (std::size_t i = 0; i < active.size(); ++i)
+      A.col(static_cast<Eigen::Index>(i)) = active[i].gradient;
     const Eigen::VectorXd lambda = SolveLeastSquares(A, -g);
     Eigen::Index lowest = 0;
     if (lambda.minCoeff(&lowest) >= 0) {
-      residual = g + A * lambda;
-      break;
+      for (std::size_t i = 0; i < active.size(); ++i)
+        active[i].multiplier = lambda[static_cast<Eigen::Index>(i)];
+      return g + A * lambda;
     }
     active.erase(active.begin() + lowest);
   }
-  return residual.size() == 0 ? 0 : residual.lpNorm<Eigen::Infinity>();
+  return g;
+}
+
+/// KktResidual::relative.
+double RelativeSize(const Eigen::VectorXd& left, const std::vector<Active>& active,
+                    const GaussNewton& model) {
+  const double squares = model.squares + kNegligibleResidual * kNegligibleResidual;
+  double largest = 0;
+  for (Eigen::Index i = 0; i < left.size(); ++i) {
+    if (left[i] == 0) continue;
+    // By Cauchy and Schwarz, no less than the gradient of the squares.
+    double parts = std::sqrt(2 * squares * model.matrix(i, i)) + std::abs(model.linear[i]);
+    for (const Active& a : active) parts += a.multiplier * std::abs(a.gradient[i]);
+    largest = std::max(largest, std::abs(left[i]) / parts);
+  }
+  return largest;
 }
 
 }  // namespace
@@ -99,16 +157,13 @@ WorstConstraint FindWorst(const Problem& problem, const std::vector<LinearRow>& 
   const auto consider = [&worst](double value, const auto& name) {
     if (value > worst.value) worst = {value, name()};
   };
-  const auto joint_name = [&](std::size_t j) {
-    return problem.scene.robot.tree.dofs[static_cast<std::size_t>(problem.joints[j].dof)].name;
-  };
   for (const LinearRow& row : rows) {
     consider(row.b + std::inner_product(row.a.begin(), row.a.end(), x.begin(), 0.0),
              [&] { return row.name; });
   }
   for (std::size_t j = 0; j < result.torque_excess.size(); ++j) {
     consider(result.torque_excess[j] + kKeptMargin * problem.solver.torque_margin,
-             [&] { return "torque of " + joint_name(j); });
+             [&] { return "torque of " + JointName(problem, j); });
   }
   const double core_margin = problem.solver.core_margin;
   consider(result.core_excess - (1 - kKeptMargin) * core_margin / (1 - core_margin),
@@ -118,7 +173,7 @@ WorstConstraint FindWorst(const Problem& problem, const std::vector<LinearRow>& 
     const JointLimits<double>& limits = problem.joints[j].limits;
     for (int k = 0; k < problem.joints[j].free_points(); ++k, ++i) {
       consider(std::max(x[i] - limits.position_max_rad, limits.position_min_rad - x[i]),
-               [&] { return "position of " + joint_name(j); });
+               [&] { return "position of " + JointName(problem, j); });
     }
   }
   return worst;
@@ -129,33 +184,21 @@ double LargestViolation(const Problem& problem, const std::vector<LinearRow>& ro
   return FindWorst(problem, rows, x, result).value;
 }
 
-double ProjectedGradient(const Problem& problem, const std::vector<LinearRow>& rows,
-                         std::span<const double> x, const RolloutResult& result,
-                         const Eigen::Ref<const OutputGradients>& outputs) {
-  const Eigen::Index n = static_cast<Eigen::Index>(x.size());
-  std::vector<Eigen::VectorXd> active;
-  for (std::size_t i = 0; i < x.size(); ++i) {
-    const std::size_t joint = problem.joint_of_parameter(static_cast<int>(i));
-    const JointLimits<double>& limits = problem.joints[joint].limits;
-    const auto k = static_cast<Eigen::Index>(i);
-    if (x[i] > limits.position_max_rad - kActive) active.emplace_back(Eigen::VectorXd::Unit(n, k));
-    if (x[i] < limits.position_min_rad + kActive) active.emplace_back(-Eigen::VectorXd::Unit(n, k));
+KktResidual FindKktResidual(const Problem& problem, const std::vector<LinearRow>& rows,
+                            std::span<const double> x, const RolloutResult& result,
+                            const Eigen::Ref<const OutputGradients>& outputs,
+                            const GaussNewton* model) {
+  std::vector<Active> active = FindActive(problem, rows, x, result, outputs);
+  const Eigen::VectorXd left = Residual(outputs.row(0).transpose(), active);
+  KktResidual residual;
+  if (left.size() > 0) residual.absolute = left.lpNorm<Eigen::Infinity>();
+  if (model != nullptr) residual.relative = RelativeSize(left, active, *model);
+  for (const Active& a : active) {
+    if (a.multiplier > 0) residual.multipliers.push_back({a.name, a.multiplier});
   }
-  for (const LinearRow& row : rows) {
-    if (row.b + std::inner_product(row.a.begin(), row.a.end(), x.begin(), 0.0) > -kActive) {
-      active.emplace_back(Eigen::Map<const Eigen::VectorXd>(row.a.data(), n));
-    }
-  }
-  for (std::size_t j = 0; j < result.torque_excess.size(); ++j) {
-    if (result.torque_excess[j] > -problem.solver.torque_margin - kActive) {
-      active.emplace_back(outputs.row(static_cast<Eigen::Index>(j + 1)).transpose());
-    }
-  }
-  if (result.core_excess > -kActive)
-    active.emplace_back(outputs.row(outputs.rows() - 2).transpose());
-  if (result.clearance_excess > -kActive)
-    active.emplace_back(outputs.row(outputs.rows() - 1).transpose());
-  return Residual(outputs.row(0).transpose(), std::move(active));
+  std::stable_sort(residual.multipliers.begin(), residual.multipliers.end(),
+                   [](const Multiplier& a, const Multiplier& b) { return a.value > b.value; });
+  return residual;
 }
 
 }  // namespace tumbler

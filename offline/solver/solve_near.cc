@@ -17,16 +17,19 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 /// Radius of the trust region at first, and at most [rad].
-constexpr double kFirstRadius = 0.1, kLargestRadius = 0.2;
+constexpr double kFirstRadius = 0.1, kLargestRadius = 0.5;
 /// A radius below this means that no step within rounding helps [rad].
 constexpr double kSmallestRadius = 1e-7;
 /// A step is taken when the merit falls by this part of what the model promises.
 constexpr double kTaken = 0.05;
 /// A step whose fall is this part of what the model promises needs no correction.
 constexpr double kGood = 0.5;
-/// The Kuhn-Tucker residual, relative to the largest gradient of the solve, at which it has
-/// converged.
-constexpr double kConverged = 1e-4;
+/// A step that promises less than this part of the merit promises nothing but rounding.
+constexpr double kRoundingOfMerit = 1e-12;
+/// When no step helps, secants that mislead may be why. They are forgotten so many times, and the
+/// radius is this one then [rad].
+constexpr int kMostResets = 5;
+constexpr double kRadiusAfterReset = 0.01;
 /// Linear limits that are exceeded by less are kept.
 constexpr double kRounding = 1e-9;
 
@@ -34,32 +37,70 @@ VectorXd Vector(const std::vector<double>& values) {
   return Eigen::Map<const VectorXd>(values.data(), static_cast<Eigen::Index>(values.size()));
 }
 
-/// The nearest matrix without negative eigenvalues.
+/// The matrix with its eigenvalues' sizes: along a direction of negative curvature a step is as
+/// long as one of the same curvature upwards would allow.
 MatrixXd Convex(const MatrixXd& B) {
   const SymmetricEigen<MatrixXd> eigen = DecomposeSymmetric(B);
-  const double least = 1e-10 * eigen.values.cwiseAbs().maxCoeff();
-  return eigen.vectors * eigen.values.cwiseMax(least).asDiagonal() * eigen.vectors.transpose();
+  const VectorXd sizes = eigen.values.cwiseAbs();
+  const double least = 1e-10 * sizes.maxCoeff();
+  return eigen.vectors * sizes.cwiseMax(least).asDiagonal() * eigen.vectors.transpose();
 }
+
+/// What Gauss and Newton's matrix leaves out of the Lagrangian's second derivatives, from secants.
+class SecantMatrix {
+ public:
+  explicit SecantMatrix(Eigen::Index n) : S_(MatrixXd::Zero(n, n)) {}
+
+  [[nodiscard]] const MatrixXd& matrix() const { return S_; }
+  [[nodiscard]] bool empty() const { return S_.isZero(0); }
+  void Forget() { S_.setZero(); }
+
+  /// Learns S s = y. The old matrix is sized first, so that it does not stand for a curvature that
+  /// is gone [Dennis, Gay and Welsch 1981].
+  void Learn(const VectorXd& s, const VectorXd& y) {
+    const double of_old = s.dot(S_ * s);
+    if (of_old != 0) S_ *= std::min(1.0, std::abs(s.dot(y) / of_old));
+    const VectorXd missing = y - S_ * s;
+    const double along = missing.dot(s);
+    if (std::abs(along) > 1e-8 * missing.norm() * s.norm())
+      S_ += missing * missing.transpose() / along;
+  }
+
+ private:
+  MatrixXd S_;
+};
 
 /// A motion, and what is known of it.
 struct Point {
   VectorXd x;
   RolloutResult result;
-  VectorXd c;  ///< Simulated constraints.
-  VectorXd g;  ///< Gradient of the cost.
-  MatrixXd A;  ///< Gradients of the constraints, by rows.
+  VectorXd c;               ///< Simulated constraints.
+  OutputGradients outputs;  ///< Gradients: of the cost, then of the constraints.
   GaussNewton model;
 
+  [[nodiscard]] VectorXd g() const { return outputs.row(0).transpose(); }
+  /// Gradients of the constraints, by rows.
+  [[nodiscard]] MatrixXd A() const { return outputs.middleRows(1, c.size()); }
+  [[nodiscard]] VectorXd residuals() const { return Vector(result.residuals); }
+  /// The gradient of all but the squares of targets.
+  [[nodiscard]] VectorXd GradientBesideTargets() const {
+    return g() - 2 * model.residual_slopes.transpose() * residuals();
+  }
+  /// The matrix of Gauss and Newton of the same.
+  [[nodiscard]] MatrixXd MatrixBesideTargets() const {
+    return model.matrix - 2 * model.residual_slopes.transpose() * model.residual_slopes;
+  }
+  [[nodiscard]] double violation() const { return c.cwiseMax(0).sum(); }
   /// Cost, and the price of what violates constraints.
   [[nodiscard]] double Merit(double price) const {
-    return result.finite ? result.cost + price * c.cwiseMax(0).sum()
+    return result.finite ? result.cost + price * violation()
                          : std::numeric_limits<double>::infinity();
   }
 };
 
 class NearSolve {
  public:
-  NearSolve(const Problem& problem, int max_evaluations, double enough, AdaptiveRollout& rollout,
+  NearSolve(const Problem& problem, int max_evaluations, double enough, ForwardSensitivity& rollout,
             const SolveOptions& options, std::vector<Evaluation>* history)
       : problem_(problem),
         max_evaluations_(max_evaluations),
@@ -69,7 +110,7 @@ class NearSolve {
         history_(history),
         rows_(DerivativeLimitRows(problem)),
         n_(problem.parameter_count()),
-        outputs_(rollout.output_count(), n_),
+        secants_(n_),
         hard_(static_cast<Eigen::Index>(rows_.size()), n_),
         offset_(hard_.rows()),
         lower_(n_),
@@ -91,16 +132,16 @@ class NearSolve {
     Solution best;
     best.start_cost = here.result.cost;
     if (here.result.finite) best.end = Iterate(here);
+    if (here.result.finite && here.x != chosen_for_) here = ExpandAnew(here.x);
     best.x.assign(here.x.begin(), here.x.end());
     best.rollout = here.result;
     best.evaluations = evaluations_;
     if (!here.result.finite) return best;
-    best.rollout = rollout_.RunAnew(best.x, outputs_);
     const WorstConstraint worst = FindWorst(problem_, rows_, best.x, best.rollout);
     best.constraint_violation = worst.value;
     best.worst_constraint = worst.name;
     best.core_reached = best.rollout.peak_penetration_m >= problem_.scene.contact.d_on_m;
-    best.projected_gradient = ProjectedGradient(problem_, rows_, best.x, best.rollout, outputs_);
+    best.kkt = KktAt(here);
     if (best.end == SolveEnd::kConverged && best.constraint_violation > kNoViolation)
       best.end = SolveEnd::kInfeasible;
     return best;
@@ -142,110 +183,208 @@ class NearSolve {
     if (options_.progress) options_.progress(evaluation);
   }
 
-  /// The motion x with its gradients, by steps that are chosen for it.
+  /// The motion x with its derivatives. Steps are those of the motion for which they were chosen
+  /// last, if that is near.
   Point Expand(const VectorXd& x) {
+    const bool near =
+        chosen_for_.size() == n_ && (x - chosen_for_).lpNorm<Eigen::Infinity>() <= kSameSteps_rad;
+    return near ? Expand(x, true) : ExpandAnew(x);
+  }
+  /// The same with steps chosen for it.
+  Point ExpandAnew(const VectorXd& x) {
+    Point point = Expand(x, false);
+    if (point.result.finite) {
+      chosen_for_ = x;
+    } else {
+      chosen_for_.resize(0);
+    }
+    return point;
+  }
+  Point Expand(const VectorXd& x, bool with_kept_steps) {
     Point point;
     point.x = x;
-    point.result = rollout_.RunAnew({x.data(), Index(n_)}, outputs_, point.model);
+    point.outputs.resize(rollout_.output_count(), n_);
+    const std::span<const double> numbers(x.data(), Index(n_));
+    point.result = with_kept_steps ? rollout_.RunAgain(numbers, point.outputs, &point.model)
+                                   : rollout_.Run(numbers, point.outputs, &point.model);
     Count(point);
     point.c = Vector(SimulatedConstraints(problem_, point.result));
-    point.g = outputs_.row(0).transpose();
-    point.A = outputs_.middleRows(1, point.c.size());
     return point;
+  }
+
+  [[nodiscard]] KktResidual KktAt(const Point& point) const {
+    return FindKktResidual(problem_, rows_, {point.x.data(), Index(n_)}, point.result,
+                           point.outputs, &point.model);
+  }
+
+  /// Whether the motion has converged. If it has with steps that were chosen for another one, it is
+  /// looked at again with its own.
+  bool Converged(Point& here) {
+    const auto converged = [&] {
+      return here.c.maxCoeff() <= kNoViolation &&
+             KktAt(here).relative.value() <= problem_.solver.kkt_residual;
+    };
+    if (!converged()) return false;
+    if (here.x == chosen_for_) return true;
+    here = ExpandAnew(here.x);
+    return here.result.finite && converged();
   }
 
   SolveEnd Iterate(Point& here) {
     double radius = kFirstRadius;
-    double largest_gradient = here.g.lpNorm<Eigen::Infinity>();
-    price_ = std::max({std::abs(here.result.cost), 1e-3 * largest_gradient, 1e-9});
+    price_ =
+        std::max({std::abs(here.result.cost), 1e-3 * here.g().lpNorm<Eigen::Infinity>(), 1e-9});
+    int resets = 0;
     while (evaluations_ < max_evaluations_) {
       if (options_.interrupt != nullptr && *options_.interrupt) return SolveEnd::kInterrupted;
-      const MatrixXd B = Convex(here.model.matrix);
+      if (Converged(here)) return SolveEnd::kConverged;
+      if (!here.result.finite) return SolveEnd::kStalled;
+      const MatrixXd B = Convex(here.model.matrix + secants_.matrix());
       const QuadraticSolution step = FindStep(here, B, radius);
       const double promised = Promised(here, B, step.p);
+      const double size = std::abs(here.Merit(price_));
+      if (enough_ > 0 && !(promised > enough_ * size)) return SolveEnd::kStalled;
+      if (!(promised > kRoundingOfMerit * size) || radius < kSmallestRadius) {
+        if (secants_.empty() || resets++ == kMostResets) return SolveEnd::kStalled;
+        secants_.Forget();
+        radius = std::max(radius, kRadiusAfterReset);
+        continue;
+      }
+      Point there = Corrected(here, B, step.p, radius, promised);
+      Learn(here, there);
       const double length = step.p.lpNorm<Eigen::Infinity>();
-      // With these multipliers, B p is what is left of the Kuhn-Tucker condition.
-      if (length < 0.99 * radius &&
-          (B * step.p).lpNorm<Eigen::Infinity>() <= kConverged * largest_gradient &&
-          here.c.maxCoeff() <= kNoViolation)
-        return SolveEnd::kConverged;
-      if (!(promised > enough_ * std::abs(here.Merit(price_)))) return SolveEnd::kStalled;
-      Point trial = Corrected(here, step.p, promised);
-      const double fall = here.Merit(price_) - trial.Merit(price_);
+      const double fall = here.Merit(price_) - there.Merit(price_);
       const bool taken = fall >= kTaken * promised;
       if (!taken || fall < 0.25 * promised) {
         radius = (taken ? 0.5 : 0.25) * length;
       } else if (fall > 0.75 * promised && length > 0.9 * radius) {
         radius = std::min(2 * radius, kLargestRadius);
       }
-      if (taken) {
-        here = std::move(trial);
-        largest_gradient = std::max(largest_gradient, here.g.lpNorm<Eigen::Infinity>());
-      }
-      if (radius < kSmallestRadius) return SolveEnd::kStalled;
+      if (taken) here = std::move(there);
     }
     return SolveEnd::kEvaluations;
   }
 
-  /// Tries a step, and corrects it once. The targets are far more curved than the rest of the cost,
-  /// as the robot balances on the way to them: a step that is right in the first order misses them
-  /// in the second. So the shortest way back is added to what the model says of them there, by the
-  /// slopes there.
-  Point Corrected(const Point& here, const VectorXd& p, double promised) {
-    Point there = Expand(here.x + p);
-    const MatrixXd& J = there.model.residual_slopes;
-    if (!there.result.finite || J.rows() == 0) return there;
-    if (here.Merit(price_) - there.Merit(price_) > kGood * promised) return there;
-    const VectorXd wanted = Vector(here.result.residuals) + here.model.residual_slopes * p;
-    MatrixXd square = J * J.transpose();
-    square.diagonal().array() += 1e-4 * square.diagonal().maxCoeff();
-    const VectorXd missed = Vector(there.result.residuals) - wanted;
-    const VectorXd back = -J.transpose() * square.ldlt().solve(missed);
-    if (back.lpNorm<Eigen::Infinity>() > 2 * p.lpNorm<Eigen::Infinity>()) return there;
-    const VectorXd x = (there.x + back).cwiseMax(lower_).cwiseMin(upper_);
-    const Eigen::ArrayXd before = (hard_ * here.x + offset_).array().max(0);
-    if (((hard_ * x + offset_).array() > before + kRounding).any()) return there;
-    Point corrected = Expand(x);
-    return corrected.Merit(price_) < there.Merit(price_) ? corrected : there;
+  /// Takes in how derivatives differ between two motions. With y the change of the Lagrangian's
+  /// gradient, less what Gauss and Newton's matrix says of it:
+  ///
+  ///   y = 2 (J1 - J0)^T r1 + (g1 - g0 - G1 s) + (A1 - A0)^T mu
+  ///
+  /// J, r of the targets; g, G of the rest of the cost, A of the constraints.
+  void Learn(const Point& here, const Point& there) {
+    if (!there.result.finite) return;
+    const VectorXd s = there.x - here.x;
+    const MatrixXd turned = there.model.residual_slopes - here.model.residual_slopes;
+    VectorXd y = 2 * turned.transpose() * there.residuals();
+    y += there.GradientBesideTargets() - here.GradientBesideTargets() -
+         there.MatrixBesideTargets() * s;
+    y += (there.A() - here.A()).transpose() * multipliers_;
+    secants_.Learn(s, y);
   }
 
-  /// Minimises the model, with a price at which violations pay off no more where they can be
-  /// avoided.
-  QuadraticSolution FindStep(const Point& here, const MatrixXd& B, double radius) {
-    QuadraticProgram program = Subproblem(here.x, radius);
-    program.g = here.g;
-    program.B = B;
-    program.soft = here.A;
-    program.soft_value = here.c;
-    const double violation = here.c.cwiseMax(0).sum();
-    for (int raises = 0;; ++raises) {
-      program.price = price_;
-      QuadraticSolution step = Solve(program);
-      const double left = (here.c + here.A * step.p).cwiseMax(0).sum();
-      const bool cheap = step.soft_multiplier.size() > 0 &&
-                         step.soft_multiplier.maxCoeff() > 0.9 * price_ && left > 1e-9 &&
-                         left > 0.5 * violation;
-      if (!cheap || raises == 5) return step;
-      price_ *= 4;
+  /// Tries a step, and corrects it where it goes wrong because of curvature.
+  Point Corrected(const Point& here, const MatrixXd& B, const VectorXd& p, double radius,
+                  double promised) {
+    Point there = Expand(here.x + p);
+    if (!there.result.finite) return there;
+    const auto good = [&](double part) {
+      return here.Merit(price_) - there.Merit(price_) > part * promised;
+    };
+    if (!good(kGood)) BackToTargets(here, p, there);
+    if (!good(0.5 * kGood) && there.c.maxCoeff() > kNoViolation) {
+      // The constraints as they are there take the place of what the model says of them there
+      // (second-order correction).
+      QuadraticProgram program = Program(here, B, radius);
+      program.soft_value = there.c - here.A() * (there.x - here.x);
+      KeepBetter(Expand(here.x + Solve(program).p), there);
     }
+    return there;
+  }
+
+  /// The targets are far more curved than the rest of the cost, as the robot balances on the way to
+  /// them: a step that is right in the first order misses them in the second. So the shortest way
+  /// back is added to what the model says of them there, by the slopes there.
+  void BackToTargets(const Point& here, const VectorXd& p, Point& there) {
+    const MatrixXd& J = there.model.residual_slopes;
+    if (J.rows() == 0) return;
+    const VectorXd wanted = here.residuals() + here.model.residual_slopes * p;
+    MatrixXd square = J * J.transpose();
+    square.diagonal().array() += 1e-4 * square.diagonal().maxCoeff();
+    const VectorXd missed = there.residuals() - wanted;
+    const VectorXd back = -J.transpose() * square.ldlt().solve(missed);
+    if (!(back.lpNorm<Eigen::Infinity>() <= 2 * p.lpNorm<Eigen::Infinity>())) return;
+    const VectorXd x = (there.x + back).cwiseMax(lower_).cwiseMin(upper_);
+    const Eigen::ArrayXd before = (hard_ * here.x + offset_).array().max(0);
+    if (((hard_ * x + offset_).array() > before + kRounding).any()) return;
+    KeepBetter(Expand(x), there);
+  }
+
+  void KeepBetter(Point&& other, Point& there) const {
+    if (other.Merit(price_) < there.Merit(price_)) there = std::move(other);
+  }
+
+  /// The model around a motion.
+  [[nodiscard]] QuadraticProgram Program(const Point& here, const MatrixXd& B,
+                                         double radius) const {
+    QuadraticProgram program = Subproblem(here.x, radius);
+    program.g = here.g();
+    program.B = B;
+    program.soft = here.A();
+    program.soft_value = here.c;
+    program.price = price_;
+    return program;
+  }
+
+  /// Minimises the model, with a price at which constraints are kept about as well as they can be.
+  QuadraticSolution FindStep(const Point& here, const MatrixXd& B, double radius) {
+    QuadraticProgram program = Program(here, B, radius);
+    QuadraticSolution step = Solve(program);
+    const MatrixXd A = here.A();
+    const auto left = [&](const VectorXd& p) { return (here.c + A * p).cwiseMax(0).sum(); };
+    if (left(step.p) > kRounding) {
+      QuadraticProgram constraints = program;
+      constraints.g.setZero();
+      constraints.B = MatrixXd::Identity(n_, n_) * 1e-6;
+      constraints.price = 1;
+      const double possible = here.violation() - left(Solve(constraints).p);
+      for (int i = 0; i < kMostRaises; ++i) {
+        if (here.violation() - left(step.p) >= 0.5 * possible - kRounding) break;
+        price_ *= 4;
+        program.price = price_;
+        step = Solve(program);
+      }
+    }
+    // Those of constraints that cannot be kept are the price, and say nothing of the cost.
+    const double largest = step.soft_multiplier.size() > 0 ? step.soft_multiplier.maxCoeff() : 0;
+    if (largest < 0.99 * price_) {
+      multipliers_ = step.soft_multiplier;
+      price_ = std::max(price_, 1.5 * largest);
+    } else if (multipliers_.size() == 0) {
+      multipliers_ = VectorXd::Zero(here.c.size());
+    }
+    return step;
   }
 
   /// What the model says that the step takes from the merit.
   [[nodiscard]] double Promised(const Point& here, const MatrixXd& B, const VectorXd& p) const {
-    return -(here.g.dot(p) + 0.5 * p.dot(B * p)) +
-           price_ * (here.c.cwiseMax(0).sum() - (here.c + here.A * p).cwiseMax(0).sum());
+    return -(here.g().dot(p) + 0.5 * p.dot(B * p)) +
+           price_ * (here.violation() - (here.c + here.A() * p).cwiseMax(0).sum());
   }
+
+  static constexpr int kMostRaises = 8;  // of the price, for one step
 
   const Problem& problem_;
   int max_evaluations_;
   double enough_;
-  AdaptiveRollout& rollout_;
+  ForwardSensitivity& rollout_;
   const SolveOptions& options_;
   std::vector<Evaluation>* history_;
   std::vector<LinearRow> rows_;
   int n_;
-  OutputGradients outputs_;
-  MatrixXd hard_;  // of the linear limits: hard_ x + offset_ <= 0
+  SecantMatrix secants_;
+  VectorXd multipliers_;  // of the simulated constraints
+  VectorXd chosen_for_;   // the motion that the present integration steps are for
+  MatrixXd hard_;         // of the linear limits: hard_ x + offset_ <= 0
   VectorXd offset_;
   VectorXd lower_, upper_;
   double price_ = 1;
@@ -255,7 +394,7 @@ class NearSolve {
 }  // namespace
 
 Solution SolveNear(const Problem& problem, std::span<const double> start, int max_evaluations,
-                   double enough, AdaptiveRollout& rollout, const SolveOptions& options,
+                   double enough, ForwardSensitivity& rollout, const SolveOptions& options,
                    std::vector<Evaluation>* history) {
   return NearSolve(problem, max_evaluations, enough, rollout, options, history).Run(start);
 }

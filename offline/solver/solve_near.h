@@ -3,32 +3,42 @@
 #include <span>
 #include <vector>
 
-#include "offline/rollout/adaptive_rollout.h"
+#include "offline/rollout/forward_sensitivity.h"
 #include "offline/solver/solver.h"
 
 namespace tumbler {
 
-/// Solves from a start that is near a solution, and stays near it: sequential quadratic programming
-/// with a trust region, for motions that are known from another task.
+/// Solves from a start that is near a solution, and stays near it, by sequential quadratic
+/// programming with a trust region.
 ///
-/// In each iteration, the step p minimises the quadratic model of the cost within the box |p_i| <=
+/// In each iteration, the step p minimises a quadratic model of the cost within the box |p_i| <=
 /// radius, the position limits and the limits of velocity and acceleration, which are linear, so
 /// that no iterate violates them. Torque, penetration and clearance are linearised, and violating
-/// them costs a price that grows until it pays to keep them (an exact l1 penalty) [Fletcher 1987,
-/// chapter 14]. The step is taken when cost and price together fall by enough of what the model
+/// them costs a price that grows until it pays to keep them as well as they can be kept within the
+/// box (an exact l1 penalty with steering [Fletcher 1987, chapter 14; Byrd, Lopez-Calva and Nocedal
+/// 2012]). The step is taken when cost and price together fall by enough of what the model
 /// promises, and the radius follows from how well the model did: so the motion never jumps into
 /// another basin, however low it is.
 ///
 /// The model's matrix is that of Gauss and Newton for the squares of the cost, from the forward
-/// sensitivities. A step that misses its targets because they are curved is corrected once, by the
-/// shortest way back [Nocedal and Wright 2006, chapters 10 and 18].
+/// sensitivities, and an SR1 matrix of secants for what that leaves out: the curvature of targets,
+/// efforts and constraints, each with its own multiplier [Dennis, Gay and Welsch 1981]. A step that
+/// misses its targets, or violates its constraints, because they are curved is corrected once
+/// [Nocedal and Wright 2006, chapters 10 and 18].
+///
+/// Integration steps are chosen for a motion and kept for those within kSameSteps_rad of it, so
+/// that what is minimised is smooth there. A motion has converged when its KktResidual::relative is
+/// at most `solver.kkt_residual` with steps chosen for it.
 ///
 /// @param max_evaluations  most evaluations of cost and gradient.
 /// @param enough           ends when a step promises to lower the cost by less than this part of
-/// it.
+/// it. 0: only when the motion has converged, or no step helps.
 /// @param history          gets the evaluations appended; may be null.
 Solution SolveNear(const Problem& problem, std::span<const double> start, int max_evaluations,
-                   double enough, AdaptiveRollout& rollout, const SolveOptions& options,
+                   double enough, ForwardSensitivity& rollout, const SolveOptions& options,
                    std::vector<Evaluation>* history);
+
+/// Within this distance in each parameter, motions share their integration steps.
+inline constexpr double kSameSteps_rad = 0.01;
 
 }  // namespace tumbler

@@ -9,11 +9,10 @@
 #include <mutex>
 #include <nlopt.hpp>
 #include <numeric>
-#include <type_traits>
 
 #include "common/index.h"
 #include "common/parallel_for.h"
-#include "offline/rollout/adaptive_rollout.h"
+#include "offline/rollout/forward_sensitivity.h"
 #include "offline/solver/constraints.h"
 #include "offline/solver/guess.h"
 #include "offline/solver/random_starts.h"
@@ -80,14 +79,21 @@ int CountPromising(const std::vector<Sample>& samples) {
                     [limit](const Sample& sample) { return sample.StandsOut(limit); }));
 }
 
+/// A value without what is below 2^-20 of a scale.
+double RoundedTo(double value, double scale) {
+  constexpr int kDigits = 20;
+  int exponent = 0;
+  if (!std::isfinite(value) || std::frexp(scale, &exponent) == 0) return value;
+  return std::ldexp(std::round(std::ldexp(value, kDigits - exponent)), exponent - kDigits);
+}
+
 /// One SLSQP run, with NLopt's callbacks. Cost and constraints share one rollout for each point.
-/// @tparam Motions  Rollout or AdaptiveRollout.
-template <class Motions>
 class LocalSolve {
  public:
-  LocalSolve(const Problem& problem, int max_evaluations, Motions& rollout,
-             const SolveOptions& options, std::vector<Evaluation>* history)
-      : problem_(problem),
+  LocalSolve(const Problem& problem, int max_evaluations, Rollout& rollout,
+             const SolveOptions& options, std::vector<Evaluation>* history, Digits digits)
+      : digits_(digits),
+        problem_(problem),
         max_evaluations_(max_evaluations),
         rollout_(rollout),
         options_(options),
@@ -114,9 +120,9 @@ class LocalSolve {
     Remember();
     SolveEnd end = SolveEnd::kFailed;
     // SLSQP 2.7.1 can stop early or far from feasible: it is started again from the best point,
-    // which also resets its Hessian, until that changes nothing. It starts with steps chosen there.
+    // which also resets its Hessian, until that changes nothing.
     while (evaluations_ < max_evaluations_) {
-      EvaluateAnew(best_x_);
+      Evaluate(best_x_, true);
       best_cost_ = result_.cost;
       best_violation_ = std::max(LargestViolation(problem_, rows_, x_, result_), kLeastViolation);
       const double before = best_cost_ * scale_ + best_violation_;
@@ -126,7 +132,7 @@ class LocalSolve {
       if (!(merit < before - 1e-3 * std::abs(before))) break;
     }
     best.x = best_x_;
-    EvaluateAnew(best.x);
+    Evaluate(best.x, true);
     best.rollout = result_;
     const WorstConstraint worst = FindWorst(problem_, rows_, best.x, result_);
     best.constraint_violation = worst.value;
@@ -135,9 +141,9 @@ class LocalSolve {
     if (end == SolveEnd::kConverged && best.constraint_violation > kNoViolation)
       end = SolveEnd::kInfeasible;
     best.evaluations = evaluations_;
-    best.projected_gradient = ProjectedGradient(problem_, rows_, best.x, result_, outputs_);
+    best.kkt = FindKktResidual(problem_, rows_, best.x, result_, outputs_);
     const double gradient = std::max(first_gradient, outputs_.row(0).lpNorm<Eigen::Infinity>());
-    if (end == SolveEnd::kConverged && best.projected_gradient > kStationary * gradient)
+    if (end == SolveEnd::kConverged && best.kkt.absolute > kStationary * gradient)
       end = SolveEnd::kStalled;
     best.end = end;
     return best;
@@ -199,6 +205,7 @@ class LocalSolve {
     x_.assign(x.begin(), x.end());
     has_gradient_ = with_gradient || first_of_line;
     result_ = has_gradient_ ? rollout_.Run(x_, outputs_) : rollout_.Run(x_);
+    if (digits_ == Digits::kThatRoundingSpares) RoundOutputs();
     if (known) return;
     ++evaluations_;
     const double violation = LargestViolation(problem_, rows_, x_, result_);
@@ -209,14 +216,16 @@ class LocalSolve {
     if (options_.interrupt != nullptr && *options_.interrupt && opt_ != nullptr) opt_->force_stop();
   }
 
-  /// The same, so that the result depends on x alone.
-  void EvaluateAnew(std::span<const double> x) {
-    if constexpr (std::is_same_v<Motions, AdaptiveRollout>) {
-      x_.assign(x.begin(), x.end());
-      result_ = rollout_.RunAnew(x_, outputs_);
-      has_gradient_ = true;
-    } else {
-      Evaluate(x, true);
+  void RoundOutputs() {
+    const auto round = [](double& value) { value = RoundedTo(value, value); };
+    round(result_.cost);
+    for (double& excess : result_.torque_excess) round(excess);
+    round(result_.core_excess);
+    round(result_.clearance_excess);
+    if (!has_gradient_) return;
+    for (Eigen::Index row = 0; row < outputs_.rows(); ++row) {
+      const double largest = outputs_.row(row).lpNorm<Eigen::Infinity>();
+      for (double& slope : outputs_.row(row)) slope = RoundedTo(slope, largest);
     }
   }
 
@@ -275,9 +284,10 @@ class LocalSolve {
     }
   }
 
+  const Digits digits_;
   const Problem& problem_;
   int max_evaluations_;
-  Motions& rollout_;
+  Rollout& rollout_;
   const SolveOptions& options_;
   std::vector<Evaluation>* history_;
   std::vector<LinearRow> rows_;
@@ -316,30 +326,32 @@ const char* ToString(SolveEnd end) {
 }
 
 Solution SolveFrom(const Problem& problem, std::span<const double> start, int max_evaluations,
-                   Rollout& rollout, const SolveOptions& options,
-                   std::vector<Evaluation>* history) {
-  return LocalSolve<Rollout>(problem, max_evaluations, rollout, options, history).Run(start);
-}
-Solution SolveFrom(const Problem& problem, std::span<const double> start, int max_evaluations,
-                   AdaptiveRollout& rollout, const SolveOptions& options,
-                   std::vector<Evaluation>* history) {
-  return LocalSolve<AdaptiveRollout>(problem, max_evaluations, rollout, options, history)
-      .Run(start);
+                   Rollout& rollout, const SolveOptions& options, std::vector<Evaluation>* history,
+                   Digits digits) {
+  return LocalSolve(problem, max_evaluations, rollout, options, history, digits).Run(start);
 }
 
 namespace {
 
 /// When a refinement ends: first, as soon as a step promises less than a tenth of the cost; if
-/// that is not good enough, a thousandth.
-constexpr std::array kEnoughOfGuess = {0.1, 1e-3};
+/// that is not good enough, a thousandth; if that is not either, when it has converged.
+constexpr std::array kEnoughOfGuess = {0.1, 1e-3, 0.0};
 
-/// The order of solutions, best first.
+/// So many further starts are tried where none has converged, though motions are good otherwise.
+constexpr int kMoreStarts = 2;
+
+/// The order of solutions, best first. One that has converged comes before one that has not, unless
+/// its cost is more than twice as high.
 bool Better(const Solution& a, const Solution& b) {
   if (a.finished != b.finished) return a.finished;
   if (a.feasible() != b.feasible()) return a.feasible();
   if (a.refused != b.refused) return b.refused;
-  return a.feasible() ? a.rollout.cost < b.rollout.cost
-                      : a.constraint_violation < b.constraint_violation;
+  if (!a.feasible()) return a.constraint_violation < b.constraint_violation;
+  const bool a_ended = a.end == SolveEnd::kConverged, b_ended = b.end == SolveEnd::kConverged;
+  if (a_ended == b_ended) return a.rollout.cost < b.rollout.cost;
+  const Solution &minimum = a_ended ? a : b, &other = a_ended ? b : a;
+  const bool far_above = minimum.rollout.cost > other.rollout.cost + std::abs(other.rollout.cost);
+  return far_above != a_ended;
 }
 
 /// The stages of Solve, and what it keeps between them. The result depends on the problem and its
@@ -433,7 +445,10 @@ class Campaign {
       Solution& solution = solutions_[first + Index(k)];
       solution.start = static_cast<int>(first) + k;
       solution.x = starts_.Draw(order[Index(k)]);
-      SolveOn(solution, budget, rollouts[Index(thread)]);
+      SolveOn(solution, [&](const SolveOptions& local, std::vector<Evaluation>* history) {
+        return SolveFrom(problem_, solution.x, budget, rollouts[Index(thread)], local, history,
+                         Digits::kThatRoundingSpares);
+      });
     });
     for (const std::size_t i : order) samples_[i].screened = true;
   }
@@ -443,9 +458,11 @@ class Campaign {
   /// Solves the best motions with the final step and the rest of their budget, until enough of them
   /// keep all limits and stand out.
   void Finish(Candidates candidates) {
-    std::vector<AdaptiveRollout> rollouts;
-    for (int t = 0; t < std::max(1, options_.threads); ++t)
-      rollouts.emplace_back(problem_, options_.contact ? options_.contact() : nullptr);
+    std::vector<ForwardSensitivity> rollouts;
+    for (int t = 0; t < std::max(1, options_.threads); ++t) {
+      rollouts.emplace_back(problem_, AdaptiveSteps(problem_),
+                            options_.contact ? options_.contact() : nullptr);
+    }
     while (missing() > 0 && tries_left() > 0 && !interrupted()) {
       const double limit = PromisingRank(samples_);
       std::vector<Solution*> next;
@@ -460,7 +477,10 @@ class Campaign {
       ParallelFor(static_cast<int>(next.size()), options_.threads, [&](int k, int thread) {
         Solution& solution = *next[Index(k)];
         const int budget = std::max(1, problem_.solver.max_evaluations - solution.evaluations);
-        SolveOn(solution, budget, rollouts[Index(thread)]);
+        SolveOn(solution, [&](const SolveOptions& local, std::vector<Evaluation>* history) {
+          return SolveNear(problem_, solution.x, budget, 0, rollouts[Index(thread)], local,
+                           history);
+        });
         solution.finished = true;
         const bool counts = candidates == Candidates::kAll || StandsOut(solution, limit);
         if (options_.accept && solution.feasible() && counts && !interrupted())
@@ -469,15 +489,19 @@ class Campaign {
     }
   }
 
-  /// Number of finished motions that are still wanted.
+  /// Number of finished motions that are still wanted: those that have converged count, and all
+  /// good ones when there are more of them by kMoreStarts than wanted.
   [[nodiscard]] int missing() const {
     const double limit = PromisingRank(samples_);
-    const auto done =
-        std::count_if(solutions_.begin(), solutions_.end(), [&](const Solution& solution) {
-          return solution.finished && solution.feasible() && !solution.refused &&
-                 StandsOut(solution, limit);
-        });
-    return std::max(0, problem_.solver.finalists - static_cast<int>(done));
+    int good = 0, converged = 0;
+    for (const Solution& solution : solutions_) {
+      if (!solution.finished || !solution.feasible() || solution.refused) continue;
+      if (!StandsOut(solution, limit)) continue;
+      ++good;
+      if (solution.end == SolveEnd::kConverged) ++converged;
+    }
+    const int wanted = problem_.solver.finalists;
+    return good >= wanted + kMoreStarts ? 0 : std::max(0, wanted - converged);
   }
   /// Number of motions that may still be finished. It bounds the time that a hopeless task takes.
   [[nodiscard]] int tries_left() const {
@@ -510,8 +534,9 @@ class Campaign {
   }
 
   /// Continues the local solve from where the solution is.
-  template <class Motions>
-  void SolveOn(Solution& solution, int budget, Motions& rollout) {
+  /// @param solve  takes options and a history, and returns what comes of it.
+  template <class LocalSolver>
+  void SolveOn(Solution& solution, LocalSolver&& solve) {
     const int start = solution.start;
     const int before = solution.evaluations;
     const double start_cost = solution.start_cost;
@@ -526,7 +551,7 @@ class Campaign {
       };
     }
     std::vector<Evaluation> history;
-    Solution found = SolveFrom(problem_, solution.x, budget, rollout, local, &history);
+    Solution found = solve(local, &history);
     for (Evaluation evaluation : history) {
       evaluation.start = start;
       evaluation.count += before;
@@ -553,7 +578,9 @@ class Campaign {
 class Refinement {
  public:
   Refinement(const Problem& problem, const SolveOptions& options)
-      : problem_(problem), options_(options), rollout_(problem) {
+      : problem_(problem),
+        options_(options),
+        rollout_(problem, AdaptiveSteps(problem), options.contact ? options.contact() : nullptr) {
     options_.progress = nullptr;  // Several may run at a time, each for a moment.
   }
 
@@ -589,7 +616,7 @@ class Refinement {
  private:
   const Problem& problem_;
   SolveOptions options_;
-  AdaptiveRollout rollout_;
+  ForwardSensitivity rollout_;
   std::vector<Evaluation> history_;
 };
 
@@ -638,8 +665,7 @@ SolveOutcome Solve(const Problem& problem, const SolveOptions& options) {
   const bool few = std::ranges::all_of(problem.joints, [](const ActuatedJoint& joint) {
     return joint.control_points <= kSearchPoints;
   });
-  // A contact model of the caller's has no sensitivities, which a refinement needs.
-  if (few || options.contact) return Campaign(problem, options).Run();
+  if (few) return Campaign(problem, options).Run();
   return SolveWithManyPoints(problem, options);
 }
 

@@ -11,8 +11,8 @@
 
 #include "common/primitive.h"
 #include "offline/problem/problem.h"
-#include "offline/rollout/adaptive_rollout.h"
 #include "offline/rollout/rollout.h"
+#include "offline/solver/constraints.h"
 
 namespace tumbler {
 
@@ -27,7 +27,7 @@ struct Evaluation {
 
 /// Why a local solve ended.
 enum class SolveEnd {
-  kConverged,    ///< The Kuhn-Tucker condition holds, to a thousandth of the cost's gradient.
+  kConverged,    ///< The Kuhn-Tucker condition holds: KktResidual::relative is small enough.
   kStalled,      ///< The cost stopped falling before that.
   kEvaluations,  ///< The evaluation budget is used up.
   kInfeasible,   ///< The linearised constraints contradict each other, or stay violated.
@@ -60,8 +60,8 @@ struct Solution {
   double start_cost = 0;
   /// Largest scaled constraint; 0 when all hold.
   double constraint_violation = 0;
-  /// Largest component of the cost's gradient that no active constraint holds [cost per rad].
-  double projected_gradient = 0;
+  /// How far it is from a minimum, and what limits hold it.
+  KktResidual kkt;
   /// Evaluations of cost and gradient that it took.
   int evaluations = 0;
   /// Name of the largest constraint, e.g. `velocity of leg1`.
@@ -105,9 +105,10 @@ struct SolveOutcome {
   bool interrupted = false;
 };
 
-/// Finds a motion without a guess: by a global search over random splines, then by SLSQP (NLopt)
-/// from the best few of them. A joint with more than 12 control points is searched for with 12, and
-/// what is found is refined with all of them (SolveNear).
+/// Finds a motion without a guess: by a global search over random splines, a few iterations of
+/// SLSQP (NLopt) from the best of them, and SolveNear from the best of what comes of that, until
+/// `solver.finalists` motions have converged. A joint with more than 12 control points is searched
+/// for with 12, and what is found is refined with all of them.
 SolveOutcome Solve(const Problem& problem, const SolveOptions& options);
 
 /// Finds the motion near a guess: by SolveNear from there, without a search. It ends as soon as a
@@ -117,15 +118,22 @@ SolveOutcome Solve(const Problem& problem, const SolveOptions& options);
 SolveOutcome SolveFromGuess(const Problem& problem, std::span<const double> guess,
                             const SolveOptions& options);
 
-/// Runs SLSQP from one start. Its variables are the parameters [rad], which are of order one
-/// already. The cost is divided by its gradient at the start, and every constraint by its limit,
-/// because NLopt's SLSQP fails on large gradients.
+/// Which digits of cost, constraints and gradients count.
+enum class Digits {
+  kAll,
+  /// The first 20 binary ones, those of a gradient relative to its largest component. SLSQP makes
+  /// differences of 1e-15 ones of 1e-4 within 24 evaluations, and then two computations that differ
+  /// by rounding go two ways; so they hardly do.
+  kThatRoundingSpares
+};
+
+/// Runs SLSQP from one start. It has converged when what is left of the Kuhn-Tucker condition is
+/// below a thousandth of the cost's gradient, at its start or its end. Its variables are the
+/// parameters [rad], which are of order one already. The cost is divided by its gradient at the
+/// start, and every constraint by its limit, because NLopt's SLSQP fails on large gradients.
 /// @param history  gets the evaluations appended; may be null.
 Solution SolveFrom(const Problem& problem, std::span<const double> start, int max_evaluations,
-                   Rollout& rollout, const SolveOptions& options, std::vector<Evaluation>* history);
-
-Solution SolveFrom(const Problem& problem, std::span<const double> start, int max_evaluations,
-                   AdaptiveRollout& rollout, const SolveOptions& options,
-                   std::vector<Evaluation>* history);
+                   Rollout& rollout, const SolveOptions& options, std::vector<Evaluation>* history,
+                   Digits digits = Digits::kAll);
 
 }  // namespace tumbler

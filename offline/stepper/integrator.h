@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "offline/stepper/even_steps.h"
@@ -75,6 +76,27 @@ class Integrator {
     return settings_.scheme == StepSettings::Scheme::kFixed
                ? IntegrateFixed(begin, span, slope, look, plausible)
                : IntegrateAdaptively(begin, span, slope, look, plausible);
+  }
+
+  /// The same through steps of these lengths, whatever their error. They add up to `span`.
+  template <class Slope, class Look, class Plausible>
+  bool IntegrateThrough(double begin, double span, std::span<const double> steps_s, Slope&& slope,
+                        Look&& look, Plausible&& plausible) {
+    double t = begin;
+    for (std::size_t i = 0; i < steps_s.size(); ++i) {
+      const double h = steps_s[i];
+      const double t_end = i + 1 == steps_s.size() ? begin + span : t + h;
+      last_step_s_ = h;
+      if (i == 0 || !tableau_.first_same_as_last) Evaluate(slope, t, state_, 0);
+      look();
+      TakeStep(slope, t, h, t_end);
+      if (tableau_.first_same_as_last) slopes_[0].swap(slopes_[tableau_.stages - 1]);
+      t = t_end;
+      state_.swap(next_);
+      ++statistics_.steps;
+      if (!plausible(state_)) return false;
+    }
+    return true;
   }
 
  private:

@@ -110,7 +110,7 @@ class OwnDbc(unittest.TestCase):
                     decoded.setdefault(frame.name, []).append({k: float(v.phys_value) for k, v in values.items()})
             with (folder / "run.csv").open() as table:
                 rows = [row for row in csv.DictReader(table) if row["state"] == "running"]
-            self.assertGreater(len(rows), 500)
+            self.assertGreater(len(rows), 300)
         for joint in ("leg1", "leg2"):
             field = "target" if name == "cia402" else "position"
             sent = [values[field] for values in decoded[f"{joint}_{setpoint}"]]

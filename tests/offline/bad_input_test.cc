@@ -28,7 +28,7 @@ using testing::BadInputs;
 using ::testing::EndsWith;
 using ::testing::HasSubstr;
 using testing::LineOf;
-using testing::NominalTask;
+using testing::LongHandstandTask;
 using testing::Program;
 using testing::ReadFile;
 using testing::Replaced;
@@ -172,7 +172,7 @@ int LineAt(const std::string& text, std::size_t offset) {
 
 /// The shipped task with every number that a task can have.
 std::string TaskWithEveryNumber() {
-  std::string text = NominalTask();
+  std::string text = LongHandstandTask();
   text = Replaced(text, "pitch_rad = 0.0", "pitch_rad = 0.0\nx_m = 0.0\nz_m = 0.25", "[start]");
   text = Replaced(text, "[[cost]]",
                   "velocity_max_rad_s = 19.0\ntorque_max_nm = 7.0\nposition_min_rad = "
@@ -229,7 +229,7 @@ TEST(BadInputEverywhere, NoNumberOfARobotMayBeNanOrInfiniteOrHaveSomethingBehind
       changed.replace(place.offset, place.length, value);
       const int line = LineAt(text, place.offset);
       SCOPED_TRACE("line " + std::to_string(line) + ": " + value);
-      const TaskFolder folder(NominalTask(), changed);
+      const TaskFolder folder(LongHandstandTask(), changed);
       Program program({kProgram, folder.task_file(), "--out", folder / "motion.toml"});
       EXPECT_EQ(program.Wait(), 1);
       EXPECT_THAT(program.text(), HasSubstr("tumbler.urdf:" + std::to_string(line) + ": "));
@@ -239,14 +239,14 @@ TEST(BadInputEverywhere, NoNumberOfARobotMayBeNanOrInfiniteOrHaveSomethingBehind
 }
 
 TEST(BadInputFiles, MissingTask) {
-  const TaskFolder folder(NominalTask());
+  const TaskFolder folder(LongHandstandTask());
   Program program({kProgram, folder / "absent.toml"});
   EXPECT_EQ(program.Wait(), 1);
   EXPECT_THAT(program.text(), HasSubstr("absent.toml: cannot be opened: No such file"));
 }
 
 TEST(BadInputFiles, ATaskThatIsAFolder) {
-  const TaskFolder folder(NominalTask());
+  const TaskFolder folder(LongHandstandTask());
   Program program({kProgram, folder / "tasks"});
   EXPECT_EQ(program.Wait(), 1);
   EXPECT_THAT(program.text(), HasSubstr("tasks: is a directory, not a file"));
@@ -256,7 +256,7 @@ TEST(BadInputFiles, AFileWithoutEndIsRefused) {
   Program as_task({kProgram, "/dev/zero"});
   EXPECT_EQ(as_task.Wait(), 1);
   EXPECT_THAT(as_task.text(), HasSubstr("/dev/zero: is too large; allowed: up to 16777216 bytes"));
-  const TaskFolder folder(Replaced(NominalTask(), "../robots/tumbler.urdf", "/dev/zero"));
+  const TaskFolder folder(Replaced(LongHandstandTask(), "../robots/tumbler.urdf", "/dev/zero"));
   Program as_robot({kProgram, folder.task_file()});
   EXPECT_EQ(as_robot.Wait(), 1);
   EXPECT_THAT(as_robot.text(), HasSubstr("/dev/zero: is too large"));
@@ -272,12 +272,12 @@ TEST(BadInputFiles, LinesAreCountedTheSameWithWindowsLineEnds) {
     EXPECT_EQ(program.Wait(), 1);
     return program.text();
   };
-  const std::string task = Replaced(NominalTask(), "mu = 0.3", "mu = -0.3");
+  const std::string task = Replaced(LongHandstandTask(), "mu = 0.3", "mu = -0.3");
   EXPECT_THAT(said(windows(task), ShippedRobot()),
               HasSubstr("task.toml:" + std::to_string(LineOf(task, "mu = -0.3")) + ": contact.mu"));
   const std::string robot = Replaced(ShippedRobot(), "mass value=\"1.0\"", "mass value=\"0\"");
   EXPECT_THAT(
-      said(NominalTask(), windows(robot)),
+      said(LongHandstandTask(), windows(robot)),
       HasSubstr("tumbler.urdf:" + std::to_string(LineOf(robot, "mass value=\"0\"")) + ": "));
 }
 

@@ -320,7 +320,7 @@ TEST(OptimizeCli, FailureOfOneOutputLeavesNoOther) {
 TEST(OptimizeCli, AnEndThatNoSpeedLimitAllowsIsRefusedByTheLimitsName) {
   // From home to the handstand are 1.57 rad. In 0.06 s at 20 rad/s only 1.2 rad are possible.
   const TaskFolder folder(
-      Replaced(testing::NominalTask(), "duration_s = 1.2", "duration_s = 0.06"));
+      Replaced(testing::LongHandstandTask(), "duration_s = 1.2", "duration_s = 0.06"));
   const auto before = folder.Listing();
   Program program = Optimize(folder, {"--out", folder / "motion.toml"});
   EXPECT_EQ(program.Wait(), 2) << program.text();
@@ -339,9 +339,9 @@ std::string Named(const std::string& name, const std::string& task = QuickTask()
 TEST(OptimizeCliSeveral, TasksAreRankedFeasibleFirstAndThenByCost) {
   const TaskFolder folder(
       Named("far", Replaced(QuickTask(), "target = 0.0", "target = 0.4\ntolerance = 1.0")));
-  testing::WriteFile(
-      folder / "tasks/hopeless.toml",
-      Named("hopeless", Replaced(testing::NominalTask(), "duration_s = 1.2", "duration_s = 0.06")));
+  testing::WriteFile(folder / "tasks/hopeless.toml",
+                     Named("hopeless", Replaced(testing::LongHandstandTask(), "duration_s = 1.2",
+                                                "duration_s = 0.06")));
   testing::WriteFile(folder / "tasks/near.toml", Named("near"));
   Program program = Optimize(folder, {folder / "tasks/hopeless.toml", folder / "tasks/near.toml",
                                       "--out", folder / "found", "--json", folder / "all.json"});
@@ -503,7 +503,7 @@ TEST(OptimizeCliInterrupt, KeepBestWritesAWholePrimitiveWhicheverSignalEndsIt) {
 }
 
 TEST(OptimizeCliInterrupt, KeepBestDuringTheSearchEndsWithoutACrash) {
-  const TaskFolder folder(Replaced(testing::NominalTask(), "seed = 1",
+  const TaskFolder folder(Replaced(testing::LongHandstandTask(), "seed = 1",
                                    "seed = 1\nbatch = 1000000\nmax_samples = 1000000"));
   for (const char* threads : {"1", "2"}) {
     const std::string out = folder / ("motion" + std::string(threads) + ".toml");

@@ -162,8 +162,7 @@ TEST(SecondLook, NominalMotionsKeepTorquesAndClearanceAtAStep64TimesFiner) {
 }
 
 TEST(SecondLook, RefusesARollWhoseLegsGoThroughEachOther) {
-  const Problem problem =
-      LoadTask(testing::SourcePath("primitives/tasks/nominal/roll.toml")).problem;
+  const Problem problem = LoadTask(testing::SourcePath("tests/data/tasks/long_roll.toml")).problem;
   const SecondLook look = LookAgain(problem, CrossingRoll());
   EXPECT_NEAR(look.self_clearance_m, -0.01928, 1e-5);
   EXPECT_NEAR(look.self_clearance_time_s, 0.6125, 1e-3);

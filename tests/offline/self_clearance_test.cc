@@ -253,7 +253,7 @@ TEST(SelfDistances, DerivativesAgreeWithDifferencesAlsoWhereLegsCross) {
 // ---- The limit ----------------------------------------------------------------------------------
 
 Problem RollProblem() {
-  return LoadTask(testing::SourcePath("primitives/tasks/nominal/roll.toml")).problem;
+  return LoadTask(testing::SourcePath("tests/data/tasks/long_roll.toml")).problem;
 }
 
 /// Parameters with which the legs come near each other: a mixture of the crossing roll and of the

@@ -19,7 +19,7 @@ namespace tumbler {
 namespace {
 
 using ::testing::HasSubstr;
-using testing::NominalTask;
+using testing::LongHandstandTask;
 using testing::Replaced;
 using testing::ShippedRobot;
 using testing::TaskFolder;
@@ -43,8 +43,8 @@ std::vector<double> Accelerations(const Problem& problem, const std::vector<doub
   return qdd;
 }
 
-TEST(Task, ShippedOneHoldsWhatItsTextSays) {
-  const Problem problem = Parse(NominalTask());
+TEST(Task, HoldsWhatItsTextSays) {
+  const Problem problem = Parse(LongHandstandTask());
   EXPECT_EQ(problem.name, "handstand");
   EXPECT_EQ(problem.duration_s, 1.2);
   EXPECT_EQ(problem.settle_s, 0.3);
@@ -63,7 +63,7 @@ TEST(Task, ShippedOneHoldsWhatItsTextSays) {
 
 /// The shipped task with its contact law, or part of it, replaced.
 std::string WithContact(const std::string& contact) {
-  return Replaced(NominalTask(),
+  return Replaced(LongHandstandTask(),
                   "stiffness_n_per_m = 2.5e4\ndamping_n_s_per_m = 100.0\nd_on_m = 0.01\nd_off_m = "
                   "0.0075\nmu = 0.3\nv_max_m_per_s = 0.05",
                   contact);
@@ -123,8 +123,9 @@ TEST(Task, LayerAndFrictionMayBeGivenBesideTheIntent) {
 
 TEST(Task, TheStepFollowsFromContactWhereItIsNotGiven) {
   const std::string given = "[solver]\nstep_s = 1.0e-3";
-  EXPECT_EQ(Parse(Replaced(NominalTask(), "1.0e-3", "5.0e-3", "[solver]")).solver.step_s, 5e-3);
-  const Problem soft = Parse(Replaced(NominalTask(), given, ""));
+  EXPECT_EQ(Parse(Replaced(LongHandstandTask(), "1.0e-3", "5.0e-3", "[solver]")).solver.step_s,
+            5e-3);
+  const Problem soft = Parse(Replaced(LongHandstandTask(), given, ""));
   EXPECT_EQ(soft.solver.step_s, 1e-3) << "no longer than the default";
   EXPECT_GT(soft.advisable_step_s, 1e-3);
   const Problem stiff = Parse(Replaced(
@@ -210,7 +211,7 @@ TEST(ContactIntent, TheSmallestEffectiveMassIsThatOfARodsEnd) {
 }
 
 TEST(Task, ObstaclesOfEveryKindAreWhereTheTextPutsThem) {
-  const Problem problem = Parse(Replaced(NominalTask(), "[search]", R"(
+  const Problem problem = Parse(Replaced(LongHandstandTask(), "[search]", R"(
 [[obstacle]]
 name = "drum"
 kind = "sphere"
@@ -242,8 +243,8 @@ pitch_rad = 0.3
 }
 
 TEST(Task, JointsMayHaveDifferentNumbersOfControlPoints) {
-  const Problem problem = Parse(
-      Replaced(NominalTask(), "control_points = 12", "control_points = { leg2 = 12, leg1 = 11 }"));
+  const Problem problem = Parse(Replaced(LongHandstandTask(), "control_points = 12",
+                                         "control_points = { leg2 = 12, leg1 = 11 }"));
   EXPECT_EQ(problem.joints[0].control_points, 11);
   EXPECT_EQ(problem.joints[1].control_points, 12);
   EXPECT_EQ(problem.parameter_count(), 11);
@@ -251,15 +252,15 @@ TEST(Task, JointsMayHaveDifferentNumbersOfControlPoints) {
 }
 
 TEST(Task, GradientsAreTheAdjointUnlessThePapersAreAskedFor) {
-  EXPECT_EQ(Parse(NominalTask()).solver.gradient, SolverSettings::Gradient::kAdjoint);
-  EXPECT_EQ(Parse(Replaced(NominalTask(), "[solver]", "[solver]\ngradient = \"forward\""))
+  EXPECT_EQ(Parse(LongHandstandTask()).solver.gradient, SolverSettings::Gradient::kAdjoint);
+  EXPECT_EQ(Parse(Replaced(LongHandstandTask(), "[solver]", "[solver]\ngradient = \"forward\""))
                 .solver.gradient,
             SolverSettings::Gradient::kForward);
 }
 
 TEST(Task, LimitsOfAJointTightenThoseOfAll) {
   const Problem problem =
-      Parse(Replaced(NominalTask(), "[[cost]]",
+      Parse(Replaced(LongHandstandTask(), "[[cost]]",
                      "velocity_max_rad_s = 12.0\n[limits.leg2]\nvelocity_max_rad_s = "
                      "5.0\ntorque_max_nm = 2.0\nrotor_inertia_kg_m2 = 0.002\n[[cost]]"));
   EXPECT_EQ(problem.joints[0].limits.velocity_max_rad_s, 12);
@@ -273,7 +274,7 @@ TEST(Task, LimitsOfAJointTightenThoseOfAll) {
 TEST(Task, LimitsOfAJointAreNoLooserThanThoseOfAll) {
   try {
     Parse(
-        Replaced(NominalTask(), "[[cost]]",
+        Replaced(LongHandstandTask(), "[[cost]]",
                  "velocity_max_rad_s = 12.0\n[limits.leg2]\nvelocity_max_rad_s = 13.0\n[[cost]]"));
     FAIL() << "13 is above 12";
   } catch (const FileError& error) {
@@ -283,26 +284,27 @@ TEST(Task, LimitsOfAJointAreNoLooserThanThoseOfAll) {
 }
 
 TEST(Task, ANormalOfAnyLengthIsAUnitVectorAfterwards) {
-  const Problem problem = Parse(Replaced(NominalTask(), "normal = [0.0, 1.0]", "normal = [0, 20]"));
+  const Problem problem =
+      Parse(Replaced(LongHandstandTask(), "normal = [0.0, 1.0]", "normal = [0, 20]"));
   EXPECT_DOUBLE_EQ(problem.scene.obstacles[0].shape.normal.norm(), 1);
 }
 
 TEST(Task, EffortTermsAddUp) {
-  const Problem problem = Parse(
-      Replaced(NominalTask(), "[contact]", "[[cost]]\nterm = \"effort\"\nweight = 2\n[contact]"));
+  const Problem problem = Parse(Replaced(LongHandstandTask(), "[contact]",
+                                         "[[cost]]\nterm = \"effort\"\nweight = 2\n[contact]"));
   ASSERT_EQ(problem.cost.size(), 3U);
   EXPECT_DOUBLE_EQ(problem.cost[2].weight, 2 + 1e-4);
 }
 
 TEST(Task, RobotsPathIsRelativeToTheTasksFolder) {
-  const TaskFolder folder(NominalTask());
+  const TaskFolder folder(LongHandstandTask());
   const Task task = LoadTask(folder.task_file());
   EXPECT_EQ(task.robot_text, ShippedRobot());
-  EXPECT_EQ(task.task_text, NominalTask());
+  EXPECT_EQ(task.task_text, LongHandstandTask());
 }
 
 TEST(RestPose, IsAtRestAndCarriesTheWeight) {
-  const Problem problem = Parse(NominalTask());
+  const Problem problem = Parse(LongHandstandTask());
   double normal_force = 0;
   for (const double qdd : Accelerations(problem, problem.start_q, &normal_force))
     EXPECT_NEAR(qdd, 0, 1e-4);
@@ -312,18 +314,18 @@ TEST(RestPose, IsAtRestAndCarriesTheWeight) {
 
 TEST(RestPose, FollowsASlopeAndARaisedGround) {
   const Problem raised =
-      Parse(Replaced(NominalTask(), "point_m = [0.0, 0.0]", "point_m = [0.0, 3.5]"));
-  const Problem level = Parse(NominalTask());
+      Parse(Replaced(LongHandstandTask(), "point_m = [0.0, 0.0]", "point_m = [0.0, 3.5]"));
+  const Problem level = Parse(LongHandstandTask());
   EXPECT_NEAR(raised.start_q[1], level.start_q[1] + 3.5, 1e-6);
   // On a slope within friction, the regularised law creeps: v / v_max = slope / mu / 1.5 and more,
   // so no slope is ever at rest, and the message says so.
-  EXPECT_THROW(Parse(Replaced(NominalTask(), "normal = [0.0, 1.0]", "normal = [0.1, 1.0]")),
+  EXPECT_THROW(Parse(Replaced(LongHandstandTask(), "normal = [0.0, 1.0]", "normal = [0.1, 1.0]")),
                FileError);
 }
 
 TEST(RestPose, StandsOnOneLegUpsideDownAsTheHandstandEnds) {
   std::string text =
-      Replaced(NominalTask(), "leg1 = -1.5707963267948966, leg2 = 1.5707963267948966",
+      Replaced(LongHandstandTask(), "leg1 = -1.5707963267948966, leg2 = 1.5707963267948966",
                "leg1 = 0.0, leg2 = 0.0");
   text = Replaced(text, "pitch_rad = 0.0", "pitch_rad = 1.5707963267948966");
   const Problem problem = Parse(text);
@@ -336,7 +338,7 @@ TEST(RestPose, StandsOnOneLegUpsideDownAsTheHandstandEnds) {
 }
 
 TEST(RestPose, AGivenHeightIsTakenAsItIs) {
-  const Problem problem = Parse(Replaced(NominalTask(), "pitch_rad = 0.0",
+  const Problem problem = Parse(Replaced(LongHandstandTask(), "pitch_rad = 0.0",
                                          "pitch_rad = 0.3\nz_m = 2.5\nx_m = -1", "[start]"));
   EXPECT_EQ(problem.start_q[0], -1);
   EXPECT_EQ(problem.start_q[1], 2.5);

@@ -22,13 +22,14 @@ namespace {
 using testing::kGravity;
 using testing::kMass;
 using testing::kMs;
-using testing::NominalTask;
+using testing::LongHandstandTask;
 using testing::Replaced;
 using testing::ShippedRobot;
 
-std::string StandingTask() { return NominalTask(); }
+std::string StandingTask() { return LongHandstandTask(); }
 std::string AloftTask() {
-  return Replaced(NominalTask(), "pitch_rad = 0.0", "pitch_rad = 0.0\nz_m = 100.0", "[start]");
+  return Replaced(LongHandstandTask(), "pitch_rad = 0.0", "pitch_rad = 0.0\nz_m = 100.0",
+                  "[start]");
 }
 
 /// A primitive file with the parts that a twin reads.

@@ -130,13 +130,13 @@ class OfARecord(unittest.TestCase):
         cls.folder.cleanup()
 
     def test_shows_the_instant_that_its_address_names(self):
-        self.browser.go(self.view.url + "#t=0.8")
+        self.browser.go(self.view.url + "#t=0.4")
         self.assertEqual(self.browser.value("document.getElementById('errors').hidden"), True)
         seconds = float(self.browser.text("time").split()[0])
         with open(self.trace, newline="") as file:
             rows = list(csv.DictReader(file))
         row = min(rows, key=lambda r: abs(float(r["time_s"]) - seconds))
-        self.assertAlmostEqual(float(row["time_s"]), 0.8, delta=0.005)
+        self.assertAlmostEqual(float(row["time_s"]), 0.4, delta=0.005)
         cells = self.browser.value("[...document.querySelectorAll('#joints tbody tr')]"
                                    ".map((tr) => [...tr.cells].map((td) => td.textContent))")
         self.assertEqual([cell[0] for cell in cells], ["leg1", "leg2"])

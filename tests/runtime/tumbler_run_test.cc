@@ -137,7 +137,7 @@ TEST_F(TumblerRun, AnswersWhatABusFaultsFileDoesToItAsTheFaultsFileSays) {
   EXPECT_THAT(shorted.text, HasSubstr("reaction: disable"));
   Write("silent.toml",
         "format = \"tumbler-bus-faults\"\nversion = 1\n[[fault]]\nkind = \"loss\"\n"
-        "node = \"host\"\nids = [18]\nstart_s = 1.0\nduration_s = 0.02\n");
+        "node = \"host\"\nids = [18]\nstart_s = 0.4\nduration_s = 0.02\n");
   Write("faults.toml",
         "format = \"tumbler-faults\"\nversion = 1\n[limits]\nstale_ticks_max = 8\n"
         "[reactions]\nstale_reply = { running = \"disable\" }\n");

@@ -2,16 +2,16 @@
 
 #include <vector>
 
-#include "offline/rollout/adaptive_rollout.h"
+#include "offline/rollout/forward_sensitivity.h"
 
 namespace tumbler::testing {
 
 /// The cost that the solver reports for a motion.
 inline double CostOf(const Problem& problem, const std::vector<double>& x) {
-  AdaptiveRollout rollout(problem);
+  ForwardSensitivity rollout(problem, AdaptiveSteps(problem));
   Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> gradient(
       rollout.output_count(), rollout.parameter_count());
-  return rollout.RunAnew(x, gradient).cost;
+  return rollout.Run(x, gradient).cost;
 }
 
 }  // namespace tumbler::testing

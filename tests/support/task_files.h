@@ -7,19 +7,19 @@
 
 namespace tumbler::testing {
 
-/// The task of the nominal handstand, for a TaskFolder.
-inline std::string NominalTask() {
-  return Replaced(ReadFile(testing::SourcePath("primitives/tasks/nominal/handstand.toml")),
-                  "../../robots", "../robots");
+/// The task of a handstand of 1.2 s with twelve control points for each joint, for a TaskFolder.
+inline std::string LongHandstandTask() {
+  return Replaced(ReadFile(testing::SourcePath("tests/data/tasks/long_handstand.toml")),
+                  "../../../primitives/robots", "../robots");
 }
 inline std::string ShippedRobot() {
   return ReadFile(testing::SourcePath("primitives/robots/tumbler.urdf"));
 }
 
-/// The nominal task made small: on both feet, the legs move a little and the pitch has to stay. It
+/// That task made small: on both feet, the legs move a little and the pitch has to stay. It
 /// is solved in a fraction of a second.
 inline std::string QuickTask() {
-  std::string text = NominalTask();
+  std::string text = LongHandstandTask();
   text = Replaced(text, "leg1 = 0.0, leg2 = 0.0", "leg1 = -1.2, leg2 = 1.3");
   text = Replaced(text, "target = 1.5707963267948966", "target = 0.0");
   text = Replaced(text, "duration_s = 1.2", "duration_s = 0.5");
