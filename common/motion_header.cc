@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <iterator>
 #include <memory>
 #include <span>
 #include <stdexcept>
@@ -140,8 +139,8 @@ std::string FeedbackText(const Primitive<float>& primitive) {
 
 std::string PrimitiveText(const Primitive<float>& primitive) {
   std::string out = "  tumbler::Primitive<float> p;\n";
-  auto line = [out = std::back_inserter(out)](auto format, const auto&... values) {
-    fmt::format_to(out, fmt::runtime(format), values...);
+  const auto line = [&out](auto format, const auto&... values) {
+    out += fmt::format(fmt::runtime(format), values...);
   };
   line("  p.name = tumbler::FixedString<48>({});\n", StringLiteral(primitive.name.view()));
   line("  p.duration_s = {};\n", Exact(primitive.duration_s));
@@ -195,8 +194,8 @@ const char* NameOf(RunEnd end) {
 
 std::string GraphText(const SequenceGraph<float>& graph) {
   std::string out = "  tumbler::SequenceGraph<float> g;\n";
-  auto line = [out = std::back_inserter(out)](auto format, const auto&... values) {
-    fmt::format_to(out, fmt::runtime(format), values...);
+  const auto line = [&out](auto format, const auto&... values) {
+    out += fmt::format(fmt::runtime(format), values...);
   };
   line("  g.name = tumbler::FixedString<48>({});\n", StringLiteral(graph.name.view()));
   line("  g.start = {};\n  g.node_count = {};\n", graph.start, graph.node_count);

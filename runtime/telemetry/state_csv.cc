@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <iterator>
 #include <string_view>
 #include <type_traits>
 
@@ -20,25 +19,25 @@ bool IsTorque(const JointField& field) {
 /// Appends a value and a comma.
 class AppendColumn {
  public:
-  explicit AppendColumn(std::string& csv) : out_(std::back_inserter(csv)) {}
+  explicit AppendColumn(std::string& csv) : out_(csv) {}
 
   template <typename Value>
   void operator()(const char* /*name*/, const Value& value) {
-    fmt::format_to(out_, "{},", value);
+    out_ += fmt::format("{},", value);
   }
   void operator()(const char* /*name*/, const ColumnTime& time) {
-    fmt::format_to(out_, "{:.6f},", static_cast<double>(time.ns) * 1e-9);
+    out_ += fmt::format("{:.6f},", static_cast<double>(time.ns) * 1e-9);
   }
   void operator()(const char* /*name*/, const ColumnFaultNumber& number) {
     if (number.integer) {
-      fmt::format_to(out_, "{:.0f},", number.value);
+      out_ += fmt::format("{:.0f},", number.value);
     } else {
-      fmt::format_to(out_, "{},", static_cast<float>(number.value));
+      out_ += fmt::format("{},", static_cast<float>(number.value));
     }
   }
 
  private:
-  std::back_insert_iterator<std::string> out_;
+  std::string& out_;
 };
 
 }  // namespace

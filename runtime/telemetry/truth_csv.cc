@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <iterator>
 
 namespace tumbler {
 
@@ -21,18 +20,15 @@ std::string TruthCsvHeader(const std::vector<std::string>& joint_names) {
 
 void AppendTruthCsvRow(const truth_t& truth, const std::vector<std::string>& joint_names,
                        std::string& csv) {
-  const auto out = std::back_inserter(csv);
-  ForEachTruthColumn(truth, [&out](const char* /*name*/, const auto& value) {
-    fmt::format_to(out, "{},", value);
-  });
+  ForEachTruthColumn(
+      truth, [&csv](const char* /*name*/, const auto& value) { csv += fmt::format("{},", value); });
   for (const std::string& name : joint_names) {
     const auto joint = std::find_if(truth.joints.begin(), truth.joints.end(),
                                     [&name](const joint_truth_t& j) { return j.name == name; });
     if (joint == truth.joints.end()) {
       csv += ",,,";
     } else {
-      fmt::format_to(out, "{},{},{},", joint->position_rad, joint->velocity_rad_s,
-                     joint->torque_nm);
+      csv += fmt::format("{},{},{},", joint->position_rad, joint->velocity_rad_s, joint->torque_nm);
     }
   }
   csv.back() = '\n';
