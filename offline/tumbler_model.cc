@@ -93,7 +93,7 @@ void PrintDegreesOfFreedom(const Robot& robot) {
   for (const int dof : robot.file_order) {
     const std::size_t j = Index(dof);
     const Dof<Spatial>& d = robot.tree.dofs[j];
-    const Eigen::Vector3d& axis = d.kind == JointKind::kRevolute ? d.axis : d.direction;
+    const SpaceVector& axis = d.kind == JointKind::kRevolute ? d.axis : d.direction;
     const RobotJointLimits& limits = robot.joints[j].limits;
     fmt::print("  {:<20} {:<10} {:<22} {:>9} {:>9} {:>9} {:>9} {:>9}  {}\n", d.name,
                KindOf(robot, j),
@@ -303,7 +303,7 @@ class HybridPrinter {
  private:
   struct Force {
     int body;
-    Eigen::Vector3d force, point;  // world
+    SpaceVector force, point;  // world
   };
   static constexpr std::size_t kForceParts = 7;
   static constexpr std::array kForceNames = {"fx", "fy", "fz", "px", "py", "pz"};
@@ -354,8 +354,8 @@ class HybridPrinter {
     forces_.clear();
     while (place < parts.size()) {
       Force force{};
-      for (Eigen::Vector3d* vector : {&force.force, &force.point}) {
-        for (double& value : vector->reshaped()) value = Number(parts, place++);
+      for (SpaceVector* vector : {&force.force, &force.point}) {
+        for (int i = 0; i < 3; ++i) (*vector)[i] = Number(parts, place++);
       }
       const RobotLink* const link = robot_.FindLink(parts[place]);
       if (link == nullptr) {
@@ -375,7 +375,7 @@ class HybridPrinter {
   void Differentiate() {
     for (const Force& force : forces_) {
       if (force.body < 0) continue;
-      const Eigen::Vector3d point = force.point - dynamics_.origin();
+      const SpaceVector point = force.point - dynamics_.origin();
       const Spatial::Wrench wrench = Spatial::ForceAt(point, force.force);
       Spatial::WrenchMap stiffness;
       for (std::size_t m = 0; m < stiffness.columns.size(); ++m) {
@@ -410,7 +410,7 @@ class HybridPrinter {
     if (!std::isfinite(value))
       throw StateError("its result is not a finite number; expected smaller values");
     if (!out.empty()) out.push_back(' ');
-    fmt::format_to(std::back_inserter(out), "{:.17g}", value);
+    out += fmt::format("{:.17g}", value);
   }
 
   Robot robot_;
@@ -428,7 +428,7 @@ ExitStatus Hybrid(const Arguments& arguments) {
   Prescribe(robot, arguments.prescribed);
   if (!arguments.gravity.empty()) {
     robot.tree.gravity =
-        Eigen::Vector3d(arguments.gravity[0], arguments.gravity[1], arguments.gravity[2]);
+        SpaceVector(arguments.gravity[0], arguments.gravity[1], arguments.gravity[2]);
     if (!robot.tree.gravity.allFinite())
       throw std::invalid_argument("--gravity: allowed: three finite numbers");
   }

@@ -22,7 +22,6 @@ namespace tumbler {
 namespace {
 
 using Spline = JointMotion<double>::Spline;
-using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 /// Contact that is lost for less than this [s] counts as one contact: a foot chatters as it lands.
 constexpr double kContactGap = 0.01;
@@ -80,9 +79,10 @@ std::vector<double> BesideTheOptimum(std::vector<double> x) {
 }
 
 std::vector<double> CostGradient(Rollout& rollout, const std::vector<double>& x) {
-  Matrix gradient(rollout.output_count(), rollout.parameter_count());
+  std::vector<double> gradient(Index(rollout.output_count()) * x.size());
   rollout.Run(x, gradient);
-  return {gradient.row(0).begin(), gradient.row(0).end()};
+  gradient.resize(x.size());  // The first row is the cost's.
+  return gradient;
 }
 
 /// A relative error as a number that a file can hold: infinity becomes 1e9.

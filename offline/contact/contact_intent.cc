@@ -6,7 +6,6 @@
 
 #include "offline/dynamics/hybrid_dynamics.h"
 #include "offline/dynamics/plane.h"
-#include "offline/dynamics/spatial.h"
 #include "offline/linear/symmetric_eigen.h"
 
 namespace tumbler {
@@ -35,43 +34,37 @@ double AdvisableStep(const ContactLaw& law, double effective_mass_kg, double loa
   return 1 / std::max(fastest, friction);
 }
 
-template <class Space>
-double SmallestEffectiveMass(const Tree<Space>& tree,
-                             const std::vector<ContactShape<Space>>& shapes,
+double SmallestEffectiveMass(const Tree<Plane>& tree,
+                             const std::vector<ContactShape<Plane>>& shapes,
                              std::span<const double> q) {
-  using Vector = typename Space::Vector;
-  constexpr int kDimension = Vector::RowsAtCompileTime;
-  HybridDynamics<Space> dynamics(tree);
+  using Vector = Plane::Vector;
+  constexpr int kDimension = 2;
+  HybridDynamics<Plane> dynamics(tree);
   const std::vector<double> zero(tree.dofs.size());
   const auto accelerations = [&](int body, const Vector& point, const Vector& force) {
     std::vector<double> qdd = zero, tau = zero;
     dynamics.SetState(q, zero);
-    dynamics.AddWrench(body, Space::ForceAt(point, force));
+    dynamics.AddWrench(body, Plane::ForceAt(point, force));
     dynamics.Solve(qdd, tau);
     return qdd;
   };
   double largest = 0;
-  for (const ContactShape<Space>& own : shapes) {
+  for (const ContactShape<Plane>& own : shapes) {
     dynamics.SetState(q, zero);
     const Vector point =
         dynamics.position(own.body) + dynamics.rotation(own.body) * own.shape.centre;
     const std::vector<double> rest = accelerations(own.body, point, Vector::Zero());
-    Eigen::Matrix<double, kDimension, kDimension> inverse;
+    SmallMatrix inverse(kDimension, kDimension);
     for (int i = 0; i < kDimension; ++i) {
       std::vector<double> change = accelerations(own.body, point, Vector::Unit(i));
       for (std::size_t j = 0; j < change.size(); ++j) change[j] -= rest[j];
       dynamics.SetState(q, change);  // With these as velocities, a point's velocity is J qdd.
-      inverse.col(i) = dynamics.velocity(own.body).At(point);
+      const Vector velocity = dynamics.velocity(own.body).At(point);
+      for (int k = 0; k < kDimension; ++k) inverse(k, i) = velocity[k];
     }
-    largest = std::max(largest, DecomposeSymmetric(inverse).values.maxCoeff());
+    largest = std::max(largest, DecomposeSymmetric(inverse).values[kDimension - 1]);
   }
   return largest > 0 ? 1 / largest : std::numeric_limits<double>::infinity();
 }
-
-template double SmallestEffectiveMass(const Tree<Plane>&, const std::vector<ContactShape<Plane>>&,
-                                      std::span<const double>);
-template double SmallestEffectiveMass(const Tree<Spatial>&,
-                                      const std::vector<ContactShape<Spatial>>&,
-                                      std::span<const double>);
 
 }  // namespace tumbler

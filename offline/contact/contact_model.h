@@ -78,8 +78,9 @@ class ContactModel final : public ContactForces<Space> {
 
   struct ForceChange;
 
-  void AddPoint(HybridDynamics<Space>& dynamics, const Point& point, const Vector& c,
-                const Vector& world, int obstacle);
+  /// Most points are out of reach, which is seen without a call.
+  [[gnu::always_inline]] void AddPoint(HybridDynamics<Space>& dynamics, const Point& point,
+                                       const Vector& c, const Vector& world, int obstacle);
   void AddPair(HybridDynamics<Space>& dynamics, std::size_t k);
   [[nodiscard]] PosedShape<Space> PosedOn(const HybridDynamics<Space>& dynamics, int shape) const;
   [[nodiscard]] PosedShape<Space> PosedA(const HybridDynamics<Space>& dynamics,

@@ -1,7 +1,8 @@
 #pragma once
 
-#include <Eigen/Core>
+#include <array>
 #include <cmath>
+#include <cstddef>
 #include <type_traits>
 #include <utility>
 #include <vector>
@@ -32,7 +33,8 @@ struct Shape {
 
   [[nodiscard]] ShapeKind kind() const {
     if (half_space) return ShapeKind::kHalfSpace;
-    const auto sides = (half_extents.array() > 0).count();
+    int sides = 0;
+    for (int i = 0; i < kDimension; ++i) sides += half_extents[i] > 0 ? 1 : 0;
     return sides == 0 ? ShapeKind::kSphere : sides == 1 ? ShapeKind::kCapsule : ShapeKind::kBox;
   }
 
@@ -111,7 +113,7 @@ NearPoint<Space> FindNearPointOfCore(const Shape<Space>& obstacle,
   using Vector = typename Space::Vector;
   constexpr int kDimension = Vector::RowsAtCompileTime;
   NearPoint<Space> near;
-  if constexpr (kDimension > 2) near.edge.setZero();
+  if constexpr (kDimension > 2) near.edge = Space::Vector::Zero();
   const Vector c = obstacle.rotation.Inverse(centre - obstacle.centre);
   Vector rest = c;  // from the core's nearest point
   int free = -1;
@@ -150,13 +152,15 @@ NearPoint<Space> FindNearPointOfCore(const Shape<Space>& obstacle,
   return near;
 }
 
-/// The near point of a sphere with this centre and radius, and an obstacle of any shape.
+/// The near point of a sphere with this centre and radius, and an obstacle of any shape. That of a
+/// half-space takes few instructions, fewer than a call.
 template <class Space>
-NearPoint<Space> FindNearPoint(const Shape<Space>& obstacle, const typename Space::Vector& centre,
-                               double radius_m) {
+[[gnu::always_inline]] inline NearPoint<Space> FindNearPoint(const Shape<Space>& obstacle,
+                                                             const typename Space::Vector& centre,
+                                                             double radius_m) {
   if (!obstacle.half_space) return FindNearPointOfCore(obstacle, centre, radius_m);
   NearPoint<Space> near;
-  if constexpr (Shape<Space>::kDimension > 2) near.edge.setZero();
+  if constexpr (Shape<Space>::kDimension > 2) near.edge = Space::Vector::Zero();
   near.d = obstacle.normal.dot(centre - obstacle.centre) - radius_m;
   near.u_d = obstacle.normal;
   return near;
@@ -167,10 +171,9 @@ template <class Space>
 struct PosedShape {
   using Vector = typename Space::Vector;
   static constexpr int kDimension = Vector::RowsAtCompileTime;
-  using Matrix = Eigen::Matrix<double, kDimension, kDimension>;
 
   Vector centre;
-  Matrix axes;  ///< The core's axes are its columns.
+  std::array<Vector, kDimension> axes;  ///< Of the core.
   Vector half_extents;
   double radius_m = 0;
   bool half_space = false;
@@ -182,13 +185,15 @@ struct PosedShape {
     PosedShape posed;
     posed.centre = p + R * shape.centre;
     const typename Space::Rotation axes = R * shape.rotation;
-    for (int i = 0; i < kDimension; ++i) posed.axes.col(i) = axes * Vector(Vector::Unit(i));
+    for (int i = 0; i < kDimension; ++i)
+      posed.axes[static_cast<std::size_t>(i)] = axes * Vector(Vector::Unit(i));
     posed.half_extents = shape.half_extents;
     posed.radius_m = shape.radius_m;
     posed.half_space = shape.half_space;
     posed.normal = R * shape.normal;
     return posed;
   }
+  [[nodiscard]] const Vector& axis(int i) const { return axes[static_cast<std::size_t>(i)]; }
 };
 
 }  // namespace tumbler

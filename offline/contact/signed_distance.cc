@@ -14,7 +14,7 @@ using Vector = Plane::Vector;
 Vector Farthest(const PosedShape<Plane>& shape, const Vector& direction) {
   Vector vertex = shape.centre;
   for (int i = 0; i < 2; ++i) {
-    const Vector axis = shape.axes.col(i);
+    const Vector& axis = shape.axis(i);
     vertex += std::copysign(shape.half_extents[i], axis.dot(direction)) * axis;
   }
   return vertex;
@@ -27,7 +27,7 @@ SignedDistance FindOverlap(const PosedShape<Plane>& a, const PosedShape<Plane>& 
   best.d = -std::numeric_limits<double>::infinity();
   for (const PosedShape<Plane>* side : {&a, &b}) {
     for (int i = 0; i < 2; ++i) {
-      Vector u = side->axes.col(i);
+      Vector u = side->axis(i);
       if (u.dot(a.centre - b.centre) < 0) u = -u;
       const Vector on_a = Farthest(a, -u), on_b = Farthest(b, u);
       const double d = u.dot(on_a - on_b);
@@ -42,7 +42,7 @@ SignedDistance FindOverlap(const PosedShape<Plane>& a, const PosedShape<Plane>& 
 
 SignedDistance FindSignedDistance(const PosedShape<Plane>& a, const PosedShape<Plane>& b) {
   const double radii = a.radius_m + b.radius_m;
-  if (a.half_extents.isZero(0) && b.half_extents.isZero(0)) {
+  if (a.half_extents == Vector::Zero() && b.half_extents == Vector::Zero()) {
     const Vector between = a.centre - b.centre;
     const double length = between.norm();
     if (length == 0) return {-radii, Vector::UnitY(), a.centre};

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -162,6 +163,8 @@ class HybridDynamics {
     WrenchMap stiffness, damping;
   };
   struct Body {
+    Rotation turn;                    // of the joint
+    std::uint64_t angle_of_turn = 0;  // its bits: those of 0 rad
     Rotation R;
     Vector p;     // relative to origin_
     Motion S;     // axis
@@ -180,17 +183,34 @@ class HybridDynamics {
     WrenchDerivative wrench_derivative;  // of the body; valid where touched
     WrenchDerivative contact;            // of the subtree
   };
-  void FactorFreeInertia();
-  void SolveFree(double* x) const;
+  /// Calls work(number of free degrees of freedom). Three, as those of a root in the plane, are
+  /// given as a constant, for which the loops over them are compiled without loops.
+  template <class Work>
+  void WithFreeCount(Work&& work) const {
+    constexpr int kRootInPlane = 3;
+    if (free_count_ == kRootInPlane) {
+      work(std::integral_constant<int, kRootInPlane>());
+    } else {
+      work(free_count_);
+    }
+  }
+  template <class Count>
+  void FactorFreeInertia(Count count);
+  template <class Count>
+  void SolveFree(Count count, double* x) const;
   /// Accelerations, forces and bias maps of the bodies at Solve's solution.
   void MoveBodiesAtSolution();
   void DifferentiateInverse(typename Derivatives::Block& d_q, typename Derivatives::Block& d_qd);
   /// Adds what AddPairDerivative summed up.
   void AddPairs(typename Derivatives::Block& d_q, typename Derivatives::Block& d_qd) const;
-  void DifferentiateByInput(typename Derivatives::Block& input) const;
+  template <class Count>
+  void DifferentiateByInput(Count count, typename Derivatives::Block& input) const;
 
   int n_ = 0;
   int first_body_ = 0;
+  /// How many of the first degrees of freedom are the root's translations: each moves along the
+  /// world's axes, and has no mass of its own. Their axes never change.
+  int slides_ = 0;
   int free_count_ = 0;
   std::array<int, kMaxDofs> free_{};        // degree of freedom of each row of the free inertia
   std::array<int, kMaxDofs> free_index_{};  // and back; -1 where prescribed

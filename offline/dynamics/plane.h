@@ -1,9 +1,10 @@
 #pragma once
 
-#include <Eigen/Core>
 #include <array>
 #include <cmath>
 #include <cstddef>
+
+#include "offline/dynamics/plane_vector.h"
 
 namespace tumbler {
 
@@ -17,8 +18,8 @@ namespace tumbler {
 /// Two properties make the plane cheap: the cross product of two motions has no angular part
 /// (`Rate`), and the bias map 2B of a body acts on the angular velocity alone (`Bias`).
 struct Plane {
-  using Vector = Eigen::Vector2d;  ///< (x, z)
-  using Angular = double;          ///< about -y
+  using Vector = PlaneVector;  ///< (x, z)
+  using Angular = double;      ///< about -y
 
   /// The most degrees of freedom of a tree, those of the root included. Matrices have this size, so
   /// a planar robot keeps it small.
@@ -168,8 +169,5 @@ struct Plane {
   static double Apply(double /*z*/, const Rate& /*u*/) { return 0; }
   static Wrench BiasOfRate(const Bias& /*bias*/, const Rate& /*u*/) { return {}; }
 };
-
-/// What the x-z plane keeps of a vector in space.
-inline Eigen::Vector2d InPlane(const Eigen::Vector3d& r) { return {r.x(), r.z()}; }
 
 }  // namespace tumbler

@@ -1,11 +1,21 @@
 #include "offline/dynamics/spatial.h"
 
-#include <Eigen/Geometry>
+#include <cmath>
+
+#include "offline/dynamics/hybrid_dynamics_body.h"
 
 namespace tumbler {
 
 Spatial::Rotation Spatial::RotationBy(const Axis& axis, double angle) {
-  return {Eigen::AngleAxisd(angle, axis).toRotationMatrix()};
+  // Rodrigues' formula
+  const double c = std::cos(angle);
+  const Vector s = std::sin(angle) * axis, v = (1 - c) * axis;
+  const double xy = v.x() * axis.y(), xz = v.x() * axis.z(), yz = v.y() * axis.z();
+  return {{{v.x() * axis.x() + c, xy + s.z(), xz - s.y()},
+           {xy - s.z(), v.y() * axis.y() + c, yz + s.x()},
+           {xz + s.y(), yz - s.x(), v.z() * axis.z() + c}}};
 }
+
+template class HybridDynamics<Spatial>;
 
 }  // namespace tumbler

@@ -1,8 +1,10 @@
 #pragma once
 
-#include <Eigen/Core>
 #include <array>
 #include <cstddef>
+
+#include "offline/dynamics/plane_vector.h"
+#include "offline/dynamics/space_vector.h"
 
 namespace tumbler {
 
@@ -13,27 +15,24 @@ namespace tumbler {
 /// All quantities of one computation are expressed in one frame at rest: world axes and an origin
 /// of the caller's choice. Units: SI.
 struct Spatial {
-  using Vector = Eigen::Vector3d;   ///< (x, y, z)
-  using Angular = Eigen::Vector3d;  ///< About the world axes.
+  using Vector = SpaceVector;   ///< (x, y, z)
+  using Angular = SpaceVector;  ///< About the world axes.
 
   /// The most degrees of freedom of a tree, those of the root included.
   static constexpr int kMaxDofs = 32;
   static constexpr std::size_t kMotions = 6;  ///< Dimension of the space of motions.
 
   /// Angular velocity w applied to the point r.
-  static Vector Cross(const Vector& w, const Vector& r) {
-    return {w.y() * r.z() - w.z() * r.y(), w.z() * r.x() - w.x() * r.z(),
-            w.x() * r.y() - w.y() * r.x()};
-  }
+  static Vector Cross(const Vector& w, const Vector& r) { return w.cross(r); }
   /// Moment about the origin of the force f at the point r.
   static Vector Moment(const Vector& r, const Vector& f) { return Cross(r, f); }
 
   /// A rotation by its matrix.
   struct Rotation {
-    Eigen::Matrix3d m = Eigen::Matrix3d::Identity();
+    SpaceMatrix m = SpaceMatrix::Identity();
     [[nodiscard]] Vector operator*(const Vector& r) const { return m * r; }
     [[nodiscard]] Rotation operator*(const Rotation& b) const { return {m * b.m}; }
-    [[nodiscard]] Vector Inverse(const Vector& r) const { return m.transpose() * r; }
+    [[nodiscard]] Vector Inverse(const Vector& r) const { return m.TransposeTimes(r); }
     bool operator==(const Rotation&) const = default;
   };
   /// Axis of a revolute joint: a unit vector.
@@ -80,7 +79,7 @@ struct Spatial {
     friend Wrench operator*(const WrenchMap& a, const Motion& u) {
       Wrench sum;
       for (std::size_t m = 0; m < 3; ++m) {
-        const auto i = static_cast<Eigen::Index>(m);
+        const int i = static_cast<int>(m);
         sum = sum + a.columns[m] * u.w[i] + a.columns[m + 3] * u.v[i];
       }
       return sum;
@@ -93,7 +92,7 @@ struct Spatial {
   };
   /// Turning at unit rate about x, y, z through the origin; unit velocity along x, y, z.
   static Motion BasisMotion(std::size_t m) {
-    const auto i = static_cast<Eigen::Index>(m);
+    const int i = static_cast<int>(m);
     Motion motion;
     (m < 3 ? motion.w[i] : motion.v[i - 3]) = 1;
     return motion;
@@ -115,8 +114,8 @@ struct Spatial {
   }
 
   /// Inertia of a body about its mass centre, in the body's frame [kg m^2].
-  using BodyInertia = Eigen::Matrix3d;
-  static BodyInertia NoInertia() { return Eigen::Matrix3d::Zero(); }
+  using BodyInertia = SpaceMatrix;
+  static BodyInertia NoInertia() { return SpaceMatrix::Zero(); }
 
   /// Inertia about the origin: mass m, first moment h = m c, and the matrix of second moments
   /// Sigma, the integral of r r^T dm. The usual inertia matrix is tr(Sigma) 1 - Sigma; Sigma moves
@@ -124,12 +123,12 @@ struct Spatial {
   struct Inertia {
     double m = 0;
     Vector h = Vector::Zero();
-    Eigen::Matrix3d sigma = Eigen::Matrix3d::Zero();
+    SpaceMatrix sigma = SpaceMatrix::Zero();
     /// The inertia of a body of mass m, mass centre c, rotation R, and inertia i_c about the mass
     /// centre in its own frame.
     static Inertia OfBody(double m, const Vector& c, const Rotation& R, const BodyInertia& i_c) {
-      const Eigen::Matrix3d own = 0.5 * i_c.trace() * Eigen::Matrix3d::Identity() - i_c;
-      return {m, m * c, R.m * own * R.m.transpose() + m * c * c.transpose()};
+      const SpaceMatrix own = 0.5 * i_c.trace() * SpaceMatrix::Identity() - i_c;
+      return {m, m * c, R.m * own * R.m.transpose() + SpaceMatrix::Outer(m * c, c)};
     }
     friend Inertia operator+(const Inertia& a, const Inertia& b) {
       return {a.m + b.m, a.h + b.h, a.sigma + b.sigma};
@@ -147,13 +146,15 @@ struct Spatial {
   ///
   /// where [w] is the matrix of the cross product. Both parts add up over bodies.
   struct Bias {
-    Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
+    SpaceMatrix A = SpaceMatrix::Zero();
     Vector twice_p = Vector::Zero();
     static Bias OfBody(const Inertia& inertia, const Motion& v, const Wrench& momentum) {
       const Vector v2 = 2 * v.v;
-      Eigen::Matrix3d A = -v2 * inertia.h.transpose();
-      A.diagonal().array() += inertia.h.dot(v2);
-      for (int k = 0; k < 3; ++k) A.col(k) -= 2 * Cross(v.w, inertia.sigma.col(k));
+      SpaceMatrix A = SpaceMatrix::Outer(-v2, inertia.h);
+      for (int k = 0; k < 3; ++k) {
+        A(k, k) += inertia.h.dot(v2);
+        A.col(k) -= 2 * Cross(v.w, inertia.sigma.col(k));
+      }
       return {A, 2 * momentum.f};
     }
     friend Bias operator+(const Bias& a, const Bias& c) {
@@ -165,11 +166,14 @@ struct Spatial {
     /// The covector z on angular velocities with z . u.w = s . (2B u) for every motion u, to be
     /// applied by `Apply`.
     [[nodiscard]] Vector TransposeTimes(const Motion& s) const {
-      return A.transpose() * s.w + Cross(twice_p, s.v);
+      return A.TransposeTimes(s.w) + Cross(twice_p, s.v);
     }
   };
   static double Apply(const Vector& z, const Motion& u) { return z.dot(u.w); }
   static Wrench BiasOfRate(const Bias& bias, const Motion& u) { return bias * u; }
 };
+
+/// What the x-z plane keeps of a vector in space.
+inline PlaneVector InPlane(const Spatial::Vector& r) { return {r.x(), r.z()}; }
 
 }  // namespace tumbler

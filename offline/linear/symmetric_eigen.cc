@@ -1,26 +1,35 @@
 #include "offline/linear/symmetric_eigen.h"
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/Jacobi>
+#include <cmath>
 #include <limits>
 #include <utility>
 
 namespace tumbler {
-namespace {
+
+SmallVector SymmetricEigen::LeastSolution(const SmallVector& right) const {
+  const double smallest = 1e-8 * values.cwiseAbs().maxCoeff();
+  SmallVector sum = SmallVector::Zero(right.size());
+  for (Eigen::Index k = 0; k < values.size(); ++k) {
+    if (std::abs(values[k]) <= smallest) continue;
+    const auto& v = vectors.col(k);
+    sum += (v.dot(right) / values[k]) * v;
+  }
+  return sum;
+}
 
 /// The cyclic Jacobi method (Golub and Van Loan, Matrix Computations, 4th ed., 8.5.3): rotations
 /// make one entry beside the diagonal zero after the other, sweep after sweep. It converges
 /// quadratically in the end, and small eigenvalues keep their digits. For small matrices, without
 /// the heap, Eigen's solver would have to be compiled once more, which takes as long as all around
 /// it.
-template <class Matrix>
-SymmetricEigen<Matrix> Decompose(const Matrix& symmetric) {
+SymmetricEigen DecomposeSymmetric(const SmallMatrix& symmetric) {
   // 6 to 8 are usual. Numbers that are not finite would never be done.
   constexpr int kMostSweeps = 50;
   const Eigen::Index n = symmetric.rows();
-  Matrix A = symmetric.template selfadjointView<Eigen::Lower>();
-  SymmetricEigen<Matrix> eigen{{}, Matrix::Identity(n, n)};
-  Matrix& V = eigen.vectors;
+  SmallMatrix A = symmetric.selfadjointView<Eigen::Lower>();
+  SymmetricEigen eigen{{}, SmallMatrix::Identity(n, n)};
+  SmallMatrix& V = eigen.vectors;
   const double zero = std::numeric_limits<double>::epsilon() * A.norm();
   bool diagonal = false;
   for (int sweep = 0; sweep < kMostSweeps && !diagonal; ++sweep) {
@@ -46,32 +55,6 @@ SymmetricEigen<Matrix> Decompose(const Matrix& symmetric) {
     }
   }
   return eigen;
-}
-
-}  // namespace
-
-template <>
-SymmetricEigen<Eigen::MatrixXd> DecomposeSymmetric(const Eigen::MatrixXd& symmetric) {
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(symmetric);
-  return {solver.eigenvalues(), solver.eigenvectors()};
-}
-
-template <>
-SymmetricEigen<SmallMatrix> DecomposeSymmetric(const SmallMatrix& symmetric) {
-  return Decompose(symmetric);
-}
-
-// Matrices of 2 x 2 and 3 x 3 become small matrices, so that the method is compiled once.
-template <>
-SymmetricEigen<Eigen::Matrix3d> DecomposeSymmetric(const Eigen::Matrix3d& symmetric) {
-  const SymmetricEigen<SmallMatrix> eigen = Decompose<SmallMatrix>(symmetric);
-  return {eigen.values, eigen.vectors};
-}
-
-template <>
-SymmetricEigen<Eigen::Matrix2d> DecomposeSymmetric(const Eigen::Matrix2d& symmetric) {
-  const SymmetricEigen<SmallMatrix> eigen = Decompose<SmallMatrix>(symmetric);
-  return {eigen.values, eigen.vectors};
 }
 
 }  // namespace tumbler

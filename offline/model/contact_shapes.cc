@@ -23,7 +23,7 @@ struct Unusable : std::runtime_error {
 };
 
 /// The rotation of the plane that takes x to `direction`.
-Plane::Rotation Towards(const Eigen::Vector2d& direction) {
+Plane::Rotation Towards(const Plane::Vector& direction) {
   const double length = direction.norm();
   return {direction.x() / length, direction.y() / length};
 }
@@ -35,14 +35,14 @@ double CapsuleHalfLength(const RobotShape& shape) {
 }
 
 Shape<Spatial> InSpace(const RobotShape& shape) {
-  const Eigen::Vector3d centre = shape.pose.translation();
-  const Eigen::Matrix3d axes = shape.pose.linear();
+  const SpaceVector& centre = shape.pose.translation;
+  const SpaceMatrix& axes = shape.pose.rotation;
   switch (shape.kind) {
     case RobotShape::Kind::kSphere:
       return Shape<Spatial>::Sphere(centre, shape.radius_m);
     case RobotShape::Kind::kCylinder: {
-      Eigen::Matrix3d turned;  // A capsule lies along its first axis, a cylinder along its third.
-      turned << axes.col(2), axes.col(0), axes.col(1);
+      // A capsule lies along its first axis, a cylinder along its third.
+      const SpaceMatrix turned(axes.col(2), axes.col(0), axes.col(1));
       return Shape<Spatial>::Capsule(centre, {turned}, CapsuleHalfLength(shape), shape.radius_m);
     }
     case RobotShape::Kind::kBox:
@@ -54,13 +54,13 @@ Shape<Spatial> InSpace(const RobotShape& shape) {
 }
 
 Shape<Plane> InThePlane(const RobotShape& shape) {
-  const Eigen::Vector2d centre = InPlane(shape.pose.translation());
-  const Eigen::Matrix3d axes = shape.pose.linear();
+  const Plane::Vector centre = InPlane(shape.pose.translation);
+  const SpaceMatrix& axes = shape.pose.rotation;
   switch (shape.kind) {
     case RobotShape::Kind::kSphere:
       return Shape<Plane>::Sphere(centre, shape.radius_m);
     case RobotShape::Kind::kCylinder: {
-      const Eigen::Vector2d along = InPlane(axes.col(2));
+      const Plane::Vector along = InPlane(axes.col(2));
       if (along.norm() < kPlaneTolerance) return Shape<Plane>::Sphere(centre, shape.radius_m);
       return Shape<Plane>::Capsule(centre, Towards(along), CapsuleHalfLength(shape) * along.norm(),
                                    shape.radius_m);
@@ -96,7 +96,7 @@ ContactShapes<Space> ConvertAll(const Robot& robot, const Convert& convert) {
 
 /// Half of the width of a shape along y.
 double HalfWidth(const RobotShape& shape) {
-  const Eigen::Matrix3d axes = shape.pose.linear();
+  const SpaceMatrix& axes = shape.pose.rotation;
   switch (shape.kind) {
     case RobotShape::Kind::kSphere:
       return shape.radius_m;
@@ -104,7 +104,9 @@ double HalfWidth(const RobotShape& shape) {
       return std::abs(axes(1, 2)) * shape.length_m / 2 +
              std::hypot(axes(1, 0), axes(1, 1)) * shape.radius_m;
     case RobotShape::Kind::kBox:
-      return axes.row(1).cwiseAbs().dot(shape.size_m) / 2;
+      return SpaceVector(std::abs(axes(1, 0)), std::abs(axes(1, 1)), std::abs(axes(1, 2)))
+                 .dot(shape.size_m) /
+             2;
     case RobotShape::Kind::kMesh:
       break;
   }
@@ -118,8 +120,8 @@ void AddOwnShapes(const std::vector<RobotShape>& from, bool drawn, std::vector<O
     try {
       own.shape = InThePlane(shape);
       const double half_width = HalfWidth(shape);
-      own.y_min_m = shape.pose.translation().y() - half_width;
-      own.y_max_m = shape.pose.translation().y() + half_width;
+      own.y_min_m = shape.pose.translation.y() - half_width;
+      own.y_max_m = shape.pose.translation.y() + half_width;
     } catch (const Unusable&) {
       continue;
     }

@@ -31,7 +31,7 @@ Dof<Plane> ReduceDof(const Robot& robot, std::size_t j) {
   dof.kind = from.kind;
   dof.offset = InPlane(from.offset);
   if (from.kind == JointKind::kRevolute) {
-    const Eigen::Vector3d& axis = from.axis;
+    const SpaceVector& axis = from.axis;
     if (std::hypot(axis.x(), axis.z()) > kPlaneTolerance) {
       fail(
           fmt::format("its axis in the robot's frame is ({:.4g}, {:.4g}, {:.4g}); allowed for a "
@@ -58,14 +58,14 @@ Dof<Plane> ReduceDof(const Robot& robot, std::size_t j) {
 /// Makes the segment that draws a shape. @returns false where the shape is not drawn.
 bool Draw(const RobotShape& shape, DrawnSegment& segment) {
   segment.body = shape.body;
-  Eigen::Vector3d half = Eigen::Vector3d::Zero();
+  SpaceVector half = SpaceVector::Zero();
   switch (shape.kind) {
     case RobotShape::Kind::kSphere:
       segment.radius_m = shape.radius_m;
       break;
     case RobotShape::Kind::kCylinder:
       segment.radius_m = shape.radius_m;
-      half.z() = shape.length_m / 2;
+      half[2] = shape.length_m / 2;
       break;
     case RobotShape::Kind::kBox: {
       // A box is drawn as a bar along its longest side in the plane.
@@ -73,10 +73,10 @@ bool Draw(const RobotShape& shape, DrawnSegment& segment) {
       double thickness = 0;
       for (int i = 0; i < 3; ++i) {
         const double in_plane =
-            std::hypot(shape.pose.linear()(0, i), shape.pose.linear()(2, i)) * shape.size_m[i];
+            std::hypot(shape.pose.rotation(0, i), shape.pose.rotation(2, i)) * shape.size_m[i];
         if (longest < 0 || in_plane > half[longest] * 2) {
           if (longest >= 0) thickness = std::max(thickness, half[longest] * 2);
-          half.setZero();
+          half = SpaceVector::Zero();
           half[i] = in_plane / 2;
           longest = i;
         } else {

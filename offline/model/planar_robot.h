@@ -1,6 +1,5 @@
 #pragma once
 
-#include <Eigen/Core>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -19,8 +18,8 @@ struct Robot;
 /// A stroked segment for drawing, in the plane of a body's frame.
 struct DrawnSegment {
   int body = -1;  ///< Degree of freedom that moves it.
-  Eigen::Vector2d from = Eigen::Vector2d::Zero();
-  Eigen::Vector2d to = Eigen::Vector2d::Zero();
+  Plane::Vector from = Plane::Vector::Zero();
+  Plane::Vector to = Plane::Vector::Zero();
   double radius_m = 0;
 };
 

@@ -6,7 +6,9 @@
 #include <urdf_parser/urdf_parser.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstddef>
 #include <map>
 #include <mutex>
 
@@ -24,7 +26,16 @@ constexpr double kReach = 1e3;
 const char* const kOutOfReach =
     "its <origin> is out of reach; allowed: up to 1000 m from the frame that carries it";
 
-bool InReach(const Eigen::Isometry3d& X) { return X.translation().norm() <= kReach; }
+bool InReach(const Pose& X) { return X.translation.norm() <= kReach; }
+
+/// Those of an inertia, in increasing order.
+std::array<double, 3> PrincipalMoments(const SpaceMatrix& inertia) {
+  const SmallMatrix small = SmallMatrix::NullaryExpr(3, 3, [&](Eigen::Index i, Eigen::Index j) {
+    return inertia(static_cast<int>(i), static_cast<int>(j));
+  });
+  const SymmetricEigen eigen = DecomposeSymmetric(small);
+  return {eigen.values[0], eigen.values[1], eigen.values[2]};
+}
 
 /// Collects the messages that urdfdom would print.
 class CollectingHandler : public console_bridge::OutputHandler {
@@ -58,26 +69,25 @@ urdf::ModelInterfaceSharedPtr ParseUrdf(const std::string& text, const std::stri
   return model;
 }
 
-Eigen::Isometry3d ToIsometry(const urdf::Pose& pose) {
-  Eigen::Isometry3d X = Eigen::Isometry3d::Identity();
-  X.translate(Eigen::Vector3d(pose.position.x, pose.position.y, pose.position.z));
-  X.rotate(Eigen::Quaterniond(pose.rotation.w, pose.rotation.x, pose.rotation.y, pose.rotation.z));
-  return X;
+Pose ToPose(const urdf::Pose& pose) {
+  const urdf::Rotation& q = pose.rotation;
+  return {Pose::RotationOf(q.x, q.y, q.z, q.w),
+          {pose.position.x, pose.position.y, pose.position.z}};
 }
 
 /// Sums of the links that are merged into one body, in the frame of its degree of freedom with
 /// world axes.
 struct BodySum {
   double mass = 0;
-  Eigen::Vector3d first_moment = Eigen::Vector3d::Zero();
-  Eigen::Matrix3d second_moment = Eigen::Matrix3d::Zero();  // about the frame's origin
+  SpaceVector first_moment = SpaceVector::Zero();
+  SpaceMatrix second_moment = SpaceMatrix::Zero();  // about the frame's origin
 };
 
 /// One of the root's coordinates.
 struct RootCoordinate {
   const char* name;
   JointKind kind;
-  Eigen::Vector3d axis;
+  SpaceVector axis;
 };
 
 std::vector<RootCoordinate> RootCoordinates(RootKind root) {
@@ -108,7 +118,7 @@ class Builder {
     robot_.root = root;
     robot_.tree.gravity = {0, 0, -kGravity};
     AddRoot(root);
-    AddLink(*model_->getRoot(), robot_.root_dofs - 1, Eigen::Isometry3d::Identity());
+    AddLink(*model_->getRoot(), robot_.root_dofs - 1, Pose());
     // Joints are placed in the file's order, but after the joints that carry them.
     while (!waiting_.empty()) {
       const auto first = waiting_.begin();
@@ -127,7 +137,7 @@ class Builder {
   struct WaitingJoint {
     urdf::JointConstSharedPtr joint;
     int body;
-    Eigen::Isometry3d X;  // of the joint's frame in the body's
+    Pose X;  // of the joint's frame in the body's
   };
 
   /// Throws a FileError about a link, or about the first element of that name in it.
@@ -174,13 +184,13 @@ class Builder {
     }
   }
 
-  void AddLink(const urdf::Link& link, int body, const Eigen::Isometry3d& X) {
+  void AddLink(const urdf::Link& link, int body, const Pose& X) {
     robot_.links.push_back({link.name, source_.LineOfLink(link.name, ""), body,
                             link.inertial == nullptr ? 0 : link.inertial->mass});
     AddInertia(link, body, X);
     AddShapes(link, body, X);
     for (const urdf::JointSharedPtr& joint : link.child_joints) {
-      const Eigen::Isometry3d X_joint = X * ToIsometry(joint->parent_to_joint_origin_transform);
+      const Pose X_joint = X * ToPose(joint->parent_to_joint_origin_transform);
       if (!InReach(X_joint)) FailJoint(joint->name, kOutOfReach, "origin");
       if (joint->type == urdf::Joint::FIXED) {
         AddLink(*model_->getLink(joint->child_link_name), body, X_joint);
@@ -192,7 +202,7 @@ class Builder {
     }
   }
 
-  void AddJoint(const urdf::Joint& joint, int body, const Eigen::Isometry3d& X_joint) {
+  void AddJoint(const urdf::Joint& joint, int body, const Pose& X_joint) {
     const urdf::LinkConstSharedPtr child = model_->getLink(joint.child_link_name);
     const bool revolute =
         joint.type == urdf::Joint::REVOLUTE || joint.type == urdf::Joint::CONTINUOUS;
@@ -200,14 +210,17 @@ class Builder {
       FailJoint(joint.name,
                 "its type is not supported; allowed: revolute, continuous, prismatic, fixed");
     }
-    Eigen::Vector3d axis(joint.axis.x, joint.axis.y, joint.axis.z);
-    if (!axis.allFinite() || axis.stableNorm() < 1e-6)
+    const SpaceVector given(joint.axis.x, joint.axis.y, joint.axis.z);
+    // Its numbers may be so large or small that their squares are not.
+    const double largest =
+        std::max({std::abs(given.x()), std::abs(given.y()), std::abs(given.z())});
+    if (!given.allFinite() || largest * (given / largest).norm() < 1e-6 || largest == 0)
       FailJoint(joint.name, "its <axis> has no direction; allowed: any but 0 0 0", "axis");
-    axis = X_joint.linear() * axis.stableNormalized();
+    const SpaceVector axis = X_joint.rotation * (given / ((given / largest).norm() * largest));
     Dof<Spatial> dof;
     dof.name = joint.name;
     dof.parent = body;
-    dof.offset = X_joint.translation();
+    dof.offset = X_joint.translation;
     dof.kind = revolute ? JointKind::kRevolute : JointKind::kPrismatic;
     (revolute ? dof.axis : dof.direction) = axis.normalized();
     RobotJoint about;
@@ -230,8 +243,8 @@ class Builder {
     AddDof(dof, about);
     // At q = 0 the new frame has the robot's axes. The rotation of the link's own frame is kept in
     // X_child.
-    Eigen::Isometry3d X_child = Eigen::Isometry3d::Identity();
-    X_child.linear() = X_joint.linear();
+    Pose X_child;
+    X_child.rotation = X_joint.rotation;
     AddLink(*child, static_cast<int>(robot_.tree.dofs.size()) - 1, X_child);
   }
 
@@ -260,13 +273,12 @@ class Builder {
     limits.effort_nm = positive("effort", given.effort);
   }
 
-  void AddInertia(const urdf::Link& link, int body, const Eigen::Isometry3d& X) {
+  void AddInertia(const urdf::Link& link, int body, const Pose& X) {
     if (link.inertial == nullptr) return;
     const urdf::Inertial& given = *link.inertial;
-    Eigen::Matrix3d I;
-    I << given.ixx, given.ixy, given.ixz, given.ixy, given.iyy, given.iyz, given.ixz, given.iyz,
-        given.izz;
-    const Eigen::Isometry3d X_com = X * ToIsometry(given.origin);
+    const SpaceMatrix I({given.ixx, given.ixy, given.ixz}, {given.ixy, given.iyy, given.iyz},
+                        {given.ixz, given.iyz, given.izz});
+    const Pose X_com = X * ToPose(given.origin);
     if (!(given.mass > 0)) {
       const std::string problem = fmt::format(
           "inertial mass is {:g} kg; allowed: > 0 (leave <inertial> out for a massless link)",
@@ -275,33 +287,33 @@ class Builder {
       NoteLink(link.name, problem, "mass");
     }
     if (!InReach(X_com)) FailLink(link.name, kOutOfReach, "inertial");
-    const Eigen::Vector3d moments = DecomposeSymmetric(I).values;
-    if (!(moments(0) > 0)) {
-      if (given.mass != 0 || !I.isZero(0)) {
+    const std::array<double, 3> moments = PrincipalMoments(I);
+    if (!(moments[0] > 0)) {
+      if (given.mass != 0 || !(I == SpaceMatrix::Zero())) {
         NoteLink(
             link.name,
-            fmt::format("inertia has the principal moment {:g} kg m^2; allowed: > 0", moments(0)),
+            fmt::format("inertia has the principal moment {:g} kg m^2; allowed: > 0", moments[0]),
             "inertia");
       }
-    } else if (moments(0) + moments(1) < moments(2) * (1 - 1e-9)) {
+    } else if (moments[0] + moments[1] < moments[2] * (1 - 1e-9)) {
       NoteLink(link.name,
                fmt::format("inertia is that of no body: principal moments {:g}, {:g}, "
                            "{:g} kg m^2; allowed: none larger "
                            "than the sum of the others",
-                           moments(0), moments(1), moments(2)),
+                           moments[0], moments[1], moments[2]),
                "inertia");
     }
     if (body < 0) return;  // The link is fixed to the world and never moves.
-    const Eigen::Vector3d c = X_com.translation();
+    const SpaceVector c = X_com.translation;
     BodySum& sum = bodies_[static_cast<std::size_t>(body)];
     sum.mass += given.mass;
     sum.first_moment += given.mass * c;
     sum.second_moment +=
-        X_com.linear() * I * X_com.linear().transpose() +
-        given.mass * (c.squaredNorm() * Eigen::Matrix3d::Identity() - c * c.transpose());
+        X_com.rotation * I * X_com.rotation.transpose() +
+        given.mass * (c.squaredNorm() * SpaceMatrix::Identity() - SpaceMatrix::Outer(c, c));
   }
 
-  void AddShapes(const urdf::Link& link, int body, const Eigen::Isometry3d& X) {
+  void AddShapes(const urdf::Link& link, int body, const Pose& X) {
     const auto add = [&](const auto& elements, std::vector<RobotShape>& shapes) {
       for (std::size_t i = 0; i < elements.size(); ++i) {
         if (elements[i] == nullptr || elements[i]->geometry == nullptr) continue;
@@ -310,7 +322,7 @@ class Builder {
         shape.link = link.name;
         shape.line = source_.LineOfLink(link.name, "");
         shape.body = body;
-        shape.pose = X * ToIsometry(elements[i]->origin);
+        shape.pose = X * ToPose(elements[i]->origin);
         shapes.push_back(std::move(shape));
       }
     };
@@ -349,15 +361,14 @@ class Builder {
     for (const auto& [place, dof] : joint_places_) robot_.file_order.push_back(dof);
     for (std::size_t j = 0; j < dofs.size(); ++j) {
       const BodySum& sum = bodies_[j];
-      dofs[j].massless = sum.mass == 0 && sum.second_moment.isZero(0);
+      dofs[j].massless = sum.mass == 0 && sum.second_moment == SpaceMatrix::Zero();
       if (dofs[j].massless) continue;
       const double m = sum.mass;
-      const Eigen::Vector3d c =
-          m > 0 ? Eigen::Vector3d(sum.first_moment / m) : Eigen::Vector3d::Zero();
+      const SpaceVector c = m > 0 ? sum.first_moment / m : SpaceVector::Zero();
       dofs[j].mass_kg = m;
       dofs[j].mass_centre = c;
-      Eigen::Matrix3d& I = dofs[j].inertia_kg_m2;
-      I = sum.second_moment + m * (c * c.transpose());
+      SpaceMatrix& I = dofs[j].inertia_kg_m2;
+      I = sum.second_moment + m * SpaceMatrix::Outer(c, c);
       for (int k = 0; k < 3; ++k) {
         const double a = c[(k + 1) % 3], b = c[(k + 2) % 3];
         I(k, k) = sum.second_moment(k, k) - m * (a * a + b * b);

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <Eigen/Geometry>
 #include <cstdint>
 #include <string>
 #include <string_view>
@@ -9,6 +8,7 @@
 #include "offline/dynamics/spatial.h"
 #include "offline/dynamics/tree.h"
 #include "offline/model/joint_limits.h"
+#include "offline/model/pose.h"
 #include "offline/model/root_kind.h"
 
 namespace tumbler {
@@ -37,10 +37,10 @@ struct RobotShape {
   std::string link;
   std::uint32_t line = 0;  ///< Line of the link in the file.
   int body = -1;           ///< Index of the degree of freedom that moves it; -1 is the world.
-  Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();  ///< In the body's frame.
-  double radius_m = 0;                                     ///< Sphere, cylinder.
-  double length_m = 0;                                     ///< Cylinder, along its z.
-  Eigen::Vector3d size_m = Eigen::Vector3d::Zero();        ///< Box: whole sides.
+  Pose pose;               ///< In the body's frame.
+  double radius_m = 0;     ///< Sphere, cylinder.
+  double length_m = 0;     ///< Cylinder, along its z.
+  SpaceVector size_m = SpaceVector::Zero();  ///< Box: whole sides.
 };
 
 /// Something in the file that is not physical: the place, and what is wrong.

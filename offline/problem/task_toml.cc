@@ -195,8 +195,8 @@ class TaskReader {
       end[static_cast<std::size_t>(joint.dof)] = joint.end_rad;
     double effective = std::numeric_limits<double>::infinity();
     for (const std::vector<double>& q : {problem_.start_q, end}) {
-      effective = std::min(effective,
-                           SmallestEffectiveMass<Plane>(scene_.robot.tree, scene_.robot.shapes, q));
+      effective =
+          std::min(effective, SmallestEffectiveMass(scene_.robot.tree, scene_.robot.shapes, q));
     }
     if (scene_.obstacles.empty() || !std::isfinite(effective)) return;
     problem_.advisable_step_s =

@@ -5,7 +5,7 @@
 #include <numeric>
 
 #include "common/index.h"
-#include "offline/linear/symmetric_eigen.h"
+#include "offline/linear/dense_eigen.h"
 
 namespace tumbler {
 
@@ -74,7 +74,7 @@ void CmaEs::Tell(const std::vector<double>& values) {
     covariance_ += c_mu_ * weights_[i] * y * y.transpose();
   }
   sigma_ *= std::exp(c_s_ / damping_ * (path_s_.norm() / expected_norm_ - 1));
-  const SymmetricEigen<Eigen::MatrixXd> eigen = DecomposeSymmetric(covariance_);
+  const DenseEigen eigen = DecomposeSymmetric(covariance_);
   axes_ = eigen.vectors;
   scales_ = eigen.values.cwiseMax(1e-20).cwiseSqrt();
 }

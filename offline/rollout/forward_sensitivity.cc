@@ -34,8 +34,11 @@ struct MaximumWithSlope {
   /// @param slopes   gives its derivative in the parameters at a stage.
   /// @param unit     what `slopes` are divided by.
   template <class Slopes>
-  void Add(std::span<const LookPoint> points, double step_s, std::span<const double> values,
-           Slopes&& slopes, double unit) {
+  void Add(const StepPoints& points, double step_s, std::span<const double> values, Slopes&& slopes,
+           double unit) {
+    double highest = 0;
+    for (const double value : values) highest = std::max(highest, std::abs(value));
+    if (!maximum.Counts(points, highest)) return;  // Most steps are far from the largest.
     std::array<double, Tableau::kMaxStages> by_value{};
     const double shrink = maximum.Add(points, step_s, values, {by_value.data(), values.size()});
     Row total(slope.data(), static_cast<Eigen::Index>(slope.size()));
@@ -260,7 +263,7 @@ struct ForwardSensitivity::Implementation {
     const Tableau& scheme = integrator.tableau();
     const std::size_t stages = scheme.own_stages();
     const double h = integrator.last_step_s();
-    const std::span<const LookPoint> points = look_points.In(h);
+    const StepPoints& points = look_points.In(h);
     std::array<double, Tableau::kMaxStages> values{};
     for (int j = 0; j < na; ++j) {
       const auto slope_at = [&](std::size_t s) {
@@ -403,7 +406,8 @@ struct ForwardSensitivity::Implementation {
     return result;
   }
 
-  RolloutResult RunInto(std::span<const double> x, Gradient& gradient, GaussNewton* wanted) {
+  RolloutResult RunInto(std::span<const double> x, std::span<double> gradient,
+                        GaussNewton* wanted) {
     gauss_newton = wanted;
     RolloutResult result = Run(x);
     if (gauss_newton != nullptr) {
@@ -411,9 +415,7 @@ struct ForwardSensitivity::Implementation {
       for (Eigen::Index k = 1; k < matrix.cols(); ++k)
         matrix.col(k).head(k) = matrix.row(k).head(k).transpose();
     }
-    gradient =
-        Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(
-            outputs.data(), 3 + na, parameters);
+    std::ranges::copy(outputs, gradient.begin());
     return result;
   }
 
@@ -465,26 +467,22 @@ StepSettings AdaptiveSteps(const Problem& problem) {
 
 StepGrid StepsFor(const Problem& problem, std::span<const double> x) {
   ForwardSensitivity forward(problem, AdaptiveSteps(problem));
-  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> gradient(
-      forward.output_count(), forward.parameter_count());
+  std::vector<double> gradient(Index(forward.output_count() * forward.parameter_count()));
   if (forward.Run(x, gradient).finite) return forward.grid();
   return EvenGrid(problem.duration_s, problem.settle_s, problem.solver.step_s);
 }
 
-// What is written through is passed by value, as Eigen has it.
-// NOLINTBEGIN(performance-unnecessary-value-param)
-RolloutResult ForwardSensitivity::Run(std::span<const double> x, Gradient gradient,
+RolloutResult ForwardSensitivity::Run(std::span<const double> x, std::span<double> gradient,
                                       GaussNewton* gauss_newton) {
   implementation_->repeats = false;
   return implementation_->RunInto(x, gradient, gauss_newton);
 }
 
-RolloutResult ForwardSensitivity::RunAgain(std::span<const double> x, Gradient gradient,
+RolloutResult ForwardSensitivity::RunAgain(std::span<const double> x, std::span<double> gradient,
                                            GaussNewton* gauss_newton) {
   if (implementation_->grid.motion.empty()) throw std::logic_error("there are no steps to repeat");
   implementation_->repeats = true;
   return implementation_->RunInto(x, gradient, gauss_newton);
 }
-// NOLINTEND(performance-unnecessary-value-param)
 
 }  // namespace tumbler

@@ -43,9 +43,6 @@ struct GaussNewton {
 /// Not thread-safe: one object per thread. In the integration, only the returned vectors allocate.
 class ForwardSensitivity {
  public:
-  using Gradient =
-      Eigen::Ref<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>;
-
   /// @param contact  replaces the general contact model; null: the general one.
   ForwardSensitivity(const Problem& problem, const StepSettings& settings,
                      std::unique_ptr<ContactForces<Plane>> contact = nullptr);
@@ -63,12 +60,12 @@ class ForwardSensitivity {
   /// Like Rollout::Run. The largest torque and penetration are those where steps start, hence at
   /// other times with the adaptive scheme than with the fixed one.
   /// @param gauss_newton  is filled, if it is not null.
-  RolloutResult Run(std::span<const double> x, Gradient gradient,
+  RolloutResult Run(std::span<const double> x, std::span<double> gradient,
                     GaussNewton* gauss_newton = nullptr);
   /// The same, with adaptive steps as they were chosen in the last run by Run, whatever their error
   /// is now: cost, constraints and derivatives are smooth functions of x so.
   /// @throws std::logic_error when there was no such run, or none that ended.
-  RolloutResult RunAgain(std::span<const double> x, Gradient gradient,
+  RolloutResult RunAgain(std::span<const double> x, std::span<double> gradient,
                          GaussNewton* gauss_newton = nullptr);
 
   [[nodiscard]] const IntegrationStatistics& statistics() const;

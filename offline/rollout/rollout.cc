@@ -6,6 +6,7 @@
 #include <limits>
 #include <numeric>
 #include <stdexcept>
+#include <utility>
 
 #include "common/index.h"
 #include "offline/rollout/clearance_constraint.h"
@@ -93,6 +94,36 @@ struct Control {
   double q = 0, qd = 0, qdd = 0;
 };
 
+/// The number of outputs that go back through the steps together, each in its own lane.
+constexpr int kLanes = 4;
+
+/// A number for each lane, in pairs with which the processor computes at once.
+class Lanes {
+  using Pair [[gnu::vector_size(16)]] = double;
+
+ public:
+  Lanes() = default;  ///< Its numbers are not set.
+  static Lanes Zero() { return {Pair{}, Pair{}}; }
+  double operator[](int i) const { return i < 2 ? low_[i] : high_[i - 2]; }
+  void Add(int i, double value) {
+    if (i < 2) {
+      low_[i] += value;
+    } else {
+      high_[i - 2] += value;
+    }
+  }
+
+  friend Lanes operator+(const Lanes& a, const Lanes& b) {
+    return {a.low_ + b.low_, a.high_ + b.high_};
+  }
+  friend Lanes operator*(double k, const Lanes& a) { return {k * a.low_, k * a.high_}; }
+  Lanes& operator+=(const Lanes& a) { return *this = *this + a; }
+
+ private:
+  Lanes(Pair low, Pair high) : low_(low), high_(high) {}
+  Pair low_, high_;
+};
+
 }  // namespace
 
 std::vector<double> ControlPoints(const Problem& problem, std::span<const double> x,
@@ -159,11 +190,14 @@ struct Rollout::Implementation {
     stage_torque.resize(Index(table.steps() * table.stages * na));
     look_points = LookPoints(table.classical ? kClassical : kDormandPrince,
                              *std::max_element(table.length.begin(), table.length.end()));
+    points_in.clear();
+    for (const double h : table.length) points_in.push_back(&look_points.In(h));
     torque_slope.resize(stage_torque.size());
     stage_depth.resize(Index(table.steps() * table.stages));
     depth_slope.resize(stage_depth.size());
     core_slope.resize(stage_depth.size() * Index(nd));
-    largest_so_far.resize(Index(table.steps()));
+    highest_in.resize(Index(table.steps()));
+    added.reserve(Index(table.steps()));
     stages.clear();
   }
 
@@ -414,74 +448,100 @@ struct Rollout::Implementation {
     for (int i = 0; any && i < nd; ++i) slopes[i] = by_q[Index(order[Index(i)])];
   }
 
+  /// A quantity at all stages, and where the derivative of its smooth maximum by it goes.
+  struct Quantity {
+    const double* value;  // at the first stage
+    double* slope;        // likewise
+    std::size_t stride;   // to the next stage
+    double unit;
+  };
+
   /// Sets the smooth maxima, and with a gradient to come their derivatives by the torques and
   /// depths of the stages.
   void SetExcesses(Scheme scheme, RolloutResult& result) {
     const double rho = problem.solver.sharpness;
+    if (scheme == Scheme::kRecordedRungeKutta) {
+      std::fill(depth_slope.begin(), depth_slope.end(), 0.0);
+      std::fill(torque_slope.begin(), torque_slope.end(), 0.0);
+    }
     SmoothMaximum deepest(rho, SmoothMaximum::Of::kAboveZero);
-    AddSteps(
-        scheme, deepest, [&](std::size_t stage) { return stage_depth[stage]; },
-        [&](std::size_t stage) -> double& { return depth_slope[stage]; });
+    AddSteps(scheme, {stage_depth.data(), depth_slope.data(), 1, 1}, deepest);
     result.core_excess = std::max(-1.0, depth.least() + deepest.value() - 1);
     for (int j = 0; j < na; ++j) {
       const double limit = problem.joints[Index(j)].limits.torque_max_nm;
       result.torque_excess[Index(j)] = -1;
       if (!std::isfinite(limit)) continue;
-      const auto at = [&](std::size_t stage) { return stage * Index(na) + Index(j); };
       SmoothMaximum largest(rho, SmoothMaximum::Of::kSize);
-      AddSteps(
-          scheme, largest, [&](std::size_t stage) { return stage_torque[at(stage)] / limit; },
-          [&](std::size_t stage) -> double& { return torque_slope[at(stage)]; });
+      AddSteps(scheme, {&stage_torque[Index(j)], &torque_slope[Index(j)], Index(na), limit},
+               largest);
       result.torque_excess[Index(j)] = largest.value() - 1;
     }
   }
 
   /// Adds all steps to a smooth maximum, except for those that are 0.
-  /// @param value  gives the quantity at a stage.
-  /// @param slope  gives the place of the maximum's derivative by it.
-  template <class Value, class Slope>
-  void AddSteps(Scheme scheme, SmoothMaximum& maximum, Value&& value, Slope&& slope) {
-    constexpr LookPoint kStart = {{1}, 1, 1};  // A step of Euler's method has one stage.
+  void AddSteps(Scheme scheme, const Quantity& quantity, SmoothMaximum& maximum) {
     const bool euler = scheme == Scheme::kSemiImplicitEuler;
-    const bool record = scheme == Scheme::kRecordedRungeKutta;
     const std::size_t count = euler ? 1 : Index(table.stages);
+    const std::size_t step_stride = Index(table.stages) * quantity.stride;
+    const auto points_of = [&](std::size_t step) -> const StepPoints& {
+      return euler ? LookPoints::Start() : *points_in[step];
+    };
     std::array<double, Tableau::kMaxStages> values{}, slopes{};
-    for (int step = 0; step < table.steps(); ++step) {
-      bool some = false;
-      for (std::size_t s = 0; s < count; ++s) {
-        values[s] = value(StageOf(step, static_cast<int>(s)));
-        some = some || values[s] != 0;
-      }
-      slopes.fill(0);
-      const double h = table.length[Index(step)];
-      const std::span<const LookPoint> points =
-          euler ? std::span<const LookPoint>(&kStart, 1) : look_points.In(h);
-      if (some) maximum.Add(points, h, {values.data(), count}, {slopes.data(), record ? count : 0});
-      for (std::size_t s = 0; record && s < count; ++s)
-        slope(StageOf(step, static_cast<int>(s))) = slopes[s];
-      largest_so_far[Index(step)] = maximum.largest();
-    }
-    for (int step = 0; record && maximum.sum() > 0 && step < table.steps(); ++step) {
-      const double since =
-          std::exp(problem.solver.sharpness * (largest_so_far[Index(step)] - maximum.largest()));
+    const auto take_values = [&](std::size_t step) {
+      const double* value = quantity.value + step * step_stride;
       for (std::size_t s = 0; s < count; ++s)
-        slope(StageOf(step, static_cast<int>(s))) *= since / maximum.sum();
+        values[s] = value[s * quantity.stride] / quantity.unit;
+    };
+    // Few steps are near the largest, so it is looked for first.
+    const std::size_t steps = Index(table.steps());
+    std::size_t highest_step = 0;
+    for (std::size_t step = 0; step < steps; ++step) {
+      const double* value = quantity.value + step * step_stride;
+      double highest = 0;
+      for (std::size_t s = 0; s < count; ++s)
+        highest = std::max(highest, std::abs(value[s * quantity.stride]));
+      highest_in[step] = highest / quantity.unit;
+      if (highest_in[step] > highest_in[highest_step]) highest_step = step;
+    }
+    take_values(highest_step);
+    maximum.Expect(points_of(highest_step), {values.data(), count});
+
+    const bool record = scheme == Scheme::kRecordedRungeKutta;
+    added.clear();
+    for (std::size_t step = 0; step < steps; ++step) {
+      if (highest_in[step] == 0) continue;
+      const StepPoints& points = points_of(step);
+      if (!maximum.Counts(points, highest_in[step])) continue;
+      take_values(step);
+      maximum.Add(points, table.length[step], {values.data(), count},
+                  {slopes.data(), record ? count : 0});
+      if (!record) continue;
+      for (std::size_t s = 0; s < count; ++s)
+        quantity.slope[step * step_stride + s * quantity.stride] = slopes[s];
+      added.push_back({step, maximum.largest()});
+    }
+    if (maximum.sum() == 0) added.clear();  // All slopes are 0.
+    for (const auto& [step, largest_so_far] : added) {
+      const double since =
+          std::exp(problem.solver.sharpness * (largest_so_far - maximum.largest()));
+      for (std::size_t s = 0; s < count; ++s)
+        quantity.slope[step * step_stride + s * quantity.stride] *= since / maximum.sum();
     }
   }
 
   /// The discrete adjoint of Forward, kLanes outputs at a time. Row 0 of the gradient is the cost,
   /// row 1 + j the torque excess of joint j, the next row the core excess, and the last row the
   /// clearance excess, whose gradient is known already.
-  template <class Matrix>
-  void Backward(const RolloutResult& result, Matrix& gradient) {
+  void Backward(const RolloutResult& result, std::span<double> gradient) {
     if (table.classical) return Backward<kClassical>(result, gradient);
     Backward<kDormandPrince>(result, gradient);
   }
 
-  template <const Tableau& kScheme, class Matrix>
-  void Backward(const RolloutResult& result, Matrix& gradient) {
-    gradient.setZero();
-    for (int k = 0; k < parameters; ++k) gradient(na + 2, k) = clearance_gradient[Index(k)];
+  template <const Tableau& kScheme>
+  void Backward(const RolloutResult& result, std::span<double> gradient) {
+    std::fill(gradient.begin(), gradient.end(), 0.0);
+    std::copy(clearance_gradient.begin(), clearance_gradient.end(),
+              gradient.last(Index(parameters)).begin());
     pullback = {};
     int lanes = 0;
     for (int output = 0; output <= na + 1; ++output) {
@@ -500,9 +560,6 @@ struct Rollout::Implementation {
     if (lanes > 0) PullBack<kScheme>(gradient);
   }
 
-  /// The number of outputs that go back through the steps together, each in its own lane.
-  static constexpr int kLanes = 4;
-  using Lanes = Eigen::Array<double, kLanes, 1>;
   struct Lane {
     int output = -1;   // none
     double limit = 0;  // of the joint whose torque it is of
@@ -527,8 +584,8 @@ struct Rollout::Implementation {
     return std::isfinite(lane.limit);
   }
 
-  template <const Tableau& kScheme, class Matrix>
-  void PullBack(Matrix& gradient) {
+  template <const Tableau& kScheme>
+  void PullBack(std::span<double> gradient) {
     lane_gradient.assign(Index(parameters), Lanes::Zero());
     AddInstantSlopes(CostTerm::When::kSettled, settled_state);
     if (!table.settles()) AddInstantSlopes(CostTerm::When::kEnd, end_state);
@@ -546,7 +603,8 @@ struct Rollout::Implementation {
     for (int lane = 0; lane < kLanes; ++lane) {
       const int output = pullback.lanes[Index(lane)].output;
       if (output < 0) continue;
-      for (int k = 0; k < parameters; ++k) gradient(output, k) = lane_gradient[Index(k)][lane];
+      for (int k = 0; k < parameters; ++k)
+        gradient[Index(output * parameters + k)] = lane_gradient[Index(k)][lane];
     }
   }
 
@@ -562,8 +620,8 @@ struct Rollout::Implementation {
       term.AddSlopes(term.weight, here, {by_q, by_qd, {}});
       for (int i = 0; i < nf; ++i) {
         const std::size_t dof = Index(robot.free[Index(i)]);
-        pullback.adjoint[Index(i)][0] += by_q[dof];
-        pullback.adjoint[Index(nf + i)][0] += by_qd[dof];
+        pullback.adjoint[Index(i)].Add(0, by_q[dof]);
+        pullback.adjoint[Index(nf + i)].Add(0, by_qd[dof]);
       }
     }
   }
@@ -580,11 +638,11 @@ struct Rollout::Implementation {
   /// back.
   Lanes TorqueSlopes(int step, int s, int j, double of_cost) const {
     Lanes slopes = Lanes::Zero();
-    slopes[0] = of_cost;
+    slopes.Add(0, of_cost);
     for (int i = 0; i < kLanes; ++i) {
       const Lane& lane = pullback.lanes[Index(i)];
       if (lane.output == 1 + j)
-        slopes[i] = torque_slope[StageOf(step, s) * Index(na) + Index(j)] / lane.limit;
+        slopes.Add(i, torque_slope[StageOf(step, s) * Index(na) + Index(j)] / lane.limit);
     }
     return slopes;
   }
@@ -632,7 +690,7 @@ struct Rollout::Implementation {
     const double core_scale = core_lane >= 0 ? depth_slope[stage] : 0;
     const double* const core = core_scale != 0 ? &core_slope[stage * Index(nd)] : nullptr;
     for (int i = 0; core != nullptr && i < nf; ++i)
-      y_bar[Index(i)][core_lane] += core_scale * core[i];
+      y_bar[Index(i)].Add(core_lane, core_scale * core[i]);
     const bool moving = step < table.motion_steps;
     // Stages at the same time have the same weights, so their controls are summed first.
     if (const int point = table.PointOf(step, s); moving && point != pullback.point) {
@@ -644,7 +702,7 @@ struct Rollout::Implementation {
       control[0] += row_times(nd + nf + j, w);
       control[1] += row_times(2 * nd + nf + j, w);
       control[2] += row_times(nf + j, r);
-      if (core != nullptr) control[0][core_lane] += core_scale * core[nf + j];
+      if (core != nullptr) control[0].Add(core_lane, core_scale * core[nf + j]);
     }
     if (by_state) AddStateSlopes(by_q, by_qd, moving, y_bar);
   }
@@ -654,13 +712,13 @@ struct Rollout::Implementation {
                       bool moving, std::array<Lanes, kStates>& y_bar) {
     for (int i = 0; i < nf; ++i) {
       const std::size_t dof = Index(robot.free[Index(i)]);
-      y_bar[Index(i)][0] += by_q[dof];
-      y_bar[Index(nf + i)][0] += by_qd[dof];
+      y_bar[Index(i)].Add(0, by_q[dof]);
+      y_bar[Index(nf + i)].Add(0, by_qd[dof]);
     }
     for (int j = 0; moving && j < na; ++j) {
       const std::size_t dof = Index(actuated[Index(j)]);
-      pullback.controls[Index(j)][0][0] += by_q[dof];
-      pullback.controls[Index(j)][1][0] += by_qd[dof];
+      pullback.controls[Index(j)][0].Add(0, by_q[dof]);
+      pullback.controls[Index(j)][1].Add(0, by_qd[dof]);
     }
   }
 
@@ -693,17 +751,20 @@ struct Rollout::Implementation {
   SmoothDepth depth;
   Timetable table;
   LookPoints look_points{kClassical, 0};
-  std::vector<ControlWeights> weights;  // by size of spline, then point
-  std::vector<std::size_t> weights_of;  // for each joint, the index of its size in `weights`
-  std::vector<int> first_parameter;     // of each joint
-  std::vector<Control> controls;        // by point, then joint
-  std::vector<double> stage_torque;     // by stage, then joint
-  std::vector<double> torque_slope;     // of its smooth maximum, likewise, times the limit
-  std::vector<double> stage_depth;      // by stage
-  std::vector<double> depth_slope;      // of the smooth maximum of the depth: by stage
-  std::vector<double> core_slope;       // of the depth: by stage, then in `order`
-  std::vector<double> largest_so_far;   // of AddSteps: by step
-  std::vector<double> stages;           // of StoreStage: by stage
+  std::vector<const StepPoints*> points_in;  // each step
+  std::vector<ControlWeights> weights;       // by size of spline, then point
+  std::vector<std::size_t> weights_of;       // for each joint, the index of its size in `weights`
+  std::vector<int> first_parameter;          // of each joint
+  std::vector<Control> controls;             // by point, then joint
+  std::vector<double> stage_torque;          // by stage, then joint
+  std::vector<double> torque_slope;          // of its smooth maximum, likewise, times the limit
+  std::vector<double> stage_depth;           // by stage
+  std::vector<double> depth_slope;           // of the smooth maximum of the depth: by stage
+  std::vector<double> core_slope;            // of the depth: by stage, then in `order`
+  std::vector<double> highest_in;            // of AddSteps: the largest value at a stage, by step
+  /// Of AddSteps: the steps that count, with the largest value up to each.
+  std::vector<std::pair<std::size_t, double>> added;
+  std::vector<double> stages;  // of StoreStage: by stage
   int stage_size = 0;
   Pullback pullback;
   std::vector<Lanes> lane_gradient;
@@ -731,17 +792,15 @@ RolloutResult Rollout::Estimate(std::span<const double> x) {
   return implementation_->Forward(x, Implementation::Scheme::kSemiImplicitEuler);
 }
 
-RolloutResult Rollout::Run(
-    std::span<const double> x,
-    Eigen::Ref<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> gradient) {
-  if (gradient.rows() != output_count() || gradient.cols() != parameter_count()) {
+RolloutResult Rollout::Run(std::span<const double> x, std::span<double> gradient) {
+  if (gradient.size() != Index(output_count()) * Index(parameter_count())) {
     throw std::invalid_argument(
-        "the gradient has a row for each output, a column for each parameter");
+        "the gradient has a row for each output, a number for each parameter in it");
   }
   if (implementation_->forward) return implementation_->forward->Run(x, gradient);
   RolloutResult result = implementation_->Forward(x, Implementation::Scheme::kRecordedRungeKutta);
   if (!result.finite) {
-    gradient.setZero();
+    std::fill(gradient.begin(), gradient.end(), 0.0);
     return result;
   }
   implementation_->Backward(result, gradient);

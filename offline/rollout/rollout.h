@@ -1,6 +1,5 @@
 #pragma once
 
-#include <Eigen/Core>
 #include <functional>
 #include <memory>
 #include <span>
@@ -71,11 +70,11 @@ class Rollout {
   /// joint, then those of the second, and so on.
   RolloutResult Run(std::span<const double> x);
 
-  /// The same, with gradients: one row for each output, one column for each parameter.
-  /// @throws std::invalid_argument when `gradient` has another shape.
-  RolloutResult Run(
-      std::span<const double> x,
-      Eigen::Ref<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> gradient);
+  /// The same, with gradients.
+  /// @param gradient  gets a row for each output, one after the other, with a number for each
+  /// parameter.
+  /// @throws std::invalid_argument when `gradient` has another size.
+  RolloutResult Run(std::span<const double> x, std::span<double> gradient);
 
   /// Takes these steps from now on, by the method of Dormand and Prince. Gradients are then those
   /// of the adjoint, whatever the problem asks for.

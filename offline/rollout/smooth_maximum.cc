@@ -33,91 +33,130 @@ std::size_t PartsOf(double step_s) {
   return static_cast<std::size_t>(std::max(1.0, std::ceil(step_s / kLongestPart_s - 1e-9)));
 }
 
-/// The value at a point, of those at the stages. The classical method's four need no loop.
-double ValueAt(const LookPoint& point, std::span<const double> values) {
-  const auto& weight = point.of_stage;
-  double value = 0;
-  if (values.size() == 4) {
-    value += weight[0] * values[0];
-    value += weight[1] * values[1];
-    value += weight[2] * values[2];
-    value += weight[3] * values[3];
-    return value;
+using AtPoints = StepPoints::AtPoints;
+
+/// The values at a group's points, of those at the stages.
+AtPoints ValuesAt(const StepPoints::Group& group, std::span<const double> values) {
+  AtPoints sum{};
+  for (std::size_t s = 0; s < values.size(); ++s) {
+    for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += group.of_stage[s][i] * values[s];
   }
-  for (std::size_t s = 0; s < values.size(); ++s) value += weight[s] * values[s];
-  return value;
+  return sum;
+}
+
+/// The largest of values at points, and at least 0.
+double LargestOf(const AtPoints& at_point, bool of_size) {
+  AtPoints counted = at_point;
+  if (of_size) {
+    for (double& value : counted) value = std::abs(value);
+  }
+  double largest = 0;
+  for (const double value : counted) largest = std::max(largest, value);
+  return largest;
 }
 
 }  // namespace
 
 LookPoints::LookPoints(const Tableau& scheme, double longest_s) : by_count_(PartsOf(longest_s)) {
+  constexpr std::size_t kGroup = StepPoints::kGroup;
   for (std::size_t count = 1; count <= by_count_.size(); ++count) {
-    double growth = 0;
-    for (std::size_t i = 0; i < count * kGaussPoint.size(); ++i) {
+    StepPoints& points = by_count_[count - 1];
+    const std::size_t size = count * kGaussPoint.size();
+    points.groups.resize((size + kGroup - 1) / kGroup);
+    for (std::size_t i = 0; i < size; ++i) {
       const std::size_t part = i / kGaussPoint.size(), k = i % kGaussPoint.size();
       const double at = (static_cast<double>(part) + kGaussPoint[k]) / static_cast<double>(count);
-      LookPoint point;
-      point.part = kGaussWeight[k] / static_cast<double>(count);
+      std::array<double, Tableau::kMaxStages> weight{};
       if (&scheme == &kClassical) {
-        Interpolate<3>({0, 1, 3}, scheme, at, point.of_stage);
+        Interpolate<3>({0, 1, 3}, scheme, at, weight);
         // Errors of the two stages in the middle are opposite.
-        point.of_stage[1] /= 2;
-        point.of_stage[2] = point.of_stage[1];
+        weight[1] /= 2;
+        weight[2] = weight[1];
       } else {
-        Interpolate<5>({0, 2, 3, 4, 5}, scheme, at, point.of_stage);
+        Interpolate<5>({0, 2, 3, 4, 5}, scheme, at, weight);
       }
+      StepPoints::Group& group = points.groups[i / kGroup];
+      group.part[i % kGroup] = kGaussWeight[k] / static_cast<double>(count);
       double sum = 0;
-      for (const double weight : point.of_stage) sum += std::abs(weight);
-      growth = std::max(growth, sum * (1 + 1e-12));  // for rounding
-      by_count_[count - 1].push_back(point);
+      for (std::size_t s = 0; s < weight.size(); ++s) {
+        group.of_stage[s][i % kGroup] = weight[s];
+        sum += std::abs(weight[s]);
+      }
+      points.growth = std::max(points.growth, sum * (1 + 1e-12));  // for rounding
     }
-    for (LookPoint& point : by_count_[count - 1]) point.growth = growth;
   }
 }
 
-std::span<const LookPoint> LookPoints::In(double step_s) const {
+const StepPoints& LookPoints::In(double step_s) const {
   return by_count_[std::min(PartsOf(step_s), by_count_.size()) - 1];
 }
 
-double SmoothMaximum::Add(std::span<const LookPoint> points, double step_s,
-                          std::span<const double> values, std::span<double> slopes) {
-  std::fill(slopes.begin(), slopes.end(), 0.0);
-  double highest = 0;
-  for (const double value : values) highest = std::max(highest, std::abs(value));
-  // Most steps are far from the largest.
-  if (rho_ * (highest * points.front().growth) < rho_ * largest_ + 2 * kNegligibleExponent)
-    return 1;
+const StepPoints& LookPoints::Start() {
+  static const StepPoints start = [] {
+    StepPoints points{{StepPoints::Group{}}};
+    points.groups[0].of_stage[0][0] = points.groups[0].part[0] = 1;
+    return points;
+  }();
+  return start;
+}
 
-  const auto counted = [&](double value) {
-    return of_ == Of::kSize ? std::abs(value) : std::max(0.0, value);
-  };
-  std::array<double, 12> at_point;  // as many points as most steps have
+void SmoothMaximum::Expect(const StepPoints& points, std::span<const double> values) {
+  for (const StepPoints::Group& group : points.groups)
+    expected_ = std::max(expected_, LargestOf(ValuesAt(group, values), of_ == Of::kSize));
+}
+
+double SmoothMaximum::Add(const StepPoints& points, double step_s, std::span<const double> values,
+                          std::span<double> slopes) {
+  std::fill(slopes.begin(), slopes.end(), 0.0);
   const double before = largest_;
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    const double value = ValueAt(points[i], values);
-    if (i < at_point.size()) at_point[i] = value;
-    largest_ = std::max(largest_, counted(value));
-  }
+  const bool of_size = of_ == Of::kSize;
+  // Most steps have one group.
+  const std::span<const StepPoints::Group> groups = points.groups;
+  const AtPoints first = ValuesAt(groups[0], values);
+  largest_ = std::max(largest_, LargestOf(first, of_size));
+  for (const StepPoints::Group& group : groups.subspan(1))
+    largest_ = std::max(largest_, LargestOf(ValuesAt(group, values), of_size));
   const double shrink = largest_ == before ? 1 : std::exp(rho_ * (before - largest_));
   sum_ *= shrink;
-  const double unit = of_ == Of::kAboveZero ? std::exp(-rho_ * largest_) : 0;
   const double share = step_s / kPeakDuration_s;
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    const LookPoint& point = points[i];
-    const double value = i < at_point.size() ? at_point[i] : ValueAt(point, values);
-    const double exponent = rho_ * counted(value);
-    if (exponent < rho_ * largest_ + 2 * kNegligibleExponent) continue;
-    const double power = std::exp(exponent - rho_ * largest_);
-    double term = power;
-    // The difference of two numbers near one would be rounding.
-    if (of_ == Of::kAboveZero) term = exponent < 1 ? std::expm1(exponent) * unit : power - unit;
-    const double part = share * point.part;
-    sum_ += part * term;
-    if (of_ == Of::kAboveZero && value <= 0) continue;
-    const double slope = std::copysign(part * power, value);
-    for (std::size_t s = 0; s < slopes.size(); ++s) slopes[s] += point.of_stage[s] * slope;
+  for (std::size_t g = 0; g < groups.size(); ++g) {
+    const AtPoints at_point = g == 0 ? first : ValuesAt(groups[g], values);
+    if (of_size) {
+      AddGroup<Of::kSize>(groups[g], at_point, share, slopes);
+    } else {
+      AddGroup<Of::kAboveZero>(groups[g], at_point, share, slopes);
+    }
   }
   return shrink;
+}
+
+template <SmoothMaximum::Of kOf>
+void SmoothMaximum::AddGroup(const StepPoints::Group& group, const AtPoints& at_point, double share,
+                             std::span<double> slopes) {
+  const double rho = rho_, top = rho * largest_, least = LeastExponent();
+  const double unit = kOf == Of::kAboveZero ? std::exp(-top) : 0;
+  double sum = sum_;
+  AtPoints by_value{};
+  for (std::size_t i = 0; i < at_point.size(); ++i) {
+    const double value = at_point[i];
+    const double exponent = rho * (kOf == Of::kSize ? std::abs(value) : std::max(0.0, value));
+    if (exponent < least) continue;
+    const double power = std::exp(exponent - top), part = share * group.part[i];
+    double term = power;
+    // The difference of two numbers near one would be rounding.
+    if (kOf == Of::kAboveZero) term = exponent < 1 ? std::expm1(exponent) * unit : power - unit;
+    sum += part * term;
+    if (kOf == Of::kAboveZero && value <= 0) continue;
+    by_value[i] = part * power;
+  }
+  sum_ = sum;
+  if (slopes.empty()) return;
+  for (std::size_t i = 0; i < by_value.size(); ++i)
+    by_value[i] = std::copysign(by_value[i], at_point[i]);
+  for (std::size_t s = 0; s < slopes.size(); ++s) {
+    for (std::size_t i = 0; i < by_value.size(); ++i)
+      slopes[s] += group.of_stage[s][i] * by_value[i];
+  }
 }
 
 double SmoothMaximum::value() const { return largest_ + std::log(sum_) / rho_; }

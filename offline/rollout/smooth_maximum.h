@@ -1,6 +1,8 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <span>
 #include <vector>
@@ -19,12 +21,20 @@ inline constexpr double kNegligibleExponent = -40;
 /// lasts as long as this, and more when it is longer. A landing lasts a few milliseconds.
 inline constexpr double kPeakDuration_s = 1e-4;
 
-/// A time within a step at which a quantity is looked at, by its values at the scheme's stages.
-struct LookPoint {
-  std::array<double, Tableau::kMaxStages> of_stage{};  ///< Weights of those values.
-  double part = 0;                                     ///< Part of the step that it stands for.
-  /// At all points of its step, no value is larger than so many times the largest one of a stage.
-  double growth = 0;
+/// The times within a step at which a quantity is looked at, each by its values at the scheme's
+/// stages. They are kept in groups of six, of which the last may have times of weight zero.
+struct StepPoints {
+  static constexpr std::size_t kGroup = 6;
+  using AtPoints = std::array<double, kGroup>;
+  struct Group {
+    /// Weights of the values at the stages: by stage, then point.
+    std::array<AtPoints, Tableau::kMaxStages> of_stage{};
+    /// Part of the step that a point stands for.
+    AtPoints part{};
+  };
+  std::vector<Group> groups;
+  /// At all points, no value is larger than so many times the largest one of a stage.
+  double growth = 1;
 };
 
 /// The times within a step at which peaks are looked for: those of Gauss's quadrature with three
@@ -40,10 +50,12 @@ class LookPoints {
   LookPoints(const Tableau& scheme, double longest_s);
 
   /// Those of a step of this length.
-  [[nodiscard]] std::span<const LookPoint> In(double step_s) const;
+  [[nodiscard]] const StepPoints& In(double step_s) const;
+  /// Those of a step of a method with one stage: its start.
+  static const StepPoints& Start();
 
  private:
-  std::vector<std::vector<LookPoint>> by_count_;
+  std::vector<StepPoints> by_count_;
 };
 
 /// The smooth maximum over time of a quantity v, as the integral of [KS79]
@@ -62,13 +74,23 @@ class SmoothMaximum {
 
   void Reset() { *this = SmoothMaximum(rho_, of_); }
 
+  /// Says that a step with these values will be among those that are added. What is too small to
+  /// count beside it, to the last bit, is left out from now on, also before that step.
+  void Expect(const StepPoints& points, std::span<const double> values);
+
+  /// Whether a step can count in which no |v| at a stage is above `highest`. Else it need not be
+  /// added.
+  [[nodiscard]] bool Counts(const StepPoints& points, double highest) const {
+    return rho_ * (highest * points.growth) >= LeastExponent();
+  }
+
   /// Adds a step.
   /// @param points  those of the step.
   /// @param values  v at its stages.
   /// @param slopes  gets the derivatives of the integral by `values`, divided by rho and by the
   /// same power of e as the integral, whose exponent `largest()` decides; or is empty.
   /// @returns what the integral and all slopes of earlier steps are to be multiplied by for that.
-  double Add(std::span<const LookPoint> points, double step_s, std::span<const double> values,
+  double Add(const StepPoints& points, double step_s, std::span<const double> values,
              std::span<double> slopes);
 
   /// The largest v looked at, and at least 0.
@@ -79,9 +101,20 @@ class SmoothMaximum {
   [[nodiscard]] double value() const;
 
  private:
+  /// @param share  the length of the step over kPeakDuration_s.
+  template <Of kOf>
+  void AddGroup(const StepPoints::Group& group, const StepPoints::AtPoints& at_point, double share,
+                std::span<double> slopes);
+  /// Anything whose exponent is less does not change the integral in double precision, however
+  /// short the steps are in which it is at its largest.
+  [[nodiscard]] double LeastExponent() const {
+    return rho_ * std::max(largest_, expected_) + 2 * kNegligibleExponent;
+  }
+
   double rho_;
   Of of_;
   double largest_ = 0;
+  double expected_ = 0;
   double sum_ = 0;
 };
 

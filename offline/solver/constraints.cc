@@ -32,7 +32,7 @@ const std::string& JointName(const Problem& problem, std::size_t joint) {
 /// Those at x.
 std::vector<Active> FindActive(const Problem& problem, const std::vector<LinearRow>& rows,
                                std::span<const double> x, const RolloutResult& result,
-                               const Eigen::Ref<const OutputGradients>& outputs) {
+                               const OutputGradients& outputs) {
   const Eigen::Index n = static_cast<Eigen::Index>(x.size());
   std::vector<Active> active;
   for (std::size_t i = 0; i < x.size(); ++i) {
@@ -186,8 +186,7 @@ double LargestViolation(const Problem& problem, const std::vector<LinearRow>& ro
 
 KktResidual FindKktResidual(const Problem& problem, const std::vector<LinearRow>& rows,
                             std::span<const double> x, const RolloutResult& result,
-                            const Eigen::Ref<const OutputGradients>& outputs,
-                            const GaussNewton* model) {
+                            const OutputGradients& outputs, const GaussNewton* model) {
   std::vector<Active> active = FindActive(problem, rows, x, result, outputs);
   const Eigen::VectorXd left = Residual(outputs.row(0).transpose(), active);
   KktResidual residual;

@@ -1,14 +1,14 @@
 #pragma once
 
-#include <Eigen/Core>
-#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "offline/problem/problem.h"
 #include "offline/rollout/forward_sensitivity.h"
+#include "offline/rollout/output_gradients.h"
 #include "offline/rollout/rollout.h"
+#include "offline/solver/kkt_residual.h"
 
 namespace tumbler {
 
@@ -46,30 +46,6 @@ WorstConstraint FindWorst(const Problem& problem, const std::vector<LinearRow>& 
 double LargestViolation(const Problem& problem, const std::vector<LinearRow>& rows,
                         std::span<const double> x, const RolloutResult& result);
 
-/// Gradients of a rollout's outputs, one row for each.
-using OutputGradients = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-
-/// A limit that holds a motion back, and how much the cost would fall if it yielded.
-struct Multiplier {
-  std::string name;  ///< As in WorstConstraint.
-  double value = 0;  ///< Cost per unit of the constraint as it is scaled here; positions per rad.
-};
-
-/// How far a motion is from the Kuhn-Tucker condition g + A^T lambda = 0, lambda >= 0, where g is
-/// the cost's gradient, and the rows of A are the gradients of the constraints that are active:
-/// those within 1e-5 of zero. The multipliers are those of least squares.
-struct KktResidual {
-  /// The largest component of g + A^T lambda [cost per rad]. The projected gradient, in one number.
-  double absolute = 0;
-  /// The largest component as a part of what it is made of. For the squares of the cost this is the
-  /// cosine of the angle between what is squared and its derivative in one parameter, as MINPACK
-  /// measures convergence (`gtol`) [More 1978]: it depends neither on the unit of the parameter nor
-  /// on that of the cost. None: the cost's Gauss-Newton matrix was not known.
-  std::optional<double> relative;
-  /// Those of the constraints that are active, the larger ones first.
-  std::vector<Multiplier> multipliers;
-};
-
 /// What is squared counts as no smaller than this in `relative`: where all targets are met so well
 /// and nothing else is asked for, the rest is rounding. [rad] with a weight of one.
 inline constexpr double kNegligibleResidual = 1e-4;
@@ -78,7 +54,6 @@ inline constexpr double kNegligibleResidual = 1e-4;
 /// @param model    of the cost at x; null: `relative` is not asked for.
 KktResidual FindKktResidual(const Problem& problem, const std::vector<LinearRow>& rows,
                             std::span<const double> x, const RolloutResult& result,
-                            const Eigen::Ref<const OutputGradients>& outputs,
-                            const GaussNewton* model = nullptr);
+                            const OutputGradients& outputs, const GaussNewton* model = nullptr);
 
 }  // namespace tumbler

@@ -6,7 +6,7 @@
 #include <limits>
 
 #include "common/index.h"
-#include "offline/linear/symmetric_eigen.h"
+#include "offline/linear/dense_eigen.h"
 #include "offline/solver/constraints.h"
 #include "offline/solver/quadratic_program.h"
 
@@ -40,7 +40,7 @@ VectorXd Vector(const std::vector<double>& values) {
 /// The matrix with its eigenvalues' sizes: along a direction of negative curvature a step is as
 /// long as one of the same curvature upwards would allow.
 MatrixXd Convex(const MatrixXd& B) {
-  const SymmetricEigen<MatrixXd> eigen = DecomposeSymmetric(B);
+  const DenseEigen eigen = DecomposeSymmetric(B);
   const VectorXd sizes = eigen.values.cwiseAbs();
   const double least = 1e-10 * sizes.maxCoeff();
   return eigen.vectors * sizes.cwiseMax(least).asDiagonal() * eigen.vectors.transpose();

@@ -12,7 +12,7 @@
 #include "common/primitive.h"
 #include "offline/problem/problem.h"
 #include "offline/rollout/rollout.h"
-#include "offline/solver/constraints.h"
+#include "offline/solver/kkt_residual.h"
 
 namespace tumbler {
 

@@ -1,14 +1,6 @@
 #include "offline/stepper/integrator.h"
 
-#include <Eigen/Core>
-
 namespace tumbler {
-namespace {
-
-using Row = Eigen::Map<Eigen::ArrayXd>;
-using ConstRow = Eigen::Map<const Eigen::ArrayXd>;
-
-}  // namespace
 
 Integrator::Integrator(const StepSettings& settings, std::size_t equations)
     : settings_(settings),
@@ -21,11 +13,13 @@ Integrator::Integrator(const StepSettings& settings, std::size_t equations)
 
 void Integrator::Combine(double h, const Tableau::Row& w, std::size_t count,
                          std::vector<double>& out) const {
-  const auto size = static_cast<Eigen::Index>(state_.size());
-  Row sum(out.data(), size);
-  sum = ConstRow(state_.data(), size);
+  std::copy(state_.begin(), state_.end(), out.begin());
+  double* const sum = out.data();
   for (std::size_t k = 0; k < count; ++k) {
-    if (w[k] != 0) sum += (h * w[k]) * ConstRow(slopes_[k].data(), size);
+    if (w[k] == 0) continue;
+    const double scale = h * w[k];
+    const double* const slope = slopes_[k].data();
+    for (std::size_t i = 0; i < out.size(); ++i) sum[i] += scale * slope[i];
   }
 }
 

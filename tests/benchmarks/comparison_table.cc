@@ -23,6 +23,7 @@
 #include "offline/certificate/second_look.h"
 #include "offline/problem/task_toml.h"
 #include "offline/rollout/forward_sensitivity.h"
+#include "offline/rollout/output_gradients.h"
 #include "offline/solver/solver.h"
 #include "tests/benchmarks/dynamics_cases.h"
 #include "tests/support/files.h"
@@ -30,8 +31,6 @@
 
 namespace tumbler {
 namespace {
-
-using Gradient = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 /// Figures of other software. Unless they say otherwise, they are for the same five-joint tumbler
 /// without contact: times on one thread of an AMD Zen 4 with g++ 12.2 -O3 -march=native and, in
@@ -187,7 +186,7 @@ Eigen::RowVectorXd GradientOf(const FoundMotion& motion, const StepSettings& set
   std::vector<double> x = motion.x;
   for (std::size_t i = 0; i < x.size(); ++i) x[i] += i % 2 == 0 ? 1e-3 : -1e-3;
   ForwardSensitivity forward(motion.problem, settings);
-  Gradient gradient(forward.output_count(), forward.parameter_count());
+  auto gradient = OutputGradients::Of(forward);
   forward.Run(x, gradient);
   if (statistics != nullptr) *statistics = forward.statistics();
   return gradient.row(0);
@@ -252,7 +251,7 @@ int Main(int argc, char** argv) {
     const double simulated = problem.duration_s + problem.settle_s;
     const std::vector<double> x = RandomMotion(problem, 1);
     Rollout rollout(problem, kStep);
-    Gradient gradient(rollout.output_count(), rollout.parameter_count());
+    auto gradient = OutputGradients::Of(rollout);
     const double alone = Best([&] { rollout.Run(x); });
     const double both = Best([&] { rollout.Run(x, gradient); });
     if (points == 12) {
@@ -270,7 +269,7 @@ int Main(int argc, char** argv) {
     const double simulated = problem.duration_s + problem.settle_s;
     const std::vector<double> x = RandomMotion(problem, 1);
     ForwardSensitivity forward(problem, {StepSettings::Scheme::kFixed, kStep});
-    Gradient gradient(forward.output_count(), forward.parameter_count());
+    auto gradient = OutputGradients::Of(forward);
     const double both = Best([&] { forward.Run(x, gradient); });
     Print("the paper's " + std::to_string(forward.state_equations()) + " state and " +
               std::to_string(forward.gradient_equations()) + " gradient equations, 1 s",

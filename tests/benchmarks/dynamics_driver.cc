@@ -7,6 +7,7 @@
 #include <string_view>
 
 #include "offline/rollout/forward_sensitivity.h"
+#include "offline/rollout/output_gradients.h"
 #include "offline/rollout/rollout.h"
 #include "tests/benchmarks/dynamics_cases.h"
 #include "tests/support/handstand.h"
@@ -19,15 +20,13 @@ namespace {
   if (differentiate) c.Differentiate();
 }
 
-using Gradient = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-
 [[gnu::noinline]] double CountedRollout(Rollout& rollout, const std::vector<double>& x,
-                                        Gradient* gradient) {
+                                        OutputGradients* gradient) {
   return gradient == nullptr ? rollout.Run(x).cost : rollout.Run(x, *gradient).cost;
 }
 
 [[gnu::noinline]] double CountedForward(ForwardSensitivity& forward, const std::vector<double>& x,
-                                        Gradient& gradient) {
+                                        OutputGradients& gradient) {
   return forward.Run(x, gradient).cost;
 }
 
@@ -46,14 +45,14 @@ int Main(std::string_view what) {
     Problem problem = HandstandProblem();
     problem.joints[0].control_points = 11;
     ForwardSensitivity forward(problem, {StepSettings::Scheme::kFixed, kStep});
-    Gradient gradient(forward.output_count(), forward.parameter_count());
+    auto gradient = OutputGradients::Of(forward);
     CountedForward(forward, RandomMotion(problem, 1), gradient);
     std::printf("%.0f\n", 4 * (problem.duration_s + problem.settle_s) / kStep);
     return 0;
   }
   const Problem problem = HandstandProblem(what == "long_gradient" ? 36 : 12);
   Rollout rollout(problem, kStep);
-  Gradient gradient(rollout.output_count(), rollout.parameter_count());
+  auto gradient = OutputGradients::Of(rollout);
   const std::vector<double> x = RandomMotion(problem, 1);
   rollout.Run(x, gradient);  // The first gradient makes room for the record.
   CountedRollout(rollout, x, what == "cost" ? nullptr : &gradient);

@@ -6,13 +6,13 @@
 
 #include <chrono>
 
+#include "offline/rollout/output_gradients.h"
 #include "offline/rollout/rollout.h"
 #include "tests/support/handstand.h"
 
 namespace tumbler {
 namespace {
 
-using Gradient = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 constexpr double kStep = 1e-3;
 
 Problem WithParameters(std::int64_t parameters) {
@@ -31,7 +31,7 @@ void CostAndGradient(benchmark::State& state) {
   const Problem problem = WithParameters(state.range(0));
   const std::vector<double> x = RandomMotion(problem, 1);
   Rollout rollout(problem, kStep);
-  Gradient gradient(rollout.output_count(), rollout.parameter_count());
+  auto gradient = OutputGradients::Of(rollout);
   using Clock = std::chrono::steady_clock;
   Clock::duration cost{};
   Clock::duration both{};

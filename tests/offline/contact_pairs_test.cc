@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Core>
 #include <cmath>
 #include <map>
 
@@ -52,7 +53,7 @@ Tree<Space> TwoArms(std::mt19937_64& random) {
   for (int i = 0; i < turns; ++i) {
     last = add(last, JointKind::kRevolute, i + 1 < turns);
     if constexpr (std::is_same_v<Space, Spatial>)
-      tree.dofs.back().axis = Eigen::Vector3d::Unit((i + 2) % 3);
+      tree.dofs.back().axis = SpaceVector::Unit((i + 2) % 3);
   }
   const int arm = add(last, JointKind::kRevolute, false);
   const int hand = add(arm, JointKind::kPrismatic, false);
@@ -380,7 +381,7 @@ Tree<Space> Particle(double gravity) {
     if (!dof.massless) {
       dof.mass_kg = 1;
       if constexpr (std::is_same_v<Space, Spatial>) {
-        dof.inertia_kg_m2 = Eigen::Matrix3d::Identity() * 0.01;
+        dof.inertia_kg_m2 = SpaceMatrix::Identity() * 0.01;
       } else {
         dof.inertia_kg_m2 = 0.01;
       }

@@ -14,6 +14,7 @@
 #include "offline/dynamics/hybrid_dynamics.h"
 #include "tests/support/dart_tumbler.h"
 #include "tests/support/random_robot.h"
+#include "tests/support/to_eigen.h"
 #include "tests/support/tumbler_robot.h"
 
 namespace tumbler {
@@ -110,7 +111,7 @@ TEST(DartOracle, AgreesOnEnergyAndMassCentre) {
 /// The tree in DART. Rotor inertia and damping are left out: DART treats damping implicitly.
 dart::dynamics::SkeletonPtr InDart(const Tree<Spatial>& tree) {
   dart::dynamics::SkeletonPtr skeleton = dart::dynamics::Skeleton::create();
-  skeleton->setGravity(tree.gravity);
+  skeleton->setGravity(ToEigen(tree.gravity));
   std::vector<dart::dynamics::BodyNode*> bodies;
   for (const Dof<Spatial>& dof : tree.dofs) {
     dart::dynamics::BodyNode* const parent = dof.parent < 0 ? nullptr : bodies[Index(dof.parent)];
@@ -122,25 +123,25 @@ dart::dynamics::SkeletonPtr InDart(const Tree<Spatial>& tree) {
     if (dof.kind == JointKind::kRevolute) {
       dart::dynamics::RevoluteJoint::Properties properties;
       properties.mName = name;
-      properties.mAxis = dof.axis;
+      properties.mAxis = ToEigen(dof.axis);
       std::tie(joint, body) = skeleton->createJointAndBodyNodePair<dart::dynamics::RevoluteJoint>(
           parent, properties, body_properties);
     } else {
       dart::dynamics::PrismaticJoint::Properties properties;
       properties.mName = name;
-      properties.mAxis = dof.direction;
+      properties.mAxis = ToEigen(dof.direction);
       std::tie(joint, body) = skeleton->createJointAndBodyNodePair<dart::dynamics::PrismaticJoint>(
           parent, properties, body_properties);
     }
     Eigen::Isometry3d X = Eigen::Isometry3d::Identity();
-    X.translation() = dof.offset;
+    X.translation() = ToEigen(dof.offset);
     joint->setTransformFromParentBodyNode(X);
     joint->setActuatorType(dof.prescribed ? dart::dynamics::Joint::ACCELERATION
                                           : dart::dynamics::Joint::FORCE);
-    const Eigen::Matrix3d& I = dof.inertia_kg_m2;
+    const SpaceMatrix& I = dof.inertia_kg_m2;
     dart::dynamics::Inertia inertia;
     inertia.setMass(dof.mass_kg);
-    inertia.setLocalCOM(dof.mass_centre);
+    inertia.setLocalCOM(ToEigen(dof.mass_centre));
     inertia.setMoment(I(0, 0), I(1, 1), I(2, 2), I(0, 1), I(0, 2), I(1, 2));
     body->setInertia(inertia);
     bodies.push_back(body);
@@ -167,10 +168,11 @@ TEST(DartOracle, AgreesOnRandomTreesInSpaceWithRandomPrescribedJointsAndForces) 
       dynamics.SetState(s.q, s.qd);
       for (int k = static_cast<int>(random() % 4); k > 0; --k) {
         const int body = static_cast<int>(random() % n);
-        const Eigen::Vector3d point = RandomVector(random, 0.3), force = RandomVector(random, 50),
-                              moment = RandomVector(random, 5);
-        skeleton->getBodyNode(Index(body))->addExtForce(force, point, false, true);
-        skeleton->getBodyNode(Index(body))->addExtTorque(moment, false);
+        const SpaceVector point = RandomVector(random, 0.3), force = RandomVector(random, 50),
+                          moment = RandomVector(random, 5);
+        skeleton->getBodyNode(Index(body))
+            ->addExtForce(ToEigen(force), ToEigen(point), false, true);
+        skeleton->getBodyNode(Index(body))->addExtTorque(ToEigen(moment), false);
         auto wrench =
             Spatial::ForceAt(dynamics.position(body) + dynamics.rotation(body) * point, force);
         wrench.n += moment;

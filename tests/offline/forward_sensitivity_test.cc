@@ -14,14 +14,14 @@
 
 #include "offline/linear/least_squares.h"
 #include "offline/problem/task_toml.h"
+#include "offline/rollout/output_gradients.h"
 #include "tests/support/allocation_count.h"
 #include "tests/support/files.h"
 #include "tests/support/handstand.h"
+#include "tests/support/to_eigen.h"
 
 namespace tumbler {
 namespace {
-
-using Gradient = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 constexpr StepSettings kFixed{};
 constexpr StepSettings kAdaptive{StepSettings::Scheme::kAdaptive};
@@ -36,19 +36,19 @@ Problem ElevenParameters() {
 
 struct Outcome {
   RolloutResult result;
-  Gradient gradient;
+  OutputGradients gradient;
 };
 
 Outcome Forward(const Problem& problem, const std::vector<double>& x, StepSettings settings) {
   ForwardSensitivity forward(problem, settings);
-  Outcome out{{}, Gradient(forward.output_count(), forward.parameter_count())};
+  Outcome out{{}, OutputGradients::Of(forward)};
   out.result = forward.Run(x, out.gradient);
   return out;
 }
 
 Outcome Adjoint(const Problem& problem, const std::vector<double>& x, double step_s) {
   Rollout rollout(problem, step_s);
-  Outcome out{{}, Gradient(rollout.output_count(), rollout.parameter_count())};
+  Outcome out{{}, OutputGradients::Of(rollout)};
   out.result = rollout.Run(x, out.gradient);
   return out;
 }
@@ -66,7 +66,7 @@ TEST(StepsFor, ARolloutWithThemRepeatsTheForwardSensitivitiesToRounding) {
     const Outcome forward = Forward(problem, x, AdaptiveSteps(problem));
     Rollout rollout(problem, problem.solver.step_s);
     rollout.Use(StepsFor(problem, x));
-    Outcome adjoint{{}, Gradient(rollout.output_count(), rollout.parameter_count())};
+    Outcome adjoint{{}, OutputGradients::Of(rollout)};
     adjoint.result = rollout.Run(x, adjoint.gradient);
     EXPECT_NEAR(adjoint.result.cost, forward.result.cost, 1e-9 * std::abs(forward.result.cost));
     EXPECT_LT(RowError(adjoint, forward, 0), 1e-7);
@@ -312,8 +312,9 @@ TEST(ForwardSensitivity, InFreeFallTheMassCentreFallsAndItsGradientVanishes) {
       const bool is_leg = dof.prescribed;
       const double angle = dof.name == "leg1" ? leg1 : leg2;
       const Eigen::Vector2d at =
-          is_leg ? Eigen::Vector2d(dof.offset + Eigen::Rotation2Dd(angle) * dof.mass_centre)
-                 : Eigen::Vector2d(dof.mass_centre);
+          is_leg ? Eigen::Vector2d(ToEigen(dof.offset) +
+                                   Eigen::Rotation2Dd(angle) * ToEigen(dof.mass_centre))
+                 : ToEigen(dof.mass_centre);
       sum += dof.mass_kg * at;
       mass += dof.mass_kg;
     }
@@ -440,7 +441,7 @@ TEST(ForwardSensitivity, TheSensitivitiesShortenTheStepsOfTheSameMotion) {
   settings.tolerance = 1e-7;
   settings.step_s = 0.02;
   ForwardSensitivity states(plain, settings), both(problem, settings);
-  Gradient none(states.output_count(), 0), gradient(both.output_count(), 12);
+  OutputGradients none(states.output_count(), 0), gradient(both.output_count(), 12);
   const double cost = states.Run({}, none).cost;
   EXPECT_NEAR(both.Run(x, gradient).cost, cost, 1e-4 * std::abs(cost)) << "not the same motion";
   EXPECT_GT(both.statistics().steps, states.statistics().steps * 5 / 4);
@@ -463,7 +464,7 @@ TEST(ForwardSensitivity, ABrokenStartEndsWithoutAGradient) {
 TEST(ForwardSensitivity, AllocatesNoMoreForManyStepsThanForFew) {
   const Problem problem = ElevenParameters();
   const std::vector<double> x = RandomMotion(problem, 11);
-  Gradient gradient(ForwardSensitivity(problem, kAdaptive).output_count(), 11);
+  OutputGradients gradient(ForwardSensitivity(problem, kAdaptive).output_count(), 11);
   std::vector<std::size_t> taken;
   for (const StepSettings& settings :
        {StepSettings{StepSettings::Scheme::kFixed, 2e-3}, kFixed, kAdaptive}) {

@@ -15,6 +15,7 @@
 #include "offline/ensemble/lane_scene.h"
 #include "offline/problem/task_toml.h"
 #include "offline/rehearsal/twin/twin.h"
+#include "offline/rollout/output_gradients.h"
 #include "offline/rollout/rollout.h"
 #include "offline/scene/rest_pose.h"
 #include "offline/scene/scene_dynamics.h"
@@ -232,8 +233,7 @@ TEST(Hinge, GradientsAreThoseOfCentralDifferences) {
     std::vector<double> x(static_cast<std::size_t>(problem.parameter_count()));
     for (double& value : x) value = Uniform(random, -0.8, 0.8);
     Rollout rollout(problem, 2e-3);
-    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> slopes(
-        rollout.output_count(), rollout.parameter_count());
+    auto slopes = OutputGradients::Of(rollout);
     ASSERT_TRUE(rollout.Run(x, slopes).finite);
     const double scale = slopes.row(0).cwiseAbs().maxCoeff();
     ASSERT_GT(scale, 0);

@@ -82,13 +82,13 @@ TEST(LampContact, AndTheGeneralModelGiveTheSameMotionAndDerivatives) {
   for (int i = 0; i < 3000; ++i) {
     DynamicsState s = RandomState(random, 5, 0.1);
     if (i % 3 != 0) s.q[2] = Uniform(random, -0.1, 0.1);  // else any pitch, even on its head
-    const Eigen::Vector2d up(0, 1);
+    const Plane::Vector up(0, 1);
     HybridDynamics<Plane> dynamics(problem.scene.robot.tree);
     s.q[1] = 0;
     dynamics.SetState(s.q, s.qd);
     double lowest = 1;
     for (const ContactShape<Plane>& shape : problem.scene.robot.shapes) {
-      const Eigen::Vector2d centre =
+      const Plane::Vector centre =
           dynamics.position(shape.body) + dynamics.rotation(shape.body) * shape.shape.centre;
       lowest = std::min(lowest, up.dot(centre) - shape.shape.radius_m);
     }
@@ -104,7 +104,7 @@ TEST(LampContact, AndTheGeneralModelGiveTheSameMotionAndDerivatives) {
       EXPECT_NEAR(a.contacts[k].depth_m, b.contacts[k].depth_m, 1e-15);
       EXPECT_LT((a.contacts[k].force - b.contacts[k].force).norm(), 1e-10);
       EXPECT_LT((a.contacts[k].point - b.contacts[k].point).norm(), 1e-15);
-      const Eigen::Vector2d force = a.contacts[k].force;
+      const Plane::Vector force = a.contacts[k].force;
       const double used = std::abs(force.x()) / (problem.scene.contact.mu * force.y());
       pulling += force.y() == 0;
       sticking += used < 0.99;

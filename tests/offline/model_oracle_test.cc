@@ -18,6 +18,7 @@
 
 #include "tests/support/model_runner.h"
 #include "tests/support/random_robot.h"
+#include "tests/support/to_eigen.h"
 
 namespace tumbler {
 namespace {
@@ -58,7 +59,10 @@ struct RandomFile {
   }
 };
 
-std::string Xyz(const Eigen::Vector3d& v) { return fmt::format("{} {} {}", v.x(), v.y(), v.z()); }
+template <class Vector>
+std::string Xyz(const Vector& v) {
+  return fmt::format("{} {} {}", v.x(), v.y(), v.z());
+}
 
 std::string RandomOrigin(std::mt19937_64& random) {
   return fmt::format("<origin xyz='{}' rpy='{}'/>", Xyz(RandomVector(random, 0.4)),
@@ -66,7 +70,7 @@ std::string RandomOrigin(std::mt19937_64& random) {
 }
 
 std::string RandomInertial(std::mt19937_64& random) {
-  const Eigen::Matrix3d I = RandomInertia(random);
+  const SpaceMatrix I = RandomInertia(random);
   return fmt::format(
       "<inertial>{}<mass value='{}'/><inertia ixx='{}' ixy='{}' ixz='{}' iyy='{}' iyz='{}' "
       "izz='{}'/></inertial>",
@@ -119,7 +123,7 @@ RandomFile MakeRandomFile(std::mt19937_64& random) {
       inside = chance(2) ? "" : "<origin xyz='0 0 0'/>";
     if (joint.moves) {
       const char* const straight[] = {"1 0 0", "0 -1 0", "0 0 1", "0 0 -1"};
-      const Eigen::Vector3d any = RandomDirection(random) * Uniform(random, 0.01, 20);
+      const SpaceVector any = RandomDirection(random) * Uniform(random, 0.01, 20);
       if (!chance(6))  // else the default, x
         inside += fmt::format("<axis xyz='{}'/>", chance(3) ? straight[random() % 4] : Xyz(any));
       inside += "<limit lower='-9' upper='9' effort='1e6' velocity='1e6'/>";
@@ -293,7 +297,7 @@ Question Ask(std::mt19937_64& random, DartRobot& dart, const std::vector<bool>& 
   }
   dart.SetState(question.q, question.qd);
   for (int k = static_cast<int>(random() % 4); k > 0; --k) {
-    DartRobot::Force force{RandomVector(random, 30), RandomVector(random, 0.3),
+    DartRobot::Force force{ToEigen(RandomVector(random, 30)), ToEigen(RandomVector(random, 0.3)),
                            file.link_names[random() % file.link_names.size()]};
     const Eigen::Vector3d point = dart.PoseOf(force.link) * force.point;
     question.line += fmt::format("{} {} {} ", Xyz(force.force), Xyz(point), force.link);

@@ -7,6 +7,7 @@
 #include "offline/linear/least_squares.h"
 #include "tests/support/allocation_guard.h"
 #include "tests/support/random_shape.h"
+#include "tests/support/to_eigen.h"
 
 namespace tumbler {
 namespace {
@@ -79,8 +80,8 @@ std::vector<typename Space::Vector> Vertices(const PosedShape<Space>& shape) {
     const auto before = vertices;
     vertices.clear();
     for (const auto& v : before) {
-      vertices.push_back(v + shape.half_extents[i] * shape.axes.col(i));
-      vertices.push_back(v - shape.half_extents[i] * shape.axes.col(i));
+      vertices.push_back(v + shape.half_extents[i] * shape.axis(i));
+      vertices.push_back(v - shape.half_extents[i] * shape.axis(i));
     }
   }
   return vertices;
@@ -114,8 +115,8 @@ TYPED_TEST(NearPointsIn, ArePartedByPlanesThroughThemSoThatNoOtherPointsAreNeare
       EXPECT_LT((near.p_a - near.p_b - near.d * near.u_d).norm(), 1e-14);
       const typename TypeParam::Vector x_a = near.p_a + a.radius_m * near.u_d;
       for (const auto& v : Vertices(a)) EXPECT_GT((v - x_a).dot(near.u_d), -1e-13) << NameOf(kinds);
-      const typename TypeParam::Vector in_a = a.axes.transpose() * (x_a - a.centre);
-      EXPECT_TRUE((in_a.cwiseAbs().array() <= a.half_extents.array() + 1e-14).all());
+      for (int i = 0; i < a.kDimension; ++i)
+        EXPECT_LE(std::abs(a.axis(i).dot(x_a - a.centre)), a.half_extents[i] + 1e-14);
       if (b.half_space) {
         EXPECT_NEAR((near.p_b - b.centre).dot(b.normal), 0, 1e-14);
         EXPECT_LT((near.u_d - b.normal).norm(), 1e-15);
@@ -123,8 +124,8 @@ TYPED_TEST(NearPointsIn, ArePartedByPlanesThroughThemSoThatNoOtherPointsAreNeare
       }
       const typename TypeParam::Vector x_b = near.p_b - b.radius_m * near.u_d;
       for (const auto& v : Vertices(b)) EXPECT_LT((v - x_b).dot(near.u_d), 1e-13) << NameOf(kinds);
-      const typename TypeParam::Vector in_b = b.axes.transpose() * (x_b - b.centre);
-      EXPECT_TRUE((in_b.cwiseAbs().array() <= b.half_extents.array() + 1e-14).all());
+      for (int i = 0; i < b.kDimension; ++i)
+        EXPECT_LE(std::abs(b.axis(i).dot(x_b - b.centre)), b.half_extents[i] + 1e-14);
     }
     EXPECT_GT(apart, 500) << NameOf(kinds);
   }
@@ -133,14 +134,15 @@ TYPED_TEST(NearPointsIn, ArePartedByPlanesThroughThemSoThatNoOtherPointsAreNeare
 /// Near points by brute force: tries every active set with a general least squares solver, and
 /// takes the nearest feasible pair.
 template <class Space>
-std::pair<typename Space::Vector, typename Space::Vector> NearestByTryingAll(
-    const PosedShape<Space>& a, const PosedShape<Space>& b) {
+auto NearestByTryingAll(const PosedShape<Space>& a, const PosedShape<Space>& b) {
   constexpr int kDimension = PosedShape<Space>::kDimension;
   constexpr int n = 2 * kDimension;
+  using Vector = Eigen::Matrix<double, kDimension, 1>;
+  const Vector centre_a = ToEigen(a.centre), centre_b = ToEigen(b.centre);
   Eigen::Matrix<double, kDimension, n> M;
-  M << a.axes, -b.axes;
+  M << AxesOf(a), -AxesOf(b);
   Eigen::Matrix<double, n, 1> h;
-  h << a.half_extents, b.half_extents;
+  h << ToEigen(a.half_extents), ToEigen(b.half_extents);
   int sets = 1;
   for (int i = 0; i < n; ++i) sets *= 3;
   double least = std::numeric_limits<double>::infinity();
@@ -160,16 +162,16 @@ std::pair<typename Space::Vector, typename Space::Vector> NearestByTryingAll(
     for (std::size_t k = 0; k < free.size(); ++k)
       F.col(static_cast<Eigen::Index>(k)) = M.col(free[k]);
     if (!free.empty()) {
-      const Eigen::VectorXd rest = -(a.centre - b.centre + M * y);
+      const Eigen::VectorXd rest = -(centre_a - centre_b + M * y);
       const Eigen::VectorXd z = SolveLeastSquares(F, rest);
       for (std::size_t k = 0; k < free.size(); ++k) y[free[k]] = z[static_cast<Eigen::Index>(k)];
     }
     if ((y.cwiseAbs().array() > h.array() + 1e-13).any()) continue;
-    const double distance = (a.centre - b.centre + M * y).norm();
+    const double distance = (centre_a - centre_b + M * y).norm();
     if (distance < least) least = distance, best = y;
   }
-  return {a.centre + a.axes * best.template head<kDimension>(),
-          b.centre + b.axes * best.template tail<kDimension>()};
+  return std::pair<Vector, Vector>(centre_a + AxesOf(a) * best.template head<kDimension>(),
+                                   centre_b + AxesOf(b) * best.template tail<kDimension>());
 }
 
 TYPED_TEST(NearPointsIn, AreThoseFoundByTryingEveryActiveSet) {
@@ -185,8 +187,8 @@ TYPED_TEST(NearPointsIn, AreThoseFoundByTryingEveryActiveSet) {
       EXPECT_NEAR(near.core_distance_m, (x_a - x_b).norm(), 1e-12) << NameOf(kinds);
       if (near.overlap) continue;
       ++apart;
-      EXPECT_LT((near.p_a + a.radius_m * near.u_d - x_a).norm(), 1e-9) << NameOf(kinds);
-      EXPECT_LT((near.p_b - b.radius_m * near.u_d - x_b).norm(), 1e-9) << NameOf(kinds);
+      EXPECT_LT((ToEigen(near.p_a + a.radius_m * near.u_d) - x_a).norm(), 1e-9) << NameOf(kinds);
+      EXPECT_LT((ToEigen(near.p_b - b.radius_m * near.u_d) - x_b).norm(), 1e-9) << NameOf(kinds);
     }
     EXPECT_GT(apart, 30) << NameOf(kinds);
   }
@@ -253,14 +255,15 @@ TYPED_TEST(NearPointsIn, HaveTheDerivativesOfTheKuhnTuckerSystem) {
         const auto at = [&](double t) {
           const auto n = Pair<Space>{pair.a.Displaced(Space::BasisMotion(m), t), pair.b}.Near();
           Eigen::Matrix<double, 3 * Vector::RowsAtCompileTime + 1, 1> all;
-          all << n.p_a, n.p_b, n.u_d, n.d;
+          all << ToEigen(n.p_a), ToEigen(n.p_b), ToEigen(n.u_d), n.d;
           return all;
         };
         const auto central = [&](double h) { return ((at(h) - at(-h)) / (2 * h)).eval(); };
         const auto wide = central(4e-6), narrow = central(2e-6);
         const auto reference = ((4 * narrow - wide) / 3).eval();
         auto found = reference;
-        found << derivative.p_a[m], derivative.p_b[m], derivative.u_d[m], derivative.d[m];
+        found << ToEigen(derivative.p_a[m]), ToEigen(derivative.p_b[m]), ToEigen(derivative.u_d[m]),
+            derivative.d[m];
         const double scale = 1 + reference.norm();
         smooth = smooth && (wide - narrow).norm() < 1e-6 * scale;
         worst = std::max(worst, (found - reference).norm() / scale);
@@ -331,8 +334,8 @@ TEST(NearPoints, OfParallelSidesAreTheOnesNearestToTheCentresAndAreMarked) {
                                    at(S::Box({0.4, 0}, none, {0.3, 0.1})));
   EXPECT_FALSE(near.unique);
   EXPECT_NEAR(near.d, 0.3, 1e-15);
-  EXPECT_LT((near.p_a - Eigen::Vector2d(0.2, 0.4)).norm(), 1e-12);
-  EXPECT_LT((near.p_b - Eigen::Vector2d(0.2, 0.1)).norm(), 1e-12);
+  EXPECT_LT((near.p_a - Plane::Vector(0.2, 0.4)).norm(), 1e-12);
+  EXPECT_LT((near.p_b - Plane::Vector(0.2, 0.1)).norm(), 1e-12);
   // A short bar above the end of a long one: its own centre is nearest.
   const auto end = FindNearPoints(at(S::Capsule({0.9, 0.5}, none, 0.05, 0.1)),
                                   at(S::Box({0, 0}, none, {1, 0.1})));
@@ -344,7 +347,7 @@ TEST(NearPoints, OfParallelSidesAreTheOnesNearestToTheCentresAndAreMarked) {
   const auto flat =
       FindNearPoints(at(S::Box({0.2, 0.5}, none, {0.3, 0.1})), at(S::HalfSpace({0, 0}, {0, 1})));
   EXPECT_FALSE(flat.unique);
-  EXPECT_LT((flat.p_a - Eigen::Vector2d(0.2, 0.4)).norm(), 1e-15);
+  EXPECT_LT((flat.p_a - Plane::Vector(0.2, 0.4)).norm(), 1e-15);
 }
 
 TEST(NearPoints, OfParallelFacesInSpaceAreOneConsistentPairWithFiniteDerivatives) {
@@ -353,7 +356,7 @@ TEST(NearPoints, OfParallelFacesInSpaceAreOneConsistentPairWithFiniteDerivatives
   std::mt19937_64 random(77);
   for (int trial = 0; trial < 200; ++trial) {
     // Turned about the common normal: polygons that overlap in any way.
-    const auto R = Spatial::RotationBy(Eigen::Vector3d::UnitZ(), Uniform(random, -3, 3));
+    const auto R = Spatial::RotationBy(SpaceVector::UnitZ(), Uniform(random, -3, 3));
     const auto a = PosedShape<Spatial>::Of(
         S::Box({Uniform(random, -.2, .2), Uniform(random, -.2, .2), 0.5}, R, {0.2, 0.1, 0.05}),
         none, {0, 0, 0});
@@ -362,19 +365,26 @@ TEST(NearPoints, OfParallelFacesInSpaceAreOneConsistentPairWithFiniteDerivatives
     const auto near = FindNearPoints(a, b);
     EXPECT_FALSE(near.unique);
     EXPECT_NEAR(near.d, 0.35, 1e-13);
-    EXPECT_LT((near.p_a - near.p_b - Eigen::Vector3d(0, 0, 0.35)).norm(), 1e-9);
-    const Eigen::Vector3d in_a = a.axes.transpose() * (near.p_a - a.centre);
-    EXPECT_TRUE((in_a.cwiseAbs().array() <= a.half_extents.array() + 1e-9).all());
-    EXPECT_TRUE((near.p_b.cwiseAbs().array() <= b.half_extents.array() + 1e-9).all());
+    EXPECT_LT((near.p_a - near.p_b - SpaceVector(0, 0, 0.35)).norm(), 1e-9);
+    const auto within = [](const PosedShape<Spatial>& box, const SpaceVector& point) {
+      bool inside = true;
+      for (int i = 0; i < 3; ++i) {
+        const double along = box.axis(i).dot(point - box.centre);
+        inside = inside && std::abs(along) <= box.half_extents[i] + 1e-9;
+      }
+      return inside;
+    };
+    EXPECT_TRUE(within(a, near.p_a));
+    EXPECT_TRUE(within(b, near.p_b));
     // No other common point has a smaller sum of squares: a fine grid.
-    const auto norm = [&](const Eigen::Vector3d& p) {
-      return (p - a.centre).head<2>().squaredNorm() + p.head<2>().squaredNorm();
+    const auto norm = [&](const SpaceVector& p) {
+      const SpaceVector off = p - a.centre;
+      return off.x() * off.x() + off.y() * off.y() + p.x() * p.x() + p.y() * p.y();
     };
     for (int x = -15; x <= 15; ++x) {
       for (int y = -25; y <= 25; ++y) {
-        const Eigen::Vector3d p(0.01 * x, 0.01 * y, 0.45);
-        const Eigen::Vector3d local = a.axes.transpose() * (p - a.centre);
-        if ((local.cwiseAbs().array() > a.half_extents.array() + 1e-9).any()) continue;
+        const SpaceVector p(0.01 * x, 0.01 * y, 0.45);
+        if (!within(a, p)) continue;
         EXPECT_GE(norm(p), norm(near.p_a) - 1e-9);
       }
     }

@@ -8,6 +8,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -170,33 +171,33 @@ TEST(PlanarRobot, ContactSeesTheOutlinesOfCollisionShapesInThePlane) {
   ASSERT_EQ(robot.shapes.size(), 6U);
   for (const auto& own : robot.shapes) {
     EXPECT_EQ(own.body, 2);
-    EXPECT_LT((own.shape.centre - Eigen::Vector2d(1, 3)).norm(), 1e-15);
+    EXPECT_LT((own.shape.centre - Plane::Vector(1, 3)).norm(), 1e-15);
   }
   const auto shape = [&](std::size_t i) { return robot.shapes[i].shape; };
   EXPECT_EQ(shape(0).kind(), ShapeKind::kSphere);
   EXPECT_EQ(shape(0).radius_m, 0.1);
   EXPECT_EQ(shape(1).kind(), ShapeKind::kCapsule);
   EXPECT_NEAR(shape(1).half_extents.x(), 0.15, 1e-15) << "0.5 m in all, the round ends included";
-  EXPECT_LT((shape(1).rotation * Eigen::Vector2d(1, 0) - Eigen::Vector2d(0, 1)).norm(), 1e-12);
+  EXPECT_LT((shape(1).rotation * Plane::Vector(1, 0) - Plane::Vector(0, 1)).norm(), 1e-12);
   EXPECT_EQ(shape(2).kind(), ShapeKind::kSphere) << "along y: a disc";
   EXPECT_NEAR(shape(3).half_extents.x(), 0.2 * std::cos(0.5235987755982988), 1e-12) << "tilted";
   EXPECT_EQ(shape(4).kind(), ShapeKind::kBox);
   EXPECT_EQ(shape(4).radius_m, 0);
   // Turned about y: a corner of the outline is where the box has an edge.
-  const Eigen::Vector3d corner =
-      Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitY()) * Eigen::Vector3d(0.2, 0, 0.3);
+  const Spatial::Vector corner =
+      Spatial::RotationBy(Spatial::Vector::UnitY(), 0.3) * Spatial::Vector(0.2, 0, 0.3);
   double nearest = 1;
   for (const double x : {-1.0, 1.0}) {
     for (const double z : {-1.0, 1.0}) {
-      const Eigen::Vector2d at = shape(4).rotation * Eigen::Vector2d(x * shape(4).half_extents.x(),
-                                                                     z * shape(4).half_extents.y());
-      nearest = std::min(nearest, (at - Eigen::Vector2d(corner.x(), corner.z())).norm());
+      const Plane::Vector at = shape(4).rotation * Plane::Vector(x * shape(4).half_extents.x(),
+                                                                 z * shape(4).half_extents.y());
+      nearest = std::min(nearest, (at - Plane::Vector(corner.x(), corner.z())).norm());
     }
   }
   EXPECT_LT(nearest, 1e-12);
-  const Eigen::Vector2d sides = shape(5).half_extents;
-  EXPECT_NEAR(sides.minCoeff(), 0.1, 1e-12) << "what was along x is along y now";
-  EXPECT_NEAR(sides.maxCoeff(), 0.3, 1e-12);
+  const Plane::Vector sides = shape(5).half_extents;
+  EXPECT_NEAR(std::min(sides.x(), sides.y()), 0.1, 1e-12) << "what was along x is along y now";
+  EXPECT_NEAR(std::max(sides.x(), sides.y()), 0.3, 1e-12);
   ASSERT_EQ(robot.ignored_shapes.size(), 2U);
   EXPECT_THAT(robot.ignored_shapes[0].reason, HasSubstr("base/6 is a cylinder shorter than wide"));
   EXPECT_THAT(robot.ignored_shapes[1].reason, HasSubstr("base/7 is a box without a side along y"));
@@ -278,7 +279,7 @@ TEST(Robot, AnAxisOutOfThePlaneIsRefusedOfAPlanarRobotOnly) {
       Joint("turn", "revolute", "base", "a",
             std::string("<origin rpy='0 0 1.5707963267948966'/><axis xyz='0 -2 0'/>") + kLimit));
   const Robot robot = ParseInSpace(text, RootKind::kPlanarXz);
-  EXPECT_LT((robot.tree.dofs[3].axis - Eigen::Vector3d(1, 0, 0)).norm(), 1e-15);
+  EXPECT_LT((robot.tree.dofs[3].axis - SpaceVector(1, 0, 0)).norm(), 1e-15);
   EXPECT_THAT(Refusal(text), HasSubstr("joint 'turn': its axis in the robot's frame is (1, "));
 }
 
@@ -342,18 +343,18 @@ TEST(Robot, KeepsItsCollisionShapesInTheTermsOfTheFile) {
   EXPECT_EQ(box.kind, RobotShape::Kind::kBox);
   EXPECT_EQ(box.name, "base/0");
   EXPECT_EQ(box.body, 5);
-  EXPECT_EQ(box.size_m, Eigen::Vector3d(0.1, 0.2, 0.3));
-  EXPECT_EQ(box.pose.translation(), Eigen::Vector3d(1, 2, 3));
+  EXPECT_EQ(box.size_m, SpaceVector(0.1, 0.2, 0.3));
+  EXPECT_EQ(box.pose.translation, SpaceVector(1, 2, 3));
   EXPECT_EQ(robot.collision_shapes[1].kind, RobotShape::Kind::kCylinder);
   EXPECT_EQ(robot.collision_shapes[1].length_m, 0.5);
   const ContactShapes<Spatial> contact = SpatialContactShapes(robot);
   EXPECT_TRUE(contact.ignored.empty());
   ASSERT_EQ(contact.shapes.size(), 2U);
-  EXPECT_EQ(contact.shapes[0].shape.half_extents, Eigen::Vector3d(0.05, 0.1, 0.15));
-  EXPECT_EQ(contact.shapes[0].shape.centre, Eigen::Vector3d(1, 2, 3));
+  EXPECT_EQ(contact.shapes[0].shape.half_extents, SpaceVector(0.05, 0.1, 0.15));
+  EXPECT_EQ(contact.shapes[0].shape.centre, SpaceVector(1, 2, 3));
   EXPECT_EQ(contact.shapes[1].shape.kind(), ShapeKind::kCapsule);
   EXPECT_NEAR(contact.shapes[1].shape.half_extents[0], 0.15, 1e-15);
-  EXPECT_EQ(contact.shapes[1].shape.rotation * Eigen::Vector3d(1, 0, 0), Eigen::Vector3d(0, 0, 1));
+  EXPECT_EQ(contact.shapes[1].shape.rotation * SpaceVector(1, 0, 0), SpaceVector(0, 0, 1));
 }
 
 TEST(Robot, KnowsWhichDegreesOfFreedomMoveNoMass) {

@@ -7,12 +7,12 @@
 #include <cmath>
 #include <cstdint>
 
+#include "offline/rollout/output_gradients.h"
 #include "tests/support/handstand.h"
 
 namespace tumbler {
 namespace {
 
-using Gradient = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 constexpr std::array<double, 3> kDifferenceSteps = {1e-6, 1e-7, 1e-5};
 constexpr double kTolerance = 1e-5;
 
@@ -30,7 +30,7 @@ std::vector<double> Outputs(const RolloutResult& result) {
 std::vector<double> GradientErrors(const Problem& problem, const std::vector<double>& x,
                                    double step_s) {
   Rollout rollout(problem, step_s);
-  Gradient gradient(rollout.output_count(), rollout.parameter_count());
+  auto gradient = OutputGradients::Of(rollout);
   const RolloutResult result = rollout.Run(x, gradient);
   EXPECT_TRUE(result.finite);
   EXPECT_TRUE(result.any_contact);
@@ -162,7 +162,7 @@ TEST(Rollout, AnUnlimitedTorqueIsNeverExceededAndHasNoGradient) {
   Problem problem = HandstandProblem();
   const std::vector<double> x = RandomMotion(problem, 9);
   Rollout limited(problem, 1e-3);
-  Gradient expected(5, 12), gradient(5, 12);
+  OutputGradients expected(5, 12), gradient(5, 12);
   limited.Run(x, expected);
   problem.joints[0].limits.torque_max_nm = std::numeric_limits<double>::infinity();
   Rollout rollout(problem, 1e-3);
@@ -176,7 +176,7 @@ TEST(Rollout, AnUnlimitedTorqueIsNeverExceededAndHasNoGradient) {
 TEST(Rollout, GivesTheSameBitsEveryTimeAndWithOrWithoutTheGradient) {
   const Problem problem = DroppedHandstand();
   Rollout first(problem, 1e-3), second(problem, 1e-3);
-  Gradient once(5, 12), again(5, 12);
+  OutputGradients once(5, 12), again(5, 12);
   for (const std::uint64_t seed : {10U, 11U, 12U}) {
     const std::vector<double> x = RandomMotion(problem, seed);
     const RolloutResult plain = first.Run(x);
@@ -330,7 +330,7 @@ TEST(Rollout, GradientOfThePenetrationHoldsWhereTheLayerIsCrossed) {
   Problem problem = DroppedHandstand();
   problem.start_q[1] += 0.1;
   Rollout rollout(problem, 1e-3);
-  Gradient gradient(rollout.output_count(), rollout.parameter_count());
+  auto gradient = OutputGradients::Of(rollout);
   const std::vector<double> x = RandomMotion(problem, 3);
   ASSERT_GT(rollout.Run(x, gradient).core_excess, 0);
   constexpr int kCoreRow = 3;
@@ -371,7 +371,7 @@ TEST(Rollout, HalvingTheStepConvergesWithTheFourthOrderInFlight) {
 TEST(Rollout, ARunThatBlowsUpSaysSoAndHasNoGradient) {
   Problem problem = HandstandProblem();
   Rollout rollout(problem, 1e-3);
-  Gradient gradient(5, 12);
+  OutputGradients gradient(5, 12);
   const std::vector<double> good = RandomMotion(problem, 18);
   const double cost = rollout.Run(good).cost;
   for (const double bad :

@@ -20,6 +20,7 @@
 #include "offline/contact/signed_distance.h"
 #include "offline/problem/task_toml.h"
 #include "offline/rollout/clearance_constraint.h"
+#include "offline/rollout/output_gradients.h"
 #include "offline/rollout/rollout.h"
 #include "tests/support/crossing_legs.h"
 #include "tests/support/handstand.h"
@@ -353,8 +354,7 @@ TEST(ClearanceConstraint, IsAnOutputOfTheRolloutByBothGradients) {
        {SolverSettings::Gradient::kAdjoint, SolverSettings::Gradient::kForward}) {
     problem.solver.gradient = method;
     Rollout rollout(problem, 2e-3);
-    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> all(
-        rollout.output_count(), rollout.parameter_count());
+    auto all = OutputGradients::Of(rollout);
     EXPECT_EQ(rollout.Run(x, all).clearance_excess, value);
     for (std::size_t i = 0; i < x.size(); ++i)
       EXPECT_EQ(all(all.rows() - 1, static_cast<Eigen::Index>(i)), gradient[i]);

@@ -5,7 +5,6 @@
 
 #include <gtest/gtest.h>
 
-#include <Eigen/Geometry>
 #include <cmath>
 
 #include "offline/dynamics/hybrid_dynamics.h"
@@ -22,7 +21,7 @@ using SpatialDynamics = HybridDynamics<Spatial>;
 /// body.
 struct PointForce {
   int body = 0;
-  Eigen::Vector3d point, force;  // in the body's frame; in world axes
+  SpaceVector point, force;  // in the body's frame; in world axes
 };
 
 template <class Space>
@@ -44,9 +43,7 @@ std::vector<double> Outputs(HybridDynamics<Space>& dynamics, DynamicsState s,
   return s.tau;
 }
 
-Eigen::Matrix<double, 6, 1> Flat(const Spatial::Wrench& w) {
-  return (Eigen::Matrix<double, 6, 1>() << w.n, w.f).finished();
-}
+double SizeOf(const Spatial::Wrench& w) { return std::hypot(w.n.norm(), w.f.norm()); }
 
 Spatial::Motion RandomMotion(std::mt19937_64& random) {
   return {RandomVector(random, 2), RandomVector(random, 2)};
@@ -65,7 +62,7 @@ TEST(SpatialAlgebra, TheBiasMapIsItsDefinition) {
     const auto bias = Spatial::Bias::OfBody(I, v, I * v);
     const Spatial::Wrench expected =
         Spatial::Cross(v, I * u) - I * Spatial::Cross(v, u) + Spatial::Cross(u, I * v);
-    EXPECT_LT((Flat(bias * u) - Flat(expected)).norm(), 1e-13 * (1 + Flat(expected).norm()));
+    EXPECT_LT(SizeOf(bias * u - expected), 1e-13 * (1 + SizeOf(expected)));
     EXPECT_NEAR(Spatial::Apply(bias.TransposeTimes(s), u), Spatial::Dot(s, expected), 1e-12);
   }
 }
@@ -75,14 +72,14 @@ TEST(SpatialAlgebra, InertiaIsThatOfTheTurnedBodyAboutTheOrigin) {
   for (int trial = 0; trial < 100; ++trial) {
     const Spatial::Rotation R =
         Spatial::RotationBy(RandomDirection(random), Uniform(random, -3, 3));
-    const Eigen::Vector3d c = RandomVector(random, 1);
-    const Eigen::Matrix3d i_c = RandomInertia(random);
+    const SpaceVector c = RandomVector(random, 1);
+    const SpaceMatrix i_c = RandomInertia(random);
     const double m = Uniform(random, 0.1, 2);
     const Spatial::Motion v = RandomMotion(random);
     const auto momentum = Spatial::Inertia::OfBody(m, c, R, i_c) * v;
-    const Eigen::Vector3d p = m * v.At(c);
+    const SpaceVector p = m * v.At(c);
     EXPECT_LT((momentum.f - p).norm(), 1e-13);
-    const Eigen::Vector3d spin = R.m * i_c * R.m.transpose() * v.w;
+    const SpaceVector spin = R.m * i_c * R.m.transpose() * v.w;
     EXPECT_LT((momentum.n - spin - c.cross(p)).norm(), 1e-13);
   }
 }
@@ -127,13 +124,13 @@ TEST(SpatialDynamics, DerivativesAgreeWithCentralDifferencesOnRandomTreesWithFor
     SpatialDynamics dynamics(tree);
     const std::vector<double> value = Outputs(dynamics, s, forces);
     for (const PointForce& f : forces) {
-      const Eigen::Vector3d p = dynamics.position(f.body) + dynamics.rotation(f.body) * f.point;
+      const SpaceVector p = dynamics.position(f.body) + dynamics.rotation(f.body) * f.point;
       const Spatial::Wrench W = Spatial::ForceAt(p, f.force);
       Spatial::WrenchMap stiffness;
       for (std::size_t m = 0; m < stiffness.columns.size(); ++m) {
         const Spatial::Motion u = Spatial::BasisMotion(m);
         stiffness.columns[m] =
-            Spatial::Wrench{u.At(p).cross(f.force), Eigen::Vector3d::Zero()} - Spatial::Cross(u, W);
+            Spatial::Wrench{u.At(p).cross(f.force), SpaceVector::Zero()} - Spatial::Cross(u, W);
       }
       dynamics.AddWrenchDerivative(f.body, stiffness, {});
     }
@@ -166,7 +163,7 @@ TEST(SpatialDynamics, DerivativesAgreeWithCentralDifferencesOnRandomTreesWithFor
 
 /// The same robot in space. Its plane is that of x and z.
 Tree<Spatial> InSpace(const Tree<Plane>& plane) {
-  const auto lift = [](const Eigen::Vector2d& r) { return Eigen::Vector3d(r.x(), 0, r.y()); };
+  const auto lift = [](const PlaneVector& r) { return SpaceVector(r.x(), 0, r.y()); };
   Tree<Spatial> tree;
   tree.gravity = lift(plane.gravity);
   for (const Dof<Plane>& from : plane.dofs) {
@@ -181,7 +178,7 @@ Tree<Spatial> InSpace(const Tree<Plane>& plane) {
     dof.mass_kg = from.mass_kg;
     dof.mass_centre = lift(from.mass_centre);
     // Only the moment about y counts.
-    dof.inertia_kg_m2 = Eigen::Vector3d(0.3, 1, 0.8).asDiagonal() * from.inertia_kg_m2;
+    dof.inertia_kg_m2 = SpaceMatrix::Diagonal({0.3, 1, 0.8}) * from.inertia_kg_m2;
     dof.rotor_inertia_kg_m2 = from.rotor_inertia_kg_m2;
     dof.damping_nm_s_per_rad = from.damping_nm_s_per_rad;
     tree.dofs.push_back(dof);
@@ -228,8 +225,7 @@ TEST(SpatialDynamics, APlanarRobotGivesTheSameNumbersAsInThePlane) {
 Tree<Spatial> FloatingRobot(std::mt19937_64& random) {
   Tree<Spatial> tree;
   tree.gravity = {0, 0, -9.81};
-  const Eigen::Vector3d axes[] = {{1, 0, 0},  {0, 1, 0}, {0, 0, 1},
-                                  {0, -1, 0}, {1, 0, 0}, {0, 0, 1}};
+  const SpaceVector axes[] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {0, -1, 0}, {1, 0, 0}, {0, 0, 1}};
   for (int j = 0; j < 9; ++j) {
     Dof<Spatial> dof;
     dof.parent = j < 6 ? j - 1 : 5;
@@ -266,17 +262,17 @@ TEST(SpatialDynamics, FreeFlightKeepsMomentumAndEnergy) {
   // The moment of gravity about the origin needs the path of the mass centre, which is a parabola;
   // angular momentum is compared about the mass centre instead.
   const auto spin = [&](const Spatial::Wrench& momentum) {
-    Eigen::Vector3d centre;
+    SpaceVector centre;
     for (int k = 0; k < 3; ++k) {
       Tree<Spatial> probe = tree;
-      probe.gravity = -Eigen::Vector3d::Unit(k);
+      probe.gravity = -SpaceVector::Unit(k);
       SpatialDynamics weigh(probe);
       weigh.SetState(q, qd);
       centre[k] = weigh.PotentialEnergy() / mass;
     }
-    return Eigen::Vector3d(momentum.n - centre.cross(momentum.f));
+    return momentum.n - centre.cross(momentum.f);
   };
-  const Eigen::Vector3d spin_begin = spin(begin);
+  const SpaceVector spin_begin = spin(begin);
   const double h = 1e-3;
   const int steps = 300;
   for (int step = 0; step < steps; ++step) {
@@ -300,7 +296,7 @@ TEST(SpatialDynamics, FreeFlightKeepsMomentumAndEnergy) {
   }
   dynamics.SetState(q, qd);
   const Spatial::Wrench end = dynamics.Momentum();
-  const Eigen::Vector3d fall = mass * h * steps * tree.gravity;
+  const SpaceVector fall = mass * h * steps * tree.gravity;
   EXPECT_LT((end.f - begin.f - fall).norm(), 1e-8);
   EXPECT_LT((spin(end) - spin_begin).norm(), 1e-8);
   EXPECT_GT(spin_begin.norm(), 0.01);
@@ -332,7 +328,7 @@ TEST(SpatialDynamics, ABodyWithoutInertiaIsFoundUndetermined) {
   Tree<Spatial> tree;
   tree.dofs.resize(2);
   tree.dofs[0].mass_kg = 1;
-  tree.dofs[0].inertia_kg_m2 = Eigen::Matrix3d::Identity();
+  tree.dofs[0].inertia_kg_m2 = SpaceMatrix::Identity();
   tree.dofs[1].parent = 0;
   tree.dofs[1].massless = true;
   SpatialDynamics dynamics(tree);
@@ -351,7 +347,7 @@ TEST(SpatialDynamics, AsManyDegreesOfFreedomAsFitAllocateNothing) {
   DynamicsState s = RandomState(random, tree.dofs.size());
   const testing::AllocationGuard guard;
   dynamics.SetState(s.q, s.qd);
-  dynamics.AddWrench(31, {Eigen::Vector3d::Ones(), Eigen::Vector3d::Ones()});
+  dynamics.AddWrench(31, {{1, 1, 1}, {1, 1, 1}});
   dynamics.Solve(s.qdd, s.tau);
   dynamics.AddWrenchDerivative(31, {}, {});
   dynamics.Differentiate(derivatives);

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <random>
 
+#include "offline/linear/dense_eigen.h"
+
 namespace tumbler {
 namespace {
 
@@ -34,7 +36,7 @@ TEST(SymmetricEigen, FindsTheEigenvaluesThatAMatrixWasMadeFromInIncreasingOrder)
       std::sort(values.begin(), values.end());
       const double rounding = 1e-14 * n * (1 + values.cwiseAbs().maxCoeff());
 
-      const SymmetricEigen<SmallMatrix> eigen = DecomposeSymmetric(A);
+      const SymmetricEigen eigen = DecomposeSymmetric(A);
       EXPECT_LT((eigen.values - values).cwiseAbs().maxCoeff(), rounding) << n;
       const SmallMatrix& V = eigen.vectors;
       EXPECT_LT((V.transpose() * V - SmallMatrix::Identity(n, n)).norm(), 1e-14 * n) << n;
@@ -47,14 +49,14 @@ TEST(SymmetricEigen, FindsTheEigenvaluesThatAMatrixWasMadeFromInIncreasingOrder)
 }
 
 TEST(SymmetricEigen, ReadsTheLowerTriangleAlone) {
-  Eigen::Matrix2d given;
+  SmallMatrix given(2, 2);
   given << 2, 77, 1, 2;
   EXPECT_NEAR(DecomposeSymmetric(given).values[0], 1, 1e-15);
   EXPECT_NEAR(DecomposeSymmetric(given).values[1], 3, 1e-15);
 }
 
 TEST(SymmetricEigen, EndsOnNumbersThatAreNotFinite) {
-  const Eigen::Matrix3d given = Eigen::Matrix3d::Constant(std::nan(""));
+  const SmallMatrix given = SmallMatrix::Constant(3, 3, std::nan(""));
   EXPECT_TRUE(std::isnan(DecomposeSymmetric(given).values.sum()));
 }
 

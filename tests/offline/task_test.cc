@@ -205,9 +205,9 @@ TEST(ContactIntent, TheSmallestEffectiveMassIsThatOfARodsEnd) {
       {"rod/0", 2, Shape<Plane>::Sphere({0.2, 0}, 0.01)},
       {"rod/1", 2, Shape<Plane>::Sphere({0, 0}, 0.01)}};
   const std::vector<double> q = {0.3, 0.4, 0.5};
-  EXPECT_NEAR(SmallestEffectiveMass<Plane>(tree, shapes, q), 0.75, 1e-12);
+  EXPECT_NEAR(SmallestEffectiveMass(tree, shapes, q), 0.75, 1e-12);
   for (auto& dof : tree.dofs) dof.prescribed = true;
-  EXPECT_EQ(SmallestEffectiveMass<Plane>(tree, shapes, q), std::numeric_limits<double>::infinity());
+  EXPECT_EQ(SmallestEffectiveMass(tree, shapes, q), std::numeric_limits<double>::infinity());
 }
 
 TEST(Task, ObstaclesOfEveryKindAreWhereTheTextPutsThem) {

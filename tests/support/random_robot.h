@@ -39,25 +39,25 @@ inline Tree<Plane> RandomTree(std::mt19937_64& random) {
   return tree;
 }
 
-inline Eigen::Vector3d RandomVector(std::mt19937_64& random, double size) {
+inline SpaceVector RandomVector(std::mt19937_64& random, double size) {
   return {Uniform(random, -size, size), Uniform(random, -size, size), Uniform(random, -size, size)};
 }
 
-inline Eigen::Vector3d RandomDirection(std::mt19937_64& random) {
+inline SpaceVector RandomDirection(std::mt19937_64& random) {
   for (;;) {
-    const Eigen::Vector3d v = RandomVector(random, 1);
+    const SpaceVector v = RandomVector(random, 1);
     if (v.norm() > 0.1 && v.norm() < 1) return v.normalized();
   }
 }
 
 /// Moments of inertia of a body that can exist, in any orientation.
-inline Eigen::Matrix3d RandomInertia(std::mt19937_64& random) {
-  Eigen::Matrix3d sigma = Eigen::Matrix3d::Zero();
+inline SpaceMatrix RandomInertia(std::mt19937_64& random) {
+  SpaceMatrix sigma = SpaceMatrix::Zero();
   for (int point = 0; point < 4; ++point) {
-    const Eigen::Vector3d r = RandomVector(random, 0.2);
-    sigma += r * r.transpose();
+    const SpaceVector r = RandomVector(random, 0.2);
+    sigma += SpaceMatrix::Outer(r, r);
   }
-  return sigma.trace() * Eigen::Matrix3d::Identity() - sigma;
+  return sigma.trace() * SpaceMatrix::Identity() - sigma;
 }
 
 /// The same in space. Some bodies are massless where others follow, as in chains of joints that
@@ -87,8 +87,8 @@ inline Tree<Spatial> RandomSpatialTree(std::mt19937_64& random, int max_dofs = 1
     tree.dofs.back().parent = n - 2;
     between.massless = true;
     between.mass_kg = 0;
-    between.mass_centre.setZero();
-    between.inertia_kg_m2.setZero();
+    between.mass_centre = SpaceVector::Zero();
+    between.inertia_kg_m2 = SpaceMatrix::Zero();
   }
   return tree;
 }

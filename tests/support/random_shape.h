@@ -23,7 +23,7 @@ struct NameOfSpace {
 template <class Space>
 typename Space::Vector RandomPoint(std::mt19937_64& random, double size) {
   typename Space::Vector v;
-  for (int i = 0; i < v.size(); ++i) v[i] = Uniform(random, -size, size);
+  for (int i = 0; i < Shape<Space>::kDimension; ++i) v[i] = Uniform(random, -size, size);
   return v;
 }
 
@@ -54,7 +54,7 @@ Shape<Space> RandomShape(std::mt19937_64& random, ShapeKind kind, bool rounded =
     case ShapeKind::kBox:
       shape =
           Shape<Space>::Box(centre, RandomRotation<Space>(random), RandomPoint<Space>(random, 1));
-      for (double& h : shape.half_extents) h = size();
+      for (int i = 0; i < Shape<Space>::kDimension; ++i) shape.half_extents[i] = size();
       if (rounded) shape.radius_m = size();
   }
   return shape;

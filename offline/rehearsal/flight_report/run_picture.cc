@@ -27,11 +27,14 @@ constexpr double kGroundHalfWidth_m = 0.5;
 constexpr double kFarAway_m = 500;
 constexpr double kShownPart = 1.0 / 50;
 
-std::array<double, 3> ToArray(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
+std::array<double, 3> ToArray(const SpaceVector& v) { return {v.x(), v.y(), v.z()}; }
 
-FramePose ToPose(const Eigen::Isometry3d& X) {
-  const Eigen::Quaterniond q(X.rotation());
-  return {ToArray(X.translation()), {q.x(), q.y(), q.z(), q.w()}};
+FramePose ToPose(const Pose& X) {
+  Eigen::Matrix3d rotation;
+  for (int i = 0; i < 3; ++i)
+    rotation.row(i) << X.rotation(i, 0), X.rotation(i, 1), X.rotation(i, 2);
+  const Eigen::Quaterniond q(rotation);
+  return {ToArray(X.translation), {q.x(), q.y(), q.z(), q.w()}};
 }
 
 /// Adds shapes to the links whose bodies carry them. Body b is link b + `shift`.

@@ -1,0 +1,30 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace tumbler {
+
+/// A limit that holds a motion back, and how much the cost would fall if it yielded.
+struct Multiplier {
+  std::string name;  ///< As in WorstConstraint.
+  double value = 0;  ///< Cost per unit of the constraint as it is scaled here; positions per rad.
+};
+
+/// How far a motion is from the Kuhn-Tucker condition g + A^T lambda = 0, lambda >= 0, where g is
+/// the cost's gradient, and the rows of A are the gradients of the constraints that are active:
+/// those within 1e-5 of zero. The multipliers are those of least squares.
+struct KktResidual {
+  /// The largest component of g + A^T lambda [cost per rad]. The projected gradient, in one number.
+  double absolute = 0;
+  /// The largest component as a part of what it is made of. For the squares of the cost this is the
+  /// cosine of the angle between what is squared and its derivative in one parameter, as MINPACK
+  /// measures convergence (`gtol`) [More 1978]: it depends neither on the unit of the parameter nor
+  /// on that of the cost. None: the cost's Gauss-Newton matrix was not known.
+  std::optional<double> relative;
+  /// Those of the constraints that are active, the larger ones first.
+  std::vector<Multiplier> multipliers;
+};
+
+}  // namespace tumbler
