@@ -137,6 +137,32 @@ std::string FeedbackText(const Primitive<float>& primitive) {
   return out;
 }
 
+const char* NameOf(AbortWay way) {
+  switch (way) {
+    case AbortWay::kCatch:
+      return "kCatch";
+    case AbortWay::kFold:
+      return "kFold";
+    case AbortWay::kRollOut:
+      return "kRollOut";
+    case AbortWay::kDamp:
+      return "kDamp";
+  }
+  throw std::invalid_argument("a span of the table of aborts has no way");
+}
+
+std::string AbortsText(const Primitive<float>& primitive) {
+  std::string out = fmt::format("  p.aborts.span_count = {};\n", primitive.aborts.span_count);
+  for (std::size_t i = 0; i < primitive.aborts.spans().size(); ++i) {
+    const AbortSpan<float>& span = primitive.aborts.span_storage[i];
+    out += fmt::format(
+        "  p.aborts.span_storage[{}] = {{{}, tumbler::AbortWay::{}, {}, {},\n      {}}};\n", i,
+        Exact(span.until_s), NameOf(span.way), Exact(span.late_max_s), Exact(span.limits_share),
+        List({span.position_rad.data(), primitive.motions().size()}));
+  }
+  return out;
+}
+
 std::string PrimitiveText(const Primitive<float>& primitive) {
   std::string out = "  tumbler::Primitive<float> p;\n";
   const auto line = [&out](auto format, const auto&... values) {
@@ -163,6 +189,7 @@ std::string PrimitiveText(const Primitive<float>& primitive) {
          Exact(limits.acceleration_max_rad_s2), Exact(limits.torque_max_nm));
   }
   if (primitive.feedback.present()) out += FeedbackText(primitive);
+  if (primitive.aborts.present()) out += AbortsText(primitive);
   return out + "  return p;\n";
 }
 

@@ -1,6 +1,8 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
+#include <cstdint>
 #include <span>
 
 #include "common/bspline.h"
@@ -88,6 +90,52 @@ struct Feedback {
   }
 };
 
+/// The most spans in a primitive's table of aborts.
+inline constexpr int kMaxAbortSpans = 8;
+
+/// What the joints do when a motion cannot simply go on.
+enum class AbortWay : std::uint8_t {
+  kCatch,    ///< They brake at their acceleration limits, and are held where they come to rest.
+  kFold,     ///< They go to a pose in which the robot lands softly, and are held there.
+  kRollOut,  ///< The motion goes on to its end as planned, and is held there.
+  kDamp,     ///< They only resist being moved, so that the robot sinks.
+};
+inline constexpr int kAbortWayCount = 4;
+
+/// A part of a motion's time in which one way to abort it hurts the robot least.
+template <typename Scalar>
+struct AbortSpan {
+  Scalar until_s =
+      0;  ///< Its end; the span before ends where it begins, and the first begins at 0.
+  AbortWay way = AbortWay::kCatch;
+  /// Of kRollOut: a motion that is later than this is damped instead.
+  Scalar late_max_s = 0;
+  /// Of kFold: the share of the limits of velocity and acceleration that the way to the pose may
+  /// use, above 0 and at most 1. What moves away from the pose, or too fast, brakes at the whole
+  /// limit.
+  Scalar limits_share = 0;
+  /// Of kFold: the pose, within the limits of position.
+  std::array<Scalar, kMaxJoints> position_rad{};
+};
+
+/// How a motion is aborted, by the time in it: found offline, by what becomes of the robot.
+template <typename Scalar>
+struct AbortTable {
+  int span_count = 0;                                          ///< 0: nothing is known.
+  std::array<AbortSpan<Scalar>, kMaxAbortSpans> span_storage;  ///< The last ends with the motion.
+
+  [[nodiscard]] constexpr bool present() const noexcept { return span_count > 0; }
+  [[nodiscard]] constexpr std::span<const AbortSpan<Scalar>> spans() const noexcept {
+    return {span_storage.data(), static_cast<std::size_t>(span_count)};
+  }
+  /// The span of a time; beyond the ends the first or last. @pre present()
+  [[nodiscard]] constexpr const AbortSpan<Scalar>& At(Scalar time_s) const noexcept {
+    const AbortSpan<Scalar>* found = span_storage.data();
+    for (int i = 1; i < span_count && time_s >= found->until_s; ++i) ++found;
+    return *found;
+  }
+};
+
 /// A motion primitive: one motion of the robot's actuated joints. The optimiser makes it, its file
 /// stores it, and the executor plays it.
 ///
@@ -116,6 +164,8 @@ struct Primitive {
   std::array<JointMotion<Scalar>, kMaxJoints> joints;
   /// How the joints answer what an inertial sensor measures, besides.
   Feedback<Scalar> feedback;
+  /// What the joints do when the motion has to be aborted.
+  AbortTable<Scalar> aborts;
 
   /// The joints in use.
   [[nodiscard]] std::span<const JointMotion<Scalar>> motions() const noexcept {

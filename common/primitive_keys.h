@@ -154,6 +154,61 @@ inline constexpr auto kLinkChainKeys = AllRequired(std::array{
         .Allowed("1, -1 or 0"),
 });
 
+/// A `[[abort]]` as the file has it.
+struct AbortEntry {
+  static constexpr std::array<std::string_view, kAbortWayCount> kWayNames = {"catch", "fold",
+                                                                             "roll-out", "damp"};
+  double from_s = 0;
+  double to_s = 0;
+  AbortWay way = AbortWay::kCatch;
+  double late_max_s = 0;
+  double limits_share = 0;
+  std::vector<double> joint_positions_rad;
+};
+inline constexpr auto kAbortKeys = AllRequired(std::array{
+    KeyOf<&AbortEntry::from_s>("from_s", Range::NonNegative(),
+                               "where a span of the motion's time begins")
+        .Allowed("0, then `to_s` of the span before"),
+    KeyOf<&AbortEntry::to_s>("to_s", Range::Positive(), "where it ends")
+        .Allowed("above `from_s`; of the last span `duration_s`"),
+    KeyOf<&AbortEntry::way>("way", AbortEntry::kWayNames,
+                            "what the joints do when the motion is [aborted](runtime.md#aborts) "
+                            "in this span"),
+});
+/// The key of a span with the way `roll-out`.
+inline constexpr auto kRollOutKeys = AllRequired(std::array{
+    KeyOf<&AbortEntry::late_max_s>(
+        "late_max_s", {0, 1}, "only with `roll-out`: a motion that is later is damped instead"),
+});
+/// Keys of a span with the way `fold`.
+inline constexpr auto kFoldKeys = AllRequired(std::array{
+    KeyOf<&AbortEntry::limits_share>("limits_share", {0, 1, true},
+                                     "only with `fold`: of the limits of velocity and "
+                                     "acceleration that the way to the pose may use"),
+    KeyOf<&AbortEntry::joint_positions_rad>(
+        "joint_positions_rad", "only with `fold`: the pose, in the order of the joints")
+        .Allowed("within the joints' limits"),
+});
+
+inline constexpr auto kAbortFigureKeys = AllRequired(std::array{
+    KeyOf<&AbortFigure::robots>("robots", {1, 1e6},
+                                "the model and others, for which the table of aborts was found "
+                                "(`tumbler-abort`); the table is left out where it was not"),
+    KeyOf<&AbortFigure::seed>("seed", Range::NonNegative(), "of the others"),
+    KeyOf<&AbortFigure::scale>("scale", {0, 10}, "of the spreads"),
+    KeyOf<&AbortFigure::spreads>("spreads", "in which they differ"),
+    KeyOf<&AbortFigure::drives_file>("drives_file", "a name for people; empty: the default drives"),
+    KeyOf<&AbortFigure::drives_hash>("drives_hash", "of that file; empty as `drives_file` is"),
+    KeyOf<&AbortFigure::impact_m_s>("impact_m_s", Range::NonNegative(),
+                                    "the hardest impact of an abort, root mean square over robots "
+                                    "and times"),
+    KeyOf<&AbortFigure::impact_max_m_s>("impact_max_m_s", Range::NonNegative(), "the largest"),
+    KeyOf<&AbortFigure::damped_impact_m_s>("damped_impact_m_s", Range::NonNegative(),
+                                           "the same where every abort is answered by damping"),
+    KeyOf<&AbortFigure::damped_impact_max_m_s>("damped_impact_max_m_s", Range::NonNegative(),
+                                               "likewise the largest"),
+});
+
 inline constexpr auto kPoseKeys = AllRequired(std::array{
     KeyOf<&PrimitivePose::root_x_m>("root_x_m", "of the root link's frame"),
     KeyOf<&PrimitivePose::root_z_m>("root_z_m", "of the root link's frame"),

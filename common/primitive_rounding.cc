@@ -115,6 +115,28 @@ Feedback<float> Rounded(const Primitive<double>& primitive) {
   return result;
 }
 
+AbortTable<float> RoundedAborts(const Primitive<double>& primitive) {
+  AbortTable<float> result;
+  float from_s = 0;
+  for (const AbortSpan<double>& span : primitive.aborts.spans()) {
+    AbortSpan<float>& rounded = result.span_storage[static_cast<std::size_t>(result.span_count++)];
+    rounded.until_s = Rounded(span.until_s);
+    rounded.way = span.way;
+    rounded.late_max_s = Rounded(span.late_max_s);
+    rounded.limits_share = Rounded(span.limits_share);
+    std::ranges::transform(span.position_rad, rounded.position_rad.begin(),
+                           [](double x) { return Rounded(x); });
+    if (!(rounded.until_s > from_s)) {
+      FailPart("the table of aborts",
+               fmt::format("span {} rounds to no time", result.span_count - 1));
+    }
+    if (span.way == AbortWay::kFold && !(rounded.limits_share > 0))
+      FailPart("the table of aborts", "a share of the limits rounds to zero");
+    from_s = rounded.until_s;
+  }
+  return result;
+}
+
 }  // namespace
 
 Primitive<float> ToRuntime(const Primitive<double>& primitive) {
@@ -160,6 +182,7 @@ Primitive<float> ToRuntime(const Primitive<double>& primitive) {
     }
   }
   result.feedback = Rounded(primitive);
+  result.aborts = RoundedAborts(primitive);
   return result;
 }
 

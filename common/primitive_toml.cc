@@ -261,6 +261,74 @@ void ReadFeedback(TomlTable table, PrimitiveFile& file) {
   for (std::size_t j = 0; j < joints; ++j) feedback.joints[j].chain = found->joints[j];
 }
 
+AbortSpan<double> ReadAbort(TomlTable& table, const Primitive<double>& primitive, double from_s) {
+  AbortEntry entry;
+  ReadKeys(table, kAbortKeys, entry);
+  if (entry.from_s != from_s) {
+    table.Fail("from_s", fmt::format("is {}; allowed: {}, where the span before ends",
+                                     ExactDecimal(entry.from_s), ExactDecimal(from_s)));
+  }
+  if (!(entry.to_s > from_s && entry.to_s <= primitive.duration_s)) {
+    table.Fail("to_s",
+               fmt::format("is {}; allowed: above from_s, which is {}, and up to duration_s, which "
+                           "is {}",
+                           ExactDecimal(entry.to_s), ExactDecimal(from_s),
+                           ExactDecimal(primitive.duration_s)));
+  }
+  AbortSpan<double> span;
+  span.until_s = entry.to_s;
+  span.way = entry.way;
+  if (entry.way == AbortWay::kRollOut) {
+    ReadKeys(table, kRollOutKeys, entry);
+    span.late_max_s = entry.late_max_s;
+  }
+  if (entry.way != AbortWay::kFold) return span;
+  ReadKeys(table, kFoldKeys, entry);
+  span.limits_share = entry.limits_share;
+  const auto joints = static_cast<std::size_t>(primitive.joint_count);
+  if (entry.joint_positions_rad.size() != joints) {
+    table.Fail("joint_positions_rad", fmt::format("holds {} numbers; expected {}",
+                                                  entry.joint_positions_rad.size(), joints));
+  }
+  for (std::size_t j = 0; j < joints; ++j) {
+    const Motion& motion = primitive.joints[j];
+    const double position = entry.joint_positions_rad[j];
+    if (position < motion.limits.position_min_rad || position > motion.limits.position_max_rad) {
+      table.Fail("joint_positions_rad",
+                 fmt::format("joint '{}' is at {} rad; allowed: {} ... {} rad (its limits)",
+                             motion.name.view(), ExactDecimal(position),
+                             MessageNumber(motion.limits.position_min_rad),
+                             MessageNumber(motion.limits.position_max_rad)));
+    }
+    span.position_rad[j] = position;
+  }
+  return span;
+}
+
+void ReadAborts(TomlTable& root, PrimitiveFile& file) {
+  Primitive<double>& primitive = file.primitive;
+  std::vector<TomlTable> tables = root.OptionalTables("abort");
+  if (tables.empty()) return;
+  if (std::optional<TomlTable> figure = root.OptionalTable("abort_figure"))
+    ReadKeys(*figure, kAbortFigureKeys, file.abort_figure.emplace());
+  if (tables.size() > kMaxAbortSpans) {
+    root.Fail("abort",
+              fmt::format("has {} entries; allowed: up to {}", tables.size(), kMaxAbortSpans));
+  }
+  AbortTable<double>& aborts = primitive.aborts;
+  double from_s = 0;
+  for (TomlTable& table : tables) {
+    const AbortSpan<double> span = ReadAbort(table, primitive, from_s);
+    from_s = span.until_s;
+    aborts.span_storage[static_cast<std::size_t>(aborts.span_count++)] = span;
+  }
+  if (from_s != primitive.duration_s) {
+    tables.back().Fail("to_s",
+                       fmt::format("is {}; the last span ends at duration_s, which is {}",
+                                   ExactDecimal(from_s), ExactDecimal(primitive.duration_s)));
+  }
+}
+
 PrimitivePose ReadPose(TomlTable table, const Primitive<double>& primitive, bool at_end) {
   PrimitivePose pose;
   ReadKeys(table, kPoseKeys, pose);
@@ -417,6 +485,7 @@ PrimitiveFile Read(TomlTable root, Derived derived = Derived::kChecked) {
   file.primitive = ReadMotions(root);
   if (std::optional<TomlTable> feedback = root.OptionalTable("feedback"))
     ReadFeedback(*feedback, file);
+  ReadAborts(root, file);
   if (std::optional<TomlTable> drives = root.OptionalTable("drives"))
     ReadKeys(*drives, kDriveGainsKeys, file.drives.emplace());
   file.entry = ReadPose(root.Table("entry"), file.primitive, false);
@@ -457,7 +526,8 @@ std::string SignEdited(std::string_view text, const std::string& name, const std
   file.certificate.position_margin_rad = margins.position_rad;
   file.certificate.velocity_margin_rad_s = margins.velocity_rad_s;
   file.certificate.acceleration_margin_rad_s2 = margins.acceleration_rad_s2;
-  file.robustness.clear();  // It was of another motion.
+  file.robustness.clear();    // It was of another motion,
+  file.abort_figure.reset();  // or of another table.
   Provenance& provenance = file.provenance;
   provenance.robot_hash = HashOfText(provenance.robot_urdf);
   provenance.task_hash = HashOfText(provenance.task_toml);
@@ -495,6 +565,10 @@ std::vector<KeyTable> PrimitiveKeyTables() {
                    RowsOf(kFeedbackAngleKeys, "`[feedback.angle]`"),
                    RowsOf(kJointFeedbackKeys, "`[[feedback.joint]]`"),
                    RowsOf(kLinkChainKeys, "`[[feedback.chain]]`"),
+                   RowsOf(kAbortKeys, "`[[abort]]`"),
+                   RowsOf(kRollOutKeys, "`[[abort]]`"),
+                   RowsOf(kFoldKeys, "`[[abort]]`"),
+                   RowsOf(kAbortFigureKeys, "`[abort_figure]`"),
                    RowsOf(kDriveGainsKeys, "`[drives]`"),
                    RowsOf(kPoseKeys, "`[entry]`, `[exit]`"),
                    RowsOf(kContactKeys, "`[[contact]]`"),

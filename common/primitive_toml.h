@@ -94,6 +94,21 @@ struct RobustnessFigure {
   std::string drives_hash;     ///< HashOfText of that file; empty when `drives_file` is.
 };
 
+/// How the table of aborts was found (`tumbler-abort`), and how hard the impacts were of the robots
+/// that it was found for.
+struct AbortFigure {
+  int robots = 1;                ///< The model and others.
+  std::uint64_t seed = 0;        ///< Of the others.
+  double scale = 1;              ///< Of all spreads.
+  std::string spreads;           ///< In which they differ: options with their values.
+  std::string drives_file;       ///< A name for people; empty: the default drives.
+  std::string drives_hash;       ///< HashOfText of that file; empty when `drives_file` is.
+  double impact_m_s = 0;         ///< The hardest impact: root mean square over robots and times.
+  double impact_max_m_s = 0;     ///< The largest.
+  double damped_impact_m_s = 0;  ///< The same where every abort is answered by damping.
+  double damped_impact_max_m_s = 0;  ///< Likewise.
+};
+
 /// The gains of every joint's drive, at the joint.
 struct DriveGains {
   double kp_nm_per_rad = 0;
@@ -146,6 +161,8 @@ struct PrimitiveFile {
   /// Of the drives through which the motion was found; none: for joints that are exactly on their
   /// paths. A simulation that is given no drives takes these.
   std::optional<DriveGains> drives;
+  /// Of the table of aborts; none: it was made otherwise, or there is none.
+  std::optional<AbortFigure> abort_figure;
   PrimitivePose entry;
   PrimitivePose exit;
   std::vector<ContactInterval> contacts;

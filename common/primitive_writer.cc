@@ -62,6 +62,28 @@ void WriteFeedback(TomlWriter& writer, const PrimitiveFile& file) {
   }
 }
 
+void WriteAborts(TomlWriter& writer, const PrimitiveFile& file) {
+  const Primitive<double>& primitive = file.primitive;
+  double from_s = 0;
+  for (const AbortSpan<double>& span : primitive.aborts.spans()) {
+    const auto& position = span.position_rad;
+    const AbortEntry entry = {from_s,
+                              span.until_s,
+                              span.way,
+                              span.late_max_s,
+                              span.limits_share,
+                              {position.begin(), position.begin() + primitive.joint_count}};
+    from_s = span.until_s;
+    writer.Line("\n[[abort]]");
+    WriteKeys(writer, kAbortKeys, entry);
+    if (span.way == AbortWay::kRollOut) WriteKeys(writer, kRollOutKeys, entry);
+    if (span.way == AbortWay::kFold) WriteKeys(writer, kFoldKeys, entry);
+  }
+  if (!primitive.aborts.present() || !file.abort_figure) return;
+  writer.Line("\n[abort_figure]");
+  WriteKeys(writer, kAbortFigureKeys, *file.abort_figure);
+}
+
 void WriteProvenance(TomlWriter& writer, const Provenance& provenance) {
   if (provenance.seed > static_cast<std::uint64_t>(std::numeric_limits<std::int64_t>::max())) {
     throw std::invalid_argument(
@@ -90,6 +112,7 @@ std::string WriteWith(const std::string& content_hash, const PrimitiveFile& file
   WriteKeys(writer, kPrimitiveKeys, file.primitive);
   for (const Motion& motion : file.primitive.motions()) WriteJoint(writer, motion);
   WriteFeedback(writer, file);
+  WriteAborts(writer, file);
   if (file.drives) {
     writer.Line("\n[drives]  # through which it was found");
     WriteKeys(writer, kDriveGainsKeys, *file.drives);
@@ -134,6 +157,10 @@ std::string ToToml(const PrimitiveFile& file) {
       file.primitive.feedback.knot_count > kMaxGainKnots) {
     throw std::invalid_argument(fmt::format("the feedback has {} knots; allowed: up to {}",
                                             file.primitive.feedback.knot_count, kMaxGainKnots));
+  }
+  if (file.primitive.aborts.span_count < 0 || file.primitive.aborts.span_count > kMaxAbortSpans) {
+    throw std::invalid_argument(fmt::format("the table of aborts has {} spans; allowed: up to {}",
+                                            file.primitive.aborts.span_count, kMaxAbortSpans));
   }
   std::string text = WriteWith(ContentHash(file), file);
   try {

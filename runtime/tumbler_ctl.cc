@@ -35,7 +35,8 @@ constexpr const char* kFooter =
   start         begin a run, where tumbler-run was started with --attended and waits for it
   branch NAME   take this branch of the sequence at the next chance
   finish        end at the next safe node, hold, torque off
-  stop          brake at once within the limits; the robot is then held where it would drop (tumbler-run --end)
+  stop          brake at once within the limits, or abort the motion as its file says; the robot is then held where it
+                would drop (tumbler-run --end)
   disarm        torque off at once, also of a robot that is held
   clear         forget latched faults, and let the drives forget theirs; only while disarmed
   status        what runs, once

@@ -47,12 +47,18 @@ constexpr std::array kCollapseKeys = {
         .Allowed("inside the limits of every primitive"),
 };
 
+/// The reactions that a file can ask for; the others only come of `abort`.
+constexpr auto kNames = [] {
+  std::array<std::string_view, kReactionCount - 2> names;
+  std::size_t count = 0;
+  for (const ReactionInfo& info : kReactionTable) {
+    if (info.reaction != Reaction::kRollOut && info.reaction != Reaction::kFold)
+      names[count++] = info.name;
+  }
+  return names;
+}();
+
 Reaction ReadReaction(TomlTable& table, std::string_view key) {
-  static constexpr auto kNames = [] {
-    std::array<std::string_view, kReactionCount> names;
-    for (std::size_t i = 0; i < kReactionCount; ++i) names[i] = kReactionTable[i].name;
-    return names;
-  }();
   const std::string name = table.Choice(key, kNames, "");
   for (const ReactionInfo& info : kReactionTable) {
     if (name == info.name) return info.reaction;
@@ -63,6 +69,8 @@ Reaction ReadReaction(TomlTable& table, std::string_view key) {
 void SetOne(TomlTable& table, std::string_view key, Fault fault, ExecutorState state,
             Reaction reaction, FaultTable& reactions) {
   if (reactions.Set(fault, state, reaction)) return;
+  if (reaction == Reaction::kAbort)
+    table.Fail(key, "is abort; that is for the state running alone: { running = \"abort\" }");
   table.Fail(key, reaction == Reaction::kIgnore
                       ? std::string("is ignore; a stop of the operator is never ignored")
                       : fmt::format("is {}; while {} allowed: ignore, disable", ToString(reaction),
@@ -126,7 +134,7 @@ std::string FaultsKey(std::string_view name) {
 
 std::vector<KeyTable> FaultsKeyTables() {
   std::string reactions;
-  for (const ReactionInfo& info : kReactionTable) reactions += fmt::format("`\"{}\"`, ", info.name);
+  for (const std::string_view name : kNames) reactions += fmt::format("`\"{}\"`, ", name);
   const KeyRow reaction{"`[reactions]`", "FAULT", "see there",
                         reactions + "or a table of state and reaction",
                         "a reaction alone holds in every state"};

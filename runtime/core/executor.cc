@@ -187,9 +187,9 @@ void Executor::Enter(ExecutorState state) noexcept {
   if (state == ExecutorState::kRunning || state == ExecutorState::kArming) primitive_time_s_ = 0;
   starts_ = state == ExecutorState::kRunning;
   if (state == ExecutorState::kDisarmed) {
-    reaction_ = Reaction::kIgnore;
     lowering_ = false;
     lowering_ticks_ = 0;
+    React(Reaction::kIgnore);
     for (Joint& joint : joints()) {
       if (!joint.was_enabled) continue;
       joint.left_rad = joint.commanded.position_rad;
@@ -327,9 +327,16 @@ void Executor::Advance(const TickRecord& record) noexcept {
     case ExecutorState::kStopping:
       if (at_rest()) Enter(ExecutorState::kHolding);
       break;
+    case ExecutorState::kFault:
+      // A motion that was rolled out is held like one that has settled.
+      if (reaction_ == Reaction::kRollOut && ticks_in_state_ >= run_ticks_ && reached()) {
+        cycles_done_ += graph_.node(node_).ends_cycle ? 1 : 0;
+        keep_torque_ = true;
+        React(Reaction::kHold);
+      }
+      break;
     case ExecutorState::kDisarmed:
     case ExecutorState::kHolding:
-    case ExecutorState::kFault:
       break;
   }
 }

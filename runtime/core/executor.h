@@ -123,10 +123,16 @@ class Executor {
 
   // Faults: executor_faults.cc.
   void DetectFaults(const TickInput& input, std::int64_t elapsed) noexcept;
+  void DetectLateTick(std::int64_t missed) noexcept;
+  void DetectStaleReply(int index) noexcept;
   void DetectLinkFaults(const TickInput& input) noexcept;
   void DetectDriveFaults(int index) noexcept;
   void NoteForeignCommand(const CanFrame& frame) noexcept;
   void Latch(Fault fault, int joint, DetailNumber value, DetailNumber limit) noexcept;
+  [[nodiscard]] Reaction ReactionTo(Fault fault, std::int64_t late_ticks = 0) const noexcept;
+  [[nodiscard]] bool IsTooLate(const AbortSpan<float>& span,
+                               std::int64_t late_ticks) const noexcept;
+  void React(Reaction reaction) noexcept;
 
   // Commands: executor_commands.cc.
   void Obey(const TickInput& input) noexcept;
@@ -145,7 +151,7 @@ class Executor {
   void PlanMove(TickRecord& record) noexcept;
   void PlanRun(TickRecord& record) noexcept;
   void PlanBrake(int elapsed, TickRecord& record) noexcept;
-  void PlanCollapse(int elapsed, TickRecord& record) noexcept;
+  void PlanFold(int elapsed, std::span<const float> pose, float share, TickRecord& record) noexcept;
 
   // Feedback: executor_feedback.cc. Only with a sensor.
   void SetFeedback() noexcept;
@@ -177,6 +183,9 @@ class Executor {
   int lowering_ticks_ = 0;    ///< For how long.
   bool keep_torque_ = false;  ///< Whether a hold keeps the last feed-forward of the primitive.
   Reaction reaction_ = Reaction::kIgnore;
+  bool follows_ = true;  ///< Whether joints have to follow their setpoints, once armed.
+  const AbortSpan<float>* abort_ = nullptr;  ///< Of the time in the primitive when a fault began.
+  std::int64_t late_ticks_ = 0;              ///< Missed then, and while the motion is rolled out.
   int foreign_joint_ = -1;  ///< Whose drive somebody else has commanded since the last tick; or -1.
   std::uint32_t foreign_id_ = 0;  ///< Of that frame.
   std::uint32_t faults_ = 0;

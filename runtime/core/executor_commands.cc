@@ -52,7 +52,7 @@ void Executor::Obey(const TickInput& input) noexcept {
           state_ == ExecutorState::kStopping) {
         return;  // Nothing moves, but a stop is never refused.
       }
-      const Reaction reaction = config_.reactions(Fault::kOperatorStop, state_);
+      const Reaction reaction = ReactionTo(Fault::kOperatorStop);
       const bool plain = reaction == Reaction::kHold && state_ != ExecutorState::kFault;
       if (plain) {
         Enter(ExecutorState::kStopping);
@@ -85,13 +85,14 @@ void Executor::Obey(const TickInput& input) noexcept {
       if (state_ != ExecutorState::kHolding && state_ != ExecutorState::kFault)
         return refuse(Refusal::kWrongState);
       lowering_ = true;
+      React(reaction_);
       return;
     case OperatorCommand::kGoHome:
       refusal_ = CheckGoHome();
       if (refusal_.refusal != Refusal::kNone) return;
       earlier_faults_ |= faults_;
       faults_ = 0;
-      reaction_ = Reaction::kIgnore;
+      React(Reaction::kIgnore);
       finish_ = true;
       for (Joint& joint : joints()) joint.replies.ForgetSequenceErrors();
       Enter(ExecutorState::kSettling);

@@ -64,10 +64,11 @@ bool IsValid(const JointMotion<float>& motion, const ExecutorConfig& config) noe
         IsPositive(limits.torque_max_nm))) {
     return false;
   }
-  const auto start = motion.position.Evaluate(motion.position.start_s());
-  return Magnitude(start.first) * config.speed <=
-             limits.acceleration_max_rad_s2 * config.period_s &&
-         InRange(start.value, limits.position_min_rad, limits.position_max_rad);
+  // The path is clamped: it begins with its first control points.
+  const float start = motion.position.control_points(0)[0];
+  const float start_rate = motion.position.control_points(1)[0];
+  return Magnitude(start_rate) * config.speed <= limits.acceleration_max_rad_s2 * config.period_s &&
+         InRange(start, limits.position_min_rad, limits.position_max_rad);
 }
 
 // Whether the pose of kCollapse is within the limits of every path that its joints may follow.
@@ -109,6 +110,25 @@ bool IsValid(const Feedback<float>& feedback, const Primitive<float>& primitive)
   return true;
 }
 
+bool IsValid(const AbortTable<float>& aborts, const Primitive<float>& primitive) noexcept {
+  if (aborts.span_count < 0 || aborts.span_count > kMaxAbortSpans) return false;
+  float from_s = 0;
+  for (const AbortSpan<float>& span : aborts.spans()) {
+    if (!(span.until_s > from_s) || span.way > AbortWay::kDamp) return false;
+    from_s = span.until_s;
+    if (span.way == AbortWay::kRollOut && !InRange(span.late_max_s, 0, 1e4F)) return false;
+    if (span.way != AbortWay::kFold) continue;
+    if (!IsPositive(span.limits_share) || span.limits_share > 1) return false;
+    for (int j = 0; j < primitive.joint_count; ++j) {
+      const auto index = static_cast<std::size_t>(j);
+      const JointLimits<float>& limits = primitive.joints[index].limits;
+      if (!InRange(span.position_rad[index], limits.position_min_rad, limits.position_max_rad))
+        return false;
+    }
+  }
+  return !aborts.present() || from_s == primitive.duration_s;
+}
+
 bool IsValid(const Primitive<float>& primitive, const ExecutorConfig& config) noexcept {
   if (!IsPositive(primitive.duration_s) || primitive.duration_s > 1e4F ||
       !InRange(primitive.settle_s, 0, 1e6F) || !IsPositive(primitive.entry_tolerance_rad) ||
@@ -132,7 +152,8 @@ bool IsPlayable(const ExecutorConfig& config, const SequenceGraph<float>& graph,
   }
   return std::ranges::all_of(primitives, [&](const Primitive<float>& primitive) {
     return primitive.joint_count == joint_count && IsValid(primitive, config) &&
-           IsValid(primitive.feedback, primitive) && IsValid(config.collapse, primitive);
+           IsValid(primitive.feedback, primitive) && IsValid(primitive.aborts, primitive) &&
+           IsValid(config.collapse, primitive);
   });
 }
 

@@ -8,6 +8,9 @@
 namespace tumbler {
 namespace {
 
+/// A drive that has been silent for so many times the age of a stale reply is none that obeys.
+constexpr int kSilence = 5;
+
 bool IsLinkUp(Status status) noexcept {
   return status == Status::kOk || status == Status::kWouldBlock;
 }
@@ -16,8 +19,7 @@ bool IsLinkUp(Status status) noexcept {
 
 void Executor::DetectFaults(const TickInput& input, std::int64_t elapsed) noexcept {
   if (elapsed < 1 || elapsed > 1 + static_cast<std::int64_t>(config_.late_ticks_max)) {
-    Latch(Fault::kLateTick, -1, DetailNumber::Integer(elapsed - 1),
-          DetailNumber::Integer(config_.late_ticks_max));
+    DetectLateTick(elapsed - 1);
   }
   if (input.send_status != Status::kOk || !IsLinkUp(input.receive_status) ||
       input.controller >= CanControllerState::kErrorPassive) {
@@ -31,8 +33,7 @@ void Executor::DetectFaults(const TickInput& input, std::int64_t elapsed) noexce
           DetailNumber::Integer(static_cast<std::int64_t>(sensor_watch_.status())), {});
   }
   // All checks of a tick see the same reaction. A fault found now changes it for the next tick.
-  const bool follows =
-      state_ != ExecutorState::kArming && reaction_ <= Reaction::kHold && !lowering_;
+  const bool follows = state_ != ExecutorState::kArming && follows_;
   const float following_tolerance_rad = primitive_->following_tolerance_rad;
   for (int i = 0; i < joint_count_; ++i) {
     const auto index = static_cast<std::size_t>(i);
@@ -47,10 +48,7 @@ void Executor::DetectFaults(const TickInput& input, std::int64_t elapsed) noexce
             DetailNumber::Integer(config_.sequence_errors_max));
     }
     if (joint.replies.age_ticks() != 0) {
-      if (joint.replies.age_ticks() > config_.stale_ticks_max) {
-        Latch(Fault::kStaleReply, i, DetailNumber::Integer(joint.replies.age_ticks()),
-              DetailNumber::Integer(config_.stale_ticks_max));
-      }
+      if (joint.replies.age_ticks() > config_.stale_ticks_max) DetectStaleReply(i);
       continue;
     }
     if (!joint.IsMeasuredFinite()) {
@@ -69,6 +67,25 @@ void Executor::DetectFaults(const TickInput& input, std::int64_t elapsed) noexce
             DetailNumber::Real(following_tolerance_rad));
     }
   }
+}
+
+void Executor::DetectLateTick(std::int64_t missed) noexcept {
+  // A motion that is already rolled out becomes later still.
+  if (reaction_ == Reaction::kRollOut) {
+    late_ticks_ += missed;
+    if (IsTooLate(*abort_, late_ticks_)) React(Reaction::kDamp);
+  }
+  Latch(Fault::kLateTick, -1, DetailNumber::Integer(missed),
+        DetailNumber::Integer(config_.late_ticks_max));
+}
+
+void Executor::DetectStaleReply(int index) noexcept {
+  const int age_ticks = joints_[static_cast<std::size_t>(index)].replies.age_ticks();
+  Latch(Fault::kStaleReply, index, DetailNumber::Integer(age_ticks),
+        DetailNumber::Integer(config_.stale_ticks_max));
+  // What an abort counts on is that the drives obey.
+  const bool aborts = reaction_ == Reaction::kRollOut || reaction_ == Reaction::kFold;
+  if (aborts && age_ticks > kSilence * config_.stale_ticks_max) React(Reaction::kDamp);
 }
 
 void Executor::DetectLinkFaults(const TickInput& input) noexcept {
@@ -117,18 +134,62 @@ void Executor::NoteForeignCommand(const CanFrame& frame) noexcept {
   }
 }
 
-void Executor::Latch(Fault fault, int joint, DetailNumber value, DetailNumber limit) noexcept {
+// Not in its many callers: a healthy tick does not come here.
+[[gnu::noinline]] void Executor::Latch(Fault fault, int joint, DetailNumber value,
+                                       DetailNumber limit) noexcept {
   const std::uint32_t bit = 1U << static_cast<unsigned>(fault);
   // A latched fault has been answered. Only another fault can make the reaction stronger.
   if ((faults_ & bit) != 0) return;
-  const Reaction reaction = config_.reactions(fault, state_);
+  const std::int64_t late_ticks = fault == Fault::kLateTick ? value.integer() : 0;
+  const Reaction reaction = ReactionTo(fault, late_ticks);
   if (reaction == Reaction::kIgnore) return;
   faults_ |= bit;
   if (first_fault_.fault == Fault::kNone) {
     first_fault_ = {tick_, value, limit, fault, static_cast<std::int8_t>(joint), state_, reaction};
   }
-  reaction_ = std::max(reaction_, reaction);
-  if (state_ != ExecutorState::kFault) Enter(ExecutorState::kFault);
+  React(Stronger(reaction_, reaction));
+  if (state_ == ExecutorState::kFault) return;
+  abort_ = &primitive_->aborts.At(primitive_time_s_);
+  late_ticks_ = late_ticks;
+  const std::int64_t ticks = ticks_in_state_;
+  const bool starts = starts_;
+  Enter(ExecutorState::kFault);
+  if (reaction == Reaction::kRollOut) {  // The motion's time goes on.
+    ticks_in_state_ = ticks;
+    starts_ = starts;
+  }
+}
+
+/// What a fault that is found now is answered with.
+/// @param late_ticks  by how much this tick is late.
+Reaction Executor::ReactionTo(Fault fault, std::int64_t late_ticks) const noexcept {
+  const Reaction reaction = config_.reactions(fault, state_);
+  if (reaction != Reaction::kAbort) return reaction;
+  // Tables are found for the motion's own speed.
+  if (!primitive_->aborts.present() || config_.speed != 1)
+    return fault == Fault::kOperatorStop ? Reaction::kHold : Reaction::kDamp;
+  const AbortSpan<float>& span = primitive_->aborts.At(primitive_time_s_);
+  switch (span.way) {
+    case AbortWay::kCatch:
+      return Reaction::kHold;
+    case AbortWay::kFold:
+      return Reaction::kFold;
+    case AbortWay::kRollOut:
+      return IsTooLate(span, late_ticks) ? Reaction::kDamp : Reaction::kRollOut;
+    case AbortWay::kDamp:
+      break;
+  }
+  return Reaction::kDamp;
+}
+
+/// Whether a motion is too late to be rolled out.
+bool Executor::IsTooLate(const AbortSpan<float>& span, std::int64_t late_ticks) const noexcept {
+  return late_ticks > CeilTicks(span.late_max_s / config_.period_s);
+}
+
+void Executor::React(Reaction reaction) noexcept {
+  reaction_ = reaction;
+  follows_ = KeepsGains(reaction) && !lowering_;
 }
 
 }  // namespace tumbler

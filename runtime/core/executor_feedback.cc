@@ -76,7 +76,7 @@ void Executor::Fade(bool moving, float time_s) noexcept {
 }
 
 void Executor::Correct(int elapsed, TickRecord& record) noexcept {
-  const bool moving = state_ == ExecutorState::kRunning;
+  const bool moving = state_ == ExecutorState::kRunning || reaction_ == Reaction::kRollOut;
   // A hold after a motion keeps its feedback as it keeps its feed-forward.
   const bool holds = corrects_ && keep_torque_ && reaction_ <= Reaction::kHold && !lowering_ &&
                      state_ != ExecutorState::kDisarmed;

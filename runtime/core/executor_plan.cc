@@ -36,16 +36,23 @@ void Executor::Plan(int elapsed, TickRecord& record) noexcept {
       return PlanArming(record);
     case ExecutorState::kMovingToStart:
       return PlanMove(record);
-    case ExecutorState::kRunning:
-      return PlanRun(record);
     case ExecutorState::kHolding:
     case ExecutorState::kSettling:
     case ExecutorState::kStopping:
       return PlanBrake(elapsed, record);
     case ExecutorState::kFault:
-      PlanBrake(elapsed, record);
-      if (reaction_ == Reaction::kCollapse) PlanCollapse(elapsed, record);
-      return;
+      if (reaction_ != Reaction::kRollOut) {
+        PlanBrake(elapsed, record);
+        if (reaction_ == Reaction::kCollapse) {
+          PlanFold(elapsed, config_.collapse.position_rad, config_.move_fraction, record);
+        } else if (reaction_ == Reaction::kFold) {
+          PlanFold(elapsed, abort_->position_rad, abort_->limits_share, record);
+        }
+        return;
+      }
+      [[fallthrough]];
+    case ExecutorState::kRunning:
+      return PlanRun(record);
   }
 }
 
@@ -129,10 +136,11 @@ void Executor::PlanBrake(int elapsed, TickRecord& record) noexcept {
   }
 }
 
-// Plans the way to the pose from any position and velocity. The joint goes no faster than the
-// velocity from which gentle braking still ends at the pose. Where it is faster, it brakes as hard
-// as it has to.
-void Executor::PlanCollapse(int elapsed, TickRecord& record) noexcept {
+// Plans the way to a pose of roles from any position and velocity, with a share of the limits. The
+// joint goes no faster than the velocity from which gentle braking still ends at the pose. Where it
+// is faster, it brakes as hard as it has to.
+void Executor::PlanFold(int elapsed, std::span<const float> pose, float share,
+                        TickRecord& record) noexcept {
   constexpr float kArrived_rad = 1e-5F;
   const float time_s = static_cast<float>(elapsed) * config_.period_s;
   for (int i = 0; i < joint_count_; ++i) {
@@ -141,16 +149,17 @@ void Executor::PlanCollapse(int elapsed, TickRecord& record) noexcept {
     JointSetpoint& planned = record.joints[index].planned;
     planned.torque_nm = 0;
     // For a drive without torque nothing is planned: once enabled, it would jump to where the plan
-    // has got to.
-    if (joint.drive_state != DriveState::kEnabled) continue;
+    // has got to. A drive whose heartbeat is missing may well have torque.
+    if (joint.drive_state != DriveState::kEnabled && joint.drive_state != DriveState::kLost)
+      continue;
     const auto role = static_cast<std::size_t>(graph_.RoleOf(node_, i));
-    const float target = config_.collapse.position_rad[role];
+    const float target = pose[role];
     const JointSetpoint& last = joint.commanded;
     const float way = target - last.position_rad;
-    const float gentle = config_.move_fraction * joint.acceleration_max_rad_s2;
+    const float gentle = share * joint.acceleration_max_rad_s2;
     const float fastest =
-        std::min({config_.move_fraction * joint.limits.velocity_max_rad_s,
-                  std::sqrt(2 * gentle * Magnitude(way)), Magnitude(way) / time_s});
+        std::min({share * joint.limits.velocity_max_rad_s, std::sqrt(2 * gentle * Magnitude(way)),
+                  Magnitude(way) / time_s});
     const float wanted = way < 0 ? -fastest : fastest;
     const float change = wanted - last.velocity_rad_s;
     const bool brakes = change * last.velocity_rad_s < 0;

@@ -20,7 +20,19 @@ const char* NameAt(const std::array<const char*, kCount>& names, std::size_t i,
 
 constexpr auto kStateNames = NamesOf<kExecutorStateCount>(kStateTable);
 constexpr auto kFaultNames = NamesOf<kFaultCount>(kFaultTable);
-constexpr auto kReactionNames = NamesOf<kReactionCount>(kReactionTable);
+constexpr auto kReactionNames = [] {
+  std::array<const char*, kReactionCount> names{};
+  for (const ReactionInfo& info : kReactionTable)
+    names[static_cast<std::size_t>(info.reaction)] = info.name;
+  return names;
+}();
+constexpr auto kStrengths = [] {
+  std::array<std::uint8_t, kReactionCount> strengths{};
+  std::uint8_t place = 0;
+  for (const ReactionInfo& info : kReactionTable)
+    strengths[static_cast<std::size_t>(info.reaction)] = place++;
+  return strengths;
+}();
 
 constexpr auto kDefaults = [] {
   std::array<std::array<Reaction, kExecutorStateCount>, kFaultCount> reactions{};
@@ -36,12 +48,18 @@ constexpr bool IsInOrder() {
   for (std::size_t i = 0; i < kExecutorStateCount; ++i) {
     if (static_cast<std::size_t>(kStateTable[i].state) != i) return false;
   }
-  for (std::size_t i = 0; i < kReactionCount; ++i) {
-    if (static_cast<std::size_t>(kReactionTable[i].reaction) != i) return false;
-  }
   return true;
 }
 static_assert(IsInOrder());
+
+// Whether every reaction has a row.
+constexpr bool HasEveryReaction() {
+  for (const char* const name : kReactionNames) {
+    if (name == nullptr) return false;
+  }
+  return true;
+}
+static_assert(HasEveryReaction());
 
 }  // namespace
 
@@ -57,6 +75,10 @@ const char* ToString(Reaction reaction) noexcept {
   return NameAt(kReactionNames, static_cast<std::size_t>(reaction), "unknown reaction");
 }
 
+Reaction Stronger(Reaction a, Reaction b) noexcept {
+  return kStrengths[static_cast<std::size_t>(a)] < kStrengths[static_cast<std::size_t>(b)] ? b : a;
+}
+
 FaultTable::FaultTable() noexcept : reactions_(kDefaults) {}
 
 bool FaultTable::IsAllowed(Fault fault, ExecutorState state, Reaction reaction) noexcept {
@@ -64,6 +86,8 @@ bool FaultTable::IsAllowed(Fault fault, ExecutorState state, Reaction reaction) 
     return reaction == Reaction::kIgnore;
   }
   if (reaction == Reaction::kIgnore) return fault != Fault::kOperatorStop;
+  if (reaction == Reaction::kRollOut || reaction == Reaction::kFold) return false;
+  if (reaction == Reaction::kAbort) return state == ExecutorState::kRunning;
   return state != ExecutorState::kArming || reaction == Reaction::kDisable;
 }
 

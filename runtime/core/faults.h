@@ -49,15 +49,41 @@ enum class Fault : std::uint8_t {
 };
 inline constexpr std::size_t kFaultCount = 20;  ///< Including kNone.
 
-/// The answers to a fault, mildest first.
+/// The answers to a fault. The numbers are those of messages and flight records; `kReactionTable`
+/// has them in the order of their strength.
 enum class Reaction : std::uint8_t {
   kIgnore,    ///< Nothing; the fault is not even latched.
   kHold,      ///< Brake within the acceleration limits and hold.
   kCollapse,  ///< Brake, and fold into the configured pose, slowly and softly.
   kDamp,      ///< Resist motion only, so that the robot sinks rather than drops.
   kDisable,   ///< Torque off.
+  kRollOut,   ///< Go on with the motion to its end.
+  kFold,      ///< Fold into the pose of the motion's table of aborts.
+  /// As that table says of the time: kHold, kRollOut, kFold or kDamp. Only entries of `FaultTable`
+  /// have this value; what is carried out is one of the others.
+  kAbort,
 };
-inline constexpr std::size_t kReactionCount = 5;
+inline constexpr std::size_t kReactionCount = 8;
+
+/// Whether joints are moved or held with their normal gains, so that they have to follow.
+[[nodiscard]] constexpr bool KeepsGains(Reaction reaction) noexcept {
+  return reaction == Reaction::kIgnore || reaction == Reaction::kHold ||
+         reaction == Reaction::kRollOut || reaction == Reaction::kFold;
+}
+/// Whether setpoints of position take effect in this state, under the reaction that is carried out
+/// in kFault: not without torque, while drives start up, and under damping.
+[[nodiscard]] constexpr bool ControlsPosition(ExecutorState state, Reaction reaction) noexcept {
+  const bool loose = reaction == Reaction::kDamp || reaction == Reaction::kDisable;
+  return state != ExecutorState::kDisarmed && state != ExecutorState::kArming &&
+         !(state == ExecutorState::kFault && loose);
+}
+/// Whether the setpoints are those of a primitive's motion.
+[[nodiscard]] constexpr bool PlaysMotion(ExecutorState state, Reaction reaction) noexcept {
+  return state == ExecutorState::kRunning ||
+         (state == ExecutorState::kFault && reaction == Reaction::kRollOut);
+}
+/// The stronger of two reactions.
+[[nodiscard]] Reaction Stronger(Reaction a, Reaction b) noexcept;
 
 /// Texts for messages and logs, e.g. `following error`; string literals.
 [[nodiscard]] const char* ToString(ExecutorState state) noexcept;
@@ -132,9 +158,17 @@ inline constexpr std::array<TransitionInfo, 13> kTransitionTable{{
      "`kGoHome`, unless refused: the reaction is hold, in the pose of a node's end"},
 }};
 
+/// Mildest first; last the one that stands for another.
 inline constexpr std::array<ReactionInfo, kReactionCount> kReactionTable{{
     {Reaction::kIgnore, "ignore", "nothing; the fault is not latched"},
     {Reaction::kHold, "hold", "brakes at the acceleration limit and holds, with the normal gains"},
+    {Reaction::kRollOut, "roll out",
+     "the motion as planned, to its end, and then *hold* with the feed-forward there; only by "
+     "*abort*"},
+    {Reaction::kFold, "fold",
+     "goes to the pose of the motion's table of aborts and holds there, within a share of the "
+     "limits of velocity and acceleration, with the normal gains and no feed-forward; only by "
+     "*abort*"},
     {Reaction::kCollapse, "collapse",
      "brakes, folds slowly into the configured pose and stays there, with reduced stiffness and no "
      "feed-forward"},
@@ -142,9 +176,13 @@ inline constexpr std::array<ReactionInfo, kReactionCount> kReactionTable{{
      "kp = 0, no feed-forward, velocity 0 and kd = `damping_nm_s_per_rad`: the robot sinks rather "
      "than drops"},
     {Reaction::kDisable, "disable", "torque off"},
+    {Reaction::kAbort, "abort",
+     "as the motion's [table of aborts](#aborts) says of the time: *hold* (catch), *roll out*, "
+     "*fold* or *damp*"},
 }};
 
 namespace fault_table_detail {  // so that rows are short enough to be read
+inline constexpr Reaction A = Reaction::kAbort;
 inline constexpr Reaction I = Reaction::kIgnore;
 inline constexpr Reaction H = Reaction::kHold;
 inline constexpr Reaction D = Reaction::kDamp;
@@ -155,12 +193,12 @@ inline constexpr std::array<FaultInfo, kFaultCount> kFaults{{
     // reactions: disarmed, arming, holding, moving to start, running, settling, stopping, fault
     {Fault::kNone, "none", "", "", "", {I, I, I, I, I, I, I, I}, ""},
     {Fault::kStaleReply, "stale reply", "a drive has sent no measured position for too long",
-     "ticks", "stale_ticks_max", {I, X, H, H, D, H, H, D},
-     "at rest the last setpoint is still right; in mid-swing nobody knows where the joint is"},
+     "ticks", "stale_ticks_max", {I, X, H, H, A, H, H, D},
+     "at rest the last setpoint is still right; in mid-swing a pause of replies is no dead drive yet"},
     {Fault::kWrongSequence, "wrong sequence",
      "more replies come than are owed by the last `stale_ticks_max` ticks: a count that such a tick "
      "raises by 2 and any other with replies lowers by 1",
-     "count", "sequence_errors_max", {I, X, H, H, D, H, H, D}, "as a stale reply: what is measured is not from now"},
+     "count", "sequence_errors_max", {I, X, H, H, A, H, H, D}, "as a stale reply: what is measured is not from now"},
     {Fault::kFollowingError, "following error",
      "measured less setpoint exceeds the primitive's following tolerance", "rad", "",
      {I, X, D, D, D, D, D, D}, "something gives way or has been hit; do not push on"},
@@ -169,7 +207,7 @@ inline constexpr std::array<FaultInfo, kFaultCount> kFaults{{
      {I, X, D, D, D, D, D, D}, "one motor is gone; holding with the other would twist the robot"},
     {Fault::kHeartbeatLost, "heartbeat lost",
      "a drive's own heartbeat has stopped (CANSimple, CiA 402): whether it is enabled is not known",
-     "ticks", "", {I, X, H, H, D, H, H, D}, "as a stale reply"},
+     "ticks", "", {I, X, H, H, A, H, H, D}, "as a stale reply"},
     {Fault::kOverTemperature, "over-temperature", "a drive is hotter than its `temperature_max_c`",
      "degrees C", "", {I, X, D, D, D, D, D, D}, "holding would go on heating"},
     {Fault::kBusOff, "bus-off", "the controller has left the bus, in sending or receiving",
@@ -189,10 +227,10 @@ inline constexpr std::array<FaultInfo, kFaultCount> kFaults{{
      {I, X, X, X, X, X, X, X}, "a setpoint that waits in a queue would snap the joint when the bus comes back"},
     {Fault::kLateTick, "late tick",
      "too many periods were missed, or the tick number did not grow", "ticks", "late_ticks_max",
-     {I, X, H, H, D, H, H, H}, "in mid-swing the motion cannot be taken up again"},
+     {I, X, H, H, A, H, H, H}, "the drives obey, but the motion is late: what hurts least depends on the time"},
     {Fault::kOperatorStop, "operator stop",
      "`kStop`, where its reaction is not hold (hold is the state stopping, and not latched)", "", "",
-     {I, X, H, H, H, H, H, H}, "braking within the limits is what the operator expects everywhere"},
+     {I, X, H, H, A, H, H, H}, "braking within the limits is what the operator expects, but in mid-swing it may fell the robot"},
     {Fault::kNonFinite, "non-finite value", "a measurement or a setpoint is NaN or infinite",
      "the position", "", {I, X, D, D, D, D, D, D}, "nothing can be followed that is not a number"},
     {Fault::kArmingTimeout, "arming timeout", "a drive is not enabled in time", "ticks",
@@ -218,7 +256,8 @@ inline constexpr const std::array<FaultInfo, kFaultCount>& kFaultTable =
 ///
 /// The defaults follow three rules. While disarmed nothing is driven, so nothing is a fault, and
 /// arming checks everything. A robot at rest or in a slow move holds, but one in mid-swing must not
-/// be frozen there, so it is damped. Where frames may arrive late or not at all, the only order
+/// be frozen there: where its drives still obey, the motion's table of aborts says what hurts least
+/// (kAbort), and else it is damped. Where frames may arrive late or not at all, the only order
 /// worth sending is torque off.
 class FaultTable {
  public:
@@ -230,6 +269,7 @@ class FaultTable {
 
   /// Whether `Set` takes this entry. While disarmed nothing is a fault. While arming no drive is
   /// driven yet, so the reaction is kIgnore or kDisable. A stop of the operator is never ignored.
+  /// kAbort is for kRunning alone; kRollOut and kFold only come of it.
   [[nodiscard]] static bool IsAllowed(Fault fault, ExecutorState state, Reaction reaction) noexcept;
   /// Changes one entry. @returns false, having changed nothing, unless `IsAllowed`.
   bool Set(Fault fault, ExecutorState state, Reaction reaction) noexcept;
@@ -293,7 +333,7 @@ struct FaultDetail {
   Fault fault = Fault::kNone;
   std::int8_t joint = -1;  ///< Index of the joint; -1 when the fault concerns all of them.
   ExecutorState state = ExecutorState::kDisarmed;  ///< The state in which it happened.
-  Reaction reaction = Reaction::kIgnore;           ///< The reaction that the table asked for.
+  Reaction reaction = Reaction::kIgnore;  ///< That the table asked for; of kAbort, what it was.
 };
 
 }  // namespace tumbler

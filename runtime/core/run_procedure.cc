@@ -20,7 +20,7 @@ bool IsHeld(const TickRecord& last, std::int64_t age_ticks_max) noexcept {
     if (joint.drive_state != DriveState::kEnabled || joint.reply_age_ticks > age_ticks_max)
       return false;
   }
-  return last.reaction <= Reaction::kHold;
+  return KeepsGains(last.reaction);
 }
 
 /// Whether it may pass within a moment that a run cannot begin: the robot or its joints still move,
@@ -206,8 +206,12 @@ OperatorCommand RunProcedure::GoOn(const TickRecord& last) noexcept {
         return LetDown(outcome_, last);
       return OperatorCommand::kNone;
     case Phase::kFault:
+      // What is done after a fault comes after the motion that is rolled out.
+      if (last.reaction == Reaction::kRollOut) ticks_ = 0;
       if (ticks_ < config_.fault_ticks) return OperatorCommand::kNone;
-      if (config_.go_home && !homed_ && !stands_ && last.reaction == Reaction::kHold) {
+      // After a stop of the operator nothing moves any more.
+      if (config_.go_home && !homed_ && !stands_ && last.reaction == Reaction::kHold &&
+          HasFailed(last)) {
         homed_ = true;
         return Go(Phase::kHome, OperatorCommand::kGoHome);
       }

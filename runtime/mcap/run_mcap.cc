@@ -22,10 +22,8 @@ constexpr SceneColor kPlannedColor{0.45, 0.45, 0.45, 0.35};
 
 /// Whether setpoints of position take effect in this tick.
 bool IsControlled(const state_t& state) {
-  const auto executor = static_cast<ExecutorState>(state.state);
-  return executor != ExecutorState::kDisarmed && executor != ExecutorState::kArming &&
-         !(executor == ExecutorState::kFault &&
-           static_cast<Reaction>(state.reaction) >= Reaction::kDamp);
+  return ControlsPosition(static_cast<ExecutorState>(state.state),
+                          static_cast<Reaction>(state.reaction));
 }
 
 /// The link's frame in its parent's, where its joint is at this position.

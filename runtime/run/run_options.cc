@@ -24,8 +24,9 @@ With --attended each run waits for `tumbler-ctl start`; Ctrl-C ends the program.
 BUS nor MOTION: the loop only sleeps and wakes, and how late it wakes is printed.
 
 In order: load, check, arm, move to the start, run, settle, hold, stop, disarm.
-Ctrl-C: go on to the next safe node, hold for a moment, disarm. A second one: brake at once within the limits. A third
-one: torque off. Where the robot would drop without torque it is held until one more Ctrl-C (--end).
+Ctrl-C: go on to the next safe node, hold for a moment, disarm. A second one: brake at once within the limits, or abort
+the motion as its file says. A third one: torque off. Where the robot would drop without torque it is held until one
+more Ctrl-C (--end).
 
 Exit codes:
   0    the motion was completed

@@ -92,7 +92,7 @@ bool ReadMessage(std::span<const std::uint8_t> bytes, state_t& message) {
   walk.Skip(count * joint);
   state_t read;
   if (!walk.AtEnd() || !Decode(bytes, read)) return false;
-  if (!IsOneOf(read.state, ExecutorState::kFault) || !IsOneOf(read.reaction, Reaction::kDisable) ||
+  if (!IsOneOf(read.state, ExecutorState::kFault) || !IsOneOf(read.reaction, Reaction::kAbort) ||
       !IsOneOf(read.fault_state, ExecutorState::kFault) || read.fault < 0 ||
       static_cast<std::size_t>(read.fault) >= kFaultCount) {
     return false;

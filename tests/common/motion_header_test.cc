@@ -77,6 +77,16 @@ void ExpectSame(const Primitive<float>& a, const Primitive<float>& b) {
     EXPECT_EQ(Bits(a.joints[j].limits), Bits(b.joints[j].limits));
   }
   ExpectSame(a.feedback, b.feedback);
+  ASSERT_EQ(a.aborts.span_count, b.aborts.span_count);
+  for (std::size_t i = 0; i < a.aborts.spans().size(); ++i) {
+    const AbortSpan<float>& x = a.aborts.span_storage[i];
+    const AbortSpan<float>& y = b.aborts.span_storage[i];
+    EXPECT_EQ(Bits(x.until_s), Bits(y.until_s));
+    EXPECT_EQ(x.way, y.way);
+    EXPECT_EQ(Bits(x.late_max_s), Bits(y.late_max_s));
+    EXPECT_EQ(Bits(x.limits_share), Bits(y.limits_share));
+    EXPECT_EQ(Bits(x.position_rad), Bits(y.position_rad));
+  }
 }
 
 void ExpectSame(const SequenceGraph<float>& a, const SequenceGraph<float>& b) {

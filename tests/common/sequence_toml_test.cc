@@ -3,6 +3,7 @@
 
 #include "common/sequence_toml.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -147,7 +148,8 @@ to = "next"
       // The message names the joint of the robot, not that of the path.
       const std::string joint =
           (off1 != 0) == swapped && !(off1 != 0 && off2 != 0) ? "joint2" : "joint1";
-      EXPECT_THAT(said, HasSubstr("joint '" + joint + "', position")) << off1 << " " << off2;
+      EXPECT_THAT(said, HasSubstr(fmt::format("joint '{}', position", joint)))
+          << off1 << " " << off2;
     }
   }
   EXPECT_GT(accepted, 5);

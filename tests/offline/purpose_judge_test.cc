@@ -39,9 +39,11 @@ class Judge : public ::testing::Test {
   }
 
   /// Lets a tick pass.
-  void Tick(ExecutorState state, const std::string& node, double time_s) {
+  void Tick(ExecutorState state, const std::string& node, double time_s,
+            Reaction reaction = Reaction::kIgnore) {
     TickRecord record;
     record.state = state;
+    record.reaction = reaction;
     record.node = static_cast<decltype(record.node)>(file_.graph.FindNode(node));
     truth_.time_ns = std::llround(1e9 * time_s);
     judge_->Observe(record, truth_.time_ns, truth_);
@@ -133,6 +135,25 @@ TEST_F(Judge, KnowsTheMotionThatHasBegunAndNotEnded) {
   EXPECT_EQ(judge_->moving(), "down");
   Tick(ExecutorState::kHolding, "down", 2.1);
   EXPECT_EQ(judge_->moving(), "down") << "it was broken off";
+}
+
+TEST_F(Judge, AMotionThatIsRolledOutAfterAFaultHasEndedAndOneThatIsCaughtHasNot) {
+  for (const bool rolled_out : {false, true}) {
+    judge_.emplace(file_, true, false);
+    truth_ = {};
+    Tick(ExecutorState::kRunning, "up", 0);
+    const Reaction reaction = rolled_out ? Reaction::kRollOut : Reaction::kHold;
+    Tick(ExecutorState::kFault, "up", 0.3, reaction);
+    truth_.root_pitch_rad = kPi / 2;
+    Tick(ExecutorState::kFault, "up", kMotion_s, reaction);
+    for (double t = 0.01; t < 2.5; t += 0.01)
+      Tick(ExecutorState::kFault, "up", kMotion_s + t, Reaction::kHold);
+    EXPECT_EQ(judge_->moving(), rolled_out ? "" : "up");
+    ASSERT_EQ(judge_->passages().size(), rolled_out ? 1U : 0U);
+    if (!rolled_out) continue;
+    EXPECT_EQ(purpose()[1].result, kPi / 2);
+    EXPECT_TRUE(judge_->passages()[0].as_planned());
+  }
 }
 
 TEST_F(Judge, ASwappedMotionIsJudgedInTheCoordinatesOfItsTask) {

@@ -93,7 +93,25 @@ struct Case {
   Fault fault = Fault::kNone;
   ExecutorState state = ExecutorState::kDisarmed;
   std::optional<Reaction> reaction;  ///< The configured one; none: the default.
+  std::optional<AbortWay> way;       ///< Of the motion's table of aborts; none: it has no table.
 };
+
+/// What the table's answer comes to.
+Reaction AnswerOf(const Case& c, Reaction reaction) {
+  if (reaction != Reaction::kAbort) return reaction;
+  if (!c.way) return c.fault == Fault::kOperatorStop ? Reaction::kHold : Reaction::kDamp;
+  switch (*c.way) {
+    case AbortWay::kCatch:
+      return Reaction::kHold;
+    case AbortWay::kFold:
+      return Reaction::kFold;
+    case AbortWay::kRollOut:
+      return Reaction::kRollOut;
+    case AbortWay::kDamp:
+      break;
+  }
+  return Reaction::kDamp;
+}
 
 /// Whether a fault can happen in a state at all.
 bool IsPossible(const DriveConfig& drive, Fault fault, ExecutorState state) {
@@ -278,11 +296,22 @@ class World {
         static_cast<double>(bench.output.record.joints[1].limited.position_rad) + by_rad;
     rotor.velocity_rad_s = 0;
   }
+  /// One way for the whole time; folds go to the end of the paths.
+  void AddAborts(std::vector<Primitive<float>>& primitives) const {
+    for (Primitive<float>& primitive : primitives) {
+      primitive.aborts.span_count = 1;
+      AbortSpan<float>& span = primitive.aborts.span_storage[0];
+      span = {primitive.duration_s, *case_.way, 0.02F, 0.5F, {}};
+      for (std::size_t i = 0; i < 2; ++i)
+        span.position_rad[i] = primitive.joints[i].position.control_points().back();
+    }
+  }
   FaultBench::Config BenchConfig() {
     FaultBench::Config config;
     config.drives = DrivesOf(case_.protocol);
     config.graph = motion_.graph;
     config.primitives = motion_.primitives;
+    if (case_.way) AddAborts(config.primitives);
     config.executor = ConfigOf(case_, motion_);
     config.offset_rad = case_.state == ExecutorState::kMovingToStart ? 0.09 : 0.01;
     // The queue must be full before missing replies are noticed.
@@ -315,11 +344,16 @@ void ExpectOrders(const FaultBench& bench, const TestedProtocol& protocol, React
     switch (reaction) {
       case Reaction::kIgnore:
         break;
+      case Reaction::kAbort:
+        ADD_FAILURE() << "stands for another";
+        break;
       case Reaction::kHold:
+      case Reaction::kRollOut:
+      case Reaction::kFold:
       case Reaction::kCollapse: {
         EXPECT_EQ(order.kind, Kind::kSetpoint) << "joint " << i;
         if (!with_gains) break;
-        const double share = reaction == Reaction::kHold ? 1 : 0.3;
+        const double share = reaction == Reaction::kCollapse ? 0.3 : 1;
         EXPECT_NEAR(order.kp_nm_per_rad, share * kKp, 0.15) << "joint " << i;
         EXPECT_NEAR(order.kd_nm_s_per_rad, kKd, 0.002) << "joint " << i;
         break;
@@ -355,7 +389,7 @@ class FaultMatrix : public ::testing::TestWithParam<Case> {
     const Case& c = GetParam();
     const bool at_rest = c.state == ExecutorState::kHolding || c.state == ExecutorState::kStopping;
     return c.fault == Fault::kOperatorStop && c.state != ExecutorState::kFault &&
-           (at_rest || table(c.fault, c.state) == Reaction::kHold);
+           (at_rest || AnswerOf(c, table(c.fault, c.state)) == Reaction::kHold);
   }
   void ExpectAnswer(const FaultBench& bench, const TickRecord& before,
                     const TickRecord& found) const;
@@ -402,14 +436,14 @@ void FaultMatrix::ExpectLatched(const FaultBench& bench, const TickRecord& befor
   } else {
     EXPECT_EQ(ToString(found.first_fault.fault), std::string(ToString(c.fault)));
     EXPECT_EQ(ToString(found.first_fault.state), std::string(ToString(state)));
-    EXPECT_EQ(found.first_fault.reaction, table(c.fault, state));
+    EXPECT_EQ(found.first_fault.reaction, AnswerOf(c, table(c.fault, state)));
   }
   // Other faults found in the same tick can only make the reaction stronger.
-  Reaction stated = std::max(before.reaction, table(c.fault, state));
+  Reaction stated = Stronger(before.reaction, AnswerOf(c, table(c.fault, state)));
   for (const FaultInfo& info : kFaultTable) {
     const std::uint32_t other = 1U << static_cast<unsigned>(info.fault);
     if (info.fault == c.fault || (found.faults & other & ~before.faults) == 0) continue;
-    stated = std::max(stated, table(info.fault, ExecutorState::kFault));
+    stated = Stronger(stated, table(info.fault, ExecutorState::kFault));
   }
   // A drive that has an error, or is not enabled yet, takes no orders. It must not be driven.
   const bool of_a_drive = c.fault == Fault::kDriveError &&
@@ -490,14 +524,19 @@ std::vector<Case> AllCases() {
     for (const FaultInfo& fault : kFaultTable) {
       for (const StateInfo& state : kStateTable) {
         if (!IsPossible(drive, fault.fault, state.state)) continue;
-        cases.push_back({protocol, fault.fault, state.state, std::nullopt});
+        cases.push_back({protocol, fault.fault, state.state, std::nullopt, std::nullopt});
         for (const ReactionInfo& reaction : kReactionTable) {
           if (reaction.reaction == Reaction::kIgnore ||
               !FaultTable::IsAllowed(fault.fault, state.state, reaction.reaction) ||
               reaction.reaction == FaultTable()(fault.fault, state.state)) {
             continue;
           }
-          cases.push_back({protocol, fault.fault, state.state, reaction.reaction});
+          cases.push_back({protocol, fault.fault, state.state, reaction.reaction, std::nullopt});
+        }
+        if (FaultTable()(fault.fault, state.state) != Reaction::kAbort) continue;
+        for (const AbortWay way :
+             {AbortWay::kCatch, AbortWay::kFold, AbortWay::kRollOut, AbortWay::kDamp}) {
+          cases.push_back({protocol, fault.fault, state.state, std::nullopt, way});
         }
       }
     }
@@ -508,7 +547,8 @@ std::vector<Case> AllCases() {
 std::string CaseName(const ::testing::TestParamInfo<Case>& info) {
   const Case& c = info.param;
   std::string name = c.protocol.name + "_" + ToString(c.fault) + "_" + ToString(c.state) +
-                     (c.reaction ? std::string("_") + ToString(*c.reaction) : "");
+                     (c.reaction ? std::string("_") + ToString(*c.reaction) : "") +
+                     (c.way ? fmt::format("_way{}", static_cast<int>(*c.way)) : "");
   std::replace_if(
       name.begin(), name.end(), [](unsigned char x) { return std::isalnum(x) == 0; }, '_');
   return name;
@@ -542,10 +582,10 @@ TEST_P(WayHome, IsRefusedWhileAFaultIsAnsweredMoreStronglyAndEndsInTheAnswerToTh
   EXPECT_EQ(bench.output.record.faults & both, both);
   EXPECT_EQ(bench.output.record.first_fault.fault, Fault::kLateTick) << "the cause is the first";
   const Reaction reaction = FaultTable()(fault, ExecutorState::kSettling);
-  EXPECT_GE(bench.output.record.reaction, reaction);
+  EXPECT_EQ(bench.output.record.reaction, Stronger(bench.output.record.reaction, reaction));
   for (int i = 0; i < 30; ++i) world.Tick();
   EXPECT_EQ(bench.executor.state(), ExecutorState::kFault);
-  EXPECT_GE(bench.output.record.reaction, reaction);
+  EXPECT_EQ(bench.output.record.reaction, Stronger(bench.output.record.reaction, reaction));
   if (bench.output.record.reaction != Reaction::kHold) {
     bench.Tick(OperatorCommand::kGoHome);
     EXPECT_EQ(bench.output.record.refusal.refusal, Refusal::kWrongState);
@@ -584,7 +624,7 @@ TEST_P(Nuisance, LateAndLostRepliesAndFramesOfOtherNodesAreNoFault) {
   lost.node = 0;
   lost.probability = 0.01;
   for (const BusFault& nuisance : {late, lost}) {
-    const Case healthy{protocol, Fault::kNone, state, std::nullopt};
+    const Case healthy{protocol, Fault::kNone, state, std::nullopt, std::nullopt};
     World world(healthy);
     FaultBench& bench = world.bench;
     ASSERT_TRUE(bench.Reach(state == ExecutorState::kArming ? ExecutorState::kDisarmed : state));
@@ -626,7 +666,7 @@ INSTANTIATE_TEST_SUITE_P(
 TEST(Latched, ADriveThatReportsAnErrorAndNoPositionIsNotCalledSilent) {
   for (const TestedProtocol& protocol : EveryProtocol()) {
     if (protocol.name != std::string("cansimple")) continue;
-    World world(Case{protocol, Fault::kNone, ExecutorState::kDisarmed, std::nullopt});
+    World world(Case{protocol, Fault::kNone, ExecutorState::kDisarmed, std::nullopt, std::nullopt});
     FaultBench& bench = world.bench;
     BusFault lost;
     lost.kind = BusFaultKind::kLoss;
@@ -645,7 +685,8 @@ TEST(Latched, ADriveThatReportsAnErrorAndNoPositionIsNotCalledSilent) {
 /// After a crash or an emergency stop a drive has latched an error before anybody arms.
 TEST(Latched, ADriveThatReportsAnErrorIsArmedOnlyAfterTheOperatorHasClearedIt) {
   for (const TestedProtocol& protocol : EveryProtocol()) {
-    const Case healthy{protocol, Fault::kNone, ExecutorState::kDisarmed, std::nullopt};
+    const Case healthy{protocol, Fault::kNone, ExecutorState::kDisarmed, std::nullopt,
+                       std::nullopt};
     World world(healthy);
     FaultBench& bench = world.bench;
     ASSERT_TRUE(bench.Reach(ExecutorState::kDisarmed));

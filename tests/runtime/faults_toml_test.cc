@@ -84,6 +84,15 @@ TEST(FaultsToml, AReactionAloneHoldsInEveryStateThatIsDriven) {
   }
 }
 
+TEST(FaultsToml, AFaultWhileRunningCanBeAnsweredByTheMotionsTableOrNotByIt) {
+  EXPECT_EQ(Parse("[reactions]\nsensor_lost = { running = \"abort\" }\n")
+                .reactions(Fault::kSensorLost, ExecutorState::kRunning),
+            Reaction::kAbort);
+  EXPECT_EQ(Parse("[reactions]\nlate_tick = { running = \"damp\" }\n")
+                .reactions(Fault::kLateTick, ExecutorState::kRunning),
+            Reaction::kDamp);
+}
+
 TEST(FaultsToml, LimitsAreTaken) {
   const ExecutorConfig config = Parse(
       "[limits]\nstale_ticks_max = 7\nsequence_errors_max = 8\nlate_ticks_max = 0\n"
@@ -121,6 +130,14 @@ TEST(FaultsToml, WhatIsWrongIsNamedWithFileLineKeyAndWhatIsAllowedAndNothingIsCh
       {"[reactions]\noperator_stop = \"ignore\"\n",
        {"f.toml:4", "reactions.operator_stop", "never ignored"}},
       {"[reactions]\nlate_tick = \"collapse\"\n", {"f.toml:3", "reactions", "[collapse]"}},
+      {"[reactions]\nlate_tick = \"abort\"\n",
+       {"f.toml:4", "reactions.late_tick", "running alone", "{ running = \"abort\" }"}},
+      {"[reactions]\nlate_tick = { settling = \"abort\" }\n",
+       {"f.toml:4", "reactions.late_tick.settling", "running alone"}},
+      {"[reactions]\nlate_tick = { running = \"fold\" }\n",
+       {"f.toml:4", "reactions.late_tick.running", "fold", "abort"}},
+      {"[reactions]\nlate_tick = { running = \"roll out\" }\n",
+       {"f.toml:4", "reactions.late_tick.running", "roll out", "abort"}},
       {"[collapse]\nposition_rad = { leg1 = 0 }\n", {"f.toml:4", "leg2"}},
       {"[collapse]\nposition_rad = { leg1 = 0, leg2 = 2.6 }\n",
        {"f.toml:4", "collapse.position_rad.leg2", "2.6", "-2 ... 2.5"}},

@@ -7,6 +7,7 @@
 
 #include "common/sequence_toml.h"
 #include "tests/support/motions.h"
+#include "tests/support/random_aborts.h"
 #include "tests/support/random_feedback.h"
 
 namespace tumbler::testing {
@@ -51,6 +52,8 @@ inline SequenceFile AwkwardMotion() {
   AddRandomFeedback(file.primitives[0], kMaxGainKnots, 5);
   file.primitives[0].primitive.feedback.link = FixedString<32>("li\"nk\n");
   file.primitives[0].chains[1].link = "li\"nk\n";
+  file.primitives[0].primitive.aborts =
+      RandomAborts(file.primitives[0].primitive, kMaxAbortSpans, random);
   file.primitives[1].primitive.joints[7].limits.position_min_rad = -1;
   file.primitives[1].primitive.joints[7].limits.position_max_rad = 1;
 

@@ -7,10 +7,7 @@ namespace tumbler {
 namespace {
 
 /// Whether the setpoints of position take effect in this tick.
-bool Controlled(const RunTick& tick) {
-  return tick.state != ExecutorState::kDisarmed && tick.state != ExecutorState::kArming &&
-         !(tick.state == ExecutorState::kFault && tick.reaction >= Reaction::kDamp);
-}
+bool Controlled(const RunTick& tick) { return ControlsPosition(tick.state, tick.reaction); }
 
 }  // namespace
 

@@ -20,14 +20,15 @@ constexpr double kPlanSpacing_s = 0.005;
 
 /// The primitive's own time at tick i [s]. It advances with the speed of the run, goes on past
 /// the primitive's end while that is held, and stands still once the motion was broken off.
-/// @param last_running  a tick up to which the motion is known to run; is moved on.
+/// @param last_running  a tick up to which the motion is known to be played; is moved on.
 double PlanTime(const RunData& run, std::size_t i, std::size_t& last_running) {
   for (std::size_t k = last_running; k <= i; ++k) {
-    if (run.ticks[k].state == ExecutorState::kRunning) last_running = k;
+    if (PlaysMotion(run.ticks[k].state, run.ticks[k].reaction)) last_running = k;
   }
   const RunTick& last = run.ticks[last_running];
-  const bool ended = last_running + 1 < run.ticks.size() &&
-                     run.ticks[last_running + 1].state == ExecutorState::kSettling;
+  const RunTick& next = run.ticks[std::min(last_running + 1, run.ticks.size() - 1)];
+  const bool rolled_out = last.state == ExecutorState::kFault && next.reaction == Reaction::kHold;
+  const bool ended = next.state == ExecutorState::kSettling || rolled_out;
   return last.primitive_time_s + (ended ? run.ticks[i].time_s - last.time_s : 0);
 }
 

@@ -17,7 +17,11 @@ PurposeJudge::PurposeJudge(const SequenceFile& file, bool free_root, bool hinged
 void PurposeJudge::Observe(const TickRecord& record, std::int64_t time_ns, const TwinState& truth) {
   Watch(time_ns, truth);
   const ExecutorState state = record.state;
-  if (last_ == ExecutorState::kRunning && state == ExecutorState::kSettling)
+  const bool rolls = state == ExecutorState::kFault && record.reaction == Reaction::kRollOut;
+  const bool rolled_out =
+      rolls_ && state == ExecutorState::kFault && record.reaction == Reaction::kHold;
+  rolls_ = rolls;
+  if ((last_ == ExecutorState::kRunning && state == ExecutorState::kSettling) || rolled_out)
     Begin(static_cast<int>(record.node), time_ns, truth);
   const bool next = last_ == ExecutorState::kSettling && state == ExecutorState::kRunning;
   if (!passages_.empty() && state != ExecutorState::kDisarmed) {

@@ -15,7 +15,8 @@ namespace tumbler {
 
 /// Judges what a simulated robot does against what its motions are for, node after node: each
 /// target of a primitive's purpose at its instant, and the pitch 2 s after the motion against the
-/// plan's. A motion that another one follows earlier is judged when that one begins.
+/// plan's. A motion that another one follows earlier is judged when that one begins. One that is
+/// rolled out after a fault is judged, too.
 class PurposeJudge {
  public:
   /// @param file       the sequence, which has to outlive the judge.
@@ -43,6 +44,7 @@ class PurposeJudge {
   const SequenceFile& file_;
   bool free_root_, hinged_;
   ExecutorState last_ = ExecutorState::kDisarmed;
+  bool rolls_ = false;  // whether the motion was being rolled out
   int moving_ = -1;
   double expected_pitch_rad_ = 0;
   std::deque<std::pair<std::int64_t, double>> speeds_;  // time, largest rate of the root

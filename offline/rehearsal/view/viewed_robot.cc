@@ -42,7 +42,8 @@ void ViewedRobot::Take(const state_t& state) {
   if (truth_ && ++states_since_truth_ > kTruthLasts_states) truth_.reset();
   state_ = state;
   const auto now_s = static_cast<double>(state.primitive_time_s);
-  const bool running = state.state == static_cast<int>(ExecutorState::kRunning);
+  const bool running =
+      PlaysMotion(static_cast<ExecutorState>(state.state), static_cast<Reaction>(state.reaction));
   if (!running || state.node < 0 || state.node >= node_count_ || !std::isfinite(now_s)) return;
   if (!begun_ || state.node != node_ || now_s < played_to_s_) {
     if (begun_) {

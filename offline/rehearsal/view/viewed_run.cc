@@ -9,10 +9,8 @@ namespace {
 
 /// Whether the setpoints of position take effect in this tick.
 bool PositionIsControlled(const state_t& state) {
-  const auto executor = static_cast<ExecutorState>(state.state);
-  return executor != ExecutorState::kDisarmed && executor != ExecutorState::kArming &&
-         !(executor == ExecutorState::kFault &&
-           static_cast<Reaction>(state.reaction) >= Reaction::kDamp);
+  return ControlsPosition(static_cast<ExecutorState>(state.state),
+                          static_cast<Reaction>(state.reaction));
 }
 
 }  // namespace
