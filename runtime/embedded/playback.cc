@@ -70,6 +70,7 @@ std::size_t Pack(const TickOutput& output, std::span<std::uint8_t> out) noexcept
   const TickRecord& record = output.record;
   Writer writer(out);
   writer.Add(static_cast<std::uint8_t>(record.state), 1);
+  writer.Add(static_cast<std::uint8_t>(record.reaction), 1);
   writer.Add(static_cast<std::uint8_t>(record.node), 1);
   writer.Add(record.faults, 4);
   writer.Add(static_cast<std::uint8_t>(record.command), 1);
@@ -113,12 +114,13 @@ Status Playback::Configure(std::string_view protocol, int cycles, int branch,
   ExecutorConfig config;
   config.cycles = cycles;
   config.branch = branch;
-  if (!with_sensor) return executor_.Configure(config, graph, primitives, bank_.drives());
   for (JointConfig& joint : config.joints) {
     joint.kp_nm_per_rad = 60;
     joint.kd_nm_s_per_rad = joint.damping_nm_s_per_rad = 5;
   }
-  return executor_.Configure(config, graph, primitives, bank_.drives(), {&sensor_, {}});
+  ExecutorSensor sensor;
+  if (with_sensor) sensor.device = &sensor_;
+  return executor_.Configure(config, graph, primitives, bank_.drives(), sensor);
 }
 
 TickInput Playback::NextInput(const RecordedTick& tick) noexcept {

@@ -35,13 +35,14 @@ std::size_t Pack(const RecordedTick& tick, std::span<std::uint8_t> out) noexcept
 int UnpackHeader(std::span<const std::uint8_t> bytes, RecordedTick& tick) noexcept;
 void UnpackFrames(std::span<const std::uint8_t> bytes, RecordedTick& tick) noexcept;
 
-/// The executor's output of one tick as bytes, to be compared: state, faults, each joint's setpoint
-/// as planned, limited and encoded, and its frames. The layout is little-endian:
+/// The executor's output of one tick as bytes, to be compared: state, reaction, faults, each
+/// joint's setpoint as planned, limited and encoded, and its frames. The layout is little-endian:
 ///
-///   state 8 | node 8 | faults 32 | command 8 | refusal 8 | joints 8      (kPlaybackHeadBytes)
+///   state 8 | reaction 8 | node 8 | faults 32 | command 8 | refusal 8 | joints 8
+///                                                                        (kPlaybackHeadBytes)
 ///   of each joint: planned p v t a, limited p v t, encoded p v t (floats)
 ///                  | frames 8 | their bytes as in RecordedTick
-inline constexpr std::size_t kPlaybackHeadBytes = 9;
+inline constexpr std::size_t kPlaybackHeadBytes = 10;
 inline constexpr std::size_t kPlaybackJointBytes = 10 * 4 + 1;
 inline constexpr std::size_t kPlaybackMaxBytes =
     kPlaybackHeadBytes +
@@ -59,9 +60,9 @@ class Playback {
 
   /// Prepares to play `cycles` cycles and then the branch (see ExecutorConfig). Graph and
   /// primitives have to outlive the playback.
-  /// @param protocol  a protocol's name; the drives are those of its example in primitives/robots/.
-  /// @param with_sensor  whether there is the sensor of tumbler_drives_sensor.toml there, and the
-  ///                     drives have the gains of that file, 60 and 5, in place of the core's.
+  /// @param protocol  a protocol's name; the drives and their gains are those of its example in
+  ///                  primitives/robots/.
+  /// @param with_sensor  whether there is the sensor of tumbler_drives_sensor.toml there.
   /// @retval kInvalidArgument  there is no such protocol, or nothing to play.
   Status Configure(std::string_view protocol, int cycles, int branch,
                    const SequenceGraph<float>& graph, std::span<const Primitive<float>> primitives,

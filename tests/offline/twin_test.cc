@@ -244,6 +244,32 @@ TEST(TwinMechanics, ACollapseOntoTheGroundNeverGainsEnergy) {
   EXPECT_GT(rig.twin->state().root_z_m, 0.02) << "it lies on the ground, not in it";
 }
 
+TEST(TwinMechanics, TheHardestImpactIsTheSpeedWithWhichARobotMeetsTheGroundUntilItIsForgotten) {
+  for (const double height_m : {0.3, 0.5, 1.0}) {
+    Rig rig(Replaced(NominalTask(), "pitch_rad = 0.0",
+                     "pitch_rad = 0.0\nz_m = " + std::to_string(height_m), "[start]"));
+    double fallen_m_s = 0;
+    std::int64_t time_ns = 0;
+    while (rig.twin->state().normal_force_n == 0 && time_ns < 1000 * kMs) {
+      EXPECT_EQ(rig.twin->state().impact_m_s, 0);
+      EXPECT_EQ(rig.twin->state().impact_link, "");
+      fallen_m_s = -rig.twin->state().root_vz_m_s;
+      rig.twin->AdvanceTo(time_ns += kMs / 5);
+    }
+    ASSERT_GT(fallen_m_s, 1);
+    rig.twin->AdvanceTo(time_ns += 2 * kMs);
+    // Both feet fall as the root does. One more step makes them faster by 2 mm/s.
+    EXPECT_NEAR(rig.twin->state().impact_m_s, fallen_m_s, 0.004);
+    EXPECT_EQ(rig.twin->state().impact_link.substr(0, 3), "leg");
+    rig.twin->ForgetImpacts();
+    EXPECT_EQ(rig.twin->state().impact_m_s, 0);
+    EXPECT_EQ(rig.twin->state().impact_link, "");
+    // The limp robot comes down with its middle at last.
+    rig.twin->AdvanceTo(time_ns += 2000 * kMs);
+    EXPECT_GT(rig.twin->state().impact_m_s, 0.5);
+  }
+}
+
 TEST(TwinMechanics, HeldAtHomeItStandsAndTheGroundCarriesItsWeight) {
   Rig rig(StandingTask());
   const TwinState start = rig.twin->state();

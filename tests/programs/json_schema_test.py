@@ -25,6 +25,8 @@ RUNS = [
     ("tumbler-robustness", f"{MOTIONS}/handstand.toml --robots 400 --lanes --scale 2.5", 0),
     ("tumbler-robustness", f"{MOTIONS}/handstand.toml --robots 4 --compare-lanes", 0),
     ("tumbler-robustness", f"{MOTIONS}/nominal/gait.toml --cycles 1 --robots 2", 0),
+    ("tumbler-abort", f"{MOTIONS}/handstand.toml --robots 2 --step 0.4", 0),
+    ("tumbler-abort", f"{MOTIONS}/handstand.toml --check 4", 0),
     ("tumbler-optimize", f"{MOTIONS}/tasks/nominal/downstand.toml --start-from {MOTIONS}/nominal/handstand.toml", 0),
     ("tumbler-optimize", "QUICK OTHER --minima 1", None),
     ("tumbler-sweep", "QUICK --over contact.mu=0.3,0.31 --over mass=1,30 --out LIBRARY --guess "

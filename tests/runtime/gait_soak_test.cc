@@ -1,4 +1,4 @@
-// The nominal gait in virtual time with each protocol, for very many ticks in which everything goes
+// The shipped gait in virtual time with each protocol, for very many ticks in which everything goes
 // wrong at random. No frame breaks a rule, no tick leaves a drive out, nothing allocates, and the
 // same run made twice sends the same bytes. TUMBLER_SOAK_TICKS sets the number of ticks: 100 000 by
 // default, 1 000 000 for the full test.
@@ -33,9 +33,9 @@ std::optional<AllocationGuard>& Guard() {
   return guard;
 }
 
-/// The nominal gait on these drives.
+/// The shipped gait on these drives.
 FaultBench::Config GaitConfig(const std::string& drives_file) {
-  const SequenceFile file = LoadMotion(testing::SourcePath("primitives/nominal/gait.toml"));
+  const SequenceFile file = LoadMotion(testing::SourcePath("primitives/gait.toml"));
   const Sequence<float> sequence = ToRuntime(file);
   FaultBench::Config config;
   config.drives = LoadDrives(drives_file);
@@ -54,6 +54,7 @@ struct Outcome {
   std::int64_t runs = 0;
   std::int64_t disturbances = 0;
   std::array<std::int64_t, kFaultCount> first_faults{};
+  std::array<std::int64_t, kReactionCount> aborts{};  ///< First reactions to faults in a motion.
   std::vector<std::string> violations;
   std::int64_t missing_writes = 0;
   std::int64_t starts = 0;
@@ -94,7 +95,11 @@ class Soak {
       }
       last = record.state;
       const Fault fault = record.first_fault.fault;
-      if (fault != last_fault) ++outcome_.first_faults[static_cast<std::size_t>(fault)];
+      if (fault != last_fault) {
+        ++outcome_.first_faults[static_cast<std::size_t>(fault)];
+        if (record.first_fault.state == ExecutorState::kRunning)
+          ++outcome_.aborts[static_cast<std::size_t>(record.first_fault.reaction)];
+      }
       last_fault = fault;
     }
     outcome_.violations = bench_.judge.report().violations;
@@ -322,6 +327,19 @@ TEST_P(GaitSoak, BreaksNoRuleAllocatesNothingAndIsTheSameEachTime) {
               std::to_string(once.first_faults[i]);
     }
     EXPECT_GE(kinds, ticks < 100'000 ? 6 : 8) << seen;
+    const auto aborts = [&once](Reaction reaction) {
+      return once.aborts[static_cast<std::size_t>(reaction)];
+    };
+    const std::int64_t early = aborts(Reaction::kHold) + aborts(Reaction::kFold);
+    EXPECT_GT(early + aborts(Reaction::kRollOut), 0);
+    if (ticks >= 100'000) {
+      EXPECT_GT(early, 0);
+      EXPECT_GT(aborts(Reaction::kRollOut), 0);
+    }
+    std::printf("aborted: %lld caught, %lld folded, %lld rolled out\n",
+                static_cast<long long>(aborts(Reaction::kHold)),
+                static_cast<long long>(aborts(Reaction::kFold)),
+                static_cast<long long>(aborts(Reaction::kRollOut)));
     std::printf(
         "%s%s: %lld ticks, %lld frames, hash %016llx; running %lld ticks of %lld passages, drives "
         "started %lld times; %lld disturbances, %lld first faults: %s\n",

@@ -15,6 +15,7 @@
 #include <lcm/lcm-cpp.hpp>
 #include <memory>
 #include <random>
+#include <set>
 #include <sstream>
 #include <stdexcept>
 #include <string>
@@ -388,6 +389,25 @@ TEST_F(SimTwin, AfterAFaultInTheHandstandTheRobotGoesHomeBeforeTorqueOff) {
   EXPECT_THAT(Rehearse("gait.toml", settings, {}, world).summary.after_torque_off,
               ::testing::StartsWith("drops"))
       << "where nobody wants it to go home";
+}
+
+TEST_F(SimTwin, AfterAFaultInTheFlightTheRobotLandsAsPlannedAndGoesHome) {
+  SimulatedWorldConfig world;
+  world.bus_faults = Write("faults.toml",
+                           "format = \"tumbler-bus-faults\"\nversion = 1\nseed = 1\n"
+                           "[[fault]]\nkind = \"loss\"\nnode = \"host\"\nprobability = 1.0\n"
+                           "start_s = 0.4\nduration_s = 0.02\n");
+  RunSettings settings;
+  settings.cycles = 5;
+  std::set<Reaction> reactions;
+  const std::string drives = kPrimitives + "robots/tumbler_drives.toml";
+  const auto note = [&](const ControlLoop& loop) { reactions.insert(loop.record().reaction); };
+  const Rehearsed run = Rehearse("gait.toml", settings, note, world, drives);
+  EXPECT_EQ(run.summary.outcome, RunOutcome::kFault);
+  EXPECT_EQ(run.fault, Fault::kStaleReply);
+  EXPECT_TRUE(reactions.contains(Reaction::kRollOut));
+  EXPECT_EQ(run.summary.broken_off, "") << "it was played to its end";
+  ExpectHome(run);
 }
 
 TEST_F(SimTwin, AFaultInAMotionLeavesItUnjudgedAndItsOwnErrorIsTheLargest) {

@@ -29,6 +29,9 @@ struct FrameRules {
   int ticks_made_up_max = 3;                ///< Steps that a late tick may take at once.
   double start_jump_max_rad = 0.02;  ///< Largest jump from a measurement to the first setpoint.
   double silence_s = 0.1;  ///< After so long without a command a drive has to be started up anew.
+  /// For how much of a tick further frames of a joint may follow its first: more where a bus is
+  /// simulated with its bit rate, and nearly full.
+  double same_tick_share = 0.5;
   /// Whether times are those of the ticks, as in a simulation, and not those on a wire. Then steps
   /// are judged tick by tick.
   bool exact_time = false;

@@ -59,7 +59,7 @@ bool BusJudge::CheckOrder(std::size_t joint, double time_s, bool torque_off, boo
   report_.longest_silence_s = std::max(report_.longest_silence_s, gap_s);
   // Another frame of the joint that had the last one, in the same tick.
   const bool same_tick = several && !first && joint == current_ &&
-                         time_s - tick_begin_s_ < 0.5 / rules_.drives.rate_hz;
+                         time_s - tick_begin_s_ < rules_.same_tick_share / rules_.drives.rate_hz;
   if (!same_tick) {
     if (joint != next_ && !first && !silence && !(torque_off && joint == 0)) {
       Fail(fmt::format("joint {} is commanded where joint {} is due", joint, next_));

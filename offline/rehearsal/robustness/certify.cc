@@ -13,7 +13,6 @@
 #include "offline/rehearsal/robustness/spread_names.h"
 
 namespace tumbler {
-namespace {
 
 std::string TextOf(const Spreads& spreads) {
   std::string text;
@@ -23,6 +22,8 @@ std::string TextOf(const Spreads& spreads) {
   }
   return text.empty() ? "none" : text;
 }
+
+namespace {
 
 /// Whether two figures answer the same question.
 bool SameQuestion(const RobustnessFigure& a, const RobustnessFigure& b) {

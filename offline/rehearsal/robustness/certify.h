@@ -8,6 +8,9 @@
 
 namespace tumbler {
 
+/// Spreads as a primitive's file has them: options with their values, without those that are 0.
+std::string TextOf(const Spreads& spreads);
+
 /// The figure of a study, as a primitive's file has it. @throws FileError  when the drives file
 /// cannot be read.
 RobustnessFigure FigureOf(const RobustnessResult& result);

@@ -7,7 +7,6 @@
 #include <cmath>
 #include <memory>
 #include <utility>
-#include <variant>
 
 #include "common/index.h"
 #include "common/program.h"
@@ -16,23 +15,12 @@
 #include "offline/rehearsal/robustness/drop.h"
 #include "offline/rehearsal/sim/purpose_judge.h"
 #include "offline/rehearsal/twin/twin_toml.h"
-#include "runtime/assembly/assembly.h"
 #include "runtime/assembly/run_checks.h"
 #include "runtime/assembly/run_parts.h"
-#include "runtime/linux/clock.h"
-#include "runtime/linux/operator_mailbox.h"
-#include "runtime/run/control_loop.h"
 #include "runtime/telemetry/sentences.h"
 
 namespace tumbler {
 namespace {
-
-/// The twin file's own law of contact becomes the scene's, so that a robot's factors are of it.
-Scene SharedScene(const SimulatedMotion& motion, SimulatedRobotConfig& robot) {
-  Scene scene = motion.scene();
-  if (robot.twin.contact) scene.contact = *std::exchange(robot.twin.contact, std::nullopt);
-  return scene;
-}
 
 /// A robot that is farther off the model's pitch than the first has left it, and is back within the
 /// second [rad].
@@ -41,44 +29,6 @@ constexpr double kLeft_rad = 0.2, kBack_rad = 0.1;
 /// How long a push is, how long after the last motion it comes at the earliest, when that is
 /// judged, and how long before the end at the latest.
 constexpr double kPush_s = 0.1, kJudged_s = 2.6, kAfterPush_s = 2.5;
-
-/// A host whose frames reach the bus late.
-class LateHost final : public CanBus {
- public:
-  LateHost(SimulatedPort& port, double delay_s)
-      : port_(port), delay_ns_(std::llround(1e9 * delay_s)) {}
-  Status Send(const CanFrame& frame) noexcept override { return port_.SendAfter(delay_ns_, frame); }
-  Status Receive(ReceivedFrame& received) noexcept override { return port_.Receive(received); }
-  [[nodiscard]] CanControllerState controller_state() const noexcept override {
-    return port_.controller_state();
-  }
-
- private:
-  SimulatedPort& port_;
-  std::int64_t delay_ns_;
-};
-
-/// Gives a robot its own motors and gains.
-/// @param drives  as the host has them.
-/// @returns the drives as they are.
-DrivesConfig VaryDrives(const RobotVariation& variation, std::vector<JointMotor>& motors,
-                        DrivesConfig& drives) {
-  for (std::size_t j = 0; j < variation.joints.size(); ++j) {
-    const RobotVariation::Joint& joint = variation.joints[j];
-    motors[j].torque_max_nm = *motors[j].torque_max_nm * joint.torque_limit;
-    DriveEntry& drive = drives.drives[j];
-    drive.kp_nm_per_rad *= static_cast<float>(joint.gain);
-    drive.kd_nm_s_per_rad *= static_cast<float>(joint.gain);
-  }
-  // The host does not know that an encoder's zero is elsewhere.
-  DrivesConfig true_drives = drives;
-  for (std::size_t j = 0; j < variation.joints.size(); ++j) {
-    const auto zero_rad = static_cast<float>(variation.joints[j].zero_rad);
-    std::visit([zero_rad](auto& drive) { drive.joint.zero_offset_rad -= zero_rad; },
-               true_drives.drives[j].config);
-  }
-  return true_drives;
-}
 
 /// How long a robot falls and comes to rest before its run begins.
 constexpr double kDropped_s = 3;
@@ -176,27 +126,24 @@ std::string DrivesFileOf(const RobustnessStudy& study) {
 }
 
 Trials::Trials(const RobustnessStudy& study) : study_(study), motion_(LoadMotion(study.motion)) {
-  if (!study.twin.empty()) robot_ = LoadTwin(study.twin, motion_);
-  drives_ = LoadDrivesOf(JointsOf(motion_.file()), DrivesFileOf(study), ReadTextFile,
-                         GainsOf(motion_.file()));
-  scene_ = SharedScene(motion_, robot_);
-  if (study_.drops && scene_.robot.hinged()) {
+  SimulatedRobotConfig robot;
+  if (!study.twin.empty()) robot = LoadTwin(study.twin, motion_);
+  shared_ = ShareRobot(motion_,
+                       LoadDrivesOf(JointsOf(motion_.file()), DrivesFileOf(study), ReadTextFile,
+                                    GainsOf(motion_.file())),
+                       std::move(robot));
+  if (study_.drops && scene().robot.hinged()) {
     throw Refused(study_.motion +
                   ": its robot hangs from a bar and cannot be dropped; leave out "
                   "--drops");
   }
-  if (scene_.obstacles.empty()) {  // Robots cannot differ in a ground that is not there.
+  if (scene().obstacles.empty()) {  // Robots cannot differ in a ground that is not there.
     Spreads& spreads = study_.spreads;
     spreads.friction = spreads.stiffness = spreads.damping = 0;
   }
   study_.run.end = RunEnd::kTorqueOff;  // What is judged is over by then.
-  robot_.motors.resize(drives_.drives.size());
-  for (std::size_t j = 0; j < robot_.motors.size(); ++j) {
-    if (!robot_.motors[j].torque_max_nm)
-      robot_.motors[j].torque_max_nm = LargestTorqueLimit(motion_.file(), j);
-  }
   PlayModel();
-  if (study_.sensor_faults && !drives_.sensor) {
+  if (study_.sensor_faults && !drives().sensor) {
     throw Refused(study_.motion + ": there is no sensor that could fail; name a drives file with " +
                   "[sensor]");
   }
@@ -207,7 +154,7 @@ Trials::Trials(const RobustnessStudy& study) : study_(study), motion_(LoadMotion
 }
 
 RobotVariation Trials::Draw(std::uint64_t index) const {
-  return DrawRobot(scene_.robot, study_.spreads, study_.scale, study_.seed, index);
+  return DrawRobot(scene().robot, study_.spreads, study_.scale, study_.seed, index);
 }
 
 TrialOutcome Trials::Play(std::uint64_t index) {
@@ -226,16 +173,16 @@ SimulatedRobotConfig Trials::ConfigOf(std::uint64_t index) const {
   constexpr std::array kFaults = {SensorFault::kSilent, SensorFault::kFrozen, SensorFault::kOffset,
                                   SensorFault::kSwappedAxis, SensorFault::kLate};
   constexpr std::uint64_t kDisturbances = 0x6469'7374'7572'6264;  // another series than the robots'
-  SimulatedRobotConfig config = robot_;
+  SimulatedRobotConfig config = robot();
   // Every robot's sensor has noise of its own.
-  config.sensor.seed = robot_.sensor.seed * 1'000'003 + index;
+  config.sensor.seed = robot().sensor.seed * 1'000'003 + index;
   Normal random(study_.seed ^ kDisturbances, index);
   const double when = random.DrawUniform(), side = random.DrawUniform();
   const double failure = random.DrawUniform();
   if (study_.push_n != 0) {
     const auto [from_s, to_s] = PushTimes();
     Push& push = config.twin.pushes.emplace_back();
-    push.link = scene_.robot.body_names[Index(scene_.robot.root_dofs) - 1];
+    push.link = scene().robot.body_names[Index(scene().robot.root_dofs) - 1];
     push.start_s = from_s + when * (to_s - from_s);
     push.duration_s = kPush_s;
     push.force_n = {side < 0.5 ? study_.push_n : -study_.push_n, 0};
@@ -258,8 +205,8 @@ std::pair<double, double> Trials::PushTimes() const {
 }
 
 void Trials::PlayModel() {
-  script_.tick_s = 1 / drives_.rate_hz;
-  const RobotVariation model = DrawRobot(scene_.robot, study_.spreads, 0, study_.seed, 0);
+  script_.tick_s = 1 / drives().rate_hz;
+  const RobotVariation model = DrawRobot(scene().robot, study_.spreads, 0, study_.seed, 0);
   Script script = script_;  // as yet empty: nobody leaves it
   const auto write = [&](const ControlLoop& loop, SimulatedRobot& robot) {
     const TickRecord& record = loop.record();
@@ -282,7 +229,7 @@ void Trials::PlayModel() {
       script.delay_s.push_back(script.tick_s - ago_s);
     }
   };
-  const std::optional<TrialOutcome> outcome = PlayVaried(model, robot_, write);
+  const std::optional<TrialOutcome> outcome = PlayVaried(model, robot(), write);
   if (outcome->reason == kUnjudged) {
     throw Refused(
         fmt::format("{}: ends {:.6g} s after the last motion has settled, before a robot "
@@ -296,43 +243,34 @@ void Trials::PlayModel() {
 std::optional<TrialOutcome> Trials::PlayVaried(const RobotVariation& variation,
                                                SimulatedRobotConfig config, const Observer& observe,
                                                std::optional<DropNumber> dropped) {
-  config.scene = Varied(scene_, variation);
+  const Scene varied = Varied(scene(), variation);
   RunSettings settings = study_.run;
   std::vector<double> rates;
   if (dropped) {
-    Drop drop = DrawDrop(*config.scene, *dropped);
+    Drop drop = DrawDrop(varied, *dropped);
     rates = std::move(drop.rates);
     config.start = std::move(drop.pose);
     config.twin.held = false;
     settings.attended = true;        // The run begins once the robot lies.
     settings.start_within_rad = 10;  // Its joints are anywhere.
   }
-  RunParts parts{motion_.file(), std::make_unique<const Sequence<float>>(ToRuntime(motion_.file())),
-                 drives_};
-  const DrivesConfig true_drives = VaryDrives(variation, config.motors, parts.drives);
-  SimulatedRobot robot(motion_, true_drives, config);
-  const DrivesConfig drives = parts.drives;
-  Assembly assembly(std::move(parts));
-  if (assembly.Configure(ExecutorConfigOf(settings, drives)) != Status::kOk)
-    throw Refused(study_.motion + ": the executor does not take this motion");
-
-  PurposeJudge judge(motion_.file(), true, scene_.robot.hinged());
+  SharedRobot shared = shared_;
+  shared.config = std::move(config);
+  VariedRun run({motion_, nullptr, settings}, shared, variation);
+  SimulatedRobot& robot = run.robot();
+  RunProcedure& procedure = run.procedure();
+  const ControlLoop& loop = run.loop();
+  PurposeJudge judge(motion_.file(), true, scene().robot.hinged());
   DepartureWatch departure;
-  LateHost host(robot.bus().Attach(), variation.delay_s);
-  VirtualClock clock([&robot](std::int64_t time_ns) { robot.AdvanceTo(time_ns); });
-  RunProcedure procedure(ProcedureConfigOf(settings, drives, assembly.parts().sequence->graph));
-  OperatorMailbox mailbox;
-  ControlLoop loop({assembly.executor(), host, clock, procedure, mailbox},
-                   static_cast<std::int64_t>(std::llround(1e9 / drives.rate_hz)), 0);
   if (dropped) robot.Displace(std::vector<double>(rates.size()), rates);
   LieWatch lie;
   bool begun = false;
-  for (std::size_t k = 0; loop.Step(); ++k) {
+  for (std::size_t k = 0; run.Step(); ++k) {
     const TwinState truth = robot.state();
     judge.Observe(loop.record(), loop.time_ns(), truth);
     lie.Observe(loop.record(), truth);
     if (dropped && BeginAfterDrop(loop, procedure) &&
-        LiesInItself(*config.scene, truth.joint_positions_rad)) {
+        LiesInItself(varied, truth.joint_positions_rad)) {
       return std::nullopt;
     }
     if (!dropped && k < script_.ticks.size())
@@ -340,7 +278,7 @@ std::optional<TrialOutcome> Trials::PlayVaried(const RobotVariation& variation,
     if (observe) observe(loop, robot);
     if (!begun && loop.record().state == ExecutorState::kRunning) {
       begun = true;
-      robot.Displace(variation.StartPositions(), variation.StartRates());
+      run.DisplaceAtStart();
     }
     if (robot.posture().falls() > 0) break;
   }
@@ -357,8 +295,8 @@ std::optional<TrialOutcome> Trials::PlayVaried(const RobotVariation& variation,
     outcome.verdict = TrialOutcome::Verdict::kFault;
     outcome.reason =
         procedure.outcome() == RunOutcome::kRefused
-            ? Describe(procedure.refusal(), robot.joints(), ErrorCodesOf(drives_))
-            : Describe(loop.record().first_fault, robot.joints(), ErrorCodesOf(drives_));
+            ? Describe(procedure.refusal(), robot.joints(), ErrorCodesOf(drives()))
+            : Describe(loop.record().first_fault, robot.joints(), ErrorCodesOf(drives()));
   }
   if (dropped) {
     outcome.lies_rad = lie.lies_rad();

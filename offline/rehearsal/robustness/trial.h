@@ -10,6 +10,7 @@
 #include "offline/ensemble/variation.h"
 #include "offline/problem/simulated_motion.h"
 #include "offline/rehearsal/robustness/drop.h"
+#include "offline/rehearsal/robustness/varied_run.h"
 #include "offline/rehearsal/sim/purpose_judge.h"
 #include "offline/rehearsal/twin/simulated_robot.h"
 #include "runtime/assembly/run_settings.h"
@@ -130,11 +131,11 @@ class Trials {
   [[nodiscard]] RobotVariation Draw(std::uint64_t index) const;
   [[nodiscard]] const RobustnessStudy& study() const { return study_; }
   [[nodiscard]] const SimulatedMotion& motion() const { return motion_; }
-  [[nodiscard]] const DrivesConfig& drives() const { return drives_; }
+  [[nodiscard]] const DrivesConfig& drives() const { return shared_.drives; }
   /// What all robots share.
-  [[nodiscard]] const SimulatedRobotConfig& robot() const { return robot_; }
+  [[nodiscard]] const SimulatedRobotConfig& robot() const { return shared_.config; }
   /// The robot that is the model, and its ground.
-  [[nodiscard]] const Scene& scene() const { return scene_; }
+  [[nodiscard]] const Scene& scene() const { return shared_.scene; }
   [[nodiscard]] const Script& script() const { return script_; }
 
  private:
@@ -153,9 +154,7 @@ class Trials {
 
   RobustnessStudy study_;
   SimulatedMotion motion_;
-  DrivesConfig drives_;
-  SimulatedRobotConfig robot_;
-  Scene scene_;
+  SharedRobot shared_;
   Script script_;
 };
 

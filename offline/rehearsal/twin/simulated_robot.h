@@ -70,6 +70,8 @@ class SimulatedRobot {
   void AdvanceTo(std::int64_t time_ns);
   /// As Twin::Displace.
   void Displace(std::span<const double> q, std::span<const double> v) { twin_->Displace(q, v); }
+  /// As Twin::ForgetImpacts.
+  void ForgetImpacts() { twin_->ForgetImpacts(); }
   /// Puts the robot back into the pose in which it began.
   void PutBack();
 

@@ -184,7 +184,22 @@ struct Twin::Implementation {
       peak_penetration = std::max(peak_penetration, a.depth_m);
       normal_force += a.normal_force_n;
       touching.push_back(a);
+      const double speed = ApproachOf(a);
+      if (speed <= impact) continue;
+      impact = speed;
+      impact_body = BodyOfContact(a);
     }
+  }
+
+  /// The speed with which a contact's point moves into what it touches.
+  [[nodiscard]] double ApproachOf(const ActiveContact<Plane>& active) const {
+    const HybridDynamics<Plane>& dynamics = robot.dynamics;
+    Plane::Vector v = dynamics.velocity(BodyOfContact(active)).At(active.point);
+    if (active.other_shape >= 0) {
+      const int other = scene.robot.shapes[Index(active.other_shape)].body;
+      v -= dynamics.velocity(other).At(active.point);
+    }
+    return -v.dot(active.normal);
   }
 
   /// Takes a step by the midpoint rule. The order suffices because the drives' loops need a step
@@ -224,6 +239,8 @@ struct Twin::Implementation {
   bool held;
   double peak_penetration = 0;
   double normal_force = 0;
+  double impact = 0;
+  int impact_body = -1;  // -1: nothing was touched
 };
 
 Twin::Twin(const Scene& scene, const PrimitivePose& start, const TwinConfig& config,
@@ -267,6 +284,8 @@ TwinState Twin::state() const {
     state.joint_torques_nm.push_back(m.drive_torque[dof]);
   }
   state.peak_penetration_m = m.peak_penetration;
+  state.impact_m_s = m.impact;
+  if (m.impact_body >= 0) state.impact_link = m.scene.robot.body_names[Index(m.impact_body)];
   SceneDynamics::Numbers positions{};
   for (std::size_t dof = 0; dof < m.robot.n; ++dof) positions[dof] = m.q(dof);
   const SelfClearance own = m.distances.Nearest({positions.data(), m.robot.n});
@@ -299,6 +318,11 @@ void Twin::Displace(std::span<const double> q, std::span<const double> v) {
     m.y[Index(place)] += q[i];
     m.y[m.robot.free.size() + Index(place)] += v[i];
   }
+}
+
+void Twin::ForgetImpacts() {
+  implementation_->impact = 0;
+  implementation_->impact_body = -1;
 }
 
 void Twin::PutBack() {

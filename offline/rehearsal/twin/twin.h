@@ -92,8 +92,12 @@ struct TwinState {
   std::vector<double> joint_velocities_rad_s;
   std::vector<double> joint_torques_nm;  ///< The torques that the drives exert.
   double peak_penetration_m = 0;         ///< Since the start.
-  double normal_force_n = 0;             ///< Sum over all contacts.
-  std::array<double, 2> push_n{};        ///< Sum of all pushes that act: x, z.
+  /// The hardest impact since the start or the last `ForgetImpacts`: the largest speed with which a
+  /// point in contact moves into what it touches, and its link; empty: nothing was touched.
+  double impact_m_s = 0;
+  std::string impact_link;
+  double normal_force_n = 0;       ///< Sum over all contacts.
+  std::array<double, 2> push_n{};  ///< Sum of all pushes that act: x, z.
   /// By how much the robot's own shapes overlap, which the twin does not prevent; 0 where they do
   /// not. Only those count that are to stay apart.
   double self_overlap_m = 0;
@@ -125,6 +129,8 @@ class Twin {
   ///              the root, its pitch, and the joints [m, rad, m/s, rad/s].
   /// @throws std::invalid_argument  when there are not as many, or the root is fixed.
   void Displace(std::span<const double> q, std::span<const double> v);
+  /// Begins anew with the hardest impact.
+  void ForgetImpacts();
   /// Puts the robot back into the pose in which it began. If it was held then, it is held again
   /// until all drives are enabled.
   void PutBack();

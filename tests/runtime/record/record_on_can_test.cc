@@ -272,8 +272,8 @@ TEST_F(RecordOnCan, AReplayPlaysAPrimitiveInsteadAndRefusesDrivesOfOtherJoints) 
   testing::InSteadyTime([&] {
     const std::string record = Path("sim.rec");
     std::filesystem::remove(record);
-    Output({ProgramPath("tumbler-run"), "sim",
-            testing::SourcePath("primitives/nominal/handstand.toml"), "--record", record});
+    Output({ProgramPath("tumbler-run"), "sim", testing::SourcePath("primitives/handstand.toml"),
+            "--record", record});
     const VirtualCan can;
     const auto drives = StartDrives(can.name());
     Program wrong({ProgramPath("tumbler-replay"), record, "--bus", can.name(), "--drives",

@@ -56,6 +56,29 @@ TEST_P(RecordOfProtocol, ReplaysIdentically) {
   EXPECT_THAT(info.text, HasSubstr("holds " + drives));
 }
 
+TEST_P(RecordOfProtocol, OfAMotionThatWasRolledOutAndWentHomeReplaysIdentically) {
+  // When the motion begins depends on how long drives take to be armed.
+  Outcome run;
+  for (int tenths = 3; tenths < 40 && run.text.find("reaction: roll out") == std::string::npos;
+       ++tenths) {
+    std::filesystem::remove(record_);
+    testing::WriteFile(folder_ / "faults.toml",
+                       "format = \"tumbler-bus-faults\"\nversion = 1\n[[fault]]\nkind = \"loss\"\n"
+                       "node = \"host\"\nduration_s = 0.03\nstart_s = " +
+                           std::to_string(0.1 * tenths) + "\n");
+    run = Run("tumbler-run sim " + testing::SourcePath("primitives/gait.toml") +
+              " --cycles 1 --drives " + testing::SourcePath(GetParam().file) + " --bus-faults " +
+              (folder_ / "faults.toml") + " --record " + record_);
+  }
+  EXPECT_EQ(run.exit_code, 3) << run.text;
+  EXPECT_THAT(run.text, HasSubstr("(running); reaction: roll out"));
+  EXPECT_THAT(run.text, HasSubstr("as after downstand")) << "it has gone home";
+  EXPECT_THAT(run.text, Not(HasSubstr("broken off")));
+  const Outcome replay = Run("tumbler-replay " + record_);
+  EXPECT_EQ(replay.exit_code, 0) << replay.text;
+  EXPECT_TRUE(replay.text.starts_with("identical: ")) << replay.text;
+}
+
 INSTANTIATE_TEST_SUITE_P(Protocols, RecordOfProtocol,
                          ::testing::ValuesIn(testing::ExampleOfEveryProtocol()),
                          [](const auto& test) { return test.param.protocol; });
