@@ -248,7 +248,7 @@ TEST(ForwardSensitivity, RunsAgainWithTheStepsThatItChose) {
   const Problem problem = ElevenParameters();
   const std::vector<double> x = RandomMotion(problem, 6);
   ForwardSensitivity forward(problem, kAdaptive);
-  Gradient gradient(forward.output_count(), forward.parameter_count()), again = gradient;
+  OutputGradients gradient = OutputGradients::Of(forward), again = gradient;
   const RolloutResult result = forward.Run(x, gradient);
   const RolloutResult repeated = forward.RunAgain(x, again);
   EXPECT_EQ(result.cost, repeated.cost);
@@ -276,7 +276,7 @@ TEST(ForwardSensitivity, RunsAgainWithTheStepsThatItChose) {
 TEST(ForwardSensitivity, HasNoStepsToRunAgainWithBeforeItRan) {
   const Problem problem = ElevenParameters();
   ForwardSensitivity forward(problem, kAdaptive);
-  Gradient gradient(forward.output_count(), forward.parameter_count());
+  OutputGradients gradient = OutputGradients::Of(forward);
   EXPECT_THROW(forward.RunAgain(RandomMotion(problem, 6), gradient), std::logic_error);
 }
 

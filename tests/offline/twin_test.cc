@@ -246,7 +246,7 @@ TEST(TwinMechanics, ACollapseOntoTheGroundNeverGainsEnergy) {
 
 TEST(TwinMechanics, TheHardestImpactIsTheSpeedWithWhichARobotMeetsTheGroundUntilItIsForgotten) {
   for (const double height_m : {0.3, 0.5, 1.0}) {
-    Rig rig(Replaced(NominalTask(), "pitch_rad = 0.0",
+    Rig rig(Replaced(LongHandstandTask(), "pitch_rad = 0.0",
                      "pitch_rad = 0.0\nz_m = " + std::to_string(height_m), "[start]"));
     double fallen_m_s = 0;
     std::int64_t time_ns = 0;
