@@ -238,15 +238,27 @@ inline constexpr auto kPurposeKeys = AllRequired(std::array{
     KeyOf<&PurposeTarget::of, PurposeFigure>(
         "of", PurposeTarget::kOfNames,
         "what the task asks for: a value of the root; `speed`: to end at rest, no rate of the root "
-        "faster in the last 0.25 s"),
+        "faster in the last 0.25 s; `point_...`: of a point of a link, see the task's `of`"),
     KeyOf<&PurposeTarget::when, PurposeFigure>(
         "when", PurposeTarget::kWhenNames,
-        "at the end of the motion, of the settle phase, or 2 s after the motion"),
+        "at the end of the motion, of the settle phase, 2 s after the motion, or at `time_s`"),
     KeyOf<&PurposeTarget::target, PurposeFigure>("target", ""),
     KeyOf<&PurposeTarget::tolerance, PurposeFigure>("tolerance", Range::Positive(),
                                                     "farther from the target misses it"),
     KeyOf<&PurposeFigure::result>(
         "result", "of the plan, simulated with a 16th of the step with which it was found"),
+});
+
+/// The key of a target at a time.
+inline constexpr auto kPurposeTimeKeys = AllRequired(std::array{
+    KeyOf<&PurposeTarget::time_s, PurposeFigure>("time_s", Range::Positive(),
+                                                 "since the start of the motion; of `time` only"),
+});
+/// Keys of a target of a point.
+inline constexpr auto kPurposePointKeys = AllRequired(std::array{
+    KeyOf<&PurposeTarget::link, PurposeFigure>("link", "that has the point; of `point_...` only"),
+    KeyOf<&PurposeTarget::point_m, PurposeFigure>("point_m",
+                                                  "x and z in the link's frame; likewise"),
 });
 
 inline constexpr auto kRobustnessKeys = AllRequired(std::array{

@@ -492,8 +492,12 @@ PrimitiveFile Read(TomlTable root, Derived derived = Derived::kChecked) {
   file.exit = ReadPose(root.Table("exit"), file.primitive, true);
   for (TomlTable& contact : root.OptionalTables("contact"))
     file.contacts.push_back(ReadContact(contact));
-  for (TomlTable& purpose : root.OptionalTables("purpose"))
-    ReadKeys(purpose, kPurposeKeys, file.purpose.emplace_back());
+  for (TomlTable& purpose : root.OptionalTables("purpose")) {
+    PurposeFigure& figure = file.purpose.emplace_back();
+    ReadKeys(purpose, kPurposeKeys, figure);
+    if (figure.at_time()) ReadKeys(purpose, kPurposeTimeKeys, figure);
+    if (figure.of_point()) ReadKeys(purpose, kPurposePointKeys, figure);
+  }
   file.certificate = ReadCertificate(root.Table("certificate"), file.primitive, derived);
   for (TomlTable& robustness : root.OptionalTables("robustness"))
     file.robustness.push_back(ReadRobustness(robustness));
@@ -573,6 +577,8 @@ std::vector<KeyTable> PrimitiveKeyTables() {
                    RowsOf(kPoseKeys, "`[entry]`, `[exit]`"),
                    RowsOf(kContactKeys, "`[[contact]]`"),
                    RowsOf(kPurposeKeys, "`[[purpose]]`"),
+                   RowsOf(kPurposeTimeKeys, "`[[purpose]]`"),
+                   RowsOf(kPurposePointKeys, "`[[purpose]]`"),
                    {{"", "`[certificate]`", "", "", "see [method.md](method.md#certificate)"}},
                    RowsOf(kRobustnessKeys, "`[[robustness]]`"),
                    RowsOf(kProvenanceKeys, "`[provenance]`"),

@@ -128,6 +128,8 @@ std::string WriteWith(const std::string& content_hash, const PrimitiveFile& file
   for (const PurposeFigure& figure : file.purpose) {
     writer.Line("\n[[purpose]]");
     WriteKeys(writer, kPurposeKeys, figure);
+    if (figure.at_time()) WriteKeys(writer, kPurposeTimeKeys, figure);
+    if (figure.of_point()) WriteKeys(writer, kPurposePointKeys, figure);
   }
   writer.Line("\n[certificate]");
   WriteKeys(writer, kCertificateFileKeys, file.certificate);

@@ -6,13 +6,16 @@ namespace tumbler {
 
 std::string PurposeTarget::name() const {
   constexpr std::array<const char*, 3> kWhen = {"at the end", "settled", "2 s later"};
-  const std::string_view of_name =
-      of == Of::kSpeed ? "speed of the root" : kOfNames[static_cast<std::size_t>(of)];
-  return fmt::format("{}, {}", of_name, kWhen[static_cast<std::size_t>(when)]);
+  std::string text(kOfNames[static_cast<std::size_t>(of)]);
+  if (of == Of::kSpeed) text = "speed of the root";
+  if (of_point()) text += fmt::format(" of {} at ({:.6g}, {:.6g})", link, point_m[0], point_m[1]);
+  if (at_time()) return text + fmt::format(", at {:.6g} s", time_s);
+  return text + ", " + kWhen[static_cast<std::size_t>(when)];
 }
 
 const char* PurposeTarget::unit() const {
-  constexpr std::array kUnits = {"m", "m", "rad", "m/s", "m/s", "rad/s", "m/s, rad/s"};
+  constexpr std::array kUnits = {"m",          "m", "rad", "m/s", "m/s", "rad/s",
+                                 "m/s, rad/s", "m", "m",   "m/s", "m/s"};
   return kUnits[static_cast<std::size_t>(of)];
 }
 

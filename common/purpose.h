@@ -8,7 +8,8 @@
 
 namespace tumbler {
 
-/// What a motion is for: a value that its task's cost asks for at one instant, of the robot's root.
+/// What a motion is for: a value that its task's cost asks for at one instant, of the robot's root
+/// or of a point of a link.
 struct PurposeTarget {
   enum class Of : std::uint8_t {
     kX,
@@ -19,23 +20,35 @@ struct PurposeTarget {
     kPitchRate,
     kSpeed,  ///< The largest |rate| of the root in the last kRestWatched_s: the motion ends at
              ///< rest.
+    kPointX,
+    kPointZ,
+    kPointXRate,
+    kPointZRate,
   };
   enum class When : std::uint8_t {
     kEnd,      ///< At the end of the motion.
     kSettled,  ///< At the end of the settle phase.
     kLater,    ///< 2 s after the end of the motion (kExitAfter_s).
+    kTime,     ///< At `time_s`.
   };
   /// Their names in files, in their order.
-  static constexpr std::array<std::string_view, 7> kOfNames = {
-      "x", "z", "pitch", "x_rate", "z_rate", "pitch_rate", "speed"};
-  static constexpr std::array<std::string_view, 3> kWhenNames = {"end", "settled", "later"};
+  static constexpr std::array<std::string_view, 11> kOfNames = {
+      "x",     "z",       "pitch",   "x_rate",       "z_rate",      "pitch_rate",
+      "speed", "point_x", "point_z", "point_x_rate", "point_z_rate"};
+  static constexpr std::array<std::string_view, 4> kWhenNames = {"end", "settled", "later", "time"};
 
   Of of = Of::kPitch;
   When when = When::kEnd;
-  double target = 0;     ///< [m, rad, m/s, rad/s]
-  double tolerance = 0;  ///< A result farther from the target than this misses it.
+  double target = 0;                ///< [m, rad, m/s, rad/s]
+  double tolerance = 0;             ///< A result farther from the target than this misses it.
+  double time_s = 0;                ///< Since the start of the motion; of `kTime`.
+  std::string link = {};            ///< That has the point; empty where there is none.
+  std::array<double, 2> point_m{};  ///< x and z in the link's frame.
 
-  /// For people, such as "pitch, settled" or "speed of the root, 2 s later".
+  [[nodiscard]] bool at_time() const { return when == When::kTime; }
+  [[nodiscard]] bool of_point() const { return of >= Of::kPointX; }
+  /// For people, such as "pitch, settled", "speed of the root, 2 s later", or "point_z of leg1_link
+  /// at (0.2, 0), at 0.3 s".
   [[nodiscard]] std::string name() const;
   [[nodiscard]] const char* unit() const;
   /// A result that is not a number misses.

@@ -5,8 +5,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
-#include "common/index.h"
 #include "common/primitive_toml.h"
 #include "offline/scene/self_clearance.h"
 
@@ -27,8 +27,9 @@ bool AsksForValue(const CostTerm& term) {
 }
 
 PurposeFigure FigureOf(const CostTerm& term, const Instant& at, PurposeTarget::When when) {
-  return {{term.of(), when, term.target, term.tolerance},
-          (term.of_velocity ? at.qd : at.q)[Index(term.dof)]};
+  return {{term.of(), when, term.target, term.tolerance, term.time_s, term.point.link,
+           term.point.point_m},
+          term.Value({at.q, at.qd, {}})};
 }
 
 }  // namespace
@@ -80,6 +81,9 @@ class Looker {
         last_s_(settled_s_ + SettlingAfter(problem)) {
     look_.step_s = step_s;
     look_.layer_m = problem.scene.contact.d_on_m;
+    for (const CostInstant& instant : problem.instants()) {
+      if (instant.when == CostTerm::When::kTime) times_.push_back({instant.time_s, {}});
+    }
   }
 
   /// @param own  the nearest of the robot's own shapes; infinite where they are not nearer than
@@ -87,6 +91,10 @@ class Looker {
   void Take(const MotionSample& sample, const SelfClearance& own) {
     const double t = sample.time_s;
     if (t <= problem_.duration_s + 1e-9) end_.Take(sample);
+    // The rollout stops at these times.
+    for (auto& [time_s, instant] : times_) {
+      if (std::abs(t - time_s) <= 1e-9) instant.Take(sample);
+    }
     const bool solved = t <= settled_s_ + 1e-9;
     if (solved) {
       settled_.Take(sample);
@@ -129,6 +137,11 @@ class Looker {
     const bool goes_on = SettlingAfter(problem_) > 0;
     for (const CostTerm& term : problem_.cost) {
       if (!AsksForValue(term)) continue;
+      if (term.when == CostTerm::When::kTime) {
+        const auto at = std::ranges::find(times_, term.time_s, &std::pair<double, Instant>::first);
+        look_.purpose.push_back(FigureOf(term, at->second, kTime));
+        continue;
+      }
       const bool at_end = term.when == CostTerm::When::kEnd;
       // A robot that still rocks when the settle phase ends has done what was asked when it then
       // comes to rest.
@@ -150,6 +163,7 @@ class Looker {
   SecondLook look_;
   SelfClearance nearest_;
   Instant end_, settled_, later_;
+  std::vector<std::pair<double, Instant>> times_;  // at which the cost looks, too
   double speed_ = 0;
 };
 

@@ -15,9 +15,10 @@ namespace tumbler {
 /// landing that holds in its arithmetic only, shows here.
 struct SecondLook {
   double step_s = 0;
-  /// What the `terminal` terms of the cost with a weight ask for. Where the motion is to end at
-  /// rest, also where the robot is 2 s later: each position asked for at the end of the settle
-  /// phase, and the speed. A velocity of 0 asked for there is judged 2 s later only.
+  /// What the `terminal` terms of the cost with a weight ask for, each at its instant. Where the
+  /// motion is to end at rest, also where the robot is 2 s later: each position asked for at the
+  /// end of the settle phase, and the speed. A velocity of 0 asked for there is judged 2 s later
+  /// only.
   std::vector<PurposeFigure> purpose;
   /// Largest |torque| of any joint up to the end of the settle phase.
   double peak_torque_nm = 0;

@@ -55,6 +55,20 @@ Dof<Plane> ReduceDof(const Robot& robot, std::size_t j) {
   return dof;
 }
 
+PlanarLink ReduceLink(const RobotLink& link) {
+  PlanarLink out;
+  out.name = link.name;
+  out.body = link.body;
+  const auto in_plane = [](const auto& r) { return std::array<double, 2>{r.x(), r.z()}; };
+  out.origin_m = in_plane(link.pose.translation);
+  const SpaceVector x = link.pose.rotation * SpaceVector::UnitX();
+  const SpaceVector z = link.pose.rotation * SpaceVector::UnitZ();
+  out.x_axis = in_plane(x);
+  out.z_axis = in_plane(z);
+  out.in_plane = std::abs(x.y()) <= kPlaneTolerance && std::abs(z.y()) <= kPlaneTolerance;
+  return out;
+}
+
 /// Makes the segment that draws a shape. @returns false where the shape is not drawn.
 bool Draw(const RobotShape& shape, DrawnSegment& segment) {
   segment.body = shape.body;
@@ -133,6 +147,7 @@ PlanarRobot ReduceToPlane(const Robot& robot) {
                          "carries, an <inertial>",
                          robot.tree.dofs[j].name));
   }
+  for (const RobotLink& link : robot.links) out.links.push_back(ReduceLink(link));
   ContactShapes<Plane> contact = PlanarContactShapes(robot);
   out.shapes = std::move(contact.shapes);
   out.ignored_shapes = std::move(contact.ignored);

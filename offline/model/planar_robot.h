@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -23,6 +24,15 @@ struct DrawnSegment {
   double radius_m = 0;
 };
 
+/// A link of the file in the plane, those on fixed joints included.
+struct PlanarLink {
+  std::string name;
+  int body = -1;                     ///< Degree of freedom that moves it; -1 is the world.
+  std::array<double, 2> origin_m{};  ///< Of its frame, in the body's: x and z.
+  std::array<double, 2> x_axis{1, 0}, z_axis{0, 1};  ///< Likewise.
+  bool in_plane = true;  ///< Whether these axes lie in the plane, as those of the body do.
+};
+
 /// A robot reduced to the x-z plane. Degrees of freedom are those of `Robot`, in the same order.
 struct PlanarRobot {
   std::string name;
@@ -30,6 +40,7 @@ struct PlanarRobot {
   RootKind root = RootKind::kFixed;         ///< Not floating.
   int root_dofs = 0;                        ///< 0 (fixed) or 3 (planar, hinge).
   std::vector<std::string> body_names;      ///< Link of each degree of freedom.
+  std::vector<PlanarLink> links;            ///< All links, by their names in the file.
   std::vector<RobotJointLimits> limits;     ///< Of each degree of freedom; the root's are infinite.
   std::vector<ContactShape<Plane>> shapes;  ///< For contact.
   std::vector<OwnShape> own_shapes;         ///< For the robot's distance from itself.

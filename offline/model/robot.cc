@@ -186,7 +186,7 @@ class Builder {
 
   void AddLink(const urdf::Link& link, int body, const Pose& X) {
     robot_.links.push_back({link.name, source_.LineOfLink(link.name, ""), body,
-                            link.inertial == nullptr ? 0 : link.inertial->mass});
+                            link.inertial == nullptr ? 0 : link.inertial->mass, X});
     AddInertia(link, body, X);
     AddShapes(link, body, X);
     for (const urdf::JointSharedPtr& joint : link.child_joints) {

@@ -27,6 +27,7 @@ struct RobotLink {
   std::uint32_t line = 0;
   int body = -1;       ///< Index of the degree of freedom that moves it; -1 is the world.
   double mass_kg = 0;  ///< Of this link alone.
+  Pose pose;           ///< Of its frame, in the body's.
 };
 
 /// A collision or visual shape, as the file describes it.

@@ -5,11 +5,13 @@
 #include <cstddef>
 #include <span>
 #include <string_view>
+#include <vector>
 
 #include "common/key_table.h"
 #include "common/purpose.h"
 #include "common/toml_reader.h"
 #include "offline/model/planar_robot.h"
+#include "offline/problem/link_point.h"
 
 namespace tumbler {
 
@@ -30,30 +32,32 @@ struct CostSlopes {
   std::span<double> torque;
 };
 
-/// One term of the cost: its weight times a quantity of the motion. This header and cost_term.cc
-/// describe each kind of term completely: its keys in a task, its value and its slopes. Rollouts
-/// and their gradients treat all terms alike.
+/// One term of the cost: its weight times a quantity of the motion. This header, cost_term.cc and
+/// cost_values.cc describe each kind of term completely: its keys in a task, its value and slopes.
+/// Rollouts and their gradients treat all terms alike.
 struct CostTerm {
   enum class Kind {
-    kSquare,  ///< (value - target)^2 of a coordinate of the root.
+    kSquare,  ///< (value - target)^2 of a coordinate of the root, or of a point of a link.
     kLinear,  ///< value - target, as in [AB04, Eq. 34].
     kEffort,  ///< |tau|^2.
   };
   /// The names of the kinds in a task, in their order.
   static constexpr std::array<std::string_view, 3> kKindNames = {"terminal", "terminal-linear",
                                                                  "effort"};
-  /// Positions of the root, then their rates, as in a task.
-  static constexpr std::array<std::string_view, 6> kCoordinateNames = {
-      "x", "z", "pitch", "x_rate", "z_rate", "pitch_rate"};
+  /// Positions of the root, then their rates, then those of a point of a link, as in a task.
+  static constexpr std::array<std::string_view, 10> kCoordinateNames = {
+      "x",          "z",       "pitch",   "x_rate",       "z_rate",
+      "pitch_rate", "point_x", "point_z", "point_x_rate", "point_z_rate"};
   enum class When {
     kEnd,         ///< At t_f, where the motion ends.
     kSettled,     ///< After the settle phase, legs held.
     kThroughout,  ///< The integral over motion and settle phase.
+    kTime,        ///< At `time_s`.
   };
   Kind kind = Kind::kSquare;
   When when = When::kEnd;
   double weight = 1;
-  /// The degree of freedom that a term in a coordinate is about.
+  /// The degree of freedom that a term in a coordinate is about; of a point: 0 for x, 1 for z.
   int dof = 0;
   /// Whether that term takes the velocity of the coordinate, or else its position.
   bool of_velocity = false;
@@ -62,28 +66,41 @@ struct CostTerm {
   /// A motion whose value is farther than this from the target does not serve its purpose. The cost
   /// does not depend on it.
   double tolerance = kAngleTolerance_rad;
+  /// Since the start of the motion; of `kTime`.
+  double time_s = 0;
+  /// The point that the coordinate is of. Without one it is the root's.
+  LinkPoint point = {};
 
   /// Defaults: 3 degrees; a foot's radius of the shipped robot; and a speed that friction ends
   /// within a few centimetres.
   static constexpr double kAngleTolerance_rad = 0.05, kLengthTolerance_m = 0.02,
                           kRateTolerance = 0.1;
 
-  /// The root's coordinate or its rate. PurposeTarget has them in the same order.
+  /// The coordinate or its rate. PurposeTarget has them in the same order.
   [[nodiscard]] PurposeTarget::Of of() const {
-    return static_cast<PurposeTarget::Of>(dof + (of_velocity ? 3 : 0));
+    constexpr int kPoint = static_cast<int>(PurposeTarget::Of::kPointX);
+    return static_cast<PurposeTarget::Of>(point.present() ? kPoint + dof + (of_velocity ? 2 : 0)
+                                                          : dof + (of_velocity ? 3 : 0));
   }
 
   bool operator==(const CostTerm&) const = default;
 
-  /// Whether the quantity is a coordinate of the root, or made of one.
-  [[nodiscard]] bool of_root() const { return kind == Kind::kSquare || kind == Kind::kLinear; }
+  /// Whether the quantity is a coordinate of the root or of a point, or made of one.
+  [[nodiscard]] bool of_coordinate() const {
+    return kind == Kind::kSquare || kind == Kind::kLinear;
+  }
   /// Whether the quantity depends on positions or velocities.
   [[nodiscard]] bool of_state() const { return kind != Kind::kEffort; }
-  /// Whether this is a target of the root's pitch.
+  /// Whether this is a target of the root's pitch after the motion.
   [[nodiscard]] bool targets_pitch() const {
     constexpr int kPitch = 2;
-    return kind == Kind::kSquare && !of_velocity && dof == kPitch;
+    return kind == Kind::kSquare && !of_velocity && dof == kPitch && when != When::kTime;
   }
+
+  /// What a term in a coordinate is about.
+  [[nodiscard]] double Value(const CostPoint& at) const;
+  /// Adds the derivatives of `scale` times that to `slopes`.
+  void AddValueSlopes(double scale, const CostPoint& at, const CostSlopes& slopes) const;
 
   /// How far the pitch is from its target [rad]. 0 unless this term draws it there.
   [[nodiscard]] double TargetError(const CostPoint& at) const {
@@ -120,24 +137,44 @@ struct CostTerm {
           slopes.torque[j] += scale * 2 * at.torque[j];
         return;
       case Kind::kSquare:
-        (of_velocity ? slopes.qd : slopes.q)[coordinate()] += scale * 2 * OffTarget(at);
+        AddValueSlopes(scale * 2 * OffTarget(at), at, slopes);
         return;
       case Kind::kLinear:
-        (of_velocity ? slopes.qd : slopes.q)[coordinate()] += scale;
+        AddValueSlopes(scale, at, slopes);
         return;
     }
   }
 
  private:
   [[nodiscard]] std::size_t coordinate() const { return static_cast<std::size_t>(dof); }
-  [[nodiscard]] double OffTarget(const CostPoint& at) const {
-    return (of_velocity ? at.qd : at.q)[coordinate()] - target;
+  [[nodiscard]] LinkPoint::Axis axis() const { return static_cast<LinkPoint::Axis>(dof); }
+  [[nodiscard]] double OffTarget(const CostPoint& at) const { return Value(at) - target; }
+};
+
+/// An instant at which terms of a cost look at the motion.
+struct CostInstant {
+  CostTerm::When when = CostTerm::When::kEnd;  ///< Not kThroughout.
+  double time_s = 0;                           ///< Since the start of the motion.
+  bool held = false;   ///< Whether the joints are at their ends: in and after the settle phase.
+  double since_s = 0;  ///< Since the instant before it, or the start.
+
+  [[nodiscard]] bool Has(const CostTerm& term) const {
+    return term.when == when && (when != CostTerm::When::kTime || term.time_s == time_s);
   }
 };
 
+/// All instants of a cost in the order of time, the end of the motion and of the settle phase among
+/// them whether a term looks there or not.
+/// @throws std::invalid_argument  about a time that is not between the start and the end of the
+/// settle phase.
+std::vector<CostInstant> InstantsOf(std::span<const CostTerm> cost, double duration_s,
+                                    double settle_s);
+
 /// Reads a `[[cost]]` of a task (docs/formats.md).
+/// @param duration_s, settle_s  of the task's motion and settle phase.
 /// @throws FileError with file, line, key, value and allowed range.
-CostTerm ReadCostTerm(TomlTable& table, const PlanarRobot& robot);
+CostTerm ReadCostTerm(TomlTable& table, const PlanarRobot& robot, double duration_s,
+                      double settle_s);
 
 /// Its keys, for docs/formats.md.
 KeyTable CostKeyTable();

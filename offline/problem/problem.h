@@ -136,6 +136,11 @@ struct Problem {
   /// What the motion has to survive; none: it is found for the model alone.
   std::optional<RobustSettings> robust;
 
+  /// The instants at which the cost looks at the motion.
+  [[nodiscard]] std::vector<CostInstant> instants() const {
+    return InstantsOf(cost, duration_s, settle_s);
+  }
+
   /// Parameters are the free control points of the first joint, then those of the second, ...
   [[nodiscard]] int parameter_count() const { return first_parameter(joints.size()); }
   /// Index of the first parameter of a joint.

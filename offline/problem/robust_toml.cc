@@ -120,6 +120,26 @@ void CheckDurations(TomlTable& root, const RobustSettings& settings, double dura
   }
 }
 
+/// The search for robots that differ looks at their roots after the settle phase, in lanes that do
+/// not stop in between.
+void CheckTerms(TomlTable& root, const Problem& problem) {
+  std::vector<TomlTable> tables = root.Tables("cost");
+  for (TomlTable& table : tables) {
+    const CostTerm term =
+        ReadCostTerm(table, problem.scene.robot, problem.duration_s, problem.settle_s);
+    if (term.when == CostTerm::When::kTime) {
+      table.Fail("time_s",
+                 "does not go with [robust], whose search judges robots when they have "
+                 "settled; leave out one of the two");
+    }
+    if (term.point.present()) {
+      table.Fail("of", fmt::format("is '{}', which does not go with [robust], whose search judges "
+                                   "robots by their root; leave out one of the two",
+                                   PurposeTarget::kOfNames[static_cast<std::size_t>(term.of())]));
+    }
+  }
+}
+
 }  // namespace
 
 std::optional<RobustSettings> ReadRobust(TomlTable& root, const Problem& problem) {
@@ -136,6 +156,7 @@ std::optional<RobustSettings> ReadRobust(TomlTable& root, const Problem& problem
               "judges a motion by the pitch at which robots end; the task asks for none: give it a "
               "[[cost]] with term \"terminal\" of \"pitch\" when \"settled\"");
   }
+  CheckTerms(root, problem);
   CheckDurations(root, settings, problem.duration_s);
   if (problem.scene.robot.hinged()) {
     root.Fail("robust",

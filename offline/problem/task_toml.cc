@@ -310,7 +310,8 @@ class TaskReader {
   void ReadCosts() {
     std::vector<CostTerm>& cost = problem_.cost;
     for (TomlTable& table : root_.Tables("cost")) {
-      const CostTerm term = ReadCostTerm(table, scene_.robot);
+      const CostTerm term =
+          ReadCostTerm(table, scene_.robot, problem_.duration_s, problem_.settle_s);
       if (term.targets_pitch() && term.weight > 0) problem_.target_pitch_rad = term.target;
       // Integrals that differ only in their weights become one.
       const auto same = std::find_if(cost.begin(), cost.end(), [&term](const CostTerm& other) {

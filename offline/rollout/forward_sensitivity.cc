@@ -76,6 +76,8 @@ struct ForwardSensitivity::Implementation {
                                                                         : settings.step_s),
         adaptive(settings.scheme == StepSettings::Scheme::kAdaptive),
         integrator(settings, Index(rows) * Index(1 + parameters)),
+        instants(p.instants()),
+        steps_until(instants.size()),
         look_points(integrator.tableau(), settings.step_s),
         depth(p.solver.sharpness, (1 - p.solver.core_margin) * p.scene.contact.d_on_m) {
     for (int j = 0; j < na; ++j) first_parameter.push_back(p.first_parameter(Index(j)));
@@ -292,10 +294,16 @@ struct ForwardSensitivity::Implementation {
                        [](double value) { return std::abs(value) < kImplausibleState; });
   }
 
-  /// Integrates one phase, in which the paths are smooth: the motion, or the joints held after it.
+  /// Integrates up to an instant from the one before it. Between them the paths are smooth: the
+  /// motion, or the joints held after it.
   /// @returns false when the state left every plausible range.
-  bool Integrate(double begin, double duration, bool moving, RolloutResult& result) {
+  bool IntegrateTo(std::size_t instant, RolloutResult& result) {
+    const double begin = instant == 0 ? 0 : instants[instant - 1].time_s;
+    const double duration = instants[instant].since_s;
+    const bool moving = instant == 0 || !instants[instant - 1].held;
     std::vector<double>& steps = moving ? grid.motion : grid.settling;
+    const bool begins_phase = instant == 0 || instants[instant - 1].when == CostTerm::When::kEnd;
+    const std::size_t first = begins_phase ? 0 : steps_until[instant - 1];
     const auto slope_at = [&](double t, const std::vector<double>& z, std::vector<double>& slope) {
       Evaluate(t, moving, z, slope);
     };
@@ -305,35 +313,45 @@ struct ForwardSensitivity::Implementation {
       if (adaptive && !repeats) steps.push_back(integrator.last_step_s());
       return Plausible(z);
     };
-    return repeats ? integrator.IntegrateThrough(begin, duration, steps, slope_at, look, goes_on)
-                   : integrator.Integrate(begin, duration, slope_at, look, goes_on);
+    if (repeats) {
+      const std::span<const double> again(steps.data() + first, steps_until[instant] - first);
+      return integrator.IntegrateThrough(begin, duration, again, slope_at, look, goes_on);
+    }
+    const bool plausible = integrator.Integrate(begin, duration, slope_at, look, goes_on);
+    steps_until[instant] = steps.size();
+    return plausible;
   }
 
-  void AddInstant(CostTerm::When when, RolloutResult& result) {
+  void AddInstant(const CostInstant& instant, RolloutResult& result) {
     const std::vector<double>& z = integrator.state();
+    const bool moving = !instant.held;
     robot.SetFree(z.data());
-    SetPaths(0, false);
+    SetPaths(instant.time_s, moving);
     const CostPoint here{robot.q, robot.qd, {}};
+    /// Adds the derivatives of a number in the parameters to `out`.
+    const auto add = [&](const SceneDynamics::Numbers& by_q, const SceneDynamics::Numbers& by_qd,
+                         double* out) {
+      AddByState(by_q, 0, moving, z, out);
+      AddByState(by_qd, 1, moving, z, out);
+    };
     for (const CostTerm& term : problem.cost) {
-      if (term.when != when) continue;
+      if (!instant.Has(term)) continue;
       result.cost += term.weight * term.Accumulate(0, 1, here);
       result.target_error_rad = std::max(result.target_error_rad, term.TargetError(here));
       if (term.draws()) result.residuals.push_back(term.Residual(here));
       SceneDynamics::Numbers by_q{}, by_qd{};
       term.AddSlopes(term.weight, here, {by_q, by_qd, {}});
-      AddByState(by_q, 0, false, z, outputs.data());
-      AddByState(by_qd, 1, false, z, outputs.data());
+      add(by_q, by_qd, outputs.data());
       if (gauss_newton == nullptr) continue;
       if (!term.draws()) {
-        AddByState(by_q, 0, false, z, gauss_newton->linear.data());
-        AddByState(by_qd, 1, false, z, gauss_newton->linear.data());
+        add(by_q, by_qd, gauss_newton->linear.data());
         continue;
       }
       gauss_newton->squares += result.residuals.back() * result.residuals.back();
-      SceneDynamics::Numbers of_term{};
-      of_term[Index(term.dof)] = std::sqrt(term.weight);
+      SceneDynamics::Numbers of_term{}, of_rate{};
+      term.AddValueSlopes(std::sqrt(term.weight), here, {of_term, of_rate, {}});
       std::fill(residual_slope.begin(), residual_slope.end(), 0.0);
-      AddByState(of_term, term.of_velocity ? 1 : 0, false, z, residual_slope.data());
+      add(of_term, of_rate, residual_slope.data());
       AddSquare(2, residual_slope.data());
       Eigen::MatrixXd& slopes = gauss_newton->residual_slopes;
       slopes.conservativeResize(slopes.rows() + 1, parameters);
@@ -386,10 +404,10 @@ struct ForwardSensitivity::Implementation {
     const SceneDynamics::State start = robot.AtRest(problem.start_q);
     std::copy_n(start.begin(), nf, state.begin());
 
-    if (!Integrate(0, problem.duration_s, true, result)) return fail();
-    AddInstant(CostTerm::When::kEnd, result);
-    if (!Integrate(problem.duration_s, problem.settle_s, false, result)) return fail();
-    AddInstant(CostTerm::When::kSettled, result);
+    for (std::size_t i = 0; i < instants.size(); ++i) {
+      if (!IntegrateTo(i, result)) return fail();
+      AddInstant(instants[i], result);
+    }
     result.cost += integrator.state()[Index(2 * nf)];
     if (gauss_newton != nullptr) gauss_newton->squares += integrator.state()[Index(2 * nf)];
     Row(outputs.data(), parameters) +=
@@ -431,8 +449,10 @@ struct ForwardSensitivity::Implementation {
   double paths_time = 0;                            // -1: after the motion
   bool adaptive;
   Integrator integrator;
-  StepGrid grid;         // of the last run that chose it, if adaptive
-  bool repeats = false;  // whether this run takes the steps of `grid`
+  std::vector<CostInstant> instants;
+  StepGrid grid;                         // of the last run that chose it, if adaptive
+  std::vector<std::size_t> steps_until;  // for each instant, how many of its phase are before it
+  bool repeats = false;                  // whether this run takes the steps of `grid`
   LookPoints look_points;
   SmoothDepth depth;
   std::array<StageRecord, Tableau::kMaxStages> records;  // of the present step
@@ -469,7 +489,7 @@ StepGrid StepsFor(const Problem& problem, std::span<const double> x) {
   ForwardSensitivity forward(problem, AdaptiveSteps(problem));
   std::vector<double> gradient(Index(forward.output_count() * forward.parameter_count()));
   if (forward.Run(x, gradient).finite) return forward.grid();
-  return EvenGrid(problem.duration_s, problem.settle_s, problem.solver.step_s);
+  return EvenGrid(problem, problem.solver.step_s);
 }
 
 RolloutResult ForwardSensitivity::Run(std::span<const double> x, std::span<double> gradient,

@@ -35,8 +35,10 @@ struct Timetable {
   std::vector<double> length;                             // of the steps [s]
   std::vector<double> time;                               // of the motion's points [s]
   int motion_steps = 0;
+  std::vector<int> step_at;  // for each instant of the cost, the step that begins there
 
-  Timetable(const Tableau& scheme, const StepGrid& grid, double duration_s)
+  Timetable(const Tableau& scheme, const StepGrid& grid, double duration_s,
+            std::span<const CostInstant> instants)
       : classical(&scheme == &kClassical),
         stages(static_cast<int>(scheme.own_stages())),
         length(grid.motion),
@@ -55,6 +57,25 @@ struct Timetable {
     // The sum of the steps may be beyond the spline's end by rounding.
     for (double& t : time) t = std::min(t, duration_s);
     time.push_back(duration_s);
+    FindInstants(instants, duration_s);
+  }
+  /// Finds the step that begins at each instant.
+  /// @throws std::invalid_argument  when there is none.
+  void FindInstants(std::span<const CostInstant> instants, double duration_s) {
+    int step = 0;
+    double begin = 0;  // of the step
+    for (const CostInstant& instant : instants) {
+      const double rounding = 1e-9 * (1 + instant.time_s);
+      const bool ends_phase = instant.when != CostTerm::When::kTime;
+      const bool in_motion = !instant.held || instant.when == CostTerm::When::kEnd;
+      const int last = in_motion ? motion_steps : steps();
+      if (instant.held && step < motion_steps) step = motion_steps, begin = duration_s;
+      while (step < last && (ends_phase || begin < instant.time_s - rounding))
+        begin += length[Index(step++)];
+      if (std::abs(begin - instant.time_s) > rounding)
+        throw std::invalid_argument("the steps stride over an instant at which the cost looks");
+      step_at.push_back(step);
+    }
   }
   [[nodiscard]] int steps() const { return static_cast<int>(length.size()); }
   [[nodiscard]] bool settles() const { return steps() > motion_steps; }
@@ -126,6 +147,16 @@ class Lanes {
 
 }  // namespace
 
+StepGrid EvenGrid(const Problem& problem, double longest_s) {
+  std::vector<double> motion, settling;
+  bool held = false;
+  for (const CostInstant& instant : problem.instants()) {
+    (held ? settling : motion).push_back(instant.since_s);
+    held = instant.held;
+  }
+  return EvenGrid(motion, settling, longest_s);
+}
+
 std::vector<double> ControlPoints(const Problem& problem, std::span<const double> x,
                                   std::size_t joint) {
   const ActuatedJoint& actuated = problem.joints[joint];
@@ -159,13 +190,15 @@ struct Rollout::Implementation {
         clearance_gradient(Index(parameters)),
         longest_step_s(step_s),
         depth(p.solver.sharpness, (1 - p.solver.core_margin) * p.scene.contact.d_on_m),
-        table(kClassical, EvenGrid(p.duration_s, p.settle_s, step_s), p.duration_s) {
+        instants(p.instants()),
+        table(kClassical, EvenGrid(p, step_s), p.duration_s, instants) {
     for (const ActuatedJoint& joint : p.joints) actuated.push_back(joint.dof);
     for (int j = 0; j < na; ++j) first_parameter.push_back(p.first_parameter(Index(j)));
     order = robot.free;
     order.insert(order.end(), actuated.begin(), actuated.end());
     stage_size = 3 * nd * nd;
     lane_gradient.resize(Index(parameters));
+    instant_states.resize(instants.size());
     for (const CostTerm& term : p.cost) {
       if (term.when != CostTerm::When::kThroughout) continue;
       running.push_back({term});
@@ -290,17 +323,28 @@ struct Rollout::Implementation {
     }
   }
 
-  /// The state y with the joints at their ends. Terms at an instant are evaluated there.
-  CostPoint InstantAt(const State& y) {
-    robot.SetFree(y);
-    SetJoints(table.held());
+  /// The point in time of an instant: at the end of the motion, the joints are held already.
+  [[nodiscard]] int PointOf(std::size_t instant) const {
+    return instants[instant].held ? table.held() : table.PointOf(table.step_at[instant], 0);
+  }
+  /// The robot at an instant, in its recorded state.
+  CostPoint InstantAt(std::size_t instant) {
+    robot.SetFree(instant_states[instant]);
+    SetJoints(PointOf(instant));
     return {robot.q, robot.qd, {}};
   }
 
-  void AddInstant(CostTerm::When when, const State& y, RolloutResult& result) {
-    const CostPoint here = InstantAt(y);
+  /// Adds the cost of all instants from `next` on at which this step begins.
+  void AddInstants(int step, const State& y, std::size_t& next, RolloutResult& result) {
+    for (; next < instants.size() && table.step_at[next] == step; ++next) {
+      instant_states[next] = y;
+      AddInstant(next, result);
+    }
+  }
+  void AddInstant(std::size_t instant, RolloutResult& result) {
+    const CostPoint here = InstantAt(instant);
     for (const CostTerm& term : problem.cost) {
-      if (term.when != when) continue;
+      if (!instants[instant].Has(term)) continue;
       result.cost = term.Accumulate(result.cost, term.weight, here);
       result.target_error_rad = std::max(result.target_error_rad, term.TargetError(here));
       if (term.draws()) result.residuals.push_back(term.Residual(here));
@@ -329,8 +373,9 @@ struct Rollout::Implementation {
         clearance.Evaluate(x, record ? std::span<double>(clearance_gradient) : std::span<double>());
     State y = robot.AtRest(problem.start_q);
     for (RunningTerm& term : running) term.integral = 0;
+    std::size_t instant = 0;
     for (int step = 0; step < steps; ++step) {
-      if (step == table.motion_steps) AddInstant(CostTerm::When::kEnd, y, result), end_state = y;
+      AddInstants(step, y, instant, result);
       if (scheme == Scheme::kSemiImplicitEuler) {
         StepEuler(step, y, result);
       } else {
@@ -342,9 +387,7 @@ struct Rollout::Implementation {
         return result;
       }
     }
-    if (!table.settles()) AddInstant(CostTerm::When::kEnd, y, result), end_state = y;
-    AddInstant(CostTerm::When::kSettled, y, result);
-    settled_state = y;
+    AddInstants(steps, y, instant, result);
     for (const RunningTerm& term : running) result.cost += term.weight * term.integral;
     SetExcesses(scheme, result);
     return result;
@@ -587,8 +630,8 @@ struct Rollout::Implementation {
   template <const Tableau& kScheme>
   void PullBack(std::span<double> gradient) {
     lane_gradient.assign(Index(parameters), Lanes::Zero());
-    AddInstantSlopes(CostTerm::When::kSettled, settled_state);
-    if (!table.settles()) AddInstantSlopes(CostTerm::When::kEnd, end_state);
+    std::size_t instant = instants.size();
+    AddInstantSlopes(table.steps(), instant);
     std::array<Lanes, kStates> total;
     for (int step = table.steps() - 1; step >= 0; --step) {
       std::copy_n(pullback.adjoint.begin(), 2 * nf, total.begin());
@@ -597,7 +640,7 @@ struct Rollout::Implementation {
         for (int i = 0; i < 2 * nf; ++i) total[Index(i)] += pullback.y_bar[Index(s)][Index(i)];
       }
       std::copy_n(total.begin(), 2 * nf, pullback.adjoint.begin());
-      if (step == table.motion_steps) AddInstantSlopes(CostTerm::When::kEnd, end_state);
+      AddInstantSlopes(step, instant);
     }
     AddToParameters();
     for (int lane = 0; lane < kLanes; ++lane) {
@@ -611,18 +654,21 @@ struct Rollout::Implementation {
   /// The cost, when it is among the outputs, has the first lane.
   [[nodiscard]] bool has_cost() const { return pullback.lanes[0].output == 0; }
 
-  void AddInstantSlopes(CostTerm::When when, const State& y) {
-    if (!has_cost()) return;
-    const CostPoint here = InstantAt(y);
+  /// Adds the derivatives of the cost in the instants before `end` at which this step begins.
+  void AddInstantSlopes(int step, std::size_t& end) {
+    for (; end > 0 && table.step_at[end - 1] == step; --end) {
+      if (has_cost()) AddInstantSlopes(end - 1);
+    }
+  }
+  void AddInstantSlopes(std::size_t instant) {
+    const CostPoint here = InstantAt(instant);
+    const bool moving = !instants[instant].held;
+    if (moving) CollectControlsAt(PointOf(instant));
     for (const CostTerm& term : problem.cost) {
-      if (term.when != when) continue;
+      if (!instants[instant].Has(term)) continue;
       SceneDynamics::Numbers by_q{}, by_qd{};
       term.AddSlopes(term.weight, here, {by_q, by_qd, {}});
-      for (int i = 0; i < nf; ++i) {
-        const std::size_t dof = Index(robot.free[Index(i)]);
-        pullback.adjoint[Index(i)].Add(0, by_q[dof]);
-        pullback.adjoint[Index(nf + i)].Add(0, by_qd[dof]);
-      }
+      AddStateSlopes(by_q, by_qd, moving, pullback.adjoint);
     }
   }
 
@@ -693,10 +739,7 @@ struct Rollout::Implementation {
       y_bar[Index(i)].Add(core_lane, core_scale * core[i]);
     const bool moving = step < table.motion_steps;
     // Stages at the same time have the same weights, so their controls are summed first.
-    if (const int point = table.PointOf(step, s); moving && point != pullback.point) {
-      AddToParameters();
-      pullback.point = point;
-    }
+    if (moving) CollectControlsAt(table.PointOf(step, s));
     for (int j = 0; moving && j < na; ++j) {
       auto& control = pullback.controls[Index(j)];
       control[0] += row_times(nd + nf + j, w);
@@ -707,7 +750,14 @@ struct Rollout::Implementation {
     if (by_state) AddStateSlopes(by_q, by_qd, moving, y_bar);
   }
 
-  /// Adds the derivatives of the cost's integrals in positions and velocities of a stage.
+  /// From here on, cotangents of the controls are those at this point.
+  void CollectControlsAt(int point) {
+    if (point == pullback.point) return;
+    AddToParameters();
+    pullback.point = point;
+  }
+
+  /// Adds derivatives of the cost in positions and velocities of a stage or an instant.
   void AddStateSlopes(const SceneDynamics::Numbers& by_q, const SceneDynamics::Numbers& by_qd,
                       bool moving, std::array<Lanes, kStates>& y_bar) {
     for (int i = 0; i < nf; ++i) {
@@ -749,6 +799,7 @@ struct Rollout::Implementation {
   std::vector<double> clearance_gradient;
   double longest_step_s;  // as asked for
   SmoothDepth depth;
+  std::vector<CostInstant> instants;
   Timetable table;
   LookPoints look_points{kClassical, 0};
   std::vector<const StepPoints*> points_in;  // each step
@@ -769,7 +820,7 @@ struct Rollout::Implementation {
   Pullback pullback;
   std::vector<Lanes> lane_gradient;
   Derivatives derivatives;
-  State end_state{}, settled_state{};
+  std::vector<State> instant_states;
   std::vector<RunningTerm> running;
   bool running_of_state = false;       // whether any of `running` depends on more than torques
   std::vector<double> running_states;  // of StoreRunning: by stage
@@ -816,7 +867,7 @@ void Rollout::Use(const StepGrid& grid) {
   if (!covers(grid.motion, m.problem.duration_s) || !covers(grid.settling, m.problem.settle_s))
     throw std::invalid_argument("the steps do not add up to motion and settle phase");
   m.forward.reset();  // It takes equal steps.
-  m.table = Timetable(kDormandPrince, grid, m.problem.duration_s);
+  m.table = Timetable(kDormandPrince, grid, m.problem.duration_s, m.instants);
   m.Prepare();
 }
 
@@ -837,7 +888,10 @@ void Rollout::Visit(std::span<const double> x, double extra_s,
     visitor(sample);
   };
   const Timetable& table = m.table;
-  const double settle_step_s = table.settles() ? table.length.back() : m.longest_step_s;
+  const double settle_step_s =
+      table.settles()
+          ? *std::max_element(table.length.begin() + table.motion_steps, table.length.end())
+          : m.longest_step_s;
   const EvenSteps extra(extra_s, settle_step_s);
   const int steps = table.steps() + extra.count;
   const auto step_on = [&]<const Tableau & kScheme>(int step, double h) {

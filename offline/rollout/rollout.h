@@ -27,8 +27,8 @@ struct RolloutResult {
   /// Largest distance of the pitch from the target of a cost term in the pitch's square. 0 when
   /// there is no such term.
   double target_error_rad = 0;
-  /// The residuals of the cost's terms that draw the motion to a target (CostTerm::Residual), those
-  /// at the end of the motion first.
+  /// The residuals of the cost's terms that draw the motion to a target (CostTerm::Residual), in
+  /// the order of the problem's instants.
   std::vector<double> residuals;
   /// For each joint, the smooth maximum of |tau| / limit, less 1. An upper bound of the true one,
   /// unless its peak is shorter than kPeakDuration_s.
@@ -43,7 +43,8 @@ struct RolloutResult {
 
 /// Integrates [AB04, Eq. 8] by single shooting and differentiates the result exactly.
 ///
-/// The scheme is the classical Runge-Kutta method of order 4 with equal steps, until `Use` gives it
+/// Steps end at every instant at which the cost looks (`Problem::instants`). The scheme is the
+/// classical Runge-Kutta method of order 4 with equal steps between these, until `Use` gives it
 /// other steps, which are those of Dormand and Prince's method of order 5. The gradient is the
 /// derivative of that very computation, by the discrete adjoint: the price of a gradient hardly
 /// depends on the number of parameters, and it agrees with differences of the cost to rounding.
@@ -55,7 +56,8 @@ class Rollout {
  public:
   /// @param contact  replaces the general contact model of the problem; null: the general model.
   /// @throws std::invalid_argument when `contact` is given and the problem asks for the paper's
-  /// forward gradient, which knows only the general model.
+  /// forward gradient, which knows only the general model; about an instant of the cost that the
+  /// motion does not have (InstantsOf).
   Rollout(const Problem& problem, double step_s,
           std::unique_ptr<ContactForces<Plane>> contact = nullptr);
   ~Rollout();
@@ -78,7 +80,8 @@ class Rollout {
 
   /// Takes these steps from now on, by the method of Dormand and Prince. Gradients are then those
   /// of the adjoint, whatever the problem asks for.
-  /// @throws std::invalid_argument when they do not add up to the problem's times.
+  /// @throws std::invalid_argument when they do not add up to the problem's times, or stride over
+  /// an instant at which its cost looks.
   void Use(const StepGrid& grid);
 
   /// Cost, torques and penetration by the semi-implicit Euler method with the same step: a quarter
@@ -94,6 +97,10 @@ class Rollout {
   struct Implementation;
   std::unique_ptr<Implementation> implementation_;
 };
+
+/// The equal steps of a new Rollout: between the instants of the problem's cost, no longer than
+/// `longest_s`.
+StepGrid EvenGrid(const Problem& problem, double longest_s);
 
 /// All control points of a joint for the parameters x: fixed start, free points, fixed end [rad].
 std::vector<double> ControlPoints(const Problem& problem, std::span<const double> x,

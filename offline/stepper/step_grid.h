@@ -1,5 +1,6 @@
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "offline/stepper/even_steps.h"
@@ -13,11 +14,22 @@ struct StepGrid {
   std::vector<double> settling;
 };
 
-/// Equal steps in each of the two, no longer than `longest_s`.
+/// Equal steps in each of these parts of a motion and of the settle phase, no longer than
+/// `longest_s`.
+inline StepGrid EvenGrid(std::span<const double> motion_s, std::span<const double> settle_s,
+                         double longest_s) {
+  const auto steps_in = [longest_s](std::span<const double> parts_s, int fewest) {
+    std::vector<double> steps;
+    for (const double part_s : parts_s) {
+      const EvenSteps even(part_s, longest_s, fewest);
+      steps.insert(steps.end(), static_cast<std::size_t>(even.count), even.step_s);
+    }
+    return steps;
+  };
+  return {steps_in(motion_s, 1), steps_in(settle_s, 0)};
+}
 inline StepGrid EvenGrid(double motion_s, double settle_s, double longest_s) {
-  const EvenSteps motion(motion_s, longest_s, 1), settling(settle_s, longest_s);
-  return {std::vector<double>(static_cast<std::size_t>(motion.count), motion.step_s),
-          std::vector<double>(static_cast<std::size_t>(settling.count), settling.step_s)};
+  return EvenGrid({&motion_s, 1}, {&settle_s, 1}, longest_s);
 }
 
 /// The grid with each step in two halves.

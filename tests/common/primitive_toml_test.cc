@@ -82,7 +82,16 @@ PrimitiveFile Example() {
   file.exit.root_pitch_rad = 1.5;
   file.contacts = {{"leg2/0", "ground", 0.0, 1.25, 31.5}, {"leg1/1", "ground", 0.0, 0.4375, 12.0}};
   file.purpose = {{{PurposeTarget::Of::kX, PurposeTarget::When::kEnd, 0.25, 0.03125}, 0.26},
-                  {{PurposeTarget::Of::kSpeed, PurposeTarget::When::kLater, 0.0, 0.1}, 0.01}};
+                  {{PurposeTarget::Of::kSpeed, PurposeTarget::When::kLater, 0.0, 0.1}, 0.01},
+                  {{PurposeTarget::Of::kPitch, PurposeTarget::When::kTime, 1.0, 0.05, 0.875}, 1.01},
+                  {{PurposeTarget::Of::kPointZRate,
+                    PurposeTarget::When::kSettled,
+                    0.5,
+                    0.1,
+                    0,
+                    "leg1_link",
+                    {0.1875, -0.25}},
+                   0.45}};
   file.certificate.peak_torque_nm = 1.5;
   file.certificate.settled_pitch_error_rad = -0.001;
   file.provenance.tool = "test 1.0";
@@ -162,6 +171,9 @@ void ExpectSame(const PrimitiveFile& a, const PrimitiveFile& b) {
     ExpectSameBits(a.purpose[i].target, b.purpose[i].target);
     ExpectSameBits(a.purpose[i].tolerance, b.purpose[i].tolerance);
     ExpectSameBits(a.purpose[i].result, b.purpose[i].result);
+    ExpectSameBits(a.purpose[i].time_s, b.purpose[i].time_s);
+    EXPECT_EQ(a.purpose[i].link, b.purpose[i].link);
+    EXPECT_EQ(a.purpose[i].point_m, b.purpose[i].point_m);
   }
   const Certificate& c = a.certificate;
   const Certificate& d = b.certificate;
@@ -811,6 +823,15 @@ INSTANTIATE_TEST_SUITE_P(
                 "of = \"haste\"",
                 {"purpose[1].of: is 'haste'; allowed: x, z, pitch, x_rate, z_rate, pitch_rate, "
                  "speed"}},
+        Refusal{"PurposeAtNoTime", "time_s = 0.875\n", "", {"purpose[2].time_s: is missing"}},
+        Refusal{"PurposeAtTwoTimes",
+                "when = \"later\"",
+                "when = \"later\"\ntime_s = 0.5",
+                {"purpose[1].time_s: is not a key that this file can hold"}},
+        Refusal{"PurposeOfAPointOfNoLink",
+                "link = \"leg1_link\"\n",
+                "",
+                {"purpose[3].link: is missing"}},
         Refusal{"PurposeWithoutTolerance",
                 "tolerance = 0.03125",
                 "tolerance = 0.0",

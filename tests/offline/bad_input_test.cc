@@ -68,7 +68,7 @@ class BadInputFolder : public ::testing::Test {
   testing::TemporaryFolder folder_;
 };
 
-TEST_F(BadInputFolder, HasNearly200AndNoTwoAreTheSame) {
+TEST_F(BadInputFolder, HasSome200AndNoTwoAreTheSame) {
   std::set<std::string> names, texts{testing::GoodTask(), testing::GoodRobot()}, said;
   for (const BadInput& input : BadInputs()) {
     EXPECT_TRUE(names.insert(input.name).second) << input.name << " is listed twice";

@@ -75,6 +75,34 @@ class Judge : public ::testing::Test {
   std::function<void(double)> disturb_;  ///< Changes the truth so long after a motion.
 };
 
+/// The same, and beside it targets of which only some are of the root after the motion.
+class JudgeOfTimes : public Judge {
+ protected:
+  static std::vector<PrimitiveFile> Timed() {
+    std::vector<PrimitiveFile> files = Primitives();
+    PurposeTarget foot{Of::kPointZ, When::kEnd, 0.3, 0.02};
+    foot.link = "leg1_link";
+    PurposeTarget under_way{Of::kPitch, When::kTime, 0.7, 0.05, 0.5 * kMotion_s};
+    PurposeTarget settling{Of::kX, When::kTime, 0.6, 0.02, kMotion_s + 0.25};
+    files[0].purpose = {{foot, 0.3}, {under_way, 0.7}, {settling, 0.6}};
+    return files;
+  }
+  const SequenceFolder timed_{testing::GaitText(), Timed()};
+  const SequenceFile timed_file_ = LoadSequence(timed_.file());
+};
+
+TEST_F(JudgeOfTimes, LeavesPointsAndTimesInTheMotionToTheProgramThatMadeIt) {
+  judge_.emplace(timed_file_, true, false);
+  disturb_ = [this](double t) {
+    if (t > 0.26) truth_.root_x_m = 9;
+  };
+  Play("up", 3, 2.5);
+  ASSERT_EQ(purpose().size(), 1U);
+  EXPECT_EQ(purpose()[0].target.name(), "x, at 1.25 s");
+  EXPECT_NEAR(*purpose()[0].result, 0.6, 1e-12) << "what happens later does not count";
+  EXPECT_EQ(judge_->passages()[0].purpose_met(), true);
+}
+
 TEST_F(Judge, TakesEachResultAtItsInstantAndPlaceAlongXFromTheEntry) {
   truth_.root_x_m = 7;
   disturb_ = [this](double t) {

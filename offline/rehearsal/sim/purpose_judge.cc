@@ -74,8 +74,16 @@ void PurposeJudge::Begin(int node, std::int64_t time_ns, const TwinState& truth)
   passage.expected_pitch_rad = expected_pitch_rad_;
   passage.pitch_at_end_rad = truth.root_pitch_rad;
   passage.tolerance_rad = std::max(passage.tolerance_rad, tolerance_rad);
-  for (const PurposeFigure& figure : primitive.purpose)
-    passage.purpose.push_back({figure, std::nullopt});
+  duration_s_ = primitive.primitive.duration_s;
+  for (const PurposeFigure& figure : primitive.purpose) {
+    if (CanJudge(figure)) passage.purpose.push_back({figure, std::nullopt});
+  }
+}
+
+/// Whether the robot's root shows it after the motion. The rest was judged when the motion was
+/// made.
+bool PurposeJudge::CanJudge(const PurposeTarget& target) const {
+  return !target.of_point() && !(target.at_time() && target.time_s < duration_s_);
 }
 
 /// When a target is due, after the end of the motion [s].
@@ -87,6 +95,8 @@ double PurposeJudge::InstantOf(const PurposeTarget& target) const {
       return settle_s_;
     case PurposeTarget::When::kLater:
       return Passage::kLater_s;
+    case PurposeTarget::When::kTime:
+      return target.time_s - duration_s_;
   }
   return 0;
 }
@@ -110,6 +120,11 @@ double PurposeJudge::ResultOf(const PurposeTarget& target, const TwinState& trut
       return std::max_element(speeds_.begin(), speeds_.end(),
                               [](const auto& a, const auto& b) { return a.second < b.second; })
           ->second;
+    case PurposeTarget::Of::kPointX:
+    case PurposeTarget::Of::kPointZ:
+    case PurposeTarget::Of::kPointXRate:
+    case PurposeTarget::Of::kPointZRate:
+      break;
   }
   return 0;
 }

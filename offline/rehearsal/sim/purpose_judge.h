@@ -14,9 +14,10 @@
 namespace tumbler {
 
 /// Judges what a simulated robot does against what its motions are for, node after node: each
-/// target of a primitive's purpose at its instant, and the pitch 2 s after the motion against the
-/// plan's. A motion that another one follows earlier is judged when that one begins. One that is
-/// rolled out after a fault is judged, too.
+/// target of a primitive's purpose at its instant, if it is one of the root at or after the end of
+/// the motion, and the pitch 2 s after the motion against the plan's. A motion that another one
+/// follows earlier is judged when that one begins. One that is rolled out after a fault is judged,
+/// too.
 class PurposeJudge {
  public:
   /// @param file       the sequence, which has to outlive the judge.
@@ -38,6 +39,7 @@ class PurposeJudge {
  private:
   void Watch(std::int64_t time_ns, const TwinState& truth);
   void Begin(int node, std::int64_t time_ns, const TwinState& truth);
+  [[nodiscard]] bool CanJudge(const PurposeTarget& target) const;
   [[nodiscard]] double InstantOf(const PurposeTarget& target) const;
   [[nodiscard]] double ResultOf(const PurposeTarget& target, const TwinState& truth) const;
 
@@ -50,7 +52,7 @@ class PurposeJudge {
   std::deque<std::pair<std::int64_t, double>> speeds_;  // time, largest rate of the root
   // Of the last motion that ended:
   double turned_rad_ = 0;  // The robot's pitch is that of the task plus this.
-  double settle_s_ = 0;
+  double duration_s_ = 0, settle_s_ = 0;
   PrimitivePose entry_;
   std::int64_t end_ns_ = 0;
   double start_x_m_ = 0;  // where the last motion that began did
