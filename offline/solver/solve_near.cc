@@ -243,7 +243,8 @@ class NearSolve {
       const QuadraticSolution step = FindStep(here, B, radius);
       const double promised = Promised(here, B, step.p);
       const double size = std::abs(here.Merit(price_));
-      if (enough_ > 0 && !(promised > enough_ * size)) return SolveEnd::kStalled;
+      const bool keeps = here.c.maxCoeff() <= kNoViolation;
+      if (enough_ > 0 && keeps && !(promised > enough_ * size)) return SolveEnd::kStalled;
       if (!(promised > kRoundingOfMerit * size) || radius < kSmallestRadius) {
         if (secants_.empty() || resets++ == kMostResets) return SolveEnd::kStalled;
         secants_.Forget();

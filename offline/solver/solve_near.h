@@ -32,7 +32,7 @@ namespace tumbler {
 ///
 /// @param max_evaluations  most evaluations of cost and gradient.
 /// @param enough           ends when a step promises to lower the cost by less than this part of
-/// it. 0: only when the motion has converged, or no step helps.
+/// it, and no constraint is violated. 0: only when the motion has converged, or no step helps.
 /// @param history          gets the evaluations appended; may be null.
 Solution SolveNear(const Problem& problem, std::span<const double> start, int max_evaluations,
                    double enough, ForwardSensitivity& rollout, const SolveOptions& options,

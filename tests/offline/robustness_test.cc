@@ -165,9 +165,10 @@ TEST(Trials, RobotsThatTheNominalHandstandLosesStandAfterTheShippedOne) {
   RobustnessStudy nominal = StudyOf("nominal/handstand.toml");
   RobustnessStudy robust = StudyOf("handstand.toml");
   nominal.seed = robust.seed = 31;
-  const RobustnessResult lost = RunStudy(nominal, 8, 1), kept = RunStudy(robust, 8, 1);
-  EXPECT_LE(lost.stands().count, 4);
-  EXPECT_GE(kept.stands().count, 7);
+  nominal.scale = robust.scale = 2;
+  const RobustnessResult lost = RunStudy(nominal, 16, 1), kept = RunStudy(robust, 16, 1);
+  EXPECT_LE(lost.stands().count, 8);
+  EXPECT_GE(kept.stands().count, 14);
 }
 
 TEST(Trials, TheModelGoesThroughACycleOfTheGait) {
