@@ -100,7 +100,7 @@ TEST_F(SimTwin, ARobotThatDoesAsPlannedButNotAsAskedDoesNotStand) {
   const testing::Outcome run = testing::RunProgram({"tumbler-run", "sim", other});
   EXPECT_EQ(run.exit_code, 4) << run.text;
   EXPECT_THAT(run.text, HasSubstr("NOT standing as asked"));
-  EXPECT_THAT(run.text, HasSubstr("    pitch, 2 s later: asked 0.5, got 1.5"));
+  EXPECT_THAT(run.text, HasSubstr("    pitch, 2 s later: asked 0.5, got 1.5697"));
   EXPECT_THAT(run.text, HasSubstr("rad (within 0.05): MISSED"));
   EXPECT_THAT(run.text, Not(HasSubstr("still standing")));
   const testing::Outcome shipped =
