@@ -25,7 +25,6 @@ inline CostTerm EffortTerm(double weight) {
 /// A problem in which the shipped robot stands at home on flat ground and its legs end as in a
 /// handstand: 1.2 s of motion, 0.2 s of settling, the paper's terminal cost with an effort term.
 inline Problem HandstandProblem(int control_points = 12) {
-  constexpr double kPi = std::numbers::pi;
   Problem problem;
   problem.name = "handstand";
   problem.scene.robot = LoadTumbler();
@@ -35,13 +34,13 @@ inline Problem HandstandProblem(int control_points = 12) {
   limits.velocity_max_rad_s = 20;
   limits.acceleration_max_rad_s2 = 400;
   limits.torque_max_nm = 8;
-  problem.joints = {{3, limits, -kPi / 2, 0, control_points},
-                    {4, limits, kPi / 2, 0, control_points}};
+  problem.joints = {{3, limits, -std::numbers::pi / 2, 0, control_points},
+                    {4, limits, std::numbers::pi / 2, 0, control_points}};
   problem.scene.obstacles = {{"ground", Shape<Plane>::HalfSpace({0, 0}, {0, 1})}};
-  problem.start_q = {0, 0.2125, 0, -kPi / 2, kPi / 2};
+  problem.start_q = {0, 0.2125, 0, -std::numbers::pi / 2, std::numbers::pi / 2};
   problem.duration_s = 1.2;
   problem.settle_s = 0.2;
-  problem.cost = {SquareTerm(CostTerm::When::kSettled, 2, false, kPi / 2, 1),
+  problem.cost = {SquareTerm(CostTerm::When::kSettled, 2, false, std::numbers::pi / 2, 1),
                   SquareTerm(CostTerm::When::kEnd, 2, true, 0, 0.01), EffortTerm(1e-3)};
   return problem;
 }
