@@ -30,6 +30,16 @@ constexpr double kRoundingOfMerit = 1e-12;
 /// radius is this one then [rad].
 constexpr int kMostResets = 5;
 constexpr double kRadiusAfterReset = 0.01;
+/// A solve ends when it makes no progress worth mentioning in so many evaluations. On the way, what
+/// creeps along a bent valley like this seldom arrives, and another start does. Near a minimum it
+/// mostly arrives.
+constexpr int kPatienceOnTheWay = 30, kPatience = 100;
+/// Evaluations that a step can take: its motion, two corrections of it, this motion with other
+/// integration steps when it is rejected, that again when it seems to have converged, and with fine
+/// steps at the end.
+constexpr int kMostForAStep = 6;
+/// With coarse steps, a motion has nearly converged at this many times the residual that is wanted.
+constexpr double kNearly = 10;
 /// Linear limits that are exceeded by less are kept.
 constexpr double kRounding = 1e-9;
 
@@ -73,6 +83,7 @@ class SecantMatrix {
 /// A motion, and what is known of it.
 struct Point {
   VectorXd x;
+  int grid = 0;  ///< Number of the integration steps that it was computed with.
   RolloutResult result;
   VectorXd c;               ///< Simulated constraints.
   OutputGradients outputs;  ///< Gradients: of the cost, then of the constraints.
@@ -98,14 +109,29 @@ struct Point {
   }
 };
 
+/// How far a solve has come.
+struct Progress {
+  int evaluations = 0;
+  double cost = 0;
+  double violation = 0;  ///< At least kNoViolation.
+  double kkt = 0;        ///< KktResidual::relative.
+
+  /// Whether it is worth the evaluations since then.
+  [[nodiscard]] bool WellBeyond(const Progress& then) const {
+    return cost < then.cost - 0.01 * std::abs(then.cost) || violation < 0.8 * then.violation ||
+           kkt < 0.3 * then.kkt;
+  }
+};
+
 class NearSolve {
  public:
-  NearSolve(const Problem& problem, int max_evaluations, double enough, ForwardSensitivity& rollout,
+  NearSolve(const Problem& problem, int max_evaluations, double enough, NearRollouts& rollouts,
             const SolveOptions& options, std::vector<Evaluation>* history)
       : problem_(problem),
         max_evaluations_(max_evaluations),
         enough_(enough),
-        rollout_(rollout),
+        rollouts_(rollouts),
+        rollout_(&rollouts.coarse),
         options_(options),
         history_(history),
         rows_(DerivativeLimitRows(problem)),
@@ -132,6 +158,10 @@ class NearSolve {
     Solution best;
     best.start_cost = here.result.cost;
     if (here.result.finite) best.end = Iterate(here);
+    if (here.result.finite && coarse()) {
+      Refine(here);
+      if (here.result.finite && GoesOn(best.end)) best.end = Iterate(here);
+    }
     if (here.result.finite && here.x != chosen_for_) here = ExpandAnew(here.x);
     best.x.assign(here.x.begin(), here.x.end());
     best.rollout = here.result;
@@ -193,6 +223,7 @@ class NearSolve {
   /// The same with steps chosen for it.
   Point ExpandAnew(const VectorXd& x) {
     Point point = Expand(x, false);
+    point.grid = ++grid_;
     if (point.result.finite) {
       chosen_for_ = x;
     } else {
@@ -203,10 +234,11 @@ class NearSolve {
   Point Expand(const VectorXd& x, bool with_kept_steps) {
     Point point;
     point.x = x;
-    point.outputs.resize(rollout_.output_count(), n_);
+    point.grid = grid_;
+    point.outputs.resize(rollout_->output_count(), n_);
     const std::span<const double> numbers(x.data(), Index(n_));
-    point.result = with_kept_steps ? rollout_.RunAgain(numbers, point.outputs, &point.model)
-                                   : rollout_.Run(numbers, point.outputs, &point.model);
+    point.result = with_kept_steps ? rollout_->RunAgain(numbers, point.outputs, &point.model)
+                                   : rollout_->Run(numbers, point.outputs, &point.model);
     Count(point);
     point.c = Vector(SimulatedConstraints(problem_, point.result));
     return point;
@@ -222,7 +254,8 @@ class NearSolve {
   bool Converged(Point& here) {
     const auto converged = [&] {
       return here.c.maxCoeff() <= kNoViolation &&
-             KktAt(here).relative.value() <= problem_.solver.kkt_residual;
+             KktAt(here).relative.value() <=
+                 (coarse() ? kNearly : 1) * problem_.solver.kkt_residual;
     };
     if (!converged()) return false;
     if (here.x == chosen_for_) return true;
@@ -230,38 +263,65 @@ class NearSolve {
     return here.result.finite && converged();
   }
 
+  [[nodiscard]] Progress ProgressOf(const Point& here) const {
+    return {evaluations_, here.result.cost, std::max(here.violation(), kNoViolation),
+            KktAt(here).relative.value_or(1)};
+  }
+
+  [[nodiscard]] bool coarse() const { return rollout_ == &rollouts_.coarse; }
+  /// Whether fine steps can still change a motion that ended like this.
+  static bool GoesOn(SolveEnd end) {
+    return end != SolveEnd::kEvaluations && end != SolveEnd::kInterrupted;
+  }
+  /// Looks at the motion with fine steps from now on.
+  void Refine(Point& here) {
+    rollout_ = &rollouts_.fine;
+    radius_ = std::clamp(radius_, kRadiusAfterReset, kFirstRadius);
+    here = ExpandAnew(here.x);
+  }
+
   SolveEnd Iterate(Point& here) {
-    double radius = kFirstRadius;
-    price_ =
-        std::max({std::abs(here.result.cost), 1e-3 * here.g().lpNorm<Eigen::Infinity>(), 1e-9});
+    price_ = std::max(
+        {price_, std::abs(here.result.cost), 1e-3 * here.g().lpNorm<Eigen::Infinity>(), 1e-9});
     int resets = 0;
-    while (evaluations_ < max_evaluations_) {
+    Progress last = ProgressOf(here);
+    while (evaluations_ + kMostForAStep <= max_evaluations_) {
       if (options_.interrupt != nullptr && *options_.interrupt) return SolveEnd::kInterrupted;
       if (Converged(here)) return SolveEnd::kConverged;
       if (!here.result.finite) return SolveEnd::kStalled;
+      if (const Progress now = ProgressOf(here); now.WellBeyond(last)) {
+        last = now;
+      } else if (now.evaluations - last.evaluations > (coarse() ? kPatienceOnTheWay : kPatience)) {
+        return SolveEnd::kStalled;
+      }
       const MatrixXd B = Convex(here.model.matrix + secants_.matrix());
-      const QuadraticSolution step = FindStep(here, B, radius);
+      const QuadraticSolution step = FindStep(here, B, radius_);
       const double promised = Promised(here, B, step.p);
       const double size = std::abs(here.Merit(price_));
       const bool keeps = here.c.maxCoeff() <= kNoViolation;
       if (enough_ > 0 && keeps && !(promised > enough_ * size)) return SolveEnd::kStalled;
-      if (!(promised > kRoundingOfMerit * size) || radius < kSmallestRadius) {
-        if (secants_.empty() || resets++ == kMostResets) return SolveEnd::kStalled;
+      if (!(promised > kRoundingOfMerit * size) || radius_ < kSmallestRadius) {
+        if (secants_.empty() || coarse() || resets++ == kMostResets) return SolveEnd::kStalled;
         secants_.Forget();
-        radius = std::max(radius, kRadiusAfterReset);
+        radius_ = std::max(radius_, kRadiusAfterReset);
         continue;
       }
-      Point there = Corrected(here, B, step.p, radius, promised);
+      Point there = Corrected(here, B, step.p, radius_, promised);
       Learn(here, there);
       const double length = step.p.lpNorm<Eigen::Infinity>();
       const double fall = here.Merit(price_) - there.Merit(price_);
       const bool taken = fall >= kTaken * promised;
       if (!taken || fall < 0.25 * promised) {
-        radius = (taken ? 0.5 : 0.25) * length;
-      } else if (fall > 0.75 * promised && length > 0.9 * radius) {
-        radius = std::min(2 * radius, kLargestRadius);
+        radius_ = (taken ? 0.5 : 0.25) * length;
+      } else if (fall > 0.75 * promised && length > 0.9 * radius_) {
+        radius_ = std::min(2 * radius_, kLargestRadius);
       }
-      if (taken) here = std::move(there);
+      if (taken) {
+        here = std::move(there);
+      } else if (here.grid != grid_) {
+        // What differs may be the steps, not the motions.
+        here = ExpandAnew(here.x);
+      }
     }
     return SolveEnd::kEvaluations;
   }
@@ -377,27 +437,41 @@ class NearSolve {
   const Problem& problem_;
   int max_evaluations_;
   double enough_;
-  ForwardSensitivity& rollout_;
+  NearRollouts& rollouts_;
+  ForwardSensitivity* rollout_;  // the one that is used at present
   const SolveOptions& options_;
   std::vector<Evaluation>* history_;
   std::vector<LinearRow> rows_;
   int n_;
   SecantMatrix secants_;
   VectorXd multipliers_;  // of the simulated constraints
+  int grid_ = 0;          // number of the present integration steps
   VectorXd chosen_for_;   // the motion that the present integration steps are for
   MatrixXd hard_;         // of the linear limits: hard_ x + offset_ <= 0
   VectorXd offset_;
   VectorXd lower_, upper_;
-  double price_ = 1;
+  double price_ = 0;
+  double radius_ = kFirstRadius;
   int evaluations_ = 0;
 };
 
+/// The steps of a motion that is not near a minimum yet.
+StepSettings CoarseSteps(const Problem& problem) {
+  StepSettings settings = AdaptiveSteps(problem);
+  settings.tolerance = std::max(settings.tolerance, kCoarseTolerance);
+  return settings;
+}
+
 }  // namespace
 
+NearRollouts::NearRollouts(const Problem& problem, const SolveOptions& options)
+    : coarse(problem, CoarseSteps(problem), options.contact ? options.contact() : nullptr),
+      fine(problem, AdaptiveSteps(problem), options.contact ? options.contact() : nullptr) {}
+
 Solution SolveNear(const Problem& problem, std::span<const double> start, int max_evaluations,
-                   double enough, ForwardSensitivity& rollout, const SolveOptions& options,
+                   double enough, NearRollouts& rollouts, const SolveOptions& options,
                    std::vector<Evaluation>* history) {
-  return NearSolve(problem, max_evaluations, enough, rollout, options, history).Run(start);
+  return NearSolve(problem, max_evaluations, enough, rollouts, options, history).Run(start);
 }
 
 }  // namespace tumbler

@@ -8,6 +8,14 @@
 
 namespace tumbler {
 
+/// What SolveNear simulates motions with. Not thread-safe: one for each thread.
+struct NearRollouts {
+  explicit NearRollouts(const Problem& problem, const SolveOptions& options = {});
+
+  ForwardSensitivity coarse;  ///< On the way.
+  ForwardSensitivity fine;    ///< At its end, and what is returned.
+};
+
 /// Solves from a start that is near a solution, and stays near it, by sequential quadratic
 /// programming with a trust region.
 ///
@@ -27,16 +35,22 @@ namespace tumbler {
 /// [Nocedal and Wright 2006, chapters 10 and 18].
 ///
 /// Integration steps are chosen for a motion and kept for those within kSameSteps_rad of it, so
-/// that what is minimised is smooth there. A motion has converged when its KktResidual::relative is
-/// at most `solver.kkt_residual` with steps chosen for it.
+/// that what is minimised is smooth there. They bound the error by kCoarseTolerance until the
+/// motion has nearly converged or no step helps, and by `solver.tolerance` from then on: far from a
+/// minimum, exact derivatives would not shorten the way. A motion has converged when its
+/// KktResidual::relative is at most `solver.kkt_residual` with the latter steps chosen for it.
 ///
-/// @param max_evaluations  most evaluations of cost and gradient.
+/// @param max_evaluations  most evaluations of cost and gradient; below 2, there are 2.
 /// @param enough           ends when a step promises to lower the cost by less than this part of
 /// it, and no constraint is violated. 0: only when the motion has converged, or no step helps.
 /// @param history          gets the evaluations appended; may be null.
 Solution SolveNear(const Problem& problem, std::span<const double> start, int max_evaluations,
-                   double enough, ForwardSensitivity& rollout, const SolveOptions& options,
+                   double enough, NearRollouts& rollouts, const SolveOptions& options,
                    std::vector<Evaluation>* history);
+
+/// The largest error in a step far from a minimum, as `solver.tolerance` is near it, unless that is
+/// larger. With 1e-5, solves take as long, because steps mislead more often.
+inline constexpr double kCoarseTolerance = 1e-6;
 
 /// Within this distance in each parameter, motions share their integration steps.
 inline constexpr double kSameSteps_rad = 0.01;

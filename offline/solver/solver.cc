@@ -458,11 +458,9 @@ class Campaign {
   /// Solves the best motions with the final step and the rest of their budget, until enough of them
   /// keep all limits and stand out.
   void Finish(Candidates candidates) {
-    std::vector<ForwardSensitivity> rollouts;
-    for (int t = 0; t < std::max(1, options_.threads); ++t) {
-      rollouts.emplace_back(problem_, AdaptiveSteps(problem_),
-                            options_.contact ? options_.contact() : nullptr);
-    }
+    std::vector<NearRollouts> rollouts;
+    for (int t = 0; t < std::max(1, options_.threads); ++t)
+      rollouts.emplace_back(problem_, options_);
     while (missing() > 0 && tries_left() > 0 && !interrupted()) {
       const double limit = PromisingRank(samples_);
       std::vector<Solution*> next;
@@ -578,45 +576,52 @@ class Campaign {
 class Refinement {
  public:
   Refinement(const Problem& problem, const SolveOptions& options)
-      : problem_(problem),
-        options_(options),
-        rollout_(problem, AdaptiveSteps(problem), options.contact ? options.contact() : nullptr) {
+      : problem_(problem), options_(options), rollouts_(problem, options) {
     options_.progress = nullptr;  // Several may run at a time, each for a moment.
   }
 
   Solution Run(std::span<const double> guess, int start) {
     Solution solution;
     solution.x.assign(guess.begin(), guess.end());
-    int evaluations = 0;
+    solution.start = start;
     for (const double enough : kEnoughOfGuess) {
-      const int budget = problem_.solver.max_evaluations - evaluations;
-      if (budget <= 0) break;
-      std::vector<Evaluation> history;
-      const double start_cost = solution.start_cost;
-      solution = SolveNear(problem_, solution.x, budget, enough, rollout_, options_, &history);
-      for (Evaluation& evaluation : history) {
-        evaluation.start = start;
-        evaluation.count += evaluations;
-        history_.push_back(evaluation);
-      }
-      if (evaluations > 0) solution.start_cost = start_cost;
-      evaluations += solution.evaluations;
-      solution.evaluations = evaluations;
-      solution.start = start;
-      solution.finished = true;
-      const bool interrupted = options_.interrupt != nullptr && *options_.interrupt;
-      if (options_.accept && solution.feasible() && !interrupted)
-        solution.refused = !options_.accept(solution);
-      if (interrupted || (solution.feasible() && !solution.refused)) break;
+      SolveOn(solution, enough);
+      if (interrupted() || (solution.feasible() && !solution.refused)) break;
     }
     return solution;
+  }
+
+  /// Solves a motion on with what is left of its budget.
+  /// @param enough  as SolveNear's.
+  void SolveOn(Solution& solution, double enough) {
+    const int before = solution.evaluations;
+    const int budget = problem_.solver.max_evaluations - before;
+    if (budget <= 0) return;
+    std::vector<Evaluation> history;
+    Solution found = SolveNear(problem_, solution.x, budget, enough, rollouts_, options_, &history);
+    for (Evaluation& evaluation : history) {
+      evaluation.start = solution.start;
+      evaluation.count += before;
+      history_.push_back(evaluation);
+    }
+    if (before > 0) found.start_cost = solution.start_cost;
+    found.evaluations += before;
+    found.start = solution.start;
+    found.finished = true;
+    if (options_.accept && found.feasible() && !interrupted())
+      found.refused = !options_.accept(found);
+    solution = std::move(found);
   }
   [[nodiscard]] std::vector<Evaluation>& history() { return history_; }
 
  private:
+  [[nodiscard]] bool interrupted() const {
+    return options_.interrupt != nullptr && *options_.interrupt;
+  }
+
   const Problem& problem_;
   SolveOptions options_;
-  ForwardSensitivity rollout_;
+  NearRollouts rollouts_;
   std::vector<Evaluation> history_;
 };
 
@@ -628,6 +633,21 @@ Problem WithFewPoints(Problem problem) {
   for (ActuatedJoint& joint : problem.joints)
     joint.control_points = std::min(joint.control_points, kSearchPoints);
   return problem;
+}
+
+/// Solves the best motion on until it has converged, unless it is worse then.
+void Converge(const Problem& problem, const SolveOptions& options, SolveOutcome& outcome) {
+  Solution& best = outcome.solutions.front();
+  if (outcome.interrupted || !best.feasible() || best.refused) return;
+  Refinement refinement(problem, options);
+  Solution further = best;
+  refinement.SolveOn(further, 0);
+  outcome.evaluations += further.evaluations - best.evaluations;
+  outcome.history.insert(outcome.history.end(), refinement.history().begin(),
+                         refinement.history().end());
+  outcome.interrupted = options.interrupt != nullptr && *options.interrupt;
+  if (further.feasible() && !further.refused && further.rollout.cost <= best.rollout.cost)
+    best = std::move(further);
 }
 
 /// Finds a motion with few control points, and refines what is good enough of it.
@@ -656,6 +676,7 @@ SolveOutcome SolveWithManyPoints(const Problem& problem, const SolveOptions& opt
     outcome.solutions.push_back(std::move(fine.first));
   }
   std::stable_sort(outcome.solutions.begin(), outcome.solutions.end(), Better);
+  if (!outcome.solutions.empty()) Converge(problem, options, outcome);
   return outcome;
 }
 

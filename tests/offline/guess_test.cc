@@ -204,7 +204,7 @@ TEST_P(SolveFromGuessAfter, FindsTheSameMotionAgainWithinAFewEvaluations) {
   const Solution& best = outcome.solutions.front();
   EXPECT_TRUE(best.feasible() && !best.refused);
   // A random search and the solve from there take more than a thousand.
-  EXPECT_LE(outcome.evaluations, 40);
+  EXPECT_LE(outcome.evaluations, 30);
   for (std::size_t j = 0; j < problem.joints.size(); ++j) {
     EXPECT_LT(
         LargestDifference(PositionSpline(problem, best.x, j), Known().primitive.joints[j].position),
@@ -217,11 +217,11 @@ TEST(SolveNear, StaysInItsBasinThoughAnotherIsNear) {
   // Around the handstand, the robot falls when a control point moves by a few hundredths of a
   // radian: a cost of 25 where the handstand has a thousandth.
   const Problem problem = KnownTask().problem;
-  ForwardSensitivity rollout(problem, AdaptiveSteps(problem));
+  NearRollouts rollouts(problem);
   std::vector<double> start = FreePoints(Known().primitive);
   for (std::size_t i = 0; i < start.size(); ++i) start[i] += i % 2 == 0 ? 2e-3 : -2e-3;
   std::vector<Evaluation> history;
-  const Solution solution = SolveNear(problem, start, 30, 1e-4, rollout, {}, &history);
+  const Solution solution = SolveNear(problem, start, 30, 1e-4, rollouts, {}, &history);
   EXPECT_TRUE(solution.feasible());
   EXPECT_LE(solution.rollout.cost, solution.start_cost);
   EXPECT_LT(solution.rollout.cost, 1.1 * Known().provenance.objective);
@@ -232,9 +232,9 @@ TEST(SolveNear, KeepsTheLimitsOfPathsFromAStartThatBreaksThem) {
   constexpr double kLimit = 80;
   const Problem problem =
       KnownTask("acceleration_max_rad_s2 = 400.0", "acceleration_max_rad_s2 = 80.0").problem;
-  ForwardSensitivity rollout(problem, AdaptiveSteps(problem));
+  NearRollouts rollouts(problem);
   const Solution solution =
-      SolveNear(problem, FreePoints(Known().primitive), 20, 1e-3, rollout, {}, nullptr);
+      SolveNear(problem, FreePoints(Known().primitive), 20, 1e-3, rollouts, {}, nullptr);
   double largest_before = 0;
   for (std::size_t j = 0; j < problem.joints.size(); ++j) {
     for (const double c : Known().primitive.joints[j].position.control_points(2))

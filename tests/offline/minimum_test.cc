@@ -67,8 +67,8 @@ TEST_P(MinimumOfTask, IsOneAlsoByAFinerIntegration) {
 Solution NearTo(Problem problem, const std::vector<double>& x) {
   problem.solver.tolerance = 1e-10;
   problem.solver.kkt_residual = 1e-6;
-  ForwardSensitivity rollout(problem, AdaptiveSteps(problem));
-  return SolveNear(problem, x, 400, 0, rollout, {}, nullptr);
+  NearRollouts rollouts(problem);
+  return SolveNear(problem, x, 400, 0, rollouts, {}, nullptr);
 }
 
 TEST(Multiplier, IsWhatTheCostFallsByWhenItsLimitYields) {

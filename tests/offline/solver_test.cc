@@ -315,16 +315,15 @@ TEST(SolveFrom, TakesAStartThatIsOutsideOfItsLimitsByARounding) {
 class SolveWithManyPoints : public ::testing::TestWithParam<int> {};
 INSTANTIATE_TEST_SUITE_P(Points, SolveWithManyPoints, ::testing::Values(24, 40, 64));
 
-TEST_P(SolveWithManyPoints, FindsTheHandstandThatFewPointsFind) {
-  const std::string text = testing::LongHandstandTask();
-  const auto problem_with = [&](int points) {
-    return ParseTask(testing::Replaced(text, "control_points = 12",
-                                       fmt::format("control_points = {}", points)),
-                     "task.toml", testing::ShippedRobot(), "robot.urdf")
-        .problem;
-  };
-  Problem problem = problem_with(GetParam());
-  problem.search.seed = 2;
+TEST_P(SolveWithManyPoints, FindsABetterHandstandThanFewPointsCan) {
+  const std::string path = "primitives/tasks/nominal/handstand.toml";
+  const std::string text = ReadTextFile(testing::SourcePath(path));
+  Problem problem = ParseTask(testing::Replaced(text, "control_points = 9",
+                                                fmt::format("control_points = {}", GetParam())),
+                              "task.toml", testing::ShippedRobot(), "robot.urdf")
+                        .problem;
+  problem.search.seed = 1;
+  problem.solver.max_evaluations = 150;
   SolveOptions options;
   options.accept = [&](const Solution& solution) {
     return LookAgain(problem, solution.x).acceptable();
@@ -334,7 +333,8 @@ TEST_P(SolveWithManyPoints, FindsTheHandstandThatFewPointsFind) {
   const Solution& best = outcome.solutions.front();
   EXPECT_EQ(best.x.size(), static_cast<std::size_t>(problem.parameter_count()));
   EXPECT_TRUE(best.feasible() && !best.refused) << best.worst_constraint;
-  EXPECT_LT(best.rollout.cost, 0.1) << "a robot that stays on its feet has 24.7";
+  EXPECT_LT(best.rollout.cost, 4.7e-4) << "the best of 20 seeds with 9 points has 4.716e-4";
+  EXPECT_LE(best.evaluations, problem.solver.max_evaluations);
 }
 
 TEST(Solve, SaysWhetherAnythingWasTouched) {
