@@ -16,6 +16,7 @@
 #include "offline/linear/least_squares.h"
 #include "offline/problem/feed_forward_knots.h"
 #include "offline/problem/link_chains.h"
+#include "offline/problem/take_duration.h"
 #include "offline/rollout/forward_sensitivity.h"
 
 namespace tumbler {
@@ -265,7 +266,8 @@ MotionSummary MotionSummarizer::Finish() {
   return std::move(summary_);
 }
 
-MotionSummary Summarize(const Problem& problem, const std::vector<double>& x) {
+MotionSummary Summarize(Problem problem, std::vector<double> x) {
+  TakeDuration(problem, x);
   MotionSummarizer summarizer(problem, kRefinement);
   SelfDistances distances(problem.scene.robot, problem.scene.self_contact.pairs);
   const double settled_s = problem.duration_s + problem.settle_s + 1e-9;

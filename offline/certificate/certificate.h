@@ -131,7 +131,7 @@ class MotionSummarizer {
 };
 
 /// @param x  parameters of the motion.
-MotionSummary Summarize(const Problem& problem, const std::vector<double>& x);
+MotionSummary Summarize(Problem problem, std::vector<double> x);
 
 /// Makes the primitive: splines, a feed-forward torque fitted to the plan's within the limits,
 /// entry, exit, contact timeline, certificate, provenance.

@@ -38,6 +38,19 @@ inline constexpr std::array kTaskTimeKeys = {
     KeyOf<&Problem::settle_s>("settle_s", {0, 5}, "joints held after it, part of the problem"),
 };
 
+/// The bounds of a duration that is free.
+struct TaskDurations {
+  std::optional<double> min_s, max_s;
+};
+inline constexpr std::array kTaskDurationKeys = {
+    KeyOf<&TaskDurations::min_s>("duration_min_s", {0.05, 20},
+                                 "the motion's duration is found, too: not below this ..."),
+    KeyOf<&TaskDurations::max_s>("duration_max_s", {0.05, 20},
+                                 "... nor above this; `duration_s`, with which the search begins, "
+                                 "has to lie between them (tasks with `[robust]` have the same "
+                                 "keys there)"),
+};
+
 /// The place at which the root link's frame starts.
 struct TaskStart {
   double x_m = 0;

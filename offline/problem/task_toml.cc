@@ -15,6 +15,7 @@
 #include "common/printable.h"
 #include "offline/contact/contact_intent.h"
 #include "offline/problem/contact_toml.h"
+#include "offline/problem/duration_toml.h"
 #include "offline/problem/obstacle_toml.h"
 #include "offline/problem/robust_toml.h"
 #include "offline/problem/self_contact_toml.h"
@@ -34,6 +35,9 @@ constexpr double kMostSteps = 1e5;
 
 /// The root's pitch among all degrees of freedom.
 constexpr std::size_t kPitch = 2;
+
+/// What is left of a motion of free duration after the last time at which its cost looks, at least.
+constexpr double kLeastStretched_s = 0.01;
 
 /// How far from rest the pitch of a robot on a bar may be asked for [rad].
 constexpr double kStartPitchOnBar = 0.5;
@@ -108,6 +112,10 @@ class TaskReader {
   Problem Read() {
     ReadKeys(root_, kNameKeys, problem_);
     ReadKeys(root_, kTaskTimeKeys, problem_);
+    TaskDurations durations;
+    ReadKeys(root_, kTaskDurationKeys, durations);
+    problem_.free_duration =
+        CheckedBounds(root_, durations.min_s, durations.max_s, problem_.duration_s);
     if (static_cast<int>(scene_.robot.tree.dofs.size()) == scene_.robot.root_dofs)
       root_.Fail("robot", "has no joint that moves; allowed: at least one");
     ReadJoints();
@@ -218,15 +226,18 @@ class TaskReader {
   /// Checks that a rollout has no more steps than memory and patience allow: a gradient keeps what
   /// it needs of each.
   void CheckSteps() {
-    const double time = problem_.duration_s + problem_.settle_s;
+    const double time =
+        (problem_.free_duration ? problem_.free_duration->max_s : problem_.duration_s) +
+        problem_.settle_s;
     const auto check = [&](const char* name, const char* key, double step_s) {
       const double steps = time / step_s;
       if (steps <= kMostSteps) return;
       std::optional<TomlTable> table = root_.OptionalTable(name);
       const std::string problem = fmt::format(
-          "is {} s, which is {:.0f} steps for the {} s of duration_s and settle_s; allowed: up to "
+          "is {} s, which is {:.0f} steps for the {} s of {} and settle_s; allowed: up to "
           "{:.0f} steps, so {} s or more here",
-          MessageNumber(step_s), steps, MessageNumber(time), kMostSteps,
+          MessageNumber(step_s), steps, MessageNumber(time),
+          problem_.free_duration ? "duration_max_s" : "duration_s", kMostSteps,
           MessageNumber(1.00001 * time / kMostSteps));
       if (table) table->Fail(key, problem);
       root_.Fail(fmt::format("{}.{}", name, key), problem);
@@ -312,6 +323,7 @@ class TaskReader {
     for (TomlTable& table : root_.Tables("cost")) {
       const CostTerm term =
           ReadCostTerm(table, scene_.robot, problem_.duration_s, problem_.settle_s);
+      CheckTime(table, term);
       if (term.targets_pitch() && term.weight > 0) problem_.target_pitch_rad = term.target;
       // Integrals that differ only in their weights become one.
       const auto same = std::find_if(cost.begin(), cost.end(), [&term](const CostTerm& other) {
@@ -333,6 +345,18 @@ class TaskReader {
                                      "weight > 0",
                                      empty ? "is empty" : "has only weights of 0"));
     }
+  }
+
+  /// Checks that a motion whose duration is free takes longer than until a term looks at it.
+  void CheckTime(TomlTable& table, const CostTerm& term) const {
+    if (!problem_.free_duration || !table.Has("time_s")) return;
+    // Nearer to the end there would be no room for the steps that are stretched.
+    const double latest = problem_.free_duration->min_s - kLeastStretched_s;
+    if (term.when == CostTerm::When::kTime && term.time_s <= latest) return;
+    table.Fail("time_s", fmt::format("is not within every motion whose duration is free; allowed: "
+                                     "up to {} s, which is {} s before duration_min_s, or `when` "
+                                     "instead",
+                                     MessageNumber(latest), kLeastStretched_s));
   }
 
   void ReadStart(TomlTable& start) {
@@ -508,6 +532,7 @@ std::vector<KeyTable> TaskKeyTables() {
                    RowsOf(kNameKeys),
                    RowsOf(kTaskRobotKeys),
                    RowsOf(kTaskTimeKeys),
+                   RowsOf(kTaskDurationKeys),
                    RowsOf(kTaskGroundKeys)})},
           {source, "start", Joined({{joints}, RowsOf(kTaskStartKeys)})},
           {source, "bar", RowsOf(kTaskBarKeys)},

@@ -30,16 +30,18 @@ struct ClearanceConstraint::Implementation {
   Implementation(const Problem& p, double step_s)
       : problem(p),
         distances(p.scene.robot, p.scene.self_contact.pairs),
-        steps(p.duration_s, step_s, 1),
+        steps(p.free_duration ? p.free_duration->max_s : p.duration_s, step_s, 1),
         rho(p.solver.sharpness),
         reach_m(p.scene.self_contact.clearance_m - kNegligibleExponent / rho * kClearanceScale_m),
         q(p.scene.robot.tree.dofs.size(), 0.0),
         slopes(p.joints.size()) {
     if (p.scene.self_contact.pairs.empty()) return;
-    const std::vector<double> zero(Index(p.parameter_count()), 0.0);
+    std::vector<double> longest(Index(p.parameter_count()), 0.0);
+    if (p.free_duration) longest.back() = p.free_duration->max_s / p.duration_s;
     for (std::size_t j = 0; j < p.joints.size(); ++j) {
       first_parameter.push_back(p.first_parameter(j));
-      const PathSpline spline = PositionSpline(p, zero, j);
+      // It takes as long as the steps; where the duration is free, its paths are stretched.
+      const PathSpline spline = PositionSpline(p, longest, j);
       for (int k = 0; k <= steps.count; ++k) {
         const PathSpline::Weights all = spline.EvaluateWeights(k * steps.step_s);
         weights.push_back({all.first, all.w[0]});
@@ -73,9 +75,12 @@ struct ClearanceConstraint::Implementation {
     if (weights.empty()) return -1;
     // Sum and gradient are scaled by exp(-rho largest).
     double largest = 0, sum = 0;
+    const double stretch =
+        problem.free_duration ? problem.duration_of(x) / problem.free_duration->max_s : 1;
+    const double step_s = stretch * steps.step_s;
     for (int k = 0; k <= steps.count; ++k) {
       SetJoints(k, x);
-      const double time = (k == 0 || k == steps.count ? 0.5 : 1.0) * steps.step_s / kSampleTime_s;
+      const double time = (k == 0 || k == steps.count ? 0.5 : 1.0) * step_s / kSampleTime_s;
       std::fill(slopes.begin(), slopes.end(), 0.0);
       for (const SelfDistances::Near& near : distances.FindNearer(q, reach_m)) {
         const double value =
@@ -101,6 +106,8 @@ struct ClearanceConstraint::Implementation {
       return -1;
     }
     for (double& slope : gradient) slope /= sum;
+    // The sum grows like the steps.
+    if (problem.free_duration && !gradient.empty()) gradient.back() += 1 / (rho * x.back());
     return excess;
   }
 
