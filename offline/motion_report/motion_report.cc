@@ -55,7 +55,7 @@ ReportData MakeReportData(const Task& task, const SolveOutcome& outcome, const S
                                 evaluation.cost, evaluation.violation, evaluation.global});
   }
   data.certificate = CertificateLines(file.certificate, problem.scene.contact.d_on_m);
-  if (!problem.target_pitch_rad || problem.scene.robot.hinged()) {
+  if (!problem.target_pitch_rad || problem.scene.robot.hinged() || problem.ends_moving()) {
     std::erase_if(data.certificate,
                   [](const auto& line) { return line.first.starts_with("pitch 2 s after"); });
   }

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -16,6 +18,10 @@
 
 namespace tumbler {
 
+/// The part of a limit of velocity or acceleration that the solver is kept within, so that its
+/// result keeps the true one despite rounding.
+inline constexpr double kInside = 1 - 1e-6;
+
 /// Limits, end conditions and size of the path of one actuated joint.
 struct ActuatedJoint {
   int dof = 0;
@@ -24,6 +30,8 @@ struct ActuatedJoint {
   double end_rad = 0;
   /// At least 6: the start fixes the first three, the end the last three.
   int control_points = 12;
+  /// Velocities at the ends, where accelerations are zero.
+  double start_rad_s = 0, end_rad_s = 0;
 
   [[nodiscard]] int free_points() const { return control_points - 6; }
 };
@@ -120,8 +128,10 @@ struct Problem {
   /// obstacles.
   double advisable_step_s = std::numeric_limits<double>::infinity();
 
-  /// Positions of all degrees of freedom at the start [m, rad], where the robot is at rest.
+  /// Positions of all degrees of freedom at the start [m, rad].
   std::vector<double> start_q;
+  /// Velocities of the root's coordinates at the start [m/s, rad/s]; zero at rest.
+  std::array<double, 3> start_root_rates{};
   /// Length of the motion; where that is free, of the motions that a search begins with.
   double duration_s = 1;
   /// Where the solver looks for the duration, too: what it may be. `duration_s` is among it.
@@ -149,6 +159,13 @@ struct Problem {
   /// The same of a motion of another duration.
   [[nodiscard]] std::vector<CostInstant> instants(double other_duration_s) const {
     return InstantsOf(cost, other_duration_s, settle_s);
+  }
+
+  /// Whether a joint moves when the motion ends: then nothing holds it there, and there is no
+  /// settle phase.
+  [[nodiscard]] bool ends_moving() const {
+    return std::ranges::any_of(joints,
+                               [](const ActuatedJoint& joint) { return joint.end_rad_s != 0; });
   }
 
   /// Parameters are the free control points of the first joint, then those of the second, ... The

@@ -142,6 +142,12 @@ std::optional<RobustSettings> ReadRobust(TomlTable& root, const Problem& problem
               "[[cost]] with term \"terminal\" of \"pitch\" when \"settled\"");
   }
   CheckTerms(root, problem);
+  const auto moves = [](const ActuatedJoint& joint) {
+    return joint.start_rad_s != 0 || joint.end_rad_s != 0;
+  };
+  if (std::ranges::any_of(problem.joints, moves)) {
+    root.Fail("robust", "judges robots that start and end at rest; leave out joints_rad_s");
+  }
   if (problem.free_duration) {
     root.Fail("duration_min_s",
               "does not go with [robust], which has this key itself; give duration_min_s and "

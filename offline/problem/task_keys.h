@@ -56,8 +56,10 @@ struct TaskStart {
   double x_m = 0;
   double pitch_rad = 0;
   std::optional<double> z_m;
+  double x_m_s = 0, z_m_s = 0, pitch_rad_s = 0;
 };
 inline constexpr Range kTaskPlace{-1e3, 1e3};
+inline constexpr Range kTaskRate{-100, 100};
 inline constexpr std::array kTaskStartKeys = {
     KeyOf<&TaskStart::x_m>("x_m", kTaskPlace,
                            "of the root link's frame, or of its bar (not of a fixed root, like "
@@ -70,6 +72,11 @@ inline constexpr std::array kTaskStartKeys = {
         "without it the robot is put on the ground and left to come to rest, pitch included; a bar "
         "is at 0 without it")
         .Allowed("-1000 to 1000, no shape inside an obstacle"),
+    KeyOf<&TaskStart::x_m_s>("x_m_s", kTaskRate,
+                             "velocity of the root; with `--start-from` those of the exit are "
+                             "taken, and this and the next two are left out"),
+    KeyOf<&TaskStart::z_m_s>("z_m_s", kTaskRate, "likewise; neither of the two on a bar"),
+    KeyOf<&TaskStart::pitch_rad_s>("pitch_rad_s", kTaskRate, "likewise"),
 };
 
 /// The lie of the ground.

@@ -12,6 +12,7 @@
 #include "offline/rollout/clearance_constraint.h"
 #include "offline/rollout/free_duration.h"
 #include "offline/rollout/smooth_maximum.h"
+#include "offline/rollout/start_state.h"
 #include "offline/scene/scene_dynamics.h"
 
 namespace tumbler {
@@ -131,7 +132,8 @@ struct ForwardSensitivity::Implementation {
       const std::size_t dof = Index(joint.dof);
       if (!moving) {
         robot.q[dof] = joint.end_rad;
-        robot.qd[dof] = robot.qdd[dof] = 0;
+        robot.qd[dof] = joint.end_rad_s;
+        robot.qdd[dof] = 0;
         continue;
       }
       const Spline& spline = splines[Index(j)];
@@ -446,8 +448,8 @@ struct ForwardSensitivity::Implementation {
     paths_time = std::numeric_limits<double>::quiet_NaN();
     std::vector<double>& state = integrator.state();
     std::fill(state.begin(), state.end(), 0.0);
-    const SceneDynamics::State start = robot.AtRest(problem.start_q);
-    std::copy_n(start.begin(), nf, state.begin());
+    const SceneDynamics::State start = StartState(robot, problem);
+    std::copy_n(start.begin(), 2 * nf, state.begin());
 
     for (std::size_t i = 0; i < instants.size(); ++i) {
       if (!IntegrateTo(i, result)) return fail();

@@ -4,6 +4,7 @@
 #include <numeric>
 #include <stdexcept>
 
+#include "offline/problem/end_points.h"
 #include "offline/rollout/rollout.h"
 
 namespace tumbler {
@@ -21,14 +22,33 @@ FreeDuration::FreeDuration(const Problem& problem)
   }
 }
 
+namespace {
+
+/// The spline of a path's derivative by the duration, at the same part of it.
+JointMotion<double>::Spline MovedWithEnds(const ActuatedJoint& joint,
+                                          const JointMotion<double>::Spline& path) {
+  const EndPoints slopes = EndPointSlopes(joint, path.degree());
+  std::vector<double> points(path.control_points().size(), 0.0);
+  std::ranges::copy(slopes.first, points.begin());
+  std::ranges::copy(slopes.last, points.end() - 3);
+  JointMotion<double>::Spline moved;
+  if (moved.Assign(path.degree(), path.knots(), points) != Status::kOk)
+    throw std::logic_error("what moves a path is no spline");
+  return moved;
+}
+
+}  // namespace
+
 bool FreeDuration::Set(const Problem& problem, std::span<const double> x) {
   duration_s_ = problem.duration_of(x);
   if (!(duration_s_ > from_s_ + kSameTime_s)) return false;
   paths_.clear();
   rates_.clear();
+  moved_.clear();
   for (std::size_t j = 0; j < problem.joints.size(); ++j) {
     paths_.push_back(PositionSpline(problem, x, j));
     if (from_s_ > 0) rates_.push_back(paths_.back().Derivative());
+    moved_.push_back(MovedWithEnds(problem.joints[j], paths_.back()));
   }
   return true;
 }
@@ -44,7 +64,9 @@ PathPoint FreeDuration::PathSlope(std::size_t joint, double time_s) const {
     slope.qd += at.second * beyond;
     slope.qdd += rates_[joint].Evaluate(time_s).second * beyond;
   }
-  return {unit_s_ * slope.q, unit_s_ * slope.qd, unit_s_ * slope.qdd};
+  const Spline::Sample moved = moved_[joint].Evaluate(time_s);
+  return {unit_s_ * (slope.q + moved.value), unit_s_ * (slope.qd + moved.first),
+          unit_s_ * (slope.qdd + moved.second)};
 }
 
 StepGrid FreeDuration::Stretched(StepGrid grid) const {

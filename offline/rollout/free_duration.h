@@ -57,6 +57,8 @@ class FreeDuration {
   double duration_s_;
   std::vector<Spline> paths_;
   std::vector<Spline> rates_;  // their derivatives, if there is a time at which the cost looks
+  /// By T, of the paths at the same t / T, if an end moves: then the points there move with T.
+  std::vector<Spline> moved_;
 };
 
 /// For each instant, how many steps of its phase are before it.

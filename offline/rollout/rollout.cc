@@ -9,10 +9,12 @@
 #include <utility>
 
 #include "common/index.h"
+#include "offline/problem/end_points.h"
 #include "offline/rollout/clearance_constraint.h"
 #include "offline/rollout/forward_sensitivity.h"
 #include "offline/rollout/free_duration.h"
 #include "offline/rollout/smooth_maximum.h"
+#include "offline/rollout/start_state.h"
 #include "offline/scene/scene_dynamics.h"
 #include "offline/stepper/even_steps.h"
 #include "offline/stepper/step_grid.h"
@@ -160,10 +162,10 @@ std::vector<double> ControlPoints(const Problem& problem, std::span<const double
                                   std::size_t joint) {
   const ActuatedJoint& actuated = problem.joints[joint];
   const auto free = x.subspan(Index(problem.first_parameter(joint)), Index(actuated.free_points()));
-  // Three equal points fix q and make qd = qdd = 0, so that the joint is at rest.
-  std::vector<double> points(3, actuated.start_rad);
+  const EndPoints ends = EndPointsOf(actuated, problem.degree, problem.duration_of(x));
+  std::vector<double> points(ends.first.begin(), ends.first.end());
   points.insert(points.end(), free.begin(), free.end());
-  points.insert(points.end(), 3, actuated.end_rad);
+  points.insert(points.end(), ends.last.begin(), ends.last.end());
   return points;
 }
 
@@ -282,10 +284,10 @@ struct Rollout::Implementation {
       const ActuatedJoint& joint = problem.joints[Index(j)];
       const int free_points = joint.free_points();
       std::array<double, kMaxControlPoints> c{};
+      const EndPoints ends = EndPointsOf(joint, problem.degree, duration.duration_s());
       for (int i = 0; i < joint.control_points; ++i) {
-        c[Index(i)] = i < 3                 ? joint.start_rad
-                      : i < 3 + free_points ? x[Index(first_parameter[Index(j)] + i - 3)]
-                                            : joint.end_rad;
+        c[Index(i)] = i < 3 || i >= 3 + free_points ? ends.At(i, joint.control_points)
+                                                    : x[Index(first_parameter[Index(j)] + i - 3)];
       }
       for (std::size_t k = 0; k < table.time.size(); ++k) {
         const ControlWeights& w = WeightsOf(j, k);
@@ -318,7 +320,7 @@ struct Rollout::Implementation {
       const PathPoint& c = controls[k * Index(na) + Index(j)];
       const std::size_t dof = Index(actuated[Index(j)]);
       robot.q[dof] = c.q;
-      robot.qd[dof] = moving ? c.qd : 0;
+      robot.qd[dof] = moving ? c.qd : problem.joints[Index(j)].end_rad_s;
       robot.qdd[dof] = moving ? c.qdd : 0;
     }
   }
@@ -401,7 +403,7 @@ struct Rollout::Implementation {
       stages.resize(Index(steps * table.stages) * Index(stage_size));
       if (running_of_state) running_states.resize(Index(steps * table.stages) * 2 * robot.n);
     }
-    State y = robot.AtRest(problem.start_q);
+    State y = StartState(robot, problem);
     for (RunningTerm& term : running) term.integral = 0;
     std::size_t instant = 0;
     for (int step = 0; step < steps; ++step) {
@@ -956,7 +958,7 @@ void Rollout::Visit(std::span<const double> x, double extra_s,
   const SceneDynamics& robot = m.robot;
   if (!m.SetDuration(x)) throw std::invalid_argument("the motion ends before its cost looks at it");
   m.SetControls(x);
-  State y = robot.AtRest(m.problem.start_q);
+  State y = StartState(robot, m.problem);
   MotionSample sample;
   sample.dynamics = &robot.dynamics;
   const auto visit = [&] {

@@ -122,6 +122,9 @@ std::vector<LinearRow> DerivativeLimitRows(const Problem& problem) {
   const bool free_duration = problem.free_duration.has_value();
   std::vector<double> zero(n, 0.0);
   if (free_duration) zero.back() = 1;
+  // Where the duration is free, so is what the ends' velocities add to the points beside them.
+  Problem with_ends_at_rest = problem;
+  for (ActuatedJoint& joint : with_ends_at_rest.joints) joint.start_rad_s = joint.end_rad_s = 0;
   for (std::size_t j = 0; j < problem.joints.size(); ++j) {
     const JointLimits<double>& limits = problem.joints[j].limits;
     const auto first = static_cast<std::size_t>(problem.first_parameter(j));
@@ -129,6 +132,7 @@ std::vector<LinearRow> DerivativeLimitRows(const Problem& problem) {
     const double limit[3] = {0, kInside * limits.velocity_max_rad_s,
                              kInside * limits.acceleration_max_rad_s2};
     const auto constant = PositionSpline(problem, zero, j);
+    const auto at_rest = PositionSpline(with_ends_at_rest, zero, j);
     for (int d = 1; d <= 2; ++d) {
       if (!std::isfinite(limit[d])) continue;
       const std::size_t points = constant.control_points(d).size();
@@ -138,7 +142,7 @@ std::vector<LinearRow> DerivativeLimitRows(const Problem& problem) {
             std::string(d == 1 ? "velocity of " : "acceleration of ") +
             problem.scene.robot.tree.dofs[static_cast<std::size_t>(problem.joints[j].dof)].name;
         upper[k].a.assign(n, 0.0);
-        upper[k].b = constant.control_points(d)[k] / limit[d];
+        upper[k].b = (free_duration ? at_rest : constant).control_points(d)[k] / limit[d];
         upper[k].derivative = d;
         upper[k].of_free_duration = free_duration;
       }
@@ -151,9 +155,13 @@ std::vector<LinearRow> DerivativeLimitRows(const Problem& problem) {
               (moved.control_points(d)[k] - constant.control_points(d)[k]) / limit[d];
         }
       }
-      for (const LinearRow& row : upper) {
+      for (LinearRow& row : upper) {
         // The ends fix this control point, so no parameter changes it.
         if (std::all_of(row.a.begin(), row.a.end(), [](double a) { return a == 0; })) continue;
+        if (free_duration) {
+          const auto k = static_cast<std::size_t>(&row - upper.data());
+          row.a.back() = (constant.control_points(d)[k] - at_rest.control_points(d)[k]) / limit[d];
+        }
         const double right = free_duration ? 0 : 1;  // where it is a number
         LinearRow lower = row;
         for (double& a : lower.a) a = -a;

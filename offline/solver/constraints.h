@@ -12,10 +12,6 @@
 
 namespace tumbler {
 
-/// The part of a limit that the solver is kept within, so that its result keeps the true one
-/// despite rounding.
-inline constexpr double kInside = 1 - 1e-6;
-
 /// A constraint a . x + b <= 0 on the parameters x [rad], or a . x + b <= s^d where the duration is
 /// free: with s the last parameter, the duration, and d the derivative of the path that is bounded.
 struct LinearRow {
