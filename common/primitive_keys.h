@@ -217,6 +217,14 @@ inline constexpr auto kPoseKeys = AllRequired(std::array{
         .Allowed("the ends of their paths"),
 });
 
+/// Of a root that moves there.
+inline constexpr std::array kPoseRateKeys = {
+    KeyOf<&PrimitivePose::root_x_m_s>("root_x_m_s",
+                                      "the root's velocity; without these three it is at rest"),
+    KeyOf<&PrimitivePose::root_z_m_s>("root_z_m_s", "likewise"),
+    KeyOf<&PrimitivePose::root_pitch_rad_s>("root_pitch_rad_s", "likewise"),
+};
+
 inline constexpr auto kDriveGainsKeys = AllRequired(std::array{
     KeyOf<&DriveGains::kp_nm_per_rad>(
         "kp_nm_per_rad", {0, 1e4},

@@ -19,13 +19,19 @@ inline constexpr int kPrimitiveFileVersion = 2;
 /// How long after a motion's end its exit is, with the joints held [s].
 inline constexpr double kExitAfter_s = 2;
 
-/// A pose of the robot at rest: where a motion starts, or where it leaves the robot `kExitAfter_s`
-/// after its end. The joints are at the ends of their splines.
+/// Where a motion starts, or where it leaves the robot: `kExitAfter_s` after its end, or at its end
+/// when joints move there. The joints are at the ends of their splines.
 struct PrimitivePose {
   double root_x_m = 0;  ///< Of the root link's frame, world axes.
   double root_z_m = 0;
   double root_pitch_rad = 0;
   std::vector<double> joint_positions_rad;  ///< In the order of the primitive's joints.
+  /// The root's velocity in a motion that does not start, or end, at rest.
+  double root_x_m_s = 0, root_z_m_s = 0, root_pitch_rad_s = 0;
+
+  [[nodiscard]] bool root_moves() const {
+    return root_x_m_s != 0 || root_z_m_s != 0 || root_pitch_rad_s != 0;
+  }
 };
 
 /// An interval in which one collision shape of the robot carried force in the plan.

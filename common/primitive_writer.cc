@@ -97,6 +97,11 @@ void WriteProvenance(TomlWriter& writer, const Provenance& provenance) {
   WriteKeys(writer, kSourceTextKeys, provenance);
 }
 
+void WritePose(TomlWriter& writer, const PrimitivePose& pose) {
+  WriteKeys(writer, kPoseKeys, pose);
+  if (pose.root_moves()) WriteKeys(writer, kPoseRateKeys, pose);
+}
+
 /// The file's text with this hash, whatever the file's own is.
 std::string WriteWith(const std::string& content_hash, const PrimitiveFile& file) {
   TomlWriter writer("a primitive");
@@ -118,9 +123,9 @@ std::string WriteWith(const std::string& content_hash, const PrimitiveFile& file
     WriteKeys(writer, kDriveGainsKeys, *file.drives);
   }
   writer.Line("\n[entry]");
-  WriteKeys(writer, kPoseKeys, file.entry);
+  WritePose(writer, file.entry);
   writer.Line("\n[exit]");
-  WriteKeys(writer, kPoseKeys, file.exit);
+  WritePose(writer, file.exit);
   for (const ContactInterval& contact : file.contacts) {
     writer.Line("\n[[contact]]");
     WriteKeys(writer, kContactKeys, contact);

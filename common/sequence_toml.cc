@@ -637,10 +637,37 @@ SequenceFile LoadSequence(const std::string& path, const FileReader& read) {
   return file;
 }
 
+namespace {
+
+/// Throws unless all primitives start and end at rest, as what plays them needs.
+void CheckRests(const SequenceFile& file) {
+  for (std::size_t i = 0; i < file.primitives.size(); ++i) {
+    for (const Motion& motion : file.primitives[i].primitive.motions()) {
+      const std::span<const double> rates = motion.position.control_points(1);
+      for (const bool at_end : {false, true}) {
+        const double rate = at_end ? rates.back() : rates.front();
+        if (std::abs(rate) <= file.tolerances.joint_velocity_rad_s) continue;
+        throw FileError(
+            file.path, 0, "primitive",
+            fmt::format(
+                "'{}' {} with joint '{}' at {} rad/s; allowed here: at rest, {} rad/s or "
+                "less. It is for tumbler-optimize (--start-from, --guess) and tumbler-chain",
+                file.primitive_names[i], at_end ? "ends" : "starts", motion.name.view(),
+                MessageNumber(rate), MessageNumber(file.tolerances.joint_velocity_rad_s)));
+      }
+    }
+  }
+}
+
+}  // namespace
+
 SequenceFile LoadMotion(const std::string& path, const FileReader& read) {
   const std::string text = ReadText(path, read);
-  if (TomlTable::Parse(text, path).String("format", "") == kHeader.format)
-    return LoadSequence(path, read);
+  if (TomlTable::Parse(text, path).String("format", "") == kHeader.format) {
+    SequenceFile sequence = LoadSequence(path, read);
+    CheckRests(sequence);
+    return sequence;
+  }
   SequenceFile file;
   file.path = path;
   file.primitives.push_back(ParsePrimitive(text, path));
@@ -648,6 +675,7 @@ SequenceFile LoadMotion(const std::string& path, const FileReader& read) {
   file.primitive_names.emplace_back(file.graph.name.view());
   file.exit_pitch_tolerance_rad.push_back(0.05);
   file.node_lines.push_back(1);
+  CheckRests(file);
   return file;
 }
 

@@ -95,7 +95,8 @@ SequenceFile ReadSequence(const std::string& path, const FileReader& read = {});
 SequenceFile LoadSequence(const std::string& path, const FileReader& read = {});
 
 /// Loads a motion for a runtime: a sequence file as LoadSequence does, or a primitive file as a
-/// sequence of this primitive alone. @throws FileError  as LoadSequence.
+/// sequence of this primitive alone. The executor starts and ends every primitive at rest.
+/// @throws FileError  as LoadSequence; about a joint that moves where a primitive starts or ends.
 SequenceFile LoadMotion(const std::string& path, const FileReader& read = {});
 
 /// The gains of the drives through which a motion was found: those of the first of its primitives

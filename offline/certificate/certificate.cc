@@ -16,6 +16,7 @@
 #include "offline/linear/least_squares.h"
 #include "offline/problem/feed_forward_knots.h"
 #include "offline/problem/link_chains.h"
+#include "offline/problem/take_duration.h"
 #include "offline/rollout/forward_sensitivity.h"
 
 namespace tumbler {
@@ -54,6 +55,13 @@ Spline FitTorque(const Problem& problem, const TorqueSamples& samples, std::size
     throw std::runtime_error("the plan's torques cannot be fitted: a value is not finite");
   }
   return spline;
+}
+
+/// Sets the velocity of the root.
+void SetRates(const std::array<double, 3>& rates, PrimitivePose& pose) {
+  pose.root_x_m_s = rates[0];
+  pose.root_z_m_s = rates[1];
+  pose.root_pitch_rad_s = rates[2];
 }
 
 /// A rollout like those that the solver ended with.
@@ -105,6 +113,7 @@ std::vector<std::vector<double>> DifferenceDirections(std::size_t n) {
 }  // namespace
 
 double ExitAfter(const Problem& problem) {
+  if (problem.ends_moving()) return 0;
   return problem.scene.robot.hinged() ? problem.settle_s : kExitAfter_s;
 }
 
@@ -191,8 +200,13 @@ MotionSummarizer::MotionSummarizer(const Problem& problem, double refinement)
 void MotionSummarizer::Take(const MotionSample& sample, double own_distance_m) {
   const PlanarRobot& robot = problem_.scene.robot;
   const double t = sample.time_s;
-  if (count_ == 0) summary_.entry = PoseAt(sample.q, robot);
+  if (count_ == 0) {
+    summary_.entry = PoseAt(sample.q, robot);
+    SetRates(problem_.start_root_rates, summary_.entry);
+  }
   summary_.exit = PoseAt(sample.q, robot);
+  if (problem_.ends_moving() && robot.root_dofs == 3)
+    SetRates({sample.qd[0], sample.qd[1], sample.qd[2]}, summary_.exit);
   if (t <= problem_.duration_s + 1e-9) {
     summary_.final_pitch_rad = RootPitchAt(sample.q, robot);
     if (count_ % every_ == 0) TakeTorques(sample);
@@ -265,7 +279,8 @@ MotionSummary MotionSummarizer::Finish() {
   return std::move(summary_);
 }
 
-MotionSummary Summarize(const Problem& problem, const std::vector<double>& x) {
+MotionSummary Summarize(Problem problem, std::vector<double> x) {
+  TakeDuration(problem, x);
   MotionSummarizer summarizer(problem, kRefinement);
   SelfDistances distances(problem.scene.robot, problem.scene.self_contact.pairs);
   const double settled_s = problem.duration_s + problem.settle_s + 1e-9;

@@ -54,8 +54,8 @@ double GradientStepHalvingChange(const Problem& problem, const std::vector<doubl
 /// Shapes that are nearer than the clearance by less than this are not: so much is rounding.
 inline constexpr double kClearanceTolerance_m = 1e-6;
 
-/// How long after a motion's end its exit is taken [s]: kExitAfter_s, or on a bar, where nothing
-/// comes to rest by itself, when the settle phase ends.
+/// How long after a motion's end its exit is taken [s]: kExitAfter_s; on a bar, where nothing comes
+/// to rest by itself, when the settle phase ends; and at once when joints move at the end.
 double ExitAfter(const Problem& problem);
 
 /// How long a motion is played on past its settle phase [s], until its exit.
@@ -74,7 +74,7 @@ struct TorqueSamples {
 /// Figures of a motion that is played on past its end, with the joints held.
 struct MotionSummary {
   PrimitivePose entry;
-  /// The pose 2 s after the end.
+  /// The pose ExitAfter the end.
   PrimitivePose exit;
   /// The root's pitch at the end of the motion.
   double final_pitch_rad = 0;
@@ -131,7 +131,7 @@ class MotionSummarizer {
 };
 
 /// @param x  parameters of the motion.
-MotionSummary Summarize(const Problem& problem, const std::vector<double>& x);
+MotionSummary Summarize(Problem problem, std::vector<double> x);
 
 /// Makes the primitive: splines, a feed-forward torque fitted to the plan's within the limits,
 /// entry, exit, contact timeline, certificate, provenance.

@@ -74,4 +74,10 @@ std::vector<std::pair<std::string, std::string>> CertificateLines(const Certific
   return lines;
 }
 
+std::string FoundDuration(const Problem& problem) {
+  if (!problem.free_duration) return "";
+  return fmt::format("{:.4f} s, found between {:.4g} and {:.4g}", problem.duration_s,
+                     problem.free_duration->min_s, problem.free_duration->max_s);
+}
+
 }  // namespace tumbler

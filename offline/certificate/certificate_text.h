@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "common/primitive_toml.h"
+#include "offline/problem/problem.h"
 
 namespace tumbler {
 
@@ -27,5 +28,9 @@ std::string FormatCertificate(const char* text, const Certificate& certificate, 
 /// The lines that a report page shows of a certificate: for each a label and its figures.
 std::vector<std::pair<std::string, std::string>> CertificateLines(const Certificate& certificate,
                                                                   double d_on_m);
+
+/// The duration of a motion, and the bounds between which it was found; empty where it was given.
+/// @param problem  of that duration.
+std::string FoundDuration(const Problem& problem);
 
 }  // namespace tumbler

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "common/primitive_toml.h"
+#include "offline/problem/take_duration.h"
 #include "offline/scene/self_clearance.h"
 
 namespace tumbler {
@@ -169,7 +170,8 @@ class Looker {
 
 }  // namespace
 
-FineLook LookFinely(const Problem& problem, const std::vector<double>& x, double refinement) {
+FineLook LookFinely(Problem problem, std::vector<double> x, double refinement) {
+  TakeDuration(problem, x);
   const double step_s = problem.solver.step_s / refinement;
   const double settled_s = problem.duration_s + problem.settle_s + 1e-9;
   Looker looker(problem, step_s);

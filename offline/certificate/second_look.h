@@ -53,8 +53,7 @@ struct FineLook {
   SecondLook look;
   MotionSummary summary;
 };
-FineLook LookFinely(const Problem& problem, const std::vector<double>& x,
-                    double refinement = kRefinement);
+FineLook LookFinely(Problem problem, std::vector<double> x, double refinement = kRefinement);
 
 /// The second look alone.
 /// @param x           parameters of the motion.

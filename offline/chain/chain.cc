@@ -157,7 +157,7 @@ class Simulation {
     SetStart(node);
     Passage passage;
     passage.node = node;
-    if (Move(passage)) Hold(passage, kExitAfter_s);
+    if (Move(passage) && !WorldOf(node).problem.ends_moving()) Hold(passage, kExitAfter_s);
     planning_ = false;
     outcome_ = {};
     time_ = 0;
@@ -170,10 +170,14 @@ class Simulation {
     const double pitch = file_.RobotPitch(node, entry.root_pitch_rad);
     if (hinged_) {
       root_state_[0] = pitch;
+      root_state_[1] = entry.root_pitch_rad_s;
     } else if (root_) {
       root_state_[0] = entry.root_x_m;
       root_state_[1] = entry.root_z_m;
       root_state_[2] = pitch;
+      root_state_[3] = entry.root_x_m_s;
+      root_state_[4] = entry.root_z_m_s;
+      root_state_[5] = entry.root_pitch_rad_s;
     }
     start_x_ = RootX();
   }

@@ -55,7 +55,7 @@ ReportData MakeReportData(const Task& task, const SolveOutcome& outcome, const S
                                 evaluation.cost, evaluation.violation, evaluation.global});
   }
   data.certificate = CertificateLines(file.certificate, problem.scene.contact.d_on_m);
-  if (!problem.target_pitch_rad || problem.scene.robot.hinged()) {
+  if (!problem.target_pitch_rad || problem.scene.robot.hinged() || problem.ends_moving()) {
     std::erase_if(data.certificate,
                   [](const auto& line) { return line.first.starts_with("pitch 2 s after"); });
   }
@@ -64,6 +64,8 @@ ReportData MakeReportData(const Task& task, const SolveOutcome& outcome, const S
                   [](const auto& line) { return line.first.starts_with("peak penetration"); });
   }
   data.certificate.emplace(data.certificate.begin(), "solver", ToString(solution.end));
+  if (const std::string duration = FoundDuration(problem); !duration.empty())
+    data.certificate.emplace_back("duration", duration);
   for (const PurposeFigure& figure : file.purpose)
     data.certificate.emplace_back(figure.name(), figure.AskedAndGot(figure.result));
   for (const RobustnessFigure& figure : file.robustness)

@@ -79,6 +79,7 @@ Json Figures(const TaskResult& result) {
                {"final_pitch_rad", summary.final_pitch_rad},
                {"settled_pitch_rad", summary.settled_pitch_rad},
                {"settled_speed", summary.settled_speed}};
+  if (result.problem().free_duration) json["duration_s"] = result.problem().duration_s;
   if (const auto error = result.settled_error_rad()) json["settled_error_rad"] = *error;
   for (const CertificateFigure& figure : FiguresOf(result.file->certificate)) {
     const std::string_view key = figure.key;

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "offline/optimize/progress.h"
+#include "offline/problem/take_duration.h"
 #include "offline/robust/robust_search.h"
 
 namespace tumbler {
@@ -51,28 +52,36 @@ std::string Cause(const Problem& problem, const Solution& best) {
   return ToString(best.end);
 }
 
+/// Makes the duration of a solution that of the problem.
+void TakeDuration(Problem& problem, Solution& solution) {
+  if (solution.duration_s) problem.duration_s = *solution.duration_s;
+  TakeDuration(problem, solution.x);
+}
+
 /// The second looks at the solutions of a problem, each of which is done once. Safe for use from
 /// several threads.
 class Looks {
  public:
   explicit Looks(const Problem& problem) : problem_(problem) {}
-  FineLook At(const Solution& solution) {
+  FineLook At(Solution solution) {
+    Problem problem = problem_;
+    TakeDuration(problem, solution);
+    const Motion motion{problem.duration_s, solution.x};
     {
       const std::lock_guard<std::mutex> lock(mutex_);
-      if (const auto known = of_motion_.find(solution.x); known != of_motion_.end())
+      if (const auto known = of_motion_.find(motion); known != of_motion_.end())
         return known->second;
     }
-    Problem problem = problem_;
-    problem.duration_s = solution.duration_s.value_or(problem.duration_s);
     FineLook look = LookFinely(problem, solution.x);
     const std::lock_guard<std::mutex> lock(mutex_);
-    return of_motion_.emplace(solution.x, std::move(look)).first->second;
+    return of_motion_.emplace(motion, std::move(look)).first->second;
   }
 
  private:
+  using Motion = std::pair<double, std::vector<double>>;  // its duration and parameters
   const Problem& problem_;
   std::mutex mutex_;
-  std::map<std::vector<double>, FineLook> of_motion_;
+  std::map<Motion, FineLook> of_motion_;
 };
 
 /// Whether the solver's figures speak for a motion.
@@ -158,7 +167,7 @@ TaskResult WorkOn(Task task, const WorkSettings& settings) {
     result.best = solutions.front();
   }
   if (settings.minima) ListMinima(result, looks);
-  if (result.best.duration_s) result.task.problem.duration_s = *result.best.duration_s;
+  if (!result.best.x.empty()) TakeDuration(result.task.problem, result.best);
   result.usable = KeepsLimits(problem, result.best);
   if (!result.usable) {
     result.cause = Cause(problem, result.best);

@@ -77,6 +77,11 @@ constexpr std::array kCoordinateKeys = {
         .Where([](const CostEntry& term) { return term.names_point(); }),
     KeyOf<&CostTerm::target, CostEntry>("target", {-1e3, 1e3}, "of `terminal`")
         .Where([](const CostEntry& term) { return term.kind == Kind::kSquare; }),
+    KeyOf<&CostTerm::from_start, CostEntry>(
+        "from_start",
+        "of `terminal`: the target is from the value at the start, so that 0 asks for "
+        "the same as there")
+        .Where([](const CostEntry& term) { return term.kind == Kind::kSquare; }),
     KeyOf<&CostTerm::tolerance, CostEntry>("tolerance", {0, 1e3, true},
                                            "of `terminal`: a value farther from the target misses "
                                            "the purpose, and no primitive is written")

@@ -70,6 +70,9 @@ struct CostTerm {
   double time_s = 0;
   /// The point that the coordinate is of. Without one it is the root's.
   LinkPoint point = {};
+  /// Whether the task gives the target from the value at the start. A problem's `target` is
+  /// absolute all the same.
+  bool from_start = false;
 
   /// Defaults: 3 degrees; a foot's radius of the shipped robot; and a speed that friction ends
   /// within a few centimetres.

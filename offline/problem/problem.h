@@ -1,10 +1,13 @@
 #pragma once
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -15,6 +18,10 @@
 
 namespace tumbler {
 
+/// The part of a limit of velocity or acceleration that the solver is kept within, so that its
+/// result keeps the true one despite rounding.
+inline constexpr double kInside = 1 - 1e-6;
+
 /// Limits, end conditions and size of the path of one actuated joint.
 struct ActuatedJoint {
   int dof = 0;
@@ -23,6 +30,8 @@ struct ActuatedJoint {
   double end_rad = 0;
   /// At least 6: the start fixes the first three, the end the last three.
   int control_points = 12;
+  /// Velocities at the ends, where accelerations are zero.
+  double start_rad_s = 0, end_rad_s = 0;
 
   [[nodiscard]] int free_points() const { return control_points - 6; }
 };
@@ -103,6 +112,11 @@ struct SolverSettings {
   double sharpness = 200;
 };
 
+/// The durations among which the solver may choose [s].
+struct DurationBounds {
+  double min_s = 0, max_s = 0;
+};
+
 /// An optimal control problem of [AB04, Eqs. 1-6] in numbers.
 struct Problem {
   std::string name;
@@ -114,10 +128,14 @@ struct Problem {
   /// obstacles.
   double advisable_step_s = std::numeric_limits<double>::infinity();
 
-  /// Positions of all degrees of freedom at the start [m, rad], where the robot is at rest.
+  /// Positions of all degrees of freedom at the start [m, rad].
   std::vector<double> start_q;
-  /// Length of the motion.
+  /// Velocities of the root's coordinates at the start [m/s, rad/s]; zero at rest.
+  std::array<double, 3> start_root_rates{};
+  /// Length of the motion; where that is free, of the motions that a search begins with.
   double duration_s = 1;
+  /// Where the solver looks for the duration, too: what it may be. `duration_s` is among it.
+  std::optional<DurationBounds> free_duration;
   /// Length of the settle phase after it, in which the joints are held.
   double settle_s = 0;
   /// Degree of the splines.
@@ -136,20 +154,47 @@ struct Problem {
   /// What the motion has to survive; none: it is found for the model alone.
   std::optional<RobustSettings> robust;
 
-  /// The instants at which the cost looks at the motion.
-  [[nodiscard]] std::vector<CostInstant> instants() const {
-    return InstantsOf(cost, duration_s, settle_s);
+  /// The instants at which the cost looks at the motion that takes `duration_s`.
+  [[nodiscard]] std::vector<CostInstant> instants() const { return instants(duration_s); }
+  /// The same of a motion of another duration.
+  [[nodiscard]] std::vector<CostInstant> instants(double other_duration_s) const {
+    return InstantsOf(cost, other_duration_s, settle_s);
   }
 
-  /// Parameters are the free control points of the first joint, then those of the second, ...
-  [[nodiscard]] int parameter_count() const { return first_parameter(joints.size()); }
+  /// Whether a joint moves when the motion ends: then nothing holds it there, and there is no
+  /// settle phase.
+  [[nodiscard]] bool ends_moving() const {
+    return std::ranges::any_of(joints,
+                               [](const ActuatedJoint& joint) { return joint.end_rad_s != 0; });
+  }
+
+  /// Parameters are the free control points of the first joint, then those of the second, ... The
+  /// last one is the duration, in units of `duration_s`, if that is free.
+  [[nodiscard]] int parameter_count() const {
+    return first_parameter(joints.size()) + (free_duration ? 1 : 0);
+  }
+  /// The duration of the motion with these parameters.
+  [[nodiscard]] double duration_of(std::span<const double> x) const {
+    return free_duration ? duration_s * x.back() : duration_s;
+  }
+  /// Whether a parameter is the duration.
+  [[nodiscard]] bool is_duration(int parameter) const {
+    return free_duration && parameter + 1 == parameter_count();
+  }
+  /// The smallest and the largest value of a parameter.
+  [[nodiscard]] Interval<double> bounds_of_parameter(int parameter) const {
+    if (is_duration(parameter))
+      return {free_duration->min_s / duration_s, free_duration->max_s / duration_s};
+    const JointLimits<double>& limits = joints[joint_of_parameter(parameter)].limits;
+    return {limits.position_min_rad, limits.position_max_rad};
+  }
   /// Index of the first parameter of a joint.
   [[nodiscard]] int first_parameter(std::size_t joint) const {
     int first = 0;
     for (std::size_t j = 0; j < joint; ++j) first += joints[j].free_points();
     return first;
   }
-  /// The joint whose path a parameter belongs to.
+  /// The joint whose path a parameter belongs to, which is not the duration.
   [[nodiscard]] std::size_t joint_of_parameter(int parameter) const {
     std::size_t joint = 0;
     while (parameter >= first_parameter(joint + 1)) ++joint;

@@ -10,6 +10,7 @@
 
 #include "common/file_keys.h"
 #include "common/primitive_keys.h"
+#include "offline/problem/duration_toml.h"
 
 namespace tumbler {
 namespace {
@@ -104,22 +105,6 @@ std::optional<FeedbackSettings> ReadFeedbackSearch(TomlTable& robust, const Prob
   return settings;
 }
 
-void CheckDurations(TomlTable& root, const RobustSettings& settings, double duration_s) {
-  const auto &least = settings.duration_min_s, &most = settings.duration_max_s;
-  if (!least && !most) return;
-  TomlTable table = root.Table("robust");
-  if (!least || !most) {
-    table.Fail(least ? "duration_max_s" : "duration_min_s",
-               "is missing; allowed: both bounds of the duration, or none");
-  }
-  if (duration_s < *least || duration_s > *most) {
-    table.Fail(duration_s < *least ? "duration_min_s" : "duration_max_s",
-               fmt::format("is {} s, but the task's duration_s is {} s; allowed: {}",
-                           duration_s < *least ? *least : *most, duration_s,
-                           duration_s < *least ? "up to duration_s" : "duration_s or more"));
-  }
-}
-
 /// The search for robots that differ looks at their roots after the settle phase, in lanes that do
 /// not stop in between.
 void CheckTerms(TomlTable& root, const Problem& problem) {
@@ -157,7 +142,18 @@ std::optional<RobustSettings> ReadRobust(TomlTable& root, const Problem& problem
               "[[cost]] with term \"terminal\" of \"pitch\" when \"settled\"");
   }
   CheckTerms(root, problem);
-  CheckDurations(root, settings, problem.duration_s);
+  const auto moves = [](const ActuatedJoint& joint) {
+    return joint.start_rad_s != 0 || joint.end_rad_s != 0;
+  };
+  if (std::ranges::any_of(problem.joints, moves)) {
+    root.Fail("robust", "judges robots that start and end at rest; leave out joints_rad_s");
+  }
+  if (problem.free_duration) {
+    root.Fail("duration_min_s",
+              "does not go with [robust], which has this key itself; give duration_min_s and "
+              "duration_max_s in [robust]");
+  }
+  CheckedBounds(*table, settings.duration_min_s, settings.duration_max_s, problem.duration_s);
   if (problem.scene.robot.hinged()) {
     root.Fail("robust",
               "simulates in steps that are too coarse for a robot that swings on a bar; allowed: "

@@ -38,13 +38,28 @@ inline constexpr std::array kTaskTimeKeys = {
     KeyOf<&Problem::settle_s>("settle_s", {0, 5}, "joints held after it, part of the problem"),
 };
 
+/// The bounds of a duration that is free.
+struct TaskDurations {
+  std::optional<double> min_s, max_s;
+};
+inline constexpr std::array kTaskDurationKeys = {
+    KeyOf<&TaskDurations::min_s>("duration_min_s", {0.05, 20},
+                                 "the motion's duration is found, too: not below this ..."),
+    KeyOf<&TaskDurations::max_s>("duration_max_s", {0.05, 20},
+                                 "... nor above this; `duration_s`, with which the search begins, "
+                                 "has to lie between them (tasks with `[robust]` have the same "
+                                 "keys there)"),
+};
+
 /// The place at which the root link's frame starts.
 struct TaskStart {
   double x_m = 0;
   double pitch_rad = 0;
   std::optional<double> z_m;
+  double x_m_s = 0, z_m_s = 0, pitch_rad_s = 0;
 };
 inline constexpr Range kTaskPlace{-1e3, 1e3};
+inline constexpr Range kTaskRate{-100, 100};
 inline constexpr std::array kTaskStartKeys = {
     KeyOf<&TaskStart::x_m>("x_m", kTaskPlace,
                            "of the root link's frame, or of its bar (not of a fixed root, like "
@@ -57,6 +72,11 @@ inline constexpr std::array kTaskStartKeys = {
         "without it the robot is put on the ground and left to come to rest, pitch included; a bar "
         "is at 0 without it")
         .Allowed("-1000 to 1000, no shape inside an obstacle"),
+    KeyOf<&TaskStart::x_m_s>("x_m_s", kTaskRate,
+                             "velocity of the root; with `--start-from` those of the exit are "
+                             "taken, and this and the next two are left out"),
+    KeyOf<&TaskStart::z_m_s>("z_m_s", kTaskRate, "likewise; neither of the two on a bar"),
+    KeyOf<&TaskStart::pitch_rad_s>("pitch_rad_s", kTaskRate, "likewise"),
 };
 
 /// The lie of the ground.

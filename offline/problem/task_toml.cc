@@ -15,6 +15,8 @@
 #include "common/printable.h"
 #include "offline/contact/contact_intent.h"
 #include "offline/problem/contact_toml.h"
+#include "offline/problem/duration_toml.h"
+#include "offline/problem/end_points.h"
 #include "offline/problem/obstacle_toml.h"
 #include "offline/problem/robust_toml.h"
 #include "offline/problem/self_contact_toml.h"
@@ -34,6 +36,9 @@ constexpr double kMostSteps = 1e5;
 
 /// The root's pitch among all degrees of freedom.
 constexpr std::size_t kPitch = 2;
+
+/// What is left of a motion of free duration after the last time at which its cost looks, at least.
+constexpr double kLeastStretched_s = 0.01;
 
 /// How far from rest the pitch of a robot on a bar may be asked for [rad].
 constexpr double kStartPitchOnBar = 0.5;
@@ -108,6 +113,10 @@ class TaskReader {
   Problem Read() {
     ReadKeys(root_, kNameKeys, problem_);
     ReadKeys(root_, kTaskTimeKeys, problem_);
+    TaskDurations durations;
+    ReadKeys(root_, kTaskDurationKeys, durations);
+    problem_.free_duration =
+        CheckedBounds(root_, durations.min_s, durations.max_s, problem_.duration_s);
     if (static_cast<int>(scene_.robot.tree.dofs.size()) == scene_.robot.root_dofs)
       root_.Fail("robot", "has no joint that moves; allowed: at least one");
     ReadJoints();
@@ -115,6 +124,7 @@ class TaskReader {
     ReadBar();
     if (std::optional<TomlTable> table = root_.OptionalTable("spline"))
       ReadKeys(*table, kSplineKeys, problem_);
+    ReadEndVelocities();
     if (std::optional<TomlTable> table = root_.OptionalTable("contact"))
       ReadContact(*table, Mass(), scene_.robot.tree.gravity.norm(), scene_.contact);
     ReadObstacles();
@@ -129,6 +139,7 @@ class TaskReader {
     problem_.robust = ReadRobust(root_, problem_);
     TomlTable start = root_.Table("start");
     ReadStart(start);
+    SetTargetsFromStart();
     root_.RejectUnknownKeys();
     SetStep();
     CheckSteps();
@@ -136,6 +147,56 @@ class TaskReader {
   }
 
  private:
+  /// Reads the joints' velocities at the ends of the motion.
+  void ReadEndVelocities() {
+    for (const bool at_end : {false, true}) {
+      std::optional<TomlTable> table =
+          root_.Table(at_end ? "end" : "start").OptionalTable("joints_rad_s");
+      if (!table) continue;
+      for (const std::string& name : table->Keys()) RequireJoint(*table, name, problem_);
+      for (ActuatedJoint& joint : problem_.joints) {
+        const std::string& name = scene_.robot.tree.dofs[static_cast<std::size_t>(joint.dof)].name;
+        if (!table->Has(name)) continue;
+        const double velocity = table->Number(name, kTaskRate);
+        // As far within the limit as the solver keeps all velocities.
+        const double limit = joint.limits.velocity_max_rad_s;
+        if (std::abs(velocity) > kInside * limit) {
+          table->Fail(name, fmt::format("is {} rad/s; allowed: less than the joint's limit of {} "
+                                        "rad/s, by a millionth of it or more",
+                                        MessageNumber(velocity), MessageNumber(limit)));
+        }
+        (at_end ? joint.end_rad_s : joint.start_rad_s) = velocity;
+        CheckPointsBesideEnds(*table, name, joint);
+      }
+    }
+    if (problem_.ends_moving() && problem_.settle_s > 0) {
+      root_.Fail("settle_s", fmt::format("is {} s, in which the joints are held; but [end] lets "
+                                         "them move: allowed: 0, or no end.joints_rad_s",
+                                         MessageNumber(problem_.settle_s)));
+    }
+  }
+
+  /// Checks that the points which an end's velocity moves are within the limits of position.
+  void CheckPointsBesideEnds(TomlTable& table, const std::string& name,
+                             const ActuatedJoint& joint) const {
+    const DurationBounds durations =
+        problem_.free_duration.value_or(DurationBounds{problem_.duration_s, problem_.duration_s});
+    for (const double duration_s : {durations.min_s, durations.max_s}) {
+      const EndPoints ends = EndPointsOf(joint, problem_.degree, duration_s);
+      for (const auto& points : {ends.first, ends.last}) {
+        for (const double point : points) {
+          if (point >= joint.limits.position_min_rad && point <= joint.limits.position_max_rad)
+            continue;
+          table.Fail(name,
+                     fmt::format("puts a control point beside the end at {} rad; allowed: {} to {} "
+                                 "rad; give less velocity, another position or more control points",
+                                 MessageNumber(point), MessageNumber(joint.limits.position_min_rad),
+                                 MessageNumber(joint.limits.position_max_rad)));
+        }
+      }
+    }
+  }
+
   void ReadJoints() {
     std::optional<TomlTable> limits = root_.OptionalTable("limits");
     TomlTable start = root_.Table("start").Table("joints_rad");
@@ -218,15 +279,18 @@ class TaskReader {
   /// Checks that a rollout has no more steps than memory and patience allow: a gradient keeps what
   /// it needs of each.
   void CheckSteps() {
-    const double time = problem_.duration_s + problem_.settle_s;
+    const double time =
+        (problem_.free_duration ? problem_.free_duration->max_s : problem_.duration_s) +
+        problem_.settle_s;
     const auto check = [&](const char* name, const char* key, double step_s) {
       const double steps = time / step_s;
       if (steps <= kMostSteps) return;
       std::optional<TomlTable> table = root_.OptionalTable(name);
       const std::string problem = fmt::format(
-          "is {} s, which is {:.0f} steps for the {} s of duration_s and settle_s; allowed: up to "
+          "is {} s, which is {:.0f} steps for the {} s of {} and settle_s; allowed: up to "
           "{:.0f} steps, so {} s or more here",
-          MessageNumber(step_s), steps, MessageNumber(time), kMostSteps,
+          MessageNumber(step_s), steps, MessageNumber(time),
+          problem_.free_duration ? "duration_max_s" : "duration_s", kMostSteps,
           MessageNumber(1.00001 * time / kMostSteps));
       if (table) table->Fail(key, problem);
       root_.Fail(fmt::format("{}.{}", name, key), problem);
@@ -312,6 +376,7 @@ class TaskReader {
     for (TomlTable& table : root_.Tables("cost")) {
       const CostTerm term =
           ReadCostTerm(table, scene_.robot, problem_.duration_s, problem_.settle_s);
+      CheckTime(table, term);
       if (term.targets_pitch() && term.weight > 0) problem_.target_pitch_rad = term.target;
       // Integrals that differ only in their weights become one.
       const auto same = std::find_if(cost.begin(), cost.end(), [&term](const CostTerm& other) {
@@ -335,6 +400,30 @@ class TaskReader {
     }
   }
 
+  /// Makes targets absolute that are given from the start.
+  void SetTargetsFromStart() {
+    std::vector<double> qd(problem_.start_q.size());
+    if (scene_.robot.root_dofs > 0) std::ranges::copy(problem_.start_root_rates, qd.begin());
+    for (const ActuatedJoint& joint : problem_.joints)
+      qd[static_cast<std::size_t>(joint.dof)] = joint.start_rad_s;
+    for (CostTerm& term : problem_.cost) {
+      if (term.from_start) term.target += term.Value({problem_.start_q, qd, {}});
+      if (term.targets_pitch() && term.weight > 0) problem_.target_pitch_rad = term.target;
+    }
+  }
+
+  /// Checks that a motion whose duration is free takes longer than until a term looks at it.
+  void CheckTime(TomlTable& table, const CostTerm& term) const {
+    if (!problem_.free_duration || !table.Has("time_s")) return;
+    // Nearer to the end there would be no room for the steps that are stretched.
+    const double latest = problem_.free_duration->min_s - kLeastStretched_s;
+    if (term.when == CostTerm::When::kTime && term.time_s <= latest) return;
+    table.Fail("time_s", fmt::format("is not within every motion whose duration is free; allowed: "
+                                     "up to {} s, which is {} s before duration_min_s, or `when` "
+                                     "instead",
+                                     MessageNumber(latest), kLeastStretched_s));
+  }
+
   void ReadStart(TomlTable& start) {
     const std::size_t n = scene_.robot.tree.dofs.size();
     problem_.start_q.assign(n, 0.0);
@@ -345,6 +434,15 @@ class TaskReader {
     if (scene_.robot.root_dofs == 0) return;
     TaskStart root;
     ReadKeys(start, kTaskStartKeys, root);
+    const bool given_motion = given_ && !given_->own;
+    for (const char* const key : {"x_m_s", "z_m_s", "pitch_rad_s"}) {
+      if (!start.Has(key)) continue;
+      if (given_motion)
+        start.Fail(key, fmt::format("is that of {} here; leave it out", given_->from));
+      if (scene_.robot.hinged() && std::string_view(key) != "pitch_rad_s")
+        start.Fail(key, "moves what the bar holds; leave it out");
+    }
+    problem_.start_root_rates = {root.x_m_s, root.z_m_s, root.pitch_rad_s};
     root_.RejectUnknownKeys();  // A misspelt key is often the reason why the pose does not rest.
     if (scene_.robot.hinged()) scene_.bar = {root.x_m, root.z_m.value_or(0)};
     if (given_) {
@@ -361,6 +459,7 @@ class TaskReader {
       problem_.start_q[0] = pose.root_x_m;
       problem_.start_q[1] = pose.root_z_m;
       problem_.start_q[kPitch] = pose.root_pitch_rad;
+      problem_.start_root_rates = {pose.root_x_m_s, pose.root_z_m_s, pose.root_pitch_rad_s};
       return;
     }
     problem_.start_q[0] = root.x_m;
@@ -445,6 +544,7 @@ class TaskReader {
       const double position =
           given_->pose->joint_positions_rad[static_cast<std::size_t>(motion - motions.begin())];
       const double apart = std::abs(position - joint.start_rad);
+      if (!given_->own) CheckGivenVelocity(joint, *motion);
       if (apart <= kStartJointTolerance) continue;
       joints.Fail(name,
                   fmt::format("is {} rad, but {} has it at {} rad: {} rad apart; allowed: <= "
@@ -452,6 +552,25 @@ class TaskReader {
                               MessageNumber(joint.start_rad), given_->from, MessageNumber(position),
                               MessageNumber(apart), MessageNumber(kStartJointTolerance)));
     }
+  }
+
+  /// Checks that a joint begins as fast as the motion before leaves it.
+  void CheckGivenVelocity(const ActuatedJoint& joint, const JointMotion<double>& motion) {
+    const bool ends_moving =
+        std::ranges::any_of(given_->primitive->motions(), [](const JointMotion<double>& other) {
+          return std::abs(other.position.control_points(1).back()) > kStartJointTolerance;
+        });
+    // After a motion that ends at rest the joints are held.
+    const double velocity = ends_moving ? motion.position.control_points(1).back() : 0;
+    const double apart = std::abs(velocity - joint.start_rad_s);
+    if (apart <= kStartJointTolerance) return;
+    root_.Table("start").Fail(
+        "joints_rad_s",
+        fmt::format("has '{}' at {} rad/s, but {} has it at {} rad/s: {} rad/s apart; allowed: <= "
+                    "{} rad/s",
+                    motion.name.view(), MessageNumber(joint.start_rad_s), given_->from,
+                    MessageNumber(velocity), MessageNumber(apart),
+                    MessageNumber(kStartJointTolerance)));
   }
 
   TomlTable root_;
@@ -503,13 +622,17 @@ std::vector<KeyTable> TaskKeyTables() {
   const char* const source = "offline/problem/task_keys.h";
   const KeyRow joints{"", "`joints_rad`", "required",
                       "table: every joint of the robot, within its limits", ""};
+  const KeyRow velocities{"", "`joints_rad_s`", "0 each",
+                          "table: some of the joints, within their limits of velocity",
+                          "velocities of the joints, whose accelerations are 0 there"};
   return {{source, "task",
            Joined({{RowOf(kTaskHeader)},
                    RowsOf(kNameKeys),
                    RowsOf(kTaskRobotKeys),
                    RowsOf(kTaskTimeKeys),
+                   RowsOf(kTaskDurationKeys),
                    RowsOf(kTaskGroundKeys)})},
-          {source, "start", Joined({{joints}, RowsOf(kTaskStartKeys)})},
+          {source, "start", Joined({{joints, velocities}, RowsOf(kTaskStartKeys)})},
           {source, "bar", RowsOf(kTaskBarKeys)},
           {source, "spline", RowsOf(kSplineKeys)},
           {source, "limits", RowsOf(kTaskLimitKeys)},

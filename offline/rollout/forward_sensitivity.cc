@@ -10,7 +10,9 @@
 
 #include "common/index.h"
 #include "offline/rollout/clearance_constraint.h"
+#include "offline/rollout/free_duration.h"
 #include "offline/rollout/smooth_maximum.h"
+#include "offline/rollout/start_state.h"
 #include "offline/scene/scene_dynamics.h"
 
 namespace tumbler {
@@ -23,7 +25,7 @@ using ConstRow = Eigen::Map<const Eigen::ArrayXd>;
 /// A smooth maximum, and its derivative in the parameters.
 struct MaximumWithSlope {
   MaximumWithSlope(double sharpness, SmoothMaximum::Of of, std::size_t parameters)
-      : maximum(sharpness, of), slope(parameters) {}
+      : rho(sharpness), maximum(sharpness, of), slope(parameters) {}
 
   void Reset() {
     maximum.Reset();
@@ -33,21 +35,26 @@ struct MaximumWithSlope {
   /// @param values   the quantity at its stages.
   /// @param slopes   gives its derivative in the parameters at a stage.
   /// @param unit     what `slopes` are divided by.
+  /// @param growth   derivative of the step by the last parameter, divided by the step; 0 where
+  ///                 that is not the duration.
   template <class Slopes>
   void Add(const StepPoints& points, double step_s, std::span<const double> values, Slopes&& slopes,
-           double unit) {
+           double unit, double growth) {
     double highest = 0;
     for (const double value : values) highest = std::max(highest, std::abs(value));
     if (!maximum.Counts(points, highest)) return;  // Most steps are far from the largest.
     std::array<double, Tableau::kMaxStages> by_value{};
+    const double before = maximum.sum();
     const double shrink = maximum.Add(points, step_s, values, {by_value.data(), values.size()});
     Row total(slope.data(), static_cast<Eigen::Index>(slope.size()));
     if (shrink != 1) total *= shrink;
     for (std::size_t s = 0; s < values.size(); ++s) {
       if (by_value[s] != 0) total += (by_value[s] / unit) * ConstRow(slopes(s), total.size());
     }
+    if (growth != 0) slope.back() += growth * (maximum.sum() - shrink * before) / rho;
   }
 
+  double rho;
   SmoothMaximum maximum;
   std::vector<double> slope;  // of the integral, divided as it is
 };
@@ -77,6 +84,7 @@ struct ForwardSensitivity::Implementation {
         adaptive(settings.scheme == StepSettings::Scheme::kAdaptive),
         integrator(settings, Index(rows) * Index(1 + parameters)),
         instants(p.instants()),
+        duration(p),
         steps_until(instants.size()),
         look_points(integrator.tableau(), settings.step_s),
         depth(p.solver.sharpness, (1 - p.solver.core_margin) * p.scene.contact.d_on_m) {
@@ -95,6 +103,12 @@ struct ForwardSensitivity::Implementation {
     }
     for (const CostTerm& term : p.cost) {
       if (term.kind == CostTerm::Kind::kEffort) effort_weight += term.weight;
+    }
+    path_slopes.resize(Index(na));
+    // Their number does not depend on the duration.
+    if (duration.is_free() && !adaptive) {
+      grid = EvenGrid(p, settings.step_s);
+      steps_until = StepsUntil(grid, instants);
     }
     // So many steps need no heap.
     constexpr std::size_t kUsualSteps = 1U << 15U;
@@ -118,7 +132,8 @@ struct ForwardSensitivity::Implementation {
       const std::size_t dof = Index(joint.dof);
       if (!moving) {
         robot.q[dof] = joint.end_rad;
-        robot.qd[dof] = robot.qdd[dof] = 0;
+        robot.qd[dof] = joint.end_rad_s;
+        robot.qdd[dof] = 0;
         continue;
       }
       const Spline& spline = splines[Index(j)];
@@ -132,6 +147,7 @@ struct ForwardSensitivity::Implementation {
       robot.q[dof] = path[0];
       robot.qd[dof] = path[1];
       robot.qdd[dof] = path[2];
+      if (duration.is_free()) path_slopes[Index(j)] = duration.PathSlope(Index(j), t);
     }
   }
 
@@ -157,6 +173,10 @@ struct ForwardSensitivity::Implementation {
                           derivatives.qd[i][dof] * w.w[1][Index(k)] +
                           derivatives.input[i][dof] * w.w[2][Index(k)];
       }
+      if (!duration.is_free()) continue;
+      const PathPoint& slope = path_slopes[Index(j)];
+      out[parameters - 1] += derivatives.q[i][dof] * slope.q + derivatives.qd[i][dof] * slope.qd +
+                             derivatives.input[i][dof] * slope.qdd;
     }
   }
 
@@ -179,6 +199,9 @@ struct ForwardSensitivity::Implementation {
       for (int k = begin; k < end; ++k) {
         out[first_parameter[Index(j)] + w.first - 3 + k] += by[dof] * w.w[Index(order)][Index(k)];
       }
+      if (!duration.is_free()) continue;
+      const PathPoint& slope = path_slopes[Index(j)];
+      out[parameters - 1] += by[dof] * (order == 0 ? slope.q : slope.qd);
     }
   }
 
@@ -205,6 +228,10 @@ struct ForwardSensitivity::Implementation {
       std::copy_n(Sensitivity(z, nf + i), parameters, Sensitivity(slope, i));
       Differentiate(Index(robot.free[Index(i)]), moving, z, Sensitivity(slope, nf + i));
     }
+    // The state also changes by as much more as the step becomes longer.
+    if (growth == 0) return;
+    for (int i = 0; i < rows; ++i)
+      Sensitivity(slope, i)[parameters - 1] += growth * slope[Index(i)];
   }
 
   /// Writes the rows of y' and S' of the running cost.
@@ -272,12 +299,13 @@ struct ForwardSensitivity::Implementation {
         return records[s].torque_slope.data() + Index(j * parameters);
       };
       for (const std::size_t s : {std::size_t{0}, stages - 1}) {
-        if (gauss_newton != nullptr && effort_weight > 0) AddSquare(effort_weight * h, slope_at(s));
+        if (gauss_newton != nullptr && effort_weight > 0)
+          AddEffort(h, records[s].torque[Index(j)], slope_at(s));
       }
       const double limit = problem.joints[Index(j)].limits.torque_max_nm;
       if (!std::isfinite(limit)) continue;
       for (std::size_t s = 0; s < stages; ++s) values[s] = records[s].torque[Index(j)] / limit;
-      smooth[Index(j)].Add(points, h, {values.data(), stages}, slope_at, limit);
+      smooth[Index(j)].Add(points, h, {values.data(), stages}, slope_at, limit, growth);
     }
     bool touched = false;
     for (std::size_t s = 0; s < stages; ++s) {
@@ -285,7 +313,7 @@ struct ForwardSensitivity::Implementation {
       touched = touched || values[s] != 0;
     }
     const auto slope_at = [&](std::size_t s) { return records[s].depth_slope.data(); };
-    if (touched) smooth.back().Add(points, h, {values.data(), stages}, slope_at, 1);
+    if (touched) smooth.back().Add(points, h, {values.data(), stages}, slope_at, 1, growth);
     if (scheme.first_same_as_last) std::swap(records.front(), records[scheme.stages - 1]);
   }
 
@@ -294,14 +322,18 @@ struct ForwardSensitivity::Implementation {
                        [](double value) { return std::abs(value) < kImplausibleState; });
   }
 
+  /// Whether this run takes the steps of `grid`: those of a free duration are stretched with it.
+  [[nodiscard]] bool takes_grid() const { return repeats || (duration.is_free() && !adaptive); }
+
   /// Integrates up to an instant from the one before it. Between them the paths are smooth: the
   /// motion, or the joints held after it.
   /// @returns false when the state left every plausible range.
   bool IntegrateTo(std::size_t instant, RolloutResult& result) {
     const double begin = instant == 0 ? 0 : instants[instant - 1].time_s;
-    const double duration = instants[instant].since_s;
+    const double span_s = instants[instant].since_s;
     const bool moving = instant == 0 || !instants[instant - 1].held;
     std::vector<double>& steps = moving ? grid.motion : grid.settling;
+    growth = moving && duration.is_free() ? duration.GrowthOfStepAt(begin) : 0;
     const bool begins_phase = instant == 0 || instants[instant - 1].when == CostTerm::When::kEnd;
     const std::size_t first = begins_phase ? 0 : steps_until[instant - 1];
     const auto slope_at = [&](double t, const std::vector<double>& z, std::vector<double>& slope) {
@@ -313,11 +345,12 @@ struct ForwardSensitivity::Implementation {
       if (adaptive && !repeats) steps.push_back(integrator.last_step_s());
       return Plausible(z);
     };
-    if (repeats) {
-      const std::span<const double> again(steps.data() + first, steps_until[instant] - first);
-      return integrator.IntegrateThrough(begin, duration, again, slope_at, look, goes_on);
+    if (takes_grid()) {
+      const std::vector<double>& taken = moving && duration.is_free() ? stretched.motion : steps;
+      const std::span<const double> again(taken.data() + first, steps_until[instant] - first);
+      return integrator.IntegrateThrough(begin, span_s, again, slope_at, look, goes_on);
     }
-    const bool plausible = integrator.Integrate(begin, duration, slope_at, look, goes_on);
+    const bool plausible = integrator.Integrate(begin, span_s, slope_at, look, goes_on);
     steps_until[instant] = steps.size();
     return plausible;
   }
@@ -368,6 +401,15 @@ struct ForwardSensitivity::Implementation {
     }
   }
 
+  /// Adds the squares of a torque at one end of a step, half of their integral.
+  void AddEffort(double step_s, double torque, const double* slope) {
+    if (growth == 0) return AddSquare(effort_weight * step_s, slope);
+    // What is squared is the torque times the root of the step's length.
+    residual_slope.assign(slope, slope + parameters);
+    residual_slope.back() += 0.5 * growth * torque;
+    AddSquare(effort_weight * step_s, residual_slope.data());
+  }
+
   RolloutResult Run(std::span<const double> x) {
     if (gauss_newton != nullptr) {
       gauss_newton->matrix.setZero(parameters, parameters);
@@ -381,19 +423,24 @@ struct ForwardSensitivity::Implementation {
       grid.motion.clear();
       grid.settling.clear();
     };
-    if (!repeats) forget_steps();
+    if (!takes_grid()) forget_steps();
     RolloutResult result;
     result.peak_torque_nm.assign(Index(na), 0);
     result.torque_excess.assign(Index(na), -1);
     const auto fail = [&] {
       std::fill(outputs.begin(), outputs.end(), 0.0);
-      if (!repeats) forget_steps();
+      if (!takes_grid()) forget_steps();
       result.finite = false;
       result.cost = std::numeric_limits<double>::infinity();
       return result;
     };
     if (!std::all_of(x.begin(), x.end(), [](double value) { return std::isfinite(value); }))
       return fail();
+    if (duration.is_free()) {
+      if (!duration.Set(problem, x)) return fail();
+      instants = problem.instants(duration.duration_s());
+      if (takes_grid()) stretched = duration.Stretched(grid);
+    }
     result.clearance_excess =
         clearance.Evaluate(x, std::span<double>(outputs).last(Index(parameters)));
     for (int j = 0; j < na; ++j) splines[Index(j)] = PositionSpline(problem, x, Index(j));
@@ -401,8 +448,8 @@ struct ForwardSensitivity::Implementation {
     paths_time = std::numeric_limits<double>::quiet_NaN();
     std::vector<double>& state = integrator.state();
     std::fill(state.begin(), state.end(), 0.0);
-    const SceneDynamics::State start = robot.AtRest(problem.start_q);
-    std::copy_n(start.begin(), nf, state.begin());
+    const SceneDynamics::State start = StartState(robot, problem);
+    std::copy_n(start.begin(), 2 * nf, state.begin());
 
     for (std::size_t i = 0; i < instants.size(); ++i) {
       if (!IntegrateTo(i, result)) return fail();
@@ -450,6 +497,10 @@ struct ForwardSensitivity::Implementation {
   bool adaptive;
   Integrator integrator;
   std::vector<CostInstant> instants;
+  FreeDuration duration;
+  double growth = 0;                     // of the present steps with the duration (FreeDuration)
+  std::vector<PathPoint> path_slopes;    // by joint, of a free duration, at paths_time
+  StepGrid stretched;                    // the steps of this run, if it takes those of `grid`
   StepGrid grid;                         // of the last run that chose it, if adaptive
   std::vector<std::size_t> steps_until;  // for each instant, how many of its phase are before it
   bool repeats = false;                  // whether this run takes the steps of `grid`

@@ -9,9 +9,12 @@
 #include <utility>
 
 #include "common/index.h"
+#include "offline/problem/end_points.h"
 #include "offline/rollout/clearance_constraint.h"
 #include "offline/rollout/forward_sensitivity.h"
+#include "offline/rollout/free_duration.h"
 #include "offline/rollout/smooth_maximum.h"
+#include "offline/rollout/start_state.h"
 #include "offline/scene/scene_dynamics.h"
 #include "offline/stepper/even_steps.h"
 #include "offline/stepper/step_grid.h"
@@ -90,9 +93,9 @@ struct Timetable {
 using State = SceneDynamics::State;
 constexpr std::size_t kStates = std::tuple_size_v<State>;
 
-std::vector<double> Knots(const Problem& problem, int control_points) {
+std::vector<double> Knots(const Problem& problem, int control_points, double duration_s) {
   std::vector<double> knots(Index(control_points + problem.degree + 1));
-  if (Spline::ClampedUniformKnots(problem.degree, control_points, problem.duration_s, knots) !=
+  if (Spline::ClampedUniformKnots(problem.degree, control_points, duration_s, knots) !=
       Status::kOk) {
     throw std::invalid_argument("spline degree, size and duration do not fit together");
   }
@@ -108,11 +111,6 @@ struct ControlWeights {
 /// A term of the cost that is an integral. `integral` is its value so far, without its weight.
 struct RunningTerm : CostTerm {
   double integral = 0;
-};
-
-/// The path of one actuated joint at one time, or its cotangent.
-struct Control {
-  double q = 0, qd = 0, qdd = 0;
 };
 
 /// The number of outputs that go back through the steps together, each in its own lane.
@@ -150,27 +148,31 @@ class Lanes {
 StepGrid EvenGrid(const Problem& problem, double longest_s) {
   std::vector<double> motion, settling;
   bool held = false;
-  for (const CostInstant& instant : problem.instants()) {
+  const double longest_duration_s =
+      problem.free_duration ? problem.free_duration->max_s : problem.duration_s;
+  for (const CostInstant& instant : problem.instants(longest_duration_s)) {
     (held ? settling : motion).push_back(instant.since_s);
     held = instant.held;
   }
-  return EvenGrid(motion, settling, longest_s);
+  StepGrid grid = EvenGrid(motion, settling, longest_s);
+  return problem.free_duration ? FreeDuration(problem).Stretched(std::move(grid)) : grid;
 }
 
 std::vector<double> ControlPoints(const Problem& problem, std::span<const double> x,
                                   std::size_t joint) {
   const ActuatedJoint& actuated = problem.joints[joint];
   const auto free = x.subspan(Index(problem.first_parameter(joint)), Index(actuated.free_points()));
-  // Three equal points fix q and make qd = qdd = 0, so that the joint is at rest.
-  std::vector<double> points(3, actuated.start_rad);
+  const EndPoints ends = EndPointsOf(actuated, problem.degree, problem.duration_of(x));
+  std::vector<double> points(ends.first.begin(), ends.first.end());
   points.insert(points.end(), free.begin(), free.end());
-  points.insert(points.end(), 3, actuated.end_rad);
+  points.insert(points.end(), ends.last.begin(), ends.last.end());
   return points;
 }
 
 Spline PositionSpline(const Problem& problem, std::span<const double> x, std::size_t joint) {
   Spline spline;
-  if (spline.Assign(problem.degree, Knots(problem, problem.joints[joint].control_points),
+  if (spline.Assign(problem.degree,
+                    Knots(problem, problem.joints[joint].control_points, problem.duration_of(x)),
                     ControlPoints(problem, x, joint)) != Status::kOk) {
     throw std::invalid_argument("control points do not make a spline");
   }
@@ -191,13 +193,16 @@ struct Rollout::Implementation {
         longest_step_s(step_s),
         depth(p.solver.sharpness, (1 - p.solver.core_margin) * p.scene.contact.d_on_m),
         instants(p.instants()),
-        table(kClassical, EvenGrid(p, step_s), p.duration_s, instants) {
+        duration(p),
+        grid(EvenGrid(p, step_s)),
+        table(kClassical, grid, p.duration_s, instants) {
     for (const ActuatedJoint& joint : p.joints) actuated.push_back(joint.dof);
     for (int j = 0; j < na; ++j) first_parameter.push_back(p.first_parameter(Index(j)));
     order = robot.free;
     order.insert(order.end(), actuated.begin(), actuated.end());
-    stage_size = 3 * nd * nd;
+    stage_size = 3 * nd * nd + (duration.is_free() ? 2 * nf : 0);
     lane_gradient.resize(Index(parameters));
+    excess_slopes.resize(Index(na + 1));
     instant_states.resize(instants.size());
     for (const CostTerm& term : p.cost) {
       if (term.when != CostTerm::When::kThroughout) continue;
@@ -205,6 +210,20 @@ struct Rollout::Implementation {
       running_of_state = running_of_state || term.of_state();
     }
     Prepare();
+  }
+
+  /// Takes the duration of the motion with these parameters.
+  /// @returns false when the cost would look at a time that is not within the motion.
+  bool SetDuration(std::span<const double> x) {
+    if (!duration.is_free()) return true;
+    const double before_s = duration.duration_s();
+    if (!duration.Set(problem, x)) return false;
+    if (duration.duration_s() == before_s) return true;
+    instants = problem.instants(duration.duration_s());
+    table = Timetable(table.classical ? kClassical : kDormandPrince, duration.Stretched(grid),
+                      duration.duration_s(), instants);
+    Prepare();
+    return true;
   }
 
   /// Makes everything that depends on the timetable.
@@ -246,7 +265,7 @@ struct Rollout::Implementation {
   /// Appends the weights of splines of one size at all points.
   void AddWeights(int control_points) {
     Spline spline;
-    if (spline.Assign(problem.degree, Knots(problem, control_points),
+    if (spline.Assign(problem.degree, Knots(problem, control_points, duration.duration_s()),
                       std::vector<double>(Index(control_points))) != Status::kOk) {
       throw std::invalid_argument("spline degree and size do not fit together");
     }
@@ -265,14 +284,14 @@ struct Rollout::Implementation {
       const ActuatedJoint& joint = problem.joints[Index(j)];
       const int free_points = joint.free_points();
       std::array<double, kMaxControlPoints> c{};
+      const EndPoints ends = EndPointsOf(joint, problem.degree, duration.duration_s());
       for (int i = 0; i < joint.control_points; ++i) {
-        c[Index(i)] = i < 3                 ? joint.start_rad
-                      : i < 3 + free_points ? x[Index(first_parameter[Index(j)] + i - 3)]
-                                            : joint.end_rad;
+        c[Index(i)] = i < 3 || i >= 3 + free_points ? ends.At(i, joint.control_points)
+                                                    : x[Index(first_parameter[Index(j)] + i - 3)];
       }
       for (std::size_t k = 0; k < table.time.size(); ++k) {
         const ControlWeights& w = WeightsOf(j, k);
-        Control sum;
+        PathPoint sum;
         for (int i = 0; i <= problem.degree; ++i) {
           const double point = c[Index(w.first + i)];
           sum.q += w.w[0][Index(i)] * point;
@@ -284,15 +303,24 @@ struct Rollout::Implementation {
     }
   }
 
+  /// The derivatives of the paths at all points by the duration.
+  void SetControlSlopes() {
+    control_slopes.resize(controls.size());
+    for (std::size_t k = 0; k < table.time.size(); ++k) {
+      for (int j = 0; j < na; ++j)
+        control_slopes[k * Index(na) + Index(j)] = duration.PathSlope(Index(j), table.time[k]);
+    }
+  }
+
   /// Puts the actuated joints where they are at a point.
   void SetJoints(int point) {
     const bool moving = point < table.held();
     const std::size_t k = Index(moving ? point : point - 1);
     for (int j = 0; j < na; ++j) {
-      const Control& c = controls[k * Index(na) + Index(j)];
+      const PathPoint& c = controls[k * Index(na) + Index(j)];
       const std::size_t dof = Index(actuated[Index(j)]);
       robot.q[dof] = c.q;
-      robot.qd[dof] = moving ? c.qd : 0;
+      robot.qd[dof] = moving ? c.qd : problem.joints[Index(j)].end_rad_s;
       robot.qdd[dof] = moving ? c.qdd : 0;
     }
   }
@@ -304,8 +332,9 @@ struct Rollout::Implementation {
   }
 
   /// Stores dg in factored form, as the rows that PullBackStage multiplies with, in `order`: R^T
-  /// for the free degrees of freedom, input^T for the actuated ones, then D_q^T and D_qd^T.
-  void StoreStage(double* out) {
+  /// for the free degrees of freedom, input^T for the actuated ones, then D_q^T and D_qd^T; and the
+  /// state's slope where the duration is free.
+  void StoreStage(double* out, const double* slope) {
     robot.contact->Differentiate(robot.dynamics);
     robot.dynamics.DifferentiateFactored(derivatives);
     const auto& input = derivatives.input;
@@ -321,6 +350,7 @@ struct Rollout::Implementation {
         for (const int i : order) *out++ = (*block)[Index(i)][Index(c)];
       }
     }
+    if (duration.is_free()) std::copy_n(slope, 2 * nf, out);
   }
 
   /// The point in time of an instant: at the end of the motion, the joints are held already.
@@ -359,19 +389,21 @@ struct Rollout::Implementation {
 
   template <const Tableau& kScheme>
   RolloutResult Forward(std::span<const double> x, Scheme scheme) {
-    SetControls(x);
     const bool record = scheme == Scheme::kRecordedRungeKutta;
+    RolloutResult result;
+    result.peak_torque_nm.assign(Index(na), 0);
+    result.torque_excess.assign(Index(na), 0);
+    if (!SetDuration(x)) return Failed(std::move(result));
+    SetControls(x);
+    if (record && duration.is_free()) SetControlSlopes();
+    result.clearance_excess =
+        clearance.Evaluate(x, record ? std::span<double>(clearance_gradient) : std::span<double>());
     const int steps = table.steps();
     if (record && stages.empty()) {
       stages.resize(Index(steps * table.stages) * Index(stage_size));
       if (running_of_state) running_states.resize(Index(steps * table.stages) * 2 * robot.n);
     }
-    RolloutResult result;
-    result.peak_torque_nm.assign(Index(na), 0);
-    result.torque_excess.assign(Index(na), 0);
-    result.clearance_excess =
-        clearance.Evaluate(x, record ? std::span<double>(clearance_gradient) : std::span<double>());
-    State y = robot.AtRest(problem.start_q);
+    State y = StartState(robot, problem);
     for (RunningTerm& term : running) term.integral = 0;
     std::size_t instant = 0;
     for (int step = 0; step < steps; ++step) {
@@ -381,15 +413,17 @@ struct Rollout::Implementation {
       } else {
         StepRungeKutta<kScheme>(step, record, y, result);
       }
-      if (!Plausible(y)) {
-        result.finite = false;
-        result.cost = std::numeric_limits<double>::infinity();
-        return result;
-      }
+      if (!Plausible(y)) return Failed(std::move(result));
     }
     AddInstants(steps, y, instant, result);
     for (const RunningTerm& term : running) result.cost += term.weight * term.integral;
     SetExcesses(scheme, result);
+    return result;
+  }
+
+  static RolloutResult Failed(RolloutResult result) {
+    result.finite = false;
+    result.cost = std::numeric_limits<double>::infinity();
     return result;
   }
 
@@ -411,7 +445,7 @@ struct Rollout::Implementation {
       AddRunning(h * kScheme.b[Index(s)], here);
       if (s == 0) Inspect(result);
       TakeDepth(stage, record);
-      if (record) StoreStage(&stages[stage * Index(stage_size)]), StoreRunning(stage);
+      if (record) StoreStage(&stages[stage * Index(stage_size)], k), StoreRunning(stage);
       return true;
     });
   }
@@ -508,21 +542,23 @@ struct Rollout::Implementation {
       std::fill(torque_slope.begin(), torque_slope.end(), 0.0);
     }
     SmoothMaximum deepest(rho, SmoothMaximum::Of::kAboveZero);
-    AddSteps(scheme, {stage_depth.data(), depth_slope.data(), 1, 1}, deepest);
+    excess_slopes.back() =
+        AddSteps(scheme, {stage_depth.data(), depth_slope.data(), 1, 1}, deepest);
     result.core_excess = std::max(-1.0, depth.least() + deepest.value() - 1);
     for (int j = 0; j < na; ++j) {
       const double limit = problem.joints[Index(j)].limits.torque_max_nm;
       result.torque_excess[Index(j)] = -1;
       if (!std::isfinite(limit)) continue;
       SmoothMaximum largest(rho, SmoothMaximum::Of::kSize);
-      AddSteps(scheme, {&stage_torque[Index(j)], &torque_slope[Index(j)], Index(na), limit},
-               largest);
+      excess_slopes[Index(j)] = AddSteps(
+          scheme, {&stage_torque[Index(j)], &torque_slope[Index(j)], Index(na), limit}, largest);
       result.torque_excess[Index(j)] = largest.value() - 1;
     }
   }
 
   /// Adds all steps to a smooth maximum, except for those that are 0.
-  void AddSteps(Scheme scheme, const Quantity& quantity, SmoothMaximum& maximum) {
+  /// @returns its derivative by the duration as far as steps become longer, if that is free.
+  double AddSteps(Scheme scheme, const Quantity& quantity, SmoothMaximum& maximum) {
     const bool euler = scheme == Scheme::kSemiImplicitEuler;
     const std::size_t count = euler ? 1 : Index(table.stages);
     const std::size_t step_stride = Index(table.stages) * quantity.stride;
@@ -550,15 +586,19 @@ struct Rollout::Implementation {
     maximum.Expect(points_of(highest_step), {values.data(), count});
 
     const bool record = scheme == Scheme::kRecordedRungeKutta;
+    double stretched = 0;  // The part of the integral over steps that are stretched.
     added.clear();
     for (std::size_t step = 0; step < steps; ++step) {
       if (highest_in[step] == 0) continue;
       const StepPoints& points = points_of(step);
       if (!maximum.Counts(points, highest_in[step])) continue;
       take_values(step);
-      maximum.Add(points, table.length[step], {values.data(), count},
-                  {slopes.data(), record ? count : 0});
+      const double before = maximum.sum();
+      const double shrink = maximum.Add(points, table.length[step], {values.data(), count},
+                                        {slopes.data(), record ? count : 0});
       if (!record) continue;
+      stretched *= shrink;
+      if (IsStretched(static_cast<int>(step))) stretched += maximum.sum() - shrink * before;
       for (std::size_t s = 0; s < count; ++s)
         quantity.slope[step * step_stride + s * quantity.stride] = slopes[s];
       added.push_back({step, maximum.largest()});
@@ -570,6 +610,15 @@ struct Rollout::Implementation {
       for (std::size_t s = 0; s < count; ++s)
         quantity.slope[step * step_stride + s * quantity.stride] *= since / maximum.sum();
     }
+    return stretched > 0
+               ? duration.growth() * stretched / (problem.solver.sharpness * maximum.sum())
+               : 0;
+  }
+
+  /// Whether a step becomes longer with the duration.
+  [[nodiscard]] bool IsStretched(int step) const {
+    return duration.is_free() && step < table.motion_steps &&
+           table.time[Index(table.PointOf(step, 0))] > duration.stretched_from_s() - 1e-9;
   }
 
   /// The discrete adjoint of Forward, kLanes outputs at a time. Row 0 of the gradient is the cost,
@@ -648,6 +697,8 @@ struct Rollout::Implementation {
       if (output < 0) continue;
       for (int k = 0; k < parameters; ++k)
         gradient[Index(output * parameters + k)] = lane_gradient[Index(k)][lane];
+      if (duration.is_free() && output > 0)
+        gradient[Index((output + 1) * parameters - 1)] += excess_slopes[Index(output - 1)];
     }
   }
 
@@ -707,6 +758,7 @@ struct Rollout::Implementation {
       const double a = h * kScheme.a[Index(r)][Index(s)];
       for (int i = 0; i < 2 * nf; ++i) k_bar[Index(i)] += a * pullback.y_bar[Index(r)][Index(i)];
     }
+    if (IsStretched(step)) AddStretch(step, s, b, k_bar);
     std::array<Lanes, kStates>& y_bar = pullback.y_bar[Index(s)];
     // The record of the stage is a matrix with rows of nd numbers (StoreStage).
     const std::size_t stage = StageOf(step, s);
@@ -750,6 +802,22 @@ struct Rollout::Implementation {
     if (by_state) AddStateSlopes(by_q, by_qd, moving, y_bar);
   }
 
+  /// Adds what a stage's share in its step has as derivative by the duration, as the step grows.
+  /// @param b      weight of the stage in the integrals.
+  /// @param k_bar  cotangent of the state's slope.
+  void AddStretch(int step, int s, double b, const std::array<Lanes, kStates>& k_bar) {
+    const std::size_t stage = StageOf(step, s);
+    const double* const slope = &stages[(stage + 1) * Index(stage_size)] - 2 * nf;
+    Lanes sum = Lanes::Zero();
+    for (int i = 0; i < 2 * nf; ++i) sum += slope[i] * k_bar[Index(i)];
+    if (has_cost()) {
+      const CostPoint there = RecordedAt(stage);
+      for (const RunningTerm& term : running)
+        sum.Add(0, term.weight * term.Accumulate(0, b, there));
+    }
+    lane_gradient.back() += duration.growth() * sum;
+  }
+
   /// From here on, cotangents of the controls are those at this point.
   void CollectControlsAt(int point) {
     if (point == pullback.point) return;
@@ -784,6 +852,10 @@ struct Rollout::Implementation {
         lane_gradient[Index(first_parameter[Index(j)] + w.first - 3 + i)] +=
             w.w[0][Index(i)] * bar[0] + w.w[1][Index(i)] * bar[1] + w.w[2][Index(i)] * bar[2];
       }
+      if (duration.is_free()) {
+        const PathPoint& slope = control_slopes[Index(pullback.point * na + j)];
+        lane_gradient.back() += slope.q * bar[0] + slope.qd * bar[1] + slope.qdd * bar[2];
+      }
       bar.fill(Lanes::Zero());
     }
   }
@@ -800,13 +872,17 @@ struct Rollout::Implementation {
   double longest_step_s;  // as asked for
   SmoothDepth depth;
   std::vector<CostInstant> instants;
+  FreeDuration duration;
+  StepGrid grid;  // which a free duration stretches
   Timetable table;
   LookPoints look_points{kClassical, 0};
   std::vector<const StepPoints*> points_in;  // each step
   std::vector<ControlWeights> weights;       // by size of spline, then point
   std::vector<std::size_t> weights_of;       // for each joint, the index of its size in `weights`
   std::vector<int> first_parameter;          // of each joint
-  std::vector<Control> controls;             // by point, then joint
+  std::vector<PathPoint> controls;           // by point, then joint
+  std::vector<PathPoint> control_slopes;     // by the duration if that is free, likewise
+  std::vector<double> excess_slopes;         // of AddSteps: by joint, then the depth's
   std::vector<double> stage_torque;          // by stage, then joint
   std::vector<double> torque_slope;          // of its smooth maximum, likewise, times the limit
   std::vector<double> stage_depth;           // by stage
@@ -860,14 +936,19 @@ RolloutResult Rollout::Run(std::span<const double> x, std::span<double> gradient
 
 void Rollout::Use(const StepGrid& grid) {
   Implementation& m = *implementation_;
-  const auto covers = [](const std::vector<double>& steps, double span_s) {
-    const double sum = std::accumulate(steps.begin(), steps.end(), 0.0);
-    return std::abs(sum - span_s) <= 1e-9 * (1 + span_s);
+  const double motion_s = std::accumulate(grid.motion.begin(), grid.motion.end(), 0.0);
+  const double settling_s = std::accumulate(grid.settling.begin(), grid.settling.end(), 0.0);
+  const auto same = [](double sum_s, double span_s) {
+    return std::abs(sum_s - span_s) <= 1e-9 * (1 + span_s);
   };
-  if (!covers(grid.motion, m.problem.duration_s) || !covers(grid.settling, m.problem.settle_s))
+  const bool free = m.duration.is_free();
+  if (!(free ? motion_s > m.duration.stretched_from_s() : same(motion_s, m.problem.duration_s)) ||
+      !same(settling_s, m.problem.settle_s))
     throw std::invalid_argument("the steps do not add up to motion and settle phase");
   m.forward.reset();  // It takes equal steps.
-  m.table = Timetable(kDormandPrince, grid, m.problem.duration_s, m.instants);
+  m.grid = grid;
+  m.table = Timetable(kDormandPrince, free ? m.duration.Stretched(grid) : grid,
+                      m.duration.duration_s(), m.instants);
   m.Prepare();
 }
 
@@ -875,8 +956,9 @@ void Rollout::Visit(std::span<const double> x, double extra_s,
                     const std::function<void(const MotionSample&)>& visitor) {
   Implementation& m = *implementation_;
   const SceneDynamics& robot = m.robot;
+  if (!m.SetDuration(x)) throw std::invalid_argument("the motion ends before its cost looks at it");
   m.SetControls(x);
-  State y = robot.AtRest(m.problem.start_q);
+  State y = StartState(robot, m.problem);
   MotionSample sample;
   sample.dynamics = &robot.dynamics;
   const auto visit = [&] {
@@ -905,7 +987,7 @@ void Rollout::Visit(std::span<const double> x, double extra_s,
   double held_s = 0;  // since the end of the motion
   for (int step = 0; step <= steps; ++step) {
     const double h = step < table.steps() ? table.length[Index(step)] : settle_step_s;
-    sample.time_s = m.problem.duration_s + held_s;
+    sample.time_s = m.duration.duration_s() + held_s;
     if (step < table.motion_steps) {
       sample.time_s = table.time[Index(table.PointOf(step, 0))];
     } else {

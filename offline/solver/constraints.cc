@@ -29,6 +29,12 @@ const std::string& JointName(const Problem& problem, std::size_t joint) {
   return problem.scene.robot.tree.dofs[static_cast<std::size_t>(problem.joints[joint].dof)].name;
 }
 
+/// Name of the limits of a parameter.
+std::string ParameterName(const Problem& problem, int parameter) {
+  if (problem.is_duration(parameter)) return "duration";
+  return "position of " + JointName(problem, problem.joint_of_parameter(parameter));
+}
+
 /// Those at x.
 std::vector<Active> FindActive(const Problem& problem, const std::vector<LinearRow>& rows,
                                std::span<const double> x, const RolloutResult& result,
@@ -36,16 +42,16 @@ std::vector<Active> FindActive(const Problem& problem, const std::vector<LinearR
   const Eigen::Index n = static_cast<Eigen::Index>(x.size());
   std::vector<Active> active;
   for (std::size_t i = 0; i < x.size(); ++i) {
-    const std::size_t joint = problem.joint_of_parameter(static_cast<int>(i));
-    const JointLimits<double>& limits = problem.joints[joint].limits;
+    const Interval<double> bounds = problem.bounds_of_parameter(static_cast<int>(i));
     const Eigen::VectorXd unit = Eigen::VectorXd::Unit(n, static_cast<Eigen::Index>(i));
-    const std::string name = "position of " + JointName(problem, joint);
-    if (x[i] > limits.position_max_rad - kActive) active.push_back({name, unit});
-    if (x[i] < limits.position_min_rad + kActive) active.push_back({name, -unit});
+    const std::string name = ParameterName(problem, static_cast<int>(i));
+    if (x[i] > bounds.max - kActive) active.push_back({name, unit});
+    if (x[i] < bounds.min + kActive) active.push_back({name, -unit});
   }
   for (const LinearRow& row : rows) {
-    if (row.b + std::inner_product(row.a.begin(), row.a.end(), x.begin(), 0.0) > -kActive)
-      active.push_back({row.name, Eigen::Map<const Eigen::VectorXd>(row.a.data(), n)});
+    if (!(row.Excess(x) > -kActive)) continue;
+    const std::vector<double> a = row.LinearAt(x).a;
+    active.push_back({row.name, Eigen::Map<const Eigen::VectorXd>(a.data(), n)});
   }
   const auto consider = [&](double value, const std::string& name, Eigen::Index output) {
     if (value > -kActive) active.push_back({name, outputs.row(output).transpose()});
@@ -95,10 +101,30 @@ double RelativeSize(const Eigen::VectorXd& left, const std::vector<Active>& acti
 
 }  // namespace
 
+double LinearRow::Excess(std::span<const double> x) const {
+  const double value = b + std::inner_product(a.begin(), a.end(), x.begin(), 0.0);
+  return of_free_duration ? value / std::pow(x.back(), derivative) - 1 : value;
+}
+
+LinearRow LinearRow::LinearAt(std::span<const double> x) const {
+  LinearRow row = *this;
+  if (!of_free_duration) return row;
+  row.of_free_duration = false;
+  const double s = x.back();
+  row.a.back() -= derivative == 1 ? 1 : 2 * s;
+  row.b += derivative == 1 ? 0 : s * s;
+  return row;
+}
+
 std::vector<LinearRow> DerivativeLimitRows(const Problem& problem) {
   std::vector<LinearRow> rows;
   const std::size_t n = static_cast<std::size_t>(problem.parameter_count());
-  const std::vector<double> zero(n, 0.0);
+  const bool free_duration = problem.free_duration.has_value();
+  std::vector<double> zero(n, 0.0);
+  if (free_duration) zero.back() = 1;
+  // Where the duration is free, so is what the ends' velocities add to the points beside them.
+  Problem with_ends_at_rest = problem;
+  for (ActuatedJoint& joint : with_ends_at_rest.joints) joint.start_rad_s = joint.end_rad_s = 0;
   for (std::size_t j = 0; j < problem.joints.size(); ++j) {
     const JointLimits<double>& limits = problem.joints[j].limits;
     const auto first = static_cast<std::size_t>(problem.first_parameter(j));
@@ -106,6 +132,7 @@ std::vector<LinearRow> DerivativeLimitRows(const Problem& problem) {
     const double limit[3] = {0, kInside * limits.velocity_max_rad_s,
                              kInside * limits.acceleration_max_rad_s2};
     const auto constant = PositionSpline(problem, zero, j);
+    const auto at_rest = PositionSpline(with_ends_at_rest, zero, j);
     for (int d = 1; d <= 2; ++d) {
       if (!std::isfinite(limit[d])) continue;
       const std::size_t points = constant.control_points(d).size();
@@ -115,8 +142,9 @@ std::vector<LinearRow> DerivativeLimitRows(const Problem& problem) {
             std::string(d == 1 ? "velocity of " : "acceleration of ") +
             problem.scene.robot.tree.dofs[static_cast<std::size_t>(problem.joints[j].dof)].name;
         upper[k].a.assign(n, 0.0);
-        upper[k].b = constant.control_points(d)[k] / limit[d];
+        upper[k].b = (free_duration ? at_rest : constant).control_points(d)[k] / limit[d];
         upper[k].derivative = d;
+        upper[k].of_free_duration = free_duration;
       }
       for (std::size_t i = 0; i < free; ++i) {
         std::vector<double> unit = zero;
@@ -127,14 +155,19 @@ std::vector<LinearRow> DerivativeLimitRows(const Problem& problem) {
               (moved.control_points(d)[k] - constant.control_points(d)[k]) / limit[d];
         }
       }
-      for (const LinearRow& row : upper) {
+      for (LinearRow& row : upper) {
         // The ends fix this control point, so no parameter changes it.
         if (std::all_of(row.a.begin(), row.a.end(), [](double a) { return a == 0; })) continue;
+        if (free_duration) {
+          const auto k = static_cast<std::size_t>(&row - upper.data());
+          row.a.back() = (constant.control_points(d)[k] - at_rest.control_points(d)[k]) / limit[d];
+        }
+        const double right = free_duration ? 0 : 1;  // where it is a number
         LinearRow lower = row;
         for (double& a : lower.a) a = -a;
-        lower.b = -row.b - 1;
+        lower.b = -row.b - right;
         rows.push_back(row);
-        rows.back().b -= 1;
+        rows.back().b -= right;
         rows.push_back(std::move(lower));
       }
     }
@@ -158,8 +191,7 @@ WorstConstraint FindWorst(const Problem& problem, const std::vector<LinearRow>& 
     if (value > worst.value) worst = {value, name()};
   };
   for (const LinearRow& row : rows) {
-    consider(row.b + std::inner_product(row.a.begin(), row.a.end(), x.begin(), 0.0),
-             [&] { return row.name; });
+    consider(row.Excess(x), [&] { return row.name; });
   }
   for (std::size_t j = 0; j < result.torque_excess.size(); ++j) {
     consider(result.torque_excess[j] + kKeptMargin * problem.solver.torque_margin,
@@ -169,12 +201,10 @@ WorstConstraint FindWorst(const Problem& problem, const std::vector<LinearRow>& 
   consider(result.core_excess - (1 - kKeptMargin) * core_margin / (1 - core_margin),
            [] { return std::string("penetration"); });
   consider(result.clearance_excess, [] { return std::string("clearance of own shapes"); });
-  for (std::size_t j = 0, i = 0; j < problem.joints.size(); ++j) {
-    const JointLimits<double>& limits = problem.joints[j].limits;
-    for (int k = 0; k < problem.joints[j].free_points(); ++k, ++i) {
-      consider(std::max(x[i] - limits.position_max_rad, limits.position_min_rad - x[i]),
-               [&] { return "position of " + JointName(problem, j); });
-    }
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    const Interval<double> bounds = problem.bounds_of_parameter(static_cast<int>(i));
+    consider(std::max(x[i] - bounds.max, bounds.min - x[i]),
+             [&] { return ParameterName(problem, static_cast<int>(i)); });
   }
   return worst;
 }

@@ -12,16 +12,20 @@
 
 namespace tumbler {
 
-/// The part of a limit that the solver is kept within, so that its result keeps the true one
-/// despite rounding.
-inline constexpr double kInside = 1 - 1e-6;
-
-/// A linear constraint a . x + b <= 0 on the parameters x [rad].
+/// A constraint a . x + b <= 0 on the parameters x [rad], or a . x + b <= s^d where the duration is
+/// free: with s the last parameter, the duration, and d the derivative of the path that is bounded.
 struct LinearRow {
   std::string name;
   std::vector<double> a;
   double b = 0;
-  int derivative = 1;  ///< Of the path, which it bounds.
+  int derivative = 1;             ///< Of the path, which it bounds.
+  bool of_free_duration = false;  ///< Whether the right side is s^d.
+
+  /// By how much the limit is exceeded, relative to it: negative where it is kept.
+  [[nodiscard]] double Excess(std::span<const double> x) const;
+  /// The linear constraint that takes its place near x: it touches the row's at the duration of x,
+  /// and is nowhere weaker, as s^2 is convex. What keeps it keeps the limit.
+  [[nodiscard]] LinearRow LinearAt(std::span<const double> x) const;
 };
 
 /// The velocity and acceleration limits for all t, by the control points: rows divided by their

@@ -127,6 +127,7 @@ std::vector<double> WithControlPointsOf(const Problem& problem, const Problem& o
     const auto points = path.control_points();
     result.insert(result.end(), points.begin() + 3, points.end() - 3);
   }
+  if (problem.free_duration) result.push_back(x.back());
   return result;
 }
 
@@ -155,6 +156,11 @@ std::vector<double> GuessFrom(const Problem& problem, const PrimitiveFile& file,
       const double share = Fade(abscissa / (problem.degree * problem.duration_s));
       guess.push_back(points[Index(i)] + (1 - share) * at_start + share * at_end);
     }
+  }
+  if (problem.free_duration) {
+    const Interval<double> bounds = problem.bounds_of_parameter(static_cast<int>(guess.size()));
+    guess.push_back(
+        std::clamp(file.primitive.duration_s / problem.duration_s, bounds.min, bounds.max));
   }
   return guess;
 }

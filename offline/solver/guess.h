@@ -29,7 +29,8 @@ std::vector<double> WithControlPointsOf(const Problem& problem, const Problem& o
 
 /// The parameters of the problem whose paths are those of a primitive: of another task, robot,
 /// ground, duration or number of control points. Joints are matched by their names. Where the
-/// problem starts or ends elsewhere, the difference fades in or out smoothly along the path.
+/// problem starts or ends elsewhere, the difference fades in or out smoothly along the path. Where
+/// the duration is free, it is the primitive's, as far as its bounds allow.
 /// @param file_name  of the primitive, for messages.
 /// @throws FileError  when the primitive lacks a joint of the problem.
 std::vector<double> GuessFrom(const Problem& problem, const PrimitiveFile& file,

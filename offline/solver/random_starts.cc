@@ -39,6 +39,7 @@ std::vector<double> StraightLine(const Problem& problem) {
       line.push_back(joint.start_rad + s * (joint.end_rad - joint.start_rad));
     }
   }
+  if (problem.free_duration) line.push_back(1);  // as long as the task says
   return line;
 }
 
@@ -73,16 +74,13 @@ std::vector<double> Shrunk(const Problem& problem, const std::vector<LinearRow>&
   std::transform(path.begin(), path.end(), line.begin(), departure.begin(), std::minus<>());
   double scale = 1;
   for (const LinearRow& row : rows) {
-    const double at_line =
-        row.b + std::inner_product(row.a.begin(), row.a.end(), line.begin(), 0.0);
+    const double at_line = row.Excess(line);
     const double slope = std::inner_product(row.a.begin(), row.a.end(), departure.begin(), 0.0);
     if (slope > 0 && at_line < 0) scale = std::min(scale, -at_line / slope);
   }
   for (std::size_t i = 0; i < line.size(); ++i) {
-    const JointLimits<double>& limits =
-        problem.joints[problem.joint_of_parameter(static_cast<int>(i))].limits;
-    line[i] = std::clamp(line[i] + scale * departure[i], limits.position_min_rad,
-                         limits.position_max_rad);
+    const Interval<double> bounds = problem.bounds_of_parameter(static_cast<int>(i));
+    line[i] = std::clamp(line[i] + scale * departure[i], bounds.min, bounds.max);
   }
   return line;
 }

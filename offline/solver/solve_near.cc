@@ -142,19 +142,19 @@ class NearSolve {
         lower_(n_),
         upper_(n_) {
     for (int i = 0; i < n_; ++i) {
-      const JointLimits<double>& limits = problem.joints[problem.joint_of_parameter(i)].limits;
-      lower_[i] = limits.position_min_rad;
-      upper_[i] = limits.position_max_rad;
+      const Interval<double> bounds = problem.bounds_of_parameter(i);
+      lower_[i] = bounds.min;
+      upper_[i] = bounds.max;
     }
     for (std::size_t i = 0; i < rows_.size(); ++i) {
-      const auto k = static_cast<Eigen::Index>(i);
-      hard_.row(k) = Vector(rows_[i].a).transpose();
-      offset_[k] = rows_[i].b;
+      if (!rows_[i].of_free_duration) TakeHard(i, rows_[i]);
     }
   }
 
   Solution Run(std::span<const double> start) {
-    Point here = Expand(Inside(Eigen::Map<const VectorXd>(start.data(), n_)));
+    const Eigen::Map<const VectorXd> first(start.data(), n_);
+    TakeHardAt(first);
+    Point here = Expand(Inside(first));
     Solution best;
     best.start_cost = here.result.cost;
     if (here.result.finite) best.end = Iterate(here);
@@ -178,6 +178,18 @@ class NearSolve {
   }
 
  private:
+  void TakeHard(std::size_t i, const LinearRow& row) {
+    const auto k = static_cast<Eigen::Index>(i);
+    hard_.row(k) = Vector(row.a).transpose();
+    offset_[k] = row.b;
+  }
+  /// Where the duration is free, limits are linear near a motion only.
+  void TakeHardAt(const VectorXd& x) {
+    if (!problem_.free_duration) return;
+    for (std::size_t i = 0; i < rows_.size(); ++i)
+      TakeHard(i, rows_[i].LinearAt({x.data(), Index(n_)}));
+  }
+
   /// The motion nearest to x that keeps all linear limits.
   VectorXd Inside(const VectorXd& x) const {
     QuadraticProgram nearest = Subproblem(x, std::numeric_limits<double>::infinity());
@@ -294,6 +306,7 @@ class NearSolve {
       } else if (now.evaluations - last.evaluations > (coarse() ? kPatienceOnTheWay : kPatience)) {
         return SolveEnd::kStalled;
       }
+      TakeHardAt(here.x);
       const MatrixXd B = Convex(here.model.matrix + secants_.matrix());
       const QuadraticSolution step = FindStep(here, B, radius_);
       const double promised = Promised(here, B, step.p);

@@ -153,10 +153,10 @@ class LocalSolve {
   SolveEnd RunOnce(std::vector<double> x, std::size_t n) {
     nlopt::opt opt(nlopt::LD_SLSQP, static_cast<unsigned>(n));
     std::vector<double> lower, upper;
-    for (const ActuatedJoint& joint : problem_.joints) {
-      lower.resize(lower.size() + static_cast<std::size_t>(joint.free_points()),
-                   joint.limits.position_min_rad);
-      upper.resize(lower.size(), joint.limits.position_max_rad);
+    for (int i = 0; i < static_cast<int>(n); ++i) {
+      const Interval<double> bounds = problem_.bounds_of_parameter(i);
+      lower.push_back(bounds.min);
+      upper.push_back(bounds.max);
     }
     opt.set_lower_bounds(lower);
     opt.set_upper_bounds(upper);
@@ -271,7 +271,9 @@ class LocalSolve {
     const std::vector<double> simulated = SimulatedConstraints(self.problem_, self.result_);
     for (std::size_t i = 0; i < m; ++i) {
       if (i < rows) {
-        const LinearRow& row = self.rows_[i];
+        std::optional<LinearRow> linear;
+        if (self.rows_[i].of_free_duration) linear = self.rows_[i].LinearAt({x, n});
+        const LinearRow& row = linear ? *linear : self.rows_[i];
         value[i] = row.b + std::inner_product(row.a.begin(), row.a.end(), x, 0.0);
         if (gradient != nullptr) std::copy(row.a.begin(), row.a.end(), gradient + i * n);
       } else {

@@ -45,8 +45,8 @@ inline constexpr double kNoViolation = 1e-6;
 struct Solution {
   /// Parameters of the problem [rad].
   std::vector<double> x;
-  /// How long the motion takes, where the problem leaves that to the search; none: as the problem
-  /// says.
+  /// How long the motion takes, where the problem leaves that to the search for robots that differ;
+  /// none: as the problem says, or its parameters (Problem::duration_of).
   std::optional<double> duration_s;
   /// How the motion answers a sensor, where the problem asks for that.
   Feedback<double> feedback;

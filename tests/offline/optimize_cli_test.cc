@@ -77,6 +77,31 @@ TEST(OptimizeCli, WritesAPrimitiveAReportAndFiguresThatAgree) {
                                    "robots", "robots/tumbler.urdf", "tasks", "tasks/task.toml"}));
 }
 
+TEST(OptimizeCli, ADurationThatIsFoundIsInThePrimitiveItsFiguresAndThePage) {
+  const TaskFolder folder(Replaced(QuickTask(), "duration_s = 0.5",
+                                   "duration_s = 0.5\nduration_min_s = 0.4\nduration_max_s = 0.8"));
+  Program program = Optimize(folder, {"--out", folder / "motion.toml", "--report", folder / "page",
+                                      "--json", folder / "figures.json", "--quiet"});
+  ASSERT_EQ(program.Wait(), 0) << program.text();
+  const PrimitiveFile file = LoadPrimitive(folder / "motion.toml");
+  const double duration_s = file.primitive.duration_s;
+  EXPECT_GE(duration_s, 0.4);
+  EXPECT_LE(duration_s, 0.8);
+  EXPECT_NE(duration_s, 0.5) << "it was not looked for";
+  EXPECT_EQ(TaskOf(file).problem.duration_s, duration_s);
+  EXPECT_EQ(file.primitive.joints[0].position.end_s(), duration_s);
+  const std::string said = fmt::format("{:.4f} s, found between 0.4 and 0.8", duration_s);
+  EXPECT_THAT(program.text(), HasSubstr("duration " + said));
+  EXPECT_THAT(ReadFile(folder / "page/index.html"), HasSubstr(said));
+  EXPECT_EQ(Json::Parse(ReadFile(folder / "figures.json")).value()["duration_s"], duration_s);
+  // The same task may begin with it.
+  Program again =
+      Optimize(folder, {"--guess", folder / "motion.toml", "--out", folder / "again.toml"});
+  ASSERT_EQ(again.Wait(), 0) << again.text();
+  EXPECT_NEAR(LoadPrimitive(folder / "again.toml").primitive.duration_s, duration_s,
+              0.1 * duration_s);
+}
+
 TEST(OptimizeProgress, CountsNoStartBeyondThoseThatArePlannedAndPromisesNoTimeForIt) {
   Problem problem;
   problem.search.refine = 4;

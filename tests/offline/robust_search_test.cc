@@ -285,6 +285,12 @@ TEST(RobustTask, BoundsOfTheDurationComeInPairsAroundTheTasksOwn) {
             std::string::npos);
 }
 
+TEST(RobustTask, ADurationIsFreeInItsOwnTableOnly) {
+  const std::string task = "duration_min_s = 0.1\nduration_max_s = 20.0\n" + QuickRobustTask();
+  EXPECT_NE(RefusalOf(task).find("duration_min_s: does not go with [robust]"), std::string::npos)
+      << RefusalOf(task);
+}
+
 TEST(RobustTask, TheKeysAreRead) {
   const Problem problem = ProblemOf(
       QuickRobustTask("mass = 0.07\nslope_rad = 0.02\nkp_nm_per_rad = 150\npolish_scale = 2\n"));

@@ -289,6 +289,55 @@ TEST(Task, ANormalOfAnyLengthIsAUnitVectorAfterwards) {
   EXPECT_DOUBLE_EQ(problem.scene.obstacles[0].shape.normal.norm(), 1);
 }
 
+/// What is said of the shipped task with these keys instead of its duration.
+std::string RefusalOfDuration(const std::string& keys) {
+  try {
+    Parse(Replaced(LongHandstandTask(), "duration_s = 1.2", keys));
+  } catch (const FileError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(Task, BoundsOfTheDurationComeInPairsAroundTheTasksOwn) {
+  const Problem problem = Parse(Replaced(LongHandstandTask(), "duration_s = 1.2",
+                                         "duration_s = 1.2\nduration_min_s = 0.8\n"
+                                         "duration_max_s = 2.5"));
+  ASSERT_TRUE(problem.free_duration);
+  EXPECT_EQ(problem.free_duration->min_s, 0.8);
+  EXPECT_EQ(problem.free_duration->max_s, 2.5);
+  EXPECT_EQ(problem.parameter_count(), 13) << "the duration is one of them";
+  EXPECT_TRUE(problem.is_duration(12));
+  EXPECT_FALSE(Parse(LongHandstandTask()).free_duration);
+  EXPECT_THAT(
+      RefusalOfDuration("duration_s = 1.2\nduration_max_s = 2.0"),
+      HasSubstr("duration_min_s: is missing; allowed: both bounds of the duration, or none"));
+  EXPECT_THAT(RefusalOfDuration("duration_s = 1.2\nduration_min_s = 1.3\nduration_max_s = 2.0"),
+              HasSubstr("duration_min_s: is 1.3 s, but the task's duration_s is 1.2 s"));
+  EXPECT_THAT(RefusalOfDuration("duration_s = 1.2\nduration_min_s = 0.8\nduration_max_s = 1.1"),
+              HasSubstr("duration_max_s: is 1.1 s, but the task's duration_s is 1.2 s"));
+}
+
+TEST(Task, ACostLooksAtATimeThatIsWithinEveryMotionWhoseDurationIsFree) {
+  const auto refusal = [](const std::string& time) {
+    const std::string task =
+        Replaced(LongHandstandTask(), "duration_s = 1.2",
+                 "duration_s = 1.2\nduration_min_s = 0.8\nduration_max_s = 2.5") +
+        "\n[[cost]]\nterm = \"terminal\"\nof = \"z\"\nweight = 1.0\ntime_s = " + time + "\n";
+    try {
+      Parse(task);
+    } catch (const FileError& error) {
+      return std::string(error.what());
+    }
+    return std::string();
+  };
+  EXPECT_EQ(refusal("0.79"), "");
+  for (const char* const time : {"0.795", "1.2", "1.3", "1.5"}) {
+    EXPECT_THAT(refusal(time), HasSubstr("time_s: is not within every motion whose duration is "
+                                         "free; allowed: up to 0.79 s"));
+  }
+}
+
 TEST(Task, EffortTermsAddUp) {
   const Problem problem = Parse(Replaced(LongHandstandTask(), "[contact]",
                                          "[[cost]]\nterm = \"effort\"\nweight = 2\n[contact]"));
