@@ -322,8 +322,11 @@ class Simulation {
     for (std::size_t j = 0; j < world.dof_of_joint.size(); ++j) {
       const double torque = std::abs(world.robot.tau[world.dof_of_joint[j]]);
       passage.peak_torque_nm = std::max(passage.peak_torque_nm, torque);
-      passage.torque_margin_nm = std::min(
-          passage.torque_margin_nm, world.file.primitive.joints[j].limits.torque_max_nm - torque);
+      const std::size_t dof = world.dof_of_joint[j];
+      const double lack =
+          world.problem.joints[j].motor.LackAt(world.robot.tau[dof], world.robot.qd[dof]);
+      const double limit = world.file.primitive.joints[j].limits.torque_max_nm;
+      passage.torque_margin_nm = std::min(passage.torque_margin_nm, limit * (1 - lack) - torque);
     }
     const SelfClearance own = world.distances.Nearest({world.robot.q.data(), world.robot.n});
     if (own.distance_m < 0) {

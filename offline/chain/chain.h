@@ -51,9 +51,9 @@ struct Passage {
   double exit_speed = 0;
   /// The posture at the end of the hold.
   Posture posture = Posture::kInclined;
-  /// The largest |torque| of any joint at any integration step.
+  /// The largest |torque| of any joint's motor at any integration step.
   double peak_torque_nm = 0;
-  /// The smallest limit less |torque|. A real drive would saturate at 0.
+  /// The smallest limit at a motor's speed less |torque|. A real drive would saturate at 0.
   double torque_margin_nm = 0;
   /// The deepest penetration into the compliant layer.
   double peak_penetration_m = 0;

@@ -94,6 +94,11 @@ void AddObstacles(const Scene& scene, LaneScene& lanes) {
 }  // namespace
 
 LaneScene MakeLaneScene(const Scene& scene, const LaneDrive& drive) {
+  if (!scene.motors.empty()) {
+    throw std::invalid_argument(
+        "the task gives its motors friction or a torque-speed curve; lanes have those of the "
+        "twin's defaults: leave out [motor]");
+  }
   LaneScene lanes;
   AddBodies(scene.robot, drive, lanes);
   AddPoints(scene, lanes);

@@ -23,6 +23,8 @@ struct ActuatedJoint {
   double end_rad = 0;
   /// At least 6: the start fixes the first three, the end the last three.
   int control_points = 12;
+  /// The same as in the scene. The limit of the torque is for what it gives.
+  Motor motor = {};
 
   [[nodiscard]] int free_points() const { return control_points - 6; }
 };

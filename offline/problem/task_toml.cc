@@ -15,6 +15,7 @@
 #include "common/printable.h"
 #include "offline/contact/contact_intent.h"
 #include "offline/problem/contact_toml.h"
+#include "offline/problem/motor_toml.h"
 #include "offline/problem/obstacle_toml.h"
 #include "offline/problem/robust_toml.h"
 #include "offline/problem/self_contact_toml.h"
@@ -111,6 +112,7 @@ class TaskReader {
     if (static_cast<int>(scene_.robot.tree.dofs.size()) == scene_.robot.root_dofs)
       root_.Fail("robot", "has no joint that moves; allowed: at least one");
     ReadJoints();
+    ReadMotors(root_, problem_);
     ReadSlope();
     ReadBar();
     if (std::optional<TomlTable> table = root_.OptionalTable("spline"))
@@ -513,6 +515,7 @@ std::vector<KeyTable> TaskKeyTables() {
           {source, "bar", RowsOf(kTaskBarKeys)},
           {source, "spline", RowsOf(kSplineKeys)},
           {source, "limits", RowsOf(kTaskLimitKeys)},
+          MotorKeyTable(),
           CostKeyTable(),
           ContactKeyTable(),
           ObstacleKeyTable(),

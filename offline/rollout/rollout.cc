@@ -12,6 +12,7 @@
 #include "offline/rollout/clearance_constraint.h"
 #include "offline/rollout/forward_sensitivity.h"
 #include "offline/rollout/smooth_maximum.h"
+#include "offline/rollout/torque_limit.h"
 #include "offline/scene/scene_dynamics.h"
 #include "offline/stepper/even_steps.h"
 #include "offline/stepper/step_grid.h"
@@ -193,6 +194,9 @@ struct Rollout::Implementation {
         instants(p.instants()),
         table(kClassical, EvenGrid(p, step_s), p.duration_s, instants) {
     for (const ActuatedJoint& joint : p.joints) actuated.push_back(joint.dof);
+    for (int j = 0; j < na; ++j) {
+      if (LimitsTorqueBySpeed(p.joints[Index(j)])) curved.push_back(j);
+    }
     for (int j = 0; j < na; ++j) first_parameter.push_back(p.first_parameter(Index(j)));
     order = robot.free;
     order.insert(order.end(), actuated.begin(), actuated.end());
@@ -226,11 +230,13 @@ struct Rollout::Implementation {
     points_in.clear();
     for (const double h : table.length) points_in.push_back(&look_points.In(h));
     torque_slope.resize(stage_torque.size());
+    stage_curve.resize(Index(table.steps() * table.stages) * curved.size());
+    curve_slope.resize(stage_curve.size());
     stage_depth.resize(Index(table.steps() * table.stages));
     depth_slope.resize(stage_depth.size());
     core_slope.resize(stage_depth.size() * Index(nd));
     highest_in.resize(Index(table.steps()));
-    added.reserve(Index(table.steps()));
+    added.reserve(Index(table.steps()) * (curved.empty() ? 1 : 2));
     stages.clear();
   }
 
@@ -306,8 +312,7 @@ struct Rollout::Implementation {
   /// Stores dg in factored form, as the rows that PullBackStage multiplies with, in `order`: R^T
   /// for the free degrees of freedom, input^T for the actuated ones, then D_q^T and D_qd^T.
   void StoreStage(double* out) {
-    robot.contact->Differentiate(robot.dynamics);
-    robot.dynamics.DifferentiateFactored(derivatives);
+    robot.DifferentiateFactored(derivatives);
     const auto& input = derivatives.input;
     for (const int i : robot.free) {  // R_pp^T = -input_pp, R_ap^T = -input_ap^T = input_pa
       for (const int k : robot.free) *out++ = -input[Index(i)][Index(k)];
@@ -437,6 +442,11 @@ struct Rollout::Implementation {
   CostPoint TakeTorques(std::size_t stage) {
     double* const torques = &stage_torque[stage * Index(na)];
     for (int j = 0; j < na; ++j) torques[j] = robot.tau[Index(actuated[Index(j)])];
+    for (std::size_t c = 0; c < curved.size(); ++c) {
+      const ActuatedJoint& joint = problem.joints[Index(curved[c])];
+      stage_curve[stage * curved.size() + c] =
+          OnCurve(joint, torques[curved[c]], robot.qd[Index(joint.dof)]);
+    }
     return {robot.q, robot.qd, {torques, Index(na)}};
   }
 
@@ -506,9 +516,12 @@ struct Rollout::Implementation {
     if (scheme == Scheme::kRecordedRungeKutta) {
       std::fill(depth_slope.begin(), depth_slope.end(), 0.0);
       std::fill(torque_slope.begin(), torque_slope.end(), 0.0);
+      std::fill(curve_slope.begin(), curve_slope.end(), 0.0);
     }
+    added.clear();
     SmoothMaximum deepest(rho, SmoothMaximum::Of::kAboveZero);
     AddSteps(scheme, {stage_depth.data(), depth_slope.data(), 1, 1}, deepest);
+    FinishSlopes(deepest);
     result.core_excess = std::max(-1.0, depth.least() + deepest.value() - 1);
     for (int j = 0; j < na; ++j) {
       const double limit = problem.joints[Index(j)].limits.torque_max_nm;
@@ -517,11 +530,30 @@ struct Rollout::Implementation {
       SmoothMaximum largest(rho, SmoothMaximum::Of::kSize);
       AddSteps(scheme, {&stage_torque[Index(j)], &torque_slope[Index(j)], Index(na), limit},
                largest);
+      const auto found = std::find(curved.begin(), curved.end(), j);
+      if (found == curved.end()) {
+        FinishSlopes(largest);
+      } else {
+        AddCurve(scheme, static_cast<std::size_t>(found - curved.begin()), largest);
+      }
       result.torque_excess[Index(j)] = largest.value() - 1;
     }
   }
 
-  /// Adds all steps to a smooth maximum, except for those that are 0.
+  /// Adds the torque-speed curve of one of `curved` to the smooth maximum of its joint's torque.
+  void AddCurve(Scheme scheme, std::size_t c, SmoothMaximum& largest) {
+    AddSteps(scheme, {&stage_curve[c], &curve_slope[c], curved.size(), 1}, largest);
+    FinishSlopes(largest);
+    if (scheme != Scheme::kRecordedRungeKutta) return;
+    const int j = curved[c];
+    const double by_torque = problem.joints[Index(j)].motor.curve_by_torque();
+    for (std::size_t stage = 0; stage * curved.size() < curve_slope.size(); ++stage)
+      torque_slope[stage * Index(na) + Index(j)] +=
+          by_torque * curve_slope[stage * curved.size() + c];
+  }
+
+  /// Adds all steps to a smooth maximum, except for those that are 0. FinishSlopes makes the
+  /// slopes those of the maximum, when everything has been added.
   void AddSteps(Scheme scheme, const Quantity& quantity, SmoothMaximum& maximum) {
     const bool euler = scheme == Scheme::kSemiImplicitEuler;
     const std::size_t count = euler ? 1 : Index(table.stages);
@@ -550,7 +582,6 @@ struct Rollout::Implementation {
     maximum.Expect(points_of(highest_step), {values.data(), count});
 
     const bool record = scheme == Scheme::kRecordedRungeKutta;
-    added.clear();
     for (std::size_t step = 0; step < steps; ++step) {
       if (highest_in[step] == 0) continue;
       const StepPoints& points = points_of(step);
@@ -561,15 +592,19 @@ struct Rollout::Implementation {
       if (!record) continue;
       for (std::size_t s = 0; s < count; ++s)
         quantity.slope[step * step_stride + s * quantity.stride] = slopes[s];
-      added.push_back({step, maximum.largest()});
+      added.push_back({quantity.slope + step * step_stride, quantity.stride, maximum.largest()});
     }
+  }
+
+  void FinishSlopes(const SmoothMaximum& maximum) {
     if (maximum.sum() == 0) added.clear();  // All slopes are 0.
-    for (const auto& [step, largest_so_far] : added) {
+    for (const AddedStep& step : added) {
       const double since =
-          std::exp(problem.solver.sharpness * (largest_so_far - maximum.largest()));
-      for (std::size_t s = 0; s < count; ++s)
-        quantity.slope[step * step_stride + s * quantity.stride] *= since / maximum.sum();
+          std::exp(problem.solver.sharpness * (step.largest_so_far - maximum.largest()));
+      for (std::size_t s = 0; s < Index(table.stages); ++s)
+        step.slope[s * step.stride] *= since / maximum.sum();
     }
+    added.clear();
   }
 
   /// The discrete adjoint of Forward, kLanes outputs at a time. Row 0 of the gradient is the cost,
@@ -747,7 +782,21 @@ struct Rollout::Implementation {
       control[2] += row_times(nf + j, r);
       if (core != nullptr) control[0].Add(core_lane, core_scale * core[nf + j]);
     }
+    if (moving && !curved.empty()) AddCurveSlopes(stage);
     if (by_state) AddStateSlopes(by_q, by_qd, moving, y_bar);
+  }
+
+  /// Adds the derivatives of torque-speed curves in the joints' velocities at a stage.
+  void AddCurveSlopes(std::size_t stage) {
+    for (std::size_t c = 0; c < curved.size(); ++c) {
+      const int j = curved[c];
+      const double by_velocity = problem.joints[Index(j)].motor.curve_by_velocity();
+      for (int i = 0; i < kLanes; ++i) {
+        if (pullback.lanes[Index(i)].output == 1 + j)
+          pullback.controls[Index(j)][1].Add(i,
+                                             by_velocity * curve_slope[stage * curved.size() + c]);
+      }
+    }
   }
 
   /// From here on, cotangents of the controls are those at this point.
@@ -809,12 +858,20 @@ struct Rollout::Implementation {
   std::vector<Control> controls;             // by point, then joint
   std::vector<double> stage_torque;          // by stage, then joint
   std::vector<double> torque_slope;          // of its smooth maximum, likewise, times the limit
+  std::vector<int> curved;                   // joints whose limit depends on their speed
+  std::vector<double> stage_curve;           // OnCurve: by stage, then in `curved`
+  std::vector<double> curve_slope;           // of the smooth maximum by it, likewise
   std::vector<double> stage_depth;           // by stage
   std::vector<double> depth_slope;           // of the smooth maximum of the depth: by stage
   std::vector<double> core_slope;            // of the depth: by stage, then in `order`
   std::vector<double> highest_in;            // of AddSteps: the largest value at a stage, by step
-  /// Of AddSteps: the steps that count, with the largest value up to each.
-  std::vector<std::pair<std::size_t, double>> added;
+  /// Of AddSteps: the steps that count, where their slopes are, and the largest value up to each.
+  struct AddedStep {
+    double* slope;
+    std::size_t stride;
+    double largest_so_far;
+  };
+  std::vector<AddedStep> added;
   std::vector<double> stages;  // of StoreStage: by stage
   int stage_size = 0;
   Pullback pullback;

@@ -10,6 +10,7 @@
 #include "offline/contact/obstacle.h"
 #include "offline/dynamics/plane.h"
 #include "offline/model/planar_robot.h"
+#include "offline/scene/motor.h"
 #include "offline/scene/self_clearance.h"
 
 namespace tumbler {
@@ -19,6 +20,10 @@ namespace tumbler {
 struct Scene {
   /// Joints that follow a path are prescribed; the others are free.
   PlanarRobot robot;
+  /// Those of the robot's joints, in their order; empty: nothing is known of them, and they have
+  /// neither friction nor a torque-speed curve. The viscous friction is in the robot's dampings,
+  /// too.
+  std::vector<Motor> motors;
   ContactLaw contact;
   /// x and z of the bar that a robot with a hinge hangs from [m].
   Plane::Vector bar = Plane::Vector::Zero();

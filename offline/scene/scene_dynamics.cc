@@ -17,6 +17,11 @@ SceneDynamics::SceneDynamics(const Scene& scene, std::unique_ptr<ContactForces<P
   for (int j = 0; j < dynamics.size(); ++j) {
     if (!dynamics.prescribed(j)) free.push_back(j);
   }
+  for (std::size_t j = 0; j < scene.motors.size(); ++j) {
+    const std::size_t dof = scene.robot.DofOfJoint(j);
+    const double friction_nm = scene.motors[j].dry_friction_nm;
+    if (friction_nm > 0 && scene.robot.tree.dofs[dof].prescribed) dry.push_back({dof, friction_nm});
+  }
   if (scene.robot.hinged()) {
     q[0] = scene.bar.x();
     q[1] = scene.bar.y();

@@ -58,13 +58,30 @@ struct SceneDynamics {
     dynamics.SetState({q.data(), n}, {qd.data(), n});
     contact->Apply(dynamics);
   }
-  /// Computes qdd of the free degrees of freedom and tau of the prescribed ones.
-  void Solve() { dynamics.Solve({qdd.data(), n}, {tau.data(), n}); }
+  /// Computes qdd of the free degrees of freedom and tau of the prescribed ones: the torques of
+  /// their motors, which bear the friction, too.
+  void Solve() {
+    dynamics.Solve({qdd.data(), n}, {tau.data(), n});
+    for (const DryJoint& joint : dry)
+      tau[joint.dof] += EvaluateDryFriction(joint.friction_nm, qd[joint.dof]).torque_nm;
+  }
   /// Touch and Solve, without forces other than those of contact.
   void TouchAndSolve() {
     tau.fill(0);
     Touch();
     Solve();
+  }
+  /// Writes the derivatives of what Solve computed, as HybridDynamics::Differentiate does.
+  void Differentiate(HybridDynamics<Plane>::Derivatives& out) {
+    contact->Differentiate(dynamics);
+    dynamics.Differentiate(out);
+    AddFrictionSlopes(out);
+  }
+  /// The same as HybridDynamics::DifferentiateFactored does.
+  void DifferentiateFactored(HybridDynamics<Plane>::Derivatives& out) {
+    contact->Differentiate(dynamics);
+    dynamics.DifferentiateFactored(out);
+    AddFrictionSlopes(out);
   }
   /// Writes the derivative of the State after Solve: velocities, then accelerations.
   void TakeSlope(double* k) const {
@@ -82,6 +99,20 @@ struct SceneDynamics {
   /// The degrees of freedom that are not prescribed.
   std::vector<int> free;
   Numbers q{}, qd{}, qdd{}, tau{};
+
+ private:
+  /// A prescribed joint whose motor has dry friction.
+  struct DryJoint {
+    std::size_t dof;
+    double friction_nm;
+  };
+  /// Friction is no part of inverse dynamics but for the torque of its own joint.
+  void AddFrictionSlopes(HybridDynamics<Plane>::Derivatives& out) const {
+    for (const DryJoint& joint : dry)
+      out.qd[joint.dof][joint.dof] +=
+          EvaluateDryFriction(joint.friction_nm, qd[joint.dof]).by_velocity;
+  }
+  std::vector<DryJoint> dry;
 };
 
 }  // namespace tumbler
