@@ -332,6 +332,7 @@ void ReadAborts(TomlTable& root, PrimitiveFile& file) {
 PrimitivePose ReadPose(TomlTable table, const Primitive<double>& primitive, bool at_end) {
   PrimitivePose pose;
   ReadKeys(table, kPoseKeys, pose);
+  ReadKeys(table, kPassivePoseKeys, pose);
   const auto joints = static_cast<std::size_t>(primitive.joint_count);
   if (pose.joint_positions_rad.size() != joints) {
     table.Fail("joint_positions_rad", fmt::format("holds {} numbers; expected {}",
@@ -575,6 +576,7 @@ std::vector<KeyTable> PrimitiveKeyTables() {
                    RowsOf(kAbortFigureKeys, "`[abort_figure]`"),
                    RowsOf(kDriveGainsKeys, "`[drives]`"),
                    RowsOf(kPoseKeys, "`[entry]`, `[exit]`"),
+                   RowsOf(kPassivePoseKeys, "`[entry]`, `[exit]`"),
                    RowsOf(kContactKeys, "`[[contact]]`"),
                    RowsOf(kPurposeKeys, "`[[purpose]]`"),
                    RowsOf(kPurposeTimeKeys, "`[[purpose]]`"),

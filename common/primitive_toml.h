@@ -26,6 +26,8 @@ struct PrimitivePose {
   double root_z_m = 0;
   double root_pitch_rad = 0;
   std::vector<double> joint_positions_rad;  ///< In the order of the primitive's joints.
+  /// Of the joints that have no motor, in the order of the robot's file; empty where each has one.
+  std::vector<double> passive_positions_rad = {};
 };
 
 /// An interval in which one collision shape of the robot carried force in the plan.

@@ -97,6 +97,12 @@ void WriteProvenance(TomlWriter& writer, const Provenance& provenance) {
   WriteKeys(writer, kSourceTextKeys, provenance);
 }
 
+void WritePose(TomlWriter& writer, const char* header, const PrimitivePose& pose) {
+  writer.Line(header);
+  WriteKeys(writer, kPoseKeys, pose);
+  if (!pose.passive_positions_rad.empty()) WriteKeys(writer, kPassivePoseKeys, pose);
+}
+
 /// The file's text with this hash, whatever the file's own is.
 std::string WriteWith(const std::string& content_hash, const PrimitiveFile& file) {
   TomlWriter writer("a primitive");
@@ -117,10 +123,8 @@ std::string WriteWith(const std::string& content_hash, const PrimitiveFile& file
     writer.Line("\n[drives]  # through which it was found");
     WriteKeys(writer, kDriveGainsKeys, *file.drives);
   }
-  writer.Line("\n[entry]");
-  WriteKeys(writer, kPoseKeys, file.entry);
-  writer.Line("\n[exit]");
-  WriteKeys(writer, kPoseKeys, file.exit);
+  WritePose(writer, "\n[entry]", file.entry);
+  WritePose(writer, "\n[exit]", file.exit);
   for (const ContactInterval& contact : file.contacts) {
     writer.Line("\n[[contact]]");
     WriteKeys(writer, kContactKeys, contact);

@@ -105,7 +105,8 @@ void RequireSameGround(const SimulatedMotion& motion);
 /// each other's paths; the simulated robot stays as it is and need not be symmetric.
 /// @param visitor  called at every integration step, with the node; may be empty.
 /// @throws FileError when a primitive's texts cannot be used, or as RequireSameGround does;
-/// std::invalid_argument when the branch is not in the sequence, or the sequence would never end.
+/// std::invalid_argument when the branch is not in the sequence, or the sequence would never end,
+/// or when its primitives have different passive joints, or any while joints exchange their roles.
 ChainOutcome SimulateChain(const SimulatedMotion& motion, const ChainOptions& options,
                            const std::function<void(int, const MotionSample&)>& visitor = {});
 

@@ -9,6 +9,7 @@
 
 #include "common/file_keys.h"
 #include "common/index.h"
+#include "offline/problem/require_joint.h"
 
 namespace tumbler {
 namespace {
@@ -49,9 +50,16 @@ void CheckTorqueSpeedCurve(const TomlTable& table, const std::string& joint,
 void ReadMotors(TomlTable& root, Problem& problem) {
   std::optional<TomlTable> all = root.OptionalTable("motor");
   if (!all) return;
+  for (const std::string& name : all->Keys()) {
+    if (!all->IsTable(name)) continue;
+    RequireJoint(*all, name, problem);
+    if (problem.scene.robot.IsPassive(problem.scene.robot.FindDof(name)))
+      all->Fail(name, "is in [passive], so it has no motor; leave out one of the two");
+  }
   PlanarRobot& robot = problem.scene.robot;
   problem.scene.motors.resize(robot.joint_count());
-  for (ActuatedJoint& joint : problem.joints) {
+  for (std::size_t j = 0; j < problem.joints.size(); ++j) {
+    ActuatedJoint& joint = problem.joints[j];
     Dof<Plane>& dof = robot.tree.dofs[Index(joint.dof)];
     ReadKeys(*all, kMotorKeys, joint.motor);
     std::optional<TomlTable> own = all->OptionalTable(dof.name);
@@ -61,7 +69,7 @@ void ReadMotors(TomlTable& root, Problem& problem) {
     joint.limits.velocity_max_rad_s =
         std::min(joint.limits.velocity_max_rad_s, joint.motor.no_load_speed_rad_s);
     dof.damping_nm_s_per_rad += joint.motor.viscous_friction_nm_s_per_rad;
-    problem.scene.motors[Index(joint.dof - robot.root_dofs)] = joint.motor;
+    problem.scene.motors[j] = joint.motor;
   }
 }
 

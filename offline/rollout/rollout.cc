@@ -442,11 +442,6 @@ struct Rollout::Implementation {
   CostPoint TakeTorques(std::size_t stage) {
     double* const torques = &stage_torque[stage * Index(na)];
     for (int j = 0; j < na; ++j) torques[j] = robot.tau[Index(actuated[Index(j)])];
-    for (std::size_t c = 0; c < curved.size(); ++c) {
-      const ActuatedJoint& joint = problem.joints[Index(curved[c])];
-      stage_curve[stage * curved.size() + c] =
-          OnCurve(joint, torques[curved[c]], robot.qd[Index(joint.dof)]);
-    }
     return {robot.q, robot.qd, {torques, Index(na)}};
   }
 
@@ -540,16 +535,34 @@ struct Rollout::Implementation {
     }
   }
 
+  /// Sets where the motor of one of `curved` is on its torque-speed curve at each stage.
+  void FindCurve(Scheme scheme, std::size_t c) {
+    const int stages_used = scheme == Scheme::kSemiImplicitEuler ? 1 : table.stages;
+    const std::size_t j = Index(curved[c]);
+    for (int step = 0; step < table.steps(); ++step) {
+      for (int s = 0; s < stages_used; ++s) {
+        const int point = table.PointOf(step, s);
+        const bool moving = point < table.held();
+        const double velocity = moving ? controls[Index(point) * Index(na) + j].qd : 0;
+        const std::size_t stage = StageOf(step, s);
+        stage_curve[stage * curved.size() + c] =
+            OnCurve(problem.joints[j], stage_torque[stage * Index(na) + j], velocity);
+      }
+    }
+  }
+
   /// Adds the torque-speed curve of one of `curved` to the smooth maximum of its joint's torque.
   void AddCurve(Scheme scheme, std::size_t c, SmoothMaximum& largest) {
+    FindCurve(scheme, c);
     AddSteps(scheme, {&stage_curve[c], &curve_slope[c], curved.size(), 1}, largest);
     FinishSlopes(largest);
     if (scheme != Scheme::kRecordedRungeKutta) return;
     const int j = curved[c];
     const double by_torque = problem.joints[Index(j)].motor.curve_by_torque();
-    for (std::size_t stage = 0; stage * curved.size() < curve_slope.size(); ++stage)
+    for (std::size_t stage = 0; stage * curved.size() < curve_slope.size(); ++stage) {
       torque_slope[stage * Index(na) + Index(j)] +=
           by_torque * curve_slope[stage * curved.size() + c];
+    }
   }
 
   /// Adds all steps to a smooth maximum, except for those that are 0. FinishSlopes makes the
@@ -792,9 +805,8 @@ struct Rollout::Implementation {
       const int j = curved[c];
       const double by_velocity = problem.joints[Index(j)].motor.curve_by_velocity();
       for (int i = 0; i < kLanes; ++i) {
-        if (pullback.lanes[Index(i)].output == 1 + j)
-          pullback.controls[Index(j)][1].Add(i,
-                                             by_velocity * curve_slope[stage * curved.size() + c]);
+        if (pullback.lanes[Index(i)].output != 1 + j) continue;
+        pullback.controls[Index(j)][1].Add(i, by_velocity * curve_slope[stage * curved.size() + c]);
       }
     }
   }

@@ -9,15 +9,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <functional>
 #include <limits>
-#include <memory>
 #include <random>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "firmware_interface/drives/simulated_mit.h"
 #include "offline/certificate/certificate.h"
 #include "offline/certificate/second_look.h"
 #include "offline/ensemble/lane_scene.h"
@@ -28,6 +25,7 @@
 #include "offline/rollout/rollout.h"
 #include "offline/solver/solver.h"
 #include "tests/support/files.h"
+#include "tests/support/following_drive.h"
 #include "tests/support/handstand.h"
 #include "tests/support/task_files.h"
 
@@ -35,6 +33,7 @@ namespace tumbler {
 namespace {
 
 using ::testing::AllOf;
+using testing::FollowingDrive;
 using ::testing::HasSubstr;
 using testing::Replaced;
 
@@ -227,38 +226,11 @@ TEST(Motor, TheSmoothTorqueLimitIsKeptWhereTheMotorIsWithinItsCurveAtAllTimes) {
   EXPECT_GT(outside, 5);
 }
 
-/// A drive that lets its joint follow a path, whatever torque that takes.
-class FollowingDrive final : public SimulatedDrive {
- public:
-  using Path = std::function<std::pair<double, double>(double time_s)>;  // position, velocity
-  FollowingDrive(const SimulatedMotorConfig& motor, Path path)
-      : SimulatedDrive(motor, {}), path_(std::move(path)) {}
-  [[nodiscard]] bool enabled() const noexcept override { return true; }
-  [[nodiscard]] std::optional<double> target_rad() const noexcept override { return {}; }
-  [[nodiscard]] bool limp() const noexcept override { return false; }
-  void RaiseError(std::uint32_t /*code*/) noexcept override {}
-  void OnFrame(const ReceivedFrame& /*received*/, SimulatedPort& /*port*/) noexcept override {}
-  double largest_wanted_nm = 0;
-
- protected:
-  [[nodiscard]] SimulatedPortConfig port_config() const noexcept override { return {}; }
-  double Law(std::int64_t time_ns) noexcept override {
-    const auto [q, v] = path_(1e-9 * static_cast<double>(time_ns));
-    const double wanted = 3e4 * (q - shaft_rad()) + 150 * (v - shaft_velocity_rad_s());
-    largest_wanted_nm = std::max(largest_wanted_nm, std::abs(wanted));
-    return wanted;
-  }
-
- private:
-  Path path_;
-};
-
 /// The torque of the arm's motor in the twin, at the times of samples, while the arm follows a
 /// motion.
 struct Played {
   double peak_nm = 0;
-  double furthest_nm = 0;    ///< From the plan's torque.
-  double largest_asked = 0;  ///< Of the motor, before its limits [N m].
+  double furthest_nm = 0;  ///< From the plan's torque.
 };
 Played PlayInTwin(const Problem& problem, const std::vector<double>& x, const TwinConfig& given) {
   TwinConfig config = given;
@@ -288,7 +260,6 @@ Played PlayInTwin(const Problem& problem, const std::vector<double>& x, const Tw
     if (at.time_s > 0.02)
       played.furthest_nm = std::max(played.furthest_nm, std::abs(torque - at.torque[0]));
   });
-  played.largest_asked = drive.largest_wanted_nm;
   return played;
 }
 
@@ -363,7 +334,7 @@ TEST(Motor, WhatAMotorCannotBeIsRefusedByName) {
   EXPECT_THAT(MotorMistake(ArmTask("[motor]\ndry_friction_nm = -1.0\n")),
               HasSubstr("motor.dry_friction_nm: is -1; allowed: from 0 ... 5"));
   EXPECT_THAT(MotorMistake(ArmTask("[motor.elbow]\ndry_friction_nm = 1.0\n")),
-              HasSubstr("motor.elbow: is not a key that this file can hold"));
+              HasSubstr("motor.elbow: is not a joint of the robot; its joints: waist"));
 }
 
 TEST(Motor, LanesRefuseMotorsByName) {
