@@ -89,9 +89,11 @@ inline constexpr std::array kCertificateKeys = {
             "that disagrees"),
         11, "margin to the acceleration limit",
         "{acceleration_margin_rad_s2:.1f} rad/s\u00b2 (all t)"},
-    CertificateKey{KeyOf<&Certificate::torque_margin_nm>(
-                       "torque_margin_nm", "smallest limit less torque, at every integration step"),
-                   8, "margin to the torque limit", "{torque_margin_nm:.3f} N m (dense samples)"},
+    CertificateKey{
+        KeyOf<&Certificate::torque_margin_nm>(
+            "torque_margin_nm",
+            "smallest limit at a motor's speed less its torque, at every integration step"),
+        8, "margin to the torque limit", "{torque_margin_nm:.3f} N m (dense samples)"},
     CertificateKey{
         KeyOf<&Certificate::self_clearance_m>(
             "self_clearance_m",

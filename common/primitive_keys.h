@@ -216,6 +216,14 @@ inline constexpr auto kPoseKeys = AllRequired(std::array{
     KeyOf<&PrimitivePose::joint_positions_rad>("joint_positions_rad", "in the order of the joints")
         .Allowed("the ends of their paths"),
 });
+/// Keys of a pose of a robot that has joints without a motor.
+inline constexpr auto kPassivePoseKeys = std::array{
+    KeyOf<&PrimitivePose::passive_positions_rad>(
+        "passive_positions_rad",
+        "of the joints without a motor, in the order of the robot's file; left out where each has "
+        "one")
+        .Default("none"),
+};
 
 /// Of a root that moves there.
 inline constexpr std::array kPoseRateKeys = {

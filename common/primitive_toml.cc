@@ -333,6 +333,7 @@ PrimitivePose ReadPose(TomlTable table, const Primitive<double>& primitive, bool
   PrimitivePose pose;
   ReadKeys(table, kPoseKeys, pose);
   ReadKeys(table, kPoseRateKeys, pose);
+  ReadKeys(table, kPassivePoseKeys, pose);
   const auto joints = static_cast<std::size_t>(primitive.joint_count);
   if (pose.joint_positions_rad.size() != joints) {
     table.Fail("joint_positions_rad", fmt::format("holds {} numbers; expected {}",
@@ -577,6 +578,7 @@ std::vector<KeyTable> PrimitiveKeyTables() {
                    RowsOf(kDriveGainsKeys, "`[drives]`"),
                    RowsOf(kPoseKeys, "`[entry]`, `[exit]`"),
                    RowsOf(kPoseRateKeys, "`[entry]`, `[exit]`"),
+                   RowsOf(kPassivePoseKeys, "`[entry]`, `[exit]`"),
                    RowsOf(kContactKeys, "`[[contact]]`"),
                    RowsOf(kPurposeKeys, "`[[purpose]]`"),
                    RowsOf(kPurposeTimeKeys, "`[[purpose]]`"),

@@ -32,6 +32,8 @@ struct PrimitivePose {
   [[nodiscard]] bool root_moves() const {
     return root_x_m_s != 0 || root_z_m_s != 0 || root_pitch_rad_s != 0;
   }
+  /// Of the joints that have no motor, in the order of the robot's file; empty where each has one.
+  std::vector<double> passive_positions_rad = {};
 };
 
 /// An interval in which one collision shape of the robot carried force in the plan.

@@ -97,9 +97,11 @@ void WriteProvenance(TomlWriter& writer, const Provenance& provenance) {
   WriteKeys(writer, kSourceTextKeys, provenance);
 }
 
-void WritePose(TomlWriter& writer, const PrimitivePose& pose) {
+void WritePose(TomlWriter& writer, const char* header, const PrimitivePose& pose) {
+  writer.Line(header);
   WriteKeys(writer, kPoseKeys, pose);
   if (pose.root_moves()) WriteKeys(writer, kPoseRateKeys, pose);
+  if (!pose.passive_positions_rad.empty()) WriteKeys(writer, kPassivePoseKeys, pose);
 }
 
 /// The file's text with this hash, whatever the file's own is.
@@ -122,10 +124,8 @@ std::string WriteWith(const std::string& content_hash, const PrimitiveFile& file
     writer.Line("\n[drives]  # through which it was found");
     WriteKeys(writer, kDriveGainsKeys, *file.drives);
   }
-  writer.Line("\n[entry]");
-  WritePose(writer, file.entry);
-  writer.Line("\n[exit]");
-  WritePose(writer, file.exit);
+  WritePose(writer, "\n[entry]", file.entry);
+  WritePose(writer, "\n[exit]", file.exit);
   for (const ContactInterval& contact : file.contacts) {
     writer.Line("\n[[contact]]");
     WriteKeys(writer, kContactKeys, contact);

@@ -229,11 +229,13 @@ void MotionSummarizer::Take(const MotionSample& sample, double own_distance_m) {
     }
   }
   for (std::size_t j = 0; j < problem_.joints.size(); ++j) {
+    const ActuatedJoint& joint = problem_.joints[j];
     const double torque = std::abs(sample.torque[j]);
-    const double limit = problem_.joints[j].limits.torque_max_nm;
+    const double limit = joint.limits.torque_max_nm;
+    const double lack = joint.motor.LackAt(sample.torque[j], sample.qd[Index(joint.dof)]);
     summary_.peak_torque_nm = std::max(summary_.peak_torque_nm, torque);
-    summary_.torque_margin_nm = std::min(summary_.torque_margin_nm, limit - torque);
-    if (solved) summary_.excess = std::max(summary_.excess, torque / limit - 1);
+    summary_.torque_margin_nm = std::min(summary_.torque_margin_nm, limit * (1 - lack) - torque);
+    if (solved) summary_.excess = std::max(summary_.excess, torque / limit + lack - 1);
   }
   TakeContacts(sample, solved);
 }

@@ -82,9 +82,9 @@ struct MotionSummary {
   double settled_pitch_rad = 0;
   /// The largest of the root's velocities 2 s after the end [m/s, rad/s].
   double settled_speed = 0;
-  /// The largest |torque| of any joint at any integration step.
+  /// The largest |torque| of any joint's motor at any integration step.
   double peak_torque_nm = 0;
-  /// The smallest limit less |torque| of any joint at any integration step.
+  /// The smallest limit at its speed less |torque| of any joint's motor at any integration step.
   double torque_margin_nm = 0;
   /// The smallest distance between the robot's own shapes that are to stay apart, in the motion and
   /// its settle phase; none without such shapes.

@@ -110,8 +110,9 @@ class Looker {
     }
     double& excess = solved ? look_.torque_excess : look_.held_torque_excess;
     for (std::size_t j = 0; j < problem_.joints.size(); ++j) {
-      excess = std::max(excess,
-                        std::abs(sample.torque[j]) / problem_.joints[j].limits.torque_max_nm - 1);
+      const ActuatedJoint& joint = problem_.joints[j];
+      const double lack = joint.motor.LackAt(sample.torque[j], sample.qd[Index(joint.dof)]);
+      excess = std::max(excess, std::abs(sample.torque[j]) / joint.limits.torque_max_nm + lack - 1);
     }
     later_.Take(sample);
     for (int i = 0; t >= last_s_ - kRestWatched_s && i < problem_.scene.robot.root_dofs; ++i)

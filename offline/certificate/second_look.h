@@ -20,9 +20,10 @@ struct SecondLook {
   /// end of the settle phase, and the speed. A velocity of 0 asked for there is judged 2 s later
   /// only.
   std::vector<PurposeFigure> purpose;
-  /// Largest |torque| of any joint up to the end of the settle phase.
+  /// Largest |torque| of any joint's motor up to the end of the settle phase.
   double peak_torque_nm = 0;
-  /// Largest of |torque| / limit, less 1, of any joint up to there. Above 0, a limit is exceeded.
+  /// Largest of |torque| / limit, less 1, of any joint's motor up to there, and more by what the
+  /// motor lacks of its limit at its speed (Motor::LackAt). Above 0, a limit is exceeded.
   double torque_excess = -1;
   /// The same of the 2 s after it, in which the joints are held.
   double held_torque_excess = -1;

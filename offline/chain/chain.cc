@@ -80,6 +80,7 @@ class Simulation {
         bar_(motion.scene().bar) {
     for (std::size_t i = 0; i < file_.primitives.size(); ++i)
       worlds_.push_back(std::make_unique<World>(file_.primitives[i], motion.ProblemOf(i)));
+    CheckPassiveJoints();
     for (int node = 0; node < file_.graph.node_count; ++node) {
       if (WorldOf(node).plan.empty()) Plan(node);
     }
@@ -127,10 +128,37 @@ class Simulation {
   }
 
  private:
-  World& WorldOf(int node) { return *worlds_[Index(file_.graph.node(node).primitive)]; }
+  [[nodiscard]] World& WorldOf(int node) const {
+    return *worlds_[Index(file_.graph.node(node).primitive)];
+  }
 
   [[nodiscard]] SequenceRequest Request(bool branched) const {
     return PlannedRequest(options_.cycles, options_.branch, outcome_.cycles, branched);
+  }
+
+  /// The state of passive joints goes on from one primitive to the next.
+  /// @throws std::invalid_argument  when the primitives have different ones.
+  void CheckPassiveJoints() const {
+    const auto passive_of = [](const World& world) -> const std::vector<PassiveJoint>& {
+      return world.problem.scene.robot.passive;
+    };
+    const std::vector<PassiveJoint>& first = passive_of(*worlds_.front());
+    for (const auto& world : worlds_) {
+      if (passive_of(*world) == first) continue;
+      throw std::invalid_argument(fmt::format(
+          "the primitives '{}' and '{}' have different joints without a motor, or springs; make "
+          "both with the same [passive]",
+          worlds_.front()->file.primitive.name.view(), world->file.primitive.name.view()));
+    }
+    for (int node = 0; !first.empty() && node < file_.graph.node_count; ++node) {
+      for (int j = 0; j < WorldOf(node).file.primitive.joint_count; ++j) {
+        if (file_.graph.RoleOf(node, j) == j) continue;
+        throw std::invalid_argument(fmt::format(
+            "the sequence '{}' exchanges the roles of joints, which robots with joints without a "
+            "motor cannot",
+            file_.graph.name.view()));
+      }
+    }
   }
 
   // On a bar the pitch is all that is free of the root.
@@ -141,8 +169,9 @@ class Simulation {
   }
   [[nodiscard]] double RootSpeed() const {
     const auto& y = root_state_;
-    if (hinged_) return std::abs(y[1]);
-    return root_ ? std::max({std::abs(y[3]), std::abs(y[4]), std::abs(y[5])}) : 0.0;
+    if (hinged_) return std::abs(y[worlds_.front()->robot.free.size()]);
+    const std::size_t x = worlds_.front()->robot.free.size();  // its velocity
+    return root_ ? std::max({std::abs(y[x]), std::abs(y[x + 1]), std::abs(y[x + 2])}) : 0.0;
   }
 
   /// On a bar nothing comes to rest by itself, and the exit is where the settle phase ends.
@@ -179,6 +208,10 @@ class Simulation {
       root_state_[4] = entry.root_z_m_s;
       root_state_[5] = entry.root_pitch_rad_s;
     }
+    // Behind those of the root.
+    const std::size_t root = hinged_ ? 1 : root_ ? 3 : 0;
+    std::copy(entry.passive_positions_rad.begin(), entry.passive_positions_rad.end(),
+              root_state_.begin() + static_cast<std::ptrdiff_t>(root));
     start_x_ = RootX();
   }
 
@@ -326,8 +359,11 @@ class Simulation {
     for (std::size_t j = 0; j < world.dof_of_joint.size(); ++j) {
       const double torque = std::abs(world.robot.tau[world.dof_of_joint[j]]);
       passage.peak_torque_nm = std::max(passage.peak_torque_nm, torque);
-      passage.torque_margin_nm = std::min(
-          passage.torque_margin_nm, world.file.primitive.joints[j].limits.torque_max_nm - torque);
+      const std::size_t dof = world.dof_of_joint[j];
+      const double lack =
+          world.problem.joints[j].motor.LackAt(world.robot.tau[dof], world.robot.qd[dof]);
+      const double limit = world.file.primitive.joints[j].limits.torque_max_nm;
+      passage.torque_margin_nm = std::min(passage.torque_margin_nm, limit * (1 - lack) - torque);
     }
     const SelfClearance own = world.distances.Nearest({world.robot.q.data(), world.robot.n});
     if (own.distance_m < 0) {

@@ -51,9 +51,9 @@ struct Passage {
   double exit_speed = 0;
   /// The posture at the end of the hold.
   Posture posture = Posture::kInclined;
-  /// The largest |torque| of any joint at any integration step.
+  /// The largest |torque| of any joint's motor at any integration step.
   double peak_torque_nm = 0;
-  /// The smallest limit less |torque|. A real drive would saturate at 0.
+  /// The smallest limit at a motor's speed less |torque|. A real drive would saturate at 0.
   double torque_margin_nm = 0;
   /// The deepest penetration into the compliant layer.
   double peak_penetration_m = 0;
@@ -105,7 +105,8 @@ void RequireSameGround(const SimulatedMotion& motion);
 /// each other's paths; the simulated robot stays as it is and need not be symmetric.
 /// @param visitor  called at every integration step, with the node; may be empty.
 /// @throws FileError when a primitive's texts cannot be used, or as RequireSameGround does;
-/// std::invalid_argument when the branch is not in the sequence, or the sequence would never end.
+/// std::invalid_argument when the branch is not in the sequence, or the sequence would never end,
+/// or when its primitives have different passive joints, or any while joints exchange their roles.
 ChainOutcome SimulateChain(const SimulatedMotion& motion, const ChainOptions& options,
                            const std::function<void(int, const MotionSample&)>& visitor = {});
 

@@ -20,6 +20,11 @@ void AddBodies(const PlanarRobot& robot, const LaneDrive& drive, LaneScene& lane
   if (robot.root_dofs != 3) {
     throw std::invalid_argument("the robot's root is fixed; lanes need a planar one");
   }
+  if (!robot.passive.empty()) {
+    throw std::invalid_argument(
+        fmt::format("the joint '{}' has no motor; lanes have one in every joint",
+                    robot.tree.dofs[Index(robot.passive[0].dof)].name));
+  }
   RequireRoom(robot.joint_count(), LaneModel::kMaxJoints, "joints");
   lanes.model.joints = robot.joint_count();
   lanes.model.hinged = robot.hinged();
@@ -94,6 +99,11 @@ void AddObstacles(const Scene& scene, LaneScene& lanes) {
 }  // namespace
 
 LaneScene MakeLaneScene(const Scene& scene, const LaneDrive& drive) {
+  if (!scene.motors.empty()) {
+    throw std::invalid_argument(
+        "the task gives its motors friction or a torque-speed curve; lanes have those of the "
+        "twin's defaults: leave out [motor]");
+  }
   LaneScene lanes;
   AddBodies(scene.robot, drive, lanes);
   AddPoints(scene, lanes);

@@ -22,11 +22,11 @@ struct LaneScene {
 };
 
 /// The scene of a task in lanes.
-/// @throws std::invalid_argument  when there is something in the scene that lanes do not have: the
-///                                robot's root is not planar, a joint is prismatic, an obstacle is
-///                                no half-space and a shape of the robot no sphere, or there are
-///                                more bodies, points or obstacles than lanes have room for. The
-///                                message names it.
+/// @throws std::invalid_argument  when there is something in the scene that lanes do not have: its
+///                                motors are given, a joint has none, the robot's root is not
+///                                planar, a joint is prismatic, an obstacle is no half-space and a
+///                                shape of the robot no sphere, or there are more bodies, points or
+///                                obstacles than lanes have room for. The message names it.
 LaneScene MakeLaneScene(const Scene& scene, const LaneDrive& drive);
 
 }  // namespace tumbler

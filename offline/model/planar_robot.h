@@ -33,15 +33,25 @@ struct PlanarLink {
   bool in_plane = true;  ///< Whether these axes lie in the plane, as those of the body do.
 };
 
+/// A joint without a motor. A spring acts in it, and the damper that its tree has.
+struct PassiveJoint {
+  int dof = 0;
+  double stiffness_nm_per_rad = 0;  ///< N/m where it is prismatic.
+  double rest_rad = 0;              ///< Where the spring is slack [rad, m].
+
+  bool operator==(const PassiveJoint&) const = default;
+};
+
 /// A robot reduced to the x-z plane. Degrees of freedom are those of `Robot`, in the same order.
 struct PlanarRobot {
   std::string name;
-  Tree<Plane> tree;                         ///< Only a bar's x and z are prescribed yet.
-  RootKind root = RootKind::kFixed;         ///< Not floating.
-  int root_dofs = 0;                        ///< 0 (fixed) or 3 (planar, hinge).
-  std::vector<std::string> body_names;      ///< Link of each degree of freedom.
-  std::vector<PlanarLink> links;            ///< All links, by their names in the file.
-  std::vector<RobotJointLimits> limits;     ///< Of each degree of freedom; the root's are infinite.
+  Tree<Plane> tree;                      ///< Only a bar's x and z are prescribed yet.
+  RootKind root = RootKind::kFixed;      ///< Not floating.
+  int root_dofs = 0;                     ///< 0 (fixed) or 3 (planar, hinge).
+  std::vector<std::string> body_names;   ///< Link of each degree of freedom.
+  std::vector<PlanarLink> links;         ///< All links, by their names in the file.
+  std::vector<PassiveJoint> passive;     ///< In the order of degrees of freedom; a task says which.
+  std::vector<RobotJointLimits> limits;  ///< Of each degree of freedom; the root's are infinite.
   std::vector<ContactShape<Plane>> shapes;  ///< For contact.
   std::vector<OwnShape> own_shapes;         ///< For the robot's distance from itself.
   std::vector<DrawnSegment> drawing;
@@ -50,12 +60,23 @@ struct PlanarRobot {
   /// Whether a bar holds the origin of the root's frame, so that of the root only the pitch is
   /// free.
   [[nodiscard]] bool hinged() const { return root == RootKind::kHingeY; }
-  /// The degrees of freedom after the root's are its joints.
+  /// The degrees of freedom after the root's are its joints. Those that are not passive are
+  /// counted: each has a motor.
   [[nodiscard]] std::size_t joint_count() const {
-    return tree.dofs.size() - static_cast<std::size_t>(root_dofs);
+    return tree.dofs.size() - static_cast<std::size_t>(root_dofs) - passive.size();
   }
   [[nodiscard]] std::size_t DofOfJoint(std::size_t joint) const {
-    return static_cast<std::size_t>(root_dofs) + joint;
+    std::size_t dof = static_cast<std::size_t>(root_dofs) + joint;
+    for (const PassiveJoint& other : passive) {
+      if (static_cast<std::size_t>(other.dof) <= dof) ++dof;
+    }
+    return dof;
+  }
+  [[nodiscard]] bool IsPassive(int dof) const {
+    for (const PassiveJoint& joint : passive) {
+      if (joint.dof == dof) return true;
+    }
+    return false;
   }
   /// Index of a joint's degree of freedom, or -1.
   [[nodiscard]] int FindDof(std::string_view joint) const;

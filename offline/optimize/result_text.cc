@@ -18,19 +18,23 @@ constexpr std::size_t kLongestHeld = 120;
 
 /// Prints the contact law, and the integration step that it needs.
 void PrintContact(const Problem& problem, const std::string& task_file) {
-  if (problem.scene.obstacles.empty()) return;
-  const ContactLaw& law = problem.scene.contact;
-  fmt::print(stderr,
-             "contact: k {:.4g} N/m, c {:.4g} N s/m, d_on {:.3g} mm, d_off {:.3g} mm, mu {:.3g}, "
-             "v_max {:.3g} m/s; step {:.3g} ms, advisable up to {:.3g} ms\n",
-             law.stiffness_n_per_m, law.damping_n_s_per_m, 1e3 * law.d_on_m, 1e3 * law.d_off_m,
-             law.mu, law.v_max_m_per_s, 1e3 * problem.solver.step_s,
-             1e3 * problem.advisable_step_s);
-  if (problem.solver.step_s > problem.advisable_step_s) {
+  if (!problem.scene.obstacles.empty()) {
+    const ContactLaw& law = problem.scene.contact;
     fmt::print(stderr,
-               "{}: solver.step_s: warning: is {:.3g} s, longer than the {:.3g} s that this "
-               "contact law allows; leave it out, or make contact softer\n",
-               task_file, problem.solver.step_s, problem.advisable_step_s);
+               "contact: k {:.4g} N/m, c {:.4g} N s/m, d_on {:.3g} mm, d_off {:.3g} mm, mu {:.3g}, "
+               "v_max {:.3g} m/s; step {:.3g} ms, advisable up to {:.3g} ms\n",
+               law.stiffness_n_per_m, law.damping_n_s_per_m, 1e3 * law.d_on_m, 1e3 * law.d_off_m,
+               law.mu, law.v_max_m_per_s, 1e3 * problem.solver.step_s,
+               1e3 * problem.advisable_step_s);
+  }
+  if (problem.solver.step_s > problem.advisable_step_s) {
+    const bool springs = !problem.scene.robot.passive.empty();
+    fmt::print(stderr,
+               "{}: solver.step_s: warning: is {:.3g} s, longer than the {:.3g} s that {}; leave "
+               "it out, or make {} softer\n",
+               task_file, problem.solver.step_s, problem.advisable_step_s,
+               springs ? "contact and springs allow" : "this contact law allows",
+               springs ? "them" : "contact");
   }
 }
 

@@ -8,7 +8,8 @@
 namespace tumbler {
 
 /// How the absolute angles of a robot's links follow from its root's pitch and its joints. Links
-/// behind a prismatic joint turn with the one that carries them.
+/// behind a prismatic joint turn with the one that carries them. Links that a joint without a motor
+/// turns are left out: no encoder tells where they are.
 std::vector<LinkChain> LinkChainsOf(const PlanarRobot& robot);
 
 }  // namespace tumbler

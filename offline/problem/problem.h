@@ -32,6 +32,8 @@ struct ActuatedJoint {
   int control_points = 12;
   /// Velocities at the ends, where accelerations are zero.
   double start_rad_s = 0, end_rad_s = 0;
+  /// The same as in the scene. The limit of the torque is for what it gives.
+  Motor motor = {};
 
   [[nodiscard]] int free_points() const { return control_points - 6; }
 };
@@ -120,12 +122,12 @@ struct DurationBounds {
 /// An optimal control problem of [AB04, Eqs. 1-6] in numbers.
 struct Problem {
   std::string name;
-  /// Its robot's actuated joints are prescribed.
+  /// Its robot's actuated joints are prescribed, and its passive ones are free.
   Scene scene;
   /// In the order of the robot's degrees of freedom.
   std::vector<ActuatedJoint> joints;
-  /// The longest integration step that contact allows (`AdvisableStep`). Infinite without
-  /// obstacles.
+  /// The longest integration step that contact and the springs of passive joints allow
+  /// (`AdvisableStep`, `SpringStep`). Infinite without either.
   double advisable_step_s = std::numeric_limits<double>::infinity();
 
   /// Positions of all degrees of freedom at the start [m, rad].

@@ -47,6 +47,18 @@ std::vector<int> ShapesNamed(TomlTable& table, std::string_view key, const SelfC
   return found;
 }
 
+/// Whether the distance of two shapes depends on a joint without a motor: one is on the way from
+/// one body to the other.
+bool DependsOnPassive(const PlanarRobot& robot, const OwnPair& pair) {
+  int a = robot.own_shapes[Index(pair.a)].body, b = robot.own_shapes[Index(pair.b)].body;
+  while (a != b) {  // Parents come before children.
+    int& later = a > b ? a : b;
+    if (robot.IsPassive(later)) return true;
+    later = robot.tree.dofs[Index(later)].parent;
+  }
+  return false;
+}
+
 /// All pairs that a key names, each with the lower index first.
 std::vector<OwnPair> ReadPairs(TomlTable& table, std::string_view key,
                                const SelfContactEntry& entry) {
@@ -63,6 +75,11 @@ std::vector<OwnPair> ReadPairs(TomlTable& table, std::string_view key,
                                       names[0], names[1]));
         }
         pairs.push_back({std::min(a, b), std::max(a, b)});
+        if (key == "add" && DependsOnPassive(*entry.robot, pairs.back())) {
+          table.Fail(key, fmt::format("names '{}' and '{}', with a joint without a motor between "
+                                      "them, on whose way no path decides",
+                                      names[0], names[1]));
+        }
       }
     }
   }
@@ -110,6 +127,8 @@ void ReadSelfContact(TomlTable& root, std::span<const std::vector<double>> q, Sc
   std::optional<TomlTable> table = root.OptionalTable("self_contact");
   if (table) ReadKeys(*table, kSelfContactKeys, entry);
   entry.pairs = SeparatePairs(scene.robot, entry.shapes, entry.clearance_m);
+  std::erase_if(entry.pairs,
+                [&](const OwnPair& pair) { return DependsOnPassive(scene.robot, pair); });
   if (table) ReadKeys(*table, kPairKeys, entry);
   const auto fail = [&](const char* key, const std::string& problem) {
     if (table) table->Fail(key, problem);

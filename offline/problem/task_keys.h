@@ -12,8 +12,8 @@
 namespace tumbler {
 
 /// The keys of a task. Keys that depend on the robot's joints are in task_toml.cc, those of
-/// `[contact]` in contact_toml.cc, those of `[[obstacle]]` in obstacle_toml.cc, and those of
-/// `[self_contact]` in self_contact_toml.cc.
+/// `[contact]` in contact_toml.cc, those of `[[obstacle]]` in obstacle_toml.cc, those of `[motor]`
+/// in motor_toml.cc, and those of `[self_contact]` in self_contact_toml.cc.
 
 inline constexpr FileHeader kTaskHeader{"tumbler-task", 1, nullptr,
                                         "is {0}; this program reads tasks up to version {1}"};

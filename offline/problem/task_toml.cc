@@ -17,7 +17,10 @@
 #include "offline/problem/contact_toml.h"
 #include "offline/problem/duration_toml.h"
 #include "offline/problem/end_points.h"
+#include "offline/problem/motor_toml.h"
 #include "offline/problem/obstacle_toml.h"
+#include "offline/problem/passive_toml.h"
+#include "offline/problem/require_joint.h"
 #include "offline/problem/robust_toml.h"
 #include "offline/problem/self_contact_toml.h"
 #include "offline/problem/task_keys.h"
@@ -50,15 +53,6 @@ struct StartPose {
   std::string from;                    // names it in messages
   bool own = false;                    // whether it is the entry of a primitive made from this task
 };
-
-void RequireJoint(const TomlTable& table, const std::string& name, const Problem& problem) {
-  const PlanarRobot& robot = problem.scene.robot;
-  if (robot.FindDof(name) >= robot.root_dofs) return;
-  std::string names;
-  for (std::size_t j = static_cast<std::size_t>(robot.root_dofs); j < robot.tree.dofs.size(); ++j)
-    names += (names.empty() ? "" : ", ") + robot.tree.dofs[j].name;
-  table.Fail(name, fmt::format("is not a joint of the robot; its joints: {}", names));
-}
 
 void ReadName(TomlTable& table, std::string_view key, Problem& problem) {
   problem.name = table.String(key);
@@ -119,7 +113,10 @@ class TaskReader {
         CheckedBounds(root_, durations.min_s, durations.max_s, problem_.duration_s);
     if (static_cast<int>(scene_.robot.tree.dofs.size()) == scene_.robot.root_dofs)
       root_.Fail("robot", "has no joint that moves; allowed: at least one");
+    ReadPassiveJoints(root_, problem_);
     ReadJoints();
+    ReadPassiveStart();
+    ReadMotors(root_, problem_);
     ReadSlope();
     ReadBar();
     if (std::optional<TomlTable> table = root_.OptionalTable("spline"))
@@ -207,6 +204,7 @@ class TaskReader {
     for (std::size_t j = static_cast<std::size_t>(scene_.robot.root_dofs);
          j < scene_.robot.tree.dofs.size(); ++j) {
       Dof<Plane>& dof = scene_.robot.tree.dofs[j];
+      if (scene_.robot.IsPassive(static_cast<int>(j))) continue;
       if (!start.Has(dof.name)) {
         start.Fail(
             "",
@@ -249,24 +247,42 @@ class TaskReader {
     }
   }
 
+  /// Reads where passive joints start; without it, where their springs are slack.
+  void ReadPassiveStart() {
+    TomlTable start = root_.Table("start").Table("joints_rad");
+    TomlTable end = root_.Table("end").Table("joints_rad");
+    for (const PassiveJoint& joint : scene_.robot.passive) {
+      const std::string& name = scene_.robot.tree.dofs[Index(joint.dof)].name;
+      if (end.Has(name))
+        end.Fail(name, "has no motor that could bring it there; leave it out, or out of [passive]");
+      const RobotJointLimits& urdf = scene_.robot.limits[Index(joint.dof)];
+      const Range range{std::max(urdf.lower_rad, -100.0), std::min(urdf.upper_rad, 100.0)};
+      passive_start_.push_back(start.Has(name) ? start.Number(name, range) : joint.rest_rad);
+    }
+  }
+
   /// Sets the advisable integration step, and the steps that the task leaves out.
   void SetStep() {
     std::vector<double> end = problem_.start_q;
     for (const ActuatedJoint& joint : problem_.joints)
       end[static_cast<std::size_t>(joint.dof)] = joint.end_rad;
     double effective = std::numeric_limits<double>::infinity();
+    double& advisable = problem_.advisable_step_s;
     for (const std::vector<double>& q : {problem_.start_q, end}) {
       effective =
           std::min(effective, SmallestEffectiveMass(scene_.robot.tree, scene_.robot.shapes, q));
+      advisable = std::min(advisable, SpringStep(scene_.robot, q));
     }
-    if (scene_.obstacles.empty() || !std::isfinite(effective)) return;
-    problem_.advisable_step_s =
-        AdvisableStep(scene_.contact, effective, Mass() * scene_.robot.tree.gravity.norm());
+    if (!scene_.obstacles.empty() && std::isfinite(effective)) {
+      const double weight_n = Mass() * scene_.robot.tree.gravity.norm();
+      advisable = std::min(advisable, AdvisableStep(scene_.contact, effective, weight_n));
+    }
+    if (!std::isfinite(advisable)) return;
     const auto given = [this](const char* table, const char* key) {
       std::optional<TomlTable> found = root_.OptionalTable(table);
       return found && found->Has(key);
     };
-    const double step = std::max(problem_.advisable_step_s, 1e-5);
+    const double step = std::max(advisable, 1e-5);
     SolverSettings& solver = problem_.solver;
     if (!given("solver", "step_s")) solver.step_s = std::min(solver.step_s, step);
     // These steps may be rough, but must keep the methods of screening and search stable.
@@ -431,6 +447,8 @@ class TaskReader {
       problem_.start_q[static_cast<std::size_t>(joint.dof)] = joint.start_rad;
     }
     if (given_) CheckGivenJoints(start);
+    for (std::size_t i = 0; i < passive_start_.size(); ++i)
+      problem_.start_q[Index(scene_.robot.passive[i].dof)] = passive_start_[i];
     if (scene_.robot.root_dofs == 0) return;
     TaskStart root;
     ReadKeys(start, kTaskStartKeys, root);
@@ -530,8 +548,16 @@ class TaskReader {
   }
 
   /// Checks that the joints of the given pose are those of the task, and are where the task starts.
+  /// Passive joints start where the pose has them.
   void CheckGivenJoints(TomlTable& start) {
     TomlTable joints = start.Table("joints_rad");
+    if (given_->pose->passive_positions_rad.size() != passive_start_.size()) {
+      start.Fail("", fmt::format("has {} joints without a motor, but {} has {}; give both the same "
+                                 "[passive]",
+                                 passive_start_.size(), given_->from,
+                                 given_->pose->passive_positions_rad.size()));
+    }
+    passive_start_ = given_->pose->passive_positions_rad;
     const std::span<const JointMotion<double>> motions = given_->primitive->motions();
     for (const ActuatedJoint& joint : problem_.joints) {
       const std::string& name = scene_.robot.tree.dofs[static_cast<std::size_t>(joint.dof)].name;
@@ -575,6 +601,7 @@ class TaskReader {
 
   TomlTable root_;
   std::optional<StartPose> given_;
+  std::vector<double> passive_start_;  // of each passive joint
   Problem problem_;
   Scene& scene_ = problem_.scene;
 };
@@ -620,8 +647,9 @@ std::string RobotPath(const std::string& task_text, const std::string& path) {
 
 std::vector<KeyTable> TaskKeyTables() {
   const char* const source = "offline/problem/task_keys.h";
-  const KeyRow joints{"", "`joints_rad`", "required",
-                      "table: every joint of the robot, within its limits", ""};
+  const KeyRow joints{
+      "", "`joints_rad`", "required",
+      "table: every joint with a motor, within its limits; a `[passive]` one may be there", ""};
   const KeyRow velocities{"", "`joints_rad_s`", "0 each",
                           "table: some of the joints, within their limits of velocity",
                           "velocities of the joints, whose accelerations are 0 there"};
@@ -636,6 +664,8 @@ std::vector<KeyTable> TaskKeyTables() {
           {source, "bar", RowsOf(kTaskBarKeys)},
           {source, "spline", RowsOf(kSplineKeys)},
           {source, "limits", RowsOf(kTaskLimitKeys)},
+          MotorKeyTable(),
+          PassiveKeyTable(),
           CostKeyTable(),
           ContactKeyTable(),
           ObstacleKeyTable(),

@@ -13,6 +13,7 @@
 #include "offline/rollout/free_duration.h"
 #include "offline/rollout/smooth_maximum.h"
 #include "offline/rollout/start_state.h"
+#include "offline/rollout/torque_limit.h"
 #include "offline/scene/scene_dynamics.h"
 
 namespace tumbler {
@@ -63,6 +64,8 @@ struct MaximumWithSlope {
 struct StageRecord {
   std::vector<double> torque;        // by joint
   std::vector<double> torque_slope;  // by joint, then parameter
+  std::vector<double> curve;         // OnCurve, by joint; of those that have a curve
+  std::vector<double> curve_slope;   // by joint, then parameter
   double depth = 0;
   std::vector<double> depth_slope;  // by parameter
 };
@@ -92,6 +95,8 @@ struct ForwardSensitivity::Implementation {
     for (StageRecord& record : records) {
       record.torque.resize(Index(na));
       record.torque_slope.resize(Index(na * parameters));
+      record.curve.resize(Index(na));
+      record.curve_slope.resize(Index(na * parameters));
       record.depth_slope.resize(Index(parameters));
     }
     residual_slope.resize(Index(parameters));
@@ -211,14 +216,14 @@ struct ForwardSensitivity::Implementation {
     SetPaths(t, moving);
     robot.SetFree(z.data());
     robot.TouchAndSolve();
-    robot.contact->Differentiate(robot.dynamics);
-    robot.dynamics.Differentiate(derivatives);
+    robot.Differentiate(derivatives);
 
     StageRecord& record = records[integrator.stage()];
     for (int j = 0; j < na; ++j) {
       const std::size_t dof = Index(problem.joints[Index(j)].dof);
       record.torque[Index(j)] = robot.tau[dof];
       Differentiate(dof, moving, z, record.torque_slope.data() + Index(j * parameters));
+      if (LimitsTorqueBySpeed(problem.joints[Index(j)])) TakeCurve(Index(j), moving, z, record);
     }
     TakeDepth(moving, z, record);
     EvaluateCost({robot.q, robot.qd, record.torque}, moving, z, record.torque_slope, slope);
@@ -259,6 +264,20 @@ struct ForwardSensitivity::Implementation {
       const double* const own = torque_slope.data() + Index(j * parameters);
       running += by_torque[Index(j)] * ConstRow(own, parameters);
     }
+  }
+
+  /// Records where a joint's motor is on its torque-speed curve, from its torque.
+  void TakeCurve(std::size_t j, bool moving, const std::vector<double>& z,
+                 StageRecord& record) const {
+    const ActuatedJoint& joint = problem.joints[j];
+    record.curve[j] = OnCurve(joint, record.torque[j], robot.qd[Index(joint.dof)]);
+    const std::size_t first = j * Index(parameters);
+    Row slope(record.curve_slope.data() + first, parameters);
+    slope = joint.motor.curve_by_torque() / joint.limits.torque_max_nm *
+            ConstRow(record.torque_slope.data() + first, parameters);
+    SceneDynamics::Numbers by_qd{};
+    by_qd[Index(joint.dof)] = joint.motor.curve_by_velocity();
+    AddByState(by_qd, 1, moving, z, slope.data());
   }
 
   /// Records the smooth depth of the stage that was just evaluated.
@@ -306,6 +325,12 @@ struct ForwardSensitivity::Implementation {
       if (!std::isfinite(limit)) continue;
       for (std::size_t s = 0; s < stages; ++s) values[s] = records[s].torque[Index(j)] / limit;
       smooth[Index(j)].Add(points, h, {values.data(), stages}, slope_at, limit, growth);
+      if (!LimitsTorqueBySpeed(problem.joints[Index(j)])) continue;
+      for (std::size_t s = 0; s < stages; ++s) values[s] = records[s].curve[Index(j)];
+      const auto curve_slope_at = [&](std::size_t s) {
+        return records[s].curve_slope.data() + Index(j * parameters);
+      };
+      smooth[Index(j)].Add(points, h, {values.data(), stages}, curve_slope_at, 1, growth);
     }
     bool touched = false;
     for (std::size_t s = 0; s < stages; ++s) {

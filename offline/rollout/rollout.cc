@@ -15,6 +15,7 @@
 #include "offline/rollout/free_duration.h"
 #include "offline/rollout/smooth_maximum.h"
 #include "offline/rollout/start_state.h"
+#include "offline/rollout/torque_limit.h"
 #include "offline/scene/scene_dynamics.h"
 #include "offline/stepper/even_steps.h"
 #include "offline/stepper/step_grid.h"
@@ -197,6 +198,9 @@ struct Rollout::Implementation {
         grid(EvenGrid(p, step_s)),
         table(kClassical, grid, p.duration_s, instants) {
     for (const ActuatedJoint& joint : p.joints) actuated.push_back(joint.dof);
+    for (int j = 0; j < na; ++j) {
+      if (LimitsTorqueBySpeed(p.joints[Index(j)])) curved.push_back(j);
+    }
     for (int j = 0; j < na; ++j) first_parameter.push_back(p.first_parameter(Index(j)));
     order = robot.free;
     order.insert(order.end(), actuated.begin(), actuated.end());
@@ -245,11 +249,13 @@ struct Rollout::Implementation {
     points_in.clear();
     for (const double h : table.length) points_in.push_back(&look_points.In(h));
     torque_slope.resize(stage_torque.size());
+    stage_curve.resize(Index(table.steps() * table.stages) * curved.size());
+    curve_slope.resize(stage_curve.size());
     stage_depth.resize(Index(table.steps() * table.stages));
     depth_slope.resize(stage_depth.size());
     core_slope.resize(stage_depth.size() * Index(nd));
     highest_in.resize(Index(table.steps()));
-    added.reserve(Index(table.steps()));
+    added.reserve(Index(table.steps()) * (curved.empty() ? 1 : 2));
     stages.clear();
   }
 
@@ -335,8 +341,7 @@ struct Rollout::Implementation {
   /// for the free degrees of freedom, input^T for the actuated ones, then D_q^T and D_qd^T; and the
   /// state's slope where the duration is free.
   void StoreStage(double* out, const double* slope) {
-    robot.contact->Differentiate(robot.dynamics);
-    robot.dynamics.DifferentiateFactored(derivatives);
+    robot.DifferentiateFactored(derivatives);
     const auto& input = derivatives.input;
     for (const int i : robot.free) {  // R_pp^T = -input_pp, R_ap^T = -input_ap^T = input_pa
       for (const int k : robot.free) *out++ = -input[Index(i)][Index(k)];
@@ -540,25 +545,66 @@ struct Rollout::Implementation {
     if (scheme == Scheme::kRecordedRungeKutta) {
       std::fill(depth_slope.begin(), depth_slope.end(), 0.0);
       std::fill(torque_slope.begin(), torque_slope.end(), 0.0);
+      std::fill(curve_slope.begin(), curve_slope.end(), 0.0);
     }
+    added.clear();
+    stretched_sum = 0;
     SmoothMaximum deepest(rho, SmoothMaximum::Of::kAboveZero);
-    excess_slopes.back() =
-        AddSteps(scheme, {stage_depth.data(), depth_slope.data(), 1, 1}, deepest);
+    AddSteps(scheme, {stage_depth.data(), depth_slope.data(), 1, 1}, deepest);
+    excess_slopes.back() = FinishSlopes(deepest);
     result.core_excess = std::max(-1.0, depth.least() + deepest.value() - 1);
     for (int j = 0; j < na; ++j) {
       const double limit = problem.joints[Index(j)].limits.torque_max_nm;
       result.torque_excess[Index(j)] = -1;
       if (!std::isfinite(limit)) continue;
       SmoothMaximum largest(rho, SmoothMaximum::Of::kSize);
-      excess_slopes[Index(j)] = AddSteps(
-          scheme, {&stage_torque[Index(j)], &torque_slope[Index(j)], Index(na), limit}, largest);
+      AddSteps(scheme, {&stage_torque[Index(j)], &torque_slope[Index(j)], Index(na), limit},
+               largest);
+      const auto found = std::find(curved.begin(), curved.end(), j);
+      excess_slopes[Index(j)] =
+          found == curved.end()
+              ? FinishSlopes(largest)
+              : AddCurve(scheme, static_cast<std::size_t>(found - curved.begin()), largest);
       result.torque_excess[Index(j)] = largest.value() - 1;
     }
   }
 
-  /// Adds all steps to a smooth maximum, except for those that are 0.
-  /// @returns its derivative by the duration as far as steps become longer, if that is free.
-  double AddSteps(Scheme scheme, const Quantity& quantity, SmoothMaximum& maximum) {
+  /// Sets where the motor of one of `curved` is on its torque-speed curve at each stage.
+  void FindCurve(Scheme scheme, std::size_t c) {
+    const int stages_used = scheme == Scheme::kSemiImplicitEuler ? 1 : table.stages;
+    const std::size_t j = Index(curved[c]);
+    for (int step = 0; step < table.steps(); ++step) {
+      for (int s = 0; s < stages_used; ++s) {
+        const int point = table.PointOf(step, s);
+        const bool moving = point < table.held();
+        const double velocity = moving ? controls[Index(point) * Index(na) + j].qd : 0;
+        const std::size_t stage = StageOf(step, s);
+        stage_curve[stage * curved.size() + c] =
+            OnCurve(problem.joints[j], stage_torque[stage * Index(na) + j], velocity);
+      }
+    }
+  }
+
+  /// Adds the torque-speed curve of one of `curved` to the smooth maximum of its joint's torque,
+  /// and finishes that.
+  /// @returns as FinishSlopes.
+  double AddCurve(Scheme scheme, std::size_t c, SmoothMaximum& largest) {
+    FindCurve(scheme, c);
+    AddSteps(scheme, {&stage_curve[c], &curve_slope[c], curved.size(), 1}, largest);
+    const double by_duration = FinishSlopes(largest);
+    if (scheme != Scheme::kRecordedRungeKutta) return by_duration;
+    const int j = curved[c];
+    const double by_torque = problem.joints[Index(j)].motor.curve_by_torque();
+    for (std::size_t stage = 0; stage * curved.size() < curve_slope.size(); ++stage) {
+      torque_slope[stage * Index(na) + Index(j)] +=
+          by_torque * curve_slope[stage * curved.size() + c];
+    }
+    return by_duration;
+  }
+
+  /// Adds all steps to a smooth maximum, except for those that are 0. FinishSlopes makes the
+  /// slopes those of the maximum, when everything has been added.
+  void AddSteps(Scheme scheme, const Quantity& quantity, SmoothMaximum& maximum) {
     const bool euler = scheme == Scheme::kSemiImplicitEuler;
     const std::size_t count = euler ? 1 : Index(table.stages);
     const std::size_t step_stride = Index(table.stages) * quantity.stride;
@@ -586,8 +632,6 @@ struct Rollout::Implementation {
     maximum.Expect(points_of(highest_step), {values.data(), count});
 
     const bool record = scheme == Scheme::kRecordedRungeKutta;
-    double stretched = 0;  // The part of the integral over steps that are stretched.
-    added.clear();
     for (std::size_t step = 0; step < steps; ++step) {
       if (highest_in[step] == 0) continue;
       const StepPoints& points = points_of(step);
@@ -597,19 +641,27 @@ struct Rollout::Implementation {
       const double shrink = maximum.Add(points, table.length[step], {values.data(), count},
                                         {slopes.data(), record ? count : 0});
       if (!record) continue;
-      stretched *= shrink;
-      if (IsStretched(static_cast<int>(step))) stretched += maximum.sum() - shrink * before;
+      stretched_sum *= shrink;
+      if (IsStretched(static_cast<int>(step))) stretched_sum += maximum.sum() - shrink * before;
       for (std::size_t s = 0; s < count; ++s)
         quantity.slope[step * step_stride + s * quantity.stride] = slopes[s];
-      added.push_back({step, maximum.largest()});
+      added.push_back({quantity.slope + step * step_stride, quantity.stride, maximum.largest()});
     }
+  }
+
+  /// @returns the derivative of the maximum by the duration as far as steps become longer, if that
+  /// is free.
+  double FinishSlopes(const SmoothMaximum& maximum) {
     if (maximum.sum() == 0) added.clear();  // All slopes are 0.
-    for (const auto& [step, largest_so_far] : added) {
+    for (const AddedStep& step : added) {
       const double since =
-          std::exp(problem.solver.sharpness * (largest_so_far - maximum.largest()));
-      for (std::size_t s = 0; s < count; ++s)
-        quantity.slope[step * step_stride + s * quantity.stride] *= since / maximum.sum();
+          std::exp(problem.solver.sharpness * (step.largest_so_far - maximum.largest()));
+      for (std::size_t s = 0; s < Index(table.stages); ++s)
+        step.slope[s * step.stride] *= since / maximum.sum();
     }
+    const double stretched = stretched_sum;
+    added.clear();
+    stretched_sum = 0;
     return stretched > 0
                ? duration.growth() * stretched / (problem.solver.sharpness * maximum.sum())
                : 0;
@@ -799,6 +851,7 @@ struct Rollout::Implementation {
       control[2] += row_times(nf + j, r);
       if (core != nullptr) control[0].Add(core_lane, core_scale * core[nf + j]);
     }
+    if (moving && !curved.empty()) AddCurveSlopes(stage);
     if (by_state) AddStateSlopes(by_q, by_qd, moving, y_bar);
   }
 
@@ -816,6 +869,18 @@ struct Rollout::Implementation {
         sum.Add(0, term.weight * term.Accumulate(0, b, there));
     }
     lane_gradient.back() += duration.growth() * sum;
+  }
+
+  /// Adds the derivatives of torque-speed curves in the joints' velocities at a stage.
+  void AddCurveSlopes(std::size_t stage) {
+    for (std::size_t c = 0; c < curved.size(); ++c) {
+      const int j = curved[c];
+      const double by_velocity = problem.joints[Index(j)].motor.curve_by_velocity();
+      for (int i = 0; i < kLanes; ++i) {
+        if (pullback.lanes[Index(i)].output != 1 + j) continue;
+        pullback.controls[Index(j)][1].Add(i, by_velocity * curve_slope[stage * curved.size() + c]);
+      }
+    }
   }
 
   /// From here on, cotangents of the controls are those at this point.
@@ -885,12 +950,22 @@ struct Rollout::Implementation {
   std::vector<double> excess_slopes;         // of AddSteps: by joint, then the depth's
   std::vector<double> stage_torque;          // by stage, then joint
   std::vector<double> torque_slope;          // of its smooth maximum, likewise, times the limit
+  std::vector<int> curved;                   // joints whose limit depends on their speed
+  std::vector<double> stage_curve;           // OnCurve: by stage, then in `curved`
+  std::vector<double> curve_slope;           // of the smooth maximum by it, likewise
   std::vector<double> stage_depth;           // by stage
   std::vector<double> depth_slope;           // of the smooth maximum of the depth: by stage
   std::vector<double> core_slope;            // of the depth: by stage, then in `order`
   std::vector<double> highest_in;            // of AddSteps: the largest value at a stage, by step
-  /// Of AddSteps: the steps that count, with the largest value up to each.
-  std::vector<std::pair<std::size_t, double>> added;
+  /// Of AddSteps: the steps that count, where their slopes are, and the largest value up to each.
+  struct AddedStep {
+    double* slope;
+    std::size_t stride;
+    double largest_so_far;
+  };
+  std::vector<AddedStep> added;
+  /// Of AddSteps: the part of the maximum's sum that is over steps that are stretched.
+  double stretched_sum = 0;
   std::vector<double> stages;  // of StoreStage: by stage
   int stage_size = 0;
   Pullback pullback;

@@ -30,14 +30,15 @@ struct RolloutResult {
   /// The residuals of the cost's terms that draw the motion to a target (CostTerm::Residual), in
   /// the order of the problem's instants.
   std::vector<double> residuals;
-  /// For each joint, the smooth maximum of |tau| / limit, less 1. An upper bound of the true one,
-  /// unless its peak is shorter than kPeakDuration_s.
+  /// For each joint, the smooth maximum of |tau| / limit, less 1, with the torque tau of its motor.
+  /// An upper bound of the true one, unless its peak is shorter than kPeakDuration_s. Where a motor
+  /// has a torque-speed curve, that of |OnCurve| counts in it, too.
   std::vector<double> torque_excess;
   /// The smooth maximum of penetration over the usable part of the layer, less 1, likewise.
   double core_excess = -1;
   /// The same of the clearance between the robot's own shapes, see ClearanceConstraint.
   double clearance_excess = -1;
-  /// For each joint, the largest |tau| at the starts of steps.
+  /// For each joint, the largest |tau| of its motor at the starts of steps.
   std::vector<double> peak_torque_nm;
 };
 

@@ -13,7 +13,7 @@ struct MotionSample {
   double time_s = 0;
   /// Positions [m, rad] and velocities [m/s, rad/s] of all degrees of freedom.
   std::vector<double> q, qd;
-  /// Torques of the actuated joints [N m].
+  /// Torques of the actuated joints' motors, friction included [N m].
   std::vector<double> torque;
   /// Valid during the call only.
   std::span<const ActiveContact<Plane>> contacts;

@@ -7,6 +7,7 @@
 #include <numbers>
 #include <stdexcept>
 
+#include "common/index.h"
 #include "offline/scene/scene_dynamics.h"
 
 namespace tumbler {
@@ -17,7 +18,6 @@ constexpr double kStep_s = 1e-4;
 constexpr double kTime_s = 5;
 /// Numerical air resistance. It shortens the rocking and has no effect at rest.
 constexpr double kAir_per_s = 5;
-constexpr std::size_t kRoot = 3;  // x, z and pitch
 constexpr std::size_t kX = 0, kZ = 1, kPitch = 2;
 
 /// The height of the root at which the lowest shape just reaches the compliant layer, by bisection.
@@ -46,7 +46,8 @@ bool AtRest(const SceneDynamics& robot, const Scene& scene) {
   constexpr double kStill = 1e-7, kFree = 1e-5;
   const Plane::Vector& g = scene.robot.tree.gravity;
   const bool slope = g.x() != 0 && std::abs(g.x()) < scene.contact.mu * std::abs(g.y());
-  for (std::size_t i = 0; i < kRoot; ++i) {
+  for (const int dof : robot.free) {
+    const std::size_t i = Index(dof);
     const double speed = std::abs(robot.qd[i]), acceleration = std::abs(robot.qdd[i]);
     if (slope && i == kX) {
       if (!(speed < scene.contact.v_max_m_per_s &&
@@ -95,15 +96,18 @@ std::vector<double> RestPose(const Scene& scene, std::vector<double> q) {
   std::copy(q.begin(), q.end(), robot.q.begin());
   robot.q[kZ] = LowestHeight(robot, scene);
   SceneDynamics::State y = robot.AtRest(robot.q);
-  for (int step = 0; step < static_cast<int>(kTime_s / kStep_s); ++step) {
+  // A spring swings for longer than a robot rocks.
+  const double time_s = scene.robot.passive.empty() ? kTime_s : 4 * kTime_s;
+  const std::size_t free = robot.free.size();
+  for (int step = 0; step < static_cast<int>(time_s / kStep_s); ++step) {
     const auto slope = [&](int, const SceneDynamics::State& y_s, double* k) {
       robot.SetFree(y_s);
       robot.TouchAndSolve();
       robot.TakeSlope(k);
       return step == 0 || !AtRest(robot, scene);
     };
-    const bool moved = StepSemiImplicitEuler(y, kRoot, kStep_s, slope, kAir_per_s);
-    std::copy_n(y.begin(), kRoot, q.begin());
+    const bool moved = StepSemiImplicitEuler(y, free, kStep_s, slope, kAir_per_s);
+    for (std::size_t i = 0; i < free; ++i) q[Index(robot.free[i])] = y[i];
     if (!moved) return q;
     // It fell over, or past all obstacles, or its position is not a number.
     if (!(std::abs(q[kPitch] - pitch) <= std::numbers::pi / 2 && std::abs(q[kZ]) <= 2 * kReach_m &&

@@ -26,12 +26,14 @@ double RestingPitch(const Scene& scene, std::span<const double> q);
 /// Finds the pose in which the robot rests on the obstacles. A simulation puts the robot just above
 /// them, lets it go, and holds its joints until nothing moves any more, or, on a slope, until it
 /// only creeps along the ground as the law of friction allows.
-/// @param q  positions of all degrees of freedom [m, rad]. The joints keep theirs. The root begins
-///           with its x and pitch, which change as the robot settles; its height is not used.
-/// @pre The root is planar, and all joints are prescribed.
+/// @param q  positions of all degrees of freedom [m, rad]. Joints with a motor keep theirs. Passive
+///           ones and the root's x and pitch begin with these, and change as the robot settles; the
+///           root's height is not used.
+/// @pre The root is planar, and all joints but the passive ones are prescribed.
 /// @returns positions of all degrees of freedom at rest.
 /// @throws std::runtime_error  when the robot cannot be put above the obstacles, or is not at rest
-///                             after 5 s. The message says where it is then.
+///                             after 5 s (20 s where joints are passive). The message says where it
+///                             is then.
 std::vector<double> RestPose(const Scene& scene, std::vector<double> q);
 
 }  // namespace tumbler

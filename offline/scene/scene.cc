@@ -19,9 +19,19 @@ bool SameGround(const Scene& a, const Scene& b) {
 std::vector<double> PositionsIn(const PrimitivePose& pose, const PlanarRobot& robot) {
   if (pose.joint_positions_rad.size() != robot.joint_count())
     throw std::invalid_argument("a pose needs every joint");
+  if (!pose.passive_positions_rad.empty() &&
+      pose.passive_positions_rad.size() != robot.passive.size())
+    throw std::invalid_argument("a pose needs every passive joint, or none");
   std::vector<double> q;
   if (robot.root_dofs == 3) q = {pose.root_x_m, pose.root_z_m, pose.root_pitch_rad};
-  q.insert(q.end(), pose.joint_positions_rad.begin(), pose.joint_positions_rad.end());
+  q.resize(robot.tree.dofs.size());
+  for (std::size_t j = 0; j < robot.joint_count(); ++j)
+    q[robot.DofOfJoint(j)] = pose.joint_positions_rad[j];
+  for (std::size_t i = 0; i < robot.passive.size(); ++i) {
+    q[Index(robot.passive[i].dof)] = pose.passive_positions_rad.empty()
+                                         ? robot.passive[i].rest_rad
+                                         : pose.passive_positions_rad[i];
+  }
   return q;
 }
 
@@ -32,8 +42,11 @@ PrimitivePose PoseAt(std::span<const double> q, const PlanarRobot& robot) {
     pose.root_z_m = q[1];
     pose.root_pitch_rad = q[2];
   }
-  const auto joints = q.subspan(static_cast<std::size_t>(robot.root_dofs));
-  pose.joint_positions_rad.assign(joints.begin(), joints.end());
+  pose.joint_positions_rad.reserve(robot.joint_count());
+  for (std::size_t j = 0; j < robot.joint_count(); ++j)
+    pose.joint_positions_rad.push_back(q[robot.DofOfJoint(j)]);
+  for (const PassiveJoint& joint : robot.passive)
+    pose.passive_positions_rad.push_back(q[Index(joint.dof)]);
   return pose;
 }
 

@@ -10,6 +10,7 @@
 #include "offline/contact/obstacle.h"
 #include "offline/dynamics/plane.h"
 #include "offline/model/planar_robot.h"
+#include "offline/scene/motor.h"
 #include "offline/scene/self_clearance.h"
 
 namespace tumbler {
@@ -19,6 +20,10 @@ namespace tumbler {
 struct Scene {
   /// Joints that follow a path are prescribed; the others are free.
   PlanarRobot robot;
+  /// Those of the robot's joints, in their order; empty: nothing is known of them, and they have
+  /// neither friction nor a torque-speed curve. The viscous friction is in the robot's dampings,
+  /// too.
+  std::vector<Motor> motors;
   ContactLaw contact;
   /// x and z of the bar that a robot with a hinge hangs from [m].
   Plane::Vector bar = Plane::Vector::Zero();
@@ -34,7 +39,8 @@ const std::string& TouchedName(const Scene& scene, const ActiveContact<Plane>& c
 /// Whether two scenes have the same ground: contact law, obstacles and bar.
 bool SameGround(const Scene& a, const Scene& b);
 
-/// Positions of all degrees of freedom of a robot in this pose [m, rad].
+/// Positions of all degrees of freedom of a robot in this pose [m, rad]. Passive joints are where
+/// their springs are slack when the pose has none of them.
 /// @throws std::invalid_argument when the pose does not have one position for each joint.
 std::vector<double> PositionsIn(const PrimitivePose& pose, const PlanarRobot& robot);
 

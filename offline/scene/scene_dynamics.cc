@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "common/index.h"
 #include "offline/contact/contact_model.h"
 
 namespace tumbler {
@@ -17,10 +18,30 @@ SceneDynamics::SceneDynamics(const Scene& scene, std::unique_ptr<ContactForces<P
   for (int j = 0; j < dynamics.size(); ++j) {
     if (!dynamics.prescribed(j)) free.push_back(j);
   }
+  for (std::size_t j = 0; j < scene.motors.size(); ++j) {
+    const std::size_t dof = scene.robot.DofOfJoint(j);
+    const double friction_nm = scene.motors[j].dry_friction_nm;
+    if (friction_nm > 0 && scene.robot.tree.dofs[dof].prescribed)
+      dry_.push_back({dof, friction_nm});
+  }
+  for (const PassiveJoint& joint : scene.robot.passive) {
+    if (joint.stiffness_nm_per_rad > 0) springs_.push_back(joint);
+  }
+  plain_ = dry_.empty() && springs_.empty();
   if (scene.robot.hinged()) {
     q[0] = scene.bar.x();
     q[1] = scene.bar.y();
   }
+}
+
+void SceneDynamics::SolveWithJoints() {
+  for (const PassiveJoint& joint : springs_) {
+    const std::size_t dof = Index(joint.dof);
+    tau[dof] -= joint.stiffness_nm_per_rad * (q[dof] - joint.rest_rad);
+  }
+  dynamics.Solve({qdd.data(), n}, {tau.data(), n});
+  for (const DryJoint& joint : dry_)
+    tau[joint.dof] += EvaluateDryFriction(joint.friction_nm, qd[joint.dof]).torque_nm;
 }
 
 }  // namespace tumbler

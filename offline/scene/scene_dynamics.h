@@ -21,7 +21,8 @@ namespace tumbler {
 /// 1. SetFree, and set q, qd and qdd of the prescribed degrees of freedom; a bar's x and z keep
 ///    their place without it;
 /// 2. Touch;
-/// 3. add wrenches from elsewhere (`dynamics.AddWrench`), and set tau of the free ones;
+/// 3. add wrenches from elsewhere (`dynamics.AddWrench`), and set tau of the free ones, without
+///    springs;
 /// 4. Solve.
 ///
 /// No heap after construction.
@@ -58,13 +59,38 @@ struct SceneDynamics {
     dynamics.SetState({q.data(), n}, {qd.data(), n});
     contact->Apply(dynamics);
   }
-  /// Computes qdd of the free degrees of freedom and tau of the prescribed ones.
-  void Solve() { dynamics.Solve({qdd.data(), n}, {tau.data(), n}); }
+  /// Adds the springs of passive joints to tau, and computes qdd of the free degrees of freedom and
+  /// tau of the prescribed ones: the torques of their motors, which bear the friction, too.
+  void Solve() {
+    if (plain_) return dynamics.Solve({qdd.data(), n}, {tau.data(), n});
+    SolveWithJoints();
+  }
   /// Touch and Solve, without forces other than those of contact.
   void TouchAndSolve() {
     tau.fill(0);
     Touch();
     Solve();
+  }
+  /// Writes the derivatives of what Solve computed, as HybridDynamics::Differentiate does.
+  void Differentiate(HybridDynamics<Plane>::Derivatives& out) {
+    contact->Differentiate(dynamics);
+    dynamics.Differentiate(out);
+    AddFrictionSlopes(out);
+    for (const PassiveJoint& joint : springs_) {
+      const auto dof = static_cast<std::size_t>(joint.dof);
+      for (std::size_t i = 0; i < n; ++i)
+        out.q[i][dof] -= joint.stiffness_nm_per_rad * out.input[i][dof];
+    }
+  }
+  /// The same as HybridDynamics::DifferentiateFactored does.
+  void DifferentiateFactored(HybridDynamics<Plane>::Derivatives& out) {
+    contact->Differentiate(dynamics);
+    dynamics.DifferentiateFactored(out);
+    AddFrictionSlopes(out);
+    for (const PassiveJoint& joint : springs_) {
+      const auto dof = static_cast<std::size_t>(joint.dof);
+      out.q[dof][dof] += joint.stiffness_nm_per_rad;
+    }
   }
   /// Writes the derivative of the State after Solve: velocities, then accelerations.
   void TakeSlope(double* k) const {
@@ -82,6 +108,26 @@ struct SceneDynamics {
   /// The degrees of freedom that are not prescribed.
   std::vector<int> free;
   Numbers q{}, qd{}, qdd{}, tau{};
+
+ private:
+  /// Solve where springs or dry friction act in joints.
+  void SolveWithJoints();
+
+  /// A prescribed joint whose motor has dry friction.
+  struct DryJoint {
+    std::size_t dof;
+    double friction_nm;
+  };
+  /// Friction is no part of inverse dynamics but for the torque of its own joint.
+  void AddFrictionSlopes(HybridDynamics<Plane>::Derivatives& out) const {
+    for (const DryJoint& joint : dry_) {
+      out.qd[joint.dof][joint.dof] +=
+          EvaluateDryFriction(joint.friction_nm, qd[joint.dof]).by_velocity;
+    }
+  }
+  std::vector<DryJoint> dry_;
+  std::vector<PassiveJoint> springs_;  // those with a stiffness
+  bool plain_ = true;                  // neither of the two
 };
 
 }  // namespace tumbler

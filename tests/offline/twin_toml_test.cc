@@ -56,9 +56,10 @@ TEST(TwinToml, TheShippedFileIsTheDefaultsWrittenOut) {
     EXPECT_EQ(shipped.motors[j].ambient_c, none.motors[j].ambient_c);
     EXPECT_EQ(shipped.motors[j].heating_k_per_nm2, none.motors[j].heating_k_per_nm2);
     EXPECT_EQ(shipped.motors[j].thermal_time_constant_s, none.motors[j].thermal_time_constant_s);
-    EXPECT_TRUE(std::isinf(shipped.motors[j].base_speed_rad_s));
+    EXPECT_EQ(shipped.motors[j].base_speed_rad_s, none.motors[j].base_speed_rad_s);
     EXPECT_EQ(shipped.twin.joints[j].viscous_friction_nm_s_per_rad,
-              none.twin.joints[j].viscous_friction_nm_s_per_rad);
+              JointLosses::kUsualFriction_nm_s_per_rad);
+    EXPECT_FALSE(none.twin.joints[j].viscous_friction_nm_s_per_rad) << "the task's, or as usual";
     EXPECT_EQ(shipped.twin.joints[j].dry_friction_nm, 0);
     EXPECT_EQ(shipped.twin.joints[j].rotor_inertia_kg_m2, 0.001) << "the tasks'";
   }
@@ -99,7 +100,7 @@ TEST(TwinToml, AJointsOwnMotorGoesBeforeThatOfAll) {
   EXPECT_EQ(config.motors[0].torque_max_nm, 5);
   EXPECT_EQ(config.motors[1].torque_max_nm, 3);
   EXPECT_EQ(config.twin.joints[1].dry_friction_nm, 0.1);
-  EXPECT_TRUE(std::isinf(config.motors[0].base_speed_rad_s));
+  EXPECT_FALSE(config.motors[0].base_speed_rad_s) << "the task's";
   EXPECT_EQ(config.motors[1].no_load_speed_rad_s, 20);
 }
 

@@ -20,13 +20,16 @@ const DriveEntry& DriveOf(const DrivesConfig& drives, const std::string& joint) 
   throw std::invalid_argument("there is no drive for the joint '" + joint + "' of the motion");
 }
 
-SimulatedMotorConfig AtShaft(const JointMotor& motor, double torque_max_nm, const JointMap& map) {
+/// @param of_task  what is known of the motor there.
+SimulatedMotorConfig AtShaft(const JointMotor& motor, const Motor& of_task, double torque_max_nm,
+                             const JointMap& map) {
   const double torque_ratio = std::abs(static_cast<double>(map.ToDriveTorque(1)));
   const double speed_ratio = std::abs(static_cast<double>(map.ToDriveVelocity(1)));
   SimulatedMotorConfig shaft;
   shaft.torque_max_nm = motor.torque_max_nm.value_or(torque_max_nm) * torque_ratio;
-  shaft.base_speed_rad_s = motor.base_speed_rad_s * speed_ratio;
-  shaft.no_load_speed_rad_s = motor.no_load_speed_rad_s * speed_ratio;
+  shaft.base_speed_rad_s = motor.base_speed_rad_s.value_or(of_task.base_speed_rad_s) * speed_ratio;
+  shaft.no_load_speed_rad_s =
+      motor.no_load_speed_rad_s.value_or(of_task.no_load_speed_rad_s) * speed_ratio;
   shaft.encoder_step_rad = motor.encoder_counts_per_turn == 0
                                ? 0.0
                                : 6.2831853071795864769 / motor.encoder_counts_per_turn;
@@ -67,19 +70,20 @@ SimulatedRobot::SimulatedRobot(const SimulatedMotion& simulated, const DrivesCon
     : bus_(drives.bit_rate) {
   const SequenceFile& motion = simulated.file();
   const Primitive<double>& first = motion.PrimitiveOf(motion.graph.start).primitive;
+  const Scene& scene = config.scene ? *config.scene : simulated.scene();
   std::vector<SimulatedDrive*> pointers;
   for (std::size_t j = 0; j < first.motions().size(); ++j) {
     const double torque_max_nm = LargestTorqueLimit(motion, j);
     joints_.emplace_back(first.joints[j].name.view());
     const DriveEntry& entry = DriveOf(drives, joints_.back());
     const JointMotor motor = j < config.motors.size() ? config.motors[j] : JointMotor{};
+    const Motor of_task = j < scene.motors.size() ? scene.motors[j] : Motor{};
     drives_.push_back(
-        MakeSimulatedDrive(entry, AtShaft(motor, torque_max_nm, JointOf(entry.config))));
+        MakeSimulatedDrive(entry, AtShaft(motor, of_task, torque_max_nm, JointOf(entry.config))));
     drives_.back()->AttachTo(bus_);
     pointers.push_back(drives_.back().get());
   }
   const PrimitivePose start = config.start.value_or(StartOf(motion));
-  const Scene& scene = config.scene ? *config.scene : simulated.scene();
   twin_ = std::make_unique<Twin>(scene, start, config.twin, bus_, pointers);
   if (drives.sensor) {
     const std::vector<LinkChain> chains = LinkChainsOf(scene.robot);

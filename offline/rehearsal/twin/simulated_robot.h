@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstdint>
-#include <limits>
 #include <memory>
 #include <optional>
 #include <span>
@@ -23,9 +22,9 @@ struct JointMotor {
   /// None: the largest torque limit in the motion.
   std::optional<double> torque_max_nm;
   /// Above the base speed, the torque in the direction of motion falls. It is zero at the no-load
-  /// speed.
-  double base_speed_rad_s = std::numeric_limits<double>::infinity();
-  double no_load_speed_rad_s = std::numeric_limits<double>::infinity();
+  /// speed. None: the speeds of the task's motor.
+  std::optional<double> base_speed_rad_s;
+  std::optional<double> no_load_speed_rad_s;
   /// Counts for a turn of the drive's shaft; 14 bits are common. 0: the position is exact.
   int encoder_counts_per_turn = 16384;
   /// Sets SimulatedMotorConfig::turnaround_ns.

@@ -33,6 +33,17 @@ PrimitivePose Lifted(PrimitivePose start, double stand_m) {
   return start;
 }
 
+/// The friction of a joint in a twin.
+Motor LossesOf(const Scene& scene, std::size_t joint, const TwinConfig& config) {
+  const JointLosses losses = joint < config.joints.size() ? config.joints[joint] : JointLosses{};
+  Motor motor{.viscous_friction_nm_s_per_rad = JointLosses::kUsualFriction_nm_s_per_rad};
+  if (joint < scene.motors.size()) motor = scene.motors[joint];
+  if (losses.viscous_friction_nm_s_per_rad)
+    motor.viscous_friction_nm_s_per_rad = *losses.viscous_friction_nm_s_per_rad;
+  if (losses.dry_friction_nm) motor.dry_friction_nm = *losses.dry_friction_nm;
+  return motor;
+}
+
 /// The scene with the twin's own contact law, obstacles, masses and losses, and with every joint
 /// driven by a torque. In a stand the root stays where it is, and on a bar its x and z do.
 Scene Changed(Scene scene, const TwinConfig& config) {
@@ -44,16 +55,23 @@ Scene Changed(Scene scene, const TwinConfig& config) {
     dof.mass_kg *= factor;
     dof.inertia_kg_m2 *= factor;
   }
+  std::vector<Motor> motors;
   if (config.stand_m > 0) {
     for (std::size_t i = 0; i < Index(scene.robot.root_dofs); ++i) dofs[i].prescribed = true;
   }
   for (std::size_t j = 0; j < scene.robot.joint_count(); ++j) {
-    const JointLosses losses = j < config.joints.size() ? config.joints[j] : JointLosses{};
     Dof<Plane>& dof = dofs[scene.robot.DofOfJoint(j)];
     dof.prescribed = false;
-    dof.damping_nm_s_per_rad += losses.viscous_friction_nm_s_per_rad;
-    if (losses.rotor_inertia_kg_m2) dof.rotor_inertia_kg_m2 = *losses.rotor_inertia_kg_m2;
+    const Motor motor = LossesOf(scene, j, config);
+    // The scene's damping has the friction of its own motors.
+    if (!scene.motors.empty())
+      dof.damping_nm_s_per_rad -= scene.motors[j].viscous_friction_nm_s_per_rad;
+    dof.damping_nm_s_per_rad += motor.viscous_friction_nm_s_per_rad;
+    if (j < config.joints.size() && config.joints[j].rotor_inertia_kg_m2)
+      dof.rotor_inertia_kg_m2 = *config.joints[j].rotor_inertia_kg_m2;
+    motors.push_back(motor);
   }
+  scene.motors = std::move(motors);
   return scene;
 }
 
@@ -77,7 +95,6 @@ struct Twin::Implementation {
       throw std::invalid_argument("a twin needs one drive for each joint of its primitive");
     }
     if (config.step_ns <= 0) throw std::invalid_argument("the twin's step must be positive");
-    config.joints.resize(drives.size());
     place.assign(robot.n, -1);
     for (std::size_t i = 0; i < robot.free.size(); ++i)
       place[Index(robot.free[i])] = static_cast<int>(i);
@@ -104,10 +121,7 @@ struct Twin::Implementation {
 
   /// The torque of dry friction and of the stop at the joint's limit.
   [[nodiscard]] double Resistance(std::size_t j, double position, double velocity) const {
-    // Friction is full above this velocity. Below it a joint creeps rather than sticks, as feet do.
-    static const ContactLaw creep{.v_max_m_per_s = 0.05};
-    double torque = -config.joints[j].dry_friction_nm *
-                    EvaluateFrictionGain(creep, velocity * velocity).gain * velocity;
+    double torque = -EvaluateDryFriction(scene.motors[j].dry_friction_nm, velocity).torque_nm;
     const RobotJointLimits& limits = scene.robot.limits[scene.robot.DofOfJoint(j)];
     const double k = config.stop_stiffness_nm_per_rad;
     const double c = config.stop_damping_nm_s_per_rad;
@@ -283,6 +297,8 @@ TwinState Twin::state() const {
     state.joint_velocities_rad_s.push_back(m.qd(dof));
     state.joint_torques_nm.push_back(m.drive_torque[dof]);
   }
+  for (const PassiveJoint& joint : m.scene.robot.passive)
+    state.passive_positions_rad.push_back(m.q(Index(joint.dof)));
   state.peak_penetration_m = m.peak_penetration;
   state.impact_m_s = m.impact;
   if (m.impact_body >= 0) state.impact_link = m.scene.robot.body_names[Index(m.impact_body)];

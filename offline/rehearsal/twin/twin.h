@@ -18,10 +18,14 @@ namespace tumbler {
 
 /// Friction and rotor inertia of a joint.
 struct JointLosses {
-  /// Friction of bearing and gear. It adds to the damping in the URDF.
-  double viscous_friction_nm_s_per_rad = 0.02;
-  /// Coulomb friction, >= 0. It has its full strength above 0.05 rad/s.
-  double dry_friction_nm = 0;
+  /// Of a joint whose task does not say what its motor loses.
+  static constexpr double kUsualFriction_nm_s_per_rad = 0.02;
+
+  /// Friction of bearing and gear. It adds to the damping in the URDF. None: that of the task's
+  /// motor, or the usual one.
+  std::optional<double> viscous_friction_nm_s_per_rad;
+  /// Coulomb friction, >= 0 (EvaluateDryFriction). None: that of the task's motor, or 0.
+  std::optional<double> dry_friction_nm;
   /// The rotor's inertia seen through the gear. None: the inertia in the task.
   std::optional<double> rotor_inertia_kg_m2;
 };
@@ -90,8 +94,9 @@ struct TwinState {
   double root_vx_m_s = 0, root_vz_m_s = 0, root_pitch_rate_rad_s = 0;
   std::vector<double> joint_positions_rad;
   std::vector<double> joint_velocities_rad_s;
-  std::vector<double> joint_torques_nm;  ///< The torques that the drives exert.
-  double peak_penetration_m = 0;         ///< Since the start.
+  std::vector<double> passive_positions_rad;  ///< Of the joints without a motor.
+  std::vector<double> joint_torques_nm;       ///< The torques that the drives exert.
+  double peak_penetration_m = 0;              ///< Since the start.
   /// The hardest impact since the start or the last `ForgetImpacts`: the largest speed with which a
   /// point in contact moves into what it touches, and its link; empty: nothing was touched.
   double impact_m_s = 0;

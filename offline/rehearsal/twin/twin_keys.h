@@ -66,12 +66,12 @@ inline constexpr std::array kMotorKeys = {
     KeyOf<&MotorEntry::base_speed_rad_s, MotorEntry>(
         "base_speed_rad_s", kMotorSpeed,
         "above the first the torque in the direction of motion falls, to zero at the second")
-        .Default("none")
+        .Default("the task's, else none")
         .Allowed("above 0, to 10 000; both or neither"),
     KeyOf<&MotorEntry::no_load_speed_rad_s, MotorEntry>(
         "no_load_speed_rad_s", kMotorSpeed,
         "above the first the torque in the direction of motion falls, to zero at the second")
-        .Default("none")
+        .Default("the task's, else none")
         .Allowed("above 0, to 10 000; both or neither"),
     KeyOf<&MotorEntry::encoder_counts_per_turn, MotorEntry>("encoder_counts_per_turn", {0, 1 << 26},
                                                             "of the drive's shaft; 0: exact"),
@@ -83,9 +83,11 @@ inline constexpr std::array kMotorKeys = {
                                                         "seen through the gear")
         .Default("the task's"),
     KeyOf<&MotorEntry::viscous_friction_nm_s_per_rad, MotorEntry>(
-        "viscous_friction_nm_s_per_rad", {0, 10}, "besides the URDF's damping"),
+        "viscous_friction_nm_s_per_rad", {0, 10}, "besides the URDF's damping")
+        .Default("the task's; 0.02 where it has no `[motor]`"),
     KeyOf<&MotorEntry::dry_friction_nm, MotorEntry>(
-        "dry_friction_nm", {0, 5}, "full above 0.05 rad/s, as smooth below it as the ground's"),
+        "dry_friction_nm", {0, 5}, "full above 0.05 rad/s, as smooth below it as the ground's")
+        .Default("the task's, else 0"),
     KeyOf<&MotorEntry::ambient_c, MotorEntry>(
         "ambient_c", {-50, 150}, "the winding approaches ambient + heating torque^2, first order"),
     KeyOf<&MotorEntry::heating_k_per_nm2, MotorEntry>("heating_k_per_nm2", {0, 1e4}, "likewise"),

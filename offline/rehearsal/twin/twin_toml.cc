@@ -5,12 +5,14 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <limits>
 #include <stdexcept>
 #include <utility>
 #include <vector>
 
 #include "common/file_keys.h"
 #include "offline/problem/contact_toml.h"
+#include "offline/problem/motor_toml.h"
 #include "offline/problem/obstacle_toml.h"
 #include "offline/rehearsal/twin/twin_keys.h"
 #include "offline/scene/rest_pose.h"
@@ -77,17 +79,9 @@ class TwinReader {
       if (own) ReadKeys(*own, kMotorKeys, motor);
       motors[j] = motor;
       losses[j] = motor;
-      if (std::isfinite(motor.base_speed_rad_s) != std::isfinite(motor.no_load_speed_rad_s) ||
-          (std::isfinite(motor.base_speed_rad_s) &&
-           !(motor.no_load_speed_rad_s > motor.base_speed_rad_s))) {
-        const TomlTable& table = own ? *own : *all;
-        const char* const key =
-            table.Has("no_load_speed_rad_s") ? "no_load_speed_rad_s" : "base_speed_rad_s";
-        table.Fail(key,
-                   fmt::format("gives joint {} a base speed of {} and a no-load speed of {} rad/s; "
-                               "allowed: both or neither, the second above the first",
-                               joints_[j], motor.base_speed_rad_s, motor.no_load_speed_rad_s));
-      }
+      constexpr double kNone = std::numeric_limits<double>::infinity();
+      CheckTorqueSpeedCurve(own ? *own : *all, joints_[j], motor.base_speed_rad_s.value_or(kNone),
+                            motor.no_load_speed_rad_s.value_or(kNone));
     }
   }
 

@@ -1,0 +1,24 @@
+#pragma once
+
+#include <fmt/format.h>
+
+#include <cstddef>
+#include <string>
+
+#include "common/toml_reader.h"
+#include "offline/problem/problem.h"
+
+namespace tumbler {
+
+/// Checks that a key of a task's table is the name of a joint of its robot.
+/// @throws FileError  with file, line, key and the joints.
+inline void RequireJoint(const TomlTable& table, const std::string& name, const Problem& problem) {
+  const PlanarRobot& robot = problem.scene.robot;
+  if (robot.FindDof(name) >= robot.root_dofs) return;
+  std::string names;
+  for (std::size_t j = static_cast<std::size_t>(robot.root_dofs); j < robot.tree.dofs.size(); ++j)
+    names += (names.empty() ? "" : ", ") + robot.tree.dofs[j].name;
+  table.Fail(name, fmt::format("is not a joint of the robot; its joints: {}", names));
+}
+
+}  // namespace tumbler
