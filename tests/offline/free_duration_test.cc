@@ -36,7 +36,8 @@ CostTerm At(double time_s, CostTerm term) {
 
 /// A dropped robot that takes 0.3 to 0.9 s. The last of the terms that look at given times does so
 /// at 0.2171 s.
-Problem Dropped(bool at_times) {
+/// @param rich  has those, and motors with friction and a torque-speed curve.
+Problem Dropped(bool rich) {
   Problem problem = HandstandProblem(9);
   problem.start_q[1] += 0.05;
   problem.duration_s = 0.5;
@@ -44,11 +45,22 @@ Problem Dropped(bool at_times) {
   problem.free_duration = DurationBounds{0.3, 0.9};
   problem.cost = {SquareTerm(CostTerm::When::kEnd, 1, true, 0.2, 0.7),
                   SquareTerm(CostTerm::When::kSettled, 2, false, 1, 1), EffortTerm(1e-2)};
-  if (!at_times) return problem;
+  if (!rich) return problem;
   CostTerm of_point = SquareTerm(CostTerm::When::kEnd, 0, true, 0.1, 0.7);
   of_point.point = PointOfLink(problem.scene.robot, "leg2_link", {-0.2, 0});
   problem.cost.push_back(At(0.2171, of_point));
   problem.cost.push_back(At(0.1, LinearTerm(CostTerm::When::kEnd, 2, true, 0.3)));
+  // Speeds fall as the duration grows, and so do friction and what the torque-speed curve takes.
+  const Motor motor{.viscous_friction_nm_s_per_rad = 0.05,
+                    .dry_friction_nm = 0.3,
+                    .base_speed_rad_s = 2,
+                    .no_load_speed_rad_s = 9};
+  for (ActuatedJoint& joint : problem.joints) {
+    joint.motor = motor;
+    problem.scene.robot.tree.dofs[static_cast<std::size_t>(joint.dof)].damping_nm_s_per_rad +=
+        motor.viscous_friction_nm_s_per_rad;
+  }
+  problem.scene.motors.assign(problem.joints.size(), motor);
   return problem;
 }
 
