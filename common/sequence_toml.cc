@@ -642,7 +642,8 @@ namespace {
 /// Throws unless all primitives start and end at rest, as what plays them needs.
 void CheckRests(const SequenceFile& file) {
   for (std::size_t i = 0; i < file.primitives.size(); ++i) {
-    for (const Motion& motion : file.primitives[i].primitive.motions()) {
+    const PrimitiveFile& primitive = file.primitives[i];
+    for (const Motion& motion : primitive.primitive.motions()) {
       const std::span<const double> rates = motion.position.control_points(1);
       for (const bool at_end : {false, true}) {
         const double rate = at_end ? rates.back() : rates.front();
@@ -655,6 +656,13 @@ void CheckRests(const SequenceFile& file) {
                 file.primitive_names[i], at_end ? "ends" : "starts", motion.name.view(),
                 MessageNumber(rate), MessageNumber(file.tolerances.joint_velocity_rad_s)));
       }
+    }
+    if (primitive.entry.root_moves() || primitive.exit.root_moves()) {
+      throw FileError(
+          file.path, 0, "primitive",
+          fmt::format("'{}' {} with its root in motion; allowed here: at rest. It is for "
+                      "tumbler-optimize (--start-from, --guess) and tumbler-chain",
+                      file.primitive_names[i], primitive.entry.root_moves() ? "starts" : "ends"));
     }
   }
 }

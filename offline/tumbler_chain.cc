@@ -71,7 +71,9 @@ ExitStatus Check(const Arguments& arguments) {
     throw FileError(file.path, file.edge_lines[static_cast<std::size_t>(first_bad->edge)],
                     fmt::format("edge[{}]", first_bad->edge), Describe(file, *first_bad));
   }
-  RequireSameGround(SimulatedMotion(file));
+  const SimulatedMotion motion(file);
+  RequireSameGround(motion);
+  RequireOneRobot(motion);
   for (std::size_t i = 0; i < file.primitives.size(); ++i) {
     for (const RobustnessFigure& figure : file.primitives[i].robustness)
       fmt::print("{}: robots as asked: {}\n", file.primitive_names[i], ToText(figure));

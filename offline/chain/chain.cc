@@ -137,20 +137,10 @@ class Simulation {
   }
 
   /// The state of passive joints goes on from one primitive to the next.
-  /// @throws std::invalid_argument  when the primitives have different ones.
+  /// @throws std::invalid_argument  when joints change places.
   void CheckPassiveJoints() const {
-    const auto passive_of = [](const World& world) -> const std::vector<PassiveJoint>& {
-      return world.problem.scene.robot.passive;
-    };
-    const std::vector<PassiveJoint>& first = passive_of(*worlds_.front());
-    for (const auto& world : worlds_) {
-      if (passive_of(*world) == first) continue;
-      throw std::invalid_argument(fmt::format(
-          "the primitives '{}' and '{}' have different joints without a motor, or springs; make "
-          "both with the same [passive]",
-          worlds_.front()->file.primitive.name.view(), world->file.primitive.name.view()));
-    }
-    for (int node = 0; !first.empty() && node < file_.graph.node_count; ++node) {
+    if (worlds_.front()->problem.scene.robot.passive.empty()) return;
+    for (int node = 0; node < file_.graph.node_count; ++node) {
       for (int j = 0; j < WorldOf(node).file.primitive.joint_count; ++j) {
         if (file_.graph.RoleOf(node, j) == j) continue;
         throw std::invalid_argument(fmt::format(
@@ -484,6 +474,7 @@ ChainOutcome SimulateChain(const SimulatedMotion& motion, const ChainOptions& op
                            const std::function<void(int, const MotionSample&)>& visitor) {
   const SequenceFile& file = motion.file();
   RequireSameGround(motion);
+  RequireOneRobot(motion);
   if (!options.branch.empty() && !file.graph.HasBranch(options.branch)) {
     const std::vector<std::string> names = BranchNames(file.graph);
     throw std::invalid_argument(fmt::format(

@@ -246,10 +246,10 @@ version = 1
 motion = "{0}.toml"
 drives = "drives.toml"
 
-[motor]                          # of every joint; [motor.joint1] is for one
+[motor]                          # of every joint; [motor.joint1] is for one. Friction: the tasks', unless it is here
 torque_max_nm = 8.0
-viscous_friction_nm_s_per_rad = 0.02
-dry_friction_nm = 0.0
+# viscous_friction_nm_s_per_rad = 0.02
+# dry_friction_nm = 0.1
 
 [mass_factor]                    # of mass and inertia: try 1.2
 link1 = 1.0

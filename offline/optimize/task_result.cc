@@ -91,7 +91,7 @@ bool KeepsLimits(const Problem& problem, const Solution& solution) {
 
 /// Makes the file of the best motion, or says why there is none.
 void MakeFile(TaskResult& result, Looks& looks) {
-  const Solution& best = result.best;
+  Solution& best = result.best;
   FineLook fine = looks.At(best);
   result.summary = std::move(fine.summary);
   result.look = std::move(fine.look);
@@ -106,6 +106,11 @@ void MakeFile(TaskResult& result, Looks& looks) {
   }
   PrimitiveFile file = MakePrimitiveFile(result.task, result.outcome, best, result.summary);
   file.purpose = result.look.purpose;
+  // Nor is a motion at a minimum when finer steps do not say so.
+  const std::optional<double>& residual = file.certificate.kkt_residual;
+  if (best.end == SolveEnd::kConverged &&
+      residual.value_or(0) > result.problem().solver.kkt_residual)
+    best.end = SolveEnd::kConvergedCoarsely;
   // The certificate computes independently of the solver, and decides.
   if (file.certificate.constraint_violation <= kNoViolation) {
     result.file = std::move(file);

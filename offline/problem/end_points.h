@@ -2,6 +2,7 @@
 
 #include <array>
 
+#include "common/index.h"
 #include "offline/problem/problem.h"
 
 namespace tumbler {
@@ -17,7 +18,7 @@ struct EndPoints {
 
   /// The point i of n, which is one of these.
   [[nodiscard]] double At(int i, int n) const {
-    return i < 3 ? first[static_cast<std::size_t>(i)] : last[static_cast<std::size_t>(i - n + 3)];
+    return i < 3 ? first[Index(i)] : last[Index(i - n + 3)];
   }
 };
 EndPoints EndPointsOf(const ActuatedJoint& joint, int degree, double duration_s);

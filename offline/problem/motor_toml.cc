@@ -14,7 +14,7 @@
 namespace tumbler {
 namespace {
 
-constexpr Range kSpeed{0, 1e4, true};
+constexpr Range kSpeed{0.01, 1e4};
 constexpr std::array kMotorKeys = {
     KeyOf<&Motor::viscous_friction_nm_s_per_rad>("viscous_friction_nm_s_per_rad", {0, 10},
                                                  "besides the URDF's damping"),
@@ -25,13 +25,13 @@ constexpr std::array kMotorKeys = {
         "above the first the torque in the direction of motion falls, to zero at the second, which "
         "no path exceeds")
         .Default("none")
-        .Allowed("above 0, to 10 000; both or neither"),
+        .Allowed("0.01 ... 10 000; both or neither"),
     KeyOf<&Motor::no_load_speed_rad_s>(
         "no_load_speed_rad_s", kSpeed,
         "above the first the torque in the direction of motion falls, to zero at the second, which "
         "no path exceeds")
         .Default("none")
-        .Allowed("above 0, to 10 000; both or neither"),
+        .Allowed("0.01 ... 10 000; both or neither"),
 };
 
 }  // namespace
@@ -41,6 +41,12 @@ void CheckTorqueSpeedCurve(const TomlTable& table, const std::string& joint,
   const bool base = std::isfinite(base_speed_rad_s), no_load = std::isfinite(no_load_speed_rad_s);
   if (!base && !no_load) return;
   if (base && no_load && no_load_speed_rad_s > base_speed_rad_s) return;
+  if (base != no_load) {
+    table.Fail(base ? "no_load_speed_rad_s" : "base_speed_rad_s",
+               fmt::format("is missing for joint {}; allowed: both of base_speed_rad_s and "
+                           "no_load_speed_rad_s, or neither",
+                           joint));
+  }
   table.Fail(table.Has("no_load_speed_rad_s") ? "no_load_speed_rad_s" : "base_speed_rad_s",
              fmt::format("gives joint {} a base speed of {} and a no-load speed of {} rad/s; "
                          "allowed: both or neither, the second above the first",

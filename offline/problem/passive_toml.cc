@@ -25,7 +25,7 @@ constexpr std::array kPassiveKeys = {
         "stiffness_nm_per_rad", {0, 1e6}, "of its spring; N/m where it is prismatic"),
     KeyOf<&PassiveJoint::rest_rad, PassiveEntry>("rest_rad", {-100, 100},
                                                  "where the spring is slack"),
-    KeyOf<&PassiveEntry::damping_nm_s_per_rad>("damping_nm_s_per_rad", {0, 1e4},
+    KeyOf<&PassiveEntry::damping_nm_s_per_rad>("damping_nm_s_per_rad", {0, 30},
                                                "besides the URDF's damping"),
 };
 

@@ -36,4 +36,9 @@ class SimulatedMotion {
   mutable std::vector<std::shared_ptr<const Problem>> problems_;  // by primitive; null: not yet
 };
 
+/// What is simulated is one robot, whatever its motions were made with.
+/// @throws FileError when primitives were made for other [motor] or [passive] than the first, or as
+/// ProblemOf does.
+void RequireOneRobot(const SimulatedMotion& motion);
+
 }  // namespace tumbler

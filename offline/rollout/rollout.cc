@@ -860,7 +860,7 @@ struct Rollout::Implementation {
   /// @param k_bar  cotangent of the state's slope.
   void AddStretch(int step, int s, double b, const std::array<Lanes, kStates>& k_bar) {
     const std::size_t stage = StageOf(step, s);
-    const double* const slope = &stages[(stage + 1) * Index(stage_size)] - 2 * nf;
+    const double* const slope = &stages[(stage + 1) * Index(stage_size) - Index(2 * nf)];
     Lanes sum = Lanes::Zero();
     for (int i = 0; i < 2 * nf; ++i) sum += slope[i] * k_bar[Index(i)];
     if (has_cost()) {

@@ -40,6 +40,8 @@ struct Motor {
   double base_speed_rad_s = std::numeric_limits<double>::infinity();
   double no_load_speed_rad_s = std::numeric_limits<double>::infinity();
 
+  bool operator==(const Motor&) const = default;
+
   [[nodiscard]] bool has_curve() const { return std::isfinite(no_load_speed_rad_s); }
 
   /// The part of the limit that a motor with this torque lacks at this speed, 0 to 1.

@@ -313,6 +313,8 @@ const char* ToString(SolveEnd end) {
   switch (end) {
     case SolveEnd::kConverged:
       return "converged";
+    case SolveEnd::kConvergedCoarsely:
+      return "converged, but not by finer steps";
     case SolveEnd::kStalled:
       return "stopped making progress";
     case SolveEnd::kEvaluations:

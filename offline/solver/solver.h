@@ -27,7 +27,9 @@ struct Evaluation {
 
 /// Why a local solve ended.
 enum class SolveEnd {
-  kConverged,    ///< The Kuhn-Tucker condition holds: KktResidual::relative is small enough.
+  kConverged,  ///< The Kuhn-Tucker condition holds: KktResidual::relative is small enough.
+  /// The same, but with finer steps KktResidual::relative is larger.
+  kConvergedCoarsely,
   kStalled,      ///< The cost stopped falling before that.
   kEvaluations,  ///< The evaluation budget is used up.
   kInfeasible,   ///< The linearised constraints contradict each other, or stay violated.

@@ -15,10 +15,14 @@
 #include <utility>
 #include <vector>
 
+#include "firmware_interface/drives/drives_toml.h"
 #include "offline/certificate/certificate.h"
 #include "offline/certificate/second_look.h"
+#include "offline/chain/chain.h"
 #include "offline/ensemble/lane_scene.h"
+#include "offline/problem/simulated_motion.h"
 #include "offline/problem/task_toml.h"
+#include "offline/rehearsal/twin/simulated_robot.h"
 #include "offline/rehearsal/twin/twin.h"
 #include "offline/rollout/forward_sensitivity.h"
 #include "offline/rollout/output_gradients.h"
@@ -325,9 +329,14 @@ std::string MotorMistake(const std::string& task, bool arm = true) {
 
 TEST(Motor, WhatAMotorCannotBeIsRefusedByName) {
   EXPECT_THAT(MotorMistake(ArmTask("[motor]\nbase_speed_rad_s = 2.0\n")),
-              AllOf(HasSubstr("task.toml:"),
-                    HasSubstr("motor.base_speed_rad_s: gives joint waist a base speed of 2 and a "
-                              "no-load speed of inf rad/s; allowed: both or neither")));
+              HasSubstr("motor.no_load_speed_rad_s: is missing for joint waist; allowed: both"));
+  EXPECT_THAT(MotorMistake(ArmTask("[motor]\nno_load_speed_rad_s = 2.0\n")),
+              HasSubstr("motor.base_speed_rad_s: is missing for joint waist; allowed: both"));
+  EXPECT_THAT(
+      MotorMistake(ArmTask("[motor]\nbase_speed_rad_s = 2.0\nno_load_speed_rad_s = 2\n")),
+      AllOf(HasSubstr("task.toml:"),
+            HasSubstr("motor.no_load_speed_rad_s: gives joint waist a base speed of 2 and a "
+                      "no-load speed of 2 rad/s; allowed: both or neither")));
   EXPECT_THAT(
       MotorMistake(ArmTask("[motor.waist]\nbase_speed_rad_s = 9.0\nno_load_speed_rad_s = 2\n")),
       HasSubstr("motor.waist.no_load_speed_rad_s: gives joint waist a base speed of 9"));
@@ -335,6 +344,20 @@ TEST(Motor, WhatAMotorCannotBeIsRefusedByName) {
               HasSubstr("motor.dry_friction_nm: is -1; allowed: from 0 ... 5"));
   EXPECT_THAT(MotorMistake(ArmTask("[motor.elbow]\ndry_friction_nm = 1.0\n")),
               HasSubstr("motor.elbow: is not a joint of the robot; its joints: waist"));
+}
+
+TEST(Motor, WhatSimulatesASequenceRefusesPrimitivesOfDifferentMotorsByName) {
+  const SequenceFile shipped = LoadSequence(testing::SourcePath("primitives/nominal/gait.toml"));
+  EXPECT_NO_THROW(RequireOneRobot(SimulatedMotion(shipped)));
+  SequenceFile mixed = shipped;
+  mixed.primitives[1].provenance.task_toml += "\n[motor]\ndry_friction_nm = 0.1\n";
+  const SimulatedMotion motion(mixed);
+  const auto says = ::testing::Property(
+      &FileError::what, HasSubstr("was made for other [motor] or [passive], or damping of joints"));
+  EXPECT_THAT([&] { RequireOneRobot(motion); }, ::testing::Throws<FileError>(says));
+  EXPECT_THAT([&] { SimulateChain(motion, {}, {}); }, ::testing::Throws<FileError>(says));
+  const DrivesConfig drives = LoadDrives(testing::SourcePath("primitives/nominal/drives.toml"));
+  EXPECT_THAT([&] { SimulatedRobot(motion, drives, {}); }, ::testing::Throws<FileError>(says));
 }
 
 TEST(Motor, LanesRefuseMotorsByName) {

@@ -404,5 +404,23 @@ TEST_F(FallInTwoMotions, WhatPlaysMotionsRefusesThemByName) {
               HasSubstr("'swing' ends with joint 'leg1' at 3 rad/s; allowed here: at rest"));
 }
 
+TEST(MovingEnds, AThrownRobotWhoseJointsAreAtRestIsRefusedByWhatPlaysMotionsToo) {
+  for (const bool at_end : {false, true}) {
+    const std::string path = "primitives/nominal/handstand.toml";
+    PrimitiveFile file = LoadPrimitive(testing::SourcePath(path));
+    (at_end ? file.exit : file.entry).root_z_m_s = 0.6;
+    const std::string text = ToToml(file);
+    try {
+      LoadMotion("thrown.toml", [&](const std::string&) { return text; });
+      ADD_FAILURE() << "accepted";
+    } catch (const FileError& error) {
+      EXPECT_THAT(
+          error.what(),
+          HasSubstr(at_end ? "'handstand' ends with its root in motion; allowed here: at rest"
+                           : "'handstand' starts with its root in motion; allowed here"));
+    }
+  }
+}
+
 }  // namespace
 }  // namespace tumbler

@@ -232,6 +232,22 @@ TEST(OptimizeCli, ARightAngleOfFewDigitsIsNotedAndGivesTheSameMotion) {
             PathsOf(LoadPrimitive(rounded / "motion.toml")));
 }
 
+TEST(OptimizeCli, AMotionThatConvergedOnlyWithItsOwnStepsIsNotSaidToHaveConverged) {
+  const std::string shipped =
+      ReadFile(testing::SourcePath("primitives/tasks/nominal/handstand.toml"));
+  // With steps as coarse as these, the residual is below 1e-4, and with finer ones 30 times that.
+  const TaskFolder folder(Replaced(Replaced(shipped, "../../robots", "../robots"),
+                                   "tolerance = 1.0e-8", "tolerance = 1.0e-4"));
+  Program program =
+      Optimize(folder, {"--out", folder / "motion.toml", "--json", folder / "figures.json"});
+  ASSERT_EQ(program.Wait(), 0) << program.text();
+  EXPECT_THAT(program.text(), HasSubstr("; converged, but not by finer steps\n"));
+  const auto figures = Json::Parse(ReadFile(folder / "figures.json")).value();
+  EXPECT_EQ(figures["end"], "converged, but not by finer steps");
+  EXPECT_LE(figures["kkt"]["relative"].number(), 1e-4);
+  EXPECT_GT(figures["kkt_residual"].number(), 1e-4);
+}
+
 TEST(OptimizeCli, SeedOnTheCommandLineReplacesTheTasks) {
   const TaskFolder of_task(Replaced(QuickTask(), "seed = 1", "seed = 5"));
   Program by_task = Optimize(of_task, {"--out", of_task / "motion.toml"});

@@ -421,7 +421,7 @@ TEST(Passive, APrimitiveKeepsWhereItsPassiveJointsStartAndEndAndAChainPlaysItAli
   const double q = file.exit.passive_positions_rad[0];
   EXPECT_NEAR(-0.2 * kG * 0.1 * std::sin(0.9 + q) - 1.5 * (q - 0.2), 0, 5e-3);
   double last = 0;
-  const std::string written = ToToml(made);
+  std::string written = ToToml(made);
   const SimulatedMotion motion(
       LoadMotion("pendulum.toml", [&](const std::string&) { return written; }));
   ChainOptions options;

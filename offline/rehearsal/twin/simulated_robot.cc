@@ -68,6 +68,7 @@ PrimitivePose StartOf(const SequenceFile& motion, int begin) {
 SimulatedRobot::SimulatedRobot(const SimulatedMotion& simulated, const DrivesConfig& drives,
                                const SimulatedRobotConfig& config)
     : bus_(drives.bit_rate) {
+  RequireOneRobot(simulated);
   const SequenceFile& motion = simulated.file();
   const Primitive<double>& first = motion.PrimitiveOf(motion.graph.start).primitive;
   const Scene& scene = config.scene ? *config.scene : simulated.scene();
