@@ -42,10 +42,10 @@ void CheckTorqueSpeedCurve(const TomlTable& table, const std::string& joint,
   if (!base && !no_load) return;
   if (base && no_load && no_load_speed_rad_s > base_speed_rad_s) return;
   if (base != no_load) {
-    table.Fail(base ? "no_load_speed_rad_s" : "base_speed_rad_s",
-               fmt::format("is missing for joint {}; allowed: both of base_speed_rad_s and "
-                           "no_load_speed_rad_s, or neither",
-                           joint));
+    table.Fail(base ? "base_speed_rad_s" : "no_load_speed_rad_s",
+               fmt::format("is {} without a {} for joint {}; allowed: both or neither",
+                           base ? base_speed_rad_s : no_load_speed_rad_s,
+                           base ? "no_load_speed_rad_s" : "base_speed_rad_s", joint));
   }
   table.Fail(table.Has("no_load_speed_rad_s") ? "no_load_speed_rad_s" : "base_speed_rad_s",
              fmt::format("gives joint {} a base speed of {} and a no-load speed of {} rad/s; "

@@ -328,10 +328,12 @@ std::string MotorMistake(const std::string& task, bool arm = true) {
 }
 
 TEST(Motor, WhatAMotorCannotBeIsRefusedByName) {
-  EXPECT_THAT(MotorMistake(ArmTask("[motor]\nbase_speed_rad_s = 2.0\n")),
-              HasSubstr("motor.no_load_speed_rad_s: is missing for joint waist; allowed: both"));
-  EXPECT_THAT(MotorMistake(ArmTask("[motor]\nno_load_speed_rad_s = 2.0\n")),
-              HasSubstr("motor.base_speed_rad_s: is missing for joint waist; allowed: both"));
+  EXPECT_THAT(
+      MotorMistake(ArmTask("[motor]\nbase_speed_rad_s = 2.0\n")),
+      HasSubstr("motor.base_speed_rad_s: is 2 without a no_load_speed_rad_s for joint waist"));
+  EXPECT_THAT(
+      MotorMistake(ArmTask("[motor]\nno_load_speed_rad_s = 2.0\n")),
+      HasSubstr("motor.no_load_speed_rad_s: is 2 without a base_speed_rad_s for joint waist"));
   EXPECT_THAT(
       MotorMistake(ArmTask("[motor]\nbase_speed_rad_s = 2.0\nno_load_speed_rad_s = 2\n")),
       AllOf(HasSubstr("task.toml:"),
