@@ -409,7 +409,7 @@ TEST(MovingEnds, AThrownRobotWhoseJointsAreAtRestIsRefusedByWhatPlaysMotionsToo)
     const std::string path = "primitives/nominal/handstand.toml";
     PrimitiveFile file = LoadPrimitive(testing::SourcePath(path));
     (at_end ? file.exit : file.entry).root_z_m_s = 0.6;
-    const std::string text = ToToml(file);
+    std::string text = ToToml(file);
     try {
       LoadMotion("thrown.toml", [&](const std::string&) { return text; });
       ADD_FAILURE() << "accepted";
