@@ -21,6 +21,7 @@ class LampHop {
   /// So few evaluations that the hop is hardly begun: enough to say what one costs.
   static LampHop Begun() {
     LampHop hop;
+    hop.problem_.search.max_samples = 20;
     hop.problem_.search.refine = 1;
     hop.problem_.solver.screen_evaluations = 20;
     hop.problem_.solver.max_evaluations = 60;

@@ -11,7 +11,7 @@ import numpy as np
 import support
 import tumbler
 
-ROLL = support.PRIMITIVES / "tasks/nominal/roll.toml"
+TASK = support.PRIMITIVES / "tasks/nominal/handstand.toml"
 HANDSTAND = support.PRIMITIVES / "nominal/handstand.toml"
 
 
@@ -25,11 +25,11 @@ class Optimising(support.WithFolder):
             cls.progress.append(progress)
             cls.threads.add(threading.get_native_id())
 
-        cls.outcome = tumbler.optimise(ROLL, seed=1, threads=2, progress=note)
+        cls.outcome = tumbler.optimise(TASK, seed=1, threads=2, progress=note)
 
     def test_finds_what_the_program_finds_bit_for_bit(self):
-        path = self.folder / "roll.toml"
-        self.run_program("tumbler-optimize", ROLL, "--seed", 1, "--threads", 2, "--out", path, "--quiet")
+        path = self.folder / "found.toml"
+        self.run_program("tumbler-optimize", TASK, "--seed", 1, "--threads", 2, "--out", path, "--quiet")
         self.assertEqual((self.outcome.status, self.outcome.reason), ("found", ""))
         program = tumbler.Primitive.load(path)
         for ours, theirs in zip(self.outcome.primitive.joints, program.joints):
@@ -52,11 +52,11 @@ class Optimising(support.WithFolder):
             raise LookupError("enough")
 
         with self.assertRaisesRegex(LookupError, "enough"):
-            tumbler.optimise(ROLL, threads=2, progress=fail)
+            tumbler.optimise(TASK, threads=2, progress=fail)
         self.assertEqual(len(calls), 1)
 
     def test_a_progress_that_returns_false_ends_it(self):
-        outcome = tumbler.optimise(ROLL, threads=1, progress=lambda p: p.evaluations < 10)
+        outcome = tumbler.optimise(TASK, threads=1, progress=lambda p: p.evaluations < 10)
         self.assertEqual(outcome.status, "interrupted")
         self.assertIsNone(outcome.primitive)
         self.assertLess(outcome.evaluations, self.outcome.evaluations)
@@ -70,26 +70,26 @@ class Optimising(support.WithFolder):
 
         threading.Thread(target=interrupt, daemon=True).start()
         with self.assertRaises(KeyboardInterrupt):
-            tumbler.optimise(ROLL, threads=1, progress=lambda _: begun.set())
+            tumbler.optimise(TASK, threads=1, progress=lambda _: begun.set())
             time.sleep(60)  # If the task was done first.
 
     def test_a_guess_takes_the_place_of_the_search(self):
         stages = []
         outcome = tumbler.optimise(
-            tumbler.Task.load(ROLL), guess=self.outcome.primitive, progress=lambda p: stages.append(p.stage)
+            tumbler.Task.load(TASK), guess=self.outcome.primitive, progress=lambda p: stages.append(p.stage)
         )
         self.assertEqual(outcome.status, "found")
         self.assertNotIn("search", stages)
         with self.assertRaises(ValueError):
-            tumbler.optimise(ROLL, guess=self.outcome.primitive, seed=2)
+            tumbler.optimise(TASK, guess=self.outcome.primitive, seed=2)
 
     def test_what_it_cannot_use_is_an_error(self):
         with self.assertRaises(ValueError):
-            tumbler.optimise(ROLL, seed=-1)
+            tumbler.optimise(TASK, seed=-1)
         with self.assertRaises(ValueError):
-            tumbler.optimise(ROLL, threads=-1)
+            tumbler.optimise(TASK, threads=-1)
         task = self.folder / "task.toml"
-        task.write_text(ROLL.read_text().replace("duration_s", "duraton_s"))
+        task.write_text(TASK.read_text().replace("duration_s", "duraton_s"))
         with self.assertRaises(tumbler.FileError) as caught:
             tumbler.optimise(task)
         self.assertEqual(caught.exception.file, str(task))
@@ -97,17 +97,17 @@ class Optimising(support.WithFolder):
 
 class Tasks(support.WithFolder):
     def test_have_names_and_the_values_of_their_file(self):
-        task = tumbler.Task.load(ROLL)
-        self.assertEqual((task.name, task.joints), ("roll", ("leg1", "leg2")))
+        task = tumbler.Task.load(TASK)
+        self.assertEqual((task.name, task.joints), ("handstand", ("leg1", "leg2")))
         self.assertEqual(task.duration_s, task.values["duration_s"])
-        self.assertEqual(task.text, ROLL.read_text())
+        self.assertEqual(task.text, TASK.read_text())
         self.assertGreater(task.parameters, 0)
 
     def test_errors_of_the_robot_are_about_its_file(self):
         task, robot = self.folder / "task.toml", self.folder / "robot.urdf"
         robot.write_text("<robot name='r'>\n<link/>\n</robot>")
-        values = tumbler.Task.load(ROLL).values
-        task.write_text(ROLL.read_text().replace(values["robot"], "robot.urdf"))
+        values = tumbler.Task.load(TASK).values
+        task.write_text(TASK.read_text().replace(values["robot"], "robot.urdf"))
         with self.assertRaises(tumbler.FileError) as caught:
             tumbler.check(task)
         self.assertEqual(os.path.basename(caught.exception.file), "robot.urdf")
