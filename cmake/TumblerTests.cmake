@@ -50,35 +50,23 @@ function(tumbler_report_left_out)
 endfunction()
 
 # tumbler_test_program(dbc_frames SOURCES ... LINK ...) builds a program into tests/, NAME.cc of the current folder
-# unless it has SOURCES. It is optimised less than the programs are, because it is compiled more often than it is run; where
-# sanitizers look, least unless it COMPUTES.
+# unless it has SOURCES. It is optimised less than the programs are, because it is compiled more often than it is run;
+# where sanitizers look, not at all: what it calls is.
 function(tumbler_test_program name)
-  cmake_parse_arguments(ARG "COMPUTES" "" "SOURCES;LINK" ${ARGN})
+  cmake_parse_arguments(ARG "" "" "SOURCES;LINK" ${ARGN})
   if(NOT ARG_SOURCES)
     set(ARG_SOURCES ${name}.cc)
   endif()
   add_executable(${name} ${ARG_SOURCES})
   set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/tests)
-  if(ARG_COMPUTES)
-    set(optimisation tumbler_brief_work)
-  else()
-    set(optimisation tumbler_test_optimisation)
-  endif()
-  target_link_libraries(${name} PRIVATE ${ARG_LINK} tumbler_test_support ${optimisation} tumbler_warnings)
+  target_link_libraries(${name} PRIVATE ${ARG_LINK} tumbler_test_support tumbler_test_optimisation tumbler_warnings)
 endfunction()
 
 # tumbler_googletest(live_lcm_test LINK ...) does the same with GoogleTest and its main. OWN_HEADERS: a library brings
 # flags that do not fit the headers that are parsed once for all tests.
 function(tumbler_googletest name)
-  cmake_parse_arguments(ARG "OWN_HEADERS;COMPUTES" "" "SOURCES;LINK" ${ARGN})
-  set(computes)
-  if(ARG_COMPUTES)
-    set(computes COMPUTES)
-    if(TUMBLER_TEST_OPTIMISATION)  # clang's precompiled headers fit one optimisation.
-      set(ARG_OWN_HEADERS TRUE)
-    endif()
-  endif()
-  tumbler_test_program(${name} ${computes}
+  cmake_parse_arguments(ARG "OWN_HEADERS" "" "SOURCES;LINK" ${ARGN})
+  tumbler_test_program(${name}
     SOURCES ${ARG_SOURCES} LINK ${ARG_LINK} GTest::gtest GTest::gmock GTest::gtest_main)
   if(TARGET tumbler_test_headers AND NOT ARG_OWN_HEADERS)
     target_precompile_headers(${name} REUSE_FROM tumbler_test_headers)
@@ -90,7 +78,7 @@ endfunction()
 # long its longest case takes, where that is long: such tests begin first, or all would wait for them in the end.
 # TOGETHER: suites whose cases share what takes long to make; each is registered as one test.
 function(tumbler_test name)
-  cmake_parse_arguments(ARG "OWN_HEADERS;COMPUTES" "SECONDS" "SOURCES;LINK;LABELS;PROGRAMS;NEEDS;TOGETHER" ${ARGN})
+  cmake_parse_arguments(ARG "OWN_HEADERS" "SECONDS" "SOURCES;LINK;LABELS;PROGRAMS;NEEDS;TOGETHER" ${ARGN})
   if(NOT ARG_SECONDS)
     set(ARG_SECONDS 0)
   endif()
@@ -98,13 +86,11 @@ function(tumbler_test name)
   if(left_out)
     return()
   endif()
-  set(flags)
-  foreach(flag OWN_HEADERS COMPUTES)
-    if(ARG_${flag})
-      list(APPEND flags ${flag})
-    endif()
-  endforeach()
-  tumbler_googletest(${name} ${flags} SOURCES ${ARG_SOURCES} LINK ${ARG_LINK})
+  set(own_headers)
+  if(ARG_OWN_HEADERS)
+    set(own_headers OWN_HEADERS)
+  endif()
+  tumbler_googletest(${name} ${own_headers} SOURCES ${ARG_SOURCES} LINK ${ARG_LINK})
   if(ARG_PROGRAMS)
     add_dependencies(${name} ${ARG_PROGRAMS})
   endif()
