@@ -61,6 +61,12 @@ constexpr std::array kToleranceKeys = {
     KeyOf<&JoinTolerances::root_pitch_rad>("root_pitch_rad", {0, kPi / 2, true},
                                            "likewise, after the swap and less whole turns")
         .Allowed("above 0, to pi/2"),
+    KeyOf<&JoinTolerances::root_m_s>("root_m_s", {0, 10, true},
+                                     "of the root's velocity along x and z, likewise, where it "
+                                     "moves at the exit or at the entry"),
+    KeyOf<&JoinTolerances::root_rad_s>("root_rad_s", {0, 10, true}, "of its pitch rate, likewise"),
+    KeyOf<&JoinTolerances::passive_position_rad>("passive_position_rad", {0, 1, true},
+                                                 "of joints without a motor, likewise"),
 };
 
 std::string_view JointName(const SequenceFile& file, std::size_t j) {
@@ -599,6 +605,19 @@ std::vector<JoinComparison> CompareJoins(const SequenceFile& file) {
     JoinComparison& pitch = comparisons.back();
     pitch.difference = NearestTurn(pitch.difference);
     pitch.exit = pitch.entry + pitch.difference;
+    if (before.exit.root_moves() || after.entry.root_moves()) {
+      const double v = tolerances.root_m_s;
+      add("", "velocity along x", "m/s", before.exit.root_x_m_s, after.entry.root_x_m_s, v);
+      add("", "velocity along z", "m/s", before.exit.root_z_m_s, after.entry.root_z_m_s, v);
+      add("", "pitch rate", "rad/s", before.exit.root_pitch_rad_s, after.entry.root_pitch_rad_s,
+          tolerances.root_rad_s);
+    }
+    const std::vector<double>& left = before.exit.passive_positions_rad;
+    const std::vector<double>& met = after.entry.passive_positions_rad;
+    for (std::size_t i = 0; i < std::min(left.size(), met.size()); ++i) {
+      add(fmt::format("no. {}", i + 1), "position without a motor", "rad", left[i], met[i],
+          tolerances.passive_position_rad);
+    }
   }
   return comparisons;
 }

@@ -26,6 +26,11 @@ struct JoinTolerances {
   // much a motion forgives has to be tried (`tumbler-chain simulate`).
   double root_z_m = 0.002;
   double root_pitch_rad = 0.02;
+  // Likewise, where the root moves at one of both.
+  double root_m_s = 0.02;
+  double root_rad_s = 0.1;
+  // Likewise, of joints without a motor.
+  double passive_position_rad = 0.02;
 };
 
 /// The whole content of a sequence file, with its primitives.
@@ -74,9 +79,9 @@ double NearestTurn(double angle_rad);
 
 /// Compares everything that has to agree at every edge, in the order of edges: position, velocity
 /// and acceleration of each joint of the robot, by the coefficients of both splines; height and
-/// pitch of the root, by the simulated exit of one primitive and the entry of the next. Where the
-/// edge holds, both splines have to be at rest. The position along x is not compared, since a
-/// sequence walks.
+/// pitch of the root, and where there are any its velocities and the positions of joints without a
+/// motor, by the simulated exit of one primitive and the entry of the next. Where the edge holds,
+/// both splines have to be at rest. The position along x is not compared, since a sequence walks.
 std::vector<JoinComparison> CompareJoins(const SequenceFile& file);
 
 /// One line of text: names, quantity, both values, how far apart they are, what is allowed.

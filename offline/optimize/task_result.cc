@@ -89,6 +89,15 @@ bool KeepsLimits(const Problem& problem, const Solution& solution) {
   return !solution.x.empty() && solution.feasible() && !MissesEveryObstacle(problem, solution);
 }
 
+/// How a solve ended, given the Kuhn-Tucker residual by finer steps: a motion is not at a minimum
+/// when they do not say so.
+SolveEnd EndByFinerSteps(const Problem& problem, const Solution& solution,
+                         const std::optional<double>& residual) {
+  return solution.end == SolveEnd::kConverged && residual.value_or(0) > problem.solver.kkt_residual
+             ? SolveEnd::kConvergedCoarsely
+             : solution.end;
+}
+
 /// Makes the file of the best motion, or says why there is none.
 void MakeFile(TaskResult& result, Looks& looks) {
   Solution& best = result.best;
@@ -106,11 +115,7 @@ void MakeFile(TaskResult& result, Looks& looks) {
   }
   PrimitiveFile file = MakePrimitiveFile(result.task, result.outcome, best, result.summary);
   file.purpose = result.look.purpose;
-  // Nor is a motion at a minimum when finer steps do not say so.
-  const std::optional<double>& residual = file.certificate.kkt_residual;
-  if (best.end == SolveEnd::kConverged &&
-      residual.value_or(0) > result.problem().solver.kkt_residual)
-    best.end = SolveEnd::kConvergedCoarsely;
+  best.end = EndByFinerSteps(result.problem(), best, file.certificate.kkt_residual);
   // The certificate computes independently of the solver, and decides.
   if (file.certificate.constraint_violation <= kNoViolation) {
     result.file = std::move(file);
@@ -125,7 +130,14 @@ void MakeFile(TaskResult& result, Looks& looks) {
 void ListMinima(TaskResult& result, Looks& looks) {
   result.minima = DistinctMinima(result.outcome.solutions);
   for (const LocalMinimum& minimum : result.minima) {
-    const Solution& solution = result.outcome.solutions[minimum.solution];
+    Solution& solution = result.outcome.solutions[minimum.solution];
+    if (solution.end == SolveEnd::kConverged) {
+      Problem problem = result.problem();
+      Solution found = solution;
+      TakeDuration(problem, found);
+      if (const auto kkt = FinerKktResidual(problem, found.x))
+        solution.end = EndByFinerSteps(problem, solution, kkt->relative);
+    }
     FineLook fine = looks.At(solution);
     result.minima_summaries.push_back(std::move(fine.summary));
     const SecondLook look = solution.feasible() ? std::move(fine.look) : SecondLook{};

@@ -11,6 +11,11 @@ std::optional<DurationBounds> CheckedBounds(TomlTable& table, const std::optiona
     table.Fail(min_s ? "duration_max_s" : "duration_min_s",
                "is missing; allowed: both bounds of the duration, or none");
   }
+  if (*min_s > *max_s) {
+    table.Fail("duration_min_s", fmt::format("is {} s, above duration_max_s, which is {} s; give "
+                                             "the smaller one as duration_min_s",
+                                             *min_s, *max_s));
+  }
   if (duration_s < *min_s || duration_s > *max_s) {
     table.Fail(duration_s < *min_s ? "duration_min_s" : "duration_max_s",
                fmt::format("is {} s, but the task's duration_s is {} s; allowed: {}",

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <utility>
 
 #include "offline/problem/task_toml.h"
@@ -30,22 +29,10 @@ SimulatedMotion SimulatedMotion::Alone(int node) const {
   return alone;
 }
 
-namespace {
-
-bool HaveSameJoints(const Scene& a, const Scene& b) {
-  const auto same_damping = [](const Dof<Plane>& x, const Dof<Plane>& y) {
-    return x.damping_nm_s_per_rad == y.damping_nm_s_per_rad;
-  };
-  return a.motors == b.motors && a.robot.passive == b.robot.passive &&
-         std::ranges::equal(a.robot.tree.dofs, b.robot.tree.dofs, same_damping);
-}
-
-}  // namespace
-
 void RequireOneRobot(const SimulatedMotion& motion) {
   const SequenceFile& file = motion.file();
   for (std::size_t i = 1; i < file.primitives.size(); ++i) {
-    if (HaveSameJoints(motion.ProblemOf(0).scene, motion.ProblemOf(i).scene)) continue;
+    if (SameJoints(motion.ProblemOf(0).scene, motion.ProblemOf(i).scene)) continue;
     throw FileError(
         file.path, 0, fmt::format("primitives.{}", file.primitive_names[i]),
         fmt::format("was made for other [motor] or [passive], or damping of joints, than "

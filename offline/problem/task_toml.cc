@@ -91,8 +91,8 @@ constexpr std::array kSplineKeys = {
     KeyOf<&Problem::degree>("degree", {3, 7}, ""),
     KeyReadBy<Problem>(
         "control_points", ReadControlPoints,
-        "for each joint; the first and last three are given by the ends. Or a table with every "
-        "joint: `{ leg1 = 11, leg2 = 12 }`")
+        "for each joint with a motor; the first and last three are given by the ends. Or a table "
+        "with all of them: `{ leg1 = 11, leg2 = 12 }`")
         .Default("12")
         .Allowed("7 (and degree + 1) to 64"),
 };
@@ -204,11 +204,17 @@ class TaskReader {
     for (std::size_t j = static_cast<std::size_t>(scene_.robot.root_dofs);
          j < scene_.robot.tree.dofs.size(); ++j) {
       Dof<Plane>& dof = scene_.robot.tree.dofs[j];
-      if (scene_.robot.IsPassive(static_cast<int>(j))) continue;
+      if (scene_.robot.IsPassive(static_cast<int>(j))) {
+        if (limits && limits->Has(dof.name)) {
+          limits->Fail(dof.name,
+                       "is in [passive], so it has no motor to limit; leave out one of the two");
+        }
+        continue;
+      }
       if (!start.Has(dof.name)) {
         start.Fail(
             "",
-            fmt::format("lacks the joint '{}': every joint of the robot needs a start and an end",
+            fmt::format("lacks the joint '{}': every joint with a motor needs a start and an end",
                         dof.name));
       }
       if (problem_.joints.size() == static_cast<std::size_t>(kMaxJoints)) {
@@ -698,7 +704,15 @@ Task LoadTask(const std::string& path, const PrimitiveFile& before,
       task_text, path, robot_text, robot_path,
       StartPose{&before.exit, &before.primitive,
                 fmt::format("the exit of '{}' ({})", before.primitive.name.view(), before_path)});
-  if (!SameGround(task.problem.scene, TaskOf(before).problem.scene)) {
+  const Scene scene_before = TaskOf(before).problem.scene;
+  if (!SameJoints(task.problem.scene, scene_before)) {
+    throw FileError(
+        before_path, 0, "provenance.task_toml",
+        fmt::format("has other [motor] or [passive], or damping of joints, than the task {}: what "
+                    "one robot does is no start for another; give both the same",
+                    path));
+  }
+  if (!SameGround(task.problem.scene, scene_before)) {
     throw FileError(
         before_path, 0, "provenance.task_toml",
         fmt::format("has other [contact], [[obstacle]] or slope than the task {}: the robot "

@@ -46,7 +46,8 @@ Task LoadTask(const std::string& path);
 /// The same, but the motion starts where `before` leaves the robot (its simulated exit: root and
 /// joints at rest) rather than in the task's ideal pose.
 /// @throws FileError  also when the exit is not the shape in which the task starts, or was made for
-///                    another robot or ground. It names joint, quantity and amount.
+///                    another robot, other motors or springs, or another ground. It names joint,
+///                    quantity and amount.
 Task LoadTask(const std::string& path, const PrimitiveFile& before, const std::string& before_path);
 
 /// The same as the first, from texts. `robot_text` stands for the file that the task names.

@@ -1,5 +1,6 @@
 #include "offline/scene/scene.h"
 
+#include <algorithm>
 #include <stdexcept>
 
 #include "common/index.h"
@@ -14,6 +15,14 @@ const std::string& TouchedName(const Scene& scene, const ActiveContact<Plane>& c
 bool SameGround(const Scene& a, const Scene& b) {
   return a.contact == b.contact && a.obstacles == b.obstacles && a.bar == b.bar &&
          a.robot.tree.gravity == b.robot.tree.gravity;
+}
+
+bool SameJoints(const Scene& a, const Scene& b) {
+  const auto same_damping = [](const Dof<Plane>& x, const Dof<Plane>& y) {
+    return x.damping_nm_s_per_rad == y.damping_nm_s_per_rad;
+  };
+  return a.motors == b.motors && a.robot.passive == b.robot.passive &&
+         std::ranges::equal(a.robot.tree.dofs, b.robot.tree.dofs, same_damping);
 }
 
 std::vector<double> PositionsIn(const PrimitivePose& pose, const PlanarRobot& robot) {

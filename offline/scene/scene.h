@@ -39,6 +39,9 @@ const std::string& TouchedName(const Scene& scene, const ActiveContact<Plane>& c
 /// Whether two scenes have the same ground: contact law, obstacles and bar.
 bool SameGround(const Scene& a, const Scene& b);
 
+/// Whether the joints of two scenes with the same URDF are alike: motors, springs and dampers.
+bool SameJoints(const Scene& a, const Scene& b);
+
 /// Positions of all degrees of freedom of a robot in this pose [m, rad]. Passive joints are where
 /// their springs are slack when the pose has none of them.
 /// @throws std::invalid_argument when the pose does not have one position for each joint.

@@ -10,7 +10,10 @@
 #include <cmath>
 #include <numbers>
 #include <random>
+#include <string>
+#include <vector>
 
+#include "common/index.h"
 #include "common/primitive_hash.h"
 #include "common/toml_reader.h"
 #include "tests/support/docs_tables.h"
@@ -260,6 +263,31 @@ TEST(SequenceToml, ComparesEveryQuantityAtEveryEdge) {
   const auto comparisons = CompareJoins(file);
   EXPECT_EQ(comparisons.size(), 5U * (2 * 5 + 2)) << "two joints, held, and the root";
   for (const JoinComparison& c : comparisons) EXPECT_TRUE(c.fits()) << Describe(file, c);
+}
+
+TEST(SequenceToml, ComparesHowTheRootMovesAndWhereJointsWithoutAMotorAre) {
+  const SequenceFolder folder(GaitText());
+  SequenceFile file = ReadSequence(folder.file());
+  const auto misfits = [&file] {
+    std::vector<std::string> said;
+    for (const JoinComparison& c : CompareJoins(file))
+      if (!c.fits()) said.push_back(Describe(file, c));
+    return said;
+  };
+  ASSERT_THAT(misfits(), ::testing::IsEmpty());
+  const SequenceEdge<double>& edge = file.graph.edge(0);
+  PrimitiveFile& before = file.primitives[Index(file.graph.node(edge.from).primitive)];
+  PrimitiveFile& after = file.primitives[Index(file.graph.node(edge.to).primitive)];
+  before.exit.root_z_m_s = 0.5;
+  EXPECT_THAT(misfits(), ::testing::Contains(HasSubstr("root, velocity along z: 0.5 m/s at the")));
+  after.entry.root_z_m_s = 0.49;
+  before.exit.root_pitch_rad_s = 0.3;
+  EXPECT_THAT(misfits(), ::testing::Contains(HasSubstr("root, pitch rate: 0.3 rad/s")));
+  before.exit.root_pitch_rad_s = 0;
+  before.exit.passive_positions_rad = {0.1};
+  after.entry.passive_positions_rad = {0.15};
+  EXPECT_THAT(misfits(),
+              ::testing::Contains(HasSubstr("joint 'no. 1', position without a motor: 0.1 rad")));
 }
 
 TEST(SequenceToml, NotANumberNeverFits) {

@@ -461,6 +461,8 @@ TEST(Passive, WhatAPassiveJointCannotBeIsRefusedByName) {
               HasSubstr("passive: leaves no joint with a motor"));
   EXPECT_THAT(PassiveMistake(kPendulumTask + "[motor.wrist]\ndry_friction_nm = 0.1\n"),
               HasSubstr("motor.wrist: is in [passive], so it has no motor"));
+  EXPECT_THAT(PassiveMistake(kPendulumTask + "[limits.wrist]\ntorque_max_nm = 1.0\n"),
+              HasSubstr("limits.wrist: is in [passive], so it has no motor to limit"));
 }
 
 TEST(Passive, NoPathKeepsShapesApartThatAPassiveJointMoves) {

@@ -124,6 +124,11 @@ TEST(StartFrom, AnotherGroundIsRefused) {
               HasSubstr("or slope"));
 }
 
+TEST(StartFrom, OtherMotorsAreRefused) {
+  EXPECT_THAT(Refusal(TaskBack() + "\n[motor]\ndry_friction_nm = 0.1\n", TheOneBefore()),
+              HasSubstr("before.toml: provenance.task_toml: has other [motor] or [passive]"));
+}
+
 TEST(StartFrom, TheProgramRecordsItAndNamesWhatDoesNotFit) {
   const TaskFolder folder(TaskBack());
   WriteFile(folder / "before.toml", ToToml(TheOneBefore()));

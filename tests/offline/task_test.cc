@@ -316,6 +316,8 @@ TEST(Task, BoundsOfTheDurationComeInPairsAroundTheTasksOwn) {
               HasSubstr("duration_min_s: is 1.3 s, but the task's duration_s is 1.2 s"));
   EXPECT_THAT(RefusalOfDuration("duration_s = 1.2\nduration_min_s = 0.8\nduration_max_s = 1.1"),
               HasSubstr("duration_max_s: is 1.1 s, but the task's duration_s is 1.2 s"));
+  EXPECT_THAT(RefusalOfDuration("duration_s = 1.2\nduration_min_s = 2.0\nduration_max_s = 0.8"),
+              HasSubstr("duration_min_s: is 2 s, above duration_max_s, which is 0.8 s"));
 }
 
 TEST(Task, ACostLooksAtATimeThatIsWithinEveryMotionWhoseDurationIsFree) {
