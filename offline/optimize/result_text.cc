@@ -73,13 +73,14 @@ void PrintSecondLook(std::FILE* people, const SecondLook& look) {
   }
 }
 
-/// Prints how far the motion is from a minimum, and what holds it back.
+/// Prints how far the motion is from a minimum, and what holds it there.
 void PrintMinimum(std::FILE* people, const TaskResult& result) {
   const KktResidual& kkt = result.best.kkt;
   const std::optional<double>& finer = result.file->certificate.kkt_residual;
   if (!kkt.relative || !finer) return;
   std::string held;
-  for (const Multiplier& multiplier : kkt.multipliers) {
+  const bool at_minimum = result.best.end == SolveEnd::kConverged;
+  for (const Multiplier& multiplier : at_minimum ? kkt.multipliers : std::vector<Multiplier>()) {
     if (held.size() > kLongestHeld) {
       held += ", ...";
       break;

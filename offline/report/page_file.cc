@@ -1,6 +1,7 @@
 #include "offline/report/page_file.h"
 
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <cerrno>
 #include <filesystem>
@@ -119,7 +120,8 @@ std::string WritePage(const std::string& page, const std::string& directory) {
     throw std::runtime_error(fmt::format("cannot write {}: {}", path.string(), reason));
   };
   if (error) fail(error.message());
-  const std::filesystem::path partial = path.string() + ".partial";
+  // Of its own, so that two programs can write to one folder.
+  const std::filesystem::path partial = fmt::format("{}.{}.tmp", path.string(), getpid());
   {
     std::ofstream file(partial, std::ios::binary);
     file << page << std::flush;

@@ -6,6 +6,7 @@
 
 #include "common/index.h"
 #include "offline/linear/least_squares.h"
+#include "offline/scene/self_clearance.h"
 
 namespace tumbler {
 namespace {
@@ -21,6 +22,7 @@ constexpr double kKeptMargin = 0.5;
 struct Active {
   std::string name;
   Eigen::VectorXd gradient;
+  double unit = 1;  // of Multiplier, in the constraint's own
   double multiplier = 0;
 };
 
@@ -45,23 +47,26 @@ std::vector<Active> FindActive(const Problem& problem, const std::vector<LinearR
     const Interval<double> bounds = problem.bounds_of_parameter(static_cast<int>(i));
     const Eigen::VectorXd unit = Eigen::VectorXd::Unit(n, static_cast<Eigen::Index>(i));
     const std::string name = ParameterName(problem, static_cast<int>(i));
-    if (x[i] > bounds.max - kActive) active.push_back({name, unit});
-    if (x[i] < bounds.min + kActive) active.push_back({name, -unit});
+    if (x[i] > bounds.max - kActive) active.push_back({"upper " + name, unit});
+    if (x[i] < bounds.min + kActive) active.push_back({"lower " + name, -unit});
   }
   for (const LinearRow& row : rows) {
     if (!(row.Excess(x) > -kActive)) continue;
     const std::vector<double> a = row.LinearAt(x).a;
     active.push_back({row.name, Eigen::Map<const Eigen::VectorXd>(a.data(), n)});
   }
-  const auto consider = [&](double value, const std::string& name, Eigen::Index output) {
-    if (value > -kActive) active.push_back({name, outputs.row(output).transpose()});
+  const auto consider = [&](double value, const std::string& name, Eigen::Index output,
+                            double unit = 1) {
+    if (value > -kActive) active.push_back({name, outputs.row(output).transpose(), unit});
   };
   for (std::size_t j = 0; j < result.torque_excess.size(); ++j) {
     consider(result.torque_excess[j] + problem.solver.torque_margin,
-             "torque of " + JointName(problem, j), static_cast<Eigen::Index>(j + 1));
+             "torque of " + JointName(problem, j), static_cast<Eigen::Index>(j + 1),
+             1 - problem.solver.torque_margin);
   }
   consider(result.core_excess, "penetration", outputs.rows() - 2);
-  consider(result.clearance_excess, "clearance of own shapes", outputs.rows() - 1);
+  consider(result.clearance_excess, "clearance of own shapes", outputs.rows() - 1,
+           1e-3 / kClearanceScale_m);
   return active;
 }
 
@@ -223,7 +228,7 @@ KktResidual FindKktResidual(const Problem& problem, const std::vector<LinearRow>
   if (left.size() > 0) residual.absolute = left.lpNorm<Eigen::Infinity>();
   if (model != nullptr) residual.relative = RelativeSize(left, active, *model);
   for (const Active& a : active) {
-    if (a.multiplier > 0) residual.multipliers.push_back({a.name, a.multiplier});
+    if (a.multiplier > 0) residual.multipliers.push_back({a.name, a.multiplier * a.unit});
   }
   std::stable_sort(residual.multipliers.begin(), residual.multipliers.end(),
                    [](const Multiplier& a, const Multiplier& b) { return a.value > b.value; });

@@ -8,8 +8,13 @@ namespace tumbler {
 
 /// A limit that holds a motion back, and how much the cost would fall if it yielded.
 struct Multiplier {
-  std::string name;  ///< As in WorstConstraint.
-  double value = 0;  ///< Cost per unit of the constraint as it is scaled here; positions per rad.
+  /// As in WorstConstraint; of a position or the duration also which of its limits, `lower` or
+  /// `upper`.
+  std::string name;
+  /// Cost per part of the limit of a velocity, acceleration or torque, per rad of a position's,
+  /// per part of the task's duration, per part of the usable layer, per mm of the clearance. It
+  /// means nothing for a motion that is not at a minimum.
+  double value = 0;
 };
 
 /// How far a motion is from the Kuhn-Tucker condition g + A^T lambda = 0, lambda >= 0, where g is

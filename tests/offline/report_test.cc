@@ -1,7 +1,9 @@
 #include "offline/report/report.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <cmath>
 #include <cstddef>
@@ -347,7 +349,8 @@ TEST_F(Report, APageThatCannotBeReplacedIsAnErrorAndLeavesNothingBehind) {
 
 TEST_F(Report, ADiskThatIsFullIsAnErrorWithThePath) {
   std::filesystem::create_directories(directory_);
-  std::filesystem::create_symlink("/dev/full", directory_ + "/index.html.partial");
+  std::filesystem::create_symlink("/dev/full",
+                                  fmt::format("{}/index.html.{}.tmp", directory_, getpid()));
   EXPECT_EQ(WriteFailure(directory_),
             "cannot write " + directory_ + "/index.html: No space left on device");
   EXPECT_FALSE(std::filesystem::exists(directory_ + "/index.html"));

@@ -520,7 +520,7 @@ TEST(Checkpoint, WhatIsThereIsNotPlayedAgainAndABrokenLastLineIs) {
       plan.checkpoint,
       lines.substr(0, lines.find('\n') + 1) +
           "{\"robot\":0,\"verdict\":\"overlap\",\"motions\":1,\"in\":\"x\","
-          "\"reason\":\"y\",\"left_s\":0.5,\"rests\":false,\"drops\":0,\"lies_rad\":0,"
+          "\"reason\":\"y\",\"left_s\":0.5,\"rests\":false,\"drops\":0,\"lies_rad\":0.0,"
           "\"begun\":\"\"}\n");
   EXPECT_EQ(Planned(study, plan).trials[0].verdict, Verdict::kOverlap);
 }
@@ -548,6 +548,20 @@ TEST(Checkpoint, AFileOfOtherRobotsOrNoneIsRefusedAndLeftAsItIs) {
   EXPECT_NE(Refusal([&] { Planned(study, plan); }).find(":2: is not the outcome"),
             std::string::npos)
       << Refusal([&] { Planned(study, plan); });
+  // Numbers that are too large for their kind, two lines that became one, and other members.
+  for (const auto& [from, to] : std::vector<std::pair<std::string, std::string>>{
+           {"\"motions\":1,", "\"motions\":4294967297,"},
+           {"\"robot\":", "\"robot\":59,\"robot\":"},
+           {"\"rests\":", "\"note\":1,\"rests\":"}}) {
+    const std::size_t at = lines.find(from);
+    ASSERT_NE(at, std::string::npos) << from;
+    std::string edited = lines;
+    edited.replace(at, from.size(), to);
+    testing::WriteFile(plan.checkpoint, edited);
+    EXPECT_NE(Refusal([&] { Planned(study, plan); }).find(": is not the outcome"),
+              std::string::npos)
+        << to;
+  }
 }
 
 TEST(RobustnessStudy, ThreadsChangeNotAByte) {

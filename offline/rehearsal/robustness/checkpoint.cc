@@ -78,7 +78,8 @@ void ReadCheckpointLines(std::string_view text, const std::string& name, std::ui
                          Outcomes& outcomes) {
   for (; !text.empty(); ++line) {
     const std::size_t end = text.find('\n');
-    const std::optional<Json> json = Json::Parse(text.substr(0, end));
+    const std::string_view whole = text.substr(0, end);
+    const std::optional<Json> json = Json::Parse(whole);
     text.remove_prefix(end == std::string_view::npos ? text.size() : end + 1);
     TrialOutcome outcome;
     std::optional<std::int64_t> robot;
@@ -99,6 +100,9 @@ void ReadCheckpointLines(std::string_view text, const std::string& name, std::ui
       outcome.drops = static_cast<int>(*drops);
       outcome.lies_rad = (*json)["lies_rad"].number();
       outcome.begun = (*json)["begun"].text();
+      // Two torn lines may make one that can be read, and a number too large for its kind is cut.
+      if (CheckpointLine(static_cast<std::uint64_t>(*robot), outcome) != std::string(whole) + "\n")
+        throw std::out_of_range("");
     } catch (const std::logic_error&) {  // a member is missing, or of another kind
       throw FileError(name, line, "", "is not the outcome of a robot; remove the line");
     }
