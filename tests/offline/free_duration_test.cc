@@ -379,7 +379,7 @@ TEST(FreeDuration, HasTheBoundsOfTheTaskForItsLimits) {
   EXPECT_EQ(solution.end, SolveEnd::kConverged);
   EXPECT_NEAR(problem.duration_of(solution.x), 0.5, 1e-9);
   ASSERT_EQ(solution.kkt.multipliers.size(), 1U);
-  EXPECT_EQ(solution.kkt.multipliers[0].name, "duration");
+  EXPECT_EQ(solution.kkt.multipliers[0].name, "upper duration");
   // By so much does the effort fall when the motion may take longer.
   EXPECT_NEAR(solution.kkt.multipliers[0].value,
               0.4 * (LeastEffort(problem, 0.499) - LeastEffort(problem, 0.501)) / 0.002,
