@@ -79,8 +79,8 @@ void PrintMinimum(std::FILE* people, const TaskResult& result) {
   const std::optional<double>& finer = result.file->certificate.kkt_residual;
   if (!kkt.relative || !finer) return;
   std::string held;
-  const bool at_minimum = result.best.end == SolveEnd::kConverged;
-  for (const Multiplier& multiplier : at_minimum ? kkt.multipliers : std::vector<Multiplier>()) {
+  for (const Multiplier& multiplier : kkt.multipliers) {
+    if (result.best.end != SolveEnd::kConverged) break;  // They mean nothing then.
     if (held.size() > kLongestHeld) {
       held += ", ...";
       break;
