@@ -305,12 +305,28 @@ AbortSpan<double> ReadAbort(TomlTable& table, const Primitive<double>& primitive
   return span;
 }
 
+/// A mean square is no larger than the largest.
+void CheckLargest(const TomlTable& table, const char* key, double largest, double mean) {
+  if (largest >= mean) return;
+  const auto [value, least] = DistinctNumbers(largest, mean);
+  table.Fail(key, fmt::format("is {}; allowed: at least the mean, {}", value, least));
+}
+
+AbortFigure ReadAbortFigure(TomlTable& table) {
+  AbortFigure figure;
+  ReadKeys(table, kAbortFigureKeys, figure);
+  CheckLargest(table, "impact_max_m_s", figure.impact_max_m_s, figure.impact_m_s);
+  CheckLargest(table, "damped_impact_max_m_s", figure.damped_impact_max_m_s,
+               figure.damped_impact_m_s);
+  return figure;
+}
+
 void ReadAborts(TomlTable& root, PrimitiveFile& file) {
   Primitive<double>& primitive = file.primitive;
   std::vector<TomlTable> tables = root.OptionalTables("abort");
   if (tables.empty()) return;
   if (std::optional<TomlTable> figure = root.OptionalTable("abort_figure"))
-    ReadKeys(*figure, kAbortFigureKeys, file.abort_figure.emplace());
+    file.abort_figure = ReadAbortFigure(*figure);
   if (tables.size() > kMaxAbortSpans) {
     root.Fail("abort",
               fmt::format("has {} entries; allowed: up to {}", tables.size(), kMaxAbortSpans));
@@ -352,14 +368,35 @@ PrimitivePose ReadPose(TomlTable table, const Primitive<double>& primitive, bool
   return pose;
 }
 
-ContactInterval ReadContact(TomlTable& table) {
+/// Of a contact, which is looked for until the end of the settle phase at `end_s`.
+ContactInterval ReadContact(TomlTable& table, double end_s) {
   ContactInterval contact;
   ReadKeys(table, kContactKeys, contact);
   if (contact.end_s < contact.start_s) {
     const auto [end, start] = DistinctNumbers(contact.end_s, contact.start_s);
     table.Fail("end_s", fmt::format("is {}; allowed: >= start_s, which is {}", end, start));
   }
+  // The times of steps add up to the end but for rounding.
+  if (contact.end_s > end_s + 1e-9) {
+    table.Fail("end_s", fmt::format("is {}; allowed: up to the end of the settle phase, {}",
+                                    contact.end_s, end_s));
+  }
   return contact;
+}
+
+PurposeFigure ReadPurpose(TomlTable& table) {
+  PurposeFigure figure;
+  ReadKeys(table, kPurposeKeys, figure);
+  if (figure.at_time()) ReadKeys(table, kPurposeTimeKeys, figure);
+  if (figure.of_point()) ReadKeys(table, kPurposePointKeys, figure);
+  // A motion that misses its purpose is never written.
+  if (!figure.met()) {
+    const double off = std::abs(figure.result - figure.target);
+    const auto [distance, allowed] = DistinctNumbers(off, figure.tolerance);
+    table.Fail("result", fmt::format("is {}, {} from the target; allowed: the tolerance, {}",
+                                     figure.result, distance, allowed));
+  }
+  return figure;
 }
 
 /// What to do with a file that is not as it was written.
@@ -493,13 +530,10 @@ PrimitiveFile Read(TomlTable root, Derived derived = Derived::kChecked) {
   file.entry = ReadPose(root.Table("entry"), file.primitive, false);
   file.exit = ReadPose(root.Table("exit"), file.primitive, true);
   for (TomlTable& contact : root.OptionalTables("contact"))
-    file.contacts.push_back(ReadContact(contact));
-  for (TomlTable& purpose : root.OptionalTables("purpose")) {
-    PurposeFigure& figure = file.purpose.emplace_back();
-    ReadKeys(purpose, kPurposeKeys, figure);
-    if (figure.at_time()) ReadKeys(purpose, kPurposeTimeKeys, figure);
-    if (figure.of_point()) ReadKeys(purpose, kPurposePointKeys, figure);
-  }
+    file.contacts.push_back(
+        ReadContact(contact, file.primitive.duration_s + file.primitive.settle_s));
+  for (TomlTable& purpose : root.OptionalTables("purpose"))
+    file.purpose.push_back(ReadPurpose(purpose));
   file.certificate = ReadCertificate(root.Table("certificate"), file.primitive, derived);
   for (TomlTable& robustness : root.OptionalTables("robustness"))
     file.robustness.push_back(ReadRobustness(robustness));

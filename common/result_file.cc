@@ -29,6 +29,11 @@ std::filesystem::path Canonical(const std::string& path) {
   return canonical;
 }
 
+/// Beside the file, and of this process alone, so that two programs can write to one folder.
+std::string TemporaryName(const std::filesystem::path& path) {
+  return fmt::format("{}.{}.tmp", path.string(), getpid());
+}
+
 }  // namespace
 
 bool IsDevice(const std::string& path) {
@@ -84,7 +89,7 @@ void CheckFolderWritable(const std::filesystem::path& folder, const std::string&
 }  // namespace
 
 PendingFile::PendingFile(const std::string& path, const std::string& text)
-    : path_(Canonical(path)), temporary_(fmt::format("{}.{}.tmp", path_.string(), getpid())) {
+    : path_(Canonical(path)), temporary_(TemporaryName(path_)) {
   if (IsDevice(path)) throw FileError(path, 0, "", kWouldReplace);
   MakeFolders();
   errno = 0;
@@ -121,10 +126,32 @@ void PendingFile::Discard() {
   for (const std::filesystem::path& folder : made_) std::filesystem::remove(folder, error);
 }
 
+PendingName::PendingName(const std::string& path) : to_open_(path) {
+  if (IsDevice(path)) return;
+  CheckWritable(path);
+  path_ = std::filesystem::absolute(Canonical(path));
+  MakeFolderOf(path_.string());
+  to_open_ = TemporaryName(path_);
+  pending_ = true;
+}
+
+PendingName::~PendingName() {
+  std::error_code error;
+  if (pending_) std::filesystem::remove(to_open_, error);
+}
+
+void PendingName::Commit() {
+  if (!pending_) return;
+  std::error_code error;
+  std::filesystem::rename(to_open_, path_, error);
+  if (error) FailWrite(path_.string(), error.message());
+  pending_ = false;
+}
+
 PendingStream::PendingStream(const std::string& path) {
   CheckWritable(path);
   path_ = std::filesystem::absolute(std::filesystem::weakly_canonical(path));
-  temporary_ = fmt::format("{}.{}.tmp", path_.string(), getpid());
+  temporary_ = TemporaryName(path_);
   MakeFolderOf(path_.string());
   file_ = OpenNameless(path_.parent_path());
   if (file_ >= 0) return;

@@ -34,6 +34,28 @@ class PendingFile {
       made_;  // those above the file that were not there, inmost first
 };
 
+/// The same for a file that something else writes, which opens it by a name. A program that is ended
+/// before Commit leaves at most a file of another name. A device is opened by its own name, and takes
+/// what is written as it comes.
+class PendingName {
+ public:
+  /// @throws FileError  when no such file can be written.
+  explicit PendingName(const std::string& path);
+  ~PendingName();
+  PendingName(const PendingName&) = delete;
+  PendingName& operator=(const PendingName&) = delete;
+
+  /// The name to open.
+  [[nodiscard]] const std::string& to_open() const { return to_open_; }
+  /// Puts the file in place, once it is closed or flushed. @throws FileError  when that fails.
+  void Commit();
+
+ private:
+  std::filesystem::path path_;
+  std::string to_open_;
+  bool pending_ = false;  ///< Whether a file of the other name may be there.
+};
+
 /// The same for a file that is too long to be kept in memory: written bit by bit, it appears by
 /// Commit. Where the file system has files without a name (all usual ones do), a program that is
 /// ended before leaves nothing behind.

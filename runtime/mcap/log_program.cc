@@ -128,39 +128,27 @@ LogContents ReadLog(const std::string& path, std::FILE* table, const std::string
 
 /// @param quiet  whether events and the last state are not printed, even without a table.
 ExitStatus Convert(const std::string& path, const std::string& csv, bool quiet) {
+  std::optional<PendingName> pending;
   TableFile table;
-  std::string part;
   std::FILE* out = nullptr;
   if (csv == "-") {
     out = stdout;
   } else if (!csv.empty()) {
-    CheckResult(csv);
-    MakeFolderOf(csv);
-    if (!IsDevice(csv)) part = csv + ".part";  // The table appears whole or not at all.
-    table.reset(std::fopen((part.empty() ? csv : part).c_str(), "w"));
+    table.reset(std::fopen(pending.emplace(csv).to_open().c_str(), "w"));
     if (table == nullptr) {
       throw std::runtime_error(
           fmt::format("{}: cannot be written: {}", csv, std::generic_category().message(errno)));
     }
     out = table.get();
   }
-  LogContents contents;
-  try {
-    contents = ReadLog(path, out, csv, csv.empty() && !quiet);
-    if (contents.states == 0) {
-      throw std::runtime_error(
-          fmt::format("{}: has no message of tumbler-run on channel {}", path, kStateChannel));
-    }
-    if (out != nullptr && std::fflush(out) != 0)
-      throw std::runtime_error(fmt::format("{}: could not be written whole", csv));
-  } catch (...) {
-    if (!part.empty()) std::remove(part.c_str());
-    throw;
-  }
-  if (!part.empty() && std::rename(part.c_str(), csv.c_str()) != 0) {
+  LogContents contents = ReadLog(path, out, csv, csv.empty() && !quiet);
+  if (contents.states == 0) {
     throw std::runtime_error(
-        fmt::format("{}: cannot be written: {}", csv, std::generic_category().message(errno)));
+        fmt::format("{}: has no message of tumbler-run on channel {}", path, kStateChannel));
   }
+  if (out != nullptr && std::fflush(out) != 0)
+    throw std::runtime_error(fmt::format("{}: could not be written whole", csv));
+  if (pending) pending->Commit();
   std::FILE* text = csv == "-" ? stderr : stdout;
   if (csv.empty() && !quiet)
     fmt::print(text, "\nat the end:\n{}\n", Printable(contents.view.Screen()));

@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/command_line.h"
@@ -94,8 +95,13 @@ ExitStatus DescribeRecord(int argc, char** argv, const PictureSource* pictures) 
   line.Option("--truth-csv", options.truth,
               "write every true state of a simulated robot as CSV: root and joints");
   line.Parse(argc, argv);
-  if (options.mcap == "-")
-    throw UsageError("--mcap", "needs the name of a file, not standard output");
+  for (const auto& [option, name] : {std::pair{"--candump", &options.candump},
+                                     {"--csv", &options.csv},
+                                     {"--lcm", &options.lcm},
+                                     {"--mcap", &options.mcap},
+                                     {"--truth-csv", &options.truth}}) {
+    if (*name == "-") throw UsageError(option, "needs the name of a file, not standard output");
+  }
   return Export(options, pictures);
 }
 

@@ -108,8 +108,8 @@ std::int64_t ExportCandump(FlightRecord& record, const std::string& path) {
   struct CloseFile {
     void operator()(std::FILE* file) const noexcept { std::fclose(file); }
   };
-  MakeFolderOf(path);
-  const std::unique_ptr<std::FILE, CloseFile> file(std::fopen(path.c_str(), "w"));
+  PendingName pending(path);
+  const std::unique_ptr<std::FILE, CloseFile> file(std::fopen(pending.to_open().c_str(), "w"));
   const auto fail = [&path] {
     throw RecordError(
         fmt::format("{}: cannot be written: {}", path, std::generic_category().message(errno)));
@@ -150,6 +150,7 @@ std::int64_t ExportCandump(FlightRecord& record, const std::string& path) {
   }
   write_before(std::numeric_limits<std::int64_t>::max());
   if (std::fflush(file.get()) != 0) fail();
+  pending.Commit();
   return count;
 }
 
@@ -159,6 +160,7 @@ std::int64_t ExportTelemetry(FlightRecord& record, const std::string& csv_path,
   TelemetryConfig config;
   config.trace_file = csv_path;
   config.log_file = lcm_path;
+  config.whole_files = true;
   config.run = DescribeRun(configuration);
   config.utime_at_zero_us = configuration.utime_at_zero_us;
   Telemetry telemetry(config);

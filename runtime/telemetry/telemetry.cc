@@ -28,16 +28,14 @@ struct Telemetry::Implementation {
   explicit Implementation(const TelemetryConfig& config_in)
       : config(config_in), events(config.run), run(config.run) {
     if (!config.log_file.empty()) {
-      MakeFolderOf(config.log_file);
-      log.emplace(config.log_file, "w");
+      log.emplace(NameToOpen(config.log_file, pending_log), "w");
       if (!log->good()) {
         throw std::runtime_error(fmt::format("{}: cannot be written: {}", config.log_file,
                                              std::generic_category().message(errno)));
       }
     }
     if (!config.trace_file.empty()) {
-      MakeFolderOf(config.trace_file);
-      trace.reset(std::fopen(config.trace_file.c_str(), "w"));
+      trace.reset(std::fopen(NameToOpen(config.trace_file, pending_trace).c_str(), "w"));
       if (trace == nullptr) {
         throw std::runtime_error(fmt::format("{}: cannot be written: {}", config.trace_file,
                                              std::generic_category().message(errno)));
@@ -54,6 +52,14 @@ struct Telemetry::Implementation {
       }
     }
     message.joints.reserve(kMaxJoints);
+  }
+
+  /// Of one of the files, whose folder is made.
+  [[nodiscard]] std::string NameToOpen(const std::string& path,
+                                       std::optional<PendingName>& pending) const {
+    if (config.whole_files) return pending.emplace(path).to_open();
+    MakeFolderOf(path);
+    return path;
   }
 
   void Write(const std::string& text) {
@@ -122,6 +128,7 @@ struct Telemetry::Implementation {
   std::thread thread;
 
   // Only the draining side uses these.
+  std::optional<PendingName> pending_log, pending_trace;
   std::optional<lcm::LogFile> log;
   std::unique_ptr<lcm::LCM> live;
   std::unique_ptr<std::FILE, CloseFile> trace;
@@ -186,6 +193,8 @@ void Telemetry::Stop() {
     throw std::runtime_error(
         fmt::format("{}: could not be written whole", implementation_->log_failed ? log : trace));
   }
+  if (implementation_->pending_log) implementation_->pending_log->Commit();
+  if (implementation_->pending_trace) implementation_->pending_trace->Commit();
 }
 
 std::int64_t Telemetry::lost() const noexcept { return implementation_->lost; }

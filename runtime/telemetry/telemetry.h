@@ -14,6 +14,9 @@ struct TelemetryConfig {
   std::string log_file;    ///< LCM log, for lcm-logplayer and lcm-spy.
   std::string lcm_url;     ///< Live LCM, e.g. `udpm://239.255.76.67:7667?ttl=0`.
   std::string trace_file;  ///< CSV, one row a tick.
+  /// Whether the files appear only when they are whole, by Stop: where what they are made of is kept
+  /// elsewhere. Else a run that is ended leaves what it has written.
+  bool whole_files = false;
   RunDescription run;
   /// The log's time at time 0 of the loop: 0 for virtual time, else microseconds since 1970.
   std::int64_t utime_at_zero_us = 0;
@@ -43,7 +46,7 @@ class Telemetry {
   void SetScheduling(const std::string& scheduling);
   /// Starts a thread that drains the ring until Stop.
   void Start();
-  /// Ends the thread, writes the remaining records and flushes.
+  /// Ends the thread, writes the remaining records and flushes. Whole files appear.
   /// @throws std::runtime_error  when a file could not be written whole.
   void Stop();
 

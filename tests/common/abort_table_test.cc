@@ -163,6 +163,25 @@ TEST(AbortTable, AWrongOneIsRefusedWithLineKeyAndWhatIsAllowed) {
   }
 }
 
+TEST(AbortTable, AFigureWhoseLargestImpactIsBelowTheMeanIsRefused) {
+  PrimitiveFile file = WithEveryWay();
+  file.abort_figure.emplace();
+  file.abort_figure->robots = 4;
+  file.abort_figure->impact_m_s = file.abort_figure->impact_max_m_s = 0.5;
+  file.abort_figure->damped_impact_m_s = file.abort_figure->damped_impact_max_m_s = 0.75;
+  const std::string text = ToToml(file);
+  EXPECT_NO_THROW(static_cast<void>(ParsePrimitive(text, "p.toml")));
+  const auto refusal = [&](const char* key, const char* from, const char* to) {
+    const std::string edited = EditedAborts(text, from, to);
+    EXPECT_THAT([&] { static_cast<void>(ParsePrimitive(edited, "p.toml")); },
+                ::testing::ThrowsMessage<FileError>(HasSubstr(key)));
+  };
+  refusal("abort_figure.impact_max_m_s: is 0.25; allowed: at least the mean, 0.5",
+          "\nimpact_max_m_s = 0.5", "\nimpact_max_m_s = 0.25");
+  refusal("abort_figure.damped_impact_max_m_s: is 0.5; allowed: at least the mean, 0.75",
+          "damped_impact_max_m_s = 0.75", "damped_impact_max_m_s = 0.5");
+}
+
 TEST(AbortTable, WithTooManySpansIsRefusedByReaderAndWriter) {
   std::string spans;
   for (int i = 0; i < kMaxAbortSpans - 3; ++i)

@@ -284,8 +284,10 @@ PrimitiveFile AnyPrimitive(std::mt19937_64& random) {
     pose->root_pitch_rad = AnyFinite(random);
   }
   for (std::size_t i = random() % 4; i > 0; --i) {
-    const double start = AnyNonNegative(random);
-    const double end = AnyNonNegative(random);
+    const double until_s = file.primitive.duration_s + file.primitive.settle_s;
+    std::uniform_real_distribution<double> any(0, until_s);
+    const double start = any(random);
+    const double end = any(random);
     file.contacts.push_back({AnyText(random), AnyText(random), std::min(start, end),
                              std::max(start, end), AnyNonNegative(random)});
   }
@@ -818,6 +820,16 @@ INSTANTIATE_TEST_SUITE_P(
                 "start_s = 0.0\nend_s = 0.4375",
                 "start_s = 0.5\nend_s = 0.4375",
                 {"contact[1].end_s: is 0.4375; allowed: >= start_s, which is 0.5"}},
+        Refusal{"ContactAfterTheMotion",
+                "end_s = 0.4375",
+                "end_s = 1.75",
+                {"contact[1].end_s: is 1.75; allowed: up to the end of the settle phase, 1.625"}},
+        Refusal{"PurposeMissed",
+                "result = 0.26",
+                "result = 0.3125",
+                {"purpose[0].result: is 0.3125, 0.0625 from the target; allowed: the tolerance, "
+                 "0.03125"}},
+        Refusal{"PurposeWithoutAResult", "result = 0.26", "result = nan", {"purpose[0].result"}},
         Refusal{"PurposeOfNothing",
                 "of = \"speed\"",
                 "of = \"haste\"",

@@ -229,6 +229,26 @@ TEST_F(RecordPrograms, ExportsWhatTheRunWroteItself) {
   EXPECT_GT(ReadFile(folder_ / "a.csv").size(), 100'000U);
 }
 
+TEST_F(RecordPrograms, AnExportThatDoesNotFitLeavesTheFileThatWasThere) {
+  ASSERT_EQ(Record().exit_code, 0);
+  for (const std::string option : {"--candump", "--csv", "--lcm", "--mcap", "--truth-csv"}) {
+    const std::string path = folder_ / "kept/x";
+    std::filesystem::create_directory(folder_.path() / "kept");
+    std::ofstream(path) << "precious";
+    const Outcome full =
+        Run("ulimit -f 50; trap '' XFSZ; tumbler-record " + record_ + " " + option + " " + path);
+    EXPECT_EQ(full.exit_code, 1) << option << full.text;
+    EXPECT_THAT(full.text, HasSubstr("written")) << option;
+    EXPECT_EQ(ReadFile(path), "precious") << option;
+    // A signal that ends the program at once may leave a file of another name, never a part here.
+    EXPECT_NE(
+        Run("ulimit -f 50; tumbler-record " + record_ + " " + option + " " + path).exit_code, 0);
+    EXPECT_EQ(ReadFile(path), "precious") << option;
+    std::filesystem::remove_all(folder_.path() / "kept");
+    EXPECT_EQ(Run("tumbler-record " + record_ + " " + option + " -").exit_code, 1) << option;
+  }
+}
+
 TEST_F(RecordPrograms, ComparesTwoRunsOfAMotionAndDrawsThem) {
   ASSERT_EQ(Record().exit_code, 0);
   const std::string other = folder_ / "other.rec";
