@@ -16,7 +16,7 @@ namespace {
 
 int Main(std::string_view model) {
   const SolveOutcome found = CountedHop(LampHop::Begun(), model == "general");
-  if (found.evaluations < 40) return 1;
+  if (found.evaluations < 25) return 1;
   std::printf("%lld\n", static_cast<long long>(found.evaluations));
   return 0;
 }

@@ -23,8 +23,8 @@ class LampHop {
     LampHop hop;
     hop.problem_.search.max_samples = 20;
     hop.problem_.search.refine = 1;
-    hop.problem_.solver.screen_evaluations = 20;
-    hop.problem_.solver.max_evaluations = 60;
+    hop.problem_.solver.screen_evaluations = 10;
+    hop.problem_.solver.max_evaluations = 25;
     return hop;
   }
   [[nodiscard]] SolveOutcome Find(bool general) const {
