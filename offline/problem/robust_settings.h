@@ -16,14 +16,15 @@ namespace tumbler {
 struct FeedbackSettings {
   /// When a feedback acts.
   enum class Acts : std::uint8_t {
-    kAlways,  ///< In the motion and in the hold after it; its gains are found with the path.
+    kAlways,  ///< In the hold, and before it in the motion, with gains that are found with the
+              ///< path.
     kHold     ///< In the hold; its gains are found for the path, when that is known.
   };
   static constexpr std::array<std::string_view, 2> kActsNames = {"always", "hold"};
 
   std::string link;  ///< Whose absolute angle is fed back.
   Acts acts = Acts::kAlways;
-  int knots = 4;                          ///< Of the gains that always act, at equal distances.
+  int knots = 5;                          ///< Of gains that act in the motion, at equal distances.
   double correction_max_rad = 0.3;        ///< Of each joint.
   double correction_rate_max_rad_s = 10;  ///< Likewise.
   double noise_rad = 5e-3;                ///< Standard deviation of the measured angle.

@@ -68,11 +68,12 @@ constexpr std::array kFeedbackSearchKeys = {
         .Allowed("a link of the robot"),
     KeyOf<&FeedbackSettings::acts>(
         "acts", FeedbackSettings::kActsNames,
-        "in motion and hold, with gains that are found with the path; or in the hold only, from "
-        "0.2 s after the motion on, with gains that are found for it, and a dead zone"),
+        "in the hold, from 0.2 s after the motion on, with gains and a dead zone that are found "
+        "for "
+        "it; and before it in the motion as well, with gains that are found with the path"),
     KeyOf<&FeedbackSettings::knots>(
-        "knots", {2, kMaxGainKnots},
-        "of gains that always act, at equal distances from start to end"),
+        "knots", {2, kMaxGainKnots - 2},  // two more are those of the hold
+        "of gains that act in the motion, at equal distances from start to end"),
     KeyOf<&FeedbackSettings::correction_max_rad>(
         "correction_max_rad", {0, kMaxCorrection_rad, true},
         "the most that a joint's setpoint is corrected by"),

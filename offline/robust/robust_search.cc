@@ -55,18 +55,15 @@ constexpr double kFaultLoss = 1.3;
 /// of the size of the others.
 constexpr double kStretch = 0.5;
 constexpr int kHopelessAfter = 20;  // generations
-/// Gains of a feedback, for one of the variables that stand for them.
-constexpr double kAngleGain = 4, kRateGain = 0.4;
-/// For so many random motions one is tried with random gains; the size of the largest of their
-/// variables, and how much smaller the smallest are.
-constexpr int kMotionsForGains = 40;
-constexpr double kLargestGain = 2, kGainRange = 60, kGainSigma = 0.15;
+/// Gains of a feedback in the motion, for one of the variables that stand for them, whose standard
+/// deviation is 1 at first. With a tenth of it nothing is found that is better than no feedback.
+constexpr double kAngleGain = 2, kRateGain = 0.2;
+/// The largest gains that are tried.
+constexpr double kLargestAngleGain = 20, kLargestRateGain = 5;
 /// When after a motion a feedback of the hold sets in, once the robot has landed, and how long it
 /// takes; and for how many random motions one law is tried.
 constexpr double kHoldBegins_s = 0.2, kHoldRise_s = 0.1;
 constexpr int kMotionsForHold = 75;
-/// A push, and how long afterwards a robot has to be at rest.
-constexpr double kPush_s = 0.1, kAfterPush_s = 1.6;
 /// Where the fed-back angle is off by more, nothing is corrected, and how fast feedback fades.
 constexpr double kErrorMax_rad = 0.6, kStartErrorMax_rad = 0.2, kFade_s = 0.05;
 
@@ -119,24 +116,23 @@ class RobustSearch {
     }
   }
 
-  /// @param guess  a motion to begin with, in place of the first two stages; empty: none.
+  /// @param guess  a motion to begin with, in place of the first two stages; empty: none. Where a
+  ///               feedback is asked for, it stays as it is.
   std::vector<Candidate> Run(std::span<const double> guess) {
+    std::vector<Candidate> best;
     if (!guess.empty()) {
-      std::vector<Candidate> given = {{{guess.begin(), guess.end()}, 0}};
-      given.front().x.resize(variables());
-      // A feedback of the hold is found for the motion as it is.
-      if (holds()) return given;
-      if (!feeds_back()) return Polish(given);
-      return Polish(Improve(FindGains(given.front()), robust_.improved, 0.05,
-                            MakeEnsemble(32, 1.25), robust_.generations / 2));
+      best = {{{guess.begin(), guess.end()}, 0}};
+      best.front().x.resize(variables());
+      if (!robust_.feedback) best = Polish(best);
+    } else {
+      best = Improve(RandomMotions(), robust_.starts, 0.12, MakeEnsemble(16, 1),
+                     robust_.generations / 3);
+      best = Improve(best, robust_.improved, 0.05, MakeEnsemble(32, 1.25), robust_.generations / 2);
+      const std::vector<Candidate> polished = Polish(best);
+      best.insert(best.begin(), polished.begin(), polished.end());
     }
-    std::vector<Candidate> best = Improve(RandomMotions(), robust_.starts, 0.12,
-                                          MakeEnsemble(16, 1), robust_.generations / 3);
-    if (feeds_back() && !best.empty()) best = FindGains(best.front());
-    best = Improve(best, robust_.improved, 0.05, MakeEnsemble(32, 1.25), robust_.generations / 2);
-    std::vector<Candidate> polished = Polish(best);
-    polished.insert(polished.end(), best.begin(), best.end());
-    return polished;
+    if (feeds_back() && !best.empty()) FindGains(best.front());
+    return best;
   }
 
   /// A candidate's motion: the problem's parameters, and how long it takes.
@@ -151,7 +147,8 @@ class RobustSearch {
 
   /// A candidate's feedback; absent where the task asks for none.
   [[nodiscard]] Feedback<double> FeedbackOf(const Candidate& candidate) {
-    return holds() ? FindHold(candidate.x) : Plans({candidate.x}).front().feedback;
+    return feeds_back() ? Plans({candidate.x}).front().feedback
+                        : FindHold(candidate.x, robust_.polish_robots);
   }
 
   [[nodiscard]] std::int64_t evaluations() const { return evaluations_; }
@@ -161,28 +158,42 @@ class RobustSearch {
   }
 
  private:
+  /// The robots of the last improvement, or a part of them.
+  [[nodiscard]] Ensemble Polishing(int part) const {
+    return MakeEnsemble(std::max(robust_.polish_robots / part, static_cast<int>(kLanes)),
+                        robust_.polish_scale, kFine);
+  }
   std::vector<Candidate> Polish(const std::vector<Candidate>& from) {
-    return Improve(from, 1, 0.03, MakeEnsemble(robust_.polish_robots, robust_.polish_scale, kFine),
-                   robust_.generations);
+    return Improve(from, 1, 0.03, Polishing(1), robust_.generations);
+  }
+
+  /// Finds gains that act in a motion, which stays as it is, and before them those of the hold.
+  void FindGains(Candidate& motion) {
+    constexpr int kPartForHold = 4;
+    hold_ = FindHold(motion.x, robust_.polish_robots / kPartForHold);
+    motion.x.resize(variables());
+    for (const int part : {2, 1}) {
+      ++stage_;
+      motion = ImproveOne(motion, 0, 1.0 / (3 - part), Polishing(part), robust_.generations,
+                          kHopeless, first_gain());
+    }
   }
 
   using Setpoints = std::vector<LaneSetpoint<Packet>>;
 
-  /// Of a candidate: the path's parameters, the duration where it is free, and for each joint the
-  /// gains of the feedback, those of the angle before those of the rate.
+  /// Of a candidate: the path's parameters, the duration where it is free, and, once the feedback
+  /// of the hold is known, for each joint the gains in the motion, those of the angle before those
+  /// of the rate.
   [[nodiscard]] std::size_t variables() const {
-    const std::size_t gains = feeds_back() ? 2 * joints_ * Index(robust_.feedback->knots) : 0;
+    const std::size_t gains = hold_ ? 2 * joints_ * Index(robust_.feedback->knots) : 0;
     return first_gain() + gains;
   }
   [[nodiscard]] std::size_t first_gain() const {
     return Index(parameters_) + (free_duration() ? 1 : 0);
   }
-  /// Whether the task asks for a feedback with the path, or for one of the hold after it.
+  /// Whether the task asks for a feedback that acts in the motion, too.
   [[nodiscard]] bool feeds_back() const {
     return robust_.feedback && robust_.feedback->acts == FeedbackSettings::Acts::kAlways;
-  }
-  [[nodiscard]] bool holds() const {
-    return robust_.feedback && robust_.feedback->acts == FeedbackSettings::Acts::kHold;
   }
   [[nodiscard]] bool free_duration() const { return robust_.duration_max_s.has_value(); }
   [[nodiscard]] int TicksOf(const std::vector<double>& x) const { return Ticks(DurationOf(x)); }
@@ -258,9 +269,9 @@ class RobustSearch {
         }
       }
       ensemble.states.push_back(state);
-      if (!feeds_back()) continue;
+      if (!hold_) continue;
       const double most_s = robust_.duration_max_s.value_or(problem_.duration_s);
-      const double time_s = most_s + problem_.settle_s + kLater_s + kPush_s + kAfterPush_s;
+      const double time_s = most_s + problem_.settle_s + kLater_s;
       ensemble.noise.emplace_back(*robust_.feedback, Index(Ticks(time_s)) + 1, seed,
                                   ensemble.noise.size());
     }
@@ -368,7 +379,7 @@ class RobustSearch {
       }
       plans[m].feed_forward = Smoothed(torques, m, TicksOf(motions[m]), kSteps);
     }
-    if (feeds_back()) AddFeedback(motions, plans);
+    if (hold_) AddFeedback(motions, plans);
     return plans;
   }
 
@@ -393,29 +404,44 @@ class RobustSearch {
     return smoothed;
   }
 
-  /// The feedbacks of plans. The angle that they keep is that of the model behind its drives.
+  /// The feedbacks of plans: in the motion with gains of their own, then with those of the hold.
+  /// The angle that they keep is that of the model behind its drives.
   void AddFeedback(const std::vector<std::vector<double>>& motions,
                    std::vector<Plan>& plans) const {
     const FeedbackSettings& settings = *robust_.feedback;
+    const int knots = settings.knots;
     const std::vector<double> chain = ChainOf(settings.link);
     const std::vector<std::vector<double>> angles = AnglesOf(motions, plans, chain);
     for (std::size_t m = 0; m < motions.size(); ++m) {
       Feedback<double>& feedback = plans[m].feedback;
       const double duration_s = DurationOf(motions[m]);
       feedback = WithoutGains(duration_s, angles[m], chain);
-      feedback.knot_count = settings.knots;
-      for (int k = 0; k < settings.knots; ++k)
-        feedback.knots_s[Index(k)] = duration_s * k / (settings.knots - 1);
-      feedback.knots_s[Index(settings.knots - 1)] = duration_s;
+      feedback.error_min_rad = hold_->error_min_rad;
+      feedback.error_full_rad = hold_->error_full_rad;
+      for (int k = 0; k < knots; ++k)
+        feedback.knots_s[Index(k)] = k + 1 < knots ? duration_s * k / (knots - 1) : duration_s;
+      AddHoldKnots(duration_s, knots, feedback);
       const double* x = motions[m].data() + first_gain();
       for (std::size_t j = 0; j < joints_; ++j) {
         JointFeedback<double>& joint = feedback.joints[j];
-        for (int k = 0; k < settings.knots; ++k)
-          joint.angle_gain[Index(k)] = std::clamp(kAngleGain * *x++, -20.0, 20.0);
-        for (int k = 0; k < settings.knots; ++k)
-          joint.rate_gain[Index(k)] = std::clamp(kRateGain * *x++, -5.0, 5.0);
+        for (int k = 0; k < knots; ++k)
+          joint.angle_gain[Index(k)] =
+              std::clamp(kAngleGain * *x++, -kLargestAngleGain, kLargestAngleGain);
+        for (int k = 0; k < knots; ++k)
+          joint.rate_gain[Index(k)] =
+              std::clamp(kRateGain * *x++, -kLargestRateGain, kLargestRateGain);
+        const auto last = Index(hold_->knot_count - 1);
+        joint.angle_gain[Index(knots + 1)] = hold_->joints[j].angle_gain[last];
+        joint.rate_gain[Index(knots + 1)] = hold_->joints[j].rate_gain[last];
       }
     }
+  }
+
+  /// Two knots more: when the gains of the hold begin, and when they are whole.
+  static void AddHoldKnots(double duration_s, int knots, Feedback<double>& law) {
+    law.knots_s[Index(knots)] = duration_s + kHoldBegins_s;
+    law.knots_s[Index(knots + 1)] = duration_s + kHoldBegins_s + kHoldRise_s;
+    law.knot_count = knots + 2;
   }
 
   [[nodiscard]] std::vector<double> ChainOf(const std::string& link) const {
@@ -442,7 +468,7 @@ class RobustSearch {
   }
 
   /// A feedback of the hold after a motion. Until it sets in, the robot lands as without it.
-  [[nodiscard]] Feedback<double> FindHold(const std::vector<double>& x) {
+  [[nodiscard]] Feedback<double> FindHold(const std::vector<double>& x, int robots) {
     const FeedbackSettings& settings = *robust_.feedback;
     const Plan plan = Plans({x}).front();
     const std::vector<double> chain = ChainOf(settings.link);
@@ -455,9 +481,7 @@ class RobustSearch {
         first,       problem_.settle_s,
         target_rad_, problem_.following_tolerance_rad,
         settings,    WithoutGains(duration_s, AnglesOf({x}, {plan}, chain).front(), chain)};
-    study.law.knot_count = 3;
-    study.law.knots_s[1] = duration_s + kHoldBegins_s;
-    study.law.knots_s[2] = duration_s + kHoldBegins_s + kHoldRise_s;
+    AddHoldKnots(duration_s, 1, study.law);
     Setpoints setpoints(Index(TicksOf(x) + 1) * joints_);
     Sample(x, setpoints.size() / joints_, kTick_s, [&](std::size_t i, const auto& at) {
       setpoints[i] = {Packet::Of(at.value), Packet::Of(at.first), Packet::Of(plan.feed_forward[i])};
@@ -465,7 +489,8 @@ class RobustSearch {
     const auto split = setpoints.begin() + first * static_cast<std::ptrdiff_t>(joints_);
     study.setpoints.assign(split, setpoints.end());
     setpoints.erase(split, setpoints.end());
-    const Ensemble ensemble = MakeEnsemble(robust_.polish_robots, robust_.polish_scale, kFine);
+    const Ensemble ensemble =
+        MakeEnsemble(std::max(robots, static_cast<int>(kLanes)), robust_.polish_scale, kFine);
     for (std::size_t p = 0; p < ensemble.robots.size(); ++p) {
       HeldRobots packet{ensemble.robots[p], ensemble.states[p], ensemble.held};
       LaneWatch<Packet> watch;
@@ -584,8 +609,7 @@ class RobustSearch {
                              const Ensemble& ensemble) const {
     const int settled = TicksOf(x) + Ticks(problem_.settle_s);
     const int later = settled + Ticks(kLater_s);
-    const int end = feeds_back() ? later + Ticks(kPush_s) + Ticks(kAfterPush_s) : later;
-    Setpoints setpoints(Index(end) * joints_);
+    Setpoints setpoints(Index(later) * joints_);
     Sample(x, setpoints.size() / joints_, kTick_s, [&](std::size_t i, const auto& at) {
       const std::size_t last = plan.feed_forward.size() - joints_ + i % joints_;
       setpoints[i] = {Packet::Of(at.value), Packet::Of(at.first),
@@ -594,13 +618,12 @@ class RobustSearch {
     double sum = 0;
     for (std::size_t p = 0; p < ensemble.robots.size(); ++p) {
       Play play{ensemble, p, setpoints, ensemble.states[p], ensemble.held, {}, {}, 0, {}};
-      if (feeds_back()) {
+      if (hold_) {
         play.feedback.emplace(plan.feedback, ensemble.noise[p], robust_.feedback->delay_s, kTick_s,
                               joints_);
       }
       Advance(play, ensemble.robots[p], settled);
-      double packet = LossAt(play, ensemble.robots[p], OffOf(play.state), later);
-      if (feeds_back()) packet = 0.5 * (packet + LossAfterPush(play, ensemble.robots[p], later));
+      const double packet = LossAt(play, ensemble.robots[p], OffOf(play.state), later);
       if (p == 0 && packet >= kLanes) return packet / kLanes;
       sum += packet;
     }
@@ -668,23 +691,6 @@ class RobustSearch {
     return sum;
   }
 
-  /// The same after a push, which is one on all of a robot's mass, to the right in every other
-  /// pair of lanes.
-  [[nodiscard]] double LossAfterPush(Play& play, const LaneRobot<Packet>& robots, int since) const {
-    LaneRobot<Packet> pushed = robots;
-    for (std::size_t lane = 0; lane < kLanes; ++lane) {
-      double mass_kg = 0;
-      for (std::size_t i = 0; i <= joints_; ++i) mass_kg += robots.bodies[i].mass.lane(lane);
-      const double force_n =
-          lane / 2 % 2 == 0 ? robust_.feedback->push_n : -robust_.feedback->push_n;
-      pushed.gravity_x.set_lane(lane, robots.gravity_x.lane(lane) + force_n / mass_kg);
-    }
-    Advance(play, pushed, since + Ticks(kPush_s));
-    const int end = play.tick + Ticks(kAfterPush_s);
-    Advance(play, robots, end - Ticks(kWatched_s) - 1);
-    return LossAt(play, robots, OffOf(play.state), end);
-  }
-
   /// Losses of motions, penalties included.
   std::vector<double> Evaluate(const std::vector<std::vector<double>>& motions,
                                const Ensemble& ensemble) {
@@ -739,66 +745,6 @@ class RobustSearch {
     return all;
   }
 
-  /// A motion with gains that stay the same from start to end, the best first: the best of random
-  /// ones, improved, and among those none. Gains of zero are too far from good ones for an
-  /// improvement of all variables to get there.
-  std::vector<Candidate> FindGains(const Candidate& of) {
-    const Ensemble ensemble = MakeEnsemble(16, 1);
-    const std::size_t count = 2 * joints_;
-    std::vector<std::vector<double>> gains(Index(std::max(robust_.samples / kMotionsForGains, 8)),
-                                           std::vector<double>(count));
-    for (std::size_t i = 1; i < gains.size(); ++i) {
-      Normal normal(problem_.search.seed, i);
-      const double size = kLargestGain * std::pow(kGainRange, -normal.DrawUniform());
-      for (double& gain : gains[i]) gain = size * normal.Draw();
-    }
-    std::vector<Candidate> all = EvaluateGains(of, gains, ensemble);
-    Sort(all);
-    Tell(true, 0, all.front().loss);
-    std::vector<Candidate> improved;
-    ++stage_;
-    for (int start = 0; start < robust_.improved; ++start) {
-      Candidate best = all[Index(start)];
-      CmaEs search(ConstantGains(best), kGainSigma, kPopulation,
-                   problem_.search.seed * 1'000'000 + Index(stage_ * 1000 + start));
-      for (int g = 0; g < robust_.generations / 3 && !interrupted(); ++g) {
-        const std::vector<Candidate> candidates = EvaluateGains(of, search.Ask(), ensemble);
-        std::vector<double> losses;
-        for (const Candidate& candidate : candidates) {
-          losses.push_back(candidate.loss);
-          if (candidate.loss < best.loss) best = candidate;
-        }
-        search.Tell(losses);
-        Tell(false, start, best.loss);
-      }
-      improved.push_back(best);
-    }
-    Sort(improved);
-    return improved;
-  }
-
-  /// A motion with gains that stay the same: for each joint that of the angle and that of the rate.
-  std::vector<Candidate> EvaluateGains(const Candidate& of,
-                                       const std::vector<std::vector<double>>& gains,
-                                       const Ensemble& ensemble) {
-    const auto knots = Index(robust_.feedback->knots);
-    std::vector<std::vector<double>> motions(gains.size(), of.x);
-    for (std::size_t i = 0; i < gains.size(); ++i) {
-      for (std::size_t k = 0; k < gains[i].size() * knots; ++k)
-        motions[i][first_gain() + k] = gains[i][k / knots];
-    }
-    const std::vector<double> losses = Evaluate(motions, ensemble);
-    std::vector<Candidate> candidates;
-    for (std::size_t i = 0; i < motions.size(); ++i) candidates.push_back({motions[i], losses[i]});
-    return candidates;
-  }
-  [[nodiscard]] std::vector<double> ConstantGains(const Candidate& candidate) const {
-    std::vector<double> gains;
-    for (std::size_t k = first_gain(); k < variables(); k += Index(robust_.feedback->knots))
-      gains.push_back(candidate.x[k]);
-    return gains;
-  }
-
   /// They take as long as the task says, whether that is free or not.
   void PlayRandom(const RandomStarts& starts, int packet, std::span<Candidate> out) const {
     SelfDistances distances(problem_.scene.robot, problem_.scene.self_contact.pairs);
@@ -844,15 +790,18 @@ class RobustSearch {
     return improved;
   }
 
+  /// @param first  of the variables that are changed; those before it stay.
   Candidate ImproveOne(const Candidate& from, int start, double sigma, const Ensemble& ensemble,
-                       int generations, double rival) {
+                       int generations, double rival, std::size_t first = 0) {
     const std::uint64_t seed = problem_.search.seed * 1'000'000 + Index(stage_ * 1000 + start);
-    CmaEs search(from.x, sigma, kPopulation, seed);
+    const auto begin = from.x.begin() + static_cast<std::ptrdiff_t>(first);
+    CmaEs search({begin, from.x.end()}, sigma, kPopulation, seed);
     Candidate best{from.x, Evaluate({from.x}, ensemble).front()};
     for (int g = 0; g < generations && !interrupted(); ++g) {
       if (best.loss < kPerfect) break;
       if (g >= kHopelessAfter && best.loss > std::min(kHopeless, 3 * rival + 0.1)) break;
-      const std::vector<std::vector<double>> motions = search.Ask();
+      std::vector<std::vector<double>> motions = search.Ask();
+      for (std::vector<double>& x : motions) x.insert(x.begin(), from.x.begin(), begin);
       const std::vector<double> losses = Evaluate(motions, ensemble);
       const auto least = std::min_element(losses.begin(), losses.end());
       if (*least < best.loss)
@@ -873,6 +822,8 @@ class RobustSearch {
   std::size_t joints_;
   LaneScene lanes_;
   Ensemble model_;  ///< Of robots that are all the model.
+  /// Of the hold, once it is found: then a motion has gains as well.
+  std::optional<Feedback<double>> hold_;
   /// Where the root is to be: a target of its x or z.
   struct Place {
     std::size_t dof = 0;
@@ -903,11 +854,8 @@ SolveOutcome SolveRobust(const Problem& problem, const SolveOptions& options,
     Solution solution =
         SolveFrom(of_motion, search.ParametersOf(found[i]), 1, rollout, silent, nullptr);
     solution.duration_s = of_motion.duration_s;
-    const auto& feedback = problem.robust->feedback;
-    // A feedback of the hold takes as long to find as a motion: the best one gets it.
-    if (feedback && (i == 0 || feedback->acts == FeedbackSettings::Acts::kAlways)) {
-      solution.feedback = search.FeedbackOf(found[i]);
-    }
+    // A feedback takes as long to find as a motion: the best one gets it.
+    if (problem.robust->feedback && i == 0) solution.feedback = search.FeedbackOf(found[i]);
     solution.end = SolveEnd::kStalled;
     solution.finished = true;
     solution.start = static_cast<int>(i);

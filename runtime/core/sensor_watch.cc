@@ -12,6 +12,9 @@ namespace {
 /// as b times this, and a step of the attitude as itself.
 constexpr float kForget_s = 0.1F;
 
+/// The same of a turn out of the plane: a robot begins to turn slowly.
+constexpr float kForgetTwist_s = 0.25F;
+
 /// The share of the largest rate that may be out of the plane: legs twist when they land.
 constexpr float kOutOfPlane = 0.25F;
 
@@ -55,7 +58,7 @@ float AngleOf(float x, float y) noexcept {
 
 bool SensorSettings::IsValid() const noexcept {
   if (!(age_ticks_max >= 1 && IsPositive(tilt_sine_max) && IsPositive(rate_max_rad_s) &&
-        IsPositive(jump_max_rad) && IsPositive(late_max_s))) {
+        IsPositive(twist_max_rad) && IsPositive(jump_max_rad) && IsPositive(late_max_s))) {
     return false;
   }
   for (std::size_t i = 0; i < 3; ++i) {
@@ -141,11 +144,14 @@ void SensorWatch::TakeReport(const InertialReading& reading) noexcept {
   const auto ticks = static_cast<float>(age_ticks_);
   if (fresh) {
     parted_rad_ = 0;  // What the sensor did meanwhile is not known.
+    turned_rad_ = Lanes{};
   } else {
     const float time_s = ticks * period_s_;
     const float turned = 0.5F * (rate_rad_s + rate_rad_s_) * time_s;
     parted_rad_ += WithoutTurns(pitch_rad - pitch_rad_) - turned;
     parted_rad_ -= parted_rad_ * std::min(time_s / kForget_s, 1.0F);
+    turned_rad_ += turn * time_s;
+    turned_rad_ -= turned_rad_ * std::min(time_s / kForgetTwist_s, 1.0F);
   }
   pitch_rad_ = pitch_rad;
   rate_rad_s_ = rate_rad_s;
@@ -157,7 +163,9 @@ void SensorWatch::TakeReport(const InertialReading& reading) noexcept {
   } else if (!(Magnitude(ww + xx + yy + zz - 1) <= kLength)) {
     implausible_ = SensorStatus::kNoRotation;
   } else if (!(Magnitude(up[1]) <= settings_.tilt_sine_max && Magnitude(turn[0]) <= out_max &&
-               Magnitude(turn[2]) <= out_max)) {
+               Magnitude(turn[2]) <= out_max &&
+               Magnitude(turned_rad_[0]) <= settings_.twist_max_rad &&
+               Magnitude(turned_rad_[2]) <= settings_.twist_max_rad)) {
     implausible_ = SensorStatus::kTilted;
   } else if (!(Magnitude(rate_rad_s) <= settings_.rate_max_rad_s)) {
     implausible_ = SensorStatus::kTooFast;

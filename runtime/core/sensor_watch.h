@@ -36,8 +36,11 @@ struct SensorSettings {
   std::uint32_t repeats_max = 20;  ///< More repeated reports in a row are frozen; 0: any number.
   float tilt_sine_max = 0.3F;      ///< Of the link's y axis, out of the horizontal.
   float rate_max_rad_s = 35;       ///< Of the turn about each axis; out of the plane, a quarter.
-  float jump_max_rad = 0.06F;      ///< By which the attitude may part from the sum of the rates.
-  float late_max_s = 0.01F;        ///< By which a report may be later than the promptest.
+  /// Of the turn out of the plane within some 0.25 s: a sensor that sits the wrong way round looks
+  /// right while the robot stands, and tells of turns about other axes as soon as it moves.
+  float twist_max_rad = 0.1F;
+  float jump_max_rad = 0.06F;  ///< By which the attitude may part from the sum of the rates.
+  float late_max_s = 0.01F;    ///< By which a report may be later than the promptest.
 
   /// @retval false  a value is not finite or not positive, or the mounting is no rotation.
   [[nodiscard]] bool IsValid() const noexcept;
@@ -92,6 +95,7 @@ class SensorWatch {
   bool has_promptest_ = false;
   float pitch_rad_ = 0;
   float rate_rad_s_ = 0;
+  Lanes turned_rad_{};    ///< About each axis of the link, of late.
   float parted_rad_ = 0;  ///< What the attitude has changed beyond the sum of the rates, of late.
   std::int32_t age_ticks_ = -1;
   /// The host's time, in 2^-16 steps of the sensor's clock; how many of them are a tick.

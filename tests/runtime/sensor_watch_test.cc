@@ -141,6 +141,30 @@ TEST(SensorWatch, TakesNoAttitudeThatIsNoRotationOrLeavesThePlane) {
   EXPECT_EQ(WatchRig().Tick({rolled(0), XsensRateFrame(ids, {0, 34, 0})}), SensorStatus::kOk);
 }
 
+TEST(SensorWatch, TakesNoSensorWhoseAxesAreExchangedOnceTheRobotTurnsFromWhereItStoodLevel) {
+  // Attitude and rates fit each other, and nothing is tilted: the turn is about another axis.
+  const XsensMtiConfig ids;
+  double pitch_rad = 0;
+  WatchRig rig;
+  for (int i = 0; i < 200 && rig.watch.status() != SensorStatus::kTilted; ++i) {
+    const double rate_rad_s = 50 * 1e-3 * i;
+    pitch_rad += rate_rad_s * 1e-3;
+    rig.Tick({XsensQuaternionFrame(ids, {std::cos(pitch_rad / 2), 0, 0, std::sin(pitch_rad / 2)}),
+              XsensRateFrame(ids, {0, 0, rate_rad_s})});
+  }
+  EXPECT_EQ(rig.watch.status(), SensorStatus::kTilted);
+  EXPECT_LT(pitch_rad, 0.15);
+  // A twist of a landing is over soon, and a heading that drifts is none.
+  WatchRig landing;
+  for (int i = 0; i < 1000; ++i) {
+    const double rate_rad_s = i % 300 < 10 ? 5 : 0.1;
+    ASSERT_EQ(landing.Tick({XsensQuaternionFrame(ids, {1, 0, 1e-4 * (i % 2), 0}),
+                            XsensRateFrame(ids, {0, 0, rate_rad_s})}),
+              SensorStatus::kOk)
+        << i;
+  }
+}
+
 TEST(SensorWatch, BelievesAMotionWhoseRateFitsAndNoJumpOrWrongRate) {
   // Whole turns at up to 12 rad/s, with noise of 5 mrad and 20 mrad/s.
   std::mt19937 random(2);
