@@ -84,6 +84,10 @@ void SensorWatch::Configure(const SensorSettings& settings, float period_s) noex
       mounting_[of][along] = settings.mounting[along][of];
   }
   period_s_ = period_s;
+  // As long as it reports in every tick.
+  twist_kept_ = std::max(1 - period_s / kForgetTwist_s, 0.0F);
+  twist_lead_s_ = settings.twist_max_rad / (kOutOfPlane * settings.rate_max_rad_s);
+  twist_square_max_ = settings.twist_max_rad * settings.twist_max_rad;
   steps_per_tick_ = static_cast<std::int64_t>(period_s / InertialSensor::kTimeStep_s * 65536);
 }
 
@@ -144,28 +148,26 @@ void SensorWatch::TakeReport(const InertialReading& reading) noexcept {
   const auto ticks = static_cast<float>(age_ticks_);
   if (fresh) {
     parted_rad_ = 0;  // What the sensor did meanwhile is not known.
-    turned_rad_ = Lanes{};
+    twist_rad_ = Lanes{};
   } else {
     const float time_s = ticks * period_s_;
     const float turned = 0.5F * (rate_rad_s + rate_rad_s_) * time_s;
     parted_rad_ += WithoutTurns(pitch_rad - pitch_rad_) - turned;
     parted_rad_ -= parted_rad_ * std::min(time_s / kForget_s, 1.0F);
-    turned_rad_ += turn * time_s;
-    turned_rad_ -= turned_rad_ * std::min(time_s / kForgetTwist_s, 1.0F);
+    twist_rad_ = twist_kept_ * (twist_rad_ + turn * time_s);
   }
   pitch_rad_ = pitch_rad;
   rate_rad_s_ = rate_rad_s;
   age_ticks_ = 0;
   if (implausible_ != SensorStatus::kOk) return;
-  const float out_max = kOutOfPlane * settings_.rate_max_rad_s;
+  // Out of the plane it has turned too far, or is about to.
+  const Lanes twist = twist_rad_ + turn * twist_lead_s_;
   if (settings_.repeats_max > 0 && reading.repeats > settings_.repeats_max) {
     implausible_ = SensorStatus::kFrozen;
   } else if (!(Magnitude(ww + xx + yy + zz - 1) <= kLength)) {
     implausible_ = SensorStatus::kNoRotation;
-  } else if (!(Magnitude(up[1]) <= settings_.tilt_sine_max && Magnitude(turn[0]) <= out_max &&
-               Magnitude(turn[2]) <= out_max &&
-               Magnitude(turned_rad_[0]) <= settings_.twist_max_rad &&
-               Magnitude(turned_rad_[2]) <= settings_.twist_max_rad)) {
+  } else if (!(Magnitude(up[1]) <= settings_.tilt_sine_max &&
+               twist[0] * twist[0] + twist[2] * twist[2] <= twist_square_max_)) {
     implausible_ = SensorStatus::kTilted;
   } else if (!(Magnitude(rate_rad_s) <= settings_.rate_max_rad_s)) {
     implausible_ = SensorStatus::kTooFast;

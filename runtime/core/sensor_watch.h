@@ -95,7 +95,8 @@ class SensorWatch {
   bool has_promptest_ = false;
   float pitch_rad_ = 0;
   float rate_rad_s_ = 0;
-  Lanes turned_rad_{};    ///< About each axis of the link, of late.
+  Lanes twist_rad_{};  ///< What it has turned about each axis of the link, of late.
+  float twist_kept_ = 0, twist_lead_s_ = 0, twist_square_max_ = 0;
   float parted_rad_ = 0;  ///< What the attitude has changed beyond the sum of the rates, of late.
   std::int32_t age_ticks_ = -1;
   /// The host's time, in 2^-16 steps of the sensor's clock; how many of them are a tick.

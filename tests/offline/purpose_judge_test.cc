@@ -32,8 +32,8 @@ class Judge : public ::testing::Test {
     files[0].primitive.settle_s = 0.5;
     files[0].entry.root_x_m = 0.5;
     files[0].purpose = {{{Of::kPitchRate, When::kEnd, 0, 0.1}, 0},
-                        {{Of::kPitch, When::kSettled, kPi / 2, 0.05}, 0},
-                        {{Of::kX, When::kLater, 0.6, 0.02}, 0},
+                        {{Of::kPitch, When::kSettled, kPi / 2, 0.05}, kPi / 2},
+                        {{Of::kX, When::kLater, 0.6, 0.02}, 0.6},
                         {{Of::kSpeed, When::kLater, 0, kRestSpeed}, 0}};
     return files;
   }

@@ -157,7 +157,7 @@ TEST(SensorWatch, TakesNoSensorWhoseAxesAreExchangedOnceTheRobotTurnsFromWhereIt
   // A twist of a landing is over soon, and a heading that drifts is none.
   WatchRig landing;
   for (int i = 0; i < 1000; ++i) {
-    const double rate_rad_s = i % 300 < 10 ? 5 : 0.1;
+    const double rate_rad_s = i % 300 < 10 ? 3 : 0.05;
     ASSERT_EQ(landing.Tick({XsensQuaternionFrame(ids, {1, 0, 1e-4 * (i % 2), 0}),
                             XsensRateFrame(ids, {0, 0, rate_rad_s})}),
               SensorStatus::kOk)
