@@ -34,9 +34,9 @@ class PendingFile {
       made_;  // those above the file that were not there, inmost first
 };
 
-/// The same for a file that something else writes, which opens it by a name. A program that is ended
-/// before Commit leaves at most a file of another name. A device is opened by its own name, and takes
-/// what is written as it comes.
+/// The same for a file that something else writes, which opens it by a name. A program that is
+/// ended before Commit leaves at most a file of another name. A device is opened by its own name,
+/// and takes what is written as it comes.
 class PendingName {
  public:
   /// @throws FileError  when no such file can be written.

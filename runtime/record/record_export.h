@@ -18,7 +18,8 @@ RunDescription DescribeRun(const RecordConfiguration& configuration);
 
 /// Writes all frames of a record by time, as `candump -l` logs them. Sent frames have the time at
 /// which they were handed to the bus, received frames that of their arrival. Times count from 1970,
-/// or, for a run in virtual time, from its start. The file appears when it is whole, as those below.
+/// or, for a run in virtual time, from its start. The file appears when it is whole, as those
+/// below.
 /// @returns the number of frames.
 /// @throws RecordError or FileError  naming the file that cannot be written.
 std::int64_t ExportCandump(FlightRecord& record, const std::string& path);

@@ -14,8 +14,8 @@ struct TelemetryConfig {
   std::string log_file;    ///< LCM log, for lcm-logplayer and lcm-spy.
   std::string lcm_url;     ///< Live LCM, e.g. `udpm://239.255.76.67:7667?ttl=0`.
   std::string trace_file;  ///< CSV, one row a tick.
-  /// Whether the files appear only when they are whole, by Stop: where what they are made of is kept
-  /// elsewhere. Else a run that is ended leaves what it has written.
+  /// Whether the files appear only when they are whole, by Stop: where what they are made of is
+  /// kept elsewhere. Else a run that is ended leaves what it has written.
   bool whole_files = false;
   RunDescription run;
   /// The log's time at time 0 of the loop: 0 for virtual time, else microseconds since 1970.

@@ -241,8 +241,8 @@ TEST_F(RecordPrograms, AnExportThatDoesNotFitLeavesTheFileThatWasThere) {
     EXPECT_THAT(full.text, HasSubstr("written")) << option;
     EXPECT_EQ(ReadFile(path), "precious") << option;
     // A signal that ends the program at once may leave a file of another name, never a part here.
-    EXPECT_NE(
-        Run("ulimit -f 50; tumbler-record " + record_ + " " + option + " " + path).exit_code, 0);
+    EXPECT_NE(Run("ulimit -f 50; tumbler-record " + record_ + " " + option + " " + path).exit_code,
+              0);
     EXPECT_EQ(ReadFile(path), "precious") << option;
     std::filesystem::remove_all(folder_.path() / "kept");
     EXPECT_EQ(Run("tumbler-record " + record_ + " " + option + " -").exit_code, 1) << option;
