@@ -529,9 +529,9 @@ PrimitiveFile Read(TomlTable root, Derived derived = Derived::kChecked) {
     ReadKeys(*drives, kDriveGainsKeys, file.drives.emplace());
   file.entry = ReadPose(root.Table("entry"), file.primitive, false);
   file.exit = ReadPose(root.Table("exit"), file.primitive, true);
+  const double settled_s = file.primitive.duration_s + file.primitive.settle_s;
   for (TomlTable& contact : root.OptionalTables("contact"))
-    file.contacts.push_back(
-        ReadContact(contact, file.primitive.duration_s + file.primitive.settle_s));
+    file.contacts.push_back(ReadContact(contact, settled_s));
   for (TomlTable& purpose : root.OptionalTables("purpose"))
     file.purpose.push_back(ReadPurpose(purpose));
   file.certificate = ReadCertificate(root.Table("certificate"), file.primitive, derived);

@@ -424,12 +424,14 @@ class RobustSearch {
       const double* x = motions[m].data() + first_gain();
       for (std::size_t j = 0; j < joints_; ++j) {
         JointFeedback<double>& joint = feedback.joints[j];
-        for (int k = 0; k < knots; ++k)
+        for (int k = 0; k < knots; ++k) {
           joint.angle_gain[Index(k)] =
               std::clamp(kAngleGain * *x++, -kLargestAngleGain, kLargestAngleGain);
-        for (int k = 0; k < knots; ++k)
+        }
+        for (int k = 0; k < knots; ++k) {
           joint.rate_gain[Index(k)] =
               std::clamp(kRateGain * *x++, -kLargestRateGain, kLargestRateGain);
+        }
         const auto last = Index(hold_->knot_count - 1);
         joint.angle_gain[Index(knots + 1)] = hold_->joints[j].angle_gain[last];
         joint.rate_gain[Index(knots + 1)] = hold_->joints[j].rate_gain[last];
