@@ -16,8 +16,7 @@ namespace tumbler {
 struct FeedbackSettings {
   /// When a feedback acts.
   enum class Acts : std::uint8_t {
-    kAlways,  ///< In the hold, and before it in the motion, with gains that are found with the
-              ///< path.
+    kAlways,  ///< In the hold, and before it in the motion, which stays as it is, too.
     kHold     ///< In the hold; its gains are found for the path, when that is known.
   };
   static constexpr std::array<std::string_view, 2> kActsNames = {"always", "hold"};

@@ -70,7 +70,7 @@ constexpr std::array kFeedbackSearchKeys = {
         "acts", FeedbackSettings::kActsNames,
         "in the hold, from 0.2 s after the motion on, with gains and a dead zone that are found "
         "for "
-        "it; and before it in the motion as well, with gains that are found with the path"),
+        "it; and before it in the motion as well, with gains that are found for the path as it is"),
     KeyOf<&FeedbackSettings::knots>(
         "knots", {2, kMaxGainKnots - 2},  // two more are those of the hold
         "of gains that act in the motion, at equal distances from start to end"),

@@ -172,10 +172,10 @@ class RobustSearch {
     constexpr int kPartForHold = 4;
     hold_ = FindHold(motion.x, robust_.polish_robots / kPartForHold);
     motion.x.resize(variables());
-    for (const int part : {2, 1}) {
+    for (const auto& [part, sigma] : {std::pair{2, 1.0}, std::pair{1, 0.5}}) {
       ++stage_;
-      motion = ImproveOne(motion, 0, 1.0 / (3 - part), Polishing(part), robust_.generations,
-                          kHopeless, first_gain());
+      motion = ImproveOne(motion, 0, sigma, Polishing(part), robust_.generations, kHopeless,
+                          first_gain());
     }
   }
 
