@@ -16,7 +16,7 @@
 #include "offline/linear/least_squares.h"
 #include "offline/problem/feed_forward_knots.h"
 #include "offline/problem/link_chains.h"
-#include "offline/problem/take_duration.h"
+#include "offline/problem/take_free.h"
 #include "offline/rollout/forward_sensitivity.h"
 
 namespace tumbler {
@@ -282,7 +282,7 @@ MotionSummary MotionSummarizer::Finish() {
 }
 
 MotionSummary Summarize(Problem problem, std::vector<double> x) {
-  TakeDuration(problem, x);
+  TakeFree(problem, x);
   MotionSummarizer summarizer(problem, kRefinement);
   SelfDistances distances(problem.scene.robot, problem.scene.self_contact.pairs);
   const double settled_s = problem.duration_s + problem.settle_s + 1e-9;

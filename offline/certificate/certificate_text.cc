@@ -4,6 +4,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
+#include <cstddef>
 #include <optional>
 #include <span>
 #include <type_traits>
@@ -74,10 +76,25 @@ std::vector<std::pair<std::string, std::string>> CertificateLines(const Certific
   return lines;
 }
 
-std::string FoundDuration(const Problem& problem) {
-  if (!problem.free_duration) return "";
-  return fmt::format("{:.4f} s, found between {:.4g} and {:.4g}", problem.duration_s,
-                     problem.free_duration->min_s, problem.free_duration->max_s);
+std::vector<std::pair<std::string, std::string>> FoundBesidesPaths(const Problem& problem) {
+  std::vector<std::pair<std::string, std::string>> found;
+  const auto add = [&found](const char* name, double value, const char* unit, double least,
+                            double most) {
+    found.emplace_back(
+        name, fmt::format("{:.4f} {}, found between {:.4g} and {:.4g}", value, unit, least, most));
+  };
+  if (problem.free_duration) {
+    add("duration", problem.duration_s, "s", problem.free_duration->min_s,
+        problem.free_duration->max_s);
+  }
+  constexpr std::array kNames = {"x rate at the start", "z rate at the start",
+                                 "pitch rate at the start"};
+  constexpr std::array kUnits = {"m/s", "m/s", "rad/s"};
+  for (const std::size_t i : problem.free_start_coordinates()) {
+    const auto& [least, most] = *problem.free_start_rates[i];
+    add(kNames[i], problem.start_root_rates[i], kUnits[i], least, most);
+  }
+  return found;
 }
 
 }  // namespace tumbler

@@ -29,8 +29,9 @@ std::string FormatCertificate(const char* text, const Certificate& certificate, 
 std::vector<std::pair<std::string, std::string>> CertificateLines(const Certificate& certificate,
                                                                   double d_on_m);
 
-/// The duration of a motion, and the bounds between which it was found; empty where it was given.
-/// @param problem  of that duration.
-std::string FoundDuration(const Problem& problem);
+/// What was found of a motion besides its paths, each by its name and with its bounds: the duration
+/// and the root's velocities at the start, unless they were given.
+/// @param problem  of that duration and start.
+std::vector<std::pair<std::string, std::string>> FoundBesidesPaths(const Problem& problem);
 
 }  // namespace tumbler

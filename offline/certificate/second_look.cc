@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "common/primitive_toml.h"
-#include "offline/problem/take_duration.h"
+#include "offline/problem/take_free.h"
 #include "offline/scene/self_clearance.h"
 
 namespace tumbler {
@@ -172,7 +172,7 @@ class Looker {
 }  // namespace
 
 FineLook LookFinely(Problem problem, std::vector<double> x, double refinement) {
-  TakeDuration(problem, x);
+  TakeFree(problem, x);
   const double step_s = problem.solver.step_s / refinement;
   const double settled_s = problem.duration_s + problem.settle_s + 1e-9;
   Looker looker(problem, step_s);

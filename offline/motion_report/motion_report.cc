@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "offline/certificate/certificate_text.h"
 #include "offline/motion_report/shown_scene.h"
@@ -64,8 +65,7 @@ ReportData MakeReportData(const Task& task, const SolveOutcome& outcome, const S
                   [](const auto& line) { return line.first.starts_with("peak penetration"); });
   }
   data.certificate.emplace(data.certificate.begin(), "solver", ToString(solution.end));
-  if (const std::string duration = FoundDuration(problem); !duration.empty())
-    data.certificate.emplace_back("duration", duration);
+  for (auto& line : FoundBesidesPaths(problem)) data.certificate.push_back(std::move(line));
   for (const PurposeFigure& figure : file.purpose)
     data.certificate.emplace_back(figure.name(), figure.AskedAndGot(figure.result));
   for (const RobustnessFigure& figure : file.robustness)

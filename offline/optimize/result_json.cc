@@ -1,5 +1,7 @@
 #include "offline/optimize/result_json.h"
 
+#include <array>
+#include <cstddef>
 #include <string_view>
 #include <utility>
 #include <variant>
@@ -80,6 +82,9 @@ Json Figures(const TaskResult& result) {
                {"settled_pitch_rad", summary.settled_pitch_rad},
                {"settled_speed", summary.settled_speed}};
   if (result.problem().free_duration) json["duration_s"] = result.problem().duration_s;
+  constexpr std::array kStartRates = {"start_x_m_s", "start_z_m_s", "start_pitch_rad_s"};
+  for (const std::size_t i : result.problem().free_start_coordinates())
+    json[kStartRates[i]] = result.problem().start_root_rates[i];
   if (const auto error = result.settled_error_rad()) json["settled_error_rad"] = *error;
   for (const CertificateFigure& figure : FiguresOf(result.file->certificate)) {
     const std::string_view key = figure.key;

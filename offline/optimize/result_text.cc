@@ -131,8 +131,8 @@ void PrintMotion(std::FILE* people, const TaskResult& result) {
                  "{acceleration_margin_rad_s2:.0f} rad/s^2; "
                  "peak penetration {peak_penetration_mm:.2f} mm\n",
                  c, result.problem().scene.contact.d_on_m));
-  if (const std::string duration = FoundDuration(result.problem()); !duration.empty())
-    fmt::print(people, "  duration {}\n", duration);
+  for (const auto& [name, value] : FoundBesidesPaths(result.problem()))
+    fmt::print(people, "  {} {}\n", name, value);
   PrintSecondLook(people, result.look);
   PrintMinimum(people, result);
   if (c.gradient_error > kDoubtfulGradient) {

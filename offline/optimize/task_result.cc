@@ -10,7 +10,7 @@
 #include <utility>
 
 #include "offline/optimize/progress.h"
-#include "offline/problem/take_duration.h"
+#include "offline/problem/take_free.h"
 #include "offline/robust/robust_search.h"
 
 namespace tumbler {
@@ -53,9 +53,9 @@ std::string Cause(const Problem& problem, const Solution& best) {
 }
 
 /// Makes the duration of a solution that of the problem.
-void TakeDuration(Problem& problem, Solution& solution) {
+void TakeFree(Problem& problem, Solution& solution) {
   if (solution.duration_s) problem.duration_s = *solution.duration_s;
-  TakeDuration(problem, solution.x);
+  TakeFree(problem, solution.x);
 }
 
 /// The second looks at the solutions of a problem, each of which is done once. Safe for use from
@@ -65,7 +65,7 @@ class Looks {
   explicit Looks(const Problem& problem) : problem_(problem) {}
   FineLook At(Solution solution) {
     Problem problem = problem_;
-    TakeDuration(problem, solution);
+    TakeFree(problem, solution);
     const Motion motion{problem.duration_s, solution.x};
     {
       const std::lock_guard<std::mutex> lock(mutex_);
@@ -134,7 +134,7 @@ void ListMinima(TaskResult& result, Looks& looks) {
     if (solution.end == SolveEnd::kConverged) {
       Problem problem = result.problem();
       Solution found = solution;
-      TakeDuration(problem, found);
+      TakeFree(problem, found);
       if (const auto kkt = FinerKktResidual(problem, found.x))
         solution.end = EndByFinerSteps(problem, solution, kkt->relative);
     }
@@ -184,7 +184,7 @@ TaskResult WorkOn(Task task, const WorkSettings& settings) {
     result.best = solutions.front();
   }
   if (settings.minima) ListMinima(result, looks);
-  if (!result.best.x.empty()) TakeDuration(result.task.problem, result.best);
+  if (!result.best.x.empty()) TakeFree(result.task.problem, result.best);
   result.usable = KeepsLimits(problem, result.best);
   if (!result.usable) {
     result.cause = Cause(problem, result.best);

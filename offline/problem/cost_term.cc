@@ -156,6 +156,7 @@ CostTerm ReadCostTerm(TomlTable& table, const PlanarRobot& robot, double duratio
                                    "of a link",
                                    name));
   }
+  term.target_from_start = term.target;
   SetInstant(table, duration_s, term);
   SetCoordinate(table, robot, term);
   if (term.kind == Kind::kSquare) require_positive("a square");

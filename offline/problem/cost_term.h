@@ -73,6 +73,8 @@ struct CostTerm {
   /// Whether the task gives the target from the value at the start. A problem's `target` is
   /// absolute all the same.
   bool from_start = false;
+  /// That target, from the value at the start.
+  double target_from_start = 0;
 
   /// Defaults: 3 degrees; a foot's radius of the shipped robot; and a speed that friction ends
   /// within a few centimetres.

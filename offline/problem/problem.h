@@ -134,6 +134,9 @@ struct Problem {
   std::vector<double> start_q;
   /// Velocities of the root's coordinates at the start [m/s, rad/s]; zero at rest.
   std::array<double, 3> start_root_rates{};
+  /// Where the solver looks for such a velocity, too: what it may be. `start_root_rates` are among
+  /// it.
+  std::array<std::optional<Interval<double>>, 3> free_start_rates{};
   /// Length of the motion; where that is free, of the motions that a search begins with.
   double duration_s = 1;
   /// Where the solver looks for the duration, too: what it may be. `duration_s` is among it.
@@ -170,10 +173,27 @@ struct Problem {
                                [](const ActuatedJoint& joint) { return joint.end_rad_s != 0; });
   }
 
-  /// Parameters are the free control points of the first joint, then those of the second, ... The
-  /// last one is the duration, in units of `duration_s`, if that is free.
+  /// Parameters are the free control points of the first joint, then those of the second, ... Then
+  /// come the root's velocities at the start that are free, x before z before pitch. The last one
+  /// is the duration, in units of `duration_s`, if that is free.
   [[nodiscard]] int parameter_count() const {
-    return first_parameter(joints.size()) + (free_duration ? 1 : 0);
+    return first_start_rate() + static_cast<int>(free_start_coordinates().size()) +
+           (free_duration ? 1 : 0);
+  }
+  /// Index of the parameter that is the first free velocity of the root at the start, if any is.
+  [[nodiscard]] int first_start_rate() const { return first_parameter(joints.size()); }
+  /// The root's coordinates (0 x, 1 z, 2 pitch) whose velocity at the start is free.
+  [[nodiscard]] std::vector<std::size_t> free_start_coordinates() const {
+    std::vector<std::size_t> coordinates;
+    for (std::size_t i = 0; i < free_start_rates.size(); ++i) {
+      if (free_start_rates[i]) coordinates.push_back(i);
+    }
+    return coordinates;
+  }
+  /// The coordinate whose velocity at the start a parameter is; none for other parameters.
+  [[nodiscard]] std::optional<std::size_t> start_coordinate_of(int parameter) const {
+    if (parameter < first_start_rate() || is_duration(parameter)) return std::nullopt;
+    return free_start_coordinates()[static_cast<std::size_t>(parameter - first_start_rate())];
   }
   /// The duration of the motion with these parameters.
   [[nodiscard]] double duration_of(std::span<const double> x) const {
@@ -187,6 +207,8 @@ struct Problem {
   [[nodiscard]] Interval<double> bounds_of_parameter(int parameter) const {
     if (is_duration(parameter))
       return {free_duration->min_s / duration_s, free_duration->max_s / duration_s};
+    if (const auto coordinate = start_coordinate_of(parameter))
+      return *free_start_rates[*coordinate];
     const JointLimits<double>& limits = joints[joint_of_parameter(parameter)].limits;
     return {limits.position_min_rad, limits.position_max_rad};
   }
@@ -196,7 +218,7 @@ struct Problem {
     for (std::size_t j = 0; j < joint; ++j) first += joints[j].free_points();
     return first;
   }
-  /// The joint whose path a parameter belongs to, which is not the duration.
+  /// The joint whose path a parameter belongs to, which is one of a path.
   [[nodiscard]] std::size_t joint_of_parameter(int parameter) const {
     std::size_t joint = 0;
     while (parameter >= first_parameter(joint + 1)) ++joint;

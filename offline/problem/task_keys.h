@@ -51,12 +51,14 @@ inline constexpr std::array kTaskDurationKeys = {
                                  "keys there)"),
 };
 
-/// The place at which the root link's frame starts.
+/// The place at which the root link's frame starts, and how it moves there.
 struct TaskStart {
   double x_m = 0;
   double pitch_rad = 0;
   std::optional<double> z_m;
   double x_m_s = 0, z_m_s = 0, pitch_rad_s = 0;
+  std::optional<double> x_min_m_s, x_max_m_s, z_min_m_s, z_max_m_s, pitch_min_rad_s,
+      pitch_max_rad_s;
 };
 inline constexpr Range kTaskPlace{-1e3, 1e3};
 inline constexpr Range kTaskRate{-100, 100};
@@ -72,11 +74,22 @@ inline constexpr std::array kTaskStartKeys = {
         "without it the robot is put on the ground and left to come to rest, pitch included; a bar "
         "is at 0 without it")
         .Allowed("-1000 to 1000, no shape inside an obstacle"),
+};
+inline constexpr std::array kTaskStartRateKeys = {
     KeyOf<&TaskStart::x_m_s>("x_m_s", kTaskRate,
                              "velocity of the root; with `--start-from` those of the exit are "
                              "taken, and this and the next two are left out"),
     KeyOf<&TaskStart::z_m_s>("z_m_s", kTaskRate, "likewise; neither of the two on a bar"),
     KeyOf<&TaskStart::pitch_rad_s>("pitch_rad_s", kTaskRate, "likewise"),
+    KeyOf<&TaskStart::x_min_m_s>("x_min_m_s", kTaskRate,
+                                 "the velocity is found, too: not below this ..."),
+    KeyOf<&TaskStart::x_max_m_s>("x_max_m_s", kTaskRate,
+                                 "... nor above this; `x_m_s` has to lie between them (not with "
+                                 "`[robust]`, and likewise the next four)"),
+    KeyOf<&TaskStart::z_min_m_s>("z_min_m_s", kTaskRate, "bounds of `z_m_s` ..."),
+    KeyOf<&TaskStart::z_max_m_s>("z_max_m_s", kTaskRate, "... where it is found"),
+    KeyOf<&TaskStart::pitch_min_rad_s>("pitch_min_rad_s", kTaskRate, "bounds of `pitch_rad_s` ..."),
+    KeyOf<&TaskStart::pitch_max_rad_s>("pitch_max_rad_s", kTaskRate, "... where it is found"),
 };
 
 /// The lie of the ground.

@@ -17,6 +17,7 @@
 #include "offline/problem/contact_toml.h"
 #include "offline/problem/duration_toml.h"
 #include "offline/problem/end_points.h"
+#include "offline/problem/free_start.h"
 #include "offline/problem/motor_toml.h"
 #include "offline/problem/obstacle_toml.h"
 #include "offline/problem/passive_toml.h"
@@ -136,7 +137,8 @@ class TaskReader {
     problem_.robust = ReadRobust(root_, problem_);
     TomlTable start = root_.Table("start");
     ReadStart(start);
-    SetTargetsFromStart();
+    SetTargetsFromStart(problem_);
+    CheckRobust(start);
     root_.RejectUnknownKeys();
     SetStep();
     CheckSteps();
@@ -422,18 +424,6 @@ class TaskReader {
     }
   }
 
-  /// Makes targets absolute that are given from the start.
-  void SetTargetsFromStart() {
-    std::vector<double> qd(problem_.start_q.size());
-    if (scene_.robot.root_dofs > 0) std::ranges::copy(problem_.start_root_rates, qd.begin());
-    for (const ActuatedJoint& joint : problem_.joints)
-      qd[static_cast<std::size_t>(joint.dof)] = joint.start_rad_s;
-    for (CostTerm& term : problem_.cost) {
-      if (term.from_start) term.target += term.Value({problem_.start_q, qd, {}});
-      if (term.targets_pitch() && term.weight > 0) problem_.target_pitch_rad = term.target;
-    }
-  }
-
   /// Checks that a motion whose duration is free takes longer than until a term looks at it.
   void CheckTime(TomlTable& table, const CostTerm& term) const {
     if (!problem_.free_duration || !table.Has("time_s")) return;
@@ -459,14 +449,23 @@ class TaskReader {
     TaskStart root;
     ReadKeys(start, kTaskStartKeys, root);
     const bool given_motion = given_ && !given_->own;
-    for (const char* const key : {"x_m_s", "z_m_s", "pitch_rad_s"}) {
-      if (!start.Has(key)) continue;
+    for (const FileKey<TaskStart>& key : kTaskStartRateKeys) {
+      const std::string_view name = key.text.name;
+      if (!start.Has(name)) continue;
       if (given_motion)
-        start.Fail(key, fmt::format("is that of {} here; leave it out", given_->from));
-      if (scene_.robot.hinged() && std::string_view(key) != "pitch_rad_s")
-        start.Fail(key, "moves what the bar holds; leave it out");
+        start.Fail(name, fmt::format("is that of {} here; leave it out", given_->from));
+      if (scene_.robot.hinged() && !name.starts_with("pitch"))
+        start.Fail(name, "moves what the bar holds; leave it out");
     }
+    ReadKeys(start, kTaskStartRateKeys, root);
     problem_.start_root_rates = {root.x_m_s, root.z_m_s, root.pitch_rad_s};
+    problem_.free_start_rates = {
+        CheckedRates(start, {"x_min_m_s", "x_max_m_s"}, {root.x_min_m_s, root.x_max_m_s},
+                     root.x_m_s),
+        CheckedRates(start, {"z_min_m_s", "z_max_m_s"}, {root.z_min_m_s, root.z_max_m_s},
+                     root.z_m_s),
+        CheckedRates(start, {"pitch_min_rad_s", "pitch_max_rad_s"},
+                     {root.pitch_min_rad_s, root.pitch_max_rad_s}, root.pitch_rad_s)};
     root_.RejectUnknownKeys();  // A misspelt key is often the reason why the pose does not rest.
     if (scene_.robot.hinged()) scene_.bar = {root.x_m, root.z_m.value_or(0)};
     if (given_) {
@@ -505,6 +504,36 @@ class TaskReader {
                                  "pose that is not at rest",
                                  error.what()));
     }
+  }
+
+  /// What a velocity of the root at the start may be, where that is free.
+  /// @param given  with which the search begins.
+  static std::optional<Interval<double>> CheckedRates(
+      TomlTable& start, const std::array<const char*, 2>& keys,
+      const std::array<std::optional<double>, 2>& bounds, double given) {
+    const auto& [least, most] = bounds;
+    if (!least && !most) return std::nullopt;
+    if (!least || !most) {
+      start.Fail(keys[least ? 1 : 0],
+                 "is missing; allowed: both bounds of the velocity, or none of them");
+    }
+    if (*least > *most || given < *least || given > *most) {
+      start.Fail(keys[given > *most ? 1 : 0],
+                 fmt::format("makes {} ... {} what the velocity at the start may be, and the "
+                             "search begins with {}, which has to be among it",
+                             MessageNumber(*least), MessageNumber(*most), MessageNumber(given)));
+    }
+    return Interval<double>{*least, *most};
+  }
+
+  /// Checks that robots which differ from the model begin at rest.
+  void CheckRobust(TomlTable& start) const {
+    const bool moves =
+        !problem_.free_start_coordinates().empty() ||
+        std::ranges::any_of(problem_.start_root_rates, [](double v) { return v != 0; });
+    if (!problem_.robust || !moves) return;
+    start.Fail(
+        "", "lets the root move, and robots of [robust] begin at rest; leave out one of the two");
   }
 
   /// Puts a robot on its bar at rest: with its centre of mass straight below or above the bar.
@@ -666,7 +695,8 @@ std::vector<KeyTable> TaskKeyTables() {
                    RowsOf(kTaskTimeKeys),
                    RowsOf(kTaskDurationKeys),
                    RowsOf(kTaskGroundKeys)})},
-          {source, "start", Joined({{joints, velocities}, RowsOf(kTaskStartKeys)})},
+          {source, "start",
+           Joined({{joints, velocities}, RowsOf(kTaskStartKeys), RowsOf(kTaskStartRateKeys)})},
           {source, "bar", RowsOf(kTaskBarKeys)},
           {source, "spline", RowsOf(kSplineKeys)},
           {source, "limits", RowsOf(kTaskLimitKeys)},

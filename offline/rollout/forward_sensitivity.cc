@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "common/index.h"
+#include "offline/problem/free_start.h"
 #include "offline/rollout/clearance_constraint.h"
 #include "offline/rollout/free_duration.h"
 #include "offline/rollout/smooth_maximum.h"
@@ -87,6 +88,7 @@ struct ForwardSensitivity::Implementation {
         adaptive(settings.scheme == StepSettings::Scheme::kAdaptive),
         integrator(settings, Index(rows) * Index(1 + parameters)),
         instants(p.instants()),
+        start(p),
         duration(p),
         steps_until(instants.size()),
         look_points(integrator.tableau(), settings.step_s),
@@ -392,7 +394,8 @@ struct ForwardSensitivity::Implementation {
       AddByState(by_q, 0, moving, z, out);
       AddByState(by_qd, 1, moving, z, out);
     };
-    for (const CostTerm& term : problem.cost) {
+    for (std::size_t i = 0; i < problem.cost.size(); ++i) {
+      const CostTerm& term = problem.cost[i];
       if (!instant.Has(term)) continue;
       result.cost += term.weight * term.Accumulate(0, 1, here);
       result.target_error_rad = std::max(result.target_error_rad, term.TargetError(here));
@@ -400,6 +403,8 @@ struct ForwardSensitivity::Implementation {
       SceneDynamics::Numbers by_q{}, by_qd{};
       term.AddSlopes(term.weight, here, {by_q, by_qd, {}});
       add(by_q, by_qd, outputs.data());
+      if (term.draws())
+        AddTarget(i, 2 * std::sqrt(term.weight) * term.Residual(here), outputs.data());
       if (gauss_newton == nullptr) continue;
       if (!term.draws()) {
         add(by_q, by_qd, gauss_newton->linear.data());
@@ -410,12 +415,20 @@ struct ForwardSensitivity::Implementation {
       term.AddValueSlopes(std::sqrt(term.weight), here, {of_term, of_rate, {}});
       std::fill(residual_slope.begin(), residual_slope.end(), 0.0);
       add(of_term, of_rate, residual_slope.data());
+      AddTarget(i, std::sqrt(term.weight), residual_slope.data());
       AddSquare(2, residual_slope.data());
       Eigen::MatrixXd& slopes = gauss_newton->residual_slopes;
       slopes.conservativeResize(slopes.rows() + 1, parameters);
       slopes.row(slopes.rows() - 1) =
           Eigen::Map<const Eigen::RowVectorXd>(residual_slope.data(), parameters);
     }
+  }
+
+  /// Takes what a term's target changes off its derivatives in the parameters, where it is given
+  /// from a start that is free.
+  void AddTarget(std::size_t term, double scale, double* out) const {
+    for (std::size_t r = 0; r < start.rates().size(); ++r)
+      out[start.rates()[r].parameter] -= scale * start.TargetSlope(term, r);
   }
 
   /// Adds weight slope slope^T to the lower triangle of the Gauss-Newton matrix.
@@ -471,10 +484,13 @@ struct ForwardSensitivity::Implementation {
     for (int j = 0; j < na; ++j) splines[Index(j)] = PositionSpline(problem, x, Index(j));
     for (MaximumWithSlope& maximum : smooth) maximum.Reset();
     paths_time = std::numeric_limits<double>::quiet_NaN();
+    start.Set(problem, x);
     std::vector<double>& state = integrator.state();
     std::fill(state.begin(), state.end(), 0.0);
-    const SceneDynamics::State start = StartState(robot, problem);
-    std::copy_n(start.begin(), 2 * nf, state.begin());
+    const SceneDynamics::State first = StartState(robot, problem);
+    std::copy_n(first.begin(), 2 * nf, state.begin());
+    for (const FreeStart::Rate& rate : start.rates())
+      Sensitivity(state, nf + robot.FreeIndexOf(rate.dof))[rate.parameter] = 1;
 
     for (std::size_t i = 0; i < instants.size(); ++i) {
       if (!IntegrateTo(i, result)) return fail();
@@ -522,6 +538,7 @@ struct ForwardSensitivity::Implementation {
   bool adaptive;
   Integrator integrator;
   std::vector<CostInstant> instants;
+  FreeStart start;
   FreeDuration duration;
   double growth = 0;                     // of the present steps with the duration (FreeDuration)
   std::vector<PathPoint> path_slopes;    // by joint, of a free duration, at paths_time

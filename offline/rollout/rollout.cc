@@ -10,6 +10,7 @@
 
 #include "common/index.h"
 #include "offline/problem/end_points.h"
+#include "offline/problem/free_start.h"
 #include "offline/rollout/clearance_constraint.h"
 #include "offline/rollout/forward_sensitivity.h"
 #include "offline/rollout/free_duration.h"
@@ -194,6 +195,7 @@ struct Rollout::Implementation {
         longest_step_s(step_s),
         depth(p.solver.sharpness, (1 - p.solver.core_margin) * p.scene.contact.d_on_m),
         instants(p.instants()),
+        start(p),
         duration(p),
         grid(EvenGrid(p, step_s)),
         table(kClassical, grid, p.duration_s, instants) {
@@ -399,6 +401,7 @@ struct Rollout::Implementation {
     result.peak_torque_nm.assign(Index(na), 0);
     result.torque_excess.assign(Index(na), 0);
     if (!SetDuration(x)) return Failed(std::move(result));
+    start.Set(problem, x);
     SetControls(x);
     if (record && duration.is_free()) SetControlSlopes();
     result.clearance_excess =
@@ -744,6 +747,10 @@ struct Rollout::Implementation {
       AddInstantSlopes(step, instant);
     }
     AddToParameters();
+    for (const FreeStart::Rate& rate : start.rates()) {
+      lane_gradient[Index(rate.parameter)] +=
+          pullback.adjoint[Index(nf + robot.FreeIndexOf(rate.dof))];
+    }
     for (int lane = 0; lane < kLanes; ++lane) {
       const int output = pullback.lanes[Index(lane)].output;
       if (output < 0) continue;
@@ -767,11 +774,18 @@ struct Rollout::Implementation {
     const CostPoint here = InstantAt(instant);
     const bool moving = !instants[instant].held;
     if (moving) CollectControlsAt(PointOf(instant));
-    for (const CostTerm& term : problem.cost) {
+    for (std::size_t i = 0; i < problem.cost.size(); ++i) {
+      const CostTerm& term = problem.cost[i];
       if (!instants[instant].Has(term)) continue;
       SceneDynamics::Numbers by_q{}, by_qd{};
       term.AddSlopes(term.weight, here, {by_q, by_qd, {}});
       AddStateSlopes(by_q, by_qd, moving, pullback.adjoint);
+      if (!term.draws()) continue;
+      for (std::size_t r = 0; r < start.rates().size(); ++r) {
+        const double by_target = -2 * std::sqrt(term.weight) * term.Residual(here);
+        lane_gradient[Index(start.rates()[r].parameter)].Add(0,
+                                                             by_target * start.TargetSlope(i, r));
+      }
     }
   }
 
@@ -937,6 +951,7 @@ struct Rollout::Implementation {
   double longest_step_s;  // as asked for
   SmoothDepth depth;
   std::vector<CostInstant> instants;
+  FreeStart start;
   FreeDuration duration;
   StepGrid grid;  // which a free duration stretches
   Timetable table;
@@ -1032,6 +1047,7 @@ void Rollout::Visit(std::span<const double> x, double extra_s,
   Implementation& m = *implementation_;
   const SceneDynamics& robot = m.robot;
   if (!m.SetDuration(x)) throw std::invalid_argument("the motion ends before its cost looks at it");
+  m.start.Set(m.problem, x);
   m.SetControls(x);
   State y = StartState(robot, m.problem);
   MotionSample sample;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <memory>
@@ -46,6 +47,11 @@ struct SceneDynamics {
     }
   }
   void SetFree(const State& y) { SetFree(y.data()); }
+  /// Where a degree of freedom is among the free ones.
+  /// @pre it is not prescribed.
+  [[nodiscard]] int FreeIndexOf(int dof) const {
+    return static_cast<int>(std::find(free.begin(), free.end(), dof) - free.begin());
+  }
   /// The state at rest at these positions of all degrees of freedom.
   [[nodiscard]] State AtRest(std::span<const double> positions) const {
     State y{};

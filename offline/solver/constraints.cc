@@ -1,6 +1,7 @@
 #include "offline/solver/constraints.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numeric>
 
@@ -34,6 +35,10 @@ const std::string& JointName(const Problem& problem, std::size_t joint) {
 /// Name of the limits of a parameter.
 std::string ParameterName(const Problem& problem, int parameter) {
   if (problem.is_duration(parameter)) return "duration";
+  if (const auto coordinate = problem.start_coordinate_of(parameter)) {
+    constexpr std::array kNames = {"x", "z", "pitch"};
+    return std::string("velocity of ") + kNames[*coordinate] + " at the start";
+  }
   return "position of " + JointName(problem, problem.joint_of_parameter(parameter));
 }
 

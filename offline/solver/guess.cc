@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <optional>
 #include <span>
@@ -127,7 +128,9 @@ std::vector<double> WithControlPointsOf(const Problem& problem, const Problem& o
     const auto points = path.control_points();
     result.insert(result.end(), points.begin() + 3, points.end() - 3);
   }
-  if (problem.free_duration) result.push_back(x.back());
+  // Velocities at the start and the duration, where they are free.
+  const std::span<const double> others = x.subspan(Index(other.first_start_rate()));
+  result.insert(result.end(), others.begin(), others.end());
   return result;
 }
 
@@ -156,6 +159,12 @@ std::vector<double> GuessFrom(const Problem& problem, const PrimitiveFile& file,
       const double share = Fade(abscissa / (problem.degree * problem.duration_s));
       guess.push_back(points[Index(i)] + (1 - share) * at_start + share * at_end);
     }
+  }
+  const std::array at_start = {file.entry.root_x_m_s, file.entry.root_z_m_s,
+                               file.entry.root_pitch_rad_s};
+  for (const std::size_t coordinate : problem.free_start_coordinates()) {
+    const auto& [least, most] = *problem.free_start_rates[coordinate];
+    guess.push_back(std::clamp(at_start[coordinate], least, most));
   }
   if (problem.free_duration) {
     const Interval<double> bounds = problem.bounds_of_parameter(static_cast<int>(guess.size()));

@@ -39,11 +39,14 @@ std::vector<double> StraightLine(const Problem& problem) {
       line.push_back(joint.start_rad + s * (joint.end_rad - joint.start_rad));
     }
   }
+  for (const std::size_t coordinate : problem.free_start_coordinates())
+    line.push_back(problem.start_root_rates[coordinate]);
   if (problem.free_duration) line.push_back(1);  // as long as the task says
   return line;
 }
 
-/// Half-sine modes on top of the line, within the position limits.
+/// Half-sine modes on top of the line, within the position limits, and any velocities at the start
+/// that are free.
 std::vector<double> RandomPath(const Problem& problem, const std::vector<double>& line,
                                std::uint64_t sample) {
   SplitMix64 random(problem.search.seed, sample);
@@ -62,6 +65,10 @@ std::vector<double> RandomPath(const Problem& problem, const std::vector<double>
       }
       path[at] = std::clamp(path[at], joint.limits.position_min_rad, joint.limits.position_max_rad);
     }
+  }
+  for (const std::size_t coordinate : problem.free_start_coordinates()) {
+    const auto& [least, most] = *problem.free_start_rates[coordinate];
+    path[at++] = 0.5 * (least + most + random.Symmetric() * (most - least));
   }
   return path;
 }

@@ -10,7 +10,7 @@
 #include <random>
 #include <vector>
 
-#include "offline/problem/take_duration.h"
+#include "offline/problem/take_free.h"
 #include "offline/problem/task_toml.h"
 #include "offline/rollout/clearance_constraint.h"
 #include "offline/rollout/forward_sensitivity.h"
@@ -401,7 +401,7 @@ TEST(FreeDuration, NeighboursOfTheOneThatWasFoundAreNoBetterForAHandstand) {
   ASSERT_EQ(best.end, SolveEnd::kConverged);
   EXPECT_TRUE(best.feasible());
   EXPECT_LT(best.rollout.cost, 0.97 * best.start_cost);
-  TakeDuration(problem, best.x);
+  TakeFree(problem, best.x);
   best.x.pop_back();
   for (const double ratio : {0.98, 1.0, 1.02}) {
     Problem fixed = problem;

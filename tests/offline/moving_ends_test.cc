@@ -15,7 +15,7 @@
 #include "offline/certificate/second_look.h"
 #include "offline/chain/chain.h"
 #include "offline/dynamics/hybrid_dynamics.h"
-#include "offline/problem/take_duration.h"
+#include "offline/problem/take_free.h"
 #include "offline/problem/task_toml.h"
 #include "offline/rollout/clearance_constraint.h"
 #include "offline/rollout/forward_sensitivity.h"
@@ -253,7 +253,7 @@ TEST(PeriodicMotion, ASwingWithFreePeriodRepeatsItselfInAChain) {
   const SolveOutcome outcome = SolveFromGuess(task.problem, x, {});
   Solution best = outcome.solutions.front();
   ASSERT_TRUE(best.feasible());
-  TakeDuration(task.problem, best.x);
+  TakeFree(task.problem, best.x);
   EXPECT_TRUE(LookAgain(task.problem, best.x).acceptable())
       << LookAgain(task.problem, best.x).Objections();
   EXPECT_GT(task.problem.duration_s, 0.9);

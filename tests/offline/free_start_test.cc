@@ -1,0 +1,295 @@
+// Motions whose velocity at the start is found with them.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "common/sequence_toml.h"
+#include "common/toml_reader.h"
+#include "offline/certificate/certificate.h"
+#include "offline/certificate/certificate_text.h"
+#include "offline/certificate/second_look.h"
+#include "offline/chain/chain.h"
+#include "offline/problem/free_start.h"
+#include "offline/problem/take_free.h"
+#include "offline/problem/task_toml.h"
+#include "offline/rollout/forward_sensitivity.h"
+#include "offline/rollout/output_gradients.h"
+#include "offline/rollout/rollout.h"
+#include "offline/solver/guess.h"
+#include "offline/solver/random_starts.h"
+#include "offline/solver/solver.h"
+#include "tests/support/files.h"
+#include "tests/support/handstand.h"
+#include "tests/support/task_files.h"
+
+namespace tumbler {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using testing::LongHandstandTask;
+using testing::Replaced;
+using testing::ShippedRobot;
+using testing::TaskFolder;
+using testing::WriteFile;
+using Gradients = OutputGradients;
+
+CostTerm FromStart(CostTerm term, double by) {
+  term.from_start = true;
+  term.target_from_start = by;
+  return term;
+}
+
+/// A dropped robot whose velocities at the start are free, with targets that are given from there.
+Problem Dropped(bool free_duration) {
+  Problem problem = HandstandProblem(9);
+  problem.start_q[1] += 0.05;
+  problem.start_root_rates = {0.3, -0.4, 1.1};
+  problem.free_start_rates = {Interval<double>{-1, 1}, std::nullopt, Interval<double>{0, 2}};
+  problem.joints[0].start_rad_s = 2;
+  problem.joints[0].end_rad_s = -3;
+  problem.duration_s = 0.5;
+  problem.settle_s = 0;
+  if (free_duration) problem.free_duration = DurationBounds{0.3, 0.9};
+  CostTerm of_point = SquareTerm(CostTerm::When::kEnd, 0, true, 0.1, 0.7);
+  of_point.point = PointOfLink(problem.scene.robot, "leg1_link", {0.2, 0});
+  problem.cost = {FromStart(SquareTerm(CostTerm::When::kEnd, 0, true, 0, 0.7), 0.2),
+                  FromStart(of_point, -0.1),
+                  FromStart(SquareTerm(CostTerm::When::kSettled, 2, true, 0, 0.4), 0),
+                  SquareTerm(CostTerm::When::kSettled, 2, false, 1, 1), EffortTerm(1e-2)};
+  SetTargetsFromStart(problem);
+  return problem;
+}
+
+std::vector<double> Motion(const Problem& problem, std::uint64_t seed) {
+  std::vector<double> x = RandomMotion(problem, seed);
+  x.resize(static_cast<std::size_t>(problem.first_start_rate()));
+  x.push_back(-0.6);
+  x.push_back(1.7);
+  if (problem.free_duration) x.push_back(1.1);
+  return x;
+}
+
+TEST(FreeStart, VelocitiesAreTheParametersBetweenThePathsAndTheDuration) {
+  const Problem problem = Dropped(true);
+  const int first = problem.first_start_rate();
+  EXPECT_EQ(problem.parameter_count(), first + 3);
+  EXPECT_EQ(problem.start_coordinate_of(first), 0U);
+  EXPECT_EQ(problem.start_coordinate_of(first + 1), 2U);
+  EXPECT_FALSE(problem.start_coordinate_of(first - 1) || problem.start_coordinate_of(first + 2));
+  EXPECT_TRUE(problem.is_duration(first + 2));
+  EXPECT_EQ(problem.bounds_of_parameter(first + 1).max, 2);
+  const std::vector<double> x = Motion(problem, 1);
+  Rollout(problem, 1e-3).Visit(x, 0, [](const MotionSample& sample) {
+    if (sample.time_s > 0) return;
+    EXPECT_EQ(sample.qd, (std::vector<double>{-0.6, -0.4, 1.7, 2, 0}));
+  });
+}
+
+double Off(const Eigen::RowVectorXd& a, const Eigen::RowVectorXd& b) {
+  return (a - b).cwiseAbs().maxCoeff() / b.cwiseAbs().maxCoeff();
+}
+
+TEST(FreeStart, TheGradientIsThatOfCentralDifferencesAndForwardAndBackwardAgree) {
+  for (const bool free_duration : {false, true}) {
+    const Problem problem = Dropped(free_duration);
+    const std::vector<double> x = Motion(problem, 4);
+    ForwardSensitivity forward(problem, AdaptiveSteps(problem));
+    auto ahead = Gradients::Of(forward), back = ahead;
+    GaussNewton model;
+    const RolloutResult expected = forward.Run(x, ahead, &model);
+    ASSERT_TRUE(expected.finite && expected.any_contact);
+    Rollout rollout(problem, 1e-3);
+    rollout.Use(forward.grid());
+    EXPECT_NEAR(rollout.Run(x, back).cost, expected.cost, 1e-9 * expected.cost);
+    for (Eigen::Index row = 0; row + 1 < back.rows(); ++row)
+      EXPECT_LT(Off(back.row(row), ahead.row(row)), 1e-7) << row;
+    double best = 1e300, best_of_targets = 1e300;
+    for (const double step : {1e-5, 1e-6, 1e-7}) {
+      Eigen::RowVectorXd differences(back.cols());
+      Eigen::MatrixXd of_targets(model.residual_slopes.rows(), back.cols());
+      for (std::size_t k = 0; k < x.size(); ++k) {
+        std::vector<double> y = x;
+        y[k] += step;
+        const RolloutResult above = rollout.Run(y);
+        y[k] -= 2 * step;
+        const RolloutResult below = rollout.Run(y);
+        const auto column = static_cast<Eigen::Index>(k);
+        differences[column] = (above.cost - below.cost) / (2 * step);
+        for (Eigen::Index i = 0; i < of_targets.rows(); ++i) {
+          const auto r = static_cast<std::size_t>(i);
+          of_targets(i, column) = (above.residuals[r] - below.residuals[r]) / (2 * step);
+        }
+      }
+      best = std::min(best, Off(back.row(0), differences));
+      best_of_targets =
+          std::min(best_of_targets, (model.residual_slopes - of_targets).cwiseAbs().maxCoeff() /
+                                        of_targets.cwiseAbs().maxCoeff());
+    }
+    EXPECT_LT(best, 1e-6) << (free_duration ? "free duration" : "");
+    EXPECT_LT(best_of_targets, 1e-6) << (free_duration ? "free duration" : "");
+  }
+}
+
+/// A robot that is thrown so that after 0.5 s it is 0.8 m farther, and as high as before.
+std::string ThrowTask(const std::string& start) {
+  return "format = \"tumbler-task\"\nversion = 1\nname = \"throw\"\nrobot = "
+         "\"../robots/tumbler.urdf\"\nduration_s = 0.5\nobstacle = []\n[start]\nz_m = 1.0\n" +
+         start +
+         "\njoints_rad = { leg1 = -0.5, leg2 = 0.4 }\n[end]\njoints_rad = { leg1 = -0.5, leg2 = "
+         "0.4 "
+         "}\n[[cost]]\nterm = \"terminal\"\nof = \"x\"\nfrom_start = true\ntarget = 0.8\nweight = "
+         "10.0\n[[cost]]\nterm = \"terminal\"\nof = \"z\"\nfrom_start = true\nweight = "
+         "10.0\n[[cost]]\nterm = \"terminal\"\nof = \"pitch\"\nfrom_start = true\nweight = "
+         "1.0\n[[cost]]\nterm = \"effort\"\nweight = 1e-3\n";
+}
+constexpr const char* kThrown =
+    "x_min_m_s = -5.0\nx_max_m_s = 5.0\nz_min_m_s = -5.0\nz_max_m_s = 5.0\npitch_min_rad_s = "
+    "-3.0\npitch_max_rad_s = 3.0\n";
+
+TEST(FreeStart, ARobotIsThrownAsBallisticsSays) {
+  const TaskFolder folder(ThrowTask(kThrown));
+  Task task = LoadTask(folder.task_file());
+  const SolveOutcome outcome = Solve(task.problem, {});
+  Solution best = outcome.solutions.front();
+  EXPECT_EQ(best.end, SolveEnd::kConverged);
+  TakeFree(task.problem, best.x);
+  EXPECT_NEAR(task.problem.start_root_rates[0], 0.8 / 0.5, 1e-3);
+  EXPECT_NEAR(task.problem.start_root_rates[1], 9.81 * 0.5 / 2, 1e-3);
+  EXPECT_NEAR(task.problem.start_root_rates[2], 0, 1e-2);
+  const auto found = FoundBesidesPaths(task.problem);
+  ASSERT_EQ(found.size(), 3U);
+  EXPECT_THAT(found[1].first + " " + found[1].second,
+              AllOf(HasSubstr("z rate at the start 2.45"), HasSubstr("between -5 and 5")));
+
+  // The file says how it starts, and so does what is made of it.
+  const PrimitiveFile file = MakePrimitiveFile(task, outcome, best);
+  EXPECT_EQ(file.entry.root_x_m_s, task.problem.start_root_rates[0]);
+  const Problem again = TaskOf(ParsePrimitive(ToToml(file), "throw.toml")).problem;
+  EXPECT_EQ(again.start_root_rates, task.problem.start_root_rates);
+  const std::vector<double> guess = GuessFrom(LoadTask(folder.task_file()).problem, file, "f");
+  const auto first = static_cast<std::size_t>(task.problem.first_start_rate());
+  for (std::size_t i = 0; i < 3; ++i)
+    EXPECT_EQ(guess[first + i], task.problem.start_root_rates[i]) << i;
+}
+
+TEST(FreeStart, ABoundThatIsReachedHasAMultiplierWithAName) {
+  const TaskFolder folder(ThrowTask("x_min_m_s = -5.0\nx_max_m_s = 1.0\nz_m_s = 2.45"));
+  const Problem problem = LoadTask(folder.task_file()).problem;
+  std::vector<double> x = RandomStarts(problem).Draw(5);
+  const Solution best = SolveFromGuess(problem, x, {}).solutions.front();
+  EXPECT_NEAR(best.x.back(), 1.0, 1e-9);
+  ASSERT_FALSE(best.kkt.multipliers.empty());
+  EXPECT_EQ(best.kkt.multipliers.front().name, "upper velocity of x at the start");
+}
+
+TEST(FreeStart, RandomStartsAreAmongTheBoundsAndDiffer) {
+  const Problem problem = Dropped(true);
+  const RandomStarts starts(problem);
+  double least = 1, most = -1;
+  for (std::uint64_t sample = 0; sample < 200; ++sample) {
+    const std::vector<double> x = starts.Draw(sample);
+    ASSERT_EQ(static_cast<int>(x.size()), problem.parameter_count());
+    const double rate = x[static_cast<std::size_t>(problem.first_start_rate())];
+    EXPECT_GE(rate, -1);
+    EXPECT_LE(rate, 1);
+    least = std::min(least, rate);
+    most = std::max(most, rate);
+    EXPECT_EQ(x.back(), 1);
+  }
+  EXPECT_LT(least, -0.5);
+  EXPECT_GT(most, 0.5);
+}
+
+std::string Refusal(const std::string& task, const std::string& robot = ShippedRobot()) {
+  try {
+    ParseTask(task, "task.toml", robot, "robot.urdf");
+  } catch (const FileError& error) {
+    return error.what();
+  }
+  return "accepted";
+}
+
+std::string Acrobot() {
+  return testing::ReadFile(testing::SourcePath("primitives/acrobot/acrobot.urdf"));
+}
+
+/// An acrobot on a bar with friction, which begins and ends a swing in the same state, and looks
+/// for how fast that is.
+std::string SwingTask() {
+  return "format = \"tumbler-task\"\nversion = 1\nname = \"swing\"\nrobot = "
+         "\"../robots/tumbler.urdf\"\nroot = \"hinge-y\"\nduration_s = 1.34\n[start]\njoints_rad = "
+         "{ waist = 0.2 }\njoints_rad_s = { waist = 1.0 }\npitch_rad_s = 3.0\npitch_min_rad_s = "
+         "1.0\npitch_max_rad_s = 6.0\n[end]\njoints_rad = { waist = 0.2 }\njoints_rad_s = { waist "
+         "= "
+         "1.0 }\n[bar]\nfriction_nm_s_per_rad = 0.02\n[[cost]]\nterm = \"terminal\"\nof = "
+         "\"pitch\"\nfrom_start = true\nweight = 10.0\ntolerance = 0.005\n[[cost]]\nterm = "
+         "\"terminal\"\nof = \"pitch_rate\"\nfrom_start = true\nweight = 1.0\ntolerance = "
+         "0.02\n[[cost]]\nterm = \"effort\"\nweight = 1e-3\n";
+}
+
+TEST(FreeStart, BoundsThatMakeNoSenseAreRefusedByName) {
+  EXPECT_EQ(Refusal(ThrowTask(kThrown)), "accepted");
+  EXPECT_THAT(Refusal(ThrowTask("x_max_m_s = 1.0")),
+              HasSubstr("start.x_min_m_s: is missing; allowed: both bounds"));
+  EXPECT_THAT(Refusal(ThrowTask("z_min_m_s = 1.0\nz_max_m_s = 2.0")),
+              AllOf(HasSubstr("start.z_min_m_s"), HasSubstr("1 ... 2"),
+                    HasSubstr("begins with 0, which has to be among it")));
+  EXPECT_THAT(Refusal(ThrowTask("pitch_rad_s = 3.0\npitch_min_rad_s = 1.0\npitch_max_rad_s = 2.0")),
+              HasSubstr("start.pitch_max_rad_s"));
+  EXPECT_THAT(Refusal(ThrowTask("x_min_m_s = -200.0\nx_max_m_s = 1.0")), HasSubstr("-100"));
+  EXPECT_THAT(Refusal(Replaced(SwingTask(), "pitch_rad_s = 3.0",
+                               "pitch_rad_s = 3.0\nx_min_m_s = -1.0\nx_max_m_s = 1.0"),
+                      Acrobot()),
+              HasSubstr("start.x_min_m_s: moves what the bar holds"));
+  const std::string robust =
+      testing::ReadFile(testing::SourcePath("primitives/tasks/handstand.toml"));
+  for (const char* const start : {"pitch_rad_s = 0.2", "z_min_m_s = -0.1\nz_max_m_s = 0.1"}) {
+    EXPECT_THAT(Refusal(Replaced(robust, "pitch_rad = 0.0\n",
+                                 std::string("pitch_rad = 0.0\n") + start + "\n")),
+                HasSubstr("start: lets the root move, and robots of [robust] begin at rest"));
+  }
+}
+
+TEST(PeriodicMotion, ASwingFindsHowFastItHasToBeginAndRepeatsItselfInAChain) {
+  const TaskFolder folder(SwingTask(), Acrobot());
+  Task task = LoadTask(folder.task_file());
+  std::vector<double> x;
+  for (int i = 0; i < task.problem.joints[0].free_points(); ++i) x.push_back(0.2);
+  x.push_back(3.0);
+  const SolveOutcome outcome = SolveFromGuess(task.problem, x, {});
+  Solution best = outcome.solutions.front();
+  ASSERT_TRUE(best.feasible());
+  TakeFree(task.problem, best.x);
+  const double found = task.problem.start_root_rates[2];
+  EXPECT_GT(std::abs(found - 3.0), 0.05);
+  EXPECT_EQ(task.problem.cost[1].target, found);
+  const SecondLook look = LookAgain(task.problem, best.x);
+  EXPECT_TRUE(look.acceptable()) << look.Objections();
+  WriteFile(folder.path() / "swing.toml", ToToml(MakePrimitiveFile(task, outcome, best)));
+  WriteFile(folder.path() / "swings.toml",
+            "format = \"tumbler-sequence\"\nversion = 1\nname = \"swings\"\nstart = "
+            "\"swing\"\n[primitives]\nswing = \"swing.toml\"\n[[node]]\nname = "
+            "\"swing\"\nprimitive = \"swing\"\nsafe = true\nends_cycle = true\n[[edge]]\nfrom = "
+            "\"swing\"\nto = \"swing\"\nsettle_s = 0.0\nwhen = \"always\"\n");
+  const SequenceFile file = LoadSequence(folder.path() / "swings.toml");
+  ChainOptions options;
+  options.cycles = 3;
+  options.last_hold_s = 0;
+  const ChainOutcome chain = SimulateChain(SimulatedMotion(file), options);
+  ASSERT_FALSE(chain.failure) << chain.failure->text;
+  EXPECT_GE(chain.cycles, 3);
+  for (const Passage& passage : chain.passages) {
+    EXPECT_NEAR(passage.entry_pitch_error_rad, 0, 0.1);
+    EXPECT_NEAR(passage.entry_speed, found, 0.3);
+  }
+}
+
+}  // namespace
+}  // namespace tumbler
