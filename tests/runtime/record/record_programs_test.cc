@@ -235,14 +235,14 @@ TEST_F(RecordPrograms, AnExportThatDoesNotFitLeavesTheFileThatWasThere) {
     const std::string path = folder_ / "kept/x";
     std::filesystem::create_directory(folder_.path() / "kept");
     std::ofstream(path) << "precious";
-    const Outcome full =
-        Run("ulimit -f 50; trap '' XFSZ; tumbler-record " + record_ + " " + option + " " + path);
+    std::string command = "tumbler-record ";
+    command.append(record_).append(" ").append(option).append(" ").append(path);
+    const Outcome full = Run("ulimit -f 50; trap '' XFSZ; " + command);
     EXPECT_EQ(full.exit_code, 1) << option << full.text;
     EXPECT_THAT(full.text, HasSubstr("written")) << option;
     EXPECT_EQ(ReadFile(path), "precious") << option;
     // A signal that ends the program at once may leave a file of another name, never a part here.
-    EXPECT_NE(Run("ulimit -f 50; tumbler-record " + record_ + " " + option + " " + path).exit_code,
-              0);
+    EXPECT_NE(Run("ulimit -f 50; " + command).exit_code, 0);
     EXPECT_EQ(ReadFile(path), "precious") << option;
     std::filesystem::remove_all(folder_.path() / "kept");
     EXPECT_EQ(Run("tumbler-record " + record_ + " " + option + " -").exit_code, 1) << option;
