@@ -181,7 +181,8 @@ ExitStatus Main(int argc, char** argv) {
                   "Take this branch once the cycles are done");
   simulate
       .Option("--last-hold", arguments.options.last_hold_s,
-              "Hold after the last node [s]; on a bar, at most its settle phase")
+              "Hold after the last node [s]; on a bar, at most its settle phase; none after a "
+              "motion that ends in motion")
       .Within(0.0, 60.0)
       .ShowDefault();
   simulate

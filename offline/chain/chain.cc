@@ -164,8 +164,10 @@ class Simulation {
     return root_ ? std::max({std::abs(y[x]), std::abs(y[x + 1]), std::abs(y[x + 2])}) : 0.0;
   }
 
-  /// On a bar nothing comes to rest by itself, and the exit is where the settle phase ends.
+  /// On a bar nothing comes to rest by itself, and the exit is where the settle phase ends. A robot
+  /// that is to move at the end is not held.
   [[nodiscard]] double LastHold(int node) {
+    if (WorldOf(node).problem.ends_moving()) return 0;
     const double settle_s = WorldOf(node).file.primitive.settle_s;
     return hinged_ ? std::min(options_.last_hold_s, settle_s) : options_.last_hold_s;
   }
@@ -187,19 +189,20 @@ class Simulation {
     time_ = start_s_ = 0;
     const PrimitivePose& entry = WorldOf(node).file.entry;
     const double pitch = file_.RobotPitch(node, entry.root_pitch_rad);
+    // Positions of the root and of joints without a motor, then their velocities.
+    const std::size_t root = hinged_ ? 1 : root_ ? 3 : 0;
+    const std::size_t rates = root + entry.passive_positions_rad.size();
     if (hinged_) {
       root_state_[0] = pitch;
-      root_state_[1] = entry.root_pitch_rad_s;
+      root_state_[rates] = entry.root_pitch_rad_s;
     } else if (root_) {
       root_state_[0] = entry.root_x_m;
       root_state_[1] = entry.root_z_m;
       root_state_[2] = pitch;
-      root_state_[3] = entry.root_x_m_s;
-      root_state_[4] = entry.root_z_m_s;
-      root_state_[5] = entry.root_pitch_rad_s;
+      root_state_[rates] = entry.root_x_m_s;
+      root_state_[rates + 1] = entry.root_z_m_s;
+      root_state_[rates + 2] = entry.root_pitch_rad_s;
     }
-    // Behind those of the root.
-    const std::size_t root = hinged_ ? 1 : root_ ? 3 : 0;
     std::copy(entry.passive_positions_rad.begin(), entry.passive_positions_rad.end(),
               root_state_.begin() + static_cast<std::ptrdiff_t>(root));
     start_x_ = RootX();

@@ -17,7 +17,7 @@ struct ChainOptions {
   /// When a branch is named, the chain goes on after its cycles until it can take this branch.
   std::string branch;
   /// How long the last node is held. The exit recorded in a primitive is where the robot is after
-  /// 2 s.
+  /// 2 s. A motion that ends in motion is not held.
   double last_hold_s = 2;
   /// Integration step; 0: the step of each primitive's task.
   double step_s = 0;

@@ -98,6 +98,13 @@ SolveEnd EndByFinerSteps(const Problem& problem, const Solution& solution,
              : solution.end;
 }
 
+/// What else may help where a target is missed.
+const char* WiderBounds(const Problem& problem) {
+  if (!problem.free_start_coordinates().empty())
+    return "; or wider bounds of the velocities in [start]";
+  return problem.free_duration ? "; or wider bounds of the duration" : "";
+}
+
 /// Makes the file of the best motion, or says why there is none.
 void MakeFile(TaskResult& result, Looks& looks) {
   Solution& best = result.best;
@@ -109,8 +116,8 @@ void MakeFile(TaskResult& result, Looks& looks) {
         "a simulation of the best motion with a step of {:.3g} ms shows that it is not what the "
         "task asks for: {}; use another --seed or another duration_s; for a target that is "
         "missed, a larger weight or tolerance of its term; for torque or penetration, a larger "
-        "solver.torque_margin or solver.core_margin",
-        1e3 * result.look.step_s, result.look.Objections());
+        "solver.torque_margin or solver.core_margin{}",
+        1e3 * result.look.step_s, result.look.Objections(), WiderBounds(result.problem()));
     return;
   }
   PrimitiveFile file = MakePrimitiveFile(result.task, result.outcome, best, result.summary);

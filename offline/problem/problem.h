@@ -168,9 +168,23 @@ struct Problem {
 
   /// Whether a joint moves when the motion ends: then nothing holds it there, and there is no
   /// settle phase.
-  [[nodiscard]] bool ends_moving() const {
+  [[nodiscard]] bool joint_ends_moving() const {
     return std::ranges::any_of(joints,
                                [](const ActuatedJoint& joint) { return joint.end_rad_s != 0; });
+  }
+  /// Whether the robot is to move when the motion ends, so that its state there is what comes of
+  /// the motion, and not where it comes to rest: a joint moves, the cost asks for a velocity of the
+  /// root there, or there is nothing but air.
+  [[nodiscard]] bool ends_moving() const {
+    const auto asks_for_velocity = [this](const CostTerm& term) {
+      if (!term.draws() || !term.of_velocity || term.point.present()) return false;
+      const bool free = free_start_rates[static_cast<std::size_t>(term.dof)].has_value();
+      return term.when == CostTerm::When::kEnd && (term.target != 0 || (term.from_start && free));
+    };
+    const bool flies =
+        scene.robot.root_dofs > 0 && !scene.robot.hinged() && scene.obstacles.empty();
+    return joint_ends_moving() ||
+           (settle_s == 0 && (flies || std::ranges::any_of(cost, asks_for_velocity)));
   }
 
   /// Parameters are the free control points of the first joint, then those of the second, ... Then

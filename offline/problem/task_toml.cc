@@ -168,7 +168,7 @@ class TaskReader {
         CheckPointsBesideEnds(*table, name, joint);
       }
     }
-    if (problem_.ends_moving() && problem_.settle_s > 0) {
+    if (problem_.joint_ends_moving() && problem_.settle_s > 0) {
       root_.Fail("settle_s", fmt::format("is {} s, in which the joints are held; but [end] lets "
                                          "them move: allowed: 0, or no end.joints_rad_s",
                                          MessageNumber(problem_.settle_s)));
@@ -517,7 +517,11 @@ class TaskReader {
       start.Fail(keys[least ? 1 : 0],
                  "is missing; allowed: both bounds of the velocity, or none of them");
     }
-    if (*least > *most || given < *least || given > *most) {
+    if (*least > *most) {
+      start.Fail(keys[0], fmt::format("is {}, above {}, which is {}; give the smaller one first",
+                                      MessageNumber(*least), keys[1], MessageNumber(*most)));
+    }
+    if (given < *least || given > *most) {
       start.Fail(keys[given > *most ? 1 : 0],
                  fmt::format("makes {} ... {} what the velocity at the start may be, and the "
                              "search begins with {}, which has to be among it",

@@ -175,6 +175,11 @@ std::vector<double> GuessFrom(const Problem& problem, const PrimitiveFile& file,
 }
 
 void TakeGuess(Task& task, const PrimitiveFile& file, const std::string& file_name) {
+  // A search for robots that differ begins with the duration of the problem.
+  if (const auto& robust = task.problem.robust; robust && robust->duration_max_s) {
+    task.problem.duration_s =
+        std::clamp(file.primitive.duration_s, *robust->duration_min_s, *robust->duration_max_s);
+  }
   task.guess = GuessFrom(task.problem, file, file_name);
   task.guess_file = file_name;
   task.guess_hash = ContentHash(file);

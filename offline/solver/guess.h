@@ -36,7 +36,9 @@ std::vector<double> WithControlPointsOf(const Problem& problem, const Problem& o
 std::vector<double> GuessFrom(const Problem& problem, const PrimitiveFile& file,
                               const std::string& file_name);
 
-/// Lets a task be solved from there, and say so. The same parameters and errors.
+/// Lets a task be solved from there, and say so. Where the duration is free in a search for robots
+/// that differ, the problem's becomes the primitive's, as far as its bounds allow. The same
+/// parameters and errors.
 void TakeGuess(Task& task, const PrimitiveFile& file, const std::string& file_name);
 
 }  // namespace tumbler

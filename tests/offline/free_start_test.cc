@@ -220,6 +220,56 @@ std::string Acrobot() {
   return testing::ReadFile(testing::SourcePath("primitives/acrobot/acrobot.urdf"));
 }
 
+/// What a sequence of one motion, played again and again without a hold, comes to.
+ChainOutcome Repeated(const TaskFolder& folder, const PrimitiveFile& motion, int cycles) {
+  WriteFile(folder.path() / "motion.toml", ToToml(motion));
+  WriteFile(folder.path() / "again.toml",
+            "format = \"tumbler-sequence\"\nversion = 1\nname = \"again\"\nstart = "
+            "\"motion\"\n[primitives]\nmotion = \"motion.toml\"\n[[node]]\nname = "
+            "\"motion\"\nprimitive = \"motion\"\nsafe = true\nends_cycle = true\n[[edge]]\nfrom = "
+            "\"motion\"\nto = \"motion\"\nsettle_s = 0.0\nwhen = \"always\"\n");
+  const SequenceFile file = LoadSequence(folder.path() / "again.toml");
+  for (const JoinComparison& join : CompareJoins(file)) EXPECT_TRUE(join.fits()) << join.quantity;
+  ChainOptions options;
+  options.cycles = cycles;
+  options.last_hold_s = 0;
+  return SimulateChain(SimulatedMotion(file), options);
+}
+
+TEST(FreeStart, AVelocityAtABoundIsThatBound) {
+  Problem problem = Dropped(true);
+  std::vector<double> x = Motion(problem, 1);
+  const auto first = static_cast<std::size_t>(problem.first_start_rate());
+  x[first] = 1 - 1e-13;
+  x[first + 1] = 3e-14;
+  TakeFree(problem, x);
+  EXPECT_EQ(problem.start_root_rates, (std::array<double, 3>{1, -0.4, 0}));
+  EXPECT_EQ(x[first], 1);
+  EXPECT_EQ(x[first + 1], 0);
+}
+
+TEST(FreeStart, WhatWasFoundIsNeverShownBeyondItsBounds) {
+  Problem problem = Dropped(false);
+  problem.free_start_rates[0] = Interval<double>{-1, 1.50049};
+  problem.start_root_rates[0] = 1.50049;
+  EXPECT_EQ(FoundBesidesPaths(problem).front().second, "1.50049 m/s, found between -1 and 1.50049");
+}
+
+TEST(FreeStart, AnExitInTheAirIsTheStateThereAndNotARestBelow) {
+  const TaskFolder folder(ThrowTask(kThrown));
+  Task task = LoadTask(folder.task_file());
+  const SolveOutcome outcome = Solve(task.problem, {});
+  Solution best = outcome.solutions.front();
+  TakeFree(task.problem, best.x);
+  const PrimitiveFile file = MakePrimitiveFile(task, outcome, best);
+  EXPECT_NEAR(file.exit.root_z_m, file.entry.root_z_m, 1e-3);
+  EXPECT_NEAR(file.exit.root_z_m_s, -file.entry.root_z_m_s, 1e-2);
+  const Problem next =
+      ParseTask(Replaced(ThrowTask(""), "\"throw\"", "\"next\""), "task.toml", ShippedRobot(), "r")
+          .problem;
+  EXPECT_TRUE(next.ends_moving());
+}
+
 /// An acrobot on a bar with friction, which begins and ends a swing in the same state, and looks
 /// for how fast that is.
 std::string SwingTask() {
@@ -272,23 +322,80 @@ TEST(PeriodicMotion, ASwingFindsHowFastItHasToBeginAndRepeatsItselfInAChain) {
   EXPECT_EQ(task.problem.cost[1].target, found);
   const SecondLook look = LookAgain(task.problem, best.x);
   EXPECT_TRUE(look.acceptable()) << look.Objections();
-  WriteFile(folder.path() / "swing.toml", ToToml(MakePrimitiveFile(task, outcome, best)));
-  WriteFile(folder.path() / "swings.toml",
-            "format = \"tumbler-sequence\"\nversion = 1\nname = \"swings\"\nstart = "
-            "\"swing\"\n[primitives]\nswing = \"swing.toml\"\n[[node]]\nname = "
-            "\"swing\"\nprimitive = \"swing\"\nsafe = true\nends_cycle = true\n[[edge]]\nfrom = "
-            "\"swing\"\nto = \"swing\"\nsettle_s = 0.0\nwhen = \"always\"\n");
-  const SequenceFile file = LoadSequence(folder.path() / "swings.toml");
-  ChainOptions options;
-  options.cycles = 3;
-  options.last_hold_s = 0;
-  const ChainOutcome chain = SimulateChain(SimulatedMotion(file), options);
+  const ChainOutcome chain = Repeated(folder, MakePrimitiveFile(task, outcome, best), 3);
   ASSERT_FALSE(chain.failure) << chain.failure->text;
   EXPECT_GE(chain.cycles, 3);
   for (const Passage& passage : chain.passages) {
     EXPECT_NEAR(passage.entry_pitch_error_rad, 0, 0.1);
     EXPECT_NEAR(passage.entry_speed, found, 0.3);
   }
+}
+
+TEST(PeriodicMotion, AFullTurnWhoseJointIsAtRestAtItsEndsIsRepeatedAndGoneOnFrom) {
+  std::string turns = SwingTask();
+  for (int end = 0; end < 2; ++end) {
+    turns = Replaced(turns, "joints_rad = { waist = 0.2 }\njoints_rad_s = { waist = 1.0 }",
+                     "joints_rad = { waist = 0.0 }");
+  }
+  turns = Replaced(turns, "pitch_max_rad_s = 6.0", "pitch_max_rad_s = 14.0");
+  turns =
+      Replaced(turns, "from_start = true\nweight = 10.0\ntolerance = 0.005",
+               "from_start = true\ntarget = 6.283185307179586\nweight = 10.0\ntolerance = 0.01");
+  turns +=
+      "[spline]\ncontrol_points = 24\n[limits]\nacceleration_max_rad_s2 = "
+      "300.0\nrotor_inertia_kg_m2 = 0.0005\n[search]\nspread_rad = 1.0\n[solver]\n"
+      "max_evaluations = 400\n";
+  const TaskFolder folder(turns, Acrobot());
+  Task task = LoadTask(folder.task_file());
+  EXPECT_FALSE(task.problem.joint_ends_moving());
+  EXPECT_TRUE(task.problem.ends_moving());
+  const SolveOutcome outcome = Solve(task.problem, {});
+  Solution best = outcome.solutions.front();
+  TakeFree(task.problem, best.x);
+  const SecondLook look = LookAgain(task.problem, best.x);
+  ASSERT_TRUE(look.acceptable()) << look.Objections();
+  const PrimitiveFile file = MakePrimitiveFile(task, outcome, best);
+  EXPECT_NEAR(file.exit.root_pitch_rad_s, task.problem.start_root_rates[2], 0.02);
+  const ChainOutcome chain = Repeated(folder, file, 2);
+  ASSERT_FALSE(chain.failure) << chain.failure->text;
+  for (const Passage& passage : chain.passages)
+    EXPECT_NEAR(passage.turned_rad, 6.283185307179586, 0.05);
+  // A task that goes on from there begins as fast.
+  const std::string next = Replaced(
+      Replaced(turns, "\"swing\"", "\"next\""),
+      "pitch_rad_s = 3.0\npitch_min_rad_s = 1.0\npitch_max_rad_s = 14.0\n", "pitch_rad = 6.28\n");
+  WriteFile(folder.path() / "tasks" / "next.toml", next);
+  EXPECT_EQ(LoadTask(folder.path() / "tasks" / "next.toml", file, "swing.toml")
+                .problem.start_root_rates[2],
+            file.exit.root_pitch_rad_s);
+}
+
+TEST(Chain, ARobotWithAPassiveJointBeginsWithTheVelocitiesOfItsMotion) {
+  std::string task_text = ThrowTask("x_m_s = 1.2\nz_m_s = 2.0\npitch_rad_s = 0.7");
+  task_text =
+      Replaced(task_text, "[end]\njoints_rad = { leg1 = -0.5, leg2 = 0.4 }",
+               "[end]\njoints_rad = { leg1 = -0.5 }\n[passive.leg2]\nstiffness_nm_per_rad = "
+               "0.5\nrest_rad = 0.4");
+  const TaskFolder folder(task_text);
+  Task task = LoadTask(folder.task_file());
+  std::vector<double> x(static_cast<std::size_t>(task.problem.parameter_count()), -0.5);
+  const SolveOutcome outcome = SolveFromGuess(task.problem, x, {});
+  Solution best = outcome.solutions.front();
+  const PrimitiveFile file = MakePrimitiveFile(task, outcome, best);
+  WriteFile(folder.path() / "motion.toml", ToToml(file));
+  WriteFile(folder.path() / "once.toml",
+            "format = \"tumbler-sequence\"\nversion = 1\nname = \"once\"\nstart = "
+            "\"motion\"\n[primitives]\nmotion = \"motion.toml\"\n[[node]]\nname = "
+            "\"motion\"\nprimitive = \"motion\"\nsafe = true\n");
+  ChainOptions options;
+  options.last_hold_s = 0;
+  const ChainOutcome chain =
+      SimulateChain(SimulatedMotion(LoadSequence(folder.path() / "once.toml")), options);
+  ASSERT_EQ(chain.passages.size(), 1U);
+  EXPECT_NEAR(chain.passages[0].entry_speed, 2.0, 1e-12);
+  EXPECT_NEAR(chain.passages[0].travelled_m, file.exit.root_x_m - file.entry.root_x_m, 1e-5);
+  EXPECT_NEAR(chain.passages[0].turned_rad, file.exit.root_pitch_rad - file.entry.root_pitch_rad,
+              1e-5);
 }
 
 }  // namespace

@@ -17,6 +17,7 @@
 #include "offline/certificate/second_look.h"
 #include "offline/problem/task_toml.h"
 #include "offline/solver/solve_near.h"
+#include "tests/support/files.h"
 #include "tests/support/handstand.h"
 #include "tests/support/task_files.h"
 
@@ -147,6 +148,19 @@ TEST(Guess, FadesFromOneEndToTheOther) {
       EXPECT_GT(moved, i > 0 ? guess[i - 1] - own[i - 1] : 0);
     }
   }
+}
+
+TEST(Guess, OfATaskForRobotsThatDifferTakesAsLongAsThePrimitiveWhereTheDurationIsFree) {
+  const PrimitiveFile shipped = LoadPrimitive(testing::SourcePath("primitives/handstand.toml"));
+  Task task = LoadTask(testing::SourcePath("primitives/tasks/handstand.toml"));
+  ASSERT_NE(task.problem.duration_s, shipped.primitive.duration_s);
+  TakeGuess(task, shipped, "handstand.toml");
+  EXPECT_EQ(task.problem.duration_s, shipped.primitive.duration_s);
+  EXPECT_THAT(task.guess,
+              ::testing::Pointwise(::testing::DoubleNear(1e-12), FreePoints(shipped.primitive)));
+  task.problem.robust->duration_min_s = 0.7;
+  TakeGuess(task, shipped, "handstand.toml");
+  EXPECT_EQ(task.problem.duration_s, 0.7);
 }
 
 TEST(Guess, NeedsAPathForEveryJoint) {

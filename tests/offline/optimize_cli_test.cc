@@ -90,7 +90,7 @@ TEST(OptimizeCli, ADurationThatIsFoundIsInThePrimitiveItsFiguresAndThePage) {
   EXPECT_NE(duration_s, 0.5) << "it was not looked for";
   EXPECT_EQ(TaskOf(file).problem.duration_s, duration_s);
   EXPECT_EQ(file.primitive.joints[0].position.end_s(), duration_s);
-  const std::string said = fmt::format("{:.4f} s, found between 0.4 and 0.8", duration_s);
+  const std::string said = fmt::format("{:.6g} s, found between 0.4 and 0.8", duration_s);
   EXPECT_THAT(program.text(), HasSubstr("duration " + said));
   EXPECT_THAT(ReadFile(folder / "page/index.html"), HasSubstr(said));
   EXPECT_EQ(Json::Parse(ReadFile(folder / "figures.json")).value()["duration_s"], duration_s);
