@@ -8,6 +8,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "common/printable.h"
+
 namespace tumbler {
 namespace {
 
@@ -42,6 +44,7 @@ class ValueReader {
       table_.Fail(text_.name, fmt::format("is '{}', {} bytes; allowed: from 1 ... {}", name,
                                           name.size(), value.capacity));
     }
+    if (HasControlCharacter(name)) table_.Fail(text_.name, kControlInName);
     value.set(value.at, name);
   }
   void operator()(std::span<double> value) const {

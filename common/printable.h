@@ -41,4 +41,14 @@ inline bool CommandsTerminal(std::string_view text) {
          text.find("\xC2\x9B") != std::string_view::npos;
 }
 
+/// What is wrong with a name that HasControlCharacter.
+inline constexpr const char* kControlInName =
+    "has a control character, such as the end of a line; take it out";
+
+/// Whether a text has a character that is none to be seen: a name that has one is not on one line,
+/// or not what it looks like. Loaders refuse such names.
+inline bool HasControlCharacter(std::string_view text) {
+  return Printable(text) != text || text.find_first_of("\n\t") != std::string_view::npos;
+}
+
 }  // namespace tumbler

@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/file.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -230,6 +231,22 @@ void CheckWritable(const std::string& path) {
 
 void CheckFolderWritable(const std::string& path) {
   CheckFolderWritable(std::filesystem::absolute(path), path);
+}
+
+WriterLock::WriterLock(const std::string& path) {
+  if (IsDevice(path)) return;
+  MakeFolderOf(path);
+  file_ = open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0666);
+  if (file_ < 0) FailWrite(path, SystemMessage(errno));
+  if (flock(file_, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK) return;  // or has no locks
+  close(file_);
+  throw FileError(path, 0, "",
+                  "is being written by another program; wait for its end, or give this one a file "
+                  "of its own");
+}
+
+WriterLock::~WriterLock() {
+  if (file_ >= 0) close(file_);
 }
 
 void CheckResult(const std::string& path) {

@@ -80,6 +80,22 @@ class PendingStream {
   bool named_ = false;  ///< Whether the temporary name is there.
 };
 
+/// Holds a file for one writer that writes it bit by bit under its own name: another program that
+/// would do so at the same time is refused, before it has cut the file off.
+class WriterLock {
+ public:
+  /// Makes the file and its folders, where they are not there; what is in it stays. Devices are not
+  /// held.
+  /// @throws FileError  when another program writes the file, or it cannot be written.
+  explicit WriterLock(const std::string& path);
+  ~WriterLock();
+  WriterLock(const WriterLock&) = delete;
+  WriterLock& operator=(const WriterLock&) = delete;
+
+ private:
+  int file_ = -1;
+};
+
 /// Writes a result of a program: to standard output for `-`, to a device as it comes, else as a
 /// PendingFile. @throws FileError  when it cannot be written whole.
 void WriteResult(const std::string& path, const std::string& text);

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cstdint>
+#include <filesystem>
 #include <optional>
 #include <string>
 #include <system_error>
@@ -125,7 +126,10 @@ void Check(Arguments& arguments) {
   std::vector<std::string> motions;
   const SequenceFile motion = LoadMotion(study.motion, NotingReader(motions));
   inputs.insert(inputs.end(), motions.begin(), motions.end());
-  CheckDistinct(inputs, {arguments.json, arguments.plan.checkpoint});
+  const std::string page = arguments.report.empty()
+                               ? ""
+                               : (std::filesystem::path(arguments.report) / "index.html").string();
+  CheckDistinct(inputs, {arguments.json, arguments.plan.checkpoint, arguments.report, page});
   if (!arguments.branch.empty()) {
     study.run.branch = motion.graph.FindBranch(arguments.branch);
     if (study.run.branch < 0) {

@@ -4,6 +4,8 @@
 
 #include <atomic>
 #include <chrono>
+#include <cstdint>
+#include <limits>
 #include <stdexcept>
 #include <thread>
 
@@ -57,9 +59,11 @@ struct LcmCommands::Implementation {
     });
   }
 
-  static void Handle(const lcm::ReceiveBuffer* buffer, const std::string& /*channel*/,
+  static void Handle(const lcm::ReceiveBuffer* buffer, const std::string& channel,
                      Implementation* self) {
     command_t message;
+    // LCM matches channels by a regular expression, whose end is before the end of a line, too.
+    if (channel != kCommandChannel) return;
     if (!ReadCommand({static_cast<const std::uint8_t*>(buffer->data), buffer->data_size},
                      message) ||
         !self->Take(message)) {
@@ -69,14 +73,17 @@ struct LcmCommands::Implementation {
 
   /// @returns false when there is no such request.
   bool Take(const command_t& message) {
+    if (message.id < 1 || message.id > std::numeric_limits<std::uint32_t>::max()) return false;
     constexpr std::int64_t kAhead = 100;  // The tick is noted after its record was handed over.
     const std::int64_t latest = number;
     if (message.run != address.run || message.seen > latest + kAhead ||
         message.seen < latest - address.age_max) {
       if (refused++ == 0) {
-        fmt::print(
-            stderr, "warning: a request is {}, and was refused; further ones are counted only\n",
-            message.run != address.run ? "for another run, such as that of a log" : "too old");
+        fmt::print(stderr,
+                   "warning: a request is {}, and was refused; further ones are counted only\n",
+                   message.run != address.run       ? "for another run, such as that of a log"
+                   : message.seen > latest + kAhead ? "about a tick that has not been yet"
+                                                    : "too old");
       }
       return true;
     }

@@ -81,8 +81,12 @@ std::string LiveView::NodeName() const {
 
 std::string LiveView::FaultText() const {
   if (state_->faults == 0) return "none";
-  if (!run_) return Describe(FirstFault(*state_), {});
-  return Describe(FirstFault(*state_), run_->joints, run_->error_codes);
+  // Messages have the reaction that is being carried out. Once it is over, there is none.
+  const bool reacts = static_cast<ExecutorState>(state_->state) == ExecutorState::kFault;
+  std::vector<std::string> joints, error_codes;
+  if (run_) joints = run_->joints, error_codes = run_->error_codes;
+  const FaultDetail fault = FirstFault(*state_);
+  return reacts ? Describe(fault, joints, error_codes) : DescribeFault(fault, joints, error_codes);
 }
 
 std::string LiveView::SensorText() const {

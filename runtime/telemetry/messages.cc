@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cstddef>
+#include <cstdint>
 #include <type_traits>
 #include <utility>
 
@@ -66,6 +68,14 @@ std::optional<event_t> EventWatch::Next(const TimedRecord& timed) {
     text = Describe(record.first_fault, joints_, error_codes_);
   } else if (record.faults != last_faults_) {
     text = record.faults == 0 ? "faults cleared" : "further fault";
+    const std::uint32_t more = record.faults & ~last_faults_;
+    const char* separator = ": ";
+    for (std::size_t fault = 1; fault < kFaultCount; ++fault) {
+      if ((more >> fault & 1U) == 0) continue;
+      text += separator;
+      text += ToString(static_cast<Fault>(fault));
+      separator = ", ";
+    }
   } else if (record.refusal.refusal != last_refusal_ && record.refusal.refusal != Refusal::kNone) {
     text = fmt::format("{} refused: {}", ToString(record.command),
                        Describe(record.refusal, joints_, error_codes_));

@@ -42,6 +42,13 @@ std::string CodeOf(DetailNumber number, int joint, std::span<const std::string> 
 
 std::string Describe(const FaultDetail& detail, const std::vector<std::string>& joint_names,
                      std::span<const std::string> error_codes) {
+  std::string text = DescribeFault(detail, joint_names, error_codes);
+  if (detail.fault == Fault::kNone) return text;
+  return text + fmt::format("; reaction: {}", ToString(detail.reaction));
+}
+
+std::string DescribeFault(const FaultDetail& detail, const std::vector<std::string>& joint_names,
+                          std::span<const std::string> error_codes) {
   std::string text = ToString(detail.fault);
   if (detail.joint >= 0) text += fmt::format(" of {}", JointName(detail.joint, joint_names));
   switch (detail.fault) {
@@ -72,8 +79,7 @@ std::string Describe(const FaultDetail& detail, const std::vector<std::string>& 
     default:
       text += ": " + ValueAndLimit(detail.value, detail.limit, UnitOf(detail.fault));
   }
-  return text + fmt::format(" at tick {} ({}); reaction: {}", detail.tick, ToString(detail.state),
-                            ToString(detail.reaction));
+  return text + fmt::format(" at tick {} ({})", detail.tick, ToString(detail.state));
 }
 
 std::string Describe(const RefusalDetail& detail, const std::vector<std::string>& joint_names,

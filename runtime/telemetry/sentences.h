@@ -13,6 +13,9 @@ namespace tumbler {
 ///                     code is named; without them it is a number.
 std::string Describe(const FaultDetail& detail, const std::vector<std::string>& joint_names,
                      std::span<const std::string> error_codes = {});
+/// The same of a fault whose reaction is not known.
+std::string DescribeFault(const FaultDetail& detail, const std::vector<std::string>& joint_names,
+                          std::span<const std::string> error_codes = {});
 std::string Describe(const RefusalDetail& detail, const std::vector<std::string>& joint_names,
                      std::span<const std::string> error_codes = {});
 

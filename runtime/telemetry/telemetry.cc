@@ -28,14 +28,15 @@ struct Telemetry::Implementation {
   explicit Implementation(const TelemetryConfig& config_in)
       : config(config_in), events(config.run), run(config.run) {
     if (!config.log_file.empty()) {
-      log.emplace(NameToOpen(config.log_file, pending_log), "w");
+      log.emplace(NameToOpen(config.log_file, pending_log, log_lock), "w");
       if (!log->good()) {
         throw std::runtime_error(fmt::format("{}: cannot be written: {}", config.log_file,
                                              std::generic_category().message(errno)));
       }
     }
     if (!config.trace_file.empty()) {
-      trace.reset(std::fopen(NameToOpen(config.trace_file, pending_trace).c_str(), "w"));
+      trace.reset(
+          std::fopen(NameToOpen(config.trace_file, pending_trace, trace_lock).c_str(), "w"));
       if (trace == nullptr) {
         throw std::runtime_error(fmt::format("{}: cannot be written: {}", config.trace_file,
                                              std::generic_category().message(errno)));
@@ -55,10 +56,10 @@ struct Telemetry::Implementation {
   }
 
   /// Of one of the files, whose folder is made.
-  [[nodiscard]] std::string NameToOpen(const std::string& path,
-                                       std::optional<PendingName>& pending) const {
+  [[nodiscard]] std::string NameToOpen(const std::string& path, std::optional<PendingName>& pending,
+                                       std::optional<WriterLock>& lock) const {
     if (config.whole_files) return pending.emplace(path).to_open();
-    MakeFolderOf(path);
+    lock.emplace(path);
     return path;
   }
 
@@ -129,6 +130,7 @@ struct Telemetry::Implementation {
 
   // Only the draining side uses these.
   std::optional<PendingName> pending_log, pending_trace;
+  std::optional<WriterLock> log_lock, trace_lock;
   std::optional<lcm::LogFile> log;
   std::unique_ptr<lcm::LCM> live;
   std::unique_ptr<std::FILE, CloseFile> trace;

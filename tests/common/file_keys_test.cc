@@ -112,6 +112,10 @@ TEST(FileKeys, AWrongValueIsRefusedWithWhatIsAllowed) {
   EXPECT_EQ(ErrorOf(""), "lamp.toml:1: name: is missing and has no default; allowed: a string");
   EXPECT_EQ(ErrorOf("name = 'much too long'\n"),
             "lamp.toml:1: name: is 'much too long', 13 bytes; allowed: from 1 ... 8");
+  EXPECT_EQ(ErrorOf("name = \"a\\nb\"\n"),
+            "lamp.toml:1: name: has a control character, such as the end of a line; take it out");
+  EXPECT_EQ(ErrorOf("name = \"a\\u0000b\"\n"),
+            "lamp.toml:1: name: has a control character, such as the end of a line; take it out");
   EXPECT_EQ(ErrorOf("name = ''\n"), "lamp.toml:1: name: is '', 0 bytes; allowed: from 1 ... 8");
   EXPECT_EQ(ErrorOf("name = 'a'\nheight_m = 0\n"),
             "lamp.toml:2: height_m: is 0; allowed: above 0 ... 20");

@@ -6,6 +6,7 @@
 
 #include <array>
 #include <filesystem>
+#include <string>
 
 #include "tests/support/files.h"
 
@@ -25,6 +26,28 @@ TEST(ResultFile, ACheckOfAFolderLeavesNothingBehindWheneverTheProgramIsEnded) {
   std::filesystem::create_directory(folder.path() / "seen");
   EXPECT_GT(read(watch, events.data(), events.size()), 0) << "the watch sees nothing";
   close(watch);
+}
+
+TEST(ResultFile, OneThatIsBeingWrittenIsNotGivenToAnotherWriterAndKeepsWhatIsInIt) {
+  const testing::TemporaryFolder folder;
+  const std::string path = folder / "new/run.log";
+  {
+    const WriterLock first(path);
+    testing::WriteFile(path, "a tick");
+    try {
+      const WriterLock second(path);
+      FAIL() << "two write the same file";
+    } catch (const FileError& error) {
+      EXPECT_NE(std::string(error.what()).find("run.log: is being written by another program"),
+                std::string::npos)
+          << error.what();
+    }
+    const WriterLock other(folder / "new/other.log");
+    EXPECT_EQ(testing::ReadFile(path), "a tick");
+  }
+  const WriterLock next(path);
+  EXPECT_EQ(testing::ReadFile(path), "a tick");
+  const WriterLock device("/dev/null"), again("/dev/null");
 }
 
 }  // namespace

@@ -773,6 +773,18 @@ TEST(RobustnessProgram, TellsOnHowManyLanesAndTwinAgreeAndWritesThePage) {
   EXPECT_NE(testing::ReadFile(folder / "page/index.html").find("<h2>Verdicts"), std::string::npos);
 }
 
+TEST(RobustnessProgram, PutsNoResultInThePlaceOfAnother) {
+  const testing::TemporaryFolder folder;
+  for (const std::string& json : {folder / "page/index.html", folder / "page"}) {
+    const testing::Outcome outcome =
+        testing::RunProgram({"tumbler-robustness", testing::SourcePath("primitives/handstand.toml"),
+                             "--robots", "1", "--report", folder / "page", "--json", json});
+    EXPECT_EQ(outcome.exit_code, 1) << outcome.text;
+    EXPECT_NE(outcome.text.find("is named for two results"), std::string::npos) << outcome.text;
+    EXPECT_FALSE(std::filesystem::exists(folder / "page"));
+  }
+}
+
 TEST(RobustnessProgram, PrintsShareAndIntervalAndWritesThem) {
   const testing::TemporaryFolder folder;
   const std::string json_file = folder / "figures.json";

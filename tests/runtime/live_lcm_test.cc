@@ -134,6 +134,18 @@ TEST(LcmCommands, RefusesRequestsToAnotherRunAndThoseThatAreTooOld) {
     return taken.request;
   };
   EXPECT_EQ(ask(kRun, 4990), OperatorRequest::kStart);
+  for (const std::int64_t id : {std::int64_t{0}, std::int64_t{-1}, std::int64_t{1} << 32}) {
+    const std::int64_t before = commands.unreadable();
+    message.id = id;
+    message.run = kRun;
+    message.seen = 4990;
+    remote.publish(kCommandChannel, &message);
+    for (int i = 0; i < 1000 && commands.unreadable() == before; ++i)
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    EXPECT_EQ(commands.unreadable(), before + 1) << id;
+    EXPECT_EQ(mailbox.Take().request, OperatorRequest::kNone) << id << " cannot be answered";
+  }
+  message.id = 10;
   EXPECT_EQ(ask(kRun + 1, 4990), OperatorRequest::kNone) << "as when a log is played again";
   EXPECT_EQ(ask(0, 4990), OperatorRequest::kNone);
   EXPECT_EQ(ask(kRun, 2999), OperatorRequest::kNone) << "too old";

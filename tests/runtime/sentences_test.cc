@@ -27,6 +27,7 @@ const std::vector<std::string> kCodes{"odrive", "damiao"};
 TimedRecord TickWith(Fault fault, DetailNumber value, DetailNumber limit, std::int8_t joint) {
   TimedRecord timed;
   timed.record.joint_count = 2;
+  timed.record.state = ExecutorState::kFault;
   timed.record.reaction = Reaction::kDamp;
   timed.record.faults = 1U << static_cast<unsigned>(fault);
   timed.record.first_fault = {
@@ -64,6 +65,31 @@ TEST(Sentences, ADrivesCodeKeepsAllOfIts32BitsAndHasItsNames) {
   EXPECT_EQ(Describe(RefusalDetail{DetailNumber::Code(13), {}, Refusal::kDriveError, 1}, kTwoLegs,
                      kCodes),
             "a drive reports an error (joint leg2: code 0x0d, lost communication)");
+}
+
+TEST(Sentences, AFaultWhoseReactionIsOverIsToldWithoutOne) {
+  TimedRecord timed = TickWith(Fault::kLateTick, DetailNumber::Integer(104), {}, -1);
+  EXPECT_THAT(SentenceFromMessage(timed), ::testing::EndsWith("; reaction: damp"));
+  // On the way home nothing is reacted to any more, and the fault is still latched.
+  timed.record.state = ExecutorState::kRunning;
+  timed.record.reaction = Reaction::kIgnore;
+  const std::string sentence = SentenceFromMessage(timed);
+  EXPECT_THAT(sentence, ::testing::StartsWith("late tick: 104"));
+  EXPECT_THAT(sentence, ::testing::Not(::testing::HasSubstr("reaction")));
+}
+
+TEST(Sentences, AnEventOfAFurtherFaultNamesIt) {
+  EventWatch events{RunDescription{}};
+  TimedRecord timed = TickWith(Fault::kLateTick, DetailNumber::Integer(104), {}, -1);
+  ASSERT_TRUE(events.Next(timed));
+  timed.record.faults |= 1U << static_cast<unsigned>(Fault::kFollowingError) |
+                         1U << static_cast<unsigned>(Fault::kDriveError);
+  const auto further = events.Next(timed);
+  ASSERT_TRUE(further);
+  EXPECT_THAT(further->text, ::testing::AllOf(::testing::StartsWith("further fault: "),
+                                              ::testing::HasSubstr("following error"),
+                                              ::testing::HasSubstr("drive error"),
+                                              ::testing::Not(::testing::HasSubstr("late tick"))));
 }
 
 TEST(Sentences, TheSmallestAndLargestNumbersComeBackFromAMessageExactly) {

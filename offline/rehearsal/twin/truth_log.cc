@@ -65,7 +65,7 @@ truth_t MessageOf(const SimulatedRobot& robot) {
 struct TruthLog::Implementation {
   explicit Implementation(const TruthLogConfig& config_in) : config(config_in) {
     if (!config.log_file.empty()) {
-      MakeFolderOf(config.log_file);
+      log_lock.emplace(config.log_file);
       log.emplace(config.log_file, "w");
       if (!log->good()) {
         throw std::runtime_error(fmt::format("{}: cannot be written: {}", config.log_file,
@@ -80,6 +80,7 @@ struct TruthLog::Implementation {
   }
 
   TruthLogConfig config;
+  std::optional<WriterLock> log_lock;
   std::optional<lcm::LogFile> log;
   std::unique_ptr<lcm::LCM> live;
   std::vector<std::uint8_t> bytes;
