@@ -44,7 +44,7 @@ class ValueReader {
       table_.Fail(text_.name, fmt::format("is '{}', {} bytes; allowed: from 1 ... {}", name,
                                           name.size(), value.capacity));
     }
-    if (HasControlCharacter(name)) table_.Fail(text_.name, kControlInName);
+    if (const char* mistake = MistakeInName(name)) table_.Fail(text_.name, mistake);
     value.set(value.at, name);
   }
   void operator()(std::span<double> value) const {

@@ -30,25 +30,17 @@ inline std::string Printable(std::string_view text) {
   return out;
 }
 
-/// What is wrong with a name that CommandsTerminal.
-inline constexpr const char* kEscapeInName =
-    "has an escape character, which would command the terminal that shows it; take it out";
-
-/// Whether a terminal that shows the text as it is would be commanded by it: it has an escape
-/// character, or the one of U+009B that stands for the same. Loaders refuse such names and texts.
-inline bool CommandsTerminal(std::string_view text) {
-  return text.find('\x1b') != std::string_view::npos ||
-         text.find("\xC2\x9B") != std::string_view::npos;
-}
-
-/// What is wrong with a name that HasControlCharacter.
-inline constexpr const char* kControlInName =
-    "has a control character, such as the end of a line; take it out";
-
-/// Whether a text has a character that is none to be seen: a name that has one is not on one line,
-/// or not what it looks like. Loaders refuse such names.
-inline bool HasControlCharacter(std::string_view text) {
-  return Printable(text) != text || text.find_first_of("\n\t") != std::string_view::npos;
+/// What is wrong with a name that has a character which is none to be seen: an escape character, or
+/// the one of U+009B that stands for the same, would command a terminal that shows it, and others
+/// make it look like something else, or two lines. Loaders refuse such names.
+/// @returns null for a name that is right.
+inline const char* MistakeInName(std::string_view name) {
+  if (name.find('\x1b') != std::string_view::npos ||
+      name.find("\xC2\x9B") != std::string_view::npos)
+    return "has an escape character, which would command the terminal that shows it; take it out";
+  if (Printable(name) != name || name.find_first_of("\n\t") != std::string_view::npos)
+    return "has a control character, such as the end of a line; take it out";
+  return nullptr;
 }
 
 }  // namespace tumbler

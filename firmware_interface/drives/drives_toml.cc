@@ -54,7 +54,7 @@ struct DriveHead {
 
 void ReadJointName(TomlTable& table, std::string_view key, DriveHead& drive) {
   drive.joint = table.String(key);
-  if (CommandsTerminal(drive.joint)) table.Fail(key, kEscapeInName);
+  if (const char* mistake = MistakeInName(drive.joint)) table.Fail(key, mistake);
   if (drive.joint.empty() || !FixedString<32>::fits(drive.joint))
     table.Fail(key, fmt::format("is '{}'; allowed: 1 to 32 bytes", drive.joint));
 }

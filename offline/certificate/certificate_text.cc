@@ -11,7 +11,6 @@
 #include <type_traits>
 
 #include "common/certificate_keys.h"
-#include "common/toml_reader.h"
 
 namespace tumbler {
 
@@ -81,8 +80,9 @@ std::vector<std::pair<std::string, std::string>> FoundBesidesPaths(const Problem
   std::vector<std::pair<std::string, std::string>> found;
   const auto add = [&found](const char* name, double value, const char* unit, double least,
                             double most) {
-    found.emplace_back(name, fmt::format("{:.6g} {}, found between {} and {}", value, unit,
-                                         MessageNumber(least), MessageNumber(most)));
+    // Rounded alike, it is not shown beyond its bounds.
+    found.emplace_back(
+        name, fmt::format("{:.6g} {}, found between {:.6g} and {:.6g}", value, unit, least, most));
   };
   if (problem.free_duration) {
     add("duration", problem.duration_s, "s", problem.free_duration->min_s,

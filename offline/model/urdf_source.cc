@@ -369,9 +369,8 @@ UrdfSource::UrdfSource(const std::string& text, const std::string& file) {
     const char* attribute = e->Attribute("name");
     const std::string name = attribute == nullptr ? "" : attribute;
     const ElementChecker check(file, fmt::format("{} '{}'", kind, name));
-    if (CommandsTerminal(name)) {
-      check.Fail(*e, std::string("the name ") + kEscapeInName);
-    }
+    if (const char* mistake = MistakeInName(name))
+      check.Fail(*e, std::string("the name ") + mistake);
     if (name.empty()) check.Fail(*e, "has no name; give it the attribute name");
     Lines lines{{"", RowOf(*e)}};
     AddLines(*e, lines);

@@ -10,7 +10,7 @@
 
 #include "common/file_keys.h"
 #include "common/primitive_keys.h"
-#include "offline/problem/duration_toml.h"
+#include "offline/problem/bounds_toml.h"
 
 namespace tumbler {
 namespace {
@@ -154,7 +154,8 @@ std::optional<RobustSettings> ReadRobust(TomlTable& root, const Problem& problem
               "does not go with [robust], which has this key itself; give duration_min_s and "
               "duration_max_s in [robust]");
   }
-  CheckedBounds(*table, settings.duration_min_s, settings.duration_max_s, problem.duration_s);
+  CheckedBounds(*table, kBoundedDuration, settings.duration_min_s, settings.duration_max_s,
+                problem.duration_s);
   if (problem.scene.robot.hinged()) {
     root.Fail("robust",
               "simulates in steps that are too coarse for a robot that swings on a bar; allowed: "

@@ -14,8 +14,8 @@
 #include "common/file_keys.h"
 #include "common/printable.h"
 #include "offline/contact/contact_intent.h"
+#include "offline/problem/bounds_toml.h"
 #include "offline/problem/contact_toml.h"
-#include "offline/problem/duration_toml.h"
 #include "offline/problem/end_points.h"
 #include "offline/problem/free_start.h"
 #include "offline/problem/motor_toml.h"
@@ -57,7 +57,7 @@ struct StartPose {
 
 void ReadName(TomlTable& table, std::string_view key, Problem& problem) {
   problem.name = table.String(key);
-  if (CommandsTerminal(problem.name)) table.Fail(key, kEscapeInName);
+  if (const char* mistake = MistakeInName(problem.name)) table.Fail(key, mistake);
   if (problem.name.empty() || !FixedString<48>::fits(problem.name)) {
     table.Fail(key, fmt::format("is '{}'; allowed: from 1 ... 48 characters", problem.name));
   }
@@ -110,8 +110,9 @@ class TaskReader {
     ReadKeys(root_, kTaskTimeKeys, problem_);
     TaskDurations durations;
     ReadKeys(root_, kTaskDurationKeys, durations);
-    problem_.free_duration =
-        CheckedBounds(root_, durations.min_s, durations.max_s, problem_.duration_s);
+    if (const auto bounds = CheckedBounds(root_, kBoundedDuration, durations.min_s, durations.max_s,
+                                          problem_.duration_s))
+      problem_.free_duration = DurationBounds{bounds->min, bounds->max};
     if (static_cast<int>(scene_.robot.tree.dofs.size()) == scene_.robot.root_dofs)
       root_.Fail("robot", "has no joint that moves; allowed: at least one");
     ReadPassiveJoints(root_, problem_);
@@ -460,12 +461,13 @@ class TaskReader {
     ReadKeys(start, kTaskStartRateKeys, root);
     problem_.start_root_rates = {root.x_m_s, root.z_m_s, root.pitch_rad_s};
     problem_.free_start_rates = {
-        CheckedRates(start, {"x_min_m_s", "x_max_m_s"}, {root.x_min_m_s, root.x_max_m_s},
-                     root.x_m_s),
-        CheckedRates(start, {"z_min_m_s", "z_max_m_s"}, {root.z_min_m_s, root.z_max_m_s},
-                     root.z_m_s),
-        CheckedRates(start, {"pitch_min_rad_s", "pitch_max_rad_s"},
-                     {root.pitch_min_rad_s, root.pitch_max_rad_s}, root.pitch_rad_s)};
+        CheckedBounds(start, {"velocity", "m/s", "x_min_m_s", "x_max_m_s", "x_m_s"}, root.x_min_m_s,
+                      root.x_max_m_s, root.x_m_s),
+        CheckedBounds(start, {"velocity", "m/s", "z_min_m_s", "z_max_m_s", "z_m_s"}, root.z_min_m_s,
+                      root.z_max_m_s, root.z_m_s),
+        CheckedBounds(start,
+                      {"velocity", "rad/s", "pitch_min_rad_s", "pitch_max_rad_s", "pitch_rad_s"},
+                      root.pitch_min_rad_s, root.pitch_max_rad_s, root.pitch_rad_s)};
     root_.RejectUnknownKeys();  // A misspelt key is often the reason why the pose does not rest.
     if (scene_.robot.hinged()) scene_.bar = {root.x_m, root.z_m.value_or(0)};
     if (given_) {
@@ -504,30 +506,6 @@ class TaskReader {
                                  "pose that is not at rest",
                                  error.what()));
     }
-  }
-
-  /// What a velocity of the root at the start may be, where that is free.
-  /// @param given  with which the search begins.
-  static std::optional<Interval<double>> CheckedRates(
-      TomlTable& start, const std::array<const char*, 2>& keys,
-      const std::array<std::optional<double>, 2>& bounds, double given) {
-    const auto& [least, most] = bounds;
-    if (!least && !most) return std::nullopt;
-    if (!least || !most) {
-      start.Fail(keys[least ? 1 : 0],
-                 "is missing; allowed: both bounds of the velocity, or none of them");
-    }
-    if (*least > *most) {
-      start.Fail(keys[0], fmt::format("is {}, above {}, which is {}; give the smaller one first",
-                                      MessageNumber(*least), keys[1], MessageNumber(*most)));
-    }
-    if (given < *least || given > *most) {
-      start.Fail(keys[given > *most ? 1 : 0],
-                 fmt::format("makes {} ... {} what the velocity at the start may be, and the "
-                             "search begins with {}, which has to be among it",
-                             MessageNumber(*least), MessageNumber(*most), MessageNumber(given)));
-    }
-    return Interval<double>{*least, *most};
   }
 
   /// Checks that robots which differ from the model begin at rest.

@@ -18,13 +18,12 @@
 #include "offline/problem/take_free.h"
 #include "offline/problem/task_toml.h"
 #include "offline/rollout/clearance_constraint.h"
-#include "offline/rollout/forward_sensitivity.h"
-#include "offline/rollout/output_gradients.h"
 #include "offline/rollout/rollout.h"
 #include "offline/solver/constraints.h"
 #include "offline/solver/solver.h"
 #include "tests/support/crossing_legs.h"
 #include "tests/support/files.h"
+#include "tests/support/gradients.h"
 #include "tests/support/handstand.h"
 #include "tests/support/task_files.h"
 
@@ -38,7 +37,6 @@ using testing::Replaced;
 using testing::ShippedRobot;
 using testing::TaskFolder;
 using testing::WriteFile;
-using Gradients = OutputGradients;
 
 /// A dropped robot that starts and ends in motion.
 Problem Dropped(bool free_duration) {
@@ -106,36 +104,11 @@ TEST(MovingEnds, ARobotThatIsThrownHasTheMomentumThatGravityLeavesIt) {
   });
 }
 
-double Off(const Eigen::RowVectorXd& a, const Eigen::RowVectorXd& b) {
-  return (a - b).cwiseAbs().maxCoeff() / b.cwiseAbs().maxCoeff();
-}
-
 TEST(MovingEnds, TheGradientIsThatOfCentralDifferencesAndForwardAndBackwardAgree) {
   for (const bool free_duration : {false, true}) {
+    SCOPED_TRACE(free_duration ? "free duration" : "");
     const Problem problem = Dropped(free_duration);
-    const std::vector<double> x = Motion(problem, 4);
-    ForwardSensitivity forward(problem, AdaptiveSteps(problem));
-    auto ahead = Gradients::Of(forward), back = ahead;
-    const RolloutResult expected = forward.Run(x, ahead);
-    ASSERT_TRUE(expected.finite && expected.any_contact);
-    Rollout rollout(problem, 1e-3);
-    rollout.Use(forward.grid());
-    EXPECT_NEAR(rollout.Run(x, back).cost, expected.cost, 1e-9 * expected.cost);
-    for (Eigen::Index row = 0; row + 1 < back.rows(); ++row)
-      EXPECT_LT(Off(back.row(row), ahead.row(row)), 1e-7) << row;
-    double best = 1e300;
-    for (const double step : {1e-5, 1e-6, 1e-7}) {
-      Eigen::RowVectorXd differences(back.cols());
-      for (std::size_t k = 0; k < x.size(); ++k) {
-        std::vector<double> y = x;
-        y[k] += step;
-        const double above = rollout.Run(y).cost;
-        y[k] -= 2 * step;
-        differences[static_cast<Eigen::Index>(k)] = (above - rollout.Run(y).cost) / (2 * step);
-      }
-      best = std::min(best, Off(back.row(0), differences));
-    }
-    EXPECT_LT(best, 1e-6) << (free_duration ? "free duration" : "");
+    testing::ExpectTrueGradients(problem, Motion(problem, 4));
   }
 }
 
