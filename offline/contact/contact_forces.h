@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <span>
 
 namespace tumbler {
@@ -20,6 +21,21 @@ struct ActiveContact {
   typename Space::Vector normal;  ///< Unit normal towards that shape.
 };
 
+/// Adds up what ContactForces::Pieces tells of several contacts, by the hash of Fowler, Noll and
+/// Vo.
+class ContactPieces {
+ public:
+  /// @param contact  which contact it is.
+  /// @param piece    as PieceOf says.
+  void Add(std::uint64_t contact, std::uint64_t piece) {
+    for (const std::uint64_t number : {contact, piece}) hash_ = (hash_ ^ number) * 0x100000001b3U;
+  }
+  [[nodiscard]] std::uint64_t number() const { return hash_; }
+
+ private:
+  std::uint64_t hash_ = 0xcbf29ce484222325U;
+};
+
 /// The contact forces on a robot, for the integration of its motion. `ContactModel` is the general
 /// implementation; another may be written for one robot alone.
 ///
@@ -37,6 +53,11 @@ class ContactForces {
 
   /// The contacts of the last Apply, valid until the next.
   [[nodiscard]] virtual std::span<const ActiveContact<Space>> active() const = 0;
+
+  /// Names the formulas that the forces of the last Apply come from, as a number: it changes where
+  /// a contact begins or ends, or passes from one formula of the law to another. In between, forces
+  /// are smooth functions of the state.
+  [[nodiscard]] virtual std::uint64_t Pieces() const = 0;
 
   /// Adds `scale` times the derivative of the depth of an active contact by all positions.
   virtual void AddDepthSlopes(const HybridDynamics<Space>& dynamics,

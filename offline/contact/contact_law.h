@@ -114,4 +114,31 @@ inline FrictionGain EvaluateFrictionGain(const ContactLaw& law, double s2) {
   return {inverse, -0.5 * inverse * inverse * inverse};
 }
 
+/// Which formulas of the law hold at the distance d [m], the normal velocity v [m/s] and the square
+/// of the tangential one, as a number. Forces are smooth functions of the three while it stays the
+/// same.
+inline unsigned PieceOf(const ContactLaw& law, double d, double v, double s2) {
+  const double x = law.d_on_m - d;
+  const double width = law.d_on_m - law.d_off_m;
+  const double k = law.stiffness_n_per_m;
+  const double y = k * x - law.damping_n_s_per_m * v;
+  unsigned piece = 0;
+  const auto add = [&](bool holds) { piece = 2 * piece + (holds ? 1 : 0); };
+  add(x > 0);
+  add(x < width);
+  add(s2 < law.v_max_m_per_s * law.v_max_m_per_s);
+  switch (law.damping_law) {
+    case ContactDamping::kNoPull:
+      add(y > 0);
+      add(y < k * width);
+      break;
+    case ContactDamping::kPrinted:
+      add(v < 0);
+      break;
+    case ContactDamping::kSigned:
+      break;
+  }
+  return piece;
+}
+
 }  // namespace tumbler

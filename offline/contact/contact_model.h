@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <span>
 #include <vector>
 
@@ -42,6 +43,8 @@ class ContactModel final : public ContactForces<Space> {
   [[nodiscard]] std::span<const ActiveContact<Space>> active() const override {
     return {active_.data(), active_count_};
   }
+
+  [[nodiscard]] std::uint64_t Pieces() const override;
 
   void AddDepthSlopes(const HybridDynamics<Space>& dynamics, const ActiveContact<Space>& active,
                       double scale, std::span<double> slopes) const override;

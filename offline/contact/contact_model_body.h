@@ -110,6 +110,23 @@ void ContactModel<Space>::Differentiate(HybridDynamics<Space>& dynamics) const {
 }
 
 template <class Space>
+std::uint64_t ContactModel<Space>::Pieces() const {
+  ContactPieces pieces;
+  for (std::size_t k = 0; k < active_count_; ++k) {
+    const ActiveContact<Space>& a = active_[k];
+    const Evaluation& e = evaluations_[k];
+    // Of the vertices of one shape it counts how many are active, not which.
+    const auto shape = static_cast<std::uint64_t>(a.shape);
+    const auto other = a.other_shape >= 0
+                           ? obstacles_.size() + static_cast<std::size_t>(a.other_shape)
+                           : static_cast<std::size_t>(a.obstacle);
+    pieces.Add(shape * (obstacles_.size() + shapes_.size()) + other,
+               PieceOf(law_, e.near.d, e.v.dot(e.near.u_d), e.v_t.squaredNorm()));
+  }
+  return pieces.number();
+}
+
+template <class Space>
 void ContactModel<Space>::AddDepthSlopes(const HybridDynamics<Space>& dynamics,
                                          const ActiveContact<Space>& active, double scale,
                                          std::span<double> slopes) const {

@@ -86,7 +86,7 @@ struct ForwardSensitivity::Implementation {
         clearance(p, settings.scheme == StepSettings::Scheme::kAdaptive ? p.solver.step_s
                                                                         : settings.step_s),
         adaptive(settings.scheme == StepSettings::Scheme::kAdaptive),
-        integrator(settings, Index(rows) * Index(1 + parameters)),
+        integrator(settings, Index(rows) * Index(1 + parameters), Index(2 * nf)),
         instants(p.instants()),
         start(p),
         duration(p),
@@ -377,7 +377,13 @@ struct ForwardSensitivity::Implementation {
       const std::span<const double> again(taken.data() + first, steps_until[instant] - first);
       return integrator.IntegrateThrough(begin, span_s, again, slope_at, look, goes_on);
     }
-    const bool plausible = integrator.Integrate(begin, span_s, slope_at, look, goes_on);
+    const auto pieces_at = [&](double t, const std::vector<double>& z) {
+      SetPaths(t, moving);
+      robot.SetFree(z.data());
+      robot.Touch();
+      return robot.contact->Pieces();
+    };
+    const bool plausible = integrator.Integrate(begin, span_s, slope_at, look, goes_on, pieces_at);
     steps_until[instant] = steps.size();
     return plausible;
   }

@@ -63,7 +63,8 @@ class ForwardSensitivity {
   RolloutResult Run(std::span<const double> x, std::span<double> gradient,
                     GaussNewton* gauss_newton = nullptr);
   /// The same, with adaptive steps as they were chosen in the last run by Run, whatever their error
-  /// is now: cost, constraints and derivatives are smooth functions of x so.
+  /// is now: cost, constraints and derivatives are smooth functions of x so, and the derivatives
+  /// are those of exactly this computation, to which differences can be compared.
   /// @throws std::logic_error when there was no such run, or none that ended.
   RolloutResult RunAgain(std::span<const double> x, std::span<double> gradient,
                          GaussNewton* gauss_newton = nullptr);

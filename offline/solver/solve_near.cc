@@ -34,10 +34,9 @@ constexpr double kRadiusAfterReset = 0.01;
 /// creeps along a bent valley like this seldom arrives, and another start does. Near a minimum it
 /// mostly arrives.
 constexpr int kPatienceOnTheWay = 30, kPatience = 100;
-/// Evaluations that a step can take: its motion, two corrections of it, this motion with other
-/// integration steps when it is rejected, that again when it seems to have converged, and with fine
-/// steps at the end.
-constexpr int kMostForAStep = 6;
+/// Evaluations that a step can take: its motion, two corrections of it, and that with fine steps at
+/// the end.
+constexpr int kMostForAStep = 4;
 /// With coarse steps, a motion has nearly converged at this many times the residual that is wanted.
 constexpr double kNearly = 10;
 /// Linear limits that are exceeded by less are kept.
@@ -83,7 +82,6 @@ class SecantMatrix {
 /// A motion, and what is known of it.
 struct Point {
   VectorXd x;
-  int grid = 0;  ///< Number of the integration steps that it was computed with.
   RolloutResult result;
   VectorXd c;               ///< Simulated constraints.
   OutputGradients outputs;  ///< Gradients: of the cost, then of the constraints.
@@ -162,7 +160,6 @@ class NearSolve {
       Refine(here);
       if (here.result.finite && GoesOn(best.end)) best.end = Iterate(here);
     }
-    if (here.result.finite && here.x != chosen_for_) here = ExpandAnew(here.x);
     best.x.assign(here.x.begin(), here.x.end());
     best.rollout = here.result;
     best.evaluations = evaluations_;
@@ -225,32 +222,12 @@ class NearSolve {
     if (options_.progress) options_.progress(evaluation);
   }
 
-  /// The motion x with its derivatives. Steps are those of the motion for which they were chosen
-  /// last, if that is near.
+  /// The motion x with its derivatives.
   Point Expand(const VectorXd& x) {
-    const bool near =
-        chosen_for_.size() == n_ && (x - chosen_for_).lpNorm<Eigen::Infinity>() <= kSameSteps_rad;
-    return near ? Expand(x, true) : ExpandAnew(x);
-  }
-  /// The same with steps chosen for it.
-  Point ExpandAnew(const VectorXd& x) {
-    Point point = Expand(x, false);
-    point.grid = ++grid_;
-    if (point.result.finite) {
-      chosen_for_ = x;
-    } else {
-      chosen_for_.resize(0);
-    }
-    return point;
-  }
-  Point Expand(const VectorXd& x, bool with_kept_steps) {
     Point point;
     point.x = x;
-    point.grid = grid_;
     point.outputs.resize(rollout_->output_count(), n_);
-    const std::span<const double> numbers(x.data(), Index(n_));
-    point.result = with_kept_steps ? rollout_->RunAgain(numbers, point.outputs, &point.model)
-                                   : rollout_->Run(numbers, point.outputs, &point.model);
+    point.result = rollout_->Run({x.data(), Index(n_)}, point.outputs, &point.model);
     Count(point);
     point.c = Vector(SimulatedConstraints(problem_, point.result));
     return point;
@@ -261,18 +238,9 @@ class NearSolve {
                            point.outputs, &point.model);
   }
 
-  /// Whether the motion has converged. If it has with steps that were chosen for another one, it is
-  /// looked at again with its own.
-  bool Converged(Point& here) {
-    const auto converged = [&] {
-      return here.c.maxCoeff() <= kNoViolation &&
-             KktAt(here).relative.value() <=
-                 (coarse() ? kNearly : 1) * problem_.solver.kkt_residual;
-    };
-    if (!converged()) return false;
-    if (here.x == chosen_for_) return true;
-    here = ExpandAnew(here.x);
-    return here.result.finite && converged();
+  [[nodiscard]] bool Converged(const Point& here) const {
+    return here.c.maxCoeff() <= kNoViolation &&
+           KktAt(here).relative.value() <= (coarse() ? kNearly : 1) * problem_.solver.kkt_residual;
   }
 
   [[nodiscard]] Progress ProgressOf(const Point& here) const {
@@ -289,7 +257,7 @@ class NearSolve {
   void Refine(Point& here) {
     rollout_ = &rollouts_.fine;
     radius_ = std::clamp(radius_, kRadiusAfterReset, kFirstRadius);
-    here = ExpandAnew(here.x);
+    here = Expand(here.x);
   }
 
   SolveEnd Iterate(Point& here) {
@@ -329,12 +297,7 @@ class NearSolve {
       } else if (fall > 0.75 * promised && length > 0.9 * radius_) {
         radius_ = std::min(2 * radius_, kLargestRadius);
       }
-      if (taken) {
-        here = std::move(there);
-      } else if (here.grid != grid_) {
-        // What differs may be the steps, not the motions.
-        here = ExpandAnew(here.x);
-      }
+      if (taken) here = std::move(there);
     }
     return SolveEnd::kEvaluations;
   }
@@ -458,8 +421,6 @@ class NearSolve {
   int n_;
   SecantMatrix secants_;
   VectorXd multipliers_;  // of the simulated constraints
-  int grid_ = 0;          // number of the present integration steps
-  VectorXd chosen_for_;   // the motion that the present integration steps are for
   MatrixXd hard_;         // of the linear limits: hard_ x + offset_ <= 0
   VectorXd offset_;
   VectorXd lower_, upper_;

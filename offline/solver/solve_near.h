@@ -34,11 +34,10 @@ struct NearRollouts {
 /// misses its targets, or violates its constraints, because they are curved is corrected once
 /// [Nocedal and Wright 2006, chapters 10 and 18].
 ///
-/// Integration steps are chosen for a motion and kept for those within kSameSteps_rad of it, so
-/// that what is minimised is smooth there. They bound the error by kCoarseTolerance until the
+/// Integration steps are chosen for each motion. They bound the error by kCoarseTolerance until the
 /// motion has nearly converged or no step helps, and by `solver.tolerance` from then on: far from a
 /// minimum, exact derivatives would not shorten the way. A motion has converged when its
-/// KktResidual::relative is at most `solver.kkt_residual` with the latter steps chosen for it.
+/// KktResidual::relative is at most `solver.kkt_residual` with the latter.
 ///
 /// @param max_evaluations  most evaluations of cost and gradient; below 2, there are 2.
 /// @param enough           ends when a step promises to lower the cost by less than this part of
@@ -51,8 +50,5 @@ Solution SolveNear(const Problem& problem, std::span<const double> start, int ma
 /// The largest error in a step far from a minimum, as `solver.tolerance` is near it, unless that is
 /// larger. With 1e-5, solves take as long, because steps mislead more often.
 inline constexpr double kCoarseTolerance = 1e-6;
-
-/// Within this distance in each parameter, motions share their integration steps.
-inline constexpr double kSameSteps_rad = 0.01;
 
 }  // namespace tumbler

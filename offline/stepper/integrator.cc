@@ -2,12 +2,13 @@
 
 namespace tumbler {
 
-Integrator::Integrator(const StepSettings& settings, std::size_t equations)
+Integrator::Integrator(const StepSettings& settings, std::size_t equations, std::size_t deciding)
     : settings_(settings),
       tableau_(settings.scheme == StepSettings::Scheme::kFixed ? kClassical : kDormandPrince),
       state_(equations),
       stage_state_(equations),
-      next_(equations) {
+      next_(equations),
+      between_(deciding) {
   for (std::size_t s = 0; s < tableau_.stages; ++s) slopes_[s].resize(equations);
 }
 
@@ -20,6 +21,22 @@ void Integrator::Combine(double h, const Tableau::Row& w, std::size_t count,
     const double scale = h * w[k];
     const double* const slope = slopes_[k].data();
     for (std::size_t i = 0; i < out.size(); ++i) sum[i] += scale * slope[i];
+  }
+}
+
+void Integrator::Between(double h, double part) {
+  const std::size_t last = tableau_.stages - 1;
+  for (std::size_t i = 0; i < between_.size(); ++i) {
+    double highest = 0;
+    for (std::size_t s = 0; s < tableau_.stages; ++s)
+      highest += tableau_.between[s] * slopes_[s][i];
+    // The cubic through both ends with their slopes, and a term that vanishes there with its slope.
+    const double across = next_[i] - state_[i];
+    const double at_start = h * slopes_[0][i] - across;
+    const double at_end = across - h * slopes_[last][i] - at_start;
+    const double rest = 1 - part;
+    between_[i] =
+        state_[i] + part * (across + rest * (at_start + part * (at_end + rest * h * highest)));
   }
 }
 

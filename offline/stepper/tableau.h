@@ -22,6 +22,9 @@ struct Tableau {
   Row b;
   /// b less the weights of an embedded scheme of lower order. All 0: there is none.
   Row error;
+  /// Weights of the slopes in the highest power of the polynomial that follows y within a step
+  /// (Integrator::Between). All 0: there is none.
+  Row between;
 
   /// Number of the stages that a step does not share with the next one.
   [[nodiscard]] constexpr std::size_t own_stages() const {
@@ -39,7 +42,7 @@ struct Tableau {
 };
 
 /// The midpoint rule, of order 2.
-inline constexpr Tableau kMidpoint = {2, false, 2, {0, 0.5}, {{{}, {0.5}}}, {0, 1}, {}};
+inline constexpr Tableau kMidpoint = {2, false, 2, {0, 0.5}, {{{}, {0.5}}}, {0, 1}, {}, {}};
 
 /// The classical method of order 4.
 inline constexpr Tableau kClassical = {4,
@@ -48,10 +51,12 @@ inline constexpr Tableau kClassical = {4,
                                        {0, 0.5, 0.5, 1},
                                        {{{}, {0.5}, {0, 0.5}, {0, 0, 1}}},
                                        {1. / 6, 1. / 3, 1. / 3, 1. / 6},
+                                       {},
                                        {}};
 
 /// The 5(4) pair of J. R. Dormand and P. J. Prince, A Family of Embedded Runge-Kutta Formulae,
-/// J. Comp. Appl. Math. 6(1), 1980.
+/// J. Comp. Appl. Math. 6(1), 1980. The polynomial within a step is of order 4, from E. Hairer,
+/// S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I, 1993, section II.6.
 inline constexpr Tableau kDormandPrince = {
     7,
     true,
@@ -65,6 +70,8 @@ inline constexpr Tableau kDormandPrince = {
       {9017. / 3168, -355. / 33, 46732. / 5247, 49. / 176, -5103. / 18656},
       {35. / 384, 0, 500. / 1113, 125. / 192, -2187. / 6784, 11. / 84}}},
     {35. / 384, 0, 500. / 1113, 125. / 192, -2187. / 6784, 11. / 84, 0},
-    {71. / 57600, 0, -71. / 16695, 71. / 1920, -17253. / 339200, 22. / 525, -1. / 40}};
+    {71. / 57600, 0, -71. / 16695, 71. / 1920, -17253. / 339200, 22. / 525, -1. / 40},
+    {-12715105075. / 11282082432, 0, 87487479700. / 32700410799, -10690763975. / 1880347072,
+     701980252875. / 199316789632, -1453857185. / 822651844, 69997945. / 29380423}};
 
 }  // namespace tumbler

@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdint>
+#include <numbers>
 #include <vector>
 
 #include "offline/stepper/even_steps.h"
@@ -121,11 +123,12 @@ TEST(EvenSteps, AreAsLongAsAllowedAndEndWithTheSpan) {
 void LongSlope(double /*t*/, const std::vector<double>& z, std::vector<double>& out) {
   out = {z[1], -z[0]};
 }
+std::uint64_t OnePiece(double /*t*/, const std::vector<double>& /*z*/) { return 0; }
 double ErrorAfterASecond(const StepSettings& settings, IntegrationStatistics* taken = nullptr) {
-  Integrator integrator(settings, 2);
+  Integrator integrator(settings, 2, 2);
   integrator.state() = {1, 0};
   EXPECT_TRUE(integrator.Integrate(
-      0, 1, LongSlope, [] {}, [](const auto&) { return true; }));
+      0, 1, LongSlope, [] {}, [](const auto&) { return true; }, OnePiece));
   if (taken != nullptr) *taken = integrator.statistics();
   return std::abs(integrator.state()[0] - std::cos(1));
 }
@@ -139,11 +142,11 @@ TEST(Integrator, ChoosesItsStepsByTheirError) {
 }
 
 TEST(Integrator, FixedStepsAreThoseOfTheStepper) {
-  Integrator integrator({StepSettings::Scheme::kFixed, 0.1}, 2);
+  Integrator integrator({StepSettings::Scheme::kFixed, 0.1}, 2, 2);
   integrator.state() = {1, 0};
   int looks = 0;
   integrator.Integrate(
-      0, 1, LongSlope, [&] { ++looks; }, [](const auto&) { return true; });
+      0, 1, LongSlope, [&] { ++looks; }, [](const auto&) { return true; }, OnePiece);
   State y = kStart;
   for (int i = 0; i < 10; ++i) StepRungeKutta<kClassical>(y, 4, 0.1, Slope);
   EXPECT_NEAR(integrator.state()[0], y[0], 1e-15);
@@ -152,11 +155,61 @@ TEST(Integrator, FixedStepsAreThoseOfTheStepper) {
 }
 
 TEST(Integrator, StopsWhereTheStateIsNotPlausible) {
-  Integrator integrator({StepSettings::Scheme::kFixed, 0.1}, 2);
+  Integrator integrator({StepSettings::Scheme::kFixed, 0.1}, 2, 2);
   integrator.state() = {1, 0};
   EXPECT_FALSE(integrator.Integrate(
-      0, 1, LongSlope, [] {}, [](const auto& z) { return z[0] > 0.9; }));
+      0, 1, LongSlope, [] {}, [](const auto& z) { return z[0] > 0.9; }, OnePiece));
   EXPECT_EQ(integrator.statistics().steps, 5) << "cos(0.5) is below 0.9";
+}
+
+/// A ball of 1 kg that falls onto a spring of 1 N/m from 1 m above it: z = (height, velocity).
+/// It meets the spring at the time sqrt(2), with the speed sqrt(2), and is there for
+/// pi + 2 atan(1 / sqrt(2)) s.
+IntegrationStatistics BounceOnce(bool tells_pieces, double* error) {
+  constexpr double kGravity = 1;
+  Integrator integrator({StepSettings::Scheme::kAdaptive, 1, 1e-10}, 2, 2);
+  integrator.state() = {1, 0};
+  const double in_air = 2 * std::sqrt(2.0),
+               on_spring = std::numbers::pi + 2 * std::atan(1 / std::sqrt(2.0));
+  const auto slope = [](double, const std::vector<double>& z, std::vector<double>& out) {
+    out = {z[1], -kGravity + std::max(0.0, -z[0])};
+  };
+  const auto pieces = [&](double, const std::vector<double>& z) {
+    return std::uint64_t{tells_pieces && z[0] < 0 ? 1U : 0U};
+  };
+  EXPECT_TRUE(integrator.Integrate(
+      0, in_air + on_spring, slope, [] {}, [](const auto&) { return true; }, pieces));
+  *error = std::abs(integrator.state()[0] - 1) + std::abs(integrator.state()[1]);
+  return integrator.statistics();
+}
+
+TEST(Integrator, StepsEndOnTheKinksThatItIsToldOf) {
+  double error = 0, error_blind = 0;
+  const IntegrationStatistics told = BounceOnce(true, &error),
+                              blind = BounceOnce(false, &error_blind);
+  EXPECT_LT(error, 1e-8);
+  EXPECT_LT(error_blind, 1e-7);
+  EXPECT_GE(told.kinks, 2) << "onto the spring, and off it";
+  EXPECT_GT(told.looks, 20 * told.kinks);
+  EXPECT_EQ(blind.kinks, 0);
+  EXPECT_LT(told.rejected, blind.rejected / 2);
+  EXPECT_LT(1.25 * static_cast<double>(told.evaluations), static_cast<double>(blind.evaluations));
+}
+
+TEST(Integrator, AKinkWhereTheSpanBeginsOrEndsDoesNotHoldItUp) {
+  for (const double kink : {0.0, 1e-9, 0.5, 1 - 1e-9, 1.0}) {
+    Integrator integrator({StepSettings::Scheme::kAdaptive, 1, 1e-12}, 1, 1);
+    integrator.state() = {0};
+    EXPECT_TRUE(integrator.Integrate(
+        0, 1,
+        [&](double t, const std::vector<double>&, std::vector<double>& out) {
+          out = {std::abs(t - kink)};
+        },
+        [] {}, [](const auto&) { return true; },
+        [&](double t, const std::vector<double>&) { return std::uint64_t{t < kink ? 1U : 0U}; }));
+    EXPECT_NEAR(integrator.state()[0], 0.5 * (kink * kink + (1 - kink) * (1 - kink)), 1e-9);
+    EXPECT_LT(integrator.statistics().evaluations, 400);
+  }
 }
 
 }  // namespace

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <span>
 #include <stdexcept>
 
@@ -91,6 +92,19 @@ class LampContact final : public ContactForces<Plane> {
 
   [[nodiscard]] std::span<const ActiveContact<Plane>> active() const override {
     return {active_.data(), count_};
+  }
+
+  [[nodiscard]] std::uint64_t Pieces() const override {
+    ContactPieces pieces;
+    for (std::size_t i = 0; i < count_; ++i) {
+      const Ball& b = balls_[i];
+      const double depth = layer_ - b.d, y = k_ * depth - c_ * b.vn;
+      const unsigned normal =
+          (depth < width_ ? 1U : 0U) + (y > 0 ? 2U : 0U) + (y < k_ * width_ ? 4U : 0U);
+      pieces.Add(static_cast<std::uint64_t>(b.shape),
+                 normal + (std::abs(b.vx + b.w * b.radius) < v_max_ ? 8U : 0U));
+    }
+    return pieces.number();
   }
 
   void AddDepthSlopes(const Dynamics& dynamics, const ActiveContact<Plane>& active, double scale,
