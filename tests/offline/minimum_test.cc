@@ -87,7 +87,9 @@ TEST(Multiplier, IsWhatTheCostFallsByWhenItsLimitYields) {
     Problem other = problem;
     other.joints[0].limits.torque_max_nm *= i == 0 ? 1 - kPart : 1 + kPart;
     const Solution moved = NearTo(other, best.x);
-    ASSERT_EQ(moved.end, SolveEnd::kConverged);
+    // Close enough for the cost: it is off by the square of this.
+    ASSERT_TRUE(moved.feasible());
+    ASSERT_LT(*moved.kkt.relative, 2e-3);
     cost[i] = moved.rollout.cost;
   }
   EXPECT_NEAR((cost[0] - cost[1]) / (2 * kPart), torque.value, 0.05 * torque.value);

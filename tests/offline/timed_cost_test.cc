@@ -207,7 +207,9 @@ TEST(TimedCost, TheRowsOfGaussAndNewtonAreTheDerivativesOfTheResiduals) {
     const auto residual = [&](const std::vector<double>& y) {
       return forward.RunAgain(y, ignored).residuals[static_cast<std::size_t>(i)];
     };
-    EXPECT_LT(OffDifferences(model.residual_slopes.row(i), x, residual), 1e-6) << "residual " << i;
+    // As steps end on kinks of the contact law, where second derivatives jump, differences are off
+    // by their step.
+    EXPECT_LT(OffDifferences(model.residual_slopes.row(i), x, residual), 1e-5) << "residual " << i;
   }
   // Without effort the cost is the squares, and terms that are linear in a value.
   Problem without = problem;

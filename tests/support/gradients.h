@@ -50,8 +50,10 @@ inline void ExpectTrueGradients(const Problem& problem, const std::vector<double
     best = std::min(best, Off(back.row(0), differences));
     best_of_targets = std::min(best_of_targets, Off(model.residual_slopes, of_targets));
   }
-  EXPECT_LT(best, 1e-6);
-  EXPECT_LT(best_of_targets, 1e-6);
+  // Steps end on kinks of the contact law, where second derivatives jump: differences across one
+  // are off by as much as their step times that.
+  EXPECT_LT(best, 1e-5);
+  EXPECT_LT(best_of_targets, 1e-5);
 }
 
 }  // namespace tumbler::testing
