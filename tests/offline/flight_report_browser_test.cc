@@ -270,7 +270,10 @@ TEST_F(FlightReportInBrowser, ThreeRunsAreAFewPagesOfPaper) {
 TEST_F(FlightReportInBrowser, LoadsNothingAndItsOwnPolicyForbidsIt) {
   const std::string dom = Browse({SampleRun()}, "", R"(
     say(performance.getEntriesByType('resource').length);
-    document.addEventListener('securitypolicyviolation', (event) => say(event.effectiveDirective));
+    window.probed = new Promise((done) => document.addEventListener('securitypolicyviolation', (event) => {
+      say(event.effectiveDirective);
+      done();
+    }));
     fetch('https://example.invalid/').catch(() => say('refused'));)");
   EXPECT_THAT(TextOf(dom, "probe"), ::testing::AllOf(HasSubstr("0\n"), HasSubstr("connect-src")));
 }

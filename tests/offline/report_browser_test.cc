@@ -292,10 +292,12 @@ TEST_F(ReportInBrowser, FitsEveryWidthWithoutCuttingOrScrollingSideways) {
 }
 
 TEST_F(ReportInBrowser, LoadsNothingAndItsOwnPolicyForbidsIt) {
-  const std::string dom = Browse(SampleMotion(), "", R"(
+  const std::string dom =
+      testing::BrowsePage(WriteReport(SampleMotion(), directory_), directory_, "", R"(
     say(performance.getEntriesByType('resource').length);
     document.addEventListener('securitypolicyviolation', (event) => say(event.effectiveDirective));
-    fetch('https://example.invalid/').catch(() => say('refused'));)");
+    fetch('https://example.invalid/').catch(() => say('refused'));)",
+                          1200, /*alone=*/true);
   EXPECT_THAT(TextOf(dom, "probe"), ::testing::AllOf(HasSubstr("0\n"), HasSubstr("connect-src")));
 }
 

@@ -2,12 +2,18 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
+#include <csignal>
 #include <cstddef>
 #include <cstdlib>
+#include <filesystem>
+#include <fstream>
 #include <string>
 
 #include "tests/support/files.h"
+#include "tests/support/program.h"
 
 namespace tumbler::testing {
 
@@ -28,12 +34,58 @@ inline std::size_t Count(const std::string& text, const std::string& part) {
   return count;
 }
 
+/// One browser for all pages of a program of tests, because it takes far longer to start than to
+/// show a page. Our pages keep nothing in it.
+class Browser {
+ public:
+  static Browser& Instance() {
+    static Browser browser;
+    return browser;
+  }
+  Browser(const Browser&) = delete;
+  Browser& operator=(const Browser&) = delete;
+
+  /// Writes the document of a page into a file. @returns whether there is one.
+  bool Show(const std::string& page, const std::string& fragment, int width,
+            const std::string& out) {
+    requests_ << page << '\t' << fragment << '\t' << width << '\t' << out << std::endl;
+    ++count_;
+    if (program_.WaitFor("done " + std::to_string(count_) + '\n')) return true;
+    ADD_FAILURE() << page << " was not shown: " << program_.text();
+    stuck_ = true;
+    return false;
+  }
+
+ private:
+  Browser()
+      : pipe_(::testing::TempDir() + "tumbler_browser_" + std::to_string(getpid())),
+        made_(mkfifo(pipe_.c_str(), 0600) == 0),
+        program_({"/usr/bin/python3", "-B", SourcePath("tests/support/browse.py"), pipe_}) {
+    if (made_ && program_.WaitFor("ready\n")) requests_.open(pipe_);
+  }
+  ~Browser() {
+    requests_ << std::endl;
+    if (stuck_) program_.Signal(SIGTERM);
+    program_.Wait();
+    std::filesystem::remove(pipe_);
+  }
+
+  std::string pipe_;
+  bool made_;
+  Program program_;
+  std::ofstream requests_;
+  int count_ = 0;
+  bool stuck_ = false;
+};
+
 /// The document of a page with this fragment in its address, after its scripts and then `probe`
-/// have run. Everything that the probe passes to `say` is the text of element `probe`.
+/// have run. Everything that the probe passes to `say` is the text of element `probe`. What it
+/// makes of `probed`, a promise, is waited for, unless the browser is one of its own.
 /// @param directory  the folder of the page. The test also writes there.
+/// @param alone  in a browser of its own, which scripts/screenshot starts.
 inline std::string BrowsePage(const std::string& page, const std::string& directory,
                               const std::string& fragment, const std::string& probe = "",
-                              int width = 1200) {
+                              int width = 1200, bool alone = false) {
   if (!probe.empty()) {
     std::string text = ReadFile(page);
     text.insert(text.rfind("</body>"),
@@ -43,10 +95,14 @@ inline std::string BrowsePage(const std::string& page, const std::string& direct
     WriteFile(page, text);
   }
   const std::string out = directory + "/dom.html";
-  const std::string command = "'" + SourcePath("scripts/screenshot") + "' '" + page + "' '" +
-                              fragment + "' '" + out + "' " + std::to_string(width) + " 900";
-  // NOLINTNEXTLINE(concurrency-mt-unsafe): a test of one thread.
-  EXPECT_EQ(std::system(command.c_str()), 0) << command;
+  if (alone) {
+    const std::string command = "'" + SourcePath("scripts/screenshot") + "' '" + page + "' '" +
+                                fragment + "' '" + out + "' " + std::to_string(width) + " 900";
+    // NOLINTNEXTLINE(concurrency-mt-unsafe): a test of one thread.
+    EXPECT_EQ(std::system(command.c_str()), 0) << command;
+  } else if (!Browser::Instance().Show(page, fragment, width, out)) {
+    return "";
+  }
   std::string dom = ReadFile(out);
   EXPECT_THAT(dom, ::testing::HasSubstr("data-ready=\"true\""))
       << "the page's scripts did not finish";

@@ -13,8 +13,14 @@ CHROMIUM = ["chromium", "--headless", "--no-sandbox", "--disable-gpu", "--disabl
             "--disable-dev-shm-usage", "--hide-scrollbars", "--remote-debugging-pipe"]
 
 
+def without_network():
+    """@returns the beginning of a command that runs in a network namespace of its own, which holds nothing but a
+    loopback that is down. Others than root need a user namespace, too."""
+    return ["unshare", "--net"] if os.geteuid() == 0 else ["unshare", "--map-root-user", "--net"]
+
+
 class Browser:
-    def __init__(self, width=1200, height=900):
+    def __init__(self, width=1200, height=900, prefix=()):
         self.profile = tempfile.mkdtemp()
         read_command, self.commands = os.pipe()
         answers, write_answer = os.pipe()
@@ -25,14 +31,24 @@ class Browser:
             os.dup2(23, 3)
             os.dup2(24, 4)
 
-        self.process = subprocess.Popen(CHROMIUM + [f"--user-data-dir={self.profile}"], preexec_fn=give_pipes,
-                                        close_fds=False, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        self.process = subprocess.Popen([*prefix, *CHROMIUM, f"--user-data-dir={self.profile}"],
+                                        preexec_fn=give_pipes, close_fds=False, stdout=subprocess.DEVNULL,
+                                        stderr=subprocess.DEVNULL)
         os.close(read_command)
         os.close(write_answer)
         self.answers = os.fdopen(answers, "rb")
         self.number = 0
+        self.session = self.context = None
+        self.renew(width, height)
+
+    def renew(self, width=1200, height=900):
+        """Closes the page. The next one finds nothing of what this one kept, as in a browser that was just started,
+        which takes far longer."""
         self.session = None
-        target = self.send("Target.createTarget", url="about:blank")["targetId"]
+        if self.context:
+            self.send("Target.disposeBrowserContext", browserContextId=self.context)
+        self.context = self.send("Target.createBrowserContext")["browserContextId"]
+        target = self.send("Target.createTarget", url="about:blank", browserContextId=self.context)["targetId"]
         self.session = self.send("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
         self.resize(width, height)
 

@@ -1,0 +1,35 @@
+"""Shows pages to a test, one after the other in one browser without a network: browse.py REQUESTS
+
+Each line of the named pipe REQUESTS is a page's path, a fragment, a width in pixels and the path of the file for the
+document as the page's scripts left it, with tabs between them. `done` and the number of the request, or why there is
+none, is written for each; an empty line ends the browser."""
+
+import os
+import sys
+import urllib.parse
+
+from page_browser import Browser, without_network
+
+# Opened to write, too: it is open before the test opens it, and does not end when the test is between two requests.
+with open(os.open(sys.argv[1], os.O_RDWR), encoding="utf-8") as requests:
+    browser = Browser(prefix=without_network())
+    print("ready", flush=True)
+    count = 0
+    try:
+        while request := requests.readline().rstrip("\n"):
+            page, fragment, width, out = request.split("\t")
+            count += 1
+            browser.resize(int(width), 900)
+            try:
+                # With the number no two addresses differ in the fragment alone, which would load nothing.
+                browser.go(f"file://{urllib.parse.quote(page)}?{count}" + ("#" + fragment if fragment else ""))
+                browser.value("window.probed")
+                # What the page does in its next frame belongs to it.
+                browser.value("new Promise((done) => requestAnimationFrame(() => setTimeout(done)))")
+                with open(out, "w", encoding="utf-8") as file:
+                    file.write(browser.value("document.documentElement.outerHTML"))
+                print("done", count, flush=True)
+            except AssertionError as error:
+                print("failed:", error, flush=True)
+    finally:
+        browser.close()
