@@ -182,6 +182,14 @@ class OfARecord(unittest.TestCase):
 
 
 class Live(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.browser = Browser()  # one for all, each time with a new page, because it takes long to start
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.browser.close()
+
     def setUp(self):
         self.folder = tempfile.TemporaryDirectory()
         self.drives = os.path.join(self.folder.name, "drives.toml")
@@ -198,8 +206,9 @@ class Live(unittest.TestCase):
         self.others = []
 
     def tearDown(self):
+        self.browser.renew()
         for other in reversed(self.others):
-            other.close() if isinstance(other, Browser) else other.end(signal.SIGKILL)
+            other.end(signal.SIGKILL)
         self.folder.cleanup()
 
     def keep(self, other):
@@ -214,9 +223,8 @@ class Live(unittest.TestCase):
         return self.keep(View("--lcm-url", URL, "--motion", GAIT, *more))
 
     def page(self, view):
-        browser = self.keep(Browser())
-        browser.go(view.url)
-        return browser
+        self.browser.go(view.url)
+        return self.browser
 
     def start(self):
         for _ in range(20):
