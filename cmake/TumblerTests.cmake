@@ -50,26 +50,36 @@ function(tumbler_report_left_out)
 endfunction()
 
 # tumbler_test_program(dbc_frames SOURCES ... LINK ...) builds a program into tests/, NAME.cc of the current folder
-# unless it has SOURCES. It is optimised less than the programs are, because it is compiled more often than it is run;
-# where sanitizers look, not at all: what it calls is.
+# unless it has SOURCES. It is not optimised, because it is compiled more often than it is run: what it calls is.
+# BUSY: it computes for so long itself, or in templates that it makes of the project's headers, that it is optimised.
 function(tumbler_test_program name)
-  cmake_parse_arguments(ARG "" "" "SOURCES;LINK" ${ARGN})
+  cmake_parse_arguments(ARG "BUSY" "" "SOURCES;LINK" ${ARGN})
+  set(kind test)
+  if(ARG_BUSY)
+    set(kind busy_test)
+  endif()
   if(NOT ARG_SOURCES)
     set(ARG_SOURCES ${name}.cc)
   endif()
   add_executable(${name} ${ARG_SOURCES})
   set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/tests)
-  target_link_libraries(${name} PRIVATE ${ARG_LINK} tumbler_test_support tumbler_test_optimisation tumbler_warnings)
+  target_link_libraries(${name} PRIVATE ${ARG_LINK} tumbler_test_support tumbler_${kind}_optimisation tumbler_warnings)
 endfunction()
 
 # tumbler_googletest(live_lcm_test LINK ...) does the same with GoogleTest and its main. OWN_HEADERS: a library brings
 # flags that do not fit the headers that are parsed once for all tests.
 function(tumbler_googletest name)
-  cmake_parse_arguments(ARG "OWN_HEADERS" "" "SOURCES;LINK" ${ARGN})
-  tumbler_test_program(${name}
+  cmake_parse_arguments(ARG "OWN_HEADERS;BUSY" "" "SOURCES;LINK" ${ARGN})
+  set(kind test)
+  set(busy)
+  if(ARG_BUSY)
+    set(kind busy_test)
+    set(busy BUSY)
+  endif()
+  tumbler_test_program(${name} ${busy}
     SOURCES ${ARG_SOURCES} LINK ${ARG_LINK} GTest::gtest GTest::gmock GTest::gtest_main)
-  if(TARGET tumbler_test_headers AND NOT ARG_OWN_HEADERS)
-    target_precompile_headers(${name} REUSE_FROM tumbler_test_headers)
+  if(TARGET tumbler_${kind}_headers AND NOT ARG_OWN_HEADERS)
+    target_precompile_headers(${name} REUSE_FROM tumbler_${kind}_headers)
   endif()
 endfunction()
 
@@ -78,7 +88,7 @@ endfunction()
 # long its longest case takes, where that is long: such tests begin first, or all would wait for them in the end.
 # TOGETHER: suites whose cases share what takes long to make; each is registered as one test.
 function(tumbler_test name)
-  cmake_parse_arguments(ARG "OWN_HEADERS" "SECONDS" "SOURCES;LINK;LABELS;PROGRAMS;NEEDS;TOGETHER" ${ARGN})
+  cmake_parse_arguments(ARG "OWN_HEADERS;BUSY" "SECONDS" "SOURCES;LINK;LABELS;PROGRAMS;NEEDS;TOGETHER" ${ARGN})
   if(NOT ARG_SECONDS)
     set(ARG_SECONDS 0)
   endif()
@@ -86,11 +96,14 @@ function(tumbler_test name)
   if(left_out)
     return()
   endif()
-  set(own_headers)
+  set(kind)
   if(ARG_OWN_HEADERS)
-    set(own_headers OWN_HEADERS)
+    list(APPEND kind OWN_HEADERS)
   endif()
-  tumbler_googletest(${name} ${own_headers} SOURCES ${ARG_SOURCES} LINK ${ARG_LINK})
+  if(ARG_BUSY)
+    list(APPEND kind BUSY)
+  endif()
+  tumbler_googletest(${name} ${kind} SOURCES ${ARG_SOURCES} LINK ${ARG_LINK})
   if(ARG_PROGRAMS)
     add_dependencies(${name} ${ARG_PROGRAMS})
   endif()
