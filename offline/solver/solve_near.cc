@@ -217,7 +217,8 @@ class NearSolve {
     ++evaluations_;
     const double violation =
         LargestViolation(problem_, rows_, {point.x.data(), Index(n_)}, point.result);
-    const Evaluation evaluation{false, 0, evaluations_, point.result.cost, violation};
+    const Evaluation evaluation{
+        false, 0, evaluations_, point.result.cost, violation, rollout_->statistics().evaluations};
     if (history_ != nullptr) history_->push_back(evaluation);
     if (options_.progress) options_.progress(evaluation);
   }

@@ -23,6 +23,8 @@ struct Evaluation {
   std::int64_t count = 0;  ///< Evaluations so far, of all threads in this stage.
   double cost = 0;         ///< Of the global search, the rank; in progress, the best so far.
   double violation = 0;    ///< Largest scaled constraint; 0 when all hold.
+  /// Evaluations of g that it took, where its steps were adaptive; 0: equal steps.
+  std::int64_t dynamics = 0;
 };
 
 /// Why a local solve ended.

@@ -1,5 +1,6 @@
-// Prints two tables in Markdown: the times and instructions of the offline side beside those of
-// other software for the same work, and the error that the fixed step leaves in the gradient.
+// Prints three tables in Markdown: the times and instructions of the offline side beside those of
+// other software for the same work, what came of every seed of the motions that are found from
+// nothing, and the error that the fixed step leaves in the gradient.
 // scripts/compare runs it. usage: comparison_table [INSTRUCTIONS [SEEDS]]
 //   INSTRUCTIONS  the output of scripts/count-instructions; without it that column is empty
 //   SEEDS         number of seeds for each motion that is found from nothing; default 10
@@ -16,10 +17,12 @@
 #include <fstream>
 #include <map>
 #include <numbers>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
+#include "offline/certificate/certificate.h"
 #include "offline/certificate/second_look.h"
 #include "offline/problem/task_toml.h"
 #include "offline/rollout/forward_sensitivity.h"
@@ -149,13 +152,15 @@ bool IsWhatTheTaskAsksFor(const Problem& problem, const std::vector<double>& x) 
 }
 
 /// Finds a task's motion from nothing with several seeds, and prints the figures.
+/// @param outcomes  gets a line for the table of outcomes appended.
 /// @returns the motion of the first seed.
 FoundMotion PrintMotion(const std::filesystem::path& task, int seeds, const std::string& name,
-                        const char* others) {
+                        const char* others, std::string& outcomes) {
   Problem problem = LoadTask(task.string()).problem;
-  std::vector<double> seconds;
+  std::vector<double> seconds, objectives;
   std::vector<std::int64_t> evaluations;
-  int found = 0;
+  int found = 0, converged = 0, confirmed = 0;
+  std::int64_t gradients = 0, dynamics = 0;  // of all local solves with adaptive steps
   FoundMotion first{name, problem, {}};
   for (int seed = 1; seed <= seeds; ++seed) {
     problem.search.seed = static_cast<std::uint64_t>(seed);
@@ -171,12 +176,29 @@ FoundMotion PrintMotion(const std::filesystem::path& task, int seeds, const std:
     if (outcome.solutions.empty()) continue;
     const Solution& best = outcome.solutions.front();
     found += best.feasible() && !best.refused && IsWhatTheTaskAsksFor(problem, best.x) ? 1 : 0;
+    objectives.push_back(best.rollout.cost);
+    converged += best.end == SolveEnd::kConverged ? 1 : 0;
+    const std::optional<KktResidual> finer = FinerKktResidual(problem, best.x);
+    confirmed += finer && finer->relative.value_or(1) <= problem.solver.kkt_residual ? 1 : 0;
+    for (const Evaluation& evaluation : outcome.history) {
+      gradients += evaluation.dynamics > 0 ? 1 : 0;
+      dynamics += evaluation.dynamics;
+    }
   }
   Print(name + ", " + std::to_string(problem.parameter_count()) + " parameters",
         Format("%.2f s", Median(seconds)) + ", " + std::to_string(Median(evaluations)) +
             " evaluations; found by " + std::to_string(found) + " of " + std::to_string(seeds) +
             " seeds",
         "", others);
+  if (!objectives.empty()) {
+    const auto [least, largest] = std::ranges::minmax(objectives);
+    outcomes += "| " + name + " | " + std::to_string(found) + " | " + std::to_string(converged) +
+                " | " + std::to_string(confirmed) + " |" + Format(" %.2e", least) +
+                Format(", %.2e", Median(objectives)) + Format(", %.2e |", largest) +
+                Format(" %.2f s |", Median(seconds)) +
+                Format(" %.0f |\n", static_cast<double>(dynamics) /
+                                        static_cast<double>(std::max<std::int64_t>(1, gradients)));
+  }
   return first;
 }
 
@@ -280,19 +302,27 @@ int Main(int argc, char** argv) {
   }
 
   std::vector<FoundMotion> motions;
+  std::string outcomes;
   const auto tasks = std::filesystem::path(testing::SourcePath("primitives/tasks"));
   for (const char* name : {"handstand", "downstand", "roll"}) {
     const auto task = tasks / "nominal" / (std::string(name) + ".toml");
     if (!std::filesystem::exists(task)) continue;
     motions.push_back(PrintMotion(task, seeds, std::string(name) + " from nothing, nominal",
-                                  std::string(name) == "handstand" ? PeerOf("handstand") : "-"));
+                                  std::string(name) == "handstand" ? PeerOf("handstand") : "-",
+                                  outcomes));
   }
   for (const auto& [name, equation] : {std::pair("handstand", "(33)"), std::pair("roll", "(34)"),
                                        std::pair("downstand", "(35)")}) {
     motions.push_back(PrintMotion(tasks / "paper" / (std::string(name) + ".toml"), seeds,
                                   std::string(name) + " from nothing, as printed " + equation,
-                                  PeerOf("paper")));
+                                  PeerOf("paper"), outcomes));
   }
+  std::printf(
+      "\n| seeds 1 to %d | as asked | converged | confirmed by a finer tolerance | objective: "
+      "least, "
+      "median, largest | CPU, median | evaluations of g in an evaluation of cost and gradient |\n"
+      "|---|---|---|---|---|---|---|\n%s",
+      seeds, outcomes.c_str());
   PrintStepErrors(motions);
   return 0;
 }

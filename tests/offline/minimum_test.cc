@@ -63,10 +63,11 @@ TEST_P(MinimumOfTask, IsOneAlsoByAFinerIntegration) {
   EXPECT_GT(FinerKktResidual(problem, beside)->relative.value(), 5 * finer->relative.value());
 }
 
-/// A minimum near another one, as exactly as it can be found.
+/// A minimum near another one. The cost is off by the square of the residual; some solves stall
+/// before a residual of 1e-6.
 Solution NearTo(Problem problem, const std::vector<double>& x) {
   problem.solver.tolerance = 1e-10;
-  problem.solver.kkt_residual = 1e-6;
+  problem.solver.kkt_residual = 1e-5;
   NearRollouts rollouts(problem);
   return SolveNear(problem, x, 400, 0, rollouts, {}, nullptr);
 }
@@ -87,9 +88,7 @@ TEST(Multiplier, IsWhatTheCostFallsByWhenItsLimitYields) {
     Problem other = problem;
     other.joints[0].limits.torque_max_nm *= i == 0 ? 1 - kPart : 1 + kPart;
     const Solution moved = NearTo(other, best.x);
-    // Close enough for the cost: it is off by the square of this.
-    ASSERT_TRUE(moved.feasible());
-    ASSERT_LT(*moved.kkt.relative, 2e-3);
+    ASSERT_EQ(moved.end, SolveEnd::kConverged);
     cost[i] = moved.rollout.cost;
   }
   EXPECT_NEAR((cost[0] - cost[1]) / (2 * kPart), torque.value, 0.05 * torque.value);

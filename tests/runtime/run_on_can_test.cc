@@ -54,18 +54,27 @@ class RunOnCan : public ::testing::Test {
  protected:
   RunOnCan() {
     testing::RequireCan();
+    WriteMotion(1.6);
+    rules_.silence_s = kWatchdog_s;
+  }
+  /// Writes the motion that is played, and says what its frames have to keep to.
+  void WriteMotion(double duration_s) {
     testing::MotionShape shape;
-    shape.duration_s = 1.6;
+    shape.duration_s = duration_s;
     shape.amplitude_rad = 0.2;
     PrimitiveFile file = testing::RandomPrimitiveFile(shape, 70);
     file.primitive.following_tolerance_rad = 0.5;  // allows three late ticks at full speed
     WriteFile(Path("motion.toml"), ToToml(file));
+    rules_.limits.clear();
+    start_rad_.clear();
     for (std::size_t i = 0; i < 2; ++i) {
       rules_.limits.push_back(file.primitive.joints[i].limits);
       start_rad_.push_back(file.primitive.joints[i].position.control_points()[0]);
     }
-    rules_.silence_s = kWatchdog_s;
   }
+  /// Writes a motion that goes on for so long that a slow machine, too, comes in its midst to what
+  /// the test does then.
+  void WriteLongMotion() { WriteMotion(6.4); }
   /// Ends the programs that an earlier attempt left running.
   void Reset() {
     candump_.reset();
@@ -203,6 +212,7 @@ TEST_F(RunOnCan, ADryRunSendsNothingAndAnArmedRunSendsTheFramesThatItPrinted) {
 }
 
 TEST_F(RunOnCan, AnInterfaceThatGoesDownEndsTheRunAndNothingIsDrivenOnceItIsUp) {
+  WriteLongMotion();
   testing::InSteadyTime([this] {
     Reset();
     const VirtualCan can;
@@ -224,6 +234,7 @@ TEST_F(RunOnCan, AnInterfaceThatGoesDownEndsTheRunAndNothingIsDrivenOnceItIsUp) 
 }
 
 TEST_F(RunOnCan, AnInterfaceThatIsRemovedEndsTheRun) {
+  WriteLongMotion();
   testing::InSteadyTime([this] {
     Reset();
     const VirtualCan can;
@@ -249,6 +260,7 @@ TEST_F(RunOnCan, AnInterfaceThatIsRemovedEndsTheRun) {
 }
 
 TEST_F(RunOnCan, ABusThatTakesNoFramesEndsTheRunAndNothingThatWaitedGoesOutLater) {
+  WriteLongMotion();
   testing::InSteadyTime([this] {
     Reset();
     VirtualCan can;
@@ -280,6 +292,7 @@ TEST_F(RunOnCan, ABusThatTakesNoFramesEndsTheRunAndNothingThatWaitedGoesOutLater
 }
 
 TEST_F(RunOnCan, BusOffEndsTheRunAndNothingIsDrivenAfterRecovery) {
+  WriteLongMotion();
   testing::InSteadyTime([this] {
     Reset();
     SerialCan can;
@@ -361,6 +374,7 @@ TEST_F(RunOnCan, FramesThatTheControllerLostAreSaidInTheSummary) {
 }
 
 TEST_F(RunOnCan, WhenItIsKilledTheDrivesWatchdogsTakeOverAndARestartDoesNotJump) {
+  WriteLongMotion();
   testing::InSteadyTime([this] {
     Reset();
     const VirtualCan can;
@@ -397,6 +411,7 @@ TEST_F(RunOnCan, WhenItIsKilledTheDrivesWatchdogsTakeOverAndARestartDoesNotJump)
 }
 
 TEST_F(RunOnCan, AProgramThatWasStoppedForAWhileDoesNotGoOnWithItsMotion) {
+  WriteLongMotion();
   testing::InSteadyTime([this] {
     Reset();
     const VirtualCan can;
@@ -417,6 +432,7 @@ TEST_F(RunOnCan, AProgramThatWasStoppedForAWhileDoesNotGoOnWithItsMotion) {
 }
 
 TEST_F(RunOnCan, DrivesThatFallSilentEndTheRunInDamping) {
+  WriteLongMotion();
   testing::InSteadyTime([this] {
     Reset();
     const VirtualCan can;
@@ -435,6 +451,7 @@ TEST_F(RunOnCan, DrivesThatFallSilentEndTheRunInDamping) {
 }
 
 TEST_F(RunOnCan, ASecondProgramIsRefusedAndTheFirstOneDoesNotNotice) {
+  WriteLongMotion();
   testing::InSteadyTime([this] {
     Reset();
     VirtualCan can;
@@ -461,6 +478,7 @@ TEST_F(RunOnCan, ASecondProgramIsRefusedAndTheFirstOneDoesNotNotice) {
 }
 
 TEST_F(RunOnCan, WhoeverStartsSecondIsRefusedAndTheFramesOfTheFirstStayTheSame) {
+  WriteLongMotion();
   testing::InSteadyTime([this] {
     // A run by itself, and runs and replays that another program wants to join, in every order.
     std::vector<std::vector<std::string>> logs;

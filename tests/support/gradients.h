@@ -17,13 +17,22 @@ inline double Off(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
   return (a - b).cwiseAbs().maxCoeff() / b.cwiseAbs().maxCoeff();
 }
 
+/// A motion a little beside x. Its steps end on the kinks of the contact law of that motion, and so
+/// not on those of x. Where a step ends on a kink, second derivatives of the discrete motion jump,
+/// and central differences are off by their step.
+inline std::vector<double> Beside(std::vector<double> x) {
+  for (std::size_t i = 0; i < x.size(); ++i) x[i] += i % 2 == 0 ? 1e-4 : -2e-4;
+  return x;
+}
+
 /// Checks a motion that touches something: that forward and backward gradients agree, and those of
 /// the cost and of what the targets leave are central differences, at the best of three steps.
 inline void ExpectTrueGradients(const Problem& problem, const std::vector<double>& x) {
   ForwardSensitivity forward(problem, AdaptiveSteps(problem));
   auto ahead = OutputGradients::Of(forward), back = ahead;
   GaussNewton model;
-  const RolloutResult expected = forward.Run(x, ahead, &model);
+  ASSERT_TRUE(forward.Run(Beside(x), ahead).finite);
+  const RolloutResult expected = forward.RunAgain(x, ahead, &model);
   ASSERT_TRUE(expected.finite && expected.any_contact);
   Rollout rollout(problem, 1e-3);
   rollout.Use(forward.grid());
@@ -50,10 +59,8 @@ inline void ExpectTrueGradients(const Problem& problem, const std::vector<double
     best = std::min(best, Off(back.row(0), differences));
     best_of_targets = std::min(best_of_targets, Off(model.residual_slopes, of_targets));
   }
-  // Steps end on kinks of the contact law, where second derivatives jump: differences across one
-  // are off by as much as their step times that.
-  EXPECT_LT(best, 1e-5);
-  EXPECT_LT(best_of_targets, 1e-5);
+  EXPECT_LT(best, 1e-6);
+  EXPECT_LT(best_of_targets, 1e-6);
 }
 
 }  // namespace tumbler::testing
