@@ -57,20 +57,25 @@ class RunOnCan : public ::testing::Test {
     WriteMotion(1.6);
     rules_.silence_s = kWatchdog_s;
   }
-  /// Writes the motion that is played, and says what its frames have to keep to.
+  /// Writes the motion that is played, and says what its frames have to keep to. Limits and the way
+  /// to its start do not depend on how long it takes.
   void WriteMotion(double duration_s) {
     testing::MotionShape shape;
-    shape.duration_s = duration_s;
+    shape.duration_s = 1.6;
     shape.amplitude_rad = 0.2;
+    const PrimitiveFile shortest = testing::RandomPrimitiveFile(shape, 70);
+    shape.duration_s = duration_s;
     PrimitiveFile file = testing::RandomPrimitiveFile(shape, 70);
     file.primitive.following_tolerance_rad = 0.5;  // allows three late ticks at full speed
-    WriteFile(Path("motion.toml"), ToToml(file));
     rules_.limits.clear();
     start_rad_.clear();
     for (std::size_t i = 0; i < 2; ++i) {
+      file.primitive.joints[i].limits = shortest.primitive.joints[i].limits;
       rules_.limits.push_back(file.primitive.joints[i].limits);
       start_rad_.push_back(file.primitive.joints[i].position.control_points()[0]);
     }
+    testing::SetMargins(file);
+    WriteFile(Path("motion.toml"), ToToml(file));
   }
   /// Writes a motion that goes on for so long that a slow machine, too, comes in its midst to what
   /// the test does then.
@@ -478,7 +483,7 @@ TEST_F(RunOnCan, ASecondProgramIsRefusedAndTheFirstOneDoesNotNotice) {
 }
 
 TEST_F(RunOnCan, WhoeverStartsSecondIsRefusedAndTheFramesOfTheFirstStayTheSame) {
-  WriteLongMotion();
+  WriteMotion(3.2);
   testing::InSteadyTime([this] {
     // A run by itself, and runs and replays that another program wants to join, in every order.
     std::vector<std::vector<std::string>> logs;

@@ -9,6 +9,14 @@
 
 namespace tumbler::testing {
 
+/// Writes into a file how far its motion stays within its limits.
+inline void SetMargins(PrimitiveFile& file) {
+  const LimitMargins margins = MarginsOf(file.primitive);
+  file.certificate.position_margin_rad = margins.position_rad;
+  file.certificate.velocity_margin_rad_s = margins.velocity_rad_s;
+  file.certificate.acceleration_margin_rad_s2 = margins.acceleration_rad_s2;
+}
+
 /// A primitive file around a random motion, complete enough to be written and loaded. It holds no
 /// robot, so it cannot be simulated.
 inline PrimitiveFile RandomPrimitiveFile(const MotionShape& shape, unsigned seed) {
@@ -19,10 +27,7 @@ inline PrimitiveFile RandomPrimitiveFile(const MotionShape& shape, unsigned seed
     file.entry.joint_positions_rad.push_back(motion.position.control_points().front());
     file.exit.joint_positions_rad.push_back(motion.position.control_points().back());
   }
-  const LimitMargins margins = MarginsOf(file.primitive);
-  file.certificate.position_margin_rad = margins.position_rad;
-  file.certificate.velocity_margin_rad_s = margins.velocity_rad_s;
-  file.certificate.acceleration_margin_rad_s2 = margins.acceleration_rad_s2;
+  SetMargins(file);
   file.provenance.tool = "test 1.0";
   file.provenance.robot_file = "robot.urdf";
   file.provenance.task_file = "task.toml";
