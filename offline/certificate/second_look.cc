@@ -38,7 +38,7 @@ PurposeFigure FigureOf(const CostTerm& term, const Instant& at, PurposeTarget::W
 bool SecondLook::acceptable() const {
   return finite && torque_excess <= 0 && peak_penetration_m < layer_m &&
          self_clearance_m >= clearance_m - kClearanceTolerance_m &&
-         std::ranges::all_of(purpose, &PurposeFigure::met);
+         std::ranges::all_of(purpose, &PurposeFigure::met) && std::isinf(leaves_after_s);
 }
 
 std::string SecondLook::Objections() const {
@@ -47,6 +47,11 @@ std::string SecondLook::Objections() const {
   for (const PurposeFigure& figure : purpose) {
     if (figure.met()) continue;
     reasons.push_back(fmt::format("{}: {}", figure.name(), figure.AskedAndGot(figure.result)));
+  }
+  if (std::isfinite(leaves_after_s)) {
+    reasons.push_back(fmt::format(
+        "the robot does not stay where it is asked to be, but leaves {:.1f} s after the end",
+        leaves_after_s));
   }
   if (!(torque_excess <= 0))
     reasons.push_back(fmt::format("a torque is {:.2g} % above its limit", 100 * torque_excess));
@@ -169,6 +174,24 @@ class Looker {
   double speed_ = 0;
 };
 
+/// Looks whether a robot at rest stays there, with the solver's step: nothing is fast any more.
+/// @returns as SecondLook::leaves_after_s.
+double LeavesAfter(const Problem& problem, const std::vector<double>& x) {
+  double leaves_s = std::numeric_limits<double>::infinity();
+  Rollout rollout(problem, problem.solver.step_s);
+  rollout.Visit(x, kStays_s - problem.settle_s, [&](const MotionSample& sample) {
+    const double since_end_s = sample.time_s - problem.duration_s;
+    if (since_end_s < ExitAfter(problem) || std::isfinite(leaves_s)) return;
+    const bool there = std::ranges::all_of(problem.cost, [&](const CostTerm& term) {
+      if (!AsksForValue(term) || term.of_velocity || term.when != CostTerm::When::kSettled)
+        return true;
+      return FigureOf(term, {sample.q, sample.qd}, PurposeTarget::When::kLater).met();
+    });
+    if (!there) leaves_s = since_end_s;
+  });
+  return leaves_s;
+}
+
 }  // namespace
 
 FineLook LookFinely(Problem problem, std::vector<double> x, double refinement) {
@@ -187,7 +210,10 @@ FineLook LookFinely(Problem problem, std::vector<double> x, double refinement) {
     looker.Take(sample, own);
     summarizer.Take(sample, least_m);
   });
-  return {looker.Finish(), summarizer.Finish()};
+  FineLook fine{looker.Finish(), summarizer.Finish()};
+  if (EndsAtRest(problem) && SettlingAfter(problem) > 0 && fine.look.acceptable())
+    fine.look.leaves_after_s = LeavesAfter(problem, x);
+  return fine;
 }
 
 SecondLook LookAgain(const Problem& problem, const std::vector<double>& x, double refinement) {

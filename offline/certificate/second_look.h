@@ -20,6 +20,9 @@ struct SecondLook {
   /// end of the settle phase, and the speed. A velocity of 0 asked for there is judged 2 s later
   /// only.
   std::vector<PurposeFigure> purpose;
+  /// Where a robot that was as asked 2 s later does not stay: when it leaves a position that was
+  /// asked for, in seconds after the end of the motion. Infinite where it stays until kStays_s.
+  double leaves_after_s = std::numeric_limits<double>::infinity();
   /// Largest |torque| of any joint's motor up to the end of the settle phase.
   double peak_torque_nm = 0;
   /// Largest of |torque| / limit, less 1, of any joint's motor up to there, and more by what the
@@ -38,12 +41,16 @@ struct SecondLook {
   double layer_m = std::numeric_limits<double>::infinity();
   bool finite = true;
 
-  /// Whether the motion can be written: every target is met, no torque exceeds its limit, no
-  /// contact goes through the layer, and the robot's own shapes stay apart.
+  /// Whether the motion can be written: every target is met, the robot stays there, no torque
+  /// exceeds its limit, no contact goes through the layer, and the robot's own shapes stay apart.
   [[nodiscard]] bool acceptable() const;
   /// What stands against it, as text: "pitch, settled: asked 1.5708, got 0.0012 rad (within 0.05)".
   [[nodiscard]] std::string Objections() const;
 };
+
+/// How long after its end a motion that ends at rest is played to see whether the robot stays [s].
+/// One that stands on too small a foot is within every tolerance after 2 s, and falls after 4 s.
+inline constexpr double kStays_s = 10;
 
 /// Whether a task's motion is to end at rest: it has a settle phase, its cost asks for a velocity
 /// of 0 at the end of it, and there is something to rest on.

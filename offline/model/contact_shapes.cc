@@ -7,6 +7,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "common/index.h"
 #include "offline/dynamics/plane.h"
 #include "offline/dynamics/spatial.h"
 #include "offline/model/robot.h"
@@ -113,15 +114,24 @@ double HalfWidth(const RobotShape& shape) {
   throw Unusable("is a mesh");
 }
 
-void AddOwnShapes(const std::vector<RobotShape>& from, bool drawn, std::vector<OwnShape>& shapes) {
+/// Where the origin of a body's frame is along y. Joints of a robot in the plane never change it.
+double AcrossThePlane(const Robot& robot, int body) {
+  double y = 0;
+  for (; body >= 0; body = robot.tree.dofs[Index(body)].parent)
+    y += robot.tree.dofs[Index(body)].offset.y();
+  return y;
+}
+
+void AddOwnShapes(const Robot& robot, bool drawn, std::vector<OwnShape>& shapes) {
   const std::size_t known = shapes.size();
-  for (const RobotShape& shape : from) {
+  for (const RobotShape& shape : drawn ? robot.visual_shapes : robot.collision_shapes) {
     OwnShape own{shape.name, shape.link, shape.body, {}, 0, 0, drawn};
     try {
       own.shape = InThePlane(shape);
       const double half_width = HalfWidth(shape);
-      own.y_min_m = shape.pose.translation.y() - half_width;
-      own.y_max_m = shape.pose.translation.y() + half_width;
+      const double y = AcrossThePlane(robot, shape.body) + shape.pose.translation.y();
+      own.y_min_m = y - half_width;
+      own.y_max_m = y + half_width;
     } catch (const Unusable&) {
       continue;
     }
@@ -147,8 +157,8 @@ ContactShapes<Plane> PlanarContactShapes(const Robot& robot) {
 
 std::vector<OwnShape> PlanarOwnShapes(const Robot& robot) {
   std::vector<OwnShape> shapes;
-  AddOwnShapes(robot.collision_shapes, false, shapes);
-  AddOwnShapes(robot.visual_shapes, true, shapes);
+  AddOwnShapes(robot, false, shapes);
+  AddOwnShapes(robot, true, shapes);
   return shapes;
 }
 

@@ -281,7 +281,7 @@ class NearSolve {
       const double promised = Promised(here, B, step.p);
       const double size = std::abs(here.Merit(price_));
       const bool keeps = here.c.maxCoeff() <= kNoViolation;
-      if (enough_ > 0 && keeps && !(promised > enough_ * size)) return SolveEnd::kStalled;
+      if (enough_ > 0 && keeps && !(promised > enough_ * size)) return SolveEnd::kEnough;
       if (!(promised > kRoundingOfMerit * size) || radius_ < kSmallestRadius) {
         if (secants_.empty() || coarse() || resets++ == kMostResets) return SolveEnd::kStalled;
         secants_.Forget();

@@ -317,6 +317,8 @@ const char* ToString(SolveEnd end) {
       return "converged, but not by finer steps";
     case SolveEnd::kStalled:
       return "stopped making progress";
+    case SolveEnd::kEnough:
+      return "a further step would change little";
     case SolveEnd::kEvaluations:
       return "evaluation budget used up";
     case SolveEnd::kInfeasible:

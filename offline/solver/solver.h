@@ -33,6 +33,7 @@ enum class SolveEnd {
   /// The same, but with finer steps KktResidual::relative is larger.
   kConvergedCoarsely,
   kStalled,      ///< The cost stopped falling before that.
+  kEnough,       ///< A further step promised less than the caller asked for: near a guess.
   kEvaluations,  ///< The evaluation budget is used up.
   kInfeasible,   ///< The linearised constraints contradict each other, or stay violated.
   kInterrupted,  ///< The caller asked to stop.

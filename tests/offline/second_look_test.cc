@@ -16,7 +16,9 @@
 #include "offline/problem/simulated_motion.h"
 #include "offline/problem/task_toml.h"
 #include "offline/rollout/rollout.h"
+#include "offline/solver/solver.h"
 #include "tests/support/crossing_legs.h"
+#include "tests/support/files.h"
 #include "tests/support/task_files.h"
 
 namespace tumbler {
@@ -88,6 +90,32 @@ TEST(SecondLook, AMotionThatIsNotToEndAtRestIsNotAskedToRest) {
   EXPECT_FALSE(EndsAtRest(problem));
   for (const PurposeFigure& figure : LookAgain(problem, Straight(problem)).purpose)
     EXPECT_THAT(figure.name(), ::testing::Not(HasSubstr("later")));
+}
+
+/// A robot of 1.8 kg with its mass 0.35 m above a foot falls with m g h = 6 N m/rad. Two contacts
+/// of k = 25 kN/m resist that with 2 k b^2, which is 5 N m/rad where they are b = 10 mm from the
+/// middle, and 80 N m/rad with the 40 mm of the shipped robot.
+TEST(SecondLook, ARobotThatBalancesOnItsFootForAWhileDoesNotStay) {
+  std::string robot = ShippedRobot();
+  for (const std::string x : {"0.20", "-0.20"}) {
+    for (const std::string sign : {"", "-"}) {
+      robot = Replaced(robot, "<origin xyz=\"" + x + " 0 " + sign + "0.04\"/>",
+                       "<origin xyz=\"" + x + " 0 " + sign + "0.01\"/>");
+    }
+  }
+  const std::string task =
+      testing::ReadFile(testing::SourcePath("primitives/tasks/nominal/handstand.toml"));
+  Problem problem = ParseTask(task, "task.toml", robot, "robot.urdf").problem;
+  problem.search.seed = 1;
+  const SolveOutcome outcome = Solve(problem, {});
+  ASSERT_FALSE(outcome.solutions.empty());
+  ASSERT_TRUE(outcome.solutions.front().feasible());
+  const SecondLook look = LookAgain(problem, outcome.solutions.front().x);
+  for (const PurposeFigure& figure : look.purpose) EXPECT_TRUE(figure.met()) << figure.name();
+  EXPECT_GT(look.leaves_after_s, 2);
+  EXPECT_LT(look.leaves_after_s, kStays_s);
+  EXPECT_FALSE(look.acceptable());
+  EXPECT_THAT(look.Objections(), HasSubstr("does not stay where it is asked to be"));
 }
 
 TEST(SecondLook, FindsTheLegsNearestApproachThatGeometryByHandFinds) {

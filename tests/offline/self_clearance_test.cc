@@ -176,6 +176,25 @@ TEST(OwnShapes, KnowHowFarTheyReachAcrossThePlane) {
   EXPECT_NEAR(shape->y_max_m, 0.54, 1e-9);
 }
 
+TEST(OwnShapes, AreWhereTheirJointsAreAcrossThePlane) {
+  const auto extent_of_foot = [](const std::string& joint_y, const std::string& foot_y) {
+    std::string text = Replaced(ShippedRobot(), "<origin xyz=\"0.15 0 0\"/>\n    <axis",
+                                "<origin xyz=\"0.15 " + joint_y + " 0\"/>\n    <axis");
+    text = Replaced(text, "<origin xyz=\"0.20 0 0.04\"/>",
+                    "<origin xyz=\"0.20 " + foot_y + " 0.04\"/>");
+    const PlanarRobot robot = ParsePlanarRobot(text, "robot.urdf", RootKind::kPlanarXz);
+    const auto shape = std::ranges::find(robot.own_shapes, "leg1_link/0", &OwnShape::name);
+    if (shape == robot.own_shapes.end()) throw std::logic_error("there is no foot");
+    return std::pair(shape->y_min_m, shape->y_max_m);
+  };
+  const auto [low, high] = extent_of_foot("0.06", "0");
+  EXPECT_NEAR(low, 0.05, 1e-12);
+  EXPECT_NEAR(high, 0.07, 1e-12);
+  const auto [back_low, back_high] = extent_of_foot("0.06", "-0.06");
+  EXPECT_NEAR(back_low, -0.01, 1e-12) << "as in the plane of the other leg";
+  EXPECT_NEAR(back_high, 0.01, 1e-12);
+}
+
 // ---- Distances of a robot's shapes --------------------------------------------------------------
 
 TEST(SelfDistances, FindTheNearestPairThatGeometryByHandFinds) {
