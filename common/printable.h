@@ -30,6 +30,23 @@ inline std::string Printable(std::string_view text) {
   return out;
 }
 
+/// A text from a message as part of one line of a terminal: ends of lines and tabs become `\x0a`
+/// and
+/// `\x09`, too, so that it cannot pass for lines of its own.
+inline std::string PrintableInLine(std::string_view text) {
+  std::string out;
+  for (const char c : Printable(text)) {
+    if (c == '\n') {
+      out += "\\x0a";
+    } else if (c == '\t') {
+      out += "\\x09";
+    } else {
+      out += c;
+    }
+  }
+  return out;
+}
+
 /// What is wrong with a name that has a character which is none to be seen: an escape character, or
 /// the one of U+009B that stands for the same, would command a terminal that shows it, and others
 /// make it look like something else, or two lines. Loaders refuse such names.

@@ -11,6 +11,10 @@ namespace {
 /// A drive that has been silent for so many times the age of a stale reply is none that obeys.
 constexpr int kSilence = 5;
 
+/// After so long without a setpoint nobody knows how the robot lies: most drives have let go, and
+/// one that balanced has fallen.
+constexpr float kUnattended_s = 0.2F;
+
 bool IsLinkUp(Status status) noexcept {
   return status == Status::kOk || status == Status::kWouldBlock;
 }
@@ -75,6 +79,8 @@ void Executor::DetectLateTick(std::int64_t missed) noexcept {
     late_ticks_ += missed;
     if (IsTooLate(*abort_, late_ticks_)) React(Reaction::kDamp);
   }
+  // Then a hold is not in the pose of a node's end, and no motion goes on from there.
+  if (static_cast<float>(missed) * config_.period_s > kUnattended_s) keep_torque_ = false;
   Latch(Fault::kLateTick, -1, DetailNumber::Integer(missed),
         DetailNumber::Integer(config_.late_ticks_max));
 }

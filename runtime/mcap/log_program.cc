@@ -114,8 +114,8 @@ LogContents ReadLog(const std::string& path, std::FILE* table, const std::string
       if (happened && events) {
         fmt::print("{:10.3f} s  tick {:8}  {} -> {}{}{}\n",
                    static_cast<double>(happened->time_ns) * 1e-9, happened->tick,
-                   Printable(happened->from_state), Printable(happened->to_state),
-                   happened->text.empty() ? "" : ": ", Printable(happened->text));
+                   PrintableInLine(happened->from_state), PrintableInLine(happened->to_state),
+                   happened->text.empty() ? "" : ": ", PrintableInLine(happened->text));
       }
     } else if (event.channel != kTruthChannel) {
       ++contents.foreign;

@@ -10,6 +10,7 @@
 #include <type_traits>
 
 #include "common/json.h"
+#include "common/printable.h"
 #include "firmware_interface/drives/drive.h"
 #include "firmware_interface/drives/error_texts.h"
 #include "runtime/core/faults.h"
@@ -59,10 +60,21 @@ void LiveView::Take(const state_t& state) {
 
 void LiveView::Take(const event_t& event) {
   events_.push_back(event);
+  event_t& last = events_.back();
+  for (std::string* text : {&last.from_state, &last.to_state, &last.text})
+    *text = PrintableInLine(*text);
   if (events_.size() > kEvents) events_.pop_front();
 }
 
-void LiveView::Take(const run_t& run) { run_ = run; }
+void LiveView::Take(const run_t& run) {
+  run_ = run;
+  for (std::string* text : {&run_->motion, &run_->bus, &run_->mode, &run_->version, &run_->kernel,
+                            &run_->cpu, &run_->adapter, &run_->scheduling})
+    *text = PrintableInLine(*text);
+  for (std::vector<std::string>* names : {&run_->joints, &run_->nodes}) {
+    for (std::string& name : *names) name = PrintableInLine(name);
+  }
+}
 
 std::string LiveView::JointName(std::size_t joint) const {
   return run_ && joint < run_->joints.size() ? run_->joints[joint] : fmt::format("joint {}", joint);

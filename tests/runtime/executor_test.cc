@@ -343,6 +343,16 @@ TEST(Executor, GoesHomeOnlyFromTheEndOfANodeWithDrivesThatHold) {
     EXPECT_EQ(rig.Tick(OperatorCommand::kGoHome).refusal.refusal, Refusal::kWrongState)
         << "its feed-forward is not that of this pose";
   }
+  for (const int missed : {199, 300}) {
+    ExecutorRig rig({}, primitive);
+    ASSERT_TRUE(rig.Reach(ExecutorState::kSettling));
+    rig.input.tick += missed;
+    ASSERT_EQ(rig.Tick().reaction, Reaction::kHold);
+    for (int i = 0; i < 3; ++i) rig.Tick();
+    EXPECT_EQ(rig.Tick(OperatorCommand::kGoHome).refusal.refusal,
+              missed < 200 ? Refusal::kNone : Refusal::kWrongState)
+        << "drives have let go long ago, and the robot lies elsewhere";
+  }
   {
     ExecutorConfig ignoring;
     ASSERT_TRUE(

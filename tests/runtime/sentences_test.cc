@@ -143,6 +143,32 @@ TEST(Sentences, NumbersThatAreCountedAreWrittenAsIntegers) {
   EXPECT_NE(row.find(",12,0.51,0.5,"), std::string::npos) << row;
 }
 
+TEST(LiveView, TextsOfMessagesCannotPassForLinesOfItsOwn) {
+  state_t state;
+  FillState(TickWith(Fault::kDriveError, DetailNumber::Code(1), {}, 0), state);
+  LiveView view;
+  view.Take(state);
+  RunDescription about;
+  about.joints = {"leg1\nfaults  none", "leg2"};
+  about.motion = "gait\nfaults  none";
+  RunMessage run(about);
+  view.Take(run.At(0, 0, 0));
+  event_t event{};
+  event.from_state = "running\nfaults  none";
+  event.to_state = "fault";
+  event.text = "late\nfaults  none\r\tok";
+  view.Take(event);
+  std::istringstream lines(view.Screen());
+  int of_faults = 0;
+  for (std::string line; std::getline(lines, line);) {
+    if (!line.starts_with("faults")) continue;
+    ++of_faults;
+    EXPECT_THAT(line, ::testing::HasSubstr("drive error"));
+  }
+  EXPECT_EQ(of_faults, 1) << view.Screen();
+  EXPECT_THAT(view.Screen(), ::testing::HasSubstr("late\\x0afaults  none\\x0d\\x09ok"));
+}
+
 TEST(LiveView, StateFaultsAndJointsStayOnASmallTerminal) {
   const TimedRecord timed = TickWith(Fault::kDriveError, DetailNumber::Code(0x41000101), {}, 0);
   state_t state;
