@@ -3,6 +3,7 @@
 
 #include "offline/certificate/second_look.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -97,11 +98,12 @@ TEST(SecondLook, AMotionThatIsNotToEndAtRestIsNotAskedToRest) {
 /// middle, and 80 N m/rad with the 40 mm of the shipped robot.
 TEST(SecondLook, ARobotThatBalancesOnItsFootForAWhileDoesNotStay) {
   std::string robot = ShippedRobot();
-  for (const std::string x : {"0.20", "-0.20"}) {
-    for (const std::string sign : {"", "-"}) {
-      robot = Replaced(robot, "<origin xyz=\"" + x + " 0 " + sign + "0.04\"/>",
-                       "<origin xyz=\"" + x + " 0 " + sign + "0.01\"/>");
-    }
+  const auto origin = [](double x, double z) {
+    return fmt::format("<origin xyz=\"{:.2f} 0 {:.2f}\"/>", x, z);
+  };
+  for (const double x : {0.2, -0.2}) {
+    for (const double side : {1, -1})
+      robot = Replaced(robot, origin(x, 0.04 * side), origin(x, 0.01 * side));
   }
   const std::string task =
       testing::ReadFile(testing::SourcePath("primitives/tasks/nominal/handstand.toml"));
