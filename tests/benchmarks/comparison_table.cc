@@ -242,6 +242,34 @@ void PrintStepErrors(const std::vector<FoundMotion>& motions) {
   }
 }
 
+/// Finds the nominal and the printed motions from nothing, and prints the figures and, as a second
+/// table, what came of the seeds. @returns those of the first seed.
+std::vector<FoundMotion> PrintMotions(int seeds) {
+  std::vector<FoundMotion> motions;
+  std::string outcomes;
+  const auto tasks = std::filesystem::path(testing::SourcePath("primitives/tasks"));
+  for (const char* name : {"handstand", "downstand", "roll"}) {
+    const auto task = tasks / "nominal" / (std::string(name) + ".toml");
+    if (!std::filesystem::exists(task)) continue;
+    motions.push_back(PrintMotion(task, seeds, std::string(name) + " from nothing, nominal",
+                                  std::string(name) == "handstand" ? PeerOf("handstand") : "-",
+                                  outcomes));
+  }
+  for (const auto& [name, equation] : {std::pair("handstand", "(33)"), std::pair("roll", "(34)"),
+                                       std::pair("downstand", "(35)")}) {
+    motions.push_back(PrintMotion(tasks / "paper" / (std::string(name) + ".toml"), seeds,
+                                  std::string(name) + " from nothing, as printed " + equation,
+                                  PeerOf("paper"), outcomes));
+  }
+  std::printf(
+      "\n| seeds 1 to %d | as asked | converged | confirmed by a finer tolerance | objective: "
+      "least, "
+      "median, largest | CPU, median | evaluations of g in an evaluation of cost and gradient |\n"
+      "|---|---|---|---|---|---|---|\n%s",
+      seeds, outcomes.c_str());
+  return motions;
+}
+
 int Main(int argc, char** argv) {
   std::map<std::string, long> counts;
   if (argc > 1) counts = ReadInstructions(argv[1]);
@@ -301,29 +329,7 @@ int Main(int argc, char** argv) {
           PeerOf("forward11"));
   }
 
-  std::vector<FoundMotion> motions;
-  std::string outcomes;
-  const auto tasks = std::filesystem::path(testing::SourcePath("primitives/tasks"));
-  for (const char* name : {"handstand", "downstand", "roll"}) {
-    const auto task = tasks / "nominal" / (std::string(name) + ".toml");
-    if (!std::filesystem::exists(task)) continue;
-    motions.push_back(PrintMotion(task, seeds, std::string(name) + " from nothing, nominal",
-                                  std::string(name) == "handstand" ? PeerOf("handstand") : "-",
-                                  outcomes));
-  }
-  for (const auto& [name, equation] : {std::pair("handstand", "(33)"), std::pair("roll", "(34)"),
-                                       std::pair("downstand", "(35)")}) {
-    motions.push_back(PrintMotion(tasks / "paper" / (std::string(name) + ".toml"), seeds,
-                                  std::string(name) + " from nothing, as printed " + equation,
-                                  PeerOf("paper"), outcomes));
-  }
-  std::printf(
-      "\n| seeds 1 to %d | as asked | converged | confirmed by a finer tolerance | objective: "
-      "least, "
-      "median, largest | CPU, median | evaluations of g in an evaluation of cost and gradient |\n"
-      "|---|---|---|---|---|---|---|\n%s",
-      seeds, outcomes.c_str());
-  PrintStepErrors(motions);
+  PrintStepErrors(PrintMotions(seeds));
   return 0;
 }
 

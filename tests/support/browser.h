@@ -48,7 +48,7 @@ class Browser {
   /// Writes the document of a page into a file. @returns whether there is one.
   bool Show(const std::string& page, const std::string& fragment, int width,
             const std::string& out) {
-    requests_ << page << '\t' << fragment << '\t' << width << '\t' << out << std::endl;
+    requests_ << page << '\t' << fragment << '\t' << width << '\t' << out << '\n' << std::flush;
     ++count_;
     if (program_.WaitFor("done " + std::to_string(count_) + '\n')) return true;
     ADD_FAILURE() << page << " was not shown: " << program_.text();
@@ -64,7 +64,7 @@ class Browser {
     if (made_ && program_.WaitFor("ready\n")) requests_.open(pipe_);
   }
   ~Browser() {
-    requests_ << std::endl;
+    requests_ << '\n' << std::flush;
     if (stuck_) program_.Signal(SIGTERM);
     program_.Wait();
     std::filesystem::remove(pipe_);
