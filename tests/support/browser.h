@@ -48,9 +48,13 @@ class Browser {
   /// Writes the document of a page into a file. @returns whether there is one.
   bool Show(const std::string& page, const std::string& fragment, int width,
             const std::string& out) {
+    const std::size_t before = program_.text().size();
     requests_ << page << '\t' << fragment << '\t' << width << '\t' << out << '\n' << std::flush;
     ++count_;
-    if (program_.WaitFor("done " + std::to_string(count_) + '\n')) return true;
+    // On a busy machine a page takes longer than a program is waited for.
+    for (int i = 0; i < 10 && program_.text().find("failed:", before) == std::string::npos; ++i) {
+      if (program_.WaitFor("done " + std::to_string(count_) + '\n')) return true;
+    }
     ADD_FAILURE() << page << " was not shown: " << program_.text();
     stuck_ = true;
     return false;
