@@ -31,8 +31,7 @@ inline std::string Printable(std::string_view text) {
 }
 
 /// A text from a message as part of one line of a terminal: ends of lines and tabs become `\x0a`
-/// and
-/// `\x09`, too, so that it cannot pass for lines of its own.
+/// and `\x09`, too, so that it cannot pass for lines of its own.
 inline std::string PrintableInLine(std::string_view text) {
   std::string out;
   for (const char c : Printable(text)) {
