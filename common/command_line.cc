@@ -134,6 +134,17 @@ CommandLineOption& CommandLineOption::OneOf(const std::vector<std::string>& name
   return *this;
 }
 
+CommandLineOption& CommandLineOption::LcmUrl() {
+  option_->check([](const std::string& value) {
+    return value.starts_with("udpm://")
+               ? std::string()
+               : value +
+                     " is no address of LCM's multicast; expected udpm://ADDRESS:PORT?ttl=N, "
+                     "such as udpm://239.255.76.67:7667?ttl=0";
+  });
+  return *this;
+}
+
 CommandLineOption& CommandLineOption::Needs(const CommandLineOption& other) {
   option_->needs(other.option_);
   return *this;

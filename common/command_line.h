@@ -30,6 +30,8 @@ class CommandLineOption {
   /// Requires one of these names, in capitals or not. The variable gets the name as it is written
   /// here.
   CommandLineOption& OneOf(const std::vector<std::string>& names);
+  /// Requires a URL of LCM's multicast. LCM's other ones are for files, which it would empty.
+  CommandLineOption& LcmUrl();
   /// Requires that the other option is given too.
   CommandLineOption& Needs(const CommandLineOption& other);
   /// Requires that the other option is not given.

@@ -228,7 +228,8 @@ inline constexpr auto kPassivePoseKeys = std::array{
 /// Of a root that moves there.
 inline constexpr std::array kPoseRateKeys = {
     KeyOf<&PrimitivePose::root_x_m_s>("root_x_m_s",
-                                      "the root's velocity; without these three it is at rest"),
+                                      "the root's velocity; without these three it is at rest (at "
+                                      "an exit: slower than 0.1 m/s and rad/s)"),
     KeyOf<&PrimitivePose::root_z_m_s>("root_z_m_s", "likewise"),
     KeyOf<&PrimitivePose::root_pitch_rad_s>("root_pitch_rad_s", "likewise"),
 };

@@ -287,7 +287,7 @@ ExitStatus Main(int argc, char** argv) {
   line.SetFooter(kFooter);
   line.RequireSubcommand();
   line.AllowOptionsAfterSubcommand();
-  line.Option("--lcm-url", url, "where tumbler-run publishes").ShowDefault();
+  line.Option("--lcm-url", url, "where tumbler-run publishes").LcmUrl().ShowDefault();
   line.Option("--robot", robot, "the robot's name, where several publish there");
   line.Subcommand("start", "begin a run");
   line.Subcommand("branch", "take a branch").Option("NAME", branch, "of it").Required();

@@ -7,6 +7,7 @@
 #include <limits>
 #include <map>
 #include <random>
+#include <span>
 #include <stdexcept>
 #include <utility>
 
@@ -58,6 +59,12 @@ Spline FitTorque(const Problem& problem, const TorqueSamples& samples, std::size
 }
 
 /// Sets the velocity of the root.
+/// The root's velocity along x, z and of its pitch; zero where something holds it.
+std::array<double, 3> RootRatesOf(std::span<const double> qd, const PlanarRobot& robot) {
+  if (robot.root_dofs < 3) return {};
+  return {qd[0], qd[1], qd[2]};
+}
+
 void SetRates(const std::array<double, 3>& rates, PrimitivePose& pose) {
   pose.root_x_m_s = rates[0];
   pose.root_z_m_s = rates[1];
@@ -205,8 +212,10 @@ void MotionSummarizer::Take(const MotionSample& sample, double own_distance_m) {
     SetRates(problem_.start_root_rates, summary_.entry);
   }
   summary_.exit = PoseAt(sample.q, robot);
-  if (problem_.ends_moving() && robot.root_dofs == 3)
-    SetRates({sample.qd[0], sample.qd[1], sample.qd[2]}, summary_.exit);
+  const std::array<double, 3> rates = RootRatesOf(sample.qd, robot);
+  if (problem_.ends_moving() ||
+      std::ranges::any_of(rates, [](double v) { return std::abs(v) > CostTerm::kRateTolerance; }))
+    SetRates(rates, summary_.exit);
   if (t <= problem_.duration_s + 1e-9) {
     summary_.final_pitch_rad = RootPitchAt(sample.q, robot);
     if (count_ % every_ == 0) TakeTorques(sample);

@@ -13,7 +13,7 @@ namespace tumbler {
 /// The intended effect of contact on a robot. It stands for k, c and v_max of the law.
 struct ContactIntent {
   /// x_s: how deep the robot sinks with all its weight on one contact. On n contacts it sinks by
-  /// 1/n of this.
+  /// less, but not by less than 1/n of this: below 3/4 x_s the smoothing makes the layer softer.
   double static_penetration_m = 1.5e-3;
   /// t_s: the time after which 2 % of a bounce on one contact are left.
   double settling_time_s = 0.1;

@@ -95,6 +95,47 @@ ContactShapes<Space> ConvertAll(const Robot& robot, const Convert& convert) {
   return out;
 }
 
+/// A box in the plane with a side along `u` that a shape's outline lies in: a cylinder's or a
+/// box's. It is the outline itself where one of the shape's axes is across the plane.
+Shape<Plane> OutlineBox(const RobotShape& shape, const Plane::Vector& u) {
+  const Plane::Vector w(-u.y(), u.x());
+  const SpaceMatrix& axes = shape.pose.rotation;
+  const auto reach = [&](const Plane::Vector& direction) {
+    const auto along = [&](int axis) { return InPlane(axes.col(axis)).dot(direction); };
+    if (shape.kind == RobotShape::Kind::kCylinder) {
+      return std::abs(along(2)) * shape.length_m / 2 +
+             std::hypot(along(0), along(1)) * shape.radius_m;
+    }
+    double sum = 0;
+    for (int axis = 0; axis < 3; ++axis) sum += std::abs(along(axis)) * shape.size_m[axis] / 2;
+    return sum;
+  };
+  return Shape<Plane>::Box(InPlane(shape.pose.translation), Towards(u), {reach(u), reach(w)});
+}
+
+/// As InThePlane, and what that cannot use in a box that is around it: what is to stay apart is at
+/// least as large as the robot has it.
+Shape<Plane> AroundInThePlane(const RobotShape& shape) {
+  const SpaceMatrix& axes = shape.pose.rotation;
+  if (shape.kind == RobotShape::Kind::kCylinder) {
+    const Plane::Vector along = InPlane(axes.col(2));
+    if (along.norm() >= kPlaneTolerance && shape.length_m < 2 * shape.radius_m)
+      return OutlineBox(shape, along / along.norm());
+  }
+  if (shape.kind == RobotShape::Kind::kBox) {
+    int flattest = 0;
+    bool across = false;
+    for (int axis = 0; axis < 3; ++axis) {
+      const double length = InPlane(axes.col(axis)).norm();
+      across = across || length <= kPlaneTolerance;
+      if (length > InPlane(axes.col(flattest)).norm()) flattest = axis;
+    }
+    const Plane::Vector u = InPlane(axes.col(flattest));
+    if (!across) return OutlineBox(shape, u / u.norm());
+  }
+  return InThePlane(shape);
+}
+
 /// Half of the width of a shape along y.
 double HalfWidth(const RobotShape& shape) {
   const SpaceMatrix& axes = shape.pose.rotation;
@@ -127,7 +168,7 @@ void AddOwnShapes(const Robot& robot, bool drawn, std::vector<OwnShape>& shapes)
   for (const RobotShape& shape : drawn ? robot.visual_shapes : robot.collision_shapes) {
     OwnShape own{shape.name, shape.link, shape.body, {}, 0, 0, drawn};
     try {
-      own.shape = InThePlane(shape);
+      own.shape = AroundInThePlane(shape);
       const double half_width = HalfWidth(shape);
       const double y = AcrossThePlane(robot, shape.body) + shape.pose.translation.y();
       own.y_min_m = y - half_width;
@@ -153,6 +194,11 @@ ContactShapes<Spatial> SpatialContactShapes(const Robot& robot) {
 
 ContactShapes<Plane> PlanarContactShapes(const Robot& robot) {
   return ConvertAll<Plane>(robot, InThePlane);
+}
+
+std::optional<Shape<Plane>> PlanarOutline(const RobotShape& shape) {
+  if (shape.kind == RobotShape::Kind::kMesh) return std::nullopt;
+  return AroundInThePlane(shape);
 }
 
 std::vector<OwnShape> PlanarOwnShapes(const Robot& robot) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -10,6 +11,7 @@
 namespace tumbler {
 
 struct Robot;
+struct RobotShape;
 struct Spatial;
 
 /// A direction counts as along y, or across it, when it is off by less than this angle [rad]. So
@@ -50,6 +52,10 @@ ContactShapes<Spatial> SpatialContactShapes(const Robot& robot);
 /// length along y; a capsule for another cylinder; a rectangle for a box with a side along y. Other
 /// boxes are ignored.
 ContactShapes<Plane> PlanarContactShapes(const Robot& robot);
+
+/// The outline of a shape in the x-z plane as PlanarContactShapes has it, and of a box or a
+/// cylinder that has none there, a rectangle around it. Empty for meshes.
+std::optional<Shape<Plane>> PlanarOutline(const RobotShape& shape);
 
 /// What the robot's bodies fill: the outlines of its collision shapes, those fixed to the world
 /// included, and of the visual shapes that have an outline and are no copy of a collision shape.

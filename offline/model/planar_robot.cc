@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <stdexcept>
 
 #include "common/toml_reader.h"
@@ -69,46 +70,6 @@ PlanarLink ReduceLink(const RobotLink& link) {
   return out;
 }
 
-/// Makes the segment that draws a shape. @returns false where the shape is not drawn.
-bool Draw(const RobotShape& shape, DrawnSegment& segment) {
-  segment.body = shape.body;
-  SpaceVector half = SpaceVector::Zero();
-  switch (shape.kind) {
-    case RobotShape::Kind::kSphere:
-      segment.radius_m = shape.radius_m;
-      break;
-    case RobotShape::Kind::kCylinder:
-      segment.radius_m = shape.radius_m;
-      half[2] = shape.length_m / 2;
-      break;
-    case RobotShape::Kind::kBox: {
-      // A box is drawn as a bar along its longest side in the plane.
-      int longest = -1;
-      double thickness = 0;
-      for (int i = 0; i < 3; ++i) {
-        const double in_plane =
-            std::hypot(shape.pose.rotation(0, i), shape.pose.rotation(2, i)) * shape.size_m[i];
-        if (longest < 0 || in_plane > half[longest] * 2) {
-          if (longest >= 0) thickness = std::max(thickness, half[longest] * 2);
-          half = SpaceVector::Zero();
-          half[i] = in_plane / 2;
-          longest = i;
-        } else {
-          thickness = std::max(thickness, in_plane);
-        }
-      }
-      segment.radius_m = thickness / 2;
-      half[longest] = std::max(0.0, half[longest] - segment.radius_m);
-      break;
-    }
-    case RobotShape::Kind::kMesh:
-      return false;
-  }
-  segment.from = InPlane(shape.pose * -half);
-  segment.to = InPlane(shape.pose * half);
-  return segment.from.allFinite() && segment.to.allFinite();
-}
-
 }  // namespace
 
 int PlanarRobot::FindDof(std::string_view joint) const {
@@ -153,8 +114,8 @@ PlanarRobot ReduceToPlane(const Robot& robot) {
   out.ignored_shapes = std::move(contact.ignored);
   out.own_shapes = PlanarOwnShapes(robot);
   for (const RobotShape& shape : robot.visual_shapes) {
-    DrawnSegment segment;
-    if (shape.body >= 0 && Draw(shape, segment)) out.drawing.push_back(segment);
+    const std::optional<Shape<Plane>> outline = PlanarOutline(shape);
+    if (shape.body >= 0 && outline) out.drawing.push_back({shape.body, *outline});
   }
   return out;
 }

@@ -16,12 +16,10 @@ namespace tumbler {
 
 struct Robot;
 
-/// A stroked segment for drawing, in the plane of a body's frame.
-struct DrawnSegment {
+/// A shape for drawing, in the plane of a body's frame.
+struct DrawnShape {
   int body = -1;  ///< Degree of freedom that moves it.
-  Plane::Vector from = Plane::Vector::Zero();
-  Plane::Vector to = Plane::Vector::Zero();
-  double radius_m = 0;
+  Shape<Plane> shape;
 };
 
 /// A link of the file in the plane, those on fixed joints included.
@@ -54,7 +52,7 @@ struct PlanarRobot {
   std::vector<RobotJointLimits> limits;  ///< Of each degree of freedom; the root's are infinite.
   std::vector<ContactShape<Plane>> shapes;  ///< For contact.
   std::vector<OwnShape> own_shapes;         ///< For the robot's distance from itself.
-  std::vector<DrawnSegment> drawing;
+  std::vector<DrawnShape> drawing;
   std::vector<IgnoredShape> ignored_shapes;
 
   /// Whether a bar holds the origin of the root's frame, so that of the root only the pitch is

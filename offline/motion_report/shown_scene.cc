@@ -1,7 +1,9 @@
 #include "offline/motion_report/shown_scene.h"
 
 #include <algorithm>
+#include <array>
 #include <utility>
+#include <vector>
 
 #include "offline/contact/outline.h"
 #include "offline/dynamics/hybrid_dynamics.h"
@@ -13,8 +15,8 @@ namespace {
 /// is drawn above it.
 double BarRadius(const PlanarRobot& robot) {
   double radius_m = 0.01;
-  for (const DrawnSegment& segment : robot.drawing) {
-    if (segment.body < robot.root_dofs) radius_m = std::max(radius_m, segment.radius_m);
+  for (const DrawnShape& drawn : robot.drawing) {
+    if (drawn.body < robot.root_dofs) radius_m = std::max(radius_m, drawn.shape.radius_m);
   }
   return 1.4 * radius_m;
 }
@@ -33,6 +35,17 @@ std::vector<int> DrawnBodies(const Problem& problem) {
   return bodies;
 }
 
+std::vector<std::array<double, 2>> CornersOf(const Outline& outline) {
+  std::vector<std::array<double, 2>> corners;
+  for (const Plane::Vector& corner : outline.corners) corners.push_back({corner.x(), corner.y()});
+  return corners;
+}
+
+ReportShape ShownShape(const Shape<Plane>& shape, bool collides) {
+  const Outline outline = OutlineOf(shape);
+  return {CornersOf(outline), outline.radius_m, collides};
+}
+
 }  // namespace
 
 ReportData ReportScene(const Problem& problem) {
@@ -41,22 +54,11 @@ ReportData ReportScene(const Problem& problem) {
   for (const int body : DrawnBodies(problem)) {
     ReportLink link;
     link.name = problem.scene.robot.body_names[static_cast<std::size_t>(body)];
-    for (const DrawnSegment& segment : problem.scene.robot.drawing) {
-      if (segment.body != body) continue;
-      link.shapes.push_back({segment.from.x(), segment.from.y(), segment.to.x(), segment.to.y(),
-                             segment.radius_m, false});
+    for (const DrawnShape& drawn : problem.scene.robot.drawing) {
+      if (drawn.body == body) link.shapes.push_back(ShownShape(drawn.shape, false));
     }
     for (const ContactShape<Plane>& own : problem.scene.robot.shapes) {
-      if (own.body != body) continue;
-      // The shape is drawn as a bar along the longer side of its core, as wide as the shorter.
-      const Shape<Plane>& shape = own.shape;
-      const int longer = shape.half_extents.x() >= shape.half_extents.y() ? 0 : 1;
-      const double width = shape.half_extents[1 - longer];
-      const Plane::Vector side =
-          shape.rotation *
-          Plane::Vector((shape.half_extents[longer] - width) * Plane::Vector::Unit(longer));
-      const Plane::Vector from = shape.centre - side, to = shape.centre + side;
-      link.shapes.push_back({from.x(), from.y(), to.x(), to.y(), shape.radius_m + width, true});
+      if (own.body == body) link.shapes.push_back(ShownShape(own.shape, true));
     }
     link_of_body[static_cast<std::size_t>(body)] = static_cast<int>(data.links.size());
     data.links.push_back(std::move(link));
@@ -77,8 +79,7 @@ ReportData ReportScene(const Problem& problem) {
     const Outline outline = OutlineOf(obstacle.shape);
     ReportObstacle shown;
     shown.name = obstacle.name;
-    for (const Plane::Vector& corner : outline.corners)
-      shown.corners_m.push_back({corner.x(), corner.y()});
+    shown.corners_m = CornersOf(outline);
     shown.radius_m = outline.radius_m;
     data.obstacles.push_back(std::move(shown));
     if (!data.ground_z_m) data.ground_z_m = LevelHeight(obstacle.shape);

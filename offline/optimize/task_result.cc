@@ -22,10 +22,11 @@ double CpuSeconds() {
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
-/// True when the robot never touches any obstacle of the task, so that the motion says nothing
-/// about contact.
+/// True when a free robot never touches any obstacle of the task, so that the motion says nothing
+/// about contact. One that is held may be there to pass beside them.
 bool MissesEveryObstacle(const Problem& problem, const Solution& best) {
-  return !problem.scene.obstacles.empty() && !best.rollout.any_contact;
+  return problem.scene.robot.root_dofs == 3 && !problem.scene.obstacles.empty() &&
+         !best.rollout.any_contact;
 }
 
 /// The reason why nothing was found, and the remedy.

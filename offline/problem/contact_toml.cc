@@ -48,6 +48,7 @@ constexpr std::array kForceKeys = {
 
 struct LayerEntry : ContactLaw {
   bool by_intent = false;
+  double rest_m = 0;  ///< By intent: how deep the robot rests.
 };
 constexpr std::array kLayerKeys = {
     KeyOf<&LayerEntry::d_on_m, LayerEntry>("d_on_m", "thickness of the compliant layer")
@@ -60,8 +61,14 @@ constexpr std::array kLayerKeys = {
     KeyOf<&LayerEntry::d_off_m, LayerEntry>("d_off_m", {0, 1},
                                             "distance below which the smoothing is 1")
         .Default(
-            "{}, at most 3/4 of `d_on_m`",
-            [](LayerEntry& layer) { layer.d_off_m = std::min(layer.d_off_m, 0.75 * layer.d_on_m); })
+            "{}, at most 3/4 of `d_on_m`; by intent `d_on_m` less 3/4 of a penetration, at least "
+            "3/4 of `d_on_m`",
+            [](LayerEntry& layer) {
+              const double most_m = 0.75 * layer.d_on_m;
+              // Where the robot rests, the smoothing is 1, as thick as the layer may be.
+              layer.d_off_m = layer.by_intent ? std::max(most_m, layer.d_on_m - 0.75 * layer.rest_m)
+                                              : std::min(layer.d_off_m, most_m);
+            })
         .Allowed("0 to below `d_on_m`"),
 };
 
@@ -107,7 +114,7 @@ void ReadContact(TomlTable& table, double mass_kg, double gravity_m_per_s2, Cont
   } else {
     ReadKeys(table, kForceKeys, law);
   }
-  LayerEntry layer{law, by_intent};
+  LayerEntry layer{law, by_intent, law.d_on_m / 3};
   ReadKeys(table, kLayerKeys, layer);
   law = layer;
   // With zero width, the derivative of the force would jump.

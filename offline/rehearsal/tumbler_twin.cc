@@ -192,7 +192,8 @@ ExitStatus Main(int argc, char** argv) {
   line.Option("--config", options.config, "the robot as it is, with disturbances (TOML)");
   line.Option("--drives", options.drives, "drive configuration (TOML)");
   line.Option("--lcm-url", options.lcm_url,
-              "publish truth_t there, e.g. udpm://239.255.76.67:7667?ttl=0");
+              "publish truth_t there, e.g. udpm://239.255.76.67:7667?ttl=0")
+      .LcmUrl();
   line.Option("--truth", options.truth, "write truth_t to this LCM log");
   line.Option("--pace", options.pace,
               "seconds of the robot in a second of the clock; tumbler-run needs the same")

@@ -108,6 +108,7 @@ ExitStatus Main(int argc, char** argv) {
   auto record = line.Option("RECORD", arguments.record, "flight record (tumbler-run --record)");
   auto url = line.Option("--lcm-url", arguments.url,
                          "where tumbler-run publishes, e.g. udpm://239.255.76.67:7667?ttl=0")
+                 .LcmUrl()
                  .Excludes(record);
   line.Option("--motion", arguments.motion,
               "the primitive or sequence that is played, for the picture")

@@ -58,12 +58,8 @@ Json SceneToJson(const ReportData& data) {
   for (const ReportLink& link : data.links) {
     Json shapes = Json::Array();
     for (const ReportShape& shape : link.shapes) {
-      shapes.Append({{"x1", shape.x1_m},
-                     {"z1", shape.z1_m},
-                     {"x2", shape.x2_m},
-                     {"z2", shape.z2_m},
-                     {"r", shape.radius_m},
-                     {"collides", shape.collides}});
+      shapes.Append(
+          {{"corners", shape.corners_m}, {"r", shape.radius_m}, {"collides", shape.collides}});
     }
     json["links"].Append({{"name", link.name}, {"shapes", shapes}});
   }

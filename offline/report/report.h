@@ -12,8 +12,10 @@ namespace tumbler {
 /// A collision or visual shape in the plane of the robot, in the frame of its link (x along the
 /// link's x, z up).
 struct ReportShape {
-  /// A stroked segment from (x1, z1) to (x2, z2) with a radius: a circle when both ends coincide.
-  double x1_m = 0, z1_m = 0, x2_m = 0, z2_m = 0, radius_m = 0;
+  /// A convex polygon, its corners counter-clockwise in x and z, with a radius swept around it. One
+  /// corner makes a disc, two make a capsule.
+  std::vector<std::array<double, 2>> corners_m;
+  double radius_m = 0;
   bool collides = false;  ///< Collision shapes are drawn dark, the others light.
 };
 

@@ -74,10 +74,12 @@ void CheckScene(const ReportData& data) {
     for (std::size_t s = 0; s < data.links[k].shapes.size(); ++s) {
       const ReportShape& shape = data.links[k].shapes[s];
       const std::string of = fmt::format("links[{}].shapes[{}]", k, s);
-      CheckFinite(shape.x1_m, of + ".x1_m");
-      CheckFinite(shape.z1_m, of + ".z1_m");
-      CheckFinite(shape.x2_m, of + ".x2_m");
-      CheckFinite(shape.z2_m, of + ".z2_m");
+      if (shape.corners_m.empty())
+        RefuseField(of + ".corners_m", "is empty, must have at least one");
+      for (std::size_t i = 0; i < shape.corners_m.size(); ++i) {
+        CheckFinite(shape.corners_m[i][0], fmt::format("{}.corners_m[{}].x", of, i));
+        CheckFinite(shape.corners_m[i][1], fmt::format("{}.corners_m[{}].z", of, i));
+      }
       CheckFinite(shape.radius_m, of + ".radius_m");
       if (shape.radius_m < 0) {
         RefuseField(of + ".radius_m", fmt::format("is {}, must be at least 0", shape.radius_m));

@@ -858,7 +858,7 @@ SolveOutcome SolveRobust(const Problem& problem, const SolveOptions& options,
     solution.duration_s = of_motion.duration_s;
     // A feedback takes as long to find as a motion: the best one gets it.
     if (problem.robust->feedback && i == 0) solution.feedback = search.FeedbackOf(found[i]);
-    solution.end = SolveEnd::kStalled;
+    solution.end = SolveEnd::kGenerations;
     solution.finished = true;
     solution.start = static_cast<int>(i);
     outcome.solutions.push_back(std::move(solution));

@@ -321,6 +321,8 @@ const char* ToString(SolveEnd end) {
       return "a further step would change little";
     case SolveEnd::kEvaluations:
       return "evaluation budget used up";
+    case SolveEnd::kGenerations:
+      return "all generations done; more may find better";
     case SolveEnd::kInfeasible:
       return "constraints contradict each other";
     case SolveEnd::kInterrupted:

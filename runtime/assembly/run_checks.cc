@@ -54,8 +54,9 @@ void CheckSchedule(const DrivesConfig& drives, const std::function<void(const st
   schedule.longest_frame_bits = drives.LongestFrameBits();
   say(fmt::format("bus schedule: {}: {}", drives.DescribeSchedule(), schedule.Describe()));
   if (!schedule.feasible()) {
-    throw Refused(fmt::format("{} bits a tick do not fit: lower rate_hz to at most {:.0f}",
-                              schedule.tick_bits, std::floor(schedule.ceiling_hz())));
+    throw Refused(fmt::format(
+        "{} bits a tick do not fit: lower rate_hz to at most {:.0f}, in a drives file (--drives)",
+        schedule.tick_bits, std::floor(schedule.ceiling_hz())));
   }
 }
 

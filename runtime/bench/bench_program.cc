@@ -11,6 +11,7 @@
 
 #include "common/program.h"
 #include "common/result_file.h"
+#include "common/say_to_operator.h"
 #include "common/sequence_toml.h"
 #include "firmware_interface/drives/drives_dbc.h"
 #include "firmware_interface/drives/error_texts.h"
@@ -481,10 +482,10 @@ ExitStatus RunBench(int argc, char** argv) {
   try {
     return BenchRun(options).Run();
   } catch (const BenchFault& fault) {
-    fmt::print(stderr, "tumbler-bench: fault: {}; the torque is off\n", fault.what());
+    SayToOperator(fmt::format("tumbler-bench: fault: {}; the torque is off", fault.what()));
     return ExitStatus::kFault;
   } catch (const BenchInterrupted&) {
-    fmt::print(stderr, "tumbler-bench: interrupted; the torque is off\n");
+    SayToOperator("tumbler-bench: interrupted; the torque is off");
     return ExitStatus::kInterrupted;
   }
 }

@@ -6,6 +6,7 @@
 #include <csignal>
 #include <cstdio>
 
+#include "common/say_to_operator.h"
 #include "firmware_interface/drives/error_texts.h"
 #include "runtime/linux/interrupts.h"
 #include "runtime/telemetry/sentences.h"
@@ -92,9 +93,7 @@ std::unique_ptr<FlightRecorder> OpenRecorder(const std::string& file,
   FlightRecorderConfig config;
   config.file = file;
   config.configuration = EncodeConfiguration(configuration);
-  config.say = [program](const std::string& text) {
-    fmt::print(stderr, "{}: {}\n", program, text);
-  };
+  config.say = [program](const std::string& text) { SayToOperator(program + ": " + text); };
   return std::make_unique<FlightRecorder>(config);
 }
 

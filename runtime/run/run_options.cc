@@ -147,7 +147,8 @@ void DeclareRun(CommandLine& line, RunOptions& options, std::string& end) {
               "at the sequence's start");
   line.Option("--log", options.log, "write every tick to this LCM log");
   line.Option("--lcm-url", options.lcm_url,
-              "publish live and take commands there, e.g. udpm://239.255.76.67:7667?ttl=0");
+              "publish live and take commands there, e.g. udpm://239.255.76.67:7667?ttl=0")
+      .LcmUrl();
   line.Option("--robot", options.robot,
               "the robot's name in messages, for tumbler-ctl --robot; by default this computer's");
   line.Option("--json", options.json,

@@ -19,6 +19,7 @@
 #include "common/printable.h"
 #include "common/program.h"
 #include "common/result_file.h"
+#include "common/say_to_operator.h"
 #include "firmware_interface/can/can_link.h"
 #include "runtime/assembly/assembly.h"
 #include "runtime/assembly/file_keeper.h"
@@ -238,7 +239,7 @@ std::optional<RealtimeGrant> Schedule(const RunOptions& options, std::int64_t pe
   RealtimeGrant grant = enter(options.SchedulingAt(period_ns));
   if (!grant.in_force()) {
     if (needed) throw Refused(grant.problems + "; or accept late ticks with --without-realtime");
-    fmt::print(stderr, "warning: {}\n", grant.problems);
+    SayToOperator("warning: " + grant.problems);
   }
   return grant;
 }
@@ -334,7 +335,7 @@ void KeepPose(const std::string& file, const TickRecord& last, const DrivesConfi
   try {
     WriteKnownPose(file, last, drives);
   } catch (const std::exception& error) {
-    fmt::print(stderr, "warning: where the joints are is not kept: {}\n", error.what());
+    SayToOperator(fmt::format("warning: where the joints are is not kept: {}", error.what()));
   }
 }
 
@@ -361,7 +362,7 @@ void CheckDrives(const RunOptions& options, const RunParts& parts, World& world)
   checks.watchdog = options.prove_watchdog;
   checks.clear = options.clear;
   CheckBeforeArming(bench, parts.drives, JointsOf(parts.file), checks, *somebody,
-                    [](const std::string& line) { fmt::print(stderr, "tumbler-run: {}\n", line); });
+                    [](const std::string& line) { SayToOperator("tumbler-run: " + line); });
 }
 
 /// Takes requests by LCM, where the run has it.
@@ -378,7 +379,7 @@ void Listen(const RunOptions& options, const SequenceGraph<float>& graph, std::i
 void NoteHolds(const RunProcedureConfig& procedure, std::int64_t period_ns,
                std::optional<HoldNotice>& notice) {
   notice.emplace(static_cast<double>(procedure.stop_hold_ticks * period_ns) * 1e-9,
-                 [](const std::string& text) { fmt::print(stderr, "tumbler-run: {}\n", text); });
+                 [](const std::string& text) { SayToOperator("tumbler-run: " + text); });
 }
 
 /// Writes the rest of the telemetry. What could not be written stands in the summary.
@@ -444,7 +445,7 @@ ExitStatus Run(RunOptions options, const Simulation* simulation) {
   try {
     CheckDrives(options, parts, *world);
   } catch (const BenchInterrupted&) {
-    fmt::print(stderr, "tumbler-run: interrupted while the drives were checked: torque off\n");
+    SayToOperator("tumbler-run: interrupted while the drives were checked: torque off");
     return ExitStatus::kInterrupted;
   }
   Play play(assembly, *world, {&telemetry, recorder.get()});

@@ -197,7 +197,7 @@ Json JsonOf(const Passage& passage) {
   }
   Json json = {{"node", passage.node},
                {"purpose", purpose},
-               {"purpose_met", Maybe(passage.purpose_met())},
+               {"purpose_met", passage.purpose.empty() ? Json() : Maybe(passage.purpose_met())},
                {"as_planned_later", Maybe(passage.as_planned())}};
   if (SpeaksOfPitch(passage)) {
     json["root_pitch_planned_rad"] = passage.expected_pitch_rad;
@@ -389,7 +389,7 @@ std::string ToJson(const RunSummary& summary) {
     // Nothing is known of a last motion that was broken off, or never began.
     const bool ended = !summary.passages.empty() && summary.broken_off.empty();
     const Passage last = ended ? summary.passages.back() : Passage();
-    json["purpose_met"] = ended ? Maybe(last.purpose_met()) : Json();
+    json["purpose_met"] = ended && !last.purpose.empty() ? Maybe(last.purpose_met()) : Json();
     json["as_planned_2_s_later"] = Maybe(last.as_planned());
     if (SpeaksOfPitch(last)) {
       json["root_pitch_planned_rad"] = last.expected_pitch_rad;

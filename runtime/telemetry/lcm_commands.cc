@@ -11,6 +11,7 @@
 
 #include <lcm/lcm-cpp.hpp>
 
+#include "common/say_to_operator.h"
 #include "runtime/telemetry/channels.h"
 #include "runtime/telemetry/lcm_link.h"
 
@@ -79,11 +80,11 @@ struct LcmCommands::Implementation {
     if (message.run != address.run || message.seen > latest + kAhead ||
         message.seen < latest - address.age_max) {
       if (refused++ == 0) {
-        fmt::print(stderr,
-                   "warning: a request is {}, and was refused; further ones are counted only\n",
-                   message.run != address.run       ? "for another run, such as that of a log"
-                   : message.seen > latest + kAhead ? "about a tick that has not been yet"
-                                                    : "too old");
+        SayToOperator(
+            fmt::format("warning: a request is {}, and was refused; further ones are counted only",
+                        message.run != address.run       ? "for another run, such as that of a log"
+                        : message.seen > latest + kAhead ? "about a tick that has not been yet"
+                                                         : "too old"));
       }
       return true;
     }

@@ -16,8 +16,10 @@
 #include <vector>
 
 #include "common/json.h"
+#include "common/primitive_hash.h"
 #include "common/primitive_rounding.h"
 #include "common/primitive_toml.h"
+#include "common/program.h"
 #include "offline/ensemble/normal.h"
 #include "offline/rehearsal/aborts/abort_check.h"
 #include "offline/rehearsal/aborts/abort_study.h"
@@ -141,6 +143,9 @@ TEST_F(AbortSearch, TheTableIsWrittenIntoTheFileAndReplacesTheOneThatWasThere) {
   EXPECT_EQ(file.abort_figure->robots, 4);
   EXPECT_EQ(file.abort_figure->impact_max_m_s, result.figure.impact_max_m_s);
   EXPECT_LT(file.abort_figure->impact_m_s, file.abort_figure->damped_impact_m_s);
+  EXPECT_THROW(WriteAborts(result), Refused) << "it is another file now";
+  EXPECT_EQ(testing::ReadFile(result.study.primitive), once);
+  result.primitive_hash = HashOfText(once);
   WriteAborts(result);
   EXPECT_EQ(testing::ReadFile(result.study.primitive), once);
   // Nothing else has changed.

@@ -319,6 +319,17 @@ TEST_F(FallInTwoMotions, TheSecondBeginsInTheStateInWhichTheFirstEnds) {
   EXPECT_EQ(again.joints[0].start_rad_s, 3);
 }
 
+TEST(MovingEnds, AFileSaysHowFastARobotIsThatMovesAlthoughItsJointsRest) {
+  const std::string home = "joints_rad = { leg1 = -1.5707963267948966, leg2 = 1.5707963267948966 }";
+  const TaskFolder folder(FallingTask("fall", home, home, "settle_s = 0.1\n"));
+  const PrimitiveFile fall = Made(LoadTask(folder.task_file()));
+  EXPECT_TRUE(fall.exit.root_moves());
+  EXPECT_NEAR(fall.exit.root_z_m_s, -9.81 * (0.4 + kExitAfter_s), 0.5);
+  // Where it lands and stands, it is at rest.
+  EXPECT_FALSE(
+      LoadPrimitive(testing::SourcePath("primitives/nominal/handstand.toml")).exit.root_moves());
+}
+
 TEST_F(FallInTwoMotions, AChainJoinsThemWithoutAHold) {
   const SequenceFile file = LoadSequence(In("fall.toml"));
   ChainOptions options;

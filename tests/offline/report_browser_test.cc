@@ -327,7 +327,7 @@ TEST_F(ReportInBrowser, ARobotWithoutJointsLimitsForcesOrSolverHasAPageToo) {
   ReportData data;
   data.title = "falling ball";
   data.duration_s = 0.2;
-  data.links = {{"ball", {{0, 0, 0, 0, 0.1, false}}}};
+  data.links = {{"ball", {{{{0, 0}}, 0.1, false}}}};
   data.obstacles = {{"post", {{0, 0}}, 0.05},
                     {"bar", {{-1, 0}, {-0.5, 0}}, 0.25},
                     {"step", {{0.5, -0.25}, {0.75, -0.25}, {0.75, 0.25}, {0.5, 0.25}}, 0.125},

@@ -115,10 +115,7 @@ TEST_F(Report, HoldsEveryNumberOfItsDataExactly) {
     ASSERT_EQ(page["links"][k]["shapes"].size(), data.links[k].shapes.size());
     for (std::size_t s = 0; s < data.links[k].shapes.size(); ++s) {
       const ReportShape& shape = data.links[k].shapes[s];
-      EXPECT_EQ(page["links"][k]["shapes"][s], Json({{"x1", shape.x1_m},
-                                                     {"z1", shape.z1_m},
-                                                     {"x2", shape.x2_m},
-                                                     {"z2", shape.z2_m},
+      EXPECT_EQ(page["links"][k]["shapes"][s], Json({{"corners", shape.corners_m},
                                                      {"r", shape.radius_m},
                                                      {"collides", shape.collides}}));
     }
@@ -214,10 +211,10 @@ TEST_F(Report, RefusesEveryNumberThatIsNotFiniteByItsName) {
        }},
       {"torque_limits_nm[1]", [](ReportData& d) { return &d.torque_limits_nm[1]; }},
       {"position_limits_rad[0][1]", [](ReportData& d) { return &d.position_limits_rad[0][1]; }},
-      {"links[1].shapes[0].x1_m", [](ReportData& d) { return &d.links[1].shapes[0].x1_m; }},
-      {"links[1].shapes[0].z1_m", [](ReportData& d) { return &d.links[1].shapes[0].z1_m; }},
-      {"links[1].shapes[0].x2_m", [](ReportData& d) { return &d.links[1].shapes[0].x2_m; }},
-      {"links[1].shapes[0].z2_m", [](ReportData& d) { return &d.links[1].shapes[0].z2_m; }},
+      {"links[1].shapes[0].corners_m[0].x",
+       [](ReportData& d) { return &d.links[1].shapes[0].corners_m[0][0]; }},
+      {"links[1].shapes[0].corners_m[1].z",
+       [](ReportData& d) { return &d.links[1].shapes[0].corners_m[1][1]; }},
       {"links[2].shapes[1].radius_m", [](ReportData& d) { return &d.links[2].shapes[1].radius_m; }},
       {"obstacles[0].corners_m[1][0]",
        [](ReportData& d) { return &d.obstacles[0].corners_m[1][0]; }},
@@ -283,6 +280,8 @@ TEST_F(Report, RefusesSizesIndicesAndTimesThatDoNotFit) {
        [](ReportData& d) {
          d.joint_links = {-1, 1};
        }},
+      {"links[0].shapes[1].corners_m: is empty, must have at least one",
+       [](ReportData& d) { d.links[0].shapes[1].corners_m.clear(); }},
       {"links[0].shapes[1].radius_m: is -0.1, must be at least 0",
        [](ReportData& d) { d.links[0].shapes[1].radius_m = -0.1; }},
       {"samples[9].link_poses: has 2 entries, must have 3: one for each link",

@@ -22,6 +22,7 @@
 #include "common/primitive_toml.h"
 #include "common/program.h"
 #include "common/toml_reader.h"
+#include "offline/rehearsal/robustness/certify.h"
 #include "offline/rehearsal/robustness/checkpoint.h"
 #include "offline/rehearsal/robustness/drop.h"
 #include "offline/rehearsal/robustness/lane_trials.h"
@@ -372,6 +373,20 @@ TEST(Drops, AreOfOneSeedApartFromEachOtherWithinTheLimitsAndAboveTheGround) {
   EXPECT_GT(high_rad, 3);
   EXPECT_TRUE(LiesInItself(scene, {-2.9, 2.8})) << "both legs along the middle, on one side";
   EXPECT_FALSE(LiesInItself(scene, {-2.9, -2.8})) << "on both sides, each on its stop";
+}
+
+TEST(Certify, RefusesAMotionThatWasReplacedWhileItWasPlayed) {
+  const testing::TemporaryFolder folder;
+  RobustnessStudy study;
+  study.motion = folder / "motion.toml";
+  study.lanes = true;
+  testing::WriteFile(study.motion,
+                     testing::ReadFile(testing::SourcePath("primitives/handstand.toml")));
+  const RobustnessResult result = RunStudy(study, 8, 1);
+  const std::string other = testing::ReadFile(testing::SourcePath("primitives/downstand.toml"));
+  testing::WriteFile(study.motion, other);
+  EXPECT_THROW(Certify(result), Refused);
+  EXPECT_EQ(testing::ReadFile(study.motion), other);
 }
 
 TEST(Drops, ARobotThatLiesGetsUpAndGoesOnWithTheGait) {

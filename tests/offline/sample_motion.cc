@@ -174,22 +174,22 @@ ReportData SampleMotion() {
   data.joint_names = {"leg_1", "leg_2"};
   data.torque_limits_nm = {8, 8};
   data.position_limits_rad = {{{-2.9, 2.9}, {-2.9, 2.9}}};
+  const auto bar = [](double x1, double z1, double x2, double z2, double radius) {
+    return ReportShape{{{x1, z1}, {x2, z2}}, radius, false};
+  };
+  const auto ball = [](double x, double z, double radius) {
+    return ReportShape{{{x, z}}, radius, true};
+  };
   data.links = {
       {"middle",
-       {{-kMiddleHalf, 0, kMiddleHalf, 0, 0.022, false},
-        {-kMiddleHalf, 0, -kMiddleHalf, 0, kEndRadius, true},
-        {kMiddleHalf, 0, kMiddleHalf, 0, kEndRadius, true}}},
+       {bar(-kMiddleHalf, 0, kMiddleHalf, 0, 0.022), ball(-kMiddleHalf, 0, kEndRadius),
+        ball(kMiddleHalf, 0, kEndRadius)}},
       {"leg_1",
-       {{kLeg, -kFootSide, kLeg, kFootSide, 0.006, false},
-        {0, 0, kLeg - 0.012, 0, 0.014, false},
-        {kLeg, -kFootSide, kLeg, -kFootSide, kFootRadius, true},
-        {kLeg, kFootSide, kLeg, kFootSide, kFootRadius, true}}},
+       {bar(kLeg, -kFootSide, kLeg, kFootSide, 0.006), bar(0, 0, kLeg - 0.012, 0, 0.014),
+        ball(kLeg, -kFootSide, kFootRadius), ball(kLeg, kFootSide, kFootRadius)}},
       {"leg_2",
-       {{-kLeg, -kFootSide, -kLeg, kFootSide, 0.006, false},
-        {0, 0, -kLeg + 0.012, 0, 0.014, false},
-        {-kLeg, -kFootSide, -kLeg, -kFootSide, kFootRadius, true},
-        {-kLeg, kFootSide, -kLeg, kFootSide, kFootRadius, true}}},
-  };
+       {bar(-kLeg, -kFootSide, -kLeg, kFootSide, 0.006), bar(0, 0, -kLeg + 0.012, 0, 0.014),
+        ball(-kLeg, -kFootSide, kFootRadius), ball(-kLeg, kFootSide, kFootRadius)}}};
   data.obstacles = {{"ground", {{-1000, 0}, {-1000, -1000}, {1000, -1000}, {1000, 0}}}};
   data.ground_z_m = 0;
   for (int i = 0; i <= std::lround(200 * (kDuration + kSettling)); ++i) {

@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 #include <random>
@@ -17,6 +18,7 @@
 
 #include "common/index.h"
 #include "common/toml_reader.h"
+#include "offline/contact/outline.h"
 #include "offline/contact/signed_distance.h"
 #include "offline/problem/task_toml.h"
 #include "offline/rollout/clearance_constraint.h"
@@ -193,6 +195,37 @@ TEST(OwnShapes, AreWhereTheirJointsAreAcrossThePlane) {
   const auto [back_low, back_high] = extent_of_foot("0.06", "-0.06");
   EXPECT_NEAR(back_low, -0.01, 1e-12) << "as in the plane of the other leg";
   EXPECT_NEAR(back_high, 0.01, 1e-12);
+}
+
+TEST(OwnShapes, OfAnyCylinderOrBoxReachAsFarAsItsOutline) {
+  const auto outline_of = [](const std::string& origin, const std::string& geometry) {
+    const std::string text = Replaced(
+        ShippedRobot(), "<origin xyz=\"0.20 0 0.04\"/>\n      <geometry><sphere radius=\"0.01\"/>",
+        "<origin xyz=\"0.20 0 0.04\" rpy=\"" + origin + "\"/>\n      <geometry>" + geometry);
+    const PlanarRobot robot = ParsePlanarRobot(text, "robot.urdf", RootKind::kPlanarXz);
+    const auto shape = std::ranges::find(robot.own_shapes, "leg1_link/0", &OwnShape::name);
+    if (shape == robot.own_shapes.end()) throw std::logic_error("the foot does not count");
+    const Outline outline = OutlineOf(shape->shape);
+    std::array<double, 4> reach = {1, -1, 1, -1};  // least and greatest x, and z
+    for (const Plane::Vector& corner : outline.corners) {
+      reach[0] = std::min(reach[0], corner.x() - outline.radius_m);
+      reach[1] = std::max(reach[1], corner.x() + outline.radius_m);
+      reach[2] = std::min(reach[2], corner.y() - outline.radius_m);
+      reach[3] = std::max(reach[3], corner.y() + outline.radius_m);
+    }
+    return reach;
+  };
+  const auto near = [](const std::array<double, 4>& reach, double half_x, double half_z) {
+    EXPECT_NEAR(reach[0], 0.20 - half_x, 1e-12);
+    EXPECT_NEAR(reach[1], 0.20 + half_x, 1e-12);
+    EXPECT_NEAR(reach[2], 0.04 - half_z, 1e-12);
+    EXPECT_NEAR(reach[3], 0.04 + half_z, 1e-12);
+  };
+  // A puck with its axis along z: seen from the side it is as long as wide, and as high as long.
+  near(outline_of("0 0 0", "<cylinder length=\"0.04\" radius=\"0.03\"/>"), 0.03, 0.02);
+  // A bar that stands on its edge: seen from the side it is as high as its diagonal.
+  near(outline_of("0.7853981633974483 0 0", "<box size=\"0.12 0.07 0.07\"/>"), 0.06,
+       0.07 / std::sqrt(2.0));
 }
 
 // ---- Distances of a robot's shapes --------------------------------------------------------------

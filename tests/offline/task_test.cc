@@ -121,6 +121,14 @@ TEST(Task, LayerAndFrictionMayBeGivenBesideTheIntent) {
   EXPECT_NEAR(problem.scene.contact.stiffness_n_per_m, 1.8 * 9.81 / 2e-3, 1e-9);
 }
 
+TEST(TaskContact, ARobotRestsAsDeepAsIntendedInALayerOfAnyThickness) {
+  for (const char* const layer : {"", "d_on_m = 0.003\n", "d_on_m = 0.01\n", "d_on_m = 0.03\n"}) {
+    const ContactLaw law = Parse(WithContact(std::string(kIntent) + layer)).scene.contact;
+    EXPECT_LE(law.d_on_m - law.d_off_m, 2.0e-3) << "where it rests, the smoothing is 1: " << layer;
+    EXPECT_LT(law.d_off_m, law.d_on_m);
+  }
+}
+
 TEST(Task, TheStepFollowsFromContactWhereItIsNotGiven) {
   const std::string given = "[solver]\nstep_s = 1.0e-3";
   EXPECT_EQ(Parse(Replaced(LongHandstandTask(), "1.0e-3", "5.0e-3", "[solver]")).solver.step_s,

@@ -72,6 +72,15 @@ TEST(Passage, WhatTheRunsEndLeftUnjudgedIsNotSaidToBeWhereItShouldBe) {
   EXPECT_THAT(text, HasSubstr("speed of the root, 2 s later: not judged, the run ended before\n"));
 }
 
+TEST(Passage, WithoutATargetThatIsJudgedMeetsNoPurpose) {
+  RunSummary summary = SummaryOf({});
+  summary.simulated = true;
+  ASSERT_TRUE(summary.passages.back().purpose.empty());
+  const auto json = Json::Parse(ToJson(summary)).value();
+  EXPECT_TRUE(json["purpose_met"].is_null());
+  EXPECT_TRUE(json["passages"][0]["purpose_met"].is_null());
+}
+
 TEST(Passage, AMotionThatWasBrokenOffIsNotJudgedByTheOneBefore) {
   RunSummary summary = SummaryOf({});
   summary.passages[0].node = "handstand";

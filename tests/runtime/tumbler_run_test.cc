@@ -230,6 +230,39 @@ TEST_F(TumblerRun, SaysWhatCtrlCDoesInTheHoldAtTheEndAndNeverLosesOne) {
   });
 }
 
+TEST_F(TumblerRun, HoldsTheRobotAlsoWhenNobodyReadsWhatItSays) {
+  Write("drives.toml",
+        Replaced(testing::ReadFile(testing::SourcePath("primitives/robots/tumbler_drives.toml")),
+                 "rate_hz = 1000.0", "rate_hz = 200.0"));
+  testing::InSteadyTime([&] {
+    // What the program says when the hold begins finds nobody who reads.
+    const std::string said = Path("said");
+    const Outcome outcome =
+        testing::RunInShell("rm -f " + said + "; mkfifo " + said + "; head -n 1 " + said +
+                            " >/dev/null & tumbler-run sim " +
+                            testing::SourcePath("primitives/nominal/handstand.toml") +
+                            " --drives " + Path("drives.toml") + " --realtime --hold-s 0 --json " +
+                            Path("run.json") + " >/dev/null 2>" + said +
+                            " & run=$!; sleep 8; kill -TERM $run; sleep 1; "
+                            "kill -TERM $run; wait $run; echo status $?");
+    EXPECT_THAT(outcome.text, HasSubstr("status 0"));
+    EXPECT_THAT(testing::ReadFile(Path("run.json")), HasSubstr("completed"));
+  });
+}
+
+TEST_F(TumblerRun, TakesNoFileForAnAddressOfLcm) {
+  Write("precious.txt", "precious");
+  for (const std::string& url :
+       {"file://" + Path("precious.txt") + "?mode=w", std::string("memq://"), std::string("x")}) {
+    const Outcome outcome = Run("sim " + Path("motion.toml") + " --lcm-url '" + url + "'");
+    EXPECT_EQ(outcome.exit_code, 1) << url;
+    EXPECT_THAT(outcome.text, ::testing::AllOf(HasSubstr("--lcm-url: "), HasSubstr("udpm://")));
+    for (const std::string program : {"tumbler-ctl status", "tumbler-view"})
+      EXPECT_EQ(testing::RunInShell(program + " --lcm-url '" + url + "'").exit_code, 1) << program;
+  }
+  EXPECT_EQ(testing::ReadFile(Path("precious.txt")), "precious");
+}
+
 TEST_F(TumblerRun, NamesAPrimitiveThatIsMissingOrBroken) {
   Outcome outcome = Run("can9 " + Path("absent.toml"));
   EXPECT_EQ(outcome.exit_code, 1);

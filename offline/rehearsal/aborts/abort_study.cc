@@ -314,9 +314,10 @@ AbortTrials LoadAbortTrials(const AbortStudy& study) {
   if (!study.twin.empty()) robot = LoadTwin(study.twin, motion);
   std::string drives = study.drives;
   if (drives.empty() && !study.twin.empty()) drives = ReadTwinSources(study.twin).drives;
-  SharedRobot shared = ShareRobot(
-      motion, LoadDrivesOf(JointsOf(motion.file()), drives, ReadTextFile, GainsOf(motion.file())),
-      std::move(robot));
+  const DrivesConfig loaded =
+      LoadDrivesOf(JointsOf(motion.file()), drives, ReadTextFile, GainsOf(motion.file()));
+  CheckSchedule(loaded, [](const std::string& /*sentence*/) {});
+  SharedRobot shared = ShareRobot(motion, loaded, std::move(robot));
   return {std::move(motion), std::move(shared)};
 }
 
@@ -329,8 +330,9 @@ RobotVariation AbortRobot(const AbortStudy& study, const Scene& scene, int index
 }
 
 AbortResult FindAborts(const AbortStudy& study) {
-  Search search(study);
   AbortResult result;
+  result.primitive_hash = HashOfText(ReadTextFile(study.primitive));
+  Search search(study);
   result.name = search.primitive().name.view();
   result.study = study;
   result.candidates = search.candidates();
@@ -345,6 +347,12 @@ AbortResult FindAborts(const AbortStudy& study) {
 }
 
 void WriteAborts(const AbortResult& result) {
+  if (HashOfText(ReadTextFile(result.study.primitive)) != result.primitive_hash) {
+    throw Refused(
+        fmt::format("{}: was changed while the table was searched for, which is not for "
+                    "what is there now; nothing was written, start again",
+                    result.study.primitive));
+  }
   PrimitiveFile file = LoadPrimitive(result.study.primitive);
   file.primitive.aborts = result.table;
   file.abort_figure = result.figure;

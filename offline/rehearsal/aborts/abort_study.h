@@ -73,6 +73,7 @@ struct AbortPart {
 struct AbortResult {
   std::string name;  ///< Of the primitive.
   AbortStudy study;
+  std::string primitive_hash;  ///< Of the primitive's file when the study began.
   std::vector<AbortCandidate> candidates;
   std::vector<AbortPart> parts;  ///< In order, without gaps.
   AbortTable<double> table;
@@ -93,7 +94,8 @@ struct AbortResult {
 /// @throws as LoadAbortTrials.
 AbortResult FindAborts(const AbortStudy& study);
 
-/// Writes table and figure into the primitive's file. @throws FileError
+/// Writes table and figure into the primitive's file. @throws FileError; Refused when the file is
+/// another than that which was studied.
 void WriteAborts(const AbortResult& result);
 
 /// For people: a line for each part, with what every way costs, and the table.

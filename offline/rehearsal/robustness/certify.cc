@@ -7,9 +7,11 @@
 #include <set>
 
 #include "common/primitive_hash.h"
+#include "common/program.h"
 #include "common/result_file.h"
 #include "common/sequence_toml.h"
 #include "common/toml_reader.h"
+#include "offline/rehearsal/robustness/checkpoint.h"
 #include "offline/rehearsal/robustness/spread_names.h"
 
 namespace tumbler {
@@ -84,6 +86,13 @@ void PutFigure(const RobustnessFigure& figure, std::vector<RobustnessFigure>& fi
 }
 
 std::vector<std::string> Certify(const RobustnessResult& result) {
+  if (HashOfFiles(result.study) != result.files) {
+    throw Refused(
+        fmt::format("{}: a file of it was changed while robots played it, so that their "
+                    "share is not that of what is there now; nothing was written, start "
+                    "again",
+                    result.study.motion));
+  }
   const RobustnessFigure figure = FigureOf(result);
   std::vector<std::string> inputs, written;
   const SequenceFile motion = LoadMotion(result.study.motion, NotingReader(inputs));

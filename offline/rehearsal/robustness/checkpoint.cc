@@ -31,14 +31,24 @@ bool Equal(const TrialOutcome& a, const TrialOutcome& b) {
          a.lies_rad == b.lies_rad && a.begun == b.begun;
 }
 
-}  // namespace
-
-std::string IdentityOf(const RobustnessStudy& study) {
+/// A line for each file that a study is about.
+std::string HashesOfFiles(const RobustnessStudy& study) {
   std::vector<std::string> inputs;
   static_cast<void>(LoadMotion(study.motion, NotingReader(inputs)));
   const std::string drives = DrivesFileOf(study);
   if (!drives.empty()) inputs.push_back(drives);
   if (!study.twin.empty()) inputs.push_back(study.twin);
+  std::string text;
+  for (const std::string& input : inputs) text += HashOfText(ReadTextFile(input)) + "\n";
+  return text;
+}
+
+}  // namespace
+
+std::string HashOfFiles(const RobustnessStudy& study) { return HashOfText(HashesOfFiles(study)); }
+
+std::string IdentityOf(const RobustnessStudy& study) {
+  const std::string drives = DrivesFileOf(study);
   std::string text = fmt::format("{} {} {} {} {} {} {} {}\n", study.seed, study.scale,
                                  study.run.hold_s, study.run.cycles, study.run.branch, study.lanes,
                                  drives.empty(), study.twin.empty());
@@ -46,8 +56,7 @@ std::string IdentityOf(const RobustnessStudy& study) {
   if (study.drops) text += "drops\n";
   for (const SpreadName& spread : kSpreadNames)
     text += fmt::format("{} {}\n", spread.key, study.spreads.*spread.member);
-  for (const std::string& input : inputs) text += HashOfText(ReadTextFile(input)) + "\n";
-  return HashOfText(text);
+  return HashOfText(text + HashesOfFiles(study));
 }
 
 WorkFile::Work CheckpointOf(const std::string& identity) {

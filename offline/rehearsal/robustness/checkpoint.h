@@ -17,6 +17,9 @@ using Outcomes = std::map<std::uint64_t, TrialOutcome>;
 /// and were told. @throws FileError
 std::string IdentityOf(const RobustnessStudy& study);
 
+/// The hash of the files that a study is about: the motion with its primitives, drives and twin.
+std::string HashOfFiles(const RobustnessStudy& study);
+
 /// The file in which the outcomes of a study are kept as they are found. Its lines have no order.
 WorkFile::Work CheckpointOf(const std::string& identity);
 

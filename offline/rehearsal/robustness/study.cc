@@ -244,7 +244,7 @@ std::vector<Lies> RobustnessResult::HowTheyLay() const {
 }
 
 WorkDone RunStudy(const RobustnessStudy& study, const WorkPlan& plan, const Processes& processes) {
-  const std::string identity = IdentityOf(study);
+  const std::string identity = IdentityOf(study), files = HashOfFiles(study);
   std::optional<WorkFile> checkpoint;
   Outcomes known;
   ReadCheckpointLines(
@@ -281,6 +281,7 @@ WorkDone RunStudy(const RobustnessStudy& study, const WorkPlan& plan, const Proc
   RobustnessResult& result = work.result.emplace();
   result.name = player.trials().name();
   result.study = study;
+  result.files = files;
   result.study.spreads = player.trials().study().spreads;
   for (std::uint64_t i = 0; i < robots; ++i) {
     result.trials.push_back(known.at(i));

@@ -67,6 +67,7 @@ struct Lies {
 struct RobustnessResult {
   std::string name;
   RobustnessStudy study;
+  std::string files;                 ///< HashOfFiles of the study when it began.
   std::vector<TrialOutcome> trials;  ///< In the order of their numbers.
 
   [[nodiscard]] int Count(TrialOutcome::Verdict verdict) const;

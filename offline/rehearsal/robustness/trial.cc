@@ -128,10 +128,10 @@ std::string DrivesFileOf(const RobustnessStudy& study) {
 Trials::Trials(const RobustnessStudy& study) : study_(study), motion_(LoadMotion(study.motion)) {
   SimulatedRobotConfig robot;
   if (!study.twin.empty()) robot = LoadTwin(study.twin, motion_);
-  shared_ = ShareRobot(motion_,
-                       LoadDrivesOf(JointsOf(motion_.file()), DrivesFileOf(study), ReadTextFile,
-                                    GainsOf(motion_.file())),
-                       std::move(robot));
+  const DrivesConfig loaded = LoadDrivesOf(JointsOf(motion_.file()), DrivesFileOf(study),
+                                           ReadTextFile, GainsOf(motion_.file()));
+  CheckSchedule(loaded, [](const std::string& /*sentence*/) {});
+  shared_ = ShareRobot(motion_, loaded, std::move(robot));
   if (study_.drops && scene().robot.hinged()) {
     throw Refused(study_.motion +
                   ": its robot hangs from a bar and cannot be dropped; leave out "

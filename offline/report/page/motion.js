@@ -56,7 +56,7 @@ class Motion {
       const c = Math.cos(pitch);
       const s = Math.sin(pitch);
       for (const shape of link.shapes) {
-        for (const [u, w] of [[shape.x1, shape.z1], [shape.x2, shape.z2]]) {
+        for (const [u, w] of shape.corners) {
           const px = x + c * u - s * w;
           const pz = z + s * u + c * w;
           box[0] = Math.min(box[0], px - shape.r);

@@ -10,16 +10,6 @@ function element(tag, attributes, parent, text) {
   return node;
 }
 
-// A segment with a radius: a circle, or a bar with round ends.
-function barPath({x1, z1, x2, z2, r}) {
-  const length = Math.hypot(x2 - x1, z2 - z1);
-  if (length < 1e-9) return `M${x1 - r} ${z1}a${r} ${r} 0 1 0 ${2 * r} 0a${r} ${r} 0 1 0 ${-2 * r} 0z`;
-  const nx = (-(z2 - z1) / length) * r;
-  const nz = ((x2 - x1) / length) * r;
-  return `M${x1 + nx} ${z1 + nz}A${r} ${r} 0 0 1 ${x1 - nx} ${z1 - nz}L${x2 - nx} ${z2 - nz}` +
-         `A${r} ${r} 0 0 1 ${x2 + nx} ${z2 + nz}z`;
-}
-
 // The colour class of a link: that of the joint that moves it, which its curves share; none for the root.
 function linkClass(data, index) {
   const joint = data.joints.findIndex((j) => j.link === index);
@@ -40,8 +30,8 @@ class RobotDrawing {
       element('title', {}, group, data.links[k].name);
       const light = data.links[k].shapes.filter((s) => !s.collides);
       const dark = data.links[k].shapes.filter((s) => s.collides);
-      for (const shape of light) element('path', {class: 'light', d: barPath(shape)}, group);
-      for (const shape of dark) element('path', {class: 'dark', d: barPath(shape)}, group);
+      for (const shape of light) element('path', {class: 'light', d: outlinePath(shape.corners, shape.r)}, group);
+      for (const shape of dark) element('path', {class: 'dark', d: outlinePath(shape.corners, shape.r)}, group);
       this.links[k] = group;
     }
     for (const joint of data.joints) {
