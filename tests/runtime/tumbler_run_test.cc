@@ -1,5 +1,6 @@
 // The program as a user meets it: its arguments, messages, files and exit codes.
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -257,8 +258,10 @@ TEST_F(TumblerRun, TakesNoFileForAnAddressOfLcm) {
     const Outcome outcome = Run("sim " + Path("motion.toml") + " --lcm-url '" + url + "'");
     EXPECT_EQ(outcome.exit_code, 1) << url;
     EXPECT_THAT(outcome.text, ::testing::AllOf(HasSubstr("--lcm-url: "), HasSubstr("udpm://")));
-    for (const std::string program : {"tumbler-ctl status", "tumbler-view"})
-      EXPECT_EQ(testing::RunInShell(program + " --lcm-url '" + url + "'").exit_code, 1) << program;
+    for (const char* const program : {"tumbler-ctl status", "tumbler-view"}) {
+      const std::string command = fmt::format("{} --lcm-url '{}'", program, url);
+      EXPECT_EQ(testing::RunInShell(command).exit_code, 1) << command;
+    }
   }
   EXPECT_EQ(testing::ReadFile(Path("precious.txt")), "precious");
 }
