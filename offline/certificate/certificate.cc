@@ -58,13 +58,13 @@ Spline FitTorque(const Problem& problem, const TorqueSamples& samples, std::size
   return spline;
 }
 
-/// Sets the velocity of the root.
 /// The root's velocity along x, z and of its pitch; zero where something holds it.
 std::array<double, 3> RootRatesOf(std::span<const double> qd, const PlanarRobot& robot) {
   if (robot.root_dofs < 3) return {};
   return {qd[0], qd[1], qd[2]};
 }
 
+/// Sets the velocity of the root.
 void SetRates(const std::array<double, 3>& rates, PrimitivePose& pose) {
   pose.root_x_m_s = rates[0];
   pose.root_z_m_s = rates[1];

@@ -116,24 +116,18 @@ Shape<Plane> OutlineBox(const RobotShape& shape, const Plane::Vector& u) {
 /// As InThePlane, and what that cannot use in a box that is around it: what is to stay apart is at
 /// least as large as the robot has it.
 Shape<Plane> AroundInThePlane(const RobotShape& shape) {
-  const SpaceMatrix& axes = shape.pose.rotation;
-  if (shape.kind == RobotShape::Kind::kCylinder) {
-    const Plane::Vector along = InPlane(axes.col(2));
-    if (along.norm() >= kPlaneTolerance && shape.length_m < 2 * shape.radius_m)
-      return OutlineBox(shape, along / along.norm());
-  }
-  if (shape.kind == RobotShape::Kind::kBox) {
-    int flattest = 0;
-    bool across = false;
-    for (int axis = 0; axis < 3; ++axis) {
-      const double length = InPlane(axes.col(axis)).norm();
-      across = across || length <= kPlaneTolerance;
-      if (length > InPlane(axes.col(flattest)).norm()) flattest = axis;
+  try {
+    return InThePlane(shape);
+  } catch (const Unusable&) {
+    if (shape.kind == RobotShape::Kind::kMesh) throw;
+    // Along the axis of a cylinder, or that of a box which is nearest to the plane.
+    Plane::Vector along = InPlane(shape.pose.rotation.col(2));
+    for (int axis = 0; axis < 2 && shape.kind == RobotShape::Kind::kBox; ++axis) {
+      const Plane::Vector other = InPlane(shape.pose.rotation.col(axis));
+      if (other.norm() > along.norm()) along = other;
     }
-    const Plane::Vector u = InPlane(axes.col(flattest));
-    if (!across) return OutlineBox(shape, u / u.norm());
+    return OutlineBox(shape, along / along.norm());
   }
-  return InThePlane(shape);
 }
 
 /// Half of the width of a shape along y.

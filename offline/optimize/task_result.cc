@@ -25,7 +25,8 @@ double CpuSeconds() {
 /// True when a free robot never touches any obstacle of the task, so that the motion says nothing
 /// about contact. One that is held may be there to pass beside them.
 bool MissesEveryObstacle(const Problem& problem, const Solution& best) {
-  return problem.scene.robot.root_dofs == 3 && !problem.scene.obstacles.empty() &&
+  const PlanarRobot& robot = problem.scene.robot;
+  return robot.root_dofs > 0 && !robot.hinged() && !problem.scene.obstacles.empty() &&
          !best.rollout.any_contact;
 }
 

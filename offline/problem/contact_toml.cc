@@ -47,8 +47,7 @@ constexpr std::array kForceKeys = {
 };
 
 struct LayerEntry : ContactLaw {
-  bool by_intent = false;
-  double rest_m = 0;  ///< By intent: how deep the robot rests.
+  double rest_m = 0;  ///< How deep the robot rests, by intent; 0 where that is not given.
 };
 constexpr std::array kLayerKeys = {
     KeyOf<&LayerEntry::d_on_m, LayerEntry>("d_on_m", "thickness of the compliant layer")
@@ -56,7 +55,7 @@ constexpr std::array kLayerKeys = {
         .Allowed("1e-6 (by intent: above the penetration) to 1",
                  [](const LayerEntry& layer) {
                    // In a thinner layer, the robot would rest on the core.
-                   return layer.by_intent ? Range{layer.d_on_m / 3, 1, true} : Range{1e-6, 1};
+                   return layer.rest_m > 0 ? Range{layer.rest_m, 1, true} : Range{1e-6, 1};
                  }),
     KeyOf<&LayerEntry::d_off_m, LayerEntry>("d_off_m", {0, 1},
                                             "distance below which the smoothing is 1")
@@ -66,8 +65,9 @@ constexpr std::array kLayerKeys = {
             [](LayerEntry& layer) {
               const double most_m = 0.75 * layer.d_on_m;
               // Where the robot rests, the smoothing is 1, as thick as the layer may be.
-              layer.d_off_m = layer.by_intent ? std::max(most_m, layer.d_on_m - 0.75 * layer.rest_m)
-                                              : std::min(layer.d_off_m, most_m);
+              layer.d_off_m = layer.rest_m > 0
+                                  ? std::max(most_m, layer.d_on_m - 0.75 * layer.rest_m)
+                                  : std::min(layer.d_off_m, most_m);
             })
         .Allowed("0 to below `d_on_m`"),
 };
@@ -90,8 +90,8 @@ bool HasAny(const TomlTable& table, const std::array<FileKey<S>, kCount>& keys) 
   return any;
 }
 
-/// Reads the law from its intended effect.
-void ReadIntent(TomlTable& table, double mass_kg, double gravity_m_per_s2, ContactLaw& law) {
+/// Reads the law from its intended effect. @returns how deep the robot rests [m].
+double ReadIntent(TomlTable& table, double mass_kg, double gravity_m_per_s2, ContactLaw& law) {
   for (const FileKey<ContactLaw>& direct : kForceKeys) {
     if (!table.Has(direct.text.name)) continue;
     table.Fail(direct.text.name,
@@ -103,18 +103,19 @@ void ReadIntent(TomlTable& table, double mass_kg, double gravity_m_per_s2, Conta
   intent.gravity_m_per_s2 = gravity_m_per_s2;
   ReadKeys(table, kIntentKeys, intent);
   law = LawFor(intent, mass_kg, gravity_m_per_s2, law);
+  return intent.static_penetration_m;
 }
 
 }  // namespace
 
 void ReadContact(TomlTable& table, double mass_kg, double gravity_m_per_s2, ContactLaw& law) {
-  const bool by_intent = HasAny(table, kIntentKeys);
-  if (by_intent) {
-    ReadIntent(table, mass_kg, gravity_m_per_s2, law);
+  double rest_m = 0;
+  if (HasAny(table, kIntentKeys)) {
+    rest_m = ReadIntent(table, mass_kg, gravity_m_per_s2, law);
   } else {
     ReadKeys(table, kForceKeys, law);
   }
-  LayerEntry layer{law, by_intent, law.d_on_m / 3};
+  LayerEntry layer{law, rest_m};
   ReadKeys(table, kLayerKeys, layer);
   law = layer;
   // With zero width, the derivative of the force would jump.

@@ -68,22 +68,30 @@ void CheckSample(const ReportData& data, const std::vector<ReportSample>& sample
   }
 }
 
+/// Checks a convex polygon with a radius: of a shape or an obstacle.
+template <class S>
+void CheckOutline(const S& outline, const std::string& name) {
+  if (outline.corners_m.empty())
+    RefuseField(name + ".corners_m", "is empty, must have at least one");
+  for (std::size_t c = 0; c < outline.corners_m.size(); ++c) {
+    CheckFinite(outline.corners_m[c][0], fmt::format("{}.corners_m[{}][0]", name, c));
+    CheckFinite(outline.corners_m[c][1], fmt::format("{}.corners_m[{}][1]", name, c));
+  }
+  CheckFinite(outline.radius_m, name + ".radius_m");
+  if (outline.radius_m < 0) {
+    RefuseField(name + ".radius_m", fmt::format("is {}, must be at least 0", outline.radius_m));
+  } else if (outline.radius_m == 0 && outline.corners_m.size() < 3) {
+    RefuseField(name + ".radius_m", fmt::format("is {}, must be above 0", outline.radius_m));
+  }
+}
+
 void CheckScene(const ReportData& data) {
   if (data.links.empty()) RefuseField("links", "is empty, must have at least the root");
   for (std::size_t k = 0; k < data.links.size(); ++k) {
     for (std::size_t s = 0; s < data.links[k].shapes.size(); ++s) {
       const ReportShape& shape = data.links[k].shapes[s];
       const std::string of = fmt::format("links[{}].shapes[{}]", k, s);
-      if (shape.corners_m.empty())
-        RefuseField(of + ".corners_m", "is empty, must have at least one");
-      for (std::size_t i = 0; i < shape.corners_m.size(); ++i) {
-        CheckFinite(shape.corners_m[i][0], fmt::format("{}.corners_m[{}].x", of, i));
-        CheckFinite(shape.corners_m[i][1], fmt::format("{}.corners_m[{}].z", of, i));
-      }
-      CheckFinite(shape.radius_m, of + ".radius_m");
-      if (shape.radius_m < 0) {
-        RefuseField(of + ".radius_m", fmt::format("is {}, must be at least 0", shape.radius_m));
-      }
+      CheckOutline(shape, of);
     }
   }
   const std::size_t joints = data.joint_names.size();
@@ -119,18 +127,7 @@ void CheckScene(const ReportData& data) {
   for (std::size_t k = 0; k < data.obstacles.size(); ++k) {
     const ReportObstacle& obstacle = data.obstacles[k];
     const std::string name = fmt::format("obstacles[{}]", k);
-    if (obstacle.corners_m.empty())
-      RefuseField(name + ".corners_m", "is empty, must have at least one");
-    for (std::size_t c = 0; c < obstacle.corners_m.size(); ++c) {
-      CheckFinite(obstacle.corners_m[c][0], fmt::format("{}.corners_m[{}][0]", name, c));
-      CheckFinite(obstacle.corners_m[c][1], fmt::format("{}.corners_m[{}][1]", name, c));
-    }
-    CheckFinite(obstacle.radius_m, name + ".radius_m");
-    if (obstacle.radius_m < 0) {
-      RefuseField(name + ".radius_m", fmt::format("is {}, must be at least 0", obstacle.radius_m));
-    } else if (obstacle.radius_m == 0 && obstacle.corners_m.size() < 3) {
-      RefuseField(name + ".radius_m", fmt::format("is {}, must be above 0", obstacle.radius_m));
-    }
+    CheckOutline(obstacle, name);
   }
   if (data.ground_z_m) CheckFinite(*data.ground_z_m, "ground_z_m");
 }

@@ -322,7 +322,7 @@ const char* ToString(SolveEnd end) {
     case SolveEnd::kEvaluations:
       return "evaluation budget used up";
     case SolveEnd::kGenerations:
-      return "all generations done; more may find better";
+      return "the search is over; more generations may find better";
     case SolveEnd::kInfeasible:
       return "constraints contradict each other";
     case SolveEnd::kInterrupted:

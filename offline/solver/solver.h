@@ -35,7 +35,7 @@ enum class SolveEnd {
   kStalled,      ///< The cost stopped falling before that.
   kEnough,       ///< A further step promised less than the caller asked for: near a guess.
   kEvaluations,  ///< The evaluation budget is used up.
-  kGenerations,  ///< The generations of a robust search are over.
+  kGenerations,  ///< A robust search is over: its generations, or that they gain anything.
   kInfeasible,   ///< The linearised constraints contradict each other, or stay violated.
   kInterrupted,  ///< The caller asked to stop.
   kFailed,       ///< The rollout left every plausible range at the start.

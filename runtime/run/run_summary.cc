@@ -185,6 +185,11 @@ Json Maybe(const std::optional<T>& value) {
   return value ? Json(*value) : Json(nullptr);
 }
 
+/// Null also where the passage has no target that could be met.
+Json PurposeMet(const Passage& passage) {
+  return passage.purpose.empty() ? Json() : Maybe(passage.purpose_met());
+}
+
 Json JsonOf(const Passage& passage) {
   auto purpose = Json::Array();
   for (const JudgedTarget& judged : passage.purpose) {
@@ -197,7 +202,7 @@ Json JsonOf(const Passage& passage) {
   }
   Json json = {{"node", passage.node},
                {"purpose", purpose},
-               {"purpose_met", passage.purpose.empty() ? Json() : Maybe(passage.purpose_met())},
+               {"purpose_met", PurposeMet(passage)},
                {"as_planned_later", Maybe(passage.as_planned())}};
   if (SpeaksOfPitch(passage)) {
     json["root_pitch_planned_rad"] = passage.expected_pitch_rad;
@@ -389,7 +394,7 @@ std::string ToJson(const RunSummary& summary) {
     // Nothing is known of a last motion that was broken off, or never began.
     const bool ended = !summary.passages.empty() && summary.broken_off.empty();
     const Passage last = ended ? summary.passages.back() : Passage();
-    json["purpose_met"] = ended && !last.purpose.empty() ? Maybe(last.purpose_met()) : Json();
+    json["purpose_met"] = PurposeMet(last);
     json["as_planned_2_s_later"] = Maybe(last.as_planned());
     if (SpeaksOfPitch(last)) {
       json["root_pitch_planned_rad"] = last.expected_pitch_rad;

@@ -489,6 +489,25 @@ TEST(OptimizeCli, ARobotThatTouchesNothingIsReported) {
   EXPECT_EQ(folder.Listing(), before);
 }
 
+TEST(OptimizeCli, ARobotOnABarMayPassBesideAnObstacle) {
+  const std::string robot =
+      Replaced(testing::ReadFile(testing::SourcePath("primitives/acrobot/acrobot.urdf")), "</link>",
+               "<collision><geometry><sphere radius=\"0.02\"/></geometry></collision></link>");
+  const TaskFolder folder(
+      "format = \"tumbler-task\"\nversion = 1\nname = \"swing\"\n"
+      "robot = \"../robots/tumbler.urdf\"\nroot = \"hinge-y\"\nduration_s = 1.0\n"
+      "settle_s = 0.1\n[start]\nz_m = 1.2\njoints_rad = { waist = 0.0 }\n"
+      "[end]\njoints_rad = { waist = 0.5 }\n[limits]\nacceleration_max_rad_s2 = 300.0\n"
+      "[[cost]]\nterm = \"terminal\"\nof = \"pitch\"\nwhen = \"settled\"\ntarget = 0.5\n"
+      "tolerance = 0.3\nweight = 10.0\n[[cost]]\nterm = \"effort\"\nweight = 1.0e-3\n"
+      "[[obstacle]]\nname = \"floor\"\nkind = \"half-space\"\npoint_m = [0.0, 0.0]\n"
+      "normal = [0.0, 1.0]\n",
+      robot);
+  Program program = Optimize(folder, {"--out", folder / "motion.toml"});
+  EXPECT_EQ(program.Wait(), 0) << program.text();
+  EXPECT_THAT(program.text(), Not(HasSubstr("no contact was ever active")));
+}
+
 TEST(OptimizeCli, AFlightWithoutObstaclesIsAMotionLikeAnyOther) {
   std::string task =
       Replaced(QuickTask(), "pitch_rad = 0.0", "pitch_rad = 0.0\nz_m = 5.0", "[start]");
