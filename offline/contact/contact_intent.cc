@@ -16,11 +16,12 @@ double ShortestSettlingTime(double static_penetration_m, double gravity_m_per_s2
 
 ContactLaw LawFor(const ContactIntent& intent, double mass_kg, double gravity_m_per_s2,
                   ContactLaw law) {
-  law.stiffness_n_per_m = mass_kg * gravity_m_per_s2 / intent.static_penetration_m;
-  law.damping_n_s_per_m = 8 * mass_kg / intent.settling_time_s;
+  const double n = intent.resting_contacts;
+  law.stiffness_n_per_m = mass_kg * gravity_m_per_s2 / (n * intent.static_penetration_m);
+  law.damping_n_s_per_m = 8 * mass_kg / (n * intent.settling_time_s);
   law.v_max_m_per_s = intent.slip_speed_m_per_s;
-  law.d_on_m = 3 * intent.static_penetration_m;
-  law.d_off_m = 0.75 * law.d_on_m;
+  law.d_on_m = (n + 2) * intent.static_penetration_m;
+  law.d_off_m = law.d_on_m - 0.75 * intent.static_penetration_m;
   return law;
 }
 

@@ -12,10 +12,14 @@ namespace tumbler {
 
 /// The intended effect of contact on a robot. It stands for k, c and v_max of the law.
 struct ContactIntent {
-  /// x_s: how deep the robot sinks with all its weight on one contact. On n contacts it sinks by
-  /// less, but not by less than 1/n of this: below 3/4 x_s the smoothing makes the layer softer.
+  /// n: how many contacts the other values are about, each with an equal part of the weight. In the
+  /// plane a box that stands on a side has two.
+  int resting_contacts = 1;
+  /// x_s: how deep the robot sinks with all its weight on n contacts. On fewer, m, it sinks n/m
+  /// times as deep; on more by less, but not by n/m: below 3/4 x_s the smoothing makes the layer
+  /// softer.
   double static_penetration_m = 1.5e-3;
-  /// t_s: the time after which 2 % of a bounce on one contact are left.
+  /// t_s: the time after which 2 % of a bounce on n contacts are left.
   double settling_time_s = 0.1;
   /// v_max of the law: slower creep counts as sticking.
   double slip_speed_m_per_s = 0.05;
@@ -30,13 +34,12 @@ double ShortestSettlingTime(double static_penetration_m, double gravity_m_per_s2
 /// The law that has the effect `intent` on a robot of mass m under gravity g. Friction and the
 /// form of the law are those of `law`.
 ///
-///   k = m g / x_s          rest where k x_s = m g
-///   c = 8 m / t_s          m x'' + c x' + k x = 0 decays as exp(-c t / 2m), to exp(-4) in t_s
-///   v_max = slip speed
-///   d_on = 3 x_s, d_off = 3/4 d_on
+///   k = m g / (n x_s)      rest where n k x_s = m g
+///   c = 8 m / (n t_s)      m x'' + n c x' + n k x = 0 decays as exp(-n c t / 2m), to exp(-4) in
+///   t_s v_max = slip speed d_on = (n + 2) x_s, d_off = d_on - 3/4 x_s
 ///
-/// The layer leaves room for impacts: the whole mass at speed v goes v sqrt(x_s / g) deep on one
-/// contact, less with damping, and so reaches the core at 3 sqrt(x_s g).
+/// The layer leaves room for a stand on one contact, n x_s deep, and for impacts: the whole mass at
+/// speed v goes v sqrt(x_s / g) deep on n contacts, less with damping.
 ContactLaw LawFor(const ContactIntent& intent, double mass_kg, double gravity_m_per_s2,
                   ContactLaw law = {});
 

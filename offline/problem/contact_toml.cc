@@ -21,11 +21,11 @@ struct IntentEntry : ContactIntent {
 constexpr std::array kIntentKeys = {
     KeyOf<&IntentEntry::static_penetration_m, IntentEntry>(
         "static_penetration_m", {1e-6, 0.1},
-        "how deep the robot sinks with all its weight on one contact")
+        "how deep the robot sinks with all its weight on `resting_contacts`")
         .Required()
         .Default("none"),
     KeyOf<&IntentEntry::settling_time_s, IntentEntry>(
-        "settling_time_s", "after which 2 % of a bounce on one contact are left")
+        "settling_time_s", "after which 2 % of a bounce on `resting_contacts` are left")
         .Required()
         .Default("none")
         .Allowed("from 4 sqrt(penetration / g), to 100",
@@ -38,6 +38,9 @@ constexpr std::array kIntentKeys = {
                                                          "v_max by its other name")
         .Required()
         .Default("none"),
+    KeyOf<&IntentEntry::resting_contacts, IntentEntry>(
+        "resting_contacts", {1, 20},
+        "contacts that share the weight where penetration and settling time are as given"),
 };
 
 constexpr std::array kForceKeys = {
@@ -47,15 +50,16 @@ constexpr std::array kForceKeys = {
 };
 
 struct LayerEntry : ContactLaw {
-  double rest_m = 0;  ///< How deep the robot rests, by intent; 0 where that is not given.
+  double rest_m = 0;   ///< How deep the robot rests, by intent; 0 where that is not given.
+  double least_m = 0;  ///< How deep it rests on a single contact.
 };
 constexpr std::array kLayerKeys = {
     KeyOf<&LayerEntry::d_on_m, LayerEntry>("d_on_m", "thickness of the compliant layer")
-        .Default("{}; by intent 3 penetrations")
-        .Allowed("1e-6 (by intent: above the penetration) to 1",
+        .Default("{}; by intent `resting_contacts` + 2 penetrations")
+        .Allowed("1e-6 (by intent: above `resting_contacts` penetrations) to 1",
                  [](const LayerEntry& layer) {
                    // In a thinner layer, the robot would rest on the core.
-                   return layer.rest_m > 0 ? Range{layer.rest_m, 1, true} : Range{1e-6, 1};
+                   return layer.rest_m > 0 ? Range{layer.least_m, 1, true} : Range{1e-6, 1};
                  }),
     KeyOf<&LayerEntry::d_off_m, LayerEntry>("d_off_m", {0, 1},
                                             "distance below which the smoothing is 1")
@@ -90,8 +94,9 @@ bool HasAny(const TomlTable& table, const std::array<FileKey<S>, kCount>& keys) 
   return any;
 }
 
-/// Reads the law from its intended effect. @returns how deep the robot rests [m].
-double ReadIntent(TomlTable& table, double mass_kg, double gravity_m_per_s2, ContactLaw& law) {
+/// Reads the law from its intended effect.
+ContactIntent ReadIntent(TomlTable& table, double mass_kg, double gravity_m_per_s2,
+                         ContactLaw& law) {
   for (const FileKey<ContactLaw>& direct : kForceKeys) {
     if (!table.Has(direct.text.name)) continue;
     table.Fail(direct.text.name,
@@ -103,19 +108,21 @@ double ReadIntent(TomlTable& table, double mass_kg, double gravity_m_per_s2, Con
   intent.gravity_m_per_s2 = gravity_m_per_s2;
   ReadKeys(table, kIntentKeys, intent);
   law = LawFor(intent, mass_kg, gravity_m_per_s2, law);
-  return intent.static_penetration_m;
+  return intent;
 }
 
 }  // namespace
 
 void ReadContact(TomlTable& table, double mass_kg, double gravity_m_per_s2, ContactLaw& law) {
-  double rest_m = 0;
+  LayerEntry layer;
   if (HasAny(table, kIntentKeys)) {
-    rest_m = ReadIntent(table, mass_kg, gravity_m_per_s2, law);
+    const ContactIntent intent = ReadIntent(table, mass_kg, gravity_m_per_s2, law);
+    layer.rest_m = intent.static_penetration_m;
+    layer.least_m = intent.resting_contacts * intent.static_penetration_m;
   } else {
     ReadKeys(table, kForceKeys, law);
   }
-  LayerEntry layer{law, rest_m};
+  static_cast<ContactLaw&>(layer) = law;
   ReadKeys(table, kLayerKeys, layer);
   law = layer;
   // With zero width, the derivative of the force would jump.

@@ -1,6 +1,7 @@
 // Task files: the effect of defaults and tightened limits, and the pose from which a robot starts.
 // Refusals of bad files are in bad_input_test.cc.
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -71,45 +72,54 @@ std::string WithContact(const std::string& contact) {
 const char* const kIntent =
     "static_penetration_m = 2.0e-3\nsettling_time_s = 0.15\nslip_speed_m_per_s = 0.03\n";
 
-TEST(Task, ContactByIntentDoesWhatItSays) {
-  const Problem problem = Parse(WithContact(kIntent));
-  const ContactLaw& law = problem.scene.contact;
-  // A block of the robot's mass on one contact: its rest and the decay of its bounce.
-  Tree<Plane> tree;
-  tree.gravity = problem.scene.robot.tree.gravity;
-  Dof<Plane> up;
-  up.kind = JointKind::kPrismatic;
-  up.direction = {0, 1};
-  up.mass_kg = 1.8;
-  tree.dofs = {up};
-  HybridDynamics<Plane> dynamics(tree);
-  ContactModel<Plane> contact(law, {{"block/0", 0, Shape<Plane>::Sphere({0, 0}, 0.01)}},
-                              {{"ground", Shape<Plane>::HalfSpace({0, 0}, {0, 1})}});
-  const double rest = 0.01 + law.d_on_m - 2e-3;
-  std::vector<double> q = {rest}, qd = {0.0}, qdd = {0.0}, tau = {0.0};
-  const auto evaluate = [&] {
-    dynamics.SetState(q, qd);
-    contact.Apply(dynamics);
-    dynamics.Solve(qdd, tau);
-  };
-  evaluate();
-  EXPECT_NEAR(qdd[0], 0, 1e-9) << "it rests 2 mm deep";
-  const double bounce = 2e-4;
-  q[0] += bounce;
-  const double h = 1e-5;
-  double after = 0;
-  for (double t = 0; t < 0.3; t += h) {
+TEST(Task, ContactByIntentDoesWhatItSaysOnAsManyContactsAsItSays) {
+  for (const int contacts : {1, 2, 4}) {
+    SCOPED_TRACE(contacts);
+    const Problem problem =
+        Parse(WithContact(kIntent + fmt::format("resting_contacts = {}\n", contacts)));
+    const ContactLaw& law = problem.scene.contact;
+    // A block of the robot's mass: its rest and the decay of its bounce.
+    Tree<Plane> tree;
+    tree.gravity = problem.scene.robot.tree.gravity;
+    Dof<Plane> up;
+    up.kind = JointKind::kPrismatic;
+    up.direction = {0, 1};
+    up.mass_kg = 1.8;
+    tree.dofs = {up};
+    HybridDynamics<Plane> dynamics(tree);
+    std::vector<ContactShape<Plane>> shapes;
+    for (int k = 0; k < contacts; ++k) {
+      shapes.push_back({fmt::format("block/{}", k), 0, Shape<Plane>::Sphere({0.1 * k, 0}, 0.01)});
+    }
+    ContactModel<Plane> contact(law, shapes, {{"ground", Shape<Plane>::HalfSpace({0, 0}, {0, 1})}});
+    const double rest = 0.01 + law.d_on_m - 2e-3;
+    std::vector<double> q = {rest}, qd = {0.0}, qdd = {0.0}, tau = {0.0};
+    const auto evaluate = [&] {
+      dynamics.SetState(q, qd);
+      contact.Apply(dynamics);
+      dynamics.Solve(qdd, tau);
+    };
     evaluate();
-    qd[0] += h * qdd[0];
-    q[0] += h * qd[0];
-    if (t > 0.15) after = std::max(after, std::abs(q[0] - rest));
+    EXPECT_NEAR(qdd[0], 0, 1e-9) << "it rests 2 mm deep";
+    const double bounce = 2e-4;
+    q[0] += bounce;
+    const double h = 1e-5;
+    double after = 0;
+    for (double t = 0; t < 0.3; t += h) {
+      evaluate();
+      qd[0] += h * qdd[0];
+      q[0] += h * qd[0];
+      if (t > 0.15) after = std::max(after, std::abs(q[0] - rest));
+    }
+    EXPECT_LT(after, 0.02 * bounce);
+    EXPECT_GT(after, 0.002 * bounce) << "nor is it much faster than asked for";
+    EXPECT_EQ(law.v_max_m_per_s, 0.03);
+    EXPECT_NEAR(law.d_on_m, (contacts + 2) * 2e-3, 1e-15);
+    EXPECT_NEAR(law.d_off_m, law.d_on_m - 1.5e-3, 1e-15);
+    EXPECT_EQ(law.mu, 0.3) << "the default";
+    // With the weight on one contact it is still in the layer.
+    EXPECT_GT(law.d_on_m, 1.8 * 9.81 / law.stiffness_n_per_m);
   }
-  EXPECT_LT(after, 0.02 * bounce);
-  EXPECT_GT(after, 0.002 * bounce) << "nor is it much faster than asked for";
-  EXPECT_EQ(law.v_max_m_per_s, 0.03);
-  EXPECT_NEAR(law.d_on_m, 6e-3, 1e-15);
-  EXPECT_NEAR(law.d_off_m, 4.5e-3, 1e-15);
-  EXPECT_EQ(law.mu, 0.3) << "the default";
 }
 
 TEST(Task, LayerAndFrictionMayBeGivenBesideTheIntent) {
@@ -119,6 +129,12 @@ TEST(Task, LayerAndFrictionMayBeGivenBesideTheIntent) {
   EXPECT_EQ(problem.scene.contact.d_off_m, 0.005);
   EXPECT_EQ(problem.scene.contact.mu, 0.7);
   EXPECT_NEAR(problem.scene.contact.stiffness_n_per_m, 1.8 * 9.81 / 2e-3, 1e-9);
+}
+
+TEST(TaskContact, ALayerInWhichOneOfTheRestingContactsCannotCarryTheRobotIsRefused) {
+  const std::string four = std::string(kIntent) + "resting_contacts = 4\n";
+  EXPECT_EQ(Parse(WithContact(four + "d_on_m = 0.0081\n")).scene.contact.d_on_m, 0.0081);
+  EXPECT_THROW(Parse(WithContact(four + "d_on_m = 0.008\n")), std::runtime_error);
 }
 
 TEST(TaskContact, ARobotRestsAsDeepAsIntendedInALayerOfAnyThickness) {

@@ -48,13 +48,11 @@ class Browser {
   /// Writes the document of a page into a file. @returns whether there is one.
   bool Show(const std::string& page, const std::string& fragment, int width,
             const std::string& out) {
+    if (!Ready()) return false;
     const std::size_t before = program_.text().size();
     requests_ << page << '\t' << fragment << '\t' << width << '\t' << out << '\n' << std::flush;
     ++count_;
-    // On a busy machine a page takes longer than a program is waited for.
-    for (int i = 0; i < 10 && program_.text().find("failed:", before) == std::string::npos; ++i) {
-      if (program_.WaitFor("done " + std::to_string(count_) + '\n')) return true;
-    }
+    if (WaitLongFor("done " + std::to_string(count_) + '\n', before)) return true;
     ADD_FAILURE() << page << " was not shown: " << program_.text();
     stuck_ = true;
     return false;
@@ -64,14 +62,31 @@ class Browser {
   Browser()
       : pipe_(::testing::TempDir() + "tumbler_browser_" + std::to_string(getpid())),
         made_(mkfifo(pipe_.c_str(), 0600) == 0),
-        program_({"/usr/bin/python3", "-B", SourcePath("tests/support/browse.py"), pipe_}) {
-    if (made_ && program_.WaitFor("ready\n")) requests_.open(pipe_);
-  }
+        program_({"/usr/bin/python3", "-B", SourcePath("tests/support/browse.py"), pipe_}) {}
   ~Browser() {
     requests_ << '\n' << std::flush;
     if (stuck_) program_.Signal(SIGTERM);
     program_.Wait();
     std::filesystem::remove(pipe_);
+  }
+
+  /// @returns whether the browser takes requests; a failure of the test says why it does not.
+  bool Ready() {
+    if (requests_.is_open()) return true;
+    if (made_ && !stuck_ && WaitLongFor("ready\n", 0)) {
+      requests_.open(pipe_);
+      return true;
+    }
+    ADD_FAILURE() << "the browser did not start: " << program_.text();
+    stuck_ = true;
+    return false;
+  }
+  /// On a busy machine a browser takes longer than other programs are waited for.
+  bool WaitLongFor(const std::string& part, std::size_t before) {
+    for (int i = 0; i < 10 && program_.text().find("failed:", before) == std::string::npos; ++i) {
+      if (program_.WaitFor(part)) return true;
+    }
+    return false;
   }
 
   std::string pipe_;

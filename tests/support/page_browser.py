@@ -3,6 +3,7 @@
 import base64
 import json
 import os
+import select
 import shutil
 import subprocess
 import tempfile
@@ -17,6 +18,14 @@ def without_network():
     """@returns the beginning of a command that runs in a network namespace of its own, which holds nothing but a
     loopback that is down. Others than root need a user namespace, too."""
     return ["unshare", "--net"] if os.geteuid() == 0 else ["unshare", "--map-root-user", "--net"]
+
+
+class Refused(AssertionError):
+    """The browser did not do what it was told."""
+
+
+class Lost(AssertionError):
+    """The browser ended, or hangs."""
 
 
 class Browser:
@@ -36,10 +45,15 @@ class Browser:
                                         stderr=subprocess.DEVNULL)
         os.close(read_command)
         os.close(write_answer)
-        self.answers = os.fdopen(answers, "rb")
+        self.answers = answers
+        self.unread = b""
         self.number = 0
         self.session = self.context = None
-        self.renew(width, height)
+        try:
+            self.renew(width, height)
+        except AssertionError:
+            self.close()
+            raise
 
     def renew(self, width=1200, height=900):
         """Closes the page. The next one finds nothing of what this one kept, as in a browser that was just started,
@@ -56,29 +70,34 @@ class Browser:
         os.close(self.commands)
         self.process.kill()
         self.process.wait()
-        self.answers.close()
+        os.close(self.answers)
         shutil.rmtree(self.profile, ignore_errors=True)
 
-    def read(self):
-        text = bytearray()
-        while True:
-            byte = self.answers.read(1)
-            if not byte:
-                raise AssertionError("the browser ended")
-            if byte == b"\0":
-                return json.loads(text)
-            text += byte
+    def read(self, patience_s=120):
+        while b"\0" not in self.unread:
+            if not select.select([self.answers], [], [], patience_s)[0]:
+                raise Lost("the browser does not answer")
+            part = os.read(self.answers, 1 << 16)
+            if not part:
+                raise Lost("the browser ended")
+            self.unread += part
+        answer, _, self.unread = self.unread.partition(b"\0")
+        return json.loads(answer)
 
     def send(self, method, **parameters):
         self.number += 1
         message = {"id": self.number, "method": method, "params": parameters}
         if self.session:
             message["sessionId"] = self.session
-        os.write(self.commands, json.dumps(message).encode() + b"\0")
+        try:
+            os.write(self.commands, json.dumps(message).encode() + b"\0")
+        except BrokenPipeError as error:
+            raise Lost("the browser ended") from error
         while True:
             answer = self.read()
             if answer.get("id") == self.number:
-                assert "error" not in answer, answer
+                if "error" in answer:
+                    raise Refused(f"{method}: {answer['error']}")
                 return answer["result"]
 
     def resize(self, width, height):
@@ -96,12 +115,15 @@ class Browser:
     def text(self, identifier):
         return self.value(f"document.getElementById('{identifier}').textContent")
 
-    def until(self, expression, patience_s=30):
+    def until(self, expression, patience_s=120):
         """Waits until the expression is true."""
         end = time.monotonic() + patience_s
         while time.monotonic() < end:
-            if self.value(expression):
-                return
+            try:
+                if self.value(expression):
+                    return
+            except Refused:  # One page gives way to the next, and takes its scripts' context with it.
+                pass
             time.sleep(0.05)
         raise AssertionError(f"never came true: {expression}; the page: {self.value('document.body.innerText')[:1500]}")
 
