@@ -49,8 +49,10 @@ constexpr double kUnplayable = 4;
 /// A loss from which on robots mostly fall, and one that cannot be told from 0.
 constexpr double kHopeless = 0.9;
 constexpr double kPerfect = 1e-3;
-/// The loss of a robot that the runtime stops.
+/// The loss of a robot that the runtime stops, or whose own shapes overlap.
 constexpr double kFaultLoss = 1.3;
+/// How often the shapes of robots whose setpoints are corrected are looked at [ticks].
+constexpr int kLookAtShapes = 2;
 /// Change of the logarithm of a free duration with the variable that stands for it, so that this is
 /// of the size of the others.
 constexpr double kStretch = 0.5;
@@ -606,9 +608,16 @@ class RobustSearch {
     return 1 + 0.2 * std::min(1.0, settled / 2) + 0.1 * std::min(1.0, off / 3);
   }
 
+  /// The distances between own shapes, for each lane of a packet, which knows where its robot was.
+  using Distances = std::vector<SelfDistances>;
+  [[nodiscard]] Distances MakeDistances() const {
+    const SelfDistances one(problem_.scene.robot, problem_.scene.self_contact.pairs);
+    return Distances(kLanes, one);
+  }
+
   /// The mean loss of an ensemble. When all robots of the first packet fall, it is theirs.
   [[nodiscard]] double Judge(const std::vector<double>& x, const Plan& plan,
-                             const Ensemble& ensemble) const {
+                             const Ensemble& ensemble, Distances& distances) const {
     const int settled = TicksOf(x) + Ticks(problem_.settle_s);
     const int later = settled + Ticks(kLater_s);
     Setpoints setpoints(Index(later) * joints_);
@@ -619,7 +628,8 @@ class RobustSearch {
     });
     double sum = 0;
     for (std::size_t p = 0; p < ensemble.robots.size(); ++p) {
-      Play play{ensemble, p, setpoints, ensemble.states[p], ensemble.held, {}, {}, 0, {}};
+      Play play{ensemble,      p,  setpoints, distances, ensemble.states[p],
+                ensemble.held, {}, {},        0,         {}};
       if (hold_) {
         play.feedback.emplace(plan.feedback, ensemble.noise[p], robust_.feedback->delay_s, kTick_s,
                               joints_);
@@ -637,12 +647,14 @@ class RobustSearch {
     const Ensemble& ensemble;
     std::size_t packet;
     const Setpoints& setpoints;
+    Distances& distances;
     LaneState<Packet> state;
     HeldSetpoints<Packet> held;
     LaneWatch<Packet> watch;
     std::optional<LaneFeedback> feedback;
     int tick;
-    std::array<bool, kLanes> faulty{};  ///< Whether a joint was too far from its setpoint.
+    /// Whether a joint was too far from its setpoint, or own shapes overlapped.
+    std::array<bool, kLanes> faulty{};
   };
 
   /// Plays on up to a tick.
@@ -661,6 +673,7 @@ class RobustSearch {
         kernel_.drive(lanes_.model, robots, play.ensemble.steps, corrected, play.held, play.state,
                       play.watch);
         NoteFaults(corrected, play);
+        if (k % kLookAtShapes == 0) NoteOverlaps(play);
       }
     }
     play.tick = end;
@@ -674,6 +687,19 @@ class RobustSearch {
         play.faulty[lane] =
             play.faulty[lane] || !(std::abs(error_rad) <= problem_.following_tolerance_rad);
       }
+    }
+  }
+
+  /// Notes which robots' own shapes overlap: corrections may lead a leg into the other. The shapes
+  /// are the model's.
+  void NoteOverlaps(Play& play) const {
+    if (problem_.scene.self_contact.pairs.empty()) return;
+    std::array<double, LaneModel::kMaxJoints + 3> q{};
+    for (std::size_t lane = 0; lane < kLanes; ++lane) {
+      if (play.faulty[lane]) continue;
+      for (std::size_t j = 0; j < joints_; ++j) q[j + 3] = play.state.q[j + 3].lane(lane);
+      const std::span<const double> at(q.data(), joints_ + 3);
+      play.faulty[lane] = play.distances[lane].Nearest(at, 1e-3).distance_m < 0;
     }
   }
 
@@ -699,12 +725,12 @@ class RobustSearch {
     std::vector<double> losses(motions.size());
     const int packets = static_cast<int>((motions.size() + kLanes - 1) / kLanes);
     ParallelFor(packets, options_.threads, [&](int p, int /*thread*/) {
-      SelfDistances distances(problem_.scene.robot, problem_.scene.self_contact.pairs);
+      Distances distances = MakeDistances();
       std::vector<std::vector<double>> playable;
       std::vector<std::size_t> which;
       const std::size_t end = std::min(motions.size(), Index(p + 1) * kLanes);
       for (std::size_t i = Index(p) * kLanes; i < end; ++i) {
-        losses[i] = PathExcess(motions[i], distances);
+        losses[i] = PathExcess(motions[i], distances.front());
         if (losses[i] >= kUnplayable) continue;
         playable.push_back(motions[i]);
         which.push_back(i);
@@ -712,7 +738,7 @@ class RobustSearch {
       if (playable.empty()) return;
       const std::vector<Plan> plans = Plans(playable);
       for (std::size_t m = 0; m < playable.size(); ++m)
-        losses[which[m]] += Judge(playable[m], plans[m], ensemble) + 2 * plans[m].excess;
+        losses[which[m]] += Judge(playable[m], plans[m], ensemble, distances) + 2 * plans[m].excess;
     });
     evaluations_ += static_cast<std::int64_t>(motions.size());
     return losses;

@@ -17,6 +17,7 @@
 #include "offline/problem/task_toml.h"
 #include "offline/robust/cma_es.h"
 #include "offline/robust/lane_feedback.h"
+#include "offline/scene/self_clearance.h"
 #include "tests/support/files.h"
 #include "tests/support/task_files.h"
 
@@ -174,6 +175,36 @@ TEST(RobustSearch, GainsInTheMotionAreFoundForTheGuessAsItIsAndFollowedByThoseOf
     EXPECT_EQ(law.joints[j].angle_gain[6], hold.joints[j].angle_gain[2]);
     EXPECT_EQ(law.joints[j].rate_gain[6], hold.joints[j].rate_gain[2]);
   }
+}
+
+/// How near the robot's own shapes come along a motion of the joints, exactly followed.
+double NearestAlong(const Problem& problem, const std::vector<double>& x) {
+  SelfDistances distances(problem.scene.robot, problem.scene.self_contact.pairs);
+  double nearest_m = 1;
+  std::vector<double> q = problem.start_q;
+  for (double t = 0; t < problem.duration_s; t += 1e-3) {
+    for (std::size_t j = 0; j < problem.joints.size(); ++j)
+      q[3 + j] = PositionSpline(problem, x, j).Evaluate(t).value;
+    nearest_m = std::min(nearest_m, distances.Nearest(q).distance_m);
+  }
+  return nearest_m;
+}
+
+TEST(RobustSearch, RobotsWhoseOwnShapesOverlapThoughThePlansDoNotAreLostToGainsInTheMotion) {
+  // Encoders are off, so that some robots hold their legs nearer than the plan does.
+  Problem problem =
+      ProblemOf(QuickRobustTask("zero_rad = 0.03\n[robust.feedback]\nlink = \"leg2_link\"\n"));
+  const std::vector<double> guess =
+      SolveRobust(ProblemOf(QuickRobustTask()), {}).solutions.front().x;
+  EXPECT_LE(SolveRobust(problem, {}, guess).history.back().cost, 0.05);
+  // Legs so thick that 0.6 mm remain between them.
+  problem.scene.self_contact.clearance_m = 0;
+  const double thicker_m = NearestAlong(problem, guess) - 0.6e-3;
+  ASSERT_GT(thicker_m, 0);
+  for (OwnShape& shape : problem.scene.robot.own_shapes)
+    if (shape.link == "leg1_link") shape.shape.radius_m += thicker_m;
+  ASSERT_NEAR(NearestAlong(problem, guess), 0.6e-3, 1e-9);
+  EXPECT_GE(SolveRobust(problem, {}, guess).history.back().cost, 0.15) << "one robot of eight";
 }
 
 TEST(RobustSearch, AFeedbackOfTheHoldLeavesTheMotionAsItIsAndActsAtItsEnd) {
