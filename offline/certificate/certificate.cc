@@ -229,7 +229,7 @@ void MotionSummarizer::Take(const MotionSample& sample, double own_distance_m) {
   }
   const bool solved = t <= problem_.duration_s + problem_.settle_s + 1e-9;
   const SelfContact& own = problem_.scene.self_contact;
-  if (solved && !own.pairs.empty()) {
+  if (solved && std::isfinite(own_distance_m)) {
     summary_.self_clearance_m =
         std::min(summary_.self_clearance_m.value_or(own_distance_m), own_distance_m);
     if (own_distance_m < own.clearance_m - kClearanceTolerance_m) {
@@ -293,7 +293,7 @@ MotionSummary MotionSummarizer::Finish() {
 MotionSummary Summarize(Problem problem, std::vector<double> x) {
   TakeFree(problem, x);
   MotionSummarizer summarizer(problem, kRefinement);
-  SelfDistances distances(problem.scene.robot, problem.scene.self_contact.pairs);
+  SelfDistances distances(problem.scene.robot, problem.scene.self_contact.All());
   const double settled_s = problem.duration_s + problem.settle_s + 1e-9;
   double least_m = std::numeric_limits<double>::infinity();
   Rollout rollout(problem, problem.solver.step_s / kRefinement);

@@ -9,6 +9,7 @@
 
 #include "common/primitive_toml.h"
 #include "offline/problem/take_free.h"
+#include "offline/scene/passive_limits.h"
 #include "offline/scene/self_clearance.h"
 
 namespace tumbler {
@@ -37,7 +38,7 @@ PurposeFigure FigureOf(const CostTerm& term, const Instant& at, PurposeTarget::W
 
 bool SecondLook::acceptable() const {
   return finite && torque_excess <= 0 && peak_penetration_m < layer_m &&
-         self_clearance_m >= clearance_m - kClearanceTolerance_m &&
+         self_clearance_m >= clearance_m - kClearanceTolerance_m && passive_excess <= 0 &&
          std::ranges::all_of(purpose, &PurposeFigure::met) && std::isinf(leaves_after_s);
 }
 
@@ -64,6 +65,10 @@ std::string SecondLook::Objections() const {
         "the robot's own shapes {} {} {:.1f} mm at {:.3f} s, and have to stay {:.3g} mm apart",
         self_clearance_of, self_clearance_m < 0 ? "overlap by" : "come as near as",
         1e3 * std::abs(self_clearance_m), self_clearance_time_s, 1e3 * clearance_m));
+  }
+  if (!(passive_excess <= 0)) {
+    reasons.push_back(
+        fmt::format("{} at {:.3f} s, where no stop is simulated", passive_joint, passive_time_s));
   }
   return fmt::format("{}", fmt::join(reasons, "; "));
 }
@@ -112,6 +117,12 @@ class Looker {
     if (own.distance_m < nearest_.distance_m) {
       nearest_ = own;
       look_.self_clearance_time_s = t;
+    }
+    const PassiveExcess passive = FarthestPassive(problem_.scene.robot, sample.q);
+    if (passive.by > look_.passive_excess) {
+      look_.passive_excess = passive.by;
+      look_.passive_time_s = t;
+      look_.passive_joint = Describe(passive, problem_.scene.robot);
     }
     double& excess = solved ? look_.torque_excess : look_.held_torque_excess;
     for (std::size_t j = 0; j < problem_.joints.size(); ++j) {
@@ -200,7 +211,7 @@ FineLook LookFinely(Problem problem, std::vector<double> x, double refinement) {
   const double settled_s = problem.duration_s + problem.settle_s + 1e-9;
   Looker looker(problem, step_s);
   MotionSummarizer summarizer(problem, refinement);
-  SelfDistances distances(problem.scene.robot, problem.scene.self_contact.pairs);
+  SelfDistances distances(problem.scene.robot, problem.scene.self_contact.All());
   double least_m = std::numeric_limits<double>::infinity();
   Rollout rollout(problem, step_s);
   rollout.Visit(x, SettlingAfter(problem), [&](const MotionSample& sample) {

@@ -37,12 +37,18 @@ struct SecondLook {
   double self_clearance_time_s = 0;
   std::string self_clearance_of;  ///< "leg1_link/0 and leg2_link/1"
   double clearance_m = 0;         ///< The least that the task allows.
+  /// By how much a joint without a motor goes beyond its limits, up to 2 s after the end where the
+  /// motion ends at rest [rad, m]. No stop is simulated, so that the motion means nothing then.
+  double passive_excess = 0;
+  double passive_time_s = 0;
+  std::string passive_joint;  ///< "the joint without a motor 'wrist'", and where it is.
   /// Thickness of the compliant layer, which no contact may go through.
   double layer_m = std::numeric_limits<double>::infinity();
   bool finite = true;
 
   /// Whether the motion can be written: every target is met, the robot stays there, no torque
-  /// exceeds its limit, no contact goes through the layer, and the robot's own shapes stay apart.
+  /// exceeds its limit, no contact goes through the layer, the robot's own shapes stay apart, and
+  /// joints without a motor stay within their limits.
   [[nodiscard]] bool acceptable() const;
   /// What stands against it, as text: "pitch, settled: asked 1.5708, got 0.0012 rad (within 0.05)".
   [[nodiscard]] std::string Objections() const;

@@ -15,6 +15,7 @@
 
 #include "common/index.h"
 #include "common/toml_reader.h"
+#include "offline/scene/passive_limits.h"
 #include "offline/scene/rest_pose.h"
 #include "offline/scene/scene_dynamics.h"
 #include "offline/stepper/even_steps.h"
@@ -34,7 +35,7 @@ constexpr double kPostureTolerance = 0.1;
 /// The scene of one primitive, and the plan of the primitive in it.
 struct World {
   World(const PrimitiveFile& f, const Problem& p)
-      : file(f), problem(p), robot(p.scene), distances(p.scene.robot, p.scene.self_contact.pairs) {
+      : file(f), problem(p), robot(p.scene), distances(p.scene.robot, p.scene.self_contact.All()) {
     for (const JointMotion<double>& motion : file.primitive.motions())
       dof_of_joint.push_back(Index(problem.scene.robot.FindDof(motion.name.view())));
     for (const ContactInterval& interval : file.contacts) {
@@ -365,6 +366,11 @@ class Simulation {
                               NameOf(world.problem.scene.robot, own.pair),
                               MessageText(-1e3 * own.distance_m)));
     }
+    const PassiveExcess passive =
+        FarthestPassive(world.problem.scene.robot, {world.robot.q.data(), world.robot.n});
+    if (passive.by > 0) {
+      return Fail(ChainFailure::Cause::kStop, node, Describe(passive, world.problem.scene.robot));
+    }
     const std::span<const ActiveContact<Plane>> contacts = world.robot.contact->active();
     if (visitor_) {
       const SceneDynamics& robot = world.robot;
@@ -452,6 +458,8 @@ const char* ToString(ChainFailure::Cause cause) {
       return "touch";
     case ChainFailure::Cause::kOverlap:
       return "overlap";
+    case ChainFailure::Cause::kStop:
+      return "stop";
     case ChainFailure::Cause::kFallen:
       return "fallen";
     case ChainFailure::Cause::kExit:

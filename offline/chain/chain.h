@@ -70,6 +70,7 @@ struct ChainFailure {
     kCore,         ///< A contact went through the whole compliant layer.
     kTouch,        ///< A body touched something that it never touches in the plan.
     kOverlap,      ///< Shapes of the robot that are to stay apart went through each other.
+    kStop,         ///< A joint without a motor went beyond its limits.
     kFallen,       ///< The root turned far from where it is when the primitive is played alone.
     kExit,         ///< At the end of the hold, the pitch was out of the node's tolerance.
     kEntry,        ///< Height or pitch were out of the tolerances when the next node was to begin.

@@ -75,11 +75,6 @@ std::vector<OwnPair> ReadPairs(TomlTable& table, std::string_view key,
                                       names[0], names[1]));
         }
         pairs.push_back({std::min(a, b), std::max(a, b)});
-        if (key == "add" && DependsOnPassive(*entry.robot, pairs.back())) {
-          table.Fail(key, fmt::format("names '{}' and '{}', with a joint without a motor between "
-                                      "them, on whose way no path decides",
-                                      names[0], names[1]));
-        }
       }
     }
   }
@@ -127,8 +122,6 @@ void ReadSelfContact(TomlTable& root, std::span<const std::vector<double>> q, Sc
   std::optional<TomlTable> table = root.OptionalTable("self_contact");
   if (table) ReadKeys(*table, kSelfContactKeys, entry);
   entry.pairs = SeparatePairs(scene.robot, entry.shapes, entry.clearance_m);
-  std::erase_if(entry.pairs,
-                [&](const OwnPair& pair) { return DependsOnPassive(scene.robot, pair); });
   if (table) ReadKeys(*table, kPairKeys, entry);
   const auto fail = [&](const char* key, const std::string& problem) {
     if (table) table->Fail(key, problem);
@@ -140,6 +133,11 @@ void ReadSelfContact(TomlTable& root, std::span<const std::vector<double>> q, Sc
                      "to {}; take those of \"collision\", or use leave_out",
                      entry.pairs.size(), kMostOwnPairs));
   }
+  const auto simulated = std::stable_partition(
+      entry.pairs.begin(), entry.pairs.end(),
+      [&](const OwnPair& pair) { return !DependsOnPassive(scene.robot, pair); });
+  scene.self_contact.simulated.assign(simulated, entry.pairs.end());
+  entry.pairs.erase(simulated, entry.pairs.end());
   SelfDistances distances(scene.robot, entry.pairs);
   for (std::size_t i = 0; i < q.size(); ++i) {
     const SelfClearance nearest = distances.Nearest(q[i]);
@@ -151,7 +149,8 @@ void ReadSelfContact(TomlTable& root, std::span<const std::vector<double>> q, Sc
                      MessageNumber(entry.clearance_m), i == 0 ? "starts" : "ends",
                      NameOf(scene.robot, nearest.pair), MessageNumber(nearest.distance_m)));
   }
-  scene.self_contact = {entry.clearance_m, std::move(entry.pairs)};
+  scene.self_contact.clearance_m = entry.clearance_m;
+  scene.self_contact.pairs = std::move(entry.pairs);
 }
 
 KeyTable SelfContactKeyTable() {

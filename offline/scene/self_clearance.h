@@ -25,6 +25,15 @@ inline constexpr double kClearanceScale_m = 0.01;
 struct SelfContact {
   double clearance_m = 0.005;
   std::vector<OwnPair> pairs;
+  /// Pairs with a joint without a motor between their bodies. No path keeps them apart, so the
+  /// solver has no limit for them; whatever is simulated is looked at for them, too.
+  std::vector<OwnPair> simulated;
+
+  [[nodiscard]] std::vector<OwnPair> All() const {
+    std::vector<OwnPair> all = pairs;
+    all.insert(all.end(), simulated.begin(), simulated.end());
+    return all;
+  }
 };
 
 /// Whether drawn shapes count as well as collision shapes.

@@ -37,6 +37,8 @@ constexpr int kPatienceOnTheWay = 30, kPatience = 100;
 /// Evaluations that a step can take: its motion, two corrections of it, and that with fine steps at
 /// the end.
 constexpr int kMostForAStep = 4;
+/// Further ones, with which a solve that ends on its budget goes back to its constraints.
+constexpr int kMostOnTheWayBack = 3;
 /// With coarse steps, a motion has nearly converged at this many times the residual that is wanted.
 constexpr double kNearly = 10;
 /// Linear limits that are exceeded by less are kept.
@@ -160,6 +162,7 @@ class NearSolve {
       Refine(here);
       if (here.result.finite && GoesOn(best.end)) best.end = Iterate(here);
     }
+    if (best.end != SolveEnd::kInterrupted) Restore(here);
     best.x.assign(here.x.begin(), here.x.end());
     best.rollout = here.result;
     best.evaluations = evaluations_;
@@ -185,6 +188,21 @@ class NearSolve {
     if (!problem_.free_duration) return;
     for (std::size_t i = 0; i < rows_.size(); ++i)
       TakeHard(i, rows_[i].LinearAt({x.data(), Index(n_)}));
+  }
+
+  /// Leads a motion whose solve ended on the way, a little beyond its constraints, back to where it
+  /// keeps them, by the shortest steps.
+  void Restore(Point& here) {
+    for (int i = 0; i < kMostOnTheWayBack && evaluations_ < max_evaluations_; ++i) {
+      if (!here.result.finite || here.c.size() == 0 || here.c.maxCoeff() <= kNoViolation) return;
+      QuadraticProgram nearest = Program(here, MatrixXd::Identity(n_, n_), kFirstRadius);
+      nearest.g = VectorXd::Zero(n_);
+      nearest.soft_value.array() += 0.5 * kNoViolation;
+      nearest.price = 1e3;
+      Point there = Expand(here.x + Solve(nearest).p);
+      if (!there.result.finite || there.violation() >= here.violation()) return;
+      here = std::move(there);
+    }
   }
 
   /// The motion nearest to x that keeps all linear limits.
@@ -266,7 +284,7 @@ class NearSolve {
         {price_, std::abs(here.result.cost), 1e-3 * here.g().lpNorm<Eigen::Infinity>(), 1e-9});
     int resets = 0;
     Progress last = ProgressOf(here);
-    while (evaluations_ + kMostForAStep <= max_evaluations_) {
+    while (evaluations_ + kMostForAStep + kMostOnTheWayBack <= max_evaluations_) {
       if (options_.interrupt != nullptr && *options_.interrupt) return SolveEnd::kInterrupted;
       if (Converged(here)) return SolveEnd::kConverged;
       if (!here.result.finite) return SolveEnd::kStalled;

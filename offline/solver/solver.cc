@@ -318,7 +318,7 @@ const char* ToString(SolveEnd end) {
     case SolveEnd::kStalled:
       return "stopped making progress";
     case SolveEnd::kEnough:
-      return "a further step would change little";
+      return "good as asked; the next step would lower the cost by less than a tenth";
     case SolveEnd::kEvaluations:
       return "evaluation budget used up";
     case SolveEnd::kGenerations:

@@ -259,5 +259,20 @@ TEST(SolveNear, KeepsTheLimitsOfPathsFromAStartThatBreaksThem) {
   EXPECT_GT(largest_before, 1.05 * kLimit) << "or there was nothing to mend";
 }
 
+TEST(SolveNear, ThatEndsOnItsBudgetOnTheWayHandsOverAMotionWithinItsLimits) {
+  // The way down leads along the least distance of the legs, a little beyond it here and there.
+  const Problem problem = KnownTask("control_points = 9", "control_points = 24").problem;
+  const std::vector<double> start = GuessFrom(problem, Known(), "known.toml");
+  NearRollouts rollouts(problem);
+  for (const int budget : {20, 40, 60, 90, 120}) {
+    const Solution solution = SolveNear(problem, start, budget, 0, rollouts, {}, nullptr);
+    EXPECT_EQ(solution.end, SolveEnd::kEvaluations) << budget;
+    EXPECT_TRUE(solution.feasible())
+        << budget << ": " << solution.worst_constraint << " by " << solution.constraint_violation;
+    EXPECT_LT(solution.rollout.cost, solution.start_cost) << budget;
+    EXPECT_LE(solution.evaluations, budget);
+  }
+}
+
 }  // namespace
 }  // namespace tumbler

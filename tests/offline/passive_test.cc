@@ -1,6 +1,7 @@
 // Joints without a motor, with springs and dampers: the optimiser moves them as equations written
 // down by hand do, gradients go through them, and rest poses, twin, chains and files have them.
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -14,6 +15,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/primitive_hash.h"
 #include "common/primitive_toml.h"
 #include "common/sequence_toml.h"
 #include "offline/certificate/certificate.h"
@@ -407,6 +409,78 @@ TEST(Passive, ASolvedMotionLeavesTheSprungTipCalmThatAStraightOneLetsSwing) {
   EXPECT_TRUE(LookAgain(problem, x).acceptable()) << LookAgain(problem, x).Objections();
 }
 
+/// The pendulum with a wrist that stops there.
+std::string PendulumWithStops(const std::string& limits) {
+  return Replaced(kPendulum, "lower=\"-2\" upper=\"2\"", limits);
+}
+
+TEST(Passive, AMotionThatLeadsAJointBeyondItsStopIsRefusedWithTheJointAndWhereItIs) {
+  const Problem& problem = SolvedPendulum().task.problem;
+  const std::vector<double>& x = SolvedPendulum().outcome.solutions.front().x;
+  double lowest = 1, lowest_s = 0;
+  Rollout(problem, 1e-4).Visit(x, 0, [&](const MotionSample& at) {
+    if (at.q[1] >= lowest) return;
+    lowest = at.q[1];
+    lowest_s = at.time_s;
+  });
+  ASSERT_LT(lowest, 0.1) << "below where it starts";
+  const auto look = [&](double stop) {
+    const std::string robot = PendulumWithStops(fmt::format("lower=\"{}\" upper=\"2\"", stop));
+    return LookAgain(ParseTask(kPendulumTask, "task.toml", robot, "pendulum.urdf").problem, x);
+  };
+  EXPECT_TRUE(look(lowest - 1e-3).acceptable());
+  const SecondLook beyond = look(lowest + 1e-3);
+  EXPECT_FALSE(beyond.acceptable());
+  EXPECT_NEAR(beyond.passive_excess, 1e-3, 1e-5);
+  EXPECT_NEAR(beyond.passive_time_s, lowest_s, 2e-3);
+  EXPECT_THAT(beyond.Objections(),
+              AllOf(HasSubstr("the joint without a motor 'wrist' is at "),
+                    HasSubstr(fmt::format("beyond its limit of {:.4g} rad", lowest + 1e-3)),
+                    HasSubstr("no stop is simulated")));
+}
+
+TEST(Passive, AChainEndsWhereAJointGoesBeyondItsStop) {
+  const Solved& solved = SolvedPendulum();
+  std::string text =
+      ToToml(MakePrimitiveFile(solved.task, solved.outcome, solved.outcome.solutions.front()));
+  PrimitiveFile file = ParsePrimitive(text, "pendulum.toml");
+  file.provenance.robot_urdf = PendulumWithStops("lower=\"0.25\" upper=\"2\"");
+  file.provenance.robot_hash = HashOfText(file.provenance.robot_urdf);
+  text = ToToml(file);
+  const SimulatedMotion motion(
+      LoadMotion("pendulum.toml", [&](const std::string&) { return text; }));
+  const ChainOutcome chain = SimulateChain(motion, {}, {});
+  ASSERT_TRUE(chain.failure);
+  EXPECT_EQ(chain.failure->cause, ChainFailure::Cause::kStop);
+  EXPECT_THAT(chain.failure->text, HasSubstr("'wrist' is at "));
+}
+
+TEST(Passive, InTheTwinAStopHoldsAJointWithinItsLimits) {
+  const auto lowest_of = [](const std::string& robot) {
+    const Problem problem = ParseTask(kPendulumTask, "task.toml", robot, "pendulum.urdf").problem;
+    TwinConfig config;
+    config.step_ns = 5'000;
+    config.held = false;
+    SimulatedMotorConfig motor;
+    motor.torque_max_nm = 1000;
+    FollowingDrive drive(motor, [](double t) {  // to and fro
+      return std::pair(-0.4 + 0.5 * std::sin(9 * t), 4.5 * std::cos(9 * t));
+    });
+    SimulatedBus bus;
+    Twin twin(problem.scene, PoseAt(problem.start_q, problem.scene.robot), config, bus, {&drive});
+    double lowest = 1;
+    for (int ms = 1; ms <= 2000; ++ms) {
+      twin.AdvanceTo(ms * 1'000'000);
+      lowest = std::min(lowest, twin.state().passive_positions_rad[0]);
+    }
+    return lowest;
+  };
+  EXPECT_LT(lowest_of(kPendulum), -0.1);
+  const double stopped = lowest_of(PendulumWithStops("lower=\"0.0\" upper=\"2\""));
+  EXPECT_LT(stopped, 0) << "it meets it";
+  EXPECT_GT(stopped, -0.02);
+}
+
 TEST(Passive, APrimitiveKeepsWhereItsPassiveJointsStartAndEndAndAChainPlaysItAlike) {
   const Solved& solved = SolvedPendulum();
   const PrimitiveFile made =
@@ -465,7 +539,7 @@ TEST(Passive, WhatAPassiveJointCannotBeIsRefusedByName) {
               HasSubstr("limits.wrist: is in [passive], so it has no motor to limit"));
 }
 
-TEST(Passive, NoPathKeepsShapesApartThatAPassiveJointMoves) {
+TEST(Passive, ShapesThatAPassiveJointMovesAreLookedAtInSimulationsOnly) {
   std::string task = testing::ReadFile(testing::SourcePath("tests/data/tasks/hop.toml"));
   const std::string robot = testing::ReadFile(testing::SourcePath("tests/data/robots/hopper.urdf"));
   const auto parse = [&](const std::string& text) {
@@ -481,13 +555,10 @@ TEST(Passive, NoPathKeepsShapesApartThatAPassiveJointMoves) {
   EXPECT_EQ(problem.start_q[4], -1.0);
   // The trunk is beyond the knee, seen from the foot.
   EXPECT_THAT(problem.scene.self_contact.pairs, ::testing::IsEmpty());
-  try {
-    parse(task + "\n[self_contact]\nadd = [[\"foot\", \"trunk\"]]\n");
-    FAIL() << "it is taken";
-  } catch (const FileError& error) {
-    EXPECT_THAT(error.what(), AllOf(HasSubstr("self_contact.add: names 'foot' and 'trunk'"),
-                                    HasSubstr("a joint without a motor between them")));
-  }
+  EXPECT_EQ(problem.scene.self_contact.simulated, driven.scene.self_contact.pairs);
+  const Problem without = parse(task + "\n[self_contact]\nleave_out = [[\"foot\", \"trunk\"]]\n");
+  EXPECT_LT(without.scene.self_contact.simulated.size(),
+            problem.scene.self_contact.simulated.size());
 }
 
 TEST(Passive, LanesRefuseAPassiveJointByNameAndNoChainOfAnglesHasIt) {

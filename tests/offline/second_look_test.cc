@@ -150,13 +150,12 @@ TEST(SecondLook, SeesLegsThatPassThroughEachOther) {
   EXPECT_LT(look.self_clearance_time_s, problem.duration_s);
 }
 
-/// The second look at a nominal primitive, from the texts that it carries.
-SecondLook LookAtNominal(const std::string& name, double refinement = kRefinement) {
-  const SimulatedMotion motion(
-      LoadMotion(testing::SourcePath("primitives/nominal/" + name + ".toml")));
+/// The second look at a shipped primitive, from the texts that it carries.
+SecondLook LookAtShipped(const std::string& name, double refinement = kRefinement) {
+  const std::string path = testing::SourcePath("primitives/" + name + ".toml");
+  const SimulatedMotion motion(LoadMotion(path));
   const Problem& problem = motion.ProblemOf(0);
-  const PrimitiveFile file =
-      LoadPrimitive(testing::SourcePath("primitives/nominal/" + name + ".toml"));
+  const PrimitiveFile file = LoadPrimitive(path);
   std::vector<double> x;
   for (const JointMotion<double>& joint : file.primitive.motions()) {
     const auto points = joint.position.control_points(0);
@@ -167,7 +166,7 @@ SecondLook LookAtNominal(const std::string& name, double refinement = kRefinemen
 
 TEST(SecondLook, NominalMotionsDoWhatTheirTasksAskFor) {
   for (const std::string name : {"handstand", "downstand", "roll"}) {
-    const SecondLook look = LookAtNominal(name);
+    const SecondLook look = LookAtShipped("nominal/" + name);
     EXPECT_TRUE(look.acceptable()) << name << ": " << look.Objections();
     const PrimitiveFile file =
         LoadPrimitive(testing::SourcePath("primitives/nominal/" + name + ".toml"));
@@ -181,9 +180,11 @@ TEST(SecondLook, NominalMotionsDoWhatTheirTasksAskFor) {
   }
 }
 
-TEST(SecondLook, NominalMotionsKeepTorquesAndClearanceAtAStep64TimesFiner) {
-  for (const char* name : {"handstand", "downstand", "roll"}) {
-    const SecondLook look = LookAtNominal(name, 64);
+TEST(SecondLook, ShippedMotionsKeepTorquesAndClearanceAtAStep64TimesFiner) {
+  for (const char* name :
+       {"handstand", "handstand_sensor", "downstand", "roll", "stand", "rise", "rise_from_leg1",
+        "rise_from_leg2", "nominal/handstand", "nominal/downstand", "nominal/roll"}) {
+    const SecondLook look = LookAtShipped(name, 64);
     EXPECT_LT(look.peak_torque_nm, 8.0) << name;
     EXPECT_LT(look.torque_excess, 0) << name;
     EXPECT_GE(look.clearance_m, 0.005) << name;

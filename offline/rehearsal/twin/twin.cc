@@ -11,6 +11,10 @@
 namespace tumbler {
 namespace {
 
+/// Stiffness and damping of a stop that a sliding joint without a motor meets, in units of a
+/// turning one's: those of that at a lever of 0.1 m [1/m^2].
+constexpr double kStopLever = 1 / (0.1 * 0.1);
+
 int BodyOf(const PlanarRobot& robot, const std::string& link) {
   const std::vector<std::string>& names = robot.body_names;
   // All degrees of freedom of the root have the name of its link, and the last one moves it.
@@ -83,7 +87,7 @@ struct Twin::Implementation {
       : config(c),
         scene(Changed(nominal, c)),
         robot(scene),
-        distances(scene.robot, scene.self_contact.pairs),
+        distances(scene.robot, scene.self_contact.All()),
         bus(b),
         drives(std::move(d)),
         start_positions(PositionsIn(Lifted(start, c.stand_m), scene.robot)),
@@ -121,16 +125,21 @@ struct Twin::Implementation {
 
   /// The torque of dry friction and of the stop at the joint's limit.
   [[nodiscard]] double Resistance(std::size_t j, double position, double velocity) const {
-    double torque = -EvaluateDryFriction(scene.motors[j].dry_friction_nm, velocity).torque_nm;
-    const RobotJointLimits& limits = scene.robot.limits[scene.robot.DofOfJoint(j)];
-    const double k = config.stop_stiffness_nm_per_rad;
-    const double c = config.stop_damping_nm_s_per_rad;
-    if (position > limits.upper_rad) {
-      torque += std::min(0.0, -k * (position - limits.upper_rad) - c * velocity);
-    } else if (position < limits.lower_rad) {
-      torque += std::max(0.0, k * (limits.lower_rad - position) - c * velocity);
-    }
-    return torque;
+    return StopTorque(scene.robot.DofOfJoint(j), position, velocity) -
+           EvaluateDryFriction(scene.motors[j].dry_friction_nm, velocity).torque_nm;
+  }
+
+  /// @param by  stiffness and damping in units of the configuration's.
+  [[nodiscard]] double StopTorque(std::size_t dof, double position, double velocity,
+                                  double by = 1) const {
+    const RobotJointLimits& limits = scene.robot.limits[dof];
+    const double k = by * config.stop_stiffness_nm_per_rad;
+    const double c = by * config.stop_damping_nm_s_per_rad;
+    if (position > limits.upper_rad)
+      return std::min(0.0, -k * (position - limits.upper_rad) - c * velocity);
+    if (position < limits.lower_rad)
+      return std::max(0.0, k * (limits.lower_rad - position) - c * velocity);
+    return 0;
   }
 
   [[nodiscard]] int BodyOfContact(const ActiveContact<Plane>& active) const {
@@ -186,6 +195,11 @@ struct Twin::Implementation {
     for (std::size_t j = 0; j < drives.size(); ++j) {
       const std::size_t dof = scene.robot.DofOfJoint(j);
       robot.tau[dof] += Resistance(j, robot.q[dof], robot.qd[dof]);
+    }
+    for (const PassiveJoint& joint : scene.robot.passive) {
+      const std::size_t dof = Index(joint.dof);
+      const bool slides = scene.robot.tree.dofs[dof].kind == JointKind::kPrismatic;
+      robot.tau[dof] += StopTorque(dof, robot.q[dof], robot.qd[dof], slides ? kStopLever : 1);
     }
     robot.Solve();
     robot.TakeSlope(k);
