@@ -402,6 +402,7 @@ class TaskReader {
       const CostTerm term =
           ReadCostTerm(table, scene_.robot, problem_.duration_s, problem_.settle_s);
       CheckTime(table, term);
+      CheckAgainstOthers(table, term);
       if (term.targets_pitch() && term.weight > 0) problem_.target_pitch_rad = term.target;
       // Integrals that differ only in their weights become one.
       const auto same = std::find_if(cost.begin(), cost.end(), [&term](const CostTerm& other) {
@@ -422,6 +423,23 @@ class TaskReader {
       root_.Fail("cost", fmt::format("asks for nothing, as it {}; allowed: at least one term with "
                                      "weight > 0",
                                      empty ? "is empty" : "has only weights of 0"));
+    }
+  }
+
+  /// Checks that no earlier term has a target of the same quantity that is missed wherever this one
+  /// is met.
+  void CheckAgainstOthers(TomlTable& table, const CostTerm& term) const {
+    if (!term.draws()) return;
+    for (const CostTerm& other : problem_.cost) {
+      const bool same = other.draws() && other.of() == term.of() && other.when == term.when &&
+                        other.from_start == term.from_start && other.time_s == term.time_s &&
+                        other.point == term.point;
+      if (!same || std::abs(term.target - other.target) <= term.tolerance + other.tolerance)
+        continue;
+      table.Fail("target",
+                 fmt::format("asks for {} of what another [[cost]] asks to be {} at the same time; "
+                             "no motion is within the tolerances of both; leave one out",
+                             MessageNumber(term.target), MessageNumber(other.target)));
     }
   }
 
