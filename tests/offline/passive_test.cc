@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <stdexcept>
@@ -469,7 +470,7 @@ TEST(Passive, InTheTwinAStopHoldsAJointWithinItsLimits) {
     SimulatedBus bus;
     Twin twin(problem.scene, PoseAt(problem.start_q, problem.scene.robot), config, bus, {&drive});
     double lowest = 1;
-    for (int ms = 1; ms <= 2000; ++ms) {
+    for (std::int64_t ms = 1; ms <= 2000; ++ms) {
       twin.AdvanceTo(ms * 1'000'000);
       lowest = std::min(lowest, twin.state().passive_positions_rad[0]);
     }
