@@ -68,7 +68,7 @@ std::string SecondLook::Objections() const {
   }
   if (!(passive_excess <= 0)) {
     reasons.push_back(
-        fmt::format("{} at {:.3f} s, where no stop is simulated", passive_joint, passive_time_s));
+        fmt::format("at {:.3f} s, {}, where no stop is simulated", passive_time_s, passive_joint));
   }
   return fmt::format("{}", fmt::join(reasons, "; "));
 }

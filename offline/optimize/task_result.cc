@@ -41,8 +41,8 @@ std::string Cause(const Problem& problem, const Solution& best) {
   }
   if (best.constraint_violation > kNoViolation) {
     return fmt::format(
-        "the best motion exceeds a limit: {} by {:.1f} % ({}); give it more duration_s, looser "
-        "limits or more search.max_samples",
+        "the best motion exceeds a limit: {} by {:.2g} % ({}); give it more duration_s, looser "
+        "limits, or more search.max_samples or solver.max_evaluations",
         best.worst_constraint, 100 * best.constraint_violation, ToString(best.end));
   }
   if (best.core_reached) {
@@ -118,8 +118,12 @@ void MakeFile(TaskResult& result, Looks& looks) {
         "a simulation of the best motion with a step of {:.3g} ms shows that it is not what the "
         "task asks for: {}; use another --seed or another duration_s; for a target that is "
         "missed, a larger weight or tolerance of its term; for torque or penetration, a larger "
-        "solver.torque_margin or solver.core_margin{}",
-        1e3 * result.look.step_s, result.look.Objections(), WiderBounds(result.problem()));
+        "solver.torque_margin or solver.core_margin{}{}",
+        1e3 * result.look.step_s, result.look.Objections(),
+        result.look.passive_excess > 0 ? "; for a joint without a motor, a stiffer spring, more "
+                                         "damping or wider limits"
+                                       : "",
+        WiderBounds(result.problem()));
     return;
   }
   PrimitiveFile file = MakePrimitiveFile(result.task, result.outcome, best, result.summary);

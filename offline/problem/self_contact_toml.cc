@@ -139,8 +139,13 @@ void ReadSelfContact(TomlTable& root, std::span<const std::vector<double>> q, Sc
   scene.self_contact.simulated.assign(simulated, entry.pairs.end());
   entry.pairs.erase(simulated, entry.pairs.end());
   SelfDistances distances(scene.robot, entry.pairs);
+  // Where the start leads joints without a motor, the simulation says.
+  std::vector<OwnPair> at_start = entry.pairs;
+  at_start.insert(at_start.end(), scene.self_contact.simulated.begin(),
+                  scene.self_contact.simulated.end());
+  SelfDistances distances_at_start(scene.robot, at_start);
   for (std::size_t i = 0; i < q.size(); ++i) {
-    const SelfClearance nearest = distances.Nearest(q[i]);
+    const SelfClearance nearest = (i == 0 ? distances_at_start : distances).Nearest(q[i]);
     if (nearest.distance_m >= entry.clearance_m) continue;
     fail("clearance_m",
          fmt::format("is {}, but where the motion {}, the robot's own shapes {} are {} m apart; "

@@ -266,6 +266,13 @@ class TaskReader {
         end.Fail(name, "has no motor that could bring it there; leave it out, or out of [passive]");
       const RobotJointLimits& urdf = scene_.robot.limits[Index(joint.dof)];
       const Range range{std::max(urdf.lower_rad, -100.0), std::min(urdf.upper_rad, 100.0)};
+      if (!start.Has(name) && (joint.rest_rad < range.min || joint.rest_rad > range.max)) {
+        root_.Table("passive").Table(name).Fail(
+            "rest_rad", fmt::format("is {}, where the joint starts as start.joints_rad does not "
+                                    "name it; allowed: its limits, {} ... {}, or give its start",
+                                    MessageNumber(joint.rest_rad), MessageNumber(range.min),
+                                    MessageNumber(range.max)));
+      }
       passive_start_.push_back(start.Has(name) ? start.Number(name, range) : joint.rest_rad);
     }
   }
@@ -431,11 +438,16 @@ class TaskReader {
   void CheckAgainstOthers(TomlTable& table, const CostTerm& term) const {
     if (!term.draws()) return;
     for (const CostTerm& other : problem_.cost) {
-      const bool same = other.draws() && other.of() == term.of() && other.when == term.when &&
-                        other.from_start == term.from_start && other.time_s == term.time_s &&
-                        other.point == term.point;
-      if (!same || std::abs(term.target - other.target) <= term.tolerance + other.tolerance)
-        continue;
+      const auto after = [this](const CostTerm& of) {
+        // Without a settle phase the motion has settled when it ends.
+        return of.when == CostTerm::When::kSettled && problem_.settle_s == 0 ? CostTerm::When::kEnd
+                                                                             : of.when;
+      };
+      const bool same = other.draws() && other.of() == term.of() && after(other) == after(term) &&
+                        other.from_start == term.from_start &&
+                        std::abs(other.time_s - term.time_s) <= 1e-9 && other.point == term.point;
+      const double apart = std::abs(term.target - other.target);
+      if (!same || apart <= term.tolerance + other.tolerance + 1e-9) continue;
       table.Fail("target",
                  fmt::format("asks for {} of what another [[cost]] asks to be {} at the same time; "
                              "no motion is within the tolerances of both; leave one out",

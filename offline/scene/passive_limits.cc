@@ -7,6 +7,12 @@
 #include "common/index.h"
 
 namespace tumbler {
+namespace {
+
+/// A spring that is slack at a limit rests there but for rounding [rad, m].
+constexpr double kRest = 1e-6;
+
+}  // namespace
 
 PassiveExcess FarthestPassive(const PlanarRobot& robot, std::span<const double> q) {
   PassiveExcess farthest;
@@ -14,7 +20,7 @@ PassiveExcess FarthestPassive(const PlanarRobot& robot, std::span<const double> 
     const RobotJointLimits& limits = robot.limits[Index(joint.dof)];
     const double at = q[Index(joint.dof)];
     const double by = std::max(at - limits.upper_rad, limits.lower_rad - at);
-    if (by > farthest.by) farthest = {joint.dof, by, at};
+    if (by > std::max(farthest.by, kRest)) farthest = {joint.dof, by, at};
   }
   return farthest;
 }

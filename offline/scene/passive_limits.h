@@ -15,7 +15,7 @@ struct PassiveExcess {
   double at = 0;  ///< Where it is.
 };
 
-/// The one that is farthest beyond.
+/// The one that is farthest beyond, by more than 1e-6.
 /// @param q  positions of all degrees of freedom [rad, m].
 PassiveExcess FarthestPassive(const PlanarRobot& robot, std::span<const double> q);
 

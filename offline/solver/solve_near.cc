@@ -195,9 +195,11 @@ class NearSolve {
   void Restore(Point& here) {
     for (int i = 0; i < kMostOnTheWayBack && evaluations_ < max_evaluations_; ++i) {
       if (!here.result.finite || here.c.size() == 0 || here.c.maxCoeff() <= kNoViolation) return;
+      TakeHardAt(here.x);
       QuadraticProgram nearest = Program(here, MatrixXd::Identity(n_, n_), kFirstRadius);
       nearest.g = VectorXd::Zero(n_);
-      nearest.soft_value.array() += 0.5 * kNoViolation;
+      // Constraints bend, so a step that aims at their edge ends a little beyond it again.
+      nearest.soft_value.array() += 0.1 * here.c.maxCoeff() + 0.5 * kNoViolation;
       nearest.price = 1e3;
       Point there = Expand(here.x + Solve(nearest).p);
       if (!there.result.finite || there.violation() >= here.violation()) return;
@@ -284,7 +286,7 @@ class NearSolve {
         {price_, std::abs(here.result.cost), 1e-3 * here.g().lpNorm<Eigen::Infinity>(), 1e-9});
     int resets = 0;
     Progress last = ProgressOf(here);
-    while (evaluations_ + kMostForAStep + kMostOnTheWayBack <= max_evaluations_) {
+    for (;;) {
       if (options_.interrupt != nullptr && *options_.interrupt) return SolveEnd::kInterrupted;
       if (Converged(here)) return SolveEnd::kConverged;
       if (!here.result.finite) return SolveEnd::kStalled;
@@ -300,6 +302,8 @@ class NearSolve {
       const double size = std::abs(here.Merit(price_));
       const bool keeps = here.c.maxCoeff() <= kNoViolation;
       if (enough_ > 0 && keeps && !(promised > enough_ * size)) return SolveEnd::kEnough;
+      if (evaluations_ + kMostForAStep + kMostOnTheWayBack > max_evaluations_)
+        return SolveEnd::kEvaluations;
       if (!(promised > kRoundingOfMerit * size) || radius_ < kSmallestRadius) {
         if (secants_.empty() || coarse() || resets++ == kMostResets) return SolveEnd::kStalled;
         secants_.Forget();
@@ -318,7 +322,6 @@ class NearSolve {
       }
       if (taken) here = std::move(there);
     }
-    return SolveEnd::kEvaluations;
   }
 
   /// Takes in how derivatives differ between two motions. With y the change of the Lagrangian's

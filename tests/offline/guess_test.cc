@@ -264,7 +264,7 @@ TEST(SolveNear, ThatEndsOnItsBudgetOnTheWayHandsOverAMotionWithinItsLimits) {
   const Problem problem = KnownTask("control_points = 9", "control_points = 24").problem;
   const std::vector<double> start = GuessFrom(problem, Known(), "known.toml");
   NearRollouts rollouts(problem);
-  for (const int budget : {20, 40, 60, 90, 120}) {
+  for (const int budget : {9, 12, 20, 40, 60, 90, 120}) {
     const Solution solution = SolveNear(problem, start, budget, 0, rollouts, {}, nullptr);
     EXPECT_EQ(solution.end, SolveEnd::kEvaluations) << budget;
     EXPECT_TRUE(solution.feasible())

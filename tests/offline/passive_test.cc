@@ -482,6 +482,47 @@ TEST(Passive, InTheTwinAStopHoldsAJointWithinItsLimits) {
   EXPECT_GT(stopped, -0.02);
 }
 
+TEST(Passive, InTheTwinAStopIsNoHarderThanItsStepsBear) {
+  // A tip of 10 g, whose moment of inertia is a thousandth of that of a rotor. It swings into its
+  // stop, in the twin's own steps.
+  std::string robot = PendulumWithStops("lower=\"0.0\" upper=\"2\"");
+  robot = Replaced(robot, "mass value=\"0.2\"", "mass value=\"0.01\"");
+  robot = Replaced(robot, "ixx=\"1e-3\" ixy=\"0\" ixz=\"0\" iyy=\"1e-3\" iyz=\"0\" izz=\"1e-4\"",
+                   "ixx=\"1e-6\" ixy=\"0\" ixz=\"0\" iyy=\"1e-6\" iyz=\"0\" izz=\"1e-6\"");
+  robot = Replaced(robot, "xyz=\"0 0 -0.10\"", "xyz=\"0 0 -0.01\"");
+  std::string task =
+      Replaced(kPendulumTask, "stiffness_nm_per_rad = 1.5", "stiffness_nm_per_rad = 0.0");
+  task = Replaced(task, "damping_nm_s_per_rad = 0.01", "damping_nm_s_per_rad = 1e-4");
+  const Problem problem = ParseTask(task, "task.toml", robot, "pendulum.urdf").problem;
+  TwinConfig config;
+  config.held = false;
+  SimulatedMotorConfig motor;
+  motor.torque_max_nm = 1000;
+  FollowingDrive drive(motor, [](double t) {  // to and fro
+    return std::pair(-0.4 + 0.5 * std::sin(9 * t), 4.5 * std::cos(9 * t));
+  });
+  SimulatedBus bus;
+  Twin twin(problem.scene, PoseAt(problem.start_q, problem.scene.robot), config, bus, {&drive});
+  double lowest = 1;
+  for (std::int64_t ms = 1; ms <= 2000; ++ms) {
+    twin.AdvanceTo(ms * 1'000'000);
+    lowest = std::min(lowest, twin.state().passive_positions_rad[0]);
+    ASSERT_LT(std::abs(twin.state().joint_positions_rad[0]), 1.2) << ms;
+  }
+  EXPECT_LT(lowest, 0) << "it meets it";
+  EXPECT_GT(lowest, -0.1);
+}
+
+TEST(Passive, AStartBeyondAStopAndASpringThatIsSlackThereAreRefusedOnReading) {
+  const std::string robot = PendulumWithStops("lower=\"-2\" upper=\"0.15\"");
+  try {
+    ParseTask(Replaced(kPendulumTask, ", wrist = 0.3", ""), "task.toml", robot, "pendulum.urdf");
+    FAIL() << "it is taken";
+  } catch (const FileError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("passive.wrist.rest_rad: is 0.2, where the joint starts"));
+  }
+}
+
 TEST(Passive, APrimitiveKeepsWhereItsPassiveJointsStartAndEndAndAChainPlaysItAlike) {
   const Solved& solved = SolvedPendulum();
   const PrimitiveFile made =

@@ -14,6 +14,9 @@ namespace {
 /// Stiffness and damping of a stop that a sliding joint without a motor meets, in units of a
 /// turning one's: those of that at a lever of 0.1 m [1/m^2].
 constexpr double kStopLever = 1 / (0.1 * 0.1);
+/// What steps bear of a stop: parts of inertia / step^2 and of inertia / step, with room for what a
+/// joint's inertia changes as the robot moves.
+constexpr double kLargestStiffness = 0.1, kLargestDamping = 0.25;
 
 int BodyOf(const PlanarRobot& robot, const std::string& link) {
   const std::vector<std::string>& names = robot.body_names;
@@ -107,7 +110,32 @@ struct Twin::Implementation {
     for (const FrictionPatch& patch : config.patches) {
       patch_obstacles.push_back(ObstacleOf(scene, patch.obstacle));
     }
+    FindPassiveStops();
     Drive();
+  }
+
+  /// A joint without a motor has no rotor, so that its stop may be too hard for the steps.
+  void FindPassiveStops() {
+    robot.SetFree(start_state);
+    robot.Touch();
+    const auto acceleration = [this](std::size_t dof, double torque) {
+      robot.tau = {};
+      robot.tau[dof] = torque;
+      robot.Solve();
+      return robot.qdd[dof];
+    };
+    const double h = 1e-9 * static_cast<double>(config.step_ns);
+    for (const PassiveJoint& joint : scene.robot.passive) {
+      const std::size_t dof = Index(joint.dof);
+      const bool slides = scene.robot.tree.dofs[dof].kind == JointKind::kPrismatic;
+      const double units = slides ? kStopLever : 1;
+      const double inertia = 1 / (acceleration(dof, 1) - acceleration(dof, 0));
+      passive_stops.push_back(
+          {dof,
+           std::min(units * config.stop_stiffness_nm_per_rad,
+                    kLargestStiffness * inertia / (h * h)),
+           std::min(units * config.stop_damping_nm_s_per_rad, kLargestDamping * inertia / h)});
+    }
   }
 
   /// Lets every drive measure its joint and act for one step.
@@ -125,20 +153,24 @@ struct Twin::Implementation {
 
   /// The torque of dry friction and of the stop at the joint's limit.
   [[nodiscard]] double Resistance(std::size_t j, double position, double velocity) const {
-    return StopTorque(scene.robot.DofOfJoint(j), position, velocity) -
+    const Stop stop{scene.robot.DofOfJoint(j), config.stop_stiffness_nm_per_rad,
+                    config.stop_damping_nm_s_per_rad};
+    return StopTorque(stop, position, velocity) -
            EvaluateDryFriction(scene.motors[j].dry_friction_nm, velocity).torque_nm;
   }
 
-  /// @param by  stiffness and damping in units of the configuration's.
-  [[nodiscard]] double StopTorque(std::size_t dof, double position, double velocity,
-                                  double by = 1) const {
-    const RobotJointLimits& limits = scene.robot.limits[dof];
-    const double k = by * config.stop_stiffness_nm_per_rad;
-    const double c = by * config.stop_damping_nm_s_per_rad;
+  /// What a joint meets at its limits.
+  struct Stop {
+    std::size_t dof;
+    double stiffness, damping;
+  };
+  [[nodiscard]] double StopTorque(const Stop& stop, double position, double velocity) const {
+    const RobotJointLimits& limits = scene.robot.limits[stop.dof];
+    const double damper = -stop.damping * velocity;
     if (position > limits.upper_rad)
-      return std::min(0.0, -k * (position - limits.upper_rad) - c * velocity);
+      return std::min(0.0, -stop.stiffness * (position - limits.upper_rad) + damper);
     if (position < limits.lower_rad)
-      return std::max(0.0, k * (limits.lower_rad - position) - c * velocity);
+      return std::max(0.0, stop.stiffness * (limits.lower_rad - position) + damper);
     return 0;
   }
 
@@ -196,11 +228,8 @@ struct Twin::Implementation {
       const std::size_t dof = scene.robot.DofOfJoint(j);
       robot.tau[dof] += Resistance(j, robot.q[dof], robot.qd[dof]);
     }
-    for (const PassiveJoint& joint : scene.robot.passive) {
-      const std::size_t dof = Index(joint.dof);
-      const bool slides = scene.robot.tree.dofs[dof].kind == JointKind::kPrismatic;
-      robot.tau[dof] += StopTorque(dof, robot.q[dof], robot.qd[dof], slides ? kStopLever : 1);
-    }
+    for (const Stop& stop : passive_stops)
+      robot.tau[stop.dof] += StopTorque(stop, robot.q[stop.dof], robot.qd[stop.dof]);
     robot.Solve();
     robot.TakeSlope(k);
   }
@@ -258,6 +287,7 @@ struct Twin::Implementation {
   SceneDynamics::State start_state, y;
   std::vector<int> place;  // of each degree of freedom in the state; -1: stand or bar holds it
   SceneDynamics::Numbers drive_torque{};
+  std::vector<Stop> passive_stops;
   std::vector<int> push_bodies, patch_obstacles;
   std::vector<ActiveContact<Plane>> touching;
   std::array<double, 2> push_n{};
