@@ -139,7 +139,7 @@ void ReadSelfContact(TomlTable& root, std::span<const std::vector<double>> q, Sc
   scene.self_contact.simulated.assign(simulated, entry.pairs.end());
   entry.pairs.erase(simulated, entry.pairs.end());
   SelfDistances distances(scene.robot, entry.pairs);
-  // Where the start leads joints without a motor, the simulation says.
+  // Where joints without a motor are at the end, only a simulation says.
   std::vector<OwnPair> at_start = entry.pairs;
   at_start.insert(at_start.end(), scene.self_contact.simulated.begin(),
                   scene.self_contact.simulated.end());
