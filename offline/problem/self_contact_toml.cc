@@ -136,14 +136,11 @@ void ReadSelfContact(TomlTable& root, std::span<const std::vector<double>> q, Sc
   const auto simulated = std::stable_partition(
       entry.pairs.begin(), entry.pairs.end(),
       [&](const OwnPair& pair) { return !DependsOnPassive(scene.robot, pair); });
-  scene.self_contact.simulated.assign(simulated, entry.pairs.end());
-  entry.pairs.erase(simulated, entry.pairs.end());
-  SelfDistances distances(scene.robot, entry.pairs);
+  scene.self_contact = {
+      entry.clearance_m, {entry.pairs.begin(), simulated}, {simulated, entry.pairs.end()}};
   // Where joints without a motor are at the end, only a simulation says.
-  std::vector<OwnPair> at_start = entry.pairs;
-  at_start.insert(at_start.end(), scene.self_contact.simulated.begin(),
-                  scene.self_contact.simulated.end());
-  SelfDistances distances_at_start(scene.robot, at_start);
+  SelfDistances distances(scene.robot, scene.self_contact.pairs);
+  SelfDistances distances_at_start(scene.robot, scene.self_contact.All());
   for (std::size_t i = 0; i < q.size(); ++i) {
     const SelfClearance nearest = (i == 0 ? distances_at_start : distances).Nearest(q[i]);
     if (nearest.distance_m >= entry.clearance_m) continue;
@@ -154,8 +151,6 @@ void ReadSelfContact(TomlTable& root, std::span<const std::vector<double>> q, Sc
                      MessageNumber(entry.clearance_m), i == 0 ? "starts" : "ends",
                      NameOf(scene.robot, nearest.pair), MessageNumber(nearest.distance_m)));
   }
-  scene.self_contact.clearance_m = entry.clearance_m;
-  scene.self_contact.pairs = std::move(entry.pairs);
 }
 
 KeyTable SelfContactKeyTable() {
