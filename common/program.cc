@@ -1,7 +1,10 @@
 #include "common/program.h"
 
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <unistd.h>
 
+#include <array>
 #include <atomic>
 #include <cerrno>
 #include <csignal>
@@ -16,6 +19,19 @@ namespace {
 
 // A signal handler can only reach what is static.
 std::atomic<bool> end_requested = false;
+constexpr std::array kOutputs = {STDOUT_FILENO, STDERR_FILENO};
+std::array<std::atomic<bool>, 2> to_terminal = {false, false};  // each output
+
+/// The terminal is gone: what would still be written to it goes nowhere, instead of failing.
+void OnHangUp(int /*signal*/) {
+  const int before = errno;
+  end_requested = true;
+  const int nowhere = open("/dev/null", O_WRONLY | O_CLOEXEC);
+  for (std::size_t i = 0; i < kOutputs.size(); ++i) {
+    if (to_terminal[i] && nowhere >= 0) dup2(nowhere, kOutputs[i]);
+  }
+  errno = before;
+}
 
 void Say(const std::string& message) {
   std::fflush(stdout);  // So the message comes last where both streams go to one file.
@@ -64,11 +80,21 @@ std::atomic<bool>& EndOnSignals() {
   action.sa_handler = [](int /*signal*/) { end_requested = true; };
   action.sa_flags = static_cast<int>(SA_RESETHAND);
   for (const int signal : {SIGINT, SIGTERM}) sigaction(signal, &action, nullptr);
+  for (std::size_t i = 0; i < kOutputs.size(); ++i) to_terminal[i] = isatty(kOutputs[i]) == 1;
+  struct sigaction hang_up {};
+  sigaction(SIGHUP, nullptr, &hang_up);
+  if (hang_up.sa_handler == SIG_IGN) return end_requested;  // nohup
+  action.sa_handler = OnHangUp;
+  sigaction(SIGHUP, &action, nullptr);
   return end_requested;
 }
 
 void IgnoreEndSignals() {
   for (const int signal : {SIGINT, SIGTERM}) std::signal(signal, SIG_IGN);
+  struct sigaction hang_up {};
+  sigaction(SIGHUP, nullptr, &hang_up);
+  // A terminal that goes only now still has to be left alone.
+  if (hang_up.sa_handler != OnHangUp) std::signal(SIGHUP, SIG_IGN);
 }
 
 }  // namespace tumbler

@@ -39,12 +39,13 @@ class HelpWanted : public std::runtime_error {
 int RunProgram(const std::string& speaker, int argc, char** argv,
                ExitStatus (*run)(int argc, char** argv));
 
-/// Makes the first SIGINT or SIGTERM request an end of the program's work, and the same signal once
-/// more end the program at once.
+/// Makes the first SIGINT, SIGTERM or SIGHUP request an end of the program's work, and the same
+/// signal once more end the program at once. With SIGHUP, which says that the terminal is gone,
+/// what would be written to it goes nowhere; a program that was started to outlive it (nohup) does.
 /// @returns whether an end was requested.
 std::atomic<bool>& EndOnSignals();
 
-/// Lets neither signal do anything from here on, e.g. so that files are written whole.
+/// Lets none of these signals do anything from here on, e.g. so that files are written whole.
 void IgnoreEndSignals();
 
 }  // namespace tumbler

@@ -29,35 +29,6 @@ using Spline = JointMotion<double>::Spline;
 constexpr double kContactGap = 0.01;
 /// A tolerance below this is lost in rounding.
 constexpr double kFinestTolerance = 1e-12;
-/// The least-squares spline through the plan's torques, with its control points within the limit.
-Spline FitTorque(const Problem& problem, const TorqueSamples& samples, std::size_t joint) {
-  constexpr int kTorqueDegree = kFeedForwardDegree;
-  const std::vector<double> knots = FeedForwardKnots(problem.duration_s);
-  const int n = static_cast<int>(knots.size()) - kTorqueDegree - 1;
-  Spline spline;
-  std::vector<double> points(static_cast<std::size_t>(n));
-  if (spline.Assign(kTorqueDegree, knots, points) != Status::kOk) {
-    throw std::logic_error("a torque spline could not be set up");
-  }
-  const auto rows = static_cast<Eigen::Index>(samples.time_s.size());
-  Eigen::MatrixXd A = Eigen::MatrixXd::Zero(rows, n);
-  for (Eigen::Index i = 0; i < rows; ++i) {
-    const Spline::Weights weights =
-        spline.EvaluateWeights(samples.time_s[static_cast<std::size_t>(i)]);
-    for (int k = 0; k <= kTorqueDegree; ++k)
-      A(i, weights.first + k) = weights.w[0][static_cast<std::size_t>(k)];
-  }
-  const Eigen::Map<const Eigen::VectorXd> b(samples.torque_nm[joint].data(), rows);
-  const Eigen::VectorXd fit = SolveLeastSquares(A, b);
-  const double limit = problem.joints[joint].limits.torque_max_nm;
-  for (int i = 0; i < n; ++i)
-    points[static_cast<std::size_t>(i)] = std::clamp(fit[i], -limit, limit);
-  if (spline.Assign(kTorqueDegree, knots, points) != Status::kOk) {
-    throw std::runtime_error("the plan's torques cannot be fitted: a value is not finite");
-  }
-  return spline;
-}
-
 /// The root's velocity along x, z and of its pitch; zero where something holds it.
 std::array<double, 3> RootRatesOf(std::span<const double> qd, const PlanarRobot& robot) {
   if (robot.root_dofs < 3) return {};
@@ -118,6 +89,35 @@ std::vector<std::vector<double>> DifferenceDirections(std::size_t n) {
 }
 
 }  // namespace
+
+JointMotion<double>::Spline FeedForward(const Problem& problem, const TorqueSamples& samples,
+                                        std::size_t joint) {
+  constexpr int kTorqueDegree = kFeedForwardDegree;
+  const std::vector<double> knots = FeedForwardKnots(problem.duration_s);
+  const int n = static_cast<int>(knots.size()) - kTorqueDegree - 1;
+  Spline spline;
+  std::vector<double> points(static_cast<std::size_t>(n));
+  if (spline.Assign(kTorqueDegree, knots, points) != Status::kOk) {
+    throw std::logic_error("a torque spline could not be set up");
+  }
+  const auto rows = static_cast<Eigen::Index>(samples.time_s.size());
+  Eigen::MatrixXd A = Eigen::MatrixXd::Zero(rows, n);
+  for (Eigen::Index i = 0; i < rows; ++i) {
+    const Spline::Weights weights =
+        spline.EvaluateWeights(samples.time_s[static_cast<std::size_t>(i)]);
+    for (int k = 0; k <= kTorqueDegree; ++k)
+      A(i, weights.first + k) = weights.w[0][static_cast<std::size_t>(k)];
+  }
+  const Eigen::Map<const Eigen::VectorXd> b(samples.torque_nm[joint].data(), rows);
+  const Eigen::VectorXd fit = SolveLeastSquares(A, b);
+  const double limit = problem.joints[joint].limits.torque_max_nm;
+  for (int i = 0; i < n; ++i)
+    points[static_cast<std::size_t>(i)] = std::clamp(fit[i], -limit, limit);
+  if (spline.Assign(kTorqueDegree, knots, points) != Status::kOk) {
+    throw std::runtime_error("the plan's torques cannot be fitted: a value is not finite");
+  }
+  return spline;
+}
 
 double ExitAfter(const Problem& problem) {
   if (problem.ends_moving()) return 0;
@@ -350,7 +350,7 @@ PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
         FixedString<32>(problem.scene.robot.tree.dofs[static_cast<std::size_t>(joint.dof)].name);
     motion.limits = joint.limits;
     motion.position = PositionSpline(problem, solution.x, j);
-    motion.torque = FitTorque(problem, summary.torques, j);
+    motion.torque = FeedForward(problem, summary.torques, j);
   }
   primitive.feedback = solution.feedback;
   if (primitive.feedback.present()) file.chains = LinkChainsOf(problem.scene.robot);
@@ -383,7 +383,7 @@ PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
   certificate.acceleration_margin_rad_s2 = margins.acceleration_rad_s2;
   certificate.torque_margin_nm = summary.torque_margin_nm;
 
-  if (problem.robust) file.drives = DriveGains{problem.robust->drive.kp, problem.robust->drive.kd};
+  if (problem.robust || problem.drives) file.drives = problem.drive_gains();
   Provenance& provenance = file.provenance;
   provenance.tool = fmt::format("tumbler-optimize {}", TUMBLER_VERSION);
   provenance.seed = problem.search.seed;

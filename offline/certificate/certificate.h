@@ -71,6 +71,11 @@ struct TorqueSamples {
   std::vector<std::vector<double>> torque_nm;  ///< By joint.
 };
 
+/// A primitive's feed-forward for a joint: the least-squares spline through the plan's torques,
+/// with its control points within the limit.
+JointMotion<double>::Spline FeedForward(const Problem& problem, const TorqueSamples& samples,
+                                        std::size_t joint);
+
 /// Figures of a motion that is played on past its end, with the joints held.
 struct MotionSummary {
   PrimitivePose entry;

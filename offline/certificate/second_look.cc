@@ -5,9 +5,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 #include <utility>
 
 #include "common/primitive_toml.h"
+#include "offline/certificate/driven_motion.h"
 #include "offline/problem/take_free.h"
 #include "offline/scene/passive_limits.h"
 #include "offline/scene/self_clearance.h"
@@ -50,9 +52,15 @@ std::string SecondLook::Objections() const {
     reasons.push_back(fmt::format("{}: {}", figure.name(), figure.AskedAndGot(figure.result)));
   }
   if (std::isfinite(leaves_after_s)) {
-    reasons.push_back(fmt::format(
-        "the robot does not stay where it is asked to be, but leaves {:.1f} s after the end",
-        leaves_after_s));
+    reasons.push_back(
+        drives ? fmt::format("on a floor that slopes by {} mrad and through drives of {} N m/rad "
+                             "and {} N m s/rad, the robot is not where it is asked to be {:.1f} s "
+                             "after the end",
+                             1e3 * slope_rad, drives->kp_nm_per_rad, drives->kd_nm_s_per_rad,
+                             leaves_after_s)
+               : fmt::format("the robot does not stay where it is asked to be, but leaves {:.1f} "
+                             "s after the end",
+                             leaves_after_s));
   }
   if (!(torque_excess <= 0))
     reasons.push_back(fmt::format("a torque is {:.2g} % above its limit", 100 * torque_excess));
@@ -79,6 +87,10 @@ bool EndsAtRest(const Problem& problem) {
            return AsksForValue(term) && term.when == CostTerm::When::kSettled && term.of_velocity &&
                   term.target == 0;
          });
+}
+
+bool PlayedThroughDrives(const Problem& problem) {
+  return !(problem.robust && problem.robust->feedback);
 }
 
 namespace {
@@ -185,22 +197,42 @@ class Looker {
   double speed_ = 0;
 };
 
-/// Looks whether a robot at rest stays there, with the solver's step: nothing is fast any more.
-/// @returns as SecondLook::leaves_after_s.
-double LeavesAfter(const Problem& problem, const std::vector<double>& x) {
-  double leaves_s = std::numeric_limits<double>::infinity();
-  Rollout rollout(problem, problem.solver.step_s);
-  rollout.Visit(x, kStays_s - problem.settle_s, [&](const MotionSample& sample) {
-    const double since_end_s = sample.time_s - problem.duration_s;
-    if (since_end_s < ExitAfter(problem) || std::isfinite(leaves_s)) return;
-    const bool there = std::ranges::all_of(problem.cost, [&](const CostTerm& term) {
+/// Looks whether a robot at rest stays there. Where a feedback was found with the motion, its
+/// joints are held exactly, with the solver's step: nothing is fast any more.
+/// @param torques  the plan's.
+void LookWhetherItStays(const Problem& problem, const std::vector<double>& x,
+                        const TorqueSamples& torques, SecondLook& look) {
+  double last_s = 0;
+  const std::vector<double> at_rest(problem.start_q.size());
+  const auto stays = [&](double time_s, std::span<const double> q) {
+    last_s = time_s - problem.duration_s;
+    if (last_s < ExitAfter(problem)) return true;
+    return std::ranges::all_of(problem.cost, [&](const CostTerm& term) {
       if (!AsksForValue(term) || term.of_velocity || term.when != CostTerm::When::kSettled)
         return true;
-      return FigureOf(term, {sample.q, sample.qd}, PurposeTarget::When::kLater).met();
+      return FigureOf(term, {{q.begin(), q.end()}, at_rest}, PurposeTarget::When::kLater).met();
     });
-    if (!there) leaves_s = since_end_s;
-  });
-  return leaves_s;
+  };
+  if (!PlayedThroughDrives(problem)) {
+    Rollout rollout(problem, problem.solver.step_s);
+    rollout.Visit(x, kStays_s - problem.settle_s, [&](const MotionSample& sample) {
+      if (std::isinf(look.leaves_after_s) && !stays(sample.time_s, sample.q))
+        look.leaves_after_s = last_s;
+    });
+    return;
+  }
+  look.drives = problem.drive_gains();
+  for (const double slope_rad : {kUnevenness_rad, -kUnevenness_rad}) {
+    bool there = true;
+    const double until_s = problem.duration_s + kStays_s;
+    const bool plausible = PlayThroughDrives(
+        problem, x, torques, slope_rad, until_s,
+        [&](double time_s, std::span<const double> q) { return there = stays(time_s, q); });
+    if (there && plausible) continue;
+    look.leaves_after_s = last_s;
+    look.slope_rad = slope_rad;
+    return;
+  }
 }
 
 }  // namespace
@@ -223,7 +255,7 @@ FineLook LookFinely(Problem problem, std::vector<double> x, double refinement) {
   });
   FineLook fine{looker.Finish(), summarizer.Finish()};
   if (EndsAtRest(problem) && SettlingAfter(problem) > 0 && fine.look.acceptable())
-    fine.look.leaves_after_s = LeavesAfter(problem, x);
+    LookWhetherItStays(problem, x, fine.summary.torques, fine.look);
   return fine;
 }
 

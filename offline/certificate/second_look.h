@@ -1,6 +1,7 @@
 #pragma once
 
 #include <limits>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -20,9 +21,14 @@ struct SecondLook {
   /// end of the settle phase, and the speed. A velocity of 0 asked for there is judged 2 s later
   /// only.
   std::vector<PurposeFigure> purpose;
-  /// Where a robot that was as asked 2 s later does not stay: when it leaves a position that was
-  /// asked for, in seconds after the end of the motion. Infinite where it stays until kStays_s.
+  /// Where a robot that was as asked 2 s later does not stay, as drives play the motion
+  /// (PlayThroughDrives) on a floor that slopes by kUnevenness_rad to either side: when it is not
+  /// in a position that was asked for, in seconds after the end of the motion. Infinite where it
+  /// stays until kStays_s.
   double leaves_after_s = std::numeric_limits<double>::infinity();
+  double slope_rad = 0;  ///< Of the floor on which it does not stay.
+  /// The drives; none where it was not played through drives (PlayedThroughDrives).
+  std::optional<DriveGains> drives;
   /// Largest |torque| of any joint's motor up to the end of the settle phase.
   double peak_torque_nm = 0;
   /// Largest of |torque| / limit, less 1, of any joint's motor up to there, and more by what the
@@ -58,9 +64,17 @@ struct SecondLook {
 /// One that stands on too small a foot is within every tolerance after 2 s, and falls after 4 s.
 inline constexpr double kStays_s = 10;
 
+/// How much a floor slopes that is called level: 2 mm in a metre. A motion that only just stands
+/// falls on it, and by what drives, bus and encoders round as well.
+inline constexpr double kUnevenness_rad = 2e-3;
+
 /// Whether a task's motion is to end at rest: it has a settle phase, its cost asks for a velocity
 /// of 0 at the end of it, and there is something to rest on.
 bool EndsAtRest(const Problem& problem);
+
+/// Whether the second look plays a task's motion through drives: not where a feedback was found
+/// with it, which catches what drives cannot hold.
+bool PlayedThroughDrives(const Problem& problem);
 
 /// The second look and the summary of a motion, from one simulation.
 struct FineLook {

@@ -63,6 +63,13 @@ void PrintSecondLook(std::FILE* people, const SecondLook& look) {
   for (const PurposeFigure& figure : look.purpose) {
     fmt::print(people, "    {}: {}\n", figure.name(), figure.AskedAndGot(figure.result));
   }
+  if (look.drives) {
+    fmt::print(
+        people,
+        "  stays until {} s after the end through drives of {} N m/rad and {} N m s/rad, on floors "
+        "that slope by {} mrad to either side\n",
+        kStays_s, look.drives->kp_nm_per_rad, look.drives->kd_nm_s_per_rad, 1e3 * kUnevenness_rad);
+  }
   if (look.held_torque_excess > 0) {
     fmt::print(
         stderr,

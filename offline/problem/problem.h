@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "common/primitive.h"
+#include "common/primitive_toml.h"
 #include "offline/problem/cost_term.h"
 #include "offline/problem/robust_settings.h"
 #include "offline/scene/scene.h"
@@ -156,6 +157,9 @@ struct Problem {
 
   SearchSettings search;
   SolverSettings solver;
+  /// The gains of the drives through which a motion for the model alone is to be played; none:
+  /// those of the default drives.
+  std::optional<DriveGains> drives;
   /// What the motion has to survive; none: it is found for the model alone.
   std::optional<RobustSettings> robust;
 
@@ -164,6 +168,12 @@ struct Problem {
   /// The same of a motion of another duration.
   [[nodiscard]] std::vector<CostInstant> instants(double other_duration_s) const {
     return InstantsOf(cost, other_duration_s, settle_s);
+  }
+
+  /// The gains of every joint's drive through which the motion is to be played.
+  [[nodiscard]] DriveGains drive_gains() const {
+    const LaneDrive drive = robust ? robust->drive : LaneDrive{};
+    return drives.value_or(DriveGains{drive.kp, drive.kd});
   }
 
   /// Whether a joint moves when the motion ends: then nothing holds it there, and there is no

@@ -157,6 +157,12 @@ inline constexpr std::array kTaskToleranceKeys = {
         "a joint further from its setpoint while running is a fault"),
 };
 
+inline constexpr auto kTaskDrivesKeys = AllRequired(std::array{
+    KeyOf<&DriveGains::kp_nm_per_rad>("kp_nm_per_rad", {0, 1e4, true},
+                                      "of every joint's drive, at the joint"),
+    KeyOf<&DriveGains::kd_nm_s_per_rad>("kd_nm_s_per_rad", {0, 1e3}, "likewise"),
+});
+
 inline constexpr Range kTaskStep_s{1e-5, 1e-2};
 inline constexpr std::array kSearchKeys = {
     KeyOf<&SearchSettings::seed>("seed", Range::NonNegative(), "`--seed` replaces it"),

@@ -136,6 +136,7 @@ class TaskReader {
     if (std::optional<TomlTable> table = root_.OptionalTable("solver"))
       ReadKeys(*table, kSolverKeys, problem_.solver);
     problem_.robust = ReadRobust(root_, problem_);
+    ReadDrives();
     TomlTable start = root_.Table("start");
     ReadStart(start);
     SetTargetsFromStart(problem_);
@@ -538,6 +539,17 @@ class TaskReader {
     }
   }
 
+  void ReadDrives() {
+    std::optional<TomlTable> table = root_.OptionalTable("drives");
+    if (!table) return;
+    if (problem_.robust) {
+      table->Fail("",
+                  "does not go with [robust], which has the drives' gains itself; allowed: "
+                  "robust.kp_nm_per_rad and robust.kd_nm_s_per_rad");
+    }
+    ReadKeys(*table, kTaskDrivesKeys, problem_.drives.emplace());
+  }
+
   /// Checks that robots which differ from the model begin at rest.
   void CheckRobust(TomlTable& start) const {
     const bool moves =
@@ -719,6 +731,7 @@ std::vector<KeyTable> TaskKeyTables() {
           ObstacleKeyTable(),
           SelfContactKeyTable(),
           {source, "tolerances", RowsOf(kTaskToleranceKeys)},
+          {source, "drives", RowsOf(kTaskDrivesKeys)},
           RobustKeyTable(),
           RobustFeedbackKeyTable(),
           {source, "search", RowsOf(kSearchKeys)},

@@ -5,7 +5,11 @@
 #include <gtest/gtest.h>
 
 #include <fmt/format.h>
+#include <pty.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
+#include <array>
 #include <cmath>
 #include <csignal>
 #include <filesystem>
@@ -549,7 +553,7 @@ TEST(OptimizeCliInterrupt, DuringTheLocalSolvesNothingIsKeptUnlessAskedFor) {
 
 TEST(OptimizeCliInterrupt, KeepBestWritesAWholePrimitiveWhicheverSignalEndsIt) {
   const TaskFolder folder(EndlessLocalSolves());
-  for (const auto& [threads, signal] : {std::pair{"1", SIGINT}, {"2", SIGTERM}}) {
+  for (const auto& [threads, signal] : {std::pair{"1", SIGINT}, {"2", SIGTERM}, {"3", SIGHUP}}) {
     const std::string out = folder / ("motion" + std::string(threads) + ".toml");
     Program program = Optimize(folder, {"--out", out, "--keep-best", "--threads", threads});
     ASSERT_TRUE(program.WaitFor("violation 0.0e+00")) << program.text();
@@ -561,6 +565,32 @@ TEST(OptimizeCliInterrupt, KeepBestWritesAWholePrimitiveWhicheverSignalEndsIt) {
     EXPECT_EQ(file.certificate.constraint_violation, 0);
     EXPECT_GT(file.certificate.torque_margin_nm, 0);
   }
+}
+
+TEST(OptimizeCliInterrupt, KeepBestWritesAWholePrimitiveWhenItsTerminalGoes) {
+  const TaskFolder folder(EndlessLocalSolves());
+  const std::string out = folder / "motion.toml", task = folder.task_file();
+  const std::string program = testing::ProgramPath("tumbler-optimize");
+  int terminal = -1;
+  const pid_t child = forkpty(&terminal, nullptr, nullptr, nullptr);
+  ASSERT_GE(child, 0);
+  if (child == 0) {
+    execl(program.c_str(), program.c_str(), task.c_str(), "--out", out.c_str(), "--keep-best",
+          nullptr);
+    _exit(127);
+  }
+  std::string text;
+  std::array<char, 4096> buffer{};
+  while (text.find("violation 0.0e+00") == std::string::npos) {
+    const ssize_t count = read(terminal, buffer.data(), buffer.size());
+    ASSERT_GT(count, 0) << text;
+    text.append(buffer.data(), static_cast<std::size_t>(count));
+  }
+  close(terminal);  // The kernel tells the program.
+  int status = 0;
+  ASSERT_EQ(waitpid(child, &status, 0), child);
+  EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 130) << status << text;
+  EXPECT_EQ(LoadPrimitive(out).certificate.constraint_violation, 0);
 }
 
 TEST(OptimizeCliInterrupt, KeepBestDuringTheSearchEndsWithoutACrash) {

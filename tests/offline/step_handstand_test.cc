@@ -10,7 +10,7 @@ namespace tumbler {
 namespace {
 
 using StepHandstand = FoundMotion;
-INSTANTIATE_TEST_SUITE_P(Seeds, StepHandstand, ::testing::Values(2));
+INSTANTIATE_TEST_SUITE_P(Seeds, StepHandstand, ::testing::Values(3));
 
 TEST_P(StepHandstand, StandsOnTheStepAndStays) {
   Find("step_handstand.toml");

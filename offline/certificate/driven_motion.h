@@ -1,0 +1,31 @@
+#pragma once
+
+#include <functional>
+#include <span>
+#include <vector>
+
+#include "offline/certificate/certificate.h"
+#include "offline/problem/problem.h"
+
+namespace tumbler {
+
+/// Plays a motion on the nominal robot through drives that give way (Problem::drive_gains), and
+/// holds its end: at every joint
+///
+///   torque = kp (setpoint - position) + kd (its velocity - velocity) + feed-forward
+///
+/// within the joint's limit and its motor's torque-speed curve, less friction, with setpoints
+/// that change once in a millisecond and arrive 0.3 ms later. A feedback does not act. By the
+/// classical Runge-Kutta method, with a quarter of the solver's step until ExitAfter the end and
+/// with the whole step from then on, and with shorter ones where a drive's damping asks for them.
+///
+/// @param torques    the plan's, to which the feed-forward is fitted.
+/// @param slope_rad  by which the ground slopes more than the task's; as `slope_rad` of a task.
+/// @param visitor    is called at every step with the time [s] and the positions of all degrees of
+///                   freedom [m, rad], and returns whether to go on.
+/// @returns false when the state left every plausible range before `until_s`.
+bool PlayThroughDrives(const Problem& problem, const std::vector<double>& x,
+                       const TorqueSamples& torques, double slope_rad, double until_s,
+                       const std::function<bool(double, std::span<const double>)>& visitor);
+
+}  // namespace tumbler

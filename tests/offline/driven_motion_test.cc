@@ -1,0 +1,148 @@
+// A motion as drives play it that give way, compared with the twin, which has drives, bus and
+// rounding as well.
+
+#include "offline/certificate/driven_motion.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "offline/certificate/second_look.h"
+#include "offline/problem/simulated_motion.h"
+#include "offline/problem/task_toml.h"
+#include "offline/rehearsal/robustness/trial.h"
+#include "offline/solver/solver.h"
+#include "tests/support/files.h"
+#include "tests/support/task_files.h"
+
+namespace tumbler {
+namespace {
+
+using ::testing::HasSubstr;
+using testing::Replaced;
+
+/// The free control points of a primitive's paths.
+std::vector<double> ParametersOf(const PrimitiveFile& file) {
+  std::vector<double> x;
+  for (const JointMotion<double>& joint : file.primitive.motions()) {
+    const auto points = joint.position.control_points(0);
+    x.insert(x.end(), points.begin() + 3, points.end() - 3);
+  }
+  return x;
+}
+
+TEST(DrivenMotion, IsThatOfATwinWithExactEncodersToTwoMillirad) {
+  // What encoders round changes how the robot rocks by some 2 mrad more.
+  const testing::TemporaryFolder folder;
+  testing::WriteFile(
+      folder / "twin.toml",
+      "format = \"tumbler-twin\"\nversion = 1\n[motor]\nencoder_counts_per_turn = 0\n");
+  RobustnessStudy study;
+  study.motion = testing::SourcePath("primitives/nominal/handstand.toml");
+  study.twin = folder / "twin.toml";
+  const Trials trials(study);
+  const std::vector<ScriptTick>& ticks = trials.script().ticks;
+  const auto first = std::ranges::find(ticks, ExecutorState::kRunning, &ScriptTick::state);
+  ASSERT_NE(first, ticks.end());
+
+  const SimulatedMotion& motion = trials.motion();
+  const Problem& problem = motion.ProblemOf(0);
+  const std::vector<double> x = ParametersOf(motion.file().primitives[0]);
+  const double until_s = problem.duration_s + 1.5;
+  double worst_rad = 0;
+  std::size_t compared = 0;
+  EXPECT_TRUE(PlayThroughDrives(problem, x, Summarize(problem, x).torques, 0, until_s,
+                                [&](double time_s, std::span<const double> q) {
+                                  const double tick = time_s / trials.script().tick_s;
+                                  if (std::abs(tick - std::round(tick)) > 1e-3) return true;
+                                  const auto at = static_cast<std::ptrdiff_t>(std::round(tick));
+                                  if (at >= ticks.end() - first) return true;
+                                  worst_rad =
+                                      std::max(worst_rad, std::abs(q[2] - first[at].pitch_rad));
+                                  ++compared;
+                                  return true;
+                                }));
+  EXPECT_GT(compared, 2000U);
+  EXPECT_LT(worst_rad, 2e-3);
+}
+
+/// The shipped robot with a box of 40 mm, and so wide along the ground, as each foot.
+std::string WithBoxFeet(const std::string& width_m) {
+  std::string robot = testing::ShippedRobot();
+  for (const std::string side : {"", "-"}) {
+    const auto sphere = [&](const std::string& z) {
+      return "<origin xyz=\"" + side + "0.20 0 " + z +
+             "\"/>\n      <geometry><sphere radius=\"0.01\"/></geometry>";
+    };
+    robot = Replaced(robot, sphere("0.04"),
+                     "<origin xyz=\"" + side +
+                         "0.19 0 0\"/>\n      <geometry><box size=\"0.04 "
+                         "0.03 " +
+                         width_m + "\"/></geometry>");
+    // The other one disappears in the box.
+    robot = Replaced(robot, sphere("-0.04"),
+                     "<origin xyz=\"" + side +
+                         "0.19 0 0\"/>\n      <geometry><sphere "
+                         "radius=\"0.01\"/></geometry>");
+  }
+  return robot;
+}
+
+/// m g h of the robot on its foot is 6 N m/rad, which two contacts of 25 kN/m, 14 mm to either side
+/// of the middle, resist with 10 N m/rad; but only until one lifts, 25 mrad from upright.
+TEST(DrivenMotion, FeetOnWhichARobotStandsWithExactJointsButFallsWithDrivesAreRefused) {
+  const testing::TemporaryFolder folder;
+  testing::WriteFile(folder / "robot.urdf", WithBoxFeet("0.028"));
+  testing::WriteFile(
+      folder / "task.toml",
+      Replaced(testing::ReadFile(testing::SourcePath("primitives/tasks/nominal/handstand.toml")),
+               "../../robots/tumbler.urdf", "robot.urdf"));
+  Task task = LoadTask(folder / "task.toml");
+  const SolveOutcome outcome = Solve(task.problem, {});
+  ASSERT_FALSE(outcome.solutions.empty());
+  const Solution& solution = outcome.solutions.front();
+  ASSERT_TRUE(solution.feasible());
+
+  const SecondLook look = LookAgain(task.problem, solution.x);
+  for (const PurposeFigure& figure : look.purpose) EXPECT_TRUE(figure.met()) << figure.name();
+  EXPECT_FALSE(look.acceptable());
+  EXPECT_THAT(look.Objections(), HasSubstr("through drives of 200 N m/rad and 4 N m s/rad, the "
+                                           "robot is not where it is asked to be"));
+
+  // What is refused falls.
+  RobustnessStudy study;
+  study.motion = folder / "motion.toml";
+  study.scale = 0;
+  study.run.hold_s = 8;
+  testing::WriteFile(study.motion, ToToml(MakePrimitiveFile(task, outcome, solution)));
+  EXPECT_EQ(Trials(study).Play(0).verdict, TrialOutcome::Verdict::kFell);
+}
+
+TEST(DrivenMotion, TheDrivesAreThoseOfTheTaskAndGoIntoThePrimitive) {
+  const std::string text =
+      testing::ReadFile(testing::SourcePath("primitives/tasks/nominal/handstand.toml"));
+  const auto parse = [&](const std::string& added) {
+    return ParseTask(text + added, "task.toml", testing::ShippedRobot(), "robot.urdf");
+  };
+  EXPECT_EQ(parse("").problem.drive_gains(), (DriveGains{200, 4}));
+  EXPECT_EQ(parse("\n[robust]\nkp_nm_per_rad = 60\n").problem.drive_gains(), (DriveGains{60, 5}));
+  const Task soft = parse("\n[drives]\nkp_nm_per_rad = 10\nkd_nm_s_per_rad = 1\n");
+
+  const PrimitiveFile nominal =
+      LoadPrimitive(testing::SourcePath("primitives/nominal/handstand.toml"));
+  EXPECT_FALSE(nominal.drives);
+  Solution solution;
+  solution.x = ParametersOf(nominal);
+  const PrimitiveFile made = MakePrimitiveFile(soft, {}, solution);
+  ASSERT_TRUE(made.drives);
+  EXPECT_EQ(*made.drives, (DriveGains{10, 1}));
+  EXPECT_TRUE(LookAgain(parse("").problem, solution.x).acceptable());
+  EXPECT_THAT(LookAgain(soft.problem, solution.x).Objections(),
+              HasSubstr("through drives of 10 N m/rad and 1 N m s/rad"));
+}
+
+}  // namespace
+}  // namespace tumbler
