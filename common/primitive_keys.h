@@ -238,8 +238,7 @@ inline constexpr auto kDriveGainsKeys = AllRequired(std::array{
     KeyOf<&DriveGains::kp_nm_per_rad>(
         "kp_nm_per_rad", {0, 1e4},
         "of each joint's drive through which the motion was found (`[robust]` of its task) or is "
-        "to "
-        "be played (`[drives]`); what a simulation without a drives file takes. Without this "
+        "to be played (`[drives]`); what a simulation without a drives file takes. Without this "
         "table: 200 and 4"),
     KeyOf<&DriveGains::kd_nm_s_per_rad>("kd_nm_s_per_rad", {0, 1e3}, "likewise"),
 });

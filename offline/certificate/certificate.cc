@@ -29,6 +29,7 @@ using Spline = JointMotion<double>::Spline;
 constexpr double kContactGap = 0.01;
 /// A tolerance below this is lost in rounding.
 constexpr double kFinestTolerance = 1e-12;
+
 /// The root's velocity along x, z and of its pitch; zero where something holds it.
 std::array<double, 3> RootRatesOf(std::span<const double> qd, const PlanarRobot& robot) {
   if (robot.root_dofs < 3) return {};
