@@ -3,6 +3,7 @@
 
 #include "offline/certificate/driven_motion.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -16,6 +17,7 @@
 #include "offline/rehearsal/robustness/trial.h"
 #include "offline/solver/solver.h"
 #include "tests/support/files.h"
+#include "tests/support/primitive_file.h"
 #include "tests/support/task_files.h"
 
 namespace tumbler {
@@ -23,16 +25,6 @@ namespace {
 
 using ::testing::HasSubstr;
 using testing::Replaced;
-
-/// The free control points of a primitive's paths.
-std::vector<double> ParametersOf(const PrimitiveFile& file) {
-  std::vector<double> x;
-  for (const JointMotion<double>& joint : file.primitive.motions()) {
-    const auto points = joint.position.control_points(0);
-    x.insert(x.end(), points.begin() + 3, points.end() - 3);
-  }
-  return x;
-}
 
 TEST(DrivenMotion, IsThatOfATwinWithExactEncodersToTwoMillirad) {
   // What encoders round changes how the robot rocks by some 2 mrad more.
@@ -50,7 +42,7 @@ TEST(DrivenMotion, IsThatOfATwinWithExactEncodersToTwoMillirad) {
 
   const SimulatedMotion& motion = trials.motion();
   const Problem& problem = motion.ProblemOf(0);
-  const std::vector<double> x = ParametersOf(motion.file().primitives[0]);
+  const std::vector<double> x = testing::FreeControlPoints(motion.file().primitives[0].primitive);
   const double until_s = problem.duration_s + 1.5;
   double worst_rad = 0;
   std::size_t compared = 0;
@@ -71,22 +63,17 @@ TEST(DrivenMotion, IsThatOfATwinWithExactEncodersToTwoMillirad) {
 
 /// The shipped robot with a box of 40 mm, and so wide along the ground, as each foot.
 std::string WithBoxFeet(const std::string& width_m) {
+  const auto shape = [](const std::string& side, const std::string& at,
+                        const std::string& geometry) {
+    return fmt::format("<origin xyz=\"{}{}\"/>\n      <geometry>{}</geometry>", side, at, geometry);
+  };
+  const std::string ball = "<sphere radius=\"0.01\"/>";
   std::string robot = testing::ShippedRobot();
   for (const std::string side : {"", "-"}) {
-    const auto sphere = [&](const std::string& z) {
-      return "<origin xyz=\"" + side + "0.20 0 " + z +
-             "\"/>\n      <geometry><sphere radius=\"0.01\"/></geometry>";
-    };
-    robot = Replaced(robot, sphere("0.04"),
-                     "<origin xyz=\"" + side +
-                         "0.19 0 0\"/>\n      <geometry><box size=\"0.04 "
-                         "0.03 " +
-                         width_m + "\"/></geometry>");
+    const std::string box = fmt::format("<box size=\"0.04 0.03 {}\"/>", width_m);
+    robot = Replaced(robot, shape(side, "0.20 0 0.04", ball), shape(side, "0.19 0 0", box));
     // The other one disappears in the box.
-    robot = Replaced(robot, sphere("-0.04"),
-                     "<origin xyz=\"" + side +
-                         "0.19 0 0\"/>\n      <geometry><sphere "
-                         "radius=\"0.01\"/></geometry>");
+    robot = Replaced(robot, shape(side, "0.20 0 -0.04", ball), shape(side, "0.19 0 0", ball));
   }
   return robot;
 }
@@ -135,7 +122,7 @@ TEST(DrivenMotion, TheDrivesAreThoseOfTheTaskAndGoIntoThePrimitive) {
       LoadPrimitive(testing::SourcePath("primitives/nominal/handstand.toml"));
   EXPECT_FALSE(nominal.drives);
   Solution solution;
-  solution.x = ParametersOf(nominal);
+  solution.x = testing::FreeControlPoints(nominal.primitive);
   const PrimitiveFile made = MakePrimitiveFile(soft, {}, solution);
   ASSERT_TRUE(made.drives);
   EXPECT_EQ(*made.drives, (DriveGains{10, 1}));

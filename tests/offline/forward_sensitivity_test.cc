@@ -18,6 +18,7 @@
 #include "tests/support/allocation_count.h"
 #include "tests/support/files.h"
 #include "tests/support/handstand.h"
+#include "tests/support/primitive_file.h"
 #include "tests/support/to_eigen.h"
 
 namespace tumbler {
@@ -79,12 +80,7 @@ TEST(StepsFor, ARolloutWithThemRepeatsTheForwardSensitivitiesToRounding) {
 std::pair<Problem, std::vector<double>> Nominal(const std::string& name) {
   const PrimitiveFile file =
       LoadPrimitive(testing::SourcePath("primitives/nominal/" + name + ".toml"));
-  std::vector<double> x;
-  for (const JointMotion<double>& joint : file.primitive.motions()) {
-    const auto points = joint.position.control_points(0);
-    x.insert(x.end(), points.begin() + 3, points.end() - 3);
-  }
-  return {TaskOf(file).problem, x};
+  return {TaskOf(file).problem, testing::FreeControlPoints(file.primitive)};
 }
 
 TEST(StepsFor, GiveTheGradientOfTheDifferentialEquationsWhereLandingsMisleadAFixedStep) {

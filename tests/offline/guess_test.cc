@@ -19,6 +19,7 @@
 #include "offline/solver/solve_near.h"
 #include "tests/support/files.h"
 #include "tests/support/handstand.h"
+#include "tests/support/primitive_file.h"
 #include "tests/support/task_files.h"
 
 namespace tumbler {
@@ -118,24 +119,16 @@ Task KnownTask(const std::string& from = "", const std::string& to = "") {
                    Known().provenance.robot_urdf, "robot.urdf");
 }
 
-std::vector<double> FreePoints(const Primitive<double>& primitive) {
-  std::vector<double> points;
-  for (const JointMotion<double>& motion : primitive.motions()) {
-    const auto all = motion.position.control_points();
-    points.insert(points.end(), all.begin() + 3, all.end() - 3);
-  }
-  return points;
-}
-
 TEST(Guess, IsThePrimitiveItselfForItsOwnTask) {
   EXPECT_THAT(GuessFrom(KnownTask().problem, Known(), "known.toml"),
-              ::testing::Pointwise(::testing::DoubleNear(1e-12), FreePoints(Known().primitive)));
+              ::testing::Pointwise(::testing::DoubleNear(1e-12),
+                                   testing::FreeControlPoints(Known().primitive)));
 }
 
 TEST(Guess, FadesFromOneEndToTheOther) {
   const Task task = KnownTask("joints_rad = { leg1 = 0.0, leg2 = 0.0 }",
                               "joints_rad = { leg1 = 0.2, leg2 = 0.0 }");
-  const std::vector<double> own = FreePoints(Known().primitive);
+  const std::vector<double> own = testing::FreeControlPoints(Known().primitive);
   const std::vector<double> guess = GuessFrom(task.problem, Known(), "known.toml");
   ASSERT_EQ(guess.size(), own.size());
   for (std::size_t i = 0; i < guess.size(); ++i) {
@@ -156,8 +149,8 @@ TEST(Guess, OfATaskForRobotsThatDifferTakesAsLongAsThePrimitiveWhereTheDurationI
   ASSERT_NE(task.problem.duration_s, shipped.primitive.duration_s);
   TakeGuess(task, shipped, "handstand.toml");
   EXPECT_EQ(task.problem.duration_s, shipped.primitive.duration_s);
-  EXPECT_THAT(task.guess,
-              ::testing::Pointwise(::testing::DoubleNear(1e-12), FreePoints(shipped.primitive)));
+  EXPECT_THAT(task.guess, ::testing::Pointwise(::testing::DoubleNear(1e-12),
+                                               testing::FreeControlPoints(shipped.primitive)));
   task.problem.robust->duration_min_s = 0.7;
   TakeGuess(task, shipped, "handstand.toml");
   EXPECT_EQ(task.problem.duration_s, 0.7);
@@ -232,7 +225,7 @@ TEST(SolveNear, StaysInItsBasinThoughAnotherIsNear) {
   // radian: a cost of 25 where the handstand has a thousandth.
   const Problem problem = KnownTask().problem;
   NearRollouts rollouts(problem);
-  std::vector<double> start = FreePoints(Known().primitive);
+  std::vector<double> start = testing::FreeControlPoints(Known().primitive);
   for (std::size_t i = 0; i < start.size(); ++i) start[i] += i % 2 == 0 ? 2e-3 : -2e-3;
   std::vector<Evaluation> history;
   const Solution solution = SolveNear(problem, start, 30, 1e-4, rollouts, {}, &history);
@@ -247,8 +240,8 @@ TEST(SolveNear, KeepsTheLimitsOfPathsFromAStartThatBreaksThem) {
   const Problem problem =
       KnownTask("acceleration_max_rad_s2 = 400.0", "acceleration_max_rad_s2 = 80.0").problem;
   NearRollouts rollouts(problem);
-  const Solution solution =
-      SolveNear(problem, FreePoints(Known().primitive), 20, 1e-3, rollouts, {}, nullptr);
+  const Solution solution = SolveNear(problem, testing::FreeControlPoints(Known().primitive), 20,
+                                      1e-3, rollouts, {}, nullptr);
   double largest_before = 0;
   for (std::size_t j = 0; j < problem.joints.size(); ++j) {
     for (const double c : Known().primitive.joints[j].position.control_points(2))

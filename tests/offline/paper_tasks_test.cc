@@ -11,6 +11,7 @@
 #include "offline/problem/task_toml.h"
 #include "offline/rollout/forward_sensitivity.h"
 #include "tests/support/files.h"
+#include "tests/support/primitive_file.h"
 #include "tests/support/program.h"
 #include "tests/support/task_files.h"
 
@@ -37,11 +38,7 @@ Motion Solved(const std::string& name) {
   EXPECT_EQ(program.Wait(), 0) << program.text();
   Motion motion{LoadTask(task).problem, LoadPrimitive(folder / "motion.toml"), {}, {}};
   const Problem& problem = motion.problem;
-  std::vector<double> x;
-  for (std::size_t j = 0; j < problem.joints.size(); ++j) {
-    const auto points = motion.file.primitive.joints[j].position.control_points();
-    x.insert(x.end(), points.begin() + 3, points.end() - 3);
-  }
+  const std::vector<double> x = testing::FreeControlPoints(motion.file.primitive);
   std::vector<double> power;
   std::set<int> touching;
   Rollout(problem, 0.5e-3).Visit(x, 0, [&](const MotionSample& sample) {

@@ -20,6 +20,7 @@
 #include "offline/solver/solver.h"
 #include "tests/support/crossing_legs.h"
 #include "tests/support/files.h"
+#include "tests/support/primitive_file.h"
 #include "tests/support/task_files.h"
 
 namespace tumbler {
@@ -156,12 +157,7 @@ SecondLook LookAtShipped(const std::string& name, double refinement = kRefinemen
   const SimulatedMotion motion(LoadMotion(path));
   const Problem& problem = motion.ProblemOf(0);
   const PrimitiveFile file = LoadPrimitive(path);
-  std::vector<double> x;
-  for (const JointMotion<double>& joint : file.primitive.motions()) {
-    const auto points = joint.position.control_points(0);
-    x.insert(x.end(), points.begin() + 3, points.end() - 3);
-  }
-  return LookAgain(problem, x, refinement);
+  return LookAgain(problem, testing::FreeControlPoints(file.primitive), refinement);
 }
 
 TEST(SecondLook, NominalMotionsDoWhatTheirTasksAskFor) {

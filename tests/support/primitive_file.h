@@ -1,6 +1,7 @@
 #pragma once
 
 #include <random>
+#include <vector>
 
 #include "common/primitive_hash.h"
 #include "common/primitive_limits.h"
@@ -8,6 +9,17 @@
 #include "tests/support/motions.h"
 
 namespace tumbler::testing {
+
+/// The control points of its paths without the three at either end, which rest at a start and an
+/// end fixes: the optimiser's parameters, joint after joint.
+inline std::vector<double> FreeControlPoints(const Primitive<double>& primitive) {
+  std::vector<double> free;
+  for (const JointMotion<double>& motion : primitive.motions()) {
+    const auto points = motion.position.control_points();
+    free.insert(free.end(), points.begin() + 3, points.end() - 3);
+  }
+  return free;
+}
 
 /// Writes into a file how far its motion stays within its limits.
 inline void SetMargins(PrimitiveFile& file) {
