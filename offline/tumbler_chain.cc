@@ -99,7 +99,7 @@ Json ToJson(const SequenceFile& file, const ChainOutcome& outcome) {
                        {"text", outcome.failure->text}};
   }
   json["passages"] = Json::Array();
-  for (const Passage& p : outcome.passages) {
+  for (const PlayedNode& p : outcome.passages) {
     json["passages"].Append({{"node", file.graph.node(p.node).name.view()},
                              {"start_s", p.start_s},
                              {"hold_s", p.hold_s},
@@ -134,7 +134,7 @@ ExitStatus Simulate(const Arguments& arguments) {
   fmt::print(people, "{:>9} {:<22} {:>10} {:>10} {:>9} {:<8} {:>7} {:>7} {:>9} {:>8}\n",
              "start [s]", "node", "entry err", "exit err", "speed", "posture", "[N m]", "[mm]",
              "dx [m]", "turn");
-  for (const Passage& p : outcome.passages) {
+  for (const PlayedNode& p : outcome.passages) {
     fmt::print(people,
                "{:9.2f} {:<22} {:10.2e} {:10.2e} {:9.1e} {:<8} {:7.2f} {:7.2f} {:9.4f} {:8.4f}\n",
                p.start_s, file.graph.node(p.node).name.view(), p.entry_pitch_error_rad,
@@ -144,9 +144,10 @@ ExitStatus Simulate(const Arguments& arguments) {
   fmt::print(people, "{}: {} cycles in {:.2f} s, {:.3f} m along x; {}\n", file.graph.name.view(),
              outcome.cycles, outcome.duration_s, outcome.travelled_m,
              outcome.failure ? "it did not go through" : "no fall");
-  const auto worst = std::min_element(
-      outcome.passages.begin(), outcome.passages.end(),
-      [](const Passage& a, const Passage& b) { return a.torque_margin_nm < b.torque_margin_nm; });
+  const auto worst = std::min_element(outcome.passages.begin(), outcome.passages.end(),
+                                      [](const PlayedNode& a, const PlayedNode& b) {
+                                        return a.torque_margin_nm < b.torque_margin_nm;
+                                      });
   if (worst->torque_margin_nm < 0) {
     fmt::print(people, "note: '{}' at {:.2f} s takes {:.2f} N m more than a joint's limit\n",
                file.graph.node(worst->node).name.view(), worst->start_s, -worst->torque_margin_nm);

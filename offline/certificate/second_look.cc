@@ -90,7 +90,8 @@ bool EndsAtRest(const Problem& problem) {
 }
 
 bool PlayedThroughDrives(const Problem& problem) {
-  return !(problem.robust && problem.robust->feedback);
+  const bool feeds_back = problem.robust && problem.robust->feedback;
+  return !feeds_back || problem.robust->feedback->acts == FeedbackSettings::Acts::kMotion;
 }
 
 namespace {

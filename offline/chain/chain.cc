@@ -93,7 +93,7 @@ class Simulation {
     std::size_t since_cycle = 0;
     bool branched = false;
     for (;;) {
-      Passage& passage = outcome_.passages.emplace_back();
+      PlayedNode& passage = outcome_.passages.emplace_back();
       passage.node = node;
       passage.start_s = start_s_ = time_;
       passage.torque_margin_nm = std::numeric_limits<double>::infinity();
@@ -177,7 +177,7 @@ class Simulation {
   void Plan(int node) {
     planning_ = true;
     SetStart(node);
-    Passage passage;
+    PlayedNode passage;
     passage.node = node;
     if (Move(passage) && !WorldOf(node).problem.ends_moving()) Hold(passage, kExitAfter_s);
     planning_ = false;
@@ -219,7 +219,7 @@ class Simulation {
     return root_ ? NearestTurn(RootPitch() - file_.RobotPitch(node, planned_rad)) : 0.0;
   }
 
-  bool Enter(Passage& passage) {
+  bool Enter(PlayedNode& passage) {
     const PrimitivePose& entry = WorldOf(passage.node).file.entry;
     passage.entry_z_error_m = root_ ? RootZ() - entry.root_z_m : 0.0;
     passage.entry_pitch_error_rad = PitchError(passage.node, entry.root_pitch_rad);
@@ -239,7 +239,7 @@ class Simulation {
     return true;
   }
 
-  bool Leave(Passage& passage) {
+  bool Leave(PlayedNode& passage) {
     const PrimitivePose& exit = WorldOf(passage.node).file.exit;
     passage.exit_z_error_m = root_ ? RootZ() - exit.root_z_m : 0.0;
     passage.exit_pitch_error_rad = PitchError(passage.node, exit.root_pitch_rad);
@@ -268,7 +268,7 @@ class Simulation {
 
   static std::string MessageText(double value) { return fmt::format("{:.4g}", value); }
 
-  bool Move(Passage& passage) {
+  bool Move(PlayedNode& passage) {
     World& world = WorldOf(passage.node);
     const double duration = world.file.primitive.duration_s;
     const EvenSteps steps = StepsOf(world, duration);
@@ -281,7 +281,7 @@ class Simulation {
     return true;
   }
 
-  bool Hold(Passage& passage, double hold_s) {
+  bool Hold(PlayedNode& passage, double hold_s) {
     World& world = WorldOf(passage.node);
     passage.hold_s = hold_s;
     const EvenSteps steps = StepsOf(world, hold_s);
@@ -317,7 +317,7 @@ class Simulation {
 
   /// One step of the root. `time_at` gives the time of the node for a part of the step, 0 to 1.
   template <class TimeAt>
-  bool Step(Passage& passage, World& world, double h, const TimeAt& time_at) {
+  bool Step(PlayedNode& passage, World& world, double h, const TimeAt& time_at) {
     SceneDynamics& robot = world.robot;
     const std::size_t size = 2 * robot.free.size();
     const bool going = StepRungeKutta<kClassical>(
@@ -337,7 +337,7 @@ class Simulation {
   }
 
   /// Takes the state at the start of a step into the figures of the passage.
-  bool Look(Passage& passage, World& world) {
+  bool Look(PlayedNode& passage, World& world) {
     const int node = passage.node;
     if (planning_) {
       world.plan.push_back({time_ - start_s_, RootPitch() - file_.RobotPitch(node, 0)});

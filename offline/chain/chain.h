@@ -34,7 +34,7 @@ enum class Posture {
 const char* ToString(Posture posture);
 
 /// One node as it was played: the motion, and the hold after it.
-struct Passage {
+struct PlayedNode {
   int node = 0;
   double start_s = 0;
   double hold_s = 0;
@@ -86,7 +86,7 @@ const char* ToString(ChainFailure::Cause cause);
 /// The outcome of a chain.
 struct ChainOutcome {
   /// All complete passages, and the one that failed.
-  std::vector<Passage> passages;
+  std::vector<PlayedNode> passages;
   std::optional<ChainFailure> failure;
   /// Number of complete cycles.
   int cycles = 0;

@@ -102,7 +102,7 @@ ReportData MakeChainReport(const SimulatedMotion& motion, const ChainOptions& op
     }
   }
   data.certificate.emplace_back("travelled", fmt::format("{:.3f} m", outcome.travelled_m));
-  for (const Passage& p : outcome.passages) {
+  for (const PlayedNode& p : outcome.passages) {
     data.certificate.emplace_back(
         fmt::format("{} at {:.2f} s", file.graph.node(p.node).name.view(), p.start_s),
         fmt::format("{}, pitch off by {:.1e} rad, peak torque {:.2f} N m, penetration {:.2f} mm",

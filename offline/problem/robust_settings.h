@@ -17,9 +17,10 @@ struct FeedbackSettings {
   /// When a feedback acts.
   enum class Acts : std::uint8_t {
     kAlways,  ///< In the hold, and before it in the motion, which stays as it is, too.
-    kHold     ///< In the hold; its gains are found for the path, when that is known.
+    kHold,    ///< In the hold; its gains are found for the path, when that is known.
+    kMotion   ///< In the motion, which stays as it is; a robot that has arrived needs no help.
   };
-  static constexpr std::array<std::string_view, 2> kActsNames = {"always", "hold"};
+  static constexpr std::array<std::string_view, 3> kActsNames = {"always", "hold", "motion"};
 
   std::string link;  ///< Whose absolute angle is fed back.
   Acts acts = Acts::kAlways;

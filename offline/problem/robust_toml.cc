@@ -68,9 +68,9 @@ constexpr std::array kFeedbackSearchKeys = {
         .Allowed("a link of the robot"),
     KeyOf<&FeedbackSettings::acts>(
         "acts", FeedbackSettings::kActsNames,
-        "in the hold, from 0.2 s after the motion on, with gains and a dead zone that are found "
-        "for "
-        "it; and before it in the motion as well, with gains that are found for the path as it is"),
+        "`\"hold\"`: in the hold, from 0.2 s after the motion on, with gains and a dead zone that "
+        "are found for it; `\"motion\"`: before it, with gains that are found for the path as it "
+        "is; `\"always\"`: in both"),
     KeyOf<&FeedbackSettings::knots>(
         "knots", {2, kMaxGainKnots - 2},  // two more are those of the hold
         "of gains that act in the motion, at equal distances from start to end"),
@@ -98,6 +98,11 @@ std::optional<FeedbackSettings> ReadFeedbackSearch(TomlTable& robust, const Prob
         "",
         "keeps an angle against the ground, and a sensor measures it against gravity; leave "
         "out this table or slope_rad");
+  }
+  if (settings.acts == FeedbackSettings::Acts::kMotion && table->Has("push_n")) {
+    table->Fail("push_n",
+                "is for robots that have a feedback in the hold, and acts is \"motion\"; leave "
+                "out one of the two");
   }
   const std::vector<std::string>& links = problem.scene.robot.body_names;
   if (std::ranges::find(links, settings.link) == links.end() || settings.link.empty()) {

@@ -66,6 +66,9 @@ constexpr double kLargestAngleGain = 20, kLargestRateGain = 5;
 /// takes; and for how many random motions one law is tried.
 constexpr double kHoldBegins_s = 0.2, kHoldRise_s = 0.1;
 constexpr int kMotionsForHold = 75;
+/// The dead zone of a feedback that acts in the motion alone, and where it has ended: several times
+/// a sensor's noise. With one of the hold it is that.
+constexpr double kErrorMin_rad = 0.02, kErrorFull_rad = 0.06;
 /// Where the fed-back angle is off by more, nothing is corrected, and how fast feedback fades.
 constexpr double kErrorMax_rad = 0.6, kStartErrorMax_rad = 0.2, kFade_s = 0.05;
 
@@ -169,10 +172,18 @@ class RobustSearch {
     return Improve(from, 1, 0.03, Polishing(1), robust_.generations);
   }
 
-  /// Finds gains that act in a motion, which stays as it is, and before them those of the hold.
+  /// Finds gains that act in a motion, which stays as it is, and before them those of the hold,
+  /// where it acts there.
   void FindGains(Candidate& motion) {
     constexpr int kPartForHold = 4;
-    hold_ = FindHold(motion.x, robust_.polish_robots / kPartForHold);
+    if (robust_.feedback->acts == FeedbackSettings::Acts::kAlways) {
+      hold_ = FindHold(motion.x, robust_.polish_robots / kPartForHold);
+    } else {
+      hold_.emplace();
+      AddHoldKnots(DurationOf(motion.x), 1, *hold_);
+      hold_->error_min_rad = kErrorMin_rad;
+      hold_->error_full_rad = kErrorFull_rad;
+    }
     motion.x.resize(variables());
     for (const auto& [part, sigma] : {std::pair{2, 1.0}, std::pair{1, 0.5}}) {
       ++stage_;
@@ -195,7 +206,7 @@ class RobustSearch {
   }
   /// Whether the task asks for a feedback that acts in the motion, too.
   [[nodiscard]] bool feeds_back() const {
-    return robust_.feedback && robust_.feedback->acts == FeedbackSettings::Acts::kAlways;
+    return robust_.feedback && robust_.feedback->acts != FeedbackSettings::Acts::kHold;
   }
   [[nodiscard]] bool free_duration() const { return robust_.duration_max_s.has_value(); }
   [[nodiscard]] int TicksOf(const std::vector<double>& x) const { return Ticks(DurationOf(x)); }

@@ -61,7 +61,7 @@ void GoesTwentyCycles(const SequenceFile& gait) {
   ASSERT_EQ(outcome.passages.size(), 40U);
   double turned = 0;
   for (std::size_t i = 0; i < outcome.passages.size(); ++i) {
-    const Passage& passage = outcome.passages[i];
+    const PlayedNode& passage = outcome.passages[i];
     EXPECT_EQ(passage.posture, i % 2 == 0 ? Posture::kUpright : Posture::kLevel) << i;
     EXPECT_EQ(gait.graph.node(passage.node).swapped, i % 4 >= 2) << i;
     turned += passage.turned_rad;
@@ -78,7 +78,7 @@ void RollsOutOfTheHandstandInEitherRole(const SequenceFile& gait) {
     options.branch = "roll";
     const ChainOutcome outcome = SimulateChain(SimulatedMotion(gait), options);
     ASSERT_FALSE(outcome.failure) << outcome.failure->text;
-    const Passage& roll = outcome.passages.back();
+    const PlayedNode& roll = outcome.passages.back();
     EXPECT_EQ(gait.PrimitiveOf(roll.node).primitive.name.view(), "roll");
     EXPECT_EQ(gait.graph.node(roll.node).swapped, cycles == 1);
     EXPECT_GT(roll.turned_rad, std::numbers::pi - 0.05) << "a half turn further";
@@ -125,7 +125,7 @@ void StaysInsideItsTorqueLimits(const SequenceFile& gait) {
   ChainOptions options;
   options.cycles = 20;
   options.branch = "roll";
-  for (const Passage& passage : SimulateChain(SimulatedMotion(gait), options).passages)
+  for (const PlayedNode& passage : SimulateChain(SimulatedMotion(gait), options).passages)
     EXPECT_GT(passage.torque_margin_nm, 0) << gait.graph.node(passage.node).name.view();
 }
 

@@ -114,7 +114,7 @@ TEST(SimulateChain, PlaysWhatTheRolloutOfThePrimitiveDoes) {
   EXPECT_NEAR(outcome.duration_s, 2 * (0.5 + 2), 1e-12);
   // Each was made with this hold, and the second starts where the simulation of the first ended.
   for (std::size_t i = 0; i < 2; ++i) {
-    const Passage& passage = outcome.passages[i];
+    const PlayedNode& passage = outcome.passages[i];
     const PrimitiveFile& made = ThereAndBack()[i];
     EXPECT_NEAR(passage.entry_z_error_m, 0, 1e-7);
     EXPECT_NEAR(passage.entry_pitch_error_rad, 0, 1e-6);
@@ -213,7 +213,7 @@ TEST(SimulateChain, CountsCyclesAndTakesTheBranchWhenTheyAreDone) {
   const auto nodes = [&file](const ChainOptions& options) {
     std::string names;
     const ChainOutcome outcome = SimulateChain(SimulatedMotion(file), options);
-    for (const Passage& passage : outcome.passages)
+    for (const PlayedNode& passage : outcome.passages)
       names += std::string(file.graph.node(passage.node).name.view()) + " ";
     return names + (outcome.failure ? outcome.failure->text : "");
   };

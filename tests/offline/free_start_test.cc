@@ -292,7 +292,7 @@ TEST(PeriodicMotion, ASwingFindsHowFastItHasToBeginAndRepeatsItselfInAChain) {
   const ChainOutcome chain = Repeated(folder, MakePrimitiveFile(task, outcome, best), 3);
   ASSERT_FALSE(chain.failure) << chain.failure->text;
   EXPECT_GE(chain.cycles, 3);
-  for (const Passage& passage : chain.passages) {
+  for (const PlayedNode& passage : chain.passages) {
     EXPECT_NEAR(passage.entry_pitch_error_rad, 0, 0.1);
     EXPECT_NEAR(passage.entry_speed, found, 0.3);
   }
@@ -325,7 +325,7 @@ TEST(PeriodicMotion, AFullTurnWhoseJointIsAtRestAtItsEndsIsRepeatedAndGoneOnFrom
   EXPECT_NEAR(file.exit.root_pitch_rad_s, task.problem.start_root_rates[2], 0.02);
   const ChainOutcome chain = Repeated(folder, file, 2);
   ASSERT_FALSE(chain.failure) << chain.failure->text;
-  for (const Passage& passage : chain.passages)
+  for (const PlayedNode& passage : chain.passages)
     EXPECT_NEAR(passage.turned_rad, 6.283185307179586, 0.05);
   // A task that goes on from there begins as fast.
   const std::string next = Replaced(

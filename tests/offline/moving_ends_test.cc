@@ -244,7 +244,7 @@ TEST(PeriodicMotion, ASwingWithFreePeriodRepeatsItselfInAChain) {
   const ChainOutcome chain = SimulateChain(SimulatedMotion(file), options);
   ASSERT_FALSE(chain.failure) << chain.failure->text;
   EXPECT_GE(chain.cycles, 3);
-  for (const Passage& passage : chain.passages) {
+  for (const PlayedNode& passage : chain.passages) {
     EXPECT_NEAR(passage.entry_pitch_error_rad, 0, 0.1);
     EXPECT_NEAR(passage.entry_speed, 3.0, 0.3);
   }

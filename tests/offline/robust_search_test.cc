@@ -235,6 +235,28 @@ TEST(RobustSearch, AFeedbackOfTheHoldLeavesTheMotionAsItIsAndActsAtItsEnd) {
   EXPECT_EQ(same.error_min_rad, law.error_min_rad);
 }
 
+TEST(RobustSearch, AFeedbackOfTheMotionAloneLeavesTheHoldAlone) {
+  const std::vector<double> guess =
+      SolveRobust(ProblemOf(QuickRobustTask()), {}).solutions.front().x;
+  const Problem problem = ProblemOf(
+      QuickRobustTask("[robust.feedback]\nlink = \"leg2_link\"\nacts = \"motion\"\nknots = 3\n"));
+  const SolveOutcome outcome = SolveRobust(problem, {}, guess);
+  ASSERT_EQ(outcome.solutions.size(), 1U);
+  EXPECT_EQ(outcome.solutions.front().x, guess);
+  const Feedback<double>& law = outcome.solutions.front().feedback;
+  ASSERT_EQ(law.knot_count, 5);
+  EXPECT_EQ(law.knots_s[2], problem.duration_s);
+  EXPECT_GT(law.error_min_rad, 3 * problem.robust->feedback->noise_rad);
+  EXPECT_GT(law.error_full_rad, law.error_min_rad);
+  for (const JointFeedback<double>& joint : {law.joints[0], law.joints[1]}) {
+    EXPECT_NE(joint.angle_gain[1], 0);
+    for (const std::size_t held : {3U, 4U}) {
+      EXPECT_EQ(joint.angle_gain[held], 0);
+      EXPECT_EQ(joint.rate_gain[held], 0);
+    }
+  }
+}
+
 /// A law for one joint of two, whose gains do not change.
 Feedback<double> LawOf(double angle_gain, double rate_gain) {
   Feedback<double> law;
@@ -312,6 +334,10 @@ TEST(RobustTask, TheKeysOfAFeedbackAreReadAndItsLinkHasToBeOne) {
                 .find("link: is 'tail'; allowed: a link of the robot"),
             std::string::npos);
   EXPECT_NE(RefusalOf(QuickRobustTask("[robust.feedback]\npush_n = 2.0\n")).find("link"),
+            std::string::npos);
+  EXPECT_NE(RefusalOf(QuickRobustTask("[robust.feedback]\nlink = \"middle\"\npush_n = 2.0\n"
+                                      "acts = \"motion\"\n"))
+                .find("push_n: is for robots that have a feedback in the hold"),
             std::string::npos);
   const std::string sloping =
       testing::Replaced(QuickRobustTask("[robust.feedback]\nlink = \"middle\"\n"),
