@@ -36,7 +36,10 @@ class ValueReader {
     value.set(value.at, text_.choices.empty() ? Integer() : Choice());
   }
   void operator()(bool* value) const { *value = table_.Boolean(text_.name); }
-  void operator()(std::string* value) const { *value = table_.String(text_.name); }
+  void operator()(std::string* value) const {
+    *value = table_.String(text_.name);
+    CheckOneLine(*value);
+  }
   void operator()(const LongTextValue& value) const { *value.text = table_.String(text_.name); }
   void operator()(const NameValue& value) const {
     const std::string name = table_.String(text_.name);
@@ -44,7 +47,7 @@ class ValueReader {
       table_.Fail(text_.name, fmt::format("is '{}', {} bytes; allowed: from 1 ... {}", name,
                                           name.size(), value.capacity));
     }
-    if (const char* mistake = MistakeInName(name)) table_.Fail(text_.name, mistake);
+    CheckOneLine(name);
     value.set(value.at, name);
   }
   void operator()(std::span<double> value) const {
@@ -54,9 +57,16 @@ class ValueReader {
   void operator()(std::vector<double>* value) const {
     *value = table_.Numbers(text_.name, text_.allowed);
   }
-  void operator()(std::vector<std::string>* value) const { *value = table_.Strings(text_.name); }
+  void operator()(std::vector<std::string>* value) const {
+    *value = table_.Strings(text_.name);
+    for (const std::string& text : *value) CheckOneLine(text);
+  }
 
  private:
+  /// Texts that are shown as they are, other than the long ones.
+  void CheckOneLine(const std::string& text) const {
+    if (const char* mistake = MistakeInName(text)) table_.Fail(text_.name, mistake);
+  }
   [[nodiscard]] double Number() const { return table_.Number(text_.name, text_.allowed); }
   [[nodiscard]] std::int64_t Integer() const {
     return table_.Integer(text_.name, Whole(text_.allowed.min), Whole(text_.allowed.max));

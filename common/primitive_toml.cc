@@ -14,6 +14,7 @@
 #include "common/primitive_hash.h"
 #include "common/primitive_keys.h"
 #include "common/primitive_limits.h"
+#include "common/printable.h"
 #include "common/share.h"
 
 namespace tumbler {
@@ -556,6 +557,8 @@ PrimitiveFile LoadPrimitive(const std::string& path) { return Read(TomlTable::Pa
 
 std::string SignEdited(std::string_view text, const std::string& name, const std::string& reason) {
   if (reason.empty()) throw std::invalid_argument("the reason of the change is empty");
+  if (const char* const mistake = MistakeInName(reason))
+    throw std::invalid_argument(fmt::format("the reason of the change {}", mistake));
   const TomlTable root = TomlTable::Parse(text, name);
   PrimitiveFile file = Read(root, Derived::kIgnored);
   if (TomlTable copy = root; copy.String(kContentHashKeys[0].text.name) == ContentHashOf(root)) {

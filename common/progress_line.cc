@@ -49,7 +49,7 @@ void CountProgress::operator()(int known) {
 
 std::string TimeLeft(double elapsed_s, double done, double total) {
   if (elapsed_s < kJudgeAfter_s || done <= 0 || done >= total) return "";
-  return fmt::format("at most {:.1f} s left", elapsed_s / done * (total - done));
+  return fmt::format("at this pace at most {:.1f} s left", elapsed_s / done * (total - done));
 }
 
 }  // namespace tumbler

@@ -14,6 +14,7 @@
 #include "common/index.h"
 #include "common/primitive_hash.h"
 #include "common/primitive_limits.h"
+#include "common/printable.h"
 #include "offline/linear/least_squares.h"
 #include "offline/problem/feed_forward_knots.h"
 #include "offline/problem/link_chains.h"
@@ -390,15 +391,15 @@ PrimitiveFile MakePrimitiveFile(const Task& task, const SolveOutcome& outcome,
   provenance.seed = problem.search.seed;
   provenance.objective = solution.rollout.cost;
   provenance.evaluations = outcome.evaluations;
-  provenance.robot_file = task.robot_file;
-  provenance.task_file = task.task_file;
+  provenance.robot_file = PrintableInLine(task.robot_file);
+  provenance.task_file = PrintableInLine(task.task_file);
   provenance.robot_urdf = task.robot_text;
   provenance.task_toml = task.task_text;
   provenance.robot_hash = HashOfText(task.robot_text);
   provenance.task_hash = HashOfText(task.task_text);
   provenance.start_file = task.start_file;
   provenance.start_hash = task.start_hash;
-  provenance.guess_file = task.guess_file;
+  provenance.guess_file = PrintableInLine(task.guess_file);
   provenance.guess_hash = task.guess_hash;
   return file;
 }

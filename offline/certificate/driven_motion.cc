@@ -18,6 +18,7 @@ constexpr double kPeriod_s = 1e-3, kDelay_s = 0.3e-3;
 constexpr double kShortest_s = 50e-6;
 /// Parts of the solver's step in the motion: a foot that lands is fast.
 constexpr double kFiner = 4;
+constexpr int kRootPitch = 2;  // of the degrees of freedom, where the root has any
 
 /// The scene on sloping ground, with its joints moved by torques. Joints of motors of which nothing
 /// is known have the friction that they have in the twin: paths were found without.
@@ -34,11 +35,13 @@ Scene MovedByTorques(Scene scene, const std::vector<ActuatedJoint>& joints, doub
 class DrivenRobot {
  public:
   DrivenRobot(const Problem& problem, const std::vector<double>& x, const TorqueSamples& torques,
-              double slope_rad)
+              const Disturbance& disturbance)
       : problem_(problem),
         gains_(problem.drive_gains()),
-        robot_(MovedByTorques(problem.scene, problem.joints, slope_rad)),
+        robot_(MovedByTorques(problem.scene, problem.joints, disturbance.slope_rad)),
         state_(StartState(robot_, problem)) {
+    if (problem.scene.robot.root_dofs > 0)
+      state_[Index(robot_.FreeIndexOf(kRootPitch))] += disturbance.lean_rad;
     for (std::size_t j = 0; j < problem.joints.size(); ++j) {
       const ActuatedJoint& joint = problem.joints[j];
       drives_.push_back({PositionSpline(problem, x, j), FeedForward(problem, torques, j), {}});
@@ -137,9 +140,9 @@ class DrivenRobot {
 }  // namespace
 
 bool PlayThroughDrives(const Problem& problem, const std::vector<double>& x,
-                       const TorqueSamples& torques, double slope_rad, double until_s,
+                       const TorqueSamples& torques, const Disturbance& disturbance, double until_s,
                        const std::function<bool(double, std::span<const double>)>& visitor) {
-  DrivenRobot robot(problem, x, torques, slope_rad);
+  DrivenRobot robot(problem, x, torques, disturbance);
   const double longest_s = robot.LongestStep();
   const double calm_s = problem.duration_s + ExitAfter(problem);
   // Steps divide the period, so that setpoints change between them.

@@ -9,6 +9,12 @@
 
 namespace tumbler {
 
+/// In what a robot's start and floor differ from the plan's.
+struct Disturbance {
+  double slope_rad = 0;  ///< By which the ground slopes more than the task's; as its `slope_rad`.
+  double lean_rad = 0;   ///< That is added to the root's pitch where the motion begins.
+};
+
 /// Plays a motion on the nominal robot through drives that give way (Problem::drive_gains), and
 /// holds its end: at every joint
 ///
@@ -20,12 +26,11 @@ namespace tumbler {
 /// with the whole step from then on, and with shorter ones where a drive's damping asks for them.
 ///
 /// @param torques    the plan's, to which the feed-forward is fitted.
-/// @param slope_rad  by which the ground slopes more than the task's; as `slope_rad` of a task.
 /// @param visitor    is called at every step with the time [s] and the positions of all degrees of
 ///                   freedom [m, rad], and returns whether to go on.
 /// @returns false when the state left every plausible range before `until_s`.
 bool PlayThroughDrives(const Problem& problem, const std::vector<double>& x,
-                       const TorqueSamples& torques, double slope_rad, double until_s,
+                       const TorqueSamples& torques, const Disturbance& disturbance, double until_s,
                        const std::function<bool(double, std::span<const double>)>& visitor);
 
 }  // namespace tumbler

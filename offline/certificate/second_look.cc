@@ -8,6 +8,7 @@
 #include <span>
 #include <utility>
 
+#include "common/index.h"
 #include "common/primitive_toml.h"
 #include "offline/certificate/driven_motion.h"
 #include "offline/problem/take_free.h"
@@ -36,12 +37,28 @@ PurposeFigure FigureOf(const CostTerm& term, const Instant& at, PurposeTarget::W
           term.Value({at.q, at.qd, {}})};
 }
 
+/// @param drives  through which it was played; none: with exact joints.
+std::string ToText(const SecondLook::Leaving& leaving, const std::optional<DriveGains>& drives) {
+  const PurposeFigure& figure = leaving.figure;
+  const std::string what =
+      fmt::format("the robot is not where it is asked to be {:.1f} s after the end: {}: {}",
+                  leaving.after_s, PurposeTarget::kOfNames[Index(static_cast<int>(figure.of))],
+                  figure.AskedAndGot(figure.result));
+  if (!drives) return what;
+  const Disturbance& by = leaving.disturbance;
+  return fmt::format("{} and through drives of {} N m/rad and {} N m s/rad, {}",
+                     by.slope_rad != 0
+                         ? fmt::format("on a floor that slopes by {} mrad", 1e3 * by.slope_rad)
+                         : fmt::format("from a start that leans by {} mrad", 1e3 * by.lean_rad),
+                     drives->kp_nm_per_rad, drives->kd_nm_s_per_rad, what);
+}
+
 }  // namespace
 
 bool SecondLook::acceptable() const {
   return finite && torque_excess <= 0 && peak_penetration_m < layer_m &&
          self_clearance_m >= clearance_m - kClearanceTolerance_m && passive_excess <= 0 &&
-         std::ranges::all_of(purpose, &PurposeFigure::met) && std::isinf(leaves_after_s);
+         std::ranges::all_of(purpose, &PurposeFigure::met) && !leaving;
 }
 
 std::string SecondLook::Objections() const {
@@ -51,17 +68,7 @@ std::string SecondLook::Objections() const {
     if (figure.met()) continue;
     reasons.push_back(fmt::format("{}: {}", figure.name(), figure.AskedAndGot(figure.result)));
   }
-  if (std::isfinite(leaves_after_s)) {
-    reasons.push_back(
-        drives ? fmt::format("on a floor that slopes by {} mrad and through drives of {} N m/rad "
-                             "and {} N m s/rad, the robot is not where it is asked to be {:.1f} s "
-                             "after the end",
-                             1e3 * slope_rad, drives->kp_nm_per_rad, drives->kd_nm_s_per_rad,
-                             leaves_after_s)
-               : fmt::format("the robot does not stay where it is asked to be, but leaves {:.1f} "
-                             "s after the end",
-                             leaves_after_s));
-  }
+  if (leaving) reasons.push_back(ToText(*leaving, drives));
   if (!(torque_excess <= 0))
     reasons.push_back(fmt::format("a torque is {:.2g} % above its limit", 100 * torque_excess));
   if (!(peak_penetration_m < layer_m)) {
@@ -203,36 +210,34 @@ class Looker {
 /// @param torques  the plan's.
 void LookWhetherItStays(const Problem& problem, const std::vector<double>& x,
                         const TorqueSamples& torques, SecondLook& look) {
-  double last_s = 0;
   const std::vector<double> at_rest(problem.start_q.size());
+  Disturbance disturbance;
   const auto stays = [&](double time_s, std::span<const double> q) {
-    last_s = time_s - problem.duration_s;
-    if (last_s < ExitAfter(problem)) return true;
-    return std::ranges::all_of(problem.cost, [&](const CostTerm& term) {
+    const double after_s = time_s - problem.duration_s;
+    if (look.leaving || after_s < ExitAfter(problem)) return !look.leaving;
+    for (const CostTerm& term : problem.cost) {
       if (!AsksForValue(term) || term.of_velocity || term.when != CostTerm::When::kSettled)
-        return true;
-      return FigureOf(term, {{q.begin(), q.end()}, at_rest}, PurposeTarget::When::kLater).met();
-    });
+        continue;
+      const PurposeFigure figure =
+          FigureOf(term, {{q.begin(), q.end()}, at_rest}, PurposeTarget::When::kLater);
+      if (!figure.met()) look.leaving = {after_s, figure, disturbance};
+    }
+    return !look.leaving;
   };
   if (!PlayedThroughDrives(problem)) {
     Rollout rollout(problem, problem.solver.step_s);
-    rollout.Visit(x, kStays_s - problem.settle_s, [&](const MotionSample& sample) {
-      if (std::isinf(look.leaves_after_s) && !stays(sample.time_s, sample.q))
-        look.leaves_after_s = last_s;
-    });
+    rollout.Visit(x, kStays_s - problem.settle_s,
+                  [&](const MotionSample& sample) { stays(sample.time_s, sample.q); });
     return;
   }
   look.drives = problem.drive_gains();
-  for (const double slope_rad : {kUnevenness_rad, -kUnevenness_rad}) {
-    bool there = true;
-    const double until_s = problem.duration_s + kStays_s;
-    const bool plausible = PlayThroughDrives(
-        problem, x, torques, slope_rad, until_s,
-        [&](double time_s, std::span<const double> q) { return there = stays(time_s, q); });
-    if (there && plausible) continue;
-    look.leaves_after_s = last_s;
-    look.slope_rad = slope_rad;
-    return;
+  const double until_s = problem.duration_s + kStays_s;
+  for (const Disturbance& each : kDisturbances) {
+    disturbance = each;
+    // What leaves every plausible range is nowhere that can be said.
+    const bool plausible = PlayThroughDrives(problem, x, torques, disturbance, until_s, stays);
+    if (!plausible) look.finite = false;
+    if (look.leaving || !plausible) return;
   }
 }
 

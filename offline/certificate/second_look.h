@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <limits>
 #include <optional>
 #include <string>
@@ -7,6 +8,7 @@
 
 #include "common/purpose.h"
 #include "offline/certificate/certificate.h"
+#include "offline/certificate/driven_motion.h"
 #include "offline/problem/problem.h"
 
 namespace tumbler {
@@ -21,12 +23,15 @@ struct SecondLook {
   /// end of the settle phase, and the speed. A velocity of 0 asked for there is judged 2 s later
   /// only.
   std::vector<PurposeFigure> purpose;
-  /// Where a robot that was as asked 2 s later does not stay, as drives play the motion
-  /// (PlayThroughDrives) on a floor that slopes by kUnevenness_rad to either side: when it is not
-  /// in a position that was asked for, in seconds after the end of the motion. Infinite where it
-  /// stays until kStays_s.
-  double leaves_after_s = std::numeric_limits<double>::infinity();
-  double slope_rad = 0;  ///< Of the floor on which it does not stay.
+  /// That a robot which was as asked 2 s later does not stay.
+  struct Leaving {
+    double after_s = 0;    ///< The end of the motion.
+    PurposeFigure figure;  ///< The position that was asked for, and where it is then.
+    Disturbance disturbance;
+  };
+  /// Absent where the robot stays until kStays_s: with exact joints, or as drives play the motion
+  /// (PlayThroughDrives) with each of kDisturbances.
+  std::optional<Leaving> leaving;
   /// The drives; none where it was not played through drives (PlayedThroughDrives).
   std::optional<DriveGains> drives;
   /// Largest |torque| of any joint's motor up to the end of the settle phase.
@@ -67,6 +72,15 @@ inline constexpr double kStays_s = 10;
 /// How much a floor slopes that is called level: 2 mm in a metre. A motion that only just stands
 /// falls on it, and by what drives, bus and encoders round as well.
 inline constexpr double kUnevenness_rad = 2e-3;
+
+/// How much a robot leans that is said to stand in its pose. A motion that passes near a fall, or
+/// lands on either of two sides, does another thing then, and by what the wire rounds as well.
+inline constexpr double kLean_rad = 0.5e-3;
+
+inline constexpr std::array<Disturbance, 4> kDisturbances = {{{.slope_rad = kUnevenness_rad},
+                                                              {.slope_rad = -kUnevenness_rad},
+                                                              {.lean_rad = kLean_rad},
+                                                              {.lean_rad = -kLean_rad}}};
 
 /// Whether a task's motion is to end at rest: it has a settle phase, its cost asks for a velocity
 /// of 0 at the end of it, and there is something to rest on.

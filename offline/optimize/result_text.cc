@@ -67,8 +67,13 @@ void PrintSecondLook(std::FILE* people, const SecondLook& look) {
     fmt::print(
         people,
         "  stays until {} s after the end through drives of {} N m/rad and {} N m s/rad, on floors "
-        "that slope by {} mrad to either side\n",
-        kStays_s, look.drives->kp_nm_per_rad, look.drives->kd_nm_s_per_rad, 1e3 * kUnevenness_rad);
+        "that slope by {} mrad to either side, and from starts that lean by {} mrad\n",
+        kStays_s, look.drives->kp_nm_per_rad, look.drives->kd_nm_s_per_rad, 1e3 * kUnevenness_rad,
+        1e3 * kLean_rad);
+  } else {
+    fmt::print(people,
+               "  not played through drives, which give way: no motion is that is not to end at "
+               "rest, or has a feedback in the hold\n");
   }
   if (look.held_torque_excess > 0) {
     fmt::print(

@@ -19,6 +19,7 @@
 #include "common/primitive_hash.h"
 #include "common/primitive_limits.h"
 #include "common/primitive_rounding.h"
+#include "common/printable.h"
 #include "common/share.h"
 #include "common/toml_reader.h"
 #include "tests/support/docs_tables.h"
@@ -242,6 +243,13 @@ std::string AnyText(std::mt19937_64& random) {
   return text;
 }
 
+/// Of one line, without control characters.
+std::string AnyLine(std::mt19937_64& random) {
+  std::string text = AnyText(random);
+  std::erase_if(text, [](char c) { return MistakeInName({&c, 1}) != nullptr; });
+  return text;
+}
+
 MotionSpline AnySpline(std::mt19937_64& random, int min_degree, int max_interior_multiplicity,
                        double duration, double magnitude) {
   std::uniform_real_distribution<double> unit(0.0, 1.0);
@@ -288,7 +296,7 @@ PrimitiveFile AnyPrimitive(std::mt19937_64& random) {
     std::uniform_real_distribution<double> any(0, until_s);
     const double start = any(random);
     const double end = any(random);
-    file.contacts.push_back({AnyText(random), AnyText(random), std::min(start, end),
+    file.contacts.push_back({AnyLine(random), AnyLine(random), std::min(start, end),
                              std::max(start, end), AnyNonNegative(random)});
   }
   Certificate& certificate = file.certificate;
@@ -304,12 +312,12 @@ PrimitiveFile AnyPrimitive(std::mt19937_64& random) {
   certificate.peak_penetration_m = AnyNonNegative(random);
   certificate.torque_margin_nm = AnyFinite(random);
   Provenance& provenance = file.provenance;
-  provenance.tool = AnyText(random);
+  provenance.tool = AnyLine(random);
   provenance.seed = random() >> 1;
   provenance.objective = AnyFinite(random);
   provenance.evaluations = static_cast<std::int64_t>(random() >> 1);
-  provenance.robot_file = AnyText(random);
-  provenance.task_file = AnyText(random);
+  provenance.robot_file = AnyLine(random);
+  provenance.task_file = AnyLine(random);
   provenance.robot_urdf = AnyText(random);
   provenance.task_toml = AnyText(random);
   CompleteExample(file);
@@ -333,7 +341,8 @@ TEST(PrimitiveToml, RoundTripsEverySingleByteThatTextsMayHold) {
     const std::string c(1, static_cast<char>(byte));
     file.provenance.robot_urdf = c;
     file.provenance.task_toml = fmt::format("a{0}{0}{0}b\n{0}\n", c);
-    file.provenance.tool = c;
+    file.provenance.tool = "a tool";
+    if (Printable(c) == c && c != "\n" && c != "\t") file.provenance.tool = c;
     CompleteExample(file);
     const PrimitiveFile read = ParsePrimitive(ToToml(file), "bytes.toml");
     EXPECT_EQ(read.provenance.robot_urdf, file.provenance.robot_urdf) << byte;
@@ -601,6 +610,8 @@ TEST(PrimitiveToml, SigningTakesNothingThatTheLoaderRefusesForAnotherReason) {
                FileError);
   EXPECT_THROW(SignEdited(Mutate(original, "-0.4375", "-0.4376"), "p.toml", ""),
                std::invalid_argument);
+  EXPECT_THROW(SignEdited(Mutate(original, "-0.4375", "-0.4376"), "p.toml", "a \x1b[2J screen"),
+               std::invalid_argument);
 }
 
 TEST(PrimitiveToml, MarginsAreDistancesOfTheControlPolygonToTheLimits) {
@@ -655,6 +666,10 @@ INSTANTIATE_TEST_SUITE_P(
                 "version = 1",
                 {"version: is 1", "hash is of the whole file",
                  "make the file again with tumbler-optimize"}},
+        Refusal{"ToolWithAnEscape",
+                "tool = \"",
+                "tool = \"\\u001b[31m",
+                {"tool: has an escape character, which would command the terminal"}},
         Refusal{"VersionText",
                 "version = 2",
                 "version = \"2\"",
@@ -979,6 +994,8 @@ TEST(PrimitiveToml, WriterRefusesWhatNoProgramWouldLoad) {
       [](auto& f) { f.provenance.robot_urdf += " "; },
       [](auto& f) { f.provenance.seed = 1ULL << 63; },
       [](auto& f) { f.provenance.tool = "\xff"; },
+      [](auto& f) { f.provenance.tool = "red \x1b[31m on a terminal"; },
+      [](auto& f) { f.contacts[0].obstacle = "two\nlines"; },
       [](auto& f) { f.provenance.task_toml = "\xc0\x80"; },
       [](auto& f) { f.contacts[0].obstacle = "\xed\xa0\x80"; }};
   for (std::size_t i = 0; i < damages.size(); ++i) {

@@ -12,6 +12,7 @@
 #include "common/primitive_hash.h"
 #include "common/primitive_limits.h"
 #include "common/primitive_rounding.h"
+#include "common/primitive_toml.h"
 #include "tests/support/motion_cost.h"
 #include "tests/support/task_files.h"
 
@@ -293,6 +294,16 @@ TEST(MakePrimitiveFile, PeaksAndContactsAreThoseOfTheMotion) {
   }
   EXPECT_EQ(said, force);
   EXPECT_EQ(s.file.contacts.front().start_s, 0) << "it stands at the start";
+}
+
+TEST(MakePrimitiveFile, NamesFilesInOneLineThatLoadersTake) {
+  Task task = TheSolution().task;
+  task.robot_file = "red \x1b[31m.urdf";
+  task.task_file = "two\nlines.toml";
+  const PrimitiveFile made = MakePrimitiveFile(task, {}, TheSolution().best);
+  const PrimitiveFile read = ParsePrimitive(ToToml(made), "p.toml");
+  EXPECT_EQ(read.provenance.robot_file, "red \\x1b[31m.urdf");
+  EXPECT_EQ(read.provenance.task_file, "two\\x0alines.toml");
 }
 
 TEST(Summarize, LooksAtTwoSecondsAfterTheEndHoweverLongTheSettlePhase) {

@@ -46,7 +46,7 @@ TEST(DrivenMotion, IsThatOfATwinWithExactEncodersToTwoMillirad) {
   const double until_s = problem.duration_s + 1.5;
   double worst_rad = 0;
   std::size_t compared = 0;
-  EXPECT_TRUE(PlayThroughDrives(problem, x, Summarize(problem, x).torques, 0, until_s,
+  EXPECT_TRUE(PlayThroughDrives(problem, x, Summarize(problem, x).torques, {}, until_s,
                                 [&](double time_s, std::span<const double> q) {
                                   const double tick = time_s / trials.script().tick_s;
                                   if (std::abs(tick - std::round(tick)) > 1e-3) return true;
@@ -59,6 +59,31 @@ TEST(DrivenMotion, IsThatOfATwinWithExactEncodersToTwoMillirad) {
                                 }));
   EXPECT_GT(compared, 2000U);
   EXPECT_LT(worst_rad, 2e-3);
+}
+
+TEST(DrivenMotion, BeginsAsTheDisturbanceSays) {
+  const PrimitiveFile file =
+      LoadPrimitive(testing::SourcePath("primitives/nominal/handstand.toml"));
+  const Problem problem = TaskOf(file).problem;
+  const std::vector<double> x = testing::FreeControlPoints(file.primitive);
+  const TorqueSamples torques = Summarize(problem, x).torques;
+  const auto positions_after = [&](double until_s, const Disturbance& disturbance) {
+    std::vector<double> last;
+    EXPECT_TRUE(PlayThroughDrives(problem, x, torques, disturbance, until_s,
+                                  [&](double /*time_s*/, std::span<const double> q) {
+                                    last.assign(q.begin(), q.end());
+                                    return true;
+                                  }));
+    return last;
+  };
+  const std::vector<double> level = positions_after(1e-6, {});
+  EXPECT_EQ(level, problem.start_q);
+  const std::vector<double> leaning = positions_after(1e-6, {.lean_rad = 2e-3});
+  EXPECT_EQ(leaning[2], level[2] + 2e-3);
+  EXPECT_EQ(leaning[3], level[3]);
+  // A floor that rises to the right carries more of a robot's weight to the left.
+  EXPECT_LT(positions_after(0.05, {.slope_rad = 0.1})[0], positions_after(0.05, {})[0] - 1e-4);
+  EXPECT_EQ(positions_after(1e-6, {.slope_rad = 0.1}), level);
 }
 
 /// The shipped robot with a box of 40 mm, and so wide along the ground, as each foot.

@@ -115,10 +115,29 @@ TEST(SecondLook, ARobotThatBalancesOnItsFootForAWhileDoesNotStay) {
   ASSERT_TRUE(outcome.solutions.front().feasible());
   const SecondLook look = LookAgain(problem, outcome.solutions.front().x);
   for (const PurposeFigure& figure : look.purpose) EXPECT_TRUE(figure.met()) << figure.name();
-  EXPECT_GE(look.leaves_after_s, 2);
-  EXPECT_LT(look.leaves_after_s, kStays_s);
+  ASSERT_TRUE(look.leaving);
+  EXPECT_GE(look.leaving->after_s, 2);
+  EXPECT_LT(look.leaving->after_s, kStays_s);
+  EXPECT_EQ(look.leaving->figure.of, PurposeTarget::Of::kPitch);
+  EXPECT_FALSE(look.leaving->figure.met());
   EXPECT_FALSE(look.acceptable());
   EXPECT_THAT(look.Objections(), HasSubstr("the robot is not where it is asked to be 2.0 s after"));
+}
+
+TEST(SecondLook, SaysWhatARobotLeavesWithWhichDisturbanceAndThroughWhichDrives) {
+  SecondLook look;
+  look.drives = {60, 5};
+  look.leaving = {2.5, {{.target = 1.5, .tolerance = 0.05}, 1.25}, {.lean_rad = -5e-4}};
+  EXPECT_FALSE(look.acceptable());
+  EXPECT_EQ(
+      look.Objections(),
+      "from a start that leans by -0.5 mrad and through drives of 60 N m/rad and 5 N m s/rad, "
+      "the robot is not where it is asked to be 2.5 s after the end: pitch: asked 1.5, got "
+      "1.25 rad (within 0.05)");
+  look.leaving->disturbance = {.slope_rad = 2e-3};
+  EXPECT_THAT(look.Objections(), HasSubstr("on a floor that slopes by 2 mrad and through drives"));
+  look.drives.reset();
+  EXPECT_THAT(look.Objections(), ::testing::StartsWith("the robot is not where"));
 }
 
 TEST(SecondLook, FindsTheLegsNearestApproachThatGeometryByHandFinds) {

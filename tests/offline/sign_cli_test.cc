@@ -76,7 +76,8 @@ TEST_F(EditedPrimitive, OnceSignedItIsPlayedWithAWarning) {
 TEST_F(EditedPrimitive, WhatCannotBeSignedIsLeftAsItIs) {
   const std::string untouched = folder_ / "downstand.toml";
   for (const auto& [file, reason] :
-       {std::pair(untouched, "nothing was changed"), std::pair(file_, "")}) {
+       {std::pair(untouched, "nothing was changed"), std::pair(file_, ""),
+        std::pair(file_, "red \x1b[31m on a terminal"), std::pair(file_, "two\nlines")}) {
     const std::string before = ReadFile(file);
     EXPECT_EQ(RunProgram({"tumbler-sign", file, "--because", reason}).exit_code, 1) << reason;
     EXPECT_EQ(ReadFile(file), before) << reason;

@@ -12,6 +12,7 @@
 #include "common/index.h"
 #include "common/parallel_for.h"
 #include "common/primitive_hash.h"
+#include "common/printable.h"
 #include "common/program.h"
 #include "common/result_file.h"
 #include "offline/ensemble/normal.h"
@@ -267,7 +268,7 @@ AbortFigure FigureOf(const AbortResult& result) {
   figure.seed = study.seed;
   figure.scale = study.scale;
   figure.spreads = TextOf(study.spreads);
-  figure.drives_file = study.drives;
+  figure.drives_file = PrintableInLine(study.drives);
   if (!study.drives.empty()) figure.drives_hash = HashOfText(ReadTextFile(study.drives));
   for (const AbortPart& part : result.parts) {
     const AbortCost& chosen = part.costs[part.chosen];

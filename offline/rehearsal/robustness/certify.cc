@@ -7,6 +7,7 @@
 #include <set>
 
 #include "common/primitive_hash.h"
+#include "common/printable.h"
 #include "common/program.h"
 #include "common/result_file.h"
 #include "common/sequence_toml.h"
@@ -69,7 +70,7 @@ RobustnessFigure FigureOf(const RobustnessResult& result) {
   figure.spreads = TextOf(study.spreads);
   figure.hold_s = study.run.hold_s;
   if (study.lanes) figure.where = RobustnessFigure::Where::kLanes;
-  figure.drives_file = study.drives;
+  figure.drives_file = PrintableInLine(study.drives);
   if (!study.drives.empty()) figure.drives_hash = HashOfText(ReadTextFile(study.drives));
   return figure;
 }
