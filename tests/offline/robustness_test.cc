@@ -339,6 +339,18 @@ TEST(Trials, AHandstandWithASensorKeepsStandingWherePushesFellTheOneWithout) {
   EXPECT_LE(RunStudy(study, kRobots, 1).stands().count, 1);
 }
 
+TEST(Trials, ARollWithASensorRestsSoonerOnRobotsThatRockWithoutOne) {
+  RobustnessStudy study = StudyOf("roll_sensor.toml");
+  study.drives = testing::SourcePath("primitives/robots/tumbler_drives_sensor.toml");
+  study.twin = testing::SourcePath("primitives/robots/tumbler_twin_sensor.toml");
+  study.scale = 2;
+  study.seed = 3;
+  constexpr int kRobots = 16;
+  EXPECT_EQ(RunStudy(study, kRobots, 1).stands().count, kRobots);
+  study.motion = testing::SourcePath("primitives/roll.toml");
+  EXPECT_LT(RunStudy(study, kRobots, 1).stands().count, kRobots);
+}
+
 TEST(Trials, SensorsFailOnlyWhereThereAreSome) {
   RobustnessStudy study = StudyOf("handstand.toml");
   study.sensor_faults = true;

@@ -24,7 +24,7 @@ ELSEWHERE = {
     r"\bv?can0\b": "needs an interface: tests/runtime/*_on_can_test.cc",
     r"^scripts/": "builds the project",
     r"TASK\.toml|ROBOT\.urdf|MOTION|PRIMITIVE|robot_as_it_is": "has a name to be filled in",
-    r"--out (primitives/|handstand_sensor)": "takes minutes: scripts/generate-primitives",
+    r"--out (primitives/|\w+_sensor)": "takes minutes: scripts/generate-primitives",
     r"^cmake ": "builds the project",
     r"--realtime": "runs at the pace of the clock",
     r"^candump": "needs an interface",
