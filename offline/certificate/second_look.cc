@@ -40,7 +40,7 @@ PurposeFigure FigureOf(const CostTerm& term, const Instant& at, PurposeTarget::W
 /// @param drives  through which it was played; none: with exact joints.
 std::string ToText(const SecondLook::Leaving& leaving, const std::optional<DriveGains>& drives) {
   const PurposeFigure& figure = leaving.figure;
-  const std::string what =
+  std::string what =
       fmt::format("the robot is not where it is asked to be {:.1f} s after the end: {}: {}",
                   leaving.after_s, PurposeTarget::kOfNames[Index(static_cast<int>(figure.of))],
                   figure.AskedAndGot(figure.result));

@@ -81,6 +81,7 @@ Json Figures(const TaskResult& result) {
                {"evaluations", result.outcome.evaluations},
                {"wall_s", result.wall_s},
                {"cpu_s", result.cpu_s},
+               {"look_cpu_s", result.look_cpu_s},
                {"end", ToString(best.end)},
                {"final_pitch_rad", summary.final_pitch_rad},
                {"settled_pitch_rad", summary.settled_pitch_rad},
@@ -113,7 +114,8 @@ Json RankedFigures(const TaskResult& result) {
                {"cause", result.usable ? "interrupted" : result.cause},
                {"evaluations", result.outcome.evaluations},
                {"wall_s", result.wall_s},
-               {"cpu_s", result.cpu_s}});
+               {"cpu_s", result.cpu_s},
+               {"look_cpu_s", result.look_cpu_s}});
   if (!result.minima.empty()) entry["minima"] = FiguresOfMinima(result);
   return entry;
 }

@@ -72,8 +72,8 @@ void PrintSecondLook(std::FILE* people, const SecondLook& look) {
         1e3 * kLean_rad);
   } else {
     fmt::print(people,
-               "  not played through drives, which give way: no motion is that is not to end at "
-               "rest, or has a feedback in the hold\n");
+               "  not played through drives, which give way: that is done with what is to end at "
+               "rest, without a feedback in the hold\n");
   }
   if (look.held_torque_excess > 0) {
     fmt::print(
@@ -125,9 +125,10 @@ void PrintMotion(std::FILE* people, const TaskResult& result) {
   const MotionSummary& summary = result.summary;
   const Certificate& c = result.file->certificate;
   fmt::print(people,
-             "{}: objective {:.6g} after {} evaluations, {:.2f} s ({:.2f} s of CPU); {}\n{}{}",
+             "{}: objective {:.6g} after {} evaluations, {:.2f} s ({:.2f} s of CPU, {:.2f} of them "
+             "to look again); {}\n{}{}",
              result.problem().name, result.best.rollout.cost, result.outcome.evaluations,
-             result.wall_s, result.cpu_s, ToString(result.best.end),
+             result.wall_s, result.cpu_s, result.look_cpu_s, ToString(result.best.end),
              result.problem().target_pitch_rad
                  ? fmt::format("  pitch at the end {:.4f} rad, {:.3g} s later {:.4f} rad\n",
                                summary.final_pitch_rad, ExitAfter(result.problem()),

@@ -16,9 +16,10 @@
 namespace tumbler {
 namespace {
 
-double CpuSeconds() {
+/// @param clock  of the process, or of the thread that asks.
+double CpuSeconds(clockid_t clock = CLOCK_PROCESS_CPUTIME_ID) {
   timespec now{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
+  clock_gettime(clock, &now);
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
@@ -74,16 +75,21 @@ class Looks {
       if (const auto known = of_motion_.find(motion); known != of_motion_.end())
         return known->second;
     }
+    const double start_s = CpuSeconds(CLOCK_THREAD_CPUTIME_ID);
     FineLook look = LookFinely(problem, solution.x);
     const std::lock_guard<std::mutex> lock(mutex_);
+    cpu_s_ += CpuSeconds(CLOCK_THREAD_CPUTIME_ID) - start_s;
     return of_motion_.emplace(motion, std::move(look)).first->second;
   }
+  /// The time that all of them took together.
+  [[nodiscard]] double cpu_s() const { return cpu_s_; }
 
  private:
   using Motion = std::pair<double, std::vector<double>>;  // its duration and parameters
   const Problem& problem_;
   std::mutex mutex_;
   std::map<Motion, FineLook> of_motion_;
+  double cpu_s_ = 0;
 };
 
 /// Whether the solver's figures speak for a motion.
@@ -126,7 +132,9 @@ void MakeFile(TaskResult& result, Looks& looks) {
         WiderBounds(result.problem()));
     return;
   }
+  const double start_s = CpuSeconds(CLOCK_THREAD_CPUTIME_ID);
   PrimitiveFile file = MakePrimitiveFile(result.task, result.outcome, best, result.summary);
+  result.look_cpu_s = CpuSeconds(CLOCK_THREAD_CPUTIME_ID) - start_s;
   file.purpose = result.look.purpose;
   best.end = EndByFinerSteps(result.problem(), best, file.certificate.kkt_residual);
   // The certificate computes independently of the solver, and decides.
@@ -208,6 +216,7 @@ TaskResult WorkOn(Task task, const WorkSettings& settings) {
   result.wall_s =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - wall_start).count();
   result.cpu_s = CpuSeconds() - cpu_start;
+  result.look_cpu_s += looks.cpu_s();
   return result;
 }
 

@@ -32,6 +32,7 @@ struct TaskResult {
   std::optional<PrimitiveFile> file;
   double wall_s = 0;
   double cpu_s = 0;
+  double look_cpu_s = 0;  ///< Of it, for second looks and the certificate.
 
   [[nodiscard]] const Problem& problem() const { return task.problem; }
   /// The distance of the pitch from the task's target, 2 s after the motion [rad]; none where the
