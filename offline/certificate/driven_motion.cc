@@ -34,7 +34,8 @@ Scene MovedByTorques(Scene scene, const std::vector<ActuatedJoint>& joints, doub
 
 class DrivenRobot {
  public:
-  DrivenRobot(const Problem& problem, const std::vector<double>& x, const TorqueSamples& torques,
+  DrivenRobot(const Problem& problem, const std::vector<double>& x,
+              std::span<const JointMotion<double>::Spline> feed_forward,
               const Disturbance& disturbance)
       : problem_(problem),
         gains_(problem.drive_gains()),
@@ -44,7 +45,7 @@ class DrivenRobot {
       state_[Index(robot_.FreeIndexOf(kRootPitch))] += disturbance.lean_rad;
     for (std::size_t j = 0; j < problem.joints.size(); ++j) {
       const ActuatedJoint& joint = problem.joints[j];
-      drives_.push_back({PositionSpline(problem, x, j), FeedForward(problem, torques, j), {}});
+      drives_.push_back({PositionSpline(problem, x, j), feed_forward[j], {}});
       state_[robot_.free.size() + Index(robot_.FreeIndexOf(joint.dof))] = joint.start_rad_s;
     }
   }
@@ -140,9 +141,10 @@ class DrivenRobot {
 }  // namespace
 
 bool PlayThroughDrives(const Problem& problem, const std::vector<double>& x,
-                       const TorqueSamples& torques, const Disturbance& disturbance, double until_s,
+                       std::span<const JointMotion<double>::Spline> feed_forward,
+                       const Disturbance& disturbance, double until_s,
                        const std::function<bool(double, std::span<const double>)>& visitor) {
-  DrivenRobot robot(problem, x, torques, disturbance);
+  DrivenRobot robot(problem, x, feed_forward, disturbance);
   const double longest_s = robot.LongestStep();
   const double calm_s = problem.duration_s + ExitAfter(problem);
   // Steps divide the period, so that setpoints change between them.

@@ -25,12 +25,13 @@ struct Disturbance {
 /// classical Runge-Kutta method, with a quarter of the solver's step until ExitAfter the end and
 /// with the whole step from then on, and with shorter ones where a drive's damping asks for them.
 ///
-/// @param torques    the plan's, to which the feed-forward is fitted.
-/// @param visitor    is called at every step with the time [s] and the positions of all degrees of
-///                   freedom [m, rad], and returns whether to go on.
+/// @param feed_forward  of each joint (FeedForward).
+/// @param visitor       is called at every step with the time [s] and the positions of all degrees
+///                      of freedom [m, rad], and returns whether to go on.
 /// @returns false when the state left every plausible range before `until_s`.
 bool PlayThroughDrives(const Problem& problem, const std::vector<double>& x,
-                       const TorqueSamples& torques, const Disturbance& disturbance, double until_s,
+                       std::span<const JointMotion<double>::Spline> feed_forward,
+                       const Disturbance& disturbance, double until_s,
                        const std::function<bool(double, std::span<const double>)>& visitor);
 
 }  // namespace tumbler

@@ -205,8 +205,8 @@ class Looker {
   double speed_ = 0;
 };
 
-/// Looks whether a robot at rest stays there. Where a feedback was found with the motion, its
-/// joints are held exactly, with the solver's step: nothing is fast any more.
+/// Looks whether a robot at rest stays there. One that has a feedback in the hold is simulated with
+/// joints that are held exactly, with the solver's step: nothing is fast any more.
 /// @param torques  the plan's.
 void LookWhetherItStays(const Problem& problem, const std::vector<double>& x,
                         const TorqueSamples& torques, SecondLook& look) {
@@ -231,11 +231,14 @@ void LookWhetherItStays(const Problem& problem, const std::vector<double>& x,
     return;
   }
   look.drives = problem.drive_gains();
+  std::vector<JointMotion<double>::Spline> feed_forward;
+  for (std::size_t j = 0; j < problem.joints.size(); ++j)
+    feed_forward.push_back(FeedForward(problem, torques, j));
   const double until_s = problem.duration_s + kStays_s;
   for (const Disturbance& each : kDisturbances) {
     disturbance = each;
     // What leaves every plausible range is nowhere that can be said.
-    const bool plausible = PlayThroughDrives(problem, x, torques, disturbance, until_s, stays);
+    const bool plausible = PlayThroughDrives(problem, x, feed_forward, disturbance, until_s, stays);
     if (!plausible) look.finite = false;
     if (look.leaving || !plausible) return;
   }

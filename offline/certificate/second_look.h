@@ -86,8 +86,8 @@ inline constexpr std::array<Disturbance, 4> kDisturbances = {{{.slope_rad = kUne
 /// of 0 at the end of it, and there is something to rest on.
 bool EndsAtRest(const Problem& problem);
 
-/// Whether the second look plays a task's motion through drives: not where a feedback was found
-/// with it, which catches what drives cannot hold.
+/// Whether the second look plays a task's motion through drives: not where a feedback is found for
+/// the hold, which catches what drives cannot hold.
 bool PlayedThroughDrives(const Problem& problem);
 
 /// The second look and the summary of a motion, from one simulation.

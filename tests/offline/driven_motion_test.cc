@@ -26,6 +26,15 @@ namespace {
 using ::testing::HasSubstr;
 using testing::Replaced;
 
+std::vector<JointMotion<double>::Spline> FeedForwards(const Problem& problem,
+                                                      const std::vector<double>& x) {
+  const TorqueSamples torques = Summarize(problem, x).torques;
+  std::vector<JointMotion<double>::Spline> splines;
+  for (std::size_t j = 0; j < problem.joints.size(); ++j)
+    splines.push_back(FeedForward(problem, torques, j));
+  return splines;
+}
+
 TEST(DrivenMotion, IsThatOfATwinWithExactEncodersToTwoMillirad) {
   // What encoders round changes how the robot rocks by some 2 mrad more.
   const testing::TemporaryFolder folder;
@@ -46,7 +55,7 @@ TEST(DrivenMotion, IsThatOfATwinWithExactEncodersToTwoMillirad) {
   const double until_s = problem.duration_s + 1.5;
   double worst_rad = 0;
   std::size_t compared = 0;
-  EXPECT_TRUE(PlayThroughDrives(problem, x, Summarize(problem, x).torques, {}, until_s,
+  EXPECT_TRUE(PlayThroughDrives(problem, x, FeedForwards(problem, x), {}, until_s,
                                 [&](double time_s, std::span<const double> q) {
                                   const double tick = time_s / trials.script().tick_s;
                                   if (std::abs(tick - std::round(tick)) > 1e-3) return true;
@@ -66,10 +75,10 @@ TEST(DrivenMotion, BeginsAsTheDisturbanceSays) {
       LoadPrimitive(testing::SourcePath("primitives/nominal/handstand.toml"));
   const Problem problem = TaskOf(file).problem;
   const std::vector<double> x = testing::FreeControlPoints(file.primitive);
-  const TorqueSamples torques = Summarize(problem, x).torques;
+  const std::vector<JointMotion<double>::Spline> feed_forward = FeedForwards(problem, x);
   const auto positions_after = [&](double until_s, const Disturbance& disturbance) {
     std::vector<double> last;
-    EXPECT_TRUE(PlayThroughDrives(problem, x, torques, disturbance, until_s,
+    EXPECT_TRUE(PlayThroughDrives(problem, x, feed_forward, disturbance, until_s,
                                   [&](double /*time_s*/, std::span<const double> q) {
                                     last.assign(q.begin(), q.end());
                                     return true;
@@ -131,6 +140,17 @@ TEST(DrivenMotion, FeetOnWhichARobotStandsWithExactJointsButFallsWithDrivesAreRe
   study.run.hold_s = 8;
   testing::WriteFile(study.motion, ToToml(MakePrimitiveFile(task, outcome, solution)));
   EXPECT_EQ(Trials(study).Play(0).verdict, TrialOutcome::Verdict::kFell);
+}
+
+TEST(DrivenMotion, AStepThatLandsOnAnEdgeIsRefusedThoughItStandsOnSlopingFloors) {
+  const PrimitiveFile file =
+      LoadPrimitive(testing::SourcePath("tests/data/primitives/step_onto_an_edge.toml"));
+  const Problem problem = TaskOf(file).problem;
+  const SecondLook look = LookAgain(problem, testing::FreeControlPoints(file.primitive));
+  for (const PurposeFigure& figure : look.purpose) EXPECT_TRUE(figure.met()) << figure.name();
+  ASSERT_TRUE(look.leaving);
+  EXPECT_EQ(look.leaving->disturbance.slope_rad, 0) << "it stands on those floors";
+  EXPECT_THAT(look.Objections(), ::testing::StartsWith("from a start that leans by"));
 }
 
 TEST(DrivenMotion, TheDrivesAreThoseOfTheTaskAndGoIntoThePrimitive) {
