@@ -178,7 +178,9 @@ ExitStatus Check(const Arguments& arguments) {
     fmt::print("tumbler-optimize does not take it: a task's root is planar-xz, fixed or hinge-y\n");
   } else {
     try {
-      ReduceToPlane(robot);
+      const std::string through = LinksWithoutContact(ReduceToPlane(robot));
+      if (!through.empty())
+        fmt::print("note: no collision shape, so passes through the ground: {}\n", through);
       fmt::print("tumbler-optimize takes it\n");
     } catch (const FileError& error) {
       fmt::print("tumbler-optimize does not take it: {}\n", error.what());

@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
+#include <memory>
 #include <stdexcept>
 #include <string>
 #include <string_view>
@@ -12,6 +13,7 @@
 #include <vector>
 
 #include "common/command_line.h"
+#include "common/printable.h"
 #include "common/program.h"
 #include "common/result_file.h"
 #include "firmware_interface/drives/drives_toml.h"
@@ -56,6 +58,21 @@ struct Options {
   RecordPlayOptions play;
 };
 
+/// Reads a record on to its end, and says what it lacks.
+/// @returns whether every tick of the run up to the end of the file could be read.
+bool PrintWhatIsMissing(FlightRecord& record, std::FILE* out) {
+  const auto entry = std::make_unique<TickEntry>();
+  while (record.Next(*entry)) {
+  }
+  const bool whole = record.damages().empty() && record.lost().empty();
+  if (!whole || record.cut_off() || !record.end()) {
+    for (const std::string& remark : record.Remarks()) {
+      fmt::print(out, "{}\n", Printable(fmt::format("{}: {}", record.name(), remark)));
+    }
+  }
+  return whole;
+}
+
 ExitStatus ReplayOffline(FlightRecord& record) {
   const ReplayResult result = Replay(record);
   const std::string compared = fmt::format("{} ticks, {} frames in, {} frames out", result.ticks,
@@ -69,9 +86,7 @@ ExitStatus ReplayOffline(FlightRecord& record) {
     fmt::print("cannot be replayed further: {}\nidentical before: {}\n", result.gap, compared);
   } else {
     fmt::print("identical: {}\n", compared);
-    if (record.cut_off() || !record.end()) {
-      for (const std::string& remark : record.Remarks()) fmt::print("{}\n", remark);
-    }
+    PrintWhatIsMissing(record, stdout);
   }
   return result.identical() ? ExitStatus::kDone : ExitStatus::kAmiss;
 }
@@ -103,7 +118,10 @@ ExitStatus CompareRecords(FlightRecord& record, const Options& options) {
   FlightRecord other(file.bytes(), options.against);
   const RunTrace played = LoadTrace(other);
   const bool same = PrintComparison(LoadTrace(record), played, options, stdout);
-  return same ? ExitStatus::kDone : ExitStatus::kAmiss;
+  // What cannot be read is not the same, and not another one either.
+  const bool whole = PrintWhatIsMissing(record, stdout);
+  const bool other_whole = PrintWhatIsMissing(other, stdout);
+  return same && whole && other_whole ? ExitStatus::kDone : ExitStatus::kAmiss;
 }
 
 ExitStatus ReadLog(std::string_view text, const Options& options) {
@@ -155,6 +173,7 @@ ExitStatus PlayOnBus(FlightRecord& record, const Options& options) {
   const RecordConfiguration configuration =
       ConfigurationToPlay(record.configuration(), options.play);
   const RunTrace recorded = LoadTrace(record);
+  PrintWhatIsMissing(record, stderr);
   if (recorded.samples.empty() || recorded.samples[0].empty()) {
     throw std::runtime_error(fmt::format("{}: nothing was played in this run", options.record));
   }

@@ -10,7 +10,11 @@
 namespace tumbler {
 namespace {
 
-constexpr std::size_t kFirstBody = 2;  // of the root's degrees of freedom the last one moves it
+/// The first degree of freedom that moves a body. Of a root's three it is the last one; the base of
+/// a fixed root is no body.
+std::size_t FirstBody(const PlanarRobot& robot) {
+  return robot.root_dofs == 0 ? 0 : Index(robot.root_dofs) - 1;
+}
 
 /// Draws departures and notes them.
 struct Drawer {
@@ -37,14 +41,15 @@ struct Drawer {
 
 }  // namespace
 
-std::vector<double> RobotVariation::StartPositions() const {
-  std::vector<double> q(3, 0.0);
+std::vector<double> RobotVariation::StartPositions(const PlanarRobot& robot) const {
+  std::vector<double> q(Index(robot.root_dofs), 0.0);
   for (const Joint& joint : joints) q.push_back(joint.start_rad);
   return q;
 }
 
-std::vector<double> RobotVariation::StartRates() const {
-  std::vector<double> v{0, 0, start_pitch_rate_rad_s};
+std::vector<double> RobotVariation::StartRates(const PlanarRobot& robot) const {
+  std::vector<double> v(Index(robot.root_dofs), 0.0);
+  if (!v.empty()) v.back() = start_pitch_rate_rad_s;
   for (const Joint& joint : joints) v.push_back(joint.start_rate_rad_s);
   return v;
 }
@@ -53,7 +58,7 @@ RobotVariation DrawRobot(const PlanarRobot& robot, const Spreads& spreads, doubl
                          std::uint64_t seed, std::uint64_t index) {
   RobotVariation v;
   Drawer draw{Normal(seed, index), scale, v.deviates};
-  for (std::size_t dof = kFirstBody; dof < robot.body_names.size(); ++dof) {
+  for (std::size_t dof = FirstBody(robot); dof < robot.body_names.size(); ++dof) {
     const std::string of = " of " + robot.body_names[dof];
     RobotVariation::Link& link = v.links.emplace_back();
     link.mass = draw.Factor(spreads.mass, "mass" + of);
@@ -80,26 +85,28 @@ RobotVariation DrawRobot(const PlanarRobot& robot, const Spreads& spreads, doubl
     joint.start_rad = draw.Shift(spreads.start_rad, "start" + of);
     joint.start_rate_rad_s = draw.Shift(spreads.start_rate_rad_s, "start rate" + of);
   }
-  v.start_pitch_rate_rad_s = draw.Shift(spreads.start_rate_rad_s, "start rate of pitch");
+  if (robot.root_dofs > 0)
+    v.start_pitch_rate_rad_s = draw.Shift(spreads.start_rate_rad_s, "start rate of pitch");
   return v;
 }
 
 Scene Varied(Scene scene, const RobotVariation& v) {
   PlanarRobot& robot = scene.robot;
-  const auto link_of = [&v](int body) -> const RobotVariation::Link& {
-    return v.links[Index(body) - kFirstBody];
+  const std::size_t first = FirstBody(robot);
+  // What is fixed to the world is as in the file.
+  const auto length_of = [&v, first](int body) {
+    return body < static_cast<int>(first) ? 1.0 : v.links[Index(body) - first].length;
   };
-  for (std::size_t i = kFirstBody; i < robot.tree.dofs.size(); ++i) {
+  for (std::size_t i = first; i < robot.tree.dofs.size(); ++i) {
     Dof<Plane>& dof = robot.tree.dofs[i];
-    const RobotVariation::Link& link = v.links[i - kFirstBody];
+    const RobotVariation::Link& link = v.links[i - first];
     dof.mass_kg *= link.mass;
     dof.inertia_kg_m2 *= link.mass * link.inertia;
     dof.mass_centre.x() = link.length * dof.mass_centre.x() + link.mass_centre_m;
-    if (i > kFirstBody) dof.offset.x() *= link_of(dof.parent).length;
+    dof.offset.x() *= length_of(dof.parent);
   }
-  for (ContactShape<Plane>& shape : robot.shapes)
-    shape.shape.centre.x() *= link_of(shape.body).length;
-  for (OwnShape& own : robot.own_shapes) own.shape.centre.x() *= link_of(own.body).length;
+  for (ContactShape<Plane>& shape : robot.shapes) shape.shape.centre.x() *= length_of(shape.body);
+  for (OwnShape& own : robot.own_shapes) own.shape.centre.x() *= length_of(own.body);
   scene.contact.mu *= v.friction;
   scene.contact.stiffness_n_per_m *= v.stiffness;
   scene.contact.damping_n_s_per_m *= v.damping;

@@ -42,7 +42,7 @@ struct RobotVariation {
     double zero_rad = 0;                ///< What the encoder reads more than the true angle.
     double start_rad = 0, start_rate_rad_s = 0;  ///< Added when the first motion begins.
   };
-  std::vector<Link> links;    ///< In the order of the robot's bodies, the root first.
+  std::vector<Link> links;    ///< In the order of the robot's bodies, the root that moves first.
   std::vector<Joint> joints;  ///< In the robot's order.
   double friction = 1, stiffness = 1, damping = 1;
   double slope_rad = 0;
@@ -50,9 +50,9 @@ struct RobotVariation {
   double start_pitch_rate_rad_s = 0;  ///< Added when the first motion begins.
 
   /// What is added to the positions and rates of all degrees of freedom (x, z and pitch of the
-  /// root, then the joints) when the first motion begins.
-  [[nodiscard]] std::vector<double> StartPositions() const;
-  [[nodiscard]] std::vector<double> StartRates() const;
+  /// root, unless it is fixed, then the joints) when the first motion begins.
+  [[nodiscard]] std::vector<double> StartPositions(const PlanarRobot& robot) const;
+  [[nodiscard]] std::vector<double> StartRates(const PlanarRobot& robot) const;
 
   /// A departure by itself, in standard deviations.
   struct Deviate {

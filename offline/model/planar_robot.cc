@@ -7,6 +7,7 @@
 #include <optional>
 #include <stdexcept>
 
+#include "common/index.h"
 #include "common/toml_reader.h"
 #include "offline/model/robot.h"
 
@@ -118,6 +119,21 @@ PlanarRobot ReduceToPlane(const Robot& robot) {
     if (shape.body >= 0 && outline) out.drawing.push_back({shape.body, *outline});
   }
   return out;
+}
+
+std::string LinksWithoutContact(const PlanarRobot& robot) {
+  std::string names;
+  // Of a root's degrees of freedom, the last one moves it.
+  for (int body = std::max(robot.root_dofs - 1, 0); body < static_cast<int>(robot.tree.dofs.size());
+       ++body) {
+    const bool touches =
+        std::any_of(robot.shapes.begin(), robot.shapes.end(),
+                    [body](const ContactShape<Plane>& shape) { return shape.body == body; });
+    if (touches) continue;
+    if (!names.empty()) names += ", ";
+    names += robot.body_names[Index(body)];
+  }
+  return names;
 }
 
 void Tilt(PlanarRobot& robot, double slope_rad) {

@@ -87,6 +87,10 @@ struct PlanarRobot {
 /// it has more than Plane::kMaxDofs degrees of freedom, or one that moves no mass.
 PlanarRobot ReduceToPlane(const Robot& robot);
 
+/// The moving links that no contact shape is on, with commas between; empty: there are none. They
+/// pass through the ground and all else.
+std::string LinksWithoutContact(const PlanarRobot& robot);
+
 /// Puts the robot on ground that rises to the right by this angle, in axes of which x is along the
 /// ground: gravity is turned the other way.
 void Tilt(PlanarRobot& robot, double slope_rad);

@@ -118,6 +118,11 @@ void PrintNotes(const Task& task) {
     fmt::print(stderr, "{}:{}: link '{}': note: {}: contact ignores it\n", task.robot_file,
                shape.line, shape.link, shape.reason);
   }
+  const std::string through = LinksWithoutContact(task.problem.scene.robot);
+  if (!task.problem.scene.obstacles.empty() && !through.empty()) {
+    fmt::print(stderr, "{}: note: no collision shape, so passes through the ground: {}\n",
+               task.robot_file, through);
+  }
   PrintContact(task.problem, task.task_file);
 }
 

@@ -234,9 +234,10 @@ class RobustSearch {
   }
 
   /// What is added to a robot's state when the motion begins.
-  [[nodiscard]] static LaneState<double> DisplacementOf(const RobotVariation& variation) {
+  [[nodiscard]] LaneState<double> DisplacementOf(const RobotVariation& variation) const {
     LaneState<double> by{};
-    const auto q = variation.StartPositions(), v = variation.StartRates();
+    const PlanarRobot& robot = problem_.scene.robot;
+    const auto q = variation.StartPositions(robot), v = variation.StartRates(robot);
     std::copy(q.begin(), q.end(), by.q.begin());
     std::copy(v.begin(), v.end(), by.v.begin());
     return by;

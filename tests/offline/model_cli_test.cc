@@ -219,6 +219,11 @@ TEST(ModelCheck, ShowsCoordinatesMassesAndWhatIsIgnored) {
                                              "middle/0 is a mesh: contact ignores it",
                                              LineOf(text, "<link name=\"middle\""))));
   EXPECT_THAT(run.out, HasSubstr("tumbler-optimize takes it"));
+  EXPECT_THAT(run.out, ::testing::Not(HasSubstr("passes through the ground")));
+  const std::string bare = testing::ReplacedAll(ShippedRobot(), "collision>", "visual>");
+  EXPECT_THAT(ModelRunner(bare)("check", "").out,
+              HasSubstr("note: no collision shape, so passes through the ground: middle, "
+                        "leg1_link, leg2_link\n"));
   const ModelOutcome floating = ModelRunner(text)("check", "--root floating");
   EXPECT_EQ(floating.status, 0);
   EXPECT_THAT(floating.out, HasSubstr("degrees of freedom: 8"));

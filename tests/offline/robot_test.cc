@@ -146,6 +146,12 @@ TEST(PlanarRobot, ShapesThatContactDoesNotUseAreListedWithTheirLine) {
   EXPECT_EQ(robot.ignored_shapes[0].reason, "collision shape middle/0 is a mesh");
 }
 
+TEST(PlanarRobot, LinksThatPassThroughTheGroundAreNamed) {
+  EXPECT_EQ(LinksWithoutContact(Parse(ShippedRobot())), "");
+  const std::string hopper = testing::SourcePath("tests/data/robots/hopper.urdf");
+  EXPECT_EQ(LinksWithoutContact(Parse(testing::ReadFile(hopper))), "shank, thigh");
+}
+
 /// A robot whose only link has these collision elements.
 std::string WithCollisions(const std::string& elements) {
   return RobotText(

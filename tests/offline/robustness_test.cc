@@ -22,6 +22,7 @@
 #include "common/primitive_toml.h"
 #include "common/program.h"
 #include "common/toml_reader.h"
+#include "offline/problem/task_toml.h"
 #include "offline/rehearsal/robustness/certify.h"
 #include "offline/rehearsal/robustness/checkpoint.h"
 #include "offline/rehearsal/robustness/drop.h"
@@ -35,6 +36,7 @@ namespace tumbler {
 namespace {
 
 using Verdict = TrialOutcome::Verdict;
+using ::testing::HasSubstr;
 
 const PlanarRobot& Tumbler() {
   static const PlanarRobot robot = LoadTumbler();
@@ -124,6 +126,29 @@ TEST(Variation, AVariedSceneHasTheRobotInEveryPart) {
   EXPECT_NEAR(varied.robot.tree.gravity.x(), scene.robot.tree.gravity.y() * std::sin(0.1), 1e-12);
 }
 
+TEST(Variation, OfARobotThatIsFixedToTheWorldIsInWhatMoves) {
+  const Scene scene = LoadTask(testing::SourcePath("tests/data/tasks/arm.toml")).problem.scene;
+  ASSERT_EQ(scene.robot.root_dofs, 0);
+  const Spreads more{.length = 0.1, .start_rad = 0.02, .start_rate_rad_s = 0.5};
+  const RobotVariation v = DrawRobot(scene.robot, more, 1, 1, 0);
+  ASSERT_EQ(v.links.size(), 1U);
+  EXPECT_EQ(v.StartPositions(scene.robot), std::vector<double>{v.joints[0].start_rad});
+  EXPECT_EQ(v.StartRates(scene.robot), std::vector<double>{v.joints[0].start_rate_rad_s});
+  const Scene varied = Varied(scene, v);
+  const Dof<Plane>& before = scene.robot.tree.dofs[0];
+  const Dof<Plane>& after = varied.robot.tree.dofs[0];
+  EXPECT_NE(after.mass_kg, before.mass_kg);
+  EXPECT_DOUBLE_EQ(after.mass_kg, v.links[0].mass * before.mass_kg);
+  EXPECT_EQ(after.offset, before.offset) << "the wall and its joint are where they were";
+  ASSERT_FALSE(scene.robot.own_shapes.empty());
+  for (std::size_t i = 0; i < scene.robot.own_shapes.size(); ++i) {
+    const OwnShape& own = scene.robot.own_shapes[i];
+    EXPECT_DOUBLE_EQ(varied.robot.own_shapes[i].shape.centre.x(),
+                     (own.body < 0 ? 1 : v.links[0].length) * own.shape.centre.x())
+        << own.name;
+  }
+}
+
 TEST(Variation, WhatJointsDelayAndStartHaveOfItLeavesTheRestOfTheRobotAsItIs) {
   const RobotVariation plain = DrawRobot(Tumbler(), {}, 1, 5, 7);
   const Spreads more{.delay_s = 1e-4, .zero_rad = 0.01, .start_rad = 0.02, .start_rate_rad_s = 0.5};
@@ -136,9 +161,9 @@ TEST(Variation, WhatJointsDelayAndStartHaveOfItLeavesTheRestOfTheRobotAsItIs) {
     EXPECT_EQ(v.links[1].mass, plain.links[1].mass);
     EXPECT_EQ(v.damping, plain.damping);
     EXPECT_NE(v.joints[0].zero_rad, v.joints[1].zero_rad);
-    EXPECT_EQ(v.StartPositions()[2], 0) << "joints alone are elsewhere";
-    EXPECT_EQ(v.StartPositions()[4], v.joints[1].start_rad);
-    EXPECT_EQ(v.StartRates()[2], v.start_pitch_rate_rad_s);
+    EXPECT_EQ(v.StartPositions(Tumbler())[2], 0) << "joints alone are elsewhere";
+    EXPECT_EQ(v.StartPositions(Tumbler())[4], v.joints[1].start_rad);
+    EXPECT_EQ(v.StartRates(Tumbler())[2], v.start_pitch_rate_rad_s);
     EXPECT_EQ(v.deviates.size(), plain.deviates.size() + 8);
   }
   EXPECT_NEAR(late, 0.8e-4, 0.3e-4);
@@ -798,6 +823,25 @@ TEST(RobustnessProgram, TellsOnHowManyLanesAndTwinAgreeAndWritesThePage) {
   EXPECT_EQ(outcome.exit_code, 0) << outcome.text;
   EXPECT_NE(outcome.text.find("lanes and twin agree whether"), std::string::npos) << outcome.text;
   EXPECT_NE(testing::ReadFile(folder / "page/index.html").find("<h2>Verdicts"), std::string::npos);
+}
+
+TEST(RobustnessProgram, PlaysAnArmOnAWallAndRefusesWhatTakesARobotThatMovesAbout) {
+  const testing::TemporaryFolder folder;
+  const std::string arm = folder / "arm.toml";
+  const testing::Outcome found =
+      testing::RunProgram({"tumbler-optimize", testing::SourcePath("tests/data/tasks/arm.toml"),
+                           "--quiet", "--out", arm});
+  ASSERT_EQ(found.exit_code, 0) << found.text;
+  const testing::Outcome outcome =
+      testing::RunProgram({"tumbler-robustness", arm, "--robots", "4"});
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.text;
+  EXPECT_THAT(outcome.text, HasSubstr("4 of 4 robots are as asked"));
+  for (const std::string option : {"--push=2", "--drops", "--compare-lanes"}) {
+    const testing::Outcome refused =
+        testing::RunProgram({"tumbler-robustness", arm, "--robots", "1", option});
+    EXPECT_EQ(refused.exit_code, 2) << refused.text;
+    EXPECT_THAT(refused.text, HasSubstr("leave out " + option.substr(0, option.find('='))));
+  }
 }
 
 TEST(RobustnessProgram, PutsNoResultInThePlaceOfAnother) {

@@ -1,8 +1,11 @@
 #include "offline/rehearsal/robustness/lane_trials.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <stdexcept>
 #include <utility>
 #include <vector>
 
@@ -84,8 +87,9 @@ bool HasFeedback(const SequenceFile& file) {
   return false;
 }
 
-void Displace(LaneState<Packet>& state, std::size_t lane, const RobotVariation& variation) {
-  const std::vector<double> q = variation.StartPositions(), v = variation.StartRates();
+void Displace(LaneState<Packet>& state, std::size_t lane, const PlanarRobot& robot,
+              const RobotVariation& variation) {
+  const auto q = variation.StartPositions(robot), v = variation.StartRates(robot);
   for (std::size_t i = 0; i < q.size(); ++i) {
     state.q[i].set_lane(lane, state.q[i].lane(lane) + q[i]);
     state.v[i].set_lane(lane, state.v[i].lane(lane) + v[i]);
@@ -116,7 +120,12 @@ LaneTrials::LaneTrials(const RobustnessStudy& study) : trials_(study) {
     drive.torque_max_nm = *trials_.robot().motors[j].torque_max_nm;
     drive.delay_s = std::clamp(script.delay_s[j], 0.0, script.tick_s);
   }
-  model_ = MakeLaneScene(trials_.scene(), drives_.front());
+  try {
+    model_ = MakeLaneScene(trials_.scene(), drives_.front());
+  } catch (const std::invalid_argument& error) {
+    throw Refused(fmt::format("{}: cannot be simulated in lanes: {}; leave out --compare-lanes",
+                              study.motion, error.what()));
+  }
 }
 
 LaneRobot<double> LaneTrials::RobotOf(const Scene& scene, const RobotVariation& variation) const {
@@ -188,7 +197,7 @@ std::vector<TrialOutcome> LaneTrials::Play(std::span<const RobotVariation> varia
     if (!begun && tick.state == ExecutorState::kRunning) {
       begun = true;
       for (std::size_t lane = 0; lane < variations.size(); ++lane)
-        Displace(state, lane, variations[lane]);
+        Displace(state, lane, trials_.scene().robot, variations[lane]);
     }
     for (std::size_t j = 0; j < joints; ++j) {
       for (std::size_t lane = 0; lane < kLanes; ++lane) {

@@ -132,10 +132,17 @@ Trials::Trials(const RobustnessStudy& study) : study_(study), motion_(LoadMotion
                                            ReadTextFile, GainsOf(motion_.file()));
   CheckSchedule(loaded, [](const std::string& /*sentence*/) {});
   shared_ = ShareRobot(motion_, loaded, std::move(robot));
-  if (study_.drops && scene().robot.hinged()) {
+  const PlanarRobot& model = scene().robot;
+  const bool fixed = model.root_dofs == 0;
+  if (study_.drops && (fixed || model.hinged())) {
+    throw Refused(
+        study_.motion +
+        (fixed ? ": its robot is fixed to the world and" : ": its robot hangs from a bar and") +
+        " cannot be dropped; leave out --drops");
+  }
+  if (study_.push_n != 0 && fixed) {
     throw Refused(study_.motion +
-                  ": its robot hangs from a bar and cannot be dropped; leave out "
-                  "--drops");
+                  ": a push is one on the root, which is fixed to the world; leave out --push");
   }
   if (scene().obstacles.empty()) {  // Robots cannot differ in a ground that is not there.
     Spreads& spreads = study_.spreads;
@@ -260,7 +267,7 @@ std::optional<TrialOutcome> Trials::PlayVaried(const RobotVariation& variation,
   SimulatedRobot& robot = run.robot();
   RunProcedure& procedure = run.procedure();
   const ControlLoop& loop = run.loop();
-  PurposeJudge judge(motion_.file(), true, scene().robot.hinged());
+  PurposeJudge judge(motion_.file(), scene().robot.root_dofs > 0, scene().robot.hinged());
   DepartureWatch departure;
   if (dropped) robot.Displace(std::vector<double>(rates.size()), rates);
   LieWatch lie;

@@ -66,7 +66,8 @@ SharedRobot ShareRobot(const SimulatedMotion& motion, DrivesConfig drives,
 }
 
 VariedRun::VariedRun(Play play, const SharedRobot& shared, const RobotVariation& variation)
-    : variation_(variation) {
+    : start_positions_(variation.StartPositions(shared.scene.robot)),
+      start_rates_(variation.StartRates(shared.scene.robot)) {
   const SequenceFile& file = play.motion.file();
   SimulatedRobotConfig config = shared.config;
   config.scene = Varied(shared.scene, variation);
@@ -88,8 +89,6 @@ VariedRun::VariedRun(Play play, const SharedRobot& shared, const RobotVariation&
       static_cast<std::int64_t>(std::llround(1e9 / drives().rate_hz)), 0);
 }
 
-void VariedRun::DisplaceAtStart() {
-  robot_->Displace(variation_.StartPositions(), variation_.StartRates());
-}
+void VariedRun::DisplaceAtStart() { robot_->Displace(start_positions_, start_rates_); }
 
 }  // namespace tumbler

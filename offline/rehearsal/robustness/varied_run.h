@@ -4,6 +4,7 @@
 #include <functional>
 #include <memory>
 #include <utility>
+#include <vector>
 
 #include "common/sequence.h"
 #include "firmware_interface/drives/drives_toml.h"
@@ -83,7 +84,7 @@ class VariedRun {
   [[nodiscard]] const DrivesConfig& drives() const { return assembly_->parts().drives; }
 
  private:
-  RobotVariation variation_;
+  std::vector<double> start_positions_, start_rates_;  // added when the first motion begins
   std::unique_ptr<SimulatedRobot> robot_;
   std::unique_ptr<Assembly> assembly_;
   std::unique_ptr<CanBus> host_;

@@ -369,11 +369,12 @@ std::vector<TwinContact> Twin::contacts() const {
 
 void Twin::Displace(std::span<const double> q, std::span<const double> v) {
   Implementation& m = *implementation_;
-  const std::size_t joints = m.scene.robot.joint_count();
-  if (m.scene.robot.root_dofs != 3 || q.size() != joints + 3 || v.size() != joints + 3)
-    throw std::invalid_argument("a planar root and each joint need one number for a displacement");
-  for (std::size_t i = 0; i < joints + 3; ++i) {
-    const int place = m.place[i < 3 ? i : m.scene.robot.DofOfJoint(i - 3)];
+  const std::size_t root = Index(m.scene.robot.root_dofs);
+  const std::size_t count = root + m.scene.robot.joint_count();
+  if (q.size() != count || v.size() != count)
+    throw std::invalid_argument("the root's degrees of freedom and each joint need one number");
+  for (std::size_t i = 0; i < count; ++i) {
+    const int place = m.place[i < root ? i : m.scene.robot.DofOfJoint(i - root)];
     if (place < 0) continue;
     m.y[Index(place)] += q[i];
     m.y[m.robot.free.size() + Index(place)] += v[i];

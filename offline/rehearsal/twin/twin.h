@@ -131,8 +131,8 @@ class Twin {
   [[nodiscard]] std::vector<TwinContact> contacts() const;
   /// Moves the robot at once, as a knock does. What a stand or a bar holds stays where it is.
   /// @param q, v  what is added to positions and velocities of all degrees of freedom: x and z of
-  ///              the root, its pitch, and the joints [m, rad, m/s, rad/s].
-  /// @throws std::invalid_argument  when there are not as many, or the root is fixed.
+  ///              the root, its pitch (of a fixed root none), and the joints [m, rad, m/s, rad/s].
+  /// @throws std::invalid_argument  when there are not as many.
   void Displace(std::span<const double> q, std::span<const double> v);
   /// Begins anew with the hardest impact.
   void ForgetImpacts();

@@ -275,6 +275,33 @@ TEST_F(RecordPrograms, ComparesTwoRunsOfAMotionAndDrawsThem) {
   EXPECT_EQ(Run("tumbler-replay " + record_ + " --against " + slow).exit_code, 4);
 }
 
+TEST_F(RecordPrograms, AComparisonSaysWhatOfARecordCannotBeRead) {
+  ASSERT_EQ(Record().exit_code, 0);
+  const std::string other = folder_ / "other.rec";
+  std::string bytes = ReadFile(record_);
+  testing::WriteFile(other, bytes.substr(0, bytes.size() - 7));
+  const Outcome cut_off = Run("tumbler-replay " + record_ + " --against " + other);
+  EXPECT_EQ(cut_off.exit_code, 0) << cut_off.text;
+  EXPECT_THAT(cut_off.text, HasSubstr(other + ": cut off: "));
+  EXPECT_THAT(cut_off.text, Not(HasSubstr(record_ + ": ")));
+
+  BlockReader reader(testing::AsBytes(bytes));
+  Block block;
+  for (int ticks = 0; ticks <= 1000 && reader.Next(block);) {
+    if (block.kind == BlockKind::kTick) ++ticks;
+  }
+  bytes[block.offset + 100] ^= 0x10;
+  testing::WriteFile(other, bytes);
+  for (const std::string& command : {"tumbler-replay " + record_ + " --against " + other,
+                                     "tumbler-replay " + other + " --against " + record_}) {
+    const Outcome damaged = Run(command);
+    EXPECT_EQ(damaged.exit_code, 4) << damaged.text;
+    EXPECT_THAT(damaged.text, HasSubstr("setpoints differ in 0, by at most 0 rad"));
+    EXPECT_THAT(damaged.text,
+                HasSubstr(other + ": damaged at byte " + std::to_string(block.offset)));
+  }
+}
+
 TEST_F(RecordPrograms, ReadsALogOfCandumpByADrivesFile) {
   const std::string drives = testing::SourcePath("primitives/robots/tumbler_drives_cansimple.toml");
   ASSERT_EQ(Record("--drives " + drives).exit_code, 0);
