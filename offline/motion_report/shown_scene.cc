@@ -5,11 +5,14 @@
 #include <utility>
 #include <vector>
 
+#include "common/index.h"
 #include "offline/contact/outline.h"
 #include "offline/dynamics/hybrid_dynamics.h"
 
 namespace tumbler {
 namespace {
+
+constexpr double kRodRadius_m = 0.005;  // of what the file gives no shape
 
 /// The radius with which a bar is drawn [m]: a little more than that of the root link on it, which
 /// is drawn above it.
@@ -21,7 +24,8 @@ double BarRadius(const PlanarRobot& robot) {
   return 1.4 * radius_m;
 }
 
-/// The bodies that have something to show. Each is drawn as a link.
+/// The bodies that have something to show. Each is drawn as a link. Where none has, all are drawn,
+/// as rods.
 std::vector<int> DrawnBodies(const Problem& problem) {
   const PlanarRobot& robot = problem.scene.robot;
   std::vector<int> bodies;
@@ -32,7 +36,25 @@ std::vector<int> DrawnBodies(const Problem& problem) {
       bodies.push_back(j);
     }
   }
+  if (!bodies.empty()) return bodies;
+  for (int j = std::max(robot.root_dofs - 1, 0); j < static_cast<int>(robot.tree.dofs.size()); ++j)
+    bodies.push_back(j);
   return bodies;
+}
+
+/// Rods from a link's origin to its centre of mass and to the links that it carries.
+std::vector<ReportShape> Rods(const PlanarRobot& robot, int body) {
+  std::vector<ReportShape> rods;
+  const auto add = [&rods](const Plane::Vector& end) {
+    if (end.norm() < kRodRadius_m) return;
+    rods.push_back({{{0, 0}, {end.x(), end.y()}}, kRodRadius_m, false});
+  };
+  add(robot.tree.dofs[Index(body)].mass_centre);
+  for (const Dof<Plane>& dof : robot.tree.dofs) {
+    if (dof.parent == body) add(dof.offset);
+  }
+  if (rods.empty()) rods.push_back({{{0, 0}}, 2 * kRodRadius_m, false});
+  return rods;
 }
 
 std::vector<std::array<double, 2>> CornersOf(const Outline& outline) {
@@ -60,6 +82,7 @@ ReportData ReportScene(const Problem& problem) {
     for (const ContactShape<Plane>& own : problem.scene.robot.shapes) {
       if (own.body == body) link.shapes.push_back(ShownShape(own.shape, true));
     }
+    if (link.shapes.empty()) link.shapes = Rods(problem.scene.robot, body);
     link_of_body[static_cast<std::size_t>(body)] = static_cast<int>(data.links.size());
     data.links.push_back(std::move(link));
   }

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <optional>
 #include <string>
 
@@ -22,10 +23,13 @@ void PrintContact(const Problem& problem, const std::string& task_file) {
     const ContactLaw& law = problem.scene.contact;
     fmt::print(stderr,
                "contact: k {:.4g} N/m, c {:.4g} N s/m, d_on {:.3g} mm, d_off {:.3g} mm, mu {:.3g}, "
-               "v_max {:.3g} m/s; step {:.3g} ms, advisable up to {:.3g} ms\n",
+               "v_max {:.3g} m/s; step {:.3g} ms{}\n",
                law.stiffness_n_per_m, law.damping_n_s_per_m, 1e3 * law.d_on_m, 1e3 * law.d_off_m,
                law.mu, law.v_max_m_per_s, 1e3 * problem.solver.step_s,
-               1e3 * problem.advisable_step_s);
+               // What is prescribed bears any step.
+               std::isfinite(problem.advisable_step_s)
+                   ? fmt::format(", advisable up to {:.3g} ms", 1e3 * problem.advisable_step_s)
+                   : "");
   }
   if (problem.solver.step_s > problem.advisable_step_s) {
     const bool springs = !problem.scene.robot.passive.empty();

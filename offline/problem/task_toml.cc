@@ -477,7 +477,10 @@ class TaskReader {
     if (given_) CheckGivenJoints(start);
     for (std::size_t i = 0; i < passive_start_.size(); ++i)
       problem_.start_q[Index(scene_.robot.passive[i].dof)] = passive_start_[i];
-    if (scene_.robot.root_dofs == 0) return;
+    if (scene_.robot.root_dofs == 0) {
+      CheckNotBuried(start, "joints_rad", "", "");
+      return;
+    }
     TaskStart root;
     ReadKeys(start, kTaskStartKeys, root);
     const bool given_motion = given_ && !given_->own;
@@ -523,11 +526,12 @@ class TaskReader {
     problem_.start_q[kPitch] = root.pitch_rad;
     if (scene_.robot.hinged()) {
       HangAtRest(start);
-      CheckNotBuried(start, scene_.bar.y());
+      CheckNotBuried(start, "z_m", fmt::format("is {}: ", MessageNumber(scene_.bar.y())), "");
       return;
     }
     if (root.z_m) {
-      CheckNotBuried(start, *root.z_m);
+      CheckNotBuried(start, "z_m", fmt::format("is {}: ", MessageNumber(*root.z_m)),
+                     "; without z_m the robot is put on the ground");
       return;
     }
     try {
@@ -587,7 +591,10 @@ class TaskReader {
   }
 
   /// Checks that no shape starts deeper in an obstacle than the compliant layer is thick.
-  void CheckNotBuried(TomlTable& start, double z_m) {
+  /// @param key, said, remedy  the key that puts the robot there, what it says, and what else might
+  ///                           help.
+  void CheckNotBuried(TomlTable& start, const char* key, const std::string& said,
+                      const char* remedy) {
     SceneDynamics robot(scene_);
     std::copy(problem_.start_q.begin(), problem_.start_q.end(), robot.q.begin());
     robot.Touch();
@@ -597,13 +604,12 @@ class TaskReader {
     }
     const double layer = scene_.contact.d_on_m;
     if (deepest == nullptr || deepest->depth_m < layer) return;
-    start.Fail("z_m",
-               fmt::format("is {}: there collision shape {} is {} m inside '{}'; allowed: "
-                           "where none is inside an obstacle; without z_m the robot is put "
-                           "on the ground",
-                           MessageNumber(z_m),
-                           scene_.robot.shapes[static_cast<std::size_t>(deepest->shape)].name,
-                           MessageNumber(deepest->depth_m - layer), TouchedName(scene_, *deepest)));
+    start.Fail(key,
+               fmt::format("{}there collision shape {} is {} m inside '{}'; allowed: where none is "
+                           "inside an obstacle{}",
+                           said, scene_.robot.shapes[static_cast<std::size_t>(deepest->shape)].name,
+                           MessageNumber(deepest->depth_m - layer), TouchedName(scene_, *deepest),
+                           remedy));
   }
 
   /// Checks that the joints of the given pose are those of the task, and are where the task starts.

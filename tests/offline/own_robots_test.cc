@@ -12,6 +12,7 @@
 #include "common/primitive_toml.h"
 #include "tests/support/files.h"
 #include "tests/support/program.h"
+#include "tests/support/task_files.h"
 
 namespace tumbler {
 namespace {
@@ -102,6 +103,28 @@ TEST(OwnRobot, AnAcrobotThatLiesFlatHasNotStoodUp) {
   EXPECT_FALSE(ending.written);
   EXPECT_THAT(ending.text, AllOf(HasSubstr("no motion was found: "),
                                  HasSubstr("pitch, settled: asked 1.5708, got")));
+}
+
+TEST(OwnRobot, ThatHasNoShapesIsDrawnAsRods) {
+  std::string arm = ReadFile(testing::SourcePath("primitives/acrobot/acrobot.urdf"));
+  for (std::size_t at = 0; (at = arm.find("<visual>")) != std::string::npos;)
+    arm.erase(at, arm.find("</visual>") + 9 - at);
+  ASSERT_EQ(arm.find("<geometry>"), std::string::npos);
+  const testing::TaskFolder folder(
+      Replaced(TaskText("arm.toml"), "../../../primitives/acrobot/acrobot.urdf",
+               "../robots/tumbler.urdf"),
+      arm);
+  const std::string motion = folder / "arm.toml", record = folder / "arm.rec";
+  const auto run = [](const std::vector<std::string>& command) {
+    const testing::Outcome outcome = testing::RunProgram(command);
+    EXPECT_EQ(outcome.exit_code, 0) << command[0] << "\n" << outcome.text;
+  };
+  run({"tumbler-optimize", folder.task_file(), "--quiet", "--out", motion, "--report",
+       folder / "found"});
+  run({"tumbler-run", "sim", motion, "--record", record});
+  run({"tumbler-report", record, "--out", folder / "page"});
+  run({"tumbler-record", record, "--mcap", folder / "arm.mcap"});
+  EXPECT_THAT(ReadFile(folder / "found/index.html"), HasSubstr("\"lower\""));
 }
 
 TEST(Hopper, JumpsOntoItsStepThroughTheRuntimeAndStaysThere) {

@@ -80,6 +80,24 @@ void LieFlat(Watcher& scene, const DrivesPosture& drives = kOn) {
   scene.Rest(0, kFlat_m, 0, 0, drives);
 }
 
+TEST(Posture, AJointThatSlidesIsElsewhereAfterCentimetres) {
+  for (const bool slides : {false, true}) {
+    PostureWatch watch(Gait().file(), {}, StartOf(Gait().file()), {false, slides});
+    TwinState state;
+    state.root_pitch_rad = M_PI / 2;
+    state.root_z_m = kUp_m;
+    state.joint_velocities_rad_s = {0, 0};
+    for (const double q : {0.04, 0.08}) {
+      state.joint_positions_rad = {0, q};
+      for (int i = 0; i < 400; ++i) {
+        state.time_ns += kMs;
+        watch.Observe(state, {}, kOn);
+      }
+      EXPECT_EQ(watch.resting_as(), slides && q > 0.05 ? "" : "as after handstand") << q;
+    }
+  }
+}
+
 TEST(Posture, APassageThroughTheGaitIsARestInEachOfItsPosesAndNoFall) {
   Watcher scene;
   scene.Rest(0, kHome_m, -M_PI / 2, M_PI / 2);

@@ -836,12 +836,57 @@ TEST(RobustnessProgram, PlaysAnArmOnAWallAndRefusesWhatTakesARobotThatMovesAbout
       testing::RunProgram({"tumbler-robustness", arm, "--robots", "4"});
   EXPECT_EQ(outcome.exit_code, 0) << outcome.text;
   EXPECT_THAT(outcome.text, HasSubstr("4 of 4 robots are as asked"));
-  for (const std::string option : {"--push=2", "--drops", "--compare-lanes"}) {
+  for (const std::string option : {"--push=2", "--drops", "--lanes"}) {
     const testing::Outcome refused =
         testing::RunProgram({"tumbler-robustness", arm, "--robots", "1", option});
     EXPECT_EQ(refused.exit_code, 2) << refused.text;
-    EXPECT_THAT(refused.text, HasSubstr("leave out " + option.substr(0, option.find('='))));
+    EXPECT_THAT(refused.text,
+                HasSubstr(option == "--lanes" ? "cannot be simulated in lanes: the robot's root is "
+                                                "fixed"
+                                              : "leave out " + option.substr(0, option.find('='))));
   }
+  EXPECT_THAT(testing::RunProgram({"tumbler-run", "sim", arm}).text,
+              HasSubstr("without torque, 3 s later: the robot has given way where it is fixed to "
+                        "the world, its joints at "));
+}
+
+TEST(RobustnessProgram, WhatARunWouldRefuseIsRefusedOfRobotsAndAbortsToo) {
+  const testing::TemporaryFolder folder;
+  const std::string motion = folder / "handstand.toml";
+  const std::string text = testing::ReadFile(testing::SourcePath("primitives/handstand.toml"));
+  testing::WriteFile(motion, text);
+  const std::string drives =
+      Written(folder, "drives.toml",
+              testing::ReplacedAll(
+                  testing::ReadFile(testing::SourcePath("primitives/robots/tumbler_drives.toml")),
+                  "torque_nm = [-18.0, 18.0]", "torque_nm = [-5.0, 5.0]"));
+  for (const std::vector<std::string>& command :
+       {std::vector<std::string>{"tumbler-run", "sim", motion},
+        {"tumbler-robustness", motion, "--robots", "2", "--certify"},
+        {"tumbler-abort", motion, "--robots", "2", "--write"}}) {
+    std::vector<std::string> with_drives = command;
+    with_drives.insert(with_drives.end(), {"--drives", drives});
+    const testing::Outcome refused = testing::RunProgram(with_drives);
+    EXPECT_EQ(refused.exit_code, 2) << refused.text;
+    EXPECT_THAT(refused.text, HasSubstr("torque limit is "));
+    EXPECT_THAT(refused.text, HasSubstr("whose range is -5 ... 5 N m"));
+  }
+  EXPECT_EQ(testing::ReadFile(motion), text);
+}
+
+TEST(RobustnessProgram, APushTakesAModelThatStands) {
+  const testing::TemporaryFolder folder;
+  const std::string motion = testing::SourcePath("primitives/handstand.toml");
+  const std::string twin = Written(
+      folder, "twin.toml",
+      fmt::format("format = \"tumbler-twin\"\nversion = 1\nmotion = \"{}\"\ndrives = \"{}\"\n"
+                  "[motor]\ntorque_max_nm = 0.5\n",
+                  motion, testing::SourcePath("primitives/robots/tumbler_drives.toml")));
+  const testing::Outcome refused =
+      testing::RunProgram({"tumbler-robustness", motion, "--robots", "2", "--twin", twin, "--push",
+                           "2", "--hold", "12"});
+  EXPECT_EQ(refused.exit_code, 2) << refused.text;
+  EXPECT_THAT(refused.text, HasSubstr("the model itself is not as asked, so there is no hold"));
 }
 
 TEST(RobustnessProgram, PutsNoResultInThePlaceOfAnother) {

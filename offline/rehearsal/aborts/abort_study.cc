@@ -18,7 +18,6 @@
 #include "offline/ensemble/normal.h"
 #include "offline/rehearsal/robustness/certify.h"
 #include "offline/rehearsal/twin/twin_toml.h"
-#include "runtime/assembly/run_checks.h"
 
 namespace tumbler {
 namespace {
@@ -317,7 +316,6 @@ AbortTrials LoadAbortTrials(const AbortStudy& study) {
   if (drives.empty() && !study.twin.empty()) drives = ReadTwinSources(study.twin).drives;
   const DrivesConfig loaded =
       LoadDrivesOf(JointsOf(motion.file()), drives, ReadTextFile, GainsOf(motion.file()));
-  CheckSchedule(loaded, [](const std::string& /*sentence*/) {});
   SharedRobot shared = ShareRobot(motion, loaded, std::move(robot));
   return {std::move(motion), std::move(shared)};
 }

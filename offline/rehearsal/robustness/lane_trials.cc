@@ -123,8 +123,7 @@ LaneTrials::LaneTrials(const RobustnessStudy& study) : trials_(study) {
   try {
     model_ = MakeLaneScene(trials_.scene(), drives_.front());
   } catch (const std::invalid_argument& error) {
-    throw Refused(fmt::format("{}: cannot be simulated in lanes: {}; leave out --compare-lanes",
-                              study.motion, error.what()));
+    throw Refused(fmt::format("{}: cannot be simulated in lanes: {}", study.motion, error.what()));
   }
 }
 

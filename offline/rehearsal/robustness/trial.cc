@@ -15,7 +15,6 @@
 #include "offline/rehearsal/robustness/drop.h"
 #include "offline/rehearsal/sim/purpose_judge.h"
 #include "offline/rehearsal/twin/twin_toml.h"
-#include "runtime/assembly/run_checks.h"
 #include "runtime/assembly/run_parts.h"
 #include "runtime/telemetry/sentences.h"
 
@@ -130,7 +129,6 @@ Trials::Trials(const RobustnessStudy& study) : study_(study), motion_(LoadMotion
   if (!study.twin.empty()) robot = LoadTwin(study.twin, motion_);
   const DrivesConfig loaded = LoadDrivesOf(JointsOf(motion_.file()), DrivesFileOf(study),
                                            ReadTextFile, GainsOf(motion_.file()));
-  CheckSchedule(loaded, [](const std::string& /*sentence*/) {});
   shared_ = ShareRobot(motion_, loaded, std::move(robot));
   const PlanarRobot& model = scene().robot;
   const bool fixed = model.root_dofs == 0;
@@ -237,6 +235,11 @@ void Trials::PlayModel() {
     }
   };
   const std::optional<TrialOutcome> outcome = PlayVaried(model, robot(), write);
+  if (study_.push_n != 0 && !outcome->stands() && outcome->reason != kUnjudged) {
+    throw Refused(fmt::format(
+        "{}: the model itself is not as asked, so there is no hold to push robots in: {}",
+        study_.motion, outcome->reason));
+  }
   if (outcome->reason == kUnjudged) {
     throw Refused(
         fmt::format("{}: ends {:.6g} s after the last motion has settled, before a robot "

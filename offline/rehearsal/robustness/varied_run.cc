@@ -54,6 +54,8 @@ DrivesConfig VaryDrives(const RobotVariation& variation, std::vector<JointMotor>
 
 SharedRobot ShareRobot(const SimulatedMotion& motion, DrivesConfig drives,
                        SimulatedRobotConfig config) {
+  CheckRanges(*std::make_unique<const Sequence<float>>(ToRuntime(motion.file())), drives);
+  CheckSchedule(drives, [](const std::string& /*sentence*/) {});
   SharedRobot shared{std::move(drives), std::move(config), motion.scene()};
   if (shared.config.twin.contact)
     shared.scene.contact = *std::exchange(shared.config.twin.contact, std::nullopt);

@@ -30,6 +30,7 @@ struct SharedRobot {
 /// @param drives  one for each joint of the motion, in its order.
 /// @param config  of a twin file. Its own law of contact becomes the scene's, so that a robot's
 ///                factors are of it.
+/// @throws Refused  when the motion does not fit the drives or their bus, as in a run.
 SharedRobot ShareRobot(const SimulatedMotion& motion, DrivesConfig drives,
                        SimulatedRobotConfig config);
 

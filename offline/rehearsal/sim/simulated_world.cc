@@ -65,8 +65,9 @@ class SimulatedWorld final : public World {
   SimulatedWorld(const SimulatedMotion& motion, const SequenceFile& file,
                  const DrivesConfig& drives, const SimulatedWorldConfig& config)
       : robot_(motion, drives, RobotOf(motion, config)),
+        fixed_(motion.scene().robot.root_dofs == 0),
         hinged_(motion.scene().robot.hinged()),
-        judge_(file, motion.scene().robot.root_dofs > 0, hinged_),
+        judge_(file, !fixed_, hinged_),
         host_(robot_.bus().Attach()),
         truth_(
             {.log_file = config.truth_log, .lcm_url = config.lcm_url, .sink = config.truth_sink}),
@@ -89,16 +90,24 @@ class SimulatedWorld final : public World {
   std::string LeaveAlone() {
     constexpr std::int64_t kStep_ns = 1'000'000;
     constexpr int kSteps = 3000;
-    double swing_rad_s = 0;  // in the last second
+    double swing_rad_s = 0, joints_rad_s = 0;  // in the last second
     for (int i = 0; i < kSteps; ++i) {
       robot_.AdvanceTo(robot_.now_ns() + kStep_ns);
-      if (i >= kSteps - 1000)
-        swing_rad_s = std::max(swing_rad_s, std::abs(robot_.state().root_pitch_rate_rad_s));
+      if (i < kSteps - 1000) continue;
+      const TwinState state = robot_.state();
+      swing_rad_s = std::max(swing_rad_s, std::abs(state.root_pitch_rate_rad_s));
+      for (const double rate : state.joint_velocities_rad_s)
+        joints_rad_s = std::max(joints_rad_s, std::abs(rate));
     }
     const PostureWatch& posture = robot_.posture();
     if (robot_.state().held) return "stays, held as at the start";
     if (!posture.resting_as().empty()) return "stays, " + posture.resting_as();
     if (hinged_) return fmt::format("swings on its bar, at {:.2f} rad/s at most", swing_rad_s);
+    if (fixed_) {
+      return fmt::format(
+          "has given way where it is fixed to the world, its joints at {:.2f} rad/s at most",
+          joints_rad_s);
+    }
     // A fall from the height of a hand is faster than this.
     constexpr double kDrop_m_s = 0.75;
     const double speed_m_s = posture.sinking_max_m_s();
@@ -108,7 +117,7 @@ class SimulatedWorld final : public World {
   }
 
   SimulatedRobot robot_;
-  bool hinged_;
+  bool fixed_, hinged_;
   PurposeJudge judge_;
   SimulatedPort& host_;
   TruthLog truth_;

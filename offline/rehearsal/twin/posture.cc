@@ -20,8 +20,8 @@ std::string Describe(const PostureEvent& event) {
 }
 
 PostureWatch::PostureWatch(const SequenceFile& motion, const PostureConfig& config,
-                           const PrimitivePose& start)
-    : config_(config) {
+                           const PrimitivePose& start, std::vector<bool> slides)
+    : config_(config), slides_(std::move(slides)) {
   const auto add = [&](int node, const char* when, const PrimitivePose& pose, double tolerance) {
     const std::string name = fmt::format("as {} {}", when, motion.graph.node(node).name.view());
     KnownPose known{name,
@@ -62,8 +62,9 @@ const PostureWatch::KnownPose* PostureWatch::FindPose(const TwinState& state) co
         std::abs(state.root_z_m - pose.z_m) > z_tolerance)
       return false;
     for (std::size_t j = 0; j < pose.joints_rad.size(); ++j) {
-      if (std::abs(state.joint_positions_rad[j] - pose.joints_rad[j]) > config_.joint_tolerance_rad)
-        return false;
+      const bool slides = j < slides_.size() && slides_[j];
+      const double tolerance = slides ? config_.z_tolerance_m : config_.joint_tolerance_rad;
+      if (std::abs(state.joint_positions_rad[j] - pose.joints_rad[j]) > tolerance) return false;
     }
     return true;
   };

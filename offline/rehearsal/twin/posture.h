@@ -17,7 +17,7 @@ struct PostureConfig {
   double rate_max_rad_s = 0.05;
   double rest_s = 0.3;
   /// A pose counts as a known one when it differs by at most this. For the pitch the sequence's
-  /// exit tolerance counts where it is larger.
+  /// exit tolerance counts where it is larger. Joints that slide have the tolerance of the height.
   double pitch_tolerance_rad = 0.1;
   double joint_tolerance_rad = 0.3;
   double z_tolerance_m = 0.05;
@@ -61,7 +61,9 @@ struct DrivesPosture {
 /// robot does that, so that what the simulation shows from then on is no motion of the robot.
 class PostureWatch {
  public:
-  PostureWatch(const SequenceFile& motion, const PostureConfig& config, const PrimitivePose& start);
+  /// @param slides  whether each joint of the motion slides; empty: none does.
+  PostureWatch(const SequenceFile& motion, const PostureConfig& config, const PrimitivePose& start,
+               std::vector<bool> slides = {});
 
   /// To be called every few milliseconds, with times that grow.
   void Observe(const TwinState& state, const std::vector<TwinContact>& contacts,
@@ -91,6 +93,7 @@ class PostureWatch {
   static PostureEvent EventAt(const TwinState& state, PostureEvent::Kind kind);
 
   PostureConfig config_;
+  std::vector<bool> slides_;
   std::vector<KnownPose> poses_;
   std::vector<PostureEvent> events_;
   int falls_ = 0;

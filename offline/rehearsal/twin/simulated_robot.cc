@@ -99,7 +99,12 @@ SimulatedRobot::SimulatedRobot(const SimulatedMotion& simulated, const DrivesCon
     sensor_ = std::make_unique<SimulatedSensor>(*drives.sensor, config.sensor);
     sensor_->AttachTo(bus_);
   }
-  posture_ = std::make_unique<PostureWatch>(motion, config.posture, start);
+  std::vector<bool> slides;
+  for (std::size_t j = 0; j < scene.robot.joint_count(); ++j) {
+    slides.push_back(scene.robot.tree.dofs[scene.robot.DofOfJoint(j)].kind ==
+                     JointKind::kPrismatic);
+  }
+  posture_ = std::make_unique<PostureWatch>(motion, config.posture, start, std::move(slides));
 }
 
 void SimulatedRobot::AdvanceTo(std::int64_t time_ns) {
