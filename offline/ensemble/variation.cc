@@ -10,12 +10,6 @@
 namespace tumbler {
 namespace {
 
-/// The first degree of freedom that moves a body. Of a root's three it is the last one; the base of
-/// a fixed root is no body.
-std::size_t FirstBody(const PlanarRobot& robot) {
-  return robot.root_dofs == 0 ? 0 : Index(robot.root_dofs) - 1;
-}
-
 /// Draws departures and notes them.
 struct Drawer {
   Normal normal;
@@ -58,7 +52,7 @@ RobotVariation DrawRobot(const PlanarRobot& robot, const Spreads& spreads, doubl
                          std::uint64_t seed, std::uint64_t index) {
   RobotVariation v;
   Drawer draw{Normal(seed, index), scale, v.deviates};
-  for (std::size_t dof = FirstBody(robot); dof < robot.body_names.size(); ++dof) {
+  for (std::size_t dof = Index(robot.first_body()); dof < robot.body_names.size(); ++dof) {
     const std::string of = " of " + robot.body_names[dof];
     RobotVariation::Link& link = v.links.emplace_back();
     link.mass = draw.Factor(spreads.mass, "mass" + of);
@@ -92,7 +86,7 @@ RobotVariation DrawRobot(const PlanarRobot& robot, const Spreads& spreads, doubl
 
 Scene Varied(Scene scene, const RobotVariation& v) {
   PlanarRobot& robot = scene.robot;
-  const std::size_t first = FirstBody(robot);
+  const std::size_t first = Index(robot.first_body());
   // What is fixed to the world is as in the file.
   const auto length_of = [&v, first](int body) {
     return body < static_cast<int>(first) ? 1.0 : v.links[Index(body) - first].length;

@@ -123,9 +123,7 @@ PlanarRobot ReduceToPlane(const Robot& robot) {
 
 std::string LinksWithoutContact(const PlanarRobot& robot) {
   std::string names;
-  // Of a root's degrees of freedom, the last one moves it.
-  for (int body = std::max(robot.root_dofs - 1, 0); body < static_cast<int>(robot.tree.dofs.size());
-       ++body) {
+  for (int body = robot.first_body(); body < static_cast<int>(robot.tree.dofs.size()); ++body) {
     const bool touches =
         std::any_of(robot.shapes.begin(), robot.shapes.end(),
                     [body](const ContactShape<Plane>& shape) { return shape.body == body; });

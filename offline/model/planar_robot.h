@@ -58,6 +58,9 @@ struct PlanarRobot {
   /// Whether a bar holds the origin of the root's frame, so that of the root only the pitch is
   /// free.
   [[nodiscard]] bool hinged() const { return root == RootKind::kHingeY; }
+  /// The first degree of freedom that moves a body: of a root's three it is the last one, and the
+  /// base of a fixed root is no body.
+  [[nodiscard]] int first_body() const { return root_dofs == 0 ? 0 : root_dofs - 1; }
   /// The degrees of freedom after the root's are its joints. Those that are not passive are
   /// counted: each has a motor.
   [[nodiscard]] std::size_t joint_count() const {

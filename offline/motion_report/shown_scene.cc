@@ -37,7 +37,7 @@ std::vector<int> DrawnBodies(const Problem& problem) {
     }
   }
   if (!bodies.empty()) return bodies;
-  for (int j = std::max(robot.root_dofs - 1, 0); j < static_cast<int>(robot.tree.dofs.size()); ++j)
+  for (int j = robot.first_body(); j < static_cast<int>(robot.tree.dofs.size()); ++j)
     bodies.push_back(j);
   return bodies;
 }

@@ -187,7 +187,7 @@ SimulatedRobotConfig Trials::ConfigOf(std::uint64_t index) const {
   if (study_.push_n != 0) {
     const auto [from_s, to_s] = PushTimes();
     Push& push = config.twin.pushes.emplace_back();
-    push.link = scene().robot.body_names[Index(scene().robot.root_dofs) - 1];
+    push.link = scene().robot.body_names[Index(scene().robot.first_body())];
     push.start_s = from_s + when * (to_s - from_s);
     push.duration_s = kPush_s;
     push.force_n = {side < 0.5 ? study_.push_n : -study_.push_n, 0};

@@ -105,7 +105,7 @@ class SimulatedWorld final : public World {
     if (hinged_) return fmt::format("swings on its bar, at {:.2f} rad/s at most", swing_rad_s);
     if (fixed_) {
       return fmt::format(
-          "has given way where it is fixed to the world, its joints at {:.2f} rad/s at most",
+          "is limp where it is fixed to the world, its joints at {:.2f} rad/s at most",
           joints_rad_s);
     }
     // A fall from the height of a hand is faster than this.
