@@ -364,7 +364,7 @@ TEST(Trials, AHandstandWithASensorKeepsStandingWherePushesFellTheOneWithout) {
   EXPECT_LE(RunStudy(study, kRobots, 1).stands().count, 1);
 }
 
-TEST(Trials, ARollWithASensorRestsSoonerOnRobotsThatRockWithoutOne) {
+TEST(Trials, ARollWithASensorIsAsAskedOnRobotsThatTheOneWithoutLoses) {
   RobustnessStudy study = StudyOf("roll_sensor.toml");
   study.drives = testing::SourcePath("primitives/robots/tumbler_drives_sensor.toml");
   study.twin = testing::SourcePath("primitives/robots/tumbler_twin_sensor.toml");
