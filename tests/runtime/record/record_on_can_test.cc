@@ -229,44 +229,46 @@ TEST_F(RecordOnCan, KilledInMidMotionItLeavesARecordThatReplaysUpToThere) {
   });
 }
 
-TEST_F(RecordOnCan, ADryRunOfAReplaySendsNothingAndAnArmedOnePlaysTheRecordedSetpoints) {
-  for (const testing::ExampleDrives& example : testing::ExampleOfEveryProtocol()) {
-    SCOPED_TRACE(example.protocol);
-    int attempt = 0;
-    testing::InSteadyTime([&] {
-      WriteDrives(example);
-      const std::string record =
-          Path("first_" + example.protocol + std::to_string(attempt++) + ".rec");
-      const VirtualCan can;
-      auto drives = StartDrives(can.name());
-      const auto run = StartRun(can.name(), record);
-      ASSERT_EQ(run->Wait(), 0) << run->text();
+class ReplayOnCan : public RecordOnCan,
+                    public ::testing::WithParamInterface<testing::ExampleDrives> {};
 
-      // The replay runs on another interface, where the drives are in other positions.
-      const VirtualCan bench;
-      const auto candump = StartCandump(bench.name(), "bench.log");
-      std::ofstream(Path("bench.log"), std::ios::trunc).close();
-      const std::string dry =
-          Output({ProgramPath("tumbler-replay"), record, "--bus", bench.name()});
-      EXPECT_THAT(dry, HasSubstr("completed on " + bench.name() + " (dry run"));
-      EXPECT_THAT(dry, HasSubstr("setpoints differ in 0, by at most 0 rad"));
-      EXPECT_EQ(ReadFile(Path("bench.log")), "") << "nothing is sent without --arm";
+TEST_P(ReplayOnCan, SendsNothingInADryRunAndPlaysTheRecordedSetpointsWhenArmed) {
+  int attempt = 0;
+  WriteDrives(GetParam());
+  testing::InSteadyTime([&] {
+    const std::string record = Path("first_" + std::to_string(attempt++) + ".rec");
+    const VirtualCan can;
+    auto drives = StartDrives(can.name());
+    const auto run = StartRun(can.name(), record);
+    ASSERT_EQ(run->Wait(), 0) << run->text();
 
-      const auto bench_drives = StartDrives(bench.name());
-      const std::string svg = Path("bench.svg");
-      const std::string played_record = record + ".played";
-      const std::string played =
-          Output({ProgramPath("tumbler-replay"), record, "--bus", bench.name(), "--arm",
-                  "--without-realtime", "--svg", svg, "--record", played_record});
-      EXPECT_THAT(played, HasSubstr("completed on " + bench.name() + "\n"));
-      EXPECT_THAT(played, HasSubstr("joint2: "));
-      EXPECT_THAT(played, HasSubstr("setpoints differ in 0, by at most 0 rad"));
-      EXPECT_THAT(ReadFile(svg), HasSubstr("joint2: position [rad]"));
-      EXPECT_GT(ReadFile(Path("bench.log")).size(), 4000U);
-      EXPECT_TRUE(Replay(played_record).starts_with("identical: "));
-    });
-  }
+    // The replay runs on another interface, where the drives are in other positions.
+    const VirtualCan bench;
+    const auto candump = StartCandump(bench.name(), "bench.log");
+    std::ofstream(Path("bench.log"), std::ios::trunc).close();
+    const std::string dry = Output({ProgramPath("tumbler-replay"), record, "--bus", bench.name()});
+    EXPECT_THAT(dry, HasSubstr("completed on " + bench.name() + " (dry run"));
+    EXPECT_THAT(dry, HasSubstr("setpoints differ in 0, by at most 0 rad"));
+    EXPECT_EQ(ReadFile(Path("bench.log")), "") << "nothing is sent without --arm";
+
+    const auto bench_drives = StartDrives(bench.name());
+    const std::string svg = Path("bench.svg");
+    const std::string played_record = record + ".played";
+    const std::string played =
+        Output({ProgramPath("tumbler-replay"), record, "--bus", bench.name(), "--arm",
+                "--without-realtime", "--svg", svg, "--record", played_record});
+    EXPECT_THAT(played, HasSubstr("completed on " + bench.name() + "\n"));
+    EXPECT_THAT(played, HasSubstr("joint2: "));
+    EXPECT_THAT(played, HasSubstr("setpoints differ in 0, by at most 0 rad"));
+    EXPECT_THAT(ReadFile(svg), HasSubstr("joint2: position [rad]"));
+    EXPECT_GT(ReadFile(Path("bench.log")).size(), 4000U);
+    EXPECT_TRUE(Replay(played_record).starts_with("identical: "));
+  });
 }
+
+INSTANTIATE_TEST_SUITE_P(EveryProtocol, ReplayOnCan,
+                         ::testing::ValuesIn(testing::ExampleOfEveryProtocol()),
+                         [](const auto& run) { return run.param.protocol; });
 
 TEST_F(RecordOnCan, AReplayPlaysAPrimitiveInsteadAndRefusesDrivesOfOtherJoints) {
   testing::InSteadyTime([&] {
