@@ -21,7 +21,7 @@ constexpr std::int64_t kNsPerSecond = 1'000'000'000;
 /// drives.
 constexpr std::int64_t kAnswer_ns = 500'000;
 constexpr std::int64_t kAnswering_ns = 4'000'000;
-constexpr std::int64_t kLostWait_ns = 50'000'000;
+constexpr std::int64_t kLostWait_ns = 50'000'000;  // of the clock
 
 std::int64_t Now(clockid_t clock) {
   timespec now{};
@@ -97,8 +97,11 @@ void DriveServer::ServeUntil(std::int64_t time_ns) {
   const std::int64_t now = now_ns();
   // While drives answer, the server wakes up early to send their answers.
   const std::int64_t wake = now - heard_ns_ < kAnswering_ns ? now + kAnswer_ns : time_ns;
+  const auto clock_ns = [this](std::int64_t drives_ns) {
+    return std::llround(static_cast<double>(drives_ns) / pace_);
+  };
   const std::int64_t wait_ns = std::clamp<std::int64_t>(
-      lost_ ? kLostWait_ns : std::min(wake, time_ns) - now, 0, kNsPerSecond - 1);
+      lost_ ? kLostWait_ns : clock_ns(std::min(wake, time_ns) - now), 0, kNsPerSecond - 1);
   pollfd wait{bus_.descriptor(), POLLIN, 0};
   const timespec patience{0, static_cast<decltype(timespec::tv_nsec)>(wait_ns)};
   ppoll(&wait, lost_ ? 0 : 1, &patience, nullptr);
