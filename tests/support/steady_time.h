@@ -12,7 +12,7 @@
 
 namespace tumbler::testing {
 
-/// Watches whether the machine lets this process run, with a thread that wakes up every few
+/// Watches whether the machine lets this process run, with a thread that wakes up every 8
 /// milliseconds.
 class PauseDetector {
  public:
@@ -31,7 +31,7 @@ class PauseDetector {
     using Clock = std::chrono::steady_clock;
     auto last = Clock::now();
     while (!ending_) {
-      usleep(4000);
+      usleep(8000);
       const auto now = Clock::now();
       const double pause_s = std::chrono::duration<double>(now - last).count();
       if (pause_s > longest_s_) longest_s_ = pause_s;
@@ -47,7 +47,7 @@ class PauseDetector {
 /// Runs a check that depends on programs being run when they want to. If the check fails and the
 /// machine stood still for longer than `pause_max_s` meanwhile, the failure proves nothing, and the
 /// check is made again, up to five times. A check that fails without such a pause has failed.
-inline void InSteadyTime(const std::function<void()>& check, double pause_max_s = 0.015) {
+inline void InSteadyTime(const std::function<void()>& check, double pause_max_s = 0.02) {
   constexpr int kAttempts = 5;
   for (int attempt = 1;; ++attempt) {
     ::testing::TestPartResultArray results;
