@@ -41,9 +41,9 @@ if(NOT TUMBLER_FREESTANDING)
 endif()
 
 # What most sources of a part include is parsed once for all of them. Of matrices this would save nothing: most of their
-# time is spent on templates that each source needs of its own, and g++ 12 was seen to compile what uses such headers
-# with their optimisation instead of its own. Sources include all that they use nevertheless; clang-tidy reads them
-# without this.
+# time is spent on templates that each source needs of its own. g++ 12 compiles what uses such headers with the
+# optimisation that they were read with, so that has to be the same. Sources include all that they use nevertheless;
+# clang-tidy reads them without this.
 option(TUMBLER_PRECOMPILE_HEADERS "Parse the headers that most sources include once for all of them" ON)
 function(tumbler_precompiled_headers name)
   cmake_parse_arguments(ARG "" "" "LINK;HEADERS" ${ARGN})
@@ -56,7 +56,7 @@ endfunction()
 
 # tumbler_library(common SOURCES a.cc ... LINK Eigen3::Eigen ...) declares tumbler_common, alias tumbler::common.
 # BRIEF_WORK: none of it is a loop of its own that anybody waits for, or part of the control loop.
-# HEADERS: a name given to tumbler_precompiled_headers.
+# HEADERS: a name given to tumbler_precompiled_headers; they are for BRIEF_WORK.
 function(tumbler_library name)
   cmake_parse_arguments(ARG "BRIEF_WORK" "HEADERS" "SOURCES;LINK;LINK_PRIVATE" ${ARGN})
   add_library(tumbler_${name} STATIC ${ARG_SOURCES})
@@ -101,6 +101,9 @@ function(tumbler_executable name)
   cmake_parse_arguments(ARG "" "" "SOURCES;LINK" ${ARGN})
   add_executable(${name} ${ARG_SOURCES})
   target_link_libraries(${name} PRIVATE ${ARG_LINK} tumbler_warnings tumbler_brief_work)
+  if(TUMBLER_PRECOMPILE_HEADERS)
+    target_precompile_headers(${name} REUSE_FROM tumbler_program_headers)
+  endif()
   install(TARGETS ${name} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT programs)
   set_property(GLOBAL APPEND PROPERTY TUMBLER_PROGRAMS ${name})
   if(TUMBLER_JOIN_PROGRAMS)

@@ -57,7 +57,7 @@ if(TUMBLER_RTSAN)
   tumbler_tool(rtsan FOUND ${TUMBLER_HAS_RTSAN} PACKAGES clang-22 libclang-rt-22-dev)
 endif()
 
-option(TUMBLER_CORTEX_M "Build the core for Cortex-M4F and M7 and run it under QEMU in the tests" ON)
+option(TUMBLER_CORTEX_M "Build the core for Cortex-M4F and M7, or for m4f alone, and run it under QEMU in the tests" ON)
 if(TUMBLER_CORTEX_M)
   find_program(TUMBLER_ARM_CXX arm-none-eabi-g++)
   tumbler_compiles(TUMBLER_HAS_ARM_CXX TUMBLER_ARM_CXX --specs=nosys.specs)

@@ -1,7 +1,7 @@
 // The table of aborts in a primitive's file.
 
 #include <fmt/format.h>
-#include <gmock/gmock.h>
+#include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 
 #include <limits>

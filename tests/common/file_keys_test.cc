@@ -2,7 +2,7 @@
 
 #include "common/file_keys.h"
 
-#include <gmock/gmock.h>
+#include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 
 #include <limits>

@@ -2,7 +2,7 @@
 
 #include "common/toml_reader.h"
 
-#include <gmock/gmock.h>
+#include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 
 #include <array>

@@ -1,6 +1,6 @@
 #include "firmware_interface/drives/akv3.h"
 
-#include <gmock/gmock.h>
+#include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 
 #include <cmath>

@@ -1,6 +1,6 @@
 #include "firmware_interface/can/bus_faults_toml.h"
 
-#include <gmock/gmock.h>
+#include <gmock/gmock-more-matchers.h>
 #include <gtest/gtest.h>
 
 #include <string>

@@ -1,7 +1,7 @@
 #include "firmware_interface/drives/drives_toml.h"
 
 #include <fmt/format.h>
-#include <gmock/gmock.h>
+#include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 
 #include <cmath>

@@ -1,6 +1,6 @@
 #include "firmware_interface/can/socketcan_bus.h"
 
-#include <gmock/gmock.h>
+#include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 #include <net/if.h>
 

@@ -2,7 +2,7 @@
 // adapter played by the test. Runs where there is CAN (`scripts/guest`).
 
 #include <fcntl.h>
-#include <gmock/gmock.h>
+#include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 #include <poll.h>
 #include <sys/wait.h>

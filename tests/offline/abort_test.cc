@@ -1,7 +1,7 @@
 // What hurts a robot least when its motion cannot go on: how it is found, and that it does.
 
 #include <fmt/format.h>
-#include <gmock/gmock.h>
+#include <gmock/gmock-more-matchers.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -1,7 +1,7 @@
 // Every mistake in a task or a robot ends the program with a message that names file, line, key and
 // what is allowed, and nothing is written. The mistakes are in tests/data/bad_inputs.
 
-#include <gmock/gmock.h>
+#include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -3,7 +3,7 @@
 
 #include "offline/chain/chain.h"
 
-#include <gmock/gmock.h>
+#include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 
 #include <array>

@@ -1,7 +1,7 @@
 // tumbler-export as a user meets it. motion_header_test and, for the nominal gait, cortex_m_test
 // compare the compiled values with those of the loader.
 
-#include <gmock/gmock.h>
+#include <gmock/gmock-more-matchers.h>
 #include <gtest/gtest.h>
 
 #include <filesystem>

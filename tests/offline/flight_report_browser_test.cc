@@ -1,6 +1,6 @@
 // The page of runs in a headless browser without a network: how its scripts show the data.
 
-#include <gmock/gmock.h>
+#include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>

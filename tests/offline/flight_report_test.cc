@@ -3,7 +3,7 @@
 
 #include "offline/rehearsal/flight_report/flight_report.h"
 
-#include <gmock/gmock.h>
+#include <gmock/gmock-more-matchers.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -1,6 +1,6 @@
 // Motions whose velocity at the start is found with them.
 
-#include <gmock/gmock.h>
+#include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -1,7 +1,7 @@
 // A robot that hangs from a bar: its equations are those of the textbook's acrobot, energy is kept,
 // the bar bears what it has to, and gradients, lanes and places of rest go with it.
 
-#include <gmock/gmock.h>
+#include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 
 #include <array>

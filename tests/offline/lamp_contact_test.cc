@@ -2,7 +2,7 @@
 
 #include "tests/support/lamp_contact.h"
 
-#include <gmock/gmock.h>
+#include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -2,7 +2,7 @@
 
 #include "offline/problem/link_point.h"
 
-#include <gmock/gmock.h>
+#include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 
 #include <array>

@@ -1,6 +1,6 @@
 // Motions that start or end with joints in motion.
 
-#include <gmock/gmock.h>
+#include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>

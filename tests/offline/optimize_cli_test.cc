@@ -1,7 +1,7 @@
 // tumbler-optimize as a user meets it: its outputs, the cases in which it writes nothing,
 // interrupts, and that results depend on task and seed alone.
 
-#include <gmock/gmock.h>
+#include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 
 #include <fmt/format.h>

@@ -1,7 +1,7 @@
 // No program lets a result replace one of its inputs, or another result, by whatever name it is
 // called.
 
-#include <gmock/gmock.h>
+#include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 
 #include <filesystem>

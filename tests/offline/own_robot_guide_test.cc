@@ -1,7 +1,7 @@
 // A new robot moves by the commands of docs/own-robot.md, and its files are usable with any number
 // of motors.
 
-#include <gmock/gmock.h>
+#include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 
 #include <filesystem>

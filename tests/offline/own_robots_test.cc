@@ -1,7 +1,7 @@
 // Robots that are not shipped: every search ends either with a motion that does what its task asks
 // for, or with status 2 and the reason, and nothing written.
 
-#include <gmock/gmock.h>
+#include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>

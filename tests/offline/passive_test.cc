@@ -2,7 +2,7 @@
 // down by hand do, gradients go through them, and rest poses, twin, chains and files have them.
 
 #include <fmt/format.h>
-#include <gmock/gmock.h>
+#include <gmock/gmock-more-matchers.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>

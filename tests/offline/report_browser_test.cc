@@ -2,7 +2,7 @@
 // page's own error handler writes script errors into the document. A test may add a script that
 // works the page and writes what it finds.
 
-#include <gmock/gmock.h>
+#include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 
 #include <array>

@@ -3,7 +3,7 @@
 #include "offline/rehearsal/robustness/study.h"
 
 #include <fmt/format.h>
-#include <gmock/gmock.h>
+#include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -1,7 +1,7 @@
 // A primitive that was changed by hand as a user meets it: every program refuses it, and takes it
 // once tumbler-sign has signed it.
 
-#include <gmock/gmock.h>
+#include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 
 #include <string>

@@ -1,7 +1,7 @@
 // A motion that starts where another one leaves the robot: its start pose, the refusals, and that
 // its primitive needs no other file.
 
-#include <gmock/gmock.h>
+#include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 
 #include <string>

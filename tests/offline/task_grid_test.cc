@@ -1,6 +1,6 @@
 // Tasks that differ in some numbers.
 
-#include <gmock/gmock.h>
+#include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 
 #include <cmath>

@@ -1,6 +1,6 @@
 // tumbler-sweep as a user meets it.
 
-#include <gmock/gmock.h>
+#include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 
 #include <csignal>

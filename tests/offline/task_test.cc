@@ -2,7 +2,7 @@
 // Refusals of bad files are in bad_input_test.cc.
 
 #include <fmt/format.h>
-#include <gmock/gmock.h>
+#include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 
 #include <cmath>

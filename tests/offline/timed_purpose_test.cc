@@ -1,7 +1,7 @@
 // What a task asks for at given times and of points of links: reading it, judging it, and finding a
 // motion that does it.
 
-#include <gmock/gmock.h>
+#include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -2,7 +2,7 @@
 
 #include "offline/rehearsal/twin/twin_toml.h"
 
-#include <gmock/gmock.h>
+#include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 
 #include <cmath>

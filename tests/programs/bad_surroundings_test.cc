@@ -1,7 +1,7 @@
 // Files that are no files, or far too large, disks that are full, and numbers without sense: every
 // program says what is wrong, leaves nothing behind, and needs little memory for it.
 
-#include <gmock/gmock.h>
+#include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 #include <sys/stat.h>

@@ -5,7 +5,7 @@
 // The guest's clock is coarse, hence 100 ticks a second and drives that wait 0.2 s before they let
 // go. The robot and its host count four seconds of the clock as one (--pace).
 
-#include <gmock/gmock.h>
+#include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 
 #include <csignal>

@@ -1,6 +1,6 @@
 // tumbler-bench on simulated drives that are not as their drives file says.
 
-#include <gmock/gmock.h>
+#include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 
 #include <cmath>

@@ -1,6 +1,6 @@
 // The parts of tumbler-bench on simulated drives: what they send, what they find, and how they end.
 
-#include <gmock/gmock.h>
+#include <gmock/gmock-more-matchers.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -6,7 +6,7 @@
 // recording. `ctest -R CortexM -V` prints sizes, stack and instructions.
 
 #include <fmt/format.h>
-#include <gmock/gmock.h>
+#include <gmock/gmock-more-matchers.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -19,7 +19,6 @@
 #include <map>
 #include <memory>
 #include <random>
-#include <regex>
 #include <set>
 #include <sstream>
 #include <string>
@@ -66,7 +65,7 @@ struct Machine {
 };
 constexpr std::array kMachines{
     Machine{"m4f", "mps2-an386"},
-#ifndef TUMBLER_ONE_CORTEX_M  // Sanitizers see the same of this machine beside either.
+#ifndef TUMBLER_ONE_CORTEX_M
     Machine{"m7", "mps2-an500"},
 #endif
 };

@@ -3,7 +3,7 @@
 // reaction is that of the table, and no frame breaks the rules of tests/support/frame_checker.h.
 
 #include <fmt/format.h>
-#include <gmock/gmock.h>
+#include <gmock/gmock-more-matchers.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>

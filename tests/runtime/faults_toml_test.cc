@@ -1,6 +1,6 @@
 #include "runtime/assembly/faults_toml.h"
 
-#include <gmock/gmock.h>
+#include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 
 #include <set>

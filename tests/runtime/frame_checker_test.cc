@@ -2,7 +2,7 @@
 
 #include "tests/support/frame_checker.h"
 
-#include <gmock/gmock.h>
+#include <gmock/gmock-more-matchers.h>
 #include <gtest/gtest.h>
 
 #include <cmath>

@@ -3,7 +3,7 @@
 // same run made twice sends the same bytes. TUMBLER_SOAK_TICKS sets the number of ticks: 100 000 by
 // default, 1 000 000 for the full test.
 
-#include <gmock/gmock.h>
+#include <gmock/gmock-more-matchers.h>
 #include <gtest/gtest.h>
 
 #include <array>

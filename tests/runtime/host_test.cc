@@ -1,7 +1,7 @@
 // What a computer needs for driving motors: tumbler-run --doctor, scripts/host-setup, the hold on
 // /dev/cpu_dma_latency, and what a service manager is told.
 
-#include <gmock/gmock.h>
+#include <gmock/gmock-more-matchers.h>
 #include <gtest/gtest.h>
 #include <sys/socket.h>
 #include <sys/stat.h>

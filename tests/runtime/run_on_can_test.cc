@@ -4,7 +4,7 @@
 // The guest's clock is coarse (times below 10 ms mean nothing), hence 25 ticks a second and drives
 // that wait 0.2 s before they let go.
 
-#include <gmock/gmock.h>
+#include <gmock/gmock-more-matchers.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
 

@@ -2,7 +2,7 @@
 
 #include "runtime/run/run_summary.h"
 
-#include <gmock/gmock.h>
+#include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 
 #include <optional>

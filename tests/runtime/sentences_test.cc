@@ -2,7 +2,7 @@
 
 #include "runtime/telemetry/sentences.h"
 
-#include <gmock/gmock.h>
+#include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 
 #include <cstdint>

@@ -1,7 +1,7 @@
 // tumbler-run on the simulated robot of a twin file, and tumbler-twin where it needs no interface,
 // as a user meets them.
 
-#include <gmock/gmock.h>
+#include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
 

@@ -2,7 +2,7 @@
 // network namespace of the test's own (CMakeLists.txt).
 
 #include <arpa/inet.h>
-#include <gmock/gmock.h>
+#include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 #include <netinet/in.h>
 #include <sys/socket.h>

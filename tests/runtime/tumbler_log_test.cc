@@ -1,7 +1,7 @@
 // tumbler-log as a user meets it, with logs of tumbler-run and with damaged ones.
 
 #include <fmt/format.h>
-#include <gmock/gmock.h>
+#include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
 

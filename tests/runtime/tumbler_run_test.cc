@@ -1,7 +1,7 @@
 // The program as a user meets it: its arguments, messages, files and exit codes.
 
 #include <fmt/format.h>
-#include <gmock/gmock.h>
+#include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>

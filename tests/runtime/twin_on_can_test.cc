@@ -5,7 +5,7 @@
 // A gait needs at least 100 ticks a second, but the guest may stand still for 50 ms. So both
 // programs count four seconds of the clock as one of the robot (--pace). No time is asserted.
 
-#include <gmock/gmock.h>
+#include <gmock/gmock-more-matchers.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
 

@@ -1,11 +1,11 @@
 #pragma once
 
 #include <ostream>
-#include <regex>
 #include <string>
 #include <vector>
 
 #include "firmware_interface/drives/protocols.h"
+#include "tests/support/files.h"
 
 namespace tumbler::testing {
 
@@ -28,11 +28,12 @@ inline std::vector<ExampleDrives> ExampleOfEveryProtocol() {
 
 /// The text of a drives file with another rate. What the drives report by their own clock comes
 /// once a tick, too.
-inline std::string AtRate(const std::string& text, double rate_hz) {
-  const std::string at_rate = std::regex_replace(text, std::regex("rate_hz = [0-9.]+"),
-                                                 "rate_hz = " + std::to_string(rate_hz));
-  return std::regex_replace(at_rate, std::regex("(estimates_s|status_s) = [0-9.]+"),
-                            "$1 = " + std::to_string(1 / rate_hz));
+inline std::string AtRate(std::string text, double rate_hz) {
+  for (const auto& match : MatchesOf("(rate_hz|estimates_s|status_s) = [0-9.]+", text)) {
+    const double value = match[1] == "rate_hz" ? rate_hz : 1 / rate_hz;
+    text = ReplacedAll(text, match[0], match[1] + " = " + std::to_string(value));
+  }
+  return text;
 }
 
 inline void PrintTo(const ExampleDrives& example, std::ostream* out) { *out << example.protocol; }

@@ -1,6 +1,6 @@
 #include "runtime/record/flight_recorder.h"
 
-#include <gmock/gmock.h>
+#include <gmock/gmock-more-matchers.h>
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 

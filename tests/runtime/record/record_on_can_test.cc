@@ -1,7 +1,7 @@
 // Flight records of runs on the CAN interfaces of a kernel: compared with candump, played by
 // canplayer, on a disk that fills up, and after kill -9.
 
-#include <gmock/gmock.h>
+#include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 #include <sys/mount.h>
 #include <unistd.h>

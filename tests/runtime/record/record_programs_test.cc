@@ -1,6 +1,6 @@
 // tumbler-run --record, tumbler-record and tumbler-replay as a user meets them.
 
-#include <gmock/gmock.h>
+#include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 
 #include <csignal>

@@ -1,6 +1,6 @@
 #include "runtime/record/run_trace.h"
 
-#include <gmock/gmock.h>
+#include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
