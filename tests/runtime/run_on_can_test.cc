@@ -456,8 +456,8 @@ TEST_F(RunOnCan, DrivesThatFallSilentEndTheRunInDamping) {
 }
 
 TEST_F(RunOnCan, ASecondProgramIsRefusedAndTheFirstOneDoesNotNotice) {
-  WriteLongMotion();
   testing::InSteadyTime([this] {
+    WriteMotion(12.8);  // Four programs start meanwhile.
     Reset();
     VirtualCan can;
     can.Throttle(1'000'000);  // With a queue, the interface is taken down and up at the start.
@@ -465,7 +465,9 @@ TEST_F(RunOnCan, ASecondProgramIsRefusedAndTheFirstOneDoesNotNotice) {
     StartCandump(can.name());
     const std::unique_ptr<Program> first = StartArmed(can.name());
     AwaitMotion();
-    for (const std::string mode : {"--without-realtime", "--realtime", "--json=no/such/folder"}) {
+    const std::string unwritable = "--json=" + Path("no/such/folder");
+    for (const std::string& mode :
+         {std::string("--without-realtime"), std::string("--realtime"), unwritable}) {
       const std::unique_ptr<Program> second = Start(can.name(), {"--arm", mode});
       EXPECT_EQ(second->Wait(), 2) << second->text();
       EXPECT_THAT(second->text(), ::testing::AnyOf(HasSubstr("(tumbler-run) drives the motors on"),
@@ -478,6 +480,7 @@ TEST_F(RunOnCan, ASecondProgramIsRefusedAndTheFirstOneDoesNotNotice) {
     EXPECT_EQ(first->Wait(), 0) << first->text();
     EXPECT_THAT(first->text(), HasSubstr("completed"));
     ExpectKept(Judge());
+    WriteMotion(1.6);
     EXPECT_EQ(StartArmed(can.name())->Wait(), 0) << "the lock ends with its holder";
   });
 }

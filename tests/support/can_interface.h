@@ -58,10 +58,7 @@ class VirtualCan {
   VirtualCan& operator=(const VirtualCan&) = delete;
 
   [[nodiscard]] const std::string& name() const { return name_; }
-  void Create() const {
-    Shell("ip link add " + name_ + " txqueuelen 10 type vcan");
-    Up();
-  }
+  void Create() const { Shell("ip link add " + name_ + " up txqueuelen 10 type vcan"); }
   void Up() const { Shell("ip link set " + name_ + " up"); }
   void Down() const { Shell("ip link set " + name_ + " down"); }
   void Delete() const { Shell("ip link del " + name_); }

@@ -87,9 +87,9 @@ Outcome RunInShell(const std::string& command_line) {
 }
 
 bool Eventually(const std::function<bool()>& condition) {
-  for (int i = 0; i < 1000; ++i) {
+  for (int i = 0; i < 400; ++i) {
     if (condition()) return true;
-    usleep(20'000);
+    usleep(50'000);
   }
   return false;
 }
