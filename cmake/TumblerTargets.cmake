@@ -42,21 +42,21 @@ endif()
 
 # What most sources of a part include is parsed once for all of them. Of matrices this would save nothing: most of their
 # time is spent on templates that each source needs of its own. g++ 12 compiles what uses such headers with the
-# optimisation that they were read with, so that has to be the same. Sources include all that they use nevertheless;
-# clang-tidy reads them without this.
+# optimisation that they were read with, so they are for BRIEF_WORK alone. Sources include all that they use
+# nevertheless; clang-tidy reads them without this.
 option(TUMBLER_PRECOMPILE_HEADERS "Parse the headers that most sources include once for all of them" ON)
 function(tumbler_precompiled_headers name)
   cmake_parse_arguments(ARG "" "" "LINK;HEADERS" ${ARGN})
   file(WRITE ${CMAKE_CURRENT_BINARY_DIR}/${name}.cc "")  # A target needs a source.
   add_library(tumbler_${name} OBJECT ${CMAKE_CURRENT_BINARY_DIR}/${name}.cc)
   set_target_properties(tumbler_${name} PROPERTIES POSITION_INDEPENDENT_CODE ON)
-  target_link_libraries(tumbler_${name} PRIVATE tumbler_options tumbler_warnings ${ARG_LINK})
+  target_link_libraries(tumbler_${name} PRIVATE tumbler_options tumbler_warnings ${ARG_LINK} tumbler_brief_work)
   target_precompile_headers(tumbler_${name} PRIVATE ${ARG_HEADERS})
 endfunction()
 
 # tumbler_library(common SOURCES a.cc ... LINK Eigen3::Eigen ...) declares tumbler_common, alias tumbler::common.
 # BRIEF_WORK: none of it is a loop of its own that anybody waits for, or part of the control loop.
-# HEADERS: a name given to tumbler_precompiled_headers; they are for BRIEF_WORK.
+# HEADERS: a name given to tumbler_precompiled_headers; only with BRIEF_WORK.
 function(tumbler_library name)
   cmake_parse_arguments(ARG "BRIEF_WORK" "HEADERS" "SOURCES;LINK;LINK_PRIVATE" ${ARGN})
   add_library(tumbler_${name} STATIC ${ARG_SOURCES})
@@ -71,6 +71,9 @@ function(tumbler_library name)
                         PRIVATE $<BUILD_INTERFACE:tumbler_warnings> ${ARG_LINK_PRIVATE})
   if(ARG_BRIEF_WORK)
     target_link_libraries(tumbler_${name} PRIVATE $<BUILD_INTERFACE:tumbler_brief_work>)
+  endif()
+  if(ARG_HEADERS AND NOT ARG_BRIEF_WORK)
+    message(FATAL_ERROR "tumbler_${name}: HEADERS would change its optimisation; they are for BRIEF_WORK")
   endif()
   if(ARG_HEADERS AND TUMBLER_PRECOMPILE_HEADERS)
     target_precompile_headers(tumbler_${name} REUSE_FROM tumbler_${ARG_HEADERS})
