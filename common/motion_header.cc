@@ -251,6 +251,10 @@ std::string GraphText(const SequenceGraph<float>& graph) {
     line("  g.beginning_storage[{}] = {{{}, {}}};\n", b, beginning.node,
          Exact(beginning.pitch_rad));
   }
+  for (int i = 0; graph.beginning_count > 0 && i < graph.node_count; ++i) {
+    line("  g.last_pitch_rad[{}] = {};\n", i,
+         Exact(graph.last_pitch_rad[static_cast<std::size_t>(i)]));
+  }
   return out + "  return g;\n";
 }
 

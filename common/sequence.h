@@ -95,8 +95,11 @@ struct SequenceGraph {
   /// has them first. None: a run begins with `start`, however the robot lies.
   int beginning_count = 0;
   std::array<SequenceBeginning<Scalar>, kMaxSequenceNodes> beginning_storage;
-  /// How far the measured pitch may be from that of a beginning.
+  /// How far the measured pitch may be from that of a beginning, or of a node's end.
   Scalar beginning_within_rad = 0;
+  /// The root's pitch where each node leaves the robot; of the robot, not of the node's roles. Only
+  /// where there are beginnings.
+  std::array<Scalar, kMaxSequenceNodes> last_pitch_rad{};
 
   [[nodiscard]] constexpr std::span<const SequenceBeginning<Scalar>> beginnings() const noexcept {
     return {beginning_storage.data(), static_cast<std::size_t>(beginning_count)};

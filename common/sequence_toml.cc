@@ -180,8 +180,10 @@ constexpr std::array kBeginKeys = {
     KeyOf<&SequenceFile::begin_link>("link", "the root link, which has the sensor if there is one")
         .Required()
         .Allowed("a link of the robot"),
-    KeyOf<&SequenceFile::begin_within_rad>("within_rad", {0, kPi / 2, true},
-                                           "how far the measured pitch may be from that of a node")
+    KeyOf<&SequenceFile::begin_within_rad>(
+        "within_rad", {0, kPi / 2, true},
+        "how far the measured pitch may be from that of a node, at its beginning and at its "
+        "end")
         .Allowed("above 0, to pi/2"),
 };
 
@@ -387,6 +389,10 @@ class SequenceReader {
     ReadKeys(*table, kBeginKeys, file_);
     Graph& graph = file_.graph;
     graph.beginning_within_rad = file_.begin_within_rad;
+    for (int i = 0; i < graph.node_count; ++i) {
+      graph.last_pitch_rad[Index(i)] =
+          file_.RobotPitch(i, file_.PrimitiveOf(i).exit.root_pitch_rad);
+    }
     for (int b = 0; b < graph.beginning_count; ++b) {
       const SequenceBeginning<double>& beginning = graph.beginning_storage[Index(b)];
       const std::string_view name = graph.node(beginning.node).name.view();
@@ -732,6 +738,8 @@ Sequence<float> ToRuntime(const SequenceFile& file) {
     graph.beginning_storage[b] = {from.beginnings()[b].node,
                                   static_cast<float>(from.beginnings()[b].pitch_rad)};
   }
+  for (std::size_t i = 0; i < from.last_pitch_rad.size(); ++i)
+    graph.last_pitch_rad[i] = static_cast<float>(from.last_pitch_rad[i]);
   for (int e = 0; e < from.edge_count; ++e) {
     const SequenceEdge<double>& edge = from.edge(e);
     graph.edge_storage[Index(e)] = {edge.from, edge.to, static_cast<float>(edge.settle_s),

@@ -55,6 +55,10 @@ void Declare(CommandLine& line, Arguments& arguments) {
   line.Option("--hold", study.run.hold_s, "Hold after the last motion has settled [s]")
       .Within(0.0, 3600.0)
       .ShowDefault();
+  line.Option("--get-ups", study.run.get_ups,
+              "How often a robot that has fallen gets up and goes on, by its sensor's pitch")
+      .Within(0, 1000)
+      .ShowDefault();
   line.Option("--branch", arguments.branch, "Take this branch once the cycles are done");
   line.Seed(arguments.seed, "Of the robots; 1 if left out");
   line.Option("--scale", study.scale, "Multiplies every spread").Within(0.0, 10.0).ShowDefault();
@@ -147,6 +151,10 @@ void Check(Arguments& arguments) {
                      "is played in the twin, and nothing else happens to robots that are dropped; "
                      "leave out --push, --sensor-faults and --compare-lanes");
   }
+  if (study.lanes && study.run.get_ups > 0)
+    throw UsageError("--get-ups", "is played in the twin; leave out --lanes");
+  if (arguments.compare_lanes && study.run.get_ups > 0)
+    throw UsageError("--get-ups", "is played in the twin; leave out --compare-lanes");
   if (arguments.certify) {
     if (study.drops)
       throw UsageError("--certify", "a certificate has no place for drops; leave out --drops");
@@ -157,6 +165,9 @@ void Check(Arguments& arguments) {
                        "a certificate is about the plain twin; leave out --push and "
                        "--sensor-faults");
     }
+    if (study.run.get_ups > 0)
+      throw UsageError("--certify",
+                       "a certificate is about robots that stand; leave out --get-ups");
     if (!arguments.branch.empty())
       throw UsageError("--certify", "a certificate has no place for a branch; leave out --branch");
     for (const std::string& path : motions) CheckWritable(path);

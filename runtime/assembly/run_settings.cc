@@ -26,6 +26,20 @@ int BeginningNamed(const SequenceGraph<float>& graph, const std::string& name) {
                                           graph.name.view(), name, names));
 }
 
+void CheckGetUps(int get_ups, int beginnings, const DrivesConfig& drives) {
+  if (get_ups == 0) return;
+  if (beginnings == 0) {
+    throw std::invalid_argument(
+        "a robot that falls gets up with one of the beginnings of its sequence, and this motion "
+        "has none; give it [begin], or leave the option out");
+  }
+  if (!drives.sensor) {
+    throw std::invalid_argument(
+        "only a sensor tells how a robot lies that has fallen, and there is none; take a drives "
+        "file with [sensor], or leave the option out");
+  }
+}
+
 JointConfig JointConfigOf(const DriveEntry& entry) {
   JointConfig config;
   config.kp_nm_per_rad = entry.kp_nm_per_rad;
@@ -40,6 +54,7 @@ ExecutorConfig ExecutorConfigOf(const RunSettings& settings, const DrivesConfig&
   config.cycles = settings.cycles;
   config.branch = settings.branch;
   config.begin = settings.begin;
+  config.get_ups_max = settings.get_ups;
   config.period_s = static_cast<float>(1 / drives.rate_hz);
   config.start_way_max_rad = static_cast<float>(settings.start_within_rad);
   config.speed = static_cast<float>(settings.speed);

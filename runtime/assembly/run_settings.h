@@ -17,6 +17,7 @@ struct RunSettings {
   int cycles = 0;         ///< Of a sequence; see ExecutorConfig.
   int branch = -1;        ///< Number of the branch after these cycles; see ExecutorConfig.
   int begin = -1;         ///< Node with which the run begins, by the operator; see ExecutorConfig.
+  int get_ups = 0;        ///< How often a robot that falls gets up; see ExecutorConfig.
   double hold_s = 2;      ///< Hold after the motion has settled.
   bool attended = false;  ///< See RunProcedureConfig.
   bool clear = false;     ///< Whether the drives are to forget latched errors before arming.
@@ -31,6 +32,10 @@ struct RunSettings {
 /// The node of that name, with which a run of this motion begins; -1 for an empty name.
 /// @throws std::invalid_argument  when it cannot, with the names that are allowed.
 [[nodiscard]] int BeginningNamed(const SequenceGraph<float>& graph, const std::string& name);
+
+/// @param beginnings  of the motion.
+/// @throws std::invalid_argument  when a robot is to get up, and nobody could tell how it lies.
+void CheckGetUps(int get_ups, int beginnings, const DrivesConfig& drives);
 
 /// The executor's settings for the joint of this drive: gains and temperature limit.
 [[nodiscard]] JointConfig JointConfigOf(const DriveEntry& entry);

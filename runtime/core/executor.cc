@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <limits>
 
+#include "common/feedback.h"
 #include "runtime/core/numbers.h"
 
 namespace tumbler {
@@ -16,6 +17,9 @@ constexpr float kNotMeasured = std::numeric_limits<float>::quiet_NaN();
 
 /// The time in which a robot is lowered.
 constexpr float kLower_s = 2;
+
+/// The time in which a robot that gets up has to lie still, its joints at the start.
+constexpr float kLieStill_s = 1;
 
 }  // namespace
 
@@ -37,7 +41,7 @@ Status Executor::Configure(const ExecutorConfig& config, const SequenceGraph<flo
   time_per_tick_s_ = config.period_s * config.speed;
   primitive_time_s_ = 0;
   keep_torque_ = false;
-  cycles_done_ = 0;
+  cycles_done_ = get_ups_ = 0;
   for (int i = 0; i < count; ++i) {
     const auto index = static_cast<std::size_t>(i);
     joints_[index] = Joint{};
@@ -103,6 +107,70 @@ void Executor::FollowEdge(int edge) noexcept {
   }
   SetNode(node);
   Enter(ExecutorState::kRunning);
+}
+
+bool Executor::AtRest() const noexcept {
+  for (int i = 0; i < joint_count_; ++i) {
+    if (joints_[static_cast<std::size_t>(i)].commanded.velocity_rad_s != 0) return false;
+  }
+  return true;
+}
+
+float Executor::FarFromEnd() const noexcept {
+  if (sensor_ == nullptr || graph_.beginning_count == 0 ||
+      sensor_watch_.status() != SensorStatus::kOk) {
+    return 0;
+  }
+  const float planned = graph_.last_pitch_rad[static_cast<std::size_t>(node_)];
+  return Magnitude(WithoutTurns(sensor_watch_.pitch_rad() - planned));
+}
+
+// At the end of a node: the next one begins, or the sequence ends. The edge is chosen anew in every
+// tick: until it is taken, the operator may still decide.
+void Executor::EndNode() noexcept {
+  const int edge = NextEdgeHere();
+  const float settle_s = edge < 0 ? primitive_->settle_s : graph_.edge(edge).settle_s;
+  if (ticks_in_state_ < CeilTicks(settle_s / config_.period_s) || !AtRest()) return;
+  // Negated, so that a pitch that is not a number is a fall, too.
+  if (!(FarFromEnd() <= graph_.beginning_within_rad) && AnswerFall()) return;
+  if (edge < 0) {
+    Enter(ExecutorState::kHolding);
+  } else {
+    FollowEdge(edge);
+  }
+}
+
+// Gets up, or ends in a fault. Returns whether either is done: the fault may be one to ignore.
+bool Executor::AnswerFall() noexcept {
+  // After a fault the robot is on its way to where it can stay. Nothing else is tried.
+  if (get_ups_ < config_.get_ups_max && earlier_faults_ == 0 &&
+      CheckFirstLimits().refusal == Refusal::kNone) {
+    if (graph_.node(node_).ends_cycle) --cycles_done_;  // It was not complete.
+    ++get_ups_;
+    SetNode(graph_.start);
+    StartMove();
+    gets_up_ = true;
+    return true;
+  }
+  const bool ends_cycle = graph_.node(node_).ends_cycle;
+  Latch(Fault::kFallen, -1, DetailNumber::Real(FarFromEnd()),
+        DetailNumber::Real(graph_.beginning_within_rad));
+  if (state_ != ExecutorState::kFault) return false;
+  if (ends_cycle) --cycles_done_;
+  return true;
+}
+
+// Goes on with the beginning in whose pose the robot lies, its joints at the start.
+void Executor::BeginAnew() noexcept {
+  int node = graph_.start;
+  const RefusalDetail lies = CheckBeginning(node);
+  if (lies.refusal == Refusal::kNone) {
+    SetNode(node);
+    Enter(ExecutorState::kRunning);
+  } else if (ticks_in_state_ >= move_ticks_ + CeilTicks(kLieStill_s / config_.period_s)) {
+    Latch(Fault::kFallen, -1, DetailNumber::Real(FarFromBeginning(false, node)),
+          DetailNumber::Real(graph_.beginning_within_rad));
+  }
 }
 
 void Executor::Tick(const TickInput& input, TickOutput& output) noexcept TUMBLER_NONBLOCKING {
@@ -204,6 +272,7 @@ void Executor::Enter(ExecutorState state) noexcept {
       joint.replies.ForgetSequenceErrors();
     }
   }
+  gets_up_ = false;
   state_ = state;
   ticks_in_state_ = 0;
 }
@@ -280,10 +349,6 @@ void Executor::Advance(const TickRecord& record) noexcept {
     }
     return true;
   };
-  const auto at_rest = [&] {
-    return std::ranges::all_of(
-        joints(), [](const Joint& joint) { return joint.commanded.velocity_rad_s == 0; });
-  };
   switch (state_) {
     case ExecutorState::kArming: {
       int waiting = -1;
@@ -304,7 +369,12 @@ void Executor::Advance(const TickRecord& record) noexcept {
       break;
     }
     case ExecutorState::kMovingToStart:
-      if (ticks_in_state_ >= move_ticks_ && reached()) Enter(ExecutorState::kHolding);
+      if (ticks_in_state_ < move_ticks_ || !reached()) break;
+      if (gets_up_) {
+        BeginAnew();
+      } else {
+        Enter(ExecutorState::kHolding);
+      }
       break;
     case ExecutorState::kRunning:
       if (ticks_in_state_ >= run_ticks_ && reached()) {
@@ -312,20 +382,11 @@ void Executor::Advance(const TickRecord& record) noexcept {
         Enter(ExecutorState::kSettling);
       }
       break;
-    case ExecutorState::kSettling: {
-      // The edge is chosen anew in every tick: until it is taken, the operator may still decide.
-      const int edge = NextEdgeHere();
-      const float settle_s = edge < 0 ? primitive_->settle_s : graph_.edge(edge).settle_s;
-      if (ticks_in_state_ < CeilTicks(settle_s / config_.period_s) || !at_rest()) break;
-      if (edge < 0) {
-        Enter(ExecutorState::kHolding);
-      } else {
-        FollowEdge(edge);
-      }
+    case ExecutorState::kSettling:
+      EndNode();
       break;
-    }
     case ExecutorState::kStopping:
-      if (at_rest()) Enter(ExecutorState::kHolding);
+      if (AtRest()) Enter(ExecutorState::kHolding);
       break;
     case ExecutorState::kFault:
       // A motion that was rolled out is held like one that has settled.

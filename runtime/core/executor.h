@@ -109,7 +109,7 @@ class Executor {
     return {joints_.data(), static_cast<std::size_t>(joint_count_)};
   }
   [[nodiscard]] bool InSequence() const noexcept {
-    return state_ == ExecutorState::kRunning || state_ == ExecutorState::kSettling;
+    return state_ == ExecutorState::kRunning || state_ == ExecutorState::kSettling || gets_up_;
   }
 
   // The tick and the states: executor.cc.
@@ -120,6 +120,12 @@ class Executor {
   void SetNode(int node) noexcept;
   [[nodiscard]] int NextEdgeHere() const noexcept;
   void FollowEdge(int edge) noexcept;
+  void EndNode() noexcept;
+  // Cold: what is seldom done is compiled for its size. A small processor has no space for copies.
+  [[nodiscard, gnu::cold]] bool AnswerFall() noexcept;
+  [[gnu::cold]] void BeginAnew() noexcept;
+  [[nodiscard]] bool AtRest() const noexcept;
+  [[nodiscard]] float FarFromEnd() const noexcept;
 
   // Faults: executor_faults.cc.
   void DetectFaults(const TickInput& input, std::int64_t elapsed) noexcept;
@@ -136,16 +142,19 @@ class Executor {
 
   // Commands: executor_commands.cc.
   void Obey(const TickInput& input) noexcept;
-  [[nodiscard]] RefusalDetail CheckArm() const noexcept;
-  [[nodiscard]] RefusalDetail CheckKnown(int joint) const noexcept;
-  [[nodiscard]] RefusalDetail CheckMove() const noexcept;
-  [[nodiscard]] RefusalDetail CheckRun(int& node) const noexcept;
-  [[nodiscard]] RefusalDetail FindBeginning(int& node) const noexcept;
-  [[nodiscard]] RefusalDetail CheckGoHome() const noexcept;
+  [[nodiscard, gnu::cold]] RefusalDetail CheckArm() const noexcept;
+  [[nodiscard, gnu::cold]] RefusalDetail CheckKnown(int joint) const noexcept;
+  [[nodiscard, gnu::cold]] RefusalDetail CheckMove() const noexcept;
+  [[nodiscard, gnu::cold]] RefusalDetail CheckFirstLimits() const noexcept;
+  [[nodiscard, gnu::cold]] RefusalDetail CheckRun(int& node) const noexcept;
+  [[nodiscard, gnu::cold]] RefusalDetail CheckBeginning(int& node) const noexcept;
+  [[nodiscard, gnu::cold]] float FarFromBeginning(bool told, int& node) const noexcept;
+  [[nodiscard, gnu::cold]] RefusalDetail FindBeginning(int& node) const noexcept;
+  [[nodiscard, gnu::cold]] RefusalDetail CheckGoHome() const noexcept;
   [[nodiscard]] const JointMotion<float>& FirstMotion(int joint) const noexcept;
 
   // Setpoints: executor_plan.cc.
-  void StartMove() noexcept;
+  [[gnu::cold]] void StartMove() noexcept;
   void Plan(int elapsed, TickRecord& record) noexcept;
   void PlanArming(TickRecord& record) noexcept;
   void PlanMove(TickRecord& record) noexcept;
@@ -176,6 +185,8 @@ class Executor {
   float primitive_time_s_ = 0;
   int node_ = 0;
   int cycles_done_ = 0;
+  int get_ups_ = 0;           ///< In this run.
+  bool gets_up_ = false;      ///< Whether the joints move to the start because the robot fell.
   int wanted_branch_ = -1;    ///< The branch that the operator has asked for, until it is taken.
   bool branched_ = false;     ///< Whether the configured branch has been taken.
   bool finish_ = false;       ///< Whether to end at the next safe node.

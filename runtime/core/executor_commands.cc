@@ -41,7 +41,7 @@ void Executor::Obey(const TickInput& input) noexcept {
       refusal_ = CheckRun(node);
       if (refusal_.refusal != Refusal::kNone) return;
       SetNode(node);
-      cycles_done_ = 0;
+      cycles_done_ = get_ups_ = 0;
       wanted_branch_ = -1;
       branched_ = finish_ = false;
       Enter(ExecutorState::kRunning);
@@ -177,6 +177,10 @@ const JointMotion<float>& Executor::FirstMotion(int joint) const noexcept {
 
 RefusalDetail Executor::CheckMove() const noexcept {
   if (state_ != ExecutorState::kHolding || lowering_) return {{}, {}, Refusal::kWrongState, -1};
+  return CheckFirstLimits();
+}
+
+RefusalDetail Executor::CheckFirstLimits() const noexcept {
   for (int i = 0; i < joint_count_; ++i) {
     // The gate would pull the command inside the limits at once, however far outside the joint is.
     const JointLimits<float>& limits = FirstMotion(i).limits;
@@ -208,9 +212,21 @@ RefusalDetail Executor::CheckGoHome() const noexcept {
   return {};
 }
 
+float Executor::FarFromBeginning(bool told, int& node) const noexcept {
+  float nearest = 1e9F;
+  for (const SequenceBeginning<float>& beginning : graph_.beginnings()) {
+    if (told && beginning.node != config_.begin) continue;
+    const float off = Magnitude(WithoutTurns(sensor_watch_.pitch_rad() - beginning.pitch_rad));
+    if (!(off < nearest)) continue;
+    nearest = off;
+    node = beginning.node;
+  }
+  return nearest;
+}
+
 /// Finds the node with which a run begins, by how the robot lies.
 RefusalDetail Executor::FindBeginning(int& node) const noexcept {
-  const bool told = config_.begin >= 0;
+  const bool told = config_.begin >= 0 && !gets_up_;  // What was said before the fall is over.
   node = told ? config_.begin : graph_.start;
   if (sensor_ == nullptr || graph_.beginning_count == 0) return {};
   const SensorStatus status = sensor_watch_.status();
@@ -223,14 +239,7 @@ RefusalDetail Executor::FindBeginning(int& node) const noexcept {
   const float rate = Magnitude(sensor_watch_.rate_rad_s());
   if (!(rate <= kLying_rad_s))
     return {DetailNumber::Real(rate), DetailNumber::Real(kLying_rad_s), Refusal::kNotAtRest, -1};
-  float nearest = 1e9F;
-  for (const SequenceBeginning<float>& beginning : graph_.beginnings()) {
-    if (told && beginning.node != config_.begin) continue;
-    const float off = Magnitude(WithoutTurns(sensor_watch_.pitch_rad() - beginning.pitch_rad));
-    if (!(off < nearest)) continue;
-    nearest = off;
-    node = beginning.node;
-  }
+  const float nearest = FarFromBeginning(told, node);
   if (nearest <= graph_.beginning_within_rad) return {};
   return {DetailNumber::Real(nearest), DetailNumber::Real(graph_.beginning_within_rad),
           Refusal::kLiesOtherwise, -1};
@@ -238,6 +247,10 @@ RefusalDetail Executor::FindBeginning(int& node) const noexcept {
 
 RefusalDetail Executor::CheckRun(int& node) const noexcept {
   if (state_ != ExecutorState::kHolding || lowering_) return {{}, {}, Refusal::kWrongState, -1};
+  return CheckBeginning(node);
+}
+
+RefusalDetail Executor::CheckBeginning(int& node) const noexcept {
   if (const RefusalDetail lies = FindBeginning(node); lies.refusal != Refusal::kNone) return lies;
   const float tolerance =
       primitives_[static_cast<std::size_t>(graph_.node(node).primitive)].entry_tolerance_rad;

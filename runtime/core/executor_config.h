@@ -84,6 +84,12 @@ struct ExecutorConfig {
   /// The node with which a run begins, by the operator's word; -1: by the sensor's pitch, where the
   /// sequence has several beginnings and there is a sensor, and else the start node.
   int begin = -1;
+  /// How often in a run a robot that has fallen gets up: where the sensor says at the end of a node
+  /// that the robot is not where the node leaves it, its joints move to the start, and the run goes
+  /// on with the beginning in whose pose it lies. A fall beyond these is the fault kFallen. The
+  /// default leaves it to the operator: joints that move under a robot that lies are no small
+  /// thing.
+  int get_ups_max = 0;
   std::array<JointConfig, kMaxJoints> joints;
   FaultTable reactions;
   CollapseConfig collapse;

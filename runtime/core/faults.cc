@@ -134,6 +134,7 @@ DetailUnit UnitOf(Fault fault) noexcept {
     case Fault::kFollowingError:
     case Fault::kNonFinite:
     case Fault::kEntryMissed:
+    case Fault::kFallen:
       return DetailUnit::kRadians;
     case Fault::kOverTemperature:
       return DetailUnit::kCelsius;

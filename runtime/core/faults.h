@@ -46,8 +46,9 @@ enum class Fault : std::uint8_t {
   kEntryMissed,
   kForeignCommand,
   kSensorLost,
+  kFallen,
 };
-inline constexpr std::size_t kFaultCount = 20;  ///< Including kNone.
+inline constexpr std::size_t kFaultCount = 21;  ///< Including kNone.
 
 /// The answers to a fault. The numbers are those of messages and flight records; `kReactionTable`
 /// has them in the order of their strength.
@@ -138,18 +139,22 @@ inline constexpr std::array<StateInfo, kExecutorStateCount> kStateTable{{
     {ExecutorState::kFault, "fault", "the reaction to the fault"},
 }};
 
-inline constexpr std::array<TransitionInfo, 13> kTransitionTable{{
+inline constexpr std::array<TransitionInfo, 15> kTransitionTable{{
     {ExecutorState::kDisarmed, ExecutorState::kArming, "`kArm`, unless refused"},
     {ExecutorState::kArming, ExecutorState::kHolding, "every drive was seen off, and then enabled"},
     {ExecutorState::kHolding, ExecutorState::kMovingToStart, "`kMoveToStart`, unless refused"},
     {ExecutorState::kHolding, ExecutorState::kRunning, "`kRun`, unless refused"},
     {ExecutorState::kMovingToStart, ExecutorState::kHolding, "arrived"},
+    {ExecutorState::kMovingToStart, ExecutorState::kRunning,
+     "a robot that gets up lies as a node begins"},
     {ExecutorState::kMovingToStart, ExecutorState::kStopping, "`kStop`"},
     {ExecutorState::kRunning, ExecutorState::kSettling,
      "the time is over and the limited setpoint has arrived"},
     {ExecutorState::kRunning, ExecutorState::kStopping, "`kStop`"},
     {ExecutorState::kSettling, ExecutorState::kRunning,
      "the edge's settle time is over, and the next node begins"},
+    {ExecutorState::kSettling, ExecutorState::kMovingToStart,
+     "the robot has fallen, and is to get up"},
     {ExecutorState::kSettling, ExecutorState::kHolding,
      "the primitive's settle time is over, and the sequence ends"},
     {ExecutorState::kSettling, ExecutorState::kStopping, "`kStop`"},
@@ -245,6 +250,9 @@ inline constexpr std::array<FaultInfo, kFaultCount> kFaults{{
     {Fault::kSensorLost, "sensor lost",
      "the inertial sensor is [stale or implausible](#the-sensor)", "its status", "",
      {I, I, I, I, I, I, I, I}, "the gains fade, and the motion goes on as it was planned"},
+    {Fault::kFallen, "fallen",
+     "by its sensor the robot is not where the motion leaves it, within the sequence's `within_rad`, and does not [get up](#a-robot-that-falls)", "rad",
+     "", {I, X, H, H, D, H, H, H}, "it lies, and no motion begins so"},
 }};
 // clang-format on
 }  // namespace fault_table_detail

@@ -28,13 +28,14 @@ constexpr const char* kSafeNodes = "safe_nodes";
 constexpr const char* kGoHome = "go_home";
 constexpr const char* kClearTicks = "clear_ticks";
 constexpr const char* kBegin = "begin";
+constexpr const char* kGetUps = "get_ups_max";
 
 // A member that is added to these types has to be added to Visit below, or a replay would lack it.
 static_assert(sizeof(JointConfig) == 16);
 static_assert(sizeof(KnownPosition) == 12);
 static_assert(sizeof(CollapseConfig) == 8 + kMaxJoints * sizeof(float));
 static_assert(sizeof(ExecutorConfig) ==
-              52 + kMaxJoints * (sizeof(KnownPosition) + sizeof(JointConfig)) + sizeof(FaultTable) +
+              56 + kMaxJoints * (sizeof(KnownPosition) + sizeof(JointConfig)) + sizeof(FaultTable) +
                   sizeof(CollapseConfig));
 static_assert(sizeof(RunProcedureConfig) == 88);
 
@@ -72,6 +73,7 @@ void VisitNumbers(Config& config, const Visit& visit) {
   visit("cycles", config.cycles);
   visit("branch", config.branch);
   visit(kBegin, config.begin);
+  visit(kGetUps, config.get_ups_max);
 }
 
 template <typename Config, typename Visit>
@@ -148,7 +150,7 @@ void TakeNumbers(const Json& json, Config& config) {
     const std::string_view name = key;
     const bool added = name == kStartWay || name == kMovedMax || name == kLowerTicks ||
                        name == kEndHoldTicks || name == kSafeNodes || name == kGoHome ||
-                       name == kClearTicks || name == kBegin;
+                       name == kClearTicks || name == kBegin || name == kGetUps;
     if (!added || json.Find(key) != nullptr) Take(json, key, value);
   });
 }
@@ -167,7 +169,8 @@ void TakeReactions(const Json& json, FaultTable& table) {
     const std::string key = ToString(static_cast<Fault>(f));
     // Runs that were recorded before there were these faults did not look for them.
     const auto fault = static_cast<Fault>(f);
-    if ((fault == Fault::kForeignCommand || fault == Fault::kSensorLost) &&
+    if ((fault == Fault::kForeignCommand || fault == Fault::kSensorLost ||
+         fault == Fault::kFallen) &&
         json.Find(key) == nullptr) {
       for (std::size_t s = 0; s < kExecutorStateCount; ++s) {
         table.Set(fault, static_cast<ExecutorState>(s), Reaction::kIgnore);

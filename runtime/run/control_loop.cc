@@ -168,6 +168,8 @@ void ControlLoop::Count() noexcept {
   ++statistics_.ticks;
   const bool running = record.state == ExecutorState::kRunning;
   if (running) ++statistics_.run_ticks;
+  if (settled_ && record.state == ExecutorState::kMovingToStart) ++statistics_.get_ups;
+  settled_ = record.state == ExecutorState::kSettling;
   // What is measured in the tick of a fault still follows the setpoint before it.
   const bool moves = running || record.state == ExecutorState::kSettling;
   const bool follows = moves || (moved_ && record.faults != 0);

@@ -41,6 +41,8 @@ struct LoopStatistics {
   std::array<std::int64_t, kSensorStatusCount> sensor_ticks{};
   SensorStatus sensor = SensorStatus::kNone;
   std::int64_t feedback_ticks = 0;  ///< Ticks with any feedback in force.
+  /// How often a motion was left for the start because the robot had fallen.
+  std::int64_t get_ups = 0;
 
  private:
   static constexpr std::array<float, kMaxJoints> NoneMeasured() noexcept {
@@ -103,6 +105,7 @@ class ControlLoop {
   std::array<CanFrame, std::size_t{kMaxJoints} * FrameBatch::kCapacity> to_send_;
   TickOutput output_;
   TimedRecord timed_;                                  // `request` stays that of the last wish
+  bool settled_ = false;                               // settling in the tick before
   bool moved_ = false;                                 // running or settling in the tick before
   std::array<float, kMaxJoints> last_position_rad_{};  // limited positions of the tick before
   LoopStatistics statistics_;

@@ -145,6 +145,11 @@ void DeclareRun(CommandLine& line, RunOptions& options, std::string& end) {
               "of a sequence with [begin]: the robot lies as at the start of this node, with which "
               "the run begins; without it the sensor says how it lies, and without a sensor it is "
               "at the sequence's start");
+  line.Option("--get-ups", options.get_ups,
+              "of a sequence with [begin], with a sensor: how often in a run a robot that has "
+              "fallen gets up and goes on; the next fall is a fault")
+      .Within(0, 1000)
+      .ShowDefault();
   line.Option("--log", options.log, "write every tick to this LCM log");
   line.Option("--lcm-url", options.lcm_url,
               "publish live and take commands there, e.g. udpm://239.255.76.67:7667?ttl=0")
@@ -191,8 +196,8 @@ void RefuseIgnored(const CommandLine& line, const RunOptions& options) {
   const bool latency_test = options.latency_test_s > 0;
   if (latency_test || !options.doctor.empty()) {
     refuse({"--drives", "--faults", "--bus-faults", "--arm", "--attended", "--speed", "--pace",
-            "--hold-s", "--cycles", "--branch", "--from", "--log", "--lcm-url", "--trace",
-            "--record", "--twin", "--truth"},
+            "--hold-s", "--cycles", "--branch", "--from", "--get-ups", "--log", "--lcm-url",
+            "--trace", "--record", "--twin", "--truth"},
            "is about playing a motion, which --latency-test and --doctor do not");
   }
   if (!latency_test) {

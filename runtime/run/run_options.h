@@ -41,6 +41,7 @@ struct RunOptions {
   int cycles = 0;
   std::string branch;
   std::string from;  ///< Node with which the run begins, by the operator's word.
+  int get_ups = 0;   ///< How often a robot that has fallen gets up.
   std::string log;
   std::string lcm_url;
   std::string robot;  ///< Its name in messages; that of this computer unless given.

@@ -144,12 +144,19 @@ int BeginningNumber(const RunOptions& options, const SequenceGraph<float>& graph
   }
 }
 
-RunSettings SettingsOf(const RunOptions& options, const SequenceGraph<float>& graph) {
+RunSettings SettingsOf(const RunOptions& options, const RunParts& parts) {
+  const SequenceGraph<float>& graph = parts.sequence->graph;
+  try {
+    CheckGetUps(options.get_ups, graph.beginning_count, parts.drives);
+  } catch (const std::invalid_argument& error) {
+    throw UsageError("--get-ups", fmt::format("{}: {}", options.motion, error.what()));
+  }
   RunSettings settings;
   settings.speed = options.speed;
   settings.cycles = options.cycles;
   settings.branch = BranchNumber(options, graph);
   settings.begin = BeginningNumber(options, graph);
+  settings.get_ups = options.get_ups;
   settings.hold_s = options.hold_s;
   settings.attended = options.attended;
   settings.end = options.end;
@@ -405,7 +412,7 @@ ExitStatus Run(RunOptions options, const Simulation* simulation) {
   CheckOutputs(options, files);
   const RunParts& parts = assembly.parts();
   const SequenceGraph<float>& graph = parts.sequence->graph;
-  const RunSettings settings = SettingsOf(options, graph);
+  const RunSettings settings = SettingsOf(options, parts);
   const std::string pose_file = PoseFileOf(options);
   const ExecutorConfig executor_config = ConfigOf(options, settings, parts, pose_file);
   if (assembly.Configure(executor_config) != Status::kOk) {

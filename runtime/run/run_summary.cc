@@ -298,6 +298,9 @@ std::string ToText(const RunSummary& summary) {
     text += fmt::format("  sensor: {} at last, ok in {} ticks; feedback in {}\n",
                         ToString(s.sensor), known, s.feedback_ticks);
   }
+  if (s.get_ups > 0)
+    text +=
+        fmt::format("  the robot fell, by its sensor, and was to get up: {} times\n", s.get_ups);
   if ((!summary.simulated && !summary.dry_run) || summary.realtime) {
     text += DescribeTiming(s, summary.machine,
                            summary.realtime ? summary.realtime->scheduling : "time-shared");
@@ -369,7 +372,8 @@ Json JsonOf(const InterfaceSummary& interface) {
 }
 
 Json SensorJson(const LoopStatistics& s) {
-  Json json = {{"status", ToString(s.sensor)}, {"feedback_ticks", s.feedback_ticks}};
+  Json json = {
+      {"status", ToString(s.sensor)}, {"feedback_ticks", s.feedback_ticks}, {"get_ups", s.get_ups}};
   Json& ticks = json["ticks"];
   for (std::size_t i = 0; i < kSensorStatusCount; ++i) {
     if (s.sensor_ticks[i] != 0) ticks[ToString(static_cast<SensorStatus>(i))] = s.sensor_ticks[i];

@@ -378,6 +378,14 @@ TEST(SequenceToml, ARunMayBeginWithSeveralNodesIfTheirJointsBeginAlikeAndTheirPi
   EXPECT_EQ(sequence.graph.beginning_count, 4);
   EXPECT_EQ(sequence.graph.beginnings()[1].pitch_rad, static_cast<float>(rise.pitch_rad));
   EXPECT_EQ(sequence.graph.beginning_within_rad, 0.4F);
+  // Where each node leaves the robot: by the exit of its primitive, turned with the roles.
+  for (int i = 0; i < graph.node_count; ++i) {
+    const double exit_rad = file.PrimitiveOf(i).exit.root_pitch_rad;
+    const double turned_rad = graph.node(i).swapped ? file.swap_root_pitch_rad : 0;
+    EXPECT_EQ(graph.last_pitch_rad[static_cast<std::size_t>(i)], exit_rad + turned_rad);
+    EXPECT_EQ(sequence.graph.last_pitch_rad[static_cast<std::size_t>(i)],
+              static_cast<float>(exit_rad + turned_rad));
+  }
 
   const auto with = [](const std::string& keys) { return GaitText() + "[begin]\n" + keys; };
   const std::string link = "link = \"middle\"\n";

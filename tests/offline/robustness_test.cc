@@ -438,6 +438,41 @@ TEST(Drops, ARobotThatLiesGetsUpAndGoesOnWithTheGait) {
     EXPECT_EQ(trial.motions, trial.begun == "handstand" ? 2 : 3) << trial.begun;
 }
 
+TEST(Falls, RobotsThatFallGetUpAndAreAsAskedInTheEndAndNoneOfThemCountsAsStanding) {
+  RobustnessStudy study = StudyOf("gait_sensor.toml");
+  study.drives = testing::SourcePath("primitives/robots/tumbler_drives_sensor.toml");
+  study.twin = testing::SourcePath("primitives/robots/tumbler_twin_sensor.toml");
+  study.run.cycles = 2;
+  study.scale = 2;
+  study.seed = 1795656634;
+  const std::string identity = IdentityOf(study);
+  RobustnessStudy gets_up = study;
+  gets_up.run.get_ups = 2;
+  EXPECT_NE(IdentityOf(gets_up), identity);
+  Trials without(study), with(gets_up);
+  RobustnessResult result{"gait", gets_up, "", {}};
+  for (const std::uint64_t index :
+       {0, 46, 49}) {  // The latter have a light leg and a slippery ground.
+    const TrialOutcome falls = without.Play(index);
+    const TrialOutcome up = result.trials.emplace_back(with.Play(index));
+    EXPECT_EQ(falls.stands(), index == 0);
+    EXPECT_EQ(up.stands(), index == 0);
+    if (index == 0) continue;
+    EXPECT_EQ(falls.verdict, Verdict::kFell);
+    EXPECT_EQ(up.verdict, Verdict::kGotUp) << up.reason;
+    EXPECT_EQ(up.in, index == 46 ? "handstand, swapped" : "handstand");
+    EXPECT_EQ(up.motions, 6) << "four, that in which it fell, and that in which it got up";
+    EXPECT_THAT(up.reason, HasSubstr("it got up 1 time"));
+  }
+  EXPECT_THAT(ToText(result), HasSubstr("gait: 1 of 3 robots are as asked after every motion"));
+  EXPECT_THAT(ToText(result), HasSubstr("  3 are as asked in the end"));
+  EXPECT_EQ(ToJson(result)["verdicts"]["got up"].integer(), 2);
+  study.run.get_ups = 1;
+  study.drives.clear();
+  study.twin.clear();
+  EXPECT_THROW(Trials{study}, Refused) << "nobody tells how it lies";
+}
+
 TEST(Drops, RobotsGetUpHoweverTheyLieByTheirSensorAndWithoutItOnlyFromTheStart) {
   RobustnessStudy study = StudyOf("get_up.toml");
   study.drives = testing::SourcePath("primitives/robots/tumbler_drives_sensor.toml");

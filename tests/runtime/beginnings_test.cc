@@ -1,7 +1,9 @@
-// With which node a run begins, when the robot may lie in several ways.
+// With which node a run begins, when the robot may lie in several ways, and goes on after a fall.
 
 #include <gtest/gtest.h>
 
+#include <array>
+#include <cmath>
 #include <numbers>
 
 #include "runtime/core/executor.h"
@@ -148,6 +150,10 @@ TEST(Beginnings, ExecutorsRefuseThoseThatMakeNoSense) {
             Status::kInvalidArgument);
   EXPECT_EQ(configured([](auto&, auto& graph) { graph.beginning_count = 99; }),
             Status::kInvalidArgument);
+  EXPECT_EQ(configured([](auto&, auto& graph) { graph.last_pitch_rad[1] = NAN; }),
+            Status::kInvalidArgument);
+  EXPECT_EQ(configured([](auto& config, auto&) { config.get_ups_max = -1; }),
+            Status::kInvalidArgument);
 }
 
 TEST(Beginnings, ARunWaitsForAMomentUntilTheRobotIsStill) {
@@ -168,6 +174,228 @@ TEST(Beginnings, ARunWaitsForAMomentUntilTheRobotIsStill) {
     if (still_after == 30) {
       EXPECT_EQ(procedure.refusal().refusal, Refusal::kNotAtRest);
     }
+  }
+}
+
+/// A motion that may follow itself, wherever it ends.
+Primitive<float> MotionAfterItself() {
+  Primitive<float> motion = MotionWithFeedback(3);
+  motion.entry_tolerance_rad = 100;
+  return motion;
+}
+
+/// The motion over and over ("stand", a cycle), and one that gets up from a pitch of pi ("rise"),
+/// which ends as the other.
+SequenceGraph<float> Rounds(const Primitive<float>& motion) {
+  SequenceGraph<float> graph = TwoBeginnings(motion);
+  graph.node_storage[0].safe = graph.node_storage[0].ends_cycle = true;
+  graph.node_storage[1].safe = true;
+  graph.edge_count = 2;
+  graph.edge_storage[0] = {0, 0, 0.05F, EdgeCondition::kAlways, {}};
+  graph.edge_storage[1] = {1, 0, 0.05F, EdgeCondition::kAlways, {}};
+  return graph;
+}
+
+/// An executor that plays them with a sensor.
+class FallingRig : public ExecutorRig {
+ public:
+  explicit FallingRig(const ExecutorConfig& config, bool has_sensor = true)
+      : FallingRig(config, has_sensor, MotionAfterItself()) {}
+
+  /// Ticks until this node is running.
+  bool TickUntilPlays(int node) {
+    const auto plays = [&] {
+      return executor.state() == ExecutorState::kRunning && output.record.node == node;
+    };
+    for (int i = 0; i < 100000 && !plays(); ++i) Tick();
+    return plays();
+  }
+  /// Plays the present node to its end, and says then how the robot lies.
+  bool EndLying(double pitch_rad) {
+    sensor_frames = SensorFrames(pitch_rad, 0);
+    return TickUntil(ExecutorState::kSettling) && TickWhile(ExecutorState::kSettling);
+  }
+  bool TickWhile(ExecutorState state) {
+    for (int i = 0; i < 100000 && executor.state() == state; ++i) Tick();
+    return executor.state() != state;
+  }
+
+ private:
+  FallingRig(const ExecutorConfig& config, bool has_sensor, const Primitive<float>& motion)
+      : ExecutorRig(config, Rounds(motion), {motion}) {
+    if (has_sensor) {
+      sensor.device = &device_;
+      sensor.settings.repeats_max = 0;
+      sensor.settings.jump_max_rad = 10;
+    }
+    Reconfigure();
+    EXPECT_EQ(configured, Status::kOk);
+    sensor_frames = SensorFrames(0, 0);
+    EXPECT_TRUE(Reach(ExecutorState::kRunning));
+  }
+  XsensMti device_;
+};
+
+ExecutorConfig GetsUp(int times) {
+  ExecutorConfig config;
+  config.get_ups_max = times;
+  return config;
+}
+
+TEST(Falls, ARobotThatIsNotWhereAMotionLeavesItIsAFault) {
+  for (const double pitch_rad : {0.31, -0.31, kOnItsBack_rad}) {
+    FallingRig rig({});
+    ASSERT_TRUE(rig.EndLying(pitch_rad));
+    EXPECT_EQ(rig.executor.state(), ExecutorState::kFault) << pitch_rad;
+    const TickRecord& record = rig.Tick();
+    EXPECT_EQ(record.first_fault.fault, Fault::kFallen);
+    EXPECT_EQ(record.first_fault.joint, -1);
+    EXPECT_NEAR(record.first_fault.value.real(), std::abs(pitch_rad), 0.01);
+    EXPECT_EQ(record.first_fault.limit.real(), 0.3F);
+    EXPECT_EQ(record.cycles, 0) << "a cycle that ends in a fall is not complete";
+  }
+  FallingRig rig({});
+  ASSERT_TRUE(rig.EndLying(2 * kOnItsBack_rad - 0.29));
+  EXPECT_EQ(rig.executor.state(), ExecutorState::kRunning);
+  EXPECT_EQ(rig.Tick().cycles, 1);
+}
+
+TEST(Falls, ARobotThatMayGetsUpAndGoesOnAsOftenAsItMay) {
+  FallingRig rig(GetsUp(2));
+  ASSERT_TRUE(rig.EndLying(0));
+  for (int fall = 0; fall < 2; ++fall) {
+    ASSERT_TRUE(rig.EndLying(kOnItsBack_rad));
+    ASSERT_EQ(rig.executor.state(), ExecutorState::kMovingToStart);
+    ASSERT_TRUE(rig.TickWhile(ExecutorState::kMovingToStart));
+    ASSERT_EQ(rig.executor.state(), ExecutorState::kRunning);
+    EXPECT_EQ(rig.Tick().node, 1);
+    ASSERT_TRUE(rig.EndLying(0));
+    EXPECT_EQ(rig.Tick().node, 0);
+    EXPECT_EQ(rig.output.record.cycles, 1) << "that before the first fall";
+    EXPECT_EQ(rig.output.record.faults, 0U);
+  }
+  ASSERT_TRUE(rig.EndLying(kOnItsBack_rad));
+  EXPECT_EQ(rig.executor.state(), ExecutorState::kFault);
+  EXPECT_EQ(rig.Tick().first_fault.fault, Fault::kFallen);
+}
+
+TEST(Falls, FromFallToRiseEverySetpointIsWithinTheLimits) {
+  FallingRig rig(GetsUp(1));
+  const Primitive<float> motion = MotionAfterItself();
+  rig.sensor_frames = SensorFrames(kOnItsBack_rad, 0);
+  std::array<float, 2> last{rig.drives[0]->setpoint.position_rad,
+                            rig.drives[1]->setpoint.position_rad};
+  int moved = 0;
+  for (int i = 0; i < 100000 && !(rig.output.record.node == 1); ++i) {
+    const bool moves = rig.Tick().state == ExecutorState::kMovingToStart;
+    for (std::size_t j = 0; j < 2; ++j) {
+      const float position = rig.drives[j]->setpoint.position_rad;
+      const JointLimits<float>& limits = motion.joints[j].limits;
+      const float most =
+          (moves ? ExecutorConfig{}.move_fraction : 1.0F) * limits.velocity_max_rad_s;
+      EXPECT_LE(std::abs(position - last[j]), most * 0.001F + 1e-5F);
+      EXPECT_LE(position, limits.position_max_rad);
+      EXPECT_GE(position, limits.position_min_rad);
+      if (moves && position != last[j]) ++moved;
+      last[j] = position;
+    }
+  }
+  EXPECT_EQ(rig.output.record.node, 1);
+  EXPECT_GT(moved, 100);
+}
+
+TEST(Falls, WhereNobodyKnowsOfTheFallTheSequenceGoesOn) {
+  ExecutorConfig ignores;
+  for (std::size_t s = 1; s < kExecutorStateCount; ++s)
+    ignores.reactions.Set(Fault::kFallen, static_cast<ExecutorState>(s), Reaction::kIgnore);
+  FallingRig without(GetsUp(0), false), silent(GetsUp(3)), ignored(ignores);
+  for (FallingRig* const rig : {&without, &silent, &ignored}) {
+    rig->sensor_frames = SensorFrames(kOnItsBack_rad, 0);
+    if (rig == &silent) rig->sensor_frames.clear();
+    ASSERT_TRUE(rig->TickUntil(ExecutorState::kSettling));
+    ASSERT_TRUE(rig->TickWhile(ExecutorState::kSettling));
+    EXPECT_EQ(rig->executor.state(), ExecutorState::kRunning);
+    EXPECT_EQ(rig->Tick().node, 0);
+    EXPECT_EQ(rig->output.record.cycles, 1);
+  }
+}
+
+TEST(Falls, ARobotThatLiesAsNoMotionBeginsOrDoesNotComeToRestStaysAfterASecond) {
+  for (const bool turns : {false, true}) {
+    FallingRig rig(GetsUp(9));
+    const double pitch_rad = turns ? kOnItsBack_rad : kOnItsBack_rad / 2;
+    ASSERT_TRUE(rig.EndLying(pitch_rad));
+    ASSERT_EQ(rig.executor.state(), ExecutorState::kMovingToStart);
+    rig.sensor_frames = SensorFrames(pitch_rad, turns ? 1.0 : 0.0);
+    int ticks = 0, still = 0;
+    for (; ticks < 100000 && rig.executor.state() == ExecutorState::kMovingToStart; ++ticks) {
+      const float before = rig.drives[0]->setpoint.position_rad;
+      rig.Tick();
+      still = rig.drives[0]->setpoint.position_rad == before ? still + 1 : 0;
+    }
+    EXPECT_EQ(rig.executor.state(), ExecutorState::kFault);
+    EXPECT_EQ(rig.Tick().first_fault.fault, Fault::kFallen);
+    EXPECT_NEAR(rig.output.record.first_fault.value.real(), turns ? 0 : kOnItsBack_rad / 2, 0.01);
+    EXPECT_NEAR(still, 1000, 20) << "joints at the start for a second";
+  }
+}
+
+TEST(Falls, TheOperatorIsObeyedWhileTheRobotGetsUp) {
+  FallingRig stopped(GetsUp(1));
+  ASSERT_TRUE(stopped.EndLying(kOnItsBack_rad));
+  ASSERT_EQ(stopped.Tick(OperatorCommand::kStop).state, ExecutorState::kStopping);
+  ASSERT_TRUE(stopped.TickUntil(ExecutorState::kHolding));
+  for (int i = 0; i < 3000; ++i) stopped.Tick();
+  EXPECT_EQ(stopped.executor.state(), ExecutorState::kHolding) << "it does not get up after a stop";
+
+  FallingRig finishes(GetsUp(1));
+  ASSERT_TRUE(finishes.EndLying(kOnItsBack_rad));
+  finishes.Tick(OperatorCommand::kFinish);
+  ASSERT_TRUE(finishes.TickUntilPlays(1));
+  ASSERT_TRUE(finishes.EndLying(0));
+  EXPECT_EQ(finishes.executor.state(), ExecutorState::kHolding) << "rise is safe: it ends there";
+}
+
+TEST(Falls, OnTheWayHomeAfterAFaultNobodyGetsUp) {
+  FallingRig rig(GetsUp(9));
+  ASSERT_TRUE(rig.TickUntil(ExecutorState::kSettling));
+  rig.input.tick += 100;  // A late tick: a hold at the end of the node.
+  rig.Tick();
+  ASSERT_EQ(rig.executor.state(), ExecutorState::kFault);
+  rig.sensor_frames = SensorFrames(kOnItsBack_rad, 0);
+  rig.Tick();
+  ASSERT_EQ(rig.Tick(OperatorCommand::kGoHome).refusal.refusal, Refusal::kNone);
+  ASSERT_TRUE(rig.TickWhile(ExecutorState::kSettling));
+  EXPECT_EQ(rig.executor.state(), ExecutorState::kFault);
+  EXPECT_NE(rig.Tick().faults & (1U << static_cast<unsigned>(Fault::kFallen)), 0U);
+}
+
+TEST(Falls, ARunGoesThroughAFallToItsEndAndTheNextOneMayFallAgain) {
+  ExecutorConfig config = GetsUp(1);
+  config.cycles = 2;
+  FallingRig rig(config);
+  rig.Tick(OperatorCommand::kDisarm);
+  for (int run = 0; run < 2; ++run) {
+    RunProcedure procedure({});
+    int falls = 0, rises = 0;
+    for (int i = 0; i < 200000 && !procedure.done(); ++i) {
+      const TickRecord& last = rig.output.record;
+      const bool falls_now =
+          falls == 0 && last.state == ExecutorState::kRunning && last.cycles == 1 && last.node == 0;
+      if (falls_now) {
+        ++falls;
+        rig.sensor_frames = SensorFrames(kOnItsBack_rad, 0);
+      }
+      if (last.state == ExecutorState::kRunning && last.node == 1) {
+        rises = 1;
+        rig.sensor_frames = SensorFrames(0, 0);
+      }
+      rig.Tick(procedure.Next(last));
+    }
+    EXPECT_EQ(procedure.outcome(), RunOutcome::kCompleted);
+    EXPECT_EQ(falls, 1);
+    EXPECT_EQ(rises, 1);
+    EXPECT_EQ(rig.output.record.cycles, 2);
   }
 }
 

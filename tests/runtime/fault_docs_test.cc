@@ -9,6 +9,7 @@
 #include "tests/support/docs_tables.h"
 #include "tests/support/executor_rig.h"
 #include "tests/support/motions.h"
+#include "tests/support/sensor_motion.h"
 
 namespace tumbler {
 namespace {
@@ -101,6 +102,10 @@ TEST(FaultDocs, TheExecutorMakesEveryStatedTransitionAndNoOther) {
   graph.edge_count = 1;
   graph.edge_storage[0].to = 1;
   graph.edge_storage[0].settle_s = 0.005F;
+  // Either may be begun with, as the robot lies, and a sensor says that it falls now and then.
+  graph.beginning_count = 2;
+  graph.beginning_storage[1] = {1, 3};
+  graph.beginning_within_rad = 0.5F;
   Primitive<float> circle = motion;  // It ends where it begins.
   for (std::size_t i = 0; i < 2; ++i) {
     auto& path = circle.joints[i].position;
@@ -113,7 +118,13 @@ TEST(FaultDocs, TheExecutorMakesEveryStatedTransitionAndNoOther) {
   }
   ExecutorConfig config;
   config.move_fraction = 1;
+  config.get_ups_max = 1000;
   testing::ExecutorRig rig(config, graph, {circle});
+  XsensMti sensor;
+  rig.sensor.device = &sensor;
+  rig.sensor.settings.repeats_max = 0;
+  rig.sensor.settings.jump_max_rad = 10;
+  rig.Reconfigure();
   ASSERT_EQ(rig.configured, Status::kOk);
   std::array<std::array<int, kExecutorStateCount>, kExecutorStateCount> seen{};
   const std::array wishes{
@@ -128,6 +139,7 @@ TEST(FaultDocs, TheExecutorMakesEveryStatedTransitionAndNoOther) {
     if (random() % 40 == 0) wish = wishes[random() % wishes.size()];
     if (wish == OperatorCommand::kDisarm && random() % 4 != 0) wish = OperatorCommand::kRun;
     if (random() % 2000 == 0) rig.input.tick += 7;
+    if (i % 64 == 0) rig.sensor_frames = testing::SensorFrames(random() % 4 == 0 ? 3 : 0, 0);
     const TickRecord& record = rig.Tick(wish);
     // A tick can change the state several times: by the faults that it finds, by the command, and
     // by its frames.

@@ -118,7 +118,8 @@ bool IsPossible(const DriveConfig& drive, Fault fault, ExecutorState state) {
   const testing::ProtocolSide& side = testing::SideOf(drive);
   switch (fault) {
     case Fault::kNone:
-    case Fault::kSensorLost:  // Drives alone have no sensor; sensor_feedback_test.cc tests it.
+    case Fault::kSensorLost:  // Drives alone have no sensor; sensor_feedback_test.cc tests it,
+    case Fault::kFallen:      // and beginnings_test.cc this.
       return false;
     case Fault::kHeartbeatLost:
       return side.HeartbeatId(drive) != 0;
@@ -255,6 +256,7 @@ class World {
             bench.stranger.SendAfter(900'000, Side().StrangersCommand(bench.DriveOf(1))));
         return 3;
       case Fault::kSensorLost:
+      case Fault::kFallen:
       case Fault::kNone:
         break;
     }

@@ -100,6 +100,8 @@ int Provoke(Fault fault, ExecutorRig& rig, const ExecutorConfig& config) {
       return 1;
     case Fault::kEntryMissed:
       return 0;  // It belongs to a transition, which executor_sequence_test.cc tests.
+    case Fault::kFallen:
+      return 0;  // Likewise; beginnings_test.cc tests it.
     case Fault::kNonFinite:
       drive.reply.velocity_rad_s = std::numeric_limits<float>::quiet_NaN();
       return 1;
@@ -138,16 +140,27 @@ TEST(FaultTable, AnswersEveryFaultInEveryStateAsStated) {
   // mid-swing and its drives obey, the motion's table says what is done (a); where they may not,
   // joints are damped; a dead link is torque off.
   const std::vector<std::pair<Fault, std::string>> stated = {
-      {Fault::kStaleReply, "ixhhahhd"},     {Fault::kWrongSequence, "ixhhahhd"},
-      {Fault::kFollowingError, "ixdddddd"}, {Fault::kDriveError, "ixdddddd"},
-      {Fault::kHeartbeatLost, "ixhhahhd"},  {Fault::kOverTemperature, "ixdddddd"},
-      {Fault::kBusOff, "ixxxxxxx"},         {Fault::kErrorPassive, "ixhhdhhd"},
-      {Fault::kInterfaceDown, "ixxxxxxx"},  {Fault::kInterfaceGone, "ixxxxxxx"},
-      {Fault::kLinkFailed, "ixxxxxxx"},     {Fault::kTransmitQueueFull, "ixxxxxxx"},
-      {Fault::kLateTick, "ixhhahhh"},       {Fault::kOperatorStop, "ixhhahhh"},
-      {Fault::kNonFinite, "ixdddddd"},      {Fault::kArmingTimeout, "ixxxxxxx"},
-      {Fault::kEntryMissed, "ixhhdhhh"},    {Fault::kForeignCommand, "ixdddddd"},
-      {Fault::kSensorLost, "iiiiiiii"},     {Fault::kNone, "iiiiiiii"}};
+      {Fault::kStaleReply, "ixhhahhd"},
+      {Fault::kWrongSequence, "ixhhahhd"},
+      {Fault::kFollowingError, "ixdddddd"},
+      {Fault::kDriveError, "ixdddddd"},
+      {Fault::kHeartbeatLost, "ixhhahhd"},
+      {Fault::kOverTemperature, "ixdddddd"},
+      {Fault::kBusOff, "ixxxxxxx"},
+      {Fault::kErrorPassive, "ixhhdhhd"},
+      {Fault::kInterfaceDown, "ixxxxxxx"},
+      {Fault::kInterfaceGone, "ixxxxxxx"},
+      {Fault::kLinkFailed, "ixxxxxxx"},
+      {Fault::kTransmitQueueFull, "ixxxxxxx"},
+      {Fault::kLateTick, "ixhhahhh"},
+      {Fault::kOperatorStop, "ixhhahhh"},
+      {Fault::kNonFinite, "ixdddddd"},
+      {Fault::kArmingTimeout, "ixxxxxxx"},
+      {Fault::kEntryMissed, "ixhhdhhh"},
+      {Fault::kForeignCommand, "ixdddddd"},
+      {Fault::kSensorLost, "iiiiiiii"},
+      {Fault::kFallen, "ixhhdhhh"},
+      {Fault::kNone, "iiiiiiii"}};
   ASSERT_EQ(stated.size(), kFaultCount);
   const FaultTable table;
   for (const auto& [fault, row] : stated) {

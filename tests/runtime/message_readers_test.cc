@@ -78,7 +78,7 @@ TEST(MessageReaders, HaveStatesAndFaultsThatThereAre) {
     state.state = static_cast<std::int8_t>(wrong);
     EXPECT_FALSE(ReadMessage(Bytes(state), read));
   }
-  for (const int wrong : {-1, 20, 127}) {
+  for (const int wrong : {-1, 21, 127}) {
     state_t state = State(1);
     state.faults = 1;
     state.fault = static_cast<std::int8_t>(wrong);

@@ -303,9 +303,7 @@ TEST_F(RunOnCan, BusOffEndsTheRunAndNothingIsDrivenAfterRecovery) {
     SerialCan can;
     const VirtualCan bench;
     WriteDrives(500'000);
-    // The bus of the drives and that of the adapter are one, as if wired together.
-    Shell("cangw -A -s " + can.name() + " -d " + bench.name() + " -e && cangw -A -s " +
-          bench.name() + " -d " + can.name() + " -e");
+    const testing::CanWire wire(can.name(), bench.name());
     StartDrives(bench.name());
     StartCandump(can.name());
     const std::unique_ptr<Program> run = StartArmed(can.name());
@@ -325,7 +323,6 @@ TEST_F(RunOnCan, BusOffEndsTheRunAndNothingIsDrivenAfterRecovery) {
     const std::unique_ptr<Program> again = StartArmed(can.name());
     EXPECT_EQ(again->Wait(), 0) << again->text();
     ExpectKept(Judge());
-    Shell("cangw -F");
   });
 }
 
@@ -364,8 +361,7 @@ TEST_F(RunOnCan, FramesThatTheControllerLostAreSaidInTheSummary) {
     SerialCan can;
     const VirtualCan bench;
     WriteDrives(500'000);
-    Shell("cangw -A -s " + can.name() + " -d " + bench.name() + " -e && cangw -A -s " +
-          bench.name() + " -d " + can.name() + " -e");
+    const testing::CanWire wire(can.name(), bench.name());
     StartDrives(bench.name());
     StartCandump(can.name());
     const std::unique_ptr<Program> run = StartArmed(can.name());
@@ -374,7 +370,6 @@ TEST_F(RunOnCan, FramesThatTheControllerLostAreSaidInTheSummary) {
     EXPECT_EQ(run->Wait(), 0) << run->text();
     EXPECT_THAT(run->text(), HasSubstr("2 overflows of the controller"));
     EXPECT_THAT(ReadFile(Path("run.json")), HasSubstr("\"controller_overflows\": 2"));
-    Shell("cangw -F");
   });
 }
 

@@ -580,6 +580,53 @@ TEST_F(SimTwin, EveryFailureOfTheSensorIsSeenAndTheMotionGoesOn) {
   }
 }
 
+// Pushed over in its second handstand. Only the simulation knows of the push.
+constexpr const char* kPushedOverLater =
+    "[[push]]\nlink = \"middle\"\nstart_s = 9.5\nduration_s = 0.2\nforce_n = [25.0, 0.0]\n";
+
+TEST_F(SimTwin, ARobotThatIsPushedOverGetsUpFinishesItsCyclesAndIsReplayedBitForBit) {
+  const std::string sensor = testing::ReadFile(kPrimitives + "robots/tumbler_twin_sensor.toml");
+  const std::string twin = Write("twin.toml", sensor + kPushedOverLater);
+  const auto run = [&](const std::string& get_ups) {
+    std::filesystem::remove(Path("run.json"));
+    std::filesystem::remove(Path("run.rec"));
+    const testing::Outcome outcome = testing::RunProgram(
+        {"tumbler-run", "sim", kPrimitives + "gait_sensor.toml", "--cycles", "2", "--drives",
+         kPrimitives + "robots/tumbler_drives_sensor.toml", "--twin", twin, "--get-ups", get_ups,
+         "--json", Path("run.json"), "--record", Path("run.rec")});
+    EXPECT_EQ(outcome.exit_code, get_ups == "0" ? 3 : 4) << outcome.text;
+    const testing::Outcome replay = testing::RunProgram({"tumbler-replay", Path("run.rec")});
+    EXPECT_THAT(replay.text, HasSubstr("identical"));
+    return Outcome{outcome, Json::Parse(testing::ReadFile(Path("run.json"))).value()};
+  };
+  const Outcome falls = run("0");
+  EXPECT_EQ(falls.json["outcome"].text(), "fault");
+  EXPECT_THAT(falls.json["reason"].text(), HasSubstr("fallen: "));
+  EXPECT_EQ(falls.json["cycles"].integer(), 1);
+  EXPECT_EQ(falls.json["sensor"]["get_ups"].integer(), 0);
+
+  const Outcome gets_up = run("1");
+  EXPECT_EQ(gets_up.json["outcome"].text(), "completed") << gets_up.text;
+  EXPECT_EQ(gets_up.json["cycles"].integer(), 2);
+  EXPECT_EQ(gets_up.json["sensor"]["get_ups"].integer(), 1);
+  EXPECT_EQ(gets_up.json["falls"].size(), 1U);
+  EXPECT_EQ(gets_up.json["as_planned_2_s_later"], true) << "of the last motion";
+  EXPECT_THAT(gets_up.text, HasSubstr("fell, by its sensor"));
+}
+
+TEST_F(SimTwin, NobodyGetsUpWhoCannotTellHowItLies) {
+  const auto refused = [&](const std::string& motion, const std::string& drives) {
+    const testing::Outcome run =
+        testing::RunProgram({"tumbler-run", "sim", kPrimitives + motion, "--drives",
+                             kPrimitives + "robots/" + drives, "--get-ups", "1"});
+    EXPECT_EQ(run.exit_code, 1) << run.text;
+    EXPECT_THAT(run.text, HasSubstr("--get-ups"));
+    return run.text;
+  };
+  EXPECT_THAT(refused("get_up.toml", "tumbler_drives.toml"), HasSubstr("[sensor]"));
+  EXPECT_THAT(refused("handstand_sensor.toml", "tumbler_drives_sensor.toml"), HasSubstr("[begin]"));
+}
+
 TEST_F(SimTwin, ASensorOnALinkThatNoPrimitiveKnowsIsRefused) {
   const std::string motion = Write("handstand.toml", HandstandWithFeedback());
   const std::string drives =

@@ -164,6 +164,24 @@ class SerialCan {
   std::thread reader_;
 };
 
+/// Makes one bus of two interfaces, as if they were wired together. Other tests have wires, too.
+class CanWire {
+ public:
+  CanWire(const std::string& a, const std::string& b)
+      : there_("-s " + a + " -d " + b + " -e"), back_("-s " + b + " -d " + a + " -e") {
+    Shell("cangw -A " + there_ + " && cangw -A " + back_);
+  }
+  ~CanWire() {
+    // NOLINTNEXTLINE(concurrency-mt-unsafe)
+    static_cast<void>(!std::system(("cangw -D " + there_ + " && cangw -D " + back_).c_str()));
+  }
+  CanWire(const CanWire&) = delete;
+  CanWire& operator=(const CanWire&) = delete;
+
+ private:
+  std::string there_, back_;
+};
+
 /// The number of receivers that take every frame of an interface: programs such as candump, and
 /// routes of cangw.
 inline int ReceiversOn(const std::string& interface) {

@@ -76,6 +76,7 @@ class TemporaryFolder {
 
 SimulatedRun Simulate(const py::object& motion, SimulatedRunPlan plan) {
   CheckWithin("cycles", plan.settings.cycles, 0, 100000);
+  CheckWithin("get_ups", plan.settings.get_ups, 0, 1000);
   CheckWithin("speed", plan.settings.speed, 0.1, 1.0);
   CheckWithin("hold_s", plan.settings.hold_s, 0.0, 3600.0);
   const MotionPath path(motion);
@@ -118,9 +119,9 @@ void BindSimulate(py::module_& module) {
   module.def(
       "simulate",
       [](const py::object& motion, int cycles, const std::string& branch,
-         const std::string& from_node, double speed, double hold_s, const FilePath& twin,
-         const FilePath& drives, const FilePath& faults, const FilePath& bus_faults,
-         const FilePath& record) {
+         const std::string& from_node, int get_ups, double speed, double hold_s,
+         const FilePath& twin, const FilePath& drives, const FilePath& faults,
+         const FilePath& bus_faults, const FilePath& record) {
         SimulatedRunPlan plan;
         plan.from_node = from_node;
         plan.drives = NameOf(drives);
@@ -130,18 +131,20 @@ void BindSimulate(py::module_& module) {
         plan.branch = branch;
         plan.record = NameOf(record);
         plan.settings.cycles = cycles;
+        plan.settings.get_ups = get_ups;
         plan.settings.speed = speed;
         plan.settings.hold_s = hold_s;
         return Simulate(motion, std::move(plan));
       },
       py::arg("motion"), py::kw_only(), py::arg("cycles") = 0, py::arg("branch") = "",
-      py::arg("from_node") = "", py::arg("speed") = 1.0, py::arg("hold_s") = 2.0,
-      py::arg("twin") = py::none(), py::arg("drives") = py::none(), py::arg("faults") = py::none(),
-      py::arg("bus_faults") = py::none(), py::arg("record") = py::none(),
+      py::arg("from_node") = "", py::arg("get_ups") = 0, py::arg("speed") = 1.0,
+      py::arg("hold_s") = 2.0, py::arg("twin") = py::none(), py::arg("drives") = py::none(),
+      py::arg("faults") = py::none(), py::arg("bus_faults") = py::none(),
+      py::arg("record") = py::none(),
       "Plays a Primitive, or the file of a primitive or a sequence, through the runtime, "
       "simulated\n"
-      "drives and the twin, as `tumbler-run sim` does. `from_node` is its --from. `record` keeps "
-      "the\n"
+      "drives and the twin, as `tumbler-run sim` does. `from_node` is its --from, `get_ups` its\n"
+      "--get-ups. `record` keeps the\n"
       "flight record in a file, which must not exist. Throws FileError, Refused.");
 }
 
@@ -193,6 +196,7 @@ RobustnessMap MapRobots(const py::object& motion, RobustnessStudy study, WorkPla
   CheckWithin("cycles", study.run.cycles, 0, 100000);
   CheckWithin("scale", study.scale, 0.0, 10.0);
   CheckWithin("hold_s", study.run.hold_s, 0.0, 3600.0);
+  CheckWithin("get_ups", study.run.get_ups, 0, study.lanes ? 0 : 1000);
   CheckWithin("threads", plan.threads, 0, 1024);
   if (plan.threads == 0)
     plan.threads = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
@@ -303,11 +307,12 @@ void BindRobustness(py::module_& module) {
       "robustness",
       [](const py::object& motion, int robots, int cycles, const std::string& branch,
          std::uint64_t seed, double scale, const std::map<std::string, double>& spreads,
-         double hold_s, const FilePath& drives, const FilePath& twin, bool lanes, int threads,
-         const py::object& progress) {
+         double hold_s, int get_ups, const FilePath& drives, const FilePath& twin, bool lanes,
+         int threads, const py::object& progress) {
         RobustnessStudy study;
         study.run.cycles = cycles;
         study.run.hold_s = hold_s;
+        study.run.get_ups = get_ups;
         study.seed = seed;
         study.scale = scale;
         study.drives = NameOf(drives);
@@ -321,9 +326,9 @@ void BindRobustness(py::module_& module) {
       },
       py::arg("motion"), py::kw_only(), py::arg("robots") = 100, py::arg("cycles") = 0,
       py::arg("branch") = "", py::arg("seed") = 1, py::arg("scale") = 1.0,
-      py::arg("spreads") = py::dict(), py::arg("hold_s") = 2.0, py::arg("drives") = py::none(),
-      py::arg("twin") = py::none(), py::arg("lanes") = false, py::arg("threads") = 0,
-      py::arg("progress") = py::none(),
+      py::arg("spreads") = py::dict(), py::arg("hold_s") = 2.0, py::arg("get_ups") = 0,
+      py::arg("drives") = py::none(), py::arg("twin") = py::none(), py::arg("lanes") = false,
+      py::arg("threads") = 0, py::arg("progress") = py::none(),
       "Plays a Primitive, or the file of a primitive or a sequence, on robots that differ from "
       "the\n"
       "model, as tumbler-robustness does. `spreads` are standard deviations by their names in its\n"

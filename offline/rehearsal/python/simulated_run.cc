@@ -111,6 +111,11 @@ RunSummary SimulateRun(const SimulatedRunPlan& asked, const std::atomic<bool>& s
   } catch (const std::invalid_argument& error) {
     throw std::invalid_argument(fmt::format("from_node: {}: {}", plan.motion, error.what()));
   }
+  try {
+    CheckGetUps(plan.settings.get_ups, parts.sequence->graph.beginning_count, parts.drives);
+  } catch (const std::invalid_argument& error) {
+    throw std::invalid_argument(fmt::format("get_ups: {}: {}", plan.motion, error.what()));
+  }
   ExecutorConfig executor = ExecutorConfigOf(plan.settings, parts.drives);
   if (!plan.faults.empty()) LoadFaultsOf(parts, plan.faults, executor);
   if (assembly.Configure(executor) != Status::kOk)

@@ -54,6 +54,7 @@ std::string IdentityOf(const RobustnessStudy& study) {
                                  drives.empty(), study.twin.empty());
   if (study.disturbs()) text += fmt::format("{} {}\n", study.push_n, study.sensor_faults);
   if (study.drops) text += "drops\n";
+  if (study.run.get_ups > 0) text += fmt::format("get ups {}\n", study.run.get_ups);
   for (const SpreadName& spread : kSpreadNames)
     text += fmt::format("{} {}\n", spread.key, study.spreads.*spread.member);
   return HashOfText(text + HashesOfFiles(study));

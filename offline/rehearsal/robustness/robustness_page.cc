@@ -57,6 +57,8 @@ const char* ColourOf(Verdict verdict) {
       return "#7b3294";
     case Verdict::kFault:
       return "#1c2330";
+    case Verdict::kGotUp:
+      return "#35a06a";
   }
   return "#000";
 }
@@ -73,6 +75,8 @@ const char* Meaning(Verdict verdict) {
       return "its own shapes overlapped";
     case Verdict::kFault:
       return "the run ended in a fault";
+    case Verdict::kGotUp:
+      return "fell, got up, and was as asked after the last motion";
   }
   return "";
 }

@@ -347,7 +347,9 @@ std::string UnitOfDepartures(const RobustnessStudy& study) {
 std::string DisturbancesOf(const RobustnessStudy& study) {
   return (study.push_n > 0 ? fmt::format(", pushed with {:.6g} N", study.push_n) : "") +
          (study.sensor_faults ? ", with sensors that fail" : "") +
-         (study.drops ? ", dropped in random poses" : "");
+         (study.drops ? ", dropped in random poses" : "") +
+         (study.run.get_ups > 0 ? fmt::format(", which get up {} times at most", study.run.get_ups)
+                                : "");
 }
 
 std::string ToText(const RobustnessResult& result) {
@@ -359,6 +361,11 @@ std::string ToText(const RobustnessResult& result) {
       result.study.scale, result.study.seed,
       result.study.run.cycles > 0 ? fmt::format(", {} cycles", result.study.run.cycles) : "",
       DisturbancesOf(result.study));
+  if (result.study.run.get_ups > 0) {
+    const Share ends = ShareOf(share.count + result.Count(Verdict::kGotUp), share.of);
+    text += fmt::format("  {} are as asked in the end, those that got up among them: {}\n",
+                        ends.count, ToText(ends));
+  }
   std::string counts;
   for (const Verdict verdict : kVerdicts) {
     if (verdict == Verdict::kStands || result.Count(verdict) == 0) continue;
@@ -430,6 +437,7 @@ Json ToJson(const RobustnessResult& result) {
                {"push_n", result.study.push_n},
                {"sensor_faults", result.study.sensor_faults},
                {"drops", result.study.drops},
+               {"get_ups", result.study.run.get_ups},
                {"robots", share.of},
                {"as_asked", share.count},
                {"share", share.value()},

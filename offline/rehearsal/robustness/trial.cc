@@ -43,6 +43,16 @@ bool BeginAfterDrop(const ControlLoop& loop, RunProcedure& procedure) {
          procedure.RequestStart(loop.record()) == Refusal::kNone;
 }
 
+/// Whether a robot that fell and got up was as asked after its last motion.
+bool EndsAsAsked(const PurposeJudge& judge, const PostureWatch& posture) {
+  const std::vector<PostureEvent>& events = posture.events();
+  const bool overlapped = std::any_of(events.begin(), events.end(), [](const PostureEvent& event) {
+    return event.kind == PostureEvent::Kind::kOverlap;
+  });
+  const Passage& last = judge.passages().back();
+  return !overlapped && !posture.fallen() && !last.amiss() && !last.unjudged();
+}
+
 constexpr const char* kUnjudged = "the run ended before it could be judged";
 
 /// Notes how a robot that was dropped lies before its run, and with which node it begins.
@@ -131,6 +141,11 @@ Trials::Trials(const RobustnessStudy& study) : study_(study), motion_(LoadMotion
                                            ReadTextFile, GainsOf(motion_.file()));
   shared_ = ShareRobot(motion_, loaded, std::move(robot));
   const PlanarRobot& model = scene().robot;
+  try {
+    CheckGetUps(study_.run.get_ups, motion_.file().graph.beginning_count, drives());
+  } catch (const std::invalid_argument& error) {
+    throw Refused(fmt::format("{}: {}", study_.motion, error.what()));
+  }
   const bool fixed = model.root_dofs == 0;
   if (study_.drops && (fixed || model.hinged())) {
     throw Refused(
@@ -290,7 +305,7 @@ std::optional<TrialOutcome> Trials::PlayVaried(const RobotVariation& variation,
       begun = true;
       run.DisplaceAtStart();
     }
-    if (robot.posture().falls() > 0) break;
+    if (robot.posture().falls() > study_.run.get_ups) break;
   }
   // What is limp meets its stops and passes through itself, which is no matter of the run.
   TrialOutcome outcome = OutcomeOf(judge, robot.posture(), departure, motion_.file(),
@@ -300,6 +315,12 @@ std::optional<TrialOutcome> Trials::PlayVaried(const RobotVariation& variation,
   if (study_.push_n != 0 && outcome.stands() && departure.node() >= 0) {
     outcome.verdict = TrialOutcome::Verdict::kAmiss;
     outcome.reason = "it left its pose when it was pushed";
+  }
+  const std::int64_t get_ups = loop.statistics().get_ups;
+  if (get_ups > 0 && procedure.outcome() == RunOutcome::kCompleted &&
+      EndsAsAsked(judge, robot.posture())) {
+    outcome.verdict = TrialOutcome::Verdict::kGotUp;
+    outcome.reason += fmt::format("; it got up {} time{}", get_ups, get_ups == 1 ? "" : "s");
   }
   if (robot.posture().falls() == 0 && procedure.outcome() != RunOutcome::kCompleted) {
     outcome.verdict = TrialOutcome::Verdict::kFault;
@@ -329,6 +350,8 @@ const char* ToString(TrialOutcome::Verdict verdict) {
       return "overlap";
     case TrialOutcome::Verdict::kFault:
       return "fault";
+    case TrialOutcome::Verdict::kGotUp:
+      return "got up";
   }
   return "?";
 }

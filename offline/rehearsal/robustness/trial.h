@@ -53,6 +53,7 @@ struct TrialOutcome {
     kFell,     ///< It came to rest in another pose.
     kOverlap,  ///< Its own shapes overlapped.
     kFault,    ///< The run ended in a fault, or was refused.
+    kGotUp,    ///< It fell, got up, and completed the run; after the last motion it was as asked.
   };
   Verdict verdict = Verdict::kStands;
   int motions = 0;     ///< Motions that ended.
@@ -158,7 +159,7 @@ class Trials {
   Script script_;
 };
 
-/// "stands", "amiss", "fell", "overlap" or "fault"
+/// "stands", "amiss", "fell", "overlap", "fault" or "got up"
 [[nodiscard]] const char* ToString(TrialOutcome::Verdict verdict);
 
 }  // namespace tumbler
