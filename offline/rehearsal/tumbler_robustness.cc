@@ -165,9 +165,10 @@ void Check(Arguments& arguments) {
                        "a certificate is about the plain twin; leave out --push and "
                        "--sensor-faults");
     }
-    if (study.run.get_ups > 0)
+    if (study.run.get_ups > 0) {
       throw UsageError("--certify",
                        "a certificate is about robots that stand; leave out --get-ups");
+    }
     if (!arguments.branch.empty())
       throw UsageError("--certify", "a certificate has no place for a branch; leave out --branch");
     for (const std::string& path : motions) CheckWritable(path);

@@ -298,9 +298,10 @@ std::string ToText(const RunSummary& summary) {
     text += fmt::format("  sensor: {} at last, ok in {} ticks; feedback in {}\n",
                         ToString(s.sensor), known, s.feedback_ticks);
   }
-  if (s.get_ups > 0)
-    text +=
-        fmt::format("  the robot fell, by its sensor, and was to get up: {} times\n", s.get_ups);
+  if (s.get_ups > 0) {
+    text += fmt::format("  by its sensor the robot fell, and began to get up: {} time{}\n",
+                        s.get_ups, s.get_ups == 1 ? "" : "s");
+  }
   if ((!summary.simulated && !summary.dry_run) || summary.realtime) {
     text += DescribeTiming(s, summary.machine,
                            summary.realtime ? summary.realtime->scheduling : "time-shared");

@@ -454,8 +454,8 @@ TEST(Falls, RobotsThatFallGetUpAndAreAsAskedInTheEndAndNoneOfThemCountsAsStandin
   EXPECT_NE(IdentityOf(gets_up), identity);
   Trials without(study), with(gets_up);
   RobustnessResult result{"gait", gets_up, "", {}};
-  for (const std::uint64_t index :
-       {0, 46, 49}) {  // The latter have a light leg and a slippery ground.
+  // Two of them have a light leg and a slippery ground.
+  for (const std::uint64_t index : {0U, 46U, 49U}) {
     const TrialOutcome falls = without.Play(index);
     const TrialOutcome up = result.trials.emplace_back(with.Play(index));
     EXPECT_EQ(falls.stands(), index == 0);

@@ -99,9 +99,8 @@ int Provoke(Fault fault, ExecutorRig& rig, const ExecutorConfig& config) {
       rig.input.tick += config.late_ticks_max + 1;
       return 1;
     case Fault::kEntryMissed:
-      return 0;  // It belongs to a transition, which executor_sequence_test.cc tests.
     case Fault::kFallen:
-      return 0;  // Likewise; beginnings_test.cc tests it.
+      return 0;  // They belong to transitions, of executor_sequence_test.cc and beginnings_test.cc.
     case Fault::kNonFinite:
       drive.reply.velocity_rad_s = std::numeric_limits<float>::quiet_NaN();
       return 1;

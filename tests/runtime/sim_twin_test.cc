@@ -611,7 +611,8 @@ TEST_F(SimTwin, ARobotThatIsPushedOverGetsUpFinishesItsCyclesAndIsReplayedBitFor
   EXPECT_EQ(gets_up.json["sensor"]["get_ups"].integer(), 1);
   EXPECT_EQ(gets_up.json["falls"].size(), 1U);
   EXPECT_EQ(gets_up.json["as_planned_2_s_later"], true) << "of the last motion";
-  EXPECT_THAT(gets_up.text, HasSubstr("fell, by its sensor"));
+  EXPECT_THAT(gets_up.text,
+              HasSubstr("by its sensor the robot fell, and began to get up: 1 time\n"));
 }
 
 TEST_F(SimTwin, NobodyGetsUpWhoCannotTellHowItLies) {
