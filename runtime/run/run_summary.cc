@@ -461,7 +461,8 @@ std::string ToJson(const RunSummary& summary) {
 ExitStatus StatusOf(const RunSummary& summary) {
   switch (summary.outcome) {
     case RunOutcome::kCompleted:
-      return !summary.falls.empty() || !summary.overlaps.empty() || !summary.unwritten.empty() ||
+      return !summary.falls.empty() || summary.statistics.get_ups > 0 ||
+                     !summary.overlaps.empty() || !summary.unwritten.empty() ||
                      !summary.record_problem.empty() ||
                      std::any_of(summary.passages.begin(), summary.passages.end(),
                                  std::mem_fn(&Passage::amiss))

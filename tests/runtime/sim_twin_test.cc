@@ -615,6 +615,25 @@ TEST_F(SimTwin, ARobotThatIsPushedOverGetsUpFinishesItsCyclesAndIsReplayedBitFor
               HasSubstr("by its sensor the robot fell, and began to get up: 1 time\n"));
 }
 
+TEST_F(SimTwin, ARobotThatFallsIntoAPoseOfItsMotionsAndGetsUpIsNotSaidToHaveDoneWell) {
+  // After the handstand was judged, it is pushed onto its back, where a motion begins. Only its
+  // sensor tells of it.
+  const std::string twin = Write(
+      "twin.toml", testing::ReadFile(kPrimitives + "robots/tumbler_twin_sensor.toml") +
+                       "[[push]]\nlink = \"middle\"\nstart_s = 3.0\nduration_s = 0.2\nforce_n "
+                       "= [-40.0, 0.0]\n");
+  const testing::Outcome run =
+      testing::RunProgram({"tumbler-run", "sim", kPrimitives + "gait_sensor.toml", "--cycles", "2",
+                           "--drives", kPrimitives + "robots/tumbler_drives_sensor.toml", "--twin",
+                           twin, "--get-ups", "1", "--json", Path("run.json")});
+  const Json json = Json::Parse(testing::ReadFile(Path("run.json"))).value();
+  EXPECT_EQ(json["outcome"].text(), "completed");
+  EXPECT_EQ(json["falls"].size(), 0U);
+  EXPECT_EQ(json["sensor"]["get_ups"].integer(), 1);
+  EXPECT_EQ(run.exit_code, 4) << run.text;
+  EXPECT_EQ(json["exit_code"].integer(), 4);
+}
+
 TEST_F(SimTwin, NobodyGetsUpWhoCannotTellHowItLies) {
   const auto refused = [&](const std::string& motion, const std::string& drives) {
     const testing::Outcome run =
