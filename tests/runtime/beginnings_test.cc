@@ -33,8 +33,28 @@ SequenceGraph<float> TwoBeginnings(const Primitive<float>& motion) {
   return graph;
 }
 
-/// An executor at the start of the motion, with or without a sensor.
-class LyingRig : public ExecutorRig {
+/// An executor with or without a sensor, whose link is level to begin with.
+class SensingRig : public ExecutorRig {
+ public:
+  SensingRig(const ExecutorConfig& config, bool has_sensor, const SequenceGraph<float>& graph,
+             const Primitive<float>& motion)
+      : ExecutorRig(config, graph, {motion}) {
+    if (has_sensor) {
+      sensor.device = &device_;
+      sensor.settings.repeats_max = 0;
+      sensor.settings.jump_max_rad = 10;
+    }
+    Reconfigure();
+    EXPECT_EQ(configured, Status::kOk);
+    sensor_frames = SensorFrames(0, 0);
+  }
+
+ private:
+  XsensMti device_;
+};
+
+/// One at the start of the motion.
+class LyingRig : public SensingRig {
  public:
   LyingRig(const ExecutorConfig& config, bool has_sensor)
       : LyingRig(config, has_sensor, MotionWithFeedback(3)) {}
@@ -48,20 +68,11 @@ class LyingRig : public ExecutorRig {
 
  private:
   LyingRig(const ExecutorConfig& config, bool has_sensor, const Primitive<float>& motion)
-      : ExecutorRig(config, TwoBeginnings(motion), {motion}) {
-    if (has_sensor) {
-      sensor.device = &device_;
-      sensor.settings.repeats_max = 0;
-      sensor.settings.jump_max_rad = 10;
-    }
-    Reconfigure();
-    EXPECT_EQ(configured, Status::kOk);
-    sensor_frames = SensorFrames(0, 0);
+      : SensingRig(config, has_sensor, TwoBeginnings(motion), motion) {
     EXPECT_TRUE(Reach(ExecutorState::kHolding));
     Tick(OperatorCommand::kMoveToStart);
     EXPECT_TRUE(TickUntil(ExecutorState::kHolding));
   }
-  XsensMti device_;
 };
 
 TEST(Beginnings, TheMeasuredPitchSaysWithWhichNodeARunBegins) {
@@ -196,8 +207,8 @@ SequenceGraph<float> Rounds(const Primitive<float>& motion) {
   return graph;
 }
 
-/// An executor that plays them with a sensor.
-class FallingRig : public ExecutorRig {
+/// An executor that plays them.
+class FallingRig : public SensingRig {
  public:
   explicit FallingRig(const ExecutorConfig& config, bool has_sensor = true)
       : FallingRig(config, has_sensor, MotionAfterItself()) {}
@@ -222,18 +233,9 @@ class FallingRig : public ExecutorRig {
 
  private:
   FallingRig(const ExecutorConfig& config, bool has_sensor, const Primitive<float>& motion)
-      : ExecutorRig(config, Rounds(motion), {motion}) {
-    if (has_sensor) {
-      sensor.device = &device_;
-      sensor.settings.repeats_max = 0;
-      sensor.settings.jump_max_rad = 10;
-    }
-    Reconfigure();
-    EXPECT_EQ(configured, Status::kOk);
-    sensor_frames = SensorFrames(0, 0);
+      : SensingRig(config, has_sensor, Rounds(motion), motion) {
     EXPECT_TRUE(Reach(ExecutorState::kRunning));
   }
-  XsensMti device_;
 };
 
 ExecutorConfig GetsUp(int times) {
