@@ -123,6 +123,11 @@ const char* Verdict(const Passage& passage) {
   return passage.is_to_stand() ? "still standing" : "as planned";
 }
 
+/// Whether the robot fell, by the simulation or by its sensor.
+bool Fell(const RunSummary& summary) {
+  return !summary.falls.empty() || summary.statistics.get_ups > 0;
+}
+
 void AppendPassages(const RunSummary& summary, std::string& text) {
   if (!summary.broken_off.empty()) text += fmt::format("  {}: broken off\n", summary.broken_off);
   if (summary.passages.empty()) return;
@@ -133,8 +138,9 @@ void AppendPassages(const RunSummary& summary, std::string& text) {
     const auto amiss = count(&Passage::amiss), unjudged = count(&Passage::unjudged);
     text += fmt::format(
         "  {} motions, {} complete cycles; {}{}\n", summary.passages.size(), summary.cycles,
-        amiss == 0 ? "the robot where it should be after each"
-                   : fmt::format("NOT where it should be after {}", amiss),
+        amiss != 0      ? fmt::format("NOT where it should be after {}", amiss)
+        : Fell(summary) ? "the robot where it should be when each was judged, but it FELL"
+                        : "the robot where it should be after each",
         unjudged == 0 ? "" : fmt::format(" but {}, which the run's end left unjudged", unjudged));
   }
   const Passage& last = summary.passages.back();
@@ -461,8 +467,7 @@ std::string ToJson(const RunSummary& summary) {
 ExitStatus StatusOf(const RunSummary& summary) {
   switch (summary.outcome) {
     case RunOutcome::kCompleted:
-      return !summary.falls.empty() || summary.statistics.get_ups > 0 ||
-                     !summary.overlaps.empty() || !summary.unwritten.empty() ||
+      return Fell(summary) || !summary.overlaps.empty() || !summary.unwritten.empty() ||
                      !summary.record_problem.empty() ||
                      std::any_of(summary.passages.begin(), summary.passages.end(),
                                  std::mem_fn(&Passage::amiss))

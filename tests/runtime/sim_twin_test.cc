@@ -632,6 +632,8 @@ TEST_F(SimTwin, ARobotThatFallsIntoAPoseOfItsMotionsAndGetsUpIsNotSaidToHaveDone
   EXPECT_EQ(json["sensor"]["get_ups"].integer(), 1);
   EXPECT_EQ(run.exit_code, 4) << run.text;
   EXPECT_EQ(json["exit_code"].integer(), 4);
+  EXPECT_THAT(run.text, HasSubstr("where it should be when each was judged, but it FELL"));
+  EXPECT_THAT(run.text, Not(HasSubstr("where it should be after each")));
 }
 
 TEST_F(SimTwin, NobodyGetsUpWhoCannotTellHowItLies) {

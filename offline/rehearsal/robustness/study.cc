@@ -348,7 +348,7 @@ std::string DisturbancesOf(const RobustnessStudy& study) {
   return (study.push_n > 0 ? fmt::format(", pushed with {:.6g} N", study.push_n) : "") +
          (study.sensor_faults ? ", with sensors that fail" : "") +
          (study.drops ? ", dropped in random poses" : "") +
-         (study.run.get_ups > 0 ? fmt::format(", which get up {} times at most", study.run.get_ups)
+         (study.run.get_ups > 0 ? fmt::format(", robots get up {} times at most", study.run.get_ups)
                                 : "");
 }
 
