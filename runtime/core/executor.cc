@@ -142,8 +142,10 @@ void Executor::EndNode() noexcept {
 
 // Gets up, or ends in a fault. Returns whether either is done: the fault may be one to ignore.
 bool Executor::AnswerFall() noexcept {
-  // After a fault the robot is on its way to where it can stay. Nothing else is tried.
-  if (get_ups_ < config_.get_ups_max && earlier_faults_ == 0 &&
+  fall_rad_ = FarFromEnd();
+  // After a fault the robot is on its way to where it can stay, and whoever wants the run to end
+  // does not expect that it begins anew.
+  if (get_ups_ < config_.get_ups_max && earlier_faults_ == 0 && !finish_ &&
       CheckFirstLimits().refusal == Refusal::kNone) {
     if (graph_.node(node_).ends_cycle) --cycles_done_;  // It was not complete.
     ++get_ups_;
@@ -153,23 +155,25 @@ bool Executor::AnswerFall() noexcept {
     return true;
   }
   const bool ends_cycle = graph_.node(node_).ends_cycle;
-  Latch(Fault::kFallen, -1, DetailNumber::Real(FarFromEnd()),
-        DetailNumber::Real(graph_.beginning_within_rad));
+  LatchFall();
   if (state_ != ExecutorState::kFault) return false;
   if (ends_cycle) --cycles_done_;
   return true;
 }
 
+void Executor::LatchFall() noexcept {
+  Latch(Fault::kFallen, -1, DetailNumber::Real(fall_rad_),
+        DetailNumber::Real(graph_.beginning_within_rad));
+}
+
 // Goes on with the beginning in whose pose the robot lies, its joints at the start.
 void Executor::BeginAnew() noexcept {
   int node = graph_.start;
-  const RefusalDetail lies = CheckBeginning(node);
-  if (lies.refusal == Refusal::kNone) {
+  if (CheckBeginning(node).refusal == Refusal::kNone) {
     SetNode(node);
     Enter(ExecutorState::kRunning);
   } else if (ticks_in_state_ >= move_ticks_ + CeilTicks(kLieStill_s / config_.period_s)) {
-    Latch(Fault::kFallen, -1, DetailNumber::Real(FarFromBeginning(false, node)),
-          DetailNumber::Real(graph_.beginning_within_rad));
+    LatchFall();
   }
 }
 
@@ -370,7 +374,7 @@ void Executor::Advance(const TickRecord& record) noexcept {
     }
     case ExecutorState::kMovingToStart:
       if (ticks_in_state_ < move_ticks_ || !reached()) break;
-      if (gets_up_) {
+      if (gets_up_ && !finish_) {
         BeginAnew();
       } else {
         Enter(ExecutorState::kHolding);

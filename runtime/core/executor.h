@@ -124,6 +124,7 @@ class Executor {
   // Cold: what is seldom done is compiled for its size. A small processor has no space for copies.
   [[nodiscard, gnu::cold]] bool AnswerFall() noexcept;
   [[gnu::cold]] void BeginAnew() noexcept;
+  [[gnu::cold]] void LatchFall() noexcept;
   [[nodiscard]] bool AtRest() const noexcept;
   [[nodiscard]] float FarFromEnd() const noexcept;
 
@@ -185,13 +186,14 @@ class Executor {
   float primitive_time_s_ = 0;
   int node_ = 0;
   int cycles_done_ = 0;
-  int get_ups_ = 0;           ///< In this run.
-  bool gets_up_ = false;      ///< Whether the joints move to the start because the robot fell.
-  int wanted_branch_ = -1;    ///< The branch that the operator has asked for, until it is taken.
-  bool branched_ = false;     ///< Whether the configured branch has been taken.
-  bool finish_ = false;       ///< Whether to end at the next safe node.
-  bool lowering_ = false;     ///< Whether the robot is being lowered.
-  int lowering_ticks_ = 0;    ///< For how long.
+  int get_ups_ = 0;         ///< In this run.
+  bool gets_up_ = false;    ///< Whether the joints move to the start because the robot fell.
+  float fall_rad_ = 0;      ///< How far the last robot that fell was from where its node leaves it.
+  int wanted_branch_ = -1;  ///< The branch that the operator has asked for, until it is taken.
+  bool branched_ = false;   ///< Whether the configured branch has been taken.
+  bool finish_ = false;     ///< Whether to end at the next safe node.
+  bool lowering_ = false;   ///< Whether the robot is being lowered.
+  int lowering_ticks_ = 0;  ///< For how long.
   bool keep_torque_ = false;  ///< Whether a hold keeps the last feed-forward of the primitive.
   Reaction reaction_ = Reaction::kIgnore;
   bool follows_ = true;  ///< Whether joints have to follow their setpoints, once armed.

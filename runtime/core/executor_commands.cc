@@ -199,6 +199,9 @@ RefusalDetail Executor::CheckGoHome() const noexcept {
   // The feed-forward at the end of a node is kept in its pose, and in no other.
   const bool at_end = keep_torque_ && reaction_ == Reaction::kHold && !lowering_;
   if (state_ != ExecutorState::kFault || !at_end) return {{}, {}, Refusal::kWrongState, -1};
+  // From where a robot has fallen to no motion leads on.
+  const std::uint32_t fallen = 1U << static_cast<unsigned>(Fault::kFallen);
+  if (((faults_ | earlier_faults_) & fallen) != 0) return {{}, {}, Refusal::kFaultLatched, -1};
   for (int i = 0; i < joint_count_; ++i) {
     const Joint& joint = joints_[static_cast<std::size_t>(i)];
     const auto name = static_cast<std::int8_t>(i);

@@ -170,6 +170,8 @@ void Executor::NoteForeignCommand(const CanFrame& frame) noexcept {
 /// @param late_ticks  by how much this tick is late.
 Reaction Executor::ReactionTo(Fault fault, std::int64_t late_ticks) const noexcept {
   const Reaction reaction = config_.reactions(fault, state_);
+  // There is nothing to go on with from where a robot lies that could not get up.
+  if (fault == Fault::kFallen && gets_up_ && reaction == Reaction::kIgnore) return Reaction::kHold;
   if (reaction != Reaction::kAbort) return reaction;
   // Tables are found for the motion's own speed.
   if (!primitive_->aborts.present() || config_.speed != 1)

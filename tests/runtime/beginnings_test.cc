@@ -337,7 +337,7 @@ TEST(Falls, ARobotThatLiesAsNoMotionBeginsOrDoesNotComeToRestStaysAfterASecond) 
     }
     EXPECT_EQ(rig.executor.state(), ExecutorState::kFault);
     EXPECT_EQ(rig.Tick().first_fault.fault, Fault::kFallen);
-    EXPECT_NEAR(rig.output.record.first_fault.value.real(), turns ? 0 : kOnItsBack_rad / 2, 0.01);
+    EXPECT_NEAR(rig.output.record.first_fault.value.real(), pitch_rad, 0.01);
     EXPECT_NEAR(still, 1000, 20) << "joints at the start for a second";
   }
 }
@@ -350,12 +350,45 @@ TEST(Falls, TheOperatorIsObeyedWhileTheRobotGetsUp) {
   for (int i = 0; i < 3000; ++i) stopped.Tick();
   EXPECT_EQ(stopped.executor.state(), ExecutorState::kHolding) << "it does not get up after a stop";
 
-  FallingRig finishes(GetsUp(1));
-  ASSERT_TRUE(finishes.EndLying(kOnItsBack_rad));
-  finishes.Tick(OperatorCommand::kFinish);
-  ASSERT_TRUE(finishes.TickUntilPlays(1));
-  ASSERT_TRUE(finishes.EndLying(0));
-  EXPECT_EQ(finishes.executor.state(), ExecutorState::kHolding) << "rise is safe: it ends there";
+  for (const bool before : {false, true}) {
+    FallingRig finishes(GetsUp(1));
+    if (before) finishes.Tick(OperatorCommand::kFinish);
+    ASSERT_TRUE(finishes.EndLying(kOnItsBack_rad));
+    if (before) {
+      EXPECT_EQ(finishes.executor.state(), ExecutorState::kFault) << "no new motion begins";
+      EXPECT_EQ(finishes.Tick().first_fault.fault, Fault::kFallen);
+      continue;
+    }
+    finishes.Tick(OperatorCommand::kFinish);
+    ASSERT_TRUE(finishes.TickWhile(ExecutorState::kMovingToStart));
+    EXPECT_EQ(finishes.executor.state(), ExecutorState::kHolding) << "it stays down";
+  }
+}
+
+TEST(Falls, FromAFallThatIsAFaultNoWayLeadsHome) {
+  for (const bool knows : {true, false}) {
+    FallingRig rig({});
+    ASSERT_TRUE(rig.EndLying(kOnItsBack_rad));
+    ASSERT_EQ(rig.executor.state(), ExecutorState::kFault);
+    if (!knows) rig.sensor_frames.clear();
+    for (int i = 0; i < 20; ++i) rig.Tick();
+    EXPECT_EQ(rig.Tick(OperatorCommand::kGoHome).refusal.refusal, Refusal::kFaultLatched);
+    EXPECT_EQ(rig.executor.state(), ExecutorState::kFault);
+    EXPECT_EQ(rig.output.record.cycles, 0);
+  }
+}
+
+TEST(Falls, WhoCannotGetUpIsHeldAlsoWhereTheFaultIsIgnored) {
+  ExecutorConfig config = GetsUp(3);
+  for (std::size_t s = 1; s < kExecutorStateCount; ++s)
+    config.reactions.Set(Fault::kFallen, static_cast<ExecutorState>(s), Reaction::kIgnore);
+  FallingRig rig(config);
+  ASSERT_TRUE(rig.EndLying(kOnItsBack_rad));
+  ASSERT_EQ(rig.executor.state(), ExecutorState::kMovingToStart);
+  rig.sensor_frames.clear();
+  ASSERT_TRUE(rig.TickWhile(ExecutorState::kMovingToStart));
+  EXPECT_EQ(rig.executor.state(), ExecutorState::kFault);
+  EXPECT_NEAR(rig.Tick().first_fault.value.real(), kOnItsBack_rad, 0.01) << "by which it fell";
 }
 
 TEST(Falls, OnTheWayHomeAfterAFaultNobodyGetsUp) {

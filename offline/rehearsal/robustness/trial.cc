@@ -290,8 +290,11 @@ std::optional<TrialOutcome> Trials::PlayVaried(const RobotVariation& variation,
   if (dropped) robot.Displace(std::vector<double>(rates.size()), rates);
   LieWatch lie;
   bool begun = false;
+  int settled = -1, fell_after = -1;  // nodes
   for (std::size_t k = 0; run.Step(); ++k) {
     const TwinState truth = robot.state();
+    if (loop.record().state == ExecutorState::kSettling) settled = loop.record().node;
+    if (fell_after < 0 && loop.statistics().get_ups > 0) fell_after = settled;
     judge.Observe(loop.record(), loop.time_ns(), truth);
     lie.Observe(loop.record(), truth);
     if (dropped && BeginAfterDrop(loop, procedure) &&
@@ -320,6 +323,8 @@ std::optional<TrialOutcome> Trials::PlayVaried(const RobotVariation& variation,
   if (get_ups > 0 && procedure.outcome() == RunOutcome::kCompleted &&
       EndsAsAsked(judge, robot.posture())) {
     outcome.verdict = TrialOutcome::Verdict::kGotUp;
+    if (outcome.in.empty()) outcome.in = motion_.file().graph.node(fell_after).name.view();
+    if (outcome.reason.empty()) outcome.reason = "it fell, by its sensor";
     outcome.reason += fmt::format("; it got up {} time{}", get_ups, get_ups == 1 ? "" : "s");
   }
   if (robot.posture().falls() == 0 && procedure.outcome() != RunOutcome::kCompleted) {
