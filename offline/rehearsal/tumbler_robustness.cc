@@ -151,10 +151,8 @@ void Check(Arguments& arguments) {
                      "is played in the twin, and nothing else happens to robots that are dropped; "
                      "leave out --push, --sensor-faults and --compare-lanes");
   }
-  if (study.lanes && study.run.get_ups > 0)
-    throw UsageError("--get-ups", "is played in the twin; leave out --lanes");
-  if (arguments.compare_lanes && study.run.get_ups > 0)
-    throw UsageError("--get-ups", "is played in the twin; leave out --compare-lanes");
+  if ((study.lanes || arguments.compare_lanes) && study.run.get_ups > 0)
+    throw UsageError("--get-ups", "is played in the twin; leave out --lanes and --compare-lanes");
   if (arguments.certify) {
     if (study.drops)
       throw UsageError("--certify", "a certificate has no place for drops; leave out --drops");

@@ -49,6 +49,14 @@ RobustnessStudy StudyOf(const std::string& motion) {
   return study;
 }
 
+/// With the drives of the example that have a sensor, and what that sensor does wrong.
+RobustnessStudy SensorStudyOf(const std::string& motion) {
+  RobustnessStudy study = StudyOf(motion);
+  study.drives = testing::SourcePath("primitives/robots/tumbler_drives_sensor.toml");
+  study.twin = testing::SourcePath("primitives/robots/tumbler_twin_sensor.toml");
+  return study;
+}
+
 std::string Written(const testing::TemporaryFolder& folder, const std::string& name,
                     const std::string& text) {
   std::string path = folder / name;
@@ -353,9 +361,7 @@ TEST(Trials, APushComesInTheHoldAndIsSurvivedOrNot) {
 }
 
 TEST(Trials, AHandstandWithASensorKeepsStandingWherePushesFellTheOneWithout) {
-  RobustnessStudy study = StudyOf("handstand_sensor.toml");
-  study.drives = testing::SourcePath("primitives/robots/tumbler_drives_sensor.toml");
-  study.twin = testing::SourcePath("primitives/robots/tumbler_twin_sensor.toml");
+  RobustnessStudy study = SensorStudyOf("handstand_sensor.toml");
   study.run.hold_s = 8;
   study.push_n = 5;
   constexpr int kRobots = 6;
@@ -365,10 +371,8 @@ TEST(Trials, AHandstandWithASensorKeepsStandingWherePushesFellTheOneWithout) {
 }
 
 TEST(Trials, TheRollWithASensorIsAsAskedOnARobotThatTheOneWithoutLoses) {
-  RobustnessStudy with = StudyOf("roll_sensor.toml"), without = StudyOf("roll.toml");
+  RobustnessStudy with = SensorStudyOf("roll_sensor.toml"), without = SensorStudyOf("roll.toml");
   for (RobustnessStudy* const study : {&with, &without}) {
-    study->drives = testing::SourcePath("primitives/robots/tumbler_drives_sensor.toml");
-    study->twin = testing::SourcePath("primitives/robots/tumbler_twin_sensor.toml");
     study->scale = 2;
     study->seed = 1795682183;
   }
@@ -442,9 +446,7 @@ TEST(Drops, ARobotThatLiesGetsUpAndGoesOnWithTheGait) {
 }
 
 TEST(Falls, RobotsThatFallGetUpAndAreAsAskedInTheEndAndNoneOfThemCountsAsStanding) {
-  RobustnessStudy study = StudyOf("gait_sensor.toml");
-  study.drives = testing::SourcePath("primitives/robots/tumbler_drives_sensor.toml");
-  study.twin = testing::SourcePath("primitives/robots/tumbler_twin_sensor.toml");
+  RobustnessStudy study = SensorStudyOf("gait_sensor.toml");
   study.run.cycles = 2;
   study.scale = 2;
   study.seed = 1795656634;
@@ -477,9 +479,7 @@ TEST(Falls, RobotsThatFallGetUpAndAreAsAskedInTheEndAndNoneOfThemCountsAsStandin
 }
 
 TEST(Drops, RobotsGetUpHoweverTheyLieByTheirSensorAndWithoutItOnlyFromTheStart) {
-  RobustnessStudy study = StudyOf("get_up.toml");
-  study.drives = testing::SourcePath("primitives/robots/tumbler_drives_sensor.toml");
-  study.twin = testing::SourcePath("primitives/robots/tumbler_twin_sensor.toml");
+  RobustnessStudy study = SensorStudyOf("get_up.toml");
   study.drops = true;
   study.seed = 3;
   constexpr int kRobots = 12;
