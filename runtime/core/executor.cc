@@ -42,6 +42,7 @@ Status Executor::Configure(const ExecutorConfig& config, const SequenceGraph<flo
   primitive_time_s_ = 0;
   keep_torque_ = false;
   cycles_done_ = get_ups_ = 0;
+  cycle_unchecked_ = false;
   for (int i = 0; i < count; ++i) {
     const auto index = static_cast<std::size_t>(i);
     joints_[index] = Joint{};
@@ -133,6 +134,7 @@ void Executor::EndNode() noexcept {
   if (ticks_in_state_ < CeilTicks(settle_s / config_.period_s) || !AtRest()) return;
   // Negated, so that a pitch that is not a number is a fall, too.
   if (!(FarFromEnd() <= graph_.beginning_within_rad) && AnswerFall()) return;
+  cycle_unchecked_ = false;
   if (edge < 0) {
     Enter(ExecutorState::kHolding);
   } else {
@@ -147,18 +149,27 @@ bool Executor::AnswerFall() noexcept {
   // does not expect that it begins anew.
   if (get_ups_ < config_.get_ups_max && earlier_faults_ == 0 && !finish_ &&
       CheckFirstLimits().refusal == Refusal::kNone) {
-    if (graph_.node(node_).ends_cycle) --cycles_done_;  // It was not complete.
+    TakeCycleBack();
     ++get_ups_;
     SetNode(graph_.start);
     StartMove();
     gets_up_ = true;
     return true;
   }
-  const bool ends_cycle = graph_.node(node_).ends_cycle;
   LatchFall();
-  if (state_ != ExecutorState::kFault) return false;
-  if (ends_cycle) --cycles_done_;
-  return true;
+  return state_ == ExecutorState::kFault;
+}
+
+void Executor::CountCycle() noexcept {
+  if (!graph_.node(node_).ends_cycle) return;
+  ++cycles_done_;
+  cycle_unchecked_ = true;
+}
+
+// A cycle that ended in a fall was not complete.
+void Executor::TakeCycleBack() noexcept {
+  if (cycle_unchecked_) --cycles_done_;
+  cycle_unchecked_ = false;
 }
 
 void Executor::LatchFall() noexcept {
@@ -248,6 +259,10 @@ void Executor::TakeReplies(const TickInput& input, int elapsed) noexcept {
 }
 
 void Executor::Enter(ExecutorState state) noexcept {
+  // Here nobody waits for the end of the node to look where the robot is.
+  const bool broken_off = state == ExecutorState::kStopping || state == ExecutorState::kFault ||
+                          state == ExecutorState::kDisarmed;
+  if (broken_off && !(FarFromEnd() <= graph_.beginning_within_rad)) TakeCycleBack();
   // The feed-forward at the end of a motion carries the robot in its last pose, so a hold keeps it.
   // A feed-forward from the middle of a motion would not fit the pose that is held.
   const bool moving = state_ == ExecutorState::kMovingToStart || state_ == ExecutorState::kRunning;
@@ -382,7 +397,7 @@ void Executor::Advance(const TickRecord& record) noexcept {
       break;
     case ExecutorState::kRunning:
       if (ticks_in_state_ >= run_ticks_ && reached()) {
-        cycles_done_ += graph_.node(node_).ends_cycle ? 1 : 0;
+        CountCycle();
         Enter(ExecutorState::kSettling);
       }
       break;
@@ -395,7 +410,7 @@ void Executor::Advance(const TickRecord& record) noexcept {
     case ExecutorState::kFault:
       // A motion that was rolled out is held like one that has settled.
       if (reaction_ == Reaction::kRollOut && ticks_in_state_ >= run_ticks_ && reached()) {
-        cycles_done_ += graph_.node(node_).ends_cycle ? 1 : 0;
+        CountCycle();
         keep_torque_ = true;
         React(Reaction::kHold);
       }

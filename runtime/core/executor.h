@@ -125,6 +125,8 @@ class Executor {
   [[nodiscard, gnu::cold]] bool AnswerFall() noexcept;
   [[gnu::cold]] void BeginAnew() noexcept;
   [[gnu::cold]] void LatchFall() noexcept;
+  void CountCycle() noexcept;
+  void TakeCycleBack() noexcept;
   [[nodiscard]] bool AtRest() const noexcept;
   [[nodiscard]] float FarFromEnd() const noexcept;
 
@@ -186,8 +188,9 @@ class Executor {
   float primitive_time_s_ = 0;
   int node_ = 0;
   int cycles_done_ = 0;
-  int get_ups_ = 0;         ///< In this run.
-  bool gets_up_ = false;    ///< Whether the joints move to the start because the robot fell.
+  bool cycle_unchecked_ = false;  ///< Whether the last of them may yet turn out to end in a fall.
+  int get_ups_ = 0;               ///< In this run.
+  bool gets_up_ = false;          ///< Whether the joints move to the start because the robot fell.
   float fall_rad_ = 0;      ///< How far the last robot that fell was from where its node leaves it.
   int wanted_branch_ = -1;  ///< The branch that the operator has asked for, until it is taken.
   bool branched_ = false;   ///< Whether the configured branch has been taken.

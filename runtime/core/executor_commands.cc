@@ -43,7 +43,7 @@ void Executor::Obey(const TickInput& input) noexcept {
       SetNode(node);
       cycles_done_ = get_ups_ = 0;
       wanted_branch_ = -1;
-      branched_ = finish_ = false;
+      branched_ = finish_ = cycle_unchecked_ = false;
       Enter(ExecutorState::kRunning);
       return;
     }

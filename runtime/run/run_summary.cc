@@ -69,7 +69,7 @@ std::optional<bool> Passage::as_planned() const {
   return std::abs(*pitch_later_rad - expected_pitch_rad) <= tolerance_rad;
 }
 
-bool Passage::is_to_stand() const {
+bool Passage::is_to_rest() const {
   const auto asks_for = [this](PurposeTarget::Of of) {
     return std::any_of(purpose.begin(), purpose.end(),
                        [of](const JudgedTarget& judged) { return judged.target.of == of; });
@@ -117,10 +117,10 @@ bool SpeaksOfPitch(const Passage& passage) {
 /// Where the last motion left the robot, in words.
 const char* Verdict(const Passage& passage) {
   if (passage.purpose_met() == false)
-    return passage.is_to_stand() ? "NOT standing as asked" : "NOT as asked";
+    return passage.is_to_rest() ? "NOT at rest as asked" : "NOT as asked";
   if (!*passage.as_planned()) return "NOT where it should be";
   if (!passage.purpose_met()) return "as planned";
-  return passage.is_to_stand() ? "still standing" : "as planned";
+  return passage.is_to_rest() ? "at rest as asked" : "as planned";
 }
 
 /// Whether the robot fell, by the simulation or by its sensor.
@@ -412,7 +412,6 @@ std::string ToJson(const RunSummary& summary) {
       json["root_pitch_at_end_rad"] = last.pitch_at_end_rad;
       json["root_pitch_2_s_later_rad"] = Maybe(last.pitch_later_rad);
     }
-    if (last.is_to_stand()) json["standing_2_s_later"] = Maybe(last.purpose_met());
     json["broken_off"] = summary.broken_off.empty() ? Json() : Json(summary.broken_off);
     json["cycles"] = summary.cycles;
     json["passages"] = Json::Array();

@@ -47,9 +47,9 @@ struct Passage {
   /// Whether the pitch later was that of the plan; absent when the run ended before, and of
   /// a root that swings on.
   [[nodiscard]] std::optional<bool> as_planned() const;
-  /// Whether the motion is to end at rest with a pitch that its task asks for. Only of such a
-  /// motion can one say that the robot stands: when its purpose is met.
-  [[nodiscard]] bool is_to_stand() const;
+  /// Whether the motion is to end at rest with a pitch that its task asks for: standing, or lying
+  /// on a side, which is not told apart here.
+  [[nodiscard]] bool is_to_rest() const;
   /// Whether a target was missed, or the plan.
   [[nodiscard]] bool amiss() const;
   /// Whether the run ended before all was seen that would say whether the robot is as asked.

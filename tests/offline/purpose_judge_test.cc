@@ -117,7 +117,7 @@ TEST_F(Judge, TakesEachResultAtItsInstantAndPlaceAlongXFromTheEntry) {
   EXPECT_EQ(purpose()[3].result, 0);
   EXPECT_EQ(judge_->passages()[0].purpose_met(), true);
   EXPECT_NEAR(*judge_->passages()[0].pitch_later_rad, kPi / 2 + 0.01, 1e-12);
-  EXPECT_TRUE(judge_->passages()[0].is_to_stand());
+  EXPECT_TRUE(judge_->passages()[0].is_to_rest());
 }
 
 TEST_F(Judge, ARobotThatRocksIsNotAtRestInWhateverPhaseItIsSeen) {

@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <string_view>
 
 #include "runtime/core/executor.h"
 #include "runtime/core/run_procedure.h"
@@ -362,6 +363,29 @@ TEST(Falls, TheOperatorIsObeyedWhileTheRobotGetsUp) {
     finishes.Tick(OperatorCommand::kFinish);
     ASSERT_TRUE(finishes.TickWhile(ExecutorState::kMovingToStart));
     EXPECT_EQ(finishes.executor.state(), ExecutorState::kHolding) << "it stays down";
+  }
+}
+
+TEST(Falls, ACycleWhoseEndIsCutShortCountsOnlyWhereTheRobotHasNotFallen) {
+  for (const double pitch_rad : {0.29, kOnItsBack_rad}) {
+    const int cycles = pitch_rad < 1 ? 1 : 0;
+    for (const char* const how : {"stop", "disarm", "late tick"}) {
+      FallingRig rig(GetsUp(1));
+      rig.sensor_frames = SensorFrames(pitch_rad, 0);
+      ASSERT_TRUE(rig.TickUntil(ExecutorState::kSettling));
+      EXPECT_EQ(rig.output.record.cycles, 1);
+      if (std::string_view(how) == "stop") {
+        rig.Tick(OperatorCommand::kStop);
+      } else if (std::string_view(how) == "disarm") {
+        rig.Tick(OperatorCommand::kDisarm);
+      } else {
+        rig.input.tick += 100;
+        rig.Tick();
+        EXPECT_EQ(rig.executor.state(), ExecutorState::kFault);
+        rig.Tick(OperatorCommand::kDisarm);  // Taken back once.
+      }
+      EXPECT_EQ(rig.Tick().cycles, cycles) << how << " at a pitch of " << pitch_rad;
+    }
   }
 }
 

@@ -100,14 +100,14 @@ TEST_F(SimTwin, ARobotThatDoesAsPlannedButNotAsAskedDoesNotStand) {
                                            "when = \"later\"\ntarget = 1.6203"));
   const testing::Outcome run = testing::RunProgram({"tumbler-run", "sim", other});
   EXPECT_EQ(run.exit_code, 4) << run.text;
-  EXPECT_THAT(run.text, HasSubstr("NOT standing as asked"));
+  EXPECT_THAT(run.text, HasSubstr("NOT at rest as asked"));
   EXPECT_THAT(run.text, HasSubstr("    pitch, 2 s later: asked 1.6203, got 1.5697"));
   EXPECT_THAT(run.text, HasSubstr("rad (within 0.05): MISSED"));
-  EXPECT_THAT(run.text, Not(HasSubstr("still standing")));
+  EXPECT_THAT(run.text, Not(HasSubstr(": at rest as asked")));
   const testing::Outcome shipped =
       testing::RunProgram({"tumbler-run", "sim", kPrimitives + "nominal/handstand.toml"});
   EXPECT_EQ(shipped.exit_code, 0);
-  EXPECT_THAT(shipped.text, HasSubstr("still standing"));
+  EXPECT_THAT(shipped.text, HasSubstr(": at rest as asked"));
 }
 
 TEST_F(SimTwin, TheGaitStandsWithEveryProtocol) {
