@@ -59,9 +59,9 @@ std::string WorkFile::Read(const std::string& path, const Work& work) {
   return std::string(LinesOf(WholeLines(text), path, work));
 }
 
-WorkFile::WorkFile(const std::string& path, const Work& work, std::string& lines) : path_(path) {
-  std::string text;
-  if (std::filesystem::exists(path)) text = ReadTextFile(path);
+WorkFile::WorkFile(const std::string& path, const Work& work, std::string& lines)
+    : path_(path), lock_(std::make_unique<WriterLock>(path)) {
+  const std::string text = ReadTextFile(path);
   const std::string_view whole = WholeLines(text);
   if (!whole.empty()) {
     lines = LinesOf(whole, path, work);
@@ -73,8 +73,8 @@ WorkFile::WorkFile(const std::string& path, const Work& work, std::string& lines
     throw FileError(path, 1, "",
                     fmt::format("is no checkpoint of {}; name another file", work.program));
   }
-  PendingFile file(path, head);
-  file.Commit();
+  std::filesystem::resize_file(path, 0);
+  Add(head);
 }
 
 void WorkFile::Add(const std::string& lines) {

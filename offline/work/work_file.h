@@ -1,7 +1,10 @@
 #pragma once
 
+#include <memory>
 #include <string>
 #include <string_view>
+
+#include "common/result_file.h"
 
 namespace tumbler {
 
@@ -24,14 +27,17 @@ class WorkFile {
   static std::string Read(const std::string& path, const Work& work);
 
   /// Opens a file for more lines, and makes it where it is missing. A broken last line is taken
-  /// away.
-  /// @param lines  gets what Read would return. @throws FileError  as Read.
+  /// away. Until its end no other program may open it so: what two wrote would be mixed.
+  /// @param lines  gets what Read would return. @throws FileError  as Read, and when another
+  /// program
+  ///               has it open.
   WorkFile(const std::string& path, const Work& work, std::string& lines);
   /// Adds lines, which are on disk when this returns. @throws FileError
   void Add(const std::string& lines);
 
  private:
   std::string path_;
+  std::unique_ptr<WriterLock> lock_;
 };
 
 }  // namespace tumbler

@@ -21,6 +21,7 @@
 #include "common/json.h"
 #include "common/primitive_toml.h"
 #include "common/program.h"
+#include "common/result_file.h"
 #include "common/toml_reader.h"
 #include "offline/problem/task_toml.h"
 #include "offline/rehearsal/robustness/certify.h"
@@ -613,6 +614,25 @@ TEST(Checkpoint, WhatIsThereIsNotPlayedAgainAndABrokenLastLineIs) {
           "\"reason\":\"y\",\"left_s\":0.5,\"rests\":false,\"drops\":0,\"lies_rad\":0.0,"
           "\"begun\":\"\"}\n");
   EXPECT_EQ(Planned(study, plan).trials[0].verdict, Verdict::kOverlap);
+}
+
+TEST(Checkpoint, TwoStudiesDoNotWriteIntoOneFileAtOnce) {
+  const testing::TemporaryFolder folder;
+  RobustnessStudy study = HardStudy();
+  study.lanes = true;
+  WorkPlan plan;
+  plan.robots = 8;
+  plan.checkpoint = folder / "robots";
+  Planned(study, plan);
+  const std::string lines = testing::ReadFile(plan.checkpoint);
+  plan.robots = 16;
+  {
+    const WriterLock other(plan.checkpoint);
+    EXPECT_NE(Refusal([&] { Planned(study, plan); }).find("is being written by another program"),
+              std::string::npos);
+    EXPECT_EQ(testing::ReadFile(plan.checkpoint), lines);
+  }
+  EXPECT_EQ(Planned(study, plan).trials.size(), 16U);
 }
 
 TEST(Checkpoint, AFileOfOtherRobotsOrNoneIsRefusedAndLeftAsItIs) {

@@ -114,6 +114,17 @@ TEST(SweepCli, CtrlCKeepsWhatIsKnownAndTheSameCommandGoesOn) {
   EXPECT_FALSE(std::filesystem::exists(folder / "library/library.json"));
 }
 
+TEST(SweepCli, TwoAtOnceDoNotWriteIntoOneLibrary) {
+  const TaskFolder folder(testing::EndlessSearch());
+  Program first = Sweep(folder, "library", {"--over", "mass=1,1.1"});
+  ASSERT_TRUE(first.WaitFor("0/2 points"));
+  Program second = Sweep(folder, "library", {"--over", "mass=1,1.1"});
+  EXPECT_EQ(second.Wait(), 1) << second.text();
+  EXPECT_THAT(second.text(), HasSubstr("points.jsonl: is being written by another program"));
+  first.Signal(SIGINT);
+  EXPECT_EQ(first.Wait(), 130) << first.text();
+}
+
 TEST(SweepCli, APointWithoutAMotionSaysWhy) {
   // Motors cannot hold legs of 50 times their mass.
   const TaskFolder folder(QuickTask());
