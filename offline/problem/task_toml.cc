@@ -534,13 +534,38 @@ class TaskReader {
                      "; without z_m the robot is put on the ground");
       return;
     }
+    std::optional<double> touching_m;
     try {
+      touching_m = TouchingHeight(scene_, problem_.start_q);
       problem_.start_q = RestPose(scene_, problem_.start_q);
     } catch (const std::runtime_error& error) {
+      if (touching_m) CheckFirmGround(start, *touching_m);
       start.Fail("", fmt::format("{}; change the joints or the pitch, or give z_m to start from a "
                                  "pose that is not at rest",
                                  error.what()));
     }
+    CheckNotBuried(start, "", "at rest on ground as soft as [contact] says: ",
+                   "; give contact.stiffness_n_per_m a larger value");
+  }
+
+  /// Checks that the ground can carry the robot in its pose, as deep in it as the compliant layer
+  /// is thick.
+  void CheckFirmGround(TomlTable& start, double touching_m) const {
+    double mass_kg = 0;
+    for (const Dof<Plane>& dof : scene_.robot.tree.dofs) mass_kg += dof.mass_kg;
+    const double weight_n = mass_kg * scene_.robot.tree.gravity.norm();
+    SceneDynamics robot(scene_);
+    std::copy(problem_.start_q.begin(), problem_.start_q.end(), robot.q.begin());
+    robot.q[1] = touching_m - scene_.contact.d_on_m;
+    robot.Touch();
+    double carried_n = 0;
+    for (const ActiveContact<Plane>& active : robot.contact->active())
+      carried_n += scene_.contact.stiffness_n_per_m * active.depth_m;
+    if (carried_n == 0 || weight_n <= carried_n) return;
+    start.Fail("", fmt::format("the robot weighs {:.4g} N, and ground as soft as [contact] says "
+                               "carries up to {:.4g} N in this pose, d_on_m deep; give "
+                               "contact.stiffness_n_per_m a larger value",
+                               weight_n, carried_n));
   }
 
   void ReadDrives() {
