@@ -52,6 +52,10 @@ struct RobustSettings {
   /// ... and at last the best of these, with the most, whose spreads are this much larger.
   double polish_scale = 1.5;
   int polish_robots = 64;
+  /// How often the last stage is done, each time from what the one before found and with twice the
+  /// robots, at last with all of them. Few robots lead far at little cost; what is found for few
+  /// alone suits these.
+  int polish_rounds = 1;
   /// Generations of the last stage; the first has 1/3 of them, the second 1/2.
   int generations = 150;
   std::optional<FeedbackSettings> feedback;

@@ -58,6 +58,9 @@ constexpr std::array kRobustKeys = {
     KeyOf<&RobustSettings::polish_robots, RobustEntry>("polish_robots", {8, 100'000},
                                                        "with which the best is improved at last"),
     KeyOf<&RobustSettings::polish_scale, RobustEntry>("polish_scale", {0, 10}, "of their spreads"),
+    KeyOf<&RobustSettings::polish_rounds, RobustEntry>(
+        "polish_rounds", {1, 8},
+        "how often: each time from what was found before, with twice the robots, at last with all"),
     KeyOf<&RobustSettings::generations, RobustEntry>("generations", {1, 100'000},
                                                      "of the last improvement"),
 };

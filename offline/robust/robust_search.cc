@@ -168,8 +168,10 @@ class RobustSearch {
     return MakeEnsemble(std::max(robust_.polish_robots / part, static_cast<int>(kLanes)),
                         robust_.polish_scale, kFine);
   }
-  std::vector<Candidate> Polish(const std::vector<Candidate>& from) {
-    return Improve(from, 1, 0.03, Polishing(1), robust_.generations);
+  std::vector<Candidate> Polish(std::vector<Candidate> from) {
+    for (int round = robust_.polish_rounds - 1; round >= 0; --round)
+      from = Improve(from, 1, 0.03, Polishing(1 << round), robust_.generations);
+    return from;
   }
 
   /// Finds gains that act in a motion, which stays as it is, and before them those of the hold,

@@ -125,8 +125,8 @@ class Executor {
   [[nodiscard, gnu::cold]] bool AnswerFall() noexcept;
   [[gnu::cold]] void BeginAnew() noexcept;
   [[gnu::cold]] void LatchFall() noexcept;
-  void CountCycle() noexcept;
-  void TakeCycleBack() noexcept;
+  [[gnu::cold]] void CountCycle() noexcept;
+  [[gnu::cold]] void TakeCycleBack() noexcept;
   [[nodiscard]] bool AtRest() const noexcept;
   [[nodiscard]] float FarFromEnd() const noexcept;
 

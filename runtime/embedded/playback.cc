@@ -115,7 +115,7 @@ Status Playback::Configure(std::string_view protocol, int cycles, int branch,
   config.cycles = cycles;
   config.branch = branch;
   for (JointConfig& joint : config.joints) {
-    joint.kp_nm_per_rad = 60;
+    joint.kp_nm_per_rad = 40;
     joint.kd_nm_s_per_rad = joint.damping_nm_s_per_rad = 5;
   }
   ExecutorSensor sensor;

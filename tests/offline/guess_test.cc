@@ -151,9 +151,9 @@ TEST(Guess, OfATaskForRobotsThatDifferTakesAsLongAsThePrimitiveWhereTheDurationI
   EXPECT_EQ(task.problem.duration_s, shipped.primitive.duration_s);
   EXPECT_THAT(task.guess, ::testing::Pointwise(::testing::DoubleNear(1e-12),
                                                testing::FreeControlPoints(shipped.primitive)));
-  task.problem.robust->duration_min_s = 0.7;
+  task.problem.robust->duration_min_s = 0.8;
   TakeGuess(task, shipped, "handstand.toml");
-  EXPECT_EQ(task.problem.duration_s, 0.7);
+  EXPECT_EQ(task.problem.duration_s, 0.8);
 }
 
 TEST(Guess, NeedsAPathForEveryJoint) {

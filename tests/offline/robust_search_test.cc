@@ -128,6 +128,22 @@ TEST(RobustSearch, AGuessIsPolishedWithoutASearch) {
   EXPECT_LE(polished.history.back().cost, 0.2);
 }
 
+TEST(RobustSearch, EachRoundOfPolishingGoesOnFromTheOneBeforeWithTwiceTheRobots) {
+  Problem problem = ProblemOf(QuickRobustTask());
+  const std::vector<double> guess = SolveRobust(problem, {}).solutions.front().x;
+  const SolveOutcome eight = SolveRobust(problem, {}, guess);
+  problem.robust->polish_robots = 16;
+  problem.robust->polish_rounds = 2;
+  const SolveOutcome both = SolveRobust(problem, {}, guess);
+  EXPECT_EQ(both.evaluations, 2 * (1 + 3 * 16));
+  ASSERT_EQ(both.history.size(), 6U);
+  for (std::size_t g = 0; g < 3; ++g) EXPECT_EQ(both.history[g].cost, eight.history[g].cost);
+  problem.robust->polish_rounds = 1;
+  const SolveOutcome then = SolveRobust(problem, {}, eight.solutions.front().x);
+  EXPECT_EQ(both.history[3].cost, then.history[0].cost) << "that of what the first round found";
+  ASSERT_EQ(both.solutions.size(), 1U);
+}
+
 TEST(RobustSearch, AFeedbackIsFoundWithThePath) {
   const Problem problem =
       ProblemOf(QuickRobustTask("[robust.feedback]\nlink = \"leg2_link\"\nknots = 3\n"
@@ -366,7 +382,8 @@ TEST(RobustTask, ADurationIsFreeInItsOwnTableOnly) {
 
 TEST(RobustTask, TheKeysAreRead) {
   const Problem problem = ProblemOf(
-      QuickRobustTask("mass = 0.07\nslope_rad = 0.02\nkp_nm_per_rad = 150\npolish_scale = 2\n"));
+      QuickRobustTask("mass = 0.07\nslope_rad = 0.02\nkp_nm_per_rad = 150\npolish_scale = 2\n"
+                      "polish_rounds = 3\n"));
   ASSERT_TRUE(problem.robust);
   EXPECT_EQ(problem.robust->spreads.mass, 0.07);
   EXPECT_EQ(problem.robust->spreads.slope_rad, 0.02);
@@ -374,6 +391,7 @@ TEST(RobustTask, TheKeysAreRead) {
   EXPECT_EQ(problem.robust->drive.kp, 150);
   EXPECT_EQ(problem.robust->drive.kd, 5);
   EXPECT_EQ(problem.robust->polish_scale, 2);
+  EXPECT_EQ(problem.robust->polish_rounds, 3);
   EXPECT_EQ(problem.robust->polish_robots, 8);
   EXPECT_FALSE(ProblemOf(testing::QuickTask()).robust);
 }

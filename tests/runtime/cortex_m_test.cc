@@ -486,8 +486,8 @@ TEST_P(CortexMFirmware, AbortsAMotionAsThisMachineDoesWhateverTheWayAndTheLegsRo
   };
   // After one cycle the legs' roles are exchanged.
   for (const Abort& abort :
-       {Abort{"handstand", 50, Reaction::kHold}, Abort{"handstand", 300, Reaction::kRollOut},
-        Abort{"handstand, swapped", 300, Reaction::kRollOut}, Abort{"roll", 60, Reaction::kFold},
+       {Abort{"handstand", 50, Reaction::kHold}, Abort{"handstand", 400, Reaction::kRollOut},
+        Abort{"handstand, swapped", 400, Reaction::kRollOut}, Abort{"roll", 60, Reaction::kFold},
         Abort{"roll, swapped", 60, Reaction::kFold, 1}}) {
     SCOPED_TRACE(fmt::format("{} after {} ticks", abort.node, abort.ticks));
     int ticks = 0;

@@ -39,7 +39,12 @@ constexpr double kKp = 200, kKd = 4;
 /// The shipped drives, with one of them mounted the other way round, behind a gear.
 DrivesConfig DrivesOf(const TestedProtocol& protocol) {
   DrivesConfig drives = LoadDrives(testing::SourcePath(protocol.drives));
-  for (DriveEntry& entry : drives.drives) protocol.side->Hasten(entry.config);
+  for (DriveEntry& entry : drives.drives) {
+    protocol.side->Hasten(entry.config);
+    // Of the drives with gains of their own: firm enough to follow these motions, whose
+    // feed-forward torques are not those of the rotors.
+    entry.kp_nm_per_rad = 60;
+  }
   std::visit(
       [](auto& config) {
         config.joint.direction = -1;

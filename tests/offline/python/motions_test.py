@@ -22,7 +22,7 @@ def some_times(primitive):
 class Primitives(support.WithFolder):
     def test_have_name_duration_joints_and_limits(self):
         primitive = load("handstand.toml")
-        self.assertEqual((primitive.name, primitive.duration_s), ("handstand", 0.615))
+        self.assertEqual((primitive.name, primitive.duration_s), ("handstand", 0.723))
         self.assertEqual([joint.name for joint in primitive.joints], ["leg1", "leg2"])
         for joint in primitive.joints:
             points = joint.position.control_points
