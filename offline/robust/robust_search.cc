@@ -187,9 +187,10 @@ class RobustSearch {
       hold_->error_full_rad = kErrorFull_rad;
     }
     motion.x.resize(variables());
-    for (const auto& [part, sigma] : {std::pair{2, 1.0}, std::pair{1, 0.5}}) {
+    for (int round = robust_.polish_rounds; round >= 0; --round) {
       ++stage_;
-      motion = ImproveOne(motion, 0, sigma, Polishing(part), robust_.generations, kHopeless,
+      const double sigma = round == robust_.polish_rounds ? 1.0 : 0.5;
+      motion = ImproveOne(motion, 0, sigma, Polishing(1 << round), robust_.generations, kHopeless,
                           first_gain());
     }
   }

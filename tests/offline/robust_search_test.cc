@@ -193,6 +193,22 @@ TEST(RobustSearch, GainsInTheMotionAreFoundForTheGuessAsItIsAndFollowedByThoseOf
   }
 }
 
+TEST(RobustSearch, GainsInTheMotionAreFoundInOneRoundMoreThanTheTaskSaysEachWithTwiceTheRobots) {
+  const std::vector<double> guess =
+      SolveRobust(ProblemOf(QuickRobustTask()), {}).solutions.front().x;
+  const std::string table = "[robust.feedback]\nlink = \"leg2_link\"\nacts = \"motion\"\n";
+  Problem problem = ProblemOf(QuickRobustTask(table));
+  problem.robust->polish_robots = 16;
+  const SolveOutcome two = SolveRobust(problem, {}, guess);
+  problem.robust->polish_robots = 32;
+  problem.robust->polish_rounds = 2;
+  const SolveOutcome three = SolveRobust(problem, {}, guess);
+  ASSERT_EQ(two.history.size(), 6U);
+  ASSERT_EQ(three.history.size(), 9U);
+  for (std::size_t g = 0; g < two.history.size(); ++g)
+    EXPECT_EQ(three.history[g].cost, two.history[g].cost) << "of 8 robots, and of 16";
+}
+
 /// How near the robot's own shapes come along a motion of the joints, exactly followed.
 double NearestAlong(const Problem& problem, const std::vector<double>& x) {
   SelfDistances distances(problem.scene.robot, problem.scene.self_contact.pairs);
