@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
+
 namespace tumbler {
 
 std::string PurposeTarget::name() const {
@@ -20,7 +22,9 @@ const char* PurposeTarget::unit() const {
 }
 
 std::string PurposeTarget::AskedAndGot(double result) const {
-  return fmt::format("asked {:.6g}, got {:.6g} {} (within {:.3g})", target, result, unit(),
+  // A target that was calculated, such as where a resting robot is, is seldom 0 to the bit.
+  const double asked = std::abs(target) < 1e-9 * tolerance ? 0 : target;
+  return fmt::format("asked {:.6g}, got {:.6g} {} (within {:.3g})", asked, result, unit(),
                      tolerance);
 }
 

@@ -127,6 +127,16 @@ TEST_F(Judge, ARobotThatRocksIsNotAtRestInWhateverPhaseItIsSeen) {
   EXPECT_EQ(judge_->passages()[0].purpose_met(), false);
 }
 
+TEST(PurposeTargets, ThatWereCalculatedAndAre0ButForRoundingAreSaidToBe0) {
+  PurposeTarget target;
+  target.of = PurposeTarget::Of::kPitch;
+  target.tolerance = 0.05;
+  target.target = 2.9e-17;
+  EXPECT_EQ(target.AskedAndGot(0.01), "asked 0, got 0.01 rad (within 0.05)");
+  target.target = 2.9e-7;
+  EXPECT_EQ(target.AskedAndGot(0.01), "asked 2.9e-07, got 0.01 rad (within 0.05)");
+}
+
 TEST_F(Judge, WhatTheRunDidNotReachIsAbsent) {
   Play("up", 0, 1.0);
   EXPECT_TRUE(purpose()[1].result.has_value());
