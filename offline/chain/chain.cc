@@ -246,6 +246,7 @@ class Simulation {
     passage.exit_speed = RootSpeed();
     const double half_turn = std::abs(std::remainder(RootPitch(), kPi));
     passage.posture = hinged_                                    ? PostureOnBar(passage.node)
+                      : !root_                                   ? Posture::kFixed
                       : half_turn <= kPostureTolerance           ? Posture::kLevel
                       : kPi / 2 - half_turn <= kPostureTolerance ? Posture::kUpright
                                                                  : Posture::kInclined;
@@ -444,6 +445,8 @@ const char* ToString(Posture posture) {
       return "hanging";
     case Posture::kAbove:
       return "above";
+    case Posture::kFixed:
+      return "fixed";
   }
   return "unknown";
 }

@@ -30,6 +30,7 @@ enum class Posture {
   kInclined,  ///< Neither; or on a bar, neither of the next two.
   kHanging,   ///< Within 0.1 rad of straight below the bar, seen from there.
   kAbove,     ///< Likewise above it.
+  kFixed,     ///< Always that of a root that is fixed to the world.
 };
 const char* ToString(Posture posture);
 

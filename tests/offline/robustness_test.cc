@@ -904,6 +904,13 @@ TEST(RobustnessProgram, PlaysAnArmOnAWallAndRefusesWhatTakesARobotThatMovesAbout
                                                 "fixed"
                                               : "leave out " + option.substr(0, option.find('='))));
   }
+  testing::WriteFile(folder / "wave.toml",
+                     "format = \"tumbler-sequence\"\nversion = 1\nname = \"wave\"\n"
+                     "start = \"wave\"\nprimitives = { wave = \"arm.toml\" }\n"
+                     "[[node]]\nname = \"wave\"\nprimitive = \"wave\"\nsafe = true\n");
+  const testing::Outcome chain =
+      testing::RunProgram({"tumbler-chain", "simulate", folder / "wave.toml", "--json", "-"});
+  EXPECT_THAT(chain.text, HasSubstr("\"fixed\"")) << "it is neither level nor upright";
   EXPECT_THAT(testing::RunProgram({"tumbler-run", "sim", arm}).text,
               HasSubstr("without torque, 3 s later: the robot is limp where it is fixed to the "
                         "world, its joints at "));
