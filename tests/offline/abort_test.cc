@@ -286,7 +286,10 @@ class AbortsOnTheWire : public ::testing::TestWithParam<TestedProtocol> {
 
 TEST_P(AbortsOnTheWire, HurtRobotsLessWithTheTableAndSendNothingBeyondALimit) {
   const TestedProtocol& protocol = GetParam();
-  for (const char* const name : {"handstand", "downstand"}) {
+  // A downstand lands with 1 m/s as planned, so that rolling it out gains less.
+  const std::vector<std::pair<std::string, double>> shares = {{"handstand", 0.6},
+                                                              {"downstand", 0.8}};
+  for (const auto& [name, share] : shares) {
     const AbortTrials trials = TrialsWith(protocol, name);
     ASSERT_TRUE(trials.primitive().aborts.present());
     AbortStudy study;
@@ -312,7 +315,7 @@ TEST_P(AbortsOnTheWire, HurtRobotsLessWithTheTableAndSendNothingBeyondALimit) {
     const double sum_with = std::accumulate(with.begin(), with.end(), 0.0);
     const double sum_without = std::accumulate(without.begin(), without.end(), 0.0);
     fmt::print("mean {:.2f} and {:.2f} m/s\n", sum_with / kAborts, sum_without / kAborts);
-    EXPECT_LT(sum_with, 0.8 * sum_without);
+    EXPECT_LT(sum_with, share * sum_without);
     EXPECT_LT(with.back(), without.back());
   }
 }
