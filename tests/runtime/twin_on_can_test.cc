@@ -125,7 +125,7 @@ class TwinOnCan : public ::testing::Test {
   /// which takes 0.6 s.
   void AwaitMidHandstand() const {
     ASSERT_TRUE(twin_->WaitFor("let go")) << twin_->text();
-    Sleep(0.3);
+    Sleep(0.4);  // It is caught before, and then rolled out.
   }
   /// Runs once more from the start, with a robot that stands there, and expects success.
   void ExpectToSucceedAgain(const std::string& interface) {
