@@ -573,7 +573,7 @@ TEST_F(SimTwin, EveryFailureOfTheSensorIsSeenAndTheMotionGoesOn) {
   for (const auto& [fault, status] : failures) {
     const SensorRun run =
         PlayWithSensor(folder, std::string(kNoise) + "[[sensor_failure]]\nfault = \"" + fault +
-                                   "\"\nstart_s = 0.7\nsince = \"start\"\noffset_rad = 0.3\n");
+                                   "\"\nstart_s = 0.3\nsince = \"start\"\noffset_rad = 0.3\n");
     EXPECT_EQ(run.exit_code, 0) << fault << run.text;
     EXPECT_EQ(run.At(run.rows.size() - 1, "sensor_status"), status) << fault;
     EXPECT_EQ(run.At(run.rows.size() - 1, "feedback_share"), 0) << fault;

@@ -122,7 +122,7 @@ class TwinOnCan : public ::testing::Test {
   /// Sleeps for a time of the robot.
   static void Sleep(double time_s) { usleep(static_cast<useconds_t>(1e6 * time_s / kPace)); }
   /// Waits until the robot is in the midst of the handstand, which it begins when it is let go and
-  /// which takes 0.6 s.
+  /// which takes 0.7 s.
   void AwaitMidHandstand() const {
     ASSERT_TRUE(twin_->WaitFor("let go")) << twin_->text();
     Sleep(0.4);  // It is caught before, and then rolled out.
