@@ -34,7 +34,8 @@ void Executor::SetFeedback() noexcept {
 // Measures the error of the link's angle, and of its rate, and returns whether both are known. In a
 // tick without a new report or reply they stay what they were.
 bool Executor::MeasureError(bool moving) noexcept {
-  if (sensor_watch_.status() != SensorStatus::kOk) return false;
+  if (sensor_watch_.status() != SensorStatus::kOk || (sensor_watch_.is_doubtful() && !starts_))
+    return false;
   bool is_new = starts_ || sensor_watch_.age_ticks() == 0;
   const Feedback<float>& feedback = primitive_->feedback;
   float angle = sensor_watch_.pitch_rad();

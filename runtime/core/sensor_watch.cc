@@ -1,6 +1,7 @@
 #include "runtime/core/sensor_watch.h"
 
 #include <algorithm>
+#include <limits>
 
 #include "common/feedback.h"
 #include "runtime/core/numbers.h"
@@ -14,6 +15,10 @@ constexpr float kForget_s = 0.1F;
 
 /// The same of a turn out of the plane: a robot begins to turn slowly.
 constexpr float kForgetTwist_s = 0.25F;
+
+/// A turn out of the plane, of late, that is doubtful, unless it is less than this share of the
+/// turn in it, of which a sensor that sits a little askew has some.
+constexpr float kDoubtful_rad = 0.01F, kDoubtfulShare = 0.25F;
 
 /// The share of the largest rate that may be out of the plane: legs twist when they land.
 constexpr float kOutOfPlane = 0.25F;
@@ -79,6 +84,7 @@ bool SensorSettings::IsValid() const noexcept {
 void SensorWatch::Configure(const SensorSettings& settings, float period_s) noexcept {
   *this = {};
   settings_ = settings;
+  if (settings.repeats_max == 0) settings_.repeats_max = std::numeric_limits<std::uint32_t>::max();
   for (std::size_t of = 0; of < 3; ++of) {
     for (std::size_t along = 0; along < 3; ++along)
       mounting_[of][along] = settings.mounting[along][of];
@@ -144,7 +150,9 @@ void SensorWatch::TakeReport(const InertialReading& reading) noexcept {
   const float pitch_rad = AngleOf(up[2], up[0]);
   const float rate_rad_s = -turn[1];
 
-  const bool fresh = age_ticks_ < 0 || age_ticks_ > settings_.age_ticks_max;
+  // Of no report at all, too: -1 is the largest.
+  const bool fresh =
+      static_cast<std::uint32_t>(age_ticks_) > static_cast<std::uint32_t>(settings_.age_ticks_max);
   const auto ticks = static_cast<float>(age_ticks_);
   if (fresh) {
     parted_rad_ = 0;  // What the sensor did meanwhile is not known.
@@ -162,12 +170,14 @@ void SensorWatch::TakeReport(const InertialReading& reading) noexcept {
   if (implausible_ != SensorStatus::kOk) return;
   // Out of the plane it has turned too far, or is about to.
   const Lanes twist = twist_rad_ + turn * twist_lead_s_;
-  if (settings_.repeats_max > 0 && reading.repeats > settings_.repeats_max) {
+  const float twist_square = twist[0] * twist[0] + twist[2] * twist[2];
+  is_doubtful_ = twist_square > kDoubtful_rad * kDoubtful_rad &&
+                 twist_square > kDoubtfulShare * kDoubtfulShare * (twist[1] * twist[1]);
+  if (reading.repeats > settings_.repeats_max) {
     implausible_ = SensorStatus::kFrozen;
   } else if (!(Magnitude(ww + xx + yy + zz - 1) <= kLength)) {
     implausible_ = SensorStatus::kNoRotation;
-  } else if (!(Magnitude(up[1]) <= settings_.tilt_sine_max &&
-               twist[0] * twist[0] + twist[2] * twist[2] <= twist_square_max_)) {
+  } else if (!(Magnitude(up[1]) <= settings_.tilt_sine_max && twist_square <= twist_square_max_)) {
     implausible_ = SensorStatus::kTilted;
   } else if (!(Magnitude(rate_rad_s) <= settings_.rate_max_rad_s)) {
     implausible_ = SensorStatus::kTooFast;

@@ -43,7 +43,8 @@ struct SensorSettings {
   float late_max_s = 0.01F;    ///< By which a report may be later than the promptest.
 
   /// @retval false  a value is not finite or not positive, or the mounting is no rotation.
-  [[nodiscard]] bool IsValid() const noexcept;
+  /// Cold: called once, its loops need not be unrolled into a small board's flash.
+  [[nodiscard, gnu::cold]] bool IsValid() const noexcept;
 };
 
 /// Judges the reports of an inertial sensor tick by tick, and makes the pitch of its link of them.
@@ -67,6 +68,10 @@ class SensorWatch {
   void EndTick(int elapsed, const InertialReading& reading) noexcept;
 
   [[nodiscard]] SensorStatus status() const noexcept { return status_; }
+  /// Whether it tells of a turn out of the plane, of late, that is small as yet, but not to that in
+  /// the plane: until that is over, nothing should be done that its angle asks for. What it says is
+  /// not acted on long before a sensor is known to sit the wrong way round.
+  [[nodiscard]] bool is_doubtful() const noexcept { return is_doubtful_; }
   /// Of the sensor's link, within -pi ... pi.
   [[nodiscard]] float pitch_rad() const noexcept { return pitch_rad_; }
   [[nodiscard]] float rate_rad_s() const noexcept { return rate_rad_s_; }
@@ -92,6 +97,7 @@ class SensorWatch {
   bool has_attitude_ = false;
   bool has_rate_ = false;
   bool is_late_ = false;
+  bool is_doubtful_ = false;
   bool has_promptest_ = false;
   float pitch_rad_ = 0;
   float rate_rad_s_ = 0;

@@ -261,6 +261,36 @@ TEST(Feedback, ASensorThatFallsSilentLetsTheCorrectionFadeAndTheMotionGoOn) {
   EXPECT_EQ(rig.output.record.faults, 0U);
 }
 
+TEST(Feedback, ASensorThatTellsOfATurnOutOfThePlaneIsNotActedOnForAWhile) {
+  Primitive<float> motion = FedBackMotion(4);
+  motion.feedback.error_min_rad = motion.feedback.error_full_rad = 0;
+  for (JointFeedback<float>& joint : motion.feedback.joints) {
+    joint.angle_gain.fill(1);
+    joint.rate_gain.fill(0);
+    joint.correction_rate_max_rad_s = 20;
+  }
+  Rig rig(motion);
+  const XsensMtiConfig ids;
+  std::vector<float> shares;
+  constexpr int kDoubted = 300;
+  const auto each = [&](int n) {
+    rig.sensor_frames = WithError(rig, motion, 0.1);
+    // A second rate in one tick takes the place of the first.
+    if (n >= kDoubted && n < kDoubted + 10)
+      rig.sensor_frames.push_back(XsensRateFrame(ids, {0, 0, 1.5}));
+    shares.push_back(rig.output.record.sensor.share);
+  };
+  rig.sensor_frames = WithError(rig, motion, 0.1);
+  rig.sensor_frames.push_back(XsensRateFrame(ids, {0, 0, 1.5}));  // a start is no time for doubts
+  (void)Orders(rig, each);
+  const auto at = [&](int n) { return shares[static_cast<std::size_t>(n)]; };
+  EXPECT_EQ(at(kDoubted), 1);
+  EXPECT_EQ(at(kDoubted + 50), 0) << "fade_out_s is 0.04";
+  EXPECT_EQ(at(kDoubted + 350), 1) << "and it comes back";
+  EXPECT_EQ(rig.output.record.sensor.status, SensorStatus::kOk);
+  EXPECT_EQ(rig.output.record.faults, 0U);
+}
+
 TEST(Feedback, TheHoldAfterTheMotionKeepsTheLastGains) {
   Primitive<float> motion = FedBackMotion(5);
   for (JointFeedback<float>& joint : motion.feedback.joints) {

@@ -165,6 +165,57 @@ TEST(SensorWatch, TakesNoSensorWhoseAxesAreExchangedOnceTheRobotTurnsFromWhereIt
   }
 }
 
+TEST(SensorWatch, DoubtsATurnThatIsNotInThePlaneLongBeforeItHasGoneFar) {
+  // Exchanged axes, as above, and a slow turn: its angle is trusted no longer after 10 mrad.
+  const XsensMtiConfig ids;
+  WatchRig rig, falls;
+  const auto turn = [&](WatchRig& exchanged) {
+    double yaw_rad = 0;
+    for (int i = 0; i < 200 && !exchanged.watch.is_doubtful(); ++i) {
+      const double rate_rad_s = 5e-3 * i;
+      yaw_rad += rate_rad_s * 1e-3;
+      const double c = std::cos(yaw_rad / 2), s = std::sin(yaw_rad / 2);
+      EXPECT_EQ(exchanged.Tick({XsensQuaternionFrame(ids, {c, 0, 0, s}),
+                                XsensRateFrame(ids, {0.05, 0.1, rate_rad_s})}),
+                SensorStatus::kOk);
+    }
+    EXPECT_TRUE(exchanged.watch.is_doubtful());
+    EXPECT_LT(yaw_rad, 0.012);
+  };
+  turn(rig);
+  turn(falls);
+  // It ends by itself, within a second, and at once when the robot falls in its plane.
+  for (int i = 0; i < 1000; ++i) ASSERT_EQ(rig.Report(0, 0), SensorStatus::kOk);
+  EXPECT_FALSE(rig.watch.is_doubtful());
+  for (int i = 0; i < 50; ++i) falls.Report(2e-3 * i, 2);
+  EXPECT_FALSE(falls.watch.is_doubtful());
+  // About the other axis, too.
+  for (int i = 0; i < 40; ++i)
+    rig.Tick({XsensQuaternionFrame(ids, {1, 0, 0, 0}), XsensRateFrame(ids, {0.4, 0, 0})});
+  EXPECT_TRUE(rig.watch.is_doubtful());
+}
+
+TEST(SensorWatch, DoubtsNoMotionInThePlaneOfASensorThatIsNoisyAndSitsAskew) {
+  const XsensMtiConfig ids;
+  std::mt19937 random(3);
+  std::normal_distribution<double> normal;
+  constexpr double kRoll_rad = 0.02;
+  WatchRig rig;
+  for (int i = 0; i < 20000; ++i) {
+    const double pitch = 6 * std::sin(2e-3 * i), rate = 12 * std::cos(2e-3 * i);
+    // The turn about y, then the sensor's roll about its x.
+    const double c = std::cos(pitch / 2), s = std::sin(pitch / 2);
+    const double cr = std::cos(kRoll_rad / 2), sr = std::sin(kRoll_rad / 2);
+    const auto noisy = [&](double x) { return x + 20e-3 * normal(random); };
+    ASSERT_EQ(rig.Tick({XsensQuaternionFrame(ids, {c * cr, c * sr, s * cr, -s * sr}),
+                        XsensRateFrame(ids, {noisy(0), noisy(rate * std::cos(kRoll_rad)),
+                                             noisy(-rate * std::sin(kRoll_rad))})}),
+              SensorStatus::kOk)
+        << i;
+    ASSERT_FALSE(rig.watch.is_doubtful()) << i;
+  }
+}
+
 TEST(SensorWatch, BelievesAMotionWhoseRateFitsAndNoJumpOrWrongRate) {
   // Whole turns at up to 12 rad/s, with noise of 5 mrad and 20 mrad/s.
   std::mt19937 random(2);

@@ -580,6 +580,18 @@ TEST_F(SimTwin, EveryFailureOfTheSensorIsSeenAndTheMotionGoesOn) {
   }
 }
 
+TEST_F(SimTwin, ARobotStandsAtWhateverTimeOfItsMotionTheAxesOfItsSensorAreExchangedOrItFreezes) {
+  const std::filesystem::path folder = std::filesystem::path(Path("x")).parent_path();
+  for (const char* fault : {"swapped-axis", "frozen"}) {
+    for (const char* start_s : {"0.1", "0.15", "0.2", "0.25", "0.3", "0.4", "0.5"}) {
+      const SensorRun run =
+          PlayWithSensor(folder, std::string(kNoise) + "[[sensor_failure]]\nfault = \"" + fault +
+                                     "\"\nstart_s = " + start_s + "\n");
+      EXPECT_EQ(run.exit_code, 0) << fault << " at " << start_s << run.text;
+    }
+  }
+}
+
 // Pushed over in its second handstand. Only the simulation knows of the push.
 constexpr const char* kPushedOverLater =
     "[[push]]\nlink = \"middle\"\nstart_s = 9.5\nduration_s = 0.2\nforce_n = [25.0, 0.0]\n";
