@@ -34,8 +34,9 @@ void Executor::SetFeedback() noexcept {
 // Measures the error of the link's angle, and of its rate, and returns whether both are known. In a
 // tick without a new report or reply they stay what they were.
 bool Executor::MeasureError(bool moving) noexcept {
-  if (sensor_watch_.status() != SensorStatus::kOk || (sensor_watch_.is_doubtful() && !starts_))
-    return false;
+  if (sensor_watch_.status() != SensorStatus::kOk) return false;
+  // In the hold a robot may be pushed askew, and falls without help.
+  if (sensor_watch_.is_doubtful() && moving && !starts_) return false;
   bool is_new = starts_ || sensor_watch_.age_ticks() == 0;
   const Feedback<float>& feedback = primitive_->feedback;
   float angle = sensor_watch_.pitch_rad();
@@ -44,7 +45,9 @@ bool Executor::MeasureError(bool moving) noexcept {
   for (const Joint& joint : joints()) {
     if (joint.angle_factor == 0) continue;
     const int age_ticks = joint.replies.age_ticks();
-    if (age_ticks < 0 || age_ticks > sensor_watch_.settings().age_ticks_max ||
+    // -1, of no reply at all, is the largest.
+    if (static_cast<std::uint32_t>(age_ticks) >
+            static_cast<std::uint32_t>(sensor_watch_.settings().age_ticks_max) ||
         !joint.IsMeasuredFinite()) {
       return false;
     }

@@ -18,7 +18,7 @@ constexpr float kForgetTwist_s = 0.25F;
 
 /// A turn out of the plane, of late, that is doubtful, unless it is less than this share of the
 /// turn in it, of which a sensor that sits a little askew has some.
-constexpr float kDoubtful_rad = 0.01F, kDoubtfulShare = 0.25F;
+constexpr float kDoubtful_rad = 0.02F, kDoubtfulShare = 0.25F;
 
 /// The share of the largest rate that may be out of the plane: legs twist when they land.
 constexpr float kOutOfPlane = 0.25F;
@@ -90,7 +90,7 @@ void SensorWatch::Configure(const SensorSettings& settings, float period_s) noex
       mounting_[of][along] = settings.mounting[along][of];
   }
   period_s_ = period_s;
-  // As long as it reports in every tick.
+  // Of a tick, which is what most reports take.
   twist_kept_ = std::max(1 - period_s / kForgetTwist_s, 0.0F);
   twist_lead_s_ = settings.twist_max_rad / (kOutOfPlane * settings.rate_max_rad_s);
   twist_square_max_ = settings.twist_max_rad * settings.twist_max_rad;
@@ -127,10 +127,8 @@ void SensorWatch::EndTick(int elapsed, const InertialReading& reading) noexcept 
   }
   status_ = implausible_;
   if (status_ != SensorStatus::kOk) return;
-  if (age_ticks_ < 0) {
-    status_ = SensorStatus::kNoData;
-  } else if (age_ticks_ > settings_.age_ticks_max) {
-    status_ = SensorStatus::kStale;
+  if (IsOld()) {
+    status_ = age_ticks_ < 0 ? SensorStatus::kNoData : SensorStatus::kStale;
   } else if (is_late_) {
     status_ = SensorStatus::kLate;
   }
@@ -150,9 +148,7 @@ void SensorWatch::TakeReport(const InertialReading& reading) noexcept {
   const float pitch_rad = AngleOf(up[2], up[0]);
   const float rate_rad_s = -turn[1];
 
-  // Of no report at all, too: -1 is the largest.
-  const bool fresh =
-      static_cast<std::uint32_t>(age_ticks_) > static_cast<std::uint32_t>(settings_.age_ticks_max);
+  const bool fresh = IsOld();
   const auto ticks = static_cast<float>(age_ticks_);
   if (fresh) {
     parted_rad_ = 0;  // What the sensor did meanwhile is not known.
@@ -162,7 +158,9 @@ void SensorWatch::TakeReport(const InertialReading& reading) noexcept {
     const float turned = 0.5F * (rate_rad_s + rate_rad_s_) * time_s;
     parted_rad_ += WithoutTurns(pitch_rad - pitch_rad_) - turned;
     parted_rad_ -= parted_rad_ * std::min(time_s / kForget_s, 1.0F);
-    twist_rad_ = twist_kept_ * (twist_rad_ + turn * time_s);
+    const float kept =
+        age_ticks_ == 1 ? twist_kept_ : std::max(1 - time_s * (1 / kForgetTwist_s), 0.0F);
+    twist_rad_ = kept * (twist_rad_ + turn * time_s);
   }
   pitch_rad_ = pitch_rad;
   rate_rad_s_ = rate_rad_s;

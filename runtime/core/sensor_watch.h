@@ -69,8 +69,8 @@ class SensorWatch {
 
   [[nodiscard]] SensorStatus status() const noexcept { return status_; }
   /// Whether it tells of a turn out of the plane, of late, that is small as yet, but not to that in
-  /// the plane: until that is over, nothing should be done that its angle asks for. What it says is
-  /// not acted on long before a sensor is known to sit the wrong way round.
+  /// the plane. No motion should be corrected by its angle until that is over: a sensor that sits
+  /// the wrong way round is known to be wrong only later.
   [[nodiscard]] bool is_doubtful() const noexcept { return is_doubtful_; }
   /// Of the sensor's link, within -pi ... pi.
   [[nodiscard]] float pitch_rad() const noexcept { return pitch_rad_; }
@@ -88,6 +88,11 @@ class SensorWatch {
   [[nodiscard]] Lanes InLink(float x, float y, float z) const noexcept;
   void TakeReport(const InertialReading& reading) noexcept;
   void TakeTime(std::uint32_t time) noexcept;
+  /// Whether the last report is stale, or there is none: -1 is the largest then.
+  [[nodiscard]] bool IsOld() const noexcept {
+    return static_cast<std::uint32_t>(age_ticks_) >
+           static_cast<std::uint32_t>(settings_.age_ticks_max);
+  }
 
   SensorSettings settings_;
   std::array<Lanes, 3> mounting_{};  ///< Its columns: the sensor's axes in those of the link.

@@ -276,7 +276,7 @@ TEST(Feedback, ASensorThatTellsOfATurnOutOfThePlaneIsNotActedOnForAWhile) {
   const auto each = [&](int n) {
     rig.sensor_frames = WithError(rig, motion, 0.1);
     // A second rate in one tick takes the place of the first.
-    if (n >= kDoubted && n < kDoubted + 10)
+    if (n >= kDoubted && n < kDoubted + 25)
       rig.sensor_frames.push_back(XsensRateFrame(ids, {0, 0, 1.5}));
     shares.push_back(rig.output.record.sensor.share);
   };
@@ -285,7 +285,7 @@ TEST(Feedback, ASensorThatTellsOfATurnOutOfThePlaneIsNotActedOnForAWhile) {
   (void)Orders(rig, each);
   const auto at = [&](int n) { return shares[static_cast<std::size_t>(n)]; };
   EXPECT_EQ(at(kDoubted), 1);
-  EXPECT_EQ(at(kDoubted + 50), 0) << "fade_out_s is 0.04";
+  EXPECT_EQ(at(kDoubted + 70), 0) << "fade_out_s is 0.04";
   EXPECT_EQ(at(kDoubted + 350), 1) << "and it comes back";
   EXPECT_EQ(rig.output.record.sensor.status, SensorStatus::kOk);
   EXPECT_EQ(rig.output.record.faults, 0U);
