@@ -18,7 +18,7 @@ constexpr float kForgetTwist_s = 0.25F;
 
 /// A turn out of the plane, of late, that is doubtful, unless it is less than this share of the
 /// turn in it, of which a sensor that sits a little askew has some.
-constexpr float kDoubtful_rad = 0.02F, kDoubtfulShare = 0.25F;
+constexpr float kDoubtful_rad = 0.01F, kDoubtfulShare = 0.25F;
 
 /// The share of the largest rate that may be out of the plane: legs twist when they land.
 constexpr float kOutOfPlane = 0.25F;

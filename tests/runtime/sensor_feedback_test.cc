@@ -276,7 +276,7 @@ TEST(Feedback, ASensorThatTellsOfATurnOutOfThePlaneIsNotActedOnForAWhile) {
   const auto each = [&](int n) {
     rig.sensor_frames = WithError(rig, motion, 0.1);
     // A second rate in one tick takes the place of the first.
-    if (n >= kDoubted && n < kDoubted + 25)
+    if (n >= kDoubted && n < kDoubted + 15)
       rig.sensor_frames.push_back(XsensRateFrame(ids, {0, 0, 1.5}));
     shares.push_back(rig.output.record.sensor.share);
   };

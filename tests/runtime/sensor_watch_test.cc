@@ -166,7 +166,7 @@ TEST(SensorWatch, TakesNoSensorWhoseAxesAreExchangedOnceTheRobotTurnsFromWhereIt
 }
 
 TEST(SensorWatch, DoubtsATurnThatIsNotInThePlaneLongBeforeItHasGoneFar) {
-  // Exchanged axes, as above, and a slow turn: its angle is trusted no longer after 20 mrad.
+  // Exchanged axes, as above, and a slow turn: its angle is trusted no longer after 10 mrad.
   const XsensMtiConfig ids;
   WatchRig rig, falls;
   const auto turn = [&](WatchRig& exchanged) {
@@ -180,7 +180,7 @@ TEST(SensorWatch, DoubtsATurnThatIsNotInThePlaneLongBeforeItHasGoneFar) {
                 SensorStatus::kOk);
     }
     EXPECT_TRUE(exchanged.watch.is_doubtful());
-    EXPECT_LT(yaw_rad, 0.022);
+    EXPECT_LT(yaw_rad, 0.012);
   };
   turn(rig);
   turn(falls);
@@ -194,13 +194,13 @@ TEST(SensorWatch, DoubtsATurnThatIsNotInThePlaneLongBeforeItHasGoneFar) {
     rig.Tick(
         {XsensQuaternionFrame(ids, {1, 0, 0, 1e-4 * (i % 2)}), XsensRateFrame(ids, {0.4, 0, 0})});
   EXPECT_TRUE(rig.watch.is_doubtful());
-  // A gyroscope that is off by 0.05 rad/s is none, at any rate of reports.
+  // A gyroscope that is off by 0.03 rad/s is none, at any rate of reports.
   for (const int elapsed : {1, 4}) {
     WatchRig off;
     for (int i = 0; i < 2000; ++i) {
       for (int k = 1; k < elapsed; ++k) off.Tick({});
       off.Tick({XsensQuaternionFrame(ids, {1, 0, 0, 1e-4 * (i % 2)}),
-                XsensRateFrame(ids, {0, 0, 0.05})});
+                XsensRateFrame(ids, {0, 0, 0.03})});
       ASSERT_FALSE(off.watch.is_doubtful()) << i << " of every " << elapsed;
     }
   }
