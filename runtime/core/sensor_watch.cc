@@ -84,6 +84,7 @@ bool SensorSettings::IsValid() const noexcept {
 void SensorWatch::Configure(const SensorSettings& settings, float period_s) noexcept {
   *this = {};
   settings_ = settings;
+  // One comparison less in every tick.
   if (settings.repeats_max == 0) settings_.repeats_max = std::numeric_limits<std::uint32_t>::max();
   for (std::size_t of = 0; of < 3; ++of) {
     for (std::size_t along = 0; along < 3; ++along)

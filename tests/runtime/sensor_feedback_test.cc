@@ -229,7 +229,8 @@ std::vector<CanFrame> WithError(const Rig& rig, const Primitive<float>& motion, 
   return SensorFrames(PlanAngle(motion.feedback, t) + error - q, 0);
 }
 
-TEST(Feedback, ASensorThatFallsSilentLetsTheCorrectionFadeAndTheMotionGoOn) {
+/// A motion whose joints are corrected by the angle's error itself, without a dead zone.
+Primitive<float> MotionWithUnitGain() {
   Primitive<float> motion = FedBackMotion(4);
   motion.feedback.error_min_rad = motion.feedback.error_full_rad = 0;
   for (JointFeedback<float>& joint : motion.feedback.joints) {
@@ -237,6 +238,11 @@ TEST(Feedback, ASensorThatFallsSilentLetsTheCorrectionFadeAndTheMotionGoOn) {
     joint.rate_gain.fill(0);
     joint.correction_rate_max_rad_s = 20;
   }
+  return motion;
+}
+
+TEST(Feedback, ASensorThatFallsSilentLetsTheCorrectionFadeAndTheMotionGoOn) {
+  const Primitive<float> motion = MotionWithUnitGain();
   Rig rig(motion);
   std::vector<float> corrections;
   constexpr int kSilent = 300;
@@ -262,13 +268,7 @@ TEST(Feedback, ASensorThatFallsSilentLetsTheCorrectionFadeAndTheMotionGoOn) {
 }
 
 TEST(Feedback, ASensorThatTellsOfATurnOutOfThePlaneIsNotActedOnForAWhile) {
-  Primitive<float> motion = FedBackMotion(4);
-  motion.feedback.error_min_rad = motion.feedback.error_full_rad = 0;
-  for (JointFeedback<float>& joint : motion.feedback.joints) {
-    joint.angle_gain.fill(1);
-    joint.rate_gain.fill(0);
-    joint.correction_rate_max_rad_s = 20;
-  }
+  const Primitive<float> motion = MotionWithUnitGain();
   Rig rig(motion);
   const XsensMtiConfig ids;
   std::vector<float> shares;

@@ -580,14 +580,17 @@ TEST_F(SimTwin, EveryFailureOfTheSensorIsSeenAndTheMotionGoesOn) {
   }
 }
 
-TEST_F(SimTwin, ARobotStandsAtWhateverTimeOfItsMotionTheAxesOfItsSensorAreExchangedOrItFreezes) {
-  const std::filesystem::path folder = std::filesystem::path(Path("x")).parent_path();
+// Its gains are those that a wrong angle before the jump would fell the robot with.
+TEST_F(SimTwin, TheShippedHandstandStandsWhenItsSensorsAxesAreExchangedOrItFreezesBeforeTheJump) {
+  const std::string errors = testing::ReadFile(kPrimitives + "robots/tumbler_twin_sensor.toml");
   for (const char* fault : {"swapped-axis", "frozen"}) {
     for (const char* start_s : {"0.1", "0.15", "0.2", "0.25", "0.3", "0.4", "0.5"}) {
-      const SensorRun run =
-          PlayWithSensor(folder, std::string(kNoise) + "[[sensor_failure]]\nfault = \"" + fault +
-                                     "\"\nstart_s = " + start_s + "\n");
-      EXPECT_EQ(run.exit_code, 0) << fault << " at " << start_s << run.text;
+      const std::string twin = Write("twin.toml", errors + "[[sensor_failure]]\nfault = \"" +
+                                                      fault + "\"\nstart_s = " + start_s + "\n");
+      const testing::Outcome outcome = testing::RunProgram(
+          {"tumbler-run", "sim", kPrimitives + "handstand_sensor.toml", "--drives",
+           kPrimitives + "robots/tumbler_drives_sensor.toml", "--twin", twin});
+      EXPECT_EQ(outcome.exit_code, 0) << fault << " at " << start_s << outcome.text;
     }
   }
 }
