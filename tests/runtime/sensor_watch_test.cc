@@ -190,9 +190,10 @@ TEST(SensorWatch, DoubtsATurnThatIsNotInThePlaneLongBeforeItHasGoneFar) {
   for (int i = 0; i < 50; ++i) falls.Report(2e-3 * i, 2);
   EXPECT_FALSE(falls.watch.is_doubtful());
   // About the other axis, too.
-  for (int i = 0; i < 80; ++i)
+  for (int i = 0; i < 80; ++i) {
     rig.Tick(
         {XsensQuaternionFrame(ids, {1, 0, 0, 1e-4 * (i % 2)}), XsensRateFrame(ids, {0.4, 0, 0})});
+  }
   EXPECT_TRUE(rig.watch.is_doubtful());
   // A gyroscope that is off by 0.03 rad/s is none, at any rate of reports.
   for (const int elapsed : {1, 4}) {
