@@ -46,6 +46,8 @@ constexpr std::size_t kKept = 1000;
 constexpr double kLargestDepth = 0.85, kLargestTorque = 0.95;
 /// A candidate worth this keeps no limit of its path, and is not simulated.
 constexpr double kUnplayable = 4;
+/// What a path that is at its limits exceeds them by once a primitive's file has rounded it.
+constexpr double kRounding = 1e-9;
 /// A loss from which on robots mostly fall, and one that cannot be told from 0.
 constexpr double kHopeless = 0.9;
 constexpr double kPerfect = 1e-3;
@@ -316,7 +318,7 @@ class RobustSearch {
       const double faster = row.derivative == 1 ? haste : haste * haste;
       excess += std::max(0.0, sum * faster + (faster - 1));
     }
-    if (excess > 0) return kUnplayable + excess;
+    if (excess > kRounding) return kUnplayable + excess;
     const SelfContact& own = problem_.scene.self_contact;
     if (own.pairs.empty()) return 0;
     const auto splines = SplinesOf(x);

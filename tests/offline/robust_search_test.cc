@@ -193,6 +193,20 @@ TEST(RobustSearch, GainsInTheMotionAreFoundForTheGuessAsItIsAndFollowedByThoseOf
   }
 }
 
+TEST(RobustSearch, GainsAreFoundForAGuessThatIsAtALimitAndThatItsFileHasRounded) {
+  const std::vector<double> guess =
+      SolveRobust(ProblemOf(QuickRobustTask()), {}).solutions.front().x;
+  Problem problem =
+      ProblemOf(QuickRobustTask("[robust.feedback]\nlink = \"leg2_link\"\nacts = \"motion\"\n"));
+  const auto leg1 = guess.begin() + problem.first_parameter(0);
+  const double most_rad = *std::max_element(leg1, leg1 + problem.joints[0].free_points());
+  problem.joints[0].limits.position_max_rad = most_rad - 1e-13;
+  const SolveOutcome outcome = SolveRobust(problem, {}, guess);
+  EXPECT_LT(outcome.history.back().cost, 1) << "robots stand";
+  problem.joints[0].limits.position_max_rad = most_rad - 1e-3;
+  EXPECT_GT(SolveRobust(problem, {}, guess).history.back().cost, 3) << "no rounding";
+}
+
 TEST(RobustSearch, GainsInTheMotionAreFoundInOneRoundMoreThanTheTaskSaysEachWithTwiceTheRobots) {
   const std::vector<double> guess =
       SolveRobust(ProblemOf(QuickRobustTask()), {}).solutions.front().x;
