@@ -228,8 +228,9 @@ std::string GraphText(const SequenceGraph<float>& graph) {
   line("  g.start = {};\n  g.node_count = {};\n", graph.start, graph.node_count);
   for (int i = 0; i < graph.node_count; ++i) {
     const SequenceNode& node = graph.node(i);
-    line("  g.node_storage[{}] = {{tumbler::FixedString<48>({}), {}, {}, {}, {}}};\n", i,
-         StringLiteral(node.name.view()), node.primitive, node.swapped, node.safe, node.ends_cycle);
+    line("  g.node_storage[{}] = {{tumbler::FixedString<48>({}), {}, {}, {}, {}, {}}};\n", i,
+         StringLiteral(node.name.view()), node.primitive, node.swapped, node.safe, node.ends_cycle,
+         node.after_fall);
   }
   line("  g.edge_count = {};\n", graph.edge_count);
   for (int i = 0; i < graph.edge_count; ++i) {

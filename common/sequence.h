@@ -49,6 +49,9 @@ struct SequenceNode {
   bool safe =
       false;  ///< Whether the robot can stay, without torque, where the primitive leaves it.
   bool ends_cycle = false;  ///< Whether a cycle is complete at the end of this node.
+  /// Index of the node that is played in its place once the robot has fallen in this one, and until
+  /// it falls in that one, too; -1: none, the same is tried again.
+  int after_fall = -1;
 };
 
 /// An allowed transition from the end of one node to the start of another.

@@ -116,6 +116,7 @@ constexpr std::array kSwapKeys = {
 
 struct NodeEntry : SequenceNode {
   std::string primitive_name;
+  std::string after_fall_name;
   double exit_pitch_tolerance_rad = 0;
 };
 constexpr std::array kNodeKeys = {
@@ -127,6 +128,12 @@ constexpr std::array kNodeKeys = {
     KeyOf<&NodeEntry::safe, NodeEntry>(
         "safe", "the robot can stay where this ends without torque: a run may end here"),
     KeyOf<&NodeEntry::ends_cycle, NodeEntry>("ends_cycle", "a cycle is complete with this"),
+    KeyOf<&NodeEntry::after_fall_name>(
+        "after_fall",
+        "the node that is played in place of this one once the robot has fallen in this one and "
+        "got up, until it falls in that one")
+        .Default("none: the same is tried again")
+        .Allowed("another node, which begins like this one and has none itself"),
     KeyOf<&NodeEntry::exit_pitch_tolerance_rad>(
         "exit_pitch_tolerance_rad", {0, kPi, true},
         "how far from its recorded exit the root may end in a simulation")
@@ -242,6 +249,7 @@ class SequenceReader {
     ReadPrimitives();
     ReadSwap();
     ReadNodes();
+    ReadAfterFalls();
     ReadEdges();
     ReadKeys(root_, kStartKeys, file_);
     ReadBegin();
@@ -339,8 +347,52 @@ class SequenceReader {
       file_.exit_pitch_tolerance_rad.push_back(node.exit_pitch_tolerance_rad);
       file_.node_lines.push_back(table.LineOf("name"));
       node_keys_.push_back(table.path());
+      after_fall_names_.push_back(node.after_fall_name);
       graph.node_storage[Index(graph.node_count++)] = node;
     }
+  }
+
+  void ReadAfterFalls() {
+    Graph& graph = file_.graph;
+    for (int i = 0; i < graph.node_count; ++i) {
+      const std::string& name = after_fall_names_[Index(i)];
+      if (name.empty()) continue;
+      const int other = graph.FindNode(name);
+      if (other < 0 || other == i || !after_fall_names_[Index(other)].empty()) {
+        FailNode(i, fmt::format("after_fall is '{}'{}; allowed: another node, which has no "
+                                "after_fall itself",
+                                name, other < 0 ? ", which is no node" : ""));
+      }
+      graph.node_storage[Index(i)].after_fall = other;
+      CheckBeginsAlike(i, other);
+    }
+  }
+
+  /// Throws unless a node can be played in place of another.
+  void CheckBeginsAlike(int node, int other) const {
+    const auto check = [&](const std::string& what, double here, double there, double tolerance,
+                           const char* unit) {
+      if (std::abs(there - here) <= tolerance) return;
+      FailNode(node, fmt::format("after_fall is '{}', which begins with {} {} {} away; allowed: {} "
+                                 "{}, as it is played in place of this one",
+                                 file_.graph.node(other).name.view(), what,
+                                 MessageNumber(std::abs(there - here)), unit,
+                                 MessageNumber(tolerance), unit));
+    };
+    const auto first = [&](int of, int j) {
+      const auto& joints = file_.PrimitiveOf(of).primitive.joints;
+      return joints[Index(file_.graph.RoleOf(of, j))].position.control_points().front();
+    };
+    for (int j = 0; j < file_.primitives.front().primitive.joint_count; ++j) {
+      check(fmt::format("joint '{}'", JointName(file_, Index(j))), first(node, j), first(other, j),
+            file_.tolerances.joint_position_rad, "rad");
+    }
+    const PrimitivePose& here = file_.PrimitiveOf(node).entry;
+    const PrimitivePose& there = file_.PrimitiveOf(other).entry;
+    check("the root", here.root_z_m, there.root_z_m, file_.tolerances.root_z_m, "m");
+    const double turned_rad = NearestTurn(file_.RobotPitch(other, there.root_pitch_rad) -
+                                          file_.RobotPitch(node, here.root_pitch_rad));
+    check("the root's pitch", 0, turned_rad, file_.tolerances.root_pitch_rad, "rad");
   }
 
   void ReadEdges() {
@@ -453,11 +505,14 @@ class SequenceReader {
     while (!open.empty()) {
       const int node = open.back();
       open.pop_back();
-      for (const SequenceEdge<double>& edge : graph.edges()) {
-        if (edge.from != node || reached[Index(edge.to)]) continue;
-        reached[Index(edge.to)] = true;
-        open.push_back(edge.to);
-      }
+      const auto reach = [&](int next) {
+        if (next < 0 || reached[Index(next)]) return;
+        reached[Index(next)] = true;
+        open.push_back(next);
+      };
+      reach(graph.node(node).after_fall);
+      for (const SequenceEdge<double>& edge : graph.edges())
+        if (edge.from == node) reach(edge.to);
     }
     for (int i = 0; i < graph.node_count; ++i) {
       const std::string_view name = graph.node(i).name.view();
@@ -552,6 +607,7 @@ class SequenceReader {
   SequenceFile file_;
   bool has_swap_ = false;
   std::vector<std::string> node_keys_;
+  std::vector<std::string> after_fall_names_;
 };
 
 }  // namespace
@@ -572,62 +628,75 @@ std::vector<KeyTable> SequenceKeyTables() {
 
 double NearestTurn(double angle_rad) { return std::remainder(angle_rad, 2 * kPi); }
 
-std::vector<JoinComparison> CompareJoins(const SequenceFile& file) {
+namespace {
+
+/// Compares the end of an edge's first node with the start of a node.
+void CompareJoin(const SequenceFile& file, int e, int to,
+                 std::vector<JoinComparison>& comparisons) {
   const Graph& graph = file.graph;
   const JoinTolerances& tolerances = file.tolerances;
+  const SequenceEdge<double>& edge = graph.edge(e);
+  const PrimitiveFile& before = file.PrimitiveOf(edge.from);
+  const PrimitiveFile& after = file.PrimitiveOf(to);
+  const auto add = [&](const std::string& joint, const std::string& quantity, const char* unit,
+                       double exit, double entry, double tolerance) {
+    comparisons.push_back({e, to, joint, quantity, unit, exit, entry, exit - entry, tolerance});
+  };
+  for (int j = 0; j < before.primitive.joint_count; ++j) {
+    const std::string name(before.primitive.joints[Index(j)].name.view());
+    const Motion::Spline& left =
+        before.primitive.joints[Index(graph.RoleOf(edge.from, j))].position;
+    const Motion::Spline& met = after.primitive.joints[Index(graph.RoleOf(to, j))].position;
+    const auto last = [&left](int d) { return left.control_points(d).back(); };
+    const auto first = [&met](int d) { return met.control_points(d).front(); };
+    add(name, "position", "rad", last(0), first(0), tolerances.joint_position_rad);
+    const double v = tolerances.joint_velocity_rad_s;
+    const double a = tolerances.joint_acceleration_rad_s2;
+    if (edge.settle_s > 0) {  // Both sides meet a hold, which is at rest.
+      add(name, std::string("velocity").append(kBeforeHold), "rad/s", last(1), 0, v);
+      add(name, std::string("velocity").append(kAfterHold), "rad/s", 0, first(1), v);
+      add(name, std::string("acceleration").append(kBeforeHold), "rad/s^2", last(2), 0, a);
+      add(name, std::string("acceleration").append(kAfterHold), "rad/s^2", 0, first(2), a);
+    } else {
+      add(name, "velocity", "rad/s", last(1), first(1), v);
+      add(name, "acceleration", "rad/s^2", last(2), first(2), a);
+    }
+  }
+  add("", "height", "m", before.exit.root_z_m, after.entry.root_z_m, tolerances.root_z_m);
+  const double exit =
+      file.RobotPitch(edge.from, before.exit.root_pitch_rad) - file.RobotPitch(to, 0);
+  add("", "pitch", "rad", exit, after.entry.root_pitch_rad, tolerances.root_pitch_rad);
+  JoinComparison& pitch = comparisons.back();
+  pitch.difference = NearestTurn(pitch.difference);
+  pitch.exit = pitch.entry + pitch.difference;
+  if (before.exit.root_moves() || after.entry.root_moves()) {
+    const double v = tolerances.root_m_s;
+    add("", "velocity along x", "m/s", before.exit.root_x_m_s, after.entry.root_x_m_s, v);
+    add("", "velocity along z", "m/s", before.exit.root_z_m_s, after.entry.root_z_m_s, v);
+    add("", "pitch rate", "rad/s", before.exit.root_pitch_rad_s, after.entry.root_pitch_rad_s,
+        tolerances.root_rad_s);
+  }
+  const std::vector<double>& left = before.exit.passive_positions_rad;
+  const std::vector<double>& met = after.entry.passive_positions_rad;
+  for (std::size_t i = 0; i < std::min(left.size(), met.size()); ++i) {
+    add(fmt::format("no. {}", i + 1), "position without a motor", "rad", left[i], met[i],
+        tolerances.passive_position_rad);
+  }
+}
+
+}  // namespace
+
+std::vector<JoinComparison> CompareJoins(const SequenceFile& file) {
+  const Graph& graph = file.graph;
   std::vector<JoinComparison> comparisons;
   for (int e = 0; e < graph.edge_count; ++e) {
     const SequenceEdge<double>& edge = graph.edge(e);
-    const PrimitiveFile& before = file.PrimitiveOf(edge.from);
-    const PrimitiveFile& after = file.PrimitiveOf(edge.to);
-    const auto add = [&](const std::string& joint, const std::string& quantity, const char* unit,
-                         double exit, double entry, double tolerance) {
-      comparisons.push_back({e, joint, quantity, unit, exit, entry, exit - entry, tolerance});
-    };
-    for (int j = 0; j < before.primitive.joint_count; ++j) {
-      const std::string name(before.primitive.joints[Index(j)].name.view());
-      const Motion::Spline& from =
-          before.primitive.joints[Index(graph.RoleOf(edge.from, j))].position;
-      const Motion::Spline& to = after.primitive.joints[Index(graph.RoleOf(edge.to, j))].position;
-      const auto last = [&from](int d) { return from.control_points(d).back(); };
-      const auto first = [&to](int d) { return to.control_points(d).front(); };
-      add(name, "position", "rad", last(0), first(0), tolerances.joint_position_rad);
-      const double v = tolerances.joint_velocity_rad_s;
-      const double a = tolerances.joint_acceleration_rad_s2;
-      if (edge.settle_s > 0) {  // Both sides meet a hold, which is at rest.
-        add(name, std::string("velocity").append(kBeforeHold), "rad/s", last(1), 0, v);
-        add(name, std::string("velocity").append(kAfterHold), "rad/s", 0, first(1), v);
-        add(name, std::string("acceleration").append(kBeforeHold), "rad/s^2", last(2), 0, a);
-        add(name, std::string("acceleration").append(kAfterHold), "rad/s^2", 0, first(2), a);
-      } else {
-        add(name, "velocity", "rad/s", last(1), first(1), v);
-        add(name, "acceleration", "rad/s^2", last(2), first(2), a);
-      }
-    }
-    add("", "height", "m", before.exit.root_z_m, after.entry.root_z_m, tolerances.root_z_m);
-    const double exit =
-        file.RobotPitch(edge.from, before.exit.root_pitch_rad) - file.RobotPitch(edge.to, 0);
-    add("", "pitch", "rad", exit, after.entry.root_pitch_rad, tolerances.root_pitch_rad);
-    JoinComparison& pitch = comparisons.back();
-    pitch.difference = NearestTurn(pitch.difference);
-    pitch.exit = pitch.entry + pitch.difference;
-    if (before.exit.root_moves() || after.entry.root_moves()) {
-      const double v = tolerances.root_m_s;
-      add("", "velocity along x", "m/s", before.exit.root_x_m_s, after.entry.root_x_m_s, v);
-      add("", "velocity along z", "m/s", before.exit.root_z_m_s, after.entry.root_z_m_s, v);
-      add("", "pitch rate", "rad/s", before.exit.root_pitch_rad_s, after.entry.root_pitch_rad_s,
-          tolerances.root_rad_s);
-    }
-    const std::vector<double>& left = before.exit.passive_positions_rad;
-    const std::vector<double>& met = after.entry.passive_positions_rad;
-    for (std::size_t i = 0; i < std::min(left.size(), met.size()); ++i) {
-      add(fmt::format("no. {}", i + 1), "position without a motor", "rad", left[i], met[i],
-          tolerances.passive_position_rad);
-    }
+    CompareJoin(file, e, edge.to, comparisons);
+    const int in_its_place = graph.node(edge.to).after_fall;
+    if (in_its_place >= 0) CompareJoin(file, e, in_its_place, comparisons);
   }
   return comparisons;
 }
-
 std::string Describe(const SequenceFile& file, const JoinComparison& c) {
   const SequenceEdge<double>& edge = file.graph.edge(c.edge);
   const auto [exit, entry] = DistinctNumbers(c.exit, c.entry);
@@ -639,10 +708,10 @@ std::string Describe(const SequenceFile& file, const JoinComparison& c) {
                                   : fmt::format("the end of '{}'", primitive(edge.from));
   const std::string entry_of = c.quantity.ends_with(kBeforeHold)
                                    ? std::string("the hold")
-                                   : fmt::format("the start of '{}'", primitive(edge.to));
+                                   : fmt::format("the start of '{}'", primitive(c.to));
   return fmt::format(
       "{} -> {}: {}, {}: {} {} at {} against {} {} at {}: {} {} apart; allowed: {} {}",
-      file.graph.node(edge.from).name.view(), file.graph.node(edge.to).name.view(),
+      file.graph.node(edge.from).name.view(), file.graph.node(c.to).name.view(),
       c.joint.empty() ? std::string("root") : fmt::format("joint '{}'", c.joint), c.quantity, exit,
       c.unit, exit_of, entry, c.unit, entry_of, MessageNumber(std::abs(c.difference)), c.unit,
       MessageNumber(c.tolerance), c.unit);

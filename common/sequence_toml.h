@@ -63,6 +63,7 @@ struct SequenceFile {
 /// accelerations of both sides are compared with those of the hold, which are zero.
 struct JoinComparison {
   int edge = 0;           ///< Index of the edge.
+  int to = 0;             ///< Index of the node: the edge's, or the one in its place after a fall.
   std::string joint;      ///< Name of the robot's joint; empty for the root.
   std::string quantity;   ///< `position`, `height`, ...; beside a hold also which side it is.
   const char* unit = "";  ///< Of all values below.

@@ -42,11 +42,15 @@ ExitStatus Check(const Arguments& arguments) {
   fmt::print("{:<40} {:<38} {:<10} {:>12} {:>12}\n", "join", "quantity", "largest at", "apart",
              "allowed");
   const JoinComparison* first_bad = nullptr;
-  for (int e = 0; e < file.graph.edge_count; ++e) {
-    const auto& edge = file.graph.edge(e);
+  // Edges, and those that lead to a node in place of theirs.
+  std::vector<std::pair<int, int>> joins;
+  for (const JoinComparison& c : comparisons) {
+    if (joins.empty() || joins.back() != std::pair(c.edge, c.to)) joins.emplace_back(c.edge, c.to);
+  }
+  for (const auto& [e, to] : joins) {
     std::vector<const JoinComparison*> rows;  // the largest of each quantity, in order
     for (const JoinComparison& c : comparisons) {
-      if (c.edge != e) continue;
+      if (c.edge != e || c.to != to) continue;
       if (first_bad == nullptr && !c.fits()) first_bad = &c;
       const auto same = std::find_if(rows.begin(), rows.end(), [&c](const auto* row) {
         return row->quantity == c.quantity && row->joint.empty() == c.joint.empty();
@@ -57,8 +61,9 @@ ExitStatus Check(const Arguments& arguments) {
         *same = &c;
       }
     }
-    const std::string name = fmt::format("{} -> {}", file.graph.node(edge.from).name.view(),
-                                         file.graph.node(edge.to).name.view());
+    const std::string name =
+        fmt::format("{} -> {}", file.graph.node(file.graph.edge(e).from).name.view(),
+                    file.graph.node(to).name.view());
     for (const JoinComparison* row : rows) {
       fmt::print("{:<40} {:<38} {:<10} {:>12} {:>12}{}\n", row == rows.front() ? name : "",
                  fmt::format("{} [{}]", row->quantity, row->unit),
@@ -79,7 +84,7 @@ ExitStatus Check(const Arguments& arguments) {
       fmt::print("{}: robots as asked: {}\n", file.primitive_names[i], ToText(figure));
   }
   fmt::print("{}: {} nodes, {} joins, all fit; limits hold for all t\n", file.graph.name.view(),
-             file.graph.node_count, file.graph.edge_count);
+             file.graph.node_count, joins.size());
   return ExitStatus::kDone;
 }
 

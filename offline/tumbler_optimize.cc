@@ -63,6 +63,7 @@ Task Load(const Arguments& arguments, const std::string& path) {
                   : LoadTask(path, LoadPrimitive(arguments.start_from), arguments.start_from);
   Problem& problem = task.problem;
   if (!arguments.guess.empty()) TakeGuess(task, LoadPrimitive(arguments.guess), arguments.guess);
+  CheckGuess(task);
   if (arguments.seed) problem.search.seed = *arguments.seed;
   if (arguments.minima > 0) {
     // This many motions are solved, each from a start of its own and until it converges. A motion

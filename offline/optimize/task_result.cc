@@ -12,6 +12,7 @@
 #include "offline/optimize/progress.h"
 #include "offline/problem/take_free.h"
 #include "offline/robust/robust_search.h"
+#include "offline/solver/guess.h"
 
 namespace tumbler {
 namespace {
@@ -176,6 +177,7 @@ TaskResult WorkOn(Task task, const WorkSettings& settings) {
   const Problem& problem = result.problem();
   Progress progress(problem);
   const bool guessed = !result.task.guess.empty();
+  CheckGuess(result.task);
   SolveOptions options;
   options.threads = settings.threads;
   options.interrupt = settings.interrupt;
@@ -189,9 +191,12 @@ TaskResult WorkOn(Task task, const WorkSettings& settings) {
   };
   // For the table of minima, every start is one of those that were asked for.
   if (!settings.minima) options.accept = accept;
-  result.outcome = problem.robust ? SolveRobust(problem, options, result.task.guess)
-                   : guessed      ? SolveFromGuess(problem, result.task.guess, options)
-                                  : Solve(problem, options);
+  result.outcome =
+      problem.robust
+          ? SolveRobust(problem, options, result.task.guess,
+                        result.task.guess_feedback ? &*result.task.guess_feedback : nullptr)
+      : guessed ? SolveFromGuess(problem, result.task.guess, options)
+                : Solve(problem, options);
   progress.Finish();
 
   const std::vector<Solution>& solutions = result.outcome.solutions;

@@ -162,6 +162,9 @@ struct Problem {
   std::optional<DriveGains> drives;
   /// What the motion has to survive; none: it is found for the model alone.
   std::optional<RobustSettings> robust;
+  /// For each of the joints, the one that moves as it does in the mirror image that a guess is
+  /// taken for. Empty: the guess is taken as it is.
+  std::vector<std::size_t> guess_mirror;
 
   /// The instants at which the cost looks at the motion that takes `duration_s`.
   [[nodiscard]] std::vector<CostInstant> instants() const { return instants(duration_s); }

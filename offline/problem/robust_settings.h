@@ -31,6 +31,8 @@ struct FeedbackSettings {
   double rate_noise_rad_s = 0.02;         ///< Of its rate.
   double bias_rad = 0.01;                 ///< Of the angle, of either sign.
   double delay_s = 1e-3;                  ///< Of the sensor, beside the frames' own.
+  /// The guess's gains and dead zone are taken as they are, along the angle of this motion.
+  bool from_guess = false;
   /// Of the force, for 0.1 s to either side, that robots withstand once they stand.
   double push_n = 5;
 };

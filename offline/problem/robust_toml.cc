@@ -82,6 +82,10 @@ constexpr std::array kFeedbackSearchKeys = {
         "the most that a joint's setpoint is corrected by"),
     KeyOf<&FeedbackSettings::correction_rate_max_rad_s>(
         "correction_rate_max_rad_s", {0, kMaxCorrectionRate_rad_s, true}, "in a second"),
+    KeyOf<&FeedbackSettings::from_guess>(
+        "from_guess",
+        "the gains and the dead zone of the guess's feedback are taken as they are, and none are "
+        "found; `knots` and what follows do not count"),
     KeyOf<&FeedbackSettings::noise_rad>("noise_rad", {0, 1}, "of the sensor, as in a twin file"),
     KeyOf<&FeedbackSettings::rate_noise_rad_s>("rate_noise_rad_s", {0, 10}, "likewise"),
     KeyOf<&FeedbackSettings::bias_rad>("bias_rad", {0, 1}, "likewise, of either sign"),

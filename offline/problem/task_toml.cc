@@ -7,6 +7,7 @@
 #include <cmath>
 #include <filesystem>
 #include <limits>
+#include <numeric>
 #include <optional>
 #include <stdexcept>
 #include <utility>
@@ -98,6 +99,47 @@ constexpr std::array kSplineKeys = {
         .Allowed("7 (and degree + 1) to 64"),
 };
 
+/// Reads pairs of joints; those that are not named are their own partners.
+void ReadMirror(TomlTable& table, std::string_view key, Problem& problem) {
+  std::vector<std::size_t>& partner = problem.guess_mirror;
+  partner.resize(problem.joints.size());
+  std::iota(partner.begin(), partner.end(), std::size_t{0});
+  for (const std::vector<std::string>& pair : table.StringLists(key)) {
+    if (pair.size() != 2) {
+      table.Fail(key,
+                 fmt::format("has an entry of {} names; expected pairs of joints", pair.size()));
+    }
+    std::array<std::size_t, 2> joints{};
+    for (std::size_t i = 0; i < 2; ++i) {
+      const auto named = [&](const ActuatedJoint& joint) {
+        return problem.scene.robot.tree.dofs[Index(joint.dof)].name == pair[i];
+      };
+      const auto found = std::ranges::find_if(problem.joints, named);
+      if (found == problem.joints.end())
+        table.Fail(key, fmt::format("names '{}'; allowed: joints of the task", pair[i]));
+      joints[i] = static_cast<std::size_t>(found - problem.joints.begin());
+    }
+    if (joints[0] == joints[1])
+      table.Fail(key, fmt::format("exchanges '{}' with itself; allowed: two joints", pair[0]));
+    for (std::size_t i = 0; i < 2; ++i) {
+      std::size_t& of = partner[joints[i]];
+      if (of != joints[i])
+        table.Fail(key, fmt::format("names '{}' twice; a joint has one partner", pair[i]));
+      of = joints[1 - i];
+    }
+  }
+}
+
+constexpr std::array kMirrorKeys = {
+    KeyReadBy<Problem>(
+        "joints", ReadMirror,
+        "e.g. `[[\"leg1\", \"leg2\"]]`: each moves as the other does in the guess, "
+        "the other way round; joints not named keep their role, the other way round, "
+        "too")
+        .Required()
+        .Allowed("pairs of joints, each joint once"),
+};
+
 class TaskReader {
  public:
   TaskReader(TomlTable root, PlanarRobot robot, std::optional<StartPose> given)
@@ -124,6 +166,8 @@ class TaskReader {
     if (std::optional<TomlTable> table = root_.OptionalTable("spline"))
       ReadKeys(*table, kSplineKeys, problem_);
     ReadEndVelocities();
+    if (std::optional<TomlTable> table = root_.OptionalTable("mirror"))
+      ReadKeys(*table, kMirrorKeys, problem_);
     if (std::optional<TomlTable> table = root_.OptionalTable("contact"))
       ReadContact(*table, Mass(), scene_.robot.tree.gravity.norm(), scene_.contact);
     ReadObstacles();
@@ -713,6 +757,7 @@ Task Parse(const std::string& task_text, const std::string& task_name,
           "",
           "",
           "",
+          {},
           {}};
 }
 
@@ -765,6 +810,7 @@ std::vector<KeyTable> TaskKeyTables() {
           {source, "drives", RowsOf(kTaskDrivesKeys)},
           RobustKeyTable(),
           RobustFeedbackKeyTable(),
+          {source, "mirror", RowsOf(kMirrorKeys)},
           {source, "search", RowsOf(kSearchKeys)},
           {source, "solver", RowsOf(kSolverKeys)}};
 }

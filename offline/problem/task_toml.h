@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -26,6 +27,8 @@ struct Task {
   std::string guess_hash;
   /// The parameters of those paths (GuessFrom).
   std::vector<double> guess;
+  /// Its feedback, where the task takes its gains.
+  std::optional<Feedback<double>> guess_feedback;
 };
 
 /// The largest distance [rad] between a joint's position at the exit of one primitive and at the

@@ -125,7 +125,9 @@ class RobustSearch {
 
   /// @param guess  a motion to begin with, in place of the first two stages; empty: none. Where a
   ///               feedback is asked for, it stays as it is.
-  std::vector<Candidate> Run(std::span<const double> guess) {
+  /// @param gains  the guess's feedback, where its gains are taken; null: they are found.
+  std::vector<Candidate> Run(std::span<const double> guess, const Feedback<double>* gains) {
+    taken_ = gains;
     std::vector<Candidate> best;
     if (!guess.empty()) {
       best = {{{guess.begin(), guess.end()}, 0}};
@@ -138,7 +140,7 @@ class RobustSearch {
       const std::vector<Candidate> polished = Polish(best);
       best.insert(best.begin(), polished.begin(), polished.end());
     }
-    if (feeds_back() && !best.empty()) FindGains(best.front());
+    if (taken_ == nullptr && feeds_back() && !best.empty()) FindGains(best.front());
     return best;
   }
 
@@ -154,6 +156,7 @@ class RobustSearch {
 
   /// A candidate's feedback; absent where the task asks for none.
   [[nodiscard]] Feedback<double> FeedbackOf(const Candidate& candidate) {
+    if (taken_ != nullptr) return TakenFeedback(candidate.x);
     return feeds_back() ? Plans({candidate.x}).front().feedback
                         : FindHold(candidate.x, robust_.polish_robots);
   }
@@ -484,6 +487,22 @@ class RobustSearch {
       law.joints[j].chain = chain[j];
       law.joints[j].correction_max_rad = settings.correction_max_rad;
       law.joints[j].correction_rate_max_rad_s = settings.correction_rate_max_rad_s;
+    }
+    return law;
+  }
+
+  /// The gains that were given, along the angle of a motion.
+  [[nodiscard]] Feedback<double> TakenFeedback(const std::vector<double>& x) const {
+    const std::vector<double> chain = ChainOf(robust_.feedback->link);
+    Feedback<double> law =
+        WithoutGains(DurationOf(x), AnglesOf({x}, Plans({x}), chain).front(), chain);
+    law.knot_count = taken_->knot_count;
+    law.knots_s = taken_->knots_s;
+    law.error_min_rad = taken_->error_min_rad;
+    law.error_full_rad = taken_->error_full_rad;
+    for (std::size_t j = 0; j < joints_; ++j) {
+      law.joints[j].angle_gain = taken_->joints[j].angle_gain;
+      law.joints[j].rate_gain = taken_->joints[j].rate_gain;
     }
     return law;
   }
@@ -869,6 +888,7 @@ class RobustSearch {
   Ensemble model_;  ///< Of robots that are all the model.
   /// Of the hold, once it is found: then a motion has gains as well.
   std::optional<Feedback<double>> hold_;
+  const Feedback<double>* taken_ = nullptr;  ///< Of the guess, where its gains are taken.
   /// Where the root is to be: a target of its x or z.
   struct Place {
     std::size_t dof = 0;
@@ -886,10 +906,10 @@ class RobustSearch {
 }  // namespace
 
 SolveOutcome SolveRobust(const Problem& problem, const SolveOptions& options,
-                         std::span<const double> guess) {
+                         std::span<const double> guess, const Feedback<double>* gains) {
   RobustSearch search(problem, options);
   SolveOutcome outcome;
-  const std::vector<Candidate> found = search.Run(guess);
+  const std::vector<Candidate> found = search.Run(guess, gains);
   for (std::size_t i = 0; i < found.size(); ++i) {
     // One evaluation: the figures of the motion as it is.
     SolveOptions silent;
@@ -901,7 +921,7 @@ SolveOutcome SolveRobust(const Problem& problem, const SolveOptions& options,
     solution.duration_s = of_motion.duration_s;
     // A feedback takes as long to find as a motion: the best one gets it.
     if (problem.robust->feedback && i == 0) solution.feedback = search.FeedbackOf(found[i]);
-    solution.end = SolveEnd::kGenerations;
+    solution.end = gains != nullptr ? SolveEnd::kTaken : SolveEnd::kGenerations;
     solution.finished = true;
     solution.start = static_cast<int>(i);
     outcome.solutions.push_back(std::move(solution));

@@ -2,6 +2,7 @@
 
 #include <span>
 
+#include "common/primitive.h"
 #include "offline/solver/solver.h"
 
 namespace tumbler {
@@ -23,8 +24,11 @@ namespace tumbler {
 ///          and `options.contact` do not count. The result does not depend on the threads.
 /// @param guess  parameters of the problem: a motion that is only polished, with `polish_robots`.
 ///               Empty: none.
+/// @param gains  of a feedback that the guess gets as they are, where the problem asks for one: for
+///               its joints in their order, with knots for its duration. Null: they are found.
 /// @pre problem.robust
 SolveOutcome SolveRobust(const Problem& problem, const SolveOptions& options,
-                         std::span<const double> guess = {});
+                         std::span<const double> guess = {},
+                         const Feedback<double>* gains = nullptr);
 
 }  // namespace tumbler

@@ -13,6 +13,7 @@
 #include "common/index.h"
 #include "common/toml_reader.h"
 #include "offline/linear/least_squares.h"
+#include "offline/problem/link_chains.h"
 #include "offline/rollout/rollout.h"
 
 namespace tumbler {
@@ -100,6 +101,75 @@ void Fit(const Path& path, Path& nearest) {
 /// 0 at 0 and 1 at 1, with no first and second derivative there.
 double Fade(double s) { return s * s * s * (10 - s * (15 - 6 * s)); }
 
+/// The mirror image of a motion: the robot turned about the vertical, so that what turned it to one
+/// side turns it to the other. A joint moves as its partner did, the other way round. The entry is
+/// mirrored, too; all else stays as it was, and belongs to the motion before.
+/// @param partner  of each of the problem's joints.
+/// @pre the file has all joints of the problem.
+PrimitiveFile Mirrored(const PrimitiveFile& file, const Problem& problem,
+                       std::span<const std::size_t> partner) {
+  PrimitiveFile mirrored = file;
+  const std::span<const JointMotion<double>> motions = file.primitive.motions();
+  const auto index_of = [&](std::size_t j) {
+    const std::string& name = problem.scene.robot.tree.dofs[Index(problem.joints[j].dof)].name;
+    return static_cast<std::size_t>(
+        std::ranges::find_if(motions, [&](const auto& m) { return m.name.view() == name; }) -
+        motions.begin());
+  };
+  for (std::size_t j = 0; j < problem.joints.size(); ++j) {
+    const std::size_t to = index_of(j), from = index_of(partner[j]);
+    const Path& path = motions[from].position;
+    std::vector<double> points(path.control_points().begin(), path.control_points().end());
+    for (double& point : points) point = -point;
+    if (mirrored.primitive.joints[to].position.Assign(path.degree(), path.knots(), points) !=
+        Status::kOk)
+      throw std::logic_error("the mirror image of a spline is none");
+    // An error to the other side is answered to the other side, by the partner.
+    mirrored.primitive.feedback.joints[to] = file.primitive.feedback.joints[from];
+  }
+  mirrored.entry.root_x_m_s = -file.entry.root_x_m_s;
+  mirrored.entry.root_pitch_rad_s = -file.entry.root_pitch_rad_s;
+  return mirrored;
+}
+
+/// The feedback of a guess whose gains the task takes: with the joints in the problem's order.
+/// @throws FileError  when there is none, or it is of another link or duration.
+std::optional<Feedback<double>> TakenFeedback(const Problem& problem, const PrimitiveFile& file,
+                                              const std::string& file_name) {
+  const auto& robust = problem.robust;
+  if (!robust || !robust->feedback || !robust->feedback->from_guess) return std::nullopt;
+  const Feedback<double>& feedback = file.primitive.feedback;
+  if (!feedback.present()) {
+    throw FileError(file_name, 0, "feedback",
+                    "is missing, and the task takes its gains (robust.feedback.from_guess); give a "
+                    "guess with feedback, or leave that out");
+  }
+  if (std::abs(file.primitive.duration_s - problem.duration_s) > kSameKnot * problem.duration_s) {
+    throw FileError(file_name, 0, "duration_s",
+                    fmt::format("is {}, and the task's {}; its gains (robust.feedback.from_guess) "
+                                "are for that time: give both the same",
+                                file.primitive.duration_s, problem.duration_s));
+  }
+  Feedback<double> ordered = feedback;
+  const std::span<const JointMotion<double>> motions = file.primitive.motions();
+  const std::vector<LinkChain> chains = LinkChainsOf(problem.scene.robot);
+  const auto chain = std::ranges::find(chains, robust->feedback->link, &LinkChain::link);
+  for (std::size_t j = 0; j < problem.joints.size(); ++j) {
+    const std::string& name = problem.scene.robot.tree.dofs[Index(problem.joints[j].dof)].name;
+    for (std::size_t m = 0; m < motions.size(); ++m)
+      if (motions[m].name.view() == name) ordered.joints[j] = feedback.joints[m];
+    if (chain == chains.end() || ordered.joints[j].chain != chain->joints[j]) {
+      throw FileError(
+          file_name, 0, "feedback.link",
+          fmt::format("is '{}', which is not the task's robust.feedback.link, '{}'{}; its gains "
+                      "(robust.feedback.from_guess) are for that link alone",
+                      feedback.link.view(), robust->feedback->link,
+                      problem.guess_mirror.empty() ? "" : ", in its mirror image"));
+    }
+  }
+  return ordered;
+}
+
 }  // namespace
 
 Path Resampled(const Path& path, int degree, int control_points, double duration_s) {
@@ -181,8 +251,24 @@ void TakeGuess(Task& task, const PrimitiveFile& file, const std::string& file_na
         std::clamp(file.primitive.duration_s, *robust->duration_min_s, *robust->duration_max_s);
   }
   task.guess = GuessFrom(task.problem, file, file_name);
+  if (const std::vector<std::size_t>& partner = task.problem.guess_mirror; partner.empty()) {
+    task.guess_feedback = TakenFeedback(task.problem, file, file_name);
+  } else {
+    const PrimitiveFile mirrored = Mirrored(file, task.problem, partner);
+    task.guess = GuessFrom(task.problem, mirrored, file_name);
+    task.guess_feedback = TakenFeedback(task.problem, mirrored, file_name);
+  }
   task.guess_file = file_name;
   task.guess_hash = ContentHash(file);
+}
+
+void CheckGuess(const Task& task) {
+  if (!task.guess.empty()) return;
+  const auto& robust = task.problem.robust;
+  const bool takes = robust && robust->feedback && robust->feedback->from_guess;
+  if (!takes && task.problem.guess_mirror.empty()) return;
+  throw FileError(task.task_file, 0, takes ? "robust.feedback.from_guess" : "mirror",
+                  "is for a task with a guess; name a primitive with --guess, or leave it out");
 }
 
 }  // namespace tumbler

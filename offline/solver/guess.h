@@ -37,8 +37,12 @@ std::vector<double> GuessFrom(const Problem& problem, const PrimitiveFile& file,
                               const std::string& file_name);
 
 /// Lets a task be solved from there, and say so. Where the duration is free in a search for robots
-/// that differ, the problem's becomes the primitive's, as far as its bounds allow. The same
-/// parameters and errors.
+/// that differ, the problem's becomes the primitive's, as far as its bounds allow. Where the task
+/// has a [mirror], the guess is the primitive's mirror image, and where it takes the gains of the
+/// guess, those are taken. The same parameters and errors; and when there are no such gains.
 void TakeGuess(Task& task, const PrimitiveFile& file, const std::string& file_name);
+
+/// @throws FileError  where a task that says what to take of a guess has none.
+void CheckGuess(const Task& task);
 
 }  // namespace tumbler

@@ -323,6 +323,8 @@ const char* ToString(SolveEnd end) {
       return "evaluation budget used up";
     case SolveEnd::kGenerations:
       return "the search is over; more generations may find better";
+    case SolveEnd::kTaken:
+      return "taken from the guess as it is";
     case SolveEnd::kInfeasible:
       return "constraints contradict each other";
     case SolveEnd::kInterrupted:

@@ -146,6 +146,7 @@ std::optional<Solved> Solve(const SweepStudy& study, const SweepPlan& plan, int 
   try {
     task = study.grid.TaskAt(point);
     if (study.guess) TakeGuess(task, *study.guess, study.guess_file);
+    CheckGuess(task);
   } catch (const FileError& error) {  // Each value was checked by itself; these do not go together.
     outcome.cause = error.what();
     return solved;

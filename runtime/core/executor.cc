@@ -42,6 +42,7 @@ Status Executor::Configure(const ExecutorConfig& config, const SequenceGraph<flo
   primitive_time_s_ = 0;
   keep_torque_ = false;
   cycles_done_ = get_ups_ = 0;
+  fell_in_ = 0;
   cycle_unchecked_ = false;
   for (int i = 0; i < count; ++i) {
     const auto index = static_cast<std::size_t>(i);
@@ -90,7 +91,7 @@ void Executor::FollowEdge(int edge) noexcept {
       branched_ = true;
     }
   }
-  const int node = graph_.edge(edge).to;
+  const int node = InPlaceOf(graph_.edge(edge).to);
   const Primitive<float>& next = primitives_[static_cast<std::size_t>(graph_.node(node).primitive)];
   const float tolerance = next.entry_tolerance_rad;
   for (int i = 0; i < joint_count_; ++i) {
@@ -150,6 +151,7 @@ bool Executor::AnswerFall() noexcept {
   if (get_ups_ < config_.get_ups_max && earlier_faults_ == 0 && !finish_ &&
       CheckFirstLimits().refusal == Refusal::kNone) {
     TakeCycleBack();
+    NoteFall();
     ++get_ups_;
     SetNode(graph_.start);
     StartMove();
@@ -158,6 +160,20 @@ bool Executor::AnswerFall() noexcept {
   }
   LatchFall();
   return state_ == ExecutorState::kFault;
+}
+
+// What a robot falls in is not tried again and again where there is another way: that is taken
+// until it falls there, too.
+void Executor::NoteFall() noexcept {
+  static_assert(kMaxSequenceNodes <= 32);
+  for (int i = 0; i < graph_.node_count; ++i) {
+    if (graph_.node(i).after_fall == node_) fell_in_ &= ~(1U << static_cast<unsigned>(i));
+  }
+  if (graph_.node(node_).after_fall >= 0) fell_in_ |= 1U << static_cast<unsigned>(node_);
+}
+
+int Executor::InPlaceOf(int node) const noexcept {
+  return (fell_in_ >> static_cast<unsigned>(node) & 1U) != 0 ? graph_.node(node).after_fall : node;
 }
 
 void Executor::CountCycle() noexcept {
@@ -181,7 +197,7 @@ void Executor::LatchFall() noexcept {
 void Executor::BeginAnew() noexcept {
   int node = graph_.start;
   if (CheckBeginning(node).refusal == Refusal::kNone) {
-    SetNode(node);
+    SetNode(InPlaceOf(node));
     Enter(ExecutorState::kRunning);
   } else if (ticks_in_state_ >= move_ticks_ + CeilTicks(kLieStill_s / config_.period_s)) {
     LatchFall();

@@ -120,6 +120,8 @@ class Executor {
   void SetNode(int node) noexcept;
   [[nodiscard]] int NextEdgeHere() const noexcept;
   void FollowEdge(int edge) noexcept;
+  [[nodiscard]] int InPlaceOf(int node) const noexcept;
+  void NoteFall() noexcept;
   void EndNode() noexcept;
   // Cold: what is seldom done is compiled for its size. A small processor has no space for copies.
   [[nodiscard, gnu::cold]] bool AnswerFall() noexcept;
@@ -190,6 +192,9 @@ class Executor {
   int cycles_done_ = 0;
   bool cycle_unchecked_ = false;  ///< Whether the last of them may yet turn out to end in a fall.
   int get_ups_ = 0;               ///< In this run.
+  /// In this run: the nodes in which the robot fell, and whose `after_fall` is played since. A bit
+  /// for each.
+  std::uint32_t fell_in_ = 0;
   bool gets_up_ = false;          ///< Whether the joints move to the start because the robot fell.
   float fall_rad_ = 0;      ///< How far the last robot that fell was from where its node leaves it.
   int wanted_branch_ = -1;  ///< The branch that the operator has asked for, until it is taken.

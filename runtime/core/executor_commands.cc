@@ -42,6 +42,7 @@ void Executor::Obey(const TickInput& input) noexcept {
       if (refusal_.refusal != Refusal::kNone) return;
       SetNode(node);
       cycles_done_ = get_ups_ = 0;
+      fell_in_ = 0;
       wanted_branch_ = -1;
       branched_ = finish_ = cycle_unchecked_ = false;
       Enter(ExecutorState::kRunning);

@@ -48,6 +48,7 @@ bool IsValid(const SequenceGraph<float>& graph, int primitive_count) noexcept {
     return false;
   for (const SequenceNode& node : graph.nodes()) {
     if (!within(node.primitive, primitive_count)) return false;
+    if (node.after_fall >= graph.node_count) return false;
   }
   for (const SequenceEdge<float>& edge : graph.edges()) {
     if (!within(edge.from, graph.node_count) || !within(edge.to, graph.node_count) ||

@@ -99,6 +99,7 @@ void ExpectSame(const SequenceGraph<float>& a, const SequenceGraph<float>& b) {
     EXPECT_EQ(a.node(i).swapped, b.node(i).swapped);
     EXPECT_EQ(a.node(i).safe, b.node(i).safe);
     EXPECT_EQ(a.node(i).ends_cycle, b.node(i).ends_cycle);
+    EXPECT_EQ(a.node(i).after_fall, b.node(i).after_fall);
   }
   ASSERT_EQ(a.edge_count, b.edge_count);
   for (int i = 0; i < a.edge_count; ++i) {

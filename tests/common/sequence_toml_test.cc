@@ -265,6 +265,60 @@ TEST(SequenceToml, ComparesEveryQuantityAtEveryEdge) {
   for (const JoinComparison& c : comparisons) EXPECT_TRUE(c.fits()) << Describe(file, c);
 }
 
+/// The gait with "up" to the other side (1), which ends on the other leg, after a fall.
+std::string WithAnotherWay(const std::string& after_fall = "up to the other side") {
+  std::string text =
+      Replaced(GaitText(), "out = \"out.toml\"\n", "out = \"out.toml\"\nother = \"other.toml\"\n");
+  text = Replaced(text, "name = \"up\"\nprimitive = \"up\"\n",
+                  "name = \"up\"\nprimitive = \"up\"\nafter_fall = \"" + after_fall + "\"\n");
+  return text +
+         "[[node]]\nname = \"up to the other side\"\nprimitive = \"other\"\nsafe = true\n"
+         "[[edge]]\nfrom = \"up to the other side\"\nto = \"down, swapped\"\n";
+}
+std::vector<PrimitiveFile> GaitPrimitivesWithAnotherWay(double leg1_rad = -1,
+                                                        double pitch_rad = 0) {
+  auto primitives = GaitPrimitives();
+  primitives.push_back(
+      testing::MotionBetween("other", {leg1_rad, 1}, {0, 0}, pitch_rad, -kPi / 2, 4));
+  return primitives;
+}
+
+TEST(SequenceToml, ANodeMayBePlayedInPlaceOfAnotherAfterAFall) {
+  const SequenceFolder folder(WithAnotherWay(), GaitPrimitivesWithAnotherWay());
+  const SequenceFile file = LoadSequence(folder.file());
+  const int up = file.graph.FindNode("up"), other = file.graph.FindNode("up to the other side");
+  EXPECT_EQ(file.graph.node(up).after_fall, other);
+  EXPECT_EQ(file.graph.node(other).after_fall, -1);
+  EXPECT_EQ(ToRuntime(file).graph.node(up).after_fall, other);
+  int in_its_place = 0;
+  for (const JoinComparison& c : CompareJoins(file)) {
+    if (file.graph.edge(c.edge).to == c.to) continue;
+    EXPECT_EQ(file.graph.edge(c.edge).to, up);
+    EXPECT_EQ(c.to, other);
+    EXPECT_THAT(Describe(file, c), HasSubstr("-> up to the other side: "));
+    ++in_its_place;
+  }
+  EXPECT_EQ(in_its_place, 2 * 5 + 2) << "along the one edge to \"up\"";
+}
+
+TEST(SequenceToml, WhatIsPlayedInPlaceOfANodeBeginsLikeIt) {
+  const auto refusal = [](const std::string& text, double leg1_rad = -1, double pitch_rad = 0) {
+    return Refusal(text, GaitPrimitivesWithAnotherWay(leg1_rad, pitch_rad));
+  };
+  EXPECT_EQ(refusal(WithAnotherWay()), "accepted");
+  EXPECT_THAT(refusal(WithAnotherWay("nowhere")),
+              HasSubstr("node[0]: after_fall is 'nowhere', which is no node; allowed:"));
+  EXPECT_THAT(refusal(WithAnotherWay("up")), HasSubstr("after_fall is 'up'; allowed: another"));
+  EXPECT_THAT(
+      refusal(Replaced(WithAnotherWay(), "primitive = \"other\"\n",
+                       "primitive = \"other\"\nafter_fall = \"down\"\n")),
+      HasSubstr("after_fall is 'up to the other side'; allowed: another node, which has no"));
+  EXPECT_THAT(refusal(WithAnotherWay(), -0.9),
+              HasSubstr("begins with joint 'joint1' 0.1 rad away"));
+  EXPECT_THAT(refusal(WithAnotherWay(), -1, 0.1),
+              HasSubstr("begins with the root's pitch 0.1 rad away; allowed: 0.02 rad"));
+}
+
 TEST(SequenceToml, ComparesHowTheRootMovesAndWhereJointsWithoutAMotorAre) {
   const SequenceFolder folder(GaitText());
   SequenceFile file = ReadSequence(folder.file());

@@ -16,6 +16,7 @@
 #include "common/toml_reader.h"
 #include "offline/certificate/second_look.h"
 #include "offline/problem/task_toml.h"
+#include "offline/robust/robust_search.h"
 #include "offline/solver/solve_near.h"
 #include "tests/support/files.h"
 #include "tests/support/handstand.h"
@@ -218,6 +219,93 @@ TEST_P(SolveFromGuessAfter, FindsTheSameMotionAgainWithinAFewEvaluations) {
         0.4)
         << "no other motion is this near";
   }
+}
+
+PrimitiveFile ShippedMotion(const std::string& name) {
+  return LoadPrimitive(testing::SourcePath("primitives/" + name + ".toml"));
+}
+Task MirroredTask() {
+  return LoadTask(testing::SourcePath("primitives/tasks/handstand_sensor_mirrored.toml"));
+}
+
+TEST(TakeGuess, TheMirrorImageOfAMotionGoesToTheOtherSideWithTheLegsExchanged) {
+  const PrimitiveFile guess = ShippedMotion("handstand_sensor");
+  Task task = MirroredTask();
+  TakeGuess(task, guess, "handstand_sensor.toml");
+  const Problem& problem = task.problem;
+  ASSERT_TRUE(task.guess_feedback);
+  const SolveOutcome outcome = SolveRobust(problem, {}, task.guess, &*task.guess_feedback);
+  ASSERT_EQ(outcome.solutions.size(), 1U);
+  const Solution& solution = outcome.solutions.front();
+  EXPECT_EQ(solution.x, task.guess);
+  EXPECT_EQ(solution.end, SolveEnd::kTaken);
+  const Feedback<double>& law = solution.feedback;
+  const Feedback<double>& before = guess.primitive.feedback;
+  EXPECT_EQ(law.link.view(), "leg1_link");
+  const PrimitiveFile shipped = ShippedMotion("handstand_sensor_mirrored");
+  EXPECT_EQ(law.knot_count, before.knot_count);
+  EXPECT_EQ(law.knots_s, before.knots_s);
+  EXPECT_EQ(law.error_min_rad, before.error_min_rad);
+  EXPECT_EQ(law.error_full_rad, before.error_full_rad);
+  for (std::size_t j = 0; j < 2; ++j) {
+    const Path path = PositionSpline(problem, solution.x, j);
+    const Path& other = guess.primitive.joints[1 - j].position;
+    EXPECT_EQ(LargestDifference(path, shipped.primitive.joints[j].position), 0);
+    EXPECT_EQ(law.joints[j].angle_gain, shipped.primitive.feedback.joints[j].angle_gain);
+    EXPECT_EQ(law.joints[j].chain, before.joints[1 - j].chain);
+    EXPECT_EQ(law.joints[j].angle_gain, before.joints[1 - j].angle_gain);
+    EXPECT_EQ(law.joints[j].rate_gain, before.joints[1 - j].rate_gain);
+    for (int k = 0; k <= 100; ++k) {
+      const double t = k * problem.duration_s / 100;
+      EXPECT_NEAR(path.Evaluate(t).value, -other.Evaluate(t).value, 1e-12);
+      // Simulated anew: by mirrored forces, and so the same but for their rounding.
+      EXPECT_NEAR(law.angle.Evaluate(t).value, -before.angle.Evaluate(t).value, 1e-6);
+    }
+  }
+}
+
+TEST(TakeGuess, GainsAreTakenOfAGuessThatHasThemForThisLinkAndDurationOnly) {
+  const auto refusal = [](Task task, const std::string& guess) -> std::string {
+    try {
+      TakeGuess(task, ShippedMotion(guess), guess);
+    } catch (const FileError& error) {
+      return error.what();
+    }
+    return "accepted";
+  };
+  EXPECT_EQ(refusal(MirroredTask(), "handstand_sensor"), "accepted");
+  EXPECT_THAT(refusal(MirroredTask(), "handstand"), HasSubstr("feedback: is missing"));
+  Task as_it_is = MirroredTask();
+  as_it_is.problem.guess_mirror.clear();
+  EXPECT_THAT(refusal(as_it_is, "handstand_sensor"),
+              HasSubstr("feedback.link: is 'leg2_link', which is not the task's "
+                        "robust.feedback.link, 'leg1_link'; its gains"));
+  as_it_is.problem.robust->feedback->link = "leg2_link";
+  EXPECT_EQ(refusal(as_it_is, "handstand_sensor"), "accepted");
+  as_it_is.problem.duration_s = 0.8;
+  EXPECT_THAT(refusal(as_it_is, "handstand_sensor"),
+              HasSubstr("duration_s: is 0.723, and the task's 0.8"));
+}
+
+TEST(TakeGuess, TheJointsOfAMirrorAreThoseOfTheTaskEachOnce) {
+  const std::string text =
+      testing::ReadFile(testing::SourcePath("primitives/tasks/handstand_sensor_mirrored.toml"));
+  const auto refusal = [&text](const std::string& joints) -> std::string {
+    try {
+      ParseTask(Replaced(text, "[[\"leg1\", \"leg2\"]]", joints), "task.toml", ShippedRobot(),
+                "robot.urdf");
+    } catch (const FileError& error) {
+      return error.what();
+    }
+    return "accepted";
+  };
+  EXPECT_EQ(refusal("[]"), "accepted") << "each joint is its own partner";
+  EXPECT_THAT(refusal("[[\"leg1\"]]"), HasSubstr("mirror.joints: has an entry of 1 names"));
+  EXPECT_THAT(refusal("[[\"leg1\", \"leg3\"]]"),
+              HasSubstr("names 'leg3'; allowed: joints of the task"));
+  EXPECT_THAT(refusal("[[\"leg1\", \"leg1\"]]"), HasSubstr("exchanges 'leg1' with itself"));
+  EXPECT_THAT(refusal("[[\"leg1\", \"leg2\"], [\"leg2\", \"leg1\"]]"),
+              HasSubstr("names 'leg2' twice"));
 }
 
 TEST(SolveNear, StaysInItsBasinThoughAnotherIsNear) {

@@ -299,6 +299,19 @@ TEST(OptimizeCli, WrongCommandLinesAreRefused) {
 }
 
 // Permission bits do not bind the super-user, so these are places where nobody can write.
+TEST(OptimizeCli, ATaskThatTakesSomethingOfAGuessNeedsOne) {
+  const std::string task =
+      ReadFile(testing::SourcePath("primitives/tasks/handstand_sensor_mirrored.toml"));
+  for (const std::string key : {"robust.feedback.from_guess", "mirror"}) {
+    const TaskFolder folder(key == "mirror" ? Replaced(task, "from_guess = true\n", "") : task);
+    Program program = Optimize(folder, {"--out", folder / "m.toml"});
+    EXPECT_EQ(program.Wait(), 1);
+    EXPECT_THAT(program.text(),
+                HasSubstr(key + ": is for a task with a guess; name a primitive with --guess"));
+    EXPECT_FALSE(std::filesystem::exists(folder / "m.toml"));
+  }
+}
+
 TEST(OptimizeCli, OutputThatCannotBeWrittenIsFoundBeforeTheWork) {
   const TaskFolder folder(EndlessSearch());
   testing::WriteFile(folder / "file", "keep me");

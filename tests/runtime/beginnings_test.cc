@@ -162,6 +162,8 @@ TEST(Beginnings, ExecutorsRefuseThoseThatMakeNoSense) {
             Status::kInvalidArgument);
   EXPECT_EQ(configured([](auto&, auto& graph) { graph.beginning_count = 99; }),
             Status::kInvalidArgument);
+  EXPECT_EQ(configured([](auto&, auto& graph) { graph.node_storage[1].after_fall = 2; }),
+            Status::kInvalidArgument);
   EXPECT_EQ(configured([](auto&, auto& graph) { graph.last_pitch_rad[1] = NAN; }),
             Status::kInvalidArgument);
   EXPECT_EQ(configured([](auto& config, auto&) { config.get_ups_max = -1; }),
@@ -208,11 +210,25 @@ SequenceGraph<float> Rounds(const Primitive<float>& motion) {
   return graph;
 }
 
+/// The same with "the other way" (node 2) after a fall in "stand".
+SequenceGraph<float> RoundsWithAnotherWay(const Primitive<float>& motion) {
+  SequenceGraph<float> graph = Rounds(motion);
+  graph.node_count = 3;
+  graph.node_storage[2] = graph.node_storage[0];
+  graph.node_storage[2].name = FixedString<48>("the other way");
+  graph.node_storage[0].after_fall = 2;
+  graph.edge_count = 3;
+  graph.edge_storage[2] = {2, 0, 0.05F, EdgeCondition::kAlways, {}};
+  return graph;
+}
+
 /// An executor that plays them.
 class FallingRig : public SensingRig {
  public:
   explicit FallingRig(const ExecutorConfig& config, bool has_sensor = true)
-      : FallingRig(config, has_sensor, MotionAfterItself()) {}
+      : FallingRig(config, has_sensor, Rounds(MotionAfterItself()), MotionAfterItself()) {}
+  FallingRig(const ExecutorConfig& config, const SequenceGraph<float>& graph)
+      : FallingRig(config, true, graph, MotionAfterItself()) {}
 
   /// Ticks until this node is running.
   bool TickUntilPlays(int node) {
@@ -233,8 +249,9 @@ class FallingRig : public SensingRig {
   }
 
  private:
-  FallingRig(const ExecutorConfig& config, bool has_sensor, const Primitive<float>& motion)
-      : SensingRig(config, has_sensor, Rounds(motion), motion) {
+  FallingRig(const ExecutorConfig& config, bool has_sensor, const SequenceGraph<float>& graph,
+             const Primitive<float>& motion)
+      : SensingRig(config, has_sensor, graph, motion) {
     EXPECT_TRUE(Reach(ExecutorState::kRunning));
   }
 };
@@ -280,6 +297,50 @@ TEST(Falls, ARobotThatMayGetsUpAndGoesOnAsOftenAsItMay) {
   ASSERT_TRUE(rig.EndLying(kOnItsBack_rad));
   EXPECT_EQ(rig.executor.state(), ExecutorState::kFault);
   EXPECT_EQ(rig.Tick().first_fault.fault, Fault::kFallen);
+}
+
+TEST(Falls, WhereThereIsAnotherWayItIsTakenUntilTheRobotFallsThereToo) {
+  FallingRig rig(GetsUp(9), RoundsWithAnotherWay(MotionAfterItself()));
+  // Lies as "stand" begins, and begins in its place what it fell in last not.
+  const auto falls = [&rig] {
+    return rig.EndLying(1) && rig.executor.state() == ExecutorState::kMovingToStart;
+  };
+  const auto begins = [&rig] {
+    rig.sensor_frames = SensorFrames(0, 0);
+    return rig.TickWhile(ExecutorState::kMovingToStart) &&
+           rig.executor.state() == ExecutorState::kRunning;
+  };
+  EXPECT_EQ(rig.Tick().node, 0);
+  ASSERT_TRUE(falls() && begins());
+  EXPECT_EQ(rig.Tick().node, 2);
+  ASSERT_TRUE(rig.EndLying(0));
+  EXPECT_EQ(rig.Tick().node, 2) << "along the edge to \"stand\", too";
+  ASSERT_TRUE(falls() && begins());
+  EXPECT_EQ(rig.Tick().node, 0) << "fell there last";
+  ASSERT_TRUE(falls() && begins());
+  EXPECT_EQ(rig.Tick().node, 2);
+  // A new run knows nothing of falls before it.
+  rig.Tick(OperatorCommand::kDisarm);
+  rig.sensor_frames = SensorFrames(0, 0);
+  ASSERT_TRUE(rig.Reach(ExecutorState::kRunning));
+  EXPECT_EQ(rig.Tick().node, 0);
+}
+
+TEST(Falls, TheOtherWayIsBegunWithAlsoAfterRising) {
+  FallingRig rig(GetsUp(9), RoundsWithAnotherWay(MotionAfterItself()));
+  ASSERT_TRUE(rig.EndLying(kOnItsBack_rad));
+  ASSERT_TRUE(rig.TickWhile(ExecutorState::kMovingToStart));
+  EXPECT_EQ(rig.Tick().node, 1);
+  ASSERT_TRUE(rig.EndLying(0));
+  EXPECT_EQ(rig.Tick().node, 2);
+  // A fall in what has no other way changes nothing.
+  FallingRig rises(GetsUp(9), RoundsWithAnotherWay(MotionAfterItself()));
+  ASSERT_TRUE(rises.EndLying(kOnItsBack_rad));
+  ASSERT_TRUE(rises.TickWhile(ExecutorState::kMovingToStart));
+  ASSERT_TRUE(rises.EndLying(kOnItsBack_rad)) << "in the rise";
+  ASSERT_TRUE(rises.TickWhile(ExecutorState::kMovingToStart));
+  ASSERT_TRUE(rises.EndLying(0));
+  EXPECT_EQ(rises.Tick().node, 2);
 }
 
 TEST(Falls, FromFallToRiseEverySetpointIsWithinTheLimits) {
