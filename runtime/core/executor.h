@@ -195,7 +195,7 @@ class Executor {
   /// In this run: the nodes in which the robot fell, and whose `after_fall` is played since. A bit
   /// for each.
   std::uint32_t fell_in_ = 0;
-  bool gets_up_ = false;          ///< Whether the joints move to the start because the robot fell.
+  bool gets_up_ = false;    ///< Whether the joints move to the start because the robot fell.
   float fall_rad_ = 0;      ///< How far the last robot that fell was from where its node leaves it.
   int wanted_branch_ = -1;  ///< The branch that the operator has asked for, until it is taken.
   bool branched_ = false;   ///< Whether the configured branch has been taken.
