@@ -347,7 +347,8 @@ class SequenceReader {
       file_.exit_pitch_tolerance_rad.push_back(node.exit_pitch_tolerance_rad);
       file_.node_lines.push_back(table.LineOf("name"));
       node_keys_.push_back(table.path());
-      after_fall_names_.push_back(node.after_fall_name);
+      after_falls_.push_back(
+          {table.Has("after_fall"), node.after_fall_name, table.LineOf("after_fall")});
       graph.node_storage[Index(graph.node_count++)] = node;
     }
   }
@@ -355,17 +356,32 @@ class SequenceReader {
   void ReadAfterFalls() {
     Graph& graph = file_.graph;
     for (int i = 0; i < graph.node_count; ++i) {
-      const std::string& name = after_fall_names_[Index(i)];
-      if (name.empty()) continue;
-      const int other = graph.FindNode(name);
-      if (other < 0 || other == i || !after_fall_names_[Index(other)].empty()) {
-        FailNode(i, fmt::format("after_fall is '{}'{}; allowed: another node, which has no "
-                                "after_fall itself",
-                                name, other < 0 ? ", which is no node" : ""));
+      const AfterFall& after_fall = after_falls_[Index(i)];
+      if (!after_fall.given) continue;
+      const int other = graph.FindNode(after_fall.name);
+      if (other < 0 || other == i || after_falls_[Index(other)].given) {
+        std::string allowed;
+        for (int k = 0; k < graph.node_count; ++k) {
+          if (k != i && !after_falls_[Index(k)].given)
+            allowed += (allowed.empty() ? "" : ", ") + std::string(graph.node(k).name.view());
+        }
+        FailAfterFall(
+            i, fmt::format("is {}; allowed: another node that has none itself: {}",
+                           other < 0 ? "no node" : fmt::format("'{}'", after_fall.name), allowed));
+      }
+      if (!root_.Has("begin")) {
+        FailAfterFall(i,
+                      "is for robots that get up, and the sequence does not say how they may lie; "
+                      "give it a [begin], or leave this out");
       }
       graph.node_storage[Index(i)].after_fall = other;
       CheckBeginsAlike(i, other);
     }
+  }
+
+  [[noreturn]] void FailAfterFall(int node, const std::string& problem) const {
+    throw FileError(file_.path, after_falls_[Index(node)].line,
+                    node_keys_[Index(node)] + ".after_fall", problem);
   }
 
   /// Throws unless a node can be played in place of another.
@@ -373,11 +389,12 @@ class SequenceReader {
     const auto check = [&](const std::string& what, double here, double there, double tolerance,
                            const char* unit) {
       if (std::abs(there - here) <= tolerance) return;
-      FailNode(node, fmt::format("after_fall is '{}', which begins with {} {} {} away; allowed: {} "
-                                 "{}, as it is played in place of this one",
-                                 file_.graph.node(other).name.view(), what,
-                                 MessageNumber(std::abs(there - here)), unit,
-                                 MessageNumber(tolerance), unit));
+      FailAfterFall(
+          node,
+          fmt::format("is '{}', which begins with {} {} {} away; allowed: {} {}, as it is "
+                      "played in place of this one",
+                      file_.graph.node(other).name.view(), what,
+                      MessageNumber(std::abs(there - here)), unit, MessageNumber(tolerance), unit));
     };
     const auto first = [&](int of, int j) {
       const auto& joints = file_.PrimitiveOf(of).primitive.joints;
@@ -607,7 +624,12 @@ class SequenceReader {
   SequenceFile file_;
   bool has_swap_ = false;
   std::vector<std::string> node_keys_;
-  std::vector<std::string> after_fall_names_;
+  struct AfterFall {
+    bool given = false;
+    std::string name;
+    std::uint32_t line = 0;
+  };
+  std::vector<AfterFall> after_falls_;  // of the nodes
 };
 
 }  // namespace

@@ -16,6 +16,7 @@
 #include "common/program.h"
 #include "common/progress_line.h"
 #include "common/result_file.h"
+#include "offline/solver/guess.h"
 #include "offline/sweep/task_sweep.h"
 
 namespace tumbler {
@@ -81,6 +82,7 @@ SweepStudy StudyOf(const Arguments& arguments) {
 
 /// Checks the files before the work.
 void Check(const Arguments& arguments, const SweepStudy& study, const SweepPlan& plan) {
+  if (!study.guess) CheckGuess(study.grid.TaskAt(0));
   CheckFolderWritable(plan.folder);
   if (!arguments.json.empty() && arguments.json != "-") CheckWritable(arguments.json);
   std::vector<std::string> files = FilesOf(study, plan);

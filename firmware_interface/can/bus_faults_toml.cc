@@ -82,7 +82,7 @@ void ReadIds(TomlTable& table, std::string_view key, FaultEntry& fault) {
 }
 
 constexpr Range kDelay_s{0, 10, true};
-constexpr const char* kNode = "`\"host\"` or a joint";
+constexpr const char* kNode = "`\"host\"`, a joint or, where there is one, `\"sensor\"`";
 constexpr std::array kFaultKeys = {
     KeyReadBy<FaultEntry>("kind", ReadKind, "").Required().Allowed("see below"),
     SecondsOf<&BusFault::start_ns, FaultEntry>("start_s", {0, 1e6}, "simulated time"),

@@ -41,11 +41,20 @@ std::string Cause(const Problem& problem, const Solution& best) {
     return "no contact was ever active: the robot touches no obstacle; check start.z_m and the "
            "obstacles (a flight needs none: obstacle = [])";
   }
+  if (best.constraint_violation > kNoViolation && best.end == SolveEnd::kTaken) {
+    return fmt::format(
+        "the guess, whose path is taken as it is, exceeds a limit here: {} by {:.2g} %; give a "
+        "guess that keeps the limits of this task in its duration_s, {:.6g} s (its own may be "
+        "another), or let a path be found, without [robust.feedback]",
+        best.worst_constraint, 100 * best.constraint_violation, problem.duration_s);
+  }
   if (best.constraint_violation > kNoViolation) {
     return fmt::format(
         "the best motion exceeds a limit: {} by {:.2g} % ({}); give it more duration_s, looser "
-        "limits, or more search.max_samples or solver.max_evaluations",
-        best.worst_constraint, 100 * best.constraint_violation, ToString(best.end));
+        "limits, or more {}",
+        best.worst_constraint, 100 * best.constraint_violation, ToString(best.end),
+        problem.robust ? "robust.samples or robust.generations"
+                       : "search.max_samples or solver.max_evaluations");
   }
   if (best.core_reached) {
     return fmt::format(
@@ -120,6 +129,15 @@ void MakeFile(TaskResult& result, Looks& looks) {
   FineLook fine = looks.At(best);
   result.summary = std::move(fine.summary);
   result.look = std::move(fine.look);
+  if (!result.look.acceptable() && best.end == SolveEnd::kTaken) {
+    result.cause = fmt::format(
+        "a simulation of the guess, taken as it is, with a step of {:.3g} ms shows that it is not "
+        "what the task asks for: {}; give a guess that more robots survive, or let path and gains "
+        "be found: without robust.feedback.from_guess, first the path without [robust.feedback] "
+        "(--guess and [mirror] may stay), then the gains with that as the guess",
+        1e3 * result.look.step_s, result.look.Objections());
+    return;
+  }
   if (!result.look.acceptable()) {
     result.cause = fmt::format(
         "a simulation of the best motion with a step of {:.3g} ms shows that it is not what the "

@@ -84,8 +84,8 @@ constexpr std::array kFeedbackSearchKeys = {
         "correction_rate_max_rad_s", {0, kMaxCorrectionRate_rad_s, true}, "in a second"),
     KeyOf<&FeedbackSettings::from_guess>(
         "from_guess",
-        "the gains and the dead zone of the guess's feedback are taken as they are, and none are "
-        "found; `knots` and what follows do not count"),
+        "gains, dead zone and limits of the guess's feedback are taken as they are, and none are "
+        "found; of this table only `link` may be there, too, and the duration is the task's"),
     KeyOf<&FeedbackSettings::noise_rad>("noise_rad", {0, 1}, "of the sensor, as in a twin file"),
     KeyOf<&FeedbackSettings::rate_noise_rad_s>("rate_noise_rad_s", {0, 10}, "likewise"),
     KeyOf<&FeedbackSettings::bias_rad>("bias_rad", {0, 1}, "likewise, of either sign"),
@@ -100,6 +100,19 @@ std::optional<FeedbackSettings> ReadFeedbackSearch(TomlTable& robust, const Prob
   if (!table) return std::nullopt;
   FeedbackSettings settings;
   ReadKeys(*table, kFeedbackSearchKeys, settings);
+  if (settings.from_guess) {
+    for (const std::string& key : table->Keys()) {
+      if (key == "link" || key == "from_guess") continue;
+      table->Fail(key,
+                  "is about a feedback that is found, and from_guess takes that of the guess; "
+                  "leave out one of the two");
+    }
+    if (robust.Has("duration_max_s")) {
+      robust.Fail("duration_max_s",
+                  "does not go with robust.feedback.from_guess, whose gains are for the guess's "
+                  "duration; leave out one of the two");
+    }
+  }
   if (problem.scene.robot.tree.gravity.x() != 0) {
     table->Fail(
         "",

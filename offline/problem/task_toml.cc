@@ -102,6 +102,9 @@ constexpr std::array kSplineKeys = {
 /// Reads pairs of joints; those that are not named are their own partners.
 void ReadMirror(TomlTable& table, std::string_view key, Problem& problem) {
   std::vector<std::size_t>& partner = problem.guess_mirror;
+  std::vector<std::string> names;
+  for (const ActuatedJoint& joint : problem.joints)
+    names.push_back(problem.scene.robot.tree.dofs[Index(joint.dof)].name);
   partner.resize(problem.joints.size());
   std::iota(partner.begin(), partner.end(), std::size_t{0});
   for (const std::vector<std::string>& pair : table.StringLists(key)) {
@@ -111,13 +114,10 @@ void ReadMirror(TomlTable& table, std::string_view key, Problem& problem) {
     }
     std::array<std::size_t, 2> joints{};
     for (std::size_t i = 0; i < 2; ++i) {
-      const auto named = [&](const ActuatedJoint& joint) {
-        return problem.scene.robot.tree.dofs[Index(joint.dof)].name == pair[i];
-      };
-      const auto found = std::ranges::find_if(problem.joints, named);
-      if (found == problem.joints.end())
-        table.Fail(key, fmt::format("names '{}'; allowed: joints of the task", pair[i]));
-      joints[i] = static_cast<std::size_t>(found - problem.joints.begin());
+      const auto found = std::ranges::find(names, pair[i]);
+      if (found == names.end())
+        table.Fail(key, fmt::format("names '{}'; allowed: {}", pair[i], fmt::join(names, ", ")));
+      joints[i] = static_cast<std::size_t>(found - names.begin());
     }
     if (joints[0] == joints[1])
       table.Fail(key, fmt::format("exchanges '{}' with itself; allowed: two joints", pair[0]));

@@ -140,7 +140,10 @@ class RobustSearch {
       const std::vector<Candidate> polished = Polish(best);
       best.insert(best.begin(), polished.begin(), polished.end());
     }
-    if (taken_ == nullptr && feeds_back() && !best.empty()) FindGains(best.front());
+    // No gains mend a path that the model itself cannot play.
+    as_it_is_ =
+        taken_ != nullptr || (!guess.empty() && robust_.feedback && !IsPlayable(best.front().x));
+    if (!as_it_is_ && feeds_back() && !best.empty()) FindGains(best.front());
     return best;
   }
 
@@ -156,11 +159,13 @@ class RobustSearch {
 
   /// A candidate's feedback; absent where the task asks for none.
   [[nodiscard]] Feedback<double> FeedbackOf(const Candidate& candidate) {
-    if (taken_ != nullptr) return TakenFeedback(candidate.x);
+    if (as_it_is_) return taken_ != nullptr ? TakenFeedback(candidate.x) : Feedback<double>{};
     return feeds_back() ? Plans({candidate.x}).front().feedback
                         : FindHold(candidate.x, robust_.polish_robots);
   }
 
+  /// Whether nothing was searched: the guess is as it was given.
+  [[nodiscard]] bool as_it_is() const { return as_it_is_; }
   [[nodiscard]] std::int64_t evaluations() const { return evaluations_; }
   [[nodiscard]] std::vector<Evaluation>& history() { return history_; }
   [[nodiscard]] bool interrupted() const {
@@ -298,6 +303,13 @@ class RobustSearch {
                                   ensemble.noise.size());
     }
     return ensemble;
+  }
+
+  /// Whether the plan keeps the limits of its path, of torque and of penetration, or nearly so.
+  [[nodiscard]] bool IsPlayable(const std::vector<double>& x) const {
+    constexpr double kNearly = 0.3;
+    SelfDistances distances(problem_.scene.robot, problem_.scene.self_contact.pairs);
+    return PathExcess(x, distances) < kUnplayable && Plans({x}).front().excess < kNearly;
   }
 
   /// How far the path leaves its limits and the clearance; 0 where it keeps them.
@@ -500,10 +512,11 @@ class RobustSearch {
     law.knots_s = taken_->knots_s;
     law.error_min_rad = taken_->error_min_rad;
     law.error_full_rad = taken_->error_full_rad;
-    for (std::size_t j = 0; j < joints_; ++j) {
-      law.joints[j].angle_gain = taken_->joints[j].angle_gain;
-      law.joints[j].rate_gain = taken_->joints[j].rate_gain;
-    }
+    law.error_max_rad = taken_->error_max_rad;
+    law.start_error_max_rad = taken_->start_error_max_rad;
+    law.fade_in_s = taken_->fade_in_s;
+    law.fade_out_s = taken_->fade_out_s;
+    law.joints = taken_->joints;
     return law;
   }
 
@@ -889,6 +902,7 @@ class RobustSearch {
   /// Of the hold, once it is found: then a motion has gains as well.
   std::optional<Feedback<double>> hold_;
   const Feedback<double>* taken_ = nullptr;  ///< Of the guess, where its gains are taken.
+  bool as_it_is_ = false;
   /// Where the root is to be: a target of its x or z.
   struct Place {
     std::size_t dof = 0;
@@ -921,7 +935,7 @@ SolveOutcome SolveRobust(const Problem& problem, const SolveOptions& options,
     solution.duration_s = of_motion.duration_s;
     // A feedback takes as long to find as a motion: the best one gets it.
     if (problem.robust->feedback && i == 0) solution.feedback = search.FeedbackOf(found[i]);
-    solution.end = gains != nullptr ? SolveEnd::kTaken : SolveEnd::kGenerations;
+    solution.end = search.as_it_is() ? SolveEnd::kTaken : SolveEnd::kGenerations;
     solution.finished = true;
     solution.start = static_cast<int>(i);
     outcome.solutions.push_back(std::move(solution));

@@ -159,12 +159,14 @@ std::optional<Feedback<double>> TakenFeedback(const Problem& problem, const Prim
     for (std::size_t m = 0; m < motions.size(); ++m)
       if (motions[m].name.view() == name) ordered.joints[j] = feedback.joints[m];
     if (chain == chains.end() || ordered.joints[j].chain != chain->joints[j]) {
-      throw FileError(
-          file_name, 0, "feedback.link",
-          fmt::format("is '{}', which is not the task's robust.feedback.link, '{}'{}; its gains "
-                      "(robust.feedback.from_guess) are for that link alone",
-                      feedback.link.view(), robust->feedback->link,
-                      problem.guess_mirror.empty() ? "" : ", in its mirror image"));
+      throw FileError(file_name, 0, "feedback.link",
+                      fmt::format("is '{}'{}, and the task's robust.feedback.link '{}'; its gains "
+                                  "(robust.feedback.from_guess) are for that link alone",
+                                  feedback.link.view(),
+                                  problem.guess_mirror.empty()
+                                      ? ""
+                                      : ", which in the mirror image is its partner ([mirror])",
+                                  robust->feedback->link));
     }
   }
   return ordered;

@@ -36,7 +36,7 @@ enum class SolveEnd {
   kEnough,       ///< A further step promised less than the caller asked for: near a guess.
   kEvaluations,  ///< The evaluation budget is used up.
   kGenerations,  ///< A robust search is over: its generations, or that they gain anything.
-  kTaken,        ///< Nothing was searched: a guess is taken as it is, with its gains.
+  kTaken,        ///< Nothing was searched: a guess is taken as it is.
   kInfeasible,   ///< The linearised constraints contradict each other, or stay violated.
   kInterrupted,  ///< The caller asked to stop.
   kFailed,       ///< The rollout left every plausible range at the start.

@@ -197,7 +197,7 @@ void Executor::LatchFall() noexcept {
 void Executor::BeginAnew() noexcept {
   int node = graph_.start;
   if (CheckBeginning(node).refusal == Refusal::kNone) {
-    SetNode(InPlaceOf(node));
+    SetNode(node);
     Enter(ExecutorState::kRunning);
   } else if (ticks_in_state_ >= move_ticks_ + CeilTicks(kLieStill_s / config_.period_s)) {
     LatchFall();

@@ -256,6 +256,7 @@ RefusalDetail Executor::CheckRun(int& node) const noexcept {
 
 RefusalDetail Executor::CheckBeginning(int& node) const noexcept {
   if (const RefusalDetail lies = FindBeginning(node); lies.refusal != Refusal::kNone) return lies;
+  if (gets_up_) node = InPlaceOf(node);
   const float tolerance =
       primitives_[static_cast<std::size_t>(graph_.node(node).primitive)].entry_tolerance_rad;
   for (int i = 0; i < joint_count_; ++i) {

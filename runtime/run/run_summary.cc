@@ -128,6 +128,21 @@ bool Fell(const RunSummary& summary) {
   return !summary.falls.empty() || summary.statistics.get_ups > 0;
 }
 
+/// The first motions after which the robot is not where it should be, and what followed each.
+std::string AmissIn(const RunSummary& summary) {
+  constexpr int kMost = 3;
+  std::string text;
+  int named = 0;
+  for (std::size_t i = 0; i < summary.passages.size(); ++i) {
+    if (!summary.passages[i].amiss()) continue;
+    if (named++ == kMost) return text + ", ...)";
+    text += fmt::format("{}'{}'", text.empty() ? " (" : ", ", summary.passages[i].node);
+    if (i + 1 < summary.passages.size())
+      text += fmt::format(" before '{}'", summary.passages[i + 1].node);
+  }
+  return text + ")";
+}
+
 void AppendPassages(const RunSummary& summary, std::string& text) {
   if (!summary.broken_off.empty()) text += fmt::format("  {}: broken off\n", summary.broken_off);
   if (summary.passages.empty()) return;
@@ -138,7 +153,7 @@ void AppendPassages(const RunSummary& summary, std::string& text) {
     const auto amiss = count(&Passage::amiss), unjudged = count(&Passage::unjudged);
     text += fmt::format(
         "  {} motions, {} complete cycles; {}{}\n", summary.passages.size(), summary.cycles,
-        amiss != 0      ? fmt::format("NOT where it should be after {}", amiss)
+        amiss != 0      ? fmt::format("NOT where it should be after {}{}", amiss, AmissIn(summary))
         : Fell(summary) ? "the robot where it should be when each was judged, but it FELL"
                         : "the robot where it should be after each",
         unjudged == 0 ? "" : fmt::format(" but {}, which the run's end left unjudged", unjudged));

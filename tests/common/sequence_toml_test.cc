@@ -273,7 +273,8 @@ std::string WithAnotherWay(const std::string& after_fall = "up to the other side
                   "name = \"up\"\nprimitive = \"up\"\nafter_fall = \"" + after_fall + "\"\n");
   return text +
          "[[node]]\nname = \"up to the other side\"\nprimitive = \"other\"\nsafe = true\n"
-         "[[edge]]\nfrom = \"up to the other side\"\nto = \"down, swapped\"\n";
+         "[[edge]]\nfrom = \"up to the other side\"\nto = \"down, swapped\"\n"
+         "[begin]\nnodes = []\nlink = \"base\"\n";
 }
 std::vector<PrimitiveFile> GaitPrimitivesWithAnotherWay(double leg1_rad = -1,
                                                         double pitch_rad = 0) {
@@ -306,13 +307,19 @@ TEST(SequenceToml, WhatIsPlayedInPlaceOfANodeBeginsLikeIt) {
     return Refusal(text, GaitPrimitivesWithAnotherWay(leg1_rad, pitch_rad));
   };
   EXPECT_EQ(refusal(WithAnotherWay()), "accepted");
-  EXPECT_THAT(refusal(WithAnotherWay("nowhere")),
-              HasSubstr("node[0]: after_fall is 'nowhere', which is no node; allowed:"));
-  EXPECT_THAT(refusal(WithAnotherWay("up")), HasSubstr("after_fall is 'up'; allowed: another"));
+  EXPECT_THAT(
+      refusal(WithAnotherWay("nowhere")),
+      HasSubstr("node[0].after_fall: is no node; allowed: another node that has none itself: "
+                "down, up, swapped, down, swapped, out, up to the other side"));
+  EXPECT_THAT(refusal(WithAnotherWay("")), HasSubstr("node[0].after_fall: is no node"));
+  EXPECT_THAT(refusal(WithAnotherWay("up")), HasSubstr("after_fall: is 'up'; allowed: another"));
   EXPECT_THAT(
       refusal(Replaced(WithAnotherWay(), "primitive = \"other\"\n",
                        "primitive = \"other\"\nafter_fall = \"down\"\n")),
-      HasSubstr("after_fall is 'up to the other side'; allowed: another node, which has no"));
+      HasSubstr("node[0].after_fall: is 'up to the other side'; allowed: another node that has"));
+  EXPECT_THAT(
+      refusal(Replaced(WithAnotherWay(), "[begin]\nnodes = []\nlink = \"base\"\n", "")),
+      HasSubstr("after_fall: is for robots that get up, and the sequence does not say how"));
   EXPECT_THAT(refusal(WithAnotherWay(), -0.9),
               HasSubstr("begins with joint 'joint1' 0.1 rad away"));
   EXPECT_THAT(refusal(WithAnotherWay(), -1, 0.1),

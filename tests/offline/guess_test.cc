@@ -278,13 +278,36 @@ TEST(TakeGuess, GainsAreTakenOfAGuessThatHasThemForThisLinkAndDurationOnly) {
   Task as_it_is = MirroredTask();
   as_it_is.problem.guess_mirror.clear();
   EXPECT_THAT(refusal(as_it_is, "handstand_sensor"),
-              HasSubstr("feedback.link: is 'leg2_link', which is not the task's "
-                        "robust.feedback.link, 'leg1_link'; its gains"));
+              HasSubstr("feedback.link: is 'leg2_link', and the task's robust.feedback.link "
+                        "'leg1_link'; its gains"));
   as_it_is.problem.robust->feedback->link = "leg2_link";
   EXPECT_EQ(refusal(as_it_is, "handstand_sensor"), "accepted");
   as_it_is.problem.duration_s = 0.8;
   EXPECT_THAT(refusal(as_it_is, "handstand_sensor"),
               HasSubstr("duration_s: is 0.723, and the task's 0.8"));
+}
+
+TEST(TakeGuess, WhoTakesGainsDoesNotSayHowToFindThem) {
+  const std::string text =
+      testing::ReadFile(testing::SourcePath("primitives/tasks/handstand_sensor_mirrored.toml"));
+  const auto refusal = [&text](const std::string& from, const std::string& to) -> std::string {
+    try {
+      ParseTask(Replaced(text, from, to), "task.toml", ShippedRobot(), "robot.urdf");
+    } catch (const FileError& error) {
+      return error.what();
+    }
+    return "accepted";
+  };
+  for (const std::string key : {"acts = \"hold\"", "knots = 9", "correction_max_rad = 0.5",
+                                "correction_rate_max_rad_s = 30.0", "noise_rad = 0.01",
+                                "bias_rad = 0.01", "push_n = 3.0"}) {
+    const std::string name = key.substr(0, key.find(' '));
+    EXPECT_THAT(refusal("from_guess = true", key + "\nfrom_guess = true"),
+                HasSubstr("robust.feedback." + name + ": is about a feedback that is found"));
+  }
+  EXPECT_THAT(
+      refusal("[robust.feedback]", "duration_min_s = 0.7\nduration_max_s = 0.8\n[robust.feedback]"),
+      HasSubstr("robust.duration_max_s: does not go with robust.feedback.from_guess"));
 }
 
 TEST(TakeGuess, TheJointsOfAMirrorAreThoseOfTheTaskEachOnce) {
@@ -301,8 +324,7 @@ TEST(TakeGuess, TheJointsOfAMirrorAreThoseOfTheTaskEachOnce) {
   };
   EXPECT_EQ(refusal("[]"), "accepted") << "each joint is its own partner";
   EXPECT_THAT(refusal("[[\"leg1\"]]"), HasSubstr("mirror.joints: has an entry of 1 names"));
-  EXPECT_THAT(refusal("[[\"leg1\", \"leg3\"]]"),
-              HasSubstr("names 'leg3'; allowed: joints of the task"));
+  EXPECT_THAT(refusal("[[\"leg1\", \"leg3\"]]"), HasSubstr("names 'leg3'; allowed: leg1, leg2"));
   EXPECT_THAT(refusal("[[\"leg1\", \"leg1\"]]"), HasSubstr("exchanges 'leg1' with itself"));
   EXPECT_THAT(refusal("[[\"leg1\", \"leg2\"], [\"leg2\", \"leg1\"]]"),
               HasSubstr("names 'leg2' twice"));

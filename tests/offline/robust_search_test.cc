@@ -204,7 +204,24 @@ TEST(RobustSearch, GainsAreFoundForAGuessThatIsAtALimitAndThatItsFileHasRounded)
   const SolveOutcome outcome = SolveRobust(problem, {}, guess);
   EXPECT_LT(outcome.history.back().cost, 1) << "robots stand";
   problem.joints[0].limits.position_max_rad = most_rad - 1e-3;
-  EXPECT_GT(SolveRobust(problem, {}, guess).history.back().cost, 3) << "no rounding";
+  const SolveOutcome without = SolveRobust(problem, {}, guess);
+  EXPECT_EQ(without.solutions.front().end, SolveEnd::kTaken) << "no rounding";
+}
+
+TEST(RobustSearch, NoGainsAreSearchedForAGuessThatTheModelCannotPlay) {
+  const std::vector<double> guess =
+      SolveRobust(ProblemOf(QuickRobustTask()), {}).solutions.front().x;
+  for (const std::string acts : {"always", "hold", "motion"}) {
+    Problem problem = ProblemOf(
+        QuickRobustTask("[robust.feedback]\nlink = \"leg2_link\"\nacts = \"" + acts + "\"\n"));
+    // Its feet have to bear the robot: a tenth of what that takes.
+    for (ActuatedJoint& joint : problem.joints) joint.limits.torque_max_nm = 0.1;
+    const SolveOutcome outcome = SolveRobust(problem, {}, guess);
+    EXPECT_EQ(outcome.evaluations, 0) << acts;
+    EXPECT_EQ(outcome.solutions.front().end, SolveEnd::kTaken);
+    EXPECT_FALSE(outcome.solutions.front().feasible());
+    EXPECT_FALSE(outcome.solutions.front().feedback.present());
+  }
 }
 
 TEST(RobustSearch, GainsInTheMotionAreFoundInOneRoundMoreThanTheTaskSaysEachWithTwiceTheRobots) {

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 #include <string_view>
+#include <vector>
 
 #include "runtime/core/executor.h"
 #include "runtime/core/run_procedure.h"
@@ -39,7 +40,10 @@ class SensingRig : public ExecutorRig {
  public:
   SensingRig(const ExecutorConfig& config, bool has_sensor, const SequenceGraph<float>& graph,
              const Primitive<float>& motion)
-      : ExecutorRig(config, graph, {motion}) {
+      : SensingRig(config, has_sensor, graph, std::vector<Primitive<float>>{motion}) {}
+  SensingRig(const ExecutorConfig& config, bool has_sensor, const SequenceGraph<float>& graph,
+             const std::vector<Primitive<float>>& motions)
+      : ExecutorRig(config, graph, motions) {
     if (has_sensor) {
       sensor.device = &device_;
       sensor.settings.repeats_max = 0;
@@ -226,9 +230,12 @@ SequenceGraph<float> RoundsWithAnotherWay(const Primitive<float>& motion) {
 class FallingRig : public SensingRig {
  public:
   explicit FallingRig(const ExecutorConfig& config, bool has_sensor = true)
-      : FallingRig(config, has_sensor, Rounds(MotionAfterItself()), MotionAfterItself()) {}
+      : FallingRig(config, has_sensor, Rounds(MotionAfterItself()), {MotionAfterItself()}) {}
   FallingRig(const ExecutorConfig& config, const SequenceGraph<float>& graph)
-      : FallingRig(config, true, graph, MotionAfterItself()) {}
+      : FallingRig(config, graph, {MotionAfterItself()}) {}
+  FallingRig(const ExecutorConfig& config, const SequenceGraph<float>& graph,
+             const std::vector<Primitive<float>>& motions)
+      : FallingRig(config, true, graph, motions) {}
 
   /// Ticks until this node is running.
   bool TickUntilPlays(int node) {
@@ -250,8 +257,8 @@ class FallingRig : public SensingRig {
 
  private:
   FallingRig(const ExecutorConfig& config, bool has_sensor, const SequenceGraph<float>& graph,
-             const Primitive<float>& motion)
-      : SensingRig(config, has_sensor, graph, motion) {
+             const std::vector<Primitive<float>>& motions)
+      : SensingRig(config, has_sensor, graph, motions) {
     EXPECT_TRUE(Reach(ExecutorState::kRunning));
   }
 };
@@ -341,6 +348,27 @@ TEST(Falls, TheOtherWayIsBegunWithAlsoAfterRising) {
   ASSERT_TRUE(rises.TickWhile(ExecutorState::kMovingToStart));
   ASSERT_TRUE(rises.EndLying(0));
   EXPECT_EQ(rises.Tick().node, 2);
+}
+
+TEST(Falls, TheOtherWayBeginsWithinItsOwnEntryTolerance) {
+  const Primitive<float> motion = MotionAfterItself();
+  Primitive<float> exact = motion;
+  exact.entry_tolerance_rad = 1e-3F;
+  SequenceGraph<float> graph = RoundsWithAnotherWay(motion);
+  graph.node_storage[2].primitive = 1;
+  for (const float off_rad : {0.5e-3F, 2e-3F}) {
+    FallingRig rig(GetsUp(9), graph, {motion, exact});
+    ASSERT_TRUE(rig.EndLying(1));
+    rig.sensor_frames = SensorFrames(0, 0);
+    for (int i = 0; i < 100000 && rig.executor.state() == ExecutorState::kMovingToStart; ++i) {
+      rig.follow = false;
+      rig.drives[0]->reply.position_rad = rig.drives[0]->setpoint.position_rad + off_rad;
+      rig.drives[1]->reply.position_rad = rig.drives[1]->setpoint.position_rad;
+      rig.Tick();
+    }
+    EXPECT_EQ(rig.executor.state(),
+              off_rad < 1e-3F ? ExecutorState::kRunning : ExecutorState::kFault);
+  }
 }
 
 TEST(Falls, FromFallToRiseEverySetpointIsWithinTheLimits) {

@@ -392,6 +392,20 @@ TEST_F(SimTwin, AfterAFaultInTheHandstandTheRobotGoesHomeBeforeTorqueOff) {
       << "where nobody wants it to go home";
 }
 
+TEST_F(SimTwin, WhatTheHostDoesNotHearItDoesNotHearBesideASensorEither) {
+  const std::string drives = kPrimitives + "robots/tumbler_drives_sensor.toml";
+  for (const auto& [node, fault] :
+       {std::pair{"host", Fault::kStaleReply}, std::pair{"sensor", Fault::kNone}}) {
+    SimulatedWorldConfig world;
+    world.bus_faults = Write("faults.toml",
+                             "format = \"tumbler-bus-faults\"\nversion = 1\nseed = 1\n"
+                             "[[fault]]\nkind = \"loss\"\nnode = \"" +
+                                 std::string(node) + "\"\nprobability = 1.0\nstart_s = 3.0\n");
+    const Rehearsed run = Rehearse("handstand_sensor.toml", {}, {}, world, drives);
+    EXPECT_EQ(run.fault, fault) << node;
+  }
+}
+
 TEST_F(SimTwin, AfterAFaultInTheFlightTheRobotLandsAsPlannedAndGoesHome) {
   SimulatedWorldConfig world;
   world.bus_faults = Write("faults.toml",

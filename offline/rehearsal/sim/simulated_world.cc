@@ -76,6 +76,7 @@ class SimulatedWorld final : public World {
     if (!config.bus_faults.empty()) {
       std::vector<std::string> nodes;  // in the order in which they were attached
       for (const DriveEntry& entry : drives.drives) nodes.push_back(entry.joint);
+      if (drives.sensor) nodes.emplace_back("sensor");
       nodes.emplace_back("host");
       robot_.bus().SetFaults(LoadBusFaults(config.bus_faults, nodes));
     }
