@@ -133,7 +133,7 @@ constexpr std::array kNodeKeys = {
         "the node that is played in place of this one once the robot has fallen in this one and "
         "got up, until it falls in that one")
         .Default("none: the same is tried again")
-        .Allowed("another node, which begins like this one and has none itself"),
+        .Allowed("another node, which begins and leads on like this one and has none itself"),
     KeyOf<&NodeEntry::exit_pitch_tolerance_rad>(
         "exit_pitch_tolerance_rad", {0, kPi, true},
         "how far from its recorded exit the root may end in a simulation")
@@ -254,6 +254,7 @@ class SequenceReader {
     ReadKeys(root_, kStartKeys, file_);
     ReadBegin();
     root_.RejectUnknownKeys();
+    CheckAfterFalls();
     CheckNodes();
     CheckGraph();
     CheckLimits();
@@ -375,7 +376,38 @@ class SequenceReader {
                       "give it a [begin], or leave this out");
       }
       graph.node_storage[Index(i)].after_fall = other;
+    }
+  }
+
+  /// Throws unless what is played in place of a node leads on like it.
+  void CheckAfterFalls() const {
+    const Graph& graph = file_.graph;
+    for (int i = 0; i < graph.node_count; ++i) {
+      const int other = graph.node(i).after_fall;
+      if (other < 0) continue;
       CheckBeginsAlike(i, other);
+      const SequenceNode &here = graph.node(i), &there = graph.node(other);
+      if (here.safe != there.safe || here.ends_cycle != there.ends_cycle) {
+        FailAfterFall(i, fmt::format("is '{}', which has another safe or ends_cycle; allowed: the "
+                                     "same, as it is played in place of this one",
+                                     there.name.view()));
+      }
+      for (const SequenceEdge<double>& edge : graph.edges()) {
+        if (edge.from != i && edge.from != other) continue;
+        const int twin = edge.from == i ? other : i;
+        const bool matched = std::ranges::any_of(graph.edges(), [&](const auto& e) {
+          return e.from == twin && e.when == edge.when && e.branch == edge.branch;
+        });
+        if (matched) continue;
+        FailAfterFall(
+            i, fmt::format("is '{}', and of both only '{}' has an edge with when = \"{}\"{}; "
+                           "allowed: edges for the same, as it is played in place of this one",
+                           there.name.view(), graph.node(edge.from).name.view(),
+                           kWhen[static_cast<std::size_t>(edge.when)],
+                           edge.when == EdgeCondition::kBranch
+                               ? fmt::format(" of the branch '{}'", edge.branch.view())
+                               : ""));
+      }
     }
   }
 
@@ -537,22 +569,29 @@ class SequenceReader {
         FailNode(i, fmt::format("no edge leads to '{}' from the start, '{}'", name,
                                 graph.node(graph.start).name.view()));
       }
-      int node = i;
-      for (int steps = 0; !graph.node(node).safe; ++steps) {
-        const int next = Following(node);
-        if (next < 0) {
-          FailNode(node, fmt::format("'{}' is not safe, but a sequence can end there: give it an "
-                                     "edge with when = \"always\", or say safe = true",
-                                     graph.node(node).name.view()));
-        }
-        if (steps >= graph.node_count) {
-          FailNode(i, fmt::format("a stop at '{}' never ends: no node that follows by when = "
-                                  "\"always\" is safe",
-                                  name));
-        }
-        node = next;
-      }
+      CheckStop(i, i, 0);
     }
+  }
+
+  /// Throws unless a stop comes to its end from a node on, `steps` after it came at node `first`,
+  /// whichever nodes are played in place of others.
+  void CheckStop(int first, int node, int steps) const {
+    const Graph& graph = file_.graph;
+    if (graph.node(node).safe) return;
+    const int next = Following(node);
+    if (next < 0) {
+      FailNode(node, fmt::format("'{}' is not safe, but a sequence can end there: give it an "
+                                 "edge with when = \"always\", or say safe = true",
+                                 graph.node(node).name.view()));
+    }
+    if (steps >= graph.node_count) {
+      FailNode(first, fmt::format("a stop at '{}' never ends: no node that follows by when = "
+                                  "\"always\" is safe",
+                                  graph.node(first).name.view()));
+    }
+    CheckStop(first, next, steps + 1);
+    const int in_its_place = graph.node(next).after_fall;
+    if (in_its_place >= 0) CheckStop(first, in_its_place, steps + 1);
   }
 
   void CheckNodes() const {

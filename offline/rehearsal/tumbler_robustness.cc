@@ -153,6 +153,11 @@ void Check(Arguments& arguments) {
   }
   if ((study.lanes || arguments.compare_lanes) && study.run.get_ups > 0)
     throw UsageError("--get-ups", "is played in the twin; leave out --lanes and --compare-lanes");
+  if (study.push_n != 0 && study.run.get_ups > 0) {
+    throw UsageError("--push",
+                     "comes at a time in the model's hold, where a robot that got up is elsewhere "
+                     "in its run; leave out --get-ups");
+  }
   if (arguments.certify) {
     if (study.drops)
       throw UsageError("--certify", "a certificate has no place for drops; leave out --drops");

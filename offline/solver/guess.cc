@@ -132,6 +132,35 @@ PrimitiveFile Mirrored(const PrimitiveFile& file, const Problem& problem,
   return mirrored;
 }
 
+/// @throws FileError  when a guess cannot be taken as it is.
+void CheckSamePath(const Problem& problem, const PrimitiveFile& file,
+                   const std::string& file_name) {
+  constexpr double kSame_rad = 1e-9;  // A file's digits are finer.
+  constexpr int kTimes = 1000;
+  const std::vector<double> x = GuessFrom(problem, file, file_name);
+  for (std::size_t j = 0; j < problem.joints.size(); ++j) {
+    const std::string& name = problem.scene.robot.tree.dofs[Index(problem.joints[j].dof)].name;
+    const Path path = PositionSpline(problem, x, j);
+    const Path& given = std::ranges::find_if(file.primitive.motions(), [&](const auto& motion) {
+                          return motion.name.view() == name;
+                        })->position;
+    double most_rad = 0;
+    for (int k = 0; k <= kTimes; ++k) {
+      const double s = static_cast<double>(k) / kTimes;
+      most_rad = std::max(most_rad, std::abs(path.Evaluate(s * problem.duration_s).value -
+                                             given.Evaluate(s * given.end_s()).value));
+    }
+    if (most_rad <= kSame_rad) continue;
+    throw FileError(
+        file_name, 0, "joint",
+        fmt::format(
+            "'{}' has a path that the task's differs from by {:.2g} rad; its gains "
+            "(robust.feedback.from_guess) are for its own path: give the task the [spline], "
+            "[start] and [end] of that motion",
+            name, most_rad));
+  }
+}
+
 /// The feedback of a guess whose gains the task takes: with the joints in the problem's order.
 /// @throws FileError  when there is none, or it is of another link or duration.
 std::optional<Feedback<double>> TakenFeedback(const Problem& problem, const PrimitiveFile& file,
@@ -150,6 +179,17 @@ std::optional<Feedback<double>> TakenFeedback(const Problem& problem, const Prim
                                 "are for that time: give both the same",
                                 file.primitive.duration_s, problem.duration_s));
   }
+  const LaneDrive& through = robust->drive;
+  if (file.drives && *file.drives != DriveGains{through.kp, through.kd}) {
+    throw FileError(
+        file_name, 0, "drives",
+        fmt::format("are {:.6g} N m/rad and {:.6g} N m s/rad, and the task's kp_nm_per_rad and "
+                    "kd_nm_s_per_rad in [robust] {:.6g} and {:.6g}; its gains "
+                    "(robust.feedback.from_guess) are for those drives: give both the same",
+                    file.drives->kp_nm_per_rad, file.drives->kd_nm_s_per_rad, through.kp,
+                    through.kd));
+  }
+  CheckSamePath(problem, file, file_name);
   Feedback<double> ordered = feedback;
   const std::span<const JointMotion<double>> motions = file.primitive.motions();
   const std::vector<LinkChain> chains = LinkChainsOf(problem.scene.robot);

@@ -273,7 +273,10 @@ std::string WithAnotherWay(const std::string& after_fall = "up to the other side
                   "name = \"up\"\nprimitive = \"up\"\nafter_fall = \"" + after_fall + "\"\n");
   return text +
          "[[node]]\nname = \"up to the other side\"\nprimitive = \"other\"\nsafe = true\n"
+         "[[node]]\nname = \"out, swapped\"\nprimitive = \"out\"\nswapped = true\nsafe = true\n"
          "[[edge]]\nfrom = \"up to the other side\"\nto = \"down, swapped\"\n"
+         "[[edge]]\nfrom = \"up to the other side\"\nto = \"out, swapped\"\n"
+         "when = \"branch\"\nbranch = \"leave\"\n"
          "[begin]\nnodes = []\nlink = \"base\"\n";
 }
 std::vector<PrimitiveFile> GaitPrimitivesWithAnotherWay(double leg1_rad = -1,
@@ -310,7 +313,7 @@ TEST(SequenceToml, WhatIsPlayedInPlaceOfANodeBeginsLikeIt) {
   EXPECT_THAT(
       refusal(WithAnotherWay("nowhere")),
       HasSubstr("node[0].after_fall: is no node; allowed: another node that has none itself: "
-                "down, up, swapped, down, swapped, out, up to the other side"));
+                "down, up, swapped, down, swapped, out, up to the other side, out, swapped"));
   EXPECT_THAT(refusal(WithAnotherWay("")), HasSubstr("node[0].after_fall: is no node"));
   EXPECT_THAT(refusal(WithAnotherWay("up")), HasSubstr("after_fall: is 'up'; allowed: another"));
   EXPECT_THAT(
@@ -324,6 +327,45 @@ TEST(SequenceToml, WhatIsPlayedInPlaceOfANodeBeginsLikeIt) {
               HasSubstr("begins with joint 'joint1' 0.1 rad away"));
   EXPECT_THAT(refusal(WithAnotherWay(), -1, 0.1),
               HasSubstr("begins with the root's pitch 0.1 rad away; allowed: 0.02 rad"));
+}
+
+TEST(SequenceToml, WhatIsPlayedInPlaceOfANodeLeadsOnLikeIt) {
+  const auto refusal = [](const std::string& from, const std::string& to) {
+    return Refusal(Replaced(WithAnotherWay(), from, to), GaitPrimitivesWithAnotherWay());
+  };
+  EXPECT_THAT(
+      refusal("primitive = \"other\"\nsafe = true\n", "primitive = \"other\"\n"),
+      HasSubstr("node[0].after_fall: is 'up to the other side', which has another safe or"));
+  EXPECT_THAT(refusal("primitive = \"other\"\n", "primitive = \"other\"\nends_cycle = true\n"),
+              HasSubstr("which has another safe or ends_cycle"));
+  EXPECT_THAT(refusal("to = \"out, swapped\"\nwhen = \"branch\"\nbranch = \"leave\"\n",
+                      "to = \"out, swapped\"\nwhen = \"branch\"\nbranch = \"go\"\n"),
+              HasSubstr("of both only 'up' has an edge with when = \"branch\" of the branch "
+                        "'leave'; allowed: edges for the same"));
+  EXPECT_THAT(refusal("[[edge]]\nfrom = \"up to the other side\"\nto = \"down, swapped\"\n", ""),
+              HasSubstr("of both only 'up' has an edge with when = \"always\"; allowed"));
+}
+
+TEST(SequenceToml, AStopEndsAlsoWhereOtherNodesArePlayedAfterFalls) {
+  // From "second" a stop ends; from the node in its place it comes back to "first".
+  const auto text = [](const std::string& leads_to) {
+    std::string all =
+        "format = \"tumbler-sequence\"\nversion = 1\nname = \"s\"\nstart = \"first\"\n"
+        "[primitives]\nstay = \"stay.toml\"\n[begin]\nnodes = []\nlink = \"base\"\n";
+    for (const std::string name : {"first", "second", "in its place", "last"}) {
+      all += "[[node]]\nname = \"" + name + "\"\nprimitive = \"stay\"\n";
+      if (name == "second") all += "after_fall = \"in its place\"\n";
+      if (name == "last") all += "safe = true\n";
+    }
+    for (const auto& [from, to] : {std::pair<std::string, std::string>{"first", "second"},
+                                   {"second", "last"},
+                                   {"in its place", leads_to}})
+      all += "[[edge]]\nfrom = \"" + from + "\"\nto = \"" + to + "\"\n";
+    return all;
+  };
+  const std::vector<PrimitiveFile> stays{testing::MotionBetween("stay", {0, 0}, {0, 0}, 0, 0, 1)};
+  EXPECT_EQ(Refusal(text("last"), stays), "accepted");
+  EXPECT_THAT(Refusal(text("first"), stays), HasSubstr("a stop at 'first' never ends"));
 }
 
 TEST(SequenceToml, ComparesHowTheRootMovesAndWhereJointsWithoutAMotorAre) {

@@ -285,6 +285,24 @@ TEST(TakeGuess, GainsAreTakenOfAGuessThatHasThemForThisLinkAndDurationOnly) {
   as_it_is.problem.duration_s = 0.8;
   EXPECT_THAT(refusal(as_it_is, "handstand_sensor"),
               HasSubstr("duration_s: is 0.723, and the task's 0.8"));
+  const auto changed = [](const std::string& from, const std::string& to) {
+    return ParseTask(Replaced(testing::ReadFile(testing::SourcePath(
+                                  "primitives/tasks/handstand_sensor_mirrored.toml")),
+                              from, to),
+                     "task.toml", ShippedRobot(), "robot.urdf");
+  };
+  EXPECT_THAT(refusal(changed("kp_nm_per_rad = 40.0", "kp_nm_per_rad = 200.0"), "handstand_sensor"),
+              HasSubstr("drives: are 40 N m/rad and 5 N m s/rad, and the task's kp_nm_per_rad and "
+                        "kd_nm_s_per_rad in [robust] 200 and 5"));
+  EXPECT_THAT(refusal(changed("control_points = 12", "control_points = 16"), "handstand_sensor"),
+              HasSubstr("has a path that the task's differs from by 0.00"));
+  EXPECT_THAT(refusal(changed("joints_rad = { leg1 = 0.0, leg2 = 0.0 }",
+                              "joints_rad = { leg1 = 0.0, leg2 = -0.02 }"),
+                      "handstand_sensor"),
+              HasSubstr("joint: 'leg2' has a path that the task's differs from by 0.02 rad"));
+  EXPECT_EQ(refusal(changed("control_points = 12", "control_points = 19"), "handstand_sensor"),
+            "accepted")
+      << "the same path";
 }
 
 TEST(TakeGuess, WhoTakesGainsDoesNotSayHowToFindThem) {

@@ -466,7 +466,7 @@ TEST(Falls, RobotsThatFallGetUpAndAreAsAskedInTheEndAndNoneOfThemCountsAsStandin
     if (index == 0) continue;
     EXPECT_EQ(falls.verdict, Verdict::kFell);
     EXPECT_EQ(up.verdict, Verdict::kGotUp) << up.reason;
-    EXPECT_EQ(up.in, "downstand, swapped");
+    EXPECT_EQ(up.in, falls.in);
     EXPECT_EQ(up.motions, index == 93 ? 6 : 5)
         << "the cycles', those in which it fell, and those in which it got up";
     EXPECT_THAT(up.reason, HasSubstr("it got up 1 time"));
@@ -478,6 +478,20 @@ TEST(Falls, RobotsThatFallGetUpAndAreAsAskedInTheEndAndNoneOfThemCountsAsStandin
   study.drives.clear();
   study.twin.clear();
   EXPECT_THROW(Trials{study}, Refused) << "nobody tells how it lies";
+}
+
+TEST(Falls, WhereARobotFellFirstIsSaidWhateverItDoesAfterwards) {
+  RobustnessStudy study = SensorStudyOf("gait_sensor.toml");
+  study.run.cycles = 2;
+  study.scale = 2;
+  study.seed = 4711;
+  RobustnessStudy gets_up = study;
+  gets_up.run.get_ups = 2;
+  const TrialOutcome falls = Trials(study).Play(12), up = Trials(gets_up).Play(12);
+  EXPECT_EQ(falls.in, "handstand");
+  EXPECT_EQ(up.in, falls.in);
+  EXPECT_EQ(up.left_s, falls.left_s);
+  EXPECT_GT(up.motions, falls.motions);
 }
 
 TEST(Drops, RobotsGetUpHoweverTheyLieByTheirSensorAndWithoutItOnlyFromTheStart) {
@@ -953,6 +967,15 @@ TEST(RobustnessProgram, APushTakesAModelThatStands) {
                            "2", "--hold", "12"});
   EXPECT_EQ(refused.exit_code, 2) << refused.text;
   EXPECT_THAT(refused.text, HasSubstr("the model itself is not as asked, so there is no hold"));
+}
+
+TEST(RobustnessProgram, ARobotThatMayGetUpIsNotPushed) {
+  const testing::Outcome refused = testing::RunProgram(
+      {"tumbler-robustness", testing::SourcePath("primitives/gait_sensor.toml"), "--robots", "1",
+       "--cycles", "1", "--push", "2", "--get-ups", "1", "--drives",
+       testing::SourcePath("primitives/robots/tumbler_drives_sensor.toml")});
+  EXPECT_EQ(refused.exit_code, 1);
+  EXPECT_THAT(refused.text, HasSubstr("--push: comes at a time in the model's hold"));
 }
 
 TEST(RobustnessProgram, PutsNoResultInThePlaceOfAnother) {

@@ -301,7 +301,8 @@ std::optional<TrialOutcome> Trials::PlayVaried(const RobotVariation& variation,
         LiesInItself(varied, truth.joint_positions_rad)) {
       return std::nullopt;
     }
-    if (!dropped && k < script_.ticks.size())
+    // From a get-up on the robot does something else than the model.
+    if (!dropped && k < script_.ticks.size() && loop.statistics().get_ups == 0)
       departure.Observe(script_.ticks[k], truth.root_pitch_rad);
     if (observe) observe(loop, robot);
     if (!begun && loop.record().state == ExecutorState::kRunning) {
@@ -321,7 +322,7 @@ std::optional<TrialOutcome> Trials::PlayVaried(const RobotVariation& variation,
   }
   const std::int64_t get_ups = loop.statistics().get_ups;
   if (get_ups > 0 && procedure.outcome() == RunOutcome::kCompleted &&
-      EndsAsAsked(judge, robot.posture())) {
+      loop.record().cycles >= study_.run.cycles && EndsAsAsked(judge, robot.posture())) {
     outcome.verdict = TrialOutcome::Verdict::kGotUp;
     if (outcome.in.empty()) outcome.in = motion_.file().graph.node(fell_after).name.view();
     if (outcome.reason.empty()) outcome.reason = "it fell, by its sensor";
