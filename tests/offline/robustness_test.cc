@@ -473,6 +473,7 @@ TEST(Falls, RobotsThatFallGetUpAndAreAsAskedInTheEndAndNoneOfThemCountsAsStandin
   }
   EXPECT_THAT(ToText(result), HasSubstr("gait: 1 of 3 robots are as asked after every motion"));
   EXPECT_THAT(ToText(result), HasSubstr("  3 are as asked in the end"));
+  EXPECT_THAT(RobustnessPage(result), HasSubstr("<p>3 are as asked in the end, those that got up"));
   EXPECT_EQ(ToJson(result)["verdicts"]["got up"].integer(), 2);
   study.run.get_ups = 1;
   study.drives.clear();

@@ -283,8 +283,12 @@ void BindSequence(py::module_& module) {
             const auto& graph = self.file.graph;
             py::list edges;
             for (const auto& edge : graph.edges()) {
-              edges.append(py::make_tuple(StringOf(graph.node(edge.from).name),
-                                          StringOf(graph.node(edge.to).name)));
+              // After a fall there may be another node in the place of an edge's.
+              for (const int to : {edge.to, graph.node(edge.to).after_fall}) {
+                if (to < 0) continue;
+                edges.append(py::make_tuple(StringOf(graph.node(edge.from).name),
+                                            StringOf(graph.node(to).name)));
+              }
             }
             return py::tuple(edges);
           },

@@ -242,6 +242,13 @@ std::string RobustnessPage(const RobustnessResult& result) {
       "<h1>{}</h1>\n<p class=share>{:.1f} %</p>\n<p>{} of {} robots are as asked after every "
       "motion; the interval at 95 % is {:.1f} to {:.1f} %.</p>\n",
       title, 100 * share.value(), share.count, share.of, 100 * share.low, 100 * share.high);
+  if (result.study.run.get_ups > 0) {
+    const Share ends = result.ends();
+    page += fmt::format(
+        "<p>{} are as asked in the end, those that got up among them: {:.1f} %; the interval is "
+        "{:.1f} to {:.1f} %.</p>\n",
+        ends.count, 100 * ends.value(), 100 * ends.low, 100 * ends.high);
+  }
   page += fmt::format(
       "<p class=dim>{}; {}standard deviations: {}{}; seed {}{}{}</p>\n",
       Escaped(result.study.motion),

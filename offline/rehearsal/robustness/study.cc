@@ -126,6 +126,10 @@ Share RobustnessResult::stands() const {
   return ShareOf(Count(Verdict::kStands), static_cast<int>(trials.size()));
 }
 
+Share RobustnessResult::ends() const {
+  return ShareOf(Count(Verdict::kStands) + Count(Verdict::kGotUp), static_cast<int>(trials.size()));
+}
+
 int RobustnessResult::AmissAtRest() const {
   return static_cast<int>(std::count_if(
       trials.begin(), trials.end(),
@@ -362,7 +366,7 @@ std::string ToText(const RobustnessResult& result) {
       result.study.run.cycles > 0 ? fmt::format(", {} cycles", result.study.run.cycles) : "",
       DisturbancesOf(result.study));
   if (result.study.run.get_ups > 0) {
-    const Share ends = ShareOf(share.count + result.Count(Verdict::kGotUp), share.of);
+    const Share ends = result.ends();
     text += fmt::format("  {} are as asked in the end, those that got up among them: {}\n",
                         ends.count, ToText(ends));
   }

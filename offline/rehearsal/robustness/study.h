@@ -72,6 +72,8 @@ struct RobustnessResult {
 
   [[nodiscard]] int Count(TrialOutcome::Verdict verdict) const;
   [[nodiscard]] Share stands() const;
+  /// How many are as asked in the end: after every motion, or after a fall from which they got up.
+  [[nodiscard]] Share ends() const;
   /// How many are amiss, but rest at last in a pose in which a motion ends.
   [[nodiscard]] int AmissAtRest() const;
   /// The most telling first. Empty where all stand, or none.
