@@ -303,7 +303,7 @@ TEST(OptimizeCli, ATaskThatTakesSomethingOfAGuessNeedsOne) {
   const std::string task =
       ReadFile(testing::SourcePath("primitives/tasks/handstand_sensor_mirrored.toml"));
   for (const std::string key : {"robust.feedback.from_guess", "mirror"}) {
-    const TaskFolder folder(key == "mirror" ? Replaced(task, "from_guess = true\n", "") : task);
+    const TaskFolder folder(key == "mirror" ? Replaced(task, "from_guess = true", "") : task);
     Program program = Optimize(folder, {"--out", folder / "m.toml"});
     EXPECT_EQ(program.Wait(), 1);
     EXPECT_THAT(program.text(),
