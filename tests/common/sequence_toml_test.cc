@@ -353,14 +353,18 @@ TEST(SequenceToml, AStopEndsAlsoWhereOtherNodesArePlayedAfterFalls) {
         "format = \"tumbler-sequence\"\nversion = 1\nname = \"s\"\nstart = \"first\"\n"
         "[primitives]\nstay = \"stay.toml\"\n[begin]\nnodes = []\nlink = \"base\"\n";
     for (const std::string name : {"first", "second", "in its place", "last"}) {
-      all += "[[node]]\nname = \"" + name + "\"\nprimitive = \"stay\"\n";
+      all.append("[[node]]\nname = \"").append(name).append("\"\nprimitive = \"stay\"\n");
       if (name == "second") all += "after_fall = \"in its place\"\n";
       if (name == "last") all += "safe = true\n";
     }
     for (const auto& [from, to] : {std::pair<std::string, std::string>{"first", "second"},
                                    {"second", "last"},
                                    {"in its place", leads_to}})
-      all += "[[edge]]\nfrom = \"" + from + "\"\nto = \"" + to + "\"\n";
+      all.append("[[edge]]\nfrom = \"")
+          .append(from)
+          .append("\"\nto = \"")
+          .append(to)
+          .append("\"\n");
     return all;
   };
   const std::vector<PrimitiveFile> stays{testing::MotionBetween("stay", {0, 0}, {0, 0}, 0, 0, 1)};
