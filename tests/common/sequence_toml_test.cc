@@ -357,14 +357,12 @@ TEST(SequenceToml, AStopEndsAlsoWhereOtherNodesArePlayedAfterFalls) {
       if (name == "second") all += "after_fall = \"in its place\"\n";
       if (name == "last") all += "safe = true\n";
     }
-    for (const auto& [from, to] : {std::pair<std::string, std::string>{"first", "second"},
-                                   {"second", "last"},
-                                   {"in its place", leads_to}})
-      all.append("[[edge]]\nfrom = \"")
-          .append(from)
-          .append("\"\nto = \"")
-          .append(to)
-          .append("\"\n");
+    const std::vector<std::pair<std::string, std::string>> edges{
+        {"first", "second"}, {"second", "last"}, {"in its place", leads_to}};
+    for (const auto& [from, to] : edges) {
+      all.append("[[edge]]\nfrom = \"").append(from);
+      all.append("\"\nto = \"").append(to).append("\"\n");
+    }
     return all;
   };
   const std::vector<PrimitiveFile> stays{testing::MotionBetween("stay", {0, 0}, {0, 0}, 0, 0, 1)};
