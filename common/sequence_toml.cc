@@ -428,13 +428,9 @@ class SequenceReader {
                       file_.graph.node(other).name.view(), what,
                       MessageNumber(std::abs(there - here)), unit, MessageNumber(tolerance), unit));
     };
-    const auto first = [&](int of, int j) {
-      const auto& joints = file_.PrimitiveOf(of).primitive.joints;
-      return joints[Index(file_.graph.RoleOf(of, j))].position.control_points().front();
-    };
     for (int j = 0; j < file_.primitives.front().primitive.joint_count; ++j) {
-      check(fmt::format("joint '{}'", JointName(file_, Index(j))), first(node, j), first(other, j),
-            file_.tolerances.joint_position_rad, "rad");
+      check(fmt::format("joint '{}'", JointName(file_, Index(j))), FirstPosition(node, j),
+            FirstPosition(other, j), file_.tolerances.joint_position_rad, "rad");
     }
     const PrimitivePose& here = file_.PrimitiveOf(node).entry;
     const PrimitivePose& there = file_.PrimitiveOf(other).entry;
@@ -511,15 +507,18 @@ class SequenceReader {
     }
   }
 
+  /// Where a joint of the robot begins in a node.
+  [[nodiscard]] double FirstPosition(int node, int j) const {
+    const Primitive<double>& primitive = file_.PrimitiveOf(node).primitive;
+    const Motion& path = primitive.joints[Index(file_.graph.RoleOf(node, j))];
+    return path.position.control_points().front();
+  }
+
   /// Throws unless the joints begin in this node where they do in the start node.
   void CheckFirstPositions(const TomlTable& table, int node) const {
     const Graph& graph = file_.graph;
-    const auto first = [&](int of, int j) {
-      const Motion& path = file_.PrimitiveOf(of).primitive.joints[Index(graph.RoleOf(of, j))];
-      return path.position.control_points().front();
-    };
     for (int j = 0; j < file_.primitives.front().primitive.joint_count; ++j) {
-      const double here = first(node, j), start = first(graph.start, j);
+      const double here = FirstPosition(node, j), start = FirstPosition(graph.start, j);
       const double tolerance = file_.tolerances.joint_position_rad;
       if (std::abs(here - start) <= tolerance) continue;
       table.Fail("nodes", fmt::format("has '{}', in which joint '{}' begins at {} rad, and in '{}' "

@@ -35,7 +35,8 @@ void Progress::operator()(const Evaluation& e) {
     line_.Show(e.global
                    ? fmt::format("search  {} random motions  best is {:.3g} off", e.count, e.cost)
                    : fmt::format("improve start {}  motion {:6d}  mean loss of its robots {:.4f}{}",
-                                 e.start + 1, e.count, e.cost, e.cost >= 1 ? ": they fall" : ""));
+                                 e.start + 1, e.count, e.cost,
+                                 e.cost >= 1 ? ": they fall, or a limit is exceeded" : ""));
     return;
   }
   const double elapsed = std::chrono::duration<double>(spent_[stage]).count();

@@ -32,6 +32,12 @@ bool MissesEveryObstacle(const Problem& problem, const Solution& best) {
          !best.rollout.any_contact;
 }
 
+/// Whether gains were asked for, and none were searched because a limit stands in the way.
+bool LacksFeedback(const Problem& problem, const Solution& solution) {
+  return problem.robust && problem.robust->feedback && solution.end == SolveEnd::kTaken &&
+         !solution.feedback.present();
+}
+
 /// The reason why nothing was found, and the remedy.
 std::string Cause(const Problem& problem, const Solution& best) {
   if (best.evaluations == 0) return "no random motion had been improved yet";
@@ -41,14 +47,15 @@ std::string Cause(const Problem& problem, const Solution& best) {
     return "no contact was ever active: the robot touches no obstacle; check start.z_m and the "
            "obstacles (a flight needs none: obstacle = [])";
   }
-  if (best.constraint_violation > kNoViolation && best.end == SolveEnd::kTaken) {
+  const bool exceeds = best.constraint_violation > kNoViolation;
+  if (LacksFeedback(problem, best) || (exceeds && best.end == SolveEnd::kTaken)) {
     return fmt::format(
         "the guess, whose path is taken as it is, exceeds a limit here: {} by {:.2g} %; give a "
         "guess that keeps the limits of this task in its duration_s, {:.6g} s (its own may be "
         "another), or let a path be found, without [robust.feedback]",
         best.worst_constraint, 100 * best.constraint_violation, problem.duration_s);
   }
-  if (best.constraint_violation > kNoViolation) {
+  if (exceeds) {
     return fmt::format(
         "the best motion exceeds a limit: {} by {:.2g} % ({}); give it more duration_s, looser "
         "limits, or more {}",
@@ -104,7 +111,8 @@ class Looks {
 
 /// Whether the solver's figures speak for a motion.
 bool KeepsLimits(const Problem& problem, const Solution& solution) {
-  return !solution.x.empty() && solution.feasible() && !MissesEveryObstacle(problem, solution);
+  return !solution.x.empty() && solution.feasible() && !MissesEveryObstacle(problem, solution) &&
+         !LacksFeedback(problem, solution);
 }
 
 /// How a solve ended, given the Kuhn-Tucker residual by finer steps: a motion is not at a minimum

@@ -505,18 +505,10 @@ class RobustSearch {
 
   /// The gains that were given, along the angle of a motion.
   [[nodiscard]] Feedback<double> TakenFeedback(const std::vector<double>& x) const {
-    const std::vector<double> chain = ChainOf(robust_.feedback->link);
-    Feedback<double> law =
-        WithoutGains(DurationOf(x), AnglesOf({x}, Plans({x}), chain).front(), chain);
-    law.knot_count = taken_->knot_count;
-    law.knots_s = taken_->knots_s;
-    law.error_min_rad = taken_->error_min_rad;
-    law.error_full_rad = taken_->error_full_rad;
-    law.error_max_rad = taken_->error_max_rad;
-    law.start_error_max_rad = taken_->start_error_max_rad;
-    law.fade_in_s = taken_->fade_in_s;
-    law.fade_out_s = taken_->fade_out_s;
-    law.joints = taken_->joints;
+    const std::string& link = robust_.feedback->link;
+    Feedback<double> law = *taken_;
+    law.link = FixedString<32>(link);
+    law.angle = FitAngle(DurationOf(x), AnglesOf({x}, Plans({x}), ChainOf(link)).front());
     return law;
   }
 

@@ -101,24 +101,36 @@ void Fit(const Path& path, Path& nearest) {
 /// 0 at 0 and 1 at 1, with no first and second derivative there.
 double Fade(double s) { return s * s * s * (10 - s * (15 - 6 * s)); }
 
+const std::string& NameOf(const Problem& problem, std::size_t joint) {
+  return problem.scene.robot.tree.dofs[Index(problem.joints[joint].dof)].name;
+}
+
+/// Which of a primitive's joints is that of the problem.
+std::size_t JointIn(const PrimitiveFile& file, const std::string& file_name, const Problem& problem,
+                    std::size_t joint) {
+  const std::span<const JointMotion<double>> motions = file.primitive.motions();
+  const std::string& name = NameOf(problem, joint);
+  const auto found = std::ranges::find_if(
+      motions, [&](const JointMotion<double>& motion) { return motion.name.view() == name; });
+  if (found == motions.end()) {
+    throw FileError(file_name, 0, "joint",
+                    fmt::format("has no joint '{}', which the task moves; a guess needs a path "
+                                "for every joint of the task",
+                                name));
+  }
+  return static_cast<std::size_t>(found - motions.begin());
+}
+
 /// The mirror image of a motion: the robot turned about the vertical, so that what turned it to one
 /// side turns it to the other. A joint moves as its partner did, the other way round. The entry is
 /// mirrored, too; all else stays as it was, and belongs to the motion before.
-/// @param partner  of each of the problem's joints.
-/// @pre the file has all joints of the problem.
-PrimitiveFile Mirrored(const PrimitiveFile& file, const Problem& problem,
-                       std::span<const std::size_t> partner) {
+PrimitiveFile Mirrored(const PrimitiveFile& file, const std::string& file_name,
+                       const Problem& problem) {
   PrimitiveFile mirrored = file;
-  const std::span<const JointMotion<double>> motions = file.primitive.motions();
-  const auto index_of = [&](std::size_t j) {
-    const std::string& name = problem.scene.robot.tree.dofs[Index(problem.joints[j].dof)].name;
-    return static_cast<std::size_t>(
-        std::ranges::find_if(motions, [&](const auto& m) { return m.name.view() == name; }) -
-        motions.begin());
-  };
   for (std::size_t j = 0; j < problem.joints.size(); ++j) {
-    const std::size_t to = index_of(j), from = index_of(partner[j]);
-    const Path& path = motions[from].position;
+    const std::size_t to = JointIn(file, file_name, problem, j);
+    const std::size_t from = JointIn(file, file_name, problem, problem.guess_mirror[j]);
+    const Path& path = file.primitive.joints[from].position;
     std::vector<double> points(path.control_points().begin(), path.control_points().end());
     for (double& point : points) point = -point;
     if (mirrored.primitive.joints[to].position.Assign(path.degree(), path.knots(), points) !=
@@ -133,17 +145,14 @@ PrimitiveFile Mirrored(const PrimitiveFile& file, const Problem& problem,
 }
 
 /// @throws FileError  when a guess cannot be taken as it is.
-void CheckSamePath(const Problem& problem, const PrimitiveFile& file,
+/// @param x  the parameters of its paths.
+void CheckSamePath(const Problem& problem, std::span<const double> x, const PrimitiveFile& file,
                    const std::string& file_name) {
   constexpr double kSame_rad = 1e-9;  // A file's digits are finer.
   constexpr int kTimes = 1000;
-  const std::vector<double> x = GuessFrom(problem, file, file_name);
   for (std::size_t j = 0; j < problem.joints.size(); ++j) {
-    const std::string& name = problem.scene.robot.tree.dofs[Index(problem.joints[j].dof)].name;
     const Path path = PositionSpline(problem, x, j);
-    const Path& given = std::ranges::find_if(file.primitive.motions(), [&](const auto& motion) {
-                          return motion.name.view() == name;
-                        })->position;
+    const Path& given = file.primitive.joints[JointIn(file, file_name, problem, j)].position;
     double most_rad = 0;
     for (int k = 0; k <= kTimes; ++k) {
       const double s = static_cast<double>(k) / kTimes;
@@ -157,13 +166,14 @@ void CheckSamePath(const Problem& problem, const PrimitiveFile& file,
             "'{}' has a path that the task's differs from by {:.2g} rad; its gains "
             "(robust.feedback.from_guess) are for its own path: give the task the [spline], "
             "[start] and [end] of that motion",
-            name, most_rad));
+            NameOf(problem, j), most_rad));
   }
 }
 
 /// The feedback of a guess whose gains the task takes: with the joints in the problem's order.
 /// @throws FileError  when there is none, or it is of another link or duration.
-std::optional<Feedback<double>> TakenFeedback(const Problem& problem, const PrimitiveFile& file,
+std::optional<Feedback<double>> TakenFeedback(const Problem& problem, std::span<const double> x,
+                                              const PrimitiveFile& file,
                                               const std::string& file_name) {
   const auto& robust = problem.robust;
   if (!robust || !robust->feedback || !robust->feedback->from_guess) return std::nullopt;
@@ -189,15 +199,12 @@ std::optional<Feedback<double>> TakenFeedback(const Problem& problem, const Prim
                     file.drives->kp_nm_per_rad, file.drives->kd_nm_s_per_rad, through.kp,
                     through.kd));
   }
-  CheckSamePath(problem, file, file_name);
+  CheckSamePath(problem, x, file, file_name);
   Feedback<double> ordered = feedback;
-  const std::span<const JointMotion<double>> motions = file.primitive.motions();
   const std::vector<LinkChain> chains = LinkChainsOf(problem.scene.robot);
   const auto chain = std::ranges::find(chains, robust->feedback->link, &LinkChain::link);
   for (std::size_t j = 0; j < problem.joints.size(); ++j) {
-    const std::string& name = problem.scene.robot.tree.dofs[Index(problem.joints[j].dof)].name;
-    for (std::size_t m = 0; m < motions.size(); ++m)
-      if (motions[m].name.view() == name) ordered.joints[j] = feedback.joints[m];
+    ordered.joints[j] = feedback.joints[JointIn(file, file_name, problem, j)];
     if (chain == chains.end() || ordered.joints[j].chain != chain->joints[j]) {
       throw FileError(file_name, 0, "feedback.link",
                       fmt::format("is '{}'{}, and the task's robust.feedback.link '{}'; its gains "
@@ -249,19 +256,11 @@ std::vector<double> WithControlPointsOf(const Problem& problem, const Problem& o
 std::vector<double> GuessFrom(const Problem& problem, const PrimitiveFile& file,
                               const std::string& file_name) {
   std::vector<double> guess;
-  const std::span<const JointMotion<double>> motions = file.primitive.motions();
-  for (const ActuatedJoint& joint : problem.joints) {
-    const std::string& name = problem.scene.robot.tree.dofs[Index(joint.dof)].name;
-    const auto motion = std::ranges::find_if(
-        motions, [&](const JointMotion<double>& m) { return m.name.view() == name; });
-    if (motion == motions.end()) {
-      throw FileError(file_name, 0, "joint",
-                      fmt::format("has no joint '{}', which the task moves; a guess needs a path "
-                                  "for every joint of the task",
-                                  name));
-    }
+  for (std::size_t j = 0; j < problem.joints.size(); ++j) {
+    const ActuatedJoint& joint = problem.joints[j];
+    const JointMotion<double>& motion = file.primitive.joints[JointIn(file, file_name, problem, j)];
     const Path path =
-        Resampled(motion->position, problem.degree, joint.control_points, problem.duration_s);
+        Resampled(motion.position, problem.degree, joint.control_points, problem.duration_s);
     const auto points = path.control_points();
     const double at_start = joint.start_rad - points.front();
     const double at_end = joint.end_rad - points.back();
@@ -292,14 +291,11 @@ void TakeGuess(Task& task, const PrimitiveFile& file, const std::string& file_na
     task.problem.duration_s =
         std::clamp(file.primitive.duration_s, *robust->duration_min_s, *robust->duration_max_s);
   }
-  task.guess = GuessFrom(task.problem, file, file_name);
-  if (const std::vector<std::size_t>& partner = task.problem.guess_mirror; partner.empty()) {
-    task.guess_feedback = TakenFeedback(task.problem, file, file_name);
-  } else {
-    const PrimitiveFile mirrored = Mirrored(file, task.problem, partner);
-    task.guess = GuessFrom(task.problem, mirrored, file_name);
-    task.guess_feedback = TakenFeedback(task.problem, mirrored, file_name);
-  }
+  const Problem& problem = task.problem;
+  const PrimitiveFile guess =
+      problem.guess_mirror.empty() ? file : Mirrored(file, file_name, problem);
+  task.guess = GuessFrom(problem, guess, file_name);
+  task.guess_feedback = TakenFeedback(problem, task.guess, guess, file_name);
   task.guess_file = file_name;
   task.guess_hash = ContentHash(file);
 }

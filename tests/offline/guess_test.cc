@@ -227,6 +227,19 @@ PrimitiveFile ShippedMotion(const std::string& name) {
 Task MirroredTask() {
   return LoadTask(testing::SourcePath("primitives/tasks/handstand_sensor_mirrored.toml"));
 }
+/// The same after a change of its text.
+Task MirroredTask(const std::string& from, const std::string& to) {
+  return ParseTask(Replaced(MirroredTask().task_text, from, to), "task.toml", ShippedRobot(),
+                   "robot.urdf");
+}
+std::string RefusalOfMirroredTask(const std::string& from, const std::string& to) {
+  try {
+    MirroredTask(from, to);
+  } catch (const FileError& error) {
+    return error.what();
+  }
+  return "accepted";
+}
 
 TEST(TakeGuess, TheMirrorImageOfAMotionGoesToTheOtherSideWithTheLegsExchanged) {
   const PrimitiveFile guess = ShippedMotion("handstand_sensor");
@@ -285,60 +298,39 @@ TEST(TakeGuess, GainsAreTakenOfAGuessThatHasThemForThisLinkAndDurationOnly) {
   as_it_is.problem.duration_s = 0.8;
   EXPECT_THAT(refusal(as_it_is, "handstand_sensor"),
               HasSubstr("duration_s: is 0.723, and the task's 0.8"));
-  const auto changed = [](const std::string& from, const std::string& to) {
-    return ParseTask(Replaced(testing::ReadFile(testing::SourcePath(
-                                  "primitives/tasks/handstand_sensor_mirrored.toml")),
-                              from, to),
-                     "task.toml", ShippedRobot(), "robot.urdf");
-  };
-  EXPECT_THAT(refusal(changed("kp_nm_per_rad = 40.0", "kp_nm_per_rad = 200.0"), "handstand_sensor"),
-              HasSubstr("drives: are 40 N m/rad and 5 N m s/rad, and the task's kp_nm_per_rad and "
-                        "kd_nm_s_per_rad in [robust] 200 and 5"));
-  EXPECT_THAT(refusal(changed("control_points = 12", "control_points = 16"), "handstand_sensor"),
-              HasSubstr("has a path that the task's differs from by 0.00"));
-  EXPECT_THAT(refusal(changed("joints_rad = { leg1 = 0.0, leg2 = 0.0 }",
-                              "joints_rad = { leg1 = 0.0, leg2 = -0.02 }"),
+  EXPECT_THAT(
+      refusal(MirroredTask("kp_nm_per_rad = 40.0", "kp_nm_per_rad = 200.0"), "handstand_sensor"),
+      HasSubstr("drives: are 40 N m/rad and 5 N m s/rad, and the task's kp_nm_per_rad and "
+                "kd_nm_s_per_rad in [robust] 200 and 5"));
+  EXPECT_THAT(
+      refusal(MirroredTask("control_points = 12", "control_points = 16"), "handstand_sensor"),
+      HasSubstr("has a path that the task's differs from by 0.00"));
+  EXPECT_THAT(refusal(MirroredTask("joints_rad = { leg1 = 0.0, leg2 = 0.0 }",
+                                   "joints_rad = { leg1 = 0.0, leg2 = -0.02 }"),
                       "handstand_sensor"),
               HasSubstr("joint: 'leg2' has a path that the task's differs from by 0.02 rad"));
-  EXPECT_EQ(refusal(changed("control_points = 12", "control_points = 19"), "handstand_sensor"),
+  EXPECT_EQ(refusal(MirroredTask("control_points = 12", "control_points = 19"), "handstand_sensor"),
             "accepted")
       << "the same path";
 }
 
 TEST(TakeGuess, WhoTakesGainsDoesNotSayHowToFindThem) {
-  const std::string text =
-      testing::ReadFile(testing::SourcePath("primitives/tasks/handstand_sensor_mirrored.toml"));
-  const auto refusal = [&text](const std::string& from, const std::string& to) -> std::string {
-    try {
-      ParseTask(Replaced(text, from, to), "task.toml", ShippedRobot(), "robot.urdf");
-    } catch (const FileError& error) {
-      return error.what();
-    }
-    return "accepted";
-  };
   for (const std::string key : {"acts = \"hold\"", "knots = 9", "correction_max_rad = 0.5",
                                 "correction_rate_max_rad_s = 30.0", "noise_rad = 0.01",
                                 "bias_rad = 0.01", "push_n = 3.0"}) {
     const std::string name = key.substr(0, key.find(' '));
-    EXPECT_THAT(refusal("from_guess = true", key + "\nfrom_guess = true"),
+    EXPECT_THAT(RefusalOfMirroredTask("from_guess = true", key + "\nfrom_guess = true"),
                 HasSubstr("robust.feedback." + name + ": is about a feedback that is found"));
   }
   EXPECT_THAT(
-      refusal("[robust.feedback]", "duration_min_s = 0.7\nduration_max_s = 0.8\n[robust.feedback]"),
+      RefusalOfMirroredTask("[robust.feedback]",
+                            "duration_min_s = 0.7\nduration_max_s = 0.8\n[robust.feedback]"),
       HasSubstr("robust.duration_max_s: does not go with robust.feedback.from_guess"));
 }
 
 TEST(TakeGuess, TheJointsOfAMirrorAreThoseOfTheTaskEachOnce) {
-  const std::string text =
-      testing::ReadFile(testing::SourcePath("primitives/tasks/handstand_sensor_mirrored.toml"));
-  const auto refusal = [&text](const std::string& joints) -> std::string {
-    try {
-      ParseTask(Replaced(text, "[[\"leg1\", \"leg2\"]]", joints), "task.toml", ShippedRobot(),
-                "robot.urdf");
-    } catch (const FileError& error) {
-      return error.what();
-    }
-    return "accepted";
+  const auto refusal = [](const std::string& joints) {
+    return RefusalOfMirroredTask("[[\"leg1\", \"leg2\"]]", joints);
   };
   EXPECT_EQ(refusal("[]"), "accepted") << "each joint is its own partner";
   EXPECT_THAT(refusal("[[\"leg1\"]]"), HasSubstr("mirror.joints: has an entry of 1 names"));

@@ -312,6 +312,20 @@ TEST(OptimizeCli, ATaskThatTakesSomethingOfAGuessNeedsOne) {
   }
 }
 
+TEST(OptimizeCli, AMotionWithoutTheFeedbackThatTheTaskAsksForIsNotWritten) {
+  // Beyond a limit by less than counts as a violation, but by more than a file's digits.
+  const std::string task =
+      Replaced(ReadFile(testing::SourcePath("primitives/tasks/handstand_sensor.toml")), "[limits]",
+               "[limits.leg2]\nposition_max_rad = 2.69896590\n[limits]");
+  const TaskFolder folder(task);
+  Program program = Optimize(folder, {"--guess", testing::SourcePath("primitives/handstand.toml"),
+                                      "--out", folder / "m.toml"});
+  EXPECT_EQ(program.Wait(), 2);
+  EXPECT_THAT(program.text(),
+              HasSubstr("the guess, whose path is taken as it is, exceeds a limit"));
+  EXPECT_FALSE(std::filesystem::exists(folder / "m.toml"));
+}
+
 TEST(OptimizeCli, OutputThatCannotBeWrittenIsFoundBeforeTheWork) {
   const TaskFolder folder(EndlessSearch());
   testing::WriteFile(folder / "file", "keep me");

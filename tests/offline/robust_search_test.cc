@@ -214,7 +214,7 @@ TEST(RobustSearch, NoGainsAreSearchedForAGuessThatTheModelCannotPlay) {
   for (const std::string acts : {"always", "hold", "motion"}) {
     Problem problem = ProblemOf(
         QuickRobustTask("[robust.feedback]\nlink = \"leg2_link\"\nacts = \"" + acts + "\"\n"));
-    // Its feet have to bear the robot: a tenth of what that takes.
+    // Its legs weigh more than a tenth of a newton metre.
     for (ActuatedJoint& joint : problem.joints) joint.limits.torque_max_nm = 0.1;
     const SolveOutcome outcome = SolveRobust(problem, {}, guess);
     EXPECT_EQ(outcome.evaluations, 0) << acts;

@@ -72,6 +72,20 @@ TEST(Passage, WhatTheRunsEndLeftUnjudgedIsNotSaidToBeWhereItShouldBe) {
   EXPECT_THAT(text, HasSubstr("speed of the root, 2 s later: not judged, the run ended before\n"));
 }
 
+TEST(Passage, TheFirstThatAreAmissAreNamedWithWhatFollowedThem) {
+  RunSummary summary = SummaryOf({});
+  summary.passages[0].node = "up";
+  summary.passages[0].purpose = {Pitch(0.1), Rest(std::nullopt)};
+  summary.passages.push_back(summary.passages[0]);
+  summary.passages[1].node = "up to the other side";
+  summary.passages[1].purpose = {Pitch(1.57), Rest(0.01)};
+  EXPECT_THAT(ToText(summary), HasSubstr("NOT where it should be after 1 ('up' before 'up to the "
+                                         "other side')\n"));
+  summary.passages.assign(5, summary.passages[0]);
+  EXPECT_THAT(ToText(summary), HasSubstr("after 5 ('up' before 'up', 'up' before 'up', 'up' before "
+                                         "'up', ...)\n"));
+}
+
 TEST(Passage, WithoutATargetThatIsJudgedMeetsNoPurpose) {
   RunSummary summary = SummaryOf({});
   summary.simulated = true;
