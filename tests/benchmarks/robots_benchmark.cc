@@ -1,0 +1,173 @@
+// How many robots that differ from the model play the shipped handstand, with its hold, in a second
+// of processor time of one thread: in the twin, which figures are of, and in lanes, eight at once.
+// `items_per_second` is robots a second; "times the twin" is that over the twin's rate in the same
+// run, and missing where a filter leaves out the twin.
+
+#include <benchmark/benchmark.h>
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <ctime>
+#include <numeric>
+#include <string>
+#include <type_traits>
+#include <vector>
+
+#include "offline/ensemble/lane_kernel.h"
+#include "offline/ensemble/lane_scene.h"
+#include "offline/rehearsal/robustness/lane_trials.h"
+#include "offline/rehearsal/robustness/trial.h"
+#include "tests/support/files.h"
+
+namespace tumbler {
+namespace {
+
+RobustnessStudy Handstands() {
+  RobustnessStudy study;
+  study.motion = testing::SourcePath("primitives/handstand.toml");
+  study.seed = 4242;
+  return study;
+}
+
+/// Counts robots, and compares their rate with the twin's.
+class Rate {
+ public:
+  void Report(benchmark::State& state, std::int64_t robots, double seconds, bool is_twin) {
+    const double rate = static_cast<double>(robots) / seconds;
+    if (is_twin) twin_ = rate;
+    state.SetItemsProcessed(robots);
+    if (twin_ > 0) state.counters["times the twin"] = rate / twin_;
+  }
+
+ private:
+  double twin_ = 0;
+};
+
+double CpuSeconds() {
+  timespec now{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+/// Plays `each` robots at a time.
+template <class Play>
+void Measure(benchmark::State& state, Rate& rate, std::int64_t each, const Play& play,
+             bool is_twin = false) {
+  const double begin = CpuSeconds();
+  for (auto _ : state) play();
+  rate.Report(state, static_cast<std::int64_t>(state.iterations()) * each, CpuSeconds() - begin,
+              is_twin);
+}
+
+/// The setpoints of the model's run, told to robots by a kernel alone: no judge looks at them.
+template <class S>
+class BareLanes {
+ public:
+  explicit BareLanes(const Trials& trials) {
+    const Script& script = trials.script();
+    LaneDrive drive;
+    const DriveEntry& entry = trials.drives().drives.front();
+    drive.kp = static_cast<double>(entry.kp_nm_per_rad);
+    drive.kd = static_cast<double>(entry.kd_nm_s_per_rad);
+    drive.torque_max_nm = *trials.robot().motors.front().torque_max_nm;
+    drive.delay_s = std::min(script.delay_s.front(), script.tick_s);
+    steps_.tick_s = script.tick_s;
+    std::array<LaneRobot<double>, Packet::kLanes> robots{};
+    std::array<LaneState<double>, Packet::kLanes> states{};
+    for (std::size_t i = 0; i < Packet::kLanes; ++i) {
+      const LaneScene scene = MakeLaneScene(Varied(trials.scene(), trials.Draw(i)), drive);
+      model_ = scene.model;
+      robots[i] = scene.robot;
+      const PrimitivePose start = *trials.robot().start;
+      states[i].q[0] = start.root_x_m;
+      states[i].q[1] = start.root_z_m;
+      states[i].q[2] = start.root_pitch_rad;
+      std::copy(start.joint_positions_rad.begin(), start.joint_positions_rad.end(),
+                states[i].q.begin() + 3);
+    }
+    if constexpr (std::is_same_v<S, Packet>) {
+      robot_ = PackLanes<LaneRobot>(robots);
+      start_ = PackLanes<LaneState>(states);
+    } else {
+      robot_ = robots[0];
+      start_ = states[0];
+    }
+    for (const ScriptTick& tick : script.ticks) {
+      if (tick.held) continue;
+      for (const JointSetpoint& s : tick.setpoints) {
+        setpoints_.push_back({Of(static_cast<double>(s.position_rad)),
+                              Of(static_cast<double>(s.velocity_rad_s)),
+                              Of(static_cast<double>(s.torque_nm))});
+      }
+    }
+  }
+
+  void Play(const LaneKernel<S>& kernel) {
+    LaneState<S> state = start_;
+    HeldSetpoints<S> held{};
+    LaneWatch<S> watch;
+    std::copy_n(setpoints_.begin(), model_.joints, held.begin());
+    kernel.drive(model_, robot_, steps_, setpoints_, held, state, watch);
+    benchmark::DoNotOptimize(state);
+  }
+
+ private:
+  static S Of(double all) {
+    if constexpr (std::is_same_v<S, Packet>) {
+      return Packet::Of(all);
+    } else {
+      return all;
+    }
+  }
+
+  LaneModel model_;
+  LaneRobot<S> robot_{};
+  LaneState<S> start_{};
+  LaneSteps steps_;
+  std::vector<LaneSetpoint<S>> setpoints_;
+};
+
+int Main(int argc, char** argv) {
+  benchmark::Initialize(&argc, argv);
+  if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 2;
+  Rate rate;
+  Trials twin(Handstands());
+  std::uint64_t next = 0;
+  const auto add = [](const std::string& name, auto measure) {
+    benchmark::RegisterBenchmark(name.c_str(), measure)->Unit(benchmark::kMillisecond)->MinTime(4);
+  };
+  add("twin, as tumbler-robustness plays it", [&](benchmark::State& state) {
+    Measure(
+        state, rate, 1, [&] { benchmark::DoNotOptimize(twin.Play(next++)); }, true);
+  });
+  const LaneTrials lanes(Handstands());
+  std::uint64_t first = 0;
+  add("lanes, as --lanes plays them", [&](benchmark::State& state) {
+    Measure(state, rate, Packet::kLanes, [&] {
+      std::array<std::uint64_t, Packet::kLanes> indices{};
+      std::iota(indices.begin(), indices.end(), first);
+      first += Packet::kLanes;
+      benchmark::DoNotOptimize(lanes.Play(indices));
+    });
+  });
+  BareLanes<Packet> packets(twin);
+  for (const LaneKernel<Packet>* kernel : PacketKernels()) {
+    add(std::string("the lanes' physics alone, ") + kernel->name,
+        [&, kernel](benchmark::State& state) {
+          Measure(state, rate, Packet::kLanes, [&] { packets.Play(*kernel); });
+        });
+  }
+  BareLanes<double> one(twin);
+  add(std::string("the lanes' physics alone, ") + OneRobotKernel().name,
+      [&](benchmark::State& state) {
+        Measure(state, rate, 1, [&] { one.Play(OneRobotKernel()); });
+      });
+  benchmark::RunSpecifiedBenchmarks();
+  return 0;
+}
+
+}  // namespace
+}  // namespace tumbler
+
+int main(int argc, char** argv) { return tumbler::Main(argc, argv); }
