@@ -80,7 +80,7 @@ void Declare(CommandLine& line, Arguments& arguments) {
             "Let each robot's sensor fail from a random time on: silent, frozen, offset, swapped "
             "axes or late, one after the other");
   const auto lanes = line.Flag("--lanes", study.lanes,
-                               "Play robots in lanes, some seventy times as fast as in the twin");
+                               "Play robots in lanes, some fifty times as fast as in the twin");
   line.Flag("--drops", study.drops,
             "First drop each robot without torque, in a random pose: it has to get up from where "
             "it lies, by its sensor's pitch where the motion has several beginnings")

@@ -7,17 +7,22 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <ctime>
 #include <numeric>
+#include <stdexcept>
 #include <string>
 #include <type_traits>
 #include <vector>
 
 #include "offline/ensemble/lane_kernel.h"
 #include "offline/ensemble/lane_scene.h"
+#include "offline/ensemble/variation.h"
 #include "offline/rehearsal/robustness/lane_trials.h"
 #include "offline/rehearsal/robustness/trial.h"
+#include "offline/rehearsal/twin/simulated_robot.h"
 #include "tests/support/files.h"
 
 namespace tumbler {
@@ -60,7 +65,8 @@ void Measure(benchmark::State& state, Rate& rate, std::int64_t each, const Play&
               is_twin);
 }
 
-/// The setpoints of the model's run, told to robots by a kernel alone: no judge looks at them.
+/// The setpoints of the model's run, told to robots by a kernel alone, all in one call. No judge
+/// looks at these robots, but they have to end as upright as the model.
 template <class S>
 class BareLanes {
  public:
@@ -73,13 +79,14 @@ class BareLanes {
     drive.torque_max_nm = *trials.robot().motors.front().torque_max_nm;
     drive.delay_s = std::min(script.delay_s.front(), script.tick_s);
     steps_.tick_s = script.tick_s;
+    upright_rad_ = script.ticks.back().pitch_rad;
+    const PrimitivePose start = trials.robot().start.value_or(StartOf(trials.motion().file()));
     std::array<LaneRobot<double>, Packet::kLanes> robots{};
     std::array<LaneState<double>, Packet::kLanes> states{};
     for (std::size_t i = 0; i < Packet::kLanes; ++i) {
       const LaneScene scene = MakeLaneScene(Varied(trials.scene(), trials.Draw(i)), drive);
       model_ = scene.model;
       robots[i] = scene.robot;
-      const PrimitivePose start = *trials.robot().start;
       states[i].q[0] = start.root_x_m;
       states[i].q[1] = start.root_z_m;
       states[i].q[2] = start.root_pitch_rad;
@@ -109,7 +116,7 @@ class BareLanes {
     LaneWatch<S> watch;
     std::copy_n(setpoints_.begin(), model_.joints, held.begin());
     kernel.drive(model_, robot_, steps_, setpoints_, held, state, watch);
-    benchmark::DoNotOptimize(state);
+    if (!(std::abs(PitchOf(state) - upright_rad_) < 0.1)) throw std::runtime_error("a robot fell");
   }
 
  private:
@@ -121,7 +128,16 @@ class BareLanes {
     }
   }
 
+  static double PitchOf(const LaneState<S>& state) {
+    if constexpr (std::is_same_v<S, Packet>) {
+      return state.q[2].lane(Packet::kLanes - 1);
+    } else {
+      return state.q[2];
+    }
+  }
+
   LaneModel model_;
+  double upright_rad_ = 0;  // the model's pitch at last
   LaneRobot<S> robot_{};
   LaneState<S> start_{};
   LaneSteps steps_;

@@ -11,7 +11,7 @@
 
 namespace tumbler {
 
-/// Plays a study's robots in lanes, a packet at a time, some seventy times as fast as `Trials`.
+/// Plays a study's robots in lanes, a packet at a time, some fifty times as fast as `Trials`.
 ///
 /// A robot is told, tick by tick, what the executor told the model in the twin, as the wire rounded
 /// it, with the time that the frames took; its encoders read half a count less than the truth, as
