@@ -1,7 +1,7 @@
 // How many robots that differ from the model play the shipped handstand, with its hold, in a second
 // of processor time of one thread: in the twin, which figures are of, and in lanes, eight at once.
-// `items_per_second` is robots a second; "times the twin" is that over the twin's rate in the same
-// run, and missing where a filter leaves out the twin.
+// `items_per_second` is robots a second; what others are compared with is the twin's, of the same
+// run.
 
 #include <benchmark/benchmark.h>
 
@@ -10,7 +10,6 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <ctime>
 #include <numeric>
 #include <stdexcept>
 #include <string>
@@ -35,34 +34,11 @@ RobustnessStudy Handstands() {
   return study;
 }
 
-/// Counts robots, and compares their rate with the twin's.
-class Rate {
- public:
-  void Report(benchmark::State& state, std::int64_t robots, double seconds, bool is_twin) {
-    const double rate = static_cast<double>(robots) / seconds;
-    if (is_twin) twin_ = rate;
-    state.SetItemsProcessed(robots);
-    if (twin_ > 0) state.counters["times the twin"] = rate / twin_;
-  }
-
- private:
-  double twin_ = 0;
-};
-
-double CpuSeconds() {
-  timespec now{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-}
-
 /// Plays `each` robots at a time.
 template <class Play>
-void Measure(benchmark::State& state, Rate& rate, std::int64_t each, const Play& play,
-             bool is_twin = false) {
-  const double begin = CpuSeconds();
+void Measure(benchmark::State& state, std::int64_t each, const Play& play) {
   for (auto _ : state) play();
-  rate.Report(state, static_cast<std::int64_t>(state.iterations()) * each, CpuSeconds() - begin,
-              is_twin);
+  state.SetItemsProcessed(static_cast<std::int64_t>(state.iterations()) * each);
 }
 
 /// The setpoints of the model's run, told to robots by a kernel alone, all in one call. No judge
@@ -147,20 +123,18 @@ class BareLanes {
 int Main(int argc, char** argv) {
   benchmark::Initialize(&argc, argv);
   if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 2;
-  Rate rate;
   Trials twin(Handstands());
   std::uint64_t next = 0;
   const auto add = [](const std::string& name, auto measure) {
     benchmark::RegisterBenchmark(name.c_str(), measure)->Unit(benchmark::kMillisecond)->MinTime(4);
   };
   add("twin, as tumbler-robustness plays it", [&](benchmark::State& state) {
-    Measure(
-        state, rate, 1, [&] { benchmark::DoNotOptimize(twin.Play(next++)); }, true);
+    Measure(state, 1, [&] { benchmark::DoNotOptimize(twin.Play(next++)); });
   });
   const LaneTrials lanes(Handstands());
   std::uint64_t first = 0;
   add("lanes, as --lanes plays them", [&](benchmark::State& state) {
-    Measure(state, rate, Packet::kLanes, [&] {
+    Measure(state, Packet::kLanes, [&] {
       std::array<std::uint64_t, Packet::kLanes> indices{};
       std::iota(indices.begin(), indices.end(), first);
       first += Packet::kLanes;
@@ -171,14 +145,12 @@ int Main(int argc, char** argv) {
   for (const LaneKernel<Packet>* kernel : PacketKernels()) {
     add(std::string("the lanes' physics alone, ") + kernel->name,
         [&, kernel](benchmark::State& state) {
-          Measure(state, rate, Packet::kLanes, [&] { packets.Play(*kernel); });
+          Measure(state, Packet::kLanes, [&] { packets.Play(*kernel); });
         });
   }
   BareLanes<double> one(twin);
   add(std::string("the lanes' physics alone, ") + OneRobotKernel().name,
-      [&](benchmark::State& state) {
-        Measure(state, rate, 1, [&] { one.Play(OneRobotKernel()); });
-      });
+      [&](benchmark::State& state) { Measure(state, 1, [&] { one.Play(OneRobotKernel()); }); });
   benchmark::RunSpecifiedBenchmarks();
   return 0;
 }
