@@ -115,6 +115,8 @@ JointMotion<double>::Spline FeedForward(const Problem& problem, const TorqueSamp
   const double limit = problem.joints[joint].limits.torque_max_nm;
   for (int i = 0; i < n; ++i)
     points[static_cast<std::size_t>(i)] = std::clamp(fit[i], -limit, limit);
+  if (problem.held_torque == HeldTorque::kRest)
+    points.back() = std::clamp(samples.rest_nm[joint], -limit, limit);
   if (spline.Assign(kTorqueDegree, knots, points) != Status::kOk) {
     throw std::runtime_error("the plan's torques cannot be fitted: a value is not finite");
   }
@@ -230,6 +232,7 @@ void MotionSummarizer::Take(const MotionSample& sample, double own_distance_m) {
       summary_.settled_speed = std::max(summary_.settled_speed, std::abs(sample.qd[Index(i)]));
   }
   const bool solved = t <= problem_.duration_s + problem_.settle_s + 1e-9;
+  if (solved) summary_.torques.rest_nm.assign(sample.torque.begin(), sample.torque.end());
   const SelfContact& own = problem_.scene.self_contact;
   if (solved && std::isfinite(own_distance_m)) {
     summary_.self_clearance_m =

@@ -69,10 +69,13 @@ inline constexpr double kRefinement = 16;
 struct TorqueSamples {
   std::vector<double> time_s;
   std::vector<std::vector<double>> torque_nm;  ///< By joint.
+  std::vector<double> rest_nm;                 ///< Of each joint, at the end of the settle phase.
 };
 
 /// A primitive's feed-forward for a joint: the least-squares spline through the plan's torques,
-/// with its control points within the limit.
+/// with its control points within the limit. The last of them, which is held after the motion, is
+/// the torque at rest where the problem says so: feet that still slide as a motion ends make the
+/// fit's a wrong one, by which legs would press against the ground until the next motion.
 JointMotion<double>::Spline FeedForward(const Problem& problem, const TorqueSamples& samples,
                                         std::size_t joint);
 

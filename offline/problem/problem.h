@@ -120,6 +120,12 @@ struct DurationBounds {
   double min_s = 0, max_s = 0;
 };
 
+/// Which feed-forward a primitive holds after its motion.
+enum class HeldTorque {
+  kEnd,   ///< What its spline through the plan's torques has at the end.
+  kRest,  ///< The plan's torque at the end of the settle phase.
+};
+
 /// An optimal control problem of [AB04, Eqs. 1-6] in numbers.
 struct Problem {
   std::string name;
@@ -144,6 +150,7 @@ struct Problem {
   std::optional<DurationBounds> free_duration;
   /// Length of the settle phase after it, in which the joints are held.
   double settle_s = 0;
+  HeldTorque held_torque = HeldTorque::kEnd;
   /// Degree of the splines.
   int degree = 5;
   std::vector<CostTerm> cost;

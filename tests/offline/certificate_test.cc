@@ -238,6 +238,26 @@ TEST(MakePrimitiveFile, FeedForwardFollowsThePlansTorqueWithinTheLimit) {
   }
 }
 
+TEST(MakePrimitiveFile, HoldsThePlansTorqueAtRestWhereTheTaskSaysSoAndChangesNothingElse) {
+  const Solved& s = TheSolution();
+  Task task = s.task;
+  task.problem.held_torque = HeldTorque::kRest;
+  const PrimitiveFile file = MakePrimitiveFile(task, s.outcome, s.best);
+  std::vector<double> rest;
+  Rollout rollout(task.problem, task.problem.solver.step_s / kRefinement);
+  rollout.Visit(s.best.x, 0, [&](const MotionSample& sample) {
+    rest.assign(sample.torque.begin(), sample.torque.end());
+  });
+  for (std::size_t j = 0; j < rest.size(); ++j) {
+    const auto points = file.primitive.joints[j].torque.control_points();
+    const auto fitted = s.file.primitive.joints[j].torque.control_points();
+    EXPECT_EQ(points.back(), rest[j]);
+    EXPECT_NE(fitted.back(), rest[j]);
+    EXPECT_TRUE(std::equal(points.begin(), points.end() - 1, fitted.begin()));
+  }
+  EXPECT_EQ(file.exit.root_pitch_rad, s.file.exit.root_pitch_rad);
+}
+
 TEST(MakePrimitiveFile, PlaysThePathOfTheParameters) {
   const Solved& s = TheSolution();
   const Problem& problem = s.task.problem;

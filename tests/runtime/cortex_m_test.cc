@@ -76,7 +76,7 @@ std::string Firmware(const Machine& machine, const std::string& name = "tumbler-
 
 const Sequence<float>& Gait() {
   static const auto gait = std::make_unique<const Sequence<float>>(
-      ToRuntime(LoadMotion(testing::SourcePath("primitives/gait.toml"))));
+      ToRuntime(LoadMotion(testing::SourcePath("primitives/cartwheel.toml"))));
   return *gait;
 }
 
@@ -427,7 +427,7 @@ TEST_P(CortexM, RepeatsAFlightRecordOfTheRobotInSimulation) {
     GTEST_SKIP() << "a tick of the firmware is 1 ms";
   const testing::TemporaryFolder folder;
   Program program({testing::ProgramPath("tumbler-run"), "sim",
-                   testing::SourcePath("primitives/gait.toml"), "--drives",
+                   testing::SourcePath("primitives/cartwheel.toml"), "--drives",
                    testing::SourcePath(drives.file), "--cycles", std::to_string(kCycles),
                    "--branch", kBranch, "--record", folder / "gait.rec"});
   ASSERT_EQ(program.Wait(), 0) << program.text();

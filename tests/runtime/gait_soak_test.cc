@@ -35,7 +35,7 @@ std::optional<AllocationGuard>& Guard() {
 
 /// The shipped gait on these drives.
 FaultBench::Config GaitConfig(const std::string& drives_file) {
-  const SequenceFile file = LoadMotion(testing::SourcePath("primitives/gait.toml"));
+  const SequenceFile file = LoadMotion(testing::SourcePath("primitives/cartwheel.toml"));
   const Sequence<float> sequence = ToRuntime(file);
   FaultBench::Config config;
   config.drives = LoadDrives(drives_file);

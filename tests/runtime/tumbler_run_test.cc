@@ -119,8 +119,8 @@ TEST_F(TumblerRun, RefusesASequenceWithoutEndInVirtualTimeAndABranchThatIsNotThe
   EXPECT_THAT(branch.text, HasSubstr("its branches: roll"));
 }
 
-TEST_F(TumblerRun, PlaysTheShippedGaitsWithBothRolesAndTheRollOverTheSimulatedBus) {
-  for (const char* gait : {"gait.toml", "nominal/gait.toml"}) {
+TEST_F(TumblerRun, PlaysTheShippedGaitsAndTheRollOverTheSimulatedBus) {
+  for (const char* gait : {"gait.toml", "cartwheel.toml", "nominal/gait.toml"}) {
     const Outcome outcome =
         Run("sim " + testing::SourcePath("primitives/") + gait + " --cycles 3 --branch roll");
     EXPECT_EQ(outcome.exit_code, 0) << outcome.text;

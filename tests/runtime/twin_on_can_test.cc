@@ -76,7 +76,7 @@ class TwinOnCan : public ::testing::Test {
   [[nodiscard]] std::string Path(const std::string& name) const { return folder_ / name; }
   void StartTwin(const std::string& interface) {
     twin_ = std::make_unique<Program>(std::vector<std::string>{
-        testing::ProgramPath("tumbler-twin"), interface, kPrimitives + "gait.toml", "--drives",
+        testing::ProgramPath("tumbler-twin"), interface, kPrimitives + "cartwheel.toml", "--drives",
         Path("drives.toml"), "--pace", std::to_string(kPace), "--json", Path("truth.json")});
     ASSERT_TRUE(twin_->WaitFor("2 drives on " + interface)) << twin_->text();
   }
@@ -85,7 +85,7 @@ class TwinOnCan : public ::testing::Test {
   }
   [[nodiscard]] std::unique_ptr<Program> StartGait(const std::string& interface,
                                                    const std::vector<std::string>& more) const {
-    return StartRun(interface, "gait.toml", more);
+    return StartRun(interface, "cartwheel.toml", more);
   }
   [[nodiscard]] std::unique_ptr<Program> StartRun(const std::string& interface,
                                                   const std::string& motion,
