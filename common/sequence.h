@@ -77,7 +77,7 @@ struct SequenceBeginning {
 /// Roles: some robots look the same after their root was turned, if their joints exchange roles.
 /// (The tumbler, turned by pi about y, has its legs exchanged.) Such a robot can play a primitive
 /// in the turned attitude too: joint `partner[j]` then moves as the primitive says of joint j. So a
-/// primitive is stored once, and a gait alternates between both roles.
+/// primitive is stored once, and a gait may alternate between both roles.
 ///
 /// The loader (`common/sequence_toml.h`) proves that every sequence in a graph can be played.
 template <typename Scalar>

@@ -38,10 +38,12 @@ inline constexpr std::array<std::string_view, 2> kHeldTorques = {"end", "rest"};
 inline constexpr std::array kTaskTimeKeys = {
     KeyOf<&Problem::duration_s>("duration_s", {0.05, 20}, "of the motion").Required(),
     KeyOf<&Problem::settle_s>("settle_s", {0, 5}, "joints held after it, part of the problem"),
-    KeyOf<&Problem::held_torque>("held_torque", kHeldTorques,
-                                 "the feed-forward that goes on after the motion: what the spline "
-                                 "through the plan's torques ends with, or the plan's torque at "
-                                 "the end of the settle phase, on which the spline then ends"),
+    KeyOf<&Problem::held_torque>(
+        "held_torque", kHeldTorques,
+        "the feed-forward that goes on after the motion: what the spline "
+        "through the plan's torques ends with, or the plan's torque at "
+        "the end of the settle phase, on which the spline then ends (with "
+        "`settle_s` only, not on a bar, and not with `[robust.feedback]`)"),
 };
 
 /// The bounds of a duration that is free.

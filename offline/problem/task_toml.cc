@@ -185,6 +185,7 @@ class TaskReader {
     ReadStart(start);
     SetTargetsFromStart(problem_);
     CheckRobust(start);
+    CheckHeldTorque();
     root_.RejectUnknownKeys();
     SetStep();
     CheckSteps();
@@ -192,6 +193,18 @@ class TaskReader {
   }
 
  private:
+  /// A torque at rest is there only after a settle phase in which the robot comes to rest.
+  void CheckHeldTorque() {
+    if (problem_.held_torque != HeldTorque::kRest) return;
+    std::string_view why;
+    if (problem_.settle_s == 0) why = "settle_s is 0, so that no rest is simulated";
+    if (scene_.robot.hinged()) why = "nothing rests by itself on a bar";
+    if (problem_.robust && problem_.robust->feedback)
+      why = "the feedback of [robust.feedback] is found with the torque of the end";
+    if (!why.empty())
+      root_.Fail("held_torque", fmt::format("is \"rest\", but {}; allowed: \"end\"", why));
+  }
+
   /// Reads the joints' velocities at the ends of the motion.
   void ReadEndVelocities() {
     for (const bool at_end : {false, true}) {

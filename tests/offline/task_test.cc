@@ -323,6 +323,29 @@ std::string RefusalOfDuration(const std::string& keys) {
   return "";
 }
 
+TEST(Task, TheTorqueAtRestIsHeldWhereTheTaskSaysSoAndARestIsSimulated) {
+  const auto with = [](const std::string& keys) {
+    return Replaced(LongHandstandTask(), "duration_s = 1.2", "duration_s = 1.2\n" + keys);
+  };
+  EXPECT_EQ(Parse(LongHandstandTask()).held_torque, HeldTorque::kEnd);
+  EXPECT_EQ(Parse(with("held_torque = \"end\"")).held_torque, HeldTorque::kEnd);
+  const std::string rest = with("held_torque = \"rest\"");
+  EXPECT_EQ(Parse(rest).held_torque, HeldTorque::kRest);
+  const auto refusal = [](const std::string& text) -> std::string {
+    try {
+      Parse(text);
+    } catch (const FileError& error) {
+      return error.what();
+    }
+    return "";
+  };
+  EXPECT_THAT(refusal(with("held_torque = \"now\"")), HasSubstr("held_torque"));
+  EXPECT_THAT(refusal(Replaced(rest, "settle_s = 0.3", "settle_s = 0")),
+              HasSubstr("held_torque: is \"rest\", but settle_s is 0"));
+  EXPECT_THAT(refusal(rest + "\n[robust]\nmass = 0.05\n[robust.feedback]\nlink = \"leg2_link\"\n"),
+              HasSubstr("[robust.feedback]"));
+}
+
 TEST(Task, BoundsOfTheDurationComeInPairsAroundTheTasksOwn) {
   const Problem problem = Parse(Replaced(LongHandstandTask(), "duration_s = 1.2",
                                          "duration_s = 1.2\nduration_min_s = 0.8\n"

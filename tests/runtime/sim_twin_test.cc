@@ -310,7 +310,8 @@ std::vector<Interrupts> InterruptsOfBothGaits() {
   for (unsigned seed = 0; seed < 10; ++seed)
     all.push_back({"nominal_gait_" + std::to_string(seed), "nominal/gait.toml", "", seed});
   for (unsigned seed = 0; seed < 2; ++seed) {
-    all.push_back({"cartwheel_" + std::to_string(seed), "cartwheel.toml", "", seed});
+    const std::string gait = seed == 0 ? "gait" : "cartwheel";
+    all.push_back({gait + "_" + std::to_string(seed), gait + ".toml", "", seed});
   }
   return all;
 }
