@@ -1,7 +1,7 @@
 // The shipped cartwheel in virtual time with each protocol, for very many ticks in which everything
 // goes wrong at random. No frame breaks a rule, no tick leaves a drive out, nothing allocates, and
-// the same run made twice sends the same bytes. TUMBLER_SOAK_TICKS sets the number of ticks: 100
-// 000 by default, 1 000 000 for the full test.
+// the same run made twice sends the same bytes. TUMBLER_SOAK_TICKS sets the number of ticks, which
+// is 100 000 by default, and 1 000 000 for the full test.
 
 #include <gmock/gmock-more-matchers.h>
 #include <gtest/gtest.h>
