@@ -6,13 +6,21 @@
 
 namespace tumbler {
 
-std::string PurposeTarget::name() const {
-  constexpr std::array<const char*, 3> kWhen = {"at the end", "settled", "2 s later"};
+std::string PurposeTarget::NameAfter(double later_s) const {
   std::string text(kOfNames[static_cast<std::size_t>(of)]);
   if (of == Of::kSpeed) text = "speed of the root";
   if (of_point()) text += fmt::format(" of {} at ({:.6g}, {:.6g})", link, point_m[0], point_m[1]);
-  if (at_time()) return text + fmt::format(", at {:.6g} s", time_s);
-  return text + ", " + kWhen[static_cast<std::size_t>(when)];
+  switch (when) {
+    case When::kEnd:
+      return text + ", at the end";
+    case When::kSettled:
+      return text + ", settled";
+    case When::kLater:
+      return text + fmt::format(", {:.2g} s later", later_s);
+    case When::kTime:
+      return text + fmt::format(", at {:.6g} s", time_s);
+  }
+  return text;
 }
 
 const char* PurposeTarget::unit() const {

@@ -49,7 +49,9 @@ struct PurposeTarget {
   [[nodiscard]] bool of_point() const { return of >= Of::kPointX; }
   /// For people, such as "pitch, settled", "speed of the root, 2 s later", or "point_z of leg1_link
   /// at (0.2, 0), at 0.3 s".
-  [[nodiscard]] std::string name() const;
+  [[nodiscard]] std::string name() const { return NameAfter(2); }
+  /// The same for a target of `kLater` that was looked at so long after the end of the motion [s].
+  [[nodiscard]] std::string NameAfter(double later_s) const;
   [[nodiscard]] const char* unit() const;
   /// A result that is not a number misses.
   [[nodiscard]] bool MetBy(double result) const { return std::abs(result - target) <= tolerance; }

@@ -49,6 +49,10 @@ std::int64_t Older(const ReplyAgeHistogram& age) {
 
 }  // namespace
 
+std::string JudgedTarget::name() const {
+  return after_s ? target.NameAfter(*after_s) : target.name();
+}
+
 std::optional<bool> JudgedTarget::met() const {
   if (!result) return std::nullopt;
   return target.MetBy(*result);
@@ -169,25 +173,25 @@ void AppendPassages(const RunSummary& summary, std::string& text) {
     text += fmt::format("root pitch: {:.4f} rad at the end", last.pitch_at_end_rad);
     if (last.purpose_met()) text += *last.purpose_met() ? ", as asked" : ", NOT as asked";
     if (last.pitch_later_rad) {
-      text += fmt::format("; {:.4f} rad {:.0f} s later, swinging on", *last.pitch_later_rad,
-                          Passage::kLater_s);
+      text += fmt::format("; {:.4f} rad {:.2g} s later, swinging on", *last.pitch_later_rad,
+                          last.later_s);
     }
   } else if (SpeaksOfPitch(last)) {
     text += fmt::format("root pitch: {:.4f} rad at the end", last.pitch_at_end_rad);
     if (last.pitch_later_rad) {
-      text += fmt::format(", {:.4f} rad {:.0f} s later (planned {:.4f}): {}", *last.pitch_later_rad,
-                          Passage::kLater_s, last.expected_pitch_rad, Verdict(last));
+      text += fmt::format(", {:.4f} rad {:.2g} s later (planned {:.4f}): {}", *last.pitch_later_rad,
+                          last.later_s, last.expected_pitch_rad, Verdict(last));
     }
   } else if (last.pitch_later_rad) {
-    text += fmt::format("root turned {:.4f} rad off its plan {:.0f} s later (within {:.3g}): {}",
-                        *last.pitch_later_rad - last.expected_pitch_rad, Passage::kLater_s,
+    text += fmt::format("root turned {:.4f} rad off its plan {:.2g} s later (within {:.3g}): {}",
+                        *last.pitch_later_rad - last.expected_pitch_rad, last.later_s,
                         last.tolerance_rad, Verdict(last));
   } else {
     text += "ended before it could come to rest";
   }
   text += '\n';
   for (const JudgedTarget& judged : last.purpose) {
-    text += fmt::format("    {}: ", judged.target.name());
+    text += fmt::format("    {}: ", judged.name());
     if (judged.result) {
       text += fmt::format("{}{}\n", judged.target.AskedAndGot(*judged.result),
                           *judged.met() ? "" : ": MISSED");
@@ -218,6 +222,7 @@ Json JsonOf(const Passage& passage) {
                     {"unit", judged.target.unit()},
                     {"target", judged.target.target},
                     {"result", Maybe(judged.result)},
+                    {"after_s", Maybe(judged.after_s)},
                     {"tolerance", judged.target.tolerance},
                     {"met", Maybe(judged.met())}});
   }

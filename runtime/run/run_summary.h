@@ -16,13 +16,18 @@ namespace tumbler {
 /// A target of a motion's purpose, and what the simulated robot gives.
 struct JudgedTarget {
   PurposeTarget target;
-  std::optional<double> result;  ///< Absent when the run ended before its instant.
+  std::optional<double> result;        ///< Absent when the run ended before its instant.
+  std::optional<double> after_s = {};  ///< How long after the end of the motion that was.
+  /// As the target's, with the time at which it was judged: "pitch, 4 s later".
+  [[nodiscard]] std::string name() const;
   [[nodiscard]] std::optional<bool> met() const;
 };
 
 /// The simulated robot in and after a node of the sequence. "Later" is two seconds after the end of
-/// the motion, or when the next node began.
+/// the motion, or when the next node began, or when the motion had settled, if that was later.
 struct Passage {
+  static constexpr double kLater_s = 2;
+
   std::string node;
   /// What the motion is for, in the coordinates of its task: as if it had begun where its primitive
   /// begins.
@@ -37,9 +42,9 @@ struct Passage {
   double pitch_at_end_rad = 0;
   /// The root's pitch later; absent when the run ended before.
   std::optional<double> pitch_later_rad;
+  double later_s = kLater_s;  ///< How long after the end of the motion that was.
   /// How far the pitch may be off the plan later; the sequence may allow more.
   double tolerance_rad = 0.05;
-  static constexpr double kLater_s = 2;
 
   /// Whether every target was met; absent when the run ended before one could be judged and none
   /// was missed.

@@ -153,6 +153,59 @@ TEST_F(Judge, AMotionThatAnotherFollowsEarlierIsJudgedWhenThatBegins) {
   EXPECT_TRUE(judge_->passages()[0].purpose_met().has_value());
 }
 
+TEST_F(Judge, WhatIsAskedOfASettledRobotIsJudgedWhenTheSequenceLetsTheMotionSettleNoLonger) {
+  Tick(ExecutorState::kRunning, "up", 0);
+  truth_.root_x_m += 0.1;
+  truth_.root_pitch_rad = kPi / 2;
+  // It rocks until 3 s after the motion, and the edge that is taken waits for 4 s.
+  for (double t = 0; t < 4; t += 0.01) {
+    truth_.root_pitch_rate_rad_s = t < 3 ? 0.2 : 0;
+    Tick(ExecutorState::kSettling, "up", kMotion_s + t);
+  }
+  EXPECT_EQ(purpose()[0].result, 0.2) << "at the end of the motion";
+  EXPECT_FALSE(purpose()[1].result.has_value());
+  EXPECT_FALSE(purpose()[3].result.has_value());
+  EXPECT_FALSE(judge_->passages()[0].pitch_later_rad.has_value());
+  Tick(ExecutorState::kRunning, "down", kMotion_s + 4);
+  EXPECT_EQ(purpose()[1].result, kPi / 2);
+  EXPECT_EQ(purpose()[1].name(), "pitch, settled");
+  EXPECT_EQ(purpose()[3].result, 0);
+  EXPECT_EQ(purpose()[3].name(), "speed of the root, 4 s later");
+  EXPECT_EQ(judge_->passages()[0].as_planned(), true);
+  EXPECT_NEAR(judge_->passages()[0].later_s, 4, 1e-9);
+}
+
+TEST_F(Judge, ARobotThatRocksWhenTheNextMotionBeginsIsNotAsAsked) {
+  Tick(ExecutorState::kRunning, "up", 0);
+  truth_.root_x_m += 0.1;
+  truth_.root_pitch_rad = kPi / 2;
+  for (double t = 0; t < 4; t += 0.01) {
+    truth_.root_pitch_rate_rad_s = t < 3 ? 0 : 0.2;
+    Tick(ExecutorState::kSettling, "up", kMotion_s + t);
+  }
+  Tick(ExecutorState::kRunning, "down", kMotion_s + 4);
+  EXPECT_EQ(purpose()[3].result, 0.2) << "though it was at rest after 2 s";
+  EXPECT_TRUE(judge_->passages()[0].amiss());
+}
+
+TEST_F(Judge, ThePlanOfEachMotionBeginsAtItsEntryAndNotWhereExitsAddUpTo) {
+  // Exits that are a little off the next entry, within its tolerance.
+  std::vector<PrimitiveFile> files = Primitives();
+  files[0].exit.root_pitch_rad += 2e-3;
+  const SequenceFolder folder(testing::GaitText(), files);
+  const SequenceFile file = LoadSequence(folder.file());
+  judge_.emplace(file, true, false);
+  const std::vector<std::string> nodes = {"up", "down", "up, swapped", "down, swapped"};
+  for (int i = 0; i < 80; ++i) Play(nodes[static_cast<std::size_t>(i % 4)], 3.0 * i, 1.9);
+  const std::vector<Passage>& passages = judge_->passages();
+  ASSERT_EQ(passages.size(), 80U);
+  EXPECT_NEAR(truth_.root_pitch_rad, 80 * kPi / 2, 1e-9);
+  for (std::size_t i = 0; i < passages.size(); ++i) {
+    EXPECT_NEAR(passages[i].expected_pitch_rad, static_cast<double>(i + 1) * kPi / 2, 2.1e-3) << i;
+    EXPECT_NE(passages[i].as_planned(), false) << i;
+  }
+}
+
 TEST_F(Judge, ARobotThatHasTurnedAboutBeforeIsJudgedAsOneThatHasNot) {
   for (const double turns : {1.0, -2.0}) {
     judge_.emplace(file_, true, false);

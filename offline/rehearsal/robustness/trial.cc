@@ -100,8 +100,7 @@ TrialOutcome OutcomeOf(const PurposeJudge& judge, const PostureWatch& posture,
     outcome.reason = "the pitch later is not the planned one";
     for (const JudgedTarget& judged : passage.purpose) {
       if (judged.met() != false) continue;
-      const PurposeFigure figure{judged.target, *judged.result};
-      outcome.reason = figure.name() + ": " + figure.AskedAndGot(*judged.result);
+      outcome.reason = judged.name() + ": " + judged.target.AskedAndGot(*judged.result);
       break;
     }
     break;

@@ -27,23 +27,31 @@ void PurposeJudge::Observe(const TickRecord& record, std::int64_t time_ns, const
   if (!passages_.empty() && state != ExecutorState::kDisarmed) {
     Passage& passage = passages_.back();
     const double since_end_s = 1e-9 * static_cast<double>(time_ns - end_ns_);
+    // An edge may give the motion longer to settle than its primitive does.
+    const bool settled = state != ExecutorState::kSettling;
     for (JudgedTarget& judged : passage.purpose) {
-      if (!judged.result && (next || since_end_s >= InstantOf(judged.target)))
-        judged.result = ResultOf(judged.target, truth);
+      const bool rests = judged.target.when == PurposeTarget::When::kSettled ||
+                         judged.target.when == PurposeTarget::When::kLater;
+      const bool due = since_end_s >= InstantOf(judged.target) && (settled || !rests);
+      if (judged.result || !(next || due)) continue;
+      judged.result = ResultOf(judged.target, truth);
+      judged.after_s = since_end_s;
     }
-    if (!passage.pitch_later_rad && (next || since_end_s >= Passage::kLater_s))
+    if (!passage.pitch_later_rad && (next || (settled && since_end_s >= Passage::kLater_s))) {
       passage.pitch_later_rad = truth.root_pitch_rad;
+      passage.later_s = since_end_s;
+    }
   }
   if (last_ != ExecutorState::kRunning && state == ExecutorState::kRunning) {
     start_x_m_ = truth.root_x_m;
     moving_ = record.node;
-    if (!next) {
-      // How the robot lies decides with which node a run begins, and it may have turned about.
-      const double entry =
-          file_.RobotPitch(record.node, file_.PrimitiveOf(record.node).entry.root_pitch_rad);
-      constexpr double kTurn = 2 * std::numbers::pi;
-      expected_pitch_rad_ = entry + kTurn * std::round((truth.root_pitch_rad - entry) / kTurn);
-    }
+    // The motion is planned from its entry, of which the last one's exit may be off by a little.
+    // How the robot lies decides with which node a run begins, and it may have turned about.
+    const double entry =
+        file_.RobotPitch(record.node, file_.PrimitiveOf(record.node).entry.root_pitch_rad);
+    const double near = next ? expected_pitch_rad_ : truth.root_pitch_rad;
+    constexpr double kTurn = 2 * std::numbers::pi;
+    expected_pitch_rad_ = entry + kTurn * std::round((near - entry) / kTurn);
   }
   last_ = state;
 }

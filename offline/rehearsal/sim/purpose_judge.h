@@ -15,9 +15,10 @@ namespace tumbler {
 
 /// Judges what a simulated robot does against what its motions are for, node after node: each
 /// target of a primitive's purpose at its instant, if it is one of the root at or after the end of
-/// the motion, and the pitch 2 s after the motion against the plan's. A motion that another one
-/// follows earlier is judged when that one begins. One that is rolled out after a fault is judged,
-/// too.
+/// the motion, and the pitch 2 s after the motion against the plan's. Where the sequence gives the
+/// motion longer to settle, what is asked of the settled robot and 2 s later is judged when that
+/// time is over, just before the next motion begins; a motion that another one follows earlier is
+/// judged when that one begins. One that is rolled out after a fault is judged, too.
 class PurposeJudge {
  public:
   /// @param file       the sequence, which has to outlive the judge.
