@@ -167,7 +167,7 @@ TEST(Gait, TheShippedCartwheelHolds) {
 /// A leg that is pushed against the ground by what is left of a landing stays off its setpoint, and
 /// the next handstand begins there.
 TEST(Gait, NoTorqueIsHeldAgainstTheGroundBetweenItsMotions) {
-  for (const std::string name : {"downstand", "downstand_back"}) {
+  for (const std::string name : {"downstand", "downstand_back", "downstand_back_mirrored"}) {
     const PrimitiveFile file = LoadPrimitive(testing::SourcePath("primitives/" + name + ".toml"));
     for (int j = 0; j < file.primitive.joint_count; ++j)
       EXPECT_NEAR(file.primitive.joints[static_cast<std::size_t>(j)].torque.control_points().back(),
@@ -189,8 +189,8 @@ TEST(Gait, PrimitivesWereMadeFromTheTasksAndTheRobotBesideThem) {
   const std::string robot = HashOfText(ReadFile(folder + "primitives/robots/tumbler.urdf"));
   for (const std::string name :
        {"handstand", "handstand_sensor", "handstand_sensor_mirrored", "downstand", "downstand_back",
-        "roll", "roll_sensor", "stand", "rise", "rise_from_leg1", "rise_from_leg2",
-        "nominal/handstand", "nominal/downstand", "nominal/roll"}) {
+        "downstand_back_mirrored", "roll", "roll_sensor", "stand", "rise", "rise_from_leg1",
+        "rise_from_leg2", "nominal/handstand", "nominal/downstand", "nominal/roll"}) {
     const Provenance made =
         LoadPrimitive(fmt::format("{}primitives/{}.toml", folder, name)).provenance;
     EXPECT_EQ(made.task_file, fmt::format("primitives/tasks/{}.toml", name));

@@ -277,6 +277,21 @@ TEST(TakeGuess, TheMirrorImageOfAMotionGoesToTheOtherSideWithTheLegsExchanged) {
   }
 }
 
+/// It has no gains to be taken `from_guess`. That nothing is searched is for its task's [robust].
+TEST(TakeGuess, TheShippedDownstandToTheOtherSideIsItsGuessWithTheLegsExchanged) {
+  const PrimitiveFile guess = ShippedMotion("downstand_back");
+  const PrimitiveFile shipped = ShippedMotion("downstand_back_mirrored");
+  ASSERT_EQ(shipped.primitive.duration_s, guess.primitive.duration_s);
+  for (std::size_t j = 0; j < 2; ++j) {
+    const Path& path = shipped.primitive.joints[j].position;
+    const Path& other = guess.primitive.joints[1 - j].position;
+    for (int k = 0; k <= 100; ++k) {
+      const double t = k * guess.primitive.duration_s / 100;
+      EXPECT_NEAR(path.Evaluate(t).value, -other.Evaluate(t).value, 1e-12);
+    }
+  }
+}
+
 TEST(TakeGuess, GainsAreTakenOfAGuessThatHasThemForThisLinkAndDurationOnly) {
   const auto refusal = [](Task task, const std::string& guess) -> std::string {
     try {
