@@ -34,8 +34,8 @@ Exit codes:
   2    refused: a check before arming or running failed
   3    a fault during the run
   4    the motion was completed, but the robot fell and got up, or the simulated robot fell, missed a target of the
-       motion's purpose, or has another pitch than the plan 2 s later; or a file of the run could not be written whole
-       (the text and `unwritten` say which)
+       motion's purpose, or has another pitch than the plan 2 s later, or when it has settled; or a file of the run
+       could not be written whole (the text and `unwritten` say which)
   130  stopped by Ctrl-C or a message)";
 
 /// Declares the options about the motion and the machine that plays it.

@@ -229,7 +229,8 @@ Json JsonOf(const Passage& passage) {
   Json json = {{"node", passage.node},
                {"purpose", purpose},
                {"purpose_met", PurposeMet(passage)},
-               {"as_planned_later", Maybe(passage.as_planned())}};
+               {"as_planned_later", Maybe(passage.as_planned())},
+               {"later_s", passage.pitch_later_rad ? Json(passage.later_s) : Json()}};
   if (SpeaksOfPitch(passage)) {
     json["root_pitch_planned_rad"] = passage.expected_pitch_rad;
     json["root_pitch_at_end_rad"] = passage.pitch_at_end_rad;

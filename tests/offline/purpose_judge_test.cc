@@ -188,6 +188,30 @@ TEST_F(Judge, ARobotThatRocksWhenTheNextMotionBeginsIsNotAsAsked) {
   EXPECT_TRUE(judge_->passages()[0].amiss());
 }
 
+TEST_F(Judge, ASettlingThatIsBrokenOffIsJudgedWhereTheRobotIsThenIfItsTimeHasCome) {
+  for (const ExecutorState then : {ExecutorState::kStopping, ExecutorState::kFault,
+                                   ExecutorState::kMovingToStart, ExecutorState::kDisarmed}) {
+    for (const double after_s : {1.0, 3.0}) {
+      judge_.emplace(file_, true, false);
+      truth_ = {};
+      Tick(ExecutorState::kRunning, "up", 0);
+      truth_.root_x_m = 0.1;
+      truth_.root_pitch_rad = kPi / 2;
+      truth_.root_pitch_rate_rad_s = 0;
+      for (double t = 0; t < after_s; t += 0.01)
+        Tick(ExecutorState::kSettling, "up", kMotion_s + t);
+      truth_.root_pitch_rad = 0.7;
+      Tick(then, "up", kMotion_s + after_s);
+      EXPECT_EQ(purpose()[1].result, 0.7);
+      EXPECT_EQ(purpose()[2].result.has_value(), after_s > 2) << after_s;
+      EXPECT_TRUE(judge_->passages()[0].amiss());
+      truth_.root_pitch_rad = kPi / 2;
+      Tick(then, "up", kMotion_s + after_s + 0.01);
+      EXPECT_EQ(purpose()[1].result, 0.7) << "what happens later does not count";
+    }
+  }
+}
+
 TEST_F(Judge, ThePlanOfEachMotionBeginsAtItsEntryAndNotWhereExitsAddUpTo) {
   // Exits that are a little off the next entry, within its tolerance.
   std::vector<PrimitiveFile> files = Primitives();
@@ -196,7 +220,7 @@ TEST_F(Judge, ThePlanOfEachMotionBeginsAtItsEntryAndNotWhereExitsAddUpTo) {
   const SequenceFile file = LoadSequence(folder.file());
   judge_.emplace(file, true, false);
   const std::vector<std::string> nodes = {"up", "down", "up, swapped", "down, swapped"};
-  for (int i = 0; i < 80; ++i) Play(nodes[static_cast<std::size_t>(i % 4)], 3.0 * i, 1.9);
+  for (int i = 0; i < 80; ++i) Play(nodes[static_cast<std::size_t>(i % 4)], 1.5 * i, 0.4);
   const std::vector<Passage>& passages = judge_->passages();
   ASSERT_EQ(passages.size(), 80U);
   EXPECT_NEAR(truth_.root_pitch_rad, 80 * kPi / 2, 1e-9);

@@ -62,7 +62,7 @@ std::string IdentityOf(const RobustnessStudy& study) {
 
 WorkFile::Work CheckpointOf(const std::string& identity) {
   return {.format = "tumbler-robots",
-          .version = 2,
+          .version = 3,  // 2 judged settled robots earlier
           .identity = identity,
           .program = "tumbler-robustness",
           .differs =

@@ -215,12 +215,15 @@ SimulatedRobotConfig Trials::ConfigOf(std::uint64_t index) const {
 }
 
 std::pair<double, double> Trials::PushTimes() const {
-  std::size_t moved = 0;
+  std::size_t moved = 0, settled = 0;
   for (std::size_t k = 0; k < script_.ticks.size(); ++k) {
     if (script_.ticks[k].state == ExecutorState::kRunning) moved = k;
+    if (script_.ticks[k].state == ExecutorState::kSettling) settled = k;
   }
-  const double end_s = static_cast<double>(script_.ticks.size()) * script_.tick_s;
-  return {static_cast<double>(moved) * script_.tick_s + kJudged_s, end_s - kAfterPush_s};
+  const auto s = [this](std::size_t ticks) { return static_cast<double>(ticks) * script_.tick_s; };
+  constexpr double kSpare_s = kJudged_s - Passage::kLater_s;
+  return {std::max(s(moved) + kJudged_s, s(settled) + kSpare_s),
+          s(script_.ticks.size()) - kAfterPush_s};
 }
 
 void Trials::PlayModel() {

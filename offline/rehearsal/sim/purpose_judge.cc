@@ -24,14 +24,17 @@ void PurposeJudge::Observe(const TickRecord& record, std::int64_t time_ns, const
   if ((last_ == ExecutorState::kRunning && state == ExecutorState::kSettling) || rolled_out)
     Begin(static_cast<int>(record.node), time_ns, truth);
   const bool next = last_ == ExecutorState::kSettling && state == ExecutorState::kRunning;
-  if (!passages_.empty() && state != ExecutorState::kDisarmed) {
+  // Without torque nothing is asked of the robot. A tick before it may have settled long enough.
+  const bool let_go = last_ == ExecutorState::kSettling && state == ExecutorState::kDisarmed;
+  if (!passages_.empty() && (state != ExecutorState::kDisarmed || let_go)) {
     Passage& passage = passages_.back();
     const double since_end_s = 1e-9 * static_cast<double>(time_ns - end_ns_);
     // An edge may give the motion longer to settle than its primitive does.
     const bool settled = state != ExecutorState::kSettling;
     for (JudgedTarget& judged : passage.purpose) {
-      const bool rests = judged.target.when == PurposeTarget::When::kSettled ||
-                         judged.target.when == PurposeTarget::When::kLater;
+      const bool rests =
+          !passage.swings_on && (judged.target.when == PurposeTarget::When::kSettled ||
+                                 judged.target.when == PurposeTarget::When::kLater);
       const bool due = since_end_s >= InstantOf(judged.target) && (settled || !rests);
       if (judged.result || !(next || due)) continue;
       judged.result = ResultOf(judged.target, truth);
