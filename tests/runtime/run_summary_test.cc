@@ -86,6 +86,32 @@ TEST(Passage, TheFirstThatAreAmissAreNamedWithWhatFollowedThem) {
                                          "'up', ...)\n"));
 }
 
+TEST(Passage, OfARobotThatFellAfterEachWasJudgedItIsSaidThatItFell) {
+  RunSummary summary = SummaryOf({});
+  summary.passages[0].purpose = {Pitch(1.57), Rest(0.01)};
+  summary.passages.push_back(summary.passages[0]);
+  summary.statistics.get_ups = 1;
+  EXPECT_THAT(ToText(summary),
+              HasSubstr("the robot where it should be when each was judged, but it "
+                        "FELL\n"));
+}
+
+TEST(Passage, SaysAfterWhatTimeItWasJudged) {
+  Passage report;
+  report.expected_pitch_rad = 1.57;
+  report.pitch_later_rad = 1.56;
+  report.later_s = 4;
+  report.purpose = {Pitch(1.56), Rest(0.01)};
+  report.purpose[0].after_s = 4;
+  const std::string text = ToText(SummaryOf(report));
+  EXPECT_THAT(text, HasSubstr("1.5600 rad 4 s later (planned 1.5700): at rest as asked\n"));
+  EXPECT_THAT(text, HasSubstr("    pitch, 4 s later: asked 1.57, got 1.56 rad (within 0.05)\n"));
+  const auto json = Json::Parse(ToJson(SummaryOf(report))).value();
+  EXPECT_EQ(json["passages"][0]["later_s"], 4);
+  EXPECT_EQ(json["passages"][0]["purpose"][0]["after_s"], 4);
+  EXPECT_TRUE(json["passages"][0]["purpose"][1]["after_s"].is_null());
+}
+
 TEST(Passage, WithoutATargetThatIsJudgedMeetsNoPurpose) {
   RunSummary summary = SummaryOf({});
   summary.simulated = true;
