@@ -169,10 +169,10 @@ TEST(Gait, TheShippedCartwheelHolds) {
 TEST(Gait, NoTorqueIsHeldAgainstTheGroundBetweenItsMotions) {
   for (const std::string name : {"downstand", "downstand_back", "downstand_back_mirrored"}) {
     const PrimitiveFile file = LoadPrimitive(testing::SourcePath("primitives/" + name + ".toml"));
-    for (int j = 0; j < file.primitive.joint_count; ++j)
-      EXPECT_NEAR(file.primitive.joints[static_cast<std::size_t>(j)].torque.control_points().back(),
-                  0, 0.01)
-          << name;
+    for (int j = 0; j < file.primitive.joint_count; ++j) {
+      const auto& torque = file.primitive.joints[static_cast<std::size_t>(j)].torque;
+      EXPECT_NEAR(torque.control_points().back(), 0, 0.01) << name;
+    }
   }
 }
 
