@@ -64,6 +64,16 @@ class Judge : public ::testing::Test {
            start_s + kMotion_s + t);
     }
   }
+  /// Plays the first node and lets it settle for 4 s, as the edge that is taken says.
+  void SettleLong(const std::function<double(double)>& pitch_rate_rad_s) {
+    Tick(ExecutorState::kRunning, "up", 0);
+    truth_.root_x_m += 0.1;
+    truth_.root_pitch_rad = kPi / 2;
+    for (double t = 0; t < 4; t += 0.01) {
+      truth_.root_pitch_rate_rad_s = pitch_rate_rad_s(t);
+      Tick(ExecutorState::kSettling, "up", kMotion_s + t);
+    }
+  }
   [[nodiscard]] const std::vector<JudgedTarget>& purpose() const {
     return judge_->passages().at(0).purpose;
   }
@@ -154,14 +164,7 @@ TEST_F(Judge, AMotionThatAnotherFollowsEarlierIsJudgedWhenThatBegins) {
 }
 
 TEST_F(Judge, WhatIsAskedOfASettledRobotIsJudgedWhenTheSequenceLetsTheMotionSettleNoLonger) {
-  Tick(ExecutorState::kRunning, "up", 0);
-  truth_.root_x_m += 0.1;
-  truth_.root_pitch_rad = kPi / 2;
-  // It rocks until 3 s after the motion, and the edge that is taken waits for 4 s.
-  for (double t = 0; t < 4; t += 0.01) {
-    truth_.root_pitch_rate_rad_s = t < 3 ? 0.2 : 0;
-    Tick(ExecutorState::kSettling, "up", kMotion_s + t);
-  }
+  SettleLong([](double t) { return t < 3 ? 0.2 : 0; });
   EXPECT_EQ(purpose()[0].result, 0.2) << "at the end of the motion";
   EXPECT_FALSE(purpose()[1].result.has_value());
   EXPECT_FALSE(purpose()[3].result.has_value());
@@ -176,13 +179,7 @@ TEST_F(Judge, WhatIsAskedOfASettledRobotIsJudgedWhenTheSequenceLetsTheMotionSett
 }
 
 TEST_F(Judge, ARobotThatRocksWhenTheNextMotionBeginsIsNotAsAsked) {
-  Tick(ExecutorState::kRunning, "up", 0);
-  truth_.root_x_m += 0.1;
-  truth_.root_pitch_rad = kPi / 2;
-  for (double t = 0; t < 4; t += 0.01) {
-    truth_.root_pitch_rate_rad_s = t < 3 ? 0 : 0.2;
-    Tick(ExecutorState::kSettling, "up", kMotion_s + t);
-  }
+  SettleLong([](double t) { return t < 3 ? 0 : 0.2; });
   Tick(ExecutorState::kRunning, "down", kMotion_s + 4);
   EXPECT_EQ(purpose()[3].result, 0.2) << "though it was at rest after 2 s";
   EXPECT_TRUE(judge_->passages()[0].amiss());
