@@ -141,19 +141,23 @@ struct SocketCanBus::ReceiveBatch {
       messages[i].msg_hdr.msg_control = controls[i].bytes.data();
       messages[i].msg_hdr.msg_controllen = kControlSize;
     }
+    oldest_ns = emptied_ns;
+    const std::int64_t before_ns = Now(CLOCK_MONOTONIC);
     const int taken = recvmmsg(socket, messages.data(), kBatch, MSG_DONTWAIT, nullptr);
+    if (taken < static_cast<int>(kBatch)) emptied_ns = before_ns;
     if (taken < 0) return errno;
     count = static_cast<std::size_t>(taken);
-    // The kernel's time stamps are those of the real-time clock. The age of a frame is the same on
-    // every clock, unless the real-time clock was set in between: then the frame counts as having
-    // come just now.
     monotonic_ns = Now(CLOCK_MONOTONIC);
     realtime_ns = Now(CLOCK_REALTIME);
     return 0;
   }
+  /// The kernel's time stamps are those of the real-time clock. The age of a frame is the same on
+  /// every clock, unless the real-time clock was set in between: then the frame counts as old as it
+  /// can be, which is as the time since the socket had no more frames.
   [[nodiscard]] std::int64_t ToMonotonic(std::int64_t stamp_ns) const noexcept {
     const std::int64_t age_ns = realtime_ns - stamp_ns;
-    return monotonic_ns - (age_ns >= 0 && age_ns < kNsPerSecond ? age_ns : 0);
+    const std::int64_t most_ns = monotonic_ns - oldest_ns;
+    return monotonic_ns - (age_ns >= 0 && age_ns < most_ns ? age_ns : most_ns);
   }
 
   struct Control {
@@ -167,6 +171,8 @@ struct SocketCanBus::ReceiveBatch {
   std::size_t count = 0;
   std::int64_t monotonic_ns = 0;
   std::int64_t realtime_ns = 0;
+  std::int64_t emptied_ns = 0;  // when the socket was last known to have no more frames
+  std::int64_t oldest_ns = 0;   // the same before this batch
 };
 
 SocketCanBus::SocketCanBus() noexcept = default;
@@ -254,6 +260,7 @@ SocketCanBus::OpenResult SocketCanBus::TryOpen(const std::string& interface,
   interface_ = interface;
   if (batch_ == nullptr) batch_ = std::make_unique<ReceiveBatch>();
   batch_->next = batch_->count = 0;
+  batch_->emptied_ns = Now(CLOCK_MONOTONIC);
   return {};
 }
 

@@ -69,6 +69,10 @@ Reaction ReadReaction(TomlTable& table, std::string_view key) {
 void SetOne(TomlTable& table, std::string_view key, Fault fault, ExecutorState state,
             Reaction reaction, FaultTable& reactions) {
   if (reactions.Set(fault, state, reaction)) return;
+  if (fault == Fault::kPaused) {
+    table.Fail(key, fmt::format("is {}; after a pause only disable is allowed: drives have let go",
+                                ToString(reaction)));
+  }
   if (reaction == Reaction::kAbort)
     table.Fail(key, "is abort; that is for the state running alone: { running = \"abort\" }");
   table.Fail(key, reaction == Reaction::kIgnore

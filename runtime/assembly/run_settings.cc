@@ -49,6 +49,18 @@ JointConfig JointConfigOf(const DriveEntry& entry) {
   return config;
 }
 
+int PauseTicksMax(const DrivesConfig& drives) {
+  constexpr double kUnattended_s = 0.2;  // A robot that balanced has fallen by then.
+  double shortest_s = kUnattended_s;
+  for (const DriveEntry& drive : drives.drives) {
+    if (drive.watchdog_s > 0) shortest_s = std::min<double>(shortest_s, drive.watchdog_s);
+  }
+  // A setpoint leaves within a period of its tick. Two that are as many ticks apart as the watchdog
+  // takes may be one period farther apart.
+  constexpr double kRounding = 1e-6;
+  return std::max(1, static_cast<int>(std::floor(shortest_s * drives.rate_hz + kRounding)) - 1);
+}
+
 ExecutorConfig ExecutorConfigOf(const RunSettings& settings, const DrivesConfig& drives) {
   ExecutorConfig config;
   config.cycles = settings.cycles;
@@ -64,6 +76,7 @@ ExecutorConfig ExecutorConfigOf(const RunSettings& settings, const DrivesConfig&
   config.stale_ticks_max =
       std::max(config.stale_ticks_max, static_cast<int>(std::ceil(kPause_s * drives.rate_hz)));
   config.arming_ticks_max = static_cast<int>(std::ceil(0.5 * drives.rate_hz));
+  config.pause_ticks_max = PauseTicksMax(drives);
   for (std::size_t i = 0; i < drives.drives.size(); ++i) {
     config.joints[i] = JointConfigOf(drives.drives[i]);
   }

@@ -40,6 +40,10 @@ void CheckGetUps(int get_ups, int beginnings, const DrivesConfig& drives);
 /// The executor's settings for the joint of this drive: gains and temperature limit.
 [[nodiscard]] JointConfig JointConfigOf(const DriveEntry& entry);
 
+/// `ExecutorConfig::pause_ticks_max` for these drives: so many ticks are surely shorter than the
+/// shortest of their watchdogs, and than 0.2 s, also where a drive has none.
+[[nodiscard]] int PauseTicksMax(const DrivesConfig& drives);
+
 /// The executor's configuration, with the default reactions to faults. A reply is stale after five
 /// ticks, and after 10 ms where that is longer.
 [[nodiscard]] ExecutorConfig ExecutorConfigOf(const RunSettings& settings,

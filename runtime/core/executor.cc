@@ -18,8 +18,12 @@ constexpr float kNotMeasured = std::numeric_limits<float>::quiet_NaN();
 /// The time in which a robot is lowered.
 constexpr float kLower_s = 2;
 
-/// The time in which a robot that gets up has to lie still, its joints at the start.
+/// The time in which a robot that gets up has to lie still, its joints at the start; and in which a
+/// sensor has to tell where a robot is.
 constexpr float kLieStill_s = 1;
+
+/// What is older, in ticks, is no older than this.
+constexpr int kLongest = 1 << 20;
 
 }  // namespace
 
@@ -132,9 +136,16 @@ float Executor::FarFromEnd() const noexcept {
 void Executor::EndNode() noexcept {
   const int edge = NextEdgeHere();
   const float settle_s = edge < 0 ? primitive_->settle_s : graph_.edge(edge).settle_s;
-  if (ticks_in_state_ < CeilTicks(settle_s / config_.period_s) || !AtRest()) return;
-  // Negated, so that a pitch that is not a number is a fall, too.
-  if (!(FarFromEnd() <= graph_.beginning_within_rad) && AnswerFall()) return;
+  const std::int64_t settle_ticks = CeilTicks(settle_s / config_.period_s);
+  if (ticks_in_state_ < settle_ticks || !AtRest()) return;
+  if (sensor_ != nullptr && graph_.beginning_count > 0) {
+    if (sensor_watch_.status() != SensorStatus::kOk) {
+      if (AnswerUnclear(ticks_in_state_ - settle_ticks)) return;
+      // Negated, so that a pitch that is not a number is a fall, too.
+    } else if (!(FarFromEnd() <= graph_.beginning_within_rad) && AnswerFall()) {
+      return;
+    }
+  }
   cycle_unchecked_ = false;
   if (edge < 0) {
     Enter(ExecutorState::kHolding);
@@ -159,6 +170,27 @@ bool Executor::AnswerFall() noexcept {
     return true;
   }
   LatchFall();
+  return state_ == ExecutorState::kFault;
+}
+
+// The sensor is not ok, and nothing else tells whether the robot has fallen. A robot on its side
+// shows as a tilt out of its plane, and does not get up. Returns whether the node's end has to
+// wait, or has ended in a fault: that may be one to ignore.
+bool Executor::AnswerUnclear(std::int64_t waited_ticks) noexcept {
+  const SensorStatus status = sensor_watch_.status();
+  const float tilt_rad = sensor_watch_.tilt_rad();
+  const bool may_clear = status < SensorStatus::kFrozen;
+  const bool may_come_to_rest = tilt_rad > 0 && !sensor_watch_.tilt_rests();
+  if ((may_clear || may_come_to_rest) && waited_ticks < CeilTicks(kLieStill_s / config_.period_s))
+    return true;
+  const std::uint32_t known = 1U << static_cast<unsigned>(Fault::kPitchUnknown);
+  if (tilt_rad > 0) {
+    fall_rad_ = tilt_rad;
+    TakeCycleBack();
+    LatchFall();
+  } else if ((earlier_faults_ & known) == 0) {  // On the way home it has been answered.
+    Latch(Fault::kPitchUnknown, -1, DetailNumber::Integer(static_cast<std::int64_t>(status)), {});
+  }
   return state_ == ExecutorState::kFault;
 }
 
@@ -206,16 +238,23 @@ void Executor::BeginAnew() noexcept {
 
 void Executor::Tick(const TickInput& input, TickOutput& output) noexcept TUMBLER_NONBLOCKING {
   const std::int64_t elapsed = ticked_ ? input.tick - tick_ : 1;
+  int passed = 1, advance = 1;
+  fresh_ns_ = time_ns_;  // What came since the tick before is new.
+  if (elapsed != 1) {
+    passed = static_cast<int>(std::clamp<std::int64_t>(elapsed, 1, kLongest));
+    // However much time has passed, the plan goes on by at most the ticks that are made up for.
+    const std::int64_t most = 1 + static_cast<std::int64_t>(config_.late_ticks_max);
+    advance = static_cast<int>(std::clamp<std::int64_t>(elapsed, 1, most));
+    fresh_ns_ = input.time_ns - (input.time_ns - time_ns_) / passed;  // in the last of the periods
+  }
   tick_ = input.tick;
+  time_ns_ = input.time_ns;
   ticked_ = true;
   refusal_ = {};
 
-  // However much time has passed, the plan goes on by at most the ticks that are made up for.
-  const std::int64_t most = 1 + static_cast<std::int64_t>(config_.late_ticks_max);
-  const auto advance = static_cast<int>(std::clamp<std::int64_t>(elapsed, 1, most));
   ticks_in_state_ += advance;
 
-  TakeReplies(input, advance);
+  TakeReplies(input, passed);
   if (state_ != ExecutorState::kDisarmed) DetectFaults(input, elapsed);
   Obey(input);
 
@@ -248,7 +287,7 @@ void Executor::TakeReplies(const TickInput& input, int elapsed) noexcept {
     if (sensor_ != nullptr && sensor_->Owns(received.frame)) {
       const InertialPart part = sensor_->Decode(received.frame);
       if (part != InertialPart::kNone) {
-        sensor_watch_.Count(part, sensor_->reading());
+        sensor_watch_.Count(part, sensor_->reading(), AgeOf(received));
         continue;
       }
     }
@@ -257,7 +296,7 @@ void Executor::TakeReplies(const TickInput& input, int elapsed) noexcept {
       Joint& joint = joints_[static_cast<std::size_t>(i)];
       const int next = i + 1 < joint_count_ ? i + 1 : 0;
       if (joint.drive->Decode(received.frame)) {
-        joint.replies.Count();
+        joint.replies.Count(AgeOf(received));
         first = next;
         break;
       }
@@ -272,6 +311,18 @@ void Executor::TakeReplies(const TickInput& input, int elapsed) noexcept {
     joint.drive_state = joint.drive->state();
   }
   if (sensor_ != nullptr) sensor_watch_.EndTick(elapsed, sensor_->reading());
+}
+
+inline std::int32_t Executor::AgeOf(const ReceivedFrame& received) const noexcept {
+  return received.time_ns >= fresh_ns_ ? 0 : AgeOfOld(received.time_ns);
+}
+
+// How many ticks ago a frame was new.
+std::int32_t Executor::AgeOfOld(std::int64_t frame_ns) const noexcept {
+  const std::int64_t period_ns = time_ns_ - fresh_ns_;
+  if (period_ns <= 0) return kLongest;
+  const std::int64_t age = (fresh_ns_ - frame_ns + period_ns - 1) / period_ns;
+  return static_cast<std::int32_t>(std::min<std::int64_t>(age, kLongest));
 }
 
 void Executor::Enter(ExecutorState state) noexcept {

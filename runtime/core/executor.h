@@ -67,6 +67,8 @@ class Executor {
   [[nodiscard]] ExecutorState state() const noexcept { return state_; }
   [[nodiscard]] int joint_count() const noexcept { return joint_count_; }
   [[nodiscard]] const SequenceGraph<float>& graph() const noexcept { return graph_; }
+  /// Without a setpoint for more ticks than this the drives may have let go.
+  [[nodiscard]] int pause_ticks_max() const noexcept { return config_.pause_ticks_max; }
   /// How many ticks the present node's primitive takes at the configured speed and period.
   [[nodiscard]] std::int64_t run_ticks() const noexcept { return run_ticks_; }
 
@@ -114,6 +116,8 @@ class Executor {
 
   // The tick and the states: executor.cc.
   void TakeReplies(const TickInput& input, int elapsed) noexcept;
+  [[nodiscard]] std::int32_t AgeOf(const ReceivedFrame& received) const noexcept;
+  [[nodiscard, gnu::cold]] std::int32_t AgeOfOld(std::int64_t frame_ns) const noexcept;
   void Send(int elapsed, TickOutput& output) noexcept;
   void Enter(ExecutorState state) noexcept;
   void Advance(const TickRecord& record) noexcept;
@@ -126,6 +130,7 @@ class Executor {
   // Cold: what is seldom done is compiled for its size. A small processor has no space for copies.
   [[nodiscard, gnu::cold]] bool AnswerFall() noexcept;
   [[gnu::cold]] void BeginAnew() noexcept;
+  [[nodiscard, gnu::cold]] bool AnswerUnclear(std::int64_t waited_ticks) noexcept;
   [[gnu::cold]] void LatchFall() noexcept;
   [[gnu::cold]] void CountCycle() noexcept;
   [[gnu::cold]] void TakeCycleBack() noexcept;
@@ -134,7 +139,7 @@ class Executor {
 
   // Faults: executor_faults.cc.
   void DetectFaults(const TickInput& input, std::int64_t elapsed) noexcept;
-  void DetectLateTick(std::int64_t missed) noexcept;
+  [[gnu::cold]] void DetectLateness(std::int64_t elapsed) noexcept;
   void DetectStaleReply(int index) noexcept;
   void DetectLinkFaults(const TickInput& input) noexcept;
   void DetectDriveFaults(int index) noexcept;
@@ -164,6 +169,7 @@ class Executor {
   void PlanArming(TickRecord& record) noexcept;
   void PlanMove(TickRecord& record) noexcept;
   void PlanRun(TickRecord& record) noexcept;
+  [[gnu::cold]] void PlanBetween(TickRecord& record) const noexcept;
   void PlanBrake(int elapsed, TickRecord& record) noexcept;
   void PlanFold(int elapsed, std::span<const float> pose, float share, TickRecord& record) noexcept;
 
@@ -184,6 +190,8 @@ class Executor {
   std::int64_t move_ticks_ = 0;
 
   std::int64_t tick_ = 0;
+  std::int64_t time_ns_ = 0;   ///< Of the tick.
+  std::int64_t fresh_ns_ = 0;  ///< One period before: what came since then is new.
   bool ticked_ = false;
   ExecutorState state_ = ExecutorState::kDisarmed;
   std::int64_t ticks_in_state_ = 0;  ///< The tick of the transition is number 0.

@@ -66,6 +66,11 @@ struct ExecutorConfig {
   int sequence_errors_max = 10;
   /// How many missed periods are made up for. More are the fault kLateTick.
   int late_ticks_max = 2;
+  /// After more ticks from one setpoint to the next nobody knows how the robot lies: a drive may
+  /// have let go (its watchdog), and one that balanced has fallen. That is the fault kPaused. The
+  /// default is 0.2 s; `ExecutorConfigOf` takes the shortest watchdog of the drives where that is
+  /// shorter.
+  int pause_ticks_max = 199;
   /// The time in which all drives have to be enabled.
   int arming_ticks_max = 500;
   /// Arming is refused when a joint is measured farther than this both from the start of the motion

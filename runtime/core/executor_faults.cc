@@ -11,10 +11,6 @@ namespace {
 /// A drive that has been silent for so many times the age of a stale reply is none that obeys.
 constexpr int kSilence = 5;
 
-/// After so long without a setpoint nobody knows how the robot lies: most drives have let go, and
-/// one that balanced has fallen.
-constexpr float kUnattended_s = 0.2F;
-
 bool IsLinkUp(Status status) noexcept {
   return status == Status::kOk || status == Status::kWouldBlock;
 }
@@ -22,9 +18,7 @@ bool IsLinkUp(Status status) noexcept {
 }  // namespace
 
 void Executor::DetectFaults(const TickInput& input, std::int64_t elapsed) noexcept {
-  if (elapsed < 1 || elapsed > 1 + static_cast<std::int64_t>(config_.late_ticks_max)) {
-    DetectLateTick(elapsed - 1);
-  }
+  if (elapsed != 1) DetectLateness(elapsed);
   if (input.send_status != Status::kOk || !IsLinkUp(input.receive_status) ||
       input.controller >= CanControllerState::kErrorPassive) {
     DetectLinkFaults(input);
@@ -52,7 +46,7 @@ void Executor::DetectFaults(const TickInput& input, std::int64_t elapsed) noexce
             DetailNumber::Integer(config_.sequence_errors_max));
     }
     if (joint.replies.age_ticks() != 0) {
-      if (joint.replies.age_ticks() > config_.stale_ticks_max) DetectStaleReply(i);
+      if (joint.replies.silent_ticks() > config_.stale_ticks_max) DetectStaleReply(i);
       continue;
     }
     if (!joint.IsMeasuredFinite()) {
@@ -73,25 +67,31 @@ void Executor::DetectFaults(const TickInput& input, std::int64_t elapsed) noexce
   }
 }
 
-void Executor::DetectLateTick(std::int64_t missed) noexcept {
+void Executor::DetectLateness(std::int64_t elapsed) noexcept {
+  // Known before anything is sent: no setpoint of before the pause is, once a drive may have let
+  // go.
+  if (elapsed > config_.pause_ticks_max) {
+    return Latch(Fault::kPaused, -1, DetailNumber::Integer(elapsed),
+                 DetailNumber::Integer(config_.pause_ticks_max));
+  }
+  const std::int64_t missed = elapsed - 1;
+  if (missed >= 0 && missed <= config_.late_ticks_max) return;
   // A motion that is already rolled out becomes later still.
   if (reaction_ == Reaction::kRollOut) {
     late_ticks_ += missed;
     if (IsTooLate(*abort_, late_ticks_)) React(Reaction::kDamp);
   }
-  // Then a hold is not in the pose of a node's end, and no motion goes on from there.
-  if (static_cast<float>(missed) * config_.period_s > kUnattended_s) keep_torque_ = false;
   Latch(Fault::kLateTick, -1, DetailNumber::Integer(missed),
         DetailNumber::Integer(config_.late_ticks_max));
 }
 
 void Executor::DetectStaleReply(int index) noexcept {
-  const int age_ticks = joints_[static_cast<std::size_t>(index)].replies.age_ticks();
-  Latch(Fault::kStaleReply, index, DetailNumber::Integer(age_ticks),
+  const int silent_ticks = joints_[static_cast<std::size_t>(index)].replies.silent_ticks();
+  Latch(Fault::kStaleReply, index, DetailNumber::Integer(silent_ticks),
         DetailNumber::Integer(config_.stale_ticks_max));
   // What an abort counts on is that the drives obey.
   const bool aborts = reaction_ == Reaction::kRollOut || reaction_ == Reaction::kFold;
-  if (aborts && age_ticks > kSilence * config_.stale_ticks_max) React(Reaction::kDamp);
+  if (aborts && silent_ticks > kSilence * config_.stale_ticks_max) React(Reaction::kDamp);
 }
 
 void Executor::DetectLinkFaults(const TickInput& input) noexcept {

@@ -85,6 +85,7 @@ bool FaultTable::IsAllowed(Fault fault, ExecutorState state, Reaction reaction) 
   if (fault == Fault::kNone || state == ExecutorState::kDisarmed) {
     return reaction == Reaction::kIgnore;
   }
+  if (fault == Fault::kPaused) return reaction == Reaction::kDisable;
   if (reaction == Reaction::kIgnore) return fault != Fault::kOperatorStop;
   if (reaction == Reaction::kRollOut || reaction == Reaction::kFold) return false;
   if (reaction == Reaction::kAbort) return state == ExecutorState::kRunning;
@@ -115,9 +116,11 @@ DetailUnit UnitOf(Fault fault) noexcept {
     case Fault::kHeartbeatLost:
     case Fault::kLateTick:
     case Fault::kArmingTimeout:
+    case Fault::kPaused:
       return DetailUnit::kTicks;
     case Fault::kWrongSequence:
-    case Fault::kSensorLost:  // The number of a SensorStatus.
+    case Fault::kSensorLost:  // The number of a SensorStatus, as of the next.
+    case Fault::kPitchUnknown:
       return DetailUnit::kCount;
     case Fault::kDriveError:
       return DetailUnit::kCode;

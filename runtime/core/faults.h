@@ -47,8 +47,10 @@ enum class Fault : std::uint8_t {
   kForeignCommand,
   kSensorLost,
   kFallen,
+  kPaused,
+  kPitchUnknown,
 };
-inline constexpr std::size_t kFaultCount = 21;  ///< Including kNone.
+inline constexpr std::size_t kFaultCount = 23;  ///< Including kNone.
 
 /// The answers to a fault. The numbers are those of messages and flight records; `kReactionTable`
 /// has them in the order of their strength.
@@ -253,6 +255,15 @@ inline constexpr std::array<FaultInfo, kFaultCount> kFaults{{
     {Fault::kFallen, "fallen",
      "by its sensor the robot is not where the motion leaves it, within the sequence's `within_rad`, and does not [get up](#a-robot-that-falls)", "rad",
      "", {I, X, H, H, D, H, H, H}, "it lies, and no motion begins so"},
+    {Fault::kPaused, "paused",
+     "no setpoint was sent for so long that a drive may have let go, or the computer was suspended; "
+     "nothing but *disable* is allowed",
+     "ticks", "", {I, X, X, X, X, X, X, X},
+     "where the robot is now, a setpoint of before would snap it back with full stiffness"},
+    {Fault::kPitchUnknown, "pitch unknown",
+     "at the end of a node of a sequence with beginnings the inertial sensor does not tell whether "
+     "the robot has fallen: it is implausible, or has been silent or late for 1 s",
+     "its status", "", {I, X, H, H, D, H, H, H}, "a robot that may lie is not driven on"},
 }};
 // clang-format on
 }  // namespace fault_table_detail
@@ -277,6 +288,7 @@ class FaultTable {
 
   /// Whether `Set` takes this entry. While disarmed nothing is a fault. While arming no drive is
   /// driven yet, so the reaction is kIgnore or kDisable. A stop of the operator is never ignored.
+  /// After a pause nothing but kDisable is right.
   /// kAbort is for kRunning alone; kRollOut and kFold only come of it.
   [[nodiscard]] static bool IsAllowed(Fault fault, ExecutorState state, Reaction reaction) noexcept;
   /// Changes one entry. @returns false, having changed nothing, unless `IsAllowed`.

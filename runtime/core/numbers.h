@@ -32,6 +32,22 @@ template <typename... Floats>
   return y > low ? y : low;
 }
 
+/// What a float loses of the product of an integer and a float: a factor - float(n) factor, to
+/// float's precision, for n factor < 2^50. Dekker's product, by halves that have exact products
+/// [T. J. Dekker, A Floating-Point Technique for Extending the Available Precision, 1971].
+[[nodiscard]] constexpr float LostInProduct(std::int64_t n, float factor) noexcept {
+  constexpr float kSplit = 4097;  // 2^12 + 1
+  const auto whole = static_cast<float>(n);
+  const float whole_high = kSplit * whole - (kSplit * whole - whole);
+  const float whole_low = whole - whole_high;
+  const float factor_high = kSplit * factor - (kSplit * factor - factor);
+  const float factor_low = factor - factor_high;
+  const float lost = whole_low * factor_low -
+                     (((whole * factor - whole_high * factor_high) - whole_low * factor_high) -
+                      whole_high * factor_low);
+  return lost + static_cast<float>(n - static_cast<std::int64_t>(whole)) * factor;
+}
+
 /// |x|, without a library: one instruction.
 [[nodiscard]] constexpr float Magnitude(float x) noexcept { return __builtin_fabsf(x); }
 

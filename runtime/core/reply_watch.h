@@ -15,7 +15,11 @@ class ReplyWatch {
   explicit ReplyWatch(const ReplyRhythm& rhythm) noexcept : rhythm_(rhythm) {}
 
   /// Takes note of one reply.
-  void Count() noexcept { ++replies_; }
+  /// @param age_ticks  0: it came since the tick before.
+  void Count(std::int32_t age_ticks) noexcept {
+    ++replies_;
+    newest_age_ticks_ = age_ticks;  // Replies keep their order.
+  }
 
   /// Ends a tick.
   /// @param elapsed          ticks since the last one ended, at least 1.
@@ -24,8 +28,10 @@ class ReplyWatch {
   /// @returns whether there was a reply in the tick.
   bool EndTick(int elapsed, int stale_ticks_max) noexcept {
     const int replies = replies_;
+    ++silent_ticks_;
     if (replies != 0) {
-      age_ticks_ = 0;
+      if (newest_age_ticks_ == 0) silent_ticks_ = 0;
+      age_ticks_ = newest_age_ticks_;
     } else if (age_ticks_ >= 0) {
       age_ticks_ = std::min<std::int32_t>(age_ticks_ + elapsed, 1 << 30);
     }
@@ -38,8 +44,12 @@ class ReplyWatch {
     return replies != 0;
   }
 
-  /// Ticks since the last reply. 0: there was one in the last tick; -1: there never was one.
+  /// Ticks since the last reply came, by its time stamp. 0: since the tick before; -1: there never
+  /// was one.
   [[nodiscard]] std::int32_t age_ticks() const noexcept { return age_ticks_; }
+  /// Executed ticks in a row without a new reply. While the loop paused, no drive was asked, and
+  /// none of them owes more than one.
+  [[nodiscard]] std::int32_t silent_ticks() const noexcept { return silent_ticks_; }
   /// The judgement of the replies of the last tick.
   [[nodiscard]] ReplyStatus status() const noexcept { return status_; }
   /// See `ExecutorConfig::sequence_errors_max`.
@@ -52,6 +62,8 @@ class ReplyWatch {
   ReplyRhythm rhythm_;
   ReplyStatus status_ = ReplyStatus::kOk;
   std::int32_t age_ticks_ = -1;
+  std::int32_t newest_age_ticks_ = 0;
+  std::int32_t silent_ticks_ = 0;
   int replies_ = 0;     ///< Replies in this tick.
   int unanswered_ = 0;  ///< Setpoints without a reply.
   int in_order_ = 0;    ///< Ticks in a row with one reply.

@@ -1,6 +1,7 @@
 #include "runtime/core/sensor_watch.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 #include "common/feedback.h"
@@ -26,9 +27,15 @@ constexpr float kOutOfPlane = 0.25F;
 /// How far the length of a quaternion, squared, may be from one. Rounding on the wire costs 1e-4.
 constexpr float kLength = 0.05F;
 
+/// A link that turns slower than this, about every axis, rests. A sensor's noise is a tenth of it.
+constexpr float kRest_rad_s = 0.2F;
+
 /// After so many ticks the promptest report counts as one step of its clock slower, because the
 /// clocks of host and sensor do not run alike: at 1 kHz, 100 ppm.
 constexpr std::int32_t kCreepTicks = 1000;
+
+/// What is older, in ticks, is no older than this.
+constexpr std::int32_t kOldest = 1 << 30;
 
 }  // namespace
 
@@ -101,6 +108,7 @@ void SensorWatch::Configure(const SensorSettings& settings, float period_s) noex
 void SensorWatch::Trust() noexcept {
   implausible_ = SensorStatus::kOk;
   parted_rad_ = 0;
+  tilt_rad_ = 0;
 }
 
 void SensorWatch::TakeTime(std::uint32_t time) noexcept {
@@ -118,8 +126,9 @@ void SensorWatch::EndTick(int elapsed, const InertialReading& reading) noexcept 
   host_time_ += elapsed * steps_per_tick_;
   creep_ticks_ += elapsed;
   if (creep_ticks_ >= kCreepTicks) {
+    promptest_ += creep_ticks_ / kCreepTicks;
     creep_ticks_ = 0;
-    ++promptest_;
+    age_ticks_ = std::min(age_ticks_, kOldest);  // here, because it may be late
   }
   if (age_ticks_ >= 0) age_ticks_ += elapsed;
   if (has_attitude_ && has_rate_) {
@@ -150,23 +159,22 @@ void SensorWatch::TakeReport(const InertialReading& reading) noexcept {
   const float rate_rad_s = -turn[1];
 
   const bool fresh = IsOld();
-  const auto ticks = static_cast<float>(age_ticks_);
+  const std::int32_t since = std::max(age_ticks_ - report_age_ticks_, 0);  // the last report
   if (fresh) {
     parted_rad_ = 0;  // What the sensor did meanwhile is not known.
     twist_rad_ = Lanes{};
   } else {
-    const float time_s = ticks * period_s_;
+    const float time_s = static_cast<float>(since) * period_s_;
     const float turned = 0.5F * (rate_rad_s + rate_rad_s_) * time_s;
     parted_rad_ += WithoutTurns(pitch_rad - pitch_rad_) - turned;
     parted_rad_ -= parted_rad_ * std::min(time_s / kForget_s, 1.0F);
-    const float kept =
-        age_ticks_ == 1 ? twist_kept_ : std::max(1 - time_s * (1 / kForgetTwist_s), 0.0F);
+    const float kept = since == 1 ? twist_kept_ : std::max(1 - time_s * (1 / kForgetTwist_s), 0.0F);
     twist_rad_ = kept * (twist_rad_ + turn * time_s);
   }
   pitch_rad_ = pitch_rad;
   rate_rad_s_ = rate_rad_s;
-  age_ticks_ = 0;
-  if (implausible_ != SensorStatus::kOk) return;
+  age_ticks_ = report_age_ticks_;
+  if (implausible_ != SensorStatus::kOk) return TakeTilt(reading, up, turn);
   // Out of the plane it has turned too far, or is about to.
   const Lanes twist = twist_rad_ + turn * twist_lead_s_;
   const float twist_square = twist[0] * twist[0] + twist[2] * twist[2];
@@ -178,11 +186,26 @@ void SensorWatch::TakeReport(const InertialReading& reading) noexcept {
     implausible_ = SensorStatus::kNoRotation;
   } else if (!(Magnitude(up[1]) <= settings_.tilt_sine_max && twist_square <= twist_square_max_)) {
     implausible_ = SensorStatus::kTilted;
+    TakeTilt(reading, up, turn);
   } else if (!(Magnitude(rate_rad_s) <= settings_.rate_max_rad_s)) {
     implausible_ = SensorStatus::kTooFast;
   } else if (!(Magnitude(parted_rad_) <= settings_.jump_max_rad)) {
     implausible_ = SensorStatus::kInconsistent;
   }
+}
+
+// Of a sensor that is not believed any more because it was tilted: whether it still is. What shows
+// the robot on its side has to be a rotation, and news.
+void SensorWatch::TakeTilt(const InertialReading& reading, Lanes up, Lanes turn) noexcept {
+  tilt_rad_ = 0;
+  const float length = up[0] * up[0] + up[1] * up[1] + up[2] * up[2];
+  if (implausible_ != SensorStatus::kTilted || reading.repeats > settings_.repeats_max ||
+      !(Magnitude(length - 1) <= kLength) || !(Magnitude(up[1]) > settings_.tilt_sine_max)) {
+    return;
+  }
+  tilt_rad_ = AngleOf(std::sqrt(up[0] * up[0] + up[2] * up[2]), Magnitude(up[1]));
+  tilt_rests_ =
+      turn[0] * turn[0] + turn[1] * turn[1] + turn[2] * turn[2] <= kRest_rad_s * kRest_rad_s;
 }
 
 }  // namespace tumbler

@@ -58,7 +58,9 @@ class SensorWatch {
   void Trust() noexcept;
 
   /// Notes what a frame has brought.
-  void Count(InertialPart part, const InertialReading& reading) noexcept {
+  /// @param age_ticks  0: it came since the tick before.
+  void Count(InertialPart part, const InertialReading& reading, std::int32_t age_ticks) noexcept {
+    report_age_ticks_ = age_ticks;
     if (part == InertialPart::kAttitude) has_attitude_ = true;
     if (part == InertialPart::kRate) has_rate_ = true;
     if (part == InertialPart::kTime) TakeTime(reading.time);
@@ -75,6 +77,12 @@ class SensorWatch {
   /// Of the sensor's link, within -pi ... pi.
   [[nodiscard]] float pitch_rad() const noexcept { return pitch_rad_; }
   [[nodiscard]] float rate_rad_s() const noexcept { return rate_rad_s_; }
+  /// How far the sensor's link leans out of the robot's plane by the last report, where the status
+  /// is kTilted: 0 ... pi/2 rad. 0 where the report is stale or no rotation, and where the sensor
+  /// has come back into the plane since: then it was the sensor, and not the robot.
+  [[nodiscard]] float tilt_rad() const noexcept { return IsOld() ? 0 : tilt_rad_; }
+  /// Whether such a link turns no more. @pre tilt_rad() > 0
+  [[nodiscard]] bool tilt_rests() const noexcept { return tilt_rests_; }
   /// Ticks since the last report; -1: there was none.
   [[nodiscard]] std::int32_t age_ticks() const noexcept { return age_ticks_; }
   [[nodiscard]] const SensorSettings& settings() const noexcept { return settings_; }
@@ -87,6 +95,7 @@ class SensorWatch {
   /// A vector of the sensor's frame in that of the link.
   [[nodiscard]] Lanes InLink(float x, float y, float z) const noexcept;
   void TakeReport(const InertialReading& reading) noexcept;
+  [[gnu::cold]] void TakeTilt(const InertialReading& reading, Lanes up, Lanes turn) noexcept;
   void TakeTime(std::uint32_t time) noexcept;
   /// Whether the last report is stale, or there is none: -1 is the largest then.
   [[nodiscard]] bool IsOld() const noexcept {
@@ -109,7 +118,10 @@ class SensorWatch {
   Lanes twist_rad_{};  ///< What it has turned about each axis of the link, of late.
   float twist_kept_ = 0, twist_lead_s_ = 0, twist_square_max_ = 0;
   float parted_rad_ = 0;  ///< What the attitude has changed beyond the sum of the rates, of late.
+  float tilt_rad_ = 0;
+  bool tilt_rests_ = false;
   std::int32_t age_ticks_ = -1;
+  std::int32_t report_age_ticks_ = 0;  ///< Of the report that has come in this tick.
   /// The host's time, in 2^-16 steps of the sensor's clock; how many of them are a tick.
   std::int64_t host_time_ = 0;
   std::int64_t steps_per_tick_ = 0;

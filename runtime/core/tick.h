@@ -81,6 +81,9 @@ struct RefusalDetail {
 struct TickInput {
   /// Control periods since the schedule began. Grows by one, and by more after missed periods.
   std::int64_t tick = 0;
+  /// This tick's deadline, on the clock that frames are stamped with: how old a frame is follows
+  /// from it. Where there is no such clock all are zero, and every frame counts as new.
+  std::int64_t time_ns = 0;
   /// Frames received since the tick before, in order.
   std::span<const ReceivedFrame> received;
   /// kOk or kWouldBlock while the link is up.

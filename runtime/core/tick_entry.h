@@ -57,9 +57,9 @@ struct TickEntry {
 
   /// The executor's input. It refers to this entry.
   [[nodiscard]] TickInput input() const noexcept {
-    return {
-        tick,      {received.data(), received_count}, receive_status, send_status, command, branch,
-        controller};
+    return {tick,           notes.deadline_ns, {received.data(), received_count},
+            receive_status, send_status,       command,
+            branch,         controller};
   }
 };
 
@@ -109,7 +109,7 @@ constexpr void VisitFields(Record& record, Visit&& visit) noexcept requires
 // A member that is added there has to be added above, or it would neither be recorded nor compared.
 static_assert(sizeof(TickRecord) - kMaxJoints * sizeof(JointRecord) == 96,
               "VisitFields has to name every member of TickRecord");
-static_assert(sizeof(TickInput) == 16 + sizeof(std::span<const ReceivedFrame>),
+static_assert(sizeof(TickInput) == 24 + sizeof(std::span<const ReceivedFrame>),
               "TickEntry has to have every member of TickInput");
 
 /// The most bytes that an encoded tick takes.

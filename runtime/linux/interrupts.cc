@@ -29,7 +29,12 @@ void CatchInterrupts() {
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
   sigaction(SIGHUP, &action, nullptr);  // The terminal of the run is gone, or its connection.
-  std::signal(SIGPIPE, SIG_IGN);        // A reader of the output that ends must not end the run.
+  // Ctrl-Z would freeze the program while drives let go and the robot falls.
+  sigaction(SIGTSTP, &action, nullptr);
+  // So would what it says, and what it asks, once it is in the background.
+  std::signal(SIGTTOU, SIG_IGN);
+  std::signal(SIGTTIN, SIG_IGN);
+  std::signal(SIGPIPE, SIG_IGN);  // A reader of the output that ends must not end the run.
 }
 
 }  // namespace tumbler

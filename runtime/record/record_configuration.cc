@@ -29,13 +29,14 @@ constexpr const char* kGoHome = "go_home";
 constexpr const char* kClearTicks = "clear_ticks";
 constexpr const char* kBegin = "begin";
 constexpr const char* kGetUps = "get_ups_max";
+constexpr const char* kPauseTicks = "pause_ticks_max";
 
 // A member that is added to these types has to be added to Visit below, or a replay would lack it.
 static_assert(sizeof(JointConfig) == 16);
 static_assert(sizeof(KnownPosition) == 12);
 static_assert(sizeof(CollapseConfig) == 8 + kMaxJoints * sizeof(float));
 static_assert(sizeof(ExecutorConfig) ==
-              56 + kMaxJoints * (sizeof(KnownPosition) + sizeof(JointConfig)) + sizeof(FaultTable) +
+              60 + kMaxJoints * (sizeof(KnownPosition) + sizeof(JointConfig)) + sizeof(FaultTable) +
                   sizeof(CollapseConfig));
 static_assert(sizeof(RunProcedureConfig) == 88);
 
@@ -68,6 +69,7 @@ void VisitNumbers(Config& config, const Visit& visit) {
   visit("sequence_errors_max", config.sequence_errors_max);
   visit("late_ticks_max", config.late_ticks_max);
   visit("arming_ticks_max", config.arming_ticks_max);
+  visit(kPauseTicks, config.pause_ticks_max);
   visit(kStartWay, config.start_way_max_rad);
   visit(kMovedMax, config.moved_max_rad);
   visit("cycles", config.cycles);
@@ -150,7 +152,8 @@ void TakeNumbers(const Json& json, Config& config) {
     const std::string_view name = key;
     const bool added = name == kStartWay || name == kMovedMax || name == kLowerTicks ||
                        name == kEndHoldTicks || name == kSafeNodes || name == kGoHome ||
-                       name == kClearTicks || name == kBegin || name == kGetUps;
+                       name == kClearTicks || name == kBegin || name == kGetUps ||
+                       name == kPauseTicks;
     if (!added || json.Find(key) != nullptr) Take(json, key, value);
   });
 }
@@ -170,7 +173,7 @@ void TakeReactions(const Json& json, FaultTable& table) {
     // Runs that were recorded before there were these faults did not look for them.
     const auto fault = static_cast<Fault>(f);
     if ((fault == Fault::kForeignCommand || fault == Fault::kSensorLost ||
-         fault == Fault::kFallen) &&
+         fault == Fault::kFallen || fault == Fault::kPaused || fault == Fault::kPitchUnknown) &&
         json.Find(key) == nullptr) {
       for (std::size_t s = 0; s < kExecutorStateCount; ++s) {
         table.Set(fault, static_cast<ExecutorState>(s), Reaction::kIgnore);
@@ -281,6 +284,8 @@ RecordConfiguration ParseConfiguration(std::string_view text) {
   Take(json, "drives_file", configuration.drives_file);
   const Json& executor = Member(json, "executor");
   TakeNumbers(executor, configuration.executor);
+  if (executor.Find(kPauseTicks) == nullptr)  // No pause was looked for.
+    configuration.executor.pause_ticks_max = std::numeric_limits<int>::max();
   const Json& joints = Member(executor, "joints");
   if (!joints.is_array() || joints.size() != kMaxJoints) Fail("joints", "has not 8 entries");
   for (std::size_t i = 0; i < kMaxJoints; ++i) {

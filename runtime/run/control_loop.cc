@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "firmware_interface/can/frame_length.h"
 
@@ -38,6 +39,9 @@ ControlLoop::ControlLoop(const Parts& parts, std::int64_t period_ns, std::int64_
 // the loop's thread had to wait between its two halves.
 constexpr std::int64_t kShortestSuspension_ns = 100'000'000;
 
+// More than any socket holds. Somebody may send without end.
+constexpr std::int64_t kDropMax = 100'000;
+
 bool ControlLoop::Step() noexcept {
   const std::int64_t deadline_ns = start_ns_ + next_tick_ * period_ns_;
   parts_.clock.SleepUntil(deadline_ns);
@@ -51,7 +55,8 @@ bool ControlLoop::Tick(std::int64_t deadline_ns,
   const std::int64_t suspended_ns = parts_.clock.suspended_ns() - suspended_ns_;
   std::int64_t slept = 0;
   if (suspended_ns >= kShortestSuspension_ns) {
-    slept = suspended_ns / period_ns_;
+    // Nobody knows what drives and adapters did meanwhile: it is always a pause.
+    slept = std::max<std::int64_t>(suspended_ns / period_ns_, parts_.executor.pause_ticks_max());
     suspended_ns_ += suspended_ns;
     start_ns_ -= slept * period_ns_;
   }
@@ -62,7 +67,10 @@ bool ControlLoop::Tick(std::int64_t deadline_ns,
   if (late_ns > period_ns_ / 2) ++statistics_.late_ticks;
   statistics_.wake_up.Add(late_ns);
 
-  const std::size_t count = Receive(awake_ns);
+  // What has waited for longer than drives wait for a setpoint tells of another robot.
+  const bool paused = missed >= parts_.executor.pause_ticks_max();
+  const std::size_t count =
+      Receive(awake_ns, paused ? awake_ns - period_ns_ : std::numeric_limits<std::int64_t>::min());
   OperatorWish wish = parts_.mailbox.Take();
   // When a request is sent again because its answer was lost, it counts once.
   // The wish to quit may have come with it, from somebody else.
@@ -72,9 +80,14 @@ bool ControlLoop::Tick(std::int64_t deadline_ns,
     wish.quit = quit;
   }
   const OperatorCommand command = Ask(wish);
-  const TickInput input{
-      tick,        {received_.data(), count},    receive_status_, send_status_, command,
-      wish.branch, parts_.bus.controller_state()};
+  const TickInput input{tick,
+                        start_ns_ + tick * period_ns_,
+                        {received_.data(), count},
+                        receive_status_,
+                        send_status_,
+                        command,
+                        wish.branch,
+                        parts_.bus.controller_state()};
   parts_.executor.Tick(input, output_);
   if (IsDirect(wish.request)) {  // The executor answers these itself.
     const bool asked = command == DirectCommand(wish.request);
@@ -105,19 +118,25 @@ bool ControlLoop::Tick(std::int64_t deadline_ns,
   return !parts_.procedure.done();
 }
 
-std::size_t ControlLoop::Receive(std::int64_t awake_ns) noexcept {
+std::size_t ControlLoop::Receive(std::int64_t awake_ns, std::int64_t oldest_ns) noexcept {
   std::size_t count = 0;
+  std::int64_t dropped = 0;
   receive_status_ = Status::kOk;
   timed_.bus_bits = 0;
   while (count < received_.size()) {
     ReceivedFrame& received = received_[count];
     receive_status_ = parts_.bus.Receive(received);
     if (receive_status_ != Status::kOk) break;
+    if (received.time_ns < oldest_ns && dropped < kDropMax) {
+      ++dropped;
+      continue;
+    }
     timed_.bus_bits += LongestBits(received.frame);
     statistics_.frame_age.Add(awake_ns - received.time_ns);
     ++count;
   }
-  statistics_.frames_received += static_cast<std::int64_t>(count);
+  statistics_.frames_received += static_cast<std::int64_t>(count) + dropped;
+  statistics_.frames_dropped += dropped;
   return count;
 }
 

@@ -25,6 +25,8 @@ struct LoopStatistics {
   std::int64_t run_ticks = 0;     ///< Of `ticks`, those in state running.
   std::int64_t frames_sent = 0;
   std::int64_t frames_received = 0;
+  std::int64_t frames_dropped =
+      0;                           ///< Of these, those that had waited through a pause of the loop.
   std::int64_t send_failures = 0;  ///< Frames that the bus did not take; they are dropped.
   DurationHistogram wake_up;       ///< From the deadline to running.
   DurationHistogram tick;          ///< From running until all is done but handing over the record.
@@ -57,9 +59,10 @@ struct LoopStatistics {
 /// tick * period.
 ///
 /// When the loop wakes a whole period or more after the deadline, it skips the missed tick numbers,
-/// and the executor decides what that means (`ExecutorConfig::late_ticks_max`). The periods for
-/// which the computer was suspended count as missed. Step does not allocate, lock, or block except
-/// in the clock's sleep.
+/// and the executor decides what that means (`ExecutorConfig::late_ticks_max`, `pause_ticks_max`).
+/// The periods for which the computer was suspended count as missed, and always as a pause. Frames
+/// that have waited through a pause are dropped: they tell of drives as they were before it. Step
+/// does not allocate, lock, or block except in the clock's sleep.
 class ControlLoop {
  public:
   struct Parts {
@@ -89,7 +92,7 @@ class ControlLoop {
   static constexpr std::size_t kReceiveCapacity = TickEntry::kReceivedMax;
 
   bool Tick(std::int64_t deadline_ns, std::int64_t awake_ns) noexcept TUMBLER_NONBLOCKING;
-  std::size_t Receive(std::int64_t awake_ns) noexcept;
+  std::size_t Receive(std::int64_t awake_ns, std::int64_t oldest_ns) noexcept;
   OperatorCommand Ask(const OperatorWish& wish) noexcept;
   void Send(TickNotes& notes) noexcept;
   void Count() noexcept;

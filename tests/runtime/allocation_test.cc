@@ -75,7 +75,7 @@ TEST(ExecutorAllocation, NoTickOfARunStopFaultAndRearmAllocates) {
     for (; tick < 20000 && !procedure.done(); ++tick) {
       if (tick > 500 && output.record.state == ExecutorState::kHolding && tick == 2500)
         drives[0]->reply.error = 4;
-      executor.Tick({tick, replies, Status::kOk, Status::kOk, procedure.Next(output.record)},
+      executor.Tick({tick, 0, replies, Status::kOk, Status::kOk, procedure.Next(output.record)},
                     output);
       faulted = faulted || output.record.state == ExecutorState::kFault;
       for (auto& drive : drives) {

@@ -396,11 +396,92 @@ TEST(Falls, FromFallToRiseEverySetpointIsWithinTheLimits) {
   EXPECT_GT(moved, 100);
 }
 
+/// The frames of a sensor that is turned about its link's axis, out of the robot's plane.
+std::vector<CanFrame> SidewaysFrames(double roll_rad, double rate_rad_s) {
+  return {XsensQuaternionFrame({}, {std::cos(roll_rad / 2), std::sin(roll_rad / 2), 0, 0}),
+          XsensRateFrame({}, {rate_rad_s, 0, 0})};
+}
+
+TEST(Falls, ARobotThatLiesOnItsSideHasFallenAndDoesNotGetUp) {
+  for (const double roll_rad : {0.4, -0.8, 1.57}) {
+    FallingRig rig(GetsUp(3));
+    ASSERT_TRUE(rig.TickUntil(ExecutorState::kSettling));
+    rig.sensor_frames = SidewaysFrames(roll_rad, 0);
+    ASSERT_TRUE(rig.TickWhile(ExecutorState::kSettling));
+    const TickRecord& record = rig.Tick();
+    EXPECT_EQ(record.sensor.status, SensorStatus::kTilted);
+    EXPECT_EQ(record.state, ExecutorState::kFault) << roll_rad;
+    EXPECT_EQ(record.first_fault.fault, Fault::kFallen);
+    EXPECT_EQ(record.reaction, Reaction::kHold);
+    EXPECT_NEAR(record.first_fault.value.real(), std::abs(roll_rad), 0.01);
+    EXPECT_EQ(record.cycles, 0) << "a cycle that ends in a fall is not complete";
+    EXPECT_NE(rig.Tick(OperatorCommand::kGoHome).refusal.refusal, Refusal::kNone);
+  }
+}
+
+TEST(Falls, ARobotThatStillTipsOverIsAwaitedForASecond) {
+  FallingRig rig(GetsUp(3)), at_rest(GetsUp(3));
+  int ticks = 0, at_once = 0;
+  for (FallingRig* const each : {&rig, &at_rest}) {
+    ASSERT_TRUE(each->TickUntil(ExecutorState::kSettling));
+    each->sensor_frames = SidewaysFrames(0.9, each == &rig ? 0.5 : 0);
+    int& count = each == &rig ? ticks : at_once;
+    for (; each->executor.state() == ExecutorState::kSettling && count < 5000; ++count)
+      each->Tick();
+    EXPECT_EQ(each->Tick().first_fault.fault, Fault::kFallen);
+  }
+  EXPECT_EQ(ticks - at_once, 1000);
+}
+
+TEST(Falls, WhereTheSensorThatTellsOfThemIsNotBelievedTheRobotStaysOrGoesHome) {
+  for (const bool tilted : {false, true}) {
+    FallingRig rig(GetsUp(3));
+    ASSERT_TRUE(rig.TickUntil(ExecutorState::kSettling));
+    // For a moment it says what cannot be, and then that all is well.
+    rig.sensor_frames = tilted ? SidewaysFrames(1.2, 0) : SensorFrames(0, 60);
+    rig.Tick();
+    rig.sensor_frames = SensorFrames(0, 0);
+    ASSERT_TRUE(rig.TickWhile(ExecutorState::kSettling));
+    const TickRecord& record = rig.Tick();
+    const SensorStatus status = tilted ? SensorStatus::kTilted : SensorStatus::kTooFast;
+    EXPECT_EQ(record.first_fault.fault, Fault::kPitchUnknown);
+    EXPECT_EQ(record.first_fault.value.integer(), static_cast<int>(status));
+    EXPECT_EQ(record.reaction, Reaction::kHold);
+    // What has been answered does not stop the way home.
+    ASSERT_EQ(rig.Tick(OperatorCommand::kGoHome).refusal.refusal, Refusal::kNone);
+    ASSERT_TRUE(rig.TickWhile(ExecutorState::kSettling));
+    for (int i = 0; i < 100000 && rig.executor.state() == ExecutorState::kRunning; ++i) rig.Tick();
+    for (int i = 0; i < 100000 && rig.executor.state() == ExecutorState::kSettling; ++i) rig.Tick();
+    EXPECT_EQ(rig.executor.state(), ExecutorState::kHolding);
+  }
+}
+
+TEST(Falls, ASensorThatIsSilentAtTheEndOfANodeIsAwaitedForASecond) {
+  FallingRig rig({}), back({});
+  int ticks = 0;
+  for (FallingRig* const each : {&rig, &back}) {
+    ASSERT_TRUE(each->TickUntil(ExecutorState::kSettling));
+    each->sensor_frames.clear();
+  }
+  const int settles = static_cast<int>(std::lround(rig.executor.graph().edge(0).settle_s * 1000));
+  for (; rig.executor.state() == ExecutorState::kSettling && ticks < 5000; ++ticks) rig.Tick();
+  EXPECT_NEAR(ticks, settles + 1000, 2);
+  EXPECT_EQ(rig.Tick().first_fault.fault, Fault::kPitchUnknown);
+  EXPECT_EQ(rig.output.record.first_fault.value.integer(), static_cast<int>(SensorStatus::kStale));
+  for (int i = 0; i < settles + 500; ++i) back.Tick();
+  ASSERT_EQ(back.executor.state(), ExecutorState::kSettling);
+  back.sensor_frames = SensorFrames(0, 0);
+  ASSERT_TRUE(back.TickWhile(ExecutorState::kSettling));
+  EXPECT_EQ(back.executor.state(), ExecutorState::kRunning) << "it was only late";
+}
+
 TEST(Falls, WhereNobodyKnowsOfTheFallTheSequenceGoesOn) {
-  ExecutorConfig ignores;
-  for (std::size_t s = 1; s < kExecutorStateCount; ++s)
+  ExecutorConfig ignores, unknown = GetsUp(3);
+  for (std::size_t s = 1; s < kExecutorStateCount; ++s) {
     ignores.reactions.Set(Fault::kFallen, static_cast<ExecutorState>(s), Reaction::kIgnore);
-  FallingRig without(GetsUp(0), false), silent(GetsUp(3)), ignored(ignores);
+    unknown.reactions.Set(Fault::kPitchUnknown, static_cast<ExecutorState>(s), Reaction::kIgnore);
+  }
+  FallingRig without(GetsUp(0), false), silent(unknown), ignored(ignores);
   for (FallingRig* const rig : {&without, &silent, &ignored}) {
     rig->sensor_frames = SensorFrames(kOnItsBack_rad, 0);
     if (rig == &silent) rig->sensor_frames.clear();

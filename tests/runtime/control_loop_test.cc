@@ -180,13 +180,17 @@ class LateClock final : public Clock {
   explicit LateClock(VirtualClock& clock) : clock_(clock) {}
   [[nodiscard]] std::int64_t now_ns() const noexcept override { return clock_.now_ns(); }
   void SleepUntil(std::int64_t time_ns) noexcept override {
-    clock_.SleepUntil(time_ns + (++sleeps_ % 100 == 0 ? late_ns : 0));
+    clock_.SleepUntil(time_ns + (++sleeps_ % 100 == 0 ? late_ns : 0) + once_ns_);
+    once_ns_ = 0;
   }
-  std::int64_t late_ns = 0;
+  /// Makes the next wake-up late.
+  void Delay(std::int64_t by_ns) { once_ns_ = by_ns; }
+  std::int64_t late_ns = 0;  ///< Of every hundredth.
 
  private:
   VirtualClock& clock_;
   int sleeps_ = 0;
+  std::int64_t once_ns_ = 0;
 };
 
 /// A clock of a computer that is suspended once.
@@ -214,11 +218,46 @@ TEST(ControlLoop, NoticesThatTheComputerWasSuspended) {
   const std::int64_t tick = loop.record().tick;
   clock.slept_ns += 4'500'000'000;
   ASSERT_TRUE(loop.Step());
-  EXPECT_EQ(loop.record().first_fault.fault, Fault::kLateTick);
+  EXPECT_EQ(loop.record().first_fault.fault, Fault::kPaused);
+  EXPECT_EQ(loop.record().reaction, Reaction::kDisable);
   EXPECT_EQ(loop.record().tick - tick, 4501);
   EXPECT_EQ(loop.statistics().missed_ticks, 4500);
   ASSERT_TRUE(loop.Step());
   EXPECT_EQ(loop.record().tick - tick, 4502) << "it is counted once";
+}
+
+TEST(ControlLoop, TakesEverySuspensionForAPauseInWhichDrivesMayHaveLetGo) {
+  LoopBench bench({});
+  SuspendedClock clock(bench.clock);
+  ControlLoop loop({bench.executor, bench.host, clock, *bench.procedure, bench.mailbox, nullptr},
+                   1'000'000, 0);
+  while (loop.record().state != ExecutorState::kHolding) ASSERT_TRUE(loop.Step());
+  ASSERT_GT(bench.executor.pause_ticks_max(), 110);
+  clock.slept_ns += 110'000'000;
+  ASSERT_TRUE(loop.Step());
+  EXPECT_EQ(loop.record().first_fault.fault, Fault::kPaused);
+}
+
+TEST(ControlLoop, DropsFramesThatHaveWaitedThroughAPauseAndKnowsHowOldTheOthersAre) {
+  for (const int late : {3, 150, 400}) {
+    LoopBench bench({});
+    LateClock clock(bench.clock);
+    ControlLoop loop({bench.executor, bench.host, clock, *bench.procedure, bench.mailbox, nullptr},
+                     1'000'000, 0);
+    while (loop.record().state != ExecutorState::kHolding) ASSERT_TRUE(loop.Step());
+    EXPECT_EQ(loop.record().joints[0].reply_age_ticks, 0);
+    clock.Delay(late * std::int64_t{1'000'000});
+    const std::int64_t received = loop.statistics().frames_received;
+    ASSERT_TRUE(loop.Step());
+    const bool paused = late >= bench.executor.pause_ticks_max();
+    // The last setpoint was answered right after it, and nothing has been sent since.
+    EXPECT_GE(loop.record().joints[0].reply_age_ticks, late) << late;
+    EXPECT_EQ(loop.record().reaction, paused ? Reaction::kDisable : Reaction::kHold) << late;
+    EXPECT_EQ(loop.statistics().frames_dropped, paused ? 2 : 0) << late;
+    EXPECT_EQ(loop.statistics().frames_received - received, 2);
+    ASSERT_TRUE(loop.Step());
+    EXPECT_EQ(loop.record().joints[0].reply_age_ticks, 0) << "what comes now is new";
+  }
 }
 
 TEST(ControlLoop, TakesAReadingOfTheClockThatIsOffByAFewTicksForNoSuspension) {

@@ -124,7 +124,8 @@ bool IsPossible(const DriveConfig& drive, Fault fault, ExecutorState state) {
   switch (fault) {
     case Fault::kNone:
     case Fault::kSensorLost:  // Drives alone have no sensor; sensor_feedback_test.cc tests it,
-    case Fault::kFallen:      // and beginnings_test.cc this.
+    case Fault::kFallen:      // and beginnings_test.cc these.
+    case Fault::kPitchUnknown:
       return false;
     case Fault::kHeartbeatLost:
       return side.HeartbeatId(drive) != 0;
@@ -240,6 +241,9 @@ class World {
       case Fault::kLateTick:
         bench.Miss(12);
         return 1;
+      case Fault::kPaused:
+        bench.Miss(bench.config().executor.pause_ticks_max);
+        return 1;
       case Fault::kOperatorStop:
         command_ = OperatorCommand::kStop;
         return 1;
@@ -262,6 +266,7 @@ class World {
         return 3;
       case Fault::kSensorLost:
       case Fault::kFallen:
+      case Fault::kPitchUnknown:
       case Fault::kNone:
         break;
     }

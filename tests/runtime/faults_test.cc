@@ -35,7 +35,8 @@ constexpr std::array kFaults{
     Fault::kBusOff,        Fault::kErrorPassive,   Fault::kInterfaceDown,
     Fault::kInterfaceGone, Fault::kLinkFailed,     Fault::kTransmitQueueFull,
     Fault::kLateTick,      Fault::kOperatorStop,   Fault::kNonFinite,
-    Fault::kArmingTimeout, Fault::kForeignCommand, Fault::kSensorLost};
+    Fault::kArmingTimeout, Fault::kForeignCommand, Fault::kSensorLost,
+    Fault::kPaused};
 constexpr std::array kReactions{Reaction::kIgnore,  Reaction::kHold, Reaction::kRollOut,
                                 Reaction::kFold,    Reaction::kDamp, Reaction::kCollapse,
                                 Reaction::kDisable, Reaction::kAbort};
@@ -98,8 +99,12 @@ int Provoke(Fault fault, ExecutorRig& rig, const ExecutorConfig& config) {
     case Fault::kLateTick:
       rig.input.tick += config.late_ticks_max + 1;
       return 1;
+    case Fault::kPaused:
+      rig.input.tick += config.pause_ticks_max;
+      return 1;
     case Fault::kEntryMissed:
     case Fault::kFallen:
+    case Fault::kPitchUnknown:
       return 0;  // They belong to transitions, of executor_sequence_test.cc and beginnings_test.cc.
     case Fault::kNonFinite:
       drive.reply.velocity_rad_s = std::numeric_limits<float>::quiet_NaN();
@@ -159,6 +164,8 @@ TEST(FaultTable, AnswersEveryFaultInEveryStateAsStated) {
       {Fault::kForeignCommand, "ixdddddd"},
       {Fault::kSensorLost, "iiiiiiii"},
       {Fault::kFallen, "ixhhdhhh"},
+      {Fault::kPaused, "ixxxxxxx"},
+      {Fault::kPitchUnknown, "ixhhdhhh"},
       {Fault::kNone, "iiiiiiii"}};
   ASSERT_EQ(stated.size(), kFaultCount);
   const FaultTable table;
@@ -187,6 +194,8 @@ TEST(FaultTable, RefusesEntriesThatMakeNoSense) {
           allowed = allowed && reaction != Reaction::kIgnore;
         }
         if (reaction == Reaction::kAbort) allowed = state == ExecutorState::kRunning;
+        if (fault == Fault::kPaused && state != ExecutorState::kDisarmed)
+          allowed = reaction == Reaction::kDisable;
         if (reaction == Reaction::kRollOut || reaction == Reaction::kFold) allowed = false;
         EXPECT_EQ(table.Set(fault, state, reaction), allowed)
             << ToString(fault) << ToString(state) << ToString(reaction);

@@ -58,7 +58,9 @@ TEST(FaultsToml, EveryFaultCanBeSetInEveryStateByItsName) {
       const FaultTable defaults;
       const bool disabled = defaults(fault.fault, state.state) == Reaction::kDisable;
       const bool arming = state.state == ExecutorState::kArming;
-      if (arming && fault.fault == Fault::kOperatorStop) continue;  // It has no other reaction.
+      // These have no other reaction.
+      if (fault.fault == Fault::kPaused || (arming && fault.fault == Fault::kOperatorStop))
+        continue;
       const Reaction reaction = arming     ? Reaction::kIgnore
                                 : disabled ? Reaction::kDamp
                                            : Reaction::kDisable;

@@ -1,6 +1,7 @@
 // Messages of telemetry that anybody may have sent or edited.
 
 #include "runtime/telemetry/message_readers.h"
+#include "runtime/core/faults.h"
 
 #include <gtest/gtest.h>
 
@@ -8,6 +9,7 @@
 #include <span>
 #include <vector>
 
+#include "runtime/core/faults.h"
 #include "tests/support/telemetry_messages.h"
 
 namespace tumbler {
@@ -78,7 +80,7 @@ TEST(MessageReaders, HaveStatesAndFaultsThatThereAre) {
     state.state = static_cast<std::int8_t>(wrong);
     EXPECT_FALSE(ReadMessage(Bytes(state), read));
   }
-  for (const int wrong : {-1, 21, 127}) {
+  for (const int wrong : {-1, static_cast<int>(kFaultCount), 127}) {
     state_t state = State(1);
     state.faults = 1;
     state.fault = static_cast<std::int8_t>(wrong);

@@ -410,25 +410,32 @@ TEST_F(RunOnCan, WhenItIsKilledTheDrivesWatchdogsTakeOverAndARestartDoesNotJump)
   });
 }
 
-TEST_F(RunOnCan, AProgramThatWasStoppedForAWhileDoesNotGoOnWithItsMotion) {
-  WriteLongMotion();
-  testing::InSteadyTime([this] {
-    Reset();
-    const VirtualCan can;
-    StartDrives(can.name());
-    StartCandump(can.name());
-    const std::unique_ptr<Program> run = StartArmed(can.name());
-    AwaitMotion();
-    run->Signal(SIGSTOP);
-    usleep(500'000);
-    run->Signal(SIGCONT);
-    EXPECT_EQ(run->Wait(), kFault);
-    EXPECT_THAT(run->text(), HasSubstr("late tick"));
-    EXPECT_THAT(run->text(), HasSubstr("(running); reaction: damp"));
-    const FrameReport report = Judge();
-    ExpectKept(report);
-    EXPECT_GT(report.last_command_s, report.last_driving_s + 0.5) << "it was damped, then let go";
-  });
+TEST_F(RunOnCan, AProgramThatWasStoppedForAWhileDrivesNothingAfterwards) {
+  for (const bool in_its_hold : {false, true}) {
+    WriteMotion(in_its_hold ? 1.6 : 6.4);
+    testing::InSteadyTime([this, in_its_hold] {
+      Reset();
+      const VirtualCan can;
+      StartDrives(can.name());
+      StartCandump(can.name());
+      const std::unique_ptr<Program> run =
+          Start(can.name(), {"--arm", "--without-realtime", "--hold-s", "30"});
+      AwaitMotion();
+      if (in_its_hold) usleep(2'500'000);
+      run->Signal(SIGSTOP);
+      usleep(500'000);
+      run->Signal(SIGCONT);
+      EXPECT_EQ(run->Wait(), kFault);
+      EXPECT_THAT(run->text(), HasSubstr("paused"));
+      EXPECT_THAT(run->text(), HasSubstr(in_its_hold ? "(holding); reaction: disable"
+                                                     : "(running); reaction: disable"));
+      const FrameReport report = Judge();
+      ExpectKept(report);
+      EXPECT_GT(report.longest_silence_s, 0.4);
+      // The last frame that drives was sent before the pause, and all of the last second after it.
+      EXPECT_GT(report.last_command_s, report.last_driving_s + report.longest_silence_s + 0.5);
+    });
+  }
 }
 
 TEST_F(RunOnCan, DrivesThatFallSilentEndTheRunInDamping) {

@@ -36,7 +36,7 @@ struct WatchRig {
   explicit WatchRig(const SensorSettings& settings = {}) { watch.Configure(settings, 0.001F); }
 
   SensorStatus Tick(const std::vector<CanFrame>& frames, int elapsed = 1) {
-    for (const CanFrame& frame : frames) watch.Count(sensor.Decode(frame), sensor.reading());
+    for (const CanFrame& frame : frames) watch.Count(sensor.Decode(frame), sensor.reading(), 0);
     watch.EndTick(elapsed, sensor.reading());
     return watch.status();
   }

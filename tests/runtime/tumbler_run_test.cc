@@ -190,11 +190,11 @@ TEST_F(TumblerRun, AFaultInTheHoldAtTheEndIsReportedAndTheRunEndsInTime) {
   EXPECT_THAT(outcome.text, HasSubstr("stale reply of joint leg1"));
 }
 
-TEST_F(TumblerRun, EndsInOrderWhenItIsTerminatedOrItsTerminalIsGone) {
+TEST_F(TumblerRun, EndsInOrderWhenItIsTerminatedOrSuspendedOrItsTerminalIsGone) {
   Write("drives.toml",
         Replaced(testing::ReadFile(testing::SourcePath("primitives/robots/tumbler_drives.toml")),
                  "rate_hz = 1000.0", "rate_hz = 200.0"));
-  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGTSTP}) {
     testing::InSteadyTime([&] {
       const std::string trace = Path("trace.csv");
       std::filesystem::remove(trace);

@@ -97,6 +97,7 @@ const TickRecord& FaultBench::Tick(OperatorCommand command, std::int8_t branch) 
   }
   TickInput input;
   input.tick = tick_;
+  input.time_ns = now_ns();
   input.received = received_;
   input.receive_status = receive_status.value_or(status);
   input.send_status = send_status_;
