@@ -127,14 +127,15 @@ class RunOnCan : public ::testing::Test {
   [[nodiscard]] FrameReport Judge() const { return CheckFrames(Log(), rules_); }
 
   [[nodiscard]] std::unique_ptr<Program> Start(const std::string& interface,
-                                               const std::vector<std::string>& more = {}) const {
+                                               const std::vector<std::string>& more = {},
+                                               const std::string& hold_s = "0.2") const {
     std::vector<std::string> arguments{testing::ProgramPath("tumbler-run"),
                                        interface,
                                        Path("motion.toml"),
                                        "--drives",
                                        Path("drives.toml"),
                                        "--hold-s",
-                                       "0.2",
+                                       hold_s,
                                        "--end",
                                        "torque-off"};
     arguments.insert(arguments.end(), more.begin(), more.end());
@@ -418,8 +419,7 @@ TEST_F(RunOnCan, AProgramThatWasStoppedForAWhileDrivesNothingAfterwards) {
       const VirtualCan can;
       StartDrives(can.name());
       StartCandump(can.name());
-      const std::unique_ptr<Program> run =
-          Start(can.name(), {"--arm", "--without-realtime", "--hold-s", "30"});
+      const std::unique_ptr<Program> run = Start(can.name(), {"--arm", "--without-realtime"}, "30");
       AwaitMotion();
       if (in_its_hold) usleep(2'500'000);
       run->Signal(SIGSTOP);
