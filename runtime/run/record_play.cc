@@ -116,6 +116,13 @@ std::optional<RunSummary> PlayRecord(const RecordToPlay& record, RunOptions opti
     source.motion = RecordedFiles(recorded);
     options.cycles = recorded.executor.cycles;
     options.ended_by_record = recorded.executor.branch >= 0 || EndsBy(record.wishes);
+    if (!options.arm && options.cycles == 0 && !options.ended_by_record &&
+        LoadMotion(options.motion, source.motion).graph.edge_count > 0) {
+      throw std::runtime_error(fmt::format(
+          "{}: {} goes round until it is stopped, and no request in the record ends it: a dry run "
+          "would have no end",
+          record.name, options.motion));
+    }
   } else {
     options.motion = record.primitive;
     recorded.executor.cycles = 0;

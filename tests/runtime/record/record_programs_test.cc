@@ -388,6 +388,30 @@ TEST_F(RecordPrograms, ARecordOfARobotThatGetsUpDoesNotGetUpUnasked) {
   EXPECT_EQ(chosen.text.find("get_ups_max"), std::string::npos) << chosen.text;
 }
 
+TEST_F(RecordPrograms, ADryRunOfASequenceThatNothingInTheRecordEndsIsRefused) {
+  const std::string drives = testing::SourcePath("primitives/robots/tumbler_drives.toml");
+  for (const bool ended : {false, true}) {
+    std::filesystem::remove(record_);
+    Program run({testing::ProgramPath("tumbler-run"), "sim",
+                 testing::SourcePath("primitives/nominal/gait.toml"), "--realtime", "--drives",
+                 drives, "--record", record_});
+    ASSERT_TRUE(testing::Eventually([&] {
+      std::error_code error;
+      const auto size = std::filesystem::file_size(record_, error);
+      return !error && size > 1'000'000;  // well in its motion
+    }));
+    run.Signal(ended ? SIGINT : SIGKILL);
+    run.Wait();
+    const Outcome play = Run("tumbler-replay " + record_ + " --bus can9 --drives " + drives);
+    if (ended) {
+      EXPECT_THAT(play.text, HasSubstr("stopped on can9 (dry run"));
+    } else {
+      EXPECT_EQ(play.exit_code, 1) << play.text;
+      EXPECT_THAT(play.text, HasSubstr("a dry run would have no end"));
+    }
+  }
+}
+
 TEST_F(RecordPrograms, WhatTheDrivesOfNowHaveOtherwiseIsSaid) {
   const std::string drives = testing::SourcePath("primitives/robots/tumbler_drives.toml");
   ASSERT_EQ(Record("--drives " + drives).exit_code, 0);
