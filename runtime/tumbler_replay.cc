@@ -5,7 +5,9 @@
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
+#include <functional>
 #include <memory>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <string_view>
@@ -25,6 +27,7 @@
 #include "runtime/record/trace_drawing.h"
 #include "runtime/record/tracking.h"
 #include "runtime/run/record_play.h"
+#include "runtime/run/run_options.h"
 #include "runtime/run/run_summary.h"
 
 namespace tumbler {
@@ -36,11 +39,14 @@ constexpr const char* kReplayFooter =
 Of a record, without --bus or --against: feeds the recorded inputs to an executor with the recorded configuration, and
 compares every frame and every field that comes out. A record that was cut off is replayed up to there.
 
---bus BUS plays the record's setpoints on a SocketCAN interface, at their times: the recorded configuration on the
-drives there, from where their joints are, with the operator's recorded wishes. Replies are compared with the
-recorded ones. Without --arm nothing is sent: the frames are printed in the format of `candump -l`.
+--bus BUS plays the record's setpoints on a SocketCAN interface, at their times: the recorded motion on the drives
+there, from where their joints are, with the operator's recorded wishes. Replies are compared with the recorded ones.
+Without --arm nothing is sent: the frames are printed in the format of `candump -l`. It is armed as tumbler-run is:
+drives, settings of safety and the pose are those of now. A setting that was milder in the recorded run is refused
+until an option says which is to hold; a stricter one holds.
 
-Of a log, --drives says which drives sent and were sent its frames; it prints how they followed.
+Of a log, --drives says which drives sent and were sent its frames; it prints how they followed. A log of several
+interfaces takes --interface.
 
 Exit codes:
   0    identical; played, with the recorded setpoints; a log was read
@@ -54,8 +60,10 @@ struct Options {
   std::string record;
   std::string against;
   std::string svg;
-  std::string record_to;
-  RecordPlayOptions play;
+  std::string primitive;  ///< Played in place of the recorded motion.
+  std::string interface;  ///< Of a log: the one whose frames are read.
+  RunOptions run;         ///< Of a play on a bus; its drives file is also that of a log.
+  std::function<bool(const std::string&)> given;
 };
 
 /// Reads a record on to its end, and says what it lacks.
@@ -125,20 +133,21 @@ ExitStatus CompareRecords(FlightRecord& record, const Options& options) {
 }
 
 ExitStatus ReadLog(std::string_view text, const Options& options) {
-  if (options.play.drives.empty()) {
+  if (options.run.drives.empty()) {
     throw std::runtime_error(fmt::format(
         "{}: is not a flight record; of a candump log, say with --drives which drives are in it",
         options.record));
   }
-  if (!options.play.bus.empty() || !options.against.empty()) {
+  if (!options.run.bus.empty() || !options.against.empty()) {
     throw std::runtime_error(
         fmt::format("{}: a log has no motion and no limits that frames could be held to; play it "
                     "with `canplayer`, or name a flight record",
                     options.record));
   }
   std::int64_t skipped = 0;
-  const std::vector<CandumpFrame> frames = ParseCandump(text, options.record, skipped);
-  const RunTrace trace = TraceOf(frames, LoadDrives(options.play.drives), options.record);
+  const std::vector<CandumpFrame> frames = FramesOfInterface(
+      ParseCandump(text, options.record, skipped), options.record, options.interface);
+  const RunTrace trace = TraceOf(frames, LoadDrives(options.run.drives), options.record);
   fmt::print("{} frames, {} more of CAN FD or errors\n{}", frames.size(), skipped, Describe(trace));
   if (!options.svg.empty()) {
     WriteSvg(trace, nullptr, options.svg);
@@ -170,59 +179,67 @@ class ScratchFile {
 };
 
 ExitStatus PlayOnBus(FlightRecord& record, const Options& options) {
-  const RecordConfiguration configuration =
-      ConfigurationToPlay(record.configuration(), options.play);
   const RunTrace recorded = LoadTrace(record);
   PrintWhatIsMissing(record, stderr);
   if (recorded.samples.empty() || recorded.samples[0].empty()) {
     throw std::runtime_error(fmt::format("{}: nothing was played in this run", options.record));
   }
-  std::vector<RecordedWish> wishes;
-  if (options.play.primitive.empty()) wishes = WishesOf(record);
+  RecordToPlay to_play{
+      options.record, record.configuration(), {}, options.primitive, options.given};
+  if (options.primitive.empty()) to_play.wishes = WishesOf(record);
   const ScratchFile scratch;
-  const std::string file_name = options.record_to.empty() ? scratch.path() : options.record_to;
-  const PlayedRecord played = PlayRecord(configuration, wishes, options.play, file_name);
+  RunOptions run = options.run;
+  if (run.record.empty()) run.record = scratch.path();
+  const std::optional<RunSummary> summary = PlayRecord(to_play, run);
+  if (!summary) return ExitStatus::kInterrupted;
+  const RunSummary& played = *summary;
 
   // Standard output is kept free for the frames of a dry run.
-  std::FILE* out = options.play.arm ? stdout : stderr;
-  fmt::print(out, "{} on {}{}{}{}\n", ToString(played.outcome), options.play.bus,
-             options.play.arm ? "" : " (dry run: the replies are those of imagined drives)",
+  std::FILE* out = run.arm ? stdout : stderr;
+  fmt::print(out, "{} on {}{}{}{}\n", ToString(played.outcome), run.bus,
+             run.arm ? "" : " (dry run: the replies are those of imagined drives)",
              played.reason.empty() ? "" : ": ", played.reason);
-  const MappedFile file(file_name);
-  FlightRecord again(file.bytes(), options.record_to.empty() ? "played" : options.record_to);
+  if (played.outcome == RunOutcome::kRefused) return ExitStatus::kRefused;
+  for (const std::string& problem : played.unwritten) fmt::print(stderr, "{}\n", problem);
+  if (!played.record_problem.empty()) fmt::print(stderr, "{}\n", played.record_problem);
+  const MappedFile file(run.record);
+  FlightRecord again(file.bytes(), options.run.record.empty() ? "played" : run.record);
   const RunTrace trace = LoadTrace(again);
   const bool same = PrintComparison(recorded, trace, options, out);
   switch (played.outcome) {
     case RunOutcome::kRefused:
-      return ExitStatus::kRefused;
     case RunOutcome::kPending:
     case RunOutcome::kFault:
       return ExitStatus::kFault;
     case RunOutcome::kStopped:
       // The stop was recorded, or somebody stops it now.
-      return same && !wishes.empty() ? ExitStatus::kDone : ExitStatus::kInterrupted;
+      return same && !to_play.wishes.empty() ? ExitStatus::kDone : ExitStatus::kInterrupted;
     case RunOutcome::kCompleted:
       break;
   }
-  return same || !options.play.primitive.empty() ? ExitStatus::kDone : ExitStatus::kAmiss;
+  return same || !options.primitive.empty() ? ExitStatus::kDone : ExitStatus::kAmiss;
 }
 
 ExitStatus Run(const Options& options) {
-  CheckDistinct({options.record, options.against, options.play.drives, options.play.primitive},
-                {options.svg, options.record_to});
+  CheckDistinct({options.record, options.against, options.run.drives, options.primitive,
+                 options.run.faults, options.run.answers},
+                {options.svg, options.run.record, options.run.pose_file});
   const MappedFile file(options.record);
   if (StartOf(file.bytes()) == RecordStart::kNotARecord) {
     return ReadLog({reinterpret_cast<const char*>(file.bytes().data()), file.bytes().size()},
                    options);
   }
+  if (!options.interface.empty()) {
+    throw UsageError("--interface", "is of a log of candump; a record has one bus");
+  }
   FlightRecord record(file.bytes(), options.record);
-  if (!options.against.empty() && !options.play.drives.empty()) {
+  if (!options.against.empty() && !options.run.drives.empty()) {
     throw UsageError("--drives",
                      "has no use with --against: both records hold their own; leave it out");
   }
   if (!options.against.empty()) return CompareRecords(record, options);
-  if (!options.play.bus.empty()) return PlayOnBus(record, options);
-  for (const std::string* option : {&options.play.primitive, &options.play.drives, &options.svg}) {
+  if (!options.run.bus.empty()) return PlayOnBus(record, options);
+  for (const std::string* option : {&options.primitive, &options.run.drives, &options.svg}) {
     if (!option->empty()) {
       throw std::runtime_error(
           fmt::format("'{}': of a record, this takes --bus or --against", *option));
@@ -240,20 +257,28 @@ ExitStatus Main(int argc, char** argv) {
       line.Option("--against", options.against,
                   "compare setpoints and replies with those of this other record");
   const CommandLineOption bus =
-      line.Option("--bus", options.play.bus, "play on this SocketCAN interface");
+      line.Option("--bus", options.run.bus, "play on this SocketCAN interface");
   against.Excludes(bus);
-  line.Flag("--arm", options.play.arm, "drive the motors; without it this is a dry run").Needs(bus);
-  line.Flag("--realtime", options.play.realtime, "SCHED_FIFO and locked memory").Needs(bus);
-  line.Flag("--without-realtime", options.play.without_realtime,
-            "arm even though they are not in force")
+  line.Option(
+      "--drives", options.run.drives,
+      "drives file: of a log, or of the bus; a dry run takes that of the record without it");
+  line.Option("--interface", options.interface,
+              "of a log of several interfaces: that of the drives, such as can0");
+  line.Option("--primitive", options.primitive, "play this primitive instead of the recorded")
       .Needs(bus);
-  line.Option("--primitive", options.play.primitive, "play this primitive instead of the recorded")
+  line.Option("--record", options.run.record, "keep the record of the play in this file")
       .Needs(bus);
-  line.Option("--record", options.record_to, "keep the record of the play in this file").Needs(bus);
-  line.Option("--drives", options.play.drives,
-              "drives file: of a log, or of the bus where it is not that of the record");
   line.Option("--svg", options.svg, "draw setpoints, replies and errors into this file");
+  ArmingNames names;
+  DeclareArming(line, options.run, names, &bus);
   line.Parse(argc, argv);
+  TakeArming(line, names, options.run);
+  options.run.program = "tumbler-replay";
+  options.run.command_line.assign(argv, argv + argc);
+  if (options.run.simulated()) {
+    throw UsageError("--bus", "is sim; a record is played on a SocketCAN interface, such as can0");
+  }
+  options.given = [&line](const std::string& option) { return line.Given(option); };
   return Run(options);
 }
 

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <chrono>
 #include <csignal>
@@ -174,7 +175,9 @@ ExitStatus Run(const Options& options) {
       DriveServer::Say(held ? "held" : "let go");
     }
     const std::vector<PostureEvent>& events = robot.posture().events();
-    for (; told < events.size(); ++told) DriveServer::Say(Describe(events[told]));
+    const std::size_t left_out = robot.posture().left_out();
+    for (told = std::max(told, left_out); told < left_out + events.size(); ++told)
+      DriveServer::Say(Describe(events[told - left_out]));
   }
   if (!options.json.empty()) WriteResult(options.json, JsonOf(options, robot));
   truth.Finish();

@@ -2,12 +2,12 @@
 
 namespace tumbler {
 
-FileReader FileKeeper::reader() {
-  return [this](const std::string& path) {
+FileReader FileKeeper::reader(const FileReader& source) {
+  return [this, source](const std::string& path) {
     for (const LoadedFile& file : files_) {
       if (file.path == path) return file.text;
     }
-    files_.push_back({path, ReadTextFile(path)});
+    files_.push_back({path, source ? source(path) : ReadTextFile(path)});
     return files_.back().text;
   };
 }

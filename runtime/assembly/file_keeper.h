@@ -17,7 +17,8 @@ struct LoadedFile {
 class FileKeeper {
  public:
   /// A reader for loaders. It refers to this object.
-  [[nodiscard]] FileReader reader();
+  /// @param source  where texts come from; empty: the file system.
+  [[nodiscard]] FileReader reader(const FileReader& source = {});
   /// Every file that was read, once, in the order of the first readings.
   [[nodiscard]] const std::vector<LoadedFile>& files() const { return files_; }
 

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <charconv>
+#include <map>
 #include <stdexcept>
 
 namespace tumbler {
@@ -107,6 +108,29 @@ std::vector<CandumpFrame> ParseCandump(std::string_view text, const std::string&
                         name, number, line.substr(0, 80)));
     }
   }
+  return frames;
+}
+
+std::vector<CandumpFrame> FramesOfInterface(std::vector<CandumpFrame> frames,
+                                            const std::string& name, const std::string& interface) {
+  std::map<std::string, int> counts;
+  for (const CandumpFrame& frame : frames) ++counts[frame.interface];
+  std::string known;
+  for (const auto& [other, count] : counts)
+    known += fmt::format("{}{} ({})", known.empty() ? "" : ", ", other, count);
+  if (interface.empty() && counts.size() > 1) {
+    throw std::runtime_error(fmt::format(
+        "{}: has frames of several interfaces: {}; say with --interface on which the drives are",
+        name, known));
+  }
+  if (interface.empty()) return frames;
+  if (!counts.contains(interface)) {
+    throw std::runtime_error(
+        fmt::format("{}: --interface: has no frame of '{}'; it has those of {}", name, interface,
+                    known.empty() ? "none" : known));
+  }
+  std::erase_if(frames,
+                [&interface](const CandumpFrame& frame) { return frame.interface != interface; });
   return frames;
 }
 

@@ -27,4 +27,12 @@ struct CandumpFrame {
 std::vector<CandumpFrame> ParseCandump(std::string_view text, const std::string& name,
                                        std::int64_t& skipped);
 
+/// The frames of one interface of a log. The drives of a file are on one bus: what an identifier
+/// means on another one is not known.
+/// @param interface  its name; empty: the only one.
+/// @throws std::runtime_error  naming the interfaces, when there are several and none was named, or
+/// the one that was named has no frame.
+std::vector<CandumpFrame> FramesOfInterface(std::vector<CandumpFrame> frames,
+                                            const std::string& name, const std::string& interface);
+
 }  // namespace tumbler

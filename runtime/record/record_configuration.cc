@@ -13,93 +13,20 @@
 
 #include "common/json.h"
 #include "common/primitive_hash.h"
+#include "runtime/record/configuration_fields.h"
 
 namespace tumbler {
 namespace {
 
 constexpr const char* kFormat = "tumbler-record";
-/// Numbers that runs did not have before they were added.
-constexpr const char* kStartWay = "start_way_max_rad";
-constexpr const char* kMovedMax = "moved_max_rad";
 constexpr const char* kLastKnown = "last_known";
-constexpr const char* kLowerTicks = "lower_ticks";
-constexpr const char* kEndHoldTicks = "end_hold_ticks";
-constexpr const char* kSafeNodes = "safe_nodes";
-constexpr const char* kGoHome = "go_home";
-constexpr const char* kClearTicks = "clear_ticks";
-constexpr const char* kBegin = "begin";
-constexpr const char* kGetUps = "get_ups_max";
-constexpr const char* kPauseTicks = "pause_ticks_max";
-
-// A member that is added to these types has to be added to Visit below, or a replay would lack it.
-static_assert(sizeof(JointConfig) == 16);
-static_assert(sizeof(KnownPosition) == 12);
-static_assert(sizeof(CollapseConfig) == 8 + kMaxJoints * sizeof(float));
-static_assert(sizeof(ExecutorConfig) ==
-              60 + kMaxJoints * (sizeof(KnownPosition) + sizeof(JointConfig)) + sizeof(FaultTable) +
-                  sizeof(CollapseConfig));
-static_assert(sizeof(RunProcedureConfig) == 88);
-
-/// Calls `visit(key, value)` for every number of a configuration.
-template <typename Config, typename Visit>
-requires std::is_same_v<std::remove_const_t<Config>, JointConfig>
-void VisitNumbers(Config& config, const Visit& visit) {
-  visit("kp_nm_per_rad", config.kp_nm_per_rad);
-  visit("kd_nm_s_per_rad", config.kd_nm_s_per_rad);
-  visit("damping_nm_s_per_rad", config.damping_nm_s_per_rad);
-  visit("temperature_max_c", config.temperature_max_c);
-}
-
-template <typename Config, typename Visit>
-requires std::is_same_v<std::remove_const_t<Config>, KnownPosition>
-void VisitNumbers(Config& config, const Visit& visit) {
-  visit("known", config.known);
-  visit("position_rad", config.position_rad);
-  visit("turn_rad", config.turn_rad);
-}
-
-template <typename Config, typename Visit>
-requires std::is_same_v<std::remove_const_t<Config>, ExecutorConfig>
-void VisitNumbers(Config& config, const Visit& visit) {
-  visit("period_s", config.period_s);
-  visit("speed", config.speed);
-  visit("move_fraction", config.move_fraction);
-  visit("torque_rise_s", config.torque_rise_s);
-  visit("stale_ticks_max", config.stale_ticks_max);
-  visit("sequence_errors_max", config.sequence_errors_max);
-  visit("late_ticks_max", config.late_ticks_max);
-  visit("arming_ticks_max", config.arming_ticks_max);
-  visit(kPauseTicks, config.pause_ticks_max);
-  visit(kStartWay, config.start_way_max_rad);
-  visit(kMovedMax, config.moved_max_rad);
-  visit("cycles", config.cycles);
-  visit("branch", config.branch);
-  visit(kBegin, config.begin);
-  visit(kGetUps, config.get_ups_max);
-}
-
-template <typename Config, typename Visit>
-requires std::is_same_v<std::remove_const_t<Config>, RunProcedureConfig>
-void VisitNumbers(Config& config, const Visit& visit) {
-  visit("hold_ticks", config.hold_ticks);
-  visit("reply_ticks_max", config.reply_ticks_max);
-  visit("start_ticks_max", config.start_ticks_max);
-  visit("stop_hold_ticks", config.stop_hold_ticks);
-  visit("fault_ticks", config.fault_ticks);
-  visit(kLowerTicks, config.lower_ticks);
-  visit(kEndHoldTicks, config.end_hold_ticks);
-  visit(kSafeNodes, config.safe_nodes);
-  visit(kGoHome, config.go_home);
-  visit(kClearTicks, config.clear_ticks);
-  visit("disarmed_ticks", config.disarmed_ticks);
-  visit("attended", config.attended);
-}
 
 template <typename Config>
 Json ToJson(const Config& config) {
   Json json = Json::Object();
   // A float is written as the double of the same value, whose text reads back exactly.
-  VisitNumbers(config, [&json](const char* key, const auto& value) { json[key] = value; });
+  VisitNumbers(config,
+               [&json](const ConfigField& field, const auto& value) { json[field.key] = value; });
   return json;
 }
 
@@ -146,15 +73,15 @@ void Take(const Json& json, const std::string& key, T& value) {
   }
 }
 
+/// @param lacks  gets the keys that the record does not have.
 template <typename Config>
-void TakeNumbers(const Json& json, Config& config) {
-  VisitNumbers(config, [&json](const char* key, auto& value) {
-    const std::string_view name = key;
-    const bool added = name == kStartWay || name == kMovedMax || name == kLowerTicks ||
-                       name == kEndHoldTicks || name == kSafeNodes || name == kGoHome ||
-                       name == kClearTicks || name == kBegin || name == kGetUps ||
-                       name == kPauseTicks;
-    if (!added || json.Find(key) != nullptr) Take(json, key, value);
+void TakeNumbers(const Json& json, Config& config, std::vector<std::string>& lacks) {
+  VisitNumbers(config, [&json, &lacks](const ConfigField& field, auto& value) {
+    if (field.may_lack && json.Find(field.key) == nullptr) {
+      lacks.emplace_back(field.key);
+    } else {
+      Take(json, field.key, value);
+    }
   });
 }
 
@@ -167,7 +94,7 @@ void TakeTexts(const Json& json, const std::string& key, std::vector<std::string
   }
 }
 
-void TakeReactions(const Json& json, FaultTable& table) {
+void TakeReactions(const Json& json, FaultTable& table, std::vector<std::string>& lacks) {
   for (std::size_t f = 1; f < kFaultCount; ++f) {
     const std::string key = ToString(static_cast<Fault>(f));
     // Runs that were recorded before there were these faults did not look for them.
@@ -178,6 +105,7 @@ void TakeReactions(const Json& json, FaultTable& table) {
       for (std::size_t s = 0; s < kExecutorStateCount; ++s) {
         table.Set(fault, static_cast<ExecutorState>(s), Reaction::kIgnore);
       }
+      lacks.push_back(key);
       continue;
     }
     const Json& row = Member(json, key);
@@ -236,8 +164,8 @@ RecordBytes EncodeConfiguration(const RecordConfiguration& configuration) {
   json["executor"]["reactions"] = ToJson(configuration.executor.reactions);
   const CollapseConfig& collapse = configuration.executor.collapse;
   if (collapse.configured) {
-    json["executor"]["collapse"] = {{"stiffness", collapse.stiffness},
-                                    {"position_rad", collapse.position_rad}};
+    json["executor"]["collapse"] = ToJson(collapse);
+    json["executor"]["collapse"]["position_rad"] = collapse.position_rad;
   }
   json["run_sequence"] = ToJson(configuration.procedure);
   json["files"] = Json::Array();
@@ -283,32 +211,33 @@ RecordConfiguration ParseConfiguration(std::string_view text) {
   Take(json, "motion_file", configuration.motion_file);
   Take(json, "drives_file", configuration.drives_file);
   const Json& executor = Member(json, "executor");
-  TakeNumbers(executor, configuration.executor);
-  if (executor.Find(kPauseTicks) == nullptr)  // No pause was looked for.
+  TakeNumbers(executor, configuration.executor, configuration.lacks);
+  if (executor.Find("pause_ticks_max") == nullptr)  // No pause was looked for.
     configuration.executor.pause_ticks_max = std::numeric_limits<int>::max();
   const Json& joints = Member(executor, "joints");
   if (!joints.is_array() || joints.size() != kMaxJoints) Fail("joints", "has not 8 entries");
   for (std::size_t i = 0; i < kMaxJoints; ++i) {
-    TakeNumbers(joints[i], configuration.executor.joints[i]);
+    TakeNumbers(joints[i], configuration.executor.joints[i], configuration.lacks);
   }
   if (const Json* const known = executor.Find(kLastKnown)) {
     if (!known->is_array() || known->size() != kMaxJoints) Fail(kLastKnown, "has not 8 entries");
     for (std::size_t i = 0; i < kMaxJoints; ++i)
-      TakeNumbers((*known)[i], configuration.executor.last_known[i]);
+      TakeNumbers((*known)[i], configuration.executor.last_known[i], configuration.lacks);
   }
-  TakeReactions(Member(executor, "reactions"), configuration.executor.reactions);
+  TakeReactions(Member(executor, "reactions"), configuration.executor.reactions,
+                configuration.lacks);
   if (const Json* const poses = executor.Find("collapse")) {
     CollapseConfig& collapse = configuration.executor.collapse;
     const Json& pose = Member(*poses, "position_rad");
     if (!pose.is_array() || pose.size() != kMaxJoints) Fail("position_rad", "has not 8 entries");
     collapse.configured = true;
-    Take(*poses, "stiffness", collapse.stiffness);
+    TakeNumbers(*poses, collapse, configuration.lacks);
     for (std::size_t i = 0; i < kMaxJoints; ++i) {
       if (!pose[i].is_number()) Fail("position_rad", "has an entry that is not a number");
       collapse.position_rad[i] = static_cast<float>(pose[i].number());
     }
   }
-  TakeNumbers(Member(json, "run_sequence"), configuration.procedure);
+  TakeNumbers(Member(json, "run_sequence"), configuration.procedure, configuration.lacks);
   const Json& files = Member(json, "files");
   if (!files.is_array()) Fail("files", "is not an array");
   for (const Json& file : files.elements()) {

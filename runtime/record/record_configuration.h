@@ -37,6 +37,9 @@ struct RecordConfiguration {
   ExecutorConfig executor;
   RunProcedureConfig procedure;
   std::vector<LoadedFile> files;
+  /// Of a record that was read: keys of numbers and names of faults that it does not have, since
+  /// runs did not know them then.
+  std::vector<std::string> lacks;
 };
 
 /// System, release, version and processor of this machine, by uname.

@@ -8,17 +8,8 @@
 namespace tumbler {
 namespace {
 
-const std::string& TextOf(const RecordConfiguration& configuration, const std::string& path) {
-  for (const LoadedFile& file : configuration.files) {
-    if (file.path == path) return file.text;
-  }
-  throw RecordError(fmt::format("configuration: '{}' is not among the recorded files", path));
-}
-
 RunParts LoadParts(const RecordConfiguration& configuration) {
-  const auto read = [&configuration](const std::string& path) {
-    return TextOf(configuration, path);
-  };
+  const FileReader read = RecordedFiles(configuration);
   RunParts parts = LoadRunMotion(configuration.motion_file, read);
   parts.drives =
       LoadDrivesOf(configuration.joints, configuration.drives_file, read, GainsOf(parts.file));
@@ -26,6 +17,15 @@ RunParts LoadParts(const RecordConfiguration& configuration) {
 }
 
 }  // namespace
+
+FileReader RecordedFiles(const RecordConfiguration& configuration) {
+  return [&configuration](const std::string& path) {
+    for (const LoadedFile& file : configuration.files) {
+      if (file.path == path) return file.text;
+    }
+    throw RecordError(fmt::format("configuration: '{}' is not among the recorded files", path));
+  };
+}
 
 Assembly Assemble(const RecordConfiguration& configuration) {
   try {

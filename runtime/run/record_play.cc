@@ -2,22 +2,17 @@
 
 #include <fmt/format.h>
 
-#include <cmath>
+#include <algorithm>
 #include <memory>
 #include <optional>
 #include <stdexcept>
+#include <utility>
 
-#include "common/program.h"
-#include "runtime/assembly/file_keeper.h"
-#include "runtime/assembly/run_checks.h"
+#include "common/toml_reader.h"
 #include "runtime/assembly/run_parts.h"
-#include "runtime/assembly/run_settings.h"
 #include "runtime/linux/interrupts.h"
-#include "runtime/linux/machine.h"
-#include "runtime/linux/realtime_thread.h"
 #include "runtime/record/recorded_assembly.h"
-#include "runtime/run/interface_world.h"
-#include "runtime/run/play.h"
+#include "runtime/run/run_program.h"
 
 namespace tumbler {
 namespace {
@@ -39,36 +34,6 @@ OperatorRequest RequestOf(OperatorCommand command) {
   }
 }
 
-/// The configuration for the record of the play.
-RecordConfiguration DescribeForRecord(const RecordConfiguration& configuration,
-                                      const RecordPlayOptions& options, World& world) {
-  RecordConfiguration played = configuration;
-  played.program = "tumbler-replay " TUMBLER_VERSION;
-  played.kernel = DescribeKernel();
-  played.machine = DescribeMachine(options.arm ? options.bus : "");
-  played.bus = options.bus;
-  played.dry_run = !options.arm;
-  played.virtual_time = !world.real_time();
-  played.utime_at_zero_us = UtimeAtZero(world);
-  return played;
-}
-
-/// Puts this thread under the scheduling that the options ask for, if any.
-/// @param enter  EnterRealtime, or TryRealtime to learn of a refusal before anything is touched.
-/// @throws Refused  when motors are to be driven and real time is neither in force nor given up.
-void Schedule(const RecordPlayOptions& options, std::int64_t period_ns,
-              RealtimeGrant (*enter)(const RealtimeConfig&)) {
-  if (!options.arm) return;
-  if (!options.realtime) {
-    if (options.without_realtime) return;
-    throw Refused("driving motors takes --realtime (or --without-realtime, and late ticks)");
-  }
-  RealtimeConfig scheduling;
-  scheduling.period_ns = period_ns;
-  const RealtimeGrant grant = enter(scheduling);
-  if (!grant.in_force() && !options.without_realtime) throw Refused(grant.problems);
-}
-
 /// Gives the mailbox each recorded wish when its tick comes.
 class WishReplayer {
  public:
@@ -87,6 +52,35 @@ class WishReplayer {
   std::vector<RecordedWish>::const_iterator next_;
   std::vector<RecordedWish>::const_iterator end_;
 };
+
+/// Whether the operator has ended the motion.
+bool EndsBy(const std::vector<RecordedWish>& wishes) {
+  return std::ranges::any_of(wishes, [](const RecordedWish& recorded) {
+    return recorded.wish.request != OperatorRequest::kBranch;
+  });
+}
+
+/// Says of the drives of now what is otherwise than at the recorded ones.
+void CompareDrives(const RecordToPlay& record, const RunOptions& options) {
+  const RecordConfiguration& was = record.configuration;
+  if (options.drives.empty() || was.drives_file.empty()) return;
+  const DrivesConfig now = LoadDrivesOf(was.joints, options.drives, ReadTextFile);
+  const DrivesConfig then = LoadDrivesOf(was.joints, was.drives_file, RecordedFiles(was));
+  for (std::size_t i = 0; i < was.joints.size(); ++i) {
+    const DriveEntry &a = now.drives[i], &b = then.drives[i];
+    const JointMap &map = JointOf(a.config), &old = JointOf(b.config);
+    const auto compare = [&](const char* what, double is, double was_then) {
+      if (is == was_then) return;
+      fmt::print(stderr,
+                 "note: joint {}: {} is {:.6g}; it was {:.6g} in the run that was recorded\n",
+                 was.joints[i], what, is, was_then);
+    };
+    compare("direction", map.direction, old.direction);
+    compare("gear_ratio", map.gear_ratio, old.gear_ratio);
+    compare("zero_offset_rad", map.zero_offset_rad, old.zero_offset_rad);
+    compare("watchdog_s", a.watchdog_s, b.watchdog_s);
+  }
+}
 
 }  // namespace
 
@@ -111,78 +105,51 @@ std::vector<RecordedWish> WishesOf(FlightRecord& record) {
   return wishes;
 }
 
-RecordConfiguration ConfigurationToPlay(const RecordConfiguration& recorded,
-                                        const RecordPlayOptions& options) {
-  RecordConfiguration configuration = recorded;
-  configuration.executor.last_known = {};    // of another day
-  configuration.procedure.attended = false;  // One run, which starts by itself.
-  if (std::int64_t& hold = configuration.procedure.end_hold_ticks; hold != 0)
-    hold = options.arm ? -1 : 2'000'000'000 / configuration.period_ns;
-  FileKeeper keeper;
-  const FileReader read = keeper.reader();
-  if (!options.primitive.empty()) {
-    const SequenceFile motion = LoadMotion(options.primitive, read);
-    if (motion.graph.edge_count > 0) {
-      throw std::runtime_error(
-          fmt::format("{}: is a sequence; --primitive takes a primitive", options.primitive));
-    }
-    configuration.motion_file = options.primitive;
-    configuration.executor.cycles = 0;
-    configuration.executor.branch = -1;
-  }
-  if (options.drives.empty() && configuration.drives_file.empty()) {
-    throw std::runtime_error(
-        "the record is of a simulation without a drives file: say with --drives which drives are "
-        "on the bus");
-  }
-  if (!options.drives.empty()) {
-    const DrivesConfig drives = LoadDrivesOf(configuration.joints, options.drives, read);
-    if (std::llround(1e9 / drives.rate_hz) != configuration.period_ns) {
+std::optional<RunSummary> PlayRecord(const RecordToPlay& record, RunOptions options) {
+  RecordConfiguration recorded = record.configuration;
+  RunSource source;
+  source.recorded = &recorded;
+  source.record_name = record.name;
+  source.given = record.given;
+  if (record.primitive.empty()) {
+    options.motion = recorded.motion_file;
+    source.motion = RecordedFiles(recorded);
+    options.cycles = recorded.executor.cycles;
+    options.ended_by_record = recorded.executor.branch >= 0 || EndsBy(record.wishes);
+    if (!options.arm && options.cycles == 0 && !options.ended_by_record &&
+        LoadMotion(options.motion, source.motion).graph.edge_count > 0) {
       throw std::runtime_error(fmt::format(
-          "{}: rate_hz is {:.6g}, but the record's is {:.6g}: its setpoints belong to its ticks",
-          options.drives, drives.rate_hz, 1e9 / static_cast<double>(configuration.period_ns)));
+          "{}: {} goes round until it is stopped, and no request in the record ends it: a dry run "
+          "would have no end",
+          record.name, options.motion));
     }
-    configuration.drives_file = options.drives;
-    for (std::size_t i = 0; i < drives.drives.size(); ++i) {
-      configuration.executor.joints[i] = JointConfigOf(drives.drives[i]);
+  } else {
+    options.motion = record.primitive;
+    recorded.executor.cycles = 0;
+    recorded.executor.branch = -1;
+    if (LoadMotion(record.primitive).graph.edge_count > 0) {
+      throw std::runtime_error(
+          fmt::format("{}: is a sequence; --primitive takes a primitive", record.primitive));
     }
   }
-  // A file that was read now replaces the one that was recorded under its name.
-  for (const LoadedFile& file : keeper.files()) {
-    std::erase_if(configuration.files,
-                  [&file](const LoadedFile& other) { return other.path == file.path; });
-    configuration.files.push_back(file);
+  options.speed = std::min(1.0, static_cast<double>(recorded.executor.speed));
+  options.hold_s = 1e-9 * static_cast<double>(recorded.procedure.hold_ticks * recorded.period_ns);
+  if (options.drives.empty()) {
+    if (options.arm || recorded.drives_file.empty()) {
+      throw std::runtime_error(fmt::format(
+          "{}: {}: say with --drives which drives are on the bus", record.name,
+          recorded.drives_file.empty()
+              ? "is of a simulation without a drives file"
+              : "its drives are those of that day, and zeros and limits may have changed"));
+    }
+    options.drives = recorded.drives_file;
+    source.drives = RecordedFiles(recorded);
+  } else if (record.primitive.empty()) {
+    CompareDrives(record, options);
   }
-  return configuration;
-}
-
-PlayedRecord PlayRecord(const RecordConfiguration& configuration,
-                        const std::vector<RecordedWish>& wishes, const RecordPlayOptions& options,
-                        const std::string& record_file) {
-  Assembly assembly = Assemble(configuration);
-  const RunParts& parts = assembly.parts();
-  CheckRanges(*parts.sequence, parts.drives);
-  CheckSchedule(parts.drives, [](const std::string& text) { fmt::print(stderr, "{}\n", text); });
-  CheckWatchdogs(parts.drives, !options.arm);
-  Schedule(options, configuration.period_ns, TryRealtime);
-  const InterfaceName name{options.bus, configuration.drives_file};
-  const std::unique_ptr<World> world =
-      options.arm ? MakeInterfaceWorld(name, parts.drives)
-                  : MakeDryRunWorld(name, parts.drives, parts.StartPositions());
-  const std::unique_ptr<FlightRecorder> recorder = OpenRecorder(
-      record_file, DescribeForRecord(configuration, options, *world), "tumbler-replay");
-
-  world->Open();
-  Play play(assembly, *world, {nullptr, recorder.get()});
-  CatchInterrupts();
-  Schedule(options, configuration.period_ns, EnterRealtime);
-  WishReplayer replayer(wishes);
-  play.Run(configuration.procedure, configuration.period_ns,
-           [&replayer](const ControlLoop& loop) { replayer.Observe(loop.record()); });
-  recorder->Stop(ToString(play.procedure().outcome()));
-  RunSummary ignored;
-  world->Summarize(ignored);  // This discards frames that are still to be sent.
-  return {play.procedure().outcome(), play.Reason(configuration.joints)};
+  WishReplayer replayer(record.wishes);
+  source.each_tick = [&replayer](const ControlLoop& loop) { replayer.Observe(loop.record()); };
+  return PlayRun(std::move(options), nullptr, source);
 }
 
 }  // namespace tumbler

@@ -1,25 +1,18 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
-#include "runtime/core/run_procedure.h"
 #include "runtime/linux/operator_mailbox.h"
 #include "runtime/record/flight_record.h"
 #include "runtime/record/record_configuration.h"
+#include "runtime/run/run_options.h"
+#include "runtime/run/run_summary.h"
 
 namespace tumbler {
-
-/// Options for playing a recorded run on a bus.
-struct RecordPlayOptions {
-  std::string bus;        ///< The SocketCAN interface.
-  std::string primitive;  ///< Played instead of the recorded motion; empty: the recorded one.
-  std::string drives;     ///< The drives file of the bus; empty: that of the record.
-  bool arm = false;       ///< Whether to drive the motors; otherwise it is a dry run.
-  bool realtime = false;
-  bool without_realtime = false;
-};
 
 /// A wish of the operator while the motion was played.
 struct RecordedWish {
@@ -30,22 +23,22 @@ struct RecordedWish {
 /// The wishes of the operator of a recorded run while the motion was played, in order.
 [[nodiscard]] std::vector<RecordedWish> WishesOf(FlightRecord& record);
 
-/// The record's configuration with the changes of the options.
-/// @throws FileError; std::runtime_error about options that do not fit the record.
-[[nodiscard]] RecordConfiguration ConfigurationToPlay(const RecordConfiguration& recorded,
-                                                      const RecordPlayOptions& options);
-
-/// The outcome of playing a record.
-struct PlayedRecord {
-  RunOutcome outcome = RunOutcome::kPending;
-  std::string reason;  ///< A sentence about a fault or a refusal.
+/// A recorded run that is to be played on a bus.
+struct RecordToPlay {
+  std::string name;  ///< The file of the record, for messages.
+  RecordConfiguration configuration;
+  std::vector<RecordedWish> wishes;  ///< Of the operator, which are repeated at their ticks.
+  std::string primitive;  ///< Played instead of the recorded motion; empty: the recorded one.
+  /// Whether an option is on the command line; see RunSource.
+  std::function<bool(const std::string& option)> given;
 };
 
-/// Runs the configuration on the bus and records the run.
-/// @param record_file  must not exist.
-/// @throws Refused when a check fails; FileError, RecordError, std::runtime_error.
-PlayedRecord PlayRecord(const RecordConfiguration& configuration,
-                        const std::vector<RecordedWish>& wishes, const RecordPlayOptions& options,
-                        const std::string& record_file);
+/// Plays a recorded motion as PlayRun plays one from files: with the drives, the checks and the
+/// settings of the command line, which the record can only make stricter (SettingsToRepeat).
+/// @param options  of the command line. The recorded motion, its cycles and its speed replace those
+///                 there; without a drives file, a dry run takes that of the record.
+/// @returns nothing when somebody has interrupted the proofs before the run.
+/// @throws Refused when a check fails; FileError, RecordError, UsageError, std::runtime_error.
+[[nodiscard]] std::optional<RunSummary> PlayRecord(const RecordToPlay& record, RunOptions options);
 
 }  // namespace tumbler

@@ -10,8 +10,12 @@
 
 namespace tumbler {
 
-/// The command line of tumbler-run. An empty name leaves the file or output out.
+class CommandLine;
+class CommandLineOption;
+
+/// What a run is told by its command line. An empty name leaves the file or output out.
 struct RunOptions {
+  std::string program = "tumbler-run";  ///< Whose run it is, for messages and records.
   std::string bus;
   std::string motion;
   std::string drives;
@@ -51,6 +55,8 @@ struct RunOptions {
   std::string truth;
   std::string record;
   std::vector<std::string> command_line;
+  /// Whether a recorded request ends a sequence that goes round, where no cycles are given.
+  bool ended_by_record = false;
 
   /// Whether the run is on the simulated bus.
   [[nodiscard]] bool simulated() const { return bus == "sim"; }
@@ -70,7 +76,23 @@ struct RunOptions {
   }
 };
 
-/// Reads the command line, and makes the checks that do not depend on the motion.
+/// The names of two options of DeclareArming, until TakeArming has made values of them.
+struct ArmingNames {
+  std::string scheduling = "fifo";
+  std::string end;
+};
+
+/// Declares the options of a run that may drive motors, alike in every program that has one: how
+/// it is scheduled, what is checked and proved before the drives are armed, what happens on faults
+/// and in the end, and where it can be stopped.
+/// @param needed  the option without which these have no use; null: there is none.
+void DeclareArming(CommandLine& line, RunOptions& options, ArmingNames& names,
+                   const CommandLineOption* needed = nullptr);
+/// Completes these options when the line has been parsed.
+/// @throws UsageError, std::runtime_error  about options that do not go together.
+void TakeArming(const CommandLine& line, const ArmingNames& names, RunOptions& options);
+
+/// Reads the command line of tumbler-run, and makes the checks that do not depend on the motion.
 /// @throws UsageError, HelpWanted; std::runtime_error saying what to change.
 [[nodiscard]] RunOptions ReadRunOptions(int argc, char** argv);
 

@@ -34,6 +34,7 @@
 #include "runtime/run/interface_world.h"
 #include "runtime/run/known_pose.h"
 #include "runtime/run/play.h"
+#include "runtime/run/repeated_settings.h"
 #include "runtime/run/run_options.h"
 #include "runtime/run/run_summary.h"
 #include "runtime/telemetry/lcm_commands.h"
@@ -78,7 +79,8 @@ ExitStatus TestLatency(const RunOptions& options) {
 
 /// Loads motion and drives, and checks whether they fit each other and the options.
 /// @param options  gets the drives file that a twin file names.
-RunParts LoadParts(RunOptions& options, const Simulation* simulation, const FileReader& read) {
+RunParts LoadParts(RunOptions& options, const Simulation* simulation, const FileReader& read,
+                   const FileReader& read_drives) {
   RunParts parts = LoadRunMotion(options.motion, read);
   for (const PrimitiveFile& file : parts.file.primitives) {
     if (file.provenance.edited.empty()) continue;
@@ -91,7 +93,8 @@ RunParts LoadParts(RunOptions& options, const Simulation* simulation, const File
     options.drives = simulation->drives_file_of(options.twin);
   CheckOptions(options, parts.sequence->graph);
   try {
-    parts.drives = LoadDrivesOf(JointsOf(parts.file), options.drives, read, GainsOf(parts.file));
+    parts.drives =
+        LoadDrivesOf(JointsOf(parts.file), options.drives, read_drives, GainsOf(parts.file));
   } catch (const FileError&) {
     throw;
   } catch (const std::runtime_error& error) {
@@ -217,7 +220,7 @@ TelemetryConfig TelemetryOf(const RunOptions& options, const RunDescription& des
 RecordConfiguration DescribeForRecord(const RunOptions& options, World& world,
                                       const RunDescription& description, const FileKeeper& files) {
   RecordConfiguration configuration;
-  configuration.program = "tumbler-run " TUMBLER_VERSION;
+  configuration.program = options.program + " " TUMBLER_VERSION;
   configuration.command_line = options.command_line;
   configuration.kernel = DescribeKernel();
   configuration.machine = description.machine;
@@ -369,7 +372,9 @@ void CheckDrives(const RunOptions& options, const RunParts& parts, World& world)
   checks.watchdog = options.prove_watchdog;
   checks.clear = options.clear;
   CheckBeforeArming(bench, parts.drives, JointsOf(parts.file), checks, *somebody,
-                    [](const std::string& line) { SayToOperator("tumbler-run: " + line); });
+                    [&options](const std::string& line) {
+                      SayToOperator(fmt::format("{}: {}", options.program, line));
+                    });
 }
 
 /// Takes requests by LCM, where the run has it.
@@ -383,10 +388,11 @@ void Listen(const RunOptions& options, const SequenceGraph<float>& graph, std::i
 }
 
 /// Tells the operator from now on when the robot is held at the end.
-void NoteHolds(const RunProcedureConfig& procedure, std::int64_t period_ns,
-               std::optional<HoldNotice>& notice) {
-  notice.emplace(static_cast<double>(procedure.stop_hold_ticks * period_ns) * 1e-9,
-                 [](const std::string& text) { SayToOperator("tumbler-run: " + text); });
+void NoteHolds(const std::string& program, const RunProcedureConfig& procedure,
+               std::int64_t period_ns, std::optional<HoldNotice>& notice) {
+  notice.emplace(
+      static_cast<double>(procedure.stop_hold_ticks * period_ns) * 1e-9,
+      [program](const std::string& text) { SayToOperator(fmt::format("{}: {}", program, text)); });
 }
 
 /// Writes the rest of the telemetry. What could not be written stands in the summary.
@@ -406,15 +412,52 @@ void NoteHoldWithoutEnd(const RunOptions& options, const RunProcedureConfig& pro
              "or `tumbler-ctl disarm` (--end torque-off does without)\n");
 }
 
-ExitStatus Run(RunOptions options, const Simulation* simulation) {
+/// How long a tick takes by the clock.
+std::int64_t PeriodOf(const RunOptions& options, const DrivesConfig& drives) {
+  return static_cast<std::int64_t>(std::llround(1e9 / (drives.rate_hz * options.pace)));
+}
+
+/// Checks that the ticks of a repetition are those of the record.
+void CheckPeriod(std::int64_t period_ns, const RunOptions& options, const RunSource& source) {
+  if (source.recorded->period_ns == period_ns) return;
+  throw Refused(fmt::format(
+      "{}: rate_hz gives {:.6g} ticks a second, but the record has {:.6g}: its setpoints belong to "
+      "its ticks (a run on tumbler-twin with --pace is repeated with the same --pace)",
+      options.drives, 1e9 / static_cast<double>(period_ns),
+      1e9 / static_cast<double>(source.recorded->period_ns)));
+}
+
+/// The settings of the run: those of the options, or those of the run that is repeated as far as
+/// they allow it. @throws Refused.
+RepeatedSettings SettingsInForce(const RunOptions& options, const RunParts& parts,
+                                 const RunSource& source, const std::string& pose_file) {
+  const RunSettings settings = SettingsOf(options, parts);
+  const ExecutorConfig executor = ConfigOf(options, settings, parts, pose_file);
+  if (source.recorded == nullptr) {
+    return {executor, ProcedureConfigOf(settings, parts.drives, parts.sequence->graph), {}, {}};
+  }
+  CheckPeriod(PeriodOf(options, parts.drives), options, source);
+  RepeatedSettings repeated =
+      SettingsToRepeat(*source.recorded, executor, settings, parts, source.given);
+  for (const std::string& note : repeated.notes) fmt::print(stderr, "note: {}\n", note);
+  if (!repeated.milder.empty()) throw Refused(DescribeMilder(source.record_name, repeated.milder));
+  return repeated;
+}
+
+}  // namespace
+
+std::optional<RunSummary> PlayRun(RunOptions options, const Simulation* simulation,
+                                  const RunSource& source) {
   FileKeeper files;
-  Assembly assembly(LoadParts(options, simulation, files.reader()));
+  Assembly assembly(
+      LoadParts(options, simulation, files.reader(source.motion), files.reader(source.drives)));
   CheckOutputs(options, files);
   const RunParts& parts = assembly.parts();
   const SequenceGraph<float>& graph = parts.sequence->graph;
-  const RunSettings settings = SettingsOf(options, parts);
   const std::string pose_file = PoseFileOf(options);
-  const ExecutorConfig executor_config = ConfigOf(options, settings, parts, pose_file);
+  const RepeatedSettings settings = SettingsInForce(options, parts, source, pose_file);
+  const ExecutorConfig& executor_config = settings.executor;
+  const RunProcedureConfig& procedure_config = settings.procedure;
   if (assembly.Configure(executor_config) != Status::kOk) {
     throw Refused(fmt::format(
         "{}: the executor does not take this motion: it has to start at rest, last at most "
@@ -422,8 +465,7 @@ ExitStatus Run(RunOptions options, const Simulation* simulation) {
         options.motion));
   }
 
-  const auto period_ns =
-      static_cast<std::int64_t>(std::llround(1e9 / (parts.drives.rate_hz * options.pace)));
+  const std::int64_t period_ns = PeriodOf(options, parts.drives);
   if (options.drives_motors() && !options.without_realtime)
     static_cast<void>(Schedule(options, period_ns, TryRealtime));
 
@@ -436,13 +478,12 @@ ExitStatus Run(RunOptions options, const Simulation* simulation) {
   Telemetry telemetry(TelemetryOf(options, description, *world));
   std::optional<LcmCommands> commands;
   Listen(options, graph, description.number, period_ns, commands);
-  const RunProcedureConfig procedure_config = ProcedureConfigOf(settings, parts.drives, graph);
   if (!options.record.empty()) {
     RecordConfiguration configuration = DescribeForRecord(options, *world, description, files);
     configuration.period_ns = period_ns;
     configuration.executor = executor_config;
     configuration.procedure = procedure_config;
-    recorder = OpenRecorder(options.record, configuration, "tumbler-run");
+    recorder = OpenRecorder(options.record, configuration, options.program);
   }
 
   NoteHoldWithoutEnd(options, procedure_config);
@@ -452,8 +493,8 @@ ExitStatus Run(RunOptions options, const Simulation* simulation) {
   try {
     CheckDrives(options, parts, *world);
   } catch (const BenchInterrupted&) {
-    SayToOperator("tumbler-run: interrupted while the drives were checked: torque off");
-    return ExitStatus::kInterrupted;
+    SayToOperator(options.program + ": interrupted while the drives were checked: torque off");
+    return std::nullopt;
   }
   Play play(assembly, *world, {&telemetry, recorder.get()});
   RunSummary summary = BeginSummary(options, parts, description);
@@ -464,11 +505,13 @@ ExitStatus Run(RunOptions options, const Simulation* simulation) {
   telemetry.SetScheduling(summary.realtime ? summary.realtime->scheduling : "time-shared");
   bool armed = false;
   std::optional<HoldNotice> notice;
-  if (world->real_time() && !options.dry_run()) NoteHolds(procedure_config, period_ns, notice);
+  if (world->real_time() && !options.dry_run())
+    NoteHolds(options.program, procedure_config, period_ns, notice);
   play.Run(procedure_config, period_ns, [&](const ControlLoop& loop) {
     if (notice) notice->Note(play.procedure());
     if (commands) commands->NoteTick(loop.statistics().ticks - 1);
     armed = armed || loop.record().state == ExecutorState::kHolding;
+    if (source.each_tick) source.each_tick(loop);
   });
   notice.reset();
   StopTelemetry(telemetry, summary);
@@ -482,16 +525,17 @@ ExitStatus Run(RunOptions options, const Simulation* simulation) {
   }
   if (recorder != nullptr) StopRecorder(*recorder, summary);
   world->Summarize(summary);
-  Say(summary, options);
-  return StatusOf(summary);
+  return summary;
 }
-
-}  // namespace
 
 ExitStatus PlayMotion(int argc, char** argv, const Simulation* simulation) {
   const RunOptions options = ReadRunOptions(argc, argv);
   if (!options.doctor.empty()) return Examine(options);
-  return options.latency_test_s > 0 ? TestLatency(options) : Run(options, simulation);
+  if (options.latency_test_s > 0) return TestLatency(options);
+  std::optional<RunSummary> summary = PlayRun(options, simulation);
+  if (!summary) return ExitStatus::kInterrupted;
+  Say(*summary, options);
+  return StatusOf(*summary);
 }
 
 }  // namespace tumbler

@@ -147,6 +147,11 @@ std::string AmissIn(const RunSummary& summary) {
   return text + ")";
 }
 
+/// How many motions the simulated robot has played to their ends.
+std::int64_t MotionsOf(const RunSummary& summary) {
+  return static_cast<std::int64_t>(summary.passages.size()) + summary.left_out.motions;
+}
+
 void AppendPassages(const RunSummary& summary, std::string& text) {
   if (!summary.broken_off.empty()) text += fmt::format("  {}: broken off\n", summary.broken_off);
   if (summary.passages.empty()) return;
@@ -154,9 +159,10 @@ void AppendPassages(const RunSummary& summary, std::string& text) {
     const auto count = [&summary](bool (Passage::*is)() const) {
       return std::count_if(summary.passages.begin(), summary.passages.end(), std::mem_fn(is));
     };
-    const auto amiss = count(&Passage::amiss), unjudged = count(&Passage::unjudged);
+    const auto amiss = count(&Passage::amiss) + summary.left_out.amiss;
+    const auto unjudged = count(&Passage::unjudged) + summary.left_out.unjudged;
     text += fmt::format(
-        "  {} motions, {} complete cycles; {}{}\n", summary.passages.size(), summary.cycles,
+        "  {} motions, {} complete cycles; {}{}\n", MotionsOf(summary), summary.cycles,
         amiss != 0      ? fmt::format("NOT where it should be after {}{}", amiss, AmissIn(summary))
         : Fell(summary) ? "the robot where it should be when each was judged, but it FELL"
                         : "the robot where it should be after each",
@@ -435,6 +441,7 @@ std::string ToJson(const RunSummary& summary) {
     }
     json["broken_off"] = summary.broken_off.empty() ? Json() : Json(summary.broken_off);
     json["cycles"] = summary.cycles;
+    json["motions"] = MotionsOf(summary);
     json["passages"] = Json::Array();
     for (const Passage& passage : summary.passages) json["passages"].Append(JsonOf(passage));
   }

@@ -61,6 +61,13 @@ struct Passage {
   [[nodiscard]] bool unjudged() const { return !amiss() && !purpose_met(); }
 };
 
+/// The passages that a long run has left out, so that its memory does not grow with it.
+struct PassagesLeftOut {
+  std::int64_t motions = 0;
+  std::int64_t amiss = 0;     ///< Of these.
+  std::int64_t unjudged = 0;  ///< Likewise.
+};
+
 /// Something that a simulated robot does and should not.
 struct Mishap {
   double time_s = 0;  ///< of the simulation
@@ -91,6 +98,7 @@ struct RunSummary {
   std::optional<double> measured_load;        ///< 0 ... 1; on the simulated bus only.
   std::optional<InterfaceSummary> interface;  ///< Of an armed run on an interface.
   std::vector<Passage> passages;              ///< Of a simulated robot; empty otherwise.
+  PassagesLeftOut left_out;                   ///< Passages that are not among them.
   /// The node whose motion had begun when the run ended, and was not played to its end; of a
   /// simulated robot, else empty.
   std::string broken_off;

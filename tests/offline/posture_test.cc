@@ -5,6 +5,7 @@
 #include <gmock/gmock-more-matchers.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <string>
 #include <vector>
@@ -122,6 +123,27 @@ TEST(Posture, APassageThroughTheGaitIsARestInEachOfItsPosesAndNoFall) {
                                              "as after downstand", "as after handstand, swapped",
                                              "as after downstand, swapped", "as after handstand"}));
   EXPECT_EQ(scene.watch().falls(), 0);
+}
+
+TEST(Posture, ALongRunKeepsItsFallsAndAsManyEventsAsAShortOne) {
+  Watcher scene;
+  scene.Rest(0, kHome_m, -M_PI / 2, M_PI / 2);
+  std::size_t rests = 1;
+  for (int i = 0; i < 1000; ++i) {
+    scene.Move();
+    ++rests;
+    if (i == 10 || i == 700) {
+      LieFlat(scene);
+    } else {
+      StandUp(scene);
+    }
+    ASSERT_LE(scene.watch().events().size(), PostureWatch::kKept);
+  }
+  const std::vector<PostureEvent>& events = scene.watch().events();
+  EXPECT_EQ(events.size() + scene.watch().left_out(), rests + 2);
+  EXPECT_EQ(std::ranges::count(events, PostureEvent::Kind::kFall, &PostureEvent::kind), 2);
+  EXPECT_TRUE(std::ranges::is_sorted(events, {}, &PostureEvent::time_ns));
+  EXPECT_EQ(events.back().pose, "as after handstand");
 }
 
 TEST(Posture, RestInAPoseOfNoMotionIsAFallOnceTheDrivesWereEnabled) {

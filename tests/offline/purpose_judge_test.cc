@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
 #include <numbers>
@@ -225,6 +226,39 @@ TEST_F(Judge, ThePlanOfEachMotionBeginsAtItsEntryAndNotWhereExitsAddUpTo) {
     EXPECT_NEAR(passages[i].expected_pitch_rad, static_cast<double>(i + 1) * kPi / 2, 2.1e-3) << i;
     EXPECT_NE(passages[i].as_planned(), false) << i;
   }
+}
+
+TEST_F(Judge, ALongRunKeepsAsManyPassagesAsAShortOneAndCountsAllOfThem) {
+  const std::vector<std::string> nodes = {"up", "down", "up, swapped", "down, swapped"};
+  std::int64_t amiss = 0;
+  for (int i = 0; i < 1000; ++i) {
+    // Two motions miss their pitch. Another one after it sets that right.
+    if (i == 8 || i == 500) truth_.root_pitch_rad += 0.3;
+    if (i == 9 || i == 501) truth_.root_pitch_rad -= 0.3;
+    Play(nodes[static_cast<std::size_t>(i % 4)], 5.0 * i, 2.5);
+    ASSERT_LE(judge_->passages().size(), PurposeJudge::kKept);
+    amiss = std::ranges::count_if(judge_->passages(), std::mem_fn(&Passage::amiss));
+  }
+  EXPECT_EQ(judge_->passages().size(), PurposeJudge::kKept);
+  EXPECT_EQ(judge_->left_out().motions, 900);
+  EXPECT_EQ(judge_->left_out().amiss, 0) << "what was amiss is kept";
+  EXPECT_EQ(judge_->left_out().unjudged, 0);
+  EXPECT_EQ(amiss, 2);
+  EXPECT_TRUE(judge_->passages()[0].amiss());
+  EXPECT_EQ(judge_->passages()[1].node, "down") << "and what came next";
+  EXPECT_EQ(judge_->passages().back().node, "down, swapped");
+  EXPECT_NEAR(judge_->passages().back().expected_pitch_rad, 500 * kPi, 1e-6);
+}
+
+TEST_F(Judge, OfARunInWhichNothingIsAsAskedTheFirstAndTheLastAreKept) {
+  for (int i = 0; i < 300; ++i) {
+    truth_.root_pitch_rad += i == 0 ? 0.3 : 0;
+    Play("up", 5.0 * i, 2.5);
+  }
+  EXPECT_EQ(judge_->passages().size(), PurposeJudge::kKept);
+  const auto amiss = std::ranges::count_if(judge_->passages(), std::mem_fn(&Passage::amiss));
+  EXPECT_EQ(judge_->left_out().amiss + amiss, 300);
+  EXPECT_NEAR(judge_->passages()[0].pitch_at_end_rad, kPi / 2 + 0.3, 1e-9);
 }
 
 TEST_F(Judge, ARobotThatHasTurnedAboutBeforeIsJudgedAsOneThatHasNot) {

@@ -507,9 +507,9 @@ TEST_F(RunOnCan, WhoeverStartsSecondIsRefusedAndTheFramesOfTheFirstStayTheSame) 
       StartCandump(can.name());
       const auto start = [&](const std::string& program) -> std::unique_ptr<Program> {
         if (program == "replay") {
-          return std::make_unique<Program>(
-              std::vector<std::string>{testing::ProgramPath("tumbler-replay"), record, "--bus",
-                                       can.name(), "--arm", "--without-realtime"});
+          return std::make_unique<Program>(std::vector<std::string>{
+              testing::ProgramPath("tumbler-replay"), record, "--bus", can.name(), "--arm",
+              "--without-realtime", "--drives", Path("drives.toml"), "--end", "torque-off"});
         }
         if (program == "bench") {
           return std::make_unique<Program>(std::vector<std::string>{

@@ -90,7 +90,7 @@ SimulatedRun Simulate(const py::object& motion, SimulatedRunPlan plan) {
       run.record = std::make_shared<LoadedRecord>(LoadRecord(plan.record));
       run.outcome = ToString(summary.outcome);
       run.reason = summary.reason;
-      run.as_asked = StatusOf(summary) == ExitStatus::kDone &&
+      run.as_asked = StatusOf(summary) == ExitStatus::kDone && summary.left_out.unjudged == 0 &&
                      std::none_of(summary.passages.begin(), summary.passages.end(),
                                   std::mem_fn(&Passage::unjudged));
       run.json = ToJson(summary);

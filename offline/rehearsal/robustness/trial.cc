@@ -92,7 +92,8 @@ TrialOutcome OutcomeOf(const PurposeJudge& judge, const PostureWatch& posture,
                        const DepartureWatch& departure, const SequenceFile& file, double tick_s,
                        std::int64_t since_ns) {
   TrialOutcome outcome;
-  outcome.motions = static_cast<int>(judge.passages().size());
+  outcome.motions =
+      static_cast<int>(judge.passages().size()) + static_cast<int>(judge.left_out().motions);
   for (const Passage& passage : judge.passages()) {
     if (!passage.amiss()) continue;
     outcome.verdict = TrialOutcome::Verdict::kAmiss;

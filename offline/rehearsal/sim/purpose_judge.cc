@@ -67,6 +67,20 @@ void PurposeJudge::Watch(std::int64_t time_ns, const TwinState& truth) {
   while (speeds_.front().first < time_ns - std::llround(1e9 * kRestWatched_s)) speeds_.pop_front();
 }
 
+/// Makes room for a passage: nothing that was amiss is forgotten while there is something else.
+void PurposeJudge::LeaveOutOne() {
+  std::size_t i = 0;
+  while (i < passages_.size() &&
+         (passages_[i].amiss() || passages_[i].unjudged() || (i > 0 && passages_[i - 1].amiss()))) {
+    ++i;
+  }
+  if (i == passages_.size()) i /= 2;  // What was amiss at first and at last says most.
+  ++left_out_.motions;
+  if (passages_[i].amiss()) ++left_out_.amiss;
+  if (passages_[i].unjudged()) ++left_out_.unjudged;
+  passages_.erase(passages_.begin() + static_cast<std::ptrdiff_t>(i));
+}
+
 /// Begins with the passage of a node whose motion has just ended.
 void PurposeJudge::Begin(int node, std::int64_t time_ns, const TwinState& truth) {
   moving_ = -1;
@@ -77,6 +91,7 @@ void PurposeJudge::Begin(int node, std::int64_t time_ns, const TwinState& truth)
   turned_rad_ = expected_pitch_rad_ - entry_.root_pitch_rad;
   expected_pitch_rad_ += primitive.exit.root_pitch_rad - entry_.root_pitch_rad;
   end_ns_ = time_ns;
+  if (passages_.size() >= kKept) LeaveOutOne();
   Passage& passage = passages_.emplace_back();
   passage.node = std::string(file_.graph.node(node).name.view());
   passage.free_root = free_root_;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <deque>
 #include <string>
@@ -21,6 +22,10 @@ namespace tumbler {
 /// judged when that one begins. One that is rolled out after a fault is judged, too.
 class PurposeJudge {
  public:
+  /// How many passages are kept. Of a longer run those are left out, the oldest first, that were
+  /// judged and as asked, unless they came next after one that was not.
+  static constexpr std::size_t kKept = 100;
+
   /// @param file       the sequence, which has to outlive the judge.
   /// @param free_root  whether the root moves at all.
   /// @param hinged     whether it does so on a bar, where a robot without feedback is nowhere at
@@ -30,8 +35,9 @@ class PurposeJudge {
   /// To be called in every tick.
   void Observe(const TickRecord& record, std::int64_t time_ns, const TwinState& truth);
 
-  /// The passages so far. What has not been seen yet is absent.
+  /// The passages so far, but for those that were left out. What has not been seen yet is absent.
   [[nodiscard]] const std::vector<Passage>& passages() const { return passages_; }
+  [[nodiscard]] const PassagesLeftOut& left_out() const { return left_out_; }
   /// The node whose motion has begun and has not ended; empty where there is none.
   [[nodiscard]] std::string moving() const {
     return moving_ < 0 ? "" : std::string(file_.graph.node(moving_).name.view());
@@ -39,6 +45,7 @@ class PurposeJudge {
 
  private:
   void Watch(std::int64_t time_ns, const TwinState& truth);
+  void LeaveOutOne();
   void Begin(int node, std::int64_t time_ns, const TwinState& truth);
   [[nodiscard]] bool CanJudge(const PurposeTarget& target) const;
   [[nodiscard]] double InstantOf(const PurposeTarget& target) const;
@@ -58,6 +65,7 @@ class PurposeJudge {
   std::int64_t end_ns_ = 0;
   double start_x_m_ = 0;  // where the last motion that began did
   std::vector<Passage> passages_;
+  PassagesLeftOut left_out_;
 };
 
 }  // namespace tumbler

@@ -44,6 +44,7 @@ class SimulatedWorld final : public World {
   }
   void Summarize(RunSummary& summary) override {
     summary.passages = judge_.passages();
+    summary.left_out = judge_.left_out();
     summary.broken_off = judge_.moving();
     summary.measured_load = robot_.bus().load();
     for (const PostureEvent& event : robot_.posture().events()) {

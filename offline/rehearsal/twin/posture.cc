@@ -82,12 +82,21 @@ PostureEvent PostureWatch::EventAt(const TwinState& state, PostureEvent::Kind ki
   return event;
 }
 
+PostureEvent& PostureWatch::Add(const TwinState& state, PostureEvent::Kind kind) {
+  if (events_.size() >= kKept) {
+    auto oldest = std::ranges::find(events_, PostureEvent::Kind::kRest, &PostureEvent::kind);
+    if (oldest == events_.end()) oldest = events_.begin() + kKept / 2;
+    events_.erase(oldest);
+    ++left_out_;
+  }
+  return events_.emplace_back(EventAt(state, kind));
+}
+
 void PostureWatch::Fall(const TwinState& state, std::string cause) {
   if (!watched_ || fallen_) return;
   fallen_ = true;
   ++falls_;
-  events_.push_back(EventAt(state, PostureEvent::Kind::kFall));
-  events_.back().cause = std::move(cause);
+  Add(state, PostureEvent::Kind::kFall).cause = std::move(cause);
 }
 
 void PostureWatch::Observe(const TwinState& state, const std::vector<TwinContact>& contacts,
@@ -100,8 +109,7 @@ void PostureWatch::Observe(const TwinState& state, const std::vector<TwinContact
   }
   if (state.self_overlap_m > 0 && !overlapping_) {
     ++overlaps_;
-    events_.push_back(EventAt(state, PostureEvent::Kind::kOverlap));
-    events_.back().cause = fmt::format("{} overlap", state.overlapping);
+    Add(state, PostureEvent::Kind::kOverlap).cause = fmt::format("{} overlap", state.overlapping);
   }
   overlapping_ = state.self_overlap_m > 0;
   if (drives.all_enabled && !drives.let_go) watched_ = true;
@@ -128,8 +136,7 @@ void PostureWatch::Observe(const TwinState& state, const std::vector<TwinContact
   if (resting_ && name == resting_as_) return;
   resting_ = true;
   resting_as_ = name;
-  events_.push_back(EventAt(state, PostureEvent::Kind::kRest));
-  events_.back().pose = name;
+  Add(state, PostureEvent::Kind::kRest).pose = name;
   if (pose != nullptr) {
     fallen_ = false;
   } else {

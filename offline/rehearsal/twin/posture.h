@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -61,6 +62,10 @@ struct DrivesPosture {
 /// robot does that, so that what the simulation shows from then on is no motion of the robot.
 class PostureWatch {
  public:
+  /// How many events are kept. Then the oldest rest is left out for each new one; falls and
+  /// overlaps only where there are no rests.
+  static constexpr std::size_t kKept = 200;
+
   /// @param slides  whether each joint of the motion slides; empty: none does.
   PostureWatch(const SequenceFile& motion, const PostureConfig& config, const PrimitivePose& start,
                std::vector<bool> slides = {});
@@ -69,8 +74,10 @@ class PostureWatch {
   void Observe(const TwinState& state, const std::vector<TwinContact>& contacts,
                const DrivesPosture& drives);
 
-  /// All events so far, in order.
+  /// The events so far, in order, but for those that were left out.
   [[nodiscard]] const std::vector<PostureEvent>& events() const { return events_; }
+  /// How many events were left out.
+  [[nodiscard]] std::size_t left_out() const { return left_out_; }
   [[nodiscard]] int falls() const { return falls_; }
   [[nodiscard]] bool fallen() const { return fallen_; }
   /// How often own shapes came to overlap.
@@ -90,12 +97,15 @@ class PostureWatch {
   [[nodiscard]] bool Slow(const TwinState& state) const;
   [[nodiscard]] const KnownPose* FindPose(const TwinState& state) const;
   void Fall(const TwinState& state, std::string cause);
+  /// Adds an event, with its place, and makes room for it.
+  PostureEvent& Add(const TwinState& state, PostureEvent::Kind kind);
   static PostureEvent EventAt(const TwinState& state, PostureEvent::Kind kind);
 
   PostureConfig config_;
   std::vector<bool> slides_;
   std::vector<KnownPose> poses_;
   std::vector<PostureEvent> events_;
+  std::size_t left_out_ = 0;
   int falls_ = 0;
   int overlaps_ = 0;
   bool overlapping_ = false;

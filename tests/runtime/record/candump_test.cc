@@ -1,5 +1,6 @@
 #include "runtime/linux/candump.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 
@@ -57,6 +58,30 @@ TEST(Candump, SkipsFdAndErrorFramesAndReadsDirectionsAndAlignment) {
   EXPECT_EQ(frames[0].received.frame.data[4], 0xba);
   EXPECT_TRUE(frames[1].received.frame.remote);
   EXPECT_EQ(frames[1].received.frame.size, 8);
+}
+
+TEST(Candump, FramesAreThoseOfOneInterfaceAndNoOneIsGuessedAmongSeveral) {
+  std::int64_t skipped = 0;
+  const auto frames = ParseCandump(
+      "(1.000000) can1 001#00\n(1.000001) can0 001#01\n(1.000002) can1 002#02\n", "log", skipped);
+  const auto problem = [&](const std::vector<CandumpFrame>& of, const std::string& interface) {
+    try {
+      return fmt::format("{} frames", FramesOfInterface(of, "log", interface).size());
+    } catch (const std::runtime_error& error) {
+      return std::string(error.what());
+    }
+  };
+  EXPECT_EQ(problem(frames, ""),
+            "log: has frames of several interfaces: can0 (1), can1 (2); say with --interface on "
+            "which the drives are");
+  const auto of_can1 = FramesOfInterface(frames, "log", "can1");
+  ASSERT_EQ(of_can1.size(), 2U);
+  EXPECT_EQ(of_can1[1].received.frame.id, 2U);
+  EXPECT_EQ(problem(of_can1, ""), "2 frames");
+  EXPECT_EQ(problem(frames, "can2"),
+            "log: --interface: has no frame of 'can2'; it has those of can0 (1), can1 (2)");
+  EXPECT_EQ(problem({}, ""), "0 frames");
+  EXPECT_EQ(problem({}, "can0"), "log: --interface: has no frame of 'can0'; it has those of none");
 }
 
 TEST(Candump, NamesTheLineThatIsWrong) {

@@ -93,6 +93,17 @@ TEST(RecordConfiguration, IsReadBackToTheLastBit) {
   EXPECT_NE(std::memcmp(&read.executor.reactions, &defaults.reactions, sizeof(FaultTable)), 0);
 }
 
+TEST(RecordConfiguration, SaysWhatRunsDidNotKnowWhenItWasMade) {
+  std::string json = JsonOf(testing::SmallConfiguration());
+  EXPECT_THAT(ParseConfiguration(json).lacks, ::testing::IsEmpty());
+  json = Replaced(json, "\"get_ups_max\"", "\"of another day\"");
+  json = Replaced(json, "\"clear_ticks\"", "\"of another day\"");
+  json = Replaced(json, "\"fallen\"", "\"of another day\"");
+  const RecordConfiguration old = ParseConfiguration(json);
+  EXPECT_THAT(old.lacks, ::testing::UnorderedElementsAre("get_ups_max", "clear_ticks", "fallen"));
+  EXPECT_EQ(old.executor.reactions(Fault::kFallen, ExecutorState::kRunning), Reaction::kIgnore);
+}
+
 TEST(RecordConfiguration, IsRefusedWithTheKeyThatIsWrong) {
   const std::string good = JsonOf(testing::SmallConfiguration());
   EXPECT_EQ(WhyRefused(good), "accepted");

@@ -15,6 +15,7 @@
 #include <string>
 #include <vector>
 
+#include "common/json.h"
 #include "common/primitive_hash.h"
 #include "firmware_interface/drives/drives_toml.h"
 #include "runtime/linux/candump.h"
@@ -246,7 +247,8 @@ TEST_P(ReplayOnCan, SendsNothingInADryRunAndPlaysTheRecordedSetpointsWhenArmed) 
     const VirtualCan bench;
     const auto candump = StartCandump(bench.name(), "bench.log");
     std::ofstream(Path("bench.log"), std::ios::trunc).close();
-    const std::string dry = Output({ProgramPath("tumbler-replay"), record, "--bus", bench.name()});
+    const std::string dry = Output(
+        {ProgramPath("tumbler-replay"), record, "--bus", bench.name(), "--end", "torque-off"});
     EXPECT_THAT(dry, HasSubstr("completed on " + bench.name() + " (dry run"));
     EXPECT_THAT(dry, HasSubstr("setpoints differ in 0, by at most 0 rad"));
     EXPECT_EQ(ReadFile(Path("bench.log")), "") << "nothing is sent without --arm";
@@ -256,7 +258,8 @@ TEST_P(ReplayOnCan, SendsNothingInADryRunAndPlaysTheRecordedSetpointsWhenArmed) 
     const std::string played_record = record + ".played";
     const std::string played =
         Output({ProgramPath("tumbler-replay"), record, "--bus", bench.name(), "--arm",
-                "--without-realtime", "--svg", svg, "--record", played_record});
+                "--without-realtime", "--drives", Path("drives.toml"), "--end", "torque-off",
+                "--svg", svg, "--record", played_record});
     EXPECT_THAT(played, HasSubstr("completed on " + bench.name() + "\n"));
     EXPECT_THAT(played, HasSubstr("joint2: "));
     EXPECT_THAT(played, HasSubstr("setpoints differ in 0, by at most 0 rad"));
@@ -280,7 +283,7 @@ TEST_F(RecordOnCan, AReplayPlaysAPrimitiveInsteadAndRefusesDrivesOfOtherJoints) 
     const auto drives = StartDrives(can.name());
     Program wrong({ProgramPath("tumbler-replay"), record, "--bus", can.name(), "--drives",
                    Path("drives.toml")});
-    EXPECT_EQ(wrong.Wait(), 1);
+    EXPECT_NE(wrong.Wait(), 0);
     EXPECT_THAT(wrong.text(), HasSubstr("has no drive for joint 'leg1'"));
 
     const std::string run_record = Path("run.rec");
@@ -295,9 +298,67 @@ TEST_F(RecordOnCan, AReplayPlaysAPrimitiveInsteadAndRefusesDrivesOfOtherJoints) 
     std::ofstream(Path("other.toml")) << ToToml(other);
     const std::string played =
         Output({ProgramPath("tumbler-replay"), run_record, "--bus", can.name(), "--arm",
-                "--without-realtime", "--primitive", Path("other.toml")});
+                "--without-realtime", "--drives", Path("drives.toml"), "--end", "torque-off",
+                "--primitive", Path("other.toml")});
     EXPECT_THAT(played, HasSubstr("completed on " + can.name()));
     EXPECT_EQ(played.find("setpoints differ in 0,"), std::string::npos) << "it is another motion";
+  });
+}
+
+TEST_F(RecordOnCan, AReplayArmsAsARunDoesAndKeepsThePose) {
+  int attempt = 0;
+  testing::InSteadyTime([&] {
+    const std::string record = Path("first_" + std::to_string(attempt++) + ".rec");
+    const std::string pose = record + ".pose";
+    const VirtualCan can;
+    const auto drives = StartDrives(can.name());
+    const auto run = StartRun(can.name(), record);
+    ASSERT_EQ(run->Wait(), 0) << run->text();
+
+    const auto replay = [&](const std::vector<std::string>& more) {
+      std::vector<std::string> all = {
+          ProgramPath("tumbler-replay"), record,   "--bus", can.name(), "--arm", "--drives",
+          Path("drives.toml"),           "--pose", pose};
+      all.insert(all.end(), more.begin(), more.end());
+      return std::make_unique<Program>(all);
+    };
+    const std::vector<std::string> ends = {"--without-realtime", "--end", "torque-off"};
+    const auto with = [&ends](std::vector<std::string> more) {
+      more.insert(more.end(), ends.begin(), ends.end());
+      return more;
+    };
+    // It is refused as a run is, before the bus is touched.
+    const auto unscheduled = replay({"--end", "torque-off"});
+    EXPECT_EQ(unscheduled->Wait(), 2) << unscheduled->text();
+    EXPECT_THAT(unscheduled->text(), HasSubstr("driving motors takes --realtime"));
+    const auto unasked = replay({"--without-realtime"});
+    EXPECT_EQ(unasked->Wait(), 2) << unasked->text();
+    EXPECT_THAT(unasked->text(), HasSubstr("choose with --end"));
+    EXPECT_FALSE(std::filesystem::exists(pose));
+
+    // Nobody knows a pose yet. Where the joints are then is known.
+    const auto first = replay(with({}));
+    EXPECT_EQ(first->Wait(), 0) << first->text();
+    EXPECT_THAT(ReadFile(pose), HasSubstr("joint1"));
+    const double end_rad = Json::Parse(ReadFile(pose)).value()["shafts_rad"]["joint2"].number();
+    const auto write_pose = [&](double off_rad) {
+      WriteFile(pose, "{\"format\": \"tumbler-pose\", \"shafts_rad\": {\"joint2\": " +
+                          std::to_string(end_rad + off_rad) + "}}");
+    };
+    write_pose(-6.2831853);
+    const auto lost = replay(with({}));
+    EXPECT_EQ(lost->Wait(), 2) << lost->text();
+    EXPECT_THAT(lost->text(), HasSubstr("whole turns of its drive"));
+    EXPECT_THAT(lost->text(), HasSubstr("joint2"));
+    write_pose(-0.8);
+    const auto moved = replay(with({}));
+    EXPECT_EQ(moved->Wait(), 2) << moved->text();
+    EXPECT_THAT(moved->text(), HasSubstr("far from where it was last known"));
+    EXPECT_EQ(replay(with({"--moved-within", "1"}))->Wait(), 0);
+    write_pose(-6.2831853);
+    EXPECT_EQ(replay(with({"--forget-pose"}))->Wait(), 0);
+    const auto far = replay(with({"--start-within", "0", "--forget-pose"}));
+    EXPECT_EQ(far->Wait(), 2) << far->text();
   });
 }
 

@@ -335,6 +335,141 @@ TEST_F(RecordPrograms, APlayOnABusNeedsTheBusAndItsDrives) {
   EXPECT_EQ(Run("tumbler-replay " + record_ + " --svg " + (folder_ / "x.svg")).exit_code, 1);
 }
 
+TEST_F(RecordPrograms, WhatARecordHasMilderIsRefusedByNameUntilAnOptionSaysWhatHolds) {
+  const std::string drives = testing::SourcePath("primitives/robots/tumbler_drives.toml");
+  const std::string header = "format = \"tumbler-faults\"\nversion = 1\n";
+  testing::WriteFile(folder_ / "mild.toml", header +
+                                                "[limits]\nstale_ticks_max = 500\n[reactions]\n"
+                                                "following_error = \"ignore\"\n");
+  testing::WriteFile(folder_ / "default.toml", header);
+  ASSERT_EQ(Record("--drives " + drives + " --start-within 100 --end torque-off --faults " +
+                   (folder_ / "mild.toml"))
+                .exit_code,
+            0);
+  EXPECT_EQ(Run("tumbler-replay " + record_).exit_code, 0) << "at a desk nothing moves";
+  const std::string play = "tumbler-replay " + record_ + " --bus can9 --drives " + drives;
+  const Outcome refused = Run(play);
+  EXPECT_EQ(refused.exit_code, 2) << refused.text;
+  EXPECT_THAT(refused.text, HasSubstr(record_ + ": the run that was recorded had milder settings"));
+  for (const char* line :
+       {"start_way_max_rad: 100 in the record, 1 now; choose with --start-within",
+        "stale_ticks_max: 500 in the record, 10 now; choose with --faults",
+        "reactions: following error: ignore while arming, ignore while holding",
+        "now; choose with --faults", "damp while running",
+        "end of the run: torque-off in the record, hold now; choose with --end"}) {
+    EXPECT_THAT(refused.text, HasSubstr(line));
+  }
+  EXPECT_EQ(Run(play + " --arm --without-realtime").exit_code, 2);
+  // Each of them is chosen for itself.
+  const Outcome some = Run(play + " --start-within 1 --end hold");
+  EXPECT_EQ(some.exit_code, 2);
+  EXPECT_THAT(some.text, Not(HasSubstr("start_way_max_rad")));
+  EXPECT_THAT(some.text, Not(HasSubstr("end of the run")));
+  EXPECT_THAT(some.text, HasSubstr("following error"));
+  for (const std::string faults : {"mild.toml", "default.toml"}) {
+    const Outcome chosen =
+        Run(play + " --start-within 1 --end torque-off --faults " + (folder_ / faults));
+    EXPECT_EQ(chosen.exit_code, 0) << chosen.text;
+    EXPECT_THAT(chosen.text, HasSubstr("setpoints differ in 0, by at most 0 rad"));
+  }
+}
+
+TEST_F(RecordPrograms, ARecordOfARobotThatGetsUpDoesNotGetUpUnasked) {
+  const std::string drives = testing::SourcePath("primitives/robots/tumbler_drives_sensor.toml");
+  const Outcome run = Run("tumbler-run sim " + testing::SourcePath("primitives/gait.toml") +
+                          " --cycles 1 --get-ups 3 --drives " + drives + " --record " + record_);
+  ASSERT_EQ(run.exit_code, 0) << run.text;
+  const std::string play = "tumbler-replay " + record_ + " --bus can9 --drives " + drives;
+  const Outcome refused = Run(play);
+  EXPECT_EQ(refused.exit_code, 2) << refused.text;
+  EXPECT_THAT(refused.text,
+              HasSubstr("get_ups_max: 3 in the record, 0 now; choose with --get-ups"));
+  const Outcome chosen = Run(play + " --get-ups 0");
+  EXPECT_EQ(chosen.text.find("get_ups_max"), std::string::npos) << chosen.text;
+}
+
+TEST_F(RecordPrograms, ADryRunOfASequenceThatNothingInTheRecordEndsIsRefused) {
+  const std::string drives = testing::SourcePath("primitives/robots/tumbler_drives.toml");
+  for (const bool ended : {false, true}) {
+    std::filesystem::remove(record_);
+    Program run({testing::ProgramPath("tumbler-run"), "sim",
+                 testing::SourcePath("primitives/nominal/gait.toml"), "--realtime", "--drives",
+                 drives, "--record", record_});
+    ASSERT_TRUE(testing::Eventually([&] {
+      std::error_code error;
+      const auto size = std::filesystem::file_size(record_, error);
+      return !error && size > 1'000'000;  // well in its motion
+    }));
+    run.Signal(ended ? SIGINT : SIGKILL);
+    run.Wait();
+    const Outcome play = Run("tumbler-replay " + record_ + " --bus can9 --drives " + drives);
+    if (ended) {
+      EXPECT_THAT(play.text, HasSubstr("stopped on can9 (dry run"));
+    } else {
+      EXPECT_EQ(play.exit_code, 1) << play.text;
+      EXPECT_THAT(play.text, HasSubstr("a dry run would have no end"));
+    }
+  }
+}
+
+TEST_F(RecordPrograms, WhatTheDrivesOfNowHaveOtherwiseIsSaid) {
+  const std::string drives = testing::SourcePath("primitives/robots/tumbler_drives.toml");
+  ASSERT_EQ(Record("--drives " + drives).exit_code, 0);
+  const Outcome armed = Run("tumbler-replay " + record_ + " --bus can9 --arm --without-realtime");
+  EXPECT_EQ(armed.exit_code, 1);
+  EXPECT_THAT(armed.text, HasSubstr("say with --drives which drives are on the bus"));
+  EXPECT_EQ(Run("tumbler-replay " + record_ + " --bus can9").exit_code, 0)
+      << "a dry run takes the drives of the record";
+  std::string text = ReadFile(drives);
+  text = testing::ReplacedAll(text, "kp_nm_per_rad = 40.0", "kp_nm_per_rad = 30.0");
+  text = testing::ReplacedAll(text, "watchdog_s = 0.025", "watchdog_s = 0.05");
+  text = testing::ReplacedAll(text, "temperature_max_c = 80.0", "temperature_max_c = 90.0");
+  text = testing::ReplacedAll(text, "zero_offset_rad = 0.0", "zero_offset_rad = 0.1");
+  testing::WriteFile(folder_ / "now.toml", text);
+  const Outcome now =
+      Run("tumbler-replay " + record_ + " --bus can9 --drives " + (folder_ / "now.toml"));
+  for (const char* line : {"joint leg2: zero_offset_rad is 0.1; it was 0 ",
+                           "joint leg1: watchdog_s is 0.05; it was 0.025 ",
+                           "joint leg1: kp_nm_per_rad is 30; it was 40 ",
+                           "joint leg2: temperature_max_c is 90; it was 80 "}) {
+    EXPECT_THAT(now.text, HasSubstr(line));
+  }
+}
+
+TEST_F(RecordPrograms, ALogOfSeveralInterfacesIsReadForTheOneThatIsNamed) {
+  const std::string drives = testing::SourcePath("primitives/robots/tumbler_drives.toml");
+  ASSERT_EQ(Record("--drives " + drives).exit_code, 0);
+  ASSERT_EQ(Run("tumbler-record " + record_ + " --candump " + (folder_ / "one.log")).exit_code, 0);
+  const std::string one = ReadFile(folder_ / "one.log");
+  const Outcome alone = Run("tumbler-replay " + (folder_ / "one.log") + " --drives " + drives);
+  ASSERT_EQ(alone.exit_code, 0) << alone.text;
+  // As `candump any` logs two buses: on the other one the same drives hold still.
+  std::string both;
+  for (std::size_t at = 0; at < one.size();) {
+    const std::size_t end = one.find('\n', at) + 1;
+    const std::string line = one.substr(at, end - at);
+    at = end;
+    both += testing::ReplacedAll(line, " sim ", " can0 ");
+    const std::size_t hash = line.find('#');
+    both += testing::ReplacedAll(line.substr(0, hash), " sim ", " can1 ") + "#7FFF7FF0CCD337FF\n";
+  }
+  testing::WriteFile(folder_ / "both.log", both);
+  const std::string read = "tumbler-replay " + (folder_ / "both.log") + " --drives " + drives;
+  const Outcome merged = Run(read);
+  EXPECT_EQ(merged.exit_code, 1);
+  EXPECT_THAT(merged.text, HasSubstr("has frames of several interfaces: can0 ("));
+  EXPECT_THAT(merged.text, HasSubstr("), can1 ("));
+  EXPECT_THAT(merged.text, HasSubstr("say with --interface on which the drives are"));
+  const Outcome named = Run(read + " --interface can0");
+  EXPECT_EQ(named.exit_code, 0) << named.text;
+  EXPECT_EQ(testing::ReplacedAll(named.text, "both.log", "one.log"), alone.text);
+  EXPECT_NE(Run(read + " --interface can1").text, named.text);
+  const Outcome absent = Run(read + " --interface can2");
+  EXPECT_EQ(absent.exit_code, 1);
+  EXPECT_THAT(absent.text, HasSubstr("has no frame of 'can2'; it has those of can0 ("));
+  EXPECT_EQ(Run("tumbler-replay " + record_ + " --interface can0").exit_code, 1);
+}
+
 TEST_F(RecordPrograms, WrongUseEndsWithStatus1) {
   for (const std::string program : {"tumbler-record", "tumbler-replay"}) {
     EXPECT_EQ(Run(program).exit_code, 1);
