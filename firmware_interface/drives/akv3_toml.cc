@@ -8,6 +8,7 @@
 
 #include "firmware_interface/drives/akv3.h"
 #include "firmware_interface/drives/drive_keys.h"
+#include "firmware_interface/drives/drive_models.h"
 #include "firmware_interface/drives/drive_traffic.h"
 #include "firmware_interface/drives/drives_dbc.h"
 
@@ -70,6 +71,15 @@ constexpr std::array kReportKeys = {
 };
 
 }  // namespace
+
+std::vector<DriveModel> AkV3Models() {
+  std::vector<DriveModel> models;
+  for (const AkV3Model& model : kModels) {
+    models.push_back({model.name, double{model.velocity_rad_s}, double{model.torque_nm},
+                      model.pole_pairs * double{model.gear_inside}});
+  }
+  return models;
+}
 
 AkV3Config AkV3Protocol::Read(DriveTable& table) {
   TomlTable& keys = table.keys;

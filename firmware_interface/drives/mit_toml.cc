@@ -4,6 +4,7 @@
 #include <string_view>
 
 #include "firmware_interface/drives/drive_keys.h"
+#include "firmware_interface/drives/drive_models.h"
 #include "firmware_interface/drives/drive_traffic.h"
 #include "firmware_interface/drives/drives_dbc.h"
 #include "firmware_interface/drives/mit.h"
@@ -78,6 +79,13 @@ constexpr std::array kReplyRangeKeys = {
 };
 
 }  // namespace
+
+std::vector<DriveModel> MitModels() {
+  std::vector<DriveModel> models;
+  for (const MitModel& model : kModels)
+    models.push_back({model.name, double{model.velocity_rad_s}, double{model.torque_nm}});
+  return models;
+}
 
 MitConfig MitProtocol::Read(DriveTable& table) {
   TomlTable& keys = table.keys;

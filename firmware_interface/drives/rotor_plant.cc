@@ -1,5 +1,7 @@
 #include "firmware_interface/drives/rotor_plant.h"
 
+#include <algorithm>
+#include <cmath>
 #include <utility>
 
 namespace tumbler {
@@ -17,6 +19,9 @@ void RotorPlant::AdvanceTo(std::int64_t time_ns) noexcept {
       const double acceleration =
           (torque - rotor.damping_nm_s_per_rad * rotor.velocity_rad_s) / rotor.inertia_kg_m2;
       rotor.velocity_rad_s += step_s * acceleration;
+      const double braked_rad_s = step_s * rotor.friction_nm / rotor.inertia_kg_m2;
+      rotor.velocity_rad_s = std::copysign(
+          std::max(std::abs(rotor.velocity_rad_s) - braked_rad_s, 0.0), rotor.velocity_rad_s);
       rotor.position_rad += step_s * rotor.velocity_rad_s;
     }
   }

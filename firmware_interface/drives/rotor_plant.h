@@ -8,9 +8,10 @@
 
 namespace tumbler {
 
-/// Rotors with viscous friction, each turned by a simulated drive: inertia * qddot = torque -
-/// damping * qdot, in joint coordinates. Nothing couples the rotors. They are integrated by
-/// semi-implicit Euler with the drives' step.
+/// Rotors with friction, each turned by a simulated drive: inertia * qddot = torque - damping *
+/// qdot
+/// - friction * sign(qdot), in joint coordinates, where dry friction holds what rests. Nothing
+/// couples the rotors. They are integrated by semi-implicit Euler with the drives' step.
 class RotorPlant {
  public:
   struct Rotor {
@@ -19,6 +20,7 @@ class RotorPlant {
     double velocity_rad_s = 0;
     double inertia_kg_m2 = 0.02;
     double damping_nm_s_per_rad = 0.02;
+    double friction_nm = 0;  ///< >= 0: dry friction.
   };
 
   RotorPlant(SimulatedBus& bus, std::vector<Rotor> rotors, std::int64_t step_ns = 50'000);

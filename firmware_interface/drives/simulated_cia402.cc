@@ -324,6 +324,8 @@ SimulatedCia402Drive::Object SimulatedCia402Drive::Read(std::uint16_t index,
       return {std::llround(shaft_velocity_rad_s() / kTwoPi *
                            static_cast<double>(node.velocity_units_per_turn_s)),
               4};
+    case Key(0x6076, 0):
+      return {std::llround(static_cast<double>(node.rated_torque_nm) * 1000), 4};
     case Key(0x6077, 0):
       return {std::clamp<std::int64_t>(
                   std::llround(torque_nm() * 1000 / static_cast<double>(node.rated_torque_nm)),

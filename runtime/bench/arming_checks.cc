@@ -5,6 +5,7 @@
 #include "common/program.h"
 #include "firmware_interface/drives/error_texts.h"
 #include "runtime/bench/bench_tests.h"
+#include "runtime/bench/drive_scales.h"
 #include "runtime/bench/findings.h"
 
 namespace tumbler {
@@ -40,7 +41,12 @@ void RequireIdentity(BenchSession& session, std::size_t drive,
     throw Refused(fmt::format(
         "{} turns {} against its axis: its direction in the drives file is wrong", name, expected));
   }
-  say(fmt::format("{} turns {}, as the drives file says", name, expected));
+  // What the motion tells of scales, too: with wrong ranges a drive obeys, scaled.
+  const DriveScales scales = FitMotion(session.entry(drive), identity.recording);
+  const Judgement judgement = JudgeScales(name, session.entry(drive), scales, {});
+  if (!judgement.findings.empty()) throw Refused(judgement.findings.front().text);
+  say(fmt::format("{} turns {}, as the drives file says{}", name, expected,
+                  scales.velocity.told() ? ", and its velocities fit its positions" : ""));
 }
 
 void RequireWatchdog(BenchSession& session, std::size_t drive, const SayLineAbout& say) {

@@ -15,7 +15,7 @@ namespace tumbler {
 struct ArmingChecks {
   /// Each drive turns its joint a little and back, one at a time. Its encoder has to show that, and
   /// no other one. Encoders cannot tell which joint a drive turns, nor its direction: somebody who
-  /// looks on is asked.
+  /// looks on is asked. The velocities that are reported meanwhile have to fit the positions.
   bool identity = false;
   /// Each drive is enabled and left alone, and has to let go in its time-out (ProveWatchdog).
   bool watchdog = false;
@@ -29,7 +29,8 @@ struct ArmingChecks {
 /// @param say     gets a line about each drive that is as it should be.
 /// @throws Refused  naming the drive and what is wrong: it does not reply, it reports an error, its
 ///                  encoder shows no motion, or another one does, it turns another joint, or
-///                  against its axis, it has no watchdog, or another time-out than the file says.
+///                  against its axis, its velocities do not fit its positions, it has no watchdog,
+///                  or another time-out than the file says.
 /// @throws BenchInterrupted  after Ctrl-C.
 void CheckBeforeArming(BenchWorld& world, const DrivesConfig& drives,
                        const std::vector<std::string>& joints, const ArmingChecks& checks,

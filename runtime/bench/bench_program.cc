@@ -17,6 +17,7 @@
 #include "firmware_interface/drives/error_texts.h"
 #include "runtime/bench/bench_options.h"
 #include "runtime/bench/drive_reading.h"
+#include "runtime/bench/drive_scales.h"
 #include "runtime/linux/interrupts.h"
 
 namespace tumbler {
@@ -94,14 +95,10 @@ class BenchRun {
     json_["command"] = options_.command;
     Dispatch();
     WriteResults();
+    SayJudgement();
     const auto remains = [](const BenchFinding& finding) { return !finding.mended; };
-    if (findings_.empty()) SayLine("Nothing is amiss.");
-    for (const BenchFinding& finding : findings_) {
-      SayLine(fmt::format("{} {}: {}", finding.mended ? "set right" : "REMAINS", finding.kind,
-                          finding.text));
-    }
-    return std::any_of(findings_.begin(), findings_.end(), remains) ? ExitStatus::kAmiss
-                                                                    : ExitStatus::kDone;
+    return std::ranges::any_of(judgement_.findings, remains) ? ExitStatus::kAmiss
+                                                             : ExitStatus::kDone;
   }
 
  private:
@@ -138,6 +135,7 @@ class BenchRun {
   void Dispatch();
   void Scan();
   void Read();
+  void JudgePlaceOf(std::size_t drive);
   bool TurnsItsJoint(std::size_t drive);
   void Identify();
   void JogOne();
@@ -189,9 +187,9 @@ class BenchRun {
       return joint.name == session_->entry(drive).joint;
     });
   }
-  void Found(const std::vector<BenchFinding>& findings) {
-    for (const BenchFinding& finding : findings) findings_.push_back(finding);
-  }
+  void Found(const std::vector<BenchFinding>& findings) { judgement_.Add({findings, {}, {}}); }
+  void Judged(const std::string& what) { judgement_.judged.push_back(what); }
+  void SayJudgement() const;
   void WriteDraft(const DrivesDraft& draft) const {
     PendingFile(options_.write, draft.TextFor(options_.write)).Commit();
   }
@@ -203,7 +201,7 @@ class BenchRun {
   std::unique_ptr<BenchWorld> world_;
   std::unique_ptr<BenchOperator> operator_;
   std::unique_ptr<BenchSession> session_;
-  std::vector<BenchFinding> findings_;
+  Judgement judgement_;
   std::vector<NamedStep> steps_;
   Json json_;
 };
@@ -230,10 +228,33 @@ void BenchRun::Dispatch() {
   Latency();
 }
 
+/// Says what was found, and what that rests on: nothing counts as right that was not judged.
+void BenchRun::SayJudgement() const {
+  const auto list = [](const std::string& head, const std::vector<std::string>& lines) {
+    if (lines.empty()) return;
+    SayLine(head);
+    for (const std::string& line : lines) SayLine("  " + line);
+  };
+  if (judgement_.findings.empty() && judgement_.judged.empty()) {
+    SayLine("Nothing was judged.");
+  } else if (judgement_.findings.empty()) {
+    list("Nothing is amiss of what was judged:", judgement_.judged);
+  } else {
+    list("Judged:", judgement_.judged);
+  }
+  list("Not told by these measurements:", judgement_.not_told);
+  for (const BenchFinding& finding : judgement_.findings) {
+    SayLine(fmt::format("{} {}: {}", finding.mended ? "set right" : "REMAINS", finding.kind,
+                        finding.text));
+  }
+}
+
 void BenchRun::WriteResults() {
   if (!options_.page.empty()) WriteResult(options_.page, StepPage(steps_));
   if (options_.json.empty()) return;
-  json_["findings"] = ToJson(findings_);
+  json_["findings"] = ToJson(judgement_.findings);
+  json_["judged"] = judgement_.judged;
+  json_["not_told"] = judgement_.not_told;
   const std::string text = json_.Dump(2) + '\n';
   WriteResult(options_.json, text);
 }
@@ -246,15 +267,17 @@ void BenchRun::Scan() {
     json_["found"].Append(ToJson(drive));
   }
   SayLine(fmt::format("{} {} found", found.size(), found.size() == 1 ? "drive" : "drives"));
-  if (draft_) Found(CompareWithDraft(found, draft_->config()));
-  for (BenchFinding& finding : findings_) finding.mended = false;  // Nothing is written.
+  if (!draft_) return;
+  Judged("which drives answer, with which identifiers, against the drives file");
+  Found(CompareWithDraft(found, draft_->config()));
+  for (BenchFinding& finding : judgement_.findings) finding.mended = false;  // Nothing is written.
 }
 
 void BenchRun::Read() {
   std::vector<std::vector<DriveReading>> readings;
   for (const DriveEntry& drive : draft_->config().drives) {
     readings.push_back(ReadDrive(*world_, drive));
-    Found(JudgeReadings(drive, readings.back()));
+    judgement_.Add(JudgeReadings(drive, readings.back()));
   }
   Begin();
   session_->Wait(0.2);  // Temperatures and torques come more seldom than positions.
@@ -282,12 +305,30 @@ void BenchRun::Read() {
     drive["torque_nm"] = feedback.has_torque ? Json(feedback.torque_nm) : Json(nullptr);
     if (feedback.has_temperature) drive["temperature_c"] = feedback.temperature_c;
     json_["drives"].Append(drive);
+    JudgePlaceOf(i);
+    Judged(session_->NameOf(i) + ": errors");
     if (state != DriveState::kFault) continue;
-    findings_.push_back(
+    judgement_.findings.push_back(
         {"drive-error", session_->entry(i).joint,
          fmt::format("{} reports {}{}", session_->NameOf(i), error,
                      DescribeRemarks(session_->entry(i).config, session_->drive(i)))});
   }
+}
+
+/// Compares the place of a joint with its limits, where they are known.
+void BenchRun::JudgePlaceOf(std::size_t drive) {
+  const std::string name = session_->NameOf(drive);
+  if (joints_.empty()) {
+    judgement_.not_told.push_back(name +
+                                  ": whether its joint is within its limits, which --motion gives");
+  } else {
+    Judged(name + ": place of its joint against the limits");
+    Found(JudgePlace(name, session_->position_rad(drive), JointOfDrive(drive),
+                     options_.config.tolerances));
+  }
+  judgement_.not_told.push_back(name +
+                                ": the scales of positions, velocities, torques and gains, since "
+                                "nothing moves (tumbler-bench BUS check)");
 }
 
 /// Whether the joint of this drive is the one that turned.
@@ -295,9 +336,10 @@ bool BenchRun::TurnsItsJoint(std::size_t drive) {
   std::vector<std::string> names;
   for (std::size_t i = 0; i < session_->size(); ++i) names.push_back(session_->entry(i).joint);
   const std::string name = session_->NameOf(drive);
+  Judged(name + ": which joint it turns");
   const std::string turned = operator_->WhichTurned(names, Meanwhile());
   if (turned == session_->entry(drive).joint) return true;
-  findings_.push_back(
+  judgement_.findings.push_back(
       {"identifiers-exchanged", name,
        fmt::format("{} turns {}, and the drives file says {}", name,
                    turned.empty() ? "nothing" : turned, session_->entry(drive).joint)});
@@ -366,6 +408,7 @@ void BenchRun::Zero() {
     offset_rad += off_rad;
     SayLine(
         fmt::format("{}: off by {:.4f} rad; zero_offset_rad = {:.6f}", joint, off_rad, offset_rad));
+    Judged(joint + ": zero");
     json_["joints"].Append(
         {{"joint", joint}, {"off_rad", off_rad}, {"zero_offset_rad", offset_rad}});
     draft_->SetNumber(i, "zero_offset_rad", std::round(1e6 * offset_rad) * 1e-6);
@@ -375,7 +418,7 @@ void BenchRun::Zero() {
       WriteDraft(*draft_);
     }
     if (std::abs(off_rad) <= options_.config.tolerances.zero_rad) continue;
-    findings_.push_back(
+    judgement_.findings.push_back(
         {"zero-off", joint,
          fmt::format("the zero of {} is off by {:.3f} rad: zero_offset_rad is {:.4f}", joint,
                      off_rad, offset_rad),
@@ -386,6 +429,7 @@ void BenchRun::Zero() {
 }
 
 void BenchRun::Check() {
+  json_["scales"] = Json::Array();
   for (const std::size_t i : Chosen()) {
     const std::string name = session_->NameOf(i);
     const BenchJoint& joint = JointOfDrive(i);
@@ -393,8 +437,9 @@ void BenchRun::Check() {
     ConfirmMotion(fmt::format("{} will turn its joint by {} rad and back.", name, way_rad));
     static_cast<void>(Jog(*session_, i, {way_rad, false}, operator_.get()));
     if (!TurnsItsJoint(i)) continue;
+    Judged(name + ": direction");
     if (!operator_->Grew(joint.name, Meanwhile())) {
-      findings_.push_back(
+      judgement_.findings.push_back(
           {"wrong-direction", joint.name,
            fmt::format("{} turns {} against its axis: direction is {:.0f} in the "
                        "drives file",
@@ -406,6 +451,16 @@ void BenchRun::Check() {
     SayLine(fmt::format("{}: from {:.3f} to {:.3f} rad", joint.name, turned.lower_rad,
                         turned.upper_rad));
     Found(JudgeWay(joint, turned, options_.config.tolerances));
+    Judged(name + ": way of its joint, and positions that it can be asked for");
+    ConfirmMotion(name + " will turn its joint to and fro for some seconds.");
+    const DriveScales scales = MeasureScales(*session_, i);
+    SayLine(fmt::format("{}: {}", name, Describe(scales)));
+    Json json = ToJson(scales);
+    json["drive"] = name;
+    json_["scales"].Append(json);
+    KnownScales known;
+    known.position = WayScale(joint, turned, options_.config.tolerances);
+    judgement_.Add(JudgeScales(name, session_->entry(i), scales, known));
   }
 }
 
@@ -418,6 +473,7 @@ void BenchRun::Step() {
   steps_.push_back({session_->NameOf(drive), config, step});
   SayLine(fmt::format("{}: {}", session_->NameOf(drive), Describe(step)));
   Found(JudgeStep(session_->NameOf(drive), config, step));
+  Judged(session_->NameOf(drive) + ": step");
   json_["step"] = ToJson(step);
 }
 
@@ -436,6 +492,7 @@ void BenchRun::Watchdog() {
                                {"longest", watchdog.longest}});
     Found(JudgeWatchdog(name, watchdog, expected_s, session_->period_s(),
                         options_.config.tolerances));
+    Judged(name + ": watchdog");
   }
 }
 
@@ -457,6 +514,7 @@ void BenchRun::Latency() {
     json_["replies"].Append(json);
     Found(JudgeReplies(session_->NameOf(i), replies, session_->period_s(),
                        options_.config.tolerances));
+    Judged(session_->NameOf(i) + ": replies");
   }
   json_["error_frames"] = world_->trouble().error_frames - before.error_frames;
 }
@@ -470,7 +528,7 @@ void BenchRun::CommissionAll() {
       Commission(*world_, *draft_, joints_, *operator_, options_.config,
                  [this](const DrivesDraft& draft) { WriteDraft(draft); });
   json_.Merge(ToJson(result));
-  findings_ = result.findings;
+  judgement_ = result.judgement;
   steps_ = result.steps;
   SayLine(fmt::format("{} is written.", options_.write));
 }

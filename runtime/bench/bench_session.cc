@@ -41,6 +41,23 @@ const char* ToText(DriveState state) {
   return "in an unknown state";
 }
 
+/// Whether a frame of a drive brings its velocity and torque. Where the protocol sends them with
+/// the position, `position` says it.
+struct Brought {
+  bool velocity = false;
+  bool torque = false;
+};
+Brought BroughtBy(const DriveConfig& config, const CanFrame& frame, bool position) {
+  if (const auto* can = std::get_if<CanSimpleConfig>(&config)) {
+    return {position, frame.id == CanSimpleId(can->node_id, CanSimpleCommand::kGetTorques)};
+  }
+  if (const auto* cia402 = std::get_if<Cia402Config>(&config)) {
+    const bool motion = frame.id == canopen_id::kTpdo2 + cia402->node_id;
+    return {motion, motion};
+  }
+  return {position, position};
+}
+
 }  // namespace
 
 BenchSession::BenchSession(BenchWorld& world, const DrivesConfig& drives, const BenchBounds& bounds)
@@ -117,6 +134,8 @@ void BenchSession::Send(DriveRequest others) {
     if (encoded != Status::kOk) throw BenchFault(NameOf(i) + ": a setpoint cannot be encoded");
     std::size_t sent = 0;
     replies_[i].asked_ns.push_back(world_.clock().now_ns());
+    if (driven && recording_)
+      recorded_.asked.push_back({now_ns(), bank_.drives()[i]->encoded_setpoint()});
     const Status status = world_.bus().SendAll(batch.frames(), sent);
     if (status == Status::kOk || status == Status::kWouldBlock) continue;
     throw BenchFault(fmt::format("the bus is lost: {}", ToString(status)));
@@ -128,7 +147,9 @@ void BenchSession::Receive() {
   Status status = Status::kOk;
   while ((status = world_.bus().Receive(received)) == Status::kOk) {
     for (std::size_t i = 0; i < size(); ++i) {
-      if (!bank_.drives()[i]->Decode(received.frame)) continue;
+      const bool position = bank_.drives()[i]->Decode(received.frame);
+      if (i == driven_ && recording_) Note(received, position);
+      if (!position) continue;
       replies_[i].arrived_ns.push_back(received.time_ns);
       replies_[i].torques_nm.push_back(double{bank_.drives()[i]->feedback().torque_nm});
       heard_ns_[i] = world_.clock().now_ns();
@@ -136,6 +157,27 @@ void BenchSession::Receive() {
   }
   if (status != Status::kWouldBlock)
     throw BenchFault(fmt::format("the bus is lost: {}", ToString(status)));
+}
+
+void BenchSession::Note(const ReceivedFrame& received, bool position) {
+  const DriveFeedback feedback = drive(driven_).feedback();
+  const Brought brought = BroughtBy(entry(driven_).config, received.frame, position);
+  const std::int64_t at_ns = received.time_ns;
+  if (position) recorded_.positions_rad.push_back({at_ns, double{feedback.position_rad}});
+  if (brought.velocity)
+    recorded_.velocities_rad_s.push_back({at_ns, double{feedback.velocity_rad_s}});
+  if (brought.torque && feedback.has_torque)
+    recorded_.torques_nm.push_back({at_ns, double{feedback.torque_nm}});
+}
+
+void BenchSession::Record() {
+  recorded_ = {};
+  recording_ = true;
+}
+
+DriveRecording BenchSession::TakeRecording() {
+  recording_ = false;
+  return std::exchange(recorded_, {});
 }
 
 void BenchSession::SleepPeriod() {
@@ -263,22 +305,26 @@ void BenchSession::Enable(std::size_t drive) {
   following_ = true;
 }
 
-void BenchSession::Follow(double position_rad, double velocity_rad_s) {
+void BenchSession::Follow(double position_rad, double velocity_rad_s, double torque_nm) {
   const SafetyLimits gate = GateOf(driven_);
   JointSetpoint planned{static_cast<float>(position_rad), static_cast<float>(velocity_rad_s), 0};
   previous_ = LimitSetpoint(gate, planned, previous_, 1).setpoint;
-  // Stiffness and velocity together ask for no more than the bound, wherever the joint is. At least
-  // half of it is left to the stiffness.
+  // Stiffness, velocity and push together ask for no more than the bound, wherever the joint is. At
+  // least a quarter of it is left to the stiffness.
+  const double most_nm = 0.25 * bounds_.torque_nm;
+  const double push_nm = std::clamp(torque_nm, -most_nm, most_nm);
   const double fastest_rad_s = 0.5 * bounds_.torque_nm / std::max(kd_nm_s_per_rad_, 1e-9);
   const double fast_rad_s =
       std::clamp(double{previous_.velocity_rad_s}, -fastest_rad_s, fastest_rad_s);
-  const double reach_rad = (bounds_.torque_nm - kd_nm_s_per_rad_ * std::abs(fast_rad_s)) /
-                           std::max(kp_nm_per_rad_, 1e-9);
+  const double reach_rad =
+      (bounds_.torque_nm - kd_nm_s_per_rad_ * std::abs(fast_rad_s) - std::abs(push_nm)) /
+      std::max(kp_nm_per_rad_, 1e-9);
   const double measured_rad = this->position_rad(driven_);
   setpoint_ = {};
   setpoint_.position_rad = static_cast<float>(std::clamp(
       double{previous_.position_rad}, measured_rad - reach_rad, measured_rad + reach_rad));
   setpoint_.velocity_rad_s = static_cast<float>(fast_rad_s);
+  setpoint_.torque_nm = static_cast<float>(push_nm);
   setpoint_.kp_nm_per_rad = static_cast<float>(kp_nm_per_rad_);
   setpoint_.kd_nm_s_per_rad = static_cast<float>(kd_nm_s_per_rad_);
   Tick();
@@ -371,6 +417,7 @@ void BenchSession::TorqueOff() {
   driven_ = kNone;
   following_ = false;
   step_rad_ = 0;
+  recording_ = false;
   kp_nm_per_rad_ = bounds_.kp_nm_per_rad;
   kd_nm_s_per_rad_ = bounds_.kd_nm_s_per_rad;
   if (drive == kNone) return;

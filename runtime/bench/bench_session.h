@@ -43,6 +43,24 @@ struct ReplyTimes {
   std::vector<double> torques_nm;        ///< What the drive reported with each of them.
 };
 
+/// A value that a drive reported, and when that ended on the wire.
+struct ReportedValue {
+  std::int64_t time_ns = 0;
+  double value = 0;
+};
+/// What a drive was asked for, as it reads it from the frame, and when the frame was given away.
+struct AskedSetpoint {
+  std::int64_t time_ns = 0;
+  DriveSetpoint setpoint;
+};
+/// What went to and fro while a drive was driven, in the joint's units by the drives file.
+struct DriveRecording {
+  std::vector<AskedSetpoint> asked;
+  std::vector<ReportedValue> positions_rad;
+  std::vector<ReportedValue> velocities_rad_s;
+  std::vector<ReportedValue> torques_nm;  ///< Empty where the drive reports none.
+};
+
 /// The drives of a file on a bench: the loop that speaks with all of them, of which at most one is
 /// driven at a time.
 ///
@@ -87,10 +105,10 @@ class BenchSession {
   /// @throws BenchFault  when it does not become enabled, or reports an error.
   void Enable(std::size_t drive);
   /// One tick in which the driven drive is asked for this position and velocity of its joint, as
-  /// far as the bounds and the joint's distance from where it began allow. Stiffness times the
-  /// distance from the measured position, and damping times the velocity, together stay within the
-  /// torque.
-  void Follow(double position_rad, double velocity_rad_s);
+  /// far as the bounds and the joint's distance from where it began allow, and pushes with a torque
+  /// besides. Stiffness times the distance from the measured position, damping times the velocity,
+  /// and the push, which is a quarter of the torque at most, together stay within the torque.
+  void Follow(double position_rad, double velocity_rad_s, double torque_nm = 0);
   /// One tick in which the driven drive pushes with this torque, within the bounds, and holds
   /// nothing.
   void Push(double torque_nm);
@@ -126,6 +144,11 @@ class BenchSession {
   /// Joint positions within which setpoints stay, where the joint's zero is known. Default: none.
   void SetLimits(std::size_t drive, double lower_rad, double upper_rad);
 
+  /// Begins to record the driven drive, until TorqueOff or TakeRecording.
+  void Record();
+  /// What was recorded. Nothing is recorded any more.
+  DriveRecording TakeRecording();
+
   /// Begins the statistics of replies anew.
   void ResetReplies();
   [[nodiscard]] const ReplyTimes& replies(std::size_t drive) const { return replies_[drive]; }
@@ -139,6 +162,7 @@ class BenchSession {
 
   void Send(DriveRequest others);
   void Receive();
+  void Note(const ReceivedFrame& received, bool position);
   void SleepPeriod();
   void CheckDriven() const;
   void AwaitOff(std::size_t drive);
@@ -160,6 +184,8 @@ class BenchSession {
   JointSetpoint previous_;
   double origin_rad_ = 0;
   double step_rad_ = 0;
+  bool recording_ = false;
+  DriveRecording recorded_;
   double kp_nm_per_rad_;
   double kd_nm_s_per_rad_;
 };

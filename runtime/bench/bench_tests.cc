@@ -7,6 +7,7 @@
 #include <functional>
 #include <numbers>
 #include <optional>
+#include <utility>
 
 #include "common/program.h"
 
@@ -145,6 +146,7 @@ JogResult Jog(BenchSession& session, std::size_t drive, const JogConfig& config,
   for (std::size_t i = 0; i < session.size(); ++i) before.push_back(session.position_rad(i));
   if (watcher != nullptr) watcher->NoteBefore();
   session.Enable(drive);
+  session.Record();
   const double origin = session.position_rad(drive);
   // Half a cosine of this duration is nowhere faster than the bound.
   const double half_s =
@@ -177,6 +179,7 @@ JogResult Jog(BenchSession& session, std::size_t drive, const JogConfig& config,
     play(origin + config.way_rad, origin);
     ComeToRest(session, drive, origin);
   }
+  result.recording = session.TakeRecording();
   session.TorqueOff();
   return result;
 }
@@ -191,7 +194,7 @@ DriveIdentity IdentifyDrive(BenchSession& session, BenchOperator& somebody, std:
                         meanwhile)) {
     throw Refused(name + " was not to move");
   }
-  const JogResult jog = Jog(session, drive, {amplitude_rad, false}, &somebody);
+  JogResult jog = Jog(session, drive, {amplitude_rad, false}, &somebody);
   constexpr double kMovedShare = 0.3;
   const double moved_rad = kMovedShare * amplitude_rad;
   for (std::size_t i = 0; i < jog.ways_rad.size(); ++i) {
@@ -203,7 +206,7 @@ DriveIdentity IdentifyDrive(BenchSession& session, BenchOperator& somebody, std:
             : fmt::format("{} moved by {:.4f} rad, too, when {} was to move", session.NameOf(i),
                           jog.ways_rad[i], name));
   }
-  DriveIdentity identity{somebody.WhichTurned(joints, meanwhile)};
+  DriveIdentity identity{somebody.WhichTurned(joints, meanwhile), 1, std::move(jog.recording)};
   if (identity.joint.empty())
     throw Refused(name + " reports a motion, and no joint turned: is its motor mounted?");
   identity.direction = somebody.Grew(identity.joint, meanwhile) ? 1 : -1;

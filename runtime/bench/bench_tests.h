@@ -25,6 +25,7 @@ struct JogResult {
   /// How far each drive's joint was from where it began when the motion was farthest [rad].
   std::vector<double> ways_rad;
   double peak_speed_rad_s = 0;  ///< Of the driven joint, as its drive reports it.
+  DriveRecording recording;     ///< Of the whole motion.
 };
 /// @param watcher  is told before the motion and at its farthest; null: nobody watches.
 JogResult Jog(BenchSession& session, std::size_t drive, const JogConfig& config,
@@ -33,7 +34,8 @@ JogResult Jog(BenchSession& session, std::size_t drive, const JogConfig& config,
 /// Which joint a drive turns, and whether its angle grows with the drive's.
 struct DriveIdentity {
   std::string joint;
-  int direction = 1;  ///< 1 or -1: as the drives file says, or the other way.
+  int direction = 1;         ///< 1 or -1: as the drives file says, or the other way.
+  DriveRecording recording;  ///< Of the motion.
 };
 /// Turns a drive's joint by the amplitude of the bounds and back, compares all encoders, and asks
 /// which of the joints turned, and how.

@@ -27,7 +27,7 @@ void ReportFinding(const BenchFinding& finding) {
 std::vector<std::string_view> PartsOf(const CommissionConfig& config) {
   std::vector<std::string_view> parts{"scan", "joints and directions", "zeros"};
   if (config.turn_by_hand) parts.emplace_back("ways");
-  parts.insert(parts.end(), {"watchdogs", "steps"});
+  parts.insert(parts.end(), {"scales", "watchdogs", "steps"});
   return parts;
 }
 
@@ -54,7 +54,14 @@ class Commissioner {
     if (config_.turn_by_hand) {
       TurnAll();
       Keep("ways");
+    } else {
+      for (std::size_t i = 0; i < session_->size(); ++i) {
+        result_.judgement.not_told.push_back(session_->NameOf(i) +
+                                             ": the way of its joint, which nobody turned by hand");
+      }
     }
+    ScaleAll();
+    Keep("scales");
     ProveAllWatchdogs();
     StepAll();
     Keep("steps");
@@ -65,8 +72,11 @@ class Commissioner {
   void Add(const std::vector<BenchFinding>& findings) {
     for (const BenchFinding& finding : findings) {
       ReportFinding(finding);
-      result_.findings.push_back(finding);
+      result_.judgement.findings.push_back(finding);
     }
+  }
+  void Judged(std::size_t drive, const char* what) {
+    result_.judgement.judged.push_back(fmt::format("{}: {}", session_->NameOf(drive), what));
   }
   /// Begins with the drives as the draft has them now.
   void Begin() {
@@ -108,6 +118,7 @@ class Commissioner {
   void ApplyIdentities(const std::vector<std::string>& turned);
   void ZeroAll();
   void TurnAll();
+  void ScaleAll();
   void ProveAllWatchdogs();
   bool SetWatchdog(std::size_t drive, const WatchdogResult& watchdog);
   void StepAll();
@@ -119,6 +130,7 @@ class Commissioner {
   const CommissionConfig& config_;
   const std::function<void(const DrivesDraft&)>& keep_;
   std::unique_ptr<BenchSession> session_;
+  std::vector<std::optional<double>> way_scales_;  // of TurnAll
   CommissionResult result_;
 };
 
@@ -140,8 +152,13 @@ void Commissioner::Scan() {
       draft_.SetText(i, "dialect", found->damiao ? "damiao" : "mini-cheetah");
   }
   Keep("scan");
-  for (const DriveEntry& drive : draft_.config().drives)
-    Add(JudgeReadings(drive, ReadDrive(world_, drive)));
+  result_.judgement.judged.emplace_back("which drives answer, with which identifiers");
+  for (const DriveEntry& drive : draft_.config().drives) {
+    const Judgement readings = JudgeReadings(drive, ReadDrive(world_, drive));
+    Add(readings.findings);
+    result_.judgement.judged.insert(result_.judgement.judged.end(), readings.judged.begin(),
+                                    readings.judged.end());
+  }
 }
 
 void Commissioner::CheckHealth() {
@@ -173,6 +190,7 @@ void Commissioner::MeasureAllReplies() {
                            : "answers after",
         replies.median_ms, replies.p99_ms, replies.max_ms, replies.lost, replies.asked));
     Add(JudgeReplies(session_->NameOf(i), replies, session_->period_s(), config_.tolerances));
+    Judged(i, "replies");
   }
   const BusTrouble after = world_.trouble();
   if (after.error_frames > before.error_frames) {
@@ -213,6 +231,7 @@ void Commissioner::IdentifyAll() {
   ApplyIdentities(turned);
   Keep("joints and directions");
   Begin();
+  for (std::size_t i = 0; i < session_->size(); ++i) Judged(i, "joint and direction");
 }
 
 void Commissioner::ApplyIdentities(const std::vector<std::string>& turned) {
@@ -237,6 +256,7 @@ void Commissioner::ZeroAll() {
       throw Refused(joint.name + " is not where its zero can be found");
     const double measured_rad = RestingPosition(*session_, i);
     const double off_rad = joint.reference_rad - measured_rad;
+    Judged(i, "zero");
     Report(fmt::format("  {}: reads {:.4f} rad at {:.4f} rad", session_->NameOf(i), measured_rad,
                        joint.reference_rad));
     if (std::abs(off_rad) <= config_.tolerances.zero_rad) continue;
@@ -262,11 +282,34 @@ void Commissioner::TurnAll() {
                        joint.name, turned.lower_rad, turned.upper_rad, joint.lower_rad,
                        joint.upper_rad));
     Add(JudgeWay(joint, turned, config_.tolerances));
+    Judged(i, "way of its joint, and positions that it can be asked for");
+    way_scales_.push_back(WayScale(joint, turned, config_.tolerances));
+  }
+}
+
+void Commissioner::ScaleAll() {
+  Report("6. Do velocities, torques and gains have the scales that the drives file says?");
+  for (std::size_t i = 0; i < session_->size(); ++i) {
+    const std::string name = session_->NameOf(i);
+    if (!somebody_.Confirm(fmt::format("{} will turn its joint to and fro for some seconds. Is the "
+                                       "way clear?",
+                                       name),
+                           [this] { session_->Tick(); })) {
+      throw Refused(name + " was not to move");
+    }
+    const DriveScales scales = MeasureScales(*session_, i);
+    result_.scales.push_back(scales);
+    Report(fmt::format("  {}: {}", name, Describe(scales)));
+    KnownScales known;
+    if (i < way_scales_.size()) known.position = way_scales_[i];
+    const Judgement judgement = JudgeScales(name, session_->entry(i), scales, known);
+    Add(judgement.findings);
+    result_.judgement.Add({{}, judgement.judged, judgement.not_told});
   }
 }
 
 void Commissioner::ProveAllWatchdogs() {
-  Report("6. Do the drives let go when the host is silent?");
+  Report("7. Do the drives let go when the host is silent?");
   for (std::size_t i = 0; i < session_->size(); ++i) {
     const std::string name = session_->NameOf(i);
     const double expected_s = session_->entry(i).watchdog_s;
@@ -284,6 +327,7 @@ void Commissioner::ProveAllWatchdogs() {
     const bool written = !findings.empty() && SetWatchdog(i, watchdog);
     for (BenchFinding& finding : findings) finding.mended = written && watchdog.let_go;
     Add(findings);
+    Judged(i, "watchdog");
   }
   Keep("watchdogs");
 }
@@ -313,7 +357,7 @@ bool Commissioner::SetWatchdog(std::size_t drive, const WatchdogResult& watchdog
 }
 
 void Commissioner::StepAll() {
-  Report("7. How does each joint answer to a step?");
+  Report("8. How does each joint answer to a step?");
   for (std::size_t i = 0; i < session_->size(); ++i) {
     const std::string name = session_->NameOf(i);
     if (!somebody_.Confirm(
@@ -326,6 +370,7 @@ void Commissioner::StepAll() {
     result_.steps.push_back({name, config_.step, step});
     Report(fmt::format("  {}: {}", name, Describe(step)));
     Add(JudgeStep(name, config_.step, step));
+    Judged(i, "step");
   }
 }
 
@@ -405,7 +450,8 @@ Json ToJson(const CommissionResult& result) {
     drawn["drive"] = step.name;
     json["steps"].Append(drawn);
   }
-  json["findings"] = ToJson(result.findings);
+  json["scales"] = Json::Array();
+  for (const DriveScales& scales : result.scales) json["scales"].Append(ToJson(scales));
   return json;
 }
 

@@ -9,6 +9,7 @@
 #include "runtime/bench/bench_session.h"
 #include "runtime/bench/bench_tests.h"
 #include "runtime/bench/bus_scan.h"
+#include "runtime/bench/drive_scales.h"
 #include "runtime/bench/drives_draft.h"
 #include "runtime/bench/findings.h"
 #include "runtime/bench/step_page.h"
@@ -29,15 +30,17 @@ struct CommissionConfig {
 struct CommissionResult {
   std::vector<FoundDrive> found;
   std::vector<ReplyResult> replies;  ///< In the order of the drives file, likewise below.
+  std::vector<DriveScales> scales;
   std::vector<WatchdogResult> watchdogs;
   std::vector<NamedStep> steps;
-  std::vector<BenchFinding> findings;
+  Judgement judgement;
 };
 
 /// Goes the whole way with a robot whose drives a draft describes: looks for the drives, measures
 /// their replies, finds out by small motions which joint each drive turns and in which direction,
-/// sets the joints' zeros in a known pose, has the joints turned through their ways, proves the
-/// watchdogs by staying silent, and measures a step response. The draft becomes what was found.
+/// sets the joints' zeros in a known pose, has the joints turned through their ways, compares what
+/// drives are asked for with what they report, proves the watchdogs by staying silent, and measures
+/// a step response. The draft becomes what was found.
 ///
 /// @param keep  called with the draft whenever it is better than before.
 /// @throws Refused  when a drive does not answer, reports an error, or no joint can be told to be

@@ -194,28 +194,36 @@ std::vector<DriveReading> ReadDrive(BenchWorld& world, const DriveEntry& entry) 
                                                                : std::vector<DriveReading>{};
 }
 
-std::vector<BenchFinding> JudgeReadings(const DriveEntry& entry,
-                                        const std::vector<DriveReading>& readings) {
-  std::vector<BenchFinding> findings;
-  const auto* mit = std::get_if<MitConfig>(&entry.config);
-  if (mit == nullptr) return findings;
-  const auto compare = [&](std::uint8_t number, double in_file, const char* key) {
-    const std::string head = fmt::format("register {} ", number);
+Judgement JudgeReadings(const DriveEntry& entry, const std::vector<DriveReading>& readings) {
+  Judgement judgement;
+  const auto compare = [&](const std::string& head, double unit, double in_file, const char* key,
+                           const char* kind) {
     for (const DriveReading& reading : readings) {
       if (reading.name.compare(0, head.size(), head) != 0) continue;
-      if (std::abs(reading.value - in_file) <= 1e-3 * std::abs(in_file)) continue;
-      findings.push_back(
-          {"other-range", entry.joint,
+      judgement.judged.push_back(fmt::format("{}: {} against {}", entry.joint, reading.name, key));
+      const double value = unit * reading.value;
+      if (std::abs(value - in_file) <= 1e-3 * std::abs(in_file)) continue;
+      judgement.findings.push_back(
+          {kind, entry.joint,
            fmt::format(
                "the drive of {} holds {} = {:.6g}, and {} of the drives file is {:.6g}: with "
                "the file's, setpoints and replies are off by a factor",
-               entry.joint, reading.name, reading.value, key, in_file)});
+               entry.joint, reading.name, value, key, in_file)});
     }
   };
-  compare(kDamiaoPositionMax, double{mit->command.position_rad.max}, "range.position_rad");
-  compare(kDamiaoVelocityMax, double{mit->command.velocity_rad_s.max}, "range.velocity_rad_s");
-  compare(kDamiaoTorqueMax, double{mit->command.torque_nm.max}, "range.torque_nm");
-  return findings;
+  if (const auto* mit = std::get_if<MitConfig>(&entry.config)) {
+    const auto range = [&](std::uint8_t number, const DriveRange& in_file, const char* key) {
+      compare(fmt::format("register {} ", number), 1, double{in_file.max}, key, "other-range");
+    };
+    range(kDamiaoPositionMax, mit->command.position_rad, "range.position_rad");
+    range(kDamiaoVelocityMax, mit->command.velocity_rad_s, "range.velocity_rad_s");
+    range(kDamiaoTorqueMax, mit->command.torque_nm, "range.torque_nm");
+  } else if (const auto* cia402 = std::get_if<Cia402Config>(&entry.config)) {
+    constexpr double kMilli = 1e-3;
+    compare("6076h:00 ", kMilli, double{cia402->rated_torque_nm}, "rated_torque_nm",
+            "other-constant");
+  }
+  return judgement;
 }
 
 std::string Describe(const DriveReading& reading) {

@@ -27,9 +27,9 @@ struct DriveReading {
 /// @throws BenchInterrupted, BenchFault  (bench_session.h).
 std::vector<DriveReading> ReadDrive(BenchWorld& world, const DriveEntry& entry);
 
-/// Compares the ranges and the time-out that a Damiao drive holds with the drives file.
-std::vector<BenchFinding> JudgeReadings(const DriveEntry& entry,
-                                        const std::vector<DriveReading>& readings);
+/// Compares the ranges that a Damiao drive holds, and the rated torque of a CiA 402 drive, with the
+/// drives file.
+Judgement JudgeReadings(const DriveEntry& entry, const std::vector<DriveReading>& readings);
 
 /// One value in words.
 std::string Describe(const DriveReading& reading);

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 namespace tumbler {
@@ -86,6 +87,17 @@ std::vector<BenchFinding> JudgeWay(const BenchJoint& joint, const TurnedResult& 
                    joint.upper_rad)}};
 }
 
+std::optional<double> WayScale(const BenchJoint& joint, const TurnedResult& turned,
+                               const BenchTolerances& tolerances) {
+  // A joint that was hardly turned tells nothing of scales.
+  constexpr double kLeastShare = 0.01;
+  const double way_rad = joint.upper_rad - joint.lower_rad;
+  const double turned_rad = turned.upper_rad - turned.lower_rad;
+  if (!turned.turned || turned_rad < kLeastShare * way_rad) return std::nullopt;
+  if (std::abs(turned_rad - way_rad) <= 2 * tolerances.range_rad) return 1;
+  return way_rad / turned_rad;
+}
+
 std::vector<BenchFinding> JudgeRanges(const std::string& drive, const DriveEntry& entry,
                                       const BenchJoint& joint) {
   std::vector<BenchFinding> findings;
@@ -104,6 +116,19 @@ std::vector<BenchFinding> JudgeRanges(const std::string& drive, const DriveEntry
   covers(CommandRanges(entry.config).position_rad, "can be sent to");
   covers(ReportedPositions(entry.config), "reports without wrapping");
   return findings;
+}
+
+std::vector<BenchFinding> JudgePlace(const std::string& drive, double position_rad,
+                                     const BenchJoint& joint, const BenchTolerances& tolerances) {
+  const double below_rad = joint.lower_rad - position_rad;
+  const double above_rad = position_rad - joint.upper_rad;
+  if (below_rad <= tolerances.zero_rad && above_rad <= tolerances.zero_rad) return {};
+  return {{"outside-limits", joint.name,
+           fmt::format("{} reports {} at {:.4f} rad, {:.4f} rad {} its limits, {:.3f} and {:.3f}: "
+                       "its zero, a turn that got lost, or the ranges or gear of its drive are "
+                       "others",
+                       drive, joint.name, position_rad, std::max(below_rad, above_rad),
+                       below_rad > 0 ? "below" : "above", joint.lower_rad, joint.upper_rad)}};
 }
 
 Json ToJson(const std::vector<BenchFinding>& findings) {

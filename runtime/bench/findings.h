@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -16,6 +17,19 @@ struct BenchFinding {
   std::string subject;  ///< A joint, a drive, or `bus`.
   std::string text;     ///< The finding with its numbers, and what follows from it.
   bool mended = false;  ///< Whether the drives file that is written has it right.
+};
+
+/// What was looked at: nothing counts as right that does not stand here.
+struct Judgement {
+  std::vector<BenchFinding> findings;
+  std::vector<std::string> judged;    ///< In a few words each, with the drive or joint.
+  std::vector<std::string> not_told;  ///< What the measurements do not tell, and why.
+
+  void Add(const Judgement& more) {
+    findings.insert(findings.end(), more.findings.begin(), more.findings.end());
+    judged.insert(judged.end(), more.judged.begin(), more.judged.end());
+    not_told.insert(not_told.end(), more.not_told.begin(), more.not_told.end());
+  }
 };
 
 /// From when on something counts as a finding.
@@ -48,9 +62,17 @@ std::vector<BenchFinding> JudgeWatchdog(const std::string& drive, const Watchdog
 /// Compares the way through which a joint was turned with its limits.
 std::vector<BenchFinding> JudgeWay(const BenchJoint& joint, const TurnedResult& turned,
                                    const BenchTolerances& tolerances);
+/// The scale of a joint's reported positions: the way between its limits to the way through which
+/// it was turned; 1 where that is the same by the tolerance. Nothing: it was not turned.
+std::optional<double> WayScale(const BenchJoint& joint, const TurnedResult& turned,
+                               const BenchTolerances& tolerances);
 /// The joint's position that a drive can be asked for and can report, against the joint's limits.
 std::vector<BenchFinding> JudgeRanges(const std::string& drive, const DriveEntry& entry,
                                       const BenchJoint& joint);
+
+/// A joint that is reported outside its limits, with the torque off.
+std::vector<BenchFinding> JudgePlace(const std::string& drive, double position_rad,
+                                     const BenchJoint& joint, const BenchTolerances& tolerances);
 
 Json ToJson(const std::vector<BenchFinding>& findings);
 

@@ -123,7 +123,7 @@ TEST_P(BenchSim, ACommissioningFindsWhatIsWrongAndTheHandstandRunsWithTheFileTha
   ASSERT_EQ(written.drives.size(), 2U);
   EXPECT_THAT(ReadFile(Path("written.toml")),
               ::testing::StartsWith("# tumbler-bench: done so far: scan, joints and directions, "
-                                    "zeros, ways, watchdogs, steps\n"));
+                                    "zeros, ways, scales, watchdogs, steps\n"));
   EXPECT_EQ(written.unfinished, "");
   for (std::size_t i = 0; i < 2; ++i) {
     const JointMap& found = JointOf(written.drives[i].config);

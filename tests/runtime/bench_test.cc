@@ -783,9 +783,10 @@ TEST(DriveReading, ADamiaoDriveTellsItsRangesAndOthersThanTheFilesAreAFinding) {
       ElementsAre("register 7 identifier of replies: 17", "register 8 identifier of commands: 1",
                   "register 9 time-out: 500 50 us", "register 21 largest position: 12.5 rad",
                   "register 22 largest velocity: 50 rad/s", "register 23 largest torque: 18 N m"));
-  EXPECT_THAT(JudgeReadings(drives.drives[0], readings), IsEmpty());
+  EXPECT_THAT(JudgeReadings(drives.drives[0], readings).findings, IsEmpty());
+  EXPECT_EQ(JudgeReadings(drives.drives[0], readings).judged.size(), 3U);
   mit.command.velocity_rad_s = {-40, 40};
-  const std::vector<BenchFinding> findings = JudgeReadings(drives.drives[0], readings);
+  const std::vector<BenchFinding> findings = JudgeReadings(drives.drives[0], readings).findings;
   ASSERT_EQ(findings.size(), 1U);
   EXPECT_EQ(findings[0].kind, "other-range");
   EXPECT_THAT(findings[0].text, HasSubstr("largest velocity = 50, and range.velocity_rad_s"));
@@ -1063,7 +1064,7 @@ TEST_F(BenchProgram, StandardInputAnswersAndTellsWhoTurned) {
       "printf 'yes\\nleg1\\nyes\\nleg2\\n' | tumbler-bench sim identify --ask --drives " + drives_);
   EXPECT_EQ(outcome.exit_code, 0) << outcome.text;
   EXPECT_THAT(outcome.text, HasSubstr("(You see leg1 turn by +0.0"));
-  EXPECT_THAT(outcome.text, HasSubstr("Nothing is amiss."));
+  EXPECT_THAT(outcome.text, HasSubstr("Nothing is amiss of what was judged:"));
 }
 
 TEST_F(BenchProgram, ACommissioningThatIsInterruptedLeavesAFileThatNothingElseUses) {
@@ -1072,7 +1073,7 @@ TEST_F(BenchProgram, ACommissioningThatIsInterruptedLeavesAFileThatNothingElseUs
       {"tumbler-bench", "sim", "commission", "--drives", drives_, "--motion", motion_, "--write",
        Path("written.toml"), "--seconds", "1", "--answers", Path("answers")});
   EXPECT_EQ(bench.exit_code, 2) << bench.text;
-  const std::string left = "commissioning has left to do: zeros, ways, watchdogs, steps";
+  const std::string left = "commissioning has left to do: zeros, ways, scales, watchdogs, steps";
   EXPECT_THAT(testing::ReadFile(Path("written.toml")),
               HasSubstr("\nunfinished = \"" + left + "\"\n"));
   const testing::Outcome run =
