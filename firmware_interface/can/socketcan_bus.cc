@@ -257,6 +257,8 @@ SocketCanBus::OpenResult SocketCanBus::TryOpen(const std::string& interface,
     restarter_ = std::make_unique<Restarter>(interface);
   }
   config_ = config;
+  std::ranges::sort(config_.send_ids);
+  std::ranges::sort(config_.receive_ids);
   interface_ = interface;
   if (batch_ == nullptr) batch_ = std::make_unique<ReceiveBatch>();
   batch_->next = batch_->count = 0;
@@ -296,6 +298,8 @@ SocketCanBus::OpenResult SocketCanBus::SetUp(const std::string& interface,
   const can_err_mask_t errors = CAN_ERR_MASK;
   const int on = 1;
   const int stamps = SOF_TIMESTAMPING_RX_SOFTWARE | SOF_TIMESTAMPING_SOFTWARE;
+  // One filter for each identifier: those the kernel finds in a table, while it would compare every
+  // frame with every filter that covers several.
   std::vector<can_filter> filters;
   for (const auto* ids :
        {&config.send_ids, &config.receive_ids}) {  // Own frames come back through filters, too.
@@ -549,9 +553,9 @@ bool SocketCanBus::TakeMessage(std::size_t index, ReceivedFrame& received) noexc
     return false;
   }
   const auto has = [&frame](const std::vector<CanId>& ids) {
-    return std::ranges::find(ids, IdOf(frame)) != ids.end();
+    return std::ranges::binary_search(ids, IdOf(frame));
   };
-  if (has(config_.send_ids) && !has(config_.receive_ids)) {
+  if (!has(config_.receive_ids) && has(config_.send_ids)) {
     ++statistics_.foreign_commands;
   }
   ++statistics_.received;

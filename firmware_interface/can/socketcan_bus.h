@@ -15,8 +15,9 @@ namespace tumbler {
 
 /// How a SocketCAN interface is to be used.
 struct SocketCanConfig {
-  /// Identifiers of the frames that are sent, and of those that are wanted. The kernel drops all
-  /// others, and remote frames. If both are empty, every frame is received.
+  /// Identifiers of the frames that this side sends or that somebody else might send in its place,
+  /// and of those that are wanted. The kernel drops all others, and remote frames. If both are
+  /// empty, every frame is received.
   std::vector<CanId> send_ids;
   std::vector<CanId> receive_ids;
 

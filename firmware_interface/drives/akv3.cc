@@ -250,9 +250,32 @@ bool AkV3Drive::Decode(const CanFrame& frame) noexcept {
   return true;
 }
 
+namespace {
+
+// Source: the manual's CAN_PACKET_ID of the servo mode (0 to 6), and 4.2, force control (8). No
+// manual names 7; it is none of a drive's reports.
+constexpr std::array kAkV3Frames = {
+    HostFrame{0x000, "duty", false, true},
+    HostFrame{0x100, "current", false, true},
+    HostFrame{0x200, "brake current", false, true},
+    HostFrame{0x300, "speed", false, true},
+    HostFrame{0x400, "position", false, true},
+    HostFrame{0x500, "origin", false, true},
+    HostFrame{0x600, "position and speed", false, true},
+    HostFrame{0x700, "not in the manual", false, true},
+    HostFrame{0x800, "setpoint", false, true},
+};
+constexpr std::uint32_t kAkV3Kinds = KindBits(kAkV3Frames, 8, true);
+
+}  // namespace
+
+std::span<const HostFrame> AkV3Protocol::HostFrames(const Config& /*config*/) noexcept {
+  return kAkV3Frames;
+}
+
 bool AkV3Drive::IsCommand(const CanFrame& frame) const noexcept {
   return frame.extended && !frame.remote && (frame.id & 0xff) == config_.node_id &&
-         frame.id >> 8 <= kAkV3SetpointFunction;
+         IsKind(kAkV3Kinds, frame.id >> 8);
 }
 
 bool AkV3Protocol::CommandedPosition(const AkV3Config& config, const CanFrame& frame,

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <span>
 #include <string_view>
 
 #include "firmware_interface/drives/configured_drive.h"
@@ -189,6 +190,7 @@ struct AkV3Protocol {
                                 double& shaft_rad) noexcept;
   static bool ReportedPosition(const Config& config, const CanFrame& frame,
                                double& shaft_rad) noexcept;
+  static std::span<const HostFrame> HostFrames(const Config& config) noexcept;
   /// The name of an error, or null.
   static const char* ErrorName(std::uint32_t error) noexcept;
 

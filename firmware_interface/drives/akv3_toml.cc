@@ -129,19 +129,13 @@ DriveTraffic AkV3Protocol::TrafficOf(const DriveEntry& /*entry*/, const AkV3Conf
   DriveTraffic traffic;
   traffic.schedule = {{"setpoints", 8, 1, false, true},
                       {"reports", 8, config.status_s * rate_hz, false, true}};
-  const auto id = [&config](std::uint32_t function) {
-    return CanId(AkV3Id(function, config.node_id), true);
-  };
   DriveIdentifiers all{"drive_id", config.node_id, true, false, {}};
-  for (std::uint32_t function = 0; function <= kAkV3SetpointFunction; ++function)
-    all.ids.push_back(id(function));
-  all.ids.push_back(id(kAkV3StatusFunction));
+  for (const HostFrame& frame : HostFrames(config))
+    traffic.host_sends.emplace_back(frame.id | config.node_id, true);
+  traffic.host_receives = {{AkV3Id(kAkV3StatusFunction, config.node_id), true}};
+  all.ids = traffic.host_sends;
+  all.ids.insert(all.ids.end(), traffic.host_receives.begin(), traffic.host_receives.end());
   traffic.identifiers = {all};
-  traffic.host_sends = {id(kAkV3SetpointFunction)};
-  // Commands of somebody else, too: the host sends but one of them.
-  traffic.host_receives = {id(kAkV3StatusFunction)};
-  for (std::uint32_t function = 0; function < kAkV3SetpointFunction; ++function)
-    traffic.host_receives.push_back(id(function));
   traffic.host_frames_max = 1;
   return traffic;
 }

@@ -14,8 +14,8 @@ namespace tumbler {
 
 inline constexpr std::uint8_t kCanOpenNodeMax = 127;
 
-/// Identifiers of frames: one of these plus the node's number, except NMT and SYNC, which go to all
-/// nodes.
+/// Identifiers of frames: one of these plus the node's number, except NMT, SYNC and LSS, which go
+/// to all nodes.
 namespace canopen_id {
 inline constexpr std::uint32_t kNmt = 0x000;
 inline constexpr std::uint32_t kSync = 0x080;
@@ -24,9 +24,12 @@ inline constexpr std::uint32_t kTpdo1 = 0x180;
 inline constexpr std::uint32_t kRpdo1 = 0x200;
 inline constexpr std::uint32_t kTpdo2 = 0x280;
 inline constexpr std::uint32_t kRpdo2 = 0x300;
+inline constexpr std::uint32_t kRpdo3 = 0x400;
+inline constexpr std::uint32_t kRpdo4 = 0x500;
 inline constexpr std::uint32_t kSdoReply = 0x580;
 inline constexpr std::uint32_t kSdoRequest = 0x600;
 inline constexpr std::uint32_t kHeartbeat = 0x700;
+inline constexpr std::uint32_t kLssRequest = 0x7e5;  ///< CiA 305: numbers and bit rates of nodes.
 }  // namespace canopen_id
 
 enum class NmtCommand : std::uint8_t {

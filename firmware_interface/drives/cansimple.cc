@@ -1,5 +1,6 @@
 #include "firmware_interface/drives/cansimple.h"
 
+#include <array>
 #include <bit>
 #include <numbers>
 
@@ -405,18 +406,45 @@ bool CanSimpleDrive::Decode(const CanFrame& frame) noexcept {
   }
 }
 
+namespace {
+
+// Source: ODrive's manual, `CAN Protocol`, its table of messages (firmware 0.6).
+constexpr std::array kCanSimpleFrames = {
+    HostFrame{0x02, "Estop"},
+    HostFrame{0x04, "RxSdo"},
+    HostFrame{0x06, "Address"},
+    HostFrame{0x07, "Set_Axis_State"},
+    HostFrame{0x0b, "Set_Controller_Mode"},
+    HostFrame{0x0c, "Set_Input_Pos"},
+    HostFrame{0x0d, "Set_Input_Vel"},
+    HostFrame{0x0e, "Set_Input_Torque"},
+    HostFrame{0x0f, "Set_Limits"},
+    HostFrame{0x11, "Set_Traj_Vel_Limit"},
+    HostFrame{0x12, "Set_Traj_Accel_Limits"},
+    HostFrame{0x13, "Set_Traj_Inertia"},
+    HostFrame{0x16, "Reboot"},
+    HostFrame{0x18, "Clear_Errors"},
+    HostFrame{0x19, "Set_Absolute_Position"},
+    HostFrame{0x1a, "Set_Pos_Gain"},
+    HostFrame{0x1b, "Set_Vel_Gains"},
+    HostFrame{0x1f, "Enter_DFU_Mode"},
+};
+constexpr std::uint32_t kCanSimpleKinds = KindBits(kCanSimpleFrames, 0);
+
+}  // namespace
+
+std::span<const HostFrame> CanSimpleProtocol::HostFrames(const Config& /*config*/) noexcept {
+  return kCanSimpleFrames;
+}
+
 bool CanSimpleDrive::IsCommand(const CanFrame& frame) const noexcept {
   if (frame.extended || frame.remote || frame.id >> 5 != config_.node_id) return false;
-  switch (static_cast<CanSimpleCommand>(frame.id & 0x1f)) {
-    case CanSimpleCommand::kSetAxisState:
-    case CanSimpleCommand::kSetControllerMode:
-    case CanSimpleCommand::kSetInputPos:
-    case CanSimpleCommand::kSetInputVel:
-    case CanSimpleCommand::kClearErrors:
-      return true;
-    default:
-      return false;
-  }
+  const std::uint32_t kind = frame.id & 0x1f;
+  if (!IsKind(kCanSimpleKinds, kind)) return false;
+  // A drive answers a search with its own number in this message; a host gives it another.
+  const bool answer = kind == static_cast<std::uint32_t>(CanSimpleCommand::kAddress) &&
+                      frame.size > 0 && frame.data[0] == config_.node_id;
+  return !answer;
 }
 
 bool CanSimpleProtocol::CommandedPosition(const CanSimpleConfig& config, const CanFrame& frame,

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <string_view>
 
 #include "common/status.h"
@@ -32,6 +33,7 @@ enum class CanSimpleCommand : std::uint8_t {
   kHeartbeat = 0x01,
   kEstop = 0x02,
   kGetError = 0x03,
+  kAddress = 0x06,
   kSetAxisState = 0x07,
   kGetEncoderEstimates = 0x09,
   kSetControllerMode = 0x0b,
@@ -267,6 +269,7 @@ struct CanSimpleProtocol {
                                 double& shaft_rad) noexcept;
   static bool ReportedPosition(const Config& config, const CanFrame& frame,
                                double& shaft_rad) noexcept;
+  static std::span<const HostFrame> HostFrames(const Config& config) noexcept;
 
   static Config Read(DriveTable& table);
   static KeyTable Keys();

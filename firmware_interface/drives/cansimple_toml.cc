@@ -110,10 +110,8 @@ DriveTraffic CanSimpleProtocol::TrafficOf(const DriveEntry& /*entry*/,
   const auto id = [&config](CanSimpleCommand command) {
     return CanSimpleId(config.node_id, command);
   };
-  traffic.host_sends = {id(CanSimpleCommand::kSetAxisState),
-                        id(CanSimpleCommand::kSetControllerMode),
-                        id(CanSimpleCommand::kSetInputPos), id(CanSimpleCommand::kSetInputVel),
-                        id(CanSimpleCommand::kClearErrors)};
+  for (const HostFrame& frame : HostFrames(config))
+    traffic.host_sends.emplace_back(std::uint32_t{config.node_id} << 5 | frame.id);
   traffic.host_receives = {id(CanSimpleCommand::kHeartbeat), id(CanSimpleCommand::kGetError),
                            id(CanSimpleCommand::kGetEncoderEstimates),
                            id(CanSimpleCommand::kGetTemperature),

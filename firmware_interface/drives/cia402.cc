@@ -595,16 +595,36 @@ bool Cia402Drive::Decode(const CanFrame& frame) noexcept {
   }
 }
 
+namespace {
+
+// Source: CiA 301, predefined connection set; CiA 305 for LSS. TIME (0x100) is not here: drives do
+// not move by it, and a clock may send it.
+constexpr std::array kCia402Frames = {
+    HostFrame{canopen_id::kNmt, "NMT", true},
+    HostFrame{canopen_id::kSync, "SYNC", true},
+    HostFrame{canopen_id::kRpdo1, "RPDO1"},
+    HostFrame{canopen_id::kRpdo2, "RPDO2"},
+    HostFrame{canopen_id::kRpdo3, "RPDO3"},
+    HostFrame{canopen_id::kRpdo4, "RPDO4"},
+    HostFrame{canopen_id::kSdoRequest, "SDO request"},
+    HostFrame{canopen_id::kLssRequest, "LSS request", true},
+};
+constexpr std::uint32_t kCia402Kinds = KindBits(kCia402Frames, 7);
+
+}  // namespace
+
+std::span<const HostFrame> Cia402Protocol::HostFrames(const Config& /*config*/) noexcept {
+  return kCia402Frames;
+}
+
 bool Cia402Drive::IsCommand(const CanFrame& frame) const noexcept {
   if (frame.extended || frame.remote) return false;
-  if (frame.id == canopen_id::kNmt || frame.id == canopen_id::kSync ||
-      frame.id == canopen_id::kHeartbeat + config_.host_id) {
-    return true;
+  if ((frame.id & 0x7f) == config_.node_id && IsKind(kCia402Kinds, frame.id >> 7)) return true;
+  if (frame.id == canopen_id::kNmt) {  // It names one node, or with 0 all of them.
+    return frame.size >= 2 && (frame.data[1] == 0 || frame.data[1] == config_.node_id);
   }
-  if ((frame.id & 0x7f) != config_.node_id) return false;
-  const std::uint32_t function = frame.id & ~0x7fU;
-  return function == canopen_id::kRpdo1 || function == canopen_id::kRpdo2 ||
-         function == canopen_id::kSdoRequest;
+  return frame.id == canopen_id::kSync || frame.id == canopen_id::kLssRequest ||
+         frame.id == canopen_id::kHeartbeat + config_.host_id;
 }
 
 bool Cia402Protocol::CommandedPosition(const Cia402Config& config, const CanFrame& frame,

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <string_view>
 
 #include "common/status.h"
@@ -275,6 +276,7 @@ struct Cia402Protocol {
                                 double& shaft_rad) noexcept;
   static bool ReportedPosition(const Config& config, const CanFrame& frame,
                                double& shaft_rad) noexcept;
+  static std::span<const HostFrame> HostFrames(const Config& config) noexcept;
 
   static Config Read(DriveTable& table);
   static KeyTable Keys();

@@ -294,15 +294,16 @@ DriveTraffic Cia402Protocol::TrafficOf(const DriveEntry& entry, const Cia402Conf
     own.ids.push_back(function + node);
   }
   const std::uint32_t host_heartbeat = canopen_id::kHeartbeat + config.host_id;
-  traffic.identifiers = {own,
-                         {"host_id",
-                          config.host_id,
-                          true,
-                          true,
-                          {canopen_id::kNmt, canopen_id::kSync, host_heartbeat}}};
-  traffic.host_sends = {
-      canopen_id::kNmt,          canopen_id::kSync,         host_heartbeat,
-      canopen_id::kRpdo1 + node, canopen_id::kRpdo2 + node, canopen_id::kSdoRequest + node};
+  traffic.identifiers = {
+      own,
+      {"host_id",
+       config.host_id,
+       true,
+       true,
+       {canopen_id::kNmt, canopen_id::kSync, canopen_id::kLssRequest, host_heartbeat}}};
+  for (const HostFrame& frame : HostFrames(config))
+    traffic.host_sends.emplace_back(frame.to_all ? frame.id : frame.id + node);
+  traffic.host_sends.emplace_back(host_heartbeat);
   traffic.host_receives = {canopen_id::kEmergency + node, canopen_id::kTpdo1 + node,
                            canopen_id::kTpdo2 + node, canopen_id::kSdoReply + node,
                            canopen_id::kHeartbeat + node};

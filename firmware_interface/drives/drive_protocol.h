@@ -2,12 +2,14 @@
 
 #include <concepts>
 #include <cstdint>
+#include <span>
 #include <string_view>
 
 #include "common/status.h"
 #include "firmware_interface/can/frame.h"
 #include "firmware_interface/drives/drive.h"
 #include "firmware_interface/drives/drive_range.h"
+#include "firmware_interface/drives/host_frames.h"
 #include "firmware_interface/drives/joint_map.h"
 
 namespace tumbler {
@@ -79,6 +81,10 @@ concept DriveProtocol = requires(const typename P::Config& config, const CanFram
   noexcept->std::same_as<bool>;
   { P::ReportedPosition(config, frame, shaft_rad) }
   noexcept->std::same_as<bool>;
+
+  /// The frames that only a host sends to such a drive.
+  { P::HostFrames(config) }
+  noexcept->std::same_as<std::span<const HostFrame>>;
 
   // (The types that these return are incomplete here, which only decltype allows.)
   /// Reads the protocol's keys of a drive, and its gains. @throws FileError.

@@ -31,8 +31,9 @@ struct DriveIdentifiers {
 struct DriveTraffic {
   std::vector<DriveFrames> schedule;
   std::vector<DriveIdentifiers> identifiers;  ///< No other drive may have one of them.
-  std::vector<CanId> host_sends;              ///< Identifiers of all frames that the host sends.
-  std::vector<CanId> host_receives;           ///< Identifiers of all frames that the host wants.
+  /// Identifiers of all frames that only a host sends to the drive: this one, or somebody else.
+  std::vector<CanId> host_sends;
+  std::vector<CanId> host_receives;  ///< Identifiers of the drive's frames that the host takes.
   int host_frames_max = 1;  ///< The most frames of the host in one tick, starting up included.
 };
 

@@ -45,7 +45,9 @@ struct DrivesConfig {
   [[nodiscard]] double WorstCaseLoad() const;
   /// Bits of the longest of these frames.
   [[nodiscard]] int LongestFrameBits() const;
-  /// The identifiers of all frames that the host sends, and of all that it takes.
+  /// The identifiers of all frames that only a host sends to these drives, with those that this
+  /// one never sends, and the identifiers of all frames that it takes from drives and sensor. A
+  /// socket has to let through both, so that commands of somebody else are seen.
   [[nodiscard]] std::vector<CanId> HostSends() const;
   [[nodiscard]] std::vector<CanId> HostReceives() const;
   /// The most frames that the host sends in one tick, starting up included.

@@ -1,6 +1,9 @@
 #include "firmware_interface/drives/mit.h"
 
+#include <array>
 #include <limits>
+
+#include "firmware_interface/drives/damiao_registers.h"
 
 namespace tumbler {
 
@@ -423,8 +426,49 @@ bool MitDrive::Decode(const CanFrame& frame) noexcept {
   return true;
 }
 
+namespace {
+
+// Source: CubeMars' manual of AK drives, CAN_PACKET_ID: what the same drive obeys in servo mode.
+constexpr std::array kMiniCheetahFrames = {
+    HostFrame{0x000, "MIT command"},
+    HostFrame{0x000, "servo duty", false, true},
+    HostFrame{0x100, "servo current", false, true},
+    HostFrame{0x200, "servo brake current", false, true},
+    HostFrame{0x300, "servo speed", false, true},
+    HostFrame{0x400, "servo position", false, true},
+    HostFrame{0x500, "servo origin", false, true},
+    HostFrame{0x600, "servo position and speed", false, true},
+};
+// Source: Damiao's protocol, docs/concept/communication-protocol.md of
+// github.com/jia-xie/python-damiao-driver, and DM_CAN.py of github.com/cmjang/DM_Control_Python.
+constexpr std::array kDamiaoFrames = {
+    HostFrame{0x000, "MIT command"},
+    HostFrame{0x100, "position and velocity"},
+    HostFrame{0x200, "velocity"},
+    HostFrame{0x300, "position and force"},
+    HostFrame{kDamiaoRegistersId, "register request", true},
+};
+constexpr std::uint32_t kMiniCheetahKinds = KindBits(kMiniCheetahFrames, 8);
+constexpr std::uint32_t kServoKinds = KindBits(kMiniCheetahFrames, 8, true);
+constexpr std::uint32_t kDamiaoKinds = KindBits(kDamiaoFrames, 8);
+static_assert(KindBits(kDamiaoFrames, 8, true) == 0);
+
+}  // namespace
+
+std::span<const HostFrame> MitProtocol::HostFrames(const Config& config) noexcept {
+  if (config.dialect == MitDialect::kDamiao) return kDamiaoFrames;
+  return kMiniCheetahFrames;
+}
+
 bool MitDrive::IsCommand(const CanFrame& frame) const noexcept {
-  return IsFrameOf(frame, config_.command_id) && !IsReplyOf(config_, frame);
+  if (frame.remote || IsReplyOf(config_, frame)) return false;
+  const bool damiao = config_.dialect == MitDialect::kDamiao;
+  if (damiao && frame.id == kDamiaoRegistersId && !frame.extended) {  // Its first bytes say whose.
+    return frame.size >= 2 && (frame.data[0] | frame.data[1] << 8) == config_.command_id;
+  }
+  std::uint32_t kinds = frame.extended ? kServoKinds : kMiniCheetahKinds;
+  if (damiao) kinds = frame.extended ? 0 : kDamiaoKinds;
+  return (frame.id & 0xff) == config_.command_id && IsKind(kinds, frame.id >> 8);
 }
 
 bool MitProtocol::CommandedPosition(const MitConfig& config, const CanFrame& frame,

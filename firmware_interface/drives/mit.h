@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <span>
 #include <string_view>
 
 #include "firmware_interface/drives/configured_drive.h"
@@ -246,6 +247,7 @@ struct MitProtocol {
                                 double& shaft_rad) noexcept;
   static bool ReportedPosition(const Config& config, const CanFrame& frame,
                                double& shaft_rad) noexcept;
+  static std::span<const HostFrame> HostFrames(const Config& config) noexcept;
 
   static Config Read(DriveTable& table);
   static KeyTable Keys();

@@ -140,11 +140,18 @@ DriveTraffic MitProtocol::TrafficOf(const DriveEntry& /*entry*/, const MitConfig
                                     double /*rate_hz*/) {
   DriveTraffic traffic;
   traffic.schedule = {{"setpoints", 8}, {"replies", 8}};
-  traffic.identifiers = {{"command_id", config.command_id, true, false, {config.command_id}}};
+  DriveIdentifiers commands{"command_id", config.command_id, true, false, {}};
+  for (const HostFrame& frame : HostFrames(config)) {
+    const CanId id(frame.to_all ? frame.id : frame.id | config.command_id, frame.extended);
+    traffic.host_sends.push_back(id);
+    // What drives have in common collides with nothing. Of 29 bits, they obey only in servo mode,
+    // where a drive of another protocol may have the same number.
+    if (!frame.to_all && !frame.extended) commands.ids.push_back(id);
+  }
+  traffic.identifiers = {commands};
   if (config.reply_id != config.command_id) {
     traffic.identifiers.push_back({"reply_id", config.reply_id, false, false, {config.reply_id}});
   }
-  traffic.host_sends = {config.command_id};
   traffic.host_receives = {config.reply_id};
   traffic.host_frames_max = 1;
   return traffic;

@@ -246,7 +246,7 @@ inline constexpr std::array<FaultInfo, kFaultCount> kFaults{{
      "a joint is not within the next primitive's entry tolerance at a splice", "rad", "",
      {I, X, H, H, D, H, H, H}, "it rests where the motion before has brought it"},
     {Fault::kForeignCommand, "foreign command",
-     "a drive was sent a frame that only this program is to send: somebody else commands it",
+     "a drive was sent a frame that only a host sends: somebody else commands it",
      "identifier, or 0", "", {I, X, D, D, D, D, D, D},
      "of two that pull at a joint one has to give way, and the other cannot be asked"},
     {Fault::kSensorLost, "sensor lost",

@@ -203,9 +203,8 @@ TEST(DrivesToml, IdentifiersOf29BitsAreOthersThanThoseOf11AndTakeLonger) {
   EXPECT_EQ(mixed.WorstCaseTickBits(), 2 * 160 + 2 * 135);
   EXPECT_EQ(mixed.LongestFrameBits(), 160);
   EXPECT_EQ(LoadDrives(kShipped).LongestFrameBits(), 135);
-  EXPECT_THAT(mixed.HostSends(), ::testing::ElementsAre(CanId(0x801, true), CanId(1)));
-  EXPECT_THAT(mixed.HostReceives(),
-              ::testing::IsSupersetOf({CanId(0x2901, true), CanId(0x301, true), CanId(0x301)}));
+  EXPECT_THAT(mixed.HostSends(), ::testing::IsSupersetOf({CanId(0x801, true), CanId(1)}));
+  EXPECT_THAT(mixed.HostReceives(), ::testing::ElementsAre(CanId(0x2901, true), CanId(0x301)));
   EXPECT_EQ(mixed.DescribeSchedule(),
             "1 setpoints of 8 bytes with 29-bit identifiers, 1 reports of 8 bytes with 29-bit "
             "identifiers, 1 setpoints of 8 bytes, 1 replies of 8 bytes");

@@ -16,8 +16,11 @@
 
 #include "firmware_interface/can/can_link.h"
 #include "firmware_interface/can/socketcan_bus.h"
+#include "firmware_interface/drives/drive_bank.h"
+#include "firmware_interface/drives/drives_toml.h"
 #include "tests/support/allocation_guard.h"
 #include "tests/support/can_interface.h"
+#include "tests/support/files.h"
 #include "tests/support/steady_time.h"
 
 namespace tumbler {
@@ -185,6 +188,74 @@ TEST(SocketCanBusInKernel, TellsIdentifiersOf29BitsFromThoseOf11WithTheSameValue
     EXPECT_EQ(received[3].frame, extended(0x2921));
     EXPECT_EQ(bus.statistics().confirmed, 1);
     EXPECT_EQ(bus.statistics().foreign_commands, 1);
+  });
+}
+
+TEST(SocketCanBusInKernel, OfADrivesFileLetsThroughEveryCommandThatSomebodyElseCanSend) {
+  const auto commands_of_others = [](const DrivesConfig& drives, const std::vector<CanId>& some) {
+    const VirtualCan can;
+    SocketCanConfig config;
+    config.send_ids = drives.HostSends();
+    config.receive_ids = drives.HostReceives();
+    SocketCanBus bus, other;
+    Open(bus, can.name(), config);
+    SocketCanConfig many;
+    many.in_flight_max = SocketCanConfig::kMaxInFlight;
+    Open(other, can.name(), many);
+    DriveBank bank;
+    for (const DriveEntry& entry : drives.drives) ASSERT_EQ(bank.Add(entry.config), Status::kOk);
+    std::vector<CanFrame> frames;
+    for (std::uint32_t id = 0; id < 0x800; ++id) frames.push_back(Frame(id, 1));
+    for (std::uint32_t function = 0; function < 0x30; ++function) {
+      for (std::uint32_t drive = 0; drive < 4; ++drive) {
+        frames.push_back(Frame(function << 8 | drive, 1));
+        frames.back().extended = true;
+      }
+    }
+    // Names the drive 1 in the payloads of each protocol, but not as an ODrive's answer.
+    for (CanFrame& frame : frames) frame.data = {1, static_cast<std::uint8_t>(frame.id == 0)};
+    frames[0x026].data[0] = 9;
+    std::vector<CanId> seen, expected;
+    for (std::size_t i = 0; i < frames.size(); ++i) {
+      const bool command = std::ranges::any_of(
+          bank.drives(), [&](const Drive* drive) { return drive->IsCommand(frames[i]); });
+      if (command) expected.push_back(IdOf(frames[i]));
+      ASSERT_EQ(other.Send(frames[i]), Status::kOk);
+      // Often enough that nothing is full: frames in flight, and the socket's buffer.
+      const bool last = i + 1 == frames.size();
+      if (i % 60 == 0 || last) {
+        EXPECT_TRUE(ReceiveAll(other, 1).empty());
+      }
+      if (i % 240 != 0 && !last) continue;
+      for (const ReceivedFrame& received : ReceiveAll(bus, 1)) {
+        if (std::ranges::any_of(bank.drives(), [&](const Drive* drive) {
+              return drive->IsCommand(received.frame);
+            })) {
+          seen.push_back(IdOf(received.frame));
+        }
+      }
+    }
+    EXPECT_EQ(seen, expected);
+    EXPECT_THAT(seen, ::testing::IsSupersetOf(some));
+    EXPECT_EQ(bus.statistics().dropped, 0);
+  };
+  testing::InSteadyTime([&] {
+    const auto file = [](const std::string& name) {
+      return testing::ReadFile(testing::SourcePath("primitives/robots/" + name));
+    };
+    const auto wide = [](std::uint32_t id) { return CanId(id, true); };
+    const std::string mit = file("tumbler_drives.toml");
+    commands_of_others(ParseDrives(mit, "mit"), {0x001, wide(0x301)});
+    commands_of_others(ParseDrives(testing::Replaced(mit, "command_id = 1",
+                                                     "command_id = 1\ndialect = \"damiao\""),
+                                   "damiao"),
+                       {0x001, 0x101, 0x201, 0x301, 0x7ff});
+    commands_of_others(ParseDrives(file("tumbler_drives_akv3.toml"), "akv3"),
+                       {wide(0x001), wide(0x601), wide(0x801)});
+    commands_of_others(ParseDrives(file("tumbler_drives_cansimple.toml"), "cansimple"),
+                       {0x022, 0x024, 0x026, 0x02f, 0x036, 0x03a, 0x03f});
+    commands_of_others(ParseDrives(file("tumbler_drives_cia402.toml"), "cia402"),
+                       {0x000, 0x080, 0x401, 0x501, 0x601, 0x7e5});
   });
 }
 

@@ -89,9 +89,10 @@ class RunOnCan : public ::testing::Test {
   }
 
   [[nodiscard]] std::string Path(const std::string& name) const { return folder_ / name; }
-  /// Writes the example's drives file, for the joints, rate and watchdogs of this test.
-  void WriteDrives(int bit_rate) {
-    std::string text = ReadFile(testing::SourcePath("primitives/robots/tumbler_drives.toml"));
+  void WriteDrives(int bit_rate) { WriteDrives("tumbler_drives.toml", bit_rate); }
+  /// Writes an example's drives file, for the joints, rate and watchdogs of this test.
+  void WriteDrives(const std::string& example, int bit_rate) {
+    std::string text = ReadFile(testing::SourcePath("primitives/robots/" + example));
     const auto replace = [&text](const std::string& what, const std::string& with) {
       text = Replaced(text, what, with);
     };
@@ -101,6 +102,10 @@ class RunOnCan : public ::testing::Test {
     replace("rate_hz = 1000.0", "rate_hz = 25.0");
     replace("watchdog_s = 0.025 ", "watchdog_s = 0.2 ");
     replace("watchdog_s = 0.025\n", "watchdog_s = 0.2\n");
+    // What drives send by their own clocks, about once a tick.
+    text = testing::ReplacedAll(text, "heartbeat_s = 0.01", "heartbeat_s = 0.04");
+    text = testing::ReplacedAll(text, "estimates_s = 0.001", "estimates_s = 0.04");
+    text = testing::ReplacedAll(text, "torques_s = 0.01", "torques_s = 0");
     WriteFile(Path("drives.toml"), text);
     rules_.drives = LoadDrives(Path("drives.toml"));
     ASSERT_EQ(rules_.drives.rate_hz, kRate_hz);
@@ -600,6 +605,31 @@ TEST_F(RunOnCan, AFrameOfSomebodyElseThatCommandsADriveIsAFault) {
     EXPECT_THAT(run->text(), HasSubstr("foreign command of joint joint2: a frame of somebody else "
                                        "with identifier 0x002"));
     EXPECT_THAT(run->text(), HasSubstr("(running); reaction: damp"));
+  });
+}
+
+TEST_F(RunOnCan, EveryCommandOfSomebodyElseIsAFaultAndNotOnlyThoseThatTheRunSendsItself) {
+  testing::InSteadyTime([this] {
+    // A parameter that is written, of which the drive would not say a word, and a restart.
+    for (const std::string frame : {"044#011C000000000000", "056#00"}) {
+      SCOPED_TRACE(frame);
+      Reset();
+      WriteDrives("tumbler_drives_cansimple.toml", 1'000'000);
+      const VirtualCan can;
+      StartDrives(can.name());
+      StartCandump(can.name());
+      const std::unique_ptr<Program> run = StartArmed(can.name());
+      AwaitMotion();
+      Shell("cansend " + can.name() + " 062#");  // to node 3, which is none of ours
+      Shell("cansend " + can.name() + " 044#R");
+      Shell("cansend " + can.name() + " " + frame);
+      EXPECT_EQ(run->Wait(), kFault);
+      EXPECT_THAT(run->text(),
+                  HasSubstr("foreign command of joint joint2: a frame of somebody else with "
+                            "identifier 0x" +
+                            frame.substr(0, 3)));
+      EXPECT_THAT(run->text(), HasSubstr("(running); reaction: damp"));
+    }
   });
 }
 
