@@ -64,7 +64,7 @@ struct ExecutorConfig {
   /// tick with replies lowers by 1. A repeated frame is ordinary on CAN, one in every third tick is
   /// not.
   int sequence_errors_max = 10;
-  /// How many missed periods are made up for. More are the fault kLateTick.
+  /// How many missed periods are made up for, 0 ... 1000. More are the fault kLateTick.
   int late_ticks_max = 2;
   /// The time in which all drives have to be enabled.
   int arming_ticks_max = 500;

@@ -57,8 +57,8 @@ struct LimitedSetpoint {
   const float torque_step = limits.torque_step_nm * ticks;
   LimitedSetpoint result;
   JointSetpoint& limited = result.setpoint;
-  // The steps come after the limits: where a limit has just become narrower, the setpoint goes there
-  // step by step. From inside the limits no step leads out of them.
+  // The steps come after the limits: where a limit has just become narrower, the setpoint goes
+  // there step by step. From inside the limits no step leads out of them.
   limited.position_rad =
       ClampOrLow(planned.position_rad, limits.position_min_rad, limits.position_max_rad);
   limited.position_rad = ClampOrLow(limited.position_rad, previous.position_rad - position_step,

@@ -61,6 +61,11 @@ TEST(Executor, RefusesConfigurationsOutsideTheirRanges) {
             Status::kInvalidArgument);
   EXPECT_EQ(configured(with([&](auto& c) { c.stale_ticks_max = 0; }), good),
             Status::kInvalidArgument);
+  for (const int bad : {-1, 1001, std::numeric_limits<int>::max()}) {
+    EXPECT_EQ(configured(with([&](auto& c) { c.late_ticks_max = bad; }), good),
+              Status::kInvalidArgument)
+        << bad;
+  }
   EXPECT_EQ(configured(with([&](auto& c) { c.joints[1].kp_nm_per_rad = kNaN; }), good),
             Status::kInvalidArgument);
   Primitive<float> moving = good;  // It would have to jump into its first velocity.
