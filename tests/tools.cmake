@@ -46,6 +46,15 @@ tumbler_tool(ip FOUND ${TUMBLER_IP} PACKAGES iproute2)
 find_program(TUMBLER_VALGRIND valgrind)
 tumbler_tool(valgrind FOUND ${TUMBLER_VALGRIND} PACKAGES valgrind)
 
+# Decide whether formulas about floats hold.
+find_program(TUMBLER_Z3 z3)
+tumbler_tool(z3 FOUND ${TUMBLER_Z3} PACKAGES z3)
+find_program(TUMBLER_CVC5 cvc5)
+tumbler_tool(cvc5 FOUND ${TUMBLER_CVC5} PACKAGES cvc5)
+# Whose intermediate representation the proofs are of.
+find_program(TUMBLER_PROOF_CXX clang++-22)
+tumbler_tool(proof_compiler FOUND ${TUMBLER_PROOF_CXX} PACKAGES clang-22)
+
 find_program(TUMBLER_CHROMIUM chromium)
 tumbler_tool(browser FOUND ${TUMBLER_CHROMIUM} PACKAGES chromium)
 

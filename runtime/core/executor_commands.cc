@@ -183,7 +183,7 @@ RefusalDetail Executor::CheckMove() const noexcept {
 
 RefusalDetail Executor::CheckFirstLimits() const noexcept {
   for (int i = 0; i < joint_count_; ++i) {
-    // The gate would pull the command inside the limits at once, however far outside the joint is.
+    // The gate would lead the command inside the limits at full speed, however far outside it is.
     const JointLimits<float>& limits = FirstMotion(i).limits;
     const float position = joints_[static_cast<std::size_t>(i)].commanded.position_rad;
     if (!InRange(position, limits.position_min_rad, limits.position_max_rad)) {

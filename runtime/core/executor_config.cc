@@ -11,9 +11,9 @@ bool IsValid(const ExecutorConfig& config, int joint_count) noexcept {
   if (!(InRange(config.period_s, 1e-5F, 1.0F) && InRange(config.speed, 0.1F, 1.0F) &&
         InRange(config.move_fraction, 0.001F, 1.0F) && InRange(config.torque_rise_s, 1e-6F, 1e3F) &&
         config.stale_ticks_max >= 1 && config.sequence_errors_max >= 1 &&
-        config.late_ticks_max >= 0 && config.pause_ticks_max >= 1 && config.get_ups_max >= 0 &&
-        config.start_way_max_rad >= 0 && config.moved_max_rad >= 0 &&
-        config.arming_ticks_max >= 1)) {
+        config.late_ticks_max >= 0 && config.late_ticks_max <= 1000 &&
+        config.pause_ticks_max >= 1 && config.get_ups_max >= 0 && config.start_way_max_rad >= 0 &&
+        config.moved_max_rad >= 0 && config.arming_ticks_max >= 1)) {
     return false;
   }
   if (config.collapse.configured ? !InRange(config.collapse.stiffness, 0.01F, 1.0F)

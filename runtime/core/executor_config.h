@@ -64,7 +64,7 @@ struct ExecutorConfig {
   /// tick with replies lowers by 1. A repeated frame is ordinary on CAN, one in every third tick is
   /// not.
   int sequence_errors_max = 10;
-  /// How many missed periods are made up for. More are the fault kLateTick.
+  /// How many missed periods are made up for, 0 ... 1000. More are the fault kLateTick.
   int late_ticks_max = 2;
   /// After more ticks from one setpoint to the next nobody knows how the robot lies: a drive may
   /// have let go (its watchdog), and one that balanced has fallen. That is the fault kPaused. The

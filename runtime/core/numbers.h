@@ -28,8 +28,8 @@ template <typename... Floats>
 
 /// x clamped to [low, high]. Unlike std::clamp, gives `low` for NaN.
 [[nodiscard]] constexpr float ClampOrLow(float x, float low, float high) noexcept {
-  const float y = x < high ? x : high;
-  return y > low ? y : low;
+  const float y = x > low ? x : low;
+  return y < high ? y : high;
 }
 
 /// What a float loses of the product of an integer and a float: a factor - float(n) factor, to

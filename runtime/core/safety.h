@@ -41,10 +41,13 @@ struct LimitedSetpoint {
   bool non_finite = false;
 };
 
-/// The last gate before a frame. Whatever `planned` is, the result is finite, within the limits of
-/// position, velocity and torque, and at most `elapsed_ticks` steps from `previous`. Position
-/// limits go before the limit of steps. Freestanding; never allocates.
-/// @pre `previous` is a result of this function, or was measured inside the position limits.
+/// The last gate before a frame. Whatever `planned` is, the result is finite, at most
+/// `elapsed_ticks` steps of position and torque from `previous`, and its velocity is within the
+/// limit. Position and torque are within their limits if those of `previous` are; else they are no
+/// farther outside, and go back inside step by step. Freestanding; never allocates. Proved for all
+/// floats (docs/assurance.md).
+/// @pre `limits` are MakeSafetyLimits' of what an executor plays, `previous` is finite, and
+///      `elapsed_ticks` >= 1.
 [[nodiscard]] inline LimitedSetpoint LimitSetpoint(const SafetyLimits& limits,
                                                    const JointSetpoint& planned,
                                                    const JointSetpoint& previous,
@@ -54,15 +57,17 @@ struct LimitedSetpoint {
   const float torque_step = limits.torque_step_nm * ticks;
   LimitedSetpoint result;
   JointSetpoint& limited = result.setpoint;
-  limited.position_rad = ClampOrLow(planned.position_rad, previous.position_rad - position_step,
-                                    previous.position_rad + position_step);
+  // The steps come after the limits: where a limit has just become narrower, the setpoint goes
+  // there step by step. From inside the limits no step leads out of them.
   limited.position_rad =
-      ClampOrLow(limited.position_rad, limits.position_min_rad, limits.position_max_rad);
+      ClampOrLow(planned.position_rad, limits.position_min_rad, limits.position_max_rad);
+  limited.position_rad = ClampOrLow(limited.position_rad, previous.position_rad - position_step,
+                                    previous.position_rad + position_step);
   limited.velocity_rad_s =
       ClampOrLow(planned.velocity_rad_s, -limits.velocity_max_rad_s, limits.velocity_max_rad_s);
-  limited.torque_nm = ClampOrLow(planned.torque_nm, previous.torque_nm - torque_step,
+  limited.torque_nm = ClampOrLow(planned.torque_nm, -limits.torque_max_nm, limits.torque_max_nm);
+  limited.torque_nm = ClampOrLow(limited.torque_nm, previous.torque_nm - torque_step,
                                  previous.torque_nm + torque_step);
-  limited.torque_nm = ClampOrLow(limited.torque_nm, -limits.torque_max_nm, limits.torque_max_nm);
   result.changed = !(limited == planned);
   // This check comes last, so that nothing above can let a value through. It looks at the plan too,
   // because a clamp turns infinity into a legal-looking number.

@@ -174,6 +174,35 @@ TEST_F(SequenceTest, NoCommandJumpsAtASpliceAndRolesAreExchanged) {
   EXPECT_EQ(rig.output.record.faults, 0);
 }
 
+TEST_F(SequenceTest, WhereTheNextPrimitiveHasNarrowerLimitsTheSetpointGoesThereStepByStep) {
+  ExecutorRig rig = MakeRig(0);
+  Begin(rig);
+  ASSERT_TRUE(rig.TickUntil(ExecutorState::kSettling));
+  const float kept = rig.Tick().joints[0].limited.torque_nm;
+  ASSERT_GT(std::abs(kept), 0.1F);
+
+  const auto sequence = std::make_unique<Sequence<float>>(Gait());
+  JointLimits<float>& limits = sequence->primitives[1].joints[0].limits;
+  limits.torque_max_nm = 0.5F * std::abs(kept);
+  ExecutorRig narrow(
+      {}, sequence->graph,
+      {sequence->primitives.begin(), sequence->primitives.begin() + sequence->primitive_count});
+  Begin(narrow);
+  float last = narrow.output.record.joints[0].limited.torque_nm;
+  bool outside = false;
+  while (narrow.output.record.node != 1 || narrow.executor.state() != ExecutorState::kSettling) {
+    const TickRecord& record = narrow.Tick();
+    const float torque = record.joints[0].limited.torque_nm;
+    if (record.node == 1) {
+      outside = outside || std::abs(torque) > limits.torque_max_nm;
+      EXPECT_LE(std::abs(torque - last), 0.1001F * limits.torque_max_nm) << record.tick;
+    }
+    last = torque;
+  }
+  EXPECT_TRUE(outside) << "the limits of the node before were no wider";
+  EXPECT_LE(std::abs(last), limits.torque_max_nm);
+}
+
 TEST_F(SequenceTest, AJointThatIsNotWhereTheNextPrimitiveBeginsIsAFaultAndNotAMotion) {
   ExecutorRig rig = MakeRig(0);
   Begin(rig);

@@ -50,6 +50,21 @@ TEST(LimitSetpoint, AllowsOneStepForEachElapsedTick) {
   }
 }
 
+TEST(LimitSetpoint, GoesBackInsideLimitsThatHaveBecomeNarrowerStepByStep) {
+  const SafetyLimits limits = SomeLimits();
+  JointSetpoint now{2.5F, 0, -9.5F};
+  for (int i = 0; i < 200; ++i) {
+    const JointSetpoint before = now;
+    now = LimitSetpoint(limits, {2.6F, 0, -9.6F}, before, 1).setpoint;
+    ASSERT_LE(now.position_rad, before.position_rad);
+    ASSERT_LE(before.position_rad - now.position_rad, limits.position_step_rad + 1e-6F);
+    ASSERT_GE(now.torque_nm, before.torque_nm);
+    ASSERT_LE(now.torque_nm - before.torque_nm, limits.torque_step_nm + 1e-6F);
+  }
+  EXPECT_EQ(now.position_rad, limits.position_max_rad);
+  EXPECT_EQ(now.torque_nm, -limits.torque_max_nm);
+}
+
 TEST(LimitSetpoint, HoldsThePositionAndFadesTheTorqueWhenThePlanIsNotFinite) {
   const JointSetpoint previous{0.5F, 3.0F, 2.0F};
   for (const float bad : {kNaN, kInfinity, -kInfinity}) {
@@ -102,6 +117,13 @@ TEST(LimitSetpoint, WhateverIsPlannedStaysWithinLimitsAndSteps) {
     ASSERT_LE(std::abs(now.torque_nm - previous.torque_nm), limits.torque_step_nm * share + 1e-5F);
     previous = now;
   }
+}
+
+TEST(ClampOrLow, ClampsAndGivesLowForNaN) {
+  EXPECT_EQ(ClampOrLow(0.5F, -1, 2), 0.5F);
+  EXPECT_EQ(ClampOrLow(-kInfinity, -1, 2), -1);
+  EXPECT_EQ(ClampOrLow(3, -1, 2), 2);
+  EXPECT_EQ(ClampOrLow(kNaN, -1, 2), -1);
 }
 
 TEST(AreFinite, SeesEachPlaceAndEachKind) {
