@@ -296,6 +296,16 @@ TEST_F(TumblerRun, NamesAnInterfaceThatIsNotThereAndADryRunDoesWithout) {
   EXPECT_THAT(dry.text, HasSubstr("can9 001#")) << "its frames are printed all the same";
 }
 
+TEST_F(TumblerRun, DrivesNoMotorsWithoutRealTimeUnlessThatIsGivenUp) {
+  WriteDrives();
+  const Outcome refused = RunOnMissingInterface(" --arm");
+  EXPECT_EQ(refused.exit_code, 2) << refused.text;
+  EXPECT_THAT(refused.text, HasSubstr("driving motors takes --realtime (or --without-realtime"));
+  const Outcome accepted = RunOnMissingInterface(" --arm --without-realtime");
+  EXPECT_EQ(accepted.exit_code, 1) << "there is no such interface";
+  EXPECT_THAT(accepted.text, Not(HasSubstr("driving motors takes")));
+}
+
 TEST_F(TumblerRun, TellsNoFiguresOfWhatNobodyMeasured) {
   WriteDrives();
   const std::string json = " --json " + Path("run.json");
