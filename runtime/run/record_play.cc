@@ -8,6 +8,7 @@
 #include <stdexcept>
 
 #include "common/program.h"
+#include "common/say_to_operator.h"
 #include "runtime/assembly/file_keeper.h"
 #include "runtime/assembly/run_checks.h"
 #include "runtime/assembly/run_parts.h"
@@ -170,7 +171,9 @@ PlayedRecord PlayRecord(const RecordConfiguration& configuration,
       options.arm ? MakeInterfaceWorld(name, parts.drives)
                   : MakeDryRunWorld(name, parts.drives, parts.StartPositions());
   const std::unique_ptr<FlightRecorder> recorder = OpenRecorder(
-      record_file, DescribeForRecord(configuration, options, *world), "tumbler-replay");
+      record_file, DescribeForRecord(configuration, options, *world), [](const std::string& text) {
+        SayToOperator("tumbler-replay: " + text);
+      });
 
   world->Open();
   Play play(assembly, *world, {nullptr, recorder.get()});
