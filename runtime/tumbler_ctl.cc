@@ -226,8 +226,9 @@ class Remote {
           fmt::format("no robot '{}' answers on {}, but {}", robot_, url_, names));
     }
     if (robot_.empty() && heard_.Robots().size() > 1) {
-      return std::runtime_error(fmt::format("{} robots answer on {}: {}; say which one with --robot",
-                                            heard_.Robots().size(), url_, names));
+      return std::runtime_error(
+          fmt::format("{} robots answer on {}: {}; say which one with --robot",
+                      heard_.Robots().size(), url_, names));
     }
     return std::runtime_error(fmt::format(
         "{} runs of {} are heard on {}: end the log that is played there, or the other run; "
@@ -296,15 +297,14 @@ ExitStatus RequestRest(Remote& remote, OperatorRequest request) {
   const RestRequest rest = remote.AskForRest(request);
   const bool single = rest.asked().size() == 1;
   for (const RestRequest::Asked& asked : rest.asked()) {
-    const std::string name =
-        fmt::format("{}{}", ToString(request),
-                    single ? "" : fmt::format(", run {}", asked.message.run));
+    const std::string name = fmt::format("{}{}", ToString(request),
+                                         single ? "" : fmt::format(", run {}", asked.message.run));
     if (!asked.answer.empty()) {
       fmt::print("{}: {}\n", name, asked.answer);
     } else {
-      fmt::print(stderr, "tumbler-ctl: {}: no answer{}\n", name,
-                 rest.answered() == 0 ? "; does it still run?"
-                                      : "; a log that is played gives none");
+      fmt::print(
+          stderr, "tumbler-ctl: {}: no answer{}\n", name,
+          rest.answered() == 0 ? "; does it still run?" : "; a log that is played gives none");
     }
   }
   if (rest.answered() == 0) return ExitStatus::kUnusable;
@@ -368,8 +368,9 @@ ExitStatus Main(int argc, char** argv) {
   line.AllowOptionsAfterSubcommand();
   line.Option("--lcm-url", url, "where tumbler-run publishes").LcmUrl().ShowDefault();
   line.Option("--robot", robot, "the robot's name, where several publish there");
-  line.Option("--key", key_file,
-              "the key of tumbler-run --key, to sign requests: start, branch and clear need it there");
+  line.Option(
+      "--key", key_file,
+      "the key of tumbler-run --key, to sign requests: start, branch and clear need it there");
   line.Subcommand("start", "begin a run");
   line.Subcommand("branch", "take a branch").Option("NAME", branch, "of it").Required();
   line.Subcommand("finish", "end at the next safe node");

@@ -62,8 +62,8 @@ class Play {
 /// full disk does, and not the program.
 /// @param say  gets messages, on another thread; must not block.
 /// @throws std::runtime_error naming the file when it exists already or cannot be written.
-[[nodiscard]] std::unique_ptr<FlightRecorder> OpenRecorder(const std::string& file,
-                                                           const RecordConfiguration& configuration,
-                                                           std::function<void(const std::string&)> say);
+[[nodiscard]] std::unique_ptr<FlightRecorder> OpenRecorder(
+    const std::string& file, const RecordConfiguration& configuration,
+    std::function<void(const std::string&)> say);
 
 }  // namespace tumbler

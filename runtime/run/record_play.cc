@@ -170,10 +170,9 @@ PlayedRecord PlayRecord(const RecordConfiguration& configuration,
   const std::unique_ptr<World> world =
       options.arm ? MakeInterfaceWorld(name, parts.drives)
                   : MakeDryRunWorld(name, parts.drives, parts.StartPositions());
-  const std::unique_ptr<FlightRecorder> recorder = OpenRecorder(
-      record_file, DescribeForRecord(configuration, options, *world), [](const std::string& text) {
-        SayToOperator("tumbler-replay: " + text);
-      });
+  const std::unique_ptr<FlightRecorder> recorder =
+      OpenRecorder(record_file, DescribeForRecord(configuration, options, *world),
+                   [](const std::string& text) { SayToOperator("tumbler-replay: " + text); });
 
   world->Open();
   Play play(assembly, *world, {nullptr, recorder.get()});

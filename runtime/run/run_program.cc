@@ -505,7 +505,8 @@ ExitStatus Run(RunOptions options, const Simulation* simulation) {
   telemetry.SetScheduling(summary.realtime ? summary.realtime->scheduling : "time-shared");
   bool armed = false;
   std::optional<HoldNotice> notice;
-  if (world->real_time() && !options.dry_run()) NoteHolds(procedure_config, period_ns, voice, notice);
+  if (world->real_time() && !options.dry_run())
+    NoteHolds(procedure_config, period_ns, voice, notice);
   play.Run(procedure_config, period_ns, [&](const ControlLoop& loop) {
     if (notice) notice->Note(play.procedure());
     if (commands) commands->NoteTick(loop.statistics().ticks - 1);

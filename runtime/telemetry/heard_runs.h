@@ -37,7 +37,8 @@ class HeardRuns {
   /// The names of the robots, each once.
   [[nodiscard]] std::vector<std::string> Robots() const;
   /// The runs of a robot that take requests: those in virtual time, whose number is 0, do not.
-  /// @param robot  empty: of the only one; those that have not said whose they are, too. Where there
+  /// @param robot  empty: of the only one; those that have not said whose they are, too. Where
+  /// there
   ///               are several robots, none.
   [[nodiscard]] std::vector<std::int64_t> Of(const std::string& robot) const;
 

@@ -18,9 +18,8 @@ void RestRequest::AddRuns(const std::vector<std::int64_t>& runs, Clock::time_poi
   if (begun_ && now - *begun_ > kAsksMax * kAskAgain) return;
   if (!begun_ && !runs.empty()) begun_ = now;
   for (const std::int64_t run : runs) {
-    const bool known = std::any_of(asked_.begin(), asked_.end(), [run](const Asked& asked) {
-      return asked.message.run == run;
-    });
+    const bool known = std::any_of(asked_.begin(), asked_.end(),
+                                   [run](const Asked& asked) { return asked.message.run == run; });
     if (known) continue;
     Asked& added = asked_.emplace_back();
     added.message.id = draw_id_();

@@ -108,10 +108,9 @@ struct LiveRun::Implementation {
     // goes to all of them.
     const auto other = heard.runs().find(message.run);
     if (other == heard.runs().end()) return;
-    const bool meant =
-        robot_name.empty()
-            ? heard.runs().size() == 1 || (heard.Named() && heard.Robots().size() == 1)
-            : other->second.robot == robot_name;
+    const bool meant = robot_name.empty() ? heard.runs().size() == 1 ||
+                                                (heard.Named() && heard.Robots().size() == 1)
+                                          : other->second.robot == robot_name;
     if (!meant) return;
     if (selected != message.run) {
       run.Forget();
