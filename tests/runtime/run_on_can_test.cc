@@ -616,5 +616,31 @@ TEST_F(RunOnCan, TwoInterruptsBrakeHoldAndLetGo) {
   });
 }
 
+TEST_F(RunOnCan, ARequestTowardsRestEndsACheckOfTheDrivesWithTheTorqueOff) {
+  const std::string url = "udpm://239.255.76.67:7667?ttl=0";
+  Shell("ip link set lo up && ip link set lo multicast on && ip route replace 224.0.0.0/4 dev lo");
+  for (const char* const request : {"stop", "disarm", "finish"}) {
+    SCOPED_TRACE(request);
+    testing::InSteadyTime([&] {
+      Reset();
+      // Each drive is left alone for so long that the request comes meanwhile.
+      WriteFile(Path("drives.toml"), testing::ReplacedAll(ReadFile(Path("drives.toml")),
+                                                          "watchdog_s = 0.2", "watchdog_s = 9"));
+      const VirtualCan can;
+      StartDrives(can.name());
+      const std::unique_ptr<Program> run =
+          Start(can.name(), {"--arm", "--without-realtime", "--prove-watchdog", "--lcm-url", url});
+      ASSERT_TRUE(drives_->WaitFor("joint1: enabled")) << run->text();
+      const testing::Outcome asked =
+          testing::RunProgram({"tumbler-ctl", "--lcm-url", url, request});
+      EXPECT_EQ(asked.exit_code, 0) << asked.text;
+      EXPECT_THAT(asked.text, HasSubstr("taken while the drives were checked"));
+      EXPECT_EQ(run->Wait(), kStopped) << run->text();
+      EXPECT_THAT(run->text(), HasSubstr("by a request while the drives were checked: torque off"));
+      EXPECT_TRUE(drives_->WaitFor("joint1: disabled"));
+    });
+  }
+}
+
 }  // namespace
 }  // namespace tumbler
