@@ -109,10 +109,10 @@ class RunOnCan : public ::testing::Test {
 
   /// Starts simulated drives. They are away from the motion's start, and their rotors stop soon
   /// when they are let go.
-  void StartDrives(const std::string& interface) {
+  void StartDrives(const std::string& interface, const std::string& friction = "1") {
     drives_ = std::make_unique<Program>(std::vector<std::string>{
-        testing::ProgramPath("tumbler-drives"), interface, Path("drives.toml"), "--friction", "1",
-        "--position", "joint1=" + std::to_string(start_rad_[0] + 0.05), "--position",
+        testing::ProgramPath("tumbler-drives"), interface, Path("drives.toml"), "--friction",
+        friction, "--position", "joint1=" + std::to_string(start_rad_[0] + 0.05), "--position",
         "joint2=" + std::to_string(start_rad_[1] - 0.05)});
     ASSERT_TRUE(drives_->WaitFor("2 drives on " + interface)) << drives_->text();
   }
@@ -623,11 +623,12 @@ TEST_F(RunOnCan, ARequestTowardsRestEndsACheckOfTheDrivesWithTheTorqueOff) {
     SCOPED_TRACE(request);
     testing::InSteadyTime([&] {
       Reset();
-      // Each drive is left alone for so long that the request comes meanwhile.
+      // Each drive is left alone for so long that the request comes meanwhile, and its joint hardly
+      // turns.
       WriteFile(Path("drives.toml"), testing::ReplacedAll(ReadFile(Path("drives.toml")),
                                                           "watchdog_s = 0.2", "watchdog_s = 9"));
       const VirtualCan can;
-      StartDrives(can.name());
+      StartDrives(can.name(), "60");
       const std::unique_ptr<Program> run =
           Start(can.name(), {"--arm", "--without-realtime", "--prove-watchdog", "--lcm-url", url});
       ASSERT_TRUE(drives_->WaitFor("joint1: enabled")) << run->text();
