@@ -291,11 +291,31 @@ void EndSummary(const Play& play, const Telemetry& telemetry, RunSummary& summar
   summary.unpublished_messages = telemetry.unpublished();
 }
 
+/// Text for people, and files, that take nothing for so long are given up where the operator has
+/// stopped the run, and waits for the program to end.
+constexpr std::chrono::seconds kPatienceOfStopped(1);
+
+/// For how long files may take nothing at the end. Where the operator has stopped the run, or asks
+/// once more for the end, he does not wait for long.
+class EndPatience {
+ public:
+  explicit EndPatience(bool stopped) : stopped_(stopped) {}
+  std::chrono::milliseconds operator()() {
+    constexpr std::chrono::seconds kPatience(10);
+    stopped_ = stopped_ || InterruptMailbox().Take().quit;
+    return stopped_ ? kPatienceOfStopped : kPatience;
+  }
+
+ private:
+  bool stopped_;
+};
+
 /// Completes the flight record.
 void StopRecorder(FlightRecorder& recorder, RunSummary& summary) {
   recorder.Stop(summary.reason.empty()
                     ? ToString(summary.outcome)
-                    : fmt::format("{}: {}", ToString(summary.outcome), summary.reason));
+                    : fmt::format("{}: {}", ToString(summary.outcome), summary.reason),
+                EndPatience(summary.outcome == RunOutcome::kStopped));
   summary.recorded_ticks = recorder.recorded();
   summary.unrecorded_ticks = recorder.pushed() - recorder.recorded();
   summary.record_problem = recorder.problem();
@@ -312,10 +332,6 @@ void LeaveOutUnwritten(RunSummary& summary) {
         });
   });
 }
-
-/// Text for people, and files, that take nothing for so long are given up where the operator has
-/// stopped the run, and waits for the program to end.
-constexpr std::chrono::seconds kPatienceOfStopped(1);
 
 /// Prints a text. A terminal that was stopped is waited for, unless the run was stopped as well, or
 /// until somebody asks for the end.
@@ -421,14 +437,10 @@ void NoteHolds(const RunProcedureConfig& procedure, std::int64_t period_ns, Oper
 }
 
 /// Writes the rest of the telemetry. What could not be written stands in the summary.
-/// @param stopped  whether the operator has stopped the run, and so does not wait for long.
+/// @param stopped  whether the operator has stopped the run.
 void StopTelemetry(Telemetry& telemetry, bool stopped, RunSummary& summary) {
   try {
-    telemetry.Stop([&stopped]() -> std::chrono::milliseconds {
-      constexpr std::chrono::seconds kPatience(10);
-      stopped = stopped || InterruptMailbox().Take().quit;
-      return stopped ? kPatienceOfStopped : kPatience;
-    });
+    telemetry.Stop(EndPatience(stopped));
   } catch (const std::exception& error) {
     summary.unwritten.emplace_back(error.what());
   }
@@ -460,7 +472,9 @@ ExitStatus Run(RunOptions options, const Simulation* simulation) {
 
   const auto period_ns =
       static_cast<std::int64_t>(std::llround(1e9 / (parts.drives.rate_hz * options.pace)));
-  OperatorVoice voice(STDERR_FILENO);
+  // A recorder's thread that had to be left behind keeps it.
+  const auto shared_voice = std::make_shared<OperatorVoice>(STDERR_FILENO);
+  OperatorVoice& voice = *shared_voice;
   if (options.drives_motors() && !options.without_realtime)
     static_cast<void>(Schedule(options, period_ns, TryRealtime, voice));
 
@@ -479,8 +493,8 @@ ExitStatus Run(RunOptions options, const Simulation* simulation) {
     configuration.period_ns = period_ns;
     configuration.executor = executor_config;
     configuration.procedure = procedure_config;
-    recorder = OpenRecorder(options.record, configuration, [&voice](const std::string& text) {
-      voice.Say("tumbler-run: " + text);
+    recorder = OpenRecorder(options.record, configuration, [shared_voice](const std::string& text) {
+      shared_voice->Say("tumbler-run: " + text);
     });
   }
 
