@@ -77,7 +77,7 @@ set(CPACK_COMPONENT_PROGRAMS_DESCRIPTION
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_NAME libtumbler-dev)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
 # What cmake/tumbler-config.cmake.in looks for.
-set(tumbler_dev_packages libfmt-dev libtomlplusplus-dev zlib1g-dev liblcm-dev)
+set(tumbler_dev_packages libfmt-dev libtomlplusplus-dev zlib1g-dev liblcm-dev libsodium-dev)
 if(TUMBLER_BUILD_OFFLINE)
   list(APPEND tumbler_dev_packages libeigen3-dev libnlopt-dev libnlopt-cxx-dev liburdfdom-dev libtinyxml-dev
        libconsole-bridge-dev libcpp-httplib-dev)

@@ -10,11 +10,13 @@
 #include <cstdio>
 #include <functional>
 #include <lcm/lcm-cpp.hpp>
-#include <map>
+#include <optional>
 #include <random>
 #include <stdexcept>
 #include <string>
 #include <tumbler/command_t.hpp>
+#include <utility>
+#include <vector>
 
 #include "common/command_line.h"
 #include "common/printable.h"
@@ -22,9 +24,12 @@
 #include "runtime/core/tick.h"
 #include "runtime/linux/operator_mailbox.h"
 #include "runtime/telemetry/channels.h"
+#include "runtime/telemetry/heard_runs.h"
 #include "runtime/telemetry/lcm_link.h"
 #include "runtime/telemetry/live_view.h"
 #include "runtime/telemetry/message_readers.h"
+#include "runtime/telemetry/request_key.h"
+#include "runtime/telemetry/rest_request.h"
 
 namespace tumbler {
 namespace {
@@ -42,13 +47,18 @@ constexpr const char* kFooter =
   status        what runs, once
   watch         the same, live, until Ctrl-C; in a pipe one line a second
 
+finish, stop and disarm go to every run of the robot that is heard, which may be a live one and logs that are played,
+and are obeyed without a key. The others want to be clear about which run is meant.
+
 Exit codes:
   0  done
   1  wrong usage, or no tumbler-run answers there
   2  refused; the reason is printed
   3  a fault is latched (status)
+  4  some run has taken it, but another one that is heard does not answer, as a log that is played
 
-Whoever reaches the network of the URL can send these: keep ttl=0 (this machine only), or a network of the robot's own.)";
+Whoever reaches the network of the URL can send these: keep ttl=0 (this machine only), a network of the robot's own, or
+give the run a key.)";
 
 using SteadyClock = std::chrono::steady_clock;
 
@@ -75,7 +85,8 @@ class Screen {
 class Remote {
  public:
   /// @param robot  its name; empty where there is only one.
-  Remote(const std::string& url, const std::string& robot) : url_(url), robot_(robot), lcm_(url) {
+  Remote(const std::string& url, const std::string& robot, std::optional<RequestKey> key)
+      : url_(url), robot_(robot), key_(std::move(key)), lcm_(url) {
     if (!lcm_.good()) {
       throw std::runtime_error(
           fmt::format("{}: LCM cannot use this URL (udpm needs a multicast route: `ip route add "
@@ -104,45 +115,69 @@ class Remote {
     }
     return true;
   }
-  /// Waits for the state of the one robot that is meant.
+  /// Waits for the state of the one run that is meant.
   void WaitForState() {
-    if (selected_ == 0 && !Wait(2, [this] { return !robots_.empty(); })) throw Silent();
-    if (selected_ == 0 && robot_.empty()) Wait(0.1, [] { return false; });
-    if (selected_ == 0 &&
-        !Wait(robot_.empty() && robots_.size() == 1 ? 0 : 1, [this] { return Select(); })) {
-      throw std::runtime_error(
-          robot_.empty()
-              ? fmt::format("{} robots answer on {}: {}; say which one with --robot",
-                            robots_.size(), url_, Robots())
-              : fmt::format("no robot '{}' answers on {}, but {}", robot_, url_, Robots()));
+    if (!selected_ && !Wait(2, [this] { return !heard_.runs().empty(); })) throw Silent();
+    if (!selected_ && robot_.empty()) Wait(0.1, [] { return false; });
+    if (!selected_ && !Select()) {
+      Wait(kNaming_s, [this] { return heard_.Named(); });
+      if (!Select()) throw Unclear();
     }
-    if (!Wait(2, [this] { return view_.state().has_value(); })) throw Silent();
+    if (!Wait(2, [this] { return view_.state().has_value(); })) {
+      if (view_.run() && view_.run()->checking)
+        throw std::runtime_error("its drives are being checked: `tumbler-ctl stop` ends that");
+      throw Silent();
+    }
   }
   /// Looks for another run of the robot after one that is over.
   void LookAgain() {
-    selected_ = 0;
-    robots_.clear();
-    Wait(0.5, [this] { return !robots_.empty() && Select(); });
+    selected_.reset();
+    heard_.Forget();
+    Wait(0.5, [this] { return !heard_.runs().empty() && Select(); });
   }
 
   /// Sends a request again and again until it is answered, since a datagram may get lost.
   /// @returns the answer.
   state_t Ask(std::int8_t command, const std::string& branch) {
     WaitForState();
-    command_t message;
-    // The number has to differ from that of any other request.
-    message.id = std::uniform_int_distribution<std::uint32_t>(1)(random_);
-    message.run = selected_;
+    command_t message{};
+    message.id = DrawId();
+    message.run = *selected_;
     message.command = command;
     message.branch = branch;
     const auto answered = [&] { return view_.state()->request_id == message.id; };
     for (int i = 0; i < 10 && !answered(); ++i) {
       message.seen = view_.state()->number;
-      lcm_.publish(kCommandChannel, &message);
+      Publish(message);
       Wait(0.2, answered);
     }
-    if (!answered()) throw Silent();
-    return *view_.state();
+    if (answered()) return *view_.state();
+    if (view_.run() && view_.run()->keyed) {
+      throw std::runtime_error(
+          key_ ? "no answer: the run has a key (tumbler-run --key), which must be the same as here"
+               : "no answer: the run obeys this only when it is signed with its key: --key FILE");
+    }
+    throw Silent();
+  }
+
+  /// Asks every run of the robot that is heard to come to rest, also those that turn up meanwhile.
+  RestRequest AskForRest(OperatorRequest request) {
+    RestRequest rest(request, [this] { return DrawId(); });
+    const auto told = [&] {
+      rest.AddRuns(heard_.Of(robot_), SteadyClock::now());
+      rest.Send(SteadyClock::now(), [this](command_t& message) { Publish(message); });
+      return !rest.asked().empty() && rest.Over(SteadyClock::now());
+    };
+    rest_ = &rest;
+    if (!Wait(2, [this] { return !heard_.runs().empty(); })) throw Silent();
+    Wait(0.1, [] { return false; });
+    // Names tell whether the robots are different ones.
+    if (heard_.runs().size() > 1 || !robot_.empty())
+      Wait(kNaming_s, [this] { return heard_.Named(); });
+    if (heard_.Of(robot_).empty()) throw Unclear();
+    Wait(5, told);
+    rest_ = nullptr;
+    return rest;
   }
 
  private:
@@ -157,39 +192,63 @@ class Remote {
     const auto message = ReadMessage<Message>(buffer->data, buffer->data_size);
     if (!message) return;
     self->Note(*message);
-    if (self->selected_ != 0 && message->run == self->selected_) self->view_.Take(*message);
+    if (self->selected_ && message->run == *self->selected_) self->view_.Take(*message);
   }
-  void Note(const state_t& message) { robots_.try_emplace(message.run); }
-  void Note(const run_t& message) { robots_[message.run] = message.robot; }
+  template <typename Message>
+  void Note(const Message& message) {
+    heard_.Hear(message, SteadyClock::now());
+    if (rest_ != nullptr) rest_->Hear(message);
+  }
   void Note(const event_t& /*message*/) {}
-  /// Chooses the only run, or that of the robot that was named. @returns whether there is one.
+  /// Chooses the only run, or the only one of the robot that was named. @returns whether there is
+  /// one.
   bool Select() {
     if (robot_.empty()) {
-      if (robots_.size() == 1) selected_ = robots_.begin()->first;
-      return selected_ != 0;
+      if (heard_.runs().size() == 1) selected_ = heard_.runs().begin()->first;
+      return selected_.has_value();
     }
-    for (const auto& [run, robot] : robots_) {
-      if (robot == robot_) selected_ = run;
-    }
-    return selected_ != 0;
+    const std::vector<std::int64_t> runs = heard_.Of(robot_);
+    if (runs.size() == 1) selected_ = runs.front();
+    return selected_.has_value();
   }
-  /// The robots that answer, by their names.
-  [[nodiscard]] std::string Robots() const {
+  std::int64_t DrawId() { return std::uniform_int_distribution<std::uint32_t>(1)(random_); }
+  void Publish(command_t& message) {
+    if (key_) key_->Sign(message);
+    lcm_.publish(kCommandChannel, &message);
+  }
+  /// What is wrong where no run, or more than one, is meant.
+  [[nodiscard]] std::runtime_error Unclear() const {
     std::string names;
-    for (const auto& [run, robot] : robots_) {
+    for (const std::string& robot : heard_.Robots())
       names += fmt::format("{}'{}'", names.empty() ? "" : ", ", robot);
+    if (!robot_.empty() && heard_.Of(robot_).empty()) {
+      return std::runtime_error(
+          fmt::format("no robot '{}' answers on {}, but {}", robot_, url_, names));
     }
-    return names;
+    if (robot_.empty() && heard_.Robots().size() > 1) {
+      return std::runtime_error(
+          fmt::format("{} robots answer on {}: {}; say which one with --robot",
+                      heard_.Robots().size(), url_, names));
+    }
+    return std::runtime_error(fmt::format(
+        "{} runs of {} are heard on {}: end the log that is played there, or the other run; "
+        "finish, stop and disarm go to all of them",
+        heard_.runs().size(), names, url_));
   }
   [[nodiscard]] std::runtime_error Silent() const {
     return std::runtime_error(
         fmt::format("no answer on {}: is tumbler-run there, with --lcm-url {}?", url_, url_));
   }
 
+  /// A run says four times a second whose it is.
+  static constexpr double kNaming_s = 0.6;
+
   std::string url_;
   std::string robot_;
-  std::map<std::int64_t, std::string> robots_;  // the runs that were heard, with their robots
-  std::int64_t selected_ = 0;                   // the run that is meant; 0: not known yet
+  std::optional<RequestKey> key_;
+  HeardRuns heard_;
+  std::optional<std::int64_t> selected_;  // the run that is meant, once it is known
+  RestRequest* rest_ = nullptr;           // hears the answers, while it is on its way
   lcm::LCM lcm_;
   LiveView view_;
   std::random_device random_;
@@ -231,6 +290,25 @@ ExitStatus Request(Remote& remote, std::int8_t command, const std::string& branc
       refusal == Refusal::kNoSuchBranch ? fmt::format("no branch '{}'", branch) : ToString(refusal),
       ToString(static_cast<ExecutorState>(answer.state)));
   return ExitStatus::kRefused;
+}
+
+/// Says what became of a request towards rest, run by run where there are several.
+ExitStatus RequestRest(Remote& remote, OperatorRequest request) {
+  const RestRequest rest = remote.AskForRest(request);
+  const bool single = rest.asked().size() == 1;
+  for (const RestRequest::Asked& asked : rest.asked()) {
+    const std::string name = fmt::format("{}{}", ToString(request),
+                                         single ? "" : fmt::format(", run {}", asked.message.run));
+    if (!asked.answer.empty()) {
+      fmt::print("{}: {}\n", name, asked.answer);
+    } else {
+      fmt::print(
+          stderr, "tumbler-ctl: {}: no answer{}\n", name,
+          rest.answered() == 0 ? "; does it still run?" : "; a log that is played gives none");
+    }
+  }
+  if (rest.answered() == 0) return ExitStatus::kUnusable;
+  return rest.answered() == rest.asked().size() ? ExitStatus::kDone : ExitStatus::kAmiss;
 }
 
 ExitStatus Status(Remote& remote, bool json) {
@@ -281,6 +359,7 @@ ExitStatus Main(int argc, char** argv) {
   std::string url = "udpm://239.255.76.67:7667?ttl=0";
   std::string robot;
   std::string branch;
+  std::string key_file;
   bool json = false;
   CommandLine line("Asks a running tumbler-run for something, or shows what it does.",
                    "tumbler-ctl");
@@ -289,6 +368,9 @@ ExitStatus Main(int argc, char** argv) {
   line.AllowOptionsAfterSubcommand();
   line.Option("--lcm-url", url, "where tumbler-run publishes").LcmUrl().ShowDefault();
   line.Option("--robot", robot, "the robot's name, where several publish there");
+  line.Option(
+      "--key", key_file,
+      "the key of tumbler-run --key, to sign requests: start, branch and clear need it there");
   line.Subcommand("start", "begin a run");
   line.Subcommand("branch", "take a branch").Option("NAME", branch, "of it").Required();
   line.Subcommand("finish", "end at the next safe node");
@@ -302,13 +384,17 @@ ExitStatus Main(int argc, char** argv) {
   action.sa_handler = OnInterrupt;
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
-  Remote remote(url, robot);
+  std::optional<RequestKey> key;
+  if (!key_file.empty()) key.emplace(key_file);
+  Remote remote(url, robot, std::move(key));
   const std::string name = line.given_subcommand();
   if (name == "status") return Status(remote, json);
   if (name == "watch") return Watch(remote);
   for (int command = command_t::START; command <= command_t::DISARM; ++command) {
-    if (name == ToString(static_cast<OperatorRequest>(command)))
-      return Request(remote, static_cast<std::int8_t>(command), branch);
+    const auto request = static_cast<OperatorRequest>(command);
+    if (name != ToString(request)) continue;
+    return IsTowardsRest(request) ? RequestRest(remote, request)
+                                  : Request(remote, static_cast<std::int8_t>(command), branch);
   }
   throw std::logic_error("a subcommand without a request");
 }

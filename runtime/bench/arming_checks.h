@@ -31,7 +31,7 @@ struct ArmingChecks {
 ///                  encoder shows no motion, or another one does, it turns another joint, or
 ///                  against its axis, its velocities do not fit its positions, it has no watchdog,
 ///                  or another time-out than the file says.
-/// @throws BenchInterrupted  after Ctrl-C.
+/// @throws BenchInterrupted  after Ctrl-C, or a request towards rest.
 void CheckBeforeArming(BenchWorld& world, const DrivesConfig& drives,
                        const std::vector<std::string>& joints, const ArmingChecks& checks,
                        BenchOperator& somebody, const std::function<void(const std::string&)>& say);

@@ -234,8 +234,13 @@ void BenchSession::CheckDriven() const {
   }
 }
 
+void EndWhereAsked() {
+  const OperatorWish wish = InterruptMailbox().Take();
+  if (wish.quit || IsTowardsRest(wish.request)) throw BenchInterrupted(wish);
+}
+
 void BenchSession::Tick() {
-  if (InterruptMailbox().Take().quit) throw BenchInterrupted();
+  EndWhereAsked();
   Send(DriveRequest::kDisable);
   SleepPeriod();
   Receive();
@@ -272,7 +277,7 @@ void BenchSession::ClearErrors() {
   constexpr double kLong_s = 0.3;
   const std::int64_t end_ns = now_ns() + Nanoseconds(kLong_s);
   while (now_ns() < end_ns) {
-    if (InterruptMailbox().Take().quit) throw BenchInterrupted();
+    EndWhereAsked();
     Send(DriveRequest::kClearErrors);
     SleepPeriod();
     Receive();
@@ -354,7 +359,7 @@ void BenchSession::ZeroEncoder(std::size_t drive) {
 std::int64_t BenchSession::StaySilentUntil(std::int64_t time_ns) {
   std::int64_t off_ns = -1;
   while (now_ns() < time_ns && off_ns < 0 && !Strayed()) {
-    if (InterruptMailbox().Take().quit) throw BenchInterrupted();
+    EndWhereAsked();
     world_.clock().SleepUntil(std::min(now_ns() + kLook_ns, time_ns));
     Receive();
     if (drive(driven_).state() != DriveState::kEnabled) off_ns = now_ns();
@@ -380,7 +385,7 @@ void BenchSession::AskOffOnce() {
 }
 
 void BenchSession::AskAllOnce(const std::vector<bool>& awaited, double after_s, double at_most_s) {
-  if (InterruptMailbox().Take().quit) throw BenchInterrupted();
+  EndWhereAsked();
   ResetReplies();
   Send(DriveRequest::kDisable);
   std::int64_t end_ns = now_ns() + Nanoseconds(at_most_s);

@@ -11,6 +11,7 @@
 #include "firmware_interface/drives/drives_toml.h"
 #include "runtime/bench/bench_world.h"
 #include "runtime/core/safety.h"
+#include "runtime/linux/operator_mailbox.h"
 
 namespace tumbler {
 
@@ -20,11 +21,21 @@ class BenchFault : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
-/// Thrown by Tick after Ctrl-C, SIGTERM or SIGHUP.
+/// Thrown by Tick after Ctrl-C, SIGTERM or SIGHUP, and after a request towards rest.
 class BenchInterrupted : public std::runtime_error {
  public:
-  BenchInterrupted() : std::runtime_error("interrupted") {}
+  explicit BenchInterrupted(const OperatorWish& wish)
+      : std::runtime_error("interrupted"), wish_(wish) {}
+  /// What was asked for.
+  [[nodiscard]] const OperatorWish& wish() const { return wish_; }
+
+ private:
+  OperatorWish wish_;
 };
+
+/// Takes what the operator wishes: all that can be wished for here is an end.
+/// @throws BenchInterrupted  when it is.
+void EndWhereAsked();
 
 /// What no setpoint of the bench exceeds, at the joint. Protocols that carry no gains have those of
 /// the drive; then amplitude and speed are what bounds a motion.

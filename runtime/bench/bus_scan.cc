@@ -15,7 +15,6 @@
 #include "firmware_interface/drives/damiao_registers.h"
 #include "firmware_interface/drives/error_texts.h"
 #include "runtime/bench/bench_session.h"
-#include "runtime/linux/interrupts.h"
 
 namespace tumbler {
 namespace {
@@ -200,7 +199,7 @@ class Scanner {
     const std::int64_t end_ns = world_.clock().now_ns() + std::llround(time_s * 1e9);
     constexpr std::int64_t kGlance_ns = 10'000'000;
     do {
-      if (InterruptMailbox().Take().quit) throw BenchInterrupted();
+      EndWhereAsked();
       world_.clock().SleepUntil(std::min(world_.clock().now_ns() + kGlance_ns, end_ns));
       ReceivedFrame received;
       Status status = Status::kOk;

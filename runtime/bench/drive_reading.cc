@@ -11,7 +11,6 @@
 #include "firmware_interface/drives/damiao_registers.h"
 #include "firmware_interface/drives/wire.h"
 #include "runtime/bench/bench_session.h"
-#include "runtime/linux/interrupts.h"
 
 namespace tumbler {
 namespace {
@@ -102,7 +101,7 @@ bool AskDrive(BenchWorld& world, const CanFrame& question,
       throw BenchFault(fmt::format("the bus is lost: {}", ToString(sent)));
     const std::int64_t end_ns = world.clock().now_ns() + kPatience_ns;
     while (world.clock().now_ns() < end_ns) {
-      if (InterruptMailbox().Take().quit) throw BenchInterrupted();
+      EndWhereAsked();
       world.clock().SleepUntil(world.clock().now_ns() + kGlimpse_ns);
       ReceivedFrame received;
       bool answered = false;

@@ -36,6 +36,11 @@ enum class OperatorRequest : std::uint8_t {
   return "unknown request";
 }
 
+/// Whether a request ends a motion. Such a one is obeyed wherever it can be.
+[[nodiscard]] constexpr bool IsTowardsRest(OperatorRequest request) noexcept {
+  return request >= OperatorRequest::kFinish;
+}
+
 /// A request with everything that belongs to it, small enough for one atomic word and aligned like
 /// one: clang calls a library for an atomic value that might lie across two words.
 struct alignas(8) OperatorWish {

@@ -8,7 +8,10 @@
 #include <atomic>
 #include <cerrno>
 #include <chrono>
+#include <condition_variable>
 #include <cstring>
+#include <mutex>
+#include <optional>
 #include <stdexcept>
 #include <system_error>
 #include <thread>
@@ -61,8 +64,6 @@ struct FlightRecorder::Implementation {  // NOLINT(clang-analyzer-optin.performa
     }
   }
   ~Implementation() {
-    stop = true;
-    if (thread.joinable()) thread.join();
     if (descriptor >= 0) {
       Drain();
       close(descriptor);
@@ -117,6 +118,7 @@ struct FlightRecorder::Implementation {  // NOLINT(clang-analyzer-optin.performa
         break;
       }
       written += static_cast<std::size_t>(count);
+      taken += count;
     }
     if (problem.empty()) {
       crc = Crc32(chunk, crc);
@@ -159,6 +161,41 @@ struct FlightRecorder::Implementation {  // NOLINT(clang-analyzer-optin.performa
     if (problem.empty()) static_cast<void>(fdatasync(descriptor));
   }
 
+  /// Writes the rest, and the block that says that the record is complete.
+  void Complete(const std::string& how) {
+    if (descriptor < 0) return;
+    Drain();
+    if (problem.empty()) {
+      if (pushed > next_index) AddLost(pushed - next_index);
+      WriteChunk();
+      Add(BlockKind::kEnd, EncodeEnd({recorded, lost, crc, how}));
+      WriteChunk();
+    }
+    Sync();
+    close(descriptor);
+    descriptor = -1;
+  }
+
+  /// Waits for the end of the thread.
+  /// @returns false when it was left behind, since the file took nothing for so long.
+  bool Await(std::thread& thread, const std::function<std::chrono::milliseconds()>& patience) {
+    using SteadyClock = std::chrono::steady_clock;
+    constexpr std::chrono::milliseconds kGlance(50);
+    std::unique_lock lock(mutex);
+    std::int64_t progress = -1;
+    auto progressed = SteadyClock::now();
+    while (!ended.wait_for(lock, kGlance, [this] { return done; })) {
+      if (taken != progress) progressed = SteadyClock::now();
+      progress = taken;
+      if (SteadyClock::now() - progressed < patience()) continue;
+      thread.detach();
+      return false;
+    }
+    lock.unlock();
+    thread.join();
+    return true;
+  }
+
   struct BlockEnd {
     std::size_t offset = 0;  // of the block's end in the chunk
     std::int64_t ticks = 0;  // 1 if the block is a tick
@@ -186,14 +223,23 @@ struct FlightRecorder::Implementation {  // NOLINT(clang-analyzer-optin.performa
   std::atomic<std::int64_t> recorded{0};
   std::string problem;
 
+  // Between the thread and whoever ends it.
   std::atomic<bool> stop{false};
-  std::thread thread;
+  std::atomic<std::int64_t> taken{0};  // grows as long as the file takes something
+  std::mutex mutex;
+  std::condition_variable ended;
+  std::optional<std::string> outcome;  // of the run, where the record is to be completed
+  bool done = false;
 };
 
 FlightRecorder::FlightRecorder(const FlightRecorderConfig& config)
-    : implementation_(std::make_unique<Implementation>(config)) {}
+    : implementation_(std::make_shared<Implementation>(config)) {}
 
-FlightRecorder::~FlightRecorder() = default;
+FlightRecorder::~FlightRecorder() {
+  if (!thread_.joinable()) return;
+  implementation_->stop = true;
+  static_cast<void>(implementation_->Await(thread_, [] { return std::chrono::seconds(1); }));
+}
 
 void FlightRecorder::Push(const TickNotes& notes, const TickInput& input,
                           const TickOutput& output) noexcept {
@@ -220,36 +266,52 @@ void FlightRecorder::Drain() { implementation_->Drain(); }
 
 void FlightRecorder::Start() {
   implementation_->stop = false;
-  implementation_->thread = std::thread([self = implementation_.get()] {
+  thread_ = std::thread([self = implementation_] {
     int round = 0;
     while (!self->stop) {
       self->Drain();
       if (++round % 200 == 0) self->Sync();
       std::this_thread::sleep_for(std::chrono::milliseconds(5));
     }
+    std::optional<std::string> outcome;
+    {
+      const std::lock_guard lock(self->mutex);
+      outcome = self->outcome;
+    }
+    if (outcome) self->Complete(*outcome);
+    const std::lock_guard lock(self->mutex);
+    self->done = true;
+    self->ended.notify_all();
   });
 }
 
-void FlightRecorder::Stop(const std::string& outcome) {
+void FlightRecorder::Stop(const std::string& outcome,
+                          const std::function<std::chrono::milliseconds()>& patience) {
   Implementation& self = *implementation_;
-  self.stop = true;
-  if (self.thread.joinable()) self.thread.join();
-  if (self.descriptor < 0) return;
-  self.Drain();
-  if (self.problem.empty()) {
-    if (self.pushed > self.next_index) self.AddLost(self.pushed - self.next_index);
-    self.WriteChunk();
-    self.Add(BlockKind::kEnd, EncodeEnd({self.recorded, self.lost, self.crc, outcome}));
-    self.WriteChunk();
+  if (!thread_.joinable()) {
+    if (left_behind_.empty()) self.Complete(outcome);
+    return;
   }
-  self.Sync();
-  close(self.descriptor);
-  self.descriptor = -1;
+  {
+    const std::lock_guard lock(self.mutex);
+    self.outcome = outcome;
+  }
+  self.stop = true;
+  constexpr std::chrono::seconds kPatience(10);
+  const bool ended = self.Await(
+      thread_,
+      patience ? patience : [kPatience]() { return std::chrono::milliseconds(kPatience); });
+  if (ended) return;
+  left_behind_ =
+      fmt::format("{}: could not be written whole: after {} ticks it took nothing any more",
+                  self.config.file, self.recorded.load());
 }
 
 std::int64_t FlightRecorder::pushed() const noexcept { return implementation_->pushed; }
 std::int64_t FlightRecorder::recorded() const noexcept { return implementation_->recorded; }
 std::int64_t FlightRecorder::lost() const noexcept { return implementation_->lost; }
-const std::string& FlightRecorder::problem() const noexcept { return implementation_->problem; }
+const std::string& FlightRecorder::problem() const noexcept {
+  return left_behind_.empty() ? implementation_->problem : left_behind_;
+}
 
 }  // namespace tumbler

@@ -1,11 +1,13 @@
 #pragma once
 
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <memory>
 #include <span>
 #include <string>
+#include <thread>
 
 #include "runtime/core/tick.h"
 #include "runtime/core/tick_entry.h"
@@ -42,7 +44,8 @@ class FlightRecorder {
   /// @throws std::runtime_error  naming the file, when it exists already or cannot be written. No
   /// file is left then.
   explicit FlightRecorder(const FlightRecorderConfig& config);
-  /// When Stop was not called, writes the rest but no end block, and removes a file without a tick.
+  /// When Stop was not called, writes the rest but no end block, as far as the file takes it within
+  /// a second, and removes a file without a tick.
   ~FlightRecorder();
   FlightRecorder(const FlightRecorder&) = delete;
   FlightRecorder& operator=(const FlightRecorder&) = delete;
@@ -60,9 +63,12 @@ class FlightRecorder {
   void Drain();
   /// Drains in a thread until Stop.
   void Start();
-  /// Ends the thread, writes the rest and the block that says that the record is complete.
-  /// @param outcome  of the run, for people.
-  void Stop(const std::string& outcome);
+  /// Writes the rest and the block that says that the record is complete, and ends the thread. One
+  /// whose file takes nothing for too long is left behind, which is the record's problem then.
+  /// @param outcome   of the run, for people.
+  /// @param patience  as that of Telemetry::Stop.
+  void Stop(const std::string& outcome,
+            const std::function<std::chrono::milliseconds()>& patience = {});
 
   [[nodiscard]] std::int64_t pushed() const noexcept;    ///< Ticks of the loop.
   [[nodiscard]] std::int64_t recorded() const noexcept;  ///< Ticks in the file.
@@ -73,7 +79,9 @@ class FlightRecorder {
 
  private:
   struct Implementation;
-  std::unique_ptr<Implementation> implementation_;
+  std::shared_ptr<Implementation> implementation_;  // A thread that is stuck in a write keeps it.
+  std::thread thread_;
+  std::string left_behind_;  // says that the thread was, if it was
 };
 
 }  // namespace tumbler

@@ -4,9 +4,8 @@
 
 #include <chrono>
 #include <csignal>
-#include <cstdio>
+#include <utility>
 
-#include "common/say_to_operator.h"
 #include "firmware_interface/drives/error_texts.h"
 #include "runtime/linux/interrupts.h"
 #include "runtime/telemetry/sentences.h"
@@ -88,12 +87,12 @@ std::int64_t UtimeAtZero(World& world) {
 
 std::unique_ptr<FlightRecorder> OpenRecorder(const std::string& file,
                                              const RecordConfiguration& configuration,
-                                             const std::string& program) {
+                                             std::function<void(const std::string&)> say) {
   std::signal(SIGXFSZ, SIG_IGN);
   FlightRecorderConfig config;
   config.file = file;
   config.configuration = EncodeConfiguration(configuration);
-  config.say = [program](const std::string& text) { SayToOperator(program + ": " + text); };
+  config.say = std::move(say);
   return std::make_unique<FlightRecorder>(config);
 }
 

@@ -60,10 +60,10 @@ class Play {
 
 /// Opens the record of a run. From then on a limit on the size of files ends the recording, as a
 /// full disk does, and not the program.
-/// @param program  the name with which messages on standard error begin.
+/// @param say  gets messages, on another thread; must not block.
 /// @throws std::runtime_error naming the file when it exists already or cannot be written.
-[[nodiscard]] std::unique_ptr<FlightRecorder> OpenRecorder(const std::string& file,
-                                                           const RecordConfiguration& configuration,
-                                                           const std::string& program);
+[[nodiscard]] std::unique_ptr<FlightRecorder> OpenRecorder(
+    const std::string& file, const RecordConfiguration& configuration,
+    std::function<void(const std::string&)> say);
 
 }  // namespace tumbler

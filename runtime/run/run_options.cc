@@ -161,6 +161,8 @@ void DeclareChecks(CommandLine& line, RunOptions& options,
 
 /// Checks that concern several options together.
 void CheckTogether(const RunOptions& options) {
+  if (!options.key.empty() && options.lcm_url.empty())
+    throw UsageError("--key", "is for requests, which come by --lcm-url: give both");
   const bool test = options.latency_test_s > 0 || !options.doctor.empty();
   if (test && !options.bus.empty()) {
     throw std::runtime_error(
@@ -183,7 +185,7 @@ void RefuseIgnored(const CommandLine& line, const RunOptions& options) {
   if (latency_test || !options.doctor.empty()) {
     refuse({"--drives", "--faults", "--bus-faults", "--arm", "--attended", "--speed", "--pace",
             "--hold-s", "--cycles", "--branch", "--from", "--get-ups", "--log", "--lcm-url",
-            "--trace", "--record", "--twin", "--truth"},
+            "--key", "--trace", "--record", "--twin", "--truth"},
            "is about playing a motion, which --latency-test and --doctor do not");
   }
   if (!latency_test) {
@@ -228,6 +230,9 @@ void DeclareArming(CommandLine& line, RunOptions& options, ArmingNames& names,
   one(line.Option("--lcm-url", options.lcm_url,
                   "publish live and take commands there, e.g. udpm://239.255.76.67:7667?ttl=0"))
       .LcmUrl();
+  one(line.Option("--key", options.key,
+                  "of --lcm-url: a file with a key; start, branch and clear have to be signed with "
+                  "it (tumbler-ctl --key)"));
   one(line.Option(
       "--robot", options.robot,
       "the robot's name in messages, for tumbler-ctl --robot; by default this computer's"));

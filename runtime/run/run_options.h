@@ -48,6 +48,7 @@ struct RunOptions {
   int get_ups = 0;   ///< How often a robot that has fallen gets up.
   std::string log;
   std::string lcm_url;
+  std::string key;    ///< File with the key of requests for motion.
   std::string robot;  ///< Its name in messages; that of this computer unless given.
   std::string json;
   std::string trace;

@@ -2,8 +2,10 @@
 #include "runtime/bench/arming_checks.h"
 
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
@@ -19,7 +21,6 @@
 #include "common/printable.h"
 #include "common/program.h"
 #include "common/result_file.h"
-#include "common/say_to_operator.h"
 #include "firmware_interface/can/can_link.h"
 #include "runtime/assembly/assembly.h"
 #include "runtime/assembly/file_keeper.h"
@@ -28,6 +29,7 @@
 #include "runtime/linux/clock.h"
 #include "runtime/linux/doctor.h"
 #include "runtime/linux/interrupts.h"
+#include "runtime/linux/operator_voice.h"
 #include "runtime/linux/realtime_thread.h"
 #include "runtime/record/record_configuration.h"
 #include "runtime/run/hold_notice.h"
@@ -38,6 +40,7 @@
 #include "runtime/run/run_options.h"
 #include "runtime/run/run_summary.h"
 #include "runtime/telemetry/lcm_commands.h"
+#include "runtime/telemetry/request_key.h"
 #include "runtime/telemetry/run_description.h"
 #include "runtime/telemetry/telemetry.h"
 
@@ -120,7 +123,7 @@ std::string PoseFileOf(const RunOptions& options) {
 /// Checks that no output would replace another one, or a file that the run reads.
 void CheckOutputs(const RunOptions& options, const FileKeeper& read) {
   std::vector<std::string> inputs = {options.drives, options.faults, options.bus_faults,
-                                     options.twin};
+                                     options.twin, options.key};
   for (const LoadedFile& file : read.files()) inputs.push_back(file.path);
   CheckDistinct(inputs, {options.log, options.json, options.trace, options.record, options.truth,
                          options.pose_file});
@@ -200,6 +203,7 @@ RunDescription DescribeRun(const RunOptions& options, const RunParts& parts, con
   run.bus = options.bus;
   run.mode = options.simulated() ? "simulated" : options.dry_run() ? "dry run" : "armed";
   run.attended = options.attended;
+  run.keyed = !options.key.empty();
   run.speed = options.speed;
   run.machine = DescribeMachine(options.drives_motors() ? options.bus : "");
   return run;
@@ -239,7 +243,8 @@ RecordConfiguration DescribeForRecord(const RunOptions& options, World& world,
 /// @param enter  EnterRealtime, or TryRealtime to learn of a refusal before anything is touched.
 /// @throws Refused  when motors are to be driven and the scheduling is not in force.
 std::optional<RealtimeGrant> Schedule(const RunOptions& options, std::int64_t period_ns,
-                                      RealtimeGrant (*enter)(const RealtimeConfig&)) {
+                                      RealtimeGrant (*enter)(const RealtimeConfig&),
+                                      OperatorVoice& voice) {
   const bool needed = options.drives_motors() && !options.without_realtime;
   if (!options.realtime) {
     if (!needed) return std::nullopt;
@@ -249,7 +254,7 @@ std::optional<RealtimeGrant> Schedule(const RunOptions& options, std::int64_t pe
   RealtimeGrant grant = enter(options.SchedulingAt(period_ns));
   if (!grant.in_force()) {
     if (needed) throw Refused(grant.problems + "; or accept late ticks with --without-realtime");
-    SayToOperator("warning: " + grant.problems);
+    voice.Say("warning: " + grant.problems);
   }
   return grant;
 }
@@ -289,11 +294,31 @@ void EndSummary(const Play& play, const Telemetry& telemetry, RunSummary& summar
   summary.unpublished_messages = telemetry.unpublished();
 }
 
+/// Text for people, and files, that take nothing for so long are given up where the operator has
+/// stopped the run, and waits for the program to end.
+constexpr std::chrono::seconds kPatienceOfStopped(1);
+
+/// For how long files may take nothing at the end. Where the operator has stopped the run, or asks
+/// once more for the end, he does not wait for long.
+class EndPatience {
+ public:
+  explicit EndPatience(bool stopped) : stopped_(stopped) {}
+  std::chrono::milliseconds operator()() {
+    constexpr std::chrono::seconds kPatience(10);
+    stopped_ = stopped_ || InterruptMailbox().Take().quit;
+    return stopped_ ? kPatienceOfStopped : kPatience;
+  }
+
+ private:
+  bool stopped_;
+};
+
 /// Completes the flight record.
 void StopRecorder(FlightRecorder& recorder, RunSummary& summary) {
   recorder.Stop(summary.reason.empty()
                     ? ToString(summary.outcome)
-                    : fmt::format("{}: {}", ToString(summary.outcome), summary.reason));
+                    : fmt::format("{}: {}", ToString(summary.outcome), summary.reason),
+                EndPatience(summary.outcome == RunOutcome::kStopped));
   summary.recorded_ticks = recorder.recorded();
   summary.unrecorded_ticks = recorder.pushed() - recorder.recorded();
   summary.record_problem = recorder.problem();
@@ -311,6 +336,19 @@ void LeaveOutUnwritten(RunSummary& summary) {
   });
 }
 
+/// Prints a text. A terminal that was stopped is waited for, unless the run was stopped as well, or
+/// until somebody asks for the end.
+void Print(const std::string& text, std::FILE* out, bool stopped) {
+  std::fflush(out);
+  OperatorVoice voice(fileno(out));
+  voice.Say(text);
+  while (!voice.Await(kPatienceOfStopped)) {
+    if (stopped || InterruptMailbox().Take().quit) return;
+  }
+  // The stream that refuses the same is what RunProgram looks at.
+  if (voice.failed()) std::fputs(text.c_str(), out);
+}
+
 /// Prints the summary. A run that is over is told of whatever could not be written.
 void Say(RunSummary& summary, const RunOptions& options) {
   if (!summary.record_problem.empty()) summary.unwritten.push_back(summary.record_problem);
@@ -325,7 +363,9 @@ void Say(RunSummary& summary, const RunOptions& options) {
   }
   // Standard output is kept free for frames or JSON, where they were asked for there.
   std::FILE* out = options.json == "-" || options.dry_run() ? stderr : stdout;
-  std::fputs(Printable(ToText(summary)).c_str(), out);
+  std::string text = Printable(ToText(summary));
+  if (text.ends_with('\n')) text.pop_back();
+  Print(text, out, summary.outcome == RunOutcome::kStopped);
 }
 
 /// @param pose_file  holds where the joints were in the end of the last run. Empty: not kept.
@@ -341,11 +381,12 @@ ExecutorConfig ConfigOf(const RunOptions& options, const RunSettings& settings,
 }
 
 /// The run has ended, so that a file that cannot be written is only told.
-void KeepPose(const std::string& file, const TickRecord& last, const DrivesConfig& drives) {
+void KeepPose(const std::string& file, const TickRecord& last, const DrivesConfig& drives,
+              OperatorVoice& voice) {
   try {
     WriteKnownPose(file, last, drives);
   } catch (const std::exception& error) {
-    SayToOperator(fmt::format("warning: where the joints are is not kept: {}", error.what()));
+    voice.Say(fmt::format("warning: where the joints are is not kept: {}", error.what()));
   }
 }
 
@@ -361,9 +402,13 @@ class BenchOfWorld final : public BenchWorld {
   World& world_;
 };
 
-/// Proves of the drives what the options ask for. @throws Refused; BenchInterrupted.
-void CheckDrives(const RunOptions& options, const RunParts& parts, World& world) {
+/// Proves of the drives what the options ask for. Telemetry tells of it, so that others can end it.
+/// @throws Refused; BenchInterrupted.
+void CheckDrives(const RunOptions& options, const RunParts& parts, World& world,
+                 Telemetry& telemetry, OperatorVoice& voice) {
   if (!options.checks_drives()) return;
+  telemetry.NoteChecking();
+  telemetry.Start();
   BenchOfWorld bench(world);
   const std::unique_ptr<BenchOperator> somebody =
       MakeAskedOperator({options.answers, false, nullptr});
@@ -372,33 +417,37 @@ void CheckDrives(const RunOptions& options, const RunParts& parts, World& world)
   checks.watchdog = options.prove_watchdog;
   checks.clear = options.clear;
   CheckBeforeArming(bench, parts.drives, JointsOf(parts.file), checks, *somebody,
-                    [&options](const std::string& line) {
-                      SayToOperator(fmt::format("{}: {}", options.program, line));
+                    [&options, &voice](const std::string& line) {
+                      voice.Say(fmt::format("{}: {}", options.program, line));
                     });
 }
 
 /// Takes requests by LCM, where the run has it.
 void Listen(const RunOptions& options, const SequenceGraph<float>& graph, std::int64_t run,
-            std::int64_t period_ns, std::optional<LcmCommands>& commands) {
+            std::int64_t period_ns, OperatorVoice& voice, std::optional<LcmCommands>& commands) {
   if (options.lcm_url.empty()) return;
   constexpr double kAgeMax_s = 2;
   const double age_max = std::ceil(kAgeMax_s * 1e9 / static_cast<double>(period_ns));
-  commands.emplace(options.lcm_url, InterruptMailbox(), graph,
-                   CommandAddress{run, static_cast<std::int64_t>(age_max)});
+  CommandAddress address{run, static_cast<std::int64_t>(age_max), std::nullopt};
+  if (!options.key.empty()) address.key.emplace(options.key);
+  commands.emplace(options.lcm_url, InterruptMailbox(), graph, address,
+                   [&voice](const std::string& text) { voice.Say(text); });
 }
 
 /// Tells the operator from now on when the robot is held at the end.
 void NoteHolds(const std::string& program, const RunProcedureConfig& procedure,
-               std::int64_t period_ns, std::optional<HoldNotice>& notice) {
-  notice.emplace(
-      static_cast<double>(procedure.stop_hold_ticks * period_ns) * 1e-9,
-      [program](const std::string& text) { SayToOperator(fmt::format("{}: {}", program, text)); });
+               std::int64_t period_ns, OperatorVoice& voice, std::optional<HoldNotice>& notice) {
+  notice.emplace(static_cast<double>(procedure.stop_hold_ticks * period_ns) * 1e-9,
+                 [program, &voice](const std::string& text) {
+                   voice.Say(fmt::format("{}: {}", program, text));
+                 });
 }
 
 /// Writes the rest of the telemetry. What could not be written stands in the summary.
-void StopTelemetry(Telemetry& telemetry, RunSummary& summary) {
+/// @param stopped  whether the operator has stopped the run.
+void StopTelemetry(Telemetry& telemetry, bool stopped, RunSummary& summary) {
   try {
-    telemetry.Stop();
+    telemetry.Stop(EndPatience(stopped));
   } catch (const std::exception& error) {
     summary.unwritten.emplace_back(error.what());
   }
@@ -466,8 +515,11 @@ std::optional<RunSummary> PlayRun(RunOptions options, const Simulation* simulati
   }
 
   const std::int64_t period_ns = PeriodOf(options, parts.drives);
+  // A recorder's thread that had to be left behind keeps it.
+  const auto shared_voice = std::make_shared<OperatorVoice>(STDERR_FILENO);
+  OperatorVoice& voice = *shared_voice;
   if (options.drives_motors() && !options.without_realtime)
-    static_cast<void>(Schedule(options, period_ns, TryRealtime));
+    static_cast<void>(Schedule(options, period_ns, TryRealtime, voice));
 
   std::unique_ptr<FlightRecorder> recorder;
   const std::unique_ptr<World> world =
@@ -477,13 +529,16 @@ std::optional<RunSummary> PlayRun(RunOptions options, const Simulation* simulati
   const RunDescription description = DescribeRun(options, parts, *world);
   Telemetry telemetry(TelemetryOf(options, description, *world));
   std::optional<LcmCommands> commands;
-  Listen(options, graph, description.number, period_ns, commands);
+  Listen(options, graph, description.number, period_ns, voice, commands);
   if (!options.record.empty()) {
     RecordConfiguration configuration = DescribeForRecord(options, *world, description, files);
     configuration.period_ns = period_ns;
     configuration.executor = executor_config;
     configuration.procedure = procedure_config;
-    recorder = OpenRecorder(options.record, configuration, options.program);
+    recorder = OpenRecorder(options.record, configuration,
+                            [shared_voice, program = options.program](const std::string& text) {
+                              shared_voice->Say(program + ": " + text);
+                            });
   }
 
   NoteHoldWithoutEnd(options, procedure_config);
@@ -491,22 +546,24 @@ std::optional<RunSummary> PlayRun(RunOptions options, const Simulation* simulati
   world->Open();
   CatchInterrupts();
   try {
-    CheckDrives(options, parts, *world);
-  } catch (const BenchInterrupted&) {
-    SayToOperator(options.program + ": interrupted while the drives were checked: torque off");
+    CheckDrives(options, parts, *world, telemetry, voice);
+  } catch (const BenchInterrupted& end) {
+    telemetry.NoteCheckEnded(end.wish().id);
+    voice.Say(fmt::format("{}: {} while the drives were checked: torque off", options.program,
+                          end.wish().id == 0 ? "interrupted" : "stopped by a request"));
     return std::nullopt;
   }
   Play play(assembly, *world, {&telemetry, recorder.get()});
   RunSummary summary = BeginSummary(options, parts, description);
   std::optional<CpuAwake> awake;
   if (options.realtime) awake.emplace();
-  summary.realtime = Schedule(options, period_ns, EnterRealtime);
+  summary.realtime = Schedule(options, period_ns, EnterRealtime, voice);
   if (awake && awake->held()) summary.realtime->scheduling += ", processors kept awake";
   telemetry.SetScheduling(summary.realtime ? summary.realtime->scheduling : "time-shared");
   bool armed = false;
   std::optional<HoldNotice> notice;
   if (world->real_time() && !options.dry_run())
-    NoteHolds(options.program, procedure_config, period_ns, notice);
+    NoteHolds(options.program, procedure_config, period_ns, voice, notice);
   play.Run(procedure_config, period_ns, [&](const ControlLoop& loop) {
     if (notice) notice->Note(play.procedure());
     if (commands) commands->NoteTick(loop.statistics().ticks - 1);
@@ -514,9 +571,9 @@ std::optional<RunSummary> PlayRun(RunOptions options, const Simulation* simulati
     if (source.each_tick) source.each_tick(loop);
   });
   notice.reset();
-  StopTelemetry(telemetry, summary);
+  StopTelemetry(telemetry, play.procedure().outcome() == RunOutcome::kStopped, summary);
   // What was found by a run that was refused is what it was refused for.
-  if (!pose_file.empty() && armed) KeepPose(pose_file, play.loop().record(), parts.drives);
+  if (!pose_file.empty() && armed) KeepPose(pose_file, play.loop().record(), parts.drives, voice);
 
   EndSummary(play, telemetry, summary);
   if (commands) {

@@ -112,7 +112,7 @@ bool ReadMessage(std::span<const std::uint8_t> bytes, run_t& message) {
   Walk walk(bytes);
   walk.Skip(2 * kWide);
   walk.Texts(5);
-  walk.Skip(1 + 2 * kWide);
+  walk.Skip(3 + 3 * kWide);
   walk.Texts(2 * walk.Count());
   walk.Texts(walk.Count());
   walk.Texts(walk.Count());

@@ -111,6 +111,7 @@ RunMessage::RunMessage(const RunDescription& about) : bit_rate_(about.bit_rate) 
   message_.bus = about.bus;
   message_.mode = about.mode;
   message_.attended = about.attended ? 1 : 0;
+  message_.keyed = about.keyed ? 1 : 0;
   message_.rate_hz = about.rate_hz;
   message_.speed = about.speed;
   message_.error_codes = about.error_codes;

@@ -44,6 +44,12 @@ class RunMessage {
   explicit RunMessage(const RunDescription& about);
 
   void SetScheduling(const std::string& scheduling) { message_.scheduling = scheduling; }
+  /// @param checking  whether drives are being checked before the first record.
+  /// @param request   that ended the check; 0: none.
+  void SetCheck(bool checking, std::int64_t request) {
+    message_.checking = checking ? 1 : 0;
+    message_.check_request = request;
+  }
   /// Adds one record to the figures.
   void Count(const TimedRecord& timed);
   /// The message at this time. Its bus load counts from the message before.

@@ -18,6 +18,7 @@ struct RunDescription {
   std::string bus;
   std::string mode;  ///< `armed`, `dry run` or `simulated`
   bool attended = false;
+  bool keyed = false;        ///< Whether requests for motion have to be signed.
   double rate_hz = 1000;     ///< Rate of the loop.
   int bit_rate = 1'000'000;  ///< Bit rate of the bus [bit/s].
   double speed = 1;

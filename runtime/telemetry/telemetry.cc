@@ -2,14 +2,16 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <atomic>
-#include <cerrno>
-#include <chrono>
-#include <cstdio>
+#include <condition_variable>
+#include <limits>
+#include <mutex>
 #include <optional>
 #include <stdexcept>
-#include <system_error>
 #include <thread>
+#include <utility>
+#include <vector>
 
 #include <lcm/lcm-cpp.hpp>
 
@@ -17,190 +19,443 @@
 #include "common/ring_buffer.h"
 #include "runtime/telemetry/channels.h"
 #include "runtime/telemetry/messages.h"
+#include "runtime/telemetry/output_file.h"
 #include "runtime/telemetry/state_csv.h"
 
 namespace tumbler {
-struct Telemetry::Implementation {
+namespace {
+
+using SteadyClock = std::chrono::steady_clock;
+
+constexpr std::int64_t kRunPeriod_ns = 250'000'000;
+
+/// What the outputs of a run share. A thread that was left behind still has it.
+struct SharedFigures {
+  std::atomic<std::int64_t> lost{0};
+  std::atomic<std::int64_t> unpublished{0};
+  std::mutex mutex;  // guards the rest; the loop never asks for it
+  std::string scheduling;
+  bool checking = false;
+  std::int64_t check_request = 0;
+};
+
+/// One output: takes the records out of its ring. The base counts them alone.
+class Outlet {
+ public:
+  Outlet() = default;
+  Outlet(const Outlet&) = delete;
+  Outlet& operator=(const Outlet&) = delete;
+  virtual ~Outlet() = default;
+
+  /// From the loop. @returns false when there is no room.
+  [[nodiscard]] bool Push(const TimedRecord& record) noexcept { return ring_.Push(record); }
+  /// Writes the records in the ring.
+  void Drain() {
+    TimedRecord timed;
+    while (ring_.Pop(timed)) {
+      Take(timed);
+      written_.fetch_add(1, std::memory_order_relaxed);
+    }
+  }
+  /// Called when the ring was found empty, in a thread.
+  virtual void Idle() {}
+  /// Writes what comes after the last record.
+  virtual void Finish() {}
+  /// Puts a whole file in place, after Finish.
+  virtual void Commit() {}
+  [[nodiscard]] virtual bool failed() const { return false; }
+  /// The file; empty: it is none.
+  [[nodiscard]] virtual const std::string& file() const { return file_; }
+  [[nodiscard]] std::int64_t written() const noexcept { return written_; }
+  /// Grows as long as the output takes something.
+  [[nodiscard]] virtual std::int64_t progress() const noexcept { return written_; }
+
+ protected:
+  std::string file_;
+
+ private:
   /// Four seconds at 1 kHz. No stall of a disk was seen that lasted longer.
   static constexpr std::size_t kRingCapacity = 4096;
-  static constexpr std::int64_t kRunPeriod_ns = 250'000'000;
 
-  explicit Implementation(const TelemetryConfig& config_in)
-      : config(config_in), events(config.run), run(config.run) {
-    if (!config.log_file.empty()) {
-      log.emplace(NameToOpen(config.log_file, pending_log, log_lock), "w");
-      if (!log->good()) {
-        throw std::runtime_error(fmt::format("{}: cannot be written: {}", config.log_file,
-                                             std::generic_category().message(errno)));
+  virtual void Take(const TimedRecord& /*timed*/) {}
+
+  RingBuffer<TimedRecord, kRingCapacity> ring_;
+  std::atomic<std::int64_t> written_{0};
+};
+
+/// An outlet, and the thread that empties it.
+class OutletThread {
+ public:
+  explicit OutletThread(std::shared_ptr<Outlet> outlet) : outlet_(std::move(outlet)) {}
+  ~OutletThread() {
+    static_cast<void>(Stop([] { return std::chrono::seconds(1); }));
+  }
+  OutletThread(const OutletThread&) = delete;
+  OutletThread& operator=(const OutletThread&) = delete;
+
+  [[nodiscard]] Outlet& outlet() const { return *outlet_; }
+
+  void Start() {
+    if (thread_.joinable()) return;
+    work_ = std::make_shared<Work>();
+    thread_ = std::thread([outlet = outlet_, work = work_] {
+      while (!work->stop) {
+        outlet->Drain();
+        outlet->Idle();
+        std::this_thread::sleep_for(std::chrono::milliseconds(5));
       }
-    }
-    if (!config.trace_file.empty()) {
-      trace.reset(
-          std::fopen(NameToOpen(config.trace_file, pending_trace, trace_lock).c_str(), "w"));
-      if (trace == nullptr) {
-        throw std::runtime_error(fmt::format("{}: cannot be written: {}", config.trace_file,
-                                             std::generic_category().message(errno)));
-      }
-      Write(StateCsvHeader(config.run.joints) + '\n');
-    }
-    if (!config.lcm_url.empty()) {
-      live = std::make_unique<lcm::LCM>(config.lcm_url);
-      if (!live->good()) {
-        throw std::runtime_error(
-            fmt::format("{}: LCM cannot use this URL (udpm needs a multicast route: `ip route add "
-                        "224.0.0.0/4 dev IFACE`)",
-                        config.lcm_url));
-      }
-    }
-    message.joints.reserve(kMaxJoints);
+      outlet->Drain();
+      outlet->Finish();
+      const std::lock_guard lock(work->mutex);
+      work->done = true;
+      work->ended.notify_all();
+    });
   }
 
-  /// Of one of the files, whose folder is made.
-  [[nodiscard]] std::string NameToOpen(const std::string& path, std::optional<PendingName>& pending,
-                                       std::optional<WriterLock>& lock) const {
-    if (config.whole_files) return pending.emplace(path).to_open();
+  /// Ends the thread; without one, writes the rest here.
+  /// @returns false when it was left behind, since its output took nothing for so long.
+  [[nodiscard]] bool Stop(const std::function<std::chrono::milliseconds()>& patience) {
+    if (stopped_) return true;
+    stopped_ = true;
+    if (!thread_.joinable()) {
+      outlet_->Drain();
+      outlet_->Finish();
+      return true;
+    }
+    work_->stop = true;
+    std::unique_lock lock(work_->mutex);
+    constexpr std::chrono::milliseconds kGlance(50);
+    std::int64_t progress = -1;
+    auto progressed = SteadyClock::now();
+    while (!work_->ended.wait_for(lock, kGlance, [this] { return work_->done; })) {
+      const std::int64_t now = outlet_->progress();
+      if (now != progress) progressed = SteadyClock::now();
+      progress = now;
+      if (SteadyClock::now() - progressed < patience()) continue;
+      thread_.detach();
+      return false;
+    }
+    lock.unlock();
+    thread_.join();
+    return true;
+  }
+
+ private:
+  struct Work {
+    std::atomic<bool> stop{false};
+    std::mutex mutex;
+    std::condition_variable ended;
+    bool done = false;
+  };
+
+  std::shared_ptr<Outlet> outlet_;
+  std::shared_ptr<Work> work_;
+  std::thread thread_;
+  bool stopped_ = false;
+};
+
+/// An outlet that makes messages of the records.
+class MessageOutlet : public Outlet {
+ public:
+  MessageOutlet(const TelemetryConfig& config, std::shared_ptr<SharedFigures> shared)
+      : number_(config.run.number),
+        shared_(std::move(shared)),
+        events_(config.run),
+        run_(config.run) {
+    message_.joints.reserve(kMaxJoints);
+  }
+
+  void Finish() override {
+    if (written() > 0) EmitRun(last_time_ns_);
+  }
+
+ protected:
+  [[nodiscard]] SharedFigures& shared() const { return *shared_; }
+
+  void EmitRun(std::int64_t time_ns) {
+    {
+      const std::lock_guard lock(shared_->mutex);
+      run_.SetScheduling(shared_->scheduling);
+      run_.SetCheck(shared_->checking && written() == 0, shared_->check_request);
+    }
+    Encode(kRunChannel, run_.At(time_ns, shared_->lost, shared_->unpublished), time_ns);
+  }
+
+ private:
+  void Take(const TimedRecord& timed) override {
+    FillState(timed, message_);
+    message_.run = number_;
+    run_.Count(timed);
+    last_time_ns_ = timed.time_ns;
+    Encode(kStateChannel, message_, timed.time_ns);
+    if (auto event = events_.Next(timed)) {
+      event->run = number_;
+      Encode(kEventChannel, *event, timed.time_ns);
+    }
+    if (timed.time_ns >= next_run_ns_) {
+      EmitRun(timed.time_ns);
+      next_run_ns_ = timed.time_ns + kRunPeriod_ns;
+    }
+  }
+
+  template <typename Message>
+  void Encode(const char* channel, const Message& m, std::int64_t time_ns) {
+    const int size = m.getEncodedSize();
+    buffer_.resize(static_cast<std::size_t>(size));
+    if (m.encode(buffer_.data(), 0, size) != size) {
+      ++shared_->unpublished;
+      return;
+    }
+    Emit(channel, buffer_, time_ns);
+  }
+  virtual void Emit(const char* channel, const std::vector<std::uint8_t>& bytes,
+                    std::int64_t time_ns) = 0;
+
+  std::int64_t number_;
+  std::shared_ptr<SharedFigures> shared_;
+  state_t message_;
+  EventWatch events_;
+  RunMessage run_;
+  std::int64_t next_run_ns_ = 0;  // time of the next run_t, on the loop's clock
+  std::int64_t last_time_ns_ = 0;
+  std::vector<std::uint8_t> buffer_;
+};
+
+/// A file of a run, under its own name or under another one until it is whole.
+class NamedFile {
+ public:
+  NamedFile(const std::string& path, bool whole)
+      : file_(NameToOpen(path, whole, pending_, lock_), path) {}
+
+  [[nodiscard]] OutputFile& operator*() { return file_; }
+  [[nodiscard]] const OutputFile& operator*() const { return file_; }
+  void Commit() {
+    if (pending_) pending_->Commit();
+  }
+
+ private:
+  static std::string NameToOpen(const std::string& path, bool whole,
+                                std::optional<PendingName>& pending,
+                                std::optional<WriterLock>& lock) {
+    if (whole) return pending.emplace(path).to_open();
     lock.emplace(path);
     return path;
   }
 
-  void Write(const std::string& text) {
-    if (std::fwrite(text.data(), 1, text.size(), trace.get()) != text.size()) trace_failed = true;
+  std::optional<PendingName> pending_;
+  std::optional<WriterLock> lock_;
+  OutputFile file_;
+};
+
+class LogOutlet final : public MessageOutlet {
+ public:
+  LogOutlet(const TelemetryConfig& config, std::shared_ptr<SharedFigures> shared)
+      : MessageOutlet(config, std::move(shared)),
+        log_(config.log_file, config.whole_files),
+        utime_at_zero_us_(config.utime_at_zero_us) {
+    file_ = config.log_file;
   }
 
-  template <typename Message>
-  void Emit(const char* channel, const Message& m, std::int64_t time_ns) {
-    const int size = m.getEncodedSize();
-    buffer.resize(static_cast<std::size_t>(size));
-    if (m.encode(buffer.data(), 0, size) != size) {
-      ++unpublished;
-      return;
+  void Idle() override { (*log_).Flush(); }
+  void Finish() override {
+    MessageOutlet::Finish();
+    (*log_).Flush();
+  }
+  void Commit() override { log_.Commit(); }
+  [[nodiscard]] bool failed() const override { return (*log_).failed(); }
+  [[nodiscard]] std::int64_t progress() const noexcept override {
+    return Outlet::progress() + (*log_).taken();
+  }
+
+ private:
+  /// An event as lcm_eventlog_write_event writes it. That one needs a stream of the C library.
+  void Emit(const char* channel, const std::vector<std::uint8_t>& bytes,
+            std::int64_t time_ns) override {
+    constexpr std::uint32_t kSyncWord = 0xEDA1DA01;
+    const std::string_view name = channel;
+    event_.clear();
+    AppendNumber(kSyncWord, 4);
+    AppendNumber(static_cast<std::uint64_t>(event_count_++), 8);
+    AppendNumber(static_cast<std::uint64_t>(utime_at_zero_us_ + time_ns / 1000), 8);
+    AppendNumber(name.size(), 4);
+    AppendNumber(bytes.size(), 4);
+    event_ += name;
+    event_.append(bytes.begin(), bytes.end());
+    (*log_).Append(event_);
+  }
+  void AppendNumber(std::uint64_t number, int size) {
+    for (int i = size; i-- > 0;)
+      event_ += static_cast<char>(number >> (8U * static_cast<unsigned>(i)) & 0xffU);
+  }
+
+  NamedFile log_;
+  std::int64_t utime_at_zero_us_;
+  std::int64_t event_count_ = 0;
+  std::string event_;
+};
+
+class LiveOutlet final : public MessageOutlet {
+ public:
+  LiveOutlet(const TelemetryConfig& config, std::shared_ptr<SharedFigures> shared)
+      : MessageOutlet(config, std::move(shared)), live_(config.lcm_url) {
+    if (!live_.good()) {
+      throw std::runtime_error(
+          fmt::format("{}: LCM cannot use this URL (udpm needs a multicast route: `ip route add "
+                      "224.0.0.0/4 dev IFACE`)",
+                      config.lcm_url));
     }
-    if (log) {
-      lcm::LogEvent event{};
-      event.timestamp = config.utime_at_zero_us + time_ns / 1000;
-      event.channel = channel;
-      event.datalen = size;
-      event.data = buffer.data();
-      if (log->writeEvent(&event) != 0) log_failed = true;
+  }
+
+  void Idle() override {
+    const auto now = SteadyClock::now();
+    if (written() > 0 || now < next_check_) return;
+    {
+      const std::lock_guard lock(shared().mutex);
+      if (!shared().checking) return;
     }
-    if (live && live->publish(channel, buffer.data(), static_cast<unsigned>(size)) != 0)
-      ++unpublished;
+    next_check_ = now + std::chrono::nanoseconds(kRunPeriod_ns);
+    EmitRun(0);
   }
-
-  void Drain() {
-    TimedRecord timed;
-    while (ring.Pop(timed)) {
-      ++written;
-      FillState(timed, message);
-      message.run = config.run.number;
-      run.Count(timed);
-      last_time_ns = timed.time_ns;
-      if (log || live) {
-        Emit(kStateChannel, message, timed.time_ns);
-        if (auto event = events.Next(timed)) {
-          event->run = config.run.number;
-          Emit(kEventChannel, *event, timed.time_ns);
-        }
-        if (timed.time_ns >= next_run_ns) {
-          EmitRun(timed.time_ns);
-          next_run_ns = timed.time_ns + kRunPeriod_ns;
-        }
-      }
-      if (trace != nullptr) {
-        row.clear();
-        AppendStateCsvRow(message, row);
-        Write(row);
-      }
+  void Finish() override {
+    MessageOutlet::Finish();
+    {
+      const std::lock_guard lock(shared().mutex);
+      if (shared().check_request == 0) return;
     }
+    constexpr int kTimes = 3;  // A datagram may get lost, and who asked waits for this one.
+    for (int i = 0; i < kTimes; ++i) EmitRun(0);
   }
 
-  void EmitRun(std::int64_t time_ns) {
-    Emit(kRunChannel, run.At(time_ns, lost, unpublished), time_ns);
+ private:
+  void Emit(const char* channel, const std::vector<std::uint8_t>& bytes,
+            std::int64_t /*time_ns*/) override {
+    if (live_.publish(channel, bytes.data(), static_cast<unsigned>(bytes.size())) != 0)
+      ++shared().unpublished;
   }
 
-  struct CloseFile {
-    void operator()(std::FILE* file) const noexcept { std::fclose(file); }
-  };
+  lcm::LCM live_;
+  SteadyClock::time_point next_check_;
+};
 
-  RingBuffer<TimedRecord, kRingCapacity> ring;
-  TelemetryConfig config;
-  std::atomic<std::int64_t> lost{0};
-  std::atomic<bool> stop{false};
-  std::thread thread;
+class TraceOutlet final : public Outlet {
+ public:
+  explicit TraceOutlet(const TelemetryConfig& config)
+      : trace_(config.trace_file, config.whole_files), number_(config.run.number) {
+    file_ = config.trace_file;
+    message_.joints.reserve(kMaxJoints);
+    (*trace_).Append(StateCsvHeader(config.run.joints) + '\n');
+  }
 
-  // Only the draining side uses these.
-  std::optional<PendingName> pending_log, pending_trace;
-  std::optional<WriterLock> log_lock, trace_lock;
-  std::optional<lcm::LogFile> log;
-  std::unique_ptr<lcm::LCM> live;
-  std::unique_ptr<std::FILE, CloseFile> trace;
-  state_t message;
-  EventWatch events;
-  RunMessage run;
-  std::int64_t next_run_ns = 0;  // time of the next run_t, on the loop's clock
-  std::int64_t last_time_ns = 0;
-  std::vector<std::uint8_t> buffer;
-  std::string row;
-  bool log_failed = false;
-  bool trace_failed = false;
-  std::atomic<std::int64_t> unpublished{0};
-  std::atomic<std::int64_t> written{0};
+  void Idle() override { (*trace_).Flush(); }
+  void Finish() override { (*trace_).Flush(); }
+  void Commit() override { trace_.Commit(); }
+  [[nodiscard]] bool failed() const override { return (*trace_).failed(); }
+  [[nodiscard]] std::int64_t progress() const noexcept override {
+    return Outlet::progress() + (*trace_).taken();
+  }
+
+ private:
+  void Take(const TimedRecord& timed) override {
+    FillState(timed, message_);
+    message_.run = number_;
+    row_.clear();
+    AppendStateCsvRow(message_, row_);
+    (*trace_).Append(row_);
+  }
+
+  NamedFile trace_;
+  std::int64_t number_;
+  state_t message_;
+  std::string row_;
+};
+
+}  // namespace
+
+struct Telemetry::Implementation {
+  explicit Implementation(const TelemetryConfig& config) {
+    shared->scheduling = config.run.scheduling;
+    if (!config.log_file.empty()) Add(std::make_shared<LogOutlet>(config, shared));
+    if (!config.trace_file.empty()) Add(std::make_shared<TraceOutlet>(config));
+    if (!config.lcm_url.empty()) Add(std::make_shared<LiveOutlet>(config, shared));
+    if (outlets.empty()) Add(std::make_shared<Outlet>());
+  }
+
+  void Add(std::shared_ptr<Outlet> outlet) {
+    outlets.push_back(std::make_unique<OutletThread>(std::move(outlet)));
+  }
+
+  std::shared_ptr<SharedFigures> shared = std::make_shared<SharedFigures>();
+  std::vector<std::unique_ptr<OutletThread>> outlets;
 };
 
 Telemetry::Telemetry(const TelemetryConfig& config)
     : implementation_(std::make_unique<Implementation>(config)) {}
 
-Telemetry::~Telemetry() {
-  implementation_->stop = true;
-  if (implementation_->thread.joinable()) implementation_->thread.join();
-}
+Telemetry::~Telemetry() = default;
 
 void Telemetry::Push(const TimedRecord& record) noexcept {
-  if (!implementation_->ring.Push(record))
-    implementation_->lost.fetch_add(1, std::memory_order_relaxed);
+  bool taken = true;
+  for (const auto& thread : implementation_->outlets)
+    taken = thread->outlet().Push(record) && taken;
+  if (!taken) implementation_->shared->lost.fetch_add(1, std::memory_order_relaxed);
 }
 
 void Telemetry::SetScheduling(const std::string& scheduling) {
-  implementation_->run.SetScheduling(scheduling);
+  const std::lock_guard lock(implementation_->shared->mutex);
+  implementation_->shared->scheduling = scheduling;
 }
 
-void Telemetry::Drain() { implementation_->Drain(); }
+void Telemetry::NoteChecking() {
+  const std::lock_guard lock(implementation_->shared->mutex);
+  implementation_->shared->checking = true;
+}
+
+void Telemetry::NoteCheckEnded(std::uint32_t request_id) {
+  const std::lock_guard lock(implementation_->shared->mutex);
+  implementation_->shared->checking = false;
+  implementation_->shared->check_request = request_id;
+}
+
+void Telemetry::Drain() {
+  for (const auto& thread : implementation_->outlets) thread->outlet().Drain();
+}
 
 void Telemetry::Start() {
-  implementation_->stop = false;
-  implementation_->thread = std::thread([this] {
-    while (!implementation_->stop) {
-      implementation_->Drain();
-      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  for (const auto& thread : implementation_->outlets) thread->Start();
+}
+
+void Telemetry::Stop(const std::function<std::chrono::milliseconds()>& patience) {
+  constexpr std::chrono::seconds kPatience(10);
+  const std::function<std::chrono::milliseconds()> until =
+      patience ? patience : [kPatience]() -> std::chrono::milliseconds { return kPatience; };
+  std::string names;
+  std::string stalled;
+  for (const auto& thread : implementation_->outlets) {
+    const bool ended = thread->Stop(until);
+    const std::string& file = thread->outlet().file();
+    if (file.empty()) continue;
+    if (ended && !thread->outlet().failed()) {
+      thread->outlet().Commit();
+      continue;
     }
-  });
+    names += (names.empty() ? "" : ", ") + file;
+    if (!ended) stalled += (stalled.empty() ? "" : ", ") + file;
+  }
+  if (names.empty()) return;
+  throw std::runtime_error(
+      fmt::format("{}: could not be written whole{}", names,
+                  stalled.empty() ? "" : fmt::format("; {} took nothing any more", stalled)));
 }
 
-void Telemetry::Stop() {
-  implementation_->stop = true;
-  if (implementation_->thread.joinable()) implementation_->thread.join();
-  implementation_->Drain();
-  if (implementation_->written > 0 && (implementation_->log || implementation_->live))
-    implementation_->EmitRun(implementation_->last_time_ns);
-  if (implementation_->log && std::fflush(implementation_->log->getFilePtr()) != 0)
-    implementation_->log_failed = true;
-  if (implementation_->trace != nullptr && std::fflush(implementation_->trace.get()) != 0) {
-    implementation_->trace_failed = true;
-  }
-  const std::string& log = implementation_->config.log_file;
-  const std::string& trace = implementation_->config.trace_file;
-  if (implementation_->log_failed && implementation_->trace_failed)
-    throw std::runtime_error(fmt::format("{}, {}: could not be written whole", log, trace));
-  if (implementation_->log_failed || implementation_->trace_failed) {
-    throw std::runtime_error(
-        fmt::format("{}: could not be written whole", implementation_->log_failed ? log : trace));
-  }
-  if (implementation_->pending_log) implementation_->pending_log->Commit();
-  if (implementation_->pending_trace) implementation_->pending_trace->Commit();
+std::int64_t Telemetry::lost() const noexcept { return implementation_->shared->lost; }
+std::int64_t Telemetry::unpublished() const noexcept {
+  return implementation_->shared->unpublished;
 }
-
-std::int64_t Telemetry::lost() const noexcept { return implementation_->lost; }
-std::int64_t Telemetry::unpublished() const noexcept { return implementation_->unpublished; }
-std::int64_t Telemetry::written() const noexcept { return implementation_->written; }
+std::int64_t Telemetry::written() const noexcept {
+  std::int64_t least = std::numeric_limits<std::int64_t>::max();
+  for (const auto& thread : implementation_->outlets)
+    least = std::min(least, thread->outlet().written());
+  return least;
+}
 
 }  // namespace tumbler

@@ -371,7 +371,7 @@ class Live(unittest.TestCase):
         joint = (len(state) - self.count_at(state) - 4) // count
         hostile = state[:-joint] + struct.pack(">f", float("nan")) * 14 + state[len(state) - joint + 56:]
         strings = 8 + 16
-        names = about[:strings] + text(evil) * 5 + struct.pack(">bdd", 0, float("nan"), float("inf"))
+        names = about[:strings] + text(evil) * 5 + struct.pack(">bbbqdd", 0, 0, 0, 0, float("nan"), float("inf"))
         names += struct.pack(">i", 2) + text(evil) * 4 + struct.pack(">i", 1) + text(evil) + struct.pack(">i", 0)
         names += text(evil) * 4 + about[-(3 * 8 + 10 * 4 + 4 + 4 + 2 * 8):]
         for _ in range(3):
@@ -417,6 +417,69 @@ class Live(unittest.TestCase):
         self.assertEqual(status, 0, rest)
         for client in clients:
             client.close()
+
+    def test_slow_clients_keep_no_request_waiting(self):
+        view = self.view()
+        for _ in range(5):  # They are cut after two seconds, within which a busy machine may not get through.
+            slow = [socket.create_connection(("127.0.0.1", view.port), timeout=20) for _ in range(30)]
+            for client in slow:
+                client.sendall(b"POST " + view.path.encode() + b"stop HTTP/1.1\r\nHost: ")
+            self.assertEqual(view.ask(view.path + "stop", method="POST"), 409, "no run is heard")
+            self.assertEqual(view.ask(view.path), 200)
+            waiting = 0
+            for client in slow:
+                client.setblocking(False)
+                try:
+                    client.recv(1)
+                except BlockingIOError:
+                    waiting += 1
+                except ConnectionResetError:
+                    pass
+                client.close()
+            if waiting == len(slow):
+                break
+        self.assertEqual(waiting, len(slow), "they were still slow when the others had been answered")
+
+    def test_many_slow_clients_are_cut_and_end_nothing(self):
+        view = self.view()
+        slow = [socket.create_connection(("127.0.0.1", view.port), timeout=20) for _ in range(300)]
+        for _ in range(3):
+            self.assertEqual(view.ask(view.path + "disarm", method="POST"), 409)
+            self.assertEqual(view.ask(view.path), 200)
+        for client in slow[:200]:  # Of one address at most 32 may wait.
+            client.settimeout(20)
+            try:
+                self.assertEqual(client.recv(1), b"")
+            except ConnectionResetError:
+                pass
+        for client in slow:
+            client.close()
+        self.assertEqual(view.end()[0], 0)
+
+    def test_a_request_to_stop_goes_to_every_run_of_the_robot(self):
+        view = self.view()
+        self.play()
+        bus = Multicast()
+        state, about = bus.wait("TUMBLER_STATE"), bus.wait("TUMBLER_RUN")
+        number = state[24:32]
+        earlier = struct.pack(">q", 12)  # A log of the same robot is played.
+        asked = set()
+        for _ in range(200):
+            bus.send("TUMBLER_RUN", about[:16] + earlier + about[24:])
+            bus.send("TUMBLER_STATE", state[:24] + earlier + state[32:])
+            if not asked:
+                answer = view.ask(view.path + "stop", method="POST", body=str(struct.unpack(">q", number)[0]).encode())
+                if answer != 202:
+                    answer = view.ask(view.path + "stop", method="POST", body=b"12")
+            for _ in range(10):
+                name, data = bus.next()
+                if name == "TUMBLER_COMMAND":
+                    self.assertEqual(data[32], STOP)
+                    asked.add(data[16:24])
+            if asked == {number, earlier}:
+                break
+        self.assertEqual(asked, {number, earlier})
+        bus.socket.close()
 
     def test_says_that_the_port_is_taken_or_the_url_cannot_be_used(self):
         view = self.view()

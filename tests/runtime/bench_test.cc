@@ -172,7 +172,9 @@ TEST_P(BenchOf, AnInterruptAtAnyTimeEndsWithTheTorqueOff) {
     static_cast<void>(Jog(session, 0, {0.1, false}, nullptr));
   };
   const auto prove = [](BenchSession& session) { static_cast<void>(ProveWatchdog(session, 0)); };
-  const auto interrupt = [&](int tick, const std::function<void(BenchSession&)>& work) {
+  const auto interrupt_by = [&](const OperatorWish& wish, int tick,
+                                const std::function<void(BenchSession&)>& work) {
+    SCOPED_TRACE(ToString(wish.request));
     SCOPED_TRACE(tick);
     int ticks = 0;
     const auto run = [&] {
@@ -180,18 +182,30 @@ TEST_P(BenchOf, AnInterruptAtAnyTimeEndsWithTheTorqueOff) {
       ASSERT_THAT(session.AwaitReplies(), IsEmpty());
       session.ClearErrors();  // of a silence that an earlier interrupt ended
       world_.each_tick = [&] {
-        if (++ticks == tick) InterruptMailbox().Put({0, OperatorRequest::kFinish, -1, true});
+        if (++ticks == tick) InterruptMailbox().Put(wish);
       };
       work(session);
     };
-    EXPECT_THROW(run(), BenchInterrupted);
+    try {
+      run();
+      ADD_FAILURE() << "it goes on";
+    } catch (const BenchInterrupted& end) {
+      EXPECT_EQ(end.wish(), wish);
+    }
     world_.each_tick = {};
     EXPECT_FALSE(world_.AnyEnabled());
+  };
+  const auto interrupt = [&](int tick, const std::function<void(BenchSession&)>& work) {
+    interrupt_by({0, OperatorRequest::kFinish, -1, true}, tick, work);
   };
   const double ticks_in_ms = 1e-3 * drives_.rate_hz;
   for (const int tick : {1, 5, 40, 300, 700, 1000, 1150})
     interrupt(static_cast<int>(std::ceil(tick * ticks_in_ms)), jog);
   for (const int tick : {1, 10, 40, 60, 100}) interrupt(tick, prove);
+  for (const OperatorRequest request :
+       {OperatorRequest::kFinish, OperatorRequest::kStop, OperatorRequest::kDisarm}) {
+    interrupt_by({7, request, -1, false}, 40, prove);  // by LCM
+  }
 }
 
 TEST_P(BenchOf, ADriveErrorInMidMotionIsAFaultThatNamesTheDriveAndTheTorqueGoesOff) {

@@ -10,6 +10,8 @@
 
 #include <algorithm>
 #include <array>
+#include <chrono>
+#include <csignal>
 #include <cstddef>
 #include <cstdlib>
 #include <filesystem>
@@ -23,6 +25,7 @@
 #include "runtime/assembly/run_checks.h"
 #include "runtime/assembly/run_parts.h"
 #include "runtime/linux/doctor.h"
+#include "runtime/linux/operator_voice.h"
 #include "runtime/linux/realtime_thread.h"
 #include "runtime/linux/service_notice.h"
 #include "runtime/run/known_pose.h"
@@ -435,6 +438,36 @@ TEST_F(HostSetUp, GivesAProgramTheCapabilitiesThatItLacks) {
               lacks)
         << run.text;
   }
+}
+
+TEST(OperatorVoice, NeverWaitsForWhoTakesNothingAndSaysHowMuchWasLeftOut) {
+  std::array<int, 2> pipe_ends{};
+  ASSERT_EQ(pipe(pipe_ends.data()), 0);
+  std::signal(SIGPIPE, SIG_IGN);
+  const std::string long_line(100'000, 'a');  // more than a pipe takes
+  {
+    OperatorVoice voice(pipe_ends[1], 4);
+    voice.Say(long_line);
+    EXPECT_FALSE(voice.Await(std::chrono::milliseconds(10)));
+    for (int i = 0; i < 10; ++i) voice.Say(std::to_string(i));
+    std::string text;
+    std::array<char, 4096> buffer;
+    while (text.find("left out)\n") == std::string::npos) {
+      const ssize_t count = read(pipe_ends[0], buffer.data(), buffer.size());
+      ASSERT_GT(count, 0);
+      text.append(buffer.data(), static_cast<std::size_t>(count));
+    }
+    EXPECT_EQ(text, long_line + "\n0\n1\n2\n3\n(6 messages were left out)\n");
+    voice.Say("again");
+    EXPECT_TRUE(voice.Await(std::chrono::seconds(20)));
+    EXPECT_EQ(read(pipe_ends[0], buffer.data(), buffer.size()), 6);
+    EXPECT_FALSE(voice.failed());
+    close(pipe_ends[0]);
+    voice.Say("nobody reads");
+    EXPECT_TRUE(voice.Await(std::chrono::seconds(20)));
+    EXPECT_TRUE(voice.failed());
+  }
+  close(pipe_ends[1]);
 }
 
 }  // namespace

@@ -114,10 +114,10 @@ class RunOnCan : public ::testing::Test {
 
   /// Starts simulated drives. They are away from the motion's start, and their rotors stop soon
   /// when they are let go.
-  void StartDrives(const std::string& interface) {
+  void StartDrives(const std::string& interface, const std::string& friction = "1") {
     drives_ = std::make_unique<Program>(std::vector<std::string>{
-        testing::ProgramPath("tumbler-drives"), interface, Path("drives.toml"), "--friction", "1",
-        "--position", "joint1=" + std::to_string(start_rad_[0] + 0.05), "--position",
+        testing::ProgramPath("tumbler-drives"), interface, Path("drives.toml"), "--friction",
+        friction, "--position", "joint1=" + std::to_string(start_rad_[0] + 0.05), "--position",
         "joint2=" + std::to_string(start_rad_[1] - 0.05)});
     ASSERT_TRUE(drives_->WaitFor("2 drives on " + interface)) << drives_->text();
   }
@@ -651,6 +651,33 @@ TEST_F(RunOnCan, TwoInterruptsBrakeHoldAndLetGo) {
     EXPECT_GT(end_s, report.last_driving_s + 0.1);
     ASSERT_TRUE(drives_->WaitFor("joint2: disabled"));
   });
+}
+
+TEST_F(RunOnCan, ARequestTowardsRestEndsACheckOfTheDrivesWithTheTorqueOff) {
+  const std::string url = "udpm://239.255.76.67:7667?ttl=0";
+  Shell("ip link set lo up && ip link set lo multicast on && ip route replace 224.0.0.0/4 dev lo");
+  for (const char* const request : {"stop", "disarm", "finish"}) {
+    SCOPED_TRACE(request);
+    testing::InSteadyTime([&] {
+      Reset();
+      // Each drive is left alone for so long that the request comes meanwhile, and its joint hardly
+      // turns.
+      WriteFile(Path("drives.toml"), testing::ReplacedAll(ReadFile(Path("drives.toml")),
+                                                          "watchdog_s = 0.2", "watchdog_s = 9"));
+      const VirtualCan can;
+      StartDrives(can.name(), "60");
+      const std::unique_ptr<Program> run =
+          Start(can.name(), {"--arm", "--without-realtime", "--prove-watchdog", "--lcm-url", url});
+      ASSERT_TRUE(drives_->WaitFor("joint1: enabled")) << run->text();
+      const testing::Outcome asked =
+          testing::RunProgram({"tumbler-ctl", "--lcm-url", url, request});
+      EXPECT_EQ(asked.exit_code, 0) << asked.text;
+      EXPECT_THAT(asked.text, HasSubstr("taken while the drives were checked"));
+      EXPECT_EQ(run->Wait(), kStopped) << run->text();
+      EXPECT_THAT(run->text(), HasSubstr("by a request while the drives were checked: torque off"));
+      EXPECT_TRUE(drives_->WaitFor("joint1: disabled"));
+    });
+  }
 }
 
 }  // namespace

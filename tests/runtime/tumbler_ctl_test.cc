@@ -2,18 +2,29 @@
 // network namespace of the test's own (CMakeLists.txt).
 
 #include <arpa/inet.h>
+#include <fcntl.h>
 #include <gmock/gmock-matchers.h>
 #include <gtest/gtest.h>
 #include <netinet/in.h>
+#include <pty.h>
 #include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
 #include <csignal>
 #include <cstdint>
 #include <cstdio>
+#include <lcm/lcm-cpp.hpp>
+#include <limits>
 #include <memory>
 #include <string>
+#include <thread>
+#include <tumbler/command_t.hpp>
+#include <tumbler/run_t.hpp>
+#include <tumbler/state_t.hpp>
 #include <vector>
 
 #include "common/json.h"
@@ -75,6 +86,10 @@ class TumblerCtl : public ::testing::Test {
     WriteFile(drives_, ReplacedAll(text, "watchdog_s = 0.025", "watchdog_s = 1.0"));
   }
   [[nodiscard]] std::unique_ptr<Program> Play(const std::vector<std::string>& more = {}) const {
+    return std::make_unique<Program>(PlayArguments(more));
+  }
+  [[nodiscard]] std::vector<std::string> PlayArguments(
+      const std::vector<std::string>& more = {}) const {
     std::vector<std::string> arguments{testing::ProgramPath("tumbler-run"),
                                        "sim",
                                        kGait,
@@ -87,7 +102,7 @@ class TumblerCtl : public ::testing::Test {
                                        "--drives",
                                        drives_};
     arguments.insert(arguments.end(), more.begin(), more.end());
-    return std::make_unique<Program>(arguments);
+    return arguments;
   }
 
  private:
@@ -240,6 +255,179 @@ TEST_F(TumblerCtl, WatchesALinePerSecondInAPipe) {
   watch.Signal(SIGINT);
   EXPECT_EQ(watch.Wait(), 0);
   EXPECT_THAT(watch.text(), Not(HasSubstr("\x1b"))) << "no terminal, no escapes";
+}
+
+/// Telemetry of an earlier run of a robot, as when its log is played: one more run, which answers
+/// nothing.
+class PlayedLog {
+ public:
+  PlayedLog(std::int64_t run, const std::string& robot)
+      : thread_([this, run, robot] {
+          run_t about{};
+          about.run = run;
+          about.robot = robot;
+          state_t state{};
+          state.run = run;
+          state.state = state_t::STATE_RUNNING;
+          for (; !over_; ++state.number) {
+            if (state.number % 20 == 0) lcm_.publish(kRunChannel, &about);
+            lcm_.publish(kStateChannel, &state);
+            usleep(10'000);
+          }
+        }) {}
+  ~PlayedLog() {
+    over_ = true;
+    thread_.join();
+  }
+  PlayedLog(const PlayedLog&) = delete;
+  PlayedLog& operator=(const PlayedLog&) = delete;
+
+ private:
+  lcm::LCM lcm_{kUrl};
+  std::atomic<bool> over_{false};
+  std::thread thread_;
+};
+
+TEST_F(TumblerCtl, AsksEveryRunOfTheRobotToRestWhileALogOfItIsPlayed) {
+  testing::InSteadyTime([this] {
+    const std::unique_ptr<Program> run = Play({"--robot", "left"});
+    ASSERT_EQ(WaitForState({"disarmed"}), "disarmed") << run->text();
+    const PlayedLog earlier(1, "left"), later(std::numeric_limits<std::int64_t>::max(), "left");
+    const Outcome unclear = Ctl({"clear", "--robot", "left"});
+    EXPECT_EQ(unclear.exit_code, 1);
+    EXPECT_THAT(unclear.text, HasSubstr("3 runs of 'left' are heard"));
+    const Outcome disarm = Ctl({"disarm", "--robot", "left"});
+    EXPECT_EQ(disarm.exit_code, 4) << "logs give no answer";
+    EXPECT_THAT(disarm.text, HasSubstr("taken at tick"));
+    EXPECT_THAT(disarm.text,
+                HasSubstr("disarm, run 1: no answer; a log that is played gives none"));
+    EXPECT_THAT(Ctl({"stop"}).text, HasSubstr("taken at tick"));
+    const PlayedLog other(3, "right");
+    const Outcome whose = Ctl({"stop"});
+    EXPECT_EQ(whose.exit_code, 1);
+    EXPECT_THAT(whose.text, HasSubstr("2 robots answer"));
+    EXPECT_THAT(Ctl({"stop", "--robot", "left"}).text, HasSubstr("taken at tick"));
+  });
+}
+
+/// A pipe that somebody has opened, and nobody reads.
+class StalledPipe {
+ public:
+  explicit StalledPipe(const std::string& path) {
+    EXPECT_EQ(mkfifo(path.c_str(), 0600), 0);
+    end_ = open(path.c_str(), O_RDWR | O_CLOEXEC);
+    constexpr int kFewBytes = 4096;
+    fcntl(end_, F_SETPIPE_SZ, kFewBytes);
+  }
+  ~StalledPipe() { close(end_); }
+  StalledPipe(const StalledPipe&) = delete;
+  StalledPipe& operator=(const StalledPipe&) = delete;
+
+ private:
+  int end_ = -1;
+};
+
+TEST_F(TumblerCtl, AFileThatTakesNothingKeepsNeitherTelemetryNorRequestsNorTheEndWaiting) {
+  for (const char* const option : {"--log", "--trace"}) {
+    SCOPED_TRACE(option);
+    testing::InSteadyTime([&] {
+      const testing::TemporaryFolder folder;
+      const std::string path = folder / "stalled";
+      const StalledPipe pipe(path);
+      const std::unique_ptr<Program> run = Play({option, path});
+      ASSERT_EQ(WaitForState({"disarmed"}), "disarmed") << run->text();
+      usleep(1'000'000);  // The pipe has been full for long.
+      ExpectDone({"start"});
+      ASSERT_NE(WaitForState({"running", "settling"}), "disarmed");
+      ExpectDone({"stop"});
+      ASSERT_EQ(WaitForState({"holding", "disarmed"}), "holding");
+      ExpectDone({"disarm"});
+      for (int i = 0; i < 3; ++i) run->Signal(SIGINT);
+      EXPECT_EQ(run->Wait(), 130) << run->text();
+      EXPECT_THAT(run->text(), HasSubstr(path + ": could not be written whole"));
+    });
+  }
+}
+
+/// A program on a terminal of its own.
+class OnTerminal {
+ public:
+  explicit OnTerminal(std::vector<std::string> arguments) {
+    pid_ = forkpty(&terminal_, nullptr, nullptr, nullptr);
+    if (pid_ != 0) return;
+    std::vector<char*> pointers;
+    for (std::string& argument : arguments) pointers.push_back(argument.data());
+    pointers.push_back(nullptr);
+    execv(pointers[0], pointers.data());
+    _exit(127);
+  }
+  ~OnTerminal() {
+    if (!Ended()) kill(pid_, SIGKILL);
+    if (!ended_) waitpid(pid_, nullptr, 0);
+    close(terminal_);
+  }
+  OnTerminal(const OnTerminal&) = delete;
+  OnTerminal& operator=(const OnTerminal&) = delete;
+
+  void Type(char key) const { EXPECT_EQ(write(terminal_, &key, 1), 1); }
+  void Signal(int signal) const { kill(pid_, signal); }
+  [[nodiscard]] bool Ended() {
+    ended_ = ended_ || waitpid(pid_, nullptr, WNOHANG) == pid_;
+    return ended_;
+  }
+
+ private:
+  pid_t pid_ = -1;
+  int terminal_ = -1;
+  bool ended_ = false;
+};
+
+TEST_F(TumblerCtl, ATerminalThatWasStoppedKeepsNeitherRequestsNorTheEndWaiting) {
+  testing::InSteadyTime([this] {
+    OnTerminal run(PlayArguments());
+    ASSERT_EQ(WaitForState({"disarmed"}), "disarmed");
+    constexpr char kStopKey = '\x13';  // Ctrl-S
+    run.Type(kStopKey);
+    command_t refused{};
+    refused.id = 1;
+    refused.run = 1;
+    refused.command = command_t::STOP;
+    lcm::LCM(kUrl).publish(kCommandChannel, &refused);  // It is for another run, which is said.
+    usleep(200'000);
+    ExpectDone({"start"});
+    ASSERT_NE(WaitForState({"running", "settling"}), "disarmed");
+    ExpectDone({"stop"});
+    ASSERT_EQ(WaitForState({"holding", "disarmed"}), "holding");
+    ExpectDone({"disarm"});
+    for (int i = 0; i < 3; ++i) run.Signal(SIGINT);
+    EXPECT_TRUE(testing::Eventually([&run] { return run.Ended(); }));
+  });
+}
+
+TEST_F(TumblerCtl, SignsWithAKeyWhatMayBeginAMotion) {
+  testing::InSteadyTime([this] {
+    const testing::TemporaryFolder folder;
+    const std::string key = folder / "robot.key", other = folder / "other.key";
+    WriteFile(key, std::string(64, 'a') + '\n');
+    WriteFile(other, std::string(64, 'b') + '\n');
+    chmod(key.c_str(), 0600);
+    chmod(other.c_str(), 0600);
+    const std::unique_ptr<Program> run = Play({"--key", key});
+    ASSERT_EQ(WaitForState({"disarmed"}), "disarmed") << run->text();
+    const Outcome unsigned_start = Ctl({"start"});
+    EXPECT_EQ(unsigned_start.exit_code, 1);
+    EXPECT_THAT(unsigned_start.text, HasSubstr("only when it is signed with its key: --key FILE"));
+    EXPECT_THAT(Ctl({"start", "--key", other}).text, HasSubstr("must be the same as here"));
+    EXPECT_EQ(State(), "disarmed");
+    ExpectDone({"start", "--key", key});
+    ASSERT_NE(WaitForState({"running", "settling"}), "disarmed");
+    ExpectDone({"stop"});
+    ExpectDone({"disarm", "--key", other});
+    chmod(key.c_str(), 0644);
+    const Outcome open_key = Ctl({"start", "--key", key});
+    EXPECT_EQ(open_key.exit_code, 1);
+    EXPECT_THAT(open_key.text, HasSubstr(key + ": is open to others"));
+  });
 }
 
 }  // namespace

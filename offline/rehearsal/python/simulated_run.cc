@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "common/program.h"
+#include "common/say_to_operator.h"
 #include "common/sequence_toml.h"
 #include "offline/rehearsal/sim/simulated_world.h"
 #include "runtime/assembly/assembly.h"
@@ -136,7 +137,7 @@ RunSummary SimulateRun(const SimulatedRunPlan& asked, const std::atomic<bool>& s
       simulation.make_world(parts.file, parts.drives, world_config);
   recorder = OpenRecorder(plan.record,
                           ConfigurationOf(plan, assembly, files, executor, procedure, period_ns),
-                          "tumbler");
+                          [](const std::string& text) { SayToOperator("tumbler: " + text); });
   world->Open();
   Play play(assembly, *world, {nullptr, recorder.get()});
   play.Run(procedure, period_ns, [&stop](const ControlLoop& /*loop*/) {

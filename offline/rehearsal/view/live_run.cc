@@ -6,7 +6,6 @@
 #include <chrono>
 #include <cstdint>
 #include <lcm/lcm-cpp.hpp>
-#include <map>
 #include <mutex>
 #include <optional>
 #include <random>
@@ -15,10 +14,11 @@
 #include <tumbler/command_t.hpp>
 
 #include "offline/rehearsal/view/viewed_run.h"
-#include "runtime/core/tick.h"
 #include "runtime/telemetry/channels.h"
+#include "runtime/telemetry/heard_runs.h"
 #include "runtime/telemetry/lcm_link.h"
 #include "runtime/telemetry/message_readers.h"
+#include "runtime/telemetry/rest_request.h"
 
 namespace tumbler {
 namespace {
@@ -27,31 +27,13 @@ using SteadyClock = std::chrono::steady_clock;
 
 constexpr auto kShowEvery = std::chrono::milliseconds(40);
 constexpr auto kSilent = std::chrono::seconds(1);
-constexpr auto kAskEvery = std::chrono::milliseconds(200);
-constexpr int kAsksMax = 10;
-constexpr std::size_t kRunsMax = 16;
 
 double Seconds(SteadyClock::duration duration) {
   return std::chrono::duration<double>(duration).count();
 }
 
-/// A run that was heard.
-struct HeardRun {
-  std::optional<std::string> robot;  // once it said so
-  SteadyClock::time_point at;
-};
-
-/// A request on its way.
-struct SentRequest {
-  EndRequest request = EndRequest::kStop;
-  command_t message{};
-  int sent = 0;
-  SteadyClock::time_point next;
-  std::string answer;  // empty: none yet
-};
-
-const char* Name(EndRequest request) {
-  return request == EndRequest::kStop ? "stop" : "torque off";
+const char* Name(OperatorRequest request) {
+  return request == OperatorRequest::kStop ? "stop" : "torque off";
 }
 
 }  // namespace
@@ -105,38 +87,42 @@ struct LiveRun::Implementation {
     if (message.run == selected) run.Take(message);
   }
   void Take(const run_t& message) {
-    Hear(message.run, message.robot);
+    Hear(message);
     if (message.run == selected) run.Take(message);
   }
   void Take(const state_t& message) {
-    Hear(message.run, std::nullopt);
+    Hear(message);
     if (message.run != selected) return;
     state_at = SteadyClock::now();
     run.Take(message);
-    if (asked && asked->answer.empty() && message.request_id == asked->message.id) {
-      const auto refusal = static_cast<Refusal>(message.request_refusal);
-      asked->answer = refusal == Refusal::kNone ? fmt::format("taken at tick {}", message.tick)
-                                                : fmt::format("refused: {}", ToString(refusal));
-    }
   }
 
-  void Hear(std::int64_t number, const std::optional<std::string>& robot_of_run) {
+  template <typename Message>
+  void Hear(const Message& message) {
     const auto now = SteadyClock::now();
-    std::erase_if(heard, [&](const auto& entry) { return now - entry.second.at > kSilent; });
-    if (heard.size() >= kRunsMax && !heard.contains(number)) return;
-    HeardRun& entry = heard[number];
-    entry.at = now;
-    if (robot_of_run) entry.robot = robot_of_run;
-    if (selected && heard.contains(*selected)) return;
-    const auto is_meant = [this](const auto& other) {
-      return robot_name.empty() || other.second.robot == robot_name;
-    };
-    if (!is_meant(*heard.find(number)) || (robot_name.empty() && heard.size() > 1)) return;
-    if (selected != number) {
+    heard.ForgetSilent(now, kSilent);
+    heard.Hear(message, now);
+    if (asked) asked->Hear(message);
+    if (selected && heard.runs().contains(*selected)) return;
+    // Of several runs of one robot, as when a log is played, any may be shown; a request to end
+    // goes to all of them.
+    const auto other = heard.runs().find(message.run);
+    if (other == heard.runs().end()) return;
+    const bool meant = robot_name.empty() ? heard.runs().size() == 1 ||
+                                                (heard.Named() && heard.Robots().size() == 1)
+                                          : other->second.robot == robot_name;
+    if (!meant) return;
+    if (selected != message.run) {
       run.Forget();
-      asked.reset();
+      if (asked && asked->Over(now)) asked.reset();
     }
-    selected = number;
+    selected = message.run;
+  }
+
+  /// The robot that is shown; empty: it has not said its name.
+  [[nodiscard]] std::string ShownRobot() const {
+    const auto shown = heard.runs().find(*selected);
+    return shown == heard.runs().end() ? robot_name : shown->second.robot.value_or(robot_name);
   }
 
   std::string Ask(EndRequest request, const std::string& number) {
@@ -144,29 +130,32 @@ struct LiveRun::Implementation {
     if (!selected || !run.state()) return "no run is heard";
     if (number != std::to_string(*selected)) return "another run is shown now";
     if (*selected == 0) return "a run in virtual time takes no requests";
-    SentRequest sent;
-    sent.request = request;
-    // The number has to differ from that of any other request.
-    sent.message.id = std::uniform_int_distribution<std::uint32_t>(1)(random);
-    sent.message.run = *selected;
-    sent.message.command = request == EndRequest::kStop ? command_t::STOP : command_t::DISARM;
-    sent.next = SteadyClock::now();
-    asked = sent;
+    // The numbers have to differ from those of any other requests.
+    asked.emplace(request == EndRequest::kStop ? OperatorRequest::kStop : OperatorRequest::kDisarm,
+                  [this] { return std::uniform_int_distribution<std::uint32_t>(1)(random); });
+    asked->AddRuns({*selected}, SteadyClock::now());
     Send();
     return "";
   }
 
-  /// Sends what was asked for again, when it is time. LCM's publishing is safe for threads.
+  /// Sends what was asked for, again and again. LCM's publishing is safe for threads.
   void Send() {
-    if (!asked || !asked->answer.empty() || SteadyClock::now() < asked->next) return;
-    if (asked->sent == kAsksMax) {
-      asked->answer = "no answer: use tumbler-ctl, or cut the power";
-      return;
+    if (!asked) return;
+    const auto now = SteadyClock::now();
+    asked->AddRuns(heard.Of(ShownRobot()), now);
+    asked->Send(now, [this](command_t& message) { lcm.publish(kCommandChannel, &message); });
+  }
+
+  /// What has become of the request: the answer of the run that is shown, or of another one, where
+  /// the shown one is a log that is played.
+  [[nodiscard]] std::string Answer() const {
+    std::string answer;
+    for (const RestRequest::Asked& one : asked->asked()) {
+      if (!one.answer.empty() && (answer.empty() || one.message.run == *selected))
+        answer = one.answer;
     }
-    if (run.state() && selected == asked->message.run) asked->message.seen = run.state()->number;
-    lcm.publish(kCommandChannel, &asked->message);
-    ++asked->sent;
-    asked->next = SteadyClock::now() + kAskEvery;
+    if (!answer.empty() || !asked->Over(SteadyClock::now())) return answer;
+    return "no answer: use tumbler-ctl, or cut the power";
   }
 
   void Listen() {
@@ -190,13 +179,13 @@ struct LiveRun::Implementation {
                  {"frame", run.Frame()}, {"events", run.Events()}};
     if (selected) json["run"] = std::to_string(*selected);
     if (run.state()) json["age_s"] = Seconds(now - state_at);
-    for (const auto& [number, entry] : heard) {
+    for (const auto& [number, entry] : heard.runs()) {
       if (number != selected && now - entry.at <= kSilent) {
         json["others"].Append(entry.robot.value_or(""));
       }
     }
     if (asked) {
-      json["asked"] = {{"request", Name(asked->request)}, {"answer", asked->answer}};
+      json["asked"] = {{"request", Name(asked->request())}, {"answer", Answer()}};
     }
     json["unreadable"] = unreadable.load();
     if (robot && run.run()) json["robot_fits"] = run.run()->joints == robot->joints();
@@ -209,10 +198,10 @@ struct LiveRun::Implementation {
   lcm::LCM lcm;
   std::mutex mutex;  // guards everything below but `stop`
   ViewedRun run;
-  std::map<std::int64_t, HeardRun> heard;
+  HeardRuns heard;
   std::optional<std::int64_t> selected;
   SteadyClock::time_point state_at;
-  std::optional<SentRequest> asked;
+  std::optional<RestRequest> asked;
   std::atomic<std::int64_t> unreadable{0};
   std::random_device random;
   std::atomic<bool> stop{false};

@@ -17,12 +17,12 @@ enum class EndRequest : std::uint8_t {
 
 /// A thread that listens to a run by LCM, and publishes what the page shows 25 times a second, also
 /// while nothing is heard. It sends nothing but an EndRequest when it is asked to, as tumbler-ctl
-/// does: with the run's number, again and again for 2 s until the run answers.
+/// does: to every run of the robot that is heard, again and again for 2 s until the run answers.
 ///
 /// It follows one run until that was silent for a second, and then the next one.
 class LiveRun {
  public:
-  /// @param robot_name  follows only runs of this robot; empty: of any, as long as only one
+  /// @param robot_name  follows only runs of this robot; empty: of any, as long as only one robot
   ///                    publishes.
   /// @param robot       null: without a picture.
   /// @param feed        must outlive this object.

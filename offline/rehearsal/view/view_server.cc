@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 #include <netinet/in.h>
 #include <poll.h>
-#include <sys/resource.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -13,27 +12,33 @@
 #include <atomic>
 #include <cerrno>
 #include <chrono>
+#include <condition_variable>
 #include <cstdint>
+#include <deque>
 #include <mutex>
+#include <optional>
 #include <set>
 #include <stdexcept>
+#include <string_view>
 #include <system_error>
 #include <thread>
 #include <utility>
+#include <vector>
 
 // Debian's library is built with it, and classes are laid out as it says.
 #define CPPHTTPLIB_OPENSSL_SUPPORT
 #include <httplib.h>
 
+#include "offline/rehearsal/view/request_gate.h"
+
 namespace tumbler {
 namespace {
 
 constexpr int kStreamsMax = 8;
-constexpr std::size_t kThreads =
+constexpr std::size_t kReadThreads =
     std::size_t{2} * kStreamsMax;  // Streams never keep others waiting.
-constexpr rlim_t kFilesMax = 90;
+constexpr std::size_t kAskThreads = 2;
 constexpr std::chrono::milliseconds kPatience(2000);
-constexpr std::size_t kRequestMax = 16384;  // bytes, with all headers
 
 bool IsAddress(const std::string& text) {
   std::array<unsigned char, sizeof(in6_addr)> address{};
@@ -71,31 +76,22 @@ void EndOf(int (*get)(int, sockaddr*, socklen_t*), int socket, std::string& ip, 
   if (number != nullptr) ip = inet_ntop(address.ss_family, number, text.data(), text.size());
 }
 
-/// A connection whose request has to be short and to come soon. The library's own reads as many
-/// headers as a client sends.
+/// A connection whose request has come. Nothing more is read from it.
 class Connection final : public httplib::Stream {
  public:
-  explicit Connection(int socket) : socket_(socket) {}
+  Connection(int socket, std::string_view request) : socket_(socket), request_(request) {}
 
   bool is_readable() const override { return true; }
-  bool is_writable() const override { return Wait(POLLOUT, std::chrono::steady_clock::now()); }
+  bool is_writable() const override { return Wait(POLLOUT); }
   ssize_t read(char* to, size_t size) override {
-    if (next_ == end_) {
-      if (taken_ == kRequestMax || !Wait(POLLIN, since_)) return -1;
-      const size_t most = std::min(buffer_.size(), kRequestMax - taken_);
-      const ssize_t count = recv(socket_, buffer_.data(), most, MSG_DONTWAIT);
-      if (count <= 0) return count;
-      next_ = 0;
-      end_ = static_cast<size_t>(count);
-      taken_ += end_;
-    }
-    const size_t count = std::min(size, end_ - next_);
-    std::copy_n(buffer_.data() + next_, count, to);
-    next_ += count;
+    if (request_.empty()) return -1;
+    const size_t count = std::min(size, request_.size());
+    std::copy_n(request_.data(), count, to);
+    request_.remove_prefix(count);
     return static_cast<ssize_t>(count);
   }
   ssize_t write(const char* from, size_t size) override {
-    if (!Wait(POLLOUT, std::chrono::steady_clock::now())) return -1;
+    if (!Wait(POLLOUT)) return -1;
     return send(socket_, from, size, MSG_DONTWAIT | MSG_NOSIGNAL);
   }
   void get_remote_ip_and_port(std::string& ip, int& port) const override {
@@ -107,46 +103,49 @@ class Connection final : public httplib::Stream {
   socket_t socket() const override { return socket_; }
 
  private:
-  /// Waits until the connection is ready, at most until kPatience after `since`.
-  bool Wait(short events, std::chrono::steady_clock::time_point since) const {
-    const auto left = std::chrono::duration_cast<std::chrono::milliseconds>(
-        since + kPatience - std::chrono::steady_clock::now());
+  /// Waits until the connection is ready, at most for kPatience.
+  bool Wait(short events) const {
     pollfd wait{socket_, events, 0};
-    if (poll(&wait, 1, static_cast<int>(std::max<long>(left.count(), 0))) <= 0) return false;
+    if (poll(&wait, 1, static_cast<int>(kPatience.count())) <= 0) return false;
     return (wait.revents & events) != 0 && (wait.revents & (POLLERR | POLLHUP | POLLNVAL)) == 0;
   }
 
   int socket_;
-  std::chrono::steady_clock::time_point since_ = std::chrono::steady_clock::now();
-  std::array<char, 4096> buffer_{};
-  size_t next_ = 0, end_ = 0;
-  size_t taken_ = 0;
+  std::string_view request_;
 };
 
-/// The library's server, with one request for each connection, and connections that can be cut.
+/// The library's server, for requests that were taken elsewhere: one for each connection, which can
+/// be cut.
 class HttpServer final : public httplib::Server {
  public:
+  /// The socket that is bound. The library takes it for a sign that it is served.
+  [[nodiscard]] int listener() const { return svr_sock_; }
+
+  /// Answers a request, and closes its connection.
+  void Serve(int socket, const std::string& request) {
+    if (Opened(socket)) {
+      Connection connection(socket, request);
+      bool closed = false;
+      static_cast<void>(process_request(connection, true, closed, nullptr));
+    }
+    const std::lock_guard lock(mutex_);
+    open_.erase(socket);
+    shutdown(socket, SHUT_RDWR);
+    close(socket);
+  }
   /// Cuts all connections, and those to come.
   void Cut() {
     const std::lock_guard lock(mutex_);
     cut_ = true;
     for (const int socket : open_) shutdown(socket, SHUT_RDWR);
   }
+  /// Leaves the port to others.
+  void Leave() {
+    const int socket = svr_sock_.exchange(INVALID_SOCKET);
+    if (socket != INVALID_SOCKET) close(socket);
+  }
 
  private:
-  bool process_and_close_socket(socket_t socket) override {
-    bool good = false;
-    if (Opened(socket)) {
-      Connection connection(socket);
-      bool closed = false;
-      good = process_request(connection, true, closed, nullptr);
-    }
-    const std::lock_guard lock(mutex_);
-    open_.erase(socket);
-    shutdown(socket, SHUT_RDWR);
-    close(socket);
-    return good;
-  }
   bool Opened(int socket) {
     const std::lock_guard lock(mutex_);
     if (!cut_) open_.insert(socket);
@@ -158,13 +157,59 @@ class HttpServer final : public httplib::Server {
   bool cut_ = false;
 };
 
-/// Limits open files, and with them connections and what they need of memory.
-void LimitFiles() {
-  rlimit limit{};
-  if (getrlimit(RLIMIT_NOFILE, &limit) != 0 || limit.rlim_cur <= kFilesMax) return;
-  limit.rlim_cur = kFilesMax;
-  setrlimit(RLIMIT_NOFILE, &limit);
-}
+/// Threads that serve requests. Of those that wait for a thread there are not many; a connection of
+/// one more is closed.
+class Servants {
+ public:
+  Servants(HttpServer& server, std::size_t threads) : server_(server) {
+    for (std::size_t i = 0; i < threads; ++i) threads_.emplace_back([this] { Work(); });
+  }
+  ~Servants() {
+    {
+      const std::lock_guard lock(mutex_);
+      over_ = true;
+      for (const auto& [socket, request] : waiting_) close(socket);
+      waiting_.clear();
+    }
+    changed_.notify_all();
+    for (std::thread& thread : threads_) thread.join();
+  }
+  Servants(const Servants&) = delete;
+  Servants& operator=(const Servants&) = delete;
+
+  void Take(int socket, std::string request) {
+    const std::lock_guard lock(mutex_);
+    if (waiting_.size() >= kWaitingMax) {
+      close(socket);
+      return;
+    }
+    waiting_.emplace_back(socket, std::move(request));
+    changed_.notify_one();
+  }
+
+ private:
+  static constexpr std::size_t kWaitingMax = 32;
+
+  void Work() {
+    std::unique_lock lock(mutex_);
+    while (true) {
+      changed_.wait(lock, [this] { return over_ || !waiting_.empty(); });
+      if (over_) return;
+      const auto [socket, request] = std::move(waiting_.front());
+      waiting_.pop_front();
+      lock.unlock();
+      server_.Serve(socket, request);
+      lock.lock();
+    }
+  }
+
+  HttpServer& server_;
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::deque<std::pair<int, std::string>> waiting_;
+  bool over_ = false;
+  std::vector<std::thread> threads_;
+};
 
 void Answer(httplib::Response& response, int status, const std::string& text) {
   response.status = status;
@@ -179,8 +224,6 @@ struct ViewServer::Implementation {
       throw std::runtime_error(
           fmt::format("--bind: is '{}', must be an address such as 127.0.0.1", config.bind));
     }
-    LimitFiles();
-    server.new_task_queue = [] { return new httplib::ThreadPool(kThreads); };
     // The library would let several programs listen at one port.
     server.set_socket_options([](socket_t socket) {
       const int yes = 1;
@@ -236,15 +279,17 @@ struct ViewServer::Implementation {
           fmt::format("--port: cannot listen at {}:{}: {}; --port 0 takes one that is free",
                       config.bind, config.port, std::generic_category().message(errno)));
     }
-    thread = std::thread([this] { server.listen_after_bind(); });
-    while (!server.is_running()) std::this_thread::yield();
+    gate.emplace(server.listener(), [this](int socket, std::string request) {
+      // What ends a motion has threads of its own: who reads the page slowly is not in its way.
+      (request.starts_with("POST ") ? asking : reading).Take(socket, std::move(request));
+    });
   }
 
   ~Implementation() {
+    gate.reset();
     if (config.feed != nullptr) config.feed->Close();
-    server.stop();
-    server.Cut();  // Nobody waits for clients that say nothing.
-    thread.join();
+    server.Cut();  // Nobody waits for clients that take nothing.
+    server.Leave();
   }
 
   [[nodiscard]] bool IsOurs(const httplib::Request& request) const {
@@ -290,7 +335,9 @@ struct ViewServer::Implementation {
   HttpServer server;
   int port = 0;
   std::atomic<int> streams{0};
-  std::thread thread;
+  Servants reading{server, kReadThreads};
+  Servants asking{server, kAskThreads};
+  std::optional<RequestGate> gate;
 };
 
 ViewServer::ViewServer(ViewServerConfig config)

@@ -28,9 +28,10 @@ struct ViewServerConfig {
 ///
 /// It answers nothing to a request whose Host is no address that it is bound to or `localhost`
 /// (names of others may be made to mean this machine), or whose Origin is another page's. Bound to
-/// a loopback address, it answers no other machine. At most 8 streams of events are open at once,
-/// and 90 files; further connections wait. A client is cut off whose request is longer than 16 KiB
-/// or takes longer than 2 s, or who takes nothing for 2 s.
+/// a loopback address, it answers no other machine. At most 8 streams of events are open at once. A
+/// client is cut off whose request is not there in time (RequestGate), or who takes nothing for 2
+/// s. Clients that are slow, or many, do not keep the two requests waiting: a request takes a
+/// thread only when it is whole, and these two have threads of their own.
 class ViewServer {
  public:
   /// Listens from now on.

@@ -5,15 +5,19 @@
 #include <sys/resource.h>
 
 #include <array>
+#include <atomic>
+#include <chrono>
 #include <csignal>
 #include <filesystem>
 #include <fstream>
 #include <memory>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "runtime/record/replay.h"
 #include "tests/support/allocation_guard.h"
+#include "tests/support/program.h"
 #include "tests/support/recorded_run.h"
 
 namespace tumbler {
@@ -218,6 +222,37 @@ TEST_F(FlightRecorderTest, KeepsTheTruthBetweenTheTicks) {
   ASSERT_TRUE(record.end());
   EXPECT_EQ(record.end()->ticks, 23);
   EXPECT_EQ(record.end()->lost, 0);
+}
+
+TEST_F(FlightRecorderTest, AThreadThatComesToNoEndIsLeftBehindAndSaidToBe) {
+  config_.ring_bytes = 4096;  // It loses ticks, which is said by its thread.
+  std::atomic<bool> stuck{true}, entered{false};
+  config_.say = [&](const std::string&) {
+    entered = true;
+    while (stuck) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  };
+  {
+    FlightRecorder recorder(config_);
+    testing::RecordRun(configuration_, recorder);
+    recorder.Start();
+    while (!entered) {
+      testing::RecordRun(configuration_, recorder);
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+    recorder.Stop("completed", [] { return std::chrono::milliseconds(1); });
+    EXPECT_THAT(recorder.problem(),
+                HasSubstr(config_.file + ": could not be written whole: after "));
+  }
+  // It ends by itself once it can, and uses nothing that is gone.
+  stuck = false;
+  EXPECT_TRUE(testing::Eventually([this] {
+    const std::string bytes = ReadFile(config_.file);
+    FlightRecord record(AsBytes(bytes), "run.rec");
+    TickEntry entry;
+    while (record.Next(entry)) {
+    }
+    return record.end().has_value();
+  }));
 }
 
 TEST_F(FlightRecorderTest, OverwritesNothing) {
