@@ -319,10 +319,28 @@ def check_mutants():
             raise Failed(f"the gate itself breaks its promise `{found[0][0]}`: {' '.join(found[0][1])}")
         originals = {target: Gate(text, "Gate_0") for target, text in texts.items()}
         problems, counts = [], {"search": 0, "solver": 0, "redundant": 0}
+        refutations = []
         for i, mutant in enumerate(everything, 1):
-            problem = check_mutant(i, mutant, found.get(i), texts, originals, program, redundant, counts)
-            if problem:
-                problems.append(f"{mutant}: {problem}")
+            gates = {target: Gate(text, f"Gate_{i}", originals[target]) for target, text in texts.items()}
+            refutation = found.get(i)
+            if refutation:
+                counts["search"] += 1
+            elif all(is_same(gate, originals[target]) for target, gate in gates.items()):
+                counts["redundant"] += 1
+                if mutant.text not in redundant:
+                    problems.append(f"{mutant}: it changes nothing, and redundant.txt does not say why")
+                else:
+                    redundant[mutant.text].used = True
+                continue
+            else:
+                refutation = violation(gates, i, program)
+                counts["solver"] += 1
+            if refutation:
+                refutations.append((mutant, gates, *refutation))
+            else:
+                problems.append(f"{mutant}: neither refuted nor redundant")
+        problems += [f"{mutant}: {' '.join(words)} breaks `{promise}` in compiled code, but not for {target}"
+                     for mutant, target, promise, words in unconfirmed(refutations)]
     unused = [text for text, reason in redundant.items() if not reason.used]
     problems += [f"redundant.txt: {text}: no such mutant, or it is refuted" for text in unused]
     seconds = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - seconds_before
@@ -333,62 +351,49 @@ def check_mutants():
         raise Failed("\n".join(problems))
 
 
-def check_mutant(i, mutant, found, texts, originals, program, redundant, counts):
-    """What is wrong with the mutant's refutation; None if nothing is."""
-    gates = {target: Gate(text, f"Gate_{i}", originals[target]) for target, text in texts.items()}
-    if found:
-        promise, words = found
-        counts["search"] += 1
-    else:
-        answers = {target: differs(gate, originals[target]) for target, gate in gates.items()}
-        if set(answers.values()) == {"unsat"}:
-            if mutant.text not in redundant:
-                return "it changes nothing, and redundant.txt does not say why"
-            redundant[mutant.text].used = True
-            counts["redundant"] += 1
-            return None
-        if "sat" not in answers.values():
-            return f"neither refuted nor redundant: {answers}"
-        words = violation(next(gates[target] for target, answer in answers.items() if answer == "sat"))
-        if not words:
-            return "it differs from the gate, but no promise forbids that"
-        promise = run([program, str(i), *words]).strip()
-        if promise == "none":
-            return f"z3's counterexample {' '.join(words)} breaks no promise in compiled code"
-        counts["solver"] += 1
-    for target, gate in gates.items():
-        term = gate.promises()[promise]  # Before its declarations are used.
-        (answer, *_), _ = ask("z3", script(gate.function.all_declarations(), *gate.supposed(), *values_of(words),
-                                           f"(not {term})"))
-        if answer != "sat":
-            return f"{' '.join(words)} breaks `{promise}` in compiled code, but not for {target}: {answer}"
-    if mutant.text in redundant:
-        return f"redundant.txt says that it changes nothing, but it breaks `{promise}`: {' '.join(words)}"
-    return None
-
-
-def differs(gate, original):
-    """Whether two gates can give other numbers or flags; z3's answer. The sign of a zero is not looked at."""
-    same = [f"(fp.eq {x} {y})" for x, y in zip(gate.setpoint, original.setpoint)]
-    same += [f"(= {gate.changed} {original.changed})", f"(= {gate.non_finite} {original.non_finite})"]
+def is_same(gate, original):
+    """Whether two gates always give the same numbers and flags, by z3. The sign of a zero is not looked at."""
+    pairs = list(zip([*gate.setpoint, gate.changed, gate.non_finite],
+                     [*original.setpoint, original.changed, original.non_finite]))
+    if all(x == y for x, y in pairs):
+        return True  # The terms are the same.
+    same = [f"(fp.eq {x} {y})" for x, y in pairs[:3]] + [f"(= {x} {y})" for x, y in pairs[3:]]
     supposed, unknown = original.supposed(), set()
     for _, term, settled in original.lemmas():
         supposed.append(term)
         unknown |= settled
-    # With terms unknown it may be that they only seem to differ.
-    for left_open in (unknown, ()):
-        (answer, *_), _ = ask("z3", script(gate.function.all_declarations(left_open), *supposed, f"(not {both(*same)})"))
-        if answer == "unsat":
-            break
-    return answer
+    # What differs only where a bound is impossible counts as different, and will not be refuted.
+    (answer, *_), _ = ask("z3", script(gate.function.all_declarations(unknown), *supposed, f"(not {both(*same)})"))
+    return answer == "unsat"
 
 
-def violation(gate):
-    """The bits of inputs for which a gate breaks a promise, by z3; None if there are none."""
-    broken = either(*(f"(not {term})" for term in gate.promises().values()))
-    answers, _ = ask("z3", script(gate.function.all_declarations(), *gate.supposed(), broken,
-                                  after=["(check-sat)", f"(get-value (ticks {' '.join(INPUTS)}))"]))
-    return words_of(answers[1:]) if answers[0] == "sat" else None
+def violation(gates, i, program):
+    """A promise that mutant i breaks in compiled code, and for which input, by z3; None if there is none."""
+    for gate in gates.values():
+        broken = either(*(f"(not {term})" for term in gate.promises().values()))
+        answers, _ = ask("z3", script(gate.function.all_declarations(), *gate.supposed(), broken,
+                                      after=["(check-sat)", f"(get-value (ticks {' '.join(INPUTS)}))"]))
+        if answers[0] == "sat":
+            words = words_of(answers[1:])
+            promise = run([program, str(i), *words]).strip()
+            if promise != "none":
+                return promise, words
+    return None
+
+
+def unconfirmed(refutations):
+    """The refutations that do not hold in the translation for a target: (mutant, target, promise, words)."""
+    for target in TARGETS:
+        questions = []
+        for _, gates, promise, words in refutations:
+            gate = gates[target]
+            term = gate.promises()[promise]  # It may define terms.
+            questions.append(script(gate.function.all_declarations(), *gate.supposed(), *values_of(words),
+                                    f"(not {term})"))
+        answers, _ = ask("z3", "(reset)\n".join(questions))
+        for (mutant, _, promise, words), answer in zip(refutations, answers):
+            if answer != "sat":
+                yield mutant, target, promise, words
 
 
 def words_of(answers):

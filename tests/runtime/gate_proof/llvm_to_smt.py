@@ -633,7 +633,15 @@ class Function:
             return None
         if name == "llvm.fabs.f32":
             return self.each("float", lambda x: f"(fp.abs {x})", self.typed(match.group(3)))
+        if name == "llvm.copysign.f32":
+            size, sign = (self.typed(part) for part in split_arguments(match.group(3)))
+            return self.each("float", self.copy_sign, size, sign)
         raise Refused(f"call of {name}")
+
+    def copy_sign(self, size, sign):
+        negative = self.unknown("Bool")  # Of a NaN either.
+        self.declarations.append(f"(assert (or (fp.isNaN {sign}) (= {negative} (fp.isNegative {sign}))))")
+        return f"(ite {negative} (fp.neg (fp.abs {size})) (fp.abs {size}))"
 
     # Results.
 
