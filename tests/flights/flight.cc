@@ -36,7 +36,7 @@ constexpr std::array<Likelihood, kFlightEventKinds> kLikelihoods{{
     {FlightEventKind::kDriveError, 4},  {FlightEventKind::kHeat, 3},
     {FlightEventKind::kDisplace, 6},    {FlightEventKind::kPush, 3},
     {FlightEventKind::kStranger, 4},    {FlightEventKind::kNotANumber, 2},
-    {FlightEventKind::kSensor, 6},      {FlightEventKind::kFall, 6},
+    {FlightEventKind::kSensor, 4},      {FlightEventKind::kFall, 6},
     {FlightEventKind::kRepair, 2},
 }};
 
@@ -69,6 +69,7 @@ FlightEvent RandomEvent(std::int32_t tick, FlightRandom& random) {
   switch (event.kind) {
     case FlightEventKind::kCommand:
       event.a = random.Within(1, static_cast<int>(OperatorCommand::kGoHome));
+      if (random.Chance(0.25)) event.a = static_cast<int>(OperatorCommand::kStop);
       // What takes the torque off ends most of what may happen.
       if (event.a == static_cast<int>(OperatorCommand::kDisarm) && random.Chance(0.7))
         event.a = static_cast<int>(OperatorCommand::kFinish);
@@ -131,6 +132,7 @@ FlightEvent RandomEvent(std::int32_t tick, FlightRandom& random) {
       break;
     case FlightEventKind::kStranger:
       event.b = random.Below(2);
+      event.x = random.Uniform(0.3, 0.9);
       break;
     case FlightEventKind::kSensor:
       event.a = random.Below(kFlightSensorFaults);
@@ -200,7 +202,8 @@ Flight RandomFlight(std::uint64_t seed) {
   double at = random.Uniform(0, 400);
   while (at < flight.ticks) {
     flight.events.push_back(RandomEvent(static_cast<std::int32_t>(at), random));
-    at += -std::log(1 - random.Uniform(0, 1)) * gap;
+    // Now and then one follows upon the other.
+    at += random.Chance(0.2) ? random.Below(6) : -std::log(1 - random.Uniform(0, 1)) * gap;
   }
   return flight;
 }

@@ -470,8 +470,9 @@ void FlightJudge::JudgeOrder(std::size_t joint, const WireOrder& order) {
     const double away = std::abs(order.position_rad - Wide(record.measured.position_rad));
     const double moved =
         std::abs(Wide(record.measured.velocity_rad_s)) * 14 * Wide(setting_.executor.period_s);
-    if (order.is_stiff(carries) && !tick_.moved && record.reply_age_ticks == 0 &&
-        away > 0.1 + moved && record.drive_state != DriveState::kEnabled) {
+    if (order.is_stiff(carries) && tick_.enabled[joint] && !tick_.moved && !tick_.spoilt &&
+        record.reply_age_ticks == 0 && away > 0.1 + moved &&
+        record.drive_state != DriveState::kEnabled) {
       Fail(Invariant::kArmingPose, "joint {} is enabled {:.3f} rad from where it is", joint, away);
     }
     return;

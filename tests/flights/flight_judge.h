@@ -86,6 +86,7 @@ struct WorldTick {
   bool foreign = false;     ///< Whether a frame came that only this host may send.
   bool moved = false;       ///< Whether a joint was moved or pushed by somebody of late.
   bool spoilt = false;      ///< Whether frames may have been changed on their way of late.
+  std::array<bool, kMaxJoints> enabled{};         ///< Whether the drives have torque.
   std::array<double, kMaxJoints> position_rad{};  ///< The joints' true positions.
 };
 

@@ -234,7 +234,10 @@ class World {
             event.b == 1 ? SideOf(drive).DropOut(drive) : std::nullopt;
         foreign_[foreign_next_++ % foreign_.size()] =
             drop ? *drop : SideOf(drive).StrangersCommand(drive);
-        static_cast<void>(stranger_->Send(foreign_[(foreign_next_ - 1) % foreign_.size()]));
+        // Not together with the host's, or neither would get through.
+        static_cast<void>(stranger_->SendAfter(
+            static_cast<std::int64_t>(event.x * static_cast<double>(setting_.period_ns)),
+            foreign_[(foreign_next_ - 1) % foreign_.size()]));
         break;
       }
       case FlightEventKind::kNotANumber:
@@ -253,6 +256,7 @@ class World {
         break;
       }
       case FlightEventKind::kRepair:
+        moved_until_ = std::max(moved_until_, tick_ + 50);
         Repair();
         break;
     }
@@ -281,10 +285,11 @@ class World {
   void Receive(TickInput& input, WorldTick& tick) {
     received_.clear();
     Status status = Status::kOk;
+    ReceivedFrame received;
     if (link_.On(tick_)) {
       status = link_.value;
+      while (host_.Receive(received) == Status::kOk) continue;  // Nothing comes in.
     } else {
-      ReceivedFrame received;
       while (received_.size() < TickEntry::kReceivedMax &&
              (status = host_.Receive(received)) == Status::kOk) {
         received_.push_back(received);
@@ -355,6 +360,7 @@ class World {
     for (std::size_t i = 0; i < joint_count(); ++i) {
       expiries += drives_[i]->watchdog_expiries();
       tick.position_rad[i] = joints_[i].position_rad;
+      tick.enabled[i] = drives_[i]->enabled();
     }
     tick.let_go = expiries != expiries_;
     expiries_ = expiries;

@@ -449,7 +449,7 @@ void MakeSensor(FlightSetting& setting, std::uint32_t left_out, FlightRandom& ra
   setting.has_sensor = random.Chance(0.65) && !LeavesOut(left_out, "sensor");
   setting.sensor_every = random.Chance(0.7) ? 1 : random.Within(2, 4);
   setting.sensor_has_time = random.Chance(0.5);
-  setting.sensor_ids = {0x021, 0x032, 0x005};
+  setting.sensor_ids = {0x441, 0x442, 0x443};  // no drive's of any protocol
   setting.sensor.age_ticks_max = setting.sensor_every + random.Within(1, 8);
   setting.sensor.repeats_max = static_cast<std::uint32_t>(random.Within(0, 30));
   if (random.Chance(0.2)) setting.sensor.chain[0] = random.Chance(0.5) ? 1.0F : -1.0F;
