@@ -57,6 +57,7 @@ void FillBusFault(FlightEvent& event, FlightRandom& random) {
   event.b = random.Within(-1, 3);
   event.x = random.Chance(0.3) ? 1 : random.Uniform(0, 1);
   event.ticks = static_cast<int>(random.Logarithmic(1, 60));
+  if (event.a == static_cast<int>(BusFaultKind::kDuplicate)) event.ticks += 20;
   if (event.a == static_cast<int>(BusFaultKind::kBitErrors)) event.x *= 0.01;
   if (event.a == static_cast<int>(BusFaultKind::kFlip)) event.x *= 0.2;
 }

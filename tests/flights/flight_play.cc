@@ -164,7 +164,9 @@ class World {
     if (id != kNoId) fault.ids = {id};
     fault.start_ns = bus_.now_ns();
     fault.end_ns = fault.start_ns + ticks * setting_.period_ns;
-    plan_.faults.push_back(fault);
+    // One copy more for each, as a repeater with an echo has it.
+    const int copies = kind == BusFaultKind::kDuplicate ? 1 + ticks % 3 : 1;
+    for (int i = 0; i < copies; ++i) plan_.faults.push_back(fault);
     bus_.SetFaults(plan_);
     if (kind == BusFaultKind::kFlip) spoilt_until_ = tick_ + ticks + 20;
   }

@@ -123,6 +123,33 @@ std::string ByProtocol(const Rows& rows, const Name& name) {
   return "{" + text + "}";
 }
 
+/// Whether drives of a protocol can have a fault: not all say their temperature, or have
+/// heartbeats.
+bool CanHave(std::size_t protocol, Fault fault) {
+  const ProtocolSide& side = *EveryProtocol()[protocol].side;
+  if (fault == Fault::kOverTemperature) return side.nature().says_temperature;
+  if (fault != Fault::kHeartbeatLost) return true;
+  bool has = false;
+  std::size_t number = 0;
+  DriveProtocols::ForEach([&](auto listed) {
+    if (number++ == protocol) has = side.HeartbeatId(decltype(listed)::Example(0)) != 0;
+  });
+  return has;
+}
+
+std::string Impossible() {
+  std::string text;
+  for (std::size_t p = 0; p < EveryProtocol().size(); ++p) {
+    std::string faults;
+    for (std::size_t f = 1; f < kFaultCount; ++f) {
+      if (!CanHave(p, static_cast<Fault>(f)))
+        faults += fmt::format("{}{}", faults.empty() ? "" : ",", Quoted(NameOfFault(f)));
+    }
+    text += fmt::format("{}{}:[{}]", p == 0 ? "" : ",", Quoted(EveryProtocol()[p].name), faults);
+  }
+  return "{" + text + "}";
+}
+
 std::string ToJson(const FlightCounts& counts, double cpu_s, const std::string& broken) {
   const auto reaction = [](std::size_t i) -> std::string {
     return ToString(static_cast<Reaction>(i));
@@ -134,16 +161,18 @@ std::string ToJson(const FlightCounts& counts, double cpu_s, const std::string& 
   }
   return fmt::format(
       "{{\"flights\":{},\"ticks\":{},\"frames\":{},\"runs\":{},\"events\":{},\"cpu_s\":{:.3f},"
-      "\"hash\":\"{:016x}\",\n\"first_faults\":{},\n\"transitions\":{},\n\"disarmed_from\":{},\n"
+      "\"hash\":\"{:016x}\",\n\"cannot\":{},\n\"first_faults\":{},\n\"transitions\":{},"
+      "\n\"disarmed_from\":{},\n"
       "\"fault_from\":{},\n\"latched_in\":{{{}}},\n\"reactions\":{},\n\"reactions_in_running\":{},"
       "\n"
       "\"refusals\":{},\n\"sensor_ticks\":{},\n\"state_ticks\":{},\n\"pauses\":{},\n\"let_go\":{},"
       "\n"
       "\"stiff_after_pause_ticks\":{},\"snap_max_rad\":{:.4f},\n\"broken\":[{}]}}\n",
       counts.flights, counts.ticks, counts.frames, counts.runs, counts.events, cpu_s, counts.hash,
-      ByProtocol(counts.first_faults, NameOfFault), Named(counts.transitions, NameOfTransition),
-      Named(counts.disarmed_from, NameOfState), Named(counts.fault_from, NameOfState), latched,
-      Named(counts.reactions, reaction), Named(counts.abort_reactions, reaction),
+      Impossible(), ByProtocol(counts.first_faults, NameOfFault),
+      Named(counts.transitions, NameOfTransition), Named(counts.disarmed_from, NameOfState),
+      Named(counts.fault_from, NameOfState), latched, Named(counts.reactions, reaction),
+      Named(counts.abort_reactions, reaction),
       Named(std::span(counts.refusals).first(20),
             [](std::size_t i) -> std::string {
               return i == 0 ? "" : ToString(static_cast<Refusal>(i));
@@ -194,6 +223,7 @@ bool IsComplete(const FlightCounts& counts) {
   };
   for (std::size_t p = 0; p < counts.first_faults.size(); ++p) {
     for (std::size_t f = 1; f < kFaultCount; ++f) {
+      if (!CanHave(p, static_cast<Fault>(f))) continue;
       need(counts.first_faults[p][f],
            fmt::format("{} as the first fault with {}", NameOfFault(f), EveryProtocol()[p].name));
     }
