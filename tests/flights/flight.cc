@@ -202,7 +202,16 @@ Flight RandomFlight(std::uint64_t seed) {
   const double gap = random.Logarithmic(60, 1500);
   double at = random.Uniform(0, 400);
   while (at < flight.ticks) {
-    flight.events.push_back(RandomEvent(static_cast<std::int32_t>(at), random));
+    const FlightEvent event = RandomEvent(static_cast<std::int32_t>(at), random);
+    flight.events.push_back(event);
+    // A stop is short. So what can come in it is made to.
+    const bool stops = event.kind == FlightEventKind::kCommand &&
+                       event.a == static_cast<std::int32_t>(OperatorCommand::kStop);
+    if (stops && random.Chance(0.4)) {
+      at += random.Within(1, 4);
+      flight.events.push_back({static_cast<std::int32_t>(at), FlightEventKind::kCommand,
+                               static_cast<std::int32_t>(OperatorCommand::kDisarm), -1, 0, 0});
+    }
     // Now and then one follows upon the other.
     at += random.Chance(0.2) ? random.Below(6) : -std::log(1 - random.Uniform(0, 1)) * gap;
   }

@@ -175,7 +175,7 @@ void MakeGraph(FlightSetting& setting, const Roles& roles, FlightRandom& random,
     primitive.entry_tolerance_rad = entry;
     primitive.following_tolerance_rad = following;
     primitive.joint_count = roles.joint_count;
-    const bool spike = random.Chance(0.02) && !LeavesOut(left_out, "spikes");
+    const bool spike = random.Chance(0.04) && !LeavesOut(left_out, "spikes");
     for (std::size_t j = 0; j < static_cast<std::size_t>(roles.joint_count); ++j) {
       // A primitive that does not begin where the one before has ended.
       const float off = misfits && p > 0 ? random.Real(-0.5, 0.5) : 0;
@@ -416,7 +416,7 @@ void MakeExecutor(FlightSetting& setting, std::uint32_t left_out, FlightRandom& 
   config.sequence_errors_max = random.Within(3, 15);
   config.late_ticks_max = random.Within(0, 5);
   // Sometimes nobody could arm as fast as is asked for.
-  config.arming_ticks_max = random.Chance(0.08) ? random.Within(1, 15) : random.Within(200, 600);
+  config.arming_ticks_max = random.Chance(0.12) ? random.Within(1, 10) : random.Within(200, 600);
   config.start_way_max_rad = random.Chance(0.3) ? random.Real(0.2, 1) : 1e9F;
   const float moved = random.Real(0.05, 1);
   const bool known = random.Chance(0.1) && !LeavesOut(left_out, "last-known");
