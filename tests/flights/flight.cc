@@ -207,10 +207,19 @@ Flight RandomFlight(std::uint64_t seed) {
     // A stop is short. So what can come in it is made to.
     const bool stops = event.kind == FlightEventKind::kCommand &&
                        event.a == static_cast<std::int32_t>(OperatorCommand::kStop);
-    if (stops && random.Chance(0.4)) {
+    if (stops && random.Chance(0.6)) {
       at += random.Within(1, 4);
-      flight.events.push_back({static_cast<std::int32_t>(at), FlightEventKind::kCommand,
-                               static_cast<std::int32_t>(OperatorCommand::kDisarm), -1, 0, 0});
+      FlightEvent then{static_cast<std::int32_t>(at),
+                       FlightEventKind::kCommand,
+                       static_cast<std::int32_t>(OperatorCommand::kDisarm),
+                       -1,
+                       0,
+                       0};
+      if (random.Chance(0.4)) {
+        then.kind = FlightEventKind::kPause;
+        then.ticks = static_cast<std::int32_t>(random.Logarithmic(1, 10'000));
+      }
+      flight.events.push_back(then);
     }
     // Now and then one follows upon the other.
     at += random.Chance(0.2) ? random.Below(6) : -std::log(1 - random.Uniform(0, 1)) * gap;

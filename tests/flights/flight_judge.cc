@@ -65,10 +65,10 @@ void AddTo(Array& sum, const Array& more) {
 }  // namespace
 
 const std::array<std::string_view, kInvariantCount> kInvariantNames = {
-    "written",     "finite",      "forbidden",  "limits",     "steps",  "brake",
-    "wire",        "gains",       "torque-off", "transition", "obeyed", "stops-in-time",
-    "latched",     "reaction",    "detected",   "stale",      "arming", "fresh",
-    "arming-pose", "pause-stiff", "pause-snap", "time",       "replay"};
+    "written",     "finite",      "forbidden",  "limits",     "steps",      "brake",
+    "wire",        "gains",       "torque-off", "transition", "obeyed",     "stops-in-time",
+    "latched",     "reaction",    "detected",   "stale",      "arming",     "fresh",
+    "arming-pose", "pause-stiff", "pause-snap", "time",       "correction", "replay"};
 
 void FlightCounts::Add(const FlightCounts& other) {
   flights += other.flights;
@@ -102,6 +102,11 @@ FlightJudge::FlightJudge(const FlightSetting& setting, std::uint32_t ignored)
         setting.primitives[static_cast<std::size_t>(setting.graph.node(node).primitive)];
     following_max_rad_ = std::max(following_max_rad_, primitive.following_tolerance_rad);
     std::array<Bounds, kMaxJoints> of_node;
+    for (const JointFeedback<float>& joint : primitive.feedback.joints) {
+      correction_max_rad_ = std::max(correction_max_rad_, joint.correction_max_rad);
+      correction_rate_max_rad_s_ =
+          std::max(correction_rate_max_rad_s_, joint.correction_rate_max_rad_s);
+    }
     for (int i = 0; i < primitive.joint_count; ++i) {
       Bounds& bounds = of_node[static_cast<std::size_t>(i)];
       const auto role = static_cast<std::size_t>(setting.graph.RoleOf(node, i));
@@ -165,6 +170,8 @@ bool FlightJudge::Take(const WorldTick& tick) {
 
 void FlightJudge::JudgeReplies() {
   for (const ReceivedFrame& received : tick_.input->received) {
+    if (received.frame.id == setting_.sensor_ids.rate_id && !received.frame.extended)
+      sensor_stamp_ns_ = std::max(sensor_stamp_ns_, received.time_ns);
     for (std::size_t i = 0; i < wires_.size(); ++i) {
       if (wires_[i].IsPosition(received.frame))
         stamp_ns_[i] = std::max(stamp_ns_[i], received.time_ns);
@@ -203,6 +210,18 @@ void FlightJudge::JudgeStates() {
   needs(ExecutorState::kHolding, ExecutorState::kRunning, OperatorCommand::kRun);
   needs(ExecutorState::kFault, ExecutorState::kSettling, OperatorCommand::kGoHome);
 
+  if (now == ExecutorState::kRunning && command == OperatorCommand::kRun) get_ups_ = 0;
+  const bool gets_up = now == ExecutorState::kSettling && after == ExecutorState::kMovingToStart;
+  if (gets_up && ++get_ups_ > setting_.executor.get_ups_max)
+    Fail(Invariant::kTransition, "it gets up for the {}th time", get_ups_);
+  if (now == ExecutorState::kArming && after == ExecutorState::kHolding) {
+    for (std::size_t i = 0; i < wires_.size(); ++i) {
+      if (now_->joints[i].drive_state != DriveState::kEnabled)
+        Fail(Invariant::kTransition, "armed, and drive {} is not enabled", i);
+    }
+  }
+  if (tick_.disarms && now != ExecutorState::kDisarmed)
+    Fail(Invariant::kObeyed, "a request for torque off is not obeyed");
   if (command == OperatorCommand::kDisarm && now != ExecutorState::kDisarmed)
     Fail(Invariant::kObeyed, "disarm is not obeyed");
   const bool moves = before == ExecutorState::kMovingToStart || before == ExecutorState::kRunning ||
@@ -305,6 +324,11 @@ void FlightJudge::JudgeDetection() {
   if (tick_.foreign) NeedFault(Fault::kForeignCommand, "somebody else has sent a command");
   if (setting_.has_sensor && now_->sensor.status != SensorStatus::kOk)
     NeedFault(Fault::kSensorLost, "the sensor is not believed");
+  const std::int64_t report = (tick_.now_ns - sensor_stamp_ns_) / setting_.period_ns;
+  if (setting_.has_sensor && now_->sensor.status == SensorStatus::kOk &&
+      report > setting_.sensor.age_ticks_max + 1) {
+    Fail(Invariant::kStale, "a sensor is believed whose last report is {} ticks old", report);
+  }
   const bool follows = !IsLoose(tick_.before) && !lowered_before_ &&
                        (tick_.before != ExecutorState::kFault || KeepsGains(last_.reaction));
   for (std::size_t i = 0; i < wires_.size(); ++i) {
@@ -392,6 +416,7 @@ void FlightJudge::JudgeJoint(std::size_t joint) {
   if (!std::isfinite(order.position_rad + order.velocity_rad_s + order.torque_nm))
     Fail(Invariant::kFinite, "joint {} is sent what is no number", joint);
   JudgeLimits(joint);
+  if (setting_.has_sensor) JudgeCorrection(joint);
   JudgeOrder(joint, order);
   if (unattended_) JudgePausedOrder(joint, order);
 }
@@ -439,6 +464,11 @@ void FlightJudge::JudgeLimits(std::size_t joint) {
                      now_->state == ExecutorState::kHolding ||
                      now_->state == ExecutorState::kSettling;
   if (!rests) return;
+  if (!setting_.has_sensor && from.velocity_rad_s == 0 && to.velocity_rad_s == 0 && !pulled_in &&
+      to.position_rad != from.position_rad) {
+    Fail(Invariant::kBrake, "joint {} rests, and goes from {} to {} rad", joint, from.position_rad,
+         to.position_rad);
+  }
   const float brake =
       limits.acceleration_max_rad_s2 * setting_.executor.period_s * ticks * kRounding + 1e-5F;
   const float change = std::abs(to.velocity_rad_s - from.velocity_rad_s);
@@ -447,6 +477,20 @@ void FlightJudge::JudgeLimits(std::size_t joint) {
       std::abs(to.velocity_rad_s) > std::abs(from.velocity_rad_s) + 1e-5F) {
     Fail(Invariant::kBrake, "joint {} goes from {} to {} rad/s", joint, from.velocity_rad_s,
          to.velocity_rad_s);
+  }
+}
+
+void FlightJudge::JudgeCorrection(std::size_t joint) {
+  const float now = now_->joints[joint].correction_rad;
+  const float before = last_.joints[joint].correction_rad;
+  const float most = correction_rate_max_rad_s_ * static_cast<float>(advance_) *
+                         setting_.executor.period_s * 1.0002F +
+                     1e-6F;
+  // A position that is held keeps its correction, and has none from then on.
+  const bool keeps = now == 0;
+  if (!(std::abs(now) <= correction_max_rad_ * 1.0002F) ||
+      (!(std::abs(now - before) <= most) && !keeps)) {
+    Fail(Invariant::kCorrection, "joint {}: from {} to {} rad", joint, before, now);
   }
 }
 

@@ -36,9 +36,10 @@ enum class Invariant : std::uint8_t {
   kPauseStiff,   ///< After the drives may have let go, no stiffness until armed anew.
   kPauseSnap,    ///< As kPauseStiff, and the setpoint is far from the joint.
   kTime,         ///< A primitive's time grows with the ticks, up to its end.
+  kCorrection,   ///< Corrections by the sensor are within their limits, and so are their changes.
   kReplay,       ///< The same inputs give the same bytes.
 };
-inline constexpr int kInvariantCount = 23;
+inline constexpr int kInvariantCount = 24;
 extern const std::array<std::string_view, kInvariantCount> kInvariantNames;
 
 /// How an invariant was broken.
@@ -83,6 +84,7 @@ struct WorldTick {
   std::int64_t gap_ns = 0;  ///< True time since the tick before.
   bool paused = false;      ///< Whether periods passed without a tick.
   bool let_go = false;      ///< Whether a drive's watchdog expired since the tick before.
+  bool disarms = false;     ///< Whether the run procedure was asked for torque off before it.
   bool foreign = false;     ///< Whether a frame came that only this host may send.
   bool moved = false;       ///< Whether a joint was moved or pushed by somebody of late.
   bool spoilt = false;      ///< Whether frames may have been changed on their way of late.
@@ -129,6 +131,7 @@ class FlightJudge {
   void JudgeGains(std::size_t joint, const WireOrder& order);
   void JudgePause();
   void JudgePausedOrder(std::size_t joint, const WireOrder& order);
+  void JudgeCorrection(std::size_t joint);
   void JudgeTime();
   void Count();
 
@@ -137,6 +140,7 @@ class FlightJudge {
   std::vector<std::array<Bounds, kMaxJoints>> bounds_;  ///< By node and joint.
   std::vector<WireReader> wires_;
   float following_max_rad_ = 0;
+  float correction_max_rad_ = 0, correction_rate_max_rad_s_ = 1;  // the latter: where it vanishes
   std::int64_t stop_ticks_max_ = 0;
   std::int64_t unattended_ns_ = 0;
   std::vector<Violation> violations_;
@@ -153,7 +157,9 @@ class FlightJudge {
   std::array<double, kMaxJoints> kp_left_{};  // the least since lowering began
   std::array<std::int64_t, kMaxJoints> stamp_ns_{};
   bool unattended_ = false;  // whether the drives may have let go since the last arming
+  std::int64_t sensor_stamp_ns_ = 0;
   std::int64_t stopping_ticks_ = 0;
+  int get_ups_ = 0;  // since the last command to run
 };
 
 }  // namespace tumbler::testing

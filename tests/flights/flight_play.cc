@@ -181,6 +181,8 @@ class World {
         branch_ = static_cast<std::int8_t>(event.b);
         break;
       case FlightEventKind::kRequest:
+        disarms_ = disarms_ || (setting_.by_procedure &&
+                                static_cast<FlightRequest>(event.a) == FlightRequest::kDisarm);
         operator_.Request(static_cast<FlightRequest>(event.a), record());
         break;
       case FlightEventKind::kPause:
@@ -349,6 +351,8 @@ class World {
     if (operator_.wants_repair() && setting_.repairs) Repair();
     input.command = command_ != OperatorCommand::kNone ? command_ : asked;
     input.branch = branch_;
+    tick.disarms = disarms_ && command_ == OperatorCommand::kNone;
+    disarms_ = false;
     command_ = OperatorCommand::kNone;
     tick.before = executor_.state();
     executor_.Tick(input, output_);
@@ -402,7 +406,7 @@ class World {
   std::int64_t number_ = 0, last_number_ = 0;
   std::int32_t tick_ = 0;
   std::int32_t spoilt_until_ = 0, moved_until_ = 0;
-  bool paused_ = false;
+  bool paused_ = false, disarms_ = false;
   bool held_ = true;
   std::int32_t stutter_ = -1;
   OperatorCommand command_ = OperatorCommand::kNone;
