@@ -266,10 +266,9 @@ void FlightJudge::JudgeFaults() {
     const Reaction asked = setting_.executor.reactions(first.fault, first.state);
     const bool aborts = asked == Reaction::kAbort;
     const bool falls = first.fault == Fault::kFallen && asked == Reaction::kIgnore;
-    const bool fits =
-        aborts ? (first.reaction == Reaction::kHold || first.reaction == Reaction::kRollOut ||
-                  first.reaction == Reaction::kFold || first.reaction == Reaction::kDamp)
-               : (falls ? first.reaction == Reaction::kHold : first.reaction == asked);
+    const bool fits = aborts
+                          ? MayAbortBy(first.fault, first.reaction)
+                          : (falls ? first.reaction == Reaction::kHold : first.reaction == asked);
     if (!fits) {
       Fail(Invariant::kReaction, "{} in {} is answered by {}", ToString(first.fault),
            ToString(first.state), ToString(first.reaction));
@@ -298,6 +297,40 @@ void FlightJudge::JudgeFaults() {
       last_.reaction != Reaction::kRollOut) {
     Fail(Invariant::kReaction, "the reaction {} became weaker", ToString(last_.reaction));
   }
+}
+
+// Whether the table of aborts of the node that was played says so of the time in it.
+bool FlightJudge::MayAbortBy(Fault fault, Reaction reaction) const {
+  const SequenceNode& node = setting_.graph.node(now_->node);
+  const Primitive<float>& primitive = setting_.primitives[static_cast<std::size_t>(node.primitive)];
+  if (!primitive.aborts.present() || setting_.executor.speed != 1)
+    return reaction == (fault == Fault::kOperatorStop ? Reaction::kHold : Reaction::kDamp);
+  // It was found before this tick's plan was made, or after; and a motion may have just begun.
+  for (const float time_s : {last_.primitive_time_s, now_->primitive_time_s, 0.0F}) {
+    const AbortSpan<float>* span = primitive.aborts.spans().data();
+    while (span->until_s <= time_s && span != &primitive.aborts.spans().back()) ++span;
+    const double late_s = fault == Fault::kLateTick
+                              ? static_cast<double>(elapsed_ - 1) * Wide(setting_.executor.period_s)
+                              : 0;
+    const double slack_s = Wide(setting_.executor.period_s);
+    switch (span->way) {
+      case AbortWay::kCatch:
+        if (reaction == Reaction::kHold) return true;
+        break;
+      case AbortWay::kFold:
+        if (reaction == Reaction::kFold) return true;
+        break;
+      case AbortWay::kRollOut:
+        if (reaction == Reaction::kRollOut && late_s <= Wide(span->late_max_s) + slack_s)
+          return true;
+        if (reaction == Reaction::kDamp && late_s > Wide(span->late_max_s) - slack_s) return true;
+        break;
+      case AbortWay::kDamp:
+        if (reaction == Reaction::kDamp) return true;
+        break;
+    }
+  }
+  return false;
 }
 
 void FlightJudge::NeedFault(Fault fault, const char* why, Invariant invariant) {
@@ -460,6 +493,13 @@ void FlightJudge::JudgeLimits(std::size_t joint) {
                    std::abs(to.torque_nm) == limits.torque_max_nm;
   if (std::abs(to.torque_nm - from.torque_nm) > push && !cut)
     Fail(Invariant::kSteps, "joint {} goes from {} to {} N m", joint, from.torque_nm, to.torque_nm);
+  const bool loose =
+      record.drive_state != DriveState::kEnabled && record.drive_state != DriveState::kLost;
+  if (now_->state == ExecutorState::kFault && loose && now_->reaction != Reaction::kRollOut &&
+      last_.state == ExecutorState::kFault && from.velocity_rad_s == 0 && !pulled_in &&
+      !setting_.has_sensor && to.position_rad != from.position_rad) {
+    Fail(Invariant::kSteps, "joint {} is sent on while its drive is not enabled", joint);
+  }
   const bool rests = now_->state == ExecutorState::kStopping ||
                      now_->state == ExecutorState::kHolding ||
                      now_->state == ExecutorState::kSettling;
@@ -593,6 +633,17 @@ void FlightJudge::JudgeGains(std::size_t joint, const WireOrder& order) {
 }
 
 void FlightJudge::JudgeTime() {
+  if (now_->state == ExecutorState::kFault && now_->reaction == Reaction::kRollOut) {
+    const SequenceNode& rolled = setting_.graph.node(now_->node);
+    bool over = now_->primitive_time_s >=
+                setting_.primitives[static_cast<std::size_t>(rolled.primitive)].duration_s;
+    for (std::size_t i = 0; i < wires_.size(); ++i) {
+      const JointRecord& joint = now_->joints[i];
+      over = over && std::abs(joint.limited.position_rad - joint.planned.position_rad) < 5e-5F;
+    }
+    // In the tick of its end it becomes a hold.
+    if (over) Fail(Invariant::kTime, "a motion is rolled out beyond its end");
+  }
   if (now_->state != ExecutorState::kRunning) return;
   const Primitive<float>& primitive =
       setting_.primitives[static_cast<std::size_t>(setting_.graph.node(now_->node).primitive)];

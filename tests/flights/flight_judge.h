@@ -123,6 +123,7 @@ class FlightJudge {
   void JudgeFaults();
   void JudgeDetection();
   void NeedFault(Fault fault, const char* why, Invariant invariant = Invariant::kDetected);
+  [[nodiscard]] bool MayAbortBy(Fault fault, Reaction reaction) const;
   void JudgeReplies();
   void JudgeArming();
   void JudgeJoint(std::size_t joint);
