@@ -153,6 +153,7 @@ bool FlightJudge::Take(const WorldTick& tick) {
     kp_left_.fill(1e9);
   }
   if (now_->state == ExecutorState::kDisarmed) lowering_ = false;
+  if (tick.before == ExecutorState::kDisarmed) was_enabled_.fill(false);
 
   JudgeReplies();
   JudgeStates();
@@ -287,6 +288,8 @@ void FlightJudge::JudgeFaults() {
     for (const ExecutorState state : {tick_.before, now_->state, ExecutorState::kFault}) {
       const Reaction asked = setting_.executor.reactions(fault, state);
       if (asked != Reaction::kIgnore) least = std::min(least, LeastStrengthOf(asked));
+      // From where a robot lies that could not get up nothing goes on.
+      if (fault == Fault::kFallen) least = std::min(least, StrengthOf(Reaction::kHold));
     }
     if (least < 100 && StrengthOf(now_->reaction) < least)
       Fail(Invariant::kReaction, "{} is answered by {}", ToString(fault), ToString(now_->reaction));
@@ -367,6 +370,15 @@ void FlightJudge::JudgeDetection() {
   for (std::size_t i = 0; i < wires_.size(); ++i) {
     const JointRecord& joint = now_->joints[i];
     if (joint.drive_error != 0) NeedFault(Fault::kDriveError, "a drive has an error");
+    if (joint.drive_state == DriveState::kLost)
+      NeedFault(Fault::kHeartbeatLost, "a drive's heartbeat has stopped");
+    const bool stays =
+        joint.drive_state == DriveState::kEnabled || joint.drive_state == DriveState::kLost;
+    if (was_enabled_[i] && !stays && last_.reaction != Reaction::kDisable &&
+        now_->reaction != Reaction::kDisable) {
+      NeedFault(Fault::kDriveError, "a drive is not enabled any more");
+    }
+    if (joint.drive_state == DriveState::kEnabled) was_enabled_[i] = true;
     const std::int64_t age = (tick_.now_ns - stamp_ns_[i]) / setting_.period_ns;
     if (age > setting_.executor.stale_ticks_max + 1)
       NeedFault(Fault::kStaleReply, "by its time stamp a reply is old", Invariant::kStale);

@@ -154,8 +154,9 @@ class FlightJudge {
   std::int64_t elapsed_ = 1;  // as the tick numbers say
   int advance_ = 1;           // the periods that are made up for
   bool lowering_ = false, lowered_before_ = false;
-  bool went_home_ = false;                    // whether kGoHome was obeyed since the last arming
-  std::array<double, kMaxJoints> kp_left_{};  // the least since lowering began
+  std::array<bool, kMaxJoints> was_enabled_{};  // since the last arming
+  bool went_home_ = false;                      // whether kGoHome was obeyed since the last arming
+  std::array<double, kMaxJoints> kp_left_{};    // the least since lowering began
   std::array<std::int64_t, kMaxJoints> stamp_ns_{};
   bool unattended_ = false;  // whether the drives may have let go since the last arming
   std::int64_t sensor_stamp_ns_ = 0;
