@@ -165,6 +165,14 @@ TEST(FrameBits, LieBetweenUnstuffedAndWorstCase) {
   }
 }
 
+TEST(FrameBits, AreThoseOfTheBitStream) {
+  std::mt19937_64 random(5);
+  for (int i = 0; i < 200'000; ++i) {
+    const CanFrame frame = RandomFrame(random);
+    ASSERT_EQ(FrameBits(frame), BuildBitStream(frame).count + kFrameTailBits + kIntermissionBits);
+  }
+}
+
 TEST(WorstCaseFrameBits, AreThePublishedFormulas) {
   for (int n = 0; n <= 8; ++n) {
     EXPECT_EQ(WorstCaseFrameBits(CanIdKind::kStandard, n), 55 + 10 * n);
