@@ -230,6 +230,25 @@ TEST(HostSides, OnlySetpointsAndReportsOfTheDriveHavePositions) {
   EXPECT_NEAR(position_rad, 6.2831853, 1e-6);
 }
 
+TEST(HostSides, ThePositionsOfReportsAndSetpointsAreThoseOfTheShaft) {
+  double position_rad = 0;
+  const std::vector<Side> sides = Sides();
+  std::size_t i = 0;
+  DriveProtocols::ForEach([&](auto protocol) {
+    using Protocol = decltype(protocol);
+    SCOPED_TRACE(Protocol::kName);
+    EXPECT_TRUE(Protocol::ReportedPosition(Protocol::Example(0), sides[i].report, position_rad));
+    ++i;
+  });
+  EXPECT_TRUE(CanSimpleProtocol::ReportedPosition(CanSimpleProtocol::Example(0),
+                                                  EncodeCanSimple(1, CanSimpleEstimates{0.5F, 0}),
+                                                  position_rad));
+  EXPECT_NEAR(position_rad, 3.14159265, 1e-6);
+  EXPECT_TRUE(CanSimpleProtocol::CommandedPosition(
+      CanSimpleProtocol::Example(0), EncodeCanSimple(1, CanSimpleInputPos{1, 0, 0}), position_rad));
+  EXPECT_NEAR(position_rad, 6.2831853, 1e-6);
+}
+
 TEST(DriveBank, TakesAsManyDrivesAsThereMayBeJointsAndNoneThatIsNotValid) {
   DriveBank bank;
   MitConfig invalid;
@@ -499,6 +518,11 @@ TEST(Cia402SetUpOfAHost, AnswersToOtherRequestsAreLeftAloneAndARefusalWithoutACo
   EXPECT_FALSE(host.feedback().has_torque);
   reply(SdoReply::Kind::kAborted, first.index, first.sub, 0);
   EXPECT_EQ(host.feedback().error, kEmergencyGeneric);
+  EXPECT_EQ(host.set_up_refusal().index, first.index);
+  FrameBatch batch;
+  EXPECT_EQ(host.Encode(DriveRequest::kClearErrors, {}, batch), Status::kOk);
+  tick();
+  reply(SdoReply::Kind::kRead, first.index, first.sub, 7);  // Nobody has asked for a value.
   EXPECT_EQ(host.set_up_refusal().index, first.index);
 }
 
