@@ -152,7 +152,7 @@ void BenchSession::Receive() {
       if (!position) continue;
       replies_[i].arrived_ns.push_back(received.time_ns);
       replies_[i].torques_nm.push_back(double{bank_.drives()[i]->feedback().torque_nm});
-      heard_ns_[i] = world_.clock().now_ns();
+      heard_ns_[i] = received.time_ns;
     }
   }
   if (status != Status::kWouldBlock)
@@ -241,6 +241,8 @@ void EndWhereAsked() {
 
 void BenchSession::Tick() {
   EndWhereAsked();
+  // After a pause of the program the drive may have let go, and the joint is elsewhere.
+  if (driven_ != kNone && following_) RequireHeard(driven_);
   Send(DriveRequest::kDisable);
   SleepPeriod();
   Receive();

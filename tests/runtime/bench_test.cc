@@ -155,6 +155,23 @@ TEST_P(BenchOf, AJogKeepsAmplitudeAndSpeedInEveryFrameAndLeavesTheTorqueOff) {
   EXPECT_NEAR(world_.rotor(0).position_rad, 0, 0.01);
 }
 
+TEST_P(BenchOf, AfterAPauseOfTheProgramNothingIsAskedOfADriveThatMayHaveLetGo) {
+  BenchSession session(world_, drives_, {});
+  ASSERT_THAT(session.AwaitReplies(), IsEmpty());
+  session.Enable(0);
+  for (int i = 0; i < 20; ++i) session.Follow(0, 0);
+  world_.clock().SleepUntil(session.now_ns() + 500'000'000);
+  world_.rotor(0).position_rad = 1.2;  // The robot has fallen.
+  const std::size_t before = world_.sent.size();
+  try {
+    session.Follow(0, 0);
+    ADD_FAILURE() << "the pause was not noticed";
+  } catch (const BenchFault& fault) {
+    EXPECT_THAT(fault.what(), HasSubstr("has not replied for"));
+  }
+  EXPECT_EQ(world_.sent.size(), before);
+}
+
 TEST_P(BenchOf, AJointWithHardlyAnyFrictionIsAtRestWhenAJogLeavesIt) {
   for (const std::size_t joint : {0U, 1U}) world_.rotor(joint).damping_nm_s_per_rad = 0.005;
   BenchSession session(world_, drives_, {});
