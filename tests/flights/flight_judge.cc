@@ -126,7 +126,7 @@ FlightJudge::FlightJudge(const FlightSetting& setting, std::uint32_t ignored)
     wires_.emplace_back(entry.config);
     if (entry.watchdog_s > 0) unattended_s = std::min(unattended_s, entry.watchdog_s);
   }
-  unattended_ns_ = static_cast<std::int64_t>(unattended_s * 1e9) + 2 * setting.period_ns;
+  unattended_ns_ = static_cast<std::int64_t>(unattended_s * 1e9);
 }
 
 template <typename... Args>
@@ -177,6 +177,11 @@ void FlightJudge::JudgeReplies() {
       if (wires_[i].IsPosition(received.frame))
         stamp_ns_[i] = std::max(stamp_ns_[i], received.time_ns);
     }
+  }
+  // While no tick asked it, a drive owed nothing.
+  for (std::size_t i = 0; i < wires_.size(); ++i) {
+    const bool fresh = tick_.now_ns - stamp_ns_[i] <= setting_.period_ns;
+    silent_ticks_[i] = fresh ? 0 : silent_ticks_[i] + 1;
   }
 }
 
@@ -348,8 +353,12 @@ void FlightJudge::NeedFault(Fault fault, const char* why, Invariant invariant) {
 
 void FlightJudge::JudgeDetection() {
   const TickInput& input = *tick_.input;
-  if (elapsed_ < 1 || elapsed_ > 1 + static_cast<std::int64_t>(setting_.executor.late_ticks_max))
+  if (elapsed_ > setting_.executor.pause_ticks_max) {
+    NeedFault(Fault::kPaused, "the drives may have let go");
+  } else if (elapsed_ < 1 ||
+             elapsed_ > 1 + static_cast<std::int64_t>(setting_.executor.late_ticks_max)) {
     NeedFault(Fault::kLateTick, "periods were missed");
+  }
   if (input.send_status != Status::kOk) NeedFault(FaultOf(input.send_status), "sending failed");
   if (input.receive_status != Status::kOk && input.receive_status != Status::kWouldBlock)
     NeedFault(FaultOf(input.receive_status), "receiving failed");
@@ -379,8 +388,7 @@ void FlightJudge::JudgeDetection() {
       NeedFault(Fault::kDriveError, "a drive is not enabled any more");
     }
     if (joint.drive_state == DriveState::kEnabled) was_enabled_[i] = true;
-    const std::int64_t age = (tick_.now_ns - stamp_ns_[i]) / setting_.period_ns;
-    if (age > setting_.executor.stale_ticks_max + 1)
+    if (silent_ticks_[i] > setting_.executor.stale_ticks_max + 1)
       NeedFault(Fault::kStaleReply, "by its time stamp a reply is old", Invariant::kStale);
     if (joint.reply_age_ticks != 0) continue;
     const float values = joint.measured.position_rad + joint.measured.velocity_rad_s;

@@ -158,6 +158,7 @@ class FlightJudge {
   bool went_home_ = false;                      // whether kGoHome was obeyed since the last arming
   std::array<double, kMaxJoints> kp_left_{};    // the least since lowering began
   std::array<std::int64_t, kMaxJoints> stamp_ns_{};
+  std::array<int, kMaxJoints> silent_ticks_{};  // in a row without a reply of the last period
   bool unattended_ = false;  // whether the drives may have let go since the last arming
   std::int64_t sensor_stamp_ns_ = 0;
   std::int64_t stopping_ticks_ = 0;

@@ -346,6 +346,7 @@ class World {
     input.tick = stutter_ >= 0 ? last_number_ - stutter_ : number_;
     stutter_ = -1;
     last_number_ = input.tick;
+    input.time_ns = now_ns_;
     input.send_status = send_status_;
     const OperatorCommand asked = operator_.Next(record(), executor_.state());
     if (operator_.wants_repair() && setting_.repairs) Repair();

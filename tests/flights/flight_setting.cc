@@ -5,6 +5,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "runtime/assembly/run_settings.h"
 #include "tests/flights/flight_random.h"
 
 namespace tumbler::testing {
@@ -415,6 +416,7 @@ void MakeExecutor(FlightSetting& setting, std::uint32_t left_out, FlightRandom& 
   config.stale_ticks_max = random.Within(2, 10);
   config.sequence_errors_max = random.Within(3, 15);
   config.late_ticks_max = random.Within(0, 5);
+  config.pause_ticks_max = PauseTicksMax(setting.drives);
   // Sometimes nobody could arm as fast as is asked for.
   config.arming_ticks_max = random.Chance(0.12) ? random.Within(1, 10) : random.Within(200, 600);
   config.start_way_max_rad = random.Chance(0.3) ? random.Real(0.2, 1) : 1e9F;
