@@ -203,7 +203,7 @@ void ExpectNames(Enum last) {
 
 TEST(Names, EveryEnumeratorOfTheCoreHasItsOwn) {
   ExpectNames(ReplyStatus::kOkSomeLate);
-  ExpectNames(OperatorCommand::kBranch);
+  ExpectNames(OperatorCommand::kGoHome);
   ExpectNames(Refusal::kLiesOtherwise);
   ExpectNames(static_cast<Fault>(kFaultCount - 1));
   ExpectNames(static_cast<ExecutorState>(kExecutorStateCount - 1));
