@@ -474,6 +474,19 @@ void FlightJudge::JudgeJoint(std::size_t joint) {
   if (unattended_) JudgePausedOrder(joint, order);
 }
 
+namespace {
+
+/// Whether what was outside limits, which the node before did not have, goes back inside as fast as
+/// a step allows.
+bool Returns(float from, float to, float min, float max, float step) {
+  constexpr float kRounding = 0.9998F;
+  const float least = step * kRounding - 2e-6F;
+  return (from < min && to < min && to - from >= least) ||
+         (from > max && to > max && from - to >= least);
+}
+
+}  // namespace
+
 void FlightJudge::JudgeLimits(std::size_t joint) {
   const JointRecord& record = now_->joints[joint];
   const JointRecord& before = last_.joints[joint];
@@ -485,10 +498,15 @@ void FlightJudge::JudgeLimits(std::size_t joint) {
   const JointLimits<float>& limits = bounds.limits;
   const std::uint32_t news = now_->faults & ~last_.faults;
   const bool not_finite = (news & BitOf(Fault::kNonFinite)) != 0;
-  const bool within = to.position_rad >= limits.position_min_rad &&
-                      to.position_rad <= limits.position_max_rad &&
-                      std::abs(to.velocity_rad_s) <= limits.velocity_max_rad_s &&
-                      std::abs(to.torque_nm) <= limits.torque_max_nm;
+  const auto ticks = static_cast<float>(advance_);
+  const bool within =
+      ((to.position_rad >= limits.position_min_rad && to.position_rad <= limits.position_max_rad) ||
+       Returns(from.position_rad, to.position_rad, limits.position_min_rad, limits.position_max_rad,
+               bounds.position_step_rad * ticks)) &&
+      std::abs(to.velocity_rad_s) <= limits.velocity_max_rad_s &&
+      (std::abs(to.torque_nm) <= limits.torque_max_nm ||
+       Returns(from.torque_nm, to.torque_nm, -limits.torque_max_nm, limits.torque_max_nm,
+               bounds.torque_step_nm * ticks));
   const bool kept = has_last_ && to.position_rad == from.position_rad && to.velocity_rad_s == 0;
   if (!within && !((not_finite || (now_->faults & BitOf(Fault::kNonFinite)) != 0) && kept)) {
     // Until the drive was heard, its setpoint is zero wherever the limits are.
@@ -499,24 +517,20 @@ void FlightJudge::JudgeLimits(std::size_t joint) {
   }
   if (IsLoose(now_->state) || IsLoose(last_.state) || !has_last_) return;
   constexpr float kRounding = 1.0002F;
-  const auto ticks = static_cast<float>(advance_);
   const float step = bounds.position_step_rad * ticks * kRounding + 2e-6F;
-  const bool pulled_in =
-      (from.position_rad < limits.position_min_rad && to.position_rad == limits.position_min_rad) ||
-      (from.position_rad > limits.position_max_rad && to.position_rad == limits.position_max_rad);
-  if (std::abs(to.position_rad - from.position_rad) > step && !pulled_in) {
+  const bool was_outside =
+      from.position_rad < limits.position_min_rad || from.position_rad > limits.position_max_rad;
+  if (std::abs(to.position_rad - from.position_rad) > step) {
     Fail(Invariant::kSteps, "joint {} goes from {} to {} rad", joint, from.position_rad,
          to.position_rad);
   }
   const float push = bounds.torque_step_nm * ticks * kRounding + 2e-6F;
-  const bool cut = std::abs(from.torque_nm) > limits.torque_max_nm &&
-                   std::abs(to.torque_nm) == limits.torque_max_nm;
-  if (std::abs(to.torque_nm - from.torque_nm) > push && !cut)
+  if (std::abs(to.torque_nm - from.torque_nm) > push)
     Fail(Invariant::kSteps, "joint {} goes from {} to {} N m", joint, from.torque_nm, to.torque_nm);
   const bool loose =
       record.drive_state != DriveState::kEnabled && record.drive_state != DriveState::kLost;
   if (now_->state == ExecutorState::kFault && loose && now_->reaction != Reaction::kRollOut &&
-      last_.state == ExecutorState::kFault && from.velocity_rad_s == 0 && !pulled_in &&
+      last_.state == ExecutorState::kFault && from.velocity_rad_s == 0 && !was_outside &&
       !setting_.has_sensor && to.position_rad != from.position_rad) {
     Fail(Invariant::kSteps, "joint {} is sent on while its drive is not enabled", joint);
   }
@@ -524,7 +538,7 @@ void FlightJudge::JudgeLimits(std::size_t joint) {
                      now_->state == ExecutorState::kHolding ||
                      now_->state == ExecutorState::kSettling;
   if (!rests) return;
-  if (!setting_.has_sensor && from.velocity_rad_s == 0 && to.velocity_rad_s == 0 && !pulled_in &&
+  if (!setting_.has_sensor && from.velocity_rad_s == 0 && to.velocity_rad_s == 0 && !was_outside &&
       to.position_rad != from.position_rad) {
     Fail(Invariant::kBrake, "joint {} rests, and goes from {} to {} rad", joint, from.position_rad,
          to.position_rad);
