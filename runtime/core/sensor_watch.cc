@@ -131,10 +131,13 @@ void SensorWatch::EndTick(int elapsed, const InertialReading& reading) noexcept 
     age_ticks_ = std::min(age_ticks_, kOldest);  // here, because it may be late
   }
   if (age_ticks_ >= 0) age_ticks_ += elapsed;
-  if (has_attitude_ && has_rate_) {
-    has_attitude_ = has_rate_ = false;
-    TakeReport(reading);
+  if (attitude_age_ticks_ >= 0 && rate_age_ticks_ >= 0) {
+    waiting_ = InertialPart::kNone;
+    TakeReport(reading, std::max(attitude_age_ticks_, rate_age_ticks_));
+  } else {
+    JoinParts(elapsed, reading);
   }
+  attitude_age_ticks_ = rate_age_ticks_ = -1;
   status_ = implausible_;
   if (status_ != SensorStatus::kOk) return;
   if (IsOld()) {
@@ -144,11 +147,29 @@ void SensorWatch::EndTick(int elapsed, const InertialReading& reading) noexcept 
   }
 }
 
+// The halves of a report may come in two ticks. It is as old as the older of them.
+void SensorWatch::JoinParts(int elapsed, const InertialReading& reading) noexcept {
+  if (waiting_ != InertialPart::kNone)
+    waiting_age_ticks_ = std::min(waiting_age_ticks_ + elapsed, kOldest);
+  const bool is_attitude = attitude_age_ticks_ >= 0;
+  const std::int32_t age_ticks = is_attitude ? attitude_age_ticks_ : rate_age_ticks_;
+  if (age_ticks < 0) return;
+  const InertialPart part = is_attitude ? InertialPart::kAttitude : InertialPart::kRate;
+  if (waiting_ == InertialPart::kNone || waiting_ == part) {
+    waiting_ = part;
+    waiting_age_ticks_ = age_ticks;
+  } else {
+    waiting_ = InertialPart::kNone;
+    TakeReport(reading, std::max(waiting_age_ticks_, age_ticks));
+  }
+}
+
 SensorWatch::Lanes SensorWatch::InLink(float x, float y, float z) const noexcept {
   return mounting_[0] * x + mounting_[1] * y + mounting_[2] * z;
 }
 
-void SensorWatch::TakeReport(const InertialReading& reading) noexcept {
+void SensorWatch::TakeReport(const InertialReading& reading,
+                             std::int32_t report_age_ticks) noexcept {
   const auto [w, x, y, z] = reading.attitude;
   const auto& rate = reading.rate_rad_s;
   const float ww = w * w, xx = x * x, yy = y * y, zz = z * z;
@@ -159,7 +180,7 @@ void SensorWatch::TakeReport(const InertialReading& reading) noexcept {
   const float rate_rad_s = -turn[1];
 
   const bool fresh = IsOld();
-  const std::int32_t since = std::max(age_ticks_ - report_age_ticks_, 0);  // the last report
+  const std::int32_t since = std::max<std::int32_t>(age_ticks_ - report_age_ticks, 0);  // the last report
   if (fresh) {
     parted_rad_ = 0;  // What the sensor did meanwhile is not known.
     twist_rad_ = Lanes{};
@@ -173,7 +194,7 @@ void SensorWatch::TakeReport(const InertialReading& reading) noexcept {
   }
   pitch_rad_ = pitch_rad;
   rate_rad_s_ = rate_rad_s;
-  age_ticks_ = report_age_ticks_;
+  age_ticks_ = report_age_ticks;
   if (implausible_ != SensorStatus::kOk) return TakeTilt(reading, up, turn);
   // Out of the plane it has turned too far, or is about to.
   const Lanes twist = twist_rad_ + turn * twist_lead_s_;

@@ -60,9 +60,8 @@ class SensorWatch {
   /// Notes what a frame has brought.
   /// @param age_ticks  0: it came since the tick before.
   void Count(InertialPart part, const InertialReading& reading, std::int32_t age_ticks) noexcept {
-    report_age_ticks_ = age_ticks;
-    if (part == InertialPart::kAttitude) has_attitude_ = true;
-    if (part == InertialPart::kRate) has_rate_ = true;
+    if (part == InertialPart::kAttitude) attitude_age_ticks_ = age_ticks;
+    if (part == InertialPart::kRate) rate_age_ticks_ = age_ticks;
     if (part == InertialPart::kTime) TakeTime(reading.time);
   }
   /// To be called after the frames of a tick.
@@ -94,7 +93,9 @@ class SensorWatch {
 
   /// A vector of the sensor's frame in that of the link.
   [[nodiscard]] Lanes InLink(float x, float y, float z) const noexcept;
-  void TakeReport(const InertialReading& reading) noexcept;
+  /// @param report_age_ticks  of its older part.
+  void TakeReport(const InertialReading& reading, std::int32_t report_age_ticks) noexcept;
+  void JoinParts(int elapsed, const InertialReading& reading) noexcept;
   [[gnu::cold]] void TakeTilt(const InertialReading& reading, Lanes up, Lanes turn) noexcept;
   void TakeTime(std::uint32_t time) noexcept;
   /// Whether the last report is stale, or there is none: -1 is the largest then.
@@ -108,8 +109,6 @@ class SensorWatch {
   float period_s_ = 0.001F;
   SensorStatus status_ = SensorStatus::kNoData;
   SensorStatus implausible_ = SensorStatus::kOk;  ///< Why it is not believed any more.
-  bool has_attitude_ = false;
-  bool has_rate_ = false;
   bool is_late_ = false;
   bool is_doubtful_ = false;
   bool has_promptest_ = false;
@@ -121,7 +120,11 @@ class SensorWatch {
   float tilt_rad_ = 0;
   bool tilt_rests_ = false;
   std::int32_t age_ticks_ = -1;
-  std::int32_t report_age_ticks_ = 0;  ///< Of the report that has come in this tick.
+  std::int32_t attitude_age_ticks_ = -1;  ///< Of what has come in this tick; -1: it has not.
+  std::int32_t rate_age_ticks_ = -1;
+  InertialPart waiting_ =
+      InertialPart::kNone;  ///< The half of a report that the other has to join.
+  std::int32_t waiting_age_ticks_ = 0;
   /// The host's time, in 2^-16 steps of the sensor's clock; how many of them are a tick.
   std::int64_t host_time_ = 0;
   std::int64_t steps_per_tick_ = 0;

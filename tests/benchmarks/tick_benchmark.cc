@@ -55,7 +55,7 @@ class Bench {
   }
 
   void Tick(OperatorCommand command = OperatorCommand::kNone) {
-    executor_.Tick({tick_++, replies_, Status::kOk, Status::kOk, command}, output_);
+    executor_.Tick({tick_++, 0, replies_, Status::kOk, Status::kOk, command}, output_);
     benchmark::DoNotOptimize(output_);
   }
   void Reach(ExecutorState state) {

@@ -51,7 +51,8 @@ class Check {
         reply.error = fault_at >= 0 && n >= fault_at ? 2 : 0;
         replies[i].frame = EncodeMitReply(configs_[i], reply);
       }
-      executor.Tick({n, replies, Status::kOk, Status::kOk, procedure.Next(output.record)}, output);
+      executor.Tick({n, 0, replies, Status::kOk, Status::kOk, procedure.Next(output.record)},
+                    output);
       ++ticks_;
       ++visits_[static_cast<std::size_t>(output.record.state)];
       for (std::size_t i = 0; i < 2; ++i) {

@@ -106,7 +106,8 @@ TEST(SensorWatch, IsWithoutDataUntilBothPartsHaveComeAndStaleWhenTheyAreOld) {
   const std::vector<CanFrame> frames = testing::SensorFrames(0.2, 0);
   EXPECT_EQ(rig.Tick({frames[0]}), SensorStatus::kNoData) << "the rate is missing";
   EXPECT_EQ(rig.Tick({frames[1]}), SensorStatus::kOk) << "parts may come in two ticks";
-  for (int i = 0; i < 5; ++i) EXPECT_EQ(rig.Tick({}), SensorStatus::kOk);
+  EXPECT_EQ(rig.watch.age_ticks(), 1) << "it is as old as the older of them";
+  for (int i = 0; i < 4; ++i) EXPECT_EQ(rig.Tick({}), SensorStatus::kOk);
   EXPECT_EQ(rig.Tick({}), SensorStatus::kStale);
   EXPECT_EQ(rig.watch.age_ticks(), 6);
   EXPECT_EQ(rig.Report(1.0, 0), SensorStatus::kOk) << "what it did meanwhile is not known";
