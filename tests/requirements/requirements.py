@@ -20,7 +20,7 @@ PAGE = "docs/requirements.md"
 HAZARDS = "docs/hazards.md"
 MUTATIONS = "tests/mutations/mutations.txt"
 # Every test of the programs that these folders declare is a safety test.
-SAFETY_FOLDERS = ("tests/firmware_interface", "tests/runtime")
+SAFETY_FOLDERS = ("tests/firmware_interface", "tests/runtime", "tests/flights")
 PROGRAM = re.compile(r"^\s*tumbler_(?:test|googletest|network_test)\((\w+)", re.MULTILINE)
 ID = re.compile(r"\b[A-Z][A-Z0-9]*-[0-9]+\b")
 KEYS = {"id", "promise", "tests", "mutations", "proofs"}
@@ -230,12 +230,14 @@ def mutations_of(text):
 
 
 def problems_of_mutations(groups, mutations):
-    """A requirement names a mutation by its file and a part of its code that no other mutation of the file has."""
+    """A requirement names a mutation by its file and a part of its code that no other mutation of the file has, or by all
+    of its code."""
     problems, claimed = [], set()
     for item in all_of(groups):
         for claim in item.mutations:
             file, _, part = claim.partition(": ")
-            meant = {code for name, code, _ in mutations if name == file and part and part in code}
+            of_file = {code for name, code, _ in mutations if name == file}
+            meant = {part} if part in of_file else {code for code in of_file if part and part in code}
             if not meant:
                 problems.append(f"{item.at(claim)}: {MUTATIONS} breaks no such code: {claim}")
             if len(meant) > 1:
@@ -293,11 +295,14 @@ def page(groups):
         f"Written by `scripts/docs-tables` from `{SOURCE}`: what the runtime promises, {count} sentences, and",
         "what shows that each is kept. The tests are those of CTest and GoogleTest, `Suite.Name` whatever the parameters,",
         "and `Suite.*` for all of a suite. A mutation is code that `scripts/mutate` breaks, and the tests have to notice",
-        "([mutations.md](mutations.md)). Which requirements a person near the robot relies on is in [hazards.md](hazards.md).",
+        "([mutations.md](mutations.md)). Which requirements a person near the robot relies on is in [hazards.md](hazards.md);",
+        "what a proof is worth, and what is trusted, in [assurance.md](assurance.md); which conditions of the core the tests",
+        "have shown to matter, in [coverage.md](coverage.md).",
         "",
         "A test (`tests/requirements/`) fails when a requirement names a test, a proof or a mutation that does not exist, or",
-        f"names neither test nor proof; when a test of a program in {' or '.join(f'`{f}/`' for f in SAFETY_FOLDERS)}, or a",
-        "mutation, is named by no requirement; when a hazard names a requirement that does not exist, or none.",
+        "names neither test nor proof; when a mutation, or a test of a program in",
+        f"{' or '.join(f'`{f}/`' for f in SAFETY_FOLDERS)}, is named by no requirement; when a hazard",
+        "names a requirement that does not exist, or none.",
     ]
     for group in groups:
         lines += ["", f"## {group.name}", ""]

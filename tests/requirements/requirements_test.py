@@ -149,6 +149,11 @@ class Requirements(unittest.TestCase):
         self.assertEqual(len(problems), 1)
         self.assert_only(problems, f"{r.SOURCE}:10: ARM-1: 2 mutations have this code")
 
+    def test_a_mutation_that_is_part_of_another_is_named_by_all_of_its_code(self):
+        two = MUTATIONS + "runtime/core/executor.cc :: if (arms => if (!arms\n"
+        both = GOOD.replace('["executor.cc: if (arms"]', '["executor.cc: if (arms", "executor.cc: if (arms())"]')
+        self.assertEqual(self.problems(both, mutations=two), [])
+
     def test_a_mutation_without_a_requirement_is_named_with_its_line(self):
         more = MUTATIONS + "runtime/core/safety.h :: limit() => plan()\n"
         problems = self.problems(mutations=more)
