@@ -107,6 +107,7 @@ TEST(RepeatedFields, NoNumberOfARunIsWithoutARuleThatWasThoughtAbout) {
       {"sequence_errors_max", R::kGreaterIsMilder},
       {"late_ticks_max", R::kGreaterIsMilder},
       {"arming_ticks_max", R::kGreaterIsMilder},
+      {"pause_ticks_max", R::kOfNow},
       {"start_way_max_rad", R::kGreaterIsMilder},
       {"moved_max_rad", R::kPoseLimit},
       {"cycles", R::kOfMotion},
