@@ -63,7 +63,7 @@ struct AkV3Config {
 
   /// @retval kInvalidArgument  a value is outside what its comment allows, a range of motion does
   ///                           not contain zero, or one of a gain does not begin there.
-  [[nodiscard]] Status Validate() const noexcept;
+  [[nodiscard, gnu::cold]] Status Validate() const noexcept;
 };
 
 /// A report in the units of the wire.

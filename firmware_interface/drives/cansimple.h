@@ -164,7 +164,7 @@ struct CanSimpleConfig {
   CanSimpleMessages messages;  ///< The drive's settings, for the host to know. It sets nothing.
 
   /// @retval kInvalidArgument  a value is outside what its comment allows.
-  [[nodiscard]] Status Validate() const noexcept;
+  [[nodiscard, gnu::cold]] Status Validate() const noexcept;
 };
 
 /// Host side of one drive.

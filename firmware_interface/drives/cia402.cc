@@ -182,7 +182,7 @@ Status Cia402Config::Validate() const noexcept {
   return joint.Validate();
 }
 
-bool Cia402SetUp(const Cia402Config& config, int step, SdoRequest& request) noexcept {
+[[gnu::cold]] bool Cia402SetUp(const Cia402Config& config, int step, SdoRequest& request) noexcept {
   constexpr std::uint32_t kInvalidPdo = 0x8000'0000;       // bit 31: the PDO does not exist
   constexpr std::uint32_t kNoRemoteRequest = 0x4000'0000;  // bit 30
   int next = 0;

@@ -143,7 +143,7 @@ struct Cia402Config {
   float following_window_rad = 0;
 
   /// @retval kInvalidArgument  a value is outside what its comment allows.
-  [[nodiscard]] Status Validate() const noexcept;
+  [[nodiscard, gnu::cold]] Status Validate() const noexcept;
 };
 
 /// The content of 60C2h: period = value 10^exponent seconds.

@@ -85,7 +85,7 @@ struct MitConfig {
   /// @retval kInvalidArgument  an id is out of range, a range is not as ImpedanceRanges::AreValid
   /// says, or the
   ///                           joint map is not valid.
-  [[nodiscard]] Status Validate() const noexcept;
+  [[nodiscard, gnu::cold]] Status Validate() const noexcept;
 };
 
 /// A reply at the drive's shaft.

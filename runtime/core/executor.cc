@@ -27,9 +27,12 @@ constexpr int kLongest = 1 << 20;
 
 }  // namespace
 
-Status Executor::Configure(const ExecutorConfig& config, const SequenceGraph<float>& graph,
-                           std::span<const Primitive<float>> primitives,
-                           std::span<Drive* const> drives, const ExecutorSensor& sensor) noexcept {
+// Cold: called once.
+[[gnu::cold]] Status Executor::Configure(const ExecutorConfig& config,
+                                         const SequenceGraph<float>& graph,
+                                         std::span<const Primitive<float>> primitives,
+                                         std::span<Drive* const> drives,
+                                         const ExecutorSensor& sensor) noexcept {
   if (state_ != ExecutorState::kDisarmed) return Status::kWouldBlock;
   const auto count = static_cast<int>(drives.size());
   if (!IsPlayable(config, graph, primitives, count) ||

@@ -4,10 +4,11 @@
 
 #include "runtime/core/numbers.h"
 
+// All of this is cold: called once, its loops need not be unrolled into a small board's flash.
 namespace tumbler {
 namespace {
 
-bool IsValid(const ExecutorConfig& config, int joint_count) noexcept {
+[[gnu::cold]] bool IsValid(const ExecutorConfig& config, int joint_count) noexcept {
   if (!(InRange(config.period_s, 1e-5F, 1.0F) && InRange(config.speed, 0.1F, 1.0F) &&
         InRange(config.move_fraction, 0.001F, 1.0F) && InRange(config.torque_rise_s, 1e-6F, 1e3F) &&
         config.stale_ticks_max >= 1 && config.sequence_errors_max >= 1 &&
@@ -32,7 +33,7 @@ bool IsValid(const ExecutorConfig& config, int joint_count) noexcept {
   return true;
 }
 
-bool IsValid(const SequenceGraph<float>& graph, int primitive_count) noexcept {
+[[gnu::cold]] bool IsValid(const SequenceGraph<float>& graph, int primitive_count) noexcept {
   const auto within = [](int i, int count) { return i >= 0 && i < count; };
   if (graph.node_count > kMaxSequenceNodes || graph.edge_count > kMaxSequenceEdges ||
       !within(graph.start, graph.node_count) || graph.edge_count < 0 || graph.beginning_count < 0 ||
@@ -60,7 +61,8 @@ bool IsValid(const SequenceGraph<float>& graph, int primitive_count) noexcept {
   return true;
 }
 
-bool IsValid(const JointMotion<float>& motion, const ExecutorConfig& config) noexcept {
+[[gnu::cold]] bool IsValid(const JointMotion<float>& motion,
+                           const ExecutorConfig& config) noexcept {
   const JointLimits<float>& limits = motion.limits;
   if (!(IsFinite(limits.position_min_rad) && IsFinite(limits.position_max_rad) &&
         limits.position_min_rad < limits.position_max_rad &&
@@ -76,7 +78,8 @@ bool IsValid(const JointMotion<float>& motion, const ExecutorConfig& config) noe
 }
 
 // Whether the pose of kCollapse is within the limits of every path that its joints may follow.
-bool IsValid(const CollapseConfig& collapse, const Primitive<float>& primitive) noexcept {
+[[gnu::cold]] bool IsValid(const CollapseConfig& collapse,
+                           const Primitive<float>& primitive) noexcept {
   if (!collapse.configured) return true;
   for (int i = 0; i < primitive.joint_count; ++i) {
     const auto index = static_cast<std::size_t>(i);
@@ -88,7 +91,8 @@ bool IsValid(const CollapseConfig& collapse, const Primitive<float>& primitive) 
   return true;
 }
 
-bool IsValid(const Feedback<float>& feedback, const Primitive<float>& primitive) noexcept {
+[[gnu::cold]] bool IsValid(const Feedback<float>& feedback,
+                           const Primitive<float>& primitive) noexcept {
   if (!feedback.present()) return feedback.knot_count == 0;
   if (feedback.knot_count < 2 || feedback.knot_count > kMaxGainKnots ||
       !InRange(feedback.error_min_rad, 0, feedback.error_full_rad) ||
@@ -114,7 +118,8 @@ bool IsValid(const Feedback<float>& feedback, const Primitive<float>& primitive)
   return true;
 }
 
-bool IsValid(const AbortTable<float>& aborts, const Primitive<float>& primitive) noexcept {
+[[gnu::cold]] bool IsValid(const AbortTable<float>& aborts,
+                           const Primitive<float>& primitive) noexcept {
   if (aborts.span_count < 0 || aborts.span_count > kMaxAbortSpans) return false;
   float from_s = 0;
   for (const AbortSpan<float>& span : aborts.spans()) {
@@ -133,7 +138,8 @@ bool IsValid(const AbortTable<float>& aborts, const Primitive<float>& primitive)
   return !aborts.present() || from_s == primitive.duration_s;
 }
 
-bool IsValid(const Primitive<float>& primitive, const ExecutorConfig& config) noexcept {
+[[gnu::cold]] bool IsValid(const Primitive<float>& primitive,
+                           const ExecutorConfig& config) noexcept {
   if (!IsPositive(primitive.duration_s) || primitive.duration_s > 1e4F ||
       !InRange(primitive.settle_s, 0, 1e6F) || !IsPositive(primitive.entry_tolerance_rad) ||
       !IsPositive(primitive.following_tolerance_rad)) {
@@ -146,8 +152,9 @@ bool IsValid(const Primitive<float>& primitive, const ExecutorConfig& config) no
 
 }  // namespace
 
-bool IsPlayable(const ExecutorConfig& config, const SequenceGraph<float>& graph,
-                std::span<const Primitive<float>> primitives, int joint_count) noexcept {
+[[gnu::cold]] bool IsPlayable(const ExecutorConfig& config, const SequenceGraph<float>& graph,
+                              std::span<const Primitive<float>> primitives,
+                              int joint_count) noexcept {
   if (!IsFinite(graph.swap_pitch_rad)) return false;
   if (joint_count < 1 || joint_count > kMaxJoints || !IsValid(config, joint_count) ||
       !IsValid(graph, static_cast<int>(primitives.size())) || config.branch >= graph.edge_count ||

@@ -170,12 +170,6 @@ bool FlightJudge::Take(const WorldTick& tick) {
 }
 
 void FlightJudge::JudgeReplies() {
-  // A tick number that has not grown tells nobody how much time has passed.
-  if (elapsed_ < 1) {
-    const std::int64_t untold_ns = std::max<std::int64_t>(tick_.gap_ns - setting_.period_ns, 0);
-    sensor_stamp_ns_ += untold_ns;
-    for (std::int64_t& stamp_ns : stamp_ns_) stamp_ns += untold_ns;
-  }
   for (const ReceivedFrame& received : tick_.input->received) {
     if (received.frame.id == setting_.sensor_ids.rate_id && !received.frame.extended)
       sensor_stamp_ns_ = std::max(sensor_stamp_ns_, received.time_ns);
@@ -183,6 +177,15 @@ void FlightJudge::JudgeReplies() {
       if (wires_[i].IsPosition(received.frame))
         stamp_ns_[i] = std::max(stamp_ns_[i], received.time_ns);
     }
+  }
+  // A tick number that has not grown tells nobody how much time has passed.
+  if (elapsed_ < 1) {
+    const std::int64_t untold_ns = std::max<std::int64_t>(tick_.gap_ns - setting_.period_ns, 0);
+    const auto forgive = [&](std::int64_t& stamp_ns) {
+      stamp_ns = std::min(stamp_ns + untold_ns, tick_.now_ns);
+    };
+    forgive(sensor_stamp_ns_);
+    for (std::int64_t& stamp_ns : stamp_ns_) forgive(stamp_ns);
   }
   // While no tick asked it, a drive owed nothing.
   for (std::size_t i = 0; i < wires_.size(); ++i) {
