@@ -749,6 +749,33 @@ TEST(Executor, FinishesAMotionOnTheLimitedSetpointNotOnThePlannedOne) {
               primitive.joints[1].position.control_points().back(), 1e-4);
 }
 
+TEST(Executor, AMoveIsOverOnlyOnceTheLimitedSetpointIsAtTheStart) {
+  Primitive<float> primitive = Motion(15);
+  // So far from zero that floats are 2 mrad apart, and one tick's step of 0.9 mrad is lost in them.
+  const auto knots = primitive.joints[0].position.knots();
+  const auto path = primitive.joints[0].position.control_points();
+  std::vector<float> points(path.begin(), path.end());
+  for (float& point : points) point += 30000;
+  ASSERT_EQ(primitive.joints[0].position.Assign(5, std::vector<float>(knots.begin(), knots.end()),
+                                                points),
+            Status::kOk);
+  primitive.joints[0].limits = {29990, 30010, 0.9F, 100, 10};
+  ExecutorRig rig({}, primitive);
+  ASSERT_EQ(rig.configured, Status::kOk);
+  rig.drives[0]->reply.position_rad += 0.1F;
+  ASSERT_TRUE(rig.Reach(ExecutorState::kHolding));
+  rig.Tick(OperatorCommand::kMoveToStart);
+  EXPECT_FALSE(rig.TickUntil(ExecutorState::kHolding, 5000)) << "the plan takes a second";
+  EXPECT_EQ(rig.output.record.joints[0].planned.position_rad, points[0]);
+  EXPECT_GT(rig.output.record.joints[0].limited.position_rad, points[0] + 0.05F);
+  for (int i = 0; i < 200 && rig.executor.state() != ExecutorState::kHolding; ++i) {
+    rig.input.tick += 1;  // Two ticks' step is enough for the next float.
+    rig.Tick();
+  }
+  EXPECT_EQ(rig.executor.state(), ExecutorState::kHolding);
+  EXPECT_EQ(rig.output.record.joints[0].limited.position_rad, points[0]);
+}
+
 TEST(Executor, HoldsTheLastFeedForwardAfterARunAndDropsItAfterAStop) {
   const Primitive<float> primitive = Motion(16);
   ExecutorRig rig({}, primitive);

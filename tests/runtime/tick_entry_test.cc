@@ -217,8 +217,8 @@ TEST(TickEntry, IsRefusedWithCountsAndEnumeratorsThatCannotBe) {
   const auto entry = std::make_unique<TickEntry>();
   const std::vector<std::uint8_t> good = AnyTick(4).Encode();
   ASSERT_TRUE(DecodeTick(good, *entry));
-  // Sending, receiving, sending, frames received, joints.
-  for (const std::size_t at : {54U, 64U, 65U, 68U, 69U}) {
+  // Sending, receiving, sending before, the controller, frames received, joints.
+  for (const std::size_t at : {54U, 64U, 65U, 68U, 69U, 70U}) {
     std::vector<std::uint8_t> bad = good;
     bad[at] = 0xf0;
     EXPECT_FALSE(DecodeTick(bad, *entry)) << at;
