@@ -372,12 +372,26 @@ TEST(TickEntry, IsRefusedWhereItsCountsContradictEachOtherOrATruthIsNoTruth) {
   EXPECT_FALSE(is_read(limit_active, 2));
 }
 
-TEST(TickEntry, IsNotWrittenWithMoreJointsThanAnExecutorHas) {
+TEST(TickEntry, IsNeitherWrittenNorReadWithMoreJointsThanAnExecutorHas) {
   SmallTick tick;
+  tick.output.frames[0].Clear();
   tick.output.record.joint_count = kMaxJoints;
   EXPECT_TRUE(tick.IsRead());
+  std::vector<std::uint8_t> bytes = tick.Encode();
   tick.output.record.joint_count = kMaxJoints + 1;
   EXPECT_TRUE(tick.Encode().empty());
+
+  // One joint more, everywhere: the count, its frames (none), the record's count, its fields.
+  constexpr std::size_t kFrames = 71;
+  ASSERT_EQ(bytes[kFrames - 1], kMaxJoints);
+  bytes[kFrames - 1] = kMaxJoints + 1;
+  bytes.insert(bytes.begin() + kFrames, 0);
+  const std::size_t joint_count = kFrames + kMaxJoints + 1 + 19;
+  ASSERT_EQ(bytes[joint_count], kMaxJoints);
+  bytes[joint_count] = kMaxJoints + 1;
+  bytes.resize(bytes.size() + kJointBytes);
+  const auto entry = std::make_unique<TickEntry>();
+  EXPECT_FALSE(DecodeTick(bytes, *entry));
 }
 
 TEST(TickEntry, OfBeforeThereWereSensorsIsReadAsOneWithoutASensor) {
