@@ -139,7 +139,7 @@ TEST(SensorWatch, OnlyNewsOfARotationShowTheRobotOnItsSide) {
     return static_cast<double>(rig.watch.tilt_rad());
   };
   EXPECT_NEAR(tilt_rad(0.8, 1), 0.8, 2e-3);
-  EXPECT_EQ(tilt_rad(0.8, 0.5), 0) << "that is no rotation";
+  EXPECT_EQ(tilt_rad(0.8, 0.9), 0) << "that is no rotation";
   EXPECT_NEAR(tilt_rad(0.8, 1), 0.8, 2e-3);
   for (int repeat = 1; repeat <= 25; ++repeat) {
     EXPECT_EQ(rig.Tick(rolled(0.8, 1)), SensorStatus::kTilted);
